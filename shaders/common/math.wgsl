@@ -1,0 +1,63 @@
+// Small functions of vectors and floats that every module may use.
+#define_import_path bevy_restir::common::math
+
+// Rec. 709 luminance of a linear colour.
+fn luminance(c: vec3<f32>) -> f32 {
+    return dot(c, vec3<f32>(0.2126, 0.7152, 0.0722));
+}
+
+fn max_component(v: vec3<f32>) -> f32 {
+    return max(v.x, max(v.y, v.z));
+}
+
+// Finite by its bits: comparisons with NaN may be folded away by a driver's fast math (trap T21).
+fn is_finite(x: f32) -> bool {
+    return (bitcast<u32>(x) & 0x7f800000u) != 0x7f800000u;
+}
+
+fn is_finite_3(v: vec3<f32>) -> bool {
+    return is_finite(v.x) && is_finite(v.y) && is_finite(v.z);
+}
+
+// Two unit vectors that complete `n` to a right-handed frame (t, b, n); continuous but for n.z = 0 (Duff et al. 2017).
+fn orthonormal_basis(n: vec3<f32>) -> mat3x3<f32> {
+    let s = select(-1.0, 1.0, n.z >= 0.0);
+    let a = -1.0 / (s + n.z);
+    let b = n.x * n.y * a;
+    return mat3x3<f32>(
+        vec3<f32>(1.0 + s * n.x * n.x * a, s * b, -s * n.x),
+        vec3<f32>(b, s + n.y * n.y * a, -n.y),
+        n,
+    );
+}
+
+// Unit vector from two snorm16 on the octahedron, and back: error below 1e-4 rad.
+fn octahedral_decode(word: u32) -> vec3<f32> {
+    let e = unpack2x16snorm(word);
+    var v = vec3<f32>(e, 1.0 - abs(e.x) - abs(e.y));
+    let t = max(-v.z, 0.0);
+    v.x += select(t, -t, v.x >= 0.0);
+    v.y += select(t, -t, v.y >= 0.0);
+    return normalize(v);
+}
+
+fn octahedral_encode(n: vec3<f32>) -> u32 {
+    let p = n.xy / (abs(n.x) + abs(n.y) + abs(n.z));
+    let folded = (vec2<f32>(1.0) - abs(p.yx)) * select(vec2<f32>(-1.0), vec2<f32>(1.0), p >= vec2<f32>(0.0));
+    return pack2x16snorm(select(folded, p, n.z >= 0.0));
+}
+
+// Direction of the texture coordinates of an equirectangular map: u = 0.5 + atan2(d.x, -d.z)/2π, v = acos(d.y)/π.
+fn equirectangular_direction(uv: vec2<f32>) -> vec3<f32> {
+    let phi = (uv.x - 0.5) * 6.28318530717958647692;
+    let theta = uv.y * 3.14159265358979323846;
+    let s = sin(theta);
+    return vec3<f32>(s * sin(phi), cos(theta), -s * cos(phi));
+}
+
+fn equirectangular_uv(d: vec3<f32>) -> vec2<f32> {
+    return vec2<f32>(
+        0.5 + atan2(d.x, -d.z) / 6.28318530717958647692,
+        acos(clamp(d.y, -1.0, 1.0)) / 3.14159265358979323846,
+    );
+}

@@ -1,0 +1,14 @@
+// Group 0: the scene.  The only module that binds it.
+#define_import_path bevy_restir::scene::bindings
+
+#import bevy_restir::scene::types::{SceneUniforms, Triangle, TriangleAttributes, Instance, Material, Light}
+
+@group(0) @binding(0) var<uniform> scene: SceneUniforms;
+// Bottom-level trees, the top level of this frame and of the last: obvhs CWBVH nodes, 5 vec4 each.
+@group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
+@group(0) @binding(2) var<storage, read> triangles: array<Triangle>;
+@group(0) @binding(3) var<storage, read> attributes: array<TriangleAttributes>;
+@group(0) @binding(4) var<storage, read> instances: array<Instance>;
+@group(0) @binding(5) var<storage, read> materials: array<Material>;
+@group(0) @binding(6) var<storage, read> lights: array<Light>;
+@group(0) @binding(7) var atlas: texture_2d_array<f32>;

@@ -1,0 +1,87 @@
+// The scene as the GPU holds it: one struct a buffer.  Each is equal by test to `GpuX` in `src/gpu_types.rs`.
+#define_import_path bevy_restir::scene::types
+
+// What changes when the scene does.
+struct SceneUniforms {
+    tlas_root: u32,            // node index (5 vec4 a node) of the top level, NONE when the scene is empty
+    tlas_indices: u32,         // index into `nodes` of the packed instance list of the top level, 4 a vec4
+    previous_tlas_root: u32,
+    previous_tlas_indices: u32,
+    light_count: u32,          // lights in the alias table
+    instance_count: u32,
+    light_power: f32,          // W per unit of luminous emission: luminance-weighted power of every light of the table
+    radius: f32,               // of a sphere round every instance, m
+    centre: vec3<f32>,         // of that sphere
+    pad: u32,
+}
+
+// Object-space positions of a triangle, in the order of the leaves of its bottom-level tree.
+struct Triangle {
+    v0: vec3<f32>,
+    pad_0: u32,
+    v1: vec3<f32>,
+    pad_1: u32,
+    v2: vec3<f32>,
+    pad_2: u32,
+}
+
+// What a triangle's corners carry besides a position.  Normals and tangents are octahedral, two snorm16 to a word;
+// the lowest bit of a tangent's word is set where the bitangent is flipped.
+struct TriangleAttributes {
+    normals: vec3<u32>,
+    tangent_0: u32,
+    tangent_1: u32,
+    tangent_2: u32,
+    uv_0: vec2<f32>,
+    uv_1: vec2<f32>,
+    uv_2: vec2<f32>,
+}
+
+// The three columns of a mat3x4 are the rows of the affine 3x4 matrix: `vec4(p, 1) * m` transforms a point, `v * m` with w = 0 a vector.
+struct Instance {
+    world_from_object: mat3x4<f32>,
+    object_from_world: mat3x4<f32>,
+    previous_world_from_object: mat3x4<f32>,
+    blas_root: u32,            // node index of the bottom level
+    first_triangle: u32,
+    triangle_count: u32,
+    material: u32,
+    first_light: u32,          // light of the first triangle, the others follow; NONE where the material does not emit
+    flags: u32,                // INSTANCE_*
+    layers: u32,               // render layers 0 to 31
+    entity: u32,               // index of the Bevy entity, for debug views
+}
+
+// A texture's place in the atlas: x = layer | TEXTURE_* flags << 16, y = left | top << 16, z = width | height << 16, w = 0.
+// x = NONE means no texture.
+struct Material {
+    base_color: vec3<f32>,
+    alpha: f32,
+    emissive: vec3<f32>,       // radiance, cd/m², the global emissive luminance included
+    perceptual_roughness: f32,
+    dielectric_f0: vec3<f32>,  // 0.16 (reflectance · tint)²
+    metallic: f32,
+    attenuation: vec3<f32>,    // absorption coefficient of the inside, 1/m
+    specular_transmission: f32,
+    ior: f32,
+    thickness: f32,
+    alpha_cutoff: f32,
+    flags: u32,                // MATERIAL_*
+    base_color_texture: vec4<u32>,
+    metallic_roughness_texture: vec4<u32>,
+    normal_texture: vec4<u32>,
+    emissive_texture: vec4<u32>,
+}
+
+// `data` by kind: triangle = (instance, triangle); spot = bits of (cosine of the inner, of the outer angle).
+struct Light {
+    position: vec3<f32>,       // point, spot
+    kind: u32,                 // LIGHT_*
+    emission: vec3<f32>,       // triangle: mean radiance; point, spot: intensity, cd; directional: illuminance, lux
+    pmf: f32,                  // probability of this light in the table
+    direction: vec3<f32>,      // spot, directional: the way the light travels
+    alias_probability: f32,
+    alias_index: u32,
+    pad: u32,
+    data: vec2<u32>,
+}

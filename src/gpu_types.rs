@@ -1,0 +1,151 @@
+//! Mirrors of the structs and constants of `shaders/scene/types.wgsl`, `shaders/view/types.wgsl` and
+//! `shaders/common/constants.wgsl`.  `tests/layout.rs` holds every field's offset and every size equal to naga's.
+#![expect(missing_docs, reason = "fields are documented once, in the WGSL struct of the same name")]
+
+use bytemuck::{Pod, Zeroable};
+
+/// "No such thing" for every index.
+pub const NONE: u32 = u32::MAX;
+
+pub const LIGHT_TRIANGLE: u32 = 0;
+pub const LIGHT_POINT: u32 = 1;
+pub const LIGHT_SPOT: u32 = 2;
+pub const LIGHT_DIRECTIONAL: u32 = 3;
+pub const LIGHT_ENVIRONMENT: u32 = 4;
+
+pub const INSTANCE_MIRRORED: u32 = 1;
+pub const INSTANCE_ALPHA: u32 = 2;
+
+pub const MATERIAL_DOUBLE_SIDED: u32 = 1;
+pub const MATERIAL_UNLIT: u32 = 2;
+pub const MATERIAL_ALPHA_MASK: u32 = 4;
+pub const MATERIAL_ALPHA_BLEND: u32 = 8;
+pub const MATERIAL_FLIP_NORMAL_MAP_Y: u32 = 16;
+pub const MATERIAL_CULL_BACK: u32 = 32;
+pub const MATERIAL_CULL_FRONT: u32 = 64;
+pub const MATERIAL_TWO_COMPONENT_NORMAL_MAP: u32 = 128;
+
+pub const OVERFLOW_STACK: u32 = 1;
+pub const OVERFLOW_STEPS: u32 = 2;
+
+/// Words of 16 bytes in a CWBVH node.
+pub const NODE_STRIDE: u32 = 5;
+
+/// An affine 3x4 matrix by rows: `world = rows · (object, 1)`.
+pub type Rows = [[f32; 4]; 3];
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct GpuSceneUniforms {
+    pub tlas_root: u32,
+    pub tlas_indices: u32,
+    pub previous_tlas_root: u32,
+    pub previous_tlas_indices: u32,
+    pub light_count: u32,
+    pub instance_count: u32,
+    pub light_power: f32,
+    pub radius: f32,
+    pub centre: [f32; 3],
+    pub pad: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct GpuTriangle {
+    pub v0: [f32; 3],
+    pub pad_0: u32,
+    pub v1: [f32; 3],
+    pub pad_1: u32,
+    pub v2: [f32; 3],
+    pub pad_2: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct GpuTriangleAttributes {
+    pub normals: [u32; 3],
+    pub tangent_0: u32,
+    pub tangent_1: u32,
+    pub tangent_2: u32,
+    pub uv_0: [f32; 2],
+    pub uv_1: [f32; 2],
+    pub uv_2: [f32; 2],
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct GpuInstance {
+    pub world_from_object: Rows,
+    pub object_from_world: Rows,
+    pub previous_world_from_object: Rows,
+    pub blas_root: u32,
+    pub first_triangle: u32,
+    pub triangle_count: u32,
+    pub material: u32,
+    pub first_light: u32,
+    pub flags: u32,
+    pub layers: u32,
+    pub entity: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct GpuMaterial {
+    pub base_color: [f32; 3],
+    pub alpha: f32,
+    pub emissive: [f32; 3],
+    pub perceptual_roughness: f32,
+    pub dielectric_f0: [f32; 3],
+    pub metallic: f32,
+    pub attenuation: [f32; 3],
+    pub specular_transmission: f32,
+    pub ior: f32,
+    pub thickness: f32,
+    pub alpha_cutoff: f32,
+    pub flags: u32,
+    pub base_color_texture: [u32; 4],
+    pub metallic_roughness_texture: [u32; 4],
+    pub normal_texture: [u32; 4],
+    pub emissive_texture: [u32; 4],
+}
+
+/// A texture slot that holds no texture.
+pub const NO_TEXTURE: [u32; 4] = [NONE, 0, 0, 0];
+
+impl Default for GpuMaterial {
+    /// White, rough, opaque, with the F0 of glass: `StandardMaterial::default()` but for its textures.
+    fn default() -> Self {
+        Self {
+            base_color: [1.0; 3],
+            alpha: 1.0,
+            emissive: [0.0; 3],
+            perceptual_roughness: 0.5,
+            dielectric_f0: [0.04; 3],
+            metallic: 0.0,
+            attenuation: [0.0; 3],
+            specular_transmission: 0.0,
+            ior: 1.5,
+            thickness: 0.0,
+            alpha_cutoff: 0.5,
+            flags: 0,
+            base_color_texture: NO_TEXTURE,
+            metallic_roughness_texture: NO_TEXTURE,
+            normal_texture: NO_TEXTURE,
+            emissive_texture: NO_TEXTURE,
+        }
+    }
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct GpuLight {
+    pub position: [f32; 3],
+    pub kind: u32,
+    pub emission: [f32; 3],
+    pub pmf: f32,
+    pub direction: [f32; 3],
+    pub alias_probability: f32,
+    pub alias_index: u32,
+    pub pad: u32,
+    pub data: [u32; 2],
+}

@@ -1,0 +1,51 @@
+//! The one table of WGSL modules.  A file `shaders/a/b.wgsl` is the module `bevy_restir::a::b`; those under `pass/` hold the entry
+//! points and nothing else does.  The tests compose every row, with every feature, without a GPU.
+
+use bevy::{
+    asset::{Assets, Handle},
+    ecs::resource::Resource,
+    platform::collections::HashMap,
+    shader::Shader,
+};
+
+macro_rules! table {
+    ($($path:literal),* $(,)?) => {
+        &[$(($path, include_str!(concat!("../shaders/", $path)))),*]
+    };
+}
+
+/// Path below `shaders/` and text of every module.
+pub const MODULES: &[(&str, &str)] = table![
+    "common/constants.wgsl",
+    "common/math.wgsl",
+    "common/rng.wgsl",
+    "scene/types.wgsl",
+    "scene/bindings.wgsl",
+];
+
+/// The handles that keep the modules alive, by path.
+#[derive(Resource)]
+pub(crate) struct ShaderTable(HashMap<&'static str, Handle<Shader>>);
+
+impl ShaderTable {
+    /// Hands every module to Bevy.
+    pub(crate) fn new(shaders: &mut Assets<Shader>) -> Self {
+        Self(
+            MODULES
+                .iter()
+                .map(|&(path, text)| {
+                    let name = format!("embedded://bevy_restir/{path}");
+                    (path, shaders.add(Shader::from_wgsl(text, name)))
+                })
+                .collect(),
+        )
+    }
+
+    /// The handle of a pass: `pass/NAME.wgsl`.
+    pub(crate) fn pass(&self, path: &str) -> Handle<Shader> {
+        self.0
+            .get(path)
+            .unwrap_or_else(|| panic!("{path} is not in the table of shaders"))
+            .clone()
+    }
+}

@@ -1,0 +1,3 @@
+//! Every claim of the crate, one module a subject; one binary, so that Bevy is linked once.
+
+mod support;

@@ -1,0 +1,84 @@
+//! Composes WGSL with naga_oil exactly as Bevy does, without a GPU.
+
+use bevy_restir::shaders::MODULES;
+use naga_oil::compose::{
+    ComposableModuleDescriptor, Composer, NagaModuleDescriptor, ShaderDefValue, ShaderLanguage,
+    ShaderType, get_preprocessor_data,
+};
+use std::collections::{HashMap, HashSet};
+
+/// A shader definition as tests write it.
+pub type Def = (&'static str, ShaderDefValue);
+
+/// `NAME` as a plain flag.
+pub fn flag(name: &'static str) -> Def {
+    (name, ShaderDefValue::Bool(true))
+}
+
+/// Module name of a path below `shaders/`.
+pub fn module_name(path: &str) -> String {
+    format!("bevy_restir::{}", path.trim_end_matches(".wgsl").replace('/', "::"))
+}
+
+/// Paths and texts of the library modules, each after what it imports.
+pub fn library() -> Vec<(&'static str, &'static str)> {
+    let mut rest: Vec<_> =
+        MODULES.iter().copied().filter(|(path, _)| !path.starts_with("pass/")).collect();
+    let known: HashSet<String> = rest.iter().map(|(path, _)| module_name(path)).collect();
+    let mut done = HashSet::new();
+    let mut ordered = Vec::new();
+    while !rest.is_empty() {
+        let before = rest.len();
+        rest.retain(|&(path, text)| {
+            let (_, imports, _) = get_preprocessor_data(text);
+            let ready = imports.iter().all(|i| {
+                let module = known.iter().find(|m| i.import == **m || i.import.starts_with(&format!("{m}::")));
+                module.is_none_or(|m| done.contains(m))
+            });
+            if ready {
+                done.insert(module_name(path));
+                ordered.push((path, text));
+            }
+            !ready
+        });
+        assert!(rest.len() < before, "imports run in a circle among {:?}", rest.iter().map(|r| r.0).collect::<Vec<_>>());
+    }
+    ordered
+}
+
+/// A composer that holds the whole library.
+pub fn composer() -> Composer {
+    let mut composer = Composer::default().with_capabilities(naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32);
+    for (path, text) in library() {
+        composer
+            .add_composable_module(ComposableModuleDescriptor {
+                source: text,
+                file_path: path,
+                language: ShaderLanguage::Wgsl,
+                ..Default::default()
+            })
+            .map(|_| ())
+            .unwrap_or_else(|e| panic!("{path}: {}", e.emit_to_string(&composer_of_errors())));
+    }
+    composer
+}
+
+fn composer_of_errors() -> Composer {
+    Composer::default()
+}
+
+/// Composes a top-level shader; panics with the composer's own message.
+pub fn compose(composer: &mut Composer, path: &str, source: &str, defs: &[Def]) -> naga::Module {
+    let shader_defs: HashMap<String, ShaderDefValue> =
+        defs.iter().map(|(name, value)| (name.to_string(), *value)).collect();
+    match composer.make_naga_module(NagaModuleDescriptor {
+        source,
+        file_path: path,
+        shader_type: ShaderType::Wgsl,
+        shader_defs,
+        ..Default::default()
+    }) {
+        Ok(module) => module,
+        Err(error) => panic!("{path} {defs:?}: {}", error.emit_to_string(composer)),
+    }
+}

@@ -1,0 +1,152 @@
+//! Runs small compute kernels that import the crate's own WGSL, on whatever adapter there is.
+
+use super::compose::{self, Def};
+use std::{collections::HashSet, sync::OnceLock};
+use wgpu::util::DeviceExt;
+
+/// A device and its queue.
+pub struct Gpu {
+    pub device: wgpu::Device,
+    pub queue: wgpu::Queue,
+    pub name: String,
+}
+
+/// The adapter of this machine.  Without one the test is skipped with a message, or fails under `CI=true`.
+pub fn gpu() -> Option<&'static Gpu> {
+    static GPU: OnceLock<Option<Gpu>> = OnceLock::new();
+    let gpu = GPU.get_or_init(|| pollster::block_on(open())).as_ref();
+    if gpu.is_none() {
+        assert!(std::env::var("CI").is_err(), "no GPU adapter, and CI needs one");
+        eprintln!("skipped: no GPU adapter");
+    }
+    gpu
+}
+
+async fn open() -> Option<Gpu> {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let adapter = instance.request_adapter(&wgpu::RequestAdapterOptions::default()).await.ok()?;
+    // The portable tier: what WebGPU promises everywhere.
+    let (device, queue) = adapter
+        .request_device(&wgpu::DeviceDescriptor { required_limits: wgpu::Limits::default(), ..Default::default() })
+        .await
+        .expect("the adapter offers WebGPU's limits");
+    Some(Gpu { device, queue, name: adapter.get_info().name })
+}
+
+/// What a kernel reads or writes at (group, binding).
+pub enum Bound<'a> {
+    Buffer(&'a wgpu::Buffer),
+    Texture(&'a wgpu::TextureView),
+}
+
+/// A compiled kernel: entry point `main`.
+pub struct Kernel<'g> {
+    gpu: &'g Gpu,
+    pipeline: wgpu::ComputePipeline,
+    used: HashSet<(u32, u32)>,
+}
+
+impl Gpu {
+    /// Composes and compiles a kernel.
+    pub fn kernel(&self, name: &str, source: &str, defs: &[Def]) -> Kernel<'_> {
+        let module = compose::compose(&mut compose::composer(), name, source, defs);
+        let used = module
+            .global_variables
+            .iter()
+            .filter_map(|(_, v)| v.binding.as_ref().map(|b| (b.group, b.binding)))
+            .collect();
+        let shader = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some(name),
+            source: wgpu::ShaderSource::Naga(std::borrow::Cow::Owned(module)),
+        });
+        let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some(name),
+            layout: None,
+            module: &shader,
+            entry_point: Some("main"),
+            compilation_options: Default::default(),
+            cache: None,
+        });
+        Kernel { gpu: self, pipeline, used }
+    }
+
+    /// A storage buffer that can be read back.
+    pub fn storage<T: bytemuck::NoUninit>(&self, data: &[T]) -> wgpu::Buffer {
+        self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: None,
+            contents: bytemuck::cast_slice(data),
+            usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC | wgpu::BufferUsages::COPY_DST,
+        })
+    }
+
+    /// A storage buffer of `count` zeroed `T`.
+    pub fn zeroed<T: bytemuck::NoUninit + bytemuck::Zeroable>(&self, count: usize) -> wgpu::Buffer {
+        self.storage(&vec![T::zeroed(); count])
+    }
+
+    /// A uniform buffer.
+    pub fn uniform<T: bytemuck::NoUninit>(&self, data: &T) -> wgpu::Buffer {
+        self.device.create_buffer_init(&wgpu::util::BufferInitDescriptor {
+            label: None,
+            contents: bytemuck::bytes_of(data),
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+        })
+    }
+
+    /// Waits, then copies a buffer back.
+    pub fn read<T: bytemuck::Pod>(&self, buffer: &wgpu::Buffer) -> Vec<T> {
+        let staging = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: None,
+            size: buffer.size(),
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let mut encoder = self.device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, buffer.size());
+        self.queue.submit([encoder.finish()]);
+        staging.slice(..).map_async(wgpu::MapMode::Read, |result| result.expect("the staging buffer maps"));
+        self.device.poll(wgpu::PollType::wait_indefinitely()).expect("the device answers");
+        let bytes = staging.slice(..).get_mapped_range();
+        bytemuck::pod_collect_to_vec(&bytes)
+    }
+}
+
+impl Kernel<'_> {
+    /// Dispatches once.  Bindings that the kernel does not use after composition are left out.
+    pub fn run(&self, workgroups: [u32; 3], bound: &[(u32, u32, Bound)]) {
+        let groups: HashSet<u32> = self.used.iter().map(|u| u.0).collect();
+        let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
+        {
+            let bind_groups: Vec<_> = groups
+                .iter()
+                .map(|&group| {
+                    let entries: Vec<_> = bound
+                        .iter()
+                        .filter(|(g, b, _)| *g == group && self.used.contains(&(*g, *b)))
+                        .map(|(_, binding, what)| wgpu::BindGroupEntry {
+                            binding: *binding,
+                            resource: match what {
+                                Bound::Buffer(buffer) => buffer.as_entire_binding(),
+                                Bound::Texture(view) => wgpu::BindingResource::TextureView(view),
+                            },
+                        })
+                        .collect();
+                    let layout = self.pipeline.get_bind_group_layout(group);
+                    let bind_group = self.gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+                        label: None,
+                        layout: &layout,
+                        entries: &entries,
+                    });
+                    (group, bind_group)
+                })
+                .collect();
+            let mut pass = encoder.begin_compute_pass(&Default::default());
+            pass.set_pipeline(&self.pipeline);
+            for (group, bind_group) in &bind_groups {
+                pass.set_bind_group(*group, bind_group, &[]);
+            }
+            pass.dispatch_workgroups(workgroups[0], workgroups[1], workgroups[2]);
+        }
+        self.gpu.queue.submit([encoder.finish()]);
+    }
+}

@@ -1,0 +1,5 @@
+//! What the tests share: the composer, the GPU harness, statistics, and the f64 oracle.
+#![allow(dead_code, reason = "not every test uses every helper")]
+
+pub mod compose;
+pub mod gpu;
