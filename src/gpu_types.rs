@@ -25,6 +25,9 @@ pub const MATERIAL_CULL_BACK: u32 = 32;
 pub const MATERIAL_CULL_FRONT: u32 = 64;
 pub const MATERIAL_TWO_COMPONENT_NORMAL_MAP: u32 = 128;
 
+pub const VIEW_ENVIRONMENT_IS_BACKDROP: u32 = 1;
+pub const VIEW_ORTHOGRAPHIC: u32 = 2;
+
 pub const OVERFLOW_STACK: u32 = 1;
 pub const OVERFLOW_STEPS: u32 = 2;
 
@@ -148,4 +151,34 @@ pub struct GpuLight {
     pub alias_index: u32,
     pub pad: u32,
     pub data: [u32; 2],
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct GpuCamera {
+    pub clip_from_world: [[f32; 4]; 4],
+    pub world_from_view: [[f32; 4]; 4],
+    pub view_from_clip: [[f32; 4]; 4],
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct GpuViewUniforms {
+    pub current: GpuCamera,
+    pub previous: GpuCamera,
+    /// Columns of a mat3x3, each padded to 16 bytes.
+    pub environment_rotation: [[f32; 4]; 3],
+    pub environment_color: [f32; 3],
+    pub exposure: f32,
+    pub background: [f32; 3],
+    pub pad_0: u32,
+    pub size: [u32; 2],
+    pub jitter: [f32; 2],
+    pub previous_jitter: [f32; 2],
+    pub frame: u32,
+    pub seed: u32,
+    pub bounces: u32,
+    pub flags: u32,
+    pub pad_1: u32,
+    pub pad_2: u32,
 }

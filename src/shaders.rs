@@ -21,6 +21,10 @@ pub const MODULES: &[(&str, &str)] = table![
     "common/rng.wgsl",
     "scene/types.wgsl",
     "scene/bindings.wgsl",
+    "scene/texture.wgsl",
+    "scene/triangle.wgsl",
+    "view/types.wgsl",
+    "view/bindings.wgsl",
 ];
 
 /// The handles that keep the modules alive, by path.

@@ -30,6 +30,10 @@ const MATERIAL_CULL_BACK: u32 = 32u;
 const MATERIAL_CULL_FRONT: u32 = 64u;
 const MATERIAL_TWO_COMPONENT_NORMAL_MAP: u32 = 128u;
 
+// The environment is shown to the camera; otherwise it only lights.
+const VIEW_ENVIRONMENT_IS_BACKDROP: u32 = 1u;
+const VIEW_ORTHOGRAPHIC: u32 = 2u;
+
 // Bits of `trace_flags`: what went wrong, read back and reported.
 const OVERFLOW_STACK: u32 = 1u;
 const OVERFLOW_STEPS: u32 = 2u;

@@ -1,0 +1,28 @@
+// What a camera is to the shaders.  Equal by test to `GpuX` in `src/gpu_types.rs`.
+#define_import_path bevy_restir::view::types
+
+// Projection without jitter; reverse z.
+struct Camera {
+    clip_from_world: mat4x4<f32>,
+    world_from_view: mat4x4<f32>,
+    view_from_clip: mat4x4<f32>,
+}
+
+struct ViewUniforms {
+    current: Camera,
+    previous: Camera,
+    environment_rotation: mat3x3<f32>,  // environment from world
+    environment_color: vec3<f32>,       // cd/m²; times the map where there is one
+    exposure: f32,
+    background: vec3<f32>,              // what the camera sees where it sees no environment, cd/m²
+    pad_0: u32,
+    size: vec2<u32>,                    // pixels of the viewport
+    jitter: vec2<f32>,                  // of this frame's primary rays, pixels, x right and y down, within half a pixel of 0
+    previous_jitter: vec2<f32>,
+    frame: u32,                         // since the history was reset
+    seed: u32,
+    bounces: u32,                       // scattering events a path may have
+    flags: u32,                         // VIEW_*
+    pad_1: u32,
+    pad_2: u32,
+}
