@@ -24,11 +24,40 @@ pub const MODULES: &[(&str, &str)] = table![
     "scene/texture.wgsl",
     "scene/triangle.wgsl",
     "view/types.wgsl",
+    "bsdf/types.wgsl",
+    "bsdf/fresnel.wgsl",
+    "bsdf/ggx.wgsl",
+    "bsdf/diffuse.wgsl",
+    "bsdf/transmission.wgsl",
+    "bsdf/reflection.wgsl",
+    "bsdf/bsdf.wgsl",
+    "light/types.wgsl",
+    "light/environment.wgsl",
+    "light/triangle.wgsl",
+    "light/point.wgsl",
+    "light/directional.wgsl",
+    "light/light.wgsl",
+    "light/select.wgsl",
+    "trace/ray.wgsl",
+    "trace/triangle.wgsl",
+    "trace/offset.wgsl",
+    "trace/software.wgsl",
+    "scene/surface.wgsl",
     "view/bindings.wgsl",
+    "view/alpha_seed.wgsl",
+    "view/camera.wgsl",
+    "trace/alpha.wgsl",
+    "path/estimate.wgsl",
+    "pass/atlas.wgsl",
+    "pass/visibility.wgsl",
+    "pass/reference.wgsl",
+    "pass/statistics.wgsl",
+    "pass/composite.wgsl",
+    "pass/environment.wgsl",
 ];
 
 /// The handles that keep the modules alive, by path.
-#[derive(Resource)]
+#[derive(Resource, Clone)]
 pub(crate) struct ShaderTable(HashMap<&'static str, Handle<Shader>>);
 
 impl ShaderTable {
