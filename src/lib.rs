@@ -23,7 +23,7 @@ mod statistics;
 mod view;
 
 pub use passes::{SPAN_PREFIX, pass_names, pipelines::PipelineReport};
-pub use settings::{EmissiveLuminance, Preset, Restir, RestirEnvironment, Technique};
+pub use settings::{DebugView, EmissiveLuminance, Preset, Restir, RestirEnvironment, Technique};
 pub use statistics::{RestirReport, RestirStatistics};
 pub use view::capture::{CapturedRadiance, RadianceCapture};
 
@@ -47,7 +47,7 @@ use core::any::TypeId;
 
 /// Everything that an app needs.
 pub mod prelude {
-    pub use crate::{EmissiveLuminance, Preset, Restir, RestirEnvironment, RestirPlugin, Technique};
+    pub use crate::{DebugView, EmissiveLuminance, Preset, Restir, RestirEnvironment, RestirPlugin, Technique};
 }
 
 /// Adds ReSTIR lighting to cameras that carry [`Restir`].

@@ -19,6 +19,32 @@ pub enum Technique {
     Reference,
 }
 
+/// What a camera shows in place of light.  Values reach the view target and [`RadianceCapture`](crate::RadianceCapture) as they are,
+/// whatever the exposure.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+#[repr(u32)]
+pub enum DebugView {
+    /// Light.
+    #[default]
+    Off,
+    /// Instances of the visibility buffer, in false colours.
+    Instances,
+    /// Its triangles, in false colours.
+    Triangles,
+    /// Instances that a traced primary ray meets; the same colours.
+    TracedInstances,
+    /// Triangles that a traced primary ray meets; the same colours.
+    TracedTriangles,
+    /// Distance from the camera, m.
+    Depth,
+    /// Motion since the last frame, pixels: x right in red, y down in green; add it to find the surface in the last frame.
+    Motion,
+    /// Shading normals, world space, from -1..1 to 0..1.
+    Normals,
+    /// Base colour.
+    Albedo,
+}
+
 /// A set of settings with a purpose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Reflect)]
 pub enum Preset {
@@ -59,6 +85,8 @@ pub struct Restir {
     pub energy_compensation: bool,
     /// Selects one of 2^32 independent sequences of random numbers.
     pub seed: u32,
+    /// Shows something else than light.
+    pub debug_view: DebugView,
     /// Forgets what earlier frames gathered, then clears itself.
     pub reset: bool,
 }
@@ -87,6 +115,7 @@ impl Restir {
             jitter: true,
             energy_compensation: true,
             seed: 0,
+            debug_view: DebugView::Off,
             reset: false,
         }
     }

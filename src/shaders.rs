@@ -51,6 +51,7 @@ pub const MODULES: &[(&str, &str)] = table![
     "pass/atlas.wgsl",
     "pass/visibility.wgsl",
     "pass/reference.wgsl",
+    "pass/debug.wgsl",
     "pass/statistics.wgsl",
     "pass/composite.wgsl",
     "pass/environment.wgsl",

@@ -56,7 +56,7 @@ fn view_structs_are_the_same_in_rust_and_wgsl() {
     let types = module("view/types.wgsl");
     agrees!(types, "Camera", GpuCamera { clip_from_world, world_from_view, view_from_clip });
     agrees!(types, "ViewUniforms", GpuViewUniforms {
-        current, previous, environment_rotation, environment_color, exposure, background, pad, size, jitter, previous_jitter, frame,
+        current, previous, environment_rotation, environment_color, exposure, background, debug_view, size, jitter, previous_jitter, frame,
         seed, bounces, flags, origin,
     });
     let statistics = module("pass/statistics.wgsl");

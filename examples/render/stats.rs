@@ -24,7 +24,7 @@ impl Times {
     /// Takes the newest time of every pass, where it is a new one.  GPU times where the device has timestamps, CPU times elsewhere.
     pub fn sample(&mut self, world: &World, settings: &Restir) {
         let store = world.resource::<DiagnosticsStore>();
-        for name in pass_names(settings.technique) {
+        for name in pass_names(settings) {
             let newest = ["elapsed_gpu", "elapsed_cpu"].iter().find_map(|kind| {
                 let path = DiagnosticPath::new(format!("render/{SPAN_PREFIX}{name}/{kind}"));
                 store.get(&path).and_then(|d| d.measurement().copied_pair())
@@ -64,7 +64,7 @@ fn median(values: &[f64]) -> f64 {
 /// The contents of the file.
 pub fn json(world: &World, args: &Args, settings: &Restir, times: &Times, non_finite: u64) -> Value {
     let report = world.resource::<RestirStatistics>().report();
-    let passes: Vec<Value> = pass_names(settings.technique)
+    let passes: Vec<Value> = pass_names(settings)
         .into_iter()
         .filter_map(|name| {
             let values = times.passes.get(name)?;

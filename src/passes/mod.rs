@@ -21,7 +21,7 @@ use bevy::{
 
 use crate::{
     scene::bindings::SceneBindings,
-    settings::Technique,
+    settings::{DebugView, Restir, Technique},
     view::{RestirView, ViewPool},
 };
 use pipelines::PassPipelines;
@@ -56,28 +56,44 @@ pub(crate) enum Pass {
 }
 
 const REFERENCE: ComputePass = ComputePass { name: "reference", resources: &[PassResource::Radiance], specialised: true };
+const DEBUG: ComputePass = ComputePass { name: "debug", resources: &[PassResource::Radiance], specialised: true };
 const STATISTICS: ComputePass =
     ComputePass { name: "statistics", resources: &[PassResource::Counters], specialised: false };
 
-/// The frame of a technique.
-pub(crate) fn frame_list(technique: Technique) -> &'static [Pass] {
-    match technique {
-        Technique::Reference => {
-            &[Pass::Visibility, Pass::Compute(&REFERENCE), Pass::Compute(&STATISTICS), Pass::Composite]
+/// Which frame a camera runs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub(crate) enum Frame {
+    #[default]
+    Reference,
+    Debug,
+}
+
+impl Frame {
+    /// The frame that some settings ask for.
+    pub fn of(settings: &Restir) -> Self {
+        match (settings.debug_view, settings.technique) {
+            (DebugView::Off, Technique::Reference) => Self::Reference,
+            _ => Self::Debug,
+        }
+    }
+
+    /// Its passes, in order.
+    pub fn passes(self) -> &'static [Pass] {
+        match self {
+            Self::Reference => &[Pass::Visibility, Pass::Compute(&REFERENCE), Pass::Compute(&STATISTICS), Pass::Composite],
+            Self::Debug => &[Pass::Visibility, Pass::Compute(&DEBUG), Pass::Compute(&STATISTICS), Pass::Composite],
         }
     }
 }
 
-/// Names of the passes of a technique, as time spans have them.
-pub fn pass_names(technique: Technique) -> Vec<&'static str> {
-    frame_list(technique)
-        .iter()
-        .map(|pass| match pass {
-            Pass::Visibility => "visibility",
-            Pass::Compute(pass) => pass.name,
-            Pass::Composite => "composite",
-        })
-        .collect()
+/// Names of the passes that some settings run, as time spans have them.
+pub fn pass_names(settings: &Restir) -> Vec<&'static str> {
+    let name = |pass: &Pass| match pass {
+        Pass::Visibility => "visibility",
+        Pass::Compute(pass) => pass.name,
+        Pass::Composite => "composite",
+    };
+    Frame::of(settings).passes().iter().map(name).collect()
 }
 
 /// Prefix of the time spans.
@@ -103,7 +119,7 @@ fn run_passes(
     let (target, depth) = view.into_inner();
     let (Some(key), Some(scene_group)) = (state.key, scene.bind_group.as_ref()) else { return };
     context.command_encoder().clear_buffer(&state.counters.buffer, 0, None);
-    for pass in frame_list(state.settings.technique) {
+    for pass in key.frame.passes() {
         match pass {
             Pass::Visibility => visibility::draw(state, key, &scene, scene_group, &passes, &pipelines, &mut context),
             Pass::Compute(pass) => {

@@ -8,10 +8,9 @@ use bevy::{
     shader::ShaderDefVal,
 };
 
-use super::{ComputePass, Pass, composite, frame_list, resource_layout, visibility};
+use super::{ComputePass, Frame, Pass, composite, resource_layout, visibility};
 use crate::{
     scene::{SceneFeatures, bindings::scene_layout},
-    settings::Technique,
     shaders::ShaderTable,
     view::view_layout,
 };
@@ -19,7 +18,7 @@ use crate::{
 /// What the pipelines of a frame are made for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub(crate) struct FrameKey {
-    pub technique: Technique,
+    pub frame: Frame,
     pub features: SceneFeatures,
 }
 
@@ -67,25 +66,25 @@ impl PassPipelines {
         Self { shaders: Some(shaders), ..Default::default() }
     }
 
-    /// The pipelines to render with: the wanted ones once all are ready, until then the last ones of the technique.
+    /// The pipelines to render with: the wanted ones once all are ready, until then the last ones of the same frame.
     pub fn choose(
         &mut self,
-        technique: Technique,
+        frame: Frame,
         features: SceneFeatures,
         last: Option<FrameKey>,
         pipelines: &PipelineCache,
     ) -> Option<FrameKey> {
-        let wanted = FrameKey { technique, features };
+        let wanted = FrameKey { frame, features };
         if self.ready(wanted, pipelines) {
             return Some(wanted);
         }
-        last.filter(|key| key.technique == technique)
+        last.filter(|key| key.frame == frame)
     }
 
     /// Asks for every pipeline of a frame; true once all are there.
     fn ready(&mut self, key: FrameKey, pipelines: &PipelineCache) -> bool {
         let mut indices = Vec::new();
-        for pass in frame_list(key.technique) {
+        for pass in key.frame.passes() {
             match pass {
                 Pass::Compute(pass) => indices.push(self.ask_compute(pass, key, pipelines)),
                 Pass::Visibility => {

@@ -21,7 +21,10 @@ use bevy::{
 
 use crate::{
     gpu_types::*,
-    passes::pipelines::{FrameKey, PassPipelines},
+    passes::{
+        Frame,
+        pipelines::{FrameKey, PassPipelines},
+    },
     scene::{MirrorScene, SceneFeatures, bindings::SceneBindings},
     settings::Restir,
     statistics::CounterReadback,
@@ -158,8 +161,8 @@ fn prepare_views(
         state.settings = restir.settings.clone();
 
         let features = scene.features | environments.features(restir.environment.as_ref());
-        state.key = passes.choose(restir.settings.technique, features, state.key, &pipelines);
-        state.key_is_wanted = state.key.is_some_and(|key| key.features == features);
+        state.key = passes.choose(Frame::of(&restir.settings), features, state.key, &pipelines);
+        state.key_is_wanted = state.key.is_some_and(|key| key.features == features && key.frame == Frame::of(&restir.settings));
         let format = target.map(|t| t.main_texture_format());
         let composite = format.is_some_and(|format| passes.ask_composite(format, &pipelines));
         state.rendered = composite && state.key.is_some() && scene.bind_group.is_some();

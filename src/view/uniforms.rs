@@ -86,7 +86,7 @@ impl RestirView {
             environment_color: restir.environment.map_or([0.0; 3], |e| e.color.to_array()),
             exposure,
             background,
-            pad: 0,
+            debug_view: restir.settings.debug_view as u32,
             size: self.size.to_array(),
             jitter,
             previous_jitter: self.previous_jitter,
