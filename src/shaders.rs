@@ -21,6 +21,11 @@ pub const MODULES: &[(&str, &str)] = table![
     "common/rng.wgsl",
     "scene/types.wgsl",
     "scene/bindings.wgsl",
+    "trace/ray.wgsl",
+    "trace/triangle.wgsl",
+    "trace/alpha.wgsl",
+    "trace/software.wgsl",
+    "trace/offset.wgsl",
 ];
 
 /// The handles that keep the modules alive, by path.
