@@ -17,9 +17,9 @@ fn surface_point(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> vec3<
 // Bound, along the geometric normal, on the distance between the plane of the triangle and where a ray that starts at
 // `surface_point` sees it.
 fn offset_distance(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
-    let v0 = triangles[triangle].v0;
-    let v1 = triangles[triangle].v1;
-    let v2 = triangles[triangle].v2;
+    let v0 = triangles[triangle].a;
+    let v1 = triangles[triangle].b;
+    let v2 = triangles[triangle].c;
     let world = instances[instance].world_from_object;
     let inverse = instances[instance].object_from_world;
     let linear = mat3x3<f32>(world[0].xyz, world[1].xyz, world[2].xyz);
@@ -48,8 +48,8 @@ fn offset_point(position: vec3<f32>, n_geo: vec3<f32>, direction: vec3<f32>, dis
 
 // From the edges, not as a mean of three corners: far from the mesh's origin the edges keep their digits.
 fn object_point(triangle: u32, barycentrics: vec2<f32>) -> vec3<f32> {
-    let v0 = triangles[triangle].v0;
-    return v0 + (barycentrics.x * (triangles[triangle].v1 - v0) + barycentrics.y * (triangles[triangle].v2 - v0));
+    let v0 = triangles[triangle].a;
+    return v0 + (barycentrics.x * (triangles[triangle].b - v0) + barycentrics.y * (triangles[triangle].c - v0));
 }
 
 fn triangle_normal_unit(v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>) -> vec3<f32> {

@@ -190,11 +190,11 @@ fn visit_node(node: u32, ray: TreeRay, t_min: f32, t_max: f32) -> Visit {
             min(planes(pick(far_z, half), slope.z, base_far.z), vec4<f32>(t_max)),
         );
         // A byte of `meta`: high 3 bits what to set, low 5 where; inner children are reordered by the ray's octant.
-        let meta = pick(n1.zw, half);
-        let inner = ((meta & (meta << 1u) & 0x10101010u) >> 4u) * 255u;
-        let shift = unpack4xU8((meta ^ (ray.octant & inner)) & 0x1f1f1f1fu);
-        let set = unpack4xU8((meta >> 5u) & 0x07070707u) << shift;
-        let hits = select(vec4<u32>(0u), set, near <= far);
+        let code = pick(n1.zw, half);
+        let inner = ((code & (code << 1u) & 0x10101010u) >> 4u) * 255u;
+        let shift = unpack4xU8((code ^ (ray.octant & inner)) & 0x1f1f1f1fu);
+        let marks = unpack4xU8((code >> 5u) & 0x07070707u) << shift;
+        let hits = select(vec4<u32>(0u), marks, near <= far);
         bits |= hits.x | hits.y | hits.z | hits.w;
     }
     return Visit(vec2<u32>(n1.x, (bits & 0xff000000u) | (n0.w >> 24u)), vec2<u32>(n1.y, bits & 0x00ffffffu));

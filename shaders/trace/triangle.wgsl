@@ -29,9 +29,9 @@ fn sheared_ray(origin: vec3<f32>, direction: vec3<f32>) -> ShearedRay {
 
 // Where the whole line meets the triangle; the caller compares t with its interval.
 fn intersect_triangle(ray: ShearedRay, index: u32) -> TriangleHit {
-    let v0 = triangles[index].v0;
-    let v1 = triangles[index].v1;
-    let v2 = triangles[index].v2;
+    let v0 = triangles[index].a;
+    let v1 = triangles[index].b;
+    let v2 = triangles[index].c;
     let a = long_axis_last(v0 - ray.origin, ray.axis);
     let b = long_axis_last(v1 - ray.origin, ray.axis);
     let c = long_axis_last(v2 - ray.origin, ray.axis);

@@ -45,8 +45,8 @@ pub fn build_blas(geometry: &Geometry) -> Option<Blas> {
     let boxes: Vec<Bounds> = geometry.positions.iter().map(|p| bounds_of(p)).collect();
     let tree = build_tree(&boxes, BvhBuildParams::medium_build(), MAX_BLAS_DEPTH)?;
     let triangle = |&i: &u32| {
-        let [v0, v1, v2] = geometry.positions[i as usize];
-        GpuTriangle { v0, v1, v2, ..Default::default() }
+        let [a, b, c] = geometry.positions[i as usize];
+        GpuTriangle { a, b, c, ..Default::default() }
     };
     Some(Blas {
         triangles: tree.order.iter().map(triangle).collect(),

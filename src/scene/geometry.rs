@@ -131,12 +131,12 @@ pub fn triangles_of(mesh: &Mesh) -> Result<Geometry, GeometryError> {
         geometry.positions.push(p);
         geometry.attributes.push(GpuTriangleAttributes {
             normals: n.map(octahedral_encode),
-            tangent_0: t[0],
-            tangent_1: t[1],
-            tangent_2: t[2],
-            uv_0: uv[0],
-            uv_1: uv[1],
-            uv_2: uv[2],
+            tangent_a: t[0],
+            tangent_b: t[1],
+            tangent_c: t[2],
+            uv_a: uv[0],
+            uv_b: uv[1],
+            uv_c: uv[2],
         });
     });
     Ok(geometry)
