@@ -199,9 +199,9 @@ fn transforms_are_inverted_or_refused() {
         for _ in 0..100 {
             let m = random_rows(&mut random, scale, 10.0 * scale);
             let back = inverse(&m).expect("sound");
-            for r in 0..3 {
+            for (r, row) in back.iter().enumerate() {
                 for c in 0..3 {
-                    let one: f32 = (0..3).map(|k| back[r][k] * m[k][c]).sum();
+                    let one: f32 = m.iter().zip(row).map(|(m, b)| b * m[c]).sum();
                     assert!((one - if r == c { 1.0 } else { 0.0 }).abs() < 1e-4);
                 }
             }
@@ -244,11 +244,11 @@ fn world_boxes_hold_every_corner() {
             );
             let world = world_bounds(&m, &bounds).expect("finite");
             for corner in 0..8 {
-                for k in 0..3 {
+                for (k, row) in m.iter().enumerate() {
                     let x: f64 = (0..3)
-                        .map(|c| f64::from(m[k][c]) * f64::from(if corner >> c & 1 == 1 { p[c] } else { q[c] }))
+                        .map(|c| f64::from(row[c]) * f64::from(if corner >> c & 1 == 1 { p[c] } else { q[c] }))
                         .sum::<f64>()
-                        + f64::from(m[k][3]);
+                        + f64::from(row[3]);
                     assert!(f64::from(world.0[k]) <= x && x <= f64::from(world.1[k]));
                 }
             }

@@ -1,5 +1,6 @@
 //! Every claim of the crate, one module a subject; one binary, so that Bevy is linked once.
 
 mod geometry;
+mod offset;
 mod support;
 mod traversal;

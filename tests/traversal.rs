@@ -1,4 +1,4 @@
-//! Rays through the two levels of trees, against brute force in f64; watertightness; bounds; offset points.
+//! Rays through the two levels of trees, against brute force in f64; watertightness; bounds; speed.
 
 use super::support::{
     brute_force::BruteForce,
@@ -15,7 +15,6 @@ use bevy_restir::{
 };
 
 const TRACE: &str = include_str!("support/kernels/trace.wgsl");
-const OFFSET: &str = include_str!("support/kernels/offset.wgsl");
 const SPEED: &str = include_str!("support/kernels/trace_speed.wgsl");
 
 fn trace(gpu: &Gpu, kernel: &Kernel, scene: &TestScene, rays: &[Ray]) -> Vec<Answer> {
@@ -335,6 +334,29 @@ fn alpha_lets_rays_through() {
 }
 
 #[test]
+fn a_tree_that_never_ends_is_left_and_reported() {
+    let Some(gpu) = gpu() else { return };
+    let kernel = gpu.kernel("trace", TRACE, &[]);
+    // Eight nodes, every one of them the parent of all eight, round the origin.
+    let exponent = 121u32 * 0x0001_0101;
+    let low = (-1.0f32).to_bits();
+    let node = [
+        [low, low, low, exponent | 0xff00_0000],
+        [0, 0, 0x3b3a_3938, 0x3f3e_3d3c],
+        [0, 0, u32::MAX, u32::MAX],
+        [0, 0, u32::MAX, u32::MAX],
+        [0, 0, u32::MAX, u32::MAX],
+    ];
+    let scene = TestScene {
+        nodes: [node; 8].concat(),
+        ..Default::default()
+    };
+    let answers: Vec<Answer> = scene.run(gpu, &kernel, &[ray([0.0; 3], [0.6, 0.8, 0.0])]);
+    assert_eq!(answers[0].flags, OVERFLOW_STACK | OVERFLOW_STEPS);
+    assert_eq!((answers[0].instance, answers[0].any), (NONE, 0));
+}
+
+#[test]
 fn trees_fit_the_stack_whatever_the_mesh() {
     assert_eq!(MAX_BLAS_DEPTH + MAX_TLAS_DEPTH + 2, STACK_SIZE);
     let shader = bevy_restir::shaders::MODULES
@@ -344,7 +366,7 @@ fn trees_fit_the_stack_whatever_the_mesh() {
         .1;
     assert!(shader.contains(&format!("const STACK_SIZE: u32 = {STACK_SIZE}u;")));
     // Triangles that share a corner, each twice or a little larger than the last: what agglomeration makes deepest.
-    for (count, growth) in [(110, 2.0f32), (1500, 1.01), (3000, 1.0)] {
+    for (count, growth) in [(110, 2.0f32), (1500, 1.01), (3000, 1.0), (100_000, 1.0)] {
         let mut size = 1e-20f32.max(growth.powi(-count / 2));
         let triangles = (0..count).map(|_| {
             size *= growth;
@@ -360,91 +382,9 @@ fn trees_fit_the_stack_whatever_the_mesh() {
             blas.depth,
             started.elapsed()
         );
-        assert!(blas.depth <= MAX_BLAS_DEPTH);
+        assert!(started.elapsed().as_secs() < 10 && blas.depth <= MAX_BLAS_DEPTH);
         assert_eq!(blas.triangles.len(), count as usize);
     }
-}
-
-#[repr(C)]
-#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-struct Pair {
-    triangle: [u32; 4],
-    barycentrics: [f32; 4],
-    direction: [f32; 3],
-    factor: f32,
-}
-
-#[test]
-fn offset_points_leave_their_surface_at_every_scale() {
-    let Some(gpu) = gpu() else { return };
-    let kernel = gpu.kernel("offset", OFFSET, &[]);
-    let mut random = Random::new(8);
-    let (mut failed, mut planted) = (0, 0);
-    for scale in [1e-4f32, 1e-2, 1.0, 1e2, 1e5] {
-        for translation in [0.0f32, 1.0, 1e3, 1e5] {
-            for in_mesh in [false, true] {
-                let place = |p: [f32; 3]| if in_mesh { p.map(|x| x * scale + translation) } else { p };
-                let mesh = sphere(10, 12, 0.0, place);
-                // By the transform: rotated and stretched.
-                let mut rows = random_rows(&mut random, scale, 0.0);
-                (0..3).for_each(|k| rows[k][3] = [translation, -translation, 0.7 * translation][k]);
-                if in_mesh {
-                    rows = identity();
-                }
-                // Where f32 cannot tell the vertices of the mesh apart, there is no surface to leave.
-                if in_mesh && scale < translation * 1e-4 {
-                    continue;
-                }
-                let count = mesh.positions.len();
-                let scene = TestScene::new(&[mesh], &[(0, rows, 0, 0)]);
-                let mirrored = determinant(&rows) < 0.0;
-                let corner = |random: &mut Random| {
-                    let (u, v) = (random.unit(), random.unit());
-                    if u + v < 1.0 { [u, v] } else { [1.0 - u, 1.0 - v] }
-                };
-                let mut pairs: Vec<Pair> = (0..1500)
-                    .map(|_| {
-                        let (a, b) = (random.below(count) as u32, random.below(count) as u32);
-                        let ([u, v], [s, t]) = (corner(&mut random), corner(&mut random));
-                        let direction = random.direction();
-                        Pair {
-                            triangle: [0, a, 0, b],
-                            barycentrics: [u, v, s, t],
-                            direction,
-                            factor: 1.0,
-                        }
-                    })
-                    .collect();
-                let answers: Vec<[u32; 4]> = scene.run(gpu, &kernel, &pairs);
-                let itself = answers.iter().filter(|a| a[0] != 0).count();
-                // A translation far larger than the body leaves no inside that f32 could name.
-                let resolved = scale > translation * 1e-4;
-                let blocked = if resolved {
-                    answers.iter().filter(|a| a[1] != 0).count()
-                } else {
-                    0
-                };
-                let largest = answers.iter().map(|a| f32::from_bits(a[2])).fold(0.0, f32::max);
-                if itself + blocked > 0 || scale == 1.0 {
-                    eprintln!(
-                        "scale {scale:e}, at {translation:e}, in mesh {in_mesh}, mirrored {mirrored}: {itself} hit themselves, {blocked} blocked, offset <= {largest:e}"
-                    );
-                }
-                failed += itself + blocked;
-                // Without the offset they would.
-                pairs.iter_mut().for_each(|p| p.factor = 0.0);
-                let answers: Vec<[u32; 4]> = scene.run(gpu, &kernel, &pairs);
-                planted += answers.iter().filter(|a| a[0] != 0).count();
-            }
-        }
-    }
-    assert_eq!(failed, 0);
-    assert!(planted > 500, "a test that cannot fail: {planted}");
-}
-
-fn determinant(m: &Rows) -> f32 {
-    m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) - m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0])
-        + m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0])
 }
 
 /// `cargo test --test claims traversal_speed -- --ignored --nocapture`
@@ -471,16 +411,24 @@ fn traversal_speed() {
         .collect();
     let few: Vec<f32> = scene.run(gpu, &kernel, &rays[..64]);
     assert!(few.iter().all(|&t| t < FAR));
-    for _ in 0..3 {
-        let started = std::time::Instant::now();
-        let _: Vec<f32> = scene.run(gpu, &kernel, &rays[..64]);
-        let overhead = started.elapsed();
-        let started = std::time::Instant::now();
+    // By the wall clock, and per CPU second, which says the same beside busy neighbours.
+    for _ in 0..4 {
+        let (started, cpu) = (std::time::Instant::now(), cpu_seconds());
         let _: Vec<f32> = scene.run(gpu, &kernel, &rays);
-        let time = started.elapsed() - overhead;
+        let (wall, cpu) = (started.elapsed().as_secs_f64(), cpu_seconds() - cpu);
+        let million = rays.len() as f64 / 1e6;
         eprintln!(
-            "{:.2} M rays/s (overhead {overhead:?})",
-            rays.len() as f64 / time.as_secs_f64() / 1e6
+            "{:.2} M rays/s, {:.2} M rays per CPU second",
+            million / wall,
+            million / cpu
         );
     }
+}
+
+/// Time that this process has spent on all cores, s; 0 where there is no /proc.
+fn cpu_seconds() -> f64 {
+    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    let fields: Vec<&str> = stat.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
+    let ticks = |i: usize| fields.get(i).and_then(|f| f.parse::<f64>().ok()).unwrap_or(0.0);
+    (ticks(11) + ticks(12)) / 100.0
 }

@@ -59,6 +59,10 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool) -> Hit {
     var steps = 0u;
     loop {
         loop {
+            steps += 1u;
+            if steps > MAX_STEPS {
+                break;
+            }
             // Visit the nearest child of the group, and keep the others for later.
             if children.y >= HIGH_BITS {
                 let bit = firstLeadingBit(children.y);
@@ -93,9 +97,8 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool) -> Hit {
                     }
                 }
             }
-            steps += 1u;
             if children.y < HIGH_BITS {
-                if depth == instance_depth || steps > MAX_STEPS {
+                if depth == instance_depth {
                     break;
                 }
                 depth -= 1u;
