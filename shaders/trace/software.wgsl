@@ -11,8 +11,9 @@
 
 // Equal to `blas::STACK_SIZE`: both trees' depth and the two groups kept on entering an instance.
 const STACK_SIZE: u32 = 40u;
-// Far more than any sound scene takes; what is left is a picture with a hole, not a hung device.
-const MAX_STEPS: u32 = 32768u;
+// Far more nodes than a sound scene makes a ray visit; beyond it there is a hole in the picture, not a hung device.  Mesa's
+// llvmpipe ends a shader's loops in silence after 65,535 turns in all, so it must stay well below that.
+const MAX_STEPS: u32 = 8192u;
 
 // A group of children or primitives still to visit: x = index of the first, y = hit bits << 24 | inner mask for children,
 // up to 24 hit bits for primitives.  Children are told apart by their high bits.
