@@ -7,6 +7,7 @@
 #import bevy_restir::light::environment::environment_radiance
 #import bevy_restir::path::estimate::estimate_radiance
 #import bevy_restir::scene::triangle::world_triangle
+#import bevy_restir::trace::offset::surface_point
 #import bevy_restir::trace::ray::{Hit, rays_traced, trace_flags}
 #import bevy_restir::view::bindings::{ray_counts, view, visibility}
 #import bevy_restir::view::camera::{barycentrics_on_ray, primary_ray}
@@ -36,7 +37,7 @@ fn reference(@builtin(global_invocation_id) id: vec3<u32>) {
     } else {
         let t = world_triangle(ids.x, ids.y);
         let barycentrics = barycentrics_on_ray(t, ray);
-        let position = t.corner + barycentrics.x * t.edge_b + barycentrics.y * t.edge_c;
+        let position = surface_point(ids.x, ids.y, barycentrics);
         sample = estimate_radiance(Hit(distance(ray.origin, position), ids.x, ids.y, barycentrics), ray, &rng);
     }
     var flags = trace_flags;

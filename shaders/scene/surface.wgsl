@@ -6,8 +6,8 @@
 #import bevy_restir::common::math::octahedral_decode
 #import bevy_restir::scene::bindings::{attributes, instances, materials}
 #import bevy_restir::scene::texture::{has_texture, sample_color, sample_data}
-#import bevy_restir::scene::triangle::{safe_normalize, transform_normal, transform_vector, triangle_point, triangle_uv, world_triangle, WorldTriangle}
-#import bevy_restir::trace::offset::offset_distance
+#import bevy_restir::scene::triangle::{safe_normalize, transform_normal, transform_vector, triangle_uv, world_triangle, WorldTriangle}
+#import bevy_restir::trace::offset::{offset_distance, surface_point}
 
 struct Surface {
     position: vec3<f32>,
@@ -116,7 +116,7 @@ fn surface_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, wo: vec3<f3
     let alpha = max(metallic_roughness.y * metallic_roughness.y, ALPHA_MIN);
 
     var s: Surface;
-    s.position = triangle_point(t, barycentrics);
+    s.position = surface_point(instance, triangle, barycentrics);
     s.offset = offset_distance(instance, triangle, barycentrics);
     s.front = u32(front);
     s.material = material;

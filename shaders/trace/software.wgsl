@@ -11,8 +11,9 @@
 
 // Equal to `blas::STACK_SIZE`: both trees' depth and the two groups kept on entering an instance.
 const STACK_SIZE: u32 = 40u;
-// Far more than any sound scene takes; what is left is a picture with a hole, not a hung device.
-const MAX_STEPS: u32 = 32768u;
+// Far more nodes than a sound scene makes a ray visit; beyond it there is a hole in the picture, not a hung device.  Mesa's
+// llvmpipe ends a shader's loops in silence after 65,535 turns in all, so it must stay well below that.
+const MAX_STEPS: u32 = 8192u;
 
 // A group of children or primitives still to visit: x = index of the first, y = hit bits << 24 | inner mask for children,
 // up to 24 hit bits for primitives.  Children are told apart by their high bits.
@@ -55,27 +56,35 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool) -> Hit {
     var children = vec2<u32>(scene.tlas_root, 0x80000000u);
     var primitives = vec2<u32>(0u);
 
-    for (var step = 0u; step < MAX_STEPS; step += 1u) {
-        // Visit the nearest child of the group, and keep the others for later.
-        if children.y >= HIGH_BITS {
-            let bit = firstLeadingBit(children.y);
-            let slot = (bit - 24u) ^ (tree.octant & 7u);
-            let node = children.x + countOneBits(children.y & ~(0xffffffffu << slot) & 0xffu);
-            children.y &= ~(1u << bit);
-            if children.y >= HIGH_BITS {
-                if depth < STACK_SIZE {
-                    stack[depth] = children;
-                    depth += 1u;
-                } else {
-                    trace_flags |= OVERFLOW_STACK;
-                }
+    // A turn of the outer loop stays within one tree, so that what is done on its border is done by all lanes together.
+    var steps = 0u;
+    loop {
+        loop {
+            steps += 1u;
+            if steps > MAX_STEPS {
+                break;
             }
-            let visit = visit_node(node, tree, ray.t_min, hit.t);
-            children = visit.children;
-            primitives = visit.primitives;
-        }
-
-        if instance != NONE {
+            // Visit the nearest child of the group, and keep the others for later.
+            if children.y >= HIGH_BITS {
+                let bit = firstLeadingBit(children.y);
+                let slot = (bit - 24u) ^ (tree.octant & 7u);
+                let node = children.x + countOneBits(children.y & ~(0xffffffffu << slot) & 0xffu);
+                children.y &= ~(1u << bit);
+                if children.y >= HIGH_BITS {
+                    if depth < STACK_SIZE {
+                        stack[depth] = children;
+                        depth += 1u;
+                    } else {
+                        trace_flags |= OVERFLOW_STACK;
+                    }
+                }
+                let visit = visit_node(node, tree, ray.t_min, hit.t);
+                children = visit.children;
+                primitives = visit.primitives;
+            }
+            if instance == NONE && primitives.y != 0u {
+                break;
+            }
             while primitives.y != 0u {
                 let bit = firstLeadingBit(primitives.y);
                 primitives.y &= ~(1u << bit);
@@ -89,7 +98,36 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool) -> Hit {
                     }
                 }
             }
-        } else if primitives.y != 0u {
+            if children.y < HIGH_BITS {
+                if depth == instance_depth {
+                    break;
+                }
+                depth -= 1u;
+                let group = stack[depth];
+                let inner = group.y >= HIGH_BITS;
+                children = select(vec2<u32>(0u), group, inner);
+                primitives = select(group, vec2<u32>(0u), inner);
+            }
+        }
+
+        if steps > MAX_STEPS {
+            trace_flags |= OVERFLOW_STEPS;
+            return hit;
+        }
+        if primitives.y == 0u {
+            // This tree is done: back to what is left of the top level.
+            if depth == 0u {
+                return hit;
+            }
+            instance = NONE;
+            instance_depth = 0u;
+            depth -= 1u;
+            let group = stack[depth];
+            let inner = group.y >= HIGH_BITS;
+            children = select(vec2<u32>(0u), group, inner);
+            primitives = select(group, vec2<u32>(0u), inner);
+        }
+        if primitives.y != 0u {
             // Enter an instance; what is left of the top level waits on the stack.
             let bit = firstLeadingBit(primitives.y);
             primitives.y &= ~(1u << bit);
@@ -111,25 +149,10 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool) -> Hit {
             tree = instance_ray(ray, instance);
             children = vec2<u32>(instances[instance].blas_root, 0x80000000u);
             primitives = vec2<u32>(0u);
-            continue;
-        }
-
-        if children.y < HIGH_BITS {
-            if instance != NONE && depth == instance_depth {
-                instance = NONE;
-                tree = tree_ray(ray.origin, ray.direction);
-            }
-            if depth == 0u {
-                return hit;
-            }
-            depth -= 1u;
-            let group = stack[depth];
-            let inner = group.y >= HIGH_BITS;
-            children = select(vec2<u32>(0u), group, inner);
-            primitives = select(group, vec2<u32>(0u), inner);
+        } else {
+            tree = tree_ray(ray.origin, ray.direction);
         }
     }
-    trace_flags |= OVERFLOW_STEPS;
     return hit;
 }
 

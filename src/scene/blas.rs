@@ -109,16 +109,52 @@ pub(crate) fn build_tree(boxes: &[Bounds], parameters: BvhBuildParams, max_depth
         .iter()
         .map(|(min, max)| Leaf(Aabb::new((*min).into(), (*max).into())))
         .collect();
-    let numbers: Vec<u32> = (0..boxes.len() as u32).collect();
-    let mut binary = PlocBuilder::new().build(
+    if agglomeration_stalls(&leaves, &parameters) {
+        return convert(&balanced(&along_a_curve(boxes), &leaves), max_depth);
+    }
+    let mut binary = agglomerate(&leaves, &parameters);
+    ReinsertionOptimizer::default().run(&mut binary, parameters.reinsertion_batch_ratio, None);
+    convert(&binary, max_depth).or_else(|| convert(&balanced(&along_a_curve(boxes), &leaves), max_depth))
+}
+
+fn agglomerate(leaves: &[Leaf], parameters: &BvhBuildParams) -> Bvh2 {
+    PlocBuilder::new().build(
         parameters.ploc_search_distance,
-        &leaves,
-        numbers,
+        leaves,
+        (0..leaves.len() as u32).collect(),
         parameters.sort_precision,
         parameters.search_depth_threshold,
-    );
-    ReinsertionOptimizer::default().run(&mut binary, parameters.reinsertion_batch_ratio, None);
-    convert(&binary, max_depth).or_else(|| convert(&balanced(&binary.primitive_indices, &leaves), max_depth))
+    )
+}
+
+// Boxes nested in each other merge one pair a round: the time is quadratic, minutes for 1e5 of them.  A sample shows it.
+fn agglomeration_stalls(leaves: &[Leaf], parameters: &BvhBuildParams) -> bool {
+    const SAMPLE: usize = 1024;
+    if leaves.len() < 4 * SAMPLE {
+        return false;
+    }
+    let sample: Vec<Leaf> = leaves
+        .iter()
+        .step_by(leaves.len() / SAMPLE)
+        .map(|leaf| Leaf(leaf.0))
+        .collect();
+    binary_depth(&agglomerate(&sample, parameters)) > MAX_BINARY_DEPTH
+}
+
+// Numbers of boxes in the order of their centres on a Morton curve of 10 bits an axis.
+fn along_a_curve(boxes: &[Bounds]) -> Vec<u32> {
+    let centre = |(min, max): &Bounds| -> [f32; 3] { std::array::from_fn(|k| 0.5 * min[k] + 0.5 * max[k]) };
+    let (low, high) = bounds_of(&boxes.iter().map(centre).collect::<Vec<_>>());
+    let code = |b: &Bounds| {
+        let c = centre(b);
+        (0..3).fold(0u32, |code, k| {
+            let cell = ((c[k] - low[k]) / (high[k] - low[k]).max(f32::MIN_POSITIVE) * 1023.0) as u32;
+            (0..10).fold(code, |code, bit| code | (cell >> bit & 1) << (3 * bit + k as u32))
+        })
+    };
+    let mut order: Vec<(u32, u32)> = boxes.iter().enumerate().map(|(i, b)| (code(b), i as u32)).collect();
+    order.sort_unstable();
+    order.into_iter().map(|(_, i)| i).collect()
 }
 
 // To the compressed form; None where that is too deep.
@@ -165,8 +201,7 @@ fn wide_depth(nodes: &[[u32; 4]]) -> u32 {
     depth.into_iter().max().unwrap_or(0)
 }
 
-// Halves the list again and again: as deep as its logarithm, whatever the boxes.  The order is that of the failed tree,
-// in which neighbours are near each other.
+// Halves the list again and again: as deep as its logarithm, whatever the boxes.
 fn balanced(order: &[u32], leaves: &[Leaf]) -> Bvh2 {
     let mut tree = Bvh2 {
         nodes: vec![Bvh2Node::default()],
