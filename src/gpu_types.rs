@@ -1,9 +1,6 @@
 //! Mirrors of the structs and constants of `shaders/scene/types.wgsl`, `shaders/view/types.wgsl` and
 //! `shaders/common/constants.wgsl`.  `tests/layout.rs` holds every field's offset and every size equal to naga's.
-#![expect(
-    missing_docs,
-    reason = "fields are documented once, in the WGSL struct of the same name"
-)]
+#![expect(missing_docs, reason = "fields are documented once, in the WGSL struct of the same name")]
 
 use bytemuck::{Pod, Zeroable};
 

@@ -14,6 +14,8 @@
 //!
 //! The data flows one way: ECS → [`scene`] → view → passes → Bevy's view target.
 
+#![warn(missing_docs, unreachable_pub)]
+
 pub mod gpu_types;
 pub(crate) mod passes;
 pub mod scene;
@@ -37,7 +39,7 @@ use bevy::{
     pbr::{MeshMaterial3d, StandardMaterial},
     render::{
         Render, RenderApp, RenderSystems,
-        render_resource::{DownlevelFlags},
+        render_resource::DownlevelFlags,
         renderer::{RenderAdapter, RenderDevice},
         view::Msaa,
     },
@@ -76,11 +78,11 @@ impl Plugin for RestirPlugin {
         let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
         let table = shaders::ShaderTable::new(&mut shaders);
 
-        app.add_systems(First, (clear_reset, require_single_sample)).add_systems(
-            PostUpdate,
-            hide_mirrored_meshes.after(VisibilitySystems::CheckVisibility),
-        );
-        let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
+        app.add_systems(First, (clear_reset, require_single_sample))
+            .add_systems(PostUpdate, hide_mirrored_meshes.after(VisibilitySystems::CheckVisibility));
+        let Some(render_app) = app.get_sub_app_mut(RenderApp) else {
+            return;
+        };
         render_app
             .insert_resource(passes::pipelines::PassPipelines::with_shaders(table.clone()))
             .insert_resource(table)
@@ -100,7 +102,11 @@ fn missing_feature(render_world: &World) -> Option<&'static str> {
     let device = render_world.get_resource::<RenderDevice>()?;
     let limits = device.limits();
     let adapter = render_world.get_resource::<RenderAdapter>()?;
-    if !adapter.get_downlevel_capabilities().flags.contains(DownlevelFlags::COMPUTE_SHADERS | DownlevelFlags::VERTEX_STORAGE) {
+    if !adapter
+        .get_downlevel_capabilities()
+        .flags
+        .contains(DownlevelFlags::COMPUTE_SHADERS | DownlevelFlags::VERTEX_STORAGE)
+    {
         return Some("compute shaders and storage buffers in vertex shaders");
     }
     if limits.max_storage_buffers_per_shader_stage < 8 {

@@ -77,9 +77,6 @@ impl ShaderTable {
 
     /// The handle of a pass: `pass/NAME.wgsl`.
     pub(crate) fn pass(&self, path: &str) -> Handle<Shader> {
-        self.0
-            .get(path)
-            .unwrap_or_else(|| panic!("{path} is not in the table of shaders"))
-            .clone()
+        self.0.get(path).unwrap_or_else(|| panic!("{path} is not in the table of shaders")).clone()
     }
 }

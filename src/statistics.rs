@@ -78,7 +78,7 @@ pub(crate) struct CounterReadback {
 }
 
 impl CounterReadback {
-    pub fn new(device: &RenderDevice) -> Self {
+    pub(crate) fn new(device: &RenderDevice) -> Self {
         let buffer = |label, usage| {
             let size = size_of::<GpuCounters>() as u64;
             device.create_buffer(&BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
@@ -93,7 +93,7 @@ impl CounterReadback {
     }
 
     /// Within the frame: copies the counters where the last copy was read.
-    pub fn copy(&self, context: &mut RenderContext) {
+    pub(crate) fn copy(&self, context: &mut RenderContext) {
         if self.in_flight.load(Ordering::Acquire) {
             return;
         }

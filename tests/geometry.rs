@@ -64,10 +64,7 @@ fn what_is_no_triangle_is_named() {
         (PrimitiveTopology::LineList, "LineList"),
         (PrimitiveTopology::LineStrip, "LineStrip"),
     ] {
-        assert_eq!(
-            triangles_of(&mesh(topology, &SQUARE)),
-            Err(GeometryError::Topology(name))
-        );
+        assert_eq!(triangles_of(&mesh(topology, &SQUARE)), Err(GeometryError::Topology(name)));
     }
     let empty = Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default());
     assert_eq!(triangles_of(&empty), Err(GeometryError::NoPositions));
@@ -79,28 +76,16 @@ fn what_is_no_triangle_is_named() {
 #[test]
 fn bad_triangles_are_dropped_and_counted() {
     let bad = |x: f32| [[x, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-    let positions: Vec<[f32; 3]> = [bad(f32::NAN), bad(f32::INFINITY), bad(1e38), bad(1.0), bad(0.0)]
-        .into_iter()
-        .flatten()
-        .collect();
+    let positions: Vec<[f32; 3]> =
+        [bad(f32::NAN), bad(f32::INFINITY), bad(1e38), bad(1.0), bad(0.0)].into_iter().flatten().collect();
     let mut numbers: Vec<u32> = (0..15).collect();
     numbers.extend([0, 1, 99, u32::MAX, 12, 13, 12, 12, 13]);
     let geometry = triangles_of(&list(&positions).with_inserted_indices(Indices::U32(numbers))).expect("one is left");
     assert_eq!(geometry.positions, [bad(0.0)]);
-    assert_eq!(
-        geometry.dropped,
-        Dropped {
-            out_of_range: 2,
-            non_finite: 3,
-            degenerate: 2
-        }
-    );
+    assert_eq!(geometry.dropped, Dropped { out_of_range: 2, non_finite: 3, degenerate: 2 });
     assert_eq!(geometry.dropped.total(), 7);
     let blas = build_blas(&geometry).expect("one triangle");
-    assert_eq!(
-        (blas.nodes.len(), blas.depth, blas.bounds),
-        (5, 1, ([0.0; 3], [1.0, 1.0, 0.0]))
-    );
+    assert_eq!((blas.nodes.len(), blas.depth, blas.bounds), (5, 1, ([0.0; 3], [1.0, 1.0, 0.0])));
 }
 
 #[test]
@@ -112,10 +97,7 @@ fn missing_and_bad_attributes_are_filled() {
     assert_eq!((a.uv_a, a.uv_b, a.uv_c), ([0.0; 2], [0.0; 2], [0.0; 2]));
     assert!(a.normals.iter().all(|&n| close(decode(n), [0.0, 0.0, 1.0])));
     let tangent = decode(a.tangent_a);
-    assert!(
-        tangent[2].abs() < 1e-3 && tangent.iter().all(|x| x.is_finite()),
-        "across the normal: {tangent:?}"
-    );
+    assert!(tangent[2].abs() < 1e-3 && tangent.iter().all(|x| x.is_finite()), "across the normal: {tangent:?}");
 
     // One good normal not of unit length, one zero, one NaN; a short uv list with a NaN in it.
     let bad = list(&triangle)
@@ -129,21 +111,14 @@ fn missing_and_bad_attributes_are_filled() {
 
 #[test]
 fn generated_tangents_are_those_of_bevy() {
-    for uv in [
-        CORNERS,
-        CORNERS.map(|[u, v]| [1.0 - u, v]),
-        CORNERS.map(|[u, v]| [v, u]),
-        CORNERS.map(|[u, v]| [u, -v]),
-    ] {
+    for uv in [CORNERS, CORNERS.map(|[u, v]| [1.0 - u, v]), CORNERS.map(|[u, v]| [v, u]), CORNERS.map(|[u, v]| [u, -v])]
+    {
         let plain = list(&SQUARE)
             .with_inserted_indices(Indices::U32(vec![0, 1, 2]))
             .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[0.0, 0.0, 1.0]; 4])
             .with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, uv.to_vec());
         let theirs = plain.clone().with_generated_tangents().expect("Bevy can");
-        let (ours, theirs) = (
-            triangles_of(&plain).expect("sound"),
-            triangles_of(&theirs).expect("sound"),
-        );
+        let (ours, theirs) = (triangles_of(&plain).expect("sound"), triangles_of(&theirs).expect("sound"));
         assert!(theirs.has_tangents && !ours.has_tangents);
         let (a, b) = (ours.attributes[0].tangent_a, theirs.attributes[0].tangent_a);
         assert!(close(decode(a & !1), decode(b & !1)), "{uv:?}");
@@ -153,33 +128,20 @@ fn generated_tangents_are_those_of_bevy() {
 
 #[test]
 fn attributes_come_in_any_format() {
-    let integers: Vec<[i16; 4]> = SQUARE
-        .iter()
-        .map(|p| [p[0], p[1], p[2], 0.0].map(|x| (x * 32767.0) as i16))
-        .collect();
+    let integers: Vec<[i16; 4]> =
+        SQUARE.iter().map(|p| [p[0], p[1], p[2], 0.0].map(|x| (x * 32767.0) as i16)).collect();
     let build = |values: Values| {
         let mut mesh = Mesh::new(PrimitiveTopology::TriangleStrip, RenderAssetUsages::default());
-        let attribute = bevy::mesh::MeshVertexAttribute {
-            format: (&values).into(),
-            ..Mesh::ATTRIBUTE_POSITION
-        };
+        let attribute = bevy::mesh::MeshVertexAttribute { format: (&values).into(), ..Mesh::ATTRIBUTE_POSITION };
         mesh.insert_attribute(attribute, values);
         triangles_of(&mesh)
     };
-    let expected = triangles_of(&mesh(PrimitiveTopology::TriangleStrip, &SQUARE))
-        .expect("sound")
-        .positions;
+    let expected = triangles_of(&mesh(PrimitiveTopology::TriangleStrip, &SQUARE)).expect("sound").positions;
     assert_eq!(build(Values::Snorm16x4(integers)).expect("read").positions, expected);
     let wide: Vec<[f32; 4]> = SQUARE.iter().map(|p| [p[0], p[1], p[2], 1.0]).collect();
     assert_eq!(build(Values::Float32x4(wide)).expect("read").positions, expected);
-    assert_eq!(
-        build(Values::Float32x2(CORNERS.to_vec())),
-        Err(GeometryError::PositionFormat("two floats"))
-    );
-    assert_eq!(
-        build(Values::Uint32x3(vec![[0; 3]; 4])),
-        Err(GeometryError::PositionFormat("integers"))
-    );
+    assert_eq!(build(Values::Float32x2(CORNERS.to_vec())), Err(GeometryError::PositionFormat("two floats")));
+    assert_eq!(build(Values::Uint32x3(vec![[0; 3]; 4])), Err(GeometryError::PositionFormat("integers")));
 }
 
 #[test]
@@ -216,10 +178,7 @@ fn transforms_are_inverted_or_refused() {
     assert_eq!(with(|m| m[2] = m[1]), None);
     assert_eq!(with(|m| m[0][0] = f32::NAN), None);
     assert_eq!(with(|m| m[0][3] = f32::INFINITY), None);
-    assert_eq!(
-        with(|m| m.iter_mut().for_each(|r| r[..3].iter_mut().for_each(|x| *x *= 1e-39))),
-        None
-    );
+    assert_eq!(with(|m| m.iter_mut().for_each(|r| r[..3].iter_mut().for_each(|x| *x *= 1e-39))), None);
     assert!(with(|m| m[1][1] = -1e-6).is_some());
     let affine = Affine3A::from_scale_rotation_translation(
         Vec3::new(1.0, -2.0, 3.0),
@@ -238,10 +197,7 @@ fn world_boxes_hold_every_corner() {
         for _ in 0..100 {
             let m = random_rows(&mut random, scale, 1e5);
             let (p, q) = (random.point(2.0), random.point(2.0));
-            let bounds = (
-                std::array::from_fn(|k| p[k].min(q[k])),
-                std::array::from_fn(|k| p[k].max(q[k])),
-            );
+            let bounds = (std::array::from_fn(|k| p[k].min(q[k])), std::array::from_fn(|k| p[k].max(q[k])));
             let world = world_bounds(&m, &bounds).expect("finite");
             for corner in 0..8 {
                 for (k, row) in m.iter().enumerate() {

@@ -33,32 +33,99 @@ macro_rules! agrees {
 #[test]
 fn scene_structs_are_the_same_in_rust_and_wgsl() {
     let types = module("scene/types.wgsl");
-    agrees!(types, "SceneUniforms", GpuSceneUniforms {
-        tlas_root, tlas_indices, previous_tlas_root, previous_tlas_indices, light_count, instance_count, light_power, radius, centre, pad,
-    });
+    agrees!(
+        types,
+        "SceneUniforms",
+        GpuSceneUniforms {
+            tlas_root,
+            tlas_indices,
+            previous_tlas_root,
+            previous_tlas_indices,
+            light_count,
+            instance_count,
+            light_power,
+            radius,
+            centre,
+            pad,
+        }
+    );
     agrees!(types, "Triangle", GpuTriangle { a, pad_a, b, pad_b, c, pad_c });
-    agrees!(types, "TriangleAttributes", GpuTriangleAttributes { normals, tangent_a, tangent_b, tangent_c, uv_a, uv_b, uv_c });
-    agrees!(types, "Instance", GpuInstance {
-        world_from_object, object_from_world, previous_world_from_object, blas_root, first_triangle, triangle_count, material,
-        first_light, flags, layers, entity,
-    });
-    agrees!(types, "Material", GpuMaterial {
-        base_color, alpha, emissive, perceptual_roughness, dielectric_reflectance, metallic, attenuation, specular_transmission, ior,
-        thickness, alpha_cutoff, flags, base_color_texture, metallic_roughness_texture, normal_texture, emissive_texture,
-    });
-    agrees!(types, "Light", GpuLight {
-        position, kind, emission, pmf, direction, alias_probability, alias_index, pad, data,
-    });
+    agrees!(
+        types,
+        "TriangleAttributes",
+        GpuTriangleAttributes { normals, tangent_a, tangent_b, tangent_c, uv_a, uv_b, uv_c }
+    );
+    agrees!(
+        types,
+        "Instance",
+        GpuInstance {
+            world_from_object,
+            object_from_world,
+            previous_world_from_object,
+            blas_root,
+            first_triangle,
+            triangle_count,
+            material,
+            first_light,
+            flags,
+            layers,
+            entity,
+        }
+    );
+    agrees!(
+        types,
+        "Material",
+        GpuMaterial {
+            base_color,
+            alpha,
+            emissive,
+            perceptual_roughness,
+            dielectric_reflectance,
+            metallic,
+            attenuation,
+            specular_transmission,
+            ior,
+            thickness,
+            alpha_cutoff,
+            flags,
+            base_color_texture,
+            metallic_roughness_texture,
+            normal_texture,
+            emissive_texture,
+        }
+    );
+    agrees!(
+        types,
+        "Light",
+        GpuLight { position, kind, emission, pmf, direction, alias_probability, alias_index, pad, data }
+    );
 }
 
 #[test]
 fn view_structs_are_the_same_in_rust_and_wgsl() {
     let types = module("view/types.wgsl");
     agrees!(types, "Camera", GpuCamera { clip_from_world, world_from_view, view_from_clip });
-    agrees!(types, "ViewUniforms", GpuViewUniforms {
-        current, previous, environment_rotation, environment_color, exposure, background, debug_view, size, jitter, previous_jitter, frame,
-        seed, bounces, flags, origin,
-    });
+    agrees!(
+        types,
+        "ViewUniforms",
+        GpuViewUniforms {
+            current,
+            previous,
+            environment_rotation,
+            environment_color,
+            exposure,
+            background,
+            debug_view,
+            size,
+            jitter,
+            previous_jitter,
+            frame,
+            seed,
+            bounces,
+            flags,
+            origin,
+        }
+    );
     let statistics = module("pass/statistics.wgsl");
     agrees!(statistics, "Counters", GpuCounters { rays, non_finite_pixels, overflow_flags, pad });
 }
@@ -81,9 +148,26 @@ fn constants_are_the_same_in_rust_and_wgsl() {
         };
     }
     same!(
-        NONE, LIGHT_TRIANGLE, LIGHT_POINT, LIGHT_SPOT, LIGHT_DIRECTIONAL, LIGHT_ENVIRONMENT, INSTANCE_MIRRORED, INSTANCE_ALPHA,
-        MATERIAL_DOUBLE_SIDED, MATERIAL_UNLIT, MATERIAL_ALPHA_MASK, MATERIAL_ALPHA_BLEND, MATERIAL_FLIP_NORMAL_MAP_Y,
-        MATERIAL_CULL_BACK, MATERIAL_CULL_FRONT, MATERIAL_TWO_COMPONENT_NORMAL_MAP, VIEW_ENVIRONMENT_IS_BACKDROP, VIEW_ORTHOGRAPHIC,
-        OVERFLOW_STACK, OVERFLOW_STEPS, NON_FINITE,
+        NONE,
+        LIGHT_TRIANGLE,
+        LIGHT_POINT,
+        LIGHT_SPOT,
+        LIGHT_DIRECTIONAL,
+        LIGHT_ENVIRONMENT,
+        INSTANCE_MIRRORED,
+        INSTANCE_ALPHA,
+        MATERIAL_DOUBLE_SIDED,
+        MATERIAL_UNLIT,
+        MATERIAL_ALPHA_MASK,
+        MATERIAL_ALPHA_BLEND,
+        MATERIAL_FLIP_NORMAL_MAP_Y,
+        MATERIAL_CULL_BACK,
+        MATERIAL_CULL_FRONT,
+        MATERIAL_TWO_COMPONENT_NORMAL_MAP,
+        VIEW_ENVIRONMENT_IS_BACKDROP,
+        VIEW_ORTHOGRAPHIC,
+        OVERFLOW_STACK,
+        OVERFLOW_STEPS,
+        NON_FINITE,
     );
 }

@@ -47,23 +47,14 @@ fn offset_points_leave_their_surface_at_every_scale() {
                         let (a, b) = (random.below(count) as u32, random.below(count) as u32);
                         let ([u, v], [s, t]) = (corner(&mut random), corner(&mut random));
                         let direction = random.direction();
-                        Pair {
-                            triangle: [0, a, 0, b],
-                            barycentrics: [u, v, s, t],
-                            direction,
-                            factor: 1.0,
-                        }
+                        Pair { triangle: [0, a, 0, b], barycentrics: [u, v, s, t], direction, factor: 1.0 }
                     })
                     .collect();
                 let answers: Vec<[u32; 4]> = scene.run(gpu, &kernel, &pairs);
                 let itself = answers.iter().filter(|a| a[0] != 0).count();
                 // A translation far larger than the body leaves no inside that f32 could name.
                 let resolved = scale > translation * 1e-4;
-                let blocked = if resolved {
-                    answers.iter().filter(|a| a[1] != 0).count()
-                } else {
-                    0
-                };
+                let blocked = if resolved { answers.iter().filter(|a| a[1] != 0).count() } else { 0 };
                 let largest = answers.iter().map(|a| f32::from_bits(a[2])).fold(0.0, f32::max);
                 if itself + blocked > 0 || scale == 1.0 {
                     eprintln!(

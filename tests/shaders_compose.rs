@@ -136,7 +136,9 @@ fn every_import_names_a_module_of_the_table() {
         let (_, imports, _) = naga_oil::compose::get_preprocessor_data(text);
         for import in imports {
             let module = import.import.as_str();
-            let found = known.iter().any(|k| module == k || module.strip_prefix(k.as_str()).is_some_and(|r| r.starts_with("::")));
+            let found = known
+                .iter()
+                .any(|k| module == k || module.strip_prefix(k.as_str()).is_some_and(|r| r.starts_with("::")));
             assert!(found, "{path} imports {module}");
         }
     }
@@ -148,7 +150,11 @@ fn only_binding_modules_and_passes_bind() {
         if !path.ends_with("bindings.wgsl") && !path.starts_with("pass/") {
             assert!(!text.contains("@group("), "{path} binds");
         }
-        assert_eq!(text.contains("@compute") || text.contains("@fragment"), path.starts_with("pass/"), "{path}: entry points are for pass/");
+        assert_eq!(
+            text.contains("@compute") || text.contains("@fragment"),
+            path.starts_with("pass/"),
+            "{path}: entry points are for pass/"
+        );
     }
 }
 

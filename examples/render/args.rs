@@ -105,7 +105,10 @@ fn size(text: &str) -> Result<UVec2, String> {
 }
 
 fn finite(text: &str) -> Result<f32, String> {
-    text.parse().ok().filter(|x: &f32| x.is_finite() && x.abs() <= 60.0).ok_or("expected a number from -60 to 60".into())
+    text.parse()
+        .ok()
+        .filter(|x: &f32| x.is_finite() && x.abs() <= 60.0)
+        .ok_or("expected a number from -60 to 60".into())
 }
 
 fn output_path(text: &str) -> Result<PathBuf, String> {
@@ -152,7 +155,8 @@ impl Args {
         }
         for assignment in &self.set {
             let (path, value) = assignment.split_once('=').ok_or(format!("--set {assignment}: expected PATH=VALUE"))?;
-            let field = settings.reflect_path_mut(path).map_err(|_| format!("--set {path}: Restir has no such field"))?;
+            let field =
+                settings.reflect_path_mut(path).map_err(|_| format!("--set {path}: Restir has no such field"))?;
             assign(field, value).map_err(|expected| format!("--set {path}={value}: expected {expected}"))?;
         }
         if self.backend == Backend::Hardware {

@@ -123,11 +123,7 @@ fn app(path: &Path, args: &Args) -> Result<App, String> {
                 render_creation: WgpuSettings { backends: Some(Backends::PRIMARY), ..Default::default() }.into(),
                 ..Default::default()
             })
-            .set(WindowPlugin {
-                primary_window: None,
-                exit_condition: ExitCondition::DontExit,
-                ..Default::default()
-            })
+            .set(WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..Default::default() })
             .disable::<WinitPlugin>()
             .disable::<PipelinedRenderingPlugin>(),
     )
@@ -252,9 +248,9 @@ fn screenshot(app: &mut App) -> Result<Image, String> {
     struct Taken(Option<Image>);
     app.init_resource::<Taken>();
     let target = app.world().resource::<View>().target.clone();
-    app.world_mut().spawn(Screenshot::image(target)).observe(
-        |captured: On<ScreenshotCaptured>, mut taken: ResMut<Taken>| taken.0 = Some(captured.image.clone()),
-    );
+    app.world_mut()
+        .spawn(Screenshot::image(target))
+        .observe(|captured: On<ScreenshotCaptured>, mut taken: ResMut<Taken>| taken.0 = Some(captured.image.clone()));
     until(app, "no picture came back", |app| app.world().resource::<Taken>().0.is_some())?;
     app.world_mut().resource_mut::<Taken>().0.take().ok_or("no picture came back".into())
 }
@@ -277,7 +273,9 @@ impl Progress {
     fn show(&self, frame: u32) {
         match &self.bar {
             Some(bar) => bar.set_position(frame.into()),
-            None if u64::from(frame) * 10 / u64::from(self.total) != u64::from(frame - 1) * 10 / u64::from(self.total) => {
+            None if u64::from(frame) * 10 / u64::from(self.total)
+                != u64::from(frame - 1) * 10 / u64::from(self.total) =>
+            {
                 println!("frame {frame} of {}", self.total);
             }
             None => {}

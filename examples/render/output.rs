@@ -68,9 +68,7 @@ pub fn write_exr(path: &Path, size: UVec2, pixels: &[[f32; 3]]) -> Result<(), St
 /// What the view target shows.
 pub fn write_png(path: &Path, image: Image) -> Result<(), String> {
     let dynamic = image.try_into_dynamic().map_err(|e| e.to_string())?;
-    complete(path, |part| {
-        dynamic.to_rgb8().save_with_format(part, image::ImageFormat::Png).map_err(|e| e.to_string())
-    })
+    complete(path, |part| dynamic.to_rgb8().save_with_format(part, image::ImageFormat::Png).map_err(|e| e.to_string()))
 }
 
 /// Text, complete or not at all.

@@ -73,7 +73,9 @@ pub fn play_animation(
     mut graphs: ResMut<Assets<AnimationGraph>>,
     mut players: Query<(Entity, &mut AnimationPlayer), Added<AnimationPlayer>>,
 ) {
-    let Some(clip) = gltfs.get(&file.0).and_then(|gltf| gltf.animations.first().cloned()) else { return };
+    let Some(clip) = gltfs.get(&file.0).and_then(|gltf| gltf.animations.first().cloned()) else {
+        return;
+    };
     for (entity, mut player) in &mut players {
         let (graph, node) = AnimationGraph::from_clip(clip.clone());
         player.play(node).repeat();
@@ -155,7 +157,7 @@ fn file_camera(world: &mut World, name: Option<&str>) -> Result<(Transform, Proj
     let (mut low, mut high) = (Vec3::MAX, Vec3::MIN);
     for (transform, aabb) in world.query::<(&GlobalTransform, &Aabb)>().iter(world) {
         for i in 0..8 {
-            let sign = Vec3::new(((i & 1) * 2) as f32 - 1.0, ((i & 2)) as f32 - 1.0, ((i & 4) / 2) as f32 - 1.0);
+            let sign = Vec3::new(((i & 1) * 2) as f32 - 1.0, (i & 2) as f32 - 1.0, ((i & 4) / 2) as f32 - 1.0);
             let corner = transform.transform_point(Vec3::from(aabb.center + aabb.half_extents * Vec3A::from(sign)));
             if corner.is_finite() {
                 (low, high) = (low.min(corner), high.max(corner));

@@ -59,7 +59,9 @@ pub(super) fn draw(
     device: &RenderDevice,
     context: &mut RenderContext,
 ) {
-    let Some(pipeline) = passes.composite(target.main_texture_format(), pipelines) else { return };
+    let Some(pipeline) = passes.composite(target.main_texture_format(), pipelines) else {
+        return;
+    };
     let group = device.create_bind_group(
         "restir composite",
         &pipelines.get_bind_group_layout(&layout()),

@@ -55,7 +55,8 @@ pub(crate) enum Pass {
     Composite,
 }
 
-const REFERENCE: ComputePass = ComputePass { name: "reference", resources: &[PassResource::Radiance], specialised: true };
+const REFERENCE: ComputePass =
+    ComputePass { name: "reference", resources: &[PassResource::Radiance], specialised: true };
 const DEBUG: ComputePass = ComputePass { name: "debug", resources: &[PassResource::Radiance], specialised: true };
 const STATISTICS: ComputePass =
     ComputePass { name: "statistics", resources: &[PassResource::Counters], specialised: false };
@@ -70,7 +71,7 @@ pub(crate) enum Frame {
 
 impl Frame {
     /// The frame that some settings ask for.
-    pub fn of(settings: &Restir) -> Self {
+    pub(crate) fn of(settings: &Restir) -> Self {
         match (settings.debug_view, settings.technique) {
             (DebugView::Off, Technique::Reference) => Self::Reference,
             _ => Self::Debug,
@@ -78,9 +79,11 @@ impl Frame {
     }
 
     /// Its passes, in order.
-    pub fn passes(self) -> &'static [Pass] {
+    pub(crate) fn passes(self) -> &'static [Pass] {
         match self {
-            Self::Reference => &[Pass::Visibility, Pass::Compute(&REFERENCE), Pass::Compute(&STATISTICS), Pass::Composite],
+            Self::Reference => {
+                &[Pass::Visibility, Pass::Compute(&REFERENCE), Pass::Compute(&STATISTICS), Pass::Composite]
+            }
             Self::Debug => &[Pass::Visibility, Pass::Compute(&DEBUG), Pass::Compute(&STATISTICS), Pass::Composite],
         }
     }
@@ -115,22 +118,28 @@ fn run_passes(
     device: Res<RenderDevice>,
     mut context: RenderContext,
 ) {
-    let Some(state) = views.views.get(&view.entity()).filter(|v| v.rendered) else { return };
+    let Some(state) = views.views.get(&view.entity()).filter(|v| v.rendered) else {
+        return;
+    };
     let (target, depth) = view.into_inner();
-    let (Some(key), Some(scene_group)) = (state.key, scene.bind_group.as_ref()) else { return };
+    let (Some(key), Some(scene_group)) = (state.key, scene.bind_group.as_ref()) else {
+        return;
+    };
     context.command_encoder().clear_buffer(&state.counters.buffer, 0, None);
     for pass in key.frame.passes() {
         match pass {
             Pass::Visibility => visibility::draw(state, key, &scene, scene_group, &passes, &pipelines, &mut context),
             Pass::Compute(pass) => {
-                let Some(pipeline) = passes.compute(pass, key, &pipelines) else { continue };
+                let Some(pipeline) = passes.compute(pass, key, &pipelines) else {
+                    continue;
+                };
                 let group = resources(pass, state, &device, &pipelines);
                 let diagnostics = context.diagnostic_recorder();
-                let mut encoder = context.command_encoder().begin_compute_pass(&ComputePassDescriptor {
-                    label: Some(pass.name),
-                    ..Default::default()
-                });
-                let span = diagnostics.as_deref().map(|d| d.time_span(&mut encoder, format!("{SPAN_PREFIX}{}", pass.name)));
+                let mut encoder = context
+                    .command_encoder()
+                    .begin_compute_pass(&ComputePassDescriptor { label: Some(pass.name), ..Default::default() });
+                let span =
+                    diagnostics.as_deref().map(|d| d.time_span(&mut encoder, format!("{SPAN_PREFIX}{}", pass.name)));
                 encoder.set_pipeline(pipeline);
                 encoder.set_bind_group(0, scene_group, &[]);
                 encoder.set_bind_group(1, &state.bind_group, &[]);
@@ -140,7 +149,9 @@ fn run_passes(
                     span.end(&mut encoder);
                 }
             }
-            Pass::Composite => composite::draw(state, scene_group, target, depth, &passes, &pipelines, &device, &mut context),
+            Pass::Composite => {
+                composite::draw(state, scene_group, target, depth, &passes, &pipelines, &device, &mut context)
+            }
         }
     }
     state.counters.copy(&mut context);

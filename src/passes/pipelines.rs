@@ -62,12 +62,12 @@ const CULLS: [Option<Face>; 3] = [None, Some(Face::Back), Some(Face::Front)];
 
 impl PassPipelines {
     /// Takes the table of shaders.
-    pub fn with_shaders(shaders: ShaderTable) -> Self {
+    pub(crate) fn with_shaders(shaders: ShaderTable) -> Self {
         Self { shaders: Some(shaders), ..Default::default() }
     }
 
     /// The pipelines to render with: the wanted ones once all are ready, until then the last ones of the same frame.
-    pub fn choose(
+    pub(crate) fn choose(
         &mut self,
         frame: Frame,
         features: SceneFeatures,
@@ -97,7 +97,9 @@ impl PassPipelines {
                 Pass::Composite => {}
             }
         }
-        indices.into_iter().fold(true, |all, index| self.is_ready(index, pipelines) && all)
+        // All are asked, so that each notes when it was ready.
+        let missing = indices.into_iter().filter(|&index| !self.is_ready(index, pipelines)).count();
+        missing == 0
     }
 
     fn is_ready(&mut self, index: usize, pipelines: &PipelineCache) -> bool {
@@ -160,7 +162,7 @@ impl PassPipelines {
     }
 
     /// The pipeline of a compute pass.
-    pub fn compute<'a>(
+    pub(crate) fn compute<'a>(
         &self,
         pass: &ComputePass,
         key: FrameKey,
@@ -173,7 +175,7 @@ impl PassPipelines {
     }
 
     /// The pipeline that draws instances of a culling.
-    pub fn visibility<'a>(
+    pub(crate) fn visibility<'a>(
         &self,
         cull: Option<Face>,
         key: FrameKey,
@@ -187,7 +189,7 @@ impl PassPipelines {
     }
 
     /// Asks for the pipeline that writes to targets of this format; true once it is there.
-    pub fn ask_composite(&mut self, format: TextureFormat, pipelines: &PipelineCache) -> bool {
+    pub(crate) fn ask_composite(&mut self, format: TextureFormat, pipelines: &PipelineCache) -> bool {
         let index = match self.composite.get(&format) {
             Some(&index) => index,
             None => {
@@ -202,7 +204,11 @@ impl PassPipelines {
     }
 
     /// That pipeline.
-    pub fn composite<'a>(&self, format: TextureFormat, pipelines: &'a PipelineCache) -> Option<&'a RenderPipeline> {
+    pub(crate) fn composite<'a>(
+        &self,
+        format: TextureFormat,
+        pipelines: &'a PipelineCache,
+    ) -> Option<&'a RenderPipeline> {
         match self.all[*self.composite.get(&format)?].id {
             PipelineId::Render(id) => pipelines.get_render_pipeline(id),
             PipelineId::Compute(_) => None,
@@ -210,12 +216,10 @@ impl PassPipelines {
     }
 
     /// Every pipeline that is ready.
-    pub fn report(&self) -> Vec<PipelineReport> {
+    pub(crate) fn report(&self) -> Vec<PipelineReport> {
         self.all
             .iter()
-            .filter_map(|c| {
-                Some(PipelineReport { name: c.name, defs: c.features.names(), compile_ms: c.took_ms? })
-            })
+            .filter_map(|c| Some(PipelineReport { name: c.name, defs: c.features.names(), compile_ms: c.took_ms? }))
             .collect()
     }
 }

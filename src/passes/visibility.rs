@@ -2,11 +2,7 @@
 
 use bevy::{
     asset::Handle,
-    render::{
-        diagnostic::RecordDiagnostics,
-        render_resource::*,
-        renderer::RenderContext,
-    },
+    render::{diagnostic::RecordDiagnostics, render_resource::*, renderer::RenderContext},
     shader::{Shader, ShaderDefVal},
 };
 
@@ -20,7 +16,11 @@ use crate::{
     view::{DEPTH_FORMAT, RestirView, VISIBILITY_FORMAT, raster_view_layout},
 };
 
-pub(super) fn pipeline(shader: Handle<Shader>, defs: Vec<ShaderDefVal>, cull: Option<Face>) -> RenderPipelineDescriptor {
+pub(super) fn pipeline(
+    shader: Handle<Shader>,
+    defs: Vec<ShaderDefVal>,
+    cull: Option<Face>,
+) -> RenderPipelineDescriptor {
     RenderPipelineDescriptor {
         label: Some("restir visibility".into()),
         layout: vec![scene_layout(), raster_view_layout()],
@@ -83,7 +83,9 @@ pub(super) fn draw(
     let mut bound = None;
     for draw in &scene.draws {
         if bound != Some(draw.cull) {
-            let Some(pipeline) = passes.visibility(draw.cull, key, pipelines) else { continue };
+            let Some(pipeline) = passes.visibility(draw.cull, key, pipelines) else {
+                continue;
+            };
             pass.set_pipeline(pipeline);
             bound = Some(draw.cull);
         }

@@ -67,7 +67,12 @@ pub(crate) struct Draw {
 
 impl SceneBindings {
     /// Sends the uniforms where they changed.  Returns the bytes sent.
-    pub fn write_uniforms(&mut self, uniforms: &GpuSceneUniforms, device: &RenderDevice, queue: &RenderQueue) -> u64 {
+    pub(crate) fn write_uniforms(
+        &mut self,
+        uniforms: &GpuSceneUniforms,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) -> u64 {
         if self.uniforms.is_some() && self.written == *uniforms {
             return 0;
         }
@@ -85,7 +90,7 @@ impl SceneBindings {
     }
 
     /// Makes the bind group again where a buffer or the atlas is another one.
-    pub fn bind(
+    pub(crate) fn bind(
         &mut self,
         device: &RenderDevice,
         pipelines: &PipelineCache,

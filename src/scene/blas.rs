@@ -46,12 +46,7 @@ pub fn build_blas(geometry: &Geometry) -> Option<Blas> {
     let tree = build_tree(&boxes, BvhBuildParams::medium_build(), MAX_BLAS_DEPTH)?;
     let triangle = |&i: &u32| {
         let [a, b, c] = geometry.positions[i as usize];
-        GpuTriangle {
-            a,
-            b,
-            c,
-            ..Default::default()
-        }
+        GpuTriangle { a, b, c, ..Default::default() }
     };
     Some(Blas {
         triangles: tree.order.iter().map(triangle).collect(),
@@ -76,11 +71,8 @@ pub fn bake(nodes: &mut [[u32; 4]], node_base: u32, primitive_base: u32) {
 
 /// Least box round some points.
 pub(crate) fn bounds_of(points: &[[f32; 3]]) -> Bounds {
-    let fold = |f: fn(f32, f32) -> f32, from| {
-        points
-            .iter()
-            .fold([from; 3], |a, p| std::array::from_fn(|k| f(a[k], p[k])))
-    };
+    let fold =
+        |f: fn(f32, f32) -> f32, from| points.iter().fold([from; 3], |a, p| std::array::from_fn(|k| f(a[k], p[k])));
     (fold(f32::min, f32::INFINITY), fold(f32::max, f32::NEG_INFINITY))
 }
 
@@ -105,10 +97,7 @@ pub(crate) fn build_tree(boxes: &[Bounds], parameters: BvhBuildParams, max_depth
     if boxes.is_empty() {
         return None;
     }
-    let leaves: Vec<Leaf> = boxes
-        .iter()
-        .map(|(min, max)| Leaf(Aabb::new((*min).into(), (*max).into())))
-        .collect();
+    let leaves: Vec<Leaf> = boxes.iter().map(|(min, max)| Leaf(Aabb::new((*min).into(), (*max).into()))).collect();
     if agglomeration_stalls(&leaves, &parameters) {
         return convert(&balanced(&along_a_curve(boxes), &leaves), max_depth);
     }
@@ -133,11 +122,7 @@ fn agglomeration_stalls(leaves: &[Leaf], parameters: &BvhBuildParams) -> bool {
     if leaves.len() < 4 * SAMPLE {
         return false;
     }
-    let sample: Vec<Leaf> = leaves
-        .iter()
-        .step_by(leaves.len() / SAMPLE)
-        .map(|leaf| Leaf(leaf.0))
-        .collect();
+    let sample: Vec<Leaf> = leaves.iter().step_by(leaves.len() / SAMPLE).map(|leaf| Leaf(leaf.0)).collect();
     binary_depth(&agglomerate(&sample, parameters)) > MAX_BINARY_DEPTH
 }
 
@@ -166,12 +151,7 @@ fn convert(binary: &Bvh2, max_depth: u32) -> Option<Tree> {
     let nodes: Vec<[u32; 4]> = bytemuck::pod_collect_to_vec(bytemuck::cast_slice::<_, u8>(&wide.nodes));
     let depth = wide_depth(&nodes);
     let bounds = (wide.total_aabb.min.into(), wide.total_aabb.max.into());
-    (depth <= max_depth).then_some(Tree {
-        nodes,
-        order: wide.primitive_indices,
-        bounds,
-        depth,
-    })
+    (depth <= max_depth).then_some(Tree { nodes, order: wide.primitive_indices, bounds, depth })
 }
 
 fn binary_depth(tree: &Bvh2) -> u32 {
@@ -203,11 +183,7 @@ fn wide_depth(nodes: &[[u32; 4]]) -> u32 {
 
 // Halves the list again and again: as deep as its logarithm, whatever the boxes.
 fn balanced(order: &[u32], leaves: &[Leaf]) -> Bvh2 {
-    let mut tree = Bvh2 {
-        nodes: vec![Bvh2Node::default()],
-        primitive_indices: order.to_vec(),
-        ..Default::default()
-    };
+    let mut tree = Bvh2 { nodes: vec![Bvh2Node::default()], primitive_indices: order.to_vec(), ..Default::default() };
     let mut stack = vec![(0, 0..order.len())];
     while let Some((index, range)) = stack.pop() {
         if range.len() == 1 {

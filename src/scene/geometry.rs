@@ -147,11 +147,7 @@ pub fn octahedral_encode(n: V3) -> u32 {
     let sum = n[0].abs() + n[1].abs() + n[2].abs();
     let (x, y) = (n[0] / sum, n[1] / sum);
     let sign = |v: f32| if v >= 0.0 { 1.0 } else { -1.0 };
-    let (x, y) = if n[2] >= 0.0 {
-        (x, y)
-    } else {
-        ((1.0 - y.abs()) * sign(x), (1.0 - x.abs()) * sign(y))
-    };
+    let (x, y) = if n[2] >= 0.0 { (x, y) } else { ((1.0 - y.abs()) * sign(x), (1.0 - x.abs()) * sign(y)) };
     let snorm = |v: f32| (v.clamp(-1.0, 1.0) * 32767.0).round() as i16 as u16 as u32;
     snorm(x) | snorm(y) << 16
 }
@@ -170,14 +166,12 @@ fn for_each_triangle(strip: bool, vertices: usize, indices: Option<&Indices>, mu
     const RESTART: usize = usize::MAX;
     let numbers: Box<dyn Iterator<Item = usize>> = match indices {
         None => Box::new(0..vertices),
-        Some(Indices::U16(v)) => Box::new(
-            v.iter()
-                .map(move |&i| if strip && i == u16::MAX { RESTART } else { i.into() }),
-        ),
-        Some(Indices::U32(v)) => Box::new(
-            v.iter()
-                .map(move |&i| if strip && i == u32::MAX { RESTART } else { i as usize }),
-        ),
+        Some(Indices::U16(v)) => {
+            Box::new(v.iter().map(move |&i| if strip && i == u16::MAX { RESTART } else { i.into() }))
+        }
+        Some(Indices::U32(v)) => {
+            Box::new(v.iter().map(move |&i| if strip && i == u32::MAX { RESTART } else { i as usize }))
+        }
     };
     let mut last = [0; 3];
     let mut seen = 0;
@@ -266,12 +260,7 @@ fn flat_normal(p: &[V3; 3]) -> Option<V3> {
 // Directions in which u and v grow; None where the texture coordinates span no area.
 fn triangle_tangent(p: &[V3; 3], uv: &[[f32; 2]; 3]) -> Option<(V3, [f64; 3])> {
     let (e1, e2) = (subtract(p[1], p[0]), subtract(p[2], p[0]));
-    let d = |i: usize| {
-        [
-            f64::from(uv[i][0]) - f64::from(uv[0][0]),
-            f64::from(uv[i][1]) - f64::from(uv[0][1]),
-        ]
-    };
+    let d = |i: usize| [f64::from(uv[i][0]) - f64::from(uv[0][0]), f64::from(uv[i][1]) - f64::from(uv[0][1])];
     let (d1, d2) = (d(1), d(2));
     let sign = (d1[0] * d2[1] - d2[0] * d1[1]).signum();
     if d1[0] * d2[1] == d2[0] * d1[1] {
@@ -297,11 +286,7 @@ fn perpendicular(t: V3, n: V3) -> V3 {
     {
         return unit;
     }
-    let other = if n[0].abs() < 0.6 {
-        [1.0, 0.0, 0.0]
-    } else {
-        [0.0, 1.0, 0.0]
-    };
+    let other = if n[0].abs() < 0.6 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
     unit_f64(cross(cross(n, other), n)).unwrap_or([1.0, 0.0, 0.0])
 }
 
@@ -331,9 +316,5 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 }
 
 fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }

@@ -132,8 +132,8 @@ impl<T: Pod> GpuArray<T> {
 /// transfer costs more than the bytes between.
 pub fn dirty_runs<T: PartialEq>(old: &[T], new: &[T]) -> Vec<Range<usize>> {
     let mut runs: Vec<Range<usize>> = Vec::new();
-    for i in 0..new.len() {
-        if old.get(i) == Some(&new[i]) {
+    for (i, element) in new.iter().enumerate() {
+        if old.get(i) == Some(element) {
             continue;
         }
         match runs.last_mut() {

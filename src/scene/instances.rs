@@ -120,7 +120,7 @@ const ABSENT: GpuInstance = GpuInstance {
 
 impl InstancePool {
     /// Brings the slots up to the extracted list.  The materials are packed already; lights are filled in afterwards.
-    pub fn update(&mut self, scene: &ExtractedScene, meshes: &MeshPool, materials: &mut MaterialPool) {
+    pub(crate) fn update(&mut self, scene: &ExtractedScene, meshes: &MeshPool, materials: &mut MaterialPool) {
         self.waiting = false;
         self.live.clear();
         self.features = SceneFeatures::empty();
@@ -128,7 +128,9 @@ impl InstancePool {
         self.boxes_of_frame.clear();
         let mut seen = vec![false; self.wanted.len()];
         for extracted in &scene.instances {
-            let Some((mut instance, world_box)) = self.instance_of(extracted, meshes, materials) else { continue };
+            let Some((mut instance, world_box)) = self.instance_of(extracted, meshes, materials) else {
+                continue;
+            };
             let slot = self.slot_of(extracted.entity);
             seen.resize(self.wanted.len(), false);
             seen[slot as usize] = true;
@@ -222,17 +224,17 @@ impl InstancePool {
     }
 
     /// A light id for the first triangle of a slot; the others follow.
-    pub fn set_first_light(&mut self, slot: u32, light: u32) {
+    pub(crate) fn set_first_light(&mut self, slot: u32, light: u32) {
         self.wanted[slot as usize].first_light = light;
     }
 
     /// The record of a slot.
-    pub fn get(&self, slot: u32) -> &GpuInstance {
+    pub(crate) fn get(&self, slot: u32) -> &GpuInstance {
         &self.wanted[slot as usize]
     }
 
     /// Rebuilds the top level where a box changed, and lets go of the last frame's where none did for a frame.
-    pub fn build_top_level(&mut self, meshes: &mut MeshPool, device: &RenderDevice, queue: &RenderQueue) {
+    pub(crate) fn build_top_level(&mut self, meshes: &mut MeshPool, device: &RenderDevice, queue: &RenderQueue) {
         self.uploaded_nodes = 0;
         if let Some(old) = self.previous.take() {
             meshes.release_nodes(old.range);
@@ -276,7 +278,7 @@ impl InstancePool {
     }
 
     /// Sends what changed.  Returns the bytes sent.
-    pub fn upload(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {
+    pub(crate) fn upload(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {
         let runs = dirty_runs(&self.uploaded, &self.wanted);
         if runs.is_empty() {
             return 0;
@@ -299,13 +301,13 @@ impl InstancePool {
     }
 
     /// Roots and instance lists of this frame's top level and of the last frame's.
-    pub fn top_levels(&self) -> [u32; 4] {
+    pub(crate) fn top_levels(&self) -> [u32; 4] {
         let previous = self.previous.as_ref().unwrap_or(&self.current);
         [self.current.root(), self.current.indices(), previous.root(), previous.indices()]
     }
 
     /// Slots in use, holes included.
-    pub fn len(&self) -> u32 {
+    pub(crate) fn len(&self) -> u32 {
         self.wanted.len() as u32
     }
 }

@@ -130,7 +130,7 @@ fn luminance(c: [f32; 3]) -> f64 {
 
 impl LightPool {
     /// Brings the table up to the scene and gives every instance its first light.
-    pub fn update(
+    pub(crate) fn update(
         &mut self,
         scene: &ExtractedScene,
         instances: &mut InstancePool,
@@ -224,7 +224,9 @@ impl LightPool {
                         left_out += *count as u64;
                         continue;
                     }
-                    let Some(mesh) = by_slot.get(slot).and_then(|id| meshes.get(*id)) else { continue };
+                    let Some(mesh) = by_slot.get(slot).and_then(|id| meshes.get(*id)) else {
+                        continue;
+                    };
                     let m = instances.get(*slot).world_from_object;
                     let sides = if *double_sided { 2.0 } else { 1.0 };
                     let exitance = core::f64::consts::PI * luminance(*emission) * sides;
@@ -245,7 +247,9 @@ impl LightPool {
             self.groups.push(Group { owner, first, count: self.table.len() as u32 - first });
         }
         if left_out > 0 {
-            warn!("restir: {left_out} lights are more than this device can bind; they are met by rays, but never aimed at");
+            warn!(
+                "restir: {left_out} lights are more than this device can bind; they are met by rays, but never aimed at"
+            );
         }
         self.power = powers.iter().filter(|p| p.is_finite() && **p > 0.0).sum();
         match alias_table(&powers) {
@@ -262,7 +266,7 @@ impl LightPool {
     }
 
     /// Sends what changed.  Returns the bytes sent.
-    pub fn upload(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {
+    pub(crate) fn upload(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {
         let runs = dirty_runs(&self.uploaded, &self.table);
         if runs.is_empty() && self.uploaded.len() == self.table.len() {
             return 0;
@@ -278,7 +282,7 @@ impl LightPool {
     }
 
     /// Lights that can be drawn from the table.
-    pub fn count(&self) -> u32 {
+    pub(crate) fn count(&self) -> u32 {
         if self.power > 0.0 { self.table.len() as u32 } else { 0 }
     }
 }
@@ -346,7 +350,9 @@ fn remap(old: &[Group], old_count: u32, new: &[Group], new_count: u32) -> LightR
         current_from_previous: vec![NONE; old_count as usize],
     };
     for group in new {
-        let Some(before) = by_owner.get(&group.owner).filter(|b| b.count == group.count) else { continue };
+        let Some(before) = by_owner.get(&group.owner).filter(|b| b.count == group.count) else {
+            continue;
+        };
         for i in 0..group.count {
             map.previous_from_current[(group.first + i) as usize] = before.first + i;
             map.current_from_previous[(before.first + i) as usize] = group.first + i;

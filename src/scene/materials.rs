@@ -15,7 +15,9 @@ use bevy::{
     },
 };
 
-use super::{extract::ExtractedScene, features::SceneFeatures, heap::GpuArray, heap::dirty_runs, textures::TexturePool};
+use super::{
+    extract::ExtractedScene, features::SceneFeatures, heap::GpuArray, heap::dirty_runs, textures::TexturePool,
+};
 use crate::gpu_types::*;
 
 /// A material in use.
@@ -60,7 +62,7 @@ impl Default for MaterialPool {
 
 impl MaterialPool {
     /// Takes the materials that changed in the main world.
-    pub fn update_sources(&mut self, scene: &mut ExtractedScene) {
+    pub(crate) fn update_sources(&mut self, scene: &mut ExtractedScene) {
         for id in scene.removed_materials.drain() {
             self.sources.remove(&id);
         }
@@ -75,7 +77,7 @@ impl MaterialPool {
     }
 
     /// The slot of a material, made on first use; `None` while the asset is not there.
-    pub fn slot(&mut self, id: AssetId<StandardMaterial>) -> Option<u32> {
+    pub(crate) fn slot(&mut self, id: AssetId<StandardMaterial>) -> Option<u32> {
         if !self.sources.contains_key(&id) {
             return None;
         }
@@ -87,7 +89,7 @@ impl MaterialPool {
     }
 
     /// Images that the materials in use need.
-    pub fn images(&self) -> impl Iterator<Item = AssetId<Image>> {
+    pub(crate) fn images(&self) -> impl Iterator<Item = AssetId<Image>> {
         self.slots.iter().filter_map(|slot| self.sources.get(&slot.id)).flat_map(|material| {
             [
                 &material.base_color_texture,
@@ -102,13 +104,15 @@ impl MaterialPool {
     }
 
     /// Packs every slot again where a source or a texture changed.
-    pub fn pack(&mut self, textures: &TexturePool, textures_changed: bool) {
+    pub(crate) fn pack(&mut self, textures: &TexturePool, textures_changed: bool) {
         if !self.stale && !textures_changed {
             return;
         }
         self.stale = false;
         for (i, slot) in self.slots.iter_mut().enumerate() {
-            let Some(source) = self.sources.get(&slot.id) else { continue };
+            let Some(source) = self.sources.get(&slot.id) else {
+                continue;
+            };
             let material = pack(source, textures, self.emissive_luminance);
             slot.features = features_of(&material);
             slot.mean_emission = mean_emission(source, &material, textures);
@@ -121,7 +125,7 @@ impl MaterialPool {
     }
 
     /// Sends what changed.  Returns the bytes sent.
-    pub fn upload(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {
+    pub(crate) fn upload(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {
         let runs = dirty_runs(&self.uploaded, &self.wanted);
         if runs.is_empty() {
             return 0;
@@ -137,17 +141,17 @@ impl MaterialPool {
     }
 
     /// The packed material of a slot.
-    pub fn get(&self, slot: u32) -> Option<&GpuMaterial> {
+    pub(crate) fn get(&self, slot: u32) -> Option<&GpuMaterial> {
         self.wanted.get(slot as usize)
     }
 
     /// What a slot asks of the shaders.
-    pub fn features(&self, slot: u32) -> SceneFeatures {
+    pub(crate) fn features(&self, slot: u32) -> SceneFeatures {
         self.slots.get(slot as usize).map_or(SceneFeatures::empty(), |s| s.features)
     }
 
     /// Mean radiance of a slot's emission, cd/m².
-    pub fn mean_emission(&self, slot: u32) -> [f32; 3] {
+    pub(crate) fn mean_emission(&self, slot: u32) -> [f32; 3] {
         self.slots.get(slot as usize).map_or([0.0; 3], |s| s.mean_emission)
     }
 }
@@ -159,7 +163,8 @@ fn pack(m: &StandardMaterial, textures: &TexturePool, emissive_luminance: f32) -
     let unit_rgb = |c: [f32; 3]| c.map(unit);
     let base = m.base_color.to_linear();
     let tint = m.specular_tint.to_linear().to_f32_array_no_alpha();
-    let slot = |handle: &Option<bevy::asset::Handle<Image>>| handle.as_ref().map_or(NO_TEXTURE, |h| textures.slot(h.id()));
+    let slot =
+        |handle: &Option<bevy::asset::Handle<Image>>| handle.as_ref().map_or(NO_TEXTURE, |h| textures.slot(h.id()));
 
     let mut flags = 0;
     let mut set = |condition: bool, flag: u32| flags |= if condition { flag } else { 0 };

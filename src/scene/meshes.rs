@@ -39,7 +39,7 @@ pub(crate) struct MeshEntry {
 
 impl MeshEntry {
     /// Node index of the root.
-    pub fn root(&self) -> u32 {
+    pub(crate) fn root(&self) -> u32 {
         self.nodes.start
     }
 }
@@ -88,9 +88,7 @@ pub(crate) fn queue_meshes(mut pool: ResMut<MeshPool>, extracted: Res<ExtractedA
         pool.empty.remove(id);
         let task = AsyncComputeTaskPool::get().spawn(async move {
             match geometry::triangles_of(&mesh) {
-                Ok(geometry) => {
-                    (Ok(blas::build_blas(&geometry)), geometry.dropped)
-                }
+                Ok(geometry) => (Ok(blas::build_blas(&geometry)), geometry.dropped),
                 Err(error) => (Err(error), Dropped::default()),
             }
         });
@@ -191,22 +189,27 @@ impl MeshPool {
     }
 
     /// The mesh, once it is on the GPU.
-    pub fn get(&self, id: AssetId<Mesh>) -> Option<&MeshEntry> {
+    pub(crate) fn get(&self, id: AssetId<Mesh>) -> Option<&MeshEntry> {
         self.entries.get(&id)
     }
 
     /// No build is under way.
-    pub fn idle(&self) -> bool {
+    pub(crate) fn idle(&self) -> bool {
         self.building.is_empty()
     }
 
     /// Nothing will come of this mesh.
-    pub fn is_empty(&self, id: AssetId<Mesh>) -> bool {
+    pub(crate) fn is_empty(&self, id: AssetId<Mesh>) -> bool {
         self.empty.contains(&id)
     }
 
     /// A range of nodes for a top level, beside the bottom levels.
-    pub fn allocate_nodes(&mut self, count: u32, device: &RenderDevice, queue: &RenderQueue) -> Option<Range<u32>> {
+    pub(crate) fn allocate_nodes(
+        &mut self,
+        count: u32,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) -> Option<Range<u32>> {
         let range = self.node_ranges.allocate(count);
         if self.nodes.reserve(self.node_ranges.end(), device, queue) {
             return Some(range);
@@ -216,7 +219,7 @@ impl MeshPool {
     }
 
     /// Gives such a range back.
-    pub fn release_nodes(&mut self, range: Range<u32>) {
+    pub(crate) fn release_nodes(&mut self, range: Range<u32>) {
         self.node_ranges.release(range);
     }
 }

@@ -28,10 +28,7 @@ use bevy::{
     },
 };
 
-use crate::{
-    gpu_types::*,
-    shaders::ShaderTable,
-};
+use crate::{gpu_types::*, shaders::ShaderTable};
 use bindings::{Draw, SceneBindings};
 use extract::ExtractedScene;
 pub use features::SceneFeatures;
@@ -68,10 +65,7 @@ pub(crate) fn build(render_app: &mut SubApp) {
         )
         .add_systems(
             Render,
-            (meshes::finish_meshes, mirror_scene)
-                .chain()
-                .in_set(MirrorScene)
-                .in_set(RenderSystems::PrepareResources),
+            (meshes::finish_meshes, mirror_scene).chain().in_set(MirrorScene).in_set(RenderSystems::PrepareResources),
         );
 }
 

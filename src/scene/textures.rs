@@ -143,7 +143,10 @@ pub(crate) fn note_images(mut pool: ResMut<TexturePool>, extracted: Res<Extracte
         };
         let two_components = matches!(
             image.texture_descriptor.format,
-            TextureFormat::Rg8Unorm | TextureFormat::Rg16Unorm | TextureFormat::Bc5RgUnorm | TextureFormat::EacRg11Unorm
+            TextureFormat::Rg8Unorm
+                | TextureFormat::Rg16Unorm
+                | TextureFormat::Bc5RgUnorm
+                | TextureFormat::EacRg11Unorm
         );
         let info = ImageInfo { flags: flags_of(&descriptor), mean: mean_color(image), two_components };
         pool.info.insert(*id, info);
@@ -174,7 +177,9 @@ fn mean_color(image: &Image) -> LinearRgba {
     let (mut sum, mut count) = ([0.0f64; 3], 0u32);
     for y in (0..size.y).step_by(step.y as usize) {
         for x in (0..size.x).step_by(step.x as usize) {
-            let Ok(color) = image.get_color_at(x, y) else { return LinearRgba::WHITE };
+            let Ok(color) = image.get_color_at(x, y) else {
+                return LinearRgba::WHITE;
+            };
             let c = Color::to_linear(&color);
             for (s, c) in sum.iter_mut().zip([c.red, c.green, c.blue]) {
                 *s += if c.is_finite() { c as f64 } else { 0.0 };
@@ -188,7 +193,7 @@ fn mean_color(image: &Image) -> LinearRgba {
 
 impl TexturePool {
     /// The slot that a material stores; [`NO_TEXTURE`] while the image is not there.
-    pub fn slot(&self, id: AssetId<Image>) -> [u32; 4] {
+    pub(crate) fn slot(&self, id: AssetId<Image>) -> [u32; 4] {
         match (self.placed.get(&id), self.info.get(&id)) {
             (Some(p), Some(info)) => {
                 [p.layer | info.flags, p.corner.x | p.corner.y << 16, p.size.x | p.size.y << 16, 0]
@@ -198,28 +203,28 @@ impl TexturePool {
     }
 
     /// Mean colour, linear.
-    pub fn mean(&self, id: AssetId<Image>) -> LinearRgba {
+    pub(crate) fn mean(&self, id: AssetId<Image>) -> LinearRgba {
         self.info.get(&id).map_or(LinearRgba::WHITE, |info| info.mean)
     }
 
     /// The image holds two components: the third of a normal is theirs to give.
-    pub fn has_two_components(&self, id: AssetId<Image>) -> bool {
+    pub(crate) fn has_two_components(&self, id: AssetId<Image>) -> bool {
         self.info.get(&id).is_some_and(|info| info.two_components)
     }
 
     /// The atlas, once a texture was copied.
-    pub fn view(&self) -> Option<&TextureView> {
+    pub(crate) fn view(&self) -> Option<&TextureView> {
         self.atlas_view.as_ref()
     }
 
     /// Name and bytes, for the statistics.
-    pub fn memory(&self) -> (&'static str, u64) {
+    pub(crate) fn memory(&self) -> (&'static str, u64) {
         let bytes = self.atlas.as_ref().map_or(0, |a| a.width() as u64 * a.height() as u64 * 4 * layers(a) as u64);
         ("texture atlas", bytes)
     }
 
     /// Places and copies the images that are wanted and ready.  True where a slot changed.
-    pub fn update(
+    pub(crate) fn update(
         &mut self,
         wanted: impl Iterator<Item = AssetId<Image>>,
         images: &RenderAssets<GpuImage>,
@@ -249,7 +254,9 @@ impl TexturePool {
             .filter(|id| ready(id) && (!self.placed.contains_key(*id) || self.changed.contains(*id)))
             .copied()
             .collect();
-        let Some(pipeline) = pipelines.get_compute_pipeline(id) else { return false };
+        let Some(pipeline) = pipelines.get_compute_pipeline(id) else {
+            return false;
+        };
         if new.is_empty() {
             return false;
         }
@@ -273,9 +280,9 @@ impl TexturePool {
 
         let limit = device.limits().max_texture_dimension_2d.min(MAX_PAGE);
         let size_of = |id: &AssetId<Image>| {
-            let size = images.get(*id).map_or(UVec2::ONE, |i| {
-                UVec2::new(i.texture_descriptor.size.width, i.texture_descriptor.size.height)
-            });
+            let size = images
+                .get(*id)
+                .map_or(UVec2::ONE, |i| UVec2::new(i.texture_descriptor.size.width, i.texture_descriptor.size.height));
             if size.max_element() > limit {
                 warn!("restir: image {id} is larger than {limit} pixels; it is scaled down");
             }
@@ -314,7 +321,11 @@ impl TexturePool {
         if self.atlas.as_ref().is_none_or(|a| layers(a) < self.packer.pages) {
             let atlas = device.create_texture(&TextureDescriptor {
                 label: Some("texture atlas"),
-                size: Extent3d { width: page_size(&self.packer), height: page_size(&self.packer), depth_or_array_layers: self.packer.pages },
+                size: Extent3d {
+                    width: page_size(&self.packer),
+                    height: page_size(&self.packer),
+                    depth_or_array_layers: self.packer.pages,
+                },
                 mip_level_count: 1,
                 sample_count: 1,
                 dimension: TextureDimension::D2,
@@ -334,7 +345,9 @@ impl TexturePool {
         let layout = pipelines.get_bind_group_layout(&self.layout);
         let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor { label: Some("restir atlas") });
         for id in new {
-            let (Some(image), Some(place)) = (images.get(id), self.placed.get(&id)) else { continue };
+            let (Some(image), Some(place)) = (images.get(id), self.placed.get(&id)) else {
+                continue;
+            };
             let source = image.texture.create_view(&TextureViewDescriptor {
                 dimension: Some(TextureViewDimension::D2),
                 mip_level_count: Some(1),

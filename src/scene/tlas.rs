@@ -30,12 +30,7 @@ pub fn build_tlas(instances: &[(u32, Bounds)]) -> Tlas {
     for (place, &i) in tree.order.iter().enumerate() {
         indices[place / 4][place % 4] = sound[i as usize].0;
     }
-    Tlas {
-        nodes: tree.nodes,
-        indices,
-        bounds: tree.bounds,
-        depth: tree.depth,
-    }
+    Tlas { nodes: tree.nodes, indices, bounds: tree.bounds, depth: tree.depth }
 }
 
 fn is_sound((min, max): &Bounds) -> bool {
@@ -77,10 +72,7 @@ pub fn inverse(rows: &Rows) -> Option<Rows> {
     let terms: [f64; 3] = std::array::from_fn(|c| m[0][c] * cofactor(0, c));
     let determinant: f64 = terms.iter().sum();
     // Against the product of the rows' lengths, the determinant is a pure number: 1 for orthogonal rows.
-    let volume: f64 = m
-        .iter()
-        .map(|r| (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]).sqrt())
-        .product();
+    let volume: f64 = m.iter().map(|r| (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]).sqrt()).product();
     if !determinant.is_finite() || determinant.abs() <= volume * 1.0e-10 {
         return None;
     }

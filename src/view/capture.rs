@@ -69,8 +69,12 @@ pub(crate) fn capture_radiance(
     queue: Res<RenderQueue>,
 ) {
     for (entity, view) in &extracted.0 {
-        let Some(capture) = view.capture.as_ref().filter(|c| c.state().wanted) else { continue };
-        let Some(view) = pool.views.get(entity).filter(|v| v.rendered) else { continue };
+        let Some(capture) = view.capture.as_ref().filter(|c| c.state().wanted) else {
+            continue;
+        };
+        let Some(view) = pool.views.get(entity).filter(|v| v.rendered) else {
+            continue;
+        };
         let bytes = read_buffer(&view.radiance, &device, &queue);
         let mut state = capture.state();
         let count = (view.size.x * view.size.y) as usize;

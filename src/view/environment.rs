@@ -150,8 +150,7 @@ fn build(
 ) -> Entry {
     let levels = WIDTH.ilog2() + 1;
     let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::STORAGE_BINDING;
-    let chain =
-        texture(device, "environment importance", TextureFormat::R32Float, WIDTH, WIDTH / 2, levels, usage);
+    let chain = texture(device, "environment importance", TextureFormat::R32Float, WIDTH, WIDTH / 2, levels, usage);
     let level = |mip| {
         chain.create_view(&TextureViewDescriptor {
             base_mip_level: mip,
@@ -172,7 +171,7 @@ fn build(
             &layouts[2],
             &BindGroupEntries::sequential((&source, &level(mip))),
         );
-        let (width, height) = ((WIDTH >> mip).max(1), (WIDTH / 2 >> mip).max(1));
+        let (width, height) = ((WIDTH >> mip).max(1), ((WIDTH / 2) >> mip).max(1));
         let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
         pass.set_pipeline(if mip == 0 { importance } else { reduce });
         pass.set_bind_group(0, &nothing, &[]);
@@ -185,7 +184,7 @@ fn build(
         source: image.texture.id(),
         map,
         importance: chain.create_view(&TextureViewDescriptor::default()),
-        bytes: (0..levels).map(|m| ((WIDTH >> m).max(1) * (WIDTH / 2 >> m).max(1)) as u64 * 4).sum(),
+        bytes: (0..levels).map(|m| ((WIDTH >> m).max(1) * ((WIDTH / 2) >> m).max(1)) as u64 * 4).sum(),
     }
 }
 
@@ -216,7 +215,7 @@ impl EnvironmentPool {
     }
 
     /// The map and its importance, one texel of nothing each where there is none.
-    pub fn views_of(&self, environment: Option<&ExtractedEnvironment>) -> Option<(&TextureView, &TextureView)> {
+    pub(crate) fn views_of(&self, environment: Option<&ExtractedEnvironment>) -> Option<(&TextureView, &TextureView)> {
         match self.entry(environment) {
             Some(entry) => Some((&entry.map, &entry.importance)),
             None => self.none.as_ref().map(|(map, importance)| (map, importance)),
@@ -224,17 +223,17 @@ impl EnvironmentPool {
     }
 
     /// What an environment asks of the shaders.
-    pub fn features(&self, environment: Option<&ExtractedEnvironment>) -> SceneFeatures {
+    pub(crate) fn features(&self, environment: Option<&ExtractedEnvironment>) -> SceneFeatures {
         environment_features(environment, self.entry(environment).is_some())
     }
 
     /// Changes when the image of an environment does.
-    pub fn revision(&self, environment: Option<&ExtractedEnvironment>) -> u64 {
+    pub(crate) fn revision(&self, environment: Option<&ExtractedEnvironment>) -> u64 {
         self.entry(environment).map_or(0, |_| self.revision)
     }
 
     /// Name and bytes, for the statistics.
-    pub fn memory(&self) -> (&'static str, u64) {
+    pub(crate) fn memory(&self) -> (&'static str, u64) {
         ("environment importance", self.entries.values().map(|e| e.bytes).sum())
     }
 }

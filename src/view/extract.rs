@@ -2,12 +2,12 @@
 
 use bevy::{
     asset::AssetId,
+    camera::ClearColor,
     ecs::prelude::*,
     image::Image,
     log::warn,
     math::{Mat3, Vec3},
     platform::collections::{HashMap, HashSet},
-    camera::ClearColor,
     render::{Extract, camera::ExtractedCamera, sync_world::RenderEntity},
 };
 
@@ -37,13 +37,8 @@ pub(crate) struct ExtractedEnvironment {
 #[derive(Resource, Default)]
 pub(crate) struct ExtractedViews(pub HashMap<Entity, ExtractedRestir>);
 
-type ViewData<'a> = (
-    RenderEntity,
-    &'a bevy::camera::Camera,
-    &'a Restir,
-    Option<&'a RestirEnvironment>,
-    Option<&'a RadianceCapture>,
-);
+type ViewData<'a> =
+    (RenderEntity, &'a bevy::camera::Camera, &'a Restir, Option<&'a RestirEnvironment>, Option<&'a RadianceCapture>);
 
 pub(crate) fn extract_views(
     mut views: ResMut<ExtractedViews>,
@@ -69,7 +64,9 @@ pub(crate) fn extract_views(
         };
         let environment = environment.map(|e| {
             let scale = if e.intensity.is_finite() { e.intensity.max(0.0) } else { 0.0 };
-            let channel = |c: f32| if c.is_finite() { (c.max(0.0) * scale).min(1e30) } else { 0.0 };
+            let channel = |c: f32| {
+                if c.is_finite() { (c.max(0.0) * scale).min(1e30) } else { 0.0 }
+            };
             ExtractedEnvironment {
                 color: Vec3::new(channel(e.color.red), channel(e.color.green), channel(e.color.blue)),
                 image: e.image.as_ref().map(|image| image.id()),

@@ -140,13 +140,18 @@ fn prepare_views(
 ) {
     pool.views.retain(|entity, _| extracted.0.contains_key(entity));
     for (&entity, restir) in &extracted.0 {
-        let Ok((camera, view, target, jitter)) = cameras.get(entity) else { continue };
+        let Ok((camera, view, target, jitter)) = cameras.get(entity) else {
+            continue;
+        };
         if !extract::has_view(Some(camera)) {
             continue;
         }
         let size = UVec2::new(view.viewport.z, view.viewport.w).max(UVec2::ONE);
-        let Some((map, importance)) = environments.views_of(restir.environment.as_ref()) else { continue };
-        let state = pool.views.entry(entity).or_insert_with(|| RestirView::new(size, &device, &pipelines, map, importance));
+        let Some((map, importance)) = environments.views_of(restir.environment.as_ref()) else {
+            continue;
+        };
+        let state =
+            pool.views.entry(entity).or_insert_with(|| RestirView::new(size, &device, &pipelines, map, importance));
         if state.size != size || state.bound_environment != (map.id(), importance.id()) {
             let fresh = RestirView::new(size, &device, &pipelines, map, importance);
             let kept = core::mem::replace(state, fresh);
@@ -162,7 +167,8 @@ fn prepare_views(
 
         let features = scene.features | environments.features(restir.environment.as_ref());
         state.key = passes.choose(Frame::of(&restir.settings), features, state.key, &pipelines);
-        state.key_is_wanted = state.key.is_some_and(|key| key.features == features && key.frame == Frame::of(&restir.settings));
+        state.key_is_wanted =
+            state.key.is_some_and(|key| key.features == features && key.frame == Frame::of(&restir.settings));
         let format = target.map(|t| t.main_texture_format());
         let composite = format.is_some_and(|format| passes.ask_composite(format, &pipelines));
         state.rendered = composite && state.key.is_some() && scene.bind_group.is_some();
@@ -199,8 +205,11 @@ impl RestirView {
                 .create_view(&TextureViewDescriptor::default())
         };
         let target = TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING;
-        let uniforms =
-            buffer("view uniforms", size_of::<GpuViewUniforms>() as u64, BufferUsages::UNIFORM | BufferUsages::COPY_DST);
+        let uniforms = buffer(
+            "view uniforms",
+            size_of::<GpuViewUniforms>() as u64,
+            BufferUsages::UNIFORM | BufferUsages::COPY_DST,
+        );
         let visibility = texture("visibility", VISIBILITY_FORMAT, target);
         let ray_counts = texture("ray counts", TextureFormat::R32Uint, TextureUsages::STORAGE_BINDING);
         let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
@@ -241,7 +250,7 @@ impl RestirView {
     }
 
     /// Names and bytes of what this view holds.
-    pub fn memory(&self) -> Vec<(&'static str, u64)> {
+    pub(crate) fn memory(&self) -> Vec<(&'static str, u64)> {
         let pixels = pixels(self.size);
         vec![
             ("view uniforms", size_of::<GpuViewUniforms>() as u64),

@@ -26,11 +26,7 @@ pub fn dot(a: V, b: V) -> f64 {
 }
 
 pub fn cross(a: V, b: V) -> V {
-    [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    ]
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
 impl BruteForce {
@@ -52,10 +48,7 @@ impl BruteForce {
     /// `margin` is in barycentric units.
     pub fn closest(&self, ray: &Ray, margin: f64) -> Closest {
         let (o, d) = (ray.origin.map(f64::from), ray.direction.map(f64::from));
-        let mut best = Closest {
-            shrunk: f64::from(ray.t_max),
-            grown: f64::from(ray.t_max),
-        };
+        let mut best = Closest { shrunk: f64::from(ray.t_max), grown: f64::from(ray.t_max) };
         for [v0, v1, v2] in &self.triangles {
             let (e1, e2) = (sub(*v1, *v0), sub(*v2, *v0));
             let p = cross(d, e2);
@@ -65,11 +58,7 @@ impl BruteForce {
             }
             let s = sub(o, *v0);
             let q = cross(s, e1);
-            let (u, v, t) = (
-                dot(s, p) / determinant,
-                dot(d, q) / determinant,
-                dot(e2, q) / determinant,
-            );
+            let (u, v, t) = (dot(s, p) / determinant, dot(d, q) / determinant, dot(e2, q) / determinant);
             let inside = u.min(v).min(1.0 - u - v);
             if t > f64::from(ray.t_min) {
                 if inside > margin && t < best.shrunk {

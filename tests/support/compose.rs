@@ -22,11 +22,7 @@ pub fn module_name(path: &str) -> String {
 
 /// Paths and texts of the library modules, each after what it imports.
 pub fn library() -> Vec<(&'static str, &'static str)> {
-    let mut rest: Vec<_> = MODULES
-        .iter()
-        .copied()
-        .filter(|(path, _)| !path.starts_with("pass/"))
-        .collect();
+    let mut rest: Vec<_> = MODULES.iter().copied().filter(|(path, _)| !path.starts_with("pass/")).collect();
     let known: HashSet<String> = rest.iter().map(|(path, _)| module_name(path)).collect();
     let mut done = HashSet::new();
     let mut ordered = Vec::new();
@@ -35,9 +31,7 @@ pub fn library() -> Vec<(&'static str, &'static str)> {
         rest.retain(|&(path, text)| {
             let (_, imports, _) = get_preprocessor_data(text);
             let ready = imports.iter().all(|i| {
-                let module = known
-                    .iter()
-                    .find(|m| i.import == **m || i.import.starts_with(&format!("{m}::")));
+                let module = known.iter().find(|m| i.import == **m || i.import.starts_with(&format!("{m}::")));
                 module.is_none_or(|m| done.contains(m))
             });
             if ready {

@@ -24,23 +24,13 @@ pub fn gpu() -> Option<&'static Gpu> {
 
 async fn open() -> Option<Gpu> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-    let adapter = instance
-        .request_adapter(&wgpu::RequestAdapterOptions::default())
-        .await
-        .ok()?;
+    let adapter = instance.request_adapter(&wgpu::RequestAdapterOptions::default()).await.ok()?;
     // The portable tier: what WebGPU promises everywhere.
     let (device, queue) = adapter
-        .request_device(&wgpu::DeviceDescriptor {
-            required_limits: wgpu::Limits::default(),
-            ..Default::default()
-        })
+        .request_device(&wgpu::DeviceDescriptor { required_limits: wgpu::Limits::default(), ..Default::default() })
         .await
         .expect("the adapter offers WebGPU's limits");
-    Some(Gpu {
-        device,
-        queue,
-        name: adapter.get_info().name,
-    })
+    Some(Gpu { device, queue, name: adapter.get_info().name })
 }
 
 /// What a kernel reads or writes at (group, binding).
@@ -77,11 +67,7 @@ impl Gpu {
             compilation_options: Default::default(),
             cache: None,
         });
-        Kernel {
-            gpu: self,
-            pipeline,
-            used,
-        }
+        Kernel { gpu: self, pipeline, used }
     }
 
     /// A storage buffer that can be read back.
@@ -118,12 +104,8 @@ impl Gpu {
         let mut encoder = self.device.create_command_encoder(&Default::default());
         encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, buffer.size());
         self.queue.submit([encoder.finish()]);
-        staging
-            .slice(..)
-            .map_async(wgpu::MapMode::Read, |result| result.expect("the staging buffer maps"));
-        self.device
-            .poll(wgpu::PollType::wait_indefinitely())
-            .expect("the device answers");
+        staging.slice(..).map_async(wgpu::MapMode::Read, |result| result.expect("the staging buffer maps"));
+        self.device.poll(wgpu::PollType::wait_indefinitely()).expect("the device answers");
         let bytes = staging.slice(..).get_mapped_range();
         bytemuck::pod_collect_to_vec(&bytes)
     }

@@ -23,9 +23,7 @@ impl Random {
 
     pub fn bits(&mut self) -> u32 {
         let old = self.0;
-        self.0 = old
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
+        self.0 = old.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         ((((old >> 18) ^ old) >> 27) as u32).rotate_right((old >> 59) as u32)
     }
 
@@ -43,11 +41,7 @@ impl Random {
     }
 
     pub fn point(&mut self, size: f32) -> [f32; 3] {
-        [
-            self.range(-size, size),
-            self.range(-size, size),
-            self.range(-size, size),
-        ]
+        [self.range(-size, size), self.range(-size, size), self.range(-size, size)]
     }
 
     /// Uniform on the sphere.
@@ -88,22 +82,13 @@ pub struct Answer {
 pub const FAR: f32 = 3.0e38;
 
 pub fn ray(origin: [f32; 3], direction: [f32; 3]) -> Ray {
-    Ray {
-        origin,
-        t_min: 0.0,
-        direction,
-        t_max: FAR,
-    }
+    Ray { origin, t_min: 0.0, direction, t_max: FAR }
 }
 
 /// Triangles without attributes.
 pub fn soup(positions: Vec<[[f32; 3]; 3]>) -> Geometry {
     let attributes = vec![Default::default(); positions.len()];
-    Geometry {
-        positions,
-        attributes,
-        ..Default::default()
-    }
+    Geometry { positions, attributes, ..Default::default() }
 }
 
 pub fn random_soup(random: &mut Random, count: usize, size: f32, triangle: f32) -> Geometry {
@@ -126,14 +111,7 @@ pub fn sphere(rings: usize, segments: usize, bump: f32, place: impl Fn([f32; 3])
             return place([0.0, if i == 0 { 1.0 } else { -1.0 }, 0.0]);
         }
         let r = 1.0 + f64::from(bump) * (7.0 * theta).sin() * (5.0 * phi).sin();
-        place(
-            [
-                r * theta.sin() * phi.cos(),
-                r * theta.cos(),
-                r * theta.sin() * phi.sin(),
-            ]
-            .map(|x| x as f32),
-        )
+        place([r * theta.sin() * phi.cos(), r * theta.cos(), r * theta.sin() * phi.sin()].map(|x| x as f32))
     };
     let mut triangles = Vec::new();
     for i in 0..rings {
@@ -187,10 +165,7 @@ impl TestScene {
     /// Instances are (mesh, transform, material, flags).
     pub fn new(meshes: &[Geometry], instances: &[(usize, Rows, u32, u32)]) -> Self {
         let blas: Vec<Option<Blas>> = meshes.iter().map(build_blas).collect();
-        let mut scene = Self {
-            materials: vec![GpuMaterial::default()],
-            ..Default::default()
-        };
+        let mut scene = Self { materials: vec![GpuMaterial::default()], ..Default::default() };
         let mut places = Vec::new();
         for b in &blas {
             let (root, first) = (scene.nodes.len() as u32 / NODE_STRIDE, scene.triangles.len() as u32);
@@ -217,10 +192,7 @@ impl TestScene {
                 ..Default::default()
             });
             if let Some(b) = &blas[mesh] {
-                boxes.push((
-                    i as u32,
-                    world_bounds(&world, &b.bounds).expect("tests make finite boxes"),
-                ));
+                boxes.push((i as u32, world_bounds(&world, &b.bounds).expect("tests make finite boxes")));
             }
         }
         let mut tlas = build_tlas(&boxes);
