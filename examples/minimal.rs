@@ -25,10 +25,11 @@ fn setup(mut commands: Commands, mut meshes: ResMut<Assets<Mesh>>, mut materials
     commands.spawn((Mesh3d(meshes.add(Sphere::new(0.7))), MeshMaterial3d(gold), Transform::from_xyz(-0.9, 0.7, 0.0)));
     let cube = meshes.add(Cuboid::from_length(1.1));
     commands.spawn((Mesh3d(cube), MeshMaterial3d(clay), Transform::from_xyz(0.9, 0.55, -0.2), Turning));
-    commands.spawn((Mesh3d(meshes.add(Sphere::new(0.3))), MeshMaterial3d(lamp), Transform::from_xyz(0.2, 2.4, 0.8)));
+    commands.spawn((Mesh3d(meshes.add(Sphere::new(0.3))), MeshMaterial3d(lamp), Transform::from_xyz(0.6, 3.6, 1.4)));
 
     let eye = Transform::from_xyz(0.0, 2.0, 5.0).looking_at(Vec3::new(0.0, 0.7, 0.0), Vec3::Y);
-    commands.spawn((Camera3d::default(), eye, Restir::default()));
+    let sky = RestirEnvironment { color: LinearRgba::rgb(60.0, 90.0, 140.0), ..default() };
+    commands.spawn((Camera3d::default(), eye, Restir::default(), sky));
 }
 
 /// Turns while a key is held, so that the picture is still, and clean, most of the time.

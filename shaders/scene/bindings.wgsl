@@ -12,3 +12,5 @@
 @group(0) @binding(5) var<storage, read> materials: array<Material>;
 @group(0) @binding(6) var<storage, read> lights: array<Light>;
 @group(0) @binding(7) var atlas: texture_2d_array<f32>;
+// What a GGX lobe with F = 1 reflects at once: the cosine of wo across, perceptual roughness down.
+@group(0) @binding(8) var specular_albedo: texture_2d<f32>;

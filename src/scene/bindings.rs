@@ -26,6 +26,7 @@ pub(crate) fn scene_layout() -> BindGroupLayoutDescriptor {
                 storage_buffer_read_only_sized(false, None),
                 storage_buffer_read_only_sized(false, None),
                 texture_2d_array(TextureSampleType::Float { filterable: false }),
+                texture_2d(TextureSampleType::Float { filterable: false }),
             ),
         ),
     )
@@ -39,9 +40,11 @@ pub(crate) struct SceneBindings {
     written: GpuSceneUniforms,
     /// Buffers and views that the bind group was made of.
     made_of: Vec<BufferId>,
-    made_with: Option<TextureViewId>,
-    /// Bound where a scene has no texture.
-    pub no_texture: Option<TextureView>,
+    made_with: [Option<TextureViewId>; 2],
+    /// Bound where a scene has no texture: an array of one page, and one texel.
+    pub no_texture: Option<[TextureView; 2]>,
+    /// What energy compensation reads, once a camera asks for it.
+    pub albedo: Option<TextureView>,
     pub features: SceneFeatures,
     /// Counts changes of anything that can be seen.
     pub revision: u64,
@@ -95,19 +98,20 @@ impl SceneBindings {
         device: &RenderDevice,
         pipelines: &PipelineCache,
         buffers: [&Buffer; 7],
-        atlas: &TextureView,
+        textures: [&TextureView; 2],
     ) {
         let ids: Vec<_> = buffers.iter().map(|b| b.id()).collect();
-        if self.bind_group.is_some() && ids == self.made_of && Some(atlas.id()) == self.made_with {
+        let made_with = textures.map(|texture| Some(texture.id()));
+        if self.bind_group.is_some() && ids == self.made_of && made_with == self.made_with {
             return;
         }
         let [a, b, c, d, e, f, g] = buffers.map(|b| b.as_entire_binding());
         self.bind_group = Some(device.create_bind_group(
             "restir scene",
             &pipelines.get_bind_group_layout(&scene_layout()),
-            &BindGroupEntries::sequential((a, b, c, d, e, f, g, atlas)),
+            &BindGroupEntries::sequential((a, b, c, d, e, f, g, textures[0], textures[1])),
         ));
         self.made_of = ids;
-        self.made_with = Some(atlas.id());
+        self.made_with = made_with;
     }
 }

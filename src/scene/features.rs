@@ -31,6 +31,7 @@ features! {
     TRANSMISSION = 8, "TRANSMISSION", "Specular transmission.";
     ATTENUATION = 9, "ATTENUATION", "Absorption within transmissive bodies.";
     UNLIT = 10, "UNLIT", "Unlit materials.";
+    ENERGY_COMPENSATION = 11, "ENERGY_COMPENSATION", "Energy compensation is asked for by the camera.";
 }
 
 impl SceneFeatures {

@@ -1,6 +1,7 @@
 //! The ECS mirrored into GPU buffers, in the order of the files: extract → geometry → blas → meshes; textures → materials; instances
 //! → tlas; lights → alias; bindings.  A still scene uploads no byte.
 
+pub mod albedo;
 pub mod alias;
 pub(crate) mod bindings;
 pub mod blas;
@@ -28,7 +29,7 @@ use bevy::{
     },
 };
 
-use crate::{gpu_types::*, shaders::ShaderTable};
+use crate::{gpu_types::*, shaders::ShaderTable, view::extract::ExtractedViews};
 use bindings::{Draw, SceneBindings};
 use extract::ExtractedScene;
 pub use features::SceneFeatures;
@@ -77,6 +78,7 @@ fn mirror_scene(
     mut instances: ResMut<InstancePool>,
     mut lights: ResMut<LightPool>,
     mut bindings: ResMut<SceneBindings>,
+    views: Res<ExtractedViews>,
     images: Res<RenderAssets<GpuImage>>,
     pipelines: Res<PipelineCache>,
     shaders: Res<ShaderTable>,
@@ -99,6 +101,9 @@ fn mirror_scene(
     uploaded += lights.upload(&device, &queue);
 
     let bindings = &mut *bindings;
+    if bindings.albedo.is_none() && views.0.values().any(|view| view.settings.energy_compensation) {
+        bindings.albedo = Some(albedo::texture(&device, &queue));
+    }
     let [tlas_root, tlas_indices, previous_tlas_root, previous_tlas_indices] = instances.top_levels();
     let uniforms = GpuSceneUniforms {
         tlas_root,
@@ -133,7 +138,10 @@ fn mirror_scene(
             lights.gpu.buffer(),
         )
     {
-        bindings.bind(&device, &pipelines, [&u, n, t, a, i, m, l], textures.view().unwrap_or(&no_texture));
+        let [no_page, no_texel] = &no_texture;
+        let albedo = bindings.albedo.clone();
+        let atlas = textures.view().unwrap_or(no_page);
+        bindings.bind(&device, &pipelines, [&u, n, t, a, i, m, l], [atlas, albedo.as_ref().unwrap_or(no_texel)]);
     }
 
     bindings.features = instances.features | lights.features;
@@ -148,6 +156,7 @@ fn mirror_scene(
         materials.gpu.memory(),
         lights.gpu.memory(),
         textures.memory(),
+        ("specular albedo", bindings.albedo.as_ref().map_or(0, |_| (albedo::SIZE * albedo::SIZE * 4) as u64)),
         ("scene uniforms", size_of::<GpuSceneUniforms>() as u64),
     ];
     bindings.triangles = instances.triangles;
@@ -166,17 +175,19 @@ fn mirror_scene(
     }));
 }
 
-fn no_texture(device: &RenderDevice) -> TextureView {
-    device
-        .create_texture(&TextureDescriptor {
-            label: Some("restir no texture"),
-            size: Extent3d { width: 1, height: 1, depth_or_array_layers: 1 },
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: TextureDimension::D2,
-            format: TextureFormat::Rgba8Unorm,
-            usage: TextureUsages::TEXTURE_BINDING,
-            view_formats: &[],
-        })
-        .create_view(&TextureViewDescriptor { dimension: Some(TextureViewDimension::D2Array), ..Default::default() })
+fn no_texture(device: &RenderDevice) -> [TextureView; 2] {
+    [TextureViewDimension::D2Array, TextureViewDimension::D2].map(|dimension| {
+        device
+            .create_texture(&TextureDescriptor {
+                label: Some("restir no texture"),
+                size: Extent3d { width: 1, height: 1, depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: TextureDimension::D2,
+                format: TextureFormat::Rgba8Unorm,
+                usage: TextureUsages::TEXTURE_BINDING,
+                view_formats: &[],
+            })
+            .create_view(&TextureViewDescriptor { dimension: Some(dimension), ..Default::default() })
+    })
 }

@@ -165,7 +165,8 @@ fn prepare_views(
         state.origin = UVec2::new(view.viewport.x, view.viewport.y);
         state.settings = restir.settings.clone();
 
-        let features = scene.features | environments.features(restir.environment.as_ref());
+        let mut features = scene.features | environments.features(restir.environment.as_ref());
+        features.set(SceneFeatures::ENERGY_COMPENSATION, restir.settings.energy_compensation);
         state.key = passes.choose(Frame::of(&restir.settings), features, state.key, &pipelines);
         state.key_is_wanted =
             state.key.is_some_and(|key| key.features == features && key.frame == Frame::of(&restir.settings));
