@@ -25,6 +25,20 @@ pub const MODULES: &[(&str, &str)] = table![
     "scene/triangle.wgsl",
     "view/types.wgsl",
     "view/bindings.wgsl",
+    "bsdf/types.wgsl",
+    "bsdf/fresnel.wgsl",
+    "bsdf/ggx.wgsl",
+    "bsdf/diffuse.wgsl",
+    "bsdf/transmission.wgsl",
+    "bsdf/reflection.wgsl",
+    "bsdf/bsdf.wgsl",
+    "light/types.wgsl",
+    "light/environment.wgsl",
+    "light/triangle.wgsl",
+    "light/point.wgsl",
+    "light/directional.wgsl",
+    "light/light.wgsl",
+    "light/select.wgsl",
 ];
 
 /// The handles that keep the modules alive, by path.

@@ -1,3 +1,5 @@
 //! Every claim of the crate, one module a subject; one binary, so that Bevy is linked once.
 
 mod support;
+
+mod bsdf;

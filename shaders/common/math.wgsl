@@ -58,6 +58,7 @@ fn equirectangular_direction(uv: vec2<f32>) -> vec3<f32> {
 fn equirectangular_uv(d: vec3<f32>) -> vec2<f32> {
     return vec2<f32>(
         0.5 + atan2(d.x, -d.z) / 6.28318530717958647692,
-        acos(clamp(d.y, -1.0, 1.0)) / 3.14159265358979323846,
+        // acos(d.y), but exact near the poles.
+        atan2(length(d.xz), d.y) / 3.14159265358979323846,
     );
 }

@@ -3,3 +3,6 @@
 
 pub mod compose;
 pub mod gpu;
+pub mod materials;
+pub mod oracle;
+pub mod stats;

@@ -1,0 +1,37 @@
+// LOBE_REFLECTION: dielectric coat, metal and the reflection of a thick interface, which share D and G and so make one lobe.
+// Local frame, n = z.  Its Fresnel factor is the sum of theirs.
+#define_import_path bevy_restir::bsdf::reflection
+
+#import bevy_restir::bsdf::fresnel::schlick
+#import bevy_restir::bsdf::ggx::{ggx_d, ggx_g1_over_cos, ggx_g2_over_cos_cos}
+#import bevy_restir::bsdf::transmission::interface_reflectance
+#import bevy_restir::bsdf::types::Bsdf
+
+// Share of light that a microfacet reflects, c = wo.h
+fn reflectance(b: Bsdf, c: f32) -> vec3<f32> {
+    return (1.0 - b.metallic) * (1.0 - b.transmission) * schlick(b.dielectric_f0, c)
+        + b.metallic * schlick(b.base_color, c)
+        + interface_reflectance(b, c);
+}
+
+// f·|n.wi| of a rough lobe
+fn reflection_eval(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> vec3<f32> {
+    if !(wi.z > 0.0) {
+        return vec3<f32>(0.0);
+    }
+    let h = normalize(wo + wi);
+    let d_g2 = ggx_d(h, b.roughness) * ggx_g2_over_cos_cos(wo, wi, b.roughness) * wi.z;
+    return reflectance(b, dot(wo, h)) * (0.25 * d_g2);
+}
+
+fn reflection_sample(b: Bsdf, wo: vec3<f32>, h: vec3<f32>) -> vec3<f32> {
+    return 2.0 * dot(wo, h) * h - wo;
+}
+
+// Solid angle of wi, given that a sampled normal reflects: the visible normals' over 4 wo.h
+fn reflection_pdf(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> f32 {
+    if !(wi.z > 0.0) {
+        return 0.0;
+    }
+    return 0.25 * ggx_g1_over_cos(wo, b.roughness) * ggx_d(normalize(wo + wi), b.roughness);
+}

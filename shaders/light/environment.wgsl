@@ -1,0 +1,207 @@
+// The light at infinity: a colour, times an equirectangular map.  A map is importance-sampled by descent of a chain of sums
+// (McCool and Harwood 1997); inside a cell of the finest level the density is constant in solid angle, so the poles are ordinary.
+#define_import_path bevy_restir::light::environment
+
+#import bevy_restir::common::constants::{FOUR_PI, PI, TWO_PI}
+#import bevy_restir::common::math::{equirectangular_uv, luminance}
+#import bevy_restir::view::bindings::{environment_importance, environment_map, view}
+
+struct EnvironmentSample {
+    direction: vec3<f32>,      // in the world
+    pdf_solid_angle: f32,      // 0: nothing was sampled
+}
+
+#ifdef ENVIRONMENT
+// Radiance from a direction in the world.
+fn environment_radiance(direction: vec3<f32>) -> vec3<f32> {
+    return view.environment_color * map_radiance(view.environment_rotation * direction);
+}
+
+// ∫ luminance dω
+fn environment_flux() -> f32 {
+    return luminance(view.environment_color) * map_flux();
+}
+
+fn environment_sample(u: vec2<f32>) -> EnvironmentSample {
+    let s = map_sample(u);
+    // The inverse of a rotation is its transposed.
+    return EnvironmentSample(normalize(s.direction * view.environment_rotation), s.pdf_solid_angle);
+}
+
+fn environment_pdf(direction: vec3<f32>) -> f32 {
+    return map_pdf(view.environment_rotation * direction);
+}
+#else
+fn environment_radiance(direction: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(0.0);
+}
+
+fn environment_flux() -> f32 {
+    return 0.0;
+}
+
+fn environment_sample(u: vec2<f32>) -> EnvironmentSample {
+    return EnvironmentSample(vec3<f32>(0.0, 1.0, 0.0), 0.0);
+}
+
+fn environment_pdf(direction: vec3<f32>) -> f32 {
+    return 0.0;
+}
+#endif
+
+#ifdef ENVIRONMENT_MAP
+// Bilinear; round in u, ending at the poles in v.
+fn map_radiance(d: vec3<f32>) -> vec3<f32> {
+    let size = vec2<i32>(textureDimensions(environment_map));
+    let at = equirectangular_uv(d) * vec2<f32>(size) - 0.5;
+    let low = floor(at);
+    let f = at - low;
+    let x = vec2<i32>(i32(low.x), i32(low.x) + 1);
+    let y = vec2<i32>(i32(low.y), i32(low.y) + 1);
+    return mix(
+        mix(map_texel(x.x, y.x, size), map_texel(x.y, y.x, size), f.x),
+        mix(map_texel(x.x, y.y, size), map_texel(x.y, y.y, size), f.x),
+        f.y,
+    );
+}
+
+fn map_texel(x: i32, y: i32, size: vec2<i32>) -> vec3<f32> {
+    let wrapped = ((x % size.x) + size.x) % size.x;
+    // Negative texels would take light away, and non-finite ones spread: out they go.
+    return clamp(textureLoad(environment_map, vec2<i32>(wrapped, clamp(y, 0, size.y - 1)), 0).rgb, vec3<f32>(0.0), vec3<f32>(1.0e30));
+}
+
+fn map_flux() -> f32 {
+    return importance(vec2<u32>(0u), textureNumLevels(environment_importance) - 1u);
+}
+
+fn map_sample(u: vec2<f32>) -> EnvironmentSample {
+    // Descend from the 1x1 level, row before column, using u up as we go.
+    let levels = textureNumLevels(environment_importance);
+    let size = textureDimensions(environment_importance);
+    var cell = vec2<u32>(0u);
+    var rest = u;
+    for (var k = 1u; k < levels; k++) {
+        let level = levels - 1u - k;
+        // A side that is 1 already does not divide any more.
+        let parent = max(size >> vec2<u32>(level + 1u), vec2<u32>(1u));
+        let divided = vec2<u32>(max(size >> vec2<u32>(level), vec2<u32>(1u)) > parent);
+        cell *= 1u + divided;
+        let a = importance(cell, level);
+        let b = f32(divided.x) * importance(cell + vec2<u32>(divided.x, 0u), level);
+        let c = f32(divided.y) * importance(cell + vec2<u32>(0u, divided.y), level);
+        let d = f32(divided.x * divided.y) * importance(cell + divided, level);
+        let sum = a + b + c + d;
+        if !(sum > 0.0) {
+            return EnvironmentSample(vec3<f32>(0.0, 1.0, 0.0), 0.0);
+        }
+        let row = split(rest.y, (a + b) / sum);
+        rest.y = row.y;
+        let first = select(a, c, row.x > 0.0);
+        let both = select(a + b, c + d, row.x > 0.0);
+        let column = split(rest.x, first / both);
+        rest.x = column.y;
+        cell += vec2<u32>(u32(column.x), u32(row.x));
+    }
+    return EnvironmentSample(cell_direction(cell, size, rest), cell_pdf(cell, size));
+}
+
+// Which side of `share` u falls on, 0 or 1, and u stretched over that side.
+fn split(u: f32, share: f32) -> vec2<f32> {
+    if u < share {
+        return vec2<f32>(0.0, min(u / share, 0.99999994));
+    }
+    return vec2<f32>(1.0, min((u - share) / (1.0 - share), 0.99999994));
+}
+
+// Uniform in the solid angle of a cell, in the map's frame.
+fn cell_direction(cell: vec2<u32>, size: vec2<u32>, u: vec2<f32>) -> vec3<f32> {
+    let phi = TWO_PI * ((f32(cell.x) + u.x) / f32(size.x) - 0.5);
+    // s = sin²(θ/2) is linear in cosθ, and exact near the pole that it is measured from.
+    let south = 2u * cell.y >= size.y && size.y > 1u;
+    let row = f32(select(cell.y, size.y - 1u - cell.y, south));
+    let v = select(u.y, 1.0 - u.y, south);
+    let s = mix(half_sine_squared(row / f32(size.y)), half_sine_squared((row + 1.0) / f32(size.y)), v);
+    let sin_theta = 2.0 * sqrt(max(s * (1.0 - s), 0.0));
+    let cos_theta = 1.0 - 2.0 * s;
+    return vec3<f32>(sin_theta * sin(phi), select(cos_theta, -cos_theta, south), -sin_theta * cos(phi));
+}
+
+fn half_sine_squared(v: f32) -> f32 {
+    let s = sin(0.5 * PI * v);
+    return s * s;
+}
+
+fn map_pdf(d: vec3<f32>) -> f32 {
+    let size = textureDimensions(environment_importance);
+    return cell_pdf(min(vec2<u32>(equirectangular_uv(d) * vec2<f32>(size)), size - 1u), size);
+}
+
+fn cell_pdf(cell: vec2<u32>, size: vec2<u32>) -> f32 {
+    let total = map_flux();
+    if !(total > 0.0) {
+        return 0.0;
+    }
+    return importance(cell, 0u) / total / cell_solid_angle(cell.y, size);
+}
+
+fn importance(cell: vec2<u32>, level: u32) -> f32 {
+    return textureLoad(environment_importance, cell, level).x;
+}
+
+// What level 0 of `environment_importance` holds in a cell: solid angle · mean luminance of the bilinear map over the cell, exact,
+// so that it is 0 only where the map is.  `size` is that of level 0; every next level is the 2x2 sum of the one before.
+fn environment_cell_importance(cell: vec2<u32>, size: vec2<u32>) -> f32 {
+    let map = vec2<i32>(textureDimensions(environment_map));
+    let low = vec2<f32>(cell) / vec2<f32>(size) * vec2<f32>(map);
+    let high = vec2<f32>(cell + 1u) / vec2<f32>(size) * vec2<f32>(map);
+    let first = vec2<i32>(floor(low - 0.5));
+    let last = vec2<i32>(floor(high + 0.5));
+    var sum = 0.0;
+    for (var y = first.y; y <= last.y; y++) {
+        var row = 0.0;
+        for (var x = first.x; x <= last.x; x++) {
+            row += tent_integral(low.x, high.x, x) * luminance(map_texel(x, y, map));
+        }
+        sum += tent_integral(low.y, high.y, y) * row;
+    }
+    let mean = sum / ((high.x - low.x) * (high.y - low.y));
+    return mean * cell_solid_angle(cell.y, size);
+}
+
+// ∫ from a to b of the tent of width 2 about the centre of texel i.
+fn tent_integral(a: f32, b: f32, i: i32) -> f32 {
+    let centre = f32(i) + 0.5;
+    return tent_primitive(b - centre) - tent_primitive(a - centre);
+}
+
+fn tent_primitive(t: f32) -> f32 {
+    let x = clamp(t, -1.0, 1.0);
+    return x - 0.5 * x * abs(x);
+}
+#else
+fn map_radiance(d: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(1.0);
+}
+
+fn map_flux() -> f32 {
+    return FOUR_PI;
+}
+
+fn map_sample(u: vec2<f32>) -> EnvironmentSample {
+    let z = 1.0 - 2.0 * u.x;
+    let r = 2.0 * sqrt(u.x * (1.0 - u.x));
+    let phi = TWO_PI * u.y;
+    return EnvironmentSample(vec3<f32>(r * cos(phi), r * sin(phi), z), 1.0 / FOUR_PI);
+}
+
+fn map_pdf(d: vec3<f32>) -> f32 {
+    return 1.0 / FOUR_PI;
+}
+#endif
+
+// Solid angle of a cell of row y: 2π/width · (cosθ above - cosθ below), by the sine of the mean to keep small cells exact.
+fn cell_solid_angle(y: u32, size: vec2<u32>) -> f32 {
+    let half_height = 0.5 * PI / f32(size.y);
+    return TWO_PI / f32(size.x) * 2.0 * sin((2.0 * f32(y) + 1.0) * half_height) * sin(half_height);
+}

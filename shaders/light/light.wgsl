@@ -1,0 +1,49 @@
+// The switch over the kinds of light.
+#define_import_path bevy_restir::light::light
+
+#import bevy_restir::common::constants::{FAR, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, LIGHT_TRIANGLE, NONE}
+#import bevy_restir::light::directional::directional_light_sample
+#import bevy_restir::light::environment::{environment_radiance, environment_sample}
+#import bevy_restir::light::point::point_light_sample
+#import bevy_restir::light::triangle::triangle_light_sample
+#import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, no_light_sample}
+#import bevy_restir::scene::bindings::{lights, scene}
+
+// A point or direction of a light, as seen from a point.  `light`: an index into the table, ENVIRONMENT_LIGHT or NONE.
+fn light_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> LightSample {
+    if light == ENVIRONMENT_LIGHT {
+        return environment_light_sample(u);
+    }
+    if light >= scene.light_count {
+        return no_light_sample();
+    }
+    switch lights[light].kind {
+        case LIGHT_TRIANGLE: {
+            return triangle_light_sample(light, from_point, u);
+        }
+        case LIGHT_POINT, LIGHT_SPOT: {
+            return point_light_sample(light, from_point);
+        }
+        case LIGHT_DIRECTIONAL: {
+            return directional_light_sample(light);
+        }
+        default: {
+            return no_light_sample();
+        }
+    }
+}
+
+fn environment_light_sample(u: vec2<f32>) -> LightSample {
+    let e = environment_sample(u);
+    var s = no_light_sample();
+    if !(e.pdf_solid_angle > 0.0) {
+        return s;
+    }
+    s.light = ENVIRONMENT_LIGHT;
+    s.delta = 0u;
+    s.wi = e.direction;
+    s.position = e.direction;
+    s.radiance = environment_radiance(e.direction);
+    s.pdf_solid_angle = e.pdf_solid_angle;
+    return s;
+}

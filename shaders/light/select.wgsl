@@ -1,0 +1,76 @@
+// Chooses one light of all: the environment, or a light of the table by its alias (Vose 1991), both by power.
+#define_import_path bevy_restir::light::select
+
+#import bevy_restir::common::constants::{NONE, PI}
+#import bevy_restir::common::math::is_finite
+#import bevy_restir::light::environment::environment_flux
+#import bevy_restir::light::types::ENVIRONMENT_LIGHT
+#import bevy_restir::scene::bindings::{lights, scene}
+
+// Power tells little of what reaches a point: neither side is starved where both exist.
+const SHARE_MIN: f32 = 0.05;
+
+struct LightChoice {
+    light: u32,            // index into the table, ENVIRONMENT_LIGHT, or NONE
+    pmf: f32,              // 0: there is no light
+}
+
+fn light_select(u: vec2<f32>) -> LightChoice {
+    let environment = environment_pmf();
+    if u.y < environment {
+        return LightChoice(ENVIRONMENT_LIGHT, environment);
+    }
+    if !table_shines() {
+        return LightChoice(NONE, 0.0);
+    }
+
+    // 24 bits of u.x alone would favour lights of a long table by up to count/2^24; 8 more come from the low end of u.y.
+    let word = u32(u.x * 0x1p24) << 8u | (u32(u.y * 0x1p24) & 0xffu);
+    let bin = min(multiply_high(word, scene.light_count), scene.light_count - 1u);
+    let v = (u.y - environment) / (1.0 - environment);
+    let light = select(lights[bin].alias_index, bin, v < lights[bin].alias_probability);
+    return LightChoice(light, light_pmf(light));
+}
+
+// Probability that `light_select` gives a light.
+fn light_pmf(light: u32) -> f32 {
+    if light == ENVIRONMENT_LIGHT {
+        return environment_pmf();
+    }
+    if light >= scene.light_count || !table_shines() {
+        return 0.0;
+    }
+    return lights[light].pmf * (1.0 - environment_pmf());
+}
+
+// Probability of the environment: its flux through the scene's disc, against the table's power.
+fn environment_pmf() -> f32 {
+    let flux = environment_flux();
+    if !(flux > 0.0) {
+        return 0.0;
+    }
+    if !table_shines() {
+        return 1.0;
+    }
+    // Overflow of either shows as an infinity and is harmless: the clamp takes it.
+    let ratio = scene.light_power / (flux * PI * scene.radius * scene.radius);
+    if !is_finite(ratio) {
+        return SHARE_MIN;
+    }
+    return clamp(1.0 / (1.0 + ratio), SHARE_MIN, 1.0 - SHARE_MIN);
+}
+
+fn table_shines() -> bool {
+    return scene.light_count > 0u && scene.light_power > 0.0;
+}
+
+// High word of a 64-bit product.
+fn multiply_high(a: u32, b: u32) -> u32 {
+    let al = a & 0xffffu;
+    let ah = a >> 16u;
+    let bl = b & 0xffffu;
+    let bh = b >> 16u;
+    let middle = ah * bl + (al * bl >> 16u);
+    let low = al * bh + (middle & 0xffffu);
+    return ah * bh + (middle >> 16u) + (low >> 16u);
+}

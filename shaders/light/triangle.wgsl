@@ -1,0 +1,120 @@
+// Emissive triangles: sampled uniformly in area, densities in solid angle by the geometric normal.  One-sided along the front
+// face unless the material is double-sided; where alpha makes the surface absent it does not emit.
+#define_import_path bevy_restir::light::triangle
+
+#import bevy_restir::common::constants::{MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK, MATERIAL_DOUBLE_SIDED}
+#import bevy_restir::light::types::{LightSample, no_light_sample}
+#import bevy_restir::scene::bindings::{instances, lights, materials}
+#import bevy_restir::scene::texture::{has_texture, sample_color, sample_data}
+#import bevy_restir::scene::triangle::{safe_normalize, triangle_point, triangle_uv, world_triangle, WorldTriangle}
+
+#ifdef LIGHT_TRIANGLES
+fn triangle_light_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> LightSample {
+    let instance = lights[light].data.x;
+    let triangle = lights[light].data.y;
+    let t = world_triangle(instance, triangle);
+    let barycentrics = uniform_barycentrics(u);
+    let position = triangle_point(t, barycentrics);
+
+    var s = no_light_sample();
+    s.light = light;
+    s.delta = 0u;
+    s.position = position;
+    s.normal = t.normal;
+    s.barycentrics = barycentrics;
+    s.wi = safe_normalize(position - from_point);
+    s.distance = length(position - from_point);
+    s.pdf_solid_angle = area_to_solid_angle(t, from_point, position);
+    if s.pdf_solid_angle > 0.0 {
+        s.radiance = triangle_light_radiance(instance, triangle, t.normal, barycentrics, s.wi);
+    }
+    return s;
+}
+
+// Density with which the sampler takes a point of the triangle; the sampler's own value, bit for bit, for its own point.
+fn triangle_light_pdf_solid_angle(instance: u32, triangle: u32, from_point: vec3<f32>, position: vec3<f32>) -> f32 {
+    return area_to_solid_angle(world_triangle(instance, triangle), from_point, position);
+}
+#else
+fn triangle_light_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> LightSample {
+    return no_light_sample();
+}
+
+fn triangle_light_pdf_solid_angle(instance: u32, triangle: u32, from_point: vec3<f32>, position: vec3<f32>) -> f32 {
+    return 0.0;
+}
+#endif
+
+// Radiance that the triangle sends along -wi; `normal` is its geometric one.
+fn triangle_light_radiance(instance: u32, triangle: u32, normal: vec3<f32>, barycentrics: vec2<f32>, wi: vec3<f32>) -> vec3<f32> {
+    let material = instances[instance].material;
+    if (materials[material].flags & MATERIAL_DOUBLE_SIDED) == 0u && !(dot(wi, normal) < 0.0) {
+        return vec3<f32>(0.0);
+    }
+    return emission(material, triangle, barycentrics) * presence(material, triangle, barycentrics);
+}
+
+// d² / (|cos| area); 0 where the triangle is seen edge-on or has no area.
+fn area_to_solid_angle(t: WorldTriangle, from_point: vec3<f32>, position: vec3<f32>) -> f32 {
+    let d = position - from_point;
+    let d2 = dot(d, d);
+    let projected = abs(dot(t.normal, d)) * t.area;
+    // d²·d/(|n.d| area): the cosine without a division.  Beyond 1e37 it is the same as never.
+    let cubed = d2 * sqrt(d2);
+    if !(projected > 0.0) || !(cubed < projected * 1.0e37) {
+        return 0.0;
+    }
+    return cubed / projected;
+}
+
+fn uniform_barycentrics(u: vec2<f32>) -> vec2<f32> {
+    let r = sqrt(u.x);
+    return vec2<f32>(r * (1.0 - u.y), r * u.y);
+}
+
+#ifdef TEXTURES
+fn emission(material: u32, triangle: u32, barycentrics: vec2<f32>) -> vec3<f32> {
+    let slot = materials[material].emissive_texture;
+    if !has_texture(slot) {
+        return materials[material].emissive;
+    }
+    return materials[material].emissive * sample_color(slot, triangle_uv(triangle, barycentrics)).rgb;
+}
+#else
+fn emission(material: u32, triangle: u32, barycentrics: vec2<f32>) -> vec3<f32> {
+    return materials[material].emissive;
+}
+#endif
+
+// Probability that alpha leaves the surface there: a shadow ray ends before it and cannot ask.
+#ifdef ALPHA
+fn presence(material: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
+    let flags = materials[material].flags;
+    if (flags & (MATERIAL_ALPHA_MASK | MATERIAL_ALPHA_BLEND)) == 0u {
+        return 1.0;
+    }
+    let alpha = light_alpha(material, triangle, barycentrics);
+    if (flags & MATERIAL_ALPHA_MASK) != 0u {
+        return select(0.0, 1.0, alpha >= materials[material].alpha_cutoff);
+    }
+    return clamp(alpha, 0.0, 1.0);
+}
+#else
+fn presence(material: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
+    return 1.0;
+}
+#endif
+
+#ifdef TEXTURES
+fn light_alpha(material: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
+    let slot = materials[material].base_color_texture;
+    if !has_texture(slot) {
+        return materials[material].alpha;
+    }
+    return materials[material].alpha * sample_data(slot, triangle_uv(triangle, barycentrics)).a;
+}
+#else
+fn light_alpha(material: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
+    return materials[material].alpha;
+}
+#endif

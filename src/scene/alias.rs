@@ -1,0 +1,63 @@
+//! The alias table that picks a light in proportion to its power in constant time (Vose 1991, "A linear algorithm for generating
+//! random numbers with a given distribution").  `shaders/light/select.wgsl` reads it.
+
+/// One bin: its own index with `probability`, else `alias`.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct AliasEntry {
+    /// Of keeping the bin's own index.
+    pub probability: f32,
+    /// The index that the rest of the bin belongs to.
+    pub alias: u32,
+    /// Probability that the whole table gives this index.
+    pub pmf: f32,
+}
+
+/// Builds the table in O(n); `None` where no power is usable.  Powers that are zero, negative, NaN or infinite get pmf 0;
+/// [`unusable_powers`] counts those worth a warning.
+#[must_use]
+pub fn alias_table(powers: &[f64]) -> Option<Vec<AliasEntry>> {
+    // Scale by the largest, so that the sum can neither overflow nor vanish.
+    let max = powers.iter().copied().filter(|p| p.is_finite()).fold(0.0, f64::max);
+    if max <= 0.0 {
+        return None;
+    }
+    let usable = |p: f64| if p.is_finite() && p > 0.0 { p / max } else { 0.0 };
+    let brightest = powers.iter().position(|&p| p == max)? as u32;
+    let sum: f64 = powers.iter().map(|&p| usable(p)).sum();
+    let mut share: Vec<f64> = powers.iter().map(|&p| usable(p) / sum * powers.len() as f64).collect();
+
+    // Fill bins that hold less than 1 from those that hold more.
+    let (mut small, mut large): (Vec<u32>, Vec<u32>) = (0..powers.len() as u32).partition(|&i| share[i as usize] < 1.0);
+    let mut table = vec![AliasEntry::default(); powers.len()];
+    while let (Some(&s), Some(&l)) = (small.last(), large.last()) {
+        small.pop();
+        table[s as usize] = AliasEntry { probability: share[s as usize] as f32, alias: l, pmf: 0.0 };
+        share[l as usize] -= 1.0 - share[s as usize];
+        if share[l as usize] < 1.0 {
+            large.pop();
+            small.push(l);
+        }
+    }
+    // What is left holds 1 but for rounding; an unusable light must not gain by that.
+    for i in small.into_iter().chain(large) {
+        let probability = if usable(powers[i as usize]) > 0.0 { 1.0 } else { 0.0 };
+        table[i as usize] = AliasEntry { probability, alias: brightest, pmf: 0.0 };
+    }
+
+    // The pmf of the rounded table, not of the powers: what the GPU divides by is what it samples.
+    let mut pmf = vec![0.0f64; powers.len()];
+    for (i, entry) in table.iter().enumerate() {
+        pmf[i] += f64::from(entry.probability);
+        pmf[entry.alias as usize] += 1.0 - f64::from(entry.probability);
+    }
+    for (entry, pmf) in table.iter_mut().zip(pmf) {
+        entry.pmf = (pmf / powers.len() as f64) as f32;
+    }
+    Some(table)
+}
+
+/// How many powers are negative, NaN or infinite.
+#[must_use]
+pub fn unusable_powers(powers: &[f64]) -> usize {
+    powers.iter().filter(|p| !p.is_finite() || **p < 0.0).count()
+}

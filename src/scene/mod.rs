@@ -1,0 +1,3 @@
+//! The ECS mirrored into GPU buffers.
+
+pub mod alias;

@@ -1,0 +1,210 @@
+//! The BSDF is design 2's, and its samples follow its densities.
+
+use super::support::{
+    compose::flag,
+    gpu::gpu,
+    materials::{Query, Sampler, at_angle, coated, evaluate, glass, metal, mixture, plain, random_material},
+    oracle::{
+        bsdf::{LOBES, Lobe, Material},
+        quadrature::PolarCells,
+    },
+    stats::{Random, assert_family, chi_squared, failures_of_family, mean_and_error, sidak, z_test},
+};
+use glam::DVec3;
+
+/// Samples of one chi-squared test.
+const SAMPLES: usize = 1 << 16;
+
+fn close(gpu: f64, oracle: f64, relative: f64, absolute: f64) -> bool {
+    (gpu - oracle).abs() <= relative * oracle.abs() + absolute
+}
+
+/// Random queries: any directions, mirrored ones, refracted ones, grazing ones.
+fn random_queries(count: usize) -> Vec<Query> {
+    let mut r = Random(1);
+    (0..count)
+        .map(|_| {
+            let m = random_material(&mut r);
+            let graze = |r: &mut Random, w: DVec3| {
+                let height = r.pick(&[1e-6, 1e-4, 1e-2]);
+                let tangent = w - m.n.dot(w) * m.n;
+                (tangent.normalize() + height * m.n).normalize()
+            };
+            let mut wo = r.direction();
+            wo = if r.unit() < 0.2 { graze(&mut r, wo) } else { wo };
+            wo = if m.n.dot(wo) < 0.0 { -wo } else { wo };
+            let scatter = r.direction() * m.alpha * r.pick(&[0.0, 0.3, 1.0]);
+            let wi = match (r.unit() * 4.0) as u32 {
+                0 => r.direction(),
+                1 => {
+                    let w = r.direction();
+                    graze(&mut r, w)
+                }
+                2 => (2.0 * m.n.dot(wo) * m.n - wo + scatter).normalize(),
+                _ => m.delta_direction(wo, Lobe::Transmission).map_or(-wo, |w| (w + scatter).normalize()),
+            };
+            Query::new(&m, wo, wi, 0)
+        })
+        .collect()
+}
+
+#[test]
+fn eval_and_pdf_equal_the_oracle() {
+    let Some(gpu) = gpu() else { return };
+    let queries = random_queries(100_000);
+    let mut bad = Vec::new();
+    let mut compared = 0;
+    for (q, answer) in queries.iter().zip(evaluate(gpu, &queries, &[flag("TRANSMISSION")])) {
+        assert!(answer.iter().flatten().all(|x| x.is_finite() && *x >= 0.0), "{q:?} gave {answer:?}");
+        let (m, wo, wi) = (q.material(), q.wo(), q.wi());
+        // On a threshold, f32 may fall on either side.
+        if [m.n.dot(wo), m.n_geo.dot(wo), m.n.dot(wi), m.n_geo.dot(wi)].iter().any(|c| c.abs() < 1e-6) {
+            continue;
+        }
+        // f32 directions are good to about 1e-7: what that does to the value is no error of the formula.
+        let wiggle = |f: &dyn Fn(DVec3, DVec3) -> f64| {
+            let exact = f(wo, wi);
+            let (t, b) = wi.any_orthonormal_pair();
+            let (s, c) = wo.any_orthonormal_pair();
+            let spread = [(t, s), (b, c), (-t, -s), (-b, -c)]
+                .iter()
+                .map(|(d, e)| (f((wo + 3e-7 * e).normalize(), (wi + 3e-7 * d).normalize()) - exact).abs())
+                .fold(0.0, f64::max);
+            (exact, 2.0 * spread)
+        };
+        for (k, lobe) in LOBES.iter().enumerate() {
+            for channel in 0..3 {
+                let (f, slack) = wiggle(&|o, i| m.eval(o, i, *lobe)[channel]);
+                if !close(answer[k + 1][channel].into(), f, 2e-4, 1e-6 + slack) {
+                    bad.push(format!("f of {lobe:?}: {} for {f} in {q:?}", answer[k + 1][channel]));
+                }
+            }
+            let (pdf, slack) = wiggle(&|o, i| m.pdf(o, i, *lobe));
+            if !close(answer[k + 1][3].into(), pdf, 2e-4, 1e-6 + slack) {
+                bad.push(format!("pdf of {lobe:?}: {} for {pdf} in {q:?}", answer[k + 1][3]));
+            }
+            compared += 1;
+        }
+        let sum: f64 = answer[1..].iter().map(|a| f64::from(a[3])).sum();
+        assert!(close(answer[0][3].into(), sum, 1e-5, 0.0), "the marginal is the sum of the lobes");
+    }
+    assert!(compared > 200_000);
+    assert!(bad.is_empty(), "{} of {compared}:\n{}", bad.len(), bad[..bad.len().min(5)].join("\n"));
+}
+
+/// What the samplers are tried on: (name, material, wo, axis and finest angle of the cells).
+fn cases() -> Vec<(String, Material, DVec3, DVec3, f64)> {
+    let mut cases = Vec::new();
+    let mut add = |name: &str, m: Material, degrees: f64, lobe: Lobe| {
+        let wo = at_angle(&m, degrees);
+        let axis = m.delta_direction(wo, lobe).unwrap_or(m.n);
+        cases.push((format!("{name} at {degrees}"), m, wo, axis, (0.5 * m.alpha).clamp(2e-3, 0.3)));
+    };
+    for degrees in [0.0, 50.0, 89.0] {
+        add("lambert", plain(), degrees, Lobe::Diffuse);
+        add("coat 0.3", coated(0.3), degrees, Lobe::Reflection);
+        add("coat delta", coated(1e-4), degrees, Lobe::Reflection);
+        add("metal 0.01", metal(0.01), degrees, Lobe::Reflection);
+        add("metal 0.3", metal(0.3), degrees, Lobe::Reflection);
+        add("metal 1", metal(1.0), degrees, Lobe::Reflection);
+        add("glass 0.05 from outside", glass(0.05, 1.5), degrees, Lobe::Transmission);
+        add("glass 0.4 from outside", glass(0.4, 1.5), degrees, Lobe::Transmission);
+        add("glass 0.4 from inside", glass(0.4, 1.0 / 1.5), degrees, Lobe::Reflection);
+        add("glass 0.2 almost unbent", glass(0.2, 1.01), degrees, Lobe::Transmission);
+    }
+    for degrees in [20.0, 75.0] {
+        add("mixture from outside", mixture(0.2, 1.5), degrees, Lobe::Reflection);
+        add("mixture from inside", mixture(0.2, 1.0 / 1.5), degrees, Lobe::Transmission);
+        add("mixture unbent", mixture(0.3, 1.0), degrees, Lobe::Reflection);
+    }
+    add("near the critical angle", glass(0.1, 1.0 / 1.5), 41.8, Lobe::Reflection);
+    add("metal all but grazing", metal(0.1), 89.99, Lobe::Reflection);
+    cases
+}
+
+/// p-value of samples against the density, integrated over cells; what is lost or delta is a cell too.
+fn sampling_test<'a>(
+    sampler: &'a Sampler<'a>,
+    (name, m, wo, axis, finest): (String, Material, DVec3, DVec3, f64),
+) -> (String, Box<dyn Fn(u32) -> f64 + 'a>) {
+    let query = Query::new(&m, wo, DVec3::Z, 0);
+    let (m, wo) = (query.material(), query.wo());
+    let cells = PolarCells::about(axis, finest, 9, 10);
+    let mut expected = cells.integrate(|wi| m.pdf_all(wo, wi), 1e-6);
+    let total: f64 = expected.iter().sum();
+    assert!(total <= 1.0 + 1e-4, "{name}: the density integrates to {total}");
+    expected.push((1.0 - total).max(0.0));
+    for e in &mut expected {
+        *e *= SAMPLES as f64;
+    }
+    let test = move |seed: u32| {
+        let query = Query::new(&m, wo, DVec3::Z, seed);
+        let mut counts = vec![0.0; expected.len()];
+        for s in sampler.run(query, SAMPLES) {
+            let cell = if s.valid() && !s.delta() { cells.cell_of(s.wi()) } else { cells.count() };
+            counts[cell] += 1.0;
+        }
+        chi_squared(&counts, &expected)
+    };
+    (name, Box::new(test))
+}
+
+#[test]
+fn samples_follow_the_density() {
+    let Some(gpu) = gpu() else { return };
+    let sampler = Sampler::new(gpu, &[]);
+    assert_family(cases().into_iter().map(|case| sampling_test(&sampler, case)));
+}
+
+#[test]
+fn a_bent_sampler_is_found() {
+    let Some(gpu) = gpu() else { return };
+    let sampler = Sampler::new(gpu, &[flag("PLANTED")]);
+    let tests = || cases().into_iter().filter(|c| c.0.contains("at 50") && !c.0.contains("delta"));
+    let found = failures_of_family(tests().map(|case| sampling_test(&sampler, case)));
+    assert_eq!(found.len(), tests().count(), "found only {found:?}");
+}
+
+#[test]
+fn weights_are_value_over_density() {
+    let Some(gpu) = gpu() else { return };
+    let sampler = Sampler::new(gpu, &[]);
+    for (name, m, wo, ..) in cases() {
+        let query = Query::new(&m, wo, DVec3::Z, 3);
+        for s in sampler.run(query, 1 << 12).iter().filter(|s| s.valid() && !s.delta()) {
+            for channel in 0..3 {
+                let (weight, ratio) = (s.weight()[channel], s.ratio()[channel]);
+                assert!(close(weight, ratio, 1e-5, 1e-9), "{name}: {s:?}");
+            }
+            assert!(s.weight().is_finite() && s.pdf > 0.0, "{name}: {s:?}");
+        }
+    }
+}
+
+/// Mean of weight·eta² over samples is the albedo, which the oracle integrates.
+#[test]
+fn samples_average_to_the_albedo() {
+    let Some(gpu) = gpu() else { return };
+    let sampler = Sampler::new(gpu, &[]);
+    let albedo_test = |(name, m, wo, axis, finest): (String, Material, DVec3, DVec3, f64)| {
+        let query = Query::new(&m, wo, DVec3::Z, 0);
+        let (m, wo) = (query.material(), query.wo());
+        let cells = PolarCells::about(axis, finest, 9, 10);
+        let scale = |wi: DVec3| if m.n.dot(wi) < 0.0 { m.eta * m.eta } else { 1.0 };
+        let albedo: f64 = cells.integrate(|wi| m.eval_all(wo, wi).y * scale(wi), 1e-6).iter().sum();
+        let sampler = &sampler;
+        let test = move |seed: u32| {
+            let (mut sum, mut squares) = (0.0, 0.0);
+            let samples = sampler.run(Query::new(&m, wo, DVec3::Z, seed + 10), SAMPLES);
+            for s in samples.iter().filter(|s| s.valid() && !s.delta()) {
+                let w = s.weight().y * f64::from(s.eta).powi(2);
+                sum += w;
+                squares += w * w;
+            }
+            // 1e-4 of the quadrature.
+            z_test(sum, squares + 1e-8 * SAMPLES as f64 * SAMPLES as f64 * albedo * albedo, SAMPLES as f64, albedo)
+        };
+        (name, Box::new(test) as Box<dyn Fn(u32) -> f64>)
+    };
+    assert_family(cases().into_iter().map(albedo_test));
+}
