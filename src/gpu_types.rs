@@ -30,6 +30,7 @@ pub const VIEW_ORTHOGRAPHIC: u32 = 2;
 
 pub const OVERFLOW_STACK: u32 = 1;
 pub const OVERFLOW_STEPS: u32 = 2;
+pub const NON_FINITE: u32 = 4;
 
 /// Words of 16 bytes in a CWBVH node.
 pub const NODE_STRIDE: u32 = 5;
@@ -55,24 +56,24 @@ pub struct GpuSceneUniforms {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct GpuTriangle {
-    pub v0: [f32; 3],
-    pub pad_0: u32,
-    pub v1: [f32; 3],
-    pub pad_1: u32,
-    pub v2: [f32; 3],
-    pub pad_2: u32,
+    pub a: [f32; 3],
+    pub pad_a: u32,
+    pub b: [f32; 3],
+    pub pad_b: u32,
+    pub c: [f32; 3],
+    pub pad_c: u32,
 }
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct GpuTriangleAttributes {
     pub normals: [u32; 3],
-    pub tangent_0: u32,
-    pub tangent_1: u32,
-    pub tangent_2: u32,
-    pub uv_0: [f32; 2],
-    pub uv_1: [f32; 2],
-    pub uv_2: [f32; 2],
+    pub tangent_a: u32,
+    pub tangent_b: u32,
+    pub tangent_c: u32,
+    pub uv_a: [f32; 2],
+    pub uv_b: [f32; 2],
+    pub uv_c: [f32; 2],
 }
 
 #[repr(C)]
@@ -98,7 +99,7 @@ pub struct GpuMaterial {
     pub alpha: f32,
     pub emissive: [f32; 3],
     pub perceptual_roughness: f32,
-    pub dielectric_f0: [f32; 3],
+    pub dielectric_reflectance: [f32; 3],
     pub metallic: f32,
     pub attenuation: [f32; 3],
     pub specular_transmission: f32,
@@ -123,7 +124,7 @@ impl Default for GpuMaterial {
             alpha: 1.0,
             emissive: [0.0; 3],
             perceptual_roughness: 0.5,
-            dielectric_f0: [0.04; 3],
+            dielectric_reflectance: [0.04; 3],
             metallic: 0.0,
             attenuation: [0.0; 3],
             specular_transmission: 0.0,
@@ -171,7 +172,7 @@ pub struct GpuViewUniforms {
     pub environment_color: [f32; 3],
     pub exposure: f32,
     pub background: [f32; 3],
-    pub pad_0: u32,
+    pub pad: u32,
     pub size: [u32; 2],
     pub jitter: [f32; 2],
     pub previous_jitter: [f32; 2],
@@ -179,6 +180,15 @@ pub struct GpuViewUniforms {
     pub seed: u32,
     pub bounces: u32,
     pub flags: u32,
-    pub pad_1: u32,
-    pub pad_2: u32,
+    pub origin: [u32; 2],
+}
+
+/// What a frame counted: `Counters` in `shaders/pass/statistics.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct GpuCounters {
+    pub rays: u32,
+    pub non_finite_pixels: u32,
+    pub overflow_flags: u32,
+    pub pad: u32,
 }

@@ -8,7 +8,7 @@ use super::support::{
         bsdf::{LOBES, Lobe, Material},
         quadrature::PolarCells,
     },
-    stats::{Random, assert_family, chi_squared, failures_of_family, mean_and_error, sidak, z_test},
+    stats::{Random, assert_family, chi_squared, failures_of_family, mean_and_error, z_test},
 };
 use glam::DVec3;
 
@@ -70,7 +70,7 @@ fn eval_and_pdf_equal_the_oracle() {
                 .iter()
                 .map(|(d, e)| (f((wo + 3e-7 * e).normalize(), (wi + 3e-7 * d).normalize()) - exact).abs())
                 .fold(0.0, f64::max);
-            (exact, 2.0 * spread)
+            (exact, 5.0 * spread)
         };
         for (k, lobe) in LOBES.iter().enumerate() {
             for channel in 0..3 {
@@ -207,4 +207,112 @@ fn samples_average_to_the_albedo() {
         (name, Box::new(test) as Box<dyn Fn(u32) -> f64>)
     };
     assert_family(cases().into_iter().map(albedo_test));
+}
+
+#[test]
+fn deltas_weigh_what_they_reflect_and_refract() {
+    let Some(gpu) = gpu() else { return };
+    let sampler = Sampler::new(gpu, &[]);
+    let mut materials = vec![metal(1e-4), coated(5e-4), plain()];
+    materials[2].alpha = 1e-4;
+    materials.extend([1.0, 1.5, 2.4, 1.0 / 1.5].map(|eta| glass(1e-4, eta)));
+    materials.extend([1.0, 1.5, 1.0 / 1.5].map(|eta| mixture(1e-4, eta)));
+    for (m, degrees) in materials.iter().flat_map(|m| [0.0, 30.0, 60.0, 89.0].map(|d| (m, d))) {
+        let query = Query::new(m, at_angle(m, degrees), DVec3::Z, 5);
+        let (m, wo) = (query.material(), query.wo());
+        let c = m.n.dot(wo);
+        let samples = sampler.run(query, 1 << 14);
+        for lobe in [Lobe::Reflection, Lobe::Transmission] {
+            let share = if lobe == Lobe::Reflection { m.p_reflect(c) } else { 1.0 - m.p_reflect(c) };
+            let p = m.p_microfacet(c) * share;
+            let Some(direction) = m.delta_direction(wo, lobe) else {
+                assert!(p == 0.0, "total reflection");
+                continue;
+            };
+            let whole = if lobe == Lobe::Reflection { m.reflected(c) } else { m.refracted(c) / m.eta.powi(2) };
+            let side = m.n.dot(direction) * m.n_geo.dot(direction) > 0.0 && m.n_geo.dot(wo) > 0.0;
+            let of_lobe: Vec<_> = samples.iter().filter(|s| s.valid() && s.lobe() == lobe).collect();
+            for s in &of_lobe {
+                assert!(s.delta() && s.pdf == 0.0 && (s.wi() - direction).length() < 1e-5, "{m:?}: {s:?}");
+                assert!((s.weight() * p - whole).abs().max_element() < 1e-5, "{m:?} at {degrees}: {s:?}, not {whole} / {p}");
+            }
+            let expected = if side && whole.max_element() > 0.0 { p } else { 0.0 };
+            let n = samples.len() as f64;
+            let error = 5.0 * (expected * (1.0 - expected) * n).sqrt() + 1e-3;
+            assert!((of_lobe.len() as f64 - expected * n).abs() <= error, "{m:?} at {degrees}: {lobe:?} {}", of_lobe.len());
+        }
+    }
+}
+
+/// A furnace: unit radiance from everywhere, scaled by the square of the index, comes back as at most 1.
+#[test]
+fn nothing_reflects_more_than_it_gets() {
+    let Some(gpu) = gpu() else { return };
+    let sampler = Sampler::new(gpu, &[]);
+    let mirror = Material { base: DVec3::ONE, ..metal(1e-4) };
+    let mut tried = vec![(mirror, Some(1.0)), (glass(1e-4, 1.5), Some(1.0)), (glass(1e-4, 1.0 / 1.5), Some(1.0))];
+    tried.extend([(glass(1e-4, 1.0), Some(1.0)), (plain(), Some(1.0))]);
+    tried.push((Material { base: DVec3::ZERO, ..mirror }, Some(0.0)));
+    for alpha in [2e-3, 0.05, 0.3, 1.0] {
+        tried.push((Material { base: DVec3::ONE, ..metal(alpha) }, None));
+        tried.extend([0.5, 1.0 / 1.5, 1.0, 1.01, 1.5, 2.4].map(|eta| (glass(alpha, eta), None)));
+    }
+    for (m, degrees) in tried.iter().flat_map(|m| [0.0, 45.0, 80.0, 89.9].map(|d| (m, d))) {
+        let (m, exact) = m;
+        let query = Query::new(m, at_angle(m, degrees), DVec3::Z, 6);
+        let samples = sampler.run(query, 1 << 13);
+        let gain = |s: &super::support::materials::Sample| {
+            if s.valid() { s.weight().y * f64::from(s.eta).powi(2) } else { 0.0 }
+        };
+        let (mean, error) = mean_and_error(samples.iter().map(gain));
+        match exact {
+            Some(exact) => assert!((mean - exact).abs() <= 5.0 * error + 1e-5, "{m:?} at {degrees}: {mean} ± {error}"),
+            None => assert!(mean <= 1.0 + 5.0 * error + 1e-5, "{m:?} at {degrees}: {mean} ± {error}"),
+        }
+    }
+}
+
+/// f(wo, wi) = f(wi, wo) for reflection; for refraction f / (index on wo's side)² is symmetric.
+#[test]
+fn light_may_travel_either_way() {
+    let Some(gpu) = gpu() else { return };
+    let forth = random_queries(50_000);
+    let turned = |q: &Query| {
+        let (mut m, wo, wi) = (q.material(), q.wo(), q.wi());
+        if m.n.dot(wi) < 0.0 {
+            m = Material { n: -m.n, n_geo: -m.n_geo, eta: 1.0 / m.eta, ..m };
+        }
+        Query::new(&m, wi, wo, 0)
+    };
+    let back: Vec<_> = forth.iter().map(turned).collect();
+    let defs = [flag("TRANSMISSION")];
+    let mut compared = 0;
+    for (q, (f, b)) in forth.iter().zip(evaluate(gpu, &forth, &defs).iter().zip(evaluate(gpu, &back, &defs))) {
+        let (m, wo, wi) = (q.material(), q.wo(), q.wi());
+        // Where h is short, f32 does not know it.
+        let h = if m.n.dot(wi) > 0.0 { wo + wi } else { wo + m.eta * wi };
+        if m.n.dot(wo).abs().min(m.n.dot(wi).abs()) < 1e-3 || h.length() < 0.05 || m.alpha < 0.01 {
+            continue;
+        }
+        let scale = if m.n.dot(wi) > 0.0 { 1.0 } else { m.eta * m.eta };
+        for channel in 0..3 {
+            let there = f64::from(f[0][channel]) / m.n.dot(wi).abs() * scale;
+            let home = f64::from(b[0][channel]) / m.n.dot(wo).abs();
+            assert!(close(there, home, 3e-3, 1e-5), "{there} and {home} of {q:?}");
+            compared += u32::from(there > 0.0);
+        }
+    }
+    assert!(compared > 10_000, "{compared}");
+}
+
+#[test]
+fn without_the_feature_nothing_is_transmitted() {
+    let Some(gpu) = gpu() else { return };
+    let queries: Vec<_> =
+        random_queries(20_000).into_iter().filter(|q| q.material().transmission == 0.0).collect();
+    let with = evaluate(gpu, &queries, &[flag("TRANSMISSION")]);
+    let without = evaluate(gpu, &queries, &[]);
+    for ((q, a), b) in queries.iter().zip(with).zip(without) {
+        assert!(a.iter().flatten().zip(b.iter().flatten()).all(|(a, b)| (a - b).abs() <= 1e-6 * a.abs()), "{q:?}");
+    }
 }

@@ -78,16 +78,16 @@ fn bsdf_sample(b: Bsdf, wo: vec3<f32>, u: vec3<f32>) -> BsdfSample {
         s.lobe = LOBE_DIFFUSE;
     }
 
+    // Reflections stay above n and n_geo, refractions below both; the other side is another lobe's.
     s.wi = normalize(frame * i);
+    let side = select(1.0, -1.0, s.lobe == LOBE_TRANSMISSION);
+    s.valid = u32(side * dot(s.wi, b.n) > 0.0 && side * dot(s.wi, b.n_geo) > 0.0);
     if s.delta != 0u {
         s.weight = delta_weight;
-        // A reflection stays above n and n_geo, a refraction below both.
-        let side = select(1.0, -1.0, s.lobe == LOBE_TRANSMISSION);
-        s.valid = u32(side * dot(s.wi, b.n) > 0.0 && side * dot(s.wi, b.n_geo) > 0.0);
     } else {
         s.pdf = bsdf_pdf(b, wo, s.wi);
         s.weight = bsdf_eval(b, wo, s.wi) / max(s.pdf, 1.0e-37);
-        s.valid = u32(s.pdf > 0.0 && is_finite(s.pdf));
+        s.valid &= u32(s.pdf > 0.0 && is_finite(s.pdf));
     }
     if s.valid == 0u || !is_finite_3(s.weight) || !(max_component(s.weight) > 0.0) {
         return no_bsdf_sample();
@@ -205,11 +205,11 @@ fn specular_probability(b: Bsdf, cos_o: f32) -> f32 {
     if !(max_component(albedo) > 0.0) {
         return 1.0;
     }
-    let f0 = max(b.dielectric_f0, b.metallic * b.base_color);
+    let f0 = max(b.dielectric_reflectance, b.metallic * b.base_color);
     if !(max(max_component(f0), b.transmission) > 0.0) {
         return 0.0;
     }
-    let diffuse = luminance(albedo * (1.0 - schlick(b.dielectric_f0, cos_o)));
+    let diffuse = luminance(albedo * (1.0 - schlick(b.dielectric_reflectance, cos_o)));
     let specular = luminance(reflectance(b, cos_o) + transmittance(b, cos_o));
     let p = specular / max(specular + diffuse, 1.0e-37);
     return clamp(p, LOBE_PROBABILITY_MIN, 1.0 - LOBE_PROBABILITY_MIN);

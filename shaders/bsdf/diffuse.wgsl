@@ -16,7 +16,7 @@ fn diffuse_eval(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> vec3<f32> {
         return vec3<f32>(0.0);
     }
     let c = dot(wo, normalize(wo + wi));
-    return diffuse_albedo(b) * (1.0 - schlick(b.dielectric_f0, c)) * (wi.z * INV_PI);
+    return diffuse_albedo(b) * (1.0 - schlick(b.dielectric_reflectance, c)) * (wi.z * INV_PI);
 }
 
 fn diffuse_sample(b: Bsdf, wo: vec3<f32>, u: vec2<f32>) -> vec3<f32> {

@@ -9,7 +9,7 @@
 
 // Share of light that a microfacet reflects, c = wo.h
 fn reflectance(b: Bsdf, c: f32) -> vec3<f32> {
-    return (1.0 - b.metallic) * (1.0 - b.transmission) * schlick(b.dielectric_f0, c)
+    return (1.0 - b.metallic) * (1.0 - b.transmission) * schlick(b.dielectric_reflectance, c)
         + b.metallic * schlick(b.base_color, c)
         + interface_reflectance(b, c);
 }

@@ -13,7 +13,7 @@ struct Bsdf {
     roughness: f32,            // GGX α, at least ALPHA_MIN; below ALPHA_DELTA a mirror
     base_color: vec3<f32>,
     transmission: f32,         // of a thick body
-    dielectric_f0: vec3<f32>,
+    dielectric_reflectance: vec3<f32>,
     eta: f32,                  // index on the far side / index on wo's side
 }
 

@@ -37,6 +37,7 @@ const VIEW_ORTHOGRAPHIC: u32 = 2u;
 // Bits of `trace_flags`: what went wrong, read back and reported.
 const OVERFLOW_STACK: u32 = 1u;
 const OVERFLOW_STEPS: u32 = 2u;
+const NON_FINITE: u32 = 4u;
 
 // Smallest roughness α, and the α below which a lobe is a delta (design 2).
 const ALPHA_MIN: f32 = 1.0e-4;

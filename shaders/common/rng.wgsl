@@ -11,7 +11,8 @@ struct Rng {
 
 // One stream a pass.
 const STREAM_JITTER: u32 = 1u;
-const STREAM_REFERENCE: u32 = 2u;
+const STREAM_ALPHA: u32 = 2u;
+const STREAM_REFERENCE: u32 = 3u;
 
 fn pcg4d(seed: vec4<u32>) -> vec4<u32> {
     var v = seed * 1664525u + 1013904223u;

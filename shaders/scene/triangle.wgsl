@@ -4,9 +4,9 @@
 #import bevy_restir::scene::bindings::{instances, triangles, attributes}
 
 struct WorldTriangle {
-    v0: vec3<f32>,
-    edge_1: vec3<f32>,         // v1 - v0
-    edge_2: vec3<f32>,
+    corner: vec3<f32>,
+    edge_b: vec3<f32>,         // b - a
+    edge_c: vec3<f32>,
     normal: vec3<f32>,         // unit, out of the front face
     area: f32,
 }
@@ -37,24 +37,24 @@ fn safe_normalize(v: vec3<f32>) -> vec3<f32> {
 fn world_triangle(instance: u32, triangle: u32) -> WorldTriangle {
     let t = triangles[triangle];
     let m = instances[instance].world_from_object;
-    let edge_1 = transform_vector(m, t.v1 - t.v0);
-    let edge_2 = transform_vector(m, t.v2 - t.v0);
-    let c = cross(edge_1, edge_2);
+    let edge_b = transform_vector(m, t.b - t.a);
+    let edge_c = transform_vector(m, t.c - t.a);
+    let c = cross(edge_b, edge_c);
     let mirrored = (instances[instance].flags & 1u) != 0u;
     return WorldTriangle(
-        transform_point(m, t.v0),
-        edge_1,
-        edge_2,
+        transform_point(m, t.a),
+        edge_b,
+        edge_c,
         select(1.0, -1.0, mirrored) * safe_normalize(c),
         0.5 * length(c),
     );
 }
 
 fn triangle_point(t: WorldTriangle, barycentrics: vec2<f32>) -> vec3<f32> {
-    return t.v0 + barycentrics.x * t.edge_1 + barycentrics.y * t.edge_2;
+    return t.corner + barycentrics.x * t.edge_b + barycentrics.y * t.edge_c;
 }
 
 fn triangle_uv(triangle: u32, barycentrics: vec2<f32>) -> vec2<f32> {
     let a = attributes[triangle];
-    return (1.0 - barycentrics.x - barycentrics.y) * a.uv_0 + barycentrics.x * a.uv_1 + barycentrics.y * a.uv_2;
+    return (1.0 - barycentrics.x - barycentrics.y) * a.uv_a + barycentrics.x * a.uv_b + barycentrics.y * a.uv_c;
 }

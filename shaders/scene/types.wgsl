@@ -17,24 +17,24 @@ struct SceneUniforms {
 
 // Object-space positions of a triangle, in the order of the leaves of its bottom-level tree.
 struct Triangle {
-    v0: vec3<f32>,
-    pad_0: u32,
-    v1: vec3<f32>,
-    pad_1: u32,
-    v2: vec3<f32>,
-    pad_2: u32,
+    a: vec3<f32>,
+    pad_a: u32,
+    b: vec3<f32>,
+    pad_b: u32,
+    c: vec3<f32>,
+    pad_c: u32,
 }
 
 // What a triangle's corners carry besides a position.  Normals and tangents are octahedral, two snorm16 to a word;
 // the lowest bit of a tangent's word is set where the bitangent is flipped.
 struct TriangleAttributes {
     normals: vec3<u32>,
-    tangent_0: u32,
-    tangent_1: u32,
-    tangent_2: u32,
-    uv_0: vec2<f32>,
-    uv_1: vec2<f32>,
-    uv_2: vec2<f32>,
+    tangent_a: u32,
+    tangent_b: u32,
+    tangent_c: u32,
+    uv_a: vec2<f32>,
+    uv_b: vec2<f32>,
+    uv_c: vec2<f32>,
 }
 
 // The three columns of a mat3x4 are the rows of the affine 3x4 matrix: `vec4(p, 1) * m` transforms a point, `v * m` with w = 0 a vector.
@@ -59,7 +59,7 @@ struct Material {
     alpha: f32,
     emissive: vec3<f32>,       // radiance, cd/m², the global emissive luminance included
     perceptual_roughness: f32,
-    dielectric_f0: vec3<f32>,  // 0.16 (reflectance · tint)²
+    dielectric_reflectance: vec3<f32>,  // 0.16 (reflectance · tint)²
     metallic: f32,
     attenuation: vec3<f32>,    // absorption coefficient of the inside, 1/m
     specular_transmission: f32,

@@ -15,7 +15,7 @@ struct ViewUniforms {
     environment_color: vec3<f32>,       // cd/m²; times the map where there is one
     exposure: f32,
     background: vec3<f32>,              // what the camera sees where it sees no environment, cd/m²
-    pad_0: u32,
+    pad: u32,
     size: vec2<u32>,                    // pixels of the viewport
     jitter: vec2<f32>,                  // of this frame's primary rays, pixels, x right and y down, within half a pixel of 0
     previous_jitter: vec2<f32>,
@@ -23,6 +23,5 @@ struct ViewUniforms {
     seed: u32,
     bounces: u32,                       // scattering events a path may have
     flags: u32,                         // VIEW_*
-    pad_1: u32,
-    pad_2: u32,
+    origin: vec2<u32>,                  // of the viewport in its target, pixels
 }

@@ -48,7 +48,7 @@ pub fn library() -> Vec<(&'static str, &'static str)> {
 
 /// A composer that holds the whole library.
 pub fn composer() -> Composer {
-    let mut composer = Composer::non_validating().with_capabilities(naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32);
+    let mut composer = Composer::default().with_capabilities(naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32);
     for (path, text) in library() {
         composer
             .add_composable_module(ComposableModuleDescriptor {

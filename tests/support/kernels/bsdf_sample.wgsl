@@ -29,7 +29,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var rng = rng_new(vec2<u32>(id.x & 0xffffu, id.x >> 16u), q.seed, 77u, 0u);
     var u = rng_3(&rng);
 #ifdef PLANTED
-    u.y = pow(u.y, 1.03);
+    u.y = pow(u.y, 1.08);
 #endif
     let s = bsdf_sample(q.b, q.wo, u);
     samples[id.x] = Sample(

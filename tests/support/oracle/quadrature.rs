@@ -22,9 +22,23 @@ fn gauss(f: &impl Fn(f64, f64) -> f64, x: [f64; 2], y: [f64; 2]) -> f64 {
     sum * dx * dy
 }
 
+/// Halvings that are always made: a thin strip between coarse nodes must not be overlooked.
+const ALWAYS: u32 = 3;
+
 /// ∫∫ f(x, y) over a rectangle, to `tolerance` per part or `depth` halvings.
 pub fn rectangle(f: &impl Fn(f64, f64) -> f64, x: [f64; 2], y: [f64; 2], tolerance: f64, depth: u32) -> f64 {
-    refine(f, x, y, gauss(f, x, y), tolerance, depth)
+    let parts = 1 << ALWAYS;
+    let part = |range: [f64; 2], i: i32| {
+        let step = (range[1] - range[0]) / f64::from(parts);
+        [range[0] + step * f64::from(i), range[0] + step * f64::from(i + 1)]
+    };
+    let tolerance = tolerance / f64::from(parts);
+    (0..parts * parts)
+        .map(|i| {
+            let (x, y) = (part(x, i % parts), part(y, i / parts));
+            refine(f, x, y, gauss(f, x, y), tolerance, depth - ALWAYS)
+        })
+        .sum()
 }
 
 fn refine(f: &impl Fn(f64, f64) -> f64, x: [f64; 2], y: [f64; 2], whole: f64, tolerance: f64, depth: u32) -> f64 {
@@ -80,7 +94,7 @@ impl PolarCells {
                 let (band, sector) = (i / self.sectors, i % self.sectors);
                 let step = TAU / self.sectors as f64;
                 let phi = [sector as f64 * step, (sector + 1) as f64 * step];
-                rectangle(&of_angles, [self.bands[band], self.bands[band + 1]], phi, tolerance, 7)
+                rectangle(&of_angles, [self.bands[band], self.bands[band + 1]], phi, tolerance, 9)
             })
             .collect()
     }
