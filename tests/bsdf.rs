@@ -63,7 +63,7 @@ fn eval_and_pdf_equal_the_oracle() {
         }
         // Nor does f32 know an h that is the difference of almost equal vectors.
         let h = if m.n.dot(wi) > 0.0 { wo + wi } else { wo + m.eta * wi };
-        let relative = 2e-4 + 2e-7 / (h.length() * m.alpha);
+        let relative = 2e-4 + (3e-6 + 2e-7 / m.alpha) / h.length();
         if relative > 0.02 {
             continue;
         }

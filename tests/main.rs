@@ -3,3 +3,5 @@
 mod support;
 
 mod bsdf;
+mod environment;
+mod lights;

@@ -3,6 +3,7 @@
 
 pub mod compose;
 pub mod gpu;
+pub mod lit;
 pub mod materials;
 pub mod oracle;
 pub mod stats;
