@@ -1,24 +1,19 @@
 //! Every light is sampled as its density says, and its samples average to the light's true effect.
 
 use super::support::{
-    compose::{Def, flag},
+    compose::{CAPABILITIES, Def, compose, composer, flag},
     gpu::{Bound, Gpu, gpu},
     lit::{IDENTITY, Lit},
-    stats::{assert_family, chi_squared, failures_of_family, z_test},
+    stats::{Statistical, assert_family, chi_squared, failures_of_family, z_test},
 };
-use bevy_restir::{
-    gpu_types::{
-        GpuInstance, GpuLight, GpuMaterial, GpuTriangle, GpuTriangleAttributes, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT,
-        LIGHT_TRIANGLE, MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK, MATERIAL_DOUBLE_SIDED, NO_TEXTURE, NONE, Rows,
-    },
-    scene::alias::{alias_table, unusable_powers},
+use bevy_restir::gpu_types::{
+    GpuInstance, GpuLight, GpuMaterial, GpuTriangle, GpuTriangleAttributes, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT,
+    LIGHT_TRIANGLE, MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK, MATERIAL_DOUBLE_SIDED, NO_TEXTURE, NONE, Rows,
 };
 use bytemuck::{Pod, Zeroable};
 use glam::{DMat3, DVec3};
-use std::f64::consts::PI;
 
 const SAMPLES: usize = 1 << 16;
-const ENVIRONMENT_LIGHT: u32 = u32::MAX - 1;
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -44,10 +39,18 @@ fn sample(lit: &Lit, light: u32, point: DVec3, seed: u32, count: usize, defs: &[
     let all = ["LIGHT_TRIANGLES", "LIGHT_POINTS", "LIGHT_DIRECTIONAL", "ENVIRONMENT"].map(flag);
     let defs: Vec<_> = all.into_iter().chain(defs.iter().copied()).collect();
     let p = point.as_vec3();
-    let query = lit.gpu.storage(&[p.x.to_bits(), p.y.to_bits(), p.z.to_bits(), light, seed, 0, 0, 0]);
+    let query = lit
+        .gpu
+        .storage(&[p.x.to_bits(), p.y.to_bits(), p.z.to_bits(), light, seed, 0, 0, 0]);
     let samples = lit.gpu.zeroed::<Sample>(count);
     let bound = [(2, 0, Bound::Buffer(&query)), (2, 1, Bound::Buffer(&samples))];
-    lit.run("light_sample", include_str!("support/kernels/light_sample.wgsl"), &defs, count as u32, &bound);
+    lit.run(
+        "light_sample",
+        include_str!("support/kernels/light_sample.wgsl"),
+        &defs,
+        count as u32,
+        &bound,
+    );
     lit.gpu.read(&samples)
 }
 
@@ -56,8 +59,17 @@ const MIRRORED: Rows = [[-2.0, 0.3, 0.0, 0.5], [0.0, 1.5, 0.2, 3.0], [0.1, 0.0, 
 /// One emissive triangle of radiance (1, 2, 3).
 fn with_triangle(gpu: &Gpu, rows: Rows, flags: u32) -> Lit<'_> {
     let mut lit = Lit::new(gpu);
-    lit.triangles = vec![GpuTriangle { a: [0.0, 1.0, 0.0], b: [1.0, 1.2, 0.1], c: [0.2, 0.9, 1.3], ..Default::default() }];
-    lit.attributes = vec![GpuTriangleAttributes { uv_b: [1.0, 0.0], uv_c: [0.0, 1.0], ..Default::default() }];
+    lit.triangles = vec![GpuTriangle {
+        a: [0.0, 1.0, 0.0],
+        b: [1.0, 1.2, 0.1],
+        c: [0.2, 0.9, 1.3],
+        ..Default::default()
+    }];
+    lit.attributes = vec![GpuTriangleAttributes {
+        uv_b: [1.0, 0.0],
+        uv_c: [0.0, 1.0],
+        ..Default::default()
+    }];
     lit.instances = vec![GpuInstance {
         world_from_object: rows,
         first_light: 0,
@@ -65,17 +77,32 @@ fn with_triangle(gpu: &Gpu, rows: Rows, flags: u32) -> Lit<'_> {
         flags: u32::from(rows != IDENTITY),
         ..Default::default()
     }];
-    lit.materials = vec![GpuMaterial { emissive: [1.0, 2.0, 3.0], flags, ..Default::default() }];
-    lit.lights = vec![GpuLight { kind: LIGHT_TRIANGLE, emission: [1.0, 2.0, 3.0], ..Default::default() }];
+    lit.materials = vec![GpuMaterial {
+        emissive: [1.0, 2.0, 3.0],
+        flags,
+        ..Default::default()
+    }];
+    lit.lights = vec![GpuLight {
+        kind: LIGHT_TRIANGLE,
+        emission: [1.0, 2.0, 3.0],
+        ..Default::default()
+    }];
     lit.set_powers(&[1.0]);
     lit
 }
 
 /// Corners and the normal out of the front face, in the world.
 fn corners(lit: &Lit) -> ([DVec3; 3], DVec3) {
-    let (t, m) = (lit.triangles[0], lit.instances[0].world_from_object.map(|r| r.map(f64::from)));
-    let linear = DMat3::from_cols_array_2d(&[[m[0][0], m[0][1], m[0][2]], [m[1][0], m[1][1], m[1][2]], [m[2][0], m[2][1], m[2][2]]])
-        .transpose();
+    let (t, m) = (
+        lit.triangles[0],
+        lit.instances[0].world_from_object.map(|r| r.map(f64::from)),
+    );
+    let linear = DMat3::from_cols_array_2d(&[
+        [m[0][0], m[0][1], m[0][2]],
+        [m[1][0], m[1][1], m[1][2]],
+        [m[2][0], m[2][1], m[2][2]],
+    ])
+    .transpose();
     let offset = DVec3::new(m[0][3], m[1][3], m[2][3]);
     let [a, b, c] = [t.a, t.b, t.c].map(wide);
     let normal = linear.inverse().transpose() * (b - a).cross(c - a);
@@ -98,7 +125,11 @@ fn receivers(lit: &Lit) -> [(DVec3, DVec3, bool); 3] {
     let centre = (c[0] + c[1] + c[2]) / 3.0;
     let side = (c[1] - c[0]).normalize();
     let of = |p: DVec3, front: bool| (p, (centre - p).normalize(), front);
-    [of(centre + 2.0 * n, true), of(centre + 0.4 * n + 1.5 * side, true), of(centre - 1.5 * n, false)]
+    [
+        of(centre + 2.0 * n, true),
+        of(centre + 0.4 * n + 1.5 * side, true),
+        of(centre - 1.5 * n, false),
+    ]
 }
 
 #[test]
@@ -117,7 +148,11 @@ fn triangle_samples_are_points_of_the_triangle() {
                 assert!((wide(s.position) - p).length() < 1e-5 && (wide(s.wi) - d.normalize()).length() < 1e-5);
                 assert!((f64::from(s.distance) - d.length()).abs() < 1e-5 && (wide(s.normal) - n).length() < 1e-5);
                 assert!((f64::from(s.pdf) / pdf - 1.0).abs() < 1e-4, "{s:?}, not {pdf}");
-                assert_eq!(s.pdf.to_bits(), s.hit_pdf.to_bits(), "a hit and a sample disagree about the same point");
+                assert_eq!(
+                    s.pdf.to_bits(),
+                    s.hit_pdf.to_bits(),
+                    "a hit and a sample disagree about the same point"
+                );
                 assert_eq!(s.radiance, if front { [1.0, 2.0, 3.0] } else { [0.0; 3] });
                 assert!(s.delta == 0 && s.light == 0);
             }
@@ -141,7 +176,10 @@ fn triangle_samples_are_uniform_in_area() {
                 counts[((u as usize).min(CUTS - 1) * CUTS + (v as usize).min(CUTS - 1)) * 2 + upper] += 1.0;
             }
             let inside = |i: usize| i / 2 / CUTS + i / 2 % CUTS + i % 2 < CUTS;
-            assert!(counts.iter().enumerate().all(|(i, c)| inside(i) || *c < 3.0), "outside of the triangle");
+            assert!(
+                counts.iter().enumerate().all(|(i, c)| inside(i) || *c < 3.0),
+                "outside of the triangle"
+            );
             let counts: Vec<_> = (0..counts.len()).filter(|i| inside(*i)).map(|i| counts[i]).collect();
             chi_squared(&counts, &vec![SAMPLES as f64 / (CUTS * CUTS) as f64; CUTS * CUTS])
         };
@@ -149,12 +187,16 @@ fn triangle_samples_are_uniform_in_area() {
     })]);
 }
 
-fn irradiance_tests<'a>(lit: &'a Lit, defs: &'a [Def]) -> Vec<(String, Box<dyn Fn(u32) -> f64 + 'a>)> {
+fn irradiance_tests<'a>(lit: &'a Lit, defs: &'a [Def]) -> Vec<Statistical<'a>> {
     let two_sided = lit.materials[0].flags & MATERIAL_DOUBLE_SIDED != 0;
     receivers(lit)
         .into_iter()
         .map(|(point, normal, front)| {
-            let exact = if front || two_sided { 2.0 * form_factor(corners(lit).0, point, normal) } else { 0.0 };
+            let exact = if front || two_sided {
+                2.0 * form_factor(corners(lit).0, point, normal)
+            } else {
+                0.0
+            };
             let test = move |seed: u32| {
                 let (mut sum, mut squares) = (0.0, 0.0);
                 for s in sample(lit, 0, point, seed, SAMPLES, defs) {
@@ -164,7 +206,10 @@ fn irradiance_tests<'a>(lit: &'a Lit, defs: &'a [Def]) -> Vec<(String, Box<dyn F
                 }
                 z_test(sum, squares, SAMPLES as f64, exact)
             };
-            (format!("irradiance at {point}"), Box::new(test) as Box<dyn Fn(u32) -> f64>)
+            (
+                format!("irradiance at {point}"),
+                Box::new(test) as Box<dyn Fn(u32) -> f64>,
+            )
         })
         .collect()
 }
@@ -200,7 +245,11 @@ fn texture_and_alpha_shape_emission() {
     lit.atlas[4] = [0, 0, 255, 51];
     lit.atlas[5] = [0, 255, 0, 255];
     let (point, ..) = receivers(&lit)[0];
-    for (flags, low, color) in [(0, 1.0, 1.0), (MATERIAL_ALPHA_MASK, 0.0, 0.5), (MATERIAL_ALPHA_BLEND, 0.1, 0.5)] {
+    for (flags, low, color) in [
+        (0, 1.0, 1.0),
+        (MATERIAL_ALPHA_MASK, 0.0, 0.5),
+        (MATERIAL_ALPHA_BLEND, 0.1, 0.5),
+    ] {
         lit.materials[0] = GpuMaterial {
             emissive: [1.0, 2.0, 3.0],
             emissive_texture: slot,
@@ -223,7 +272,10 @@ fn texture_and_alpha_shape_emission() {
                 [true, true] => [0.0, 2.0 * presence, 0.0],
             };
             let near = (wide(s.radiance) - wide(expected)).length() < 1e-5;
-            assert!(near || s.barycentrics.iter().any(|b| (b - 0.5).abs() < 1e-5), "{flags}: {s:?}, not {expected:?}");
+            assert!(
+                near || s.barycentrics.iter().any(|b| (b - 0.5).abs() < 1e-5),
+                "{flags}: {s:?}, not {expected:?}"
+            );
         }
     }
 }
@@ -232,7 +284,12 @@ fn texture_and_alpha_shape_emission() {
 fn points_spots_and_suns_follow_their_closed_forms() {
     let Some(gpu) = gpu() else { return };
     let mut lit = Lit::new(gpu);
-    let light = |kind| GpuLight { position: [1.0, 2.0, 3.0], emission: [10.0, 20.0, 30.0], kind, ..Default::default() };
+    let light = |kind| GpuLight {
+        position: [1.0, 2.0, 3.0],
+        emission: [10.0, 20.0, 30.0],
+        kind,
+        ..Default::default()
+    };
     let spot = |inner: f32, outer: f32| GpuLight {
         direction: [0.0, -1.0, 0.0],
         data: [inner.cos().to_bits(), outer.cos().to_bits()],
@@ -242,10 +299,18 @@ fn points_spots_and_suns_follow_their_closed_forms() {
         light(LIGHT_POINT),
         spot(0.2, 0.6),
         spot(0.5, 0.5),
-        GpuLight { direction: [0.6, -0.8, 0.0], ..light(LIGHT_DIRECTIONAL) },
+        GpuLight {
+            direction: [0.6, -0.8, 0.0],
+            ..light(LIGHT_DIRECTIONAL)
+        },
     ];
     lit.set_powers(&[1.0; 4]);
-    for point in [DVec3::ZERO, DVec3::new(1.0, -1.0, 3.0), DVec3::new(2.0, -1.0, 3.5), DVec3::new(1.0, 5.0, 3.0)] {
+    for point in [
+        DVec3::ZERO,
+        DVec3::new(1.0, -1.0, 3.0),
+        DVec3::new(2.0, -1.0, 3.5),
+        DVec3::new(1.0, 5.0, 3.0),
+    ] {
         let d = DVec3::new(1.0, 2.0, 3.0) - point;
         let one = |light: u32| sample(&lit, light, point, 0, 64, &[])[7];
         for (light, inner, outer) in [(0, 7.0, 8.0), (1, 0.2f64, 0.6f64), (2, 0.5, 0.5)] {
@@ -254,7 +319,10 @@ fn points_spots_and_suns_follow_their_closed_forms() {
             let ramp = (d.normalize().y - outer.cos()) / (inner.cos() - outer.cos()).max(1e-4);
             let cone = if light == 0 { 1.0 } else { ramp.clamp(0.0, 1.0).powi(2) };
             let expected = 20.0 * cone / d.length_squared();
-            assert!((f64::from(s.radiance[1]) - expected).abs() < 1e-4 * expected + 1e-7, "{light}: {s:?}, not {expected}");
+            assert!(
+                (f64::from(s.radiance[1]) - expected).abs() < 1e-4 * expected + 1e-7,
+                "{light}: {s:?}, not {expected}"
+            );
             assert!(s.pdf == 1.0 && s.delta == 1 && (wide(s.wi) - d.normalize()).length() < 1e-6);
             assert!((f64::from(s.distance) - d.length()).abs() < 1e-5 && s.normal == [0.0; 3] && s.light == light);
         }
@@ -267,126 +335,88 @@ fn points_spots_and_suns_follow_their_closed_forms() {
 fn impossible_samples_carry_nothing() {
     let Some(gpu) = gpu() else { return };
     let mut lit = with_triangle(gpu, IDENTITY, MATERIAL_DOUBLE_SIDED);
-    lit.lights.push(GpuLight { kind: LIGHT_POINT, emission: [1.0; 3], ..Default::default() });
+    lit.lights.push(GpuLight {
+        kind: LIGHT_POINT,
+        emission: [1.0; 3],
+        ..Default::default()
+    });
     lit.set_powers(&[1.0, 1.0]);
     let all_finite = |s: &Sample| {
-        [s.pdf, s.distance].iter().chain(&s.radiance).chain(&s.wi).chain(&s.position).all(|x| x.is_finite())
+        [s.pdf, s.distance]
+            .iter()
+            .chain(&s.radiance)
+            .chain(&s.wi)
+            .chain(&s.position)
+            .all(|x| x.is_finite())
     };
     // In the plane of the light, on a corner, at the point light, and lights that do not exist.
-    lit.triangles[0] = GpuTriangle { b: [1.0, 0.0, 0.0], c: [0.0, 0.0, 1.0], ..Default::default() };
-    for (light, point) in [(0, DVec3::new(5.0, 0.0, 0.0)), (1, DVec3::ZERO), (2, DVec3::ONE), (NONE, DVec3::ONE)] {
+    lit.triangles[0] = GpuTriangle {
+        b: [1.0, 0.0, 0.0],
+        c: [0.0, 0.0, 1.0],
+        ..Default::default()
+    };
+    for (light, point) in [
+        (0, DVec3::new(5.0, 0.0, 0.0)),
+        (1, DVec3::ZERO),
+        (2, DVec3::ONE),
+        (NONE, DVec3::ONE),
+    ] {
         let samples = sample(&lit, light, point, 1, 256, &[]);
-        assert!(samples.iter().all(|s| all_finite(s) && s.pdf == 0.0 && s.radiance == [0.0; 3]), "{light} from {point}");
+        assert!(
+            samples
+                .iter()
+                .all(|s| all_finite(s) && s.pdf == 0.0 && s.radiance == [0.0; 3]),
+            "{light} from {point}"
+        );
     }
     assert!(sample(&lit, 0, DVec3::ZERO, 1, 256, &[]).iter().all(all_finite));
     // A triangle without an area, and tiny and huge ones.
     for scale in [0.0, 1e-6, 1e6f32] {
-        lit.triangles[0] = GpuTriangle { b: [scale, 0.0, 0.0], c: [0.0, 0.0, scale], ..Default::default() };
+        lit.triangles[0] = GpuTriangle {
+            b: [scale, 0.0, 0.0],
+            c: [0.0, 0.0, scale],
+            ..Default::default()
+        };
         for s in sample(&lit, 0, DVec3::new(0.0, f64::from(scale) + 1e-3, 0.0), 1, 256, &[]) {
             assert!(all_finite(&s) && (s.pdf > 0.0) == (scale > 0.0), "{scale}: {s:?}");
         }
     }
 }
 
-/// Frequencies of choices: (light, frequency expected, pmf told).
-fn select(lit: &Lit, seed: u32, count: usize, defs: &[Def]) -> Vec<[u32; 4]> {
-    let seed = lit.gpu.storage(&[seed]);
-    let choices = lit.gpu.zeroed::<[u32; 4]>(count);
-    let bound = [(2, 0, Bound::Buffer(&seed)), (2, 1, Bound::Buffer(&choices))];
-    lit.run("light_select", include_str!("support/kernels/light_select.wgsl"), defs, count as u32, &bound);
-    lit.gpu.read(&choices)
-}
-
 #[test]
-fn lights_are_chosen_by_power() {
-    let Some(gpu) = gpu() else { return };
-    let mut many: Vec<f64> = (0..1000).map(|i| f64::from(i % 7) * f64::from(i % 13)).collect();
-    many[17] = 5000.0;
-    let spread: Vec<f64> = (0..3000).map(|i| (f64::from(i) * 0.01).exp()).collect();
-    let cases = [vec![3.0], vec![1.0, 3.0], vec![0.0, 2.0, f64::NAN, 1.0, -1.0, f64::INFINITY], many, spread];
-    let environments = [None, Some(1.0), Some(1e-9), Some(1e9)];
-    let lit: Vec<_> = cases
-        .iter()
-        .flat_map(|powers| environments.iter().map(move |e| (powers, *e)))
-        .map(|(powers, environment)| {
-            let mut lit = Lit::new(gpu);
-            lit.lights = vec![GpuLight::default(); powers.len()];
-            lit.set_powers(powers);
-            lit.scene.radius = 2.0;
-            lit.view.environment_color = [environment.unwrap_or(0.0) as f32; 3];
-            (lit, powers, environment)
-        })
-        .collect();
-    assert_family(lit.iter().map(|(lit, powers, environment)| {
-        let usable = |p: &f64| if p.is_finite() { p.max(0.0) } else { 0.0 };
-        let total: f64 = powers.iter().map(usable).sum();
-        let share = environment.map_or(0.0, |e| {
-            let flux = 4.0 * PI * PI * 4.0 * e;
-            (flux / (flux + total)).clamp(0.05, 0.95)
-        });
-        let pmf: Vec<f64> =
-            powers.iter().map(|p| usable(p) / total * (1.0 - share)).chain([share]).collect();
-        let test = move |seed: u32| {
-            let mut counts = vec![0.0; pmf.len()];
-            let defs: &[Def] = if environment.is_some() { &[flag("ENVIRONMENT")] } else { &[] };
-            for [light, told, again, _] in select(lit, seed, 1 << 17, defs) {
-                let light = if light == ENVIRONMENT_LIGHT { powers.len() } else { light as usize };
-                counts[light] += 1.0;
-                let told = f64::from(f32::from_bits(told));
-                assert!((told - pmf[light]).abs() <= 1e-4 * pmf[light] + 1e-8, "{light}: {told}, not {}", pmf[light]);
-                assert!(told.to_bits() == f64::from(f32::from_bits(again)).to_bits() && told > 0.0);
-            }
-            let expected: Vec<f64> = pmf.iter().map(|p| p * f64::from(1 << 17)).collect();
-            chi_squared(&counts, &expected)
-        };
-        (format!("{} lights, environment {environment:?}", powers.len()), Box::new(test) as Box<dyn Fn(u32) -> f64>)
-    }));
-}
-
-#[test]
-fn without_lights_nothing_is_chosen() {
-    let Some(gpu) = gpu() else { return };
-    let mut lit = Lit::new(gpu);
-    let on = [flag("ENVIRONMENT")];
-    let told = |lit: &Lit, defs: &[Def]| {
-        let c = select(lit, 1, 64, defs)[3];
-        (c[0], f32::from_bits(c[1]))
+fn lights_and_lobes_compose_with_every_set_of_features() {
+    const NAMES: [&str; 7] = [
+        "LIGHT_TRIANGLES",
+        "LIGHT_POINTS",
+        "LIGHT_DIRECTIONAL",
+        "ENVIRONMENT",
+        "ENVIRONMENT_MAP",
+        "TEXTURES",
+        "ALPHA",
+    ];
+    let mut composer = composer();
+    let mut check = |name: &str, source: &str, defs: &[Def]| {
+        let module = compose(&mut composer, name, source, defs);
+        let mut validator = naga::valid::Validator::new(naga::valid::ValidationFlags::all(), CAPABILITIES);
+        let info = validator
+            .validate(&module)
+            .unwrap_or_else(|e| panic!("{name} {defs:?}: {e:?}"));
+        naga::back::spv::write_vec(&module, &info, &Default::default(), None).expect("SPIR-V");
+        naga::back::msl::write_string(&module, &info, &Default::default(), &Default::default()).expect("MSL");
     };
-    assert_eq!(told(&lit, &[]), (NONE, 0.0));
-    assert_eq!(told(&lit, &on), (ENVIRONMENT_LIGHT, 1.0));
-    // A scene without extent still has its sky; powers beyond f32 leave both sides a share.
-    lit.scene.radius = 0.0;
-    assert_eq!(told(&lit, &on), (ENVIRONMENT_LIGHT, 1.0));
-    lit.view.environment_color = [0.0; 3];
-    assert_eq!(told(&lit, &on), (NONE, 0.0));
-    lit.view.environment_color = [1.0; 3];
-    lit.lights = vec![GpuLight::default()];
-    lit.set_powers(&[1.0]);
-    for (power, radius) in [(1.0, 0.0), (f32::INFINITY, 1.0), (1.0, 1e30), (f32::MAX, 1e30), (1e-30, 1.0), (1e30, 1e-20)] {
-        lit.scene.light_power = power;
-        lit.scene.radius = radius;
-        let found: Vec<_> = select(&lit, 1, 1 << 12, &on).iter().map(|c| (c[0], f32::from_bits(c[1]))).collect();
-        assert!(found.iter().all(|f| f.1 >= 0.04 && f.1 <= 0.96), "{power}, {radius}: {:?}", found[0]);
-        assert!(found.iter().any(|f| f.0 == 0) && found.iter().any(|f| f.0 == ENVIRONMENT_LIGHT));
-    }
-}
-
-#[test]
-fn alias_tables_hold_their_powers() {
-    assert!(alias_table(&[]).is_none());
-    assert!(alias_table(&[0.0, -1.0, f64::NAN, f64::INFINITY]).is_none());
-    assert_eq!(unusable_powers(&[0.0, -1.0, f64::NAN, f64::INFINITY, 1.0]), 3);
-    let hard: Vec<f64> = (0..100_000u32).map(|i| if i % 3 == 0 { 0.0 } else { f64::from(i).powi(9) }).collect();
-    for powers in [vec![1.0], vec![0.0, 1e308, 1e308, 1e-308], vec![0.1; 10], hard, vec![f64::MAX; 1000]] {
-        let table = alias_table(&powers).expect("some power is usable");
-        let max = powers.iter().copied().fold(0.0, f64::max);
-        let sum: f64 = powers.iter().map(|p| p / max).sum();
-        for (p, entry) in powers.iter().zip(&table) {
-            let pmf = p / max / sum;
-            assert!((f64::from(entry.pmf) - pmf).abs() <= 1e-5 * pmf + 1e-7 / powers.len() as f64, "{entry:?} for {pmf}");
-            assert!(entry.pmf > 0.0 || *p < max * 1e-6, "{entry:?} for {p}");
-            assert!(*p > 0.0 || (entry.pmf == 0.0 && entry.probability == 0.0), "{entry:?} of a dark light");
-            assert!((entry.alias as usize) < powers.len() && (0.0..=1.0).contains(&entry.probability));
+    for set in 0..1u32 << NAMES.len() {
+        let defs: Vec<Def> = NAMES
+            .iter()
+            .enumerate()
+            .filter(|(i, _)| set >> i & 1 == 1)
+            .map(|(_, n)| flag(n))
+            .collect();
+        check("light_sample", include_str!("support/kernels/light_sample.wgsl"), &defs);
+        if set < 32 {
+            check("light_select", include_str!("support/kernels/light_select.wgsl"), &defs);
         }
+    }
+    for defs in [&[][..], &[flag("TRANSMISSION")]] {
+        check("bsdf_sample", include_str!("support/kernels/bsdf_sample.wgsl"), defs);
     }
 }

@@ -4,4 +4,6 @@ mod support;
 
 mod bsdf;
 mod environment;
+mod light_choice;
 mod lights;
+mod rng;

@@ -119,7 +119,10 @@ pub struct Sampler<'g> {
 impl<'g> Sampler<'g> {
     pub fn new(gpu: &'g Gpu, defs: &[Def]) -> Self {
         let defs: Vec<Def> = defs.iter().copied().chain([flag("TRANSMISSION")]).collect();
-        Self { gpu, kernel: gpu.kernel("bsdf_sample", include_str!("kernels/bsdf_sample.wgsl"), &defs) }
+        Self {
+            gpu,
+            kernel: gpu.kernel("bsdf_sample", include_str!("kernels/bsdf_sample.wgsl"), &defs),
+        }
     }
 
     pub fn run(&self, query: Query, count: usize) -> Vec<Sample> {
@@ -136,7 +139,10 @@ pub fn evaluate(gpu: &Gpu, queries: &[Query], defs: &[Def]) -> Vec<[[f32; 4]; 4]
     let kernel = gpu.kernel("bsdf_eval", include_str!("kernels/bsdf_eval.wgsl"), defs);
     let input = gpu.storage(queries);
     let output = gpu.zeroed::<[[f32; 4]; 4]>(queries.len());
-    kernel.run([queries.len().div_ceil(64) as u32, 1, 1], &[(0, 0, Bound::Buffer(&input)), (0, 1, Bound::Buffer(&output))]);
+    kernel.run(
+        [queries.len().div_ceil(64) as u32, 1, 1],
+        &[(0, 0, Bound::Buffer(&input)), (0, 1, Bound::Buffer(&output))],
+    );
     gpu.read(&output)
 }
 
@@ -155,15 +161,31 @@ pub fn plain() -> Material {
 }
 
 pub fn coated(alpha: f64) -> Material {
-    Material { base: DVec3::new(0.7, 0.4, 0.1), f0_d: DVec3::splat(0.04), alpha, ..plain() }
+    Material {
+        base: DVec3::new(0.7, 0.4, 0.1),
+        f0_d: DVec3::splat(0.04),
+        alpha,
+        ..plain()
+    }
 }
 
 pub fn metal(alpha: f64) -> Material {
-    Material { base: DVec3::new(0.9, 0.6, 0.2), metallic: 1.0, alpha, ..plain() }
+    Material {
+        base: DVec3::new(0.9, 0.6, 0.2),
+        metallic: 1.0,
+        alpha,
+        ..plain()
+    }
 }
 
 pub fn glass(alpha: f64, eta: f64) -> Material {
-    Material { f0_d: DVec3::splat(0.04), transmission: 1.0, alpha, eta, ..plain() }
+    Material {
+        f0_d: DVec3::splat(0.04),
+        transmission: 1.0,
+        alpha,
+        eta,
+        ..plain()
+    }
 }
 
 /// Every lobe at once, with bent normals.

@@ -65,15 +65,23 @@ pub fn mean_and_error(values: impl Iterator<Item = f64>) -> (f64, f64) {
     (mean, ((squares / n - mean * mean).max(0.0) / n).sqrt())
 }
 
+/// A statistical test: its name, and its p-value for a seed.
+pub type Statistical<'a> = (String, Box<dyn Fn(u32) -> f64 + 'a>);
+
 /// Runs statistical tests (name, p-value for a seed).  One that fails is run once more with another seed before it counts.
 #[track_caller]
-pub fn assert_family<'a>(tests: impl IntoIterator<Item = (String, Box<dyn Fn(u32) -> f64 + 'a>)>) {
+pub fn assert_family<'a>(tests: impl IntoIterator<Item = Statistical<'a>>) {
     let failures = failures_of_family(tests);
-    assert!(failures.is_empty(), "{} failed:\n{}", failures.len(), failures.join("\n"));
+    assert!(
+        failures.is_empty(),
+        "{} failed:\n{}",
+        failures.len(),
+        failures.join("\n")
+    );
 }
 
 /// The names and p-values of the tests that fail twice.
-pub fn failures_of_family<'a>(tests: impl IntoIterator<Item = (String, Box<dyn Fn(u32) -> f64 + 'a>)>) -> Vec<String> {
+pub fn failures_of_family<'a>(tests: impl IntoIterator<Item = Statistical<'a>>) -> Vec<String> {
     let tests: Vec<_> = tests.into_iter().collect();
     let level = sidak(tests.len());
     tests

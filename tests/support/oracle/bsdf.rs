@@ -30,7 +30,13 @@ pub enum Lobe {
 pub const LOBES: [Lobe; 3] = [Lobe::Diffuse, Lobe::Reflection, Lobe::Transmission];
 
 fn schlick(f0: DVec3, c: f64) -> DVec3 {
-    let one = |f0: f64| if f0 == 0.0 { 0.0 } else { f0 + (1.0 - f0) * (1.0 - c).powi(5) };
+    let one = |f0: f64| {
+        if f0 == 0.0 {
+            0.0
+        } else {
+            f0 + (1.0 - f0) * (1.0 - c).powi(5)
+        }
+    };
     DVec3::new(one(f0.x), one(f0.y), one(f0.z))
 }
 
@@ -77,9 +83,7 @@ impl Material {
         match lobe {
             Lobe::Diffuse => false,
             Lobe::Reflection => self.alpha < ALPHA_DELTA,
-            Lobe::Transmission => {
-                self.alpha < ALPHA_DELTA || self.alpha * (self.eta - 1.0).abs() < SPREAD_DELTA
-            }
+            Lobe::Transmission => self.alpha < ALPHA_DELTA || self.alpha * (self.eta - 1.0).abs() < SPREAD_DELTA,
         }
     }
 
@@ -103,7 +107,9 @@ impl Material {
 
     /// f·|n.wi|; 0 of a delta.
     pub fn eval(&self, wo: DVec3, wi: DVec3, lobe: Lobe) -> DVec3 {
-        let Some(same) = self.same_side(wo, wi) else { return DVec3::ZERO };
+        let Some(same) = self.same_side(wo, wi) else {
+            return DVec3::ZERO;
+        };
         let (n_o, n_i) = (self.n.dot(wo).abs(), self.n.dot(wi).abs());
         if self.is_delta(lobe) || same == (lobe == Lobe::Transmission) {
             return DVec3::ZERO;
@@ -144,7 +150,13 @@ impl Material {
         if albedo.max_element() <= 0.0 {
             return 1.0;
         }
-        if self.f0_d.max(self.metallic * self.base).max_element().max(self.transmission) <= 0.0 {
+        if self
+            .f0_d
+            .max(self.metallic * self.base)
+            .max_element()
+            .max(self.transmission)
+            <= 0.0
+        {
             return 0.0;
         }
         let diffuse = luminance(albedo * (DVec3::ONE - schlick(self.f0_d, n_o)));
@@ -165,9 +177,8 @@ impl Material {
             return 0.0;
         }
         let (n_o, n_i) = (self.n.dot(wo), self.n.dot(wi).abs());
-        let visible = |h: DVec3| {
-            d_ggx(self.n.dot(h), self.alpha) * wo.dot(h).max(0.0) / (1.0 + lambda(n_o, self.alpha)) / n_o
-        };
+        let visible =
+            |h: DVec3| d_ggx(self.n.dot(h), self.alpha) * wo.dot(h).max(0.0) / (1.0 + lambda(n_o, self.alpha)) / n_o;
         let p = self.p_microfacet(n_o);
         match lobe {
             Lobe::Diffuse => (1.0 - p) * n_i / PI,
