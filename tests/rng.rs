@@ -128,3 +128,19 @@ fn directions_survive_their_encodings() {
         assert!((t.cross(b) - d).length() < 1e-6, "{d}: not right-handed");
     }
 }
+
+/// Numbers that are a little bent, and numbers that their neighbour betrays, fail the statistics above.
+#[test]
+fn bad_numbers_are_found() {
+    let Some(gpu) = gpu() else { return };
+    let numbers = block(gpu, 7);
+    let mut bent = vec![0.0; 1024];
+    let mut paired = vec![0.0; 1024];
+    for pair in numbers.chunks(2) {
+        let [a, b] = [pair[0].1[0], pair[1].1[0]];
+        bent[(a.powf(1.03) * 1024.0) as usize] += 1.0;
+        paired[(a * 32.0) as usize * 32 + ((0.95 * b + 0.05 * a) * 32.0) as usize] += 1.0;
+    }
+    let expected = [COUNT as f64 / 2048.0; 1024];
+    assert!(chi_squared(&bent, &expected) < 1e-6 && chi_squared(&paired, &expected) < 1e-6);
+}
