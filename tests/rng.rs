@@ -138,8 +138,8 @@ fn bad_numbers_are_found() {
     let mut paired = vec![0.0; 1024];
     for pair in numbers.chunks(2) {
         let [a, b] = [pair[0].1[0], pair[1].1[0]];
-        bent[(a.powf(1.03) * 1024.0) as usize] += 1.0;
-        paired[(a * 32.0) as usize * 32 + ((0.95 * b + 0.05 * a) * 32.0) as usize] += 1.0;
+        bent[(a.powf(1.1) * 1024.0) as usize] += 1.0;
+        paired[(a * 32.0) as usize * 32 + ((0.85 * b + 0.15 * a) * 32.0) as usize] += 1.0;
     }
     let expected = [COUNT as f64 / 2048.0; 1024];
     assert!(chi_squared(&bent, &expected) < 1e-6 && chi_squared(&paired, &expected) < 1e-6);
