@@ -172,7 +172,7 @@ pub struct GpuViewUniforms {
     pub environment_color: [f32; 3],
     pub exposure: f32,
     pub background: [f32; 3],
-    pub pad: u32,
+    pub debug_view: u32,
     pub size: [u32; 2],
     pub jitter: [f32; 2],
     pub previous_jitter: [f32; 2],

@@ -1,5 +1,152 @@
-//! ReSTIR path tracing for Bevy.
+//! Lights an ordinary Bevy scene by ReSTIR (spatiotemporally resampled) path tracing, on GPUs with and without ray-tracing hardware.
+//!
+//! ```no_run
+//! use bevy::prelude::*;
+//! use bevy_restir::prelude::*;
+//!
+//! App::new()
+//!     .add_plugins((DefaultPlugins, RestirPlugin))
+//!     .add_systems(Startup, |mut commands: Commands| {
+//!         commands.spawn((Camera3d::default(), Restir::default()));
+//!     })
+//!     .run();
+//! ```
+//!
+//! The data flows one way: ECS → [`scene`] → view → passes → Bevy's view target.
+
+#![warn(missing_docs, unreachable_pub)]
 
 pub mod gpu_types;
+pub(crate) mod passes;
 pub mod scene;
+mod settings;
 pub mod shaders;
+mod statistics;
+mod view;
+
+pub use passes::{SPAN_PREFIX, pass_names, pipelines::PipelineReport};
+pub use settings::{DebugView, EmissiveLuminance, Preset, Restir, RestirEnvironment, Technique};
+pub use statistics::{RestirReport, RestirStatistics};
+pub use view::capture::{CapturedRadiance, RadianceCapture};
+
+use bevy::{
+    app::{App, First, Plugin, PostUpdate},
+    asset::Assets,
+    camera::visibility::{VisibilitySystems, VisibleEntities},
+    ecs::prelude::*,
+    log::warn,
+    mesh::Mesh3d,
+    pbr::{MeshMaterial3d, StandardMaterial},
+    render::{
+        Render, RenderApp, RenderSystems,
+        render_resource::DownlevelFlags,
+        renderer::{RenderAdapter, RenderDevice},
+        view::Msaa,
+    },
+    shader::Shader,
+};
+use core::any::TypeId;
+
+/// Everything that an app needs.
+pub mod prelude {
+    pub use crate::{DebugView, EmissiveLuminance, Preset, Restir, RestirEnvironment, RestirPlugin, Technique};
+}
+
+/// Adds ReSTIR lighting to cameras that carry [`Restir`].
+///
+/// Where the device cannot run compute shaders with eight storage buffers it warns once and stays off, and Bevy's own lighting stays on.
+pub struct RestirPlugin;
+
+impl Plugin for RestirPlugin {
+    fn build(&self, app: &mut App) {
+        app.register_type::<Restir>()
+            .register_type::<RestirEnvironment>()
+            .init_resource::<EmissiveLuminance>()
+            .init_resource::<RestirStatistics>();
+    }
+
+    fn finish(&self, app: &mut App) {
+        let statistics = app.world().resource::<RestirStatistics>().clone();
+        let Some(missing) = app.get_sub_app(RenderApp).map(|render_app| missing_feature(render_app.world())) else {
+            warn!("restir: there is no renderer; the plugin stays off");
+            return;
+        };
+        if let Some(missing) = missing {
+            warn!("restir: this device has no {missing}; the plugin stays off and Bevy's own lighting stays on");
+            return;
+        }
+        let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
+        let table = shaders::ShaderTable::new(&mut shaders);
+
+        app.add_systems(First, (clear_reset, require_single_sample))
+            .add_systems(PostUpdate, hide_mirrored_meshes.after(VisibilitySystems::CheckVisibility));
+        let Some(render_app) = app.get_sub_app_mut(RenderApp) else {
+            return;
+        };
+        render_app
+            .insert_resource(passes::pipelines::PassPipelines::with_shaders(table.clone()))
+            .insert_resource(table)
+            .insert_resource(statistics)
+            .add_systems(
+                Render,
+                statistics::update_report.in_set(RenderSystems::Cleanup).before(view::capture::capture_radiance),
+            );
+        scene::build(render_app);
+        view::build(render_app);
+        passes::build(render_app);
+    }
+}
+
+/// What the device lacks for the portable tier.
+fn missing_feature(render_world: &World) -> Option<&'static str> {
+    let device = render_world.get_resource::<RenderDevice>()?;
+    let limits = device.limits();
+    let adapter = render_world.get_resource::<RenderAdapter>()?;
+    if !adapter
+        .get_downlevel_capabilities()
+        .flags
+        .contains(DownlevelFlags::COMPUTE_SHADERS | DownlevelFlags::VERTEX_STORAGE)
+    {
+        return Some("compute shaders and storage buffers in vertex shaders");
+    }
+    if limits.max_storage_buffers_per_shader_stage < 8 {
+        return Some("eight storage buffers a shader stage");
+    }
+    if limits.max_compute_invocations_per_workgroup < 64 {
+        return Some("64 compute invocations a workgroup");
+    }
+    None
+}
+
+/// `Restir::reset` holds for one frame.
+fn clear_reset(mut cameras: Query<&mut Restir>) {
+    for mut restir in &mut cameras {
+        if restir.reset {
+            restir.reset = false;
+        }
+    }
+}
+
+/// A visibility buffer has one sample a pixel.  Bevy's cameras come with four: those are turned off silently where `Restir` is added,
+/// and with a warning where an app asks for them later.
+fn require_single_sample(mut cameras: Query<(Entity, Ref<Restir>, &mut Msaa), Or<(Changed<Msaa>, Added<Restir>)>>) {
+    for (entity, restir, mut msaa) in &mut cameras {
+        if *msaa == Msaa::Off {
+            continue;
+        }
+        if !restir.is_added() {
+            warn!("restir: camera {entity} has {:?}; multisampling is turned off", *msaa);
+        }
+        *msaa = Msaa::Off;
+    }
+}
+
+/// Takes what the mirror shows off the lists of `Restir` cameras, so that Bevy's own passes do not draw it again.
+fn hide_mirrored_meshes(
+    mut cameras: Query<&mut VisibleEntities, With<Restir>>,
+    mirrored: Query<(), (With<Mesh3d>, With<MeshMaterial3d<StandardMaterial>>)>,
+) {
+    for mut visible in &mut cameras {
+        visible.get_mut(TypeId::of::<Mesh3d>()).retain(|entity| !mirrored.contains(*entity));
+    }
+}

@@ -24,7 +24,6 @@ pub const MODULES: &[(&str, &str)] = table![
     "scene/texture.wgsl",
     "scene/triangle.wgsl",
     "view/types.wgsl",
-    "view/bindings.wgsl",
     "bsdf/types.wgsl",
     "bsdf/fresnel.wgsl",
     "bsdf/ggx.wgsl",
@@ -39,10 +38,27 @@ pub const MODULES: &[(&str, &str)] = table![
     "light/directional.wgsl",
     "light/light.wgsl",
     "light/select.wgsl",
+    "trace/ray.wgsl",
+    "trace/triangle.wgsl",
+    "trace/offset.wgsl",
+    "trace/software.wgsl",
+    "scene/surface.wgsl",
+    "view/bindings.wgsl",
+    "view/alpha_seed.wgsl",
+    "view/camera.wgsl",
+    "trace/alpha.wgsl",
+    "path/estimate.wgsl",
+    "pass/atlas.wgsl",
+    "pass/visibility.wgsl",
+    "pass/reference.wgsl",
+    "pass/debug.wgsl",
+    "pass/statistics.wgsl",
+    "pass/composite.wgsl",
+    "pass/environment.wgsl",
 ];
 
 /// The handles that keep the modules alive, by path.
-#[derive(Resource)]
+#[derive(Resource, Clone)]
 pub(crate) struct ShaderTable(HashMap<&'static str, Handle<Shader>>);
 
 impl ShaderTable {
@@ -61,9 +77,6 @@ impl ShaderTable {
 
     /// The handle of a pass: `pass/NAME.wgsl`.
     pub(crate) fn pass(&self, path: &str) -> Handle<Shader> {
-        self.0
-            .get(path)
-            .unwrap_or_else(|| panic!("{path} is not in the table of shaders"))
-            .clone()
+        self.0.get(path).unwrap_or_else(|| panic!("{path} is not in the table of shaders")).clone()
     }
 }

@@ -41,9 +41,7 @@ fn random_queries(count: usize) -> Vec<Query> {
                     graze(&mut r, w)
                 }
                 2 => (2.0 * m.n.dot(wo) * m.n - wo + scatter).normalize(),
-                _ => m
-                    .delta_direction(wo, Lobe::Transmission)
-                    .map_or(-wo, |w| (w + scatter).normalize()),
+                _ => m.delta_direction(wo, Lobe::Transmission).map_or(-wo, |w| (w + scatter).normalize()),
             };
             Query::new(&m, wo, wi, 0)
         })
@@ -57,16 +55,10 @@ fn eval_and_pdf_equal_the_oracle() {
     let mut bad = Vec::new();
     let mut compared = 0;
     for (q, answer) in queries.iter().zip(evaluate(gpu, &queries, &[flag("TRANSMISSION")])) {
-        assert!(
-            answer.iter().flatten().all(|x| x.is_finite() && *x >= 0.0),
-            "{q:?} gave {answer:?}"
-        );
+        assert!(answer.iter().flatten().all(|x| x.is_finite() && *x >= 0.0), "{q:?} gave {answer:?}");
         let (m, wo, wi) = (q.material(), q.wo(), q.wi());
         // On a threshold, f32 may fall on either side.
-        if [m.n.dot(wo), m.n_geo.dot(wo), m.n.dot(wi), m.n_geo.dot(wi)]
-            .iter()
-            .any(|c| c.abs() < 1e-6)
-        {
+        if [m.n.dot(wo), m.n_geo.dot(wo), m.n.dot(wi), m.n_geo.dot(wi)].iter().any(|c| c.abs() < 1e-6) {
             continue;
         }
         // Nor does f32 know an h that is the difference of almost equal vectors.
@@ -81,19 +73,10 @@ fn eval_and_pdf_equal_the_oracle() {
             let (t, b) = wi.any_orthonormal_pair();
             let (s, c) = wo.any_orthonormal_pair();
             let zero = DVec3::ZERO;
-            let spread = [
-                (t, s),
-                (b, c),
-                (-t, -s),
-                (-b, -c),
-                (m.n, zero),
-                (-m.n, zero),
-                (zero, m.n),
-                (zero, -m.n),
-            ]
-            .iter()
-            .map(|(d, e)| (f((wo + 3e-7 * e).normalize(), (wi + 3e-7 * d).normalize()) - exact).abs())
-            .fold(0.0, f64::max);
+            let spread = [(t, s), (b, c), (-t, -s), (-b, -c), (m.n, zero), (-m.n, zero), (zero, m.n), (zero, -m.n)]
+                .iter()
+                .map(|(d, e)| (f((wo + 3e-7 * e).normalize(), (wi + 3e-7 * d).normalize()) - exact).abs())
+                .fold(0.0, f64::max);
             (exact, 5.0 * spread)
         };
         for (k, lobe) in LOBES.iter().enumerate() {
@@ -110,18 +93,10 @@ fn eval_and_pdf_equal_the_oracle() {
             compared += 1;
         }
         let sum: f64 = answer[1..].iter().map(|a| f64::from(a[3])).sum();
-        assert!(
-            close(answer[0][3].into(), sum, 1e-5, 0.0),
-            "the marginal is the sum of the lobes"
-        );
+        assert!(close(answer[0][3].into(), sum, 1e-5, 0.0), "the marginal is the sum of the lobes");
     }
     assert!(compared > 200_000);
-    assert!(
-        bad.is_empty(),
-        "{} of {compared}:\n{}",
-        bad.len(),
-        bad[..bad.len().min(5)].join("\n")
-    );
+    assert!(bad.is_empty(), "{} of {compared}:\n{}", bad.len(), bad[..bad.len().min(5)].join("\n"));
 }
 
 /// What the samplers are tried on: (name, material, wo, axis and finest angle of the cells).
@@ -131,18 +106,8 @@ fn cases() -> Vec<(String, Material, DVec3, DVec3, f64)> {
         let wo = at_angle(&m, degrees);
         let axis = m.delta_direction(wo, lobe).unwrap_or(m.n);
         // Refraction narrows the lobe where the indices are close.
-        let bend = if lobe == Lobe::Transmission {
-            (2.0 * (m.eta - 1.0).abs()).min(1.0)
-        } else {
-            1.0
-        };
-        cases.push((
-            format!("{name} at {degrees}"),
-            m,
-            wo,
-            axis,
-            (0.5 * m.alpha * bend).clamp(1e-3, 0.3),
-        ));
+        let bend = if lobe == Lobe::Transmission { (2.0 * (m.eta - 1.0).abs()).min(1.0) } else { 1.0 };
+        cases.push((format!("{name} at {degrees}"), m, wo, axis, (0.5 * m.alpha * bend).clamp(1e-3, 0.3)));
     };
     for degrees in [0.0, 50.0, 89.0] {
         add("lambert", plain(), degrees, Lobe::Diffuse);
@@ -153,22 +118,12 @@ fn cases() -> Vec<(String, Material, DVec3, DVec3, f64)> {
         add("metal 1", metal(1.0), degrees, Lobe::Reflection);
         add("glass 0.05 from outside", glass(0.05, 1.5), degrees, Lobe::Transmission);
         add("glass 0.4 from outside", glass(0.4, 1.5), degrees, Lobe::Transmission);
-        add(
-            "glass 0.4 from inside",
-            glass(0.4, 1.0 / 1.5),
-            degrees,
-            Lobe::Reflection,
-        );
+        add("glass 0.4 from inside", glass(0.4, 1.0 / 1.5), degrees, Lobe::Reflection);
         add("glass 0.2 almost unbent", glass(0.2, 1.01), degrees, Lobe::Transmission);
     }
     for degrees in [20.0, 75.0] {
         add("mixture from outside", mixture(0.2, 1.5), degrees, Lobe::Reflection);
-        add(
-            "mixture from inside",
-            mixture(0.2, 1.0 / 1.5),
-            degrees,
-            Lobe::Transmission,
-        );
+        add("mixture from inside", mixture(0.2, 1.0 / 1.5), degrees, Lobe::Transmission);
         add("mixture unbent", mixture(0.3, 1.0), degrees, Lobe::Reflection);
     }
     add("near the critical angle", glass(0.1, 1.0 / 1.5), 41.8, Lobe::Reflection);
@@ -195,11 +150,7 @@ fn sampling_test<'a>(
         let query = Query::new(&m, wo, DVec3::Z, seed);
         let mut counts = vec![0.0; expected.len()];
         for s in sampler.run(query, SAMPLES) {
-            let cell = if s.valid() && !s.delta() {
-                cells.cell_of(s.wi())
-            } else {
-                cells.count()
-            };
+            let cell = if s.valid() && !s.delta() { cells.cell_of(s.wi()) } else { cells.count() };
             counts[cell] += 1.0;
         }
         chi_squared(&counts, &expected)
@@ -218,11 +169,7 @@ fn samples_follow_the_density() {
 fn a_bent_sampler_is_found() {
     let Some(gpu) = gpu() else { return };
     let sampler = Sampler::new(gpu, &[flag("PLANTED")]);
-    let tests = || {
-        cases()
-            .into_iter()
-            .filter(|c| c.0.contains("at 50") && !c.0.contains("delta"))
-    };
+    let tests = || cases().into_iter().filter(|c| c.0.contains("at 50") && !c.0.contains("delta"));
     let found = failures_of_family(tests().map(|case| sampling_test(&sampler, case)));
     assert_eq!(found.len(), tests().count(), "found only {found:?}");
 }
@@ -253,10 +200,7 @@ fn samples_average_to_the_albedo() {
         let (m, wo) = (query.material(), query.wo());
         let cells = PolarCells::about(axis, finest, 9, 10);
         let scale = |wi: DVec3| if m.n.dot(wi) < 0.0 { m.eta * m.eta } else { 1.0 };
-        let albedo: f64 = cells
-            .integrate(|wi| m.eval_all(wo, wi).y * scale(wi), 1e-6)
-            .iter()
-            .sum();
+        let albedo: f64 = cells.integrate(|wi| m.eval_all(wo, wi).y * scale(wi), 1e-6).iter().sum();
         let sampler = &sampler;
         let test = move |seed: u32| {
             let (mut sum, mut squares) = (0.0, 0.0);
@@ -267,12 +211,7 @@ fn samples_average_to_the_albedo() {
                 squares += w * w;
             }
             // 1e-4 of the quadrature.
-            z_test(
-                sum,
-                squares + 1e-8 * SAMPLES as f64 * SAMPLES as f64 * albedo * albedo,
-                SAMPLES as f64,
-                albedo,
-            )
+            z_test(sum, squares + 1e-8 * SAMPLES as f64 * SAMPLES as f64 * albedo * albedo, SAMPLES as f64, albedo)
         };
         (name, Box::new(test) as Box<dyn Fn(u32) -> f64>)
     };
@@ -293,28 +232,17 @@ fn deltas_weigh_what_they_reflect_and_refract() {
         let c = m.n.dot(wo);
         let samples = sampler.run(query, 1 << 14);
         for lobe in [Lobe::Reflection, Lobe::Transmission] {
-            let share = if lobe == Lobe::Reflection {
-                m.p_reflect(c)
-            } else {
-                1.0 - m.p_reflect(c)
-            };
+            let share = if lobe == Lobe::Reflection { m.p_reflect(c) } else { 1.0 - m.p_reflect(c) };
             let p = m.p_microfacet(c) * share;
             let Some(direction) = m.delta_direction(wo, lobe) else {
                 assert!(p == 0.0, "total reflection");
                 continue;
             };
-            let whole = if lobe == Lobe::Reflection {
-                m.reflected(c)
-            } else {
-                m.refracted(c) / m.eta.powi(2)
-            };
+            let whole = if lobe == Lobe::Reflection { m.reflected(c) } else { m.refracted(c) / m.eta.powi(2) };
             let side = m.n.dot(direction) * m.n_geo.dot(direction) > 0.0 && m.n_geo.dot(wo) > 0.0;
             let of_lobe: Vec<_> = samples.iter().filter(|s| s.valid() && s.lobe() == lobe).collect();
             for s in &of_lobe {
-                assert!(
-                    s.delta() && s.pdf == 0.0 && (s.wi() - direction).length() < 1e-5,
-                    "{m:?}: {s:?}"
-                );
+                assert!(s.delta() && s.pdf == 0.0 && (s.wi() - direction).length() < 1e-5, "{m:?}: {s:?}");
                 assert!(
                     (s.weight() * p - whole).abs().max_element() < 1e-5,
                     "{m:?} at {degrees}: {s:?}, not {whole} / {p}"
@@ -337,31 +265,12 @@ fn deltas_weigh_what_they_reflect_and_refract() {
 fn nothing_reflects_more_than_it_gets() {
     let Some(gpu) = gpu() else { return };
     let sampler = Sampler::new(gpu, &[]);
-    let mirror = Material {
-        base: DVec3::ONE,
-        ..metal(1e-4)
-    };
-    let mut tried = vec![
-        (mirror, Some(1.0)),
-        (glass(1e-4, 1.5), Some(1.0)),
-        (glass(1e-4, 1.0 / 1.5), Some(1.0)),
-    ];
+    let mirror = Material { base: DVec3::ONE, ..metal(1e-4) };
+    let mut tried = vec![(mirror, Some(1.0)), (glass(1e-4, 1.5), Some(1.0)), (glass(1e-4, 1.0 / 1.5), Some(1.0))];
     tried.extend([(glass(1e-4, 1.0), Some(1.0)), (plain(), Some(1.0))]);
-    tried.push((
-        Material {
-            base: DVec3::ZERO,
-            ..mirror
-        },
-        Some(0.0),
-    ));
+    tried.push((Material { base: DVec3::ZERO, ..mirror }, Some(0.0)));
     for alpha in [2e-3, 0.05, 0.3, 1.0] {
-        tried.push((
-            Material {
-                base: DVec3::ONE,
-                ..metal(alpha)
-            },
-            None,
-        ));
+        tried.push((Material { base: DVec3::ONE, ..metal(alpha) }, None));
         tried.extend([0.5, 1.0 / 1.5, 1.0, 1.01, 1.5, 2.4].map(|eta| (glass(alpha, eta), None)));
     }
     for (m, degrees) in tried.iter().flat_map(|m| [0.0, 45.0, 80.0, 89.9].map(|d| (m, d))) {
@@ -369,18 +278,11 @@ fn nothing_reflects_more_than_it_gets() {
         let query = Query::new(m, at_angle(m, degrees), DVec3::Z, 6);
         let samples = sampler.run(query, 1 << 13);
         let gain = |s: &super::support::materials::Sample| {
-            if s.valid() {
-                s.weight().y * f64::from(s.eta).powi(2)
-            } else {
-                0.0
-            }
+            if s.valid() { s.weight().y * f64::from(s.eta).powi(2) } else { 0.0 }
         };
         let (mean, error) = mean_and_error(samples.iter().map(gain));
         match exact {
-            Some(exact) => assert!(
-                (mean - exact).abs() <= 5.0 * error + 1e-5,
-                "{m:?} at {degrees}: {mean} ± {error}"
-            ),
+            Some(exact) => assert!((mean - exact).abs() <= 5.0 * error + 1e-5, "{m:?} at {degrees}: {mean} ± {error}"),
             None => assert!(mean <= 1.0 + 5.0 * error + 1e-5, "{m:?} at {degrees}: {mean} ± {error}"),
         }
     }
@@ -394,22 +296,14 @@ fn light_may_travel_either_way() {
     let turned = |q: &Query| {
         let (mut m, wo, wi) = (q.material(), q.wo(), q.wi());
         if m.n.dot(wi) < 0.0 {
-            m = Material {
-                n: -m.n,
-                n_geo: -m.n_geo,
-                eta: 1.0 / m.eta,
-                ..m
-            };
+            m = Material { n: -m.n, n_geo: -m.n_geo, eta: 1.0 / m.eta, ..m };
         }
         Query::new(&m, wi, wo, 0)
     };
     let back: Vec<_> = forth.iter().map(turned).collect();
     let defs = [flag("TRANSMISSION")];
     let mut compared = 0;
-    for (q, (f, b)) in forth
-        .iter()
-        .zip(evaluate(gpu, &forth, &defs).iter().zip(evaluate(gpu, &back, &defs)))
-    {
+    for (q, (f, b)) in forth.iter().zip(evaluate(gpu, &forth, &defs).iter().zip(evaluate(gpu, &back, &defs))) {
         let (m, wo, wi) = (q.material(), q.wo(), q.wi());
         // Where h is short, f32 does not know it.
         let h = if m.n.dot(wi) > 0.0 { wo + wi } else { wo + m.eta * wi };
@@ -431,20 +325,11 @@ fn light_may_travel_either_way() {
 #[test]
 fn without_the_feature_nothing_is_transmitted() {
     let Some(gpu) = gpu() else { return };
-    let queries: Vec<_> = random_queries(20_000)
-        .into_iter()
-        .filter(|q| q.material().transmission == 0.0)
-        .collect();
+    let queries: Vec<_> = random_queries(20_000).into_iter().filter(|q| q.material().transmission == 0.0).collect();
     let with = evaluate(gpu, &queries, &[flag("TRANSMISSION")]);
     let without = evaluate(gpu, &queries, &[]);
     for ((q, a), b) in queries.iter().zip(with).zip(without) {
-        assert!(
-            a.iter()
-                .flatten()
-                .zip(b.iter().flatten())
-                .all(|(a, b)| (a - b).abs() <= 1e-6 * a.abs()),
-            "{q:?}"
-        );
+        assert!(a.iter().flatten().zip(b.iter().flatten()).all(|(a, b)| (a - b).abs() <= 1e-6 * a.abs()), "{q:?}");
     }
 }
 
@@ -452,10 +337,7 @@ fn without_the_feature_nothing_is_transmitted() {
 /// the coat itself is a mirror.  The bound is what that costs at most for a white base.
 #[test]
 fn a_white_coated_surface_gains_at_grazing_angles() {
-    let m = Material {
-        base: DVec3::ONE,
-        ..coated(0.1)
-    };
+    let m = Material { base: DVec3::ONE, ..coated(0.1) };
     let albedo = |degrees: f64| {
         let wo = at_angle(&m, degrees);
         let cells = PolarCells::about(m.delta_direction(wo, Lobe::Reflection).unwrap_or(m.n), 0.05, 9, 10);
@@ -463,8 +345,5 @@ fn a_white_coated_surface_gains_at_grazing_angles() {
     };
     let found = [0.0, 45.0, 60.0, 75.0, 85.0, 89.0].map(albedo);
     println!("albedo of a white coat: {found:?}");
-    assert!(
-        found[0] < 1.001 && found.iter().all(|a| *a < 1.9) && found[4] > 1.1,
-        "{found:?}"
-    );
+    assert!(found[0] < 1.001 && found.iter().all(|a| *a < 1.9) && found[4] > 1.1, "{found:?}");
 }

@@ -33,13 +33,7 @@ fn run(lit: &Lit, seed: u32, samples: &[Sample], mapped: bool) -> Vec<Sample> {
     let seed = lit.gpu.storage(&[seed]);
     let buffer = lit.gpu.storage(samples);
     let bound = [(2, 0, Bound::Buffer(&seed)), (2, 1, Bound::Buffer(&buffer))];
-    lit.run(
-        "environment",
-        include_str!("support/kernels/environment.wgsl"),
-        defs,
-        samples.len() as u32,
-        &bound,
-    );
+    lit.run("environment", include_str!("support/kernels/environment.wgsl"), defs, samples.len() as u32, &bound);
     lit.gpu.read(&buffer)
 }
 
@@ -58,38 +52,24 @@ fn cases(gpu: &Gpu) -> Vec<Case<'_>> {
     let grey = |x: f64| DVec3::new(x, 0.5 * x, 2.0 * x);
     let maps = [
         ("constant", Map::new(8, 4, |_, _| grey(1.0))),
-        (
-            "spike",
-            Map::new(32, 16, |x, y| grey(if (x, y) == (31, 5) { 1e5 } else { 1e-2 })),
-        ),
-        (
-            "lone spike at the seam",
-            Map::new(32, 16, |x, y| grey(if (x, y) == (0, 9) { 10.0 } else { 0.0 })),
-        ),
+        ("spike", Map::new(32, 16, |x, y| grey(if (x, y) == (31, 5) { 1e5 } else { 1e-2 }))),
+        ("lone spike at the seam", Map::new(32, 16, |x, y| grey(if (x, y) == (0, 9) { 10.0 } else { 0.0 }))),
         ("gradient", Map::new(24, 10, |x, y| grey(x as f64 + 3.0 * y as f64))),
         ("black half", Map::new(16, 8, |x, _| grey(f64::from(u8::from(x < 8))))),
         ("north pole", Map::new(16, 8, |_, y| grey(f64::from(u8::from(y == 0))))),
-        (
-            "south pole",
-            Map::new(16, 8, |x, y| grey(if y == 7 { x as f64 } else { 0.0 })),
-        ),
+        ("south pole", Map::new(16, 8, |x, y| grey(if y == 7 { x as f64 } else { 0.0 }))),
         ("one texel", Map::new(1, 1, |_, _| grey(3.0))),
     ];
     let mut cases = Vec::new();
     for (i, (name, map)) in maps.into_iter().enumerate() {
         for (width, height) in [(16, 8), (64, 32), (16, 16), (8, 2)] {
-            let rotation = if i % 2 == 0 {
-                DMat3::IDENTITY
-            } else {
-                DMat3::from_rotation_y(1.0) * DMat3::from_rotation_x(0.7)
-            };
+            let rotation =
+                if i % 2 == 0 { DMat3::IDENTITY } else { DMat3::from_rotation_y(1.0) * DMat3::from_rotation_x(0.7) };
             let mut lit = Lit::new(gpu);
             lit.rotate(rotation);
             lit.view.environment_color = [2.0, 1.0, 0.5];
             lit.set_map(&map, width as u32, height as u32);
-            let table = (0..width * height)
-                .map(|i| map.importance(i % width, i / width, width, height))
-                .collect();
+            let table = (0..width * height).map(|i| map.importance(i % width, i / width, width, height)).collect();
             cases.push(Case {
                 name: format!("{name}, {width}x{height}"),
                 lit,
@@ -149,11 +129,7 @@ fn radiance_is_bilinear_and_never_unreachable() {
             let tolerance = 2e-4 + 1e-6 / (d.x.hypot(d.z) + 1e-6);
             let near = (wide(s.radiance) - expected).abs().max_element() < tolerance * scale;
             assert!(near, "{}: {s:?}, not {expected}", case.name);
-            assert!(
-                s.pdf_again > 0.0 || s.radiance[1] < 1e-4 * scale as f32,
-                "{}: {s:?} is never sampled",
-                case.name
-            );
+            assert!(s.pdf_again > 0.0 || s.radiance[1] < 1e-4 * scale as f32, "{}: {s:?} is never sampled", case.name);
             assert!(s.pdf_again.is_finite());
         }
     }
@@ -178,9 +154,8 @@ fn direction_tests<'a>(cases: &'a [Case], wrong: f64) -> Vec<Statistical<'a>> {
                     counts[(y * case.width + x) * 4 + quarter] += 1.0;
                     // A sample may fall on the edge of its cell; elsewhere densities agree.
                     let exact = case.table[y * case.width + x] / total / solid_angle(y, case.width, case.height);
-                    let edge = [u * case.width as f64, v * case.height as f64]
-                        .iter()
-                        .any(|t| (t - t.round()).abs() < 1e-3);
+                    let edge =
+                        [u * case.width as f64, v * case.height as f64].iter().any(|t| (t - t.round()).abs() < 1e-3);
                     let agree = |pdf: f32| (f64::from(pdf) - exact).abs() <= 5e-3 * exact + 1e-5;
                     assert!(
                         s.pdf > 0.0 && (edge || (agree(s.pdf) && agree(s.pdf_again))),
@@ -188,11 +163,8 @@ fn direction_tests<'a>(cases: &'a [Case], wrong: f64) -> Vec<Statistical<'a>> {
                         case.name
                     );
                 }
-                let mut expected: Vec<f64> = case
-                    .table
-                    .iter()
-                    .flat_map(|t| [t / total * SAMPLES as f64 / 4.0; 4])
-                    .collect();
+                let mut expected: Vec<f64> =
+                    case.table.iter().flat_map(|t| [t / total * SAMPLES as f64 / 4.0; 4]).collect();
                 expected[0] *= wrong;
                 chi_squared(&counts, &expected)
             };

@@ -39,18 +39,10 @@ fn sample(lit: &Lit, light: u32, point: DVec3, seed: u32, count: usize, defs: &[
     let all = ["LIGHT_TRIANGLES", "LIGHT_POINTS", "LIGHT_DIRECTIONAL", "ENVIRONMENT"].map(flag);
     let defs: Vec<_> = all.into_iter().chain(defs.iter().copied()).collect();
     let p = point.as_vec3();
-    let query = lit
-        .gpu
-        .storage(&[p.x.to_bits(), p.y.to_bits(), p.z.to_bits(), light, seed, 0, 0, 0]);
+    let query = lit.gpu.storage(&[p.x.to_bits(), p.y.to_bits(), p.z.to_bits(), light, seed, 0, 0, 0]);
     let samples = lit.gpu.zeroed::<Sample>(count);
     let bound = [(2, 0, Bound::Buffer(&query)), (2, 1, Bound::Buffer(&samples))];
-    lit.run(
-        "light_sample",
-        include_str!("support/kernels/light_sample.wgsl"),
-        &defs,
-        count as u32,
-        &bound,
-    );
+    lit.run("light_sample", include_str!("support/kernels/light_sample.wgsl"), &defs, count as u32, &bound);
     lit.gpu.read(&samples)
 }
 
@@ -59,17 +51,9 @@ const MIRRORED: Rows = [[-2.0, 0.3, 0.0, 0.5], [0.0, 1.5, 0.2, 3.0], [0.1, 0.0, 
 /// One emissive triangle of radiance (1, 2, 3).
 fn with_triangle(gpu: &Gpu, rows: Rows, flags: u32) -> Lit<'_> {
     let mut lit = Lit::new(gpu);
-    lit.triangles = vec![GpuTriangle {
-        a: [0.0, 1.0, 0.0],
-        b: [1.0, 1.2, 0.1],
-        c: [0.2, 0.9, 1.3],
-        ..Default::default()
-    }];
-    lit.attributes = vec![GpuTriangleAttributes {
-        uv_b: [1.0, 0.0],
-        uv_c: [0.0, 1.0],
-        ..Default::default()
-    }];
+    lit.triangles =
+        vec![GpuTriangle { a: [0.0, 1.0, 0.0], b: [1.0, 1.2, 0.1], c: [0.2, 0.9, 1.3], ..Default::default() }];
+    lit.attributes = vec![GpuTriangleAttributes { uv_b: [1.0, 0.0], uv_c: [0.0, 1.0], ..Default::default() }];
     lit.instances = vec![GpuInstance {
         world_from_object: rows,
         first_light: 0,
@@ -77,26 +61,15 @@ fn with_triangle(gpu: &Gpu, rows: Rows, flags: u32) -> Lit<'_> {
         flags: u32::from(rows != IDENTITY),
         ..Default::default()
     }];
-    lit.materials = vec![GpuMaterial {
-        emissive: [1.0, 2.0, 3.0],
-        flags,
-        ..Default::default()
-    }];
-    lit.lights = vec![GpuLight {
-        kind: LIGHT_TRIANGLE,
-        emission: [1.0, 2.0, 3.0],
-        ..Default::default()
-    }];
+    lit.materials = vec![GpuMaterial { emissive: [1.0, 2.0, 3.0], flags, ..Default::default() }];
+    lit.lights = vec![GpuLight { kind: LIGHT_TRIANGLE, emission: [1.0, 2.0, 3.0], ..Default::default() }];
     lit.set_powers(&[1.0]);
     lit
 }
 
 /// Corners and the normal out of the front face, in the world.
 fn corners(lit: &Lit) -> ([DVec3; 3], DVec3) {
-    let (t, m) = (
-        lit.triangles[0],
-        lit.instances[0].world_from_object.map(|r| r.map(f64::from)),
-    );
+    let (t, m) = (lit.triangles[0], lit.instances[0].world_from_object.map(|r| r.map(f64::from)));
     let linear = DMat3::from_cols_array_2d(&[
         [m[0][0], m[0][1], m[0][2]],
         [m[1][0], m[1][1], m[1][2]],
@@ -125,11 +98,7 @@ fn receivers(lit: &Lit) -> [(DVec3, DVec3, bool); 3] {
     let centre = (c[0] + c[1] + c[2]) / 3.0;
     let side = (c[1] - c[0]).normalize();
     let of = |p: DVec3, front: bool| (p, (centre - p).normalize(), front);
-    [
-        of(centre + 2.0 * n, true),
-        of(centre + 0.4 * n + 1.5 * side, true),
-        of(centre - 1.5 * n, false),
-    ]
+    [of(centre + 2.0 * n, true), of(centre + 0.4 * n + 1.5 * side, true), of(centre - 1.5 * n, false)]
 }
 
 #[test]
@@ -148,11 +117,7 @@ fn triangle_samples_are_points_of_the_triangle() {
                 assert!((wide(s.position) - p).length() < 1e-5 && (wide(s.wi) - d.normalize()).length() < 1e-5);
                 assert!((f64::from(s.distance) - d.length()).abs() < 1e-5 && (wide(s.normal) - n).length() < 1e-5);
                 assert!((f64::from(s.pdf) / pdf - 1.0).abs() < 1e-4, "{s:?}, not {pdf}");
-                assert_eq!(
-                    s.pdf.to_bits(),
-                    s.hit_pdf.to_bits(),
-                    "a hit and a sample disagree about the same point"
-                );
+                assert_eq!(s.pdf.to_bits(), s.hit_pdf.to_bits(), "a hit and a sample disagree about the same point");
                 assert_eq!(s.radiance, if front { [1.0, 2.0, 3.0] } else { [0.0; 3] });
                 assert!(s.delta == 0 && s.light == 0);
             }
@@ -176,10 +141,7 @@ fn triangle_samples_are_uniform_in_area() {
                 counts[((u as usize).min(CUTS - 1) * CUTS + (v as usize).min(CUTS - 1)) * 2 + upper] += 1.0;
             }
             let inside = |i: usize| i / 2 / CUTS + i / 2 % CUTS + i % 2 < CUTS;
-            assert!(
-                counts.iter().enumerate().all(|(i, c)| inside(i) || *c < 3.0),
-                "outside of the triangle"
-            );
+            assert!(counts.iter().enumerate().all(|(i, c)| inside(i) || *c < 3.0), "outside of the triangle");
             let counts: Vec<_> = (0..counts.len()).filter(|i| inside(*i)).map(|i| counts[i]).collect();
             chi_squared(&counts, &vec![SAMPLES as f64 / (CUTS * CUTS) as f64; CUTS * CUTS])
         };
@@ -192,11 +154,7 @@ fn irradiance_tests<'a>(lit: &'a Lit, defs: &'a [Def]) -> Vec<Statistical<'a>> {
     receivers(lit)
         .into_iter()
         .map(|(point, normal, front)| {
-            let exact = if front || two_sided {
-                2.0 * form_factor(corners(lit).0, point, normal)
-            } else {
-                0.0
-            };
+            let exact = if front || two_sided { 2.0 * form_factor(corners(lit).0, point, normal) } else { 0.0 };
             let test = move |seed: u32| {
                 let (mut sum, mut squares) = (0.0, 0.0);
                 for s in sample(lit, 0, point, seed, SAMPLES, defs) {
@@ -206,10 +164,7 @@ fn irradiance_tests<'a>(lit: &'a Lit, defs: &'a [Def]) -> Vec<Statistical<'a>> {
                 }
                 z_test(sum, squares, SAMPLES as f64, exact)
             };
-            (
-                format!("irradiance at {point}"),
-                Box::new(test) as Box<dyn Fn(u32) -> f64>,
-            )
+            (format!("irradiance at {point}"), Box::new(test) as Box<dyn Fn(u32) -> f64>)
         })
         .collect()
 }
@@ -245,11 +200,7 @@ fn texture_and_alpha_shape_emission() {
     lit.atlas[4] = [0, 0, 255, 51];
     lit.atlas[5] = [0, 255, 0, 255];
     let (point, ..) = receivers(&lit)[0];
-    for (flags, low, color) in [
-        (0, 1.0, 1.0),
-        (MATERIAL_ALPHA_MASK, 0.0, 0.5),
-        (MATERIAL_ALPHA_BLEND, 0.1, 0.5),
-    ] {
+    for (flags, low, color) in [(0, 1.0, 1.0), (MATERIAL_ALPHA_MASK, 0.0, 0.5), (MATERIAL_ALPHA_BLEND, 0.1, 0.5)] {
         lit.materials[0] = GpuMaterial {
             emissive: [1.0, 2.0, 3.0],
             emissive_texture: slot,
@@ -272,10 +223,7 @@ fn texture_and_alpha_shape_emission() {
                 [true, true] => [0.0, 2.0 * presence, 0.0],
             };
             let near = (wide(s.radiance) - wide(expected)).length() < 1e-5;
-            assert!(
-                near || s.barycentrics.iter().any(|b| (b - 0.5).abs() < 1e-5),
-                "{flags}: {s:?}, not {expected:?}"
-            );
+            assert!(near || s.barycentrics.iter().any(|b| (b - 0.5).abs() < 1e-5), "{flags}: {s:?}, not {expected:?}");
         }
     }
 }
@@ -284,12 +232,7 @@ fn texture_and_alpha_shape_emission() {
 fn points_spots_and_suns_follow_their_closed_forms() {
     let Some(gpu) = gpu() else { return };
     let mut lit = Lit::new(gpu);
-    let light = |kind| GpuLight {
-        position: [1.0, 2.0, 3.0],
-        emission: [10.0, 20.0, 30.0],
-        kind,
-        ..Default::default()
-    };
+    let light = |kind| GpuLight { position: [1.0, 2.0, 3.0], emission: [10.0, 20.0, 30.0], kind, ..Default::default() };
     let spot = |inner: f32, outer: f32| GpuLight {
         direction: [0.0, -1.0, 0.0],
         data: [inner.cos().to_bits(), outer.cos().to_bits()],
@@ -299,18 +242,10 @@ fn points_spots_and_suns_follow_their_closed_forms() {
         light(LIGHT_POINT),
         spot(0.2, 0.6),
         spot(0.5, 0.5),
-        GpuLight {
-            direction: [0.6, -0.8, 0.0],
-            ..light(LIGHT_DIRECTIONAL)
-        },
+        GpuLight { direction: [0.6, -0.8, 0.0], ..light(LIGHT_DIRECTIONAL) },
     ];
     lit.set_powers(&[1.0; 4]);
-    for point in [
-        DVec3::ZERO,
-        DVec3::new(1.0, -1.0, 3.0),
-        DVec3::new(2.0, -1.0, 3.5),
-        DVec3::new(1.0, 5.0, 3.0),
-    ] {
+    for point in [DVec3::ZERO, DVec3::new(1.0, -1.0, 3.0), DVec3::new(2.0, -1.0, 3.5), DVec3::new(1.0, 5.0, 3.0)] {
         let d = DVec3::new(1.0, 2.0, 3.0) - point;
         let one = |light: u32| sample(&lit, light, point, 0, 64, &[])[7];
         for (light, inner, outer) in [(0, 7.0, 8.0), (1, 0.2f64, 0.6f64), (2, 0.5, 0.5)] {
@@ -335,48 +270,24 @@ fn points_spots_and_suns_follow_their_closed_forms() {
 fn impossible_samples_carry_nothing() {
     let Some(gpu) = gpu() else { return };
     let mut lit = with_triangle(gpu, IDENTITY, MATERIAL_DOUBLE_SIDED);
-    lit.lights.push(GpuLight {
-        kind: LIGHT_POINT,
-        emission: [1.0; 3],
-        ..Default::default()
-    });
+    lit.lights.push(GpuLight { kind: LIGHT_POINT, emission: [1.0; 3], ..Default::default() });
     lit.set_powers(&[1.0, 1.0]);
     let all_finite = |s: &Sample| {
-        [s.pdf, s.distance]
-            .iter()
-            .chain(&s.radiance)
-            .chain(&s.wi)
-            .chain(&s.position)
-            .all(|x| x.is_finite())
+        [s.pdf, s.distance].iter().chain(&s.radiance).chain(&s.wi).chain(&s.position).all(|x| x.is_finite())
     };
     // In the plane of the light, on a corner, at the point light, and lights that do not exist.
-    lit.triangles[0] = GpuTriangle {
-        b: [1.0, 0.0, 0.0],
-        c: [0.0, 0.0, 1.0],
-        ..Default::default()
-    };
-    for (light, point) in [
-        (0, DVec3::new(5.0, 0.0, 0.0)),
-        (1, DVec3::ZERO),
-        (2, DVec3::ONE),
-        (NONE, DVec3::ONE),
-    ] {
+    lit.triangles[0] = GpuTriangle { b: [1.0, 0.0, 0.0], c: [0.0, 0.0, 1.0], ..Default::default() };
+    for (light, point) in [(0, DVec3::new(5.0, 0.0, 0.0)), (1, DVec3::ZERO), (2, DVec3::ONE), (NONE, DVec3::ONE)] {
         let samples = sample(&lit, light, point, 1, 256, &[]);
         assert!(
-            samples
-                .iter()
-                .all(|s| all_finite(s) && s.pdf == 0.0 && s.radiance == [0.0; 3]),
+            samples.iter().all(|s| all_finite(s) && s.pdf == 0.0 && s.radiance == [0.0; 3]),
             "{light} from {point}"
         );
     }
     assert!(sample(&lit, 0, DVec3::ZERO, 1, 256, &[]).iter().all(all_finite));
     // A triangle without an area, and tiny and huge ones.
     for scale in [0.0, 1e-6, 1e6f32] {
-        lit.triangles[0] = GpuTriangle {
-            b: [scale, 0.0, 0.0],
-            c: [0.0, 0.0, scale],
-            ..Default::default()
-        };
+        lit.triangles[0] = GpuTriangle { b: [scale, 0.0, 0.0], c: [0.0, 0.0, scale], ..Default::default() };
         for s in sample(&lit, 0, DVec3::new(0.0, f64::from(scale) + 1e-3, 0.0), 1, 256, &[]) {
             assert!(all_finite(&s) && (s.pdf > 0.0) == (scale > 0.0), "{scale}: {s:?}");
         }
@@ -385,32 +296,19 @@ fn impossible_samples_carry_nothing() {
 
 #[test]
 fn lights_and_lobes_compose_with_every_set_of_features() {
-    const NAMES: [&str; 7] = [
-        "LIGHT_TRIANGLES",
-        "LIGHT_POINTS",
-        "LIGHT_DIRECTIONAL",
-        "ENVIRONMENT",
-        "ENVIRONMENT_MAP",
-        "TEXTURES",
-        "ALPHA",
-    ];
+    const NAMES: [&str; 7] =
+        ["LIGHT_TRIANGLES", "LIGHT_POINTS", "LIGHT_DIRECTIONAL", "ENVIRONMENT", "ENVIRONMENT_MAP", "TEXTURES", "ALPHA"];
     let mut composer = composer();
     let mut check = |name: &str, source: &str, defs: &[Def]| {
         let module = compose(&mut composer, name, source, defs);
         let mut validator = naga::valid::Validator::new(naga::valid::ValidationFlags::all(), CAPABILITIES);
-        let info = validator
-            .validate(&module)
-            .unwrap_or_else(|e| panic!("{name} {defs:?}: {e:?}"));
+        let info = validator.validate(&module).unwrap_or_else(|e| panic!("{name} {defs:?}: {e:?}"));
         naga::back::spv::write_vec(&module, &info, &Default::default(), None).expect("SPIR-V");
         naga::back::msl::write_string(&module, &info, &Default::default(), &Default::default()).expect("MSL");
     };
     for set in 0..1u32 << NAMES.len() {
-        let defs: Vec<Def> = NAMES
-            .iter()
-            .enumerate()
-            .filter(|(i, _)| set >> i & 1 == 1)
-            .map(|(_, n)| flag(n))
-            .collect();
+        let defs: Vec<Def> =
+            NAMES.iter().enumerate().filter(|(i, _)| set >> i & 1 == 1).map(|(_, n)| flag(n)).collect();
         check("light_sample", include_str!("support/kernels/light_sample.wgsl"), &defs);
         if set < 32 {
             check("light_select", include_str!("support/kernels/light_select.wgsl"), &defs);

@@ -17,10 +17,7 @@ fn block(gpu: &Gpu, seed: u32) -> Vec<Out> {
     let seed = gpu.storage(&[seed]);
     let samples = gpu.zeroed::<[u32; 8]>(COUNT);
     let kernel = gpu.kernel("rng", include_str!("support/kernels/rng.wgsl"), &[]);
-    kernel.run(
-        [COUNT as u32 / 64, 1, 1],
-        &[(0, 0, Bound::Buffer(&seed)), (0, 1, Bound::Buffer(&samples))],
-    );
+    kernel.run([COUNT as u32 / 64, 1, 1], &[(0, 0, Bound::Buffer(&seed)), (0, 1, Bound::Buffer(&samples))]);
     let of = |v: &[u32; 8]| ([v[0], v[1], v[2], v[3]], [v[4], v[5], v[6], v[7]].map(f32::from_bits));
     gpu.read::<[u32; 8]>(&samples).iter().map(of).collect()
 }
@@ -107,10 +104,7 @@ fn directions_survive_their_encodings() {
         let vector = |v: [f32; 4]| DVec3::new(v[0].into(), v[1].into(), v[2].into());
         let d = vector(*d).normalize();
         assert!((vector(octahedral) - d).length() < 1e-4, "{d}: {octahedral:?}");
-        assert!(
-            (vector(equirectangular) - d).length() < 3e-6,
-            "{d}: {equirectangular:?}"
-        );
+        assert!((vector(equirectangular) - d).length() < 3e-6, "{d}: {equirectangular:?}");
         let (u, v) = uv(d);
         let apart = (f64::from(octahedral[3]) - u).abs();
         let exact_u = apart.min(1.0 - apart) < 3e-7 || (d.x * d.x + d.z * d.z).sqrt() < 1e-6;
@@ -121,10 +115,7 @@ fn directions_survive_their_encodings() {
             equirectangular[3]
         );
         let (t, b) = (vector(t), vector(b));
-        assert!(
-            t.dot(b).abs().max(t.dot(d).abs()).max(b.dot(d).abs()) < 1e-6,
-            "{d}: not orthogonal"
-        );
+        assert!(t.dot(b).abs().max(t.dot(d).abs()).max(b.dot(d).abs()) < 1e-6, "{d}: not orthogonal");
         assert!((t.cross(b) - d).length() < 1e-6, "{d}: not right-handed");
     }
 }

@@ -47,7 +47,7 @@ fn octahedral_encode(n: vec3<f32>) -> u32 {
     return pack2x16snorm(select(folded, p, n.z >= 0.0));
 }
 
-// Direction of the texture coordinates of an equirectangular map: u = 0.5 + precise_atan2(d.x, -d.z)/2π, v = acos(d.y)/π.
+// Direction of the texture coordinates of an equirectangular map: u = 0.5 + atan2(d.x, -d.z)/2π, v = acos(d.y)/π.
 fn equirectangular_direction(uv: vec2<f32>) -> vec3<f32> {
     let phi = (uv.x - 0.5) * 6.28318530717958647692;
     let theta = uv.y * 3.14159265358979323846;

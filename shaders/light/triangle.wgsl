@@ -6,7 +6,8 @@
 #import bevy_restir::light::types::{LightSample, no_light_sample}
 #import bevy_restir::scene::bindings::{instances, lights, materials}
 #import bevy_restir::scene::texture::{has_texture, sample_color, sample_data}
-#import bevy_restir::scene::triangle::{safe_normalize, triangle_point, triangle_uv, world_triangle, WorldTriangle}
+#import bevy_restir::trace::offset::surface_point
+#import bevy_restir::scene::triangle::{safe_normalize, triangle_uv, world_triangle, WorldTriangle}
 
 #ifdef LIGHT_TRIANGLES
 fn triangle_light_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> LightSample {
@@ -14,7 +15,7 @@ fn triangle_light_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> Lig
     let triangle = lights[light].data.y;
     let t = world_triangle(instance, triangle);
     let barycentrics = uniform_barycentrics(u);
-    let position = triangle_point(t, barycentrics);
+    let position = surface_point(instance, triangle, barycentrics);
 
     var s = no_light_sample();
     s.light = light;

@@ -50,10 +50,6 @@ fn world_triangle(instance: u32, triangle: u32) -> WorldTriangle {
     );
 }
 
-fn triangle_point(t: WorldTriangle, barycentrics: vec2<f32>) -> vec3<f32> {
-    return t.corner + barycentrics.x * t.edge_b + barycentrics.y * t.edge_c;
-}
-
 fn triangle_uv(triangle: u32, barycentrics: vec2<f32>) -> vec2<f32> {
     let a = attributes[triangle];
     return (1.0 - barycentrics.x - barycentrics.y) * a.uv_a + barycentrics.x * a.uv_b + barycentrics.y * a.uv_c;

@@ -15,7 +15,7 @@ struct ViewUniforms {
     environment_color: vec3<f32>,       // cd/m²; times the map where there is one
     exposure: f32,
     background: vec3<f32>,              // what the camera sees where it sees no environment, cd/m²
-    pad: u32,
+    debug_view: u32,                    // DEBUG_* in pass/debug.wgsl
     size: vec2<u32>,                    // pixels of the viewport
     jitter: vec2<f32>,                  // of this frame's primary rays, pixels, x right and y down, within half a pixel of 0
     previous_jitter: vec2<f32>,

@@ -31,11 +31,7 @@ pub fn alias_table(powers: &[f64]) -> Option<Vec<AliasEntry>> {
     let mut table = vec![AliasEntry::default(); powers.len()];
     while let (Some(&s), Some(&l)) = (small.last(), large.last()) {
         small.pop();
-        table[s as usize] = AliasEntry {
-            probability: share[s as usize] as f32,
-            alias: l,
-            pmf: 0.0,
-        };
+        table[s as usize] = AliasEntry { probability: share[s as usize] as f32, alias: l, pmf: 0.0 };
         share[l as usize] -= 1.0 - share[s as usize];
         if share[l as usize] < 1.0 {
             large.pop();
@@ -45,11 +41,7 @@ pub fn alias_table(powers: &[f64]) -> Option<Vec<AliasEntry>> {
     // What is left holds 1 but for rounding; an unusable light must not gain by that.
     for i in small.into_iter().chain(large) {
         let probability = if usable(powers[i as usize]) > 0.0 { 1.0 } else { 0.0 };
-        table[i as usize] = AliasEntry {
-            probability,
-            alias: brightest,
-            pmf: 0.0,
-        };
+        table[i as usize] = AliasEntry { probability, alias: brightest, pmf: 0.0 };
     }
 
     // The pmf of the rounded table, not of the powers: what the GPU divides by is what it samples.

@@ -1,3 +1,182 @@
-//! The ECS mirrored into GPU buffers.
+//! The ECS mirrored into GPU buffers, in the order of the files: extract → geometry → blas → meshes; textures → materials; instances
+//! → tlas; lights → alias; bindings.  A still scene uploads no byte.
 
 pub mod alias;
+pub(crate) mod bindings;
+pub mod blas;
+pub(crate) mod extract;
+mod features;
+pub mod geometry;
+pub mod heap;
+pub(crate) mod instances;
+pub(crate) mod lights;
+pub(crate) mod materials;
+pub(crate) mod meshes;
+pub(crate) mod textures;
+pub mod tlas;
+
+use bevy::{
+    app::SubApp,
+    ecs::prelude::*,
+    render::{
+        Render, RenderSystems,
+        mesh::RenderMesh,
+        render_asset::{RenderAssets, prepare_assets},
+        render_resource::*,
+        renderer::{RenderDevice, RenderQueue},
+        texture::GpuImage,
+    },
+};
+
+use crate::{gpu_types::*, shaders::ShaderTable};
+use bindings::{Draw, SceneBindings};
+use extract::ExtractedScene;
+pub use features::SceneFeatures;
+use heap::GpuArray;
+use instances::InstancePool;
+use lights::LightPool;
+pub use lights::LightRemap;
+use materials::MaterialPool;
+use meshes::MeshPool;
+use textures::TexturePool;
+
+/// Systems that bring the mirror up to date run in this set; passes run after it.
+#[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct MirrorScene;
+
+/// Adds the mirror to the render world.
+pub(crate) fn build(render_app: &mut SubApp) {
+    render_app
+        .init_resource::<ExtractedScene>()
+        .init_resource::<MeshPool>()
+        .init_resource::<TexturePool>()
+        .init_resource::<MaterialPool>()
+        .init_resource::<InstancePool>()
+        .init_resource::<LightPool>()
+        .init_resource::<SceneBindings>()
+        .add_systems(bevy::render::ExtractSchedule, extract::extract_scene)
+        .add_systems(
+            Render,
+            (
+                meshes::queue_meshes.before(prepare_assets::<RenderMesh>),
+                textures::note_images.before(prepare_assets::<GpuImage>),
+            )
+                .in_set(RenderSystems::PrepareAssets),
+        )
+        .add_systems(
+            Render,
+            (meshes::finish_meshes, mirror_scene).chain().in_set(MirrorScene).in_set(RenderSystems::PrepareResources),
+        );
+}
+
+fn mirror_scene(
+    mut scene: ResMut<ExtractedScene>,
+    mut meshes: ResMut<MeshPool>,
+    mut textures: ResMut<TexturePool>,
+    mut materials: ResMut<MaterialPool>,
+    mut instances: ResMut<InstancePool>,
+    mut lights: ResMut<LightPool>,
+    mut bindings: ResMut<SceneBindings>,
+    images: Res<RenderAssets<GpuImage>>,
+    pipelines: Res<PipelineCache>,
+    shaders: Res<ShaderTable>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+) {
+    materials.update_sources(&mut scene);
+    for instance in &scene.instances {
+        materials.slot(instance.material);
+    }
+    let moved = textures.update(materials.images(), &images, &pipelines, &shaders, &device, &queue);
+    materials.pack(&textures, moved);
+    instances.update(&scene, &meshes, &mut materials);
+    lights.update(&scene, &mut instances, &meshes, &materials, GpuArray::<GpuLight>::limit(&device));
+    instances.build_top_level(&mut meshes, &device, &queue);
+
+    let mut uploaded = meshes.uploaded + instances.uploaded_nodes;
+    uploaded += materials.upload(&device, &queue);
+    uploaded += instances.upload(&device, &queue);
+    uploaded += lights.upload(&device, &queue);
+
+    let bindings = &mut *bindings;
+    let [tlas_root, tlas_indices, previous_tlas_root, previous_tlas_indices] = instances.top_levels();
+    let uniforms = GpuSceneUniforms {
+        tlas_root,
+        tlas_indices,
+        previous_tlas_root,
+        previous_tlas_indices,
+        light_count: lights.count(),
+        instance_count: instances.len(),
+        light_power: lights.power.min(1e30) as f32,
+        radius: instances.radius,
+        centre: instances.centre,
+        pad: 0,
+    };
+    uploaded += bindings.write_uniforms(&uniforms, &device, &queue);
+
+    // Buffers exist from the first use on; a scene without lights or meshes binds one element of nothing.
+    let reserved = meshes.nodes.reserve(1, &device, &queue)
+        && meshes.triangles.reserve(1, &device, &queue)
+        && meshes.attributes.reserve(1, &device, &queue)
+        && instances.gpu.reserve(1, &device, &queue)
+        && materials.gpu.reserve(1, &device, &queue)
+        && lights.gpu.reserve(1, &device, &queue);
+    let no_texture = bindings.no_texture.get_or_insert_with(|| no_texture(&device)).clone();
+    if reserved
+        && let (Some(u), Some(n), Some(t), Some(a), Some(i), Some(m), Some(l)) = (
+            bindings.uniforms.clone(),
+            meshes.nodes.buffer(),
+            meshes.triangles.buffer(),
+            meshes.attributes.buffer(),
+            instances.gpu.buffer(),
+            materials.gpu.buffer(),
+            lights.gpu.buffer(),
+        )
+    {
+        bindings.bind(&device, &pipelines, [&u, n, t, a, i, m, l], textures.view().unwrap_or(&no_texture));
+    }
+
+    bindings.features = instances.features | lights.features;
+    bindings.revision = materials.revision + instances.revision + lights.revision;
+    bindings.ready = meshes.idle() && !instances.waiting && textures.complete;
+    bindings.uploaded_bytes = uploaded;
+    bindings.memory = vec![
+        meshes.nodes.memory(),
+        meshes.triangles.memory(),
+        meshes.attributes.memory(),
+        instances.gpu.memory(),
+        materials.gpu.memory(),
+        lights.gpu.memory(),
+        textures.memory(),
+        ("scene uniforms", size_of::<GpuSceneUniforms>() as u64),
+    ];
+    bindings.triangles = instances.triangles;
+    bindings.instances = instances.live.len() as u64;
+    bindings.lights = lights.count() as u64;
+    bindings.draws.clear();
+    bindings.draws.extend(instances.live.iter().map(|live| {
+        let instance = instances.get(live.slot);
+        let flags = materials.get(live.material).map_or(0, |m| m.flags);
+        let cull = match flags & (MATERIAL_CULL_BACK | MATERIAL_CULL_FRONT) {
+            MATERIAL_CULL_BACK => Some(Face::Back),
+            MATERIAL_CULL_FRONT => Some(Face::Front),
+            _ => None,
+        };
+        Draw { instance: live.slot, triangles: instance.triangle_count, cull }
+    }));
+}
+
+fn no_texture(device: &RenderDevice) -> TextureView {
+    device
+        .create_texture(&TextureDescriptor {
+            label: Some("restir no texture"),
+            size: Extent3d { width: 1, height: 1, depth_or_array_layers: 1 },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: TextureDimension::D2,
+            format: TextureFormat::Rgba8Unorm,
+            usage: TextureUsages::TEXTURE_BINDING,
+            view_formats: &[],
+        })
+        .create_view(&TextureViewDescriptor { dimension: Some(TextureViewDimension::D2Array), ..Default::default() })
+}

@@ -2,8 +2,8 @@
 
 use bevy_restir::shaders::MODULES;
 use naga_oil::compose::{
-    ComposableModuleDescriptor, Composer, NagaModuleDescriptor, ShaderDefValue, ShaderLanguage,
-    ShaderType, get_preprocessor_data,
+    ComposableModuleDescriptor, Composer, NagaModuleDescriptor, ShaderDefValue, ShaderLanguage, ShaderType,
+    get_preprocessor_data,
 };
 use std::collections::{HashMap, HashSet};
 
@@ -25,8 +25,7 @@ pub fn module_name(path: &str) -> String {
 
 /// Paths and texts of the library modules, each after what it imports.
 pub fn library() -> Vec<(&'static str, &'static str)> {
-    let mut rest: Vec<_> =
-        MODULES.iter().copied().filter(|(path, _)| !path.starts_with("pass/")).collect();
+    let mut rest: Vec<_> = MODULES.iter().copied().filter(|(path, _)| !path.starts_with("pass/")).collect();
     let known: HashSet<String> = rest.iter().map(|(path, _)| module_name(path)).collect();
     let mut done = HashSet::new();
     let mut ordered = Vec::new();
@@ -44,7 +43,11 @@ pub fn library() -> Vec<(&'static str, &'static str)> {
             }
             !ready
         });
-        assert!(rest.len() < before, "imports run in a circle among {:?}", rest.iter().map(|r| r.0).collect::<Vec<_>>());
+        assert!(
+            rest.len() < before,
+            "imports run in a circle among {:?}",
+            rest.iter().map(|r| r.0).collect::<Vec<_>>()
+        );
     }
     ordered
 }

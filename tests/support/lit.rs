@@ -32,11 +32,7 @@ pub struct Lit<'g> {
 pub const IDENTITY: Rows = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 
 fn texture(gpu: &Gpu, format: wgpu::TextureFormat, levels: &[(u32, u32, &[u8])]) -> wgpu::Texture {
-    let size = |w, h| wgpu::Extent3d {
-        width: w,
-        height: h,
-        depth_or_array_layers: 1,
-    };
+    let size = |w, h| wgpu::Extent3d { width: w, height: h, depth_or_array_layers: 1 };
     let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: None,
         size: size(levels[0].0, levels[0].1),
@@ -49,10 +45,7 @@ fn texture(gpu: &Gpu, format: wgpu::TextureFormat, levels: &[(u32, u32, &[u8])])
     });
     for (level, &(w, h, bytes)) in levels.iter().enumerate() {
         gpu.queue.write_texture(
-            wgpu::TexelCopyTextureInfo {
-                mip_level: level as u32,
-                ..texture.as_image_copy()
-            },
+            wgpu::TexelCopyTextureInfo { mip_level: level as u32, ..texture.as_image_copy() },
             bytes,
             wgpu::TexelCopyBufferLayout {
                 offset: 0,
@@ -72,14 +65,8 @@ impl<'g> Lit<'g> {
         let view = |t: &wgpu::Texture| t.create_view(&Default::default());
         let mut lit = Self {
             gpu,
-            scene: GpuSceneUniforms {
-                radius: 1.0,
-                ..Default::default()
-            },
-            view: GpuViewUniforms {
-                environment_color: [1.0; 3],
-                ..Default::default()
-            },
+            scene: GpuSceneUniforms { radius: 1.0, ..Default::default() },
+            view: GpuViewUniforms { environment_color: [1.0; 3], ..Default::default() },
             triangles: Vec::new(),
             attributes: Vec::new(),
             instances: Vec::new(),
@@ -106,10 +93,7 @@ impl<'g> Lit<'g> {
         self.map = texture(self.gpu, wgpu::TextureFormat::Rgba32Float, &[level]).create_view(&Default::default());
 
         let source = include_str!("kernels/environment_importance.wgsl");
-        let defs = [
-            super::compose::flag("ENVIRONMENT"),
-            super::compose::flag("ENVIRONMENT_MAP"),
-        ];
+        let defs = [super::compose::flag("ENVIRONMENT"), super::compose::flag("ENVIRONMENT_MAP")];
         let size = self.gpu.storage(&[width, height]);
         let cells = self.gpu.zeroed::<f32>((width * height) as usize);
         let bound = [(2, 0, Bound::Buffer(&size)), (2, 1, Bound::Buffer(&cells))];
@@ -129,10 +113,7 @@ impl<'g> Lit<'g> {
             }
             chain.push((half_w, half_h, next));
         }
-        let levels: Vec<_> = chain
-            .iter()
-            .map(|(w, h, v)| (*w, *h, bytemuck::cast_slice(v)))
-            .collect();
+        let levels: Vec<_> = chain.iter().map(|(w, h, v)| (*w, *h, bytemuck::cast_slice(v))).collect();
         self.importance = texture(self.gpu, wgpu::TextureFormat::R32Float, &levels).create_view(&Default::default());
         first
     }

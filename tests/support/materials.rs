@@ -119,10 +119,7 @@ pub struct Sampler<'g> {
 impl<'g> Sampler<'g> {
     pub fn new(gpu: &'g Gpu, defs: &[Def]) -> Self {
         let defs: Vec<Def> = defs.iter().copied().chain([flag("TRANSMISSION")]).collect();
-        Self {
-            gpu,
-            kernel: gpu.kernel("bsdf_sample", include_str!("kernels/bsdf_sample.wgsl"), &defs),
-        }
+        Self { gpu, kernel: gpu.kernel("bsdf_sample", include_str!("kernels/bsdf_sample.wgsl"), &defs) }
     }
 
     pub fn run(&self, query: Query, count: usize) -> Vec<Sample> {
@@ -161,31 +158,15 @@ pub fn plain() -> Material {
 }
 
 pub fn coated(alpha: f64) -> Material {
-    Material {
-        base: DVec3::new(0.7, 0.4, 0.1),
-        f0_d: DVec3::splat(0.04),
-        alpha,
-        ..plain()
-    }
+    Material { base: DVec3::new(0.7, 0.4, 0.1), f0_d: DVec3::splat(0.04), alpha, ..plain() }
 }
 
 pub fn metal(alpha: f64) -> Material {
-    Material {
-        base: DVec3::new(0.9, 0.6, 0.2),
-        metallic: 1.0,
-        alpha,
-        ..plain()
-    }
+    Material { base: DVec3::new(0.9, 0.6, 0.2), metallic: 1.0, alpha, ..plain() }
 }
 
 pub fn glass(alpha: f64, eta: f64) -> Material {
-    Material {
-        f0_d: DVec3::splat(0.04),
-        transmission: 1.0,
-        alpha,
-        eta,
-        ..plain()
-    }
+    Material { f0_d: DVec3::splat(0.04), transmission: 1.0, alpha, eta, ..plain() }
 }
 
 /// Every lobe at once, with bent normals.

@@ -1,9 +1,11 @@
 //! What the tests share: the composer, the GPU harness, statistics, and the f64 oracle.
 #![allow(dead_code, reason = "not every test uses every helper")]
 
+pub mod brute_force;
 pub mod compose;
 pub mod gpu;
 pub mod lit;
 pub mod materials;
 pub mod oracle;
+pub mod scenes;
 pub mod stats;

@@ -72,12 +72,7 @@ pub type Statistical<'a> = (String, Box<dyn Fn(u32) -> f64 + 'a>);
 #[track_caller]
 pub fn assert_family<'a>(tests: impl IntoIterator<Item = Statistical<'a>>) {
     let failures = failures_of_family(tests);
-    assert!(
-        failures.is_empty(),
-        "{} failed:\n{}",
-        failures.len(),
-        failures.join("\n")
-    );
+    assert!(failures.is_empty(), "{} failed:\n{}", failures.len(), failures.join("\n"));
 }
 
 /// The names and p-values of the tests that fail twice.

@@ -31,11 +31,7 @@ pub const LOBES: [Lobe; 3] = [Lobe::Diffuse, Lobe::Reflection, Lobe::Transmissio
 
 fn schlick(f0: DVec3, c: f64) -> DVec3 {
     let one = |f0: f64| {
-        if f0 == 0.0 {
-            0.0
-        } else {
-            f0 + (1.0 - f0) * (1.0 - c).powi(5)
-        }
+        if f0 == 0.0 { 0.0 } else { f0 + (1.0 - f0) * (1.0 - c).powi(5) }
     };
     DVec3::new(one(f0.x), one(f0.y), one(f0.z))
 }
@@ -150,13 +146,7 @@ impl Material {
         if albedo.max_element() <= 0.0 {
             return 1.0;
         }
-        if self
-            .f0_d
-            .max(self.metallic * self.base)
-            .max_element()
-            .max(self.transmission)
-            <= 0.0
-        {
+        if self.f0_d.max(self.metallic * self.base).max_element().max(self.transmission) <= 0.0 {
             return 0.0;
         }
         let diffuse = luminance(albedo * (DVec3::ONE - schlick(self.f0_d, n_o)));

@@ -43,22 +43,14 @@ pub fn rectangle(f: &impl Fn(f64, f64) -> f64, x: [f64; 2], y: [f64; 2], toleran
 
 fn refine(f: &impl Fn(f64, f64) -> f64, x: [f64; 2], y: [f64; 2], whole: f64, tolerance: f64, depth: u32) -> f64 {
     let (mx, my) = ((x[0] + x[1]) / 2.0, (y[0] + y[1]) / 2.0);
-    let parts = [
-        ([x[0], mx], [y[0], my]),
-        ([mx, x[1]], [y[0], my]),
-        ([x[0], mx], [my, y[1]]),
-        ([mx, x[1]], [my, y[1]]),
-    ];
+    let parts =
+        [([x[0], mx], [y[0], my]), ([mx, x[1]], [y[0], my]), ([x[0], mx], [my, y[1]]), ([mx, x[1]], [my, y[1]])];
     let values = parts.map(|(x, y)| gauss(f, x, y));
     let sum: f64 = values.iter().sum();
     if depth == 0 || (sum - whole).abs() <= tolerance {
         return sum;
     }
-    parts
-        .iter()
-        .zip(values)
-        .map(|(&(x, y), v)| refine(f, x, y, v, tolerance / 2.0, depth - 1))
-        .sum()
+    parts.iter().zip(values).map(|(&(x, y), v)| refine(f, x, y, v, tolerance / 2.0, depth - 1)).sum()
 }
 
 /// Polar cells about an axis: bands between the given angles, each cut into `sectors`.
@@ -75,11 +67,7 @@ impl PolarCells {
         let ratio = std::f64::consts::PI / finest;
         let mut edges = vec![0.0];
         edges.extend((0..bands).map(|i| finest * ratio.powf(i as f64 / (bands - 1) as f64)));
-        Self {
-            frame: [t, b, axis],
-            bands: edges,
-            sectors,
-        }
+        Self { frame: [t, b, axis], bands: edges, sectors }
     }
 
     pub fn count(&self) -> usize {
@@ -90,9 +78,7 @@ impl PolarCells {
         let [t, b, axis] = self.frame;
         let theta = axis.cross(w).length().atan2(axis.dot(w));
         let phi = b.dot(w).atan2(t.dot(w)).rem_euclid(TAU);
-        let band = self.bands[1..]
-            .partition_point(|&edge| edge <= theta)
-            .min(self.bands.len() - 2);
+        let band = self.bands[1..].partition_point(|&edge| edge <= theta).min(self.bands.len() - 2);
         let sector = ((phi / TAU * self.sectors as f64) as usize).min(self.sectors - 1);
         band * self.sectors + sector
     }

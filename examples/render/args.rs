@@ -1,0 +1,188 @@
+//! The command line.
+
+use bevy::{
+    math::UVec2,
+    reflect::{GetPath, PartialReflect, ReflectMut, TypeInfo, enums::DynamicEnum},
+};
+use bevy_restir::{Preset, Restir, Technique};
+use clap::{Parser, ValueEnum};
+use std::path::PathBuf;
+
+/// Renders a glTF scene without a window.
+#[derive(Parser, Debug)]
+#[command(name = "render", version)]
+pub struct Args {
+    /// A .glb or .gltf file.
+    pub scene: PathBuf,
+    /// .exr: linear radiance times exposure, 32-bit float; .png: tonemapped.
+    #[arg(long, default_value = "out.png", value_parser = output_path)]
+    pub out: PathBuf,
+    /// Pixels; the projection keeps the camera's vertical field of view.
+    #[arg(long, default_value = "1280x720", value_parser = size)]
+    pub size: UVec2,
+    /// How light is carried.
+    #[arg(long, value_enum, default_value = "reference")]
+    pub technique: TechniqueName,
+    /// Settings to start from.
+    #[arg(long, value_enum, default_value = "balanced")]
+    pub preset: PresetName,
+    /// Scattering events a path may have; overrides the preset.
+    #[arg(long)]
+    pub bounces: Option<u32>,
+    /// Samples a pixel (reference), or frames after the warm-up.
+    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=16_000_000))]
+    pub frames: u32,
+    /// Frames that build history and are not counted; the reference needs none.
+    #[arg(long, default_value_t = 16)]
+    pub warmup: u32,
+    /// The mean of the frames, or the last one.  Of the reference both are the mean of its samples.
+    #[arg(long, value_enum, default_value = "mean")]
+    pub output: Output,
+    /// Selects the random numbers.
+    #[arg(long, default_value_t = 0)]
+    pub seed: u32,
+    /// Uniform radiance R,G,B, or an equirectangular .hdr or .exr file.
+    #[arg(long, value_parser = environment)]
+    pub env: Option<Environment>,
+    /// Exposure value at ISO 100; without it the exposure is 1.
+    #[arg(long, allow_negative_numbers = true, value_parser = finite)]
+    pub ev100: Option<f32>,
+    /// Name of the camera; without it the first of the file.
+    #[arg(long)]
+    pub camera: Option<String>,
+    /// How rays are traced.
+    #[arg(long, value_enum, default_value = "auto")]
+    pub backend: Backend,
+    /// Plays the first animation of the file, 1/60 s a frame.
+    #[arg(long)]
+    pub animate: bool,
+    /// Sets a field of `Restir` by its reflection path; repeatable.
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    pub set: Vec<String>,
+    /// Writes what was measured.
+    #[arg(long)]
+    pub stats: Option<PathBuf>,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TechniqueName {
+    Reference,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PresetName {
+    Performance,
+    Balanced,
+    Quality,
+    Unbiased,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Output {
+    Mean,
+    Last,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Backend {
+    Auto,
+    Software,
+    Hardware,
+}
+
+#[derive(Clone, Debug)]
+pub enum Environment {
+    Uniform([f32; 3]),
+    File(PathBuf),
+}
+
+fn size(text: &str) -> Result<UVec2, String> {
+    let parsed = text.split_once('x').and_then(|(w, h)| Some(UVec2::new(w.parse().ok()?, h.parse().ok()?)));
+    match parsed {
+        Some(size) if size.min_element() >= 1 && size.max_element() <= 16384 => Ok(size),
+        _ => Err("expected WIDTHxHEIGHT, each from 1 to 16384".into()),
+    }
+}
+
+fn finite(text: &str) -> Result<f32, String> {
+    text.parse()
+        .ok()
+        .filter(|x: &f32| x.is_finite() && x.abs() <= 60.0)
+        .ok_or("expected a number from -60 to 60".into())
+}
+
+fn output_path(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    match path.extension().and_then(|e| e.to_str()) {
+        Some("exr" | "png") => Ok(path),
+        _ => Err("expected a name that ends in .exr or .png".into()),
+    }
+}
+
+fn environment(text: &str) -> Result<Environment, String> {
+    let numbers: Vec<f32> = text.split(',').filter_map(|n| n.trim().parse().ok()).collect();
+    if let [r, g, b] = numbers[..]
+        && text.split(',').count() == 3
+    {
+        return if numbers.iter().all(|n| n.is_finite() && *n >= 0.0) {
+            Ok(Environment::Uniform([r, g, b]))
+        } else {
+            Err("radiance is finite and not negative".into())
+        };
+    }
+    let path = PathBuf::from(text);
+    match path.extension().and_then(|e| e.to_str()) {
+        Some("hdr" | "exr") => Ok(Environment::File(path)),
+        _ => Err("expected R,G,B or a file that ends in .hdr or .exr".into()),
+    }
+}
+
+impl Args {
+    /// The camera's settings; an unknown path or an unreadable value is an error in the arguments.
+    pub fn settings(&self) -> Result<Restir, String> {
+        let mut settings = Restir::preset(match self.preset {
+            PresetName::Performance => Preset::Performance,
+            PresetName::Balanced => Preset::Balanced,
+            PresetName::Quality => Preset::Quality,
+            PresetName::Unbiased => Preset::Unbiased,
+        });
+        settings.technique = match self.technique {
+            TechniqueName::Reference => Technique::Reference,
+        };
+        settings.seed = self.seed;
+        if let Some(bounces) = self.bounces {
+            settings.bounces = bounces;
+        }
+        for assignment in &self.set {
+            let (path, value) = assignment.split_once('=').ok_or(format!("--set {assignment}: expected PATH=VALUE"))?;
+            let field =
+                settings.reflect_path_mut(path).map_err(|_| format!("--set {path}: Restir has no such field"))?;
+            assign(field, value).map_err(|expected| format!("--set {path}={value}: expected {expected}"))?;
+        }
+        if self.backend == Backend::Hardware {
+            return Err("--backend hardware: ray queries are not built yet".into());
+        }
+        Ok(settings)
+    }
+}
+
+/// Parses a value into a reflected field; the error says what was expected.
+fn assign(field: &mut dyn PartialReflect, value: &str) -> Result<(), String> {
+    macro_rules! number {
+        ($($type:ty),*) => {
+            $(if let Some(field) = field.try_downcast_mut::<$type>() {
+                *field = value.parse().map_err(|_| stringify!($type).to_string())?;
+                return Ok(());
+            })*
+        };
+    }
+    number!(bool, u32, i32, f32, u64, usize, u8);
+    if let ReflectMut::Enum(_) = field.reflect_mut()
+        && let Some(TypeInfo::Enum(info)) = field.get_represented_type_info()
+    {
+        let names = info.variant_names();
+        let name = names.iter().find(|name| name.eq_ignore_ascii_case(value)).ok_or(names.join("|"))?;
+        return field.try_apply(&DynamicEnum::new(*name, ())).map_err(|e| e.to_string());
+    }
+    Err("a field that holds one value".into())
+}

@@ -1,0 +1,175 @@
+//! From a file to a lit scene with one `Restir` camera.
+
+use bevy::{
+    asset::{LoadState, RenderAssetUsages},
+    camera::{Exposure, Hdr, ImageRenderTarget, RenderTarget, primitives::Aabb},
+    gltf::Gltf,
+    prelude::*,
+    render::render_resource::{TextureFormat, TextureUsages},
+    world_serialization::WorldInstanceReady,
+};
+use bevy_restir::{RadianceCapture, Restir, RestirEnvironment};
+
+use crate::{
+    args::{Args, Environment},
+    output::read_environment,
+};
+
+/// How far loading has come.
+#[derive(Resource, Default, PartialEq)]
+pub enum Loading {
+    #[default]
+    File,
+    Instance,
+    Done,
+    Failed(String),
+}
+
+/// The file that is loaded.
+#[derive(Resource)]
+pub struct SceneFile(pub Handle<Gltf>);
+
+/// The camera that renders and what it renders to.
+#[derive(Resource)]
+pub struct View {
+    pub camera: Entity,
+    pub target: Handle<Image>,
+    pub capture: RadianceCapture,
+    pub exposure: f32,
+}
+
+/// Spawns the scene once its file is there.
+pub fn spawn_when_loaded(
+    mut commands: Commands,
+    mut loading: ResMut<Loading>,
+    file: Res<SceneFile>,
+    assets: Res<AssetServer>,
+    gltfs: Res<Assets<Gltf>>,
+) {
+    if *loading != Loading::File {
+        return;
+    }
+    if let LoadState::Failed(error) = assets.load_state(&file.0) {
+        *loading = Loading::Failed(error.to_string());
+        return;
+    }
+    // Textures that are missing leave their material without them; the rest is shown.
+    let Some(gltf) = gltfs.get(&file.0) else { return };
+    let Some(scene) = gltf.default_scene.clone().or_else(|| gltf.scenes.first().cloned()) else {
+        *loading = Loading::Failed("it holds no scene".into());
+        return;
+    };
+    *loading = Loading::Instance;
+    commands.spawn(WorldAssetRoot(scene)).observe(|_: On<WorldInstanceReady>, mut loading: ResMut<Loading>| {
+        *loading = Loading::Done;
+    });
+}
+
+/// Plays the first animation of the file on whatever it moves.
+pub fn play_animation(
+    mut commands: Commands,
+    file: Res<SceneFile>,
+    gltfs: Res<Assets<Gltf>>,
+    mut graphs: ResMut<Assets<AnimationGraph>>,
+    mut players: Query<(Entity, &mut AnimationPlayer), Added<AnimationPlayer>>,
+) {
+    let Some(clip) = gltfs.get(&file.0).and_then(|gltf| gltf.animations.first().cloned()) else {
+        return;
+    };
+    for (entity, mut player) in &mut players {
+        let (graph, node) = AnimationGraph::from_clip(clip.clone());
+        player.play(node).repeat();
+        commands.entity(entity).insert(AnimationGraphHandle(graphs.add(graph)));
+    }
+}
+
+/// Makes the camera that renders: where the file's camera is, or in front of everything where it has none.
+pub fn spawn_camera(world: &mut World, args: &Args, settings: Restir) -> Result<View, String> {
+    let (transform, projection) = file_camera(world, args.camera.as_deref())?;
+    // The file's cameras would draw to a window.
+    let others: Vec<Entity> = world.query_filtered::<Entity, With<Camera>>().iter(world).collect();
+    for camera in others {
+        world.entity_mut(camera).remove::<(Camera3d, Camera)>();
+    }
+
+    let environment = match &args.env {
+        None => None,
+        Some(Environment::Uniform([r, g, b])) => {
+            Some(RestirEnvironment { color: LinearRgba::rgb(*r, *g, *b), ..Default::default() })
+        }
+        Some(Environment::File(path)) => {
+            let image = world.resource_mut::<Assets<Image>>().add(read_environment(path)?);
+            Some(RestirEnvironment { image: Some(image), ..Default::default() })
+        }
+    };
+
+    let mut image = Image::new_target_texture(args.size.x, args.size.y, TextureFormat::Rgba8UnormSrgb, None);
+    image.texture_descriptor.usage |= TextureUsages::COPY_SRC;
+    image.asset_usage = RenderAssetUsages::all();
+    let target = world.resource_mut::<Assets<Image>>().add(image);
+    let exposure = match args.ev100 {
+        Some(ev100) => Exposure { ev100 },
+        // ev100 of the exposure 1: exposure = 1/(1.2 · 2^ev100).
+        None => Exposure { ev100: (1.0f32 / 1.2).log2() },
+    };
+    let capture = RadianceCapture::default();
+    let mut camera = world.spawn((
+        Camera3d::default(),
+        Camera { clear_color: ClearColorConfig::Custom(Color::BLACK), ..Default::default() },
+        RenderTarget::Image(ImageRenderTarget::from(target.clone())),
+        Hdr,
+        transform,
+        projection,
+        exposure,
+        settings,
+        capture.clone(),
+    ));
+    if let Some(environment) = environment {
+        camera.insert(environment);
+    }
+    let camera = camera.id();
+    Ok(View { camera, target, capture, exposure: if args.ev100.is_none() { 1.0 } else { exposure.exposure() } })
+}
+
+fn file_camera(world: &mut World, name: Option<&str>) -> Result<(Transform, Projection), String> {
+    let mut cameras: Vec<(Entity, Option<String>, Transform, Projection)> = world
+        .query::<(Entity, Option<&Name>, &GlobalTransform, &Projection, &Camera)>()
+        .iter(world)
+        .map(|(entity, name, transform, projection, _)| {
+            (entity, name.map(|n| n.to_string()), transform.compute_transform(), projection.clone())
+        })
+        .collect();
+    cameras.sort_by_key(|c| c.0);
+    let found = match name {
+        Some(name) => Some(
+            cameras
+                .into_iter()
+                .find(|c| c.1.as_deref() == Some(name))
+                .ok_or_else(|| format!("it has no camera named {name}"))?,
+        ),
+        None => cameras.into_iter().next(),
+    };
+    if let Some((_, _, mut transform, projection)) = found {
+        transform.scale = Vec3::ONE;
+        return Ok((transform, projection));
+    }
+    warn!("restir: the file has no camera; one is placed in front of the scene");
+    let (mut low, mut high) = (Vec3::MAX, Vec3::MIN);
+    for (transform, aabb) in world.query::<(&GlobalTransform, &Aabb)>().iter(world) {
+        for i in 0..8 {
+            let sign = Vec3::new(((i & 1) * 2) as f32 - 1.0, (i & 2) as f32 - 1.0, ((i & 4) / 2) as f32 - 1.0);
+            let corner = transform.transform_point(Vec3::from(aabb.center + aabb.half_extents * Vec3A::from(sign)));
+            if corner.is_finite() {
+                (low, high) = (low.min(corner), high.max(corner));
+            }
+        }
+    }
+    if low.cmpgt(high).any() {
+        (low, high) = (Vec3::NEG_ONE, Vec3::ONE);
+    }
+    let (centre, radius) = (0.5 * (low + high), (0.5 * (high - low)).length().max(1e-6));
+    let projection = PerspectiveProjection { near: 0.01 * radius, far: 100.0 * radius, ..Default::default() };
+    let distance = radius / (0.5 * projection.fov).sin() * 0.9;
+    let eye = centre + distance * Vec3::new(0.45, 0.3, 0.84).normalize();
+    Ok((Transform::from_translation(eye).looking_at(centre, Vec3::Y), Projection::Perspective(projection)))
+}

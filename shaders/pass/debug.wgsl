@@ -1,0 +1,76 @@
+// What a camera knows of its pixels, in place of light: false colours of ids, by the rasteriser and by a traced ray; depth, motion,
+// normals, base colour.  Values as they are: exposure is taken off again.
+
+#import bevy_restir::common::constants::NONE
+#import bevy_restir::common::rng::{pcg4d, unit_float}
+#import bevy_restir::scene::surface::surface_at
+#import bevy_restir::scene::triangle::world_triangle
+#import bevy_restir::trace::ray::{Hit, rays_traced, trace_flags}
+#import bevy_restir::trace::software::trace_closest
+#import bevy_restir::view::alpha_seed::primary_alpha_seed
+#import bevy_restir::view::bindings::{ray_counts, view, visibility}
+#import bevy_restir::view::camera::{barycentrics_on_ray, motion_of_point, motion_of_sky, previous_position, primary_ray}
+
+@group(2) @binding(0) var<storage, read_write> radiance: array<vec4<f32>>;
+
+// Equal to the order of `DebugView` in src/settings.rs.
+const DEBUG_INSTANCES: u32 = 1u;
+const DEBUG_TRIANGLES: u32 = 2u;
+const DEBUG_TRACED_INSTANCES: u32 = 3u;
+const DEBUG_TRACED_TRIANGLES: u32 = 4u;
+const DEBUG_DEPTH: u32 = 5u;
+const DEBUG_MOTION: u32 = 6u;
+const DEBUG_NORMALS: u32 = 7u;
+const DEBUG_ALBEDO: u32 = 8u;
+
+// A colour that tells ids apart.
+fn false_color(ids: vec2<u32>) -> vec3<f32> {
+    return unit_float(pcg4d(vec4<u32>(ids, 17u, 42u))).xyz;
+}
+
+@compute @workgroup_size(8, 8)
+fn debug(@builtin(global_invocation_id) id: vec3<u32>) {
+    let pixel = id.xy;
+    if any(pixel >= view.size) {
+        return;
+    }
+    let ray = primary_ray(pixel);
+    var ids = textureLoad(visibility, pixel, 0).xy;
+    if view.debug_view == DEBUG_TRACED_INSTANCES || view.debug_view == DEBUG_TRACED_TRIANGLES {
+        let hit = trace_closest(ray, primary_alpha_seed(pixel));
+        ids = vec2<u32>(hit.instance, hit.triangle);
+    }
+
+    var color = vec3<f32>(0.0);
+    if ids.x != NONE {
+        let t = world_triangle(ids.x, ids.y);
+        let barycentrics = barycentrics_on_ray(t, ray);
+        let s = surface_at(ids.x, ids.y, barycentrics, -ray.direction);
+        switch view.debug_view {
+            case DEBUG_INSTANCES, DEBUG_TRACED_INSTANCES: {
+                color = false_color(vec2<u32>(ids.x, NONE));
+            }
+            case DEBUG_TRIANGLES, DEBUG_TRACED_TRIANGLES: {
+                color = false_color(ids);
+            }
+            case DEBUG_DEPTH: {
+                color = vec3<f32>(distance(ray.origin, s.position));
+            }
+            case DEBUG_MOTION: {
+                let motion = motion_of_point(s.position, previous_position(ids.x, ids.y, barycentrics));
+                color = vec3<f32>(motion, 0.0);
+            }
+            case DEBUG_NORMALS: {
+                color = 0.5 + 0.5 * s.bsdf.n;
+            }
+            default: {
+                color = s.bsdf.base_color;
+            }
+        }
+    } else if view.debug_view == DEBUG_MOTION {
+        color = vec3<f32>(motion_of_sky(ray.direction), 0.0);
+    }
+    radiance[pixel.y * view.size.x + pixel.x] = vec4<f32>(color / view.exposure, 1.0);
+    let counted = textureLoad(ray_counts, pixel).x;
+    textureStore(ray_counts, pixel, vec4<u32>((counted + rays_traced) | trace_flags << 24u));
+}

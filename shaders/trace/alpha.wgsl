@@ -1,0 +1,36 @@
+// Whether a ray meets a triangle with an alpha: mask below its cutoff never, blend with the probability alpha.  One random number
+// a ray and triangle, a hash of both, so that closest-hit and any-hit rays of one seed agree.
+#define_import_path bevy_restir::trace::alpha
+
+#import bevy_restir::common::constants::{MATERIAL_ALPHA_MASK, MATERIAL_ALPHA_BLEND}
+#import bevy_restir::common::rng::{pcg4d, unit_float}
+#import bevy_restir::scene::bindings::{instances, materials}
+#import bevy_restir::scene::texture::{has_texture, sample_data}
+#import bevy_restir::scene::triangle::triangle_uv
+
+#ifdef TEXTURES
+fn alpha_at(material: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
+    let slot = materials[material].base_color_texture;
+    if !has_texture(slot) {
+        return materials[material].alpha;
+    }
+    return materials[material].alpha * sample_data(slot, triangle_uv(triangle, barycentrics)).a;
+}
+#else
+fn alpha_at(material: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
+    return materials[material].alpha;
+}
+#endif
+
+fn alpha_passes(instance: u32, triangle: u32, barycentrics: vec2<f32>, alpha_seed: u32) -> bool {
+    let material = instances[instance].material;
+    let flags = materials[material].flags;
+    if (flags & (MATERIAL_ALPHA_MASK | MATERIAL_ALPHA_BLEND)) == 0u {
+        return true;
+    }
+    let alpha = alpha_at(material, triangle, barycentrics);
+    if (flags & MATERIAL_ALPHA_MASK) != 0u {
+        return alpha >= materials[material].alpha_cutoff;
+    }
+    return unit_float(pcg4d(vec4<u32>(alpha_seed, instance, triangle, 0x5eedu))).x < alpha;
+}

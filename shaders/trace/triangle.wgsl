@@ -1,0 +1,79 @@
+// The one ray-triangle intersection: watertight in the manner of Woop, Benthin and Wald 2013 ("Watertight Ray/Triangle
+// Intersection"), double-sided.  Every edge is evaluated from its lower to its higher end, so that two triangles that
+// share it see opposite values bit by bit, whatever multiplications the driver fuses.
+#define_import_path bevy_restir::trace::triangle
+
+#import bevy_restir::scene::bindings::triangles
+
+// A ray in object space, and the shear that maps its direction to the unit of its longest axis.
+struct ShearedRay {
+    origin: vec3<f32>,
+    direction: vec3<f32>,
+    axis: u32,
+    shear: vec2<f32>,
+}
+
+// t is meaningless unless `inside`.
+struct TriangleHit {
+    inside: bool,
+    t: f32,
+    barycentrics: vec2<f32>,
+}
+
+fn sheared_ray(origin: vec3<f32>, direction: vec3<f32>) -> ShearedRay {
+    let size = abs(direction);
+    let axis = select(select(2u, 1u, size.y > size.z), 0u, size.x > max(size.y, size.z));
+    let d = long_axis_last(direction, axis);
+    return ShearedRay(origin, direction, axis, d.xy / d.z);
+}
+
+// Where the whole line meets the triangle; the caller compares t with its interval.
+fn intersect_triangle(ray: ShearedRay, index: u32) -> TriangleHit {
+    let v0 = triangles[index].a;
+    let v1 = triangles[index].b;
+    let v2 = triangles[index].c;
+    let a = long_axis_last(v0 - ray.origin, ray.axis);
+    let b = long_axis_last(v1 - ray.origin, ray.axis);
+    let c = long_axis_last(v2 - ray.origin, ray.axis);
+    let x = vec3<f32>(a.x, b.x, c.x) - ray.shear.x * vec3<f32>(a.z, b.z, c.z);
+    let y = vec3<f32>(a.y, b.y, c.y) - ray.shear.y * vec3<f32>(a.z, b.z, c.z);
+
+    // Edge opposite to each corner, as twice the area that it spans with the ray.
+    let flip = (x.yzx > x.zxy) | ((x.yzx == x.zxy) & (y.yzx > y.zxy));
+    let low_x = select(x.yzx, x.zxy, flip);
+    let low_y = select(y.yzx, y.zxy, flip);
+    let high_x = select(x.zxy, x.yzx, flip);
+    let high_y = select(y.zxy, y.yzx, flip);
+    let area = low_x * high_y - low_y * high_x;
+    let edges = select(area, -area, flip);
+
+    var hit = TriangleHit(false, 0.0, vec2<f32>(0.0));
+    let determinant = edges.x + edges.y + edges.z;
+    if (all(edges >= vec3<f32>(0.0)) || all(edges <= vec3<f32>(0.0))) && determinant != 0.0 {
+        let n = triangle_normal(v0, v1, v2);
+        let slope = dot(n, ray.direction);
+        hit.t = dot(n, v0 - ray.origin) / slope;
+        hit.barycentrics = edges.yz / determinant;
+        hit.inside = slope != 0.0;
+    }
+    return hit;
+}
+
+// Cross product of two edges, the longest left out: of a sliver, the other two choices keep no digit.
+fn triangle_normal(v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>) -> vec3<f32> {
+    let e0 = v1 - v0;
+    let e1 = v2 - v1;
+    let e2 = v0 - v2;
+    let l0 = dot(e0, e0);
+    let l1 = dot(e1, e1);
+    let l2 = dot(e2, e2);
+    let skip_0 = l0 >= max(l1, l2);
+    let skip_1 = !skip_0 && l1 >= l2;
+    // Without e0: e1 x e2; without e1: e2 x e0; without e2: e0 x e1.
+    return cross(select(select(e0, e2, skip_1), e1, skip_0), select(select(e1, e0, skip_1), e2, skip_0));
+}
+
+// Cyclic, so that handedness stays.
+fn long_axis_last(v: vec3<f32>, axis: u32) -> vec3<f32> {
+    return select(select(v, v.zxy, axis == 1u), v.yzx, axis == 0u);
+}

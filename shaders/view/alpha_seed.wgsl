@@ -1,0 +1,9 @@
+// The random number by which a pixel's primary ray meets blended surfaces: the same for the rasteriser and for rays.
+#define_import_path bevy_restir::view::alpha_seed
+
+#import bevy_restir::common::rng::{pcg4d, STREAM_ALPHA}
+#import bevy_restir::view::bindings::view
+
+fn primary_alpha_seed(pixel: vec2<u32>) -> u32 {
+    return pcg4d(vec4<u32>(pixel, view.frame, view.seed * 0x9e3779b9u + STREAM_ALPHA)).x;
+}

@@ -1,0 +1,229 @@
+//! Pipelines, specialised by what the scene contains.  A scene that gains a feature keeps rendering with the pipelines it has until
+//! the new ones are ready.
+
+use bevy::{
+    ecs::prelude::*,
+    platform::{collections::HashMap, time::Instant},
+    render::render_resource::*,
+    shader::ShaderDefVal,
+};
+
+use super::{ComputePass, Frame, Pass, composite, resource_layout, visibility};
+use crate::{
+    scene::{SceneFeatures, bindings::scene_layout},
+    shaders::ShaderTable,
+    view::view_layout,
+};
+
+/// What the pipelines of a frame are made for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub(crate) struct FrameKey {
+    pub frame: Frame,
+    pub features: SceneFeatures,
+}
+
+/// One pipeline, for the statistics.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PipelineReport {
+    /// Name of the pass.
+    pub name: &'static str,
+    /// Shader definitions that it was compiled with.
+    pub defs: Vec<&'static str>,
+    /// From the request until it could be used, ms.  A driver may put part of its work off until the first use.
+    pub compile_ms: f64,
+}
+
+#[derive(Clone, Copy)]
+enum PipelineId {
+    Compute(CachedComputePipelineId),
+    Render(CachedRenderPipelineId),
+}
+
+struct Compiled {
+    id: PipelineId,
+    name: &'static str,
+    features: SceneFeatures,
+    asked: Instant,
+    took_ms: Option<f64>,
+}
+
+/// All pipelines that were asked for.
+#[derive(Resource, Default)]
+pub(crate) struct PassPipelines {
+    compute: HashMap<(&'static str, SceneFeatures), usize>,
+    visibility: HashMap<(Option<Face>, bool), usize>,
+    composite: HashMap<TextureFormat, usize>,
+    all: Vec<Compiled>,
+    shaders: Option<ShaderTable>,
+}
+
+/// Ways in which the visibility pass culls.
+const CULLS: [Option<Face>; 3] = [None, Some(Face::Back), Some(Face::Front)];
+
+impl PassPipelines {
+    /// Takes the table of shaders.
+    pub(crate) fn with_shaders(shaders: ShaderTable) -> Self {
+        Self { shaders: Some(shaders), ..Default::default() }
+    }
+
+    /// The pipelines to render with: the wanted ones once all are ready, until then the last ones of the same frame.
+    pub(crate) fn choose(
+        &mut self,
+        frame: Frame,
+        features: SceneFeatures,
+        last: Option<FrameKey>,
+        pipelines: &PipelineCache,
+    ) -> Option<FrameKey> {
+        let wanted = FrameKey { frame, features };
+        if self.ready(wanted, pipelines) {
+            return Some(wanted);
+        }
+        last.filter(|key| key.frame == frame)
+    }
+
+    /// Asks for every pipeline of a frame; true once all are there.
+    fn ready(&mut self, key: FrameKey, pipelines: &PipelineCache) -> bool {
+        let mut indices = Vec::new();
+        for pass in key.frame.passes() {
+            match pass {
+                Pass::Compute(pass) => indices.push(self.ask_compute(pass, key, pipelines)),
+                Pass::Visibility => {
+                    let alpha = key.features.contains(SceneFeatures::ALPHA);
+                    for cull in CULLS {
+                        indices.push(self.ask_visibility(cull, alpha, key.features, pipelines));
+                    }
+                }
+                // Asked for once the format of the target is known.
+                Pass::Composite => {}
+            }
+        }
+        // All are asked, so that each notes when it was ready.
+        let missing = indices.into_iter().filter(|&index| !self.is_ready(index, pipelines)).count();
+        missing == 0
+    }
+
+    fn is_ready(&mut self, index: usize, pipelines: &PipelineCache) -> bool {
+        let compiled = &mut self.all[index];
+        let ready = match compiled.id {
+            PipelineId::Compute(id) => pipelines.get_compute_pipeline(id).is_some(),
+            PipelineId::Render(id) => pipelines.get_render_pipeline(id).is_some(),
+        };
+        if ready && compiled.took_ms.is_none() {
+            compiled.took_ms = Some(compiled.asked.elapsed().as_secs_f64() * 1e3);
+        }
+        ready
+    }
+
+    fn push(&mut self, id: PipelineId, name: &'static str, features: SceneFeatures) -> usize {
+        self.all.push(Compiled { id, name, features, asked: Instant::now(), took_ms: None });
+        self.all.len() - 1
+    }
+
+    fn shader(&self, path: &str) -> bevy::asset::Handle<bevy::shader::Shader> {
+        self.shaders.as_ref().map(|table| table.pass(path)).unwrap_or_default()
+    }
+
+    fn ask_compute(&mut self, pass: &'static ComputePass, key: FrameKey, pipelines: &PipelineCache) -> usize {
+        let features = specialisation(pass, key);
+        if let Some(&index) = self.compute.get(&(pass.name, features)) {
+            return index;
+        }
+        let id = pipelines.queue_compute_pipeline(ComputePipelineDescriptor {
+            label: Some(format!("restir {}", pass.name).into()),
+            layout: vec![scene_layout(), view_layout(), resource_layout(pass)],
+            shader: self.shader(&format!("pass/{}.wgsl", pass.name)),
+            shader_defs: features.shader_defs(),
+            entry_point: Some(pass.name.into()),
+            ..Default::default()
+        });
+        let index = self.push(PipelineId::Compute(id), pass.name, features);
+        self.compute.insert((pass.name, features), index);
+        index
+    }
+
+    fn ask_visibility(
+        &mut self,
+        cull: Option<Face>,
+        alpha: bool,
+        features: SceneFeatures,
+        pipelines: &PipelineCache,
+    ) -> usize {
+        if let Some(&index) = self.visibility.get(&(cull, alpha)) {
+            return index;
+        }
+        // Alpha may come from a texture.
+        let used = if alpha { SceneFeatures::ALPHA | SceneFeatures::TEXTURES } else { SceneFeatures::empty() };
+        let defs: Vec<ShaderDefVal> = used.shader_defs();
+        let shader = self.shader("pass/visibility.wgsl");
+        let id = pipelines.queue_render_pipeline(visibility::pipeline(shader, defs, cull));
+        let index = self.push(PipelineId::Render(id), "visibility", used & (features | SceneFeatures::TEXTURES));
+        self.visibility.insert((cull, alpha), index);
+        index
+    }
+
+    /// The pipeline of a compute pass.
+    pub(crate) fn compute<'a>(
+        &self,
+        pass: &ComputePass,
+        key: FrameKey,
+        pipelines: &'a PipelineCache,
+    ) -> Option<&'a ComputePipeline> {
+        match self.all[*self.compute.get(&(pass.name, specialisation(pass, key)))?].id {
+            PipelineId::Compute(id) => pipelines.get_compute_pipeline(id),
+            PipelineId::Render(_) => None,
+        }
+    }
+
+    /// The pipeline that draws instances of a culling.
+    pub(crate) fn visibility<'a>(
+        &self,
+        cull: Option<Face>,
+        key: FrameKey,
+        pipelines: &'a PipelineCache,
+    ) -> Option<&'a RenderPipeline> {
+        let alpha = key.features.contains(SceneFeatures::ALPHA);
+        match self.all[*self.visibility.get(&(cull, alpha))?].id {
+            PipelineId::Render(id) => pipelines.get_render_pipeline(id),
+            PipelineId::Compute(_) => None,
+        }
+    }
+
+    /// Asks for the pipeline that writes to targets of this format; true once it is there.
+    pub(crate) fn ask_composite(&mut self, format: TextureFormat, pipelines: &PipelineCache) -> bool {
+        let index = match self.composite.get(&format) {
+            Some(&index) => index,
+            None => {
+                let shader = self.shader("pass/composite.wgsl");
+                let id = pipelines.queue_render_pipeline(composite::pipeline(shader, format));
+                let index = self.push(PipelineId::Render(id), "composite", SceneFeatures::empty());
+                self.composite.insert(format, index);
+                index
+            }
+        };
+        self.is_ready(index, pipelines)
+    }
+
+    /// That pipeline.
+    pub(crate) fn composite<'a>(
+        &self,
+        format: TextureFormat,
+        pipelines: &'a PipelineCache,
+    ) -> Option<&'a RenderPipeline> {
+        match self.all[*self.composite.get(&format)?].id {
+            PipelineId::Render(id) => pipelines.get_render_pipeline(id),
+            PipelineId::Compute(_) => None,
+        }
+    }
+
+    /// Every pipeline that is ready.
+    pub(crate) fn report(&self) -> Vec<PipelineReport> {
+        self.all
+            .iter()
+            .filter_map(|c| Some(PipelineReport { name: c.name, defs: c.features.names(), compile_ms: c.took_ms? }))
+            .collect()
+    }
+}
+
+fn specialisation(pass: &ComputePass, key: FrameKey) -> SceneFeatures {
+    if pass.specialised { key.features } else { SceneFeatures::empty() }
+}

@@ -1,0 +1,113 @@
+//! Group 0 of every pass: the scene (`shaders/scene/bindings.wgsl`), and what was uploaded to it.
+
+use bevy::{
+    ecs::resource::Resource,
+    render::{
+        render_resource::{binding_types::*, *},
+        renderer::{RenderDevice, RenderQueue},
+    },
+};
+
+use super::features::SceneFeatures;
+use crate::gpu_types::GpuSceneUniforms;
+
+/// The layout of group 0.
+pub(crate) fn scene_layout() -> BindGroupLayoutDescriptor {
+    BindGroupLayoutDescriptor::new(
+        "restir scene",
+        &BindGroupLayoutEntries::sequential(
+            ShaderStages::COMPUTE | ShaderStages::VERTEX_FRAGMENT,
+            (
+                uniform_buffer_sized(false, None),
+                storage_buffer_read_only_sized(false, None),
+                storage_buffer_read_only_sized(false, None),
+                storage_buffer_read_only_sized(false, None),
+                storage_buffer_read_only_sized(false, None),
+                storage_buffer_read_only_sized(false, None),
+                storage_buffer_read_only_sized(false, None),
+                texture_2d_array(TextureSampleType::Float { filterable: false }),
+            ),
+        ),
+    )
+}
+
+/// The scene as passes take it.
+#[derive(Resource, Default)]
+pub(crate) struct SceneBindings {
+    pub bind_group: Option<BindGroup>,
+    pub uniforms: Option<Buffer>,
+    written: GpuSceneUniforms,
+    /// Buffers and views that the bind group was made of.
+    made_of: Vec<BufferId>,
+    made_with: Option<TextureViewId>,
+    /// Bound where a scene has no texture.
+    pub no_texture: Option<TextureView>,
+    pub features: SceneFeatures,
+    /// Counts changes of anything that can be seen.
+    pub revision: u64,
+    /// Nothing is still being loaded, built or copied.
+    pub ready: bool,
+    /// Scene bytes sent in this frame.
+    pub uploaded_bytes: u64,
+    pub memory: Vec<(&'static str, u64)>,
+    pub triangles: u64,
+    pub instances: u64,
+    pub lights: u64,
+    /// The instances to draw, with the number of their triangles and their culling.
+    pub draws: Vec<Draw>,
+}
+
+/// One instance as the visibility pass draws it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Draw {
+    pub instance: u32,
+    pub triangles: u32,
+    pub cull: Option<Face>,
+}
+
+impl SceneBindings {
+    /// Sends the uniforms where they changed.  Returns the bytes sent.
+    pub(crate) fn write_uniforms(
+        &mut self,
+        uniforms: &GpuSceneUniforms,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) -> u64 {
+        if self.uniforms.is_some() && self.written == *uniforms {
+            return 0;
+        }
+        let buffer = self.uniforms.get_or_insert_with(|| {
+            device.create_buffer(&BufferDescriptor {
+                label: Some("scene uniforms"),
+                size: size_of::<GpuSceneUniforms>() as u64,
+                usage: BufferUsages::UNIFORM | BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            })
+        });
+        queue.write_buffer(buffer, 0, bytemuck::bytes_of(uniforms));
+        self.written = *uniforms;
+        size_of::<GpuSceneUniforms>() as u64
+    }
+
+    /// Makes the bind group again where a buffer or the atlas is another one.
+    pub(crate) fn bind(
+        &mut self,
+        device: &RenderDevice,
+        pipelines: &PipelineCache,
+        buffers: [&Buffer; 7],
+        atlas: &TextureView,
+    ) {
+        let ids: Vec<_> = buffers.iter().map(|b| b.id()).collect();
+        if self.bind_group.is_some() && ids == self.made_of && Some(atlas.id()) == self.made_with {
+            return;
+        }
+        let [a, b, c, d, e, f, g] = buffers.map(|b| b.as_entire_binding());
+        self.bind_group = Some(device.create_bind_group(
+            "restir scene",
+            &pipelines.get_bind_group_layout(&scene_layout()),
+            &BindGroupEntries::sequential((a, b, c, d, e, f, g, atlas)),
+        ));
+        self.made_of = ids;
+        self.made_with = Some(atlas.id());
+    }
+}

@@ -1,0 +1,146 @@
+//! From the main world: what is visible, lit and shaded, as plain lists.  Nothing is decided here but what exists.
+
+use bevy::{
+    asset::{AssetEvent, AssetId, Assets},
+    camera::visibility::{InheritedVisibility, RenderLayers},
+    ecs::prelude::*,
+    light::{DirectionalLight, NotShadowCaster, PointLight, SpotLight},
+    math::{Affine3A, Vec3},
+    mesh::{Mesh, Mesh3d, skinning::SkinnedMesh},
+    pbr::{MeshMaterial3d, StandardMaterial},
+    platform::collections::{HashMap, HashSet},
+    render::{Extract, sync_world::MainEntity},
+    transform::components::GlobalTransform,
+};
+
+use crate::settings::EmissiveLuminance;
+
+/// One drawn mesh.
+#[derive(Clone, Debug)]
+pub(crate) struct ExtractedInstance {
+    pub entity: MainEntity,
+    pub mesh: AssetId<Mesh>,
+    pub material: AssetId<StandardMaterial>,
+    pub world_from_object: Affine3A,
+    /// Render layers 0 to 31.
+    pub layers: u32,
+    pub skinned: bool,
+}
+
+/// What a light that is not a mesh emits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum AnalyticLight {
+    /// Intensity in candela (for Rec. 709 white: lm/4π).
+    Point { position: Vec3, intensity: Vec3 },
+    /// As a point, within a cone; cosines of its inner and outer half angle.
+    Spot { position: Vec3, intensity: Vec3, direction: Vec3, cos_inner: f32, cos_outer: f32 },
+    /// Illuminance in lux at normal incidence.
+    Directional { direction: Vec3, illuminance: Vec3 },
+}
+
+/// The scene of this frame as the main world has it.
+#[derive(Resource, Default)]
+pub(crate) struct ExtractedScene {
+    pub instances: Vec<ExtractedInstance>,
+    pub lights: Vec<(MainEntity, AnalyticLight)>,
+    /// Materials that were added or changed.
+    pub materials: HashMap<AssetId<StandardMaterial>, StandardMaterial>,
+    pub removed_materials: HashSet<AssetId<StandardMaterial>>,
+    pub emissive_luminance: f32,
+}
+
+type InstanceData<'a> = (
+    Entity,
+    &'a Mesh3d,
+    &'a MeshMaterial3d<StandardMaterial>,
+    &'a GlobalTransform,
+    &'a InheritedVisibility,
+    Option<&'a RenderLayers>,
+    Has<NotShadowCaster>,
+    Has<SkinnedMesh>,
+);
+
+/// Layers 0 to 31 as bits; an entity without the component is on layer 0.
+pub(crate) fn layer_bits(layers: Option<&RenderLayers>) -> u32 {
+    layers.map_or(1, |l| l.iter().filter(|&i| i < 32).fold(0, |bits, i| bits | 1 << i))
+}
+
+pub(crate) fn extract_scene(
+    mut scene: ResMut<ExtractedScene>,
+    instances: Extract<Query<InstanceData>>,
+    points: Extract<Query<(Entity, &PointLight, &GlobalTransform, &InheritedVisibility)>>,
+    spots: Extract<Query<(Entity, &SpotLight, &GlobalTransform, &InheritedVisibility)>>,
+    suns: Extract<Query<(Entity, &DirectionalLight, &GlobalTransform, &InheritedVisibility)>>,
+    mut events: Extract<MessageReader<AssetEvent<StandardMaterial>>>,
+    materials: Extract<Res<Assets<StandardMaterial>>>,
+    emissive_luminance: Extract<Res<EmissiveLuminance>>,
+) {
+    let scene = &mut *scene;
+    scene.emissive_luminance = emissive_luminance.0;
+
+    scene.instances.clear();
+    scene.instances.extend(instances.iter().filter(|row| row.4.get()).map(
+        |(entity, mesh, material, transform, _, layers, _, skinned)| ExtractedInstance {
+            entity: entity.into(),
+            mesh: mesh.id(),
+            material: material.id(),
+            world_from_object: transform.affine(),
+            layers: layer_bits(layers),
+            skinned,
+        },
+    ));
+    // A stable order keeps light ids and the top level the same from frame to frame.
+    scene.instances.sort_unstable_by_key(|i| *i.entity);
+
+    scene.lights.clear();
+    for (entity, light, transform, visible) in &points {
+        if visible.get() {
+            let intensity = rgb(light.color) * (light.intensity / (4.0 * core::f32::consts::PI));
+            scene.lights.push((entity.into(), AnalyticLight::Point { position: transform.translation(), intensity }));
+        }
+    }
+    for (entity, light, transform, visible) in &spots {
+        if visible.get() {
+            scene.lights.push((
+                entity.into(),
+                AnalyticLight::Spot {
+                    position: transform.translation(),
+                    intensity: rgb(light.color) * (light.intensity / (4.0 * core::f32::consts::PI)),
+                    direction: transform.forward().into(),
+                    cos_inner: light.inner_angle.cos(),
+                    cos_outer: light.outer_angle.cos(),
+                },
+            ));
+        }
+    }
+    for (entity, light, transform, visible) in &suns {
+        if visible.get() {
+            let illuminance = rgb(light.color) * light.illuminance;
+            let direction = transform.forward().into();
+            scene.lights.push((entity.into(), AnalyticLight::Directional { direction, illuminance }));
+        }
+    }
+    scene.lights.sort_unstable_by_key(|(entity, _)| **entity);
+
+    scene.materials.clear();
+    scene.removed_materials.clear();
+    for event in events.read() {
+        match event {
+            AssetEvent::Added { id } | AssetEvent::Modified { id } => {
+                if let Some(material) = materials.get(*id) {
+                    scene.materials.insert(*id, material.clone());
+                }
+            }
+            AssetEvent::Removed { id } | AssetEvent::Unused { id } => {
+                scene.materials.remove(id);
+                scene.removed_materials.insert(*id);
+            }
+            AssetEvent::LoadedWithDependencies { .. } => {}
+        }
+    }
+}
+
+fn rgb(color: bevy::color::Color) -> Vec3 {
+    let c = color.to_linear();
+    Vec3::new(c.red, c.green, c.blue)
+}

@@ -1,0 +1,46 @@
+//! What a scene really contains: shaders are specialised by it, buffers and passes exist only for it.
+
+use bevy::shader::ShaderDefVal;
+
+macro_rules! features {
+    ($($name:ident = $bit:literal, $def:literal, $doc:literal;)*) => {
+        bitflags::bitflags! {
+            /// What a scene contains.
+            #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+            pub struct SceneFeatures: u32 {
+                $(#[doc = $doc] const $name = 1 << $bit;)*
+            }
+        }
+
+        impl SceneFeatures {
+            /// Every feature with its shader definition.
+            pub const TABLE: &[(SceneFeatures, &str)] = &[$((SceneFeatures::$name, $def)),*];
+        }
+    };
+}
+
+features! {
+    LIGHT_TRIANGLES = 0, "LIGHT_TRIANGLES", "Emissive meshes.";
+    LIGHT_POINTS = 1, "LIGHT_POINTS", "Point or spot lights.";
+    LIGHT_DIRECTIONAL = 2, "LIGHT_DIRECTIONAL", "Directional lights.";
+    ENVIRONMENT = 3, "ENVIRONMENT", "An environment that emits.";
+    ENVIRONMENT_MAP = 4, "ENVIRONMENT_MAP", "It has an image.";
+    TEXTURES = 5, "TEXTURES", "Textures of any kind.";
+    NORMAL_MAPS = 6, "NORMAL_MAPS", "Normal maps.";
+    ALPHA = 7, "ALPHA", "Alpha mask or blending.";
+    TRANSMISSION = 8, "TRANSMISSION", "Specular transmission.";
+    ATTENUATION = 9, "ATTENUATION", "Absorption within transmissive bodies.";
+    UNLIT = 10, "UNLIT", "Unlit materials.";
+}
+
+impl SceneFeatures {
+    /// The shader definitions that stand for these features.
+    pub fn shader_defs(self) -> Vec<ShaderDefVal> {
+        self.names().into_iter().map(|def| ShaderDefVal::Bool(def.into(), true)).collect()
+    }
+
+    /// The names of these features.
+    pub fn names(self) -> Vec<&'static str> {
+        Self::TABLE.iter().filter(|(feature, _)| self.contains(*feature)).map(|(_, def)| *def).collect()
+    }
+}

@@ -1,0 +1,401 @@
+//! Every emitter in one table: analytic lights, then the triangles of every emissive instance, with a power-proportional alias
+//! table over all of them.  Ids are stable while nothing changes and remapped both ways when something does.
+
+use bevy::{
+    ecs::resource::Resource,
+    log::{warn, warn_once},
+    math::Vec3,
+    platform::collections::HashMap,
+    render::{
+        renderer::{RenderDevice, RenderQueue},
+        sync_world::MainEntity,
+    },
+};
+
+use super::{
+    alias::alias_table,
+    extract::{AnalyticLight, ExtractedScene},
+    features::SceneFeatures,
+    heap::{GpuArray, dirty_runs},
+    instances::InstancePool,
+    materials::MaterialPool,
+    meshes::MeshPool,
+};
+use crate::gpu_types::*;
+
+/// What the table was made from; while it is the same the table is.
+#[derive(Clone, Debug)]
+enum Source {
+    Analytic(AnalyticLight),
+    Mesh {
+        slot: u32,
+        version: u64,
+        first_triangle: u32,
+        count: u32,
+        emission: [f32; 3],
+        double_sided: bool,
+        /// Inner products of the transform's columns: all that a triangle's area depends on, so that a rigid motion changes nothing.
+        metric: [f32; 6],
+    },
+}
+
+impl Source {
+    /// Equal but for rounding: a lamp that turns leaves the table alone.
+    fn same_as(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Analytic(a), Self::Analytic(b)) => a == b,
+            (
+                Self::Mesh { slot, version, first_triangle, count, emission, double_sided, metric },
+                Self::Mesh {
+                    slot: slot_b,
+                    version: version_b,
+                    first_triangle: first_b,
+                    count: count_b,
+                    emission: emission_b,
+                    double_sided: sides_b,
+                    metric: metric_b,
+                },
+            ) => {
+                (slot, version, first_triangle, count, emission, double_sided)
+                    == (slot_b, version_b, first_b, count_b, emission_b, sides_b)
+                    && same_metric(metric, metric_b)
+            }
+            _ => false,
+        }
+    }
+}
+
+/// Who a light belongs to: a Bevy light, or the mesh of the same entity.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+struct Owner {
+    entity: MainEntity,
+    mesh: bool,
+}
+
+/// Lights of one owner: `first..first + count` in the table.
+#[derive(Clone, Debug, PartialEq)]
+struct Group {
+    owner: Owner,
+    first: u32,
+    count: u32,
+}
+
+/// Where the lights of one frame are in another; `NONE` for those that are not there.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct LightRemap {
+    /// By this frame's ids.
+    pub previous_from_current: Vec<u32>,
+    /// By the last frame's ids.
+    pub current_from_previous: Vec<u32>,
+}
+
+/// The lights of the scene.
+#[derive(Resource)]
+pub(crate) struct LightPool {
+    sources: Vec<(MainEntity, Source)>,
+    groups: Vec<Group>,
+    table: Vec<GpuLight>,
+    uploaded: Vec<GpuLight>,
+    pub gpu: GpuArray<GpuLight>,
+    /// Sum of the powers of the table.
+    pub power: f64,
+    /// Scene radius that the powers of directional lights were made with, a power of two.
+    radius: f32,
+    pub features: SceneFeatures,
+    /// `None` while ids are those of the last frame.
+    pub remap: Option<LightRemap>,
+    pub revision: u64,
+}
+
+impl Default for LightPool {
+    fn default() -> Self {
+        Self {
+            sources: Vec::new(),
+            groups: Vec::new(),
+            table: Vec::new(),
+            uploaded: Vec::new(),
+            gpu: GpuArray::new("lights"),
+            power: 0.0,
+            radius: 0.0,
+            features: SceneFeatures::empty(),
+            remap: None,
+            revision: 0,
+        }
+    }
+}
+
+fn luminance(c: [f32; 3]) -> f64 {
+    0.2126 * c[0] as f64 + 0.7152 * c[1] as f64 + 0.0722 * c[2] as f64
+}
+
+impl LightPool {
+    /// Brings the table up to the scene and gives every instance its first light.
+    pub(crate) fn update(
+        &mut self,
+        scene: &ExtractedScene,
+        instances: &mut InstancePool,
+        meshes: &MeshPool,
+        materials: &MaterialPool,
+        limit: u32,
+    ) {
+        self.remap = None;
+        let sources = self.gather(scene, instances, meshes, materials);
+        let radius = (instances.radius.max(1e-3).log2().ceil()).exp2();
+        let directional = self.features.contains(SceneFeatures::LIGHT_DIRECTIONAL);
+        let same = sources.len() == self.sources.len()
+            && sources.iter().zip(&self.sources).all(|(a, b)| a.0 == b.0 && a.1.same_as(&b.1));
+        if same && (radius == self.radius || !directional) {
+            return;
+        }
+        let old = core::mem::take(&mut self.groups);
+        let old_count = self.table.len() as u32;
+        self.sources = sources;
+        self.radius = radius;
+        self.rebuild(instances, meshes, limit);
+        let remap = remap(&old, old_count, &self.groups, self.table.len() as u32);
+        self.remap = Some(remap);
+    }
+
+    fn gather(
+        &self,
+        scene: &ExtractedScene,
+        instances: &InstancePool,
+        meshes: &MeshPool,
+        materials: &MaterialPool,
+    ) -> Vec<(MainEntity, Source)> {
+        let analytic = scene.lights.iter().map(|(entity, light)| (*entity, Source::Analytic(*light)));
+        let emissive = instances.live.iter().filter_map(|live| {
+            let emission = materials.mean_emission(live.material);
+            let mesh = meshes.get(live.mesh)?;
+            if luminance(emission) <= 0.0 {
+                return None;
+            }
+            let m = instances.get(live.slot).world_from_object;
+            let column = |i: usize| Vec3::new(m[0][i], m[1][i], m[2][i]);
+            let (x, y, z) = (column(0), column(1), column(2));
+            Some((
+                live.entity,
+                Source::Mesh {
+                    slot: live.slot,
+                    version: mesh.version,
+                    first_triangle: mesh.triangles.start,
+                    count: mesh.triangles.end - mesh.triangles.start,
+                    emission,
+                    double_sided: materials.get(live.material)?.flags & MATERIAL_DOUBLE_SIDED != 0,
+                    metric: [x.dot(x), y.dot(y), z.dot(z), x.dot(y), y.dot(z), z.dot(x)],
+                },
+            ))
+        });
+        analytic.chain(emissive).collect()
+    }
+
+    fn rebuild(&mut self, instances: &mut InstancePool, meshes: &MeshPool, limit: u32) {
+        self.table.clear();
+        self.features = SceneFeatures::empty();
+        let slots: Vec<u32> = instances.live.iter().map(|live| live.slot).collect();
+        for slot in slots {
+            instances.set_first_light(slot, NONE);
+        }
+        let by_slot: HashMap<u32, _> = instances.live.iter().map(|live| (live.slot, live.mesh)).collect();
+        let mut powers = Vec::new();
+        let mut left_out = 0u64;
+        for (entity, source) in &self.sources {
+            let first = self.table.len() as u32;
+            match source {
+                Source::Analytic(light) => {
+                    let (gpu, power, feature) = analytic_light(light, self.radius);
+                    if !power.is_finite() || power <= 0.0 {
+                        // Black lights are ordinary; infinite or negative ones are not.
+                        if power != 0.0 {
+                            warn!("restir: light {} has the power {power}; it is left out", **entity);
+                        }
+                        continue;
+                    }
+                    if first >= limit {
+                        left_out += 1;
+                        continue;
+                    }
+                    self.table.push(gpu);
+                    powers.push(power);
+                    self.features |= feature;
+                }
+                Source::Mesh { slot, first_triangle, count, emission, double_sided, .. } => {
+                    if first as u64 + *count as u64 > limit as u64 {
+                        left_out += *count as u64;
+                        continue;
+                    }
+                    let Some(mesh) = by_slot.get(slot).and_then(|id| meshes.get(*id)) else {
+                        continue;
+                    };
+                    let m = instances.get(*slot).world_from_object;
+                    let sides = if *double_sided { 2.0 } else { 1.0 };
+                    let exitance = core::f64::consts::PI * luminance(*emission) * sides;
+                    for (i, corners) in mesh.positions.iter().enumerate() {
+                        self.table.push(GpuLight {
+                            kind: LIGHT_TRIANGLE,
+                            emission: *emission,
+                            data: [*slot, first_triangle + i as u32],
+                            ..Default::default()
+                        });
+                        powers.push(exitance * world_area(&m, corners));
+                    }
+                    self.features |= SceneFeatures::LIGHT_TRIANGLES;
+                    instances.set_first_light(*slot, first);
+                }
+            }
+            let owner = Owner { entity: *entity, mesh: matches!(source, Source::Mesh { .. }) };
+            self.groups.push(Group { owner, first, count: self.table.len() as u32 - first });
+        }
+        if left_out > 0 {
+            warn!(
+                "restir: {left_out} lights are more than this device can bind; they are met by rays, but never aimed at"
+            );
+        }
+        self.power = powers.iter().filter(|p| p.is_finite() && **p > 0.0).sum();
+        match alias_table(&powers) {
+            Some(entries) => {
+                for (light, entry) in self.table.iter_mut().zip(entries) {
+                    light.pmf = entry.pmf;
+                    light.alias_probability = entry.probability;
+                    light.alias_index = entry.alias;
+                }
+            }
+            // Nothing emits: an empty table, so that nothing is drawn from it.
+            None => self.power = 0.0,
+        }
+    }
+
+    /// Sends what changed.  Returns the bytes sent.
+    pub(crate) fn upload(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {
+        let runs = dirty_runs(&self.uploaded, &self.table);
+        if runs.is_empty() && self.uploaded.len() == self.table.len() {
+            return 0;
+        }
+        self.revision += 1;
+        if !self.gpu.reserve(self.table.len().max(1) as u32, device, queue) {
+            warn_once!("restir: {} lights are more than this device can bind", self.table.len());
+            return 0;
+        }
+        let bytes = runs.into_iter().map(|r| self.gpu.write(r.start as u32, &self.table[r], queue)).sum();
+        self.uploaded.clone_from(&self.table);
+        bytes
+    }
+
+    /// Lights that can be drawn from the table.
+    pub(crate) fn count(&self) -> u32 {
+        if self.power > 0.0 { self.table.len() as u32 } else { 0 }
+    }
+}
+
+/// Products that differ by what rotating in f32 makes of them.
+fn same_metric(a: &[f32; 6], b: &[f32; 6]) -> bool {
+    let tolerance = 1e-5 * a[0].max(a[1]).max(a[2]).max(f32::MIN_POSITIVE);
+    a.iter().zip(b).all(|(a, b)| (a - b).abs() <= tolerance)
+}
+
+fn world_area(m: &Rows, corners: &[[f32; 3]; 3]) -> f64 {
+    let edge = |i: usize| -> [f64; 3] {
+        let e: [f64; 3] = core::array::from_fn(|k| corners[i][k] as f64 - corners[0][k] as f64);
+        core::array::from_fn(|r| (0..3).map(|k| m[r][k] as f64 * e[k]).sum())
+    };
+    let (a, b) = (edge(1), edge(2));
+    let c = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+    0.5 * c.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+/// The record, its power, and what it asks of the shaders.
+fn analytic_light(light: &AnalyticLight, radius: f32) -> (GpuLight, f64, SceneFeatures) {
+    use core::f64::consts::PI;
+    match *light {
+        AnalyticLight::Point { position, intensity } => (
+            GpuLight {
+                kind: LIGHT_POINT,
+                position: position.to_array(),
+                emission: intensity.to_array(),
+                ..Default::default()
+            },
+            4.0 * PI * luminance(intensity.to_array()),
+            SceneFeatures::LIGHT_POINTS,
+        ),
+        AnalyticLight::Spot { position, intensity, direction, cos_inner, cos_outer } => (
+            GpuLight {
+                kind: LIGHT_SPOT,
+                position: position.to_array(),
+                emission: intensity.to_array(),
+                direction: direction.to_array(),
+                data: [cos_inner.to_bits(), cos_outer.to_bits()],
+                ..Default::default()
+            },
+            2.0 * PI * (1.0 - 0.5 * (cos_inner + cos_outer) as f64) * luminance(intensity.to_array()),
+            SceneFeatures::LIGHT_POINTS,
+        ),
+        AnalyticLight::Directional { direction, illuminance } => (
+            GpuLight {
+                kind: LIGHT_DIRECTIONAL,
+                direction: direction.to_array(),
+                emission: illuminance.to_array(),
+                ..Default::default()
+            },
+            PI * (radius as f64).powi(2) * luminance(illuminance.to_array()),
+            SceneFeatures::LIGHT_DIRECTIONAL,
+        ),
+    }
+}
+
+/// Ids both ways between two tables: a light is the same if its owner is and has as many lights.
+fn remap(old: &[Group], old_count: u32, new: &[Group], new_count: u32) -> LightRemap {
+    let by_owner: HashMap<Owner, &Group> = old.iter().map(|g| (g.owner, g)).collect();
+    let mut map = LightRemap {
+        previous_from_current: vec![NONE; new_count as usize],
+        current_from_previous: vec![NONE; old_count as usize],
+    };
+    for group in new {
+        let Some(before) = by_owner.get(&group.owner).filter(|b| b.count == group.count) else {
+            continue;
+        };
+        for i in 0..group.count {
+            map.previous_from_current[(group.first + i) as usize] = before.first + i;
+            map.current_from_previous[(before.first + i) as usize] = group.first + i;
+        }
+    }
+    map
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bevy::ecs::entity::Entity;
+
+    fn group(entity: u32, first: u32, count: u32) -> Group {
+        let entity = Entity::from_raw_u32(entity).expect("a valid index").into();
+        Group { owner: Owner { entity, mesh: true }, first, count }
+    }
+
+    #[test]
+    fn remapping_a_light_there_and_back_is_the_identity() {
+        let old = [group(1, 0, 1), group(2, 1, 5), group(3, 6, 2)];
+        let new = [group(3, 0, 2), group(4, 2, 7), group(2, 9, 5), group(1, 14, 3)];
+        let map = remap(&old, 8, &new, 17);
+        for (current, &previous) in map.previous_from_current.iter().enumerate() {
+            if previous != NONE {
+                assert_eq!(map.current_from_previous[previous as usize], current as u32);
+            }
+        }
+        assert_eq!(map.current_from_previous[6], 0, "light 6 is the first of entity 3");
+        assert_eq!(map.current_from_previous[0], NONE, "entity 1 has another number of lights now");
+        assert_eq!(map.previous_from_current[2], NONE, "entity 4 is new");
+    }
+
+    #[test]
+    fn a_rotation_keeps_the_metric_and_a_scale_changes_it() {
+        let metric = |m: bevy::math::Mat3| {
+            let (x, y, z) = (m.x_axis, m.y_axis, m.z_axis);
+            [x.dot(x), y.dot(y), z.dot(z), x.dot(y), y.dot(z), z.dot(x)]
+        };
+        let still = metric(bevy::math::Mat3::from_diagonal(Vec3::splat(0.3)));
+        for i in 0..100 {
+            assert!(same_metric(&metric(bevy::math::Mat3::from_rotation_y(i as f32) * 0.3), &still));
+        }
+        assert!(!same_metric(&metric(bevy::math::Mat3::from_diagonal(Vec3::new(0.3, 0.301, 0.3))), &still));
+    }
+}

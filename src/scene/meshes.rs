@@ -1,0 +1,225 @@
+//! Meshes as rays see them: geometry taken where Bevy hands it to the render world, bottom levels built in tasks, ranges of the
+//! shared buffers.  A mesh that changes keeps its old triangles until the new ones are ready.
+
+use bevy::{
+    asset::{AssetId, AssetServer},
+    ecs::{
+        resource::Resource,
+        system::{Res, ResMut},
+    },
+    log::warn,
+    mesh::Mesh,
+    platform::collections::{HashMap, HashSet},
+    render::{
+        mesh::RenderMesh,
+        render_asset::ExtractedAssets,
+        renderer::{RenderDevice, RenderQueue},
+    },
+    tasks::{AsyncComputeTaskPool, Task, futures::check_ready},
+};
+use std::ops::Range;
+
+use super::{
+    blas::{self, Blas, Bounds},
+    geometry::{self, Dropped},
+    heap::{GpuArray, RangeAllocator},
+};
+use crate::gpu_types::*;
+
+/// A mesh on the GPU.
+pub(crate) struct MeshEntry {
+    nodes: Range<u32>,
+    pub triangles: Range<u32>,
+    pub bounds: Bounds,
+    /// Object-space corners in leaf order, for the power of emissive triangles.
+    pub positions: Vec<[[f32; 3]; 3]>,
+    /// Changes when the triangles do.
+    pub version: u64,
+}
+
+impl MeshEntry {
+    /// Node index of the root.
+    pub(crate) fn root(&self) -> u32 {
+        self.nodes.start
+    }
+}
+
+type Built = (Result<Option<Blas>, geometry::GeometryError>, Dropped);
+
+/// The meshes of the scene.
+#[derive(Resource)]
+pub(crate) struct MeshPool {
+    entries: HashMap<AssetId<Mesh>, MeshEntry>,
+    building: HashMap<AssetId<Mesh>, Task<Built>>,
+    /// Meshes without a single usable triangle: nothing waits for them.
+    empty: HashSet<AssetId<Mesh>>,
+    node_ranges: RangeAllocator,
+    triangle_ranges: RangeAllocator,
+    pub nodes: GpuArray<[[u32; 4]; NODE_STRIDE as usize]>,
+    pub triangles: GpuArray<GpuTriangle>,
+    pub attributes: GpuArray<GpuTriangleAttributes>,
+    versions: u64,
+    /// Bytes sent in this frame.
+    pub uploaded: u64,
+}
+
+impl Default for MeshPool {
+    fn default() -> Self {
+        Self {
+            entries: HashMap::default(),
+            building: HashMap::default(),
+            empty: HashSet::default(),
+            node_ranges: RangeAllocator::default(),
+            triangle_ranges: RangeAllocator::default(),
+            nodes: GpuArray::new("acceleration structures"),
+            triangles: GpuArray::new("triangles"),
+            attributes: GpuArray::new("triangle attributes"),
+            versions: 0,
+            uploaded: 0,
+        }
+    }
+}
+
+/// Starts a build for every mesh that was added or changed.
+pub(crate) fn queue_meshes(mut pool: ResMut<MeshPool>, extracted: Res<ExtractedAssets<RenderMesh>>) {
+    let pool = &mut *pool;
+    for (id, mesh) in &extracted.extracted {
+        let mesh = mesh.clone();
+        pool.empty.remove(id);
+        let task = AsyncComputeTaskPool::get().spawn(async move {
+            match geometry::triangles_of(&mesh) {
+                Ok(geometry) => (Ok(blas::build_blas(&geometry)), geometry.dropped),
+                Err(error) => (Err(error), Dropped::default()),
+            }
+        });
+        pool.building.insert(*id, task);
+    }
+    for id in &extracted.removed {
+        pool.building.remove(id);
+        pool.empty.remove(id);
+        if let Some(entry) = pool.entries.remove(id) {
+            pool.node_ranges.release(entry.nodes);
+            pool.triangle_ranges.release(entry.triangles);
+        }
+    }
+}
+
+/// Uploads what was built since the last frame.
+pub(crate) fn finish_meshes(
+    mut pool: ResMut<MeshPool>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+    assets: Option<Res<AssetServer>>,
+) {
+    let pool = &mut *pool;
+    pool.uploaded = 0;
+    let mut done = Vec::new();
+    pool.building.retain(|id, task| match check_ready(task) {
+        Some(built) => {
+            done.push((*id, built));
+            false
+        }
+        None => true,
+    });
+    // The order in which tasks end must not decide where a mesh lies.
+    done.sort_unstable_by_key(|(id, _)| *id);
+    for (id, (built, dropped)) in done {
+        let name = || match assets.as_ref().and_then(|a| a.get_path(id)) {
+            Some(path) => path.to_string(),
+            None => id.to_string(),
+        };
+        if dropped.total() > 0 {
+            warn!(
+                "restir: mesh {}: left out {} triangles with indices out of range, {} that are not finite, {} without area",
+                name(),
+                dropped.out_of_range,
+                dropped.non_finite,
+                dropped.degenerate
+            );
+        }
+        match built {
+            Ok(Some(blas)) => {
+                if !pool.insert(id, blas, &device, &queue) {
+                    warn!("restir: mesh {} does not fit the buffers of this device; it is left out", name());
+                    pool.empty.insert(id);
+                }
+            }
+            Ok(None) => {
+                warn!("restir: mesh {} has no usable triangle; it is left out", name());
+                pool.empty.insert(id);
+            }
+            Err(error) => {
+                warn!("restir: mesh {}: {error}; it is left out", name());
+                pool.empty.insert(id);
+            }
+        }
+    }
+}
+
+impl MeshPool {
+    fn insert(&mut self, id: AssetId<Mesh>, mut blas: Blas, device: &RenderDevice, queue: &RenderQueue) -> bool {
+        let node_count = (blas.nodes.len() / NODE_STRIDE as usize) as u32;
+        let nodes = self.node_ranges.allocate(node_count);
+        let triangles = self.triangle_ranges.allocate(blas.triangles.len() as u32);
+        let fits = self.nodes.reserve(self.node_ranges.end(), device, queue)
+            && self.triangles.reserve(self.triangle_ranges.end(), device, queue)
+            && self.attributes.reserve(self.triangle_ranges.end(), device, queue);
+        if !fits {
+            self.node_ranges.release(nodes);
+            self.triangle_ranges.release(triangles);
+            return false;
+        }
+        blas::bake(&mut blas.nodes, nodes.start, triangles.start);
+        self.uploaded += self.nodes.write(nodes.start, bytemuck::cast_slice(&blas.nodes), queue)
+            + self.triangles.write(triangles.start, &blas.triangles, queue)
+            + self.attributes.write(triangles.start, &blas.attributes, queue);
+        self.versions += 1;
+        let entry = MeshEntry {
+            nodes,
+            triangles,
+            bounds: blas.bounds,
+            positions: blas.triangles.iter().map(|t| [t.a, t.b, t.c]).collect(),
+            version: self.versions,
+        };
+        if let Some(old) = self.entries.insert(id, entry) {
+            self.node_ranges.release(old.nodes);
+            self.triangle_ranges.release(old.triangles);
+        }
+        true
+    }
+
+    /// The mesh, once it is on the GPU.
+    pub(crate) fn get(&self, id: AssetId<Mesh>) -> Option<&MeshEntry> {
+        self.entries.get(&id)
+    }
+
+    /// No build is under way.
+    pub(crate) fn idle(&self) -> bool {
+        self.building.is_empty()
+    }
+
+    /// Nothing will come of this mesh.
+    pub(crate) fn is_empty(&self, id: AssetId<Mesh>) -> bool {
+        self.empty.contains(&id)
+    }
+
+    /// A range of nodes for a top level, beside the bottom levels.
+    pub(crate) fn allocate_nodes(
+        &mut self,
+        count: u32,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) -> Option<Range<u32>> {
+        let range = self.node_ranges.allocate(count);
+        if self.nodes.reserve(self.node_ranges.end(), device, queue) {
+            return Some(range);
+        }
+        self.node_ranges.release(range);
+        None
+    }
+
+    /// Gives such a range back.
+    pub(crate) fn release_nodes(&mut self, range: Range<u32>) {
+        self.node_ranges.release(range);
+    }
+}

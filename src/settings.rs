@@ -1,0 +1,163 @@
+//! What a user sets: [`Restir`] and [`RestirEnvironment`] on a camera, [`EmissiveLuminance`] for the whole app.
+
+use bevy::{
+    asset::Handle,
+    camera::Hdr,
+    color::LinearRgba,
+    ecs::{component::Component, reflect::ReflectComponent, resource::Resource},
+    image::Image,
+    math::Quat,
+    reflect::{Reflect, std_traits::ReflectDefault},
+};
+
+/// How light is carried from the scene to a pixel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+pub enum Technique {
+    /// Unidirectional path tracing: next-event estimation and BSDF sampling joined by the balance heuristic, Russian roulette,
+    /// accumulated over frames for as long as nothing that it shows changes.  Unbiased; every other technique is held against it.
+    #[default]
+    Reference,
+}
+
+/// What a camera shows in place of light.  Values reach the view target and [`RadianceCapture`](crate::RadianceCapture) as they are,
+/// whatever the exposure.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+#[repr(u32)]
+pub enum DebugView {
+    /// Light.
+    #[default]
+    Off,
+    /// Instances of the visibility buffer, in false colours.
+    Instances,
+    /// Its triangles, in false colours.
+    Triangles,
+    /// Instances that a traced primary ray meets; the same colours.
+    TracedInstances,
+    /// Triangles that a traced primary ray meets; the same colours.
+    TracedTriangles,
+    /// Distance from the camera, m.
+    Depth,
+    /// Motion since the last frame, pixels: x right in red, y down in green; add it to find the surface in the last frame.
+    Motion,
+    /// Shading normals, world space, from -1..1 to 0..1.
+    Normals,
+    /// Base colour.
+    Albedo,
+}
+
+/// A set of settings with a purpose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Reflect)]
+pub enum Preset {
+    /// Fewest rays: light after the third bounce is missing (darker).
+    Performance,
+    /// Light after the fifth bounce is missing (darker).
+    Balanced,
+    /// Light after the eighth bounce is missing (darker).
+    Quality,
+    /// As `Quality` with 32 bounces; nothing else is left out.
+    Unbiased,
+}
+
+/// Lights what this camera sees by path tracing, in place of Bevy's own lighting.  Multisampling (`Msaa`) is turned off: the jitter of
+/// the primary rays does its work.
+///
+/// ```
+/// # use bevy::prelude::*;
+/// # use bevy_restir::prelude::*;
+/// fn setup(mut commands: Commands) {
+///     commands.spawn((Camera3d::default(), Restir::default()));
+/// }
+/// ```
+#[derive(Component, Clone, Debug, PartialEq, Reflect)]
+#[reflect(Component, Default)]
+#[require(Hdr)]
+pub struct Restir {
+    /// How light is carried from the scene to a pixel.
+    pub technique: Technique,
+    /// Scattering events that a path may have: 0 shows emission only, 1 adds direct light.  At most 64.  Light that takes more is
+    /// missing (darker); the cost grows with it.
+    pub bounces: u32,
+    /// Moves the primary rays within the pixel from frame to frame (box filter).  Without it every frame looks through the centres of
+    /// the pixels: edges alias.
+    pub jitter: bool,
+    /// Adds the light that bounces more than once within a rough surface to the specular lobes of reflection (Turquin 2019, as in
+    /// paper 002, 2.1.3).  Without it rough metals are darker than they are.
+    pub energy_compensation: bool,
+    /// Selects one of 2^32 independent sequences of random numbers.
+    pub seed: u32,
+    /// Shows something else than light.
+    pub debug_view: DebugView,
+    /// Forgets what earlier frames gathered, then clears itself.
+    pub reset: bool,
+}
+
+impl Default for Restir {
+    fn default() -> Self {
+        Self::preset(Preset::Balanced)
+    }
+}
+
+impl Restir {
+    /// Most bounces that a path may have.
+    pub const MAX_BOUNCES: u32 = 64;
+
+    /// The settings of a preset.
+    pub fn preset(preset: Preset) -> Self {
+        let bounces = match preset {
+            Preset::Performance => 3,
+            Preset::Balanced => 5,
+            Preset::Quality => 8,
+            Preset::Unbiased => 32,
+        };
+        Self {
+            technique: Technique::Reference,
+            bounces,
+            jitter: true,
+            energy_compensation: true,
+            seed: 0,
+            debug_view: DebugView::Off,
+            reset: false,
+        }
+    }
+
+    /// Brings every field into its range and says what it changed, one line a field.
+    pub fn validate(&mut self) -> Vec<String> {
+        let mut warnings = Vec::new();
+        if self.bounces > Self::MAX_BOUNCES {
+            warnings.push(format!("bounces = {} is out of range, {} is used", self.bounces, Self::MAX_BOUNCES));
+            self.bounces = Self::MAX_BOUNCES;
+        }
+        warnings
+    }
+}
+
+/// What surrounds the scene of one camera: light from every direction, shown behind it.
+#[derive(Component, Clone, Debug, PartialEq, Reflect)]
+#[reflect(Component, Default)]
+pub struct RestirEnvironment {
+    /// Uniform radiance, cd/m²; multiplies the image where there is one.
+    pub color: LinearRgba,
+    /// Equirectangular radiance: u = 0.5 + atan2(d.x, -d.z)/2π, v = acos(d.y)/π.
+    pub image: Option<Handle<Image>>,
+    /// Multiplies all of it.
+    pub intensity: f32,
+    /// Turns the environment: world from environment.
+    pub rotation: Quat,
+}
+
+impl Default for RestirEnvironment {
+    fn default() -> Self {
+        Self { color: LinearRgba::WHITE, image: None, intensity: 1.0, rotation: Quat::IDENTITY }
+    }
+}
+
+/// Luminance, cd/m², of `StandardMaterial::emissive` = 1: one number for the whole app.
+#[derive(Resource, Clone, Copy, Debug, PartialEq, Reflect)]
+pub struct EmissiveLuminance(pub f32);
+
+impl Default for EmissiveLuminance {
+    /// 1/exposure of Bevy's default camera, so that a lamp looks as bright as Bevy's rasteriser draws it.
+    fn default() -> Self {
+        Self(1.0 / bevy::camera::Exposure::default().exposure())
+    }
+}

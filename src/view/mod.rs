@@ -1,0 +1,280 @@
+//! What a camera keeps between frames: visibility, radiance, counters, uniforms; and when it must start again.
+
+pub(crate) mod capture;
+pub(crate) mod environment;
+pub(crate) mod extract;
+mod uniforms;
+
+use bevy::{
+    app::SubApp,
+    ecs::prelude::*,
+    math::UVec2,
+    platform::collections::HashMap,
+    render::{
+        Render, RenderSystems,
+        camera::{ExtractedCamera, TemporalJitter},
+        render_resource::{binding_types::*, *},
+        renderer::{RenderDevice, RenderQueue},
+        view::{ExtractedView, ViewTarget},
+    },
+};
+
+use crate::{
+    gpu_types::*,
+    passes::{
+        Frame,
+        pipelines::{FrameKey, PassPipelines},
+    },
+    scene::{MirrorScene, SceneFeatures, bindings::SceneBindings},
+    settings::Restir,
+    statistics::CounterReadback,
+};
+use environment::EnvironmentPool;
+use extract::{ExtractedEnvironment, ExtractedViews};
+
+/// Everything that a picture depends on besides the random numbers: while it is the same, frames may be summed.
+#[derive(Clone, Debug, PartialEq)]
+struct Shown {
+    scene: u64,
+    environment_revision: u64,
+    camera: GpuCamera,
+    size: UVec2,
+    settings: Restir,
+    environment: Option<ExtractedEnvironment>,
+    background: [f32; 3],
+    pipelines: FrameKey,
+}
+
+/// What one camera keeps.
+pub(crate) struct RestirView {
+    pub size: UVec2,
+    pub origin: UVec2,
+    pub uniforms: Buffer,
+    pub visibility: TextureView,
+    pub depth: TextureView,
+    pub radiance: Buffer,
+    pub counters: CounterReadback,
+    /// Group 1 of compute passes, and of raster passes (the uniforms alone).
+    pub bind_group: BindGroup,
+    pub raster_bind_group: BindGroup,
+    /// Frames since the history was reset.
+    pub frame: u32,
+    previous_camera: Option<GpuCamera>,
+    previous_jitter: [f32; 2],
+    shown: Option<Shown>,
+    bound_environment: (TextureViewId, TextureViewId),
+    /// The pipelines of this frame.
+    pub key: Option<FrameKey>,
+    /// They are those that the scene asks for.
+    pub key_is_wanted: bool,
+    /// This frame's passes will run.
+    pub rendered: bool,
+    pub settings: Restir,
+}
+
+/// The views of all `Restir` cameras, by render entity.
+#[derive(Resource, Default)]
+pub(crate) struct ViewPool {
+    pub views: HashMap<Entity, RestirView>,
+}
+
+/// Adds the views to the render world.
+pub(crate) fn build(render_app: &mut SubApp) {
+    render_app
+        .init_resource::<ExtractedViews>()
+        .init_resource::<ViewPool>()
+        .init_resource::<EnvironmentPool>()
+        .add_systems(bevy::render::ExtractSchedule, extract::extract_views)
+        .add_systems(
+            Render,
+            (
+                (environment::prepare_environments, prepare_views)
+                    .chain()
+                    .after(MirrorScene)
+                    .in_set(RenderSystems::PrepareResources),
+                capture::capture_radiance.in_set(RenderSystems::Cleanup),
+            ),
+        );
+}
+
+/// Layout of group 1 for compute passes (`shaders/view/bindings.wgsl`).
+pub(crate) fn view_layout() -> BindGroupLayoutDescriptor {
+    BindGroupLayoutDescriptor::new(
+        "restir view",
+        &BindGroupLayoutEntries::sequential(
+            ShaderStages::COMPUTE,
+            (
+                uniform_buffer_sized(false, None),
+                texture_2d(TextureSampleType::Uint),
+                texture_2d(TextureSampleType::Float { filterable: false }),
+                texture_2d(TextureSampleType::Float { filterable: false }),
+                texture_storage_2d(TextureFormat::R32Uint, StorageTextureAccess::ReadWrite),
+            ),
+        ),
+    )
+}
+
+/// Layout of group 1 for raster passes, which write what compute passes read.
+pub(crate) fn raster_view_layout() -> BindGroupLayoutDescriptor {
+    BindGroupLayoutDescriptor::new(
+        "restir raster view",
+        &BindGroupLayoutEntries::sequential(ShaderStages::VERTEX_FRAGMENT, (uniform_buffer_sized(false, None),)),
+    )
+}
+
+/// Format of the visibility buffer: (instance, triangle).
+pub(crate) const VISIBILITY_FORMAT: TextureFormat = TextureFormat::Rg32Uint;
+/// Format of its depth: reverse z.
+pub(crate) const DEPTH_FORMAT: TextureFormat = TextureFormat::Depth32Float;
+
+fn prepare_views(
+    mut pool: ResMut<ViewPool>,
+    extracted: Res<ExtractedViews>,
+    cameras: Query<(&ExtractedCamera, &ExtractedView, Option<&ViewTarget>, Option<&TemporalJitter>)>,
+    scene: Res<SceneBindings>,
+    environments: Res<EnvironmentPool>,
+    mut passes: ResMut<PassPipelines>,
+    pipelines: Res<PipelineCache>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+) {
+    pool.views.retain(|entity, _| extracted.0.contains_key(entity));
+    for (&entity, restir) in &extracted.0 {
+        let Ok((camera, view, target, jitter)) = cameras.get(entity) else {
+            continue;
+        };
+        if !extract::has_view(Some(camera)) {
+            continue;
+        }
+        let size = UVec2::new(view.viewport.z, view.viewport.w).max(UVec2::ONE);
+        let Some((map, importance)) = environments.views_of(restir.environment.as_ref()) else {
+            continue;
+        };
+        let state =
+            pool.views.entry(entity).or_insert_with(|| RestirView::new(size, &device, &pipelines, map, importance));
+        if state.size != size || state.bound_environment != (map.id(), importance.id()) {
+            let fresh = RestirView::new(size, &device, &pipelines, map, importance);
+            let kept = core::mem::replace(state, fresh);
+            if kept.size == size {
+                // Only the environment is another one: the last camera is still the last.
+                state.previous_camera = kept.previous_camera;
+                state.previous_jitter = kept.previous_jitter;
+                state.key = kept.key;
+            }
+        }
+        state.origin = UVec2::new(view.viewport.x, view.viewport.y);
+        state.settings = restir.settings.clone();
+
+        let features = scene.features | environments.features(restir.environment.as_ref());
+        state.key = passes.choose(Frame::of(&restir.settings), features, state.key, &pipelines);
+        state.key_is_wanted =
+            state.key.is_some_and(|key| key.features == features && key.frame == Frame::of(&restir.settings));
+        let format = target.map(|t| t.main_texture_format());
+        let composite = format.is_some_and(|format| passes.ask_composite(format, &pipelines));
+        state.rendered = composite && state.key.is_some() && scene.bind_group.is_some();
+        if !state.rendered {
+            continue;
+        }
+        state.update_uniforms(restir, camera, view, jitter, &scene, &environments, &queue);
+    }
+}
+
+impl RestirView {
+    fn new(
+        size: UVec2,
+        device: &RenderDevice,
+        pipelines: &PipelineCache,
+        environment_map: &TextureView,
+        environment_importance: &TextureView,
+    ) -> Self {
+        let buffer = |label, size, usage| {
+            device.create_buffer(&BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
+        };
+        let texture = |label, format, usage| {
+            device
+                .create_texture(&TextureDescriptor {
+                    label: Some(label),
+                    size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
+                    mip_level_count: 1,
+                    sample_count: 1,
+                    dimension: TextureDimension::D2,
+                    format,
+                    usage,
+                    view_formats: &[],
+                })
+                .create_view(&TextureViewDescriptor::default())
+        };
+        let target = TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING;
+        let uniforms = buffer(
+            "view uniforms",
+            size_of::<GpuViewUniforms>() as u64,
+            BufferUsages::UNIFORM | BufferUsages::COPY_DST,
+        );
+        let visibility = texture("visibility", VISIBILITY_FORMAT, target);
+        let ray_counts = texture("ray counts", TextureFormat::R32Uint, TextureUsages::STORAGE_BINDING);
+        let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
+        Self {
+            size,
+            origin: UVec2::ZERO,
+            depth: texture("depth", DEPTH_FORMAT, target),
+            radiance: buffer("radiance", pixels(size) * 16, storage),
+            counters: CounterReadback::new(device),
+            bind_group: device.create_bind_group(
+                "restir view",
+                &pipelines.get_bind_group_layout(&view_layout()),
+                &BindGroupEntries::sequential((
+                    uniforms.as_entire_binding(),
+                    &visibility,
+                    environment_map,
+                    environment_importance,
+                    &ray_counts,
+                )),
+            ),
+            raster_bind_group: device.create_bind_group(
+                "restir raster view",
+                &pipelines.get_bind_group_layout(&raster_view_layout()),
+                &BindGroupEntries::sequential((uniforms.as_entire_binding(),)),
+            ),
+            uniforms,
+            visibility,
+            frame: 0,
+            previous_camera: None,
+            previous_jitter: [0.0; 2],
+            shown: None,
+            bound_environment: (environment_map.id(), environment_importance.id()),
+            key: None,
+            key_is_wanted: false,
+            rendered: false,
+            settings: Restir::default(),
+        }
+    }
+
+    /// Names and bytes of what this view holds.
+    pub(crate) fn memory(&self) -> Vec<(&'static str, u64)> {
+        let pixels = pixels(self.size);
+        vec![
+            ("view uniforms", size_of::<GpuViewUniforms>() as u64),
+            ("visibility", pixels * 8),
+            ("depth", pixels * 4),
+            ("ray counts", pixels * 4),
+            ("radiance", pixels * 16),
+            ("counters", 2 * size_of::<GpuCounters>() as u64),
+        ]
+    }
+}
+
+fn pixels(size: UVec2) -> u64 {
+    size.x as u64 * size.y as u64
+}
+
+/// The features that an environment brings.
+pub(crate) fn environment_features(environment: Option<&ExtractedEnvironment>, has_map: bool) -> SceneFeatures {
+    match environment {
+        Some(e) if e.color.max_element() > 0.0 => {
+            let mut features = SceneFeatures::ENVIRONMENT;
+            features.set(SceneFeatures::ENVIRONMENT_MAP, has_map);
+            features
+        }
+        _ => SceneFeatures::empty(),
+    }
+}

@@ -1,0 +1,173 @@
+//! Rust and WGSL agree on every struct, field by field, and on every constant that both have.
+
+use crate::support::compose::{compose, composer};
+use bevy_restir::{gpu_types::*, shaders::MODULES};
+use core::mem::{offset_of, size_of};
+use naga::{Expression, Literal, TypeInner};
+
+fn module(path: &str) -> naga::Module {
+    let (_, text) = MODULES.iter().find(|(p, _)| *p == path).expect("the module is in the table");
+    // As a top-level shader, names are not mangled.
+    let text = text.replace("#define_import_path", "// ");
+    compose(&mut composer(), path, &text, &[])
+}
+
+/// Offsets and size of a WGSL struct.
+fn layout(module: &naga::Module, name: &str) -> (Vec<(String, usize)>, usize) {
+    let (_, ty) = module
+        .types
+        .iter()
+        .find(|(_, t)| t.name.as_deref().is_some_and(|n| n == name || n.starts_with(&format!("{name}X_naga_oil"))))
+        .unwrap_or_else(|| panic!("there is no struct {name}"));
+    let TypeInner::Struct { members, span } = &ty.inner else { panic!("{name} is no struct") };
+    (members.iter().map(|m| (m.name.clone().expect("members have names"), m.offset as usize)).collect(), *span as usize)
+}
+
+macro_rules! agrees {
+    ($module:expr, $wgsl:literal, $rust:ident { $($field:ident),* $(,)? }) => {{
+        let rust = vec![$((stringify!($field).to_string(), offset_of!($rust, $field))),*];
+        assert_eq!(layout(&$module, $wgsl), (rust, size_of::<$rust>()), "{}", $wgsl);
+    }};
+}
+
+#[test]
+fn scene_structs_are_the_same_in_rust_and_wgsl() {
+    let types = module("scene/types.wgsl");
+    agrees!(
+        types,
+        "SceneUniforms",
+        GpuSceneUniforms {
+            tlas_root,
+            tlas_indices,
+            previous_tlas_root,
+            previous_tlas_indices,
+            light_count,
+            instance_count,
+            light_power,
+            radius,
+            centre,
+            pad,
+        }
+    );
+    agrees!(types, "Triangle", GpuTriangle { a, pad_a, b, pad_b, c, pad_c });
+    agrees!(
+        types,
+        "TriangleAttributes",
+        GpuTriangleAttributes { normals, tangent_a, tangent_b, tangent_c, uv_a, uv_b, uv_c }
+    );
+    agrees!(
+        types,
+        "Instance",
+        GpuInstance {
+            world_from_object,
+            object_from_world,
+            previous_world_from_object,
+            blas_root,
+            first_triangle,
+            triangle_count,
+            material,
+            first_light,
+            flags,
+            layers,
+            entity,
+        }
+    );
+    agrees!(
+        types,
+        "Material",
+        GpuMaterial {
+            base_color,
+            alpha,
+            emissive,
+            perceptual_roughness,
+            dielectric_reflectance,
+            metallic,
+            attenuation,
+            specular_transmission,
+            ior,
+            thickness,
+            alpha_cutoff,
+            flags,
+            base_color_texture,
+            metallic_roughness_texture,
+            normal_texture,
+            emissive_texture,
+        }
+    );
+    agrees!(
+        types,
+        "Light",
+        GpuLight { position, kind, emission, pmf, direction, alias_probability, alias_index, pad, data }
+    );
+}
+
+#[test]
+fn view_structs_are_the_same_in_rust_and_wgsl() {
+    let types = module("view/types.wgsl");
+    agrees!(types, "Camera", GpuCamera { clip_from_world, world_from_view, view_from_clip });
+    agrees!(
+        types,
+        "ViewUniforms",
+        GpuViewUniforms {
+            current,
+            previous,
+            environment_rotation,
+            environment_color,
+            exposure,
+            background,
+            debug_view,
+            size,
+            jitter,
+            previous_jitter,
+            frame,
+            seed,
+            bounces,
+            flags,
+            origin,
+        }
+    );
+    let statistics = module("pass/statistics.wgsl");
+    agrees!(statistics, "Counters", GpuCounters { rays, non_finite_pixels, overflow_flags, pad });
+}
+
+#[test]
+fn constants_are_the_same_in_rust_and_wgsl() {
+    let constants = module("common/constants.wgsl");
+    macro_rules! same {
+        ($($name:ident),* $(,)?) => {
+            $(
+                let (_, constant) = constants.constants.iter()
+                    .find(|(_, c)| c.name.as_deref() == Some(stringify!($name)))
+                    .expect(stringify!($name));
+                let value = match constants.global_expressions[constant.init] {
+                    Expression::Literal(Literal::U32(value)) => value,
+                    ref other => panic!("{} is {other:?}", stringify!($name)),
+                };
+                assert_eq!(value, $name, stringify!($name));
+            )*
+        };
+    }
+    same!(
+        NONE,
+        LIGHT_TRIANGLE,
+        LIGHT_POINT,
+        LIGHT_SPOT,
+        LIGHT_DIRECTIONAL,
+        LIGHT_ENVIRONMENT,
+        INSTANCE_MIRRORED,
+        INSTANCE_ALPHA,
+        MATERIAL_DOUBLE_SIDED,
+        MATERIAL_UNLIT,
+        MATERIAL_ALPHA_MASK,
+        MATERIAL_ALPHA_BLEND,
+        MATERIAL_FLIP_NORMAL_MAP_Y,
+        MATERIAL_CULL_BACK,
+        MATERIAL_CULL_FRONT,
+        MATERIAL_TWO_COMPONENT_NORMAL_MAP,
+        VIEW_ENVIRONMENT_IS_BACKDROP,
+        VIEW_ORTHOGRAPHIC,
+        OVERFLOW_STACK,
+        OVERFLOW_STEPS,
+        NON_FINITE,
+    );
+}

@@ -1,0 +1,176 @@
+//! Every shader, over a pairwise covering set of features, composes, validates, becomes SPIR-V, MSL and HLSL, and stays inside
+//! WebGPU's limits.  No GPU is needed.
+
+use crate::support::compose::{Def, compose, composer, flag, library, module_name};
+use bevy_restir::{scene::SceneFeatures, shaders::MODULES};
+use naga::{
+    AddressSpace, ImageClass, TypeInner,
+    back::{hlsl, msl, spv},
+    valid::{Capabilities, ModuleInfo, ValidationFlags, Validator},
+};
+use std::collections::HashSet;
+
+fn defs(features: SceneFeatures) -> Vec<Def> {
+    features.names().into_iter().map(flag).collect()
+}
+
+/// Passes that exist only where a feature does.
+fn required(path: &str) -> SceneFeatures {
+    match path {
+        "pass/environment.wgsl" => SceneFeatures::ENVIRONMENT | SceneFeatures::ENVIRONMENT_MAP,
+        _ => SceneFeatures::empty(),
+    }
+}
+
+/// Combinations in which every pair of features takes all four values: greedy over a fixed sequence of candidates.
+fn covering_set() -> Vec<SceneFeatures> {
+    let bits: Vec<SceneFeatures> = SceneFeatures::TABLE.iter().map(|(feature, _)| *feature).collect();
+    let pairs = |set: SceneFeatures| {
+        let mut covered = HashSet::new();
+        for (i, a) in bits.iter().enumerate() {
+            for (j, b) in bits.iter().enumerate().skip(i + 1) {
+                covered.insert((i, j, set.contains(*a), set.contains(*b)));
+            }
+        }
+        covered
+    };
+    let mut chosen = vec![SceneFeatures::empty(), SceneFeatures::all()];
+    let mut covered: HashSet<_> = chosen.iter().flat_map(|s| pairs(*s)).collect();
+    let wanted = bits.len() * (bits.len() - 1) / 2 * 4;
+    let mut state = 0x2545_f491u32;
+    while covered.len() < wanted {
+        let best = (0..64)
+            .map(|_| {
+                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                SceneFeatures::from_bits_truncate(state >> 8)
+            })
+            .max_by_key(|s| pairs(*s).difference(&covered).count())
+            .expect("there are candidates");
+        covered.extend(pairs(best));
+        chosen.push(best);
+    }
+    chosen
+}
+
+fn passes() -> impl Iterator<Item = (&'static str, &'static str)> {
+    MODULES.iter().copied().filter(|(path, _)| path.starts_with("pass/"))
+}
+
+#[test]
+fn every_pass_composes_validates_and_translates_in_every_pair_of_features() {
+    let mut composer = composer();
+    for (path, text) in passes() {
+        let mut seen = HashSet::new();
+        for features in covering_set() {
+            let features = features | required(path);
+            if !seen.insert(features) {
+                continue;
+            }
+            let module = compose(&mut composer, path, text, &defs(features));
+            let what = format!("{path} with {:?}", features.names());
+            let info = Validator::new(ValidationFlags::all(), Capabilities::SHADER_FLOAT16_IN_FLOAT32)
+                .validate(&module)
+                .unwrap_or_else(|e| panic!("{what}: {e:?}"));
+            stays_inside_the_portable_limits(&module, &info, &what);
+            translates(&module, &info, &what);
+        }
+    }
+}
+
+fn translates(module: &naga::Module, info: &ModuleInfo, what: &str) {
+    spv::write_vec(module, info, &spv::Options::default(), None).unwrap_or_else(|e| panic!("{what}: SPIR-V: {e}"));
+    // Bindings are given by the pipeline; here any will do.
+    let options = msl::Options { fake_missing_bindings: true, lang_version: (2, 4), ..Default::default() };
+    msl::write_string(module, info, &options, &msl::PipelineOptions::default())
+        .unwrap_or_else(|e| panic!("{what}: MSL: {e}"));
+    let mut text = String::new();
+    let options = hlsl::Options { fake_missing_bindings: true, ..Default::default() };
+    let pipeline = hlsl::PipelineOptions::default();
+    hlsl::Writer::new(&mut text, &options, &pipeline)
+        .write(module, info, None)
+        .unwrap_or_else(|e| panic!("{what}: HLSL: {e}"));
+}
+
+/// WebGPU's defaults: 8 storage buffers and 4 storage textures a stage, 16 textures, 16 KiB of workgroup memory, 256 invocations.
+fn stays_inside_the_portable_limits(module: &naga::Module, info: &ModuleInfo, what: &str) {
+    for (i, entry) in module.entry_points.iter().enumerate() {
+        let (mut buffers, mut storage_textures, mut textures, mut workgroup_bytes) = (0, 0, 0, 0);
+        for (handle, variable) in module.global_variables.iter() {
+            if info.get_entry_point(i)[handle].is_empty() {
+                continue;
+            }
+            let inner = &module.types[variable.ty].inner;
+            match variable.space {
+                AddressSpace::Storage { .. } => buffers += 1,
+                AddressSpace::WorkGroup => workgroup_bytes += inner.size(module.to_ctx()),
+                AddressSpace::Handle => match inner {
+                    TypeInner::Image { class: ImageClass::Storage { .. }, .. } => storage_textures += 1,
+                    TypeInner::Image { .. } => textures += 1,
+                    _ => {}
+                },
+                _ => {}
+            }
+        }
+        let size: u32 = entry.workgroup_size.iter().product();
+        assert!(buffers <= 8, "{what}: {} binds {buffers} storage buffers", entry.name);
+        assert!(storage_textures <= 4, "{what}: {} binds {storage_textures} storage textures", entry.name);
+        assert!(textures <= 16, "{what}: {} binds {textures} textures", entry.name);
+        assert!(workgroup_bytes <= 16384, "{what}: {} has {workgroup_bytes} bytes of workgroup memory", entry.name);
+        assert!(size <= 256, "{what}: {} has {size} invocations", entry.name);
+    }
+}
+
+#[test]
+fn modules_are_named_by_their_paths() {
+    for (path, text) in MODULES.iter().filter(|(path, _)| !path.starts_with("pass/")) {
+        let expected = format!("#define_import_path {}", module_name(path));
+        assert!(text.lines().any(|line| line == expected), "{path} is not {expected}");
+    }
+}
+
+#[test]
+fn every_import_names_a_module_of_the_table() {
+    // A mistyped import is silent while it is unused, and at run time the pass then never runs.
+    let known: HashSet<String> = library().into_iter().map(|(path, _)| module_name(path)).collect();
+    for (path, text) in MODULES {
+        let (_, imports, _) = naga_oil::compose::get_preprocessor_data(text);
+        for import in imports {
+            let module = import.import.as_str();
+            let found = known
+                .iter()
+                .any(|k| module == k || module.strip_prefix(k.as_str()).is_some_and(|r| r.starts_with("::")));
+            assert!(found, "{path} imports {module}");
+        }
+    }
+}
+
+#[test]
+fn only_binding_modules_and_passes_bind() {
+    for (path, text) in MODULES {
+        if !path.ends_with("bindings.wgsl") && !path.starts_with("pass/") {
+            assert!(!text.contains("@group("), "{path} binds");
+        }
+        assert_eq!(
+            text.contains("@compute") || text.contains("@fragment"),
+            path.starts_with("pass/"),
+            "{path}: entry points are for pass/"
+        );
+    }
+}
+
+#[test]
+fn every_file_below_shaders_is_in_the_table() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders");
+    let mut folders = vec![root.clone()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).expect("shaders/ is there").flatten() {
+            let path = entry.path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                let name = path.strip_prefix(&root).expect("below shaders/").to_string_lossy().replace('\\', "/");
+                assert!(MODULES.iter().any(|(m, _)| *m == name), "{name} is not in src/shaders.rs");
+            }
+        }
+    }
+}

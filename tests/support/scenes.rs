@@ -1,0 +1,246 @@
+//! Random meshes, transforms and rays, and a scene of them in the buffers that the shaders read.
+
+use super::gpu::{Bound, Gpu, Kernel};
+use bevy_restir::{
+    gpu_types::*,
+    scene::{
+        blas::{Blas, bake, build_blas},
+        geometry::Geometry,
+        tlas::{build_tlas, inverse, world_bounds},
+    },
+};
+use bytemuck::{Pod, Zeroable};
+
+/// A small generator of its own (PCG-XSH-RR), so that tests need no crate and always see the same numbers.
+pub struct Random(u64);
+
+impl Random {
+    pub fn new(seed: u64) -> Self {
+        let mut random = Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) ^ 0x853c_49e6_748f_ea9b);
+        random.bits();
+        random
+    }
+
+    pub fn bits(&mut self) -> u32 {
+        let old = self.0;
+        self.0 = old.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ((((old >> 18) ^ old) >> 27) as u32).rotate_right((old >> 59) as u32)
+    }
+
+    /// In [0, 1).
+    pub fn unit(&mut self) -> f32 {
+        (self.bits() >> 8) as f32 / 16_777_216.0
+    }
+
+    pub fn range(&mut self, low: f32, high: f32) -> f32 {
+        low + (high - low) * self.unit()
+    }
+
+    pub fn below(&mut self, n: usize) -> usize {
+        self.bits() as usize % n
+    }
+
+    pub fn point(&mut self, size: f32) -> [f32; 3] {
+        [self.range(-size, size), self.range(-size, size), self.range(-size, size)]
+    }
+
+    /// Uniform on the sphere.
+    pub fn direction(&mut self) -> [f32; 3] {
+        loop {
+            let v = self.point(1.0);
+            let square: f32 = v.iter().map(|x| x * x).sum();
+            if square > 1e-3 && square <= 1.0 {
+                return v.map(|x| x / square.sqrt());
+            }
+        }
+    }
+}
+
+/// As `Ray` of `shaders/trace/ray.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct Ray {
+    pub origin: [f32; 3],
+    pub t_min: f32,
+    pub direction: [f32; 3],
+    pub t_max: f32,
+}
+
+/// What `kernels/trace.wgsl` says of a ray.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct Answer {
+    pub t: f32,
+    pub instance: u32,
+    pub triangle: u32,
+    pub any: u32,
+    pub barycentrics: [f32; 2],
+    pub flags: u32,
+    pub rays: u32,
+}
+
+pub const FAR: f32 = 3.0e38;
+
+pub fn ray(origin: [f32; 3], direction: [f32; 3]) -> Ray {
+    Ray { origin, t_min: 0.0, direction, t_max: FAR }
+}
+
+/// Triangles without attributes.
+pub fn soup(positions: Vec<[[f32; 3]; 3]>) -> Geometry {
+    let attributes = vec![Default::default(); positions.len()];
+    Geometry { positions, attributes, ..Default::default() }
+}
+
+pub fn random_soup(random: &mut Random, count: usize, size: f32, triangle: f32) -> Geometry {
+    let one = |random: &mut Random| {
+        let centre = random.point(size);
+        std::array::from_fn(|_| {
+            let d = random.point(triangle);
+            std::array::from_fn(|k| centre[k] + d[k])
+        })
+    };
+    soup((0..count).map(|_| one(random)).collect())
+}
+
+/// A closed sphere of `2 rings segments` triangles, bumpy or not, normals outwards; neighbours share their vertices' bits.
+pub fn sphere(rings: usize, segments: usize, bump: f32, place: impl Fn([f32; 3]) -> [f32; 3]) -> Geometry {
+    let vertex = |i: usize, j: usize| {
+        let theta = std::f64::consts::PI * i as f64 / rings as f64;
+        let phi = 2.0 * std::f64::consts::PI * (j % segments) as f64 / segments as f64;
+        if i == 0 || i == rings {
+            return place([0.0, if i == 0 { 1.0 } else { -1.0 }, 0.0]);
+        }
+        let r = 1.0 + f64::from(bump) * (7.0 * theta).sin() * (5.0 * phi).sin();
+        place([r * theta.sin() * phi.cos(), r * theta.cos(), r * theta.sin() * phi.sin()].map(|x| x as f32))
+    };
+    let mut triangles = Vec::new();
+    for i in 0..rings {
+        for j in 0..segments {
+            let [a, b, c, d] = [vertex(i, j), vertex(i, j + 1), vertex(i + 1, j + 1), vertex(i + 1, j)];
+            if i > 0 {
+                triangles.push([a, b, c]);
+            }
+            if i + 1 < rings {
+                triangles.push([a, c, d]);
+            }
+        }
+    }
+    soup(triangles)
+}
+
+/// A random affine transform: rotation, non-uniform and perhaps mirrored scale, shear, translation.
+pub fn random_rows(random: &mut Random, scale: f32, translation: f32) -> Rows {
+    let mut rows = [[0.0; 4]; 3];
+    loop {
+        for row in &mut rows {
+            for x in &mut row[..3] {
+                *x = random.range(-scale, scale);
+            }
+            row[3] = random.range(-translation, translation);
+        }
+        // Not too flat, or the comparison says more about f32 than about the traversal.
+        if let Some(i) = inverse(&rows)
+            && i.iter().all(|r| r[..3].iter().all(|x| x.abs() < 6.0 / scale))
+        {
+            return rows;
+        }
+    }
+}
+
+pub fn identity() -> Rows {
+    [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]
+}
+
+/// Everything that group 0 binds for rays.
+#[derive(Default)]
+pub struct TestScene {
+    pub uniforms: GpuSceneUniforms,
+    pub nodes: Vec<[u32; 4]>,
+    pub triangles: Vec<GpuTriangle>,
+    pub instances: Vec<GpuInstance>,
+    pub materials: Vec<GpuMaterial>,
+}
+
+impl TestScene {
+    /// Instances are (mesh, transform, material, flags).
+    pub fn new(meshes: &[Geometry], instances: &[(usize, Rows, u32, u32)]) -> Self {
+        let blas: Vec<Option<Blas>> = meshes.iter().map(build_blas).collect();
+        let mut scene = Self { materials: vec![GpuMaterial::default()], ..Default::default() };
+        let mut places = Vec::new();
+        for b in &blas {
+            let (root, first) = (scene.nodes.len() as u32 / NODE_STRIDE, scene.triangles.len() as u32);
+            places.push((root, first));
+            if let Some(b) = b {
+                let mut nodes = b.nodes.clone();
+                bake(&mut nodes, root, first);
+                scene.nodes.extend(nodes);
+                scene.triangles.extend(&b.triangles);
+            }
+        }
+        let mut boxes = Vec::new();
+        for (i, &(mesh, world, material, flags)) in instances.iter().enumerate() {
+            let back = inverse(&world).expect("tests make sound transforms");
+            scene.instances.push(GpuInstance {
+                world_from_object: world,
+                object_from_world: back,
+                previous_world_from_object: world,
+                blas_root: places[mesh].0,
+                first_triangle: places[mesh].1,
+                triangle_count: blas[mesh].as_ref().map_or(0, |b| b.triangles.len() as u32),
+                material,
+                flags,
+                ..Default::default()
+            });
+            if let Some(b) = &blas[mesh] {
+                boxes.push((i as u32, world_bounds(&world, &b.bounds).expect("tests make finite boxes")));
+            }
+        }
+        let mut tlas = build_tlas(&boxes);
+        scene.uniforms.tlas_root = NONE;
+        if !tlas.nodes.is_empty() {
+            let root = scene.nodes.len() as u32 / NODE_STRIDE;
+            bake(&mut tlas.nodes, root, 0);
+            scene.nodes.extend(tlas.nodes);
+            scene.uniforms.tlas_root = root;
+            scene.uniforms.tlas_indices = scene.nodes.len() as u32;
+            scene.nodes.extend(tlas.indices);
+        }
+        scene.uniforms.instance_count = scene.instances.len() as u32;
+        scene
+    }
+
+    /// One mesh where it is.
+    pub fn of(mesh: Geometry) -> Self {
+        Self::new(&[mesh], &[(0, identity(), 0, 0)])
+    }
+
+    /// Runs a kernel over `inputs`, one invocation each.
+    pub fn run<I: bytemuck::NoUninit, O: Pod>(&self, gpu: &Gpu, kernel: &Kernel, inputs: &[I]) -> Vec<O> {
+        let uniforms = gpu.uniform(&self.uniforms);
+        let nodes = gpu.storage(&or_one(&self.nodes));
+        let triangles = gpu.storage(&or_one(&self.triangles));
+        let instances = gpu.storage(&or_one(&self.instances));
+        let materials = gpu.storage(&or_one(&self.materials));
+        let input = gpu.storage(inputs);
+        let output = gpu.zeroed::<O>(inputs.len());
+        let groups = (inputs.len() as u32).div_ceil(64);
+        kernel.run(
+            [groups, 1, 1],
+            &[
+                (0, 0, Bound::Buffer(&uniforms)),
+                (0, 1, Bound::Buffer(&nodes)),
+                (0, 2, Bound::Buffer(&triangles)),
+                (0, 4, Bound::Buffer(&instances)),
+                (0, 5, Bound::Buffer(&materials)),
+                (1, 0, Bound::Buffer(&input)),
+                (1, 1, Bound::Buffer(&output)),
+            ],
+        );
+        gpu.read(&output)
+    }
+}
+
+// A buffer may not be empty.
+fn or_one<T: Clone + Zeroable>(v: &[T]) -> Vec<T> {
+    if v.is_empty() { vec![T::zeroed()] } else { v.to_vec() }
+}
