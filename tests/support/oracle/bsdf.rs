@@ -95,7 +95,7 @@ impl Material {
         trans.lerp(DVec3::ZERO, self.metallic)
     }
 
-    /// h of a refraction, with Walter's ht = -(η_i i + η_o o) turned up.
+    /// h of a refraction, with Walter's `ht = -(η_i i + η_o o)` turned up.
     fn refraction_h(&self, wo: DVec3, wi: DVec3) -> DVec3 {
         let ht = -(wi * self.eta + wo).normalize_or_zero();
         if ht.dot(self.n) < 0.0 { -ht } else { ht }
