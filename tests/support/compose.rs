@@ -1,4 +1,4 @@
-//! Composes WGSL with naga_oil exactly as Bevy does, without a GPU.
+//! Composes WGSL with `naga_oil` exactly as Bevy does, without a GPU.
 
 use bevy_restir::shaders::MODULES;
 use naga_oil::compose::{

@@ -92,7 +92,7 @@ pub fn failures_of_family<'a>(tests: impl IntoIterator<Item = Statistical<'a>>) 
         .collect()
 }
 
-/// A small generator for test inputs (SplitMix64).
+/// A small generator for test inputs (`SplitMix64`).
 pub struct Random(pub u64);
 
 impl Random {
