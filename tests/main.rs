@@ -1,8 +1,13 @@
 //! Every claim of the crate, one module a subject; one binary, so that Bevy is linked once.
 
+mod bsdf;
+mod environment;
 mod geometry;
 mod layout;
+mod light_choice;
+mod lights;
 mod offset;
+mod rng;
 mod shaders_compose;
 mod support;
 mod traversal;

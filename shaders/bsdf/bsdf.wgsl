@@ -78,16 +78,16 @@ fn bsdf_sample(b: Bsdf, wo: vec3<f32>, u: vec3<f32>) -> BsdfSample {
         s.lobe = LOBE_DIFFUSE;
     }
 
+    // Reflections stay above n and n_geo, refractions below both; the other side is another lobe's.
     s.wi = normalize(frame * i);
+    let side = select(1.0, -1.0, s.lobe == LOBE_TRANSMISSION);
+    s.valid = u32(side * dot(s.wi, b.n) > 0.0 && side * dot(s.wi, b.n_geo) > 0.0);
     if s.delta != 0u {
         s.weight = delta_weight;
-        // A reflection stays above n and n_geo, a refraction below both.
-        let side = select(1.0, -1.0, s.lobe == LOBE_TRANSMISSION);
-        s.valid = u32(side * dot(s.wi, b.n) > 0.0 && side * dot(s.wi, b.n_geo) > 0.0);
     } else {
         s.pdf = bsdf_pdf(b, wo, s.wi);
         s.weight = bsdf_eval(b, wo, s.wi) / max(s.pdf, 1.0e-37);
-        s.valid = u32(s.pdf > 0.0 && is_finite(s.pdf));
+        s.valid &= u32(s.pdf > 0.0 && is_finite(s.pdf));
     }
     if s.valid == 0u || !is_finite_3(s.weight) || !(max_component(s.weight) > 0.0) {
         return no_bsdf_sample();

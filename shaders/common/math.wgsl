@@ -55,10 +55,28 @@ fn equirectangular_direction(uv: vec2<f32>) -> vec3<f32> {
     return vec3<f32>(s * sin(phi), cos(theta), -s * cos(phi));
 }
 
+// Angle of (x, y) from the x axis, in (-π, π], to about 3e-7.  WGSL lets atan2 be wrong by 4096 ulp, which would look a direction
+// up beside where it was sampled.  The polynomial is our own minimax fit up to tan(π/8).
+fn precise_atan2(y: f32, x: f32) -> f32 {
+    let big = max(abs(x), abs(y));
+    if !(big > 0.0) {
+        return 0.0;
+    }
+    let ratio = min(abs(x), abs(y)) / big;
+    let upper = ratio > 0.41421356;
+    let t = select(ratio, (ratio - 1.0) / (ratio + 1.0), upper);
+    let s = t * t;
+    let p = -0.33333316 + s * (0.19998489 + s * (-0.14243849 + s * (0.10596001 - 0.06083453 * s)));
+    var a = t + t * s * p + select(0.0, 0.78539816, upper);
+    a = select(a, 1.57079633 - a, abs(y) > abs(x));
+    a = select(a, 3.14159265 - a, x < 0.0);
+    return select(a, -a, y < 0.0);
+}
+
 fn equirectangular_uv(d: vec3<f32>) -> vec2<f32> {
     return vec2<f32>(
-        0.5 + atan2(d.x, -d.z) / 6.28318530717958647692,
+        0.5 + precise_atan2(d.x, -d.z) / 6.28318530717958647692,
         // acos(d.y), but exact near the poles.
-        atan2(length(d.xz), d.y) / 3.14159265358979323846,
+        precise_atan2(length(d.xz), d.y) / 3.14159265358979323846,
     );
 }

@@ -1,4 +1,4 @@
-//! Composes WGSL with naga_oil exactly as Bevy does, without a GPU.
+//! Composes WGSL with `naga_oil` exactly as Bevy does, without a GPU.
 
 use bevy_restir::shaders::MODULES;
 use naga_oil::compose::{
@@ -6,6 +6,9 @@ use naga_oil::compose::{
     get_preprocessor_data,
 };
 use std::collections::{HashMap, HashSet};
+
+/// What shaders may use: the portable tier's.
+pub const CAPABILITIES: naga::valid::Capabilities = naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32;
 
 /// A shader definition as tests write it.
 pub type Def = (&'static str, ShaderDefValue);
@@ -51,7 +54,7 @@ pub fn library() -> Vec<(&'static str, &'static str)> {
 
 /// A composer that holds the whole library.
 pub fn composer() -> Composer {
-    let mut composer = Composer::default().with_capabilities(naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32);
+    let mut composer = Composer::default().with_capabilities(CAPABILITIES);
     for (path, text) in library() {
         composer
             .add_composable_module(ComposableModuleDescriptor {

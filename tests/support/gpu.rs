@@ -50,9 +50,15 @@ impl Gpu {
     /// Composes and compiles a kernel.
     pub fn kernel(&self, name: &str, source: &str, defs: &[Def]) -> Kernel<'_> {
         let module = compose::compose(&mut compose::composer(), name, source, defs);
+        // What the entry point reaches: the derived layout holds no more.
+        let info = naga::valid::Validator::new(naga::valid::ValidationFlags::all(), compose::CAPABILITIES)
+            .validate(&module)
+            .unwrap_or_else(|e| panic!("{name}: {e:?}"));
+        let reached = info.get_entry_point(0);
         let used = module
             .global_variables
             .iter()
+            .filter(|(handle, _)| !reached[*handle].is_empty())
             .filter_map(|(_, v)| v.binding.as_ref().map(|b| (b.group, b.binding)))
             .collect();
         let shader = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {

@@ -4,4 +4,8 @@
 pub mod brute_force;
 pub mod compose;
 pub mod gpu;
+pub mod lit;
+pub mod materials;
+pub mod oracle;
 pub mod scenes;
+pub mod stats;

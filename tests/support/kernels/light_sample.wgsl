@@ -1,0 +1,47 @@
+// Samples of one light as seen from one point.  PLANTED scales the density, which a test must notice.
+#import bevy_restir::common::rng::{Rng, rng_2, rng_new}
+#import bevy_restir::light::light::light_sample
+#import bevy_restir::light::triangle::triangle_light_pdf_solid_angle
+#import bevy_restir::scene::bindings::lights
+
+struct Query {
+    point: vec3<f32>,
+    light: u32,
+    seed: u32,
+    pad_a: u32,
+    pad_b: u32,
+    pad_c: u32,
+}
+
+struct Sample {
+    wi: vec3<f32>,
+    distance: f32,
+    radiance: vec3<f32>,
+    pdf: f32,
+    position: vec3<f32>,
+    delta: u32,
+    normal: vec3<f32>,
+    light: u32,
+    barycentrics: vec2<f32>,
+    hit_pdf: f32,          // what a BSDF's ray that hits the same point finds
+    pad: f32,
+}
+
+@group(2) @binding(0) var<storage, read> queries: array<Query>;
+@group(2) @binding(1) var<storage, read_write> samples: array<Sample>;
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    let q = queries[0];
+    var rng = rng_new(vec2<u32>(id.x & 0xffffu, id.x >> 16u), q.seed, 78u, 0u);
+    let s = light_sample(q.light, q.point, rng_2(&rng));
+    var pdf = s.pdf_solid_angle;
+    let data = lights[min(q.light, arrayLength(&lights) - 1u)].data;
+    let hit_pdf = triangle_light_pdf_solid_angle(data.x, data.y, q.point, s.position);
+#ifdef PLANTED
+    pdf *= 1.03;
+#endif
+    samples[id.x] = Sample(
+        s.wi, s.distance, s.radiance, pdf, s.position, s.delta, s.normal, s.light, s.barycentrics, hit_pdf, 0.0,
+    );
+}

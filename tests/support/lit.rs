@@ -1,0 +1,175 @@
+//! A scene of lights and an environment on the GPU, for kernels that sample them.
+
+use super::{
+    compose::Def,
+    gpu::{Bound, Gpu},
+    oracle::environment::Map,
+};
+use bevy_restir::{
+    gpu_types::{
+        GpuInstance, GpuLight, GpuMaterial, GpuSceneUniforms, GpuTriangle, GpuTriangleAttributes, GpuViewUniforms, Rows,
+    },
+    scene::alias::alias_table,
+};
+use glam::DMat3;
+
+/// Everything that groups 0 and 1 bind and lights read.
+pub struct Lit<'g> {
+    pub gpu: &'g Gpu,
+    pub scene: GpuSceneUniforms,
+    pub view: GpuViewUniforms,
+    pub triangles: Vec<GpuTriangle>,
+    pub attributes: Vec<GpuTriangleAttributes>,
+    pub instances: Vec<GpuInstance>,
+    pub materials: Vec<GpuMaterial>,
+    pub lights: Vec<GpuLight>,
+    /// One page of the atlas, 4x4.
+    pub atlas: [[u8; 4]; 16],
+    map: wgpu::TextureView,
+    importance: wgpu::TextureView,
+}
+
+pub const IDENTITY: Rows = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+
+fn texture(gpu: &Gpu, format: wgpu::TextureFormat, levels: &[(u32, u32, &[u8])]) -> wgpu::Texture {
+    let size = |w, h| wgpu::Extent3d { width: w, height: h, depth_or_array_layers: 1 };
+    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: None,
+        size: size(levels[0].0, levels[0].1),
+        mip_level_count: levels.len() as u32,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    });
+    for (level, &(w, h, bytes)) in levels.iter().enumerate() {
+        gpu.queue.write_texture(
+            wgpu::TexelCopyTextureInfo { mip_level: level as u32, ..texture.as_image_copy() },
+            bytes,
+            wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(bytes.len() as u32 / h),
+                rows_per_image: None,
+            },
+            size(w, h),
+        );
+    }
+    texture
+}
+
+impl<'g> Lit<'g> {
+    /// No lights, and a white environment without a map.
+    pub fn new(gpu: &'g Gpu) -> Self {
+        let dark = texture(gpu, wgpu::TextureFormat::R32Float, &[(1, 1, &[0; 4])]);
+        let view = |t: &wgpu::Texture| t.create_view(&Default::default());
+        let mut lit = Self {
+            gpu,
+            scene: GpuSceneUniforms { radius: 1.0, ..Default::default() },
+            view: GpuViewUniforms { environment_color: [1.0; 3], ..Default::default() },
+            triangles: Vec::new(),
+            attributes: Vec::new(),
+            instances: Vec::new(),
+            materials: Vec::new(),
+            lights: Vec::new(),
+            atlas: [[255; 4]; 16],
+            map: view(&dark),
+            importance: view(&dark),
+        };
+        lit.rotate(DMat3::IDENTITY);
+        lit
+    }
+
+    /// Environment from world.
+    pub fn rotate(&mut self, rotation: DMat3) {
+        self.view.environment_rotation =
+            [rotation.x_axis, rotation.y_axis, rotation.z_axis].map(|c| c.extend(0.0).as_vec4().to_array());
+    }
+
+    /// Sets the map and a table of the given size, level 0 by the crate's own kernel.  Gives level 0.
+    pub fn set_map(&mut self, map: &Map, width: u32, height: u32) -> Vec<f32> {
+        let texels: Vec<[f32; 4]> = map.texels.iter().map(|c| c.as_vec3().extend(1.0).to_array()).collect();
+        let level = (map.width as u32, map.height as u32, bytemuck::cast_slice(&texels));
+        self.map = texture(self.gpu, wgpu::TextureFormat::Rgba32Float, &[level]).create_view(&Default::default());
+
+        let source = include_str!("kernels/environment_importance.wgsl");
+        let defs = [super::compose::flag("ENVIRONMENT"), super::compose::flag("ENVIRONMENT_MAP")];
+        let size = self.gpu.storage(&[width, height]);
+        let cells = self.gpu.zeroed::<f32>((width * height) as usize);
+        let bound = [(2, 0, Bound::Buffer(&size)), (2, 1, Bound::Buffer(&cells))];
+        self.run("environment_importance", source, &defs, width * height, &bound);
+        let first: Vec<f32> = self.gpu.read(&cells);
+
+        // The chain of 2x2 sums.
+        let mut chain = vec![(width, height, first.clone())];
+        while let Some((w, h, above)) = chain.last().filter(|l| l.0 * l.1 > 1) {
+            let (half_w, half_h) = ((w / 2).max(1), (h / 2).max(1));
+            let mut next = vec![0.0f32; (half_w * half_h) as usize];
+            for y in 0..*h {
+                for x in 0..*w {
+                    let cell = (x * half_w / w + y * half_h / h * half_w) as usize;
+                    next[cell] += above[(x + y * w) as usize];
+                }
+            }
+            chain.push((half_w, half_h, next));
+        }
+        let levels: Vec<_> = chain.iter().map(|(w, h, v)| (*w, *h, bytemuck::cast_slice(v))).collect();
+        self.importance = texture(self.gpu, wgpu::TextureFormat::R32Float, &levels).create_view(&Default::default());
+        first
+    }
+
+    /// Fills the lights' alias entries and the scene's counts by these powers.
+    pub fn set_powers(&mut self, powers: &[f64]) {
+        let total: f64 = powers.iter().filter(|p| p.is_finite() && **p > 0.0).sum();
+        self.scene.light_power = total as f32;
+        self.scene.light_count = 0;
+        if let Some(table) = alias_table(powers) {
+            self.scene.light_count = powers.len() as u32;
+            for (light, entry) in self.lights.iter_mut().zip(table) {
+                light.pmf = entry.pmf;
+                light.alias_probability = entry.probability;
+                light.alias_index = entry.alias;
+            }
+        }
+    }
+
+    /// Runs a kernel of workgroups of 64.
+    pub fn run(&self, name: &str, source: &str, defs: &[Def], threads: u32, own: &[(u32, u32, Bound)]) {
+        fn some<T: Clone + bytemuck::Zeroable>(v: &[T]) -> Vec<T> {
+            if v.is_empty() { vec![T::zeroed()] } else { v.to_vec() }
+        }
+        let gpu = self.gpu;
+        let scene = gpu.uniform(&self.scene);
+        let view = gpu.uniform(&self.view);
+        let triangles = gpu.storage(&some(&self.triangles));
+        let attributes = gpu.storage(&some(&self.attributes));
+        let instances = gpu.storage(&some(&self.instances));
+        let materials = gpu.storage(&some(&self.materials));
+        let lights = gpu.storage(&some(&self.lights));
+        let page = (4, 4, bytemuck::cast_slice(&self.atlas));
+        let atlas = texture(gpu, wgpu::TextureFormat::Rgba8Unorm, &[page]).create_view(&wgpu::TextureViewDescriptor {
+            dimension: Some(wgpu::TextureViewDimension::D2Array),
+            ..Default::default()
+        });
+        let mut bound = vec![
+            (0, 0, Bound::Buffer(&scene)),
+            (0, 2, Bound::Buffer(&triangles)),
+            (0, 3, Bound::Buffer(&attributes)),
+            (0, 4, Bound::Buffer(&instances)),
+            (0, 5, Bound::Buffer(&materials)),
+            (0, 6, Bound::Buffer(&lights)),
+            (0, 7, Bound::Texture(&atlas)),
+            (1, 0, Bound::Buffer(&view)),
+            (1, 2, Bound::Texture(&self.map)),
+            (1, 3, Bound::Texture(&self.importance)),
+        ];
+        bound.extend(own.iter().map(|(g, b, what)| {
+            let what = match what {
+                Bound::Buffer(b) => Bound::Buffer(b),
+                Bound::Texture(t) => Bound::Texture(t),
+            };
+            (*g, *b, what)
+        }));
+        gpu.kernel(name, source, defs).run([threads.div_ceil(64), 1, 1], &bound);
+    }
+}

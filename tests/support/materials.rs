@@ -1,0 +1,210 @@
+//! Materials and directions for the BSDF's tests, and the kernels that try them.
+
+use super::{
+    compose::{Def, flag},
+    gpu::{Bound, Gpu, Kernel},
+    oracle::bsdf::{Lobe, Material},
+    stats::Random,
+};
+use bytemuck::{Pod, Zeroable};
+use glam::DVec3;
+
+/// `Query` of the kernels.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct Query {
+    n: [f32; 3],
+    metallic: f32,
+    n_geo: [f32; 3],
+    roughness: f32,
+    base: [f32; 3],
+    transmission: f32,
+    f0: [f32; 3],
+    eta: f32,
+    wo: [f32; 3],
+    seed: u32,
+    wi: [f32; 3],
+    pad: u32,
+}
+
+fn wide(v: [f32; 3]) -> DVec3 {
+    DVec3::from(v.map(f64::from))
+}
+
+impl Query {
+    /// Rounded to f32: read the material and directions back from here for the oracle.
+    pub fn new(m: &Material, wo: DVec3, wi: DVec3, seed: u32) -> Self {
+        let f = |v: DVec3| v.as_vec3().to_array();
+        Self {
+            n: f(m.n),
+            metallic: m.metallic as f32,
+            n_geo: f(m.n_geo),
+            roughness: m.alpha as f32,
+            base: f(m.base),
+            transmission: m.transmission as f32,
+            f0: f(m.f0_d),
+            eta: m.eta as f32,
+            wo: f(wo),
+            seed,
+            wi: f(wi),
+            pad: 0,
+        }
+    }
+
+    pub fn material(&self) -> Material {
+        Material {
+            n: wide(self.n).normalize(),
+            n_geo: wide(self.n_geo).normalize(),
+            base: wide(self.base),
+            f0_d: wide(self.f0),
+            metallic: self.metallic.into(),
+            alpha: self.roughness.into(),
+            transmission: self.transmission.into(),
+            eta: self.eta.into(),
+        }
+    }
+
+    pub fn wo(&self) -> DVec3 {
+        wide(self.wo).normalize()
+    }
+
+    pub fn wi(&self) -> DVec3 {
+        wide(self.wi).normalize()
+    }
+}
+
+/// `Sample` of the kernel.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct Sample {
+    wi: [f32; 3],
+    pub pdf: f32,
+    weight: [f32; 3],
+    flags: u32,
+    ratio: [f32; 3],
+    pub eta: f32,
+}
+
+impl Sample {
+    pub fn wi(&self) -> DVec3 {
+        wide(self.wi)
+    }
+
+    pub fn weight(&self) -> DVec3 {
+        wide(self.weight)
+    }
+
+    pub fn ratio(&self) -> DVec3 {
+        wide(self.ratio)
+    }
+
+    pub fn valid(&self) -> bool {
+        self.flags & 32 != 0
+    }
+
+    pub fn delta(&self) -> bool {
+        self.flags & 16 != 0
+    }
+
+    pub fn lobe(&self) -> Lobe {
+        [Lobe::Diffuse, Lobe::Reflection, Lobe::Transmission][(self.flags & 15) as usize]
+    }
+}
+
+pub struct Sampler<'g> {
+    gpu: &'g Gpu,
+    kernel: Kernel<'g>,
+}
+
+impl<'g> Sampler<'g> {
+    pub fn new(gpu: &'g Gpu, defs: &[Def]) -> Self {
+        let defs: Vec<Def> = defs.iter().copied().chain([flag("TRANSMISSION")]).collect();
+        Self { gpu, kernel: gpu.kernel("bsdf_sample", include_str!("kernels/bsdf_sample.wgsl"), &defs) }
+    }
+
+    pub fn run(&self, query: Query, count: usize) -> Vec<Sample> {
+        let queries = self.gpu.storage(&[query]);
+        let samples = self.gpu.zeroed::<Sample>(count.next_multiple_of(64));
+        let bound = [(0, 0, Bound::Buffer(&queries)), (0, 1, Bound::Buffer(&samples))];
+        self.kernel.run([count.div_ceil(64) as u32, 1, 1], &bound);
+        self.gpu.read(&samples)
+    }
+}
+
+/// (f, pdf) of every query: all lobes, then each.
+pub fn evaluate(gpu: &Gpu, queries: &[Query], defs: &[Def]) -> Vec<[[f32; 4]; 4]> {
+    let kernel = gpu.kernel("bsdf_eval", include_str!("kernels/bsdf_eval.wgsl"), defs);
+    let input = gpu.storage(queries);
+    let output = gpu.zeroed::<[[f32; 4]; 4]>(queries.len());
+    kernel.run(
+        [queries.len().div_ceil(64) as u32, 1, 1],
+        &[(0, 0, Bound::Buffer(&input)), (0, 1, Bound::Buffer(&output))],
+    );
+    gpu.read(&output)
+}
+
+/// White Lambert; the other materials change what they need.
+pub fn plain() -> Material {
+    Material {
+        n: DVec3::Z,
+        n_geo: DVec3::Z,
+        base: DVec3::ONE,
+        f0_d: DVec3::ZERO,
+        metallic: 0.0,
+        alpha: 0.25,
+        transmission: 0.0,
+        eta: 1.5,
+    }
+}
+
+pub fn coated(alpha: f64) -> Material {
+    Material { base: DVec3::new(0.7, 0.4, 0.1), f0_d: DVec3::splat(0.04), alpha, ..plain() }
+}
+
+pub fn metal(alpha: f64) -> Material {
+    Material { base: DVec3::new(0.9, 0.6, 0.2), metallic: 1.0, alpha, ..plain() }
+}
+
+pub fn glass(alpha: f64, eta: f64) -> Material {
+    Material { f0_d: DVec3::splat(0.04), transmission: 1.0, alpha, eta, ..plain() }
+}
+
+/// Every lobe at once, with bent normals.
+pub fn mixture(alpha: f64, eta: f64) -> Material {
+    Material {
+        base: DVec3::new(0.9, 0.5, 0.3),
+        f0_d: DVec3::new(0.08, 0.04, 0.0),
+        metallic: 0.3,
+        transmission: 0.4,
+        n: DVec3::new(0.2, -0.1, 0.9).normalize(),
+        n_geo: DVec3::new(0.1, 0.05, 0.95).normalize(),
+        alpha,
+        eta,
+    }
+}
+
+/// A direction at an angle to the normal, degrees.
+pub fn at_angle(m: &Material, degrees: f64) -> DVec3 {
+    let (t, b) = m.n.any_orthonormal_pair();
+    let (s, c) = degrees.to_radians().sin_cos();
+    c * m.n + s * (0.6 * t + 0.8 * b)
+}
+
+/// Random materials, the extremes of every parameter among them.
+pub fn random_material(r: &mut Random) -> Material {
+    let n = r.direction();
+    let bent = |r: &mut Random| (n + 0.2 * r.unit() * r.direction()).normalize();
+    let ior = r.pick(&[1.0, 1.01, 1.33, 1.5, 2.4]);
+    let color = |r: &mut Random| DVec3::new(r.unit(), r.unit(), r.unit()) * r.pick(&[0.0, 1.0, 1.0]);
+    let random = r.unit();
+    Material {
+        n,
+        n_geo: if r.unit() < 0.5 { n } else { bent(r) },
+        base: if r.unit() < 0.2 { DVec3::ONE } else { color(r) },
+        f0_d: r.pick(&[DVec3::ZERO, DVec3::splat(0.04), DVec3::ONE, DVec3::new(0.0, 0.02, 0.16)]),
+        metallic: r.pick(&[0.0, 0.0, 1.0, random]),
+        alpha: r.pick(&[1e-4, 9e-4, 1e-3, 1e-2, 0.1, 0.3, 1.0, random.max(1e-4)]),
+        transmission: r.pick(&[0.0, 1.0, random]),
+        eta: if r.unit() < 0.5 { ior } else { 1.0 / ior },
+    }
+}

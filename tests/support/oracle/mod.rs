@@ -1,0 +1,5 @@
+//! The formulas of design 2 in f64, written apart from the WGSL that they judge.
+
+pub mod bsdf;
+pub mod environment;
+pub mod quadrature;

@@ -1,0 +1,121 @@
+//! Statistics of the proofs: chi-squared and z, with a fixed probability of a false alarm over all tests of a family.
+
+use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
+
+/// Probability that a family of tests raises a false alarm.
+pub const FAMILY_ALPHA: f64 = 1e-3;
+
+/// Šidák: the level of each of `tests` so that the family's is `FAMILY_ALPHA`.
+pub fn sidak(tests: usize) -> f64 {
+    1.0 - (1.0 - FAMILY_ALPHA).powf(1.0 / tests as f64)
+}
+
+/// p-value of counts against expected counts.  Cells with fewer than 5 expected are pooled; a count where (almost) nothing
+/// is expected is a failure by itself.
+pub fn chi_squared(counts: &[f64], expected: &[f64]) -> f64 {
+    assert_eq!(counts.len(), expected.len());
+    let mut order: Vec<usize> = (0..expected.len()).collect();
+    order.sort_by(|&a, &b| expected[a].total_cmp(&expected[b]));
+    let (mut statistic, mut cells) = (0.0, 0usize);
+    let (mut pooled_count, mut pooled) = (0.0, 0.0);
+    let mut add = |count: f64, expected: f64| {
+        statistic += (count - expected).powi(2) / expected;
+        cells += 1;
+    };
+    for i in order {
+        if expected[i] < 5.0 {
+            pooled_count += counts[i];
+            pooled += expected[i];
+            if pooled >= 5.0 {
+                add(pooled_count, pooled);
+                (pooled_count, pooled) = (0.0, 0.0);
+            }
+        } else {
+            add(counts[i] + pooled_count, expected[i] + pooled);
+            (pooled_count, pooled) = (0.0, 0.0);
+        }
+    }
+    if pooled > 0.0 || pooled_count > 0.0 {
+        add(pooled_count, pooled.max(0.1));
+    }
+    if cells < 2 {
+        return if statistic < 25.0 { 1.0 } else { 0.0 };
+    }
+    ChiSquared::new((cells - 1) as f64).map_or(0.0, |d| d.sf(statistic))
+}
+
+/// Two-sided p-value of a mean against its value, from the sum and the sum of squares of `n` samples.
+pub fn z_test(sum: f64, squares: f64, n: f64, value: f64) -> f64 {
+    let mean = sum / n;
+    let variance = (squares / n - mean * mean).max(0.0) / n;
+    // Rounding of f32 samples is no evidence.
+    let error = variance.sqrt() + 1e-6 * value.abs() + 1e-30;
+    2.0 * Normal::standard().sf(((mean - value) / error).abs())
+}
+
+/// Mean and standard error.
+pub fn mean_and_error(values: impl Iterator<Item = f64>) -> (f64, f64) {
+    let (mut n, mut sum, mut squares) = (0.0f64, 0.0, 0.0);
+    for v in values {
+        n += 1.0;
+        sum += v;
+        squares += v * v;
+    }
+    let mean = sum / n;
+    (mean, ((squares / n - mean * mean).max(0.0) / n).sqrt())
+}
+
+/// A statistical test: its name, and its p-value for a seed.
+pub type Statistical<'a> = (String, Box<dyn Fn(u32) -> f64 + 'a>);
+
+/// Runs statistical tests (name, p-value for a seed).  One that fails is run once more with another seed before it counts.
+#[track_caller]
+pub fn assert_family<'a>(tests: impl IntoIterator<Item = Statistical<'a>>) {
+    let failures = failures_of_family(tests);
+    assert!(failures.is_empty(), "{} failed:\n{}", failures.len(), failures.join("\n"));
+}
+
+/// The names and p-values of the tests that fail twice.
+pub fn failures_of_family<'a>(tests: impl IntoIterator<Item = Statistical<'a>>) -> Vec<String> {
+    let tests: Vec<_> = tests.into_iter().collect();
+    let level = sidak(tests.len());
+    tests
+        .iter()
+        .filter_map(|(name, p)| {
+            let first = p(1);
+            if first >= level {
+                return None;
+            }
+            let second = p(2);
+            (second.is_nan() || second < level).then(|| format!("{name}: p = {first:e}, then {second:e}"))
+        })
+        .collect()
+}
+
+/// A small generator for test inputs (`SplitMix64`).
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn bits(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// Uniform in [0, 1).
+    pub fn unit(&mut self) -> f64 {
+        (self.bits() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    pub fn direction(&mut self) -> glam::DVec3 {
+        let (z, phi) = (1.0 - 2.0 * self.unit(), std::f64::consts::TAU * self.unit());
+        let r = (1.0 - z * z).sqrt();
+        glam::DVec3::new(r * phi.cos(), r * phi.sin(), z)
+    }
+
+    pub fn pick<T: Copy>(&mut self, from: &[T]) -> T {
+        from[(self.unit() * from.len() as f64) as usize]
+    }
+}
