@@ -22,6 +22,7 @@ pub const MODULES: &[(&str, &str)] = table![
     "scene/types.wgsl",
     "scene/bindings.wgsl",
     "scene/texture.wgsl",
+    "scene/albedo.wgsl",
     "scene/triangle.wgsl",
     "view/types.wgsl",
     "bsdf/types.wgsl",

@@ -1,6 +1,7 @@
 //! Every claim of the crate, one module a subject; one binary, so that Bevy is linked once.
 
 mod bsdf;
+mod compensation;
 mod environment;
 mod geometry;
 mod layout;

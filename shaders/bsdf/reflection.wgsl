@@ -1,5 +1,6 @@
 // LOBE_REFLECTION: dielectric coat, metal and the reflection of a thick interface, which share D and G and so make one lobe.
-// Local frame, n = z.  Its Fresnel factor is the sum of theirs.
+// Local frame, n = z.  Its Fresnel factor is the sum of theirs, each times 1 + F0·(1 - E)/E where energy compensation is on
+// (Turquin 2019; paper 002, 2.1.3): light that bounces between microfacets, by E(n.wo, α) alone, so not reciprocal.
 #define_import_path bevy_restir::bsdf::reflection
 
 #import bevy_restir::bsdf::fresnel::schlick
@@ -9,10 +10,29 @@
 
 // Share of light that a microfacet reflects, c = wo.h
 fn reflectance(b: Bsdf, c: f32) -> vec3<f32> {
-    return (1.0 - b.metallic) * (1.0 - b.transmission) * schlick(b.dielectric_reflectance, c)
-        + b.metallic * schlick(b.base_color, c)
-        + interface_reflectance(b, c);
+    return (1.0 - b.metallic) * (1.0 - b.transmission) * schlick(b.dielectric_reflectance, c) * compensated(b, b.dielectric_reflectance)
+        + b.metallic * schlick(b.base_color, c) * compensated(b, b.base_color)
+        + interface_reflectance(b, c) * compensated(b, vec3<f32>(interface_at_normal(b)));
 }
+
+#ifdef ENERGY_COMPENSATION
+fn compensated(b: Bsdf, at_normal: vec3<f32>) -> vec3<f32> {
+    return 1.0 + at_normal * b.compensation;
+}
+
+fn interface_at_normal(b: Bsdf) -> f32 {
+    let r = (b.eta - 1.0) / (b.eta + 1.0);
+    return r * r;
+}
+#else
+fn compensated(b: Bsdf, at_normal: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(1.0);
+}
+
+fn interface_at_normal(b: Bsdf) -> f32 {
+    return 0.0;
+}
+#endif
 
 // f·|n.wi| of a rough lobe
 fn reflection_eval(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> vec3<f32> {

@@ -15,6 +15,7 @@ struct Bsdf {
     transmission: f32,         // of a thick body
     dielectric_reflectance: vec3<f32>,
     eta: f32,                  // index on the far side / index on wo's side
+    compensation: f32,         // light that bounces between microfacets / light reflected at once: 0 where it is not asked for
 }
 
 struct BsdfSample {

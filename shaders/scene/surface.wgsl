@@ -4,6 +4,7 @@
 #import bevy_restir::bsdf::types::Bsdf
 #import bevy_restir::common::constants::{ALPHA_MIN, MATERIAL_DOUBLE_SIDED, MATERIAL_FLIP_NORMAL_MAP_Y, MATERIAL_TWO_COMPONENT_NORMAL_MAP, MATERIAL_UNLIT, NONE}
 #import bevy_restir::common::math::octahedral_decode
+#import bevy_restir::scene::albedo::multiple_scattering
 #import bevy_restir::scene::bindings::{attributes, instances, materials}
 #import bevy_restir::scene::texture::{has_texture, sample_color, sample_data}
 #import bevy_restir::scene::triangle::{safe_normalize, transform_normal, transform_vector, triangle_uv, world_triangle, WorldTriangle}
@@ -136,5 +137,6 @@ fn surface_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, wo: vec3<f3
     s.bsdf.roughness = alpha;
     s.bsdf.transmission = materials[material].specular_transmission;
     s.bsdf.eta = select(1.0 / ior, ior, front);
+    s.bsdf.compensation = multiple_scattering(alpha, dot(wo, s.bsdf.n));
     return s;
 }

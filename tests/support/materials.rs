@@ -21,6 +21,8 @@ pub struct Query {
     transmission: f32,
     f0: [f32; 3],
     eta: f32,
+    compensation: f32,
+    pad_bsdf: [f32; 3],
     wo: [f32; 3],
     seed: u32,
     wi: [f32; 3],
@@ -44,6 +46,8 @@ impl Query {
             transmission: m.transmission as f32,
             f0: f(m.f0_d),
             eta: m.eta as f32,
+            compensation: m.compensation as f32,
+            pad_bsdf: [0.0; 3],
             wo: f(wo),
             seed,
             wi: f(wi),
@@ -61,6 +65,7 @@ impl Query {
             alpha: self.roughness.into(),
             transmission: self.transmission.into(),
             eta: self.eta.into(),
+            compensation: self.compensation.into(),
         }
     }
 
@@ -154,6 +159,7 @@ pub fn plain() -> Material {
         alpha: 0.25,
         transmission: 0.0,
         eta: 1.5,
+        compensation: 0.0,
     }
 }
 
@@ -180,6 +186,7 @@ pub fn mixture(alpha: f64, eta: f64) -> Material {
         n_geo: DVec3::new(0.1, 0.05, 0.95).normalize(),
         alpha,
         eta,
+        compensation: 0.0,
     }
 }
 
@@ -206,5 +213,6 @@ pub fn random_material(r: &mut Random) -> Material {
         alpha: r.pick(&[1e-4, 9e-4, 1e-3, 1e-2, 0.1, 0.3, 1.0, random.max(1e-4)]),
         transmission: r.pick(&[0.0, 1.0, random]),
         eta: if r.unit() < 0.5 { ior } else { 1.0 / ior },
+        compensation: 0.0,
     }
 }

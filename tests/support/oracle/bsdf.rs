@@ -18,6 +18,8 @@ pub struct Material {
     pub transmission: f64,
     /// Index on the far side over the index on wo's.
     pub eta: f64,
+    /// Turquin's (1 - E)/E at wo; 0 without energy compensation.
+    pub compensation: f64,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -85,8 +87,11 @@ impl Material {
 
     /// Fresnel's share of light that leaves a microfacet by reflection: (1-m)[(1-T)F + T Fx] + m schlick(base).
     pub fn reflected(&self, c: f64) -> DVec3 {
-        let diel = schlick(self.f0_d, c) * (1.0 - self.transmission) + self.transmission * fresnel(c, self.eta);
-        diel.lerp(schlick(self.base, c), self.metallic)
+        let gain = |f0: DVec3| DVec3::ONE + f0 * self.compensation;
+        let at_normal = DVec3::splat(((self.eta - 1.0) / (self.eta + 1.0)).powi(2));
+        let diel = schlick(self.f0_d, c) * gain(self.f0_d) * (1.0 - self.transmission)
+            + self.transmission * fresnel(c, self.eta) * gain(at_normal);
+        diel.lerp(schlick(self.base, c) * gain(self.base), self.metallic)
     }
 
     /// By refraction: (1-m) T (1-Fx) base.
