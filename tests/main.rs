@@ -1,8 +1,14 @@
 //! Every claim of the crate, one module a subject; one binary, so that Bevy is linked once.
 
+mod accumulation;
+mod analytic_light;
+mod bad_input;
 mod geometry;
 mod layout;
+mod motion_vectors;
 mod offset;
+mod scene_mirror;
 mod shaders_compose;
 mod support;
 mod traversal;
+mod visibility_buffer;
