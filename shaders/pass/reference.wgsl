@@ -35,9 +35,9 @@ fn reference(@builtin(global_invocation_id) id: vec3<u32>) {
     if ids.x == NONE {
         sample = backdrop(ray.direction);
     } else {
-        let t = world_triangle(ids.x, ids.y);
+        let t = world_triangle(ids.x, ids.y, false);
         let barycentrics = barycentrics_on_ray(t, ray);
-        let position = surface_point(ids.x, ids.y, barycentrics);
+        let position = surface_point(ids.x, ids.y, barycentrics, false);
         sample = estimate_radiance(Hit(distance(ray.origin, position), ids.x, ids.y, barycentrics), ray, &rng);
     }
     var flags = trace_flags;

@@ -2,6 +2,7 @@
 //! the top level of the last frame stays beside the new one, so that temporal reuse can trace the past.
 
 use bevy::{
+    asset::AssetServer,
     ecs::resource::Resource,
     log::{warn, warn_once},
     platform::collections::{HashMap, HashSet},
@@ -68,6 +69,7 @@ pub(crate) struct InstancePool {
     previous: Option<GpuTlas>,
     /// Warned about already.
     reported: HashSet<MainEntity>,
+    absent: HashSet<MainEntity>,
     pub features: SceneFeatures,
     /// An instance waits for its mesh or material.
     pub waiting: bool,
@@ -93,6 +95,7 @@ impl Default for InstancePool {
             current: GpuTlas::default(),
             previous: None,
             reported: HashSet::default(),
+            absent: HashSet::default(),
             features: SceneFeatures::empty(),
             waiting: true,
             centre: [0.0; 3],
@@ -120,7 +123,13 @@ const ABSENT: GpuInstance = GpuInstance {
 
 impl InstancePool {
     /// Brings the slots up to the extracted list.  The materials are packed already; lights are filled in afterwards.
-    pub(crate) fn update(&mut self, scene: &ExtractedScene, meshes: &MeshPool, materials: &mut MaterialPool) {
+    pub(crate) fn update(
+        &mut self,
+        scene: &ExtractedScene,
+        meshes: &MeshPool,
+        materials: &mut MaterialPool,
+        assets: &AssetServer,
+    ) {
         self.waiting = false;
         self.live.clear();
         self.features = SceneFeatures::empty();
@@ -128,7 +137,7 @@ impl InstancePool {
         self.boxes_of_frame.clear();
         let mut seen = vec![false; self.wanted.len()];
         for extracted in &scene.instances {
-            let Some((mut instance, world_box)) = self.instance_of(extracted, meshes, materials) else {
+            let Some((mut instance, world_box)) = self.instance_of(extracted, meshes, materials, assets) else {
                 continue;
             };
             let slot = self.slot_of(extracted.entity);
@@ -179,12 +188,23 @@ impl InstancePool {
         extracted: &ExtractedInstance,
         meshes: &MeshPool,
         materials: &mut MaterialPool,
+        assets: &AssetServer,
     ) -> Option<(GpuInstance, Bounds)> {
         if meshes.is_empty(extracted.mesh) {
             return None;
         }
         let (Some(mesh), Some(material)) = (meshes.get(extracted.mesh), materials.slot(extracted.material)) else {
-            self.waiting = true;
+            // What nobody loads or builds never comes: the rest is shown without it.
+            let mesh_comes = meshes.get(extracted.mesh).is_some() || meshes.is_building(extracted.mesh);
+            let coming = (mesh_comes || assets.load_state(extracted.mesh).is_loading())
+                && (materials.slot(extracted.material).is_some() || assets.load_state(extracted.material).is_loading());
+            self.waiting |= coming;
+            if !coming && self.absent.insert(extracted.entity) {
+                warn!(
+                    "restir: entity {} has a mesh or a material that does not exist; it is left out",
+                    *extracted.entity
+                );
+            }
             return None;
         };
         let world_from_object = tlas::rows(&extracted.world_from_object);

@@ -84,7 +84,7 @@ pub(crate) fn build(render_app: &mut SubApp) {
         .init_resource::<ExtractedViews>()
         .init_resource::<ViewPool>()
         .init_resource::<EnvironmentPool>()
-        .add_systems(bevy::render::ExtractSchedule, extract::extract_views)
+        .add_systems(bevy::render::ExtractSchedule, (extract::extract_views, extract::clear_reset).chain())
         .add_systems(
             Render,
             (
@@ -155,11 +155,12 @@ fn prepare_views(
         if state.size != size || state.bound_environment != (map.id(), importance.id()) {
             let fresh = RestirView::new(size, &device, &pipelines, map, importance);
             let kept = core::mem::replace(state, fresh);
+            // No pipeline depends on the size: those of the last frame do until others are ready.
+            state.key = kept.key;
             if kept.size == size {
                 // Only the environment is another one: the last camera is still the last.
                 state.previous_camera = kept.previous_camera;
                 state.previous_jitter = kept.previous_jitter;
-                state.key = kept.key;
             }
         }
         state.origin = UVec2::new(view.viewport.x, view.viewport.y);
