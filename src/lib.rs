@@ -25,7 +25,7 @@ mod statistics;
 mod view;
 
 pub use passes::{SPAN_PREFIX, pass_names, pipelines::PipelineReport};
-pub use settings::{DebugView, EmissiveLuminance, Preset, Restir, RestirEnvironment, Technique};
+pub use settings::{DebugView, Direct, EmissiveLuminance, Mis, Preset, Restir, RestirEnvironment, Technique};
 pub use statistics::{RestirReport, RestirStatistics};
 pub use view::capture::{CapturedRadiance, RadianceCapture};
 
@@ -49,7 +49,9 @@ use core::any::TypeId;
 
 /// Everything that an app needs.
 pub mod prelude {
-    pub use crate::{DebugView, EmissiveLuminance, Preset, Restir, RestirEnvironment, RestirPlugin, Technique};
+    pub use crate::{
+        DebugView, Direct, EmissiveLuminance, Mis, Preset, Restir, RestirEnvironment, RestirPlugin, Technique,
+    };
 }
 
 /// Adds ReSTIR lighting to cameras that carry [`Restir`].

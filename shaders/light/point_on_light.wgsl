@@ -46,8 +46,8 @@ fn light_point_sample(light: u32, u: vec2<f32>) -> LightPoint {
     return LightPoint(light, 0u);
 }
 
-// The point as `from_point` sees it.
-fn light_point_at(p: LightPoint, from_point: vec3<f32>) -> LightSample {
+// The point as `from_point` sees it, or saw it in the last frame.
+fn light_point_at(p: LightPoint, from_point: vec3<f32>, previous: bool) -> LightSample {
     if p.light == ENVIRONMENT_LIGHT {
         var s = no_light_sample();
         s.light = ENVIRONMENT_LIGHT;
@@ -64,7 +64,7 @@ fn light_point_at(p: LightPoint, from_point: vec3<f32>) -> LightSample {
     if lights[p.light].kind == LIGHT_TRIANGLE {
         // Rounding may put a point beyond the diagonal.
         let b = unpack2x16unorm(p.coordinates);
-        return triangle_light_at(p.light, b / max(1.0, b.x + b.y), from_point);
+        return triangle_light_at(p.light, b / max(1.0, b.x + b.y), from_point, previous);
     }
     return light_sample(p.light, from_point, vec2<f32>(0.5));
 }

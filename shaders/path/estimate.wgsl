@@ -85,7 +85,7 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
         if max_component(s.unlit) > 0.0 && scattered == 0u {
             radiance += s.unlit;
         }
-        if scattered == view.bounces || is_unlit(s) {
+        if scattered == view.bounces {
             break;
         }
 
@@ -128,13 +128,3 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
     }
     return radiance;
 }
-
-#ifdef UNLIT
-fn is_unlit(s: Surface) -> bool {
-    return max_component(s.unlit) > 0.0;
-}
-#else
-fn is_unlit(s: Surface) -> bool {
-    return false;
-}
-#endif

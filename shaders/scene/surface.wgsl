@@ -140,5 +140,11 @@ fn surface_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, wo: vec3<f3
     s.bsdf.transmission = materials[material].specular_transmission;
     s.bsdf.eta = select(1.0 / ior, ior, front);
     s.bsdf.compensation = multiple_scattering(alpha, dot(wo, s.bsdf.n));
+    if (flags & MATERIAL_UNLIT) != 0u {
+        // Shown, but not lit: black to every ray.
+        s.bsdf.base_color = vec3<f32>(0.0);
+        s.bsdf.dielectric_reflectance = vec3<f32>(0.0);
+        s.bsdf.transmission = 0.0;
+    }
     return s;
 }

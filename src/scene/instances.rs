@@ -76,7 +76,10 @@ pub(crate) struct InstancePool {
     pub centre: [f32; 3],
     pub radius: f32,
     pub triangles: u64,
-    pub revision: u64,
+    /// Counts moves.
+    pub motion_revision: u64,
+    /// Counts every other change.
+    pub edit_revision: u64,
     /// Bytes of nodes sent in this frame.
     pub uploaded_nodes: u64,
 }
@@ -101,7 +104,8 @@ impl Default for InstancePool {
             centre: [0.0; 3],
             radius: 0.0,
             triangles: 0,
-            revision: 0,
+            motion_revision: 0,
+            edit_revision: 0,
             uploaded_nodes: 0,
         }
     }
@@ -120,6 +124,17 @@ const ABSENT: GpuInstance = GpuInstance {
     layers: 0,
     entity: 0,
 };
+
+/// An instance but for where it is.
+fn without_place(instance: &GpuInstance) -> GpuInstance {
+    let nowhere = Rows::default();
+    GpuInstance {
+        world_from_object: nowhere,
+        object_from_world: nowhere,
+        previous_world_from_object: nowhere,
+        ..*instance
+    }
+}
 
 impl InstancePool {
     /// Brings the slots up to the extracted list.  The materials are packed already; lights are filled in afterwards.
@@ -276,7 +291,7 @@ impl InstancePool {
         super::blas::bake(&mut words[..(nodes * NODE_STRIDE) as usize], range.start, 0);
         self.uploaded_nodes = meshes.nodes.write(range.start, bytemuck::cast_slice(&words), queue);
         self.previous = Some(core::mem::replace(&mut self.current, GpuTlas { range, nodes }));
-        self.revision += 1;
+        self.motion_revision += 1;
     }
 
     /// Sphere round every box.
@@ -307,14 +322,12 @@ impl InstancePool {
             warn_once!("restir: {} instances are more than this device can bind", self.wanted.len());
             return 0;
         }
-        // A change of the last frame's transform alone shows nothing new.
-        let moved = runs.iter().flat_map(|r| r.clone()).any(|i| {
-            let now = GpuInstance { previous_world_from_object: Rows::default(), ..self.wanted[i] };
-            self.uploaded
-                .get(i)
-                .is_none_or(|old| GpuInstance { previous_world_from_object: Rows::default(), ..*old } != now)
-        });
-        self.revision += moved as u64;
+        for i in runs.iter().flat_map(|r| r.clone()) {
+            let (old, new) = (self.uploaded.get(i), &self.wanted[i]);
+            // A change of the last frame's transform alone shows nothing new.
+            self.motion_revision += old.is_none_or(|old| old.world_from_object != new.world_from_object) as u64;
+            self.edit_revision += old.is_none_or(|old| without_place(old) != without_place(new)) as u64;
+        }
         let bytes = runs.into_iter().map(|r| self.gpu.write(r.start as u32, &self.wanted[r], queue)).sum();
         self.uploaded.clone_from(&self.wanted);
         bytes

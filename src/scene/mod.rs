@@ -147,7 +147,8 @@ fn mirror_scene(
     }
 
     bindings.features = instances.features | lights.features;
-    bindings.revision = materials.revision + textures.revision + instances.revision + lights.revision;
+    bindings.motion_revision = instances.motion_revision;
+    bindings.edit_revision = materials.revision + textures.revision + instances.edit_revision + lights.revision;
     bindings.ready = meshes.idle() && !instances.waiting && textures.complete;
     bindings.uploaded_bytes = uploaded;
     bindings.memory = vec![
