@@ -192,3 +192,34 @@ pub struct GpuCounters {
     pub overflow_flags: u32,
     pub pad: u32,
 }
+
+pub const DIRECT_MIS_RAYS: u32 = 1;
+pub const DIRECT_REJECT: u32 = 2;
+pub const DIRECT_HISTORY: u32 = 4;
+
+pub const MIS_UNIFORM: u32 = 0;
+pub const MIS_VALID: u32 = 1;
+pub const MIS_BALANCE: u32 = 2;
+pub const MIS_PAIRWISE: u32 = 3;
+pub const MIS_DEFENSIVE_PAIRWISE: u32 = 4;
+pub const MIS_DEFENSIVE_PAIRWISE_GRIS: u32 = 5;
+
+/// Bytes of a reservoir of direct light.
+pub const DIRECT_RESERVOIR_SIZE: u64 = 16;
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct GpuDirectSettings {
+    pub candidates: u32,
+    pub subset_count: u32,
+    pub subset_size: u32,
+    pub tile: u32,
+    pub temporal_taps: u32,
+    pub spatial_taps: u32,
+    pub radius: f32,
+    pub confidence_cap: f32,
+    pub mis: u32,
+    pub flags: u32,
+    pub normal_threshold: f32,
+    pub depth_threshold: f32,
+}

@@ -25,7 +25,7 @@ mod statistics;
 mod view;
 
 pub use passes::{SPAN_PREFIX, pass_names, pipelines::PipelineReport};
-pub use settings::{DebugView, EmissiveLuminance, Preset, Restir, RestirEnvironment, Technique};
+pub use settings::{DebugView, Direct, EmissiveLuminance, Mis, Preset, Restir, RestirEnvironment, Technique};
 pub use statistics::{RestirReport, RestirStatistics};
 pub use view::capture::{CapturedRadiance, RadianceCapture};
 
@@ -49,7 +49,9 @@ use core::any::TypeId;
 
 /// Everything that an app needs.
 pub mod prelude {
-    pub use crate::{DebugView, EmissiveLuminance, Preset, Restir, RestirEnvironment, RestirPlugin, Technique};
+    pub use crate::{
+        DebugView, Direct, EmissiveLuminance, Mis, Preset, Restir, RestirEnvironment, RestirPlugin, Technique,
+    };
 }
 
 /// Adds ReSTIR lighting to cameras that carry [`Restir`].
@@ -78,11 +80,9 @@ impl Plugin for RestirPlugin {
         let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
         let table = shaders::ShaderTable::new(&mut shaders);
 
-        app.add_systems(First, (clear_reset, require_single_sample))
+        app.add_systems(First, require_single_sample)
             .add_systems(PostUpdate, hide_mirrored_meshes.after(VisibilitySystems::CheckVisibility));
-        let Some(render_app) = app.get_sub_app_mut(RenderApp) else {
-            return;
-        };
+        let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
         render_app
             .insert_resource(passes::pipelines::PassPipelines::with_shaders(table.clone()))
             .insert_resource(table)
@@ -116,15 +116,6 @@ fn missing_feature(render_world: &World) -> Option<&'static str> {
         return Some("64 compute invocations a workgroup");
     }
     None
-}
-
-/// `Restir::reset` holds for one frame.
-fn clear_reset(mut cameras: Query<&mut Restir>) {
-    for mut restir in &mut cameras {
-        if restir.reset {
-            restir.reset = false;
-        }
-    }
 }
 
 /// A visibility buffer has one sample a pixel.  Bevy's cameras come with four: those are turned off silently where `Restir` is added,

@@ -143,6 +143,7 @@ pub(crate) fn update_report(
     report.lights = scene.lights;
     report.memory = scene.memory.clone();
     report.memory.push(environments.memory());
+    report.reservoir_bytes_per_pixel = 0;
     let mut counters = GpuCounters::default();
     for view in views.views.values().filter(|v| v.rendered) {
         view.counters.read();
@@ -151,6 +152,7 @@ pub(crate) fn update_report(
         counters.non_finite_pixels += newest.non_finite_pixels;
         counters.overflow_flags |= newest.overflow_flags;
         report.memory.extend(view.memory());
+        report.reservoir_bytes_per_pixel = report.reservoir_bytes_per_pixel.max(view.reservoir_bytes_per_pixel());
         report.samples = view.frame + 1;
         if let Some(key) = view.key {
             report.features |= key.features;

@@ -23,6 +23,21 @@ fn layout(module: &naga::Module, name: &str) -> (Vec<(String, usize)>, usize) {
     (members.iter().map(|m| (m.name.clone().expect("members have names"), m.offset as usize)).collect(), *span as usize)
 }
 
+macro_rules! same {
+    ($module:ident: $($name:ident),* $(,)?) => {
+        $(
+            let (_, constant) = $module.constants.iter()
+                .find(|(_, c)| c.name.as_deref() == Some(stringify!($name)))
+                .expect(stringify!($name));
+            let value = match $module.global_expressions[constant.init] {
+                Expression::Literal(Literal::U32(value)) => value,
+                ref other => panic!("{} is {other:?}", stringify!($name)),
+            };
+            assert_eq!(value, $name, stringify!($name));
+        )*
+    };
+}
+
 macro_rules! agrees {
     ($module:expr, $wgsl:literal, $rust:ident { $($field:ident),* $(,)? }) => {{
         let rust = vec![$((stringify!($field).to_string(), offset_of!($rust, $field))),*];
@@ -131,23 +146,36 @@ fn view_structs_are_the_same_in_rust_and_wgsl() {
 }
 
 #[test]
+fn resampling_structs_and_constants_are_the_same_in_rust_and_wgsl() {
+    let types = module("restir/types.wgsl");
+    agrees!(
+        types,
+        "DirectSettings",
+        GpuDirectSettings {
+            candidates,
+            subset_count,
+            subset_size,
+            tile,
+            temporal_taps,
+            spatial_taps,
+            radius,
+            confidence_cap,
+            mis,
+            flags,
+            normal_threshold,
+            depth_threshold,
+        }
+    );
+    same!(types: DIRECT_MIS_RAYS, DIRECT_REJECT, DIRECT_HISTORY);
+    let mis = module("restir/mis.wgsl");
+    same!(mis: MIS_UNIFORM, MIS_VALID, MIS_BALANCE, MIS_PAIRWISE, MIS_DEFENSIVE_PAIRWISE, MIS_DEFENSIVE_PAIRWISE_GRIS);
+}
+
+#[test]
 fn constants_are_the_same_in_rust_and_wgsl() {
     let constants = module("common/constants.wgsl");
-    macro_rules! same {
-        ($($name:ident),* $(,)?) => {
-            $(
-                let (_, constant) = constants.constants.iter()
-                    .find(|(_, c)| c.name.as_deref() == Some(stringify!($name)))
-                    .expect(stringify!($name));
-                let value = match constants.global_expressions[constant.init] {
-                    Expression::Literal(Literal::U32(value)) => value,
-                    ref other => panic!("{} is {other:?}", stringify!($name)),
-                };
-                assert_eq!(value, $name, stringify!($name));
-            )*
-        };
-    }
     same!(
+        constants:
         NONE,
         LIGHT_TRIANGLE,
         LIGHT_POINT,

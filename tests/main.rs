@@ -1,5 +1,8 @@
 //! Every claim of the crate, one module a subject; one binary, so that Bevy is linked once.
 
+mod accumulation;
+mod analytic_light;
+mod bad_input;
 mod bsdf;
 mod compensation;
 mod environment;
@@ -7,8 +10,11 @@ mod geometry;
 mod layout;
 mod light_choice;
 mod lights;
+mod motion_vectors;
 mod offset;
 mod rng;
+mod scene_mirror;
 mod shaders_compose;
 mod support;
 mod traversal;
+mod visibility_buffer;

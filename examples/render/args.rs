@@ -21,7 +21,7 @@ pub struct Args {
     #[arg(long, default_value = "1280x720", value_parser = size)]
     pub size: UVec2,
     /// How light is carried.
-    #[arg(long, value_enum, default_value = "reference")]
+    #[arg(long, value_enum, default_value = "di")]
     pub technique: TechniqueName,
     /// Settings to start from.
     #[arg(long, value_enum, default_value = "balanced")]
@@ -67,6 +67,7 @@ pub struct Args {
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TechniqueName {
     Reference,
+    Di,
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
@@ -148,6 +149,7 @@ impl Args {
         });
         settings.technique = match self.technique {
             TechniqueName::Reference => Technique::Reference,
+            TechniqueName::Di => Technique::Di,
         };
         settings.seed = self.seed;
         if let Some(bounces) = self.bounces {

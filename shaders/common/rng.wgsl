@@ -13,6 +13,9 @@ struct Rng {
 const STREAM_JITTER: u32 = 1u;
 const STREAM_ALPHA: u32 = 2u;
 const STREAM_REFERENCE: u32 = 3u;
+const STREAM_PRESAMPLE: u32 = 4u;
+const STREAM_CANDIDATES: u32 = 5u;
+const STREAM_REUSE: u32 = 6u;
 
 fn pcg4d(seed: vec4<u32>) -> vec4<u32> {
     var v = seed * 1664525u + 1013904223u;

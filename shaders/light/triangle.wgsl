@@ -11,11 +11,15 @@
 
 #ifdef LIGHT_TRIANGLES
 fn triangle_light_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> LightSample {
+    return triangle_light_at(light, uniform_barycentrics(u), from_point, false);
+}
+
+// A given point of the triangle, as `from_point` sees it, or saw it in the last frame.
+fn triangle_light_at(light: u32, barycentrics: vec2<f32>, from_point: vec3<f32>, previous: bool) -> LightSample {
     let instance = lights[light].data.x;
     let triangle = lights[light].data.y;
-    let t = world_triangle(instance, triangle);
-    let barycentrics = uniform_barycentrics(u);
-    let position = surface_point(instance, triangle, barycentrics);
+    let t = world_triangle(instance, triangle, previous);
+    let position = surface_point(instance, triangle, barycentrics, previous);
 
     var s = no_light_sample();
     s.light = light;
@@ -34,10 +38,14 @@ fn triangle_light_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> Lig
 
 // Density with which the sampler takes a point of the triangle; the sampler's own value, bit for bit, for its own point.
 fn triangle_light_pdf_solid_angle(instance: u32, triangle: u32, from_point: vec3<f32>, position: vec3<f32>) -> f32 {
-    return area_to_solid_angle(world_triangle(instance, triangle), from_point, position);
+    return area_to_solid_angle(world_triangle(instance, triangle, false), from_point, position);
 }
 #else
 fn triangle_light_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> LightSample {
+    return no_light_sample();
+}
+
+fn triangle_light_at(light: u32, barycentrics: vec2<f32>, from_point: vec3<f32>, previous: bool) -> LightSample {
     return no_light_sample();
 }
 

@@ -5,11 +5,12 @@
 #import bevy_restir::common::rng::{pcg4d, unit_float}
 #import bevy_restir::scene::surface::surface_at
 #import bevy_restir::scene::triangle::world_triangle
+#import bevy_restir::trace::offset::surface_point
 #import bevy_restir::trace::ray::{Hit, rays_traced, trace_flags}
 #import bevy_restir::trace::software::trace_closest
 #import bevy_restir::view::alpha_seed::primary_alpha_seed
 #import bevy_restir::view::bindings::{ray_counts, view, visibility}
-#import bevy_restir::view::camera::{barycentrics_on_ray, motion_of_point, motion_of_sky, previous_position, primary_ray}
+#import bevy_restir::view::camera::{barycentrics_on_ray, motion_of_point, motion_of_sky, primary_ray}
 
 @group(2) @binding(0) var<storage, read_write> radiance: array<vec4<f32>>;
 
@@ -43,9 +44,9 @@ fn debug(@builtin(global_invocation_id) id: vec3<u32>) {
 
     var color = vec3<f32>(0.0);
     if ids.x != NONE {
-        let t = world_triangle(ids.x, ids.y);
+        let t = world_triangle(ids.x, ids.y, false);
         let barycentrics = barycentrics_on_ray(t, ray);
-        let s = surface_at(ids.x, ids.y, barycentrics, -ray.direction);
+        let s = surface_at(ids.x, ids.y, barycentrics, -ray.direction, false);
         switch view.debug_view {
             case DEBUG_INSTANCES, DEBUG_TRACED_INSTANCES: {
                 color = false_color(vec2<u32>(ids.x, NONE));
@@ -57,7 +58,7 @@ fn debug(@builtin(global_invocation_id) id: vec3<u32>) {
                 color = vec3<f32>(distance(ray.origin, s.position));
             }
             case DEBUG_MOTION: {
-                let motion = motion_of_point(s.position, previous_position(ids.x, ids.y, barycentrics));
+                let motion = motion_of_point(s.position, surface_point(ids.x, ids.y, barycentrics, true));
                 color = vec3<f32>(motion, 0.0);
             }
             case DEBUG_NORMALS: {

@@ -1,26 +1,19 @@
 // The reference path tracer: one path a pixel and frame from the visibility buffer's surface, summed for as long as nothing that it
 // shows changes.
 
-#import bevy_restir::common::constants::{NONE, NON_FINITE, VIEW_ENVIRONMENT_IS_BACKDROP}
+#import bevy_restir::common::constants::{NONE, NON_FINITE}
 #import bevy_restir::common::math::is_finite_3
 #import bevy_restir::common::rng::{rng_new, STREAM_REFERENCE}
-#import bevy_restir::light::environment::environment_radiance
 #import bevy_restir::path::estimate::estimate_radiance
 #import bevy_restir::scene::triangle::world_triangle
 #import bevy_restir::trace::offset::surface_point
 #import bevy_restir::trace::ray::{Hit, rays_traced, trace_flags}
+#import bevy_restir::view::backdrop::backdrop
 #import bevy_restir::view::bindings::{ray_counts, view, visibility}
 #import bevy_restir::view::camera::{barycentrics_on_ray, primary_ray}
 
 // Sum of radiance, number of samples.
 @group(2) @binding(0) var<storage, read_write> radiance: array<vec4<f32>>;
-
-fn backdrop(direction: vec3<f32>) -> vec3<f32> {
-    if (view.flags & VIEW_ENVIRONMENT_IS_BACKDROP) != 0u {
-        return environment_radiance(direction);
-    }
-    return view.background;
-}
 
 @compute @workgroup_size(8, 8)
 fn reference(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -35,9 +28,9 @@ fn reference(@builtin(global_invocation_id) id: vec3<u32>) {
     if ids.x == NONE {
         sample = backdrop(ray.direction);
     } else {
-        let t = world_triangle(ids.x, ids.y);
+        let t = world_triangle(ids.x, ids.y, false);
         let barycentrics = barycentrics_on_ray(t, ray);
-        let position = surface_point(ids.x, ids.y, barycentrics);
+        let position = surface_point(ids.x, ids.y, barycentrics, false);
         sample = estimate_radiance(Hit(distance(ray.origin, position), ids.x, ids.y, barycentrics), ray, &rng);
     }
     var flags = trace_flags;

@@ -3,45 +3,23 @@
 #define_import_path bevy_restir::path::estimate
 
 #import bevy_restir::bsdf::bsdf::{bsdf_eval, bsdf_is_delta, bsdf_pdf, bsdf_sample}
-#import bevy_restir::common::constants::{FAR, LIGHT_TRIANGLE, NONE}
+#import bevy_restir::common::constants::{FAR, NONE}
 #import bevy_restir::common::math::max_component
 #import bevy_restir::common::rng::{Rng, rng_1, rng_2, rng_3, rng_4, rng_bits}
 #import bevy_restir::light::environment::{environment_pdf, environment_radiance}
 #import bevy_restir::light::light::light_sample
 #import bevy_restir::light::select::{environment_pmf, light_pmf, light_select}
-#import bevy_restir::light::types::LightSample
 #import bevy_restir::light::triangle::triangle_light_pdf_solid_angle
-#import bevy_restir::scene::bindings::lights
+#import bevy_restir::path::medium::{medium_towards, transmittance}
+#import bevy_restir::path::shadow::light_is_visible
 #import bevy_restir::scene::surface::{Surface, surface_at}
-#import bevy_restir::trace::offset::{offset_distance, offset_point}
+#import bevy_restir::trace::offset::offset_point
 #import bevy_restir::trace::ray::{Hit, Ray}
-#import bevy_restir::trace::software::{trace_any, trace_closest}
+#import bevy_restir::trace::software::trace_closest
 #import bevy_restir::view::bindings::view
 
 // Roulette starts where a path has scattered this often.
 const ROULETTE_FROM: u32 = 3u;
-
-// Absorption of the body that a ray is in after leaving `s` towards `wi`, having arrived through `medium`.
-#ifdef ATTENUATION
-fn medium_towards(s: Surface, wi: vec3<f32>, medium: vec3<f32>) -> vec3<f32> {
-    if dot(wi, s.bsdf.n_geo) >= 0.0 {
-        return medium;
-    }
-    return select(vec3<f32>(0.0), s.attenuation, s.front != 0u);
-}
-
-fn transmittance(medium: vec3<f32>, distance: f32) -> vec3<f32> {
-    return exp(-medium * distance);
-}
-#else
-fn medium_towards(s: Surface, wi: vec3<f32>, medium: vec3<f32>) -> vec3<f32> {
-    return medium;
-}
-
-fn transmittance(medium: vec3<f32>, distance: f32) -> vec3<f32> {
-    return vec3<f32>(1.0);
-}
-#endif
 
 // Probability density, solid angle at `from_point`, that next-event estimation picks the point of an emissive triangle.
 fn emission_pdf(light: u32, instance: u32, triangle: u32, from_point: vec3<f32>, position: vec3<f32>) -> f32 {
@@ -49,14 +27,6 @@ fn emission_pdf(light: u32, instance: u32, triangle: u32, from_point: vec3<f32>,
         return 0.0;
     }
     return light_pmf(light) * triangle_light_pdf_solid_angle(instance, triangle, from_point, position);
-}
-
-// How far from its surface a shadow ray towards a light ends.
-fn light_offset(l: LightSample) -> f32 {
-    if lights[l.light].kind != LIGHT_TRIANGLE {
-        return 0.0;
-    }
-    return offset_distance(lights[l.light].data.x, lights[l.light].data.y, l.barycentrics);
 }
 
 // Light that one sampled emitter sends to `s` and on to wo: f·L·cos/pdf weighed against BSDF sampling; a shadow ray.
@@ -80,15 +50,7 @@ fn next_event(s: Surface, wo: vec3<f32>, medium: vec3<f32>, rng: ptr<function, R
     if l.delta == 0u {
         weight = pdf / (pdf + bsdf_pdf(s.bsdf, wo, l.wi));
     }
-    // From an offset point to one just short of the light's surface: both ends are free of their own triangle.
-    let origin = offset_point(s.position, s.bsdf.n_geo, l.wi, s.offset);
-    var ray = Ray(origin, 0.0, l.wi, FAR);
-    if l.distance < FAR {
-        let end = offset_point(l.position, l.normal, -l.wi, light_offset(l));
-        ray.direction = end - origin;
-        ray.t_max = 1.0;
-    }
-    if trace_any(ray, alpha_seed) {
+    if !light_is_visible(s, l, alpha_seed, false) {
         return vec3<f32>(0.0);
     }
     return f * l.radiance * transmittance(medium_towards(s, l.wi, medium), l.distance) * (weight / pdf);
@@ -109,7 +71,7 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
 
     for (var scattered = 0u; scattered <= view.bounces; scattered++) {
         let wo = -ray.direction;
-        let s = surface_at(hit.instance, hit.triangle, hit.barycentrics, wo);
+        let s = surface_at(hit.instance, hit.triangle, hit.barycentrics, wo, false);
         throughput *= transmittance(medium, hit.t);
 
         // Add emission, weighed against the next-event estimate of the last vertex.
@@ -123,7 +85,7 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
         if max_component(s.unlit) > 0.0 && scattered == 0u {
             radiance += s.unlit;
         }
-        if scattered == view.bounces || is_unlit(s) {
+        if scattered == view.bounces {
             break;
         }
 
@@ -166,13 +128,3 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
     }
     return radiance;
 }
-
-#ifdef UNLIT
-fn is_unlit(s: Surface) -> bool {
-    return max_component(s.unlit) > 0.0;
-}
-#else
-fn is_unlit(s: Surface) -> bool {
-    return false;
-}
-#endif

@@ -2,12 +2,12 @@
 #define_import_path bevy_restir::scene::surface
 
 #import bevy_restir::bsdf::types::Bsdf
-#import bevy_restir::common::constants::{ALPHA_MIN, MATERIAL_DOUBLE_SIDED, MATERIAL_FLIP_NORMAL_MAP_Y, MATERIAL_TWO_COMPONENT_NORMAL_MAP, MATERIAL_UNLIT, NONE}
+#import bevy_restir::common::constants::{ALPHA_MIN, INSTANCE_MIRRORED, MATERIAL_DOUBLE_SIDED, MATERIAL_FLIP_NORMAL_MAP_Y, MATERIAL_TWO_COMPONENT_NORMAL_MAP, MATERIAL_UNLIT, NONE}
 #import bevy_restir::common::math::octahedral_decode
 #import bevy_restir::scene::albedo::multiple_scattering
 #import bevy_restir::scene::bindings::{attributes, instances, materials}
 #import bevy_restir::scene::texture::{has_texture, sample_color, sample_data}
-#import bevy_restir::scene::triangle::{safe_normalize, transform_normal, transform_vector, triangle_uv, world_triangle, WorldTriangle}
+#import bevy_restir::scene::triangle::{instance_transform, safe_normalize, transform_normal, transform_vector, triangle_uv, world_triangle, WorldTriangle}
 #import bevy_restir::trace::offset::{offset_distance, surface_point}
 
 struct Surface {
@@ -64,37 +64,39 @@ fn emission_at(material: u32, uv: vec2<f32>) -> vec3<f32> {
 
 #ifdef NORMAL_MAPS
 // Mikkelsen's frame: interpolated, the bitangent from both, not normalised between.
-fn mapped_normal(material: u32, instance: u32, triangle: u32, barycentrics: vec2<f32>, uv: vec2<f32>, n: vec3<f32>) -> vec3<f32> {
+fn mapped_normal(material: u32, m: mat3x4<f32>, mirrored: bool, triangle: u32, barycentrics: vec2<f32>, uv: vec2<f32>, n: vec3<f32>) -> vec3<f32> {
     let slot = materials[material].normal_texture;
     if !has_texture(slot) {
         return n;
     }
     let flags = materials[material].flags;
-    var m = sample_data(slot, uv).xyz * 2.0 - 1.0;
+    var texel = sample_data(slot, uv).xyz * 2.0 - 1.0;
     if (flags & MATERIAL_TWO_COMPONENT_NORMAL_MAP) != 0u {
-        m.z = sqrt(max(0.0, 1.0 - dot(m.xy, m.xy)));
+        texel.z = sqrt(max(0.0, 1.0 - dot(texel.xy, texel.xy)));
     }
     if (flags & MATERIAL_FLIP_NORMAL_MAP_Y) != 0u {
-        m.y = -m.y;
+        texel.y = -texel.y;
     }
     let a = attributes[triangle];
     let t_object = (1.0 - barycentrics.x - barycentrics.y) * octahedral_decode(a.tangent_a)
         + barycentrics.x * octahedral_decode(a.tangent_b)
         + barycentrics.y * octahedral_decode(a.tangent_c);
-    let t = safe_normalize(transform_vector(instances[instance].world_from_object, t_object));
-    let mirrored = f32(instances[instance].flags & 1u);
-    let handedness = select(1.0, -1.0, (a.tangent_a & 1u) != 0u) * (1.0 - 2.0 * mirrored);
+    let t = safe_normalize(transform_vector(m, t_object));
+    let handedness = select(1.0, -1.0, ((a.tangent_a & 1u) != 0u) != mirrored);
     let b = handedness * cross(n, t);
-    return safe_normalize(m.x * t + m.y * b + m.z * n);
+    return safe_normalize(texel.x * t + texel.y * b + texel.z * n);
 }
 #else
-fn mapped_normal(material: u32, instance: u32, triangle: u32, barycentrics: vec2<f32>, uv: vec2<f32>, n: vec3<f32>) -> vec3<f32> {
+fn mapped_normal(material: u32, m: mat3x4<f32>, mirrored: bool, triangle: u32, barycentrics: vec2<f32>, uv: vec2<f32>, n: vec3<f32>) -> vec3<f32> {
     return n;
 }
 #endif
 
-fn surface_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, wo: vec3<f32>) -> Surface {
-    let t = world_triangle(instance, triangle);
+// `previous`: as it was in the last frame.
+fn surface_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, wo: vec3<f32>, previous: bool) -> Surface {
+    let t = world_triangle(instance, triangle, previous);
+    let m = instance_transform(instance, previous);
+    let mirrored = (instances[instance].flags & INSTANCE_MIRRORED) != 0u;
     let material = instances[instance].material;
     let flags = materials[material].flags;
     let uv = triangle_uv(triangle, barycentrics);
@@ -104,9 +106,9 @@ fn surface_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, wo: vec3<f3
     let n_object = (1.0 - barycentrics.x - barycentrics.y) * octahedral_decode(a.normals.x)
         + barycentrics.x * octahedral_decode(a.normals.y)
         + barycentrics.y * octahedral_decode(a.normals.z);
-    var n = safe_normalize(transform_normal(instances[instance].object_from_world, n_object));
+    var n = safe_normalize(transform_normal(m, n_object, mirrored));
     n = select(n, -n, dot(n, t.normal) < 0.0);
-    n = mapped_normal(material, instance, triangle, barycentrics, uv, n);
+    n = mapped_normal(material, m, mirrored, triangle, barycentrics, uv, n);
 
     // Seen from behind, normals are flipped.
     let front = dot(wo, t.normal) > 0.0;
@@ -117,7 +119,7 @@ fn surface_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, wo: vec3<f3
     let alpha = max(metallic_roughness.y * metallic_roughness.y, ALPHA_MIN);
 
     var s: Surface;
-    s.position = surface_point(instance, triangle, barycentrics);
+    s.position = surface_point(instance, triangle, barycentrics, previous);
     s.offset = offset_distance(instance, triangle, barycentrics);
     s.front = u32(front);
     s.material = material;
@@ -138,5 +140,11 @@ fn surface_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, wo: vec3<f3
     s.bsdf.transmission = materials[material].specular_transmission;
     s.bsdf.eta = select(1.0 / ior, ior, front);
     s.bsdf.compensation = multiple_scattering(alpha, dot(wo, s.bsdf.n));
+    if (flags & MATERIAL_UNLIT) != 0u {
+        // Shown, but not lit: black to every ray.
+        s.bsdf.base_color = vec3<f32>(0.0);
+        s.bsdf.dielectric_reflectance = vec3<f32>(0.0);
+        s.bsdf.transmission = 0.0;
+    }
     return s;
 }

@@ -19,9 +19,14 @@ fn transform_vector(m: mat3x4<f32>, v: vec3<f32>) -> vec3<f32> {
     return vec4<f32>(v, 0.0) * m;
 }
 
-// Normals go by the inverse transposed: `object_from_world` read the other way.
-fn transform_normal(object_from_world: mat3x4<f32>, n: vec3<f32>) -> vec3<f32> {
-    return (object_from_world * n).xyz;
+// Normals go by the inverse transposed, which is the matrix of cofactors but for a factor: its sign is the determinant's.
+fn transform_normal(m: mat3x4<f32>, n: vec3<f32>, mirrored: bool) -> vec3<f32> {
+    let v = vec3<f32>(
+        dot(cross(m[1].xyz, m[2].xyz), n),
+        dot(cross(m[2].xyz, m[0].xyz), n),
+        dot(cross(m[0].xyz, m[1].xyz), n),
+    );
+    return select(v, -v, mirrored);
 }
 
 // Scales a vector by a power of two near its size before normalising, so that 1e-30 and 1e30 do not under- or overflow.
@@ -33,10 +38,18 @@ fn safe_normalize(v: vec3<f32>) -> vec3<f32> {
     return normalize(v / m);
 }
 
+// Where an instance is, or was in the last frame.
+fn instance_transform(instance: u32, previous: bool) -> mat3x4<f32> {
+    if previous {
+        return instances[instance].previous_world_from_object;
+    }
+    return instances[instance].world_from_object;
+}
+
 // The front face of a mirrored instance is the image of the object's: its normal goes by the inverse transposed, not by winding.
-fn world_triangle(instance: u32, triangle: u32) -> WorldTriangle {
+fn world_triangle(instance: u32, triangle: u32, previous: bool) -> WorldTriangle {
     let t = triangles[triangle];
-    let m = instances[instance].world_from_object;
+    let m = instance_transform(instance, previous);
     let edge_b = transform_vector(m, t.b - t.a);
     let edge_c = transform_vector(m, t.c - t.a);
     let c = cross(edge_b, edge_c);

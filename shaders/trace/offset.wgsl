@@ -4,14 +4,15 @@
 #define_import_path bevy_restir::trace::offset
 
 #import bevy_restir::scene::bindings::{instances, triangles}
+#import bevy_restir::scene::triangle::instance_transform
 #import bevy_restir::trace::triangle::triangle_normal
 
 // Half an ulp of 1, times a factor for what the bound leaves out.
 const ROUNDING: f32 = 0x1p-24 * 2.0;
 
 // The point in world space.  `offset_distance` bounds the error of this very order of operations.
-fn surface_point(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> vec3<f32> {
-    return vec4<f32>(object_point(triangle, barycentrics), 1.0) * instances[instance].world_from_object;
+fn surface_point(instance: u32, triangle: u32, barycentrics: vec2<f32>, previous: bool) -> vec3<f32> {
+    return vec4<f32>(object_point(triangle, barycentrics), 1.0) * instance_transform(instance, previous);
 }
 
 // Bound, along the geometric normal, on the distance between the plane of the triangle and where a ray that starts at

@@ -33,19 +33,21 @@ struct Visit {
 
 // The closest hit.
 fn trace_closest(ray: Ray, alpha_seed: u32) -> Hit {
-    return traverse(ray, alpha_seed, false);
+    return traverse(ray, alpha_seed, false, false);
 }
 
-// Whether anything stops the ray.
-fn trace_any(ray: Ray, alpha_seed: u32) -> bool {
-    return traverse(ray, alpha_seed, true).instance != NONE;
+// Whether anything stops the ray, now or in the last frame.
+fn trace_any(ray: Ray, alpha_seed: u32, previous: bool) -> bool {
+    return traverse(ray, alpha_seed, true, previous).instance != NONE;
 }
 
 // One body for both, so that any-hit and closest-hit rays agree bit by bit and it is compiled once a call.
-fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool) -> Hit {
+fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
     rays_traced += 1u;
     var hit = Hit(ray.t_max, NONE, NONE, vec2<f32>(0.0));
-    if scene.tlas_root == NONE {
+    let root = select(scene.tlas_root, scene.previous_tlas_root, previous);
+    let indices = select(scene.tlas_indices, scene.previous_tlas_indices, previous);
+    if root == NONE {
         return hit;
     }
     var stack: array<vec2<u32>, STACK_SIZE>;
@@ -53,7 +55,7 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool) -> Hit {
     var instance = NONE;       // NONE while in the top level
     var instance_depth = 0u;   // depth of the stack on entering it
     var tree = tree_ray(ray.origin, ray.direction);
-    var children = vec2<u32>(scene.tlas_root, 0x80000000u);
+    var children = vec2<u32>(root, 0x80000000u);
     var primitives = vec2<u32>(0u);
 
     // A turn of the outer loop stays within one tree, so that what is done on its border is done by all lanes together.
@@ -144,10 +146,12 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool) -> Hit {
                 trace_flags |= OVERFLOW_STACK;
             }
             let place = primitives.x + bit;
-            instance = nodes[scene.tlas_indices + (place >> 2u)][place & 3u];
+            instance = nodes[indices + (place >> 2u)][place & 3u];
             instance_depth = depth;
-            tree = instance_ray(ray, instance);
-            children = vec2<u32>(instances[instance].blas_root, 0x80000000u);
+            tree = instance_ray(ray, instance, previous);
+            // An instance that is gone leaves its place in the last frame's top level.
+            let blas = instances[instance].blas_root;
+            children = select(vec2<u32>(blas, 0x80000000u), vec2<u32>(0u), blas == NONE);
             primitives = vec2<u32>(0u);
         } else {
             tree = tree_ray(ray.origin, ray.direction);
@@ -158,7 +162,22 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool) -> Hit {
 
 // The direction keeps its length, so that t means the same in every space.  The translation is taken off before the
 // rotation: far from the origin this loses nothing, where the affine inverse would lose all digits.
-fn instance_ray(ray: Ray, instance: u32) -> TreeRay {
+fn instance_ray(ray: Ray, instance: u32, previous: bool) -> TreeRay {
+    if previous {
+        let world = instances[instance].previous_world_from_object;
+        let origin = ray.origin - vec3<f32>(world[0].w, world[1].w, world[2].w);
+        // The inverse by cofactors: the last frame's is not kept.
+        let x = cross(world[1].xyz, world[2].xyz);
+        let y = cross(world[2].xyz, world[0].xyz);
+        let z = cross(world[0].xyz, world[1].xyz);
+        let linear = mat3x3<f32>(
+            vec3<f32>(x.x, y.x, z.x),
+            vec3<f32>(x.y, y.y, z.y),
+            vec3<f32>(x.z, y.z, z.z),
+        );
+        let scale = 1.0 / dot(world[0].xyz, x);
+        return tree_ray(origin * linear * scale, ray.direction * linear * scale);
+    }
     let world = instances[instance].world_from_object;
     let object = instances[instance].object_from_world;
     let linear = mat3x3<f32>(object[0].xyz, object[1].xyz, object[2].xyz);

@@ -2,8 +2,7 @@
 #define_import_path bevy_restir::view::camera
 
 #import bevy_restir::common::constants::{FAR, NONE, VIEW_ORTHOGRAPHIC}
-#import bevy_restir::scene::bindings::{instances, triangles}
-#import bevy_restir::scene::triangle::{transform_point, WorldTriangle}
+#import bevy_restir::scene::triangle::WorldTriangle
 #import bevy_restir::trace::ray::Ray
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::types::Camera
@@ -24,6 +23,11 @@ fn camera_ray(camera: Camera, at: vec2<f32>) -> Ray {
 // The ray that the visibility buffer stands for.
 fn primary_ray(pixel: vec2<u32>) -> Ray {
     return camera_ray(view.current, vec2<f32>(pixel) + 0.5 + view.jitter);
+}
+
+// The ray that the last frame's visibility buffer stands for.
+fn previous_primary_ray(pixel: vec2<u32>) -> Ray {
+    return camera_ray(view.previous, vec2<f32>(pixel) + 0.5 + view.previous_jitter);
 }
 
 // Pixels, y down, without jitter; behind the camera: far outside of the image.
@@ -49,13 +53,6 @@ fn barycentrics_on_ray(t: WorldTriangle, ray: Ray) -> vec2<f32> {
     }
     let inside = max(b, vec2<f32>(0.0));
     return inside / max(1.0, inside.x + inside.y);
-}
-
-// Where the surface point was in the last frame, world space.
-fn previous_position(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> vec3<f32> {
-    let t = triangles[triangle];
-    let p = t.a + barycentrics.x * (t.b - t.a) + barycentrics.y * (t.c - t.a);
-    return transform_point(instances[instance].previous_world_from_object, p);
 }
 
 // Motion of a surface point over the image since the last frame, pixels, y down: add it to go back in time.  Free of jitter.

@@ -22,7 +22,10 @@ use bevy::{
 use crate::{
     scene::bindings::SceneBindings,
     settings::{DebugView, Restir, Technique},
-    view::{RestirView, ViewPool},
+    view::{
+        RestirView, ViewPool,
+        history::{LIGHT_FORMAT, presample_workgroups},
+    },
 };
 use pipelines::PassPipelines;
 
@@ -33,14 +36,44 @@ pub(crate) enum PassResource {
     Radiance,
     /// What the frame counted, read and written.
     Counters,
+    /// Uniforms of direct lighting.
+    DirectSettings,
+    /// Presampled points of lights.
+    Subsets,
+    /// The same, to be read.
+    SubsetsRead,
+    /// Reservoirs of this frame, read and written.
+    Reservoirs,
+    /// Reservoirs of the last frame, to be read.
+    PreviousReservoirs,
+    /// The visibility buffer of the last frame.
+    PreviousVisibility,
+    /// Light that only the BSDF finds, to be written.
+    Unresampled,
+    /// The same, to be read.
+    UnresampledRead,
+    /// Light that was resampled, to be written.
+    Resampled,
+    /// The same, to be read.
+    ResampledRead,
 }
 
-/// A compute pass over the pixels of a view, 8 x 8 a workgroup: one file in `shaders/pass/` of the same name.
+/// How many workgroups a pass has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Dispatch {
+    /// One invocation a pixel, 8 x 8 a workgroup.
+    Pixels,
+    /// One invocation an entry of the light subsets, 64 a workgroup.
+    Subsets,
+}
+
+/// A compute pass: one file in `shaders/pass/` of the same name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct ComputePass {
     /// Name of the file, of its entry point and of its time span.
     pub name: &'static str,
     pub resources: &'static [PassResource],
+    pub(crate) dispatch: Dispatch,
     /// Asks for the features of the scene; otherwise there is one pipeline for all scenes.
     pub specialised: bool,
 }
@@ -55,17 +88,31 @@ pub(crate) enum Pass {
     Composite,
 }
 
-const REFERENCE: ComputePass =
-    ComputePass { name: "reference", resources: &[PassResource::Radiance], specialised: true };
-const DEBUG: ComputePass = ComputePass { name: "debug", resources: &[PassResource::Radiance], specialised: true };
-const STATISTICS: ComputePass =
-    ComputePass { name: "statistics", resources: &[PassResource::Counters], specialised: false };
+use PassResource as R;
+
+const fn per_pixel(name: &'static str, resources: &'static [R]) -> ComputePass {
+    ComputePass { name, resources, dispatch: Dispatch::Pixels, specialised: true }
+}
+
+const REFERENCE: ComputePass = per_pixel("reference", &[R::Radiance]);
+const DEBUG: ComputePass = per_pixel("debug", &[R::Radiance]);
+const PRESAMPLE: ComputePass =
+    ComputePass { dispatch: Dispatch::Subsets, ..per_pixel("presample", &[R::DirectSettings, R::Subsets]) };
+const DIRECT_CANDIDATES: ComputePass =
+    per_pixel("direct_candidates", &[R::DirectSettings, R::SubsetsRead, R::Reservoirs, R::Unresampled]);
+const DIRECT_REUSE: ComputePass = per_pixel(
+    "direct_reuse",
+    &[R::DirectSettings, R::PreviousReservoirs, R::Reservoirs, R::PreviousVisibility, R::Resampled],
+);
+const RESOLVE: ComputePass = per_pixel("resolve", &[R::UnresampledRead, R::ResampledRead, R::Radiance]);
+const STATISTICS: ComputePass = ComputePass { specialised: false, ..per_pixel("statistics", &[R::Counters]) };
 
 /// Which frame a camera runs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub(crate) enum Frame {
     #[default]
     Reference,
+    Direct,
     Debug,
 }
 
@@ -74,6 +121,7 @@ impl Frame {
     pub(crate) fn of(settings: &Restir) -> Self {
         match (settings.debug_view, settings.technique) {
             (DebugView::Off, Technique::Reference) => Self::Reference,
+            (DebugView::Off, Technique::Di) => Self::Direct,
             _ => Self::Debug,
         }
     }
@@ -84,6 +132,15 @@ impl Frame {
             Self::Reference => {
                 &[Pass::Visibility, Pass::Compute(&REFERENCE), Pass::Compute(&STATISTICS), Pass::Composite]
             }
+            Self::Direct => &[
+                Pass::Visibility,
+                Pass::Compute(&PRESAMPLE),
+                Pass::Compute(&DIRECT_CANDIDATES),
+                Pass::Compute(&DIRECT_REUSE),
+                Pass::Compute(&RESOLVE),
+                Pass::Compute(&STATISTICS),
+                Pass::Composite,
+            ],
             Self::Debug => &[Pass::Visibility, Pass::Compute(&DEBUG), Pass::Compute(&STATISTICS), Pass::Composite],
         }
     }
@@ -125,7 +182,16 @@ fn run_passes(
     let (Some(key), Some(scene_group)) = (state.key, scene.bind_group.as_ref()) else {
         return;
     };
-    context.command_encoder().clear_buffer(&state.counters.buffer, 0, None);
+    let encoder = context.command_encoder();
+    encoder.clear_buffer(&state.counters.buffer, 0, None);
+    if let Some(history) = &state.direct {
+        // What was drawn a frame ago is about to be overwritten.
+        encoder.copy_texture_to_texture(
+            state.visibility_texture.as_image_copy(),
+            history.previous_visibility.as_image_copy(),
+            state.visibility_texture.size(),
+        );
+    }
     for pass in key.frame.passes() {
         match pass {
             Pass::Visibility => visibility::draw(state, key, &scene, scene_group, &passes, &pipelines, &mut context),
@@ -133,7 +199,11 @@ fn run_passes(
                 let Some(pipeline) = passes.compute(pass, key, &pipelines) else {
                     continue;
                 };
-                let group = resources(pass, state, &device, &pipelines);
+                let Some(group) = resources(pass, state, &device, &pipelines) else { continue };
+                let [x, y] = workgroups(pass, state);
+                if x == 0 {
+                    continue;
+                }
                 let diagnostics = context.diagnostic_recorder();
                 let mut encoder = context
                     .command_encoder()
@@ -144,7 +214,7 @@ fn run_passes(
                 encoder.set_bind_group(0, scene_group, &[]);
                 encoder.set_bind_group(1, &state.bind_group, &[]);
                 encoder.set_bind_group(2, &group, &[]);
-                encoder.dispatch_workgroups(state.size.x.div_ceil(8), state.size.y.div_ceil(8), 1);
+                encoder.dispatch_workgroups(x, y, 1);
                 if let Some(span) = span {
                     span.end(&mut encoder);
                 }
@@ -157,8 +227,25 @@ fn run_passes(
     state.counters.copy(&mut context);
 }
 
+fn workgroups(pass: &ComputePass, state: &RestirView) -> [u32; 2] {
+    match pass.dispatch {
+        Dispatch::Pixels => [state.size.x.div_ceil(8), state.size.y.div_ceil(8)],
+        Dispatch::Subsets => [presample_workgroups(&state.settings.direct), 1],
+    }
+}
+
 /// Layout of a compute pass's group 2.
 pub(crate) fn resource_layout(pass: &ComputePass) -> BindGroupLayoutDescriptor {
+    let storage = |read_only| BindingType::Buffer {
+        ty: BufferBindingType::Storage { read_only },
+        has_dynamic_offset: false,
+        min_binding_size: None,
+    };
+    let texture = |sample_type| BindingType::Texture {
+        sample_type,
+        view_dimension: TextureViewDimension::D2,
+        multisampled: false,
+    };
     let entries: Vec<_> = pass
         .resources
         .iter()
@@ -167,10 +254,19 @@ pub(crate) fn resource_layout(pass: &ComputePass) -> BindGroupLayoutDescriptor {
             binding: binding as u32,
             visibility: ShaderStages::COMPUTE,
             ty: match resource {
-                PassResource::Radiance | PassResource::Counters => BindingType::Buffer {
-                    ty: BufferBindingType::Storage { read_only: false },
+                R::Radiance | R::Counters | R::Subsets | R::Reservoirs => storage(false),
+                R::SubsetsRead | R::PreviousReservoirs => storage(true),
+                R::DirectSettings => BindingType::Buffer {
+                    ty: BufferBindingType::Uniform,
                     has_dynamic_offset: false,
                     min_binding_size: None,
+                },
+                R::PreviousVisibility => texture(TextureSampleType::Uint),
+                R::UnresampledRead | R::ResampledRead => texture(TextureSampleType::Float { filterable: false }),
+                R::Unresampled | R::Resampled => BindingType::StorageTexture {
+                    access: StorageTextureAccess::WriteOnly,
+                    format: LIGHT_FORMAT,
+                    view_dimension: TextureViewDimension::D2,
                 },
             },
             count: None,
@@ -179,18 +275,32 @@ pub(crate) fn resource_layout(pass: &ComputePass) -> BindGroupLayoutDescriptor {
     BindGroupLayoutDescriptor::new(format!("restir {}", pass.name), &entries)
 }
 
-fn resources(pass: &ComputePass, state: &RestirView, device: &RenderDevice, pipelines: &PipelineCache) -> BindGroup {
-    let entries: Vec<_> = pass
+/// What a pass binds; `None` where something of it does not exist yet.
+fn resources(
+    pass: &ComputePass,
+    state: &RestirView,
+    device: &RenderDevice,
+    pipelines: &PipelineCache,
+) -> Option<BindGroup> {
+    let direct = state.direct.as_ref();
+    let entries = pass
         .resources
         .iter()
         .enumerate()
-        .map(|(binding, resource)| BindGroupEntry {
-            binding: binding as u32,
-            resource: match resource {
-                PassResource::Radiance => state.radiance.as_entire_binding(),
-                PassResource::Counters => state.counters.buffer.as_entire_binding(),
-            },
+        .map(|(binding, resource)| {
+            let resource = match resource {
+                R::Radiance => state.radiance.as_entire_binding(),
+                R::Counters => state.counters.buffer.as_entire_binding(),
+                R::DirectSettings => direct?.settings.as_entire_binding(),
+                R::Subsets | R::SubsetsRead => direct?.subsets.as_entire_binding(),
+                R::Reservoirs => direct?.reservoirs().as_entire_binding(),
+                R::PreviousReservoirs => direct?.previous_reservoirs().as_entire_binding(),
+                R::PreviousVisibility => BindingResource::TextureView(&direct?.previous_visibility_view),
+                R::Unresampled | R::UnresampledRead => BindingResource::TextureView(&direct?.unresampled),
+                R::Resampled | R::ResampledRead => BindingResource::TextureView(&direct?.resampled),
+            };
+            Some(BindGroupEntry { binding: binding as u32, resource })
         })
-        .collect();
-    device.create_bind_group(pass.name, &pipelines.get_bind_group_layout(&resource_layout(pass)), &entries)
+        .collect::<Option<Vec<_>>>()?;
+    Some(device.create_bind_group(pass.name, &pipelines.get_bind_group_layout(&resource_layout(pass)), &entries))
 }

@@ -46,8 +46,10 @@ pub(crate) struct SceneBindings {
     /// What energy compensation reads, once a camera asks for it.
     pub albedo: Option<TextureView>,
     pub features: SceneFeatures,
-    /// Counts changes of anything that can be seen.
-    pub revision: u64,
+    /// Counts moves of instances.
+    pub motion_revision: u64,
+    /// Counts every other change of anything that can be seen.
+    pub edit_revision: u64,
     /// Nothing is still being loaded, built or copied.
     pub ready: bool,
     /// Scene bytes sent in this frame.

@@ -5,6 +5,7 @@ use bevy::{
     camera::visibility::{InheritedVisibility, RenderLayers},
     ecs::prelude::*,
     light::{DirectionalLight, NotShadowCaster, PointLight, SpotLight},
+    log::warn_once,
     math::{Affine3A, Vec3},
     mesh::{Mesh, Mesh3d, skinning::SkinnedMesh},
     pbr::{MeshMaterial3d, StandardMaterial},
@@ -77,6 +78,10 @@ pub(crate) fn extract_scene(
 ) {
     let scene = &mut *scene;
     scene.emissive_luminance = emissive_luminance.0;
+    if !(scene.emissive_luminance >= 0.0 && scene.emissive_luminance.is_finite()) {
+        warn_once!("restir: EmissiveLuminance is {}; 0 is used", scene.emissive_luminance);
+        scene.emissive_luminance = 0.0;
+    }
 
     scene.instances.clear();
     scene.instances.extend(instances.iter().filter(|row| row.4.get()).map(
@@ -142,5 +147,6 @@ pub(crate) fn extract_scene(
 
 fn rgb(color: bevy::color::Color) -> Vec3 {
     let c = color.to_linear();
-    Vec3::new(c.red, c.green, c.blue)
+    // Below 0 a light would take light away; NaN stays, and the light is left out.
+    [c.red, c.green, c.blue].map(|c| if c < 0.0 { 0.0 } else { c }).into()
 }

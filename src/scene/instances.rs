@@ -2,6 +2,7 @@
 //! the top level of the last frame stays beside the new one, so that temporal reuse can trace the past.
 
 use bevy::{
+    asset::AssetServer,
     ecs::resource::Resource,
     log::{warn, warn_once},
     platform::collections::{HashMap, HashSet},
@@ -68,13 +69,17 @@ pub(crate) struct InstancePool {
     previous: Option<GpuTlas>,
     /// Warned about already.
     reported: HashSet<MainEntity>,
+    absent: HashSet<MainEntity>,
     pub features: SceneFeatures,
     /// An instance waits for its mesh or material.
     pub waiting: bool,
     pub centre: [f32; 3],
     pub radius: f32,
     pub triangles: u64,
-    pub revision: u64,
+    /// Counts moves.
+    pub motion_revision: u64,
+    /// Counts every other change.
+    pub edit_revision: u64,
     /// Bytes of nodes sent in this frame.
     pub uploaded_nodes: u64,
 }
@@ -93,12 +98,14 @@ impl Default for InstancePool {
             current: GpuTlas::default(),
             previous: None,
             reported: HashSet::default(),
+            absent: HashSet::default(),
             features: SceneFeatures::empty(),
             waiting: true,
             centre: [0.0; 3],
             radius: 0.0,
             triangles: 0,
-            revision: 0,
+            motion_revision: 0,
+            edit_revision: 0,
             uploaded_nodes: 0,
         }
     }
@@ -118,9 +125,26 @@ const ABSENT: GpuInstance = GpuInstance {
     entity: 0,
 };
 
+/// An instance but for where it is.
+fn without_place(instance: &GpuInstance) -> GpuInstance {
+    let nowhere = Rows::default();
+    GpuInstance {
+        world_from_object: nowhere,
+        object_from_world: nowhere,
+        previous_world_from_object: nowhere,
+        ..*instance
+    }
+}
+
 impl InstancePool {
     /// Brings the slots up to the extracted list.  The materials are packed already; lights are filled in afterwards.
-    pub(crate) fn update(&mut self, scene: &ExtractedScene, meshes: &MeshPool, materials: &mut MaterialPool) {
+    pub(crate) fn update(
+        &mut self,
+        scene: &ExtractedScene,
+        meshes: &MeshPool,
+        materials: &mut MaterialPool,
+        assets: &AssetServer,
+    ) {
         self.waiting = false;
         self.live.clear();
         self.features = SceneFeatures::empty();
@@ -128,7 +152,7 @@ impl InstancePool {
         self.boxes_of_frame.clear();
         let mut seen = vec![false; self.wanted.len()];
         for extracted in &scene.instances {
-            let Some((mut instance, world_box)) = self.instance_of(extracted, meshes, materials) else {
+            let Some((mut instance, world_box)) = self.instance_of(extracted, meshes, materials, assets) else {
                 continue;
             };
             let slot = self.slot_of(extracted.entity);
@@ -179,12 +203,23 @@ impl InstancePool {
         extracted: &ExtractedInstance,
         meshes: &MeshPool,
         materials: &mut MaterialPool,
+        assets: &AssetServer,
     ) -> Option<(GpuInstance, Bounds)> {
         if meshes.is_empty(extracted.mesh) {
             return None;
         }
         let (Some(mesh), Some(material)) = (meshes.get(extracted.mesh), materials.slot(extracted.material)) else {
-            self.waiting = true;
+            // What nobody loads or builds never comes: the rest is shown without it.
+            let mesh_comes = meshes.get(extracted.mesh).is_some() || meshes.is_building(extracted.mesh);
+            let coming = (mesh_comes || assets.load_state(extracted.mesh).is_loading())
+                && (materials.slot(extracted.material).is_some() || assets.load_state(extracted.material).is_loading());
+            self.waiting |= coming;
+            if !coming && self.absent.insert(extracted.entity) {
+                warn!(
+                    "restir: entity {} has a mesh or a material that does not exist; it is left out",
+                    *extracted.entity
+                );
+            }
             return None;
         };
         let world_from_object = tlas::rows(&extracted.world_from_object);
@@ -256,7 +291,7 @@ impl InstancePool {
         super::blas::bake(&mut words[..(nodes * NODE_STRIDE) as usize], range.start, 0);
         self.uploaded_nodes = meshes.nodes.write(range.start, bytemuck::cast_slice(&words), queue);
         self.previous = Some(core::mem::replace(&mut self.current, GpuTlas { range, nodes }));
-        self.revision += 1;
+        self.motion_revision += 1;
     }
 
     /// Sphere round every box.
@@ -287,14 +322,12 @@ impl InstancePool {
             warn_once!("restir: {} instances are more than this device can bind", self.wanted.len());
             return 0;
         }
-        // A change of the last frame's transform alone shows nothing new.
-        let moved = runs.iter().flat_map(|r| r.clone()).any(|i| {
-            let now = GpuInstance { previous_world_from_object: Rows::default(), ..self.wanted[i] };
-            self.uploaded
-                .get(i)
-                .is_none_or(|old| GpuInstance { previous_world_from_object: Rows::default(), ..*old } != now)
-        });
-        self.revision += moved as u64;
+        for i in runs.iter().flat_map(|r| r.clone()) {
+            let (old, new) = (self.uploaded.get(i), &self.wanted[i]);
+            // A change of the last frame's transform alone shows nothing new.
+            self.motion_revision += old.is_none_or(|old| old.world_from_object != new.world_from_object) as u64;
+            self.edit_revision += old.is_none_or(|old| without_place(old) != without_place(new)) as u64;
+        }
         let bytes = runs.into_iter().map(|r| self.gpu.write(r.start as u32, &self.wanted[r], queue)).sum();
         self.uploaded.clone_from(&self.wanted);
         bytes

@@ -5,7 +5,7 @@ use bevy::{
     ecs::resource::Resource,
     log::{warn, warn_once},
     math::Vec3,
-    platform::collections::HashMap,
+    platform::collections::{HashMap, HashSet},
     render::{
         renderer::{RenderDevice, RenderQueue},
         sync_world::MainEntity,
@@ -101,6 +101,8 @@ pub(crate) struct LightPool {
     pub power: f64,
     /// Scene radius that the powers of directional lights were made with, a power of two.
     radius: f32,
+    /// Warned about already.
+    reported: HashSet<MainEntity>,
     pub features: SceneFeatures,
     /// `None` while ids are those of the last frame.
     pub remap: Option<LightRemap>,
@@ -117,6 +119,7 @@ impl Default for LightPool {
             gpu: GpuArray::new("lights"),
             power: 0.0,
             radius: 0.0,
+            reported: HashSet::default(),
             features: SceneFeatures::empty(),
             remap: None,
             revision: 0,
@@ -204,10 +207,12 @@ impl LightPool {
             match source {
                 Source::Analytic(light) => {
                     let (gpu, power, feature) = analytic_light(light, self.radius);
-                    if !power.is_finite() || power <= 0.0 {
+                    let placed = gpu.position.iter().chain(&gpu.direction).all(|x| x.is_finite());
+                    if !power.is_finite() || power <= 0.0 || !placed {
                         // Black lights are ordinary; infinite or negative ones are not.
-                        if power != 0.0 {
-                            warn!("restir: light {} has the power {power}; it is left out", **entity);
+                        if (power != 0.0 || !placed) && self.reported.insert(*entity) {
+                            let at = if placed { "" } else { " and a transform that is not finite" };
+                            warn!("restir: light {} has the power {power}{at}; it is left out", **entity);
                         }
                         continue;
                     }

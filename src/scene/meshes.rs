@@ -198,6 +198,11 @@ impl MeshPool {
         self.building.is_empty()
     }
 
+    /// Its triangles are on their way.
+    pub(crate) fn is_building(&self, id: AssetId<Mesh>) -> bool {
+        self.building.contains_key(&id)
+    }
+
     /// Nothing will come of this mesh.
     pub(crate) fn is_empty(&self, id: AssetId<Mesh>) -> bool {
         self.empty.contains(&id)

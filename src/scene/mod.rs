@@ -18,6 +18,7 @@ pub mod tlas;
 
 use bevy::{
     app::SubApp,
+    asset::AssetServer,
     ecs::prelude::*,
     render::{
         Render, RenderSystems,
@@ -80,6 +81,7 @@ fn mirror_scene(
     mut bindings: ResMut<SceneBindings>,
     views: Res<ExtractedViews>,
     images: Res<RenderAssets<GpuImage>>,
+    assets: Res<AssetServer>,
     pipelines: Res<PipelineCache>,
     shaders: Res<ShaderTable>,
     device: Res<RenderDevice>,
@@ -89,9 +91,9 @@ fn mirror_scene(
     for instance in &scene.instances {
         materials.slot(instance.material);
     }
-    let moved = textures.update(materials.images(), &images, &pipelines, &shaders, &device, &queue);
+    let moved = textures.update(materials.images(), &images, &pipelines, &shaders, &assets, &device, &queue);
     materials.pack(&textures, moved);
-    instances.update(&scene, &meshes, &mut materials);
+    instances.update(&scene, &meshes, &mut materials, &assets);
     lights.update(&scene, &mut instances, &meshes, &materials, GpuArray::<GpuLight>::limit(&device));
     instances.build_top_level(&mut meshes, &device, &queue);
 
@@ -145,7 +147,8 @@ fn mirror_scene(
     }
 
     bindings.features = instances.features | lights.features;
-    bindings.revision = materials.revision + instances.revision + lights.revision;
+    bindings.motion_revision = instances.motion_revision;
+    bindings.edit_revision = materials.revision + textures.revision + instances.edit_revision + lights.revision;
     bindings.ready = meshes.idle() && !instances.waiting && textures.complete;
     bindings.uploaded_bytes = uploaded;
     bindings.memory = vec![

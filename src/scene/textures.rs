@@ -4,7 +4,7 @@
 //! The portable tier: 8-bit RGBA, full resolution, no mip chain (level of detail is a later issue).
 
 use bevy::{
-    asset::AssetId,
+    asset::{AssetId, AssetServer},
     color::{Color, LinearRgba},
     ecs::{resource::Resource, system::Res, system::ResMut},
     image::{Image, ImageAddressMode, ImageFilterMode, ImageSampler, ImageSamplerDescriptor},
@@ -34,6 +34,8 @@ struct ImageInfo {
     flags: u32,
     mean: LinearRgba,
     two_components: bool,
+    /// Changes when the pixels do.
+    version: u64,
 }
 
 /// Where a texture lies.
@@ -89,8 +91,13 @@ pub(crate) struct TexturePool {
     layout: BindGroupLayoutDescriptor,
     /// Images whose pixels changed since they were copied.
     changed: HashSet<AssetId<Image>>,
+    /// Images that nobody loads and that are not there: nothing waits for them.
+    absent: HashSet<AssetId<Image>>,
+    versions: u64,
     /// All that is wanted is there.
     pub complete: bool,
+    /// Counts changes of anything that is shown.
+    pub revision: u64,
 }
 
 const FORMAT: TextureFormat = TextureFormat::Rgba8Unorm;
@@ -118,7 +125,10 @@ impl Default for TexturePool {
                 ),
             ),
             changed: HashSet::default(),
+            absent: HashSet::default(),
+            versions: 0,
             complete: true,
+            revision: 0,
         }
     }
 }
@@ -148,7 +158,9 @@ pub(crate) fn note_images(mut pool: ResMut<TexturePool>, extracted: Res<Extracte
                 | TextureFormat::Bc5RgUnorm
                 | TextureFormat::EacRg11Unorm
         );
-        let info = ImageInfo { flags: flags_of(&descriptor), mean: mean_color(image), two_components };
+        pool.versions += 1;
+        let version = pool.versions;
+        let info = ImageInfo { flags: flags_of(&descriptor), mean: mean_color(image), two_components, version };
         pool.info.insert(*id, info);
         pool.changed.insert(*id);
         pool.refused.remove(id);
@@ -212,6 +224,25 @@ impl TexturePool {
         self.info.get(&id).is_some_and(|info| info.two_components)
     }
 
+    /// A number that is another one when the pixels of an image are.
+    pub(crate) fn version(&self, id: AssetId<Image>) -> u64 {
+        self.info.get(&id).map_or(0, |info| info.version)
+    }
+
+    /// Whether an image is still to come.  One that failed to load, or that nobody loads, is not; the first time, a warning says so.
+    pub(crate) fn is_coming(&mut self, id: AssetId<Image>, assets: &AssetServer) -> bool {
+        let coming = self.info.contains_key(&id) || assets.load_state(id).is_loading();
+        if coming {
+            self.absent.remove(&id);
+        } else if self.absent.insert(id) {
+            match assets.get_path(id) {
+                Some(path) => warn!("restir: image {path} could not be loaded; it is left out"),
+                None => warn!("restir: image {id} does not exist; it is left out"),
+            }
+        }
+        coming
+    }
+
     /// The atlas, once a texture was copied.
     pub(crate) fn view(&self) -> Option<&TextureView> {
         self.atlas_view.as_ref()
@@ -230,10 +261,12 @@ impl TexturePool {
         images: &RenderAssets<GpuImage>,
         pipelines: &PipelineCache,
         shaders: &ShaderTable,
+        assets: &AssetServer,
         device: &RenderDevice,
         queue: &RenderQueue,
     ) -> bool {
-        let wanted: HashSet<_> = wanted.filter(|id| !self.refused.contains(id)).collect();
+        let mut wanted: HashSet<_> = wanted.filter(|id| !self.refused.contains(id)).collect();
+        wanted.retain(|id| images.get(*id).is_some() || self.is_coming(*id, assets));
         if wanted.is_empty() {
             self.complete = true;
             return false;
@@ -377,6 +410,7 @@ impl TexturePool {
             pass.dispatch_workgroups(place.size.x.div_ceil(8), place.size.y.div_ceil(8), 1);
         }
         queue.submit([encoder.finish()]);
+        self.revision += 1;
         true
     }
 }

@@ -1,7 +1,7 @@
 //! Equirectangular environments: the mip chain of importance that their light is drawn by, made on the GPU from any float format.
 
 use bevy::{
-    asset::AssetId,
+    asset::{AssetId, AssetServer},
     ecs::prelude::*,
     image::Image,
     log::warn,
@@ -18,13 +18,17 @@ use super::{
     environment_features,
     extract::{ExtractedEnvironment, ExtractedViews},
 };
-use crate::{scene::SceneFeatures, shaders::ShaderTable};
+use crate::{
+    scene::{SceneFeatures, textures::TexturePool},
+    shaders::ShaderTable,
+};
 
 /// Width of the finest level; the height is half of it.
 const WIDTH: u32 = 1024;
 
 struct Entry {
     source: TextureId,
+    version: u64,
     map: TextureView,
     importance: TextureView,
     bytes: u64,
@@ -81,6 +85,8 @@ pub(crate) fn prepare_environments(
     mut pool: ResMut<EnvironmentPool>,
     views: Res<ExtractedViews>,
     images: Res<RenderAssets<GpuImage>>,
+    mut textures: ResMut<TexturePool>,
+    assets: Res<AssetServer>,
     pipelines: Res<PipelineCache>,
     shaders: Res<ShaderTable>,
     device: Res<RenderDevice>,
@@ -100,10 +106,12 @@ pub(crate) fn prepare_environments(
     pool.ready = true;
     for id in wanted {
         let Some(image) = images.get(id) else {
-            pool.ready = false;
+            pool.ready &= !textures.is_coming(id, &assets);
             continue;
         };
-        if pool.entries.get(&id).is_some_and(|e| e.source == image.texture.id()) {
+        // Bevy may write new pixels to the old texture.
+        let version = textures.version(id);
+        if pool.entries.get(&id).is_some_and(|e| e.source == image.texture.id() && e.version == version) {
             continue;
         }
         let descriptor = &image.texture_descriptor;
@@ -133,7 +141,7 @@ pub(crate) fn prepare_environments(
             continue;
         };
         let layouts = pool.layouts.each_ref().map(|layout| pipelines.get_bind_group_layout(layout));
-        let entry = build(image, importance, reduce, &layouts, &device, &queue);
+        let entry = build(image, version, importance, reduce, &layouts, &device, &queue);
         pool.entries.insert(id, entry);
         pool.revision += 1;
     }
@@ -142,6 +150,7 @@ pub(crate) fn prepare_environments(
 /// Fills the mip chain: the finest level from the image, every other one from the level below.
 fn build(
     image: &GpuImage,
+    version: u64,
     importance: &ComputePipeline,
     reduce: &ComputePipeline,
     layouts: &[BindGroupLayout; 3],
@@ -182,6 +191,7 @@ fn build(
     queue.submit([encoder.finish()]);
     Entry {
         source: image.texture.id(),
+        version,
         map,
         importance: chain.create_view(&TextureViewDescriptor::default()),
         bytes: (0..levels).map(|m| ((WIDTH >> m).max(1) * ((WIDTH / 2) >> m).max(1)) as u64 * 4).sum(),

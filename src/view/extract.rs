@@ -8,7 +8,7 @@ use bevy::{
     log::warn,
     math::{Mat3, Vec3},
     platform::collections::{HashMap, HashSet},
-    render::{Extract, camera::ExtractedCamera, sync_world::RenderEntity},
+    render::{Extract, MainWorld, camera::ExtractedCamera, sync_world::RenderEntity},
 };
 
 use super::capture::RadianceCapture;
@@ -82,6 +82,16 @@ pub(crate) fn extract_views(
                 capture: capture.cloned(),
             },
         );
+    }
+}
+
+/// `Restir::reset` was taken: it clears itself here and nowhere else, so that it counts whenever it was set.
+pub(crate) fn clear_reset(mut main_world: ResMut<MainWorld>) {
+    let mut cameras = main_world.query::<&mut Restir>();
+    for mut restir in cameras.iter_mut(&mut main_world) {
+        if restir.reset {
+            restir.reset = false;
+        }
     }
 }
 

@@ -3,6 +3,7 @@
 pub(crate) mod capture;
 pub(crate) mod environment;
 pub(crate) mod extract;
+pub(crate) mod history;
 mod uniforms;
 
 use bevy::{
@@ -31,11 +32,14 @@ use crate::{
 };
 use environment::EnvironmentPool;
 use extract::{ExtractedEnvironment, ExtractedViews};
+use history::DirectHistory;
 
 /// Everything that a picture depends on besides the random numbers: while it is the same, frames may be summed.
 #[derive(Clone, Debug, PartialEq)]
 struct Shown {
-    scene: u64,
+    /// Where things are; and everything else about them.
+    motion: u64,
+    edits: u64,
     environment_revision: u64,
     camera: GpuCamera,
     size: UVec2,
@@ -51,6 +55,8 @@ pub(crate) struct RestirView {
     pub origin: UVec2,
     pub uniforms: Buffer,
     pub visibility: TextureView,
+    pub visibility_texture: Texture,
+    pub direct: Option<DirectHistory>,
     pub depth: TextureView,
     pub radiance: Buffer,
     pub counters: CounterReadback,
@@ -84,7 +90,7 @@ pub(crate) fn build(render_app: &mut SubApp) {
         .init_resource::<ExtractedViews>()
         .init_resource::<ViewPool>()
         .init_resource::<EnvironmentPool>()
-        .add_systems(bevy::render::ExtractSchedule, extract::extract_views)
+        .add_systems(bevy::render::ExtractSchedule, (extract::extract_views, extract::clear_reset).chain())
         .add_systems(
             Render,
             (
@@ -155,11 +161,12 @@ fn prepare_views(
         if state.size != size || state.bound_environment != (map.id(), importance.id()) {
             let fresh = RestirView::new(size, &device, &pipelines, map, importance);
             let kept = core::mem::replace(state, fresh);
+            // No pipeline depends on the size: those of the last frame do until others are ready.
+            state.key = kept.key;
             if kept.size == size {
                 // Only the environment is another one: the last camera is still the last.
                 state.previous_camera = kept.previous_camera;
                 state.previous_jitter = kept.previous_jitter;
-                state.key = kept.key;
             }
         }
         state.origin = UVec2::new(view.viewport.x, view.viewport.y);
@@ -177,6 +184,7 @@ fn prepare_views(
             continue;
         }
         state.update_uniforms(restir, camera, view, jitter, &scene, &environments, &queue);
+        state.update_history(&device, &queue);
     }
 }
 
@@ -192,32 +200,32 @@ impl RestirView {
             device.create_buffer(&BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
         };
         let texture = |label, format, usage| {
-            device
-                .create_texture(&TextureDescriptor {
-                    label: Some(label),
-                    size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
-                    mip_level_count: 1,
-                    sample_count: 1,
-                    dimension: TextureDimension::D2,
-                    format,
-                    usage,
-                    view_formats: &[],
-                })
-                .create_view(&TextureViewDescriptor::default())
+            device.create_texture(&TextureDescriptor {
+                label: Some(label),
+                size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: TextureDimension::D2,
+                format,
+                usage,
+                view_formats: &[],
+            })
         };
+        let view = |texture: &Texture| texture.create_view(&TextureViewDescriptor::default());
         let target = TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING;
         let uniforms = buffer(
             "view uniforms",
             size_of::<GpuViewUniforms>() as u64,
             BufferUsages::UNIFORM | BufferUsages::COPY_DST,
         );
-        let visibility = texture("visibility", VISIBILITY_FORMAT, target);
-        let ray_counts = texture("ray counts", TextureFormat::R32Uint, TextureUsages::STORAGE_BINDING);
+        let visibility_texture = texture("visibility", VISIBILITY_FORMAT, target | TextureUsages::COPY_SRC);
+        let visibility = view(&visibility_texture);
+        let ray_counts = view(&texture("ray counts", TextureFormat::R32Uint, TextureUsages::STORAGE_BINDING));
         let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
         Self {
             size,
             origin: UVec2::ZERO,
-            depth: texture("depth", DEPTH_FORMAT, target),
+            depth: view(&texture("depth", DEPTH_FORMAT, target)),
             radiance: buffer("radiance", pixels(size) * 16, storage),
             counters: CounterReadback::new(device),
             bind_group: device.create_bind_group(
@@ -238,6 +246,8 @@ impl RestirView {
             ),
             uniforms,
             visibility,
+            visibility_texture,
+            direct: None,
             frame: 0,
             previous_camera: None,
             previous_jitter: [0.0; 2],
@@ -250,17 +260,40 @@ impl RestirView {
         }
     }
 
+    /// Makes, renews or drops what direct lighting keeps.
+    fn update_history(&mut self, device: &RenderDevice, queue: &RenderQueue) {
+        if self.key.is_none_or(|key| key.frame != Frame::Direct) {
+            self.direct = None;
+            return;
+        }
+        let direct = &self.settings.direct;
+        let fits = self.direct.as_ref().is_some_and(|history| history.fits(self.size, direct));
+        if !fits {
+            self.direct = Some(DirectHistory::new(self.size, direct, device));
+        }
+        if let Some(history) = &mut self.direct {
+            history.begin(direct, fits && self.frame > 0, queue);
+        }
+    }
+
     /// Names and bytes of what this view holds.
     pub(crate) fn memory(&self) -> Vec<(&'static str, u64)> {
         let pixels = pixels(self.size);
-        vec![
+        let mut memory = vec![
             ("view uniforms", size_of::<GpuViewUniforms>() as u64),
             ("visibility", pixels * 8),
             ("depth", pixels * 4),
             ("ray counts", pixels * 4),
             ("radiance", pixels * 16),
             ("counters", 2 * size_of::<GpuCounters>() as u64),
-        ]
+        ];
+        memory.extend(self.direct.iter().flat_map(DirectHistory::memory));
+        memory
+    }
+
+    /// Bytes of reservoirs a pixel.
+    pub(crate) fn reservoir_bytes_per_pixel(&self) -> u64 {
+        self.direct.as_ref().map_or(0, |_| 2 * DIRECT_RESERVOIR_SIZE)
     }
 }
 

@@ -10,7 +10,7 @@ use bevy::{
 };
 
 use super::{RestirView, Shown, environment::EnvironmentPool, extract::ExtractedRestir};
-use crate::{gpu_types::*, scene::bindings::SceneBindings, settings::Restir};
+use crate::{gpu_types::*, passes::Frame, scene::bindings::SceneBindings, settings::Restir};
 
 /// Sub-pixel position of a frame, uniform in the pixel: the R2 sequence (Roberts 2018) in 32-bit fixed point, shifted by the seed.
 pub(crate) fn jitter_of(frame: u32, seed: u32) -> [f32; 2] {
@@ -52,7 +52,8 @@ impl RestirView {
 
         // What is shown decides whether frames may be summed.
         let shown = Shown {
-            scene: scene.revision,
+            motion: scene.motion_revision,
+            edits: scene.edit_revision,
             environment_revision: environments.revision(restir.environment.as_ref()),
             camera: current,
             size: self.size,
@@ -61,7 +62,12 @@ impl RestirView {
             background,
             pipelines: self.key.unwrap_or_default(),
         };
-        let keep = self.shown.as_ref() == Some(&shown) && !restir.settings.reset;
+        // A picture that is summed must stay the same; a history must only know what it sees: things and cameras may move.
+        let summed = self.key.is_none_or(|key| key.frame != Frame::Direct);
+        let keep = self.shown.as_ref().is_some_and(|last| {
+            let moved = Shown { motion: shown.motion, camera: shown.camera, ..last.clone() };
+            if summed { *last == shown } else { moved == shown }
+        }) && !restir.settings.reset;
         self.frame = if keep { self.frame.saturating_add(1) } else { 0 };
         self.shown = Some(shown);
 

@@ -1,6 +1,7 @@
 //! What the tests share: the composer, the GPU harness, statistics, and the f64 oracle.
 #![allow(dead_code, reason = "not every test uses every helper")]
 
+pub mod app;
 pub mod brute_force;
 pub mod compose;
 pub mod gpu;

@@ -39,8 +39,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let pair = pairs[id.x];
-    let p = surface_point(pair.instance, pair.triangle, pair.barycentrics);
-    let q = surface_point(pair.other_instance, pair.other_triangle, pair.other_barycentrics);
+    let p = surface_point(pair.instance, pair.triangle, pair.barycentrics, false);
+    let q = surface_point(pair.other_instance, pair.other_triangle, pair.other_barycentrics, false);
     let n_p = normal_of(pair.instance, pair.triangle);
     let n_q = normal_of(pair.other_instance, pair.other_triangle);
     let d_p = pair.factor * offset_distance(pair.instance, pair.triangle, pair.barycentrics);
@@ -53,6 +53,6 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     // Inside a convex body: the normals point out.
     let a = offset_point(p, n_p, -n_p, d_p);
     let b = offset_point(q, n_q, -n_q, d_q);
-    let blocked = trace_any(Ray(a, 0.0, b - a, 1.0), 0u);
+    let blocked = trace_any(Ray(a, 0.0, b - a, 1.0), 0u, false);
     answers[id.x] = Answer(u32(hit_itself), u32(blocked), d_p, 0u);
 }

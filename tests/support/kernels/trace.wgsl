@@ -22,6 +22,6 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let ray = rays[id.x];
     let hit = trace_closest(ray, 7u);
-    let any = trace_any(ray, 7u);
+    let any = trace_any(ray, 7u, false);
     answers[id.x] = Answer(hit.t, hit.instance, hit.triangle, u32(any), hit.barycentrics, trace_flags, rays_traced);
 }

@@ -1,0 +1,128 @@
+// Initial candidates of direct lighting (paper 003, 3 and 5): points of lights from a presampled subset, and one from the BSDF, joined
+// by MIS in one measure; one of them is kept, and one ray says whether it is seen.  What only the BSDF can find (mirrors, lights
+// beyond the table) is written as light.
+
+#import bevy_restir::bsdf::bsdf::{bsdf_is_delta, bsdf_sample}
+#import bevy_restir::common::constants::{FAR, NONE, NON_FINITE}
+#import bevy_restir::common::math::max_component
+#import bevy_restir::common::rng::{pcg4d, Rng, rng_1, rng_3, rng_4, rng_bits, rng_new, STREAM_CANDIDATES}
+#import bevy_restir::light::environment::environment_radiance
+#import bevy_restir::light::point_on_light::{environment_light_point, LightPoint, light_point_sample, no_light_point, triangle_light_point}
+#import bevy_restir::light::select::{environment_pmf, light_pmf, light_select}
+#import bevy_restir::restir::direct::{bsdf_pdf_of, evaluate, is_visible, Receiver, receiver_of, target_value}
+#import bevy_restir::restir::reservoir::{no_reservoir, Reservoir, reservoir_pack}
+#import bevy_restir::restir::stream::{Stream, stream_add, stream_ucw}
+#import bevy_restir::restir::types::DirectSettings
+#import bevy_restir::scene::surface::surface_at
+#import bevy_restir::trace::offset::offset_point
+#import bevy_restir::trace::ray::{Ray, rays_traced, trace_flags}
+#import bevy_restir::trace::software::trace_closest
+#import bevy_restir::view::bindings::{ray_counts, view, visibility}
+
+@group(2) @binding(0) var<uniform> settings: DirectSettings;
+@group(2) @binding(1) var<storage, read> subsets: array<vec4<u32>>;
+@group(2) @binding(2) var<storage, read_write> reservoirs: array<vec4<u32>>;
+@group(2) @binding(3) var unresampled: texture_storage_2d<rgba32float, write>;
+
+struct Candidate {
+    point: LightPoint,
+    pmf: f32,
+}
+
+// A light candidate, from the subset of the pixel's tile or from the whole table.
+fn light_candidate(subset: u32, rng: ptr<function, Rng>) -> Candidate {
+    let u = rng_4(rng);
+    if settings.subset_count == 0u {
+        let choice = light_select(u.xy);
+        return Candidate(light_point_sample(choice.light, u.zw), choice.pmf);
+    }
+    let entry = subsets[subset * settings.subset_size + min(u32(u.x * f32(settings.subset_size)), settings.subset_size - 1u)];
+    return Candidate(LightPoint(entry.x, entry.y), bitcast<f32>(entry.z));
+}
+
+// What a sample of the BSDF finds: a point of a light, or light that no table knows.
+struct Found {
+    point: LightPoint,
+    light: vec3<f32>,
+}
+
+fn bsdf_candidate(r: Receiver, rng: ptr<function, Rng>) -> Found {
+    let u = rng_3(rng);
+    let alpha_seed = rng_bits(rng).x;
+    let b = bsdf_sample(r.surface.bsdf, r.wo, u);
+    if b.valid == 0u {
+        return Found(no_light_point(), vec3<f32>(0.0));
+    }
+    let origin = offset_point(r.surface.position, r.surface.bsdf.n_geo, b.wi, r.surface.offset);
+    let hit = trace_closest(Ray(origin, 0.0, b.wi, FAR), alpha_seed);
+    if hit.instance == NONE {
+        let radiance = environment_radiance(b.wi);
+        if b.delta != 0u || !(environment_pmf() > 0.0) {
+            return Found(no_light_point(), b.weight * radiance);
+        }
+        return Found(environment_light_point(b.wi), vec3<f32>(0.0));
+    }
+    let s = surface_at(hit.instance, hit.triangle, hit.barycentrics, -b.wi, false);
+    if !(max_component(s.emission) > 0.0) {
+        return Found(no_light_point(), vec3<f32>(0.0));
+    }
+    if b.delta != 0u || !(light_pmf(s.light) > 0.0) {
+        return Found(no_light_point(), b.weight * s.emission);
+    }
+    return Found(triangle_light_point(s.light, hit.barycentrics), vec3<f32>(0.0));
+}
+
+@compute @workgroup_size(8, 8)
+fn direct_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
+    let pixel = id.xy;
+    if any(pixel >= view.size) {
+        return;
+    }
+    let index = pixel.y * view.size.x + pixel.x;
+    let ids = textureLoad(visibility, pixel, 0).xy;
+    if ids.x == NONE || view.bounces == 0u {
+        reservoirs[index] = reservoir_pack(no_reservoir());
+        textureStore(unresampled, pixel, vec4<f32>(0.0));
+        return;
+    }
+    var rng = rng_new(pixel, view.frame, STREAM_CANDIDATES, view.seed);
+    let r = receiver_of(ids, pixel, false);
+    let tile = pixel / settings.tile;
+    let subset = pcg4d(vec4<u32>(tile, view.frame, view.seed ^ 0x711e5u)).x % max(settings.subset_count, 1u);
+
+    // p̂ over the sum of both techniques' densities is the balance heuristic's weight of a candidate.
+    var stream = Stream(0.0, NONE);
+    var chosen = no_light_point();
+    let count = f32(settings.candidates);
+    let lights = select(settings.candidates, 0u, bsdf_is_delta(r.surface.bsdf));
+    for (var i = 0u; i < lights; i++) {
+        let c = light_candidate(subset, &rng);
+        let e = evaluate(r, c.point);
+        let u = rng_1(&rng);
+        let weight = target_value(e) / (count * c.pmf + bsdf_pdf_of(r, e));
+        if c.pmf > 0.0 && stream_add(&stream, i, weight, u) {
+            chosen = c.point;
+        }
+    }
+    let found = bsdf_candidate(r, &rng);
+    if found.point.light != NONE {
+        let e = evaluate(r, found.point);
+        let weight = target_value(e) / (count * light_pmf(found.point.light) + bsdf_pdf_of(r, e));
+        if stream_add(&stream, settings.candidates, weight, rng_1(&rng)) {
+            chosen = found.point;
+        }
+    }
+
+    // The chosen one is seen or it is nothing; that counts as a candidate all the same.  The BSDF's ray has seen its own.
+    var reservoir = Reservoir(chosen, 0.0, 1.0);
+    if chosen.light != NONE {
+        let e = evaluate(r, chosen);
+        if stream.selected == settings.candidates || is_visible(r, e, rng_bits(&rng).x) {
+            reservoir.ucw = stream_ucw(stream, target_value(e));
+        }
+    }
+    reservoirs[index] = reservoir_pack(reservoir);
+    textureStore(unresampled, pixel, vec4<f32>(found.light, 0.0));
+    let counted = textureLoad(ray_counts, pixel).x;
+    textureStore(ray_counts, pixel, vec4<u32>((counted + rays_traced) | trace_flags << 24u));
+}

@@ -1,0 +1,33 @@
+// The picture of a frame from its parts: what the camera sees emit, and the light that was found.
+
+#import bevy_restir::common::constants::{NONE, NON_FINITE}
+#import bevy_restir::common::math::is_finite_3
+#import bevy_restir::restir::direct::receiver_of
+#import bevy_restir::view::backdrop::backdrop
+#import bevy_restir::view::bindings::{ray_counts, view, visibility}
+#import bevy_restir::view::camera::primary_ray
+
+@group(2) @binding(0) var unresampled: texture_2d<f32>;
+@group(2) @binding(1) var resampled: texture_2d<f32>;
+@group(2) @binding(2) var<storage, read_write> radiance: array<vec4<f32>>;
+
+@compute @workgroup_size(8, 8)
+fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
+    let pixel = id.xy;
+    if any(pixel >= view.size) {
+        return;
+    }
+    let ids = textureLoad(visibility, pixel, 0).xy;
+    var light: vec3<f32>;
+    if ids.x == NONE {
+        light = backdrop(primary_ray(pixel).direction);
+    } else {
+        let s = receiver_of(ids, pixel, false).surface;
+        light = s.emission + s.unlit + textureLoad(unresampled, pixel, 0).rgb + textureLoad(resampled, pixel, 0).rgb;
+    }
+    if !is_finite_3(light) {
+        light = vec3<f32>(0.0);
+        textureStore(ray_counts, pixel, textureLoad(ray_counts, pixel) | vec4<u32>(NON_FINITE << 24u));
+    }
+    radiance[pixel.y * view.size.x + pixel.x] = vec4<f32>(light, 1.0);
+}

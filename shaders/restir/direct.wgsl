@@ -1,0 +1,60 @@
+// The domain of direct lighting: points of lights seen from a surface.  What the resampling routine asks of it: draw, evaluate.
+#define_import_path bevy_restir::restir::direct
+
+#import bevy_restir::bsdf::bsdf::{bsdf_eval, bsdf_pdf}
+#import bevy_restir::common::math::{is_finite_3, luminance}
+#import bevy_restir::light::point_on_light::{LightPoint, light_point_at}
+#import bevy_restir::light::types::LightSample
+#import bevy_restir::path::medium::{medium_towards, transmittance}
+#import bevy_restir::path::shadow::light_is_visible
+#import bevy_restir::scene::surface::{Surface, surface_at}
+#import bevy_restir::scene::triangle::world_triangle
+#import bevy_restir::view::camera::{barycentrics_on_ray, previous_primary_ray, primary_ray}
+
+// A pixel's surface and the direction to the viewer, of this frame or the last.
+struct Receiver {
+    surface: Surface,
+    wo: vec3<f32>,
+    previous: bool,
+}
+
+// A point of a light from a receiver: what it would contribute, without the visibility between them.
+struct Evaluated {
+    f: vec3<f32>,              // f·L·|cos| per unit of the light's measure
+    light: LightSample,
+}
+
+fn receiver_of(ids: vec2<u32>, pixel: vec2<u32>, previous: bool) -> Receiver {
+    var ray = primary_ray(pixel);
+    if previous {
+        ray = previous_primary_ray(pixel);
+    }
+    let barycentrics = barycentrics_on_ray(world_triangle(ids.x, ids.y, previous), ray);
+    return Receiver(surface_at(ids.x, ids.y, barycentrics, -ray.direction, previous), -ray.direction, previous);
+}
+
+fn evaluate(r: Receiver, p: LightPoint) -> Evaluated {
+    let l = light_point_at(p, r.surface.position, r.previous);
+    if !(l.pdf_solid_angle > 0.0) {
+        return Evaluated(vec3<f32>(0.0), l);
+    }
+    let carried = transmittance(medium_towards(r.surface, l.wi, vec3<f32>(0.0)), l.distance);
+    let f = bsdf_eval(r.surface.bsdf, r.wo, l.wi) * l.radiance * carried / l.pdf_solid_angle;
+    return Evaluated(select(vec3<f32>(0.0), f, is_finite_3(f)), l);
+}
+
+fn target_value(e: Evaluated) -> f32 {
+    return luminance(e.f);
+}
+
+// Density, in the light's measure, with which the receiver's BSDF finds the point.
+fn bsdf_pdf_of(r: Receiver, e: Evaluated) -> f32 {
+    if e.light.delta != 0u || !(e.light.pdf_solid_angle > 0.0) {
+        return 0.0;
+    }
+    return bsdf_pdf(r.surface.bsdf, r.wo, e.light.wi) / e.light.pdf_solid_angle;
+}
+
+fn is_visible(r: Receiver, e: Evaluated, alpha_seed: u32) -> bool {
+    return light_is_visible(r.surface, e.light, alpha_seed, r.previous);
+}

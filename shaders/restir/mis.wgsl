@@ -1,0 +1,125 @@
+// Resampling MIS weights (paper 000 after Lin et al. 2022; paper 002, Eqs. 26-29; paper 003, 4.4): the share of each input in the
+// combination of a canonical sample with its neighbours.  Pure functions of targets and confidences, for every technique alike.
+//
+// `targets` holds, for domain i and sample j, the target of domain i at sample j as the canonical domain sees it: times the Jacobian
+// of the shift from there, 0 where the sample has no counterpart in domain i.  Domain and sample 0 are the canonical ones.
+#define_import_path bevy_restir::restir::mis
+
+// Canonical and at most six neighbours.
+const MAX_INPUTS: u32 = 7u;
+
+const MIS_UNIFORM: u32 = 0u;               // c/C: biased dark where a neighbour could not have drawn the sample
+const MIS_VALID: u32 = 1u;                 // c over those that could have drawn it: unbiased, noisy
+const MIS_BALANCE: u32 = 2u;               // generalised balance heuristic: k² targets
+const MIS_PAIRWISE: u32 = 3u;              // neighbour by neighbour against the canonical sample: 2k targets
+const MIS_DEFENSIVE_PAIRWISE: u32 = 4u;    // as above with c_c/C of the weight kept for the canonical sample
+const MIS_DEFENSIVE_PAIRWISE_GRIS: u32 = 5u;   // with 1/(k+1) kept for it: for inputs of like confidence
+
+struct MisInputs {
+    count: u32,
+    confidence: array<f32, 7>,
+    targets: array<f32, 49>,
+}
+
+fn target_of(inputs: ptr<function, MisInputs>, domain: u32, sample: u32) -> f32 {
+    return (*inputs).targets[domain * MAX_INPUTS + sample];
+}
+
+// Whether a kind asks for the target of domain i at sample j; the others may stay 0.
+fn mis_needs_target(kind: u32, domain: u32, sample: u32) -> bool {
+    if domain == sample || domain == 0u {
+        return true;
+    }
+    switch kind {
+        case MIS_UNIFORM: {
+            return false;
+        }
+        case MIS_VALID, MIS_BALANCE: {
+            return true;
+        }
+        default: {
+            return sample == 0u;
+        }
+    }
+}
+
+// m_j at sample j; the weights of all inputs that could have drawn a sample add up to 1.
+fn mis_weight(inputs: ptr<function, MisInputs>, kind: u32, sample: u32) -> f32 {
+    switch kind {
+        case MIS_UNIFORM: {
+            return (*inputs).confidence[sample] / total_confidence(inputs);
+        }
+        case MIS_VALID, MIS_BALANCE: {
+            return balance(inputs, kind == MIS_BALANCE, sample);
+        }
+        default: {
+            return pairwise(inputs, kind, sample);
+        }
+    }
+}
+
+fn total_confidence(inputs: ptr<function, MisInputs>) -> f32 {
+    var sum = 0.0;
+    for (var i = 0u; i < (*inputs).count; i++) {
+        sum += (*inputs).confidence[i];
+    }
+    return max(sum, 1.0e-30);
+}
+
+fn balance(inputs: ptr<function, MisInputs>, by_target: bool, sample: u32) -> f32 {
+    var sum = 0.0;
+    var own = 0.0;
+    for (var i = 0u; i < (*inputs).count; i++) {
+        let p = target_of(inputs, i, sample);
+        let share = (*inputs).confidence[i] * select(f32(p > 0.0), p, by_target);
+        sum += share;
+        own = select(own, share, i == sample);
+    }
+    if !(sum > 0.0) {
+        return 0.0;
+    }
+    return own / sum;
+}
+
+// The three forms share one pair: how neighbour i and the canonical domain divide a sample between them.  `weight` is what the
+// neighbour's pair counts, `scale` and `canonical` the factors of the two targets in it.
+fn pairwise(inputs: ptr<function, MisInputs>, kind: u32, sample: u32) -> f32 {
+    let k = (*inputs).count - 1u;
+    if k == 0u {
+        return 1.0;
+    }
+    let total = total_confidence(inputs);
+    let of_canonical = (*inputs).confidence[0];
+    let neighbours = max(total - of_canonical, 1.0e-30);
+    let gris = kind == MIS_DEFENSIVE_PAIRWISE_GRIS;
+
+    var sum = 0.0;
+    for (var i = 1u; i <= k; i++) {
+        if sample != 0u && i != sample {
+            continue;
+        }
+        let c = (*inputs).confidence[i];
+        var weight = c / select(neighbours, total, kind == MIS_DEFENSIVE_PAIRWISE);
+        var scale = neighbours;
+        var canonical = of_canonical;
+        if gris {
+            weight = 1.0 / f32(k + 1u);
+            scale = c;
+            canonical = of_canonical / f32(k);
+        }
+        let of_neighbour = scale * target_of(inputs, i, sample);
+        let of_own = canonical * target_of(inputs, 0u, sample);
+        let both = of_neighbour + of_own;
+        if sample == 0u {
+            // Where neither can draw it the canonical sample keeps the pair.
+            sum += weight * select(1.0, of_own / both, both > 0.0);
+        } else {
+            sum += weight * select(0.0, of_neighbour / both, both > 0.0);
+        }
+    }
+    if sample == 0u {
+        sum += select(0.0, of_canonical / total, kind == MIS_DEFENSIVE_PAIRWISE);
+        sum += select(0.0, 1.0 / f32(k + 1u), gris);
+    }
+    return sum;
+}

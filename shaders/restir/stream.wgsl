@@ -1,0 +1,31 @@
+// Weighted reservoir sampling (paper 003, 3.2; Chao 1982): one of a stream of samples with probability proportional to its weight.
+#define_import_path bevy_restir::restir::stream
+
+#import bevy_restir::common::math::is_finite
+
+struct Stream {
+    sum: f32,
+    selected: u32,     // index of the selected input
+}
+
+// Adds input `index`; true where it is selected.  Weights that are not positive or not finite are never taken (traps T21, T49).
+fn stream_add(stream: ptr<function, Stream>, index: u32, weight: f32, u: f32) -> bool {
+    if !(weight > 0.0) || !is_finite(weight) {
+        return false;
+    }
+    (*stream).sum += weight;
+    if u * (*stream).sum < weight {
+        (*stream).selected = index;
+        return true;
+    }
+    return false;
+}
+
+// Unbiased contribution weight of the selected sample.
+fn stream_ucw(stream: Stream, selected_target: f32) -> f32 {
+    if !(selected_target > 0.0) || !(stream.sum > 0.0) {
+        return 0.0;
+    }
+    let ucw = stream.sum / selected_target;
+    return select(0.0, ucw, is_finite(ucw));
+}

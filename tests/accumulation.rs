@@ -1,0 +1,161 @@
+//! The reference gathers frames for as long as nothing that it shows changes, and random numbers are the seed's.
+
+use crate::support::app::*;
+use bevy::{prelude::*, render::render_resource::TextureFormat};
+use bevy_restir::{EmissiveLuminance, RestirEnvironment};
+
+/// A lit plane with a texture, and who is who in it.
+struct Scene {
+    rig: Rig,
+    plane: Entity,
+    light: Entity,
+    texture: Handle<Image>,
+    environment: Handle<Image>,
+}
+
+/// An equirectangular image of one colour.
+fn uniform_map(value: u8) -> Image {
+    let mut image = texture(4, 2, |_, _| [value, value, value, 255]);
+    image.texture_descriptor.format = TextureFormat::Rgba8Unorm;
+    image
+}
+
+fn scene() -> Option<Scene> {
+    let mut rig = Rig::new(24, 16)?;
+    let texture = rig.add::<Image>(texture(2, 2, |x, _| [200, 100, 50 + 100 * x as u8, 255]));
+    let material = StandardMaterial {
+        base_color_texture: Some(texture.clone()),
+        emissive: LinearRgba::rgb(0.01, 0.02, 0.03),
+        ..lambert(1.0)
+    };
+    let plane = rig.spawn(square(4.0), material, Transform::default());
+    let light = rig.spawn_bundle((PointLight { intensity: 50.0, ..default() }, Transform::from_xyz(1.0, 1.0, 2.0)));
+    let environment = rig.add::<Image>(uniform_map(100));
+    let map = RestirEnvironment { image: Some(environment.clone()), ..sky(0.5) };
+    rig.insert(rig.camera, map);
+    rig.set(|restir| (restir.bounces, restir.jitter) = (2, true));
+    Some(Scene { rig, plane, light, texture, environment })
+}
+
+#[test]
+fn samples_add_up_while_nothing_changes() {
+    let Some(Scene { mut rig, .. }) = scene() else { return };
+    rig.until_ready();
+    rig.set(|restir| restir.reset = true);
+    for n in 1..=5 {
+        let picture = rig.next();
+        assert_eq!((picture.samples, rig.report().samples), (n, n));
+    }
+    // `reset` holds for one frame and clears itself.
+    rig.set(|restir| restir.reset = true);
+    assert_eq!(rig.next().samples, 1);
+    assert_eq!(rig.next().samples, 2);
+}
+
+#[test]
+fn whatever_is_shown_resets_the_history_when_it_changes() {
+    type Change = fn(&mut Scene);
+    let changes: [(&str, Change); 17] = [
+        ("transform", |s| s.rig.get_mut::<Transform>(s.plane).translation.x += 0.1),
+        ("material", |s| {
+            let material = s.rig.material_of(s.plane);
+            s.rig.edit(&material, |m| m.base_color = Color::linear_rgb(0.3, 0.3, 0.3));
+        }),
+        ("light power", |s| s.rig.get_mut::<PointLight>(s.light).intensity *= 1.1),
+        ("light place", |s| s.rig.get_mut::<Transform>(s.light).translation.z += 0.1),
+        ("light gone", |s| {
+            s.rig.app.world_mut().despawn(s.light);
+        }),
+        ("camera", |s| s.rig.get_mut::<Transform>(s.rig.camera).translation.z += 0.1),
+        ("field of view", |s| {
+            let projection = PerspectiveProjection { fov: 0.9, ..default() };
+            s.rig.insert(s.rig.camera, Projection::Perspective(projection));
+        }),
+        ("environment", |s| s.rig.get_mut::<RestirEnvironment>(s.rig.camera).intensity *= 1.5),
+        ("environment's turn", |s| {
+            s.rig.get_mut::<RestirEnvironment>(s.rig.camera).rotation = Quat::from_rotation_y(0.5);
+        }),
+        ("bounces", |s| s.rig.set(|restir| restir.bounces = 3)),
+        ("seed", |s| s.rig.set(|restir| restir.seed = 9)),
+        ("emissive luminance", |s| s.rig.app.world_mut().resource_mut::<EmissiveLuminance>().0 = 2.0),
+        ("hidden", |s| s.rig.insert(s.plane, Visibility::Hidden)),
+        ("shown again", |s| s.rig.insert(s.plane, Visibility::Visible)),
+        ("texels of a texture", |s| {
+            let texture = s.texture.clone();
+            s.rig.edit(&texture, |image| image.data.as_mut().expect("kept on the CPU").fill(180));
+        }),
+        ("texels of the environment", |s| {
+            let environment = s.environment.clone();
+            s.rig.edit(&environment, |image| image.data.as_mut().expect("kept on the CPU").fill(20));
+        }),
+        ("new environment", |s| s.rig.insert(s.rig.camera, sky(0.1))),
+    ];
+    let Some(mut scene) = scene() else { return };
+    for (name, change) in changes {
+        scene.rig.until_ready();
+        scene.rig.frames(2);
+        let before = scene.rig.next();
+        assert!(before.samples >= 3, "{name}: nothing changed yet, and {} samples", before.samples);
+        change(&mut scene);
+        let after = scene.rig.next();
+        assert_eq!(after.samples, 1, "{name} changed");
+    }
+    // Without an environment the clear colour is what is seen.
+    scene.rig.app.world_mut().entity_mut(scene.rig.camera).remove::<RestirEnvironment>();
+    scene.rig.until_ready();
+    scene.rig.frames(2);
+    scene.rig.app.world_mut().resource_mut::<ClearColor>().0 = Color::linear_rgb(0.1, 0.2, 0.3);
+    assert_eq!(scene.rig.next().samples, 1, "clear colour");
+
+    // A mesh is rebuilt in a task: its history starts with the new triangles.
+    let mesh = scene.rig.app.world().get::<Mesh3d>(scene.plane).expect("the plane has a mesh").0.clone();
+    scene.rig.edit(&mesh, |mesh| *mesh = square(3.0));
+    scene.rig.frame();
+    scene.rig.until_ready();
+    let after = scene.rig.next();
+    scene.rig.set(|restir| restir.reset = true);
+    scene.rig.frames(after.samples - 1);
+    assert_eq!(scene.rig.next(), after, "the new mesh alone");
+}
+
+#[test]
+fn another_size_starts_anew() {
+    let Some(Scene { mut rig, .. }) = scene() else { return };
+    rig.until_ready();
+    rig.frames(3);
+    for size in [UVec2::new(31, 17), UVec2::new(1, 1), UVec2::new(40, 24)] {
+        let target = rig.target.clone();
+        rig.edit(&target, |image| *image = target_image(size));
+        // Bevy tells a camera of its target's new size in the next frame.
+        rig.frame();
+        let picture = rig.picture(1);
+        assert_eq!((picture.size, picture.samples), (size, 1));
+        assert!(picture.mean() > 0.0);
+        assert_eq!(rig.next().samples, 2);
+    }
+}
+
+#[test]
+fn a_seed_gives_one_picture_and_another_seed_another_of_the_same_mean() {
+    let Some(Scene { mut rig, .. }) = scene() else { return };
+    let first = rig.picture(8);
+    assert_eq!(rig.picture(8), first, "the same app again");
+    let Some(mut other) = scene() else { return };
+    assert_eq!(other.rig.picture(8), first, "another app");
+
+    let means = |rig: &mut Rig, seeds: core::ops::Range<u32>| -> Vec<f64> {
+        seeds
+            .map(|seed| {
+                rig.set(|restir| restir.seed = seed);
+                let picture = rig.picture(8);
+                assert_ne!(picture, first, "seed {seed}");
+                picture.mean()
+            })
+            .collect()
+    };
+    let (a, error_a) = mean_and_error(means(&mut rig, 100..112));
+    let (b, error_b) = mean_and_error(means(&mut rig, 200..212));
+    let error = error_a.hypot(error_b);
+    assert!(error < 0.01 * a, "the test has power: {error} of {a}");
+    assert!((a - b).abs() < 5.0 * error, "{a} and {b}, standard error {error}");
+}

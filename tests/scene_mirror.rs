@@ -1,0 +1,272 @@
+//! The mirror follows the ECS: what is there is shown, what changed is sent, and nothing else.
+
+use crate::support::app::*;
+use bevy::{
+    asset::RenderAssetUsages,
+    camera::{ImageRenderTarget, RenderTarget},
+    light::GlobalAmbientLight,
+    mesh::{Indices, PrimitiveTopology},
+    prelude::*,
+};
+use bevy_restir::{DebugView, Restir, RestirEnvironment, scene::SceneFeatures};
+
+/// What one moved instance of a small scene may cost: its record twice (the last transform follows a frame later), the top level,
+/// the uniforms.
+const MOVE_BYTES: u64 = 1024;
+
+#[test]
+fn a_still_scene_sends_nothing_and_a_moved_instance_little() {
+    let Some(mut rig) = Rig::new(32, 32) else { return };
+    let image = rig.add::<Image>(texture(4, 4, |x, _| [60 * x as u8, 200, 100, 255]));
+    let textured = StandardMaterial { base_color_texture: Some(image), ..lambert(1.0) };
+    rig.spawn(square(6.0), textured, Transform::from_xyz(0.0, 0.0, -1.0));
+    let ball =
+        rig.spawn(Sphere::new(0.5).mesh().ico(20).expect("few enough triangles"), lambert(0.5), Transform::default());
+    rig.spawn(square(1.0), lamp(1.0, 1.0, 1.0), Transform::from_xyz(2.0, 0.0, 1.0));
+    rig.spawn_bundle((PointLight::default(), Transform::from_xyz(1.0, 2.0, 2.0)));
+    let report = rig.until_ready();
+    assert_eq!((report.instances, report.lights), (3, 3));
+    assert!(report.triangles > 5000, "{} triangles: a copy of the geometry would show", report.triangles);
+    rig.frames(2);
+    for _ in 0..4 {
+        rig.frame();
+        assert_eq!(rig.report().uploaded_bytes, 0, "a still scene");
+    }
+    let mut sent = 0;
+    for i in 0..4 {
+        rig.get_mut::<Transform>(ball).translation.x = 0.1 * i as f32 + 0.05;
+        rig.frame();
+        let bytes = rig.report().uploaded_bytes;
+        assert!(bytes > 0 && bytes <= MOVE_BYTES, "{bytes} bytes for one moved instance");
+        sent += bytes;
+    }
+    rig.frames(2);
+    rig.frame();
+    assert_eq!(rig.report().uploaded_bytes, 0, "it has stopped, after {sent} bytes");
+    // A camera that moves is no change of the scene.
+    rig.get_mut::<Transform>(rig.camera).translation.z = 4.5;
+    rig.frame();
+    assert_eq!(rig.report().uploaded_bytes, 0, "the camera moved");
+}
+
+/// Base colour in the middle of the image, 0 where nothing is seen.
+fn albedo(rig: &mut Rig) -> f32 {
+    rig.debug(DebugView::Albedo).centre().x
+}
+
+fn near(a: f32, b: f32) -> bool {
+    (a - b).abs() < 1e-5
+}
+
+#[test]
+fn what_is_added_removed_hidden_or_exchanged_is_so_in_the_picture() {
+    let Some(mut rig) = Rig::new(16, 16) else { return };
+    let far = rig.spawn(square(4.0), lambert(0.2), Transform::from_xyz(0.0, 0.0, -1.0));
+    assert!(near(albedo(&mut rig), 0.2), "the first");
+    let close = rig.spawn(square(1.0), lambert(0.6), Transform::default());
+    assert!(near(albedo(&mut rig), 0.6), "a second one in front");
+    rig.get_mut::<Transform>(close).translation.x = 3.0;
+    assert!(near(albedo(&mut rig), 0.2), "moved away");
+    rig.get_mut::<Transform>(close).translation.x = 0.0;
+    assert!(near(albedo(&mut rig), 0.6), "and back");
+    rig.insert(close, Visibility::Hidden);
+    assert!(near(albedo(&mut rig), 0.2), "hidden");
+    assert_eq!(rig.report().instances, 1);
+    rig.insert(close, Visibility::Inherited);
+    assert!(near(albedo(&mut rig), 0.6), "shown");
+    let material = rig.add::<StandardMaterial>(lambert(0.8));
+    rig.insert(close, MeshMaterial3d(material.clone()));
+    assert!(near(albedo(&mut rig), 0.8), "another material");
+    rig.edit(&material, |m| m.base_color = Color::linear_rgb(0.9, 0.9, 0.9));
+    assert!(near(albedo(&mut rig), 0.9), "a changed material");
+    let mesh = rig.add::<Mesh>(square(2.0));
+    rig.insert(close, Mesh3d(mesh.clone()));
+    let wide = rig.debug(DebugView::Albedo);
+    rig.edit(&mesh, |m| *m = Sphere::new(0.05).into());
+    rig.frame();
+    let small = rig.debug(DebugView::Albedo);
+    let count = |p: &Picture| p.iter().filter(|(_, c)| near(c.x, 0.9)).count();
+    assert!(count(&wide) > 30 && count(&small) <= 4, "{} then {} pixels: a changed mesh", count(&wide), count(&small));
+    rig.app.world_mut().despawn(close);
+    assert!(near(albedo(&mut rig), 0.2), "removed");
+    rig.app.world_mut().despawn(far);
+    assert_eq!(albedo(&mut rig), 0.0, "nothing is left");
+    assert_eq!((rig.report().instances, rig.report().triangles), (0, 0));
+    // Again and again: slots and ranges are taken anew, and nothing of the old is left in them.
+    for i in 0..6 {
+        let albedo_wanted = 0.1 + 0.1 * i as f32;
+        let again = rig.spawn(square(1.0 + i as f32), lambert(albedo_wanted), Transform::default());
+        assert!(near(albedo(&mut rig), albedo_wanted), "added again, {i}");
+        let report = rig.report();
+        assert_eq!((report.instances, report.triangles), (1, 2));
+        rig.app.world_mut().despawn(again);
+        assert_eq!(albedo(&mut rig), 0.0);
+    }
+    // An entity that loses its mesh alone.
+    let entity = rig.spawn(square(1.0), lambert(0.3), Transform::default());
+    assert!(near(albedo(&mut rig), 0.3));
+    rig.app.world_mut().entity_mut(entity).remove::<Mesh3d>();
+    assert_eq!(albedo(&mut rig), 0.0);
+    rig.assert_sound();
+}
+
+/// A square of side 1 in the plane z = 0, with the vertices of a strip.
+fn bare(topology: PrimitiveTopology, usage: RenderAssetUsages) -> Mesh {
+    let corners = [[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [-0.5, 0.5, 0.0], [0.5, 0.5, 0.0]];
+    let strip = matches!(topology, PrimitiveTopology::TriangleStrip);
+    let order: &[usize] = if strip { &[0, 1, 2, 3] } else { &[0, 1, 2, 2, 1, 3] };
+    let positions: Vec<[f32; 3]> = order.iter().map(|&i| corners[i]).collect();
+    Mesh::new(topology, usage).with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, positions)
+}
+
+#[test]
+fn any_layout_of_a_mesh_is_shown_and_lit() {
+    let main = RenderAssetUsages::all();
+    let list = || bare(PrimitiveTopology::TriangleList, main);
+    let quad = |indices| {
+        let corners = vec![[-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [-0.5, 0.5, 0.0], [0.5, 0.5, 0.0]];
+        Mesh::new(PrimitiveTopology::TriangleList, main)
+            .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, corners)
+            .with_inserted_indices(indices)
+    };
+    let mut full = square(1.0).with_generated_tangents().expect("a square has tangents");
+    full.insert_attribute(Mesh::ATTRIBUTE_COLOR, vec![[1.0f32; 4]; 4]);
+    full.insert_attribute(Mesh::ATTRIBUTE_UV_1, vec![[0.0f32; 2]; 4]);
+    let mut render_only = square(1.0);
+    render_only.asset_usage = RenderAssetUsages::RENDER_WORLD;
+    let meshes = [
+        ("positions alone", list()),
+        ("a strip", bare(PrimitiveTopology::TriangleStrip, main)),
+        ("u16 indices", quad(Indices::U16(vec![0, 1, 2, 2, 1, 3]))),
+        ("u32 indices", quad(Indices::U32(vec![0, 1, 2, 2, 1, 3]))),
+        ("every attribute", full),
+        ("render world only", render_only),
+        ("render world only and bare", bare(PrimitiveTopology::TriangleList, RenderAssetUsages::RENDER_WORLD)),
+        ("normals alone", list().with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[0.0, 0.0, 1.0]; 6])),
+        ("normals of no length", list().with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[0.0, 0.0, 0.0]; 6])),
+    ];
+    let count = meshes.len();
+    let Some(mut rig) = Rig::new(8 * count as u32, 8) else { return };
+    rig.insert(rig.camera, orthographic(count as f32, 1.0));
+    // Light from the camera's side: E cosθ albedo/π = 1.
+    rig.spawn_bundle((
+        DirectionalLight { illuminance: 2.0 * core::f32::consts::PI, ..default() },
+        Transform::default(),
+    ));
+    let names: Vec<_> = meshes.iter().map(|m| m.0).collect();
+    for (i, (_, mesh)) in meshes.into_iter().enumerate() {
+        let transform = Transform::from_xyz(i as f32 + 0.5 - 0.5 * count as f32, 0.0, 0.0).with_scale(Vec3::splat(0.9));
+        rig.spawn(mesh, lambert(0.5), transform);
+    }
+    let picture = rig.picture(1);
+    for (i, name) in names.into_iter().enumerate() {
+        let lit = picture.at(8 * i as u32 + 4, 4).x;
+        assert!((lit - 1.0).abs() < 1e-3, "{name}: {lit}");
+    }
+    rig.assert_sound();
+}
+
+#[test]
+fn bevy_draws_mirrored_meshes_for_every_camera_but_ours() {
+    let Some(mut rig) = Rig::new(16, 16) else { return };
+    // Ambient light is Bevy's alone: what it draws is bright, what we trace is black.
+    rig.app.insert_resource(GlobalAmbientLight { brightness: 1e4, ..default() });
+    rig.spawn(square(2.0), lambert(1.0), Transform::default());
+    let other = rig.add::<Image>(target_image(UVec2::new(16, 16)));
+    let transform = Transform::from_xyz(0.0, 0.0, 5.0);
+    let image = RenderTarget::Image(ImageRenderTarget::from(other.clone()));
+    rig.spawn_bundle((Camera3d::default(), Camera { order: 1, ..default() }, image, transform, unit_exposure()));
+    rig.until_ready();
+    let ours = rig.target.clone();
+    let centre = |rig: &mut Rig, target: &Handle<Image>| rig.drawn(target)[8 * 16 + 8][0];
+    assert!(centre(&mut rig, &other) > 100, "a camera without Restir");
+    assert!(centre(&mut rig, &ours) < 10, "a camera with it");
+    rig.app.world_mut().entity_mut(rig.camera).remove::<Restir>();
+    rig.frames(2);
+    assert!(centre(&mut rig, &ours) > 100, "Restir was removed");
+    rig.insert(rig.camera, plain());
+    rig.until_ready();
+    assert!(centre(&mut rig, &ours) < 10, "and added again");
+    assert!(centre(&mut rig, &other) > 100, "the other camera");
+}
+
+#[test]
+fn a_scene_that_gains_and_loses_features_never_goes_black() {
+    // In the background: pipelines for the new features come frames later.
+    let Some(mut rig) = Rig::compiling_in_background(16, 16) else { return };
+    rig.insert(rig.camera, sky(1.0));
+    rig.set(|restir| restir.bounces = 3);
+    rig.spawn(square(2.0), lambert(0.5), Transform::default());
+    assert_eq!(rig.until_ready().features, SceneFeatures::ENVIRONMENT);
+
+    type Step = (&'static str, SceneFeatures, fn(&mut Rig) -> Option<Entity>);
+    fn aside(rig: &mut Rig, material: StandardMaterial) -> Option<Entity> {
+        Some(rig.spawn(square(0.5), material, Transform::from_xyz(1.5, 0.0, 0.0)))
+    }
+    fn dots(rig: &mut Rig) -> Option<Handle<Image>> {
+        Some(rig.add::<Image>(texture(2, 2, |x, _| [128, 128, 255, if x == 0 { 0 } else { 255 }])))
+    }
+    let steps: [Step; 10] = [
+        ("emissive mesh", SceneFeatures::LIGHT_TRIANGLES, |rig| aside(rig, lamp(1.0, 1.0, 1.0))),
+        ("point light", SceneFeatures::LIGHT_POINTS, |rig| {
+            Some(rig.spawn_bundle((PointLight::default(), Transform::from_xyz(0.0, 0.0, 2.0))))
+        }),
+        ("sun", SceneFeatures::LIGHT_DIRECTIONAL, |rig| Some(rig.spawn_bundle(DirectionalLight::default()))),
+        ("texture", SceneFeatures::TEXTURES, |rig| {
+            let image = dots(rig);
+            aside(rig, StandardMaterial { base_color_texture: image, ..lambert(1.0) })
+        }),
+        ("normal map", SceneFeatures::TEXTURES.union(SceneFeatures::NORMAL_MAPS), |rig| {
+            let image = dots(rig);
+            aside(rig, StandardMaterial { normal_map_texture: image, ..lambert(1.0) })
+        }),
+        ("mask", SceneFeatures::TEXTURES.union(SceneFeatures::ALPHA), |rig| {
+            let image = dots(rig);
+            let alpha_mode = AlphaMode::Mask(0.5);
+            aside(rig, StandardMaterial { base_color_texture: image, alpha_mode, ..lambert(1.0) })
+        }),
+        ("glass", SceneFeatures::TRANSMISSION, |rig| {
+            aside(rig, StandardMaterial { specular_transmission: 1.0, thickness: 1.0, ..lambert(1.0) })
+        }),
+        ("tinted glass", SceneFeatures::TRANSMISSION.union(SceneFeatures::ATTENUATION), |rig| {
+            let tint = Color::linear_rgb(0.5, 0.9, 0.5);
+            let glass = StandardMaterial { specular_transmission: 1.0, thickness: 1.0, ..lambert(1.0) };
+            aside(rig, StandardMaterial { attenuation_color: tint, attenuation_distance: 1.0, ..glass })
+        }),
+        ("unlit", SceneFeatures::UNLIT, |rig| aside(rig, StandardMaterial { unlit: true, ..lambert(1.0) })),
+        ("environment map", SceneFeatures::ENVIRONMENT_MAP, |rig| {
+            let image = Some(rig.add::<Image>(texture(4, 2, |_, _| [255; 4])));
+            rig.get_mut::<RestirEnvironment>(rig.camera).image = image;
+            None
+        }),
+    ];
+    let bright = |rig: &mut Rig, what: &str| {
+        let picture = rig.next();
+        assert!(picture.centre().x > 0.05, "{what}: the square went black");
+        assert!(picture.is_finite(), "{what}");
+    };
+    for (name, features, add) in steps {
+        let entity = add(&mut rig);
+        for _ in 0..4 {
+            bright(&mut rig, name);
+        }
+        let report = rig.until_ready();
+        assert_eq!(report.features, SceneFeatures::ENVIRONMENT | features, "{name}");
+        bright(&mut rig, name);
+        if let Some(entity) = entity {
+            rig.app.world_mut().despawn(entity);
+        }
+        for _ in 0..4 {
+            bright(&mut rig, name);
+        }
+    }
+    rig.get_mut::<RestirEnvironment>(rig.camera).image = None;
+    assert_eq!(rig.until_ready().features, SceneFeatures::ENVIRONMENT, "all gone again");
+    // A resize keeps the pipelines.
+    let target = rig.target.clone();
+    rig.edit(&target, |image| *image = target_image(UVec2::new(20, 20)));
+    for _ in 0..3 {
+        bright(&mut rig, "resized");
+    }
+    rig.assert_sound();
+}

@@ -1,0 +1,340 @@
+//! A whole Bevy app without a window: the plugin as its users run it, one camera, and its radiance read back in full precision.
+
+use bevy::{
+    asset::RenderAssetUsages,
+    camera::{Exposure, ImageRenderTarget, RenderTarget},
+    ecs::component::Mutable,
+    log::LogPlugin,
+    prelude::*,
+    render::{
+        RenderPlugin,
+        pipelined_rendering::PipelinedRenderingPlugin,
+        render_resource::{Extent3d, PollType, TextureDimension, TextureFormat, TextureUsages},
+        renderer::RenderDevice,
+        settings::{Backends, WgpuSettings},
+    },
+    time::TimeUpdateStrategy,
+    window::ExitCondition,
+    winit::WinitPlugin,
+};
+use bevy_restir::{
+    DebugView, EmissiveLuminance, RadianceCapture, Restir, RestirEnvironment, RestirPlugin, RestirReport,
+    RestirStatistics,
+};
+use std::time::Duration;
+
+/// Frames within which a small scene is loaded, built and compiled.
+const PATIENCE: u32 = 2000;
+
+/// Mean radiance of every pixel, rows from the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    pub size: UVec2,
+    pub pixels: Vec<[f32; 3]>,
+    /// Frames that were summed.
+    pub samples: u32,
+}
+
+impl Picture {
+    pub fn at(&self, x: u32, y: u32) -> Vec3 {
+        self.pixels[(y * self.size.x + x) as usize].into()
+    }
+
+    /// The pixel in the middle.
+    pub fn centre(&self) -> Vec3 {
+        self.at(self.size.x / 2, self.size.y / 2)
+    }
+
+    /// Every pixel with its place.
+    pub fn iter(&self) -> impl Iterator<Item = (UVec2, Vec3)> {
+        let width = self.size.x;
+        self.pixels.iter().enumerate().map(move |(i, p)| (UVec2::new(i as u32 % width, i as u32 / width), (*p).into()))
+    }
+
+    /// Mean of all channels of all pixels.
+    pub fn mean(&self) -> f64 {
+        self.iter().map(|(_, p)| f64::from(p.element_sum()) / 3.0).sum::<f64>() / self.pixels.len() as f64
+    }
+
+    pub fn is_finite(&self) -> bool {
+        self.iter().all(|(_, p)| p.is_finite())
+    }
+
+    /// Whether the 3 x 3 pixels round a place all have one value: no silhouette is near.
+    pub fn is_flat_around(&self, at: UVec2) -> bool {
+        let value = self.at(at.x, at.y);
+        let near = |c: u32, size: u32| c.saturating_sub(1)..=(c + 1).min(size - 1);
+        near(at.y, self.size.y).all(|y| near(at.x, self.size.x).all(|x| self.at(x, y) == value))
+    }
+}
+
+/// Mean of independent values and its standard error.
+pub fn mean_and_error(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
+    let values: Vec<f64> = values.into_iter().collect();
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+    (mean, (variance / n).sqrt())
+}
+
+/// The app, its `Restir` camera and what that camera draws to.
+pub struct Rig {
+    pub app: App,
+    pub camera: Entity,
+    pub target: Handle<Image>,
+    pub capture: RadianceCapture,
+}
+
+/// Settings that most claims want: nothing random within a pixel, nothing beyond direct light, no compensation.
+pub fn plain() -> Restir {
+    Restir { jitter: false, bounces: 1, energy_compensation: false, ..Default::default() }
+}
+
+/// An opaque diffuse material.
+pub fn lambert(albedo: f32) -> StandardMaterial {
+    StandardMaterial { perceptual_roughness: 1.0, reflectance: 0.0, ..Color::linear_rgb(albedo, albedo, albedo).into() }
+}
+
+/// Of no reflection, front side only.
+pub fn lamp(r: f32, g: f32, b: f32) -> StandardMaterial {
+    StandardMaterial { base_color: Color::BLACK, emissive: LinearRgba::rgb(r, g, b), ..lambert(0.0) }
+}
+
+/// Uniform radiance all round.
+pub fn sky(radiance: f32) -> RestirEnvironment {
+    RestirEnvironment { color: LinearRgba::rgb(radiance, radiance, radiance), ..Default::default() }
+}
+
+/// A square of this side that faces +Z.
+pub fn square(side: f32) -> Mesh {
+    Rectangle::new(side, side).into()
+}
+
+/// An orthographic projection of this width and height in the world.
+pub fn orthographic(width: f32, height: f32) -> Projection {
+    Projection::Orthographic(OrthographicProjection {
+        scaling_mode: bevy::camera::ScalingMode::Fixed { width, height },
+        ..OrthographicProjection::default_3d()
+    })
+}
+
+/// An image of 8-bit sRGB texels that is sampled without a filter.
+pub fn texture(width: u32, height: u32, texel: impl Fn(u32, u32) -> [u8; 4]) -> Image {
+    let data = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).flat_map(|(x, y)| texel(x, y)).collect();
+    let mut image = Image::new(
+        Extent3d { width, height, depth_or_array_layers: 1 },
+        TextureDimension::D2,
+        data,
+        TextureFormat::Rgba8UnormSrgb,
+        RenderAssetUsages::all(),
+    );
+    image.sampler = bevy::image::ImageSampler::nearest();
+    image
+}
+
+/// An image that a camera can draw to and that can be read back.
+pub fn target_image(size: UVec2) -> Image {
+    let mut image = Image::new_target_texture(size.x, size.y, TextureFormat::Rgba8UnormSrgb, None);
+    image.texture_descriptor.usage |= TextureUsages::COPY_SRC;
+    image.asset_usage = RenderAssetUsages::all();
+    image
+}
+
+/// Exposure 1: radiance reaches the view target as it is.
+pub fn unit_exposure() -> Exposure {
+    Exposure { ev100: (1.0f32 / 1.2).log2() }
+}
+
+/// Mesa's device-select layer looks for a compositor and complains where there is none.
+fn calm() {
+    static ONCE: std::sync::Once = std::sync::Once::new();
+    ONCE.call_once(|| {
+        if std::env::var_os("XDG_RUNTIME_DIR").is_none() {
+            // SAFETY: the C library locks its own environment against itself only; nothing here reads it by pointer meanwhile.
+            unsafe { std::env::set_var("NODEVICE_SELECT", "1") };
+        }
+    });
+}
+
+fn headless(synchronous: bool) -> App {
+    let mut app = App::new();
+    app.add_plugins(
+        DefaultPlugins
+            .set(RenderPlugin {
+                synchronous_pipeline_compilation: synchronous,
+                render_creation: WgpuSettings { backends: Some(Backends::PRIMARY), ..Default::default() }.into(),
+                ..Default::default()
+            })
+            .set(WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..Default::default() })
+            .disable::<LogPlugin>()
+            .disable::<WinitPlugin>()
+            .disable::<PipelinedRenderingPlugin>(),
+    )
+    .add_plugins(RestirPlugin)
+    .insert_resource(EmissiveLuminance(1.0))
+    .insert_resource(ClearColor(Color::BLACK))
+    .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f64(1.0 / 60.0)));
+    while app.plugins_state() == bevy::app::PluginsState::Adding {
+        bevy::tasks::tick_global_task_pools_on_main_thread();
+    }
+    app.finish();
+    app.cleanup();
+    app
+}
+
+impl Rig {
+    /// An empty scene, and a camera with [`plain`] settings at (0, 0, 5) that looks down -Z.  `None`, with a message, where there is
+    /// no adapter; under `CI=true` that fails.
+    pub fn new(width: u32, height: u32) -> Option<Self> {
+        Self::with(width, height, true)
+    }
+
+    /// As [`Self::new`], with pipelines compiled in the background, as windowed apps do.
+    pub fn compiling_in_background(width: u32, height: u32) -> Option<Self> {
+        Self::with(width, height, false)
+    }
+
+    fn with(width: u32, height: u32, synchronous: bool) -> Option<Self> {
+        calm();
+        super::gpu::gpu()?;
+        let mut app = headless(synchronous);
+        let target = app.world_mut().resource_mut::<Assets<Image>>().add(target_image(UVec2::new(width, height)));
+        let capture = RadianceCapture::default();
+        let camera = app
+            .world_mut()
+            .spawn((
+                Camera3d::default(),
+                RenderTarget::Image(ImageRenderTarget::from(target.clone())),
+                Transform::from_xyz(0.0, 0.0, 5.0),
+                unit_exposure(),
+                plain(),
+                capture.clone(),
+            ))
+            .id();
+        Some(Self { app, camera, target, capture })
+    }
+
+    pub fn add<A: Asset>(&mut self, asset: impl Into<A>) -> Handle<A> {
+        self.app.world_mut().resource_mut::<Assets<A>>().add(asset)
+    }
+
+    /// A mesh with a material of its own.
+    pub fn spawn(&mut self, mesh: impl Into<Mesh>, material: StandardMaterial, transform: Transform) -> Entity {
+        let (mesh, material) = (self.add::<Mesh>(mesh), self.add::<StandardMaterial>(material));
+        self.spawn_bundle((Mesh3d(mesh), MeshMaterial3d(material), transform))
+    }
+
+    pub fn spawn_bundle(&mut self, bundle: impl Bundle) -> Entity {
+        self.app.world_mut().spawn(bundle).id()
+    }
+
+    pub fn get_mut<C: Component<Mutability = Mutable>>(&mut self, entity: Entity) -> Mut<'_, C> {
+        self.app.world_mut().get_mut::<C>(entity).expect("the entity has the component")
+    }
+
+    pub fn insert(&mut self, entity: Entity, bundle: impl Bundle) {
+        self.app.world_mut().entity_mut(entity).insert(bundle);
+    }
+
+    /// Changes the camera's settings.
+    pub fn set(&mut self, change: impl FnOnce(&mut Restir)) {
+        change(&mut self.get_mut::<Restir>(self.camera));
+    }
+
+    /// Changes an asset and says so to everyone.
+    pub fn edit<A: Asset>(&mut self, handle: &Handle<A>, change: impl FnOnce(&mut A)) {
+        let mut assets = self.app.world_mut().resource_mut::<Assets<A>>();
+        change(&mut assets.get_mut(handle).expect("the asset exists"));
+    }
+
+    /// The material of an entity.
+    pub fn material_of(&self, entity: Entity) -> Handle<StandardMaterial> {
+        self.app.world().get::<MeshMaterial3d<StandardMaterial>>(entity).expect("it has a material").0.clone()
+    }
+
+    pub fn report(&self) -> RestirReport {
+        self.app.world().resource::<RestirStatistics>().report()
+    }
+
+    /// One frame, waited for.
+    pub fn frame(&mut self) {
+        self.app.update();
+        let polled = self.app.world().resource::<RenderDevice>().poll(PollType::wait_indefinitely());
+        assert!(polled.is_ok(), "the device is lost");
+    }
+
+    pub fn frames(&mut self, count: u32) {
+        for _ in 0..count {
+            self.frame();
+        }
+    }
+
+    /// Frames until all that the scene asks for is loaded, built and compiled.
+    pub fn until_ready(&mut self) -> RestirReport {
+        // What was changed is extracted in the first frame and told in the second.
+        self.frames(2);
+        for _ in 0..PATIENCE {
+            let report = self.report();
+            if report.ready && report.samples > 0 {
+                return report;
+            }
+            self.frame();
+        }
+        panic!("not ready after {PATIENCE} frames: {:?}", self.report());
+    }
+
+    /// The radiance of the next frame, whatever was gathered before it.
+    pub fn next(&mut self) -> Picture {
+        self.next_if_any().expect("the frame was rendered")
+    }
+
+    /// As [`Self::next`]; `None` where the camera renders nothing.
+    pub fn next_if_any(&mut self) -> Option<Picture> {
+        self.capture.request();
+        self.frame();
+        let captured = self.capture.take()?;
+        Some(Picture { size: captured.size, pixels: captured.mean().collect(), samples: captured.samples() })
+    }
+
+    /// The mean of `frames` frames of the scene as it is, once it is ready.
+    pub fn picture(&mut self, frames: u32) -> Picture {
+        self.until_ready();
+        self.set(|restir| restir.reset = true);
+        self.frames(frames - 1);
+        self.next()
+    }
+
+    /// One frame of a debug view.
+    pub fn debug(&mut self, view: DebugView) -> Picture {
+        self.set(|restir| restir.debug_view = view);
+        let picture = self.picture(1);
+        self.set(|restir| restir.debug_view = DebugView::Off);
+        picture
+    }
+
+    /// Nothing was lost on the way to the last picture.
+    pub fn assert_sound(&mut self) {
+        // Counters come back a frame late.
+        self.frames(2);
+        let report = self.report();
+        assert_eq!((report.non_finite_pixels, report.overflow_flags), (0, 0), "{report:?}");
+    }
+
+    /// What Bevy wrote to the target of a camera, 8-bit.
+    pub fn drawn(&mut self, target: &Handle<Image>) -> Vec<[u8; 4]> {
+        use bevy::render::view::screenshot::{Screenshot, ScreenshotCaptured};
+        #[derive(Resource, Default)]
+        struct Taken(Option<Image>);
+        self.app.insert_resource(Taken(None));
+        self.app.world_mut().spawn(Screenshot::image(target.clone())).observe(
+            |captured: On<ScreenshotCaptured>, mut taken: ResMut<Taken>| taken.0 = Some(captured.image.clone()),
+        );
+        for _ in 0..PATIENCE {
+            self.frame();
+            if let Some(image) = self.app.world_mut().resource_mut::<Taken>().0.take() {
+                return image.data.expect("a screenshot has data").as_chunks::<4>().0.to_vec();
+            }
+        }
+        panic!("no screenshot came back");
+    }
+}
