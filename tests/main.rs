@@ -6,6 +6,7 @@ mod bad_input;
 mod bsdf;
 mod compensation;
 mod environment;
+mod extremes;
 mod geometry;
 mod layout;
 mod light_choice;
