@@ -7,6 +7,8 @@ mod geometry;
 mod layout;
 mod motion_vectors;
 mod offset;
+mod references;
+mod render_cli;
 mod scene_mirror;
 mod shaders_compose;
 mod support;

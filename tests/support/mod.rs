@@ -3,6 +3,8 @@
 
 pub mod app;
 pub mod brute_force;
+pub mod cli;
 pub mod compose;
+pub mod gltf;
 pub mod gpu;
 pub mod scenes;
