@@ -18,10 +18,17 @@ fn check_exact(rig: &mut Rig, name: &str, expected: impl Fn(Vec2) -> f64) {
     for (at, color) in picture.iter() {
         let wanted = expected(on_plane(picture.size, at));
         greatest = greatest.max(wanted);
-        assert!((f64::from(color.x) - wanted).abs() <= 2e-4 * wanted + 1e-6, "{name}: {} at {at}, not {wanted}", color.x);
+        assert!(
+            (f64::from(color.x) - wanted).abs() <= 2e-4 * wanted + 1e-6,
+            "{name}: {} at {at}, not {wanted}",
+            color.x
+        );
         lit += (wanted > 0.0) as u32;
     }
-    assert!(lit > 50 && greatest > 0.05, "{name}: {lit} pixels are lit, by at most {greatest}");
+    assert!(
+        lit > 50 && greatest > 0.05,
+        "{name}: {lit} pixels are lit, by at most {greatest}"
+    );
     rig.assert_sound();
 }
 
@@ -31,7 +38,11 @@ fn a_point_light_gives_i_cos_over_d_squared() {
     rig.spawn(square(20.0), lambert(0.6), Transform::default());
     let place = Vec3::new(0.5, -0.3, 1.5);
     // `range` is a rasteriser's: light has none.
-    let light = PointLight { intensity: 1000.0, range: 0.5, ..default() };
+    let light = PointLight {
+        intensity: 1000.0,
+        range: 0.5,
+        ..default()
+    };
     let light = rig.spawn_bundle((light, Transform::from_translation(place)));
     let expected = |p: Vec2| {
         let d = (place - p.extend(0.0)).as_dvec3();
@@ -57,7 +68,13 @@ fn a_directional_light_gives_its_illuminance_times_the_cosine() {
     let Some(mut rig) = Rig::new(16, 16) else { return };
     rig.spawn(square(20.0), lambert(0.6), Transform::default());
     let rotation = Quat::from_euler(EulerRot::YXZ, 0.7, -0.4, 0.0);
-    rig.spawn_bundle((DirectionalLight { illuminance: 12.0, ..default() }, Transform::from_rotation(rotation)));
+    rig.spawn_bundle((
+        DirectionalLight {
+            illuminance: 12.0,
+            ..default()
+        },
+        Transform::from_rotation(rotation),
+    ));
     let cosine = f64::from(-(rotation * Vec3::NEG_Z).z);
     check_exact(&mut rig, "sun", |_| 12.0 * cosine * 0.6 * FRAC_1_PI);
 }
@@ -68,7 +85,15 @@ fn a_spot_has_bevys_cone() {
     rig.spawn(square(20.0), lambert(0.6), Transform::default());
     let place = Transform::from_xyz(0.3, 0.2, 3.0).looking_at(Vec3::new(0.5, 0.0, 0.0), Vec3::Y);
     let (inner, outer) = (0.2f32, 0.45f32);
-    rig.spawn_bundle((SpotLight { intensity: 1000.0, inner_angle: inner, outer_angle: outer, ..default() }, place));
+    rig.spawn_bundle((
+        SpotLight {
+            intensity: 1000.0,
+            inner_angle: inner,
+            outer_angle: outer,
+            ..default()
+        },
+        place,
+    ));
     check_exact(&mut rig, "spot", |p| {
         let d = (place.translation - p.extend(0.0)).as_dvec3();
         let cosine = (-d.normalize()).dot(place.forward().as_vec3().as_dvec3());
@@ -92,10 +117,15 @@ fn form_factor(low: [f64; 2], high: [f64; 2], c: f64) -> f64 {
 /// Mean relative difference to the expectation, held against its own noise and 0.3 %.
 fn check_mean(rig: &mut Rig, frames: u32, name: &str, expected: impl Fn(Vec2) -> f64) {
     let picture = rig.picture(frames);
-    let ratios = picture.iter().map(|(at, color)| f64::from(color.x) / expected(on_plane(picture.size, at)) - 1.0);
+    let ratios = picture
+        .iter()
+        .map(|(at, color)| f64::from(color.x) / expected(on_plane(picture.size, at)) - 1.0);
     let (mean, error) = mean_and_error(ratios);
     assert!(error < 0.01, "{name}: the test has power: standard error {error}");
-    assert!(mean.abs() < 4.0 * error + 0.003, "{name}: {mean} off, standard error {error}");
+    assert!(
+        mean.abs() < 4.0 * error + 0.003,
+        "{name}: {mean} off, standard error {error}"
+    );
     rig.assert_sound();
 }
 
@@ -125,7 +155,10 @@ fn a_lamp_shows_its_radiance_in_front_and_black_behind_unless_double_sided() {
     let Some(mut rig) = Rig::new(8, 8) else { return };
     rig.set(|restir| restir.bounces = 0);
     // Nothing is culled: the back is there, and black.
-    let material = StandardMaterial { cull_mode: None, ..lamp(2.0, 3.0, 4.0) };
+    let material = StandardMaterial {
+        cull_mode: None,
+        ..lamp(2.0, 3.0, 4.0)
+    };
     let lamp = rig.spawn(square(6.0), material, Transform::default());
     let wall = rig.spawn(square(9.0), lambert(1.0), Transform::from_xyz(0.0, 0.0, -1.0));
     rig.spawn_bundle((PointLight::default(), Transform::from_xyz(0.0, 0.0, 3.0)));
@@ -148,13 +181,24 @@ fn a_lamp_shows_its_radiance_in_front_and_black_behind_unless_double_sided() {
 fn unlit_is_for_the_camera_alone() {
     let Some(mut rig) = Rig::new(16, 16) else { return };
     rig.set(|restir| restir.bounces = 4);
-    let unlit = StandardMaterial { unlit: true, base_color: Color::linear_rgb(0.5, 0.25, 0.75), ..default() };
+    let unlit = StandardMaterial {
+        unlit: true,
+        base_color: Color::linear_rgb(0.5, 0.25, 0.75),
+        ..default()
+    };
     let picture_of = rig.spawn(square(8.0), unlit, Transform::default());
     let seen = rig.picture(1).centre();
     assert!((seen - Vec3::new(0.5, 0.25, 0.75)).length() < 1e-5, "{seen}");
     // Behind the camera, before a mirror and a white wall: neither has anything from it.
-    rig.insert(picture_of, Transform::from_xyz(0.0, 0.0, 8.0).with_rotation(Quat::from_rotation_y(core::f32::consts::PI)));
-    let mirror = StandardMaterial { metallic: 1.0, perceptual_roughness: 0.0, ..Color::WHITE.into() };
+    rig.insert(
+        picture_of,
+        Transform::from_xyz(0.0, 0.0, 8.0).with_rotation(Quat::from_rotation_y(core::f32::consts::PI)),
+    );
+    let mirror = StandardMaterial {
+        metallic: 1.0,
+        perceptual_roughness: 0.0,
+        ..Color::WHITE.into()
+    };
     rig.spawn(square(1.0), mirror, Transform::from_xyz(0.0, 0.0, 0.1));
     rig.spawn(square(8.0), lambert(1.0), Transform::default());
     assert!(rig.picture(4).iter().all(|(_, c)| c == Vec3::ZERO));
@@ -168,7 +212,14 @@ fn an_environment_gives_albedo_times_radiance_to_a_plane() {
     check_mean(&mut rig, 64, "uniform", |_| 1.2);
     // The same from an image of one colour, half of it by intensity.
     let image = rig.add::<Image>(texture(8, 4, |_, _| [255; 4]));
-    rig.insert(rig.camera, bevy_restir::RestirEnvironment { image: Some(image), intensity: 0.5, ..sky(4.0) });
+    rig.insert(
+        rig.camera,
+        bevy_restir::RestirEnvironment {
+            image: Some(image),
+            intensity: 0.5,
+            ..sky(4.0)
+        },
+    );
     check_mean(&mut rig, 64, "map", |_| 1.2);
 }
 
@@ -199,10 +250,17 @@ fn white_things_vanish_in_a_white_world() {
     let Some(mut rig) = Rig::new(16, 16) else { return };
     rig.set(|restir| (restir.bounces, restir.jitter) = (32, true));
     rig.insert(rig.camera, sky(1.0));
-    let metal = |roughness| StandardMaterial { metallic: 1.0, perceptual_roughness: roughness, ..Color::WHITE.into() };
+    let metal = |roughness| StandardMaterial {
+        metallic: 1.0,
+        perceptual_roughness: roughness,
+        ..Color::WHITE.into()
+    };
     let ball = rig.spawn(Sphere::new(1.6), metal(0.0), Transform::default());
     let mirror = rig.picture(2);
-    assert!(mirror.iter().all(|(_, c)| (c - Vec3::ONE).abs().max_element() < 1e-4), "a mirror");
+    assert!(
+        mirror.iter().all(|(_, c)| (c - Vec3::ONE).abs().max_element() < 1e-4),
+        "a mirror"
+    );
     let white = rig.add::<StandardMaterial>(lambert(1.0));
     rig.insert(ball, MeshMaterial3d(white));
     check_mean(&mut rig, 64, "diffuse", |_| 1.0);

@@ -19,7 +19,13 @@ fn scene() -> Option<Scene> {
     let mut rig = Rig::new(24, 16)?;
     rig.insert(rig.camera, orthographic(3.0, 2.0));
     rig.spawn(square(1.4), lambert(0.5), Transform::from_xyz(-0.75, 0.0, 0.0));
-    rig.spawn_bundle((PointLight { intensity: 100.0, ..default() }, Transform::from_xyz(-0.75, 0.0, 2.0)));
+    rig.spawn_bundle((
+        PointLight {
+            intensity: 100.0,
+            ..default()
+        },
+        Transform::from_xyz(-0.75, 0.0, 2.0),
+    ));
     let alone = rig.picture(2);
     assert!(alone.at(6, 8).x > 0.1);
     Some(Scene { rig, alone })
@@ -32,7 +38,10 @@ impl Scene {
         assert!(picture.is_finite(), "{name}");
         for (at, color) in picture.iter().filter(|(at, _)| at.x < 12) {
             let wanted = self.alone.at(at.x, at.y);
-            assert!((color - wanted).abs().max_element() <= 1e-3 * wanted.max_element() + 1e-6, "{name}: {color} at {at}");
+            assert!(
+                (color - wanted).abs().max_element() <= 1e-3 * wanted.max_element() + 1e-6,
+                "{name}: {color} at {at}"
+            );
         }
         self.rig.assert_sound();
     }
@@ -72,13 +81,28 @@ fn broken_meshes_are_left_out() {
         ("denormal size", list(half.map(|p| p.map(|x| x * 1e-40)).to_vec())),
         ("empty", list(vec![])),
         ("two vertices", list(vec![a, b])),
-        ("indices out of range", list(half.to_vec()).with_inserted_indices(Indices::U32(vec![0, 1, 9, 0, 1, u32::MAX]))),
-        ("no index", list(half.to_vec()).with_inserted_indices(Indices::U16(vec![]))),
+        (
+            "indices out of range",
+            list(half.to_vec()).with_inserted_indices(Indices::U32(vec![0, 1, 9, 0, 1, u32::MAX])),
+        ),
+        (
+            "no index",
+            list(half.to_vec()).with_inserted_indices(Indices::U16(vec![])),
+        ),
         ("lines", positions(PrimitiveTopology::LineList, vec![a, b])),
         ("points", positions(PrimitiveTopology::PointList, vec![a, b, c])),
-        ("no positions", Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::all())),
-        ("normals that are not finite", list(half.to_vec()).with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[nan; 3]; 3])),
-        ("uvs that are not finite", list(half.to_vec()).with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, vec![[infinite; 2]; 3])),
+        (
+            "no positions",
+            Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::all()),
+        ),
+        (
+            "normals that are not finite",
+            list(half.to_vec()).with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[nan; 3]; 3]),
+        ),
+        (
+            "uvs that are not finite",
+            list(half.to_vec()).with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, vec![[infinite; 2]; 3]),
+        ),
     ];
     for (name, mesh) in meshes {
         scene.with(name, mesh, lambert(0.5), right());
@@ -87,10 +111,18 @@ fn broken_meshes_are_left_out() {
     let mixed = list(vec![a, b, c, a, [nan; 3], c, a, b, [0.0, infinite, 0.0]]);
     let entity = scene.rig.spawn(mixed, lambert(0.5), right());
     scene.check("one sound triangle of three");
-    assert!(scene.rig.debug(DebugView::Albedo).at(18, 8).x > 0.4, "the sound one is there");
+    assert!(
+        scene.rig.debug(DebugView::Albedo).at(18, 8).x > 0.4,
+        "the sound one is there"
+    );
     scene.rig.app.world_mut().despawn(entity);
     // An emissive one: no light comes of triangles that are not there.
-    scene.with("emissive, NaN", list(vec![a, b, [nan; 3]]), lamp(1.0, 1.0, 1.0), right());
+    scene.with(
+        "emissive, NaN",
+        list(vec![a, b, [nan; 3]]),
+        lamp(1.0, 1.0, 1.0),
+        right(),
+    );
     scene.with("emissive, no area", list(vec![a, a, b]), lamp(1.0, 1.0, 1.0), right());
 }
 
@@ -104,10 +136,22 @@ fn transforms_without_an_inverse_are_left_out() {
         ("NaN scale", scaled(Vec3::NAN)),
         ("infinite scale", scaled(Vec3::INFINITY)),
         ("NaN place", Transform::from_translation(Vec3::NAN)),
-        ("infinite place", Transform::from_translation(Vec3::new(f32::INFINITY, 0.0, 0.0))),
-        ("NaN turn", right().with_rotation(Quat::from_xyzw(f32::NAN, 0.0, 0.0, 1.0))),
-        ("no turn at all", right().with_rotation(Quat::from_xyzw(0.0, 0.0, 0.0, 0.0))),
-        ("huge", Transform::from_xyz(3e30, 0.0, 0.0).with_scale(Vec3::splat(1e25))),
+        (
+            "infinite place",
+            Transform::from_translation(Vec3::new(f32::INFINITY, 0.0, 0.0)),
+        ),
+        (
+            "NaN turn",
+            right().with_rotation(Quat::from_xyzw(f32::NAN, 0.0, 0.0, 1.0)),
+        ),
+        (
+            "no turn at all",
+            right().with_rotation(Quat::from_xyzw(0.0, 0.0, 0.0, 0.0)),
+        ),
+        (
+            "huge",
+            Transform::from_xyz(3e30, 0.0, 0.0).with_scale(Vec3::splat(1e25)),
+        ),
         ("tiny", scaled(Vec3::splat(1e-30))),
     ];
     for (name, transform) in transforms {
@@ -147,7 +191,10 @@ fn materials_of_impossible_numbers_make_no_nan() {
             ..material
         };
         scene.with(&format!("glass of {bad}"), Sphere::new(0.5).into(), glass, right());
-        let masked = StandardMaterial { alpha_mode: AlphaMode::Mask(bad), ..lambert(0.5) };
+        let masked = StandardMaterial {
+            alpha_mode: AlphaMode::Mask(bad),
+            ..lambert(0.5)
+        };
         scene.with(&format!("mask of {bad}"), square(1.0), masked, right());
     }
     // Emission that is no number counts as none.
@@ -163,9 +210,24 @@ fn lights_of_impossible_power_or_place_are_left_out() {
     let Some(mut scene) = scene() else { return };
     for bad in [0.0, -100.0, f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
         let entities = [
-            scene.rig.spawn_bundle((PointLight { intensity: bad, ..default() }, Transform::from_xyz(0.0, 0.0, 1.0))),
-            scene.rig.spawn_bundle((SpotLight { intensity: bad, ..default() }, Transform::from_xyz(0.0, 0.0, 1.0))),
-            scene.rig.spawn_bundle(DirectionalLight { illuminance: bad, ..default() }),
+            scene.rig.spawn_bundle((
+                PointLight {
+                    intensity: bad,
+                    ..default()
+                },
+                Transform::from_xyz(0.0, 0.0, 1.0),
+            )),
+            scene.rig.spawn_bundle((
+                SpotLight {
+                    intensity: bad,
+                    ..default()
+                },
+                Transform::from_xyz(0.0, 0.0, 1.0),
+            )),
+            scene.rig.spawn_bundle(DirectionalLight {
+                illuminance: bad,
+                ..default()
+            }),
         ];
         scene.check(&format!("power {bad}"));
         assert_eq!(scene.rig.report().lights, 1);
@@ -179,8 +241,16 @@ fn lights_of_impossible_power_or_place_are_left_out() {
     let entities = [
         scene.rig.spawn_bundle((PointLight::default(), nowhere)),
         scene.rig.spawn_bundle((SpotLight::default(), nowhere)),
-        scene.rig.spawn_bundle((PointLight { color, ..default() }, Transform::from_xyz(0.0, 0.0, 1.0))),
-        scene.rig.spawn_bundle((SpotLight { outer_angle: f32::NAN, ..default() }, Transform::from_xyz(0.0, 0.0, 1.0))),
+        scene
+            .rig
+            .spawn_bundle((PointLight { color, ..default() }, Transform::from_xyz(0.0, 0.0, 1.0))),
+        scene.rig.spawn_bundle((
+            SpotLight {
+                outer_angle: f32::NAN,
+                ..default()
+            },
+            Transform::from_xyz(0.0, 0.0, 1.0),
+        )),
     ];
     scene.check("lights nowhere");
     for entity in entities {
@@ -189,7 +259,13 @@ fn lights_of_impossible_power_or_place_are_left_out() {
     // In the surface itself, and on the camera: no division by zero.
     for place in [Vec3::new(0.75, 0.0, 0.0), Vec3::new(0.75, 0.0, 5.0)] {
         let wall = scene.rig.spawn(square(1.0), lambert(0.5), right());
-        let light = scene.rig.spawn_bundle((PointLight { intensity: 1.0, ..default() }, Transform::from_translation(place)));
+        let light = scene.rig.spawn_bundle((
+            PointLight {
+                intensity: 1.0,
+                ..default()
+            },
+            Transform::from_translation(place),
+        ));
         assert!(scene.rig.picture(4).is_finite());
         scene.rig.assert_sound();
         scene.rig.app.world_mut().despawn(wall);
@@ -217,18 +293,44 @@ fn absent_assets_leave_the_rest_ready() {
     }
     let mesh = absent::<Mesh>(&mut scene.rig);
     let material = scene.rig.add::<StandardMaterial>(lambert(0.5));
-    let entity = scene.rig.spawn_bundle((Mesh3d(mesh), MeshMaterial3d(material), right()));
+    let entity = scene
+        .rig
+        .spawn_bundle((Mesh3d(mesh), MeshMaterial3d(material), right()));
     scene.check("a mesh that is not there");
-    let (mesh, material) = (scene.rig.add::<Mesh>(square(1.0)), absent::<StandardMaterial>(&mut scene.rig));
+    let (mesh, material) = (
+        scene.rig.add::<Mesh>(square(1.0)),
+        absent::<StandardMaterial>(&mut scene.rig),
+    );
     scene.rig.insert(entity, (Mesh3d(mesh), MeshMaterial3d(material)));
     scene.check("a material that is not there");
     // An environment without its image, or with one of no use, is its colour.
     scene.rig.app.world_mut().despawn(entity);
-    scene.rig.insert(scene.rig.camera, RestirEnvironment { image: Some(image), ..sky(1.0) });
+    scene.rig.insert(
+        scene.rig.camera,
+        RestirEnvironment {
+            image: Some(image),
+            ..sky(1.0)
+        },
+    );
     let picture = scene.rig.picture(2);
-    assert!(picture.is_finite() && picture.at(18, 8).x == 1.0, "{}", picture.at(18, 8));
-    for (intensity, rotation) in [(f32::NAN, Quat::IDENTITY), (-1.0, Quat::IDENTITY), (1.0, Quat::from_xyzw(0.0, 0.0, 0.0, 0.0))] {
-        scene.rig.insert(scene.rig.camera, RestirEnvironment { intensity, rotation, ..sky(1.0) });
+    assert!(
+        picture.is_finite() && picture.at(18, 8).x == 1.0,
+        "{}",
+        picture.at(18, 8)
+    );
+    for (intensity, rotation) in [
+        (f32::NAN, Quat::IDENTITY),
+        (-1.0, Quat::IDENTITY),
+        (1.0, Quat::from_xyzw(0.0, 0.0, 0.0, 0.0)),
+    ] {
+        scene.rig.insert(
+            scene.rig.camera,
+            RestirEnvironment {
+                intensity,
+                rotation,
+                ..sky(1.0)
+            },
+        );
         assert!(scene.rig.picture(2).is_finite());
     }
     scene.rig.assert_sound();
@@ -253,14 +355,23 @@ fn cameras_come_go_and_change() {
     assert_eq!(scene.rig.app.world().get::<Msaa>(camera), Some(&Msaa::Off));
     // Off, on, off, on.
     for _ in 0..2 {
-        scene.rig.app.world_mut().entity_mut(camera).remove::<bevy_restir::Restir>();
+        scene
+            .rig
+            .app
+            .world_mut()
+            .entity_mut(camera)
+            .remove::<bevy_restir::Restir>();
         scene.rig.frames(2);
         assert!(scene.rig.next_if_any().is_none(), "no Restir, no radiance");
         scene.rig.insert(camera, plain());
         scene.check("Restir again");
     }
     // A viewport that is the left half.  One without a pixel ends in Bevy's own light clusters, which quit.
-    let half = Viewport { physical_position: UVec2::ZERO, physical_size: UVec2::new(12, 16), ..default() };
+    let half = Viewport {
+        physical_position: UVec2::ZERO,
+        physical_size: UVec2::new(12, 16),
+        ..default()
+    };
     scene.rig.get_mut::<Camera>(camera).viewport = Some(half);
     let half = scene.rig.picture(2);
     assert_eq!(half.size, UVec2::new(12, 16));
@@ -284,7 +395,10 @@ fn cameras_come_go_and_change() {
         Camera { order: 1, ..default() },
         bevy::camera::RenderTarget::Image(bevy::camera::ImageRenderTarget::from(target)),
         Transform::from_xyz(0.0, 0.0, 5.0),
-        bevy_restir::Restir { debug_view: DebugView::Depth, ..plain() },
+        bevy_restir::Restir {
+            debug_view: DebugView::Depth,
+            ..plain()
+        },
     ));
     scene.check("two cameras");
     scene.rig.app.world_mut().despawn(second);
@@ -299,7 +413,10 @@ fn a_nan_camera_shows_nothing_that_is_not_finite() {
     let Some(mut scene) = scene() else { return };
     scene.rig.insert(scene.rig.camera, sky(1.0));
     // A NaN turn or a scale of 0 ends in Bevy's own frustum code, which asserts.
-    for transform in [Transform::from_translation(Vec3::NAN), Transform::from_xyz(f32::INFINITY, 0.0, 0.0)] {
+    for transform in [
+        Transform::from_translation(Vec3::NAN),
+        Transform::from_xyz(f32::INFINITY, 0.0, 0.0),
+    ] {
         scene.rig.insert(scene.rig.camera, transform);
         scene.rig.frames(2);
         if let Some(picture) = scene.rig.next_if_any() {

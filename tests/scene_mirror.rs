@@ -3,8 +3,8 @@
 use crate::support::app::*;
 use bevy::{
     asset::RenderAssetUsages,
-    light::GlobalAmbientLight,
     camera::{ImageRenderTarget, RenderTarget},
+    light::GlobalAmbientLight,
     mesh::{Indices, PrimitiveTopology},
     prelude::*,
 };
@@ -18,14 +18,25 @@ const MOVE_BYTES: u64 = 1024;
 fn a_still_scene_sends_nothing_and_a_moved_instance_little() {
     let Some(mut rig) = Rig::new(32, 32) else { return };
     let image = rig.add::<Image>(texture(4, 4, |x, _| [60 * x as u8, 200, 100, 255]));
-    let textured = StandardMaterial { base_color_texture: Some(image), ..lambert(1.0) };
+    let textured = StandardMaterial {
+        base_color_texture: Some(image),
+        ..lambert(1.0)
+    };
     rig.spawn(square(6.0), textured, Transform::from_xyz(0.0, 0.0, -1.0));
-    let ball = rig.spawn(Sphere::new(0.5).mesh().ico(20).expect("few enough triangles"), lambert(0.5), Transform::default());
+    let ball = rig.spawn(
+        Sphere::new(0.5).mesh().ico(20).expect("few enough triangles"),
+        lambert(0.5),
+        Transform::default(),
+    );
     rig.spawn(square(1.0), lamp(1.0, 1.0, 1.0), Transform::from_xyz(2.0, 0.0, 1.0));
     rig.spawn_bundle((PointLight::default(), Transform::from_xyz(1.0, 2.0, 2.0)));
     let report = rig.until_ready();
     assert_eq!((report.instances, report.lights), (3, 3));
-    assert!(report.triangles > 5000, "{} triangles: a copy of the geometry would show", report.triangles);
+    assert!(
+        report.triangles > 5000,
+        "{} triangles: a copy of the geometry would show",
+        report.triangles
+    );
     rig.frames(2);
     for _ in 0..4 {
         rig.frame();
@@ -85,7 +96,12 @@ fn what_is_added_removed_hidden_or_exchanged_is_so_in_the_picture() {
     rig.frame();
     let small = rig.debug(DebugView::Albedo);
     let count = |p: &Picture| p.iter().filter(|(_, c)| near(c.x, 0.9)).count();
-    assert!(count(&wide) > 30 && count(&small) <= 4, "{} then {} pixels: a changed mesh", count(&wide), count(&small));
+    assert!(
+        count(&wide) > 30 && count(&small) <= 4,
+        "{} then {} pixels: a changed mesh",
+        count(&wide),
+        count(&small)
+    );
     rig.app.world_mut().despawn(close);
     assert!(near(albedo(&mut rig), 0.2), "removed");
     rig.app.world_mut().despawn(far);
@@ -140,15 +156,32 @@ fn any_layout_of_a_mesh_is_shown_and_lit() {
         ("u32 indices", quad(Indices::U32(vec![0, 1, 2, 2, 1, 3]))),
         ("every attribute", full),
         ("render world only", render_only),
-        ("render world only and bare", bare(PrimitiveTopology::TriangleList, RenderAssetUsages::RENDER_WORLD)),
-        ("normals alone", list().with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[0.0, 0.0, 1.0]; 6])),
-        ("normals of no length", list().with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[0.0, 0.0, 0.0]; 6])),
+        (
+            "render world only and bare",
+            bare(PrimitiveTopology::TriangleList, RenderAssetUsages::RENDER_WORLD),
+        ),
+        (
+            "normals alone",
+            list().with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[0.0, 0.0, 1.0]; 6]),
+        ),
+        (
+            "normals of no length",
+            list().with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[0.0, 0.0, 0.0]; 6]),
+        ),
     ];
     let count = meshes.len();
-    let Some(mut rig) = Rig::new(8 * count as u32, 8) else { return };
+    let Some(mut rig) = Rig::new(8 * count as u32, 8) else {
+        return;
+    };
     rig.insert(rig.camera, orthographic(count as f32, 1.0));
     // Light from the camera's side: E cosθ albedo/π = 1.
-    rig.spawn_bundle((DirectionalLight { illuminance: 2.0 * core::f32::consts::PI, ..default() }, Transform::default()));
+    rig.spawn_bundle((
+        DirectionalLight {
+            illuminance: 2.0 * core::f32::consts::PI,
+            ..default()
+        },
+        Transform::default(),
+    ));
     let names: Vec<_> = meshes.iter().map(|m| m.0).collect();
     for (i, (_, mesh)) in meshes.into_iter().enumerate() {
         let transform = Transform::from_xyz(i as f32 + 0.5 - 0.5 * count as f32, 0.0, 0.0).with_scale(Vec3::splat(0.9));
@@ -166,12 +199,21 @@ fn any_layout_of_a_mesh_is_shown_and_lit() {
 fn bevy_draws_mirrored_meshes_for_every_camera_but_ours() {
     let Some(mut rig) = Rig::new(16, 16) else { return };
     // Ambient light is Bevy's alone: what it draws is bright, what we trace is black.
-    rig.app.insert_resource(GlobalAmbientLight { brightness: 1e4, ..default() });
+    rig.app.insert_resource(GlobalAmbientLight {
+        brightness: 1e4,
+        ..default()
+    });
     rig.spawn(square(2.0), lambert(1.0), Transform::default());
     let other = rig.add::<Image>(target_image(UVec2::new(16, 16)));
     let transform = Transform::from_xyz(0.0, 0.0, 5.0);
     let image = RenderTarget::Image(ImageRenderTarget::from(other.clone()));
-    rig.spawn_bundle((Camera3d::default(), Camera { order: 1, ..default() }, image, transform, unit_exposure()));
+    rig.spawn_bundle((
+        Camera3d::default(),
+        Camera { order: 1, ..default() },
+        image,
+        transform,
+        unit_exposure(),
+    ));
     rig.until_ready();
     let ours = rig.target.clone();
     let centre = |rig: &mut Rig, target: &Handle<Image>| rig.drawn(target)[8 * 16 + 8][0];
@@ -189,7 +231,9 @@ fn bevy_draws_mirrored_meshes_for_every_camera_but_ours() {
 #[test]
 fn a_scene_that_gains_and_loses_features_never_goes_black() {
     // In the background: pipelines for the new features come frames later.
-    let Some(mut rig) = Rig::compiling_in_background(16, 16) else { return };
+    let Some(mut rig) = Rig::compiling_in_background(16, 16) else {
+        return;
+    };
     rig.insert(rig.camera, sky(1.0));
     rig.set(|restir| restir.bounces = 3);
     rig.spawn(square(2.0), lambert(0.5), Transform::default());
@@ -203,33 +247,90 @@ fn a_scene_that_gains_and_loses_features_never_goes_black() {
         Some(rig.add::<Image>(texture(2, 2, |x, _| [128, 128, 255, if x == 0 { 0 } else { 255 }])))
     }
     let steps: [Step; 10] = [
-        ("emissive mesh", SceneFeatures::LIGHT_TRIANGLES, |rig| aside(rig, lamp(1.0, 1.0, 1.0))),
+        ("emissive mesh", SceneFeatures::LIGHT_TRIANGLES, |rig| {
+            aside(rig, lamp(1.0, 1.0, 1.0))
+        }),
         ("point light", SceneFeatures::LIGHT_POINTS, |rig| {
             Some(rig.spawn_bundle((PointLight::default(), Transform::from_xyz(0.0, 0.0, 2.0))))
         }),
-        ("sun", SceneFeatures::LIGHT_DIRECTIONAL, |rig| Some(rig.spawn_bundle(DirectionalLight::default()))),
+        ("sun", SceneFeatures::LIGHT_DIRECTIONAL, |rig| {
+            Some(rig.spawn_bundle(DirectionalLight::default()))
+        }),
         ("texture", SceneFeatures::TEXTURES, |rig| {
             let image = dots(rig);
-            aside(rig, StandardMaterial { base_color_texture: image, ..lambert(1.0) })
+            aside(
+                rig,
+                StandardMaterial {
+                    base_color_texture: image,
+                    ..lambert(1.0)
+                },
+            )
         }),
-        ("normal map", SceneFeatures::TEXTURES.union(SceneFeatures::NORMAL_MAPS), |rig| {
-            let image = dots(rig);
-            aside(rig, StandardMaterial { normal_map_texture: image, ..lambert(1.0) })
-        }),
+        (
+            "normal map",
+            SceneFeatures::TEXTURES.union(SceneFeatures::NORMAL_MAPS),
+            |rig| {
+                let image = dots(rig);
+                aside(
+                    rig,
+                    StandardMaterial {
+                        normal_map_texture: image,
+                        ..lambert(1.0)
+                    },
+                )
+            },
+        ),
         ("mask", SceneFeatures::TEXTURES.union(SceneFeatures::ALPHA), |rig| {
             let image = dots(rig);
             let alpha_mode = AlphaMode::Mask(0.5);
-            aside(rig, StandardMaterial { base_color_texture: image, alpha_mode, ..lambert(1.0) })
+            aside(
+                rig,
+                StandardMaterial {
+                    base_color_texture: image,
+                    alpha_mode,
+                    ..lambert(1.0)
+                },
+            )
         }),
         ("glass", SceneFeatures::TRANSMISSION, |rig| {
-            aside(rig, StandardMaterial { specular_transmission: 1.0, thickness: 1.0, ..lambert(1.0) })
+            aside(
+                rig,
+                StandardMaterial {
+                    specular_transmission: 1.0,
+                    thickness: 1.0,
+                    ..lambert(1.0)
+                },
+            )
         }),
-        ("tinted glass", SceneFeatures::TRANSMISSION.union(SceneFeatures::ATTENUATION), |rig| {
-            let tint = Color::linear_rgb(0.5, 0.9, 0.5);
-            let glass = StandardMaterial { specular_transmission: 1.0, thickness: 1.0, ..lambert(1.0) };
-            aside(rig, StandardMaterial { attenuation_color: tint, attenuation_distance: 1.0, ..glass })
+        (
+            "tinted glass",
+            SceneFeatures::TRANSMISSION.union(SceneFeatures::ATTENUATION),
+            |rig| {
+                let tint = Color::linear_rgb(0.5, 0.9, 0.5);
+                let glass = StandardMaterial {
+                    specular_transmission: 1.0,
+                    thickness: 1.0,
+                    ..lambert(1.0)
+                };
+                aside(
+                    rig,
+                    StandardMaterial {
+                        attenuation_color: tint,
+                        attenuation_distance: 1.0,
+                        ..glass
+                    },
+                )
+            },
+        ),
+        ("unlit", SceneFeatures::UNLIT, |rig| {
+            aside(
+                rig,
+                StandardMaterial {
+                    unlit: true,
+                    ..lambert(1.0)
+                },
+            )
         }),
-        ("unlit", SceneFeatures::UNLIT, |rig| aside(rig, StandardMaterial { unlit: true, ..lambert(1.0) })),
         ("environment map", SceneFeatures::ENVIRONMENT_MAP, |rig| {
             let image = Some(rig.add::<Image>(texture(4, 2, |_, _| [255; 4])));
             rig.get_mut::<RestirEnvironment>(rig.camera).image = image;

@@ -250,6 +250,7 @@ impl TexturePool {
     }
 
     /// Places and copies the images that are wanted and ready.  True where a slot changed.
+    #[expect(clippy::too_many_arguments, reason = "one call site; each is a resource of the caller's system")]
     pub fn update(
         &mut self,
         wanted: impl Iterator<Item = AssetId<Image>>,

@@ -24,7 +24,12 @@ impl Run {
     pub fn failed(&self, code: i32, what: &str) {
         assert_eq!(self.code, code, "{what}: {self:?}");
         assert!(self.stderr.starts_with("error: "), "{what}: {}", self.stderr);
-        assert_eq!(self.stderr.trim_end().lines().count(), 1, "{what}: one line: {}", self.stderr);
+        assert_eq!(
+            self.stderr.trim_end().lines().count(),
+            1,
+            "{what}: one line: {}",
+            self.stderr
+        );
     }
 }
 
@@ -36,9 +41,17 @@ pub fn asset(name: &str) -> PathBuf {
 /// The program beside the tests.
 fn program() -> PathBuf {
     let tests = std::env::current_exe().expect("this program is a file");
-    let program = tests.parent().and_then(Path::parent).expect("tests lie in deps").join("examples/render");
+    let program = tests
+        .parent()
+        .and_then(Path::parent)
+        .expect("tests lie in deps")
+        .join("examples/render");
     let program = program.with_extension(std::env::consts::EXE_EXTENSION);
-    assert!(program.is_file(), "{} is missing: run `cargo build --examples` first", program.display());
+    assert!(
+        program.is_file(),
+        "{} is missing: run `cargo build --examples` first",
+        program.display()
+    );
     program
 }
 
@@ -69,7 +82,10 @@ impl Folder {
     /// Names of all that lies in it, sorted.
     pub fn files(&self) -> Vec<String> {
         let entries = fs::read_dir(&self.0).expect("the folder is there");
-        let mut names: Vec<_> = entries.flatten().map(|e| e.file_name().to_string_lossy().into_owned()).collect();
+        let mut names: Vec<_> = entries
+            .flatten()
+            .map(|e| e.file_name().to_string_lossy().into_owned())
+            .collect();
         names.sort_unstable();
         names
     }

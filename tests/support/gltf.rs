@@ -13,7 +13,12 @@ pub struct Scene {
 impl Default for Scene {
     fn default() -> Self {
         // KHR_materials_emissive_strength 4 · (0.25, 0.5, 0.75).
-        Self { camera: true, emissive: [0.25, 0.5, 0.75], animated: false, texture: None }
+        Self {
+            camera: true,
+            emissive: [0.25, 0.5, 0.75],
+            animated: false,
+            texture: None,
+        }
     }
 }
 
