@@ -1,6 +1,6 @@
 //! Pictures do not depend on the scale of the scene, on where it lies, or on how bright it is: only rounding tells the difference.
 
-use super::support::app::{Picture, Rig, lamp, lambert, plain, square};
+use super::support::app::{Picture, Rig, lambert, lamp, plain, square};
 use bevy::prelude::*;
 use bevy_restir::Restir;
 
@@ -19,7 +19,8 @@ fn room(rig: &mut Rig, scale: f32, offset: Vec3, radiance: f32) {
     spawn(square(4.0), lambert(0.5), floor);
     let side = Transform::from_xyz(-2.0, 0.0, 0.0).looking_to(Vec3::NEG_X, Vec3::Y);
     spawn(square(4.0), lambert(0.3), side);
-    let metal = StandardMaterial { metallic: 1.0, perceptual_roughness: 0.3, ..Color::linear_rgb(0.9, 0.6, 0.3).into() };
+    let metal =
+        StandardMaterial { metallic: 1.0, perceptual_roughness: 0.3, ..Color::linear_rgb(0.9, 0.6, 0.3).into() };
     spawn(Sphere::new(0.8).into(), metal, Transform::from_xyz(-0.8, -1.2, -0.5));
     let glass = StandardMaterial {
         specular_transmission: 1.0,
@@ -53,7 +54,8 @@ fn picture(scale: f32, offset: Vec3, radiance: f32, frames: u32) -> Option<Pictu
 
 /// Share of the pixels that differ by more than a part in a thousand.
 fn share_of_different_pixels(a: &Picture, b: &Picture, gain: f32) -> f64 {
-    let differ = |(a, b): &((UVec2, Vec3), (UVec2, Vec3))| (a.1 * gain - b.1).length() > 1e-3 * (b.1.length() + 1e-3 * gain);
+    let differ =
+        |(a, b): &((UVec2, Vec3), (UVec2, Vec3))| (a.1 * gain - b.1).length() > 1e-3 * (b.1.length() + 1e-3 * gain);
     a.iter().zip(b.iter()).filter(differ).count() as f64 / a.pixels.len() as f64
 }
 

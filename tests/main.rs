@@ -13,6 +13,8 @@ mod light_choice;
 mod lights;
 mod motion_vectors;
 mod offset;
+mod references;
+mod render_cli;
 mod rng;
 mod scene_mirror;
 mod shaders_compose;

@@ -146,7 +146,9 @@ fn any_layout_of_a_mesh_is_shown_and_lit() {
         ("normals of no length", list().with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[0.0, 0.0, 0.0]; 6])),
     ];
     let count = meshes.len();
-    let Some(mut rig) = Rig::new(8 * count as u32, 8) else { return };
+    let Some(mut rig) = Rig::new(8 * count as u32, 8) else {
+        return;
+    };
     rig.insert(rig.camera, orthographic(count as f32, 1.0));
     // Light from the camera's side: E cosθ albedo/π = 1.
     rig.spawn_bundle((
@@ -193,7 +195,9 @@ fn bevy_draws_mirrored_meshes_for_every_camera_but_ours() {
 #[test]
 fn a_scene_that_gains_and_loses_features_never_goes_black() {
     // In the background: pipelines for the new features come frames later.
-    let Some(mut rig) = Rig::compiling_in_background(16, 16) else { return };
+    let Some(mut rig) = Rig::compiling_in_background(16, 16) else {
+        return;
+    };
     rig.insert(rig.camera, sky(1.0));
     rig.set(|restir| restir.bounces = 3);
     rig.spawn(square(2.0), lambert(0.5), Transform::default());

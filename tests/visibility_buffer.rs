@@ -151,3 +151,21 @@ fn a_mask_shows_what_is_behind_its_holes() {
         assert!((color.x - if solid { 1.0 } else { 0.25 }).abs() < 1e-5, "{color} at {at}");
     }
 }
+
+#[test]
+fn debug_views_are_values_whatever_the_exposure() {
+    let Some(mut rig) = Rig::new(8, 8) else { return };
+    rig.spawn(square(20.0), lambert(0.5), Transform::from_xyz(0.0, 0.0, 1.0));
+    rig.insert(rig.camera, (orthographic(1.0, 1.0), bevy::core_pipeline::tonemapping::Tonemapping::None));
+    let target = rig.target.clone();
+    let mut shown = Vec::new();
+    for exposure in [unit_exposure(), default(), bevy::camera::Exposure { ev100: -3.0 }] {
+        rig.insert(rig.camera, exposure);
+        assert!((rig.debug(DebugView::Depth).centre().x - 4.0).abs() < 0.2, "metres");
+        assert!((rig.debug(DebugView::Albedo).centre().x - 0.5).abs() < 1e-5);
+        rig.set(|restir| restir.debug_view = DebugView::Albedo);
+        shown.push(rig.drawn(&target)[0]);
+    }
+    // 0.5, sRGB-encoded.
+    assert!(shown.iter().all(|p| p[0].abs_diff(188) <= 1), "{shown:?}");
+}

@@ -39,7 +39,18 @@ use std::{
 const PATIENCE: Duration = Duration::from_secs(300);
 
 fn main() -> ExitCode {
-    let args = Args::parse();
+    let args = match Args::try_parse() {
+        Ok(args) => args,
+        Err(error) if !error.use_stderr() => {
+            // The help or the version was asked for.
+            let _ = error.print();
+            return ExitCode::SUCCESS;
+        }
+        Err(error) => {
+            eprintln!("{}", one_line(&error.to_string()));
+            return ExitCode::from(2);
+        }
+    };
     if std::env::var_os("XDG_RUNTIME_DIR").is_none() {
         // Mesa's device-select layer looks for a compositor and complains on stderr where there is none.
         // SAFETY: no other thread runs yet.
@@ -59,6 +70,11 @@ fn main() -> ExitCode {
             ExitCode::from(1)
         }
     }
+}
+
+/// The first paragraph of a message in one line: what is wrong, without the usage.
+fn one_line(message: &str) -> String {
+    message.lines().map(str::trim).take_while(|line| !line.is_empty()).collect::<Vec<_>>().join(" ")
 }
 
 /// Everything from the file to the picture.
@@ -164,6 +180,10 @@ fn until(app: &mut App, otherwise: &str, done: impl Fn(&App) -> bool) -> Result<
         frame(app);
         if done(app) {
             return Ok(());
+        }
+        // Bevy quits where wgpu reports an error.
+        if app.should_exit().is_some() {
+            return Err("the renderer failed".into());
         }
         if start.elapsed() > PATIENCE {
             return Err(format!("{otherwise} after {} s", PATIENCE.as_secs()));

@@ -1,5 +1,5 @@
 // What a camera knows of its pixels, in place of light: false colours of ids, by the rasteriser and by a traced ray; depth, motion,
-// normals, base colour.  Values as they are: exposure is taken off again.
+// normals, base colour.  Values as they are, without exposure.
 
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::rng::{pcg4d, unit_float}
@@ -71,7 +71,7 @@ fn debug(@builtin(global_invocation_id) id: vec3<u32>) {
     } else if view.debug_view == DEBUG_MOTION {
         color = vec3<f32>(motion_of_sky(ray.direction), 0.0);
     }
-    radiance[pixel.y * view.size.x + pixel.x] = vec4<f32>(color / view.exposure, 1.0);
+    radiance[pixel.y * view.size.x + pixel.x] = vec4<f32>(color, 1.0);
     let counted = textureLoad(ray_counts, pixel).x;
     textureStore(ray_counts, pixel, vec4<u32>((counted + rays_traced) | trace_flags << 24u));
 }

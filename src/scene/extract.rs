@@ -111,7 +111,7 @@ pub(crate) fn extract_scene(
                 AnalyticLight::Spot {
                     position: transform.translation(),
                     intensity: rgb(light.color) * (light.intensity / (4.0 * core::f32::consts::PI)),
-                    direction: transform.forward().into(),
+                    direction: forward(transform),
                     cos_inner: light.inner_angle.cos(),
                     cos_outer: light.outer_angle.cos(),
                 },
@@ -121,7 +121,7 @@ pub(crate) fn extract_scene(
     for (entity, light, transform, visible) in &suns {
         if visible.get() {
             let illuminance = rgb(light.color) * light.illuminance;
-            let direction = transform.forward().into();
+            let direction = forward(transform);
             scene.lights.push((entity.into(), AnalyticLight::Directional { direction, illuminance }));
         }
     }
@@ -143,6 +143,11 @@ pub(crate) fn extract_scene(
             AssetEvent::LoadedWithDependencies { .. } => {}
         }
     }
+}
+
+/// The way a light shines; NaN where its transform has none, and the light is left out.
+fn forward(transform: &GlobalTransform) -> Vec3 {
+    transform.affine().transform_vector3(Vec3::NEG_Z).try_normalize().unwrap_or(Vec3::NAN)
 }
 
 fn rgb(color: bevy::color::Color) -> Vec3 {

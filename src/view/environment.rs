@@ -81,6 +81,7 @@ impl Default for EnvironmentPool {
     }
 }
 
+#[expect(clippy::too_many_arguments, reason = "a system: each is a resource")]
 pub(crate) fn prepare_environments(
     mut pool: ResMut<EnvironmentPool>,
     views: Res<ExtractedViews>,

@@ -146,12 +146,12 @@ fn prepare_views(
 ) {
     pool.views.retain(|entity, _| extracted.0.contains_key(entity));
     for (&entity, restir) in &extracted.0 {
-        let Ok((camera, view, target, jitter)) = cameras.get(entity) else {
+        let Some((camera, view, target, jitter)) = cameras.get(entity).ok().filter(|c| extract::has_view(Some(c.0)))
+        else {
+            // Nothing of an older frame is shown, captured or counted.
+            pool.views.remove(&entity);
             continue;
         };
-        if !extract::has_view(Some(camera)) {
-            continue;
-        }
         let size = UVec2::new(view.viewport.z, view.viewport.w).max(UVec2::ONE);
         let Some((map, importance)) = environments.views_of(restir.environment.as_ref()) else {
             continue;

@@ -261,6 +261,7 @@ impl Rig {
         self.app.update();
         let polled = self.app.world().resource::<RenderDevice>().poll(PollType::wait_indefinitely());
         assert!(polled.is_ok(), "the device is lost");
+        assert!(self.app.should_exit().is_none(), "Bevy quits after an error of the renderer");
     }
 
     pub fn frames(&mut self, count: u32) {

@@ -3,7 +3,9 @@
 
 pub mod app;
 pub mod brute_force;
+pub mod cli;
 pub mod compose;
+pub mod gltf;
 pub mod gpu;
 pub mod lit;
 pub mod materials;

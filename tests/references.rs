@@ -1,0 +1,166 @@
+//! The reference tracer against pictures of an independent one (Mitsuba 3): the short form of `docs/proof.md`'s comparison.
+//!
+//! Two runs of other seeds give a picture and, by their difference, its noise.  A mean, over the image or over a tile, agrees with
+//! the reference's if they differ by no more than a floor and four (tiles: five) standard errors: what a firefly adds to a mean it adds
+//! to the error, too.  The floor of tiles also covers what noise between pixels does not show: all pixels share a frame's jitter, so
+//! that a silhouette is off everywhere at once.  The tests show their own power: a reference that is brighter or darker by `planted`
+//! all over, or brighter by 40 % in one tile that is quiet enough, must not agree.
+
+use crate::support::cli::{Exr, Folder, asset};
+use serde_json::Value;
+
+/// How close a scene must come.
+struct Case {
+    scene: &'static str,
+    /// Frames of each of the two runs.
+    frames: u32,
+    /// Relative difference of image means beyond noise.
+    floor: f64,
+    /// The same of tiles.
+    tile_floor: f64,
+    /// Relative error all over that is found.
+    planted: f64,
+}
+
+const SIZE: usize = 128;
+const TILE: usize = 32;
+
+/// Light of a pixel: mean of its channels.
+fn values(exr: &Exr) -> Vec<f64> {
+    assert_eq!((exr.width, exr.height), (SIZE, SIZE));
+    exr.pixels.iter().map(|p| p.iter().map(|c| f64::from(*c)).sum::<f64>() / 3.0).collect()
+}
+
+/// Two independent estimates of every pixel, and the reference.
+struct Pictures {
+    halves: [Vec<f64>; 2],
+    reference: Vec<f64>,
+    reference_error: Vec<f64>,
+}
+
+impl Pictures {
+    /// Relative difference of means over some pixels, with its standard error.
+    fn difference(&self, pixels: &[usize], reference_scale: impl Fn(usize) -> f64) -> (f64, f64) {
+        let [a, b] = &self.halves;
+        let reference: f64 = pixels.iter().map(|&i| self.reference[i] * reference_scale(i)).sum();
+        let mean: f64 = pixels.iter().map(|&i| 0.5 * (a[i] + b[i])).sum();
+        // Pixels are independent: a mean's variance is that of its pixels, (a - b)²/4 each, and the reference's own.
+        let variance: f64 =
+            pixels.iter().map(|&i| 0.25 * (a[i] - b[i]).powi(2) + self.reference_error[i].powi(2)).sum();
+        // Dark tiles are held against a tenth of what an average one has.
+        let average = self.reference.iter().sum::<f64>() / (SIZE * SIZE) as f64;
+        let scale = reference.max(0.1 * average * pixels.len() as f64);
+        ((mean - reference) / scale, variance.sqrt() / scale)
+    }
+
+    /// Why the picture disagrees with a scaled reference.
+    fn disagreement(&self, case: &Case, scale: impl Fn(usize) -> f64) -> Option<String> {
+        let all: Vec<usize> = (0..SIZE * SIZE).collect();
+        let (difference, error) = self.difference(&all, &scale);
+        if difference.abs() > case.floor + 4.0 * error {
+            return Some(format!("the image differs by {difference:.5}, standard error {error:.5}"));
+        }
+        tiles().find_map(|tile| {
+            let (difference, error) = self.difference(&tile, &scale);
+            (difference.abs() > case.tile_floor + 5.0 * error).then(|| {
+                format!("the tile from pixel {} differs by {difference:.4}, standard error {error:.4}", tile[0])
+            })
+        })
+    }
+}
+
+fn tiles() -> impl Iterator<Item = Vec<usize>> {
+    let across = SIZE / TILE;
+    (0..across * across).map(move |t| {
+        let (x0, y0) = (t % across * TILE, t / across * TILE);
+        (0..TILE * TILE).map(|i| (y0 + i / TILE) * SIZE + x0 + i % TILE).collect()
+    })
+}
+
+fn render(case: &Case) -> Option<Pictures> {
+    let folder = Folder::new(case.scene)?;
+    let text = std::fs::read_to_string(asset("references.json")).expect("the references are there");
+    let all: Value = serde_json::from_str(&text).expect("it is JSON");
+    let (bounces, frames) = (all[case.scene]["bounces"].to_string(), case.frames.to_string());
+    let halves = ["11", "12"].map(|seed| {
+        let mut arguments = vec![
+            "--technique",
+            "reference",
+            "--size",
+            "128x128",
+            "--set",
+            "energy_compensation=false",
+            "--bounces",
+            &bounces,
+            "--frames",
+            &frames,
+            "--seed",
+            seed,
+            "--out",
+            "out.exr",
+        ];
+        let env =
+            all[case.scene]["env"].as_array().map(|e| e.iter().map(Value::to_string).collect::<Vec<_>>().join(","));
+        if let Some(env) = &env {
+            arguments.extend(["--env", env]);
+        }
+        folder.render(&asset(&format!("{}.glb", case.scene)), &arguments).succeeded();
+        values(&Exr::read(&folder.path("out.exr")))
+    });
+    let exr = |name: String| values(&Exr::read(&asset(&name)));
+    let (reference, reference_error) = (exr(format!("{}.exr", case.scene)), exr(format!("{}_se.exr", case.scene)));
+    Some(Pictures { halves, reference, reference_error })
+}
+
+fn check(case: Case) {
+    let Some(pictures) = render(&case) else { return };
+    let all: Vec<usize> = (0..SIZE * SIZE).collect();
+    let (difference, error) = pictures.difference(&all, |_| 1.0);
+    println!("{}: {difference:+.5}, standard error {error:.5}", case.scene);
+    if let Some(why) = pictures.disagreement(&case, |_| 1.0) {
+        panic!("{}: {why}", case.scene);
+    }
+    for scale in [1.0 + case.planted, 1.0 - case.planted] {
+        assert!(pictures.disagreement(&case, |_| scale).is_some(), "{}: {scale} of the reference passes", case.scene);
+    }
+    // Of the tiles whose noise allows it.
+    let average = pictures.reference.iter().sum::<f64>() / (SIZE * SIZE) as f64;
+    let is_quiet = |tile: &Vec<usize>| {
+        let light = tile.iter().map(|&i| pictures.reference[i]).sum::<f64>() / tile.len() as f64;
+        light > 0.2 * average && case.tile_floor + 8.0 * pictures.difference(tile, |_| 1.0).1 < 0.28
+    };
+    let quiet: Vec<_> = tiles().filter(is_quiet).collect();
+    assert!(quiet.len() >= 2, "{}: only {} tiles are quiet enough to tell anything", case.scene, quiet.len());
+    for tile in quiet {
+        let inside = |i: usize| if tile.contains(&i) { 1.4 } else { 1.0 };
+        assert!(pictures.disagreement(&case, inside).is_some(), "{}: a tile brighter by 40 % passes", case.scene);
+    }
+}
+
+macro_rules! scenes {
+    ($($name:ident: $frames:literal, $floor:literal, $tile_floor:literal, $planted:literal;)*) => {
+        $(#[test]
+        fn $name() {
+            check(Case {
+                scene: stringify!($name),
+                frames: $frames,
+                floor: $floor,
+                tile_floor: $tile_floor,
+                planted: $planted,
+            });
+        })*
+    };
+}
+
+scenes! {
+    cornell: 16, 0.003, 0.02, 0.03;
+    glossy: 16, 0.003, 0.02, 0.03;
+    blinds: 16, 0.003, 0.02, 0.03;
+    punctual: 64, 0.003, 0.04, 0.03;
+    furnace: 12, 0.003, 0.02, 0.03;
+    ajar: 48, 0.005, 0.03, 0.06;
+    many_lights: 24, 0.01, 0.03, 0.1;
+    glass_lamp: 32, 0.01, 0.03, 0.06;
+    caustic_egg: 16, 0.01, 0.03, 0.06;
+    mirror_room: 32, 0.01, 0.03, 0.06;
+}
