@@ -181,6 +181,10 @@ pub struct GpuViewUniforms {
     pub bounces: u32,
     pub flags: u32,
     pub origin: [u32; 2],
+    pub accumulated: u32,
+    pub pad_a: u32,
+    pub pad_b: u32,
+    pub pad_c: u32,
 }
 
 /// What a frame counted: `Counters` in `shaders/pass/statistics.wgsl`.

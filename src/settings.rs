@@ -164,6 +164,8 @@ pub struct Restir {
     pub seed: u32,
     /// Direct light, for [`Technique::Di`].
     pub direct: Direct,
+    /// Shows the mean of all frames for as long as nothing that is shown changes: for stills.  [`Technique::Reference`] always does.
+    pub accumulate: bool,
     /// Shows something else than light.
     pub debug_view: DebugView,
     /// Forgets what earlier frames gathered, then clears itself.
@@ -195,6 +197,7 @@ impl Restir {
             energy_compensation: true,
             seed: 0,
             direct: Direct::default(),
+            accumulate: false,
             debug_view: DebugView::Off,
             reset: false,
         }

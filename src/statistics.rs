@@ -153,7 +153,7 @@ pub(crate) fn update_report(
         counters.overflow_flags |= newest.overflow_flags;
         report.memory.extend(view.memory());
         report.reservoir_bytes_per_pixel = report.reservoir_bytes_per_pixel.max(view.reservoir_bytes_per_pixel());
-        report.samples = view.frame + 1;
+        report.samples = view.accumulated + 1;
         if let Some(key) = view.key {
             report.features |= key.features;
         }

@@ -2,7 +2,7 @@
 
 use crate::support::app::*;
 use bevy::{prelude::*, render::render_resource::TextureFormat};
-use bevy_restir::{EmissiveLuminance, RestirEnvironment};
+use bevy_restir::{EmissiveLuminance, RestirEnvironment, Technique};
 
 /// A lit plane with a texture, and who is who in it.
 struct Scene {
@@ -158,4 +158,22 @@ fn a_seed_gives_one_picture_and_another_seed_another_of_the_same_mean() {
     let error = error_a.hypot(error_b);
     assert!(error < 0.01 * a, "the test has power: {error} of {a}");
     assert!((a - b).abs() < 5.0 * error, "{a} and {b}, standard error {error}");
+}
+
+#[test]
+fn every_technique_gathers_frames_where_it_is_asked_to() {
+    let Some(mut rig) = Rig::new(16, 16) else { return };
+    rig.spawn(square(4.0), lambert(0.5), Transform::default());
+    rig.spawn(square(1.0), lamp(3.0, 3.0, 3.0), Transform::from_xyz(3.0, 0.0, 2.0).looking_to(Vec3::X, Vec3::Y));
+    rig.set(|restir| restir.technique = Technique::Di);
+    rig.until_ready();
+    assert_eq!(rig.next().samples, 1, "a frame at a time");
+    rig.set(|restir| restir.accumulate = true);
+    let one = rig.next();
+    rig.frames(6);
+    let eight = rig.next();
+    assert_eq!((one.samples, eight.samples), (1, 8));
+    // Moving things are shown as they are.
+    rig.get_mut::<Transform>(rig.camera).translation.x += 0.1;
+    assert_eq!(rig.next().samples, 1);
 }

@@ -139,6 +139,10 @@ fn view_structs_are_the_same_in_rust_and_wgsl() {
             bounces,
             flags,
             origin,
+            accumulated,
+            pad_a,
+            pad_b,
+            pad_c,
         }
     );
     let statistics = module("pass/statistics.wgsl");

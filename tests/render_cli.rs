@@ -162,27 +162,29 @@ fn values_out_of_range_are_clamped_with_a_warning() {
 #[test]
 fn the_same_command_gives_the_same_bytes_and_options_do_what_they_say() {
     let Some(folder) = Folder::new("options") else { return };
-    let render = |out: &str, more: &[&str]| {
-        let fixed = ["--size", "24x24", "--frames", "4", "--bounces", "3", "--out", out];
+    let render_by = |technique: &str, out: &str, more: &[&str]| {
+        let fixed = ["--technique", technique, "--size", "24x24", "--frames", "4", "--bounces", "3", "--out", out];
         let run = folder.render(&asset("cornell.glb"), &[&fixed[..], more].concat());
         run.succeeded();
         fs::read(folder.path(out)).expect("it was written")
     };
+    let render = |out: &str, more: &[&str]| render_by("reference", out, more);
     let first = render("a.exr", &[]);
-    assert_eq!(render("b.exr", &[]), first, "again");
-    assert_eq!(
-        render("b.exr", &["--seed", "0", "--output", "last", "--warmup", "3"]),
-        first,
-        "the reference: defaults"
-    );
-    assert_ne!(render("b.exr", &["--seed", "1"]), first, "another seed");
+    assert!(render("b.exr", &[]) == first, "again");
+    let defaults = ["--seed", "0", "--output", "last", "--warmup", "3"];
+    assert!(render("b.exr", &defaults) == first, "the reference: defaults");
+    assert!(render("b.exr", &["--seed", "1"]) != first, "another seed");
     // Exposure is 1/(1.2 · 2^ev100), and linear.
     render("b.exr", &["--ev100", "2"]);
     let (plain, exposed) = (Exr::read(&folder.path("a.exr")), Exr::read(&folder.path("b.exr")));
     for (a, b) in plain.pixels.iter().flatten().zip(exposed.pixels.iter().flatten()) {
         assert!((a / 4.8 - b).abs() <= 1e-5 * a, "{a} and {b}");
     }
-    assert_eq!(render("b.png", &[]), render("c.png", &[]), "a png, too");
+    assert!(render("b.png", &[]) == render("c.png", &[]), "a png, too");
+    // Of a technique that does not gather by itself, the mean is that of its frames, in both kinds of file.
+    let di = |out: &str, more: &[&str]| render_by("di", out, more);
+    assert!(di("mean.exr", &[]) != di("last.exr", &["--output", "last"]));
+    assert!(di("mean.png", &[]) != di("last.png", &["--output", "last"]));
 }
 
 #[test]
@@ -234,7 +236,15 @@ fn an_animation_moves_what_it_says() {
 #[test]
 fn statistics_are_complete_and_true() {
     let Some(folder) = Folder::new("stats") else { return };
-    let arguments = ["--size", "20x10", "--frames", "6", "--bounces", "2", "--out", "out.exr", "--stats", "stats.json"];
+    let arguments = [
+        ["--technique", "reference"],
+        ["--size", "20x10"],
+        ["--frames", "6"],
+        ["--bounces", "2"],
+        ["--out", "out.exr"],
+        ["--stats", "stats.json"],
+    ]
+    .concat();
     folder.render(&asset("cornell.glb"), &arguments).succeeded();
     let text = fs::read_to_string(folder.path("stats.json")).expect("it was written");
     let stats: Value = serde_json::from_str(&text).expect("it is JSON");

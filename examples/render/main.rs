@@ -217,8 +217,9 @@ fn accumulate(app: &mut App, args: &Args, settings: &Restir, times: &mut Times) 
             restir.reset = true;
         }
     };
-    // The reference gathers on the GPU for as long as nothing moves; everything else is summed here, frame by frame.
-    let progressive = settings.technique == Technique::Reference && !args.animate;
+    // Still frames are gathered on the GPU; moving ones are summed here, frame by frame.
+    let mean = settings.technique == Technique::Reference || args.output == Output::Mean;
+    let gathers = mean && !args.animate;
     let warmup = if settings.technique == Technique::Reference { 0 } else { args.warmup };
     let progress = Progress::new(warmup + args.frames);
     reset(app);
@@ -226,12 +227,15 @@ fn accumulate(app: &mut App, args: &Args, settings: &Restir, times: &mut Times) 
         frame(app);
         progress.show(i + 1);
     }
+    if let Some(mut restir) = app.world_mut().get_mut::<Restir>(camera) {
+        restir.accumulate = gathers;
+    }
     let mut sum: Vec<[f64; 3]> = Vec::new();
     times.sample(app.world(), settings);
     times.clear();
     for i in 0..args.frames {
         let last = i + 1 == args.frames;
-        let captured = last || (!progressive && args.output == Output::Mean);
+        let captured = last || (!gathers && mean);
         if captured {
             app.world().resource::<View>().capture.request();
         }
@@ -245,7 +249,7 @@ fn accumulate(app: &mut App, args: &Args, settings: &Restir, times: &mut Times) 
         progress.show(warmup + i + 1);
     }
     progress.done();
-    let counted = if progressive || args.output == Output::Last { 1.0 } else { f64::from(args.frames) };
+    let counted = if gathers || !mean { 1.0 } else { f64::from(args.frames) };
     Ok(Frames { pixels: sum.into_iter().map(|p| p.map(|c| c / counted)).collect() })
 }
 

@@ -41,7 +41,7 @@ fn reference(@builtin(global_invocation_id) id: vec3<u32>) {
 
     let index = pixel.y * view.size.x + pixel.x;
     var sum = vec4<f32>(sample, 1.0);
-    if view.frame > 0u {
+    if view.accumulated > 0u {
         sum += radiance[index];
     }
     radiance[index] = sum;

@@ -1,4 +1,5 @@
-// The picture of a frame from its parts: what the camera sees emit, and the light that was found.
+// The picture of a frame from its parts: what the camera sees emit, and the light that was found.  Where frames are accumulated it
+// joins their sum.
 
 #import bevy_restir::common::constants::{NONE, NON_FINITE}
 #import bevy_restir::common::math::is_finite_3
@@ -29,5 +30,10 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
         light = vec3<f32>(0.0);
         textureStore(ray_counts, pixel, textureLoad(ray_counts, pixel) | vec4<u32>(NON_FINITE << 24u));
     }
-    radiance[pixel.y * view.size.x + pixel.x] = vec4<f32>(light, 1.0);
+    let index = pixel.y * view.size.x + pixel.x;
+    var sum = vec4<f32>(light, 1.0);
+    if view.accumulated > 0u {
+        sum += radiance[index];
+    }
+    radiance[index] = sum;
 }

@@ -24,4 +24,8 @@ struct ViewUniforms {
     bounces: u32,                       // scattering events a path may have
     flags: u32,                         // VIEW_*
     origin: vec2<u32>,                  // of the viewport in its target, pixels
+    accumulated: u32,                   // frames that `radiance` holds already: 0 starts again
+    pad_a: u32,
+    pad_b: u32,
+    pad_c: u32,
 }

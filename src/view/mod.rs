@@ -65,6 +65,10 @@ pub(crate) struct RestirView {
     pub raster_bind_group: BindGroup,
     /// Frames since the history was reset.
     pub frame: u32,
+    /// Frames that the radiance held before this one.
+    pub accumulated: u32,
+    /// Frames are being summed.
+    summed: bool,
     previous_camera: Option<GpuCamera>,
     previous_jitter: [f32; 2],
     shown: Option<Shown>,
@@ -249,6 +253,8 @@ impl RestirView {
             visibility_texture,
             direct: None,
             frame: 0,
+            accumulated: 0,
+            summed: false,
             previous_camera: None,
             previous_jitter: [0.0; 2],
             shown: None,

@@ -57,18 +57,23 @@ impl RestirView {
             environment_revision: environments.revision(restir.environment.as_ref()),
             camera: current,
             size: self.size,
-            settings: Restir { reset: false, ..restir.settings.clone() },
+            // Gathering frames changes none of them.
+            settings: Restir { reset: false, accumulate: false, ..restir.settings.clone() },
             environment: restir.environment,
             background,
             pipelines: self.key.unwrap_or_default(),
         };
         // A picture that is summed must stay the same; a history must only know what it sees: things and cameras may move.
-        let summed = self.key.is_none_or(|key| key.frame != Frame::Direct);
-        let keep = self.shown.as_ref().is_some_and(|last| {
-            let moved = Shown { motion: shown.motion, camera: shown.camera, ..last.clone() };
-            if summed { *last == shown } else { moved == shown }
-        }) && !restir.settings.reset;
+        let progressive = self.key.is_none_or(|key| key.frame != Frame::Direct);
+        let last = self.shown.as_ref().filter(|_| !restir.settings.reset);
+        let same = last.is_some_and(|last| *last == shown);
+        let known =
+            last.is_some_and(|last| Shown { motion: shown.motion, camera: shown.camera, ..last.clone() } == shown);
+        let keep = if progressive { same } else { known };
         self.frame = if keep { self.frame.saturating_add(1) } else { 0 };
+        let sums = progressive || restir.settings.accumulate;
+        self.accumulated = if same && sums && self.summed { self.accumulated.saturating_add(1) } else { 0 };
+        self.summed = sums;
         self.shown = Some(shown);
 
         let jitter = match bevy_jitter {
@@ -101,6 +106,10 @@ impl RestirView {
             bounces: restir.settings.bounces,
             flags,
             origin: self.origin.to_array(),
+            accumulated: self.accumulated,
+            pad_a: 0,
+            pad_b: 0,
+            pad_c: 0,
         };
         queue.write_buffer(&self.uniforms, 0, bytemuck::bytes_of(&uniforms));
         self.previous_camera = Some(current);
