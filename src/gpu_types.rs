@@ -50,7 +50,7 @@ pub struct GpuSceneUniforms {
     pub light_power: f32,
     pub radius: f32,
     pub centre: [f32; 3],
-    pub pad: u32,
+    pub previous_lights: u32,
 }
 
 #[repr(C)]
@@ -150,7 +150,7 @@ pub struct GpuLight {
     pub direction: [f32; 3],
     pub alias_probability: f32,
     pub alias_index: u32,
-    pub pad: u32,
+    pub counterpart: u32,
     pub data: [u32; 2],
 }
 

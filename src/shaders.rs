@@ -39,6 +39,7 @@ pub const MODULES: &[(&str, &str)] = table![
     "light/directional.wgsl",
     "light/light.wgsl",
     "light/select.wgsl",
+    "light/remap.wgsl",
     "light/point_on_light.wgsl",
     "restir/mis.wgsl",
     "restir/stream.wgsl",

@@ -61,7 +61,7 @@ fn scene_structs_are_the_same_in_rust_and_wgsl() {
             light_power,
             radius,
             centre,
-            pad,
+            previous_lights,
         }
     );
     agrees!(types, "Triangle", GpuTriangle { a, pad_a, b, pad_b, c, pad_c });
@@ -112,7 +112,7 @@ fn scene_structs_are_the_same_in_rust_and_wgsl() {
     agrees!(
         types,
         "Light",
-        GpuLight { position, kind, emission, pmf, direction, alias_probability, alias_index, pad, data }
+        GpuLight { position, kind, emission, pmf, direction, alias_probability, alias_index, counterpart, data }
     );
 }
 

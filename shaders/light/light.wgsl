@@ -17,6 +17,11 @@ fn light_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> LightSample 
     if light >= scene.light_count {
         return no_light_sample();
     }
+    return record_sample(light, from_point, u);
+}
+
+// The same of any record of the buffer, the last frame's among them.
+fn record_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> LightSample {
     switch lights[light].kind {
         case LIGHT_TRIANGLE: {
             return triangle_light_sample(light, from_point, u);

@@ -6,7 +6,8 @@
 #import bevy_restir::common::constants::{LIGHT_TRIANGLE, NONE}
 #import bevy_restir::common::math::{octahedral_decode, octahedral_encode}
 #import bevy_restir::light::environment::{environment_pdf, environment_radiance, environment_sample}
-#import bevy_restir::light::light::light_sample
+#import bevy_restir::light::light::record_sample
+#import bevy_restir::light::remap::light_record
 #import bevy_restir::light::triangle::{triangle_light_at, uniform_barycentrics}
 #import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, no_light_sample}
 #import bevy_restir::scene::bindings::{lights, scene}
@@ -58,13 +59,14 @@ fn light_point_at(p: LightPoint, from_point: vec3<f32>, previous: bool) -> Light
         s.pdf_solid_angle = environment_pdf(s.wi);
         return s;
     }
-    if p.light >= scene.light_count {
+    let record = light_record(p.light, previous);
+    if record == NONE {
         return no_light_sample();
     }
-    if lights[p.light].kind == LIGHT_TRIANGLE {
+    if lights[record].kind == LIGHT_TRIANGLE {
         // Rounding may put a point beyond the diagonal.
         let b = unpack2x16unorm(p.coordinates);
-        return triangle_light_at(p.light, b / max(1.0, b.x + b.y), from_point, previous);
+        return triangle_light_at(record, b / max(1.0, b.x + b.y), from_point, previous);
     }
-    return light_sample(p.light, from_point, vec2<f32>(0.5));
+    return record_sample(record, from_point, vec2<f32>(0.5));
 }

@@ -4,6 +4,7 @@
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::math::luminance
 #import bevy_restir::common::rng::{Rng, rng_1, rng_2, rng_bits, rng_new, STREAM_REUSE}
+#import bevy_restir::light::remap::light_of_this_frame
 #import bevy_restir::restir::direct::{evaluate, Evaluated, is_visible, Receiver, receiver_of, target_value}
 #import bevy_restir::restir::mis::{MAX_INPUTS, mis_needs_target, mis_weight, MisInputs}
 #import bevy_restir::restir::reservoir::{no_reservoir, Reservoir, reservoir_pack, reservoir_unpack}
@@ -84,6 +85,9 @@ fn direct_reuse(@builtin(global_invocation_id) id: vec3<u32>) {
             continue;
         }
         var s = reservoir_unpack(previous_reservoirs[at.y * view.size.x + at.x]);
+        // A light that is gone takes its sample with it, but not the sample's worth.
+        s.point.light = light_of_this_frame(s.point.light);
+        s.ucw = select(s.ucw, 0.0, s.point.light == NONE);
         // History counts at most so much; before any weight, whatever the sample is (trap T7).
         s.confidence = min(s.confidence, settings.confidence_cap * samples[0].confidence);
         samples[inputs.count] = s;

@@ -12,7 +12,7 @@ struct SceneUniforms {
     light_power: f32,          // W per unit of luminous emission: luminance-weighted power of every light of the table
     radius: f32,               // of a sphere round every instance, m
     centre: vec3<f32>,         // of that sphere
-    pad: u32,
+    previous_lights: u32,      // index in `lights` of the last frame's table; 0 where it is this frame's
 }
 
 // Object-space positions of a triangle, in the order of the leaves of its bottom-level tree.
@@ -82,6 +82,6 @@ struct Light {
     direction: vec3<f32>,      // spot, directional: the way the light travels
     alias_probability: f32,
     alias_index: u32,
-    pad: u32,
+    counterpart: u32,          // where the table changed: id of the same light in the other frame's table, or NONE
     data: vec2<u32>,
 }

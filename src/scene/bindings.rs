@@ -46,7 +46,7 @@ pub(crate) struct SceneBindings {
     /// What energy compensation reads, once a camera asks for it.
     pub albedo: Option<TextureView>,
     pub features: SceneFeatures,
-    /// Counts moves of instances.
+    /// Counts moves of instances and changes of lights: temporal reuse knows both frames of them.
     pub motion_revision: u64,
     /// Counts every other change of anything that can be seen.
     pub edit_revision: u64,

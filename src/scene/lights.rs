@@ -82,11 +82,11 @@ struct Group {
 
 /// Where the lights of one frame are in another; `NONE` for those that are not there.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct LightRemap {
+pub(crate) struct LightRemap {
     /// By this frame's ids.
-    pub previous_from_current: Vec<u32>,
+    previous_from_current: Vec<u32>,
     /// By the last frame's ids.
-    pub current_from_previous: Vec<u32>,
+    current_from_previous: Vec<u32>,
 }
 
 /// The lights of the scene.
@@ -104,8 +104,10 @@ pub(crate) struct LightPool {
     /// Warned about already.
     reported: HashSet<MainEntity>,
     pub features: SceneFeatures,
-    /// `None` while ids are those of the last frame.
-    pub remap: Option<LightRemap>,
+    /// The last frame's table lies behind this frame's, from here on; 0 where it is the same.
+    pub(crate) previous_at: u32,
+    previous: Vec<GpuLight>,
+    changed: bool,
     pub revision: u64,
 }
 
@@ -121,7 +123,9 @@ impl Default for LightPool {
             radius: 0.0,
             reported: HashSet::default(),
             features: SceneFeatures::empty(),
-            remap: None,
+            previous_at: 0,
+            previous: Vec::new(),
+            changed: false,
             revision: 0,
         }
     }
@@ -141,7 +145,7 @@ impl LightPool {
         materials: &MaterialPool,
         limit: u32,
     ) {
-        self.remap = None;
+        self.previous_at = 0;
         let sources = self.gather(scene, instances, meshes, materials);
         let radius = (instances.radius.max(1e-3).log2().ceil()).exp2();
         let directional = self.features.contains(SceneFeatures::LIGHT_DIRECTIONAL);
@@ -151,12 +155,20 @@ impl LightPool {
             return;
         }
         let old = core::mem::take(&mut self.groups);
-        let old_count = self.table.len() as u32;
+        self.previous = core::mem::take(&mut self.table);
         self.sources = sources;
         self.radius = radius;
         self.rebuild(instances, meshes, limit);
-        let remap = remap(&old, old_count, &self.groups, self.table.len() as u32);
-        self.remap = Some(remap);
+        // The shaders of temporal reuse look lights up in both frames.
+        let map = remap(&old, self.previous.len() as u32, &self.groups, self.table.len() as u32);
+        for (light, counterpart) in self.table.iter_mut().zip(map.previous_from_current) {
+            light.counterpart = counterpart;
+        }
+        for (light, counterpart) in self.previous.iter_mut().zip(map.current_from_previous) {
+            light.counterpart = counterpart;
+        }
+        self.previous_at = self.table.len().max(1) as u32;
+        self.changed = true;
     }
 
     fn gather(
@@ -272,17 +284,20 @@ impl LightPool {
 
     /// Sends what changed.  Returns the bytes sent.
     pub(crate) fn upload(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {
-        let runs = dirty_runs(&self.uploaded, &self.table);
-        if runs.is_empty() && self.uploaded.len() == self.table.len() {
+        if !core::mem::take(&mut self.changed) {
             return 0;
         }
         self.revision += 1;
-        if !self.gpu.reserve(self.table.len().max(1) as u32, device, queue) {
+        let mut both = self.table.clone();
+        both.resize(self.previous_at as usize, GpuLight::default());
+        both.append(&mut self.previous);
+        if !self.gpu.reserve(both.len() as u32, device, queue) {
             warn_once!("restir: {} lights are more than this device can bind", self.table.len());
             return 0;
         }
-        let bytes = runs.into_iter().map(|r| self.gpu.write(r.start as u32, &self.table[r], queue)).sum();
-        self.uploaded.clone_from(&self.table);
+        let runs = dirty_runs(&self.uploaded, &both);
+        let bytes = runs.into_iter().map(|r| self.gpu.write(r.start as u32, &both[r], queue)).sum();
+        self.uploaded = both;
         bytes
     }
 

@@ -37,7 +37,6 @@ pub use features::SceneFeatures;
 use heap::GpuArray;
 use instances::InstancePool;
 use lights::LightPool;
-pub use lights::LightRemap;
 use materials::MaterialPool;
 use meshes::MeshPool;
 use textures::TexturePool;
@@ -94,7 +93,7 @@ fn mirror_scene(
     let moved = textures.update(materials.images(), &images, &pipelines, &shaders, &assets, &device, &queue);
     materials.pack(&textures, moved);
     instances.update(&scene, &meshes, &mut materials, &assets);
-    lights.update(&scene, &mut instances, &meshes, &materials, GpuArray::<GpuLight>::limit(&device));
+    lights.update(&scene, &mut instances, &meshes, &materials, GpuArray::<GpuLight>::limit(&device) / 2);
     instances.build_top_level(&mut meshes, &device, &queue);
 
     let mut uploaded = meshes.uploaded + instances.uploaded_nodes;
@@ -117,7 +116,7 @@ fn mirror_scene(
         light_power: lights.power.min(1e30) as f32,
         radius: instances.radius,
         centre: instances.centre,
-        pad: 0,
+        previous_lights: lights.previous_at,
     };
     uploaded += bindings.write_uniforms(&uniforms, &device, &queue);
 
@@ -147,8 +146,8 @@ fn mirror_scene(
     }
 
     bindings.features = instances.features | lights.features;
-    bindings.motion_revision = instances.motion_revision;
-    bindings.edit_revision = materials.revision + textures.revision + instances.edit_revision + lights.revision;
+    bindings.motion_revision = instances.motion_revision + lights.revision;
+    bindings.edit_revision = materials.revision + textures.revision + instances.edit_revision;
     bindings.ready = meshes.idle() && !instances.waiting && textures.complete;
     bindings.uploaded_bytes = uploaded;
     bindings.memory = vec![

@@ -185,6 +185,8 @@ fn prepare_views(
         let composite = format.is_some_and(|format| passes.ask_composite(format, &pipelines));
         state.rendered = composite && state.key.is_some() && scene.bind_group.is_some();
         if !state.rendered {
+            // A frame that was missed is one that the history does not know.
+            state.shown = None;
             continue;
         }
         state.update_uniforms(restir, camera, view, jitter, &scene, &environments, &queue);
