@@ -4,6 +4,8 @@
 pub mod app;
 pub mod brute_force;
 pub mod compose;
+pub mod direct;
+pub mod equivalence;
 pub mod gpu;
 pub mod lit;
 pub mod materials;
