@@ -2,6 +2,7 @@
 //! margin 1 %, 40 independent restarts of 8 frames a technique (64 of the reference); and the 8 x 8 tiles by chi-squared.
 
 use crate::support::{app::*, direct::*, equivalence::Restarts, stats::FAMILY_ALPHA};
+use bevy::prelude::*;
 use bevy_restir::{Direct, Mis};
 
 const MARGIN: f64 = 0.01;
@@ -80,7 +81,11 @@ fn points_spots_and_suns_light_as_in_the_reference() {
 fn an_environment_lights_as_in_the_reference() {
     for (name, map) in [("uniform", false), ("map", true)] {
         let Some(mut rig) = scene(32, |rig| surrounded(rig, map)) else { return };
-        check(name, &mut rig, &[("candidates", candidates_only()), ("both", careless(Mis::Pairwise))]);
+        check(
+            name,
+            &mut rig,
+            &[("candidates", candidates_only()), ("both", both()), ("pairwise", careless(Mis::Pairwise))],
+        );
     }
 }
 
@@ -104,4 +109,25 @@ fn mirrors_and_lacquer_show_what_the_reference_shows() {
 fn blended_panes_and_lamps_light_as_in_the_reference() {
     let Some(mut rig) = scene(32, blended) else { return };
     check("blended", &mut rig, &[("candidates", candidates_only()), ("balance", careless(Mis::Balance))]);
+}
+
+/// Glass that absorbs, with a lamp inside: only the delta finds it.
+#[test]
+fn a_lamp_within_coloured_glass_is_seen_as_in_the_reference() {
+    let Some(mut rig) = scene(32, |rig| {
+        room(rig);
+        let glass = StandardMaterial {
+            specular_transmission: 1.0,
+            perceptual_roughness: 0.0,
+            attenuation_color: Color::linear_rgb(0.2, 0.5, 0.8),
+            attenuation_distance: 0.5,
+            ior: 1.3,
+            ..default()
+        };
+        rig.spawn(Sphere::new(0.7).mesh().uv(16, 10), glass, Transform::from_xyz(0.2, 0.0, 1.2));
+        rig.spawn(Cuboid::new(0.3, 0.3, 0.3), lamp(0.5, 0.5, 0.5), Transform::from_xyz(0.2, 0.0, 1.2));
+    }) else {
+        return;
+    };
+    check("glass", &mut rig, &[("both", both())]);
 }

@@ -6,23 +6,29 @@ use bevy::math::UVec2;
 /// Pixels a side of a tile.
 const TILE: u32 = 8;
 
-/// Means of independent restarts of one technique: of the whole image, and of every tile.
-#[derive(Clone, Debug, Default)]
+/// Means of independent restarts of one technique: of the whole image, and of every tile; without the light that is seen emitted.
+#[derive(Clone, Debug)]
 pub struct Restarts {
+    emission: Picture,
     pub images: Vec<f64>,
     pub tiles: Vec<Vec<f64>>,
 }
 
 impl Restarts {
+    pub fn new(emission: Picture) -> Self {
+        Self { emission, images: Vec::new(), tiles: Vec::new() }
+    }
+
     /// Adds a restart.
     pub fn add(&mut self, picture: &Picture) {
         let across = picture.size.x.div_ceil(TILE);
         let mut tiles = vec![(0.0, 0.0); (across * picture.size.y.div_ceil(TILE)) as usize];
         for (UVec2 { x, y }, color) in picture.iter() {
             let tile = &mut tiles[(y / TILE * across + x / TILE) as usize];
-            *tile = (tile.0 + f64::from(color.element_sum()) / 3.0, tile.1 + 1.0);
+            let scattered = color - self.emission.at(x, y);
+            *tile = (tile.0 + f64::from(scattered.element_sum()) / 3.0, tile.1 + 1.0);
         }
-        self.images.push(picture.mean());
+        self.images.push(picture.mean() - self.emission.mean());
         self.tiles.push(tiles.into_iter().map(|(sum, n)| sum / n).collect());
     }
 
