@@ -19,13 +19,13 @@ fn fault(ours: &Restarts, truth: &Restarts) -> Option<String> {
 }
 
 /// Holds techniques against the reference of one scene; one that fails is run once more on other seeds.
-fn check(name: &str, rig: &mut Rig, techniques: &[(&str, Direct)]) {
+fn check(name: &str, rig: &mut Rig, frames: u32, techniques: &[(&str, Direct)]) {
     let reference = truth(rig, 1000, TRUTH_FRAMES);
     for (what, direct) in techniques {
         eprintln!("{name}, {what}");
-        let Some(first) = fault(&resampled(rig, direct, 2000, FRAMES), &reference) else { continue };
+        let Some(first) = fault(&resampled(rig, direct, 2000, frames), &reference) else { continue };
         let again = truth(rig, 3000, TRUTH_FRAMES);
-        let second = fault(&resampled(rig, direct, 4000, FRAMES), &again);
+        let second = fault(&resampled(rig, direct, 4000, frames), &again);
         assert!(second.is_none(), "{name}, {what}: {first}, then {second:?}");
     }
     rig.assert_sound();
@@ -41,6 +41,7 @@ fn a_room_with_shadows_is_lit_as_by_the_reference() {
     check(
         "room",
         &mut rig,
+        FRAMES,
         &[
             ("candidates", candidates_only()),
             ("not presampled", Direct { subset_count: 0, ..candidates_only() }),
@@ -62,19 +63,15 @@ fn glossy_surfaces_are_lit_as_by_the_reference() {
     check(
         "glossy",
         &mut rig,
-        &[
-            ("candidates", candidates_only()),
-            ("both", both()),
-            ("balance", with_mis(Mis::Balance)),
-            ("gris", with_mis(Mis::DefensivePairwiseGris)),
-        ],
+        3 * FRAMES,
+        &[("candidates", candidates_only()), ("both", both()), ("balance", with_mis(Mis::Balance))],
     );
 }
 
 #[test]
 fn points_spots_and_suns_light_as_in_the_reference() {
     let Some(mut rig) = scene(32, punctual) else { return };
-    check("punctual", &mut rig, &[("candidates", candidates_only()), ("both", both())]);
+    check("punctual", &mut rig, FRAMES, &[("candidates", candidates_only()), ("both", both())]);
 }
 
 #[test]
@@ -84,6 +81,7 @@ fn an_environment_lights_as_in_the_reference() {
         check(
             name,
             &mut rig,
+            FRAMES,
             &[("candidates", candidates_only()), ("both", both()), ("pairwise", careless(Mis::Pairwise))],
         );
     }
@@ -95,6 +93,7 @@ fn many_small_emitters_light_as_in_the_reference() {
     check(
         "many",
         &mut rig,
+        FRAMES,
         &[("both", both()), ("not presampled", Direct { subset_count: 0, ..with_mis(Mis::Balance) })],
     );
 }
@@ -102,20 +101,19 @@ fn many_small_emitters_light_as_in_the_reference() {
 #[test]
 fn mirrors_and_lacquer_show_what_the_reference_shows() {
     let Some(mut rig) = scene(32, mirrors) else { return };
-    check("mirrors", &mut rig, &[("both", both())]);
+    check("mirrors", &mut rig, FRAMES, &[("both", both())]);
 }
 
 #[test]
 fn blended_panes_and_lamps_light_as_in_the_reference() {
     let Some(mut rig) = scene(32, blended) else { return };
-    check("blended", &mut rig, &[("candidates", candidates_only()), ("balance", careless(Mis::Balance))]);
+    check("blended", &mut rig, FRAMES, &[("candidates", candidates_only()), ("balance", careless(Mis::Balance))]);
 }
 
 /// Glass that absorbs, with a lamp inside: only the delta finds it.
 #[test]
 fn a_lamp_within_coloured_glass_is_seen_as_in_the_reference() {
     let Some(mut rig) = scene(32, |rig| {
-        room(rig);
         let glass = StandardMaterial {
             specular_transmission: 1.0,
             perceptual_roughness: 0.0,
@@ -125,9 +123,9 @@ fn a_lamp_within_coloured_glass_is_seen_as_in_the_reference() {
             ..default()
         };
         rig.spawn(Sphere::new(0.7).mesh().uv(16, 10), glass, Transform::from_xyz(0.2, 0.0, 1.2));
-        rig.spawn(Cuboid::new(0.3, 0.3, 0.3), lamp(0.5, 0.5, 0.5), Transform::from_xyz(0.2, 0.0, 1.2));
+        rig.spawn(Cuboid::new(0.3, 0.3, 0.3), lamp(5.0, 5.0, 5.0), Transform::from_xyz(0.2, 0.0, 1.2));
     }) else {
         return;
     };
-    check("glass", &mut rig, &[("both", both())]);
+    check("glass", &mut rig, FRAMES, &[("both", both())]);
 }

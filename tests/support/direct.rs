@@ -222,7 +222,8 @@ fn restarts(
 
 /// What the camera sees emit, in any technique: it would hide errors of the light that is scattered.
 pub fn emission(rig: &mut Rig) -> Picture {
-    rig.set(|r| (r.technique, r.bounces) = (Technique::Reference, 0));
+    // One seed: where blending decides what is seen, the same is taken from both sides.
+    rig.set(|r| (r.technique, r.bounces, r.seed) = (Technique::Reference, 0, 1));
     let picture = rig.picture(1);
     rig.set(|r| r.bounces = 1);
     picture
