@@ -7,7 +7,7 @@ use bevy_restir::{Direct, Mis, Technique};
 
 /// Motions that a picture is the last frame of, the reset included.
 const STEPS: u32 = 3;
-const SEEDS: u32 = 160;
+const SEEDS: u32 = 120;
 
 /// The last frame of the motion, over seeds.
 fn at_the_end(rig: &mut Rig, direct: &Direct, pose: &dyn Fn(&mut Rig, u32), first_seed: u32) -> Restarts {
