@@ -49,11 +49,15 @@ fn facing(from: Vec3, to: Vec3) -> Transform {
 
 /// A room without a ceiling lamp's symmetry: walls, blocks that throw shadows, one area light.
 pub fn room(rig: &mut Rig) -> Entity {
-    let floor = Transform::from_xyz(0.0, -1.2, 0.0).with_rotation(Quat::from_rotation_x(-1.5708));
+    let floor = Transform::from_xyz(0.0, -1.2, 0.0).with_rotation(Quat::from_rotation_x(-core::f32::consts::FRAC_PI_2));
     rig.spawn(square(4.0), lambert(0.7), floor);
     rig.spawn(square(4.0), lambert(0.5), Transform::from_xyz(0.0, 0.0, -1.2));
     let red = StandardMaterial { base_color: Color::linear_rgb(0.8, 0.1, 0.1), ..lambert(0.0) };
-    rig.spawn(square(4.0), red, Transform::from_xyz(-1.7, 0.0, 0.0).with_rotation(Quat::from_rotation_y(1.5708)));
+    rig.spawn(
+        square(4.0),
+        red,
+        Transform::from_xyz(-1.7, 0.0, 0.0).with_rotation(Quat::from_rotation_y(core::f32::consts::FRAC_PI_2)),
+    );
     rig.spawn(square(0.8), lamp(6.0, 5.0, 4.0), facing(Vec3::new(0.5, 1.4, 0.3), Vec3::new(0.2, -1.0, 0.0)));
     rig.spawn(Cuboid::new(0.7, 0.7, 0.7), lambert(0.6), Transform::from_xyz(-0.6, -0.8, 0.2));
     rig.spawn(
@@ -65,7 +69,7 @@ pub fn room(rig: &mut Rig) -> Entity {
 
 /// A glossy floor with an emitter that almost touches it, a smooth ball and a rough one: the BSDF finds what lights do not.
 pub fn glossy(rig: &mut Rig) {
-    let floor = Transform::from_xyz(0.0, -1.0, 0.0).with_rotation(Quat::from_rotation_x(-1.5708));
+    let floor = Transform::from_xyz(0.0, -1.0, 0.0).with_rotation(Quat::from_rotation_x(-core::f32::consts::FRAC_PI_2));
     rig.spawn(square(5.0), shiny(Color::linear_rgb(0.5, 0.6, 0.7), 0.45, 0.8), floor);
     let up = Transform::from_xyz(0.0, -0.6, -1.0);
     let both_sides = StandardMaterial { double_sided: true, cull_mode: None, ..lamp(3.0, 4.0, 6.0) };
@@ -96,7 +100,7 @@ pub fn punctual(rig: &mut Rig) {
 }
 
 fn room_without_lamp(rig: &mut Rig) {
-    let floor = Transform::from_xyz(0.0, -1.2, 0.0).with_rotation(Quat::from_rotation_x(-1.5708));
+    let floor = Transform::from_xyz(0.0, -1.2, 0.0).with_rotation(Quat::from_rotation_x(-core::f32::consts::FRAC_PI_2));
     rig.spawn(square(4.0), lambert(0.7), floor);
     rig.spawn(square(4.0), shiny(Color::linear_rgb(0.5, 0.5, 0.5), 0.4, 0.3), Transform::from_xyz(0.0, 0.0, -1.2));
     rig.spawn(Cuboid::new(0.7, 0.7, 0.7), lambert(0.6), Transform::from_xyz(-0.6, -0.8, 0.2));
