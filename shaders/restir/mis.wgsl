@@ -70,7 +70,7 @@ fn balance(inputs: ptr<function, MisInputs>, by_target: bool, sample: u32) -> f3
     // Relative to the greatest: confidence times a huge target would overflow.
     var greatest = 0.0;
     for (var i = 0u; i < (*inputs).count; i++) {
-        greatest = max(greatest, target_of(inputs, i, sample));
+        greatest = max(greatest, select(0.0, target_of(inputs, i, sample), (*inputs).confidence[i] > 0.0));
     }
     if !(greatest > 0.0) {
         return 0.0;
@@ -78,7 +78,7 @@ fn balance(inputs: ptr<function, MisInputs>, by_target: bool, sample: u32) -> f3
     var sum = 0.0;
     var own = 0.0;
     for (var i = 0u; i < (*inputs).count; i++) {
-        let p = target_of(inputs, i, sample) / greatest;
+        let p = min(target_of(inputs, i, sample) / greatest, 1.0);
         let share = (*inputs).confidence[i] * select(f32(target_of(inputs, i, sample) > 0.0), p, by_target);
         sum += share;
         own = select(own, share, i == sample);
@@ -98,7 +98,14 @@ fn pairwise(inputs: ptr<function, MisInputs>, kind: u32, sample: u32) -> f32 {
     }
     let total = total_confidence(inputs);
     let of_canonical = (*inputs).confidence[0];
-    let neighbours = max(total - of_canonical, 1.0e-30);
+    var neighbours = 0.0;
+    for (var i = 1u; i <= k; i++) {
+        neighbours += (*inputs).confidence[i];
+    }
+    // Neighbours without a history leave all to the canonical sample.
+    if !(neighbours > 0.0) {
+        return f32(sample == 0u);
+    }
     let gris = kind == MIS_DEFENSIVE_PAIRWISE_GRIS;
 
     var sum = 0.0;

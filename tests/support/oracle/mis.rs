@@ -19,7 +19,7 @@ pub fn weight(kind: Mis, c: &[f64], p: &[f64], j: usize) -> f64 {
             of(could(j), (0..=k).map(could).sum())
         }
         Mis::Balance => of(c[j] * p[j], (0..=k).map(|i| c[i] * p[i]).sum()),
-        _ if k == 0 => 1.0,
+        _ if all == c[0] => f64::from(u8::from(j == 0)),
         _ => {
             // Outer weight of a pair, what its two targets are multiplied by, and what the canonical input keeps.
             let others = all - c[0];
