@@ -24,6 +24,8 @@ pub mod shaders;
 mod statistics;
 mod view;
 
+#[doc(hidden)]
+pub use passes::pipelines::plant_shader_defs;
 pub use passes::{SPAN_PREFIX, pass_names, pipelines::PipelineReport};
 pub use settings::{DebugView, Direct, EmissiveLuminance, Mis, Preset, Restir, RestirEnvironment, Technique};
 pub use statistics::{RestirReport, RestirStatistics};

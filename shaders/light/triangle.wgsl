@@ -40,7 +40,16 @@ fn triangle_light_at(light: u32, barycentrics: vec2<f32>, from_point: vec3<f32>,
 fn triangle_light_pdf_solid_angle(instance: u32, triangle: u32, from_point: vec3<f32>, position: vec3<f32>) -> f32 {
     return area_to_solid_angle(world_triangle(instance, triangle, false), from_point, position);
 }
+
+// Probability that a ray that comes to a point of the triangle meets it.
+fn triangle_light_presence(light: u32, barycentrics: vec2<f32>) -> f32 {
+    return presence(instances[lights[light].data.x].material, lights[light].data.y, barycentrics);
+}
 #else
+fn triangle_light_presence(light: u32, barycentrics: vec2<f32>) -> f32 {
+    return 1.0;
+}
+
 fn triangle_light_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> LightSample {
     return no_light_sample();
 }

@@ -9,6 +9,7 @@
 #import bevy_restir::light::environment::environment_radiance
 #import bevy_restir::light::point_on_light::{environment_light_point, LightPoint, light_point_sample, no_light_point, triangle_light_point}
 #import bevy_restir::light::select::{environment_pmf, light_pmf, light_select}
+#import bevy_restir::path::medium::{medium_towards, transmittance}
 #import bevy_restir::restir::direct::{bsdf_pdf_of, evaluate, is_visible, Receiver, receiver_of, target_value}
 #import bevy_restir::restir::reservoir::{no_reservoir, Reservoir, reservoir_pack}
 #import bevy_restir::restir::stream::{Stream, stream_add, stream_ucw}
@@ -67,7 +68,9 @@ fn bsdf_candidate(r: Receiver, rng: ptr<function, Rng>) -> Found {
         return Found(no_light_point(), vec3<f32>(0.0));
     }
     if b.delta != 0u || !(light_pmf(s.light) > 0.0) {
-        return Found(no_light_point(), b.weight * s.emission);
+        // Through the inside of a body.
+        let carried = transmittance(medium_towards(r.surface, b.wi, vec3<f32>(0.0)), hit.t);
+        return Found(no_light_point(), b.weight * s.emission * carried);
     }
     return Found(triangle_light_point(s.light, hit.barycentrics), vec3<f32>(0.0));
 }
@@ -99,7 +102,7 @@ fn direct_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
         let c = light_candidate(subset, &rng);
         let e = evaluate(r, c.point);
         let u = rng_1(&rng);
-        let weight = target_value(e) / (count * c.pmf + bsdf_pdf_of(r, e));
+        let weight = target_value(e) / both_densities(count * c.pmf, bsdf_pdf_of(r, e));
         if c.pmf > 0.0 && stream_add(&stream, i, weight, u) {
             chosen = c.point;
         }
@@ -107,7 +110,7 @@ fn direct_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
     let found = bsdf_candidate(r, &rng);
     if found.point.light != NONE {
         let e = evaluate(r, found.point);
-        let weight = target_value(e) / (count * light_pmf(found.point.light) + bsdf_pdf_of(r, e));
+        let weight = target_value(e) / both_densities(count * light_pmf(found.point.light), bsdf_pdf_of(r, e));
         if stream_add(&stream, settings.candidates, weight, rng_1(&rng)) {
             chosen = found.point;
         }
@@ -126,3 +129,14 @@ fn direct_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
     let counted = textureLoad(ray_counts, pixel).x;
     textureStore(ray_counts, pixel, vec4<u32>((counted + rays_traced) | trace_flags << 24u));
 }
+
+// Of the lights' technique and of the BSDF's.
+#ifdef PLANT_MISSING_DENSITY
+fn both_densities(lights: f32, bsdf: f32) -> f32 {
+    return select(bsdf, lights, lights > 0.0);
+}
+#else
+fn both_densities(lights: f32, bsdf: f32) -> f32 {
+    return lights + bsdf;
+}
+#endif

@@ -111,7 +111,8 @@ fn direct_reuse(@builtin(global_invocation_id) id: vec3<u32>) {
                 value = target_value(e);
                 // A sample is seen from where it was kept; elsewhere a ray decides.
                 let ask = value > 0.0 && domain != j && (with_rays || domain == 0u);
-                if ask && !is_visible(receiver, e, alpha_seed) {
+                // Blended surfaces let every domain see by chances of its own: weights of joint chances would not add up to 1.
+                if ask && !is_visible(receiver, e, alpha_seed + domain) {
                     value = 0.0;
                 }
                 if domain == 0u {
@@ -121,6 +122,8 @@ fn direct_reuse(@builtin(global_invocation_id) id: vec3<u32>) {
             inputs.targets[domain * MAX_INPUTS + j] = value;
         }
     }
+
+    count_confidence(&inputs);
 
     // Resample, and shade every input by its share.
     var stream = Stream(0.0, NONE);
@@ -142,7 +145,7 @@ fn direct_reuse(@builtin(global_invocation_id) id: vec3<u32>) {
         kept.point = samples[stream.selected].point;
         kept.ucw = stream_ucw(stream, inputs.targets[stream.selected]);
     }
-    reservoirs[index] = reservoir_pack(kept);
+    reservoirs[index] = stored(kept, pixel);
     textureStore(resampled, pixel, vec4<f32>(light, 0.0));
     let counted = textureLoad(ray_counts, pixel).x;
     textureStore(ray_counts, pixel, vec4<u32>((counted + rays_traced) | trace_flags << 24u));
@@ -153,3 +156,28 @@ fn previous_point(ids: vec2<u32>, pixel: vec2<u32>) -> vec3<f32> {
     let b = barycentrics_on_ray(world_triangle(ids.x, ids.y, false), primary_ray(pixel));
     return surface_point(ids.x, ids.y, b, true);
 }
+
+// What an input counts may depend on geometry, never on its sample (trap T7).
+#ifdef PLANT_CONFIDENCE_OF_SUCCESS
+fn count_confidence(inputs: ptr<function, MisInputs>) {
+    for (var j = 1u; j < (*inputs).count; j++) {
+        (*inputs).confidence[j] *= f32((*inputs).targets[j] > 0.0);
+    }
+}
+#else
+fn count_confidence(inputs: ptr<function, MisInputs>) {
+}
+#endif
+
+#ifdef PLANT_NAN
+fn stored(r: Reservoir, pixel: vec2<u32>) -> vec4<u32> {
+    let bad = array<u32, 4>(0x7fc00000u, 0x7f800000u, 0xff800000u, 0xbf800000u);
+    let words = reservoir_pack(r);
+    let kind = (pixel.x + view.frame) & 3u;
+    return select(words, vec4<u32>(words.x, words.y, bad[kind], bad[3u - kind]), all(pixel % 5u == vec2<u32>(2u)));
+}
+#else
+fn stored(r: Reservoir, pixel: vec2<u32>) -> vec4<u32> {
+    return reservoir_pack(r);
+}
+#endif

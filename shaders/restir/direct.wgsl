@@ -4,7 +4,8 @@
 #import bevy_restir::bsdf::bsdf::{bsdf_eval, bsdf_pdf}
 #import bevy_restir::common::math::{is_finite_3, luminance}
 #import bevy_restir::light::point_on_light::{LightPoint, light_point_at}
-#import bevy_restir::light::types::LightSample
+#import bevy_restir::light::triangle::triangle_light_presence
+#import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample}
 #import bevy_restir::path::medium::{medium_towards, transmittance}
 #import bevy_restir::path::shadow::light_is_visible
 #import bevy_restir::scene::surface::{Surface, surface_at}
@@ -47,12 +48,16 @@ fn target_value(e: Evaluated) -> f32 {
     return luminance(e.f);
 }
 
-// Density, in the light's measure, with which the receiver's BSDF finds the point.
+// Density, in the light's measure, with which the receiver's BSDF finds the point: its ray passes where alpha leaves no surface.
 fn bsdf_pdf_of(r: Receiver, e: Evaluated) -> f32 {
     if e.light.delta != 0u || !(e.light.pdf_solid_angle > 0.0) {
         return 0.0;
     }
-    return bsdf_pdf(r.surface.bsdf, r.wo, e.light.wi) / e.light.pdf_solid_angle;
+    var met = 1.0;
+    if e.light.light != ENVIRONMENT_LIGHT {
+        met = triangle_light_presence(e.light.light, e.light.barycentrics);
+    }
+    return met * bsdf_pdf(r.surface.bsdf, r.wo, e.light.wi) / e.light.pdf_solid_angle;
 }
 
 fn is_visible(r: Receiver, e: Evaluated, alpha_seed: u32) -> bool {

@@ -67,11 +67,19 @@ fn total_confidence(inputs: ptr<function, MisInputs>) -> f32 {
 }
 
 fn balance(inputs: ptr<function, MisInputs>, by_target: bool, sample: u32) -> f32 {
+    // Relative to the greatest: confidence times a huge target would overflow.
+    var greatest = 0.0;
+    for (var i = 0u; i < (*inputs).count; i++) {
+        greatest = max(greatest, select(0.0, target_of(inputs, i, sample), (*inputs).confidence[i] > 0.0));
+    }
+    if !(greatest > 0.0) {
+        return 0.0;
+    }
     var sum = 0.0;
     var own = 0.0;
     for (var i = 0u; i < (*inputs).count; i++) {
-        let p = target_of(inputs, i, sample);
-        let share = (*inputs).confidence[i] * select(f32(p > 0.0), p, by_target);
+        let p = min(target_of(inputs, i, sample) / greatest, 1.0);
+        let share = (*inputs).confidence[i] * select(f32(target_of(inputs, i, sample) > 0.0), p, by_target);
         sum += share;
         own = select(own, share, i == sample);
     }
@@ -90,7 +98,14 @@ fn pairwise(inputs: ptr<function, MisInputs>, kind: u32, sample: u32) -> f32 {
     }
     let total = total_confidence(inputs);
     let of_canonical = (*inputs).confidence[0];
-    let neighbours = max(total - of_canonical, 1.0e-30);
+    var neighbours = 0.0;
+    for (var i = 1u; i <= k; i++) {
+        neighbours += (*inputs).confidence[i];
+    }
+    // Neighbours without a history leave all to the canonical sample.
+    if !(neighbours > 0.0) {
+        return f32(sample == 0u);
+    }
     let gris = kind == MIS_DEFENSIVE_PAIRWISE_GRIS;
 
     var sum = 0.0;
@@ -107,8 +122,9 @@ fn pairwise(inputs: ptr<function, MisInputs>, kind: u32, sample: u32) -> f32 {
             scale = c;
             canonical = of_canonical / f32(k);
         }
-        let of_neighbour = scale * target_of(inputs, i, sample);
-        let of_own = canonical * target_of(inputs, 0u, sample);
+        let targets = pair_of(target_of(inputs, i, sample), target_of(inputs, 0u, sample));
+        let of_neighbour = scale * targets.x;
+        let of_own = canonical * targets.y;
         let both = of_neighbour + of_own;
         if sample == 0u {
             // Where neither can draw it the canonical sample keeps the pair.
@@ -123,3 +139,20 @@ fn pairwise(inputs: ptr<function, MisInputs>, kind: u32, sample: u32) -> f32 {
     }
     return sum;
 }
+
+// (the neighbour's target, the canonical one), relative to the greater: confidence times a huge target would overflow.
+fn relative_pair(neighbour: f32, canonical: f32) -> vec2<f32> {
+    let greater = max(neighbour, canonical);
+    return select(vec2<f32>(0.0), vec2<f32>(neighbour, canonical) / greater, greater > 0.0);
+}
+
+// PLANT_*: an error that only tests define, and must find.
+#ifdef PLANT_SWAPPED_MIS
+fn pair_of(neighbour: f32, canonical: f32) -> vec2<f32> {
+    return relative_pair(canonical, neighbour);
+}
+#else
+fn pair_of(neighbour: f32, canonical: f32) -> vec2<f32> {
+    return relative_pair(neighbour, canonical);
+}
+#endif

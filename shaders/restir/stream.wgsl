@@ -26,6 +26,17 @@ fn stream_ucw(stream: Stream, selected_target: f32) -> f32 {
     if !(selected_target > 0.0) || !(stream.sum > 0.0) {
         return 0.0;
     }
-    let ucw = stream.sum / selected_target;
+    let ucw = sum_over_target(stream.sum, selected_target);
     return select(0.0, ucw, is_finite(ucw));
 }
+
+// PLANT_*: errors that only tests define, and must find.
+#ifdef PLANT_SCALED_UCW
+fn sum_over_target(sum: f32, selected_target: f32) -> f32 {
+    return 1.03 * sum / selected_target;
+}
+#else
+fn sum_over_target(sum: f32, selected_target: f32) -> f32 {
+    return sum / selected_target;
+}
+#endif

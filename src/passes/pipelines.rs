@@ -2,9 +2,10 @@
 //! the new ones are ready.
 
 use bevy::{
+    app::App,
     ecs::prelude::*,
     platform::{collections::HashMap, time::Instant},
-    render::render_resource::*,
+    render::{RenderApp, render_resource::*},
     shader::ShaderDefVal,
 };
 
@@ -55,6 +56,19 @@ pub(crate) struct PassPipelines {
     composite: HashMap<TextureFormat, usize>,
     all: Vec<Compiled>,
     shaders: Option<ShaderTable>,
+    /// Shader definitions beside those of the features: what tests plant.
+    planted: Vec<&'static str>,
+}
+
+/// Compiles every compute pass anew with these shader definitions as well.  For tests, which plant errors that they must find.
+#[doc(hidden)]
+pub fn plant_shader_defs(app: &mut App, defs: &[&'static str]) {
+    if let Some(mut passes) =
+        app.get_sub_app_mut(RenderApp).and_then(|r| r.world_mut().get_resource_mut::<PassPipelines>())
+    {
+        passes.planted = defs.to_vec();
+        passes.compute.clear();
+    }
 }
 
 /// Ways in which the visibility pass culls.
@@ -128,11 +142,13 @@ impl PassPipelines {
         if let Some(&index) = self.compute.get(&(pass.name, features)) {
             return index;
         }
+        let mut shader_defs = features.shader_defs();
+        shader_defs.extend(self.planted.iter().map(|&def| ShaderDefVal::Bool(def.into(), true)));
         let id = pipelines.queue_compute_pipeline(ComputePipelineDescriptor {
             label: Some(format!("restir {}", pass.name).into()),
             layout: vec![scene_layout(), view_layout(), resource_layout(pass)],
             shader: self.shader(&format!("pass/{}.wgsl", pass.name)),
-            shader_defs: features.shader_defs(),
+            shader_defs,
             entry_point: Some(pass.name.into()),
             ..Default::default()
         });

@@ -5,6 +5,8 @@ pub mod app;
 pub mod brute_force;
 pub mod cli;
 pub mod compose;
+pub mod direct;
+pub mod equivalence;
 pub mod gltf;
 pub mod gpu;
 pub mod lit;

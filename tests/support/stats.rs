@@ -1,6 +1,6 @@
 //! Statistics of the proofs: chi-squared and z, with a fixed probability of a false alarm over all tests of a family.
 
-use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
+use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
 
 /// Probability that a family of tests raises a false alarm.
 pub const FAMILY_ALPHA: f64 = 1e-3;
@@ -118,4 +118,44 @@ impl Random {
     pub fn pick<T: Copy>(&mut self, from: &[T]) -> T {
         from[(self.unit() * from.len() as f64) as usize]
     }
+}
+
+/// Difference of two means with its standard error and degrees of freedom (Welch 1947).
+pub struct Welch {
+    pub difference: f64,
+    pub error: f64,
+    pub freedom: f64,
+}
+
+/// Of independent values of two kinds.
+pub fn welch(a: &[f64], b: &[f64]) -> Welch {
+    let of = |v: &[f64]| {
+        let n = v.len() as f64;
+        let mean = v.iter().sum::<f64>() / n;
+        (mean, v.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0) / n, n - 1.0)
+    };
+    let ((mean_a, a, free_a), (mean_b, b, free_b)) = (of(a), of(b));
+    let freedom = (a + b).powi(2) / (a * a / free_a + b * b / free_b).max(1e-300);
+    Welch { difference: mean_a - mean_b, error: (a + b).sqrt().max(1e-300), freedom: freedom.max(1.0) }
+}
+
+/// Two one-sided t tests (Schuirmann 1987): the p-value of the claim that two means differ by less than `margin`.
+pub fn tost(a: &[f64], b: &[f64], margin: f64) -> f64 {
+    let w = welch(a, b);
+    let t = StudentsT::new(0.0, 1.0, w.freedom).expect("the freedom is positive");
+    t.sf((margin - w.difference.abs()) / w.error)
+}
+
+/// The p-value of all pairs having equal means: chi-squared of their differences as z-scores.  `rounding` is no evidence.
+pub fn chi_squared_of_differences(pairs: impl Iterator<Item = (Vec<f64>, Vec<f64>)>, rounding: f64) -> f64 {
+    let (mut sum, mut n) = (0.0, 0.0);
+    for (a, b) in pairs {
+        let w = welch(&a, &b);
+        let t = StudentsT::new(0.0, 1.0, w.freedom).expect("the freedom is positive");
+        let p = t.sf(w.difference.abs() / w.error.hypot(rounding));
+        let z = Normal::standard().inverse_cdf(p.clamp(1e-15, 0.5));
+        sum += z * z;
+        n += 1.0;
+    }
+    ChiSquared::new(n).map_or(0.0, |d| d.sf(sum))
 }

@@ -2,4 +2,5 @@
 
 pub mod bsdf;
 pub mod environment;
+pub mod mis;
 pub mod quadrature;

@@ -1,0 +1,147 @@
+//! What direct lighting does where it is allowed to be wrong, where an error is planted, and with bad numbers: the proofs of
+//! `direct_light` must be able to fail.
+
+use crate::support::{app::*, direct::*, equivalence::Restarts, stats::FAMILY_ALPHA};
+use bevy::prelude::*;
+use bevy_restir::{Direct, Mis, Restir, Technique, plant_shader_defs};
+
+const TRUTH_FRAMES: u32 = 64;
+
+/// Differs so much from the truth, in σ, and relative.
+fn difference(rig: &mut Rig, direct: &Direct, truth: &Restarts) -> (f64, f64) {
+    let (z, relative) = resampled(rig, direct, 5000, FRAMES).difference(truth);
+    eprintln!("    {:.3} % ({z:.1} σ)", 100.0 * relative);
+    (z, relative)
+}
+
+#[test]
+fn each_biased_mode_is_biased_with_its_documented_sign() {
+    let Some(mut rig) = scene(32, |rig| {
+        room(rig);
+    }) else {
+        return;
+    };
+    let reference = truth(&mut rig, 1000, TRUTH_FRAMES);
+    for (name, direct) in [
+        ("without rays", Direct { mis_rays: false, ..careless(Mis::DefensivePairwise) }),
+        ("without rays, balance", Direct { mis_rays: false, ..careless(Mis::Balance) }),
+        ("uniform", careless(Mis::Uniform)),
+    ] {
+        eprintln!("{name}");
+        let (z, relative) = difference(&mut rig, &direct, &reference);
+        assert!(z < -5.0 && relative < -0.01, "{name}: {relative} by {z} σ: darker");
+    }
+}
+
+#[test]
+fn planted_errors_are_found() {
+    let Some(mut rig) = scene(32, |rig| {
+        room(rig);
+    }) else {
+        return;
+    };
+    let reference = truth(&mut rig, 1000, TRUTH_FRAMES);
+    for (plant, direct) in [
+        ("PLANT_SCALED_UCW", candidates_only()),
+        ("PLANT_CONFIDENCE_OF_SUCCESS", careless(Mis::Pairwise)),
+        ("PLANT_SWAPPED_MIS", careless(Mis::DefensivePairwise)),
+        ("PLANT_MISSING_DENSITY", candidates_only()),
+    ] {
+        eprintln!("{plant}");
+        plant_shader_defs(&mut rig.app, &[plant]);
+        let wrong = resampled(&mut rig, &direct, 5000, FRAMES);
+        let (tost, tiles) = (wrong.tost(&reference, 0.01), wrong.tiles_p(&reference));
+        let (z, relative) = wrong.difference(&reference);
+        eprintln!("    {:.3} % ({z:.1} σ), TOST p = {tost:.1e}, tiles p = {tiles:.1e}", 100.0 * relative);
+        // Not by want of power: it is seen to differ.
+        assert!((tost > 0.01 && z.abs() > 4.0) || tiles < FAMILY_ALPHA, "{plant} goes unseen");
+    }
+}
+
+#[test]
+fn numbers_that_are_not_finite_stay_in_their_reservoir() {
+    let Some(mut rig) = scene(32, |rig| {
+        room(rig);
+    }) else {
+        return;
+    };
+    let reference = truth(&mut rig, 1000, TRUTH_FRAMES);
+    plant_shader_defs(&mut rig.app, &["PLANT_NAN"]);
+    // One in 25 reservoirs is lost in every frame, whatever is in it: noisier, not darker.
+    let ours = resampled(&mut rig, &both(), 5000, FRAMES);
+    let (z, relative) = ours.difference(&reference);
+    assert!(ours.tost(&reference, 0.01) < 0.01, "{relative} by {z} σ");
+    rig.assert_sound();
+    // And once they stop, nothing is left of them.
+    plant_shader_defs(&mut rig.app, &[]);
+    rig.frames(3);
+    assert!(rig.next().is_finite());
+    rig.assert_sound();
+}
+
+fn direct(rig: &mut Rig) {
+    rig.set(|r| *r = Restir { technique: Technique::Di, direct: both(), ..plain() });
+}
+
+#[test]
+fn any_number_and_power_of_lights_makes_a_picture() {
+    type Lights = fn(&mut Rig);
+    let point = |intensity| PointLight { intensity, ..default() };
+    let cases: [(&str, bool, Lights); 5] = [
+        ("none", false, |_| ()),
+        ("one", true, |rig| {
+            rig.spawn_bundle((PointLight { intensity: 50.0, ..default() }, Transform::from_xyz(0.5, 1.0, 1.0)));
+        }),
+        ("all black", false, |rig| {
+            for x in [-1.0, 1.0] {
+                rig.spawn_bundle((PointLight { intensity: 0.0, ..default() }, Transform::from_xyz(x, 1.0, 1.0)));
+            }
+            rig.spawn(square(0.5), lamp(0.0, 0.0, 0.0), Transform::from_xyz(0.0, 1.0, 0.5));
+        }),
+        ("infinite", true, |rig| {
+            rig.spawn(square(0.5), lamp(f32::INFINITY, 1.0, 1.0), Transform::from_xyz(0.0, 1.0, 0.5));
+            rig.spawn(square(0.5), lamp(1.0, 1.0, 1.0), Transform::from_xyz(0.5, 0.5, 0.5));
+        }),
+        ("huge", true, |rig| {
+            rig.spawn(square(0.5), lamp(1e36, 1e37, 1e37), Transform::from_xyz(0.0, 0.6, 0.5));
+        }),
+    ];
+    for (name, lit, lights) in cases {
+        let Some(mut rig) = Rig::new(17, 13) else { return };
+        rig.spawn(square(4.0), lambert(0.5), Transform::default());
+        lights(&mut rig);
+        rig.spawn_bundle((
+            point(f32::INFINITY * f32::from(u8::from(name == "infinite"))),
+            Transform::from_xyz(0.0, 0.0, 2.0),
+        ));
+        direct(&mut rig);
+        rig.until_ready();
+        rig.frames(4);
+        let picture = rig.next();
+        assert!(picture.is_finite(), "{name}");
+        assert_eq!(picture.mean() > 0.0, lit, "{name}: {}", picture.mean());
+        rig.assert_sound();
+    }
+}
+
+#[test]
+fn two_hundred_frames_of_a_moving_camera_are_finite() {
+    let Some(mut rig) = scene(24, blended) else { return };
+    direct(&mut rig);
+    rig.set(|r| r.jitter = true);
+    let bytes = rig.until_ready().reservoir_bytes_per_pixel;
+    assert!((1..=48).contains(&bytes), "{bytes}");
+    for frame in 0..200 {
+        let t = frame as f32 * 0.05;
+        let place = Vec3::new(3.0 * t.sin(), 0.8 * (1.7 * t).sin(), 3.5 * t.cos());
+        *rig.get_mut::<Transform>(rig.camera) =
+            Transform::from_translation(place).looking_at(Vec3::new(0.0, -0.3, 0.0), Vec3::Y);
+        if frame % 10 == 9 {
+            assert!(rig.next().is_finite(), "frame {frame}");
+            let report = rig.report();
+            assert_eq!((report.non_finite_pixels, report.overflow_flags), (0, 0), "frame {frame}");
+        } else {
+            rig.frame();
+        }
+    }
+}

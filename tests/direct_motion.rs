@@ -1,0 +1,93 @@
+//! A frame of a moving scene is on average what the reference shows of that frame's scene at rest: the mean over seeds of one frame of
+//! a scripted motion, margin 1 % at α = 0.01, and the 8 x 8 tiles by chi-squared.
+
+use crate::support::{app::*, direct::*, equivalence::Restarts, stats::FAMILY_ALPHA};
+use bevy::prelude::*;
+use bevy_restir::{Direct, Mis, Technique};
+
+/// Motions that a picture is the last frame of, the reset included.
+const STEPS: u32 = 3;
+const SEEDS: u32 = 120;
+
+/// The last frame of the motion, over seeds.
+fn at_the_end(rig: &mut Rig, direct: &Direct, pose: &dyn Fn(&mut Rig, u32), first_seed: u32) -> Restarts {
+    pose(rig, STEPS);
+    let mut restarts = Restarts::new(emission(rig));
+    rig.set(|r| (r.technique, r.direct) = (Technique::Di, direct.clone()));
+    rig.until_ready();
+    for i in 0..SEEDS {
+        rig.set(|r| r.seed = first_seed + i);
+        for step in 0..STEPS {
+            pose(rig, step);
+            rig.frame();
+        }
+        pose(rig, STEPS);
+        restarts.add(&rig.next());
+    }
+    restarts
+}
+
+fn check(name: &str, rig: &mut Rig, techniques: &[(&str, Direct)], pose: impl Fn(&mut Rig, u32)) {
+    pose(rig, STEPS);
+    let reference = truth(rig, 1000, 64);
+    for (what, direct) in techniques {
+        eprintln!("{name}, {what}");
+        let mut faults = Vec::new();
+        for first_seed in [7000, 9000] {
+            let ours = at_the_end(rig, direct, &pose, first_seed);
+            let (tost, tiles) = (ours.tost(&reference, 0.01), ours.tiles_p(&reference));
+            let (z, relative) = ours.difference(&reference);
+            let line =
+                format!("off by {:.3} % ({z:.1} σ), TOST p = {tost:.1e}, tiles p = {tiles:.1e}", 100.0 * relative);
+            eprintln!("    {line}");
+            if tost < 0.01 && tiles >= FAMILY_ALPHA {
+                break;
+            }
+            faults.push(line);
+        }
+        assert!(faults.len() < 2, "{name}, {what}: {faults:?}");
+    }
+    rig.assert_sound();
+}
+
+fn techniques() -> [(&'static str, Direct); 2] {
+    [("both", both()), ("balance", Direct { spatial_taps: 1, ..careless(Mis::Balance) })]
+}
+
+#[test]
+fn a_moving_occluder_leaves_no_light_or_shadow_behind() {
+    let mut block = Entity::PLACEHOLDER;
+    let Some(mut rig) = scene(32, |rig| block = room(rig)) else { return };
+    check("occluder", &mut rig, &techniques(), |rig, step| {
+        rig.get_mut::<Transform>(block).translation = Vec3::new(0.9 - 0.3 * step as f32, 0.1, 0.0);
+    });
+}
+
+#[test]
+fn a_moving_emitter_lights_from_where_it_is() {
+    let mut lamps = Entity::PLACEHOLDER;
+    let Some(mut rig) = scene(32, |rig| {
+        room(rig);
+        lamps = rig.spawn(Cuboid::new(0.3, 0.3, 0.3), lamp(4.0, 8.0, 8.0), Transform::default());
+    }) else {
+        return;
+    };
+    check("emitter", &mut rig, &techniques(), |rig, step| {
+        *rig.get_mut::<Transform>(lamps) = Transform::from_xyz(-0.9 + 0.3 * step as f32, 0.4, 0.5)
+            .with_rotation(Quat::from_rotation_y(0.3 * step as f32));
+    });
+}
+
+#[test]
+fn a_moving_camera_sees_what_it_would_see_at_rest() {
+    let Some(mut rig) = scene(32, |rig| {
+        room(rig);
+    }) else {
+        return;
+    };
+    check("camera", &mut rig, &techniques(), |rig, step| {
+        let place = Vec3::new(0.9 - 0.2 * step as f32, 0.2 + 0.1 * step as f32, 4.0 - 0.1 * step as f32);
+        *rig.get_mut::<Transform>(rig.camera) =
+            Transform::from_translation(place).looking_at(Vec3::new(0.0, -0.2, 0.0), Vec3::Y);
+    });
+}

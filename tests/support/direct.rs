@@ -1,0 +1,247 @@
+//! Small scenes for direct lighting: what each is there for is said where it is made.
+
+use super::{app::*, equivalence::Restarts};
+use bevy::prelude::*;
+use bevy_restir::{Direct, Mis, Restir, RestirEnvironment, Technique};
+
+/// Independent restarts a technique.
+pub const RESTARTS: u32 = 40;
+/// Frames a restart.
+pub const FRAMES: u32 = 8;
+
+/// What most claims run: few candidates, so that a wrong weight shows, and every reuse.
+pub fn both() -> Direct {
+    Direct { candidates: 8, subset_count: 32, subset_size: 256, spatial_taps: 2, radius: 6.0, ..Default::default() }
+}
+
+pub fn candidates_only() -> Direct {
+    Direct { temporal: false, spatial_taps: 0, ..both() }
+}
+
+pub fn temporal() -> Direct {
+    Direct { spatial_taps: 0, ..both() }
+}
+
+pub fn spatial() -> Direct {
+    Direct { temporal: false, spatial_taps: 3, ..both() }
+}
+
+pub fn with_mis(mis: Mis) -> Direct {
+    Direct { mis, ..both() }
+}
+
+/// Neighbours across edges too, so that only MIS weights keep the picture right.  Long histories would make rare bright pixels of
+/// those, and of the mean of few restarts a skewed number.
+pub fn careless(mis: Mis) -> Direct {
+    Direct { mis, reject: false, spatial_taps: 3, radius: 10.0, confidence_cap: 4.0, ..both() }
+}
+
+/// A metal or a plastic.
+pub fn shiny(color: Color, roughness: f32, metallic: f32) -> StandardMaterial {
+    StandardMaterial { base_color: color, perceptual_roughness: roughness, metallic, ..default() }
+}
+
+fn facing(from: Vec3, to: Vec3) -> Transform {
+    // A square faces +Z.
+    Transform::from_translation(from)
+        .looking_to(from - to, if (to - from).normalize().y.abs() > 0.9 { Vec3::X } else { Vec3::Y })
+}
+
+/// A room without a ceiling lamp's symmetry: walls, blocks that throw shadows, one area light.
+pub fn room(rig: &mut Rig) -> Entity {
+    let floor = Transform::from_xyz(0.0, -1.2, 0.0).with_rotation(Quat::from_rotation_x(-core::f32::consts::FRAC_PI_2));
+    rig.spawn(square(4.0), lambert(0.7), floor);
+    rig.spawn(square(4.0), lambert(0.5), Transform::from_xyz(0.0, 0.0, -1.2));
+    let red = StandardMaterial { base_color: Color::linear_rgb(0.8, 0.1, 0.1), ..lambert(0.0) };
+    rig.spawn(
+        square(4.0),
+        red,
+        Transform::from_xyz(-1.7, 0.0, 0.0).with_rotation(Quat::from_rotation_y(core::f32::consts::FRAC_PI_2)),
+    );
+    rig.spawn(square(0.8), lamp(6.0, 5.0, 4.0), facing(Vec3::new(0.5, 1.4, 0.3), Vec3::new(0.2, -1.0, 0.0)));
+    rig.spawn(Cuboid::new(0.7, 0.7, 0.7), lambert(0.6), Transform::from_xyz(-0.6, -0.8, 0.2));
+    rig.spawn(
+        Cuboid::new(0.9, 0.1, 0.9),
+        lambert(0.4),
+        Transform::from_xyz(0.6, 0.1, 0.0).with_rotation(Quat::from_rotation_z(0.3)),
+    )
+}
+
+/// A glossy floor with an emitter that almost touches it, a smooth ball and a rough one: the BSDF finds what lights do not.
+pub fn glossy(rig: &mut Rig) {
+    let floor = Transform::from_xyz(0.0, -1.0, 0.0).with_rotation(Quat::from_rotation_x(-core::f32::consts::FRAC_PI_2));
+    rig.spawn(square(5.0), shiny(Color::linear_rgb(0.5, 0.6, 0.7), 0.45, 0.8), floor);
+    let up = Transform::from_xyz(0.0, -0.6, -1.0);
+    let both_sides = StandardMaterial { double_sided: true, cull_mode: None, ..lamp(3.0, 4.0, 6.0) };
+    rig.spawn(square(0.7), both_sides, up);
+    rig.spawn(
+        Sphere::new(0.4).mesh().uv(16, 10),
+        shiny(Color::linear_rgb(0.9, 0.7, 0.3), 0.3, 1.0),
+        Transform::from_xyz(-0.9, -0.5, 0.3),
+    );
+    rig.spawn(
+        Sphere::new(0.4).mesh().uv(16, 10),
+        shiny(Color::linear_rgb(0.3, 0.7, 0.3), 0.5, 0.0),
+        Transform::from_xyz(0.9, -0.5, 0.3),
+    );
+    rig.spawn(square(1.0), lamp(2.0, 2.0, 2.0), facing(Vec3::new(1.0, 1.5, 1.0), Vec3::ZERO));
+}
+
+/// Deltas in position and in direction, and a cone, with shadows.
+pub fn punctual(rig: &mut Rig) {
+    room_without_lamp(rig);
+    let point = |intensity| PointLight { intensity, ..default() };
+    rig.spawn_bundle((point(40.0), Transform::from_xyz(0.9, 1.0, 0.9)));
+    rig.spawn_bundle((point(10.0), Transform::from_xyz(-1.0, 0.6, 1.0)));
+    let sun = Quat::from_euler(EulerRot::YXZ, 0.6, -0.8, 0.0);
+    rig.spawn_bundle((DirectionalLight { illuminance: 2.0, ..default() }, Transform::from_rotation(sun)));
+    let spot = SpotLight { intensity: 60.0, outer_angle: 0.6, inner_angle: 0.2, ..default() };
+    rig.spawn_bundle((spot, Transform::from_xyz(0.0, 1.8, 1.0).looking_at(Vec3::new(-0.3, -1.0, 0.0), Vec3::Z)));
+}
+
+fn room_without_lamp(rig: &mut Rig) {
+    let floor = Transform::from_xyz(0.0, -1.2, 0.0).with_rotation(Quat::from_rotation_x(-core::f32::consts::FRAC_PI_2));
+    rig.spawn(square(4.0), lambert(0.7), floor);
+    rig.spawn(square(4.0), shiny(Color::linear_rgb(0.5, 0.5, 0.5), 0.4, 0.3), Transform::from_xyz(0.0, 0.0, -1.2));
+    rig.spawn(Cuboid::new(0.7, 0.7, 0.7), lambert(0.6), Transform::from_xyz(-0.6, -0.8, 0.2));
+    rig.spawn(Cuboid::new(0.6, 0.1, 0.6), lambert(0.4), Transform::from_xyz(0.6, 0.1, 0.0));
+}
+
+/// Light from all round, of one colour or by a map with a sun in it, and one lamp.
+pub fn surrounded(rig: &mut Rig, with_map: bool) {
+    room_without_lamp(rig);
+    rig.spawn(square(0.5), lamp(2.0, 2.0, 2.0), facing(Vec3::new(0.9, 1.0, 0.9), Vec3::ZERO));
+    let mut environment = sky(0.4);
+    if with_map {
+        let mut map =
+            texture(
+                16,
+                8,
+                |x, y| if (x, y) == (11, 1) { [255; 4] } else { [20 + 4 * x as u8, 30, 60 - 5 * y as u8, 255] },
+            );
+        map.texture_descriptor.format = bevy::render::render_resource::TextureFormat::Rgba8Unorm;
+        let image = Some(rig.add::<Image>(map));
+        environment = RestirEnvironment { image, rotation: Quat::from_rotation_y(0.7), ..sky(3.0) };
+    }
+    rig.insert(rig.camera, environment);
+}
+
+/// Twenty-four small emitters of many powers.
+pub fn many(rig: &mut Rig) {
+    room_without_lamp(rig);
+    for i in 0..24 {
+        let (a, b) = (i as f32 * 2.399, (i as f32 * 0.618).fract());
+        let place = Vec3::new(1.4 * a.cos() * b.sqrt(), -0.7 + 1.7 * b, 1.0 * a.sin());
+        let power = 1.0 + 30.0 * ((i * 7 % 24) as f32 / 24.0).powi(3);
+        rig.spawn(
+            Cuboid::new(0.08, 0.08, 0.08),
+            lamp(power, 0.7 * power, 0.3 * power + i as f32 * 0.3),
+            Transform::from_translation(place),
+        );
+    }
+}
+
+/// A mirror, a lacquer (a delta over a diffuse body), a lamp that the mirror shows, and an unlit square.
+pub fn mirrors(rig: &mut Rig) {
+    room(rig);
+    let mirror = shiny(Color::linear_rgb(0.9, 0.9, 0.9), 0.0, 1.0);
+    rig.spawn(
+        square(1.2),
+        mirror,
+        Transform::from_xyz(0.8, -0.3, -0.8).with_rotation(Quat::from_euler(EulerRot::YXZ, -0.5, -0.5, 0.0)),
+    );
+    rig.spawn(
+        Sphere::new(0.4).mesh().uv(16, 10),
+        shiny(Color::linear_rgb(0.2, 0.5, 0.8), 0.0, 0.0),
+        Transform::from_xyz(-0.2, -0.8, 0.8),
+    );
+    let unlit = StandardMaterial { unlit: true, ..Color::linear_rgb(0.2, 0.1, 0.3).into() };
+    rig.spawn(square(0.4), unlit, Transform::from_xyz(-1.0, 0.7, 0.0));
+}
+
+/// Shadows of blended panes, and an emitter that is itself half there, beside a glossy wall.
+pub fn blended(rig: &mut Rig) {
+    glossy(rig);
+    let pane = |alpha| StandardMaterial {
+        base_color: Color::linear_rgba(0.5, 0.5, 0.5, alpha),
+        alpha_mode: AlphaMode::Blend,
+        double_sided: true,
+        cull_mode: None,
+        ..lambert(0.0)
+    };
+    rig.spawn(square(1.4), pane(0.5), facing(Vec3::new(0.4, 0.5, 0.4), Vec3::ZERO));
+    let lamp = StandardMaterial {
+        emissive: LinearRgba::rgb(8.0, 6.0, 4.0),
+        base_color: Color::linear_rgba(0.0, 0.0, 0.0, 0.4),
+        ..pane(0.4)
+    };
+    rig.spawn(square(0.8), lamp, Transform::from_xyz(-0.5, -0.5, -0.4).with_rotation(Quat::from_rotation_y(0.6)));
+}
+
+/// A camera and a made scene.
+pub fn scene(size: u32, make: impl FnOnce(&mut Rig)) -> Option<Rig> {
+    let mut rig = Rig::new(size, size)?;
+    make(&mut rig);
+    *rig.get_mut::<Transform>(rig.camera) =
+        Transform::from_xyz(0.3, 0.2, 4.0).looking_at(Vec3::new(0.0, -0.2, 0.0), Vec3::Y);
+    Some(rig)
+}
+
+/// Restarts of the reference, one bounce.
+pub fn truth(rig: &mut Rig, first_seed: u32, frames: u32) -> Restarts {
+    restarts(
+        rig,
+        |r| r.technique = Technique::Reference,
+        first_seed,
+        |rig| {
+            rig.frames(frames - 1);
+            rig.next()
+        },
+    )
+}
+
+/// Restarts of direct lighting: the mean of all frames from the reset on.
+pub fn resampled(rig: &mut Rig, direct: &Direct, first_seed: u32, frames: u32) -> Restarts {
+    let direct = direct.clone();
+    let set = move |r: &mut Restir| (r.technique, r.direct) = (Technique::Di, direct);
+    restarts(rig, set, first_seed, |rig| mean_of_frames(rig, frames))
+}
+
+fn restarts(
+    rig: &mut Rig,
+    set: impl FnOnce(&mut Restir),
+    first_seed: u32,
+    mut one: impl FnMut(&mut Rig) -> Picture,
+) -> Restarts {
+    let mut restarts = Restarts::new(emission(rig));
+    rig.set(set);
+    rig.until_ready();
+    for i in 0..RESTARTS {
+        // Another seed forgets what was gathered.
+        rig.set(|r| r.seed = first_seed + i);
+        restarts.add(&one(rig));
+    }
+    restarts
+}
+
+/// What the camera sees emit, in any technique: it would hide errors of the light that is scattered.
+pub fn emission(rig: &mut Rig) -> Picture {
+    // One seed: where blending decides what is seen, the same is taken from both sides.
+    rig.set(|r| (r.technique, r.bounces, r.seed) = (Technique::Reference, 0, 1));
+    let picture = rig.picture(1);
+    rig.set(|r| r.bounces = 1);
+    picture
+}
+
+/// The mean of the next frames.
+pub fn mean_of_frames(rig: &mut Rig, frames: u32) -> Picture {
+    let mut sum = rig.next();
+    for _ in 1..frames {
+        let next = rig.next();
+        for (a, b) in sum.pixels.iter_mut().zip(next.pixels) {
+            *a = core::array::from_fn(|i| a[i] + b[i]);
+        }
+    }
+    sum.pixels.iter_mut().flatten().for_each(|c| *c /= frames as f32);
+    sum
+}

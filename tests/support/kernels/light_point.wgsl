@@ -1,0 +1,48 @@
+// A point of a light by way of its eight bytes, beside the same random numbers' sample; or a point of any coordinates.
+#import bevy_restir::common::rng::{Rng, rng_2, rng_bits, rng_new}
+#import bevy_restir::light::environment::environment_pdf
+#import bevy_restir::light::light::light_sample
+#import bevy_restir::light::point_on_light::{light_point_at, light_point_sample, LightPoint}
+
+struct Query {
+    point: vec3<f32>,
+    light: u32,
+    seed: u32,
+    any: u32,
+    pad_a: u32,
+    pad_b: u32,
+}
+
+struct Sample {
+    wi: vec3<f32>,
+    distance: f32,
+    radiance: vec3<f32>,
+    pdf: f32,
+    position: vec3<f32>,
+    delta: u32,
+    normal: vec3<f32>,
+    light: u32,
+    barycentrics: vec2<f32>,
+    density: f32,          // of the environment in the direction
+    pad: f32,
+}
+
+@group(2) @binding(0) var<storage, read> queries: array<Query>;
+@group(2) @binding(1) var<storage, read_write> samples: array<array<Sample, 2>>;
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    let q = queries[0];
+    var rng = rng_new(vec2<u32>(id.x & 0xffffu, id.x >> 16u), q.seed, 80u, 0u);
+    let u = rng_2(&rng);
+    let a = light_sample(q.light, q.point, u);
+    var p = light_point_sample(q.light, u);
+    if q.any != 0u {
+        p.coordinates = rng_bits(&rng).x;
+    }
+    let b = light_point_at(p, q.point, false);
+    samples[id.x][0] = Sample(a.wi, a.distance, a.radiance, a.pdf_solid_angle, a.position, a.delta, a.normal, a.light, a.barycentrics, 0.0, 0.0);
+    samples[id.x][1] = Sample(
+        b.wi, b.distance, b.radiance, b.pdf_solid_angle, b.position, b.delta, b.normal, b.light, b.barycentrics, environment_pdf(b.wi), 0.0,
+    );
+}
