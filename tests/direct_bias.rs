@@ -45,7 +45,8 @@ fn planted_errors_are_found() {
         ("PLANT_SCALED_UCW", candidates_only()),
         ("PLANT_CONFIDENCE_OF_SUCCESS", careless(Mis::Pairwise)),
         ("PLANT_SWAPPED_MIS", careless(Mis::DefensivePairwise)),
-        ("PLANT_MISSING_DENSITY", candidates_only()),
+        // Of one candidate each, so that the missing one weighs.
+        ("PLANT_MISSING_DENSITY", Direct { candidates: 1, ..candidates_only() }),
     ] {
         eprintln!("{plant}");
         plant_shader_defs(&mut rig.app, &[plant]);
