@@ -77,36 +77,32 @@ fn tiles() -> impl Iterator<Item = Vec<usize>> {
     })
 }
 
-fn render(case: &Case) -> Option<Pictures> {
-    let folder = Folder::new(case.scene)?;
+/// A picture of a scene as `references.json` asks for it.
+fn render_once(folder: &Folder, scene: &str, frames: u32, seed: u32) -> Exr {
     let text = std::fs::read_to_string(asset("references.json")).expect("the references are there");
     let all: Value = serde_json::from_str(&text).expect("it is JSON");
-    let (bounces, frames) = (all[case.scene]["bounces"].to_string(), case.frames.to_string());
-    let halves = ["11", "12"].map(|seed| {
-        let mut arguments = vec![
-            "--technique",
-            "reference",
-            "--size",
-            "128x128",
-            "--set",
-            "energy_compensation=false",
-            "--bounces",
-            &bounces,
-            "--frames",
-            &frames,
-            "--seed",
-            seed,
-            "--out",
-            "out.exr",
-        ];
-        let env =
-            all[case.scene]["env"].as_array().map(|e| e.iter().map(Value::to_string).collect::<Vec<_>>().join(","));
-        if let Some(env) = &env {
-            arguments.extend(["--env", env]);
-        }
-        folder.render(&asset(&format!("{}.glb", case.scene)), &arguments).succeeded();
-        values(&Exr::read(&folder.path("out.exr")))
-    });
+    let (bounces, frames, seed) = (all[scene]["bounces"].to_string(), frames.to_string(), seed.to_string());
+    let env = all[scene]["env"].as_array().map(|e| e.iter().map(Value::to_string).collect::<Vec<_>>().join(","));
+    let mut arguments = [
+        ["--technique", "reference"],
+        ["--size", "128x128"],
+        ["--set", "energy_compensation=false"],
+        ["--bounces", &bounces],
+        ["--frames", &frames],
+        ["--seed", &seed],
+        ["--out", "out.exr"],
+    ]
+    .concat();
+    if let Some(env) = &env {
+        arguments.extend(["--env", env]);
+    }
+    folder.render(&asset(&format!("{scene}.glb")), &arguments).succeeded();
+    Exr::read(&folder.path("out.exr"))
+}
+
+fn render(case: &Case) -> Option<Pictures> {
+    let folder = Folder::new(case.scene)?;
+    let halves = [11, 12].map(|seed| values(&render_once(&folder, case.scene, case.frames, seed)));
     let exr = |name: String| values(&Exr::read(&asset(&name)));
     let (reference, reference_error) = (exr(format!("{}.exr", case.scene)), exr(format!("{}_se.exr", case.scene)));
     Some(Pictures { halves, reference, reference_error })
@@ -163,4 +159,50 @@ scenes! {
     glass_lamp: 32, 0.01, 0.03, 0.06;
     caustic_egg: 16, 0.01, 0.03, 0.06;
     mirror_room: 32, 0.01, 0.03, 0.06;
+}
+
+/// Mean over 8 x 8-pixel tiles of the relative difference of luminance, without sign; dark tiles count at least 2 % of the mean.
+fn tile_difference(picture: &Exr, reference: &Exr) -> f64 {
+    let luminance = |p: &[f32; 3]| 0.2126 * f64::from(p[0]) + 0.7152 * f64::from(p[1]) + 0.0722 * f64::from(p[2]);
+    let tiles = |exr: &Exr| -> Vec<f64> {
+        let mut sums = vec![0.0; (SIZE / 8) * (SIZE / 8)];
+        for (i, pixel) in exr.pixels.iter().enumerate() {
+            sums[(i / SIZE / 8) * (SIZE / 8) + i % SIZE / 8] += luminance(pixel) / 64.0;
+        }
+        sums
+    };
+    let (a, b) = (tiles(picture), tiles(reference));
+    let mean = b.iter().sum::<f64>() / b.len() as f64;
+    a.iter().zip(&b).map(|(a, b)| (a - b).abs() / b.max(0.02 * mean)).sum::<f64>() / a.len() as f64
+}
+
+/// The table of `docs/proof.md`.
+#[test]
+#[ignore = "half an hour: ./run test --full"]
+fn the_reference_tracer_meets_its_margins_at_full_length() {
+    let Some(folder) = Folder::new("full_length") else { return };
+    let mut failed = Vec::new();
+    for (scene, frames, mean_margin, tile_margin) in [
+        ("punctual", 512, 0.003, 0.01),
+        ("furnace", 256, 0.003, 0.01),
+        ("cornell", 640, 0.003, 0.01),
+        ("glossy", 3072, 0.003, 0.01),
+        ("blinds", 2048, 0.003, 0.01),
+        ("ajar", 6144, 0.005, 0.02),
+        ("many_lights", 1024, 0.01, 0.03),
+        ("glass_lamp", 2048, 0.01, 0.03),
+        ("caustic_egg", 512, 0.01, 0.03),
+        ("mirror_room", 1024, 0.01, 0.03),
+    ] {
+        let picture = render_once(&folder, scene, frames, 0);
+        let reference = Exr::read(&asset(&format!("{scene}.exr")));
+        let mean = |exr: &Exr| values(exr).iter().sum::<f64>() / (SIZE * SIZE) as f64;
+        let difference = (mean(&picture) - mean(&reference)) / mean(&reference);
+        let tiles = tile_difference(&picture, &reference);
+        println!("| {scene} | {frames} | {:+.3} % | {:.2} % |", 100.0 * difference, 100.0 * tiles);
+        if difference.abs() > mean_margin || tiles > tile_margin {
+            failed.push(scene);
+        }
+    }
+    assert!(failed.is_empty(), "{failed:?}");
 }

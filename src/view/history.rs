@@ -9,7 +9,7 @@ use bevy::{
     },
 };
 
-use super::{VISIBILITY_FORMAT, pixels};
+use super::{VISIBILITY_FORMAT, buffer, pixels, texture};
 use crate::{
     gpu_types::*,
     settings::{Direct, Mis},
@@ -35,21 +35,8 @@ pub(crate) struct DirectHistory {
 
 impl DirectHistory {
     pub(crate) fn new(size: UVec2, direct: &Direct, device: &RenderDevice) -> Self {
-        let buffer = |label, size, usage| {
-            device.create_buffer(&BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
-        };
-        let texture = |label, format, usage| {
-            device.create_texture(&TextureDescriptor {
-                label: Some(label),
-                size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: TextureDimension::D2,
-                format,
-                usage,
-                view_formats: &[],
-            })
-        };
+        let buffer = |label, size, usage| buffer(device, label, size, usage);
+        let texture = |label, format, usage| texture(device, label, size, format, usage);
         let light = |label| {
             texture(label, LIGHT_FORMAT, TextureUsages::STORAGE_BINDING | TextureUsages::TEXTURE_BINDING)
                 .create_view(&TextureViewDescriptor::default())

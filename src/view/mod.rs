@@ -202,21 +202,8 @@ impl RestirView {
         environment_map: &TextureView,
         environment_importance: &TextureView,
     ) -> Self {
-        let buffer = |label, size, usage| {
-            device.create_buffer(&BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
-        };
-        let texture = |label, format, usage| {
-            device.create_texture(&TextureDescriptor {
-                label: Some(label),
-                size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: TextureDimension::D2,
-                format,
-                usage,
-                view_formats: &[],
-            })
-        };
+        let buffer = |label, size, usage| buffer(device, label, size, usage);
+        let texture = |label, format, usage| texture(device, label, size, format, usage);
         let view = |texture: &Texture| texture.create_view(&TextureViewDescriptor::default());
         let target = TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING;
         let uniforms = buffer(
@@ -303,6 +290,30 @@ impl RestirView {
     pub(crate) fn reservoir_bytes_per_pixel(&self) -> u64 {
         self.direct.as_ref().map_or(0, |_| 2 * DIRECT_RESERVOIR_SIZE)
     }
+}
+
+fn buffer(device: &RenderDevice, label: &'static str, size: u64, usage: BufferUsages) -> Buffer {
+    device.create_buffer(&BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
+}
+
+/// A texture as large as the view.
+fn texture(
+    device: &RenderDevice,
+    label: &'static str,
+    size: UVec2,
+    format: TextureFormat,
+    usage: TextureUsages,
+) -> Texture {
+    device.create_texture(&TextureDescriptor {
+        label: Some(label),
+        size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: TextureDimension::D2,
+        format,
+        usage,
+        view_formats: &[],
+    })
 }
 
 fn pixels(size: UVec2) -> u64 {
