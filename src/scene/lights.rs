@@ -1,5 +1,6 @@
 //! Every emitter in one table: analytic lights, then the triangles of every emissive instance, with a power-proportional alias
-//! table over all of them.  Ids are stable while nothing changes and remapped both ways when something does.
+//! table over all of them.  Ids are stable while nothing changes and remapped both ways when something does.  Of triangles that the
+//! device cannot bind rays find the light all the same: the picture is noisier, not darker.
 
 use bevy::{
     ecs::resource::Resource,
@@ -16,7 +17,7 @@ use super::{
     alias::alias_table,
     extract::{AnalyticLight, ExtractedScene},
     features::SceneFeatures,
-    heap::{GpuArray, dirty_runs},
+    heap::{GpuArray, Overflow, dirty_runs},
     instances::InstancePool,
     materials::MaterialPool,
     meshes::MeshPool,
@@ -103,6 +104,9 @@ pub(crate) struct LightPool {
     radius: f32,
     /// Warned about already.
     reported: HashSet<MainEntity>,
+    /// Emissive triangles and other lights that the table has no room for.
+    left_out: [u64; 2],
+    overflow: Overflow,
     pub features: SceneFeatures,
     /// The last frame's table lies behind this frame's, from here on; 0 where it is the same.
     pub(crate) previous_at: u32,
@@ -122,6 +126,8 @@ impl Default for LightPool {
             power: 0.0,
             radius: 0.0,
             reported: HashSet::default(),
+            left_out: [0; 2],
+            overflow: Overflow::default(),
             features: SceneFeatures::empty(),
             previous_at: 0,
             previous: Vec::new(),
@@ -136,8 +142,26 @@ fn luminance(c: [f32; 3]) -> f64 {
 }
 
 impl LightPool {
-    /// Brings the table up to the scene and gives every instance its first light.
+    /// Brings the table, of which the device can bind `limit` lights, up to the scene and gives every instance its first light.
     pub(crate) fn update(
+        &mut self,
+        scene: &ExtractedScene,
+        instances: &mut InstancePool,
+        meshes: &MeshPool,
+        materials: &MaterialPool,
+        limit: u32,
+    ) {
+        self.update_table(scene, instances, meshes, materials, limit);
+        let [triangles, others] = self.left_out;
+        if self.overflow.is_news(triangles + others, meshes.idle() && !instances.waiting) {
+            warn!(
+                "restir: this device binds {limit} lights at most: {triangles} emissive triangles are found by chance only (noisier, \
+                 not darker), {others} other lights are left out (darker)"
+            );
+        }
+    }
+
+    fn update_table(
         &mut self,
         scene: &ExtractedScene,
         instances: &mut InstancePool,
@@ -213,7 +237,7 @@ impl LightPool {
         }
         let by_slot: HashMap<u32, _> = instances.live.iter().map(|live| (live.slot, live.mesh)).collect();
         let mut powers = Vec::new();
-        let mut left_out = 0u64;
+        self.left_out = [0; 2];
         for (entity, source) in &self.sources {
             let first = self.table.len() as u32;
             match source {
@@ -229,7 +253,7 @@ impl LightPool {
                         continue;
                     }
                     if first >= limit {
-                        left_out += 1;
+                        self.left_out[1] += 1;
                         continue;
                     }
                     self.table.push(gpu);
@@ -238,7 +262,7 @@ impl LightPool {
                 }
                 Source::Mesh { slot, first_triangle, count, emission, double_sided, .. } => {
                     if first as u64 + *count as u64 > limit as u64 {
-                        left_out += *count as u64;
+                        self.left_out[0] += *count as u64;
                         continue;
                     }
                     let Some(mesh) = by_slot.get(slot).and_then(|id| meshes.get(*id)) else {
@@ -262,11 +286,6 @@ impl LightPool {
             }
             let owner = Owner { entity: *entity, mesh: matches!(source, Source::Mesh { .. }) };
             self.groups.push(Group { owner, first, count: self.table.len() as u32 - first });
-        }
-        if left_out > 0 {
-            warn!(
-                "restir: {left_out} lights are more than this device can bind; they are met by rays, but never aimed at"
-            );
         }
         self.power = powers.iter().filter(|p| p.is_finite() && **p > 0.0).sum();
         match alias_table(&powers) {

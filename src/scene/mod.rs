@@ -92,7 +92,8 @@ fn mirror_scene(
     }
     let moved = textures.update(materials.images(), &images, &pipelines, &shaders, &assets, &device, &queue);
     materials.pack(&textures, moved);
-    instances.update(&scene, &meshes, &mut materials, &assets);
+    instances.update(&scene, &meshes, &mut materials, &assets, GpuArray::<GpuInstance>::limit(&device));
+    // The last frame's table lies behind this frame's.
     lights.update(&scene, &mut instances, &meshes, &materials, GpuArray::<GpuLight>::limit(&device) / 2);
     instances.build_top_level(&mut meshes, &device, &queue);
 
