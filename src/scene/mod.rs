@@ -1,10 +1,11 @@
 //! The ECS mirrored into GPU buffers, in the order of the files: extract → geometry → blas → meshes; textures → materials; instances
-//! → tlas; lights → alias; bindings.  A still scene uploads no byte.
+//! → tlas; lights → emission, alias; bindings.  A still scene uploads no byte.
 
 pub mod albedo;
 pub mod alias;
 pub(crate) mod bindings;
 pub mod blas;
+mod emission;
 pub(crate) mod extract;
 mod features;
 pub mod geometry;
