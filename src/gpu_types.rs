@@ -197,9 +197,18 @@ pub struct GpuCounters {
     pub pad: u32,
 }
 
-pub const DIRECT_MIS_RAYS: u32 = 1;
-pub const DIRECT_REJECT: u32 = 2;
-pub const DIRECT_HISTORY: u32 = 4;
+pub const DIRECT_BSDF_CANDIDATE: u32 = 1;
+pub const DIRECT_CANDIDATE_RAYS: u32 = 2;
+pub const DIRECT_TARGET_RAYS: u32 = 4;
+pub const DIRECT_DISCARD: u32 = 8;
+pub const DIRECT_MIS_RAYS: u32 = 16;
+pub const DIRECT_SHADING_RAYS: u32 = 32;
+pub const DIRECT_REUSE_VISIBILITY: u32 = 64;
+pub const DIRECT_HEURISTICS: u32 = 128;
+pub const DIRECT_DECOUPLED: u32 = 256;
+pub const DIRECT_FROM_PREVIOUS: u32 = 512;
+pub const DIRECT_SHADE: u32 = 1024;
+pub const DIRECT_SEEN: u32 = 2048;
 
 pub const MIS_UNIFORM: u32 = 0;
 pub const MIS_VALID: u32 = 1;
@@ -207,6 +216,10 @@ pub const MIS_BALANCE: u32 = 2;
 pub const MIS_PAIRWISE: u32 = 3;
 pub const MIS_DEFENSIVE_PAIRWISE: u32 = 4;
 pub const MIS_DEFENSIVE_PAIRWISE_GRIS: u32 = 5;
+
+/// Layouts of reservoirs that are no tiles.
+pub const TILING_ROWS: u32 = 0;
+pub const TILING_COLUMNS: u32 = u32::MAX;
 
 /// Bytes of a reservoir of direct light.
 pub const DIRECT_RESERVOIR_SIZE: u64 = 16;
@@ -220,10 +233,18 @@ pub struct GpuDirectSettings {
     pub tile: u32,
     pub temporal_taps: u32,
     pub spatial_taps: u32,
+    pub disocclusion_taps: u32,
+    pub tries: u32,
     pub radius: f32,
     pub confidence_cap: f32,
     pub mis: u32,
     pub flags: u32,
     pub normal_threshold: f32,
     pub depth_threshold: f32,
+    pub visibility_radius: f32,
+    pub tiling: u32,
+    pub round: u32,
+    pub pad_a: u32,
+    pub pad_b: u32,
+    pub pad_c: u32,
 }

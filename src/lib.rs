@@ -27,7 +27,10 @@ mod view;
 #[doc(hidden)]
 pub use passes::pipelines::plant_shader_defs;
 pub use passes::{SPAN_PREFIX, pass_names, pipelines::PipelineReport};
-pub use settings::{DebugView, Direct, EmissiveLuminance, Mis, Preset, Restir, RestirEnvironment, Technique};
+pub use settings::{
+    BiasCorrection, DebugView, Direct, EmissiveLuminance, Mis, Preset, ReservoirLayout, Restir, RestirEnvironment,
+    ReuseOrder, Technique, VisibilityReuse,
+};
 pub use statistics::{RestirReport, RestirStatistics};
 pub use view::capture::{CapturedRadiance, RadianceCapture};
 
@@ -52,7 +55,8 @@ use core::any::TypeId;
 /// Everything that an app needs.
 pub mod prelude {
     pub use crate::{
-        DebugView, Direct, EmissiveLuminance, Mis, Preset, Restir, RestirEnvironment, RestirPlugin, Technique,
+        BiasCorrection, DebugView, Direct, EmissiveLuminance, Mis, Preset, ReservoirLayout, Restir, RestirEnvironment,
+        RestirPlugin, ReuseOrder, Technique, VisibilityReuse,
     };
 }
 

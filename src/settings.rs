@@ -10,6 +10,10 @@ use bevy::{
     reflect::{Reflect, std_traits::ReflectDefault},
 };
 
+mod direct;
+
+pub use direct::{BiasCorrection, Direct, Mis, ReservoirLayout, ReuseOrder, VisibilityReuse};
+
 /// How light is carried from the scene to a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 pub enum Technique {
@@ -20,80 +24,6 @@ pub enum Technique {
     /// ReSTIR DI (Wyman and Panteleev 2021, paper 003): emission and direct light, one bounce whatever `bounces` says (none where that
     /// is 0).  See [`Direct`].
     Di,
-}
-
-/// How the samples of a pixel and of its neighbours are weighed against each other when they are resampled.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
-#[repr(u32)]
-pub enum Mis {
-    /// By confidence alone: dark where a neighbour could not have found a sample (biased).  No further evaluation.
-    Uniform,
-    /// By confidence among those that could have found it: unbiased with `mis_rays`, noisy.  k² evaluations for k neighbours.
-    Valid,
-    /// Generalised balance heuristic: unbiased with `mis_rays`.  k² evaluations.
-    Balance,
-    /// Each neighbour against the pixel's own sample: unbiased with `mis_rays`.  2k evaluations.
-    Pairwise,
-    /// As `Pairwise`, with a share kept for the pixel's own sample by its confidence: safest where neighbours have long histories.
-    #[default]
-    DefensivePairwise,
-    /// As `Pairwise`, with 1/(k + 1) kept for the pixel's own sample (paper 002, Eqs. 28-29): for neighbours of like confidence.
-    DefensivePairwiseGris,
-}
-
-/// Resampled direct light.
-#[derive(Clone, Debug, PartialEq, Reflect)]
-pub struct Direct {
-    /// Points of lights that a pixel draws, 1 to 64; cost grows with it, noise falls.
-    pub candidates: u32,
-    /// Presampled subsets of lights, at most 1024; 0: every pixel draws from all lights, slower with many of them.  Pixels of a tile
-    /// share a subset: correlated noise, no bias.
-    pub subset_count: u32,
-    /// Points of lights in a subset, 1 to 16384.
-    pub subset_size: u32,
-    /// Pixels a side that share a subset, 1 to 16.
-    pub tile: u32,
-    /// Reuses the sample that the surface had in the last frame.
-    pub temporal: bool,
-    /// Samples of places round it in the last frame, at most 5.
-    pub spatial_taps: u32,
-    /// How far round it, pixels.
-    pub radius: f32,
-    /// Most that a history counts, in frames' worth of candidates, at most 60.  Longer histories are smoother and more correlated.
-    pub confidence_cap: f32,
-    /// How samples are weighed against each other.
-    pub mis: Mis,
-    /// Rays decide what a neighbour could have found: without them light is lost near shadows (biased, darker), with them each tap
-    /// costs one more ray.
-    pub mis_rays: bool,
-    /// Leaves out neighbours whose geometry differs: less noise at edges, no bias.
-    pub reject: bool,
-    /// Least cosine between the normals of pixels that reuse each other's samples.
-    pub normal_threshold: f32,
-    /// Most distance of one from the other's tangent plane, relative to the distance from the camera.
-    pub depth_threshold: f32,
-}
-
-impl Default for Direct {
-    /// Paper 003: 32 candidates from 128 subsets of 1024, tiles of 8 pixels, one temporal and one spatiotemporal tap within 30 pixels,
-    /// history capped at 20.
-    fn default() -> Self {
-        Self {
-            candidates: 32,
-            subset_count: 128,
-            subset_size: 1024,
-            tile: 8,
-            temporal: true,
-            spatial_taps: 1,
-            radius: 30.0,
-            confidence_cap: 20.0,
-            mis: Mis::default(),
-            mis_rays: true,
-            reject: true,
-            normal_threshold: 0.9,
-            depth_threshold: 0.02,
-        }
-    }
 }
 
 /// What a camera shows in place of light.  Values reach the view target and [`RadianceCapture`](crate::RadianceCapture) as they are,
@@ -120,12 +50,30 @@ pub enum DebugView {
     Normals,
     /// Base colour.
     Albedo,
+    /// Lights of the reservoirs that are kept, in false colours; black: none.  These and the following need [`Technique::Di`].
+    ReservoirLights,
+    /// Where on its light the kept sample is: its two coordinates, 0 to 1, in red and green.
+    ReservoirPoints,
+    /// Unbiased contribution weights of the kept samples, in the lights' own measure.
+    ReservoirWeights,
+    /// Confidence of the reservoirs, in frames' worth of candidates.
+    ReservoirConfidence,
+    /// Whether the kept sample was seen when it was shaded: green, red where not, black where there is none.
+    ReservoirVisibility,
+}
+
+impl DebugView {
+    /// It shows what direct lighting keeps.
+    pub fn is_of_reservoirs(self) -> bool {
+        self as u32 >= Self::ReservoirLights as u32
+    }
 }
 
 /// A set of settings with a purpose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Reflect)]
 pub enum Preset {
-    /// Fewest rays: light after the third bounce is missing (darker).
+    /// Fewest rays: light after the third bounce is missing (darker), and direct light is resampled as in paper 003, with visibility
+    /// reused within 30 pixels (darker near shadows, which lag).
     Performance,
     /// Light after the fifth bounce is missing (darker).
     Balanced,
@@ -190,13 +138,22 @@ impl Restir {
             Preset::Quality => 8,
             Preset::Unbiased => 32,
         };
+        let direct = match preset {
+            Preset::Performance => Direct {
+                bias_correction: BiasCorrection::HeuristicsAndMis,
+                visibility: VisibilityReuse::Decoupled,
+                visibility_radius: 30.0,
+                ..Direct::default()
+            },
+            _ => Direct::default(),
+        };
         Self {
             technique: Technique::Reference,
             bounces,
             jitter: true,
             energy_compensation: true,
             seed: 0,
-            direct: Direct::default(),
+            direct,
             accumulate: false,
             debug_view: DebugView::Off,
             reset: false,
@@ -210,30 +167,11 @@ impl Restir {
             warnings.push(format!("bounces = {} is out of range, {} is used", self.bounces, Self::MAX_BOUNCES));
             self.bounces = Self::MAX_BOUNCES;
         }
-        let direct = &mut self.direct;
-        let mut count = |name: &str, value: &mut u32, low: u32, high: u32| {
-            let clamped = (*value).clamp(low, high);
-            if clamped != *value {
-                warnings.push(format!("direct.{name} = {value} is out of range, {clamped} is used"));
-                *value = clamped;
-            }
-        };
-        count("candidates", &mut direct.candidates, 1, 64);
-        count("subset_count", &mut direct.subset_count, 0, 1024);
-        count("subset_size", &mut direct.subset_size, 1, 16384);
-        count("tile", &mut direct.tile, 1, 16);
-        count("spatial_taps", &mut direct.spatial_taps, 0, 5);
-        let mut number = |name: &str, value: &mut f32, low: f32, high: f32| {
-            let clamped = if value.is_nan() { low } else { value.clamp(low, high) };
-            if clamped != *value {
-                warnings.push(format!("direct.{name} = {value} is out of range, {clamped} is used"));
-                *value = clamped;
-            }
-        };
-        number("radius", &mut direct.radius, 0.0, 1000.0);
-        number("confidence_cap", &mut direct.confidence_cap, 0.0, 60.0);
-        number("normal_threshold", &mut direct.normal_threshold, -1.0, 1.0);
-        number("depth_threshold", &mut direct.depth_threshold, 0.0, 1e6);
+        self.direct.validate(&mut |warning| warnings.push(warning));
+        if self.debug_view.is_of_reservoirs() && self.technique != Technique::Di {
+            warnings
+                .push(format!("debug_view = {:?} shows nothing of technique {:?}", self.debug_view, self.technique));
+        }
         warnings
     }
 }

@@ -3,7 +3,7 @@
 
 use crate::support::{app::*, direct::*, equivalence::Restarts, stats::FAMILY_ALPHA};
 use bevy::prelude::*;
-use bevy_restir::{Direct, Mis, Restir, Technique, plant_shader_defs};
+use bevy_restir::{BiasCorrection, Direct, Mis, Restir, Technique, plant_shader_defs};
 
 const TRUTH_FRAMES: u32 = 64;
 
@@ -12,6 +12,10 @@ fn difference(rig: &mut Rig, direct: &Direct, truth: &Restarts) -> (f64, f64) {
     let (z, relative) = resampled(rig, direct, 5000, FRAMES).difference(truth);
     eprintln!("    {:.3} % ({z:.1} σ)", 100.0 * relative);
     (z, relative)
+}
+
+fn corrected(bias_correction: BiasCorrection, mis: Mis) -> Direct {
+    Direct { bias_correction, ..careless(mis) }
 }
 
 #[test]
@@ -23,9 +27,10 @@ fn each_biased_mode_is_biased_with_its_documented_sign() {
     };
     let reference = truth(&mut rig, 1000, TRUTH_FRAMES);
     for (name, direct) in [
-        ("without rays", Direct { mis_rays: false, ..careless(Mis::DefensivePairwise) }),
-        ("without rays, balance", Direct { mis_rays: false, ..careless(Mis::Balance) }),
-        ("uniform", careless(Mis::Uniform)),
+        ("off", corrected(BiasCorrection::Off, Mis::default())),
+        ("heuristics", corrected(BiasCorrection::Heuristics, Mis::default())),
+        ("heuristics and MIS", corrected(BiasCorrection::HeuristicsAndMis, Mis::default())),
+        ("heuristics and balance", corrected(BiasCorrection::HeuristicsAndMis, Mis::Balance)),
     ] {
         eprintln!("{name}");
         let (z, relative) = difference(&mut rig, &direct, &reference);

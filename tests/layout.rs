@@ -162,15 +162,39 @@ fn resampling_structs_and_constants_are_the_same_in_rust_and_wgsl() {
             tile,
             temporal_taps,
             spatial_taps,
+            disocclusion_taps,
+            tries,
             radius,
             confidence_cap,
             mis,
             flags,
             normal_threshold,
             depth_threshold,
+            visibility_radius,
+            tiling,
+            round,
+            pad_a,
+            pad_b,
+            pad_c,
         }
     );
-    same!(types: DIRECT_MIS_RAYS, DIRECT_REJECT, DIRECT_HISTORY);
+    same!(
+        types:
+        DIRECT_BSDF_CANDIDATE,
+        DIRECT_CANDIDATE_RAYS,
+        DIRECT_TARGET_RAYS,
+        DIRECT_DISCARD,
+        DIRECT_MIS_RAYS,
+        DIRECT_SHADING_RAYS,
+        DIRECT_REUSE_VISIBILITY,
+        DIRECT_HEURISTICS,
+        DIRECT_DECOUPLED,
+        DIRECT_FROM_PREVIOUS,
+        DIRECT_SHADE,
+        DIRECT_SEEN,
+        TILING_ROWS,
+        TILING_COLUMNS,
+    );
     let mis = module("restir/mis.wgsl");
     same!(mis: MIS_UNIFORM, MIS_VALID, MIS_BALANCE, MIS_PAIRWISE, MIS_DEFENSIVE_PAIRWISE, MIS_DEFENSIVE_PAIRWISE_GRIS);
 }

@@ -15,6 +15,7 @@ const STREAM_ALPHA: u32 = 2u;
 const STREAM_REFERENCE: u32 = 3u;
 const STREAM_PRESAMPLE: u32 = 4u;
 const STREAM_CANDIDATES: u32 = 5u;
+// And one a round from here on.
 const STREAM_REUSE: u32 = 6u;
 
 fn pcg4d(seed: vec4<u32>) -> vec4<u32> {

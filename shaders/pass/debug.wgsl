@@ -2,7 +2,6 @@
 // normals, base colour.  Values as they are, without exposure.
 
 #import bevy_restir::common::constants::NONE
-#import bevy_restir::common::rng::{pcg4d, unit_float}
 #import bevy_restir::scene::surface::surface_at
 #import bevy_restir::scene::triangle::world_triangle
 #import bevy_restir::trace::offset::surface_point
@@ -11,6 +10,7 @@
 #import bevy_restir::view::alpha_seed::primary_alpha_seed
 #import bevy_restir::view::bindings::{ray_counts, view, visibility}
 #import bevy_restir::view::camera::{barycentrics_on_ray, motion_of_point, motion_of_sky, primary_ray}
+#import bevy_restir::view::false_color::false_color
 
 @group(2) @binding(0) var<storage, read_write> radiance: array<vec4<f32>>;
 
@@ -23,11 +23,6 @@ const DEBUG_DEPTH: u32 = 5u;
 const DEBUG_MOTION: u32 = 6u;
 const DEBUG_NORMALS: u32 = 7u;
 const DEBUG_ALBEDO: u32 = 8u;
-
-// A colour that tells ids apart.
-fn false_color(ids: vec2<u32>) -> vec3<f32> {
-    return unit_float(pcg4d(vec4<u32>(ids, 17u, 42u))).xyz;
-}
 
 @compute @workgroup_size(8, 8)
 fn debug(@builtin(global_invocation_id) id: vec3<u32>) {

@@ -11,9 +11,9 @@
 #import bevy_restir::light::select::{environment_pmf, light_pmf, light_select}
 #import bevy_restir::path::medium::{medium_towards, transmittance}
 #import bevy_restir::restir::direct::{bsdf_pdf_of, evaluate, is_visible, Receiver, receiver_of, target_value}
-#import bevy_restir::restir::reservoir::{no_reservoir, Reservoir, reservoir_pack}
+#import bevy_restir::restir::reservoir::{no_reservoir, Reservoir, reservoir_index, reservoir_pack}
 #import bevy_restir::restir::stream::{Stream, stream_add, stream_ucw}
-#import bevy_restir::restir::types::DirectSettings
+#import bevy_restir::restir::types::{DIRECT_BSDF_CANDIDATE, DIRECT_CANDIDATE_RAYS, DirectSettings}
 #import bevy_restir::scene::surface::surface_at
 #import bevy_restir::trace::offset::offset_point
 #import bevy_restir::trace::ray::{Ray, rays_traced, trace_flags}
@@ -81,7 +81,7 @@ fn direct_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(pixel >= view.size) {
         return;
     }
-    let index = pixel.y * view.size.x + pixel.x;
+    let index = reservoir_index(pixel, view.size, settings.tiling);
     let ids = textureLoad(visibility, pixel, 0).xy;
     if ids.x == NONE || view.bounces == 0u {
         reservoirs[index] = reservoir_pack(no_reservoir());
@@ -92,6 +92,7 @@ fn direct_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
     let r = receiver_of(ids, pixel, false);
     let tile = pixel / settings.tile;
     let subset = pcg4d(vec4<u32>(tile, view.frame, view.seed ^ 0x711e5u)).x % max(settings.subset_count, 1u);
+    let with_bsdf = (settings.flags & DIRECT_BSDF_CANDIDATE) != 0u;
 
     // p̂ over the sum of both techniques' densities is the balance heuristic's weight of a candidate.
     var stream = Stream(0.0, NONE);
@@ -102,12 +103,16 @@ fn direct_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
         let c = light_candidate(subset, &rng);
         let e = evaluate(r, c.point);
         let u = rng_1(&rng);
-        let weight = target_value(e) / both_densities(count * c.pmf, bsdf_pdf_of(r, e));
+        let of_bsdf = select(0.0, bsdf_pdf_of(r, e), with_bsdf);
+        let weight = target_value(e) / both_densities(count * c.pmf, of_bsdf);
         if c.pmf > 0.0 && stream_add(&stream, i, weight, u) {
             chosen = c.point;
         }
     }
-    let found = bsdf_candidate(r, &rng);
+    var found = Found(no_light_point(), vec3<f32>(0.0));
+    if with_bsdf {
+        found = bsdf_candidate(r, &rng);
+    }
     if found.point.light != NONE {
         let e = evaluate(r, found.point);
         let weight = target_value(e) / both_densities(count * light_pmf(found.point.light), bsdf_pdf_of(r, e));
@@ -117,10 +122,11 @@ fn direct_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 
     // The chosen one is seen or it is nothing; that counts as a candidate all the same.  The BSDF's ray has seen its own.
-    var reservoir = Reservoir(chosen, 0.0, 1.0);
+    var reservoir = Reservoir(chosen, 0.0, 1.0, true);
     if chosen.light != NONE {
         let e = evaluate(r, chosen);
-        if stream.selected == settings.candidates || is_visible(r, e, rng_bits(&rng).x) {
+        let is_known = stream.selected == settings.candidates || (settings.flags & DIRECT_CANDIDATE_RAYS) == 0u;
+        if is_known || is_visible(r, e, rng_bits(&rng).x) {
             reservoir.ucw = stream_ucw(stream, target_value(e));
         }
     }

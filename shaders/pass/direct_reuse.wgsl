@@ -1,46 +1,199 @@
-// Spatiotemporal reuse and shading of direct light: this frame's sample and those of places in the last frame (paper 003, 6) meet in
-// one resampling step; what each contributes is shaded by its share (7: decoupled shading), and one of them is kept.
+// One round of reuse, and the shading of direct light: a pixel's sample and those of its neighbours, of the last frame (paper 003, 6)
+// or of this one, meet in one resampling step; what each contributes is shaded by its share (7: decoupled shading), and one is kept.
 
 #import bevy_restir::common::constants::NONE
-#import bevy_restir::common::math::luminance
 #import bevy_restir::common::rng::{Rng, rng_1, rng_2, rng_bits, rng_new, STREAM_REUSE}
 #import bevy_restir::light::remap::light_of_this_frame
-#import bevy_restir::restir::direct::{evaluate, Evaluated, is_visible, Receiver, receiver_of, target_value}
+#import bevy_restir::restir::direct::{are_alike, evaluate, Evaluated, is_visible, Receiver, receiver_of, target_value}
 #import bevy_restir::restir::mis::{MAX_INPUTS, mis_needs_target, mis_weight, MisInputs}
-#import bevy_restir::restir::reservoir::{no_reservoir, Reservoir, reservoir_pack, reservoir_unpack}
+#import bevy_restir::restir::reservoir::{no_reservoir, Reservoir, reservoir_index, reservoir_pack, reservoir_unpack}
 #import bevy_restir::restir::stream::{Stream, stream_add, stream_ucw}
-#import bevy_restir::restir::types::{DIRECT_HISTORY, DIRECT_MIS_RAYS, DIRECT_REJECT, DirectSettings}
+#import bevy_restir::restir::types::{DIRECT_DECOUPLED, DIRECT_DISCARD, DIRECT_FROM_PREVIOUS, DIRECT_HEURISTICS, DIRECT_MIS_RAYS, DIRECT_REUSE_VISIBILITY, DIRECT_SEEN, DIRECT_SHADE, DIRECT_SHADING_RAYS, DIRECT_TARGET_RAYS, DirectSettings}
+#import bevy_restir::scene::triangle::world_triangle
 #import bevy_restir::trace::offset::surface_point
 #import bevy_restir::trace::ray::{rays_traced, trace_flags}
 #import bevy_restir::view::bindings::{ray_counts, view, visibility}
-#import bevy_restir::scene::triangle::world_triangle
 #import bevy_restir::view::camera::{barycentrics_on_ray, primary_ray, project}
 
 @group(2) @binding(0) var<uniform> settings: DirectSettings;
-@group(2) @binding(1) var<storage, read> previous_reservoirs: array<vec4<u32>>;
+// Of the last frame, or of this frame's last round.
+@group(2) @binding(1) var<storage, read> neighbours: array<vec4<u32>>;
 @group(2) @binding(2) var<storage, read_write> reservoirs: array<vec4<u32>>;
 @group(2) @binding(3) var previous_visibility: texture_2d<u32>;
 @group(2) @binding(4) var resampled: texture_storage_2d<rgba32float, write>;
 
-// The place of tap i in the last frame; outside of the image: NONE.  Only geometry and random numbers decide (trap T8).
-fn tap_pixel(i: u32, before: vec2<f32>, rng: ptr<function, Rng>) -> vec2<u32> {
-    var at = before - view.previous_jitter;
-    if i > settings.temporal_taps {
-        let u = rng_2(rng);
-        at += settings.radius * sqrt(u.x) * vec2<f32>(cos(6.2831853 * u.y), sin(6.2831853 * u.y));
-    }
-    if any(at < vec2<f32>(0.0)) || any(at >= vec2<f32>(view.size)) {
-        return vec2<u32>(NONE);
-    }
-    return min(vec2<u32>(at), view.size - 1u);
+// What the pixel's own sample and those of its neighbours bring to the step; the pixel's own is the first.
+struct Inputs {
+    samples: array<Reservoir, MAX_INPUTS>,
+    pixels: array<vec2<u32>, MAX_INPUTS>,
+    contributions: array<vec3<f32>, MAX_INPUTS>,
+    shares: array<f32, MAX_INPUTS>,       // what each is shaded by
+    asks: array<bool, MAX_INPUTS>,        // a ray before it is shaded
+    seen: array<bool, MAX_INPUTS>,        // as far as that is known
 }
 
-// Whether two surfaces are alike enough to share light.
-fn are_alike(a: Receiver, b: Receiver) -> bool {
-    let offset = b.surface.position - a.surface.position;
-    let reach = max(distance(a.surface.position, view.current.world_from_view[3].xyz), 1.0e-20);
-    return dot(a.surface.bsdf.n, b.surface.bsdf.n) >= settings.normal_threshold
-        && abs(dot(offset, a.surface.bsdf.n_geo)) <= settings.depth_threshold * reach;
+fn has(flag: u32) -> bool {
+    return (settings.flags & flag) != 0u;
+}
+
+fn ids_at(pixel: vec2<u32>) -> vec2<u32> {
+    if has(DIRECT_FROM_PREVIOUS) {
+        return textureLoad(previous_visibility, pixel, 0).xy;
+    }
+    return textureLoad(visibility, pixel, 0).xy;
+}
+
+fn neighbour_at(pixel: vec2<u32>) -> Receiver {
+    return receiver_of(ids_at(pixel), pixel, has(DIRECT_FROM_PREVIOUS));
+}
+
+// Where the pixel's surface is among the neighbours: in pixels of the last frame, or of this one.
+fn own_place(ids: vec2<u32>, pixel: vec2<u32>) -> vec2<f32> {
+    if !has(DIRECT_FROM_PREVIOUS) {
+        return vec2<f32>(pixel) + 0.5;
+    }
+    let b = barycentrics_on_ray(world_triangle(ids.x, ids.y, false), primary_ray(pixel));
+    return project(view.previous, surface_point(ids.x, ids.y, b, true)) - view.previous_jitter;
+}
+
+// A neighbour for one tap; NONE where none is found.  Only geometry and random numbers decide (trap T8).
+fn find_neighbour(r: Receiver, place: vec2<f32>, radius: f32, tries: u32, rng: ptr<function, Rng>) -> vec2<u32> {
+    for (var t = 0u; t < tries; t++) {
+        let u = rng_2(rng);
+        let at = place + radius * sqrt(u.x) * vec2<f32>(cos(6.2831853 * u.y), sin(6.2831853 * u.y));
+        if any(at < vec2<f32>(0.0)) || any(at >= vec2<f32>(view.size)) {
+            continue;
+        }
+        let pixel = min(vec2<u32>(at), view.size - 1u);
+        if ids_at(pixel).x == NONE {
+            continue;
+        }
+        if !has(DIRECT_HEURISTICS) || are_alike(r, neighbour_at(pixel), settings.normal_threshold, settings.depth_threshold) {
+            return pixel;
+        }
+    }
+    return vec2<u32>(NONE);
+}
+
+fn own_sample(pixel: vec2<u32>) -> Reservoir {
+    let index = reservoir_index(pixel, view.size, settings.tiling);
+    if has(DIRECT_FROM_PREVIOUS) {
+        return reservoir_unpack(reservoirs[index]);
+    }
+    return reservoir_unpack(neighbours[index]);
+}
+
+fn sample_of_neighbour(pixel: vec2<u32>) -> Reservoir {
+    var s = reservoir_unpack(neighbours[reservoir_index(pixel, view.size, settings.tiling)]);
+    if has(DIRECT_FROM_PREVIOUS) {
+        // A light that is gone takes its sample with it, but not the sample's worth.
+        s.point.light = light_of_this_frame(s.point.light);
+        s.ucw = select(s.ucw, 0.0, s.point.light == NONE);
+    }
+    // History counts at most so much; before any weight, whatever the sample is (trap T7).
+    s.confidence = min(s.confidence, settings.confidence_cap);
+    return s;
+}
+
+// Collects the inputs.  Where the surface itself was not in sight more neighbours are asked (paper 003, 6.4).
+fn gather(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, r: Receiver, place: vec2<f32>, pixel: vec2<u32>, rng: ptr<function, Rng>) {
+    (*inputs).samples[0] = own_sample(pixel);
+    (*inputs).pixels[0] = pixel;
+    (*inputs).asks[0] = has(DIRECT_SHADING_RAYS) && !has(DIRECT_SEEN);
+    (*inputs).seen[0] = true;
+    (*mis).confidence[0] = (*inputs).samples[0].confidence;
+    var count = 1u;
+    var taps = settings.temporal_taps + settings.spatial_taps;
+    for (var i = 0u; i < taps && count < MAX_INPUTS; i++) {
+        let is_own = i < settings.temporal_taps;
+        let at = find_neighbour(r, place, select(settings.radius, 0.0, is_own), select(settings.tries, 1u, is_own), rng);
+        if at.x == NONE {
+            taps = max(taps, select(0u, settings.temporal_taps + settings.disocclusion_taps, is_own));
+            continue;
+        }
+        let s = sample_of_neighbour(at);
+        // What was seen when it was shaded, the surface itself and near neighbours are taken to see still (paper 003, 7.3).
+        let near = is_own || distance(vec2<f32>(at) + 0.5, place) <= settings.visibility_radius;
+        let is_reused = has(DIRECT_REUSE_VISIBILITY) && near;
+        (*inputs).samples[count] = s;
+        (*inputs).pixels[count] = at;
+        (*inputs).asks[count] = has(DIRECT_SHADING_RAYS) && !is_reused;
+        (*inputs).seen[count] = s.seen || !is_reused;
+        (*mis).confidence[count] = s.confidence;
+        count += 1u;
+    }
+    (*mis).count = count;
+}
+
+// One of the inputs, and the share of each.
+fn resample(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, rng: ptr<function, Rng>) -> Stream {
+    var stream = Stream(0.0, NONE);
+    for (var j = 0u; j < (*mis).count; j++) {
+        let u = rng_1(rng);
+        let ucw = (*inputs).samples[j].ucw;
+        if ucw > 0.0 {
+            (*inputs).shares[j] = mis_weight(mis, settings.mis, j) * ucw;
+            _ = stream_add(&stream, j, (*inputs).shares[j] * (*mis).targets[j], u);
+        }
+    }
+    return stream;
+}
+
+// Targets of every domain at every sample that the weights ask for, and what is seen of what is shaded; then the step itself.
+fn combine(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, r: Receiver, alpha_seed: u32, rng: ptr<function, Rng>) -> Stream {
+    var stream = Stream(0.0, NONE);
+    let shades_kept = has(DIRECT_SHADE) && !has(DIRECT_DECOUPLED);
+    // Where only what is kept is shaded there is one turn more: rays are traced at one place in the program.
+    for (var turn = 0u; turn < (*mis).count + u32(shades_kept); turn++) {
+        let is_last = turn == (*mis).count;
+        let domain = select(turn, 0u, is_last);
+        if is_last {
+            count_confidence(mis);
+            stream = resample(inputs, mis, rng);
+        }
+        var receiver = r;
+        if domain > 0u {
+            receiver = neighbour_at((*inputs).pixels[domain]);
+        }
+        for (var j = 0u; j < (*mis).count; j++) {
+            if is_last && j != stream.selected {
+                continue;
+            }
+            var value = 0.0;
+            var e: Evaluated;
+            if (*inputs).samples[j].ucw > 0.0 && mis_needs_target(settings.mis, domain, j) {
+                e = evaluate(receiver, (*inputs).samples[j].point);
+                value = target_value(e);
+            }
+            // A sample is seen from where it was kept; elsewhere a ray decides.
+            let asked_by_target = !is_last && domain != j && has(select(DIRECT_MIS_RAYS, DIRECT_TARGET_RAYS, domain == 0u));
+            let asked_by_shading = domain == 0u && (*inputs).asks[j] && has(DIRECT_SHADE) && is_last == shades_kept;
+            if value > 0.0 && (asked_by_target || asked_by_shading) {
+                // Blended surfaces let every domain see by chances of its own: weights of joint chances would not add up to 1.
+                let visible = is_visible(receiver, e, alpha_seed + domain);
+                if asked_by_shading {
+                    (*inputs).seen[j] = visible;
+                } else {
+                    value = select(0.0, value, visible);
+                    if domain == 0u && !visible && has(DIRECT_DISCARD) {
+                        (*mis).confidence[j] = 0.0;
+                        (*inputs).samples[j].ucw = 0.0;
+                    }
+                }
+            }
+            if !is_last {
+                (*mis).targets[domain * MAX_INPUTS + j] = value;
+                if domain == 0u {
+                    (*inputs).contributions[j] = select(vec3<f32>(0.0), e.f, value > 0.0);
+                }
+            }
+        }
+    }
+    if !shades_kept {
+        count_confidence(mis);
+        stream = resample(inputs, mis, rng);
+    }
+    return stream;
 }
 
 @compute @workgroup_size(8, 8)
@@ -49,123 +202,55 @@ fn direct_reuse(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(pixel >= view.size) {
         return;
     }
-    let index = pixel.y * view.size.x + pixel.x;
+    let index = reservoir_index(pixel, view.size, settings.tiling);
     let ids = textureLoad(visibility, pixel, 0).xy;
     if ids.x == NONE || view.bounces == 0u {
+        reservoirs[index] = reservoir_pack(no_reservoir());
         textureStore(resampled, pixel, vec4<f32>(0.0));
         return;
     }
-    var rng = rng_new(pixel, view.frame, STREAM_REUSE, view.seed);
+    var rng = rng_new(pixel, view.frame, STREAM_REUSE + settings.round, view.seed);
     let alpha_seed = rng_bits(&rng).x;
     let r = receiver_of(ids, pixel, false);
-    let with_rays = (settings.flags & DIRECT_MIS_RAYS) != 0u;
+    var inputs: Inputs;
+    var mis: MisInputs;
+    gather(&inputs, &mis, r, own_place(ids, pixel), pixel, &rng);
+    let stream = combine(&inputs, &mis, r, alpha_seed, &rng);
 
-    // Gather the inputs: the canonical reservoir, and those of the taps.
-    var inputs: MisInputs;
-    var samples: array<Reservoir, MAX_INPUTS>;
-    var pixels: array<vec2<u32>, MAX_INPUTS>;
-    inputs.count = 1u;
-    samples[0] = reservoir_unpack(reservoirs[index]);
-    inputs.confidence[0] = samples[0].confidence;
-    var taps = 0u;
-    if (settings.flags & DIRECT_HISTORY) != 0u {
-        taps = min(settings.temporal_taps + settings.spatial_taps, MAX_INPUTS - 1u);
-    }
-    let before = project(view.previous, previous_point(ids, pixel));
-    for (var i = 1u; i <= taps; i++) {
-        let at = tap_pixel(i, before, &rng);
-        if at.x == NONE {
-            continue;
-        }
-        let there = textureLoad(previous_visibility, at, 0).xy;
-        if there.x == NONE {
-            continue;
-        }
-        if (settings.flags & DIRECT_REJECT) != 0u && !are_alike(r, receiver_of(there, at, true)) {
-            continue;
-        }
-        var s = reservoir_unpack(previous_reservoirs[at.y * view.size.x + at.x]);
-        // A light that is gone takes its sample with it, but not the sample's worth.
-        s.point.light = light_of_this_frame(s.point.light);
-        s.ucw = select(s.ucw, 0.0, s.point.light == NONE);
-        // History counts at most so much; before any weight, whatever the sample is (trap T7).
-        s.confidence = min(s.confidence, settings.confidence_cap * samples[0].confidence);
-        samples[inputs.count] = s;
-        pixels[inputs.count] = at;
-        inputs.confidence[inputs.count] = s.confidence;
-        inputs.count += 1u;
-    }
-
-    // Targets of every domain at every sample that the weights ask for.
-    var contributions: array<vec3<f32>, MAX_INPUTS>;
-    for (var domain = 0u; domain < inputs.count; domain++) {
-        var receiver = r;
-        if domain > 0u {
-            let at = pixels[domain];
-            receiver = receiver_of(textureLoad(previous_visibility, at, 0).xy, at, true);
-        }
-        for (var j = 0u; j < inputs.count; j++) {
-            var value = 0.0;
-            if samples[j].ucw > 0.0 && mis_needs_target(settings.mis, domain, j) {
-                let e = evaluate(receiver, samples[j].point);
-                value = target_value(e);
-                // A sample is seen from where it was kept; elsewhere a ray decides.
-                let ask = value > 0.0 && domain != j && (with_rays || domain == 0u);
-                // Blended surfaces let every domain see by chances of its own: weights of joint chances would not add up to 1.
-                if ask && !is_visible(receiver, e, alpha_seed + domain) {
-                    value = 0.0;
-                }
-                if domain == 0u {
-                    contributions[j] = select(vec3<f32>(0.0), e.f, value > 0.0);
-                }
-            }
-            inputs.targets[domain * MAX_INPUTS + j] = value;
-        }
-    }
-
-    count_confidence(&inputs);
-
-    // Resample, and shade every input by its share.
-    var stream = Stream(0.0, NONE);
-    var light = vec3<f32>(0.0);
-    for (var j = 0u; j < inputs.count; j++) {
-        let u = rng_1(&rng);
-        if !(samples[j].ucw > 0.0) {
-            continue;
-        }
-        let share = mis_weight(&inputs, settings.mis, j) * samples[j].ucw;
-        light += share * contributions[j];
-        _ = stream_add(&stream, j, share * inputs.targets[j], u);
-    }
     var kept = no_reservoir();
-    for (var j = 0u; j < inputs.count; j++) {
-        kept.confidence += inputs.confidence[j];
+    var light = vec3<f32>(0.0);
+    for (var j = 0u; j < mis.count; j++) {
+        kept.confidence += mis.confidence[j];
+        light += select(0.0, inputs.shares[j], inputs.seen[j]) * inputs.contributions[j];
     }
     if stream.selected != NONE {
-        kept.point = samples[stream.selected].point;
-        kept.ucw = stream_ucw(stream, inputs.targets[stream.selected]);
+        kept.point = inputs.samples[stream.selected].point;
+        kept.ucw = stream_ucw(stream, mis.targets[stream.selected]);
+        kept.seen = inputs.seen[stream.selected];
+    }
+    if !has(DIRECT_DECOUPLED) {
+        light = vec3<f32>(0.0);
+        if kept.seen {
+            light = kept.ucw * inputs.contributions[stream.selected];
+        }
     }
     reservoirs[index] = stored(kept, pixel);
-    textureStore(resampled, pixel, vec4<f32>(light, 0.0));
+    if has(DIRECT_SHADE) {
+        textureStore(resampled, pixel, vec4<f32>(light, 0.0));
+    }
     let counted = textureLoad(ray_counts, pixel).x;
     textureStore(ray_counts, pixel, vec4<u32>((counted + rays_traced) | trace_flags << 24u));
 }
 
-// Where the pixel's surface was in the last frame.
-fn previous_point(ids: vec2<u32>, pixel: vec2<u32>) -> vec3<f32> {
-    let b = barycentrics_on_ray(world_triangle(ids.x, ids.y, false), primary_ray(pixel));
-    return surface_point(ids.x, ids.y, b, true);
-}
-
 // What an input counts may depend on geometry, never on its sample (trap T7).
 #ifdef PLANT_CONFIDENCE_OF_SUCCESS
-fn count_confidence(inputs: ptr<function, MisInputs>) {
-    for (var j = 1u; j < (*inputs).count; j++) {
-        (*inputs).confidence[j] *= f32((*inputs).targets[j] > 0.0);
+fn count_confidence(mis: ptr<function, MisInputs>) {
+    for (var j = 1u; j < (*mis).count; j++) {
+        (*mis).confidence[j] *= f32((*mis).targets[j] > 0.0);
     }
 }
 #else
-fn count_confidence(inputs: ptr<function, MisInputs>) {
+fn count_confidence(mis: ptr<function, MisInputs>) {
 }
 #endif
 

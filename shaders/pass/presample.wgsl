@@ -11,14 +11,15 @@
 // (light, coordinates, bits of the probability of the light, 0)
 @group(2) @binding(1) var<storage, read_write> subsets: array<vec4<u32>>;
 
+// x: in the subset; y: which one.
 @compute @workgroup_size(64)
 fn presample(@builtin(global_invocation_id) id: vec3<u32>) {
-    if id.x >= settings.subset_count * settings.subset_size {
+    if id.x >= settings.subset_size {
         return;
     }
-    var rng = rng_new(vec2<u32>(id.x & 0xffffu, id.x >> 16u), view.frame, STREAM_PRESAMPLE, view.seed);
+    var rng = rng_new(id.xy, view.frame, STREAM_PRESAMPLE, view.seed);
     let u = rng_4(&rng);
     let choice = light_select(u.xy);
     let p = light_point_sample(choice.light, u.zw);
-    subsets[id.x] = vec4<u32>(p.light, p.coordinates, bitcast<u32>(choice.pmf), 0u);
+    subsets[id.y * settings.subset_size + id.x] = vec4<u32>(p.light, p.coordinates, bitcast<u32>(choice.pmf), 0u);
 }

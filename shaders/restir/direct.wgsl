@@ -10,13 +10,21 @@
 #import bevy_restir::path::shadow::light_is_visible
 #import bevy_restir::scene::surface::{Surface, surface_at}
 #import bevy_restir::scene::triangle::world_triangle
-#import bevy_restir::view::camera::{barycentrics_on_ray, previous_primary_ray, primary_ray}
+#import bevy_restir::view::camera::{barycentrics_on_ray, camera_position, previous_primary_ray, primary_ray}
 
 // A pixel's surface and the direction to the viewer, of this frame or the last.
 struct Receiver {
     surface: Surface,
     wo: vec3<f32>,
     previous: bool,
+}
+
+// Whether two surfaces are alike enough to share light (paper 003, Eq. 24).
+fn are_alike(a: Receiver, b: Receiver, normal_threshold: f32, depth_threshold: f32) -> bool {
+    let offset = b.surface.position - a.surface.position;
+    let reach = max(distance(a.surface.position, camera_position()), 1.0e-20);
+    return dot(a.surface.bsdf.n, b.surface.bsdf.n) >= normal_threshold
+        && abs(dot(offset, a.surface.bsdf.n_geo)) <= depth_threshold * reach;
 }
 
 // A point of a light from a receiver: what it would contribute, without the visibility between them.

@@ -5,8 +5,13 @@
 // of the shift from there, 0 where the sample has no counterpart in domain i.  Domain and sample 0 are the canonical ones.
 #define_import_path bevy_restir::restir::mis
 
-// Canonical and at most six neighbours.
+// Canonical and at most six neighbours; of two it takes a fifth of the memory.
+#ifdef MANY_TAPS
 const MAX_INPUTS: u32 = 7u;
+#else
+const MAX_INPUTS: u32 = 3u;
+#endif
+const MAX_TARGETS: u32 = MAX_INPUTS * MAX_INPUTS;
 
 const MIS_UNIFORM: u32 = 0u;               // c/C: biased dark where a neighbour could not have drawn the sample
 const MIS_VALID: u32 = 1u;                 // c over those that could have drawn it: unbiased, noisy
@@ -17,8 +22,8 @@ const MIS_DEFENSIVE_PAIRWISE_GRIS: u32 = 5u;   // with 1/(k+1) kept for it: for 
 
 struct MisInputs {
     count: u32,
-    confidence: array<f32, 7>,
-    targets: array<f32, 49>,
+    confidence: array<f32, MAX_INPUTS>,
+    targets: array<f32, MAX_TARGETS>,
 }
 
 fn target_of(inputs: ptr<function, MisInputs>, domain: u32, sample: u32) -> f32 {

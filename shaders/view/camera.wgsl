@@ -20,6 +20,11 @@ fn camera_ray(camera: Camera, at: vec2<f32>) -> Ray {
     return Ray(camera.world_from_view[3].xyz, 0.0, normalize(direction), FAR);
 }
 
+// Where the camera is, whatever its projection.
+fn camera_position() -> vec3<f32> {
+    return view.current.world_from_view[3].xyz;
+}
+
 // The ray that the visibility buffer stands for.
 fn primary_ray(pixel: vec2<u32>) -> Ray {
     return camera_ray(view.current, vec2<f32>(pixel) + 0.5 + view.jitter);

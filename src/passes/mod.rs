@@ -24,7 +24,7 @@ use crate::{
     settings::{DebugView, Restir, Technique},
     view::{
         RestirView, ViewPool,
-        history::{LIGHT_FORMAT, presample_workgroups},
+        history::{LIGHT_FORMAT, MOST_ROUNDS, presample_workgroups, rounds},
     },
 };
 use pipelines::PassPipelines;
@@ -36,16 +36,20 @@ pub(crate) enum PassResource {
     Radiance,
     /// What the frame counted, read and written.
     Counters,
-    /// Uniforms of direct lighting.
+    /// Uniforms of a round of direct lighting.
     DirectSettings,
     /// Presampled points of lights.
     Subsets,
     /// The same, to be read.
     SubsetsRead,
-    /// Reservoirs of this frame, read and written.
-    Reservoirs,
-    /// Reservoirs of the last frame, to be read.
-    PreviousReservoirs,
+    /// Reservoirs of this frame's candidates, written.
+    CandidateReservoirs,
+    /// Reservoirs that a round of reuse takes neighbours from, to be read.
+    NeighbourReservoirs,
+    /// Reservoirs that a round of reuse leaves, read and written.
+    RoundReservoirs,
+    /// Reservoirs that the frame keeps, to be read.
+    KeptReservoirs,
     /// The visibility buffer of the last frame.
     PreviousVisibility,
     /// Light that only the BSDF finds, to be written.
@@ -63,7 +67,7 @@ pub(crate) enum PassResource {
 pub(crate) enum Dispatch {
     /// One invocation a pixel, 8 x 8 a workgroup.
     Pixels,
-    /// One invocation an entry of the light subsets, 64 a workgroup.
+    /// One invocation an entry of the light subsets, 64 a workgroup along x, a subset along y.
     Subsets,
 }
 
@@ -78,7 +82,7 @@ pub(crate) struct ComputePass {
     pub specialised: bool,
 }
 
-/// A step of the frame.
+/// What a step of the frame does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Pass {
     /// Rasterises (instance, triangle).
@@ -86,6 +90,16 @@ pub(crate) enum Pass {
     Compute(&'static ComputePass),
     /// Writes radiance and depth to Bevy's view target.
     Composite,
+}
+
+/// A step of the frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Step {
+    pub pass: Pass,
+    /// Name of its time span.
+    pub name: &'static str,
+    /// Of reuse, from 0; 0 where there are no rounds.
+    pub round: usize,
 }
 
 use PassResource as R;
@@ -99,11 +113,18 @@ const DEBUG: ComputePass = per_pixel("debug", &[R::Radiance]);
 const PRESAMPLE: ComputePass =
     ComputePass { dispatch: Dispatch::Subsets, ..per_pixel("presample", &[R::DirectSettings, R::Subsets]) };
 const DIRECT_CANDIDATES: ComputePass =
-    per_pixel("direct_candidates", &[R::DirectSettings, R::SubsetsRead, R::Reservoirs, R::Unresampled]);
+    per_pixel("direct_candidates", &[R::DirectSettings, R::SubsetsRead, R::CandidateReservoirs, R::Unresampled]);
 const DIRECT_REUSE: ComputePass = per_pixel(
     "direct_reuse",
-    &[R::DirectSettings, R::PreviousReservoirs, R::Reservoirs, R::PreviousVisibility, R::Resampled],
+    &[R::DirectSettings, R::NeighbourReservoirs, R::RoundReservoirs, R::PreviousVisibility, R::Resampled],
 );
+/// Time spans of the rounds of reuse.
+const REUSE_NAMES: [&str; MOST_ROUNDS] =
+    ["direct_reuse", "direct_reuse_2", "direct_reuse_3", "direct_reuse_4", "direct_reuse_5"];
+const DEBUG_RESERVOIRS: ComputePass = ComputePass {
+    specialised: false,
+    ..per_pixel("debug_reservoirs", &[R::DirectSettings, R::KeptReservoirs, R::Radiance])
+};
 const RESOLVE: ComputePass = per_pixel("resolve", &[R::UnresampledRead, R::ResampledRead, R::Radiance]);
 const STATISTICS: ComputePass = ComputePass { specialised: false, ..per_pixel("statistics", &[R::Counters]) };
 
@@ -113,6 +134,7 @@ pub(crate) enum Frame {
     #[default]
     Reference,
     Direct,
+    DirectDebug,
     Debug,
 }
 
@@ -122,38 +144,49 @@ impl Frame {
         match (settings.debug_view, settings.technique) {
             (DebugView::Off, Technique::Reference) => Self::Reference,
             (DebugView::Off, Technique::Di) => Self::Direct,
+            (view, Technique::Di) if view.is_of_reservoirs() => Self::DirectDebug,
             _ => Self::Debug,
         }
     }
 
-    /// Its passes, in order.
-    pub(crate) fn passes(self) -> &'static [Pass] {
+    /// It resamples direct light, and keeps a history of it.
+    pub(crate) fn is_direct(self) -> bool {
+        matches!(self, Self::Direct | Self::DirectDebug)
+    }
+
+    /// Its compute passes, in order; reuse stands for all of its rounds.
+    fn compute(self) -> &'static [&'static ComputePass] {
         match self {
-            Self::Reference => {
-                &[Pass::Visibility, Pass::Compute(&REFERENCE), Pass::Compute(&STATISTICS), Pass::Composite]
-            }
-            Self::Direct => &[
-                Pass::Visibility,
-                Pass::Compute(&PRESAMPLE),
-                Pass::Compute(&DIRECT_CANDIDATES),
-                Pass::Compute(&DIRECT_REUSE),
-                Pass::Compute(&RESOLVE),
-                Pass::Compute(&STATISTICS),
-                Pass::Composite,
-            ],
-            Self::Debug => &[Pass::Visibility, Pass::Compute(&DEBUG), Pass::Compute(&STATISTICS), Pass::Composite],
+            Self::Reference => &[&REFERENCE, &STATISTICS],
+            Self::Direct => &[&PRESAMPLE, &DIRECT_CANDIDATES, &DIRECT_REUSE, &RESOLVE, &STATISTICS],
+            Self::DirectDebug => &[&PRESAMPLE, &DIRECT_CANDIDATES, &DIRECT_REUSE, &DEBUG_RESERVOIRS, &STATISTICS],
+            Self::Debug => &[&DEBUG, &STATISTICS],
         }
+    }
+
+    /// Its steps, in order, with so many rounds of reuse.
+    pub(crate) fn steps(self, rounds: usize) -> impl Iterator<Item = Step> {
+        let compute = self.compute().iter().flat_map(move |&pass| {
+            let is_reuse = pass.name == DIRECT_REUSE.name;
+            (0..if is_reuse { rounds } else { 1 }).map(move |round| Step {
+                pass: Pass::Compute(pass),
+                name: if is_reuse { REUSE_NAMES[round] } else { pass.name },
+                round,
+            })
+        });
+        let once = |pass, name| core::iter::once(Step { pass, name, round: 0 });
+        once(Pass::Visibility, "visibility").chain(compute).chain(once(Pass::Composite, "composite"))
+    }
+
+    /// Its passes.
+    pub(crate) fn passes(self) -> impl Iterator<Item = Pass> {
+        self.steps(1).map(|step| step.pass)
     }
 }
 
 /// Names of the passes that some settings run, as time spans have them.
 pub fn pass_names(settings: &Restir) -> Vec<&'static str> {
-    let name = |pass: &Pass| match pass {
-        Pass::Visibility => "visibility",
-        Pass::Compute(pass) => pass.name,
-        Pass::Composite => "composite",
-    };
-    Frame::of(settings).passes().iter().map(name).collect()
+    Frame::of(settings).steps(rounds(&settings.direct).len()).map(|step| step.name).collect()
 }
 
 /// Prefix of the time spans.
@@ -192,24 +225,25 @@ fn run_passes(
             state.visibility_texture.size(),
         );
     }
-    for pass in key.frame.passes() {
-        match pass {
+    let rounds = state.direct.as_ref().map_or(1, |history| history.rounds());
+    for step in key.frame.steps(rounds) {
+        match step.pass {
             Pass::Visibility => visibility::draw(state, key, &scene, scene_group, &passes, &pipelines, &mut context),
             Pass::Compute(pass) => {
                 let Some(pipeline) = passes.compute(pass, key, &pipelines) else {
                     continue;
                 };
-                let Some(group) = resources(pass, state, &device, &pipelines) else { continue };
+                let Some(group) = resources(pass, step.round, state, &device, &pipelines) else { continue };
                 let [x, y] = workgroups(pass, state);
-                if x == 0 {
+                if x == 0 || y == 0 {
                     continue;
                 }
                 let diagnostics = context.diagnostic_recorder();
                 let mut encoder = context
                     .command_encoder()
-                    .begin_compute_pass(&ComputePassDescriptor { label: Some(pass.name), ..Default::default() });
+                    .begin_compute_pass(&ComputePassDescriptor { label: Some(step.name), ..Default::default() });
                 let span =
-                    diagnostics.as_deref().map(|d| d.time_span(&mut encoder, format!("{SPAN_PREFIX}{}", pass.name)));
+                    diagnostics.as_deref().map(|d| d.time_span(&mut encoder, format!("{SPAN_PREFIX}{}", step.name)));
                 encoder.set_pipeline(pipeline);
                 encoder.set_bind_group(0, scene_group, &[]);
                 encoder.set_bind_group(1, &state.bind_group, &[]);
@@ -230,7 +264,7 @@ fn run_passes(
 fn workgroups(pass: &ComputePass, state: &RestirView) -> [u32; 2] {
     match pass.dispatch {
         Dispatch::Pixels => [state.size.x.div_ceil(8), state.size.y.div_ceil(8)],
-        Dispatch::Subsets => [presample_workgroups(&state.settings.direct), 1],
+        Dispatch::Subsets => presample_workgroups(&state.settings.direct),
     }
 }
 
@@ -254,8 +288,8 @@ pub(crate) fn resource_layout(pass: &ComputePass) -> BindGroupLayoutDescriptor {
             binding: binding as u32,
             visibility: ShaderStages::COMPUTE,
             ty: match resource {
-                R::Radiance | R::Counters | R::Subsets | R::Reservoirs => storage(false),
-                R::SubsetsRead | R::PreviousReservoirs => storage(true),
+                R::Radiance | R::Counters | R::Subsets | R::CandidateReservoirs | R::RoundReservoirs => storage(false),
+                R::SubsetsRead | R::NeighbourReservoirs | R::KeptReservoirs => storage(true),
                 R::DirectSettings => BindingType::Buffer {
                     ty: BufferBindingType::Uniform,
                     has_dynamic_offset: false,
@@ -278,6 +312,7 @@ pub(crate) fn resource_layout(pass: &ComputePass) -> BindGroupLayoutDescriptor {
 /// What a pass binds; `None` where something of it does not exist yet.
 fn resources(
     pass: &ComputePass,
+    round: usize,
     state: &RestirView,
     device: &RenderDevice,
     pipelines: &PipelineCache,
@@ -291,10 +326,12 @@ fn resources(
             let resource = match resource {
                 R::Radiance => state.radiance.as_entire_binding(),
                 R::Counters => state.counters.buffer.as_entire_binding(),
-                R::DirectSettings => direct?.settings.as_entire_binding(),
+                R::DirectSettings => direct?.settings_of(round),
                 R::Subsets | R::SubsetsRead => direct?.subsets.as_entire_binding(),
-                R::Reservoirs => direct?.reservoirs().as_entire_binding(),
-                R::PreviousReservoirs => direct?.previous_reservoirs().as_entire_binding(),
+                R::CandidateReservoirs => direct?.candidates().as_entire_binding(),
+                R::NeighbourReservoirs => direct?.neighbours_of(round).as_entire_binding(),
+                R::RoundReservoirs => direct?.output_of(round).as_entire_binding(),
+                R::KeptReservoirs => direct?.kept().as_entire_binding(),
                 R::PreviousVisibility => BindingResource::TextureView(&direct?.previous_visibility_view),
                 R::Unresampled | R::UnresampledRead => BindingResource::TextureView(&direct?.unresampled),
                 R::Resampled | R::ResampledRead => BindingResource::TextureView(&direct?.resampled),

@@ -32,6 +32,7 @@ features! {
     ATTENUATION = 9, "ATTENUATION", "Absorption within transmissive bodies.";
     UNLIT = 10, "UNLIT", "Unlit materials.";
     ENERGY_COMPENSATION = 11, "ENERGY_COMPENSATION", "Energy compensation is asked for by the camera.";
+    MANY_TAPS = 12, "MANY_TAPS", "More than two neighbours are asked for by the camera.";
 }
 
 impl SceneFeatures {

@@ -27,12 +27,12 @@ use crate::{
         pipelines::{FrameKey, PassPipelines},
     },
     scene::{MirrorScene, SceneFeatures, bindings::SceneBindings},
-    settings::Restir,
+    settings::{Restir, Technique},
     statistics::CounterReadback,
 };
 use environment::EnvironmentPool;
 use extract::{ExtractedEnvironment, ExtractedViews};
-use history::DirectHistory;
+use history::{DirectHistory, FEW_INPUTS};
 
 /// Everything that a picture depends on besides the random numbers: while it is the same, frames may be summed.
 #[derive(Clone, Debug, PartialEq)]
@@ -178,6 +178,8 @@ fn prepare_views(
 
         let mut features = scene.features | environments.features(restir.environment.as_ref());
         features.set(SceneFeatures::ENERGY_COMPENSATION, restir.settings.energy_compensation);
+        let many_taps = restir.settings.technique == Technique::Di && restir.settings.direct.most_inputs() > FEW_INPUTS;
+        features.set(SceneFeatures::MANY_TAPS, many_taps);
         state.key = passes.choose(Frame::of(&restir.settings), features, state.key, &pipelines);
         state.key_is_wanted =
             state.key.is_some_and(|key| key.features == features && key.frame == Frame::of(&restir.settings));
@@ -257,7 +259,7 @@ impl RestirView {
 
     /// Makes, renews or drops what direct lighting keeps.
     fn update_history(&mut self, device: &RenderDevice, queue: &RenderQueue) {
-        if self.key.is_none_or(|key| key.frame != Frame::Direct) {
+        if self.key.is_none_or(|key| !key.frame.is_direct()) {
             self.direct = None;
             return;
         }

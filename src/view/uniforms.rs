@@ -10,7 +10,7 @@ use bevy::{
 };
 
 use super::{RestirView, Shown, environment::EnvironmentPool, extract::ExtractedRestir};
-use crate::{gpu_types::*, passes::Frame, scene::bindings::SceneBindings, settings::Restir};
+use crate::{gpu_types::*, scene::bindings::SceneBindings, settings::Restir};
 
 /// Sub-pixel position of a frame, uniform in the pixel: the R2 sequence (Roberts 2018) in 32-bit fixed point, shifted by the seed.
 pub(crate) fn jitter_of(frame: u32, seed: u32) -> [f32; 2] {
@@ -64,7 +64,7 @@ impl RestirView {
             pipelines: self.key.unwrap_or_default(),
         };
         // A picture that is summed must stay the same; a history must only know what it sees: things and cameras may move.
-        let progressive = self.key.is_none_or(|key| key.frame != Frame::Direct);
+        let progressive = self.key.is_none_or(|key| !key.frame.is_direct());
         let last = self.shown.as_ref().filter(|_| !restir.settings.reset);
         let same = last.is_some_and(|last| *last == shown);
         let known =

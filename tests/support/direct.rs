@@ -2,7 +2,7 @@
 
 use super::{app::*, equivalence::Restarts};
 use bevy::prelude::*;
-use bevy_restir::{Direct, Mis, Restir, RestirEnvironment, Technique};
+use bevy_restir::{BiasCorrection, Direct, Mis, Restir, RestirEnvironment, Technique};
 
 /// Independent restarts a technique.
 pub const RESTARTS: u32 = 40;
@@ -33,7 +33,14 @@ pub fn with_mis(mis: Mis) -> Direct {
 /// Neighbours across edges too, so that only MIS weights keep the picture right.  Long histories would make rare bright pixels of
 /// those, and of the mean of few restarts a skewed number.
 pub fn careless(mis: Mis) -> Direct {
-    Direct { mis, reject: false, spatial_taps: 3, radius: 10.0, confidence_cap: 4.0, ..both() }
+    Direct {
+        mis,
+        bias_correction: BiasCorrection::UnbiasedMis,
+        spatial_taps: 3,
+        radius: 10.0,
+        confidence_cap: 4.0,
+        ..both()
+    }
 }
 
 /// A metal or a plastic.

@@ -1,32 +1,28 @@
 //! Resampling MIS weights by their formulas, every input of a pixel at one of its samples.  `p[i]`: target of domain i at the sample,
 //! as the canonical domain 0 sees it; `c[i]`: confidence.
 
-use bevy_restir::Mis;
-
-/// Every kind, by its number in the shaders.
-pub const KINDS: [Mis; 6] =
-    [Mis::Uniform, Mis::Valid, Mis::Balance, Mis::Pairwise, Mis::DefensivePairwise, Mis::DefensivePairwiseGris];
+use bevy_restir::gpu_types::*;
 
 /// The weight of input `j`.
-pub fn weight(kind: Mis, c: &[f64], p: &[f64], j: usize) -> f64 {
+pub fn weight(kind: u32, c: &[f64], p: &[f64], j: usize) -> f64 {
     let k = c.len() - 1;
     let all: f64 = c.iter().sum();
     let of = |a: f64, b: f64| if b > 0.0 { a / b } else { 0.0 };
     match kind {
-        Mis::Uniform => c[j] / all,
-        Mis::Valid => {
+        MIS_UNIFORM => c[j] / all,
+        MIS_VALID => {
             let could = |i: usize| if p[i] > 0.0 { c[i] } else { 0.0 };
             of(could(j), (0..=k).map(could).sum())
         }
-        Mis::Balance => of(c[j] * p[j], (0..=k).map(|i| c[i] * p[i]).sum()),
+        MIS_BALANCE => of(c[j] * p[j], (0..=k).map(|i| c[i] * p[i]).sum()),
         _ if all == c[0] => f64::from(u8::from(j == 0)),
         _ => {
             // Outer weight of a pair, what its two targets are multiplied by, and what the canonical input keeps.
             let others = all - c[0];
             let (pair, neighbour, canonical, kept): (Box<dyn Fn(usize) -> f64>, Box<dyn Fn(usize) -> f64>, f64, f64) =
                 match kind {
-                    Mis::Pairwise => (Box::new(move |i| of(c[i], others)), Box::new(move |_| others), c[0], 0.0),
-                    Mis::DefensivePairwise => {
+                    MIS_PAIRWISE => (Box::new(move |i| of(c[i], others)), Box::new(move |_| others), c[0], 0.0),
+                    MIS_DEFENSIVE_PAIRWISE => {
                         (Box::new(move |i| c[i] / all), Box::new(move |_| others), c[0], c[0] / all)
                     }
                     _ => {

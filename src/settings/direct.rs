@@ -1,0 +1,241 @@
+//! Resampled direct light (Wyman and Panteleev 2021, paper 003).
+
+use bevy::reflect::Reflect;
+
+/// What keeps the samples of other pixels from falsifying this one's light (paper 003, 4.6 and Fig. 6).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+pub enum BiasCorrection {
+    /// Nothing: every sample counts by its confidence (1/M, Eq. 6).  Biased: darker at edges of depth and normals and near shadows, where
+    /// a neighbour could not have found the pixel's samples.
+    Off,
+    /// Neighbours whose geometry differs are left out (Eq. 24).  Biased: darker near shadows.
+    Heuristics,
+    /// As `Heuristics`, and MIS weights that take every neighbour to see every light.  Biased: darker near shadows, less than
+    /// `Heuristics`.
+    HeuristicsAndMis,
+    /// MIS weights, and a ray for each of their visibilities, across all edges (Eq. 31).  Unbiased.  A ray more a tap.
+    UnbiasedMis,
+    /// As `UnbiasedMis` among the neighbours that `Heuristics` leaves (Eq. 33).  Unbiased, less noise at edges.  A ray more a tap.
+    #[default]
+    HeuristicsAndUnbiasedMis,
+}
+
+impl BiasCorrection {
+    /// Neighbours of other geometry are left out.
+    pub fn uses_heuristics(self) -> bool {
+        matches!(self, Self::Heuristics | Self::HeuristicsAndMis | Self::HeuristicsAndUnbiasedMis)
+    }
+
+    /// Samples are weighed by what their neighbours could have found.
+    pub fn uses_mis(self) -> bool {
+        !matches!(self, Self::Off | Self::Heuristics)
+    }
+
+    /// Rays say what a neighbour could have found.
+    pub fn uses_mis_rays(self) -> bool {
+        matches!(self, Self::UnbiasedMis | Self::HeuristicsAndUnbiasedMis)
+    }
+}
+
+/// How the samples of a pixel and of its neighbours are weighed against each other, where [`BiasCorrection`] asks for it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+pub enum Mis {
+    /// By confidence among those that could have found a sample (1/|Z|, paper 003, Eq. 22): noisy.  k² evaluations for k neighbours.
+    Valid,
+    /// Generalised balance heuristic (Eq. 30): k² evaluations.
+    Balance,
+    /// Each neighbour against the pixel's own sample (paper 002, 2.3.5): 2k evaluations.
+    Pairwise,
+    /// As `Pairwise`, with a share kept for the pixel's own sample by its confidence: safest where neighbours have long histories.
+    #[default]
+    DefensivePairwise,
+    /// As `Pairwise`, with 1/(k + 1) kept for the pixel's own sample (paper 002, Eqs. 28-29): for neighbours of like confidence.
+    DefensivePairwiseGris,
+}
+
+/// When a pixel meets the samples of its neighbours.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+pub enum ReuseOrder {
+    /// All of them are of the last frame (paper 003, 6.2): nothing waits for the whole of this frame.  Where a surface has just come
+    /// into sight its neighbours help a frame later.
+    #[default]
+    Spatiotemporal,
+    /// The surface's own of the last frame; then, in passes of their own, its neighbours' of this frame (Bitterli et al. 2020).
+    TemporalThenSpatial,
+}
+
+/// What the rays between pixels and lights decide (paper 003, 7.2 and Fig. 15).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+pub enum VisibilityReuse {
+    /// No ray is traced to a light (a).  Biased: brighter, without shadows.
+    Ignored,
+    /// What is shaded, nothing that is kept (b).  Unbiased but for the [`Direct::bsdf_candidate`], which sees what it finds: with it a
+    /// little darker where it counts and something stands before a light.  Noisy in shadows.
+    Shading,
+    /// What is kept of the candidates; the samples of others are taken to be seen (c).  Biased: shadows of contacts are missing
+    /// (brighter).
+    Candidates,
+    /// All; a sample that is not seen takes all that its neighbour found with it (d).  Biased: brighter, even with unbiased MIS.
+    Discard,
+    /// All.  Unbiased where [`BiasCorrection`] traces rays, too; otherwise darker near shadows (e).
+    #[default]
+    Resampled,
+    /// What is kept of the candidates, and what is shaded (f: the paper's pipeline).  The surface's own sample is as it was seen in the
+    /// last frame, and so is that of a neighbour within [`Direct::visibility_radius`]: shadows lag.  Biased: darker near shadows.
+    Decoupled,
+}
+
+/// How reservoirs lie in memory (paper 002, 4.5.3).  The picture is the same.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+pub enum ReservoirLayout {
+    /// Row by row.
+    #[default]
+    Rows,
+    /// Column by column.
+    Columns,
+    /// Tiles of 2 x 2 pixels, row by row in each.
+    Tiles2,
+    /// Tiles of 4 x 4 pixels.
+    Tiles4,
+    /// Tiles of 8 x 8 pixels: those of a workgroup.
+    Tiles8,
+    /// Tiles of 40 x 40 pixels.
+    Tiles40,
+}
+
+impl ReservoirLayout {
+    /// Pixels a side of a tile; 0: rows, `u32::MAX`: columns.
+    pub(crate) fn tile(self) -> u32 {
+        match self {
+            Self::Rows => 0,
+            Self::Columns => u32::MAX,
+            Self::Tiles2 => 2,
+            Self::Tiles4 => 4,
+            Self::Tiles8 => 8,
+            Self::Tiles40 => 40,
+        }
+    }
+}
+
+/// Resampled direct light.
+///
+/// With the defaults a pixel traces six rays: for its BSDF candidate, for the candidate that it keeps, and two for each of two taps.
+#[derive(Clone, Debug, PartialEq, Reflect)]
+pub struct Direct {
+    /// Points of lights that a pixel draws, 1 to 64; cost grows with it, noise falls.
+    pub candidates: u32,
+    /// One candidate more of the BSDF, weighed against the others by MIS.  Without it (a ray less) what only it finds is missing: lights
+    /// in mirrors, and lights beyond the table (darker).
+    pub bsdf_candidate: bool,
+    /// Presampled subsets of lights, at most 4096; 0: every pixel draws from all lights, slower with many of them.  Pixels of a tile
+    /// share a subset: correlated noise, no bias.
+    pub subset_count: u32,
+    /// Points of lights in a subset, 1 to 16384, and no more than 2^23 in all subsets (128 MiB).
+    pub subset_size: u32,
+    /// Pixels a side that share a subset, 1 to 16.
+    pub tile: u32,
+    /// When neighbours are met.
+    pub order: ReuseOrder,
+    /// Reuses the sample that the surface had in the last frame.
+    pub temporal: bool,
+    /// Neighbours whose samples are reused in a round, at most 5.
+    pub spatial_taps: u32,
+    /// The same where the surface was not seen in the last frame (paper 003, 6.4), if more; at most 5.
+    pub disocclusion_taps: u32,
+    /// Rounds of spatial reuse, 1 to 4: a pass each.
+    pub rounds: u32,
+    /// Places that are tried for a tap until one is of like geometry, 1 to 8 (greedy neighbour search, paper 002, 4.5.4).
+    pub tries: u32,
+    /// How far away neighbours are, pixels.
+    pub radius: f32,
+    /// Most that a neighbour counts, in frames' worth of candidates, at most 60.  Longer histories are smoother and more correlated.
+    pub confidence_cap: f32,
+    /// What keeps neighbours from falsifying the picture.
+    pub bias_correction: BiasCorrection,
+    /// How samples are weighed against each other.
+    pub mis: Mis,
+    /// What rays decide.
+    pub visibility: VisibilityReuse,
+    /// Pixels within which a neighbour sees what this one sees, for [`VisibilityReuse::Decoupled`].
+    pub visibility_radius: f32,
+    /// Shades all samples that meet by their shares, not only the one that is kept (paper 003, 7.1): less noise, no bias.
+    pub decoupled_shading: bool,
+    /// Least cosine between the normals of pixels that reuse each other's samples, for the heuristics.
+    pub normal_threshold: f32,
+    /// Most distance of one from the other's tangent plane, relative to the distance from the camera, for the heuristics.
+    pub depth_threshold: f32,
+    /// How reservoirs lie in memory.
+    pub layout: ReservoirLayout,
+}
+
+impl Default for Direct {
+    /// Paper 003: 32 candidates from 128 subsets of 1024, tiles of 8 pixels, one temporal and one spatiotemporal tap within 30 pixels
+    /// (two in disocclusions), history capped at 20; unbiased.
+    fn default() -> Self {
+        Self {
+            candidates: 32,
+            bsdf_candidate: true,
+            subset_count: 128,
+            subset_size: 1024,
+            tile: 8,
+            order: ReuseOrder::default(),
+            temporal: true,
+            spatial_taps: 1,
+            disocclusion_taps: 2,
+            rounds: 1,
+            tries: 1,
+            radius: 30.0,
+            confidence_cap: 20.0,
+            bias_correction: BiasCorrection::default(),
+            mis: Mis::default(),
+            visibility: VisibilityReuse::default(),
+            visibility_radius: 0.0,
+            decoupled_shading: true,
+            normal_threshold: 0.9,
+            depth_threshold: 0.02,
+            layout: ReservoirLayout::default(),
+        }
+    }
+}
+
+impl Direct {
+    /// Most points of lights in all subsets: what one binding of the portable tier holds.
+    const MOST_PRESAMPLED: u32 = 1 << 23;
+
+    /// Most inputs of one resampling step: the pixel's own and its taps.
+    pub(crate) fn most_inputs(&self) -> u32 {
+        1 + (self.temporal as u32 + self.spatial_taps).max(self.disocclusion_taps)
+    }
+
+    /// Brings every field into its range; `warn` is told of each that was not.
+    pub(super) fn validate(&mut self, warn: &mut impl FnMut(String)) {
+        let mut count = |name: &str, value: &mut u32, low: u32, high: u32| {
+            let clamped = (*value).clamp(low, high);
+            if clamped != *value {
+                warn(format!("direct.{name} = {value} is out of range, {clamped} is used"));
+                *value = clamped;
+            }
+        };
+        count("candidates", &mut self.candidates, 1, 64);
+        count("subset_count", &mut self.subset_count, 0, 4096);
+        let most = Self::MOST_PRESAMPLED / self.subset_count.max(1);
+        count("subset_size", &mut self.subset_size, 1, most.min(16384));
+        count("tile", &mut self.tile, 1, 16);
+        count("spatial_taps", &mut self.spatial_taps, 0, 5);
+        count("disocclusion_taps", &mut self.disocclusion_taps, 0, 5);
+        count("rounds", &mut self.rounds, 1, 4);
+        count("tries", &mut self.tries, 1, 8);
+        let mut number = |name: &str, value: &mut f32, low: f32, high: f32| {
+            let clamped = if value.is_nan() { low } else { value.clamp(low, high) };
+            if clamped != *value {
+                warn(format!("direct.{name} = {value} is out of range, {clamped} is used"));
+                *value = clamped;
+            }
+        };
+        number("radius", &mut self.radius, 0.0, 1000.0);
+        number("confidence_cap", &mut self.confidence_cap, 0.0, 60.0);
+        number("visibility_radius", &mut self.visibility_radius, 0.0, 1e6);
+        number("normal_threshold", &mut self.normal_threshold, -1.0, 1.0);
+        number("depth_threshold", &mut self.depth_threshold, 0.0, 1e6);
+    }
+}
