@@ -113,21 +113,14 @@ pub fn app(folder: &Path) -> Result<App, String> {
     Ok(app)
 }
 
-/// How long a frame took, ms.
-pub struct FrameTime {
-    /// Until the GPU was done.
-    pub all_ms: f64,
-    /// Until it was submitted.
-    pub cpu_ms: f64,
-}
-
-/// One frame, waited for: the CPU never runs ahead of the GPU, and times are those of one frame.
-pub fn frame(app: &mut App) -> FrameTime {
+/// One frame, waited for: the CPU never runs ahead of the GPU, and times are those of one frame.  Returns ms until the GPU was done,
+/// and ms until the frame was submitted.
+pub fn frame(app: &mut App) -> (f64, f64) {
     let start = Instant::now();
     app.update();
     let cpu = start.elapsed();
     let _ = app.world().resource::<RenderDevice>().poll(PollType::wait_indefinitely());
-    FrameTime { all_ms: start.elapsed().as_secs_f64() * 1e3, cpu_ms: cpu.as_secs_f64() * 1e3 }
+    (start.elapsed().as_secs_f64() * 1e3, cpu.as_secs_f64() * 1e3)
 }
 
 /// Frames until something is so.

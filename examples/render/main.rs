@@ -143,9 +143,9 @@ fn accumulate(app: &mut App, args: &Args, settings: &Restir) -> Result<Frames, S
         if is_captured {
             app.world().resource::<View>().capture.request();
         }
-        let time = frame(app);
-        all_ms.push(time.all_ms);
-        cpu_ms.push(time.cpu_ms);
+        let (all, cpu) = frame(app);
+        all_ms.push(all);
+        cpu_ms.push(cpu);
         passes.sample(app.world(), settings);
         if is_captured {
             add(&mut sum, &captured(app)?);
