@@ -124,7 +124,7 @@ pub fn frame(app: &mut App) -> (f64, f64) {
 }
 
 /// Frames until something is so.
-pub fn until(app: &mut App, otherwise: &str, done: impl Fn(&App) -> bool) -> Result<(), String> {
+pub fn until(app: &mut App, otherwise: &str, mut done: impl FnMut(&App) -> bool) -> Result<(), String> {
     let start = Instant::now();
     loop {
         frame(app);

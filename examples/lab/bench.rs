@@ -4,7 +4,7 @@ use bevy::{app::App, math::UVec2, render::renderer::RenderAdapterInfo};
 use bevy_restir::{Restir, RestirReport, RestirStatistics, Technique, pass_names};
 
 use crate::{
-    error::{Picture, Reference},
+    error::{Picture, Reference, mean},
     headless::{
         captured, frame,
         progress::Progress,
@@ -90,6 +90,10 @@ impl Bench {
     pub fn new(mut app: App, size: UVec2, counts: Counts) -> Result<Self, String> {
         until_ready(&mut app)?;
         Ok(Self { app, size, counts, times: Times::default() })
+    }
+
+    pub fn app(&mut self) -> &mut App {
+        &mut self.app
     }
 
     /// What the plugin says of the last frame.
@@ -178,6 +182,11 @@ impl Bench {
         };
         // Seeds that no measured frame has.
         Ok(Reference::new(&half(u32::MAX)?, &half(u32::MAX - 1)?))
+    }
+
+    /// Mean radiance of the next frame.
+    pub fn light(&mut self, progress: &Progress) -> Result<f64, String> {
+        Ok(mean(&self.picture(0, progress)?, |c| c))
     }
 
     /// Settings on the camera, with their pipelines.

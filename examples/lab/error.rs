@@ -33,6 +33,6 @@ impl Reference {
 }
 
 /// Mean over pixels and channels.
-fn mean(pixels: &Picture, of: impl Fn(f64) -> f64) -> f64 {
+pub fn mean(pixels: &Picture, of: impl Fn(f64) -> f64) -> f64 {
     pixels.iter().flatten().map(|&c| of(c)).sum::<f64>() / (3 * pixels.len()).max(1) as f64
 }

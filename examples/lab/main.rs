@@ -5,7 +5,9 @@ mod bench;
 mod error;
 #[path = "../headless/mod.rs"]
 mod headless;
+mod lights;
 mod output;
+mod scale;
 mod series;
 mod table;
 
@@ -23,6 +25,7 @@ struct Args {
 #[derive(Subcommand, Debug)]
 enum Command {
     Ablate(ablate::Args),
+    Scale(scale::Args),
 }
 
 fn main() -> ExitCode {
@@ -33,6 +36,7 @@ fn main() -> ExitCode {
     headless::quiet_drivers();
     let result = match &args.command {
         Command::Ablate(args) => ablate::run(args),
+        Command::Scale(args) => scale::run(args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -6,6 +6,8 @@ use std::fmt::Write;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unit {
     Count,
+    /// Mean radiance, cd/m².
+    Radiance,
     Ms,
     /// Mean squared error, relative to the squared mean of the reference.
     Mse,
@@ -20,6 +22,7 @@ impl Unit {
     fn name(self) -> &'static str {
         match self {
             Self::Count => "",
+            Self::Radiance => "cd/m²",
             Self::Ms => "ms",
             Self::Mse => "MSE",
             Self::RaysAPixel => "rays a pixel",
