@@ -26,7 +26,7 @@ impl Progress {
         self.done.set(frame);
         match &self.bar {
             Some(bar) => bar.set_position(frame),
-            None if frame * 10 / self.total != before * 10 / self.total => {
+            None if frame <= self.total && frame * 10 / self.total != before * 10 / self.total => {
                 println!("frame {frame} of {}", self.total);
             }
             None => {}

@@ -42,9 +42,11 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<(), String> {
     args.output.check("ablate")?;
     let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
-    for path in &args.scenes {
+    // A name that is wrong is found before minutes are spent on the others.
+    let scenes = args.scenes.iter().map(|path| path.canonicalize().map_err(|e| format!("{}: {e}", path.display())));
+    let scenes = scenes.collect::<Result<Vec<_>, _>>()?;
+    for (path, scene) in args.scenes.iter().zip(scenes) {
         let fail = |error: String| format!("{}: {error}", path.display());
-        let scene = path.canonicalize().map_err(|e| fail(e.to_string()))?;
         let name = scene.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let measured = Measured::new(args, &scene, &name).map_err(fail)?;
         if table.header.is_empty() {
@@ -135,6 +137,21 @@ fn environment(folder: &Path, name: &str) -> Result<Option<RestirEnvironment>, S
     })
 }
 
+/// Bytes a pixel of what grows with the picture, and bytes of what does not, from what is held at two sizes.
+fn bytes(small: &(f64, Vec<(&str, u64)>), large: &(f64, Vec<(&str, u64)>)) -> (f64, f64) {
+    let held =
+        |memory: &[(&str, u64)], name| -> f64 { memory.iter().filter(|m| m.0 == name).map(|m| m.1 as f64).sum() };
+    let mut names: Vec<&str> = small.1.iter().map(|m| m.0).collect();
+    names.sort_unstable();
+    names.dedup();
+    let (mut a_pixel, mut fixed) = (0.0, 0.0);
+    for name in names {
+        let (a, b) = (held(&small.1, name), held(&large.1, name));
+        if a * large.0 == b * small.0 { a_pixel += a / small.0 } else { fixed += a }
+    }
+    (a_pixel, fixed)
+}
+
 impl Measured {
     fn new(args: &Args, scene: &Path, name: &str) -> Result<Self, String> {
         let (default, bare) = (series::default(), series::without_rays(series::default()));
@@ -146,14 +163,14 @@ impl Measured {
         );
 
         let mut resolutions = Vec::new();
-        let mut bytes = Vec::new();
+        let mut memory = Vec::new();
         for size in other_sizes(args.size) {
             let mut bench = bench(scene, name, size, &args.counts)?;
             let bare = bench.measure(&bare, None, &progress)?.0;
             resolutions.push([bench.measure(&default, None, &progress)?.0, bare]);
-            bytes.push((pixels(size), bench.bytes() as f64));
+            memory.push((pixels(size), bench.report().memory));
         }
-        let pixel_bytes = (bytes[1].1 - bytes[0].1) / (bytes[1].0 - bytes[0].0);
+        let (pixel_bytes, fixed_bytes) = bytes(&memory[0], &memory[1]);
 
         let mut bench = bench(scene, name, args.size, &args.counts)?;
         let reference = bench.reference(&series::reference(), args.samples, &progress)?;
@@ -176,7 +193,7 @@ impl Measured {
             resolutions,
             reservoir_bytes,
             pixel_bytes,
-            fixed_bytes: bytes[0].1 - pixel_bytes * bytes[0].0,
+            fixed_bytes,
             equal_time: Vec::new(),
             reference,
         };
@@ -220,7 +237,7 @@ impl Measured {
     fn default_frame(&self) -> Vec<Row> {
         const SCENE: &str = "Scene";
         const FRAME: &str = "Default settings";
-        let (default, paper) = (series::default(), series::paper());
+        let default = series::default();
         let cost = self.cost(&default);
         let bare = self.cost(&series::without_rays(default.clone()));
         let ms = |label, value| Row::new(FRAME, label, &[("", Unit::Ms, value)]);
@@ -238,15 +255,6 @@ impl Measured {
             Row::new(FRAME, "reservoirs", &[("", Unit::BytesAPixel, self.reservoir_bytes as f64)]),
             Row::new(FRAME, "all that grows with the picture", &[("", Unit::BytesAPixel, self.pixel_bytes)]),
             Row::new(FRAME, "all that does not", &[("", Unit::MiB, self.fixed_bytes / f64::from(1 << 20))]),
-            Row::new(
-                "The paper's pipeline",
-                "total lighting",
-                &[
-                    ("", Unit::RaysAPixel, self.cost(&paper).rays),
-                    ("", Unit::Ms, self.cost(&paper).lighting()),
-                    ("", Unit::Mse, self.error(&paper)),
-                ],
-            ),
         ]
     }
 

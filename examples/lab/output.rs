@@ -59,7 +59,8 @@ pub fn header(adapter: String, size: UVec2) -> Vec<String> {
         adapter,
         format!("{} x {} pixels", size.x, size.y),
     ];
-    let git = Command::new("git").args(["rev-parse", "--short", "HEAD"]).output().ok().filter(|o| o.status.success());
+    let git = Command::new("git").args(["-C", env!("CARGO_MANIFEST_DIR"), "rev-parse", "--short", "HEAD"]).output();
+    let git = git.ok().filter(|o| o.status.success());
     if let Some(output) = git {
         lines.push(format!("commit {}", String::from_utf8_lossy(&output.stdout).trim()));
     }

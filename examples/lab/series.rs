@@ -88,7 +88,13 @@ pub fn entries() -> Vec<Entry> {
     let mut add = |section, shown, rows: Vec<(String, Restir)>| {
         all.extend(rows.into_iter().map(|(label, settings)| Entry { section, label, settings, shown }));
     };
-    let radii = [(0.0, "0 pixels"), (15.0, "15 pixels"), (20.0, "20 pixels"), (25.0, "25 pixels"), (1e6, "always")];
+    let radii = [
+        (0.0, "0 pixels (as the paper measures)"),
+        (15.0, "15 pixels"),
+        (20.0, "20 pixels"),
+        (25.0, "25 pixels"),
+        (1e6, "always"),
+    ];
     add(
         "The paper's pipeline: visibility reused within a radius (7.3)",
         &[Rays, Lighting, Error],
