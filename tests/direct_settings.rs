@@ -169,6 +169,42 @@ fn more_tries_find_more_neighbours() {
 }
 
 #[test]
+fn neighbours_of_one_material_alone_are_asked_where_that_is_wanted() {
+    let Some(mut rig) = Rig::new(40, 40) else { return };
+    for (x, albedo) in [(-5.0, 0.3), (5.0, 0.6)] {
+        rig.spawn(square(10.0), lambert(albedo), Transform::from_xyz(x, 0.0, 0.0));
+    }
+    rig.spawn_bundle((PointLight { intensity: 100.0, ..default() }, Transform::from_xyz(0.0, 0.0, 3.0)));
+    let mut lone = |same_material| {
+        direct(&mut rig, Direct { same_material, temporal: false, spatial_taps: 1, radius: 10.0, ..both() });
+        let view = reservoirs(&mut rig, DebugView::ReservoirConfidence, 2);
+        // Far from the image's borders, near the seam.
+        view.iter().filter(|(at, c)| (18..22).contains(&at.x) && (12..28).contains(&at.y) && c.x == 1.0).count()
+    };
+    let (any, same) = (lone(false), lone(true));
+    assert!(any == 0 && (16..48).contains(&same), "{any} and {same} of 64 find no neighbour");
+}
+
+#[test]
+fn a_bilinear_history_comes_from_the_pixels_round_the_place() {
+    let Some(mut rig) = Rig::new(24, 24) else { return };
+    rig.spawn(square(20.0), lambert(0.5), Transform::default());
+    rig.spawn_bundle((PointLight { intensity: 100.0, ..default() }, Transform::from_xyz(0.0, 0.0, 3.0)));
+    // Jitter moves the place within the pixel; near the border one of the four pixels is outside of the image more often than the
+    // nearest, and what comes from there has lost its history.
+    let mut lost = |bilinear| {
+        direct(&mut rig, Direct { bilinear, ..temporal() });
+        rig.set(|r| (r.debug_view, r.jitter) = (DebugView::ReservoirConfidence, true));
+        rig.until_ready();
+        rig.set(|r| r.reset = true);
+        rig.frames(11);
+        rig.next().iter().filter(|(_, c)| c.x < 12.0).count()
+    };
+    let (nearest, bilinear) = (lost(false), lost(true));
+    assert!(bilinear > nearest, "{nearest} and {bilinear}");
+}
+
+#[test]
 fn views_of_reservoirs_show_what_is_kept() {
     let Some(mut rig) = lit_room(32, 32) else { return };
     direct(&mut rig, Direct { visibility: VisibilityReuse::Decoupled, ..both() });

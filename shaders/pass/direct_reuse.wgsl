@@ -8,7 +8,7 @@
 #import bevy_restir::restir::mis::{MAX_INPUTS, mis_needs_target, mis_weight, MisInputs}
 #import bevy_restir::restir::reservoir::{no_reservoir, Reservoir, reservoir_index, reservoir_pack, reservoir_unpack}
 #import bevy_restir::restir::stream::{Stream, stream_add, stream_ucw}
-#import bevy_restir::restir::types::{DIRECT_DECOUPLED, DIRECT_DISCARD, DIRECT_FROM_PREVIOUS, DIRECT_HEURISTICS, DIRECT_MIS_RAYS, DIRECT_REUSE_VISIBILITY, DIRECT_SEEN, DIRECT_SHADE, DIRECT_SHADING_RAYS, DIRECT_TARGET_RAYS, DirectSettings}
+#import bevy_restir::restir::types::{DIRECT_BILINEAR, DIRECT_DECOUPLED, DIRECT_DISCARD, DIRECT_FROM_PREVIOUS, DIRECT_HEURISTICS, DIRECT_MIS_RAYS, DIRECT_REUSE_VISIBILITY, DIRECT_SAME_MATERIAL, DIRECT_SEEN, DIRECT_SHADE, DIRECT_SHADING_RAYS, DIRECT_TARGET_RAYS, DirectSettings}
 #import bevy_restir::scene::surface::Shape
 #import bevy_restir::trace::ray::{rays_traced, trace_flags}
 #import bevy_restir::view::bindings::{ray_counts, view, visibility}
@@ -62,13 +62,27 @@ fn own_place(own: Shape, pixel: vec2<u32>) -> vec2<f32> {
     return vec2<f32>(pixel) + 0.5;
 }
 
-// A neighbour for one tap; NONE where none is found.  Only geometry and random numbers decide (trap T8).
-fn find_neighbour(own: Shape, place: vec2<f32>, radius: f32, tries: u32, rng: ptr<function, Rng>) -> vec2<u32> {
+// How far from its place a tap looks, pixels: in a disk, or for the surface itself at the nearest pixel or bilinearly at four.
+fn tap_offset(is_own: bool, u: vec2<f32>) -> vec2<f32> {
+    if is_own {
+        return select(vec2<f32>(0.0), u - 0.5, has(DIRECT_BILINEAR));
+    }
+    return settings.radius * sqrt(u.x) * vec2<f32>(cos(6.2831853 * u.y), sin(6.2831853 * u.y));
+}
+
+fn passes_heuristics(own: Shape, ids: vec2<u32>, pixel: vec2<u32>) -> bool {
     let from_previous = has(DIRECT_FROM_PREVIOUS);
+    let other = shape_of(ids, pixel, from_previous);
     let reach = max(distance(own.position, camera_position(from_previous)), 1.0e-20);
+    return are_alike(own, other, reach, settings.normal_threshold, settings.depth_threshold)
+        && (own.material == other.material || !has(DIRECT_SAME_MATERIAL));
+}
+
+// A neighbour for one tap; NONE where none is found.  Only geometry and random numbers decide (trap T8).
+fn find_neighbour(own: Shape, place: vec2<f32>, is_own: bool, rng: ptr<function, Rng>) -> vec2<u32> {
+    let tries = select(settings.tries, 1u, is_own);
     for (var t = 0u; t < tries; t++) {
-        let u = rng_2(rng);
-        let at = place + radius * sqrt(u.x) * vec2<f32>(cos(6.2831853 * u.y), sin(6.2831853 * u.y));
+        let at = place + tap_offset(is_own, rng_2(rng));
         if any(at < vec2<f32>(0.0)) || any(at >= vec2<f32>(view.size)) {
             continue;
         }
@@ -77,11 +91,7 @@ fn find_neighbour(own: Shape, place: vec2<f32>, radius: f32, tries: u32, rng: pt
         if ids.x == NONE {
             continue;
         }
-        if !has(DIRECT_HEURISTICS) {
-            return pixel;
-        }
-        let other = shape_of(ids, pixel, from_previous);
-        if are_alike(own, other, reach, settings.normal_threshold, settings.depth_threshold) {
+        if !has(DIRECT_HEURISTICS) || passes_heuristics(own, ids, pixel) {
             return pixel;
         }
     }
@@ -120,7 +130,7 @@ fn gather(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, own: Sha
     var taps = settings.temporal_taps + settings.spatial_taps;
     for (var i = 0u; i < taps && count < MAX_INPUTS; i++) {
         let is_own = i < settings.temporal_taps;
-        let at = find_neighbour(own, place, select(settings.radius, 0.0, is_own), select(settings.tries, 1u, is_own), rng);
+        let at = find_neighbour(own, place, is_own, rng);
         if at.x == NONE {
             taps = max(taps, select(0u, settings.temporal_taps + settings.disocclusion_taps, is_own));
             continue;

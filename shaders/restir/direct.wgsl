@@ -65,6 +65,16 @@ fn evaluate(r: Receiver, p: LightPoint) -> Evaluated {
     return Evaluated(select(vec3<f32>(0.0), f, is_finite_3(f)), l);
 }
 
+// The light that arrives, whatever the surface does with it: positive wherever `evaluate` is.
+fn evaluate_arriving(r: Receiver, p: LightPoint) -> Evaluated {
+    let l = light_point_at(p, r.surface.position, r.previous);
+    if !(l.pdf_solid_angle > 0.0) {
+        return Evaluated(vec3<f32>(0.0), l);
+    }
+    let f = l.radiance * abs(dot(r.surface.bsdf.n, l.wi)) / l.pdf_solid_angle;
+    return Evaluated(select(vec3<f32>(0.0), f, is_finite_3(f)), l);
+}
+
 fn target_value(e: Evaluated) -> f32 {
     return luminance(e.f);
 }

@@ -102,11 +102,12 @@ fn interpolated_normal(triangle: u32, barycentrics: vec2<f32>, m: mat3x4<f32>, m
     return select(n, -n, dot(n, n_geo) < 0.0);
 }
 
-// The part of a surface that needs no material.
+// The part of a surface that needs nothing of its material.
 struct Shape {
     position: vec3<f32>,
     n: vec3<f32>,             // without a normal map
     n_geo: vec3<f32>,
+    material: u32,
 }
 
 // `previous`: as it was in the last frame.
@@ -115,7 +116,7 @@ fn shape_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, viewer: vec3<
     let mirrored = (instances[instance].flags & INSTANCE_MIRRORED) != 0u;
     let n = interpolated_normal(triangle, barycentrics, instance_transform(instance, previous), mirrored, t.normal);
     let side = select(-1.0, 1.0, dot(viewer - t.corner, t.normal) > 0.0);
-    return Shape(surface_point(instance, triangle, barycentrics, previous), n * side, t.normal * side);
+    return Shape(surface_point(instance, triangle, barycentrics, previous), n * side, t.normal * side, instances[instance].material);
 }
 
 // `previous`: as it was in the last frame.
