@@ -209,6 +209,9 @@ pub const DIRECT_DECOUPLED: u32 = 256;
 pub const DIRECT_FROM_PREVIOUS: u32 = 512;
 pub const DIRECT_SHADE: u32 = 1024;
 pub const DIRECT_SEEN: u32 = 2048;
+pub const DIRECT_SIMPLE_TARGET: u32 = 4096;
+pub const DIRECT_BILINEAR: u32 = 8192;
+pub const DIRECT_SAME_MATERIAL: u32 = 16384;
 
 pub const MIS_UNIFORM: u32 = 0;
 pub const MIS_VALID: u32 = 1;

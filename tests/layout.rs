@@ -192,6 +192,9 @@ fn resampling_structs_and_constants_are_the_same_in_rust_and_wgsl() {
         DIRECT_FROM_PREVIOUS,
         DIRECT_SHADE,
         DIRECT_SEEN,
+        DIRECT_SIMPLE_TARGET,
+        DIRECT_BILINEAR,
+        DIRECT_SAME_MATERIAL,
         TILING_ROWS,
         TILING_COLUMNS,
     );

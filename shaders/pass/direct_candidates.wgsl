@@ -10,10 +10,10 @@
 #import bevy_restir::light::point_on_light::{environment_light_point, LightPoint, light_point_sample, no_light_point, triangle_light_point}
 #import bevy_restir::light::select::{environment_pmf, light_pmf, light_select}
 #import bevy_restir::path::medium::{medium_towards, transmittance}
-#import bevy_restir::restir::direct::{bsdf_pdf_of, evaluate, is_visible, Receiver, receiver_of, target_value}
+#import bevy_restir::restir::direct::{bsdf_pdf_of, evaluate, evaluate_arriving, Evaluated, is_visible, Receiver, receiver_of, target_value}
 #import bevy_restir::restir::reservoir::{no_reservoir, Reservoir, reservoir_index, reservoir_pack}
 #import bevy_restir::restir::stream::{Stream, stream_add, stream_ucw}
-#import bevy_restir::restir::types::{DIRECT_BSDF_CANDIDATE, DIRECT_CANDIDATE_RAYS, DirectSettings}
+#import bevy_restir::restir::types::{DIRECT_BSDF_CANDIDATE, DIRECT_CANDIDATE_RAYS, DIRECT_SIMPLE_TARGET, DirectSettings}
 #import bevy_restir::scene::surface::surface_at
 #import bevy_restir::trace::offset::offset_point
 #import bevy_restir::trace::ray::{Ray, rays_traced, trace_flags}
@@ -39,6 +39,14 @@ fn light_candidate(subset: u32, rng: ptr<function, Rng>) -> Candidate {
     }
     let entry = subsets[subset * settings.subset_size + min(u32(u.x * f32(settings.subset_size)), settings.subset_size - 1u)];
     return Candidate(LightPoint(entry.x, entry.y), bitcast<f32>(entry.z));
+}
+
+// By what candidates are chosen; any target that is positive where light is will do (paper 003, 3.3).
+fn evaluate_candidate(r: Receiver, p: LightPoint) -> Evaluated {
+    if (settings.flags & DIRECT_SIMPLE_TARGET) != 0u {
+        return evaluate_arriving(r, p);
+    }
+    return evaluate(r, p);
 }
 
 // What a sample of the BSDF finds: a point of a light, or light that no table knows.
@@ -101,7 +109,7 @@ fn direct_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
     let lights = select(settings.candidates, 0u, bsdf_is_delta(r.surface.bsdf));
     for (var i = 0u; i < lights; i++) {
         let c = light_candidate(subset, &rng);
-        let e = evaluate(r, c.point);
+        let e = evaluate_candidate(r, c.point);
         let u = rng_1(&rng);
         let of_bsdf = select(0.0, bsdf_pdf_of(r, e), with_bsdf);
         let weight = target_value(e) / both_densities(count * c.pmf, of_bsdf);
@@ -114,7 +122,7 @@ fn direct_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
         found = bsdf_candidate(r, &rng);
     }
     if found.point.light != NONE {
-        let e = evaluate(r, found.point);
+        let e = evaluate_candidate(r, found.point);
         let weight = target_value(e) / both_densities(count * light_pmf(found.point.light), bsdf_pdf_of(r, e));
         if stream_add(&stream, settings.candidates, weight, rng_1(&rng)) {
             chosen = found.point;
@@ -124,7 +132,7 @@ fn direct_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
     // The chosen one is seen or it is nothing; that counts as a candidate all the same.  The BSDF's ray has seen its own.
     var reservoir = Reservoir(chosen, 0.0, 1.0, true);
     if chosen.light != NONE {
-        let e = evaluate(r, chosen);
+        let e = evaluate_candidate(r, chosen);
         let is_known = stream.selected == settings.candidates || (settings.flags & DIRECT_CANDIDATE_RAYS) == 0u;
         if is_known || is_visible(r, e, rng_bits(&rng).x) {
             reservoir.ucw = stream_ucw(stream, target_value(e));

@@ -251,6 +251,9 @@ fn flags(direct: &Direct, round: Round, index: usize, rounds: usize) -> u32 {
         (round.from_previous, DIRECT_FROM_PREVIOUS),
         (index + 1 == rounds, DIRECT_SHADE),
         (of_candidates && index == 0, DIRECT_SEEN),
+        (direct.simple_target, DIRECT_SIMPLE_TARGET),
+        (direct.bilinear, DIRECT_BILINEAR),
+        (direct.same_material, DIRECT_SAME_MATERIAL),
     ]
     .into_iter()
     .fold(0, |flags, (condition, flag)| if condition { flags | flag } else { flags })
