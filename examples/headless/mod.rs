@@ -56,7 +56,7 @@ fn one_line(message: &str) -> String {
     message.lines().map(str::trim).take_while(|line| !line.is_empty()).collect::<Vec<_>>().join(" ")
 }
 
-/// Reads WIDTHxHEIGHT.
+/// Reads `WIDTHxHEIGHT`.
 pub fn size(text: &str) -> Result<UVec2, String> {
     let parsed = text.split_once('x').and_then(|(w, h)| Some(UVec2::new(w.parse().ok()?, h.parse().ok()?)));
     match parsed {

@@ -57,7 +57,7 @@ pub fn hang(world: &mut World, panel: Mesh) {
 /// Cells of a grid of that many triangles, each cell being two: as near to square as they go.
 fn cells(triangles: u32) -> UVec2 {
     let cells = (triangles / 2).max(1);
-    let columns = (1..=cells.isqrt()).rev().find(|columns| cells % columns == 0).unwrap_or(1);
+    let columns = (1..=cells.isqrt()).rev().find(|columns| cells.is_multiple_of(*columns)).unwrap_or(1);
     UVec2::new(columns, cells / columns)
 }
 
