@@ -116,7 +116,7 @@ pub fn entries() -> Vec<Entry> {
     add("Pixel tiles that share a subset, without rays (5.2)", &[Candidates], bare(tiles));
     let sizes = counts("size ", &[1024, 4096, 16384], |d, n| d.subset_size = n);
     add("Light subsets, without rays (5.2)", &[Presample, Candidates], bare(sizes));
-    let subsets = counts("number ", &[128, 1024, 4096], |d, n| d.subset_count = n);
+    let subsets = counts("number ", &[128, 512, 2048], |d, n| d.subset_count = n);
     add("Light subsets, without rays (5.2)", &[Presample, Candidates], bare(subsets));
     let none = vec![("not presampled".into(), without_rays(with(|d| d.subset_count = 0)))];
     add("Light subsets, without rays (5.2)", &[Presample, Candidates], none);
