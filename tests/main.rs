@@ -8,6 +8,7 @@ mod compensation;
 mod direct_bias;
 mod direct_light;
 mod direct_motion;
+mod direct_settings;
 mod environment;
 mod extremes;
 mod geometry;
