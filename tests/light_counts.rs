@@ -44,7 +44,7 @@ fn tiled_lamp(rig: &mut Rig, n: u32, tile: Mesh) {
 
 /// Subsets are small enough for the smallest binding.
 fn settings(technique: Technique) -> Restir {
-    let direct = Direct { subset_count: 32, ..default() };
+    let direct = Direct { subset_count: 8, ..default() };
     Restir { technique, direct, accumulate: true, ..plain() }
 }
 
