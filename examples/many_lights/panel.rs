@@ -7,8 +7,8 @@ use crate::{fields, numbers::Numbers};
 
 const FONT: f32 = 13.0;
 const LINE: f32 = 16.0;
-const KEYS: &str = "Up/Down choose   Left/Right change   Backspace default   1-4 preset   T technique   V view   \
-                    R reset   Space pause   drag, WASD QE fly   C circle   Tab hide";
+const KEYS: &str = "Up/Down choose   Left/Right change   Backspace default   1-4 preset   T technique\n\
+                    V view   R reset   Space pause   drag, WASD, Q and E fly   C circle   Tab hide";
 
 /// The list and what is chosen in it.
 #[derive(Resource)]
