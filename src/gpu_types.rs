@@ -224,6 +224,9 @@ pub const MIS_DEFENSIVE_PAIRWISE_GRIS: u32 = 5;
 pub const TILING_ROWS: u32 = 0;
 pub const TILING_COLUMNS: u32 = u32::MAX;
 
+/// Bytes of a presampled point of a light.
+pub const PRESAMPLED_LIGHT_SIZE: u64 = 48;
+
 /// Bytes of a reservoir of direct light.
 pub const DIRECT_RESERVOIR_SIZE: u64 = 16;
 

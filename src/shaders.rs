@@ -41,6 +41,7 @@ pub const MODULES: &[(&str, &str)] = table![
     "light/select.wgsl",
     "light/remap.wgsl",
     "light/point_on_light.wgsl",
+    "light/presampled.wgsl",
     "restir/mis.wgsl",
     "restir/stream.wgsl",
     "restir/reservoir.wgsl",

@@ -198,6 +198,8 @@ fn resampling_structs_and_constants_are_the_same_in_rust_and_wgsl() {
         TILING_ROWS,
         TILING_COLUMNS,
     );
+    let presampled = layout(&module("light/presampled.wgsl"), "PresampledLight");
+    assert_eq!(presampled.1 as u64, PRESAMPLED_LIGHT_SIZE);
     let mis = module("restir/mis.wgsl");
     same!(mis: MIS_UNIFORM, MIS_VALID, MIS_BALANCE, MIS_PAIRWISE, MIS_DEFENSIVE_PAIRWISE, MIS_DEFENSIVE_PAIRWISE_GRIS);
 }

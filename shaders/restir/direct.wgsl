@@ -56,7 +56,10 @@ fn receiver_of(ids: vec2<u32>, pixel: vec2<u32>, previous: bool) -> Receiver {
 }
 
 fn evaluate(r: Receiver, p: LightPoint) -> Evaluated {
-    let l = light_point_at(p, r.surface.position, r.previous);
+    return evaluate_sample(r, light_point_at(p, r.surface.position, r.previous));
+}
+
+fn evaluate_sample(r: Receiver, l: LightSample) -> Evaluated {
     if !(l.pdf_solid_angle > 0.0) {
         return Evaluated(vec3<f32>(0.0), l);
     }
@@ -65,9 +68,8 @@ fn evaluate(r: Receiver, p: LightPoint) -> Evaluated {
     return Evaluated(select(vec3<f32>(0.0), f, is_finite_3(f)), l);
 }
 
-// The light that arrives, whatever the surface does with it: positive wherever `evaluate` is.
-fn evaluate_arriving(r: Receiver, p: LightPoint) -> Evaluated {
-    let l = light_point_at(p, r.surface.position, r.previous);
+// The light that arrives, whatever the surface does with it: positive wherever `evaluate_sample` is.
+fn evaluate_arriving(r: Receiver, l: LightSample) -> Evaluated {
     if !(l.pdf_solid_angle > 0.0) {
         return Evaluated(vec3<f32>(0.0), l);
     }
@@ -79,16 +81,20 @@ fn target_value(e: Evaluated) -> f32 {
     return luminance(e.f);
 }
 
-// Density, in the light's measure, with which the receiver's BSDF finds the point: its ray passes where alpha leaves no surface.
-fn bsdf_pdf_of(r: Receiver, e: Evaluated) -> f32 {
-    if e.light.delta != 0u || !(e.light.pdf_solid_angle > 0.0) {
+// Density, in the light's measure, with which the receiver's BSDF finds the point, which a ray that comes there meets with probability
+// `presence`: where alpha leaves no surface it passes.
+fn bsdf_pdf_of(r: Receiver, l: LightSample, presence: f32) -> f32 {
+    if l.delta != 0u || !(l.pdf_solid_angle > 0.0) {
         return 0.0;
     }
-    var met = 1.0;
-    if e.light.light != ENVIRONMENT_LIGHT {
-        met = triangle_light_presence(e.light.light, e.light.barycentrics);
+    return presence * bsdf_pdf(r.surface.bsdf, r.wo, l.wi) / l.pdf_solid_angle;
+}
+
+fn presence_of(l: LightSample) -> f32 {
+    if l.delta != 0u || l.light == ENVIRONMENT_LIGHT {
+        return 1.0;
     }
-    return met * bsdf_pdf(r.surface.bsdf, r.wo, e.light.wi) / e.light.pdf_solid_angle;
+    return triangle_light_presence(l.light, l.barycentrics);
 }
 
 fn is_visible(r: Receiver, e: Evaluated, alpha_seed: u32) -> bool {

@@ -133,7 +133,7 @@ pub struct Direct {
     /// Presampled subsets of lights, at most 4096; 0: every pixel draws from all lights, slower with many of them.  Pixels of a tile
     /// share a subset: correlated noise, no bias.
     pub subset_count: u32,
-    /// Points of lights in a subset, 1 to 16384, and no more than 2^23 in all subsets (128 MiB).
+    /// Points of lights in a subset, 1 to 16384, and no more than 2^21 in all subsets (96 MiB).
     pub subset_size: u32,
     /// Pixels a side that share a subset, 1 to 16.
     pub tile: u32,
@@ -211,7 +211,7 @@ impl Default for Direct {
 
 impl Direct {
     /// Most points of lights in all subsets: what one binding of the portable tier holds.
-    const MOST_PRESAMPLED: u32 = 1 << 23;
+    const MOST_PRESAMPLED: u32 = 1 << 21;
 
     /// Most inputs of one resampling step: the pixel's own and its taps.
     pub(crate) fn most_inputs(&self) -> u32 {

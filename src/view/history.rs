@@ -100,7 +100,7 @@ impl DirectHistory {
                 MOST_ROUNDS as u64 * SETTINGS_STRIDE,
                 BufferUsages::UNIFORM | BufferUsages::COPY_DST,
             ),
-            subsets: buffer("light subsets", entries * 16, storage),
+            subsets: buffer("light subsets", entries * PRESAMPLED_LIGHT_SIZE, storage),
             subset_entries: entries,
             reservoirs: ["reservoirs", "last reservoirs"].map(|label| buffer(label, reservoir_bytes, storage)),
             reservoir_bytes,
@@ -203,7 +203,7 @@ impl DirectHistory {
         let pixels = pixels(self.size);
         vec![
             ("direct settings", MOST_ROUNDS as u64 * SETTINGS_STRIDE),
-            ("light subsets", self.subset_entries * 16),
+            ("light subsets", self.subset_entries * PRESAMPLED_LIGHT_SIZE),
             ("reservoirs", 2 * self.reservoir_bytes),
             ("last visibility", pixels * 8),
             ("light", 2 * pixels * 16),
