@@ -17,6 +17,7 @@ mod light_choice;
 mod lights;
 mod motion_vectors;
 mod offset;
+mod path_shift;
 mod references;
 mod render_cli;
 mod resampling;

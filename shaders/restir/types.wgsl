@@ -57,11 +57,3 @@ const DIRECT_SAME_MATERIAL: u32 = 16384u;
 
 const TILING_ROWS: u32 = 0u;
 const TILING_COLUMNS: u32 = 0xffffffffu;
-
-// Settings of resampled paths.
-struct PathSettings {
-    footprint: f32,            // c of the footprint criterion, percent
-    roughness: f32,            // least perceptual roughness of the lobe before a connection
-    pad_a: u32,
-    pad_b: u32,
-}
