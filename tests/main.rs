@@ -14,6 +14,7 @@ mod extremes;
 mod geometry;
 mod layout;
 mod light_choice;
+mod light_counts;
 mod lights;
 mod motion_vectors;
 mod offset;
