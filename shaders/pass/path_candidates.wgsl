@@ -58,13 +58,8 @@ fn path_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
     textureStore(ray_counts, pixel, vec4<u32>((counted + rays_traced) | flags << 24u));
 }
 
-// TEST_*: what only tests define.  Here the path goes through its 64 bytes and is shifted into its own pixel; then why it could not be.
-#ifdef TEST_SELF_SHIFT
-fn carried_by(chosen: Chosen, first: Vertex, c: Connection) -> vec3<f32> {
-    let s = hybrid_shift(path_unpack(path_pack(chosen.sample)), first, c, false);
-    return s.f * s.jacobian;
-}
-#else
+// TEST_*: what only tests define.  The path goes through its 64 bytes and is shifted into its own pixel: (why it could not be, what it
+// is, the relative error of what it carries).
 #ifdef TEST_SHIFT_REASON
 fn carried_by(chosen: Chosen, first: Vertex, c: Connection) -> vec3<f32> {
     let s = hybrid_shift(path_unpack(path_pack(chosen.sample)), first, c, false);
@@ -75,5 +70,4 @@ fn carried_by(chosen: Chosen, first: Vertex, c: Connection) -> vec3<f32> {
 fn carried_by(chosen: Chosen, first: Vertex, c: Connection) -> vec3<f32> {
     return chosen.f;
 }
-#endif
 #endif
