@@ -24,6 +24,9 @@ pub enum Technique {
     /// ReSTIR DI (Wyman and Panteleev 2021, paper 003): emission and direct light, one bounce whatever `bounces` says (none where that
     /// is 0).  See [`Direct`].
     Di,
+    /// The candidates of ReSTIR PT, not reused yet: for the tests of what is being built.
+    #[doc(hidden)]
+    Pt,
 }
 
 /// What a camera shows in place of light.  Values reach the view target and [`RadianceCapture`](crate::RadianceCapture) as they are,

@@ -18,6 +18,7 @@ mod light_counts;
 mod lights;
 mod motion_vectors;
 mod offset;
+mod path_shift;
 mod references;
 mod render_cli;
 mod resampling;

@@ -123,6 +123,10 @@ pub fn entries() -> Vec<Entry> {
     let candidates = counts("", &[1, 8, 32], |d, n| d.candidates = n);
     add("Candidates", &[Candidates, Lighting, Error], candidates);
 
+    let targets = [("what is reflected", false), ("what arrives (9)", true)]
+        .map(|(label, on)| (label.into(), with(|d| d.simple_target = on)));
+    add("Candidates are chosen by", &[Candidates, Lighting, Error], targets.into());
+
     let classic = with(|d| {
         d.order = ReuseOrder::TemporalThenSpatial;
         d.spatial_taps = 5;
