@@ -13,7 +13,7 @@ const SEEDS: u32 = 120;
 fn at_the_end(rig: &mut Rig, direct: &Direct, pose: &dyn Fn(&mut Rig, u32), first_seed: u32) -> Restarts {
     pose(rig, STEPS);
     let mut restarts = Restarts::new(emission(rig));
-    rig.set(|r| (r.technique, r.direct) = (Technique::Di, direct.clone()));
+    rig.set(|r| (r.technique, r.direct, r.accumulate) = (Technique::Di, direct.clone(), false));
     rig.until_ready();
     for i in 0..SEEDS {
         rig.set(|r| r.seed = first_seed + i);

@@ -7,6 +7,7 @@ mod bsdf;
 mod compensation;
 mod direct_bias;
 mod direct_light;
+mod direct_measure;
 mod direct_motion;
 mod environment;
 mod extremes;

@@ -165,6 +165,7 @@ fn headless(synchronous: bool) -> App {
                 render_creation: WgpuSettings { backends: Some(Backends::PRIMARY), ..Default::default() }.into(),
                 ..Default::default()
             })
+            .set(AssetPlugin { file_path: concat!(env!("CARGO_MANIFEST_DIR"), "/assets").into(), ..Default::default() })
             .set(WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..Default::default() })
             .disable::<LogPlugin>()
             .disable::<WinitPlugin>()

@@ -1,8 +1,11 @@
 //! Small scenes for direct lighting: what each is there for is said where it is made.
 
-use super::{app::*, equivalence::Restarts};
+use super::{
+    app::*,
+    equivalence::{Length, Restarts},
+};
 use bevy::prelude::*;
-use bevy_restir::{BiasCorrection, Direct, Mis, Restir, RestirEnvironment, Technique};
+use bevy_restir::{BiasCorrection, Direct, Mis, RestirEnvironment, Technique};
 
 /// Independent restarts a technique.
 pub const RESTARTS: u32 = 40;
@@ -79,7 +82,7 @@ pub fn glossy(rig: &mut Rig) {
     let floor = Transform::from_xyz(0.0, -1.0, 0.0).with_rotation(Quat::from_rotation_x(-core::f32::consts::FRAC_PI_2));
     rig.spawn(square(5.0), shiny(Color::linear_rgb(0.5, 0.6, 0.7), 0.45, 0.8), floor);
     let up = Transform::from_xyz(0.0, -0.6, -1.0);
-    let both_sides = StandardMaterial { double_sided: true, cull_mode: None, ..lamp(3.0, 4.0, 6.0) };
+    let both_sides = StandardMaterial { double_sided: true, cull_mode: None, ..lamp(0.6, 0.8, 1.2) };
     rig.spawn(square(0.7), both_sides, up);
     rig.spawn(
         Sphere::new(0.4).mesh().uv(16, 10),
@@ -91,7 +94,7 @@ pub fn glossy(rig: &mut Rig) {
         shiny(Color::linear_rgb(0.3, 0.7, 0.3), 0.5, 0.0),
         Transform::from_xyz(0.9, -0.5, 0.3),
     );
-    rig.spawn(square(1.0), lamp(2.0, 2.0, 2.0), facing(Vec3::new(1.0, 1.5, 1.0), Vec3::ZERO));
+    rig.spawn(square(1.0), lamp(8.0, 8.0, 8.0), facing(Vec3::new(1.0, 1.5, 1.0), Vec3::ZERO));
 }
 
 /// Deltas in position and in direction, and a cone, with shadows.
@@ -138,7 +141,7 @@ pub fn many(rig: &mut Rig) {
     room_without_lamp(rig);
     for i in 0..24 {
         let (a, b) = (i as f32 * 2.399, (i as f32 * 0.618).fract());
-        let place = Vec3::new(1.4 * a.cos() * b.sqrt(), -0.7 + 1.7 * b, 1.0 * a.sin());
+        let place = Vec3::new(1.4 * a.cos() * b.sqrt(), 0.7 + 0.8 * b, 0.3 + 0.8 * a.sin());
         let power = 1.0 + 30.0 * ((i * 7 % 24) as f32 / 24.0).powi(3);
         rig.spawn(
             Cuboid::new(0.08, 0.08, 0.08),
@@ -178,7 +181,7 @@ pub fn blended(rig: &mut Rig) {
     };
     rig.spawn(square(1.4), pane(0.5), facing(Vec3::new(0.4, 0.5, 0.4), Vec3::ZERO));
     let lamp = StandardMaterial {
-        emissive: LinearRgba::rgb(8.0, 6.0, 4.0),
+        emissive: LinearRgba::rgb(2.0, 1.5, 1.0),
         base_color: Color::linear_rgba(0.0, 0.0, 0.0, 0.4),
         ..pane(0.4)
     };
@@ -194,61 +197,132 @@ pub fn scene(size: u32, make: impl FnOnce(&mut Rig)) -> Option<Rig> {
     Some(rig)
 }
 
+/// How a scene's techniques are held against its reference.
+#[derive(Clone, Copy, Debug)]
+pub struct Proof {
+    pub ours: Length,
+    pub truth: Length,
+    /// Relative difference of the images that is allowed.
+    pub margin: f64,
+    /// Share of the pixels that is left out: those that are noisiest in a run of their own.
+    pub left_out: f64,
+    /// Chance decides whether the camera sees an emitter, so that each restart has an emission of its own.
+    pub blended: bool,
+}
+
+impl Proof {
+    /// Of a small scene without much noise.
+    pub const DEFAULT: Self = Self {
+        ours: Length { restarts: RESTARTS, frames: FRAMES },
+        truth: Length { restarts: RESTARTS, frames: 64 },
+        margin: 0.01,
+        left_out: 0.0,
+        blended: false,
+    };
+
+    /// Holds techniques against the reference of one scene; one that fails is run once more on other seeds.
+    pub fn check(self, name: &str, rig: &mut Rig, techniques: &[(&str, Direct)]) {
+        let compared = self.quiet_pixels(rig);
+        let truth = |rig: &mut Rig, seed| self.restarts(rig, None, &compared, seed);
+        let ours = |rig: &mut Rig, direct: &Direct, seed| self.restarts(rig, Some(direct), &compared, seed);
+        let reference = truth(rig, 1000);
+        for (what, direct) in techniques {
+            let first = ours(rig, direct, 2000).compare(&reference, self.margin);
+            eprintln!("{name}, {what}: {first}");
+            if !first.is_equal() {
+                let again = truth(rig, 3000);
+                let second = ours(rig, direct, 4000).compare(&again, self.margin);
+                eprintln!("{name}, {what}, again: {second}");
+                assert!(second.is_equal(), "{name}, {what}: {first}, then {second}");
+            }
+        }
+        rig.assert_sound();
+    }
+
+    /// Of direct lighting, or of the reference.
+    pub fn restarts(
+        &self,
+        rig: &mut Rig,
+        direct: Option<&Direct>,
+        compared: &Option<Vec<bool>>,
+        first_seed: u32,
+    ) -> Restarts {
+        let length = if direct.is_some() { self.ours } else { self.truth };
+        let mut emissions = vec![emission(rig)];
+        if self.blended {
+            rig.set(|r| r.bounces = 0);
+            emissions = pictures(rig, first_seed, length).collect();
+            rig.set(|r| r.bounces = 1);
+        }
+        rig.set(|r| {
+            r.technique = if direct.is_some() { Technique::Di } else { Technique::Reference };
+            r.direct = direct.cloned().unwrap_or_default();
+        });
+        let mut restarts = Restarts::new(emissions[0].clone());
+        restarts.compared.clone_from(compared);
+        for (i, picture) in pictures(rig, first_seed, length).enumerate() {
+            restarts.add_without(&picture, emissions[i % emissions.len()].clone());
+        }
+        restarts
+    }
+
+    /// All but the noisiest pixels of the reference: a few next to an emitter can have most of an image's noise.
+    pub fn quiet_pixels(&self, rig: &mut Rig) -> Option<Vec<bool>> {
+        if self.left_out <= 0.0 {
+            return None;
+        }
+        rig.set(|r| r.technique = Technique::Reference);
+        let mut sums: Vec<[f64; 2]> = Vec::new();
+        let length = Length { restarts: 64, frames: 8 };
+        for picture in pictures(rig, 500, length) {
+            sums.resize(picture.pixels.len(), [0.0; 2]);
+            for (sum, pixel) in sums.iter_mut().zip(&picture.pixels) {
+                let value = f64::from(pixel.iter().sum::<f32>());
+                *sum = [sum[0] + value, sum[1] + value * value];
+            }
+        }
+        let n = f64::from(length.restarts);
+        let variance = |s: &[f64; 2]| s[1] / n - (s[0] / n).powi(2);
+        let mut order: Vec<usize> = (0..sums.len()).collect();
+        order.sort_by(|&a, &b| variance(&sums[b]).total_cmp(&variance(&sums[a])));
+        let mut quiet = vec![true; sums.len()];
+        for &i in &order[..(self.left_out * sums.len() as f64) as usize] {
+            quiet[i] = false;
+        }
+        Some(quiet)
+    }
+}
+
 /// Restarts of the reference, one bounce.
 pub fn truth(rig: &mut Rig, first_seed: u32, frames: u32) -> Restarts {
-    restarts(
-        rig,
-        |r| r.technique = Technique::Reference,
-        first_seed,
-        |rig| {
-            rig.frames(frames - 1);
-            rig.next()
-        },
-    )
+    let truth = Length { restarts: RESTARTS, frames };
+    Proof { truth, ..Proof::DEFAULT }.restarts(rig, None, &None, first_seed)
 }
 
 /// Restarts of direct lighting: the mean of all frames from the reset on.
 pub fn resampled(rig: &mut Rig, direct: &Direct, first_seed: u32, frames: u32) -> Restarts {
-    let direct = direct.clone();
-    let set = move |r: &mut Restir| (r.technique, r.direct) = (Technique::Di, direct);
-    restarts(rig, set, first_seed, |rig| mean_of_frames(rig, frames))
+    let ours = Length { restarts: RESTARTS, frames };
+    Proof { ours, ..Proof::DEFAULT }.restarts(rig, Some(direct), &None, first_seed)
 }
 
-fn restarts(
-    rig: &mut Rig,
-    set: impl FnOnce(&mut Restir),
-    first_seed: u32,
-    mut one: impl FnMut(&mut Rig) -> Picture,
-) -> Restarts {
-    let mut restarts = Restarts::new(emission(rig));
-    rig.set(set);
+/// A picture a restart: the mean of its frames.
+fn pictures(rig: &mut Rig, first_seed: u32, length: Length) -> impl Iterator<Item = Picture> {
+    rig.set(|r| r.accumulate = true);
     rig.until_ready();
-    for i in 0..RESTARTS {
+    (0..length.restarts).map(move |i| {
         // Another seed forgets what was gathered.
         rig.set(|r| r.seed = first_seed + i);
-        restarts.add(&one(rig));
-    }
-    restarts
+        rig.frames(length.frames - 1);
+        let picture = rig.next();
+        assert_eq!(picture.samples, length.frames);
+        picture
+    })
 }
 
 /// What the camera sees emit, in any technique: it would hide errors of the light that is scattered.
 pub fn emission(rig: &mut Rig) -> Picture {
-    // One seed: where blending decides what is seen, the same is taken from both sides.
     rig.set(|r| (r.technique, r.bounces, r.seed) = (Technique::Reference, 0, 1));
     let picture = rig.picture(1);
     rig.set(|r| r.bounces = 1);
     picture
-}
-
-/// The mean of the next frames.
-pub fn mean_of_frames(rig: &mut Rig, frames: u32) -> Picture {
-    let mut sum = rig.next();
-    for _ in 1..frames {
-        let next = rig.next();
-        for (a, b) in sum.pixels.iter_mut().zip(next.pixels) {
-            *a = core::array::from_fn(|i| a[i] + b[i]);
-        }
-    }
-    sum.pixels.iter_mut().flatten().for_each(|c| *c /= frames as f32);
-    sum
 }

@@ -10,6 +10,7 @@ pub mod equivalence;
 pub mod gltf;
 pub mod gpu;
 pub mod lit;
+pub mod loaded;
 pub mod materials;
 pub mod oracle;
 pub mod scenes;
