@@ -1,12 +1,8 @@
 //! Direct lighting shows what the reference shows at one bounce, in small made scenes of 32 x 32 pixels.  Two one-sided tests at α = 0.01
 //! on the image mean, margin 1 %; the 8 x 8 tiles by chi-squared; lengths and powers are said where the scenes are.
 
-use crate::support::{direct::*, equivalence::Length};
+use crate::support::{direct::*, proof::Proof};
 use bevy_restir::{Direct, Mis};
-
-const fn ours(restarts: u32, frames: u32) -> Proof {
-    Proof { ours: Length { restarts, frames }, ..Proof::DEFAULT }
-}
 
 #[test]
 fn a_room_with_shadows_is_lit_as_by_the_reference() {
@@ -34,16 +30,6 @@ fn a_room_with_shadows_is_lit_as_by_the_reference() {
 }
 
 #[test]
-fn glossy_surfaces_are_lit_as_by_the_reference() {
-    let Some(mut rig) = scene(32, glossy) else { return };
-    ours(40, 24).check(
-        "glossy",
-        &mut rig,
-        &[("candidates", candidates_only()), ("both", both()), ("balance", with_mis(Mis::Balance))],
-    );
-}
-
-#[test]
 fn points_spots_and_suns_light_as_in_the_reference() {
     let Some(mut rig) = scene(32, punctual) else { return };
     Proof::DEFAULT.check("punctual", &mut rig, &[("candidates", candidates_only()), ("both", both())]);
@@ -66,16 +52,6 @@ fn an_environment_lights_as_in_the_reference() {
 }
 
 #[test]
-fn many_small_emitters_light_as_in_the_reference() {
-    let Some(mut rig) = scene(32, many) else { return };
-    ours(40, 16).check(
-        "many",
-        &mut rig,
-        &[("both", both()), ("not presampled", Direct { subset_count: 0, ..with_mis(Mis::Balance) })],
-    );
-}
-
-#[test]
 fn mirrors_and_lacquer_show_what_the_reference_shows() {
     let Some(mut rig) = scene(32, mirrors) else { return };
     Proof::DEFAULT.check("mirrors", &mut rig, &[("both", both())]);
@@ -83,7 +59,9 @@ fn mirrors_and_lacquer_show_what_the_reference_shows() {
 
 #[test]
 fn blended_panes_and_lamps_light_as_in_the_reference() {
-    let Some(mut rig) = scene(32, blended) else { return };
-    let proof = Proof { blended: true, ..ours(40, 24) };
-    proof.check("blended", &mut rig, &[("candidates", candidates_only()), ("balance", careless(Mis::Balance))]);
+    // 64 x 64 pixels: noisier than the others, as chance decides what each pixel sees.
+    let Some(mut rig) = scene(64, blended) else { return };
+    let proof = Proof { blended: true, ..Proof::of((32, 16), (40, 32)) };
+    let balance = Direct { spatial_taps: 1, ..careless(Mis::Balance) };
+    proof.check("blended", &mut rig, &[("candidates", candidates_only()), ("balance", balance)]);
 }

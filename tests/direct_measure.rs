@@ -1,5 +1,5 @@
 //! Temporary: noise and cost.
-use crate::support::{app::*, direct::*, equivalence::Length, stats};
+use crate::support::{app::*, direct::*, equivalence::Length, proof::Proof, stats};
 use bevy::prelude::*;
 use bevy_restir::{Direct, Restir, Technique};
 use std::time::Instant;
@@ -15,7 +15,9 @@ fn measure_noise() {
     for name in env("SCENES", "cornell,glossy,many_lights,punctual,furnace").split(',') {
         for &size in &sizes {
             let mut rig = Rig::load(name, size).unwrap();
-            let emission = emission(&mut rig);
+            rig.set(|r| r.bounces = 0);
+            let emission = rig.picture(1);
+            rig.set(|r| r.bounces = 1);
             let list: Vec<(&str, Option<Direct>)> = vec![
                 ("reference", None),
                 ("candidates", Some(Direct { temporal: false, spatial_taps: 0, disocclusion_taps: 0, ..Default::default() })),
@@ -48,14 +50,19 @@ fn measure_noise() {
 
 /// Which pixels the noise is of.
 fn noisy_pixels(rig: &mut Rig, what: &str, restarts: u32, frames: u32) {
+    let (technique, direct) = { let r = rig.get_mut::<Restir>(rig.camera); (r.technique, r.direct.clone()) };
+    rig.set(|r| (r.technique, r.bounces) = (Technique::Reference, 0));
+    rig.until_ready();
+    let emissions: Vec<Picture> = (0..restarts).map(|i| { rig.set(|r| r.seed = 100 + i); rig.frames(frames - 1); rig.next() }).collect();
+    rig.set(|r| (r.technique, r.bounces, r.direct) = (technique, 1, direct));
     rig.until_ready();
     let n = (0..restarts).fold(None::<(UVec2, Vec<[f64; 2]>)>, |sums, i| {
         rig.set(|r| r.seed = 100 + i);
         rig.frames(frames - 1);
         let p = rig.next();
         let mut sums = sums.unwrap_or((p.size, vec![[0.0; 2]; p.pixels.len()]));
-        for (s, c) in sums.1.iter_mut().zip(&p.pixels) {
-            let v = f64::from(c[0] + c[1] + c[2]) / 3.0;
+        for ((s, c), e) in sums.1.iter_mut().zip(&p.pixels).zip(&emissions[i as usize].pixels) {
+            let v = f64::from(c[0] + c[1] + c[2] - e[0] - e[1] - e[2]) / 3.0;
             s[0] += v;
             s[1] += v * v;
         }
@@ -92,7 +99,6 @@ fn measure_pixels() {
     for name in env("SCENES", "cornell,glossy,many_lights,punctual,furnace").split(',') {
         let mut rig = match name {
             "made_glossy" => scene(size, glossy),
-            "made_many" => scene(size, many),
             "made_blended" => scene(size, blended),
             "made_punctual" => scene(size, punctual),
             _ => Rig::load(name, size),
@@ -116,7 +122,7 @@ fn measure_proof() {
         ours: Length { restarts: n("RESTARTS", "24"), frames: n("FRAMES", "8") },
         truth: Length { restarts: n("TRUTH", "24"), frames: n("TRUTH_FRAMES", "32") },
         margin: 0.01,
-        left_out: env("LEFT_OUT", "0").parse().unwrap(),
+        pose: None,
         blended: env("BLENDED", "") != "",
     };
     for name in env("SCENES", "cornell").split(',') {
@@ -124,15 +130,13 @@ fn measure_proof() {
             let size: u32 = size.parse().unwrap();
             let mut rig = match name {
                 "made_glossy" => scene(size, glossy),
-                "made_many" => scene(size, many),
                 "made_blended" => scene(size, blended),
                 "made_punctual" => scene(size, punctual),
                 _ => Rig::load(name, size),
             }.unwrap();
             let start = Instant::now();
-            let compared = proof.quiet_pixels(&mut rig);
             let t0 = start.elapsed().as_secs_f64();
-            let truth = proof.restarts(&mut rig, None, &compared, 1000);
+            let truth = proof.truth(&mut rig, 1000);
             let t1 = start.elapsed().as_secs_f64() - t0;
             let sd = |r: &crate::support::equivalence::Restarts, l: Length, t: f64| {
                 let (m, e) = stats::mean_and_error(r.images.iter().copied());
@@ -156,7 +160,7 @@ fn measure_proof() {
             ];
             for (what, direct) in list.iter().filter(|l| env("WHAT", "candidates,default").split(',').any(|w| w == l.0)) {
                 let start = Instant::now();
-                let ours = proof.restarts(&mut rig, Some(direct), &compared, 2000);
+                let ours = proof.resampled(&mut rig, direct, 2000);
                 let t = start.elapsed().as_secs_f64();
                 eprintln!("  {what}: {}", ours.compare(&truth, 0.01));
                 sd(&ours, proof.ours, t);

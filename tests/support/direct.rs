@@ -1,16 +1,8 @@
-//! Small scenes for direct lighting: what each is there for is said where it is made.
+//! Settings of direct lighting, and small scenes for it: what each is there for is said where it is made.
 
-use super::{
-    app::*,
-    equivalence::{Length, Restarts},
-};
+use super::app::*;
 use bevy::prelude::*;
-use bevy_restir::{BiasCorrection, Direct, Mis, RestirEnvironment, Technique};
-
-/// Independent restarts a technique.
-pub const RESTARTS: u32 = 40;
-/// Frames a restart.
-pub const FRAMES: u32 = 8;
+use bevy_restir::{BiasCorrection, Direct, Mis, RestirEnvironment};
 
 /// What most claims run: few candidates, so that a wrong weight shows, and every reuse.
 pub fn both() -> Direct {
@@ -136,21 +128,6 @@ pub fn surrounded(rig: &mut Rig, with_map: bool) {
     rig.insert(rig.camera, environment);
 }
 
-/// Twenty-four small emitters of many powers.
-pub fn many(rig: &mut Rig) {
-    room_without_lamp(rig);
-    for i in 0..24 {
-        let (a, b) = (i as f32 * 2.399, (i as f32 * 0.618).fract());
-        let place = Vec3::new(1.4 * a.cos() * b.sqrt(), 0.7 + 0.8 * b, 0.3 + 0.8 * a.sin());
-        let power = 1.0 + 30.0 * ((i * 7 % 24) as f32 / 24.0).powi(3);
-        rig.spawn(
-            Cuboid::new(0.08, 0.08, 0.08),
-            lamp(power, 0.7 * power, 0.3 * power + i as f32 * 0.3),
-            Transform::from_translation(place),
-        );
-    }
-}
-
 /// A mirror, a lacquer (a delta over a diffuse body), a lamp that the mirror shows, and an unlit square.
 pub fn mirrors(rig: &mut Rig) {
     room(rig);
@@ -173,7 +150,7 @@ pub fn mirrors(rig: &mut Rig) {
 pub fn blended(rig: &mut Rig) {
     glossy(rig);
     let pane = |alpha| StandardMaterial {
-        base_color: Color::linear_rgba(0.5, 0.5, 0.5, alpha),
+        base_color: Color::linear_rgba(0.2, 0.2, 0.2, alpha),
         alpha_mode: AlphaMode::Blend,
         double_sided: true,
         cull_mode: None,
@@ -188,6 +165,34 @@ pub fn blended(rig: &mut Rig) {
     rig.spawn(square(0.8), lamp, Transform::from_xyz(-0.5, -0.5, -0.4).with_rotation(Quat::from_rotation_y(0.6)));
 }
 
+/// Steps of a motion before the one that is shown.
+pub const STEPS: u32 = 3;
+
+/// A room in which an occluder, an emitter, a light and the camera move: [`pose_moving`].
+pub fn moving(rig: &mut Rig) {
+    let block = room(rig);
+    rig.insert(block, Name::new("occluder"));
+    let emitter = rig.spawn(Cuboid::new(0.3, 0.3, 0.3), lamp(4.0, 8.0, 8.0), Transform::default());
+    rig.insert(emitter, Name::new("emitter"));
+    rig.spawn_bundle((Name::new("light"), PointLight { intensity: 30.0, ..default() }, Transform::default()));
+}
+
+/// The room at a step, 0 to [`STEPS`].
+pub fn pose_moving(rig: &mut Rig, step: u32) {
+    let step = step as f32;
+    let mut place = |name: &str, place: Transform| {
+        let entity = rig.named(name);
+        *rig.get_mut::<Transform>(entity) = place;
+    };
+    place("occluder", Transform::from_xyz(0.9 - 0.3 * step, 0.1, 0.0).with_rotation(Quat::from_rotation_z(0.3)));
+    let turn = Quat::from_rotation_y(0.3 * step);
+    place("emitter", Transform::from_xyz(-0.9 + 0.3 * step, 0.4, 0.5).with_rotation(turn));
+    place("light", Transform::from_xyz(0.9 - 0.3 * step, 0.6, 0.8));
+    let eye = Vec3::new(0.9 - 0.2 * step, 0.2 + 0.1 * step, 4.0 - 0.1 * step);
+    *rig.get_mut::<Transform>(rig.camera) =
+        Transform::from_translation(eye).looking_at(Vec3::new(0.0, -0.2, 0.0), Vec3::Y);
+}
+
 /// A camera and a made scene.
 pub fn scene(size: u32, make: impl FnOnce(&mut Rig)) -> Option<Rig> {
     let mut rig = Rig::new(size, size)?;
@@ -195,134 +200,4 @@ pub fn scene(size: u32, make: impl FnOnce(&mut Rig)) -> Option<Rig> {
     *rig.get_mut::<Transform>(rig.camera) =
         Transform::from_xyz(0.3, 0.2, 4.0).looking_at(Vec3::new(0.0, -0.2, 0.0), Vec3::Y);
     Some(rig)
-}
-
-/// How a scene's techniques are held against its reference.
-#[derive(Clone, Copy, Debug)]
-pub struct Proof {
-    pub ours: Length,
-    pub truth: Length,
-    /// Relative difference of the images that is allowed.
-    pub margin: f64,
-    /// Share of the pixels that is left out: those that are noisiest in a run of their own.
-    pub left_out: f64,
-    /// Chance decides whether the camera sees an emitter, so that each restart has an emission of its own.
-    pub blended: bool,
-}
-
-impl Proof {
-    /// Of a small scene without much noise.
-    pub const DEFAULT: Self = Self {
-        ours: Length { restarts: RESTARTS, frames: FRAMES },
-        truth: Length { restarts: RESTARTS, frames: 64 },
-        margin: 0.01,
-        left_out: 0.0,
-        blended: false,
-    };
-
-    /// Holds techniques against the reference of one scene; one that fails is run once more on other seeds.
-    pub fn check(self, name: &str, rig: &mut Rig, techniques: &[(&str, Direct)]) {
-        let compared = self.quiet_pixels(rig);
-        let truth = |rig: &mut Rig, seed| self.restarts(rig, None, &compared, seed);
-        let ours = |rig: &mut Rig, direct: &Direct, seed| self.restarts(rig, Some(direct), &compared, seed);
-        let reference = truth(rig, 1000);
-        for (what, direct) in techniques {
-            let first = ours(rig, direct, 2000).compare(&reference, self.margin);
-            eprintln!("{name}, {what}: {first}");
-            if !first.is_equal() {
-                let again = truth(rig, 3000);
-                let second = ours(rig, direct, 4000).compare(&again, self.margin);
-                eprintln!("{name}, {what}, again: {second}");
-                assert!(second.is_equal(), "{name}, {what}: {first}, then {second}");
-            }
-        }
-        rig.assert_sound();
-    }
-
-    /// Of direct lighting, or of the reference.
-    pub fn restarts(
-        &self,
-        rig: &mut Rig,
-        direct: Option<&Direct>,
-        compared: &Option<Vec<bool>>,
-        first_seed: u32,
-    ) -> Restarts {
-        let length = if direct.is_some() { self.ours } else { self.truth };
-        let mut emissions = vec![emission(rig)];
-        if self.blended {
-            rig.set(|r| r.bounces = 0);
-            emissions = pictures(rig, first_seed, length).collect();
-            rig.set(|r| r.bounces = 1);
-        }
-        rig.set(|r| {
-            r.technique = if direct.is_some() { Technique::Di } else { Technique::Reference };
-            r.direct = direct.cloned().unwrap_or_default();
-        });
-        let mut restarts = Restarts::new(emissions[0].clone());
-        restarts.compared.clone_from(compared);
-        for (i, picture) in pictures(rig, first_seed, length).enumerate() {
-            restarts.add_without(&picture, emissions[i % emissions.len()].clone());
-        }
-        restarts
-    }
-
-    /// All but the noisiest pixels of the reference: a few next to an emitter can have most of an image's noise.
-    pub fn quiet_pixels(&self, rig: &mut Rig) -> Option<Vec<bool>> {
-        if self.left_out <= 0.0 {
-            return None;
-        }
-        rig.set(|r| r.technique = Technique::Reference);
-        let mut sums: Vec<[f64; 2]> = Vec::new();
-        let length = Length { restarts: 64, frames: 8 };
-        for picture in pictures(rig, 500, length) {
-            sums.resize(picture.pixels.len(), [0.0; 2]);
-            for (sum, pixel) in sums.iter_mut().zip(&picture.pixels) {
-                let value = f64::from(pixel.iter().sum::<f32>());
-                *sum = [sum[0] + value, sum[1] + value * value];
-            }
-        }
-        let n = f64::from(length.restarts);
-        let variance = |s: &[f64; 2]| s[1] / n - (s[0] / n).powi(2);
-        let mut order: Vec<usize> = (0..sums.len()).collect();
-        order.sort_by(|&a, &b| variance(&sums[b]).total_cmp(&variance(&sums[a])));
-        let mut quiet = vec![true; sums.len()];
-        for &i in &order[..(self.left_out * sums.len() as f64) as usize] {
-            quiet[i] = false;
-        }
-        Some(quiet)
-    }
-}
-
-/// Restarts of the reference, one bounce.
-pub fn truth(rig: &mut Rig, first_seed: u32, frames: u32) -> Restarts {
-    let truth = Length { restarts: RESTARTS, frames };
-    Proof { truth, ..Proof::DEFAULT }.restarts(rig, None, &None, first_seed)
-}
-
-/// Restarts of direct lighting: the mean of all frames from the reset on.
-pub fn resampled(rig: &mut Rig, direct: &Direct, first_seed: u32, frames: u32) -> Restarts {
-    let ours = Length { restarts: RESTARTS, frames };
-    Proof { ours, ..Proof::DEFAULT }.restarts(rig, Some(direct), &None, first_seed)
-}
-
-/// A picture a restart: the mean of its frames.
-fn pictures(rig: &mut Rig, first_seed: u32, length: Length) -> impl Iterator<Item = Picture> {
-    rig.set(|r| r.accumulate = true);
-    rig.until_ready();
-    (0..length.restarts).map(move |i| {
-        // Another seed forgets what was gathered.
-        rig.set(|r| r.seed = first_seed + i);
-        rig.frames(length.frames - 1);
-        let picture = rig.next();
-        assert_eq!(picture.samples, length.frames);
-        picture
-    })
-}
-
-/// What the camera sees emit, in any technique: it would hide errors of the light that is scattered.
-pub fn emission(rig: &mut Rig) -> Picture {
-    rig.set(|r| (r.technique, r.bounces, r.seed) = (Technique::Reference, 0, 1));
-    let picture = rig.picture(1);
-    rig.set(|r| r.bounces = 1);
-    picture
 }

@@ -13,7 +13,7 @@ const TILE: u32 = 8;
 const REGION: u32 = 32;
 /// Level of the two one-sided tests.
 pub const ALPHA: f64 = 0.01;
-/// Relative difference that regions may have.
+/// Relative difference that regions may have, or three times what images may.
 const REGION_MARGIN: f64 = 0.03;
 
 /// Restarts of one technique, and frames that each is the mean of.
@@ -24,46 +24,19 @@ pub struct Length {
 }
 
 /// Means of independent restarts of one technique: of the whole image, of regions and of tiles; without the light that is seen emitted.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Restarts {
-    emission: Picture,
-    /// Pixels that are compared; all where there is none.
-    pub compared: Option<Vec<bool>>,
     pub images: Vec<f64>,
     pub regions: Vec<Vec<f64>>,
     pub tiles: Vec<Vec<f64>>,
 }
 
 impl Restarts {
-    pub fn new(emission: Picture) -> Self {
-        Self { emission, compared: None, images: Vec::new(), regions: Vec::new(), tiles: Vec::new() }
-    }
-
-    /// Adds a restart.
-    pub fn add(&mut self, picture: &Picture) {
-        self.images.push(self.squares(picture, picture.size.max_element())[0]);
-        self.regions.push(self.squares(picture, REGION));
-        self.tiles.push(self.squares(picture, TILE));
-    }
-
     /// Adds a restart of which this much was seen emitted.
-    pub fn add_without(&mut self, picture: &Picture, emission: Picture) {
-        self.emission = emission;
-        self.add(picture);
-    }
-
-    /// Means over squares of so many pixels a side.
-    fn squares(&self, picture: &Picture, side: u32) -> Vec<f64> {
-        let across = picture.size.x.div_ceil(side);
-        let mut squares = vec![(0.0, 0.0f64); (across * picture.size.y.div_ceil(side)) as usize];
-        for (i, (UVec2 { x, y }, color)) in picture.iter().enumerate() {
-            if self.compared.as_ref().is_none_or(|compared| compared[i]) {
-                let square = &mut squares[(y / side * across + x / side) as usize];
-                let scattered = color - self.emission.at(x, y);
-                *square = (square.0 + f64::from(scattered.element_sum()) / 3.0, square.1 + 1.0);
-            }
-        }
-        squares.into_iter().map(|(sum, n)| sum / n.max(1.0)).collect()
+    pub fn add(&mut self, picture: &Picture, emission: &Picture) {
+        self.images.push(picture.mean() - emission.mean());
+        self.regions.push(squares(picture, emission, REGION));
+        self.tiles.push(squares(picture, emission, TILE));
     }
 
     pub fn mean(&self) -> f64 {
@@ -83,28 +56,24 @@ impl Restarts {
                 .map(|(ours, theirs)| {
                     // Of dark regions the margin is that of one a tenth as bright as the image.
                     let light = theirs.iter().sum::<f64>() / theirs.len() as f64;
-                    stats::tost(&ours, &theirs, REGION_MARGIN * light.max(0.1 * mean))
+                    stats::tost(&ours, &theirs, REGION_MARGIN.max(3.0 * margin) * light.max(0.1 * mean))
                 })
                 .fold(0.0, f64::max),
             tiles: stats::chi_squared_of_differences(pairs(&self.tiles, &truth.tiles), 1e-4 * mean),
         }
     }
+}
 
-    /// The p-value of the images being equal within `margin` of `truth`.
-    pub fn tost(&self, truth: &Self, margin: f64) -> f64 {
-        self.compare(truth, margin).tost
+/// Means over squares of so many pixels a side.
+fn squares(picture: &Picture, emission: &Picture, side: u32) -> Vec<f64> {
+    let across = picture.size.x.div_ceil(side);
+    let mut squares = vec![(0.0, 0.0); (across * picture.size.y.div_ceil(side)) as usize];
+    for (UVec2 { x, y }, color) in picture.iter() {
+        let square = &mut squares[(y / side * across + x / side) as usize];
+        let scattered = color - emission.at(x, y);
+        *square = (square.0 + f64::from(scattered.element_sum()) / 3.0, square.1 + 1.0);
     }
-
-    /// Difference of the means over the standard error of it, and the difference relative to `truth`.
-    pub fn difference(&self, truth: &Self) -> (f64, f64) {
-        let c = self.compare(truth, 1.0);
-        (c.sigma(), c.difference)
-    }
-
-    /// The p-value of all tiles being equal: chi-squared of their z-scores.
-    pub fn tiles_p(&self, truth: &Self) -> f64 {
-        self.compare(truth, 1.0).tiles
-    }
+    squares.into_iter().map(|(sum, n)| sum / n).collect()
 }
 
 /// The restarts' values of every square, of both sides.

@@ -13,5 +13,6 @@ pub mod lit;
 pub mod loaded;
 pub mod materials;
 pub mod oracle;
+pub mod proof;
 pub mod scenes;
 pub mod stats;
