@@ -16,6 +16,7 @@ pub use direct::{BiasCorrection, Direct, Mis, ReservoirLayout, ReuseOrder, Visib
 
 /// How light is carried from the scene to a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+#[expect(clippy::manual_non_exhaustive, reason = "the hidden one is being built")]
 pub enum Technique {
     /// Unidirectional path tracing: next-event estimation and BSDF sampling joined by the balance heuristic, Russian roulette,
     /// accumulated over frames for as long as nothing that it shows changes.  Unbiased; every other technique is held against it.

@@ -1,18 +1,11 @@
 //! What direct lighting does where it is allowed to be wrong, where an error is planted, and with bad numbers: the proofs of
 //! `direct_light` must be able to fail.
 
-use crate::support::{app::*, direct::*, equivalence::Restarts, stats::FAMILY_ALPHA};
+use crate::support::{app::*, direct::*, proof::Proof};
 use bevy::prelude::*;
 use bevy_restir::{BiasCorrection, Direct, Mis, Restir, Technique, plant_shader_defs};
 
-const TRUTH_FRAMES: u32 = 64;
-
-/// Differs so much from the truth, in σ, and relative.
-fn difference(rig: &mut Rig, direct: &Direct, truth: &Restarts) -> (f64, f64) {
-    let (z, relative) = resampled(rig, direct, 5000, FRAMES).difference(truth);
-    eprintln!("    {:.3} % ({z:.1} σ)", 100.0 * relative);
-    (z, relative)
-}
+const PROOF: Proof = Proof::DEFAULT;
 
 fn corrected(bias_correction: BiasCorrection, mis: Mis) -> Direct {
     Direct { bias_correction, ..careless(mis) }
@@ -25,16 +18,16 @@ fn each_biased_mode_is_biased_with_its_documented_sign() {
     }) else {
         return;
     };
-    let reference = truth(&mut rig, 1000, TRUTH_FRAMES);
+    let reference = PROOF.truth(&mut rig, 1000);
     for (name, direct) in [
         ("off", corrected(BiasCorrection::Off, Mis::default())),
         ("heuristics", corrected(BiasCorrection::Heuristics, Mis::default())),
         ("heuristics and MIS", corrected(BiasCorrection::HeuristicsAndMis, Mis::default())),
         ("heuristics and balance", corrected(BiasCorrection::HeuristicsAndMis, Mis::Balance)),
     ] {
-        eprintln!("{name}");
-        let (z, relative) = difference(&mut rig, &direct, &reference);
-        assert!(z < -5.0 && relative < -0.01, "{name}: {relative} by {z} σ: darker");
+        let found = PROOF.resampled(&mut rig, &direct, 5000).compare(&reference, 0.01);
+        eprintln!("{name}: {found}");
+        assert!(found.sigma() < -5.0 && found.difference < -0.01, "{name}: {found}, not darker");
     }
 }
 
@@ -45,7 +38,7 @@ fn planted_errors_are_found() {
     }) else {
         return;
     };
-    let reference = truth(&mut rig, 1000, TRUTH_FRAMES);
+    let reference = PROOF.truth(&mut rig, 1000);
     for (plant, direct) in [
         ("PLANT_SCALED_UCW", candidates_only()),
         ("PLANT_CONFIDENCE_OF_SUCCESS", careless(Mis::Pairwise)),
@@ -53,14 +46,10 @@ fn planted_errors_are_found() {
         // Of one candidate each, so that the missing one weighs.
         ("PLANT_MISSING_DENSITY", Direct { candidates: 1, ..candidates_only() }),
     ] {
-        eprintln!("{plant}");
         plant_shader_defs(&mut rig.app, &[plant]);
-        let wrong = resampled(&mut rig, &direct, 5000, FRAMES);
-        let (tost, tiles) = (wrong.tost(&reference, 0.01), wrong.tiles_p(&reference));
-        let (z, relative) = wrong.difference(&reference);
-        eprintln!("    {:.3} % ({z:.1} σ), TOST p = {tost:.1e}, tiles p = {tiles:.1e}", 100.0 * relative);
-        // Not by want of power: it is seen to differ.
-        assert!((tost > 0.01 && z.abs() > 4.0) || tiles < FAMILY_ALPHA, "{plant} goes unseen");
+        let found = PROOF.resampled(&mut rig, &direct, 5000).compare(&reference, 0.01);
+        eprintln!("{plant}: {found}");
+        assert!(found.is_different(), "{plant} goes unseen: {found}");
     }
 }
 
@@ -71,12 +60,11 @@ fn numbers_that_are_not_finite_stay_in_their_reservoir() {
     }) else {
         return;
     };
-    let reference = truth(&mut rig, 1000, TRUTH_FRAMES);
+    let reference = PROOF.truth(&mut rig, 1000);
     plant_shader_defs(&mut rig.app, &["PLANT_NAN"]);
     // One in 25 reservoirs is lost in every frame, whatever is in it: noisier, not darker.
-    let ours = resampled(&mut rig, &both(), 5000, FRAMES);
-    let (z, relative) = ours.difference(&reference);
-    assert!(ours.tost(&reference, 0.01) < 0.01, "{relative} by {z} σ");
+    let found = PROOF.resampled(&mut rig, &both(), 5000).compare(&reference, 0.01);
+    assert!(found.tost < 0.01, "{found}");
     rig.assert_sound();
     // And once they stop, nothing is left of them.
     plant_shader_defs(&mut rig.app, &[]);

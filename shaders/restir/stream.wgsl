@@ -36,7 +36,13 @@ fn sum_over_target(sum: f32, selected_target: f32) -> f32 {
     return 1.03 * sum / selected_target;
 }
 #else
+#ifdef PLANT_SLIGHTLY_SCALED_UCW
+fn sum_over_target(sum: f32, selected_target: f32) -> f32 {
+    return 1.003 * sum / selected_target;
+}
+#else
 fn sum_over_target(sum: f32, selected_target: f32) -> f32 {
     return sum / selected_target;
 }
+#endif
 #endif

@@ -170,6 +170,7 @@ fn headless(synchronous: bool, limits: Option<WgpuLimits>) -> App {
                 .into(),
                 ..Default::default()
             })
+            .set(AssetPlugin { file_path: concat!(env!("CARGO_MANIFEST_DIR"), "/assets").into(), ..Default::default() })
             .set(WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..Default::default() })
             .disable::<LogPlugin>()
             .disable::<WinitPlugin>()

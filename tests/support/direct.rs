@@ -1,13 +1,8 @@
-//! Small scenes for direct lighting: what each is there for is said where it is made.
+//! Settings of direct lighting, and small scenes for it: what each is there for is said where it is made.
 
-use super::{app::*, equivalence::Restarts};
+use super::app::*;
 use bevy::prelude::*;
-use bevy_restir::{BiasCorrection, Direct, Mis, Restir, RestirEnvironment, Technique};
-
-/// Independent restarts a technique.
-pub const RESTARTS: u32 = 40;
-/// Frames a restart.
-pub const FRAMES: u32 = 8;
+use bevy_restir::{BiasCorrection, Direct, Mis, RestirEnvironment};
 
 /// What most claims run: few candidates, so that a wrong weight shows, and every reuse.
 pub fn both() -> Direct {
@@ -79,7 +74,7 @@ pub fn glossy(rig: &mut Rig) {
     let floor = Transform::from_xyz(0.0, -1.0, 0.0).with_rotation(Quat::from_rotation_x(-core::f32::consts::FRAC_PI_2));
     rig.spawn(square(5.0), shiny(Color::linear_rgb(0.5, 0.6, 0.7), 0.45, 0.8), floor);
     let up = Transform::from_xyz(0.0, -0.6, -1.0);
-    let both_sides = StandardMaterial { double_sided: true, cull_mode: None, ..lamp(3.0, 4.0, 6.0) };
+    let both_sides = StandardMaterial { double_sided: true, cull_mode: None, ..lamp(0.6, 0.8, 1.2) };
     rig.spawn(square(0.7), both_sides, up);
     rig.spawn(
         Sphere::new(0.4).mesh().uv(16, 10),
@@ -91,7 +86,7 @@ pub fn glossy(rig: &mut Rig) {
         shiny(Color::linear_rgb(0.3, 0.7, 0.3), 0.5, 0.0),
         Transform::from_xyz(0.9, -0.5, 0.3),
     );
-    rig.spawn(square(1.0), lamp(2.0, 2.0, 2.0), facing(Vec3::new(1.0, 1.5, 1.0), Vec3::ZERO));
+    rig.spawn(square(1.0), lamp(8.0, 8.0, 8.0), facing(Vec3::new(1.0, 1.5, 1.0), Vec3::ZERO));
 }
 
 /// Deltas in position and in direction, and a cone, with shadows.
@@ -133,21 +128,6 @@ pub fn surrounded(rig: &mut Rig, with_map: bool) {
     rig.insert(rig.camera, environment);
 }
 
-/// Twenty-four small emitters of many powers.
-pub fn many(rig: &mut Rig) {
-    room_without_lamp(rig);
-    for i in 0..24 {
-        let (a, b) = (i as f32 * 2.399, (i as f32 * 0.618).fract());
-        let place = Vec3::new(1.4 * a.cos() * b.sqrt(), -0.7 + 1.7 * b, 1.0 * a.sin());
-        let power = 1.0 + 30.0 * ((i * 7 % 24) as f32 / 24.0).powi(3);
-        rig.spawn(
-            Cuboid::new(0.08, 0.08, 0.08),
-            lamp(power, 0.7 * power, 0.3 * power + i as f32 * 0.3),
-            Transform::from_translation(place),
-        );
-    }
-}
-
 /// A mirror, a lacquer (a delta over a diffuse body), a lamp that the mirror shows, and an unlit square.
 pub fn mirrors(rig: &mut Rig) {
     room(rig);
@@ -170,7 +150,7 @@ pub fn mirrors(rig: &mut Rig) {
 pub fn blended(rig: &mut Rig) {
     glossy(rig);
     let pane = |alpha| StandardMaterial {
-        base_color: Color::linear_rgba(0.5, 0.5, 0.5, alpha),
+        base_color: Color::linear_rgba(0.2, 0.2, 0.2, alpha),
         alpha_mode: AlphaMode::Blend,
         double_sided: true,
         cull_mode: None,
@@ -178,11 +158,39 @@ pub fn blended(rig: &mut Rig) {
     };
     rig.spawn(square(1.4), pane(0.5), facing(Vec3::new(0.4, 0.5, 0.4), Vec3::ZERO));
     let lamp = StandardMaterial {
-        emissive: LinearRgba::rgb(8.0, 6.0, 4.0),
+        emissive: LinearRgba::rgb(2.0, 1.5, 1.0),
         base_color: Color::linear_rgba(0.0, 0.0, 0.0, 0.4),
         ..pane(0.4)
     };
     rig.spawn(square(0.8), lamp, Transform::from_xyz(-0.5, -0.5, -0.4).with_rotation(Quat::from_rotation_y(0.6)));
+}
+
+/// Steps of a motion before the one that is shown.
+pub const STEPS: u32 = 3;
+
+/// A room in which an occluder, an emitter, a light and the camera move: [`pose_moving`].
+pub fn moving(rig: &mut Rig) {
+    let block = room(rig);
+    rig.insert(block, Name::new("occluder"));
+    let emitter = rig.spawn(Cuboid::new(0.3, 0.3, 0.3), lamp(4.0, 8.0, 8.0), Transform::default());
+    rig.insert(emitter, Name::new("emitter"));
+    rig.spawn_bundle((Name::new("light"), PointLight { intensity: 30.0, ..default() }, Transform::default()));
+}
+
+/// The room at a step, 0 to [`STEPS`].
+pub fn pose_moving(rig: &mut Rig, step: u32) {
+    let step = step as f32;
+    let mut place = |name: &str, place: Transform| {
+        let entity = rig.named(name);
+        *rig.get_mut::<Transform>(entity) = place;
+    };
+    place("occluder", Transform::from_xyz(0.9 - 0.3 * step, 0.1, 0.0).with_rotation(Quat::from_rotation_z(0.3)));
+    let turn = Quat::from_rotation_y(0.3 * step);
+    place("emitter", Transform::from_xyz(-0.9 + 0.3 * step, 0.4, 0.5).with_rotation(turn));
+    place("light", Transform::from_xyz(0.9 - 0.3 * step, 0.6, 0.8));
+    let eye = Vec3::new(0.9 - 0.2 * step, 0.2 + 0.1 * step, 4.0 - 0.1 * step);
+    *rig.get_mut::<Transform>(rig.camera) =
+        Transform::from_translation(eye).looking_at(Vec3::new(0.0, -0.2, 0.0), Vec3::Y);
 }
 
 /// A camera and a made scene.
@@ -192,63 +200,4 @@ pub fn scene(size: u32, make: impl FnOnce(&mut Rig)) -> Option<Rig> {
     *rig.get_mut::<Transform>(rig.camera) =
         Transform::from_xyz(0.3, 0.2, 4.0).looking_at(Vec3::new(0.0, -0.2, 0.0), Vec3::Y);
     Some(rig)
-}
-
-/// Restarts of the reference, one bounce.
-pub fn truth(rig: &mut Rig, first_seed: u32, frames: u32) -> Restarts {
-    restarts(
-        rig,
-        |r| r.technique = Technique::Reference,
-        first_seed,
-        |rig| {
-            rig.frames(frames - 1);
-            rig.next()
-        },
-    )
-}
-
-/// Restarts of direct lighting: the mean of all frames from the reset on.
-pub fn resampled(rig: &mut Rig, direct: &Direct, first_seed: u32, frames: u32) -> Restarts {
-    let direct = direct.clone();
-    let set = move |r: &mut Restir| (r.technique, r.direct) = (Technique::Di, direct);
-    restarts(rig, set, first_seed, |rig| mean_of_frames(rig, frames))
-}
-
-fn restarts(
-    rig: &mut Rig,
-    set: impl FnOnce(&mut Restir),
-    first_seed: u32,
-    mut one: impl FnMut(&mut Rig) -> Picture,
-) -> Restarts {
-    let mut restarts = Restarts::new(emission(rig));
-    rig.set(set);
-    rig.until_ready();
-    for i in 0..RESTARTS {
-        // Another seed forgets what was gathered.
-        rig.set(|r| r.seed = first_seed + i);
-        restarts.add(&one(rig));
-    }
-    restarts
-}
-
-/// What the camera sees emit, in any technique: it would hide errors of the light that is scattered.
-pub fn emission(rig: &mut Rig) -> Picture {
-    // One seed: where blending decides what is seen, the same is taken from both sides.
-    rig.set(|r| (r.technique, r.bounces, r.seed) = (Technique::Reference, 0, 1));
-    let picture = rig.picture(1);
-    rig.set(|r| r.bounces = 1);
-    picture
-}
-
-/// The mean of the next frames.
-pub fn mean_of_frames(rig: &mut Rig, frames: u32) -> Picture {
-    let mut sum = rig.next();
-    for _ in 1..frames {
-        let next = rig.next();
-        for (a, b) in sum.pixels.iter_mut().zip(next.pixels) {
-            *a = core::array::from_fn(|i| a[i] + b[i]);
-        }
-    }
-    sum.pixels.iter_mut().flatten().for_each(|c| *c /= frames as f32);
-    sum
 }

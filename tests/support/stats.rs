@@ -146,6 +146,12 @@ pub fn tost(a: &[f64], b: &[f64], margin: f64) -> f64 {
     t.sf((margin - w.difference.abs()) / w.error)
 }
 
+/// The probability that [`tost`] finds two equal means equal, at this level, with errors as they were found.
+pub fn tost_power(w: &Welch, margin: f64, alpha: f64) -> f64 {
+    let t = StudentsT::new(0.0, 1.0, w.freedom).expect("the freedom is positive");
+    (2.0 * t.cdf(margin / w.error - t.inverse_cdf(1.0 - alpha)) - 1.0).max(0.0)
+}
+
 /// The p-value of all pairs having equal means: chi-squared of their differences as z-scores.  `rounding` is no evidence.
 pub fn chi_squared_of_differences(pairs: impl Iterator<Item = (Vec<f64>, Vec<f64>)>, rounding: f64) -> f64 {
     let (mut sum, mut n) = (0.0, 0.0);
