@@ -155,7 +155,7 @@ impl Subject {
                 let start = Instant::now();
                 let truth = proof(scene).truth(&mut self.rig, 1000 + 5000 * turn as u32);
                 eprintln!("{scene}, reference: {:.0} s", start.elapsed().as_secs_f64());
-                let Restarts { images, regions, tiles } = &truth;
+                let Restarts { images, regions, tiles, .. } = &truth;
                 write(&path, &json!({ "images": images, "regions": regions, "tiles": tiles }));
                 truth
             });
@@ -189,7 +189,12 @@ fn floats(v: &Value) -> Vec<f64> {
 
 fn restarts_from(v: &Value) -> Restarts {
     let squares = |v: &Value| v.as_array().expect("an array").iter().map(floats).collect();
-    Restarts { images: floats(&v["images"]), regions: squares(&v["regions"]), tiles: squares(&v["tiles"]) }
+    Restarts {
+        images: floats(&v["images"]),
+        regions: squares(&v["regions"]),
+        tiles: squares(&v["tiles"]),
+        pixels: Vec::new(),
+    }
 }
 
 fn to_json(c: &Comparison) -> Value {
@@ -317,7 +322,7 @@ fn table(folder: &Path, rows: &[Row], commit: &str, adapter: &str) -> (String, V
 
 fn figures(c: &Comparison) -> String {
     format!(
-        "{:+.3} % | {:+.1} | {:.3} | {:.1e} | {:.1e} | {:.2} ",
+        "{:+.3} % | {:+.1} | {:.3} | {:.1e} | {:.1e} | {:.1e}",
         100.0 * c.difference,
         c.sigma(),
         c.power,
@@ -325,8 +330,6 @@ fn figures(c: &Comparison) -> String {
         c.regions,
         c.tiles
     )
-    .trim_end()
-    .into()
 }
 
 /// Writes it between its marks.

@@ -85,7 +85,7 @@ fn lights_that_only_move_light_from_where_they_are() {
     }) else {
         return;
     };
-    check("moving lights", &mut rig, 0.015, &techniques()[..1], |rig, step| {
+    check("moving lights", &mut rig, 0.015, |rig, step| {
         let step = step as f32;
         rig.get_mut::<Transform>(moving[0]).translation = Vec3::new(0.9 - 0.5 * step, 0.6, 0.8);
         let eye = Transform::from_xyz(-0.8 + 0.3 * step, 0.8, 1.5);

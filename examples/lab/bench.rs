@@ -228,12 +228,7 @@ pub fn pixels(size: UVec2) -> f64 {
 
 /// Frames before the one whose error is taken: those that it reuses.
 fn history(settings: &Restir, counts: &Counts) -> u32 {
-    match settings.technique {
-        Technique::Reference => 0,
-        Technique::Di => {
-            let direct = &settings.direct;
-            let reuses = direct.temporal || direct.spatial_taps + direct.disocclusion_taps > 0;
-            if reuses { counts.warmup } else { 0 }
-        }
-    }
+    let direct = &settings.direct;
+    let reuses = direct.temporal || direct.spatial_taps + direct.disocclusion_taps > 0;
+    if settings.technique == Technique::Di && reuses { counts.warmup } else { 0 }
 }
