@@ -1,6 +1,6 @@
 //! Thousands of lamps that move, under ReSTIR DI, in an ordinary Bevy app; every setting of `Restir` can be changed while it runs.
 //!
-//! `cargo run --release --example many_lights -- --lights 3000`
+//! `cargo run --example many_lights -- --lights 3000`
 
 mod fields;
 mod flight;

@@ -72,16 +72,17 @@ pub enum VisibilityReuse {
     /// What is shaded, nothing that is kept (b).  Unbiased but for the [`Direct::bsdf_candidate`], which sees what it finds: with it a
     /// little darker where it counts and something stands before a light.  Noisy in shadows.
     Shading,
-    /// What is kept of the candidates; the samples of others are taken to be seen (c).  Biased: shadows of contacts are missing
-    /// (brighter).
+    /// What is kept of the candidates; the samples of others are taken to be seen (c).  Biased: brighter in shadows, darker beside them.
     Candidates,
-    /// All; a sample that is not seen takes all that its neighbour found with it (d).  Biased: brighter, even with unbiased MIS.
+    /// All; a sample that is not seen takes all that its neighbour found with it (d).  Biased: brighter, even with unbiased MIS; darker
+    /// with MIS without rays.
     Discard,
     /// All.  Unbiased where [`BiasCorrection`] traces rays, too; otherwise darker near shadows (e).
     #[default]
     Resampled,
     /// What is kept of the candidates, and what is shaded (f: the paper's pipeline).  The surface's own sample is as it was seen in the
-    /// last frame, and so is that of a neighbour within [`Direct::visibility_radius`]: shadows lag.  Biased: darker near shadows.
+    /// last frame, and so is that of a neighbour within [`Direct::visibility_radius`]: shadows lag.  Biased: darker near shadows, and
+    /// within the radius brighter in them.
     Decoupled,
 }
 
