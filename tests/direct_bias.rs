@@ -1,9 +1,14 @@
 //! What direct lighting does where it is allowed to be wrong, where an error is planted, and with bad numbers: the proofs of
 //! `direct_light` must be able to fail.
 
-use crate::support::{app::*, direct::*, proof::Proof};
+use crate::support::{
+    app::*,
+    direct::*,
+    equivalence::{Comparison, Restarts},
+    proof::Proof,
+};
 use bevy::prelude::*;
-use bevy_restir::{BiasCorrection, Direct, Mis, Restir, Technique, plant_shader_defs};
+use bevy_restir::{BiasCorrection, Direct, Mis, Restir, Technique, VisibilityReuse, plant_shader_defs};
 
 const PROOF: Proof = Proof::DEFAULT;
 
@@ -28,6 +33,65 @@ fn each_biased_mode_is_biased_with_its_documented_sign() {
         let found = PROOF.resampled(&mut rig, &direct, 5000).compare(&reference, 0.01);
         eprintln!("{name}: {found}");
         assert!(found.sigma() < -5.0 && found.difference < -0.01, "{name}: {found}, not darker");
+    }
+}
+
+/// Differs by so much, relative to the truth, in pixels in the shadow of something, and in the others.
+fn by_shadow(ours: &Restarts, truth: &Restarts, without_shadows: &Restarts) -> [f64; 2] {
+    let per_restart = |r: &Restarts| r.pixels.iter().map(|p| p / r.images.len() as f64).collect::<Vec<_>>();
+    let (ours, truth, lit) = (per_restart(ours), per_restart(truth), per_restart(without_shadows));
+    [true, false].map(|shadow| {
+        let of = |light: &[f64]| -> f64 {
+            (0..light.len()).filter(|&i| (truth[i] < 0.5 * lit[i]) == shadow).map(|i| light[i]).sum()
+        };
+        of(&ours) / of(&truth) - 1.0
+    })
+}
+
+#[test]
+fn each_reuse_of_visibility_is_biased_with_its_documented_sign() {
+    let Some(mut rig) = scene(32, |rig| {
+        room(rig);
+    }) else {
+        return;
+    };
+    let truth = PROOF.truth(&mut rig, 1000);
+    let reusing = |visibility| Direct { visibility, radius: 10.0, ..Direct::default() };
+    let without_shadows = PROOF.resampled(&mut rig, &reusing(VisibilityReuse::Ignored), 5000);
+    let mut found = |name: &str, direct: Direct| {
+        let ours = PROOF.resampled(&mut rig, &direct, 5000);
+        let (found, [inside, outside]) = (ours.compare(&truth, 0.01), by_shadow(&ours, &truth, &without_shadows));
+        eprintln!("{name}: {found}; {:+.1} % in shadows, {:+.1} % beside", 100.0 * inside, 100.0 * outside);
+        (found, inside, outside)
+    };
+    let is_brighter = |found: Comparison| found.sigma() > 5.0;
+    let is_darker = |found: Comparison| found.sigma() < -5.0;
+
+    assert!(is_brighter(found("ignored", reusing(VisibilityReuse::Ignored)).0));
+    assert!(is_brighter(found("discard", reusing(VisibilityReuse::Discard)).0));
+    let half = Direct { bias_correction: BiasCorrection::HeuristicsAndMis, ..reusing(VisibilityReuse::Discard) };
+    assert!(is_darker(found("discard, MIS without rays", half).0));
+    let half = Direct { bias_correction: BiasCorrection::HeuristicsAndMis, ..reusing(VisibilityReuse::Resampled) };
+    assert!(is_darker(found("resampled, MIS without rays", half).0));
+    assert!(is_darker(found("decoupled", reusing(VisibilityReuse::Decoupled)).0));
+    let near = Direct { visibility_radius: 10.0, ..reusing(VisibilityReuse::Decoupled) };
+    for (name, direct) in [("candidates", reusing(VisibilityReuse::Candidates)), ("decoupled, near", near)] {
+        let (_, inside, outside) = found(name, direct);
+        assert!(inside > 0.01 && outside < -0.005, "{name}: brighter in shadows and darker beside them");
+    }
+}
+
+#[test]
+fn shading_visibility_is_biased_only_with_a_bsdf_candidate() {
+    // Of few candidates and light from all round, so that the BSDF's weighs.
+    let Some(mut rig) = scene(32, |rig| surrounded(rig, false)) else { return };
+    let truth = PROOF.truth(&mut rig, 1000);
+    for bsdf_candidate in [false, true] {
+        let direct = Direct { candidates: 4, subset_count: 0, radius: 10.0, bsdf_candidate, ..Direct::default() };
+        let direct = Direct { visibility: VisibilityReuse::Shading, ..direct };
+        let found = PROOF.resampled(&mut rig, &direct, 5000).compare(&truth, 0.01);
+        eprintln!("shading, BSDF candidate {bsdf_candidate}: {found}");
+        assert_eq!(bsdf_candidate, found.is_different() && found.difference < 0.0, "{found}");
     }
 }
 

@@ -24,8 +24,7 @@ use std::{
 
 const SCENES: [&str; 6] = ["cornell", "glossy", "many_lights", "punctual", "furnace", "moving"];
 const REUSE: [&str; 6] = ["none", "temporal", "spatial", "both", "classic", "two rounds"];
-const MIS: [Mis; 5] =
-    [Mis::DefensivePairwise, Mis::Pairwise, Mis::Balance, Mis::Valid, Mis::DefensivePairwiseGris];
+const MIS: [Mis; 5] = [Mis::DefensivePairwise, Mis::Pairwise, Mis::Balance, Mis::Valid, Mis::DefensivePairwiseGris];
 const CORRECTIONS: [BiasCorrection; 2] = [BiasCorrection::HeuristicsAndUnbiasedMis, BiasCorrection::UnbiasedMis];
 const VISIBILITY: [VisibilityReuse; 2] = [VisibilityReuse::Resampled, VisibilityReuse::Shading];
 /// Choices that a row makes: scene, reuse, MIS kind, bias correction, decoupled shading or not, presampled or not, visibility.
@@ -57,9 +56,9 @@ impl Row {
 
     fn pairs(self) -> impl Iterator<Item = [usize; 4]> {
         let asked = move |a: &usize| self.asks(*a);
-        (0..CHOICES.len()).filter(asked).flat_map(move |a| {
-            (a + 1..CHOICES.len()).filter(asked).map(move |b| [a, self.0[a], b, self.0[b]])
-        })
+        (0..CHOICES.len())
+            .filter(asked)
+            .flat_map(move |a| (a + 1..CHOICES.len()).filter(asked).map(move |b| [a, self.0[a], b, self.0[b]]))
     }
 
     fn direct(self) -> Direct {
@@ -156,7 +155,7 @@ impl Subject {
                 let start = Instant::now();
                 let truth = proof(scene).truth(&mut self.rig, 1000 + 5000 * turn as u32);
                 eprintln!("{scene}, reference: {:.0} s", start.elapsed().as_secs_f64());
-                let Restarts { images, regions, tiles } = &truth;
+                let Restarts { images, regions, tiles, .. } = &truth;
                 write(&path, &json!({ "images": images, "regions": regions, "tiles": tiles }));
                 truth
             });
@@ -190,7 +189,12 @@ fn floats(v: &Value) -> Vec<f64> {
 
 fn restarts_from(v: &Value) -> Restarts {
     let squares = |v: &Value| v.as_array().expect("an array").iter().map(floats).collect();
-    Restarts { images: floats(&v["images"]), regions: squares(&v["regions"]), tiles: squares(&v["tiles"]) }
+    Restarts {
+        images: floats(&v["images"]),
+        regions: squares(&v["regions"]),
+        tiles: squares(&v["tiles"]),
+        pixels: Vec::new(),
+    }
 }
 
 fn to_json(c: &Comparison) -> Value {
@@ -310,14 +314,15 @@ fn table(folder: &Path, rows: &[Row], commit: &str, adapter: &str) -> (String, V
         if !found[0].is_different() {
             faults.push(format!("{PLANTED}: {found:?}"));
         }
-        text += &format!("| cornell, {PLANTED} | none | | | | presampled | Resampled | 0.2 % | {} |\n", figures(&found[0]));
+        text +=
+            &format!("| cornell, {PLANTED} | none | | | | presampled | Resampled | 0.2 % | {} |\n", figures(&found[0]));
     }
     (text, faults)
 }
 
 fn figures(c: &Comparison) -> String {
     format!(
-        "{:+.3} % | {:+.1} | {:.3} | {:.1e} | {:.1e} | {:.2} ",
+        "{:+.3} % | {:+.1} | {:.3} | {:.1e} | {:.1e} | {:.1e}",
         100.0 * c.difference,
         c.sigma(),
         c.power,
@@ -325,8 +330,6 @@ fn figures(c: &Comparison) -> String {
         c.regions,
         c.tiles
     )
-    .trim_end()
-    .into()
 }
 
 /// Writes it between its marks.

@@ -4,7 +4,9 @@ use bevy::prelude::*;
 use bevy_restir::{Direct, Restir, Technique};
 use std::time::Instant;
 
-fn env(name: &str, default: &str) -> String { std::env::var(name).unwrap_or(default.into()) }
+fn env(name: &str, default: &str) -> String {
+    std::env::var(name).unwrap_or(default.into())
+}
 
 #[test]
 #[ignore = "temporary"]
@@ -20,7 +22,10 @@ fn measure_noise() {
             rig.set(|r| r.bounces = 1);
             let list: Vec<(&str, Option<Direct>)> = vec![
                 ("reference", None),
-                ("candidates", Some(Direct { temporal: false, spatial_taps: 0, disocclusion_taps: 0, ..Default::default() })),
+                (
+                    "candidates",
+                    Some(Direct { temporal: false, spatial_taps: 0, disocclusion_taps: 0, ..Default::default() }),
+                ),
                 ("default", Some(Direct::default())),
             ];
             for (what, direct) in list {
@@ -42,7 +47,13 @@ fn measure_noise() {
                 let ms = start.elapsed().as_secs_f64() * 1000.0 / f64::from(frames * restarts);
                 let (mean, error) = stats::mean_and_error(means.iter().copied());
                 let sd = error * f64::from(restarts).sqrt() / mean;
-                eprintln!("{name} {size} {what}: mean {mean:.5} sd of a restart {:.3} %, times sqrt(frames) {:.3} %, {ms:.1} ms a frame; se of all {:.4} %, s for 0.2 %: {:.1}", 100.0*sd, 100.0*sd*f64::from(frames).sqrt(), 100.0*error/mean, ms/1000.0*f64::from(frames)*(sd/0.002).powi(2));
+                eprintln!(
+                    "{name} {size} {what}: mean {mean:.5} sd of a restart {:.3} %, times sqrt(frames) {:.3} %, {ms:.1} ms a frame; se of all {:.4} %, s for 0.2 %: {:.1}",
+                    100.0 * sd,
+                    100.0 * sd * f64::from(frames).sqrt(),
+                    100.0 * error / mean,
+                    ms / 1000.0 * f64::from(frames) * (sd / 0.002).powi(2)
+                );
             }
         }
     }
@@ -50,10 +61,19 @@ fn measure_noise() {
 
 /// Which pixels the noise is of.
 fn noisy_pixels(rig: &mut Rig, what: &str, restarts: u32, frames: u32) {
-    let (technique, direct) = { let r = rig.get_mut::<Restir>(rig.camera); (r.technique, r.direct.clone()) };
+    let (technique, direct) = {
+        let r = rig.get_mut::<Restir>(rig.camera);
+        (r.technique, r.direct.clone())
+    };
     rig.set(|r| (r.technique, r.bounces) = (Technique::Reference, 0));
     rig.until_ready();
-    let emissions: Vec<Picture> = (0..restarts).map(|i| { rig.set(|r| r.seed = 100 + i); rig.frames(frames - 1); rig.next() }).collect();
+    let emissions: Vec<Picture> = (0..restarts)
+        .map(|i| {
+            rig.set(|r| r.seed = 100 + i);
+            rig.frames(frames - 1);
+            rig.next()
+        })
+        .collect();
     rig.set(|r| (r.technique, r.bounces, r.direct) = (technique, 1, direct));
     rig.until_ready();
     let n = (0..restarts).fold(None::<(UVec2, Vec<[f64; 2]>)>, |sums, i| {
@@ -70,10 +90,14 @@ fn noisy_pixels(rig: &mut Rig, what: &str, restarts: u32, frames: u32) {
     });
     let (size, sums) = n.unwrap();
     let n = f64::from(restarts);
-    let mut pixels: Vec<(usize, f64, f64)> = sums.iter().enumerate().map(|(i, s)| {
-        let m = s[0] / n;
-        (i, m, (s[1] / n - m * m).max(0.0))
-    }).collect();
+    let mut pixels: Vec<(usize, f64, f64)> = sums
+        .iter()
+        .enumerate()
+        .map(|(i, s)| {
+            let m = s[0] / n;
+            (i, m, (s[1] / n - m * m).max(0.0))
+        })
+        .collect();
     let (total, light) = (pixels.iter().map(|p| p.2).sum::<f64>(), pixels.iter().map(|p| p.1).sum::<f64>());
     pixels.sort_by(|a, b| b.2.total_cmp(&a.2));
     eprint!("{what} {size}: relative sd of the mean {:.3} %; ", 100.0 * total.sqrt() / light);
@@ -102,7 +126,8 @@ fn measure_pixels() {
             "made_blended" => scene(size, blended),
             "made_punctual" => scene(size, punctual),
             _ => Rig::load(name, size),
-        }.unwrap();
+        }
+        .unwrap();
         for what in ["reference", "candidates", "both"] {
             rig.set(|r| {
                 r.accumulate = true;
@@ -133,7 +158,8 @@ fn measure_proof() {
                 "made_blended" => scene(size, blended),
                 "made_punctual" => scene(size, punctual),
                 _ => Rig::load(name, size),
-            }.unwrap();
+            }
+            .unwrap();
             let start = Instant::now();
             let t0 = start.elapsed().as_secs_f64();
             let truth = proof.truth(&mut rig, 1000);
@@ -141,11 +167,21 @@ fn measure_proof() {
             let sd = |r: &crate::support::equivalence::Restarts, l: Length, t: f64| {
                 let (m, e) = stats::mean_and_error(r.images.iter().copied());
                 let per_frame = e / m * f64::from(l.restarts * l.frames).sqrt();
-                let regions: Vec<String> = (0..r.regions[0].len()).map(|i| {
-                    let (m2, e) = stats::mean_and_error(r.regions.iter().map(|x| x[i]));
-                    format!("{:.2} of light {:.1} %", m2 / m, 100.0 * e / m2 * f64::from(l.restarts * l.frames).sqrt())
-                }).collect();
-                eprintln!("    a frame: sd {:.2} %, {:.1} ms; {t:.1} s; regions {regions:?}", 100.0 * per_frame, 1000.0 * t / f64::from(l.restarts * l.frames));
+                let regions: Vec<String> = (0..r.regions[0].len())
+                    .map(|i| {
+                        let (m2, e) = stats::mean_and_error(r.regions.iter().map(|x| x[i]));
+                        format!(
+                            "{:.2} of light {:.1} %",
+                            m2 / m,
+                            100.0 * e / m2 * f64::from(l.restarts * l.frames).sqrt()
+                        )
+                    })
+                    .collect();
+                eprintln!(
+                    "    a frame: sd {:.2} %, {:.1} ms; {t:.1} s; regions {regions:?}",
+                    100.0 * per_frame,
+                    1000.0 * t / f64::from(l.restarts * l.frames)
+                );
             };
             eprintln!("{name} {size}, pilot {t0:.1} s");
             sd(&truth, proof.truth, t1);
@@ -158,13 +194,90 @@ fn measure_proof() {
                 ("balance", careless(bevy_restir::Mis::Balance)),
                 ("with balance", with_mis(bevy_restir::Mis::Balance)),
             ];
-            for (what, direct) in list.iter().filter(|l| env("WHAT", "candidates,default").split(',').any(|w| w == l.0)) {
+            for (what, direct) in list.iter().filter(|l| env("WHAT", "candidates,default").split(',').any(|w| w == l.0))
+            {
                 let start = Instant::now();
                 let ours = proof.resampled(&mut rig, direct, 2000);
                 let t = start.elapsed().as_secs_f64();
                 eprintln!("  {what}: {}", ours.compare(&truth, 0.01));
                 sd(&ours, proof.ours, t);
             }
+        }
+    }
+}
+
+#[test]
+#[ignore = "temporary"]
+fn measure_signs() {
+    use bevy_restir::{BiasCorrection as B, VisibilityReuse as V};
+    let proof = Proof::of((24, 24), (40, 24));
+    for name in env("SCENES", "cornell,room").split(',') {
+        let size: u32 = env("SIZES", "64").parse().unwrap();
+        let mut rig = match name {
+            "room" => scene(size, |r| {
+                room(r);
+            }),
+            "made_punctual" => scene(size, punctual),
+            _ => Rig::load(name, size),
+        }
+        .unwrap();
+        let truth = proof.truth(&mut rig, 1000);
+        let d = Direct::default();
+        let list = [
+            ("ignored", Direct { visibility: V::Ignored, ..d.clone() }),
+            ("ignored, no bsdf", Direct { visibility: V::Ignored, bsdf_candidate: false, ..d.clone() }),
+            ("shading", Direct { visibility: V::Shading, ..d.clone() }),
+            ("shading, no bsdf", Direct { visibility: V::Shading, bsdf_candidate: false, ..d.clone() }),
+            ("candidates", Direct { visibility: V::Candidates, ..d.clone() }),
+            (
+                "candidates, heuristics",
+                Direct { visibility: V::Candidates, bias_correction: B::HeuristicsAndMis, ..d.clone() },
+            ),
+            ("discard", Direct { visibility: V::Discard, ..d.clone() }),
+            (
+                "discard, heuristics",
+                Direct { visibility: V::Discard, bias_correction: B::HeuristicsAndMis, ..d.clone() },
+            ),
+            ("resampled", d.clone()),
+            ("resampled, heuristics", Direct { bias_correction: B::HeuristicsAndMis, ..d.clone() }),
+            ("decoupled", Direct { visibility: V::Decoupled, ..d.clone() }),
+            ("decoupled 30", Direct { visibility: V::Decoupled, visibility_radius: 30.0, ..d.clone() }),
+            (
+                "decoupled 30, heuristics",
+                Direct {
+                    visibility: V::Decoupled,
+                    visibility_radius: 30.0,
+                    bias_correction: B::HeuristicsAndMis,
+                    ..d.clone()
+                },
+            ),
+        ];
+        // In shadow: less than half of what is there without.
+        let mut lit: Option<Vec<f64>> = None;
+        let mean = |r: &crate::support::equivalence::Restarts, i: usize| {
+            r.tiles.iter().map(|t| t[i]).sum::<f64>() / r.tiles.len() as f64
+        };
+        for (what, direct) in &list {
+            let start = Instant::now();
+            let ours = proof.resampled(&mut rig, direct, 2000);
+            let n = ours.tiles[0].len();
+            let lit = lit.get_or_insert_with(|| (0..n).map(|i| mean(&ours, i)).collect());
+            let part = |shadow: bool| {
+                let of: Vec<usize> =
+                    (0..n).filter(|&i| (mean(&truth, i) < 0.6 * lit[i]) == shadow && lit[i] > 1e-6).collect();
+                let (a, b): (f64, f64) = of
+                    .iter()
+                    .map(|&i| (mean(&ours, i), mean(&truth, i)))
+                    .fold((0.0, 0.0), |s, x| (s.0 + x.0, s.1 + x.1));
+                format!("{} tiles {:+.2} %", of.len(), 100.0 * (a / b - 1.0))
+            };
+            eprintln!(
+                "{name}, {what}: {}, in shadow {}, out of it {}, {:.0} s",
+                ours.compare(&truth, 0.01),
+                part(true),
+                part(false),
+                start.elapsed().as_secs_f64()
+            );
         }
     }
 }

@@ -29,6 +29,8 @@ pub struct Restarts {
     pub images: Vec<f64>,
     pub regions: Vec<Vec<f64>>,
     pub tiles: Vec<Vec<f64>>,
+    /// The sum of all restarts.
+    pub pixels: Vec<f64>,
 }
 
 impl Restarts {
@@ -37,6 +39,9 @@ impl Restarts {
         self.images.push(picture.mean() - emission.mean());
         self.regions.push(squares(picture, emission, REGION));
         self.tiles.push(squares(picture, emission, TILE));
+        let pixels = squares(picture, emission, 1);
+        self.pixels.resize(pixels.len(), 0.0);
+        self.pixels.iter_mut().zip(pixels).for_each(|(sum, pixel)| *sum += pixel);
     }
 
     pub fn mean(&self) -> f64 {

@@ -1,12 +1,7 @@
 //! Scenes of `assets/scenes` in an app of the tests: one app serves many restarts.
 
 use super::{app::*, cli::asset};
-use bevy::{
-    asset::LoadState,
-    gltf::Gltf,
-    prelude::*,
-    world_serialization::WorldInstanceReady,
-};
+use bevy::{asset::LoadState, gltf::Gltf, prelude::*, world_serialization::WorldInstanceReady};
 use bevy_restir::RestirEnvironment;
 use serde_json::Value;
 
