@@ -209,6 +209,9 @@ pub const DIRECT_DECOUPLED: u32 = 256;
 pub const DIRECT_FROM_PREVIOUS: u32 = 512;
 pub const DIRECT_SHADE: u32 = 1024;
 pub const DIRECT_SEEN: u32 = 2048;
+pub const DIRECT_SIMPLE_TARGET: u32 = 4096;
+pub const DIRECT_BILINEAR: u32 = 8192;
+pub const DIRECT_SAME_MATERIAL: u32 = 16384;
 
 pub const MIS_UNIFORM: u32 = 0;
 pub const MIS_VALID: u32 = 1;
@@ -220,6 +223,9 @@ pub const MIS_DEFENSIVE_PAIRWISE_GRIS: u32 = 5;
 /// Layouts of reservoirs that are no tiles.
 pub const TILING_ROWS: u32 = 0;
 pub const TILING_COLUMNS: u32 = u32::MAX;
+
+/// Bytes of a presampled point of a light.
+pub const PRESAMPLED_LIGHT_SIZE: u64 = 48;
 
 /// Bytes of a reservoir of direct light.
 pub const DIRECT_RESERVOIR_SIZE: u64 = 16;

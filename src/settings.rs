@@ -16,6 +16,7 @@ pub use direct::{BiasCorrection, Direct, Mis, ReservoirLayout, ReuseOrder, Visib
 
 /// How light is carried from the scene to a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+#[expect(clippy::manual_non_exhaustive, reason = "the hidden one is being built")]
 pub enum Technique {
     /// Unidirectional path tracing: next-event estimation and BSDF sampling joined by the balance heuristic, Russian roulette,
     /// accumulated over frames for as long as nothing that it shows changes.  Unbiased; every other technique is held against it.
@@ -24,6 +25,9 @@ pub enum Technique {
     /// ReSTIR DI (Wyman and Panteleev 2021, paper 003): emission and direct light, one bounce whatever `bounces` says (none where that
     /// is 0).  See [`Direct`].
     Di,
+    /// The candidates of ReSTIR PT, not reused yet: for the tests of what is being built.
+    #[doc(hidden)]
+    Pt,
 }
 
 /// What a camera shows in place of light.  Values reach the view target and [`RadianceCapture`](crate::RadianceCapture) as they are,

@@ -47,7 +47,9 @@ pub struct RestirReport {
     pub triangles: u64,
     /// Instances that rays can meet.
     pub instances: u64,
-    /// Lights that can be aimed at: emissive triangles and analytic lights.
+    /// Lights that can be aimed at: emissive triangles and analytic lights, as many as the device can bind (1 048 576 where a binding
+    /// holds 128 MiB).  Triangles beyond are found by chance: noisier, not darker, but where [`Direct::bsdf_candidate`](crate::Direct)
+    /// is off.
     pub lights: u64,
     /// Frames that the last camera has gathered since its history was reset.
     pub samples: u32,

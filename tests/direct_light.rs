@@ -20,6 +20,8 @@ fn a_room_with_shadows_is_lit_as_by_the_reference() {
             ("temporal", temporal()),
             ("spatial", spatial()),
             ("both", both()),
+            ("simple target", Direct { simple_target: true, ..both() }),
+            ("bilinear", Direct { bilinear: true, ..temporal() }),
             ("valid", careless(Mis::Valid)),
             ("balance", careless(Mis::Balance)),
             ("pairwise", careless(Mis::Pairwise)),

@@ -72,3 +72,23 @@ fn lights_that_move_change_come_and_go_light_as_they_are() {
         rig.get_mut::<PointLight>(moving).color = Color::linear_rgb(1.0, 0.3 + 0.2 * step, 0.5);
     });
 }
+
+#[test]
+fn lights_that_only_move_light_from_where_they_are() {
+    let mut moving = [Entity::PLACEHOLDER; 2];
+    let Some(mut rig) = scene(32, |rig| {
+        room(rig);
+        let light = PointLight { intensity: 60.0, ..default() };
+        rig.spawn_bundle((light, Transform::from_xyz(1.0, 0.2, 1.2)));
+        let spot = SpotLight { intensity: 200.0, outer_angle: 0.6, inner_angle: 0.5, ..default() };
+        moving = [rig.spawn_bundle((light, Transform::default())), rig.spawn_bundle((spot, Transform::default()))];
+    }) else {
+        return;
+    };
+    check("moving lights", &mut rig, 0.015, |rig, step| {
+        let step = step as f32;
+        rig.get_mut::<Transform>(moving[0]).translation = Vec3::new(0.9 - 0.5 * step, 0.6, 0.8);
+        let eye = Transform::from_xyz(-0.8 + 0.3 * step, 0.8, 1.5);
+        *rig.get_mut::<Transform>(moving[1]) = eye.looking_at(Vec3::new(0.4 * step - 0.8, -0.5, -0.5), Vec3::Y);
+    });
+}

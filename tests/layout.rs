@@ -192,9 +192,14 @@ fn resampling_structs_and_constants_are_the_same_in_rust_and_wgsl() {
         DIRECT_FROM_PREVIOUS,
         DIRECT_SHADE,
         DIRECT_SEEN,
+        DIRECT_SIMPLE_TARGET,
+        DIRECT_BILINEAR,
+        DIRECT_SAME_MATERIAL,
         TILING_ROWS,
         TILING_COLUMNS,
     );
+    let presampled = layout(&module("light/presampled.wgsl"), "PresampledLight");
+    assert_eq!(presampled.1 as u64, PRESAMPLED_LIGHT_SIZE);
     let mis = module("restir/mis.wgsl");
     same!(mis: MIS_UNIFORM, MIS_VALID, MIS_BALANCE, MIS_PAIRWISE, MIS_DEFENSIVE_PAIRWISE, MIS_DEFENSIVE_PAIRWISE_GRIS);
 }

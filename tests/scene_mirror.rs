@@ -49,6 +49,45 @@ fn a_still_scene_sends_nothing_and_a_moved_instance_little() {
     assert_eq!(rig.report().uploaded_bytes, 0, "the camera moved");
 }
 
+#[test]
+fn lights_that_move_send_themselves_not_the_triangles_beside_them() {
+    let make = |x: f32| {
+        let mut rig = Rig::new(16, 16)?;
+        rig.spawn(square(6.0), lambert(0.8), Transform::from_xyz(0.0, 0.0, -1.0));
+        let ball = Sphere::new(0.5).mesh().ico(20).expect("few enough triangles");
+        rig.spawn(ball, lamp(1.0, 1.0, 1.0), Transform::from_xyz(-2.0, 0.0, 0.0));
+        let spot = SpotLight { intensity: 300.0, ..default() };
+        rig.spawn_bundle((spot, Transform::from_xyz(1.0, 0.0, 2.0)));
+        let light = |power| PointLight { intensity: power, ..default() };
+        // Black at first: not in the table.
+        let black = rig.spawn_bundle((light(0.0), Transform::from_xyz(0.0, -1.0, 1.0)));
+        let point = rig.spawn_bundle((light(200.0), Transform::from_xyz(x, 1.0, 1.0)));
+        rig.until_ready();
+        Some((rig, black, point))
+    };
+    let Some((mut rig, black, point)) = make(0.0) else { return };
+    assert!(rig.report().lights > 8000);
+    for i in 1..=6 {
+        rig.get_mut::<Transform>(point).translation.x = 0.2 * i as f32;
+        rig.get_mut::<Transform>(black).translation.x = 0.1 * i as f32;
+        rig.frame();
+        // From the second on there is a table of the last frame to write to.
+        let bytes = rig.report().uploaded_bytes;
+        assert!(i <= 2 || (1..=512).contains(&bytes), "{bytes} bytes for one moved light");
+    }
+    rig.frames(2);
+    assert_eq!(rig.report().uploaded_bytes, 0, "it has stopped");
+    // Nothing is left of where it was: with the same random numbers the picture is the same.
+    let (mut fresh, fresh_black, _) = make(1.2).expect("there is an adapter");
+    assert_eq!(rig.picture(4), fresh.picture(4));
+    // One more that shines: the ids of all others change.
+    for (rig, black) in [(&mut rig, black), (&mut fresh, fresh_black)] {
+        rig.get_mut::<Transform>(black).translation.x = 0.9;
+        rig.get_mut::<PointLight>(black).intensity = 50.0;
+    }
+    assert_eq!(rig.picture(4), fresh.picture(4));
+}
+
 /// Base colour in the middle of the image, 0 where nothing is seen.
 fn albedo(rig: &mut Rig) -> f32 {
     rig.debug(DebugView::Albedo).centre().x

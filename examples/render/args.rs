@@ -1,12 +1,15 @@
 //! The command line.
 
 use bevy::{
+    camera::Exposure,
     math::UVec2,
     reflect::{GetPath, PartialReflect, ReflectMut, TypeInfo, enums::DynamicEnum},
 };
 use bevy_restir::{Preset, Restir, Technique};
 use clap::{Parser, ValueEnum};
 use std::path::PathBuf;
+
+use crate::headless::{self, scene::unit_exposure};
 
 /// Renders a glTF scene without a window.
 #[derive(Parser, Debug)]
@@ -18,7 +21,7 @@ pub struct Args {
     #[arg(long, default_value = "out.png", value_parser = output_path)]
     pub out: PathBuf,
     /// Pixels; the projection keeps the camera's vertical field of view.
-    #[arg(long, default_value = "1280x720", value_parser = size)]
+    #[arg(long, default_value = "1280x720", value_parser = headless::size)]
     pub size: UVec2,
     /// How light is carried.
     #[arg(long, value_enum, default_value = "di")]
@@ -97,14 +100,6 @@ pub enum Environment {
     File(PathBuf),
 }
 
-fn size(text: &str) -> Result<UVec2, String> {
-    let parsed = text.split_once('x').and_then(|(w, h)| Some(UVec2::new(w.parse().ok()?, h.parse().ok()?)));
-    match parsed {
-        Some(size) if size.min_element() >= 1 && size.max_element() <= 16384 => Ok(size),
-        _ => Err("expected WIDTHxHEIGHT, each from 1 to 16384".into()),
-    }
-}
-
 fn finite(text: &str) -> Result<f32, String> {
     text.parse()
         .ok()
@@ -165,6 +160,11 @@ impl Args {
             return Err("--backend hardware: ray queries are not built yet".into());
         }
         Ok(settings)
+    }
+
+    /// The camera's exposure.
+    pub fn exposure(&self) -> Exposure {
+        self.ev100.map_or(unit_exposure(), |ev100| Exposure { ev100 })
     }
 }
 

@@ -1,61 +1,34 @@
 //! Renders a glTF scene without a window: `cargo run --example render -- SCENE.glb --out picture.png`.
 
 mod args;
+#[path = "../headless/mod.rs"]
+mod headless;
 mod output;
-mod scene;
 mod stats;
 
 use args::{Args, Output};
 use bevy::{
-    asset::UnapprovedPathMode,
-    log::LogPlugin,
+    camera::RenderTarget,
+    gltf::Gltf,
     prelude::*,
-    render::{
-        RenderPlugin,
-        diagnostic::RenderDiagnosticsPlugin,
-        pipelined_rendering::PipelinedRenderingPlugin,
-        render_resource::PollType,
-        renderer::RenderDevice,
-        settings::{Backends, WgpuSettings},
-        view::screenshot::{Screenshot, ScreenshotCaptured},
-    },
-    time::TimeUpdateStrategy,
-    window::ExitCondition,
-    winit::WinitPlugin,
+    render::view::screenshot::{Screenshot, ScreenshotCaptured},
 };
-use bevy_restir::{CapturedRadiance, EmissiveLuminance, Restir, RestirPlugin, RestirStatistics, Technique};
-use clap::Parser;
-use indicatif::{ProgressBar, ProgressStyle};
-use scene::{Loading, SceneFile, View};
-use stats::Times;
-use std::{
-    io::IsTerminal,
-    path::Path,
-    process::ExitCode,
-    time::{Duration, Instant},
+use bevy_restir::{CapturedRadiance, Restir, Technique};
+use headless::{
+    captured, frame,
+    progress::Progress,
+    scene::{self, CameraSetup, SceneFile, View},
+    times::Times,
+    until,
 };
-
-/// Nothing that is loaded or compiled may take longer.
-const PATIENCE: Duration = Duration::from_secs(300);
+use std::{path::Path, process::ExitCode};
 
 fn main() -> ExitCode {
-    let args = match Args::try_parse() {
+    let args: Args = match headless::arguments() {
         Ok(args) => args,
-        Err(error) if !error.use_stderr() => {
-            // The help or the version was asked for.
-            let _ = error.print();
-            return ExitCode::SUCCESS;
-        }
-        Err(error) => {
-            eprintln!("{}", one_line(&error.to_string()));
-            return ExitCode::from(2);
-        }
+        Err(code) => return code,
     };
-    if std::env::var_os("XDG_RUNTIME_DIR").is_none() {
-        // Mesa's device-select layer looks for a compositor and complains on stderr where there is none.
-        // SAFETY: no other thread runs yet.
-        unsafe { std::env::set_var("NODEVICE_SELECT", "1") };
-    }
+    headless::quiet_drivers();
     let settings = match args.settings() {
         Ok(settings) => settings,
         Err(error) => {
@@ -72,11 +45,6 @@ fn main() -> ExitCode {
     }
 }
 
-/// The first paragraph of a message in one line: what is wrong, without the usage.
-fn one_line(message: &str) -> String {
-    message.lines().map(str::trim).take_while(|line| !line.is_empty()).collect::<Vec<_>>().join(" ")
-}
-
 /// Everything from the file to the picture.
 fn render(args: &Args, settings: Restir) -> Result<(), String> {
     let path = args.scene.canonicalize().map_err(|e| e.to_string())?;
@@ -84,31 +52,32 @@ fn render(args: &Args, settings: Restir) -> Result<(), String> {
     if !directory.is_dir() {
         return Err(format!("the folder of {} does not exist", args.out.display()));
     }
-    let mut app = app(&path, args)?;
-    load(&mut app)?;
-    let view = scene::spawn_camera(app.world_mut(), args, settings.clone())?;
-    app.insert_resource(view);
-    until(&mut app, "the scene is not ready", |app| {
-        // Two frames at least: the report of the first is older than the camera.
-        let report = app.world().resource::<RestirStatistics>().report();
-        report.ready && report.samples > 0
-    })?;
+    let (folder, name) = scene::split(&path)?;
+    let mut app = headless::app(folder)?;
+    if args.animate {
+        app.add_systems(Update, play_animation);
+    }
+    scene::load(&mut app, name)?;
+    let place = scene::file_camera(app.world_mut(), args.camera.as_deref())?;
+    let environment = output::environment(app.world_mut(), args.env.as_ref())?;
+    let setup = CameraSetup { size: args.size, exposure: args.exposure(), environment, settings: settings.clone() };
+    scene::spawn_camera(app.world_mut(), place, setup);
+    headless::until_ready(&mut app)?;
 
-    let mut times = Times::default();
-    let frames = accumulate(&mut app, args, &settings, &mut times)?;
+    let frames = accumulate(&mut app, args, &settings)?;
     if args.out.extension().is_some_and(|e| e == "exr") {
-        let exposure = app.world().resource::<View>().exposure;
-        let pixels: Vec<[f32; 3]> = frames.pixels.iter().map(|p| p.map(|c| (c * f64::from(exposure)) as f32)).collect();
+        // Without an exposure value radiance is written as it is, to the last bit.
+        let exposure = f64::from(args.ev100.map_or(1.0, |_| args.exposure().exposure()));
+        let pixels: Vec<[f32; 3]> = frames.pixels.iter().map(|p| p.map(|c| (c * exposure) as f32)).collect();
         output::write_exr(&args.out, args.size, &pixels)?;
     } else {
         let image = screenshot(&mut app)?;
         output::write_png(&args.out, image)?;
     }
     if let Some(path) = &args.stats {
-        let non_finite = frames.pixels.iter().filter(|p| !p.iter().all(|c| c.is_finite())).count() as u64;
-        let json = stats::json(app.world(), args, &settings, &times, non_finite);
+        let json = stats::json(app.world(), args, &settings, &frames);
         let text = serde_json::to_string_pretty(&json).map_err(|e| e.to_string())? + "\n";
-        if let Err(error) = output::write_text(path, &text) {
+        if let Err(error) = headless::files::write_text(path, &text) {
             let _ = std::fs::remove_file(&args.out);
             return Err(error);
         }
@@ -116,101 +85,34 @@ fn render(args: &Args, settings: Restir) -> Result<(), String> {
     Ok(())
 }
 
-/// A headless app that reads from the scene's folder.
-fn app(path: &Path, args: &Args) -> Result<App, String> {
-    let (Some(folder), Some(name)) = (path.parent(), path.file_name().and_then(|n| n.to_str())) else {
-        return Err("it is no file".into());
+/// Plays the first animation of the file on whatever it moves.
+fn play_animation(
+    mut commands: Commands,
+    file: Res<SceneFile>,
+    gltfs: Res<Assets<Gltf>>,
+    mut graphs: ResMut<Assets<AnimationGraph>>,
+    mut players: Query<(Entity, &mut AnimationPlayer), Added<AnimationPlayer>>,
+) {
+    let Some(clip) = gltfs.get(&file.0).and_then(|gltf| gltf.animations.first().cloned()) else {
+        return;
     };
-    let mut app = App::new();
-    app.add_plugins(
-        DefaultPlugins
-            .set(LogPlugin {
-                // Failures are this program's to tell, in one line.
-                filter: "off,bevy_restir=warn,render=warn".into(),
-                ..Default::default()
-            })
-            .set(AssetPlugin {
-                file_path: folder.to_string_lossy().into_owned(),
-                unapproved_path_mode: UnapprovedPathMode::Allow,
-                ..Default::default()
-            })
-            .set(RenderPlugin {
-                synchronous_pipeline_compilation: true,
-                render_creation: WgpuSettings { backends: Some(Backends::PRIMARY), ..Default::default() }.into(),
-                ..Default::default()
-            })
-            .set(WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..Default::default() })
-            .disable::<WinitPlugin>()
-            .disable::<PipelinedRenderingPlugin>(),
-    )
-    .add_plugins((RestirPlugin, RenderDiagnosticsPlugin))
-    .insert_resource(EmissiveLuminance(1.0))
-    .insert_resource(ClearColor(Color::BLACK))
-    .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f64(1.0 / 60.0)))
-    .init_resource::<Loading>()
-    .add_systems(Update, scene::spawn_when_loaded);
-    if args.animate {
-        app.add_systems(Update, scene::play_animation);
-    }
-    while app.plugins_state() == bevy::app::PluginsState::Adding {
-        bevy::tasks::tick_global_task_pools_on_main_thread();
-    }
-    if app.get_sub_app(bevy::render::RenderApp).is_none() {
-        return Err("there is no GPU adapter; Mesa's software driver (mesa-vulkan-drivers) will do".into());
-    }
-    app.finish();
-    app.cleanup();
-    let handle = app.world().resource::<AssetServer>().load(name.replace('#', "%23"));
-    app.insert_resource(SceneFile(handle));
-    Ok(app)
-}
-
-/// One frame, waited for: the CPU never runs ahead of the GPU, and times are those of one frame.
-fn frame(app: &mut App) -> (f64, f64) {
-    let start = Instant::now();
-    app.update();
-    let cpu = start.elapsed();
-    let _ = app.world().resource::<RenderDevice>().poll(PollType::wait_indefinitely());
-    (start.elapsed().as_secs_f64() * 1e3, cpu.as_secs_f64() * 1e3)
-}
-
-fn until(app: &mut App, otherwise: &str, done: impl Fn(&App) -> bool) -> Result<(), String> {
-    let start = Instant::now();
-    loop {
-        frame(app);
-        if done(app) {
-            return Ok(());
-        }
-        // Bevy quits where wgpu reports an error.
-        if app.should_exit().is_some() {
-            return Err("the renderer failed".into());
-        }
-        if start.elapsed() > PATIENCE {
-            return Err(format!("{otherwise} after {} s", PATIENCE.as_secs()));
-        }
+    for (entity, mut player) in &mut players {
+        let (graph, node) = AnimationGraph::from_clip(clip.clone());
+        player.play(node).repeat();
+        commands.entity(entity).insert(AnimationGraphHandle(graphs.add(graph)));
     }
 }
 
-fn load(app: &mut App) -> Result<(), String> {
-    until(app, "it is not loaded", |app| {
-        matches!(app.world().resource::<Loading>(), Loading::Done | Loading::Failed(_))
-    })?;
-    match app.world().resource::<Loading>() {
-        Loading::Failed(error) => Err(error.clone()),
-        _ => {
-            // Transforms are propagated in the frame after the scene was spawned.
-            frame(app);
-            Ok(())
-        }
-    }
-}
-
-/// The mean of the counted frames.
+/// The counted frames.
 struct Frames {
+    /// Their mean.
     pixels: Vec<[f64; 3]>,
+    passes: Times,
+    all_ms: Vec<f64>,
+    cpu_ms: Vec<f64>,
 }
 
-fn accumulate(app: &mut App, args: &Args, settings: &Restir, times: &mut Times) -> Result<Frames, String> {
+fn accumulate(app: &mut App, args: &Args, settings: &Restir) -> Result<Frames, String> {
     let camera = app.world().resource::<View>().camera;
     let reset = |app: &mut App| {
         if let Some(mut restir) = app.world_mut().get_mut::<Restir>(camera) {
@@ -221,40 +123,38 @@ fn accumulate(app: &mut App, args: &Args, settings: &Restir, times: &mut Times) 
     let mean = settings.technique == Technique::Reference || args.output == Output::Mean;
     let gathers = mean && !args.animate;
     let warmup = if settings.technique == Technique::Reference { 0 } else { args.warmup };
-    let progress = Progress::new(warmup + args.frames);
+    let progress = Progress::new(u64::from(warmup) + u64::from(args.frames));
     reset(app);
-    for i in 0..warmup {
+    for _ in 0..warmup {
         frame(app);
-        progress.show(i + 1);
+        progress.step();
     }
     if let Some(mut restir) = app.world_mut().get_mut::<Restir>(camera) {
         restir.accumulate = gathers;
     }
     let mut sum: Vec<[f64; 3]> = Vec::new();
-    times.sample(app.world(), settings);
-    times.clear();
+    let mut passes = Times::default();
+    let (mut all_ms, mut cpu_ms) = (Vec::new(), Vec::new());
+    passes.sample(app.world(), settings);
+    passes.clear();
     for i in 0..args.frames {
         let last = i + 1 == args.frames;
-        let captured = last || (!gathers && mean);
-        if captured {
+        let is_captured = last || (!gathers && mean);
+        if is_captured {
             app.world().resource::<View>().capture.request();
         }
-        let (frame_ms, cpu_ms) = frame(app);
-        times.frames_ms.push(frame_ms);
-        times.cpu_ms.push(cpu_ms);
-        times.sample(app.world(), settings);
-        if captured {
-            add(&mut sum, &capture(app)?);
+        let (all, cpu) = frame(app);
+        all_ms.push(all);
+        cpu_ms.push(cpu);
+        passes.sample(app.world(), settings);
+        if is_captured {
+            add(&mut sum, &captured(app)?);
         }
-        progress.show(warmup + i + 1);
+        progress.step();
     }
-    progress.done();
     let counted = if gathers || !mean { 1.0 } else { f64::from(args.frames) };
-    Ok(Frames { pixels: sum.into_iter().map(|p| p.map(|c| c / counted)).collect() })
-}
-
-fn capture(app: &App) -> Result<CapturedRadiance, String> {
-    app.world().resource::<View>().capture.take().ok_or("the frame was not rendered".into())
+    let pixels = sum.into_iter().map(|p| p.map(|c| c / counted)).collect();
+    Ok(Frames { pixels, passes, all_ms, cpu_ms })
 }
 
 fn add(sum: &mut Vec<[f64; 3]>, frame: &CapturedRadiance) {
@@ -271,44 +171,11 @@ fn screenshot(app: &mut App) -> Result<Image, String> {
     #[derive(Resource, Default)]
     struct Taken(Option<Image>);
     app.init_resource::<Taken>();
-    let target = app.world().resource::<View>().target.clone();
+    let camera = app.world().resource::<View>().camera;
+    let target = app.world().get::<RenderTarget>(camera).cloned().ok_or("the camera is gone")?;
     app.world_mut()
-        .spawn(Screenshot::image(target))
+        .spawn(Screenshot(target))
         .observe(|captured: On<ScreenshotCaptured>, mut taken: ResMut<Taken>| taken.0 = Some(captured.image.clone()));
     until(app, "no picture came back", |app| app.world().resource::<Taken>().0.is_some())?;
     app.world_mut().resource_mut::<Taken>().0.take().ok_or("no picture came back".into())
-}
-
-/// A bar on a terminal, a line every tenth elsewhere.
-struct Progress {
-    bar: Option<ProgressBar>,
-    total: u32,
-}
-
-impl Progress {
-    fn new(total: u32) -> Self {
-        let bar = std::io::stderr().is_terminal().then(|| {
-            let style = ProgressStyle::with_template("{bar:40} {pos}/{len} frames, {eta} left");
-            ProgressBar::new(total.into()).with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()))
-        });
-        Self { bar, total }
-    }
-
-    fn show(&self, frame: u32) {
-        match &self.bar {
-            Some(bar) => bar.set_position(frame.into()),
-            None if u64::from(frame) * 10 / u64::from(self.total)
-                != u64::from(frame - 1) * 10 / u64::from(self.total) =>
-            {
-                println!("frame {frame} of {}", self.total);
-            }
-            None => {}
-        }
-    }
-
-    fn done(&self) {
-        if let Some(bar) = &self.bar {
-            bar.finish_and_clear();
-        }
-    }
 }

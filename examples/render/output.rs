@@ -1,16 +1,35 @@
-//! Pictures: read environments, written results.  A file appears only when it is complete.
+//! Pictures: read environments, written results.
 
 use bevy::{
-    asset::RenderAssetUsages,
+    asset::{Assets, RenderAssetUsages},
+    color::LinearRgba,
+    ecs::world::World,
     image::{CompressedImageFormats, Image, ImageSampler, ImageType},
     math::UVec2,
     render::render_resource::{Extent3d, TextureDimension, TextureFormat},
 };
+use bevy_restir::RestirEnvironment;
 use exr::prelude::{read_first_rgba_layer_from_file, write_rgb_file};
-use std::path::{Path, PathBuf};
+use std::path::Path;
+
+use crate::{args::Environment, headless::files::complete};
+
+/// What surrounds the scene.
+pub fn environment(world: &mut World, wanted: Option<&Environment>) -> Result<Option<RestirEnvironment>, String> {
+    Ok(match wanted {
+        None => None,
+        Some(Environment::Uniform([r, g, b])) => {
+            Some(RestirEnvironment { color: LinearRgba::rgb(*r, *g, *b), ..Default::default() })
+        }
+        Some(Environment::File(path)) => {
+            let image = world.resource_mut::<Assets<Image>>().add(read_environment(path)?);
+            Some(RestirEnvironment { image: Some(image), ..Default::default() })
+        }
+    })
+}
 
 /// An equirectangular image from a .hdr or .exr file.
-pub fn read_environment(path: &Path) -> Result<Image, String> {
+fn read_environment(path: &Path) -> Result<Image, String> {
     let fail = |what: String| format!("{}: {what}", path.display());
     if path.extension().is_some_and(|e| e == "exr") {
         let read = read_first_rgba_layer_from_file(
@@ -41,18 +60,6 @@ pub fn read_environment(path: &Path) -> Result<Image, String> {
     .map_err(|e| fail(e.to_string()))
 }
 
-/// Writes through a temporary name beside the target.
-fn complete(path: &Path, write: impl FnOnce(&Path) -> Result<(), String>) -> Result<(), String> {
-    let mut name = path.file_name().unwrap_or_default().to_os_string();
-    name.push(".part");
-    let part: PathBuf = path.with_file_name(name);
-    let result = write(&part).and_then(|()| std::fs::rename(&part, path).map_err(|e| e.to_string()));
-    if result.is_err() {
-        let _ = std::fs::remove_file(&part);
-    }
-    result.map_err(|e| format!("{}: {e}", path.display()))
-}
-
 /// Linear radiance as 32-bit float RGB.
 pub fn write_exr(path: &Path, size: UVec2, pixels: &[[f32; 3]]) -> Result<(), String> {
     let (width, height) = (size.x as usize, size.y as usize);
@@ -69,9 +76,4 @@ pub fn write_exr(path: &Path, size: UVec2, pixels: &[[f32; 3]]) -> Result<(), St
 pub fn write_png(path: &Path, image: Image) -> Result<(), String> {
     let dynamic = image.try_into_dynamic().map_err(|e| e.to_string())?;
     complete(path, |part| dynamic.to_rgb8().save_with_format(part, image::ImageFormat::Png).map_err(|e| e.to_string()))
-}
-
-/// Text, complete or not at all.
-pub fn write_text(path: &Path, text: &str) -> Result<(), String> {
-    complete(path, |part| std::fs::write(part, text).map_err(|e| e.to_string()))
 }

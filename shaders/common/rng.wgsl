@@ -15,8 +15,11 @@ const STREAM_ALPHA: u32 = 2u;
 const STREAM_REFERENCE: u32 = 3u;
 const STREAM_PRESAMPLE: u32 = 4u;
 const STREAM_CANDIDATES: u32 = 5u;
-// And one a round from here on.
+// And one a round, five at most.
 const STREAM_REUSE: u32 = 6u;
+// Numbers that paths are replayed from; and those that only choose among them.
+const STREAM_PATH: u32 = 16u;
+const STREAM_TREE: u32 = 17u;
 
 fn pcg4d(seed: vec4<u32>) -> vec4<u32> {
     var v = seed * 1664525u + 1013904223u;

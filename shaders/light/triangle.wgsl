@@ -69,6 +69,12 @@ fn triangle_light_radiance(instance: u32, triangle: u32, normal: vec3<f32>, bary
     if (materials[material].flags & MATERIAL_DOUBLE_SIDED) == 0u && !(dot(wi, normal) < 0.0) {
         return vec3<f32>(0.0);
     }
+    return triangle_light_colour(instance, triangle, barycentrics);
+}
+
+// The same towards the side that shines.
+fn triangle_light_colour(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> vec3<f32> {
+    let material = instances[instance].material;
     return emission(material, triangle, barycentrics) * presence(material, triangle, barycentrics);
 }
 

@@ -7,13 +7,15 @@
 #import bevy_restir::common::math::max_component
 #import bevy_restir::common::rng::{pcg4d, Rng, rng_1, rng_3, rng_4, rng_bits, rng_new, STREAM_CANDIDATES}
 #import bevy_restir::light::environment::environment_radiance
-#import bevy_restir::light::point_on_light::{environment_light_point, LightPoint, light_point_sample, no_light_point, triangle_light_point}
+#import bevy_restir::light::point_on_light::{environment_light_point, LightPoint, light_point_at, light_point_sample, no_light_point, triangle_light_point}
+#import bevy_restir::light::presampled::{presampled_at, presampled_point, PresampledLight}
 #import bevy_restir::light::select::{environment_pmf, light_pmf, light_select}
+#import bevy_restir::light::types::LightSample
 #import bevy_restir::path::medium::{medium_towards, transmittance}
-#import bevy_restir::restir::direct::{bsdf_pdf_of, evaluate, is_visible, Receiver, receiver_of, target_value}
+#import bevy_restir::restir::direct::{bsdf_pdf_of, evaluate, evaluate_arriving, evaluate_sample, is_visible, presence_of, Receiver, receiver_of, target_value}
 #import bevy_restir::restir::reservoir::{no_reservoir, Reservoir, reservoir_index, reservoir_pack}
 #import bevy_restir::restir::stream::{Stream, stream_add, stream_ucw}
-#import bevy_restir::restir::types::{DIRECT_BSDF_CANDIDATE, DIRECT_CANDIDATE_RAYS, DirectSettings}
+#import bevy_restir::restir::types::{DIRECT_BSDF_CANDIDATE, DIRECT_CANDIDATE_RAYS, DIRECT_SIMPLE_TARGET, DirectSettings}
 #import bevy_restir::scene::surface::surface_at
 #import bevy_restir::trace::offset::offset_point
 #import bevy_restir::trace::ray::{Ray, rays_traced, trace_flags}
@@ -21,24 +23,36 @@
 #import bevy_restir::view::bindings::{ray_counts, view, visibility}
 
 @group(2) @binding(0) var<uniform> settings: DirectSettings;
-@group(2) @binding(1) var<storage, read> subsets: array<vec4<u32>>;
+@group(2) @binding(1) var<storage, read> subsets: array<PresampledLight>;
 @group(2) @binding(2) var<storage, read_write> reservoirs: array<vec4<u32>>;
 @group(2) @binding(3) var unresampled: texture_storage_2d<rgba32float, write>;
 
 struct Candidate {
     point: LightPoint,
     pmf: f32,
+    light: LightSample,        // as the receiver sees it
+    presence: f32,
 }
 
 // A light candidate, from the subset of the pixel's tile or from the whole table.
-fn light_candidate(subset: u32, rng: ptr<function, Rng>) -> Candidate {
+fn light_candidate(r: Receiver, subset: u32, rng: ptr<function, Rng>) -> Candidate {
     let u = rng_4(rng);
     if settings.subset_count == 0u {
         let choice = light_select(u.xy);
-        return Candidate(light_point_sample(choice.light, u.zw), choice.pmf);
+        let p = light_point_sample(choice.light, u.zw);
+        let l = light_point_at(p, r.surface.position, false);
+        return Candidate(p, choice.pmf, l, presence_of(l));
     }
-    let entry = subsets[subset * settings.subset_size + min(u32(u.x * f32(settings.subset_size)), settings.subset_size - 1u)];
-    return Candidate(LightPoint(entry.x, entry.y), bitcast<f32>(entry.z));
+    let s = subsets[subset * settings.subset_size + min(u32(u.x * f32(settings.subset_size)), settings.subset_size - 1u)];
+    return Candidate(presampled_point(s), s.pmf, presampled_at(s, r.surface.position), s.presence);
+}
+
+// What candidates are chosen by; any target that is positive where light is will do (paper 003, 3.3).
+fn candidate_target(r: Receiver, l: LightSample) -> f32 {
+    if (settings.flags & DIRECT_SIMPLE_TARGET) != 0u {
+        return target_value(evaluate_arriving(r, l));
+    }
+    return target_value(evaluate_sample(r, l));
 }
 
 // What a sample of the BSDF finds: a point of a light, or light that no table knows.
@@ -99,14 +113,16 @@ fn direct_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
     var chosen = no_light_point();
     let count = f32(settings.candidates);
     let lights = select(settings.candidates, 0u, bsdf_is_delta(r.surface.bsdf));
+    // The value that a candidate was weighed by is the one that its contribution weight is divided by, exact or not.
+    var chosen_target = 0.0;
     for (var i = 0u; i < lights; i++) {
-        let c = light_candidate(subset, &rng);
-        let e = evaluate(r, c.point);
+        let c = light_candidate(r, subset, &rng);
+        let value = candidate_target(r, c.light);
         let u = rng_1(&rng);
-        let of_bsdf = select(0.0, bsdf_pdf_of(r, e), with_bsdf);
-        let weight = target_value(e) / both_densities(count * c.pmf, of_bsdf);
-        if c.pmf > 0.0 && stream_add(&stream, i, weight, u) {
+        let of_bsdf = select(0.0, bsdf_pdf_of(r, c.light, c.presence), with_bsdf);
+        if c.pmf > 0.0 && stream_add(&stream, i, value / both_densities(count * c.pmf, of_bsdf), u) {
             chosen = c.point;
+            chosen_target = value;
         }
     }
     var found = Found(no_light_point(), vec3<f32>(0.0));
@@ -114,20 +130,21 @@ fn direct_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
         found = bsdf_candidate(r, &rng);
     }
     if found.point.light != NONE {
-        let e = evaluate(r, found.point);
-        let weight = target_value(e) / both_densities(count * light_pmf(found.point.light), bsdf_pdf_of(r, e));
+        let l = light_point_at(found.point, r.surface.position, false);
+        let value = candidate_target(r, l);
+        let weight = value / both_densities(count * light_pmf(found.point.light), bsdf_pdf_of(r, l, presence_of(l)));
         if stream_add(&stream, settings.candidates, weight, rng_1(&rng)) {
             chosen = found.point;
+            chosen_target = value;
         }
     }
 
     // The chosen one is seen or it is nothing; that counts as a candidate all the same.  The BSDF's ray has seen its own.
     var reservoir = Reservoir(chosen, 0.0, 1.0, true);
     if chosen.light != NONE {
-        let e = evaluate(r, chosen);
         let is_known = stream.selected == settings.candidates || (settings.flags & DIRECT_CANDIDATE_RAYS) == 0u;
-        if is_known || is_visible(r, e, rng_bits(&rng).x) {
-            reservoir.ucw = stream_ucw(stream, target_value(e));
+        if is_known || is_visible(r, evaluate(r, chosen), rng_bits(&rng).x) {
+            reservoir.ucw = stream_ucw(stream, chosen_target);
         }
     }
     reservoirs[index] = reservoir_pack(reservoir);

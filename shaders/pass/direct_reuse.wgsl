@@ -4,16 +4,15 @@
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::rng::{Rng, rng_1, rng_2, rng_bits, rng_new, STREAM_REUSE}
 #import bevy_restir::light::remap::light_of_this_frame
-#import bevy_restir::restir::direct::{are_alike, evaluate, Evaluated, is_visible, Receiver, receiver_of, target_value}
+#import bevy_restir::restir::direct::{are_alike, evaluate, Evaluated, is_visible, previous_shape_of, Receiver, receiver_of, shape_of, target_value}
 #import bevy_restir::restir::mis::{MAX_INPUTS, mis_needs_target, mis_weight, MisInputs}
 #import bevy_restir::restir::reservoir::{no_reservoir, Reservoir, reservoir_index, reservoir_pack, reservoir_unpack}
 #import bevy_restir::restir::stream::{Stream, stream_add, stream_ucw}
-#import bevy_restir::restir::types::{DIRECT_DECOUPLED, DIRECT_DISCARD, DIRECT_FROM_PREVIOUS, DIRECT_HEURISTICS, DIRECT_MIS_RAYS, DIRECT_REUSE_VISIBILITY, DIRECT_SEEN, DIRECT_SHADE, DIRECT_SHADING_RAYS, DIRECT_TARGET_RAYS, DirectSettings}
-#import bevy_restir::scene::triangle::world_triangle
-#import bevy_restir::trace::offset::surface_point
+#import bevy_restir::restir::types::{DIRECT_BILINEAR, DIRECT_DECOUPLED, DIRECT_DISCARD, DIRECT_FROM_PREVIOUS, DIRECT_HEURISTICS, DIRECT_MIS_RAYS, DIRECT_REUSE_VISIBILITY, DIRECT_SAME_MATERIAL, DIRECT_SEEN, DIRECT_SHADE, DIRECT_SHADING_RAYS, DIRECT_TARGET_RAYS, DirectSettings}
+#import bevy_restir::scene::surface::Shape
 #import bevy_restir::trace::ray::{rays_traced, trace_flags}
 #import bevy_restir::view::bindings::{ray_counts, view, visibility}
-#import bevy_restir::view::camera::{barycentrics_on_ray, primary_ray, project}
+#import bevy_restir::view::camera::{camera_position, project}
 
 @group(2) @binding(0) var<uniform> settings: DirectSettings;
 // Of the last frame, or of this frame's last round.
@@ -47,28 +46,52 @@ fn neighbour_at(pixel: vec2<u32>) -> Receiver {
     return receiver_of(ids_at(pixel), pixel, has(DIRECT_FROM_PREVIOUS));
 }
 
-// Where the pixel's surface is among the neighbours: in pixels of the last frame, or of this one.
-fn own_place(ids: vec2<u32>, pixel: vec2<u32>) -> vec2<f32> {
-    if !has(DIRECT_FROM_PREVIOUS) {
-        return vec2<f32>(pixel) + 0.5;
+// The pixel's own surface among its neighbours: in the last frame, or in this one.
+fn own_shape(ids: vec2<u32>, pixel: vec2<u32>) -> Shape {
+    if has(DIRECT_FROM_PREVIOUS) {
+        return previous_shape_of(ids, pixel);
     }
-    let b = barycentrics_on_ray(world_triangle(ids.x, ids.y, false), primary_ray(pixel));
-    return project(view.previous, surface_point(ids.x, ids.y, b, true)) - view.previous_jitter;
+    return shape_of(ids, pixel, false);
+}
+
+// And its place in their image, pixels.
+fn own_place(own: Shape, pixel: vec2<u32>) -> vec2<f32> {
+    if has(DIRECT_FROM_PREVIOUS) {
+        return project(view.previous, own.position) - view.previous_jitter;
+    }
+    return vec2<f32>(pixel) + 0.5;
+}
+
+// How far from its place a tap looks, pixels: in a disk, or for the surface itself at the nearest pixel or bilinearly at four.
+fn tap_offset(is_own: bool, u: vec2<f32>) -> vec2<f32> {
+    if is_own {
+        return select(vec2<f32>(0.0), u - 0.5, has(DIRECT_BILINEAR));
+    }
+    return settings.radius * sqrt(u.x) * vec2<f32>(cos(6.2831853 * u.y), sin(6.2831853 * u.y));
+}
+
+fn passes_heuristics(own: Shape, ids: vec2<u32>, pixel: vec2<u32>) -> bool {
+    let from_previous = has(DIRECT_FROM_PREVIOUS);
+    let other = shape_of(ids, pixel, from_previous);
+    let reach = max(distance(own.position, camera_position(from_previous)), 1.0e-20);
+    return are_alike(own, other, reach, settings.normal_threshold, settings.depth_threshold)
+        && (own.material == other.material || !has(DIRECT_SAME_MATERIAL));
 }
 
 // A neighbour for one tap; NONE where none is found.  Only geometry and random numbers decide (trap T8).
-fn find_neighbour(r: Receiver, place: vec2<f32>, radius: f32, tries: u32, rng: ptr<function, Rng>) -> vec2<u32> {
+fn find_neighbour(own: Shape, place: vec2<f32>, is_own: bool, rng: ptr<function, Rng>) -> vec2<u32> {
+    let tries = select(settings.tries, 1u, is_own);
     for (var t = 0u; t < tries; t++) {
-        let u = rng_2(rng);
-        let at = place + radius * sqrt(u.x) * vec2<f32>(cos(6.2831853 * u.y), sin(6.2831853 * u.y));
+        let at = place + tap_offset(is_own, rng_2(rng));
         if any(at < vec2<f32>(0.0)) || any(at >= vec2<f32>(view.size)) {
             continue;
         }
         let pixel = min(vec2<u32>(at), view.size - 1u);
-        if ids_at(pixel).x == NONE {
+        let ids = ids_at(pixel);
+        if ids.x == NONE {
             continue;
         }
-        if !has(DIRECT_HEURISTICS) || are_alike(r, neighbour_at(pixel), settings.normal_threshold, settings.depth_threshold) {
+        if !has(DIRECT_HEURISTICS) || passes_heuristics(own, ids, pixel) {
             return pixel;
         }
     }
@@ -96,7 +119,8 @@ fn sample_of_neighbour(pixel: vec2<u32>) -> Reservoir {
 }
 
 // Collects the inputs.  Where the surface itself was not in sight more neighbours are asked (paper 003, 6.4).
-fn gather(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, r: Receiver, place: vec2<f32>, pixel: vec2<u32>, rng: ptr<function, Rng>) {
+fn gather(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, own: Shape, pixel: vec2<u32>, rng: ptr<function, Rng>) {
+    let place = own_place(own, pixel);
     (*inputs).samples[0] = own_sample(pixel);
     (*inputs).pixels[0] = pixel;
     (*inputs).asks[0] = has(DIRECT_SHADING_RAYS) && !has(DIRECT_SEEN);
@@ -106,7 +130,7 @@ fn gather(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, r: Recei
     var taps = settings.temporal_taps + settings.spatial_taps;
     for (var i = 0u; i < taps && count < MAX_INPUTS; i++) {
         let is_own = i < settings.temporal_taps;
-        let at = find_neighbour(r, place, select(settings.radius, 0.0, is_own), select(settings.tries, 1u, is_own), rng);
+        let at = find_neighbour(own, place, is_own, rng);
         if at.x == NONE {
             taps = max(taps, select(0u, settings.temporal_taps + settings.disocclusion_taps, is_own));
             continue;
@@ -214,7 +238,7 @@ fn direct_reuse(@builtin(global_invocation_id) id: vec3<u32>) {
     let r = receiver_of(ids, pixel, false);
     var inputs: Inputs;
     var mis: MisInputs;
-    gather(&inputs, &mis, r, own_place(ids, pixel), pixel, &rng);
+    gather(&inputs, &mis, own_shape(ids, pixel), pixel, &rng);
     let stream = combine(&inputs, &mis, r, alpha_seed, &rng);
 
     var kept = no_reservoir();

@@ -22,6 +22,14 @@ fn light_is_visible(s: Surface, l: LightSample, alpha_seed: u32, previous: bool)
     return !trace_any(ray, alpha_seed, previous);
 }
 
+// Whether one surface is seen from another.
+fn surface_is_visible(a: Surface, b: Surface, alpha_seed: u32, previous: bool) -> bool {
+    let direction = b.position - a.position;
+    let origin = offset_point(a.position, a.bsdf.n_geo, direction, a.offset);
+    let end = offset_point(b.position, b.bsdf.n_geo, -direction, b.offset);
+    return !trace_any(Ray(origin, 0.0, end - origin, 1.0), alpha_seed, previous);
+}
+
 fn light_offset(l: LightSample) -> f32 {
     if lights[l.light].kind != LIGHT_TRIANGLE {
         return 0.0;

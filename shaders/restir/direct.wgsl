@@ -8,7 +8,7 @@
 #import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample}
 #import bevy_restir::path::medium::{medium_towards, transmittance}
 #import bevy_restir::path::shadow::light_is_visible
-#import bevy_restir::scene::surface::{Surface, surface_at}
+#import bevy_restir::scene::surface::{Shape, shape_at, Surface, surface_at}
 #import bevy_restir::scene::triangle::world_triangle
 #import bevy_restir::view::camera::{barycentrics_on_ray, camera_position, previous_primary_ray, primary_ray}
 
@@ -19,18 +19,31 @@ struct Receiver {
     previous: bool,
 }
 
-// Whether two surfaces are alike enough to share light (paper 003, Eq. 24).
-fn are_alike(a: Receiver, b: Receiver, normal_threshold: f32, depth_threshold: f32) -> bool {
-    let offset = b.surface.position - a.surface.position;
-    let reach = max(distance(a.surface.position, camera_position()), 1.0e-20);
-    return dot(a.surface.bsdf.n, b.surface.bsdf.n) >= normal_threshold
-        && abs(dot(offset, a.surface.bsdf.n_geo)) <= depth_threshold * reach;
-}
-
 // A point of a light from a receiver: what it would contribute, without the visibility between them.
 struct Evaluated {
     f: vec3<f32>,              // f·L·|cos| per unit of the light's measure
     light: LightSample,
+}
+
+// The shape that a pixel shows, or showed in the last frame.
+fn shape_of(ids: vec2<u32>, pixel: vec2<u32>, previous: bool) -> Shape {
+    var ray = primary_ray(pixel);
+    if previous {
+        ray = previous_primary_ray(pixel);
+    }
+    let barycentrics = barycentrics_on_ray(world_triangle(ids.x, ids.y, previous), ray);
+    return shape_at(ids.x, ids.y, barycentrics, camera_position(previous), previous);
+}
+
+// The shape that a pixel shows, where it was in the last frame.
+fn previous_shape_of(ids: vec2<u32>, pixel: vec2<u32>) -> Shape {
+    let barycentrics = barycentrics_on_ray(world_triangle(ids.x, ids.y, false), primary_ray(pixel));
+    return shape_at(ids.x, ids.y, barycentrics, camera_position(true), true);
+}
+
+// Whether two surfaces are alike enough to share light (paper 003, Eq. 24).
+fn are_alike(a: Shape, b: Shape, reach: f32, normal_threshold: f32, depth_threshold: f32) -> bool {
+    return dot(a.n, b.n) >= normal_threshold && abs(dot(b.position - a.position, a.n_geo)) <= depth_threshold * reach;
 }
 
 fn receiver_of(ids: vec2<u32>, pixel: vec2<u32>, previous: bool) -> Receiver {
@@ -43,7 +56,10 @@ fn receiver_of(ids: vec2<u32>, pixel: vec2<u32>, previous: bool) -> Receiver {
 }
 
 fn evaluate(r: Receiver, p: LightPoint) -> Evaluated {
-    let l = light_point_at(p, r.surface.position, r.previous);
+    return evaluate_sample(r, light_point_at(p, r.surface.position, r.previous));
+}
+
+fn evaluate_sample(r: Receiver, l: LightSample) -> Evaluated {
     if !(l.pdf_solid_angle > 0.0) {
         return Evaluated(vec3<f32>(0.0), l);
     }
@@ -52,20 +68,33 @@ fn evaluate(r: Receiver, p: LightPoint) -> Evaluated {
     return Evaluated(select(vec3<f32>(0.0), f, is_finite_3(f)), l);
 }
 
+// The light that arrives, whatever the surface does with it: positive wherever `evaluate_sample` is.
+fn evaluate_arriving(r: Receiver, l: LightSample) -> Evaluated {
+    if !(l.pdf_solid_angle > 0.0) {
+        return Evaluated(vec3<f32>(0.0), l);
+    }
+    let f = l.radiance * abs(dot(r.surface.bsdf.n, l.wi)) / l.pdf_solid_angle;
+    return Evaluated(select(vec3<f32>(0.0), f, is_finite_3(f)), l);
+}
+
 fn target_value(e: Evaluated) -> f32 {
     return luminance(e.f);
 }
 
-// Density, in the light's measure, with which the receiver's BSDF finds the point: its ray passes where alpha leaves no surface.
-fn bsdf_pdf_of(r: Receiver, e: Evaluated) -> f32 {
-    if e.light.delta != 0u || !(e.light.pdf_solid_angle > 0.0) {
+// Density, in the light's measure, with which the receiver's BSDF finds the point, which a ray that comes there meets with probability
+// `presence`: where alpha leaves no surface it passes.
+fn bsdf_pdf_of(r: Receiver, l: LightSample, presence: f32) -> f32 {
+    if l.delta != 0u || !(l.pdf_solid_angle > 0.0) {
         return 0.0;
     }
-    var met = 1.0;
-    if e.light.light != ENVIRONMENT_LIGHT {
-        met = triangle_light_presence(e.light.light, e.light.barycentrics);
+    return presence * bsdf_pdf(r.surface.bsdf, r.wo, l.wi) / l.pdf_solid_angle;
+}
+
+fn presence_of(l: LightSample) -> f32 {
+    if l.delta != 0u || l.light == ENVIRONMENT_LIGHT {
+        return 1.0;
     }
-    return met * bsdf_pdf(r.surface.bsdf, r.wo, e.light.wi) / e.light.pdf_solid_angle;
+    return triangle_light_presence(l.light, l.barycentrics);
 }
 
 fn is_visible(r: Receiver, e: Evaluated, alpha_seed: u32) -> bool {

@@ -48,6 +48,12 @@ const DIRECT_FROM_PREVIOUS: u32 = 512u;
 const DIRECT_SHADE: u32 = 1024u;
 // The pixel's own sample is known to be seen.
 const DIRECT_SEEN: u32 = 2048u;
+// Candidates are chosen by the light that arrives.
+const DIRECT_SIMPLE_TARGET: u32 = 4096u;
+// The surface's own sample is of one of the four pixels round its place.
+const DIRECT_BILINEAR: u32 = 8192u;
+// Heuristics leave out neighbours of other materials.
+const DIRECT_SAME_MATERIAL: u32 = 16384u;
 
 const TILING_ROWS: u32 = 0u;
 const TILING_COLUMNS: u32 = 0xffffffffu;

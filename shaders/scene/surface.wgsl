@@ -92,6 +92,33 @@ fn mapped_normal(material: u32, m: mat3x4<f32>, mirrored: bool, triangle: u32, b
 }
 #endif
 
+// Between the vertices' normals, on the front side like the geometric one whatever the file says.
+fn interpolated_normal(triangle: u32, barycentrics: vec2<f32>, m: mat3x4<f32>, mirrored: bool, n_geo: vec3<f32>) -> vec3<f32> {
+    let a = attributes[triangle];
+    let n_object = (1.0 - barycentrics.x - barycentrics.y) * octahedral_decode(a.normals.x)
+        + barycentrics.x * octahedral_decode(a.normals.y)
+        + barycentrics.y * octahedral_decode(a.normals.z);
+    let n = safe_normalize(transform_normal(m, n_object, mirrored));
+    return select(n, -n, dot(n, n_geo) < 0.0);
+}
+
+// The part of a surface that needs nothing of its material.
+struct Shape {
+    position: vec3<f32>,
+    n: vec3<f32>,             // without a normal map
+    n_geo: vec3<f32>,
+    material: u32,
+}
+
+// `previous`: as it was in the last frame.
+fn shape_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, viewer: vec3<f32>, previous: bool) -> Shape {
+    let t = world_triangle(instance, triangle, previous);
+    let mirrored = (instances[instance].flags & INSTANCE_MIRRORED) != 0u;
+    let n = interpolated_normal(triangle, barycentrics, instance_transform(instance, previous), mirrored, t.normal);
+    let side = select(-1.0, 1.0, dot(viewer - t.corner, t.normal) > 0.0);
+    return Shape(surface_point(instance, triangle, barycentrics, previous), n * side, t.normal * side, instances[instance].material);
+}
+
 // `previous`: as it was in the last frame.
 fn surface_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, wo: vec3<f32>, previous: bool) -> Surface {
     let t = world_triangle(instance, triangle, previous);
@@ -101,13 +128,7 @@ fn surface_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, wo: vec3<f3
     let flags = materials[material].flags;
     let uv = triangle_uv(triangle, barycentrics);
 
-    // Shading normal: interpolated, on the front side like the geometric one whatever the file says, then mapped.
-    let a = attributes[triangle];
-    let n_object = (1.0 - barycentrics.x - barycentrics.y) * octahedral_decode(a.normals.x)
-        + barycentrics.x * octahedral_decode(a.normals.y)
-        + barycentrics.y * octahedral_decode(a.normals.z);
-    var n = safe_normalize(transform_normal(m, n_object, mirrored));
-    n = select(n, -n, dot(n, t.normal) < 0.0);
+    var n = interpolated_normal(triangle, barycentrics, m, mirrored, t.normal);
     n = mapped_normal(material, m, mirrored, triangle, barycentrics, uv, n);
 
     // Seen from behind, normals are flipped.

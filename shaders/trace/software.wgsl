@@ -36,6 +36,11 @@ fn trace_closest(ray: Ray, alpha_seed: u32) -> Hit {
     return traverse(ray, alpha_seed, false, false);
 }
 
+// The closest hit, now or in the last frame.
+fn trace_closest_of(ray: Ray, alpha_seed: u32, previous: bool) -> Hit {
+    return traverse(ray, alpha_seed, false, previous);
+}
+
 // Whether anything stops the ray, now or in the last frame.
 fn trace_any(ray: Ray, alpha_seed: u32, previous: bool) -> bool {
     return traverse(ray, alpha_seed, true, previous).instance != NONE;

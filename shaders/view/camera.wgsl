@@ -20,9 +20,9 @@ fn camera_ray(camera: Camera, at: vec2<f32>) -> Ray {
     return Ray(camera.world_from_view[3].xyz, 0.0, normalize(direction), FAR);
 }
 
-// Where the camera is, whatever its projection.
-fn camera_position() -> vec3<f32> {
-    return view.current.world_from_view[3].xyz;
+// Where the camera is, or was in the last frame, whatever its projection.
+fn camera_position(previous: bool) -> vec3<f32> {
+    return select(view.current.world_from_view[3].xyz, view.previous.world_from_view[3].xyz, previous);
 }
 
 // The ray that the visibility buffer stands for.

@@ -109,6 +109,7 @@ const fn per_pixel(name: &'static str, resources: &'static [R]) -> ComputePass {
 }
 
 const REFERENCE: ComputePass = per_pixel("reference", &[R::Radiance]);
+const PATH_CANDIDATES: ComputePass = per_pixel("path_candidates", &[R::Radiance]);
 const DEBUG: ComputePass = per_pixel("debug", &[R::Radiance]);
 const PRESAMPLE: ComputePass =
     ComputePass { dispatch: Dispatch::Subsets, ..per_pixel("presample", &[R::DirectSettings, R::Subsets]) };
@@ -135,6 +136,7 @@ pub(crate) enum Frame {
     Reference,
     Direct,
     DirectDebug,
+    Paths,
     Debug,
 }
 
@@ -144,6 +146,7 @@ impl Frame {
         match (settings.debug_view, settings.technique) {
             (DebugView::Off, Technique::Reference) => Self::Reference,
             (DebugView::Off, Technique::Di) => Self::Direct,
+            (DebugView::Off, Technique::Pt) => Self::Paths,
             (view, Technique::Di) if view.is_of_reservoirs() => Self::DirectDebug,
             _ => Self::Debug,
         }
@@ -160,6 +163,7 @@ impl Frame {
             Self::Reference => &[&REFERENCE, &STATISTICS],
             Self::Direct => &[&PRESAMPLE, &DIRECT_CANDIDATES, &DIRECT_REUSE, &RESOLVE, &STATISTICS],
             Self::DirectDebug => &[&PRESAMPLE, &DIRECT_CANDIDATES, &DIRECT_REUSE, &DEBUG_RESERVOIRS, &STATISTICS],
+            Self::Paths => &[&PATH_CANDIDATES, &STATISTICS],
             Self::Debug => &[&DEBUG, &STATISTICS],
         }
     }

@@ -26,16 +26,13 @@ impl RangeAllocator {
             }
             return start..start + count;
         }
-        // Grow over a free range at the end, if there is one.
-        let start = match self.free.last() {
-            Some(last) if last.end == self.end => self.free.pop().map_or(self.end, |r| r.start),
-            _ => self.end,
-        };
-        self.end = start + count;
+        let start = self.end;
+        self.end += count;
         start..self.end
     }
 
-    /// Gives a range back.
+    /// Gives a range back.  What then lies free at the end is none of it any more, so that a request that did not fit the device leaves
+    /// no trace.
     pub fn release(&mut self, range: Range<u32>) {
         if range.is_empty() {
             return;
@@ -48,9 +45,12 @@ impl RangeAllocator {
         if i > 0 && self.free[i - 1].end == self.free[i].start {
             self.free[i - 1].end = self.free.remove(i).end;
         }
+        if let Some(last) = self.free.pop_if(|r| r.end == self.end) {
+            self.end = last.start;
+        }
     }
 
-    /// One past the highest index ever in use.
+    /// One past the highest index in use.
     pub fn end(&self) -> u32 {
         self.end
     }
@@ -128,6 +128,23 @@ impl<T: Pod> GpuArray<T> {
     }
 }
 
+/// Something that does not fit the device: news once for as long as it lasts.
+#[derive(Debug, Default)]
+pub(crate) struct Overflow {
+    told: bool,
+}
+
+impl Overflow {
+    /// Whether to warn of so many that are left out; not before the scene has `settled`, so that the number is that of the whole scene.
+    pub(crate) fn is_news(&mut self, left_out: u64, settled: bool) -> bool {
+        if left_out == 0 {
+            self.told = false;
+            return false;
+        }
+        settled && !core::mem::replace(&mut self.told, true)
+    }
+}
+
 /// Runs of elements that differ between what the GPU has and what it should have; runs closer than 16 elements are joined, since a
 /// transfer costs more than the bytes between.
 pub fn dirty_runs<T: PartialEq>(old: &[T], new: &[T]) -> Vec<Range<usize>> {
@@ -152,22 +169,25 @@ mod tests {
     fn released_ranges_merge_and_are_taken_again() {
         let mut a = RangeAllocator::default();
         let (x, y, z) = (a.allocate(4), a.allocate(8), a.allocate(4));
+        let _ = a.allocate(1);
         a.release(x);
         a.release(z);
         a.release(y);
         assert_eq!(a.free, vec![0..16]);
         assert_eq!(a.allocate(16), 0..16);
-        assert_eq!(a.end(), 16);
+        assert_eq!(a.end(), 17);
     }
 
     #[test]
-    fn a_request_larger_than_the_last_hole_grows_over_it() {
+    fn what_is_free_at_the_end_is_forgotten() {
         let mut a = RangeAllocator::default();
         let _ = a.allocate(4);
-        let last = a.allocate(4);
-        a.release(last);
+        let (hole, too_large) = (a.allocate(4), a.allocate(1 << 30));
+        a.release(hole);
+        a.release(too_large);
+        assert_eq!(a.end(), 4);
         assert_eq!(a.allocate(10), 4..14);
-        assert_eq!(a.end(), 14);
+        assert_eq!((a.free.len(), a.end()), (0, 14));
     }
 
     #[test]

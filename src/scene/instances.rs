@@ -17,7 +17,7 @@ use super::{
     blas::Bounds,
     extract::{ExtractedInstance, ExtractedScene},
     features::SceneFeatures,
-    heap::{GpuArray, dirty_runs},
+    heap::{GpuArray, Overflow, dirty_runs},
     materials::MaterialPool,
     meshes::MeshPool,
     tlas,
@@ -70,6 +70,7 @@ pub(crate) struct InstancePool {
     /// Warned about already.
     reported: HashSet<MainEntity>,
     absent: HashSet<MainEntity>,
+    overflow: Overflow,
     pub features: SceneFeatures,
     /// An instance waits for its mesh or material.
     pub waiting: bool,
@@ -99,6 +100,7 @@ impl Default for InstancePool {
             previous: None,
             reported: HashSet::default(),
             absent: HashSet::default(),
+            overflow: Overflow::default(),
             features: SceneFeatures::empty(),
             waiting: true,
             centre: [0.0; 3],
@@ -137,13 +139,15 @@ fn without_place(instance: &GpuInstance) -> GpuInstance {
 }
 
 impl InstancePool {
-    /// Brings the slots up to the extracted list.  The materials are packed already; lights are filled in afterwards.
+    /// Brings the slots up to the extracted list, of which the device can bind `limit`.  The materials are packed already; lights are
+    /// filled in afterwards.
     pub(crate) fn update(
         &mut self,
         scene: &ExtractedScene,
         meshes: &MeshPool,
         materials: &mut MaterialPool,
         assets: &AssetServer,
+        limit: u32,
     ) {
         self.waiting = false;
         self.live.clear();
@@ -151,11 +155,15 @@ impl InstancePool {
         self.triangles = 0;
         self.boxes_of_frame.clear();
         let mut seen = vec![false; self.wanted.len()];
+        let mut left_out = 0;
         for extracted in &scene.instances {
             let Some((mut instance, world_box)) = self.instance_of(extracted, meshes, materials, assets) else {
                 continue;
             };
-            let slot = self.slot_of(extracted.entity);
+            let Some(slot) = self.slot_of(extracted.entity, limit) else {
+                left_out += 1;
+                continue;
+            };
             seen.resize(self.wanted.len(), false);
             seen[slot as usize] = true;
             let old = &self.wanted[slot as usize];
@@ -183,18 +191,26 @@ impl InstancePool {
             }
             present
         });
+        if self.overflow.is_news(left_out, meshes.idle() && !self.waiting) {
+            warn!("restir: {left_out} meshes are left out: this device binds {limit} at most");
+        }
     }
 
-    fn slot_of(&mut self, entity: MainEntity) -> u32 {
+    /// The slot of an entity; `None` where there are no more than `limit` and all are taken.
+    fn slot_of(&mut self, entity: MainEntity, limit: u32) -> Option<u32> {
         if let Some(&slot) = self.slots.get(&entity) {
-            return slot;
+            return Some(slot);
         }
-        let slot = self.free.pop().unwrap_or_else(|| {
-            self.wanted.push(ABSENT);
-            self.wanted.len() as u32 - 1
-        });
+        let slot = match self.free.pop() {
+            Some(slot) => slot,
+            None if self.wanted.len() as u32 >= limit => return None,
+            None => {
+                self.wanted.push(ABSENT);
+                self.wanted.len() as u32 - 1
+            }
+        };
         self.slots.insert(entity, slot);
-        slot
+        Some(slot)
     }
 
     /// The record of an instance and its box; `None` while something is missing or where rays can never meet it.

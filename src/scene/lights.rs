@@ -1,5 +1,6 @@
 //! Every emitter in one table: analytic lights, then the triangles of every emissive instance, with a power-proportional alias
-//! table over all of them.  Ids are stable while nothing changes and remapped both ways when something does.
+//! table over all of them.  Ids are stable while nothing changes and remapped both ways when something does.  Of triangles that the
+//! device cannot bind rays find the light all the same: the picture is noisier, not darker.
 
 use bevy::{
     ecs::resource::Resource,
@@ -11,59 +12,19 @@ use bevy::{
         sync_world::MainEntity,
     },
 };
+use std::ops::Range;
 
 use super::{
     alias::alias_table,
-    extract::{AnalyticLight, ExtractedScene},
+    emission::{Source, analytic_light, is_placed, is_sound, luminance, world_area},
+    extract::ExtractedScene,
     features::SceneFeatures,
-    heap::{GpuArray, dirty_runs},
+    heap::{GpuArray, Overflow, dirty_runs},
     instances::InstancePool,
     materials::MaterialPool,
     meshes::MeshPool,
 };
 use crate::gpu_types::*;
-
-/// What the table was made from; while it is the same the table is.
-#[derive(Clone, Debug)]
-enum Source {
-    Analytic(AnalyticLight),
-    Mesh {
-        slot: u32,
-        version: u64,
-        first_triangle: u32,
-        count: u32,
-        emission: [f32; 3],
-        double_sided: bool,
-        /// Inner products of the transform's columns: all that a triangle's area depends on, so that a rigid motion changes nothing.
-        metric: [f32; 6],
-    },
-}
-
-impl Source {
-    /// Equal but for rounding: a lamp that turns leaves the table alone.
-    fn same_as(&self, other: &Self) -> bool {
-        match (self, other) {
-            (Self::Analytic(a), Self::Analytic(b)) => a == b,
-            (
-                Self::Mesh { slot, version, first_triangle, count, emission, double_sided, metric },
-                Self::Mesh {
-                    slot: slot_b,
-                    version: version_b,
-                    first_triangle: first_b,
-                    count: count_b,
-                    emission: emission_b,
-                    double_sided: sides_b,
-                    metric: metric_b,
-                },
-            ) => {
-                (slot, version, first_triangle, count, emission, double_sided)
-                    == (slot_b, version_b, first_b, count_b, emission_b, sides_b)
-                    && same_metric(metric, metric_b)
-            }
-            _ => false,
-        }
-    }
-}
 
 /// Who a light belongs to: a Bevy light, or the mesh of the same entity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -103,12 +64,27 @@ pub(crate) struct LightPool {
     radius: f32,
     /// Warned about already.
     reported: HashSet<MainEntity>,
+    /// Emissive triangles and other lights that the table has no room for.
+    left_out: [u64; 2],
+    overflow: Overflow,
     pub features: SceneFeatures,
     /// The last frame's table lies behind this frame's, from here on; 0 where it is the same.
     pub(crate) previous_at: u32,
     previous: Vec<GpuLight>,
-    changed: bool,
+    change: Change,
+    /// The table behind this frame's holds the same lights in the same order.
+    mirrored: bool,
     pub revision: u64,
+}
+
+/// What there is to send.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Change {
+    #[default]
+    Nothing,
+    /// The first lights, as many as `previous` has, moved.
+    Places,
+    Everything,
 }
 
 impl Default for LightPool {
@@ -122,22 +98,39 @@ impl Default for LightPool {
             power: 0.0,
             radius: 0.0,
             reported: HashSet::default(),
+            left_out: [0; 2],
+            overflow: Overflow::default(),
             features: SceneFeatures::empty(),
             previous_at: 0,
             previous: Vec::new(),
-            changed: false,
+            change: Change::default(),
+            mirrored: false,
             revision: 0,
         }
     }
 }
 
-fn luminance(c: [f32; 3]) -> f64 {
-    0.2126 * c[0] as f64 + 0.7152 * c[1] as f64 + 0.0722 * c[2] as f64
-}
-
 impl LightPool {
-    /// Brings the table up to the scene and gives every instance its first light.
+    /// Brings the table, of which the device can bind `limit` lights, up to the scene and gives every instance its first light.
     pub(crate) fn update(
+        &mut self,
+        scene: &ExtractedScene,
+        instances: &mut InstancePool,
+        meshes: &MeshPool,
+        materials: &MaterialPool,
+        limit: u32,
+    ) {
+        self.update_table(scene, instances, meshes, materials, limit);
+        let [triangles, others] = self.left_out;
+        if self.overflow.is_news(triangles + others, meshes.idle() && !instances.waiting) {
+            warn!(
+                "restir: this device binds {limit} lights at most: {triangles} emissive triangles are found by chance only (noisier, \
+                 not darker), {others} other lights are left out (darker)"
+            );
+        }
+    }
+
+    fn update_table(
         &mut self,
         scene: &ExtractedScene,
         instances: &mut InstancePool,
@@ -149,9 +142,15 @@ impl LightPool {
         let sources = self.gather(scene, instances, meshes, materials);
         let radius = (instances.radius.max(1e-3).log2().ceil()).exp2();
         let directional = self.features.contains(SceneFeatures::LIGHT_DIRECTIONAL);
-        let same = sources.len() == self.sources.len()
-            && sources.iter().zip(&self.sources).all(|(a, b)| a.0 == b.0 && a.1.same_as(&b.1));
-        if same && (radius == self.radius || !directional) {
+        let comparable = sources.len() == self.sources.len() && (radius == self.radius || !directional);
+        let all = |same: fn(&Source, &Source) -> bool| {
+            comparable && sources.iter().zip(&self.sources).all(|(a, b)| a.0 == b.0 && same(&a.1, &b.1))
+        };
+        if all(Source::same_as) {
+            return;
+        }
+        if self.mirrored && all(Source::same_elsewhere) && self.move_lights(&sources) {
+            self.sources = sources;
             return;
         }
         let old = core::mem::take(&mut self.groups);
@@ -168,7 +167,37 @@ impl LightPool {
             light.counterpart = counterpart;
         }
         self.previous_at = self.table.len().max(1) as u32;
-        self.changed = true;
+        self.mirrored = old == self.groups;
+        self.change = Change::Everything;
+    }
+
+    /// Where nothing but places of analytic lights changed: their records, without a look at all the triangles.  False, and nothing
+    /// done, where another set of them than before can be drawn.
+    fn move_lights(&mut self, sources: &[(MainEntity, Source)]) -> bool {
+        let analytic = self.groups.iter().take_while(|group| !group.owner.mesh).count();
+        let mut moved = Vec::with_capacity(analytic);
+        for (entity, source) in sources {
+            let Source::Analytic(light) = source else { break };
+            let (gpu, power, _) = analytic_light(light, self.radius);
+            if !is_sound(&gpu, power) {
+                continue;
+            }
+            let id = moved.len();
+            if id == analytic || self.groups[id].owner.entity != *entity {
+                return false;
+            }
+            let GpuLight { pmf, alias_probability, alias_index, .. } = self.table[id];
+            moved.push(GpuLight { pmf, alias_probability, alias_index, counterpart: id as u32, ..gpu });
+        }
+        if moved.len() != analytic {
+            return false;
+        }
+        self.previous.clear();
+        self.previous.extend_from_slice(&self.table[..analytic]);
+        self.table[..analytic].copy_from_slice(&moved);
+        self.previous_at = self.table.len().max(1) as u32;
+        self.change = Change::Places;
+        true
     }
 
     fn gather(
@@ -213,15 +242,15 @@ impl LightPool {
         }
         let by_slot: HashMap<u32, _> = instances.live.iter().map(|live| (live.slot, live.mesh)).collect();
         let mut powers = Vec::new();
-        let mut left_out = 0u64;
+        self.left_out = [0; 2];
         for (entity, source) in &self.sources {
             let first = self.table.len() as u32;
             match source {
                 Source::Analytic(light) => {
                     let (gpu, power, feature) = analytic_light(light, self.radius);
-                    let placed = gpu.position.iter().chain(&gpu.direction).all(|x| x.is_finite());
-                    if !power.is_finite() || power <= 0.0 || !placed {
+                    if !is_sound(&gpu, power) {
                         // Black lights are ordinary; infinite or negative ones are not.
+                        let placed = is_placed(&gpu);
                         if (power != 0.0 || !placed) && self.reported.insert(*entity) {
                             let at = if placed { "" } else { " and a transform that is not finite" };
                             warn!("restir: light {} has the power {power}{at}; it is left out", **entity);
@@ -229,7 +258,7 @@ impl LightPool {
                         continue;
                     }
                     if first >= limit {
-                        left_out += 1;
+                        self.left_out[1] += 1;
                         continue;
                     }
                     self.table.push(gpu);
@@ -238,7 +267,7 @@ impl LightPool {
                 }
                 Source::Mesh { slot, first_triangle, count, emission, double_sided, .. } => {
                     if first as u64 + *count as u64 > limit as u64 {
-                        left_out += *count as u64;
+                        self.left_out[0] += *count as u64;
                         continue;
                     }
                     let Some(mesh) = by_slot.get(slot).and_then(|id| meshes.get(*id)) else {
@@ -263,11 +292,6 @@ impl LightPool {
             let owner = Owner { entity: *entity, mesh: matches!(source, Source::Mesh { .. }) };
             self.groups.push(Group { owner, first, count: self.table.len() as u32 - first });
         }
-        if left_out > 0 {
-            warn!(
-                "restir: {left_out} lights are more than this device can bind; they are met by rays, but never aimed at"
-            );
-        }
         self.power = powers.iter().filter(|p| p.is_finite() && **p > 0.0).sum();
         match alias_table(&powers) {
             Some(entries) => {
@@ -284,15 +308,31 @@ impl LightPool {
 
     /// Sends what changed.  Returns the bytes sent.
     pub(crate) fn upload(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {
-        if !core::mem::take(&mut self.changed) {
+        let change = core::mem::take(&mut self.change);
+        if change == Change::Nothing {
             return 0;
         }
         self.revision += 1;
+        if change == Change::Places {
+            let count = self.previous.len();
+            let parts = [(0, &self.table[..count]), (self.previous_at as usize, &self.previous[..])];
+            return parts
+                .into_iter()
+                .map(|(first, lights)| {
+                    let sent = &mut self.uploaded[first..first + count];
+                    let runs = dirty_runs(sent, lights);
+                    sent.copy_from_slice(lights);
+                    let write = |run: Range<usize>| self.gpu.write((first + run.start) as u32, &lights[run], queue);
+                    runs.into_iter().map(write).sum::<u64>()
+                })
+                .sum();
+        }
         let mut both = self.table.clone();
         both.resize(self.previous_at as usize, GpuLight::default());
         both.append(&mut self.previous);
         if !self.gpu.reserve(both.len() as u32, device, queue) {
             warn_once!("restir: {} lights are more than this device can bind", self.table.len());
+            self.mirrored = false;
             return 0;
         }
         let runs = dirty_runs(&self.uploaded, &both);
@@ -304,61 +344,6 @@ impl LightPool {
     /// Lights that can be drawn from the table.
     pub(crate) fn count(&self) -> u32 {
         if self.power > 0.0 { self.table.len() as u32 } else { 0 }
-    }
-}
-
-/// Products that differ by what rotating in f32 makes of them.
-fn same_metric(a: &[f32; 6], b: &[f32; 6]) -> bool {
-    let tolerance = 1e-5 * a[0].max(a[1]).max(a[2]).max(f32::MIN_POSITIVE);
-    a.iter().zip(b).all(|(a, b)| (a - b).abs() <= tolerance)
-}
-
-fn world_area(m: &Rows, corners: &[[f32; 3]; 3]) -> f64 {
-    let edge = |i: usize| -> [f64; 3] {
-        let e: [f64; 3] = core::array::from_fn(|k| corners[i][k] as f64 - corners[0][k] as f64);
-        core::array::from_fn(|r| (0..3).map(|k| m[r][k] as f64 * e[k]).sum())
-    };
-    let (a, b) = (edge(1), edge(2));
-    let c = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-    0.5 * c.iter().map(|x| x * x).sum::<f64>().sqrt()
-}
-
-/// The record, its power, and what it asks of the shaders.
-fn analytic_light(light: &AnalyticLight, radius: f32) -> (GpuLight, f64, SceneFeatures) {
-    use core::f64::consts::PI;
-    match *light {
-        AnalyticLight::Point { position, intensity } => (
-            GpuLight {
-                kind: LIGHT_POINT,
-                position: position.to_array(),
-                emission: intensity.to_array(),
-                ..Default::default()
-            },
-            4.0 * PI * luminance(intensity.to_array()),
-            SceneFeatures::LIGHT_POINTS,
-        ),
-        AnalyticLight::Spot { position, intensity, direction, cos_inner, cos_outer } => (
-            GpuLight {
-                kind: LIGHT_SPOT,
-                position: position.to_array(),
-                emission: intensity.to_array(),
-                direction: direction.to_array(),
-                data: [cos_inner.to_bits(), cos_outer.to_bits()],
-                ..Default::default()
-            },
-            2.0 * PI * (1.0 - 0.5 * (cos_inner + cos_outer) as f64) * luminance(intensity.to_array()),
-            SceneFeatures::LIGHT_POINTS,
-        ),
-        AnalyticLight::Directional { direction, illuminance } => (
-            GpuLight {
-                kind: LIGHT_DIRECTIONAL,
-                direction: direction.to_array(),
-                emission: illuminance.to_array(),
-                ..Default::default()
-            },
-            PI * (radius as f64).powi(2) * luminance(illuminance.to_array()),
-            SceneFeatures::LIGHT_DIRECTIONAL,
-        ),
     }
 }
 
@@ -404,18 +389,5 @@ mod tests {
         assert_eq!(map.current_from_previous[6], 0, "light 6 is the first of entity 3");
         assert_eq!(map.current_from_previous[0], NONE, "entity 1 has another number of lights now");
         assert_eq!(map.previous_from_current[2], NONE, "entity 4 is new");
-    }
-
-    #[test]
-    fn a_rotation_keeps_the_metric_and_a_scale_changes_it() {
-        let metric = |m: bevy::math::Mat3| {
-            let (x, y, z) = (m.x_axis, m.y_axis, m.z_axis);
-            [x.dot(x), y.dot(y), z.dot(z), x.dot(y), y.dot(z), z.dot(x)]
-        };
-        let still = metric(bevy::math::Mat3::from_diagonal(Vec3::splat(0.3)));
-        for i in 0..100 {
-            assert!(same_metric(&metric(bevy::math::Mat3::from_rotation_y(i as f32) * 0.3), &still));
-        }
-        assert!(!same_metric(&metric(bevy::math::Mat3::from_diagonal(Vec3::new(0.3, 0.301, 0.3))), &still));
     }
 }

@@ -1,10 +1,11 @@
 //! The ECS mirrored into GPU buffers, in the order of the files: extract → geometry → blas → meshes; textures → materials; instances
-//! → tlas; lights → alias; bindings.  A still scene uploads no byte.
+//! → tlas; lights → emission, alias; bindings.  A still scene uploads no byte.
 
 pub mod albedo;
 pub mod alias;
 pub(crate) mod bindings;
 pub mod blas;
+mod emission;
 pub(crate) mod extract;
 mod features;
 pub mod geometry;
@@ -92,7 +93,8 @@ fn mirror_scene(
     }
     let moved = textures.update(materials.images(), &images, &pipelines, &shaders, &assets, &device, &queue);
     materials.pack(&textures, moved);
-    instances.update(&scene, &meshes, &mut materials, &assets);
+    instances.update(&scene, &meshes, &mut materials, &assets, GpuArray::<GpuInstance>::limit(&device));
+    // The last frame's table lies behind this frame's.
     lights.update(&scene, &mut instances, &meshes, &materials, GpuArray::<GpuLight>::limit(&device) / 2);
     instances.build_top_level(&mut meshes, &device, &queue);
 

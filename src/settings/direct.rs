@@ -129,10 +129,13 @@ pub struct Direct {
     /// One candidate more of the BSDF, weighed against the others by MIS.  Without it (a ray less) what only it finds is missing: lights
     /// in mirrors, and lights beyond the table (darker).
     pub bsdf_candidate: bool,
+    /// Chooses among candidates by the light that arrives, not by what is reflected of it (paper 003, 9 and 3.3): no BSDF is evaluated
+    /// for those that are not kept.  Noisier on glossy surfaces, no bias.
+    pub simple_target: bool,
     /// Presampled subsets of lights, at most 4096; 0: every pixel draws from all lights, slower with many of them.  Pixels of a tile
     /// share a subset: correlated noise, no bias.
     pub subset_count: u32,
-    /// Points of lights in a subset, 1 to 16384, and no more than 2^23 in all subsets (128 MiB).
+    /// Points of lights in a subset, 1 to 16384, and no more than 2^21 in all subsets (96 MiB).
     pub subset_size: u32,
     /// Pixels a side that share a subset, 1 to 16.
     pub tile: u32,
@@ -140,6 +143,9 @@ pub struct Direct {
     pub order: ReuseOrder,
     /// Reuses the sample that the surface had in the last frame.
     pub temporal: bool,
+    /// Takes that sample from one of the four pixels round the place that the surface had, by bilinear chance (paper 003, 4.5); otherwise
+    /// from the nearest.  Less correlation under motion, no bias.
+    pub bilinear: bool,
     /// Neighbours whose samples are reused in a round, at most 5.
     pub spatial_taps: u32,
     /// The same where the surface was not seen in the last frame (paper 003, 6.4), if more; at most 5.
@@ -166,6 +172,8 @@ pub struct Direct {
     pub normal_threshold: f32,
     /// Most distance of one from the other's tangent plane, relative to the distance from the camera, for the heuristics.
     pub depth_threshold: f32,
+    /// Neighbours are of the same material, for the heuristics.
+    pub same_material: bool,
     /// How reservoirs lie in memory.
     pub layout: ReservoirLayout,
 }
@@ -177,11 +185,13 @@ impl Default for Direct {
         Self {
             candidates: 32,
             bsdf_candidate: true,
+            simple_target: false,
             subset_count: 128,
             subset_size: 1024,
             tile: 8,
             order: ReuseOrder::default(),
             temporal: true,
+            bilinear: false,
             spatial_taps: 1,
             disocclusion_taps: 2,
             rounds: 1,
@@ -195,6 +205,7 @@ impl Default for Direct {
             decoupled_shading: true,
             normal_threshold: 0.9,
             depth_threshold: 0.02,
+            same_material: false,
             layout: ReservoirLayout::default(),
         }
     }
@@ -202,7 +213,7 @@ impl Default for Direct {
 
 impl Direct {
     /// Most points of lights in all subsets: what one binding of the portable tier holds.
-    const MOST_PRESAMPLED: u32 = 1 << 23;
+    const MOST_PRESAMPLED: u32 = 1 << 21;
 
     /// Most inputs of one resampling step: the pixel's own and its taps.
     pub(crate) fn most_inputs(&self) -> u32 {

@@ -100,7 +100,7 @@ impl DirectHistory {
                 MOST_ROUNDS as u64 * SETTINGS_STRIDE,
                 BufferUsages::UNIFORM | BufferUsages::COPY_DST,
             ),
-            subsets: buffer("light subsets", entries * 16, storage),
+            subsets: buffer("light subsets", entries * PRESAMPLED_LIGHT_SIZE, storage),
             subset_entries: entries,
             reservoirs: ["reservoirs", "last reservoirs"].map(|label| buffer(label, reservoir_bytes, storage)),
             reservoir_bytes,
@@ -203,7 +203,7 @@ impl DirectHistory {
         let pixels = pixels(self.size);
         vec![
             ("direct settings", MOST_ROUNDS as u64 * SETTINGS_STRIDE),
-            ("light subsets", self.subset_entries * 16),
+            ("light subsets", self.subset_entries * PRESAMPLED_LIGHT_SIZE),
             ("reservoirs", 2 * self.reservoir_bytes),
             ("last visibility", pixels * 8),
             ("light", 2 * pixels * 16),
@@ -251,6 +251,9 @@ fn flags(direct: &Direct, round: Round, index: usize, rounds: usize) -> u32 {
         (round.from_previous, DIRECT_FROM_PREVIOUS),
         (index + 1 == rounds, DIRECT_SHADE),
         (of_candidates && index == 0, DIRECT_SEEN),
+        (direct.simple_target, DIRECT_SIMPLE_TARGET),
+        (direct.bilinear, DIRECT_BILINEAR),
+        (direct.same_material, DIRECT_SAME_MATERIAL),
     ]
     .into_iter()
     .fold(0, |flags, (condition, flag)| if condition { flags | flag } else { flags })

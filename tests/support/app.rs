@@ -11,7 +11,7 @@ use bevy::{
         pipelined_rendering::PipelinedRenderingPlugin,
         render_resource::{Extent3d, PollType, TextureDimension, TextureFormat, TextureUsages},
         renderer::RenderDevice,
-        settings::{Backends, WgpuSettings},
+        settings::{Backends, WgpuLimits, WgpuSettings},
     },
     time::TimeUpdateStrategy,
     window::ExitCondition,
@@ -156,13 +156,18 @@ fn calm() {
     });
 }
 
-fn headless(synchronous: bool) -> App {
+fn headless(synchronous: bool, limits: Option<WgpuLimits>) -> App {
     let mut app = App::new();
     app.add_plugins(
         DefaultPlugins
             .set(RenderPlugin {
                 synchronous_pipeline_compilation: synchronous,
-                render_creation: WgpuSettings { backends: Some(Backends::PRIMARY), ..Default::default() }.into(),
+                render_creation: WgpuSettings {
+                    backends: Some(Backends::PRIMARY),
+                    constrained_limits: limits,
+                    ..Default::default()
+                }
+                .into(),
                 ..Default::default()
             })
             .set(AssetPlugin { file_path: concat!(env!("CARGO_MANIFEST_DIR"), "/assets").into(), ..Default::default() })
@@ -187,18 +192,24 @@ impl Rig {
     /// An empty scene, and a camera with [`plain`] settings at (0, 0, 5) that looks down -Z.  `None`, with a message, where there is
     /// no adapter; under `CI=true` that fails.
     pub fn new(width: u32, height: u32) -> Option<Self> {
-        Self::with(width, height, true)
+        Self::with(width, height, true, None)
     }
 
     /// As [`Self::new`], with pipelines compiled in the background, as windowed apps do.
     pub fn compiling_in_background(width: u32, height: u32) -> Option<Self> {
-        Self::with(width, height, false)
+        Self::with(width, height, false, None)
     }
 
-    fn with(width: u32, height: u32, synchronous: bool) -> Option<Self> {
+    /// As [`Self::new`], on a device of WebGPU's limits but that its storage buffers can hold this many bytes only.
+    pub fn binding_at_most(bytes: u64, width: u32, height: u32) -> Option<Self> {
+        let limits = WgpuLimits { max_storage_buffer_binding_size: bytes, ..default() };
+        Self::with(width, height, true, Some(limits))
+    }
+
+    fn with(width: u32, height: u32, synchronous: bool, limits: Option<WgpuLimits>) -> Option<Self> {
         calm();
         super::gpu::gpu()?;
-        let mut app = headless(synchronous);
+        let mut app = headless(synchronous, limits);
         let target = app.world_mut().resource_mut::<Assets<Image>>().add(target_image(UVec2::new(width, height)));
         let capture = RadianceCapture::default();
         let camera = app

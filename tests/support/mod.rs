@@ -11,6 +11,7 @@ pub mod gltf;
 pub mod gpu;
 pub mod lit;
 pub mod loaded;
+pub mod log;
 pub mod materials;
 pub mod oracle;
 pub mod proof;

@@ -137,7 +137,7 @@ fn last_frames(
 }
 
 /// What the camera sees emit, in any technique: it would hide errors of the light that is scattered.
-fn emission(rig: &mut Rig) -> Picture {
+pub fn emission(rig: &mut Rig) -> Picture {
     rig.set(|r| (r.technique, r.bounces, r.seed) = (Technique::Reference, 0, 1));
     let picture = rig.picture(1);
     rig.set(|r| r.bounces = 1);

@@ -1,4 +1,4 @@
-//! From a file to a lit scene with one `Restir` camera.
+//! A scene from a glTF file, and the one `Restir` camera that looks at it.
 
 use bevy::{
     asset::{LoadState, RenderAssetUsages},
@@ -9,15 +9,13 @@ use bevy::{
     world_serialization::WorldInstanceReady,
 };
 use bevy_restir::{RadianceCapture, Restir, RestirEnvironment};
+use std::path::Path;
 
-use crate::{
-    args::{Args, Environment},
-    output::read_environment,
-};
+use super::{frame, until};
 
 /// How far loading has come.
 #[derive(Resource, Default, PartialEq)]
-pub enum Loading {
+enum Loading {
     #[default]
     File,
     Instance,
@@ -29,17 +27,40 @@ pub enum Loading {
 #[derive(Resource)]
 pub struct SceneFile(pub Handle<Gltf>);
 
-/// The camera that renders and what it renders to.
+/// The camera that renders.
 #[derive(Resource)]
 pub struct View {
     pub camera: Entity,
-    pub target: Handle<Image>,
     pub capture: RadianceCapture,
-    pub exposure: f32,
+}
+
+/// Loads a glTF file of the app's folder and spawns its scene.
+pub fn load(app: &mut App, name: &str) -> Result<(), String> {
+    let handle = app.world().resource::<AssetServer>().load(name.replace('#', "%23"));
+    app.insert_resource(SceneFile(handle)).init_resource::<Loading>().add_systems(Update, spawn_when_loaded);
+    until(app, "it is not loaded", |app| {
+        matches!(app.world().resource::<Loading>(), Loading::Done | Loading::Failed(_))
+    })?;
+    match app.world().resource::<Loading>() {
+        Loading::Failed(error) => Err(error.clone()),
+        _ => {
+            // Transforms are propagated in the frame after the scene was spawned.
+            frame(app);
+            Ok(())
+        }
+    }
+}
+
+/// A scene's folder and the name of its file there.
+pub fn split(path: &Path) -> Result<(&Path, &str), String> {
+    match (path.parent(), path.file_name().and_then(|n| n.to_str())) {
+        (Some(folder), Some(name)) => Ok((folder, name)),
+        _ => Err("it is no file".into()),
+    }
 }
 
 /// Spawns the scene once its file is there.
-pub fn spawn_when_loaded(
+fn spawn_when_loaded(
     mut commands: Commands,
     mut loading: ResMut<Loading>,
     file: Res<SceneFile>,
@@ -65,73 +86,52 @@ pub fn spawn_when_loaded(
     });
 }
 
-/// Plays the first animation of the file on whatever it moves.
-pub fn play_animation(
-    mut commands: Commands,
-    file: Res<SceneFile>,
-    gltfs: Res<Assets<Gltf>>,
-    mut graphs: ResMut<Assets<AnimationGraph>>,
-    mut players: Query<(Entity, &mut AnimationPlayer), Added<AnimationPlayer>>,
-) {
-    let Some(clip) = gltfs.get(&file.0).and_then(|gltf| gltf.animations.first().cloned()) else {
-        return;
-    };
-    for (entity, mut player) in &mut players {
-        let (graph, node) = AnimationGraph::from_clip(clip.clone());
-        player.play(node).repeat();
-        commands.entity(entity).insert(AnimationGraphHandle(graphs.add(graph)));
-    }
+/// What the camera is, besides its place.
+pub struct CameraSetup {
+    pub size: UVec2,
+    pub exposure: Exposure,
+    pub environment: Option<RestirEnvironment>,
+    pub settings: Restir,
 }
 
-/// Makes the camera that renders: where the file's camera is, or in front of everything where it has none.
-pub fn spawn_camera(world: &mut World, args: &Args, settings: Restir) -> Result<View, String> {
-    let (transform, projection) = file_camera(world, args.camera.as_deref())?;
+/// Exposure 1: pictures are radiance.
+pub fn unit_exposure() -> Exposure {
+    // exposure = 1/(1.2 · 2^ev100).
+    Exposure { ev100: (1.0f32 / 1.2).log2() }
+}
+
+/// Makes the camera that renders: the resource [`View`].
+pub fn spawn_camera(world: &mut World, (transform, projection): (Transform, Projection), setup: CameraSetup) {
     // The file's cameras would draw to a window.
     let others: Vec<Entity> = world.query_filtered::<Entity, With<Camera>>().iter(world).collect();
     for camera in others {
         world.entity_mut(camera).remove::<(Camera3d, Camera)>();
     }
-
-    let environment = match &args.env {
-        None => None,
-        Some(Environment::Uniform([r, g, b])) => {
-            Some(RestirEnvironment { color: LinearRgba::rgb(*r, *g, *b), ..Default::default() })
-        }
-        Some(Environment::File(path)) => {
-            let image = world.resource_mut::<Assets<Image>>().add(read_environment(path)?);
-            Some(RestirEnvironment { image: Some(image), ..Default::default() })
-        }
-    };
-
-    let mut image = Image::new_target_texture(args.size.x, args.size.y, TextureFormat::Rgba8UnormSrgb, None);
+    let mut image = Image::new_target_texture(setup.size.x, setup.size.y, TextureFormat::Rgba8UnormSrgb, None);
     image.texture_descriptor.usage |= TextureUsages::COPY_SRC;
     image.asset_usage = RenderAssetUsages::all();
     let target = world.resource_mut::<Assets<Image>>().add(image);
-    let exposure = match args.ev100 {
-        Some(ev100) => Exposure { ev100 },
-        // ev100 of the exposure 1: exposure = 1/(1.2 · 2^ev100).
-        None => Exposure { ev100: (1.0f32 / 1.2).log2() },
-    };
     let capture = RadianceCapture::default();
     let mut camera = world.spawn((
         Camera3d::default(),
         Camera { clear_color: ClearColorConfig::Custom(Color::BLACK), ..Default::default() },
-        RenderTarget::Image(ImageRenderTarget::from(target.clone())),
+        RenderTarget::Image(ImageRenderTarget::from(target)),
         Hdr,
         transform,
         projection,
-        exposure,
-        settings,
+        setup.exposure,
+        setup.settings,
         capture.clone(),
     ));
-    if let Some(environment) = environment {
+    if let Some(environment) = setup.environment {
         camera.insert(environment);
     }
     let camera = camera.id();
-    Ok(View { camera, target, capture, exposure: if args.ev100.is_none() { 1.0 } else { exposure.exposure() } })
+    world.insert_resource(View { camera, capture });
 }
 
-fn file_camera(world: &mut World, name: Option<&str>) -> Result<(Transform, Projection), String> {
+/// Where the file's camera is, or a place in front of everything where it has none.
+pub fn file_camera(world: &mut World, name: Option<&str>) -> Result<(Transform, Projection), String> {
     let mut cameras: Vec<(Entity, Option<String>, Transform, Projection)> = world
         .query::<(Entity, Option<&Name>, &GlobalTransform, &Projection, &Camera)>()
         .iter(world)

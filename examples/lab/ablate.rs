@@ -1,0 +1,333 @@
+//! The shape of paper 003's Table 1 on this adapter: what each part of direct light costs, and what it brings.
+
+use bevy::math::UVec2;
+use bevy_restir::{Restir, RestirEnvironment};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+use crate::{
+    bench::{Bench, Cost, Counts, Errors, pixels},
+    error::Reference,
+    headless::{
+        self,
+        progress::Progress,
+        scene::{self, CameraSetup},
+    },
+    output::{Output, header},
+    series::{self, Entry, Shown},
+    table::{Row, Table, Unit},
+};
+
+/// Times, rays and errors of direct light by its settings, in the shape of paper 003's Table 1.
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    /// glTF files; the environment is that which `references.json` beside them names, or none.
+    #[arg(required = true)]
+    scenes: Vec<PathBuf>,
+    #[command(flatten)]
+    output: Output,
+    /// Pixels.
+    #[arg(long, default_value = "128x128", value_parser = headless::size)]
+    size: UVec2,
+    #[command(flatten)]
+    counts: Counts,
+    /// Independent frames that an error is the mean of.
+    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..))]
+    seeds: u32,
+    /// Samples a pixel of the converged picture.
+    #[arg(long, default_value_t = 4096, value_parser = clap::value_parser!(u32).range(2..))]
+    samples: u32,
+}
+
+pub fn run(args: &Args) -> Result<(), String> {
+    args.output.check("ablate")?;
+    let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
+    // A name that is wrong is found before minutes are spent on the others.
+    let scenes = args.scenes.iter().map(|path| path.canonicalize().map_err(|e| format!("{}: {e}", path.display())));
+    let scenes = scenes.collect::<Result<Vec<_>, _>>()?;
+    for (path, scene) in args.scenes.iter().zip(scenes) {
+        let fail = |error: String| format!("{}: {error}", path.display());
+        let name = scene.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let measured = Measured::new(args, &scene, &name).map_err(fail)?;
+        if table.header.is_empty() {
+            table.header = header(measured.adapter.clone(), args.size);
+            let Args { counts: Counts { warmup, frames }, seeds, samples, .. } = args;
+            table.header.push(format!(
+                "times: medians over {frames} frames after {warmup}; errors: means over {seeds} seeds after {warmup} \
+                 frames, against {samples} samples a pixel"
+            ));
+        }
+        table.columns.push((name, measured.rows()));
+    }
+    args.output.write("ablate", &table)
+}
+
+/// Everything that was measured of a scene.
+struct Measured {
+    adapter: String,
+    lights: u64,
+    triangles: u64,
+    reference: Reference,
+    /// What settings cost, and their errors.
+    results: Vec<(Restir, Cost, Option<f64>)>,
+    /// The default frame and the same without rays, at a quarter of the pixels and at four times as many.
+    resolutions: Vec<[Cost; 2]>,
+    reservoir_bytes: u64,
+    /// Bytes of all buffers and textures: a pixel's, and those that do not grow with the picture.
+    pixel_bytes: f64,
+    fixed_bytes: f64,
+    /// Error of the reference tracer in the time of some settings, directly, by the settings' place in [`rivals`].
+    equal_time: Vec<Option<f64>>,
+}
+
+/// Settings that are held against others of equal time.
+fn rivals() -> [(&'static str, Restir); 3] {
+    [
+        ("default", series::default()),
+        ("the paper's pipeline", series::paper()),
+        ("the preset Performance", series::performance()),
+    ]
+}
+
+/// Settings to measure, once each, and whether their errors are wanted.
+fn plan(entries: &[Entry]) -> Vec<(Restir, bool)> {
+    let mut plan: Vec<(Restir, bool)> = Vec::new();
+    let mut want = |settings: &Restir, error: bool| match plan.iter_mut().find(|p| p.0 == *settings) {
+        Some(planned) => planned.1 |= error,
+        None => plan.push((settings.clone(), error)),
+    };
+    want(&series::default(), true);
+    want(&series::without_rays(series::default()), false);
+    for entry in entries {
+        want(&entry.settings, entry.shown.contains(&Shown::Error));
+    }
+    for settings in [series::reference(), series::candidates_only()].iter().chain(rivals().iter().map(|r| &r.1)) {
+        want(settings, true);
+    }
+    plan
+}
+
+/// Sides of the picture at a quarter of the pixels and at four times as many.
+fn other_sizes(size: UVec2) -> [UVec2; 2] {
+    [(size / 2).max(UVec2::ONE), size * 2]
+}
+
+/// A scene's camera at some size.
+fn bench(scene: &Path, name: &str, size: UVec2, counts: &Counts) -> Result<Bench, String> {
+    let (folder, file) = scene::split(scene)?;
+    let environment = environment(folder, name)?;
+    let mut app = headless::app(folder)?;
+    scene::load(&mut app, file)?;
+    let place = scene::file_camera(app.world_mut(), None)?;
+    let setup = CameraSetup { size, exposure: scene::unit_exposure(), environment, settings: series::default() };
+    scene::spawn_camera(app.world_mut(), place, setup);
+    Bench::new(app, size, counts.clone())
+}
+
+/// The environment that `references.json` beside a scene names for it.
+fn environment(folder: &Path, name: &str) -> Result<Option<RestirEnvironment>, String> {
+    let path = folder.join("references.json");
+    let Ok(text) = std::fs::read_to_string(&path) else { return Ok(None) };
+    let all: Value = serde_json::from_str(&text).map_err(|e| format!("{}: {e}", path.display()))?;
+    let channels: Vec<f32> =
+        all[name]["env"].as_array().into_iter().flatten().filter_map(|c| Some(c.as_f64()? as f32)).collect();
+    Ok(match channels[..] {
+        [r, g, b] => Some(RestirEnvironment { color: bevy::color::LinearRgba::rgb(r, g, b), ..Default::default() }),
+        _ => None,
+    })
+}
+
+/// Bytes a pixel of what grows with the picture, and bytes of what does not, from what is held at two sizes.
+fn bytes(small: &(f64, Vec<(&str, u64)>), large: &(f64, Vec<(&str, u64)>)) -> (f64, f64) {
+    let held =
+        |memory: &[(&str, u64)], name| -> f64 { memory.iter().filter(|m| m.0 == name).map(|m| m.1 as f64).sum() };
+    let mut names: Vec<&str> = small.1.iter().map(|m| m.0).collect();
+    names.sort_unstable();
+    names.dedup();
+    let (mut a_pixel, mut fixed) = (0.0, 0.0);
+    for name in names {
+        let (a, b) = (held(&small.1, name), held(&large.1, name));
+        if a * large.0 == b * small.0 { a_pixel += a / small.0 } else { fixed += a }
+    }
+    (a_pixel, fixed)
+}
+
+impl Measured {
+    fn new(args: &Args, scene: &Path, name: &str) -> Result<Self, String> {
+        let (default, bare) = (series::default(), series::without_rays(series::default()));
+        let plan = plan(&series::entries());
+        let seeds = |error: bool| if error { args.seeds } else { 0 };
+        let frames: u64 = plan.iter().map(|(s, error)| Bench::planned(&args.counts, s, seeds(*error))).sum();
+        let progress = Progress::new(
+            frames + u64::from(args.samples.next_multiple_of(2)) + 4 * Bench::planned(&args.counts, &default, 0),
+        );
+
+        let mut resolutions = Vec::new();
+        let mut memory = Vec::new();
+        for size in other_sizes(args.size) {
+            let mut bench = bench(scene, name, size, &args.counts)?;
+            let bare = bench.measure(&bare, None, &progress)?.0;
+            resolutions.push([bench.measure(&default, None, &progress)?.0, bare]);
+            memory.push((pixels(size), bench.report().memory));
+        }
+        let (pixel_bytes, fixed_bytes) = bytes(&memory[0], &memory[1]);
+
+        let mut bench = bench(scene, name, args.size, &args.counts)?;
+        let reference = bench.reference(&series::reference(), args.samples, &progress)?;
+        let errors = Errors { reference: &reference, seeds: args.seeds };
+        let mut results = Vec::new();
+        let mut reservoir_bytes = 0;
+        for (settings, error) in plan {
+            let (cost, error) = bench.measure(&settings, error.then_some(&errors), &progress)?;
+            if settings == default {
+                reservoir_bytes = bench.report().reservoir_bytes_per_pixel;
+            }
+            results.push((settings, cost, error));
+        }
+        let report = bench.report();
+        let mut measured = Self {
+            adapter: bench.adapter(),
+            lights: report.lights,
+            triangles: report.triangles,
+            results,
+            resolutions,
+            reservoir_bytes,
+            pixel_bytes,
+            fixed_bytes,
+            equal_time: Vec::new(),
+            reference,
+        };
+        // Whole samples of the reference tracer in the time of each rival.
+        let errors = Errors { reference: &measured.reference, seeds: args.seeds };
+        let mut equal_time = Vec::new();
+        for (_, settings) in rivals() {
+            let samples = measured.samples_in(&settings).round() as u32;
+            equal_time.push(match samples {
+                0 => None,
+                n => Some(bench.error(&series::reference(), &errors, n - 1, &progress)?),
+            });
+        }
+        measured.equal_time = equal_time;
+        Ok(measured)
+    }
+
+    fn cost(&self, settings: &Restir) -> &Cost {
+        const NONE: &Cost = &Cost::NONE;
+        self.results.iter().find(|r| r.0 == *settings).map_or(NONE, |r| &r.1)
+    }
+
+    fn error(&self, settings: &Restir) -> f64 {
+        self.results.iter().find(|r| r.0 == *settings).and_then(|r| r.2).unwrap_or(f64::NAN)
+    }
+
+    /// Samples of the reference tracer that fit into a frame's time.
+    fn samples_in(&self, settings: &Restir) -> f64 {
+        self.cost(settings).lighting() / self.cost(&series::reference()).lighting()
+    }
+
+    /// The column of the scene.
+    fn rows(&self) -> Vec<Row> {
+        let mut rows = self.default_frame();
+        rows.extend(series::entries().iter().map(|entry| self.row(entry)));
+        rows.extend(self.equal_time_rows());
+        rows.extend(self.resolution_rows());
+        rows
+    }
+
+    fn default_frame(&self) -> Vec<Row> {
+        const SCENE: &str = "Scene";
+        const FRAME: &str = "Default settings";
+        let default = series::default();
+        let cost = self.cost(&default);
+        let bare = self.cost(&series::without_rays(default.clone()));
+        let ms = |label, value| Row::new(FRAME, label, &[("", Unit::Ms, value)]);
+        vec![
+            Row::new(SCENE, "lights (emissive triangles and others)", &[("", Unit::Count, self.lights as f64)]),
+            Row::new(SCENE, "triangles", &[("", Unit::Count, self.triangles as f64)]),
+            Row::new(SCENE, "error of the converged picture", &[("", Unit::Mse, self.reference.noise)]),
+            ms("presample (5.2)", bare.presample()),
+            ms("initial candidates, without rays (5.2)", bare.candidates()),
+            ms("trace rays: total less total without rays", cost.lighting() - bare.lighting()),
+            ms("reuse and shade, without rays", bare.reuse_and_shade()),
+            ms("total lighting", cost.lighting()),
+            Row::new(FRAME, "rays", &[("", Unit::RaysAPixel, cost.rays)]),
+            Row::new(FRAME, "error", &[("", Unit::Mse, self.error(&default))]),
+            Row::new(FRAME, "reservoirs", &[("", Unit::BytesAPixel, self.reservoir_bytes as f64)]),
+            Row::new(FRAME, "all that grows with the picture", &[("", Unit::BytesAPixel, self.pixel_bytes)]),
+            Row::new(FRAME, "all that does not", &[("", Unit::MiB, self.fixed_bytes / f64::from(1 << 20))]),
+        ]
+    }
+
+    fn row(&self, entry: &Entry) -> Row {
+        let cost = self.cost(&entry.settings);
+        // A unit says it all where there is no other of its kind.
+        let several = entry.shown.contains(&Shown::Candidates);
+        let total = if several { "total" } else { "" };
+        let figures: Vec<_> = entry
+            .shown
+            .iter()
+            .map(|shown| match shown {
+                Shown::Presample => ("presample", Unit::Ms, cost.presample()),
+                Shown::Candidates => ("candidates", Unit::Ms, cost.candidates()),
+                Shown::Reuse => ("reuse", Unit::Ms, cost.reuse()),
+                Shown::Lighting => (total, Unit::Ms, cost.lighting()),
+                Shown::Rays => ("", Unit::RaysAPixel, cost.rays),
+                Shown::Error => ("", Unit::Mse, self.error(&entry.settings)),
+            })
+            .collect();
+        Row::new(entry.section, entry.label.clone(), &figures)
+    }
+
+    fn equal_time_rows(&self) -> Vec<Row> {
+        const SECTION: &str = "Error of others in equal time, relative";
+        let (reference, candidates) = (series::reference(), series::candidates_only());
+        let mut rows = Vec::new();
+        for ((name, settings), directly) in rivals().into_iter().zip(&self.equal_time) {
+            let (ours, samples) = (self.error(&settings), self.samples_in(&settings));
+            let frames = self.cost(&settings).lighting() / self.cost(&candidates).lighting();
+            rows.extend([
+                Row::new(
+                    SECTION,
+                    format!("{name}: a frame"),
+                    &[
+                        ("", Unit::Ms, self.cost(&settings).lighting()),
+                        ("", Unit::Mse, ours),
+                        ("reference", Unit::Samples, samples),
+                    ],
+                ),
+                Row::new(
+                    SECTION,
+                    format!("{name}: the reference tracer"),
+                    &[
+                        ("scaled from one sample", Unit::Ratio, self.error(&reference) / samples / ours),
+                        ("whole samples", Unit::Ratio, directly.unwrap_or(f64::NAN) / ours),
+                    ],
+                ),
+                Row::new(
+                    SECTION,
+                    format!("{name}: candidates without reuse"),
+                    &[("scaled from one frame", Unit::Ratio, self.error(&candidates) / frames / ours)],
+                ),
+            ]);
+        }
+        rows
+    }
+
+    fn resolution_rows(&self) -> Vec<Row> {
+        let default = series::default();
+        let bare = series::without_rays(default.clone());
+        let [small, large] = [&self.resolutions[0], &self.resolutions[1]];
+        let all = [[&small[0], &small[1]], [self.cost(&default), self.cost(&bare)], [&large[0], &large[1]]];
+        let row = |label: &str, of: fn(&Cost, &Cost) -> f64| {
+            let [a, b, c] = all.map(|[cost, bare]| of(cost, bare));
+            let figures = [("1/4", Unit::Ms, a), ("1", Unit::Ms, b), ("4 times the pixels", Unit::Ms, c)];
+            Row::new("Resolution", label, &figures)
+        };
+        vec![
+            row("initial candidates, without rays", |_, bare| bare.candidates()),
+            row("trace rays", |cost, bare| cost.lighting() - bare.lighting()),
+            row("reuse and shade, without rays", |_, bare| bare.reuse_and_shade()),
+            row("total lighting", |cost, _| cost.lighting()),
+        ]
+    }
+}

@@ -1,0 +1,102 @@
+//! A generated scene whose lights can be counted: a floor with blocks, and a panel above it of fixed area and power, cut into as many
+//! triangles as one asks for.
+
+use bevy::{
+    asset::RenderAssetUsages,
+    mesh::{Indices, PrimitiveTopology},
+    prelude::*,
+};
+
+/// Sides of the panel, and how high it hangs.
+const PANEL: Vec2 = Vec2::new(6.0, 6.0);
+const HEIGHT: f32 = 6.0;
+/// Radiance of the panel.
+const RADIANCE: f32 = 5.0;
+
+/// The panel that hangs there.
+#[derive(Component)]
+pub struct Panel;
+
+/// What all counts share.  Returns where the camera is.
+pub fn spawn_room(world: &mut World) -> (Transform, Projection) {
+    let mut solid = |mesh: Mesh, color: Color, at: Vec3| {
+        let mesh = world.resource_mut::<Assets<Mesh>>().add(mesh);
+        let material = StandardMaterial { base_color: color, perceptual_roughness: 0.9, ..Default::default() };
+        let material = world.resource_mut::<Assets<StandardMaterial>>().add(material);
+        world.spawn((Mesh3d(mesh), MeshMaterial3d(material), Transform::from_translation(at)));
+    };
+    solid(Plane3d::default().mesh().size(60.0, 60.0).build(), Color::srgb(0.7, 0.7, 0.7), Vec3::ZERO);
+    for i in 0..25 {
+        let (column, row) = (i % 5, i / 5);
+        let height = 0.5 + 0.4 * ((i * 7) % 5) as f32;
+        let color = Color::srgb(0.3 + 0.15 * column as f32, 0.5, 0.3 + 0.15 * row as f32);
+        let at = Vec3::new(1.6 * (column as f32 - 2.0), 0.5 * height, 1.6 * (row as f32 - 2.0));
+        solid(Cuboid::new(0.8, height, 0.8).mesh().build(), color, at);
+    }
+    let projection = PerspectiveProjection { near: 0.1, far: 100.0, ..Default::default() };
+    let eye = Transform::from_xyz(0.0, 5.0, 9.0).looking_at(Vec3::new(0.0, 0.3, 0.0), Vec3::Y);
+    (eye, Projection::Perspective(projection))
+}
+
+/// Hangs a panel in place of the last one.
+pub fn hang(world: &mut World, panel: Mesh) {
+    let old: Vec<Entity> = world.query_filtered::<Entity, With<Panel>>().iter(world).collect();
+    for entity in old {
+        world.despawn(entity);
+    }
+    let mesh = world.resource_mut::<Assets<Mesh>>().add(panel);
+    let material = StandardMaterial {
+        base_color: Color::BLACK,
+        emissive: LinearRgba::rgb(RADIANCE, RADIANCE, RADIANCE),
+        ..Default::default()
+    };
+    let material = world.resource_mut::<Assets<StandardMaterial>>().add(material);
+    world.spawn((Panel, Mesh3d(mesh), MeshMaterial3d(material), Transform::from_xyz(0.0, HEIGHT, 0.0)));
+}
+
+/// Cells of a grid of that many triangles, each cell being two: as near to square as they go.
+fn cells(triangles: u32) -> UVec2 {
+    let cells = (triangles / 2).max(1);
+    let columns = (1..=cells.isqrt()).rev().find(|columns| cells.is_multiple_of(*columns)).unwrap_or(1);
+    UVec2::new(columns, cells / columns)
+}
+
+/// A panel of an even number of triangles: a grid that looks down, its inner corners moved about so that no two triangles have the
+/// same power; the area is the same.
+pub fn panel(triangles: u32) -> Mesh {
+    let cells = cells(triangles);
+    let corners = cells + 1;
+    let cell = PANEL / cells.as_vec2();
+    let mut positions = Vec::with_capacity((corners.x * corners.y) as usize);
+    for y in 0..corners.y {
+        for x in 0..corners.x {
+            let inner = x > 0 && y > 0 && x < cells.x && y < cells.y;
+            let moved = if inner { 0.25 * jitter(x + y * corners.x) } else { Vec2::ZERO };
+            let at = cell * (UVec2::new(x, y).as_vec2() + moved) - 0.5 * PANEL;
+            positions.push([at.x, 0.0, at.y]);
+        }
+    }
+    let mut indices = Vec::with_capacity(6 * (cells.x * cells.y) as usize);
+    for y in 0..cells.y {
+        for x in 0..cells.x {
+            let corner = x + y * corners.x;
+            let (right, below) = (corner + 1, corner + corners.x);
+            indices.extend([corner, right, below, right, below + 1, below]);
+        }
+    }
+    let normals = vec![[0.0, -1.0, 0.0]; positions.len()];
+    Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::RENDER_WORLD)
+        .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, positions)
+        .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, normals)
+        .with_inserted_indices(Indices::U32(indices))
+}
+
+/// A point of [-1, 1]², another for every corner: an integer hash.
+fn jitter(corner: u32) -> Vec2 {
+    let mut hash = corner.wrapping_mul(0x9e37_79b9) ^ 0x85eb_ca6b;
+    hash = (hash ^ (hash >> 16)).wrapping_mul(0x7feb_352d);
+    hash = (hash ^ (hash >> 15)).wrapping_mul(0x846c_a68b);
+    hash ^= hash >> 16;
+    let coordinate = |bits: u32| bits as f32 / 32767.5 - 1.0;
+    Vec2::new(coordinate(hash & 0xffff), coordinate(hash >> 16))
+}

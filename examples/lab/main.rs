@@ -1,0 +1,48 @@
+//! Makes the figures that the documentation has: `cargo run --example lab -- ablate SCENE.glb ...`.
+
+mod ablate;
+mod bench;
+mod error;
+#[path = "../headless/mod.rs"]
+mod headless;
+mod lights;
+mod output;
+mod scale;
+mod series;
+mod table;
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+/// Measures what the techniques cost and how far off they are.
+#[derive(Parser, Debug)]
+#[command(name = "lab", version)]
+struct Args {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand, Debug)]
+enum Command {
+    Ablate(ablate::Args),
+    Scale(scale::Args),
+}
+
+fn main() -> ExitCode {
+    let args: Args = match headless::arguments() {
+        Ok(args) => args,
+        Err(code) => return code,
+    };
+    headless::quiet_drivers();
+    let result = match &args.command {
+        Command::Ablate(args) => ablate::run(args),
+        Command::Scale(args) => scale::run(args),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {}", error.lines().next().unwrap_or_default());
+            ExitCode::from(1)
+        }
+    }
+}

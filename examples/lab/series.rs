@@ -1,0 +1,206 @@
+//! Settings that are compared with each other, as data.
+
+use bevy_restir::{
+    BiasCorrection, Direct, Mis, Preset, ReservoirLayout, Restir, ReuseOrder, Technique, VisibilityReuse,
+};
+
+/// What a row shows of its settings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shown {
+    Presample,
+    Candidates,
+    Reuse,
+    Lighting,
+    Rays,
+    Error,
+}
+
+/// A row: settings and what is shown of them.
+pub struct Entry {
+    pub section: &'static str,
+    pub label: String,
+    pub settings: Restir,
+    pub shown: &'static [Shown],
+}
+
+/// Direct light of one bounce through the centres of the pixels, so that all techniques converge to one picture.
+fn plain(technique: Technique, direct: Direct) -> Restir {
+    Restir { technique, bounces: 1, jitter: false, energy_compensation: false, direct, ..Restir::default() }
+}
+
+/// The default settings.
+pub fn default() -> Restir {
+    with(|_| ())
+}
+
+/// The default settings but for some.
+pub fn with(change: impl FnOnce(&mut Direct)) -> Restir {
+    let mut direct = Direct::default();
+    change(&mut direct);
+    plain(Technique::Di, direct)
+}
+
+/// The reference tracer.
+pub fn reference() -> Restir {
+    plain(Technique::Reference, Direct::default())
+}
+
+/// The pipeline that paper 003 ends with.
+pub fn paper() -> Restir {
+    paper_within(0.0)
+}
+
+/// The same, with visibility that is reused within some pixels (7.3).
+fn paper_within(radius: f32) -> Restir {
+    with(|d| {
+        d.bias_correction = BiasCorrection::HeuristicsAndMis;
+        d.visibility = VisibilityReuse::Decoupled;
+        d.visibility_radius = radius;
+        d.bsdf_candidate = false;
+    })
+}
+
+/// Direct light of the cheapest preset.
+pub fn performance() -> Restir {
+    plain(Technique::Di, Restir::preset(Preset::Performance).direct)
+}
+
+/// Candidates without any reuse.
+pub fn candidates_only() -> Restir {
+    with(|d| {
+        d.temporal = false;
+        d.spatial_taps = 0;
+        d.disocclusion_taps = 0;
+    })
+}
+
+/// The same settings without a ray: what they cost besides.
+pub fn without_rays(mut settings: Restir) -> Restir {
+    settings.direct.visibility = VisibilityReuse::Ignored;
+    settings.direct.bsdf_candidate = false;
+    settings
+}
+
+/// The rows that are settings and nothing else.
+pub fn entries() -> Vec<Entry> {
+    use Shown::*;
+    let mut all = Vec::new();
+    let mut add = |section, shown, rows: Vec<(String, Restir)>| {
+        all.extend(rows.into_iter().map(|(label, settings)| Entry { section, label, settings, shown }));
+    };
+    let radii = [
+        (0.0, "0 pixels (as the paper measures)"),
+        (15.0, "15 pixels"),
+        (20.0, "20 pixels"),
+        (25.0, "25 pixels"),
+        (1e6, "always"),
+    ];
+    add(
+        "The paper's pipeline: visibility reused within a radius (7.3)",
+        &[Rays, Lighting, Error],
+        radii.map(|(radius, label)| (label.into(), paper_within(radius))).into(),
+    );
+    add(
+        "Decoupled shading (7.1)",
+        &[Lighting, Error],
+        [("all samples are shaded", true), ("only the one that is kept", false)]
+            .map(|(label, on)| (label.into(), with(|d| d.decoupled_shading = on)))
+            .into(),
+    );
+
+    let counts = |label: &str, values: &[u32], set: fn(&mut Direct, u32)| -> Vec<(String, Restir)> {
+        values.iter().map(|&n| (format!("{label}{n}"), with(|d| set(d, n)))).collect()
+    };
+    let bare = |rows: Vec<(String, Restir)>| rows.into_iter().map(|(l, s)| (l, without_rays(s))).collect();
+    let tiles = counts("pixels a side: ", &[1, 2, 4, 8, 16], |d, n| d.tile = n);
+    add("Pixel tiles that share a subset, without rays (5.2)", &[Candidates], bare(tiles));
+    let sizes = counts("size ", &[1024, 4096, 16384], |d, n| d.subset_size = n);
+    add("Light subsets, without rays (5.2)", &[Presample, Candidates], bare(sizes));
+    let subsets = counts("number ", &[128, 512, 2048], |d, n| d.subset_count = n);
+    add("Light subsets, without rays (5.2)", &[Presample, Candidates], bare(subsets));
+    let none = vec![("not presampled".into(), without_rays(with(|d| d.subset_count = 0)))];
+    add("Light subsets, without rays (5.2)", &[Presample, Candidates], none);
+    let candidates = counts("", &[1, 8, 32], |d, n| d.candidates = n);
+    add("Candidates", &[Candidates, Lighting, Error], candidates);
+
+    let targets = [("what is reflected", false), ("what arrives (9)", true)]
+        .map(|(label, on)| (label.into(), with(|d| d.simple_target = on)));
+    add("Candidates are chosen by", &[Candidates, Lighting, Error], targets.into());
+
+    let classic = with(|d| {
+        d.order = ReuseOrder::TemporalThenSpatial;
+        d.spatial_taps = 5;
+        d.rounds = 2;
+    });
+    add(
+        "Order of reuse (6.2)",
+        &[Rays, Lighting, Error],
+        vec![
+            ("spatiotemporal".into(), default()),
+            ("temporal, then 2 rounds of 5 spatial taps (Bitterli et al. 2020)".into(), classic),
+        ],
+    );
+    add("Spatial taps (6.3)", &[Lighting, Error], counts("", &[1, 2, 3, 5], |d, n| d.spatial_taps = n));
+    add("Places tried for a tap", &[Lighting, Error], counts("", &[1, 3], |d, n| d.tries = n));
+    add(
+        "Bias correction (4.6)",
+        &[Rays, Lighting, Error],
+        kinds(
+            [
+                BiasCorrection::Off,
+                BiasCorrection::Heuristics,
+                BiasCorrection::HeuristicsAndMis,
+                BiasCorrection::UnbiasedMis,
+                BiasCorrection::HeuristicsAndUnbiasedMis,
+            ],
+            |d, kind| d.bias_correction = kind,
+        ),
+    );
+    add(
+        "MIS weights",
+        &[Lighting, Error],
+        kinds(
+            [Mis::Valid, Mis::Balance, Mis::Pairwise, Mis::DefensivePairwise, Mis::DefensivePairwiseGris],
+            |d, kind| d.mis = kind,
+        ),
+    );
+    add(
+        "Visibility reuse (7.2)",
+        &[Rays, Lighting, Error],
+        kinds(
+            [
+                VisibilityReuse::Ignored,
+                VisibilityReuse::Shading,
+                VisibilityReuse::Candidates,
+                VisibilityReuse::Discard,
+                VisibilityReuse::Resampled,
+                VisibilityReuse::Decoupled,
+            ],
+            |d, kind| d.visibility = kind,
+        ),
+    );
+    add(
+        "Reservoirs in memory",
+        &[Reuse],
+        kinds(
+            [
+                ReservoirLayout::Rows,
+                ReservoirLayout::Columns,
+                ReservoirLayout::Tiles2,
+                ReservoirLayout::Tiles4,
+                ReservoirLayout::Tiles8,
+                ReservoirLayout::Tiles40,
+            ],
+            |d, kind| d.layout = kind,
+        ),
+    );
+    all
+}
+
+/// A row a kind.
+fn kinds<K: Copy + core::fmt::Debug, const N: usize>(
+    kinds: [K; N],
+    set: impl Fn(&mut Direct, K),
+) -> Vec<(String, Restir)> {
+    kinds.map(|kind| (format!("{kind:?}"), with(|d| set(d, kind)))).into()
+}

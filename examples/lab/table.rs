@@ -1,0 +1,155 @@
+//! Figures in rows, one column a scene, as markdown and as csv.
+
+use std::fmt::Write;
+
+/// What a figure is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unit {
+    Count,
+    /// Mean radiance, cd/m².
+    Radiance,
+    Ms,
+    /// Mean squared error, relative to the squared mean of the reference.
+    Mse,
+    RaysAPixel,
+    Samples,
+    Ratio,
+    BytesAPixel,
+    MiB,
+}
+
+impl Unit {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Count => "",
+            Self::Radiance => "cd/m²",
+            Self::Ms => "ms",
+            Self::Mse => "MSE",
+            Self::RaysAPixel => "rays a pixel",
+            Self::Samples => "samples",
+            Self::Ratio => "x",
+            Self::BytesAPixel => "bytes a pixel",
+            Self::MiB => "MiB",
+        }
+    }
+
+    /// For people: three digits that count.
+    fn show(self, value: f64) -> String {
+        if !value.is_finite() {
+            return "–".into();
+        }
+        let decimals = match self {
+            Self::Count | Self::BytesAPixel => 0,
+            Self::RaysAPixel => 2,
+            _ if value == 0.0 => 0,
+            _ => (2 - value.abs().log10().floor() as i32).clamp(0, 6) as usize,
+        };
+        format!("{value:.decimals$}")
+    }
+}
+
+/// A figure's name within its row, and what it is.
+pub type Quantity = (&'static str, Unit);
+
+/// Figures that belong together, of one scene.
+#[derive(Clone, Debug)]
+pub struct Row {
+    pub section: &'static str,
+    pub label: String,
+    pub quantities: Vec<Quantity>,
+    pub values: Vec<f64>,
+}
+
+impl Row {
+    pub fn new(section: &'static str, label: impl Into<String>, figures: &[(&'static str, Unit, f64)]) -> Self {
+        Self {
+            section,
+            label: label.into(),
+            quantities: figures.iter().map(|&(name, unit, _)| (name, unit)).collect(),
+            values: figures.iter().map(|f| f.2).collect(),
+        }
+    }
+
+    /// Names and units of the figures.
+    fn what(&self) -> String {
+        let join = |of: &dyn Fn(&Quantity) -> String| self.quantities.iter().map(of).collect::<Vec<_>>().join(" / ");
+        let unit = self.quantities.first().map_or("", |q| q.1.name());
+        if self.quantities.iter().all(|q| q.1.name() == unit && !q.0.is_empty()) {
+            return format!("{}: {unit}", join(&|q| q.0.into()));
+        }
+        join(&|q| format!("{} {}", q.0, q.1.name()).trim().into())
+    }
+}
+
+/// A table: where its figures come from, and the figures.
+pub struct Table {
+    /// Lines of what was run on what.
+    pub header: Vec<String>,
+    /// Names of the columns, and the rows of each: the same ones everywhere.
+    pub columns: Vec<(String, Vec<Row>)>,
+    /// What else there is to say.
+    pub notes: Vec<String>,
+}
+
+impl Table {
+    fn rows(&self) -> impl Iterator<Item = (&Row, Vec<&Row>)> {
+        let first = self.columns.first().map_or(&[][..], |c| &c.1);
+        first.iter().enumerate().map(|(i, row)| (row, self.columns.iter().filter_map(|c| c.1.get(i)).collect()))
+    }
+
+    pub fn markdown(&self) -> String {
+        let mut text = String::new();
+        for line in &self.header {
+            let _ = writeln!(text, "- {line}");
+        }
+        let names: Vec<&str> = self.columns.iter().map(|c| c.0.as_str()).collect();
+        let _ = writeln!(text, "\n| | | {} |", names.join(" | "));
+        let _ = writeln!(text, "|---|---|{}", "---:|".repeat(names.len()));
+        let mut section = "";
+        for (row, cells) in self.rows() {
+            if row.section != section {
+                section = row.section;
+                let _ = writeln!(text, "| **{section}** | |{}", " |".repeat(names.len()));
+            }
+            let cells: Vec<String> = cells
+                .iter()
+                .map(|cell| {
+                    let shown = cell.quantities.iter().zip(&cell.values).map(|(q, v)| q.1.show(*v));
+                    shown.collect::<Vec<_>>().join(" / ")
+                })
+                .collect();
+            let _ = writeln!(text, "| {} | {} | {} |", row.label, row.what(), cells.join(" | "));
+        }
+        for note in &self.notes {
+            let _ = writeln!(text, "\n{note}");
+        }
+        text
+    }
+
+    /// One line a figure, at full precision; empty where there is none.
+    pub fn csv(&self) -> String {
+        let mut text = String::new();
+        for line in self.header.iter().chain(&self.notes) {
+            let _ = writeln!(text, "# {line}");
+        }
+        let line = |fields: Vec<String>| fields.iter().map(|f| quoted(f)).collect::<Vec<_>>().join(",") + "\n";
+        let mut head: Vec<String> = ["section", "row", "quantity", "unit"].map(String::from).into();
+        head.extend(self.columns.iter().map(|c| c.0.clone()));
+        text += &line(head);
+        for (row, cells) in self.rows() {
+            for (i, (name, unit)) in row.quantities.iter().enumerate() {
+                let mut fields = vec![row.section.into(), row.label.clone(), (*name).into(), unit.name().into()];
+                fields.extend(cells.iter().map(|cell| {
+                    let value = cell.values[i];
+                    if value.is_finite() { value.to_string() } else { String::new() }
+                }));
+                text += &line(fields);
+            }
+        }
+        text
+    }
+}
+
+fn quoted(field: &str) -> String {
+    if field.contains([',', '"', '\n']) { format!("\"{}\"", field.replace('"', "\"\"")) } else { field.into() }
+}

@@ -1,0 +1,105 @@
+// Points of lights as a subset keeps them: all that a pixel needs to weigh one, so that however long the tables of lights, triangles
+// and materials are, a pixel's candidates read 48 bytes each that lie together (paper 003, 5.2).
+#define_import_path bevy_restir::light::presampled
+
+#import bevy_restir::common::constants::{FAR, LIGHT_TRIANGLE, MATERIAL_DOUBLE_SIDED, NONE}
+#import bevy_restir::common::math::max_component
+#import bevy_restir::light::environment::{environment_pdf, environment_radiance}
+#import bevy_restir::light::point_on_light::{LightPoint, light_point_at, light_point_sample, no_light_point}
+#import bevy_restir::light::select::light_select
+#import bevy_restir::light::triangle::{triangle_light_colour, triangle_light_presence}
+#import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, no_light_sample}
+#import bevy_restir::scene::bindings::{instances, lights, materials}
+#import bevy_restir::scene::triangle::{safe_normalize, world_triangle}
+#import bevy_restir::trace::offset::surface_point
+
+struct PresampledLight {
+    position: vec3<f32>,       // of the environment its direction
+    light: u32,
+    normal: vec3<f32>,         // times the area of the triangle; of the environment: x is the density of the direction
+    coordinates: u32,
+    brightest: f32,            // component of the radiance
+    colour: u32,               // the components over the brightest, 3 x 10 bits; PRESAMPLED_*
+    pmf: f32,                  // of the light; 0: there is none
+    presence: f32,             // probability that a ray meets the point
+}
+
+// The table has to be asked: light that depends on who looks, or is no triangle.
+const PRESAMPLED_TABLE: u32 = 0x80000000u;
+const PRESAMPLED_DOUBLE_SIDED: u32 = 0x40000000u;
+
+fn presample_light(u: vec4<f32>) -> PresampledLight {
+    let choice = light_select(u.xy);
+    let p = light_point_sample(choice.light, u.zw);
+    var s = PresampledLight(vec3<f32>(0.0), p.light, vec3<f32>(0.0), p.coordinates, 0.0, PRESAMPLED_TABLE, choice.pmf, 1.0);
+    if p.light == NONE {
+        s.pmf = 0.0;
+        return s;
+    }
+    if p.light == ENVIRONMENT_LIGHT {
+        let l = light_point_at(p, vec3<f32>(0.0), false);
+        s.position = l.wi;
+        s.normal.x = l.pdf_solid_angle;
+        return with_radiance(s, l.radiance, 0u);
+    }
+    if lights[p.light].kind != LIGHT_TRIANGLE {
+        return s;
+    }
+    let instance = lights[p.light].data.x;
+    let triangle = lights[p.light].data.y;
+    let l = light_point_at(p, vec3<f32>(0.0), false);
+    let t = world_triangle(instance, triangle, false);
+    s.position = l.position;
+    s.normal = t.normal * t.area;
+    s.presence = triangle_light_presence(p.light, l.barycentrics);
+    let is_double_sided = (materials[instances[instance].material].flags & MATERIAL_DOUBLE_SIDED) != 0u;
+    return with_radiance(s, triangle_light_colour(instance, triangle, l.barycentrics), select(0u, PRESAMPLED_DOUBLE_SIDED, is_double_sided));
+}
+
+// Ten bits are enough of what candidates are only chosen by.
+fn with_radiance(s: PresampledLight, radiance: vec3<f32>, flags: u32) -> PresampledLight {
+    var kept = s;
+    kept.brightest = max_component(radiance);
+    let share = vec3<u32>(1023.0 * clamp(radiance / max(kept.brightest, 1.0e-37), vec3<f32>(0.0), vec3<f32>(1.0)) + 0.5);
+    kept.colour = share.x | share.y << 10u | share.z << 20u | flags;
+    return kept;
+}
+
+fn presampled_radiance(s: PresampledLight) -> vec3<f32> {
+    let share = vec3<u32>(s.colour, s.colour >> 10u, s.colour >> 20u) & vec3<u32>(1023u);
+    return s.brightest * vec3<f32>(share) * (1.0 / 1023.0);
+}
+
+fn presampled_point(s: PresampledLight) -> LightPoint {
+    return LightPoint(s.light, s.coordinates);
+}
+
+// As `from_point` sees it: `light_point_at` but for the last digits of its radiance.
+fn presampled_at(s: PresampledLight, from_point: vec3<f32>) -> LightSample {
+    if (s.colour & PRESAMPLED_TABLE) != 0u {
+        return light_point_at(presampled_point(s), from_point, false);
+    }
+    var l = no_light_sample();
+    l.light = s.light;
+    l.delta = 0u;
+    l.position = s.position;
+    if s.light == ENVIRONMENT_LIGHT {
+        l.wi = s.position;
+        l.radiance = presampled_radiance(s);
+        l.pdf_solid_angle = s.normal.x;
+        return l;
+    }
+    let d = s.position - from_point;
+    let d2 = dot(d, d);
+    l.wi = safe_normalize(d);
+    l.distance = sqrt(d2);
+    // d²/(|cos| area), as `area_to_solid_angle` has it.
+    let projected = abs(dot(s.normal, d));
+    let cubed = d2 * l.distance;
+    if projected > 0.0 && cubed < projected * 1.0e37 {
+        l.pdf_solid_angle = cubed / projected;
+        let shines = (s.colour & PRESAMPLED_DOUBLE_SIDED) != 0u || dot(l.wi, s.normal) < 0.0;
+        l.radiance = select(vec3<f32>(0.0), presampled_radiance(s), shines);
+    }
+    return l;
+}

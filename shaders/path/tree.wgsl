@@ -1,0 +1,222 @@
+// The candidates of a pixel: all paths of one tree, its vertices each aimed at a light and each waiting to meet one, resampled into
+// one (paper 000, 1, 6 and 7: direct light is among them).  A path's weight is what it carries in primary sample space over the
+// probability that roulette let it live; where others may reconnect to it is decided as it grows.
+#define_import_path bevy_restir::path::tree
+
+#import bevy_restir::bsdf::bsdf::{bsdf_eval, bsdf_is_delta, bsdf_pdf}
+#import bevy_restir::common::constants::{FAR, NONE}
+#import bevy_restir::common::math::{luminance, max_component}
+#import bevy_restir::common::rng::{Rng, rng_1, rng_4}
+#import bevy_restir::light::environment::{environment_pdf, environment_radiance}
+#import bevy_restir::light::point_on_light::{light_point_at, light_point_sample, LightPoint}
+#import bevy_restir::light::select::{environment_pmf, light_pmf, light_select}
+#import bevy_restir::light::triangle::triangle_light_pdf_solid_angle
+#import bevy_restir::light::types::LightSample
+#import bevy_restir::path::medium::transmittance
+#import bevy_restir::path::random::{OF_LIGHT_RAY, OF_RAY, path_alpha_seed}
+#import bevy_restir::path::sample::{END_EMITTER, END_ENVIRONMENT, END_LIGHT, kept_barycentrics, no_path_sample, PathSample}
+#import bevy_restir::path::shadow::light_is_visible
+#import bevy_restir::path::walk::{sampled_step, Step, step_medium, Vertex}
+#import bevy_restir::restir::stream::{Stream, stream_add, stream_ucw}
+#import bevy_restir::scene::surface::{Surface, surface_at}
+#import bevy_restir::shift::connect::{Connection, Departure, departure, geometry_factor, is_connectable, is_connectable_end}
+#import bevy_restir::trace::offset::offset_point
+#import bevy_restir::trace::ray::Ray
+#import bevy_restir::trace::software::trace_closest
+#import bevy_restir::view::bindings::view
+
+// Roulette starts where a path has scattered this often.
+const ROULETTE_FROM: u32 = 3u;
+
+// A tree as it grows.
+struct Tree {
+    stream: Stream,
+    sample: PathSample,       // the selected one
+    f: vec3<f32>,             // and what it carries
+    grown: PathSample,        // what all paths that end from here on have in common
+    survival: f32,            // probability that roulette let them live
+}
+
+// What aiming at a point of a light from a vertex gives: f·L·|cos|·MIS / density of the light's own measure; without visibility.
+struct Aimed {
+    f: vec3<f32>,
+    light: LightSample,
+    pdf_bsdf: f32,            // marginal density of the direction
+}
+
+fn aim(v: Vertex, p: LightPoint, pmf: f32, previous: bool) -> Aimed {
+    let l = light_point_at(p, v.surface.position, previous);
+    let pdf = pmf * l.pdf_solid_angle;
+    var a = Aimed(vec3<f32>(0.0), l, 0.0);
+    if !(pdf > 0.0) {
+        return a;
+    }
+    a.pdf_bsdf = bsdf_pdf(v.surface.bsdf, v.wo, l.wi);
+    let weight = select(pdf / (pdf + a.pdf_bsdf), 1.0, l.delta != 0u);
+    let carried = transmittance(step_medium(v, l.wi), l.distance);
+    a.f = bsdf_eval(v.surface.bsdf, v.wo, l.wi) * l.radiance * carried * (weight / pdf);
+    return a;
+}
+
+// Weight of a path whose last ray met light that its vertex aims at with density `light_pdf`; a delta is never aimed.
+fn met_weight(step: Step, light_pdf: f32) -> f32 {
+    return select(step.pdf / (step.pdf + light_pdf), 1.0, step.delta || !(light_pdf > 0.0));
+}
+
+fn offer(tree: ptr<function, Tree>, candidate: PathSample, f: vec3<f32>, u: f32) {
+    let value = luminance(f);
+    // SPIR-V takes no pointer to a member.
+    var stream = (*tree).stream;
+    let selected = stream_add(&stream, candidate.length, value / (*tree).survival, u);
+    (*tree).stream = stream;
+    if selected {
+        (*tree).sample = candidate;
+        (*tree).f = f;
+        (*tree).sample.target_value = value;
+    }
+}
+
+// A path that was chosen, and what it carries in primary sample space.
+struct Chosen {
+    sample: PathSample,
+    f: vec3<f32>,
+}
+
+// The paths of a first vertex; at most `view.bounces` scattering events.
+fn path_tree(first: Vertex, seed: vec2<u32>, c: Connection, rng: ptr<function, Rng>) -> Chosen {
+    var tree = Tree(Stream(0.0, NONE), no_path_sample(), vec3<f32>(0.0), no_path_sample(), 1.0);
+    tree.grown.seed = seed;
+    var v = first;
+    var before: Departure;
+    var throughput = vec3<f32>(1.0);
+    var suffix = vec3<f32>(1.0);       // since the reconnection vertex
+    var eta_scale = 1.0;
+    for (var index = 1u; index <= view.bounces; index++) {
+        tree.grown.length = index + 1u;
+
+        // Aim at a light.
+        let u = rng_4(rng);
+        let choice = light_select(u.xy);
+        if choice.pmf > 0.0 && !bsdf_is_delta(v.surface.bsdf) {
+            let p = light_point_sample(choice.light, u.zw);
+            let a = aim(v, p, choice.pmf, false);
+            if max_component(a.f) > 0.0 && light_is_visible(v.surface, a.light, path_alpha_seed(seed, index, OF_LIGHT_RAY), false) {
+                var aimed = tree.grown;
+                aimed.end = END_LIGHT;
+                aimed.light = p;
+                if aimed.reconnection != 0u {
+                    aimed.radiance = suffix * a.f;
+                } else if index > 1u && is_connectable(before, v.surface, a.pdf_bsdf, c) {
+                    // Nothing is sampled after the connection: the light is where it is.
+                    aimed = connected(aimed, before, v.surface, index);
+                } else {
+                    aimed.reconnection = index + 1u;
+                }
+                offer(&tree, aimed, throughput * a.f, rng_1(rng));
+            }
+        }
+
+        // Go on.
+        let step = sampled_step(v, seed, index);
+        if !step.valid {
+            break;
+        }
+        if tree.grown.reconnection != 0u {
+            suffix *= step.weight;
+        } else if index > 1u && !step.delta && is_connectable(before, v.surface, step.pdf, c) {
+            tree.grown = connected(tree.grown, before, v.surface, index);
+            tree.grown.density *= step.pdf_lobe;
+            tree.grown.lobe_after = step.lobe;
+            tree.grown.wi = step.wi;
+        }
+        throughput *= step.weight;
+        eta_scale *= step.eta * step.eta;
+        before = departure(v, step, c);
+
+        // Roulette changes how likely a path is, never what it carries.
+        if index >= ROULETTE_FROM {
+            let q = min(max_component(throughput) * eta_scale / tree.survival, 0.95);
+            if !(rng_1(rng) < q) {
+                break;
+            }
+            tree.survival *= q;
+        }
+
+        let medium = step_medium(v, step.wi);
+        let origin = offset_point(v.surface.position, v.surface.bsdf.n_geo, step.wi, v.surface.offset);
+        let hit = trace_closest(Ray(origin, 0.0, step.wi, FAR), path_alpha_seed(seed, index, OF_RAY));
+        if hit.instance == NONE {
+            let light_pdf = environment_pmf() * environment_pdf(step.wi);
+            let radiance = environment_radiance(step.wi);
+            let weight = met_weight(step, light_pdf);
+            var met = tree.grown;
+            met.end = END_ENVIRONMENT;
+            if met.reconnection == index {
+                met.radiance = radiance;
+                met.light_pdf = light_pdf;
+            } else if met.reconnection != 0u {
+                met.radiance = suffix * radiance * weight;
+            } else if before.rough {
+                met.reconnection = index + 1u;
+                met.lobe_before = step.lobe;
+                met.wi = step.wi;
+                met.density = step.pdf_lobe;
+            }
+            offer(&tree, met, throughput * radiance * weight, rng_1(rng));
+            break;
+        }
+        let barycentrics = kept_barycentrics(hit.barycentrics);
+        let s = surface_at(hit.instance, hit.triangle, barycentrics, -step.wi, false);
+        let carried = transmittance(medium, distance(s.position, v.surface.position));
+        throughput *= carried;
+        suffix *= select(vec3<f32>(1.0), carried, tree.grown.reconnection != 0u);
+        tree.grown = place(tree.grown, hit.instance, hit.triangle, barycentrics);
+        if max_component(s.emission) > 0.0 {
+            let light_pdf = emission_pdf(s, hit.instance, hit.triangle, v.surface.position);
+            let weight = met_weight(step, light_pdf);
+            var met = tree.grown;
+            met.end = END_EMITTER;
+            if met.reconnection == index {
+                met.radiance = suffix * s.emission;
+                met.light_pdf = light_pdf;
+            } else if met.reconnection != 0u {
+                met.radiance = suffix * s.emission * weight;
+            } else if is_connectable_end(before, s, c) {
+                met = connected(met, before, s, index + 1u);
+            }
+            offer(&tree, met, throughput * s.emission * weight, rng_1(rng));
+        }
+        v = Vertex(s, -step.wi, medium);
+    }
+    tree.sample.ucw = stream_ucw(tree.stream, tree.sample.target_value);
+    tree.sample.confidence = 1.0;
+    return Chosen(tree.sample, tree.f);
+}
+
+// Until there is a reconnection vertex the newest one may become it.
+fn place(s: PathSample, instance: u32, triangle: u32, barycentrics: vec2<f32>) -> PathSample {
+    var placed = s;
+    if s.reconnection == 0u {
+        placed.instance = instance;
+        placed.triangle = triangle;
+        placed.barycentrics = barycentrics;
+    }
+    return placed;
+}
+
+// Makes the vertex at `at` the reconnection vertex.
+fn connected(s: PathSample, before: Departure, at: Surface, index: u32) -> PathSample {
+    var c = s;
+    c.reconnection = index;
+    c.lobe_before = before.lobe;
+    c.density = before.pdf_lobe * geometry_factor(before.position, at.position, at.bsdf.n_geo);
+    return c;
+}
+
+// Density, solid angle at `from_point`, with which a point of an emissive triangle is aimed at.
+fn emission_pdf(s: Surface, instance: u32, triangle: u32, from_point: vec3<f32>) -> f32 {
+    if s.light == NONE {
+        return 0.0;
+    }
+    return light_pmf(s.light) * triangle_light_pdf_solid_angle(instance, triangle, from_point, s.position);
+}

@@ -1,0 +1,36 @@
+//! What the plugin warns of, for tests that ask for it.
+
+use bevy::log::{Level, tracing_subscriber};
+use std::{
+    io::Write,
+    sync::{Mutex, OnceLock, PoisonError},
+};
+
+static LINES: Mutex<Vec<u8>> = Mutex::new(Vec::new());
+
+struct Sink;
+
+impl Write for Sink {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        LINES.lock().unwrap_or_else(PoisonError::into_inner).extend_from_slice(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+/// From here on warnings of the whole process are kept.
+pub fn listen() {
+    static ONCE: OnceLock<()> = OnceLock::new();
+    ONCE.get_or_init(|| {
+        tracing_subscriber::fmt().with_max_level(Level::WARN).with_ansi(false).with_writer(|| Sink).init();
+    });
+}
+
+/// Lines that hold a text, whichever test they come from.
+pub fn warnings(with: &str) -> Vec<String> {
+    let bytes = LINES.lock().unwrap_or_else(PoisonError::into_inner);
+    String::from_utf8_lossy(&bytes).lines().filter(|line| line.contains(with)).map(str::to_owned).collect()
+}
