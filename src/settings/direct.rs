@@ -72,18 +72,16 @@ pub enum VisibilityReuse {
     /// What is shaded, nothing that is kept (b).  Unbiased but for the [`Direct::bsdf_candidate`], which sees what it finds: with it a
     /// little darker where it counts and something stands before a light.  Noisy in shadows.
     Shading,
-    /// What is kept of the candidates; the samples of others are taken to be seen (c).  Biased: shadows blur, brighter inside and darker
-    /// beside them, so that those of contacts are missing.
+    /// What is kept of the candidates; the samples of others are taken to be seen (c).  Biased: shadows of contacts are missing
+    /// (brighter).
     Candidates,
-    /// All; a sample that is not seen takes all that its neighbour found with it (d).  Biased: with unbiased MIS brighter; with
-    /// [`BiasCorrection::HeuristicsAndMis`] darker near shadows, half as much as `Resampled`.
+    /// All; a sample that is not seen takes all that its neighbour found with it (d).  Biased: brighter, even with unbiased MIS.
     Discard,
     /// All.  Unbiased where [`BiasCorrection`] traces rays, too; otherwise darker near shadows (e).
     #[default]
     Resampled,
     /// What is kept of the candidates, and what is shaded (f: the paper's pipeline).  The surface's own sample is as it was seen in the
-    /// last frame, and so is that of a neighbour within [`Direct::visibility_radius`]: shadows lag.  Biased: darker near shadows; with a
-    /// radius they blur as with `Candidates`.
+    /// last frame, and so is that of a neighbour within [`Direct::visibility_radius`]: shadows lag.  Biased: darker near shadows.
     Decoupled,
 }
 
