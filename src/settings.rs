@@ -77,7 +77,7 @@ impl DebugView {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Reflect)]
 pub enum Preset {
     /// Fewest rays: light after the third bounce is missing (darker), and direct light is resampled as in paper 003, with visibility
-    /// reused within 30 pixels (darker near shadows, which lag).
+    /// reused within 30 pixels (shadows are blurred and lag).
     Performance,
     /// Light after the fifth bounce is missing (darker).
     Balanced,
