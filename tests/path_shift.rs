@@ -82,9 +82,7 @@ fn a_path_is_its_own_image_in_its_own_pixel() {
         kinds.extend(census.keys().map(|(kind, _)| (kind % 10, kind / 1000 == 0, kind / 10 % 100 == kind / 1000)));
     }
     // (end, replayed whole, reconnected at the light): aimed at a light before it and at it, met by a whole replay, before, at it.
-    for kind in
-        [(1, false, false), (1, false, true), (2, true, false), (2, false, true), (3, false, true), (3, true, false)]
-    {
+    for kind in [(1, false, false), (1, false, true), (2, true, false), (2, false, true), (3, false, true)] {
         assert!(kinds.contains(&kind), "{kind:?} of {kinds:?}");
     }
 }
