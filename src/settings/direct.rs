@@ -147,7 +147,8 @@ pub struct Direct {
     pub bilinear: bool,
     /// Neighbours whose samples are reused in a round, at most 5.
     pub spatial_taps: u32,
-    /// The same where the surface was not seen in the last frame (paper 003, 6.4), if more; at most 5.
+    /// The same where the surface was not seen in the last frame (paper 003, 6.4), if more; at most 5.  Of
+    /// [`ReuseOrder::Spatiotemporal`] with `temporal` only.
     pub disocclusion_taps: u32,
     /// Rounds of spatial reuse, 1 to 4: a pass each.
     pub rounds: u32,
