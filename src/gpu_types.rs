@@ -197,21 +197,28 @@ pub struct GpuCounters {
     pub pad: u32,
 }
 
-pub const DIRECT_BSDF_CANDIDATE: u32 = 1;
-pub const DIRECT_CANDIDATE_RAYS: u32 = 2;
-pub const DIRECT_TARGET_RAYS: u32 = 4;
-pub const DIRECT_DISCARD: u32 = 8;
-pub const DIRECT_MIS_RAYS: u32 = 16;
-pub const DIRECT_SHADING_RAYS: u32 = 32;
-pub const DIRECT_REUSE_VISIBILITY: u32 = 64;
-pub const DIRECT_HEURISTICS: u32 = 128;
-pub const DIRECT_DECOUPLED: u32 = 256;
-pub const DIRECT_FROM_PREVIOUS: u32 = 512;
-pub const DIRECT_SHADE: u32 = 1024;
-pub const DIRECT_SEEN: u32 = 2048;
-pub const DIRECT_SIMPLE_TARGET: u32 = 4096;
-pub const DIRECT_BILINEAR: u32 = 8192;
-pub const DIRECT_SAME_MATERIAL: u32 = 16384;
+pub const RESAMPLE_BSDF_CANDIDATE: u32 = 1;
+pub const RESAMPLE_CANDIDATE_RAYS: u32 = 2;
+pub const RESAMPLE_TARGET_RAYS: u32 = 4;
+pub const RESAMPLE_DISCARD: u32 = 8;
+pub const RESAMPLE_MIS_RAYS: u32 = 16;
+pub const RESAMPLE_SHADING_RAYS: u32 = 32;
+pub const RESAMPLE_REUSE_VISIBILITY: u32 = 64;
+pub const RESAMPLE_HEURISTICS: u32 = 128;
+pub const RESAMPLE_DECOUPLED: u32 = 256;
+pub const RESAMPLE_FROM_PREVIOUS: u32 = 512;
+pub const RESAMPLE_SHADE: u32 = 1024;
+pub const RESAMPLE_SEEN: u32 = 2048;
+pub const RESAMPLE_SIMPLE_TARGET: u32 = 4096;
+pub const RESAMPLE_BILINEAR: u32 = 8192;
+pub const RESAMPLE_SAME_MATERIAL: u32 = 16384;
+pub const RESAMPLE_MOVED: u32 = 32768;
+pub const RESAMPLE_TRACE_FORTH: u32 = 65536;
+pub const RESAMPLE_TRACE_BACK: u32 = 131072;
+
+pub const RECONNECT_FOOTPRINTS: u32 = 0;
+pub const RECONNECT_BLACK_BOX: u32 = 1;
+pub const RECONNECT_DISTANCE: u32 = 2;
 
 pub const MIS_UNIFORM: u32 = 0;
 pub const MIS_VALID: u32 = 1;
@@ -229,10 +236,12 @@ pub const PRESAMPLED_LIGHT_SIZE: u64 = 48;
 
 /// Bytes of a reservoir of direct light.
 pub const DIRECT_RESERVOIR_SIZE: u64 = 16;
+/// Bytes of a reservoir of whole paths.
+pub const PATH_RESERVOIR_SIZE: u64 = 64;
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-pub struct GpuDirectSettings {
+pub struct GpuResampleSettings {
     pub candidates: u32,
     pub subset_count: u32,
     pub subset_size: u32,
@@ -250,7 +259,7 @@ pub struct GpuDirectSettings {
     pub visibility_radius: f32,
     pub tiling: u32,
     pub round: u32,
-    pub pad_a: u32,
-    pub pad_b: u32,
-    pub pad_c: u32,
+    pub reconnection: u32,
+    pub roughness: f32,
+    pub separation: f32,
 }

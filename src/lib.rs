@@ -28,8 +28,8 @@ mod view;
 pub use passes::pipelines::plant_shader_defs;
 pub use passes::{SPAN_PREFIX, pass_names, pipelines::PipelineReport};
 pub use settings::{
-    BiasCorrection, DebugView, Direct, EmissiveLuminance, Mis, Preset, ReservoirLayout, Restir, RestirEnvironment,
-    ReuseOrder, Technique, VisibilityReuse,
+    BiasCorrection, DebugView, Direct, EmissiveLuminance, Mis, Paths, Preset, Reconnection, ReservoirLayout, Restir,
+    RestirEnvironment, ReuseOrder, Suffix, Technique, VisibilityReuse,
 };
 pub use statistics::{RestirReport, RestirStatistics};
 pub use view::capture::{CapturedRadiance, RadianceCapture};
@@ -55,8 +55,8 @@ use core::any::TypeId;
 /// Everything that an app needs.
 pub mod prelude {
     pub use crate::{
-        BiasCorrection, DebugView, Direct, EmissiveLuminance, Mis, Preset, ReservoirLayout, Restir, RestirEnvironment,
-        RestirPlugin, ReuseOrder, Technique, VisibilityReuse,
+        BiasCorrection, DebugView, Direct, EmissiveLuminance, Mis, Paths, Preset, Reconnection, ReservoirLayout,
+        Restir, RestirEnvironment, RestirPlugin, ReuseOrder, Suffix, Technique, VisibilityReuse,
     };
 }
 

@@ -11,12 +11,13 @@ use bevy::{
 };
 
 mod direct;
+mod paths;
 
 pub use direct::{BiasCorrection, Direct, Mis, ReservoirLayout, ReuseOrder, VisibilityReuse};
+pub use paths::{Paths, Reconnection, Suffix};
 
 /// How light is carried from the scene to a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
-#[expect(clippy::manual_non_exhaustive, reason = "the hidden one is being built")]
 pub enum Technique {
     /// Unidirectional path tracing: next-event estimation and BSDF sampling joined by the balance heuristic, Russian roulette,
     /// accumulated over frames for as long as nothing that it shows changes.  Unbiased; every other technique is held against it.
@@ -25,8 +26,7 @@ pub enum Technique {
     /// ReSTIR DI (Wyman and Panteleev 2021, paper 003): emission and direct light, one bounce whatever `bounces` says (none where that
     /// is 0).  See [`Direct`].
     Di,
-    /// The candidates of ReSTIR PT, not reused yet: for the tests of what is being built.
-    #[doc(hidden)]
+    /// ReSTIR PT (Lin et al. 2022, improved as in paper 000): whole paths up to `bounces`, direct light among them.  See [`Paths`].
     Pt,
 }
 
@@ -116,6 +116,8 @@ pub struct Restir {
     pub seed: u32,
     /// Direct light, for [`Technique::Di`].
     pub direct: Direct,
+    /// Whole paths, for [`Technique::Pt`].
+    pub paths: Paths,
     /// Shows the mean of all frames for as long as nothing that is shown changes: for stills.  [`Technique::Reference`] always does.
     pub accumulate: bool,
     /// Shows something else than light.
@@ -158,6 +160,7 @@ impl Restir {
             energy_compensation: true,
             seed: 0,
             direct,
+            paths: Paths::default(),
             accumulate: false,
             debug_view: DebugView::Off,
             reset: false,
@@ -172,6 +175,7 @@ impl Restir {
             self.bounces = Self::MAX_BOUNCES;
         }
         self.direct.validate(&mut |warning| warnings.push(warning));
+        self.paths.validate(&mut |warning| warnings.push(warning));
         if self.debug_view.is_of_reservoirs() && self.technique != Technique::Di {
             warnings
                 .push(format!("debug_view = {:?} shows nothing of technique {:?}", self.debug_view, self.technique));

@@ -20,6 +20,7 @@ mod light_counts;
 mod lights;
 mod motion_vectors;
 mod offset;
+mod path_light;
 mod path_shift;
 mod references;
 mod render_cli;

@@ -1,38 +1,15 @@
-//! What ReSTIR PT is built on: trees of paths carry what the reference carries (two one-sided tests at α = 0.01 on the image mean, margin
-//! 1 %, 24 restarts of 32 frames, and the 8 x 8 tiles by chi-squared), and a path is its own image in its own pixel.
+//! What ReSTIR PT is built on: a path is its own image in its own pixel.
 
-use crate::support::{app::*, direct::*, equivalence::Restarts, proof::emission};
+use crate::support::{
+    app::*,
+    direct::*,
+    proof::{Subject, emission},
+};
 use bevy::prelude::*;
-use bevy_restir::{Technique, plant_shader_defs};
+use bevy_restir::{Paths, plant_shader_defs};
 use std::collections::BTreeMap;
 
 const BOUNCES: u32 = 4;
-
-fn restarts(rig: &mut Rig, technique: Technique, first_seed: u32) -> Restarts {
-    let mut restarts = Restarts::default();
-    let emitted = emission(rig);
-    rig.set(|r| (r.technique, r.bounces) = (technique, BOUNCES));
-    rig.until_ready();
-    for i in 0..24 {
-        rig.set(|r| r.seed = first_seed + i);
-        rig.frames(31);
-        restarts.add(&rig.next(), &emitted);
-    }
-    restarts
-}
-
-#[test]
-fn trees_of_paths_carry_what_the_reference_carries() {
-    let Some(mut rig) = scene(32, |rig| surrounded(rig, true)) else { return };
-    let truth = restarts(&mut rig, Technique::Reference, 100);
-    let first = restarts(&mut rig, Technique::Pt, 500).compare(&truth, 0.01);
-    eprintln!("trees: {first}");
-    if !first.is_equal() {
-        let second = restarts(&mut rig, Technique::Pt, 900).compare(&truth, 0.01);
-        assert!(second.is_equal(), "{first}, then {second}");
-    }
-    rig.assert_sound();
-}
 
 /// Number of paths, by how they end, their length and where others reconnect to them, that cannot be shifted into their own pixel for a
 /// reason; and the largest relative error of what they carry there.
@@ -41,7 +18,11 @@ type Census = BTreeMap<(u32, u32), (u32, f32)>;
 fn census(rig: &mut Rig, seeds: u32) -> Census {
     let emitted = emission(rig);
     plant_shader_defs(&mut rig.app, &["TEST_SHIFT_REASON"]);
-    rig.set(|r| (r.technique, r.bounces) = (Technique::Pt, BOUNCES));
+    let alone = Paths { temporal: false, spatial_taps: 0, ..Default::default() };
+    rig.set(|r| {
+        alone.ask(r);
+        r.bounces = BOUNCES;
+    });
     rig.until_ready();
     let mut census = Census::new();
     for seed in 0..seeds {

@@ -22,6 +22,14 @@ fn required(path: &str) -> SceneFeatures {
     }
 }
 
+/// What a pass is compiled for.
+fn domains(path: &str) -> &'static [Option<&'static str>] {
+    match path {
+        "pass/reuse.wgsl" => &[None, Some("RESAMPLES_PATHS")],
+        _ => &[None],
+    }
+}
+
 /// Combinations in which every pair of features takes all four values: greedy over a fixed sequence of candidates.
 fn covering_set() -> Vec<SceneFeatures> {
     let bits: Vec<SceneFeatures> = SceneFeatures::TABLE.iter().map(|(feature, _)| *feature).collect();
@@ -66,13 +74,17 @@ fn every_pass_composes_validates_and_translates_in_every_pair_of_features() {
             if !seen.insert(features) {
                 continue;
             }
-            let module = compose(&mut composer, path, text, &defs(features));
-            let what = format!("{path} with {:?}", features.names());
-            let info = Validator::new(ValidationFlags::all(), Capabilities::SHADER_FLOAT16_IN_FLOAT32)
-                .validate(&module)
-                .unwrap_or_else(|e| panic!("{what}: {e:?}"));
-            stays_inside_the_portable_limits(&module, &info, &what);
-            translates(&module, &info, &what);
+            for domain in domains(path) {
+                let mut defs = defs(features);
+                defs.extend(domain.iter().copied().map(flag));
+                let module = compose(&mut composer, path, text, &defs);
+                let what = format!("{path} with {domain:?} {:?}", features.names());
+                let info = Validator::new(ValidationFlags::all(), Capabilities::SHADER_FLOAT16_IN_FLOAT32)
+                    .validate(&module)
+                    .unwrap_or_else(|e| panic!("{what}: {e:?}"));
+                stays_inside_the_portable_limits(&module, &info, &what);
+                translates(&module, &info, &what);
+            }
         }
     }
 }

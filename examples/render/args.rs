@@ -71,6 +71,7 @@ pub struct Args {
 pub enum TechniqueName {
     Reference,
     Di,
+    Pt,
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
@@ -145,6 +146,7 @@ impl Args {
         settings.technique = match self.technique {
             TechniqueName::Reference => Technique::Reference,
             TechniqueName::Di => Technique::Di,
+            TechniqueName::Pt => Technique::Pt,
         };
         settings.seed = self.seed;
         if let Some(bounces) = self.bounces {

@@ -100,6 +100,12 @@ fn bsdf_is_delta(b: Bsdf) -> bool {
     return b.roughness < ALPHA_DELTA && !(max_component(diffuse_albedo(b)) > 0.0);
 }
 
+// It scatters alike whatever the direction that light comes from.
+fn bsdf_is_diffuse(b: Bsdf) -> bool {
+    let f0 = max(b.dielectric_reflectance, b.metallic * b.base_color);
+    return !(max(max_component(f0), b.transmission) > 0.0);
+}
+
 fn bsdf_lobe_is_delta(b: Bsdf, lobe: u32) -> bool {
     switch lobe {
         case LOBE_REFLECTION: {

@@ -37,8 +37,8 @@ fn triangle_light_at(light: u32, barycentrics: vec2<f32>, from_point: vec3<f32>,
 }
 
 // Density with which the sampler takes a point of the triangle; the sampler's own value, bit for bit, for its own point.
-fn triangle_light_pdf_solid_angle(instance: u32, triangle: u32, from_point: vec3<f32>, position: vec3<f32>) -> f32 {
-    return area_to_solid_angle(world_triangle(instance, triangle, false), from_point, position);
+fn triangle_light_pdf_solid_angle(instance: u32, triangle: u32, from_point: vec3<f32>, position: vec3<f32>, previous: bool) -> f32 {
+    return area_to_solid_angle(world_triangle(instance, triangle, previous), from_point, position);
 }
 
 // Probability that a ray that comes to a point of the triangle meets it.
@@ -58,7 +58,7 @@ fn triangle_light_at(light: u32, barycentrics: vec2<f32>, from_point: vec3<f32>,
     return no_light_sample();
 }
 
-fn triangle_light_pdf_solid_angle(instance: u32, triangle: u32, from_point: vec3<f32>, position: vec3<f32>) -> f32 {
+fn triangle_light_pdf_solid_angle(instance: u32, triangle: u32, from_point: vec3<f32>, position: vec3<f32>, previous: bool) -> f32 {
     return 0.0;
 }
 #endif

@@ -1,13 +1,13 @@
 // What direct lighting keeps of every pixel, in place of light: values as they are, without exposure.
 
 #import bevy_restir::common::constants::NONE
-#import bevy_restir::restir::reservoir::{reservoir_index, reservoir_unpack}
-#import bevy_restir::restir::types::DirectSettings
+#import bevy_restir::restir::bindings::settings
+#import bevy_restir::restir::reservoir::{PackedReservoir, reservoir_unpack}
+#import bevy_restir::restir::tiling::reservoir_index
 #import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::false_color::false_color
 
-@group(2) @binding(0) var<uniform> settings: DirectSettings;
-@group(2) @binding(1) var<storage, read> reservoirs: array<vec4<u32>>;
+@group(2) @binding(1) var<storage, read> reservoirs: array<PackedReservoir>;
 @group(2) @binding(2) var<storage, read_write> radiance: array<vec4<f32>>;
 
 // Equal to the order of `DebugView` in src/settings.rs.

@@ -5,51 +5,31 @@
 #import bevy_restir::bsdf::bsdf::{bsdf_is_delta, bsdf_sample}
 #import bevy_restir::common::constants::{FAR, NONE, NON_FINITE}
 #import bevy_restir::common::math::max_component
-#import bevy_restir::common::rng::{pcg4d, Rng, rng_1, rng_3, rng_4, rng_bits, rng_new, STREAM_CANDIDATES}
+#import bevy_restir::common::rng::{Rng, rng_1, rng_3, rng_bits, rng_new, STREAM_CANDIDATES}
 #import bevy_restir::light::environment::environment_radiance
-#import bevy_restir::light::point_on_light::{environment_light_point, LightPoint, light_point_at, light_point_sample, no_light_point, triangle_light_point}
-#import bevy_restir::light::presampled::{presampled_at, presampled_point, PresampledLight}
-#import bevy_restir::light::select::{environment_pmf, light_pmf, light_select}
+#import bevy_restir::light::point_on_light::{environment_light_point, LightPoint, light_point_at, no_light_point, triangle_light_point}
+#import bevy_restir::light::select::{environment_pmf, light_pmf}
 #import bevy_restir::light::types::LightSample
 #import bevy_restir::path::medium::{medium_towards, transmittance}
-#import bevy_restir::restir::direct::{bsdf_pdf_of, evaluate, evaluate_arriving, evaluate_sample, is_visible, presence_of, Receiver, receiver_of, target_value}
-#import bevy_restir::restir::reservoir::{no_reservoir, Reservoir, reservoir_index, reservoir_pack}
+#import bevy_restir::restir::bindings::settings
+#import bevy_restir::restir::candidate::{light_candidate, presence_of, subset_of}
+#import bevy_restir::restir::direct::{bsdf_pdf_of, evaluate, evaluate_arriving, evaluate_sample, is_visible, Receiver, receiver_of, target_value}
+#import bevy_restir::restir::reservoir::{no_reservoir, PackedReservoir, Reservoir, reservoir_pack}
 #import bevy_restir::restir::stream::{Stream, stream_add, stream_ucw}
-#import bevy_restir::restir::types::{DIRECT_BSDF_CANDIDATE, DIRECT_CANDIDATE_RAYS, DIRECT_SIMPLE_TARGET, DirectSettings}
+#import bevy_restir::restir::types::{RESAMPLE_BSDF_CANDIDATE, RESAMPLE_CANDIDATE_RAYS, RESAMPLE_SIMPLE_TARGET}
+#import bevy_restir::restir::tiling::reservoir_index
 #import bevy_restir::scene::surface::surface_at
 #import bevy_restir::trace::offset::offset_point
 #import bevy_restir::trace::ray::{Ray, rays_traced, trace_flags}
 #import bevy_restir::trace::software::trace_closest
 #import bevy_restir::view::bindings::{ray_counts, view, visibility}
 
-@group(2) @binding(0) var<uniform> settings: DirectSettings;
-@group(2) @binding(1) var<storage, read> subsets: array<PresampledLight>;
-@group(2) @binding(2) var<storage, read_write> reservoirs: array<vec4<u32>>;
+@group(2) @binding(2) var<storage, read_write> reservoirs: array<PackedReservoir>;
 @group(2) @binding(3) var unresampled: texture_storage_2d<rgba32float, write>;
-
-struct Candidate {
-    point: LightPoint,
-    pmf: f32,
-    light: LightSample,        // as the receiver sees it
-    presence: f32,
-}
-
-// A light candidate, from the subset of the pixel's tile or from the whole table.
-fn light_candidate(r: Receiver, subset: u32, rng: ptr<function, Rng>) -> Candidate {
-    let u = rng_4(rng);
-    if settings.subset_count == 0u {
-        let choice = light_select(u.xy);
-        let p = light_point_sample(choice.light, u.zw);
-        let l = light_point_at(p, r.surface.position, false);
-        return Candidate(p, choice.pmf, l, presence_of(l));
-    }
-    let s = subsets[subset * settings.subset_size + min(u32(u.x * f32(settings.subset_size)), settings.subset_size - 1u)];
-    return Candidate(presampled_point(s), s.pmf, presampled_at(s, r.surface.position), s.presence);
-}
 
 // What candidates are chosen by; any target that is positive where light is will do (paper 003, 3.3).
 fn candidate_target(r: Receiver, l: LightSample) -> f32 {
-    if (settings.flags & DIRECT_SIMPLE_TARGET) != 0u {
+    if (settings.flags & RESAMPLE_SIMPLE_TARGET) != 0u {
         return target_value(evaluate_arriving(r, l));
     }
     return target_value(evaluate_sample(r, l));
@@ -104,9 +84,8 @@ fn direct_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     var rng = rng_new(pixel, view.frame, STREAM_CANDIDATES, view.seed);
     let r = receiver_of(ids, pixel, false);
-    let tile = pixel / settings.tile;
-    let subset = pcg4d(vec4<u32>(tile, view.frame, view.seed ^ 0x711e5u)).x % max(settings.subset_count, 1u);
-    let with_bsdf = (settings.flags & DIRECT_BSDF_CANDIDATE) != 0u;
+    let subset = subset_of(pixel, 0u);
+    let with_bsdf = (settings.flags & RESAMPLE_BSDF_CANDIDATE) != 0u;
 
     // p̂ over the sum of both techniques' densities is the balance heuristic's weight of a candidate.
     var stream = Stream(0.0, NONE);
@@ -116,7 +95,7 @@ fn direct_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
     // The value that a candidate was weighed by is the one that its contribution weight is divided by, exact or not.
     var chosen_target = 0.0;
     for (var i = 0u; i < lights; i++) {
-        let c = light_candidate(r, subset, &rng);
+        let c = light_candidate(r.surface.position, subset, &rng);
         let value = candidate_target(r, c.light);
         let u = rng_1(&rng);
         let of_bsdf = select(0.0, bsdf_pdf_of(r, c.light, c.presence), with_bsdf);
@@ -142,8 +121,8 @@ fn direct_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
     // The chosen one is seen or it is nothing; that counts as a candidate all the same.  The BSDF's ray has seen its own.
     var reservoir = Reservoir(chosen, 0.0, 1.0, true);
     if chosen.light != NONE {
-        let is_known = stream.selected == settings.candidates || (settings.flags & DIRECT_CANDIDATE_RAYS) == 0u;
-        if is_known || is_visible(r, evaluate(r, chosen), rng_bits(&rng).x) {
+        let is_known = stream.selected == settings.candidates || (settings.flags & RESAMPLE_CANDIDATE_RAYS) == 0u;
+        if is_known || is_visible(r, evaluate(r, reservoir), rng_bits(&rng).x) {
             reservoir.ucw = stream_ucw(stream, chosen_target);
         }
     }

@@ -3,10 +3,9 @@
 
 #import bevy_restir::common::rng::{rng_4, rng_new, STREAM_PRESAMPLE}
 #import bevy_restir::light::presampled::{presample_light, PresampledLight}
-#import bevy_restir::restir::types::DirectSettings
+#import bevy_restir::restir::bindings::settings
 #import bevy_restir::view::bindings::view
 
-@group(2) @binding(0) var<uniform> settings: DirectSettings;
 @group(2) @binding(1) var<storage, read_write> subsets: array<PresampledLight>;
 
 // x: in the subset; y: which one.

@@ -3,14 +3,16 @@
 
 #import bevy_restir::common::constants::{NONE, NON_FINITE}
 #import bevy_restir::common::math::is_finite_3
-#import bevy_restir::restir::direct::receiver_of
 #import bevy_restir::view::backdrop::backdrop
 #import bevy_restir::view::bindings::{ray_counts, view, visibility}
 #import bevy_restir::view::camera::primary_ray
+#import bevy_restir::view::primary::primary_surface
 
+// What a technique does not find is one black texel.
 @group(2) @binding(0) var unresampled: texture_2d<f32>;
 @group(2) @binding(1) var resampled: texture_2d<f32>;
-@group(2) @binding(2) var<storage, read_write> radiance: array<vec4<f32>>;
+@group(2) @binding(2) var of_paths: texture_2d<f32>;
+@group(2) @binding(3) var<storage, read_write> radiance: array<vec4<f32>>;
 
 @compute @workgroup_size(8, 8)
 fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -23,8 +25,9 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
     if ids.x == NONE {
         light = backdrop(primary_ray(pixel).direction);
     } else {
-        let s = receiver_of(ids, pixel, false).surface;
-        light = s.emission + s.unlit + textureLoad(unresampled, pixel, 0).rgb + textureLoad(resampled, pixel, 0).rgb;
+        let s = primary_surface(ids, pixel, false).surface;
+        light = s.emission + s.unlit + textureLoad(unresampled, pixel, 0).rgb + textureLoad(resampled, pixel, 0).rgb
+            + textureLoad(of_paths, pixel, 0).rgb;
     }
     if !is_finite_3(light) {
         light = vec3<f32>(0.0);

@@ -26,7 +26,7 @@ fn emission_pdf(light: u32, instance: u32, triangle: u32, from_point: vec3<f32>,
     if light == NONE {
         return 0.0;
     }
-    return light_pmf(light) * triangle_light_pdf_solid_angle(instance, triangle, from_point, position);
+    return light_pmf(light) * triangle_light_pdf_solid_angle(instance, triangle, from_point, position, false);
 }
 
 // Light that one sampled emitter sends to `s` and on to wo: f·L·cos/pdf weighed against BSDF sampling; a shadow ray.

@@ -1,4 +1,4 @@
-// Whether a point of a light is seen from a surface: one ray, free of the triangles at both its ends.
+// The rays along which points of lights and surfaces are seen: free of the triangles at both their ends.
 #define_import_path bevy_restir::path::shadow
 
 #import bevy_restir::common::constants::{FAR, LIGHT_TRIANGLE}
@@ -9,9 +9,8 @@
 #import bevy_restir::trace::ray::Ray
 #import bevy_restir::trace::software::trace_any
 
-// `previous`: whether it was seen in the last frame; surface and sample are of that frame.
-fn light_is_visible(s: Surface, l: LightSample, alpha_seed: u32, previous: bool) -> bool {
-    // From an offset point to one just short of the light's surface.
+// The ray that a point of a light is seen along: from an offset point to one just short of the light's surface.
+fn ray_to_light(s: Surface, l: LightSample) -> Ray {
     let origin = offset_point(s.position, s.bsdf.n_geo, l.wi, s.offset);
     var ray = Ray(origin, 0.0, l.wi, FAR);
     if l.distance < FAR {
@@ -19,15 +18,20 @@ fn light_is_visible(s: Surface, l: LightSample, alpha_seed: u32, previous: bool)
         ray.direction = end - origin;
         ray.t_max = 1.0;
     }
-    return !trace_any(ray, alpha_seed, previous);
+    return ray;
 }
 
-// Whether one surface is seen from another.
-fn surface_is_visible(a: Surface, b: Surface, alpha_seed: u32, previous: bool) -> bool {
+// The ray that one surface is seen along from another.
+fn ray_between(a: Surface, b: Surface) -> Ray {
     let direction = b.position - a.position;
     let origin = offset_point(a.position, a.bsdf.n_geo, direction, a.offset);
     let end = offset_point(b.position, b.bsdf.n_geo, -direction, b.offset);
-    return !trace_any(Ray(origin, 0.0, end - origin, 1.0), alpha_seed, previous);
+    return Ray(origin, 0.0, end - origin, 1.0);
+}
+
+// `previous`: whether it was seen in the last frame; surface and sample are of that frame.
+fn light_is_visible(s: Surface, l: LightSample, alpha_seed: u32, previous: bool) -> bool {
+    return !trace_any(ray_to_light(s, l), alpha_seed, previous);
 }
 
 fn light_offset(l: LightSample) -> f32 {

@@ -5,21 +5,23 @@
 
 #import bevy_restir::bsdf::bsdf::{bsdf_eval, bsdf_is_delta, bsdf_pdf}
 #import bevy_restir::common::constants::{FAR, NONE}
-#import bevy_restir::common::math::{luminance, max_component}
-#import bevy_restir::common::rng::{Rng, rng_1, rng_4}
+#import bevy_restir::common::math::{is_finite_3, luminance, max_component}
+#import bevy_restir::common::rng::{Rng, rng_1}
 #import bevy_restir::light::environment::{environment_pdf, environment_radiance}
-#import bevy_restir::light::point_on_light::{light_point_at, light_point_sample, LightPoint}
-#import bevy_restir::light::select::{environment_pmf, light_pmf, light_select}
+#import bevy_restir::light::point_on_light::{light_point_at, LightPoint, no_light_point}
+#import bevy_restir::light::select::light_pmf
 #import bevy_restir::light::triangle::triangle_light_pdf_solid_angle
-#import bevy_restir::light::types::LightSample
+#import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample}
 #import bevy_restir::path::medium::transmittance
-#import bevy_restir::path::random::{OF_LIGHT_RAY, OF_RAY, path_alpha_seed}
+#import bevy_restir::path::random::{OF_LIGHT_RAY, OF_RAY, path_alpha_seed, path_seed}
 #import bevy_restir::path::sample::{END_EMITTER, END_ENVIRONMENT, END_LIGHT, kept_barycentrics, no_path_sample, PathSample}
 #import bevy_restir::path::shadow::light_is_visible
 #import bevy_restir::path::walk::{sampled_step, Step, step_medium, Vertex}
+#import bevy_restir::restir::bindings::settings
+#import bevy_restir::restir::candidate::{light_candidate, subset_of}
 #import bevy_restir::restir::stream::{Stream, stream_add, stream_ucw}
 #import bevy_restir::scene::surface::{Surface, surface_at}
-#import bevy_restir::shift::connect::{Connection, Departure, departure, geometry_factor, is_connectable, is_connectable_end}
+#import bevy_restir::shift::connect::{Connection, Departure, departure, geometry_factor, is_connectable, is_connectable_end, is_rough}
 #import bevy_restir::trace::offset::offset_point
 #import bevy_restir::trace::ray::Ray
 #import bevy_restir::trace::software::trace_closest
@@ -37,25 +39,73 @@ struct Tree {
     survival: f32,            // probability that roulette let them live
 }
 
-// What aiming at a point of a light from a vertex gives: f·L·|cos|·MIS / density of the light's own measure; without visibility.
+// A path that was chosen, its contribution weight, and what it carries.
+struct Chosen {
+    path: PathSample,
+    ucw: f32,
+    f: vec3<f32>,
+}
+
+// What aiming at a point of a light from a vertex gives, in the light's measure: f·L·|cos|·MIS; without visibility.
 struct Aimed {
     f: vec3<f32>,
     light: LightSample,
     pdf_bsdf: f32,            // marginal density of the direction
 }
 
-fn aim(v: Vertex, p: LightPoint, pmf: f32, previous: bool) -> Aimed {
+// `count`: expected number of candidates that the vertex aims at the light (paper 000, 5: M p₁ against p₂).
+fn aim(v: Vertex, p: LightPoint, count: f32, previous: bool) -> Aimed {
     let l = light_point_at(p, v.surface.position, previous);
-    let pdf = pmf * l.pdf_solid_angle;
     var a = Aimed(vec3<f32>(0.0), l, 0.0);
-    if !(pdf > 0.0) {
+    if !(l.pdf_solid_angle > 0.0) {
         return a;
     }
     a.pdf_bsdf = bsdf_pdf(v.surface.bsdf, v.wo, l.wi);
+    let pdf = count * l.pdf_solid_angle;
     let weight = select(pdf / (pdf + a.pdf_bsdf), 1.0, l.delta != 0u);
     let carried = transmittance(step_medium(v, l.wi), l.distance);
-    a.f = bsdf_eval(v.surface.bsdf, v.wo, l.wi) * l.radiance * carried * (weight / pdf);
+    a.f = bsdf_eval(v.surface.bsdf, v.wo, l.wi) * l.radiance * carried * (weight / l.pdf_solid_angle);
+    if !is_finite_3(a.f) {
+        a.f = vec3<f32>(0.0);
+    }
     return a;
+}
+
+// How many lights a path aims at from the vertex of this index, to keep one of them (paper 000, Fig. 4): fewer at later ones.
+fn light_candidates(index: u32) -> u32 {
+    return max(settings.candidates / (index * index), 1u);
+}
+
+// How many of them are expected to be this light.
+fn expected_candidates(light: u32, index: u32) -> f32 {
+    return f32(light_candidates(index)) * light_pmf(light);
+}
+
+// One of them by what it brings to the vertex, whether it is seen or not, and its contribution weight.
+struct AimedAt {
+    point: LightPoint,
+    ucw: f32,
+}
+
+fn choose_light(v: Vertex, index: u32, pixel: vec2<u32>, rng: ptr<function, Rng>) -> AimedAt {
+    let count = light_candidates(index);
+    let subset = subset_of(pixel, index);
+    var stream = Stream(0.0, NONE);
+    var chosen = no_light_point();
+    var chosen_target = 0.0;
+    for (var i = 0u; i < count; i++) {
+        let c = light_candidate(v.surface.position, subset, rng);
+        let u = rng_1(rng);
+        if !(c.pmf > 0.0) || !(c.light.pdf_solid_angle > 0.0) {
+            continue;
+        }
+        let value = luminance(bsdf_eval(v.surface.bsdf, v.wo, c.light.wi) * c.light.radiance) / c.light.pdf_solid_angle;
+        if stream_add(&stream, i, value / (f32(count) * c.pmf), u) {
+            chosen = c.point;
+            chosen_target = value;
+        }
+    }
+    return AimedAt(chosen, stream_ucw(stream, chosen_target));
 }
 
 // Weight of a path whose last ray met light that its vertex aims at with density `light_pdf`; a delta is never aimed.
@@ -63,11 +113,12 @@ fn met_weight(step: Step, light_pdf: f32) -> f32 {
     return select(step.pdf / (step.pdf + light_pdf), 1.0, step.delta || !(light_pdf > 0.0));
 }
 
-fn offer(tree: ptr<function, Tree>, candidate: PathSample, f: vec3<f32>, u: f32) {
+// A candidate with its contribution weight, but for roulette.
+fn offer(tree: ptr<function, Tree>, candidate: PathSample, f: vec3<f32>, ucw: f32, u: f32) {
     let value = luminance(f);
     // SPIR-V takes no pointer to a member.
     var stream = (*tree).stream;
-    let selected = stream_add(&stream, candidate.length, value / (*tree).survival, u);
+    let selected = stream_add(&stream, candidate.length, value * ucw / (*tree).survival, u);
     (*tree).stream = stream;
     if selected {
         (*tree).sample = candidate;
@@ -76,14 +127,9 @@ fn offer(tree: ptr<function, Tree>, candidate: PathSample, f: vec3<f32>, u: f32)
     }
 }
 
-// A path that was chosen, and what it carries in primary sample space.
-struct Chosen {
-    sample: PathSample,
-    f: vec3<f32>,
-}
-
 // The paths of a first vertex; at most `view.bounces` scattering events.
-fn path_tree(first: Vertex, seed: vec2<u32>, c: Connection, rng: ptr<function, Rng>) -> Chosen {
+fn path_tree(first: Vertex, pixel: vec2<u32>, c: Connection, rng: ptr<function, Rng>) -> Chosen {
+    let seed = path_seed(pixel);
     var tree = Tree(Stream(0.0, NONE), no_path_sample(), vec3<f32>(0.0), no_path_sample(), 1.0);
     tree.grown.seed = seed;
     var v = first;
@@ -95,24 +141,25 @@ fn path_tree(first: Vertex, seed: vec2<u32>, c: Connection, rng: ptr<function, R
         tree.grown.length = index + 1u;
 
         // Aim at a light.
-        let u = rng_4(rng);
-        let choice = light_select(u.xy);
-        if choice.pmf > 0.0 && !bsdf_is_delta(v.surface.bsdf) {
-            let p = light_point_sample(choice.light, u.zw);
-            let a = aim(v, p, choice.pmf, false);
+        var aimed_at = AimedAt(no_light_point(), 0.0);
+        if !bsdf_is_delta(v.surface.bsdf) {
+            aimed_at = choose_light(v, index, pixel, rng);
+        }
+        if aimed_at.ucw > 0.0 {
+            let a = aim(v, aimed_at.point, expected_candidates(aimed_at.point.light, index), false);
             if max_component(a.f) > 0.0 && light_is_visible(v.surface, a.light, path_alpha_seed(seed, index, OF_LIGHT_RAY), false) {
                 var aimed = tree.grown;
                 aimed.end = END_LIGHT;
-                aimed.light = p;
+                aimed.light = aimed_at.point;
                 if aimed.reconnection != 0u {
                     aimed.radiance = suffix * a.f;
-                } else if index > 1u && is_connectable(before, v.surface, a.pdf_bsdf, c) {
+                } else if index > 1u && is_connectable(before, v.surface, a.pdf_bsdf, true, c) {
                     // Nothing is sampled after the connection: the light is where it is.
                     aimed = connected(aimed, before, v.surface, index);
                 } else {
                     aimed.reconnection = index + 1u;
                 }
-                offer(&tree, aimed, throughput * a.f, rng_1(rng));
+                offer(&tree, aimed, throughput * a.f, aimed_at.ucw, rng_1(rng));
             }
         }
 
@@ -123,7 +170,7 @@ fn path_tree(first: Vertex, seed: vec2<u32>, c: Connection, rng: ptr<function, R
         }
         if tree.grown.reconnection != 0u {
             suffix *= step.weight;
-        } else if index > 1u && !step.delta && is_connectable(before, v.surface, step.pdf, c) {
+        } else if index > 1u && !step.delta && is_connectable(before, v.surface, step.pdf, is_rough(v, step, c), c) {
             tree.grown = connected(tree.grown, before, v.surface, index);
             tree.grown.density *= step.pdf_lobe;
             tree.grown.lobe_after = step.lobe;
@@ -146,7 +193,7 @@ fn path_tree(first: Vertex, seed: vec2<u32>, c: Connection, rng: ptr<function, R
         let origin = offset_point(v.surface.position, v.surface.bsdf.n_geo, step.wi, v.surface.offset);
         let hit = trace_closest(Ray(origin, 0.0, step.wi, FAR), path_alpha_seed(seed, index, OF_RAY));
         if hit.instance == NONE {
-            let light_pdf = environment_pmf() * environment_pdf(step.wi);
+            let light_pdf = expected_candidates(ENVIRONMENT_LIGHT, index) * environment_pdf(step.wi);
             let radiance = environment_radiance(step.wi);
             let weight = met_weight(step, light_pdf);
             var met = tree.grown;
@@ -162,7 +209,7 @@ fn path_tree(first: Vertex, seed: vec2<u32>, c: Connection, rng: ptr<function, R
                 met.wi = step.wi;
                 met.density = step.pdf_lobe;
             }
-            offer(&tree, met, throughput * radiance * weight, rng_1(rng));
+            offer(&tree, met, throughput * radiance * weight, 1.0, rng_1(rng));
             break;
         }
         let barycentrics = kept_barycentrics(hit.barycentrics);
@@ -172,7 +219,7 @@ fn path_tree(first: Vertex, seed: vec2<u32>, c: Connection, rng: ptr<function, R
         suffix *= select(vec3<f32>(1.0), carried, tree.grown.reconnection != 0u);
         tree.grown = place(tree.grown, hit.instance, hit.triangle, barycentrics);
         if max_component(s.emission) > 0.0 {
-            let light_pdf = emission_pdf(s, hit.instance, hit.triangle, v.surface.position);
+            let light_pdf = emission_pdf(s, hit.instance, hit.triangle, v.surface.position, index, false);
             let weight = met_weight(step, light_pdf);
             var met = tree.grown;
             met.end = END_EMITTER;
@@ -184,13 +231,11 @@ fn path_tree(first: Vertex, seed: vec2<u32>, c: Connection, rng: ptr<function, R
             } else if is_connectable_end(before, s, c) {
                 met = connected(met, before, s, index + 1u);
             }
-            offer(&tree, met, throughput * s.emission * weight, rng_1(rng));
+            offer(&tree, met, throughput * s.emission * weight, 1.0, rng_1(rng));
         }
         v = Vertex(s, -step.wi, medium);
     }
-    tree.sample.ucw = stream_ucw(tree.stream, tree.sample.target_value);
-    tree.sample.confidence = 1.0;
-    return Chosen(tree.sample, tree.f);
+    return Chosen(tree.sample, stream_ucw(tree.stream, tree.sample.target_value), tree.f);
 }
 
 // Until there is a reconnection vertex the newest one may become it.
@@ -213,10 +258,11 @@ fn connected(s: PathSample, before: Departure, at: Surface, index: u32) -> PathS
     return c;
 }
 
-// Density, solid angle at `from_point`, with which a point of an emissive triangle is aimed at.
-fn emission_pdf(s: Surface, instance: u32, triangle: u32, from_point: vec3<f32>) -> f32 {
+// Density, solid angle at `from_point`, with which the vertex of this index there aims at a point of an emissive triangle: of all its
+// candidates.
+fn emission_pdf(s: Surface, instance: u32, triangle: u32, from_point: vec3<f32>, index: u32, previous: bool) -> f32 {
     if s.light == NONE {
         return 0.0;
     }
-    return light_pmf(s.light) * triangle_light_pdf_solid_angle(instance, triangle, from_point, s.position);
+    return expected_candidates(s.light, index) * triangle_light_pdf_solid_angle(instance, triangle, from_point, s.position, previous);
 }

@@ -3,7 +3,6 @@
 #define_import_path bevy_restir::path::walk
 
 #import bevy_restir::bsdf::bsdf::{bsdf_eval_lobe, bsdf_pdf, bsdf_pdf_lobe, bsdf_sample}
-#import bevy_restir::bsdf::types::Bsdf
 #import bevy_restir::common::math::is_finite_3
 #import bevy_restir::path::medium::medium_towards
 #import bevy_restir::path::random::path_random

@@ -1,16 +1,18 @@
-// The domain of direct lighting: points of lights seen from a surface.  What the resampling routine asks of it: draw, evaluate.
+// The domain of direct lighting: points of lights seen from a surface.  It answers what the routine of reuse (`pass/reuse.wgsl`) asks of
+// a domain, as `restir/paths.wgsl` does.
 #define_import_path bevy_restir::restir::direct
 
 #import bevy_restir::bsdf::bsdf::{bsdf_eval, bsdf_pdf}
+#import bevy_restir::common::constants::NONE
 #import bevy_restir::common::math::{is_finite_3, luminance}
-#import bevy_restir::light::point_on_light::{LightPoint, light_point_at}
-#import bevy_restir::light::triangle::triangle_light_presence
-#import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample}
+#import bevy_restir::light::point_on_light::light_point_at
+#import bevy_restir::light::remap::light_of_this_frame
+#import bevy_restir::light::types::LightSample
 #import bevy_restir::path::medium::{medium_towards, transmittance}
 #import bevy_restir::path::shadow::light_is_visible
-#import bevy_restir::scene::surface::{Shape, shape_at, Surface, surface_at}
-#import bevy_restir::scene::triangle::world_triangle
-#import bevy_restir::view::camera::{barycentrics_on_ray, camera_position, previous_primary_ray, primary_ray}
+#import bevy_restir::restir::reservoir::Reservoir
+#import bevy_restir::scene::surface::Surface
+#import bevy_restir::view::primary::primary_surface
 
 // A pixel's surface and the direction to the viewer, of this frame or the last.
 struct Receiver {
@@ -25,38 +27,13 @@ struct Evaluated {
     light: LightSample,
 }
 
-// The shape that a pixel shows, or showed in the last frame.
-fn shape_of(ids: vec2<u32>, pixel: vec2<u32>, previous: bool) -> Shape {
-    var ray = primary_ray(pixel);
-    if previous {
-        ray = previous_primary_ray(pixel);
-    }
-    let barycentrics = barycentrics_on_ray(world_triangle(ids.x, ids.y, previous), ray);
-    return shape_at(ids.x, ids.y, barycentrics, camera_position(previous), previous);
-}
-
-// The shape that a pixel shows, where it was in the last frame.
-fn previous_shape_of(ids: vec2<u32>, pixel: vec2<u32>) -> Shape {
-    let barycentrics = barycentrics_on_ray(world_triangle(ids.x, ids.y, false), primary_ray(pixel));
-    return shape_at(ids.x, ids.y, barycentrics, camera_position(true), true);
-}
-
-// Whether two surfaces are alike enough to share light (paper 003, Eq. 24).
-fn are_alike(a: Shape, b: Shape, reach: f32, normal_threshold: f32, depth_threshold: f32) -> bool {
-    return dot(a.n, b.n) >= normal_threshold && abs(dot(b.position - a.position, a.n_geo)) <= depth_threshold * reach;
-}
-
 fn receiver_of(ids: vec2<u32>, pixel: vec2<u32>, previous: bool) -> Receiver {
-    var ray = primary_ray(pixel);
-    if previous {
-        ray = previous_primary_ray(pixel);
-    }
-    let barycentrics = barycentrics_on_ray(world_triangle(ids.x, ids.y, previous), ray);
-    return Receiver(surface_at(ids.x, ids.y, barycentrics, -ray.direction, previous), -ray.direction, previous);
+    let s = primary_surface(ids, pixel, previous);
+    return Receiver(s.surface, s.wo, previous);
 }
 
-fn evaluate(r: Receiver, p: LightPoint) -> Evaluated {
-    return evaluate_sample(r, light_point_at(p, r.surface.position, r.previous));
+fn evaluate(r: Receiver, s: Reservoir) -> Evaluated {
+    return evaluate_sample(r, light_point_at(s.point, r.surface.position, r.previous));
 }
 
 fn evaluate_sample(r: Receiver, l: LightSample) -> Evaluated {
@@ -77,6 +54,7 @@ fn evaluate_arriving(r: Receiver, l: LightSample) -> Evaluated {
     return Evaluated(select(vec3<f32>(0.0), f, is_finite_3(f)), l);
 }
 
+// By which samples are chosen and weighed.
 fn target_value(e: Evaluated) -> f32 {
     return luminance(e.f);
 }
@@ -90,13 +68,36 @@ fn bsdf_pdf_of(r: Receiver, l: LightSample, presence: f32) -> f32 {
     return presence * bsdf_pdf(r.surface.bsdf, r.wo, l.wi) / l.pdf_solid_angle;
 }
 
-fn presence_of(l: LightSample) -> f32 {
-    if l.delta != 0u || l.light == ENVIRONMENT_LIGHT {
-        return 1.0;
-    }
-    return triangle_light_presence(l.light, l.barycentrics);
-}
-
 fn is_visible(r: Receiver, e: Evaluated, alpha_seed: u32) -> bool {
     return light_is_visible(r.surface, e.light, alpha_seed, r.previous);
+}
+
+// The measure of a light is the same whoever looks, and in both frames: shifts have no Jacobian, and a sample stays what it is.
+fn jacobian_of(e: Evaluated) -> f32 {
+    return 1.0;
+}
+
+fn arrived(s: Reservoir, e: Evaluated) -> Reservoir {
+    return s;
+}
+
+// Targets are cheap: none is kept.
+fn knows_own_target() -> bool {
+    return false;
+}
+
+fn own_target(s: Reservoir) -> f32 {
+    return 0.0;
+}
+
+fn is_handed_on() -> bool {
+    return false;
+}
+
+// A sample of the last frame in this one: a light that is gone takes it with it, but not its worth.
+fn of_this_frame(s: Reservoir) -> Reservoir {
+    var r = s;
+    r.point.light = light_of_this_frame(s.point.light);
+    r.ucw = select(s.ucw, 0.0, r.point.light == NONE);
+    return r;
 }

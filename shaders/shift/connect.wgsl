@@ -1,19 +1,22 @@
-// Where paths may be reconnected (paper 000, 2-4): vertices far enough apart, by the footprints of both their densities, and a lobe
-// rough enough before the connection.
+// Where paths may be reconnected (paper 000, 2-4): vertices far enough apart, by the footprints of both their densities, and lobes
+// rough enough.
 #define_import_path bevy_restir::shift::connect
 
+#import bevy_restir::bsdf::bsdf::bsdf_is_diffuse
 #import bevy_restir::bsdf::types::{Bsdf, LOBE_DIFFUSE}
 #import bevy_restir::common::constants::FOUR_PI
 #import bevy_restir::path::walk::{Step, Vertex}
+#import bevy_restir::restir::bindings::settings
+#import bevy_restir::restir::types::{RECONNECT_BLACK_BOX, RECONNECT_DISTANCE}
 #import bevy_restir::scene::surface::Surface
 
 // Thresholds of a view.
 struct Connection {
-    footprint: f32,           // c/100 of the footprint of the pixel on its surface, m²
-    roughness: f32,           // least perceptual roughness of the lobe before the connection
+    separation: f32,          // c/100 of the footprint of the pixel on its surface, m²; or least distance, m
+    roughness: f32,           // least perceptual roughness
 }
 
-// One end of a pair: where a path leaves a vertex for the next one.
+// How a path leaves a vertex for the next one.
 struct Departure {
     position: vec3<f32>,
     n_geo: vec3<f32>,
@@ -24,11 +27,14 @@ struct Departure {
 }
 
 // 4π d²/|cos| at the primary hit (Eq. 6), times the threshold.
-fn connection_of(eye: vec3<f32>, s: Surface, threshold: f32, roughness: f32) -> Connection {
+fn connection_of(eye: vec3<f32>, s: Surface) -> Connection {
+    if settings.reconnection == RECONNECT_DISTANCE {
+        return Connection(settings.separation, settings.roughness);
+    }
     let d = s.position - eye;
     let d2 = dot(d, d);
     let cosine = abs(dot(s.bsdf.n_geo, d)) * inverseSqrt(max(d2, 1.0e-37));
-    return Connection(0.01 * threshold * FOUR_PI * d2 / max(cosine, 1.0e-6), roughness);
+    return Connection(0.01 * settings.separation * FOUR_PI * d2 / max(cosine, 1.0e-6), settings.roughness);
 }
 
 // Perceptual roughness of a lobe.
@@ -36,9 +42,17 @@ fn lobe_roughness(b: Bsdf, lobe: u32) -> f32 {
     return select(sqrt(b.roughness), 1.0, lobe == LOBE_DIFFUSE);
 }
 
+// Whether a path that leaves like this may be reconnected.  A material without lobes shows its roughness by its density: a GGX lobe of
+// width α peaks near 1/α² (Eq. 26 as 1/√p >= α).
+fn is_rough(v: Vertex, step: Step, c: Connection) -> bool {
+    if settings.reconnection == RECONNECT_BLACK_BOX {
+        return !step.delta && step.pdf * c.roughness * c.roughness <= 1.0;
+    }
+    return !step.delta && lobe_roughness(v.surface.bsdf, step.lobe) >= c.roughness;
+}
+
 fn departure(v: Vertex, step: Step, c: Connection) -> Departure {
-    let rough = !step.delta && lobe_roughness(v.surface.bsdf, step.lobe) >= c.roughness;
-    return Departure(v.surface.position, v.surface.bsdf.n_geo, step.pdf, step.pdf_lobe, step.lobe, rough);
+    return Departure(v.surface.position, v.surface.bsdf.n_geo, step.pdf, step.pdf_lobe, step.lobe, is_rough(v, step, c));
 }
 
 // |cos at the far end| / d²: from solid angle at one vertex to area at the next.
@@ -48,19 +62,25 @@ fn geometry_factor(from_point: vec3<f32>, to_point: vec3<f32>, n_geo: vec3<f32>)
     return abs(dot(n_geo, d)) * inverseSqrt(max(d2, 1.0e-37)) / max(d2, 1.0e-37);
 }
 
-// The footprint of the ray from a at b is large enough (Eq. 5, forward).  `pdf`: marginal density at a.
-fn footprint_is_large(a: vec3<f32>, b: vec3<f32>, n_geo_b: vec3<f32>, pdf: f32, c: Connection) -> bool {
-    return pdf * geometry_factor(a, b, n_geo_b) * c.footprint <= 1.0;
+// The vertices are far enough apart for a path that leaves a with marginal density `pdf` (Eq. 5, forward).
+fn is_apart(a: vec3<f32>, b: vec3<f32>, n_geo_b: vec3<f32>, pdf: f32, c: Connection) -> bool {
+    if settings.reconnection == RECONNECT_DISTANCE {
+        return distance(a, b) >= c.separation;
+    }
+    return pdf * geometry_factor(a, b, n_geo_b) * c.separation <= 1.0;
 }
 
-// Whether the pair of a departure and the vertex at `s`, from which the path goes on with marginal density `pdf_after`, is connectable.
-fn is_connectable(a: Departure, s: Surface, pdf_after: f32, c: Connection) -> bool {
-    return a.rough
-        && footprint_is_large(a.position, s.position, s.bsdf.n_geo, a.pdf, c)
-        && footprint_is_large(s.position, a.position, a.n_geo, pdf_after, c);
+// Whether the pair of a departure and the vertex at `s` is connectable.  The path goes on from there with marginal density `pdf_after`
+// and lobes that are rough enough or not (Eq. 5, inverse).
+fn is_connectable(a: Departure, s: Surface, pdf_after: f32, rough_after: bool, c: Connection) -> bool {
+    if settings.reconnection == RECONNECT_DISTANCE && !rough_after {
+        return false;
+    }
+    return is_connectable_end(a, s, c)
+        && (bsdf_is_diffuse(s.bsdf) || is_apart(s.position, a.position, a.n_geo, pdf_after, c));
 }
 
 // The same of a vertex that ends the path: light leaves it anyhow.
 fn is_connectable_end(a: Departure, s: Surface, c: Connection) -> bool {
-    return a.rough && footprint_is_large(a.position, s.position, s.bsdf.n_geo, a.pdf, c);
+    return a.rough && is_apart(a.position, s.position, s.bsdf.n_geo, a.pdf, c);
 }

@@ -1,23 +1,26 @@
 // The hybrid shift (paper 000, 1-2; Lin et al. 2022): a path is replayed from another pixel's surface with its own random numbers up to
 // the vertex before the reconnection, and goes on through the vertices that it had.  It is defined only where the shifted path would
 // choose the same reconnection by itself, which makes it its own inverse (`formulas-and-traps` O0 to O3).
+//
+// Between frames in which something moved the reconnection vertex moves with its surface, the direction after it stays, and what follows
+// is replayed with the path's own random numbers, too.
 #define_import_path bevy_restir::shift::hybrid
 
 #import bevy_restir::common::constants::{FAR, NONE}
 #import bevy_restir::common::math::{is_finite, is_finite_3, max_component}
 #import bevy_restir::light::environment::{environment_pdf, environment_radiance}
-#import bevy_restir::light::select::{environment_pmf, light_pmf}
+#import bevy_restir::light::types::ENVIRONMENT_LIGHT
 #import bevy_restir::path::medium::transmittance
 #import bevy_restir::path::random::{OF_LIGHT_RAY, OF_RAY, path_alpha_seed}
 #import bevy_restir::path::sample::{END_EMITTER, END_ENVIRONMENT, END_LIGHT, kept_barycentrics, PathSample}
-#import bevy_restir::path::shadow::{light_is_visible, surface_is_visible}
-#import bevy_restir::path::tree::{aim, Aimed, emission_pdf, met_weight}
-#import bevy_restir::path::walk::{no_step, sampled_step, Step, step_medium, step_towards, Vertex}
+#import bevy_restir::path::shadow::{ray_between, ray_to_light}
+#import bevy_restir::path::tree::{aim, emission_pdf, expected_candidates, met_weight}
+#import bevy_restir::path::walk::{sampled_step, Step, step_medium, step_towards, Vertex}
 #import bevy_restir::scene::surface::{Surface, surface_at}
-#import bevy_restir::shift::connect::{Connection, Departure, departure, geometry_factor, is_connectable, is_connectable_end}
+#import bevy_restir::shift::connect::{Connection, Departure, departure, geometry_factor, is_connectable, is_connectable_end, is_rough}
 #import bevy_restir::trace::offset::offset_point
 #import bevy_restir::trace::ray::Ray
-#import bevy_restir::trace::software::trace_closest_of
+#import bevy_restir::trace::software::{trace_any, trace_closest_of}
 
 // Why a path cannot be shifted.
 const SHIFT_OK: u32 = 0u;
@@ -29,187 +32,266 @@ const SHIFT_BLACK: u32 = 5u;          // nothing is carried
 const SHIFT_HIDDEN: u32 = 6u;         // something stands between
 
 struct Shifted {
-    f: vec3<f32>,             // what the shifted path carries, in primary sample space
-    jacobian: f32,            // of the shift there; 0 where it is not defined
+    path: PathSample,         // as it is there
+    f: vec3<f32>,             // what it carries there, in its own measure
+    jacobian: f32,            // of the shift; 0 where it is not defined
     reason: u32,              // SHIFT_*
-    density: f32,             // `PathSample::density` of the shifted path
 }
 
-fn failed(reason: u32) -> Shifted {
-    return Shifted(vec3<f32>(0.0), 0.0, reason, 0.0);
+// A ray that must meet nothing.
+struct Free {
+    ray: Ray,
+    alpha_seed: u32,
 }
 
-// The replay as far as it has come.
-struct Replay {
+// A path as far as it was shifted.
+struct Walk {
     v: Vertex,
-    index: u32,
-    throughput: vec3<f32>,
     before: Departure,        // from the last vertex, where there is one but the camera
+    throughput: vec3<f32>,    // up to the reconnection vertex, and on to the next one
+    suffix: vec3<f32>,        // from there on
+    after: Step,              // from the reconnection vertex
+    density: f32,
+    free: array<Free, 2>,
+    free_count: u32,
+    reason: u32,
+    f: vec3<f32>,
+    radiance: vec3<f32>,      // `PathSample::radiance` and `light_pdf` where they were found anew
+    light_pdf: f32,
 }
 
-// Whether the pair before the replay's vertex would have been chosen, the path leaving with marginal density `pdf`.
-fn earlier_is_connectable(r: Replay, pdf: f32, is_delta: bool, c: Connection) -> bool {
-    return r.index > 1u && !is_delta && is_connectable(r.before, r.v.surface, pdf, c);
-}
-
-// `previous`: into the last frame.
-fn hybrid_shift(s: PathSample, first: Vertex, c: Connection, previous: bool) -> Shifted {
+// `previous`: into the last frame.  `traces`: what follows the reconnection vertex is not what it was.
+fn hybrid_shift(s: PathSample, first: Vertex, c: Connection, previous: bool, traces: bool) -> Shifted {
     if s.length < 2u {
-        return failed(SHIFT_NO_PATH);
+        return failed(s, SHIFT_NO_PATH);
     }
-    var r: Replay;
-    r.v = first;
-    r.throughput = vec3<f32>(1.0);
-    let last = select(s.reconnection - 1u, s.length, s.reconnection == 0u);
-    for (r.index = 1u; r.index < last; r.index++) {
-        let step = sampled_step(r.v, s.seed, r.index);
+    var w: Walk;
+    w.v = first;
+    w.throughput = vec3<f32>(1.0);
+    w.suffix = vec3<f32>(1.0);
+    w.density = 1.0;
+    w.radiance = s.radiance;
+    w.light_pdf = s.light_pdf;
+    walk(&w, s, c, previous, traces);
+    if w.reason == SHIFT_OK && (!(max_component(w.f) > 0.0) || !is_finite_3(w.f)) {
+        w.reason = SHIFT_BLACK;
+    }
+    for (var i = 0u; i < w.free_count && w.reason == SHIFT_OK; i++) {
+        if trace_any(w.free[i].ray, w.free[i].alpha_seed, previous) {
+            w.reason = SHIFT_HIDDEN;
+        }
+    }
+    // Where nothing is divided by a density the Jacobian is 1.
+    let jacobian = select(1.0, w.density / s.density, s.density > 0.0);
+    if w.reason == SHIFT_OK && (!(jacobian > 0.0) || !is_finite(jacobian)) {
+        w.reason = SHIFT_BLACK;
+    }
+    if w.reason != SHIFT_OK {
+        return failed(s, w.reason);
+    }
+    var path = s;
+    path.density = select(0.0, w.density, s.density > 0.0);
+    path.radiance = w.radiance;
+    path.light_pdf = w.light_pdf;
+    return Shifted(path, w.f, jacobian, SHIFT_OK);
+}
+
+fn failed(s: PathSample, reason: u32) -> Shifted {
+    return Shifted(s, vec3<f32>(0.0), 0.0, reason);
+}
+
+fn walk(w: ptr<function, Walk>, s: PathSample, c: Connection, previous: bool, traces: bool) {
+    for (var index = 1u; index < s.length; index++) {
+        let ends = index + 1u == s.length;
+        if ends && s.end == END_LIGHT {
+            aim_at_light(w, s, index, c, previous, traces);
+            return;
+        }
+
+        // Leave the vertex: for the next one that is kept, as the path left the reconnection vertex, or as its random numbers say.
+        let connects = index + 1u == s.reconnection;
+        let is_kept = connects && !(ends && s.end == END_ENVIRONMENT);
+        var kept: Surface;
+        var step: Step;
+        if is_kept {
+            kept = surface_at(s.instance, s.triangle, s.barycentrics, vec3<f32>(0.0, 0.0, 1.0), previous);
+            let wi = normalize(kept.position - (*w).v.surface.position);
+            kept = surface_at(s.instance, s.triangle, s.barycentrics, -wi, previous);
+            step = step_towards((*w).v, wi, s.lobe_before);
+        } else if connects {
+            step = step_towards((*w).v, s.wi, s.lobe_before);
+        } else if index == s.reconnection {
+            step = step_towards((*w).v, s.wi, s.lobe_after);
+        } else {
+            step = sampled_step((*w).v, s.seed, index);
+        }
         if !step.valid {
-            return failed(SHIFT_ENDED);
+            (*w).reason = SHIFT_ENDED;
+            return;
         }
-        if earlier_is_connectable(r, step.pdf, step.delta, c) {
-            return failed(SHIFT_EARLIER);
+        if !leaves_as_it_should(w, s, index, step, c) {
+            return;
         }
-        let at = r.v.surface;
-        let medium = step_medium(r.v, step.wi);
-        r.throughput *= step.weight;
-        r.before = departure(r.v, step, c);
-        let origin = offset_point(at.position, at.bsdf.n_geo, step.wi, at.offset);
-        let hit = trace_closest_of(Ray(origin, 0.0, step.wi, FAR), path_alpha_seed(s.seed, r.index, OF_RAY), previous);
-        let ends = r.index + 1u == s.length;
-        if hit.instance == NONE {
-            if !ends || s.end != END_ENVIRONMENT {
-                return failed(SHIFT_ENDED);
-            }
-            if r.before.rough {
-                return failed(SHIFT_EARLIER);
-            }
-            let light_pdf = environment_pmf() * environment_pdf(step.wi);
-            return whole(r.throughput * environment_radiance(step.wi) * met_weight(step, light_pdf));
+        let at = (*w).v.surface;
+        let medium = step_medium((*w).v, step.wi);
+        take(w, s, index, step, c);
+
+        // Arrive.
+        if index == s.reconnection && !traces {
+            (*w).f = (*w).throughput * s.radiance * select(1.0, met_weight(step, s.light_pdf), ends);
+            return;
         }
-        let n = surface_at(hit.instance, hit.triangle, kept_barycentrics(hit.barycentrics), -step.wi, previous);
-        r.throughput *= transmittance(medium, distance(n.position, at.position));
-        if ends {
-            if s.end != END_EMITTER || !(max_component(n.emission) > 0.0) {
-                return failed(SHIFT_ENDED);
+        if is_kept {
+            (*w).density *= geometry_factor(at.position, kept.position, kept.bsdf.n_geo);
+            must_be_free(w, ray_between(at, kept), path_alpha_seed(s.seed, index, OF_RAY));
+            arrive(w, s, index, step, kept, s.instance, s.triangle, medium, c, previous);
+        } else {
+            let origin = offset_point(at.position, at.bsdf.n_geo, step.wi, at.offset);
+            let ray = Ray(origin, 0.0, step.wi, FAR);
+            let alpha_seed = path_alpha_seed(s.seed, index, OF_RAY);
+            if connects {
+                // Nothing is met by a free ray.
+                must_be_free(w, ray, alpha_seed);
+                meet_environment(w, s, index, step, c);
+                return;
             }
-            if is_connectable_end(r.before, n, c) {
-                return failed(SHIFT_EARLIER);
+            let hit = trace_closest_of(ray, alpha_seed, previous);
+            if hit.instance == NONE {
+                if ends && s.end == END_ENVIRONMENT {
+                    meet_environment(w, s, index, step, c);
+                } else {
+                    (*w).reason = SHIFT_ENDED;
+                }
+                return;
             }
-            let light_pdf = emission_pdf(n, hit.instance, hit.triangle, at.position);
-            return whole(r.throughput * n.emission * met_weight(step, light_pdf));
+            let n = surface_at(hit.instance, hit.triangle, kept_barycentrics(hit.barycentrics), -step.wi, previous);
+            arrive(w, s, index, step, n, hit.instance, hit.triangle, medium, c, previous);
         }
-        r.v = Vertex(n, -step.wi, medium);
+        if ends || (*w).reason != SHIFT_OK {
+            return;
+        }
     }
-    return reconnect(s, r, c, previous);
 }
 
-// A path that was replayed to its end.
-fn whole(f: vec3<f32>) -> Shifted {
-    return carried(f, 1.0, 0.0);
+// Whether pairs of vertices are connectable where the path reconnects and nowhere before (O1, O2).
+fn leaves_as_it_should(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, c: Connection) -> bool {
+    let is_before = s.reconnection == 0u || index < s.reconnection;
+    if index <= 1u || !(is_before || index == s.reconnection) {
+        return true;
+    }
+    let connectable = !step.delta && is_connectable((*w).before, (*w).v.surface, step.pdf, is_rough((*w).v, step, c), c);
+    if is_before && connectable {
+        (*w).reason = SHIFT_EARLIER;
+    }
+    if !is_before && !connectable {
+        (*w).reason = SHIFT_UNCONNECTABLE;
+    }
+    return (*w).reason == SHIFT_OK;
 }
 
-fn carried(f: vec3<f32>, jacobian: f32, density: f32) -> Shifted {
-    if !(max_component(f) > 0.0) || !is_finite_3(f) || !(jacobian > 0.0) || !is_finite(jacobian) {
-        return failed(SHIFT_BLACK);
+// Takes a step: throughput before, density at, suffix after the reconnection.
+fn take(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, c: Connection) {
+    if s.reconnection != 0u && index > s.reconnection {
+        (*w).suffix *= step.weight;
+        return;
     }
-    return Shifted(f, jacobian, SHIFT_OK, density);
+    (*w).throughput *= step.weight;
+    if index + 1u == s.reconnection || index == s.reconnection {
+        (*w).density *= step.pdf_lobe;
+    }
+    (*w).before = departure((*w).v, step, c);
+    (*w).after = step;
 }
 
-fn reconnect(s: PathSample, r: Replay, c: Connection, previous: bool) -> Shifted {
-    let is_end = s.reconnection == s.length;
-    if is_end && s.end == END_LIGHT {
-        return reconnect_to_light(s, r, c, previous);
-    }
-    if is_end && s.end == END_ENVIRONMENT {
-        return reconnect_to_environment(s, r, c, previous);
-    }
-    return reconnect_to_surface(s, r, c, previous);
-}
-
-// To the point of a light: its density is the light's own, whoever aims.
-fn reconnect_to_light(s: PathSample, r: Replay, c: Connection, previous: bool) -> Shifted {
-    let a = aim(r.v, s.light, light_pmf(s.light.light), previous);
-    if !(max_component(a.f) > 0.0) {
-        return failed(SHIFT_BLACK);
-    }
-    if earlier_is_connectable(r, a.pdf_bsdf, false, c) {
-        return failed(SHIFT_EARLIER);
-    }
-    if !light_is_visible(r.v.surface, a.light, path_alpha_seed(s.seed, r.index, OF_LIGHT_RAY), previous) {
-        return failed(SHIFT_HIDDEN);
-    }
-    return carried(r.throughput * a.f, 1.0, 0.0);
-}
-
-// To a direction.
-fn reconnect_to_environment(s: PathSample, r: Replay, c: Connection, previous: bool) -> Shifted {
-    let step = step_towards(r.v, s.wi, s.lobe_before);
-    if !step.valid {
-        return failed(SHIFT_BLACK);
-    }
-    if earlier_is_connectable(r, step.pdf, false, c) {
-        return failed(SHIFT_EARLIER);
-    }
-    if !departure(r.v, step, c).rough {
-        return failed(SHIFT_UNCONNECTABLE);
-    }
-    let light_pdf = environment_pmf() * environment_pdf(s.wi);
-    let f = r.throughput * step.weight * environment_radiance(s.wi) * met_weight(step, light_pdf);
-    if max_component(f) > 0.0 && !direction_is_visible(r, s, previous) {
-        return failed(SHIFT_HIDDEN);
-    }
-    return carried(f, step.pdf_lobe / s.density, step.pdf_lobe);
-}
-
-fn direction_is_visible(r: Replay, s: PathSample, previous: bool) -> bool {
-    let at = r.v.surface;
-    let ray = Ray(offset_point(at.position, at.bsdf.n_geo, s.wi, at.offset), 0.0, s.wi, FAR);
-    return trace_closest_of(ray, path_alpha_seed(s.seed, r.index, OF_RAY), previous).instance == NONE;
-}
-
-// To a vertex on a surface, where the path goes on, aims at its light, or ends.
-fn reconnect_to_surface(s: PathSample, r: Replay, c: Connection, previous: bool) -> Shifted {
-    let at = r.v.surface;
-    var n = surface_at(s.instance, s.triangle, s.barycentrics, vec3<f32>(0.0, 0.0, 1.0), previous);
-    let wi = normalize(n.position - at.position);
-    n = surface_at(s.instance, s.triangle, s.barycentrics, -wi, previous);
-    let step = step_towards(r.v, wi, s.lobe_before);
-    if !step.valid {
-        return failed(SHIFT_BLACK);
-    }
-    if earlier_is_connectable(r, step.pdf, false, c) {
-        return failed(SHIFT_EARLIER);
-    }
-    let medium = step_medium(r.v, wi);
-    let next = Vertex(n, -wi, medium);
-    let leaving = departure(r.v, step, c);
-    var density = step.pdf_lobe * geometry_factor(at.position, n.position, n.bsdf.n_geo);
-    var f = r.throughput * step.weight * transmittance(medium, distance(n.position, at.position));
-    var connectable = false;
-    if s.reconnection == s.length {
-        connectable = is_connectable_end(leaving, n, c);
-        f *= n.emission * met_weight(step, emission_pdf(n, s.instance, s.triangle, at.position));
-    } else if s.end == END_LIGHT && s.reconnection + 1u == s.length {
-        let a = aim(next, s.light, light_pmf(s.light.light), previous);
-        connectable = is_connectable(leaving, n, a.pdf_bsdf, c);
-        f *= a.f;
+// On a surface, where the path goes on, or ends as it emits.
+fn arrive(
+    w: ptr<function, Walk>,
+    s: PathSample,
+    index: u32,
+    step: Step,
+    n: Surface,
+    instance: u32,
+    triangle: u32,
+    medium: vec3<f32>,
+    c: Connection,
+    previous: bool,
+) {
+    let carried = transmittance(medium, distance(n.position, (*w).v.surface.position));
+    if s.reconnection != 0u && index >= s.reconnection {
+        (*w).suffix *= carried;
     } else {
-        let after = step_towards(next, s.wi, s.lobe_after);
-        if !after.valid {
-            return failed(SHIFT_BLACK);
+        (*w).throughput *= carried;
+    }
+    if index + 1u == s.length {
+        if s.end != END_EMITTER || !(max_component(n.emission) > 0.0) {
+            (*w).reason = SHIFT_ENDED;
+            return;
         }
-        connectable = is_connectable(leaving, n, after.pdf, c);
-        density *= after.pdf_lobe;
-        f *= after.weight * s.radiance;
-        if s.reconnection + 1u == s.length {
-            f *= met_weight(after, s.light_pdf);
+        if s.reconnection == 0u && is_connectable_end((*w).before, n, c) {
+            (*w).reason = SHIFT_EARLIER;
         }
+        if s.reconnection == s.length && !is_connectable_end((*w).before, n, c) {
+            (*w).reason = SHIFT_UNCONNECTABLE;
+        }
+        end_with(w, s, index, step, n.emission, emission_pdf(n, instance, triangle, (*w).v.surface.position, index, previous));
     }
-    if !connectable {
-        return failed(SHIFT_UNCONNECTABLE);
+    (*w).v = Vertex(n, -step.wi, medium);
+}
+
+// In a direction where nothing is.
+fn meet_environment(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, c: Connection) {
+    if s.reconnection == 0u && (*w).before.rough {
+        (*w).reason = SHIFT_EARLIER;
     }
-    if max_component(f) > 0.0 && !surface_is_visible(at, n, path_alpha_seed(s.seed, r.index, OF_RAY), previous) {
-        return failed(SHIFT_HIDDEN);
+    if s.reconnection == s.length && !(*w).before.rough {
+        (*w).reason = SHIFT_UNCONNECTABLE;
     }
-    return carried(f, density / s.density, density);
+    let light_pdf = expected_candidates(ENVIRONMENT_LIGHT, index) * environment_pdf(step.wi);
+    end_with(w, s, index, step, environment_radiance(step.wi), light_pdf);
+}
+
+// The last ray of the path met light.
+fn end_with(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, radiance: vec3<f32>, light_pdf: f32) {
+    let weight = met_weight(step, light_pdf);
+    if s.reconnection == index {
+        (*w).radiance = (*w).suffix * radiance;
+        (*w).light_pdf = light_pdf;
+        (*w).f = (*w).throughput * (*w).radiance * weight;
+        return;
+    }
+    if s.reconnection != 0u && index > s.reconnection {
+        (*w).radiance = (*w).suffix * radiance * weight;
+        (*w).f = (*w).throughput * (*w).radiance;
+        return;
+    }
+    (*w).f = (*w).throughput * radiance * weight;
+}
+
+// The vertex aims at the light that the path aims at: its density is the light's own, whoever aims.
+fn aim_at_light(w: ptr<function, Walk>, s: PathSample, index: u32, c: Connection, previous: bool, traces: bool) {
+    let a = aim((*w).v, s.light, expected_candidates(s.light.light, index), previous);
+    let connectable = index > 1u && is_connectable((*w).before, (*w).v.surface, a.pdf_bsdf, true, c);
+    if index < s.reconnection && connectable {
+        (*w).reason = SHIFT_EARLIER;
+        return;
+    }
+    if index == s.reconnection && !connectable {
+        (*w).reason = SHIFT_UNCONNECTABLE;
+        return;
+    }
+    if index > s.reconnection {
+        (*w).radiance = (*w).suffix * a.f;
+        (*w).f = (*w).throughput * (*w).radiance;
+    } else {
+        (*w).f = (*w).throughput * a.f;
+    }
+    // From the reconnection vertex on nothing has changed, where nothing has moved.
+    if index < s.reconnection || traces {
+        must_be_free(w, ray_to_light((*w).v.surface, a.light), path_alpha_seed(s.seed, index, OF_LIGHT_RAY));
+    }
+}
+
+fn must_be_free(w: ptr<function, Walk>, ray: Ray, alpha_seed: u32) {
+    (*w).free[(*w).free_count] = Free(ray, alpha_seed);
+    (*w).free_count += 1u;
 }

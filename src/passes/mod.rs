@@ -24,20 +24,21 @@ use crate::{
     settings::{DebugView, Restir, Technique},
     view::{
         RestirView, ViewPool,
-        history::{LIGHT_FORMAT, MOST_ROUNDS, presample_workgroups, rounds},
+        history::{LIGHT_FORMAT, Reservoirs, presample_workgroups},
+        plan::{Domain, MOST_ROUNDS, Plan},
     },
 };
 use pipelines::PassPipelines;
 
-/// What a compute pass binds in group 2, in the order of its bindings.
+/// What a compute pass binds in group 2, in the order of its bindings; of its domain where there are several.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum PassResource {
     /// Sum of radiance and number of samples of every pixel, read and written.
     Radiance,
     /// What the frame counted, read and written.
     Counters,
-    /// Uniforms of a round of direct lighting.
-    DirectSettings,
+    /// Uniforms of a round of reuse.
+    Settings,
     /// Presampled points of lights.
     Subsets,
     /// The same, to be read.
@@ -52,14 +53,18 @@ pub(crate) enum PassResource {
     KeptReservoirs,
     /// The visibility buffer of the last frame.
     PreviousVisibility,
-    /// Light that only the BSDF finds, to be written.
-    Unresampled,
-    /// The same, to be read.
-    UnresampledRead,
-    /// Light that was resampled, to be written.
-    Resampled,
-    /// The same, to be read.
-    ResampledRead,
+    /// Light of this frame's candidates, to be written.
+    CandidateLight,
+    /// What the samples carry that a round of reuse finds, to be read.
+    LightBefore,
+    /// Light that a round of reuse leaves, to be written.
+    LightAfter,
+    /// Direct light that only the BSDF finds, to be read.
+    UnresampledLight,
+    /// Direct light that was resampled, to be read.
+    ResampledLight,
+    /// Light of resampled paths, to be read.
+    PathLight,
 }
 
 /// How many workgroups a pass has.
@@ -71,11 +76,16 @@ pub(crate) enum Dispatch {
     Subsets,
 }
 
-/// A compute pass: one file in `shaders/pass/` of the same name.
+/// A compute pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct ComputePass {
-    /// Name of the file, of its entry point and of its time span.
+    /// Name of its pipelines and of its time span.
     pub name: &'static str,
+    /// Name of its file in `shaders/pass/` and of its entry point.
+    pub file: &'static str,
+    /// Shader definition of its domain.
+    pub def: Option<&'static str>,
+    pub domain: Domain,
     pub resources: &'static [PassResource],
     pub(crate) dispatch: Dispatch,
     /// Asks for the features of the scene; otherwise there is one pipeline for all scenes.
@@ -105,28 +115,47 @@ pub(crate) struct Step {
 use PassResource as R;
 
 const fn per_pixel(name: &'static str, resources: &'static [R]) -> ComputePass {
-    ComputePass { name, resources, dispatch: Dispatch::Pixels, specialised: true }
+    let domain = Domain::Direct;
+    ComputePass { name, file: name, def: None, domain, resources, dispatch: Dispatch::Pixels, specialised: true }
 }
 
+/// Chooses the domain of `shaders/pass/reuse.wgsl`.
+pub(crate) const RESAMPLES_PATHS: &str = "RESAMPLES_PATHS";
+
 const REFERENCE: ComputePass = per_pixel("reference", &[R::Radiance]);
-const PATH_CANDIDATES: ComputePass = per_pixel("path_candidates", &[R::Radiance]);
 const DEBUG: ComputePass = per_pixel("debug", &[R::Radiance]);
 const PRESAMPLE: ComputePass =
-    ComputePass { dispatch: Dispatch::Subsets, ..per_pixel("presample", &[R::DirectSettings, R::Subsets]) };
+    ComputePass { dispatch: Dispatch::Subsets, ..per_pixel("presample", &[R::Settings, R::Subsets]) };
+const PATH_PRESAMPLE: ComputePass = ComputePass { domain: Domain::Paths, ..PRESAMPLE };
 const DIRECT_CANDIDATES: ComputePass =
-    per_pixel("direct_candidates", &[R::DirectSettings, R::SubsetsRead, R::CandidateReservoirs, R::Unresampled]);
-const DIRECT_REUSE: ComputePass = per_pixel(
-    "direct_reuse",
-    &[R::DirectSettings, R::NeighbourReservoirs, R::RoundReservoirs, R::PreviousVisibility, R::Resampled],
-);
-/// Time spans of the rounds of reuse.
-const REUSE_NAMES: [&str; MOST_ROUNDS] =
-    ["direct_reuse", "direct_reuse_2", "direct_reuse_3", "direct_reuse_4", "direct_reuse_5"];
-const DEBUG_RESERVOIRS: ComputePass = ComputePass {
-    specialised: false,
-    ..per_pixel("debug_reservoirs", &[R::DirectSettings, R::KeptReservoirs, R::Radiance])
+    per_pixel("direct_candidates", &[R::Settings, R::SubsetsRead, R::CandidateReservoirs, R::CandidateLight]);
+const PATH_CANDIDATES: ComputePass = ComputePass {
+    domain: Domain::Paths,
+    ..per_pixel("path_candidates", &[R::Settings, R::SubsetsRead, R::CandidateReservoirs, R::CandidateLight])
 };
-const RESOLVE: ComputePass = per_pixel("resolve", &[R::UnresampledRead, R::ResampledRead, R::Radiance]);
+const DIRECT_REUSE: ComputePass = ComputePass {
+    name: "direct_reuse",
+    ..per_pixel(
+        "reuse",
+        &[
+            R::Settings,
+            R::NeighbourReservoirs,
+            R::RoundReservoirs,
+            R::PreviousVisibility,
+            R::LightBefore,
+            R::LightAfter,
+        ],
+    )
+};
+const PATH_REUSE: ComputePass =
+    ComputePass { name: "path_reuse", def: Some(RESAMPLES_PATHS), domain: Domain::Paths, ..DIRECT_REUSE };
+/// Time spans of the rounds of reuse.
+const DIRECT_ROUNDS: [&str; MOST_ROUNDS] =
+    ["direct_reuse", "direct_reuse_2", "direct_reuse_3", "direct_reuse_4", "direct_reuse_5"];
+const PATH_ROUNDS: [&str; MOST_ROUNDS] = ["path_reuse", "path_reuse_2", "path_reuse_3", "path_reuse_4", "path_reuse_5"];
+const DEBUG_RESERVOIRS: ComputePass =
+    ComputePass { specialised: false, ..per_pixel("debug_reservoirs", &[R::Settings, R::KeptReservoirs, R::Radiance]) };
+const RESOLVE: ComputePass = per_pixel("resolve", &[R::UnresampledLight, R::ResampledLight, R::PathLight, R::Radiance]);
 const STATISTICS: ComputePass = ComputePass { specialised: false, ..per_pixel("statistics", &[R::Counters]) };
 
 /// Which frame a camera runs.
@@ -152,9 +181,13 @@ impl Frame {
         }
     }
 
-    /// It resamples direct light, and keeps a history of it.
-    pub(crate) fn is_direct(self) -> bool {
-        matches!(self, Self::Direct | Self::DirectDebug)
+    /// What it resamples, and keeps a history of.
+    pub(crate) fn domains(self) -> &'static [Domain] {
+        match self {
+            Self::Direct | Self::DirectDebug => &[Domain::Direct],
+            Self::Paths => &[Domain::Paths],
+            Self::Reference | Self::Debug => &[],
+        }
     }
 
     /// Its compute passes, in order; reuse stands for all of its rounds.
@@ -163,34 +196,36 @@ impl Frame {
             Self::Reference => &[&REFERENCE, &STATISTICS],
             Self::Direct => &[&PRESAMPLE, &DIRECT_CANDIDATES, &DIRECT_REUSE, &RESOLVE, &STATISTICS],
             Self::DirectDebug => &[&PRESAMPLE, &DIRECT_CANDIDATES, &DIRECT_REUSE, &DEBUG_RESERVOIRS, &STATISTICS],
-            Self::Paths => &[&PATH_CANDIDATES, &STATISTICS],
+            Self::Paths => &[&PATH_PRESAMPLE, &PATH_CANDIDATES, &PATH_REUSE, &RESOLVE, &STATISTICS],
             Self::Debug => &[&DEBUG, &STATISTICS],
         }
     }
 
-    /// Its steps, in order, with so many rounds of reuse.
-    pub(crate) fn steps(self, rounds: usize) -> impl Iterator<Item = Step> {
-        let compute = self.compute().iter().flat_map(move |&pass| {
-            let is_reuse = pass.name == DIRECT_REUSE.name;
-            (0..if is_reuse { rounds } else { 1 }).map(move |round| Step {
-                pass: Pass::Compute(pass),
-                name: if is_reuse { REUSE_NAMES[round] } else { pass.name },
-                round,
-            })
-        });
-        let once = |pass, name| core::iter::once(Step { pass, name, round: 0 });
-        once(Pass::Visibility, "visibility").chain(compute).chain(once(Pass::Composite, "composite"))
+    /// Its steps, in order, with so many rounds of reuse in each domain.
+    pub(crate) fn steps(self, rounds: impl Fn(Domain) -> usize) -> Vec<Step> {
+        let mut steps = vec![Step { pass: Pass::Visibility, name: "visibility", round: 0 }];
+        for &pass in self.compute() {
+            let names = match pass.name {
+                "direct_reuse" => &DIRECT_ROUNDS[..rounds(Domain::Direct)],
+                "path_reuse" => &PATH_ROUNDS[..rounds(Domain::Paths)],
+                _ => core::slice::from_ref(&pass.name),
+            };
+            steps.extend(names.iter().enumerate().map(|(round, name)| Step { pass: Pass::Compute(pass), name, round }));
+        }
+        steps.push(Step { pass: Pass::Composite, name: "composite", round: 0 });
+        steps
     }
 
     /// Its passes.
     pub(crate) fn passes(self) -> impl Iterator<Item = Pass> {
-        self.steps(1).map(|step| step.pass)
+        self.steps(|_| 1).into_iter().map(|step| step.pass)
     }
 }
 
 /// Names of the passes that some settings run, as time spans have them.
 pub fn pass_names(settings: &Restir) -> Vec<&'static str> {
-    Frame::of(settings).steps(rounds(&settings.direct).len()).map(|step| step.name).collect()
+    let rounds = |domain| Plan::of(domain, settings).rounds.len();
+    Frame::of(settings).steps(rounds).into_iter().map(|step| step.name).collect()
 }
 
 /// Prefix of the time spans.
@@ -221,7 +256,7 @@ fn run_passes(
     };
     let encoder = context.command_encoder();
     encoder.clear_buffer(&state.counters.buffer, 0, None);
-    if let Some(history) = &state.direct {
+    if let Some(history) = &state.history {
         // What was drawn a frame ago is about to be overwritten.
         encoder.copy_texture_to_texture(
             state.visibility_texture.as_image_copy(),
@@ -229,7 +264,7 @@ fn run_passes(
             state.visibility_texture.size(),
         );
     }
-    let rounds = state.direct.as_ref().map_or(1, |history| history.rounds());
+    let rounds = |domain| state.history.as_ref().and_then(|h| h.of(domain)).map_or(1, Reservoirs::rounds);
     for step in key.frame.steps(rounds) {
         match step.pass {
             Pass::Visibility => visibility::draw(state, key, &scene, scene_group, &passes, &pipelines, &mut context),
@@ -294,14 +329,16 @@ pub(crate) fn resource_layout(pass: &ComputePass) -> BindGroupLayoutDescriptor {
             ty: match resource {
                 R::Radiance | R::Counters | R::Subsets | R::CandidateReservoirs | R::RoundReservoirs => storage(false),
                 R::SubsetsRead | R::NeighbourReservoirs | R::KeptReservoirs => storage(true),
-                R::DirectSettings => BindingType::Buffer {
+                R::Settings => BindingType::Buffer {
                     ty: BufferBindingType::Uniform,
                     has_dynamic_offset: false,
                     min_binding_size: None,
                 },
                 R::PreviousVisibility => texture(TextureSampleType::Uint),
-                R::UnresampledRead | R::ResampledRead => texture(TextureSampleType::Float { filterable: false }),
-                R::Unresampled | R::Resampled => BindingType::StorageTexture {
+                R::LightBefore | R::UnresampledLight | R::ResampledLight | R::PathLight => {
+                    texture(TextureSampleType::Float { filterable: false })
+                }
+                R::CandidateLight | R::LightAfter => BindingType::StorageTexture {
                     access: StorageTextureAccess::WriteOnly,
                     format: LIGHT_FORMAT,
                     view_dimension: TextureViewDimension::D2,
@@ -321,7 +358,16 @@ fn resources(
     device: &RenderDevice,
     pipelines: &PipelineCache,
 ) -> Option<BindGroup> {
-    let direct = state.direct.as_ref();
+    let history = state.history.as_ref();
+    let own = history.and_then(|h| h.of(pass.domain));
+    let view = BindingResource::TextureView;
+    // Light of a domain, or none where it is not resampled.
+    let light = |domain, of: fn(&Reservoirs) -> &TextureView| {
+        history.map(|h| {
+            let light: &TextureView = h.of(domain).map_or(&h.black, of);
+            view(light)
+        })
+    };
     let entries = pass
         .resources
         .iter()
@@ -330,15 +376,19 @@ fn resources(
             let resource = match resource {
                 R::Radiance => state.radiance.as_entire_binding(),
                 R::Counters => state.counters.buffer.as_entire_binding(),
-                R::DirectSettings => direct?.settings_of(round),
-                R::Subsets | R::SubsetsRead => direct?.subsets.as_entire_binding(),
-                R::CandidateReservoirs => direct?.candidates().as_entire_binding(),
-                R::NeighbourReservoirs => direct?.neighbours_of(round).as_entire_binding(),
-                R::RoundReservoirs => direct?.output_of(round).as_entire_binding(),
-                R::KeptReservoirs => direct?.kept().as_entire_binding(),
-                R::PreviousVisibility => BindingResource::TextureView(&direct?.previous_visibility_view),
-                R::Unresampled | R::UnresampledRead => BindingResource::TextureView(&direct?.unresampled),
-                R::Resampled | R::ResampledRead => BindingResource::TextureView(&direct?.resampled),
+                R::Settings => own?.settings_of(round),
+                R::Subsets | R::SubsetsRead => history?.subsets.as_entire_binding(),
+                R::CandidateReservoirs => own?.candidates().as_entire_binding(),
+                R::NeighbourReservoirs => own?.neighbours_of(round).as_entire_binding(),
+                R::RoundReservoirs => own?.output_of(round).as_entire_binding(),
+                R::KeptReservoirs => own?.kept().as_entire_binding(),
+                R::PreviousVisibility => view(&history?.previous_visibility_view),
+                R::CandidateLight => view(own?.light_of_candidates()),
+                R::LightBefore => view(own?.light_before(round)),
+                R::LightAfter => view(own?.light_after(round)),
+                R::UnresampledLight => light(Domain::Direct, Reservoirs::light_of_candidates)?,
+                R::ResampledLight => light(Domain::Direct, Reservoirs::light_of_last_round)?,
+                R::PathLight => light(Domain::Paths, Reservoirs::light_of_last_round)?,
             };
             Some(BindGroupEntry { binding: binding as u32, resource })
         })

@@ -143,13 +143,14 @@ impl PassPipelines {
             return index;
         }
         let mut shader_defs = features.shader_defs();
+        shader_defs.extend(pass.def.map(|def| ShaderDefVal::Bool(def.into(), true)));
         shader_defs.extend(self.planted.iter().map(|&def| ShaderDefVal::Bool(def.into(), true)));
         let id = pipelines.queue_compute_pipeline(ComputePipelineDescriptor {
             label: Some(format!("restir {}", pass.name).into()),
             layout: vec![scene_layout(), view_layout(), resource_layout(pass)],
-            shader: self.shader(&format!("pass/{}.wgsl", pass.name)),
+            shader: self.shader(&format!("pass/{}.wgsl", pass.file)),
             shader_defs,
-            entry_point: Some(pass.name.into()),
+            entry_point: Some(pass.file.into()),
             ..Default::default()
         });
         let index = self.push(PipelineId::Compute(id), pass.name, features);

@@ -215,11 +215,6 @@ impl Direct {
     /// Most points of lights in all subsets: what one binding of the portable tier holds.
     const MOST_PRESAMPLED: u32 = 1 << 21;
 
-    /// Most inputs of one resampling step: the pixel's own and its taps.
-    pub(crate) fn most_inputs(&self) -> u32 {
-        1 + (self.temporal as u32 + self.spatial_taps).max(self.disocclusion_taps)
-    }
-
     /// Brings every field into its range; `warn` is told of each that was not.
     pub(super) fn validate(&mut self, warn: &mut impl FnMut(String)) {
         let mut count = |name: &str, value: &mut u32, low: u32, high: u32| {

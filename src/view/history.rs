@@ -1,5 +1,5 @@
-//! What direct lighting keeps of a view between frames: reservoirs of this frame and of the last, and the last visibility buffer.
-//! It exists only while a camera runs the technique.
+//! What resampling keeps of a view between frames: reservoirs of this frame and of the last, and the last visibility buffer.  It exists
+//! only while a camera runs a technique that resamples.
 
 use bevy::{
     math::UVec2,
@@ -9,157 +9,144 @@ use bevy::{
     },
 };
 
-use super::{VISIBILITY_FORMAT, buffer, pixels, texture};
+use super::{
+    VISIBILITY_FORMAT, buffer, pixels,
+    plan::{Domain, MOST_ROUNDS, Plan},
+    texture,
+};
 use crate::{
     gpu_types::*,
-    settings::{BiasCorrection, Direct, Mis, ReuseOrder, VisibilityReuse},
+    settings::{Direct, Restir},
 };
 
-/// Format of the light that passes hand on to the resolve.
+/// Format of the light that passes hand on.
 pub(crate) const LIGHT_FORMAT: TextureFormat = TextureFormat::Rgba32Float;
-
-/// Inputs of a step of reuse that shaders without `MANY_TAPS` have room for (`MAX_INPUTS` in `shaders/restir/mis.wgsl`).
-pub(crate) const FEW_INPUTS: u32 = 3;
-/// Most rounds of reuse in a frame: one of the last frame, and four of this one.
-pub(crate) const MOST_ROUNDS: usize = 5;
 /// From one round's uniforms to the next one's, bytes: what every device aligns them to.
 const SETTINGS_STRIDE: u64 = 256;
 
-/// A round of reuse.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Round {
-    /// Neighbours are of the last frame; otherwise of this one's last round.
-    from_previous: bool,
-    temporal_taps: u32,
-    spatial_taps: u32,
-}
-
-/// The rounds of reuse of a frame, in order: at least one, which shades.
-pub(crate) fn rounds(direct: &Direct) -> Vec<Round> {
-    let temporal_taps = direct.temporal as u32;
-    let spatial_rounds = if direct.spatial_taps > 0 { direct.rounds as usize } else { 0 };
-    let spatial = Round { from_previous: true, temporal_taps: 0, spatial_taps: direct.spatial_taps };
-    match direct.order {
-        ReuseOrder::Spatiotemporal => {
-            let mut rounds = vec![spatial; spatial_rounds.max(1)];
-            rounds[0].temporal_taps = temporal_taps;
-            rounds
-        }
-        ReuseOrder::TemporalThenSpatial => {
-            let first = (temporal_taps > 0 || spatial_rounds == 0).then_some(Round {
-                from_previous: true,
-                temporal_taps,
-                spatial_taps: 0,
-            });
-            first
-                .into_iter()
-                .chain(core::iter::repeat_n(Round { from_previous: false, ..spatial }, spatial_rounds))
-                .collect()
-        }
-    }
-}
-
-/// The history of direct lighting.
-pub(crate) struct DirectHistory {
-    settings: Buffer,
+/// What is kept of a view.
+pub(crate) struct History {
     pub(crate) subsets: Buffer,
     subset_entries: u64,
-    /// Of this frame and of the last, in turns.
-    reservoirs: [Buffer; 2],
-    reservoir_bytes: u64,
-    layout: u32,
     pub(crate) previous_visibility: Texture,
     pub(crate) previous_visibility_view: TextureView,
-    pub(crate) unresampled: TextureView,
-    pub(crate) resampled: TextureView,
-    rounds: Vec<Round>,
-    /// Which reservoirs this frame's candidates go to.
-    first: usize,
-    /// Which reservoirs a frame leaves.
-    kept: usize,
+    /// Light of a technique that does not run.
+    pub(crate) black: TextureView,
+    reservoirs: Vec<Reservoirs>,
     size: UVec2,
 }
 
-impl DirectHistory {
-    pub(crate) fn new(size: UVec2, direct: &Direct, device: &RenderDevice) -> Self {
-        let buffer = |label, size, usage| buffer(device, label, size, usage);
-        let texture = |label, format, usage| texture(device, label, size, format, usage);
-        let light = |label| {
-            texture(label, LIGHT_FORMAT, TextureUsages::STORAGE_BINDING | TextureUsages::TEXTURE_BINDING)
-                .create_view(&TextureViewDescriptor::default())
-        };
+impl History {
+    pub(crate) fn new(size: UVec2, domains: &[Domain], settings: &Restir, device: &RenderDevice) -> Self {
+        let entries = subset_entries(&settings.direct);
+        let previous_visibility = texture(
+            device,
+            "last visibility",
+            size,
+            VISIBILITY_FORMAT,
+            TextureUsages::COPY_DST | TextureUsages::TEXTURE_BINDING,
+        );
         let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
-        let entries = subset_entries(direct);
-        let layout = direct.layout.tile();
-        let reservoir_bytes = reservoir_count(size, layout) * DIRECT_RESERVOIR_SIZE;
-        let previous_visibility =
-            texture("last visibility", VISIBILITY_FORMAT, TextureUsages::COPY_DST | TextureUsages::TEXTURE_BINDING);
         Self {
-            settings: buffer(
-                "direct settings",
-                MOST_ROUNDS as u64 * SETTINGS_STRIDE,
-                BufferUsages::UNIFORM | BufferUsages::COPY_DST,
-            ),
-            subsets: buffer("light subsets", entries * PRESAMPLED_LIGHT_SIZE, storage),
+            subsets: buffer(device, "light subsets", entries * PRESAMPLED_LIGHT_SIZE, storage),
             subset_entries: entries,
-            reservoirs: ["reservoirs", "last reservoirs"].map(|label| buffer(label, reservoir_bytes, storage)),
-            reservoir_bytes,
-            layout,
             previous_visibility_view: previous_visibility.create_view(&TextureViewDescriptor::default()),
             previous_visibility,
-            unresampled: light("unresampled light"),
-            resampled: light("resampled light"),
-            rounds: rounds(direct),
-            first: 0,
-            kept: 1,
+            black: light(device, "no light", UVec2::ONE),
+            reservoirs: domains.iter().map(|&domain| Reservoirs::new(size, domain, settings, device)).collect(),
             size,
         }
     }
 
-    /// Whether the buffers serve these settings.
-    pub(crate) fn fits(&self, size: UVec2, direct: &Direct) -> bool {
-        self.size == size && self.subset_entries == subset_entries(direct) && self.layout == direct.layout.tile()
+    /// Whether all of it serves these settings.
+    pub(crate) fn fits(&self, size: UVec2, domains: &[Domain], settings: &Restir) -> bool {
+        self.size == size
+            && self.subset_entries == subset_entries(&settings.direct)
+            && self.reservoirs.iter().map(|r| r.domain).eq(domains.iter().copied())
+            && self.reservoirs.iter().all(|r| r.plan.tiling() == Plan::of(r.domain, settings).tiling())
     }
 
-    /// Begins a frame: what the last one kept is the history.
-    pub(crate) fn begin(&mut self, direct: &Direct, has_history: bool, queue: &RenderQueue) {
-        self.rounds = rounds(direct);
+    /// Begins a frame: what the last one kept is the history.  `moved`: something did since then.
+    pub(crate) fn begin(&mut self, settings: &Restir, has_history: bool, moved: bool, queue: &RenderQueue) {
+        for reservoirs in &mut self.reservoirs {
+            reservoirs.begin(Plan::of(reservoirs.domain, settings), has_history, moved, queue);
+        }
+    }
+
+    /// The reservoirs of a domain.
+    pub(crate) fn of(&self, domain: Domain) -> Option<&Reservoirs> {
+        self.reservoirs.iter().find(|r| r.domain == domain)
+    }
+
+    /// Names and bytes.
+    pub(crate) fn memory(&self) -> Vec<(&'static str, u64)> {
+        let pixels = pixels(self.size);
+        let mut memory =
+            vec![("light subsets", self.subset_entries * PRESAMPLED_LIGHT_SIZE), ("last visibility", pixels * 8)];
+        for r in &self.reservoirs {
+            let [settings, reservoirs, light] = match r.domain {
+                Domain::Direct => ["direct settings", "reservoirs", "light"],
+                Domain::Paths => ["path settings", "path reservoirs", "light of paths"],
+            };
+            memory.extend([
+                (settings, MOST_ROUNDS as u64 * SETTINGS_STRIDE),
+                (reservoirs, 2 * r.bytes),
+                (light, 2 * pixels * 16),
+            ]);
+        }
+        memory
+    }
+
+    /// Bytes of reservoirs a pixel.
+    pub(crate) fn reservoir_bytes_per_pixel(&self) -> u64 {
+        self.reservoirs.iter().map(|r| 2 * reservoir_size(r.domain)).sum()
+    }
+}
+
+/// What a domain keeps.
+pub(crate) struct Reservoirs {
+    domain: Domain,
+    plan: Plan,
+    settings: Buffer,
+    /// Of this frame and of the last, in turns.
+    buffers: [Buffer; 2],
+    bytes: u64,
+    /// Light that candidates leave, and that rounds of reuse do.
+    light: [TextureView; 2],
+    /// Which buffer this frame's candidates go to.
+    first: usize,
+    /// Which buffer a frame leaves.
+    kept: usize,
+}
+
+impl Reservoirs {
+    fn new(size: UVec2, domain: Domain, settings: &Restir, device: &RenderDevice) -> Self {
+        let plan = Plan::of(domain, settings);
+        let bytes = reservoir_count(size, plan.tiling()) * reservoir_size(domain);
+        let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
+        let uniform = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+        Self {
+            domain,
+            settings: buffer(device, "resampling settings", MOST_ROUNDS as u64 * SETTINGS_STRIDE, uniform),
+            buffers: ["reservoirs", "last reservoirs"].map(|label| buffer(device, label, bytes, storage)),
+            bytes,
+            light: ["light of candidates", "resampled light"].map(|label| light(device, label, size)),
+            plan,
+            first: 0,
+            kept: 1,
+        }
+    }
+
+    fn begin(&mut self, plan: Plan, has_history: bool, moved: bool, queue: &RenderQueue) {
+        self.plan = plan;
         self.first = 1 - self.kept;
-        self.kept = self.output_index(self.rounds.len() - 1);
-        let mut bytes = vec![0u8; self.rounds.len() * SETTINGS_STRIDE as usize];
+        self.kept = self.output_index(self.rounds() - 1);
+        let mut bytes = vec![0u8; self.rounds() * SETTINGS_STRIDE as usize];
         for (round, slot) in bytes.chunks_exact_mut(SETTINGS_STRIDE as usize).enumerate() {
-            let settings = self.gpu_settings(direct, has_history, round);
+            let settings = self.plan.uniforms(round, has_history, moved);
             slot[..size_of_val(&settings)].copy_from_slice(bytemuck::bytes_of(&settings));
         }
         queue.write_buffer(&self.settings, 0, &bytes);
-    }
-
-    fn gpu_settings(&self, direct: &Direct, has_history: bool, index: usize) -> GpuDirectSettings {
-        let round = self.rounds[index];
-        let asks = !round.from_previous || has_history;
-        let taps = |count| if asks { count } else { 0 };
-        GpuDirectSettings {
-            candidates: direct.candidates,
-            subset_count: direct.subset_count,
-            subset_size: direct.subset_size,
-            tile: direct.tile,
-            temporal_taps: taps(round.temporal_taps),
-            spatial_taps: taps(round.spatial_taps),
-            disocclusion_taps: if direct.order == ReuseOrder::Spatiotemporal { direct.disocclusion_taps } else { 0 },
-            tries: direct.tries,
-            radius: direct.radius,
-            confidence_cap: direct.confidence_cap,
-            mis: mis_constant(direct.bias_correction, direct.mis),
-            flags: flags(direct, round, index, self.rounds.len()),
-            normal_threshold: direct.normal_threshold,
-            depth_threshold: direct.depth_threshold,
-            visibility_radius: direct.visibility_radius,
-            tiling: self.layout,
-            round: index as u32,
-            pad_a: 0,
-            pad_b: 0,
-            pad_c: 0,
-        }
     }
 
     /// Uniforms of a round.
@@ -167,47 +154,74 @@ impl DirectHistory {
         BindingResource::Buffer(BufferBinding {
             buffer: &self.settings,
             offset: round as u64 * SETTINGS_STRIDE,
-            size: core::num::NonZero::new(size_of::<GpuDirectSettings>() as u64),
+            size: core::num::NonZero::new(size_of::<GpuResampleSettings>() as u64),
         })
     }
 
     /// How many rounds this frame has.
     pub(crate) fn rounds(&self) -> usize {
-        self.rounds.len()
+        self.plan.rounds.len()
     }
 
     /// Rounds of this frame's neighbours write where they do not read, in turns.
     fn output_index(&self, round: usize) -> usize {
-        let turns = self.rounds[..=round].iter().filter(|r| !r.from_previous).count();
+        let turns = self.plan.rounds[..=round].iter().filter(|r| !r.from_previous).count();
         (self.first + turns) % 2
     }
 
     pub(crate) fn candidates(&self) -> &Buffer {
-        &self.reservoirs[self.first]
+        &self.buffers[self.first]
     }
 
     pub(crate) fn neighbours_of(&self, round: usize) -> &Buffer {
-        &self.reservoirs[1 - self.output_index(round)]
+        &self.buffers[1 - self.output_index(round)]
     }
 
     pub(crate) fn output_of(&self, round: usize) -> &Buffer {
-        &self.reservoirs[self.output_index(round)]
+        &self.buffers[self.output_index(round)]
     }
 
     pub(crate) fn kept(&self) -> &Buffer {
-        &self.reservoirs[self.kept]
+        &self.buffers[self.kept]
     }
 
-    /// Names and bytes.
-    pub(crate) fn memory(&self) -> Vec<(&'static str, u64)> {
-        let pixels = pixels(self.size);
-        vec![
-            ("direct settings", MOST_ROUNDS as u64 * SETTINGS_STRIDE),
-            ("light subsets", self.subset_entries * PRESAMPLED_LIGHT_SIZE),
-            ("reservoirs", 2 * self.reservoir_bytes),
-            ("last visibility", pixels * 8),
-            ("light", 2 * pixels * 16),
-        ]
+    /// What candidates leave: light that only they find, or what the samples carry that they keep.
+    pub(crate) fn light_of_candidates(&self) -> &TextureView {
+        &self.light[0]
+    }
+
+    /// What the samples carry that a round finds.
+    pub(crate) fn light_before(&self, round: usize) -> &TextureView {
+        match self.domain {
+            Domain::Direct => &self.light[0],
+            Domain::Paths => &self.light[round % 2],
+        }
+    }
+
+    /// What the last one leaves.
+    pub(crate) fn light_of_last_round(&self) -> &TextureView {
+        self.light_after(self.rounds() - 1)
+    }
+
+    /// What a round leaves.
+    pub(crate) fn light_after(&self, round: usize) -> &TextureView {
+        match self.domain {
+            Domain::Direct => &self.light[1],
+            Domain::Paths => &self.light[(round + 1) % 2],
+        }
+    }
+}
+
+/// A texture of light.
+fn light(device: &RenderDevice, label: &'static str, size: UVec2) -> TextureView {
+    let usage = TextureUsages::STORAGE_BINDING | TextureUsages::TEXTURE_BINDING;
+    texture(device, label, size, LIGHT_FORMAT, usage).create_view(&TextureViewDescriptor::default())
+}
+
+fn reservoir_size(domain: Domain) -> u64 {
+    match domain {
+        Domain::Direct => DIRECT_RESERVOIR_SIZE,
+        Domain::Paths => PATH_RESERVOIR_SIZE,
     }
 }
 
@@ -230,44 +244,4 @@ fn subset_entries(direct: &Direct) -> u64 {
 /// Workgroups of the pass that fills the subsets.
 pub(crate) fn presample_workgroups(direct: &Direct) -> [u32; 2] {
     [direct.subset_size.div_ceil(64), direct.subset_count]
-}
-
-/// What a round does, from what rays may decide (paper 003, Fig. 15) and how bias is held off.
-fn flags(direct: &Direct, round: Round, index: usize, rounds: usize) -> u32 {
-    use VisibilityReuse::*;
-    let kind = direct.visibility;
-    let of_target = matches!(kind, Discard | Resampled);
-    let of_candidates = !matches!(kind, Ignored | Shading);
-    [
-        (direct.bsdf_candidate, DIRECT_BSDF_CANDIDATE),
-        (of_candidates, DIRECT_CANDIDATE_RAYS),
-        (of_target, DIRECT_TARGET_RAYS),
-        (kind == Discard, DIRECT_DISCARD),
-        (of_target && direct.bias_correction.uses_mis_rays(), DIRECT_MIS_RAYS),
-        (matches!(kind, Shading | Decoupled), DIRECT_SHADING_RAYS),
-        (kind == Decoupled, DIRECT_REUSE_VISIBILITY),
-        (direct.bias_correction.uses_heuristics(), DIRECT_HEURISTICS),
-        (direct.decoupled_shading, DIRECT_DECOUPLED),
-        (round.from_previous, DIRECT_FROM_PREVIOUS),
-        (index + 1 == rounds, DIRECT_SHADE),
-        (of_candidates && index == 0, DIRECT_SEEN),
-        (direct.simple_target, DIRECT_SIMPLE_TARGET),
-        (direct.bilinear, DIRECT_BILINEAR),
-        (direct.same_material, DIRECT_SAME_MATERIAL),
-    ]
-    .into_iter()
-    .fold(0, |flags, (condition, flag)| if condition { flags | flag } else { flags })
-}
-
-fn mis_constant(correction: BiasCorrection, mis: Mis) -> u32 {
-    if !correction.uses_mis() {
-        return MIS_UNIFORM;
-    }
-    match mis {
-        Mis::Valid => MIS_VALID,
-        Mis::Balance => MIS_BALANCE,
-        Mis::Pairwise => MIS_PAIRWISE,
-        Mis::DefensivePairwise => MIS_DEFENSIVE_PAIRWISE,
-        Mis::DefensivePairwiseGris => MIS_DEFENSIVE_PAIRWISE_GRIS,
-    }
 }

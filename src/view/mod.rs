@@ -4,6 +4,7 @@ pub(crate) mod capture;
 pub(crate) mod environment;
 pub(crate) mod extract;
 pub(crate) mod history;
+pub(crate) mod plan;
 mod uniforms;
 
 use bevy::{
@@ -27,12 +28,13 @@ use crate::{
         pipelines::{FrameKey, PassPipelines},
     },
     scene::{MirrorScene, SceneFeatures, bindings::SceneBindings},
-    settings::{Restir, Technique},
+    settings::Restir,
     statistics::CounterReadback,
 };
 use environment::EnvironmentPool;
 use extract::{ExtractedEnvironment, ExtractedViews};
-use history::{DirectHistory, FEW_INPUTS};
+use history::History;
+use plan::{FEW_INPUTS, Plan};
 
 /// Everything that a picture depends on besides the random numbers: while it is the same, frames may be summed.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,7 +58,7 @@ pub(crate) struct RestirView {
     pub uniforms: Buffer,
     pub visibility: TextureView,
     pub visibility_texture: Texture,
-    pub direct: Option<DirectHistory>,
+    pub history: Option<History>,
     pub depth: TextureView,
     pub radiance: Buffer,
     pub counters: CounterReadback,
@@ -72,6 +74,8 @@ pub(crate) struct RestirView {
     previous_camera: Option<GpuCamera>,
     previous_jitter: [f32; 2],
     shown: Option<Shown>,
+    /// Something moved, or a light changed, since the last frame.
+    moved: bool,
     bound_environment: (TextureViewId, TextureViewId),
     /// The pipelines of this frame.
     pub key: Option<FrameKey>,
@@ -178,11 +182,11 @@ fn prepare_views(
 
         let mut features = scene.features | environments.features(restir.environment.as_ref());
         features.set(SceneFeatures::ENERGY_COMPENSATION, restir.settings.energy_compensation);
-        let many_taps = restir.settings.technique == Technique::Di && restir.settings.direct.most_inputs() > FEW_INPUTS;
-        features.set(SceneFeatures::MANY_TAPS, many_taps);
-        state.key = passes.choose(Frame::of(&restir.settings), features, state.key, &pipelines);
-        state.key_is_wanted =
-            state.key.is_some_and(|key| key.features == features && key.frame == Frame::of(&restir.settings));
+        let frame = Frame::of(&restir.settings);
+        let many_taps = |&domain| Plan::of(domain, &restir.settings).most_inputs() > FEW_INPUTS;
+        features.set(SceneFeatures::MANY_TAPS, frame.domains().iter().any(many_taps));
+        state.key = passes.choose(frame, features, state.key, &pipelines);
+        state.key_is_wanted = state.key.is_some_and(|key| key.features == features && key.frame == frame);
         let format = target.map(|t| t.main_texture_format());
         let composite = format.is_some_and(|format| passes.ask_composite(format, &pipelines));
         state.rendered = composite && state.key.is_some() && scene.bind_group.is_some();
@@ -242,13 +246,14 @@ impl RestirView {
             uniforms,
             visibility,
             visibility_texture,
-            direct: None,
+            history: None,
             frame: 0,
             accumulated: 0,
             summed: false,
             previous_camera: None,
             previous_jitter: [0.0; 2],
             shown: None,
+            moved: false,
             bound_environment: (environment_map.id(), environment_importance.id()),
             key: None,
             key_is_wanted: false,
@@ -257,19 +262,19 @@ impl RestirView {
         }
     }
 
-    /// Makes, renews or drops what direct lighting keeps.
+    /// Makes, renews or drops what resampling keeps.
     fn update_history(&mut self, device: &RenderDevice, queue: &RenderQueue) {
-        if self.key.is_none_or(|key| !key.frame.is_direct()) {
-            self.direct = None;
+        let domains = self.key.map_or(&[][..], |key| key.frame.domains());
+        if domains.is_empty() {
+            self.history = None;
             return;
         }
-        let direct = &self.settings.direct;
-        let fits = self.direct.as_ref().is_some_and(|history| history.fits(self.size, direct));
+        let fits = self.history.as_ref().is_some_and(|history| history.fits(self.size, domains, &self.settings));
         if !fits {
-            self.direct = Some(DirectHistory::new(self.size, direct, device));
+            self.history = Some(History::new(self.size, domains, &self.settings, device));
         }
-        if let Some(history) = &mut self.direct {
-            history.begin(direct, fits && self.frame > 0, queue);
+        if let Some(history) = &mut self.history {
+            history.begin(&self.settings, fits && self.frame > 0, self.moved, queue);
         }
     }
 
@@ -284,13 +289,13 @@ impl RestirView {
             ("radiance", pixels * 16),
             ("counters", 2 * size_of::<GpuCounters>() as u64),
         ];
-        memory.extend(self.direct.iter().flat_map(DirectHistory::memory));
+        memory.extend(self.history.iter().flat_map(History::memory));
         memory
     }
 
     /// Bytes of reservoirs a pixel.
     pub(crate) fn reservoir_bytes_per_pixel(&self) -> u64 {
-        self.direct.as_ref().map_or(0, |_| 2 * DIRECT_RESERVOIR_SIZE)
+        self.history.as_ref().map_or(0, History::reservoir_bytes_per_pixel)
     }
 }
 

@@ -1,12 +1,29 @@
-//! Techniques of direct lighting held against the reference of one bounce.
+//! Techniques held against the reference of as many bounces.
 
 use super::{
     app::*,
-    direct::STEPS,
+    direct::{STEPS, both},
     equivalence::{Length, Restarts},
 };
-use bevy_restir::{Direct, Technique};
+use bevy_restir::{Direct, Paths, Restir, Technique};
 use std::time::Instant;
+
+/// What is held against the reference.
+pub trait Subject {
+    fn ask(&self, settings: &mut Restir);
+}
+
+impl Subject for Direct {
+    fn ask(&self, settings: &mut Restir) {
+        (settings.technique, settings.direct) = (Technique::Di, self.clone());
+    }
+}
+
+impl Subject for Paths {
+    fn ask(&self, settings: &mut Restir) {
+        (settings.technique, settings.paths, settings.direct) = (Technique::Pt, self.clone(), both());
+    }
+}
 
 /// How the techniques of a scene are held against its reference.
 #[derive(Clone, Copy)]
@@ -17,6 +34,8 @@ pub struct Proof<'a> {
     pub margin: f64,
     /// Chance decides whether the camera sees an emitter, so that each restart has an emission of its own.
     pub blended: bool,
+    /// Scattering events of a path.
+    pub bounces: u32,
     /// Where things are at a step of a motion; a restart is its last frame.
     pub pose: Option<&'a dyn Fn(&mut Rig, u32)>,
 }
@@ -28,6 +47,7 @@ impl Proof<'static> {
         truth: Length { restarts: 40, frames: 64 },
         margin: 0.01,
         blended: false,
+        bounces: 1,
         pose: None,
     };
 
@@ -41,17 +61,17 @@ impl Proof<'static> {
 
 impl Proof<'_> {
     /// Holds techniques against the reference of one scene; one that fails is run once more on other seeds.
-    pub fn check(&self, name: &str, rig: &mut Rig, techniques: &[(&str, Direct)]) {
+    pub fn check(&self, name: &str, rig: &mut Rig, techniques: &[(&str, impl Subject)]) {
         let start = Instant::now();
         let reference = self.truth(rig, 1000);
         eprintln!("{name}, reference: {:.1} s", start.elapsed().as_secs_f64());
-        for (what, direct) in techniques {
+        for (what, subject) in techniques {
             let start = Instant::now();
-            let first = self.resampled(rig, direct, 2000).compare(&reference, self.margin);
+            let first = self.resampled(rig, subject, 2000).compare(&reference, self.margin);
             eprintln!("{name}, {what}: {first}, {:.1} s", start.elapsed().as_secs_f64());
             if !first.is_equal() {
                 let again = self.truth(rig, 3000);
-                let second = self.resampled(rig, direct, 4000).compare(&again, self.margin);
+                let second = self.resampled(rig, subject, 4000).compare(&again, self.margin);
                 eprintln!("{name}, {what}, again: {second}");
                 assert!(second.is_equal(), "{name}, {what}: {first}, then {second}");
             }
@@ -59,23 +79,26 @@ impl Proof<'_> {
         rig.assert_sound();
     }
 
-    /// Restarts of the reference, one bounce.
+    /// Restarts of the reference.
     pub fn truth(&self, rig: &mut Rig, first_seed: u32) -> Restarts {
         if let Some(pose) = self.pose {
             pose(rig, STEPS);
         }
         let emissions = self.emissions(rig, first_seed, self.truth);
-        rig.set(|r| r.technique = Technique::Reference);
+        rig.set(|r| (r.technique, r.bounces) = (Technique::Reference, self.bounces));
         collect(emissions, pictures(rig, first_seed, self.truth))
     }
 
-    /// Restarts of direct lighting: the mean of all frames from the reset on, or the last frame of the motion.
-    pub fn resampled(&self, rig: &mut Rig, direct: &Direct, first_seed: u32) -> Restarts {
+    /// Restarts of a technique: the mean of all frames from the reset on, or the last frame of the motion.
+    pub fn resampled(&self, rig: &mut Rig, subject: &impl Subject, first_seed: u32) -> Restarts {
         if let Some(pose) = self.pose {
             pose(rig, STEPS);
         }
         let emissions = self.emissions(rig, first_seed, self.ours);
-        rig.set(|r| (r.technique, r.direct) = (Technique::Di, direct.clone()));
+        rig.set(|r| {
+            r.bounces = self.bounces;
+            subject.ask(r);
+        });
         match self.pose {
             None => collect(emissions, pictures(rig, first_seed, self.ours)),
             Some(pose) => collect(emissions, last_frames(rig, first_seed, self.ours.restarts, pose)),
@@ -88,9 +111,7 @@ impl Proof<'_> {
             return vec![emission(rig)];
         }
         rig.set(|r| (r.technique, r.bounces) = (Technique::Reference, 0));
-        let emissions = pictures(rig, first_seed, length).collect();
-        rig.set(|r| r.bounces = 1);
-        emissions
+        pictures(rig, first_seed, length).collect()
     }
 }
 

@@ -37,7 +37,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let s = light_sample(q.light, q.point, rng_2(&rng));
     var pdf = s.pdf_solid_angle;
     let data = lights[min(q.light, arrayLength(&lights) - 1u)].data;
-    let hit_pdf = triangle_light_pdf_solid_angle(data.x, data.y, q.point, s.position);
+    let hit_pdf = triangle_light_pdf_solid_angle(data.x, data.y, q.point, s.position, false);
 #ifdef PLANTED
     pdf *= 1.03;
 #endif

@@ -1,31 +1,44 @@
-// One round of reuse, and the shading of direct light: a pixel's sample and those of its neighbours, of the last frame (paper 003, 6)
-// or of this one, meet in one resampling step; what each contributes is shaded by its share (7: decoupled shading), and one is kept.
+// One round of reuse, and what it shades: a pixel's sample and those of its neighbours, of the last frame (paper 003, 6) or of this one,
+// meet in one resampling step; what each contributes is shaded by its share (paper 003, 7: decoupled shading; paper 000, 7: vector
+// weights), and one is kept.
+//
+// What samples are is their domain's: points of lights, or whole paths.  The step is done in the pixel's own domain: a neighbour's
+// sample is shifted there first, and from there to where else it is weighed.
 
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::rng::{Rng, rng_1, rng_2, rng_bits, rng_new, STREAM_REUSE}
-#import bevy_restir::light::remap::light_of_this_frame
-#import bevy_restir::restir::direct::{are_alike, evaluate, Evaluated, is_visible, previous_shape_of, Receiver, receiver_of, shape_of, target_value}
+#ifdef RESAMPLES_PATHS
+#import bevy_restir::restir::path_reservoir::{no_reservoir, PackedReservoir, Reservoir, reservoir_pack, reservoir_unpack}
+#import bevy_restir::restir::paths::{arrived, evaluate, Evaluated, is_handed_on, is_visible, jacobian_of, knows_own_target, of_this_frame, own_target, Receiver, receiver_of, target_value}
+#else
+#import bevy_restir::restir::direct::{arrived, evaluate, Evaluated, is_handed_on, is_visible, jacobian_of, knows_own_target, of_this_frame, own_target, Receiver, receiver_of, target_value}
+#import bevy_restir::restir::reservoir::{no_reservoir, PackedReservoir, Reservoir, reservoir_pack, reservoir_unpack}
+#endif
+#import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::mis::{MAX_INPUTS, mis_needs_target, mis_weight, MisInputs}
-#import bevy_restir::restir::reservoir::{no_reservoir, Reservoir, reservoir_index, reservoir_pack, reservoir_unpack}
+#import bevy_restir::restir::shape::{are_alike, previous_shape_of, shape_of}
 #import bevy_restir::restir::stream::{Stream, stream_add, stream_ucw}
-#import bevy_restir::restir::types::{DIRECT_BILINEAR, DIRECT_DECOUPLED, DIRECT_DISCARD, DIRECT_FROM_PREVIOUS, DIRECT_HEURISTICS, DIRECT_MIS_RAYS, DIRECT_REUSE_VISIBILITY, DIRECT_SAME_MATERIAL, DIRECT_SEEN, DIRECT_SHADE, DIRECT_SHADING_RAYS, DIRECT_TARGET_RAYS, DirectSettings}
+#import bevy_restir::restir::tiling::reservoir_index
+#import bevy_restir::restir::types::{RESAMPLE_BILINEAR, RESAMPLE_DECOUPLED, RESAMPLE_DISCARD, RESAMPLE_FROM_PREVIOUS, RESAMPLE_HEURISTICS, RESAMPLE_MIS_RAYS, RESAMPLE_REUSE_VISIBILITY, RESAMPLE_SAME_MATERIAL, RESAMPLE_SEEN, RESAMPLE_SHADE, RESAMPLE_SHADING_RAYS, RESAMPLE_TARGET_RAYS}
 #import bevy_restir::scene::surface::Shape
 #import bevy_restir::trace::ray::{rays_traced, trace_flags}
 #import bevy_restir::view::bindings::{ray_counts, view, visibility}
 #import bevy_restir::view::camera::{camera_position, project}
 
-@group(2) @binding(0) var<uniform> settings: DirectSettings;
 // Of the last frame, or of this frame's last round.
-@group(2) @binding(1) var<storage, read> neighbours: array<vec4<u32>>;
-@group(2) @binding(2) var<storage, read_write> reservoirs: array<vec4<u32>>;
+@group(2) @binding(1) var<storage, read> neighbours: array<PackedReservoir>;
+@group(2) @binding(2) var<storage, read_write> reservoirs: array<PackedReservoir>;
 @group(2) @binding(3) var previous_visibility: texture_2d<u32>;
-@group(2) @binding(4) var resampled: texture_storage_2d<rgba32float, write>;
+// What the pixel's own sample carries, where a domain hands it on.
+@group(2) @binding(4) var own_light: texture_2d<f32>;
+@group(2) @binding(5) var resampled: texture_storage_2d<rgba32float, write>;
 
 // What the pixel's own sample and those of its neighbours bring to the step; the pixel's own is the first.
 struct Inputs {
     samples: array<Reservoir, MAX_INPUTS>,
     pixels: array<vec2<u32>, MAX_INPUTS>,
     contributions: array<vec3<f32>, MAX_INPUTS>,
+    own_targets: array<f32, MAX_INPUTS>,  // where they are known, in the measure of the pixel's own domain
     shares: array<f32, MAX_INPUTS>,       // what each is shaded by
     asks: array<bool, MAX_INPUTS>,        // a ray before it is shaded
     seen: array<bool, MAX_INPUTS>,        // as far as that is known
@@ -36,19 +49,19 @@ fn has(flag: u32) -> bool {
 }
 
 fn ids_at(pixel: vec2<u32>) -> vec2<u32> {
-    if has(DIRECT_FROM_PREVIOUS) {
+    if has(RESAMPLE_FROM_PREVIOUS) {
         return textureLoad(previous_visibility, pixel, 0).xy;
     }
     return textureLoad(visibility, pixel, 0).xy;
 }
 
 fn neighbour_at(pixel: vec2<u32>) -> Receiver {
-    return receiver_of(ids_at(pixel), pixel, has(DIRECT_FROM_PREVIOUS));
+    return receiver_of(ids_at(pixel), pixel, has(RESAMPLE_FROM_PREVIOUS));
 }
 
 // The pixel's own surface among its neighbours: in the last frame, or in this one.
 fn own_shape(ids: vec2<u32>, pixel: vec2<u32>) -> Shape {
-    if has(DIRECT_FROM_PREVIOUS) {
+    if has(RESAMPLE_FROM_PREVIOUS) {
         return previous_shape_of(ids, pixel);
     }
     return shape_of(ids, pixel, false);
@@ -56,7 +69,7 @@ fn own_shape(ids: vec2<u32>, pixel: vec2<u32>) -> Shape {
 
 // And its place in their image, pixels.
 fn own_place(own: Shape, pixel: vec2<u32>) -> vec2<f32> {
-    if has(DIRECT_FROM_PREVIOUS) {
+    if has(RESAMPLE_FROM_PREVIOUS) {
         return project(view.previous, own.position) - view.previous_jitter;
     }
     return vec2<f32>(pixel) + 0.5;
@@ -65,17 +78,17 @@ fn own_place(own: Shape, pixel: vec2<u32>) -> vec2<f32> {
 // How far from its place a tap looks, pixels: in a disk, or for the surface itself at the nearest pixel or bilinearly at four.
 fn tap_offset(is_own: bool, u: vec2<f32>) -> vec2<f32> {
     if is_own {
-        return select(vec2<f32>(0.0), u - 0.5, has(DIRECT_BILINEAR));
+        return select(vec2<f32>(0.0), u - 0.5, has(RESAMPLE_BILINEAR));
     }
     return settings.radius * sqrt(u.x) * vec2<f32>(cos(6.2831853 * u.y), sin(6.2831853 * u.y));
 }
 
 fn passes_heuristics(own: Shape, ids: vec2<u32>, pixel: vec2<u32>) -> bool {
-    let from_previous = has(DIRECT_FROM_PREVIOUS);
+    let from_previous = has(RESAMPLE_FROM_PREVIOUS);
     let other = shape_of(ids, pixel, from_previous);
     let reach = max(distance(own.position, camera_position(from_previous)), 1.0e-20);
     return are_alike(own, other, reach, settings.normal_threshold, settings.depth_threshold)
-        && (own.material == other.material || !has(DIRECT_SAME_MATERIAL));
+        && (own.material == other.material || !has(RESAMPLE_SAME_MATERIAL));
 }
 
 // A neighbour for one tap; NONE where none is found.  Only geometry and random numbers decide (trap T8).
@@ -91,7 +104,7 @@ fn find_neighbour(own: Shape, place: vec2<f32>, is_own: bool, rng: ptr<function,
         if ids.x == NONE {
             continue;
         }
-        if !has(DIRECT_HEURISTICS) || passes_heuristics(own, ids, pixel) {
+        if !has(RESAMPLE_HEURISTICS) || passes_heuristics(own, ids, pixel) {
             return pixel;
         }
     }
@@ -100,7 +113,7 @@ fn find_neighbour(own: Shape, place: vec2<f32>, is_own: bool, rng: ptr<function,
 
 fn own_sample(pixel: vec2<u32>) -> Reservoir {
     let index = reservoir_index(pixel, view.size, settings.tiling);
-    if has(DIRECT_FROM_PREVIOUS) {
+    if has(RESAMPLE_FROM_PREVIOUS) {
         return reservoir_unpack(reservoirs[index]);
     }
     return reservoir_unpack(neighbours[index]);
@@ -108,10 +121,8 @@ fn own_sample(pixel: vec2<u32>) -> Reservoir {
 
 fn sample_of_neighbour(pixel: vec2<u32>) -> Reservoir {
     var s = reservoir_unpack(neighbours[reservoir_index(pixel, view.size, settings.tiling)]);
-    if has(DIRECT_FROM_PREVIOUS) {
-        // A light that is gone takes its sample with it, but not the sample's worth.
-        s.point.light = light_of_this_frame(s.point.light);
-        s.ucw = select(s.ucw, 0.0, s.point.light == NONE);
+    if has(RESAMPLE_FROM_PREVIOUS) {
+        s = of_this_frame(s);
     }
     // History counts at most so much; before any weight, whatever the sample is (trap T7).
     s.confidence = min(s.confidence, settings.confidence_cap);
@@ -123,7 +134,7 @@ fn gather(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, own: Sha
     let place = own_place(own, pixel);
     (*inputs).samples[0] = own_sample(pixel);
     (*inputs).pixels[0] = pixel;
-    (*inputs).asks[0] = has(DIRECT_SHADING_RAYS) && !has(DIRECT_SEEN);
+    (*inputs).asks[0] = has(RESAMPLE_SHADING_RAYS) && !has(RESAMPLE_SEEN);
     (*inputs).seen[0] = true;
     (*mis).confidence[0] = (*inputs).samples[0].confidence;
     var count = 1u;
@@ -138,10 +149,10 @@ fn gather(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, own: Sha
         let s = sample_of_neighbour(at);
         // What was seen when it was shaded, the surface itself and near neighbours are taken to see still (paper 003, 7.3).
         let near = is_own || distance(vec2<f32>(at) + 0.5, place) <= settings.visibility_radius;
-        let is_reused = has(DIRECT_REUSE_VISIBILITY) && near;
+        let is_reused = has(RESAMPLE_REUSE_VISIBILITY) && near;
         (*inputs).samples[count] = s;
         (*inputs).pixels[count] = at;
-        (*inputs).asks[count] = has(DIRECT_SHADING_RAYS) && !is_reused;
+        (*inputs).asks[count] = has(RESAMPLE_SHADING_RAYS) && !is_reused;
         (*inputs).seen[count] = s.seen || !is_reused;
         (*mis).confidence[count] = s.confidence;
         count += 1u;
@@ -163,12 +174,28 @@ fn resample(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, rng: p
     return stream;
 }
 
+// A sample in the pixel's own domain: there it stays.
+fn bring(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, j: u32, e: Evaluated, value: f32) {
+    (*inputs).contributions[j] = select(vec3<f32>(0.0), e.f, value > 0.0);
+    if j == 0u {
+        return;
+    }
+    let jacobian = jacobian_of(e);
+    if !(jacobian > 0.0) {
+        // It has no counterpart here.
+        (*inputs).samples[j].ucw = 0.0;
+        return;
+    }
+    (*inputs).own_targets[j] = own_target((*inputs).samples[j]) / jacobian;
+    (*inputs).samples[j] = arrived((*inputs).samples[j], e);
+}
+
 // Targets of every domain at every sample that the weights ask for, and what is seen of what is shaded; then the step itself.
 fn combine(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, r: Receiver, alpha_seed: u32, rng: ptr<function, Rng>) -> Stream {
     var stream = Stream(0.0, NONE);
-    let shades_kept = has(DIRECT_SHADE) && !has(DIRECT_DECOUPLED);
-    // Where only what is kept is shaded there is one turn more: rays are traced at one place in the program.
-    for (var turn = 0u; turn < (*mis).count + u32(shades_kept); turn++) {
+    let asks_for_kept = has(RESAMPLE_SHADE) && has(RESAMPLE_SHADING_RAYS) && !has(RESAMPLE_DECOUPLED);
+    // Where a ray is asked for what is kept there is one turn more: rays are traced at one place in the program.
+    for (var turn = 0u; turn < (*mis).count + u32(asks_for_kept); turn++) {
         let is_last = turn == (*mis).count;
         let domain = select(turn, 0u, is_last);
         if is_last {
@@ -183,15 +210,25 @@ fn combine(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, r: Rece
             if is_last && j != stream.selected {
                 continue;
             }
+            // Where it is handed on the pixel's own sample needs no look.
+            if domain == 0u && j == 0u && is_handed_on() {
+                (*mis).targets[0] = own_target((*inputs).samples[0]);
+                continue;
+            }
+            let is_asked = (*inputs).samples[j].ucw > 0.0 && mis_needs_target(settings.mis, domain, j);
+            if is_asked && domain == j && domain > 0u && knows_own_target() {
+                (*mis).targets[domain * MAX_INPUTS + j] = (*inputs).own_targets[j];
+                continue;
+            }
             var value = 0.0;
             var e: Evaluated;
-            if (*inputs).samples[j].ucw > 0.0 && mis_needs_target(settings.mis, domain, j) {
-                e = evaluate(receiver, (*inputs).samples[j].point);
+            if is_asked {
+                e = evaluate(receiver, (*inputs).samples[j]);
                 value = target_value(e);
             }
             // A sample is seen from where it was kept; elsewhere a ray decides.
-            let asked_by_target = !is_last && domain != j && has(select(DIRECT_MIS_RAYS, DIRECT_TARGET_RAYS, domain == 0u));
-            let asked_by_shading = domain == 0u && (*inputs).asks[j] && has(DIRECT_SHADE) && is_last == shades_kept;
+            let asked_by_target = !is_last && domain != j && has(select(RESAMPLE_MIS_RAYS, RESAMPLE_TARGET_RAYS, domain == 0u));
+            let asked_by_shading = domain == 0u && (*inputs).asks[j] && has(RESAMPLE_SHADE) && is_last == asks_for_kept;
             if value > 0.0 && (asked_by_target || asked_by_shading) {
                 // Blended surfaces let every domain see by chances of its own: weights of joint chances would not add up to 1.
                 let visible = is_visible(receiver, e, alpha_seed + domain);
@@ -199,21 +236,24 @@ fn combine(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, r: Rece
                     (*inputs).seen[j] = visible;
                 } else {
                     value = select(0.0, value, visible);
-                    if domain == 0u && !visible && has(DIRECT_DISCARD) {
+                    if domain == 0u && !visible && has(RESAMPLE_DISCARD) {
                         (*mis).confidence[j] = 0.0;
                         (*inputs).samples[j].ucw = 0.0;
                     }
                 }
             }
-            if !is_last {
-                (*mis).targets[domain * MAX_INPUTS + j] = value;
-                if domain == 0u {
-                    (*inputs).contributions[j] = select(vec3<f32>(0.0), e.f, value > 0.0);
-                }
+            if is_last {
+                continue;
             }
+            if domain == 0u {
+                bring(inputs, mis, j, e, value);
+            } else {
+                value *= jacobian_of(e);
+            }
+            (*mis).targets[domain * MAX_INPUTS + j] = value;
         }
     }
-    if !shades_kept {
+    if !asks_for_kept {
         count_confidence(mis);
         stream = resample(inputs, mis, rng);
     }
@@ -221,7 +261,7 @@ fn combine(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, r: Rece
 }
 
 @compute @workgroup_size(8, 8)
-fn direct_reuse(@builtin(global_invocation_id) id: vec3<u32>) {
+fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
     let pixel = id.xy;
     if any(pixel >= view.size) {
         return;
@@ -239,6 +279,7 @@ fn direct_reuse(@builtin(global_invocation_id) id: vec3<u32>) {
     var inputs: Inputs;
     var mis: MisInputs;
     gather(&inputs, &mis, own_shape(ids, pixel), pixel, &rng);
+    inputs.contributions[0] = textureLoad(own_light, pixel, 0).rgb;
     let stream = combine(&inputs, &mis, r, alpha_seed, &rng);
 
     var kept = no_reservoir();
@@ -247,20 +288,23 @@ fn direct_reuse(@builtin(global_invocation_id) id: vec3<u32>) {
         kept.confidence += mis.confidence[j];
         light += select(0.0, inputs.shares[j], inputs.seen[j]) * inputs.contributions[j];
     }
+    var carried = vec3<f32>(0.0);
     if stream.selected != NONE {
-        kept.point = inputs.samples[stream.selected].point;
+        let confidence = kept.confidence;
+        kept = inputs.samples[stream.selected];
+        kept.confidence = confidence;
         kept.ucw = stream_ucw(stream, mis.targets[stream.selected]);
         kept.seen = inputs.seen[stream.selected];
+        carried = inputs.contributions[stream.selected];
     }
-    if !has(DIRECT_DECOUPLED) {
-        light = vec3<f32>(0.0);
-        if kept.seen {
-            light = kept.ucw * inputs.contributions[stream.selected];
-        }
+    if !has(RESAMPLE_DECOUPLED) {
+        light = select(0.0, kept.ucw, kept.seen) * carried;
     }
     reservoirs[index] = stored(kept, pixel);
-    if has(DIRECT_SHADE) {
+    if has(RESAMPLE_SHADE) {
         textureStore(resampled, pixel, vec4<f32>(light, 0.0));
+    } else if is_handed_on() {
+        textureStore(resampled, pixel, vec4<f32>(carried, 0.0));
     }
     let counted = textureLoad(ray_counts, pixel).x;
     textureStore(ray_counts, pixel, vec4<u32>((counted + rays_traced) | trace_flags << 24u));
@@ -279,14 +323,19 @@ fn count_confidence(mis: ptr<function, MisInputs>) {
 #endif
 
 #ifdef PLANT_NAN
-fn stored(r: Reservoir, pixel: vec2<u32>) -> vec4<u32> {
+fn stored(r: Reservoir, pixel: vec2<u32>) -> PackedReservoir {
     let bad = array<u32, 4>(0x7fc00000u, 0x7f800000u, 0xff800000u, 0xbf800000u);
-    let words = reservoir_pack(r);
     let kind = (pixel.x + view.frame) & 3u;
-    return select(words, vec4<u32>(words.x, words.y, bad[kind], bad[3u - kind]), all(pixel % 5u == vec2<u32>(2u)));
+    var broken = r;
+    broken.ucw = bitcast<f32>(bad[kind]);
+    broken.confidence = bitcast<f32>(bad[3u - kind]);
+    if all(pixel % 5u == vec2<u32>(2u)) {
+        return reservoir_pack(broken);
+    }
+    return reservoir_pack(r);
 }
 #else
-fn stored(r: Reservoir, pixel: vec2<u32>) -> vec4<u32> {
+fn stored(r: Reservoir, pixel: vec2<u32>) -> PackedReservoir {
     return reservoir_pack(r);
 }
 #endif

@@ -1,0 +1,142 @@
+//! Resampled paths (Lin et al. 2022; paper 000).
+
+use bevy::reflect::Reflect;
+
+use super::{Mis, ReservoirLayout, ReuseOrder};
+
+/// Which vertices of a path other pixels may reconnect to; before the first of them they replay its random numbers (paper 000, 2-4).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+pub enum Reconnection {
+    /// Where the footprints of both densities are large against the pixel's, after a rough lobe (Eqs. 5 and 6).
+    #[default]
+    Footprints,
+    /// The same for materials whose lobes are not known: a density stands for the roughness (Eq. 26, as p <= 1/roughness²).
+    BlackBox,
+    /// Between rough lobes that are far apart (Lin et al. 2022).  Needs a distance that suits the scene.
+    Distance,
+}
+
+/// What becomes of the end of a path, after its reconnection vertex, where something moved since the last frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+pub enum Suffix {
+    /// It is traced again in both frames, into this one and back.  Unbiased.  Up to twice the rays of a path for the temporal tap.
+    #[default]
+    Exact,
+    /// It is traced again in this frame only.  Biased: darker where light comes into sight.  Half the rays.
+    Forward,
+    /// It stays as it was.  Biased: light that bounces lags behind what moves.  No ray.
+    Kept,
+}
+
+/// Resampled paths, for [`Technique::Pt`](super::Technique::Pt).  Unbiased with every setting but [`Suffix`]'s cheaper ones.
+#[derive(Clone, Debug, PartialEq, Reflect)]
+pub struct Paths {
+    /// Points of lights that a path's first vertex draws to aim at one, 1 to 64; a later vertex B draws 1/B² of them, at least one.
+    /// They come from the subsets of [`Direct`](super::Direct).
+    pub candidates: u32,
+    /// When neighbours are met.
+    pub order: ReuseOrder,
+    /// Reuses the path that the surface had in the last frame.
+    pub temporal: bool,
+    /// Takes that path from one of the four pixels round the place that the surface had; otherwise from the nearest.
+    pub bilinear: bool,
+    /// Neighbours whose paths are reused in a round, at most 5.
+    pub spatial_taps: u32,
+    /// The same where the surface was not seen in the last frame, if more; of [`ReuseOrder::Spatiotemporal`] with `temporal` only.
+    pub disocclusion_taps: u32,
+    /// Rounds of spatial reuse, 1 to 4: a pass each.
+    pub rounds: u32,
+    /// Places that are tried for a tap until one is of like geometry, 1 to 8.
+    pub tries: u32,
+    /// How far away neighbours are, pixels.
+    pub radius: f32,
+    /// Most that a neighbour counts, in frames' worth of candidates, at most 30.
+    pub confidence_cap: f32,
+    /// How paths are weighed against each other in rounds of spatial reuse; the surface's own alone by the balance heuristic.
+    pub mis: Mis,
+    /// What becomes of the end of a path where something moved.
+    pub suffix: Suffix,
+    /// Where paths are reconnected.
+    pub reconnection: Reconnection,
+    /// Least perceptual roughness of a lobe that paths are reconnected after (paper 000: 0.2).
+    pub roughness: f32,
+    /// c of the footprints (paper 000: 0.02, in hundredths of the pixel's); larger: later reconnections, fewer samples are shared.
+    pub footprint: f32,
+    /// Least distance between the vertices, m; for [`Reconnection::Distance`].
+    pub distance: f32,
+    /// Shades all paths that meet by their shares, not only the one that is kept (vector weights, paper 000, 7): less colour noise, no
+    /// bias.
+    pub vector_weights: bool,
+    /// Leaves out neighbours whose geometry differs.  No bias either way.
+    pub heuristics: bool,
+    /// Least cosine between the normals of pixels that reuse each other's paths, for the heuristics.
+    pub normal_threshold: f32,
+    /// Most distance of one from the other's tangent plane, relative to the distance from the camera, for the heuristics.
+    pub depth_threshold: f32,
+    /// Neighbours are of the same material, for the heuristics.
+    pub same_material: bool,
+    /// How reservoirs lie in memory.
+    pub layout: ReservoirLayout,
+}
+
+impl Default for Paths {
+    /// Paper 000: temporal, then one round of three neighbours within 20 pixels, history capped at 20.
+    fn default() -> Self {
+        Self {
+            candidates: 32,
+            order: ReuseOrder::TemporalThenSpatial,
+            temporal: true,
+            bilinear: false,
+            spatial_taps: 3,
+            disocclusion_taps: 0,
+            rounds: 1,
+            tries: 1,
+            radius: 20.0,
+            confidence_cap: 20.0,
+            mis: Mis::DefensivePairwise,
+            suffix: Suffix::default(),
+            reconnection: Reconnection::default(),
+            roughness: 0.2,
+            footprint: 0.02,
+            distance: 0.1,
+            vector_weights: true,
+            heuristics: true,
+            normal_threshold: 0.9,
+            depth_threshold: 0.02,
+            same_material: false,
+            layout: ReservoirLayout::default(),
+        }
+    }
+}
+
+impl Paths {
+    /// Brings every field into its range; `warn` is told of each that was not.
+    pub(super) fn validate(&mut self, warn: &mut impl FnMut(String)) {
+        let mut count = |name: &str, value: &mut u32, low: u32, high: u32| {
+            let clamped = (*value).clamp(low, high);
+            if clamped != *value {
+                warn(format!("paths.{name} = {value} is out of range, {clamped} is used"));
+                *value = clamped;
+            }
+        };
+        count("candidates", &mut self.candidates, 1, 64);
+        count("spatial_taps", &mut self.spatial_taps, 0, 5);
+        count("disocclusion_taps", &mut self.disocclusion_taps, 0, 5);
+        count("rounds", &mut self.rounds, 1, 4);
+        count("tries", &mut self.tries, 1, 8);
+        let mut number = |name: &str, value: &mut f32, low: f32, high: f32| {
+            let clamped = if value.is_nan() { low } else { value.clamp(low, high) };
+            if clamped != *value {
+                warn(format!("paths.{name} = {value} is out of range, {clamped} is used"));
+                *value = clamped;
+            }
+        };
+        number("radius", &mut self.radius, 0.0, 1000.0);
+        number("confidence_cap", &mut self.confidence_cap, 0.0, 30.0);
+        number("roughness", &mut self.roughness, 0.0, 1.0);
+        number("footprint", &mut self.footprint, 0.0, 1e6);
+        number("distance", &mut self.distance, 0.0, 1e6);
+        number("normal_threshold", &mut self.normal_threshold, -1.0, 1.0);
+        number("depth_threshold", &mut self.depth_threshold, 0.0, 1e6);
+    }
+}
