@@ -21,6 +21,7 @@ mod lights;
 mod motion_vectors;
 mod offset;
 mod path_light;
+mod path_motion;
 mod path_shift;
 mod references;
 mod render_cli;
