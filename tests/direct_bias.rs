@@ -27,7 +27,7 @@ fn each_biased_mode_is_biased_with_its_documented_sign() {
     for (name, direct) in [
         ("off", corrected(BiasCorrection::Off, Mis::default())),
         ("heuristics", corrected(BiasCorrection::Heuristics, Mis::default())),
-        ("heuristics and MIS", corrected(BiasCorrection::HeuristicsAndMis, Mis::default())),
+        ("heuristics and MIS", corrected(BiasCorrection::HeuristicsAndMis, Mis::DefensivePairwise)),
         ("heuristics and balance", corrected(BiasCorrection::HeuristicsAndMis, Mis::Balance)),
     ] {
         let found = PROOF.resampled(&mut rig, &direct, 5000).compare(&reference, 0.01);

@@ -42,12 +42,13 @@ impl BiasCorrection {
 pub enum Mis {
     /// By confidence among those that could have found a sample (1/|Z|, paper 003, Eq. 22): noisy.  k² evaluations for k neighbours.
     Valid,
-    /// Generalised balance heuristic (Eq. 30): k² evaluations.
+    /// Generalised balance heuristic (Eq. 30): least noise in every scene that was measured (`docs/performance.md`).  k² evaluations:
+    /// with the two taps of the defaults two more than the pairwise kinds, and their rays.
+    #[default]
     Balance,
     /// Each neighbour against the pixel's own sample (paper 002, 2.3.5): 2k evaluations.
     Pairwise,
     /// As `Pairwise`, with a share kept for the pixel's own sample by its confidence: safest where neighbours have long histories.
-    #[default]
     DefensivePairwise,
     /// As `Pairwise`, with 1/(k + 1) kept for the pixel's own sample (paper 002, Eqs. 28-29): for neighbours of like confidence.
     DefensivePairwiseGris,
@@ -120,7 +121,8 @@ impl ReservoirLayout {
 
 /// Resampled direct light.
 ///
-/// With the defaults a pixel traces six rays: for its BSDF candidate, for the candidate that it keeps, and two for each of two taps.
+/// With the defaults a pixel traces at most eight rays: for its BSDF candidate, for the candidate that it keeps, and three for each of
+/// two taps.
 #[derive(Clone, Debug, PartialEq, Reflect)]
 pub struct Direct {
     /// Points of lights that a pixel draws, 1 to 64; cost grows with it, noise falls.
