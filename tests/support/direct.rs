@@ -6,7 +6,15 @@ use bevy_restir::{BiasCorrection, Direct, Mis, RestirEnvironment};
 
 /// What most claims run: few candidates, so that a wrong weight shows, and every reuse.
 pub fn both() -> Direct {
-    Direct { candidates: 8, subset_count: 32, subset_size: 256, spatial_taps: 2, radius: 6.0, ..Default::default() }
+    Direct {
+        candidates: 8,
+        subset_count: 32,
+        subset_size: 256,
+        spatial_taps: 2,
+        radius: 6.0,
+        mis: Mis::DefensivePairwise,
+        ..Default::default()
+    }
 }
 
 pub fn candidates_only() -> Direct {
