@@ -215,10 +215,13 @@ pub const RESAMPLE_SAME_MATERIAL: u32 = 16384;
 pub const RESAMPLE_MOVED: u32 = 32768;
 pub const RESAMPLE_TRACE_FORTH: u32 = 65536;
 pub const RESAMPLE_TRACE_BACK: u32 = 131072;
+pub const RESAMPLE_INDIRECT: u32 = 262_144;
+pub const RESAMPLE_KEEPS_RADIANCE: u32 = 524_288;
 
 pub const RECONNECT_FOOTPRINTS: u32 = 0;
 pub const RECONNECT_BLACK_BOX: u32 = 1;
 pub const RECONNECT_DISTANCE: u32 = 2;
+pub const RECONNECT_FIRST: u32 = 3;
 
 pub const MIS_UNIFORM: u32 = 0;
 pub const MIS_VALID: u32 = 1;
@@ -236,6 +239,8 @@ pub const PRESAMPLED_LIGHT_SIZE: u64 = 48;
 
 /// Bytes of a reservoir of direct light.
 pub const DIRECT_RESERVOIR_SIZE: u64 = 16;
+/// Bytes of a reservoir of indirect light.
+pub const INDIRECT_RESERVOIR_SIZE: u64 = 48;
 /// Bytes of a reservoir of whole paths.
 pub const PATH_RESERVOIR_SIZE: u64 = 64;
 

@@ -26,6 +26,9 @@ pub enum Technique {
     /// ReSTIR DI (Wyman and Panteleev 2021, paper 003): emission and direct light, one bounce whatever `bounces` says (none where that
     /// is 0).  See [`Direct`].
     Di,
+    /// ReSTIR GI (Ouyang et al. 2021, paper 002) for indirect light, beside [`Technique::Di`] for direct light: up to `bounces`.  See
+    /// [`Paths`] and [`Direct`].
+    Gi,
     /// ReSTIR PT (Lin et al. 2022, improved as in paper 000): whole paths up to `bounces`, direct light among them.  See [`Paths`].
     Pt,
 }
@@ -54,7 +57,8 @@ pub enum DebugView {
     Normals,
     /// Base colour.
     Albedo,
-    /// Lights of the reservoirs that are kept, in false colours; black: none.  These and the following need [`Technique::Di`].
+    /// Lights of the reservoirs that are kept, in false colours; black: none.  This and the four that follow need
+    /// [`Technique::Di`] or [`Technique::Gi`].
     ReservoirLights,
     /// Where on its light the kept sample is: its two coordinates, 0 to 1, in red and green.
     ReservoirPoints,
@@ -64,12 +68,44 @@ pub enum DebugView {
     ReservoirConfidence,
     /// Whether the kept sample was seen when it was shaded: green, red where not, black where there is none.
     ReservoirVisibility,
+    /// How the kept paths end: aimed at a light in red, at an emitter that they met in green, at the environment in blue.  This and the
+    /// following need [`Technique::Pt`] or [`Technique::Gi`].
+    PathEnds,
+    /// Scattering events of the kept paths.
+    PathLengths,
+    /// Index of the vertex that other pixels reconnect to: from 2; 0: all is replayed.
+    PathReconnections,
+    /// Unbiased contribution weights of the kept paths, in their own measure.
+    PathWeights,
+    /// Confidence of the reservoirs, in frames' worth of candidates.
+    PathConfidence,
+    /// Frames since the kept paths were sampled; of `Pt`.
+    PathAges,
+    /// Why a kept path has no counterpart in the pixel 8 to the right, in false colours; white: it has.
+    PathShifts,
+    /// The Jacobian of that shift; 0 where it is not defined; of `Gi` 1, whose measure needs none.
+    PathJacobians,
 }
 
 impl DebugView {
     /// It shows what direct lighting keeps.
     pub fn is_of_reservoirs(self) -> bool {
-        self as u32 >= Self::ReservoirLights as u32
+        (Self::ReservoirLights as u32..=Self::ReservoirVisibility as u32).contains(&(self as u32))
+    }
+
+    /// It shows what is kept of paths.
+    pub fn is_of_paths(self) -> bool {
+        self as u32 >= Self::PathEnds as u32
+    }
+
+    /// Whether it shows something of a technique.
+    pub fn shows(self, technique: Technique) -> bool {
+        match technique {
+            Technique::Reference => !self.is_of_reservoirs() && !self.is_of_paths(),
+            Technique::Di => !self.is_of_paths(),
+            Technique::Gi => true,
+            Technique::Pt => !self.is_of_reservoirs(),
+        }
     }
 }
 
@@ -114,9 +150,9 @@ pub struct Restir {
     pub energy_compensation: bool,
     /// Selects one of 2^32 independent sequences of random numbers.
     pub seed: u32,
-    /// Direct light, for [`Technique::Di`].
+    /// Direct light, for [`Technique::Di`] and [`Technique::Gi`]; of all that resample its subsets of lights.
     pub direct: Direct,
-    /// Whole paths, for [`Technique::Pt`].
+    /// Paths, for [`Technique::Gi`] and [`Technique::Pt`].
     pub paths: Paths,
     /// Shows the mean of all frames for as long as nothing that is shown changes: for stills.  [`Technique::Reference`] always does.
     pub accumulate: bool,
@@ -176,7 +212,7 @@ impl Restir {
         }
         self.direct.validate(&mut |warning| warnings.push(warning));
         self.paths.validate(&mut |warning| warnings.push(warning));
-        if self.debug_view.is_of_reservoirs() && self.technique != Technique::Di {
+        if !self.debug_view.shows(self.technique) {
             warnings
                 .push(format!("debug_view = {:?} shows nothing of technique {:?}", self.debug_view, self.technique));
         }

@@ -198,9 +198,12 @@ fn resampling_structs_and_constants_are_the_same_in_rust_and_wgsl() {
         RESAMPLE_MOVED,
         RESAMPLE_TRACE_FORTH,
         RESAMPLE_TRACE_BACK,
+        RESAMPLE_INDIRECT,
+        RESAMPLE_KEEPS_RADIANCE,
         RECONNECT_FOOTPRINTS,
         RECONNECT_BLACK_BOX,
         RECONNECT_DISTANCE,
+        RECONNECT_FIRST,
         TILING_ROWS,
         TILING_COLUMNS,
     );

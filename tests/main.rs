@@ -14,6 +14,7 @@ mod direct_settings;
 mod environment;
 mod extremes;
 mod geometry;
+mod indirect_light;
 mod layout;
 mod light_choice;
 mod light_counts;

@@ -52,7 +52,7 @@ fn paths_in_a_room_carry_what_the_reference_carries_whatever_is_reused() {
 fn paths_over_glossy_surfaces_carry_what_the_reference_carries() {
     let Some(mut rig) = scene(32, glossy) else { return };
     let often_replayed = Paths { footprint: 20.0, ..every() };
-    let black_box = Paths { reconnection: Reconnection::BlackBox, ..every() };
+    let black_box = Paths { reconnection: Reconnection::BlackBox, roughness: 0.6, ..every() };
     let proof = Proof { bounces: 2, margin: 0.02, ..Proof::of((64, 16), (60, 64)) };
     proof.check("glossy", &mut rig, &[("both", every()), ("often replayed", often_replayed), ("black box", black_box)]);
 }

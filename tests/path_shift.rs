@@ -1,4 +1,5 @@
-//! What ReSTIR PT is built on: a path is its own image in its own pixel.
+//! The shift of paths is its own inverse: a path that arrives in another pixel, in this frame or the last, comes back to its own as it was,
+//! with the inverse of its Jacobian; its end is traced again both times.  A census over some 100,000 paths a case.
 
 use crate::support::{
     app::*,
@@ -6,64 +7,140 @@ use crate::support::{
     proof::{Subject, emission},
 };
 use bevy::prelude::*;
-use bevy_restir::{Paths, plant_shader_defs};
+use bevy_restir::{Paths, Reconnection, plant_shader_defs};
 use std::collections::BTreeMap;
 
 const BOUNCES: u32 = 4;
+/// Added to the reason of a path that does not arrive.
+const NOT_THERE: u32 = 50;
 
-/// Number of paths, by how they end, their length and where others reconnect to them, that cannot be shifted into their own pixel for a
-/// reason; and the largest relative error of what they carry there.
-type Census = BTreeMap<(u32, u32), (u32, f32)>;
+/// Number of paths, by how they end, their length, where others reconnect to them, and why they cannot be shifted; and the largest relative
+/// error of what they carry.
+#[derive(Default)]
+struct Census(BTreeMap<(u32, u32), (u32, f32)>);
 
-fn census(rig: &mut Rig, seeds: u32) -> Census {
-    let emitted = emission(rig);
-    plant_shader_defs(&mut rig.app, &["TEST_SHIFT_REASON"]);
-    let alone = Paths { temporal: false, spatial_taps: 0, ..Default::default() };
-    rig.set(|r| {
-        alone.ask(r);
-        r.bounces = BOUNCES;
-    });
-    rig.until_ready();
-    let mut census = Census::new();
-    for seed in 0..seeds {
-        rig.set(|r| r.seed = seed);
-        for ((_, c), (_, e)) in rig.next().iter().zip(emitted.iter()) {
-            // (reason, end + 10 length + 1000 k, error) where there is a path.
+impl Census {
+    /// Adds a picture of (reason, end + 10 length + 1000 k, error) where there is a path.
+    fn add(&mut self, picture: &Picture, emitted: &Picture) {
+        for ((_, c), (_, e)) in picture.iter().zip(emitted.iter()) {
             if e == Vec3::ZERO && c.y > 0.0 {
-                let entry = census.entry((c.y.round() as u32, c.x.round() as u32)).or_default();
+                let entry = self.0.entry((c.y.round() as u32, c.x.round() as u32)).or_default();
                 *entry = (entry.0 + 1, entry.1.max(c.z));
             }
         }
+    }
+
+    fn count(&self, of: impl Fn(u32) -> bool) -> u32 {
+        self.0.iter().filter(|((_, reason), _)| of(*reason)).map(|(_, (count, _))| count).sum()
+    }
+
+    /// Paths that arrived and came back, that did not arrive, that did not come back; and the largest error of the first.
+    fn sums(&self) -> (u32, u32, u32, f32) {
+        let worst = self.0.iter().filter(|((_, reason), _)| *reason == 0).map(|(_, (_, e))| *e).fold(0.0, f32::max);
+        let lost = self.count(|reason| reason != 0 && reason < NOT_THERE);
+        (self.count(|reason| reason == 0), self.count(|reason| reason >= NOT_THERE), lost, worst)
+    }
+}
+
+fn alone(paths: &Paths) -> Paths {
+    Paths { temporal: false, spatial_taps: 0, ..paths.clone() }
+}
+
+fn census(rig: &mut Rig, defs: &[&'static str], paths: &Paths, seeds: u32) -> Census {
+    let emitted = emission(rig);
+    plant_shader_defs(&mut rig.app, defs);
+    rig.set(|r| {
+        paths.ask(r);
+        r.bounces = BOUNCES;
+    });
+    rig.until_ready();
+    let mut census = Census::default();
+    for seed in 0..seeds {
+        rig.set(|r| r.seed = seed);
+        census.add(&rig.next(), &emitted);
     }
     plant_shader_defs(&mut rig.app, &[]);
     census
 }
 
+type Make = fn(&mut Rig);
+
+const SCENES: [(&str, Make); 4] = [
+    ("room", |rig| {
+        room(rig);
+    }),
+    ("glossy", glossy),
+    ("mirrors", mirrors),
+    ("surrounded", |rig| surrounded(rig, true)),
+];
+
 #[test]
 fn a_path_is_its_own_image_in_its_own_pixel() {
-    type Make = fn(&mut Rig);
-    let scenes: [(&str, Make); 3] = [
-        ("room", |rig| {
-            room(rig);
-        }),
-        ("mirrors", mirrors),
-        ("surrounded", |rig| surrounded(rig, true)),
-    ];
     let mut kinds = std::collections::BTreeSet::new();
-    for (name, make) in scenes {
+    for (name, make) in SCENES {
         let Some(mut rig) = scene(32, make) else { return };
-        let census = census(&mut rig, 40);
-        let paths: u32 = census.values().map(|(count, _)| count).sum();
-        let failed: u32 = census.iter().filter(|((_, reason), _)| *reason != 0).map(|(_, (count, _))| count).sum();
-        let worst = census.iter().filter(|((_, reason), _)| *reason == 0).map(|(_, (_, e))| *e).fold(0.0, f32::max);
-        eprintln!("{name}: {paths} paths, {failed} not shifted, error at most {worst}: {census:?}");
-        assert!(paths > 10_000 && failed as f32 <= 1e-4 * paths as f32, "{name}: {failed} of {paths}");
+        let census = census(&mut rig, &["TEST_ROUND_TRIP"], &alone(&Paths::default()), 40);
+        let (back, away, lost, worst) = census.sums();
+        eprintln!("{name}: {back} paths came back, {away} did not arrive, {lost} were lost, error at most {worst}");
+        assert!(back > 10_000 && (away + lost) as f32 <= 1e-4 * back as f32, "{name}: {:?}", census.0);
         // Directions and places are kept in 16 bits.
         assert!(worst < 0.02, "{name}: {worst}");
-        kinds.extend(census.keys().map(|(kind, _)| (kind % 10, kind / 1000 == 0, kind / 10 % 100 == kind / 1000)));
+        kinds.extend(census.0.keys().map(|(kind, _)| (kind % 10, kind / 1000 == 0, kind / 10 % 100 == kind / 1000)));
     }
     // (end, replayed whole, reconnected at the light): aimed at a light before it and at it, met by a whole replay, before, at it.
     for kind in [(1, false, false), (1, false, true), (2, true, false), (2, false, true), (3, false, true)] {
         assert!(kinds.contains(&kind), "{kind:?} of {kinds:?}");
     }
+}
+
+#[test]
+fn paths_come_back_from_other_pixels_as_they_were() {
+    let often_replayed = Paths { footprint: 20.0, ..Default::default() };
+    let black_box = Paths { reconnection: Reconnection::BlackBox, roughness: 0.6, ..Default::default() };
+    let by_distance = Paths { reconnection: Reconnection::Distance, distance: 0.5, ..Default::default() };
+    for (name, make) in SCENES {
+        let Some(mut rig) = scene(32, make) else { return };
+        for (what, paths) in [
+            ("footprints", &Paths::default()),
+            ("often replayed", &often_replayed),
+            ("black box", &black_box),
+            ("by distance", &by_distance),
+        ] {
+            let census = census(&mut rig, &["TEST_ROUND_TRIP", "TEST_BESIDE"], &alone(paths), 40);
+            let (back, away, lost, worst) = census.sums();
+            eprintln!(
+                "{name}, {what}: {back} paths came back, {away} did not arrive, {lost} were lost, error at most {worst}"
+            );
+            assert!(back > 5_000 && lost as f32 <= 1e-4 * back as f32, "{name}, {what}: {:?}", census.0);
+            assert!(worst < 0.05, "{name}, {what}: {worst}");
+        }
+    }
+}
+
+#[test]
+fn paths_come_back_from_the_last_frame_as_they_were() {
+    let Some(mut rig) = scene(32, moving) else { return };
+    pose_moving(&mut rig, STEPS);
+    let emitted = emission(&mut rig);
+    plant_shader_defs(&mut rig.app, &["TEST_ROUND_TRIP", "TEST_BEFORE"]);
+    // Without taps nothing is reused, but the last frame is known.
+    rig.set(|r| {
+        alone(&Paths::default()).ask(r);
+        r.bounces = BOUNCES;
+    });
+    rig.until_ready();
+    let mut census = Census::default();
+    for seed in 0..60 {
+        rig.set(|r| r.seed = seed);
+        for step in 0..STEPS {
+            pose_moving(&mut rig, step);
+            rig.frame();
+        }
+        pose_moving(&mut rig, STEPS);
+        census.add(&rig.next(), &emitted);
+    }
+    let (back, away, lost, worst) = census.sums();
+    eprintln!("{back} paths came back, {away} did not arrive, {lost} were lost, error at most {worst}");
+    assert!(back > 10_000 && lost as f32 <= 1e-4 * back as f32, "{:?}", census.0);
+    assert!(worst < 0.05, "{worst}");
 }

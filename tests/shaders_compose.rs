@@ -25,7 +25,8 @@ fn required(path: &str) -> SceneFeatures {
 /// What a pass is compiled for.
 fn domains(path: &str) -> &'static [Option<&'static str>] {
     match path {
-        "pass/reuse.wgsl" => &[None, Some("RESAMPLES_PATHS")],
+        "pass/reuse.wgsl" => &[None, Some("RESAMPLES_PATHS"), Some("RESAMPLES_INDIRECT")],
+        "pass/path_candidates.wgsl" | "pass/debug_paths.wgsl" => &[None, Some("RESAMPLES_INDIRECT")],
         _ => &[None],
     }
 }

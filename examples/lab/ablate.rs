@@ -1,18 +1,13 @@
 //! The shape of paper 003's Table 1 on this adapter: what each part of direct light costs, and what it brings.
 
 use bevy::math::UVec2;
-use bevy_restir::{Restir, RestirEnvironment};
-use serde_json::Value;
-use std::path::{Path, PathBuf};
+use bevy_restir::Restir;
+use std::path::PathBuf;
 
 use crate::{
-    bench::{Bench, Cost, Counts, Errors, pixels},
+    bench::{Bench, Cost, Counts, Errors, Scene, pixels, scenes},
     error::Reference,
-    headless::{
-        self,
-        progress::Progress,
-        scene::{self, CameraSetup},
-    },
+    headless::{self, progress::Progress},
     output::{Output, header},
     series::{self, Entry, Shown},
     table::{Row, Table, Unit},
@@ -42,13 +37,8 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<(), String> {
     args.output.check("ablate")?;
     let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
-    // A name that is wrong is found before minutes are spent on the others.
-    let scenes = args.scenes.iter().map(|path| path.canonicalize().map_err(|e| format!("{}: {e}", path.display())));
-    let scenes = scenes.collect::<Result<Vec<_>, _>>()?;
-    for (path, scene) in args.scenes.iter().zip(scenes) {
-        let fail = |error: String| format!("{}: {error}", path.display());
-        let name = scene.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        let measured = Measured::new(args, &scene, &name).map_err(fail)?;
+    for scene in scenes(&args.scenes)? {
+        let measured = Measured::new(args, &scene).map_err(|error| format!("{}: {error}", scene.1))?;
         if table.header.is_empty() {
             table.header = header(measured.adapter.clone(), args.size);
             let Args { counts: Counts { warmup, frames }, seeds, samples, .. } = args;
@@ -57,7 +47,7 @@ pub fn run(args: &Args) -> Result<(), String> {
                  frames, against {samples} samples a pixel"
             ));
         }
-        table.columns.push((name, measured.rows()));
+        table.columns.push((scene.1, measured.rows()));
     }
     args.output.write("ablate", &table)
 }
@@ -112,31 +102,6 @@ fn other_sizes(size: UVec2) -> [UVec2; 2] {
     [(size / 2).max(UVec2::ONE), size * 2]
 }
 
-/// A scene's camera at some size.
-fn bench(scene: &Path, name: &str, size: UVec2, counts: &Counts) -> Result<Bench, String> {
-    let (folder, file) = scene::split(scene)?;
-    let environment = environment(folder, name)?;
-    let mut app = headless::app(folder)?;
-    scene::load(&mut app, file)?;
-    let place = scene::file_camera(app.world_mut(), None)?;
-    let setup = CameraSetup { size, exposure: scene::unit_exposure(), environment, settings: series::default() };
-    scene::spawn_camera(app.world_mut(), place, setup);
-    Bench::new(app, size, counts.clone())
-}
-
-/// The environment that `references.json` beside a scene names for it.
-fn environment(folder: &Path, name: &str) -> Result<Option<RestirEnvironment>, String> {
-    let path = folder.join("references.json");
-    let Ok(text) = std::fs::read_to_string(&path) else { return Ok(None) };
-    let all: Value = serde_json::from_str(&text).map_err(|e| format!("{}: {e}", path.display()))?;
-    let channels: Vec<f32> =
-        all[name]["env"].as_array().into_iter().flatten().filter_map(|c| Some(c.as_f64()? as f32)).collect();
-    Ok(match channels[..] {
-        [r, g, b] => Some(RestirEnvironment { color: bevy::color::LinearRgba::rgb(r, g, b), ..Default::default() }),
-        _ => None,
-    })
-}
-
 /// Bytes a pixel of what grows with the picture, and bytes of what does not, from what is held at two sizes.
 fn bytes(small: &(f64, Vec<(&str, u64)>), large: &(f64, Vec<(&str, u64)>)) -> (f64, f64) {
     let held =
@@ -153,7 +118,7 @@ fn bytes(small: &(f64, Vec<(&str, u64)>), large: &(f64, Vec<(&str, u64)>)) -> (f
 }
 
 impl Measured {
-    fn new(args: &Args, scene: &Path, name: &str) -> Result<Self, String> {
+    fn new(args: &Args, scene: &Scene) -> Result<Self, String> {
         let (default, bare) = (series::default(), series::without_rays(series::default()));
         let plan = plan(&series::entries());
         let seeds = |error: bool| if error { args.seeds } else { 0 };
@@ -165,14 +130,14 @@ impl Measured {
         let mut resolutions = Vec::new();
         let mut memory = Vec::new();
         for size in other_sizes(args.size) {
-            let mut bench = bench(scene, name, size, &args.counts)?;
+            let mut bench = Bench::of_scene(scene, size, default.clone(), &args.counts)?;
             let bare = bench.measure(&bare, None, &progress)?.0;
             resolutions.push([bench.measure(&default, None, &progress)?.0, bare]);
             memory.push((pixels(size), bench.report().memory));
         }
         let (pixel_bytes, fixed_bytes) = bytes(&memory[0], &memory[1]);
 
-        let mut bench = bench(scene, name, args.size, &args.counts)?;
+        let mut bench = Bench::of_scene(scene, args.size, default.clone(), &args.counts)?;
         let reference = bench.reference(&series::reference(), args.samples, &progress)?;
         let errors = Errors { reference: &reference, seeds: args.seeds };
         let mut results = Vec::new();
@@ -182,7 +147,7 @@ impl Measured {
             if settings == default {
                 reservoir_bytes = bench.report().reservoir_bytes_per_pixel;
             }
-            results.push((settings, cost, error));
+            results.push((settings, cost, error.map(|error| error.mean)));
         }
         let report = bench.report();
         let mut measured = Self {
@@ -204,7 +169,7 @@ impl Measured {
             let samples = measured.samples_in(&settings).round() as u32;
             equal_time.push(match samples {
                 0 => None,
-                n => Some(bench.error(&series::reference(), &errors, n - 1, &progress)?),
+                n => Some(bench.error(&series::reference(), &errors, n - 1, &progress)?.mean),
             });
         }
         measured.equal_time = equal_time;

@@ -1,14 +1,16 @@
 //! One scene under one setting after another: what its frames cost, and how far off they are.
 
 use bevy::{app::App, math::UVec2, render::renderer::RenderAdapterInfo};
-use bevy_restir::{Restir, RestirReport, RestirStatistics, Technique, pass_names};
+use bevy_restir::{Restir, RestirEnvironment, RestirReport, RestirStatistics, Technique, pass_names};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
 
 use crate::{
-    error::{Picture, Reference, mean},
+    error::{Error, Picture, Reference, mean},
     headless::{
-        captured, frame,
+        self, captured, frame,
         progress::Progress,
-        scene::View,
+        scene::{self, CameraSetup, View},
         times::{Times, median},
         until_ready,
     },
@@ -51,12 +53,17 @@ impl Cost {
 
     /// Ms of the initial candidates.
     pub fn candidates(&self) -> f64 {
-        self.sum(|name| name == "direct_candidates")
+        self.sum(|name| name.ends_with("_candidates"))
     }
 
     /// Ms of reuse, all rounds.
     pub fn reuse(&self) -> f64 {
-        self.sum(|name| name.starts_with("direct_reuse"))
+        self.sum(|name| name.contains("_reuse"))
+    }
+
+    /// Ms of every pass that makes light.
+    pub fn of_passes(&self) -> impl Iterator<Item = (&'static str, f64)> + '_ {
+        self.passes.iter().copied().filter(|(name, _)| !OTHER_PASSES.contains(name))
     }
 
     /// Ms of reuse and what puts its light together.
@@ -85,7 +92,45 @@ pub struct Bench {
     times: Times,
 }
 
+/// A file's path and its name.
+pub type Scene = (PathBuf, String);
+
+/// Finds scenes: a name that is wrong is found before minutes are spent on the others.
+pub fn scenes(paths: &[PathBuf]) -> Result<Vec<Scene>, String> {
+    let find = |path: &PathBuf| {
+        let scene = path.canonicalize().map_err(|e| format!("{}: {e}", path.display()))?;
+        let name = scene.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        Ok((scene, name))
+    };
+    paths.iter().map(find).collect()
+}
+
+/// The environment that `references.json` beside a scene names for it.
+fn environment(folder: &Path, name: &str) -> Result<Option<RestirEnvironment>, String> {
+    let path = folder.join("references.json");
+    let Ok(text) = std::fs::read_to_string(&path) else { return Ok(None) };
+    let all: Value = serde_json::from_str(&text).map_err(|e| format!("{}: {e}", path.display()))?;
+    let channels: Vec<f32> =
+        all[name]["env"].as_array().into_iter().flatten().filter_map(|c| Some(c.as_f64()? as f32)).collect();
+    Ok(match channels[..] {
+        [r, g, b] => Some(RestirEnvironment { color: bevy::color::LinearRgba::rgb(r, g, b), ..Default::default() }),
+        _ => None,
+    })
+}
+
 impl Bench {
+    /// Of a scene's camera at some size.
+    pub fn of_scene((scene, name): &Scene, size: UVec2, settings: Restir, counts: &Counts) -> Result<Self, String> {
+        let (folder, file) = scene::split(scene)?;
+        let environment = environment(folder, name)?;
+        let mut app = headless::app(folder)?;
+        scene::load(&mut app, file)?;
+        let place = scene::file_camera(app.world_mut(), None)?;
+        let setup = CameraSetup { size, exposure: scene::unit_exposure(), environment, settings };
+        scene::spawn_camera(app.world_mut(), place, setup);
+        Self::new(app, size, counts.clone())
+    }
+
     /// Of an app whose camera is spawned.
     pub fn new(mut app: App, size: UVec2, counts: Counts) -> Result<Self, String> {
         until_ready(&mut app)?;
@@ -126,7 +171,7 @@ impl Bench {
         settings: &Restir,
         errors: Option<&Errors>,
         progress: &Progress,
-    ) -> Result<(Cost, Option<f64>), String> {
+    ) -> Result<(Cost, Option<Error>), String> {
         let before = history(settings, &self.counts);
         let mut done = 0;
         let error = match errors {
@@ -155,7 +200,7 @@ impl Bench {
         Ok((Cost { passes, rays: rays / f64::from(self.counts.frames) / pixels(self.size) }, error))
     }
 
-    /// Mean squared error of the frame that comes after some others, or of the mean of them all where the technique sums them:
+    /// Error of the frame that comes after some others, or of the mean of them all where the technique sums them:
     /// mean over independent seeds.
     pub fn error(
         &mut self,
@@ -163,25 +208,28 @@ impl Bench {
         errors: &Errors,
         before: u32,
         progress: &Progress,
-    ) -> Result<f64, String> {
+    ) -> Result<Error, String> {
         self.set(settings)?;
-        let mut sum = 0.0;
+        let mut sum = Error::default();
         for seed in 1..=errors.seeds {
             self.restart(seed);
-            sum += errors.reference.error(&self.picture(before, progress)?);
+            let error = errors.reference.error(&self.picture(before, progress)?);
+            sum = Error { mean: sum.mean + error.mean, median: sum.median + error.median };
         }
-        Ok(sum / f64::from(errors.seeds))
+        let seeds = f64::from(errors.seeds);
+        Ok(Error { mean: sum.mean / seeds, median: sum.median / seeds })
     }
 
     /// The converged picture of the reference tracer at these settings.
     pub fn reference(&mut self, settings: &Restir, samples: u32, progress: &Progress) -> Result<Reference, String> {
         self.set(settings)?;
+        let size = self.size;
         let mut half = |seed| {
             self.restart(seed);
             self.picture(samples.div_ceil(2) - 1, progress)
         };
         // Seeds that no measured frame has.
-        Ok(Reference::new(&half(u32::MAX)?, &half(u32::MAX - 1)?))
+        Ok(Reference::new(&half(u32::MAX)?, &half(u32::MAX - 1)?, size))
     }
 
     /// Mean radiance of the next frame.
@@ -228,7 +276,14 @@ pub fn pixels(size: UVec2) -> f64 {
 
 /// Frames before the one whose error is taken: those that it reuses.
 fn history(settings: &Restir, counts: &Counts) -> u32 {
-    let direct = &settings.direct;
-    let reuses = direct.temporal || direct.spatial_taps + direct.disocclusion_taps > 0;
-    if settings.technique == Technique::Di && reuses { counts.warmup } else { 0 }
+    let Restir { direct, paths, .. } = settings;
+    let direct_reuses = direct.temporal || direct.spatial_taps + direct.disocclusion_taps > 0;
+    let paths_reuse = paths.temporal || paths.spatial_taps > 0;
+    let reuses = match settings.technique {
+        Technique::Reference => false,
+        Technique::Di => direct_reuses,
+        Technique::Gi => direct_reuses || paths_reuse,
+        Technique::Pt => paths_reuse,
+    };
+    if reuses { counts.warmup } else { 0 }
 }

@@ -1,11 +1,26 @@
 //! How far a picture is from the converged one.
 
+use bevy::math::UVec2;
+
 /// Linear radiance, rows from the top.
 pub type Picture = Vec<[f64; 3]>;
+
+/// Pixels a side of a block.
+const BLOCK: usize = 8;
+
+/// Squared error, relative to the squared mean of the converged picture.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Error {
+    /// Of the whole picture.
+    pub mean: f64,
+    /// The median of those of its blocks: what fireflies do not decide.
+    pub median: f64,
+}
 
 /// A converged picture.
 pub struct Reference {
     pixels: Picture,
+    width: usize,
     /// Squared mean of its pixels and channels: what errors are relative to, so that scenes compare.
     scale: f64,
     /// Its own mean squared error.
@@ -14,21 +29,32 @@ pub struct Reference {
 
 impl Reference {
     /// From two independent halves of its samples: the mean's variance is a quarter of their squared difference.
-    pub fn new(a: &Picture, b: &Picture) -> Self {
+    pub fn new(a: &Picture, b: &Picture, size: UVec2) -> Self {
         let both = |f: fn(f64, f64) -> f64| -> Picture {
             a.iter().zip(b).map(|(a, b)| core::array::from_fn(|i| f(a[i], b[i]))).collect()
         };
         let pixels = both(|a, b| 0.5 * (a + b));
         let scale = mean(&pixels, |c| c).powi(2).max(f64::MIN_POSITIVE);
         let noise = mean(&both(|a, b| 0.5 * (a - b)), |c| c * c) / scale;
-        Self { pixels, scale, noise }
+        Self { pixels, width: size.x as usize, scale, noise }
     }
 
-    /// Mean squared error of a picture, relative.
-    pub fn error(&self, picture: &Picture) -> f64 {
-        let difference: Picture =
-            picture.iter().zip(&self.pixels).map(|(p, r)| core::array::from_fn(|i| p[i] - r[i])).collect();
-        mean(&difference, |c| c * c) / self.scale
+    /// How far off a picture is.
+    pub fn error(&self, picture: &Picture) -> Error {
+        let squares: Vec<f64> = picture
+            .iter()
+            .zip(&self.pixels)
+            .map(|(p, r)| (0..3).map(|i| (p[i] - r[i]).powi(2)).sum::<f64>() / (3.0 * self.scale))
+            .collect();
+        let across = self.width.div_ceil(BLOCK);
+        let mut blocks = vec![(0.0, 0.0); across * (squares.len() / self.width).div_ceil(BLOCK)];
+        for (i, square) in squares.iter().enumerate() {
+            let block = &mut blocks[i / self.width / BLOCK * across + i % self.width / BLOCK];
+            *block = (block.0 + square, block.1 + 1.0);
+        }
+        let mut blocks: Vec<f64> = blocks.into_iter().map(|(sum, count)| sum / count).collect();
+        blocks.sort_by(f64::total_cmp);
+        Error { mean: squares.iter().sum::<f64>() / squares.len() as f64, median: blocks[blocks.len() / 2] }
     }
 }
 

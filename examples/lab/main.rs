@@ -2,6 +2,7 @@
 
 mod ablate;
 mod bench;
+mod compare;
 mod error;
 #[path = "../headless/mod.rs"]
 mod headless;
@@ -25,6 +26,7 @@ struct Args {
 #[derive(Subcommand, Debug)]
 enum Command {
     Ablate(ablate::Args),
+    Compare(compare::Args),
     Scale(scale::Args),
 }
 
@@ -36,6 +38,7 @@ fn main() -> ExitCode {
     headless::quiet_drivers();
     let result = match &args.command {
         Command::Ablate(args) => ablate::run(args),
+        Command::Compare(args) => compare::run(args),
         Command::Scale(args) => scale::run(args),
     };
     match result {

@@ -71,6 +71,7 @@ pub struct Args {
 pub enum TechniqueName {
     Reference,
     Di,
+    Gi,
     Pt,
 }
 
@@ -146,6 +147,7 @@ impl Args {
         settings.technique = match self.technique {
             TechniqueName::Reference => Technique::Reference,
             TechniqueName::Di => Technique::Di,
+            TechniqueName::Gi => Technique::Gi,
             TechniqueName::Pt => Technique::Pt,
         };
         settings.seed = self.seed;

@@ -1,15 +1,26 @@
-// Initial candidates of ReSTIR PT (paper 000): one tree of paths a pixel, resampled into one path.
+// Initial candidates of ReSTIR PT and GI (paper 000; paper 002, 4.3.2): one tree of paths a pixel, resampled into one path.
 
 #import bevy_restir::common::constants::NONE
-#import bevy_restir::common::rng::{rng_new, STREAM_TREE}
+#import bevy_restir::common::rng::{pcg4d, rng_new, STREAM_TREE}
 #import bevy_restir::path::tree::{Chosen, path_tree}
+#import bevy_restir::path::walk::Vertex
 #import bevy_restir::restir::bindings::settings
+#ifdef RESAMPLES_INDIRECT
+#import bevy_restir::restir::indirect::measured
+#import bevy_restir::restir::indirect_reservoir::{no_reservoir, PackedReservoir, Reservoir, reservoir_pack, reservoir_unpack}
+#else
 #import bevy_restir::restir::path_reservoir::{no_reservoir, PackedReservoir, Reservoir, reservoir_pack, reservoir_unpack}
+#import bevy_restir::restir::paths::measured
+#endif
 #import bevy_restir::restir::paths::{Receiver, receiver_of}
 #import bevy_restir::restir::tiling::reservoir_index
-#import bevy_restir::shift::hybrid::hybrid_shift
+#import bevy_restir::scene::surface::surface_at
+#import bevy_restir::scene::triangle::world_triangle
+#import bevy_restir::shift::connect::connection_of
+#import bevy_restir::shift::hybrid::{hybrid_shift, is_free, SHIFT_HIDDEN}
 #import bevy_restir::trace::ray::{rays_traced, trace_flags}
 #import bevy_restir::view::bindings::{ray_counts, view, visibility}
+#import bevy_restir::view::camera::{barycentrics_on_ray, camera_position, primary_ray}
 
 @group(2) @binding(2) var<storage, read_write> reservoirs: array<PackedReservoir>;
 // What the paths carry.
@@ -30,25 +41,73 @@ fn path_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let r = receiver_of(ids, pixel, false);
     var rng = rng_new(pixel, view.frame, STREAM_TREE, view.seed);
-    let chosen = path_tree(r.first, pixel, r.connection, &rng);
+    let chosen = measured(path_tree(r.first, pixel, r.connection, &rng), r);
     let kept = Reservoir(chosen.path, chosen.ucw, 1.0, true);
     reservoirs[index] = reservoir_pack(kept);
-    textureStore(carried, pixel, vec4<f32>(carried_by(chosen, kept, r), 0.0));
+    textureStore(carried, pixel, vec4<f32>(carried_by(chosen, kept, r, ids, pixel), 0.0));
     let counted = textureLoad(ray_counts, pixel).x;
     textureStore(ray_counts, pixel, vec4<u32>((counted + rays_traced) | trace_flags << 24u));
 }
 
-// TEST_*: what only tests define.  The path goes through its 64 bytes and is shifted into its own pixel: (why it could not be, what it
-// is, the relative error of what it carries).
-#ifdef TEST_SHIFT_REASON
-fn carried_by(chosen: Chosen, kept: Reservoir, r: Receiver) -> vec3<f32> {
-    let s = hybrid_shift(reservoir_unpack(reservoir_pack(kept)).path, r.first, r.connection, false, true);
-    let error = distance(s.f * s.jacobian, chosen.f) / max(length(chosen.f), 1.0e-30);
+// TEST_*: what only tests define.  The path goes through its packed form, is shifted to another receiver, and back, its end traced
+// again: (why it could not be, what it is, the relative error of what it carries and of the product of both Jacobians).
+#ifdef TEST_ROUND_TRIP
+fn carried_by(chosen: Chosen, kept: Reservoir, r: Receiver, ids: vec2<u32>, pixel: vec2<u32>) -> vec3<f32> {
+    let away = partner(r, ids, pixel);
+    var path = reservoir_unpack(reservoir_pack(kept)).path;
+    var reason = 0u;
+    var jacobian = 1.0;
+    var f = vec3<f32>(0.0);
+    for (var trip = 0u; trip < 2u && reason == 0u; trip++) {
+        var to = away;
+        if trip == 1u {
+            to = r;
+        }
+        let s = hybrid_shift(path, to.first, to.connection, to.previous, true);
+        path = s.path;
+        jacobian *= s.jacobian;
+        f = s.f;
+        // What does not arrive there need not come back.
+        reason = s.reason + select(0u, NOT_THERE, trip == 0u && s.reason != 0u);
+        if trip == 1u && reason == 0u && !is_free(s, false) {
+            reason = SHIFT_HIDDEN;
+        }
+    }
+    let error = max(distance(f, chosen.f) / max(length(chosen.f), 1.0e-30), abs(jacobian - 1.0));
     let kind = f32(chosen.path.end) + 10.0 * f32(chosen.path.length) + 1000.0 * f32(chosen.path.reconnection);
-    return vec3<f32>(f32(s.reason), kind, error) / max(chosen.ucw, 1.0e-30);
+    return vec3<f32>(f32(reason), kind, error) / max(chosen.ucw, 1.0e-30);
+}
+
+const NOT_THERE: u32 = 50u;
+#else
+fn carried_by(chosen: Chosen, kept: Reservoir, r: Receiver, ids: vec2<u32>, pixel: vec2<u32>) -> vec3<f32> {
+    return chosen.f;
+}
+#endif
+
+#ifdef TEST_BESIDE
+// A pixel near by.
+fn partner(r: Receiver, ids: vec2<u32>, pixel: vec2<u32>) -> Receiver {
+    let bits = pcg4d(vec4<u32>(pixel, view.frame, view.seed));
+    let at = vec2<u32>(clamp(vec2<i32>(pixel) + vec2<i32>(bits.xy % 17u) - 8, vec2<i32>(0), vec2<i32>(view.size) - 1));
+    let other = textureLoad(visibility, at, 0).xy;
+    if other.x == NONE {
+        return r;
+    }
+    return receiver_of(other, at, false);
+}
+#else ifdef TEST_BEFORE
+// The same point in the last frame.
+fn partner(r: Receiver, ids: vec2<u32>, pixel: vec2<u32>) -> Receiver {
+    let barycentrics = barycentrics_on_ray(world_triangle(ids.x, ids.y, false), primary_ray(pixel));
+    let place = surface_at(ids.x, ids.y, barycentrics, vec3<f32>(0.0, 0.0, 1.0), true).position;
+    let wo = normalize(camera_position(true) - place);
+    let s = surface_at(ids.x, ids.y, barycentrics, wo, true);
+    return Receiver(Vertex(s, wo, vec3<f32>(0.0)), connection_of(camera_position(true), s), true);
 }
 #else
-fn carried_by(chosen: Chosen, kept: Reservoir, r: Receiver) -> vec3<f32> {
-    return chosen.f;
+// Itself.
+fn partner(r: Receiver, ids: vec2<u32>, pixel: vec2<u32>) -> Receiver {
+    return r;
 }
 #endif

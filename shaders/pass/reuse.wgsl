@@ -2,14 +2,19 @@
 // meet in one resampling step; what each contributes is shaded by its share (paper 003, 7: decoupled shading; paper 000, 7: vector
 // weights), and one is kept.
 //
-// What samples are is their domain's: points of lights, or whole paths.  The step is done in the pixel's own domain: a neighbour's
+// What samples are is their domain's: points of lights, whole paths, or their ends from the first bounce on.  The step is done in the pixel's own domain: a neighbour's
 // sample is shifted there first, and from there to where else it is weighed.
 
 #import bevy_restir::common::constants::NONE
+#import bevy_restir::common::math::luminance
 #import bevy_restir::common::rng::{Rng, rng_1, rng_2, rng_bits, rng_new, STREAM_REUSE}
 #ifdef RESAMPLES_PATHS
 #import bevy_restir::restir::path_reservoir::{no_reservoir, PackedReservoir, Reservoir, reservoir_pack, reservoir_unpack}
 #import bevy_restir::restir::paths::{arrived, evaluate, Evaluated, is_handed_on, is_visible, jacobian_of, knows_own_target, of_this_frame, own_target, Receiver, receiver_of, target_value}
+#else ifdef RESAMPLES_INDIRECT
+#import bevy_restir::restir::indirect::{arrived, evaluate, is_handed_on, is_visible, jacobian_of, knows_own_target, of_this_frame, own_target, target_value}
+#import bevy_restir::restir::indirect_reservoir::{no_reservoir, PackedReservoir, Reservoir, reservoir_pack, reservoir_unpack}
+#import bevy_restir::restir::paths::{Evaluated, Receiver, receiver_of}
 #else
 #import bevy_restir::restir::direct::{arrived, evaluate, Evaluated, is_handed_on, is_visible, jacobian_of, knows_own_target, of_this_frame, own_target, Receiver, receiver_of, target_value}
 #import bevy_restir::restir::reservoir::{no_reservoir, PackedReservoir, Reservoir, reservoir_pack, reservoir_unpack}
@@ -212,7 +217,7 @@ fn combine(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, r: Rece
             }
             // Where it is handed on the pixel's own sample needs no look.
             if domain == 0u && j == 0u && is_handed_on() {
-                (*mis).targets[0] = own_target((*inputs).samples[0]);
+                (*mis).targets[0] = luminance((*inputs).contributions[0]);
                 continue;
             }
             let is_asked = (*inputs).samples[j].ucw > 0.0 && mis_needs_target(settings.mis, domain, j);

@@ -14,7 +14,8 @@ const END_EMITTER: u32 = 2u;          // its last ray met an emissive triangle
 const END_ENVIRONMENT: u32 = 3u;      // or nothing
 
 struct PathSample {
-    seed: vec2<u32>,          // pixel (y << 16 | x) and frame whose random numbers it is replayed with
+    seed: u32,                // of the random numbers that it is replayed with
+    born: u32,                // frame that it was sampled in
     end: u32,                 // END_*
     length: u32,              // index of the vertex on the light, from 2
     reconnection: u32,        // index k of the first vertex that is kept as it is; 0: all is replayed
@@ -33,7 +34,7 @@ struct PathSample {
 
 fn no_path_sample() -> PathSample {
     return PathSample(
-        vec2<u32>(0u), END_NONE, 0u, 0u, 0u, 0u, NONE, NONE, vec2<f32>(0.0), vec3<f32>(0.0, 0.0, 1.0), vec3<f32>(0.0), 0.0,
+        0u, 0u, END_NONE, 0u, 0u, 0u, 0u, NONE, NONE, vec2<f32>(0.0), vec3<f32>(0.0, 0.0, 1.0), vec3<f32>(0.0), 0.0,
         no_light_point(), 0.0, 0.0,
     );
 }

@@ -19,6 +19,7 @@
 #import bevy_restir::path::walk::{sampled_step, Step, step_medium, Vertex}
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::candidate::{light_candidate, subset_of}
+#import bevy_restir::restir::types::RESAMPLE_INDIRECT
 #import bevy_restir::restir::stream::{Stream, stream_add, stream_ucw}
 #import bevy_restir::scene::surface::{Surface, surface_at}
 #import bevy_restir::shift::connect::{Connection, Departure, departure, geometry_factor, is_connectable, is_connectable_end, is_rough}
@@ -132,6 +133,9 @@ fn path_tree(first: Vertex, pixel: vec2<u32>, c: Connection, rng: ptr<function, 
     let seed = path_seed(pixel);
     var tree = Tree(Stream(0.0, NONE), no_path_sample(), vec3<f32>(0.0), no_path_sample(), 1.0);
     tree.grown.seed = seed;
+    tree.grown.born = view.frame;
+    // Direct light may be another technique's.
+    let shortest = select(2u, 3u, (settings.flags & RESAMPLE_INDIRECT) != 0u);
     var v = first;
     var before: Departure;
     var throughput = vec3<f32>(1.0);
@@ -142,7 +146,7 @@ fn path_tree(first: Vertex, pixel: vec2<u32>, c: Connection, rng: ptr<function, 
 
         // Aim at a light.
         var aimed_at = AimedAt(no_light_point(), 0.0);
-        if !bsdf_is_delta(v.surface.bsdf) {
+        if tree.grown.length >= shortest && !bsdf_is_delta(v.surface.bsdf) {
             aimed_at = choose_light(v, index, pixel, rng);
         }
         if aimed_at.ucw > 0.0 {
@@ -178,7 +182,7 @@ fn path_tree(first: Vertex, pixel: vec2<u32>, c: Connection, rng: ptr<function, 
         }
         throughput *= step.weight;
         eta_scale *= step.eta * step.eta;
-        before = departure(v, step, c);
+        before = departure(v, step, index, c);
 
         // Roulette changes how likely a path is, never what it carries.
         if index >= ROULETTE_FROM {
@@ -193,6 +197,9 @@ fn path_tree(first: Vertex, pixel: vec2<u32>, c: Connection, rng: ptr<function, 
         let origin = offset_point(v.surface.position, v.surface.bsdf.n_geo, step.wi, v.surface.offset);
         let hit = trace_closest(Ray(origin, 0.0, step.wi, FAR), path_alpha_seed(seed, index, OF_RAY));
         if hit.instance == NONE {
+            if tree.grown.length < shortest {
+                break;
+            }
             let light_pdf = expected_candidates(ENVIRONMENT_LIGHT, index) * environment_pdf(step.wi);
             let radiance = environment_radiance(step.wi);
             let weight = met_weight(step, light_pdf);
@@ -218,7 +225,7 @@ fn path_tree(first: Vertex, pixel: vec2<u32>, c: Connection, rng: ptr<function, 
         throughput *= carried;
         suffix *= select(vec3<f32>(1.0), carried, tree.grown.reconnection != 0u);
         tree.grown = place(tree.grown, hit.instance, hit.triangle, barycentrics);
-        if max_component(s.emission) > 0.0 {
+        if tree.grown.length >= shortest && max_component(s.emission) > 0.0 {
             let light_pdf = emission_pdf(s, hit.instance, hit.triangle, v.surface.position, index, false);
             let weight = met_weight(step, light_pdf);
             var met = tree.grown;

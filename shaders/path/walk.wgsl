@@ -33,7 +33,7 @@ fn no_step() -> Step {
 }
 
 // The step that the random numbers of a path give at its vertex of this index.
-fn sampled_step(v: Vertex, seed: vec2<u32>, index: u32) -> Step {
+fn sampled_step(v: Vertex, seed: u32, index: u32) -> Step {
     let b = bsdf_sample(v.surface.bsdf, v.wo, path_random(seed, index));
     if b.valid == 0u {
         return no_step();

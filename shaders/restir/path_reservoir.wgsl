@@ -14,7 +14,7 @@ struct Reservoir {
 
 // As it lies in memory.
 struct PackedReservoir {
-    structure: vec4<u32>,      // end, length, reconnection, lobes and confidence; seed; W
+    structure: vec4<u32>,      // end, length, reconnection, lobes and confidence; seed; birth; W
     connection: vec4<u32>,     // vertex k and where the path goes from there
     suffix: vec4<u32>,         // what it carries from there on
     light: vec4<u32>,          // the light that is aimed at; density; p̂
@@ -33,7 +33,7 @@ fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     let confidence = u32(clamp(r.confidence, 0.0, CONFIDENCE_MAX) * 16.0 + 0.5);
     let structure = s.end | s.length << 2u | s.reconnection << 9u | s.lobe_before << 16u | s.lobe_after << 18u | confidence << 20u;
     return PackedReservoir(
-        vec4<u32>(structure, s.seed, bitcast<u32>(r.ucw)),
+        vec4<u32>(structure, s.seed, s.born, bitcast<u32>(r.ucw)),
         vec4<u32>(s.instance, s.triangle, pack2x16unorm(s.barycentrics), octahedral_encode(s.wi)),
         vec4<u32>(bitcast<vec3<u32>>(s.radiance), bitcast<u32>(s.light_pdf)),
         vec4<u32>(s.light.light, s.light.coordinates, bitcast<u32>(s.density), bitcast<u32>(s.target_value)),
@@ -49,7 +49,8 @@ fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     s.reconnection = structure >> 9u & 127u;
     s.lobe_before = structure >> 16u & 3u;
     s.lobe_after = structure >> 18u & 3u;
-    s.seed = p.structure.yz;
+    s.seed = p.structure.y;
+    s.born = p.structure.z;
     s.instance = p.connection.x;
     s.triangle = p.connection.y;
     s.barycentrics = decode_barycentrics(p.connection.z);

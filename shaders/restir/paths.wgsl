@@ -4,13 +4,14 @@
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::math::luminance
 #import bevy_restir::light::remap::light_of_this_frame
-#import bevy_restir::path::sample::END_LIGHT
+#import bevy_restir::path::sample::{END_LIGHT, PathSample}
+#import bevy_restir::path::tree::Chosen
 #import bevy_restir::path::walk::Vertex
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::path_reservoir::Reservoir
 #import bevy_restir::restir::types::{RESAMPLE_MOVED, RESAMPLE_TRACE_BACK, RESAMPLE_TRACE_FORTH}
 #import bevy_restir::shift::connect::{Connection, connection_of}
-#import bevy_restir::shift::hybrid::{hybrid_shift, Shifted}
+#import bevy_restir::shift::hybrid::{hybrid_shift, is_free, Shifted}
 #import bevy_restir::view::camera::camera_position
 #import bevy_restir::view::primary::primary_surface
 
@@ -21,9 +22,9 @@ struct Receiver {
     previous: bool,
 }
 
-// A path at a receiver: what it carries there, seen or nothing, and how it came there.
+// A path at a receiver: what it carries there, and how it came there.
 struct Evaluated {
-    f: vec3<f32>,
+    f: vec3<f32>,              // if nothing stands in its way
     shifted: Shifted,
 }
 
@@ -32,11 +33,20 @@ fn receiver_of(ids: vec2<u32>, pixel: vec2<u32>, previous: bool) -> Receiver {
     return Receiver(Vertex(s.surface, s.wo, vec3<f32>(0.0)), connection_of(camera_position(previous), s.surface), previous);
 }
 
+// A candidate in the measure of this domain.
+fn measured(c: Chosen, r: Receiver) -> Chosen {
+    return c;
+}
+
 // Where something moved between the frames, what follows the reconnection is traced again: in this one, or in the last.
-fn evaluate(r: Receiver, s: Reservoir) -> Evaluated {
+fn shifted_to(r: Receiver, path: PathSample) -> Shifted {
     let asked = select(RESAMPLE_TRACE_FORTH, RESAMPLE_TRACE_BACK, r.previous);
     let traces = (settings.flags & RESAMPLE_MOVED) != 0u && (settings.flags & asked) != 0u;
-    let shifted = hybrid_shift(s.path, r.first, r.connection, r.previous, traces);
+    return hybrid_shift(path, r.first, r.connection, r.previous, traces);
+}
+
+fn evaluate(r: Receiver, s: Reservoir) -> Evaluated {
+    let shifted = shifted_to(r, s.path);
     return Evaluated(shifted.f, shifted);
 }
 
@@ -66,22 +76,27 @@ fn own_target(s: Reservoir) -> f32 {
     return s.path.target_value;
 }
 
-// The pixel's own path needs no shift.
+// The pixel's own path needs no shift: what it carries is handed on.
 fn is_handed_on() -> bool {
     return true;
 }
 
-// A shift has looked.
+// Blended surfaces let it see by the path's own chances, whoever looks.
 fn is_visible(r: Receiver, e: Evaluated, alpha_seed: u32) -> bool {
-    return true;
+    return is_free(e.shifted, r.previous);
 }
 
 // A path of the last frame in this one: a light that is gone takes it with it, but not its worth.
 fn of_this_frame(s: Reservoir) -> Reservoir {
-    var r = s;
-    if s.path.end == END_LIGHT {
-        r.path.light.light = light_of_this_frame(s.path.light.light);
-        r.ucw = select(s.ucw, 0.0, r.path.light.light == NONE);
+    let path = path_of_this_frame(s.path);
+    return Reservoir(path, select(0.0, s.ucw, path.length > 0u), s.confidence, s.seen);
+}
+
+fn path_of_this_frame(path: PathSample) -> PathSample {
+    var p = path;
+    if path.end == END_LIGHT {
+        p.light.light = light_of_this_frame(path.light.light);
+        p.length = select(path.length, 0u, p.light.light == NONE);
     }
-    return r;
+    return p;
 }

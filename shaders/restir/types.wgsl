@@ -60,11 +60,17 @@ const RESAMPLE_MOVED: u32 = 32768u;
 const RESAMPLE_TRACE_FORTH: u32 = 65536u;
 // and what they would have been there is traced there.
 const RESAMPLE_TRACE_BACK: u32 = 131072u;
+// Paths of one bounce are another technique's.
+const RESAMPLE_INDIRECT: u32 = 262144u;
+// The radiance of a path leaves its reconnection vertex to all sides alike.
+const RESAMPLE_KEEPS_RADIANCE: u32 = 524288u;
 
 // By the footprints of both densities (paper 000, 2), the same with a density in place of a roughness (4), or by a distance.
 const RECONNECT_FOOTPRINTS: u32 = 0u;
 const RECONNECT_BLACK_BOX: u32 = 1u;
 const RECONNECT_DISTANCE: u32 = 2u;
+// To the first vertex that bounces light, beyond a distance.
+const RECONNECT_FIRST: u32 = 3u;
 
 const TILING_ROWS: u32 = 0u;
 const TILING_COLUMNS: u32 = 0xffffffffu;

@@ -7,7 +7,7 @@
 #import bevy_restir::common::constants::FOUR_PI
 #import bevy_restir::path::walk::{Step, Vertex}
 #import bevy_restir::restir::bindings::settings
-#import bevy_restir::restir::types::{RECONNECT_BLACK_BOX, RECONNECT_DISTANCE}
+#import bevy_restir::restir::types::{RECONNECT_BLACK_BOX, RECONNECT_DISTANCE, RECONNECT_FIRST}
 #import bevy_restir::scene::surface::Surface
 
 // Thresholds of a view.
@@ -26,9 +26,13 @@ struct Departure {
     rough: bool,              // rough enough, and no delta
 }
 
+fn goes_by_distance() -> bool {
+    return settings.reconnection >= RECONNECT_DISTANCE;
+}
+
 // 4π d²/|cos| at the primary hit (Eq. 6), times the threshold.
 fn connection_of(eye: vec3<f32>, s: Surface) -> Connection {
-    if settings.reconnection == RECONNECT_DISTANCE {
+    if goes_by_distance() {
         return Connection(settings.separation, settings.roughness);
     }
     let d = s.position - eye;
@@ -51,8 +55,10 @@ fn is_rough(v: Vertex, step: Step, c: Connection) -> bool {
     return !step.delta && lobe_roughness(v.surface.bsdf, step.lobe) >= c.roughness;
 }
 
-fn departure(v: Vertex, step: Step, c: Connection) -> Departure {
-    return Departure(v.surface.position, v.surface.bsdf.n_geo, step.pdf, step.pdf_lobe, step.lobe, is_rough(v, step, c));
+// From the vertex of an index: ReSTIR GI reconnects to the first one that bounces light, or not at all.
+fn departure(v: Vertex, step: Step, index: u32, c: Connection) -> Departure {
+    let rough = is_rough(v, step, c) && (index == 1u || settings.reconnection != RECONNECT_FIRST);
+    return Departure(v.surface.position, v.surface.bsdf.n_geo, step.pdf, step.pdf_lobe, step.lobe, rough);
 }
 
 // |cos at the far end| / d²: from solid angle at one vertex to area at the next.
@@ -64,7 +70,7 @@ fn geometry_factor(from_point: vec3<f32>, to_point: vec3<f32>, n_geo: vec3<f32>)
 
 // The vertices are far enough apart for a path that leaves a with marginal density `pdf` (Eq. 5, forward).
 fn is_apart(a: vec3<f32>, b: vec3<f32>, n_geo_b: vec3<f32>, pdf: f32, c: Connection) -> bool {
-    if settings.reconnection == RECONNECT_DISTANCE {
+    if goes_by_distance() {
         return distance(a, b) >= c.separation;
     }
     return pdf * geometry_factor(a, b, n_geo_b) * c.separation <= 1.0;

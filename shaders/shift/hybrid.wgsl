@@ -16,6 +16,8 @@
 #import bevy_restir::path::shadow::{ray_between, ray_to_light}
 #import bevy_restir::path::tree::{aim, emission_pdf, expected_candidates, met_weight}
 #import bevy_restir::path::walk::{sampled_step, Step, step_medium, step_towards, Vertex}
+#import bevy_restir::restir::bindings::settings
+#import bevy_restir::restir::types::RESAMPLE_KEEPS_RADIANCE
 #import bevy_restir::scene::surface::{Surface, surface_at}
 #import bevy_restir::shift::connect::{Connection, Departure, departure, geometry_factor, is_connectable, is_connectable_end, is_rough}
 #import bevy_restir::trace::offset::offset_point
@@ -29,19 +31,22 @@ const SHIFT_ENDED: u32 = 2u;          // the replay ended, or met a light, where
 const SHIFT_EARLIER: u32 = 3u;        // an earlier pair is connectable (O1, O3)
 const SHIFT_UNCONNECTABLE: u32 = 4u;  // the pair is not (O2)
 const SHIFT_BLACK: u32 = 5u;          // nothing is carried
-const SHIFT_HIDDEN: u32 = 6u;         // something stands between
-
-struct Shifted {
-    path: PathSample,         // as it is there
-    f: vec3<f32>,             // what it carries there, in its own measure
-    jacobian: f32,            // of the shift; 0 where it is not defined
-    reason: u32,              // SHIFT_*
-}
+const SHIFT_HIDDEN: u32 = 6u;         // something stands between: what `is_free` says
 
 // A ray that must meet nothing.
 struct Free {
     ray: Ray,
     alpha_seed: u32,
+}
+
+struct Shifted {
+    path: PathSample,         // as it is there
+    f: vec3<f32>,             // what it carries there, if its rays are free
+    density: f32,             // `PathSample::density` there
+    jacobian: f32,            // of the shift; 0 where it is not defined
+    reason: u32,              // SHIFT_*
+    free: array<Free, 2>,
+    free_count: u32,
 }
 
 // A path as far as it was shifted.
@@ -76,11 +81,6 @@ fn hybrid_shift(s: PathSample, first: Vertex, c: Connection, previous: bool, tra
     if w.reason == SHIFT_OK && (!(max_component(w.f) > 0.0) || !is_finite_3(w.f)) {
         w.reason = SHIFT_BLACK;
     }
-    for (var i = 0u; i < w.free_count && w.reason == SHIFT_OK; i++) {
-        if trace_any(w.free[i].ray, w.free[i].alpha_seed, previous) {
-            w.reason = SHIFT_HIDDEN;
-        }
-    }
     // Where nothing is divided by a density the Jacobian is 1.
     let jacobian = select(1.0, w.density / s.density, s.density > 0.0);
     if w.reason == SHIFT_OK && (!(jacobian > 0.0) || !is_finite(jacobian)) {
@@ -93,11 +93,22 @@ fn hybrid_shift(s: PathSample, first: Vertex, c: Connection, previous: bool, tra
     path.density = select(0.0, w.density, s.density > 0.0);
     path.radiance = w.radiance;
     path.light_pdf = w.light_pdf;
-    return Shifted(path, w.f, jacobian, SHIFT_OK);
+    return Shifted(path, w.f, w.density, jacobian, SHIFT_OK, w.free, w.free_count);
 }
 
 fn failed(s: PathSample, reason: u32) -> Shifted {
-    return Shifted(s, vec3<f32>(0.0), 0.0, reason);
+    var none: array<Free, 2>;
+    return Shifted(s, vec3<f32>(0.0), 0.0, 0.0, reason, none, 0u);
+}
+
+// Whether nothing stands in the way of a shifted path, in this frame or the last.
+fn is_free(s: Shifted, previous: bool) -> bool {
+    for (var i = 0u; i < s.free_count; i++) {
+        if trace_any(s.free[i].ray, s.free[i].alpha_seed, previous) {
+            return false;
+        }
+    }
+    return true;
 }
 
 fn walk(w: ptr<function, Walk>, s: PathSample, c: Connection, previous: bool, traces: bool) {
@@ -144,6 +155,10 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: Connection, previous: bool, tr
         if is_kept {
             (*w).density *= geometry_factor(at.position, kept.position, kept.bsdf.n_geo);
             must_be_free(w, ray_between(at, kept), path_alpha_seed(s.seed, index, OF_RAY));
+            if (settings.flags & RESAMPLE_KEEPS_RADIANCE) != 0u {
+                (*w).f = (*w).throughput * transmittance(medium, distance(kept.position, at.position)) * s.radiance;
+                return;
+            }
             arrive(w, s, index, step, kept, s.instance, s.triangle, medium, c, previous);
         } else {
             let origin = offset_point(at.position, at.bsdf.n_geo, step.wi, at.offset);
@@ -199,7 +214,7 @@ fn take(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, c: Connec
     if index + 1u == s.reconnection || index == s.reconnection {
         (*w).density *= step.pdf_lobe;
     }
-    (*w).before = departure((*w).v, step, c);
+    (*w).before = departure((*w).v, step, index, c);
     (*w).after = step;
 }
 

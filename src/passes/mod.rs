@@ -119,14 +119,16 @@ const fn per_pixel(name: &'static str, resources: &'static [R]) -> ComputePass {
     ComputePass { name, file: name, def: None, domain, resources, dispatch: Dispatch::Pixels, specialised: true }
 }
 
-/// Chooses the domain of `shaders/pass/reuse.wgsl`.
-pub(crate) const RESAMPLES_PATHS: &str = "RESAMPLES_PATHS";
+/// Choose the domain of a shader; without them it is direct lighting in `pass/reuse.wgsl`, whole paths in `pass/path_candidates.wgsl`.
+const RESAMPLES_PATHS: Option<&str> = Some("RESAMPLES_PATHS");
+const RESAMPLES_INDIRECT: Option<&str> = Some("RESAMPLES_INDIRECT");
 
 const REFERENCE: ComputePass = per_pixel("reference", &[R::Radiance]);
 const DEBUG: ComputePass = per_pixel("debug", &[R::Radiance]);
 const PRESAMPLE: ComputePass =
     ComputePass { dispatch: Dispatch::Subsets, ..per_pixel("presample", &[R::Settings, R::Subsets]) };
 const PATH_PRESAMPLE: ComputePass = ComputePass { domain: Domain::Paths, ..PRESAMPLE };
+const INDIRECT_PRESAMPLE: ComputePass = ComputePass { domain: Domain::Indirect, ..PRESAMPLE };
 const DIRECT_CANDIDATES: ComputePass =
     per_pixel("direct_candidates", &[R::Settings, R::SubsetsRead, R::CandidateReservoirs, R::CandidateLight]);
 const PATH_CANDIDATES: ComputePass = ComputePass {
@@ -148,13 +150,23 @@ const DIRECT_REUSE: ComputePass = ComputePass {
     )
 };
 const PATH_REUSE: ComputePass =
-    ComputePass { name: "path_reuse", def: Some(RESAMPLES_PATHS), domain: Domain::Paths, ..DIRECT_REUSE };
+    ComputePass { name: "path_reuse", def: RESAMPLES_PATHS, domain: Domain::Paths, ..DIRECT_REUSE };
+const INDIRECT_CANDIDATES: ComputePass =
+    ComputePass { name: "indirect_candidates", def: RESAMPLES_INDIRECT, domain: Domain::Indirect, ..PATH_CANDIDATES };
+const INDIRECT_REUSE: ComputePass =
+    ComputePass { name: "indirect_reuse", def: RESAMPLES_INDIRECT, domain: Domain::Indirect, ..DIRECT_REUSE };
 /// Time spans of the rounds of reuse.
 const DIRECT_ROUNDS: [&str; MOST_ROUNDS] =
     ["direct_reuse", "direct_reuse_2", "direct_reuse_3", "direct_reuse_4", "direct_reuse_5"];
 const PATH_ROUNDS: [&str; MOST_ROUNDS] = ["path_reuse", "path_reuse_2", "path_reuse_3", "path_reuse_4", "path_reuse_5"];
+const INDIRECT_ROUNDS: [&str; MOST_ROUNDS] =
+    ["indirect_reuse", "indirect_reuse_2", "indirect_reuse_3", "indirect_reuse_4", "indirect_reuse_5"];
 const DEBUG_RESERVOIRS: ComputePass =
     ComputePass { specialised: false, ..per_pixel("debug_reservoirs", &[R::Settings, R::KeptReservoirs, R::Radiance]) };
+const DEBUG_PATHS: ComputePass =
+    ComputePass { domain: Domain::Paths, ..per_pixel("debug_paths", &[R::Settings, R::KeptReservoirs, R::Radiance]) };
+const DEBUG_INDIRECT: ComputePass =
+    ComputePass { name: "debug_indirect", def: RESAMPLES_INDIRECT, domain: Domain::Indirect, ..DEBUG_PATHS };
 const RESOLVE: ComputePass = per_pixel("resolve", &[R::UnresampledLight, R::ResampledLight, R::PathLight, R::Radiance]);
 const STATISTICS: ComputePass = ComputePass { specialised: false, ..per_pixel("statistics", &[R::Counters]) };
 
@@ -165,7 +177,10 @@ pub(crate) enum Frame {
     Reference,
     Direct,
     DirectDebug,
+    Indirect,
+    IndirectDebug,
     Paths,
+    PathsDebug,
     Debug,
 }
 
@@ -175,8 +190,11 @@ impl Frame {
         match (settings.debug_view, settings.technique) {
             (DebugView::Off, Technique::Reference) => Self::Reference,
             (DebugView::Off, Technique::Di) => Self::Direct,
+            (DebugView::Off, Technique::Gi) => Self::Indirect,
             (DebugView::Off, Technique::Pt) => Self::Paths,
-            (view, Technique::Di) if view.is_of_reservoirs() => Self::DirectDebug,
+            (view, Technique::Di | Technique::Gi) if view.is_of_reservoirs() => Self::DirectDebug,
+            (view, Technique::Gi) if view.is_of_paths() => Self::IndirectDebug,
+            (view, Technique::Pt) if view.is_of_paths() => Self::PathsDebug,
             _ => Self::Debug,
         }
     }
@@ -185,7 +203,9 @@ impl Frame {
     pub(crate) fn domains(self) -> &'static [Domain] {
         match self {
             Self::Direct | Self::DirectDebug => &[Domain::Direct],
-            Self::Paths => &[Domain::Paths],
+            Self::Indirect => &[Domain::Direct, Domain::Indirect],
+            Self::IndirectDebug => &[Domain::Indirect],
+            Self::Paths | Self::PathsDebug => &[Domain::Paths],
             Self::Reference | Self::Debug => &[],
         }
     }
@@ -196,6 +216,19 @@ impl Frame {
             Self::Reference => &[&REFERENCE, &STATISTICS],
             Self::Direct => &[&PRESAMPLE, &DIRECT_CANDIDATES, &DIRECT_REUSE, &RESOLVE, &STATISTICS],
             Self::DirectDebug => &[&PRESAMPLE, &DIRECT_CANDIDATES, &DIRECT_REUSE, &DEBUG_RESERVOIRS, &STATISTICS],
+            Self::Indirect => &[
+                &PRESAMPLE,
+                &DIRECT_CANDIDATES,
+                &DIRECT_REUSE,
+                &INDIRECT_CANDIDATES,
+                &INDIRECT_REUSE,
+                &RESOLVE,
+                &STATISTICS,
+            ],
+            Self::IndirectDebug => {
+                &[&INDIRECT_PRESAMPLE, &INDIRECT_CANDIDATES, &INDIRECT_REUSE, &DEBUG_INDIRECT, &STATISTICS]
+            }
+            Self::PathsDebug => &[&PATH_PRESAMPLE, &PATH_CANDIDATES, &PATH_REUSE, &DEBUG_PATHS, &STATISTICS],
             Self::Paths => &[&PATH_PRESAMPLE, &PATH_CANDIDATES, &PATH_REUSE, &RESOLVE, &STATISTICS],
             Self::Debug => &[&DEBUG, &STATISTICS],
         }
@@ -207,6 +240,7 @@ impl Frame {
         for &pass in self.compute() {
             let names = match pass.name {
                 "direct_reuse" => &DIRECT_ROUNDS[..rounds(Domain::Direct)],
+                "indirect_reuse" => &INDIRECT_ROUNDS[..rounds(Domain::Indirect)],
                 "path_reuse" => &PATH_ROUNDS[..rounds(Domain::Paths)],
                 _ => core::slice::from_ref(&pass.name),
             };
@@ -362,9 +396,9 @@ fn resources(
     let own = history.and_then(|h| h.of(pass.domain));
     let view = BindingResource::TextureView;
     // Light of a domain, or none where it is not resampled.
-    let light = |domain, of: fn(&Reservoirs) -> &TextureView| {
+    let light = |domains: &[Domain], of: fn(&Reservoirs) -> &TextureView| {
         history.map(|h| {
-            let light: &TextureView = h.of(domain).map_or(&h.black, of);
+            let light: &TextureView = domains.iter().find_map(|&domain| h.of(domain)).map_or(&h.black, of);
             view(light)
         })
     };
@@ -386,9 +420,9 @@ fn resources(
                 R::CandidateLight => view(own?.light_of_candidates()),
                 R::LightBefore => view(own?.light_before(round)),
                 R::LightAfter => view(own?.light_after(round)),
-                R::UnresampledLight => light(Domain::Direct, Reservoirs::light_of_candidates)?,
-                R::ResampledLight => light(Domain::Direct, Reservoirs::light_of_last_round)?,
-                R::PathLight => light(Domain::Paths, Reservoirs::light_of_last_round)?,
+                R::UnresampledLight => light(&[Domain::Direct], Reservoirs::light_of_candidates)?,
+                R::ResampledLight => light(&[Domain::Direct], Reservoirs::light_of_last_round)?,
+                R::PathLight => light(&[Domain::Paths, Domain::Indirect], Reservoirs::light_of_last_round)?,
             };
             Some(BindGroupEntry { binding: binding as u32, resource })
         })

@@ -28,7 +28,8 @@ pub enum Suffix {
     Kept,
 }
 
-/// Resampled paths, for [`Technique::Pt`](super::Technique::Pt).  Unbiased with every setting but [`Suffix`]'s cheaper ones.
+/// Resampled paths, for [`Technique::Pt`](super::Technique::Pt) and, from the first bounce on, [`Technique::Gi`](super::Technique::Gi).
+/// Unbiased but for [`Suffix`]'s cheaper settings and [`Paths::keeps_radiance`].
 #[derive(Clone, Debug, PartialEq, Reflect)]
 pub struct Paths {
     /// Points of lights that a path's first vertex draws to aim at one, 1 to 64; a later vertex B draws 1/B² of them, at least one.
@@ -56,13 +57,17 @@ pub struct Paths {
     pub mis: Mis,
     /// What becomes of the end of a path where something moved.
     pub suffix: Suffix,
-    /// Where paths are reconnected.
+    /// Takes the radiance that leaves the first bounce to be the same to all sides (paper 002, 4.3.3: the second BSDF left out; always
+    /// [`Suffix::Kept`]).  For `Gi`.  Biased where that surface is glossy: brighter and darker by place.  Cheaper.
+    pub keeps_radiance: bool,
+    /// Where paths are reconnected; `Gi` always reconnects to the first bounce, after every lobe but a mirror's.
     pub reconnection: Reconnection,
     /// Least perceptual roughness of a lobe that paths are reconnected after (paper 000: 0.2).
     pub roughness: f32,
     /// c of the footprints (paper 000: 0.02, in hundredths of the pixel's); larger: later reconnections, fewer samples are shared.
     pub footprint: f32,
-    /// Least distance between the vertices, m; for [`Reconnection::Distance`].
+    /// Least distance between the vertices, m; for [`Reconnection::Distance`] and `Gi` (paper 002, Eq. 30).  Paths that are nearer are not
+    /// shared: fewer bright pixels in corners, no bias.
     pub distance: f32,
     /// Shades all paths that meet by their shares, not only the one that is kept (vector weights, paper 000, 7): less colour noise, no
     /// bias.
@@ -95,10 +100,11 @@ impl Default for Paths {
             confidence_cap: 20.0,
             mis: Mis::DefensivePairwise,
             suffix: Suffix::default(),
+            keeps_radiance: false,
             reconnection: Reconnection::default(),
             roughness: 0.2,
             footprint: 0.02,
-            distance: 0.1,
+            distance: 0.01,
             vector_weights: true,
             heuristics: true,
             normal_threshold: 0.9,

@@ -87,6 +87,7 @@ impl History {
             let [settings, reservoirs, light] = match r.domain {
                 Domain::Direct => ["direct settings", "reservoirs", "light"],
                 Domain::Paths => ["path settings", "path reservoirs", "light of paths"],
+                Domain::Indirect => ["indirect settings", "indirect reservoirs", "indirect light"],
             };
             memory.extend([
                 (settings, MOST_ROUNDS as u64 * SETTINGS_STRIDE),
@@ -194,7 +195,7 @@ impl Reservoirs {
     pub(crate) fn light_before(&self, round: usize) -> &TextureView {
         match self.domain {
             Domain::Direct => &self.light[0],
-            Domain::Paths => &self.light[round % 2],
+            Domain::Paths | Domain::Indirect => &self.light[round % 2],
         }
     }
 
@@ -207,7 +208,7 @@ impl Reservoirs {
     pub(crate) fn light_after(&self, round: usize) -> &TextureView {
         match self.domain {
             Domain::Direct => &self.light[1],
-            Domain::Paths => &self.light[(round + 1) % 2],
+            Domain::Paths | Domain::Indirect => &self.light[(round + 1) % 2],
         }
     }
 }
@@ -222,6 +223,7 @@ fn reservoir_size(domain: Domain) -> u64 {
     match domain {
         Domain::Direct => DIRECT_RESERVOIR_SIZE,
         Domain::Paths => PATH_RESERVOIR_SIZE,
+        Domain::Indirect => INDIRECT_RESERVOIR_SIZE,
     }
 }
 

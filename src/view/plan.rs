@@ -17,6 +17,8 @@ pub(crate) enum Domain {
     Direct,
     /// Whole paths.
     Paths,
+    /// Paths from their first bounce on.
+    Indirect,
 }
 
 /// A round of reuse.
@@ -73,6 +75,7 @@ impl Plan {
         match domain {
             Domain::Direct => Self::direct(&settings.direct),
             Domain::Paths => Self::paths(&settings.paths, &settings.direct),
+            Domain::Indirect => Self::indirect(&settings.paths, &settings.direct),
         }
     }
 
@@ -104,6 +107,7 @@ impl Plan {
     fn paths(paths: &Paths, direct: &Direct) -> Self {
         let mis = mis_constant(BiasCorrection::UnbiasedMis, paths.mis);
         let flags = [
+            (true, RESAMPLE_TARGET_RAYS | RESAMPLE_MIS_RAYS),
             (paths.heuristics, RESAMPLE_HEURISTICS),
             (paths.vector_weights, RESAMPLE_DECOUPLED),
             (paths.bilinear, RESAMPLE_BILINEAR),
@@ -142,6 +146,22 @@ impl Plan {
                     Suffix::Kept => 0,
                 },
             single_mis: MIS_BALANCE,
+        }
+    }
+
+    fn indirect(paths: &Paths, direct: &Direct) -> Self {
+        let plan = Self::paths(paths, direct);
+        let flags = flags_of([(true, RESAMPLE_INDIRECT), (paths.keeps_radiance, RESAMPLE_KEEPS_RADIANCE)]);
+        Self {
+            common: GpuResampleSettings {
+                flags: plan.common.flags | flags,
+                reconnection: RECONNECT_FIRST,
+                roughness: 0.0,
+                separation: paths.distance,
+                ..plan.common
+            },
+            moved_flags: if paths.keeps_radiance { 0 } else { plan.moved_flags },
+            ..plan
         }
     }
 

@@ -25,6 +25,15 @@ impl Subject for Paths {
     }
 }
 
+/// Direct and indirect light apart.
+pub struct Indirect(pub Direct, pub Paths);
+
+impl Subject for Indirect {
+    fn ask(&self, settings: &mut Restir) {
+        (settings.technique, settings.direct, settings.paths) = (Technique::Gi, self.0.clone(), self.1.clone());
+    }
+}
+
 /// How the techniques of a scene are held against its reference.
 #[derive(Clone, Copy)]
 pub struct Proof<'a> {

@@ -1,0 +1,66 @@
+//! ReSTIR GI beside ReSTIR DI: a courtyard of coloured walls under a sun that wanders while space is held; what the sun does not reach
+//! is lit by the walls that it does.  T: the next technique, V: the next debug view, up and down: bounces.
+//!
+//! `cargo run --example global_illumination`
+
+use bevy::prelude::*;
+use bevy_restir::prelude::*;
+
+#[path = "shared/keys.rs"]
+mod keys;
+
+fn main() {
+    App::new()
+        .add_plugins((DefaultPlugins, RestirPlugin))
+        .add_systems(Startup, setup)
+        .add_systems(Update, (wander, keys::act))
+        .run();
+}
+
+fn setup(mut commands: Commands, mut meshes: ResMut<Assets<Mesh>>, mut materials: ResMut<Assets<StandardMaterial>>) {
+    let mut paint = |color: Color| materials.add(StandardMaterial { base_color: color, reflectance: 0.2, ..default() });
+    let (stone, red, green, cream) = (
+        paint(Color::srgb(0.8, 0.78, 0.72)),
+        paint(Color::srgb(0.8, 0.2, 0.12)),
+        paint(Color::srgb(0.2, 0.6, 0.2)),
+        paint(Color::srgb(0.9, 0.85, 0.7)),
+    );
+    let mut block = |size: Vec3, place: Vec3, material: &Handle<StandardMaterial>| {
+        let mesh = Mesh3d(meshes.add(Cuboid::from_size(size)));
+        commands.spawn((mesh, MeshMaterial3d(material.clone()), Transform::from_translation(place)));
+    };
+    block(Vec3::new(14.0, 0.2, 14.0), Vec3::new(0.0, -0.1, 0.0), &stone);
+    block(Vec3::new(0.3, 4.0, 10.0), Vec3::new(-4.0, 2.0, 0.0), &red);
+    block(Vec3::new(0.3, 4.0, 10.0), Vec3::new(4.0, 2.0, 0.0), &green);
+    block(Vec3::new(8.0, 4.0, 0.3), Vec3::new(0.0, 2.0, -5.0), &cream);
+    // An arcade along the far wall, and a pillar in the middle.
+    block(Vec3::new(8.0, 0.3, 2.0), Vec3::new(0.0, 2.6, -4.0), &cream);
+    for x in [-3.0, -1.0, 1.0, 3.0] {
+        block(Vec3::new(0.3, 2.5, 0.3), Vec3::new(x, 1.25, -3.2), &cream);
+    }
+    block(Vec3::new(0.8, 1.6, 0.8), Vec3::new(0.4, 0.8, 0.0), &stone);
+
+    let sun = DirectionalLight { illuminance: light_consts::lux::AMBIENT_DAYLIGHT, ..default() };
+    commands.spawn((sun, overhead(0.0)));
+    let eye = Transform::from_xyz(0.0, 2.4, 6.5).looking_at(Vec3::new(0.0, 1.3, -2.0), Vec3::Y);
+    let sky = RestirEnvironment { color: LinearRgba::rgb(500.0, 700.0, 1000.0), ..default() };
+    commands.spawn((Camera3d::default(), eye, Restir { technique: Technique::Gi, ..default() }, sky));
+}
+
+fn overhead(time: f32) -> Transform {
+    Transform::from_rotation(Quat::from_euler(EulerRot::YXZ, 0.8 + 0.9 * time.sin(), -0.8 + 0.2 * time.cos(), 0.0))
+}
+
+fn wander(
+    time: Res<Time>,
+    keys: Res<ButtonInput<KeyCode>>,
+    mut passed: Local<f32>,
+    mut suns: Query<&mut Transform, With<DirectionalLight>>,
+) {
+    if keys.pressed(KeyCode::Space) {
+        *passed += 0.5 * time.delta_secs();
+        for mut sun in &mut suns {
+            *sun = overhead(*passed);
+        }
+    }
+}

@@ -1,0 +1,90 @@
+// What ReSTIR PT or GI keeps of every pixel, in place of light: values as they are, without exposure.
+
+#import bevy_restir::common::constants::NONE
+#import bevy_restir::path::sample::{END_EMITTER, END_ENVIRONMENT, END_LIGHT}
+#import bevy_restir::restir::bindings::settings
+#ifdef RESAMPLES_INDIRECT
+#import bevy_restir::restir::indirect::evaluate
+#import bevy_restir::restir::indirect_reservoir::{PackedReservoir, Reservoir, reservoir_unpack}
+#else
+#import bevy_restir::restir::path_reservoir::{PackedReservoir, Reservoir, reservoir_unpack}
+#import bevy_restir::restir::paths::evaluate
+#endif
+#import bevy_restir::restir::paths::{Evaluated, is_visible, receiver_of}
+#import bevy_restir::restir::tiling::reservoir_index
+#import bevy_restir::shift::hybrid::{SHIFT_HIDDEN, SHIFT_OK}
+#import bevy_restir::view::bindings::{view, visibility}
+#import bevy_restir::view::false_color::false_color
+
+@group(2) @binding(1) var<storage, read> reservoirs: array<PackedReservoir>;
+@group(2) @binding(2) var<storage, read_write> radiance: array<vec4<f32>>;
+
+// Equal to the order of `DebugView` in src/settings.rs.
+const DEBUG_PATH_ENDS: u32 = 14u;
+const DEBUG_PATH_LENGTHS: u32 = 15u;
+const DEBUG_PATH_RECONNECTIONS: u32 = 16u;
+const DEBUG_PATH_WEIGHTS: u32 = 17u;
+const DEBUG_PATH_CONFIDENCE: u32 = 18u;
+const DEBUG_PATH_AGES: u32 = 19u;
+const DEBUG_PATH_SHIFTS: u32 = 20u;
+
+// The pixel that paths are shifted to for show is so far to the right.
+const STEP_ASIDE: u32 = 8u;
+
+@compute @workgroup_size(8, 8)
+fn debug_paths(@builtin(global_invocation_id) id: vec3<u32>) {
+    let pixel = id.xy;
+    if any(pixel >= view.size) {
+        return;
+    }
+    let r = reservoir_unpack(reservoirs[reservoir_index(pixel, view.size, settings.tiling)]);
+    var color = vec3<f32>(0.0);
+    if view.debug_view == DEBUG_PATH_CONFIDENCE {
+        color = vec3<f32>(r.confidence);
+    } else if textureLoad(visibility, pixel, 0).x != NONE && r.ucw > 0.0 {
+        color = shown(r, pixel);
+    }
+    radiance[pixel.y * view.size.x + pixel.x] = vec4<f32>(color, 1.0);
+}
+
+fn shown(r: Reservoir, pixel: vec2<u32>) -> vec3<f32> {
+    switch view.debug_view {
+        case DEBUG_PATH_ENDS: {
+            return vec3<f32>(vec3<u32>(r.path.end) == vec3<u32>(END_LIGHT, END_EMITTER, END_ENVIRONMENT));
+        }
+        case DEBUG_PATH_LENGTHS: {
+            return vec3<f32>(f32(r.path.length - 1u));
+        }
+        case DEBUG_PATH_RECONNECTIONS: {
+            return vec3<f32>(f32(r.path.reconnection));
+        }
+        case DEBUG_PATH_WEIGHTS: {
+            return vec3<f32>(r.ucw);
+        }
+        case DEBUG_PATH_AGES: {
+            return vec3<f32>(f32(view.frame - r.path.born));
+        }
+        default: {
+            return shifted_aside(r, pixel);
+        }
+    }
+}
+
+// Why the path has no counterpart in the other pixel, in false colours, white where it has; or the Jacobian.
+fn shifted_aside(r: Reservoir, pixel: vec2<u32>) -> vec3<f32> {
+    let at = vec2<u32>(min(pixel.x + STEP_ASIDE, view.size.x - 1u), pixel.y);
+    let ids = textureLoad(visibility, at, 0).xy;
+    if ids.x == NONE {
+        return vec3<f32>(0.0);
+    }
+    let to = receiver_of(ids, at, false);
+    let e = evaluate(to, r);
+    if view.debug_view != DEBUG_PATH_SHIFTS {
+        return vec3<f32>(e.shifted.jacobian);
+    }
+    var reason = e.shifted.reason;
+    if reason == SHIFT_OK && !is_visible(to, e, 0u) {
+        reason = SHIFT_HIDDEN;
+    }
+    return select(false_color(vec2<u32>(reason, 7u)), vec3<f32>(1.0), reason == SHIFT_OK);
+}

@@ -1,0 +1,87 @@
+// The domain of indirect light (ReSTIR GI; Ouyang et al. 2021, paper 002, 4.3): paths of two bounces and more, reconnected to the first
+// vertex that bounces light towards the pixel's surface.
+//
+// Their measure is area at that vertex and solid angle after it, so that its shift has no Jacobian and no density is kept: what the
+// Jacobian of paper 002 (4.3.3) says of solid angles is in the geometry factor that targets have in this measure.
+#define_import_path bevy_restir::restir::indirect
+
+#import bevy_restir::common::math::{is_finite, is_finite_3, luminance}
+#import bevy_restir::path::tree::Chosen
+#import bevy_restir::restir::bindings::settings
+#import bevy_restir::restir::indirect_reservoir::Reservoir
+#import bevy_restir::restir::paths::{Evaluated, path_of_this_frame, Receiver, shifted_to}
+#import bevy_restir::restir::types::RESAMPLE_KEEPS_RADIANCE
+#import bevy_restir::shift::hybrid::{hybrid_shift, is_free}
+
+// The vertex that is reconnected to.
+const FIRST_BOUNCE: u32 = 2u;
+
+// A candidate in the measure of this domain.  Where radiance is taken to leave the first bounce to all sides alike it is what leaves it
+// towards the pixel that found it.
+fn measured(c: Chosen, r: Receiver) -> Chosen {
+    var m = c;
+    if c.path.reconnection != FIRST_BOUNCE {
+        return m;
+    }
+    var density = c.path.density;
+    m.path.density = 0.0;
+    if (settings.flags & RESAMPLE_KEEPS_RADIANCE) != 0u {
+        m.path.radiance = vec3<f32>(1.0);
+        let one = hybrid_shift(m.path, r.first, r.connection, false, false);
+        density = one.density;
+        m.path.radiance = select(vec3<f32>(0.0), c.f / one.f, one.f > vec3<f32>(0.0));
+    }
+    m.ucw = c.ucw / density;
+    m.f = c.f * density;
+    if !(density > 0.0) || !is_finite(m.ucw) || !is_finite_3(m.f) {
+        m.ucw = 0.0;
+        m.f = vec3<f32>(0.0);
+    }
+    return m;
+}
+
+fn evaluate(r: Receiver, s: Reservoir) -> Evaluated {
+    // What a mirror shows first stays where it is.
+    if s.path.reconnection != FIRST_BOUNCE {
+        var none: Evaluated;
+        return none;
+    }
+    let shifted = shifted_to(r, s.path);
+    return Evaluated(shifted.f * shifted.density, shifted);
+}
+
+fn target_value(e: Evaluated) -> f32 {
+    return luminance(e.f);
+}
+
+fn jacobian_of(e: Evaluated) -> f32 {
+    return select(0.0, 1.0, e.shifted.jacobian > 0.0);
+}
+
+fn arrived(s: Reservoir, e: Evaluated) -> Reservoir {
+    var r = s;
+    r.path = e.shifted.path;
+    return r;
+}
+
+// None is kept.
+fn knows_own_target() -> bool {
+    return false;
+}
+
+fn own_target(s: Reservoir) -> f32 {
+    return 0.0;
+}
+
+fn is_handed_on() -> bool {
+    return true;
+}
+
+fn is_visible(r: Receiver, e: Evaluated, alpha_seed: u32) -> bool {
+    return is_free(e.shifted, r.previous);
+}
+
+fn of_this_frame(s: Reservoir) -> Reservoir {
+    let path = path_of_this_frame(s.path);
+    return Reservoir(path, select(0.0, s.ucw, path.length > 0u), s.confidence, s.seen);
+}

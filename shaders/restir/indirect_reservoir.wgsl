@@ -1,0 +1,87 @@
+// What a pixel of indirect light keeps: the end of a path from its first bounce on.  48 bytes.
+#define_import_path bevy_restir::restir::indirect_reservoir
+
+#import bevy_restir::common::math::{is_finite, max_component, octahedral_decode, octahedral_encode}
+#import bevy_restir::light::point_on_light::LightPoint
+#import bevy_restir::path::sample::{decode_barycentrics, no_path_sample, PathSample}
+
+struct Reservoir {
+    path: PathSample,      // without a density or a target
+    ucw: f32,              // W: E[f(X) W] = ∫ f, in the measure of `restir/indirect.wgsl`; 0: nothing was found
+    confidence: f32,       // candidates' worth that it stands for
+    seen: bool,            // always: paths that are not seen are not kept
+}
+
+// As it lies in memory.
+struct PackedReservoir {
+    structure: vec4<u32>,      // end, length, reconnection, lobes and confidence; seed; W; density of aiming at the light that is met
+    connection: vec4<u32>,     // the vertex and where the path goes from there
+    light: vec4<u32>,          // the light that is aimed at; what the path carries from there on
+}
+
+fn no_reservoir() -> Reservoir {
+    return Reservoir(no_path_sample(), 0.0, 0.0, true);
+}
+
+// Confidence is kept in sixteenths.
+const CONFIDENCE_MAX: f32 = 255.0;
+
+fn reservoir_pack(r: Reservoir) -> PackedReservoir {
+    // 2 + 7 + 2 + 2 + 2 bits of structure, 12 of confidence.
+    let s = r.path;
+    let confidence = u32(clamp(r.confidence, 0.0, CONFIDENCE_MAX) * 16.0 + 0.5);
+    let reconnection = min(s.reconnection, 3u);
+    let structure = s.end | s.length << 2u | reconnection << 9u | s.lobe_before << 11u | s.lobe_after << 13u | confidence << 20u;
+    return PackedReservoir(
+        vec4<u32>(structure, s.seed, bitcast<u32>(r.ucw), bitcast<u32>(s.light_pdf)),
+        vec4<u32>(s.instance, s.triangle, pack2x16unorm(s.barycentrics), octahedral_encode(s.wi)),
+        vec4<u32>(s.light.light, s.light.coordinates, pack_radiance(s.radiance)),
+    );
+}
+
+// A number that is not finite must not spread over the screen (trap T23).
+fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
+    var s = no_path_sample();
+    let structure = p.structure.x;
+    s.end = structure & 3u;
+    s.length = structure >> 2u & 127u;
+    s.reconnection = structure >> 9u & 3u;
+    s.lobe_before = structure >> 11u & 3u;
+    s.lobe_after = structure >> 13u & 3u;
+    s.seed = p.structure.y;
+    s.light_pdf = bitcast<f32>(p.structure.w);
+    s.instance = p.connection.x;
+    s.triangle = p.connection.y;
+    s.barycentrics = decode_barycentrics(p.connection.z);
+    s.wi = octahedral_decode(p.connection.w);
+    s.light = LightPoint(p.light.x, p.light.y);
+    s.radiance = unpack_radiance(p.light.zw);
+    let confidence = f32(structure >> 20u) / 16.0;
+    let ucw = bitcast<f32>(p.structure.z);
+    if !is_finite(ucw) || !is_finite(s.light_pdf) || !(ucw >= 0.0) {
+        return Reservoir(no_path_sample(), 0.0, confidence, true);
+    }
+    return Reservoir(s, ucw, confidence, true);
+}
+
+// 18 bits a channel and one exponent of 8: exact to 2^-18 of the greatest channel.
+fn pack_radiance(c: vec3<f32>) -> vec2<u32> {
+    let greatest = min(max_component(c), 1.0e38);
+    if !(greatest > 1.0e-30) {
+        return vec2<u32>(0u);
+    }
+    // Biased, of the power of two above it; 2^(145 - exponent) makes 18 bits of what is below.
+    let exponent = (bitcast<u32>(greatest) >> 23u) + 1u;
+    let scale = bitcast<f32>((272u - exponent) << 23u);
+    let m = min(vec3<u32>(max(c, vec3<f32>(0.0)) * scale + 0.5), vec3<u32>(0x3ffffu));
+    return vec2<u32>(m.x | m.y << 18u, m.y >> 14u | m.z << 4u | exponent << 22u);
+}
+
+fn unpack_radiance(w: vec2<u32>) -> vec3<f32> {
+    let exponent = w.y >> 22u & 0xffu;
+    if exponent < 19u {
+        return vec3<f32>(0.0);
+    }
+    let m = vec3<u32>(w.x & 0x3ffffu, (w.x >> 18u | w.y << 14u) & 0x3ffffu, w.y >> 4u & 0x3ffffu);
+    return vec3<f32>(m) * bitcast<f32>((exponent - 18u) << 23u);
+}
