@@ -53,17 +53,3 @@ fn indirect_light_in_a_frame_in_which_all_moves_is_that_at_rest() {
     let proof = Proof { bounces: 3, margin: 0.015, pose: Some(&pose_moving), ..Proof::of((240, 1), (40, 32)) };
     proof.check("moving", &mut rig, &[("both", with(every()))]);
 }
-
-#[test]
-fn radiance_that_leaves_to_all_sides_alike_is_biased_where_surfaces_are_glossy() {
-    let Some(mut rig) = scene(32, glossy) else { return };
-    let proof = Proof { bounces: 2, margin: 0.02, ..Proof::of((64, 16), (60, 64)) };
-    let truth = proof.truth(&mut rig, 1000);
-    let mut found = |keeps_radiance| {
-        let found = proof.resampled(&mut rig, &with(Paths { keeps_radiance, ..every() }), 5000).compare(&truth, 0.01);
-        eprintln!("keeps_radiance = {keeps_radiance}: {found}");
-        found
-    };
-    assert!(found(false).tiles > 1e-5);
-    assert!(found(true).tiles < 1e-8);
-}
