@@ -22,6 +22,7 @@ mod lights;
 mod motion_vectors;
 mod offset;
 mod path_light;
+mod path_long_run;
 mod path_motion;
 mod path_shift;
 mod references;

@@ -1,8 +1,13 @@
 //! ReSTIR PT shows what the reference shows at four bounces, in small made scenes of 32 x 32 pixels.  Two one-sided tests at α = 0.01 on
 //! the image mean, margin 1 %; the 8 x 8 tiles by chi-squared.
 
-use crate::support::{direct::*, proof::Proof};
-use bevy_restir::{Mis, Paths, Reconnection, ReuseOrder};
+use crate::support::{
+    app::*,
+    direct::*,
+    proof::{Proof, Subject},
+};
+use bevy::prelude::*;
+use bevy_restir::{DebugView, Mis, Paths, Reconnection, ReuseOrder, plant_shader_defs};
 
 const PROOF: Proof = Proof { bounces: 4, ..Proof::of((32, 8), (40, 32)) };
 
@@ -74,4 +79,64 @@ fn paths_to_points_and_suns_carry_what_the_reference_carries() {
 fn paths_to_an_environment_carry_what_the_reference_carries() {
     let Some(mut rig) = scene(32, |rig| surrounded(rig, true)) else { return };
     PROOF.check("surrounded", &mut rig, &[("candidates", candidates()), ("both", every())]);
+}
+
+#[test]
+fn planted_errors_of_paths_are_found() {
+    let Some(mut rig) = scene(32, |rig| {
+        room(rig);
+    }) else {
+        return;
+    };
+    let reference = PROOF.truth(&mut rig, 1000);
+    // Connections that are not checked matter where some are not made: beyond a distance.
+    let by_distance = Paths { reconnection: Reconnection::Distance, distance: 1.0, ..spatial() };
+    for (plant, paths) in [
+        ("PLANT_SCALED_UCW", candidates()),
+        ("PLANT_NO_JACOBIAN", spatial()),
+        ("PLANT_SWAPPED_MIS", spatial()),
+        ("PLANT_UNCHECKED_CONNECTION", by_distance),
+    ] {
+        plant_shader_defs(&mut rig.app, &[plant]);
+        let found = PROOF.resampled(&mut rig, &paths, 5000).compare(&reference, 0.01);
+        eprintln!("{plant}: {found}");
+        assert!(found.is_different(), "{plant} goes unseen: {found}");
+    }
+}
+
+#[test]
+fn views_of_paths_show_what_is_kept() {
+    let Some(mut rig) = scene(32, |rig| {
+        room(rig);
+    }) else {
+        return;
+    };
+    rig.set(|r| {
+        every().ask(r);
+        r.bounces = 3;
+    });
+    let mut view = |view: DebugView, frames: u32| {
+        rig.set(|r| (r.debug_view, r.reset) = (view, true));
+        rig.until_ready();
+        rig.set(|r| r.seed += 1);
+        rig.frames(frames - 1);
+        rig.next()
+    };
+    let all = |picture: &Picture, holds: &dyn Fn(Vec3) -> bool| picture.iter().all(|(_, c)| holds(c));
+    // All light is aimed at or met, none is of an environment; paths have one to three events, and are as old as the history at most.
+    let ends = view(DebugView::PathEnds, 2);
+    assert!(all(&ends, &|c| c.z == 0.0 && c.x + c.y <= 1.0) && ends.mean() > 0.2);
+    let lengths = view(DebugView::PathLengths, 2);
+    assert!(all(&lengths, &|c| [0.0, 1.0, 2.0, 3.0].contains(&c.x)) && lengths.mean() > 0.5);
+    let reconnections = view(DebugView::PathReconnections, 2);
+    assert!(all(&reconnections, &|c| [0.0, 2.0, 3.0, 4.0].contains(&c.x)));
+    let ages = view(DebugView::PathAges, 4);
+    assert!(all(&ages, &|c| c.x <= 3.0) && ages.mean() > 0.5, "{}", ages.mean());
+    // One frame: its own. Two: the last one's and, twice, neighbours' of two frames.
+    let one = view(DebugView::PathConfidence, 1);
+    assert!(all(&one, &|c| c.x == 0.0 || (1.0..=3.0).contains(&c.x)));
+    let jacobians = view(DebugView::PathJacobians, 2);
+    assert!(all(&jacobians, &|c| c.is_finite() && c.x >= 0.0) && jacobians.mean() > 0.1);
+    let shifts = view(DebugView::PathShifts, 2);
+    assert!(shifts.iter().filter(|(_, c)| *c == Vec3::ONE).count() > 300, "most have a counterpart");
 }

@@ -50,6 +50,8 @@ struct Args {
 enum TechniqueName {
     Reference,
     Di,
+    Gi,
+    Pt,
 }
 
 fn size(text: &str) -> Result<UVec2, String> {
@@ -88,6 +90,8 @@ fn spawn_camera(mut commands: Commands, args: Res<Args>) {
     let technique = match args.technique {
         TechniqueName::Reference => Technique::Reference,
         TechniqueName::Di => Technique::Di,
+        TechniqueName::Gi => Technique::Gi,
+        TechniqueName::Pt => Technique::Pt,
     };
     commands.spawn((
         Camera3d::default(),

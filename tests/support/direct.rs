@@ -187,7 +187,11 @@ pub fn moving(rig: &mut Rig) {
 
 /// The room at a step, 0 to [`STEPS`].
 pub fn pose_moving(rig: &mut Rig, step: u32) {
-    let step = step as f32;
+    pose_moving_at(rig, step as f32);
+}
+
+/// The room between steps.
+pub fn pose_moving_at(rig: &mut Rig, step: f32) {
     let mut place = |name: &str, place: Transform| {
         let entity = rig.named(name);
         *rig.get_mut::<Transform>(entity) = place;
