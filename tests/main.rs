@@ -24,6 +24,7 @@ mod offset;
 mod path_light;
 mod path_long_run;
 mod path_motion;
+mod path_parts;
 mod path_shift;
 mod references;
 mod render_cli;

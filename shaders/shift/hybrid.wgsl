@@ -199,11 +199,6 @@ fn over(there: f32, here: f32) -> f32 {
 }
 #endif
 
-#ifdef PLANT_UNCHECKED_CONNECTION
-fn leaves_as_it_should(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, c: Connection) -> bool {
-    return true;
-}
-#else
 // Whether pairs of vertices are connectable where the path reconnects and nowhere before (O1, O2).
 fn leaves_as_it_should(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, c: Connection) -> bool {
     let is_before = s.reconnection == 0u || index < s.reconnection;
@@ -219,7 +214,6 @@ fn leaves_as_it_should(w: ptr<function, Walk>, s: PathSample, index: u32, step: 
     }
     return (*w).reason == SHIFT_OK;
 }
-#endif
 
 // Takes a step: throughput before, density at, suffix after the reconnection.
 fn take(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, c: Connection) {

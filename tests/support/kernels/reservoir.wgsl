@@ -1,8 +1,8 @@
 // Words to a reservoir and back.
-#import bevy_restir::restir::reservoir::{reservoir_pack, reservoir_unpack}
+#import bevy_restir::restir::reservoir::{PackedReservoir, reservoir_pack, reservoir_unpack}
 
-@group(0) @binding(0) var<storage, read> words: array<vec4<u32>>;
-@group(0) @binding(1) var<storage, read_write> packed: array<vec4<u32>>;
+@group(0) @binding(0) var<storage, read> words: array<PackedReservoir>;
+@group(0) @binding(1) var<storage, read_write> packed: array<PackedReservoir>;
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
