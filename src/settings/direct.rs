@@ -40,7 +40,8 @@ impl BiasCorrection {
 /// How the samples of a pixel and of its neighbours are weighed against each other, where [`BiasCorrection`] asks for it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 pub enum Mis {
-    /// By confidence among those that could have found a sample (1/|Z|, paper 003, Eq. 22): noisy.  k² evaluations for k neighbours.
+    /// By confidence among those that could have found a sample (1/|Z|, paper 003, Eq. 22): noisy, and where neighbours or frames differ much
+    /// with rare pixels a thousand times too bright, so that short means are dark.  k² evaluations for k neighbours.
     Valid,
     /// Generalised balance heuristic (Eq. 30): least noise in every scene that was measured (`docs/performance.md`).  k² evaluations:
     /// with the two taps of the defaults two more than the pairwise kinds, and their rays.
