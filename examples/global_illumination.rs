@@ -40,10 +40,10 @@ fn setup(mut commands: Commands, mut meshes: ResMut<Assets<Mesh>>, mut materials
     }
     block(Vec3::new(0.8, 1.6, 0.8), Vec3::new(0.4, 0.8, 0.0), &stone);
 
-    let sun = DirectionalLight { illuminance: light_consts::lux::AMBIENT_DAYLIGHT, ..default() };
+    let sun = DirectionalLight { illuminance: 4000.0, ..default() };
     commands.spawn((sun, overhead(0.0)));
     let eye = Transform::from_xyz(0.0, 2.4, 6.5).looking_at(Vec3::new(0.0, 1.3, -2.0), Vec3::Y);
-    let sky = RestirEnvironment { color: LinearRgba::rgb(500.0, 700.0, 1000.0), ..default() };
+    let sky = RestirEnvironment { color: LinearRgba::rgb(150.0, 210.0, 300.0), ..default() };
     commands.spawn((Camera3d::default(), eye, Restir { technique: Technique::Gi, ..default() }, sky));
 }
 

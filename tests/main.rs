@@ -25,6 +25,7 @@ mod path_light;
 mod path_long_run;
 mod path_motion;
 mod path_parts;
+mod path_scenes;
 mod path_shift;
 mod references;
 mod render_cli;

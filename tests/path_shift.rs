@@ -95,6 +95,16 @@ fn a_path_is_its_own_image_in_its_own_pixel() {
 
 #[test]
 fn paths_come_back_from_other_pixels_as_they_were() {
+    come_back_from_other_pixels(40);
+}
+
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_millions_of_paths_come_back_from_other_pixels() {
+    come_back_from_other_pixels(2000);
+}
+
+fn come_back_from_other_pixels(seeds: u32) {
     let often_replayed = Paths { footprint: 20.0, ..Default::default() };
     let black_box = Paths { reconnection: Reconnection::BlackBox, roughness: 0.6, ..Default::default() };
     let by_distance = Paths { reconnection: Reconnection::Distance, distance: 0.5, ..Default::default() };
@@ -106,7 +116,7 @@ fn paths_come_back_from_other_pixels_as_they_were() {
             ("black box", &black_box),
             ("by distance", &by_distance),
         ] {
-            let census = census(&mut rig, &["TEST_ROUND_TRIP", "TEST_BESIDE"], &alone(paths), 40);
+            let census = census(&mut rig, &["TEST_ROUND_TRIP", "TEST_BESIDE"], &alone(paths), seeds);
             let (back, away, lost, worst) = census.sums();
             eprintln!(
                 "{name}, {what}: {back} paths came back, {away} did not arrive, {lost} were lost, error at most {worst}"
