@@ -80,6 +80,7 @@ fn column(args: &Args, scene: &Scene) -> Result<(String, Vec<Row>), String> {
     let mut rows = scene_rows(&bench, &truth, &sample, one);
     for (name, technique) in RIVALS {
         let (cost, error) = measured(&mut bench, &settings(technique), &errors, &progress)?;
+        let reservoirs = bench.report().reservoir_bytes_per_pixel;
         let samples = cost.lighting() / sample.lighting();
         let whole = match samples.round() as u32 {
             0 => Error { mean: f64::NAN, median: f64::NAN },
@@ -88,7 +89,7 @@ fn column(args: &Args, scene: &Scene) -> Result<(String, Vec<Row>), String> {
         rows.extend(stages(name, &cost));
         rows.extend([
             Row::new(name, "rays", &[("", Unit::RaysAPixel, cost.rays)]),
-            Row::new(name, "reservoirs", &[("", Unit::BytesAPixel, bench.report().reservoir_bytes_per_pixel as f64)]),
+            Row::new(name, "reservoirs", &[("", Unit::BytesAPixel, reservoirs as f64)]),
             Row::new(name, "error", &[("", Unit::Mse, error.mean), ("median of blocks", Unit::Mse, error.median)]),
             Row::new(name, "the reference tracer in equal time", &[("", Unit::Samples, samples)]),
             Row::new(
