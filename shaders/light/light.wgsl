@@ -1,7 +1,7 @@
 // The switch over the kinds of light.
 #define_import_path bevy_restir::light::light
 
-#import bevy_restir::common::constants::{FAR, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, LIGHT_TRIANGLE, NONE}
+#import bevy_restir::common::constants::{LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, LIGHT_TRIANGLE}
 #import bevy_restir::light::directional::directional_light_sample
 #import bevy_restir::light::environment::{environment_radiance, environment_sample}
 #import bevy_restir::light::point::point_light_sample

@@ -2,16 +2,14 @@
 // and materials are, a pixel's candidates read 48 bytes each that lie together (paper 003, 5.2).
 #define_import_path bevy_restir::light::presampled
 
-#import bevy_restir::common::constants::{FAR, LIGHT_TRIANGLE, MATERIAL_DOUBLE_SIDED, NONE}
+#import bevy_restir::common::constants::{LIGHT_TRIANGLE, MATERIAL_DOUBLE_SIDED, NONE}
 #import bevy_restir::common::math::max_component
-#import bevy_restir::light::environment::{environment_pdf, environment_radiance}
-#import bevy_restir::light::point_on_light::{LightPoint, light_point_at, light_point_sample, no_light_point}
+#import bevy_restir::light::point_on_light::{LightPoint, light_point_at, light_point_sample}
 #import bevy_restir::light::select::light_select
 #import bevy_restir::light::triangle::{triangle_light_colour, triangle_light_presence}
 #import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, no_light_sample}
 #import bevy_restir::scene::bindings::{instances, lights, materials}
 #import bevy_restir::scene::triangle::{safe_normalize, world_triangle}
-#import bevy_restir::trace::offset::surface_point
 
 struct PresampledLight {
     position: vec3<f32>,       // of the environment its direction

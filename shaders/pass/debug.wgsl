@@ -5,7 +5,7 @@
 #import bevy_restir::scene::surface::surface_at
 #import bevy_restir::scene::triangle::world_triangle
 #import bevy_restir::trace::offset::surface_point
-#import bevy_restir::trace::ray::{Hit, rays_traced, trace_flags}
+#import bevy_restir::trace::ray::{rays_traced, trace_flags}
 #import bevy_restir::trace::software::trace_closest
 #import bevy_restir::view::alpha_seed::primary_alpha_seed
 #import bevy_restir::view::bindings::{ray_counts, view, visibility}

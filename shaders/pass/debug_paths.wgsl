@@ -10,7 +10,7 @@
 #import bevy_restir::restir::path_reservoir::{PackedReservoir, Reservoir, reservoir_unpack}
 #import bevy_restir::restir::paths::evaluate
 #endif
-#import bevy_restir::restir::paths::{Evaluated, is_visible, receiver_of}
+#import bevy_restir::restir::paths::{is_visible, receiver_of}
 #import bevy_restir::restir::tiling::reservoir_index
 #import bevy_restir::shift::hybrid::{SHIFT_HIDDEN, SHIFT_OK}
 #import bevy_restir::view::bindings::{view, visibility}

@@ -3,7 +3,7 @@
 // beyond the table) is written as light.
 
 #import bevy_restir::bsdf::bsdf::{bsdf_is_delta, bsdf_sample}
-#import bevy_restir::common::constants::{FAR, NONE, NON_FINITE}
+#import bevy_restir::common::constants::{FAR, NONE}
 #import bevy_restir::common::math::max_component
 #import bevy_restir::common::rng::{Rng, rng_1, rng_3, rng_bits, rng_new, STREAM_CANDIDATES}
 #import bevy_restir::light::environment::environment_radiance

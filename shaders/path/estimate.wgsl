@@ -5,7 +5,7 @@
 #import bevy_restir::bsdf::bsdf::{bsdf_eval, bsdf_is_delta, bsdf_pdf, bsdf_sample}
 #import bevy_restir::common::constants::{FAR, NONE}
 #import bevy_restir::common::math::max_component
-#import bevy_restir::common::rng::{Rng, rng_1, rng_2, rng_3, rng_4, rng_bits}
+#import bevy_restir::common::rng::{Rng, rng_1, rng_3, rng_4, rng_bits}
 #import bevy_restir::light::environment::{environment_pdf, environment_radiance}
 #import bevy_restir::light::light::light_sample
 #import bevy_restir::light::select::{environment_pmf, light_pmf, light_select}

@@ -7,7 +7,7 @@
 #import bevy_restir::scene::albedo::multiple_scattering
 #import bevy_restir::scene::bindings::{attributes, instances, materials}
 #import bevy_restir::scene::texture::{has_texture, sample_color, sample_data}
-#import bevy_restir::scene::triangle::{instance_transform, safe_normalize, transform_normal, transform_vector, triangle_uv, world_triangle, WorldTriangle}
+#import bevy_restir::scene::triangle::{instance_transform, safe_normalize, transform_normal, transform_vector, triangle_uv, world_triangle}
 #import bevy_restir::trace::offset::{offset_distance, surface_point}
 
 struct Surface {

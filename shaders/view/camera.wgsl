@@ -1,7 +1,7 @@
 // Primary rays and projections of a camera, perspective or orthographic, and where a pixel's surface was in the last frame.
 #define_import_path bevy_restir::view::camera
 
-#import bevy_restir::common::constants::{FAR, NONE, VIEW_ORTHOGRAPHIC}
+#import bevy_restir::common::constants::{FAR, VIEW_ORTHOGRAPHIC}
 #import bevy_restir::scene::triangle::WorldTriangle
 #import bevy_restir::trace::ray::Ray
 #import bevy_restir::view::bindings::view
