@@ -267,4 +267,5 @@ pub struct GpuResampleSettings {
     pub reconnection: u32,
     pub roughness: f32,
     pub separation: f32,
+    pub jacobian_limit: f32,
 }

@@ -176,6 +176,7 @@ fn resampling_structs_and_constants_are_the_same_in_rust_and_wgsl() {
             reconnection,
             roughness,
             separation,
+            jacobian_limit,
         }
     );
     same!(

@@ -21,6 +21,7 @@ mod light_counts;
 mod lights;
 mod motion_vectors;
 mod offset;
+mod path_census;
 mod path_light;
 mod path_long_run;
 mod path_motion;

@@ -141,6 +141,10 @@ fn reservoirs_of_indirect_light_survive_their_48_bytes_and_bad_numbers_do_not() 
             }
             w[4..8].copy_from_slice(&connection(&mut random));
             (w[8], w[9]) = (random.bits(), random.bits());
+            // What is met has a density, what is aimed at a name.
+            if w[0] & 3 != 1 {
+                (w[8], w[9]) = (number(&mut random), 0);
+            }
             // The greatest channel uses all of its 18 bits.
             let exponent = 30 + random.bits() % 200;
             (w[10], w[11]) = (random.bits() | 1 << 17, exponent << 22 | random.bits() & 0x3f_ffff);
@@ -150,7 +154,8 @@ fn reservoirs_of_indirect_light_survive_their_48_bytes_and_bad_numbers_do_not() 
     let kernel = include_str!("support/kernels/indirect_reservoir.wgsl");
     let Some(after) = repacked("indirect reservoir", kernel, &words) else { return };
     for (before, after) in words.iter().zip(after) {
-        let sound = [2, 3].iter().all(|&i| f32::from_bits(before[i]).is_finite());
+        let met = before[0] & 3 != 1;
+        let sound = [2, 3].iter().chain(met.then_some(&8)).all(|&i| f32::from_bits(before[i]).is_finite());
         let near = |a: u32, b: u32| (a as i32 - b as i32).abs() <= 1;
         let directions = near(before[7] & 0xffff, after[7] & 0xffff) && near(before[7] >> 16, after[7] >> 16);
         if sound {

@@ -4,6 +4,7 @@
 pub mod files;
 pub mod progress;
 pub mod scene;
+pub mod set;
 pub mod times;
 
 use bevy::{

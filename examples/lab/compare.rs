@@ -7,8 +7,9 @@ use std::path::PathBuf;
 use crate::{
     bench::{Bench, Cost, Counts, Errors, Scene, scenes},
     error::{Error, Reference},
-    headless::{self, progress::Progress},
+    headless::{self, progress::Progress, set::set},
     output::{Output, header},
+    series,
     table::{Row, Table, Unit},
 };
 
@@ -36,14 +37,73 @@ pub struct Args {
     samples: u32,
 }
 
-/// What is held against the reference tracer.
-const RIVALS: [(&str, Technique); 2] = [("ReSTIR PT", Technique::Pt), ("ReSTIR DI + GI", Technique::Gi)];
+/// Costs by stage and errors of ReSTIR PT by its settings: the steps of paper 000's Table 1 that are settings.
+#[derive(clap::Args, Debug)]
+pub struct Steps {
+    #[command(flatten)]
+    args: Args,
+    /// Fields of `Restir` as `"PATH=VALUE PATH=VALUE"`, instead of those steps; repeatable.
+    #[arg(long)]
+    variant: Vec<String>,
+}
 
+/// What is held against the reference tracer: a name, and how its settings differ.
+struct Rival {
+    name: String,
+    settings: Restir,
+}
+
+/// How the costs of a frame are told.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Detail {
+    /// A row a pass.
+    Passes,
+    /// The columns of paper 000's Table 1.
+    Stages,
+}
+
+/// The two techniques.
 pub fn run(args: &Args) -> Result<(), String> {
-    args.output.check("compare")?;
+    let rival = |name: &str, technique| Rival { name: name.into(), settings: args.settings(technique) };
+    let rivals = [rival("ReSTIR PT", Technique::Pt), rival("ReSTIR DI + GI", Technique::Gi)];
+    table("compare", args, &rivals, Detail::Passes)
+}
+
+impl Steps {
+    /// What each step of paper 000 costs and brings, or each of some settings.
+    pub fn run(&self) -> Result<(), String> {
+        let default = || self.args.settings(Technique::Pt);
+        let rivals = if self.variant.is_empty() {
+            series::steps(&default())
+                .into_iter()
+                .map(|(name, settings)| Rival { name: name.into(), settings })
+                .collect()
+        } else {
+            let rival = |text: &String| {
+                let mut settings = default();
+                for assignment in text.split_whitespace() {
+                    set(&mut settings, assignment).map_err(|error| format!("--variant {error}"))?;
+                }
+                Ok(Rival { name: text.clone(), settings })
+            };
+            self.variant.iter().map(rival).collect::<Result<Vec<_>, String>>()?
+        };
+        table("steps", &self.args, &rivals, Detail::Stages)
+    }
+}
+
+impl Args {
+    /// Through the centres of the pixels, so that all techniques converge to one picture.
+    fn settings(&self, technique: Technique) -> Restir {
+        Restir { technique, bounces: self.bounces, jitter: false, energy_compensation: false, ..Restir::default() }
+    }
+}
+
+fn table(name: &str, args: &Args, rivals: &[Rival], detail: Detail) -> Result<(), String> {
+    args.output.check(name)?;
     let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
     for scene in scenes(&args.scenes)? {
-        let (adapter, rows) = column(args, &scene).map_err(|error| format!("{}: {error}", scene.1))?;
+        let (adapter, rows) = column(args, &scene, rivals, detail).map_err(|error| format!("{}: {error}", scene.1))?;
         if table.header.is_empty() {
             let Args { counts: Counts { warmup, frames }, seeds, samples, bounces, .. } = args;
             table.header = header(adapter, args.size);
@@ -54,23 +114,16 @@ pub fn run(args: &Args) -> Result<(), String> {
         }
         table.columns.push((scene.1, rows));
     }
-    args.output.write("compare", &table)
+    args.output.write(name, &table)
 }
 
 /// Name of the adapter, and the figures of a scene.
-fn column(args: &Args, scene: &Scene) -> Result<(String, Vec<Row>), String> {
-    let settings = |technique| Restir {
-        technique,
-        bounces: args.bounces,
-        jitter: false,
-        energy_compensation: false,
-        ..Restir::default()
-    };
-    let reference = settings(Technique::Reference);
-    let planned = |technique| Bench::planned(&args.counts, &settings(technique), args.seeds);
+fn column(args: &Args, scene: &Scene, rivals: &[Rival], detail: Detail) -> Result<(String, Vec<Row>), String> {
+    let reference = args.settings(Technique::Reference);
+    let planned = |settings| Bench::planned(&args.counts, settings, args.seeds);
     let frames = u64::from(args.samples.next_multiple_of(2))
-        + planned(Technique::Reference)
-        + RIVALS.iter().map(|(_, technique)| planned(*technique)).sum::<u64>();
+        + planned(&reference)
+        + rivals.iter().map(|rival| planned(&rival.settings)).sum::<u64>();
     let progress = Progress::new(frames);
 
     let mut bench = Bench::of_scene(scene, args.size, reference.clone(), &args.counts)?;
@@ -78,27 +131,32 @@ fn column(args: &Args, scene: &Scene) -> Result<(String, Vec<Row>), String> {
     let errors = Errors { reference: &truth, seeds: args.seeds };
     let (sample, one) = measured(&mut bench, &reference, &errors, &progress)?;
     let mut rows = scene_rows(&bench, &truth, &sample, one);
-    for (name, technique) in RIVALS {
-        let (cost, error) = measured(&mut bench, &settings(technique), &errors, &progress)?;
+    for Rival { name, settings } in rivals {
+        let (cost, error) = measured(&mut bench, settings, &errors, &progress)?;
         let reservoirs = bench.report().reservoir_bytes_per_pixel;
         let samples = cost.lighting() / sample.lighting();
         let whole = match samples.round() as u32 {
             0 => Error { mean: f64::NAN, median: f64::NAN },
             n => bench.error(&reference, &errors, n - 1, &progress)?,
         };
-        rows.extend(stages(name, &cost));
+        let row = |label: &str, figures: &[_]| Row::new(name.clone(), label, figures);
+        rows.extend(match detail {
+            Detail::Passes => passes(name, &cost),
+            Detail::Stages => vec![stages(name, &cost)],
+        });
         rows.extend([
-            Row::new(name, "rays", &[("", Unit::RaysAPixel, cost.rays)]),
-            Row::new(name, "reservoirs", &[("", Unit::BytesAPixel, reservoirs as f64)]),
-            Row::new(name, "error", &[("", Unit::Mse, error.mean), ("median of blocks", Unit::Mse, error.median)]),
-            Row::new(name, "the reference tracer in equal time", &[("", Unit::Samples, samples)]),
-            Row::new(
-                name,
+            row("rays", &[("", Unit::RaysAPixel, cost.rays)]),
+            row("reservoirs", &[("", Unit::BytesAPixel, reservoirs as f64)]),
+            row("error", &[("", Unit::Mse, error.mean), ("median of blocks", Unit::Mse, error.median)]),
+            row("the reference tracer in equal time", &[("", Unit::Samples, samples)]),
+            row(
                 "its error, relative: scaled from one sample",
-                &[("", Unit::Ratio, one.mean / samples / error.mean)],
+                &[
+                    ("", Unit::Ratio, one.mean / samples / error.mean),
+                    ("median", Unit::Ratio, one.median / samples / error.median),
+                ],
             ),
-            Row::new(
-                name,
+            row(
                 "its error, relative: of whole samples",
                 &[("", Unit::Ratio, whole.mean / error.mean), ("median", Unit::Ratio, whole.median / error.median)],
             ),
@@ -130,8 +188,22 @@ fn scene_rows(bench: &Bench, truth: &Reference, sample: &Cost, one: Error) -> Ve
     ]
 }
 
-/// A row a pass: initial candidates, temporal and spatial reuse, what puts light together (the shape of paper 000, Table 1).
-fn stages(name: &'static str, cost: &Cost) -> Vec<Row> {
+/// A row a pass.
+fn passes(name: &str, cost: &Cost) -> Vec<Row> {
     let all = core::iter::once(("all", cost.lighting()));
-    all.chain(cost.of_passes()).map(|(pass, ms)| Row::new(name, pass, &[("", Unit::Ms, ms)])).collect()
+    all.chain(cost.of_passes()).map(|(pass, ms)| Row::new(name.to_owned(), pass, &[("", Unit::Ms, ms)])).collect()
+}
+
+/// Paper 000, Table 1: a frame, initial candidates, temporal and spatial reuse, direct light and everything else.
+fn stages(name: &str, cost: &Cost) -> Row {
+    let of = |counts: fn(&str) -> bool| -> f64 { cost.of_passes().filter(|(n, _)| counts(n)).map(|(_, ms)| ms).sum() };
+    let is_path = |name: &str| name.starts_with("path_") || name.starts_with("indirect_");
+    let figures = [
+        ("frame", cost.lighting()),
+        ("initial", of(|name| name.ends_with("path_candidates") || name.ends_with("indirect_candidates"))),
+        ("temporal", of(|name| name == "path_reuse" || name == "indirect_reuse")),
+        ("spatial", of(|name| name.contains("_reuse_") && !name.starts_with("direct_"))),
+        ("DI + other", cost.of_passes().filter(|(name, _)| !is_path(name)).map(|(_, ms)| ms).sum()),
+    ];
+    Row::new(name.to_owned(), "", &figures.map(|(name, ms)| (name, Unit::Ms, ms)))
 }

@@ -28,6 +28,7 @@ enum Command {
     Ablate(ablate::Args),
     Compare(compare::Args),
     Scale(scale::Args),
+    Steps(compare::Steps),
 }
 
 fn main() -> ExitCode {
@@ -40,6 +41,7 @@ fn main() -> ExitCode {
         Command::Ablate(args) => ablate::run(args),
         Command::Compare(args) => compare::run(args),
         Command::Scale(args) => scale::run(args),
+        Command::Steps(steps) => steps.run(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

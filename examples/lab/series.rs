@@ -1,7 +1,7 @@
 //! Settings that are compared with each other, as data.
 
 use bevy_restir::{
-    BiasCorrection, Direct, Mis, Preset, ReservoirLayout, Restir, ReuseOrder, Technique, VisibilityReuse,
+    BiasCorrection, Direct, Mis, Preset, Reconnection, ReservoirLayout, Restir, ReuseOrder, Technique, VisibilityReuse,
 };
 
 /// What a row shows of its settings.
@@ -203,4 +203,27 @@ fn kinds<K: Copy + core::fmt::Debug, const N: usize>(
     set: impl Fn(&mut Direct, K),
 ) -> Vec<(String, Restir)> {
     kinds.map(|kind| (format!("{kind:?}"), with(|d| set(d, kind)))).into()
+}
+
+/// Paper 000's Table 1 from its last row but one up, as far as its steps are settings: each takes one away from the defaults of PT.
+pub fn steps(default: &Restir) -> Vec<(&'static str, Restir)> {
+    let with = |change: fn(&mut Restir)| {
+        let mut settings = default.clone();
+        change(&mut settings);
+        settings
+    };
+    vec![
+        ("default", default.clone()),
+        ("direct light apart (DI + GI)", with(|r| r.technique = Technique::Gi)),
+        ("thresholds of Lin et al. 2022", with(|r| r.paths.reconnection = Reconnection::Distance)),
+        ("black-box thresholds", with(|r| r.paths.reconnection = Reconnection::BlackBox)),
+        ("light of the kept path only", with(|r| r.paths.vector_weights = false)),
+        (
+            "no reuse",
+            with(|r| {
+                r.paths.temporal = false;
+                r.paths.spatial_taps = 0;
+            }),
+        ),
+    ]
 }

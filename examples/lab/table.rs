@@ -1,6 +1,6 @@
 //! Figures in rows, one column a scene, as markdown and as csv.
 
-use std::fmt::Write;
+use std::{borrow::Cow, fmt::Write};
 
 /// What a figure is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -54,16 +54,20 @@ pub type Quantity = (&'static str, Unit);
 /// Figures that belong together, of one scene.
 #[derive(Clone, Debug)]
 pub struct Row {
-    pub section: &'static str,
+    pub section: Cow<'static, str>,
     pub label: String,
     pub quantities: Vec<Quantity>,
     pub values: Vec<f64>,
 }
 
 impl Row {
-    pub fn new(section: &'static str, label: impl Into<String>, figures: &[(&'static str, Unit, f64)]) -> Self {
+    pub fn new(
+        section: impl Into<Cow<'static, str>>,
+        label: impl Into<String>,
+        figures: &[(&'static str, Unit, f64)],
+    ) -> Self {
         Self {
-            section,
+            section: section.into(),
             label: label.into(),
             quantities: figures.iter().map(|&(name, unit, _)| (name, unit)).collect(),
             values: figures.iter().map(|f| f.2).collect(),
@@ -108,7 +112,7 @@ impl Table {
         let mut section = "";
         for (row, cells) in self.rows() {
             if row.section != section {
-                section = row.section;
+                section = &*row.section;
                 let _ = writeln!(text, "| **{section}** | |{}", " |".repeat(names.len()));
             }
             let cells: Vec<String> = cells
@@ -138,7 +142,8 @@ impl Table {
         text += &line(head);
         for (row, cells) in self.rows() {
             for (i, (name, unit)) in row.quantities.iter().enumerate() {
-                let mut fields = vec![row.section.into(), row.label.clone(), (*name).into(), unit.name().into()];
+                let mut fields =
+                    vec![row.section.clone().into_owned(), row.label.clone(), (*name).into(), unit.name().into()];
                 fields.extend(cells.iter().map(|cell| {
                     let value = cell.values[i];
                     if value.is_finite() { value.to_string() } else { String::new() }

@@ -1,15 +1,11 @@
 //! The command line.
 
-use bevy::{
-    camera::Exposure,
-    math::UVec2,
-    reflect::{GetPath, PartialReflect, ReflectMut, TypeInfo, enums::DynamicEnum},
-};
+use bevy::{camera::Exposure, math::UVec2};
 use bevy_restir::{Preset, Restir, Technique};
 use clap::{Parser, ValueEnum};
 use std::path::PathBuf;
 
-use crate::headless::{self, scene::unit_exposure};
+use crate::headless::{self, scene::unit_exposure, set::set};
 
 /// Renders a glTF scene without a window.
 #[derive(Parser, Debug)]
@@ -155,10 +151,7 @@ impl Args {
             settings.bounces = bounces;
         }
         for assignment in &self.set {
-            let (path, value) = assignment.split_once('=').ok_or(format!("--set {assignment}: expected PATH=VALUE"))?;
-            let field =
-                settings.reflect_path_mut(path).map_err(|_| format!("--set {path}: Restir has no such field"))?;
-            assign(field, value).map_err(|expected| format!("--set {path}={value}: expected {expected}"))?;
+            set(&mut settings, assignment).map_err(|error| format!("--set {error}"))?;
         }
         if self.backend == Backend::Hardware {
             return Err("--backend hardware: ray queries are not built yet".into());
@@ -170,25 +163,4 @@ impl Args {
     pub fn exposure(&self) -> Exposure {
         self.ev100.map_or(unit_exposure(), |ev100| Exposure { ev100 })
     }
-}
-
-/// Parses a value into a reflected field; the error says what was expected.
-fn assign(field: &mut dyn PartialReflect, value: &str) -> Result<(), String> {
-    macro_rules! number {
-        ($($type:ty),*) => {
-            $(if let Some(field) = field.try_downcast_mut::<$type>() {
-                *field = value.parse().map_err(|_| stringify!($type).to_string())?;
-                return Ok(());
-            })*
-        };
-    }
-    number!(bool, u32, i32, f32, u64, usize, u8);
-    if let ReflectMut::Enum(_) = field.reflect_mut()
-        && let Some(TypeInfo::Enum(info)) = field.get_represented_type_info()
-    {
-        let names = info.variant_names();
-        let name = names.iter().find(|name| name.eq_ignore_ascii_case(value)).ok_or(names.join("|"))?;
-        return field.try_apply(&DynamicEnum::new(*name, ())).map_err(|e| e.to_string());
-    }
-    Err("a field that holds one value".into())
 }

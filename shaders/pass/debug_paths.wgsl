@@ -86,5 +86,5 @@ fn shifted_aside(r: Reservoir, pixel: vec2<u32>) -> vec3<f32> {
     if reason == SHIFT_OK && !is_visible(to, e, 0u) {
         reason = SHIFT_HIDDEN;
     }
-    return select(false_color(vec2<u32>(reason, 7u)), vec3<f32>(1.0), reason == SHIFT_OK);
+    return select(false_color(vec2<u32>(reason, 8u)), vec3<f32>(1.0), reason == SHIFT_OK);
 }

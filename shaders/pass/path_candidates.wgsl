@@ -1,7 +1,9 @@
 // Initial candidates of ReSTIR PT and GI (paper 000; paper 002, 4.3.2): one tree of paths a pixel, resampled into one path.
 
 #import bevy_restir::common::constants::NONE
+#import bevy_restir::common::math::luminance
 #import bevy_restir::common::rng::{pcg4d, rng_new, STREAM_TREE}
+#import bevy_restir::path::sample::arrived_path
 #import bevy_restir::path::tree::{Chosen, path_tree}
 #import bevy_restir::path::walk::Vertex
 #import bevy_restir::restir::bindings::settings
@@ -64,7 +66,7 @@ fn carried_by(chosen: Chosen, kept: Reservoir, r: Receiver, ids: vec2<u32>, pixe
             to = r;
         }
         let s = hybrid_shift(path, to.first, to.connection, to.previous, true);
-        path = s.path;
+        path = arrived_path(path, s.arrival);
         jacobian *= s.jacobian;
         f = s.f;
         // What does not arrive there need not come back.
@@ -79,13 +81,51 @@ fn carried_by(chosen: Chosen, kept: Reservoir, r: Receiver, ids: vec2<u32>, pixe
 }
 
 const NOT_THERE: u32 = 50u;
+// The volume that the shift to the partner covers, by what arrives there, and the volume that the partner's shift covers here, by what is here:
+// over all pixels their sums are the same integral (`tests/path_census.rs`).
+#else ifdef TEST_CENSUS
+fn carried_by(chosen: Chosen, kept: Reservoir, r: Receiver, ids: vec2<u32>, pixel: vec2<u32>) -> vec3<f32> {
+    let to = partner(r, ids, pixel);
+    let s = hybrid_shift(reservoir_unpack(reservoir_pack(kept)).path, to.first, to.connection, to.previous, false);
+    if s.reason != 0u || !is_free(s, to.previous) {
+        return vec3<f32>(0.0);
+    }
+    let here = luminance(chosen.f);
+    let there = luminance(s.f);
+    return vec3<f32>(s.jacobian * there / (1.0 + there), here / (1.0 + here), 0.0);
+}
+#else ifdef TEST_JACOBIAN
+// (whether it arrives, |ln| of the Jacobian, whether others reconnect to it).
+fn carried_by(chosen: Chosen, kept: Reservoir, r: Receiver, ids: vec2<u32>, pixel: vec2<u32>) -> vec3<f32> {
+    let to = partner(r, ids, pixel);
+    let s = hybrid_shift(reservoir_unpack(reservoir_pack(kept)).path, to.first, to.connection, to.previous, false);
+    let shown = vec3<f32>(f32(s.reason == 0u), abs(log(max(s.jacobian, 1.0e-30))), f32(chosen.path.density > 0.0));
+    return select(vec3<f32>(0.0, 0.0, shown.z), shown, s.reason == 0u) / max(chosen.ucw, 1.0e-30);
+}
 #else
 fn carried_by(chosen: Chosen, kept: Reservoir, r: Receiver, ids: vec2<u32>, pixel: vec2<u32>) -> vec3<f32> {
     return chosen.f;
 }
 #endif
 
-#ifdef TEST_BESIDE
+#ifdef TEST_JACOBIAN
+const PAIRED_WITHIN: u32 = 1u;
+#else
+const PAIRED_WITHIN: u32 = 7u;
+#endif
+
+#ifdef TEST_PAIRED
+// The pixel that has this one as its partner.
+fn partner(r: Receiver, ids: vec2<u32>, pixel: vec2<u32>) -> Receiver {
+    let bits = pcg4d(vec4<u32>(0u, 0u, view.frame, view.seed));
+    let at = pixel ^ (bits.xy & vec2<u32>(PAIRED_WITHIN));
+    let other = textureLoad(visibility, at, 0).xy;
+    if other.x == NONE {
+        return r;
+    }
+    return receiver_of(other, at, false);
+}
+#else ifdef TEST_BESIDE
 // A pixel near by.
 fn partner(r: Receiver, ids: vec2<u32>, pixel: vec2<u32>) -> Receiver {
     let bits = pcg4d(vec4<u32>(pixel, view.frame, view.seed));

@@ -9,14 +9,16 @@
 #import bevy_restir::common::math::luminance
 #import bevy_restir::common::rng::{Rng, rng_1, rng_2, rng_bits, rng_new, STREAM_REUSE}
 #ifdef RESAMPLES_PATHS
+#import bevy_restir::path::sample::Arrival
 #import bevy_restir::restir::path_reservoir::{no_reservoir, PackedReservoir, Reservoir, reservoir_pack, reservoir_unpack}
-#import bevy_restir::restir::paths::{arrived, evaluate, Evaluated, is_handed_on, is_visible, jacobian_of, knows_own_target, of_this_frame, own_target, Receiver, receiver_of, target_value}
+#import bevy_restir::restir::paths::{arrival_of, arrived, evaluate, Evaluated, is_handed_on, is_visible, jacobian_of, knows_own_target, of_this_frame, own_target, Receiver, receiver_of, target_value}
 #else ifdef RESAMPLES_INDIRECT
+#import bevy_restir::path::sample::Arrival
 #import bevy_restir::restir::indirect::{arrived, evaluate, is_handed_on, is_visible, jacobian_of, knows_own_target, of_this_frame, own_target, target_value}
 #import bevy_restir::restir::indirect_reservoir::{no_reservoir, PackedReservoir, Reservoir, reservoir_pack, reservoir_unpack}
-#import bevy_restir::restir::paths::{Evaluated, Receiver, receiver_of}
+#import bevy_restir::restir::paths::{arrival_of, Evaluated, Receiver, receiver_of}
 #else
-#import bevy_restir::restir::direct::{arrived, evaluate, Evaluated, is_handed_on, is_visible, jacobian_of, knows_own_target, of_this_frame, own_target, Receiver, receiver_of, target_value}
+#import bevy_restir::restir::direct::{Arrival, arrival_of, arrived, evaluate, Evaluated, is_handed_on, is_visible, jacobian_of, knows_own_target, of_this_frame, own_target, Receiver, receiver_of, target_value}
 #import bevy_restir::restir::reservoir::{no_reservoir, PackedReservoir, Reservoir, reservoir_pack, reservoir_unpack}
 #endif
 #import bevy_restir::restir::bindings::settings
@@ -38,10 +40,12 @@
 @group(2) @binding(4) var own_light: texture_2d<f32>;
 @group(2) @binding(5) var resampled: texture_storage_2d<rgba32float, write>;
 
-// What the pixel's own sample and those of its neighbours bring to the step; the pixel's own is the first.
+// What the pixel's own sample and those of its neighbours bring to the step; the pixel's own is the first.  The samples themselves stay
+// where they are and are read again: arrays of them would be most of what an invocation holds.
 struct Inputs {
-    samples: array<Reservoir, MAX_INPUTS>,
     pixels: array<vec2<u32>, MAX_INPUTS>,
+    ucw: array<f32, MAX_INPUTS>,          // in the pixel's own domain, once they arrived there
+    arrivals: array<Arrival, MAX_INPUTS>, // what arriving changed
     contributions: array<vec3<f32>, MAX_INPUTS>,
     own_targets: array<f32, MAX_INPUTS>,  // where they are known, in the measure of the pixel's own domain
     shares: array<f32, MAX_INPUTS>,       // what each is shaded by
@@ -134,14 +138,28 @@ fn sample_of_neighbour(pixel: vec2<u32>) -> Reservoir {
     return s;
 }
 
+// An input's sample, as its pixel keeps it or as it arrived in the pixel's own domain.
+fn sample_of(inputs: ptr<function, Inputs>, j: u32, has_arrived: bool) -> Reservoir {
+    if j == 0u {
+        return own_sample((*inputs).pixels[0]);
+    }
+    var s = sample_of_neighbour((*inputs).pixels[j]);
+    if has_arrived {
+        s = arrived(s, (*inputs).arrivals[j]);
+    }
+    s.ucw = (*inputs).ucw[j];
+    return s;
+}
+
 // Collects the inputs.  Where the surface itself was not in sight more neighbours are asked (paper 003, 6.4).
 fn gather(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, own: Shape, pixel: vec2<u32>, rng: ptr<function, Rng>) {
     let place = own_place(own, pixel);
-    (*inputs).samples[0] = own_sample(pixel);
+    let own_kept = own_sample(pixel);
     (*inputs).pixels[0] = pixel;
+    (*inputs).ucw[0] = own_kept.ucw;
     (*inputs).asks[0] = has(RESAMPLE_SHADING_RAYS) && !has(RESAMPLE_SEEN);
     (*inputs).seen[0] = true;
-    (*mis).confidence[0] = (*inputs).samples[0].confidence;
+    (*mis).confidence[0] = own_kept.confidence;
     var count = 1u;
     var taps = settings.temporal_taps + settings.spatial_taps;
     for (var i = 0u; i < taps && count < MAX_INPUTS; i++) {
@@ -155,8 +173,8 @@ fn gather(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, own: Sha
         // What was seen when it was shaded, the surface itself and near neighbours are taken to see still (paper 003, 7.3).
         let near = is_own || distance(vec2<f32>(at) + 0.5, place) <= settings.visibility_radius;
         let is_reused = has(RESAMPLE_REUSE_VISIBILITY) && near;
-        (*inputs).samples[count] = s;
         (*inputs).pixels[count] = at;
+        (*inputs).ucw[count] = s.ucw;
         (*inputs).asks[count] = has(RESAMPLE_SHADING_RAYS) && !is_reused;
         (*inputs).seen[count] = s.seen || !is_reused;
         (*mis).confidence[count] = s.confidence;
@@ -170,7 +188,7 @@ fn resample(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, rng: p
     var stream = Stream(0.0, NONE);
     for (var j = 0u; j < (*mis).count; j++) {
         let u = rng_1(rng);
-        let ucw = (*inputs).samples[j].ucw;
+        let ucw = (*inputs).ucw[j];
         if ucw > 0.0 {
             (*inputs).shares[j] = mis_weight(mis, settings.mis, j) * ucw;
             _ = stream_add(&stream, j, (*inputs).shares[j] * (*mis).targets[j], u);
@@ -180,7 +198,7 @@ fn resample(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, rng: p
 }
 
 // A sample in the pixel's own domain: there it stays.
-fn bring(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, j: u32, e: Evaluated, value: f32) {
+fn bring(inputs: ptr<function, Inputs>, j: u32, s: Reservoir, e: Evaluated, value: f32) {
     (*inputs).contributions[j] = select(vec3<f32>(0.0), e.f, value > 0.0);
     if j == 0u {
         return;
@@ -188,11 +206,12 @@ fn bring(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, j: u32, e
     let jacobian = jacobian_of(e);
     if !(jacobian > 0.0) {
         // It has no counterpart here.
-        (*inputs).samples[j].ucw = 0.0;
+        (*inputs).ucw[j] = 0.0;
         return;
     }
-    (*inputs).own_targets[j] = own_target((*inputs).samples[j]) / jacobian;
-    (*inputs).samples[j] = arrived((*inputs).samples[j], e);
+    (*inputs).own_targets[j] = own_target(s) / jacobian;
+    (*inputs).arrivals[j] = arrival_of(e);
+    (*inputs).ucw[j] *= jacobian;
 }
 
 // Targets of every domain at every sample that the weights ask for, and what is seen of what is shaded; then the step itself.
@@ -220,15 +239,17 @@ fn combine(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, r: Rece
                 (*mis).targets[0] = luminance((*inputs).contributions[0]);
                 continue;
             }
-            let is_asked = (*inputs).samples[j].ucw > 0.0 && mis_needs_target(settings.mis, domain, j);
+            let is_asked = (*inputs).ucw[j] > 0.0 && mis_needs_target(settings.mis, domain, j);
             if is_asked && domain == j && domain > 0u && knows_own_target() {
                 (*mis).targets[domain * MAX_INPUTS + j] = (*inputs).own_targets[j];
                 continue;
             }
             var value = 0.0;
+            var s: Reservoir;
             var e: Evaluated;
             if is_asked {
-                e = evaluate(receiver, (*inputs).samples[j]);
+                s = sample_of(inputs, j, domain > 0u || is_last);
+                e = evaluate(receiver, s);
                 value = target_value(e);
             }
             // A sample is seen from where it was kept; elsewhere a ray decides.
@@ -243,7 +264,7 @@ fn combine(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, r: Rece
                     value = select(0.0, value, visible);
                     if domain == 0u && !visible && has(RESAMPLE_DISCARD) {
                         (*mis).confidence[j] = 0.0;
-                        (*inputs).samples[j].ucw = 0.0;
+                        (*inputs).ucw[j] = 0.0;
                     }
                 }
             }
@@ -251,7 +272,7 @@ fn combine(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, r: Rece
                 continue;
             }
             if domain == 0u {
-                bring(inputs, mis, j, e, value);
+                bring(inputs, j, s, e, value);
             } else {
                 value *= jacobian_of(e);
             }
@@ -296,7 +317,7 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
     var carried = vec3<f32>(0.0);
     if stream.selected != NONE {
         let confidence = kept.confidence;
-        kept = inputs.samples[stream.selected];
+        kept = sample_of(&inputs, stream.selected, true);
         kept.confidence = confidence;
         kept.ucw = stream_ucw(stream, mis.targets[stream.selected]);
         kept.seen = inputs.seen[stream.selected];

@@ -39,6 +39,23 @@ fn no_path_sample() -> PathSample {
     );
 }
 
+// What of a path is another where it was shifted to.
+struct Arrival {
+    radiance: vec3<f32>,
+    light_pdf: f32,
+    density: f32,
+    target_value: f32,
+}
+
+fn arrived_path(s: PathSample, a: Arrival) -> PathSample {
+    var p = s;
+    p.radiance = a.radiance;
+    p.light_pdf = a.light_pdf;
+    p.density = a.density;
+    p.target_value = a.target_value;
+    return p;
+}
+
 // Barycentrics and directions as they are kept: the path itself goes by the decoded values (trap T6).
 fn kept_barycentrics(b: vec2<f32>) -> vec2<f32> {
     return decode_barycentrics(pack2x16unorm(b));

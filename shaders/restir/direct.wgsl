@@ -77,7 +77,15 @@ fn jacobian_of(e: Evaluated) -> f32 {
     return 1.0;
 }
 
-fn arrived(s: Reservoir, e: Evaluated) -> Reservoir {
+struct Arrival {
+    none: u32,
+}
+
+fn arrival_of(e: Evaluated) -> Arrival {
+    return Arrival(0u);
+}
+
+fn arrived(s: Reservoir, a: Arrival) -> Reservoir {
     return s;
 }
 

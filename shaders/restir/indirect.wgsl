@@ -1,17 +1,23 @@
 // The domain of indirect light (ReSTIR GI; Ouyang et al. 2021, paper 002, 4.3): paths of two bounces and more, reconnected to the first
 // vertex that bounces light towards the pixel's surface.
 //
-// Their measure is area at that vertex and solid angle after it, so that its shift has no Jacobian and no density is kept: what the
-// Jacobian of paper 002 (4.3.3) says of solid angles is in the geometry factor that targets have in this measure.
+// Their measure is area at that vertex and solid angle after it, so that its shift has no Jacobian: what the Jacobian of paper 002
+// (4.3.3) says of solid angles is in the geometry factor that targets have in this measure.  Densities are kept for its limit (4.5.5).
 #define_import_path bevy_restir::restir::indirect
 
 #import bevy_restir::common::math::{is_finite, is_finite_3, luminance}
+#import bevy_restir::path::medium::transmittance
+#import bevy_restir::path::sample::{Arrival, arrived_path}
 #import bevy_restir::path::tree::Chosen
+#import bevy_restir::path::walk::{step_medium, step_towards}
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::indirect_reservoir::Reservoir
 #import bevy_restir::restir::paths::{Evaluated, path_of_this_frame, Receiver, shifted_to}
 #import bevy_restir::restir::types::RESAMPLE_KEEPS_RADIANCE
-#import bevy_restir::shift::hybrid::{hybrid_shift, is_free}
+#import bevy_restir::scene::triangle::world_triangle
+#import bevy_restir::shift::connect::geometry_factor
+#import bevy_restir::shift::hybrid::is_free
+#import bevy_restir::trace::offset::surface_point
 
 // The vertex that is reconnected to.
 const FIRST_BOUNCE: u32 = 2u;
@@ -23,17 +29,18 @@ fn measured(c: Chosen, r: Receiver) -> Chosen {
     if c.path.reconnection != FIRST_BOUNCE {
         return m;
     }
-    var density = c.path.density;
-    m.path.density = 0.0;
     if (settings.flags & RESAMPLE_KEEPS_RADIANCE) != 0u {
-        m.path.radiance = vec3<f32>(1.0);
-        let one = hybrid_shift(m.path, r.first, r.connection, false, false);
-        density = one.density;
-        m.path.radiance = select(vec3<f32>(0.0), c.f / one.f, one.f > vec3<f32>(0.0));
+        let first = r.first.surface.position;
+        let place = surface_point(c.path.instance, c.path.triangle, c.path.barycentrics, false);
+        let step = step_towards(r.first, normalize(place - first), c.path.lobe_before);
+        let carried = step.weight * transmittance(step_medium(r.first, step.wi), distance(place, first));
+        let normal = world_triangle(c.path.instance, c.path.triangle, false).normal;
+        m.path.density = step.pdf_lobe * geometry_factor(first, place, normal);
+        m.path.radiance = select(vec3<f32>(0.0), c.f / carried, carried > vec3<f32>(0.0));
     }
-    m.ucw = c.ucw / density;
-    m.f = c.f * density;
-    if !(density > 0.0) || !is_finite(m.ucw) || !is_finite_3(m.f) {
+    m.ucw = c.ucw / m.path.density;
+    m.f = c.f * m.path.density;
+    if !(m.path.density > 0.0) || !is_finite(m.ucw) || !is_finite_3(m.f) {
         m.ucw = 0.0;
         m.f = vec3<f32>(0.0);
     }
@@ -58,10 +65,9 @@ fn jacobian_of(e: Evaluated) -> f32 {
     return select(0.0, 1.0, e.shifted.jacobian > 0.0);
 }
 
-fn arrived(s: Reservoir, e: Evaluated) -> Reservoir {
-    var r = s;
-    r.path = e.shifted.path;
-    return r;
+
+fn arrived(s: Reservoir, a: Arrival) -> Reservoir {
+    return Reservoir(arrived_path(s.path, a), s.ucw, s.confidence, s.seen);
 }
 
 // None is kept.

@@ -3,10 +3,10 @@
 
 #import bevy_restir::common::math::{is_finite, max_component, octahedral_decode, octahedral_encode}
 #import bevy_restir::light::point_on_light::LightPoint
-#import bevy_restir::path::sample::{decode_barycentrics, no_path_sample, PathSample}
+#import bevy_restir::path::sample::{decode_barycentrics, END_LIGHT, no_path_sample, PathSample}
 
 struct Reservoir {
-    path: PathSample,      // without a density or a target
+    path: PathSample,      // without a target
     ucw: f32,              // W: E[f(X) W] = ∫ f, in the measure of `restir/indirect.wgsl`; 0: nothing was found
     confidence: f32,       // candidates' worth that it stands for
     seen: bool,            // always: paths that are not seen are not kept
@@ -14,9 +14,9 @@ struct Reservoir {
 
 // As it lies in memory.
 struct PackedReservoir {
-    structure: vec4<u32>,      // end, length, reconnection, lobes and confidence; seed; W; density of aiming at the light that is met
+    structure: vec4<u32>,      // end, length, reconnection, lobes and confidence; seed; W; density
     connection: vec4<u32>,     // the vertex and where the path goes from there
-    light: vec4<u32>,          // the light that is aimed at; what the path carries from there on
+    light: vec4<u32>,          // the light that is aimed at, or the density of aiming at the one that is met; what the path carries from there on
 }
 
 fn no_reservoir() -> Reservoir {
@@ -32,10 +32,11 @@ fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     let confidence = u32(clamp(r.confidence, 0.0, CONFIDENCE_MAX) * 16.0 + 0.5);
     let reconnection = min(s.reconnection, 3u);
     let structure = s.end | s.length << 2u | reconnection << 9u | s.lobe_before << 11u | s.lobe_after << 13u | confidence << 20u;
+    let light = select(vec2<u32>(bitcast<u32>(s.light_pdf), 0u), vec2<u32>(s.light.light, s.light.coordinates), s.end == END_LIGHT);
     return PackedReservoir(
-        vec4<u32>(structure, s.seed, bitcast<u32>(r.ucw), bitcast<u32>(s.light_pdf)),
+        vec4<u32>(structure, s.seed, bitcast<u32>(r.ucw), bitcast<u32>(s.density)),
         vec4<u32>(s.instance, s.triangle, pack2x16unorm(s.barycentrics), octahedral_encode(s.wi)),
-        vec4<u32>(s.light.light, s.light.coordinates, pack_radiance(s.radiance)),
+        vec4<u32>(light, pack_radiance(s.radiance)),
     );
 }
 
@@ -49,16 +50,20 @@ fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     s.lobe_before = structure >> 11u & 3u;
     s.lobe_after = structure >> 13u & 3u;
     s.seed = p.structure.y;
-    s.light_pdf = bitcast<f32>(p.structure.w);
+    s.density = bitcast<f32>(p.structure.w);
     s.instance = p.connection.x;
     s.triangle = p.connection.y;
     s.barycentrics = decode_barycentrics(p.connection.z);
     s.wi = octahedral_decode(p.connection.w);
-    s.light = LightPoint(p.light.x, p.light.y);
+    if s.end == END_LIGHT {
+        s.light = LightPoint(p.light.x, p.light.y);
+    } else {
+        s.light_pdf = bitcast<f32>(p.light.x);
+    }
     s.radiance = unpack_radiance(p.light.zw);
     let confidence = f32(structure >> 20u) / 16.0;
     let ucw = bitcast<f32>(p.structure.z);
-    if !is_finite(ucw) || !is_finite(s.light_pdf) || !(ucw >= 0.0) {
+    if !is_finite(ucw) || !is_finite(s.light_pdf) || !is_finite(s.density) || !(ucw >= 0.0) {
         return Reservoir(no_path_sample(), 0.0, confidence, true);
     }
     return Reservoir(s, ucw, confidence, true);

@@ -4,7 +4,7 @@
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::math::luminance
 #import bevy_restir::light::remap::light_of_this_frame
-#import bevy_restir::path::sample::{END_LIGHT, PathSample}
+#import bevy_restir::path::sample::{Arrival, arrived_path, END_LIGHT, PathSample}
 #import bevy_restir::path::tree::Chosen
 #import bevy_restir::path::walk::Vertex
 #import bevy_restir::restir::bindings::settings
@@ -58,13 +58,12 @@ fn jacobian_of(e: Evaluated) -> f32 {
     return e.shifted.jacobian;
 }
 
-// The sample as it is where it came to, its weight in the measure there.
-fn arrived(s: Reservoir, e: Evaluated) -> Reservoir {
-    var r = s;
-    r.path = e.shifted.path;
-    r.path.target_value = target_value(e);
-    r.ucw = s.ucw * jacobian_of(e);
-    return r;
+fn arrival_of(e: Evaluated) -> Arrival {
+    return e.shifted.arrival;
+}
+
+fn arrived(s: Reservoir, a: Arrival) -> Reservoir {
+    return Reservoir(arrived_path(s.path, a), s.ucw, s.confidence, s.seen);
 }
 
 // A path that does not change carries what it carried.

@@ -22,6 +22,7 @@ struct ResampleSettings {
     reconnection: u32,         // of paths: RECONNECT_*
     roughness: f32,            // least perceptual roughness of a lobe that paths reconnect after
     separation: f32,           // between the vertices: c of the footprints, or a distance, m
+    jacobian_limit: f32,       // most Jacobian of a shift, either way
 }
 
 // A candidate of the BSDF joins those of the lights.

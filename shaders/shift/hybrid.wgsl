@@ -7,12 +7,12 @@
 #define_import_path bevy_restir::shift::hybrid
 
 #import bevy_restir::common::constants::{FAR, NONE}
-#import bevy_restir::common::math::{is_finite, is_finite_3, max_component}
+#import bevy_restir::common::math::{is_finite, is_finite_3, luminance, max_component}
 #import bevy_restir::light::environment::{environment_pdf, environment_radiance}
 #import bevy_restir::light::types::ENVIRONMENT_LIGHT
 #import bevy_restir::path::medium::transmittance
 #import bevy_restir::path::random::{OF_LIGHT_RAY, OF_RAY, path_alpha_seed}
-#import bevy_restir::path::sample::{END_EMITTER, END_ENVIRONMENT, END_LIGHT, kept_barycentrics, PathSample}
+#import bevy_restir::path::sample::{Arrival, END_EMITTER, END_ENVIRONMENT, END_LIGHT, kept_barycentrics, PathSample}
 #import bevy_restir::path::shadow::{ray_between, ray_to_light}
 #import bevy_restir::path::tree::{aim, emission_pdf, expected_candidates, met_weight}
 #import bevy_restir::path::walk::{sampled_step, Step, step_medium, step_towards, Vertex}
@@ -20,7 +20,7 @@
 #import bevy_restir::restir::types::RESAMPLE_KEEPS_RADIANCE
 #import bevy_restir::scene::surface::{Surface, surface_at}
 #import bevy_restir::shift::connect::{Connection, Departure, departure, geometry_factor, is_connectable, is_connectable_end, is_rough}
-#import bevy_restir::trace::offset::offset_point
+#import bevy_restir::trace::offset::{offset_point, surface_point}
 #import bevy_restir::trace::ray::Ray
 #import bevy_restir::trace::software::{trace_any, trace_closest_of}
 
@@ -31,7 +31,8 @@ const SHIFT_ENDED: u32 = 2u;          // the replay ended, or met a light, where
 const SHIFT_EARLIER: u32 = 3u;        // an earlier pair is connectable (O1, O3)
 const SHIFT_UNCONNECTABLE: u32 = 4u;  // the pair is not (O2)
 const SHIFT_BLACK: u32 = 5u;          // nothing is carried
-const SHIFT_HIDDEN: u32 = 6u;         // something stands between: what `is_free` says
+const SHIFT_APART: u32 = 6u;          // its densities differ by more than the limit
+const SHIFT_HIDDEN: u32 = 7u;         // something stands between: what `is_free` says
 
 // A ray that must meet nothing.
 struct Free {
@@ -40,13 +41,19 @@ struct Free {
 }
 
 struct Shifted {
-    path: PathSample,         // as it is there
+    arrival: Arrival,         // of the path as it is there
     f: vec3<f32>,             // what it carries there, if its rays are free
     density: f32,             // `PathSample::density` there
     jacobian: f32,            // of the shift; 0 where it is not defined
     reason: u32,              // SHIFT_*
-    free: array<Free, 2>,
-    free_count: u32,
+    rays: Rays,
+}
+
+// No more than two: no array, whose place would be memory.
+struct Rays {
+    count: u32,
+    first: Free,
+    second: Free,
 }
 
 // A path as far as it was shifted.
@@ -57,8 +64,7 @@ struct Walk {
     suffix: vec3<f32>,        // from there on
     after: Step,              // from the reconnection vertex
     density: f32,
-    free: array<Free, 2>,
-    free_count: u32,
+    rays: Rays,
     reason: u32,
     f: vec3<f32>,
     radiance: vec3<f32>,      // `PathSample::radiance` and `light_pdf` where they were found anew
@@ -68,7 +74,7 @@ struct Walk {
 // `previous`: into the last frame.  `traces`: what follows the reconnection vertex is not what it was.
 fn hybrid_shift(s: PathSample, first: Vertex, c: Connection, previous: bool, traces: bool) -> Shifted {
     if s.length < 2u {
-        return failed(s, SHIFT_NO_PATH);
+        return failed(SHIFT_NO_PATH);
     }
     var w: Walk;
     w.v = first;
@@ -86,25 +92,31 @@ fn hybrid_shift(s: PathSample, first: Vertex, c: Connection, previous: bool, tra
     if w.reason == SHIFT_OK && (!(jacobian > 0.0) || !is_finite(jacobian)) {
         w.reason = SHIFT_BLACK;
     }
-    if w.reason != SHIFT_OK {
-        return failed(s, w.reason);
+    // Both ways alike, so that the shift stays its own inverse.
+    if w.reason == SHIFT_OK && max(jacobian, 1.0 / jacobian) > settings.jacobian_limit {
+        w.reason = SHIFT_APART;
     }
-    var path = s;
-    path.density = select(0.0, w.density, s.density > 0.0);
-    path.radiance = w.radiance;
-    path.light_pdf = w.light_pdf;
-    return Shifted(path, w.f, w.density, jacobian, SHIFT_OK, w.free, w.free_count);
+    if w.reason != SHIFT_OK {
+        return failed(w.reason);
+    }
+    let arrival = Arrival(w.radiance, w.light_pdf, select(0.0, w.density, s.density > 0.0), luminance(w.f));
+    return Shifted(arrival, w.f, w.density, jacobian, SHIFT_OK, w.rays);
 }
 
-fn failed(s: PathSample, reason: u32) -> Shifted {
-    var none: array<Free, 2>;
-    return Shifted(s, vec3<f32>(0.0), 0.0, 0.0, reason, none, 0u);
+fn failed(reason: u32) -> Shifted {
+    var none: Shifted;
+    none.reason = reason;
+    return none;
 }
 
 // Whether nothing stands in the way of a shifted path, in this frame or the last.
 fn is_free(s: Shifted, previous: bool) -> bool {
-    for (var i = 0u; i < s.free_count; i++) {
-        if trace_any(s.free[i].ray, s.free[i].alpha_seed, previous) {
+    for (var i = 0u; i < s.rays.count; i++) {
+        var free = s.rays.first;
+        if i > 0u {
+            free = s.rays.second;
+        }
+        if trace_any(free.ray, free.alpha_seed, previous) {
             return false;
         }
     }
@@ -125,8 +137,7 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: Connection, previous: bool, tr
         var kept: Surface;
         var step: Step;
         if is_kept {
-            kept = surface_at(s.instance, s.triangle, s.barycentrics, vec3<f32>(0.0, 0.0, 1.0), previous);
-            let wi = normalize(kept.position - (*w).v.surface.position);
+            let wi = normalize(surface_point(s.instance, s.triangle, s.barycentrics, previous) - (*w).v.surface.position);
             kept = surface_at(s.instance, s.triangle, s.barycentrics, -wi, previous);
             step = step_towards((*w).v, wi, s.lobe_before);
         } else if connects {
@@ -206,14 +217,24 @@ fn leaves_as_it_should(w: ptr<function, Walk>, s: PathSample, index: u32, step: 
         return true;
     }
     let connectable = !step.delta && is_connectable((*w).before, (*w).v.surface, step.pdf, is_rough((*w).v, step, c), c);
-    if is_before && connectable {
+    if is_before && connectable && is_checked() {
         (*w).reason = SHIFT_EARLIER;
     }
-    if !is_before && !connectable {
+    if !is_before && !connectable && is_checked() {
         (*w).reason = SHIFT_UNCONNECTABLE;
     }
     return (*w).reason == SHIFT_OK;
 }
+
+#ifdef PLANT_UNCHECKED
+fn is_checked() -> bool {
+    return false;
+}
+#else
+fn is_checked() -> bool {
+    return true;
+}
+#endif
 
 // Takes a step: throughput before, density at, suffix after the reconnection.
 fn take(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, c: Connection) {
@@ -318,6 +339,10 @@ fn aim_at_light(w: ptr<function, Walk>, s: PathSample, index: u32, c: Connection
 }
 
 fn must_be_free(w: ptr<function, Walk>, ray: Ray, alpha_seed: u32) {
-    (*w).free[(*w).free_count] = Free(ray, alpha_seed);
-    (*w).free_count += 1u;
+    if (*w).rays.count == 0u {
+        (*w).rays.first = Free(ray, alpha_seed);
+    } else {
+        (*w).rays.second = Free(ray, alpha_seed);
+    }
+    (*w).rays.count += 1u;
 }

@@ -69,6 +69,10 @@ pub struct Paths {
     /// Least distance between the vertices, m; for [`Reconnection::Distance`] and `Gi` (paper 002, Eq. 30).  Paths that are nearer are not
     /// shared: fewer bright pixels in corners, no bias.
     pub distance: f32,
+    /// Most Jacobian of a shift, and 1 over the least: pixels between which a path would change more are no neighbours for it (paper 002,
+    /// 4.5.5, both ways alike; of the densities of all that is sampled at both ends of the connection).  No bias; fewer bright pixels
+    /// where shapes differ, fewer shared samples.
+    pub jacobian_limit: f32,
     /// Shades all paths that meet by their shares, not only the one that is kept (vector weights, paper 000, 7): less colour noise, no
     /// bias.
     pub vector_weights: bool,
@@ -105,6 +109,7 @@ impl Default for Paths {
             roughness: 0.2,
             footprint: 0.02,
             distance: 0.01,
+            jacobian_limit: 10.0,
             vector_weights: true,
             heuristics: true,
             normal_threshold: 0.9,
@@ -142,6 +147,7 @@ impl Paths {
         number("roughness", &mut self.roughness, 0.0, 1.0);
         number("footprint", &mut self.footprint, 0.0, 1e6);
         number("distance", &mut self.distance, 0.0, 1e6);
+        number("jacobian_limit", &mut self.jacobian_limit, 1.0, f32::MAX);
         number("normal_threshold", &mut self.normal_threshold, -1.0, 1.0);
         number("depth_threshold", &mut self.depth_threshold, 0.0, 1e6);
     }

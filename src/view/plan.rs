@@ -136,6 +136,7 @@ impl Plan {
                     Reconnection::Distance => paths.distance,
                     _ => paths.footprint,
                 },
+                jacobian_limit: paths.jacobian_limit,
                 ..light_subsets(direct)
             },
             first_flags: 0,
