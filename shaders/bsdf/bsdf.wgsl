@@ -31,14 +31,58 @@ fn bsdf_pdf(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> f32 {
     if !p.carries {
         return 0.0;
     }
+    let pdf = lobe_pdfs(b, p);
+    return pdf.x + pdf.y + pdf.z;
+}
+
+// Lobe by lobe.
+fn lobe_pdfs(b: Bsdf, p: LocalPair) -> vec3<f32> {
     let specular = specular_probability(b, p.wo.z);
-    return lobe_pdf(b, p.wo, p.wi, LOBE_DIFFUSE, specular)
-        + lobe_pdf(b, p.wo, p.wi, LOBE_REFLECTION, specular)
-        + lobe_pdf(b, p.wo, p.wi, LOBE_TRANSMISSION, specular);
+    return vec3<f32>(
+        lobe_pdf(b, p.wo, p.wi, LOBE_DIFFUSE, specular),
+        lobe_pdf(b, p.wo, p.wi, LOBE_REFLECTION, specular),
+        lobe_pdf(b, p.wo, p.wi, LOBE_TRANSMISSION, specular),
+    );
+}
+
+// Both at once.
+struct BsdfTerms {
+    f: vec3<f32>,
+    pdf: f32,
+}
+
+fn bsdf_terms(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> BsdfTerms {
+    let p = local_pair(b, wo, wi);
+    if !p.carries {
+        return BsdfTerms(vec3<f32>(0.0), 0.0);
+    }
+    let f = lobe_eval(b, p.wo, p.wi, LOBE_DIFFUSE)
+        + lobe_eval(b, p.wo, p.wi, LOBE_REFLECTION)
+        + lobe_eval(b, p.wo, p.wi, LOBE_TRANSMISSION);
+    let pdf = lobe_pdfs(b, p);
+    return BsdfTerms(f, pdf.x + pdf.y + pdf.z);
 }
 
 // u.z chooses the lobe.  Every sample whose wi is on different sides of n and n_geo is lost, and `bsdf_pdf` is 0 there.
 fn bsdf_sample(b: Bsdf, wo: vec3<f32>, u: vec3<f32>) -> BsdfSample {
+    var s = bsdf_draw(b, wo, u);
+    if s.valid == 0u {
+        return s;
+    }
+    if s.delta == 0u {
+        let terms = bsdf_terms(b, wo, s.wi);
+        s.pdf = terms.pdf;
+        s.weight = terms.f / max(s.pdf, 1.0e-37);
+        s.valid &= u32(s.pdf > 0.0 && is_finite(s.pdf));
+    }
+    if s.valid == 0u || !is_finite_3(s.weight) || !(max_component(s.weight) > 0.0) {
+        return no_bsdf_sample();
+    }
+    return s;
+}
+
+// The same without weight and density, but for a delta's weight.
+fn bsdf_draw(b: Bsdf, wo: vec3<f32>, u: vec3<f32>) -> BsdfSample {
     let frame = orthonormal_basis(b.n);
     let o = wo * frame;
     if !(o.z > 0.0) || !(dot(wo, b.n_geo) > 0.0) {
@@ -82,16 +126,7 @@ fn bsdf_sample(b: Bsdf, wo: vec3<f32>, u: vec3<f32>) -> BsdfSample {
     s.wi = normalize(frame * i);
     let side = select(1.0, -1.0, s.lobe == LOBE_TRANSMISSION);
     s.valid = u32(side * dot(s.wi, b.n) > 0.0 && side * dot(s.wi, b.n_geo) > 0.0);
-    if s.delta != 0u {
-        s.weight = delta_weight;
-    } else {
-        s.pdf = bsdf_pdf(b, wo, s.wi);
-        s.weight = bsdf_eval(b, wo, s.wi) / max(s.pdf, 1.0e-37);
-        s.valid &= u32(s.pdf > 0.0 && is_finite(s.pdf));
-    }
-    if s.valid == 0u || !is_finite_3(s.weight) || !(max_component(s.weight) > 0.0) {
-        return no_bsdf_sample();
-    }
+    s.weight = select(vec3<f32>(0.0), delta_weight, s.delta != 0u);
     return s;
 }
 
@@ -142,6 +177,23 @@ fn bsdf_pdf_lobe(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>, lobe: u32) -> f32 {
         return 0.0;
     }
     return lobe_pdf(b, p.wo, p.wi, lobe, specular_probability(b, p.wo.z));
+}
+
+// Both of one lobe, and the density of all.
+struct LobeTerms {
+    f: vec3<f32>,
+    pdf_lobe: f32,
+    pdf: f32,
+}
+
+fn bsdf_lobe_terms(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>, lobe: u32) -> LobeTerms {
+    let p = local_pair(b, wo, wi);
+    if !p.carries {
+        return LobeTerms(vec3<f32>(0.0), 0.0, 0.0);
+    }
+    let pdf = lobe_pdfs(b, p);
+    let pdf_lobe = select(select(pdf.z, pdf.y, lobe == LOBE_REFLECTION), pdf.x, lobe == LOBE_DIFFUSE);
+    return LobeTerms(lobe_eval(b, p.wo, p.wi, lobe), pdf_lobe, pdf.x + pdf.y + pdf.z);
 }
 
 fn local_pair(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> LocalPair {

@@ -47,7 +47,6 @@ struct Inputs {
     ucw: array<f32, MAX_INPUTS>,          // in the pixel's own domain, once they arrived there
     arrivals: array<Arrival, MAX_INPUTS>, // what arriving changed
     contributions: array<vec3<f32>, MAX_INPUTS>,
-    own_targets: array<f32, MAX_INPUTS>,  // where they are known, in the measure of the pixel's own domain
     shares: array<f32, MAX_INPUTS>,       // what each is shaded by
     asks: array<bool, MAX_INPUTS>,        // a ray before it is shaded
     seen: array<bool, MAX_INPUTS>,        // as far as that is known
@@ -198,7 +197,7 @@ fn resample(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, rng: p
 }
 
 // A sample in the pixel's own domain: there it stays.
-fn bring(inputs: ptr<function, Inputs>, j: u32, s: Reservoir, e: Evaluated, value: f32) {
+fn bring(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, j: u32, s: Reservoir, e: Evaluated, value: f32) {
     (*inputs).contributions[j] = select(vec3<f32>(0.0), e.f, value > 0.0);
     if j == 0u {
         return;
@@ -209,49 +208,50 @@ fn bring(inputs: ptr<function, Inputs>, j: u32, s: Reservoir, e: Evaluated, valu
         (*inputs).ucw[j] = 0.0;
         return;
     }
-    (*inputs).own_targets[j] = own_target(s) / jacobian;
+    (*mis).targets[j * MAX_INPUTS + j] = own_target(s) / jacobian;
     (*inputs).arrivals[j] = arrival_of(e);
     (*inputs).ucw[j] *= jacobian;
+}
+
+// The next input from `j` on whose sample is to be evaluated in a domain.
+fn next_asked(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, domain: u32, from_input: u32) -> u32 {
+    // The pixel's own is handed on; what a path is worth where it came from is known as long as nothing moved.
+    for (var j = from_input; j < (*mis).count; j++) {
+        let is_known = domain == j && select(knows_own_target(), is_handed_on(), j == 0u);
+        if !is_known && (*inputs).ucw[j] > 0.0 && mis_needs_target(settings.mis, domain, j) {
+            return j;
+        }
+    }
+    return (*mis).count;
 }
 
 // Targets of every domain at every sample that the weights ask for, and what is seen of what is shaded; then the step itself.
 fn combine(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, r: Receiver, alpha_seed: u32, rng: ptr<function, Rng>) -> Stream {
     var stream = Stream(0.0, NONE);
     let asks_for_kept = has(RESAMPLE_SHADE) && has(RESAMPLE_SHADING_RAYS) && !has(RESAMPLE_DECOUPLED);
+    if is_handed_on() {
+        (*mis).targets[0] = luminance((*inputs).contributions[0]);
+    }
     // Where a ray is asked for what is kept there is one turn more: rays are traced at one place in the program.
     for (var turn = 0u; turn < (*mis).count + u32(asks_for_kept); turn++) {
         let is_last = turn == (*mis).count;
         let domain = select(turn, 0u, is_last);
+        var j = 0u;
         if is_last {
             count_confidence(mis);
             stream = resample(inputs, mis, rng);
+            j = min(stream.selected, (*mis).count);
+        } else {
+            j = next_asked(inputs, mis, domain, 0u);
         }
         var receiver = r;
         if domain > 0u {
             receiver = neighbour_at((*inputs).pixels[domain]);
         }
-        for (var j = 0u; j < (*mis).count; j++) {
-            if is_last && j != stream.selected {
-                continue;
-            }
-            // Where it is handed on the pixel's own sample needs no look.
-            if domain == 0u && j == 0u && is_handed_on() {
-                (*mis).targets[0] = luminance((*inputs).contributions[0]);
-                continue;
-            }
-            let is_asked = (*inputs).ucw[j] > 0.0 && mis_needs_target(settings.mis, domain, j);
-            if is_asked && domain == j && domain > 0u && knows_own_target() {
-                (*mis).targets[domain * MAX_INPUTS + j] = (*inputs).own_targets[j];
-                continue;
-            }
-            var value = 0.0;
-            var s: Reservoir;
-            var e: Evaluated;
-            if is_asked {
-                s = sample_of(inputs, j, domain > 0u || is_last);
-                e = evaluate(receiver, s);
-                value = target_value(e);
-            }
+        while j < (*mis).count {
+            let s = sample_of(inputs, j, domain > 0u || is_last);
+            let e = evaluate(receiver, s);
+            var value = target_value(e);
             // A sample is seen from where it was kept; elsewhere a ray decides.
             let asked_by_target = !is_last && domain != j && has(select(RESAMPLE_MIS_RAYS, RESAMPLE_TARGET_RAYS, domain == 0u));
             let asked_by_shading = domain == 0u && (*inputs).asks[j] && has(RESAMPLE_SHADE) && is_last == asks_for_kept;
@@ -269,14 +269,15 @@ fn combine(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, r: Rece
                 }
             }
             if is_last {
-                continue;
+                break;
             }
             if domain == 0u {
-                bring(inputs, j, s, e, value);
+                bring(inputs, mis, j, s, e, value);
             } else {
                 value *= jacobian_of(e);
             }
             (*mis).targets[domain * MAX_INPUTS + j] = value;
+            j = next_asked(inputs, mis, domain, j + 1u);
         }
     }
     if !asks_for_kept {

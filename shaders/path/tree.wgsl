@@ -3,7 +3,7 @@
 // probability that roulette let it live; where others may reconnect to it is decided as it grows.
 #define_import_path bevy_restir::path::tree
 
-#import bevy_restir::bsdf::bsdf::{bsdf_eval, bsdf_is_delta, bsdf_pdf}
+#import bevy_restir::bsdf::bsdf::{bsdf_eval, bsdf_is_delta, bsdf_terms}
 #import bevy_restir::common::constants::{FAR, NONE}
 #import bevy_restir::common::math::{is_finite_3, luminance, max_component}
 #import bevy_restir::common::rng::{Rng, rng_1}
@@ -61,11 +61,12 @@ fn aim(v: Vertex, p: LightPoint, count: f32, previous: bool) -> Aimed {
     if !(l.pdf_solid_angle > 0.0) {
         return a;
     }
-    a.pdf_bsdf = bsdf_pdf(v.surface.bsdf, v.wo, l.wi);
+    let bsdf = bsdf_terms(v.surface.bsdf, v.wo, l.wi);
+    a.pdf_bsdf = bsdf.pdf;
     let pdf = count * l.pdf_solid_angle;
     let weight = select(pdf / (pdf + a.pdf_bsdf), 1.0, l.delta != 0u);
     let carried = transmittance(step_medium(v, l.wi), l.distance);
-    a.f = bsdf_eval(v.surface.bsdf, v.wo, l.wi) * l.radiance * carried * (weight / l.pdf_solid_angle);
+    a.f = bsdf.f * l.radiance * carried * (weight / l.pdf_solid_angle);
     if !is_finite_3(a.f) {
         a.f = vec3<f32>(0.0);
     }

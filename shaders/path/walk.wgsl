@@ -2,8 +2,8 @@
 // of direction and lobe are what is divided by (paper 000, 1), and what is kept of a step is what decides where paths reconnect.
 #define_import_path bevy_restir::path::walk
 
-#import bevy_restir::bsdf::bsdf::{bsdf_eval_lobe, bsdf_pdf, bsdf_pdf_lobe, bsdf_sample}
-#import bevy_restir::common::math::is_finite_3
+#import bevy_restir::bsdf::bsdf::{bsdf_draw, bsdf_lobe_terms}
+#import bevy_restir::common::math::{is_finite_3, max_component}
 #import bevy_restir::path::medium::medium_towards
 #import bevy_restir::path::random::path_random
 #import bevy_restir::path::sample::kept_direction
@@ -34,29 +34,49 @@ fn no_step() -> Step {
 
 // The step that the random numbers of a path give at its vertex of this index.
 fn sampled_step(v: Vertex, seed: u32, index: u32) -> Step {
-    let b = bsdf_sample(v.surface.bsdf, v.wo, path_random(seed, index));
-    if b.valid == 0u {
-        return no_step();
+    return finished_step(v, drawn_step(v, seed, index));
+}
+
+// A step of which direction and lobe are known, or all that there is of a delta.
+fn drawn_step(v: Vertex, seed: u32, index: u32) -> Step {
+    let b = bsdf_draw(v.surface.bsdf, v.wo, path_random(seed, index));
+    var s = no_step();
+    s.valid = b.valid != 0u;
+    s.delta = b.delta != 0u;
+    s.weight = b.weight;
+    s.lobe = b.lobe;
+    s.eta = b.eta;
+    s.wi = b.wi;
+    if !s.delta {
+        s.wi = kept_direction(b.wi);
     }
-    if b.delta != 0u {
-        return Step(b.wi, true, b.weight, 0.0, 0.0, b.lobe, true, b.eta);
-    }
-    var step = step_towards(v, kept_direction(b.wi), b.lobe);
-    step.eta = b.eta;
-    return step;
+    return s;
 }
 
 // The step of a given direction and lobe.
 fn step_towards(v: Vertex, wi: vec3<f32>, lobe: u32) -> Step {
+    return finished_step(v, aimed_step(wi, lobe));
+}
+
+fn aimed_step(wi: vec3<f32>, lobe: u32) -> Step {
     var s = no_step();
     s.wi = wi;
     s.lobe = lobe;
-    s.pdf_lobe = bsdf_pdf_lobe(v.surface.bsdf, v.wo, wi, lobe);
-    s.pdf = bsdf_pdf(v.surface.bsdf, v.wo, wi);
-    if s.pdf_lobe > 0.0 {
-        s.weight = bsdf_eval_lobe(v.surface.bsdf, v.wo, wi, lobe) / s.pdf_lobe;
-        s.valid = is_finite_3(s.weight);
+    s.valid = true;
+    return s;
+}
+
+// With its weight and densities; one that carries nothing is none.
+fn finished_step(v: Vertex, step: Step) -> Step {
+    var s = step;
+    if !s.delta {
+        let terms = bsdf_lobe_terms(v.surface.bsdf, v.wo, s.wi, s.lobe);
+        s.pdf_lobe = terms.pdf_lobe;
+        s.pdf = terms.pdf;
+        s.weight = terms.f / max(terms.pdf_lobe, 1.0e-37);
+        s.valid = s.valid && s.pdf_lobe > 0.0;
     }
+    s.valid = s.valid && is_finite_3(s.weight) && max_component(s.weight) > 0.0;
     return s;
 }
 

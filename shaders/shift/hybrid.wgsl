@@ -15,7 +15,7 @@
 #import bevy_restir::path::sample::{Arrival, END_EMITTER, END_ENVIRONMENT, END_LIGHT, kept_barycentrics, PathSample}
 #import bevy_restir::path::shadow::{ray_between, ray_to_light}
 #import bevy_restir::path::tree::{aim, emission_pdf, expected_candidates, met_weight}
-#import bevy_restir::path::walk::{sampled_step, Step, step_medium, step_towards, Vertex}
+#import bevy_restir::path::walk::{aimed_step, drawn_step, finished_step, Step, step_medium, Vertex}
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::types::RESAMPLE_KEEPS_RADIANCE
 #import bevy_restir::scene::surface::{Surface, surface_at}
@@ -124,29 +124,14 @@ fn is_free(s: Shifted, previous: bool) -> bool {
 }
 
 fn walk(w: ptr<function, Walk>, s: PathSample, c: Connection, previous: bool, traces: bool) {
-    for (var index = 1u; index < s.length; index++) {
+    // Of the vertices that scatter the last one may aim at a light.
+    let aims = s.end == END_LIGHT;
+    let rays = s.length - 1u - u32(aims);
+    for (var index = 1u; index <= rays; index++) {
         let ends = index + 1u == s.length;
-        if ends && s.end == END_LIGHT {
-            aim_at_light(w, s, index, c, previous, traces);
-            return;
-        }
-
-        // Leave the vertex: for the next one that is kept, as the path left the reconnection vertex, or as its random numbers say.
         let connects = index + 1u == s.reconnection;
         let is_kept = connects && !(ends && s.end == END_ENVIRONMENT);
-        var kept: Surface;
-        var step: Step;
-        if is_kept {
-            let wi = normalize(surface_point(s.instance, s.triangle, s.barycentrics, previous) - (*w).v.surface.position);
-            kept = surface_at(s.instance, s.triangle, s.barycentrics, -wi, previous);
-            step = step_towards((*w).v, wi, s.lobe_before);
-        } else if connects {
-            step = step_towards((*w).v, s.wi, s.lobe_before);
-        } else if index == s.reconnection {
-            step = step_towards((*w).v, s.wi, s.lobe_after);
-        } else {
-            step = sampled_step((*w).v, s.seed, index);
-        }
+        let step = left_by(w, s, index, is_kept, previous);
         if !step.valid {
             (*w).reason = SHIFT_ENDED;
             return;
@@ -163,40 +148,60 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: Connection, previous: bool, tr
             (*w).f = (*w).throughput * s.radiance * select(1.0, met_weight(step, s.light_pdf), ends);
             return;
         }
-        if is_kept {
-            (*w).density *= geometry_factor(at.position, kept.position, kept.bsdf.n_geo);
-            must_be_free(w, ray_between(at, kept), path_alpha_seed(s.seed, index, OF_RAY));
-            if (settings.flags & RESAMPLE_KEEPS_RADIANCE) != 0u {
-                (*w).f = (*w).throughput * transmittance(medium, distance(kept.position, at.position)) * s.radiance;
-                return;
-            }
-            arrive(w, s, index, step, kept, s.instance, s.triangle, medium, c, previous);
-        } else {
-            let origin = offset_point(at.position, at.bsdf.n_geo, step.wi, at.offset);
-            let ray = Ray(origin, 0.0, step.wi, FAR);
-            let alpha_seed = path_alpha_seed(s.seed, index, OF_RAY);
-            if connects {
-                // Nothing is met by a free ray.
-                must_be_free(w, ray, alpha_seed);
-                meet_environment(w, s, index, step, c);
-                return;
-            }
+        let ray = Ray(offset_point(at.position, at.bsdf.n_geo, step.wi, at.offset), 0.0, step.wi, FAR);
+        let alpha_seed = path_alpha_seed(s.seed, index, OF_RAY);
+        var instance = s.instance;
+        var triangle = s.triangle;
+        var barycentrics = s.barycentrics;
+        if !connects {
             let hit = trace_closest_of(ray, alpha_seed, previous);
-            if hit.instance == NONE {
-                if ends && s.end == END_ENVIRONMENT {
-                    meet_environment(w, s, index, step, c);
-                } else {
-                    (*w).reason = SHIFT_ENDED;
-                }
+            instance = hit.instance;
+            triangle = hit.triangle;
+            barycentrics = kept_barycentrics(hit.barycentrics);
+        } else if !is_kept {
+            // Nothing is met by a free ray.
+            must_be_free(w, ray, alpha_seed);
+            instance = NONE;
+        }
+        if instance == NONE {
+            if ends && s.end == END_ENVIRONMENT {
+                meet_environment(w, s, index, step, c);
+            } else {
+                (*w).reason = SHIFT_ENDED;
+            }
+            return;
+        }
+        let n = surface_at(instance, triangle, barycentrics, -step.wi, previous);
+        if is_kept {
+            (*w).density *= geometry_factor(at.position, n.position, n.bsdf.n_geo);
+            must_be_free(w, ray_between(at, n), alpha_seed);
+            if (settings.flags & RESAMPLE_KEEPS_RADIANCE) != 0u {
+                (*w).f = (*w).throughput * transmittance(medium, distance(n.position, at.position)) * s.radiance;
                 return;
             }
-            let n = surface_at(hit.instance, hit.triangle, kept_barycentrics(hit.barycentrics), -step.wi, previous);
-            arrive(w, s, index, step, n, hit.instance, hit.triangle, medium, c, previous);
         }
+        arrive(w, s, index, step, n, instance, triangle, medium, c, previous);
         if ends || (*w).reason != SHIFT_OK {
             return;
         }
     }
+    if aims {
+        aim_at_light(w, s, s.length - 1u, c, previous, traces);
+    }
+}
+
+// How the path leaves a vertex: for the next one that is kept, as it left the reconnection vertex, or as its random numbers say.
+fn left_by(w: ptr<function, Walk>, s: PathSample, index: u32, is_kept: bool, previous: bool) -> Step {
+    let connects = index + 1u == s.reconnection;
+    var step = aimed_step(s.wi, s.lobe_before);
+    if is_kept {
+        step.wi = normalize(surface_point(s.instance, s.triangle, s.barycentrics, previous) - (*w).v.surface.position);
+    } else if index == s.reconnection {
+        step.lobe = s.lobe_after;
+    } else if !connects {
+        step = drawn_step((*w).v, s.seed, index);
+    }
+    return finished_step((*w).v, step);
 }
 
 // PLANT_*: errors that only tests define, and must find.
