@@ -113,11 +113,12 @@ impl DebugView {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Reflect)]
 pub enum Preset {
     /// Fewest rays: light after the third bounce is missing (darker), and direct light is resampled as in paper 003, with visibility
-    /// reused within 30 pixels (shadows are blurred and lag).
+    /// reused within 30 pixels (shadows are blurred and lag).  Where something moves paths that come into sight of light are missed
+    /// ([`Suffix::Forward`]).
     Performance,
     /// Light after the fifth bounce is missing (darker).
     Balanced,
-    /// Light after the eighth bounce is missing (darker).
+    /// Light after the eighth bounce is missing (darker).  Paths meet three neighbours instead of one.
     Quality,
     /// As `Quality` with 32 bounces; nothing else is left out.
     Unbiased,
@@ -189,6 +190,11 @@ impl Restir {
             },
             _ => Direct::default(),
         };
+        let paths = match preset {
+            Preset::Performance => Paths { suffix: Suffix::Forward, ..Paths::default() },
+            Preset::Quality | Preset::Unbiased => Paths { spatial_taps: 3, ..Paths::default() },
+            _ => Paths::default(),
+        };
         Self {
             technique: Technique::Reference,
             bounces,
@@ -196,7 +202,7 @@ impl Restir {
             energy_compensation: true,
             seed: 0,
             direct,
-            paths: Paths::default(),
+            paths,
             accumulate: false,
             debug_view: DebugView::Off,
             reset: false,

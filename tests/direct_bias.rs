@@ -56,7 +56,7 @@ fn each_reuse_of_visibility_is_biased_with_its_documented_sign() {
         return;
     };
     let truth = PROOF.truth(&mut rig, 1000);
-    let reusing = |visibility| Direct { visibility, radius: 10.0, ..Direct::default() };
+    let reusing = |visibility| Direct { visibility, radius: pixels(10.0, 32), ..Direct::default() };
     let without_shadows = PROOF.resampled(&mut rig, &reusing(VisibilityReuse::Ignored), 5000);
     let mut found = |name: &str, direct: Direct| {
         let ours = PROOF.resampled(&mut rig, &direct, 5000);
@@ -74,7 +74,7 @@ fn each_reuse_of_visibility_is_biased_with_its_documented_sign() {
     let half = Direct { bias_correction: BiasCorrection::HeuristicsAndMis, ..reusing(VisibilityReuse::Resampled) };
     assert!(is_darker(found("resampled, MIS without rays", half).0));
     assert!(is_darker(found("decoupled", reusing(VisibilityReuse::Decoupled)).0));
-    let near = Direct { visibility_radius: 10.0, ..reusing(VisibilityReuse::Decoupled) };
+    let near = Direct { visibility_radius: pixels(10.0, 32), ..reusing(VisibilityReuse::Decoupled) };
     for (name, direct) in [("candidates", reusing(VisibilityReuse::Candidates)), ("decoupled, near", near)] {
         let (_, inside, outside) = found(name, direct);
         assert!(inside > 0.01 && outside < -0.005, "{name}: brighter in shadows and darker beside them");
@@ -87,7 +87,8 @@ fn shading_visibility_is_biased_only_with_a_bsdf_candidate() {
     let Some(mut rig) = scene(32, |rig| surrounded(rig, false)) else { return };
     let truth = PROOF.truth(&mut rig, 1000);
     for bsdf_candidate in [false, true] {
-        let direct = Direct { candidates: 4, subset_count: 0, radius: 10.0, bsdf_candidate, ..Direct::default() };
+        let direct =
+            Direct { candidates: 4, subset_count: 0, radius: pixels(10.0, 32), bsdf_candidate, ..Direct::default() };
         let direct = Direct { visibility: VisibilityReuse::Shading, ..direct };
         let found = PROOF.resampled(&mut rig, &direct, 5000).compare(&truth, 0.01);
         eprintln!("shading, BSDF candidate {bsdf_candidate}: {found}");

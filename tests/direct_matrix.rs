@@ -78,6 +78,7 @@ impl Row {
         let [_, _, mis, correction, shading, lights, visibility] = self.0;
         // Near neighbours and short histories make fewer of those.
         let (radius, confidence_cap) = if self.is_noisy() { (10.0, 4.0) } else { (30.0, 20.0) };
+        let radius = pixels(radius, 64);
         let direct = Direct {
             mis: MIS[mis],
             bias_correction: CORRECTIONS[correction],

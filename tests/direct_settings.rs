@@ -53,6 +53,7 @@ fn reused_visibility_saves_up_to_half_of_the_rays() {
     rig.spawn(square(20.0), lambert(0.5), Transform::default());
     rig.spawn(square(1.0), lamp(5.0, 5.0, 5.0), Transform::from_xyz(0.0, 4.0, 4.0).looking_to(Vec3::Z, Vec3::Y));
     let mut rays = |visibility_radius| {
+        let visibility_radius = pixels(visibility_radius, 120);
         let paper = Direct {
             visibility: VisibilityReuse::Decoupled,
             bias_correction: BiasCorrection::HeuristicsAndMis,
@@ -135,7 +136,7 @@ fn rounds_are_passes() {
 fn a_disocclusion_asks_more_neighbours() {
     let Some(mut rig) = lit_room(48, 48) else { return };
     let mut after_a_jump = |disocclusion_taps| {
-        direct(&mut rig, Direct { disocclusion_taps, spatial_taps: 1, radius: 12.0, ..both() });
+        direct(&mut rig, Direct { disocclusion_taps, spatial_taps: 1, radius: pixels(12.0, 48), ..both() });
         rig.set(|r| r.debug_view = DebugView::ReservoirConfidence);
         let place = |rig: &mut Rig, x: f32| {
             let camera = rig.camera;
@@ -161,7 +162,7 @@ fn a_disocclusion_asks_more_neighbours() {
 fn more_tries_find_more_neighbours() {
     let Some(mut rig) = lit_room(48, 48) else { return };
     let mut mean = |tries| {
-        direct(&mut rig, Direct { tries, temporal: false, spatial_taps: 2, radius: 20.0, ..both() });
+        direct(&mut rig, Direct { tries, temporal: false, spatial_taps: 2, radius: pixels(20.0, 48), ..both() });
         reservoirs(&mut rig, DebugView::ReservoirConfidence, 2).mean()
     };
     let (one, three) = (mean(1), mean(3));
@@ -176,7 +177,10 @@ fn neighbours_of_one_material_alone_are_asked_where_that_is_wanted() {
     }
     rig.spawn_bundle((PointLight { intensity: 100.0, ..default() }, Transform::from_xyz(0.0, 0.0, 3.0)));
     let mut lone = |same_material| {
-        direct(&mut rig, Direct { same_material, temporal: false, spatial_taps: 1, radius: 10.0, ..both() });
+        direct(
+            &mut rig,
+            Direct { same_material, temporal: false, spatial_taps: 1, radius: pixels(10.0, 40), ..both() },
+        );
         let view = reservoirs(&mut rig, DebugView::ReservoirConfidence, 2);
         // Far from the image's borders, near the seam.
         view.iter().filter(|(at, c)| (18..22).contains(&at.x) && (12..28).contains(&at.y) && c.x == 1.0).count()

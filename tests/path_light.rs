@@ -13,7 +13,14 @@ const PROOF: Proof = Proof { bounces: 4, ..Proof::of((32, 8), (40, 32)) };
 
 /// Few candidates, so that a wrong weight shows, and neighbours across edges.
 fn every() -> Paths {
-    Paths { candidates: 4, radius: 6.0, spatial_taps: 2, heuristics: false, confidence_cap: 8.0, ..Default::default() }
+    Paths {
+        candidates: 4,
+        radius: pixels(6.0, 32),
+        spatial_taps: 2,
+        heuristics: false,
+        confidence_cap: 8.0,
+        ..Default::default()
+    }
 }
 
 fn candidates() -> Paths {
@@ -100,7 +107,7 @@ fn planted_errors_of_paths_are_found() {
     let Some(mut rig) = scene(32, lit_from_the_ceiling) else { return };
     let proof = Proof { bounces: 3, ..PROOF };
     let reference = proof.truth(&mut rig, 1000);
-    let far = Paths { radius: 20.0, spatial_taps: 3, ..spatial() };
+    let far = Paths { radius: pixels(20.0, 32), spatial_taps: 3, ..spatial() };
     let right = proof.resampled(&mut rig, &far, 5000).compare(&reference, 0.01);
     eprintln!("no error: {right}");
     assert!(!right.is_different(), "{right}");

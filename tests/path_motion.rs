@@ -6,7 +6,14 @@ use bevy_restir::{Paths, Suffix};
 
 /// As `path_light`'s.
 fn every() -> Paths {
-    Paths { candidates: 4, radius: 6.0, spatial_taps: 2, heuristics: false, confidence_cap: 8.0, ..Default::default() }
+    Paths {
+        candidates: 4,
+        radius: pixels(6.0, 32),
+        spatial_taps: 2,
+        heuristics: false,
+        confidence_cap: 8.0,
+        ..Default::default()
+    }
 }
 
 #[test]

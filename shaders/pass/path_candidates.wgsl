@@ -87,12 +87,13 @@ const NOT_THERE: u32 = 50u;
 fn carried_by(chosen: Chosen, kept: Reservoir, r: Receiver, ids: vec2<u32>, pixel: vec2<u32>) -> vec3<f32> {
     let to = partner(r, ids, pixel);
     let s = hybrid_shift(reservoir_unpack(reservoir_pack(kept)).path, to.first, to.connection, to.previous, false);
-    if s.reason != 0u || !is_free(s, to.previous) {
+    if textureLoad(visibility, pixel ^ PARTNER, 0).x == NONE || s.reason != 0u || !is_free(s, to.previous) {
         return vec3<f32>(0.0);
     }
     let here = luminance(chosen.f);
     let there = luminance(s.f);
-    return vec3<f32>(s.jacobian * there / (1.0 + there), here / (1.0 + here), 0.0);
+    // 1/(1 + J), here J/(1 + J), is under both: what is rare in one pixel and not in the other weighs little.
+    return s.jacobian / (1.0 + s.jacobian) * vec3<f32>(there / (1.0 + there), here / (1.0 + here), 0.0);
 }
 #else ifdef TEST_JACOBIAN
 // (whether it arrives, |ln| of the Jacobian, whether others reconnect to it).
@@ -109,16 +110,15 @@ fn carried_by(chosen: Chosen, kept: Reservoir, r: Receiver, ids: vec2<u32>, pixe
 #endif
 
 #ifdef TEST_JACOBIAN
-const PAIRED_WITHIN: u32 = 1u;
+const PARTNER: vec2<u32> = vec2<u32>(1u, 0u);
 #else
-const PAIRED_WITHIN: u32 = 7u;
+const PARTNER: vec2<u32> = vec2<u32>(8u, 4u);
 #endif
 
 #ifdef TEST_PAIRED
 // The pixel that has this one as its partner.
 fn partner(r: Receiver, ids: vec2<u32>, pixel: vec2<u32>) -> Receiver {
-    let bits = pcg4d(vec4<u32>(0u, 0u, view.frame, view.seed));
-    let at = pixel ^ (bits.xy & vec2<u32>(PAIRED_WITHIN));
+    let at = pixel ^ PARTNER;
     let other = textureLoad(visibility, at, 0).xy;
     if other.x == NONE {
         return r;

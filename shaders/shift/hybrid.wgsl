@@ -222,24 +222,14 @@ fn leaves_as_it_should(w: ptr<function, Walk>, s: PathSample, index: u32, step: 
         return true;
     }
     let connectable = !step.delta && is_connectable((*w).before, (*w).v.surface, step.pdf, is_rough((*w).v, step, c), c);
-    if is_before && connectable && is_checked() {
+    if is_before && connectable {
         (*w).reason = SHIFT_EARLIER;
     }
-    if !is_before && !connectable && is_checked() {
+    if !is_before && !connectable {
         (*w).reason = SHIFT_UNCONNECTABLE;
     }
     return (*w).reason == SHIFT_OK;
 }
-
-#ifdef PLANT_UNCHECKED
-fn is_checked() -> bool {
-    return false;
-}
-#else
-fn is_checked() -> bool {
-    return true;
-}
-#endif
 
 // Takes a step: throughput before, density at, suffix after the reconnection.
 fn take(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, c: Connection) {

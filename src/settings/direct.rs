@@ -157,7 +157,7 @@ pub struct Direct {
     pub rounds: u32,
     /// Places that are tried for a tap until one is of like geometry, 1 to 8 (greedy neighbour search, paper 002, 4.5.4).
     pub tries: u32,
-    /// How far away neighbours are, pixels.
+    /// How far away neighbours are: pixels of a picture 1080 lines high, and at least 2 of its own.
     pub radius: f32,
     /// Most that a neighbour counts, in frames' worth of candidates, at most 60.  Longer histories are smoother and more correlated.
     pub confidence_cap: f32,
@@ -167,7 +167,7 @@ pub struct Direct {
     pub mis: Mis,
     /// What rays decide.
     pub visibility: VisibilityReuse,
-    /// Pixels within which a neighbour sees what this one sees, for [`VisibilityReuse::Decoupled`].
+    /// Pixels of a picture 1080 lines high within which a neighbour sees what this one sees, for [`VisibilityReuse::Decoupled`].
     pub visibility_radius: f32,
     /// Shades all samples that meet by their shares, not only the one that is kept (paper 003, 7.1): less noise, no bias.
     pub decoupled_shading: bool,
@@ -243,7 +243,7 @@ impl Direct {
                 *value = clamped;
             }
         };
-        number("radius", &mut self.radius, 0.0, 1000.0);
+        number("radius", &mut self.radius, 0.0, 1e5);
         number("confidence_cap", &mut self.confidence_cap, 0.0, 60.0);
         number("visibility_radius", &mut self.visibility_radius, 0.0, 1e6);
         number("normal_threshold", &mut self.normal_threshold, -1.0, 1.0);

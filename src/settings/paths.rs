@@ -49,7 +49,7 @@ pub struct Paths {
     pub rounds: u32,
     /// Places that are tried for a tap until one is of like geometry, 1 to 8.
     pub tries: u32,
-    /// How far away neighbours are, pixels.
+    /// How far away neighbours are: pixels of a picture 1080 lines high, and at least 2 of its own.
     pub radius: f32,
     /// Most that a neighbour counts, in frames' worth of candidates, at most 30.
     pub confidence_cap: f32,
@@ -89,14 +89,15 @@ pub struct Paths {
 }
 
 impl Default for Paths {
-    /// Paper 000: temporal, then one round of three neighbours within 20 pixels, history capped at 20.
+    /// Paper 000: temporal, then one round of neighbours within 20 pixels, history capped at 20.  One neighbour, not the paper's three: in equal
+    /// time that is better (`docs/performance.md`).
     fn default() -> Self {
         Self {
             candidates: 32,
             order: ReuseOrder::TemporalThenSpatial,
             temporal: true,
             bilinear: false,
-            spatial_taps: 3,
+            spatial_taps: 1,
             disocclusion_taps: 0,
             rounds: 1,
             tries: 1,
@@ -142,7 +143,7 @@ impl Paths {
                 *value = clamped;
             }
         };
-        number("radius", &mut self.radius, 0.0, 1000.0);
+        number("radius", &mut self.radius, 0.0, 1e5);
         number("confidence_cap", &mut self.confidence_cap, 0.0, 30.0);
         number("roughness", &mut self.roughness, 0.0, 1.0);
         number("footprint", &mut self.footprint, 0.0, 1e6);

@@ -69,7 +69,7 @@ impl History {
     /// Begins a frame: what the last one kept is the history.  `moved`: something did since then.
     pub(crate) fn begin(&mut self, settings: &Restir, has_history: bool, moved: bool, queue: &RenderQueue) {
         for reservoirs in &mut self.reservoirs {
-            reservoirs.begin(Plan::of(reservoirs.domain, settings), has_history, moved, queue);
+            reservoirs.begin(Plan::of(reservoirs.domain, settings), self.size.y, has_history, moved, queue);
         }
     }
 
@@ -138,13 +138,13 @@ impl Reservoirs {
         }
     }
 
-    fn begin(&mut self, plan: Plan, has_history: bool, moved: bool, queue: &RenderQueue) {
+    fn begin(&mut self, plan: Plan, height: u32, has_history: bool, moved: bool, queue: &RenderQueue) {
         self.plan = plan;
         self.first = 1 - self.kept;
         self.kept = self.output_index(self.rounds() - 1);
         let mut bytes = vec![0u8; self.rounds() * SETTINGS_STRIDE as usize];
         for (round, slot) in bytes.chunks_exact_mut(SETTINGS_STRIDE as usize).enumerate() {
-            let settings = self.plan.uniforms(round, has_history, moved);
+            let settings = self.plan.uniforms(round, height, has_history, moved);
             slot[..size_of_val(&settings)].copy_from_slice(bytemuck::bytes_of(&settings));
         }
         queue.write_buffer(&self.settings, 0, &bytes);

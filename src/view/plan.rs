@@ -7,6 +7,8 @@ use crate::{
 
 /// Inputs of a step of reuse that shaders without `MANY_TAPS` have room for (`MAX_INPUTS` in `shaders/restir/mis.wgsl`).
 pub(crate) const FEW_INPUTS: u32 = 3;
+/// Neighbours are at least as far away, pixels: nearer, a tap would mostly find the pixel itself.
+const LEAST_RADIUS: f32 = 2.0;
 /// Most rounds of reuse in a frame: one of the last frame, and four of this one.
 pub(crate) const MOST_ROUNDS: usize = 5;
 
@@ -181,7 +183,8 @@ impl Plan {
     }
 
     /// Uniforms of a round.  `moved`: something did since the last frame.
-    pub(crate) fn uniforms(&self, index: usize, has_history: bool, moved: bool) -> GpuResampleSettings {
+    /// `height`: of the picture, pixels.
+    pub(crate) fn uniforms(&self, index: usize, height: u32, has_history: bool, moved: bool) -> GpuResampleSettings {
         let round = self.rounds[index];
         let taps = |count| if !round.from_previous || has_history { count } else { 0 };
         let flags = flags_of([
@@ -196,9 +199,17 @@ impl Plan {
             mis: if round.spatial_taps == 0 { self.single_mis } else { self.common.mis },
             flags: self.common.flags | flags,
             round: index as u32,
+            radius: pixels(self.common.radius, height).max(LEAST_RADIUS.min(self.common.radius)),
+            visibility_radius: pixels(self.common.visibility_radius, height),
             ..self.common
         }
     }
+}
+
+/// Pixels of a picture that is so high, of a length in those of one of 1080 lines: samples are alike as far as surfaces are, which is a share of
+/// the picture.
+fn pixels(radius: f32, height: u32) -> f32 {
+    radius * height as f32 / 1080.0
 }
 
 fn disocclusion_taps(order: ReuseOrder, taps: u32) -> u32 {

@@ -4,6 +4,11 @@ use super::app::*;
 use bevy::prelude::*;
 use bevy_restir::{BiasCorrection, Direct, Mis, RestirEnvironment};
 
+/// So many pixels of a picture that is so high, as settings count them.
+pub fn pixels(count: f32, height: u32) -> f32 {
+    count * 1080.0 / height as f32
+}
+
 /// What most claims run: few candidates, so that a wrong weight shows, and every reuse.
 pub fn both() -> Direct {
     Direct {
@@ -11,7 +16,7 @@ pub fn both() -> Direct {
         subset_count: 32,
         subset_size: 256,
         spatial_taps: 2,
-        radius: 6.0,
+        radius: pixels(6.0, 32),
         mis: Mis::DefensivePairwise,
         ..Default::default()
     }
@@ -40,7 +45,7 @@ pub fn careless(mis: Mis) -> Direct {
         mis,
         bias_correction: BiasCorrection::UnbiasedMis,
         spatial_taps: 3,
-        radius: 10.0,
+        radius: pixels(10.0, 32),
         confidence_cap: 4.0,
         ..both()
     }
