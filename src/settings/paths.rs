@@ -89,11 +89,11 @@ pub struct Paths {
 }
 
 impl Default for Paths {
-    /// Paper 000: temporal, then one round of neighbours within 20 pixels, history capped at 20.  One neighbour, not the paper's three: in equal
-    /// time that is better (`docs/performance.md`).
+    /// Paper 000: temporal, then one round of neighbours within 20 pixels, history capped at 20.  One neighbour, not the paper's three, and 16 points of
+    /// lights, not 32: in equal time that is better (`docs/performance.md`).
     fn default() -> Self {
         Self {
-            candidates: 32,
+            candidates: 16,
             order: ReuseOrder::TemporalThenSpatial,
             temporal: true,
             bilinear: false,
