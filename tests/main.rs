@@ -24,6 +24,7 @@ mod offset;
 mod path_census;
 mod path_light;
 mod path_long_run;
+mod path_matrix;
 mod path_motion;
 mod path_parts;
 mod path_scenes;

@@ -13,6 +13,7 @@ pub mod lit;
 pub mod loaded;
 pub mod log;
 pub mod materials;
+pub mod matrix;
 pub mod oracle;
 pub mod proof;
 pub mod scenes;

@@ -34,6 +34,21 @@ impl Subject for Indirect {
     }
 }
 
+/// Either technique of all light.
+pub enum AllLight {
+    Pt(Paths),
+    Gi(Direct, Paths),
+}
+
+impl Subject for AllLight {
+    fn ask(&self, settings: &mut Restir) {
+        match self {
+            Self::Pt(paths) => paths.ask(settings),
+            Self::Gi(direct, paths) => Indirect(direct.clone(), paths.clone()).ask(settings),
+        }
+    }
+}
+
 /// How the techniques of a scene are held against its reference.
 #[derive(Clone, Copy)]
 pub struct Proof<'a> {

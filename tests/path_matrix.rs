@@ -1,0 +1,122 @@
+//! The long form of `path_scenes`: a pairwise covering set of scenes, techniques, reuse, MIS kinds, reconnections and what else changes how
+//! paths are resampled, each row held against the reference; a table of `docs/proof.md`.
+
+use crate::support::{
+    direct::*,
+    matrix::{self, Row},
+    proof::{AllLight, Proof, Subject},
+};
+use bevy_restir::{Mis, Paths, Reconnection, ReuseOrder};
+
+const SCENES: [&str; 8] = ["cornell", "glossy", "ajar", "blinds", "mirror_room", "punctual", "furnace", "moving"];
+const TECHNIQUES: [&str; 2] = ["PT", "DI + GI"];
+const REUSE: [&str; 5] = ["none", "temporal", "spatial", "both", "two joint rounds"];
+const MIS: [Mis; 4] = [Mis::DefensivePairwise, Mis::Pairwise, Mis::Balance, Mis::DefensivePairwiseGris];
+const RECONNECTIONS: [Reconnection; 3] = [Reconnection::Footprints, Reconnection::BlackBox, Reconnection::Distance];
+
+/// A choice of each.
+#[derive(Clone, Copy)]
+struct PathRow([usize; 7]);
+
+impl PathRow {
+    fn is_of_whole_paths(self) -> bool {
+        self.0[1] == 0
+    }
+
+    fn reuse(self) -> &'static str {
+        REUSE[self.0[2]]
+    }
+}
+
+impl Row for PathRow {
+    const NAME: &'static str = "path matrix";
+    const SIZE: u32 = 32;
+    const CHOICES: &'static [(&'static str, usize)] = &[
+        ("scene", SCENES.len()),
+        ("technique", TECHNIQUES.len()),
+        ("reuse", REUSE.len()),
+        ("MIS", MIS.len()),
+        ("reconnected", RECONNECTIONS.len()),
+        ("shaded", 2),
+        ("neighbours", 2),
+    ];
+    const PLANTED: (&'static str, &'static str) = ("PLANT_SCALED_UCW", "planted error of 3 % in every step");
+
+    fn new(choices: &[usize]) -> Self {
+        Self(choices.try_into().expect("one of each"))
+    }
+
+    fn choices(&self) -> &[usize] {
+        &self.0
+    }
+
+    fn scene(&self) -> &'static str {
+        SCENES[self.0[0]]
+    }
+
+    /// Time alone is weighed by the balance heuristic and meets its own surface; GI is reconnected to its first bounce.
+    fn asks(&self, choice: usize) -> bool {
+        match choice {
+            3 | 6 => !matches!(self.reuse(), "none" | "temporal"),
+            4 => self.is_of_whole_paths() && self.reuse() != "none",
+            5 => self.reuse() != "none",
+            _ => true,
+        }
+    }
+
+    fn is_wanted(&self) -> bool {
+        true
+    }
+
+    fn names(&self) -> Vec<String> {
+        vec![
+            self.scene().into(),
+            TECHNIQUES[self.0[1]].into(),
+            self.reuse().into(),
+            format!("{:?}", MIS[self.0[3]]),
+            format!("{:?}", RECONNECTIONS[self.0[4]]),
+            ["vectors", "kept"][self.0[5]].into(),
+            ["alike", "any"][self.0[6]].into(),
+        ]
+    }
+
+    /// Lengths that give most rows the power to be equal at the margin.
+    fn proof(&self) -> Proof<'static> {
+        let long = |margin| Proof { margin, bounces: 4, ..Proof::of((60, 24), (40, 250)) };
+        match self.scene() {
+            "cornell" | "furnace" => Proof { margin: 0.01, bounces: 4, ..Proof::of((40, 24), (40, 100)) },
+            "punctual" | "blinds" => long(0.015),
+            "moving" => Proof { margin: 0.02, bounces: 3, pose: Some(&pose_moving), ..Proof::of((240, 1), (40, 60)) },
+            _ => long(0.02),
+        }
+    }
+
+    fn subject(&self) -> impl Subject {
+        let [_, _, _, mis, reconnection, shading, neighbours] = self.0;
+        let paths = Paths {
+            mis: MIS[mis],
+            reconnection: RECONNECTIONS[reconnection],
+            distance: 0.1,
+            vector_weights: shading == 0,
+            heuristics: neighbours == 0,
+            spatial_taps: 2,
+            radius: pixels(5.0, Self::SIZE),
+            confidence_cap: 8.0,
+            ..Default::default()
+        };
+        let paths = match self.reuse() {
+            "none" => Paths { temporal: false, spatial_taps: 0, ..paths },
+            "temporal" => Paths { spatial_taps: 0, ..paths },
+            "spatial" => Paths { temporal: false, ..paths },
+            "two joint rounds" => Paths { order: ReuseOrder::Spatiotemporal, rounds: 2, ..paths },
+            _ => paths,
+        };
+        if self.is_of_whole_paths() { AllLight::Pt(paths) } else { AllLight::Gi(both(), paths) }
+    }
+}
+
+#[test]
+#[ignore = "half an hour: ./run test --full"]
+fn full_length_path_matrix() {
+    matrix::run::<PathRow>();
+}
