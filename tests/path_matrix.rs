@@ -82,9 +82,9 @@ impl Row for PathRow {
 
     /// Lengths that give most rows the power to be equal at the margin.
     fn proof(&self) -> Proof<'static> {
-        let long = |margin| Proof { margin, bounces: 4, ..Proof::of((60, 24), (40, 250)) };
+        let long = |margin| Proof { margin, bounces: 4, ..Proof::of((40, 20), (40, 120)) };
         match self.scene() {
-            "cornell" | "furnace" => Proof { margin: 0.01, bounces: 4, ..Proof::of((40, 24), (40, 100)) },
+            "cornell" | "furnace" => Proof { margin: 0.01, bounces: 4, ..Proof::of((40, 20), (40, 60)) },
             "punctual" | "blinds" => long(0.015),
             "moving" => Proof { margin: 0.02, bounces: 3, pose: Some(&pose_moving), ..Proof::of((240, 1), (40, 60)) },
             _ => long(0.02),
