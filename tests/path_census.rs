@@ -100,7 +100,7 @@ fn the_shift_maps_volumes_as_its_jacobian_says() {
     for (name, make) in SCENES {
         let Some(mut rig) = scene(SIZE as u32, make) else { return };
         for (what, paths) in kinds() {
-            let census = Census::of(&mut rig, &[], paths, 100);
+            let census = Census::of(&mut rig, &[], paths, 60);
             eprintln!("{name}, {what}: {census}");
             assert!(census.error < 0.03 && census.difference.abs() < 4.0 * census.error, "{name}, {what}");
             assert!(census.tiles > 1e-4, "{name}, {what}");

@@ -65,14 +65,14 @@ fn paths_over_glossy_surfaces_carry_what_the_reference_carries() {
     let Some(mut rig) = scene(32, glossy) else { return };
     let often_replayed = Paths { footprint: 20.0, ..every() };
     let black_box = Paths { reconnection: Reconnection::BlackBox, roughness: 0.6, ..every() };
-    let proof = Proof { bounces: 2, margin: 0.02, ..Proof::of((64, 16), (60, 64)) };
+    let proof = Proof { bounces: 2, margin: 0.02, ..Proof::of((48, 16), (40, 64)) };
     proof.check("glossy", &mut rig, &[("both", every()), ("often replayed", often_replayed), ("black box", black_box)]);
 }
 
 #[test]
 fn paths_by_mirrors_carry_what_the_reference_carries() {
     let Some(mut rig) = scene(32, mirrors) else { return };
-    let proof = Proof { bounces: 3, margin: 0.02, ..Proof::of((64, 16), (60, 64)) };
+    let proof = Proof { bounces: 3, margin: 0.02, ..Proof::of((48, 16), (40, 48)) };
     proof.check("mirrors", &mut rig, &[("both", every())]);
 }
 

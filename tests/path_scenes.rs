@@ -30,13 +30,13 @@ fn the_cornell_box_is_lit_by_paths_as_by_the_reference() {
 #[test]
 fn quiet_scenes_are_lit_by_paths_as_by_the_reference() {
     check("furnace", 32, Proof { margin: 0.015, ..Proof::of((32, 8), (40, 24)) });
-    check("punctual", 32, Proof { margin: 0.02, ..Proof::of((40, 16), (40, 100)) });
-    check("blinds", 32, Proof { margin: 0.02, ..Proof::of((40, 16), (40, 100)) });
+    check("punctual", 32, Proof { margin: 0.025, ..Proof::of((40, 12), (40, 60)) });
+    check("blinds", 32, Proof { margin: 0.025, ..Proof::of((40, 12), (40, 70)) });
 }
 
 #[test]
 fn noisy_scenes_are_lit_by_paths_as_by_the_reference() {
     for name in ["glossy", "ajar", "mirror_room"] {
-        check(name, 32, Proof { margin: 0.04, ..Proof::of((40, 16), (40, 100)) });
+        check(name, 32, Proof { margin: 0.05, ..Proof::of((40, 12), (40, 70)) });
     }
 }
