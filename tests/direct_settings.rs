@@ -59,6 +59,7 @@ fn reused_visibility_saves_up_to_half_of_the_rays() {
             bias_correction: BiasCorrection::HeuristicsAndMis,
             bsdf_candidate: false,
             visibility_radius,
+            radius: pixels(30.0, 120),
             ..Default::default()
         };
         direct(&mut rig, paper);
