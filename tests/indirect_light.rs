@@ -11,18 +11,6 @@ use bevy_restir::Paths;
 
 const PROOF: Proof = Proof { bounces: 4, ..Proof::of((32, 8), (40, 32)) };
 
-/// Few candidates, so that a wrong weight shows, and neighbours across edges.
-fn every() -> Paths {
-    Paths {
-        candidates: 4,
-        radius: pixels(6.0, 32),
-        spatial_taps: 2,
-        heuristics: false,
-        confidence_cap: 8.0,
-        ..Default::default()
-    }
-}
-
 fn with(paths: Paths) -> Indirect {
     Indirect(both(), paths)
 }

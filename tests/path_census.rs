@@ -74,17 +74,6 @@ impl core::fmt::Display for Census {
     }
 }
 
-type Make = fn(&mut Rig);
-
-const SCENES: [(&str, Make); 4] = [
-    ("room", |rig| {
-        room(rig);
-    }),
-    ("glossy", glossy),
-    ("mirrors", mirrors),
-    ("surrounded", |rig| surrounded(rig, true)),
-];
-
 fn kinds() -> [(&'static str, Paths); 5] {
     [
         ("footprints", Paths::default()),
@@ -97,7 +86,7 @@ fn kinds() -> [(&'static str, Paths); 5] {
 
 #[test]
 fn the_shift_maps_volumes_as_its_jacobian_says() {
-    for (name, make) in SCENES {
+    for (name, make) in PATH_SCENES {
         let Some(mut rig) = scene(SIZE as u32, make) else { return };
         for (what, paths) in kinds() {
             let census = Census::of(&mut rig, &[], paths, 60);

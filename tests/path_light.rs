@@ -11,18 +11,6 @@ use bevy_restir::{DebugView, Mis, Paths, Reconnection, ReuseOrder, plant_shader_
 
 const PROOF: Proof = Proof { bounces: 4, ..Proof::of((32, 8), (40, 32)) };
 
-/// Few candidates, so that a wrong weight shows, and neighbours across edges.
-fn every() -> Paths {
-    Paths {
-        candidates: 4,
-        radius: pixels(6.0, 32),
-        spatial_taps: 2,
-        heuristics: false,
-        confidence_cap: 8.0,
-        ..Default::default()
-    }
-}
-
 fn candidates() -> Paths {
     Paths { temporal: false, spatial_taps: 0, ..every() }
 }

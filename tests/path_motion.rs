@@ -4,18 +4,6 @@
 use crate::support::{direct::*, proof::Proof};
 use bevy_restir::{Paths, Suffix};
 
-/// As `path_light`'s.
-fn every() -> Paths {
-    Paths {
-        candidates: 4,
-        radius: pixels(6.0, 32),
-        spatial_taps: 2,
-        heuristics: false,
-        confidence_cap: 8.0,
-        ..Default::default()
-    }
-}
-
 #[test]
 fn paths_in_a_frame_in_which_all_moves_carry_what_they_carry_at_rest() {
     let Some(mut rig) = scene(32, moving) else { return };

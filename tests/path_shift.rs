@@ -67,20 +67,9 @@ fn census(rig: &mut Rig, defs: &[&'static str], paths: &Paths, seeds: u32) -> Ce
     census
 }
 
-type Make = fn(&mut Rig);
-
-const SCENES: [(&str, Make); 4] = [
-    ("room", |rig| {
-        room(rig);
-    }),
-    ("glossy", glossy),
-    ("mirrors", mirrors),
-    ("surrounded", |rig| surrounded(rig, true)),
-];
-
 #[test]
 fn a_path_is_its_own_image_in_its_own_pixel() {
-    for (name, make) in SCENES {
+    for (name, make) in PATH_SCENES {
         let Some(mut rig) = scene(SIZE, make) else { return };
         let census = census(&mut rig, &["TEST_ROUND_TRIP"], &alone(&Paths::default()), 16);
         let (back, away, lost, worst) = census.sums();
@@ -122,7 +111,7 @@ fn come_back_from_other_pixels(seeds: u32, each: u32) {
     let black_box = Paths { reconnection: Reconnection::BlackBox, roughness: 0.6, ..Default::default() };
     let by_distance = Paths { reconnection: Reconnection::Distance, distance: 0.5, ..Default::default() };
     let mut cases: BTreeMap<&str, u32> = BTreeMap::new();
-    for (name, make) in SCENES {
+    for (name, make) in PATH_SCENES {
         let Some(mut rig) = scene(SIZE, make) else { return };
         for (what, paths) in [
             ("footprints", &Paths::default()),

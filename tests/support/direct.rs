@@ -2,7 +2,7 @@
 
 use super::app::*;
 use bevy::prelude::*;
-use bevy_restir::{BiasCorrection, Direct, Mis, RestirEnvironment};
+use bevy_restir::{BiasCorrection, Direct, Mis, Paths, RestirEnvironment};
 
 /// So many pixels of a picture that is so high, as settings count them.
 pub fn pixels(count: f32, height: u32) -> f32 {
@@ -50,6 +50,28 @@ pub fn careless(mis: Mis) -> Direct {
         ..both()
     }
 }
+
+/// Paths by every reuse: few candidates, so that a wrong weight shows, and neighbours across edges.
+pub fn every() -> Paths {
+    Paths {
+        candidates: 4,
+        radius: pixels(6.0, 32),
+        spatial_taps: 2,
+        heuristics: false,
+        confidence_cap: 8.0,
+        ..Default::default()
+    }
+}
+
+/// Scenes whose paths are shifted: diffuse, glossy, by mirrors, to an environment.
+pub const PATH_SCENES: [(&str, fn(&mut Rig)); 4] = [
+    ("room", |rig| {
+        room(rig);
+    }),
+    ("glossy", glossy),
+    ("mirrors", mirrors),
+    ("surrounded", |rig| surrounded(rig, true)),
+];
 
 /// A metal or a plastic.
 pub fn shiny(color: Color, roughness: f32, metallic: f32) -> StandardMaterial {
