@@ -89,7 +89,8 @@ pub struct Paths {
 }
 
 impl Default for Paths {
-    /// Paper 000: temporal, then one round of neighbours within 20 pixels, history capped at 20.  One neighbour, not the paper's three, and 16 points of
+    /// Paper 000: temporal, then one round of spatial reuse, history capped at 20.  Neighbours within 60 pixels, not its 20: where
+    /// light is found rarely fewer pixels share what they find, which is seen as blotches.  One neighbour, not the paper's three, and 16 points of
     /// lights, not 32: in equal time that is better (`docs/performance.md`).
     fn default() -> Self {
         Self {
@@ -101,7 +102,7 @@ impl Default for Paths {
             disocclusion_taps: 0,
             rounds: 1,
             tries: 1,
-            radius: 20.0,
+            radius: 60.0,
             confidence_cap: 20.0,
             mis: Mis::DefensivePairwise,
             suffix: Suffix::default(),
