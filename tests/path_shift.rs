@@ -17,6 +17,7 @@ const NOT_THERE: u32 = 50;
 /// Reasons: `SHIFT_*` of `shaders/shift/hybrid.wgsl`.
 const EARLIER: u32 = 3;
 const UNCONNECTABLE: u32 = 4;
+const APART: u32 = 6;
 
 /// Number of paths, by how they end, their length, where others reconnect to them, and why they cannot be shifted; and the largest relative
 /// error of what they carry.
@@ -87,50 +88,56 @@ fn case_of(kind: u32) -> &'static str {
         (1, k) if k == length => "aimed at a light, which is reconnected to",
         (1, _) => "aimed at a light after the reconnection",
         (_, 0) => "replayed whole",
-        (2, k) if k == length => "an emitter, which is reconnected to",
-        (2, _) => "an emitter after the reconnection",
-        (_, k) if k == length => "the environment, which is reconnected to",
-        _ => "the environment after the reconnection",
+        (2, _) => "met an emitter",
+        _ => "met the environment",
     }
 }
 
 #[test]
 fn paths_come_back_from_other_pixels_as_they_were() {
-    come_back_from_other_pixels(12, 100);
+    come_back_from_other_pixels(10, 100_000);
 }
 
 #[test]
 #[ignore = "minutes: ./run test --full"]
 fn full_length_millions_of_paths_come_back_from_other_pixels() {
-    come_back_from_other_pixels(100, 1000);
+    come_back_from_other_pixels(100, 1_000_000);
 }
 
-/// So many of each case.
+/// At least so many of each case, in so many frames a scene and kind of reconnection.
 fn come_back_from_other_pixels(seeds: u32, each: u32) {
     let often_replayed = Paths { footprint: 20.0, ..Default::default() };
     let black_box = Paths { reconnection: Reconnection::BlackBox, roughness: 0.6, ..Default::default() };
     let by_distance = Paths { reconnection: Reconnection::Distance, distance: 0.5, ..Default::default() };
     let mut cases: BTreeMap<&str, u32> = BTreeMap::new();
-    for (name, make) in PATH_SCENES {
+    // Where lights are aimed at from everywhere, few paths that met one by chance are kept: in one scene only those are.
+    let by_chance: (&str, fn(&mut Rig)) = ("by chance", shining);
+    for (name, make) in PATH_SCENES.into_iter().chain([by_chance]) {
         let Some(mut rig) = scene(SIZE, make) else { return };
+        let aims: &[&str] = if name == by_chance.0 { &["TEST_NOT_AIMED"] } else { &[] };
+        let defs = [&["TEST_ROUND_TRIP", "TEST_BESIDE"], aims].concat();
         for (what, paths) in [
             ("footprints", &Paths::default()),
             ("often replayed", &often_replayed),
             ("black box", &black_box),
             ("by distance", &by_distance),
         ] {
-            let census = census(&mut rig, &["TEST_ROUND_TRIP", "TEST_BESIDE"], &alone(paths), seeds);
+            let census = census(&mut rig, &defs, &alone(paths), seeds);
             let (back, away, lost, worst) = census.sums();
+            let limit = census.count(|reason| reason == APART);
             eprintln!(
-                "{name}, {what}: {back} paths came back, {away} did not arrive, {lost} were lost, error at most {worst}"
+                "{name}, {what}: {back} paths came back, {away} did not arrive, {limit} were lost at the limit of Jacobians, \
+                 {} otherwise, error at most {worst}",
+                lost - limit
             );
-            assert!(back > 60_000 && lost as f32 <= 1e-4 * back as f32, "{name}, {what}: {:?}", census.0);
+            // A Jacobian that is within the limit there may be beyond it on the way back, by rounding.
+            assert!(back > 5000 * seeds && lost == limit && limit as f32 <= 1e-5 * back as f32, "{:?}", census.0);
             assert!(worst < 0.05, "{name}, {what}: {worst}");
             for (&(kind, reason), (count, _)) in &census.0 {
                 *cases.entry(case_of(kind)).or_default() += if reason == 0 { *count } else { 0 };
             }
             // Some would be reconnected earlier there, others not where they are here: the shift must not take them (O1, O2).
-            if what == "often replayed" && name != "mirrors" {
+            if what == "often replayed" && !matches!(name, "mirrors" | "by chance") {
                 for reason in [EARLIER, UNCONNECTABLE] {
                     assert!(census.count(|r| r == NOT_THERE + reason) > 10, "{name}: {reason} is never the reason");
                 }
@@ -138,7 +145,7 @@ fn come_back_from_other_pixels(seeds: u32, each: u32) {
         }
     }
     eprintln!("came back: {cases:#?}");
-    assert!(cases.len() == 7 && cases.values().all(|&count| count > each), "{cases:#?}");
+    assert!(cases.len() == 5 && cases.values().all(|&count| count > each), "{cases:#?}");
 }
 
 #[test]

@@ -115,6 +115,13 @@ fn met_weight(step: Step, light_pdf: f32) -> f32 {
     return select(step.pdf / (step.pdf + light_pdf), 1.0, step.delta || !(light_pdf > 0.0));
 }
 
+// For tests, which want many paths that met their light by chance: those that were aimed at it are not chosen.
+#ifdef TEST_NOT_AIMED
+const AIMED: f32 = 0.0;
+#else
+const AIMED: f32 = 1.0;
+#endif
+
 // A candidate with its contribution weight, but for roulette.
 fn offer(tree: ptr<function, Tree>, candidate: PathSample, f: vec3<f32>, ucw: f32, u: f32) {
     let value = luminance(f);
@@ -164,7 +171,7 @@ fn path_tree(first: Vertex, pixel: vec2<u32>, c: Connection, rng: ptr<function, 
                 } else {
                     aimed.reconnection = index + 1u;
                 }
-                offer(&tree, aimed, throughput * a.f, aimed_at.ucw, rng_1(rng));
+                offer(&tree, aimed, throughput * a.f, aimed_at.ucw * AIMED, rng_1(rng));
             }
         }
 
