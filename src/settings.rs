@@ -33,8 +33,9 @@ pub enum Technique {
     Pt,
 }
 
-/// What a camera shows in place of light.  Values reach the view target and [`RadianceCapture`](crate::RadianceCapture) as they are,
-/// whatever the exposure.
+/// What a camera shows in place of light.  Values reach [`RadianceCapture`](crate::RadianceCapture) as they are, and the view target
+/// times [`Restir::debug_scale`], whatever the exposure.  Where frames are summed (the reference path tracer's `Rays` and `Bounces`, and
+/// all of [`Restir::accumulate`]) they are means.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[repr(u32)]
 pub enum DebugView {
@@ -85,6 +86,11 @@ pub enum DebugView {
     PathShifts,
     /// The Jacobian of that shift; 0 where it is not defined; of `Gi` 1, whose measure needs none.
     PathJacobians,
+    /// Rays that the technique traced for a pixel in this frame.
+    Rays,
+    /// How often a path of the reference path tracer goes on after it met what the pixel shows, whatever the technique: 0 where it sees no
+    /// surface or all is absorbed, at most [`Restir::bounces`].  Roulette ends paths from the third time on.
+    Bounces,
 }
 
 impl DebugView {
@@ -95,7 +101,7 @@ impl DebugView {
 
     /// It shows what is kept of paths.
     pub fn is_of_paths(self) -> bool {
-        self as u32 >= Self::PathEnds as u32
+        (Self::PathEnds as u32..=Self::PathJacobians as u32).contains(&(self as u32))
     }
 
     /// Whether it shows something of a technique.
@@ -159,6 +165,8 @@ pub struct Restir {
     pub accumulate: bool,
     /// Shows something else than light.
     pub debug_view: DebugView,
+    /// Multiplies what debug views show, so that metres and counts fit between 0 and 1; from 0 to 1e6.
+    pub debug_scale: f32,
     /// Forgets what earlier frames gathered, then clears itself.
     pub reset: bool,
 }
@@ -205,6 +213,7 @@ impl Restir {
             paths,
             accumulate: false,
             debug_view: DebugView::Off,
+            debug_scale: 1.0,
             reset: false,
         }
     }
@@ -218,6 +227,11 @@ impl Restir {
         }
         self.direct.validate(&mut |warning| warnings.push(warning));
         self.paths.validate(&mut |warning| warnings.push(warning));
+        let scale = if self.debug_scale.is_nan() { 1.0 } else { self.debug_scale.clamp(0.0, 1e6) };
+        if scale != self.debug_scale {
+            warnings.push(format!("debug_scale = {} is out of range, {scale} is used", self.debug_scale));
+            self.debug_scale = scale;
+        }
         if !self.debug_view.shows(self.technique) {
             warnings
                 .push(format!("debug_view = {:?} shows nothing of technique {:?}", self.debug_view, self.technique));

@@ -86,6 +86,7 @@ pub const MODULES: &[(&str, &str)] = table![
     "pass/reuse.wgsl",
     "pass/debug_reservoirs.wgsl",
     "pass/debug_paths.wgsl",
+    "pass/debug_rays.wgsl",
     "pass/resolve.wgsl",
     "pass/statistics.wgsl",
     "pass/composite.wgsl",

@@ -5,6 +5,7 @@ mod analytic_light;
 mod bad_input;
 mod bsdf;
 mod compensation;
+mod debug_views;
 mod direct_bias;
 mod direct_light;
 mod direct_matrix;

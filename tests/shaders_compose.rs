@@ -26,6 +26,7 @@ fn required(path: &str) -> SceneFeatures {
 fn domains(path: &str) -> &'static [Option<&'static str>] {
     match path {
         "pass/reuse.wgsl" => &[None, Some("RESAMPLES_PATHS"), Some("RESAMPLES_INDIRECT")],
+        "pass/reference.wgsl" => &[None, Some("SHOWS_RAYS"), Some("SHOWS_BOUNCES")],
         "pass/path_candidates.wgsl" | "pass/debug_paths.wgsl" => &[None, Some("RESAMPLES_INDIRECT")],
         _ => &[None],
     }

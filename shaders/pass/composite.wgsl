@@ -21,9 +21,7 @@ fn vertex(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {
 fn fragment(@builtin(position) position: vec4<f32>) -> Pixel {
     let pixel = min(vec2<u32>(position.xy) - view.origin, view.size - 1u);
     let sum = radiance[pixel.y * view.size.x + pixel.x];
-    // What debug views show is no light.
-    let exposure = select(view.exposure, 1.0, view.debug_view != 0u);
-    let color = sum.rgb / max(sum.a, 1.0) * exposure;
+    let color = sum.rgb / max(sum.a, 1.0) * view.exposure;
     // Half floats end at 65504.
     return Pixel(vec4<f32>(min(color, vec3<f32>(6.0e4)), 1.0), textureLoad(depth, pixel, 0));
 }

@@ -1,10 +1,10 @@
 // The reference path tracer: one path a pixel and frame from the visibility buffer's surface, summed for as long as nothing that it
-// shows changes.
+// shows changes.  Debug views show what the path cost in place of its light.
 
 #import bevy_restir::common::constants::{NONE, NON_FINITE}
 #import bevy_restir::common::math::is_finite_3
 #import bevy_restir::common::rng::{rng_new, STREAM_REFERENCE}
-#import bevy_restir::path::estimate::estimate_radiance
+#import bevy_restir::path::estimate::{bounces_taken, estimate_radiance}
 #import bevy_restir::scene::triangle::world_triangle
 #import bevy_restir::trace::offset::surface_point
 #import bevy_restir::trace::ray::{Hit, rays_traced, trace_flags}
@@ -40,7 +40,7 @@ fn reference(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 
     let index = pixel.y * view.size.x + pixel.x;
-    var sum = vec4<f32>(sample, 1.0);
+    var sum = vec4<f32>(shown(sample), 1.0);
     if view.accumulated > 0u {
         sum += radiance[index];
     }
@@ -48,3 +48,17 @@ fn reference(@builtin(global_invocation_id) id: vec3<u32>) {
     let counted = textureLoad(ray_counts, pixel).x;
     textureStore(ray_counts, pixel, vec4<u32>((counted + min(rays_traced, 0xffffu)) | flags << 24u));
 }
+
+#ifdef SHOWS_RAYS
+fn shown(light: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(f32(rays_traced));
+}
+#else ifdef SHOWS_BOUNCES
+fn shown(light: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(f32(bounces_taken));
+}
+#else
+fn shown(light: vec3<f32>) -> vec3<f32> {
+    return light;
+}
+#endif

@@ -21,6 +21,9 @@
 // Roulette starts where a path has scattered this often.
 const ROULETTE_FROM: u32 = 3u;
 
+// How often this invocation's path went on from a surface.
+var<private> bounces_taken: u32;
+
 // Probability density, solid angle at `from_point`, that next-event estimation picks the point of an emissive triangle.
 fn emission_pdf(light: u32, instance: u32, triangle: u32, from_point: vec3<f32>, position: vec3<f32>) -> f32 {
     if light == NONE {
@@ -114,6 +117,7 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
             throughput /= q;
         }
 
+        bounces_taken = scattered + 1u;
         from_point = s.position;
         ray = Ray(offset_point(s.position, s.bsdf.n_geo, b.wi, s.offset), 0.0, b.wi, FAR);
         hit = trace_closest(ray, rng_bits(rng).x);

@@ -13,7 +13,7 @@ struct ViewUniforms {
     previous: Camera,
     environment_rotation: mat3x3<f32>,  // environment from world
     environment_color: vec3<f32>,       // cd/m²; times the map where there is one
-    exposure: f32,
+    exposure: f32,                      // of debug views, which are no light, their scale
     background: vec3<f32>,              // what the camera sees where it sees no environment, cd/m²
     debug_view: u32,                    // DEBUG_* in pass/debug.wgsl
     size: vec2<u32>,                    // pixels of the viewport

@@ -124,6 +124,10 @@ const RESAMPLES_PATHS: Option<&str> = Some("RESAMPLES_PATHS");
 const RESAMPLES_INDIRECT: Option<&str> = Some("RESAMPLES_INDIRECT");
 
 const REFERENCE: ComputePass = per_pixel("reference", &[R::Radiance]);
+/// The same, what its paths cost in place of light.
+const REFERENCE_RAYS: ComputePass = ComputePass { name: "reference_rays", def: Some("SHOWS_RAYS"), ..REFERENCE };
+const REFERENCE_BOUNCES: ComputePass =
+    ComputePass { name: "reference_bounces", def: Some("SHOWS_BOUNCES"), ..REFERENCE };
 const DEBUG: ComputePass = per_pixel("debug", &[R::Radiance]);
 const PRESAMPLE: ComputePass =
     ComputePass { dispatch: Dispatch::Subsets, ..per_pixel("presample", &[R::Settings, R::Subsets]) };
@@ -167,6 +171,7 @@ const DEBUG_PATHS: ComputePass =
     ComputePass { domain: Domain::Paths, ..per_pixel("debug_paths", &[R::Settings, R::KeptReservoirs, R::Radiance]) };
 const DEBUG_INDIRECT: ComputePass =
     ComputePass { name: "debug_indirect", def: RESAMPLES_INDIRECT, domain: Domain::Indirect, ..DEBUG_PATHS };
+const DEBUG_RAYS: ComputePass = ComputePass { specialised: false, ..per_pixel("debug_rays", &[R::Radiance]) };
 const RESOLVE: ComputePass = per_pixel("resolve", &[R::UnresampledLight, R::ResampledLight, R::PathLight, R::Radiance]);
 const STATISTICS: ComputePass = ComputePass { specialised: false, ..per_pixel("statistics", &[R::Counters]) };
 
@@ -175,12 +180,17 @@ const STATISTICS: ComputePass = ComputePass { specialised: false, ..per_pixel("s
 pub(crate) enum Frame {
     #[default]
     Reference,
+    ReferenceRays,
+    ReferenceBounces,
     Direct,
     DirectDebug,
+    DirectRays,
     Indirect,
     IndirectDebug,
+    IndirectRays,
     Paths,
     PathsDebug,
+    PathsRays,
     Debug,
 }
 
@@ -192,6 +202,11 @@ impl Frame {
             (DebugView::Off, Technique::Di) => Self::Direct,
             (DebugView::Off, Technique::Gi) => Self::Indirect,
             (DebugView::Off, Technique::Pt) => Self::Paths,
+            (DebugView::Rays, Technique::Reference) => Self::ReferenceRays,
+            (DebugView::Rays, Technique::Di) => Self::DirectRays,
+            (DebugView::Rays, Technique::Gi) => Self::IndirectRays,
+            (DebugView::Rays, Technique::Pt) => Self::PathsRays,
+            (DebugView::Bounces, _) => Self::ReferenceBounces,
             (view, Technique::Di | Technique::Gi) if view.is_of_reservoirs() => Self::DirectDebug,
             (view, Technique::Gi) if view.is_of_paths() => Self::IndirectDebug,
             (view, Technique::Pt) if view.is_of_paths() => Self::PathsDebug,
@@ -202,11 +217,11 @@ impl Frame {
     /// What it resamples, and keeps a history of.
     pub(crate) fn domains(self) -> &'static [Domain] {
         match self {
-            Self::Direct | Self::DirectDebug => &[Domain::Direct],
-            Self::Indirect => &[Domain::Direct, Domain::Indirect],
+            Self::Direct | Self::DirectDebug | Self::DirectRays => &[Domain::Direct],
+            Self::Indirect | Self::IndirectRays => &[Domain::Direct, Domain::Indirect],
             Self::IndirectDebug => &[Domain::Indirect],
-            Self::Paths | Self::PathsDebug => &[Domain::Paths],
-            Self::Reference | Self::Debug => &[],
+            Self::Paths | Self::PathsDebug | Self::PathsRays => &[Domain::Paths],
+            Self::Reference | Self::ReferenceRays | Self::ReferenceBounces | Self::Debug => &[],
         }
     }
 
@@ -214,6 +229,8 @@ impl Frame {
     fn compute(self) -> &'static [&'static ComputePass] {
         match self {
             Self::Reference => &[&REFERENCE, &STATISTICS],
+            Self::ReferenceRays => &[&REFERENCE_RAYS, &STATISTICS],
+            Self::ReferenceBounces => &[&REFERENCE_BOUNCES, &STATISTICS],
             Self::Direct => &[&PRESAMPLE, &DIRECT_CANDIDATES, &DIRECT_REUSE, &RESOLVE, &STATISTICS],
             Self::DirectDebug => &[&PRESAMPLE, &DIRECT_CANDIDATES, &DIRECT_REUSE, &DEBUG_RESERVOIRS, &STATISTICS],
             Self::Indirect => &[
@@ -225,6 +242,17 @@ impl Frame {
                 &RESOLVE,
                 &STATISTICS,
             ],
+            Self::DirectRays => &[&PRESAMPLE, &DIRECT_CANDIDATES, &DIRECT_REUSE, &DEBUG_RAYS, &STATISTICS],
+            Self::IndirectRays => &[
+                &PRESAMPLE,
+                &DIRECT_CANDIDATES,
+                &DIRECT_REUSE,
+                &INDIRECT_CANDIDATES,
+                &INDIRECT_REUSE,
+                &DEBUG_RAYS,
+                &STATISTICS,
+            ],
+            Self::PathsRays => &[&PATH_PRESAMPLE, &PATH_CANDIDATES, &PATH_REUSE, &DEBUG_RAYS, &STATISTICS],
             Self::IndirectDebug => {
                 &[&INDIRECT_PRESAMPLE, &INDIRECT_CANDIDATES, &INDIRECT_REUSE, &DEBUG_INDIRECT, &STATISTICS]
             }

@@ -10,7 +10,11 @@ use bevy::{
 };
 
 use super::{RestirView, Shown, environment::EnvironmentPool, extract::ExtractedRestir};
-use crate::{gpu_types::*, scene::bindings::SceneBindings, settings::Restir};
+use crate::{
+    gpu_types::*,
+    scene::bindings::SceneBindings,
+    settings::{DebugView, Restir},
+};
 
 /// Sub-pixel position of a frame, uniform in the pixel: the R2 sequence (Roberts 2018) in 32-bit fixed point, shifted by the seed.
 pub(crate) fn jitter_of(frame: u32, seed: u32) -> [f32; 2] {
@@ -57,8 +61,8 @@ impl RestirView {
             environment_revision: environments.revision(restir.environment.as_ref()),
             camera: current,
             size: self.size,
-            // Gathering frames changes none of them.
-            settings: Restir { reset: false, accumulate: false, ..restir.settings.clone() },
+            // Gathering frames changes none of them, and what debug views are scaled by is no value of theirs.
+            settings: Restir { reset: false, accumulate: false, debug_scale: 1.0, ..restir.settings.clone() },
             environment: restir.environment,
             background,
             pipelines: self.key.unwrap_or_default(),
@@ -96,7 +100,10 @@ impl RestirView {
             previous: self.previous_camera.unwrap_or(current),
             environment_rotation: [rotation.x_axis, rotation.y_axis, rotation.z_axis].map(|c| c.extend(0.0).to_array()),
             environment_color: restir.environment.map_or([0.0; 3], |e| e.color.to_array()),
-            exposure,
+            exposure: match restir.settings.debug_view {
+                DebugView::Off => exposure,
+                _ => restir.settings.debug_scale,
+            },
             background,
             debug_view: restir.settings.debug_view as u32,
             size: self.size.to_array(),

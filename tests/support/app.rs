@@ -1,7 +1,7 @@
 //! A whole Bevy app without a window: the plugin as its users run it, one camera, and its radiance read back in full precision.
 
 use bevy::{
-    asset::RenderAssetUsages,
+    asset::{RenderAssetUsages, UnapprovedPathMode},
     camera::{Exposure, ImageRenderTarget, RenderTarget},
     ecs::component::Mutable,
     log::LogPlugin,
@@ -170,7 +170,12 @@ fn headless(synchronous: bool, limits: Option<WgpuLimits>) -> App {
                 .into(),
                 ..Default::default()
             })
-            .set(AssetPlugin { file_path: concat!(env!("CARGO_MANIFEST_DIR"), "/assets").into(), ..Default::default() })
+            .set(AssetPlugin {
+                file_path: concat!(env!("CARGO_MANIFEST_DIR"), "/assets").into(),
+                // Tests write files of their own.
+                unapproved_path_mode: UnapprovedPathMode::Allow,
+                ..Default::default()
+            })
             .set(WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..Default::default() })
             .disable::<LogPlugin>()
             .disable::<WinitPlugin>()

@@ -1,0 +1,19 @@
+// Rays that the passes of this frame have traced for every pixel, in place of light.  Where frames are accumulated it joins their sum.
+
+#import bevy_restir::view::bindings::{ray_counts, view}
+
+@group(2) @binding(0) var<storage, read_write> radiance: array<vec4<f32>>;
+
+@compute @workgroup_size(8, 8)
+fn debug_rays(@builtin(global_invocation_id) id: vec3<u32>) {
+    let pixel = id.xy;
+    if any(pixel >= view.size) {
+        return;
+    }
+    let index = pixel.y * view.size.x + pixel.x;
+    var sum = vec4<f32>(vec3<f32>(f32(textureLoad(ray_counts, pixel).x & 0xffffffu)), 1.0);
+    if view.accumulated > 0u {
+        sum += radiance[index];
+    }
+    radiance[index] = sum;
+}
