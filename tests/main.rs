@@ -38,4 +38,5 @@ mod scene_mirror;
 mod shaders_compose;
 mod support;
 mod traversal;
+mod viewer;
 mod visibility_buffer;

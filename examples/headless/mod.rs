@@ -2,6 +2,8 @@
 //! complete or absent.
 
 pub mod files;
+#[path = "../shared/framing.rs"]
+mod framing;
 pub mod progress;
 pub mod scene;
 pub mod set;

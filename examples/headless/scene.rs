@@ -11,7 +11,7 @@ use bevy::{
 use bevy_restir::{RadianceCapture, Restir, RestirEnvironment};
 use std::path::Path;
 
-use super::{frame, until};
+use super::{frame, framing, until};
 
 /// How far loading has come.
 #[derive(Resource, Default, PartialEq)]
@@ -154,22 +154,6 @@ pub fn file_camera(world: &mut World, name: Option<&str>) -> Result<(Transform, 
         return Ok((transform, projection));
     }
     warn!("restir: the file has no camera; one is placed in front of the scene");
-    let (mut low, mut high) = (Vec3::MAX, Vec3::MIN);
-    for (transform, aabb) in world.query::<(&GlobalTransform, &Aabb)>().iter(world) {
-        for i in 0..8 {
-            let sign = Vec3::new(((i & 1) * 2) as f32 - 1.0, (i & 2) as f32 - 1.0, ((i & 4) / 2) as f32 - 1.0);
-            let corner = transform.transform_point(Vec3::from(aabb.center + aabb.half_extents * Vec3A::from(sign)));
-            if corner.is_finite() {
-                (low, high) = (low.min(corner), high.max(corner));
-            }
-        }
-    }
-    if low.cmpgt(high).any() {
-        (low, high) = (Vec3::NEG_ONE, Vec3::ONE);
-    }
-    let (centre, radius) = (0.5 * (low + high), (0.5 * (high - low)).length().max(1e-6));
-    let projection = PerspectiveProjection { near: 0.01 * radius, far: 100.0 * radius, ..Default::default() };
-    let distance = radius / (0.5 * projection.fov).sin() * 0.9;
-    let eye = centre + distance * Vec3::new(0.45, 0.3, 0.84).normalize();
-    Ok((Transform::from_translation(eye).looking_at(centre, Vec3::Y), Projection::Perspective(projection)))
+    let (centre, radius) = framing::ball(world.query::<(&GlobalTransform, &Aabb)>().iter(world));
+    Ok(framing::in_front(centre, radius))
 }

@@ -2,9 +2,13 @@
 //!
 //! `cargo run --example many_lights -- --lights 3000`
 
+mod cost;
+#[path = "../shared/fields.rs"]
+#[expect(dead_code, reason = "the viewer has widgets for what is stepped through here")]
 mod fields;
 mod flight;
 mod lamps;
+#[path = "../shared/numbers.rs"]
 mod numbers;
 mod panel;
 mod plaza;
@@ -81,7 +85,7 @@ fn main() -> AppExit {
         .add_systems(Startup, (plaza::spawn, lamps::spawn, panel::spawn, spawn_camera, start))
         .add_systems(
             Update,
-            (lamps::drift, flight::fly, act_on_keys, panel::choose, panel::show, numbers::show, end).chain(),
+            (lamps::drift, flight::fly, act_on_keys, panel::choose, panel::show, cost::show, end).chain(),
         )
         .run()
 }
@@ -125,22 +129,16 @@ fn act_on_keys(
                 KeyCode::KeyT => fields::change(&mut settings, "technique", true),
                 KeyCode::KeyV => {
                     let back = event.logical_key == Key::Character("V".into());
-                    fields::change(&mut settings, "debug_view", !back);
+                    fields::next_view(&mut settings, !back);
                 }
-                KeyCode::Digit1 => take(&mut settings, Preset::Performance),
-                KeyCode::Digit2 => take(&mut settings, Preset::Balanced),
-                KeyCode::Digit3 => take(&mut settings, Preset::Quality),
-                KeyCode::Digit4 => take(&mut settings, Preset::Unbiased),
+                KeyCode::Digit1 => fields::take(&mut settings, Preset::Performance),
+                KeyCode::Digit2 => fields::take(&mut settings, Preset::Balanced),
+                KeyCode::Digit3 => fields::take(&mut settings, Preset::Quality),
+                KeyCode::Digit4 => fields::take(&mut settings, Preset::Unbiased),
                 _ => (),
             }
         }
     }
-}
-
-/// A preset, with the technique and the view that are shown.
-fn take(settings: &mut Restir, preset: Preset) {
-    let (technique, debug_view) = (settings.technique, settings.debug_view);
-    *settings = Restir { technique, debug_view, ..Restir::preset(preset) };
 }
 
 /// Ends after `--frames` frames, counted from when the scene is there.
@@ -169,7 +167,7 @@ fn end(
         counted.0,
         settings.technique,
         1000.0 * counted.1 / counted.0 as f32,
-        numbers::summary(&store, settings, &report, pixels)
+        cost::summary(&store, settings, &report, pixels)
     );
     exit.write(AppExit::Success);
 }

@@ -3,7 +3,7 @@
 use bevy::{input::keyboard::KeyboardInput, prelude::*, text::LineHeight};
 use bevy_restir::Restir;
 
-use crate::{fields, numbers::Numbers};
+use crate::{cost::Numbers, fields};
 
 const FONT: f32 = 13.0;
 const LINE: f32 = 16.0;

@@ -5,7 +5,10 @@ use bevy_restir::{Preset, Restir, Technique};
 use clap::{Parser, ValueEnum};
 use std::path::PathBuf;
 
-use crate::headless::{self, scene::unit_exposure, set::set};
+use crate::{
+    environment::{self, Environment},
+    headless::{self, scene::unit_exposure, set::set},
+};
 
 /// Renders a glTF scene without a window.
 #[derive(Parser, Debug)]
@@ -41,7 +44,7 @@ pub struct Args {
     #[arg(long, default_value_t = 0)]
     pub seed: u32,
     /// Uniform radiance R,G,B, or an equirectangular .hdr or .exr file.
-    #[arg(long, value_parser = environment)]
+    #[arg(long, value_parser = environment::parse)]
     pub env: Option<Environment>,
     /// Exposure value at ISO 100; without it the exposure is 1.
     #[arg(long, allow_negative_numbers = true, value_parser = finite)]
@@ -92,12 +95,6 @@ pub enum Backend {
     Hardware,
 }
 
-#[derive(Clone, Debug)]
-pub enum Environment {
-    Uniform([f32; 3]),
-    File(PathBuf),
-}
-
 fn finite(text: &str) -> Result<f32, String> {
     text.parse()
         .ok()
@@ -110,24 +107,6 @@ fn output_path(text: &str) -> Result<PathBuf, String> {
     match path.extension().and_then(|e| e.to_str()) {
         Some("exr" | "png") => Ok(path),
         _ => Err("expected a name that ends in .exr or .png".into()),
-    }
-}
-
-fn environment(text: &str) -> Result<Environment, String> {
-    let numbers: Vec<f32> = text.split(',').filter_map(|n| n.trim().parse().ok()).collect();
-    if let [r, g, b] = numbers[..]
-        && text.split(',').count() == 3
-    {
-        return if numbers.iter().all(|n| n.is_finite() && *n >= 0.0) {
-            Ok(Environment::Uniform([r, g, b]))
-        } else {
-            Err("radiance is finite and not negative".into())
-        };
-    }
-    let path = PathBuf::from(text);
-    match path.extension().and_then(|e| e.to_str()) {
-        Some("hdr" | "exr") => Ok(Environment::File(path)),
-        _ => Err("expected R,G,B or a file that ends in .hdr or .exr".into()),
     }
 }
 

@@ -1,6 +1,8 @@
 //! Renders a glTF scene without a window: `cargo run --example render -- SCENE.glb --out picture.png`.
 
 mod args;
+#[path = "../shared/environment.rs"]
+mod environment;
 #[path = "../headless/mod.rs"]
 mod headless;
 mod output;
@@ -59,7 +61,7 @@ fn render(args: &Args, settings: Restir) -> Result<(), String> {
     }
     scene::load(&mut app, name)?;
     let place = scene::file_camera(app.world_mut(), args.camera.as_deref())?;
-    let environment = output::environment(app.world_mut(), args.env.as_ref())?;
+    let environment = args.env.as_ref().map(|e| environment::load(app.world_mut(), e)).transpose()?;
     let setup = CameraSetup { size: args.size, exposure: args.exposure(), environment, settings: settings.clone() };
     scene::spawn_camera(app.world_mut(), place, setup);
     headless::until_ready(&mut app)?;

@@ -1,0 +1,154 @@
+//! From radiance to the screen: exposure that fits what is seen, tonemapping, and debug views scaled to what a screen can show.
+
+use bevy::{camera::Exposure, core_pipeline::tonemapping::Tonemapping, prelude::*};
+use bevy_restir::{CapturedRadiance, RadianceCapture, RestirStatistics, prelude::*};
+
+use super::load::{Arrived, Stage};
+
+/// Frames of a new scene before it is measured: the first few are too noisy, or not rendered yet.
+const FRAMES: u32 = 3;
+/// Pixels a side whose light is one measurement.
+const BLOCK: usize = 8;
+/// What the logarithmic mean of the picture becomes.
+const GREY: f32 = 0.18;
+
+/// How the picture is shown.
+#[derive(Component, Clone, Debug)]
+pub struct Look {
+    /// Of light; debug views are shown as they are.
+    pub tonemapping: Tonemapping,
+    /// New scenes are exposed by what they show.
+    pub fits: bool,
+    /// The next picture decides the exposure.
+    pub measures: bool,
+    waited: u32,
+    scaled_for: Option<(DebugView, Technique)>,
+}
+
+/// What the camera carries for its look; `ev100` where one was asked for.
+pub fn look(ev100: Option<f32>) -> impl Bundle {
+    let look = Look {
+        tonemapping: Tonemapping::default(),
+        fits: ev100.is_none(),
+        measures: false,
+        waited: 0,
+        scaled_for: None,
+    };
+    let exposure = ev100.map_or(Exposure::default(), |ev100| Exposure { ev100 });
+    (look, exposure, RadianceCapture::default())
+}
+
+pub fn plugin(app: &mut App) {
+    app.add_systems(Update, (measure_arrivals, expose, show_views).chain());
+}
+
+fn measure_arrivals(mut arrived: MessageReader<Arrived>, mut looks: Query<&mut Look>) {
+    if arrived.read().next().is_some() {
+        for mut look in &mut looks {
+            look.measures = look.fits;
+            look.scaled_for = None;
+        }
+    }
+}
+
+/// Measures a picture where that is asked for.
+fn expose(
+    statistics: Res<RestirStatistics>,
+    mut cameras: Query<(&mut Look, &RadianceCapture, &mut Exposure, &Restir)>,
+) {
+    for (mut look, capture, mut exposure, restir) in &mut cameras {
+        if !look.measures || restir.debug_view != DebugView::Off {
+            continue;
+        }
+        if let Some(picture) = capture.take() {
+            if look.waited >= FRAMES {
+                (look.measures, look.waited) = (false, 0);
+                if let Some(radiance) = typical_luminance(&picture) {
+                    // exposure = 1/(1.2 · 2^ev100).
+                    exposure.ev100 = (radiance / (1.2 * GREY)).log2().clamp(-40.0, 60.0);
+                }
+            }
+            continue;
+        }
+        let report = statistics.report();
+        if report.ready && report.samples > 0 {
+            look.waited += 1;
+            if look.waited == FRAMES {
+                capture.request();
+            }
+        }
+    }
+}
+
+/// Logarithmic mean of the luminance of what is lit, cd/m².
+fn typical_luminance(picture: &CapturedRadiance) -> Option<f32> {
+    let (width, height) = (picture.size.x as usize, picture.size.y as usize);
+    let luminance: Vec<f32> = picture.mean().map(|[r, g, b]| 0.2126 * r + 0.7152 * g + 0.0722 * b).collect();
+    let mut logarithms = Vec::new();
+    // Blocks of pixels, since single ones are noise.
+    for top in (0..height).step_by(BLOCK) {
+        for left in (0..width).step_by(BLOCK) {
+            let rows = top..(top + BLOCK).min(height);
+            let columns = left..(left + BLOCK).min(width);
+            let pixels = rows.flat_map(|y| columns.clone().map(move |x| y * width + x));
+            let (sum, count) = pixels.fold((0.0, 0.0), |(sum, count), i| (sum + luminance[i], count + 1.0));
+            if sum > 0.0 && sum < f32::MAX {
+                logarithms.push((sum / count).log2());
+            }
+        }
+    }
+    let count = logarithms.len() as f32;
+    (count > 0.0).then(|| (logarithms.iter().sum::<f32>() / count).exp2())
+}
+
+/// Debug views go to the screen without a curve, and scaled to what they usually hold.
+fn show_views(stage: Res<Stage>, mut cameras: Query<(&mut Look, &mut Restir, &mut Tonemapping, &Transform)>) {
+    for (mut look, mut restir, mut tonemapping, place) in &mut cameras {
+        let wanted = if restir.debug_view == DebugView::Off { look.tonemapping } else { Tonemapping::None };
+        tonemapping.set_if_neq(wanted);
+        let shown = Some((restir.debug_view, restir.technique));
+        if look.scaled_for == shown {
+            continue;
+        }
+        look.scaled_for = shown;
+        let far = stage.shown.as_ref().map_or(1.0, |s| s.centre.distance(place.translation) + s.radius);
+        let scale = 1.0 / white_of(&restir, far);
+        if restir.debug_scale != scale {
+            restir.debug_scale = scale;
+        }
+    }
+}
+
+/// What a view shows as white, at first.
+fn white_of(restir: &Restir, far: f32) -> f32 {
+    let bounces = restir.bounces.max(1) as f32;
+    match (restir.debug_view, restir.technique) {
+        (DebugView::Depth, _) => far,
+        (DebugView::Motion, _) => 16.0,
+        (DebugView::ReservoirConfidence, _) => 2.0 * restir.direct.confidence_cap.max(1.0),
+        (DebugView::PathConfidence, _) => 2.0 * restir.paths.confidence_cap.max(1.0),
+        (DebugView::PathLengths | DebugView::Bounces, _) => bounces,
+        (DebugView::PathReconnections, _) => bounces + 1.0,
+        (DebugView::PathAges, _) => 32.0,
+        (DebugView::PathJacobians, _) => 2.0,
+        (DebugView::Rays, Technique::Di) => 16.0,
+        (DebugView::Rays, Technique::Reference) => 2.0 * bounces,
+        (DebugView::Rays, _) => 8.0 * bounces,
+        _ => 1.0,
+    }
+}
+
+/// What white stands for.
+pub fn legend(restir: &Restir) -> Option<String> {
+    let unit = match restir.debug_view {
+        DebugView::Depth => "m",
+        DebugView::Motion => "pixels",
+        DebugView::ReservoirConfidence | DebugView::PathConfidence | DebugView::PathAges => "frames",
+        DebugView::PathLengths | DebugView::Bounces => "bounces",
+        DebugView::PathReconnections => "th vertex",
+        DebugView::Rays => "rays",
+        DebugView::ReservoirWeights | DebugView::PathWeights | DebugView::PathJacobians => "",
+        _ => return None,
+    };
+    (restir.debug_scale > 0.0).then(|| format!("white: {:.3} {unit}", 1.0 / restir.debug_scale))
+}

@@ -1,0 +1,244 @@
+//! The viewer's parts: every setting has a widget that works, files come and go, animations play.
+
+use crate::support::{app::*, cli::Folder, gltf::Scene};
+use bevy::{
+    input::{
+        ButtonState,
+        mouse::{MouseButtonInput, MouseScrollUnit, MouseWheel},
+        touch::TouchPhase,
+    },
+    prelude::*,
+    reflect::{PartialReflect, ReflectRef},
+    window::{CursorMoved, FileDragAndDrop, WindowEvent},
+};
+use bevy_egui::egui;
+use bevy_restir::{Restir, RestirEnvironment, Technique};
+use program::{animation::Clips, docs::Docs, fields, form::Form, light::LastResort, load::Stage};
+use std::path::Path;
+
+#[path = "../examples/viewer/main.rs"]
+#[allow(dead_code, reason = "a program; its main is for people")]
+mod program;
+
+/// One pass of the form over a tall screen: its widgets.
+fn form(context: &egui::Context, settings: &mut Restir, events: Vec<egui::Event>) -> Vec<(String, egui::Response)> {
+    let docs = Docs::default();
+    let before = settings.clone();
+    let range = |path: &str| fields::range(&before, path);
+    let defaults = Restir::default();
+    let mut form = Form::new(&docs, &range);
+    form.default = Some(&defaults);
+    form.open = true;
+    let screen = egui::Rect::from_min_size(egui::Pos2::ZERO, egui::vec2(420.0, 4000.0));
+    let input = egui::RawInput { screen_rect: Some(screen), events, ..default() };
+    let mut output = context.run_ui(input, |ui| {
+        form.widgets.clear();
+        form.show(ui, settings, "");
+    });
+    // Nothing is drawn.
+    output.textures_delta.clear();
+    form.widgets
+}
+
+/// Presses and releases a button where a widget is.
+fn click(context: &egui::Context, settings: &mut Restir, path: &str) {
+    form(context, settings, Vec::new());
+    let widgets = form(context, settings, Vec::new());
+    let widget = &widgets.iter().find(|(at, _)| at == path).expect("it has a widget").1;
+    let pos = widget.rect.left_center() + egui::vec2(8.0, 0.0);
+    form(context, settings, vec![egui::Event::PointerMoved(pos)]);
+    for pressed in [true, false] {
+        let button = egui::PointerButton::Primary;
+        let modifiers = egui::Modifiers::NONE;
+        form(context, settings, vec![egui::Event::PointerButton { pos, button, pressed, modifiers }]);
+    }
+}
+
+#[test]
+fn every_field_of_restir_has_a_widget() {
+    let paths: Vec<String> =
+        form(&egui::Context::default(), &mut Restir::default(), Vec::new()).into_iter().map(|(path, _)| path).collect();
+    assert_eq!(paths, fields::paths());
+}
+
+#[test]
+fn a_click_on_a_widget_changes_its_field_and_no_other() {
+    let context = egui::Context::default();
+    let mut settings = Restir::default();
+    for path in ["jitter", "direct.temporal", "paths.vector_weights"] {
+        let before = settings.clone();
+        click(&context, &mut settings, path);
+        let changed: Vec<String> =
+            fields::paths().into_iter().filter(|p| fields::shown(&settings, p) != fields::shown(&before, p)).collect();
+        assert_eq!(changed, [path]);
+    }
+}
+
+#[test]
+fn numbers_have_the_range_that_validation_gives_them() {
+    let settings = Restir::default();
+    let range = |path| fields::range(&settings, path);
+    assert_eq!(range("bounces"), Some([0.0, 64.0]));
+    assert_eq!(range("direct.candidates"), Some([1.0, 64.0]));
+    assert_eq!(range("direct.confidence_cap"), Some([0.0, 60.0]));
+    assert_eq!(range("paths.normal_threshold"), Some([-1.0, 1.0]));
+    assert_eq!(range("paths.jacobian_limit"), Some([1.0, f64::from(f32::MAX)]));
+    assert_eq!(range("seed"), Some([0.0, f64::from(u32::MAX)]));
+    assert_eq!(range("technique"), None);
+}
+
+#[test]
+fn every_setting_and_every_choice_is_explained() {
+    fn walk(value: &dyn PartialReflect, docs: &Docs) {
+        let ty = value.get_represented_type_info().and_then(|info| info.type_path_table().ident()).unwrap_or_default();
+        if let ReflectRef::Struct(group) = value.reflect_ref() {
+            for (i, (_, field)) in group.iter_fields().enumerate() {
+                let name = group.name_at(i).unwrap_or_default();
+                let doc = docs.of(ty, name).unwrap_or_else(|| panic!("{ty}::{name} is not explained"));
+                assert!(!doc.contains('`') && !doc.contains("]("), "{doc}");
+                walk(field, docs);
+            }
+        } else if let Some((names, _)) = fields::choices(value) {
+            for name in names {
+                assert!(docs.of(ty, name).is_some(), "{ty}::{name} is not explained");
+            }
+        }
+    }
+    walk(&Restir::default(), &Docs::default());
+}
+
+/// An app with the parts that load files.
+fn stage() -> Option<Rig> {
+    let mut rig = Rig::new(16, 16)?;
+    program::load::plugin(&mut rig.app);
+    program::light::plugin(&mut rig.app);
+    program::animation::plugin(&mut rig.app);
+    rig.set(|r| r.technique = Technique::Reference);
+    Some(rig)
+}
+
+/// Drops a file on the window and waits until something came of it.
+fn drop_file(rig: &mut Rig, path: &Path) {
+    let dropped = FileDragAndDrop::DroppedFile { window: Entity::PLACEHOLDER, path_buf: path.into() };
+    rig.app.world_mut().write_message(dropped);
+    for _ in 0..300 {
+        rig.frame();
+        if !rig.app.world().resource::<Stage>().line.starts_with("loading") {
+            // What arrives is told to the others.
+            rig.frames(3);
+            return;
+        }
+    }
+    panic!("{} neither came nor failed", path.display());
+}
+
+/// What is shown, and what is said.
+fn shown(rig: &Rig) -> (Option<String>, String) {
+    let stage = rig.app.world().resource::<Stage>();
+    let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    (stage.shown.as_ref().map(|shown| name(&shown.path)), stage.line.clone())
+}
+
+#[test]
+fn a_file_that_is_dropped_replaces_the_scene_and_one_that_fails_is_a_line() {
+    let Some(folder) = Folder::new("viewer # 50%") else { return };
+    let Some(mut rig) = stage() else { return };
+    let lit = folder.gltf("a # lit.gltf", &Scene::default());
+    let dark = folder.gltf("dark.gltf", &Scene { camera: false, emissive: [0.0; 3], ..Scene::default() });
+    let broken = folder.path("broken.glb");
+    std::fs::write(&broken, "no glTF").expect("the folder can be written");
+    let text = folder.path("text.txt");
+    std::fs::write(&text, "text").expect("the folder can be written");
+
+    drop_file(&mut rig, &lit);
+    assert_eq!(shown(&rig), (Some("a # lit.gltf".into()), String::new()));
+    assert_eq!(rig.until_ready().instances, 1);
+    let world = rig.app.world();
+    let cameras = &world.resource::<Stage>().shown.as_ref().expect("it is shown").cameras;
+    assert_eq!(cameras.iter().map(|c| c.0.as_str()).collect::<Vec<_>>(), ["eye"]);
+    assert!(world.get::<Camera>(cameras[0].1).is_none(), "it draws to no window");
+    assert!(!world.entity(rig.camera).contains::<RestirEnvironment>(), "it has light of its own");
+
+    for (bad, expected) in [(&broken, "broken.glb"), (&text, "neither"), (&folder.path("none.glb"), "none.glb")] {
+        drop_file(&mut rig, bad);
+        let (still, line) = shown(&rig);
+        assert_eq!(still.as_deref(), Some("a # lit.gltf"), "the old one stays");
+        assert!(line.contains(expected) && line.lines().count() == 1, "{line}");
+        assert_eq!(rig.until_ready().instances, 1);
+    }
+
+    // A file without lights is put under a sky, until one with lights comes.
+    let lent = |rig: &Rig| {
+        let camera = rig.app.world().entity(rig.camera);
+        (camera.contains::<RestirEnvironment>(), camera.contains::<LastResort>())
+    };
+    drop_file(&mut rig, &dark);
+    assert_eq!(shown(&rig), (Some("dark.gltf".into()), String::new()));
+    assert_eq!((rig.until_ready().instances, lent(&rig)), (1, (true, true)));
+    assert!(rig.picture(1).mean() > 10.0, "something is seen");
+    drop_file(&mut rig, &lit);
+    assert_eq!((rig.until_ready().instances, lent(&rig)), (1, (false, false)));
+    // What the user set stays.
+    let camera = rig.camera;
+    rig.insert(camera, sky(2.0));
+    drop_file(&mut rig, &dark);
+    assert_eq!(lent(&rig), (true, false));
+    rig.assert_sound();
+}
+
+#[test]
+fn animations_play_pause_and_go_where_they_are_told() {
+    let Some(folder) = Folder::new("viewer_animation") else { return };
+    let Some(mut rig) = stage() else { return };
+    drop_file(&mut rig, &folder.gltf("moves.gltf", &Scene { animated: true, ..Scene::default() }));
+    let square = rig.named("square");
+    let at = |rig: &mut Rig, frames: u32| {
+        rig.frames(frames);
+        rig.get_mut::<Transform>(square).translation.x
+    };
+    assert_eq!(rig.app.world().resource::<Clips>().all.len(), 1);
+    assert_eq!(at(&mut rig, 5), 0.0, "it rests");
+    let told = |rig: &mut Rig, change: fn(&mut Clips)| change(&mut rig.app.world_mut().resource_mut::<Clips>());
+    // 10 m in half a second.
+    told(&mut rig, |clips| (clips.time, clips.sought) = (0.25, true));
+    assert!((at(&mut rig, 3) - 5.0).abs() < 1e-3, "it goes to the middle and rests there");
+    told(&mut rig, |clips| clips.plays = true);
+    let moved = at(&mut rig, 6);
+    assert!((6.0..7.5).contains(&moved), "five or six frames of 1/60 s: {moved}");
+    told(&mut rig, |clips| clips.plays = false);
+    let held = at(&mut rig, 2);
+    assert_eq!(at(&mut rig, 5), held, "it is held");
+    // Another file has its own.
+    drop_file(&mut rig, &folder.gltf("rests.gltf", &Scene::default()));
+    assert!(rig.app.world().resource::<Clips>().all.is_empty());
+}
+
+#[test]
+fn a_drag_within_one_frame_turns_the_camera_and_one_on_the_panel_does_not() {
+    let Some(mut rig) = Rig::new(40, 40) else { return };
+    let (window, camera) = (Entity::PLACEHOLDER, rig.camera);
+    rig.insert(camera, program::camera::eye());
+    rig.app.add_systems(Update, program::camera::orbit);
+    rig.frames(2);
+    let moved = |x, y| WindowEvent::CursorMoved(CursorMoved { window, position: Vec2::new(x, y), delta: None });
+    let button = |state| WindowEvent::MouseButtonInput(MouseButtonInput { button: MouseButton::Left, state, window });
+    let drag = |rig: &mut Rig, from: f32, to: f32| {
+        for event in [moved(from, 20.0), button(ButtonState::Pressed), moved(to, 20.0), button(ButtonState::Released)] {
+            rig.app.world_mut().write_message(event);
+        }
+        rig.frames(2);
+        *rig.get_mut::<Transform>(camera)
+    };
+    let before = *rig.get_mut::<Transform>(camera);
+    assert_eq!(drag(&mut rig, 60.0, 30.0), before, "it began beside the picture");
+    let turned = drag(&mut rig, 10.0, 30.0);
+    // Round the origin, a metre away, by 20 pixels.
+    assert!((turned.translation.length() - 1.0).abs() < 1e-5, "{turned:?}");
+    assert!((turned.rotation.to_euler(EulerRot::YXZ).0 + 0.12).abs() < 1e-5, "{turned:?}");
+    let unit = MouseScrollUnit::Line;
+    let wheel = MouseWheel { unit, x: 0.0, y: 3.0, window, phase: TouchPhase::Moved };
+    rig.app.world_mut().write_message(WindowEvent::MouseWheel(wheel));
+    rig.frames(2);
+    let near = rig.get_mut::<Transform>(camera).translation.length();
+    assert!((near - (-0.3f32).exp()).abs() < 1e-5, "{near}");
+}
