@@ -18,6 +18,7 @@ const NOT_THERE: u32 = 50;
 const EARLIER: u32 = 3;
 const UNCONNECTABLE: u32 = 4;
 const APART: u32 = 6;
+const HIDDEN: u32 = 7;
 
 /// Number of paths, by how they end, their length, where others reconnect to them, and why they cannot be shifted; and the largest relative
 /// error of what they carry.
@@ -124,14 +125,15 @@ fn come_back_from_other_pixels(seeds: u32, each: u32) {
         ] {
             let census = census(&mut rig, &defs, &alone(paths), seeds);
             let (back, away, lost, worst) = census.sums();
-            let limit = census.count(|reason| reason == APART);
+            let flipped = census.count(|reason| matches!(reason, APART | HIDDEN));
             eprintln!(
-                "{name}, {what}: {back} paths came back, {away} did not arrive, {limit} were lost at the limit of Jacobians, \
-                 {} otherwise, error at most {worst}",
-                lost - limit
+                "{name}, {what}: {back} paths came back, {away} did not arrive, {flipped} were lost at a threshold, {} otherwise, error at \
+                 most {worst}",
+                lost - flipped
             );
-            // A Jacobian that is within the limit there may be beyond it on the way back, by rounding.
-            assert!(back > 5000 * seeds && lost == limit && limit as f32 <= 1e-5 * back as f32, "{:?}", census.0);
+            // By rounding, a Jacobian that is within its limit there may be beyond it on the way back, and a place that is kept in 16 bits
+            // may lie behind the edge that the ray passed.
+            assert!(back > 5000 * seeds && lost == flipped && flipped as f32 <= 1e-5 * back as f32, "{:?}", census.0);
             assert!(worst < 0.05, "{name}, {what}: {worst}");
             for (&(kind, reason), (count, _)) in &census.0 {
                 *cases.entry(case_of(kind)).or_default() += if reason == 0 { *count } else { 0 };
