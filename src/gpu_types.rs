@@ -15,6 +15,7 @@ pub const LIGHT_ENVIRONMENT: u32 = 4;
 
 pub const INSTANCE_MIRRORED: u32 = 1;
 pub const INSTANCE_ALPHA: u32 = 2;
+pub const INSTANCE_SECOND_UV: u32 = 4;
 
 pub const MATERIAL_DOUBLE_SIDED: u32 = 1;
 pub const MATERIAL_UNLIT: u32 = 2;
@@ -23,7 +24,21 @@ pub const MATERIAL_ALPHA_BLEND: u32 = 8;
 pub const MATERIAL_FLIP_NORMAL_MAP_Y: u32 = 16;
 pub const MATERIAL_CULL_BACK: u32 = 32;
 pub const MATERIAL_CULL_FRONT: u32 = 64;
-pub const MATERIAL_TWO_COMPONENT_NORMAL_MAP: u32 = 128;
+
+pub const SLOT_BASE_COLOR: u32 = 1;
+pub const SLOT_METALLIC_ROUGHNESS: u32 = 2;
+pub const SLOT_NORMAL: u32 = 4;
+pub const SLOT_EMISSIVE: u32 = 8;
+pub const SLOT_SPECULAR_TRANSMISSION: u32 = 16;
+pub const SLOT_DIFFUSE_TRANSMISSION: u32 = 32;
+pub const SLOT_THICKNESS: u32 = 64;
+pub const SLOT_CLEARCOAT: u32 = 128;
+pub const SLOT_CLEARCOAT_ROUGHNESS: u32 = 256;
+pub const SLOT_CLEARCOAT_NORMAL: u32 = 512;
+pub const SLOT_ANISOTROPY: u32 = 1024;
+pub const SLOT_SPECULAR: u32 = 2048;
+pub const SLOT_SPECULAR_TINT: u32 = 4096;
+pub const SLOT_TRANSFORM: u32 = 0x8000_0000;
 
 pub const VIEW_ENVIRONMENT_IS_BACKDROP: u32 = 1;
 pub const VIEW_ORTHOGRAPHIC: u32 = 2;
@@ -107,10 +122,10 @@ pub struct GpuMaterial {
     pub thickness: f32,
     pub alpha_cutoff: f32,
     pub flags: u32,
-    pub base_color_texture: [u32; 4],
-    pub metallic_roughness_texture: [u32; 4],
-    pub normal_texture: [u32; 4],
-    pub emissive_texture: [u32; 4],
+    pub textures: u32,
+    pub texture_record: u32,
+    pub pad_a: u32,
+    pub pad_b: u32,
 }
 
 /// A texture slot that holds no texture.
@@ -132,10 +147,10 @@ impl Default for GpuMaterial {
             thickness: 0.0,
             alpha_cutoff: 0.5,
             flags: 0,
-            base_color_texture: NO_TEXTURE,
-            metallic_roughness_texture: NO_TEXTURE,
-            normal_texture: NO_TEXTURE,
-            emissive_texture: NO_TEXTURE,
+            textures: 0,
+            texture_record: 0,
+            pad_a: 0,
+            pad_b: 0,
         }
     }
 }

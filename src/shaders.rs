@@ -18,10 +18,13 @@ macro_rules! table {
 pub const MODULES: &[(&str, &str)] = table![
     "common/constants.wgsl",
     "common/math.wgsl",
+    "common/texel.wgsl",
     "common/rng.wgsl",
     "scene/types.wgsl",
     "scene/bindings.wgsl",
     "scene/texture.wgsl",
+    "scene/cone.wgsl",
+    "scene/material.wgsl",
     "scene/albedo.wgsl",
     "scene/triangle.wgsl",
     "view/types.wgsl",

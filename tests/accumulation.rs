@@ -55,7 +55,7 @@ fn samples_add_up_while_nothing_changes() {
 #[test]
 fn whatever_is_shown_resets_the_history_when_it_changes() {
     type Change = fn(&mut Scene);
-    let changes: [(&str, Change); 17] = [
+    let changes: [(&str, Change); 19] = [
         ("transform", |s| s.rig.get_mut::<Transform>(s.plane).translation.x += 0.1),
         ("material", |s| {
             let material = s.rig.material_of(s.plane);
@@ -83,6 +83,14 @@ fn whatever_is_shown_resets_the_history_when_it_changes() {
         ("texels of a texture", |s| {
             let texture = s.texture.clone();
             s.rig.edit(&texture, |image| image.data.as_mut().expect("kept on the CPU").fill(180));
+        }),
+        ("transform of texture coordinates", |s| {
+            let material = s.rig.material_of(s.plane);
+            s.rig.edit(&material, |m| m.uv_transform = bevy::math::Affine2::from_translation(Vec2::new(0.5, 0.0)));
+        }),
+        ("texture coordinates", |s| {
+            let material = s.rig.material_of(s.plane);
+            s.rig.edit(&material, |m| m.base_color_channel = bevy::mesh::UvChannel::Uv1);
         }),
         ("texels of the environment", |s| {
             let environment = s.environment.clone();

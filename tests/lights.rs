@@ -8,7 +8,8 @@ use super::support::{
 };
 use bevy_restir::gpu_types::{
     GpuInstance, GpuLight, GpuMaterial, GpuTriangle, GpuTriangleAttributes, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT,
-    LIGHT_TRIANGLE, MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK, MATERIAL_DOUBLE_SIDED, NO_TEXTURE, NONE, Rows,
+    LIGHT_TRIANGLE, MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK, MATERIAL_DOUBLE_SIDED, NONE, Rows, SLOT_BASE_COLOR,
+    SLOT_EMISSIVE,
 };
 use bytemuck::{Pod, Zeroable};
 use glam::{DMat3, DVec3};
@@ -195,6 +196,7 @@ fn texture_and_alpha_shape_emission() {
     // 2x2 texels, nearest: red, nothing; blue with little alpha, green.
     let slot = [0x10_0000 | 0x5_0000, 0, 2 | 2 << 16, 0];
     let mut lit = with_triangle(gpu, IDENTITY, 0);
+    lit.table = vec![slot; 2];
     lit.atlas[0] = [255, 0, 0, 255];
     lit.atlas[1] = [0, 0, 0, 255];
     lit.atlas[4] = [0, 0, 255, 51];
@@ -203,8 +205,7 @@ fn texture_and_alpha_shape_emission() {
     for (flags, low, color) in [(0, 1.0, 1.0), (MATERIAL_ALPHA_MASK, 0.0, 0.5), (MATERIAL_ALPHA_BLEND, 0.1, 0.5)] {
         lit.materials[0] = GpuMaterial {
             emissive: [1.0, 2.0, 3.0],
-            emissive_texture: slot,
-            base_color_texture: if flags == 0 { NO_TEXTURE } else { slot },
+            textures: SLOT_EMISSIVE | if flags == 0 { 0 } else { SLOT_BASE_COLOR },
             alpha: if flags == 0 { 0.1 } else { 0.5 },
             alpha_cutoff: 0.4,
             flags,

@@ -37,6 +37,8 @@ mod rng;
 mod scene_mirror;
 mod shaders_compose;
 mod support;
+mod texture_levels;
+mod textures;
 mod traversal;
 mod viewer;
 mod visibility_buffer;

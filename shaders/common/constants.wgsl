@@ -20,6 +20,7 @@ const LIGHT_ENVIRONMENT: u32 = 4u;
 
 const INSTANCE_MIRRORED: u32 = 1u;
 const INSTANCE_ALPHA: u32 = 2u;
+const INSTANCE_SECOND_UV: u32 = 4u;
 
 const MATERIAL_DOUBLE_SIDED: u32 = 1u;
 const MATERIAL_UNLIT: u32 = 2u;
@@ -28,7 +29,23 @@ const MATERIAL_ALPHA_BLEND: u32 = 8u;
 const MATERIAL_FLIP_NORMAL_MAP_Y: u32 = 16u;
 const MATERIAL_CULL_BACK: u32 = 32u;
 const MATERIAL_CULL_FRONT: u32 = 64u;
-const MATERIAL_TWO_COMPONENT_NORMAL_MAP: u32 = 128u;
+
+// Kinds of textures, in the order in which a material's slots lie in its record.
+const SLOT_BASE_COLOR: u32 = 1u;
+const SLOT_METALLIC_ROUGHNESS: u32 = 2u;
+const SLOT_NORMAL: u32 = 4u;
+const SLOT_EMISSIVE: u32 = 8u;
+const SLOT_SPECULAR_TRANSMISSION: u32 = 16u;
+const SLOT_DIFFUSE_TRANSMISSION: u32 = 32u;
+const SLOT_THICKNESS: u32 = 64u;
+const SLOT_CLEARCOAT: u32 = 128u;
+const SLOT_CLEARCOAT_ROUGHNESS: u32 = 256u;
+const SLOT_CLEARCOAT_NORMAL: u32 = 512u;
+const SLOT_ANISOTROPY: u32 = 1024u;
+const SLOT_SPECULAR: u32 = 2048u;
+const SLOT_SPECULAR_TINT: u32 = 4096u;
+// Not a texture: the record begins with a transform of texture coordinates.
+const SLOT_TRANSFORM: u32 = 0x80000000u;
 
 // The environment is shown to the camera; otherwise it only lights.
 const VIEW_ENVIRONMENT_IS_BACKDROP: u32 = 1u;

@@ -5,9 +5,9 @@
 #import bevy_restir::common::constants::{MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK, MATERIAL_DOUBLE_SIDED}
 #import bevy_restir::light::types::{LightSample, no_light_sample}
 #import bevy_restir::scene::bindings::{instances, lights, materials}
-#import bevy_restir::scene::texture::{has_texture, sample_color, sample_data}
+#import bevy_restir::scene::material::{alpha_at, emission_at}
 #import bevy_restir::trace::offset::surface_point
-#import bevy_restir::scene::triangle::{safe_normalize, triangle_uv, world_triangle, WorldTriangle}
+#import bevy_restir::scene::triangle::{safe_normalize, world_triangle, WorldTriangle}
 
 #ifdef LIGHT_TRIANGLES
 fn triangle_light_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> LightSample {
@@ -43,7 +43,7 @@ fn triangle_light_pdf_solid_angle(instance: u32, triangle: u32, from_point: vec3
 
 // Probability that a ray that comes to a point of the triangle meets it.
 fn triangle_light_presence(light: u32, barycentrics: vec2<f32>) -> f32 {
-    return presence(instances[lights[light].data.x].material, lights[light].data.y, barycentrics);
+    return presence(lights[light].data.x, lights[light].data.y, barycentrics);
 }
 #else
 fn triangle_light_presence(light: u32, barycentrics: vec2<f32>) -> f32 {
@@ -74,8 +74,7 @@ fn triangle_light_radiance(instance: u32, triangle: u32, normal: vec3<f32>, bary
 
 // The same towards the side that shines.
 fn triangle_light_colour(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> vec3<f32> {
-    let material = instances[instance].material;
-    return emission(material, triangle, barycentrics) * presence(material, triangle, barycentrics);
+    return emission_at(instance, triangle, barycentrics) * presence(instance, triangle, barycentrics);
 }
 
 // d² / (|cos| area); 0 where the triangle is seen edge-on or has no area.
@@ -96,49 +95,22 @@ fn uniform_barycentrics(u: vec2<f32>) -> vec2<f32> {
     return vec2<f32>(r * (1.0 - u.y), r * u.y);
 }
 
-#ifdef TEXTURES
-fn emission(material: u32, triangle: u32, barycentrics: vec2<f32>) -> vec3<f32> {
-    let slot = materials[material].emissive_texture;
-    if !has_texture(slot) {
-        return materials[material].emissive;
-    }
-    return materials[material].emissive * sample_color(slot, triangle_uv(triangle, barycentrics)).rgb;
-}
-#else
-fn emission(material: u32, triangle: u32, barycentrics: vec2<f32>) -> vec3<f32> {
-    return materials[material].emissive;
-}
-#endif
-
 // Probability that alpha leaves the surface there: a shadow ray ends before it and cannot ask.
 #ifdef ALPHA
-fn presence(material: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
+fn presence(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
+    let material = instances[instance].material;
     let flags = materials[material].flags;
     if (flags & (MATERIAL_ALPHA_MASK | MATERIAL_ALPHA_BLEND)) == 0u {
         return 1.0;
     }
-    let alpha = light_alpha(material, triangle, barycentrics);
+    let alpha = alpha_at(instance, triangle, barycentrics);
     if (flags & MATERIAL_ALPHA_MASK) != 0u {
         return select(0.0, 1.0, alpha >= materials[material].alpha_cutoff);
     }
     return clamp(alpha, 0.0, 1.0);
 }
 #else
-fn presence(material: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
+fn presence(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
     return 1.0;
-}
-#endif
-
-#ifdef TEXTURES
-fn light_alpha(material: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
-    let slot = materials[material].base_color_texture;
-    if !has_texture(slot) {
-        return materials[material].alpha;
-    }
-    return materials[material].alpha * sample_data(slot, triangle_uv(triangle, barycentrics)).a;
-}
-#else
-fn light_alpha(material: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
-    return materials[material].alpha;
 }
 #endif

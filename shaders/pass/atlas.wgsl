@@ -1,21 +1,26 @@
-// Copies an image into its rectangle of the texture atlas, averaging where the rectangle is smaller.  sRGB images are read as linear
-// values and stored encoded: eight bits in, the same eight bits out.
+// Fills a rectangle of the texture atlas, from an image or from the level before it, each texel the mean of the area that it covers
+// of the source: in linear light, so that far away a texture has the colour that it has near by.
+
+#import bevy_restir::common::texel::{decode_texel, encode_texel}
 
 struct Copy {
+    source_corner: vec2<u32>,
+    source_size: vec2<u32>,
     corner: vec2<u32>,
     size: vec2<u32>,
     layer: u32,
-    encode_srgb: u32,
-    pad: vec2<u32>,
+    decode: u32,               // ENCODING_* of the source
+    encode: u32,
+    pad: u32,
 }
 
 @group(0) @binding(0) var<uniform> job: Copy;
 @group(0) @binding(1) var source: texture_2d<f32>;
 @group(0) @binding(2) var target_page: texture_storage_2d_array<rgba8unorm, write>;
 
-fn linear_to_srgb(c: vec3<f32>) -> vec3<f32> {
-    let curve = 1.055 * pow(max(c, vec3<f32>(0.0)), vec3<f32>(1.0 / 2.4)) - 0.055;
-    return select(curve, c * 12.92, c <= vec3<f32>(0.0031308));
+// What texel i of n covers of texel j of m, in units of 1/n of the latter.
+fn overlap(i: u32, n: u32, j: u32, m: u32) -> f32 {
+    return f32(min((i + 1u) * m, (j + 1u) * n) - max(i * m, j * n));
 }
 
 @compute @workgroup_size(8, 8)
@@ -23,18 +28,16 @@ fn copy(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(id.xy >= job.size) {
         return;
     }
-    let full = textureDimensions(source);
+    let full = job.source_size;
     let low = id.xy * full / job.size;
-    let high = max((id.xy + 1u) * full / job.size, low + 1u);
+    let high = ((id.xy + 1u) * full + job.size - 1u) / job.size;
     var sum = vec4<f32>(0.0);
     for (var y = low.y; y < high.y; y++) {
         for (var x = low.x; x < high.x; x++) {
-            sum += textureLoad(source, vec2<u32>(x, y), 0);
+            let weight = overlap(id.x, job.size.x, x, full.x) * overlap(id.y, job.size.y, y, full.y);
+            sum += weight * decode_texel(textureLoad(source, job.source_corner + vec2<u32>(x, y), 0), job.decode);
         }
     }
-    var color = sum / f32((high.x - low.x) * (high.y - low.y));
-    if job.encode_srgb != 0u {
-        color = vec4<f32>(linear_to_srgb(color.rgb), color.a);
-    }
-    textureStore(target_page, job.corner + id.xy, job.layer, color);
+    let color = sum / (f32(full.x) * f32(full.y));
+    textureStore(target_page, job.corner + id.xy, job.layer, encode_texel(color, job.encode));
 }

@@ -9,7 +9,7 @@
 #import bevy_restir::trace::software::trace_closest
 #import bevy_restir::view::alpha_seed::primary_alpha_seed
 #import bevy_restir::view::bindings::{ray_counts, view, visibility}
-#import bevy_restir::view::camera::{barycentrics_on_ray, motion_of_point, motion_of_sky, primary_ray}
+#import bevy_restir::view::camera::{barycentrics_on_ray, motion_of_point, motion_of_sky, pixel_cone, primary_ray}
 #import bevy_restir::view::false_color::false_color
 
 @group(2) @binding(0) var<storage, read_write> radiance: array<vec4<f32>>;
@@ -41,7 +41,8 @@ fn debug(@builtin(global_invocation_id) id: vec3<u32>) {
     if ids.x != NONE {
         let t = world_triangle(ids.x, ids.y, false);
         let barycentrics = barycentrics_on_ray(t, ray);
-        let s = surface_at(ids.x, ids.y, barycentrics, -ray.direction, false);
+        let cone = pixel_cone(view.current, ray, distance(ray.origin, surface_point(ids.x, ids.y, barycentrics, false)));
+        let s = surface_at(ids.x, ids.y, barycentrics, -ray.direction, cone, false);
         switch view.debug_view {
             case DEBUG_INSTANCES, DEBUG_TRACED_INSTANCES: {
                 color = false_color(vec2<u32>(ids.x, NONE));

@@ -18,6 +18,7 @@
 #import bevy_restir::restir::stream::{Stream, stream_add, stream_ucw}
 #import bevy_restir::restir::types::{RESAMPLE_BSDF_CANDIDATE, RESAMPLE_CANDIDATE_RAYS, RESAMPLE_SIMPLE_TARGET}
 #import bevy_restir::restir::tiling::reservoir_index
+#import bevy_restir::scene::cone::{cone_after, cone_along}
 #import bevy_restir::scene::surface::surface_at
 #import bevy_restir::trace::offset::offset_point
 #import bevy_restir::trace::ray::{Ray, rays_traced, trace_flags}
@@ -57,7 +58,8 @@ fn bsdf_candidate(r: Receiver, rng: ptr<function, Rng>) -> Found {
         }
         return Found(environment_light_point(b.wi), vec3<f32>(0.0));
     }
-    let s = surface_at(hit.instance, hit.triangle, hit.barycentrics, -b.wi, false);
+    let cone = cone_along(cone_after(r.cone, b.delta != 0u), hit.t);
+    let s = surface_at(hit.instance, hit.triangle, hit.barycentrics, -b.wi, cone, false);
     if !(max_component(s.emission) > 0.0) {
         return Found(no_light_point(), vec3<f32>(0.0));
     }

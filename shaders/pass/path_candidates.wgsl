@@ -1,6 +1,6 @@
 // Initial candidates of ReSTIR PT and GI (paper 000; paper 002, 4.3.2): one tree of paths a pixel, resampled into one path.
 
-#import bevy_restir::common::constants::NONE
+#import bevy_restir::common::constants::{FAR, NONE}
 #import bevy_restir::common::math::luminance
 #import bevy_restir::common::rng::{pcg4d, rng_new, STREAM_TREE}
 #import bevy_restir::path::sample::arrived_path
@@ -20,9 +20,10 @@
 #import bevy_restir::scene::triangle::world_triangle
 #import bevy_restir::shift::connect::connection_of
 #import bevy_restir::shift::hybrid::{hybrid_shift, is_free, SHIFT_HIDDEN}
-#import bevy_restir::trace::ray::{rays_traced, trace_flags}
+#import bevy_restir::trace::offset::surface_point
+#import bevy_restir::trace::ray::{Ray, rays_traced, trace_flags}
 #import bevy_restir::view::bindings::{ray_counts, view, visibility}
-#import bevy_restir::view::camera::{barycentrics_on_ray, camera_position, primary_ray}
+#import bevy_restir::view::camera::{barycentrics_on_ray, camera_position, pixel_cone, primary_ray}
 
 @group(2) @binding(2) var<storage, read_write> reservoirs: array<PackedReservoir>;
 // What the paths carry.
@@ -140,10 +141,11 @@ fn partner(r: Receiver, ids: vec2<u32>, pixel: vec2<u32>) -> Receiver {
 // The same point in the last frame.
 fn partner(r: Receiver, ids: vec2<u32>, pixel: vec2<u32>) -> Receiver {
     let barycentrics = barycentrics_on_ray(world_triangle(ids.x, ids.y, false), primary_ray(pixel));
-    let place = surface_at(ids.x, ids.y, barycentrics, vec3<f32>(0.0, 0.0, 1.0), true).position;
-    let wo = normalize(camera_position(true) - place);
-    let s = surface_at(ids.x, ids.y, barycentrics, wo, true);
-    return Receiver(Vertex(s, wo, vec3<f32>(0.0)), connection_of(camera_position(true), s), true);
+    let to_eye = camera_position(true) - surface_point(ids.x, ids.y, barycentrics, true);
+    let wo = normalize(to_eye);
+    let cone = pixel_cone(view.previous, Ray(camera_position(true), 0.0, -wo, FAR), length(to_eye));
+    let s = surface_at(ids.x, ids.y, barycentrics, wo, cone, true);
+    return Receiver(Vertex(s, wo, vec3<f32>(0.0), cone), connection_of(camera_position(true), s), true);
 }
 #else
 // Itself.

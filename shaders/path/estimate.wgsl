@@ -12,11 +12,13 @@
 #import bevy_restir::light::triangle::triangle_light_pdf_solid_angle
 #import bevy_restir::path::medium::{medium_towards, transmittance}
 #import bevy_restir::path::shadow::light_is_visible
+#import bevy_restir::scene::cone::{cone_after, cone_along}
 #import bevy_restir::scene::surface::{Surface, surface_at}
 #import bevy_restir::trace::offset::offset_point
 #import bevy_restir::trace::ray::{Hit, Ray}
 #import bevy_restir::trace::software::trace_closest
 #import bevy_restir::view::bindings::view
+#import bevy_restir::view::camera::pixel_cone
 
 // Roulette starts where a path has scattered this often.
 const ROULETTE_FROM: u32 = 3u;
@@ -66,6 +68,7 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
     var medium = vec3<f32>(0.0);
     var hit = first;
     var ray = camera_ray;
+    var cone = pixel_cone(view.current, camera_ray, first.t);
     var from_point = camera_ray.origin;
     // Density of the direction that led here; 0 stands for directions that next-event estimation cannot take.
     var pdf = 0.0;
@@ -74,7 +77,7 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
 
     for (var scattered = 0u; scattered <= view.bounces; scattered++) {
         let wo = -ray.direction;
-        let s = surface_at(hit.instance, hit.triangle, hit.barycentrics, wo, false);
+        let s = surface_at(hit.instance, hit.triangle, hit.barycentrics, wo, cone, false);
         throughput *= transmittance(medium, hit.t);
 
         // Add emission, weighed against the next-event estimate of the last vertex.
@@ -121,6 +124,7 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
         from_point = s.position;
         ray = Ray(offset_point(s.position, s.bsdf.n_geo, b.wi, s.offset), 0.0, b.wi, FAR);
         hit = trace_closest(ray, rng_bits(rng).x);
+        cone = cone_along(cone_after(cone, b.delta != 0u), hit.t);
         if hit.instance == NONE {
             var weight = 1.0;
             if pdf > 0.0 {

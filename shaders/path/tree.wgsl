@@ -16,7 +16,7 @@
 #import bevy_restir::path::random::{OF_LIGHT_RAY, OF_RAY, path_alpha_seed, path_seed}
 #import bevy_restir::path::sample::{END_EMITTER, END_ENVIRONMENT, END_LIGHT, kept_barycentrics, no_path_sample, PathSample}
 #import bevy_restir::path::shadow::light_is_visible
-#import bevy_restir::path::walk::{sampled_step, Step, step_medium, Vertex}
+#import bevy_restir::path::walk::{sampled_step, Step, step_cone, step_medium, Vertex}
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::candidate::{light_candidate, subset_of}
 #import bevy_restir::restir::types::RESAMPLE_INDIRECT
@@ -228,7 +228,8 @@ fn path_tree(first: Vertex, pixel: vec2<u32>, c: Connection, rng: ptr<function, 
             break;
         }
         let barycentrics = kept_barycentrics(hit.barycentrics);
-        let s = surface_at(hit.instance, hit.triangle, barycentrics, -step.wi, false);
+        let cone = step_cone(v, step, hit.t);
+        let s = surface_at(hit.instance, hit.triangle, barycentrics, -step.wi, cone, false);
         let carried = transmittance(medium, distance(s.position, v.surface.position));
         throughput *= carried;
         suffix *= select(vec3<f32>(1.0), carried, tree.grown.reconnection != 0u);
@@ -248,7 +249,7 @@ fn path_tree(first: Vertex, pixel: vec2<u32>, c: Connection, rng: ptr<function, 
             }
             offer(&tree, met, throughput * s.emission * weight, 1.0, rng_1(rng));
         }
-        v = Vertex(s, -step.wi, medium);
+        v = Vertex(s, -step.wi, medium, cone);
     }
     return Chosen(tree.sample, stream_ucw(tree.stream, tree.sample.target_value), tree.f);
 }

@@ -7,6 +7,7 @@
 #import bevy_restir::path::medium::medium_towards
 #import bevy_restir::path::random::path_random
 #import bevy_restir::path::sample::kept_direction
+#import bevy_restir::scene::cone::{Cone, cone_after, cone_along}
 #import bevy_restir::scene::surface::Surface
 
 // A vertex as the path arrives at it.
@@ -14,6 +15,7 @@ struct Vertex {
     surface: Surface,
     wo: vec3<f32>,
     medium: vec3<f32>,        // that it came through
+    cone: Cone,               // what the pixel covers there
 }
 
 // How a path leaves a vertex.
@@ -83,4 +85,9 @@ fn finished_step(v: Vertex, step: Step) -> Step {
 // Absorption on the way that a step takes.
 fn step_medium(v: Vertex, wi: vec3<f32>) -> vec3<f32> {
     return medium_towards(v.surface, wi, v.medium);
+}
+
+// What the pixel covers where a step arrives.
+fn step_cone(v: Vertex, step: Step, distance: f32) -> Cone {
+    return cone_along(cone_after(v.cone, step.delta), distance);
 }

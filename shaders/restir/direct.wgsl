@@ -11,6 +11,7 @@
 #import bevy_restir::path::medium::{medium_towards, transmittance}
 #import bevy_restir::path::shadow::light_is_visible
 #import bevy_restir::restir::reservoir::Reservoir
+#import bevy_restir::scene::cone::Cone
 #import bevy_restir::scene::surface::Surface
 #import bevy_restir::view::primary::primary_surface
 
@@ -18,6 +19,7 @@
 struct Receiver {
     surface: Surface,
     wo: vec3<f32>,
+    cone: Cone,                // what the pixel covers there
     previous: bool,
 }
 
@@ -29,7 +31,7 @@ struct Evaluated {
 
 fn receiver_of(ids: vec2<u32>, pixel: vec2<u32>, previous: bool) -> Receiver {
     let s = primary_surface(ids, pixel, previous);
-    return Receiver(s.surface, s.wo, previous);
+    return Receiver(s.surface, s.wo, s.cone, previous);
 }
 
 fn evaluate(r: Receiver, s: Reservoir) -> Evaluated {

@@ -30,7 +30,7 @@ struct Evaluated {
 
 fn receiver_of(ids: vec2<u32>, pixel: vec2<u32>, previous: bool) -> Receiver {
     let s = primary_surface(ids, pixel, previous);
-    return Receiver(Vertex(s.surface, s.wo, vec3<f32>(0.0)), connection_of(camera_position(previous), s.surface), previous);
+    return Receiver(Vertex(s.surface, s.wo, vec3<f32>(0.0), s.cone), connection_of(camera_position(previous), s.surface), previous);
 }
 
 // A candidate in the measure of this domain.

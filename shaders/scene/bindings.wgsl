@@ -14,3 +14,9 @@
 @group(0) @binding(7) var atlas: texture_2d_array<f32>;
 // What a GGX lobe with F = 1 reflects at once: the cosine of wo across, perceptual roughness down.
 @group(0) @binding(8) var specular_albedo: texture_2d<f32>;
+// Arrays in rows: a record for every material that has textures (its transform of texture coordinates, two entries, if it has one; then
+// its slots in the order of their kinds); second texture coordinates of triangles, three texels each.
+@group(0) @binding(9) var texture_table: texture_2d<u32>;
+@group(0) @binding(10) var second_uvs: texture_2d<f32>;
+// Equal to `ROW` in src/scene/data_texture.rs.
+const ELEMENTS_A_ROW: u32 = 1024u;

@@ -1,7 +1,7 @@
 // A triangle in the world: what lights and surfaces need of (instance, triangle, barycentrics).
 #define_import_path bevy_restir::scene::triangle
 
-#import bevy_restir::scene::bindings::{instances, triangles, attributes}
+#import bevy_restir::scene::bindings::{instances, triangles}
 
 struct WorldTriangle {
     corner: vec3<f32>,
@@ -61,9 +61,4 @@ fn world_triangle(instance: u32, triangle: u32, previous: bool) -> WorldTriangle
         select(1.0, -1.0, mirrored) * safe_normalize(c),
         0.5 * length(c),
     );
-}
-
-fn triangle_uv(triangle: u32, barycentrics: vec2<f32>) -> vec2<f32> {
-    let a = attributes[triangle];
-    return (1.0 - barycentrics.x - barycentrics.y) * a.uv_a + barycentrics.x * a.uv_b + barycentrics.y * a.uv_c;
 }

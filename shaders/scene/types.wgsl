@@ -52,8 +52,8 @@ struct Instance {
     entity: u32,               // index of the Bevy entity, for debug views
 }
 
-// A texture's place in the atlas: x = layer | TEXTURE_* flags << 16, y = left | top << 16, z = width | height << 16, w = 0.
-// x = NONE means no texture.
+// The slot of a texture: x = layer | flags of scene/texture.wgsl, y = left | top << 16, z = width | height << 16, w = 0.  x = NONE: the
+// image is not there.
 struct Material {
     base_color: vec3<f32>,
     alpha: f32,
@@ -67,10 +67,10 @@ struct Material {
     thickness: f32,
     alpha_cutoff: f32,
     flags: u32,                // MATERIAL_*
-    base_color_texture: vec4<u32>,
-    metallic_roughness_texture: vec4<u32>,
-    normal_texture: vec4<u32>,
-    emissive_texture: vec4<u32>,
+    textures: u32,             // TEXTURE_*: those that it has
+    texture_record: u32,       // index of its record in `texture_table`
+    pad_a: u32,
+    pad_b: u32,
 }
 
 // `data` by kind: triangle = (instance, triangle); spot = bits of (cosine of the inner, of the outer angle).

@@ -15,9 +15,10 @@
 #import bevy_restir::path::sample::{Arrival, END_EMITTER, END_ENVIRONMENT, END_LIGHT, kept_barycentrics, PathSample}
 #import bevy_restir::path::shadow::{ray_between, ray_to_light}
 #import bevy_restir::path::tree::{aim, emission_pdf, expected_candidates, met_weight}
-#import bevy_restir::path::walk::{aimed_step, drawn_step, finished_step, Step, step_medium, Vertex}
+#import bevy_restir::path::walk::{aimed_step, drawn_step, finished_step, Step, step_cone, step_medium, Vertex}
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::types::RESAMPLE_KEEPS_RADIANCE
+#import bevy_restir::scene::cone::Cone
 #import bevy_restir::scene::surface::{Surface, surface_at}
 #import bevy_restir::shift::connect::{Connection, Departure, departure, geometry_factor, is_connectable, is_connectable_end, is_rough}
 #import bevy_restir::trace::offset::{offset_point, surface_point}
@@ -153,11 +154,14 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: Connection, previous: bool, tr
         var instance = s.instance;
         var triangle = s.triangle;
         var barycentrics = s.barycentrics;
+        // To a vertex that is kept a rough lobe leads: there is no cone to follow.
+        var met_at = 0.0;
         if !connects {
             let hit = trace_closest_of(ray, alpha_seed, previous);
             instance = hit.instance;
             triangle = hit.triangle;
             barycentrics = kept_barycentrics(hit.barycentrics);
+            met_at = hit.t;
         } else if !is_kept {
             // Nothing is met by a free ray.
             must_be_free(w, ray, alpha_seed);
@@ -171,7 +175,8 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: Connection, previous: bool, tr
             }
             return;
         }
-        let n = surface_at(instance, triangle, barycentrics, -step.wi, previous);
+        let cone = step_cone((*w).v, step, met_at);
+        let n = surface_at(instance, triangle, barycentrics, -step.wi, cone, previous);
         if is_kept {
             (*w).density *= geometry_factor(at.position, n.position, n.bsdf.n_geo);
             must_be_free(w, ray_between(at, n), alpha_seed);
@@ -180,7 +185,7 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: Connection, previous: bool, tr
                 return;
             }
         }
-        arrive(w, s, index, step, n, instance, triangle, medium, c, previous);
+        arrive(w, s, index, step, n, instance, triangle, medium, cone, c, previous);
         if ends || (*w).reason != SHIFT_OK {
             return;
         }
@@ -255,6 +260,7 @@ fn arrive(
     instance: u32,
     triangle: u32,
     medium: vec3<f32>,
+    cone: Cone,
     c: Connection,
     previous: bool,
 ) {
@@ -277,7 +283,7 @@ fn arrive(
         }
         end_with(w, s, index, step, n.emission, emission_pdf(n, instance, triangle, (*w).v.surface.position, index, previous));
     }
-    (*w).v = Vertex(n, -step.wi, medium);
+    (*w).v = Vertex(n, -step.wi, medium, cone);
 }
 
 // In a direction where nothing is.

@@ -5,22 +5,7 @@
 #import bevy_restir::common::constants::{MATERIAL_ALPHA_MASK, MATERIAL_ALPHA_BLEND}
 #import bevy_restir::common::rng::{pcg4d, unit_float}
 #import bevy_restir::scene::bindings::{instances, materials}
-#import bevy_restir::scene::texture::{has_texture, sample_data}
-#import bevy_restir::scene::triangle::triangle_uv
-
-#ifdef TEXTURES
-fn alpha_at(material: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
-    let slot = materials[material].base_color_texture;
-    if !has_texture(slot) {
-        return materials[material].alpha;
-    }
-    return materials[material].alpha * sample_data(slot, triangle_uv(triangle, barycentrics)).a;
-}
-#else
-fn alpha_at(material: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
-    return materials[material].alpha;
-}
-#endif
+#import bevy_restir::scene::material::alpha_at
 
 fn alpha_passes(instance: u32, triangle: u32, barycentrics: vec2<f32>, alpha_seed: u32) -> bool {
     let material = instances[instance].material;
@@ -28,7 +13,7 @@ fn alpha_passes(instance: u32, triangle: u32, barycentrics: vec2<f32>, alpha_see
     if (flags & (MATERIAL_ALPHA_MASK | MATERIAL_ALPHA_BLEND)) == 0u {
         return true;
     }
-    let alpha = alpha_at(material, triangle, barycentrics);
+    let alpha = alpha_at(instance, triangle, barycentrics);
     if (flags & MATERIAL_ALPHA_MASK) != 0u {
         return alpha >= materials[material].alpha_cutoff;
     }

@@ -2,6 +2,7 @@
 #define_import_path bevy_restir::view::camera
 
 #import bevy_restir::common::constants::{FAR, VIEW_ORTHOGRAPHIC}
+#import bevy_restir::scene::cone::{Cone, cone_along}
 #import bevy_restir::scene::triangle::WorldTriangle
 #import bevy_restir::trace::ray::Ray
 #import bevy_restir::view::bindings::view
@@ -18,6 +19,18 @@ fn camera_ray(camera: Camera, at: vec2<f32>) -> Ray {
     }
     let direction = (camera.world_from_view * vec4<f32>(p, 0.0)).xyz;
     return Ray(camera.world_from_view[3].xyz, 0.0, normalize(direction), FAR);
+}
+
+// What a pixel covers round its ray, `distance` along it.
+fn pixel_cone(camera: Camera, ray: Ray, distance: f32) -> Cone {
+    let half = abs(vec2<f32>(camera.view_from_clip[0].x, camera.view_from_clip[1].y));
+    let pixel = 2.0 * sqrt(half.x * half.y / (f32(view.size.x) * f32(view.size.y)));
+    if (view.flags & VIEW_ORTHOGRAPHIC) != 0u {
+        return Cone(pixel, 0.0);
+    }
+    // Pixels are alike in the plane of the image, not in angle.
+    let cosine = abs(dot(ray.direction, normalize(camera.world_from_view[2].xyz)));
+    return cone_along(Cone(0.0, pixel * cosine), distance);
 }
 
 // Where the camera is, or was in the last frame, whatever its projection.

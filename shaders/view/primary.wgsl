@@ -1,20 +1,27 @@
 // The surface that a pixel shows, of this frame or the last, from the visibility buffer.
 #define_import_path bevy_restir::view::primary
 
+#import bevy_restir::scene::cone::Cone
 #import bevy_restir::scene::surface::{Surface, surface_at}
 #import bevy_restir::scene::triangle::world_triangle
-#import bevy_restir::view::camera::{barycentrics_on_ray, previous_primary_ray, primary_ray}
+#import bevy_restir::trace::offset::surface_point
+#import bevy_restir::view::bindings::view
+#import bevy_restir::view::camera::{barycentrics_on_ray, pixel_cone, previous_primary_ray, primary_ray}
 
 struct PrimarySurface {
     surface: Surface,
     wo: vec3<f32>,
+    cone: Cone,                // what the pixel covers there
 }
 
 fn primary_surface(ids: vec2<u32>, pixel: vec2<u32>, previous: bool) -> PrimarySurface {
     var ray = primary_ray(pixel);
+    var camera = view.current;
     if previous {
         ray = previous_primary_ray(pixel);
+        camera = view.previous;
     }
     let barycentrics = barycentrics_on_ray(world_triangle(ids.x, ids.y, previous), ray);
-    return PrimarySurface(surface_at(ids.x, ids.y, barycentrics, -ray.direction, previous), -ray.direction);
+    let cone = pixel_cone(camera, ray, distance(ray.origin, surface_point(ids.x, ids.y, barycentrics, previous)));
+    return PrimarySurface(surface_at(ids.x, ids.y, barycentrics, -ray.direction, cone, previous), -ray.direction, cone);
 }

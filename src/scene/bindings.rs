@@ -27,6 +27,8 @@ pub(crate) fn scene_layout() -> BindGroupLayoutDescriptor {
                 storage_buffer_read_only_sized(false, None),
                 texture_2d_array(TextureSampleType::Float { filterable: false }),
                 texture_2d(TextureSampleType::Float { filterable: false }),
+                texture_2d(TextureSampleType::Uint),
+                texture_2d(TextureSampleType::Float { filterable: false }),
             ),
         ),
     )
@@ -40,9 +42,8 @@ pub(crate) struct SceneBindings {
     written: GpuSceneUniforms,
     /// Buffers and views that the bind group was made of.
     made_of: Vec<BufferId>,
-    made_with: [Option<TextureViewId>; 2],
-    /// Bound where a scene has no texture: an array of one page, and one texel.
-    pub no_texture: Option<[TextureView; 2]>,
+    made_with: [Option<TextureViewId>; 4],
+    pub no_texture: Option<NoTexture>,
     /// What energy compensation reads, once a camera asks for it.
     pub albedo: Option<TextureView>,
     pub features: SceneFeatures,
@@ -60,6 +61,37 @@ pub(crate) struct SceneBindings {
     pub lights: u64,
     /// The instances to draw, with the number of their triangles and their culling.
     pub draws: Vec<Draw>,
+}
+
+/// Bound where a scene has no texture: an array of one page, one texel, and one of integers.
+#[derive(Clone)]
+pub(crate) struct NoTexture {
+    pub page: TextureView,
+    pub texel: TextureView,
+    pub integers: TextureView,
+}
+
+impl NoTexture {
+    pub(crate) fn new(device: &RenderDevice) -> Self {
+        let view = |dimension, format| {
+            let texture = device.create_texture(&TextureDescriptor {
+                label: Some("restir no texture"),
+                size: Extent3d { width: 1, height: 1, depth_or_array_layers: 1 },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: TextureDimension::D2,
+                format,
+                usage: TextureUsages::TEXTURE_BINDING,
+                view_formats: &[],
+            });
+            texture.create_view(&TextureViewDescriptor { dimension: Some(dimension), ..Default::default() })
+        };
+        Self {
+            page: view(TextureViewDimension::D2Array, TextureFormat::Rgba8Unorm),
+            texel: view(TextureViewDimension::D2, TextureFormat::Rgba8Unorm),
+            integers: view(TextureViewDimension::D2, TextureFormat::Rgba32Uint),
+        }
+    }
 }
 
 /// One instance as the visibility pass draws it.
@@ -100,7 +132,7 @@ impl SceneBindings {
         device: &RenderDevice,
         pipelines: &PipelineCache,
         buffers: [&Buffer; 7],
-        textures: [&TextureView; 2],
+        textures: [&TextureView; 4],
     ) {
         let ids: Vec<_> = buffers.iter().map(|b| b.id()).collect();
         let made_with = textures.map(|texture| Some(texture.id()));
@@ -108,10 +140,11 @@ impl SceneBindings {
             return;
         }
         let [a, b, c, d, e, f, g] = buffers.map(|b| b.as_entire_binding());
+        let [atlas, albedo, table, second_uvs] = textures;
         self.bind_group = Some(device.create_bind_group(
             "restir scene",
             &pipelines.get_bind_group_layout(&scene_layout()),
-            &BindGroupEntries::sequential((a, b, c, d, e, f, g, textures[0], textures[1])),
+            &BindGroupEntries::sequential((a, b, c, d, e, f, g, atlas, albedo, table, second_uvs)),
         ));
         self.made_of = ids;
         self.made_with = made_with;

@@ -34,6 +34,8 @@ pub struct Blas {
     pub triangles: Vec<GpuTriangle>,
     /// In the order of `triangles`.
     pub attributes: Vec<GpuTriangleAttributes>,
+    /// In the order of `triangles`; empty where the mesh has none.
+    pub second_uvs: Vec<[[f32; 2]; 3]>,
     /// Of all triangles.
     pub bounds: Bounds,
     /// Levels, at most [`MAX_BLAS_DEPTH`].
@@ -55,6 +57,7 @@ pub fn build_blas(geometry: &Geometry) -> Option<Blas> {
             .iter()
             .map(|&i| geometry.attributes.get(i as usize).copied().unwrap_or_default())
             .collect(),
+        second_uvs: tree.order.iter().filter_map(|&i| geometry.second_uvs.get(i as usize).copied()).collect(),
         nodes: tree.nodes,
         bounds: tree.bounds,
         depth: tree.depth,

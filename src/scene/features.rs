@@ -32,6 +32,8 @@ features! {
     ATTENUATION = 9, "ATTENUATION", "Absorption within transmissive bodies.";
     UNLIT = 10, "UNLIT", "Unlit materials.";
     ENERGY_COMPENSATION = 11, "ENERGY_COMPENSATION", "Energy compensation is asked for by the camera.";
+    SECOND_UVS = 17, "SECOND_UVS", "Textures that go by the second texture coordinates.";
+    LAYER_TEXTURES = 18, "LAYER_TEXTURES", "Textures of transmission, specular reflection, clearcoat or anisotropy.";
     MANY_TAPS = 12, "MANY_TAPS", "More than two neighbours are asked for by the camera.";
 }
 

@@ -19,6 +19,8 @@ pub struct Geometry {
     pub positions: Vec<[V3; 3]>,
     /// What the corners carry, in the same order.
     pub attributes: Vec<GpuTriangleAttributes>,
+    /// Second texture coordinates of the corners, in the same order; empty where the mesh has none.
+    pub second_uvs: Vec<[[f32; 2]; 3]>,
     /// Triangles left out, by reason.
     pub dropped: Dropped,
     /// The mesh had normals; without them they are those of the flat triangles.
@@ -90,6 +92,7 @@ pub fn triangles_of(mesh: &Mesh) -> Result<Geometry, GeometryError> {
     let readable = |of, least| Ok(attribute(mesh, of)?.filter(|values| width(values) >= least));
     let normals = readable(Mesh::ATTRIBUTE_NORMAL, 3)?;
     let uvs = readable(Mesh::ATTRIBUTE_UV_0, 2)?;
+    let second_uvs = readable(Mesh::ATTRIBUTE_UV_1, 2)?;
     let tangents = readable(Mesh::ATTRIBUTE_TANGENT, 4)?;
     let indices = mesh.try_indices_option().map_err(|_| GeometryError::Extracted)?;
 
@@ -115,10 +118,16 @@ pub fn triangles_of(mesh: &Mesh) -> Result<Geometry, GeometryError> {
             return;
         };
         let n = corners.map(|c| normals.and_then(|v| unit(first_three(read(v, c)))).unwrap_or(flat));
-        let uv = corners.map(|c| {
-            let [u, v, ..] = uvs.map_or([0.0; 4], |values| read(values, c));
-            [finite_or_zero(u), finite_or_zero(v)]
-        });
+        let corner_uvs = |values: Option<&VertexAttributeValues>| {
+            corners.map(|c| {
+                let [u, v, ..] = values.map_or([0.0; 4], |values| read(values, c));
+                [finite_or_zero(u), finite_or_zero(v)]
+            })
+        };
+        let uv = corner_uvs(uvs);
+        if second_uvs.is_some() {
+            geometry.second_uvs.push(corner_uvs(second_uvs));
+        }
         let generated = triangle_tangent(&p, &uv);
         let t: [u32; 3] = std::array::from_fn(|i| {
             let given = tangents.map(|v| read(v, corners[i]));

@@ -258,6 +258,9 @@ impl InstancePool {
         if packed.flags & (MATERIAL_ALPHA_MASK | MATERIAL_ALPHA_BLEND) != 0 {
             flags |= INSTANCE_ALPHA;
         }
+        if !mesh.second_uvs.is_empty() {
+            flags |= INSTANCE_SECOND_UV;
+        }
         let instance = GpuInstance {
             world_from_object,
             object_from_world,

@@ -10,13 +10,18 @@ use bevy::{
     pbr::StandardMaterial,
     platform::collections::HashMap,
     render::{
-        render_resource::Face,
+        render_resource::{Face, TextureFormat},
         renderer::{RenderDevice, RenderQueue},
     },
 };
 
 use super::{
-    extract::ExtractedScene, features::SceneFeatures, heap::GpuArray, heap::dirty_runs, textures::TexturePool,
+    data_texture::DataTexture,
+    extract::ExtractedScene,
+    features::SceneFeatures,
+    heap::{GpuArray, dirty_runs},
+    slots::{LAYER_SLOTS, add_record, textures_of},
+    textures::TexturePool,
 };
 use crate::gpu_types::*;
 
@@ -37,6 +42,10 @@ pub(crate) struct MaterialPool {
     wanted: Vec<GpuMaterial>,
     uploaded: Vec<GpuMaterial>,
     pub gpu: GpuArray<GpuMaterial>,
+    /// Records of textures, one after the other, of the materials that have any.
+    wanted_table: Vec<[u32; 4]>,
+    uploaded_table: Vec<[u32; 4]>,
+    pub table: DataTexture<[u32; 4]>,
     emissive_luminance: f32,
     /// Slots whose contents must be packed again.
     stale: bool,
@@ -53,6 +62,9 @@ impl Default for MaterialPool {
             wanted: Vec::new(),
             uploaded: Vec::new(),
             gpu: GpuArray::new("materials"),
+            wanted_table: Vec::new(),
+            uploaded_table: Vec::new(),
+            table: DataTexture::new("texture table", TextureFormat::Rgba32Uint, 1),
             emissive_luminance: 0.0,
             stale: false,
             revision: 0,
@@ -90,17 +102,8 @@ impl MaterialPool {
 
     /// Images that the materials in use need.
     pub(crate) fn images(&self) -> impl Iterator<Item = AssetId<Image>> {
-        self.slots.iter().filter_map(|slot| self.sources.get(&slot.id)).flat_map(|material| {
-            [
-                &material.base_color_texture,
-                &material.metallic_roughness_texture,
-                &material.normal_map_texture,
-                &material.emissive_texture,
-            ]
-            .into_iter()
-            .flatten()
-            .map(|handle| handle.id())
-        })
+        let materials = self.slots.iter().filter_map(|slot| self.sources.get(&slot.id));
+        materials.flat_map(textures_of).map(|texture| texture.image.id())
     }
 
     /// Packs every slot again where a source or a texture changed.
@@ -109,12 +112,17 @@ impl MaterialPool {
             return;
         }
         self.stale = false;
+        self.wanted_table.clear();
         for (i, slot) in self.slots.iter_mut().enumerate() {
             let Some(source) = self.sources.get(&slot.id) else {
                 continue;
             };
-            let material = pack(source, textures, self.emissive_luminance);
+            let mut material = pack(source, self.emissive_luminance);
+            material.texture_record = self.wanted_table.len() as u32;
+            let second_uvs;
+            (material.textures, second_uvs) = add_record(source, textures, &mut self.wanted_table);
             slot.features = features_of(&material);
+            slot.features.set(SceneFeatures::SECOND_UVS, second_uvs);
             slot.mean_emission = mean_emission(source, &material, textures);
             if i < self.wanted.len() {
                 self.wanted[i] = material;
@@ -126,17 +134,37 @@ impl MaterialPool {
 
     /// Sends what changed.  Returns the bytes sent.
     pub(crate) fn upload(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {
+        let mut bytes = self.upload_table(device, queue);
         let runs = dirty_runs(&self.uploaded, &self.wanted);
         if runs.is_empty() {
-            return 0;
+            return bytes;
         }
         if !self.gpu.reserve(self.wanted.len() as u32, device, queue) {
             warn_once!("{} materials are more than this device can bind", self.wanted.len());
+            return bytes;
+        }
+        self.revision += 1;
+        bytes += runs.into_iter().map(|r| self.gpu.write(r.start as u32, &self.wanted[r], queue)).sum::<u64>();
+        self.uploaded.clone_from(&self.wanted);
+        bytes
+    }
+
+    fn upload_table(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {
+        if self.wanted_table == self.uploaded_table {
             return 0;
         }
         self.revision += 1;
-        let bytes = runs.into_iter().map(|r| self.gpu.write(r.start as u32, &self.wanted[r], queue)).sum();
-        self.uploaded.clone_from(&self.wanted);
+        let limit = DataTexture::<[u32; 4]>::limit(device) as usize;
+        if self.wanted_table.len() > limit {
+            warn_once!("restir: {} textures of materials are more than this device can bind", self.wanted_table.len());
+            self.wanted_table.truncate(limit);
+        }
+        if self.table.reserve(self.wanted_table.len() as u32, device) {
+            self.uploaded_table.clear();
+        }
+        let runs = dirty_runs(&self.uploaded_table, &self.wanted_table);
+        let bytes = runs.into_iter().map(|r| self.table.write(r.start as u32, &self.wanted_table[r], queue)).sum();
+        self.uploaded_table.clone_from(&self.wanted_table);
         bytes
     }
 
@@ -157,14 +185,14 @@ impl MaterialPool {
 }
 
 /// What the shaders read.  Numbers out of range are brought into it: a material never makes a NaN.
-fn pack(m: &StandardMaterial, textures: &TexturePool, emissive_luminance: f32) -> GpuMaterial {
+fn pack(m: &StandardMaterial, emissive_luminance: f32) -> GpuMaterial {
     let finite = |x: f32, otherwise: f32| if x.is_finite() { x } else { otherwise };
     let unit = |x: f32| finite(x, 0.0).clamp(0.0, 1.0);
     let unit_rgb = |c: [f32; 3]| c.map(unit);
     let base = m.base_color.to_linear();
     let tint = m.specular_tint.to_linear().to_f32_array_no_alpha();
-    let slot =
-        |handle: &Option<bevy::asset::Handle<Image>>| handle.as_ref().map_or(NO_TEXTURE, |h| textures.slot(h.id()));
+    // Bevy halves what its specular texture gives, so that such a material may ask for twice as much.
+    let reflectance = finite(m.reflectance, 0.0).clamp(0.0, if has_specular_texture(m) { 2.0 } else { 1.0 });
 
     let mut flags = 0;
     let mut set = |condition: bool, flag: u32| flags |= if condition { flag } else { 0 };
@@ -173,9 +201,6 @@ fn pack(m: &StandardMaterial, textures: &TexturePool, emissive_luminance: f32) -
     set(m.flip_normal_map_y, MATERIAL_FLIP_NORMAL_MAP_Y);
     set(m.cull_mode == Some(Face::Back), MATERIAL_CULL_BACK);
     set(m.cull_mode == Some(Face::Front), MATERIAL_CULL_FRONT);
-    if let Some(normal) = &m.normal_map_texture {
-        set(textures.has_two_components(normal.id()), MATERIAL_TWO_COMPONENT_NORMAL_MAP);
-    }
     let mut alpha_cutoff = 0.5;
     match m.alpha_mode {
         AlphaMode::Opaque => {}
@@ -199,7 +224,7 @@ fn pack(m: &StandardMaterial, textures: &TexturePool, emissive_luminance: f32) -
         alpha: unit(base.alpha),
         emissive: m.emissive.to_f32_array_no_alpha().map(|c| (finite(c, 0.0).max(0.0) * emissive_luminance).min(1e30)),
         perceptual_roughness: unit(m.perceptual_roughness),
-        dielectric_reflectance: tint.map(|t| 0.16 * (unit(m.reflectance) * unit(t)).powi(2)),
+        dielectric_reflectance: tint.map(|t| 0.16 * (reflectance * unit(t)).powi(2)),
         metallic: unit(m.metallic),
         attenuation,
         // A thin wall (thickness 0) is not built yet: light goes straight through it in Bevy too, so it stays opaque here.
@@ -208,23 +233,30 @@ fn pack(m: &StandardMaterial, textures: &TexturePool, emissive_luminance: f32) -
         thickness: finite(m.thickness, 0.0).max(0.0),
         alpha_cutoff,
         flags,
-        base_color_texture: slot(&m.base_color_texture),
-        metallic_roughness_texture: slot(&m.metallic_roughness_texture),
-        normal_texture: slot(&m.normal_map_texture),
-        emissive_texture: slot(&m.emissive_texture),
+        ..Default::default()
     }
 }
 
 fn features_of(m: &GpuMaterial) -> SceneFeatures {
     let mut features = SceneFeatures::empty();
-    let textured = [m.base_color_texture, m.metallic_roughness_texture, m.normal_texture, m.emissive_texture];
-    features.set(SceneFeatures::TEXTURES, textured.iter().any(|t| t[0] != NONE));
-    features.set(SceneFeatures::NORMAL_MAPS, m.normal_texture[0] != NONE);
+    features.set(SceneFeatures::TEXTURES, m.textures != 0);
+    features.set(SceneFeatures::NORMAL_MAPS, m.textures & SLOT_NORMAL != 0);
+    features.set(SceneFeatures::LAYER_TEXTURES, m.textures & LAYER_SLOTS != 0);
     features.set(SceneFeatures::ALPHA, m.flags & (MATERIAL_ALPHA_MASK | MATERIAL_ALPHA_BLEND) != 0);
     features.set(SceneFeatures::TRANSMISSION, m.specular_transmission > 0.0 && m.metallic < 1.0);
     features.set(SceneFeatures::ATTENUATION, m.specular_transmission > 0.0 && m.attenuation != [0.0; 3]);
     features.set(SceneFeatures::UNLIT, m.flags & MATERIAL_UNLIT != 0);
     features
+}
+
+#[cfg(feature = "material_textures")]
+fn has_specular_texture(m: &StandardMaterial) -> bool {
+    m.specular_texture.is_some()
+}
+
+#[cfg(not(feature = "material_textures"))]
+fn has_specular_texture(_: &StandardMaterial) -> bool {
+    false
 }
 
 fn mean_emission(source: &StandardMaterial, packed: &GpuMaterial, textures: &TexturePool) -> [f32; 3] {

@@ -7,12 +7,13 @@ use bevy::{
         resource::Resource,
         system::{Res, ResMut},
     },
-    log::warn,
+    log::{warn, warn_once},
     mesh::Mesh,
     platform::collections::{HashMap, HashSet},
     render::{
         mesh::RenderMesh,
         render_asset::ExtractedAssets,
+        render_resource::TextureFormat,
         renderer::{RenderDevice, RenderQueue},
     },
     tasks::{AsyncComputeTaskPool, Task, futures::check_ready},
@@ -22,6 +23,7 @@ use std::ops::Range;
 use super::{
     blas::{self, Blas, Bounds},
     geometry::{self, Dropped},
+    data_texture::DataTexture,
     heap::{GpuArray, RangeAllocator},
 };
 use crate::gpu_types::*;
@@ -33,6 +35,8 @@ pub(crate) struct MeshEntry {
     pub bounds: Bounds,
     /// Object-space corners in leaf order, for the power of emissive triangles.
     pub positions: Vec<[[f32; 3]; 3]>,
+    /// Second texture coordinates in the same order, kept until a material asks for them; empty where the mesh has none.
+    pub second_uvs: Vec<[[f32; 2]; 3]>,
     /// Changes when the triangles do.
     pub version: u64,
 }
@@ -58,6 +62,10 @@ pub(crate) struct MeshPool {
     pub nodes: GpuArray<[[u32; 4]; NODE_STRIDE as usize]>,
     pub triangles: GpuArray<GpuTriangle>,
     pub attributes: GpuArray<GpuTriangleAttributes>,
+    /// Beside the triangles, in scenes where a texture goes by them.
+    pub second_uvs: DataTexture<[[f32; 2]; 3]>,
+    /// Versions of the meshes that are in there.
+    second_uvs_of: HashMap<AssetId<Mesh>, u64>,
     versions: u64,
     /// Bytes sent in this frame.
     pub uploaded: u64,
@@ -74,6 +82,8 @@ impl Default for MeshPool {
             nodes: GpuArray::new("acceleration structures"),
             triangles: GpuArray::new("triangles"),
             attributes: GpuArray::new("triangle attributes"),
+            second_uvs: DataTexture::new("second texture coordinates", TextureFormat::Rg32Float, 3),
+            second_uvs_of: HashMap::default(),
             versions: 0,
             uploaded: 0,
         }
@@ -179,6 +189,7 @@ impl MeshPool {
             triangles,
             bounds: blas.bounds,
             positions: blas.triangles.iter().map(|t| [t.a, t.b, t.c]).collect(),
+            second_uvs: blas.second_uvs,
             version: self.versions,
         };
         if let Some(old) = self.entries.insert(id, entry) {
@@ -191,6 +202,32 @@ impl MeshPool {
     /// The mesh, once it is on the GPU.
     pub(crate) fn get(&self, id: AssetId<Mesh>) -> Option<&MeshEntry> {
         self.entries.get(&id)
+    }
+
+    /// Sends the second texture coordinates that are not there yet, or gives their memory back.  Returns the bytes sent.
+    pub(crate) fn update_second_uvs(&mut self, wanted: bool, device: &RenderDevice, queue: &RenderQueue) -> u64 {
+        let count = self.triangle_ranges.end();
+        if !wanted || count > DataTexture::<[[f32; 2]; 3]>::limit(device) {
+            if wanted {
+                warn_once!("restir: second texture coordinates of {count} triangles do not fit this device; they are 0");
+            }
+            self.second_uvs.clear();
+            self.second_uvs_of.clear();
+            if wanted {
+                self.second_uvs.reserve(1, device);
+            }
+            return 0;
+        }
+        if self.second_uvs.reserve(count, device) {
+            self.second_uvs_of.clear();
+        }
+        let mut bytes = 0;
+        for (id, entry) in self.entries.iter().filter(|(_, entry)| !entry.second_uvs.is_empty()) {
+            if self.second_uvs_of.insert(*id, entry.version) != Some(entry.version) {
+                bytes += self.second_uvs.write(entry.triangles.start, &entry.second_uvs, queue);
+            }
+        }
+        bytes
     }
 
     /// No build is under way.

@@ -3,8 +3,10 @@
 
 pub mod albedo;
 pub mod alias;
+mod atlas;
 pub(crate) mod bindings;
 pub mod blas;
+mod data_texture;
 mod emission;
 pub(crate) mod extract;
 mod features;
@@ -14,6 +16,7 @@ pub(crate) mod instances;
 pub(crate) mod lights;
 pub(crate) mod materials;
 pub(crate) mod meshes;
+mod slots;
 pub(crate) mod textures;
 pub mod tlas;
 
@@ -32,7 +35,7 @@ use bevy::{
 };
 
 use crate::{gpu_types::*, shaders::ShaderTable, view::extract::ExtractedViews};
-use bindings::{Draw, SceneBindings};
+use bindings::{Draw, NoTexture, SceneBindings};
 use extract::ExtractedScene;
 pub use features::SceneFeatures;
 use heap::GpuArray;
@@ -102,6 +105,7 @@ fn mirror_scene(
     uploaded += materials.upload(&device, &queue);
     uploaded += instances.upload(&device, &queue);
     uploaded += lights.upload(&device, &queue);
+    uploaded += meshes.update_second_uvs(instances.features.contains(SceneFeatures::SECOND_UVS), &device, &queue);
 
     let bindings = &mut *bindings;
     if bindings.albedo.is_none() && views.0.values().any(|view| view.settings.energy_compensation) {
@@ -129,7 +133,7 @@ fn mirror_scene(
         && instances.gpu.reserve(1, &device, &queue)
         && materials.gpu.reserve(1, &device, &queue)
         && lights.gpu.reserve(1, &device, &queue);
-    let no_texture = bindings.no_texture.get_or_insert_with(|| no_texture(&device)).clone();
+    let no_texture = bindings.no_texture.get_or_insert_with(|| NoTexture::new(&device)).clone();
     if reserved
         && let (Some(u), Some(n), Some(t), Some(a), Some(i), Some(m), Some(l)) = (
             bindings.uniforms.clone(),
@@ -141,10 +145,14 @@ fn mirror_scene(
             lights.gpu.buffer(),
         )
     {
-        let [no_page, no_texel] = &no_texture;
         let albedo = bindings.albedo.clone();
-        let atlas = textures.view().unwrap_or(no_page);
-        bindings.bind(&device, &pipelines, [&u, n, t, a, i, m, l], [atlas, albedo.as_ref().unwrap_or(no_texel)]);
+        let views = [
+            textures.view().unwrap_or(&no_texture.page),
+            albedo.as_ref().unwrap_or(&no_texture.texel),
+            materials.table.view().unwrap_or(&no_texture.integers),
+            meshes.second_uvs.view().unwrap_or(&no_texture.texel),
+        ];
+        bindings.bind(&device, &pipelines, [&u, n, t, a, i, m, l], views);
     }
 
     bindings.features = instances.features | lights.features;
@@ -158,6 +166,8 @@ fn mirror_scene(
         meshes.attributes.memory(),
         instances.gpu.memory(),
         materials.gpu.memory(),
+        materials.table.memory(),
+        meshes.second_uvs.memory(),
         lights.gpu.memory(),
         textures.memory(),
         ("specular albedo", bindings.albedo.as_ref().map_or(0, |_| (albedo::SIZE * albedo::SIZE * 4) as u64)),
@@ -177,21 +187,4 @@ fn mirror_scene(
         };
         Draw { instance: live.slot, triangles: instance.triangle_count, cull }
     }));
-}
-
-fn no_texture(device: &RenderDevice) -> [TextureView; 2] {
-    [TextureViewDimension::D2Array, TextureViewDimension::D2].map(|dimension| {
-        device
-            .create_texture(&TextureDescriptor {
-                label: Some("restir no texture"),
-                size: Extent3d { width: 1, height: 1, depth_or_array_layers: 1 },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: TextureDimension::D2,
-                format: TextureFormat::Rgba8Unorm,
-                usage: TextureUsages::TEXTURE_BINDING,
-                view_formats: &[],
-            })
-            .create_view(&TextureViewDescriptor { dimension: Some(dimension), ..Default::default() })
-    })
 }

@@ -1,24 +1,27 @@
 //! Images → one array of atlas pages (`shaders/scene/texture.wgsl`): every format that a float texture can have, compressed ones
 //! too, is read by a compute pass, so that neither the CPU's copy of the pixels nor binding arrays are needed.
 //!
-//! The portable tier: 8-bit RGBA, full resolution, no mip chain (level of detail is a later issue).
+//! The one tier: 8-bit RGBA at full resolution and its chain of levels, 5.3 bytes a texel whatever the source; what is kept in
+//! floats has an exponent in place of its alpha.  Bindless textures would spare compressed ones three bytes of four, but only where
+//! the device has them, by a second mechanism that filters in its own way.
 
 use bevy::{
     asset::{AssetId, AssetServer},
     color::{Color, LinearRgba},
     ecs::{resource::Resource, system::Res, system::ResMut},
     image::{Image, ImageAddressMode, ImageFilterMode, ImageSampler, ImageSamplerDescriptor},
-    log::warn,
+    log::{warn, warn_once},
     math::{IVec2, UVec2},
     platform::collections::{HashMap, HashSet},
     render::{
         render_asset::{ExtractedAssets, RenderAssets},
-        render_resource::{binding_types::*, *},
+        render_resource::*,
         renderer::{RenderDevice, RenderQueue},
         texture::GpuImage,
     },
 };
 
+use super::atlas::{Atlas, Copier, Encoding, Placement, ShelfPacker};
 use crate::{gpu_types::NO_TEXTURE, shaders::ShaderTable};
 
 /// Flags of a slot, from bit 16 of its first word: equal to `shaders/scene/texture.wgsl`.
@@ -27,55 +30,22 @@ const MIRROR_U: u32 = 0x20000;
 const CLAMP_V: u32 = 0x40000;
 const MIRROR_V: u32 = 0x80000;
 const NEAREST: u32 = 0x100000;
+const SRGB: u32 = 0x200000;
+const SHARED_EXPONENT: u32 = 0x400000;
+/// Set by the material: the texture goes by the second texture coordinates.
+pub(crate) const SECOND_UV: u32 = 0x800000;
+/// The number of levels.
+const LEVELS_SHIFT: u32 = 24;
+const TWO_COMPONENTS: u32 = 0x2000_0000;
 
 /// What is known of an image without its pixels.
 #[derive(Clone, Copy)]
 struct ImageInfo {
     flags: u32,
+    encoding: Encoding,
     mean: LinearRgba,
-    two_components: bool,
     /// Changes when the pixels do.
     version: u64,
-}
-
-/// Where a texture lies.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Placement {
-    layer: u32,
-    corner: UVec2,
-    size: UVec2,
-}
-
-/// Rows of rectangles of one height, in square pages.
-#[derive(Default)]
-struct ShelfPacker {
-    page: u32,
-    pages: u32,
-    /// (page, top, height, first free column)
-    shelves: Vec<(u32, u32, u32, u32)>,
-    /// First free row of every page.
-    free_row: Vec<u32>,
-}
-
-impl ShelfPacker {
-    fn place(&mut self, size: UVec2) -> Placement {
-        for (page, top, height, column) in &mut self.shelves {
-            if *height >= size.y && *height <= size.y * 2 && *column + size.x <= self.page {
-                let corner = UVec2::new(*column, *top);
-                *column += size.x;
-                return Placement { layer: *page, corner, size };
-            }
-        }
-        let page = (0..self.pages).find(|&p| self.free_row[p as usize] + size.y <= self.page).unwrap_or_else(|| {
-            self.pages += 1;
-            self.free_row.push(0);
-            self.pages - 1
-        });
-        let top = self.free_row[page as usize];
-        self.free_row[page as usize] += size.y;
-        self.shelves.push((page, top, size.y, size.x));
-        Placement { layer: page, corner: UVec2::new(0, top), size }
-    }
 }
 
 /// The textures of the scene.
@@ -85,10 +55,8 @@ pub(crate) struct TexturePool {
     placed: HashMap<AssetId<Image>, Placement>,
     refused: HashSet<AssetId<Image>>,
     packer: ShelfPacker,
-    atlas: Option<Texture>,
-    atlas_view: Option<TextureView>,
-    pipeline: Option<CachedComputePipelineId>,
-    layout: BindGroupLayoutDescriptor,
+    atlas: Option<Atlas>,
+    copier: Copier,
     /// Images whose pixels changed since they were copied.
     changed: HashSet<AssetId<Image>>,
     /// Images that nobody loads and that are not there: nothing waits for them.
@@ -100,7 +68,6 @@ pub(crate) struct TexturePool {
     pub revision: u64,
 }
 
-const FORMAT: TextureFormat = TextureFormat::Rgba8Unorm;
 const MAX_PAGE: u32 = 8192;
 
 impl Default for TexturePool {
@@ -111,19 +78,7 @@ impl Default for TexturePool {
             refused: HashSet::default(),
             packer: ShelfPacker::default(),
             atlas: None,
-            atlas_view: None,
-            pipeline: None,
-            layout: BindGroupLayoutDescriptor::new(
-                "restir atlas copy",
-                &BindGroupLayoutEntries::sequential(
-                    ShaderStages::COMPUTE,
-                    (
-                        uniform_buffer_sized(false, None),
-                        texture_2d(TextureSampleType::Float { filterable: false }),
-                        texture_storage_2d_array(FORMAT, StorageTextureAccess::WriteOnly),
-                    ),
-                ),
-            ),
+            copier: Copier::default(),
             changed: HashSet::default(),
             absent: HashSet::default(),
             versions: 0,
@@ -133,17 +88,6 @@ impl Default for TexturePool {
     }
 }
 
-/// Where a copy goes: `Copy` in `shaders/pass/atlas.wgsl`.
-#[repr(C)]
-#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
-struct GpuCopy {
-    corner: [u32; 2],
-    size: [u32; 2],
-    layer: u32,
-    encode_srgb: u32,
-    pad: [u32; 2],
-}
-
 /// Notes what an image is like while its pixels are still on the CPU.
 pub(crate) fn note_images(mut pool: ResMut<TexturePool>, extracted: Res<ExtractedAssets<GpuImage>>) {
     for (id, image) in &extracted.extracted {
@@ -151,16 +95,11 @@ pub(crate) fn note_images(mut pool: ResMut<TexturePool>, extracted: Res<Extracte
             ImageSampler::Default => ImageSamplerDescriptor::linear(),
             ImageSampler::Descriptor(descriptor) => descriptor.clone(),
         };
-        let two_components = matches!(
-            image.texture_descriptor.format,
-            TextureFormat::Rg8Unorm
-                | TextureFormat::Rg16Unorm
-                | TextureFormat::Bc5RgUnorm
-                | TextureFormat::EacRg11Unorm
-        );
         pool.versions += 1;
         let version = pool.versions;
-        let info = ImageInfo { flags: flags_of(&descriptor), mean: mean_color(image), two_components, version };
+        let encoding = encoding_of(image.texture_descriptor.format);
+        let flags = flags_of(&descriptor, image.texture_descriptor.format, encoding);
+        let info = ImageInfo { flags, encoding, mean: mean_color(image), version };
         pool.info.insert(*id, info);
         pool.changed.insert(*id);
         pool.refused.remove(id);
@@ -171,14 +110,40 @@ pub(crate) fn note_images(mut pool: ResMut<TexturePool>, extracted: Res<Extracte
     }
 }
 
-fn flags_of(sampler: &ImageSamplerDescriptor) -> u32 {
+fn encoding_of(format: TextureFormat) -> Encoding {
+    use TextureFormat as F;
+    match format {
+        F::R16Float | F::Rg16Float | F::Rgba16Float | F::R32Float | F::Rg32Float | F::Rgba32Float => {
+            Encoding::SharedExponent
+        }
+        F::Rgb9e5Ufloat | F::Rg11b10Ufloat | F::Bc6hRgbUfloat | F::Bc6hRgbFloat => Encoding::SharedExponent,
+        F::Astc { channel: AstcChannel::Hdr, .. } => Encoding::SharedExponent,
+        format if format.is_srgb() => Encoding::Srgb,
+        F::R16Unorm | F::Rg16Unorm | F::Rgba16Unorm | F::R16Snorm | F::Rg16Snorm | F::Rgba16Snorm => {
+            warn_once!("restir: of 16-bit images like {format:?} eight bits a channel are kept");
+            Encoding::Linear
+        }
+        _ => Encoding::Linear,
+    }
+}
+
+fn flags_of(sampler: &ImageSamplerDescriptor, format: TextureFormat, encoding: Encoding) -> u32 {
     let axis = |mode, clamp, mirror| match mode {
         ImageAddressMode::Repeat => 0,
         ImageAddressMode::MirrorRepeat => mirror,
         ImageAddressMode::ClampToEdge | ImageAddressMode::ClampToBorder => clamp,
     };
     let nearest = if matches!(sampler.mag_filter, ImageFilterMode::Nearest) { NEAREST } else { 0 };
-    axis(sampler.address_mode_u, CLAMP_U, MIRROR_U) | axis(sampler.address_mode_v, CLAMP_V, MIRROR_V) | nearest
+    let kept = match encoding {
+        Encoding::Linear => 0,
+        Encoding::Srgb => SRGB,
+        Encoding::SharedExponent => SHARED_EXPONENT,
+    };
+    use TextureFormat::{Bc5RgUnorm, EacRg11Unorm, Rg8Unorm, Rg16Unorm};
+    let is_pair = matches!(format, Rg8Unorm | Rg16Unorm | Bc5RgUnorm | EacRg11Unorm);
+    let pair = if is_pair { TWO_COMPONENTS } else { 0 };
+    let wrap = axis(sampler.address_mode_u, CLAMP_U, MIRROR_U) | axis(sampler.address_mode_v, CLAMP_V, MIRROR_V);
+    wrap | nearest | kept | pair
 }
 
 /// Mean of up to 128 x 128 texels, white where the format cannot be read here.  It only weighs lights against each other: any
@@ -208,7 +173,8 @@ impl TexturePool {
     pub(crate) fn slot(&self, id: AssetId<Image>) -> [u32; 4] {
         match (self.placed.get(&id), self.info.get(&id)) {
             (Some(p), Some(info)) => {
-                [p.layer | info.flags, p.corner.x | p.corner.y << 16, p.size.x | p.size.y << 16, 0]
+                let layer = p.layer | info.flags | p.levels() << LEVELS_SHIFT;
+                [layer, p.corner.x | p.corner.y << 16, p.size.x | p.size.y << 16, 0]
             }
             _ => NO_TEXTURE,
         }
@@ -217,11 +183,6 @@ impl TexturePool {
     /// Mean colour, linear.
     pub(crate) fn mean(&self, id: AssetId<Image>) -> LinearRgba {
         self.info.get(&id).map_or(LinearRgba::WHITE, |info| info.mean)
-    }
-
-    /// The image holds two components: the third of a normal is theirs to give.
-    pub(crate) fn has_two_components(&self, id: AssetId<Image>) -> bool {
-        self.info.get(&id).is_some_and(|info| info.two_components)
     }
 
     /// A number that is another one when the pixels of an image are.
@@ -245,13 +206,12 @@ impl TexturePool {
 
     /// The atlas, once a texture was copied.
     pub(crate) fn view(&self) -> Option<&TextureView> {
-        self.atlas_view.as_ref()
+        self.atlas.as_ref().map(Atlas::view)
     }
 
     /// Name and bytes, for the statistics.
     pub(crate) fn memory(&self) -> (&'static str, u64) {
-        let bytes = self.atlas.as_ref().map_or(0, |a| a.width() as u64 * a.height() as u64 * 4 * layers(a) as u64);
-        ("texture atlas", bytes)
+        ("texture atlas", self.atlas.as_ref().map_or(0, Atlas::bytes))
     }
 
     /// Places and copies the images that are wanted and ready.  True where a slot changed.
@@ -271,15 +231,7 @@ impl TexturePool {
             self.complete = true;
             return false;
         }
-        let id = *self.pipeline.get_or_insert_with(|| {
-            pipelines.queue_compute_pipeline(ComputePipelineDescriptor {
-                label: Some("restir atlas copy".into()),
-                layout: vec![self.layout.clone()],
-                shader: shaders.pass("pass/atlas.wgsl"),
-                entry_point: Some("copy".into()),
-                ..Default::default()
-            })
-        });
+        let pipeline = self.copier.pipeline(pipelines, shaders);
         let ready = |id: &AssetId<Image>| images.get(*id).is_some();
         self.complete = wanted.iter().all(|id| ready(id) && self.placed.contains_key(id));
         let mut new: Vec<_> = wanted
@@ -287,9 +239,7 @@ impl TexturePool {
             .filter(|id| ready(id) && (!self.placed.contains_key(*id) || self.changed.contains(*id)))
             .copied()
             .collect();
-        let Some(pipeline) = pipelines.get_compute_pipeline(id) else {
-            return false;
-        };
+        let Some(pipeline) = pipeline else { return false };
         if new.is_empty() {
             return false;
         }
@@ -330,7 +280,7 @@ impl TexturePool {
             new = self.placed.drain().map(|(id, _)| id).filter(ready).chain(new).collect();
             new.sort_unstable();
             new.dedup();
-            self.packer = ShelfPacker { page, ..Default::default() };
+            self.packer = ShelfPacker::of_page(page);
             self.atlas = None;
         }
         for id in &new {
@@ -351,94 +301,16 @@ impl TexturePool {
         }
 
         // More pages than the atlas has: a new one, and everything is copied again.
-        if self.atlas.as_ref().is_none_or(|a| layers(a) < self.packer.pages) {
-            let atlas = device.create_texture(&TextureDescriptor {
-                label: Some("texture atlas"),
-                size: Extent3d {
-                    width: page_size(&self.packer),
-                    height: page_size(&self.packer),
-                    depth_or_array_layers: self.packer.pages,
-                },
-                mip_level_count: 1,
-                sample_count: 1,
-                dimension: TextureDimension::D2,
-                format: FORMAT,
-                usage: TextureUsages::TEXTURE_BINDING | TextureUsages::STORAGE_BINDING,
-                view_formats: &[],
-            });
-            self.atlas_view = Some(atlas.create_view(&TextureViewDescriptor {
-                dimension: Some(TextureViewDimension::D2Array),
-                ..Default::default()
-            }));
-            self.atlas = Some(atlas);
+        if self.atlas.as_ref().is_none_or(|a| a.layers() < self.packer.pages) {
+            self.atlas = Some(Atlas::new(self.packer.page, self.packer.pages, device));
             new = self.placed.keys().copied().filter(ready).collect();
         }
-        let Some(target) = &self.atlas_view else { return false };
-
-        let layout = pipelines.get_bind_group_layout(&self.layout);
-        let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor { label: Some("restir atlas") });
-        for id in new {
-            let (Some(image), Some(place)) = (images.get(id), self.placed.get(&id)) else {
-                continue;
-            };
-            let source = image.texture.create_view(&TextureViewDescriptor {
-                dimension: Some(TextureViewDimension::D2),
-                mip_level_count: Some(1),
-                array_layer_count: Some(1),
-                ..Default::default()
-            });
-            let copy = GpuCopy {
-                corner: place.corner.to_array(),
-                size: place.size.to_array(),
-                layer: place.layer,
-                encode_srgb: image.texture_descriptor.format.is_srgb() as u32,
-                pad: [0; 2],
-            };
-            let parameters = device.create_buffer_with_data(&BufferInitDescriptor {
-                label: Some("restir atlas copy"),
-                contents: bytemuck::bytes_of(&copy),
-                usage: BufferUsages::UNIFORM,
-            });
-            let bind_group = device.create_bind_group(
-                "restir atlas copy",
-                &layout,
-                &BindGroupEntries::sequential((parameters.as_entire_binding(), &source, target)),
-            );
-            let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
-            pass.set_pipeline(pipeline);
-            pass.set_bind_group(0, &bind_group, &[]);
-            pass.dispatch_workgroups(place.size.x.div_ceil(8), place.size.y.div_ceil(8), 1);
-        }
-        queue.submit([encoder.finish()]);
+        let Some(atlas) = &self.atlas else { return false };
+        let jobs = new.iter().filter_map(|id| {
+            Some((&images.get(*id)?.texture, *self.placed.get(id)?, self.info.get(id)?.encoding))
+        });
+        self.copier.copy(jobs, atlas, pipeline, pipelines, device, queue);
         self.revision += 1;
         true
-    }
-}
-
-fn page_size(packer: &ShelfPacker) -> u32 {
-    packer.page
-}
-
-fn layers(texture: &Texture) -> u32 {
-    texture.depth_or_array_layers()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn placements_never_overlap() {
-        let mut packer = ShelfPacker { page: 256, ..Default::default() };
-        let sizes = [64, 128, 17, 256, 30, 31, 200, 64, 100, 5];
-        let placed: Vec<_> =
-            sizes.iter().flat_map(|&w| sizes.iter().map(move |&h| UVec2::new(w, h))).map(|s| packer.place(s)).collect();
-        for (i, a) in placed.iter().enumerate() {
-            assert!((a.corner + a.size).max_element() <= 256);
-            for b in &placed[..i] {
-                let apart = a.corner.cmpge(b.corner + b.size).any() || b.corner.cmpge(a.corner + a.size).any();
-                assert!(a.layer != b.layer || apart, "{a:?} {b:?}");
-            }
-        }
     }
 }

@@ -25,13 +25,16 @@ pub struct Lit<'g> {
     pub lights: Vec<GpuLight>,
     /// One page of the atlas, 4x4.
     pub atlas: [[u8; 4]; 16],
+    /// Records of textures, and second texture coordinates, of a row at most.
+    pub table: Vec<[u32; 4]>,
+    pub second_uvs: Vec<[[f32; 2]; 3]>,
     map: wgpu::TextureView,
     importance: wgpu::TextureView,
 }
 
 pub const IDENTITY: Rows = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 
-fn texture(gpu: &Gpu, format: wgpu::TextureFormat, levels: &[(u32, u32, &[u8])]) -> wgpu::Texture {
+pub fn texture(gpu: &Gpu, format: wgpu::TextureFormat, levels: &[(u32, u32, &[u8])]) -> wgpu::Texture {
     let size = |w, h| wgpu::Extent3d { width: w, height: h, depth_or_array_layers: 1 };
     let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: None,
@@ -73,6 +76,8 @@ impl<'g> Lit<'g> {
             materials: Vec::new(),
             lights: Vec::new(),
             atlas: [[255; 4]; 16],
+            table: Vec::new(),
+            second_uvs: Vec::new(),
             map: view(&dark),
             importance: view(&dark),
         };
@@ -151,6 +156,14 @@ impl<'g> Lit<'g> {
             dimension: Some(wgpu::TextureViewDimension::D2Array),
             ..Default::default()
         });
+        // A row of each array.
+        let mut table = self.table.clone();
+        table.resize(1024, [0; 4]);
+        let table = texture(gpu, wgpu::TextureFormat::Rgba32Uint, &[(1024, 1, bytemuck::cast_slice(&table))]);
+        let mut uvs = self.second_uvs.clone();
+        uvs.resize(1024, [[0.0; 2]; 3]);
+        let uvs = texture(gpu, wgpu::TextureFormat::Rg32Float, &[(3 * 1024, 1, bytemuck::cast_slice(&uvs))]);
+        let [table, uvs] = [table, uvs].map(|t| t.create_view(&Default::default()));
         let mut bound = vec![
             (0, 0, Bound::Buffer(&scene)),
             (0, 2, Bound::Buffer(&triangles)),
@@ -159,6 +172,8 @@ impl<'g> Lit<'g> {
             (0, 5, Bound::Buffer(&materials)),
             (0, 6, Bound::Buffer(&lights)),
             (0, 7, Bound::Texture(&atlas)),
+            (0, 9, Bound::Texture(&table)),
+            (0, 10, Bound::Texture(&uvs)),
             (1, 0, Bound::Buffer(&view)),
             (1, 2, Bound::Texture(&self.map)),
             (1, 3, Bound::Texture(&self.importance)),

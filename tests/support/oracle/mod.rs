@@ -4,3 +4,4 @@ pub mod bsdf;
 pub mod environment;
 pub mod mis;
 pub mod quadrature;
+pub mod texture;

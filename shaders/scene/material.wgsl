@@ -1,0 +1,249 @@
+// Materials with their textures at a point of a triangle.  A material without textures holds none: those of the others lie in a table,
+// a record of slots each, and are sampled at one place, however many there are.
+#define_import_path bevy_restir::scene::material
+
+#import bevy_restir::common::constants::{INSTANCE_SECOND_UV, MATERIAL_FLIP_NORMAL_MAP_Y, SLOT_BASE_COLOR, SLOT_EMISSIVE, SLOT_METALLIC_ROUGHNESS, SLOT_NORMAL, SLOT_SPECULAR, SLOT_SPECULAR_TINT, SLOT_SPECULAR_TRANSMISSION, SLOT_TRANSFORM}
+#import bevy_restir::scene::bindings::{attributes, ELEMENTS_A_ROW, instances, materials, second_uvs, texture_table}
+#import bevy_restir::scene::cone::Cone
+#import bevy_restir::scene::texture::{has_texture, sample_area, sample_texture, TEXTURE_SECOND_UV, TEXTURE_TWO_COMPONENTS, TextureArea}
+#import bevy_restir::scene::triangle::{safe_normalize, WorldTriangle}
+
+// A material's factors times its textures.
+struct MaterialPoint {
+    base_color: vec3<f32>,
+    metallic: f32,
+    emission: vec3<f32>,
+    perceptual_roughness: f32,
+    dielectric_reflectance: vec3<f32>,
+    specular_transmission: f32,
+    normal: vec3<f32>,         // in the frame of the tangent; (0, 0, 1) without a map
+}
+
+// Where `material` is textured, and what a cone covers there.
+fn material_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, t: WorldTriangle, wo: vec3<f32>, cone: Cone) -> MaterialPoint {
+    let material = instances[instance].material;
+    let p = MaterialPoint(
+        materials[material].base_color,
+        materials[material].metallic,
+        materials[material].emissive,
+        materials[material].perceptual_roughness,
+        materials[material].dielectric_reflectance,
+        materials[material].specular_transmission,
+        vec3<f32>(0.0, 0.0, 1.0),
+    );
+    return textured(p, instance, triangle, barycentrics, t, wo, cone);
+}
+
+// Texture coordinates of the corners of a triangle.
+struct CornerUvs {
+    a: vec2<f32>,
+    b: vec2<f32>,
+    c: vec2<f32>,
+}
+
+fn corner_uvs(triangle: u32) -> CornerUvs {
+    return CornerUvs(attributes[triangle].uv_a, attributes[triangle].uv_b, attributes[triangle].uv_c);
+}
+
+#ifdef TEXTURES
+fn textured(factors: MaterialPoint, instance: u32, triangle: u32, barycentrics: vec2<f32>, t: WorldTriangle, wo: vec3<f32>, cone: Cone) -> MaterialPoint {
+    let material = instances[instance].material;
+    let covered = covered_by(cone, t, wo);
+    let first = corner_uvs(triangle);
+    let second = second_corner_uvs(instance, triangle);
+    let transform = transform_of(material);
+    var at = first_slot(material);
+    var p = factors;
+    // One call of what is long, not one a texture.
+    for (var kinds = materials[material].textures & ~SLOT_TRANSFORM; kinds != 0u; kinds &= kinds - 1u) {
+        let slot = table_entry(at);
+        at += 1u;
+        var uvs = first;
+        if (slot.x & TEXTURE_SECOND_UV) != 0u {
+            uvs = second;
+        }
+        let area = TextureArea(
+            transformed(transform, at_barycentrics(uvs, barycentrics)),
+            turned(transform, along_barycentrics(uvs, covered.xy)),
+            turned(transform, along_barycentrics(uvs, covered.zw)),
+        );
+        if has_texture(slot) {
+            p = times_texel(p, kinds & (0u - kinds), slot, sample_area(slot, area), materials[material].flags);
+        }
+    }
+    return p;
+}
+
+fn times_texel(factors: MaterialPoint, kind: u32, slot: vec4<u32>, texel: vec4<f32>, flags: u32) -> MaterialPoint {
+    var p = factors;
+    switch kind {
+        case SLOT_BASE_COLOR: {
+            p.base_color *= texel.rgb;
+        }
+        case SLOT_METALLIC_ROUGHNESS: {
+            p.metallic *= texel.b;
+            p.perceptual_roughness *= texel.g;
+        }
+        case SLOT_NORMAL: {
+            p.normal = normal_of(slot, texel, flags);
+        }
+        case SLOT_EMISSIVE: {
+            p.emission *= texel.rgb;
+        }
+        default: {
+            p = times_layer_texel(p, kind, slot, texel, flags);
+        }
+    }
+    return p;
+}
+
+fn normal_of(slot: vec4<u32>, texel: vec4<f32>, flags: u32) -> vec3<f32> {
+    var n = texel.xyz * 2.0 - 1.0;
+    if (slot.x & TEXTURE_TWO_COMPONENTS) != 0u {
+        n.z = sqrt(max(0.0, 1.0 - dot(n.xy, n.xy)));
+    }
+    if (flags & MATERIAL_FLIP_NORMAL_MAP_Y) != 0u {
+        n.y = -n.y;
+    }
+    return n;
+}
+
+// What the cone's ellipse on the triangle is in barycentrics: its longer axis, along which the ray slants, and the other.
+fn covered_by(cone: Cone, t: WorldTriangle, wo: vec3<f32>) -> vec4<f32> {
+    let cosine = dot(wo, t.normal);
+    let slant = wo - cosine * t.normal;
+    let along = safe_normalize(select(slant, t.edge_b, dot(slant, slant) < 1.0e-6));
+    let long = along * (cone.width / max(abs(cosine), 1.0e-3));
+    let short = cross(t.normal, along) * cone.width;
+    let scale = 1.0 / max(2.0 * t.area, 1.0e-37);
+    let covered = scale * vec4<f32>(
+        dot(cross(long, t.edge_c), t.normal),
+        dot(cross(t.edge_b, long), t.normal),
+        dot(cross(short, t.edge_c), t.normal),
+        dot(cross(t.edge_b, short), t.normal),
+    );
+    return clamp(covered, vec4<f32>(-1.0e6), vec4<f32>(1.0e6));
+}
+
+// The texture of a kind at a point, as it is.
+fn texel_at(kind: u32, instance: u32, triangle: u32, barycentrics: vec2<f32>) -> vec4<f32> {
+    let material = instances[instance].material;
+    let kinds = materials[material].textures;
+    if (kinds & kind) == 0u {
+        return vec4<f32>(1.0);
+    }
+    let slot = table_entry(first_slot(material) + countOneBits(kinds & (kind - 1u)));
+    if !has_texture(slot) {
+        return vec4<f32>(1.0);
+    }
+    var uvs = corner_uvs(triangle);
+    if (slot.x & TEXTURE_SECOND_UV) != 0u {
+        uvs = second_corner_uvs(instance, triangle);
+    }
+    return sample_texture(slot, transformed(transform_of(material), at_barycentrics(uvs, barycentrics)));
+}
+
+fn emission_at(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> vec3<f32> {
+    return materials[instances[instance].material].emissive * texel_at(SLOT_EMISSIVE, instance, triangle, barycentrics).rgb;
+}
+
+fn alpha_at(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
+    return materials[instances[instance].material].alpha * texel_at(SLOT_BASE_COLOR, instance, triangle, barycentrics).a;
+}
+
+fn at_barycentrics(uvs: CornerUvs, b: vec2<f32>) -> vec2<f32> {
+    return (1.0 - b.x - b.y) * uvs.a + b.x * uvs.b + b.y * uvs.c;
+}
+
+// How they change along a direction in the triangle.
+fn along_barycentrics(uvs: CornerUvs, d: vec2<f32>) -> vec2<f32> {
+    return d.x * (uvs.b - uvs.a) + d.y * (uvs.c - uvs.a);
+}
+
+fn table_entry(index: u32) -> vec4<u32> {
+    return textureLoad(texture_table, vec2<u32>(index % ELEMENTS_A_ROW, index / ELEMENTS_A_ROW), 0);
+}
+
+// A record begins with the transform of the coordinates, where it has one.
+fn first_slot(material: u32) -> u32 {
+    return materials[material].texture_record + select(0u, 2u, (materials[material].textures & SLOT_TRANSFORM) != 0u);
+}
+
+struct UvTransform {
+    columns: mat2x2<f32>,
+    shift: vec2<f32>,
+}
+
+fn transform_of(material: u32) -> UvTransform {
+    if (materials[material].textures & SLOT_TRANSFORM) == 0u {
+        return UvTransform(mat2x2<f32>(vec2<f32>(1.0, 0.0), vec2<f32>(0.0, 1.0)), vec2<f32>(0.0));
+    }
+    let columns = bitcast<vec4<f32>>(table_entry(materials[material].texture_record));
+    let shift = bitcast<vec4<f32>>(table_entry(materials[material].texture_record + 1u));
+    return UvTransform(mat2x2<f32>(columns.xy, columns.zw), shift.xy);
+}
+
+fn transformed(t: UvTransform, uv: vec2<f32>) -> vec2<f32> {
+    return t.columns * uv + t.shift;
+}
+
+fn turned(t: UvTransform, d: vec2<f32>) -> vec2<f32> {
+    return t.columns * d;
+}
+#else
+fn textured(factors: MaterialPoint, instance: u32, triangle: u32, barycentrics: vec2<f32>, t: WorldTriangle, wo: vec3<f32>, cone: Cone) -> MaterialPoint {
+    return factors;
+}
+
+fn emission_at(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> vec3<f32> {
+    return materials[instances[instance].material].emissive;
+}
+
+fn alpha_at(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
+    return materials[instances[instance].material].alpha;
+}
+#endif
+
+// Textures of what lies beyond base colour, metal, normal and emission.
+#ifdef LAYER_TEXTURES
+fn times_layer_texel(factors: MaterialPoint, kind: u32, slot: vec4<u32>, texel: vec4<f32>, flags: u32) -> MaterialPoint {
+    var p = factors;
+    switch kind {
+        case SLOT_SPECULAR: {
+            // As Bevy: its alpha is a reflectance of up to a half, and reflectances are squared.
+            p.dielectric_reflectance *= 0.25 * texel.a * texel.a;
+        }
+        case SLOT_SPECULAR_TINT: {
+            p.dielectric_reflectance *= texel.rgb * texel.rgb;
+        }
+        case SLOT_SPECULAR_TRANSMISSION: {
+            p.specular_transmission *= texel.r;
+        }
+        default: {}
+    }
+    return p;
+}
+#else
+fn times_layer_texel(factors: MaterialPoint, kind: u32, slot: vec4<u32>, texel: vec4<f32>, flags: u32) -> MaterialPoint {
+    return factors;
+}
+#endif
+
+// The second texture coordinates; of a mesh that has none, the first.
+#ifdef SECOND_UVS
+fn second_corner_uvs(instance: u32, triangle: u32) -> CornerUvs {
+    if (instances[instance].flags & INSTANCE_SECOND_UV) == 0u {
+        return corner_uvs(triangle);
+    }
+    let at = vec2<u32>(3u * (triangle % ELEMENTS_A_ROW), triangle / ELEMENTS_A_ROW);
+    return CornerUvs(
+        textureLoad(second_uvs, at, 0).xy,
+        textureLoad(second_uvs, at + vec2<u32>(1u, 0u), 0).xy,
+        textureLoad(second_uvs, at + vec2<u32>(2u, 0u), 0).xy,
+    );
+}
+#else
+fn second_corner_uvs(instance: u32, triangle: u32) -> CornerUvs {
+    return corner_uvs(triangle);
+}
+#endif

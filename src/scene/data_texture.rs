@@ -1,0 +1,104 @@
+//! Arrays that are read as textures, since a stage binds but eight storage buffers: elements lie along rows of equal length.
+
+use bevy::render::{
+    render_resource::*,
+    renderer::{RenderDevice, RenderQueue},
+};
+use bytemuck::Pod;
+use std::marker::PhantomData;
+
+/// Elements a row: equal to `ELEMENTS_A_ROW` in `shaders/scene/bindings.wgsl`.
+const ROW: u32 = 1024;
+
+/// Elements of `T`, each some texels that lie side by side.
+pub(crate) struct DataTexture<T> {
+    label: &'static str,
+    format: TextureFormat,
+    texels: u32,
+    texture: Option<Texture>,
+    view: Option<TextureView>,
+    element: PhantomData<T>,
+}
+
+impl<T: Pod> DataTexture<T> {
+    /// Nothing yet: `texels` of this format make an element.
+    pub(crate) fn new(label: &'static str, format: TextureFormat, texels: u32) -> Self {
+        Self { label, format, texels, texture: None, view: None, element: PhantomData }
+    }
+
+    /// Elements that a texture of this device can hold.
+    pub(crate) fn limit(device: &RenderDevice) -> u32 {
+        ROW * device.limits().max_texture_dimension_2d
+    }
+
+    /// Makes room for `count` elements.  True where what was there is lost.
+    pub(crate) fn reserve(&mut self, count: u32, device: &RenderDevice) -> bool {
+        let rows = count.div_ceil(ROW).max(1);
+        if self.texture.as_ref().is_some_and(|t| t.height() >= rows) {
+            return false;
+        }
+        let texture = device.create_texture(&TextureDescriptor {
+            label: Some(self.label),
+            size: Extent3d {
+                width: ROW * self.texels,
+                height: rows.next_power_of_two().min(device.limits().max_texture_dimension_2d),
+                depth_or_array_layers: 1,
+            },
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: TextureDimension::D2,
+            format: self.format,
+            usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
+            view_formats: &[],
+        });
+        self.view = Some(texture.create_view(&TextureViewDescriptor::default()));
+        self.texture = Some(texture);
+        true
+    }
+
+    /// Uploads elements from `first` on, within what was reserved.  Returns the bytes sent.
+    pub(crate) fn write(&self, first: u32, data: &[T], queue: &RenderQueue) -> u64 {
+        let Some(texture) = &self.texture else { return 0 };
+        let (mut at, mut rest) = (first, data);
+        while !rest.is_empty() && at / ROW < texture.height() {
+            // A part of a row, or as many whole rows as there are.
+            let column = at % ROW;
+            let whole = if column == 0 { rest.len() as u32 / ROW } else { 0 };
+            let (width, rows) =
+                if whole > 0 { (ROW, whole) } else { ((ROW - column).min(rest.len() as u32), 1) };
+            let (part, after) = rest.split_at((width * rows) as usize);
+            queue.write_texture(
+                TexelCopyTextureInfo {
+                    origin: Origin3d { x: column * self.texels, y: at / ROW, z: 0 },
+                    ..texture.as_image_copy()
+                },
+                bytemuck::cast_slice(part),
+                TexelCopyBufferLayout {
+                    offset: 0,
+                    bytes_per_row: Some(width * size_of::<T>() as u32),
+                    rows_per_image: None,
+                },
+                Extent3d { width: width * self.texels, height: rows, depth_or_array_layers: 1 },
+            );
+            at += part.len() as u32;
+            rest = after;
+        }
+        (data.len() * size_of::<T>()) as u64
+    }
+
+    /// Gives the memory back.
+    pub(crate) fn clear(&mut self) {
+        (self.texture, self.view) = (None, None);
+    }
+
+    /// To bind, once something was reserved.
+    pub(crate) fn view(&self) -> Option<&TextureView> {
+        self.view.as_ref()
+    }
+
+    /// Name and bytes, for the statistics.
+    pub(crate) fn memory(&self) -> (&'static str, u64) {
+        let bytes = |t: &Texture| t.height() as u64 * ROW as u64 * size_of::<T>() as u64;
+        (self.label, self.texture.as_ref().map_or(0, bytes))
+    }
+}

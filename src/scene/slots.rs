@@ -1,0 +1,153 @@
+//! The textures of a `StandardMaterial`, and the record of them that shaders read (`shaders/scene/material.wgsl`).
+
+use bevy::{
+    asset::Handle,
+    image::Image,
+    log::warn_once,
+    math::Affine2,
+    mesh::UvChannel,
+    pbr::StandardMaterial,
+};
+
+use super::textures::{SECOND_UV, TexturePool};
+use crate::gpu_types::*;
+
+/// A texture that a material uses: its kind, `SLOT_*`, and whether it goes by the second texture coordinates.
+pub(super) struct MaterialTexture<'a> {
+    pub kind: u32,
+    pub image: &'a Handle<Image>,
+    pub second_uv: bool,
+}
+
+/// In the order of their kinds.  A texture that scales a factor of 0 is none.
+pub(super) fn textures_of(m: &StandardMaterial) -> impl Iterator<Item = MaterialTexture<'_>> {
+    let glows = m.emissive.red.max(m.emissive.green).max(m.emissive.blue) > 0.0 && !m.unlit;
+    [
+        (SLOT_BASE_COLOR, true, &m.base_color_texture, &m.base_color_channel),
+        (SLOT_METALLIC_ROUGHNESS, true, &m.metallic_roughness_texture, &m.metallic_roughness_channel),
+        (SLOT_NORMAL, true, &m.normal_map_texture, &m.normal_map_channel),
+        (SLOT_EMISSIVE, glows, &m.emissive_texture, &m.emissive_channel),
+    ]
+    .into_iter()
+    .chain(layer_textures_of(m))
+    .filter_map(|(kind, shows, image, channel)| {
+        let image = image.as_ref().filter(|_| shows)?;
+        Some(MaterialTexture { kind, image, second_uv: matches!(channel, UvChannel::Uv1) })
+    })
+}
+
+type Row<'a> = (u32, bool, &'a Option<Handle<Image>>, &'a UvChannel);
+
+#[cfg(feature = "material_textures")]
+fn layer_textures_of(m: &StandardMaterial) -> impl Iterator<Item = Row<'_>> {
+    let transmits = m.specular_transmission > 0.0;
+    [
+        (
+            SLOT_SPECULAR_TRANSMISSION,
+            transmits,
+            &m.specular_transmission_texture,
+            &m.specular_transmission_channel,
+        ),
+        (SLOT_SPECULAR, m.reflectance > 0.0, &m.specular_texture, &m.specular_channel),
+        (SLOT_SPECULAR_TINT, m.reflectance > 0.0, &m.specular_tint_texture, &m.specular_tint_channel),
+    ]
+    .into_iter()
+}
+
+/// Without the feature a `StandardMaterial` has no more.
+#[cfg(not(feature = "material_textures"))]
+fn layer_textures_of(_: &StandardMaterial) -> impl Iterator<Item = Row<'_>> {
+    core::iter::empty()
+}
+
+/// Kinds that are read where `SceneFeatures::LAYER_TEXTURES` is set.
+pub(super) const LAYER_SLOTS: u32 = !(SLOT_BASE_COLOR | SLOT_METALLIC_ROUGHNESS | SLOT_NORMAL | SLOT_EMISSIVE | SLOT_TRANSFORM);
+
+/// Appends the record of a material to the table.  Gives the kinds of its textures (0: none is there, and no record), and whether one
+/// goes by the second texture coordinates.
+pub(super) fn add_record(m: &StandardMaterial, textures: &TexturePool, table: &mut Vec<[u32; 4]>) -> (u32, bool) {
+    let first = table.len();
+    let (mut kinds, mut second_uvs) = (0, false);
+    for texture in textures_of(m) {
+        let mut slot = textures.slot(texture.image.id());
+        if slot == NO_TEXTURE {
+            continue;
+        }
+        if kinds == 0 && m.uv_transform != Affine2::IDENTITY {
+            kinds |= SLOT_TRANSFORM;
+            table.extend(transform_of(m));
+        }
+        if texture.second_uv {
+            slot[0] |= SECOND_UV;
+            second_uvs = true;
+        }
+        kinds |= texture.kind;
+        table.push(slot);
+    }
+    debug_assert!(kinds != 0 || table.len() == first);
+    (kinds, second_uvs)
+}
+
+fn transform_of(m: &StandardMaterial) -> [[u32; 4]; 2] {
+    let mut transform = m.uv_transform;
+    if !transform.is_finite() {
+        warn_once!("restir: a material has a uv_transform that is not finite; its textures are not transformed");
+        transform = Affine2::IDENTITY;
+    }
+    let [a, b, c, d] = transform.matrix2.to_cols_array().map(f32::to_bits);
+    let [x, y] = transform.translation.to_array().map(f32::to_bits);
+    [[a, b, c, d], [x, y, 0, 0]]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bevy::asset::uuid::Uuid;
+
+    /// A handle that says which it is.
+    fn image(number: u128) -> Option<Handle<Image>> {
+        Some(Handle::Uuid(Uuid::from_u128(number), core::marker::PhantomData))
+    }
+
+    fn found(m: &StandardMaterial) -> Vec<(u32, u128, bool)> {
+        let number = |handle: &Handle<Image>| match handle {
+            Handle::Uuid(uuid, _) => uuid.as_u128(),
+            Handle::Strong(_) => 0,
+        };
+        textures_of(m).map(|t| (t.kind, number(t.image), t.second_uv)).collect()
+    }
+
+    #[test]
+    fn every_texture_of_a_material_is_found_in_order() {
+        let m = StandardMaterial {
+            base_color_texture: image(1),
+            metallic_roughness_texture: image(2),
+            normal_map_texture: image(3),
+            normal_map_channel: UvChannel::Uv1,
+            emissive_texture: image(4),
+            ..Default::default()
+        };
+        let dark = [(SLOT_BASE_COLOR, 1, false), (SLOT_METALLIC_ROUGHNESS, 2, false), (SLOT_NORMAL, 3, true)];
+        assert_eq!(found(&m), dark, "what does not glow needs no texture for it");
+        let m = StandardMaterial { emissive: bevy::color::LinearRgba::WHITE, ..m };
+        assert_eq!(found(&m).last(), Some(&(SLOT_EMISSIVE, 4, false)));
+    }
+
+    #[cfg(feature = "material_textures")]
+    #[test]
+    fn textures_of_layers_are_found_where_their_factor_is_not_0() {
+        let m = StandardMaterial {
+            specular_transmission_texture: image(5),
+            specular_texture: image(12),
+            specular_channel: UvChannel::Uv1,
+            specular_tint_texture: image(13),
+            reflectance: 2.0,
+            ..Default::default()
+        };
+        assert_eq!(found(&m), [(SLOT_SPECULAR, 12, true), (SLOT_SPECULAR_TINT, 13, false)]);
+        let m = StandardMaterial { specular_transmission: 0.5, ..m };
+        assert_eq!(found(&m)[0], (SLOT_SPECULAR_TRANSMISSION, 5, false));
+        let kinds: Vec<u32> = found(&m).iter().map(|t| t.0).collect();
+        assert!(kinds.is_sorted(), "{kinds:?}");
+    }
+}

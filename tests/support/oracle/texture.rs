@@ -1,0 +1,127 @@
+//! Textures in f64: wrap modes, bilinear filter, box-filtered levels, and the mean over an area.
+
+use glam::{DVec2, DVec4};
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Wrap {
+    Repeat,
+    Mirror,
+    Clamp,
+}
+
+/// Texels by rows, linear values.
+#[derive(Clone, Debug)]
+pub struct Level {
+    pub width: usize,
+    pub height: usize,
+    pub texels: Vec<DVec4>,
+}
+
+impl Level {
+    pub fn new(width: usize, height: usize, texel: impl Fn(usize, usize) -> DVec4) -> Self {
+        let texels = (0..width * height).map(|i| texel(i % width, i / width)).collect();
+        Self { width, height, texels }
+    }
+
+    /// Half as large, each texel the mean of what it covers of this one.
+    pub fn halved(&self) -> Self {
+        let (width, height) = ((self.width / 2).max(1), (self.height / 2).max(1));
+        let cover = |i: usize, n: usize, j: usize, m: usize| {
+            let scale = m as f64 / n as f64;
+            (((i + 1) as f64 * scale).min((j + 1) as f64) - (i as f64 * scale).max(j as f64)).max(0.0) / scale
+        };
+        Self::new(width, height, |x, y| {
+            let mut sum = DVec4::ZERO;
+            for j in 0..self.height {
+                for i in 0..self.width {
+                    let weight = cover(x, width, i, self.width) * cover(y, height, j, self.height);
+                    sum += weight * self.texels[j * self.width + i];
+                }
+            }
+            sum
+        })
+    }
+}
+
+/// An image and its levels, down to one texel of its shorter side.
+#[derive(Clone, Debug)]
+pub struct Texture {
+    pub levels: Vec<Level>,
+    pub wrap: [Wrap; 2],
+    pub nearest: bool,
+}
+
+fn wrapped(i: i64, n: usize, wrap: Wrap) -> usize {
+    let n = n as i64;
+    (match wrap {
+        Wrap::Clamp => i.clamp(0, n - 1),
+        Wrap::Repeat => i.rem_euclid(n),
+        Wrap::Mirror => {
+            let m = i.rem_euclid(2 * n);
+            if m < n { m } else { 2 * n - 1 - m }
+        }
+    }) as usize
+}
+
+impl Texture {
+    pub fn new(image: Level, wrap: [Wrap; 2], nearest: bool) -> Self {
+        let mut levels = vec![image];
+        while levels.last().is_some_and(|l| l.width.min(l.height) > 1) {
+            levels.push(levels[levels.len() - 1].halved());
+        }
+        Self { levels, wrap, nearest }
+    }
+
+    fn texel(&self, level: usize, x: i64, y: i64) -> DVec4 {
+        let l = &self.levels[level];
+        l.texels[wrapped(y, l.height, self.wrap[1]) * l.width + wrapped(x, l.width, self.wrap[0])]
+    }
+
+    /// Bilinear; where it is asked for the nearest texel of the image itself.
+    pub fn sample_level(&self, level: usize, uv: DVec2) -> DVec4 {
+        let at = uv * DVec2::new(self.levels[level].width as f64, self.levels[level].height as f64);
+        if self.nearest && level == 0 {
+            return self.texel(0, at.x.floor() as i64, at.y.floor() as i64);
+        }
+        let low = (at - 0.5).floor();
+        let f = at - 0.5 - low;
+        let (x, y) = (low.x as i64, low.y as i64);
+        let row = |y| self.texel(level, x, y).lerp(self.texel(level, x + 1, y), f.x);
+        row(y).lerp(row(y + 1), f.y)
+    }
+
+    /// Between levels.
+    pub fn sample_at(&self, level: f64, uv: DVec2) -> DVec4 {
+        let level = level.clamp(0.0, (self.levels.len() - 1) as f64);
+        let low = level.floor();
+        let above = self.sample_level((low as usize + 1).min(self.levels.len() - 1), uv);
+        self.sample_level(low as usize, uv).lerp(above, level - low)
+    }
+
+    /// Up to four taps along the longer axis of an ellipse of these diameters, of a level as coarse as the shorter one.
+    pub fn sample_area(&self, uv: DVec2, axes: [DVec2; 2]) -> DVec4 {
+        let size = DVec2::new(self.levels[0].width as f64, self.levels[0].height as f64);
+        // Singular values of the matrix of both diameters, and the direction of the greater one.
+        let [a, b] = axes.map(|a| a * size);
+        let (e, f) = (0.5 * (a.x + b.y), 0.5 * (a.x - b.y));
+        let (g, h) = (0.5 * (a.y + b.x), 0.5 * (a.y - b.x));
+        let (long, short) = (e.hypot(h) + f.hypot(g), (e.hypot(h) - f.hypot(g)).abs());
+        let axis = DVec2::from_angle(0.5 * (h.atan2(e) + g.atan2(f))) * long / size;
+        let across = short.max(long / 4.0).max(1.0);
+        let taps = (long / across - 0.01).ceil().clamp(1.0, 4.0) as usize;
+        (0..taps)
+            .map(|tap| {
+                let along = (tap as f64 + 0.5) / taps as f64 - 0.5;
+                self.sample_at(across.log2(), uv + along * axis) / taps as f64
+            })
+            .sum()
+    }
+}
+
+pub fn srgb_to_linear(c: f64) -> f64 {
+    if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
+}
+
+pub fn linear_to_srgb(c: f64) -> f64 {
+    if c <= 0.003_130_8 { c * 12.92 } else { 1.055 * c.powf(1.0 / 2.4) - 0.055 }
+}
