@@ -35,7 +35,9 @@ fn byte(x: u32, y: u32, channel: u32) -> u8 {
 #[test]
 fn levels_are_means_in_linear_light() {
     let Some(mut rig) = Rig::new(8, 8) else { return };
-    for (width, height, srgb) in [(8, 8, true), (8, 8, false), (7, 5, true), (6, 9, false), (64, 64, true), (16, 4, true)] {
+    for (width, height, srgb) in
+        [(8, 8, true), (8, 8, false), (7, 5, true), (6, 9, false), (64, 64, true), (16, 4, true)]
+    {
         let mut image = texture(width, height, |x, y| [byte(x, y, 0), byte(x, y, 1), byte(x, y, 2), 255]);
         if !srgb {
             image.texture_descriptor.format = TextureFormat::Rgba8Unorm;
@@ -125,7 +127,8 @@ fn a_checkered_floor_is_sharp_near_by_and_still_at_the_horizon() {
     let Some(mut rig) = Rig::new(48, 48) else { return };
     let image = checks(&mut rig);
     floor(&mut rig, StandardMaterial { base_color_texture: image, ..lambert(1.0) });
-    *rig.get_mut::<Transform>(rig.camera) = Transform::from_xyz(0.3, 1.0, 0.2).looking_to(Vec3::new(0.1, -0.35, -1.0), Vec3::Y);
+    *rig.get_mut::<Transform>(rig.camera) =
+        Transform::from_xyz(0.3, 1.0, 0.2).looking_to(Vec3::new(0.1, -0.35, -1.0), Vec3::Y);
     rig.set(|restir| restir.debug_view = DebugView::Albedo);
     rig.until_ready();
     let rows = rows(&frames(&mut rig, 24));
@@ -150,7 +153,8 @@ fn a_mirror_shows_the_levels_of_what_is_far_in_it() {
     let mirror = StandardMaterial { metallic: 1.0, perceptual_roughness: 0.0, ..default() };
     // In front of the camera: all that it sees, it sees in the mirror.
     rig.spawn(square(10.0), mirror, Transform::from_xyz(0.0, 1.0, -2.0));
-    *rig.get_mut::<Transform>(rig.camera) = Transform::from_xyz(0.3, 1.0, 0.2).looking_to(Vec3::new(0.1, -0.3, -1.0), Vec3::Y);
+    *rig.get_mut::<Transform>(rig.camera) =
+        Transform::from_xyz(0.3, 1.0, 0.2).looking_to(Vec3::new(0.1, -0.3, -1.0), Vec3::Y);
     rig.until_ready();
     let rows = rows(&frames(&mut rig, 24));
     let horizon = rows.iter().position(|row| row[1] > 0.3).expect("there is a floor in the mirror");
@@ -169,7 +173,7 @@ fn techniques_agree_on_textures() {
 }
 
 #[test]
-#[ignore = "minutes"]
+#[ignore = "minutes: ./run test --full"]
 fn full_length_techniques_agree_on_textures() {
     let Some(mut rig) = scene(48, textured) else { return };
     let direct = || Direct { subset_count: 32, subset_size: 256, ..Direct::default() };

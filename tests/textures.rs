@@ -344,7 +344,8 @@ fn transforms_and_second_coordinates_choose_the_texel() {
         let mut textures = kinds;
         if transforms {
             let [a, b, c, d] = transform.matrix2.to_cols_array().map(f32::to_bits);
-            lit.table = vec![[a, b, c, d], [transform.translation.x.to_bits(), transform.translation.y.to_bits(), 0, 0]];
+            lit.table =
+                vec![[a, b, c, d], [transform.translation.x.to_bits(), transform.translation.y.to_bits(), 0, 0]];
             lit.table.extend([slot; 2]);
             textures |= SLOT_TRANSFORM;
         }
@@ -466,7 +467,9 @@ fn linear_and_float_images_keep_what_they_hold() {
         m.base_color = Color::BLACK;
     });
     rig.set(|restir| restir.bounces = 0);
-    for (corner, value) in [(Vec2::new(1.0, -1.0), values[0]), (Vec2::new(-1.0, -1.0), values[1]), (Vec2::new(1.0, 1.0), [0.0; 4])] {
+    for (corner, value) in
+        [(Vec2::new(1.0, -1.0), values[0]), (Vec2::new(-1.0, -1.0), values[1]), (Vec2::new(1.0, 1.0), [0.0; 4])]
+    {
         *rig.get_mut::<Transform>(entity) = Transform::from_translation(corner.extend(0.0));
         let got = rig.picture(1).centre();
         let expected = 2.0 * Vec3::new(value[0], value[1], value[2]);

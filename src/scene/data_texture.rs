@@ -64,8 +64,7 @@ impl<T: Pod> DataTexture<T> {
             // A part of a row, or as many whole rows as there are.
             let column = at % ROW;
             let whole = if column == 0 { rest.len() as u32 / ROW } else { 0 };
-            let (width, rows) =
-                if whole > 0 { (ROW, whole) } else { ((ROW - column).min(rest.len() as u32), 1) };
+            let (width, rows) = if whole > 0 { (ROW, whole) } else { ((ROW - column).min(rest.len() as u32), 1) };
             let (part, after) = rest.split_at((width * rows) as usize);
             queue.write_texture(
                 TexelCopyTextureInfo {

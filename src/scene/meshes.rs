@@ -22,8 +22,8 @@ use std::ops::Range;
 
 use super::{
     blas::{self, Blas, Bounds},
-    geometry::{self, Dropped},
     data_texture::DataTexture,
+    geometry::{self, Dropped},
     heap::{GpuArray, RangeAllocator},
 };
 use crate::gpu_types::*;
@@ -209,7 +209,9 @@ impl MeshPool {
         let count = self.triangle_ranges.end();
         if !wanted || count > DataTexture::<[[f32; 2]; 3]>::limit(device) {
             if wanted {
-                warn_once!("restir: second texture coordinates of {count} triangles do not fit this device; they are 0");
+                warn_once!(
+                    "restir: second texture coordinates of {count} triangles do not fit this device; they are 0"
+                );
             }
             self.second_uvs.clear();
             self.second_uvs_of.clear();

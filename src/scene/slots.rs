@@ -1,13 +1,6 @@
 //! The textures of a `StandardMaterial`, and the record of them that shaders read (`shaders/scene/material.wgsl`).
 
-use bevy::{
-    asset::Handle,
-    image::Image,
-    log::warn_once,
-    math::Affine2,
-    mesh::UvChannel,
-    pbr::StandardMaterial,
-};
+use bevy::{asset::Handle, image::Image, log::warn_once, math::Affine2, mesh::UvChannel, pbr::StandardMaterial};
 
 use super::textures::{SECOND_UV, TexturePool};
 use crate::gpu_types::*;
@@ -42,12 +35,7 @@ type Row<'a> = (u32, bool, &'a Option<Handle<Image>>, &'a UvChannel);
 fn layer_textures_of(m: &StandardMaterial) -> impl Iterator<Item = Row<'_>> {
     let transmits = m.specular_transmission > 0.0;
     [
-        (
-            SLOT_SPECULAR_TRANSMISSION,
-            transmits,
-            &m.specular_transmission_texture,
-            &m.specular_transmission_channel,
-        ),
+        (SLOT_SPECULAR_TRANSMISSION, transmits, &m.specular_transmission_texture, &m.specular_transmission_channel),
         (SLOT_SPECULAR, m.reflectance > 0.0, &m.specular_texture, &m.specular_channel),
         (SLOT_SPECULAR_TINT, m.reflectance > 0.0, &m.specular_tint_texture, &m.specular_tint_channel),
     ]
@@ -61,7 +49,8 @@ fn layer_textures_of(_: &StandardMaterial) -> impl Iterator<Item = Row<'_>> {
 }
 
 /// Kinds that are read where `SceneFeatures::LAYER_TEXTURES` is set.
-pub(super) const LAYER_SLOTS: u32 = !(SLOT_BASE_COLOR | SLOT_METALLIC_ROUGHNESS | SLOT_NORMAL | SLOT_EMISSIVE | SLOT_TRANSFORM);
+pub(super) const LAYER_SLOTS: u32 =
+    !(SLOT_BASE_COLOR | SLOT_METALLIC_ROUGHNESS | SLOT_NORMAL | SLOT_EMISSIVE | SLOT_TRANSFORM);
 
 /// Appends the record of a material to the table.  Gives the kinds of its textures (0: none is there, and no record), and whether one
 /// goes by the second texture coordinates.

@@ -306,9 +306,9 @@ impl TexturePool {
             new = self.placed.keys().copied().filter(ready).collect();
         }
         let Some(atlas) = &self.atlas else { return false };
-        let jobs = new.iter().filter_map(|id| {
-            Some((&images.get(*id)?.texture, *self.placed.get(id)?, self.info.get(id)?.encoding))
-        });
+        let jobs = new
+            .iter()
+            .filter_map(|id| Some((&images.get(*id)?.texture, *self.placed.get(id)?, self.info.get(id)?.encoding)));
         self.copier.copy(jobs, atlas, pipeline, pipelines, device, queue);
         self.revision += 1;
         true

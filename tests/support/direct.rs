@@ -194,7 +194,8 @@ pub fn shining(rig: &mut Rig) {
 /// Fine textures on a floor, an emitter and a blended pane, turned and repeated, and a mirror that shows them.
 pub fn textured(rig: &mut Rig) {
     mirrors(rig);
-    let mut checks = texture(16, 16, |x, y| if (x / 2 + y / 2) % 2 == 0 { [250, 240, 200, 255] } else { [30, 60, 90, 60] });
+    let mut checks =
+        texture(16, 16, |x, y| if (x / 2 + y / 2) % 2 == 0 { [250, 240, 200, 255] } else { [30, 60, 90, 60] });
     checks.sampler = bevy::image::ImageSampler::Descriptor(bevy::image::ImageSamplerDescriptor {
         address_mode_u: bevy::image::ImageAddressMode::Repeat,
         address_mode_v: bevy::image::ImageAddressMode::MirrorRepeat,
@@ -202,7 +203,8 @@ pub fn textured(rig: &mut Rig) {
     });
     let image = Some(rig.add::<Image>(checks));
     let uv_transform = bevy::math::Affine2::from_scale_angle_translation(Vec2::new(6.0, 4.0), 0.4, Vec2::new(0.1, 0.7));
-    let floor = Transform::from_xyz(0.0, -1.19, 0.0).with_rotation(Quat::from_rotation_x(-core::f32::consts::FRAC_PI_2));
+    let floor =
+        Transform::from_xyz(0.0, -1.19, 0.0).with_rotation(Quat::from_rotation_x(-core::f32::consts::FRAC_PI_2));
     rig.spawn(square(4.0), StandardMaterial { base_color_texture: image.clone(), uv_transform, ..lambert(0.9) }, floor);
     let glows = StandardMaterial { emissive_texture: image.clone(), uv_transform, ..lamp(3.0, 4.0, 5.0) };
     rig.spawn(square(0.9), glows, facing(Vec3::new(-1.2, 0.9, 0.6), Vec3::ZERO));
