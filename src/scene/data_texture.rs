@@ -82,7 +82,7 @@ impl<T: Pod> DataTexture<T> {
             at += part.len() as u32;
             rest = after;
         }
-        (data.len() * size_of::<T>()) as u64
+        size_of_val(data) as u64
     }
 
     /// Gives the memory back.
