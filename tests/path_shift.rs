@@ -126,14 +126,14 @@ fn come_back_from_other_pixels(seeds: u32, each: u32) {
         ] {
             let census = census(&mut rig, &defs, &alone(paths), seeds);
             let (back, away, lost, worst) = census.sums();
-            let flipped = census.count(|reason| matches!(reason, APART | HIDDEN));
+            let flipped = census.count(|reason| matches!(reason, EARLIER | UNCONNECTABLE | APART | HIDDEN));
             eprintln!(
                 "{name}, {what}: {back} paths came back, {away} did not arrive, {flipped} were lost at a threshold, {} otherwise, error at \
                  most {worst}",
                 lost - flipped
             );
-            // By rounding, a Jacobian that is within its limit there may be beyond it on the way back, and a place that is kept in 16 bits
-            // may lie behind the edge that the ray passed.
+            // By rounding, a footprint or a Jacobian that is within its limit there may be beyond it on the way back, and a place that is
+            // kept in 16 bits may lie behind the edge that the ray passed.
             assert!(back > 5000 * seeds && lost == flipped && flipped as f32 <= 1e-5 * back as f32, "{:?}", census.0);
             assert!(worst < 0.05, "{name}, {what}: {worst}");
             for (&(kind, reason), (count, _)) in &census.0 {
