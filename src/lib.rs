@@ -28,8 +28,8 @@ mod view;
 pub use passes::pipelines::plant_shader_defs;
 pub use passes::{SPAN_PREFIX, pass_names, pipelines::PipelineReport};
 pub use settings::{
-    BiasCorrection, DebugView, Direct, EmissiveLuminance, Mis, Paths, Preset, Reconnection, ReservoirLayout, Restir,
-    RestirEnvironment, ReuseOrder, Suffix, Technique, VisibilityReuse,
+    BiasCorrection, DebugView, Direct, EmissiveLuminance, Mis, Paths, Preset, RayBackend, Reconnection,
+    ReservoirLayout, Restir, RestirEnvironment, ReuseOrder, Suffix, Technique, VisibilityReuse,
 };
 pub use statistics::{RestirReport, RestirStatistics};
 pub use view::capture::{CapturedRadiance, RadianceCapture};
@@ -45,7 +45,7 @@ use bevy::{
     render::{
         Render, RenderApp, RenderSystems,
         render_resource::DownlevelFlags,
-        renderer::{RenderAdapter, RenderDevice},
+        renderer::{RenderAdapter, RenderAdapterInfo, RenderDevice},
         view::Msaa,
     },
     shader::Shader,
@@ -55,8 +55,8 @@ use core::any::TypeId;
 /// Everything that an app needs.
 pub mod prelude {
     pub use crate::{
-        BiasCorrection, DebugView, Direct, EmissiveLuminance, Mis, Paths, Preset, Reconnection, ReservoirLayout,
-        Restir, RestirEnvironment, RestirPlugin, ReuseOrder, Suffix, Technique, VisibilityReuse,
+        BiasCorrection, DebugView, Direct, EmissiveLuminance, Mis, Paths, Preset, RayBackend, Reconnection,
+        ReservoirLayout, Restir, RestirEnvironment, RestirPlugin, ReuseOrder, Suffix, Technique, VisibilityReuse,
     };
 }
 
@@ -70,6 +70,7 @@ impl Plugin for RestirPlugin {
         app.register_type::<Restir>()
             .register_type::<RestirEnvironment>()
             .init_resource::<EmissiveLuminance>()
+            .init_resource::<RayBackend>()
             .init_resource::<RestirStatistics>();
     }
 
@@ -88,16 +89,22 @@ impl Plugin for RestirPlugin {
 
         app.add_systems(First, require_single_sample)
             .add_systems(PostUpdate, hide_mirrored_meshes.after(VisibilitySystems::CheckVisibility));
+        let backend = *app.world().resource::<RayBackend>();
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
+        let world = render_app.world();
+        let ray_queries = match (world.get_resource::<RenderDevice>(), world.get_resource::<RenderAdapterInfo>()) {
+            (Some(device), Some(adapter)) => scene::hardware::is_chosen(backend, device, adapter),
+            _ => false,
+        };
         render_app
-            .insert_resource(passes::pipelines::PassPipelines::with_shaders(table.clone()))
+            .insert_resource(passes::pipelines::PassPipelines::with_shaders(table.clone(), ray_queries))
             .insert_resource(table)
             .insert_resource(statistics)
             .add_systems(
                 Render,
                 statistics::update_report.in_set(RenderSystems::Cleanup).before(view::capture::capture_radiance),
             );
-        scene::build(render_app);
+        scene::build(render_app, ray_queries);
         view::build(render_app);
         passes::build(render_app);
     }

@@ -270,3 +270,18 @@ impl Default for EmissiveLuminance {
         Self(1.0 / bevy::camera::Exposure::default().exposure())
     }
 }
+
+/// How rays are traced: a resource, read once when the app is finished.
+///
+/// Both back ends give the same pictures but for rays that pass an edge so closely that rounding decides; the difference is speed.
+/// [`RestirReport::backend`](crate::RestirReport) says which one is at work.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum RayBackend {
+    /// Ray queries where the device has them and is no CPU, else the software's.
+    #[default]
+    Auto,
+    /// Compute shaders that walk a two-level compressed BVH: runs on every device.
+    Software,
+    /// The device's ray queries.  Where it has none: the software's, with one warning.
+    Hardware,
+}

@@ -25,7 +25,7 @@ use crate::{
 pub struct RestirReport {
     /// Everything that the scene asks for is loaded, built and compiled: pictures are final from now on.
     pub ready: bool,
-    /// `software`: rays are traced in compute shaders through a CWBVH.
+    /// `software`: rays are traced in compute shaders through a CWBVH; `hardware`: by the device's ray queries.
     pub backend: &'static str,
     /// What the scene contains.
     pub features: SceneFeatures,
@@ -136,7 +136,7 @@ pub(crate) fn update_report(
 ) {
     let mut report = statistics.lock();
     report.ready = scene.ready && environments.ready && views.views.values().all(|v| v.rendered && v.key_is_wanted);
-    report.backend = "software";
+    report.backend = if scene.features.contains(SceneFeatures::RAY_QUERY) { "hardware" } else { "software" };
     report.features = scene.features;
     report.uploaded_bytes = scene.uploaded_bytes;
     report.pipelines = passes.report();
@@ -160,6 +160,7 @@ pub(crate) fn update_report(
             report.features |= key.features;
         }
     }
+    report.features.remove(SceneFeatures::RAY_QUERY);
     report.memory.retain(|(_, bytes)| *bytes > 0);
     report.rays = counters.rays as u64;
     report.non_finite_pixels = counters.non_finite_pixels as u64;

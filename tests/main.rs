@@ -30,6 +30,7 @@ mod path_motion;
 mod path_parts;
 mod path_scenes;
 mod path_shift;
+mod ray_queries;
 mod references;
 mod render_cli;
 mod resampling;

@@ -1,6 +1,10 @@
 //! Points moved off their surface by a bound on rounding: neither their own triangle nor a convex body stops what leaves them.
 
-use super::support::{gpu::gpu, scenes::*};
+use super::support::{
+    compose::Def,
+    gpu::{Gpu, back_ends},
+    scenes::*,
+};
 use bevy_restir::gpu_types::Rows;
 
 const OFFSET: &str = include_str!("support/kernels/offset.wgsl");
@@ -16,8 +20,13 @@ struct Pair {
 
 #[test]
 fn offset_points_leave_their_surface_at_every_scale() {
-    let Some(gpu) = gpu() else { return };
-    let kernel = gpu.kernel("offset", OFFSET, &[]);
+    for (gpu, backend) in back_ends() {
+        offset_points_leave_their_surface(gpu, &backend);
+    }
+}
+
+fn offset_points_leave_their_surface(gpu: &Gpu, backend: &[Def]) {
+    let kernel = gpu.kernel("offset", OFFSET, backend);
     let mut random = Random::new(8);
     let (mut failed, mut planted) = (0, 0);
     for scale in [1e-4f32, 1e-2, 1.0, 1e2, 1e5] {

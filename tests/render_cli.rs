@@ -253,7 +253,7 @@ fn statistics_are_complete_and_true() {
     let text = |v: &Value| v.as_str().unwrap_or_else(|| panic!("{v} is text")).to_string();
 
     assert!(!text(&stats["adapter"]).is_empty());
-    assert_eq!(text(&stats["backend"]), "software");
+    assert_eq!(text(&stats["backend"]), "software", "a CPU is faster without ray queries");
     assert_eq!((text(&stats["technique"]), text(&stats["preset"])), ("reference".into(), "balanced".into()));
     assert_eq!(stats["size"], serde_json::json!([20, 10]));
     assert_eq!(stats["frames"], 6);

@@ -81,24 +81,30 @@ fn every_pass_composes_validates_and_translates_in_every_pair_of_features() {
                 defs.extend(domain.iter().copied().map(flag));
                 let module = compose(&mut composer, path, text, &defs);
                 let what = format!("{path} with {domain:?} {:?}", features.names());
-                let info = Validator::new(ValidationFlags::all(), Capabilities::SHADER_FLOAT16_IN_FLOAT32)
+                let ray_queries = features.contains(SceneFeatures::RAY_QUERY);
+                let mut capabilities = Capabilities::SHADER_FLOAT16_IN_FLOAT32;
+                capabilities.set(Capabilities::RAY_QUERY, ray_queries);
+                let info = Validator::new(ValidationFlags::all(), capabilities)
                     .validate(&module)
                     .unwrap_or_else(|e| panic!("{what}: {e:?}"));
                 stays_inside_the_portable_limits(&module, &info, &what);
-                translates(&module, &info, &what);
+                translates(&module, &info, ray_queries, &what);
             }
         }
     }
 }
 
-fn translates(module: &naga::Module, info: &ModuleInfo, what: &str) {
-    spv::write_vec(module, info, &spv::Options::default(), None).unwrap_or_else(|e| panic!("{what}: SPIR-V: {e}"));
+/// Ray queries need SPIR-V 1.4 and shader model 6.5.
+fn translates(module: &naga::Module, info: &ModuleInfo, ray_queries: bool, what: &str) {
+    let options = spv::Options { lang_version: (1, if ray_queries { 4 } else { 0 }), ..Default::default() };
+    spv::write_vec(module, info, &options, None).unwrap_or_else(|e| panic!("{what}: SPIR-V: {e}"));
     // Bindings are given by the pipeline; here any will do.
     let options = msl::Options { fake_missing_bindings: true, lang_version: (2, 4), ..Default::default() };
     msl::write_string(module, info, &options, &msl::PipelineOptions::default())
         .unwrap_or_else(|e| panic!("{what}: MSL: {e}"));
     let mut text = String::new();
-    let options = hlsl::Options { fake_missing_bindings: true, ..Default::default() };
+    let shader_model = if ray_queries { hlsl::ShaderModel::V6_5 } else { hlsl::ShaderModel::V5_1 };
+    let options = hlsl::Options { fake_missing_bindings: true, shader_model, ..Default::default() };
     let pipeline = hlsl::PipelineOptions::default();
     hlsl::Writer::new(&mut text, &options, &pipeline)
         .write(module, info, None)
@@ -159,9 +165,20 @@ fn every_import_names_a_module_of_the_table() {
 }
 
 #[test]
+fn what_traces_knows_no_back_end() {
+    // With the other back end, such a pass would trace trees that are not there.
+    for (path, text) in MODULES.iter().filter(|(path, _)| *path != "trace/trace.wgsl") {
+        for backend in ["software", "hardware"] {
+            assert!(!text.contains(&format!("#import bevy_restir::trace::{backend}")), "{path} imports {backend}");
+        }
+    }
+}
+
+#[test]
 fn only_binding_modules_and_passes_bind() {
     for (path, text) in MODULES {
-        if !path.ends_with("bindings.wgsl") && !path.starts_with("pass/") {
+        // Acceleration structures are bound where they are used, for naga_oil's sake.
+        if !path.ends_with("bindings.wgsl") && !path.starts_with("pass/") && *path != "trace/hardware.wgsl" {
             assert!(!text.contains("@group("), "{path} binds");
         }
         assert_eq!(

@@ -26,7 +26,7 @@ use bevy::{
     window::ExitCondition,
     winit::WinitPlugin,
 };
-use bevy_restir::{CapturedRadiance, EmissiveLuminance, RestirPlugin, RestirStatistics};
+use bevy_restir::{CapturedRadiance, EmissiveLuminance, RayBackend, RestirPlugin, RestirStatistics};
 use clap::Parser;
 use scene::View;
 use std::{
@@ -77,9 +77,10 @@ pub fn quiet_drivers() {
     }
 }
 
-/// A headless app that reads its assets from a folder.
-pub fn app(folder: &Path) -> Result<App, String> {
+/// A headless app that reads its assets from a folder and traces rays as one likes.
+pub fn app(folder: &Path, backend: RayBackend) -> Result<App, String> {
     let mut app = App::new();
+    app.insert_resource(backend);
     app.add_plugins(
         DefaultPlugins
             .set(LogPlugin {

@@ -1,7 +1,7 @@
 //! One scene under one setting after another: what its frames cost, and how far off they are.
 
 use bevy::{app::App, math::UVec2, render::renderer::RenderAdapterInfo};
-use bevy_restir::{Restir, RestirEnvironment, RestirReport, RestirStatistics, Technique, pass_names};
+use bevy_restir::{RayBackend, Restir, RestirEnvironment, RestirReport, RestirStatistics, Technique, pass_names};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
@@ -123,7 +123,7 @@ impl Bench {
     pub fn of_scene((scene, name): &Scene, size: UVec2, settings: Restir, counts: &Counts) -> Result<Self, String> {
         let (folder, file) = scene::split(scene)?;
         let environment = environment(folder, name)?;
-        let mut app = headless::app(folder)?;
+        let mut app = headless::app(folder, RayBackend::Auto)?;
         scene::load(&mut app, file)?;
         let place = scene::file_camera(app.world_mut(), None)?;
         let setup = CameraSetup { size, exposure: scene::unit_exposure(), environment, settings };

@@ -8,8 +8,10 @@ mod error;
 mod headless;
 mod lights;
 mod output;
+mod rays;
 mod scale;
 mod series;
+mod support;
 mod table;
 
 use clap::{Parser, Subcommand};
@@ -27,6 +29,7 @@ struct Args {
 enum Command {
     Ablate(ablate::Args),
     Compare(compare::Args),
+    Rays(rays::Args),
     Scale(scale::Args),
     Steps(compare::Steps),
 }
@@ -40,6 +43,7 @@ fn main() -> ExitCode {
     let result = match &args.command {
         Command::Ablate(args) => ablate::run(args),
         Command::Compare(args) => compare::run(args),
+        Command::Rays(args) => rays::run(args),
         Command::Scale(args) => scale::run(args),
         Command::Steps(steps) => steps.run(),
     };

@@ -51,14 +51,17 @@ fn replaced(path: &Path, name: &str, text: &str) -> Result<String, String> {
     Ok(format!("{before}{open}\n\n{}\n\n{close}{after}", text.trim_end()))
 }
 
-/// What was run on what.
+/// What was run on what, and at which size of picture.
 pub fn header(adapter: String, size: UVec2) -> Vec<String> {
+    let mut lines = provenance(adapter);
+    lines.insert(2, format!("{} x {} pixels", size.x, size.y));
+    lines
+}
+
+/// What was run on what.
+pub fn provenance(adapter: String) -> Vec<String> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let mut lines = vec![
-        format!("`cargo run --example lab -- {}`", arguments.join(" ")),
-        adapter,
-        format!("{} x {} pixels", size.x, size.y),
-    ];
+    let mut lines = vec![format!("`cargo run --example lab -- {}`", arguments.join(" ")), adapter];
     let git = Command::new("git").args(["-C", env!("CARGO_MANIFEST_DIR"), "rev-parse", "--short", "HEAD"]).output();
     let git = git.ok().filter(|o| o.status.success());
     if let Some(output) = git {

@@ -1,7 +1,7 @@
 //! What light costs by the number of lights: the same panel, of the same power, cut into ever more triangles.
 
 use bevy::math::UVec2;
-use bevy_restir::RestirStatistics;
+use bevy_restir::{RayBackend, RestirStatistics};
 use std::{path::Path, time::Instant};
 
 use crate::{
@@ -56,7 +56,7 @@ struct Measured {
 
 pub fn run(args: &Args) -> Result<(), String> {
     args.output.check("scale")?;
-    let mut app = headless::app(Path::new("."))?;
+    let mut app = headless::app(Path::new("."), RayBackend::Auto)?;
     let place = lights::spawn_room(app.world_mut());
     let camera = CameraSetup {
         size: args.size,

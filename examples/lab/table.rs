@@ -16,6 +16,10 @@ pub enum Unit {
     Ratio,
     BytesAPixel,
     MiB,
+    Bytes,
+    BytesATriangle,
+    /// Millions of rays a second.
+    Rate,
 }
 
 impl Unit {
@@ -30,6 +34,9 @@ impl Unit {
             Self::Ratio => "x",
             Self::BytesAPixel => "bytes a pixel",
             Self::MiB => "MiB",
+            Self::Bytes => "bytes",
+            Self::BytesATriangle => "bytes a triangle",
+            Self::Rate => "M rays/s",
         }
     }
 
@@ -39,7 +46,7 @@ impl Unit {
             return "–".into();
         }
         let decimals = match self {
-            Self::Count | Self::BytesAPixel => 0,
+            Self::Count | Self::BytesAPixel | Self::Bytes => 0,
             Self::RaysAPixel => 2,
             _ if value == 0.0 => 0,
             _ => (2 - value.abs().log10().floor() as i32).clamp(0, 6) as usize,

@@ -1,7 +1,7 @@
 //! The command line.
 
 use bevy::{camera::Exposure, math::UVec2};
-use bevy_restir::{Preset, Restir, Technique};
+use bevy_restir::{Preset, RayBackend, Restir, Technique};
 use clap::{Parser, ValueEnum};
 use std::path::PathBuf;
 
@@ -52,7 +52,7 @@ pub struct Args {
     /// Name of the camera; without it the first of the file.
     #[arg(long)]
     pub camera: Option<String>,
-    /// How rays are traced.
+    /// How rays are traced: by ray queries where the device has them and is no CPU; always in software; by ray queries, if there are any.
     #[arg(long, value_enum, default_value = "auto")]
     pub backend: Backend,
     /// Plays the first animation of the file, 1/60 s a frame.
@@ -95,6 +95,16 @@ pub enum Backend {
     Hardware,
 }
 
+impl From<Backend> for RayBackend {
+    fn from(backend: Backend) -> Self {
+        match backend {
+            Backend::Auto => Self::Auto,
+            Backend::Software => Self::Software,
+            Backend::Hardware => Self::Hardware,
+        }
+    }
+}
+
 fn finite(text: &str) -> Result<f32, String> {
     text.parse()
         .ok()
@@ -131,9 +141,6 @@ impl Args {
         }
         for assignment in &self.set {
             set(&mut settings, assignment).map_err(|error| format!("--set {error}"))?;
-        }
-        if self.backend == Backend::Hardware {
-            return Err("--backend hardware: ray queries are not built yet".into());
         }
         Ok(settings)
     }

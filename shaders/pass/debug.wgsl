@@ -6,7 +6,7 @@
 #import bevy_restir::scene::triangle::world_triangle
 #import bevy_restir::trace::offset::surface_point
 #import bevy_restir::trace::ray::{rays_traced, trace_flags}
-#import bevy_restir::trace::software::trace_closest
+#import bevy_restir::trace::trace::trace_closest
 #import bevy_restir::view::alpha_seed::primary_alpha_seed
 #import bevy_restir::view::bindings::{ray_counts, view, visibility}
 #import bevy_restir::view::camera::{barycentrics_on_ray, motion_of_point, motion_of_sky, pixel_cone, primary_ray}

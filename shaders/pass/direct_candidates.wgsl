@@ -22,7 +22,7 @@
 #import bevy_restir::scene::surface::surface_at
 #import bevy_restir::trace::offset::offset_point
 #import bevy_restir::trace::ray::{Ray, rays_traced, trace_flags}
-#import bevy_restir::trace::software::trace_closest
+#import bevy_restir::trace::trace::trace_closest
 #import bevy_restir::view::bindings::{ray_counts, view, visibility}
 
 @group(2) @binding(2) var<storage, read_write> reservoirs: array<PackedReservoir>;

@@ -16,7 +16,7 @@
 #import bevy_restir::scene::surface::{Surface, surface_at}
 #import bevy_restir::trace::offset::offset_point
 #import bevy_restir::trace::ray::{Hit, Ray}
-#import bevy_restir::trace::software::trace_closest
+#import bevy_restir::trace::trace::trace_closest
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::camera::pixel_cone
 

@@ -7,7 +7,7 @@
 #import bevy_restir::scene::surface::Surface
 #import bevy_restir::trace::offset::{offset_distance, offset_point}
 #import bevy_restir::trace::ray::Ray
-#import bevy_restir::trace::software::trace_any
+#import bevy_restir::trace::trace::trace_any
 
 // The ray that a point of a light is seen along: from an offset point to one just short of the light's surface.
 fn ray_to_light(s: Surface, l: LightSample) -> Ray {

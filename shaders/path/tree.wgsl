@@ -25,7 +25,7 @@
 #import bevy_restir::shift::connect::{Connection, Departure, departure, geometry_factor, is_connectable, is_connectable_end, is_rough}
 #import bevy_restir::trace::offset::offset_point
 #import bevy_restir::trace::ray::Ray
-#import bevy_restir::trace::software::trace_closest
+#import bevy_restir::trace::trace::trace_closest
 #import bevy_restir::view::bindings::view
 
 // Roulette starts where a path has scattered this often.

@@ -23,7 +23,7 @@
 #import bevy_restir::shift::connect::{Connection, Departure, departure, geometry_factor, is_connectable, is_connectable_end, is_rough}
 #import bevy_restir::trace::offset::{offset_point, surface_point}
 #import bevy_restir::trace::ray::Ray
-#import bevy_restir::trace::software::{trace_any, trace_closest_of}
+#import bevy_restir::trace::trace::{trace_any, trace_closest_of}
 
 // Why a path cannot be shifted.
 const SHIFT_OK: u32 = 0u;

@@ -1,12 +1,12 @@
 // Rays through two levels of 8-wide compressed trees (Ylitie, Karras and Laine 2017, "Efficient Incoherent Ray Traversal
-// on GPUs Through Compressed Wide BVHs"; node layout of obvhs 0.4).  Nothing else may depend on what is in here but
-// `trace_closest` and `trace_any`.
+// on GPUs Through Compressed Wide BVHs"; node layout of obvhs 0.4).  `trace::trace` alone imports it.
 #define_import_path bevy_restir::trace::software
 
-#import bevy_restir::common::constants::{NONE, INSTANCE_ALPHA, OVERFLOW_STACK, OVERFLOW_STEPS}
+#import bevy_restir::common::constants::{NONE, OVERFLOW_STACK, OVERFLOW_STEPS}
 #import bevy_restir::scene::bindings::{scene, nodes, instances}
-#import bevy_restir::trace::alpha::alpha_passes
-#import bevy_restir::trace::ray::{Ray, Hit, rays_traced, trace_flags}
+#import bevy_restir::trace::alpha::accepts
+#import bevy_restir::trace::ray::{Ray, Hit, trace_flags}
+#import bevy_restir::trace::space::object_ray
 #import bevy_restir::trace::triangle::{ShearedRay, sheared_ray, intersect_triangle}
 
 // Equal to `blas::STACK_SIZE`: both trees' depth and the two groups kept on entering an instance.
@@ -31,24 +31,9 @@ struct Visit {
     primitives: vec2<u32>,
 }
 
-// The closest hit.
-fn trace_closest(ray: Ray, alpha_seed: u32) -> Hit {
-    return traverse(ray, alpha_seed, false, false);
-}
-
-// The closest hit, now or in the last frame.
-fn trace_closest_of(ray: Ray, alpha_seed: u32, previous: bool) -> Hit {
-    return traverse(ray, alpha_seed, false, previous);
-}
-
-// Whether anything stops the ray, now or in the last frame.
-fn trace_any(ray: Ray, alpha_seed: u32, previous: bool) -> bool {
-    return traverse(ray, alpha_seed, true, previous).instance != NONE;
-}
-
-// One body for both, so that any-hit and closest-hit rays agree bit by bit and it is compiled once a call.
+// The closest hit, or any, now or in the last frame.  One body for all, so that any-hit and closest-hit rays agree bit by bit and it is
+// compiled once a call.
 fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
-    rays_traced += 1u;
     var hit = Hit(ray.t_max, NONE, NONE, vec2<f32>(0.0));
     let root = select(scene.tlas_root, scene.previous_tlas_root, previous);
     let indices = select(scene.tlas_indices, scene.previous_tlas_indices, previous);
@@ -153,7 +138,8 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
             let place = primitives.x + bit;
             instance = nodes[indices + (place >> 2u)][place & 3u];
             instance_depth = depth;
-            tree = instance_ray(ray, instance, previous);
+            let inside = object_ray(ray, instance, previous);
+            tree = tree_ray(inside.origin, inside.direction);
             // An instance that is gone leaves its place in the last frame's top level.
             let blas = instances[instance].blas_root;
             children = select(vec2<u32>(blas, 0x80000000u), vec2<u32>(0u), blas == NONE);
@@ -163,31 +149,6 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
         }
     }
     return hit;
-}
-
-// The direction keeps its length, so that t means the same in every space.  The translation is taken off before the
-// rotation: far from the origin this loses nothing, where the affine inverse would lose all digits.
-fn instance_ray(ray: Ray, instance: u32, previous: bool) -> TreeRay {
-    if previous {
-        let world = instances[instance].previous_world_from_object;
-        let origin = ray.origin - vec3<f32>(world[0].w, world[1].w, world[2].w);
-        // The inverse by cofactors: the last frame's is not kept.
-        let x = cross(world[1].xyz, world[2].xyz);
-        let y = cross(world[2].xyz, world[0].xyz);
-        let z = cross(world[0].xyz, world[1].xyz);
-        let linear = mat3x3<f32>(
-            vec3<f32>(x.x, y.x, z.x),
-            vec3<f32>(x.y, y.y, z.y),
-            vec3<f32>(x.z, y.z, z.z),
-        );
-        let scale = 1.0 / dot(world[0].xyz, x);
-        return tree_ray(origin * linear * scale, ray.direction * linear * scale);
-    }
-    let world = instances[instance].world_from_object;
-    let object = instances[instance].object_from_world;
-    let linear = mat3x3<f32>(object[0].xyz, object[1].xyz, object[2].xyz);
-    let origin = ray.origin - vec3<f32>(world[0].w, world[1].w, world[2].w);
-    return tree_ray(origin * linear, ray.direction * linear);
 }
 
 fn tree_ray(origin: vec3<f32>, direction: vec3<f32>) -> TreeRay {
@@ -255,16 +216,3 @@ fn pick(words: vec2<u32>, half: u32) -> u32 {
 fn planes(bytes: u32, slope: f32, base: f32) -> vec4<f32> {
     return vec4<f32>(bitcast<vec4<i32>>(unpack4xU8(bytes))) * slope + base;
 }
-
-#ifdef ALPHA
-fn accepts(instance: u32, triangle: u32, barycentrics: vec2<f32>, alpha_seed: u32) -> bool {
-    if (instances[instance].flags & INSTANCE_ALPHA) == 0u {
-        return true;
-    }
-    return alpha_passes(instance, triangle, barycentrics, alpha_seed);
-}
-#else
-fn accepts(instance: u32, triangle: u32, barycentrics: vec2<f32>, alpha_seed: u32) -> bool {
-    return true;
-}
-#endif

@@ -59,6 +59,14 @@ fn intersect_triangle(ray: ShearedRay, index: u32) -> TriangleHit {
     return hit;
 }
 
+// Where a line meets the plane of a triangle; no distance of any interval where it runs along it.
+fn plane_distance(origin: vec3<f32>, direction: vec3<f32>, index: u32) -> f32 {
+    let v0 = triangles[index].a;
+    let n = triangle_normal(v0, triangles[index].b, triangles[index].c);
+    let slope = dot(n, direction);
+    return select(-1.0, dot(n, v0 - origin) / slope, slope != 0.0);
+}
+
 // Cross product of two edges, the longest left out: of a sliver, the other two choices keep no digit.
 fn triangle_normal(v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>) -> vec3<f32> {
     let e0 = v1 - v0;

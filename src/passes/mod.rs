@@ -20,7 +20,7 @@ use bevy::{
 };
 
 use crate::{
-    scene::bindings::SceneBindings,
+    scene::{SceneFeatures, bindings::SceneBindings},
     settings::{DebugView, Restir, Technique},
     view::{
         RestirView, ViewPool,
@@ -316,6 +316,9 @@ fn run_passes(
     let (Some(key), Some(scene_group)) = (state.key, scene.bind_group.as_ref()) else {
         return;
     };
+    if key.features.contains(SceneFeatures::RAY_QUERY) && scene.structures.is_none() {
+        return;
+    }
     let encoder = context.command_encoder();
     encoder.clear_buffer(&state.counters.buffer, 0, None);
     if let Some(history) = &state.history {
@@ -349,6 +352,9 @@ fn run_passes(
                 encoder.set_bind_group(0, scene_group, &[]);
                 encoder.set_bind_group(1, &state.bind_group, &[]);
                 encoder.set_bind_group(2, &group, &[]);
+                if let Some(structures) = &scene.structures {
+                    encoder.set_bind_group(3, structures, &[]);
+                }
                 encoder.dispatch_workgroups(x, y, 1);
                 if let Some(span) = span {
                     span.end(&mut encoder);

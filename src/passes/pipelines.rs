@@ -11,7 +11,7 @@ use bevy::{
 
 use super::{ComputePass, Frame, Pass, composite, resource_layout, visibility};
 use crate::{
-    scene::{SceneFeatures, bindings::scene_layout},
+    scene::{SceneFeatures, bindings::scene_layout, hardware},
     shaders::ShaderTable,
     view::view_layout,
 };
@@ -56,6 +56,8 @@ pub(crate) struct PassPipelines {
     composite: HashMap<TextureFormat, usize>,
     all: Vec<Compiled>,
     shaders: Option<ShaderTable>,
+    /// Group 3 holds the device's acceleration structures.
+    ray_queries: bool,
     /// Shader definitions beside those of the features: what tests plant.
     planted: Vec<&'static str>,
 }
@@ -76,8 +78,8 @@ const CULLS: [Option<Face>; 3] = [None, Some(Face::Back), Some(Face::Front)];
 
 impl PassPipelines {
     /// Takes the table of shaders.
-    pub(crate) fn with_shaders(shaders: ShaderTable) -> Self {
-        Self { shaders: Some(shaders), ..Default::default() }
+    pub(crate) fn with_shaders(shaders: ShaderTable, ray_queries: bool) -> Self {
+        Self { shaders: Some(shaders), ray_queries, ..Default::default() }
     }
 
     /// The pipelines to render with: the wanted ones once all are ready, until then the last ones of the same frame.
@@ -145,9 +147,13 @@ impl PassPipelines {
         let mut shader_defs = features.shader_defs();
         shader_defs.extend(pass.def.map(|def| ShaderDefVal::Bool(def.into(), true)));
         shader_defs.extend(self.planted.iter().map(|&def| ShaderDefVal::Bool(def.into(), true)));
+        let mut layout = vec![scene_layout(), view_layout(), resource_layout(pass)];
+        if self.ray_queries {
+            layout.push(hardware::layout());
+        }
         let id = pipelines.queue_compute_pipeline(ComputePipelineDescriptor {
             label: Some(format!("restir {}", pass.name).into()),
-            layout: vec![scene_layout(), view_layout(), resource_layout(pass)],
+            layout,
             shader: self.shader(&format!("pass/{}.wgsl", pass.file)),
             shader_defs,
             entry_point: Some(pass.file.into()),

@@ -8,7 +8,10 @@ use bevy::{
     },
 };
 
-use super::features::SceneFeatures;
+use super::{
+    features::SceneFeatures,
+    hardware::{self, AccelerationStructures},
+};
 use crate::gpu_types::GpuSceneUniforms;
 
 /// The layout of group 0.
@@ -38,6 +41,9 @@ pub(crate) fn scene_layout() -> BindGroupLayoutDescriptor {
 #[derive(Resource, Default)]
 pub(crate) struct SceneBindings {
     pub bind_group: Option<BindGroup>,
+    /// Group 3, where rays are traced by ray queries.
+    pub structures: Option<BindGroup>,
+    structures_revision: u64,
     pub uniforms: Option<Buffer>,
     written: GpuSceneUniforms,
     /// Buffers and views that the bind group was made of.
@@ -148,5 +154,24 @@ impl SceneBindings {
         ));
         self.made_of = ids;
         self.made_with = made_with;
+    }
+
+    /// Makes group 3 again where a top level is another one.
+    pub(crate) fn bind_structures(
+        &mut self,
+        device: &RenderDevice,
+        pipelines: &PipelineCache,
+        structures: &AccelerationStructures,
+    ) {
+        let Some([current, previous]) = structures.top_levels() else { return };
+        if self.structures.is_some() && self.structures_revision == structures.revision {
+            return;
+        }
+        self.structures = Some(device.create_bind_group(
+            "restir acceleration structures",
+            &pipelines.get_bind_group_layout(&hardware::layout()),
+            &BindGroupEntries::sequential((current.as_binding(), previous.as_binding())),
+        ));
+        self.structures_revision = structures.revision;
     }
 }

@@ -34,6 +34,7 @@ features! {
     ENERGY_COMPENSATION = 11, "ENERGY_COMPENSATION", "Energy compensation is asked for by the camera.";
     SECOND_UVS = 17, "SECOND_UVS", "Textures that go by the second texture coordinates.";
     LAYER_TEXTURES = 18, "LAYER_TEXTURES", "Textures of transmission, specular reflection, clearcoat or anisotropy.";
+    RAY_QUERY = 23, "RAY_QUERY", "Rays by the device's ray queries: of the device, not of the scene.";
     MANY_TAPS = 12, "MANY_TAPS", "More than two neighbours are asked for by the camera.";
 }
 

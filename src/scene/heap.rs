@@ -63,13 +63,20 @@ pub struct GpuArray<T> {
     buffer: Option<Buffer>,
     capacity: u32,
     limit: u32,
+    usage: BufferUsages,
     element: PhantomData<T>,
 }
 
 impl<T: Pod> GpuArray<T> {
     /// An array that does not exist on the GPU until something is written or bound.
     pub fn new(label: &'static str) -> Self {
-        Self { label, buffer: None, capacity: 0, limit: u32::MAX, element: PhantomData }
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
+        Self { label, buffer: None, capacity: 0, limit: u32::MAX, usage, element: PhantomData }
+    }
+
+    /// What else the buffer is for; before anything is reserved.
+    pub fn add_usage(&mut self, usage: BufferUsages) {
+        self.usage |= usage;
     }
 
     /// Elements that one binding of this device can hold.
@@ -93,7 +100,7 @@ impl<T: Pod> GpuArray<T> {
         let buffer = device.create_buffer(&BufferDescriptor {
             label: Some(self.label),
             size: capacity as u64 * size_of::<T>() as u64,
-            usage: BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC,
+            usage: self.usage,
             mapped_at_creation: false,
         });
         if let Some(old) = &self.buffer {

@@ -17,6 +17,7 @@ use super::{
     blas::Bounds,
     extract::{ExtractedInstance, ExtractedScene},
     features::SceneFeatures,
+    hardware::{AccelerationStructures, Placed},
     heap::{GpuArray, Overflow, dirty_runs},
     materials::MaterialPool,
     meshes::MeshPool,
@@ -67,6 +68,10 @@ pub(crate) struct InstancePool {
     current: GpuTlas,
     /// The last frame's, where it differs.
     previous: Option<GpuTlas>,
+    /// In place of both where rays are traced by ray queries.
+    pub structures: Option<AccelerationStructures>,
+    /// What they are to hold.
+    placed: Vec<Placed>,
     /// Warned about already.
     reported: HashSet<MainEntity>,
     absent: HashSet<MainEntity>,
@@ -98,6 +103,8 @@ impl Default for InstancePool {
             gpu: GpuArray::new("instances"),
             current: GpuTlas::default(),
             previous: None,
+            structures: None,
+            placed: Vec::new(),
             reported: HashSet::default(),
             absent: HashSet::default(),
             overflow: Overflow::default(),
@@ -139,6 +146,11 @@ fn without_place(instance: &GpuInstance) -> GpuInstance {
 }
 
 impl InstancePool {
+    /// A pool whose top levels are the device's own acceleration structures.
+    pub(crate) fn for_ray_queries() -> Self {
+        Self { structures: Some(AccelerationStructures::default()), ..Default::default() }
+    }
+
     /// Brings the slots up to the extracted list, of which the device can bind `limit`.  The materials are packed already; lights are
     /// filled in afterwards.
     pub(crate) fn update(
@@ -290,6 +302,10 @@ impl InstancePool {
     /// Rebuilds the top level where a box changed, and lets go of the last frame's where none did for a frame.
     pub(crate) fn build_top_level(&mut self, meshes: &mut MeshPool, device: &RenderDevice, queue: &RenderQueue) {
         self.uploaded_nodes = 0;
+        if self.structures.is_some() {
+            self.place(meshes, device, queue);
+            return;
+        }
         if let Some(old) = self.previous.take() {
             meshes.release_nodes(old.range);
         }
@@ -311,6 +327,37 @@ impl InstancePool {
         self.uploaded_nodes = meshes.nodes.write(range.start, bytemuck::cast_slice(&words), queue);
         self.previous = Some(core::mem::replace(&mut self.current, GpuTlas { range, nodes }));
         self.motion_revision += 1;
+    }
+
+    /// The same for the device's own acceleration structures.
+    fn place(&mut self, meshes: &mut MeshPool, device: &RenderDevice, queue: &RenderQueue) {
+        if self.boxes_of_frame != self.boxes {
+            core::mem::swap(&mut self.boxes, &mut self.boxes_of_frame);
+            self.measure();
+        }
+        self.placed.clear();
+        self.placed.extend(self.live.iter().filter_map(|live| {
+            let (mesh, instance) = (meshes.get(live.mesh)?, &self.wanted[live.slot as usize]);
+            Some(Placed {
+                slot: live.slot,
+                mesh: mesh.version,
+                triangles: mesh.triangles.clone(),
+                world_from_object: instance.world_from_object,
+                opaque: instance.flags & INSTANCE_ALPHA == 0,
+            })
+        }));
+        let Some(structures) = &mut self.structures else { return };
+        if !meshes.triangles.reserve(1, device, queue) {
+            return;
+        }
+        let Some(triangles) = meshes.triangles.buffer() else { return };
+        let before = structures.revision;
+        self.uploaded_nodes = structures.update(&self.placed, triangles, device, queue);
+        if structures.revision != before {
+            self.motion_revision += u64::from(self.uploaded_nodes > 0);
+            let versions = meshes.versions();
+            structures.retain(|mesh| versions.contains(&mesh));
+        }
     }
 
     /// Sphere round every box.
@@ -354,6 +401,9 @@ impl InstancePool {
 
     /// Roots and instance lists of this frame's top level and of the last frame's.
     pub(crate) fn top_levels(&self) -> [u32; 4] {
+        if let Some([current, previous]) = self.structures.as_ref().map(AccelerationStructures::roots) {
+            return [current, NONE, previous, NONE];
+        }
         let previous = self.previous.as_ref().unwrap_or(&self.current);
         [self.current.root(), self.current.indices(), previous.root(), previous.indices()]
     }

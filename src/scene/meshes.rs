@@ -13,7 +13,7 @@ use bevy::{
     render::{
         mesh::RenderMesh,
         render_asset::ExtractedAssets,
-        render_resource::TextureFormat,
+        render_resource::{BufferUsages, TextureFormat},
         renderer::{RenderDevice, RenderQueue},
     },
     tasks::{AsyncComputeTaskPool, Task, futures::check_ready},
@@ -42,9 +42,9 @@ pub(crate) struct MeshEntry {
 }
 
 impl MeshEntry {
-    /// Node index of the root.
+    /// Node index of the root; of its first triangle where the device keeps the tree.
     pub(crate) fn root(&self) -> u32 {
-        self.nodes.start
+        if self.nodes.is_empty() { self.triangles.start } else { self.nodes.start }
     }
 }
 
@@ -67,6 +67,9 @@ pub(crate) struct MeshPool {
     /// Versions of the meshes that are in there.
     second_uvs_of: HashMap<AssetId<Mesh>, u64>,
     versions: u64,
+    /// Rays are traced by ray queries: the trees are the device's, and only the order of their leaves is ours, so that both back ends
+    /// number triangles alike.
+    ray_queries: bool,
     /// Bytes sent in this frame.
     pub uploaded: u64,
 }
@@ -85,6 +88,7 @@ impl Default for MeshPool {
             second_uvs: DataTexture::new("second texture coordinates", TextureFormat::Rg32Float, 3),
             second_uvs_of: HashMap::default(),
             versions: 0,
+            ray_queries: false,
             uploaded: 0,
         }
     }
@@ -167,7 +171,21 @@ pub(crate) fn finish_meshes(
 }
 
 impl MeshPool {
+    /// A pool whose triangles the device builds its acceleration structures from.
+    pub(crate) fn for_ray_queries() -> Self {
+        let mut pool = Self { ray_queries: true, ..Default::default() };
+        pool.triangles.add_usage(BufferUsages::BLAS_INPUT);
+        pool
+    }
+
     fn insert(&mut self, id: AssetId<Mesh>, mut blas: Blas, device: &RenderDevice, queue: &RenderQueue) -> bool {
+        if self.ray_queries {
+            let vertices = 3 * blas.triangles.len() as u64;
+            if vertices > u64::from(device.limits().max_blas_primitive_count) {
+                return false;
+            }
+            blas.nodes = Vec::new();
+        }
         let node_count = (blas.nodes.len() / NODE_STRIDE as usize) as u32;
         let nodes = self.node_ranges.allocate(node_count);
         let triangles = self.triangle_ranges.allocate(blas.triangles.len() as u32);
@@ -230,6 +248,11 @@ impl MeshPool {
             }
         }
         bytes
+    }
+
+    /// Whether a mesh has these triangles still.
+    pub(crate) fn versions(&self) -> HashSet<u64> {
+        self.entries.values().map(|entry| entry.version).collect()
     }
 
     /// No build is under way.

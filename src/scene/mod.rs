@@ -11,6 +11,7 @@ mod emission;
 pub(crate) mod extract;
 mod features;
 pub mod geometry;
+pub mod hardware;
 pub mod heap;
 pub(crate) mod instances;
 pub(crate) mod lights;
@@ -38,6 +39,7 @@ use crate::{gpu_types::*, shaders::ShaderTable, view::extract::ExtractedViews};
 use bindings::{Draw, NoTexture, SceneBindings};
 use extract::ExtractedScene;
 pub use features::SceneFeatures;
+use hardware::AccelerationStructures;
 use heap::GpuArray;
 use instances::InstancePool;
 use lights::LightPool;
@@ -50,7 +52,10 @@ use textures::TexturePool;
 pub(crate) struct MirrorScene;
 
 /// Adds the mirror to the render world.
-pub(crate) fn build(render_app: &mut SubApp) {
+pub(crate) fn build(render_app: &mut SubApp, ray_queries: bool) {
+    if ray_queries {
+        render_app.insert_resource(MeshPool::for_ray_queries()).insert_resource(InstancePool::for_ray_queries());
+    }
     render_app
         .init_resource::<ExtractedScene>()
         .init_resource::<MeshPool>()
@@ -96,7 +101,11 @@ fn mirror_scene(
     }
     let moved = textures.update(materials.images(), &images, &pipelines, &shaders, &assets, &device, &queue);
     materials.pack(&textures, moved);
-    instances.update(&scene, &meshes, &mut materials, &assets, GpuArray::<GpuInstance>::limit(&device));
+    let mut most_instances = GpuArray::<GpuInstance>::limit(&device);
+    if instances.structures.is_some() {
+        most_instances = most_instances.min(hardware::MAX_SLOTS).min(device.limits().max_tlas_instance_count);
+    }
+    instances.update(&scene, &meshes, &mut materials, &assets, most_instances);
     // The last frame's table lies behind this frame's.
     lights.update(&scene, &mut instances, &meshes, &materials, GpuArray::<GpuLight>::limit(&device) / 2);
     instances.build_top_level(&mut meshes, &device, &queue);
@@ -154,8 +163,12 @@ fn mirror_scene(
         ];
         bindings.bind(&device, &pipelines, [&u, n, t, a, i, m, l], views);
     }
+    if let Some(structures) = &instances.structures {
+        bindings.bind_structures(&device, &pipelines, structures);
+    }
 
     bindings.features = instances.features | lights.features;
+    bindings.features.set(SceneFeatures::RAY_QUERY, instances.structures.is_some());
     bindings.motion_revision = instances.motion_revision + lights.revision;
     bindings.edit_revision = materials.revision + textures.revision + instances.edit_revision;
     bindings.ready = meshes.idle() && !instances.waiting && textures.complete;
@@ -170,6 +183,7 @@ fn mirror_scene(
         meshes.second_uvs.memory(),
         lights.gpu.memory(),
         textures.memory(),
+        instances.structures.as_ref().map_or(("", 0), AccelerationStructures::memory),
         ("specular albedo", bindings.albedo.as_ref().map_or(0, |_| (albedo::SIZE * albedo::SIZE * 4) as u64)),
         ("scene uniforms", size_of::<GpuSceneUniforms>() as u64),
     ];

@@ -18,7 +18,7 @@ use bevy::{
     winit::WinitPlugin,
 };
 use bevy_restir::{
-    DebugView, EmissiveLuminance, RadianceCapture, Restir, RestirEnvironment, RestirPlugin, RestirReport,
+    DebugView, EmissiveLuminance, RadianceCapture, RayBackend, Restir, RestirEnvironment, RestirPlugin, RestirReport,
     RestirStatistics,
 };
 use std::time::Duration;
@@ -156,8 +156,9 @@ fn calm() {
     });
 }
 
-fn headless(synchronous: bool, limits: Option<WgpuLimits>) -> App {
+fn headless(synchronous: bool, limits: Option<WgpuLimits>, backend: RayBackend) -> App {
     let mut app = App::new();
+    app.insert_resource(backend);
     app.add_plugins(
         DefaultPlugins
             .set(RenderPlugin {
@@ -193,28 +194,48 @@ fn headless(synchronous: bool, limits: Option<WgpuLimits>) -> App {
     app
 }
 
+/// How tests that do not choose trace rays: `RAY_BACKEND=hardware` makes all of them claims about ray queries.
+fn usual_back_end() -> RayBackend {
+    match std::env::var("RAY_BACKEND").as_deref() {
+        Ok("hardware") => RayBackend::Hardware,
+        _ => RayBackend::Auto,
+    }
+}
+
 impl Rig {
     /// An empty scene, and a camera with [`plain`] settings at (0, 0, 5) that looks down -Z.  `None`, with a message, where there is
     /// no adapter; under `CI=true` that fails.
     pub fn new(width: u32, height: u32) -> Option<Self> {
-        Self::with(width, height, true, None)
+        Self::with(width, height, true, None, usual_back_end())
+    }
+
+    /// As [`Self::new`], with its rays traced by ray queries; `None`, with a message, where the adapter has none.
+    pub fn tracing_by_ray_queries(width: u32, height: u32) -> Option<Self> {
+        super::gpu::ray_gpu()?;
+        Self::with(width, height, true, None, RayBackend::Hardware)
     }
 
     /// As [`Self::new`], with pipelines compiled in the background, as windowed apps do.
     pub fn compiling_in_background(width: u32, height: u32) -> Option<Self> {
-        Self::with(width, height, false, None)
+        Self::with(width, height, false, None, usual_back_end())
     }
 
     /// As [`Self::new`], on a device of WebGPU's limits but that its storage buffers can hold this many bytes only.
     pub fn binding_at_most(bytes: u64, width: u32, height: u32) -> Option<Self> {
         let limits = WgpuLimits { max_storage_buffer_binding_size: bytes, ..default() };
-        Self::with(width, height, true, Some(limits))
+        Self::with(width, height, true, Some(limits), RayBackend::Software)
     }
 
-    fn with(width: u32, height: u32, synchronous: bool, limits: Option<WgpuLimits>) -> Option<Self> {
+    fn with(
+        width: u32,
+        height: u32,
+        synchronous: bool,
+        limits: Option<WgpuLimits>,
+        backend: RayBackend,
+    ) -> Option<Self> {
         calm();
         super::gpu::gpu()?;
-        let mut app = headless(synchronous, limits);
+        let mut app = headless(synchronous, limits, backend);
         let target = app.world_mut().resource_mut::<Assets<Image>>().add(target_image(UVec2::new(width, height)));
         let capture = RadianceCapture::default();
         let camera = app

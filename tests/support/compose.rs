@@ -7,8 +7,9 @@ use naga_oil::compose::{
 };
 use std::collections::{HashMap, HashSet};
 
-/// What shaders may use: the portable tier's.
-pub const CAPABILITIES: naga::valid::Capabilities = naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32;
+/// What shaders may use: the portable tier's, and ray queries where they are traced by them.
+pub const CAPABILITIES: naga::valid::Capabilities =
+    naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32.union(naga::valid::Capabilities::RAY_QUERY);
 
 /// A shader definition as tests write it.
 pub type Def = (&'static str, ShaderDefValue);

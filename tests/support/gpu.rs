@@ -14,7 +14,7 @@ pub struct Gpu {
 /// The adapter of this machine.  Without one the test is skipped with a message, or fails under `CI=true`.
 pub fn gpu() -> Option<&'static Gpu> {
     static GPU: OnceLock<Option<Gpu>> = OnceLock::new();
-    let gpu = GPU.get_or_init(|| pollster::block_on(open())).as_ref();
+    let gpu = GPU.get_or_init(|| pollster::block_on(open(wgpu::Features::empty()))).as_ref();
     if gpu.is_none() {
         assert!(std::env::var("CI").is_err(), "no GPU adapter, and CI needs one");
         eprintln!("skipped: no GPU adapter");
@@ -22,12 +22,45 @@ pub fn gpu() -> Option<&'static Gpu> {
     gpu
 }
 
-async fn open() -> Option<Gpu> {
+/// The same adapter with its ray queries.  Without them the test is skipped with a message, or fails under `RAY_QUERIES=required`.
+pub fn ray_gpu() -> Option<&'static Gpu> {
+    static GPU: OnceLock<Option<Gpu>> = OnceLock::new();
+    let gpu = GPU.get_or_init(|| pollster::block_on(open(wgpu::Features::EXPERIMENTAL_RAY_QUERY))).as_ref();
+    if gpu.is_none() {
+        assert!(std::env::var("RAY_QUERIES").is_err(), "the adapter has no ray queries, and they are required");
+        eprintln!("skipped for the hardware back end: the adapter has no ray queries");
+    }
+    gpu
+}
+
+/// A device for each back end, with the shader definitions that choose it.
+pub fn back_ends() -> Vec<(&'static Gpu, Vec<Def>)> {
+    let software = gpu().map(|gpu| (gpu, vec![]));
+    let hardware = software.as_ref().and_then(|_| ray_gpu()).map(|gpu| (gpu, vec![compose::flag("RAY_QUERY")]));
+    software.into_iter().chain(hardware).collect()
+}
+
+async fn open(features: wgpu::Features) -> Option<Gpu> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     let adapter = instance.request_adapter(&wgpu::RequestAdapterOptions::default()).await.ok()?;
+    if !adapter.features().contains(features) {
+        return None;
+    }
     // The portable tier: what WebGPU promises everywhere.
+    let mut limits = wgpu::Limits::default();
+    let mut experimental = wgpu::ExperimentalFeatures::disabled();
+    if !features.is_empty() {
+        limits = limits.using_acceleration_structure_values(adapter.limits());
+        // SAFETY: shaders stay within what the feature's documentation allows.
+        experimental = unsafe { wgpu::ExperimentalFeatures::enabled() };
+    }
     let (device, queue) = adapter
-        .request_device(&wgpu::DeviceDescriptor { required_limits: wgpu::Limits::default(), ..Default::default() })
+        .request_device(&wgpu::DeviceDescriptor {
+            required_features: features,
+            required_limits: limits,
+            experimental_features: experimental,
+            ..Default::default()
+        })
         .await
         .expect("the adapter offers WebGPU's limits");
     Some(Gpu { device, queue, name: adapter.get_info().name })
@@ -37,6 +70,7 @@ async fn open() -> Option<Gpu> {
 pub enum Bound<'a> {
     Buffer(&'a wgpu::Buffer),
     Texture(&'a wgpu::TextureView),
+    TopLevel(&'a wgpu::Tlas),
 }
 
 /// A compiled kernel: entry point `main`.
@@ -118,6 +152,11 @@ impl Gpu {
 }
 
 impl Kernel<'_> {
+    /// Whether it binds anything in a group.
+    pub fn uses(&self, group: u32) -> bool {
+        self.used.iter().any(|used| used.0 == group)
+    }
+
     /// Dispatches once.  Bindings that the kernel does not use after composition are left out.
     pub fn run(&self, workgroups: [u32; 3], bound: &[(u32, u32, Bound)]) {
         let groups: HashSet<u32> = self.used.iter().map(|u| u.0).collect();
@@ -134,6 +173,7 @@ impl Kernel<'_> {
                             resource: match what {
                                 Bound::Buffer(buffer) => buffer.as_entire_binding(),
                                 Bound::Texture(view) => wgpu::BindingResource::TextureView(view),
+                                Bound::TopLevel(tlas) => tlas.as_binding(),
                             },
                         })
                         .collect();

@@ -182,6 +182,7 @@ impl<'g> Lit<'g> {
             let what = match what {
                 Bound::Buffer(b) => Bound::Buffer(b),
                 Bound::Texture(t) => Bound::Texture(t),
+                Bound::TopLevel(t) => Bound::TopLevel(t),
             };
             (*g, *b, what)
         }));

@@ -1,15 +1,18 @@
 //! Random meshes, transforms and rays, and a scene of them in the buffers that the shaders read.
 
 use super::gpu::{Bound, Gpu, Kernel};
+use bevy::render::renderer::{RenderDevice, RenderQueue, WgpuWrapper};
 use bevy_restir::{
     gpu_types::*,
     scene::{
-        blas::{Blas, bake, build_blas},
+        blas::{Blas, Bounds, bake, build_blas},
         geometry::Geometry,
+        hardware::{AccelerationStructures, Placed},
         tlas::{build_tlas, inverse, world_bounds},
     },
 };
 use bytemuck::{Pod, Zeroable};
+use std::sync::Arc;
 
 /// A small generator of its own (PCG-XSH-RR), so that tests need no crate and always see the same numbers.
 pub struct Random(u64);
@@ -159,6 +162,8 @@ pub struct TestScene {
     pub triangles: Vec<GpuTriangle>,
     pub instances: Vec<GpuInstance>,
     pub materials: Vec<GpuMaterial>,
+    /// Object-space boxes of the instances' meshes; none where there is nothing to hit.
+    pub boxes: Vec<Option<Bounds>>,
 }
 
 impl TestScene {
@@ -177,8 +182,7 @@ impl TestScene {
                 scene.triangles.extend(&b.triangles);
             }
         }
-        let mut boxes = Vec::new();
-        for (i, &(mesh, world, material, flags)) in instances.iter().enumerate() {
+        for &(mesh, world, material, flags) in instances {
             let back = inverse(&world).expect("tests make sound transforms");
             scene.instances.push(GpuInstance {
                 world_from_object: world,
@@ -191,22 +195,73 @@ impl TestScene {
                 flags,
                 ..Default::default()
             });
-            if let Some(b) = &blas[mesh] {
-                boxes.push((i as u32, world_bounds(&world, &b.bounds).expect("tests make finite boxes")));
-            }
+            scene.boxes.push(blas[mesh].as_ref().map(|b| b.bounds));
         }
-        let mut tlas = build_tlas(&boxes);
-        scene.uniforms.tlas_root = NONE;
-        if !tlas.nodes.is_empty() {
-            let root = scene.nodes.len() as u32 / NODE_STRIDE;
-            bake(&mut tlas.nodes, root, 0);
-            scene.nodes.extend(tlas.nodes);
-            scene.uniforms.tlas_root = root;
-            scene.uniforms.tlas_indices = scene.nodes.len() as u32;
-            scene.nodes.extend(tlas.indices);
-        }
+        scene.build_top_level();
+        scene.uniforms.previous_tlas_root = scene.uniforms.tlas_root;
+        scene.uniforms.previous_tlas_indices = scene.uniforms.tlas_indices;
         scene.uniforms.instance_count = scene.instances.len() as u32;
         scene
+    }
+
+    fn build_top_level(&mut self) {
+        let placed = self.instances.iter().zip(&self.boxes).enumerate();
+        let boxes: Vec<_> = placed
+            .filter_map(|(i, (instance, bounds))| {
+                let world = &instance.world_from_object;
+                Some((i as u32, world_bounds(world, &(*bounds)?).expect("tests make finite boxes")))
+            })
+            .collect();
+        let mut tlas = build_tlas(&boxes);
+        self.uniforms.tlas_root = NONE;
+        if !tlas.nodes.is_empty() {
+            self.nodes.resize(self.nodes.len().next_multiple_of(NODE_STRIDE as usize), [0; 4]);
+            let root = self.nodes.len() as u32 / NODE_STRIDE;
+            bake(&mut tlas.nodes, root, 0);
+            self.nodes.extend(tlas.nodes);
+            self.uniforms.tlas_root = root;
+            self.uniforms.tlas_indices = self.nodes.len() as u32;
+            self.nodes.extend(tlas.indices);
+        }
+    }
+
+    /// The next frame: every instance somewhere else.
+    pub fn move_to(&mut self, mut place: impl FnMut() -> Rows) {
+        for instance in &mut self.instances {
+            instance.previous_world_from_object = instance.world_from_object;
+            instance.world_from_object = place();
+            instance.object_from_world = inverse(&instance.world_from_object).expect("tests make sound transforms");
+        }
+        self.uniforms.previous_tlas_root = self.uniforms.tlas_root;
+        self.uniforms.previous_tlas_indices = self.uniforms.tlas_indices;
+        self.build_top_level();
+    }
+
+    /// The device's own structures over the same triangles and instances, of the last frame and of this.
+    pub fn structures(&self, gpu: &Gpu) -> AccelerationStructures {
+        let device = RenderDevice::new(WgpuWrapper::new(gpu.device.clone()));
+        let queue = RenderQueue(Arc::new(WgpuWrapper::new(gpu.queue.clone())));
+        let triangles = device.create_buffer_with_data(&wgpu::util::BufferInitDescriptor {
+            label: None,
+            contents: bytemuck::cast_slice(&or_one(&self.triangles)),
+            usage: wgpu::BufferUsages::BLAS_INPUT,
+        });
+        let mut structures = AccelerationStructures::default();
+        let previous = |instance: &GpuInstance| instance.previous_world_from_object;
+        for place in [previous, |instance: &GpuInstance| instance.world_from_object] {
+            let placed = self.instances.iter().enumerate().filter(|(_, instance)| instance.triangle_count > 0);
+            let placed: Vec<Placed> = placed
+                .map(|(slot, instance)| Placed {
+                    slot: slot as u32,
+                    mesh: u64::from(instance.first_triangle),
+                    triangles: instance.first_triangle..instance.first_triangle + instance.triangle_count,
+                    world_from_object: place(instance),
+                    opaque: instance.flags & INSTANCE_ALPHA == 0,
+                })
+                .collect();
+            structures.update(&placed, &triangles, &device, &queue);
+        }
+        structures
     }
 
     /// One mesh where it is.
@@ -216,27 +271,63 @@ impl TestScene {
 
     /// Runs a kernel over `inputs`, one invocation each.
     pub fn run<I: bytemuck::NoUninit, O: Pod>(&self, gpu: &Gpu, kernel: &Kernel, inputs: &[I]) -> Vec<O> {
-        let uniforms = gpu.uniform(&self.uniforms);
-        let nodes = gpu.storage(&or_one(&self.nodes));
-        let triangles = gpu.storage(&or_one(&self.triangles));
-        let instances = gpu.storage(&or_one(&self.instances));
-        let materials = gpu.storage(&or_one(&self.materials));
-        let input = gpu.storage(inputs);
-        let output = gpu.zeroed::<O>(inputs.len());
-        let groups = (inputs.len() as u32).div_ceil(64);
-        kernel.run(
-            [groups, 1, 1],
-            &[
-                (0, 0, Bound::Buffer(&uniforms)),
-                (0, 1, Bound::Buffer(&nodes)),
-                (0, 2, Bound::Buffer(&triangles)),
-                (0, 4, Bound::Buffer(&instances)),
-                (0, 5, Bound::Buffer(&materials)),
-                (1, 0, Bound::Buffer(&input)),
-                (1, 1, Bound::Buffer(&output)),
-            ],
-        );
-        gpu.read(&output)
+        let structures = kernel.uses(3).then(|| self.structures(gpu));
+        let uploaded = self.upload(gpu, structures, inputs, inputs.len() * size_of::<O>());
+        uploaded.run(kernel);
+        gpu.read(&uploaded.output)
+    }
+
+    /// The scene and the inputs of a kernel on the GPU, and room for so many bytes of answers.
+    pub fn upload<I: bytemuck::NoUninit>(
+        &self,
+        gpu: &Gpu,
+        structures: Option<AccelerationStructures>,
+        inputs: &[I],
+        answers: usize,
+    ) -> Uploaded {
+        Uploaded {
+            uniforms: gpu.uniform(&self.uniforms),
+            nodes: gpu.storage(&or_one(&self.nodes)),
+            triangles: gpu.storage(&or_one(&self.triangles)),
+            instances: gpu.storage(&or_one(&self.instances)),
+            materials: gpu.storage(&or_one(&self.materials)),
+            input: gpu.storage(inputs),
+            output: gpu.zeroed::<u8>(answers),
+            structures,
+            count: inputs.len() as u32,
+        }
+    }
+}
+
+/// A scene on the GPU with what a kernel takes and gives.
+pub struct Uploaded {
+    uniforms: wgpu::Buffer,
+    nodes: wgpu::Buffer,
+    triangles: wgpu::Buffer,
+    instances: wgpu::Buffer,
+    materials: wgpu::Buffer,
+    input: wgpu::Buffer,
+    pub output: wgpu::Buffer,
+    pub structures: Option<AccelerationStructures>,
+    count: u32,
+}
+
+impl Uploaded {
+    /// Dispatches one invocation an input.
+    pub fn run(&self, kernel: &Kernel) {
+        let mut bound = vec![
+            (0, 0, Bound::Buffer(&self.uniforms)),
+            (0, 1, Bound::Buffer(&self.nodes)),
+            (0, 2, Bound::Buffer(&self.triangles)),
+            (0, 4, Bound::Buffer(&self.instances)),
+            (0, 5, Bound::Buffer(&self.materials)),
+            (1, 0, Bound::Buffer(&self.input)),
+            (1, 1, Bound::Buffer(&self.output)),
+        ];
+        if let Some([current, previous]) = self.structures.as_ref().and_then(AccelerationStructures::top_levels) {
+            bound.extend([(3, 0, Bound::TopLevel(current)), (3, 1, Bound::TopLevel(previous))]);
+        }
+        kernel.run([self.count.div_ceil(64), 1, 1], &bound);
     }
 }
 

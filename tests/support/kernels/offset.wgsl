@@ -3,7 +3,7 @@
 #import bevy_restir::scene::bindings::{instances, triangles}
 #import bevy_restir::trace::offset::{surface_point, offset_distance, offset_point}
 #import bevy_restir::trace::ray::Ray
-#import bevy_restir::trace::software::{trace_closest, trace_any}
+#import bevy_restir::trace::trace::{trace_closest, trace_any}
 #import bevy_restir::trace::triangle::triangle_normal
 
 struct Pair {

@@ -1,6 +1,6 @@
-// Traces every ray of a list to its closest hit and, for the same interval, to any.
+// Traces every ray of a list to its closest hit and, for the same interval, to any; with PREVIOUS in the last frame.
 #import bevy_restir::trace::ray::{Ray, rays_traced, trace_flags}
-#import bevy_restir::trace::software::{trace_closest, trace_any}
+#import bevy_restir::trace::trace::{trace_closest_of, trace_any}
 
 struct Answer {
     t: f32,
@@ -15,13 +15,19 @@ struct Answer {
 @group(1) @binding(0) var<storage, read> rays: array<Ray>;
 @group(1) @binding(1) var<storage, read_write> answers: array<Answer>;
 
+#ifdef PREVIOUS
+const IN_THE_PAST: bool = true;
+#else
+const IN_THE_PAST: bool = false;
+#endif
+
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= arrayLength(&rays) {
         return;
     }
     let ray = rays[id.x];
-    let hit = trace_closest(ray, 7u);
-    let any = trace_any(ray, 7u, false);
+    let hit = trace_closest_of(ray, 7u, IN_THE_PAST);
+    let any = trace_any(ray, 7u, IN_THE_PAST);
     answers[id.x] = Answer(hit.t, hit.instance, hit.triangle, u32(any), hit.barycentrics, trace_flags, rays_traced);
 }

@@ -1,0 +1,340 @@
+//! What rays cost, by both back ends: rates on generated scenes beside those of a bare kernel, builds of both levels, bytes, and ten
+//! thousand things that move in an app.
+
+use bevy::{
+    prelude::*,
+    render::{
+        render_resource::BufferUsages,
+        renderer::{RenderAdapterInfo, RenderDevice, RenderQueue, WgpuWrapper},
+    },
+};
+use bevy_restir::{
+    RayBackend, Restir, RestirStatistics,
+    gpu_types::{GpuTriangle, GpuTriangleAttributes, NODE_STRIDE, Rows},
+    scene::{
+        blas::{Bounds, build_blas},
+        geometry::Geometry,
+        hardware::{AccelerationStructures, INSTANCE_SIZE, Placed},
+        tlas::{build_tlas, world_bounds},
+    },
+};
+use std::{path::Path, sync::Arc, time::Instant};
+
+use crate::{
+    headless::{
+        self, frame,
+        scene::{self, CameraSetup},
+        times::median,
+        until_ready,
+    },
+    output::{Output, provenance},
+    support::{
+        compose::{Def, flag},
+        gpu::{Gpu, back_ends},
+        scenes::{Random, Ray, TestScene, random_rows, ray, sphere},
+    },
+    table::{Row, Table, Unit},
+};
+
+const SPEED: &str = include_str!("../../tests/support/kernels/trace_speed.wgsl");
+const BARE: &str = include_str!("kernels/bare.wgsl");
+
+/// Triangles of the large mesh, and of the small one.
+const LARGE: usize = 512_000;
+const SMALL: usize = 200;
+
+/// Rates of rays, times of builds, bytes.
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    #[command(flatten)]
+    output: Output,
+    /// Rays of a dispatch.
+    #[arg(long, default_value_t = 1 << 19, value_parser = clap::value_parser!(u32).range(64..1 << 24))]
+    rays: u32,
+    /// Dispatches whose median is taken.
+    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
+    repeat: u32,
+    /// Instances of the small mesh.
+    #[arg(long, default_value_t = 10_000, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    instances: u32,
+    /// Frames of the app.
+    #[arg(long, default_value_t = 24, value_parser = clap::value_parser!(u32).range(2..))]
+    frames: u32,
+}
+
+pub fn run(args: &Args) -> Result<(), String> {
+    args.output.check("rays")?;
+    let back_ends = back_ends();
+    if back_ends.is_empty() {
+        return Err("there is no GPU adapter".into());
+    }
+    let large = Scene::large();
+    let small = Scene::small(args.instances);
+    let mut columns = Vec::new();
+    let mut adapter = String::new();
+    for (gpu, defs) in back_ends {
+        let hardware = !defs.is_empty();
+        let name = if hardware { "hardware" } else { "software" };
+        let mut rows = Vec::new();
+        for scene in [&large, &small] {
+            println!("{name}: {}", scene.name);
+            rows.extend(rates(args, gpu, &defs, scene));
+        }
+        println!("{name}: builds");
+        rows.extend(builds(args, gpu, hardware, &large, &small));
+        println!("{name}: an app");
+        let backend = if hardware { RayBackend::Hardware } else { RayBackend::Software };
+        rows.extend(in_an_app(args, backend, &mut adapter)?);
+        columns.push((name.to_string(), rows));
+    }
+    let mut header = provenance(adapter);
+    header.push(format!("medians of {} dispatches of {} rays, of {} frames", args.repeat, args.rays, args.frames));
+    args.output.write("rays", &Table { header, columns, notes: Vec::new() })
+}
+
+/// A generated scene and rays through it.
+struct Scene {
+    name: String,
+    scene: TestScene,
+    mesh: Geometry,
+    /// Rays start within this far of the centre, and look at this much of it from this far.
+    inside: f32,
+    outside: f32,
+}
+
+impl Scene {
+    /// One bumpy sphere, rays within.
+    fn large() -> Self {
+        let mesh = sphere(LARGE / 1024 + 1, 512, 0.1, |p| p);
+        assert_eq!(mesh.positions.len(), LARGE);
+        let scene = TestScene::of(mesh.clone());
+        Self { name: format!("{LARGE} triangles"), scene, mesh, inside: 0.5, outside: 2.5 }
+    }
+
+    /// Bumpy spheres all over a cube, turned, stretched, some mirrored.
+    fn small(count: u32) -> Self {
+        let mesh = sphere(SMALL / 20 + 1, 10, 0.2, |p| p);
+        assert_eq!(mesh.positions.len(), SMALL);
+        let mut random = Random::new(71);
+        let instances: Vec<_> = (0..count).map(|_| (0, random_rows(&mut random, 0.03, 1.0), 0, 0)).collect();
+        let scene = TestScene::new(std::slice::from_ref(&mesh), &instances);
+        Self { name: format!("{count} instances of {SMALL} triangles"), scene, mesh, inside: 1.0, outside: 3.0 }
+    }
+
+    /// Rays from a pinhole, 8 x 8 pixels a workgroup.
+    fn coherent(&self, count: usize) -> Vec<Ray> {
+        let side = (count as f32).sqrt() as usize / 8 * 8;
+        let eye = [0.0, 0.0, self.outside];
+        let pixel = |i: usize| {
+            let (tile, within) = (i / 64, i % 64);
+            let across = side / 8;
+            let x = (tile % across * 8 + within % 8) as f32 / side as f32 - 0.5;
+            let y = (tile / across * 8 + within / 8) as f32 / side as f32 - 0.5;
+            ray(eye, [x, y, -1.0])
+        };
+        (0..side * side).map(pixel).collect()
+    }
+
+    /// Rays from anywhere to everywhere.
+    fn incoherent(&self, count: usize) -> Vec<Ray> {
+        let mut random = Random::new(72);
+        (0..count).map(|_| ray(random.point(self.inside), random.direction())).collect()
+    }
+}
+
+fn wait(gpu: &Gpu) {
+    let _ = gpu.device.poll(wgpu::PollType::wait_indefinitely());
+}
+
+/// Seconds of some work that is waited for, median.
+fn seconds(repeat: u32, gpu: &Gpu, mut work: impl FnMut()) -> f64 {
+    let once = |work: &mut dyn FnMut()| {
+        wait(gpu);
+        let start = Instant::now();
+        work();
+        wait(gpu);
+        start.elapsed().as_secs_f64()
+    };
+    // The first dispatch may compile.
+    once(&mut work);
+    let all: Vec<f64> = (0..repeat).map(|_| once(&mut work)).collect();
+    median(&all)
+}
+
+fn rates(args: &Args, gpu: &Gpu, backend: &[Def], scene: &Scene) -> Vec<Row> {
+    let count = args.rays as usize;
+    let mut rows = Vec::new();
+    for (kind, rays) in [("coherent", scene.coherent(count)), ("incoherent", scene.incoherent(count))] {
+        let structures = (!backend.is_empty()).then(|| scene.scene.structures(gpu));
+        let uploaded = scene.scene.upload(gpu, structures, &rays, rays.len() * 4);
+        let rate = |name: &str, source: &str, defs: &[Def]| {
+            let kernel = gpu.kernel(name, source, defs);
+            rays.len() as f64 / seconds(args.repeat, gpu, || uploaded.run(&kernel)) / 1e6
+        };
+        let closest = rate("closest", SPEED, backend);
+        let any = rate("any", SPEED, &[backend, &[flag("ANY_HIT")]].concat());
+        let figures = [("closest", Unit::Rate, closest), ("any", Unit::Rate, any)];
+        rows.push(Row::new(scene.name.clone(), format!("{kind} rays"), &figures));
+        if scene.scene.instances.len() == 1 {
+            // The software's trees only: a device's cannot be walked.
+            let bare = if backend.is_empty() { rate("bare", BARE, &[]) } else { f64::NAN };
+            let figures = [("closest", Unit::Rate, bare), ("ours", Unit::Ratio, closest / bare)];
+            rows.push(Row::new(scene.name.clone(), format!("{kind} rays, a bare kernel"), &figures));
+        }
+    }
+    rows
+}
+
+fn builds(args: &Args, gpu: &Gpu, hardware: bool, large: &Scene, small: &Scene) -> Vec<Row> {
+    const SECTION: &str = "Builds and bytes";
+    let device = RenderDevice::new(WgpuWrapper::new(gpu.device.clone()));
+    let queue = RenderQueue(Arc::new(WgpuWrapper::new(gpu.queue.clone())));
+    let start = Instant::now();
+    let blas = build_blas(&large.mesh).expect("it has triangles");
+    let ours = start.elapsed().as_secs_f64();
+    let per_triangle = |bytes: usize| bytes as f64 / LARGE as f64;
+    let nodes = if hardware { 0 } else { blas.nodes.len() * 16 };
+    let bytes = nodes + LARGE * (size_of::<GpuTriangle>() + size_of::<GpuTriangleAttributes>());
+
+    // Every instance another one each time.
+    let mut random = Random::new(73);
+    let mut moved = || -> Vec<Rows> {
+        let one = |instance: &bevy_restir::gpu_types::GpuInstance| {
+            let mut rows = instance.world_from_object;
+            rows.iter_mut().for_each(|row| row[3] += random.range(-0.01, 0.01));
+            rows
+        };
+        small.scene.instances.iter().map(one).collect()
+    };
+    let (mut bottom, mut sent) = (f64::NAN, 0.0);
+    let (mut cpu, mut all) = (Vec::new(), Vec::new());
+    if hardware {
+        let vertices = |scene: &Scene| {
+            device.create_buffer_with_data(&wgpu::util::BufferInitDescriptor {
+                label: None,
+                contents: bytemuck::cast_slice(&scene.scene.triangles),
+                usage: BufferUsages::BLAS_INPUT,
+            })
+        };
+        let placed = |scene: &Scene, rows: &[Rows]| -> Vec<Placed> {
+            let one = |(slot, rows): (usize, &Rows)| Placed {
+                slot: slot as u32,
+                mesh: 1,
+                triangles: 0..scene.scene.triangles.len() as u32,
+                world_from_object: *rows,
+                opaque: true,
+            };
+            rows.iter().enumerate().map(one).collect()
+        };
+        let (large_vertices, small_vertices) = (vertices(large), vertices(small));
+        let here = placed(large, &[large.scene.instances[0].world_from_object]);
+        bottom = seconds(1, gpu, || {
+            AccelerationStructures::default().update(&here, &large_vertices, &device, &queue);
+        });
+        let mut structures = AccelerationStructures::default();
+        for _ in 0..args.repeat + 2 {
+            let placed = placed(small, &moved());
+            wait(gpu);
+            let start = Instant::now();
+            sent = structures.update(&placed, &small_vertices, &device, &queue) as f64;
+            cpu.push(start.elapsed().as_secs_f64());
+            wait(gpu);
+            all.push(start.elapsed().as_secs_f64());
+        }
+        assert_eq!(sent, (args.instances as u64 * INSTANCE_SIZE) as f64);
+    } else {
+        let object: Bounds = build_blas(&small.mesh).expect("it has triangles").bounds;
+        for _ in 0..args.repeat + 2 {
+            let rows = moved();
+            let start = Instant::now();
+            let boxes: Vec<_> = rows
+                .iter()
+                .enumerate()
+                .filter_map(|(i, rows)| Some((i as u32, world_bounds(rows, &object)?)))
+                .collect();
+            let tlas = build_tlas(&boxes);
+            cpu.push(start.elapsed().as_secs_f64());
+            all.push(start.elapsed().as_secs_f64());
+            sent = ((tlas.nodes.len() + tlas.indices.len()) * 16).next_multiple_of(NODE_STRIDE as usize * 16) as f64;
+        }
+    }
+    // The first two make what the others use again.
+    let ms = |all: &[f64]| median(&all[2..]) * 1e3;
+    vec![
+        Row::new(
+            SECTION,
+            format!("bottom level of {LARGE} triangles"),
+            &[("on a core", Unit::Ms, ours * 1e3), ("on the device", Unit::Ms, bottom * 1e3)],
+        ),
+        Row::new(
+            SECTION,
+            format!("top level of {} instances (demanded: at most 2.5 ms)", args.instances),
+            &[("on a core", Unit::Ms, ms(&cpu)), ("until the device has it", Unit::Ms, ms(&all))],
+        ),
+        Row::new(SECTION, "of which is sent", &[("", Unit::Bytes, sent)]),
+        Row::new(SECTION, "trees, where they are ours", &[("", Unit::BytesATriangle, per_triangle(nodes))]),
+        Row::new(SECTION, "trees, corners and attributes", &[("", Unit::BytesATriangle, per_triangle(bytes))]),
+    ]
+}
+
+/// What turns.
+#[derive(Component)]
+struct Turns;
+
+/// Instances in an app, still and then all in motion: the whole frame's CPU time, Bevy's share included, and what the plugin sends.
+fn in_an_app(args: &Args, backend: RayBackend, adapter: &mut String) -> Result<Vec<Row>, String> {
+    let mut app = headless::app(Path::new("."), backend)?;
+    let info = app.world().resource::<RenderAdapterInfo>();
+    *adapter = format!("{} ({:?}), driver {} {}", info.name, info.backend, info.driver, info.driver_info);
+    let world = app.world_mut();
+    let mesh = world.resource_mut::<Assets<Mesh>>().add(Cuboid::new(0.02, 0.03, 0.04).mesh().build());
+    let material = world.resource_mut::<Assets<StandardMaterial>>().add(Color::WHITE);
+    let mut random = Random::new(74);
+    for _ in 0..args.instances {
+        let at = Transform::from_translation(Vec3::from(random.point(1.0)));
+        world.spawn((Turns, Mesh3d(mesh.clone()), MeshMaterial3d(material.clone()), at));
+    }
+    world.spawn((DirectionalLight::default(), Transform::default().looking_to(Vec3::NEG_ONE, Vec3::Y)));
+    let eye = Transform::from_xyz(0.0, 0.0, 4.0).looking_at(Vec3::ZERO, Vec3::Y);
+    let settings = Restir { bounces: 1, ..Default::default() };
+    let setup = CameraSetup { size: UVec2::splat(16), exposure: scene::unit_exposure(), environment: None, settings };
+    scene::spawn_camera(world, (eye, Projection::default()), setup);
+    until_ready(&mut app)?;
+    for _ in 0..4 {
+        frame(&mut app);
+    }
+    let (still_ms, still_bytes) = measured(args, &mut app);
+    app.add_systems(Update, |mut turning: Query<&mut Transform, With<Turns>>| {
+        for mut transform in &mut turning {
+            transform.rotate_y(0.1);
+            transform.translation.x += 0.001;
+        }
+    });
+    for _ in 0..4 {
+        frame(&mut app);
+    }
+    let (moving_ms, moving_bytes) = measured(args, &mut app);
+    let section = format!("{} instances in an app", args.instances);
+    Ok(vec![
+        Row::new(
+            section.clone(),
+            "CPU time of a frame, Bevy's included",
+            &[("still", Unit::Ms, still_ms), ("all in motion", Unit::Ms, moving_ms)],
+        ),
+        Row::new(
+            section,
+            "scene bytes sent a frame",
+            &[("still", Unit::Bytes, still_bytes), ("all in motion", Unit::Bytes, moving_bytes)],
+        ),
+    ])
+}
+
+/// CPU time and sent bytes of a frame, medians.
+fn measured(args: &Args, app: &mut App) -> (f64, f64) {
+    let (mut ms, mut bytes) = (Vec::new(), Vec::new());
+    for _ in 0..args.frames {
+        ms.push(frame(app).1);
+        bytes.push(app.world().resource::<RestirStatistics>().report().uploaded_bytes as f64);
+    }
+    (median(&ms), median(&bytes))
+}
