@@ -155,5 +155,5 @@ pub fn file_camera(world: &mut World, name: Option<&str>) -> Result<(Transform, 
     }
     warn!("restir: the file has no camera; one is placed in front of the scene");
     let (centre, radius) = framing::ball(world.query::<(&GlobalTransform, &Aabb)>().iter(world));
-    Ok(framing::in_front(centre, radius))
+    Ok(framing::in_front(centre, radius, 1.0))
 }

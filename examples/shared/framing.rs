@@ -20,10 +20,11 @@ pub fn ball<'a>(parts: impl IntoIterator<Item = (&'a GlobalTransform, &'a Aabb)>
     (0.5 * (low + high), (0.5 * (high - low)).length().max(1e-6))
 }
 
-/// In front of a ball, a little to the right and above.
-pub fn in_front(centre: Vec3, radius: f32) -> (Transform, Projection) {
+/// In front of a ball, a little to the right and above; `aspect` is width over height of the picture.
+pub fn in_front(centre: Vec3, radius: f32, aspect: f32) -> (Transform, Projection) {
     let projection = PerspectiveProjection { near: 0.01 * radius, far: 100.0 * radius, ..Default::default() };
-    let distance = radius / (0.5 * projection.fov).sin() * 0.9;
+    let narrowest = ((0.5 * projection.fov).tan() * aspect.clamp(0.1, 1.0)).atan();
+    let distance = radius / narrowest.sin() * 0.9;
     let eye = centre + distance * Vec3::new(0.45, 0.3, 0.84).normalize();
     (Transform::from_translation(eye).looking_at(centre, Vec3::Y), Projection::Perspective(projection))
 }

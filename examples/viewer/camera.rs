@@ -123,14 +123,15 @@ fn look_at_arrivals(
 }
 
 /// Looks at the whole scene where that is asked for.
-fn frame(stage: Res<Stage>, mut eyes: Query<(&mut Eye, &mut Transform, &mut Projection)>) {
+fn frame(stage: Res<Stage>, mut eyes: Query<(&mut Eye, &mut Transform, &mut Projection, &Camera)>) {
     let Some(shown) = &stage.shown else { return };
-    for (mut eye, mut place, mut projection) in &mut eyes {
+    for (mut eye, mut place, mut projection, camera) in &mut eyes {
         if !eye.frames {
             continue;
         }
         eye.frames = false;
-        (*place, *projection) = framing::in_front(shown.centre, shown.radius);
+        let aspect = camera.logical_viewport_size().map_or(1.0, |size| size.x / size.y.max(1.0));
+        (*place, *projection) = framing::in_front(shown.centre, shown.radius, aspect);
         let distance = place.translation.distance(shown.centre);
         eye.take(&place, distance);
     }

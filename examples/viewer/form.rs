@@ -68,7 +68,13 @@ impl<'a> Form<'a> {
             let color = if changed { egui::Color32::from_rgb(255, 205, 105) } else { ui.visuals().text_color() };
             let text = egui::RichText::new(words(name)).color(color);
             let label = egui::Label::new(text).truncate().sense(egui::Sense::click());
-            let label = ui.add_sized([NAMES, ui.spacing().interact_size.y], label);
+            let place = egui::vec2(NAMES, ui.spacing().interact_size.y);
+            let aligned = egui::Layout::left_to_right(egui::Align::Center);
+            let label = ui.allocate_ui_with_layout(place, aligned, |ui| {
+                ui.set_min_width(NAMES);
+                ui.add(label)
+            });
+            let label = label.inner;
             let back = default.filter(|_| changed);
             if let Some(default) = back
                 && label.secondary_clicked()
@@ -88,6 +94,7 @@ impl<'a> Form<'a> {
         }
         let [low, high] = (self.range)(path).unwrap_or([f64::MIN, f64::MAX]);
         let slides = high - low <= SLIDER;
+        ui.spacing_mut().slider_width = (ui.available_width() - 64.0).clamp(40.0, 200.0);
         if let Some(value) = field.try_downcast_mut::<u32>() {
             let range = low.max(0.0) as u32..=high as u32;
             let speed = (f64::from(*value) * 0.01).max(0.1);

@@ -31,13 +31,14 @@ use bevy::{
     camera::{CameraOutputMode, visibility::RenderLayers},
     diagnostic::FrameTimeDiagnosticsPlugin,
     prelude::*,
-    render::{diagnostic::RenderDiagnosticsPlugin, render_resource::BlendState},
+    render::{diagnostic::RenderDiagnosticsPlugin, render_resource::BlendState, renderer::RenderAdapterInfo},
 };
 use bevy_egui::{EguiGlobalSettings, EguiPlugin, EguiPrimaryContextPass, PrimaryEguiContext};
 use bevy_restir::prelude::*;
 use clap::Parser;
 use environment::Environment;
 use std::path::PathBuf;
+use wgpu::DeviceType;
 
 /// Shows any glTF file by path tracing.
 #[derive(Parser, Clone, Debug)]
@@ -45,9 +46,9 @@ use std::path::PathBuf;
 struct Args {
     /// A .glb or .gltf file; others can be dropped on the window.
     file: Option<PathBuf>,
-    /// How light is carried: reference, di, gi or pt.
-    #[arg(long, default_value = "pt")]
-    technique: String,
+    /// How light is carried: reference, di, gi or pt; without it pt, or the reference where a CPU draws.
+    #[arg(long)]
+    technique: Option<String>,
     /// Settings to start from: performance, balanced, quality or unbiased.
     #[arg(long, default_value = "balanced")]
     preset: String,
@@ -77,7 +78,10 @@ impl Args {
         let preset =
             presets.iter().find(is_asked).ok_or(format!("--preset {}: expected one of {presets:?}", self.preset))?;
         let mut settings = Restir::preset(*preset);
-        set::set(&mut settings, &format!("technique={}", self.technique)).map_err(|e| format!("--{e}"))?;
+        settings.technique = Technique::Pt;
+        if let Some(technique) = &self.technique {
+            set::set(&mut settings, &format!("technique={technique}")).map_err(|e| format!("--{e}"))?;
+        }
         for assignment in &self.set {
             set::set(&mut settings, assignment).map_err(|e| format!("--set {e}"))?;
         }
@@ -118,7 +122,12 @@ fn main() -> AppExit {
 /// The camera, one more for the panel, and the file of the command line.
 fn start(world: &mut World, args: &Args, settings: &Restir) {
     world.resource_mut::<EguiGlobalSettings>().auto_create_primary_context = false;
-    let eye = world.spawn((camera::eye(), look::look(args.ev100), settings.clone())).id();
+    let mut settings = settings.clone();
+    let is_cpu = world.get_resource::<RenderAdapterInfo>().is_some_and(|a| a.device_type == DeviceType::Cpu);
+    if is_cpu && args.technique.is_none() {
+        settings.technique = Technique::Reference;
+    }
+    let eye = world.spawn((camera::eye(), look::look(args.ev100), settings)).id();
     if let Some(wanted) = &args.env {
         match environment::load(world, wanted) {
             Ok(environment) => _ = world.entity_mut(eye).insert(environment),

@@ -5,13 +5,20 @@ use bevy::{
     core_pipeline::tonemapping::Tonemapping,
     diagnostic::DiagnosticsStore,
     ecs::system::SystemParam,
-    input::keyboard::KeyboardInput,
+    input::keyboard::{Key, KeyboardInput},
     prelude::*,
     reflect::PartialReflect,
     render::renderer::RenderAdapterInfo,
     window::PrimaryWindow,
 };
-use bevy_egui::{EguiContexts, egui, input::egui_wants_any_keyboard_input};
+use bevy_egui::{
+    EguiContexts,
+    egui::{
+        self,
+        text::{CCursor, CCursorRange},
+    },
+    input::egui_wants_any_keyboard_input,
+};
 use bevy_restir::{RestirStatistics, prelude::*};
 use std::path::PathBuf;
 
@@ -31,7 +38,7 @@ use super::{
 const WIDTH: f32 = 310.0;
 const LEAST: f32 = 220.0;
 const KEYS: &str = "drag: turn   right drag: move   wheel: nearer\nF: fly (WASD, E, Q; right drag looks)   Home: all\n\
-                    Space: play   T: technique   V: view   R: reset\nH: hide this   drop a .glb, .gltf, .hdr or .exr";
+                    Space: play   T, shift T: technique   V, shift V: view\nR: reset   H: hide this   drop a .glb, .gltf, .hdr or .exr";
 
 /// The panel itself.
 #[derive(Resource)]
@@ -122,7 +129,14 @@ fn file(ui: &mut egui::Ui, panel: &mut Panel, shown: &mut Shown, is_lent: bool) 
     ui.horizontal(|ui| {
         let opens = ui.button("Open").clicked();
         let hint = egui::TextEdit::singleline(&mut panel.file).hint_text("path of a .glb, .gltf, .hdr or .exr");
-        let line = ui.add(hint.desired_width(f32::INFINITY));
+        let mut text = hint.desired_width(f32::INFINITY).show(ui);
+        let line = text.response.response;
+        if line.gained_focus() {
+            // What is typed replaces what was there.
+            let whole = CCursorRange::two(CCursor::new(0), CCursor::new(panel.file.chars().count()));
+            text.state.cursor.set_char_range(Some(whole));
+            text.state.store(ui.ctx(), line.id);
+        }
         let entered = line.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter));
         if (opens || entered) && !panel.file.is_empty() {
             shown.open.write(Open(PathBuf::from(panel.file.trim())));
@@ -136,6 +150,9 @@ fn file(ui: &mut egui::Ui, panel: &mut Panel, shown: &mut Shown, is_lent: bool) 
             ui.strong(name).on_hover_text(scene.path.display().to_string());
         }
         (_, line) => _ = ui.add(egui::Label::new(egui::RichText::new(line).color(note)).wrap()),
+    }
+    if shown.stage.shown.is_some() && !shown.statistics.report().ready {
+        ui.weak("building and compiling ...");
     }
     if is_lent {
         let text = "This file has no lights: it is shown under a sky of the viewer's.";
@@ -317,7 +334,6 @@ fn environment(
 /// Keys, while no text is typed.
 pub fn act_on_keys(
     typing: Option<Res<bevy_egui::input::EguiWantsInput>>,
-    keys: Res<ButtonInput<KeyCode>>,
     mut pressed: MessageReader<KeyboardInput>,
     mut panel: ResMut<Panel>,
     mut clips: ResMut<Clips>,
@@ -327,7 +343,6 @@ pub fn act_on_keys(
         pressed.clear();
         return;
     }
-    let back = keys.any_pressed([KeyCode::ShiftLeft, KeyCode::ShiftRight]);
     // Every press counts, also where several come in one long frame.
     for event in pressed.read().filter(|event| event.state.is_pressed() && !event.repeat) {
         match event.key_code {
@@ -335,6 +350,8 @@ pub fn act_on_keys(
             KeyCode::Space => clips.plays = !clips.plays,
             _ => {}
         }
+        // With shift.
+        let back = matches!(&event.logical_key, Key::Character(c) if c.chars().all(char::is_uppercase));
         for (mut restir, mut eye) in &mut cameras {
             match event.key_code {
                 KeyCode::KeyF => eye.mode = if eye.mode == Mode::Fly { Mode::Orbit } else { Mode::Fly },
