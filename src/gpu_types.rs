@@ -12,6 +12,8 @@ pub const LIGHT_POINT: u32 = 1;
 pub const LIGHT_SPOT: u32 = 2;
 pub const LIGHT_DIRECTIONAL: u32 = 3;
 pub const LIGHT_ENVIRONMENT: u32 = 4;
+pub const LIGHT_KIND_BITS: u32 = 0xff;
+pub const LIGHT_HIDDEN_SHIFT: u32 = 8;
 
 pub const INSTANCE_MIRRORED: u32 = 1;
 pub const INSTANCE_ALPHA: u32 = 2;
@@ -42,6 +44,7 @@ pub const SLOT_TRANSFORM: u32 = 0x8000_0000;
 
 pub const VIEW_ENVIRONMENT_IS_BACKDROP: u32 = 1;
 pub const VIEW_ORTHOGRAPHIC: u32 = 2;
+pub const VIEW_NO_BACKDROP: u32 = 4;
 
 pub const OVERFLOW_STACK: u32 = 1;
 pub const OVERFLOW_STEPS: u32 = 2;
@@ -197,9 +200,8 @@ pub struct GpuViewUniforms {
     pub flags: u32,
     pub origin: [u32; 2],
     pub accumulated: u32,
-    pub pad_a: u32,
-    pub pad_b: u32,
-    pub pad_c: u32,
+    pub layers: u32,
+    pub target_size: [u32; 2],
 }
 
 /// What a frame counted: `Counters` in `shaders/pass/statistics.wgsl`.

@@ -35,7 +35,7 @@ pub use statistics::{RestirReport, RestirStatistics};
 pub use view::capture::{CapturedRadiance, RadianceCapture};
 
 use bevy::{
-    app::{App, First, Plugin, PostUpdate},
+    app::{App, Last, Plugin, PostUpdate},
     asset::Assets,
     camera::visibility::{VisibilitySystems, VisibleEntities},
     ecs::prelude::*,
@@ -46,6 +46,7 @@ use bevy::{
         Render, RenderApp, RenderSystems,
         render_resource::DownlevelFlags,
         renderer::{RenderAdapter, RenderAdapterInfo, RenderDevice},
+        settings::WgpuLimits,
         view::Msaa,
     },
     shader::Shader,
@@ -87,7 +88,8 @@ impl Plugin for RestirPlugin {
         let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
         let table = shaders::ShaderTable::new(&mut shaders);
 
-        app.add_systems(First, require_single_sample)
+        // After all that an app does in a frame, and before it is extracted.
+        app.add_systems(Last, require_single_sample)
             .add_systems(PostUpdate, hide_mirrored_meshes.after(VisibilitySystems::CheckVisibility));
         let backend = *app.world().resource::<RayBackend>();
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
@@ -113,13 +115,16 @@ impl Plugin for RestirPlugin {
 /// What the device lacks for the portable tier.
 fn missing_feature(render_world: &World) -> Option<&'static str> {
     let device = render_world.get_resource::<RenderDevice>()?;
-    let limits = device.limits();
     let adapter = render_world.get_resource::<RenderAdapter>()?;
-    if !adapter
-        .get_downlevel_capabilities()
-        .flags
-        .contains(DownlevelFlags::COMPUTE_SHADERS | DownlevelFlags::VERTEX_STORAGE)
-    {
+    missing_of(&device.limits(), adapter.get_downlevel_capabilities().flags)
+}
+
+/// Bytes of one storage binding without which nothing worth a look fits.  Below WebGPU's 128 MiB large pictures are traced smaller, and
+/// scenes are cut, with warnings.
+const LEAST_BINDING: u64 = 1 << 20;
+
+fn missing_of(limits: &WgpuLimits, flags: DownlevelFlags) -> Option<&'static str> {
+    if !flags.contains(DownlevelFlags::COMPUTE_SHADERS | DownlevelFlags::VERTEX_STORAGE) {
         return Some("compute shaders and storage buffers in vertex shaders");
     }
     if limits.max_storage_buffers_per_shader_stage < 8 {
@@ -127,6 +132,9 @@ fn missing_feature(render_world: &World) -> Option<&'static str> {
     }
     if limits.max_compute_invocations_per_workgroup < 64 {
         return Some("64 compute invocations a workgroup");
+    }
+    if limits.max_storage_buffer_binding_size.min(limits.max_buffer_size) < LEAST_BINDING {
+        return Some("storage bindings of a MiB");
     }
     None
 }
@@ -152,5 +160,27 @@ fn hide_mirrored_meshes(
 ) {
     for mut visible in &mut cameras {
         visible.get_mut(TypeId::of::<Mesh3d>()).retain(|entity| !mirrored.contains(*entity));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_need_is_asked_for() {
+        let (limits, flags) = (WgpuLimits::default(), DownlevelFlags::all());
+        assert_eq!(missing_of(&limits, flags), None, "WebGPU's limits are enough");
+        for few in [
+            WgpuLimits { max_storage_buffers_per_shader_stage: 7, ..limits.clone() },
+            WgpuLimits { max_compute_invocations_per_workgroup: 32, ..limits.clone() },
+            WgpuLimits { max_storage_buffer_binding_size: 1 << 19, ..limits.clone() },
+            WgpuLimits::downlevel_webgl2_defaults(),
+        ] {
+            assert!(missing_of(&few, flags).is_some(), "{few:?}");
+        }
+        for flag in [DownlevelFlags::COMPUTE_SHADERS, DownlevelFlags::VERTEX_STORAGE] {
+            assert!(missing_of(&limits, flags - flag).is_some(), "{flag:?}");
+        }
     }
 }

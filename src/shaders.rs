@@ -68,6 +68,7 @@ pub const MODULES: &[(&str, &str)] = table![
     "trace/trace.wgsl",
     "scene/surface.wgsl",
     "view/bindings.wgsl",
+    "view/mask.wgsl",
     "view/alpha_seed.wgsl",
     "view/false_color.wgsl",
     "view/camera.wgsl",

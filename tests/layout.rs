@@ -140,9 +140,8 @@ fn view_structs_are_the_same_in_rust_and_wgsl() {
             flags,
             origin,
             accumulated,
-            pad_a,
-            pad_b,
-            pad_c,
+            layers,
+            target_size,
         }
     );
     let statistics = module("pass/statistics.wgsl");
@@ -225,6 +224,8 @@ fn constants_are_the_same_in_rust_and_wgsl() {
         LIGHT_SPOT,
         LIGHT_DIRECTIONAL,
         LIGHT_ENVIRONMENT,
+        LIGHT_KIND_BITS,
+        LIGHT_HIDDEN_SHIFT,
         INSTANCE_MIRRORED,
         INSTANCE_ALPHA,
         INSTANCE_SECOND_UV,
@@ -251,6 +252,7 @@ fn constants_are_the_same_in_rust_and_wgsl() {
         SLOT_TRANSFORM,
         VIEW_ENVIRONMENT_IS_BACKDROP,
         VIEW_ORTHOGRAPHIC,
+        VIEW_NO_BACKDROP,
         OVERFLOW_STACK,
         OVERFLOW_STEPS,
         NON_FINITE,

@@ -223,6 +223,7 @@ fn builds(args: &Args, gpu: &Gpu, hardware: bool, large: &Scene, small: &Scene) 
                 triangles: 0..scene.scene.triangles.len() as u32,
                 world_from_object: *rows,
                 opaque: true,
+                mask: 0xff,
             };
             rows.iter().enumerate().map(one).collect()
         };

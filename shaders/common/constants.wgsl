@@ -17,6 +17,9 @@ const LIGHT_POINT: u32 = 1u;
 const LIGHT_SPOT: u32 = 2u;
 const LIGHT_DIRECTIONAL: u32 = 3u;
 const LIGHT_ENVIRONMENT: u32 = 4u;
+// In `Light::kind`: the kind, and above it the sets of render layers whose cameras the light is hidden from.
+const LIGHT_KIND_BITS: u32 = 0xffu;
+const LIGHT_HIDDEN_SHIFT: u32 = 8u;
 
 const INSTANCE_MIRRORED: u32 = 1u;
 const INSTANCE_ALPHA: u32 = 2u;
@@ -50,6 +53,8 @@ const SLOT_TRANSFORM: u32 = 0x80000000u;
 // The environment is shown to the camera; otherwise it only lights.
 const VIEW_ENVIRONMENT_IS_BACKDROP: u32 = 1u;
 const VIEW_ORTHOGRAPHIC: u32 = 2u;
+// Where the camera sees no surface it leaves what is there.
+const VIEW_NO_BACKDROP: u32 = 4u;
 
 // Bits of `trace_flags`: what went wrong, read back and reported.
 const OVERFLOW_STACK: u32 = 1u;

@@ -7,7 +7,8 @@
 #import bevy_restir::light::point::point_light_sample
 #import bevy_restir::light::triangle::triangle_light_sample
 #import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, no_light_sample}
-#import bevy_restir::scene::bindings::{lights, scene}
+#import bevy_restir::scene::bindings::scene
+#import bevy_restir::view::mask::{light_kind, light_shines}
 
 // A point or direction of a light, as seen from a point.  `light`: an index into the table, ENVIRONMENT_LIGHT or NONE.
 fn light_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> LightSample {
@@ -22,7 +23,10 @@ fn light_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> LightSample 
 
 // The same of any record of the buffer, the last frame's among them.
 fn record_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> LightSample {
-    switch lights[light].kind {
+    if !light_shines(light) {
+        return no_light_sample();
+    }
+    switch light_kind(light) {
         case LIGHT_TRIANGLE: {
             return triangle_light_sample(light, from_point, u);
         }

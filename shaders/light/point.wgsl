@@ -5,6 +5,7 @@
 #import bevy_restir::light::types::{LightSample, no_light_sample}
 #import bevy_restir::scene::bindings::lights
 #import bevy_restir::scene::triangle::safe_normalize
+#import bevy_restir::view::mask::light_kind
 
 #ifdef LIGHT_POINTS
 fn point_light_sample(light: u32, from_point: vec3<f32>) -> LightSample {
@@ -25,7 +26,7 @@ fn point_light_sample(light: u32, from_point: vec3<f32>) -> LightSample {
 
 // Share of the intensity that leaves along -wi.
 fn cone(light: u32, wi: vec3<f32>) -> f32 {
-    if lights[light].kind != LIGHT_SPOT {
+    if light_kind(light) != LIGHT_SPOT {
         return 1.0;
     }
     let inner = bitcast<f32>(lights[light].data.x);

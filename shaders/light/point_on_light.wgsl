@@ -10,7 +10,8 @@
 #import bevy_restir::light::remap::light_record
 #import bevy_restir::light::triangle::{triangle_light_at, uniform_barycentrics}
 #import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, no_light_sample}
-#import bevy_restir::scene::bindings::{lights, scene}
+#import bevy_restir::scene::bindings::scene
+#import bevy_restir::view::mask::light_kind
 
 struct LightPoint {
     light: u32,                // id in the table, ENVIRONMENT_LIGHT or NONE
@@ -41,7 +42,7 @@ fn light_point_sample(light: u32, u: vec2<f32>) -> LightPoint {
     if light >= scene.light_count {
         return no_light_point();
     }
-    if lights[light].kind == LIGHT_TRIANGLE {
+    if light_kind(light) == LIGHT_TRIANGLE {
         return triangle_light_point(light, uniform_barycentrics(u));
     }
     return LightPoint(light, 0u);
@@ -63,7 +64,7 @@ fn light_point_at(p: LightPoint, from_point: vec3<f32>, previous: bool) -> Light
     if record == NONE {
         return no_light_sample();
     }
-    if lights[record].kind == LIGHT_TRIANGLE {
+    if light_kind(record) == LIGHT_TRIANGLE {
         // Rounding may put a point beyond the diagonal.
         let b = unpack2x16unorm(p.coordinates);
         return triangle_light_at(record, b / max(1.0, b.x + b.y), from_point, previous);

@@ -10,6 +10,7 @@
 #import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, no_light_sample}
 #import bevy_restir::scene::bindings::{instances, lights, materials}
 #import bevy_restir::scene::triangle::{safe_normalize, world_triangle}
+#import bevy_restir::view::mask::light_kind
 
 struct PresampledLight {
     position: vec3<f32>,       // of the environment its direction
@@ -40,7 +41,7 @@ fn presample_light(u: vec4<f32>) -> PresampledLight {
         s.normal.x = l.pdf_solid_angle;
         return with_radiance(s, l.radiance, 0u);
     }
-    if lights[p.light].kind != LIGHT_TRIANGLE {
+    if light_kind(p.light) != LIGHT_TRIANGLE {
         return s;
     }
     let instance = lights[p.light].data.x;

@@ -8,6 +8,7 @@
 #import bevy_restir::scene::material::{alpha_at, emission_at}
 #import bevy_restir::trace::offset::surface_point
 #import bevy_restir::scene::triangle::{safe_normalize, world_triangle, WorldTriangle}
+#import bevy_restir::view::mask::is_met
 
 #ifdef LIGHT_TRIANGLES
 fn triangle_light_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> LightSample {
@@ -72,8 +73,11 @@ fn triangle_light_radiance(instance: u32, triangle: u32, normal: vec3<f32>, bary
     return triangle_light_colour(instance, triangle, barycentrics);
 }
 
-// The same towards the side that shines.
+// The same towards the side that shines; nothing of what no ray meets.
 fn triangle_light_colour(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> vec3<f32> {
+    if !is_met(instance) {
+        return vec3<f32>(0.0);
+    }
     return emission_at(instance, triangle, barycentrics) * presence(instance, triangle, barycentrics);
 }
 

@@ -8,6 +8,7 @@
 #import bevy_restir::trace::offset::{offset_distance, offset_point}
 #import bevy_restir::trace::ray::Ray
 #import bevy_restir::trace::trace::trace_any
+#import bevy_restir::view::mask::light_kind
 
 // The ray that a point of a light is seen along: from an offset point to one just short of the light's surface.
 fn ray_to_light(s: Surface, l: LightSample) -> Ray {
@@ -35,7 +36,7 @@ fn light_is_visible(s: Surface, l: LightSample, alpha_seed: u32, previous: bool)
 }
 
 fn light_offset(l: LightSample) -> f32 {
-    if lights[l.light].kind != LIGHT_TRIANGLE {
+    if light_kind(l.light) != LIGHT_TRIANGLE {
         return 0.0;
     }
     return offset_distance(lights[l.light].data.x, lights[l.light].data.y, l.barycentrics);

@@ -48,7 +48,7 @@ struct Instance {
     material: u32,
     first_light: u32,          // light of the first triangle, the others follow; NONE where the material does not emit
     flags: u32,                // INSTANCE_*
-    layers: u32,               // render layers 0 to 31
+    layers: u32,               // bits 0 to 7: sets of render layers whose rays meet it; 8 to 15: whose cameras see it
     entity: u32,               // index of the Bevy entity, for debug views
 }
 
@@ -76,7 +76,7 @@ struct Material {
 // `data` by kind: triangle = (instance, triangle); spot = bits of (cosine of the inner, of the outer angle).
 struct Light {
     position: vec3<f32>,       // point, spot
-    kind: u32,                 // LIGHT_*
+    kind: u32,                 // LIGHT_*, and LIGHT_HIDDEN_SHIFT
     emission: vec3<f32>,       // triangle: mean radiance; point, spot: intensity, cd; directional: illuminance, lux
     pmf: f32,                  // probability of this light in the table
     direction: vec3<f32>,      // spot, directional: the way the light travels

@@ -12,6 +12,7 @@ enable wgpu_ray_query;
 #import bevy_restir::trace::ray::{Ray, Hit, trace_flags}
 #import bevy_restir::trace::space::object_ray
 #import bevy_restir::trace::triangle::{sheared_ray, intersect_triangle, plane_distance}
+#import bevy_restir::view::mask::ray_mask
 
 // Group 3: the device's own acceleration structures, over this frame's instances and the last frame's; the same one where nothing moved.
 // The custom index of each is its place in `instances`.  They are bound here because naga_oil can write a module that binds them only
@@ -27,7 +28,6 @@ const OPACITY: u32 = 0u;
 #else
 const OPACITY: u32 = FORCE_OPAQUE;
 #endif
-const ALL_INSTANCES: u32 = 0xffu;
 
 const INTERSECTION_NONE: u32 = 0u;
 const INTERSECTION_TRIANGLE: u32 = 1u;
@@ -51,7 +51,7 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
         let first = any_hit && pass_number == 0u;
         let description = RayDesc(
             OPACITY | select(0u, TERMINATE_ON_FIRST_HIT, first),
-            ALL_INSTANCES,
+            ray_mask(),
             t_min,
             ray.t_max,
             ray.origin,

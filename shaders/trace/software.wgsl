@@ -8,6 +8,7 @@
 #import bevy_restir::trace::ray::{Ray, Hit, trace_flags}
 #import bevy_restir::trace::space::object_ray
 #import bevy_restir::trace::triangle::{ShearedRay, sheared_ray, intersect_triangle}
+#import bevy_restir::view::mask::is_met
 
 // Equal to `blas::STACK_SIZE`: both trees' depth and the two groups kept on entering an instance.
 const STACK_SIZE: u32 = 40u;
@@ -142,7 +143,7 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
             tree = tree_ray(inside.origin, inside.direction);
             // An instance that is gone leaves its place in the last frame's top level.
             let blas = instances[instance].blas_root;
-            children = select(vec2<u32>(blas, 0x80000000u), vec2<u32>(0u), blas == NONE);
+            children = select(vec2<u32>(blas, 0x80000000u), vec2<u32>(0u), blas == NONE || !is_met(instance));
             primitives = vec2<u32>(0u);
         } else {
             tree = tree_ray(ray.origin, ray.direction);

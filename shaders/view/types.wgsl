@@ -16,7 +16,7 @@ struct ViewUniforms {
     exposure: f32,                      // of debug views, which are no light, their scale
     background: vec3<f32>,              // what the camera sees where it sees no environment, cd/m²
     debug_view: u32,                    // DEBUG_* in pass/debug.wgsl
-    size: vec2<u32>,                    // pixels of the viewport
+    size: vec2<u32>,                    // pixels of the picture that is traced
     jitter: vec2<f32>,                  // of this frame's primary rays, pixels, x right and y down, within half a pixel of 0
     previous_jitter: vec2<f32>,
     frame: u32,                         // since the history was reset
@@ -25,7 +25,6 @@ struct ViewUniforms {
     flags: u32,                         // VIEW_*
     origin: vec2<u32>,                  // of the viewport in its target, pixels
     accumulated: u32,                   // frames that `radiance` holds already: 0 starts again
-    pad_a: u32,
-    pad_b: u32,
-    pad_c: u32,
+    layers: u32,                        // bit of the camera's set of render layers
+    target_size: vec2<u32>,             // pixels of the viewport; `size`, or more
 }

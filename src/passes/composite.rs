@@ -1,7 +1,9 @@
-//! Radiance and depth into Bevy's view target (`shaders/pass/composite.wgsl`).
+//! Radiance and depth into Bevy's view target, and where a camera has a prepass depth and motion into its textures, which other passes
+//! read (`shaders/pass/composite.wgsl`).
 
 use bevy::{
     asset::Handle,
+    core_pipeline::prepass::{MOTION_VECTOR_PREPASS_FORMAT, ViewPrepassTextures},
     render::{
         diagnostic::RecordDiagnostics,
         render_resource::{binding_types::*, *},
@@ -17,17 +19,38 @@ use crate::{
     view::{DEPTH_FORMAT, RestirView, raster_view_layout},
 };
 
+/// What the pass writes to: the format of the view target, and whether motion is asked for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct CompositeKey {
+    pub format: TextureFormat,
+    pub motion: bool,
+}
+
+impl CompositeKey {
+    /// Of a camera's textures.
+    pub(crate) fn of(target: &ViewTarget, prepass: Option<&ViewPrepassTextures>) -> Self {
+        let motion = prepass.is_some_and(|textures| textures.motion_vectors.is_some());
+        Self { format: target.main_texture_format(), motion }
+    }
+}
+
 fn layout() -> BindGroupLayoutDescriptor {
     BindGroupLayoutDescriptor::new(
         "restir composite",
         &BindGroupLayoutEntries::sequential(
             ShaderStages::FRAGMENT,
-            (storage_buffer_read_only_sized(false, None), texture_depth_2d()),
+            (storage_buffer_read_only_sized(false, None), texture_depth_2d(), texture_2d(TextureSampleType::Uint)),
         ),
     )
 }
 
-pub(super) fn pipeline(shader: Handle<Shader>, format: TextureFormat) -> RenderPipelineDescriptor {
+pub(super) fn pipeline(shader: Handle<Shader>, key: CompositeKey) -> RenderPipelineDescriptor {
+    let mut targets = vec![Some(key.format.into())];
+    let mut entry_point = "fragment";
+    if key.motion {
+        targets.push(Some(MOTION_VECTOR_PREPASS_FORMAT.into()));
+        entry_point = "fragment_with_motion";
+    }
     RenderPipelineDescriptor {
         label: Some("restir composite".into()),
         layout: vec![scene_layout(), raster_view_layout(), layout()],
@@ -35,16 +58,12 @@ pub(super) fn pipeline(shader: Handle<Shader>, format: TextureFormat) -> RenderP
         depth_stencil: Some(DepthStencilState {
             format: DEPTH_FORMAT,
             depth_write_enabled: Some(true),
-            depth_compare: Some(CompareFunction::Always),
+            // What Bevy's prepass or another camera has drawn in front stays.
+            depth_compare: Some(CompareFunction::GreaterEqual),
             stencil: StencilState::default(),
             bias: DepthBiasState::default(),
         }),
-        fragment: Some(FragmentState {
-            shader,
-            entry_point: Some("fragment".into()),
-            targets: vec![Some(format.into())],
-            ..Default::default()
-        }),
+        fragment: Some(FragmentState { shader, entry_point: Some(entry_point.into()), targets, ..Default::default() }),
         ..Default::default()
     }
 }
@@ -52,35 +71,56 @@ pub(super) fn pipeline(shader: Handle<Shader>, format: TextureFormat) -> RenderP
 pub(super) fn draw(
     view: &RestirView,
     scene_group: &BindGroup,
-    target: &ViewTarget,
-    depth: &ViewDepthTexture,
+    (target, depth, prepass): (&ViewTarget, &ViewDepthTexture, Option<&ViewPrepassTextures>),
     passes: &PassPipelines,
     pipelines: &PipelineCache,
     device: &RenderDevice,
     context: &mut RenderContext,
 ) {
-    let Some(pipeline) = passes.composite(target.main_texture_format(), pipelines) else {
-        return;
-    };
+    let Some(key) = view.composite else { return };
+    let Some(pipeline) = passes.composite(key, pipelines) else { return };
     let group = device.create_bind_group(
         "restir composite",
         &pipelines.get_bind_group_layout(&layout()),
-        &BindGroupEntries::sequential((view.radiance.as_entire_binding(), &view.depth)),
+        &BindGroupEntries::sequential((view.radiance.as_entire_binding(), &view.depth, &view.visibility)),
     );
+    let mut attachments = vec![Some(target.get_color_attachment())];
+    if key.motion {
+        let Some(motion) = prepass.and_then(|textures| textures.motion_vectors.as_ref()) else { return };
+        attachments.push(Some(motion.get_attachment()));
+    }
+    draw_over(view, pipeline, [scene_group, &group], &attachments, depth, context);
+    // Bevy's prepass has made the same copy before there was anything of ours.
+    if let Some((textures, copy)) = prepass.and_then(|textures| Some((textures, textures.depth.as_ref()?)))
+        && textures.deferred.is_none()
+    {
+        let (from, to) = (depth.texture.as_image_copy(), copy.texture.texture.as_image_copy());
+        context.command_encoder().copy_texture_to_texture(from, to, textures.size);
+    }
+}
+
+fn draw_over(
+    view: &RestirView,
+    pipeline: &RenderPipeline,
+    [scene, own]: [&BindGroup; 2],
+    attachments: &[Option<RenderPassColorAttachment>],
+    depth: &ViewDepthTexture,
+    context: &mut RenderContext,
+) {
     let diagnostics = context.diagnostic_recorder();
     let mut pass = context.command_encoder().begin_render_pass(&RenderPassDescriptor {
         label: Some("restir composite"),
-        color_attachments: &[Some(target.get_color_attachment())],
+        color_attachments: attachments,
         depth_stencil_attachment: Some(depth.get_attachment(StoreOp::Store)),
         ..Default::default()
     });
     let span = diagnostics.as_deref().map(|d| d.time_span(&mut pass, format!("{SPAN_PREFIX}composite")));
-    let (origin, size) = (view.origin.as_vec2(), view.size.as_vec2());
+    let (origin, size) = (view.origin.as_vec2(), view.target_size.as_vec2());
     pass.set_viewport(origin.x, origin.y, size.x, size.y, 0.0, 1.0);
     pass.set_pipeline(pipeline);
-    pass.set_bind_group(0, &**scene_group, &[]);
+    pass.set_bind_group(0, &**scene, &[]);
     pass.set_bind_group(1, &*view.raster_bind_group, &[]);
-    pass.set_bind_group(2, &*group, &[]);
+    pass.set_bind_group(2, &**own, &[]);
     pass.draw(0..3, 0..1);
     if let Some(span) = span {
         span.end(&mut pass);

@@ -1,6 +1,6 @@
 //! The frame: what each technique runs, in order, as data; and the one system that runs it.
 
-mod composite;
+pub(crate) mod composite;
 pub(crate) mod pipelines;
 mod visibility;
 
@@ -8,6 +8,7 @@ use bevy::{
     app::SubApp,
     core_pipeline::{
         core_3d::main_opaque_pass_3d,
+        prepass::ViewPrepassTextures,
         schedule::{Core3d, Core3dSystems},
     },
     ecs::prelude::*,
@@ -301,7 +302,7 @@ pub(crate) fn build(render_app: &mut SubApp) {
 }
 
 fn run_passes(
-    view: ViewQuery<(&ViewTarget, &ViewDepthTexture)>,
+    view: ViewQuery<(&ViewTarget, &ViewDepthTexture, Option<&ViewPrepassTextures>)>,
     views: Res<ViewPool>,
     scene: Res<SceneBindings>,
     passes: Res<PassPipelines>,
@@ -312,7 +313,7 @@ fn run_passes(
     let Some(state) = views.views.get(&view.entity()).filter(|v| v.rendered) else {
         return;
     };
-    let (target, depth) = view.into_inner();
+    let targets = view.into_inner();
     let (Some(key), Some(scene_group)) = (state.key, scene.bind_group.as_ref()) else {
         return;
     };
@@ -360,9 +361,7 @@ fn run_passes(
                     span.end(&mut encoder);
                 }
             }
-            Pass::Composite => {
-                composite::draw(state, scene_group, target, depth, &passes, &pipelines, &device, &mut context)
-            }
+            Pass::Composite => composite::draw(state, scene_group, targets, &passes, &pipelines, &device, &mut context),
         }
     }
     state.counters.copy(&mut context);

@@ -9,7 +9,11 @@ use bevy::{
     shader::ShaderDefVal,
 };
 
-use super::{ComputePass, Frame, Pass, composite, resource_layout, visibility};
+use super::{
+    ComputePass, Frame, Pass,
+    composite::{self, CompositeKey},
+    resource_layout, visibility,
+};
 use crate::{
     scene::{SceneFeatures, bindings::scene_layout, hardware},
     shaders::ShaderTable,
@@ -53,7 +57,7 @@ struct Compiled {
 pub(crate) struct PassPipelines {
     compute: HashMap<(&'static str, SceneFeatures), usize>,
     visibility: HashMap<(Option<Face>, bool), usize>,
-    composite: HashMap<TextureFormat, usize>,
+    composite: HashMap<CompositeKey, usize>,
     all: Vec<Compiled>,
     shaders: Option<ShaderTable>,
     /// Group 3 holds the device's acceleration structures.
@@ -211,15 +215,15 @@ impl PassPipelines {
         }
     }
 
-    /// Asks for the pipeline that writes to targets of this format; true once it is there.
-    pub(crate) fn ask_composite(&mut self, format: TextureFormat, pipelines: &PipelineCache) -> bool {
-        let index = match self.composite.get(&format) {
+    /// Asks for the pipeline that writes to these targets; true once it is there.
+    pub(crate) fn ask_composite(&mut self, key: CompositeKey, pipelines: &PipelineCache) -> bool {
+        let index = match self.composite.get(&key) {
             Some(&index) => index,
             None => {
                 let shader = self.shader("pass/composite.wgsl");
-                let id = pipelines.queue_render_pipeline(composite::pipeline(shader, format));
+                let id = pipelines.queue_render_pipeline(composite::pipeline(shader, key));
                 let index = self.push(PipelineId::Render(id), "composite", SceneFeatures::empty());
-                self.composite.insert(format, index);
+                self.composite.insert(key, index);
                 index
             }
         };
@@ -227,12 +231,8 @@ impl PassPipelines {
     }
 
     /// That pipeline.
-    pub(crate) fn composite<'a>(
-        &self,
-        format: TextureFormat,
-        pipelines: &'a PipelineCache,
-    ) -> Option<&'a RenderPipeline> {
-        match self.all[*self.composite.get(&format)?].id {
+    pub(crate) fn composite<'a>(&self, key: CompositeKey, pipelines: &'a PipelineCache) -> Option<&'a RenderPipeline> {
+        match self.all[*self.composite.get(&key)?].id {
             PipelineId::Render(id) => pipelines.get_render_pipeline(id),
             PipelineId::Compute(_) => None,
         }

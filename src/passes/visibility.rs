@@ -81,7 +81,7 @@ pub(super) fn draw(
     pass.set_bind_group(0, &**scene_group, &[]);
     pass.set_bind_group(1, &*view.raster_bind_group, &[]);
     let mut bound = None;
-    for draw in &scene.draws {
+    for draw in scene.draws.iter().filter(|draw| draw.seen_by & view.layers != 0) {
         if bound != Some(draw.cull) {
             let Some(pipeline) = passes.visibility(draw.cull, key, pipelines) else {
                 continue;
@@ -89,7 +89,7 @@ pub(super) fn draw(
             pass.set_pipeline(pipeline);
             bound = Some(draw.cull);
         }
-        pass.draw(0..draw.triangles * 3, draw.instance..draw.instance + 1);
+        pass.draw(0..draw.triangles * 3, draw.instances.clone());
     }
     if let Some(span) = span {
         span.end(&mut pass);

@@ -9,6 +9,7 @@ use bevy::{
 };
 
 use super::{
+    draws::Draw,
     features::SceneFeatures,
     hardware::{self, AccelerationStructures},
 };
@@ -65,8 +66,11 @@ pub(crate) struct SceneBindings {
     pub triangles: u64,
     pub instances: u64,
     pub lights: u64,
-    /// The instances to draw, with the number of their triangles and their culling.
+    /// What to draw, and the `edit_revision` and number of instances that it was made for.
     pub draws: Vec<Draw>,
+    pub drawn: (u64, usize),
+    /// Bits of the cameras from which a thing or a light is hidden that others have.
+    pub hidden_from: u32,
 }
 
 /// Bound where a scene has no texture: an array of one page, one texel, and one of integers.
@@ -98,14 +102,6 @@ impl NoTexture {
             integers: view(TextureViewDimension::D2, TextureFormat::Rgba32Uint),
         }
     }
-}
-
-/// One instance as the visibility pass draws it.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Draw {
-    pub instance: u32,
-    pub triangles: u32,
-    pub cull: Option<Face>,
 }
 
 impl SceneBindings {

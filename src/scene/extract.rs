@@ -14,6 +14,7 @@ use bevy::{
     transform::components::GlobalTransform,
 };
 
+use super::layers::{EVERYONE, LayerSets};
 use crate::settings::EmissiveLuminance;
 
 /// One drawn mesh.
@@ -23,8 +24,10 @@ pub(crate) struct ExtractedInstance {
     pub mesh: AssetId<Mesh>,
     pub material: AssetId<StandardMaterial>,
     pub world_from_object: Affine3A,
-    /// Render layers 0 to 31.
-    pub layers: u32,
+    /// Bits of the cameras that see it ([`LayerSets`]).
+    pub seen_by: u32,
+    /// Other rays than the camera's meet it.
+    pub casts_shadows: bool,
     pub skinned: bool,
 }
 
@@ -44,6 +47,8 @@ pub(crate) enum AnalyticLight {
 pub(crate) struct ExtractedScene {
     pub instances: Vec<ExtractedInstance>,
     pub lights: Vec<(MainEntity, AnalyticLight)>,
+    /// Those that not every camera has on its render layers, with the bits of the cameras that have not.
+    pub hidden_lights: HashMap<MainEntity, u32>,
     /// Materials that were added or changed.
     pub materials: HashMap<AssetId<StandardMaterial>, StandardMaterial>,
     pub removed_materials: HashSet<AssetId<StandardMaterial>>,
@@ -61,11 +66,6 @@ type InstanceData<'a> = (
     Has<SkinnedMesh>,
 );
 
-/// Layers 0 to 31 as bits; an entity without the component is on layer 0.
-pub(crate) fn layer_bits(layers: Option<&RenderLayers>) -> u32 {
-    layers.map_or(1, |l| l.iter().filter(|&i| i < 32).fold(0, |bits, i| bits | 1 << i))
-}
-
 pub(crate) fn extract_scene(
     mut scene: ResMut<ExtractedScene>,
     instances: Extract<Query<InstanceData>>,
@@ -75,6 +75,8 @@ pub(crate) fn extract_scene(
     mut events: Extract<MessageReader<AssetEvent<StandardMaterial>>>,
     materials: Extract<Res<Assets<StandardMaterial>>>,
     emissive_luminance: Extract<Res<EmissiveLuminance>>,
+    layers: Extract<Query<&RenderLayers>>,
+    sets: Res<LayerSets>,
 ) {
     let scene = &mut *scene;
     scene.emissive_luminance = emissive_luminance.0;
@@ -84,14 +86,18 @@ pub(crate) fn extract_scene(
     }
 
     scene.instances.clear();
-    scene.instances.extend(instances.iter().filter(|row| row.4.get()).map(
-        |(entity, mesh, material, transform, _, layers, _, skinned)| ExtractedInstance {
-            entity: entity.into(),
-            mesh: mesh.id(),
-            material: material.id(),
-            world_from_object: transform.affine(),
-            layers: layer_bits(layers),
-            skinned,
+    scene.instances.extend(instances.iter().filter(|row| row.4.get()).filter_map(
+        |(entity, mesh, material, transform, _, layers, not_shadow_caster, skinned)| {
+            let seen_by = sets.seen_by(layers);
+            (seen_by != 0).then(|| ExtractedInstance {
+                entity: entity.into(),
+                mesh: mesh.id(),
+                material: material.id(),
+                world_from_object: transform.affine(),
+                seen_by,
+                casts_shadows: !not_shadow_caster,
+                skinned,
+            })
         },
     ));
     // A stable order keeps light ids and the top level the same from frame to frame.
@@ -126,6 +132,16 @@ pub(crate) fn extract_scene(
         }
     }
     scene.lights.sort_unstable_by_key(|(entity, _)| **entity);
+    // Bevy's lights shine for the cameras that they share a layer with.
+    let hidden = &mut scene.hidden_lights;
+    hidden.clear();
+    scene.lights.retain(|(entity, _)| {
+        let seen_by = sets.seen_by(layers.get(**entity).ok());
+        if seen_by != EVERYONE {
+            hidden.insert(*entity, EVERYONE & !seen_by);
+        }
+        seen_by != 0
+    });
 
     scene.materials.clear();
     scene.removed_materials.clear();

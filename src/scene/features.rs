@@ -36,6 +36,7 @@ features! {
     LAYER_TEXTURES = 18, "LAYER_TEXTURES", "Textures of transmission, specular reflection, clearcoat or anisotropy.";
     RAY_QUERY = 23, "RAY_QUERY", "Rays by the device's ray queries: of the device, not of the scene.";
     MANY_TAPS = 12, "MANY_TAPS", "More than two neighbours are asked for by the camera.";
+    RENDER_LAYERS = 20, "RENDER_LAYERS", "Things or lights on other render layers than a camera's that another camera sees.";
 }
 
 impl SceneFeatures {

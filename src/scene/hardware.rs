@@ -78,6 +78,8 @@ pub struct Placed {
     pub world_from_object: Rows,
     /// Every ray that meets it is stopped.
     pub opaque: bool,
+    /// Bits of the cameras whose rays meet it.
+    pub mask: u8,
 }
 
 /// A top level and how many instances it holds.
@@ -129,7 +131,7 @@ impl AccelerationStructures {
             });
             let rows = &instance.world_from_object;
             let transform = core::array::from_fn(|k| rows[k / 4][k % 4]);
-            top.tlas[i] = Some(TlasInstance::new(blas, transform, instance.slot, 0xff));
+            top.tlas[i] = Some(TlasInstance::new(blas, transform, instance.slot, instance.mask));
         }
         for i in count..top.count {
             top.tlas[i as usize] = None;

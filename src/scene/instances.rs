@@ -19,6 +19,7 @@ use super::{
     features::SceneFeatures,
     hardware::{AccelerationStructures, Placed},
     heap::{GpuArray, Overflow, dirty_runs},
+    layers::MOST_SETS,
     materials::MaterialPool,
     meshes::MeshPool,
     tlas,
@@ -50,6 +51,9 @@ pub(crate) struct LiveInstance {
     pub entity: MainEntity,
     pub mesh: bevy::asset::AssetId<bevy::mesh::Mesh>,
     pub material: u32,
+    /// Bits of the cameras that see it, and of those whose other rays meet it.
+    pub seen_by: u32,
+    pub met_by: u32,
 }
 
 /// The instances of the scene.
@@ -186,12 +190,18 @@ impl InstancePool {
             self.features |= materials.features(instance.material);
             self.triangles += instance.triangle_count as u64;
             self.wanted[slot as usize] = instance;
-            self.boxes_of_frame.push((slot, world_box));
+            // What no ray meets is not in the tree; the camera sees it all the same.
+            let met_by = if extracted.casts_shadows { extracted.seen_by } else { 0 };
+            if met_by != 0 {
+                self.boxes_of_frame.push((slot, world_box));
+            }
             self.live.push(LiveInstance {
                 slot,
                 entity: extracted.entity,
                 mesh: extracted.mesh,
                 material: instance.material,
+                seen_by: extracted.seen_by,
+                met_by,
             });
         }
         let (wanted, free) = (&mut self.wanted, &mut self.free);
@@ -283,7 +293,7 @@ impl InstancePool {
             material,
             first_light: NONE,
             flags,
-            layers: extracted.layers,
+            layers: if extracted.casts_shadows { extracted.seen_by } else { 0 } | extracted.seen_by << MOST_SETS,
             entity: extracted.entity.index_u32(),
         };
         Some((instance, bounds))
@@ -336,7 +346,7 @@ impl InstancePool {
             self.measure();
         }
         self.placed.clear();
-        self.placed.extend(self.live.iter().filter_map(|live| {
+        self.placed.extend(self.live.iter().filter(|live| live.met_by != 0).filter_map(|live| {
             let (mesh, instance) = (meshes.get(live.mesh)?, &self.wanted[live.slot as usize]);
             Some(Placed {
                 slot: live.slot,
@@ -344,6 +354,7 @@ impl InstancePool {
                 triangles: mesh.triangles.clone(),
                 world_from_object: instance.world_from_object,
                 opaque: instance.flags & INSTANCE_ALPHA == 0,
+                mask: live.met_by as u8,
             })
         }));
         let Some(structures) = &mut self.structures else { return };

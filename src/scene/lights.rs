@@ -54,6 +54,8 @@ pub(crate) struct LightRemap {
 #[derive(Resource)]
 pub(crate) struct LightPool {
     sources: Vec<(MainEntity, Source)>,
+    /// As in [`ExtractedScene`].
+    pub(crate) hidden: HashMap<MainEntity, u32>,
     groups: Vec<Group>,
     table: Vec<GpuLight>,
     uploaded: Vec<GpuLight>,
@@ -91,6 +93,7 @@ impl Default for LightPool {
     fn default() -> Self {
         Self {
             sources: Vec::new(),
+            hidden: HashMap::default(),
             groups: Vec::new(),
             table: Vec::new(),
             uploaded: Vec::new(),
@@ -142,7 +145,9 @@ impl LightPool {
         let sources = self.gather(scene, instances, meshes, materials);
         let radius = (instances.radius.max(1e-3).log2().ceil()).exp2();
         let directional = self.features.contains(SceneFeatures::LIGHT_DIRECTIONAL);
-        let comparable = sources.len() == self.sources.len() && (radius == self.radius || !directional);
+        let comparable = sources.len() == self.sources.len()
+            && (radius == self.radius || !directional)
+            && self.hidden == scene.hidden_lights;
         let all = |same: fn(&Source, &Source) -> bool| {
             comparable && sources.iter().zip(&self.sources).all(|(a, b)| a.0 == b.0 && same(&a.1, &b.1))
         };
@@ -156,6 +161,7 @@ impl LightPool {
         let old = core::mem::take(&mut self.groups);
         self.previous = core::mem::take(&mut self.table);
         self.sources = sources;
+        self.hidden.clone_from(&scene.hidden_lights);
         self.radius = radius;
         self.rebuild(instances, meshes, limit);
         // The shaders of temporal reuse look lights up in both frames.
@@ -186,8 +192,8 @@ impl LightPool {
             if id == analytic || self.groups[id].owner.entity != *entity {
                 return false;
             }
-            let GpuLight { pmf, alias_probability, alias_index, .. } = self.table[id];
-            moved.push(GpuLight { pmf, alias_probability, alias_index, counterpart: id as u32, ..gpu });
+            let GpuLight { kind, pmf, alias_probability, alias_index, .. } = self.table[id];
+            moved.push(GpuLight { kind, pmf, alias_probability, alias_index, counterpart: id as u32, ..gpu });
         }
         if moved.len() != analytic {
             return false;
@@ -211,7 +217,8 @@ impl LightPool {
         let emissive = instances.live.iter().filter_map(|live| {
             let emission = materials.mean_emission(live.material);
             let mesh = meshes.get(live.mesh)?;
-            if luminance(emission) <= 0.0 {
+            // What no ray meets lights nothing.
+            if luminance(emission) <= 0.0 || live.met_by == 0 {
                 return None;
             }
             let m = instances.get(live.slot).world_from_object;
@@ -247,7 +254,7 @@ impl LightPool {
             let first = self.table.len() as u32;
             match source {
                 Source::Analytic(light) => {
-                    let (gpu, power, feature) = analytic_light(light, self.radius);
+                    let (mut gpu, power, feature) = analytic_light(light, self.radius);
                     if !is_sound(&gpu, power) {
                         // Black lights are ordinary; infinite or negative ones are not.
                         let placed = is_placed(&gpu);
@@ -261,6 +268,7 @@ impl LightPool {
                         self.left_out[1] += 1;
                         continue;
                     }
+                    gpu.kind |= self.hidden.get(entity).map_or(0, |hidden| hidden << LIGHT_HIDDEN_SHIFT);
                     self.table.push(gpu);
                     powers.push(power);
                     self.features |= feature;

@@ -7,6 +7,7 @@ mod atlas;
 pub(crate) mod bindings;
 pub mod blas;
 mod data_texture;
+mod draws;
 mod emission;
 pub(crate) mod extract;
 mod features;
@@ -14,6 +15,7 @@ pub mod geometry;
 pub mod hardware;
 pub mod heap;
 pub(crate) mod instances;
+pub(crate) mod layers;
 pub(crate) mod lights;
 pub(crate) mod materials;
 pub(crate) mod meshes;
@@ -36,12 +38,13 @@ use bevy::{
 };
 
 use crate::{gpu_types::*, shaders::ShaderTable, view::extract::ExtractedViews};
-use bindings::{Draw, NoTexture, SceneBindings};
+use bindings::{NoTexture, SceneBindings};
 use extract::ExtractedScene;
 pub use features::SceneFeatures;
 use hardware::AccelerationStructures;
 use heap::GpuArray;
 use instances::InstancePool;
+use layers::{EVERYONE, LayerSets};
 use lights::LightPool;
 use materials::MaterialPool;
 use meshes::MeshPool;
@@ -58,13 +61,14 @@ pub(crate) fn build(render_app: &mut SubApp, ray_queries: bool) {
     }
     render_app
         .init_resource::<ExtractedScene>()
+        .init_resource::<LayerSets>()
         .init_resource::<MeshPool>()
         .init_resource::<TexturePool>()
         .init_resource::<MaterialPool>()
         .init_resource::<InstancePool>()
         .init_resource::<LightPool>()
         .init_resource::<SceneBindings>()
-        .add_systems(bevy::render::ExtractSchedule, extract::extract_scene)
+        .add_systems(bevy::render::ExtractSchedule, (layers::extract_layers, extract::extract_scene).chain())
         .add_systems(
             Render,
             (
@@ -190,15 +194,12 @@ fn mirror_scene(
     bindings.triangles = instances.triangles;
     bindings.instances = instances.live.len() as u64;
     bindings.lights = lights.count() as u64;
-    bindings.draws.clear();
-    bindings.draws.extend(instances.live.iter().map(|live| {
-        let instance = instances.get(live.slot);
-        let flags = materials.get(live.material).map_or(0, |m| m.flags);
-        let cull = match flags & (MATERIAL_CULL_BACK | MATERIAL_CULL_FRONT) {
-            MATERIAL_CULL_BACK => Some(Face::Back),
-            MATERIAL_CULL_FRONT => Some(Face::Front),
-            _ => None,
-        };
-        Draw { instance: live.slot, triangles: instance.triangle_count, cull }
-    }));
+    // What no ray meets is in no tree: nobody asks for it.
+    let met = instances.live.iter().filter(|live| live.met_by != 0).map(|live| EVERYONE & !live.met_by);
+    bindings.hidden_from = met.chain(lights.hidden.values().copied()).fold(0, |all, bits| all | bits);
+    let drawn = (bindings.edit_revision, instances.live.len());
+    if bindings.drawn != drawn {
+        bindings.draws = draws::draws(&instances, &materials);
+        bindings.drawn = drawn;
+    }
 }

@@ -15,7 +15,7 @@ use super::{ViewPool, extract::ExtractedViews};
 /// A frame's radiance.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CapturedRadiance {
-    /// Pixels of the viewport.
+    /// Pixels of the viewport, or fewer where the device cannot bind as much.
     pub size: UVec2,
     /// Sum of linear Rec. 709 radiance, cd/m², over the samples of a pixel, and their number; rows from the top.
     pub pixels: Vec<[f32; 4]>,

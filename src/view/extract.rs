@@ -2,7 +2,7 @@
 
 use bevy::{
     asset::AssetId,
-    camera::ClearColor,
+    camera::{ClearColor, visibility::RenderLayers},
     ecs::prelude::*,
     image::Image,
     log::warn,
@@ -12,7 +12,10 @@ use bevy::{
 };
 
 use super::capture::RadianceCapture;
-use crate::settings::{Restir, RestirEnvironment};
+use crate::{
+    scene::layers::LayerSets,
+    settings::{Restir, RestirEnvironment},
+};
 
 /// What a `Restir` camera shows.
 #[derive(Clone, Debug)]
@@ -21,7 +24,11 @@ pub(crate) struct ExtractedRestir {
     pub environment: Option<ExtractedEnvironment>,
     /// What the camera sees where there is no environment: the clear colour, as the view target holds it.
     pub background: Vec3,
+    /// It has a clear colour; otherwise what earlier cameras have drawn stays.
+    pub has_backdrop: bool,
     pub capture: Option<RadianceCapture>,
+    /// Bit of its render layers.
+    pub layers: u32,
 }
 
 /// A `RestirEnvironment`.
@@ -37,17 +44,24 @@ pub(crate) struct ExtractedEnvironment {
 #[derive(Resource, Default)]
 pub(crate) struct ExtractedViews(pub HashMap<Entity, ExtractedRestir>);
 
-type ViewData<'a> =
-    (RenderEntity, &'a bevy::camera::Camera, &'a Restir, Option<&'a RestirEnvironment>, Option<&'a RadianceCapture>);
+type ViewData<'a> = (
+    RenderEntity,
+    &'a bevy::camera::Camera,
+    &'a Restir,
+    Option<&'a RestirEnvironment>,
+    Option<&'a RadianceCapture>,
+    Option<&'a RenderLayers>,
+);
 
 pub(crate) fn extract_views(
     mut views: ResMut<ExtractedViews>,
     cameras: Extract<Query<ViewData>>,
     clear_color: Extract<Res<ClearColor>>,
     mut said: Local<HashSet<String>>,
+    sets: Res<LayerSets>,
 ) {
     views.0.clear();
-    for (entity, camera, restir, environment, capture) in &cameras {
+    for (entity, camera, restir, environment, capture, layers) in &cameras {
         if !camera.is_active {
             continue;
         }
@@ -78,8 +92,10 @@ pub(crate) fn extract_views(
             ExtractedRestir {
                 settings,
                 environment: environment.filter(|e| e.rotation.is_finite()),
+                has_backdrop: !matches!(camera.clear_color, bevy::camera::ClearColorConfig::None),
                 background: Vec3::new(clear.red, clear.green, clear.blue),
                 capture: capture.cloned(),
+                layers: sets.bit_of(layers),
             },
         );
     }

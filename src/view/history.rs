@@ -123,7 +123,7 @@ pub(crate) struct Reservoirs {
 impl Reservoirs {
     fn new(size: UVec2, domain: Domain, settings: &Restir, device: &RenderDevice) -> Self {
         let plan = Plan::of(domain, settings);
-        let bytes = reservoir_count(size, plan.tiling()) * reservoir_size(domain);
+        let bytes = reservoir_bytes(size, domain, settings);
         let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
         let uniform = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         Self {
@@ -225,6 +225,11 @@ fn reservoir_size(domain: Domain) -> u64 {
         Domain::Paths => PATH_RESERVOIR_SIZE,
         Domain::Indirect => INDIRECT_RESERVOIR_SIZE,
     }
+}
+
+/// Bytes of a domain's reservoirs of one frame.
+pub(crate) fn reservoir_bytes(size: UVec2, domain: Domain, settings: &Restir) -> u64 {
+    reservoir_count(size, Plan::of(domain, settings).tiling()) * reservoir_size(domain)
 }
 
 /// Reservoirs of an image: tiles are whole.

@@ -3,15 +3,18 @@
 pub(crate) mod capture;
 pub(crate) mod environment;
 pub(crate) mod extract;
+mod fit;
 pub(crate) mod history;
 pub(crate) mod plan;
 mod uniforms;
 
 use bevy::{
     app::SubApp,
+    core_pipeline::{core_3d::prepare_prepass_textures, prepass::ViewPrepassTextures},
     ecs::prelude::*,
+    log::warn,
     math::UVec2,
-    platform::collections::HashMap,
+    platform::collections::{HashMap, HashSet},
     render::{
         Render, RenderSystems,
         camera::{ExtractedCamera, TemporalJitter},
@@ -25,10 +28,11 @@ use crate::{
     gpu_types::*,
     passes::{
         Frame,
+        composite::CompositeKey,
         pipelines::{FrameKey, PassPipelines},
     },
-    scene::{MirrorScene, SceneFeatures, bindings::SceneBindings},
-    settings::Restir,
+    scene::{MirrorScene, SceneFeatures, bindings::SceneBindings, layers, layers::EVERYONE},
+    settings::{Direct, Restir},
     statistics::CounterReadback,
 };
 use environment::EnvironmentPool;
@@ -47,14 +51,20 @@ struct Shown {
     size: UVec2,
     settings: Restir,
     environment: Option<ExtractedEnvironment>,
+    layers: u32,
     background: [f32; 3],
     pipelines: FrameKey,
 }
 
 /// What one camera keeps.
 pub(crate) struct RestirView {
+    /// Pixels of the picture that is traced.
     pub size: UVec2,
     pub origin: UVec2,
+    /// Pixels of the viewport: `size`, or more where the device cannot bind as much.
+    pub target_size: UVec2,
+    /// Bit of its render layers.
+    pub layers: u32,
     pub uniforms: Buffer,
     pub visibility: TextureView,
     pub visibility_texture: Texture,
@@ -81,6 +91,8 @@ pub(crate) struct RestirView {
     pub key: Option<FrameKey>,
     /// They are those that the scene asks for.
     pub key_is_wanted: bool,
+    /// What the last pass writes to.
+    pub composite: Option<CompositeKey>,
     /// This frame's passes will run.
     pub rendered: bool,
     pub settings: Restir,
@@ -98,13 +110,17 @@ pub(crate) fn build(render_app: &mut SubApp) {
         .init_resource::<ExtractedViews>()
         .init_resource::<ViewPool>()
         .init_resource::<EnvironmentPool>()
-        .add_systems(bevy::render::ExtractSchedule, (extract::extract_views, extract::clear_reset).chain())
+        .add_systems(
+            bevy::render::ExtractSchedule,
+            (extract::extract_views.after(layers::extract_layers), extract::clear_reset).chain(),
+        )
         .add_systems(
             Render,
             (
                 (environment::prepare_environments, prepare_views)
                     .chain()
                     .after(MirrorScene)
+                    .after(prepare_prepass_textures)
                     .in_set(RenderSystems::PrepareResources),
                 capture::capture_radiance.in_set(RenderSystems::Cleanup),
             ),
@@ -143,24 +159,50 @@ pub(crate) const DEPTH_FORMAT: TextureFormat = TextureFormat::Depth32Float;
 
 fn prepare_views(
     mut pool: ResMut<ViewPool>,
-    extracted: Res<ExtractedViews>,
-    cameras: Query<(&ExtractedCamera, &ExtractedView, Option<&ViewTarget>, Option<&TemporalJitter>)>,
+    mut extracted: ResMut<ExtractedViews>,
+    cameras: Query<(
+        &ExtractedCamera,
+        &ExtractedView,
+        Option<&ViewTarget>,
+        Option<&TemporalJitter>,
+        Option<&ViewPrepassTextures>,
+    )>,
     scene: Res<SceneBindings>,
     environments: Res<EnvironmentPool>,
     mut passes: ResMut<PassPipelines>,
     pipelines: Res<PipelineCache>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
+    mut told: Local<HashSet<(Entity, &'static str)>>,
 ) {
+    let limit = fit::binding_limit(&device);
     pool.views.retain(|entity, _| extracted.0.contains_key(entity));
-    for (&entity, restir) in &extracted.0 {
-        let Some((camera, view, target, jitter)) = cameras.get(entity).ok().filter(|c| extract::has_view(Some(c.0)))
+    for (&entity, restir) in &mut extracted.0 {
+        let Some((camera, view, target, jitter, prepass)) =
+            cameras.get(entity).ok().filter(|c| extract::has_view(Some(c.0)))
         else {
             // Nothing of an older frame is shown, captured or counted.
             pool.views.remove(&entity);
             continue;
         };
-        let size = UVec2::new(view.viewport.z, view.viewport.w).max(UVec2::ONE);
+        let target_size = UVec2::new(view.viewport.z, view.viewport.w).max(UVec2::ONE);
+        let frame = Frame::of(&restir.settings);
+        let size = fit::traced_size(target_size, frame.domains(), &restir.settings, limit);
+        if size != target_size && told.insert((entity, "size")) {
+            warn!(
+                "restir: this device binds {limit} bytes at most: camera {entity} traces {} x {} pixels for its {} x {}",
+                size.x, size.y, target_size.x, target_size.y
+            );
+        }
+        if !frame.domains().is_empty()
+            && fit::fit_subsets(&mut restir.settings.direct, limit)
+            && told.insert((entity, "subsets"))
+        {
+            let Direct { subset_count, subset_size, .. } = restir.settings.direct;
+            warn!(
+                "restir: this device binds {limit} bytes at most: {subset_count} subsets of {subset_size} lights are drawn"
+            );
+        }
         let Some((map, importance)) = environments.views_of(restir.environment.as_ref()) else {
             continue;
         };
@@ -178,17 +220,19 @@ fn prepare_views(
             }
         }
         state.origin = UVec2::new(view.viewport.x, view.viewport.y);
+        state.target_size = target_size;
+        state.layers = restir.layers;
         state.settings = restir.settings.clone();
 
         let mut features = scene.features | environments.features(restir.environment.as_ref());
+        features.set(SceneFeatures::RENDER_LAYERS, scene.hidden_from & restir.layers != 0);
         features.set(SceneFeatures::ENERGY_COMPENSATION, restir.settings.energy_compensation);
-        let frame = Frame::of(&restir.settings);
         let many_taps = |&domain| Plan::of(domain, &restir.settings).most_inputs() > FEW_INPUTS;
         features.set(SceneFeatures::MANY_TAPS, frame.domains().iter().any(many_taps));
         state.key = passes.choose(frame, features, state.key, &pipelines);
         state.key_is_wanted = state.key.is_some_and(|key| key.features == features && key.frame == frame);
-        let format = target.map(|t| t.main_texture_format());
-        let composite = format.is_some_and(|format| passes.ask_composite(format, &pipelines));
+        state.composite = target.map(|target| CompositeKey::of(target, prepass));
+        let composite = state.composite.is_some_and(|key| passes.ask_composite(key, &pipelines));
         state.rendered = composite && state.key.is_some() && scene.bind_group.is_some();
         if !state.rendered {
             // A frame that was missed is one that the history does not know.
@@ -224,6 +268,8 @@ impl RestirView {
         Self {
             size,
             origin: UVec2::ZERO,
+            target_size: size,
+            layers: EVERYONE,
             depth: view(&texture("depth", DEPTH_FORMAT, target)),
             radiance: buffer("radiance", pixels(size) * 16, storage),
             counters: CounterReadback::new(device),
@@ -257,6 +303,7 @@ impl RestirView {
             bound_environment: (environment_map.id(), environment_importance.id()),
             key: None,
             key_is_wanted: false,
+            composite: None,
             rendered: false,
             settings: Restir::default(),
         }

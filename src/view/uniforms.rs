@@ -64,6 +64,7 @@ impl RestirView {
             // Gathering frames changes none of them, and what debug views are scaled by is no value of theirs.
             settings: Restir { reset: false, accumulate: false, debug_scale: 1.0, ..restir.settings.clone() },
             environment: restir.environment,
+            layers: restir.layers,
             background,
             pipelines: self.key.unwrap_or_default(),
         };
@@ -82,7 +83,7 @@ impl RestirView {
         self.shown = Some(shown);
 
         let jitter = match bevy_jitter {
-            Some(j) => [j.offset.x, j.offset.y],
+            Some(j) => (j.offset * self.size.as_vec2() / self.target_size.as_vec2()).to_array(),
             None if restir.settings.jitter => jitter_of(self.frame, restir.settings.seed),
             None => [0.0; 2],
         };
@@ -91,6 +92,9 @@ impl RestirView {
         let mut flags = 0;
         if restir.environment.is_some() {
             flags |= VIEW_ENVIRONMENT_IS_BACKDROP;
+        }
+        if restir.environment.is_none() && !restir.has_backdrop {
+            flags |= VIEW_NO_BACKDROP;
         }
         if is_orthographic(&clip_from_view) {
             flags |= VIEW_ORTHOGRAPHIC;
@@ -115,9 +119,8 @@ impl RestirView {
             flags,
             origin: self.origin.to_array(),
             accumulated: self.accumulated,
-            pad_a: 0,
-            pad_b: 0,
-            pad_c: 0,
+            layers: restir.layers,
+            target_size: self.target_size.to_array(),
         };
         queue.write_buffer(&self.uniforms, 0, bytemuck::bytes_of(&uniforms));
         self.previous_camera = Some(current);

@@ -257,6 +257,7 @@ impl TestScene {
                     triangles: instance.first_triangle..instance.first_triangle + instance.triangle_count,
                     world_from_object: place(instance),
                     opaque: instance.flags & INSTANCE_ALPHA == 0,
+                    mask: 0xff,
                 })
                 .collect();
             structures.update(&placed, &triangles, &device, &queue);
