@@ -156,7 +156,12 @@ fn calm() {
     });
 }
 
-fn headless(synchronous: bool, limits: Option<WgpuLimits>, backend: RayBackend) -> App {
+fn headless(
+    synchronous: bool,
+    limits: Option<WgpuLimits>,
+    backend: RayBackend,
+    more: impl FnOnce(&mut App),
+) -> App {
     let mut app = App::new();
     app.insert_resource(backend);
     app.add_plugins(
@@ -186,6 +191,7 @@ fn headless(synchronous: bool, limits: Option<WgpuLimits>, backend: RayBackend) 
     .insert_resource(EmissiveLuminance(1.0))
     .insert_resource(ClearColor(Color::BLACK))
     .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f64(1.0 / 60.0)));
+    more(&mut app);
     while app.plugins_state() == bevy::app::PluginsState::Adding {
         bevy::tasks::tick_global_task_pools_on_main_thread();
     }
@@ -206,24 +212,33 @@ impl Rig {
     /// An empty scene, and a camera with [`plain`] settings at (0, 0, 5) that looks down -Z.  `None`, with a message, where there is
     /// no adapter; under `CI=true` that fails.
     pub fn new(width: u32, height: u32) -> Option<Self> {
-        Self::with(width, height, true, None, usual_back_end())
+        Self::with(width, height, true, None, usual_back_end(), |_| ())
     }
 
     /// As [`Self::new`], with its rays traced by ray queries; `None`, with a message, where the adapter has none.
     pub fn tracing_by_ray_queries(width: u32, height: u32) -> Option<Self> {
         super::gpu::ray_gpu()?;
-        Self::with(width, height, true, None, RayBackend::Hardware)
+        Self::with(width, height, true, None, RayBackend::Hardware, |_| ())
     }
 
     /// As [`Self::new`], with pipelines compiled in the background, as windowed apps do.
     pub fn compiling_in_background(width: u32, height: u32) -> Option<Self> {
-        Self::with(width, height, false, None, usual_back_end())
+        Self::with(width, height, false, None, usual_back_end(), |_| ())
     }
 
     /// As [`Self::new`], on a device of WebGPU's limits but that its storage buffers can hold this many bytes only.
     pub fn binding_at_most(bytes: u64, width: u32, height: u32) -> Option<Self> {
-        let limits = WgpuLimits { max_storage_buffer_binding_size: bytes, ..default() };
-        Self::with(width, height, true, Some(limits), RayBackend::Software)
+        Self::limited(WgpuLimits { max_storage_buffer_binding_size: bytes, ..default() }, width, height)
+    }
+
+    /// As [`Self::new`], on a device of these limits.
+    pub fn limited(limits: WgpuLimits, width: u32, height: u32) -> Option<Self> {
+        Self::with(width, height, true, Some(limits), RayBackend::Software, |_| ())
+    }
+
+    /// As [`Self::new`], with plugins beside ours.
+    pub fn beside(more: impl FnOnce(&mut App), width: u32, height: u32) -> Option<Self> {
+        Self::with(width, height, true, None, usual_back_end(), more)
     }
 
     fn with(
@@ -232,10 +247,11 @@ impl Rig {
         synchronous: bool,
         limits: Option<WgpuLimits>,
         backend: RayBackend,
+        more: impl FnOnce(&mut App),
     ) -> Option<Self> {
         calm();
         super::gpu::gpu()?;
-        let mut app = headless(synchronous, limits, backend);
+        let mut app = headless(synchronous, limits, backend, more);
         let target = app.world_mut().resource_mut::<Assets<Image>>().add(target_image(UVec2::new(width, height)));
         let capture = RadianceCapture::default();
         let camera = app
@@ -299,7 +315,11 @@ impl Rig {
         self.app.update();
         let polled = self.app.world().resource::<RenderDevice>().poll(PollType::wait_indefinitely());
         assert!(polled.is_ok(), "the device is lost");
-        assert!(self.app.should_exit().is_none(), "Bevy quits after an error of the renderer");
+        assert!(
+            self.app.should_exit().is_none(),
+            "Bevy quits after an error of the renderer: {}",
+            super::log::warnings("").join("\n")
+        );
     }
 
     pub fn frames(&mut self, count: u32) {
