@@ -46,7 +46,7 @@ pub enum DebugView {
     Instances,
     /// Its triangles, in false colours.
     Triangles,
-    /// Instances that a traced primary ray meets; the same colours.
+    /// Instances that a traced primary ray meets; the same colours.  What casts no shadow is not among them: no traced ray meets it.
     TracedInstances,
     /// Triangles that a traced primary ray meets; the same colours.
     TracedTriangles,

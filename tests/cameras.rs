@@ -288,8 +288,13 @@ fn a_minimised_window_is_no_view_and_comes_back() {
 #[test]
 fn what_a_device_lacks_is_said_and_bevy_lights_the_scene() {
     log::listen();
-    // Too little for us, and enough for Bevy.
-    let limits = WgpuLimits { max_storage_buffer_binding_size: 1 << 19, ..default() };
+    // Too little for us, and enough for Bevy, whose materials with all their textures need more of those than WebGPU promises.
+    let limits = WgpuLimits {
+        max_storage_buffer_binding_size: (1 << 20) - 4096,
+        max_sampled_textures_per_shader_stage: 64,
+        max_samplers_per_shader_stage: 64,
+        ..default()
+    };
     let Some(mut rig) = Rig::limited(limits, 16, 16) else { return };
     rig.app.insert_resource(GlobalAmbientLight { brightness: 1e4, ..default() });
     rig.spawn(square(8.0), lambert(1.0), Transform::default());
@@ -306,12 +311,12 @@ fn what_a_device_lacks_is_said_and_bevy_lights_the_scene() {
 fn a_picture_that_a_device_cannot_bind_is_traced_smaller() {
     log::listen();
     // Radiance has 16 bytes a pixel, reservoirs of paths have 64.
-    let Some(mut rig) = Rig::binding_at_most(1 << 20, 256, 256) else { return };
+    let Some(mut rig) = Rig::binding_at_most(1 << 20, 160, 160) else { return };
     rig.insert(rig.camera, orthographic(8.0, 8.0));
     rig.spawn(square(4.0), lamp(1.0, 1.0, 1.0), Transform::from_xyz(2.0, 2.0, 0.0));
-    for (technique, largest) in [(Technique::Reference, 256), (Technique::Di, 256), (Technique::Pt, 128)] {
+    for (technique, largest) in [(Technique::Reference, 160), (Technique::Pt, 128)] {
         rig.set(|restir| restir.technique = technique);
-        let picture = rig.picture(2);
+        let picture = rig.picture(1);
         assert_eq!(picture.size, UVec2::splat(largest), "{technique:?}");
         for (at, color) in picture.iter() {
             let inside = at.x >= largest / 2 && at.y < largest / 2;
@@ -320,10 +325,10 @@ fn a_picture_that_a_device_cannot_bind_is_traced_smaller() {
         let target = rig.target.clone();
         let drawn = rig.drawn(&target);
         for (i, pixel) in drawn.iter().enumerate() {
-            assert_eq!(pixel[0] > 100, i % 256 >= 128 && i / 256 < 128, "{technique:?}: pixel {i} of the target");
+            assert_eq!(pixel[0] > 100, i % 160 >= 80 && i / 160 < 80, "{technique:?}: pixel {i} of the target");
         }
     }
-    assert_eq!(log::warnings("128 x 128 pixels for its 256 x 256").len(), 1);
+    assert_eq!(log::warnings("128 x 128 pixels for its 160 x 160").len(), 1);
     assert_eq!(log::warnings("subsets of").len(), 1);
     rig.assert_sound();
 }

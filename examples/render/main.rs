@@ -150,7 +150,12 @@ fn accumulate(app: &mut App, args: &Args, settings: &Restir) -> Result<Frames, S
         cpu_ms.push(cpu);
         passes.sample(app.world(), settings);
         if is_captured {
-            add(&mut sum, &captured(app)?);
+            let captured = captured(app)?;
+            if captured.size != args.size {
+                let (wanted, most) = (args.size, captured.size);
+                return Err(format!("{wanted} pixels do not fit this device with these settings; {most} would"));
+            }
+            add(&mut sum, &captured);
         }
         progress.step();
     }
