@@ -156,12 +156,7 @@ fn calm() {
     });
 }
 
-fn headless(
-    synchronous: bool,
-    limits: Option<WgpuLimits>,
-    backend: RayBackend,
-    more: impl FnOnce(&mut App),
-) -> App {
+fn headless(synchronous: bool, limits: Option<WgpuLimits>, backend: RayBackend, more: impl FnOnce(&mut App)) -> App {
     let mut app = App::new();
     app.insert_resource(backend);
     app.add_plugins(
