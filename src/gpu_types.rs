@@ -127,8 +127,11 @@ pub struct GpuMaterial {
     pub flags: u32,
     pub textures: u32,
     pub texture_record: u32,
-    pub pad_a: u32,
-    pub pad_b: u32,
+    pub anisotropy_direction: [f32; 2],
+    pub anisotropy_strength: f32,
+    pub diffuse_transmission: f32,
+    pub clearcoat: f32,
+    pub clearcoat_perceptual_roughness: f32,
 }
 
 /// A texture slot that holds no texture.
@@ -152,8 +155,11 @@ impl Default for GpuMaterial {
             flags: 0,
             textures: 0,
             texture_record: 0,
-            pad_a: 0,
-            pad_b: 0,
+            anisotropy_direction: [1.0, 0.0],
+            anisotropy_strength: 0.0,
+            diffuse_transmission: 0.0,
+            clearcoat: 0.0,
+            clearcoat_perceptual_roughness: 0.5,
         }
     }
 }

@@ -147,6 +147,11 @@ fn materials_of_impossible_numbers_make_no_nan() {
             perceptual_roughness: bad,
             reflectance: bad,
             specular_tint: color,
+            clearcoat: bad,
+            clearcoat_perceptual_roughness: bad,
+            anisotropy_strength: bad,
+            anisotropy_rotation: bad,
+            diffuse_transmission: bad,
             ..default()
         };
         scene.with(&format!("surface of {bad}"), square(1.0), material.clone(), right());

@@ -3,7 +3,7 @@
 use super::support::{
     compose::flag,
     gpu::gpu,
-    materials::{Query, Sampler, at_angle, evaluate, metal, random_material},
+    materials::{Query, Sampler, at_angle, brushed, evaluate, every_lobe, metal, plain, random_material, varnished},
     oracle::{bsdf::Material, quadrature::PolarCells},
     stats::{Random, mean_and_error},
 };
@@ -68,6 +68,46 @@ fn a_rough_white_metal_gives_all_light_back() {
     }
 }
 
+/// One α stands for both: the root of their mean square.
+#[test]
+fn a_rough_white_brushed_metal_gives_most_light_back() {
+    let Some(gpu) = gpu() else { return };
+    let sampler = Sampler::new(gpu, &[flag("ENERGY_COMPENSATION")]);
+    for (along, across) in [(1.0, 0.05), (1.0, 0.3), (0.5, 0.1)] {
+        for (degrees, azimuth) in [(0.0, 0.0), (50.0, 0.0), (50.0, 90.0), (75.0, 0.0), (75.0, 90.0)] {
+            let plain = Material { base: DVec3::ONE, ..brushed(along, across) };
+            let (s, c) = f64::to_radians(degrees).sin_cos();
+            let (y, x) = f64::to_radians(azimuth).sin_cos();
+            let wo = DVec3::new(s * x, s * y, c);
+            let e = directional_albedo(((along * along + across * across) / 2.0f64).sqrt(), c, 96);
+            let m = Material { compensation: (1.0 - e) / e, ..plain };
+            let samples = sampler.run(Query::new(&m, wo, DVec3::Z, 3), 1 << 14);
+            let (mean, error) = mean_and_error(samples.iter().map(|s| if s.valid() { s.weight().y } else { 0.0 }));
+            println!("α = {along}, {across} at {degrees} {azimuth}: {mean:.3} ± {error:.3}");
+            let least = if azimuth > 0.0 && degrees > 60.0 { 0.7 } else { 0.88 };
+            assert!(mean > least && mean < 1.12, "α = {along}, {across} at {degrees} {azimuth}: {mean} ± {error}");
+        }
+    }
+}
+
+/// A coat's compensation gives back a little of what its microfacets lose, and no more.
+#[test]
+fn a_compensated_coat_over_white_gains_nothing() {
+    let Some(gpu) = gpu() else { return };
+    let sampler = Sampler::new(gpu, &[flag("ENERGY_COMPENSATION")]);
+    for alpha in [0.1, 0.4, 1.0] {
+        for degrees in [0.0, 50.0, 80.0] {
+            let m = varnished(plain(), 1.0, alpha);
+            let wo = at_angle(&m, degrees);
+            let e = directional_albedo(alpha, m.coat_n.dot(wo), 96);
+            let m = Material { coat_compensation: (1.0 - e) / e, ..m };
+            let samples = sampler.run(Query::new(&m, wo, DVec3::Z, 3), 1 << 14);
+            let (mean, error) = mean_and_error(samples.iter().map(|s| if s.valid() { s.weight().y } else { 0.0 }));
+            assert!(mean < 1.0 + 5.0 * error, "α = {alpha} at {degrees}: {mean} ± {error}");
+        }
+    }
+}
+
 #[test]
 fn compensated_values_equal_the_oracle() {
     let Some(gpu) = gpu() else { return };
@@ -76,19 +116,20 @@ fn compensated_values_equal_the_oracle() {
         .map(|_| {
             let mut m = random_material(&mut r);
             m.alpha = 0.1 + 0.9 * r.unit();
-            m.compensation = 2.0 * r.unit();
+            m.alpha_along = m.alpha.max(m.alpha_along);
+            m.coat_alpha = 0.1 + 0.9 * r.unit();
+            (m.compensation, m.coat_compensation) = (2.0 * r.unit(), 2.0 * r.unit());
             let wo = r.direction();
             let wo = if m.n.dot(wo) < 0.0 { -wo } else { wo };
             Query::new(&m, wo, r.direction(), 0)
         })
         .collect();
-    let answers = evaluate(gpu, &queries, &[flag("TRANSMISSION"), flag("ENERGY_COMPENSATION")]);
+    let answers = evaluate(gpu, &queries, &[every_lobe(), vec![flag("ENERGY_COMPENSATION")]].concat());
     let mut compared = 0;
     for (q, answer) in queries.iter().zip(answers) {
         let (m, wo, wi) = (q.material(), q.wo(), q.wi());
-        let h = if m.n.dot(wi) > 0.0 { wo + wi } else { wo + m.eta * wi };
-        let cosines = [m.n.dot(wo), m.n.dot(wi), m.n_geo.dot(wo), m.n_geo.dot(wi)];
-        if h.length() < 0.1 || cosines.iter().any(|c| c.abs() < 1e-2) {
+        let cosines = [m.n, m.n_geo, m.coat_n].map(|n| n.dot(wo).abs().min(n.dot(wi).abs()));
+        if m.half_length(wo, wi) < 0.1 || cosines.iter().any(|c| *c < 1e-2) {
             continue;
         }
         let exact = m.eval_all(wo, wi);

@@ -105,8 +105,11 @@ fn scene_structs_are_the_same_in_rust_and_wgsl() {
             flags,
             textures,
             texture_record,
-            pad_a,
-            pad_b,
+            anisotropy_direction,
+            anisotropy_strength,
+            diffuse_transmission,
+            clearcoat,
+            clearcoat_perceptual_roughness,
         }
     );
     agrees!(

@@ -24,6 +24,7 @@ mod layout;
 mod light_choice;
 mod light_counts;
 mod lights;
+mod lobes;
 mod many_instances;
 mod motion_vectors;
 mod offset;

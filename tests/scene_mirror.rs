@@ -249,7 +249,7 @@ fn a_scene_that_gains_and_loses_features_never_goes_black() {
     fn dots(rig: &mut Rig) -> Option<Handle<Image>> {
         Some(rig.add::<Image>(texture(2, 2, |x, _| [128, 128, 255, if x == 0 { 0 } else { 255 }])))
     }
-    let steps: [Step; 10] = [
+    let steps: [Step; 14] = [
         ("emissive mesh", SceneFeatures::LIGHT_TRIANGLES, |rig| aside(rig, lamp(1.0, 1.0, 1.0))),
         ("point light", SceneFeatures::LIGHT_POINTS, |rig| {
             Some(rig.spawn_bundle((PointLight::default(), Transform::from_xyz(0.0, 0.0, 2.0))))
@@ -275,6 +275,16 @@ fn a_scene_that_gains_and_loses_features_never_goes_black() {
             let tint = Color::linear_rgb(0.5, 0.9, 0.5);
             let glass = StandardMaterial { specular_transmission: 1.0, thickness: 1.0, ..lambert(1.0) };
             aside(rig, StandardMaterial { attenuation_color: tint, attenuation_distance: 1.0, ..glass })
+        }),
+        ("pane", SceneFeatures::TRANSMISSION.union(SceneFeatures::THIN_WALL), |rig| {
+            aside(rig, StandardMaterial { specular_transmission: 1.0, ..lambert(1.0) })
+        }),
+        ("leaf", SceneFeatures::DIFFUSE_TRANSMISSION.union(SceneFeatures::THIN_WALL), |rig| {
+            aside(rig, StandardMaterial { diffuse_transmission: 0.5, ..lambert(1.0) })
+        }),
+        ("varnish", SceneFeatures::CLEARCOAT, |rig| aside(rig, StandardMaterial { clearcoat: 0.5, ..lambert(1.0) })),
+        ("brushed metal", SceneFeatures::ANISOTROPY, |rig| {
+            aside(rig, StandardMaterial { anisotropy_strength: 0.5, ..lambert(1.0) })
         }),
         ("unlit", SceneFeatures::UNLIT, |rig| aside(rig, StandardMaterial { unlit: true, ..lambert(1.0) })),
         ("environment map", SceneFeatures::ENVIRONMENT_MAP, |rig| {

@@ -47,12 +47,12 @@ fn covering_set() -> Vec<SceneFeatures> {
     let mut chosen = vec![SceneFeatures::empty(), SceneFeatures::all()];
     let mut covered: HashSet<_> = chosen.iter().flat_map(|s| pairs(*s)).collect();
     let wanted = bits.len() * (bits.len() - 1) / 2 * 4;
-    let mut state = 0x2545_f491u32;
+    let mut state = 0x2545_f491u64;
     while covered.len() < wanted {
         let best = (0..64)
             .map(|_| {
-                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                SceneFeatures::from_bits_truncate(state >> 8)
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+                SceneFeatures::from_bits_truncate((state >> 32) as u32)
             })
             .max_by_key(|s| pairs(*s).difference(&covered).count())
             .expect("there are candidates");

@@ -225,8 +225,11 @@ const WITHOUT_TEXTURES: GpuMaterial = GpuMaterial {
     flags: 0,
     textures: 0,
     texture_record: 0,
-    pad_a: 0,
-    pad_b: 0,
+    anisotropy_direction: [1.0, 0.0],
+    anisotropy_strength: 0.0,
+    diffuse_transmission: 0.0,
+    clearcoat: 0.0,
+    clearcoat_perceptual_roughness: 0.5,
 };
 
 /// Every slot alone and all together: each scales what is its own, by its own channels.

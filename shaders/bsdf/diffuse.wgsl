@@ -1,31 +1,53 @@
-// LOBE_DIFFUSE: Lambert under a coat that reflects its share F at h (glTF 2.0 Appendix B).  Local frame, n = z.
+// LOBE_DIFFUSE: Lambert under a dielectric that reflects its share F at h (glTF 2.0 Appendix B), to both sides with
+// DIFFUSE_TRANSMISSION (KHR_materials_diffuse_transmission).  Local frame, n = z.
 #define_import_path bevy_restir::bsdf::diffuse
 
 #import bevy_restir::bsdf::fresnel::schlick
 #import bevy_restir::bsdf::types::Bsdf
 #import bevy_restir::common::constants::{INV_PI, TWO_PI}
 
-// Albedo but for the coat's share.
+// Albedo of both sides but for the dielectric's share.
 fn diffuse_albedo(b: Bsdf) -> vec3<f32> {
     return (1.0 - b.metallic) * (1.0 - b.transmission) * b.base_color;
 }
 
-// f·|n.wi|
+// f·|n.wi|.  Through the surface F is that of wi mirrored, so that what goes through is what would come back.
 fn diffuse_eval(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> vec3<f32> {
-    if !(wi.z > 0.0) {
+    let share = diffuse_share(b, wi.z);
+    if !(share > 0.0) {
         return vec3<f32>(0.0);
     }
-    let c = dot(wo, normalize(wo + wi));
-    return diffuse_albedo(b) * (1.0 - schlick(b.dielectric_reflectance, c)) * (wi.z * INV_PI);
-}
-
-fn diffuse_sample(b: Bsdf, wo: vec3<f32>, u: vec2<f32>) -> vec3<f32> {
-    let r = sqrt(u.y);
-    let phi = TWO_PI * u.x;
-    return vec3<f32>(r * cos(phi), r * sin(phi), sqrt(1.0 - u.y));
+    let c = dot(wo, normalize(wo + vec3<f32>(wi.xy, abs(wi.z))));
+    return diffuse_albedo(b) * (1.0 - schlick(b.dielectric_reflectance, c)) * (share * abs(wi.z) * INV_PI);
 }
 
 // Solid angle, given the lobe.
 fn diffuse_pdf(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> f32 {
-    return max(wi.z, 0.0) * INV_PI;
+    return diffuse_share(b, wi.z) * abs(wi.z) * INV_PI;
 }
+
+// u.z chooses the side.
+fn diffuse_sample(b: Bsdf, wo: vec3<f32>, u: vec3<f32>) -> vec3<f32> {
+    let r = sqrt(u.y);
+    let phi = TWO_PI * u.x;
+    return vec3<f32>(r * cos(phi), r * sin(phi), diffuse_side(b, u.z) * sqrt(1.0 - u.y));
+}
+
+// Of the side that z is on; and the side that a random number takes.
+#ifdef DIFFUSE_TRANSMISSION
+fn diffuse_share(b: Bsdf, z: f32) -> f32 {
+    return select(b.diffuse_transmission, 1.0 - b.diffuse_transmission, z > 0.0);
+}
+
+fn diffuse_side(b: Bsdf, u: f32) -> f32 {
+    return select(1.0, -1.0, u < b.diffuse_transmission);
+}
+#else
+fn diffuse_share(b: Bsdf, z: f32) -> f32 {
+    return select(0.0, 1.0, z > 0.0);
+}
+
+fn diffuse_side(b: Bsdf, u: f32) -> f32 {
+    return 1.0;
+}
+#endif

@@ -1,60 +1,96 @@
-// LOBE_TRANSMISSION: refraction through a thick interface (Walter et al. 2007) and the exact dielectric Fresnel.  Local frame, n = z.
-// Radiance scales by (index on wo's side / index on wi's side)² = 1/eta².  Without the feature TRANSMISSION nothing is transmitted.
+// LOBE_TRANSMISSION: refraction into a thick body (Walter et al. 2007) by the exact dielectric Fresnel, and through a thin wall, where
+// light goes on as if mirrored, by Schlick's (KHR_materials_transmission).  Local frame, n = z.  Radiance scales by (index on wo's
+// side / index on wi's side)² = 1/eta².  Without the feature TRANSMISSION nothing is transmitted.
 #define_import_path bevy_restir::bsdf::transmission
 
-#import bevy_restir::bsdf::fresnel::{dielectric_fresnel, refraction_cosine_squared}
+#import bevy_restir::bsdf::fresnel::{dielectric_fresnel, refraction_cosine_squared, schlick}
 #import bevy_restir::bsdf::ggx::{ggx_d, ggx_g2_over_cos_cos, ggx_visible_pdf}
-#import bevy_restir::bsdf::types::Bsdf
+#import bevy_restir::bsdf::roughness::alpha_of
+#import bevy_restir::bsdf::types::{Bsdf, bsdf_is_thin}
 #import bevy_restir::common::constants::ALPHA_DELTA
 
 // Spread of directions, α·|eta - 1|, below which refraction is a delta: there wi no longer tells h.
 const SPREAD_DELTA: f32 = 2.0e-5;
 
 #ifdef TRANSMISSION
-// The interface's part of `reflectance`.
-fn interface_reflectance(b: Bsdf, c: f32) -> vec3<f32> {
-    return vec3<f32>((1.0 - b.metallic) * b.transmission * dielectric_fresnel(c, b.eta));
+// Of the interface, c = wo.h
+fn interface_fresnel(b: Bsdf, c: f32) -> vec3<f32> {
+    if bsdf_is_thin(b) {
+        return schlick(b.dielectric_reflectance, c);
+    }
+    return vec3<f32>(dielectric_fresnel(c, b.eta));
 }
 
-// Share of light that a microfacet refracts, c = wo.h
+// The same along its normal.
+fn interface_at_normal(b: Bsdf) -> vec3<f32> {
+    if bsdf_is_thin(b) {
+        return b.dielectric_reflectance;
+    }
+    let r = (b.eta - 1.0) / (b.eta + 1.0);
+    return vec3<f32>(r * r);
+}
+
+// The interface's part of `reflectance`.
+fn interface_reflectance(b: Bsdf, c: f32) -> vec3<f32> {
+    return (1.0 - b.metallic) * b.transmission * interface_fresnel(b, c);
+}
+
+// Share of light that a microfacet lets through, c = wo.h
 fn transmittance(b: Bsdf, c: f32) -> vec3<f32> {
-    return (1.0 - b.metallic) * b.transmission * (1.0 - dielectric_fresnel(c, b.eta)) * b.base_color;
+    return (1.0 - b.metallic) * b.transmission * (1.0 - interface_fresnel(b, c)) * b.base_color;
 }
 
 fn transmission_is_delta(b: Bsdf) -> bool {
-    return b.roughness < ALPHA_DELTA || b.roughness * abs(b.eta - 1.0) < SPREAD_DELTA;
+    return b.roughness < ALPHA_DELTA || (!bsdf_is_thin(b) && b.roughness * abs(b.eta - 1.0) < SPREAD_DELTA);
 }
 
-// wo + eta·wi, turned to the upper side: h times its length, whose square is also the denominator of Walter's Jacobian.
-fn refraction_half_vector(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> vec3<f32> {
-    let v = wo + b.eta * wi;
+// What wo makes h with: wi in a body, for a thin wall wi mirrored.
+fn beside_wo(b: Bsdf, wi: vec3<f32>) -> vec3<f32> {
+    return select(wi, vec3<f32>(wi.xy, -wi.z), bsdf_is_thin(b));
+}
+
+// wo + eta·wi, turned to the upper side: h times its length, whose square is also the denominator of Walter's Jacobian.  For a thin wall
+// it is wo and the mirrored wi, eta = 1, and Walter's Jacobian that of a reflection.
+fn transmission_half_vector(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> vec3<f32> {
+    let v = wo + b.eta * beside_wo(b, wi);
     return select(-v, v, v.z >= 0.0);
+}
+
+// |wi.h| where the interface leads there from wo, else 0: a thin wall mirrors to the upper side, a body bends below h.
+fn transmission_cosine_i(b: Bsdf, wi: vec3<f32>, h: vec3<f32>) -> f32 {
+    let c = dot(beside_wo(b, wi), h);
+    return max(select(-c, c, bsdf_is_thin(b)), 0.0);
 }
 
 // f·|n.wi| of a rough lobe
 fn transmission_eval(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> vec3<f32> {
-    let v = refraction_half_vector(b, wo, wi);
+    let v = transmission_half_vector(b, wo, wi);
     let v2 = dot(v, v);
     if !(wi.z < 0.0) || !(v2 > 0.0) {
         return vec3<f32>(0.0);
     }
     let h = v * inverseSqrt(v2);
     let wo_h = dot(wo, h);
-    let wi_h = dot(wi, h);
-    if !(wo_h > 0.0) || !(wi_h < 0.0) {
+    let wi_h = transmission_cosine_i(b, wi, h);
+    if !(wo_h > 0.0) || !(wi_h > 0.0) {
         return vec3<f32>(0.0);
     }
-    let d_g2 = ggx_d(h, b.roughness) * ggx_g2_over_cos_cos(wo, wi, b.roughness) * -wi.z;
-    return transmittance(b, wo_h) * (d_g2 * wo_h * -wi_h / v2);
+    let alpha = alpha_of(b);
+    let d_g2 = ggx_d(h, alpha) * ggx_g2_over_cos_cos(wo, wi, alpha) * -wi.z;
+    return transmittance(b, wo_h) * (d_g2 * wo_h * wi_h / v2);
 }
 
-// The refracted direction; z = 0 where all is reflected.
+// Where a normal sends wo; z >= 0 where it sends nothing through.
 fn transmission_sample(b: Bsdf, wo: vec3<f32>, h: vec3<f32>) -> vec3<f32> {
+    let c = dot(wo, h);
+    if bsdf_is_thin(b) {
+        let r = 2.0 * c * h - wo;
+        return vec3<f32>(r.xy, -r.z);
+    }
     // A delta of a rough lobe (eta near 1) goes straight on: h would only add noise to it.
     if b.roughness >= ALPHA_DELTA && transmission_is_delta(b) {
         return -wo;
     }
-    let c = dot(wo, h);
     let t2 = refraction_cosine_squared(c, b.eta);
     if !(t2 > 0.0) {
         return vec3<f32>(1.0, 0.0, 0.0);
@@ -62,27 +98,27 @@ fn transmission_sample(b: Bsdf, wo: vec3<f32>, h: vec3<f32>) -> vec3<f32> {
     return normalize((c / b.eta - sqrt(t2)) * h - wo / b.eta);
 }
 
-// Solid angle of wi, given that a sampled normal refracts.
+// Solid angle of wi, given that a sampled normal lets light through.
 fn transmission_pdf(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> f32 {
-    let v = refraction_half_vector(b, wo, wi);
+    let v = transmission_half_vector(b, wo, wi);
     let v2 = dot(v, v);
     if !(wi.z < 0.0) || !(v2 > 0.0) {
         return 0.0;
     }
     let h = v * inverseSqrt(v2);
-    let wi_h = dot(wi, h);
-    if !(wi_h < 0.0) {
-        return 0.0;
-    }
-    return ggx_visible_pdf(wo, h, b.roughness) * (b.eta * b.eta * -wi_h / v2);
+    return ggx_visible_pdf(wo, h, alpha_of(b)) * (b.eta * b.eta * transmission_cosine_i(b, wi, h) / v2);
 }
 
-// |cos| of wo and the normal that refracts it to wi.
+// |cos| of wo and the normal that sends it to wi.
 fn transmission_cosine(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> f32 {
-    let v = refraction_half_vector(b, wo, wi);
+    let v = transmission_half_vector(b, wo, wi);
     return clamp(dot(wo, v) * inverseSqrt(max(dot(v, v), 1.0e-30)), 0.0, 1.0);
 }
 #else
+fn interface_at_normal(b: Bsdf) -> vec3<f32> {
+    return vec3<f32>(0.0);
+}
+
 fn interface_reflectance(b: Bsdf, c: f32) -> vec3<f32> {
     return vec3<f32>(0.0);
 }

@@ -1,12 +1,13 @@
 // Absorption within transmissive bodies (Beer-Lambert), where a scene has any.
 #define_import_path bevy_restir::path::medium
 
+#import bevy_restir::bsdf::types::bsdf_is_thin
 #import bevy_restir::scene::surface::Surface
 
 // Absorption of the body that a ray is in after leaving `s` towards `wi`, having arrived through `medium`.
 #ifdef ATTENUATION
 fn medium_towards(s: Surface, wi: vec3<f32>, medium: vec3<f32>) -> vec3<f32> {
-    if dot(wi, s.bsdf.n_geo) >= 0.0 {
+    if dot(wi, s.bsdf.n_geo) >= 0.0 || bsdf_is_thin(s.bsdf) {
         return medium;
     }
     return select(vec3<f32>(0.0), s.attenuation, s.front != 0u);

@@ -7,6 +7,7 @@
 #import bevy_restir::scene::albedo::multiple_scattering
 #import bevy_restir::scene::bindings::{attributes, instances, materials}
 #import bevy_restir::scene::cone::Cone
+#import bevy_restir::scene::lobes::{LobeFrame, with_lobes}
 #import bevy_restir::scene::material::material_at
 #import bevy_restir::scene::triangle::{instance_transform, safe_normalize, transform_normal, transform_vector, world_triangle}
 #import bevy_restir::trace::offset::{offset_distance, surface_point}
@@ -23,20 +24,24 @@ struct Surface {
     bsdf: Bsdf,
 }
 
-#ifdef NORMAL_MAPS
-// Mikkelsen's frame: interpolated, the bitangent from both, not normalised between.
-fn mapped_normal(mapped: vec3<f32>, m: mat3x4<f32>, mirrored: bool, triangle: u32, barycentrics: vec2<f32>, n: vec3<f32>) -> vec3<f32> {
-    if all(mapped == vec3<f32>(0.0, 0.0, 1.0)) {
-        return n;
-    }
+// Mikkelsen's frame: interpolated, the bitangent from both, not normalised between.  `n` is the interpolated normal.
+fn tangent_frame(m: mat3x4<f32>, mirrored: bool, triangle: u32, barycentrics: vec2<f32>, n: vec3<f32>) -> LobeFrame {
     let a = attributes[triangle];
     let t_object = (1.0 - barycentrics.x - barycentrics.y) * octahedral_decode(a.tangent_a)
         + barycentrics.x * octahedral_decode(a.tangent_b)
         + barycentrics.y * octahedral_decode(a.tangent_c);
     let t = safe_normalize(transform_vector(m, t_object));
     let handedness = select(1.0, -1.0, ((a.tangent_a & 1u) != 0u) != mirrored);
-    let b = handedness * cross(n, t);
-    return safe_normalize(mapped.x * t + mapped.y * b + mapped.z * n);
+    return LobeFrame(n, t, handedness * cross(n, t));
+}
+
+#ifdef NORMAL_MAPS
+fn mapped_normal(mapped: vec3<f32>, m: mat3x4<f32>, mirrored: bool, triangle: u32, barycentrics: vec2<f32>, n: vec3<f32>) -> vec3<f32> {
+    if all(mapped == vec3<f32>(0.0, 0.0, 1.0)) {
+        return n;
+    }
+    let frame = tangent_frame(m, mirrored, triangle, barycentrics, n);
+    return safe_normalize(mapped.x * frame.tangent + mapped.y * frame.bitangent + mapped.z * n);
 }
 #else
 fn mapped_normal(mapped: vec3<f32>, m: mat3x4<f32>, mirrored: bool, triangle: u32, barycentrics: vec2<f32>, n: vec3<f32>) -> vec3<f32> {
@@ -80,8 +85,8 @@ fn surface_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, wo: vec3<f3
     let flags = materials[material].flags;
     let point = material_at(instance, triangle, barycentrics, t, wo, cone);
 
-    var n = interpolated_normal(triangle, barycentrics, m, mirrored, t.normal);
-    n = mapped_normal(point.normal, m, mirrored, triangle, barycentrics, n);
+    let smooth_n = interpolated_normal(triangle, barycentrics, m, mirrored, t.normal);
+    let n = mapped_normal(point.normal, m, mirrored, triangle, barycentrics, smooth_n);
 
     // Seen from behind, normals are flipped.
     let front = dot(wo, t.normal) > 0.0;
@@ -111,6 +116,9 @@ fn surface_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, wo: vec3<f3
     s.bsdf.transmission = point.specular_transmission;
     s.bsdf.eta = select(1.0 / ior, ior, front);
     s.bsdf.compensation = multiple_scattering(alpha, dot(wo, s.bsdf.n));
+    var frame = tangent_frame(m, mirrored, triangle, barycentrics, smooth_n);
+    frame.coat_normal *= side;
+    s.bsdf = with_lobes(s.bsdf, material, frame, wo);
     if (flags & MATERIAL_UNLIT) != 0u {
         // Shown, but not lit: black to every ray.
         s.bsdf.base_color = vec3<f32>(0.0);

@@ -69,8 +69,11 @@ struct Material {
     flags: u32,                // MATERIAL_*
     textures: u32,             // TEXTURE_*: those that it has
     texture_record: u32,       // index of its record in `texture_table`
-    pad_a: u32,
-    pad_b: u32,
+    anisotropy_direction: vec2<f32>,    // (cosine, sine) of the angle from the tangent
+    anisotropy_strength: f32,
+    diffuse_transmission: f32,
+    clearcoat: f32,
+    clearcoat_perceptual_roughness: f32,
 }
 
 // `data` by kind: triangle = (instance, triangle); spot = bits of (cosine of the inner, of the outer angle).

@@ -3,7 +3,7 @@
 #define_import_path bevy_restir::shift::connect
 
 #import bevy_restir::bsdf::bsdf::bsdf_is_diffuse
-#import bevy_restir::bsdf::types::{Bsdf, LOBE_DIFFUSE}
+#import bevy_restir::bsdf::types::{Bsdf, LOBE_COAT, LOBE_DIFFUSE}
 #import bevy_restir::common::constants::FOUR_PI
 #import bevy_restir::path::walk::{Step, Vertex}
 #import bevy_restir::restir::bindings::settings
@@ -41,9 +41,9 @@ fn connection_of(eye: vec3<f32>, s: Surface) -> Connection {
     return Connection(0.01 * settings.separation * FOUR_PI * d2 / max(cosine, 1.0e-6), settings.roughness);
 }
 
-// Perceptual roughness of a lobe.
+// Perceptual roughness of a lobe, the least of an anisotropic one.
 fn lobe_roughness(b: Bsdf, lobe: u32) -> f32 {
-    return select(sqrt(b.roughness), 1.0, lobe == LOBE_DIFFUSE);
+    return select(sqrt(select(b.roughness, b.coat_roughness, lobe == LOBE_COAT)), 1.0, lobe == LOBE_DIFFUSE);
 }
 
 // Whether a path that leaves like this may be reconnected.  A material without lobes shows its roughness by its density: a GGX lobe of

@@ -37,6 +37,10 @@ features! {
     RAY_QUERY = 23, "RAY_QUERY", "Rays by the device's ray queries: of the device, not of the scene.";
     MANY_TAPS = 12, "MANY_TAPS", "More than two neighbours are asked for by the camera.";
     RENDER_LAYERS = 20, "RENDER_LAYERS", "Things or lights on other render layers than a camera's that another camera sees.";
+    CLEARCOAT = 24, "CLEARCOAT", "Clearcoats.";
+    ANISOTROPY = 25, "ANISOTROPY", "Anisotropic microfacets.";
+    DIFFUSE_TRANSMISSION = 26, "DIFFUSE_TRANSMISSION", "Diffuse transmission.";
+    THIN_WALL = 27, "THIN_WALL", "Walls without an inside that let light through.";
 }
 
 impl SceneFeatures {

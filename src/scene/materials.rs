@@ -213,12 +213,15 @@ fn pack(m: &StandardMaterial, emissive_luminance: f32) -> GpuMaterial {
 
     // Absorption so that white light is `attenuation_color` after `attenuation_distance`; white or an infinite distance absorbs nothing.
     let distance = m.attenuation_distance;
-    let attenuation = if distance.is_finite() && distance > 0.0 {
+    let thickness = finite(m.thickness, 0.0).max(0.0);
+    // A thin wall has no inside.
+    let attenuation = if distance.is_finite() && distance > 0.0 && thickness > 0.0 {
         m.attenuation_color.to_linear().to_f32_array_no_alpha().map(|c| -unit(c).max(1e-6).ln() / distance)
     } else {
         [0.0; 3]
     };
 
+    let turned = finite(m.anisotropy_rotation, 0.0);
     GpuMaterial {
         base_color: unit_rgb(base.to_f32_array_no_alpha()),
         alpha: unit(base.alpha),
@@ -227,12 +230,17 @@ fn pack(m: &StandardMaterial, emissive_luminance: f32) -> GpuMaterial {
         dielectric_reflectance: tint.map(|t| 0.16 * (reflectance * unit(t)).powi(2)),
         metallic: unit(m.metallic),
         attenuation,
-        // A thin wall (thickness 0) is not built yet: light goes straight through it in Bevy too, so it stays opaque here.
-        specular_transmission: if m.thickness > 0.0 { unit(m.specular_transmission) } else { 0.0 },
+        specular_transmission: unit(m.specular_transmission),
         ior: finite(m.ior, 1.5).clamp(1.0, 10.0),
-        thickness: finite(m.thickness, 0.0).max(0.0),
+        thickness,
         alpha_cutoff,
         flags,
+        anisotropy_direction: [turned.cos(), turned.sin()],
+        anisotropy_strength: unit(m.anisotropy_strength),
+        diffuse_transmission: unit(m.diffuse_transmission),
+        // Unlit is black to light, its coat too.
+        clearcoat: if m.unlit { 0.0 } else { unit(m.clearcoat) },
+        clearcoat_perceptual_roughness: unit(m.clearcoat_perceptual_roughness),
         ..Default::default()
     }
 }
@@ -243,8 +251,16 @@ fn features_of(m: &GpuMaterial) -> SceneFeatures {
     features.set(SceneFeatures::NORMAL_MAPS, m.textures & SLOT_NORMAL != 0);
     features.set(SceneFeatures::LAYER_TEXTURES, m.textures & LAYER_SLOTS != 0);
     features.set(SceneFeatures::ALPHA, m.flags & (MATERIAL_ALPHA_MASK | MATERIAL_ALPHA_BLEND) != 0);
-    features.set(SceneFeatures::TRANSMISSION, m.specular_transmission > 0.0 && m.metallic < 1.0);
-    features.set(SceneFeatures::ATTENUATION, m.specular_transmission > 0.0 && m.attenuation != [0.0; 3]);
+    let may_be_no_metal = m.metallic < 1.0 || m.textures & SLOT_METALLIC_ROUGHNESS != 0;
+    let transmits = may_be_no_metal && m.flags & MATERIAL_UNLIT == 0;
+    let specular = transmits && m.specular_transmission > 0.0;
+    let diffuse = transmits && m.diffuse_transmission > 0.0;
+    features.set(SceneFeatures::TRANSMISSION, specular);
+    features.set(SceneFeatures::DIFFUSE_TRANSMISSION, diffuse);
+    features.set(SceneFeatures::THIN_WALL, (specular || diffuse) && m.thickness == 0.0);
+    features.set(SceneFeatures::ATTENUATION, (specular || diffuse) && m.attenuation != [0.0; 3]);
+    features.set(SceneFeatures::CLEARCOAT, m.clearcoat > 0.0);
+    features.set(SceneFeatures::ANISOTROPY, m.anisotropy_strength > 0.0 && m.flags & MATERIAL_UNLIT == 0);
     features.set(SceneFeatures::UNLIT, m.flags & MATERIAL_UNLIT != 0);
     features
 }

@@ -3,7 +3,7 @@
 use super::{
     compose::{Def, flag},
     gpu::{Bound, Gpu, Kernel},
-    oracle::bsdf::{Lobe, Material},
+    oracle::bsdf::{LOBES, Lobe, Material},
     stats::Random,
 };
 use bytemuck::{Pod, Zeroable};
@@ -21,8 +21,16 @@ pub struct Query {
     transmission: f32,
     f0: [f32; 3],
     eta: f32,
+    tangent: [f32; 3],
+    roughness_along: f32,
+    coat_normal: [f32; 3],
+    coat: f32,
+    coat_roughness: f32,
+    coat_compensation: f32,
     compensation: f32,
-    pad_bsdf: [f32; 3],
+    diffuse_transmission: f32,
+    thin: u32,
+    pad_bsdf: [u32; 3],
     wo: [f32; 3],
     seed: u32,
     wi: [f32; 3],
@@ -46,8 +54,16 @@ impl Query {
             transmission: m.transmission as f32,
             f0: f(m.f0_d),
             eta: m.eta as f32,
+            tangent: f(m.tangent),
+            roughness_along: m.alpha_along as f32,
+            coat_normal: f(m.coat_n),
+            coat: m.coat as f32,
+            coat_roughness: m.coat_alpha as f32,
+            coat_compensation: m.coat_compensation as f32,
             compensation: m.compensation as f32,
-            pad_bsdf: [0.0; 3],
+            diffuse_transmission: m.diffuse_transmission as f32,
+            thin: m.thin.into(),
+            pad_bsdf: [0; 3],
             wo: f(wo),
             seed,
             wi: f(wi),
@@ -66,6 +82,14 @@ impl Query {
             transmission: self.transmission.into(),
             eta: self.eta.into(),
             compensation: self.compensation.into(),
+            thin: self.thin != 0,
+            diffuse_transmission: self.diffuse_transmission.into(),
+            tangent: wide(self.tangent).reject_from(wide(self.n)).normalize(),
+            alpha_along: self.roughness_along.into(),
+            coat: self.coat.into(),
+            coat_alpha: self.coat_roughness.into(),
+            coat_n: wide(self.coat_normal).normalize(),
+            coat_compensation: self.coat_compensation.into(),
         }
     }
 
@@ -112,8 +136,13 @@ impl Sample {
     }
 
     pub fn lobe(&self) -> Lobe {
-        [Lobe::Diffuse, Lobe::Reflection, Lobe::Transmission][(self.flags & 15) as usize]
+        LOBES[(self.flags & 15) as usize]
     }
+}
+
+/// Every lobe.
+pub fn every_lobe() -> Vec<Def> {
+    ["TRANSMISSION", "CLEARCOAT", "ANISOTROPY", "DIFFUSE_TRANSMISSION", "THIN_WALL"].map(flag).to_vec()
 }
 
 pub struct Sampler<'g> {
@@ -123,7 +152,7 @@ pub struct Sampler<'g> {
 
 impl<'g> Sampler<'g> {
     pub fn new(gpu: &'g Gpu, defs: &[Def]) -> Self {
-        let defs: Vec<Def> = defs.iter().copied().chain([flag("TRANSMISSION")]).collect();
+        let defs: Vec<Def> = defs.iter().copied().chain(every_lobe()).collect();
         Self { gpu, kernel: gpu.kernel("bsdf_sample", include_str!("kernels/bsdf_sample.wgsl"), &defs) }
     }
 
@@ -137,10 +166,10 @@ impl<'g> Sampler<'g> {
 }
 
 /// (f, pdf) of every query: all lobes, then each.
-pub fn evaluate(gpu: &Gpu, queries: &[Query], defs: &[Def]) -> Vec<[[f32; 4]; 4]> {
+pub fn evaluate(gpu: &Gpu, queries: &[Query], defs: &[Def]) -> Vec<[[f32; 4]; 5]> {
     let kernel = gpu.kernel("bsdf_eval", include_str!("kernels/bsdf_eval.wgsl"), defs);
     let input = gpu.storage(queries);
-    let output = gpu.zeroed::<[[f32; 4]; 4]>(queries.len());
+    let output = gpu.zeroed::<[[f32; 4]; 5]>(queries.len());
     kernel.run(
         [queries.len().div_ceil(64) as u32, 1, 1],
         &[(0, 0, Bound::Buffer(&input)), (0, 1, Bound::Buffer(&output))],
@@ -160,34 +189,75 @@ pub fn plain() -> Material {
         transmission: 0.0,
         eta: 1.5,
         compensation: 0.0,
+        thin: false,
+        diffuse_transmission: 0.0,
+        tangent: DVec3::X,
+        alpha_along: 0.25,
+        coat: 0.0,
+        coat_alpha: 0.25,
+        coat_n: DVec3::Z,
+        coat_compensation: 0.0,
     }
 }
 
+/// The same along and across.
+fn isotropic(alpha: f64) -> Material {
+    Material { alpha, alpha_along: alpha, ..plain() }
+}
+
 pub fn coated(alpha: f64) -> Material {
-    Material { base: DVec3::new(0.7, 0.4, 0.1), f0_d: DVec3::splat(0.04), alpha, ..plain() }
+    Material { base: DVec3::new(0.7, 0.4, 0.1), f0_d: DVec3::splat(0.04), ..isotropic(alpha) }
 }
 
 pub fn metal(alpha: f64) -> Material {
-    Material { base: DVec3::new(0.9, 0.6, 0.2), metallic: 1.0, alpha, ..plain() }
+    Material { base: DVec3::new(0.9, 0.6, 0.2), metallic: 1.0, ..isotropic(alpha) }
 }
 
 pub fn glass(alpha: f64, eta: f64) -> Material {
-    Material { f0_d: DVec3::splat(0.04), transmission: 1.0, alpha, eta, ..plain() }
+    Material { f0_d: DVec3::splat(0.04), transmission: 1.0, eta, ..isotropic(alpha) }
 }
 
 /// Every lobe at once, with bent normals.
 pub fn mixture(alpha: f64, eta: f64) -> Material {
+    let n = DVec3::new(0.2, -0.1, 0.9).normalize();
     Material {
         base: DVec3::new(0.9, 0.5, 0.3),
         f0_d: DVec3::new(0.08, 0.04, 0.0),
         metallic: 0.3,
         transmission: 0.4,
-        n: DVec3::new(0.2, -0.1, 0.9).normalize(),
+        n,
         n_geo: DVec3::new(0.1, 0.05, 0.95).normalize(),
-        alpha,
         eta,
-        compensation: 0.0,
+        tangent: DVec3::X.reject_from(n).normalize(),
+        ..isotropic(alpha)
     }
+}
+
+/// Brushed along y: its highlight is drawn out along x.
+pub fn brushed(along: f64, across: f64) -> Material {
+    Material { alpha_along: along, ..metal(across) }
+}
+
+/// A tinted pane.
+pub fn pane(alpha: f64) -> Material {
+    Material { base: DVec3::new(0.9, 0.6, 0.4), thin: true, ..glass(alpha, 1.0) }
+}
+
+/// A leaf that lets this share of its diffuse light through.
+pub fn leaf(share: f64) -> Material {
+    Material { diffuse_transmission: share, ..coated(0.3) }
+}
+
+/// Under a varnish.
+pub fn varnished(m: Material, coat: f64, alpha: f64) -> Material {
+    let bent = (m.n + DVec3::new(-0.1, 0.15, 0.0)).normalize();
+    Material { coat, coat_alpha: alpha, coat_n: bent, ..m }
+}
+
+/// All that [`mixture`] has, varnished, brushed, let through diffusely; the wall is thin or not.
+pub fn everything(alpha: f64, eta: f64, thin: bool) -> Material {
+    let m = mixture(alpha, if thin { 1.0 } else { eta });
+    varnished(Material { thin, diffuse_transmission: 0.6, alpha_along: 0.5 + 0.5 * alpha, ..m }, 0.8, 0.15)
 }
 
 /// A direction at an angle to the normal, degrees.
@@ -204,15 +274,31 @@ pub fn random_material(r: &mut Random) -> Material {
     let ior = r.pick(&[1.0, 1.01, 1.33, 1.5, 2.4]);
     let color = |r: &mut Random| DVec3::new(r.unit(), r.unit(), r.unit()) * r.pick(&[0.0, 1.0, 1.0]);
     let random = r.unit();
+    let eta = if r.unit() < 0.5 { ior } else { 1.0 / ior };
+    let thin = r.unit() < 0.3;
+    let strength = r.pick(&[0.0, 0.0, 0.3, 1.0, random]);
+    let mut alpha = r.pick(&[1e-4, 9e-4, 1e-3, 1e-2, 0.1, 0.3, 1.0, random.max(1e-4)]);
+    let mut alpha_along = alpha + (1.0 - alpha) * strength * strength;
+    if strength > 0.0 {
+        (alpha, alpha_along) = (alpha.max(1e-3), alpha_along.max(1e-3));
+    }
     Material {
         n,
         n_geo: if r.unit() < 0.5 { n } else { bent(r) },
         base: if r.unit() < 0.2 { DVec3::ONE } else { color(r) },
         f0_d: r.pick(&[DVec3::ZERO, DVec3::splat(0.04), DVec3::ONE, DVec3::new(0.0, 0.02, 0.16)]),
         metallic: r.pick(&[0.0, 0.0, 1.0, random]),
-        alpha: r.pick(&[1e-4, 9e-4, 1e-3, 1e-2, 0.1, 0.3, 1.0, random.max(1e-4)]),
+        alpha,
         transmission: r.pick(&[0.0, 1.0, random]),
-        eta: if r.unit() < 0.5 { ior } else { 1.0 / ior },
+        eta: if thin { 1.0 } else { eta },
         compensation: 0.0,
+        thin,
+        diffuse_transmission: r.pick(&[0.0, 0.0, 1.0, random]),
+        tangent: r.direction().reject_from(n).normalize(),
+        alpha_along,
+        coat: r.pick(&[0.0, 0.0, 1.0, random]),
+        coat_alpha: r.pick(&[1e-4, 9e-4, 1e-3, 1e-2, 0.1, 1.0, random.max(1e-4)]),
+        coat_n: if r.unit() < 0.5 { n } else { bent(r) },
+        coat_compensation: 0.0,
     }
 }

@@ -1,6 +1,6 @@
 // For every query the BSDF's value and density, of all lobes and lobe by lobe.
 #import bevy_restir::bsdf::bsdf::{bsdf_eval, bsdf_eval_lobe, bsdf_pdf, bsdf_pdf_lobe}
-#import bevy_restir::bsdf::types::Bsdf
+#import bevy_restir::bsdf::types::{Bsdf, LOBE_COUNT}
 
 struct Query {
     b: Bsdf,
@@ -12,7 +12,7 @@ struct Query {
 
 @group(0) @binding(0) var<storage, read> queries: array<Query>;
 // (f, pdf): all, then lobe by lobe.
-@group(0) @binding(1) var<storage, read_write> answers: array<array<vec4<f32>, 4>>;
+@group(0) @binding(1) var<storage, read_write> answers: array<array<vec4<f32>, 5>>;
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -22,7 +22,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let q = queries[i];
     answers[i][0] = vec4<f32>(bsdf_eval(q.b, q.wo, q.wi), bsdf_pdf(q.b, q.wo, q.wi));
-    for (var lobe = 0u; lobe < 3u; lobe++) {
+    for (var lobe = 0u; lobe < LOBE_COUNT; lobe++) {
         answers[i][lobe + 1u] = vec4<f32>(bsdf_eval_lobe(q.b, q.wo, q.wi, lobe), bsdf_pdf_lobe(q.b, q.wo, q.wi, lobe));
     }
 }

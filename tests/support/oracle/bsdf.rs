@@ -20,6 +20,16 @@ pub struct Material {
     pub eta: f64,
     /// Turquin's (1 - E)/E at wo; 0 without energy compensation.
     pub compensation: f64,
+    /// A wall without an inside: `eta` is 1.
+    pub thin: bool,
+    pub diffuse_transmission: f64,
+    /// Where α is `alpha_along`, in the plane of n; across it is `alpha`.
+    pub tangent: DVec3,
+    pub alpha_along: f64,
+    pub coat: f64,
+    pub coat_alpha: f64,
+    pub coat_n: DVec3,
+    pub coat_compensation: f64,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,9 +37,10 @@ pub enum Lobe {
     Diffuse,
     Reflection,
     Transmission,
+    Coat,
 }
 
-pub const LOBES: [Lobe; 3] = [Lobe::Diffuse, Lobe::Reflection, Lobe::Transmission];
+pub const LOBES: [Lobe; 4] = [Lobe::Diffuse, Lobe::Reflection, Lobe::Transmission, Lobe::Coat];
 
 fn schlick(f0: DVec3, c: f64) -> DVec3 {
     let one = |f0: f64| {
@@ -53,17 +64,35 @@ pub fn fresnel(c: f64, eta: f64) -> f64 {
     (s * s + p * p) / 2.0
 }
 
-fn d_ggx(n_h: f64, alpha: f64) -> f64 {
-    if n_h <= 0.0 {
-        return 0.0;
-    }
-    let tan2 = (1.0 - n_h * n_h).max(0.0) / (n_h * n_h);
-    1.0 / (PI * alpha * alpha * n_h.powi(4) * (1.0 + tan2 / (alpha * alpha)).powi(2))
+/// A direction by the squares of its cosine to the normal and of its cosines to tangent and bitangent, relative to its sine.
+struct Angles {
+    cos: f64,
+    cos_phi2: f64,
+    sin_phi2: f64,
 }
 
-fn lambda(n_w: f64, alpha: f64) -> f64 {
-    let tan2 = (1.0 - n_w * n_w).max(0.0) / (n_w * n_w);
-    ((1.0 + alpha * alpha * tan2).sqrt() - 1.0) / 2.0
+impl Angles {
+    fn tan2(&self) -> f64 {
+        (1.0 - self.cos * self.cos).max(0.0) / (self.cos * self.cos)
+    }
+}
+
+fn d_ggx(h: &Angles, along: f64, across: f64) -> f64 {
+    if h.cos <= 0.0 {
+        return 0.0;
+    }
+    let stretched = h.tan2() * (h.cos_phi2 / along.powi(2) + h.sin_phi2 / across.powi(2));
+    1.0 / (PI * along * across * h.cos.powi(4) * (1.0 + stretched).powi(2))
+}
+
+fn lambda(w: &Angles, along: f64, across: f64) -> f64 {
+    let alpha2 = w.cos_phi2 * along.powi(2) + w.sin_phi2 * across.powi(2);
+    ((1.0 + alpha2 * w.tan2()).sqrt() - 1.0) / 2.0
+}
+
+/// w mirrored by the plane of n.
+fn mirrored(w: DVec3, n: DVec3) -> DVec3 {
+    w - 2.0 * n.dot(w) * n
 }
 
 fn luminance(c: DVec3) -> f64 {
@@ -77,26 +106,65 @@ impl Material {
         (up(wo) && up_geo(wo) && up(wi) == up_geo(wi) && self.n.dot(wi) != 0.0).then(|| up(wi))
     }
 
+    fn angles(&self, w: DVec3) -> Angles {
+        let (t, b) = (self.tangent.dot(w).powi(2), self.n.cross(self.tangent).dot(w).powi(2));
+        let share = |x: f64| if t + b > 0.0 { x / (t + b) } else { 0.5 };
+        Angles { cos: self.n.dot(w).abs(), cos_phi2: share(t), sin_phi2: share(b) }
+    }
+
+    fn coat_angles(&self, w: DVec3) -> Angles {
+        Angles { cos: self.coat_n.dot(w).abs(), cos_phi2: 0.5, sin_phi2: 0.5 }
+    }
+
+    fn d(&self, h: DVec3) -> f64 {
+        d_ggx(&self.angles(h), self.alpha_along, self.alpha)
+    }
+
+    fn lambda(&self, w: DVec3) -> f64 {
+        lambda(&self.angles(w), self.alpha_along, self.alpha)
+    }
+
+    /// The coat's microfacets face all its directions.
+    fn coat_carries(&self, wo: DVec3, wi: DVec3) -> bool {
+        self.coat > 0.0 && [self.coat_n, self.n_geo].iter().all(|n| n.dot(wo) > 0.0 && n.dot(wi) > 0.0)
+    }
+
+    /// cc · Fc.
+    pub fn coat_share(&self, wo: DVec3) -> f64 {
+        self.coat * schlick(DVec3::splat(0.04), self.coat_n.dot(wo).abs()).x
+    }
+
+    pub fn coat_reflected(&self, wo: DVec3) -> f64 {
+        self.coat_share(wo) * (1.0 + 0.04 * self.coat_compensation)
+    }
+
     pub fn is_delta(&self, lobe: Lobe) -> bool {
         match lobe {
             Lobe::Diffuse => false,
             Lobe::Reflection => self.alpha < ALPHA_DELTA,
+            Lobe::Transmission if self.thin => self.alpha < ALPHA_DELTA,
             Lobe::Transmission => self.alpha < ALPHA_DELTA || self.alpha * (self.eta - 1.0).abs() < SPREAD_DELTA,
+            Lobe::Coat => self.coat_alpha < ALPHA_DELTA,
         }
+    }
+
+    /// Of the interface that `trans` is.
+    fn interface(&self, c: f64) -> DVec3 {
+        if self.thin { schlick(self.f0_d, c) } else { DVec3::splat(fresnel(c, self.eta)) }
     }
 
     /// Fresnel's share of light that leaves a microfacet by reflection: (1-m)[(1-T)F + T Fx] + m schlick(base).
     pub fn reflected(&self, c: f64) -> DVec3 {
         let gain = |f0: DVec3| DVec3::ONE + f0 * self.compensation;
-        let at_normal = DVec3::splat(((self.eta - 1.0) / (self.eta + 1.0)).powi(2));
+        let at_normal = if self.thin { self.f0_d } else { DVec3::splat(((self.eta - 1.0) / (self.eta + 1.0)).powi(2)) };
         let diel = schlick(self.f0_d, c) * gain(self.f0_d) * (1.0 - self.transmission)
-            + self.transmission * fresnel(c, self.eta) * gain(at_normal);
+            + self.transmission * self.interface(c) * gain(at_normal);
         diel.lerp(schlick(self.base, c) * gain(self.base), self.metallic)
     }
 
-    /// By refraction: (1-m) T (1-Fx) base.
+    /// That goes through: (1-m) T (1-Fx) base.
     pub fn refracted(&self, c: f64) -> DVec3 {
-        let trans = self.base * (1.0 - fresnel(c, self.eta)) * self.transmission;
+        let trans = self.base * (DVec3::ONE - self.interface(c)) * self.transmission;
         trans.lerp(DVec3::ZERO, self.metallic)
     }
 
@@ -106,38 +174,67 @@ impl Material {
         if ht.dot(self.n) < 0.0 { -ht } else { ht }
     }
 
+    /// Length of the shortest vector that any lobe makes its h of.
+    pub fn half_length(&self, wo: DVec3, wi: DVec3) -> f64 {
+        let of_body = match self.n.dot(wi) > 0.0 {
+            true => wo + wi,
+            false if self.thin => wo + mirrored(wi, self.n),
+            false => wo + self.eta * wi,
+        };
+        of_body.length().min((wo + wi).length().max(if self.coat > 0.0 { 0.0 } else { 2.0 }))
+    }
+
     /// f·|n.wi|; 0 of a delta.
     pub fn eval(&self, wo: DVec3, wi: DVec3, lobe: Lobe) -> DVec3 {
+        if lobe == Lobe::Coat {
+            if self.is_delta(lobe) || !self.coat_carries(wo, wi) {
+                return DVec3::ZERO;
+            }
+            let [o, i, h] = [wo, wi, (wo + wi).normalize()].map(|w| self.coat_angles(w));
+            let alpha = self.coat_alpha;
+            let g2 = 1.0 / (1.0 + lambda(&o, alpha, alpha) + lambda(&i, alpha, alpha));
+            return DVec3::splat(self.coat_reflected(wo) * d_ggx(&h, alpha, alpha) * g2 / (4.0 * o.cos));
+        }
+        (1.0 - self.coat_share(wo)) * self.eval_body(wo, wi, lobe)
+    }
+
+    fn eval_body(&self, wo: DVec3, wi: DVec3, lobe: Lobe) -> DVec3 {
         let Some(same) = self.same_side(wo, wi) else {
             return DVec3::ZERO;
         };
         let (n_o, n_i) = (self.n.dot(wo).abs(), self.n.dot(wi).abs());
-        if self.is_delta(lobe) || same == (lobe == Lobe::Transmission) {
+        if self.is_delta(lobe) {
             return DVec3::ZERO;
         }
-        let g2 = 1.0 / (1.0 + lambda(n_o, self.alpha) + lambda(n_i, self.alpha));
-        match lobe {
-            Lobe::Diffuse => {
-                let h = (wo + wi).normalize();
-                let f = schlick(self.f0_d, wo.dot(h).abs());
-                (1.0 - self.metallic) * (1.0 - self.transmission) * (DVec3::ONE - f) * self.base / PI * n_i
+        let g2 = 1.0 / (1.0 + self.lambda(wo) + self.lambda(wi));
+        match (lobe, same) {
+            (Lobe::Diffuse, _) => {
+                let (wi, share) = match same {
+                    true => (wi, 1.0 - self.diffuse_transmission),
+                    false => (mirrored(wi, self.n), self.diffuse_transmission),
+                };
+                let f = schlick(self.f0_d, wo.dot((wo + wi).normalize()).abs());
+                (1.0 - self.metallic) * (1.0 - self.transmission) * (DVec3::ONE - f) * self.base / PI * share * n_i
             }
-            Lobe::Reflection => {
+            (Lobe::Reflection, true) => {
                 let h = (wo + wi).normalize();
-                let spec = d_ggx(self.n.dot(h), self.alpha) * g2 / (4.0 * n_i * n_o);
-                self.reflected(wo.dot(h).abs()) * spec * n_i
+                self.reflected(wo.dot(h).abs()) * self.d(h) * g2 / (4.0 * n_i * n_o) * n_i
             }
-            Lobe::Transmission => {
+            (Lobe::Transmission, false) if self.thin => {
+                let h = (wo + mirrored(wi, self.n)).normalize();
+                self.refracted(wo.dot(h).abs()) * self.d(h) * g2 / (4.0 * n_i * n_o) * n_i
+            }
+            (Lobe::Transmission, false) => {
                 // Indices 1 on wo's side and eta on wi's.
                 let h = self.refraction_h(wo, wi);
                 let (o_h, i_h) = (wo.dot(h), wi.dot(h));
                 if o_h <= 0.0 || i_h >= 0.0 {
                     return DVec3::ZERO;
                 }
-                let walter = (i_h * o_h).abs() / (n_i * n_o) * g2 * d_ggx(self.n.dot(h), self.alpha)
-                    / (self.eta * i_h + o_h).powi(2);
+                let walter = (i_h * o_h).abs() / (n_i * n_o) * g2 * self.d(h) / (self.eta * i_h + o_h).powi(2);
                 self.refracted(o_h) * walter * n_i
             }
+            _ => DVec3::ZERO,
         }
     }
 
@@ -165,23 +262,53 @@ impl Material {
         if t > 0.0 { r / (r + t) } else { 1.0 }
     }
 
-    /// Joint density of the lobe and wi, solid angle; 0 of a delta.
-    pub fn pdf(&self, wo: DVec3, wi: DVec3, lobe: Lobe) -> f64 {
-        let Some(same) = self.same_side(wo, wi) else { return 0.0 };
-        if self.is_delta(lobe) || same == (lobe == Lobe::Transmission) {
+    /// Probability of the coat.
+    pub fn p_coat(&self, wo: DVec3) -> f64 {
+        if self.coat <= 0.0 || self.coat_n.dot(wo) <= 0.0 || self.n_geo.dot(wo) <= 0.0 {
             return 0.0;
         }
+        let n_o = self.n.dot(wo);
+        let diffuse = (1.0 - self.metallic) * (1.0 - self.transmission) * self.base;
+        let black = self.f0_d.max(self.metallic * self.base).max_element().max(self.transmission) <= 0.0
+            && diffuse.max_element() <= 0.0;
+        if n_o <= 0.0 || black {
+            return 1.0;
+        }
+        let body =
+            luminance(diffuse * (DVec3::ONE - schlick(self.f0_d, n_o)) + self.reflected(n_o) + self.refracted(n_o));
+        let coat = self.coat_reflected(wo);
+        (coat / (coat + (1.0 - self.coat_share(wo)) * body)).clamp(0.05, 0.95)
+    }
+
+    /// Joint density of the lobe and wi, solid angle; 0 of a delta.
+    pub fn pdf(&self, wo: DVec3, wi: DVec3, lobe: Lobe) -> f64 {
+        if self.is_delta(lobe) {
+            return 0.0;
+        }
+        if lobe == Lobe::Coat {
+            if !self.coat_carries(wo, wi) {
+                return 0.0;
+            }
+            let [o, h] = [wo, (wo + wi).normalize()].map(|w| self.coat_angles(w));
+            let alpha = self.coat_alpha;
+            return self.p_coat(wo) * d_ggx(&h, alpha, alpha) / (1.0 + lambda(&o, alpha, alpha)) / (4.0 * o.cos);
+        }
+        let Some(same) = self.same_side(wo, wi) else { return 0.0 };
         let (n_o, n_i) = (self.n.dot(wo), self.n.dot(wi).abs());
-        let visible =
-            |h: DVec3| d_ggx(self.n.dot(h), self.alpha) * wo.dot(h).max(0.0) / (1.0 + lambda(n_o, self.alpha)) / n_o;
+        let visible = |h: DVec3| self.d(h) * wo.dot(h).max(0.0) / (1.0 + self.lambda(wo)) / n_o;
         let p = self.p_microfacet(n_o);
-        match lobe {
-            Lobe::Diffuse => (1.0 - p) * n_i / PI,
-            Lobe::Reflection => {
+        let of_body = match (lobe, same) {
+            (Lobe::Diffuse, true) => (1.0 - p) * (1.0 - self.diffuse_transmission) * n_i / PI,
+            (Lobe::Diffuse, false) => (1.0 - p) * self.diffuse_transmission * n_i / PI,
+            (Lobe::Reflection, true) => {
                 let h = (wo + wi).normalize();
                 p * self.p_reflect(wo.dot(h)) * visible(h) / (4.0 * wo.dot(h))
             }
-            Lobe::Transmission => {
+            (Lobe::Transmission, false) if self.thin => {
+                let h = (wo + mirrored(wi, self.n)).normalize();
+                p * (1.0 - self.p_reflect(wo.dot(h))) * visible(h) / (4.0 * wo.dot(h))
+            }
+            (Lobe::Transmission, false) => {
                 let h = self.refraction_h(wo, wi);
                 let (o_h, i_h) = (wo.dot(h), wi.dot(h));
                 if o_h <= 0.0 || i_h >= 0.0 {
@@ -190,7 +317,9 @@ impl Material {
                 let jacobian = self.eta.powi(2) * i_h.abs() / (o_h + self.eta * i_h).powi(2);
                 p * (1.0 - self.p_reflect(o_h)) * visible(h) * jacobian
             }
-        }
+            _ => 0.0,
+        };
+        (1.0 - self.p_coat(wo)) * of_body
     }
 
     pub fn pdf_all(&self, wo: DVec3, wi: DVec3) -> f64 {
@@ -203,6 +332,8 @@ impl Material {
         match lobe {
             Lobe::Diffuse => None,
             Lobe::Reflection => Some(2.0 * c * self.n - wo),
+            Lobe::Coat => Some(2.0 * self.coat_n.dot(wo) * self.coat_n - wo),
+            Lobe::Transmission if self.thin => Some(-wo),
             Lobe::Transmission => {
                 let tangent = -(wo - c * self.n) / self.eta;
                 let sin2 = tangent.length_squared();

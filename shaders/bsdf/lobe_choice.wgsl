@@ -1,0 +1,82 @@
+// The probabilities that lobes are sampled with: by the light that each reflects along the mirror direction.
+#define_import_path bevy_restir::bsdf::lobe_choice
+
+#import bevy_restir::bsdf::diffuse::diffuse_albedo
+#import bevy_restir::bsdf::fresnel::schlick
+#import bevy_restir::bsdf::reflection::reflectance
+#import bevy_restir::bsdf::transmission::transmittance
+#import bevy_restir::bsdf::types::Bsdf
+#import bevy_restir::common::math::{luminance, max_component}
+#ifdef CLEARCOAT
+#import bevy_restir::bsdf::coat::{coat_is_seen, coat_reflectance, coat_share}
+#endif
+
+// Least probability of choosing either of two kinds of lobe that both contribute.
+const LOBE_PROBABILITY_MIN: f32 = 0.05;
+
+struct LobeChoice {
+    coat: f32,                 // probability of the coat,
+    specular: f32,             // and, where it is not taken, of microfacets against diffuse
+}
+
+// `cos_o`: n.wo
+fn lobe_choice(b: Bsdf, wo: vec3<f32>, cos_o: f32) -> LobeChoice {
+    return LobeChoice(coat_probability(b, wo, cos_o), specular_probability(b, cos_o));
+}
+
+// Luminance of what diffuse light and microfacets reflect and let through.
+fn body_albedo(b: Bsdf, cos_o: f32) -> vec2<f32> {
+    return vec2<f32>(
+        luminance(diffuse_albedo(b) * (1.0 - schlick(b.dielectric_reflectance, cos_o))),
+        luminance(reflectance(b, cos_o) + transmittance(b, cos_o)),
+    );
+}
+
+fn is_specular(b: Bsdf) -> bool {
+    let f0 = max(b.dielectric_reflectance, b.metallic * b.base_color);
+    return max(max_component(f0), b.transmission) > 0.0;
+}
+
+// Kept from 0 and 1 where both contribute.
+fn specular_probability(b: Bsdf, cos_o: f32) -> f32 {
+    if !(max_component(diffuse_albedo(b)) > 0.0) {
+        return 1.0;
+    }
+    if !is_specular(b) {
+        return 0.0;
+    }
+    let albedo = body_albedo(b, cos_o);
+    let p = albedo.y / max(albedo.y + albedo.x, 1.0e-37);
+    return clamp(p, LOBE_PROBABILITY_MIN, 1.0 - LOBE_PROBABILITY_MIN);
+}
+
+// Of the coat against what is below.
+#ifdef CLEARCOAT
+fn coat_probability(b: Bsdf, wo: vec3<f32>, cos_o: f32) -> f32 {
+    if !coat_is_seen(b, wo) {
+        return 0.0;
+    }
+    // A bump may be seen from behind where its coat is not.
+    if !(cos_o > 0.0) || !(is_specular(b) || max_component(diffuse_albedo(b)) > 0.0) {
+        return 1.0;
+    }
+    let coat = coat_reflectance(b, wo);
+    let albedo = body_albedo(b, cos_o);
+    let p = coat / max(coat + (1.0 - coat_share(b, wo)) * (albedo.x + albedo.y), 1.0e-37);
+    return clamp(p, LOBE_PROBABILITY_MIN, 1.0 - LOBE_PROBABILITY_MIN);
+}
+#else
+fn coat_probability(b: Bsdf, wo: vec3<f32>, cos_o: f32) -> f32 {
+    return 0.0;
+}
+#endif
+
+// Of reflection against transmission at a microfacet, c = wo.h: by what it does, so that neither is chosen in vain.
+fn reflection_probability(b: Bsdf, c: f32) -> f32 {
+    let r = luminance(reflectance(b, c));
+    let t = luminance(transmittance(b, c));
+    if !(t > 0.0) {
+        return 1.0;
+    }
+    return r / (r + t);
+}

@@ -1,0 +1,23 @@
+// The frame of a material's microfacets and their α along its axes: the same along both without ANISOTROPY.
+#define_import_path bevy_restir::bsdf::roughness
+
+#import bevy_restir::bsdf::types::Bsdf
+#import bevy_restir::common::math::orthonormal_basis
+
+#ifdef ANISOTROPY
+fn frame_of(b: Bsdf) -> mat3x3<f32> {
+    return mat3x3<f32>(b.tangent, cross(b.n, b.tangent), b.n);
+}
+
+fn alpha_of(b: Bsdf) -> vec2<f32> {
+    return vec2<f32>(b.roughness_along, b.roughness);
+}
+#else
+fn frame_of(b: Bsdf) -> mat3x3<f32> {
+    return orthonormal_basis(b.n);
+}
+
+fn alpha_of(b: Bsdf) -> vec2<f32> {
+    return vec2<f32>(b.roughness);
+}
+#endif

@@ -1,0 +1,96 @@
+// The lobes of a material that few scenes have: coat, anisotropy, diffuse transmission, thin walls.  Each adds to a `Bsdf` what its feature
+// reads, and nothing without it.
+#define_import_path bevy_restir::scene::lobes
+
+#import bevy_restir::bsdf::types::Bsdf
+#import bevy_restir::common::constants::{ALPHA_DELTA, ALPHA_MIN}
+#import bevy_restir::common::math::orthonormal_basis
+#import bevy_restir::scene::albedo::multiple_scattering
+#import bevy_restir::scene::bindings::materials
+
+// A surface's frame as far as lobes have one of their own.
+struct LobeFrame {
+    coat_normal: vec3<f32>,    // of the clearcoat, on wo's side
+    tangent: vec3<f32>,        // of the mesh, and its bitangent
+    bitangent: vec3<f32>,
+}
+
+// All of them.  `b` has the rest of the material, `wo` is on the side of its normals.
+fn with_lobes(b: Bsdf, material: u32, frame: LobeFrame, wo: vec3<f32>) -> Bsdf {
+    let body = with_thin_wall(with_diffuse_transmission(with_anisotropy(b, material, frame, wo), material), material);
+    return with_coat(body, material, frame.coat_normal, wo);
+}
+
+#ifdef CLEARCOAT
+fn with_coat(b: Bsdf, material: u32, normal: vec3<f32>, wo: vec3<f32>) -> Bsdf {
+    let perceptual_roughness = materials[material].clearcoat_perceptual_roughness;
+    var c = b;
+    c.coat = materials[material].clearcoat;
+    c.coat_normal = normal;
+    c.coat_roughness = max(perceptual_roughness * perceptual_roughness, ALPHA_MIN);
+    c.coat_compensation = multiple_scattering(c.coat_roughness, dot(wo, normal));
+    return c;
+}
+#else
+fn with_coat(b: Bsdf, material: u32, normal: vec3<f32>, wo: vec3<f32>) -> Bsdf {
+    return b;
+}
+#endif
+
+#ifdef ANISOTROPY
+// α along the tangent is mix(α, 1, strength²), across it α (KHR_materials_anisotropy).  The lobe is a delta where it is narrow both ways;
+// where it is wide one way only, f32 wants it no narrower than that the other way.
+fn with_anisotropy(b: Bsdf, material: u32, frame: LobeFrame, wo: vec3<f32>) -> Bsdf {
+    let direction = materials[material].anisotropy_direction;
+    let strength = materials[material].anisotropy_strength;
+    var a = b;
+    a.tangent = tangent_of(b.n, direction.x * frame.tangent + direction.y * frame.bitangent);
+    a.roughness_along = mix(b.roughness, 1.0, strength * strength);
+    if strength > 0.0 && a.roughness_along >= ALPHA_DELTA {
+        a.roughness = max(b.roughness, ALPHA_DELTA);
+        // The table knows one α: the root of the mean square comes nearest, to a tenth of the albedo but across the grain at grazing angles.
+        let squares = a.roughness * a.roughness + a.roughness_along * a.roughness_along;
+        a.compensation = multiple_scattering(sqrt(0.5 * squares), dot(wo, b.n));
+    }
+    return a;
+}
+
+// Perpendicular to n whatever the mesh and its normal map say.
+fn tangent_of(n: vec3<f32>, along: vec3<f32>) -> vec3<f32> {
+    let t = along - dot(along, n) * n;
+    let t2 = dot(t, t);
+    return select(orthonormal_basis(n)[0], t * inverseSqrt(max(t2, 1.0e-30)), t2 > 1.0e-8);
+}
+#else
+fn with_anisotropy(b: Bsdf, material: u32, frame: LobeFrame, wo: vec3<f32>) -> Bsdf {
+    return b;
+}
+#endif
+
+#ifdef DIFFUSE_TRANSMISSION
+fn with_diffuse_transmission(b: Bsdf, material: u32) -> Bsdf {
+    var d = b;
+    d.diffuse_transmission = materials[material].diffuse_transmission;
+    return d;
+}
+#else
+fn with_diffuse_transmission(b: Bsdf, material: u32) -> Bsdf {
+    return b;
+}
+#endif
+
+#ifdef THIN_WALL
+// It bends nothing.
+fn with_thin_wall(b: Bsdf, material: u32) -> Bsdf {
+    var t = b;
+    if !(materials[material].thickness > 0.0) {
+        t.thin = 1u;
+        t.eta = 1.0;
+    }
+    return t;
+}
+#else
+fn with_thin_wall(b: Bsdf, material: u32) -> Bsdf {
+    return b;
+}
+#endif
