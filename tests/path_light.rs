@@ -4,7 +4,7 @@
 use crate::support::{
     app::*,
     direct::*,
-    proof::{Proof, Subject},
+    proof::{AllLight, Proof, Subject},
 };
 use bevy::prelude::*;
 use bevy_restir::{DebugView, Mis, Paths, Reconnection, ReuseOrder, plant_shader_defs};
@@ -62,6 +62,24 @@ fn paths_by_mirrors_carry_what_the_reference_carries() {
     let Some(mut rig) = scene(32, mirrors) else { return };
     let proof = Proof { bounces: 3, margin: 0.02, ..Proof::of((48, 16), (40, 48)) };
     proof.check("mirrors", &mut rig, &[("both", every())]);
+}
+
+#[test]
+fn paths_over_every_lobe_carry_what_the_reference_carries() {
+    over_every_lobe(0.03, (24, 4), (24, 24));
+}
+
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_paths_over_every_lobe_carry_what_the_reference_carries() {
+    over_every_lobe(0.01, (40, 32), (40, 160));
+}
+
+fn over_every_lobe(margin: f64, ours: (u32, u32), truth: (u32, u32)) {
+    let Some(mut rig) = scene(32, every_lobe) else { return };
+    let proof = Proof { bounces: 3, margin, ..Proof::of(ours, truth) };
+    let all = [("PT", AllLight::Pt(every())), ("DI + GI", AllLight::Gi(both(), every()))];
+    proof.check("every lobe", &mut rig, &all);
 }
 
 #[test]

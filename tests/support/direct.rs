@@ -219,6 +219,53 @@ pub fn textured(rig: &mut Rig) {
     rig.spawn(square(0.8), pane, facing(Vec3::new(0.3, 0.4, 0.5), Vec3::new(0.1, -1.0, 0.0)));
 }
 
+/// The lobes that few materials have: varnish smooth and rough, brushed metal, a leaf with the lamp behind it, a frosted pane, frosted glass.
+pub fn every_lobe(rig: &mut Rig) {
+    let floor = Transform::from_xyz(0.0, -1.2, 0.0).with_rotation(Quat::from_rotation_x(-core::f32::consts::FRAC_PI_2));
+    let varnish = StandardMaterial {
+        clearcoat: 1.0,
+        clearcoat_perceptual_roughness: 0.4,
+        ..shiny(Color::linear_rgb(0.6, 0.4, 0.3), 0.8, 0.0)
+    };
+    rig.spawn(square(4.0), varnish, floor);
+    rig.spawn(square(4.0), lambert(0.6), Transform::from_xyz(0.0, 0.0, -1.2));
+    let ball = || Sphere::new(0.4).mesh().uv(16, 10);
+    let brushed = StandardMaterial {
+        anisotropy_strength: 0.8,
+        anisotropy_rotation: 0.4,
+        ..shiny(Color::linear_rgb(0.9, 0.8, 0.6), 0.45, 1.0)
+    };
+    rig.spawn(ball(), brushed, Transform::from_xyz(-0.9, -0.8, 0.2));
+    let lacquer = StandardMaterial {
+        clearcoat: 0.7,
+        clearcoat_perceptual_roughness: 0.0,
+        ..shiny(Color::linear_rgb(0.2, 0.3, 0.7), 0.6, 0.5)
+    };
+    rig.spawn(ball(), lacquer, Transform::from_xyz(0.0, -0.8, 0.6));
+    let frosted = StandardMaterial {
+        specular_transmission: 1.0,
+        thickness: 0.8,
+        attenuation_color: Color::linear_rgb(0.5, 0.9, 0.7),
+        attenuation_distance: 0.5,
+        ..shiny(Color::WHITE, 0.5, 0.0)
+    };
+    rig.spawn(ball(), frosted, Transform::from_xyz(0.9, -0.8, 0.2));
+    let sheet = |color, material: StandardMaterial| StandardMaterial {
+        base_color: color,
+        double_sided: true,
+        cull_mode: None,
+        ..material
+    };
+    let leaf = StandardMaterial { diffuse_transmission: 0.6, ..lambert(0.0) };
+    let leaf = sheet(Color::linear_rgb(0.4, 0.8, 0.2), leaf);
+    rig.spawn(square(0.9), leaf, facing(Vec3::new(-0.6, 0.7, 0.1), Vec3::new(-0.9, -0.5, 1.0)));
+    let pane = StandardMaterial { specular_transmission: 0.8, ..shiny(Color::WHITE, 0.5, 0.0) };
+    let pane = sheet(Color::linear_rgb(0.8, 0.9, 1.0), pane);
+    rig.spawn(square(1.0), pane, Transform::from_xyz(0.8, 0.4, -0.2).with_rotation(Quat::from_rotation_y(-0.4)));
+    rig.spawn(square(0.8), lamp(8.0, 7.0, 6.0), facing(Vec3::new(-0.3, 1.5, -0.5), Vec3::new(0.1, -0.8, 0.4)));
+    rig.spawn(square(0.5), lamp(4.0, 5.0, 6.0), facing(Vec3::new(1.4, 1.0, 1.2), Vec3::ZERO));
+}
+
 /// Shadows of blended panes, and an emitter that is itself half there, beside a glossy wall.
 pub fn blended(rig: &mut Rig) {
     glossy(rig);
