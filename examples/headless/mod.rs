@@ -4,6 +4,7 @@
 pub mod files;
 #[path = "../shared/framing.rs"]
 mod framing;
+pub mod picture;
 pub mod progress;
 pub mod scene;
 pub mod set;

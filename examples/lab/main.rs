@@ -7,6 +7,7 @@ mod error;
 #[path = "../headless/mod.rs"]
 mod headless;
 mod lights;
+mod materials;
 mod output;
 mod rays;
 mod scale;
@@ -29,6 +30,7 @@ struct Args {
 enum Command {
     Ablate(ablate::Args),
     Compare(compare::Args),
+    Materials(materials::Args),
     Rays(rays::Args),
     Scale(scale::Args),
     Steps(compare::Steps),
@@ -43,6 +45,7 @@ fn main() -> ExitCode {
     let result = match &args.command {
         Command::Ablate(args) => ablate::run(args),
         Command::Compare(args) => compare::run(args),
+        Command::Materials(args) => materials::run(args),
         Command::Rays(args) => rays::run(args),
         Command::Scale(args) => scale::run(args),
         Command::Steps(steps) => steps.run(),

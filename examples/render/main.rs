@@ -9,19 +9,14 @@ mod output;
 mod stats;
 
 use args::{Args, Output};
-use bevy::{
-    camera::RenderTarget,
-    gltf::Gltf,
-    prelude::*,
-    render::view::screenshot::{Screenshot, ScreenshotCaptured},
-};
+use bevy::{gltf::Gltf, prelude::*};
 use bevy_restir::{CapturedRadiance, Restir, Technique};
 use headless::{
     captured, frame,
+    picture::{screenshot, write_png},
     progress::Progress,
     scene::{self, CameraSetup, SceneFile, View},
     times::Times,
-    until,
 };
 use std::{path::Path, process::ExitCode};
 
@@ -74,7 +69,7 @@ fn render(args: &Args, settings: Restir) -> Result<(), String> {
         output::write_exr(&args.out, args.size, &pixels)?;
     } else {
         let image = screenshot(&mut app)?;
-        output::write_png(&args.out, image)?;
+        write_png(&args.out, image)?;
     }
     if let Some(path) = &args.stats {
         let json = stats::json(app.world(), args, &settings, &frames);
@@ -171,18 +166,4 @@ fn add(sum: &mut Vec<[f64; 3]>, frame: &CapturedRadiance) {
             *s += f64::from(c);
         }
     }
-}
-
-/// What the view target shows, tonemapped by Bevy.
-fn screenshot(app: &mut App) -> Result<Image, String> {
-    #[derive(Resource, Default)]
-    struct Taken(Option<Image>);
-    app.init_resource::<Taken>();
-    let camera = app.world().resource::<View>().camera;
-    let target = app.world().get::<RenderTarget>(camera).cloned().ok_or("the camera is gone")?;
-    app.world_mut()
-        .spawn(Screenshot(target))
-        .observe(|captured: On<ScreenshotCaptured>, mut taken: ResMut<Taken>| taken.0 = Some(captured.image.clone()));
-    until(app, "no picture came back", |app| app.world().resource::<Taken>().0.is_some())?;
-    app.world_mut().resource_mut::<Taken>().0.take().ok_or("no picture came back".into())
 }

@@ -1,6 +1,6 @@
 //! Pictures as files.
 
-use bevy::{image::Image, math::UVec2};
+use bevy::math::UVec2;
 use exr::prelude::write_rgb_file;
 use std::path::Path;
 
@@ -16,10 +16,4 @@ pub fn write_exr(path: &Path, size: UVec2, pixels: &[[f32; 3]]) -> Result<(), St
         })
         .map_err(|e| e.to_string())
     })
-}
-
-/// What the view target shows.
-pub fn write_png(path: &Path, image: Image) -> Result<(), String> {
-    let dynamic = image.try_into_dynamic().map_err(|e| e.to_string())?;
-    complete(path, |part| dynamic.to_rgb8().save_with_format(part, image::ImageFormat::Png).map_err(|e| e.to_string()))
 }

@@ -1,0 +1,30 @@
+//! What a camera's target shows, as a file.
+
+use bevy::{
+    camera::RenderTarget,
+    prelude::*,
+    render::view::screenshot::{Screenshot, ScreenshotCaptured},
+};
+use std::path::Path;
+
+use super::{files::complete, scene::View, until};
+
+/// What the view target shows, tonemapped by Bevy.
+pub fn screenshot(app: &mut App) -> Result<Image, String> {
+    #[derive(Resource, Default)]
+    struct Taken(Option<Image>);
+    app.init_resource::<Taken>();
+    let camera = app.world().resource::<View>().camera;
+    let target = app.world().get::<RenderTarget>(camera).cloned().ok_or("the camera is gone")?;
+    app.world_mut()
+        .spawn(Screenshot(target))
+        .observe(|captured: On<ScreenshotCaptured>, mut taken: ResMut<Taken>| taken.0 = Some(captured.image.clone()));
+    until(app, "no picture came back", |app| app.world().resource::<Taken>().0.is_some())?;
+    app.world_mut().resource_mut::<Taken>().0.take().ok_or("no picture came back".into())
+}
+
+/// Writes it, complete or not at all.
+pub fn write_png(path: &Path, image: Image) -> Result<(), String> {
+    let dynamic = image.try_into_dynamic().map_err(|e| e.to_string())?;
+    complete(path, |part| dynamic.to_rgb8().save_with_format(part, image::ImageFormat::Png).map_err(|e| e.to_string()))
+}
