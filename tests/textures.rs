@@ -173,7 +173,14 @@ struct Point {
     normal: [f32; 3],
     alpha: f32,
     emission_of_light: [f32; 3],
-    pad: f32,
+    diffuse_transmission: f32,
+    coat_normal: [f32; 3],
+    thickness: f32,
+    anisotropy_direction: [f32; 2],
+    anisotropy_strength: f32,
+    clearcoat: f32,
+    clearcoat_perceptual_roughness: f32,
+    pad: [f32; 7],
 }
 
 fn points(lit: &Lit, at: &[At], defs: &[&'static str]) -> Vec<Point> {
@@ -199,38 +206,24 @@ fn triangle(gpu: &Gpu) -> Lit<'_> {
     lit
 }
 
-const FACTORS: GpuMaterial = GpuMaterial {
-    base_color: [0.9, 0.8, 0.7],
-    alpha: 0.6,
-    emissive: [10.0, 20.0, 30.0],
-    perceptual_roughness: 0.9,
-    dielectric_reflectance: [0.16, 0.08, 0.04],
-    metallic: 0.8,
-    specular_transmission: 0.7,
-    ..WITHOUT_TEXTURES
-};
-
-const WITHOUT_TEXTURES: GpuMaterial = GpuMaterial {
-    base_color: [1.0; 3],
-    alpha: 1.0,
-    emissive: [0.0; 3],
-    perceptual_roughness: 0.5,
-    dielectric_reflectance: [0.04; 3],
-    metallic: 0.0,
-    attenuation: [0.0; 3],
-    specular_transmission: 0.0,
-    ior: 1.5,
-    thickness: 0.0,
-    alpha_cutoff: 0.5,
-    flags: 0,
-    textures: 0,
-    texture_record: 0,
-    anisotropy_direction: [1.0, 0.0],
-    anisotropy_strength: 0.0,
-    diffuse_transmission: 0.0,
-    clearcoat: 0.0,
-    clearcoat_perceptual_roughness: 0.5,
-};
+fn factors() -> GpuMaterial {
+    GpuMaterial {
+        base_color: [0.9, 0.8, 0.7],
+        alpha: 0.6,
+        emissive: [10.0, 20.0, 30.0],
+        perceptual_roughness: 0.9,
+        dielectric_reflectance: [0.16, 0.08, 0.04],
+        metallic: 0.8,
+        specular_transmission: 0.7,
+        diffuse_transmission: 0.6,
+        thickness: 0.5,
+        clearcoat: 0.9,
+        clearcoat_perceptual_roughness: 0.4,
+        anisotropy_direction: [0.6, 0.8],
+        anisotropy_strength: 0.7,
+        ..Default::default()
+    }
+}
 
 /// Every slot alone and all together: each scales what is its own, by its own channels.
 #[test]
@@ -241,15 +234,8 @@ fn every_slot_scales_what_is_its_own() {
         let i = i as u8;
         *texel = [40 + 10 * i, 200 - 7 * i, 90 + 9 * i, 130 + 5 * i];
     }
-    let kinds = [
-        SLOT_BASE_COLOR,
-        SLOT_METALLIC_ROUGHNESS,
-        SLOT_NORMAL,
-        SLOT_EMISSIVE,
-        SLOT_SPECULAR_TRANSMISSION,
-        SLOT_SPECULAR,
-        SLOT_SPECULAR_TINT,
-    ];
+    let factors = factors();
+    let kinds: [u32; 13] = core::array::from_fn(|i| 1 << i);
     // One texel of the atlas each.
     let slot = |i: u32| [1 << LEVELS_SHIFT, (i % 4) | ((i / 4) << 16), 1 | 1 << 16, 0];
     let all = kinds.iter().fold(0, |all, kind| all | kind);
@@ -260,16 +246,23 @@ fn every_slot_scales_what_is_its_own() {
         let mut table = vec![[u32::MAX; 4]; 3];
         table.extend((0..32).filter(|i| mask >> i & 1 != 0).map(slot));
         let mut expected = Point {
-            base_color: FACTORS.base_color,
-            metallic: FACTORS.metallic,
-            emission: FACTORS.emissive,
-            perceptual_roughness: FACTORS.perceptual_roughness,
-            dielectric_reflectance: FACTORS.dielectric_reflectance,
-            specular_transmission: FACTORS.specular_transmission,
+            base_color: factors.base_color,
+            metallic: factors.metallic,
+            emission: factors.emissive,
+            perceptual_roughness: factors.perceptual_roughness,
+            dielectric_reflectance: factors.dielectric_reflectance,
+            specular_transmission: factors.specular_transmission,
             normal: [0.0, 0.0, 1.0],
-            alpha: FACTORS.alpha,
-            emission_of_light: FACTORS.emissive,
-            pad: 0.0,
+            alpha: factors.alpha,
+            emission_of_light: factors.emissive,
+            diffuse_transmission: factors.diffuse_transmission,
+            coat_normal: [0.0, 0.0, 1.0],
+            thickness: factors.thickness,
+            anisotropy_direction: factors.anisotropy_direction,
+            anisotropy_strength: factors.anisotropy_strength,
+            clearcoat: factors.clearcoat,
+            clearcoat_perceptual_roughness: factors.clearcoat_perceptual_roughness,
+            pad: [0.0; 7],
         };
         let times = |a: [f32; 3], b: [f32; 4]| core::array::from_fn(|i| a[i] * b[i]);
         if has(SLOT_BASE_COLOR) {
@@ -291,6 +284,29 @@ fn every_slot_scales_what_is_its_own() {
         if has(SLOT_SPECULAR_TRANSMISSION) {
             expected.specular_transmission *= texel(SLOT_SPECULAR_TRANSMISSION)[0];
         }
+        if has(SLOT_DIFFUSE_TRANSMISSION) {
+            expected.diffuse_transmission *= texel(SLOT_DIFFUSE_TRANSMISSION)[3];
+        }
+        if has(SLOT_THICKNESS) {
+            expected.thickness *= texel(SLOT_THICKNESS)[1];
+        }
+        if has(SLOT_CLEARCOAT) {
+            expected.clearcoat *= texel(SLOT_CLEARCOAT)[0];
+        }
+        if has(SLOT_CLEARCOAT_ROUGHNESS) {
+            expected.clearcoat_perceptual_roughness *= texel(SLOT_CLEARCOAT_ROUGHNESS)[1];
+        }
+        if has(SLOT_CLEARCOAT_NORMAL) {
+            let [x, y, z, _] = texel(SLOT_CLEARCOAT_NORMAL);
+            expected.coat_normal = [x, y, z].map(|c| 2.0 * c - 1.0);
+        }
+        if has(SLOT_ANISOTROPY) {
+            // Angles add.
+            let [x, y, strength, _] = texel(SLOT_ANISOTROPY);
+            let angle = (2.0 * y - 1.0).atan2(2.0 * x - 1.0) + 0.8f32.atan2(0.6);
+            expected.anisotropy_direction = [angle.cos(), angle.sin()];
+            expected.anisotropy_strength *= strength;
+        }
         if has(SLOT_SPECULAR) {
             let reflectance = 0.5 * texel(SLOT_SPECULAR)[3];
             expected.dielectric_reflectance = expected.dielectric_reflectance.map(|f| f * reflectance * reflectance);
@@ -300,10 +316,10 @@ fn every_slot_scales_what_is_its_own() {
             expected.dielectric_reflectance = times(times(expected.dielectric_reflectance, tint), tint);
         }
         lit.table = table;
-        lit.materials = vec![GpuMaterial { textures: mask, texture_record: 3, ..FACTORS }];
+        lit.materials = vec![GpuMaterial { textures: mask, texture_record: 3, ..factors }];
         let at = At { barycentrics: [0.3, 0.2], wo: [0.0, 0.0, 1.0], ..Default::default() };
         let got = points(&lit, &[at], &["TEXTURES", "LAYER_TEXTURES"])[0];
-        let numbers = |p: &Point| bytemuck::cast::<Point, [f32; 20]>(*p);
+        let numbers = |p: &Point| bytemuck::cast::<Point, [f32; 36]>(*p);
         let (a, b) = (numbers(&got), numbers(&expected));
         let worst = a.iter().zip(b).map(|(a, b)| (a - b).abs() / b.abs().max(1.0)).fold(0.0, f32::max);
         assert!(worst < 1e-5, "{mask:b}: {got:?}, not {expected:?}");
@@ -313,7 +329,7 @@ fn every_slot_scales_what_is_its_own() {
     let mut pair = slot(2);
     pair[0] |= TWO_COMPONENTS;
     lit.table = vec![pair];
-    lit.materials = vec![GpuMaterial { textures: SLOT_NORMAL, flags: MATERIAL_FLIP_NORMAL_MAP_Y, ..FACTORS }];
+    lit.materials = vec![GpuMaterial { textures: SLOT_NORMAL, flags: MATERIAL_FLIP_NORMAL_MAP_Y, ..factors }];
     let [x, y, ..] = lit.atlas[2].map(|c| f32::from(c) / 127.5 - 1.0);
     let expected = Vec3::new(x, -y, (1.0 - x * x - y * y).sqrt());
     let at = At { barycentrics: [0.3, 0.2], wo: [0.0, 0.0, 1.0], ..Default::default() };
@@ -352,7 +368,7 @@ fn transforms_and_second_coordinates_choose_the_texel() {
             lit.table.extend([slot; 2]);
             textures |= SLOT_TRANSFORM;
         }
-        lit.materials = vec![GpuMaterial { textures, emissive: [1.0; 3], ..WITHOUT_TEXTURES }];
+        lit.materials = vec![GpuMaterial { textures, emissive: [1.0; 3], ..Default::default() }];
         lit.instances[0].flags = if has_second { INSTANCE_SECOND_UV } else { 0 };
         let at: Vec<At> = (0..256)
             .map(|_| {

@@ -6,7 +6,7 @@
 #import bevy_restir::common::constants::{ALPHA_DELTA, ALPHA_MIN}
 #import bevy_restir::common::math::orthonormal_basis
 #import bevy_restir::scene::albedo::multiple_scattering
-#import bevy_restir::scene::bindings::materials
+#import bevy_restir::scene::material::MaterialPoint
 
 // A surface's frame as far as lobes have one of their own.
 struct LobeFrame {
@@ -16,23 +16,23 @@ struct LobeFrame {
 }
 
 // All of them.  `b` has the rest of the material, `wo` is on the side of its normals.
-fn with_lobes(b: Bsdf, material: u32, frame: LobeFrame, wo: vec3<f32>) -> Bsdf {
-    let body = with_thin_wall(with_diffuse_transmission(with_anisotropy(b, material, frame, wo), material), material);
-    return with_coat(body, material, frame.coat_normal, wo);
+fn with_lobes(b: Bsdf, point: MaterialPoint, frame: LobeFrame, wo: vec3<f32>) -> Bsdf {
+    let body = with_thin_wall(with_diffuse_transmission(with_anisotropy(b, point, frame, wo), point), point);
+    return with_coat(body, point, frame.coat_normal, wo);
 }
 
 #ifdef CLEARCOAT
-fn with_coat(b: Bsdf, material: u32, normal: vec3<f32>, wo: vec3<f32>) -> Bsdf {
-    let perceptual_roughness = materials[material].clearcoat_perceptual_roughness;
+fn with_coat(b: Bsdf, point: MaterialPoint, normal: vec3<f32>, wo: vec3<f32>) -> Bsdf {
+    let perceptual_roughness = point.clearcoat_perceptual_roughness;
     var c = b;
-    c.coat = materials[material].clearcoat;
+    c.coat = point.clearcoat;
     c.coat_normal = normal;
     c.coat_roughness = max(perceptual_roughness * perceptual_roughness, ALPHA_MIN);
     c.coat_compensation = multiple_scattering(c.coat_roughness, dot(wo, normal));
     return c;
 }
 #else
-fn with_coat(b: Bsdf, material: u32, normal: vec3<f32>, wo: vec3<f32>) -> Bsdf {
+fn with_coat(b: Bsdf, point: MaterialPoint, normal: vec3<f32>, wo: vec3<f32>) -> Bsdf {
     return b;
 }
 #endif
@@ -40,9 +40,9 @@ fn with_coat(b: Bsdf, material: u32, normal: vec3<f32>, wo: vec3<f32>) -> Bsdf {
 #ifdef ANISOTROPY
 // α along the tangent is mix(α, 1, strength²), across it α (KHR_materials_anisotropy).  The lobe is a delta where it is narrow both ways;
 // where it is wide one way only, f32 wants it no narrower than that the other way.
-fn with_anisotropy(b: Bsdf, material: u32, frame: LobeFrame, wo: vec3<f32>) -> Bsdf {
-    let direction = materials[material].anisotropy_direction;
-    let strength = materials[material].anisotropy_strength;
+fn with_anisotropy(b: Bsdf, point: MaterialPoint, frame: LobeFrame, wo: vec3<f32>) -> Bsdf {
+    let direction = point.anisotropy_direction;
+    let strength = point.anisotropy_strength;
     var a = b;
     a.tangent = tangent_of(b.n, direction.x * frame.tangent + direction.y * frame.bitangent);
     a.roughness_along = mix(b.roughness, 1.0, strength * strength);
@@ -62,35 +62,35 @@ fn tangent_of(n: vec3<f32>, along: vec3<f32>) -> vec3<f32> {
     return select(orthonormal_basis(n)[0], t * inverseSqrt(max(t2, 1.0e-30)), t2 > 1.0e-8);
 }
 #else
-fn with_anisotropy(b: Bsdf, material: u32, frame: LobeFrame, wo: vec3<f32>) -> Bsdf {
+fn with_anisotropy(b: Bsdf, point: MaterialPoint, frame: LobeFrame, wo: vec3<f32>) -> Bsdf {
     return b;
 }
 #endif
 
 #ifdef DIFFUSE_TRANSMISSION
-fn with_diffuse_transmission(b: Bsdf, material: u32) -> Bsdf {
+fn with_diffuse_transmission(b: Bsdf, point: MaterialPoint) -> Bsdf {
     var d = b;
-    d.diffuse_transmission = materials[material].diffuse_transmission;
+    d.diffuse_transmission = point.diffuse_transmission;
     return d;
 }
 #else
-fn with_diffuse_transmission(b: Bsdf, material: u32) -> Bsdf {
+fn with_diffuse_transmission(b: Bsdf, point: MaterialPoint) -> Bsdf {
     return b;
 }
 #endif
 
 #ifdef THIN_WALL
 // It bends nothing.
-fn with_thin_wall(b: Bsdf, material: u32) -> Bsdf {
+fn with_thin_wall(b: Bsdf, point: MaterialPoint) -> Bsdf {
     var t = b;
-    if !(materials[material].thickness > 0.0) {
+    if !(point.thickness > 0.0) {
         t.thin = 1u;
         t.eta = 1.0;
     }
     return t;
 }
 #else
-fn with_thin_wall(b: Bsdf, material: u32) -> Bsdf {
+fn with_thin_wall(b: Bsdf, point: MaterialPoint) -> Bsdf {
     return b;
 }
 #endif

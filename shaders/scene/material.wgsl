@@ -2,7 +2,7 @@
 // a record of slots each, and are sampled at one place, however many there are.
 #define_import_path bevy_restir::scene::material
 
-#import bevy_restir::common::constants::{INSTANCE_SECOND_UV, MATERIAL_FLIP_NORMAL_MAP_Y, SLOT_BASE_COLOR, SLOT_EMISSIVE, SLOT_METALLIC_ROUGHNESS, SLOT_NORMAL, SLOT_SPECULAR, SLOT_SPECULAR_TINT, SLOT_SPECULAR_TRANSMISSION, SLOT_TRANSFORM}
+#import bevy_restir::common::constants::{INSTANCE_SECOND_UV, MATERIAL_FLIP_NORMAL_MAP_Y, SLOT_ANISOTROPY, SLOT_BASE_COLOR, SLOT_CLEARCOAT, SLOT_CLEARCOAT_NORMAL, SLOT_CLEARCOAT_ROUGHNESS, SLOT_DIFFUSE_TRANSMISSION, SLOT_EMISSIVE, SLOT_METALLIC_ROUGHNESS, SLOT_NORMAL, SLOT_SPECULAR, SLOT_SPECULAR_TINT, SLOT_SPECULAR_TRANSMISSION, SLOT_THICKNESS, SLOT_TRANSFORM}
 #import bevy_restir::scene::bindings::{attributes, ELEMENTS_A_ROW, instances, materials, second_uvs, texture_table}
 #import bevy_restir::scene::cone::Cone
 #import bevy_restir::scene::texture::{has_texture, sample_area, sample_texture, TEXTURE_SECOND_UV, TEXTURE_TWO_COMPONENTS, TextureArea}
@@ -17,6 +17,13 @@ struct MaterialPoint {
     dielectric_reflectance: vec3<f32>,
     specular_transmission: f32,
     normal: vec3<f32>,         // in the frame of the tangent; (0, 0, 1) without a map
+    diffuse_transmission: f32,
+    coat_normal: vec3<f32>,    // in the same frame
+    thickness: f32,
+    anisotropy_direction: vec2<f32>,
+    anisotropy_strength: f32,
+    clearcoat: f32,
+    clearcoat_perceptual_roughness: f32,
 }
 
 // Where `material` is textured, and what a cone covers there.
@@ -30,6 +37,13 @@ fn material_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, t: WorldTr
         materials[material].dielectric_reflectance,
         materials[material].specular_transmission,
         vec3<f32>(0.0, 0.0, 1.0),
+        materials[material].diffuse_transmission,
+        vec3<f32>(0.0, 0.0, 1.0),
+        materials[material].thickness,
+        materials[material].anisotropy_direction,
+        materials[material].anisotropy_strength,
+        materials[material].clearcoat,
+        materials[material].clearcoat_perceptual_roughness,
     );
     return textured(p, instance, triangle, barycentrics, t, wo, cone);
 }
@@ -43,6 +57,17 @@ struct CornerUvs {
 
 fn corner_uvs(triangle: u32) -> CornerUvs {
     return CornerUvs(attributes[triangle].uv_a, attributes[triangle].uv_b, attributes[triangle].uv_c);
+}
+
+fn normal_of(slot: vec4<u32>, texel: vec4<f32>, flags: u32) -> vec3<f32> {
+    var n = texel.xyz * 2.0 - 1.0;
+    if (slot.x & TEXTURE_TWO_COMPONENTS) != 0u {
+        n.z = sqrt(max(0.0, 1.0 - dot(n.xy, n.xy)));
+    }
+    if (flags & MATERIAL_FLIP_NORMAL_MAP_Y) != 0u {
+        n.y = -n.y;
+    }
+    return n;
 }
 
 #ifdef TEXTURES
@@ -95,17 +120,6 @@ fn times_texel(factors: MaterialPoint, kind: u32, slot: vec4<u32>, texel: vec4<f
         }
     }
     return p;
-}
-
-fn normal_of(slot: vec4<u32>, texel: vec4<f32>, flags: u32) -> vec3<f32> {
-    var n = texel.xyz * 2.0 - 1.0;
-    if (slot.x & TEXTURE_TWO_COMPONENTS) != 0u {
-        n.z = sqrt(max(0.0, 1.0 - dot(n.xy, n.xy)));
-    }
-    if (flags & MATERIAL_FLIP_NORMAL_MAP_Y) != 0u {
-        n.y = -n.y;
-    }
-    return n;
 }
 
 // What the cone's ellipse on the triangle is in barycentrics: its longer axis, along which the ray slants, and the other.
@@ -218,6 +232,29 @@ fn times_layer_texel(factors: MaterialPoint, kind: u32, slot: vec4<u32>, texel: 
         }
         case SLOT_SPECULAR_TRANSMISSION: {
             p.specular_transmission *= texel.r;
+        }
+        case SLOT_DIFFUSE_TRANSMISSION: {
+            p.diffuse_transmission *= texel.a;
+        }
+        case SLOT_THICKNESS: {
+            p.thickness *= texel.g;
+        }
+        case SLOT_CLEARCOAT: {
+            p.clearcoat *= texel.r;
+        }
+        case SLOT_CLEARCOAT_ROUGHNESS: {
+            p.clearcoat_perceptual_roughness *= texel.g;
+        }
+        case SLOT_CLEARCOAT_NORMAL: {
+            p.coat_normal = normal_of(slot, texel, flags);
+        }
+        case SLOT_ANISOTROPY: {
+            // The material's own angle comes on top.
+            let own = p.anisotropy_direction;
+            let d = texel.rg * 2.0 - 1.0;
+            let turned = vec2<f32>(own.x * d.x - own.y * d.y, own.y * d.x + own.x * d.y);
+            p.anisotropy_direction = select(own, turned * inverseSqrt(max(dot(d, d), 1.0e-6)), dot(d, d) > 1.0e-6);
+            p.anisotropy_strength *= texel.b;
         }
         default: {}
     }

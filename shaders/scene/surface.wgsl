@@ -49,6 +49,20 @@ fn mapped_normal(mapped: vec3<f32>, m: mat3x4<f32>, mirrored: bool, triangle: u3
 }
 #endif
 
+// The coat's is the interpolated one but where it has a map of its own.
+#ifdef LAYER_TEXTURES
+fn mapped_coat_normal(mapped: vec3<f32>, frame: LobeFrame) -> vec3<f32> {
+    if all(mapped == vec3<f32>(0.0, 0.0, 1.0)) {
+        return frame.coat_normal;
+    }
+    return safe_normalize(mapped.x * frame.tangent + mapped.y * frame.bitangent + mapped.z * frame.coat_normal);
+}
+#else
+fn mapped_coat_normal(mapped: vec3<f32>, frame: LobeFrame) -> vec3<f32> {
+    return frame.coat_normal;
+}
+#endif
+
 // Between the vertices' normals, on the front side like the geometric one whatever the file says.
 fn interpolated_normal(triangle: u32, barycentrics: vec2<f32>, m: mat3x4<f32>, mirrored: bool, n_geo: vec3<f32>) -> vec3<f32> {
     let a = attributes[triangle];
@@ -117,8 +131,8 @@ fn surface_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, wo: vec3<f3
     s.bsdf.eta = select(1.0 / ior, ior, front);
     s.bsdf.compensation = multiple_scattering(alpha, dot(wo, s.bsdf.n));
     var frame = tangent_frame(m, mirrored, triangle, barycentrics, smooth_n);
-    frame.coat_normal *= side;
-    s.bsdf = with_lobes(s.bsdf, material, frame, wo);
+    frame.coat_normal = side * mapped_coat_normal(point.coat_normal, frame);
+    s.bsdf = with_lobes(s.bsdf, point, frame, wo);
     if (flags & MATERIAL_UNLIT) != 0u {
         // Shown, but not lit: black to every ray.
         s.bsdf.base_color = vec3<f32>(0.0);

@@ -257,7 +257,10 @@ fn features_of(m: &GpuMaterial) -> SceneFeatures {
     let diffuse = transmits && m.diffuse_transmission > 0.0;
     features.set(SceneFeatures::TRANSMISSION, specular);
     features.set(SceneFeatures::DIFFUSE_TRANSMISSION, diffuse);
-    features.set(SceneFeatures::THIN_WALL, (specular || diffuse) && m.thickness == 0.0);
+    features.set(
+        SceneFeatures::THIN_WALL,
+        (specular || diffuse) && (m.thickness == 0.0 || m.textures & SLOT_THICKNESS != 0),
+    );
     features.set(SceneFeatures::ATTENUATION, (specular || diffuse) && m.attenuation != [0.0; 3]);
     features.set(SceneFeatures::CLEARCOAT, m.clearcoat > 0.0);
     features.set(SceneFeatures::ANISOTROPY, m.anisotropy_strength > 0.0 && m.flags & MATERIAL_UNLIT == 0);

@@ -36,6 +36,22 @@ fn layer_textures_of(m: &StandardMaterial) -> impl Iterator<Item = Row<'_>> {
     let transmits = m.specular_transmission > 0.0;
     [
         (SLOT_SPECULAR_TRANSMISSION, transmits, &m.specular_transmission_texture, &m.specular_transmission_channel),
+        (
+            SLOT_DIFFUSE_TRANSMISSION,
+            m.diffuse_transmission > 0.0,
+            &m.diffuse_transmission_texture,
+            &m.diffuse_transmission_channel,
+        ),
+        (
+            SLOT_THICKNESS,
+            m.thickness > 0.0 && (transmits || m.diffuse_transmission > 0.0),
+            &m.thickness_texture,
+            &m.thickness_channel,
+        ),
+        (SLOT_CLEARCOAT, m.clearcoat > 0.0, &m.clearcoat_texture, &m.clearcoat_channel),
+        (SLOT_CLEARCOAT_ROUGHNESS, m.clearcoat > 0.0, &m.clearcoat_roughness_texture, &m.clearcoat_roughness_channel),
+        (SLOT_CLEARCOAT_NORMAL, m.clearcoat > 0.0, &m.clearcoat_normal_texture, &m.clearcoat_normal_channel),
+        (SLOT_ANISOTROPY, m.anisotropy_strength > 0.0, &m.anisotropy_texture, &m.anisotropy_channel),
         (SLOT_SPECULAR, m.reflectance > 0.0, &m.specular_texture, &m.specular_channel),
         (SLOT_SPECULAR_TINT, m.reflectance > 0.0, &m.specular_tint_texture, &m.specular_tint_channel),
     ]
@@ -136,7 +152,22 @@ mod tests {
         assert_eq!(found(&m), [(SLOT_SPECULAR, 12, true), (SLOT_SPECULAR_TINT, 13, false)]);
         let m = StandardMaterial { specular_transmission: 0.5, ..m };
         assert_eq!(found(&m)[0], (SLOT_SPECULAR_TRANSMISSION, 5, false));
-        let kinds: Vec<u32> = found(&m).iter().map(|t| t.0).collect();
-        assert!(kinds.is_sorted(), "{kinds:?}");
+        let m = StandardMaterial {
+            diffuse_transmission: 0.5,
+            thickness: 0.1,
+            clearcoat: 0.5,
+            anisotropy_strength: 0.5,
+            diffuse_transmission_texture: image(6),
+            thickness_texture: image(7),
+            clearcoat_texture: image(8),
+            clearcoat_roughness_texture: image(9),
+            clearcoat_roughness_channel: UvChannel::Uv1,
+            clearcoat_normal_texture: image(10),
+            anisotropy_texture: image(11),
+            ..m
+        };
+        let all = found(&m);
+        assert!(all.iter().zip(5..).all(|(t, number)| (t.0, t.1) == (1 << (number - 1), number as u128)), "{all:?}");
+        assert_eq!(all.iter().filter(|t| t.2).count(), 2, "of the second coordinates: {all:?}");
     }
 }

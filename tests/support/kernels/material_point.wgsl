@@ -21,7 +21,14 @@ struct Point {
     normal: vec3<f32>,
     alpha: f32,
     emission_of_light: vec3<f32>,
-    pad: f32,
+    diffuse_transmission: f32,
+    coat_normal: vec3<f32>,
+    thickness: f32,
+    anisotropy_direction: vec2<f32>,
+    anisotropy_strength: f32,
+    clearcoat: f32,
+    clearcoat_perceptual_roughness: f32,
+    pad: vec3<f32>,
 }
 
 @group(2) @binding(0) var<storage, read> queries: array<Query>;
@@ -36,6 +43,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let m = material_at(0u, 0u, q.barycentrics, world_triangle(0u, 0u, false), q.wo, Cone(q.width, 0.0));
     points[id.x] = Point(
         m.base_color, m.metallic, m.emission, m.perceptual_roughness, m.dielectric_reflectance, m.specular_transmission, m.normal,
-        alpha_at(0u, 0u, q.barycentrics), emission_at(0u, 0u, q.barycentrics), 0.0,
+        alpha_at(0u, 0u, q.barycentrics), emission_at(0u, 0u, q.barycentrics), m.diffuse_transmission,
+        m.coat_normal, m.thickness, m.anisotropy_direction, m.anisotropy_strength, m.clearcoat, m.clearcoat_perceptual_roughness,
+        vec3<f32>(0.0),
     );
 }
