@@ -67,7 +67,7 @@ struct Material {
     thickness: f32,
     alpha_cutoff: f32,
     flags: u32,                // MATERIAL_*
-    textures: u32,             // TEXTURE_*: those that it has
+    textures: u32,             // SLOT_*: those that it has
     texture_record: u32,       // index of its record in `texture_table`
     anisotropy_direction: vec2<f32>,    // (cosine, sine) of the angle from the tangent
     anisotropy_strength: f32,
