@@ -35,7 +35,7 @@ use bevy::{
 };
 use bevy_egui::{EguiGlobalSettings, EguiPlugin, EguiPrimaryContextPass, PrimaryEguiContext};
 use bevy_restir::prelude::*;
-use clap::Parser;
+use clap::{Parser, ValueEnum};
 use environment::Environment;
 use std::path::PathBuf;
 use wgpu::DeviceType;
@@ -61,9 +61,19 @@ struct Args {
     /// Exposure value at ISO 100; without it each file is exposed by what it shows.
     #[arg(long, allow_negative_numbers = true)]
     ev100: Option<f32>,
+    /// How rays are traced.
+    #[arg(long, value_enum, default_value = "auto")]
+    backend: Backend,
     /// Pixels of the window.
     #[arg(long, default_value = "1280x720", value_parser = size)]
     size: UVec2,
+}
+
+#[derive(ValueEnum, Clone, Copy, Debug)]
+enum Backend {
+    Auto,
+    Software,
+    Hardware,
 }
 
 fn size(text: &str) -> Result<UVec2, String> {
@@ -111,6 +121,11 @@ fn main() -> AppExit {
             EguiPlugin::default(),
         ))
         .insert_resource(ClearColor(Color::BLACK))
+        .insert_resource(match args.backend {
+            Backend::Auto => RayBackend::Auto,
+            Backend::Software => RayBackend::Software,
+            Backend::Hardware => RayBackend::Hardware,
+        })
         .add_plugins((load::plugin, light::plugin, camera::plugin, animation::plugin, look::plugin))
         .init_resource::<panel::Panel>()
         .add_systems(EguiPrimaryContextPass, panel::show)
