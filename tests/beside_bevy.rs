@@ -26,7 +26,8 @@ use bevy_restir::Restir;
 fn prepass(rig: &mut Rig) -> Vec<[f32; 4]> {
     let world = rig.app.sub_app_mut(RenderApp).world_mut();
     let (device, queue) = (world.resource::<RenderDevice>(), world.resource::<RenderQueue>());
-    let gpu = Gpu { device: device.wgpu_device().clone(), queue: (****queue).clone(), name: String::new() };
+    let gpu =
+        Gpu { device: device.wgpu_device().clone(), queue: (****queue).clone(), name: String::new(), is_cpu: false };
     let mut views = world.query::<&ViewPrepassTextures>();
     let textures = views.single(world).expect("one camera has a prepass");
     let size = textures.size;

@@ -322,8 +322,15 @@ fn things_come_go_and_change_before_ray_queries() {
 fn hardware_that_is_not_there_is_warned_of() {
     let Some(folder) = Folder::new("backend") else { return };
     let run = |backend: &str| {
-        let arguments =
-            ["--size", "8x8", "--frames", "1", "--out", "out.exr", "--stats", "stats.json", "--backend", backend];
+        let arguments = [
+            "--technique=reference",
+            "--size=8x8",
+            "--frames=1",
+            "--out=out.exr",
+            "--stats=stats.json",
+            "--backend",
+            backend,
+        ];
         let run = folder.render(&asset("cornell.glb"), &arguments);
         run.succeeded();
         let text = std::fs::read_to_string(folder.path("stats.json")).expect("it was written");

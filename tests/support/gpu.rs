@@ -9,6 +9,7 @@ pub struct Gpu {
     pub device: wgpu::Device,
     pub queue: wgpu::Queue,
     pub name: String,
+    pub is_cpu: bool,
 }
 
 /// The adapter of this machine.  Without one the test is skipped with a message, or fails under `CI=true`.
@@ -63,7 +64,8 @@ async fn open(features: wgpu::Features) -> Option<Gpu> {
         })
         .await
         .expect("the adapter offers WebGPU's limits");
-    Some(Gpu { device, queue, name: adapter.get_info().name })
+    let info = adapter.get_info();
+    Some(Gpu { device, queue, name: info.name, is_cpu: info.device_type == wgpu::DeviceType::Cpu })
 }
 
 /// What a kernel reads or writes at (group, binding).
