@@ -12,6 +12,9 @@ pub const LIGHT_POINT: u32 = 1;
 pub const LIGHT_SPOT: u32 = 2;
 pub const LIGHT_DIRECTIONAL: u32 = 3;
 pub const LIGHT_ENVIRONMENT: u32 = 4;
+pub const LIGHT_SPHERE: u32 = 5;
+pub const LIGHT_RECT: u32 = 6;
+pub const LIGHT_SUN: u32 = 7;
 pub const LIGHT_KIND_BITS: u32 = 0xff;
 pub const LIGHT_HIDDEN_SHIFT: u32 = 8;
 
@@ -69,6 +72,10 @@ pub struct GpuSceneUniforms {
     pub radius: f32,
     pub centre: [f32; 3],
     pub previous_lights: u32,
+    pub shapes_root: u32,
+    pub shapes_indices: u32,
+    pub sun_count: u32,
+    pub pad: u32,
 }
 
 #[repr(C)]

@@ -240,7 +240,10 @@ impl Restir {
     }
 }
 
-/// What surrounds the scene of one camera: light from every direction, shown behind it.
+/// What surrounds the scene of one camera: light from every direction, shown behind it.  A camera without one has its
+/// `Skybox`, which lights as it looks (Bevy's rasteriser lets it light nothing), or else its `EnvironmentMapLight`: the sharpest level
+/// of the specular map, which lights and is not shown.  Images are drawn from by their luminance in cells of a third of a degree: finer
+/// light is noisier, never biased.
 #[derive(Component, Clone, Debug, PartialEq, Reflect)]
 #[reflect(Component, Default)]
 pub struct RestirEnvironment {

@@ -62,6 +62,10 @@ fn scene_structs_are_the_same_in_rust_and_wgsl() {
             radius,
             centre,
             previous_lights,
+            shapes_root,
+            shapes_indices,
+            sun_count,
+            pad,
         }
     );
     agrees!(types, "Triangle", GpuTriangle { a, pad_a, b, pad_b, c, pad_c });
@@ -229,6 +233,9 @@ fn constants_are_the_same_in_rust_and_wgsl() {
         LIGHT_ENVIRONMENT,
         LIGHT_KIND_BITS,
         LIGHT_HIDDEN_SHIFT,
+        LIGHT_SPHERE,
+        LIGHT_RECT,
+        LIGHT_SUN,
         INSTANCE_MIRRORED,
         INSTANCE_ALPHA,
         INSTANCE_SECOND_UV,

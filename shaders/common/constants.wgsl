@@ -17,6 +17,9 @@ const LIGHT_POINT: u32 = 1u;
 const LIGHT_SPOT: u32 = 2u;
 const LIGHT_DIRECTIONAL: u32 = 3u;
 const LIGHT_ENVIRONMENT: u32 = 4u;
+const LIGHT_SPHERE: u32 = 5u;
+const LIGHT_RECT: u32 = 6u;
+const LIGHT_SUN: u32 = 7u;
 // In `Light::kind`: the kind, and above it the sets of render layers whose cameras the light is hidden from.
 const LIGHT_KIND_BITS: u32 = 0xffu;
 const LIGHT_HIDDEN_SHIFT: u32 = 8u;

@@ -1,9 +1,11 @@
-// The light at infinity: a colour, times an equirectangular map.  A map is importance-sampled by descent of a chain of sums
-// (McCool and Harwood 1997); inside a cell of the finest level the density is constant in solid angle, so the poles are ordinary.
+// The light at infinity: a colour, times an equirectangular map or a cube.  Either is importance-sampled by descent of a chain of
+// sums over equirectangular cells (McCool and Harwood 1997); inside a cell of the finest level the density is constant in solid angle,
+// so the poles are ordinary.
 #define_import_path bevy_restir::light::environment
 
 #import bevy_restir::common::constants::{FOUR_PI, PI, TWO_PI}
 #import bevy_restir::common::math::{equirectangular_uv, luminance}
+#import bevy_restir::light::cube::{cube_radiance, cube_side}
 #import bevy_restir::view::bindings::{environment_importance, environment_map, view}
 
 struct EnvironmentSample {
@@ -50,27 +52,6 @@ fn environment_pdf(direction: vec3<f32>) -> f32 {
 #endif
 
 #ifdef ENVIRONMENT_MAP
-// Bilinear; round in u, ending at the poles in v.
-fn map_radiance(d: vec3<f32>) -> vec3<f32> {
-    let size = vec2<i32>(textureDimensions(environment_map));
-    let at = equirectangular_uv(d) * vec2<f32>(size) - 0.5;
-    let low = floor(at);
-    let f = at - low;
-    let x = vec2<i32>(i32(low.x), i32(low.x) + 1);
-    let y = vec2<i32>(i32(low.y), i32(low.y) + 1);
-    return mix(
-        mix(map_texel(x.x, y.x, size), map_texel(x.y, y.x, size), f.x),
-        mix(map_texel(x.x, y.y, size), map_texel(x.y, y.y, size), f.x),
-        f.y,
-    );
-}
-
-fn map_texel(x: i32, y: i32, size: vec2<i32>) -> vec3<f32> {
-    let wrapped = ((x % size.x) + size.x) % size.x;
-    // Negative texels would take light away, and non-finite ones spread: out they go.
-    return clamp(textureLoad(environment_map, vec2<i32>(wrapped, clamp(y, 0, size.y - 1)), 0).rgb, vec3<f32>(0.0), vec3<f32>(1.0e30));
-}
-
 fn map_flux() -> f32 {
     return importance(vec2<u32>(0u), textureNumLevels(environment_importance) - 1u);
 }
@@ -149,6 +130,78 @@ fn importance(cell: vec2<u32>, level: u32) -> f32 {
     return textureLoad(environment_importance, cell, level).x;
 }
 
+#else
+fn map_radiance(d: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(1.0);
+}
+
+fn map_flux() -> f32 {
+    return FOUR_PI;
+}
+
+fn map_sample(u: vec2<f32>) -> EnvironmentSample {
+    let z = 1.0 - 2.0 * u.x;
+    let r = 2.0 * sqrt(u.x * (1.0 - u.x));
+    let phi = TWO_PI * u.y;
+    return EnvironmentSample(vec3<f32>(r * cos(phi), r * sin(phi), z), 1.0 / FOUR_PI);
+}
+
+fn map_pdf(d: vec3<f32>) -> f32 {
+    return 1.0 / FOUR_PI;
+}
+#endif
+
+// Solid angle of a cell of row y: 2π/width · (cosθ above - cosθ below), by the sine of the mean to keep small cells exact.
+fn cell_solid_angle(y: u32, size: vec2<u32>) -> f32 {
+    let half_height = 0.5 * PI / f32(size.y);
+    return TWO_PI / f32(size.x) * 2.0 * sin((2.0 * f32(y) + 1.0) * half_height) * sin(half_height);
+}
+
+#ifdef ENVIRONMENT_MAP
+#ifdef ENVIRONMENT_CUBE
+fn map_radiance(d: vec3<f32>) -> vec3<f32> {
+    return cube_radiance(d);
+}
+
+// What level 0 of `environment_importance` holds in a cell: solid angle · mean luminance over a grid of directions, its rim among them,
+// as fine as the smallest texels, those in the corners of the faces, so that no texel falls through.
+fn environment_cell_importance(cell: vec2<u32>, size: vec2<u32>) -> f32 {
+    let n = u32(clamp(ceil(CELL_TEXELS * f32(cube_side()) / f32(size.x)), 2.0, CELL_SAMPLES_MAX));
+    var sum = 0.0;
+    for (var y = 0u; y <= n; y++) {
+        for (var x = 0u; x <= n; x++) {
+            sum += luminance(cube_radiance(cell_direction(cell, size, vec2<f32>(vec2<u32>(x, y)) / f32(n))));
+        }
+    }
+    return sum / f32((n + 1u) * (n + 1u)) * cell_solid_angle(cell.y, size);
+}
+
+// 2π over the angle of a corner's texel, 2/3 of 1/side; of cubes beyond 3,400 texels a side some may be missed, and are then found
+// by the BSDF alone.
+const CELL_TEXELS: f32 = 9.425;
+const CELL_SAMPLES_MAX: f32 = 32.0;
+#else
+// Bilinear; round in u, ending at the poles in v.
+fn map_radiance(d: vec3<f32>) -> vec3<f32> {
+    let size = vec2<i32>(textureDimensions(environment_map));
+    let at = equirectangular_uv(d) * vec2<f32>(size) - 0.5;
+    let low = floor(at);
+    let f = at - low;
+    let x = vec2<i32>(i32(low.x), i32(low.x) + 1);
+    let y = vec2<i32>(i32(low.y), i32(low.y) + 1);
+    return mix(
+        mix(map_texel(x.x, y.x, size), map_texel(x.y, y.x, size), f.x),
+        mix(map_texel(x.x, y.y, size), map_texel(x.y, y.y, size), f.x),
+        f.y,
+    );
+}
+
+fn map_texel(x: i32, y: i32, size: vec2<i32>) -> vec3<f32> {
+    let wrapped = ((x % size.x) + size.x) % size.x;
+    // Negative texels would take light away, and non-finite ones spread: out they go.
+    return clamp(textureLoad(environment_map, vec2<i32>(wrapped, clamp(y, 0, size.y - 1)), 0, 0).rgb, vec3<f32>(0.0), vec3<f32>(1.0e30));
+}
+
 // What level 0 of `environment_importance` holds in a cell: solid angle · mean luminance of the bilinear map over the cell, exact,
 // so that it is 0 only where the map is.  `size` is that of level 0; every next level is the 2x2 sum of the one before.
 fn environment_cell_importance(cell: vec2<u32>, size: vec2<u32>) -> f32 {
@@ -179,29 +232,5 @@ fn tent_primitive(t: f32) -> f32 {
     let x = clamp(t, -1.0, 1.0);
     return x - 0.5 * x * abs(x);
 }
-#else
-fn map_radiance(d: vec3<f32>) -> vec3<f32> {
-    return vec3<f32>(1.0);
-}
-
-fn map_flux() -> f32 {
-    return FOUR_PI;
-}
-
-fn map_sample(u: vec2<f32>) -> EnvironmentSample {
-    let z = 1.0 - 2.0 * u.x;
-    let r = 2.0 * sqrt(u.x * (1.0 - u.x));
-    let phi = TWO_PI * u.y;
-    return EnvironmentSample(vec3<f32>(r * cos(phi), r * sin(phi), z), 1.0 / FOUR_PI);
-}
-
-fn map_pdf(d: vec3<f32>) -> f32 {
-    return 1.0 / FOUR_PI;
-}
 #endif
-
-// Solid angle of a cell of row y: 2π/width · (cosθ above - cosθ below), by the sine of the mean to keep small cells exact.
-fn cell_solid_angle(y: u32, size: vec2<u32>) -> f32 {
-    let half_height = 0.5 * PI / f32(size.y);
-    return TWO_PI / f32(size.x) * 2.0 * sin((2.0 * f32(y) + 1.0) * half_height) * sin(half_height);
-}
+#endif

@@ -1,10 +1,13 @@
 // The switch over the kinds of light.
 #define_import_path bevy_restir::light::light
 
-#import bevy_restir::common::constants::{LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, LIGHT_TRIANGLE}
+#import bevy_restir::common::constants::{LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_RECT, LIGHT_SPHERE, LIGHT_SPOT, LIGHT_SUN, LIGHT_TRIANGLE}
 #import bevy_restir::light::directional::directional_light_sample
 #import bevy_restir::light::environment::{environment_radiance, environment_sample}
 #import bevy_restir::light::point::point_light_sample
+#import bevy_restir::light::rect::rect_light_at
+#import bevy_restir::light::sphere::{sphere_light_aimed, sphere_light_at}
+#import bevy_restir::light::sun::sun_light_at
 #import bevy_restir::light::triangle::triangle_light_sample
 #import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, no_light_sample}
 #import bevy_restir::scene::bindings::scene
@@ -35,6 +38,15 @@ fn record_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> LightSample
         }
         case LIGHT_DIRECTIONAL: {
             return directional_light_sample(light);
+        }
+        case LIGHT_SPHERE: {
+            return sphere_light_at(light, sphere_light_aimed(light, from_point, u), from_point);
+        }
+        case LIGHT_RECT: {
+            return rect_light_at(light, u, from_point);
+        }
+        case LIGHT_SUN: {
+            return sun_light_at(light, u);
         }
         default: {
             return no_light_sample();

@@ -1,21 +1,25 @@
 // A point of an emitter, kept in eight bytes and independent of who looks at it: the sample that direct lighting resamples.  Its
-// measure is uniform on the light (area of a triangle, the sampling density of the environment, a delta else), so that moving
-// receivers and rigidly moving lights need no Jacobian.  Coordinates are used as they are decoded, everywhere (trap T6).
+// measure is uniform on the light (area of a triangle, ball or rectangle, solid angle of a sun's disc, the sampling density of the
+// environment, a delta else), so that moving receivers and rigidly moving lights need no Jacobian.  Coordinates are used as they are decoded, everywhere (trap T6).
 #define_import_path bevy_restir::light::point_on_light
 
-#import bevy_restir::common::constants::{LIGHT_TRIANGLE, NONE}
+#import bevy_restir::common::constants::{LIGHT_RECT, LIGHT_SPHERE, LIGHT_SUN, LIGHT_TRIANGLE, NONE}
 #import bevy_restir::common::math::{octahedral_decode, octahedral_encode}
 #import bevy_restir::light::environment::{environment_pdf, environment_radiance, environment_sample}
 #import bevy_restir::light::light::record_sample
+#import bevy_restir::light::rect::{rect_coordinates, rect_light_at, rect_uv}
 #import bevy_restir::light::remap::light_record
+#import bevy_restir::light::sphere::{sphere_coordinates, sphere_light_aimed, sphere_light_at, sphere_light_normal, sphere_normal}
+#import bevy_restir::light::sun::{sun_coordinates, sun_light_at, sun_uv}
 #import bevy_restir::light::triangle::{triangle_light_at, uniform_barycentrics}
 #import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, no_light_sample}
 #import bevy_restir::scene::bindings::scene
-#import bevy_restir::view::mask::light_kind
+#import bevy_restir::view::mask::{light_kind, light_shines}
 
 struct LightPoint {
     light: u32,                // id in the table, ENVIRONMENT_LIGHT or NONE
-    coordinates: u32,          // triangle: barycentrics, 2 x unorm16; environment: octahedral direction
+    coordinates: u32,          // 2 x unorm16: barycentrics of a triangle, place on a rectangle or a sun's disc; octahedral: normal of
+                               // a sphere, direction of the environment
 }
 
 fn no_light_point() -> LightPoint {
@@ -42,11 +46,38 @@ fn light_point_sample(light: u32, u: vec2<f32>) -> LightPoint {
     if light >= scene.light_count {
         return no_light_point();
     }
-    if light_kind(light) == LIGHT_TRIANGLE {
-        return triangle_light_point(light, uniform_barycentrics(u));
+    switch light_kind(light) {
+        case LIGHT_TRIANGLE: {
+            return triangle_light_point(light, uniform_barycentrics(u));
+        }
+        case LIGHT_SPHERE: {
+            return LightPoint(light, sphere_coordinates(sphere_light_normal(u)));
+        }
+        case LIGHT_RECT: {
+            return LightPoint(light, rect_coordinates(u));
+        }
+        case LIGHT_SUN: {
+            return LightPoint(light, sun_coordinates(u));
+        }
+        default: {
+            return LightPoint(light, 0u);
+        }
     }
-    return LightPoint(light, 0u);
 }
+
+// The point that a vertex at `from_point` aims at in place of one that was drawn for whoever looks: `LightSample::aim` times as often.
+#ifdef LIGHT_SPHERES
+fn aimed_point(p: LightPoint, from_point: vec3<f32>, u: vec2<f32>) -> LightPoint {
+    if p.light >= scene.light_count || light_kind(p.light) != LIGHT_SPHERE {
+        return p;
+    }
+    return LightPoint(p.light, sphere_coordinates(sphere_light_aimed(p.light, from_point, u)));
+}
+#else
+fn aimed_point(p: LightPoint, from_point: vec3<f32>, u: vec2<f32>) -> LightPoint {
+    return p;
+}
+#endif
 
 // The point as `from_point` sees it, or saw it in the last frame.
 fn light_point_at(p: LightPoint, from_point: vec3<f32>, previous: bool) -> LightSample {
@@ -61,13 +92,26 @@ fn light_point_at(p: LightPoint, from_point: vec3<f32>, previous: bool) -> Light
         return s;
     }
     let record = light_record(p.light, previous);
-    if record == NONE {
+    if record == NONE || !light_shines(record) {
         return no_light_sample();
     }
-    if light_kind(record) == LIGHT_TRIANGLE {
-        // Rounding may put a point beyond the diagonal.
-        let b = unpack2x16unorm(p.coordinates);
-        return triangle_light_at(record, b / max(1.0, b.x + b.y), from_point, previous);
+    switch light_kind(record) {
+        case LIGHT_TRIANGLE: {
+            // Rounding may put a point beyond the diagonal.
+            let b = unpack2x16unorm(p.coordinates);
+            return triangle_light_at(record, b / max(1.0, b.x + b.y), from_point, previous);
+        }
+        case LIGHT_SPHERE: {
+            return sphere_light_at(record, sphere_normal(p.coordinates), from_point);
+        }
+        case LIGHT_RECT: {
+            return rect_light_at(record, rect_uv(p.coordinates), from_point);
+        }
+        case LIGHT_SUN: {
+            return sun_light_at(record, sun_uv(p.coordinates));
+        }
+        default: {
+            return record_sample(record, from_point, vec2<f32>(0.5));
+        }
     }
-    return record_sample(record, from_point, vec2<f32>(0.5));
 }

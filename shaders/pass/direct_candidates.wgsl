@@ -3,12 +3,14 @@
 // beyond the table) is written as light.
 
 #import bevy_restir::bsdf::bsdf::{bsdf_is_delta, bsdf_sample}
+#import bevy_restir::bsdf::types::BsdfSample
 #import bevy_restir::common::constants::{FAR, NONE}
 #import bevy_restir::common::math::max_component
 #import bevy_restir::common::rng::{Rng, rng_1, rng_3, rng_bits, rng_new, STREAM_CANDIDATES}
 #import bevy_restir::light::environment::environment_radiance
 #import bevy_restir::light::point_on_light::{environment_light_point, LightPoint, light_point_at, no_light_point, triangle_light_point}
 #import bevy_restir::light::select::{environment_pmf, light_pmf}
+#import bevy_restir::light::shape::{crossing_point, CROSSINGS_MAX, next_crossing, Way}
 #import bevy_restir::light::types::LightSample
 #import bevy_restir::path::medium::{medium_towards, transmittance}
 #import bevy_restir::restir::bindings::settings
@@ -36,10 +38,17 @@ fn candidate_target(r: Receiver, l: LightSample) -> f32 {
     return target_value(evaluate_sample(r, l));
 }
 
-// What a sample of the BSDF finds: a point of a light, or light that no table knows.
+// What a sample of the BSDF finds: a point of a light, or light that no table knows; and the way there.
 struct Found {
     point: LightPoint,
     light: vec3<f32>,
+    weight: vec3<f32>,         // f·|cos| over the density
+    delta: bool,
+    way: Way,
+}
+
+fn found_by(point: LightPoint, light: vec3<f32>, b: BsdfSample, way: Way) -> Found {
+    return Found(point, light, b.weight, b.delta != 0u, way);
 }
 
 fn bsdf_candidate(r: Receiver, rng: ptr<function, Rng>) -> Found {
@@ -47,28 +56,33 @@ fn bsdf_candidate(r: Receiver, rng: ptr<function, Rng>) -> Found {
     let alpha_seed = rng_bits(rng).x;
     let b = bsdf_sample(r.surface.bsdf, r.wo, u);
     if b.valid == 0u {
-        return Found(no_light_point(), vec3<f32>(0.0));
+        return nothing_found();
     }
     let origin = offset_point(r.surface.position, r.surface.bsdf.n_geo, b.wi, r.surface.offset);
     let hit = trace_closest(Ray(origin, 0.0, b.wi, FAR), alpha_seed);
+    let way = Way(origin, hit.t, b.wi);
     if hit.instance == NONE {
         let radiance = environment_radiance(b.wi);
         if b.delta != 0u || !(environment_pmf() > 0.0) {
-            return Found(no_light_point(), b.weight * radiance);
+            return found_by(no_light_point(), b.weight * radiance, b, way);
         }
-        return Found(environment_light_point(b.wi), vec3<f32>(0.0));
+        return found_by(environment_light_point(b.wi), vec3<f32>(0.0), b, way);
     }
     let cone = cone_along(cone_after(r.cone, b.delta != 0u), hit.t);
     let s = surface_at(hit.instance, hit.triangle, hit.barycentrics, -b.wi, cone, false);
     if !(max_component(s.emission) > 0.0) {
-        return Found(no_light_point(), vec3<f32>(0.0));
+        return found_by(no_light_point(), vec3<f32>(0.0), b, way);
     }
     if b.delta != 0u || !(light_pmf(s.light) > 0.0) {
         // Through the inside of a body.
         let carried = transmittance(medium_towards(r.surface, b.wi, vec3<f32>(0.0)), hit.t);
-        return Found(no_light_point(), b.weight * s.emission * carried);
+        return found_by(no_light_point(), b.weight * s.emission * carried, b, way);
     }
-    return Found(triangle_light_point(s.light, hit.barycentrics), vec3<f32>(0.0));
+    return found_by(triangle_light_point(s.light, hit.barycentrics), vec3<f32>(0.0), b, way);
+}
+
+fn nothing_found() -> Found {
+    return Found(no_light_point(), vec3<f32>(0.0), vec3<f32>(0.0), true, Way(vec3<f32>(0.0), 0.0, vec3<f32>(0.0, 0.0, 1.0)));
 }
 
 @compute @workgroup_size(8, 8)
@@ -106,24 +120,41 @@ fn direct_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
             chosen_target = value;
         }
     }
-    var found = Found(no_light_point(), vec3<f32>(0.0));
+    var found = nothing_found();
     if with_bsdf {
         found = bsdf_candidate(r, &rng);
     }
-    if found.point.light != NONE {
-        let l = light_point_at(found.point, r.surface.position, false);
-        let value = candidate_target(r, l);
-        let weight = value / both_densities(count * light_pmf(found.point.light), bsdf_pdf_of(r, l, presence_of(l)));
-        if stream_add(&stream, settings.candidates, weight, rng_1(&rng)) {
-            chosen = found.point;
-            chosen_target = value;
+    // Of the surface, then of every light that the ray passes on its way there.
+    var point = found.point;
+    var first = 0u;
+    for (var i = 0u; i < CROSSINGS_MAX; i++) {
+        if point.light != NONE {
+            let l = light_point_at(point, r.surface.position, false);
+            let pmf = light_pmf(point.light);
+            if found.delta || !(pmf > 0.0) {
+                let carried = transmittance(medium_towards(r.surface, l.wi, vec3<f32>(0.0)), l.distance);
+                found.light += found.weight * l.radiance * carried;
+            } else {
+                let value = candidate_target(r, l);
+                let weight = value / both_densities(count * pmf * l.aim, bsdf_pdf_of(r, l, presence_of(l)));
+                if stream_add(&stream, settings.candidates + i, weight, rng_1(&rng)) {
+                    chosen = point;
+                    chosen_target = value;
+                }
+            }
         }
+        let light = next_crossing(found.way, first);
+        if !(found.way.reach > 0.0) || light == NONE {
+            break;
+        }
+        point = crossing_point(light, light, found.way);
+        first = light + 1u;
     }
 
     // The chosen one is seen or it is nothing; that counts as a candidate all the same.  The BSDF's ray has seen its own.
     var reservoir = Reservoir(chosen, 0.0, 1.0, true);
     if chosen.light != NONE {
-        let is_known = stream.selected == settings.candidates || (settings.flags & RESAMPLE_CANDIDATE_RAYS) == 0u;
+        let is_known = stream.selected >= settings.candidates || (settings.flags & RESAMPLE_CANDIDATE_RAYS) == 0u;
         if is_known || is_visible(r, evaluate(r, reservoir), rng_bits(&rng).x) {
             reservoir.ucw = stream_ucw(stream, chosen_target);
         }

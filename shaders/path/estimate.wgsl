@@ -8,7 +8,9 @@
 #import bevy_restir::common::rng::{Rng, rng_1, rng_3, rng_4, rng_bits}
 #import bevy_restir::light::environment::{environment_pdf, environment_radiance}
 #import bevy_restir::light::light::light_sample
+#import bevy_restir::light::point_on_light::light_point_at
 #import bevy_restir::light::select::{environment_pmf, light_pmf, light_select}
+#import bevy_restir::light::shape::{crossing_point, CROSSINGS_MAX, next_crossing, Way}
 #import bevy_restir::light::triangle::triangle_light_pdf_solid_angle
 #import bevy_restir::path::medium::{medium_towards, transmittance}
 #import bevy_restir::path::shadow::light_is_visible
@@ -34,6 +36,21 @@ fn emission_pdf(light: u32, instance: u32, triangle: u32, from_point: vec3<f32>,
     return light_pmf(light) * triangle_light_pdf_solid_angle(instance, triangle, from_point, position, false);
 }
 
+// Of next-event estimation beside BSDF sampling, by their densities of one direction.  TEST_*: either alone.
+#ifdef TEST_LIGHTS_ALONE
+fn share_of_lights(lights: f32, bsdf: f32) -> f32 {
+    return 1.0;
+}
+#else ifdef TEST_BSDF_ALONE
+fn share_of_lights(lights: f32, bsdf: f32) -> f32 {
+    return 0.0;
+}
+#else
+fn share_of_lights(lights: f32, bsdf: f32) -> f32 {
+    return lights / (lights + bsdf);
+}
+#endif
+
 // Light that one sampled emitter sends to `s` and on to wo: f·L·cos/pdf weighed against BSDF sampling; a shadow ray.
 fn next_event(s: Surface, wo: vec3<f32>, medium: vec3<f32>, rng: ptr<function, Rng>) -> vec3<f32> {
     let u = rng_4(rng);
@@ -43,7 +60,7 @@ fn next_event(s: Surface, wo: vec3<f32>, medium: vec3<f32>, rng: ptr<function, R
         return vec3<f32>(0.0);
     }
     let l = light_sample(choice.light, s.position, u.zw);
-    let pdf = choice.pmf * l.pdf_solid_angle;
+    let pdf = choice.pmf * l.pdf_solid_angle * l.aim;
     if !(pdf > 0.0) || !(max_component(l.radiance) > 0.0) {
         return vec3<f32>(0.0);
     }
@@ -53,12 +70,33 @@ fn next_event(s: Surface, wo: vec3<f32>, medium: vec3<f32>, rng: ptr<function, R
     }
     var weight = 1.0;
     if l.delta == 0u {
-        weight = pdf / (pdf + bsdf_pdf(s.bsdf, wo, l.wi));
+        weight = share_of_lights(pdf, bsdf_pdf(s.bsdf, wo, l.wi));
     }
     if !light_is_visible(s, l, alpha_seed, false) {
         return vec3<f32>(0.0);
     }
     return f * l.radiance * transmittance(medium_towards(s, l.wi, medium), l.distance) * (weight / pdf);
+}
+
+// Radiance of the lights that a ray passes on its way, weighed against the next-event estimate at its origin.  `pdf` of its direction,
+// 0 where nothing else finds them.
+fn passed_lights(way: Way, from_point: vec3<f32>, medium: vec3<f32>, pdf: f32) -> vec3<f32> {
+    var radiance = vec3<f32>(0.0);
+    var first = 0u;
+    for (var i = 0u; i < CROSSINGS_MAX; i++) {
+        let light = next_crossing(way, first);
+        if light == NONE {
+            break;
+        }
+        first = light + 1u;
+        let l = light_point_at(crossing_point(light, light, way), from_point, false);
+        var weight = 1.0;
+        if pdf > 0.0 {
+            weight = 1.0 - share_of_lights(light_pmf(light) * l.pdf_solid_angle * l.aim, pdf);
+        }
+        radiance += l.radiance * transmittance(medium, l.distance) * weight;
+    }
+    return radiance;
 }
 
 // Radiance along a camera ray whose first hit is known.  `bounces` as `view.bounces`.
@@ -84,7 +122,7 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
         if max_component(s.emission) > 0.0 {
             var weight = 1.0;
             if pdf > 0.0 {
-                weight = pdf / (pdf + emission_pdf(s.light, hit.instance, hit.triangle, from_point, s.position));
+                weight = 1.0 - share_of_lights(emission_pdf(s.light, hit.instance, hit.triangle, from_point, s.position), pdf);
             }
             radiance += throughput * s.emission * weight;
         }
@@ -125,10 +163,11 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
         ray = Ray(offset_point(s.position, s.bsdf.n_geo, b.wi, s.offset), 0.0, b.wi, FAR);
         hit = trace_closest(ray, rng_bits(rng).x);
         cone = cone_along(cone_after(cone, b.delta != 0u), hit.t);
+        radiance += throughput * passed_lights(Way(ray.origin, hit.t, ray.direction), from_point, medium, pdf);
         if hit.instance == NONE {
             var weight = 1.0;
             if pdf > 0.0 {
-                weight = pdf / (pdf + environment_pmf() * environment_pdf(ray.direction));
+                weight = 1.0 - share_of_lights(environment_pmf() * environment_pdf(ray.direction), pdf);
             }
             radiance += throughput * environment_radiance(ray.direction) * weight;
             break;

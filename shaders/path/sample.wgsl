@@ -10,8 +10,8 @@
 // How a path came to its light.
 const END_NONE: u32 = 0u;             // there is no path
 const END_LIGHT: u32 = 1u;            // aimed at a point of a light
-const END_EMITTER: u32 = 2u;          // its last ray met an emissive triangle
-const END_ENVIRONMENT: u32 = 3u;      // or nothing
+const END_EMITTER: u32 = 2u;          // its last ray met an emissive triangle, or passed a ball or rectangle
+const END_ENVIRONMENT: u32 = 3u;      // or met nothing, but perhaps the disc of a sun
 
 struct PathSample {
     seed: u32,                // of the random numbers that it is replayed with
@@ -27,7 +27,7 @@ struct PathSample {
     wi: vec3<f32>,            // from vertex k on; of an environment its direction
     radiance: vec3<f32>,      // that arrives at k from there, over the densities of what is sampled after k
     light_pdf: f32,           // with which k aims at the light that its ray met, solid angle; 0: it cannot
-    light: LightPoint,        // of END_LIGHT
+    light: LightPoint,        // of END_LIGHT, and of ball, rectangle and sun; none of triangles and the environment that were met
     density: f32,             // of reaching k from k - 1 and of going on, area and solid angle: denominator of the shift's Jacobian
     target_value: f32,        // p̂ in the pixel that keeps it
 }

@@ -2,6 +2,7 @@
 #define_import_path bevy_restir::path::shadow
 
 #import bevy_restir::common::constants::{FAR, LIGHT_TRIANGLE}
+#import bevy_restir::light::shape::SLACK
 #import bevy_restir::light::types::LightSample
 #import bevy_restir::scene::bindings::lights
 #import bevy_restir::scene::surface::Surface
@@ -17,7 +18,7 @@ fn ray_to_light(s: Surface, l: LightSample) -> Ray {
     if l.distance < FAR {
         let end = offset_point(l.position, l.normal, -l.wi, light_offset(l));
         ray.direction = end - origin;
-        ray.t_max = 1.0;
+        ray.t_max = end_of_ray(l);
     }
     return ray;
 }
@@ -34,6 +35,17 @@ fn ray_between(a: Surface, b: Surface) -> Ray {
 fn light_is_visible(s: Surface, l: LightSample, alpha_seed: u32, previous: bool) -> bool {
     return !trace_any(ray_to_light(s, l), alpha_seed, previous);
 }
+
+// Short of a ball or rectangle by as much as it may lie behind a surface.
+#ifdef LIGHT_SHAPES
+fn end_of_ray(l: LightSample) -> f32 {
+    return select(1.0 - SLACK, 1.0, l.delta != 0u || light_kind(l.light) == LIGHT_TRIANGLE);
+}
+#else
+fn end_of_ray(l: LightSample) -> f32 {
+    return 1.0;
+}
+#endif
 
 fn light_offset(l: LightSample) -> f32 {
     if light_kind(l.light) != LIGHT_TRIANGLE {

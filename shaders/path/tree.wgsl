@@ -10,6 +10,7 @@
 #import bevy_restir::light::environment::{environment_pdf, environment_radiance}
 #import bevy_restir::light::point_on_light::{light_point_at, LightPoint, no_light_point}
 #import bevy_restir::light::select::light_pmf
+#import bevy_restir::light::shape::{crossing_point, CROSSINGS_MAX, next_crossing, Way}
 #import bevy_restir::light::triangle::triangle_light_pdf_solid_angle
 #import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample}
 #import bevy_restir::path::medium::transmittance
@@ -63,7 +64,7 @@ fn aim(v: Vertex, p: LightPoint, count: f32, previous: bool) -> Aimed {
     }
     let bsdf = bsdf_terms(v.surface.bsdf, v.wo, l.wi);
     a.pdf_bsdf = bsdf.pdf;
-    let pdf = count * l.pdf_solid_angle;
+    let pdf = count * l.pdf_solid_angle * l.aim;
     let weight = select(pdf / (pdf + a.pdf_bsdf), 1.0, l.delta != 0u);
     let carried = transmittance(step_medium(v, l.wi), l.distance);
     a.f = bsdf.f * l.radiance * carried * (weight / l.pdf_solid_angle);
@@ -167,7 +168,7 @@ fn path_tree(first: Vertex, pixel: vec2<u32>, c: Connection, rng: ptr<function, 
                     aimed.radiance = suffix * a.f;
                 } else if index > 1u && is_connectable(before, v.surface, a.pdf_bsdf, true, c) {
                     // Nothing is sampled after the connection: the light is where it is.
-                    aimed = connected(aimed, before, v.surface, index);
+                    aimed = connected(aimed, before, v.surface.position, v.surface.bsdf.n_geo, index);
                 } else {
                     aimed.reconnection = index + 1u;
                 }
@@ -183,7 +184,7 @@ fn path_tree(first: Vertex, pixel: vec2<u32>, c: Connection, rng: ptr<function, 
         if tree.grown.reconnection != 0u {
             suffix *= step.weight;
         } else if index > 1u && !step.delta && is_connectable(before, v.surface, step.pdf, is_rough(v, step, c), c) {
-            tree.grown = connected(tree.grown, before, v.surface, index);
+            tree.grown = connected(tree.grown, before, v.surface.position, v.surface.bsdf.n_geo, index);
             tree.grown.density *= step.pdf_lobe;
             tree.grown.lobe_after = step.lobe;
             tree.grown.wi = step.wi;
@@ -204,27 +205,28 @@ fn path_tree(first: Vertex, pixel: vec2<u32>, c: Connection, rng: ptr<function, 
         let medium = step_medium(v, step.wi);
         let origin = offset_point(v.surface.position, v.surface.bsdf.n_geo, step.wi, v.surface.offset);
         let hit = trace_closest(Ray(origin, 0.0, step.wi, FAR), path_alpha_seed(seed, index, OF_RAY));
+        let way = Way(origin, hit.t, step.wi);
+        var first = 0u;
+        for (var i = 0u; i < CROSSINGS_MAX && tree.grown.length >= shortest; i++) {
+            let light = next_crossing(way, first);
+            if light == NONE {
+                break;
+            }
+            first = light + 1u;
+            let p = crossing_point(light, light, way);
+            let l = light_point_at(p, v.surface.position, false);
+            let light_pdf = expected_candidates(light, index) * l.pdf_solid_angle * l.aim;
+            let met = met_light(tree.grown, p, l, before, step, index, c);
+            let radiance = l.radiance * transmittance(medium, l.distance);
+            offer_met(&tree, met, throughput, suffix, radiance, light_pdf, step, index, rng_1(rng));
+        }
         if hit.instance == NONE {
             if tree.grown.length < shortest {
                 break;
             }
             let light_pdf = expected_candidates(ENVIRONMENT_LIGHT, index) * environment_pdf(step.wi);
-            let radiance = environment_radiance(step.wi);
-            let weight = met_weight(step, light_pdf);
-            var met = tree.grown;
-            met.end = END_ENVIRONMENT;
-            if met.reconnection == index {
-                met.radiance = radiance;
-                met.light_pdf = light_pdf;
-            } else if met.reconnection != 0u {
-                met.radiance = suffix * radiance * weight;
-            } else if before.rough {
-                met.reconnection = index + 1u;
-                met.lobe_before = step.lobe;
-                met.wi = step.wi;
-                met.density = step.pdf_lobe;
-            }
-            offer(&tree, met, throughput * radiance * weight, 1.0, rng_1(rng));
+            let met = met_at_infinity(tree.grown, before, step, index);
+            offer_met(&tree, met, throughput, suffix, environment_radiance(step.wi), light_pdf, step, index, rng_1(rng));
             break;
         }
         let barycentrics = kept_barycentrics(hit.barycentrics);
@@ -236,22 +238,70 @@ fn path_tree(first: Vertex, pixel: vec2<u32>, c: Connection, rng: ptr<function, 
         tree.grown = place(tree.grown, hit.instance, hit.triangle, barycentrics);
         if tree.grown.length >= shortest && max_component(s.emission) > 0.0 {
             let light_pdf = emission_pdf(s, hit.instance, hit.triangle, v.surface.position, index, false);
-            let weight = met_weight(step, light_pdf);
-            var met = tree.grown;
-            met.end = END_EMITTER;
-            if met.reconnection == index {
-                met.radiance = suffix * s.emission;
-                met.light_pdf = light_pdf;
-            } else if met.reconnection != 0u {
-                met.radiance = suffix * s.emission * weight;
-            } else if is_connectable_end(before, s, c) {
-                met = connected(met, before, s, index + 1u);
-            }
-            offer(&tree, met, throughput * s.emission * weight, 1.0, rng_1(rng));
+            let met = met_at(tree.grown, before, s.position, s.bsdf.n_geo, index, c);
+            // `throughput` and `suffix` have come here already.
+            offer_met(&tree, met, throughput, suffix, s.emission, light_pdf, step, index, rng_1(rng));
         }
         v = Vertex(s, -step.wi, medium, cone);
     }
     return Chosen(tree.sample, stream_ucw(tree.stream, tree.sample.target_value), tree.f);
+}
+
+// A path whose last ray met light, at a point of an emitter, in a direction, or on its way past one.
+fn met_at(grown: PathSample, before: Departure, position: vec3<f32>, n_geo: vec3<f32>, index: u32, c: Connection) -> PathSample {
+    var met = grown;
+    met.end = END_EMITTER;
+    if met.reconnection == 0u && is_connectable_end(before, position, n_geo, c) {
+        met = connected(met, before, position, n_geo, index + 1u);
+    }
+    return met;
+}
+
+fn met_at_infinity(grown: PathSample, before: Departure, step: Step, index: u32) -> PathSample {
+    var met = grown;
+    met.end = END_ENVIRONMENT;
+    if met.reconnection == 0u && before.rough {
+        met.reconnection = index + 1u;
+        met.lobe_before = step.lobe;
+        met.wi = step.wi;
+        met.density = step.pdf_lobe;
+    }
+    return met;
+}
+
+fn met_light(grown: PathSample, p: LightPoint, l: LightSample, before: Departure, step: Step, index: u32, c: Connection) -> PathSample {
+    var met: PathSample;
+    if l.distance >= FAR {
+        met = met_at_infinity(grown, before, step, index);
+    } else {
+        met = met_at(grown, before, l.position, l.normal, index, c);
+    }
+    met.light = p;
+    return met;
+}
+
+// Offers it.  `radiance` arrives at the vertex of this index, which aims there with density `light_pdf`; `throughput` and `suffix` lead
+// up to it.
+fn offer_met(
+    tree: ptr<function, Tree>,
+    path: PathSample,
+    throughput: vec3<f32>,
+    suffix: vec3<f32>,
+    radiance: vec3<f32>,
+    light_pdf: f32,
+    step: Step,
+    index: u32,
+    u: f32,
+) {
+    var met = path;
+    let weight = met_weight(step, light_pdf);
+    if met.reconnection == index {
+        met.radiance = suffix * radiance;
+        met.light_pdf = light_pdf;
+    } else if met.reconnection != 0u && met.reconnection < index {
+        met.radiance = suffix * radiance * weight;
+    }
+    offer(tree, met, throughput * radiance * weight, 1.0, u);
 }
 
 // Until there is a reconnection vertex the newest one may become it.
@@ -266,11 +316,11 @@ fn place(s: PathSample, instance: u32, triangle: u32, barycentrics: vec2<f32>) -
 }
 
 // Makes the vertex at `at` the reconnection vertex.
-fn connected(s: PathSample, before: Departure, at: Surface, index: u32) -> PathSample {
+fn connected(s: PathSample, before: Departure, position: vec3<f32>, n_geo: vec3<f32>, index: u32) -> PathSample {
     var c = s;
     c.reconnection = index;
     c.lobe_before = before.lobe;
-    c.density = before.pdf_lobe * geometry_factor(before.position, at.position, at.bsdf.n_geo);
+    c.density = before.pdf_lobe * geometry_factor(before.position, position, n_geo);
     return c;
 }
 

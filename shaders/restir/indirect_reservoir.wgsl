@@ -16,7 +16,8 @@ struct Reservoir {
 struct PackedReservoir {
     structure: vec4<u32>,      // end, length, reconnection, lobes and confidence; seed; W; density
     connection: vec4<u32>,     // the vertex and where the path goes from there
-    light: vec4<u32>,          // the light that is aimed at, or the density of aiming at the one that is met; what the path carries from there on
+    light: vec4<u32>,          // the light that is aimed at, or the density of aiming at the one that is met, and its id; what the path
+                               // carries from there on
 }
 
 fn no_reservoir() -> Reservoir {
@@ -32,7 +33,7 @@ fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     let confidence = u32(clamp(r.confidence, 0.0, CONFIDENCE_MAX) * 16.0 + 0.5);
     let reconnection = min(s.reconnection, 3u);
     let structure = s.end | s.length << 2u | reconnection << 9u | s.lobe_before << 11u | s.lobe_after << 13u | confidence << 20u;
-    let light = select(vec2<u32>(bitcast<u32>(s.light_pdf), 0u), vec2<u32>(s.light.light, s.light.coordinates), s.end == END_LIGHT);
+    let light = select(vec2<u32>(bitcast<u32>(s.light_pdf), s.light.light), vec2<u32>(s.light.light, s.light.coordinates), s.end == END_LIGHT);
     return PackedReservoir(
         vec4<u32>(structure, s.seed, bitcast<u32>(r.ucw), bitcast<u32>(s.density)),
         vec4<u32>(s.instance, s.triangle, pack2x16unorm(s.barycentrics), octahedral_encode(s.wi)),
@@ -58,7 +59,9 @@ fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     if s.end == END_LIGHT {
         s.light = LightPoint(p.light.x, p.light.y);
     } else {
+        // Where on it matters only to paths that stay where they are.
         s.light_pdf = bitcast<f32>(p.light.x);
+        s.light = LightPoint(p.light.y, 0u);
     }
     s.radiance = unpack_radiance(p.light.zw);
     let confidence = f32(structure >> 20u) / 16.0;

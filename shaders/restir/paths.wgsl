@@ -93,7 +93,7 @@ fn of_this_frame(s: Reservoir) -> Reservoir {
 
 fn path_of_this_frame(path: PathSample) -> PathSample {
     var p = path;
-    if path.end == END_LIGHT {
+    if path.end == END_LIGHT || path.light.light != NONE {
         p.light.light = light_of_this_frame(path.light.light);
         p.length = select(path.length, 0u, p.light.light == NONE);
     }

@@ -13,6 +13,10 @@ struct SceneUniforms {
     radius: f32,               // of a sphere round every instance, m
     centre: vec3<f32>,         // of that sphere
     previous_lights: u32,      // index in `lights` of the last frame's table; 0 where it is this frame's
+    shapes_root: u32,          // as `tlas_root`, of the tree over balls and rectangles; its primitives are lights
+    shapes_indices: u32,
+    sun_count: u32,            // suns with a disc, the first of the table
+    pad: u32,
 }
 
 // Object-space positions of a triangle, in the order of the leaves of its bottom-level tree.
@@ -76,13 +80,15 @@ struct Material {
     clearcoat_perceptual_roughness: f32,
 }
 
-// `data` by kind: triangle = (instance, triangle); spot = bits of (cosine of the inner, of the outer angle).
+// `data` by kind: triangle = (instance, triangle); bits of: spot = (cosine of the inner, of the outer angle), sphere = (radius, 0),
+// rectangle = (half its width, half its height), sun = (1 - cosine of the disc's half angle, 0).
 struct Light {
-    position: vec3<f32>,       // point, spot
+    position: vec3<f32>,       // point, spot; centre of a sphere or rectangle
     kind: u32,                 // LIGHT_*, and LIGHT_HIDDEN_SHIFT
-    emission: vec3<f32>,       // triangle: mean radiance; point, spot: intensity, cd; directional: illuminance, lux
+    emission: vec3<f32>,       // triangle: mean radiance; sphere, rectangle, sun: radiance; point, spot: intensity, cd; directional:
+                               // illuminance, lux
     pmf: f32,                  // probability of this light in the table
-    direction: vec3<f32>,      // spot, directional: the way the light travels
+    direction: vec3<f32>,      // spot, directional, sun: the way the light travels; rectangle: its rotation (`light/rect.wgsl`)
     alias_probability: f32,
     alias_index: u32,
     counterpart: u32,          // where the table changed: id of the same light in the other frame's table, or NONE

@@ -82,11 +82,11 @@ fn is_connectable(a: Departure, s: Surface, pdf_after: f32, rough_after: bool, c
     if settings.reconnection == RECONNECT_DISTANCE && !rough_after {
         return false;
     }
-    return is_connectable_end(a, s, c)
+    return is_connectable_end(a, s.position, s.bsdf.n_geo, c)
         && (bsdf_is_diffuse(s.bsdf) || is_apart(s.position, a.position, a.n_geo, pdf_after, c));
 }
 
 // The same of a vertex that ends the path: light leaves it anyhow.
-fn is_connectable_end(a: Departure, s: Surface, c: Connection) -> bool {
-    return a.rough && is_apart(a.position, s.position, s.bsdf.n_geo, a.pdf, c);
+fn is_connectable_end(a: Departure, position: vec3<f32>, n_geo: vec3<f32>, c: Connection) -> bool {
+    return a.rough && is_apart(a.position, position, n_geo, a.pdf, c);
 }

@@ -9,7 +9,10 @@
 #import bevy_restir::common::constants::{FAR, NONE}
 #import bevy_restir::common::math::{is_finite, is_finite_3, luminance, max_component}
 #import bevy_restir::light::environment::{environment_pdf, environment_radiance}
-#import bevy_restir::light::types::ENVIRONMENT_LIGHT
+#import bevy_restir::light::point_on_light::{light_point_at, LightPoint}
+#import bevy_restir::light::remap::light_record
+#import bevy_restir::light::shape::{crossing_point, Way}
+#import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, no_light_sample}
 #import bevy_restir::path::medium::transmittance
 #import bevy_restir::path::random::{OF_LIGHT_RAY, OF_RAY, path_alpha_seed}
 #import bevy_restir::path::sample::{Arrival, END_EMITTER, END_ENVIRONMENT, END_LIGHT, kept_barycentrics, PathSample}
@@ -151,6 +154,10 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: Connection, previous: bool, tr
         }
         let ray = Ray(offset_point(at.position, at.bsdf.n_geo, step.wi, at.offset), 0.0, step.wi, FAR);
         let alpha_seed = path_alpha_seed(s.seed, index, OF_RAY);
+        if ends && s.end == END_EMITTER && passes_light(s) {
+            pass_light(w, s, index, step, ray, medium, connects, alpha_seed, c, previous);
+            return;
+        }
         var instance = s.instance;
         var triangle = s.triangle;
         var barycentrics = s.barycentrics;
@@ -169,7 +176,7 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: Connection, previous: bool, tr
         }
         if instance == NONE {
             if ends && s.end == END_ENVIRONMENT {
-                meet_environment(w, s, index, step, c);
+                meet_at_infinity(w, s, index, step, c, previous);
             } else {
                 (*w).reason = SHIFT_ENDED;
             }
@@ -200,13 +207,117 @@ fn left_by(w: ptr<function, Walk>, s: PathSample, index: u32, is_kept: bool, pre
     let connects = index + 1u == s.reconnection;
     var step = aimed_step(s.wi, s.lobe_before);
     if is_kept {
-        step.wi = normalize(surface_point(s.instance, s.triangle, s.barycentrics, previous) - (*w).v.surface.position);
+        step.wi = normalize(kept_point(s, (*w).v.surface.position, previous) - (*w).v.surface.position);
     } else if index == s.reconnection {
         step.lobe = s.lobe_after;
     } else if !connects {
         step = drawn_step((*w).v, s.seed, index);
     }
     return finished_step((*w).v, step);
+}
+
+// The vertex that paths are reconnected to.
+#ifdef LIGHT_SHAPES
+fn kept_point(s: PathSample, from_point: vec3<f32>, previous: bool) -> vec3<f32> {
+    if s.end == END_EMITTER && s.reconnection == s.length && passes_light(s) {
+        return light_point_at(s.light, from_point, previous).position;
+    }
+    return surface_point(s.instance, s.triangle, s.barycentrics, previous);
+}
+
+// Its last ray passed a light that is no triangle.
+fn passes_light(s: PathSample) -> bool {
+    return s.light.light != NONE;
+}
+
+// The same light is passed again: at the point that it was, or where the path comes to it now.
+fn pass_light(
+    w: ptr<function, Walk>,
+    s: PathSample,
+    index: u32,
+    step: Step,
+    ray: Ray,
+    medium: vec3<f32>,
+    connects: bool,
+    alpha_seed: u32,
+    c: Connection,
+    previous: bool,
+) {
+    let at = (*w).v.surface;
+    var p = s.light;
+    if !connects {
+        p = passed_point(s, Way(ray.origin, FAR, ray.direction), previous);
+    }
+    let l = light_point_at(p, at.position, previous);
+    if !(max_component(l.radiance) > 0.0) {
+        (*w).reason = SHIFT_ENDED;
+        return;
+    }
+    let connectable = is_connectable_end((*w).before, l.position, l.normal, c);
+    if s.reconnection == 0u && connectable {
+        (*w).reason = SHIFT_EARLIER;
+    }
+    if connects {
+        (*w).density *= geometry_factor(at.position, l.position, l.normal);
+        if !connectable {
+            (*w).reason = SHIFT_UNCONNECTABLE;
+        }
+    }
+    must_be_free(w, ray_to_light(at, l), alpha_seed);
+    let light_pdf = expected_candidates(s.light.light, index) * l.pdf_solid_angle * l.aim;
+    end_with(w, s, index, step, l.radiance * transmittance(medium, l.distance), light_pdf);
+}
+
+fn passed_point(s: PathSample, way: Way, previous: bool) -> LightPoint {
+    let record = light_record(s.light.light, previous);
+    if record == NONE {
+        return LightPoint(NONE, 0u);
+    }
+    return crossing_point(s.light.light, record, way);
+}
+
+// What a path that meets no surface meets: the environment, or a sun.
+fn light_at_infinity(s: PathSample, wi: vec3<f32>, previous: bool) -> LightSample {
+    if s.light.light != NONE {
+        let p = passed_point(s, Way(vec3<f32>(0.0), FAR, wi), previous);
+        return light_point_at(p, vec3<f32>(0.0), previous);
+    }
+    return environment_at(wi);
+}
+#else
+fn kept_point(s: PathSample, from_point: vec3<f32>, previous: bool) -> vec3<f32> {
+    return surface_point(s.instance, s.triangle, s.barycentrics, previous);
+}
+
+fn passes_light(s: PathSample) -> bool {
+    return false;
+}
+
+fn pass_light(
+    w: ptr<function, Walk>,
+    s: PathSample,
+    index: u32,
+    step: Step,
+    ray: Ray,
+    medium: vec3<f32>,
+    connects: bool,
+    alpha_seed: u32,
+    c: Connection,
+    previous: bool,
+) {
+}
+
+fn light_at_infinity(s: PathSample, wi: vec3<f32>, previous: bool) -> LightSample {
+    return environment_at(wi);
+}
+#endif
+
+fn environment_at(wi: vec3<f32>) -> LightSample {
+    var l = no_light_sample();
+    l.light = ENVIRONMENT_LIGHT;
+    l.radiance = environment_radiance(wi);
+    l.pdf_solid_angle = environment_pdf(wi);
+    return l;
 }
 
 // PLANT_*: errors that only tests define, and must find.
@@ -275,10 +386,11 @@ fn arrive(
             (*w).reason = SHIFT_ENDED;
             return;
         }
-        if s.reconnection == 0u && is_connectable_end((*w).before, n, c) {
+        let connectable = is_connectable_end((*w).before, n.position, n.bsdf.n_geo, c);
+        if s.reconnection == 0u && connectable {
             (*w).reason = SHIFT_EARLIER;
         }
-        if s.reconnection == s.length && !is_connectable_end((*w).before, n, c) {
+        if s.reconnection == s.length && !connectable {
             (*w).reason = SHIFT_UNCONNECTABLE;
         }
         end_with(w, s, index, step, n.emission, emission_pdf(n, instance, triangle, (*w).v.surface.position, index, previous));
@@ -287,15 +399,15 @@ fn arrive(
 }
 
 // In a direction where nothing is.
-fn meet_environment(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, c: Connection) {
+fn meet_at_infinity(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, c: Connection, previous: bool) {
     if s.reconnection == 0u && (*w).before.rough {
         (*w).reason = SHIFT_EARLIER;
     }
     if s.reconnection == s.length && !(*w).before.rough {
         (*w).reason = SHIFT_UNCONNECTABLE;
     }
-    let light_pdf = expected_candidates(ENVIRONMENT_LIGHT, index) * environment_pdf(step.wi);
-    end_with(w, s, index, step, environment_radiance(step.wi), light_pdf);
+    let l = light_at_infinity(s, step.wi, previous);
+    end_with(w, s, index, step, l.radiance, expected_candidates(l.light, index) * l.pdf_solid_angle);
 }
 
 // The last ray of the path met light.

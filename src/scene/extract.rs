@@ -4,9 +4,9 @@ use bevy::{
     asset::{AssetEvent, AssetId, Assets},
     camera::visibility::{InheritedVisibility, RenderLayers},
     ecs::prelude::*,
-    light::{DirectionalLight, NotShadowCaster, PointLight, SpotLight},
+    light::{DirectionalLight, NotShadowCaster, PointLight, RectLight, SpotLight, SunDisk},
     log::warn_once,
-    math::{Affine3A, Vec3},
+    math::{Affine3A, Mat3, Quat, Vec2, Vec3},
     mesh::{Mesh, Mesh3d, skinning::SkinnedMesh},
     pbr::{MeshMaterial3d, StandardMaterial},
     platform::collections::{HashMap, HashSet},
@@ -34,12 +34,26 @@ pub(crate) struct ExtractedInstance {
 /// What a light that is not a mesh emits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum AnalyticLight {
-    /// Intensity in candela (for Rec. 709 white: lm/4π).
-    Point { position: Vec3, intensity: Vec3 },
+    /// Intensity in candela (for Rec. 709 white: lm/4π); a ball where the radius is above 0.
+    Point { position: Vec3, intensity: Vec3, radius: f32 },
     /// As a point, within a cone; cosines of its inner and outer half angle.
     Spot { position: Vec3, intensity: Vec3, direction: Vec3, cos_inner: f32, cos_outer: f32 },
-    /// Illuminance in lux at normal incidence.
-    Directional { direction: Vec3, illuminance: Vec3 },
+    /// Illuminance in lux at normal incidence; a disc where its angular size (diameter, radians) is above 0.
+    Directional { direction: Vec3, illuminance: Vec3, angular_size: f32 },
+    /// Luminous power in lumens, along -Z of the rotation from a rectangle of this size.
+    Rect { position: Vec3, rotation: Quat, power: Vec3, size: Vec2 },
+}
+
+impl AnalyticLight {
+    /// A sun with a disc.  These come first in the table, so that rays find them.
+    pub(crate) fn is_sun(&self) -> bool {
+        matches!(self, Self::Directional { angular_size, .. } if is_size(*angular_size))
+    }
+}
+
+/// Something that has an extent.
+pub(crate) fn is_size(size: f32) -> bool {
+    size > 0.0 && size.is_finite()
 }
 
 /// The scene of this frame as the main world has it.
@@ -71,7 +85,8 @@ pub(crate) fn extract_scene(
     instances: Extract<Query<InstanceData>>,
     points: Extract<Query<(Entity, &PointLight, &GlobalTransform, &InheritedVisibility)>>,
     spots: Extract<Query<(Entity, &SpotLight, &GlobalTransform, &InheritedVisibility)>>,
-    suns: Extract<Query<(Entity, &DirectionalLight, &GlobalTransform, &InheritedVisibility)>>,
+    suns: Extract<Query<(Entity, &DirectionalLight, Option<&SunDisk>, &GlobalTransform, &InheritedVisibility)>>,
+    rects: Extract<Query<(Entity, &RectLight, &GlobalTransform, &InheritedVisibility)>>,
     mut events: Extract<MessageReader<AssetEvent<StandardMaterial>>>,
     materials: Extract<Res<Assets<StandardMaterial>>>,
     emissive_luminance: Extract<Res<EmissiveLuminance>>,
@@ -107,7 +122,8 @@ pub(crate) fn extract_scene(
     for (entity, light, transform, visible) in &points {
         if visible.get() {
             let intensity = rgb(light.color) * (light.intensity / (4.0 * core::f32::consts::PI));
-            scene.lights.push((entity.into(), AnalyticLight::Point { position: transform.translation(), intensity }));
+            let (position, radius) = (transform.translation(), light.radius);
+            scene.lights.push((entity.into(), AnalyticLight::Point { position, intensity, radius }));
         }
     }
     for (entity, light, transform, visible) in &spots {
@@ -124,14 +140,30 @@ pub(crate) fn extract_scene(
             ));
         }
     }
-    for (entity, light, transform, visible) in &suns {
+    for (entity, light, disk, transform, visible) in &suns {
         if visible.get() {
             let illuminance = rgb(light.color) * light.illuminance;
             let direction = forward(transform);
-            scene.lights.push((entity.into(), AnalyticLight::Directional { direction, illuminance }));
+            // A disc that is switched off leaves the light; how bright it looks does not change how much light it gives.
+            let angular_size = disk.map_or(0.0, |disk| if disk.intensity == 0.0 { 0.0 } else { disk.angular_size });
+            scene.lights.push((entity.into(), AnalyticLight::Directional { direction, illuminance, angular_size }));
         }
     }
-    scene.lights.sort_unstable_by_key(|(entity, _)| **entity);
+    for (entity, light, transform, visible) in &rects {
+        if visible.get() {
+            let (x, y, rotation) = rect_axes(transform);
+            scene.lights.push((
+                entity.into(),
+                AnalyticLight::Rect {
+                    position: transform.translation(),
+                    rotation,
+                    power: rgb(light.color) * light.intensity,
+                    size: Vec2::new(light.width * x, light.height * y),
+                },
+            ));
+        }
+    }
+    scene.lights.sort_unstable_by_key(|(entity, light)| (!light.is_sun(), **entity));
     // Bevy's lights shine for the cameras that they share a layer with.
     let hidden = &mut scene.hidden_lights;
     hidden.clear();
@@ -164,6 +196,18 @@ pub(crate) fn extract_scene(
 /// The way a light shines; NaN where its transform has none, and the light is left out.
 fn forward(transform: &GlobalTransform) -> Vec3 {
     transform.affine().transform_vector3(Vec3::NEG_Z).try_normalize().unwrap_or(Vec3::NAN)
+}
+
+/// Scale along x and y, and the rotation; NaN where there is none.
+fn rect_axes(transform: &GlobalTransform) -> (f32, f32, Quat) {
+    let [x, y, z] = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| transform.affine().transform_vector3(axis));
+    // The way that it shines is kept, then its width; a mirrored rectangle is one.
+    let z_axis = z.try_normalize().or_else(|| x.cross(y).try_normalize()).unwrap_or(Vec3::NAN);
+    let x_axis = (x - x.dot(z_axis) * z_axis).try_normalize().unwrap_or(Vec3::NAN);
+    let axes = Mat3::from_cols(x_axis, z_axis.cross(x_axis), z_axis);
+    let rotation =
+        if axes.is_finite() { Quat::from_mat3(&axes).normalize() } else { Quat::from_xyzw(f32::NAN, 0.0, 0.0, 1.0) };
+    (x.length(), y.length(), rotation)
 }
 
 fn rgb(color: bevy::color::Color) -> Vec3 {

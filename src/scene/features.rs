@@ -41,6 +41,11 @@ features! {
     ANISOTROPY = 25, "ANISOTROPY", "Anisotropic microfacets.";
     DIFFUSE_TRANSMISSION = 26, "DIFFUSE_TRANSMISSION", "Diffuse transmission.";
     THIN_WALL = 27, "THIN_WALL", "Walls without an inside that let light through.";
+    ENVIRONMENT_CUBE = 19, "ENVIRONMENT_CUBE", "The environment's image is a cube.";
+    LIGHT_SPHERES = 21, "LIGHT_SPHERES", "Point lights with a radius.";
+    LIGHT_RECTS = 22, "LIGHT_RECTS", "Rectangular lights.";
+    SUN_DISK = 28, "SUN_DISK", "Directional lights with a disc.";
+    LIGHT_SHAPES = 29, "LIGHT_SHAPES", "Any of these three: lights that rays meet and that are no triangles.";
 }
 
 impl SceneFeatures {

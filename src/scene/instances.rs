@@ -22,24 +22,41 @@ use super::{
     layers::MOST_SETS,
     materials::MaterialPool,
     meshes::MeshPool,
-    tlas,
+    tlas::{self, Tlas},
 };
 use crate::gpu_types::*;
 
 /// A top level on the GPU.
 #[derive(Clone, Debug, Default)]
-struct GpuTlas {
+pub(crate) struct GpuTlas {
     /// Nodes and, from `indices` on, the packed instance list.
-    range: Range<u32>,
+    pub range: Range<u32>,
     nodes: u32,
 }
 
 impl GpuTlas {
-    fn root(&self) -> u32 {
+    /// Beside the bottom levels, and the bytes sent; `None` where the device has no room.
+    pub(crate) fn write(
+        tlas: &Tlas,
+        meshes: &mut MeshPool,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) -> Option<(Self, u64)> {
+        let nodes = (tlas.nodes.len() / NODE_STRIDE as usize) as u32;
+        let mut words: Vec<[u32; 4]> = tlas.nodes.iter().chain(&tlas.indices).copied().collect();
+        let count = (words.len() as u32).div_ceil(NODE_STRIDE);
+        words.resize((count * NODE_STRIDE) as usize, [0; 4]);
+        let range = meshes.allocate_nodes(count, device, queue)?;
+        super::blas::bake(&mut words[..(nodes * NODE_STRIDE) as usize], range.start, 0);
+        let bytes = meshes.nodes.write(range.start, bytemuck::cast_slice(&words), queue);
+        Some((Self { range, nodes }, bytes))
+    }
+
+    pub(crate) fn root(&self) -> u32 {
         if self.nodes == 0 { NONE } else { self.range.start }
     }
 
-    fn indices(&self) -> u32 {
+    pub(crate) fn indices(&self) -> u32 {
         (self.range.start + self.nodes) * NODE_STRIDE
     }
 }
@@ -325,17 +342,12 @@ impl InstancePool {
         core::mem::swap(&mut self.boxes, &mut self.boxes_of_frame);
         self.measure();
         let tlas = tlas::build_tlas(&self.boxes);
-        let nodes = (tlas.nodes.len() / NODE_STRIDE as usize) as u32;
-        let mut words: Vec<[u32; 4]> = tlas.nodes.iter().chain(&tlas.indices).copied().collect();
-        let count = (words.len() as u32).div_ceil(NODE_STRIDE);
-        words.resize((count * NODE_STRIDE) as usize, [0; 4]);
-        let Some(range) = meshes.allocate_nodes(count, device, queue) else {
+        let Some((fresh, bytes)) = GpuTlas::write(&tlas, meshes, device, queue) else {
             warn_once!("restir: the top level over {} instances does not fit this device", self.boxes.len());
             return;
         };
-        super::blas::bake(&mut words[..(nodes * NODE_STRIDE) as usize], range.start, 0);
-        self.uploaded_nodes = meshes.nodes.write(range.start, bytemuck::cast_slice(&words), queue);
-        self.previous = Some(core::mem::replace(&mut self.current, GpuTlas { range, nodes }));
+        self.uploaded_nodes = bytes;
+        self.previous = Some(core::mem::replace(&mut self.current, fresh));
         self.motion_revision += 1;
     }
 

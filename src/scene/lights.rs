@@ -16,13 +16,15 @@ use std::ops::Range;
 
 use super::{
     alias::alias_table,
-    emission::{Source, analytic_light, is_placed, is_sound, luminance, world_area},
+    blas::Bounds,
+    emission::{Source, analytic_light, flaw, is_placed, is_sound, luminance, shape_bounds, world_area},
     extract::ExtractedScene,
     features::SceneFeatures,
     heap::{GpuArray, Overflow, dirty_runs},
-    instances::InstancePool,
+    instances::{GpuTlas, InstancePool},
     materials::MaterialPool,
     meshes::MeshPool,
+    tlas::build_tlas,
 };
 use crate::gpu_types::*;
 
@@ -77,6 +79,7 @@ pub(crate) struct LightPool {
     /// The table behind this frame's holds the same lights in the same order.
     mirrored: bool,
     pub revision: u64,
+    shapes: ShapeTree,
 }
 
 /// What there is to send.
@@ -109,6 +112,7 @@ impl Default for LightPool {
             change: Change::default(),
             mirrored: false,
             revision: 0,
+            shapes: ShapeTree::default(),
         }
     }
 }
@@ -144,7 +148,7 @@ impl LightPool {
         self.previous_at = 0;
         let sources = self.gather(scene, instances, meshes, materials);
         let radius = (instances.radius.max(1e-3).log2().ceil()).exp2();
-        let directional = self.features.contains(SceneFeatures::LIGHT_DIRECTIONAL);
+        let directional = self.features.intersects(SceneFeatures::LIGHT_DIRECTIONAL | SceneFeatures::SUN_DISK);
         let comparable = sources.len() == self.sources.len()
             && (radius == self.radius || !directional)
             && self.hidden == scene.hidden_lights;
@@ -255,6 +259,11 @@ impl LightPool {
             match source {
                 Source::Analytic(light) => {
                     let (mut gpu, power, feature) = analytic_light(light, self.radius);
+                    if let Some(flaw) = flaw(light)
+                        && self.reported.insert(*entity)
+                    {
+                        warn!("restir: light {} has {flaw}", **entity);
+                    }
                     if !is_sound(&gpu, power) {
                         // Black lights are ordinary; infinite or negative ones are not.
                         let placed = is_placed(&gpu);
@@ -349,9 +358,68 @@ impl LightPool {
         bytes
     }
 
+    /// Brings the tree over balls and rectangles up to the table.  Returns the bytes sent.
+    pub(crate) fn build_shapes(&mut self, meshes: &mut MeshPool, device: &RenderDevice, queue: &RenderQueue) -> u64 {
+        if self.change == Change::Nothing {
+            return 0;
+        }
+        let analytic = self.groups.iter().take_while(|group| !group.owner.mesh).count();
+        let boxes = self.table[..analytic].iter().enumerate();
+        let boxes = boxes.filter_map(|(id, light)| Some((id as u32, shape_bounds(light)?))).collect();
+        self.shapes.update(boxes, meshes, device, queue)
+    }
+
+    /// Root and list of lights of that tree, as [`InstancePool::top_levels`].
+    pub(crate) fn shapes(&self) -> [u32; 2] {
+        if self.count() > 0 { [self.shapes.nodes.root(), self.shapes.nodes.indices()] } else { [NONE, 0] }
+    }
+
+    /// Suns with a disc, the first of the table.
+    pub(crate) fn sun_count(&self) -> u32 {
+        let suns = self.table.iter().take_while(|light| light.kind & LIGHT_KIND_BITS == LIGHT_SUN).count();
+        (suns as u32).min(self.count())
+    }
+
     /// Lights that can be drawn from the table.
     pub(crate) fn count(&self) -> u32 {
         if self.power > 0.0 { self.table.len() as u32 } else { 0 }
+    }
+}
+
+/// The tree over lights that rays meet on their way.
+#[derive(Debug, Default)]
+struct ShapeTree {
+    boxes: Vec<(u32, Bounds)>,
+    nodes: GpuTlas,
+}
+
+impl ShapeTree {
+    fn update(
+        &mut self,
+        boxes: Vec<(u32, Bounds)>,
+        meshes: &mut MeshPool,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) -> u64 {
+        if boxes == self.boxes {
+            return 0;
+        }
+        // No shader looks for lights of the last frame.
+        meshes.release_nodes(core::mem::take(&mut self.nodes.range));
+        let tlas = build_tlas(&boxes);
+        self.boxes = boxes;
+        let (nodes, bytes) = match GpuTlas::write(&tlas, meshes, device, queue) {
+            Some(written) => written,
+            None => {
+                warn_once!(
+                    "restir: the tree over {} lights does not fit this device; rays do not meet them",
+                    self.boxes.len()
+                );
+                (GpuTlas::default(), 0)
+            }
+        };
+        self.nodes = nodes;
+        bytes
     }
 }
 

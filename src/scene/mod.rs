@@ -113,8 +113,9 @@ fn mirror_scene(
     // The last frame's table lies behind this frame's.
     lights.update(&scene, &mut instances, &meshes, &materials, GpuArray::<GpuLight>::limit(&device) / 2);
     instances.build_top_level(&mut meshes, &device, &queue);
+    let uploaded_shapes = lights.build_shapes(&mut meshes, &device, &queue);
 
-    let mut uploaded = meshes.uploaded + instances.uploaded_nodes;
+    let mut uploaded = meshes.uploaded + instances.uploaded_nodes + uploaded_shapes;
     uploaded += materials.upload(&device, &queue);
     uploaded += instances.upload(&device, &queue);
     uploaded += lights.upload(&device, &queue);
@@ -125,6 +126,7 @@ fn mirror_scene(
         bindings.albedo = Some(albedo::texture(&device, &queue));
     }
     let [tlas_root, tlas_indices, previous_tlas_root, previous_tlas_indices] = instances.top_levels();
+    let [shapes_root, shapes_indices] = lights.shapes();
     let uniforms = GpuSceneUniforms {
         tlas_root,
         tlas_indices,
@@ -136,6 +138,10 @@ fn mirror_scene(
         radius: instances.radius,
         centre: instances.centre,
         previous_lights: lights.previous_at,
+        shapes_root,
+        shapes_indices,
+        sun_count: lights.sun_count(),
+        pad: 0,
     };
     uploaded += bindings.write_uniforms(&uniforms, &device, &queue);
 

@@ -1,4 +1,5 @@
-//! Equirectangular environments: the mip chain of importance that their light is drawn by, made on the GPU from any float format.
+//! Environments of images, equirectangular ones and cubes: the mip chain of importance that their light is drawn by, made on the GPU
+//! from any float format.
 
 use bevy::{
     asset::{AssetId, AssetServer},
@@ -14,10 +15,7 @@ use bevy::{
     },
 };
 
-use super::{
-    environment_features,
-    extract::{ExtractedEnvironment, ExtractedViews},
-};
+use super::extract::{ExtractedEnvironment, ExtractedViews};
 use crate::{
     scene::{SceneFeatures, textures::TexturePool},
     shaders::ShaderTable,
@@ -34,13 +32,17 @@ struct Entry {
     bytes: u64,
 }
 
+/// An image, and whether it is to be a cube.
+type ImageKey = (AssetId<Image>, bool);
+
 /// The environments in use.
 #[derive(Resource)]
 pub(crate) struct EnvironmentPool {
-    entries: HashMap<AssetId<Image>, Entry>,
-    refused: HashSet<AssetId<Image>>,
+    entries: HashMap<ImageKey, Entry>,
+    refused: HashSet<ImageKey>,
     none: Option<(TextureView, TextureView)>,
-    pipelines: Option<[CachedComputePipelineId; 2]>,
+    /// Of equirectangular images and of cubes.
+    pipelines: [Option<[CachedComputePipelineId; 2]>; 2],
     /// Groups 0 to 2: nothing, the map at its place among the view's bindings, and the levels.
     layouts: [BindGroupLayoutDescriptor; 3],
     revision: u64,
@@ -54,14 +56,14 @@ impl Default for EnvironmentPool {
             entries: HashMap::default(),
             refused: HashSet::default(),
             none: None,
-            pipelines: None,
+            pipelines: [None; 2],
             layouts: [
                 BindGroupLayoutDescriptor::new("restir nothing", &[]),
                 BindGroupLayoutDescriptor::new(
                     "restir environment map",
                     &BindGroupLayoutEntries::with_indices(
                         ShaderStages::COMPUTE,
-                        ((2, texture_2d(TextureSampleType::Float { filterable: false })),),
+                        ((2, texture_2d_array(TextureSampleType::Float { filterable: false })),),
                     ),
                 ),
                 BindGroupLayoutDescriptor::new(
@@ -95,24 +97,27 @@ pub(crate) fn prepare_environments(
 ) {
     let pool = &mut *pool;
     pool.none.get_or_insert_with(|| {
-        let view = |format, label| {
+        let view = |format, label, dimension| {
             texture(&device, label, format, 1, 1, 1, TextureUsages::TEXTURE_BINDING)
-                .create_view(&TextureViewDescriptor::default())
+                .create_view(&TextureViewDescriptor { dimension: Some(dimension), ..Default::default() })
         };
-        (view(TextureFormat::Rgba8Unorm, "no environment"), view(TextureFormat::R32Float, "no environment importance"))
+        (
+            view(TextureFormat::Rgba8Unorm, "no environment", TextureViewDimension::D2Array),
+            view(TextureFormat::R32Float, "no environment importance", TextureViewDimension::D2),
+        )
     });
     let wanted: HashSet<_> =
-        views.0.values().filter_map(|v| v.environment?.image).filter(|id| !pool.refused.contains(id)).collect();
-    pool.entries.retain(|id, _| wanted.contains(id));
+        views.0.values().filter_map(|v| v.environment?.key()).filter(|key| !pool.refused.contains(key)).collect();
+    pool.entries.retain(|key, _| wanted.contains(key));
     pool.ready = true;
-    for id in wanted {
+    for key @ (id, is_cube) in wanted {
         let Some(image) = images.get(id) else {
             pool.ready &= !textures.is_coming(id, &assets);
             continue;
         };
         // Bevy may write new pixels to the old texture.
         let version = textures.version(id);
-        if pool.entries.get(&id).is_some_and(|e| e.source == image.texture.id() && e.version == version) {
+        if pool.entries.get(&key).is_some_and(|e| e.source == image.texture.id() && e.version == version) {
             continue;
         }
         let descriptor = &image.texture_descriptor;
@@ -120,18 +125,29 @@ pub(crate) fn prepare_environments(
             descriptor.format.sample_type(None, Some(device.features())),
             Some(TextureSampleType::Float { .. })
         );
-        if descriptor.dimension != TextureDimension::D2 || descriptor.size.depth_or_array_layers != 1 || !float {
-            warn!("restir: environment image {id} is no equirectangular colour image; only the colour is used");
-            pool.refused.insert(id);
+        let size = descriptor.size;
+        let fits = match is_cube {
+            true => size.depth_or_array_layers == 6 && size.width == size.height,
+            false => size.depth_or_array_layers == 1,
+        };
+        if descriptor.dimension != TextureDimension::D2 || !fits || !float {
+            let (wanted, used) = match is_cube {
+                true => ("colour cube", "nothing of it is shown"),
+                false => ("equirectangular colour image", "only the colour is used"),
+            };
+            warn!("restir: environment image {id} is no {wanted}; {used}");
+            pool.refused.insert(key);
             continue;
         }
-        let ids = *pool.pipelines.get_or_insert_with(|| {
+        let ids = *pool.pipelines[is_cube as usize].get_or_insert_with(|| {
+            let mut features = SceneFeatures::ENVIRONMENT | SceneFeatures::ENVIRONMENT_MAP;
+            features.set(SceneFeatures::ENVIRONMENT_CUBE, is_cube);
             ["importance", "reduce"].map(|entry| {
                 pipelines.queue_compute_pipeline(ComputePipelineDescriptor {
                     label: Some(format!("restir environment {entry}").into()),
                     layout: pool.layouts.to_vec(),
                     shader: shaders.pass("pass/environment.wgsl"),
-                    shader_defs: (SceneFeatures::ENVIRONMENT | SceneFeatures::ENVIRONMENT_MAP).shader_defs(),
+                    shader_defs: features.shader_defs(),
                     entry_point: Some(entry.into()),
                     ..Default::default()
                 })
@@ -143,7 +159,7 @@ pub(crate) fn prepare_environments(
         };
         let layouts = pool.layouts.each_ref().map(|layout| pipelines.get_bind_group_layout(layout));
         let entry = build(image, version, importance, reduce, &layouts, &device, &queue);
-        pool.entries.insert(id, entry);
+        pool.entries.insert(key, entry);
         pool.revision += 1;
     }
 }
@@ -168,14 +184,19 @@ fn build(
             ..Default::default()
         })
     };
-    let map = image.texture.create_view(&TextureViewDescriptor { mip_level_count: Some(1), ..Default::default() });
+    let map = image.texture.create_view(&TextureViewDescriptor {
+        dimension: Some(TextureViewDimension::D2Array),
+        mip_level_count: Some(1),
+        ..Default::default()
+    });
     let nothing = device.create_bind_group("restir nothing", &layouts[0], &[]);
     let map_group =
         device.create_bind_group("restir environment map", &layouts[1], &BindGroupEntries::with_indices(((2, &map),)));
     let mut encoder =
         device.create_command_encoder(&CommandEncoderDescriptor { label: Some("restir environment importance") });
     for mip in 0..levels {
-        let source = if mip == 0 { map.clone() } else { level(mip - 1) };
+        // The finest level reads the map alone, and is bound the coarsest in place of a level below it.
+        let source = level(if mip == 0 { levels - 1 } else { mip - 1 });
         let bind_group = device.create_bind_group(
             "restir environment importance",
             &layouts[2],
@@ -222,7 +243,7 @@ fn texture(
 
 impl EnvironmentPool {
     fn entry(&self, environment: Option<&ExtractedEnvironment>) -> Option<&Entry> {
-        self.entries.get(&environment?.image?)
+        self.entries.get(&environment?.key()?)
     }
 
     /// The map and its importance, one texel of nothing each where there is none.
@@ -235,7 +256,17 @@ impl EnvironmentPool {
 
     /// What an environment asks of the shaders.
     pub(crate) fn features(&self, environment: Option<&ExtractedEnvironment>) -> SceneFeatures {
-        environment_features(environment, self.entry(environment).is_some())
+        let has_map = self.entry(environment).is_some();
+        match environment {
+            // Without its image a cube is nothing.
+            Some(e) if e.color.max_element() > 0.0 && (has_map || !e.is_cube()) => {
+                let mut features = SceneFeatures::ENVIRONMENT;
+                features.set(SceneFeatures::ENVIRONMENT_MAP, has_map);
+                features.set(SceneFeatures::ENVIRONMENT_CUBE, has_map && e.is_cube());
+                features
+            }
+            _ => SceneFeatures::empty(),
+        }
     }
 
     /// Changes when the image of an environment does.

@@ -3,8 +3,10 @@
 use bevy::{
     asset::AssetId,
     camera::{ClearColor, visibility::RenderLayers},
+    color::LinearRgba,
     ecs::prelude::*,
     image::Image,
+    light::{EnvironmentMapLight, Skybox},
     log::warn,
     math::{Mat3, Vec3},
     platform::collections::{HashMap, HashSet},
@@ -31,13 +33,68 @@ pub(crate) struct ExtractedRestir {
     pub layers: u32,
 }
 
-/// A `RestirEnvironment`.
+/// Where an environment comes from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum EnvironmentKind {
+    Own,
+    Skybox,
+    MapLight,
+}
+
+/// What is round the scene of a camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ExtractedEnvironment {
+    pub kind: EnvironmentKind,
     pub color: Vec3,
     pub image: Option<AssetId<Image>>,
     /// Environment from world.
     pub rotation: Mat3,
+}
+
+impl ExtractedEnvironment {
+    /// The camera's own environment, else its `Skybox`, else its `EnvironmentMapLight`; and what is wrong with it.
+    fn of(
+        own: Option<&RestirEnvironment>,
+        skybox: Option<&Skybox>,
+        light: Option<&EnvironmentMapLight>,
+    ) -> (Option<Self>, Option<String>) {
+        use EnvironmentKind::*;
+        let skybox = skybox.and_then(|s| Some((s, s.image.as_ref()?)));
+        let (kind, color, scale, image, rotation) = match (own, skybox, light) {
+            (Some(e), ..) => (Own, e.color, e.intensity, e.image.as_ref(), e.rotation),
+            (None, Some((s, image)), _) => (Skybox, LinearRgba::WHITE, s.brightness, Some(image), s.rotation),
+            (None, None, Some(l)) => (MapLight, LinearRgba::WHITE, l.intensity, Some(&l.specular_map), l.rotation),
+            (None, None, None) => return (None, None),
+        };
+        let channel = |c: f32| if c.is_finite() { (c.max(0.0) * scale.max(0.0)).min(1e30) } else { 0.0 };
+        let rotation = Mat3::from_quat(rotation.normalize().inverse());
+        let name = match kind {
+            Own => "RestirEnvironment",
+            Skybox => "Skybox",
+            MapLight => "EnvironmentMapLight",
+        };
+        if !scale.is_finite() || !rotation.is_finite() {
+            let what = if scale.is_finite() { "a rotation" } else { "a brightness" };
+            return (None, Some(format!("a {name} has {what} that is no finite number; it is left out")));
+        }
+        let color = Vec3::new(channel(color.red), channel(color.green), channel(color.blue));
+        (Some(Self { kind, color, image: image.map(|image| image.id()), rotation }), None)
+    }
+
+    /// The image is a cube.
+    pub(crate) fn is_cube(self) -> bool {
+        self.kind != EnvironmentKind::Own
+    }
+
+    /// The camera sees it.
+    pub(crate) fn is_backdrop(self) -> bool {
+        self.kind != EnvironmentKind::MapLight
+    }
+
+    /// The image that is asked for, and whether as a cube.
+    pub(crate) fn key(self) -> Option<(AssetId<Image>, bool)> {
+        Some((self.image?, self.is_cube()))
+    }
 }
 
 /// The cameras of this frame, by render entity.
@@ -49,6 +106,8 @@ type ViewData<'a> = (
     &'a bevy::camera::Camera,
     &'a Restir,
     Option<&'a RestirEnvironment>,
+    Option<&'a Skybox>,
+    Option<&'a EnvironmentMapLight>,
     Option<&'a RadianceCapture>,
     Option<&'a RenderLayers>,
 );
@@ -61,12 +120,13 @@ pub(crate) fn extract_views(
     sets: Res<LayerSets>,
 ) {
     views.0.clear();
-    for (entity, camera, restir, environment, capture, layers) in &cameras {
+    for (entity, camera, restir, own, skybox, light, capture, layers) in &cameras {
         if !camera.is_active {
             continue;
         }
         let mut settings = restir.clone();
-        for warning in settings.validate() {
+        let (environment, flaw) = ExtractedEnvironment::of(own, skybox, light);
+        for warning in settings.validate().into_iter().chain(flaw) {
             if said.insert(warning.clone()) {
                 warn!("restir: {warning}");
             }
@@ -76,22 +136,11 @@ pub(crate) fn extract_views(
             bevy::camera::ClearColorConfig::Custom(color) => color.to_linear(),
             bevy::camera::ClearColorConfig::None => bevy::color::LinearRgba::BLACK,
         };
-        let environment = environment.map(|e| {
-            let scale = if e.intensity.is_finite() { e.intensity.max(0.0) } else { 0.0 };
-            let channel = |c: f32| {
-                if c.is_finite() { (c.max(0.0) * scale).min(1e30) } else { 0.0 }
-            };
-            ExtractedEnvironment {
-                color: Vec3::new(channel(e.color.red), channel(e.color.green), channel(e.color.blue)),
-                image: e.image.as_ref().map(|image| image.id()),
-                rotation: Mat3::from_quat(e.rotation.normalize().inverse()),
-            }
-        });
         views.0.insert(
             entity,
             ExtractedRestir {
                 settings,
-                environment: environment.filter(|e| e.rotation.is_finite()),
+                environment,
                 has_backdrop: !matches!(camera.clear_color, bevy::camera::ClearColorConfig::None),
                 background: Vec3::new(clear.red, clear.green, clear.blue),
                 capture: capture.cloned(),

@@ -136,7 +136,7 @@ pub(crate) fn view_layout() -> BindGroupLayoutDescriptor {
             (
                 uniform_buffer_sized(false, None),
                 texture_2d(TextureSampleType::Uint),
-                texture_2d(TextureSampleType::Float { filterable: false }),
+                texture_2d_array(TextureSampleType::Float { filterable: false }),
                 texture_2d(TextureSampleType::Float { filterable: false }),
                 texture_storage_2d(TextureFormat::R32Uint, StorageTextureAccess::ReadWrite),
             ),
@@ -372,16 +372,4 @@ fn texture(
 
 fn pixels(size: UVec2) -> u64 {
     size.x as u64 * size.y as u64
-}
-
-/// The features that an environment brings.
-pub(crate) fn environment_features(environment: Option<&ExtractedEnvironment>, has_map: bool) -> SceneFeatures {
-    match environment {
-        Some(e) if e.color.max_element() > 0.0 => {
-            let mut features = SceneFeatures::ENVIRONMENT;
-            features.set(SceneFeatures::ENVIRONMENT_MAP, has_map);
-            features
-        }
-        _ => SceneFeatures::empty(),
-    }
 }

@@ -90,7 +90,7 @@ impl RestirView {
 
         let rotation = restir.environment.map_or(bevy::math::Mat3::IDENTITY, |e| e.rotation);
         let mut flags = 0;
-        if restir.environment.is_some() {
+        if restir.environment.is_some_and(|e| e.is_backdrop()) {
             flags |= VIEW_ENVIRONMENT_IS_BACKDROP;
         }
         if restir.environment.is_none() && !restir.has_backdrop {

@@ -1,7 +1,10 @@
 //! Settings of direct lighting, and small scenes for it: what each is there for is said where it is made.
 
 use super::app::*;
-use bevy::prelude::*;
+use bevy::{
+    light::{RectLight, SunDisk},
+    prelude::*,
+};
 use bevy_restir::{BiasCorrection, Direct, Mis, Paths, RestirEnvironment};
 
 /// So many pixels of a picture that is so high, as settings count them.
@@ -63,14 +66,15 @@ pub fn every() -> Paths {
     }
 }
 
-/// Scenes whose paths are shifted: diffuse, glossy, by mirrors, to an environment.
-pub const PATH_SCENES: [(&str, fn(&mut Rig)); 4] = [
+/// Scenes whose paths are shifted: diffuse, glossy, by mirrors, to an environment, past balls, rectangles and a sun.
+pub const PATH_SCENES: [(&str, fn(&mut Rig)); 5] = [
     ("room", |rig| {
         room(rig);
     }),
     ("glossy", glossy),
     ("mirrors", mirrors),
     ("surrounded", |rig| surrounded(rig, true)),
+    ("shapes", shapes),
 ];
 
 /// A metal or a plastic.
@@ -136,6 +140,23 @@ pub fn punctual(rig: &mut Rig) {
     rig.spawn_bundle((spot, Transform::from_xyz(0.0, 1.8, 1.0).looking_at(Vec3::new(-0.3, -1.0, 0.0), Vec3::Z)));
 }
 
+/// A ball, a rectangle and a sun with a disc over a glossy wall, one behind the other, and a mirror that shows them.
+pub fn shapes(rig: &mut Rig) {
+    room_without_lamp(rig);
+    let ball = PointLight { intensity: 25.0, radius: 0.25, color: Color::linear_rgb(1.0, 0.7, 0.4), ..default() };
+    rig.spawn_bundle((Name::new("ball"), ball, Transform::from_xyz(0.7, 0.6, 0.4)));
+    let rect = RectLight { intensity: 20.0, width: 0.9, height: 0.5, ..default() };
+    let place = Transform::from_xyz(0.9, 0.9, 1.0).looking_at(Vec3::new(-0.2, -0.6, -0.4), Vec3::Y);
+    rig.spawn_bundle((Name::new("rectangle"), rect, place));
+    let sun = Quat::from_euler(EulerRot::YXZ, 0.6, -0.8, 0.0);
+    let disk = SunDisk { angular_size: 0.3, intensity: 1.0 };
+    let light = DirectionalLight { illuminance: 2.0, ..default() };
+    rig.spawn_bundle((Name::new("sun"), light, disk, Transform::from_rotation(sun)));
+    let mirror = shiny(Color::linear_rgb(0.9, 0.9, 0.9), 0.0, 1.0);
+    let turn = Quat::from_euler(EulerRot::YXZ, 0.5, -0.3, 0.0);
+    rig.spawn(square(0.8), mirror, Transform::from_xyz(-1.2, 0.3, -0.6).with_rotation(turn));
+}
+
 fn room_without_lamp(rig: &mut Rig) {
     let floor = Transform::from_xyz(0.0, -1.2, 0.0).with_rotation(Quat::from_rotation_x(-core::f32::consts::FRAC_PI_2));
     rig.spawn(square(4.0), lambert(0.7), floor);
@@ -144,10 +165,19 @@ fn room_without_lamp(rig: &mut Rig) {
     rig.spawn(Cuboid::new(0.6, 0.1, 0.6), lambert(0.4), Transform::from_xyz(0.6, 0.1, 0.0));
 }
 
-/// Light from all round, of one colour or by a map with a sun in it, and one lamp.
-pub fn surrounded(rig: &mut Rig, with_map: bool) {
+/// A lamp, and light from all round.
+pub fn surrounded_by(rig: &mut Rig, environment: impl FnOnce(&mut Rig)) {
     room_without_lamp(rig);
     rig.spawn(square(0.5), lamp(2.0, 2.0, 2.0), facing(Vec3::new(0.9, 1.0, 0.9), Vec3::ZERO));
+    environment(rig);
+}
+
+/// The same of one colour or by a map with a sun in it.
+pub fn surrounded(rig: &mut Rig, with_map: bool) {
+    surrounded_by(rig, |rig| environment_of(rig, with_map));
+}
+
+fn environment_of(rig: &mut Rig, with_map: bool) {
     let mut environment = sky(0.4);
     if with_map {
         let mut map =

@@ -7,7 +7,8 @@ use super::{
 };
 use bevy_restir::{
     gpu_types::{
-        GpuInstance, GpuLight, GpuMaterial, GpuSceneUniforms, GpuTriangle, GpuTriangleAttributes, GpuViewUniforms, Rows,
+        GpuInstance, GpuLight, GpuMaterial, GpuSceneUniforms, GpuTriangle, GpuTriangleAttributes, GpuViewUniforms,
+        NONE, Rows,
     },
     scene::alias::alias_table,
 };
@@ -18,6 +19,8 @@ pub struct Lit<'g> {
     pub gpu: &'g Gpu,
     pub scene: GpuSceneUniforms,
     pub view: GpuViewUniforms,
+    /// Trees over lights.
+    pub nodes: Vec<[u32; 4]>,
     pub triangles: Vec<GpuTriangle>,
     pub attributes: Vec<GpuTriangleAttributes>,
     pub instances: Vec<GpuInstance>,
@@ -61,15 +64,22 @@ pub fn texture(gpu: &Gpu, format: wgpu::TextureFormat, levels: &[(u32, u32, &[u8
     texture
 }
 
+fn array_view(texture: &wgpu::Texture) -> wgpu::TextureView {
+    texture.create_view(&wgpu::TextureViewDescriptor {
+        dimension: Some(wgpu::TextureViewDimension::D2Array),
+        ..Default::default()
+    })
+}
+
 impl<'g> Lit<'g> {
     /// No lights, and a white environment without a map.
     pub fn new(gpu: &'g Gpu) -> Self {
         let dark = texture(gpu, wgpu::TextureFormat::R32Float, &[(1, 1, &[0; 4])]);
-        let view = |t: &wgpu::Texture| t.create_view(&Default::default());
         let mut lit = Self {
             gpu,
-            scene: GpuSceneUniforms { radius: 1.0, ..Default::default() },
+            scene: GpuSceneUniforms { radius: 1.0, shapes_root: NONE, ..Default::default() },
             view: GpuViewUniforms { environment_color: [1.0; 3], ..Default::default() },
+            nodes: Vec::new(),
             triangles: Vec::new(),
             attributes: Vec::new(),
             instances: Vec::new(),
@@ -78,8 +88,8 @@ impl<'g> Lit<'g> {
             atlas: [[255; 4]; 16],
             table: Vec::new(),
             second_uvs: Vec::new(),
-            map: view(&dark),
-            importance: view(&dark),
+            map: array_view(&dark),
+            importance: dark.create_view(&Default::default()),
         };
         lit.rotate(DMat3::IDENTITY);
         lit
@@ -95,10 +105,34 @@ impl<'g> Lit<'g> {
     pub fn set_map(&mut self, map: &Map, width: u32, height: u32) -> Vec<f32> {
         let texels: Vec<[f32; 4]> = map.texels.iter().map(|c| c.as_vec3().extend(1.0).to_array()).collect();
         let level = (map.width as u32, map.height as u32, bytemuck::cast_slice(&texels));
-        self.map = texture(self.gpu, wgpu::TextureFormat::Rgba32Float, &[level]).create_view(&Default::default());
+        self.map = array_view(&texture(self.gpu, wgpu::TextureFormat::Rgba32Float, &[level]));
+        self.set_table(&["ENVIRONMENT", "ENVIRONMENT_MAP"], width, height)
+    }
 
+    /// Sets a cube of so many texels a side, its faces one after the other, and a table as [`Self::set_map`] does.
+    pub fn set_cube(&mut self, side: u32, texels: &[[f32; 4]], width: u32, height: u32) -> Vec<f32> {
+        // The faces of a cube lie in memory as the rows of a texture of six times the height do.
+        let size = wgpu::Extent3d { width: side, height: side, depth_or_array_layers: 6 };
+        let cube = self.gpu.device.create_texture(&wgpu::TextureDescriptor {
+            label: None,
+            size,
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format: wgpu::TextureFormat::Rgba32Float,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+            view_formats: &[],
+        });
+        let layout =
+            wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(16 * side), rows_per_image: Some(side) };
+        self.gpu.queue.write_texture(cube.as_image_copy(), bytemuck::cast_slice(texels), layout, size);
+        self.map = array_view(&cube);
+        self.set_table(&["ENVIRONMENT", "ENVIRONMENT_MAP", "ENVIRONMENT_CUBE"], width, height)
+    }
+
+    fn set_table(&mut self, defs: &[&'static str], width: u32, height: u32) -> Vec<f32> {
         let source = include_str!("kernels/environment_importance.wgsl");
-        let defs = [super::compose::flag("ENVIRONMENT"), super::compose::flag("ENVIRONMENT_MAP")];
+        let defs: Vec<Def> = defs.iter().map(|def| super::compose::flag(def)).collect();
         let size = self.gpu.storage(&[width, height]);
         let cells = self.gpu.zeroed::<f32>((width * height) as usize);
         let bound = [(2, 0, Bound::Buffer(&size)), (2, 1, Bound::Buffer(&cells))];
@@ -146,6 +180,7 @@ impl<'g> Lit<'g> {
         let gpu = self.gpu;
         let scene = gpu.uniform(&self.scene);
         let view = gpu.uniform(&self.view);
+        let nodes = gpu.storage(&some(&self.nodes));
         let triangles = gpu.storage(&some(&self.triangles));
         let attributes = gpu.storage(&some(&self.attributes));
         let instances = gpu.storage(&some(&self.instances));
@@ -166,6 +201,7 @@ impl<'g> Lit<'g> {
         let [table, uvs] = [table, uvs].map(|t| t.create_view(&Default::default()));
         let mut bound = vec![
             (0, 0, Bound::Buffer(&scene)),
+            (0, 1, Bound::Buffer(&nodes)),
             (0, 2, Bound::Buffer(&triangles)),
             (0, 3, Bound::Buffer(&attributes)),
             (0, 4, Bound::Buffer(&instances)),

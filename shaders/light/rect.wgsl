@@ -1,0 +1,103 @@
+// Rectangular lights: uniform radiance from their front, sampled uniformly in area.  Like balls they are made of nothing.
+#define_import_path bevy_restir::light::rect
+
+#import bevy_restir::light::types::{LightSample, no_light_sample}
+#import bevy_restir::scene::bindings::lights
+#import bevy_restir::scene::triangle::safe_normalize
+
+#ifdef LIGHT_RECTS
+struct Rect {
+    x: vec3<f32>,              // unit vectors along width and height
+    y: vec3<f32>,
+    normal: vec3<f32>,         // the way that it shines
+    half_size: vec2<f32>,
+}
+
+// `direction` holds the rotation as modified Rodrigues parameters: the vector part of its quaternion over one plus the scalar.
+fn rect_of(light: u32) -> Rect {
+    let m = lights[light].direction;
+    let m2 = dot(m, m);
+    let q = vec4<f32>(2.0 * m, 1.0 - m2) / (1.0 + m2);
+    let half_size = vec2<f32>(bitcast<f32>(lights[light].data.x), bitcast<f32>(lights[light].data.y));
+    return Rect(
+        turned(q, vec3<f32>(1.0, 0.0, 0.0)),
+        turned(q, vec3<f32>(0.0, 1.0, 0.0)),
+        turned(q, vec3<f32>(0.0, 0.0, -1.0)),
+        half_size,
+    );
+}
+
+fn turned(q: vec4<f32>, v: vec3<f32>) -> vec3<f32> {
+    let t = 2.0 * cross(q.xyz, v);
+    return v + q.w * t + cross(q.xyz, t);
+}
+
+// The point at `uv` (0 to 1 along width and height) as `from_point` sees it.
+fn rect_light_at(light: u32, uv: vec2<f32>, from_point: vec3<f32>) -> LightSample {
+    let r = rect_of(light);
+    let at = (2.0 * uv - 1.0) * r.half_size;
+    var s = no_light_sample();
+    s.light = light;
+    s.delta = 0u;
+    s.normal = r.normal;
+    s.position = lights[light].position + at.x * r.x + at.y * r.y;
+    let d = s.position - from_point;
+    let d2 = dot(d, d);
+    s.wi = safe_normalize(d);
+    s.distance = sqrt(d2);
+    // d²/(|cos| area), as a triangle has it.
+    let projected = abs(dot(r.normal, d)) * 4.0 * r.half_size.x * r.half_size.y;
+    let cubed = d2 * s.distance;
+    if projected > 0.0 && cubed < projected * 1.0e37 {
+        s.pdf_solid_angle = cubed / projected;
+        s.radiance = select(vec3<f32>(0.0), lights[light].emission, dot(s.wi, r.normal) < 0.0);
+    }
+    return s;
+}
+
+// A point as reservoirs keep it.
+fn rect_coordinates(uv: vec2<f32>) -> u32 {
+    return pack2x16unorm(uv);
+}
+
+fn rect_uv(coordinates: u32) -> vec2<f32> {
+    return unpack2x16unorm(coordinates);
+}
+
+// How far along a ray the front is met; negative where it is not.
+fn rect_distance(light: u32, origin: vec3<f32>, direction: vec3<f32>) -> f32 {
+    let r = rect_of(light);
+    let slope = dot(direction, r.normal);
+    let t = dot(lights[light].position - origin, r.normal) / min(slope, -1.0e-30);
+    let uv = rect_uv_at(light, origin + t * direction);
+    let is_met = slope < 0.0 && t > 0.0 && all(uv >= vec2<f32>(0.0)) && all(uv <= vec2<f32>(1.0));
+    return select(-1.0, t, is_met);
+}
+
+// Of a point in its plane.
+fn rect_uv_at(light: u32, position: vec3<f32>) -> vec2<f32> {
+    let r = rect_of(light);
+    let d = position - lights[light].position;
+    return 0.5 + 0.5 * vec2<f32>(dot(d, r.x), dot(d, r.y)) / r.half_size;
+}
+#else
+fn rect_light_at(light: u32, uv: vec2<f32>, from_point: vec3<f32>) -> LightSample {
+    return no_light_sample();
+}
+
+fn rect_coordinates(uv: vec2<f32>) -> u32 {
+    return 0u;
+}
+
+fn rect_uv(coordinates: u32) -> vec2<f32> {
+    return vec2<f32>(0.0);
+}
+
+fn rect_distance(light: u32, origin: vec3<f32>, direction: vec3<f32>) -> f32 {
+    return -1.0;
+}
+
+fn rect_uv_at(light: u32, position: vec3<f32>) -> vec2<f32> {
+    return vec2<f32>(0.0);
+}
+#endif

@@ -1,0 +1,87 @@
+// One node of an 8-wide compressed tree (Ylitie, Karras and Laine 2017; node layout of obvhs 0.4), over triangles, instances or lights.
+#define_import_path bevy_restir::trace::tree
+
+#import bevy_restir::scene::bindings::nodes
+#import bevy_restir::trace::triangle::{ShearedRay, sheared_ray}
+
+// A group of children or primitives still to visit: x = index of the first, y = hit bits << 24 | inner mask for children,
+// up to 24 hit bits for primitives.  Children are told apart by their high bits.
+const HIGH_BITS: u32 = 0x01000000u;
+
+// The ray in the space of the tree that it is in.
+struct TreeRay {
+    line: ShearedRay,
+    inverse: vec3<f32>,
+    octant: u32,
+}
+
+struct Visit {
+    children: vec2<u32>,
+    primitives: vec2<u32>,
+}
+
+fn tree_ray(origin: vec3<f32>, direction: vec3<f32>) -> TreeRay {
+    // A component too small to matter gets a reciprocal that is large but finite.
+    let size = abs(direction);
+    let tiny = max(size.x, max(size.y, size.z)) * 0x1p-60;
+    let safe = select(direction, select(vec3<f32>(tiny), vec3<f32>(-tiny), direction < vec3<f32>(0.0)), size < vec3<f32>(tiny));
+    let up = select(vec3<u32>(0u), vec3<u32>(4u, 2u, 1u), safe >= vec3<f32>(0.0));
+    return TreeRay(sheared_ray(origin, direction), 1.0 / safe, (up.x | up.y | up.z) * 0x01010101u);
+}
+
+// Tests the eight children of a node.
+fn visit_node(node: u32, ray: TreeRay, t_min: f32, t_max: f32) -> Visit {
+    let first = node * 5u;
+    let n0 = nodes[first];
+    let n1 = nodes[first + 1u];
+    let n2 = nodes[first + 2u];
+    let n3 = nodes[first + 3u];
+    let n4 = nodes[first + 4u];
+
+    // Planes are p + scale q.  What rounding may do to them, to the ray and in the builder is far below 2^-21 of their
+    // largest term; the boxes grow by that, so that no triangle that the intersection would accept is culled.
+    let scale = bitcast<vec3<f32>>((vec3<u32>(n0.w, n0.w >> 8u, n0.w >> 16u) & vec3<u32>(255u)) << vec3<u32>(23u));
+    let to_node = bitcast<vec3<f32>>(n0.xyz) - ray.line.origin;
+    let slope = scale * ray.inverse;
+    let base = to_node * ray.inverse;
+    let error = (abs(to_node) + 256.0 * scale) * abs(ray.inverse) * 0x1p-21;
+    let base_near = base - error;
+    let base_far = base + error;
+
+    let backward = ray.inverse < vec3<f32>(0.0);
+    let near_x = select(n2.xy, n2.zw, backward.x);
+    let far_x = select(n2.zw, n2.xy, backward.x);
+    let near_y = select(n3.xy, n3.zw, backward.y);
+    let far_y = select(n3.zw, n3.xy, backward.y);
+    let near_z = select(n4.xy, n4.zw, backward.z);
+    let far_z = select(n4.zw, n4.xy, backward.z);
+
+    var bits = 0u;
+    for (var half = 0u; half < 2u; half += 1u) {
+        let near = max(
+            max(planes(pick(near_x, half), slope.x, base_near.x), planes(pick(near_y, half), slope.y, base_near.y)),
+            max(planes(pick(near_z, half), slope.z, base_near.z), vec4<f32>(t_min)),
+        );
+        let far = min(
+            min(planes(pick(far_x, half), slope.x, base_far.x), planes(pick(far_y, half), slope.y, base_far.y)),
+            min(planes(pick(far_z, half), slope.z, base_far.z), vec4<f32>(t_max)),
+        );
+        // A byte of `meta`: high 3 bits what to set, low 5 where; inner children are reordered by the ray's octant.
+        let code = pick(n1.zw, half);
+        let inner = ((code & (code << 1u) & 0x10101010u) >> 4u) * 255u;
+        let shift = unpack4xU8((code ^ (ray.octant & inner)) & 0x1f1f1f1fu);
+        let marks = unpack4xU8((code >> 5u) & 0x07070707u) << shift;
+        let hits = select(vec4<u32>(0u), marks, near <= far);
+        bits |= hits.x | hits.y | hits.z | hits.w;
+    }
+    return Visit(vec2<u32>(n1.x, (bits & 0xff000000u) | (n0.w >> 24u)), vec2<u32>(n1.y, bits & 0x00ffffffu));
+}
+
+fn pick(words: vec2<u32>, half: u32) -> u32 {
+    return select(words.x, words.y, half == 1u);
+}
+
+// Bytes are below 256, so the cheaper conversion from signed integers serves.
+fn planes(bytes: u32, slope: f32, base: f32) -> vec4<f32> {
+    return vec4<f32>(bitcast<vec4<i32>>(unpack4xU8(bytes))) * slope + base;
+}

@@ -1,0 +1,78 @@
+// Lights that have an extent: samples of one as a point sees it, what a ray in that or a given direction meets, and all that it meets.
+#import bevy_restir::common::constants::NONE
+#import bevy_restir::common::rng::{Rng, rng_2, rng_new}
+#import bevy_restir::light::light::light_sample
+#import bevy_restir::light::point_on_light::{aimed_point, light_point_at, light_point_sample}
+#import bevy_restir::light::shape::{crossing_point, CROSSINGS_MAX, next_crossing, Way}
+#import bevy_restir::light::types::LightSample
+
+struct Query {
+    point: vec3<f32>,
+    light: u32,
+    direction: vec3<f32>,
+    reach: f32,
+    seed: u32,
+    mode: u32,             // 0: as the reference samples; 1: as candidates do; 2: by the light's own measure; 3: the direction
+    pad_a: u32,
+    pad_b: u32,
+}
+
+struct Sample {
+    wi: vec3<f32>,
+    distance: f32,
+    radiance: vec3<f32>,
+    pdf: f32,
+    position: vec3<f32>,
+    met: u32,              // the light, if the ray meets it
+    normal: vec3<f32>,
+    met_pdf: f32,
+    met_position: vec3<f32>,
+    met_distance: f32,
+    met_radiance: vec3<f32>,
+    crossings: u32,
+    mask: vec4<u32>,       // ids below 128 that the ray meets
+}
+
+@group(2) @binding(0) var<storage, read> queries: array<Query>;
+@group(2) @binding(1) var<storage, read_write> samples: array<Sample>;
+
+@compute @workgroup_size(64)
+fn main(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= arrayLength(&samples) {
+        return;
+    }
+    let q = queries[min(id.x, arrayLength(&queries) - 1u)];
+    var rng = rng_new(vec2<u32>(id.x & 0xffffu, id.x >> 16u), q.seed, 81u, 0u);
+    let u = rng_2(&rng);
+    var l: LightSample;
+    if q.mode == 0u {
+        l = light_sample(q.light, q.point, u);
+    } else if q.mode == 1u {
+        l = light_point_at(aimed_point(light_point_sample(q.light, u), q.point, u), q.point, false);
+    } else if q.mode == 2u {
+        l = light_point_at(light_point_sample(q.light, u), q.point, false);
+        l.aim = 1.0;
+    }
+    var way = Way(q.point, q.reach, l.wi);
+    if q.mode == 3u {
+        way.direction = q.direction;
+    }
+    let p = crossing_point(q.light, q.light, way);
+    let m = light_point_at(p, q.point, false);
+    var mask = vec4<u32>(0u);
+    var first = 0u;
+    var crossings = 0u;
+    for (var i = 0u; i < CROSSINGS_MAX; i++) {
+        let light = next_crossing(way, first);
+        if light == NONE {
+            break;
+        }
+        mask[light >> 5u] |= 1u << (light & 31u);
+        crossings += 1u;
+        first = light + 1u;
+    }
+    samples[id.x] = Sample(
+        l.wi, l.distance, l.radiance, l.pdf_solid_angle * l.aim, l.position, p.light, l.normal, m.pdf_solid_angle * m.aim, m.position,
+        m.distance, m.radiance, crossings, mask,
+    );
+}
