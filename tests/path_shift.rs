@@ -53,10 +53,10 @@ impl Census {
 }
 
 impl Census {
-    /// Directions and places are kept in 16 bits.  A place on a ball of light that almost touches a surface is far coarser seen from there.
+    /// Directions and places are kept in 16 bits.  Among light shapes one path of 225,590 is off by a quarter: why is not known yet.
     fn assert_fine(&self, name: &str) {
         let (back, .., worst) = self.sums();
-        let coarse = if name == "shapes" { (1e-4 * f64::from(back)) as u32 } else { 0 };
+        let coarse = if name == "shapes" { (1e-5 * f64::from(back)) as u32 } else { 0 };
         assert!(self.1 <= coarse, "{name}: {} of {back} are off by more than {COARSE}, by {worst} at most", self.1);
     }
 }
@@ -144,7 +144,7 @@ fn come_back_from_other_pixels(seeds: u32, each: u32) {
                  most {worst}",
                 lost - flipped
             );
-            // By rounding, a footprint or a Jacobian that is within its limit there may be beyond it on the way back, and a place that is
+            // Presumably by rounding (their distance from the threshold is not measured), a footprint or a Jacobian that is within its limit there may be beyond it on the way back, and a place that is
             // kept in 16 bits may lie behind the edge that the ray passed.
             assert!(back > 5000 * seeds && lost == flipped && flipped as f32 <= 1e-5 * back as f32, "{:?}", census.0);
             census.assert_fine(name);
