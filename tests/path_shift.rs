@@ -20,17 +20,17 @@ const UNCONNECTABLE: u32 = 4;
 const APART: u32 = 6;
 const HIDDEN: u32 = 7;
 
-/// Number of paths, by how they end, their length, where others reconnect to them, and why they cannot be shifted; the largest relative
-/// error of what they carry; and how many have one beyond [`COARSE`].
+/// Number of paths, by how they end, their length, where others reconnect to them, their lobes, and why they cannot be shifted; the
+/// largest relative error of what they carry; and how many have one beyond [`COARSE`].
 #[derive(Default)]
 struct Census(BTreeMap<(u32, u32), (u32, f32)>, u32);
 
 /// Relative error of what a path carries after both ways, beyond which rounding was unkind to it.  Directions and places are kept in 16
 /// bits.
-const COARSE: f32 = 0.02;
+const COARSE: f32 = 0.05;
 
 impl Census {
-    /// Adds a picture of (reason, end + 10 length + 1000 k, error) where there is a path.
+    /// Adds a picture of (reason, kind, error) where there is a path.
     fn add(&mut self, picture: &Picture, emitted: &Picture) {
         for ((_, c), (_, e)) in picture.iter().zip(emitted.iter()) {
             if e == Vec3::ZERO && c.y > 0.0 {
@@ -94,16 +94,27 @@ fn a_path_is_its_own_image_in_its_own_pixel() {
     }
 }
 
-/// How a path ends and where it is reconnected, of the number that the shader shows: cases of the shift.
-fn case_of(kind: u32) -> &'static str {
-    let (end, length, reconnection) = (kind % 10, kind / 10 % 100, kind / 1000);
-    match (end, reconnection) {
+/// How a path ends, where it is reconnected, and by what it goes, of the number that the shader shows: cases of the shift.
+fn cases_of(kind: u32) -> Vec<&'static str> {
+    let bits = |from: u32, count: u32| kind >> from & ((1 << count) - 1);
+    let (end, length, reconnection) = (bits(0, 2), bits(2, 3), bits(5, 3));
+    let (lobe_before, lobe_after, is_in_mirror) = (bits(8, 2), bits(10, 2), bits(12, 1) == 1);
+    let mut cases = vec![match (end, reconnection) {
         (1, k) if k == length => "aimed at a light, which is reconnected to",
         (1, _) => "aimed at a light after the reconnection",
         (_, 0) => "replayed whole",
         (2, _) => "met an emitter",
         _ => "met the environment",
+    }];
+    if is_in_mirror {
+        cases.push("first seen in a mirror");
     }
+    // A light that is aimed at is met by all lobes.
+    let last = if end == 1 { length - 1 } else { length };
+    if reconnection != 0 && reconnection < last && lobe_before != lobe_after {
+        cases.push("reconnected from one lobe to another");
+    }
+    cases
 }
 
 #[test]
@@ -128,6 +139,7 @@ fn come_back_from_other_pixels(seeds: u32, each: u32) {
     for (name, make) in PATH_SCENES.into_iter().chain([by_chance]) {
         let Some(mut rig) = scene(SIZE, make) else { return };
         let aims: &[&str] = if name == by_chance.0 { &["TEST_NOT_AIMED"] } else { &[] };
+        let seeds = if name == by_chance.0 { 5 * seeds } else { seeds };
         let defs = [&["TEST_ROUND_TRIP", "TEST_BESIDE"], aims].concat();
         for (what, paths) in [
             ("footprints", &Paths::default()),
@@ -149,7 +161,9 @@ fn come_back_from_other_pixels(seeds: u32, each: u32) {
             assert!(back > 5000 * seeds && lost == flipped && flipped as f32 <= 1e-5 * back as f32, "{:?}", census.0);
             census.assert_fine(name);
             for (&(kind, reason), (count, _)) in &census.0 {
-                *cases.entry(case_of(kind)).or_default() += if reason == 0 { *count } else { 0 };
+                for case in cases_of(kind) {
+                    *cases.entry(case).or_default() += if reason == 0 { *count } else { 0 };
+                }
             }
             // Some would be reconnected earlier there, others not where they are here: the shift must not take them (O1, O2).
             if what == "often replayed" && !matches!(name, "mirrors" | "by chance") {
@@ -160,7 +174,7 @@ fn come_back_from_other_pixels(seeds: u32, each: u32) {
         }
     }
     eprintln!("came back: {cases:#?}");
-    assert!(cases.len() == 5 && cases.values().all(|&count| count > each), "{cases:#?}");
+    assert!(cases.len() == 7 && cases.values().all(|&count| count > each), "{cases:#?}");
 }
 
 /// Narrow lobes magnify the rounding of places that are all but in one corner: those paths are counted apart.
@@ -182,6 +196,16 @@ fn paths_over_every_lobe_come_back_as_they_were() {
 
 #[test]
 fn paths_come_back_from_the_last_frame_as_they_were() {
+    come_back_from_the_last_frame(12, 100_000);
+}
+
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_a_million_paths_come_back_from_the_last_frame() {
+    come_back_from_the_last_frame(90, 1_000_000);
+}
+
+fn come_back_from_the_last_frame(seeds: u32, least: u32) {
     let Some(mut rig) = scene(SIZE, moving) else { return };
     pose_moving(&mut rig, STEPS);
     let emitted = emission(&mut rig);
@@ -193,7 +217,7 @@ fn paths_come_back_from_the_last_frame_as_they_were() {
     });
     rig.until_ready();
     let mut census = Census::default();
-    for seed in 0..12 {
+    for seed in 0..seeds {
         rig.set(|r| r.seed = seed);
         for step in 0..STEPS {
             pose_moving(&mut rig, step);
@@ -204,6 +228,6 @@ fn paths_come_back_from_the_last_frame_as_they_were() {
     }
     let (back, away, lost, worst) = census.sums();
     eprintln!("{back} paths came back, {away} did not arrive, {lost} were lost, error at most {worst}");
-    assert!(back > 100_000 && lost as f32 <= 1e-4 * back as f32, "{:?}", census.0);
+    assert!(back > least && lost as f32 <= 1e-4 * back as f32, "{:?}", census.0);
     assert!(worst < COARSE, "{worst}");
 }

@@ -1,5 +1,6 @@
 // Initial candidates of ReSTIR PT and GI (paper 000; paper 002, 4.3.2): one tree of paths a pixel, resampled into one path.
 
+#import bevy_restir::bsdf::bsdf::bsdf_is_delta
 #import bevy_restir::common::constants::{FAR, NONE}
 #import bevy_restir::common::math::luminance
 #import bevy_restir::common::rng::{pcg4d, rng_new, STREAM_TREE}
@@ -78,7 +79,10 @@ fn carried_by(chosen: Chosen, kept: Reservoir, r: Receiver, ids: vec2<u32>, pixe
         }
     }
     let error = max(distance(f, chosen.f) / max(length(chosen.f), 1.0e-30), abs(jacobian - 1.0));
-    let kind = f32(chosen.path.end) + 10.0 * f32(chosen.path.length) + 1000.0 * f32(chosen.path.reconnection);
+    // 13 bits: few enough to survive the weight.
+    let p = chosen.path;
+    let lobes = p.lobe_before | p.lobe_after << 2u | u32(bsdf_is_delta(r.first.surface.bsdf)) << 4u;
+    let kind = f32(p.end | p.length << 2u | p.reconnection << 5u | lobes << 8u);
     let shown = vec3<f32>(f32(reason), kind, max(error - rounding_at_first(chosen.path, r.first.surface), 0.0));
     return shown / max(chosen.ucw, 1.0e-30);
 }

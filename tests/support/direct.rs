@@ -211,13 +211,18 @@ pub fn mirrors(rig: &mut Rig) {
     rig.spawn(square(0.4), unlit, Transform::from_xyz(-1.0, 0.7, 0.0));
 }
 
-/// Under a ceiling that shines, which rays often meet; a mirror shows it.
+/// Under a ceiling that shines, which rays often meet; a mirror shows it, and things that are half metal.
 pub fn shining(rig: &mut Rig) {
     room(rig);
     let ceiling = Transform::from_xyz(0.0, 1.9, 0.0).with_rotation(Quat::from_rotation_x(core::f32::consts::FRAC_PI_2));
     rig.spawn(square(12.0), lamp(0.8, 0.9, 1.0), ceiling);
     let mirror = Transform::from_xyz(0.7, 0.0, -0.9).with_rotation(Quat::from_rotation_x(-0.4));
     rig.spawn(square(2.0), shiny(Color::linear_rgb(0.9, 0.9, 0.9), 0.0, 1.0), mirror);
+    let floor =
+        Transform::from_xyz(0.0, -1.19, 0.0).with_rotation(Quat::from_rotation_x(-core::f32::consts::FRAC_PI_2));
+    rig.spawn(square(4.0), shiny(Color::WHITE, 0.5, 0.5), floor);
+    rig.spawn(square(4.0), shiny(Color::WHITE, 0.5, 0.5), Transform::from_xyz(0.0, 0.0, -1.19));
+    rig.spawn(Cuboid::new(0.9, 0.9, 0.9), shiny(Color::WHITE, 0.5, 0.5), Transform::from_xyz(-0.9, -0.74, 0.3));
     rig.spawn(Sphere::new(0.4).mesh().uv(16, 10), shiny(Color::WHITE, 0.3, 1.0), Transform::from_xyz(0.1, -0.8, 0.8));
 }
 
