@@ -150,7 +150,7 @@ pub struct Restir {
     /// missing (darker); the cost grows with it.
     pub bounces: u32,
     /// Moves the primary rays within the pixel from frame to frame (box filter).  Without it every frame looks through the centres of
-    /// the pixels: edges alias.
+    /// the pixels: edges alias.  A camera with Bevy's `TemporalJitter`, as `TemporalAntiAliasing` brings it, is moved by that instead.
     pub jitter: bool,
     /// Adds the light that bounces more than once within a rough surface to the specular lobes of reflection (Turquin 2019, as in
     /// paper 002, 2.1.3).  Without it rough metals are darker than they are.

@@ -10,6 +10,7 @@ mod uniforms;
 
 use bevy::{
     app::SubApp,
+    camera::MainPassResolutionOverride,
     core_pipeline::{core_3d::prepare_prepass_textures, prepass::ViewPrepassTextures},
     ecs::prelude::*,
     log::warn,
@@ -61,7 +62,7 @@ pub(crate) struct RestirView {
     /// Pixels of the picture that is traced.
     pub size: UVec2,
     pub origin: UVec2,
-    /// Pixels of the viewport: `size`, or more where the device cannot bind as much.
+    /// Pixels of the viewport that Bevy's main pass draws to: `size`, or more where the device cannot bind as much.
     pub target_size: UVec2,
     /// Bit of its render layers.
     pub layers: u32,
@@ -166,6 +167,7 @@ fn prepare_views(
         Option<&ViewTarget>,
         Option<&TemporalJitter>,
         Option<&ViewPrepassTextures>,
+        Option<&MainPassResolutionOverride>,
     )>,
     scene: Res<SceneBindings>,
     environments: Res<EnvironmentPool>,
@@ -178,14 +180,16 @@ fn prepare_views(
     let limit = fit::binding_limit(&device);
     pool.views.retain(|entity, _| extracted.0.contains_key(entity));
     for (&entity, restir) in &mut extracted.0 {
-        let Some((camera, view, target, jitter, prepass)) =
+        let Some((camera, view, target, jitter, prepass, smaller)) =
             cameras.get(entity).ok().filter(|c| extract::has_view(Some(c.0)))
         else {
             // Nothing of an older frame is shown, captured or counted.
             pool.views.remove(&entity);
             continue;
         };
-        let target_size = UVec2::new(view.viewport.z, view.viewport.w).max(UVec2::ONE);
+        let viewport = UVec2::new(view.viewport.z, view.viewport.w);
+        // An upscaler, such as DLSS, enlarges what fills only the corner of the viewport.
+        let target_size = smaller.map_or(viewport, |size| size.0.min(viewport)).max(UVec2::ONE);
         let frame = Frame::of(&restir.settings);
         let size = fit::traced_size(target_size, frame.domains(), &restir.settings, limit);
         if size != target_size && told.insert((entity, "size")) {
