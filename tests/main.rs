@@ -17,6 +17,7 @@ mod direct_motion;
 mod direct_scenes;
 mod direct_settings;
 mod edits;
+mod effects;
 mod environment;
 mod extremes;
 mod geometry;
