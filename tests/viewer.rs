@@ -2,17 +2,20 @@
 
 use crate::support::{app::*, cli::Folder, gltf::Scene};
 use bevy::{
+    anti_alias::taa::TemporalAntiAliasing,
     input::{
         ButtonState,
         mouse::{MouseButtonInput, MouseScrollUnit, MouseWheel},
         touch::TouchPhase,
     },
+    post_process::bloom::Bloom,
     prelude::*,
     reflect::{PartialReflect, ReflectRef},
+    render::camera::TemporalJitter,
     window::{CursorMoved, FileDragAndDrop, WindowEvent},
 };
 use bevy_egui::egui;
-use bevy_restir::{Restir, RestirEnvironment, Technique};
+use bevy_restir::{DebugView, Restir, RestirEnvironment, Technique};
 use program::{animation::Clips, docs::Docs, fields, form::Form, light::LastResort, load::Stage};
 use std::path::Path;
 
@@ -183,6 +186,51 @@ fn a_file_that_is_dropped_replaces_the_scene_and_one_that_fails_is_a_line() {
     rig.insert(camera, sky(2.0));
     drop_file(&mut rig, &dark);
     assert_eq!(lent(&rig), (true, false));
+    rig.assert_sound();
+}
+
+#[test]
+fn every_setting_can_be_changed_while_it_runs() {
+    let Some(mut rig) = Rig::new(16, 16) else { return };
+    rig.spawn(square(4.0), lambert(0.5), Transform::default());
+    rig.spawn_bundle((PointLight { intensity: 60.0, ..default() }, Transform::from_xyz(0.5, 0.5, 2.0)));
+    let settings = Restir { technique: Technique::Gi, bounces: 2, ..plain() };
+    rig.set(|restir| *restir = settings.clone());
+    let mean = rig.picture(4).mean();
+    for path in fields::paths().into_iter().filter(|path| path != "debug_view") {
+        for up in [true, false] {
+            rig.set(|restir| {
+                *restir = settings.clone();
+                fields::change(restir, &path, up);
+            });
+            rig.until_ready();
+            let picture = rig.next();
+            assert!(picture.is_finite(), "{path}");
+            assert!((0.3..3.0).contains(&(picture.mean() / mean)), "{path}: {} after {mean}", picture.mean());
+        }
+        rig.assert_sound();
+    }
+}
+
+#[test]
+fn bloom_and_temporal_anti_aliasing_come_and_go_and_are_for_light_alone() {
+    let Some(mut rig) = Rig::new(16, 16) else { return };
+    rig.spawn(square(4.0), lambert(0.5), Transform::default());
+    rig.insert(rig.camera, program::look::look(Some(0.0)));
+    rig.app.add_systems(Update, program::look::add_effects);
+    let has = |rig: &mut Rig, wanted: bool, view: DebugView| {
+        rig.set(|restir| restir.debug_view = view);
+        let mut look = rig.get_mut::<program::look::Look>(rig.camera);
+        (look.glows, look.smooths) = (wanted, wanted);
+        rig.frames(3);
+        let camera = rig.app.world().entity(rig.camera);
+        let jitters = camera.contains::<TemporalJitter>();
+        [camera.contains::<Bloom>(), camera.contains::<TemporalAntiAliasing>(), jitters]
+    };
+    assert_eq!(has(&mut rig, true, DebugView::Off), [true; 3]);
+    assert_eq!(has(&mut rig, true, DebugView::Depth), [false; 3]);
+    assert_eq!(has(&mut rig, true, DebugView::Off), [true; 3]);
+    assert_eq!(has(&mut rig, false, DebugView::Off), [false; 3], "our own jitter is back");
     rig.assert_sound();
 }
 

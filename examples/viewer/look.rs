@@ -1,6 +1,17 @@
-//! From radiance to the screen: exposure that fits what is seen, tonemapping, and debug views scaled to what a screen can show.
+//! From radiance to the screen: exposure that fits what is seen, tonemapping, Bevy's effects, and debug views scaled to what a screen
+//! can show.
 
-use bevy::{camera::Exposure, core_pipeline::tonemapping::Tonemapping, prelude::*};
+use bevy::{
+    anti_alias::taa::TemporalAntiAliasing,
+    camera::Exposure,
+    core_pipeline::{
+        prepass::{DepthPrepass, MotionVectorPrepass},
+        tonemapping::Tonemapping,
+    },
+    post_process::bloom::Bloom,
+    prelude::*,
+    render::camera::{MipBias, TemporalJitter},
+};
 use bevy_restir::{CapturedRadiance, RadianceCapture, RestirStatistics, prelude::*};
 
 use super::load::{Arrived, Stage};
@@ -21,6 +32,10 @@ pub struct Look {
     pub fits: bool,
     /// The next picture decides the exposure.
     pub measures: bool,
+    /// Bright things glow; light only.
+    pub glows: bool,
+    /// Bevy's temporal anti-aliasing; of light only.
+    pub smooths: bool,
     waited: u32,
     scaled_for: Option<(DebugView, Technique)>,
 }
@@ -31,6 +46,8 @@ pub fn look(ev100: Option<f32>) -> impl Bundle {
         tonemapping: Tonemapping::default(),
         fits: ev100.is_none(),
         measures: false,
+        glows: false,
+        smooths: false,
         waited: 0,
         scaled_for: None,
     };
@@ -39,7 +56,7 @@ pub fn look(ev100: Option<f32>) -> impl Bundle {
 }
 
 pub fn plugin(app: &mut App) {
-    app.add_systems(Update, (measure_arrivals, expose, show_views).chain());
+    app.add_systems(Update, (measure_arrivals, expose, show_views, add_effects).chain());
 }
 
 fn measure_arrivals(mut arrived: MessageReader<Arrived>, mut looks: Query<&mut Look>) {
@@ -115,6 +132,30 @@ fn show_views(stage: Res<Stage>, mut cameras: Query<(&mut Look, &mut Restir, &mu
         let scale = 1.0 / white_of(&restir, far);
         if restir.debug_scale != scale {
             restir.debug_scale = scale;
+        }
+    }
+}
+
+/// What is asked for of Bevy's effects, and is not to be seen on debug views.
+pub fn add_effects(
+    mut commands: Commands,
+    cameras: Query<(Entity, &Look, &Restir, Has<Bloom>, Has<TemporalAntiAliasing>)>,
+) {
+    for (camera, look, restir, glows, smooths) in &cameras {
+        let is_light = restir.debug_view == DebugView::Off;
+        let mut camera = commands.entity(camera);
+        match (look.glows && is_light, glows) {
+            (true, false) => _ = camera.insert(Bloom::NATURAL),
+            (false, true) => _ = camera.remove::<Bloom>(),
+            _ => {}
+        }
+        match (look.smooths && is_light, smooths) {
+            (true, false) => _ = camera.insert(TemporalAntiAliasing::default()),
+            // What it needs goes as well: our own jitter takes the place of its.
+            (false, true) => {
+                camera.remove::<(TemporalAntiAliasing, TemporalJitter, MipBias, DepthPrepass, MotionVectorPrepass)>();
+            }
+            _ => {}
         }
     }
 }

@@ -18,7 +18,7 @@ pub mod form;
 mod framing;
 pub mod light;
 pub mod load;
-mod look;
+pub mod look;
 #[path = "../shared/numbers.rs"]
 mod numbers;
 mod panel;

@@ -1,6 +1,7 @@
 //! The panel on the right of the picture, the keys, and the room that it leaves.
 
 use bevy::{
+    anti_alias::taa::TemporalAntiAliasing,
     camera::{Exposure, Viewport},
     core_pipeline::tonemapping::Tonemapping,
     diagnostic::DiagnosticsStore,
@@ -250,6 +251,13 @@ fn picture(ui: &mut egui::Ui, restir: &mut Mut<Restir>, look: &mut Look, exposur
         }
     });
     ui.horizontal(|ui| {
+        ui.toggle_value(&mut look.glows, "Bloom").on_hover_text("Bright things glow, as in a lens");
+        ui.toggle_value(&mut look.smooths, "TAA").on_hover_text(
+            "Bevy's temporal anti-aliasing: less noise, and some lag. It draws to whole windows only: the picture goes on \
+             behind the panel.",
+        );
+    });
+    ui.horizontal(|ui| {
         let mut wanted = Restir::clone(restir);
         let list =
             |name: &str, width| egui::ComboBox::from_id_salt(name.to_string()).width(width).height(420.0).truncate();
@@ -370,11 +378,12 @@ pub fn act_on_keys(
     }
 }
 
-/// The picture takes what the panel leaves of the window.
+/// The picture takes what the panel leaves of the window; under temporal anti-aliasing, which in Bevy knows no viewports
+/// (bevyengine/bevy#16290), all of it.
 pub fn leave_room(
     panel: Res<Panel>,
     windows: Query<&Window, With<PrimaryWindow>>,
-    mut cameras: Query<&mut Camera, With<Eye>>,
+    mut cameras: Query<(&mut Camera, Has<TemporalAntiAliasing>), With<Eye>>,
 ) {
     let Ok(window) = windows.single() else { return };
     let size = window.physical_size();
@@ -382,8 +391,9 @@ pub fn leave_room(
         return;
     }
     let taken = (panel.width * window.scale_factor()).round() as u32;
-    let physical_size = UVec2::new(size.x.saturating_sub(taken).max(1), size.y);
-    for mut camera in &mut cameras {
+    for (mut camera, fills) in &mut cameras {
+        let taken = if fills { 0 } else { taken };
+        let physical_size = UVec2::new(size.x.saturating_sub(taken).max(1), size.y);
         if camera.viewport.as_ref().is_none_or(|viewport| viewport.physical_size != physical_size) {
             camera.viewport = Some(Viewport { physical_size, ..default() });
         }
