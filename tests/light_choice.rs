@@ -1,12 +1,15 @@
 //! Lights are chosen by power, the environment among them, and tables hold what they were given.
 
 use super::support::{
+    app::*,
     compose::{Def, flag},
     gpu::{Bound, gpu},
     lit::Lit,
     stats::{assert_family, chi_squared},
 };
+use bevy::prelude::*;
 use bevy_restir::{
+    DebugView, Direct, Restir, Technique,
     gpu_types::{GpuLight, NONE},
     scene::alias::{alias_table, unusable_powers},
 };
@@ -96,6 +99,27 @@ fn without_lights_nothing_is_chosen() {
         assert!(found.iter().all(|f| f.1 >= 0.04 && f.1 <= 0.96), "{power}, {radius}: {:?}", found[0]);
         assert!(found.iter().any(|f| f.0 == 0) && found.iter().any(|f| f.0 == ENVIRONMENT_LIGHT));
     }
+}
+
+#[test]
+fn a_textured_lamp_is_chosen_by_the_light_that_it_sends() {
+    let Some(mut rig) = Rig::new(32, 32) else { return };
+    rig.spawn(square(20.0), lambert(0.5), Transform::default());
+    // Two of a square metre, one of which is black by half.
+    let board = rig.add::<Image>(texture(8, 8, |x, y| if (x + y) % 2 == 0 { [255; 4] } else { [0, 0, 0, 255] }));
+    for (x, emissive_texture) in [(-2.0, None), (2.0, Some(board))] {
+        let lamp = StandardMaterial { emissive_texture, ..lamp(1.0, 1.0, 1.0) };
+        rig.spawn(square(1.0), lamp, Transform::from_xyz(x, 6.0, 4.0).looking_to(Vec3::Z, Vec3::Y));
+    }
+    let direct = Direct { candidates: 1, bsdf_candidate: false, temporal: false, spatial_taps: 0, ..default() };
+    rig.set(|r| *r = Restir { technique: Technique::Di, direct, ..plain() });
+    let weights = rig.debug(DebugView::ReservoirWeights);
+    // Of a candidate one over the chance of its triangle: two thirds and one third by twos.
+    let near = |value: f32| weights.iter().filter(|(_, w)| (w.x / value - 1.0).abs() < 1e-3).count();
+    let (plain, textured) = (near(3.0), near(6.0));
+    let lit = weights.iter().filter(|(_, w)| w.x > 0.0).count();
+    println!("{plain} of one, {textured} of the other, of {lit}");
+    assert!(plain > 400 && textured > 80 && plain + textured == lit, "{plain}, {textured} of {lit}");
 }
 
 #[test]

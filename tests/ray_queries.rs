@@ -10,7 +10,7 @@ use crate::support::{
     gpu::{Gpu, back_ends},
     scenes::*,
 };
-use bevy::prelude::*;
+use bevy::{camera::visibility::RenderLayers, prelude::*};
 use bevy_restir::{Restir, Technique, gpu_types::*};
 
 const TRACE: &str = include_str!("support/kernels/trace.wgsl");
@@ -208,6 +208,16 @@ fn third_frame(rig: &mut Rig) -> Picture {
     rig.next()
 }
 
+/// A ball, a rectangle and the disc of a sun; and of another layer than the camera's a pane between them and what they light, and a lamp.
+fn layered(rig: &mut Rig) {
+    shapes(rig);
+    let pane = rig.spawn(square(3.0), lambert(0.5), Transform::from_xyz(0.0, 0.2, 0.9));
+    let unseen = rig.spawn(square(1.0), lamp(20.0, 2.0, 2.0), Transform::from_xyz(0.0, 0.4, -1.0));
+    for entity in [pane, unseen] {
+        rig.insert(entity, RenderLayers::layer(1));
+    }
+}
+
 /// A driver on a CPU compiles the passes of paths for minutes.
 #[test]
 #[ignore = "minutes"]
@@ -221,7 +231,9 @@ fn pictures_of_one_seed_are_the_same_by_ray_queries() {
 }
 
 fn same_pictures(techniques: &[Technique]) {
-    for (name, make) in [("glossy", glossy as fn(&mut Rig)), ("blended", blended), ("punctual", punctual)] {
+    let scenes: [(&str, fn(&mut Rig)); 4] =
+        [("glossy", glossy), ("blended", blended), ("punctual", punctual), ("shapes and layers", layered)];
+    for (name, make) in scenes {
         let Some(mut twins) = Twins::new(32) else { return };
         twins.both(make);
         twins.both(camera);

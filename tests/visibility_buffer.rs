@@ -153,6 +153,34 @@ fn a_mask_shows_what_is_behind_its_holes() {
 }
 
 #[test]
+fn normals_of_what_is_scaled_unequally_stand_on_its_surface() {
+    let Some(mut rig) = Rig::new(48, 48) else { return };
+    rig.insert(rig.camera, orthographic(4.0, 4.0));
+    let turned = Transform::from_rotation(Quat::from_euler(EulerRot::XYZ, 0.5, -0.4, 0.3));
+    let parent = rig.spawn_bundle((turned.with_scale(Vec3::new(0.7, 1.1, -1.0)), Visibility::default()));
+    let scaled = Transform::from_scale(Vec3::new(1.6, 0.5, 1.0)).with_rotation(Quat::from_rotation_z(0.6));
+    let ball = rig.spawn(Sphere::new(1.0).mesh().uv(128, 96), lambert(0.5), scaled);
+    rig.app.world_mut().entity_mut(parent).add_child(ball);
+    let (depth, normals) = (rig.debug(DebugView::Depth), rig.debug(DebugView::Normals));
+    let object = rig.app.world().get::<GlobalTransform>(ball).expect("it has one").affine();
+    let (mut seen, mut power) = (0, 0);
+    for (at, shown) in normals.iter().filter(|(at, _)| (4.0..6.0).contains(&depth.at(at.x, at.y).x)) {
+        let across = (at.as_vec2() + 0.5) / 12.0 - 2.0;
+        let on_ball = object.inverse().transform_point3(Vec3::new(across.x, -across.y, 5.0 - depth.at(at.x, at.y).x));
+        let expected = (object.matrix3.inverse().transpose() * on_ball).normalize();
+        // At the outline the facets are seen edge on.
+        if expected.z < 0.2 {
+            continue;
+        }
+        let got = 2.0 * shown - 1.0;
+        seen += 1;
+        assert!(got.dot(expected) > 0.999, "{got}, not {expected}, at {at}");
+        power += ((object.matrix3 * on_ball).normalize().dot(expected) < 0.95) as u32;
+    }
+    assert!(seen > 100 && power > seen / 4, "{seen} pixels, {power} of which tell");
+}
+
+#[test]
 fn debug_views_are_values_whatever_the_exposure() {
     let Some(mut rig) = Rig::new(8, 8) else { return };
     rig.spawn(square(20.0), lambert(0.5), Transform::from_xyz(0.0, 0.0, 1.0));
