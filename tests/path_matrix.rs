@@ -86,8 +86,10 @@ impl Row for PathRow {
         match self.scene() {
             "cornell" | "furnace" => Proof { margin: 0.01, bounces: 4, ..Proof::of((40, 20), (40, 60)) },
             "punctual" => long(0.015),
-            // Little of their light comes in, by few ways; mirrors show some of it.
-            "ajar" | "blinds" | "mirror_room" => Proof { margin: 0.02, bounces: 4, ..Proof::of((40, 50), (40, 300)) },
+            // Little of their light comes in, by few ways; what is glossy shows some of it.
+            "ajar" | "blinds" | "glossy" | "mirror_room" => {
+                Proof { margin: 0.02, bounces: 4, ..Proof::of((40, 50), (40, 300)) }
+            }
             "moving" => Proof { margin: 0.02, bounces: 3, pose: Some(&pose_moving), ..Proof::of((240, 1), (40, 60)) },
             _ => long(0.02),
         }

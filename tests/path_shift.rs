@@ -54,9 +54,14 @@ impl Census {
 }
 
 impl Census {
+    /// One in a million may: one that grazes a later vertex, where rounding is not reckoned with.
     fn assert_fine(&self, name: &str) {
         let (back, .., worst) = self.sums();
-        assert!(self.1 == 0, "{name}: {} of {back} are off by more than {COARSE}, by {worst} at most", self.1);
+        assert!(
+            self.1 <= back / 1_000_000,
+            "{name}: {} of {back} are off by more than {COARSE}, by {worst} at most",
+            self.1
+        );
     }
 }
 
@@ -119,28 +124,49 @@ fn cases_of(kind: u32) -> Vec<&'static str> {
 
 #[test]
 fn paths_come_back_from_other_pixels_as_they_were() {
-    come_back_from_other_pixels(10, 100_000);
+    come_back_from_other_pixels(&PATH_SCENES, &[], 10, &AIMED, 100_000);
+}
+
+#[test]
+fn paths_that_met_light_by_chance_come_back_from_other_pixels() {
+    come_back_from_other_pixels(&BY_CHANCE, &["TEST_NOT_AIMED"], 50, &MET, 100_000);
 }
 
 #[test]
 #[ignore = "minutes: ./run test --full"]
 fn full_length_millions_of_paths_come_back_from_other_pixels() {
-    come_back_from_other_pixels(100, 1_000_000);
+    come_back_from_other_pixels(&PATH_SCENES, &[], 100, &AIMED, 1_000_000);
 }
 
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_millions_of_paths_that_met_light_by_chance_come_back() {
+    come_back_from_other_pixels(&BY_CHANCE, &["TEST_NOT_AIMED"], 450, &MET, 1_000_000);
+}
+
+/// Where lights are aimed at from everywhere, few paths that met one by chance are kept: here only those are.
+const BY_CHANCE: [(&str, fn(&mut Rig)); 1] = [("by chance", shining)];
+
+const AIMED: [&str; 3] =
+    ["aimed at a light, which is reconnected to", "aimed at a light after the reconnection", "met the environment"];
+const MET: [&str; 4] =
+    ["met an emitter", "replayed whole", "first seen in a mirror", "reconnected from one lobe to another"];
+
 /// At least so many of each case, in so many frames a scene and kind of reconnection.
-fn come_back_from_other_pixels(seeds: u32, each: u32) {
+fn come_back_from_other_pixels(
+    scenes: &[(&str, fn(&mut Rig))],
+    defs: &[&'static str],
+    seeds: u32,
+    wanted: &[&str],
+    each: u32,
+) {
     let often_replayed = Paths { footprint: 20.0, ..Default::default() };
     let black_box = Paths { reconnection: Reconnection::BlackBox, roughness: 0.6, ..Default::default() };
     let by_distance = Paths { reconnection: Reconnection::Distance, distance: 0.5, ..Default::default() };
     let mut cases: BTreeMap<&str, u32> = BTreeMap::new();
-    // Where lights are aimed at from everywhere, few paths that met one by chance are kept: in one scene only those are.
-    let by_chance: (&str, fn(&mut Rig)) = ("by chance", shining);
-    for (name, make) in PATH_SCENES.into_iter().chain([by_chance]) {
+    for &(name, make) in scenes {
         let Some(mut rig) = scene(SIZE, make) else { return };
-        let aims: &[&str] = if name == by_chance.0 { &["TEST_NOT_AIMED"] } else { &[] };
-        let seeds = if name == by_chance.0 { 5 * seeds } else { seeds };
-        let defs = [&["TEST_ROUND_TRIP", "TEST_BESIDE"], aims].concat();
+        let defs = [&["TEST_ROUND_TRIP", "TEST_BESIDE"], defs].concat();
         for (what, paths) in [
             ("footprints", &Paths::default()),
             ("often replayed", &often_replayed),
@@ -174,7 +200,7 @@ fn come_back_from_other_pixels(seeds: u32, each: u32) {
         }
     }
     eprintln!("came back: {cases:#?}");
-    assert!(cases.len() == 7 && cases.values().all(|&count| count > each), "{cases:#?}");
+    assert!(wanted.iter().all(|case| cases.get(case).is_some_and(|&count| count > each)), "{cases:#?}");
 }
 
 /// Narrow lobes magnify the rounding of places that are all but in one corner: those paths are counted apart.
