@@ -5,8 +5,8 @@ use super::support::{
     app::*,
     compose::flag,
     direct::{both, every, surrounded_by},
-    gpu::{Bound, Gpu, gpu},
-    lit::Lit,
+    gpu::{Gpu, gpu, wide},
+    lit::{EnvironmentSample, Lit},
     log,
     oracle::environment::{luminance, solid_angle, uv},
     proof::Proof,
@@ -19,7 +19,6 @@ use bevy::{
     render::render_resource::{Extent3d, TextureDimension, TextureFormat, TextureViewDescriptor, TextureViewDimension},
 };
 use bevy_restir::{Direct, Paths, Restir};
-use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 /// Faces in the world: middle, right and down, as one sees them from within.
@@ -76,35 +75,17 @@ impl Cube {
     }
 }
 
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-struct Sample {
-    direction: [f32; 3],
-    pdf: f32,
-    radiance: [f32; 3],
-    pdf_again: f32,
-}
-
-fn wide(v: [f32; 3]) -> DVec3 {
-    DVec3::from(v.map(f64::from))
-}
-
-fn run(lit: &Lit, seed: u32, samples: &[Sample]) -> Vec<Sample> {
-    let defs = ["ENVIRONMENT", "ENVIRONMENT_MAP", "ENVIRONMENT_CUBE"].map(flag);
-    let seed = lit.gpu.storage(&[seed]);
-    let buffer = lit.gpu.storage(samples);
-    let bound = [(2, 0, Bound::Buffer(&seed)), (2, 1, Bound::Buffer(&buffer))];
-    lit.run("environment", include_str!("support/kernels/environment.wgsl"), &defs, samples.len() as u32, &bound);
-    lit.gpu.read(&buffer)
+fn run(lit: &Lit, seed: u32, samples: &[EnvironmentSample]) -> Vec<EnvironmentSample> {
+    lit.sample_environment(seed, samples, &["ENVIRONMENT", "ENVIRONMENT_MAP", "ENVIRONMENT_CUBE"].map(flag))
 }
 
 /// Radiance that the shader has in these directions.
 fn seen(gpu: &Gpu, cube: &Cube, directions: &[DVec3]) -> Vec<DVec3> {
     let mut lit = Lit::new(gpu);
     lit.set_cube(cube.side as u32, &cube.words(), 16, 8);
-    let asked: Vec<Sample> = directions
+    let asked: Vec<EnvironmentSample> = directions
         .iter()
-        .map(|d| Sample { direction: d.as_vec3().to_array(), pdf: 1.0, ..Default::default() })
+        .map(|d| EnvironmentSample { direction: d.as_vec3().to_array(), pdf: 1.0, ..Default::default() })
         .collect();
     run(&lit, 0, &asked).iter().map(|s| wide(s.radiance)).collect()
 }
@@ -195,7 +176,7 @@ fn directions_to_a_cube_follow_their_density_and_average_to_its_irradiance() {
         let total: f64 = table.iter().map(|&t| f64::from(t)).sum();
         let directions = move |seed: u32| {
             let mut counts = vec![0.0; table.len()];
-            for s in run(lit, seed, &vec![Sample::default(); SAMPLES]) {
+            for s in run(lit, seed, &vec![EnvironmentSample::default(); SAMPLES]) {
                 let (u, v) = uv(wide(s.direction).normalize());
                 let x = ((u * f64::from(width)) as usize).min(width as usize - 1);
                 let y = ((v * f64::from(height)) as usize).min(height as usize - 1);
@@ -209,12 +190,12 @@ fn directions_to_a_cube_follow_their_density_and_average_to_its_irradiance() {
             chi_squared(&counts, &expected)
         };
         // ∫ L dω by a grid of directions, against the samples' mean.
-        let grid: Vec<Sample> = (0..1 << 18)
+        let grid: Vec<EnvironmentSample> = (0..1 << 18)
             .map(|i| {
                 let (z, phi) = ((i as f64 + 0.5) / f64::from(1 << 17) - 1.0, i as f64 * 2.399_963_229_728_653);
                 let r = (1.0 - z * z).sqrt();
                 let d = [r * phi.cos(), r * phi.sin(), z].map(|x| x as f32);
-                Sample { direction: d, pdf: 1.0, ..Default::default() }
+                EnvironmentSample { direction: d, pdf: 1.0, ..Default::default() }
             })
             .collect();
         let on_grid = run(lit, 0, &grid);
@@ -228,8 +209,9 @@ fn directions_to_a_cube_follow_their_density_and_average_to_its_irradiance() {
             );
         }
         let mean = move |seed: u32| {
-            let values = run(lit, seed + 20, &vec![Sample::default(); SAMPLES]);
-            let of = |s: &Sample| luminance(wide(s.radiance)) / f64::from(s.pdf) / (4.0 * std::f64::consts::PI);
+            let values = run(lit, seed + 20, &vec![EnvironmentSample::default(); SAMPLES]);
+            let of =
+                |s: &EnvironmentSample| luminance(wide(s.radiance)) / f64::from(s.pdf) / (4.0 * std::f64::consts::PI);
             let (sum, squares) = values.iter().map(of).fold((0.0, 0.0), |(a, b), e| (a + e, b + e * e));
             let n = SAMPLES as f64;
             // The grid is good to a few in ten thousand of the spike.

@@ -1,40 +1,20 @@
 //! The environment is sampled as its density says, poles, seams and single bright texels included.
 
 use super::support::{
-    compose::{Def, flag},
-    gpu::{Bound, Gpu, gpu},
-    lit::Lit,
+    compose::flag,
+    gpu::{Gpu, gpu, wide},
+    lit::{EnvironmentSample, Lit},
     oracle::environment::{Map, direction, luminance, solid_angle, uv},
     stats::{Random, Statistical, assert_family, chi_squared, failures_of_family, z_test},
 };
-use bytemuck::{Pod, Zeroable};
 use glam::{DMat3, DVec3};
 use std::f64::consts::PI;
 
 const SAMPLES: usize = 1 << 16;
 
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
-struct Sample {
-    direction: [f32; 3],
-    pdf: f32,
-    radiance: [f32; 3],
-    pdf_again: f32,
-}
-
-fn wide(v: [f32; 3]) -> DVec3 {
-    DVec3::from(v.map(f64::from))
-}
-
-/// Samples where `samples` are zero; evaluates the others' directions.
-fn run(lit: &Lit, seed: u32, samples: &[Sample], mapped: bool) -> Vec<Sample> {
+fn run(lit: &Lit, seed: u32, samples: &[EnvironmentSample], mapped: bool) -> Vec<EnvironmentSample> {
     let all = ["ENVIRONMENT", "ENVIRONMENT_MAP"].map(flag);
-    let defs: &[Def] = if mapped { &all } else { &all[..1] };
-    let seed = lit.gpu.storage(&[seed]);
-    let buffer = lit.gpu.storage(samples);
-    let bound = [(2, 0, Bound::Buffer(&seed)), (2, 1, Bound::Buffer(&buffer))];
-    lit.run("environment", include_str!("support/kernels/environment.wgsl"), defs, samples.len() as u32, &bound);
-    lit.gpu.read(&buffer)
+    lit.sample_environment(seed, samples, if mapped { &all } else { &all[..1] })
 }
 
 struct Case<'g> {
@@ -114,7 +94,7 @@ fn radiance_is_bilinear_and_never_unreachable() {
                     2 => direction(1e-4 * (r.unit() - 0.5), r.unit()),
                     _ => r.direction(),
                 };
-                Sample {
+                EnvironmentSample {
                     direction: (case.rotation.transpose() * d).as_vec3().to_array(),
                     pdf: 1.0,
                     ..Default::default()
@@ -143,7 +123,7 @@ fn direction_tests<'a>(cases: &'a [Case], wrong: f64) -> Vec<Statistical<'a>> {
             let test = move |seed: u32| {
                 let total: f64 = case.table.iter().sum();
                 let mut counts = vec![0.0; case.table.len() * 4];
-                for s in run(&case.lit, seed, &vec![Sample::default(); SAMPLES], true) {
+                for s in run(&case.lit, seed, &vec![EnvironmentSample::default(); SAMPLES], true) {
                     let (u, v) = uv(case.rotation * wide(s.direction).normalize());
                     let x = ((u * case.width as f64) as usize).min(case.width - 1);
                     let y = ((v * case.height as f64) as usize).min(case.height - 1);
@@ -204,7 +184,7 @@ fn samples_average_to_the_irradiance_of_the_sphere() {
         exact *= 4.0 * PI / (N * N / 2) as f64;
         let test = move |seed: u32| {
             let (mut sum, mut squares) = (0.0, 0.0);
-            for s in run(&case.lit, seed + 20, &vec![Sample::default(); SAMPLES], true) {
+            for s in run(&case.lit, seed + 20, &vec![EnvironmentSample::default(); SAMPLES], true) {
                 let e = luminance(wide(s.radiance)) / f64::from(s.pdf);
                 sum += e;
                 squares += e * e;
@@ -224,7 +204,7 @@ fn without_a_map_the_sphere_is_uniform() {
     let lit = &lit;
     let test = move |seed: u32| {
         let mut counts = vec![0.0; 200];
-        for s in run(lit, seed, &vec![Sample::default(); SAMPLES], false) {
+        for s in run(lit, seed, &vec![EnvironmentSample::default(); SAMPLES], false) {
             let d = wide(s.direction);
             let (u, _) = uv(d);
             counts[((u * 20.0) as usize).min(19) * 10 + (((d.y + 1.0) * 5.0) as usize).min(9)] += 1.0;
@@ -240,7 +220,7 @@ fn a_black_map_is_no_light() {
     let Some(gpu) = gpu() else { return };
     let mut lit = Lit::new(gpu);
     lit.set_map(&Map::new(4, 2, |_, _| DVec3::ZERO), 4, 2);
-    for s in run(&lit, 1, &[Sample::default(); 64], true) {
+    for s in run(&lit, 1, &[EnvironmentSample::default(); 64], true) {
         assert!(
             s.pdf == 0.0 && s.pdf_again == 0.0 && s.radiance == [0.0; 3] && s.direction.iter().all(|x| x.is_finite())
         );

@@ -2,7 +2,7 @@
 
 use super::support::{
     compose::{Def, flag},
-    gpu::{Bound, Gpu, gpu},
+    gpu::{Bound, Gpu, gpu, wide},
     lit::Lit,
     stats::{Random, Statistical, assert_family, chi_squared, failures_of_family, z_test},
 };
@@ -52,10 +52,6 @@ const REFERENCE: u32 = 0;
 const CANDIDATE: u32 = 1;
 const MEASURE: u32 = 2;
 const GIVEN: u32 = 3;
-
-fn wide(v: [f32; 3]) -> DVec3 {
-    DVec3::from(v.map(f64::from))
-}
 
 fn run(lit: &Lit, queries: &[Query], count: usize) -> Vec<Sample> {
     let defs: Vec<Def> = ["LIGHT_SPHERES", "LIGHT_RECTS", "SUN_DISK", "LIGHT_SHAPES"].map(flag).into();

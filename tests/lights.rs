@@ -2,7 +2,7 @@
 
 use super::support::{
     compose::{CAPABILITIES, Def, compose, composer, flag},
-    gpu::{Bound, Gpu, gpu},
+    gpu::{Bound, Gpu, gpu, wide},
     lit::{IDENTITY, Lit},
     stats::{Statistical, assert_family, chi_squared, failures_of_family, z_test},
 };
@@ -30,10 +30,6 @@ struct Sample {
     barycentrics: [f32; 2],
     hit_pdf: f32,
     pad: f32,
-}
-
-fn wide(v: [f32; 3]) -> DVec3 {
-    DVec3::from(v.map(f64::from))
 }
 
 fn sample(lit: &Lit, light: u32, point: DVec3, seed: u32, count: usize, defs: &[Def]) -> Vec<Sample> {

@@ -177,7 +177,7 @@ fn what_traces_knows_no_back_end() {
 #[test]
 fn only_binding_modules_and_passes_bind() {
     for (path, text) in MODULES {
-        // Acceleration structures are bound where they are used, for naga_oil's sake.
+        // Acceleration structures are bound where they are used: naga cannot hand them on.
         if !path.ends_with("bindings.wgsl") && !path.starts_with("pass/") && *path != "trace/hardware.wgsl" {
             assert!(!text.contains("@group("), "{path} binds");
         }

@@ -23,6 +23,8 @@ use bevy_restir::{
 };
 use std::time::Duration;
 
+pub use super::stats::mean_and_error;
+
 /// Frames within which a small scene is loaded, built and compiled.
 const PATIENCE: u32 = 2000;
 
@@ -66,15 +68,6 @@ impl Picture {
         let near = |c: u32, size: u32| c.saturating_sub(1)..=(c + 1).min(size - 1);
         near(at.y, self.size.y).all(|y| near(at.x, self.size.x).all(|x| self.at(x, y) == value))
     }
-}
-
-/// Mean of independent values and its standard error.
-pub fn mean_and_error(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
-    let values: Vec<f64> = values.into_iter().collect();
-    let n = values.len() as f64;
-    let mean = values.iter().sum::<f64>() / n;
-    let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
-    (mean, (variance / n).sqrt())
 }
 
 /// The app, its `Restir` camera and what that camera draws to.

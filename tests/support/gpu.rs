@@ -153,6 +153,11 @@ impl Gpu {
     }
 }
 
+/// A vector as kernels give it.
+pub fn wide(v: [f32; 3]) -> glam::DVec3 {
+    glam::DVec3::from(v.map(f64::from))
+}
+
 impl Kernel<'_> {
     /// Whether it binds anything in a group.
     pub fn uses(&self, group: u32) -> bool {

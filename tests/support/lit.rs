@@ -14,6 +14,16 @@ use bevy_restir::{
 };
 use glam::DMat3;
 
+/// A direction of the environment, as the kernel of that name takes and gives it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct EnvironmentSample {
+    pub direction: [f32; 3],
+    pub pdf: f32,
+    pub radiance: [f32; 3],
+    pub pdf_again: f32,
+}
+
 /// Everything that groups 0 and 1 bind and lights read.
 pub struct Lit<'g> {
     pub gpu: &'g Gpu,
@@ -170,6 +180,15 @@ impl<'g> Lit<'g> {
                 light.alias_index = entry.alias;
             }
         }
+    }
+
+    /// Samples the environment where `samples` are zero; evaluates the others' directions.
+    pub fn sample_environment(&self, seed: u32, samples: &[EnvironmentSample], defs: &[Def]) -> Vec<EnvironmentSample> {
+        let seed = self.gpu.storage(&[seed]);
+        let buffer = self.gpu.storage(samples);
+        let bound = [(2, 0, Bound::Buffer(&seed)), (2, 1, Bound::Buffer(&buffer))];
+        self.run("environment", include_str!("kernels/environment.wgsl"), defs, samples.len() as u32, &bound);
+        self.gpu.read(&buffer)
     }
 
     /// Runs a kernel of workgroups of 64.

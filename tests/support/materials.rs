@@ -2,7 +2,7 @@
 
 use super::{
     compose::{Def, flag},
-    gpu::{Bound, Gpu, Kernel},
+    gpu::{Bound, Gpu, Kernel, wide},
     oracle::bsdf::{LOBES, Lobe, Material},
     stats::Random,
 };
@@ -35,10 +35,6 @@ pub struct Query {
     seed: u32,
     wi: [f32; 3],
     pad: u32,
-}
-
-fn wide(v: [f32; 3]) -> DVec3 {
-    DVec3::from(v.map(f64::from))
 }
 
 impl Query {

@@ -53,16 +53,13 @@ pub fn z_test(sum: f64, squares: f64, n: f64, value: f64) -> f64 {
     2.0 * Normal::standard().sf(((mean - value) / error).abs())
 }
 
-/// Mean and standard error.
-pub fn mean_and_error(values: impl Iterator<Item = f64>) -> (f64, f64) {
-    let (mut n, mut sum, mut squares) = (0.0f64, 0.0, 0.0);
-    for v in values {
-        n += 1.0;
-        sum += v;
-        squares += v * v;
-    }
-    let mean = sum / n;
-    (mean, ((squares / n - mean * mean).max(0.0) / n).sqrt())
+/// Mean of independent values and its standard error.
+pub fn mean_and_error(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
+    let values: Vec<f64> = values.into_iter().collect();
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+    (mean, (variance / n).sqrt())
 }
 
 /// A statistical test: its name, and its p-value for a seed.
