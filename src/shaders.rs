@@ -61,6 +61,7 @@ pub const MODULES: &[(&str, &str)] = table![
     "restir/candidate.wgsl",
     "restir/shape.wgsl",
     "restir/tiling.wgsl",
+    "restir/kept_path.wgsl",
     "restir/path_reservoir.wgsl",
     "view/primary.wgsl",
     "restir/direct.wgsl",

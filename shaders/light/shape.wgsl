@@ -10,7 +10,7 @@
 #import bevy_restir::scene::bindings::{lights, nodes, scene}
 #import bevy_restir::scene::triangle::safe_normalize
 #import bevy_restir::trace::ray::trace_flags
-#import bevy_restir::trace::tree::{HIGH_BITS, tree_ray, visit_node}
+#import bevy_restir::trace::tree::{HIGH_BITS, nearest_child, tree_ray, visit_node}
 #import bevy_restir::view::mask::light_kind
 
 // Of its distance, by which a light may lie behind a surface and still be before it: one in the very plane of a ceiling shines.
@@ -30,7 +30,8 @@ struct Way {
 const STACK_SIZE: u32 = 16u;
 const MAX_STEPS: u32 = 2048u;
 
-// The least id, from `first` on, of a light that is met; NONE where there is none.
+// The least id, from `first` on, of a light that is met; NONE where there is none.  A walk of its own, not `trace/software.wgsl`'s: it
+// knows one level, and no hit shortens the way.  WGSL cannot be told what to do at a leaf but by a branch in the loop that all rays take.
 fn next_crossing(way: Way, first: u32) -> u32 {
     // Suns come first in the table.
     if way.reach >= FAR {
@@ -52,10 +53,8 @@ fn next_crossing(way: Way, first: u32) -> u32 {
     var primitives = vec2<u32>(0u);
     for (var steps = 0u; steps < MAX_STEPS; steps++) {
         // The nearest child of the group; the others wait.
-        let bit = firstLeadingBit(children.y);
-        let slot = (bit - 24u) ^ (tree.octant & 7u);
-        let node = children.x + countOneBits(children.y & ~(0xffffffffu << slot) & 0xffu);
-        children.y &= ~(1u << bit);
+        let nearest = nearest_child(children, tree.octant);
+        children = nearest.others;
         if children.y >= HIGH_BITS {
             if depth < STACK_SIZE {
                 stack[depth] = children;
@@ -64,7 +63,7 @@ fn next_crossing(way: Way, first: u32) -> u32 {
                 trace_flags |= OVERFLOW_STACK;
             }
         }
-        let visit = visit_node(node, tree, 0.0, reach);
+        let visit = visit_node(nearest.node, tree, 0.0, reach);
         children = visit.children;
         primitives = visit.primitives;
         while primitives.y != 0u {

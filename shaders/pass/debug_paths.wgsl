@@ -5,11 +5,12 @@
 #import bevy_restir::restir::bindings::settings
 #ifdef RESAMPLES_INDIRECT
 #import bevy_restir::restir::indirect::evaluate
-#import bevy_restir::restir::indirect_reservoir::{PackedReservoir, Reservoir, reservoir_unpack}
+#import bevy_restir::restir::indirect_reservoir::{PackedReservoir, reservoir_unpack}
 #else
-#import bevy_restir::restir::path_reservoir::{PackedReservoir, Reservoir, reservoir_unpack}
+#import bevy_restir::restir::path_reservoir::{PackedReservoir, reservoir_unpack}
 #import bevy_restir::restir::paths::evaluate
 #endif
+#import bevy_restir::restir::kept_path::Reservoir
 #import bevy_restir::restir::paths::{is_visible, receiver_of}
 #import bevy_restir::restir::tiling::reservoir_index
 #import bevy_restir::shift::hybrid::{SHIFT_HIDDEN, SHIFT_OK}

@@ -10,11 +10,12 @@
 #import bevy_restir::restir::bindings::settings
 #ifdef RESAMPLES_INDIRECT
 #import bevy_restir::restir::indirect::measured
-#import bevy_restir::restir::indirect_reservoir::{no_reservoir, PackedReservoir, Reservoir, reservoir_pack, reservoir_unpack}
+#import bevy_restir::restir::indirect_reservoir::{PackedReservoir, reservoir_pack, reservoir_unpack}
 #else
-#import bevy_restir::restir::path_reservoir::{no_reservoir, PackedReservoir, Reservoir, reservoir_pack, reservoir_unpack}
+#import bevy_restir::restir::path_reservoir::{PackedReservoir, reservoir_pack, reservoir_unpack}
 #import bevy_restir::restir::paths::measured
 #endif
+#import bevy_restir::restir::kept_path::{no_reservoir, Reservoir}
 #import bevy_restir::restir::paths::{Receiver, receiver_of}
 #import bevy_restir::restir::tiling::reservoir_index
 #import bevy_restir::scene::surface::{Surface, surface_at}

@@ -2,21 +2,23 @@
 // meet in one resampling step; what each contributes is shaded by its share (paper 003, 7: decoupled shading; paper 000, 7: vector
 // weights), and one is kept.
 //
-// What samples are is their domain's: points of lights, whole paths, or their ends from the first bounce on.  The step is done in the pixel's own domain: a neighbour's
-// sample is shifted there first, and from there to where else it is weighed.
+// What samples are is their domain's: points of lights, whole paths, or their ends from the first bounce on.  The step is done in the
+// pixel's own domain: a neighbour's sample is shifted there first, and from there to where else it is weighed.
 
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::math::luminance
 #import bevy_restir::common::rng::{Rng, rng_1, rng_2, rng_bits, rng_new, STREAM_REUSE}
 #ifdef RESAMPLES_PATHS
 #import bevy_restir::path::sample::Arrival
-#import bevy_restir::restir::path_reservoir::{no_reservoir, PackedReservoir, Reservoir, reservoir_pack, reservoir_unpack}
+#import bevy_restir::restir::kept_path::{no_reservoir, Reservoir}
+#import bevy_restir::restir::path_reservoir::{PackedReservoir, reservoir_pack, reservoir_unpack}
 #import bevy_restir::restir::paths::{arrival_of, arrived, evaluate, Evaluated, is_handed_on, is_visible, jacobian_of, knows_own_target, of_this_frame, own_target, Receiver, receiver_of, target_value}
 #else ifdef RESAMPLES_INDIRECT
 #import bevy_restir::path::sample::Arrival
-#import bevy_restir::restir::indirect::{arrived, evaluate, is_handed_on, is_visible, jacobian_of, knows_own_target, of_this_frame, own_target, target_value}
-#import bevy_restir::restir::indirect_reservoir::{no_reservoir, PackedReservoir, Reservoir, reservoir_pack, reservoir_unpack}
-#import bevy_restir::restir::paths::{arrival_of, Evaluated, Receiver, receiver_of}
+#import bevy_restir::restir::indirect::{evaluate, jacobian_of, knows_own_target, own_target}
+#import bevy_restir::restir::indirect_reservoir::{PackedReservoir, reservoir_pack, reservoir_unpack}
+#import bevy_restir::restir::kept_path::{no_reservoir, Reservoir}
+#import bevy_restir::restir::paths::{arrival_of, arrived, Evaluated, is_handed_on, is_visible, of_this_frame, Receiver, receiver_of, target_value}
 #else
 #import bevy_restir::restir::direct::{Arrival, arrival_of, arrived, evaluate, Evaluated, is_handed_on, is_visible, jacobian_of, knows_own_target, of_this_frame, own_target, Receiver, receiver_of, target_value}
 #import bevy_restir::restir::reservoir::{no_reservoir, PackedReservoir, Reservoir, reservoir_pack, reservoir_unpack}

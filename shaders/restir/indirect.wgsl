@@ -1,22 +1,20 @@
 // The domain of indirect light (ReSTIR GI; Ouyang et al. 2021, paper 002, 4.3): paths of two bounces and more, reconnected to the first
-// vertex that bounces light towards the pixel's surface.
+// vertex that bounces light towards the pixel's surface.  What is not here they have in common with whole paths (`restir/paths.wgsl`).
 //
 // Their measure is area at that vertex and solid angle after it, so that its shift has no Jacobian: what the Jacobian of paper 002
 // (4.3.3) says of solid angles is in the geometry factor that targets have in this measure.  Densities are kept for its limit (4.5.5).
 #define_import_path bevy_restir::restir::indirect
 
-#import bevy_restir::common::math::{is_finite, is_finite_3, luminance}
+#import bevy_restir::common::math::{is_finite, is_finite_3}
 #import bevy_restir::path::medium::transmittance
-#import bevy_restir::path::sample::{Arrival, arrived_path}
 #import bevy_restir::path::tree::Chosen
 #import bevy_restir::path::walk::{step_medium, step_towards}
 #import bevy_restir::restir::bindings::settings
-#import bevy_restir::restir::indirect_reservoir::Reservoir
-#import bevy_restir::restir::paths::{Evaluated, path_of_this_frame, Receiver, shifted_to}
+#import bevy_restir::restir::kept_path::Reservoir
+#import bevy_restir::restir::paths::{Evaluated, Receiver, shifted_to}
 #import bevy_restir::restir::types::RESAMPLE_KEEPS_RADIANCE
 #import bevy_restir::scene::triangle::world_triangle
 #import bevy_restir::shift::connect::geometry_factor
-#import bevy_restir::shift::hybrid::is_free
 #import bevy_restir::trace::offset::surface_point
 
 // The vertex that is reconnected to.
@@ -57,17 +55,8 @@ fn evaluate(r: Receiver, s: Reservoir) -> Evaluated {
     return Evaluated(shifted.f * shifted.density, shifted);
 }
 
-fn target_value(e: Evaluated) -> f32 {
-    return luminance(e.f);
-}
-
 fn jacobian_of(e: Evaluated) -> f32 {
     return select(0.0, 1.0, e.shifted.jacobian > 0.0);
-}
-
-
-fn arrived(s: Reservoir, a: Arrival) -> Reservoir {
-    return Reservoir(arrived_path(s.path, a), s.ucw, s.confidence, s.seen);
 }
 
 // None is kept.
@@ -77,17 +66,4 @@ fn knows_own_target() -> bool {
 
 fn own_target(s: Reservoir) -> f32 {
     return 0.0;
-}
-
-fn is_handed_on() -> bool {
-    return true;
-}
-
-fn is_visible(r: Receiver, e: Evaluated, alpha_seed: u32) -> bool {
-    return is_free(e.shifted, r.previous);
-}
-
-fn of_this_frame(s: Reservoir) -> Reservoir {
-    let path = path_of_this_frame(s.path);
-    return Reservoir(path, select(0.0, s.ucw, path.length > 0u), s.confidence, s.seen);
 }

@@ -1,16 +1,10 @@
 // What a pixel of indirect light keeps: the end of a path from its first bounce on.  48 bytes.
 #define_import_path bevy_restir::restir::indirect_reservoir
 
-#import bevy_restir::common::math::{is_finite, max_component, octahedral_decode, octahedral_encode}
+#import bevy_restir::common::math::{is_finite, max_component}
 #import bevy_restir::light::point_on_light::LightPoint
-#import bevy_restir::path::sample::{decode_barycentrics, END_LIGHT, no_path_sample, PathSample}
-
-struct Reservoir {
-    path: PathSample,      // without a target
-    ucw: f32,              // W: E[f(X) W] = ∫ f, in the measure of `restir/indirect.wgsl`; 0: nothing was found
-    confidence: f32,       // candidates' worth that it stands for
-    seen: bool,            // always: paths that are not seen are not kept
-}
+#import bevy_restir::path::sample::END_LIGHT
+#import bevy_restir::restir::kept_path::{confidence_pack, confidence_unpack, connection_pack, emptied, path_unpack, Reservoir}
 
 // As it lies in memory.
 struct PackedReservoir {
@@ -20,42 +14,28 @@ struct PackedReservoir {
                                // carries from there on
 }
 
-fn no_reservoir() -> Reservoir {
-    return Reservoir(no_path_sample(), 0.0, 0.0, true);
-}
-
-// Confidence is kept in sixteenths.
-const CONFIDENCE_MAX: f32 = 255.0;
-
 fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     // 2 + 7 + 2 + 2 + 2 bits of structure, 12 of confidence.
     let s = r.path;
-    let confidence = u32(clamp(r.confidence, 0.0, CONFIDENCE_MAX) * 16.0 + 0.5);
     let reconnection = min(s.reconnection, 3u);
-    let structure = s.end | s.length << 2u | reconnection << 9u | s.lobe_before << 11u | s.lobe_after << 13u | confidence << 20u;
+    let structure = s.end | s.length << 2u | reconnection << 9u | s.lobe_before << 11u | s.lobe_after << 13u | confidence_pack(r.confidence) << 20u;
     let light = select(vec2<u32>(bitcast<u32>(s.light_pdf), s.light.light), vec2<u32>(s.light.light, s.light.coordinates), s.end == END_LIGHT);
     return PackedReservoir(
         vec4<u32>(structure, s.seed, bitcast<u32>(r.ucw), bitcast<u32>(s.density)),
-        vec4<u32>(s.instance, s.triangle, pack2x16unorm(s.barycentrics), octahedral_encode(s.wi)),
+        connection_pack(s),
         vec4<u32>(light, pack_radiance(s.radiance)),
     );
 }
 
 // A number that is not finite must not spread over the screen (trap T23).
 fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
-    var s = no_path_sample();
     let structure = p.structure.x;
-    s.end = structure & 3u;
-    s.length = structure >> 2u & 127u;
+    var s = path_unpack(structure, p.connection);
     s.reconnection = structure >> 9u & 3u;
     s.lobe_before = structure >> 11u & 3u;
     s.lobe_after = structure >> 13u & 3u;
     s.seed = p.structure.y;
     s.density = bitcast<f32>(p.structure.w);
-    s.instance = p.connection.x;
-    s.triangle = p.connection.y;
-    s.barycentrics = decode_barycentrics(p.connection.z);
-    s.wi = octahedral_decode(p.connection.w);
     if s.end == END_LIGHT {
         s.light = LightPoint(p.light.x, p.light.y);
     } else {
@@ -64,10 +44,10 @@ fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
         s.light = LightPoint(p.light.y, 0u);
     }
     s.radiance = unpack_radiance(p.light.zw);
-    let confidence = f32(structure >> 20u) / 16.0;
+    let confidence = confidence_unpack(structure >> 20u);
     let ucw = bitcast<f32>(p.structure.z);
     if !is_finite(ucw) || !is_finite(s.light_pdf) || !is_finite(s.density) || !(ucw >= 0.0) {
-        return Reservoir(no_path_sample(), 0.0, confidence, true);
+        return emptied(confidence);
     }
     return Reservoir(s, ucw, confidence, true);
 }

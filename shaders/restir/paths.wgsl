@@ -8,7 +8,7 @@
 #import bevy_restir::path::tree::Chosen
 #import bevy_restir::path::walk::Vertex
 #import bevy_restir::restir::bindings::settings
-#import bevy_restir::restir::path_reservoir::Reservoir
+#import bevy_restir::restir::kept_path::Reservoir
 #import bevy_restir::restir::types::{RESAMPLE_MOVED, RESAMPLE_TRACE_BACK, RESAMPLE_TRACE_FORTH}
 #import bevy_restir::shift::connect::{Connection, connection_of}
 #import bevy_restir::shift::hybrid::{hybrid_shift, is_free, Shifted}

@@ -10,10 +10,10 @@ struct ResampleSettings {
     spatial_taps: u32,         // places round it
     disocclusion_taps: u32,    // the same where the surface has no place in the last frame
     tries: u32,                // places that are looked at for one of them
-    radius: f32,               // of them, pixels
+    radius: f32,               // within which they are, pixels
     confidence_cap: f32,       // most that a tap's history counts, in candidates' worth of this frame
     mis: u32,                  // MIS_*
-    flags: u32,                // DIRECT_*
+    flags: u32,                // RESAMPLE_*
     normal_threshold: f32,     // least cosine between the normals of two pixels that reuse each other's samples
     depth_threshold: f32,      // most relative distance of one from the other's tangent plane
     visibility_radius: f32,    // within which visibility is reused, pixels

@@ -217,7 +217,6 @@ fn left_by(w: ptr<function, Walk>, s: PathSample, index: u32, is_kept: bool, pre
 }
 
 // The vertex that paths are reconnected to.
-#ifdef LIGHT_SHAPES
 fn kept_point(s: PathSample, from_point: vec3<f32>, previous: bool) -> vec3<f32> {
     if s.end == END_EMITTER && s.reconnection == s.length && passes_light(s) {
         return light_point_at(s.light, from_point, previous).position;
@@ -225,10 +224,16 @@ fn kept_point(s: PathSample, from_point: vec3<f32>, previous: bool) -> vec3<f32>
     return surface_point(s.instance, s.triangle, s.barycentrics, previous);
 }
 
-// Its last ray passed a light that is no triangle.
+// Whether its last ray passed a light that is no triangle.
+#ifdef LIGHT_SHAPES
 fn passes_light(s: PathSample) -> bool {
     return s.light.light != NONE;
 }
+#else
+fn passes_light(s: PathSample) -> bool {
+    return false;
+}
+#endif
 
 // The same light is passed again: at the point that it was, or where the path comes to it now.
 fn pass_light(
@@ -253,16 +258,10 @@ fn pass_light(
         (*w).reason = SHIFT_ENDED;
         return;
     }
-    let connectable = is_connectable_end((*w).before, l.position, l.normal, c);
-    if s.reconnection == 0u && connectable {
-        (*w).reason = SHIFT_EARLIER;
-    }
     if connects {
         (*w).density *= geometry_factor(at.position, l.position, l.normal);
-        if !connectable {
-            (*w).reason = SHIFT_UNCONNECTABLE;
-        }
     }
+    judge_end(w, s, is_connectable_end((*w).before, l.position, l.normal, c));
     must_be_free(w, ray_to_light(at, l), alpha_seed);
     let light_pdf = expected_candidates(s.light.light, index) * l.pdf_solid_angle * l.aim;
     end_with(w, s, index, step, l.radiance * transmittance(medium, l.distance), light_pdf);
@@ -278,39 +277,12 @@ fn passed_point(s: PathSample, way: Way, previous: bool) -> LightPoint {
 
 // What a path that meets no surface meets: the environment, or a sun.
 fn light_at_infinity(s: PathSample, wi: vec3<f32>, previous: bool) -> LightSample {
-    if s.light.light != NONE {
+    if passes_light(s) {
         let p = passed_point(s, Way(vec3<f32>(0.0), FAR, wi), previous);
         return light_point_at(p, vec3<f32>(0.0), previous);
     }
     return environment_at(wi);
 }
-#else
-fn kept_point(s: PathSample, from_point: vec3<f32>, previous: bool) -> vec3<f32> {
-    return surface_point(s.instance, s.triangle, s.barycentrics, previous);
-}
-
-fn passes_light(s: PathSample) -> bool {
-    return false;
-}
-
-fn pass_light(
-    w: ptr<function, Walk>,
-    s: PathSample,
-    index: u32,
-    step: Step,
-    ray: Ray,
-    medium: vec3<f32>,
-    connects: bool,
-    alpha_seed: u32,
-    c: Connection,
-    previous: bool,
-) {
-}
-
-fn light_at_infinity(s: PathSample, wi: vec3<f32>, previous: bool) -> LightSample {
-    return environment_at(wi);
-}
-#endif
 
 fn environment_at(wi: vec3<f32>) -> LightSample {
     var l = no_light_sample();
@@ -386,13 +358,7 @@ fn arrive(
             (*w).reason = SHIFT_ENDED;
             return;
         }
-        let connectable = is_connectable_end((*w).before, n.position, n.bsdf.n_geo, c);
-        if s.reconnection == 0u && connectable {
-            (*w).reason = SHIFT_EARLIER;
-        }
-        if s.reconnection == s.length && !connectable {
-            (*w).reason = SHIFT_UNCONNECTABLE;
-        }
+        judge_end(w, s, is_connectable_end((*w).before, n.position, n.bsdf.n_geo, c));
         end_with(w, s, index, step, n.emission, emission_pdf(n, instance, triangle, (*w).v.surface.position, index, previous));
     }
     (*w).v = Vertex(n, -step.wi, medium, cone);
@@ -400,14 +366,19 @@ fn arrive(
 
 // In a direction where nothing is.
 fn meet_at_infinity(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, c: Connection, previous: bool) {
-    if s.reconnection == 0u && (*w).before.rough {
-        (*w).reason = SHIFT_EARLIER;
-    }
-    if s.reconnection == s.length && !(*w).before.rough {
-        (*w).reason = SHIFT_UNCONNECTABLE;
-    }
+    judge_end(w, s, (*w).before.rough);
     let l = light_at_infinity(s, step.wi, previous);
     end_with(w, s, index, step, l.radiance, expected_candidates(l.light, index) * l.pdf_solid_angle);
+}
+
+// The light that a path meets is reconnected to where that can be done, and only there.
+fn judge_end(w: ptr<function, Walk>, s: PathSample, connectable: bool) {
+    if s.reconnection == 0u && connectable {
+        (*w).reason = SHIFT_EARLIER;
+    }
+    if s.reconnection == s.length && !connectable {
+        (*w).reason = SHIFT_UNCONNECTABLE;
+    }
 }
 
 // The last ray of the path met light.

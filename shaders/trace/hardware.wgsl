@@ -15,8 +15,9 @@ enable wgpu_ray_query;
 #import bevy_restir::view::mask::ray_mask
 
 // Group 3: the device's own acceleration structures, over this frame's instances and the last frame's; the same one where nothing moved.
-// The custom index of each is its place in `instances`.  They are bound here because naga_oil can write a module that binds them only
-// where it uses ray queries as well.
+// The custom index of each is its place in `instances`.  No binding module has them: naga writes what a module imports out as WGSL, and
+// for an acceleration structure it asks for ray-tracing pipelines, not for ray queries; nor does it translate a query that is handed to a
+// function.
 @group(3) @binding(0) var top_level: acceleration_structure;
 @group(3) @binding(1) var previous_top_level: acceleration_structure;
 

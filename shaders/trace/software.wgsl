@@ -7,7 +7,7 @@
 #import bevy_restir::trace::alpha::accepts
 #import bevy_restir::trace::ray::{Ray, Hit, trace_flags}
 #import bevy_restir::trace::space::object_ray
-#import bevy_restir::trace::tree::{HIGH_BITS, tree_ray, TreeRay, visit_node}
+#import bevy_restir::trace::tree::{HIGH_BITS, nearest_child, tree_ray, TreeRay, visit_node}
 #import bevy_restir::trace::triangle::intersect_triangle
 #import bevy_restir::view::mask::is_met
 
@@ -44,10 +44,8 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
             }
             // Visit the nearest child of the group, and keep the others for later.
             if children.y >= HIGH_BITS {
-                let bit = firstLeadingBit(children.y);
-                let slot = (bit - 24u) ^ (tree.octant & 7u);
-                let node = children.x + countOneBits(children.y & ~(0xffffffffu << slot) & 0xffu);
-                children.y &= ~(1u << bit);
+                let nearest = nearest_child(children, tree.octant);
+                children = nearest.others;
                 if children.y >= HIGH_BITS {
                     if depth < STACK_SIZE {
                         stack[depth] = children;
@@ -56,7 +54,7 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
                         trace_flags |= OVERFLOW_STACK;
                     }
                 }
-                let visit = visit_node(node, tree, ray.t_min, hit.t);
+                let visit = visit_node(nearest.node, tree, ray.t_min, hit.t);
                 children = visit.children;
                 primitives = visit.primitives;
             }

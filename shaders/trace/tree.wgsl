@@ -15,6 +15,12 @@ struct TreeRay {
     octant: u32,
 }
 
+// The nearest child of a group, and the group without it.
+struct Nearest {
+    node: u32,
+    others: vec2<u32>,
+}
+
 struct Visit {
     children: vec2<u32>,
     primitives: vec2<u32>,
@@ -27,6 +33,13 @@ fn tree_ray(origin: vec3<f32>, direction: vec3<f32>) -> TreeRay {
     let safe = select(direction, select(vec3<f32>(tiny), vec3<f32>(-tiny), direction < vec3<f32>(0.0)), size < vec3<f32>(tiny));
     let up = select(vec3<u32>(0u), vec3<u32>(4u, 2u, 1u), safe >= vec3<f32>(0.0));
     return TreeRay(sheared_ray(origin, direction), 1.0 / safe, (up.x | up.y | up.z) * 0x01010101u);
+}
+
+fn nearest_child(children: vec2<u32>, octant: u32) -> Nearest {
+    let bit = firstLeadingBit(children.y);
+    let slot = (bit - 24u) ^ (octant & 7u);
+    let node = children.x + countOneBits(children.y & ~(0xffffffffu << slot) & 0xffu);
+    return Nearest(node, vec2<u32>(children.x, children.y & ~(1u << bit)));
 }
 
 // Tests the eight children of a node.
