@@ -1,4 +1,4 @@
-//! Mirrors of the structs and constants of `shaders/scene/types.wgsl`, `shaders/view/types.wgsl` and
+//! Mirrors of the structs and constants of `types.wgsl` in `shaders/scene`, `shaders/view` and `shaders/restir`, and of
 //! `shaders/common/constants.wgsl`.  `tests/layout.rs` holds every field's offset and every size equal to naga's.
 #![expect(missing_docs, reason = "fields are documented once, in the WGSL struct of the same name")]
 

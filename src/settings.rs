@@ -221,12 +221,9 @@ impl Restir {
     /// Brings every field into its range and says what it changed, one line a field.
     pub fn validate(&mut self) -> Vec<String> {
         let mut warnings = Vec::new();
-        if self.bounces > Self::MAX_BOUNCES {
-            warnings.push(format!("bounces = {} is out of range, {} is used", self.bounces, Self::MAX_BOUNCES));
-            self.bounces = Self::MAX_BOUNCES;
-        }
-        self.direct.validate(&mut |warning| warnings.push(warning));
-        self.paths.validate(&mut |warning| warnings.push(warning));
+        Ranges { of: "", warnings: &mut warnings }.count("bounces", &mut self.bounces, 0, Self::MAX_BOUNCES);
+        self.direct.validate(&mut warnings);
+        self.paths.validate(&mut warnings);
         let scale = if self.debug_scale.is_nan() { 1.0 } else { self.debug_scale.clamp(0.0, 1e6) };
         if scale != self.debug_scale {
             warnings.push(format!("debug_scale = {} is out of range, {scale} is used", self.debug_scale));
@@ -237,6 +234,31 @@ impl Restir {
                 .push(format!("debug_view = {:?} shows nothing of technique {:?}", self.debug_view, self.technique));
         }
         warnings
+    }
+}
+
+/// Brings fields into their ranges and says what it changed.
+struct Ranges<'a> {
+    /// Whose fields they are, with a dot.
+    of: &'static str,
+    warnings: &'a mut Vec<String>,
+}
+
+impl Ranges<'_> {
+    fn count(&mut self, name: &str, value: &mut u32, low: u32, high: u32) {
+        let clamped = (*value).clamp(low, high);
+        if clamped != *value {
+            self.warnings.push(format!("{}{name} = {value} is out of range, {clamped} is used", self.of));
+            *value = clamped;
+        }
+    }
+
+    fn number(&mut self, name: &str, value: &mut f32, low: f32, high: f32) {
+        let clamped = if value.is_nan() { low } else { value.clamp(low, high) };
+        if clamped != *value {
+            self.warnings.push(format!("{}{name} = {value} is out of range, {clamped} is used", self.of));
+            *value = clamped;
+        }
     }
 }
 

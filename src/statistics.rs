@@ -29,7 +29,7 @@ pub struct RestirReport {
     pub backend: &'static str,
     /// What the scene contains.
     pub features: SceneFeatures,
-    /// Rays traced in a late frame, by all cameras.
+    /// Rays that all cameras traced in a frame a little while ago: counters take their time from the GPU.
     pub rays: u64,
     /// Pixels of that frame whose radiance was not finite; they count as black.
     pub non_finite_pixels: u64,

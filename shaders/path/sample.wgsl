@@ -1,6 +1,6 @@
 // What is kept of a whole path: how its random numbers begin, where other pixels reconnect to it, and what it carries from there on.
 // Its measure: primary sample space as far as it is sampled by BSDFs, the light's own measure for a point that is aimed at.
-//  Vertices are numbered from the camera's, 0; the one on the light is `length`.
+// Vertices are numbered from the camera's, 0; the one on the light is `length`.
 #define_import_path bevy_restir::path::sample
 
 #import bevy_restir::common::constants::NONE

@@ -26,7 +26,7 @@ struct MaterialPoint {
     clearcoat_perceptual_roughness: f32,
 }
 
-// Where `material` is textured, and what a cone covers there.
+// A material at a point of a triangle, its textures over what a cone covers there.
 fn material_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, t: WorldTriangle, wo: vec3<f32>, cone: Cone) -> MaterialPoint {
     let material = instances[instance].material;
     let p = MaterialPoint(

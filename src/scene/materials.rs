@@ -140,7 +140,7 @@ impl MaterialPool {
             return bytes;
         }
         if !self.gpu.reserve(self.wanted.len() as u32, device, queue) {
-            warn_once!("{} materials are more than this device can bind", self.wanted.len());
+            warn_once!("restir: {} materials are more than this device can bind", self.wanted.len());
             return bytes;
         }
         self.revision += 1;

@@ -2,6 +2,8 @@
 
 use bevy::reflect::Reflect;
 
+use super::Ranges;
+
 /// What keeps the samples of other pixels from falsifying this one's light (paper 003, 4.6 and Fig. 6).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 pub enum BiasCorrection {
@@ -218,35 +220,22 @@ impl Direct {
     /// Most points of lights in all subsets: what one binding of the portable tier holds.
     const MOST_PRESAMPLED: u32 = 1 << 21;
 
-    /// Brings every field into its range; `warn` is told of each that was not.
-    pub(super) fn validate(&mut self, warn: &mut impl FnMut(String)) {
-        let mut count = |name: &str, value: &mut u32, low: u32, high: u32| {
-            let clamped = (*value).clamp(low, high);
-            if clamped != *value {
-                warn(format!("direct.{name} = {value} is out of range, {clamped} is used"));
-                *value = clamped;
-            }
-        };
-        count("candidates", &mut self.candidates, 1, 64);
-        count("subset_count", &mut self.subset_count, 0, 4096);
+    /// Brings every field into its range and says what it changed.
+    pub(super) fn validate(&mut self, warnings: &mut Vec<String>) {
+        let mut ranges = Ranges { of: "direct.", warnings };
+        ranges.count("candidates", &mut self.candidates, 1, 64);
+        ranges.count("subset_count", &mut self.subset_count, 0, 4096);
         let most = Self::MOST_PRESAMPLED / self.subset_count.max(1);
-        count("subset_size", &mut self.subset_size, 1, most.min(16384));
-        count("tile", &mut self.tile, 1, 16);
-        count("spatial_taps", &mut self.spatial_taps, 0, 5);
-        count("disocclusion_taps", &mut self.disocclusion_taps, 0, 5);
-        count("rounds", &mut self.rounds, 1, 4);
-        count("tries", &mut self.tries, 1, 8);
-        let mut number = |name: &str, value: &mut f32, low: f32, high: f32| {
-            let clamped = if value.is_nan() { low } else { value.clamp(low, high) };
-            if clamped != *value {
-                warn(format!("direct.{name} = {value} is out of range, {clamped} is used"));
-                *value = clamped;
-            }
-        };
-        number("radius", &mut self.radius, 0.0, 1e5);
-        number("confidence_cap", &mut self.confidence_cap, 0.0, 60.0);
-        number("visibility_radius", &mut self.visibility_radius, 0.0, 1e6);
-        number("normal_threshold", &mut self.normal_threshold, -1.0, 1.0);
-        number("depth_threshold", &mut self.depth_threshold, 0.0, 1e6);
+        ranges.count("subset_size", &mut self.subset_size, 1, most.min(16384));
+        ranges.count("tile", &mut self.tile, 1, 16);
+        ranges.count("spatial_taps", &mut self.spatial_taps, 0, 5);
+        ranges.count("disocclusion_taps", &mut self.disocclusion_taps, 0, 5);
+        ranges.count("rounds", &mut self.rounds, 1, 4);
+        ranges.count("tries", &mut self.tries, 1, 8);
+        ranges.number("radius", &mut self.radius, 0.0, 1e5);
+        ranges.number("confidence_cap", &mut self.confidence_cap, 0.0, 60.0);
+        ranges.number("visibility_radius", &mut self.visibility_radius, 0.0, 1e6);
+        ranges.number("normal_threshold", &mut self.normal_threshold, -1.0, 1.0);
+        ranges.number("depth_threshold", &mut self.depth_threshold, 0.0, 1e6);
     }
 }

@@ -2,7 +2,7 @@
 
 use bevy::reflect::Reflect;
 
-use super::{Mis, ReservoirLayout, ReuseOrder};
+use super::{Mis, Ranges, ReservoirLayout, ReuseOrder};
 
 /// Which vertices of a path other pixels may reconnect to; before the first of them they replay its random numbers (paper 000, 2-4).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
@@ -123,34 +123,21 @@ impl Default for Paths {
 }
 
 impl Paths {
-    /// Brings every field into its range; `warn` is told of each that was not.
-    pub(super) fn validate(&mut self, warn: &mut impl FnMut(String)) {
-        let mut count = |name: &str, value: &mut u32, low: u32, high: u32| {
-            let clamped = (*value).clamp(low, high);
-            if clamped != *value {
-                warn(format!("paths.{name} = {value} is out of range, {clamped} is used"));
-                *value = clamped;
-            }
-        };
-        count("candidates", &mut self.candidates, 1, 64);
-        count("spatial_taps", &mut self.spatial_taps, 0, 5);
-        count("disocclusion_taps", &mut self.disocclusion_taps, 0, 5);
-        count("rounds", &mut self.rounds, 1, 4);
-        count("tries", &mut self.tries, 1, 8);
-        let mut number = |name: &str, value: &mut f32, low: f32, high: f32| {
-            let clamped = if value.is_nan() { low } else { value.clamp(low, high) };
-            if clamped != *value {
-                warn(format!("paths.{name} = {value} is out of range, {clamped} is used"));
-                *value = clamped;
-            }
-        };
-        number("radius", &mut self.radius, 0.0, 1e5);
-        number("confidence_cap", &mut self.confidence_cap, 0.0, 30.0);
-        number("roughness", &mut self.roughness, 0.0, 1.0);
-        number("footprint", &mut self.footprint, 0.0, 1e6);
-        number("distance", &mut self.distance, 0.0, 1e6);
-        number("jacobian_limit", &mut self.jacobian_limit, 1.0, f32::MAX);
-        number("normal_threshold", &mut self.normal_threshold, -1.0, 1.0);
-        number("depth_threshold", &mut self.depth_threshold, 0.0, 1e6);
+    /// Brings every field into its range and says what it changed.
+    pub(super) fn validate(&mut self, warnings: &mut Vec<String>) {
+        let mut ranges = Ranges { of: "paths.", warnings };
+        ranges.count("candidates", &mut self.candidates, 1, 64);
+        ranges.count("spatial_taps", &mut self.spatial_taps, 0, 5);
+        ranges.count("disocclusion_taps", &mut self.disocclusion_taps, 0, 5);
+        ranges.count("rounds", &mut self.rounds, 1, 4);
+        ranges.count("tries", &mut self.tries, 1, 8);
+        ranges.number("radius", &mut self.radius, 0.0, 1e5);
+        ranges.number("confidence_cap", &mut self.confidence_cap, 0.0, 30.0);
+        ranges.number("roughness", &mut self.roughness, 0.0, 1.0);
+        ranges.number("footprint", &mut self.footprint, 0.0, 1e6);
+        ranges.number("distance", &mut self.distance, 0.0, 1e6);
+        ranges.number("jacobian_limit", &mut self.jacobian_limit, 1.0, f32::MAX);
+        ranges.number("normal_threshold", &mut self.normal_threshold, -1.0, 1.0);
+        ranges.number("depth_threshold", &mut self.depth_threshold, 0.0, 1e6);
     }
 }
