@@ -44,7 +44,7 @@ use bevy::{
     pbr::{MeshMaterial3d, StandardMaterial},
     render::{
         Render, RenderApp, RenderSystems,
-        render_resource::DownlevelFlags,
+        render_resource::{AsBindGroup, DownlevelFlags},
         renderer::{RenderAdapter, RenderAdapterInfo, RenderDevice},
         settings::WgpuLimits,
         view::Msaa,
@@ -84,6 +84,9 @@ impl Plugin for RestirPlugin {
         if let Some(missing) = missing {
             warn!("restir: this device has no {missing}; the plugin stays off and Bevy's own lighting stays on");
             return;
+        }
+        if let Some(warning) = app.get_sub_app(RenderApp).and_then(|render_app| textures_warning(render_app.world())) {
+            warn!("restir: {warning}");
         }
         let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
         let table = shaders::ShaderTable::new(&mut shaders);
@@ -139,6 +142,27 @@ fn missing_of(limits: &WgpuLimits, flags: DownlevelFlags) -> Option<&'static str
     None
 }
 
+/// Sampled textures, and samplers, that Bevy's own shaders of `StandardMaterial` bind in a stage where it has all of its slots, without
+/// prepasses.
+const BEVY_TEXTURES: u32 = 19;
+
+/// What Bevy's own shaders lack on this device because of the feature `material_textures`.
+fn textures_warning(render_world: &World) -> Option<String> {
+    let device = render_world.get_resource::<RenderDevice>()?;
+    let is_bindless = StandardMaterial::bindless_supported(device);
+    if cfg!(feature = "material_textures") && !is_bindless { too_few_textures(&device.limits()) } else { None }
+}
+
+fn too_few_textures(limits: &WgpuLimits) -> Option<String> {
+    let (textures, samplers) = (limits.max_sampled_textures_per_shader_stage, limits.max_samplers_per_shader_stage);
+    (textures.min(samplers) < BEVY_TEXTURES).then(|| {
+        format!(
+            "this device binds {textures} textures and {samplers} samplers a shader stage; with the feature `material_textures` Bevy's \
+             own shaders need {BEVY_TEXTURES} of each, and Bevy quits where a camera without `Restir` sees a `StandardMaterial`"
+        )
+    })
+}
+
 /// A visibility buffer has one sample a pixel.  Bevy's cameras come with four: those are turned off silently where `Restir` is added,
 /// and with a warning where an app asks for them later.
 fn require_single_sample(mut cameras: Query<(Entity, Ref<Restir>, &mut Msaa), Or<(Changed<Msaa>, Added<Restir>)>>) {
@@ -166,6 +190,21 @@ fn hide_mirrored_meshes(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn too_few_textures_for_bevy_are_told() {
+        let few = WgpuLimits::default();
+        let enough = WgpuLimits {
+            max_sampled_textures_per_shader_stage: BEVY_TEXTURES,
+            max_samplers_per_shader_stage: BEVY_TEXTURES,
+            ..few.clone()
+        };
+        assert_eq!(too_few_textures(&enough), None);
+        let fewer_samplers = WgpuLimits { max_samplers_per_shader_stage: 16, ..enough };
+        for limits in [few, fewer_samplers] {
+            assert!(too_few_textures(&limits).is_some_and(|warning| warning.contains("material_textures")));
+        }
+    }
 
     #[test]
     fn every_need_is_asked_for() {

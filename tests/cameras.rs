@@ -161,10 +161,10 @@ fn cameras_of_other_layers_see_and_are_lit_by_their_own() {
     let floor = rig.spawn(square(4.0), lambert(0.5), Transform::default());
     rig.insert(floor, both.clone());
     // A sun for each: radiance 1 and 3.
-    for (layer, power) in [(0, 2.0), (1, 6.0)] {
+    let suns = [(0, 2.0), (1, 6.0)].map(|(layer, power)| {
         let sun = DirectionalLight { illuminance: power * PI, ..default() };
-        rig.spawn_bundle((sun, Transform::default(), RenderLayers::layer(layer)));
-    }
+        rig.spawn_bundle((sun, Transform::default(), RenderLayers::layer(layer)))
+    });
     let lamp_of = StandardMaterial { double_sided: true, cull_mode: None, ..lamp(40.0, 40.0, 40.0) };
     let side = rig.spawn(square(1.0), lamp_of, Transform::from_xyz(1.0, 0.0, 1.0).looking_at(Vec3::ZERO, Vec3::Y));
     rig.insert(side, RenderLayers::layer(1));
@@ -188,6 +188,11 @@ fn cameras_of_other_layers_see_and_are_lit_by_their_own() {
         check(&mut rig, "lamp on neither", [1.0, 3.0]);
         rig.insert(side, both.clone());
         check(&mut rig, "lamp on both", [1.0 + from_lamp, 3.0 + from_lamp]);
+        // Nothing else changes where a sun comes into sight of a camera, or goes out of it.
+        rig.insert(suns[0], both.clone());
+        check(&mut rig, "the first sun on both", [1.0 + from_lamp, 4.0 + from_lamp]);
+        rig.insert(suns[0], RenderLayers::layer(0));
+        check(&mut rig, "and back", [1.0 + from_lamp, 3.0 + from_lamp]);
         rig.insert(side, RenderLayers::layer(1));
     }
     rig.assert_sound();
@@ -330,5 +335,7 @@ fn a_picture_that_a_device_cannot_bind_is_traced_smaller() {
     }
     assert_eq!(log::warnings("128 x 128 pixels for its 160 x 160").len(), 1);
     assert_eq!(log::warnings("subsets of").len(), 1);
+    // Nor does it bind what Bevy's own shaders would have to.
+    assert_eq!(log::warnings("own shaders need").is_empty(), !cfg!(feature = "material_textures"));
     rig.assert_sound();
 }
