@@ -1,12 +1,14 @@
 //! Energy compensation (Turquin 2019; paper 002, 2.1.3) gives back what single scattering loses, and no more.
 
 use super::support::{
+    app::*,
     compose::flag,
     gpu::gpu,
-    materials::{Query, Sampler, at_angle, brushed, evaluate, every_lobe, metal, plain, random_material, varnished},
+    materials::{self, Query, Sampler, at_angle, brushed, evaluate, every_lobe, metal, random_material, varnished},
     oracle::{bsdf::Material, quadrature::PolarCells},
-    stats::{Random, mean_and_error},
+    stats::Random,
 };
+use bevy::prelude::*;
 use bevy_restir::scene::albedo::{SIZE, directional_albedo, table};
 use glam::DVec3;
 
@@ -97,7 +99,7 @@ fn a_compensated_coat_over_white_gains_nothing() {
     let sampler = Sampler::new(gpu, &[flag("ENERGY_COMPENSATION")]);
     for alpha in [0.1, 0.4, 1.0] {
         for degrees in [0.0, 50.0, 80.0] {
-            let m = varnished(plain(), 1.0, alpha);
+            let m = varnished(materials::plain(), 1.0, alpha);
             let wo = at_angle(&m, degrees);
             let e = directional_albedo(alpha, m.coat_n.dot(wo), 96);
             let m = Material { coat_compensation: (1.0 - e) / e, ..m };
@@ -138,4 +140,25 @@ fn compensated_values_equal_the_oracle() {
         compared += 1;
     }
     assert!(compared > 10_000);
+}
+
+/// What shaders read of the table is the entry of that angle and that roughness.
+#[test]
+fn rough_white_metals_vanish_in_a_white_world_at_every_angle() {
+    let Some(mut rig) = Rig::new(16, 16) else { return };
+    rig.insert(rig.camera, (sky(1.0), orthographic(0.1, 0.1)));
+    rig.set(|restir| restir.energy_compensation = true);
+    let plane = rig.spawn(square(8.0), lambert(1.0), Transform::default());
+    for perceptual_roughness in [0.35, 0.6, 1.0] {
+        let metal = StandardMaterial { metallic: 1.0, perceptual_roughness, ..Color::WHITE.into() };
+        let handle = rig.add::<StandardMaterial>(metal);
+        rig.insert(plane, MeshMaterial3d(handle));
+        for degrees in [0.0f32, 45.0, 75.0] {
+            rig.insert(plane, Transform::from_rotation(Quat::from_rotation_y(degrees.to_radians())));
+            let mean = rig.picture(48).mean();
+            println!("roughness {perceptual_roughness} at {degrees}: {mean:.4}");
+            assert!((mean - 1.0).abs() < 0.01, "roughness {perceptual_roughness} at {degrees}: {mean}");
+        }
+    }
+    rig.assert_sound();
 }

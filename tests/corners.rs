@@ -159,8 +159,8 @@ fn surfaces_that_are_partly_there_are_so_in_the_mean() {
             0.75,
             NOISY,
         ),
-        ("below the cutoff of a mask", |rig| pane_of(rig, AlphaMode::Mask(0.5), 0.49), 2.0, EXACT),
-        ("above it", |rig| pane_of(rig, AlphaMode::Mask(0.5), 0.51), 4.0, EXACT),
+        ("below the cutoff of a mask", |rig| pane_of(rig, AlphaMode::Mask(0.7), 0.69), 2.0, EXACT),
+        ("above it", |rig| pane_of(rig, AlphaMode::Mask(0.3), 0.31), 4.0, EXACT),
         (
             "a mask below its cutoff casts no shadow",
             |rig| {

@@ -290,6 +290,13 @@ fn shapes_that_come_change_and_go_leave_the_picture_of_a_scene_made_so() {
     rig.insert(b, (rect, Transform::from_xyz(-0.7, 0.4, 1.5)));
     rig.frames(1);
     rig.app.world_mut().despawn(sun);
+    rig.frames(1);
+    // Then they only move: the same table, and another tree over what rays meet.
+    for x in [-1.5, 0.2, 0.7] {
+        rig.get_mut::<Transform>(a).translation.x = x;
+        rig.get_mut::<Transform>(b).translation.x = -x;
+        rig.frames(1);
+    }
     assert_eq!(rig.picture(4).pixels, wanted.pixels);
     // And none of them is left.
     rig.app.world_mut().despawn(a);

@@ -164,6 +164,27 @@ fn a_mirror_shows_the_levels_of_what_is_far_in_it() {
     }
 }
 
+/// Where the width that a pixel has before the mirror is all that it has: pixels of 1 m, squares of 1/16 m.
+#[test]
+fn a_mirror_hands_on_how_wide_a_pixel_is() {
+    let Some(mut rig) = Rig::new(8, 8) else { return };
+    rig.insert(rig.camera, orthographic(8.0, 8.0));
+    let turned = |degrees: f32| Quat::from_rotation_y(degrees.to_radians());
+    let mirror = StandardMaterial { metallic: 1.0, perceptual_roughness: 0.0, ..Color::WHITE.into() };
+    rig.spawn(square(20.0), mirror, Transform::from_rotation(turned(45.0)));
+    let image = checks(&mut rig);
+    let screen = StandardMaterial {
+        emissive_texture: image,
+        uv_transform: Affine2::from_scale(Vec2::splat(80.0)),
+        ..lamp(1.0, 1.0, 1.0)
+    };
+    rig.spawn(square(40.0), screen, Transform::from_xyz(10.0, 0.0, 0.0).with_rotation(turned(-90.0)));
+    rig.until_ready();
+    for row in rows(&frames(&mut rig, 16)) {
+        assert!(row[0] < 0.06 && (row[1] - 0.5).abs() < 0.05, "{row:?}");
+    }
+}
+
 /// Textured emitters that are aimed at and met, by rays of rough surfaces and of mirrors, and masks.
 #[test]
 fn techniques_agree_on_textures() {
