@@ -1,7 +1,8 @@
 //! Pairwise covering sets of choices, each row held against the reference: the engine of the long tables of `docs/proof.md`.
 //!
 //! A row is kept in the target folder with the commit that it was measured at, so that a run goes on where another ended: with
-//! `MATRIX_MINUTES=6` no row begins after six minutes.
+//! `MATRIX_MINUTES=6` no row begins after six minutes.  With `MATRIX_PART=0/2` it is every second row only: one that is small leaves
+//! half of the machine to another process with `MATRIX_PART=1/2`.
 
 use super::{
     app::*,
@@ -192,12 +193,16 @@ fn measure<R: Row>(folder: &Path, rows: &[R]) -> bool {
     let minutes = std::env::var("MATRIX_MINUTES").ok().and_then(|m| m.parse::<f64>().ok());
     let end = minutes.map(|m| Instant::now() + Duration::from_secs_f64(60.0 * m));
     let is_over = || end.is_some_and(|end| Instant::now() > end);
+    let part = std::env::var("MATRIX_PART").ok();
+    let part = part.as_deref().and_then(|part| part.split_once('/'));
+    let [part, parts] =
+        part.map_or([0, 1], |(k, n)| [k, n].map(|v| v.parse().expect("MATRIX_PART is two numbers: 0/2")));
     let mut subjects: BTreeMap<&str, Stage> = BTreeMap::new();
     // The planted error first: a suite that cannot fail proves nothing.
     let planted = first::<R>();
     for (i, row) in core::iter::once(&planted).chain(rows).enumerate() {
         let path = file_of(folder, row, i == 0);
-        if path.exists() {
+        if path.exists() || i % parts != part {
             continue;
         }
         if is_over() {
