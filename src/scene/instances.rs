@@ -14,6 +14,7 @@ use bevy::{
 use std::ops::Range;
 
 use super::{
+    arrivals::Arrivals,
     blas::Bounds,
     extract::{ExtractedInstance, ExtractedScene},
     features::SceneFeatures,
@@ -96,6 +97,7 @@ pub(crate) struct InstancePool {
     /// Warned about already.
     reported: HashSet<MainEntity>,
     absent: HashSet<MainEntity>,
+    arrivals: Arrivals,
     overflow: Overflow,
     pub features: SceneFeatures,
     /// An instance waits for its mesh or material.
@@ -128,6 +130,7 @@ impl Default for InstancePool {
             placed: Vec::new(),
             reported: HashSet::default(),
             absent: HashSet::default(),
+            arrivals: Arrivals::default(),
             overflow: Overflow::default(),
             features: SceneFeatures::empty(),
             waiting: true,
@@ -183,6 +186,7 @@ impl InstancePool {
         limit: u32,
     ) {
         self.waiting = false;
+        self.arrivals.begin_frame();
         self.live.clear();
         self.features = SceneFeatures::empty();
         self.triangles = 0;
@@ -265,9 +269,12 @@ impl InstancePool {
         }
         let (Some(mesh), Some(material)) = (meshes.get(extracted.mesh), materials.slot(extracted.material)) else {
             // What nobody loads or builds never comes: the rest is shown without it.
-            let mesh_comes = meshes.get(extracted.mesh).is_some() || meshes.is_building(extracted.mesh);
-            let coming = (mesh_comes || assets.load_state(extracted.mesh).is_loading())
-                && (materials.slot(extracted.material).is_some() || assets.load_state(extracted.material).is_loading());
+            let mesh_comes = meshes.get(extracted.mesh).is_some()
+                || meshes.is_building(extracted.mesh)
+                || self.arrivals.is_coming(extracted.mesh, assets);
+            let coming = mesh_comes
+                && (materials.slot(extracted.material).is_some()
+                    || self.arrivals.is_coming(extracted.material, assets));
             self.waiting |= coming;
             if !coming && self.absent.insert(extracted.entity) {
                 warn!(

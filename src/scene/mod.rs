@@ -3,6 +3,7 @@
 
 pub mod albedo;
 pub mod alias;
+mod arrivals;
 mod atlas;
 pub(crate) mod bindings;
 pub mod blas;

@@ -21,7 +21,10 @@ use bevy::{
     },
 };
 
-use super::atlas::{Atlas, Copier, Encoding, Placement, ShelfPacker};
+use super::{
+    arrivals::Arrivals,
+    atlas::{Atlas, Copier, Encoding, Placement, ShelfPacker},
+};
 use crate::{gpu_types::NO_TEXTURE, shaders::ShaderTable};
 
 /// Flags of a slot, from bit 16 of its first word: equal to `shaders/scene/texture.wgsl`.
@@ -61,6 +64,7 @@ pub(crate) struct TexturePool {
     changed: HashSet<AssetId<Image>>,
     /// Images that nobody loads and that are not there: nothing waits for them.
     absent: HashSet<AssetId<Image>>,
+    arrivals: Arrivals,
     versions: u64,
     /// All that is wanted is there.
     pub complete: bool,
@@ -81,6 +85,7 @@ impl Default for TexturePool {
             copier: Copier::default(),
             changed: HashSet::default(),
             absent: HashSet::default(),
+            arrivals: Arrivals::default(),
             versions: 0,
             complete: true,
             revision: 0,
@@ -90,6 +95,7 @@ impl Default for TexturePool {
 
 /// Notes what an image is like while its pixels are still on the CPU.
 pub(crate) fn note_images(mut pool: ResMut<TexturePool>, extracted: Res<ExtractedAssets<GpuImage>>) {
+    pool.arrivals.begin_frame();
     for (id, image) in &extracted.extracted {
         let descriptor = match &image.sampler {
             ImageSampler::Default => ImageSamplerDescriptor::linear(),
@@ -192,7 +198,7 @@ impl TexturePool {
 
     /// Whether an image is still to come.  One that failed to load, or that nobody loads, is not; the first time, a warning says so.
     pub(crate) fn is_coming(&mut self, id: AssetId<Image>, assets: &AssetServer) -> bool {
-        let coming = self.info.contains_key(&id) || assets.load_state(id).is_loading();
+        let coming = self.info.contains_key(&id) || self.arrivals.is_coming(id, assets);
         if coming {
             self.absent.remove(&id);
         } else if self.absent.insert(id) {
