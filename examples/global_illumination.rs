@@ -43,7 +43,7 @@ fn setup(mut commands: Commands, mut meshes: ResMut<Assets<Mesh>>, mut materials
     let sun = DirectionalLight { illuminance: 4000.0, ..default() };
     commands.spawn((sun, overhead(0.0)));
     let eye = Transform::from_xyz(0.0, 2.4, 6.5).looking_at(Vec3::new(0.0, 1.3, -2.0), Vec3::Y);
-    let sky = RestirEnvironment { color: LinearRgba::rgb(150.0, 210.0, 300.0), ..default() };
+    let sky = RestirEnvironment { color: LinearRgba::rgb(240.0, 390.0, 680.0), ..default() };
     commands.spawn((Camera3d::default(), eye, Restir { technique: Technique::Gi, ..default() }, sky));
 }
 

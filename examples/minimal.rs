@@ -18,7 +18,7 @@ fn setup(mut commands: Commands, mut meshes: ResMut<Assets<Mesh>>, mut materials
         perceptual_roughness: 0.25,
         ..default()
     });
-    let lamp = materials.add(StandardMaterial { emissive: LinearRgba::rgb(90.0, 72.0, 45.0), ..default() });
+    let lamp = materials.add(StandardMaterial { emissive: LinearRgba::rgb(160.0, 128.0, 80.0), ..default() });
     let clay = materials.add(Color::srgb(0.7, 0.25, 0.2));
 
     commands.spawn((Mesh3d(meshes.add(Plane3d::default().mesh().size(12.0, 12.0))), MeshMaterial3d(ground)));
@@ -28,7 +28,7 @@ fn setup(mut commands: Commands, mut meshes: ResMut<Assets<Mesh>>, mut materials
     commands.spawn((Mesh3d(meshes.add(Sphere::new(0.3))), MeshMaterial3d(lamp), Transform::from_xyz(0.6, 3.6, 1.4)));
 
     let eye = Transform::from_xyz(0.0, 2.0, 5.0).looking_at(Vec3::new(0.0, 0.7, 0.0), Vec3::Y);
-    let sky = RestirEnvironment { color: LinearRgba::rgb(120.0, 170.0, 250.0), ..default() };
+    let sky = RestirEnvironment { color: LinearRgba::rgb(200.0, 320.0, 560.0), ..default() };
     commands.spawn((Camera3d::default(), eye, Restir::default(), sky));
 }
 

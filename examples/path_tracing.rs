@@ -46,7 +46,7 @@ fn setup(mut commands: Commands, mut meshes: ResMut<Assets<Mesh>>, mut materials
         thickness: 1.0,
         ..default()
     });
-    let lamp = materials.add(StandardMaterial { emissive: LinearRgba::rgb(900.0, 780.0, 600.0), ..default() });
+    let lamp = materials.add(StandardMaterial { emissive: LinearRgba::rgb(2000.0, 1750.0, 1350.0), ..default() });
 
     // The room, 4 x 3 x 5 m, and the door in its far wall, a metre and a half behind which the lamp is.
     let mut block = |size: Vec3, place: Vec3, material: &Handle<StandardMaterial>| {
