@@ -181,6 +181,12 @@ fn a_file_that_is_dropped_replaces_the_scene_and_one_that_fails_is_a_line() {
     assert!(rig.picture(1).mean() > 10.0, "something is seen");
     drop_file(&mut rig, &lit);
     assert_eq!((rig.until_ready().instances, lent(&rig)), (1, (false, false)));
+    // Nor does a lamp help that shines on nothing that is seen.
+    rig.app.world_mut().write_message(program::light::TooDark);
+    rig.frames(2);
+    assert_eq!(lent(&rig), (true, true));
+    drop_file(&mut rig, &lit);
+    assert_eq!(lent(&rig), (false, false));
     // What the user set stays.
     let camera = rig.camera;
     rig.insert(camera, sky(2.0));

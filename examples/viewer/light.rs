@@ -1,4 +1,4 @@
-//! Light of last resort: a file that has none is put under a sky, so that something is seen.
+//! Light of last resort: a file that has none, or shows next to nothing of it, is put under a sky, so that something is seen.
 
 use bevy::prelude::*;
 use bevy_restir::prelude::*;
@@ -12,13 +12,18 @@ use super::{
 #[derive(Component)]
 pub struct LastResort;
 
+/// What is shown is black but for a few places.
+#[derive(Message, Default)]
+pub struct TooDark;
+
 pub fn plugin(app: &mut App) {
-    app.add_systems(Update, lend_light.after(super::load::measure));
+    app.add_message::<TooDark>().add_systems(Update, lend_light.after(super::load::measure));
 }
 
 fn lend_light(
     mut commands: Commands,
     mut arrived: MessageReader<Arrived>,
+    mut too_dark: MessageReader<TooDark>,
     stage: Res<Stage>,
     children: Query<&Children>,
     lamps: Query<(), Or<(With<PointLight>, With<SpotLight>, With<DirectionalLight>, With<RectLight>)>>,
@@ -27,7 +32,8 @@ fn lend_light(
     mut images: ResMut<Assets<Image>>,
     cameras: Query<(Entity, Has<RestirEnvironment>, Has<LastResort>), With<Restir>>,
 ) {
-    if arrived.read().next().is_none() {
+    let (arrives, is_dark) = (arrived.read().count() > 0, too_dark.read().count() > 0);
+    if !arrives && !is_dark {
         return;
     }
     let Some(shown) = &stage.shown else { return };
@@ -35,7 +41,7 @@ fn lend_light(
         let material = surfaces.get(entity).ok().and_then(|handle| materials.get(&handle.0));
         material.is_some_and(|m| m.emissive.red.max(m.emissive.green).max(m.emissive.blue) > 0.0)
     };
-    let is_lit = children.iter_descendants(shown.root).any(|entity| lamps.contains(entity) || emits(entity));
+    let is_lit = arrives && children.iter_descendants(shown.root).any(|entity| lamps.contains(entity) || emits(entity));
     for (camera, has_environment, is_lent) in &cameras {
         if is_lit && is_lent {
             commands.entity(camera).remove::<(RestirEnvironment, LastResort)>();

@@ -14,12 +14,17 @@ use bevy::{
 };
 use bevy_restir::{CapturedRadiance, RadianceCapture, RestirStatistics, prelude::*};
 
-use super::load::{Arrived, Stage};
+use super::{
+    light::TooDark,
+    load::{Arrived, Stage},
+};
 
 /// Frames of a new scene before it is measured: the first few are too noisy, or not rendered yet.
 const FRAMES: u32 = 3;
 /// Pixels a side whose light is one measurement.
 const BLOCK: usize = 8;
+/// Share of a picture that must be lit for it to be a picture.
+const LEAST_LIT: f32 = 0.01;
 /// What the logarithmic mean of the picture becomes.
 const GREY: f32 = 0.18;
 
@@ -71,16 +76,22 @@ fn measure_arrivals(mut arrived: MessageReader<Arrived>, mut looks: Query<&mut L
 /// Measures a picture where that is asked for.
 fn expose(
     statistics: Res<RestirStatistics>,
-    mut cameras: Query<(&mut Look, &RadianceCapture, &mut Exposure, &Restir)>,
+    mut cameras: Query<(&mut Look, &RadianceCapture, &mut Exposure, &Restir, Has<RestirEnvironment>)>,
+    mut too_dark: MessageWriter<TooDark>,
 ) {
-    for (mut look, capture, mut exposure, restir) in &mut cameras {
+    for (mut look, capture, mut exposure, restir, has_environment) in &mut cameras {
         if !look.measures || restir.debug_view != DebugView::Off {
             continue;
         }
         if let Some(picture) = capture.take() {
             if look.waited >= FRAMES {
-                (look.measures, look.waited) = (false, 0);
-                if let Some(radiance) = typical_luminance(&picture) {
+                let (lit, radiance) = typical_luminance(&picture);
+                let is_dark = lit < LEAST_LIT && !has_environment;
+                // Once more, under the sky that is then lent.
+                (look.measures, look.waited) = (is_dark, 0);
+                if is_dark {
+                    too_dark.write_default();
+                } else if let Some(radiance) = radiance {
                     // exposure = 1/(1.2 · 2^ev100).
                     exposure.ev100 = (radiance / (1.2 * GREY)).log2().clamp(-40.0, 60.0);
                 }
@@ -97,11 +108,11 @@ fn expose(
     }
 }
 
-/// Logarithmic mean of the luminance of what is lit, cd/m².
-fn typical_luminance(picture: &CapturedRadiance) -> Option<f32> {
+/// Share of the picture that is lit, and the logarithmic mean of its luminance, cd/m².
+fn typical_luminance(picture: &CapturedRadiance) -> (f32, Option<f32>) {
     let (width, height) = (picture.size.x as usize, picture.size.y as usize);
     let luminance: Vec<f32> = picture.mean().map(|[r, g, b]| 0.2126 * r + 0.7152 * g + 0.0722 * b).collect();
-    let mut logarithms = Vec::new();
+    let (mut logarithms, mut blocks) = (Vec::new(), 0.0);
     // Blocks of pixels, since single ones are noise.
     for top in (0..height).step_by(BLOCK) {
         for left in (0..width).step_by(BLOCK) {
@@ -109,13 +120,14 @@ fn typical_luminance(picture: &CapturedRadiance) -> Option<f32> {
             let columns = left..(left + BLOCK).min(width);
             let pixels = rows.flat_map(|y| columns.clone().map(move |x| y * width + x));
             let (sum, count) = pixels.fold((0.0, 0.0), |(sum, count), i| (sum + luminance[i], count + 1.0));
+            blocks += 1.0;
             if sum > 0.0 && sum < f32::MAX {
                 logarithms.push((sum / count).log2());
             }
         }
     }
     let count = logarithms.len() as f32;
-    (count > 0.0).then(|| (logarithms.iter().sum::<f32>() / count).exp2())
+    (count / f32::max(blocks, 1.0), (count > 0.0).then(|| (logarithms.iter().sum::<f32>() / count).exp2()))
 }
 
 /// Debug views go to the screen without a curve, and scaled to what they usually hold.

@@ -156,7 +156,7 @@ fn file(ui: &mut egui::Ui, panel: &mut Panel, shown: &mut Shown, is_lent: bool) 
         ui.weak("building and compiling ...");
     }
     if is_lent {
-        let text = "This file has no lights: it is shown under a sky of the viewer's.";
+        let text = "This file has no light to show it by: it is under a sky of the viewer's.";
         ui.add(egui::Label::new(egui::RichText::new(text).color(note)).wrap());
     }
     ui.separator();
