@@ -97,19 +97,18 @@ impl Plugin for RestirPlugin {
         let backend = *app.world().resource::<RayBackend>();
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
         let world = render_app.world();
-        let ray_queries = match (world.get_resource::<RenderDevice>(), world.get_resource::<RenderAdapterInfo>()) {
+        let device = world.get_resource::<RenderDevice>();
+        let ray_queries = match (device, world.get_resource::<RenderAdapterInfo>()) {
             (Some(device), Some(adapter)) => scene::hardware::is_chosen(backend, device, adapter),
             _ => false,
         };
-        render_app
-            .insert_resource(passes::pipelines::PassPipelines::with_shaders(table.clone(), ray_queries))
-            .insert_resource(table)
-            .insert_resource(statistics)
-            .add_systems(
-                Render,
-                statistics::update_report.in_set(RenderSystems::Cleanup).before(view::capture::capture_radiance),
-            );
-        scene::build(render_app, ray_queries);
+        let bound_textures = device.and_then(|device| scene::bound::capacity(device, 3 + u32::from(ray_queries)));
+        let pipelines = passes::pipelines::PassPipelines::new(table.clone(), ray_queries, bound_textures);
+        render_app.insert_resource(pipelines).insert_resource(table).insert_resource(statistics).add_systems(
+            Render,
+            statistics::update_report.in_set(RenderSystems::Cleanup).before(view::capture::capture_radiance),
+        );
+        scene::build(render_app, ray_queries, bound_textures);
         view::build(render_app);
         passes::build(render_app);
     }

@@ -2,7 +2,9 @@
 //! things still load, against a fresh load of what is left.
 
 use crate::support::{app::*, scenes::Random};
-use bevy::{camera::visibility::RenderLayers, light::NotShadowCaster, prelude::*};
+use bevy::{
+    camera::visibility::RenderLayers, light::NotShadowCaster, prelude::*, render::render_resource::TextureFormat,
+};
 use bevy_restir::{Restir, Technique};
 
 const EDITS: usize = 300;
@@ -56,7 +58,12 @@ fn image(seed: u32) -> Image {
     let mut random = Random::new(u64::from(seed));
     let texels: Vec<[u8; 4]> =
         (0..16).map(|_| [0; 4].map(|_: u8| random.bits() as u8)).map(|[r, g, b, a]| [r, g, b, a | 1]).collect();
-    texture(4, 4, |x, y| texels[(4 * y + x) as usize])
+    if seed.is_multiple_of(2) {
+        return texture(4, 4, |x, y| texels[(4 * y + x) as usize]);
+    }
+    // With levels of its own: bound as it is where the device has arrays of textures.
+    let levels = [16, 4, 1].map(|count| texels[..count].concat());
+    image_with_levels(TextureFormat::Rgba8UnormSrgb, 4, 4, &levels)
 }
 
 fn material(look: &Look, image: Option<Handle<Image>>) -> StandardMaterial {

@@ -4,6 +4,7 @@ mod accumulation;
 mod analytic_light;
 mod bad_input;
 mod beside_bevy;
+mod bound_textures;
 mod bsdf;
 mod cameras;
 mod compensation;

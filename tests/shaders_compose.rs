@@ -1,7 +1,7 @@
 //! Every shader, over a pairwise covering set of features, composes, validates, becomes SPIR-V, MSL and HLSL, and stays inside
 //! WebGPU's limits.  No GPU is needed.
 
-use crate::support::compose::{Def, compose, composer, flag, library, module_name};
+use crate::support::compose::{Def, TEXTURE_ARRAYS, compose, composer, flag, library, module_name};
 use bevy_restir::{scene::SceneFeatures, shaders::MODULES};
 use naga::{
     AddressSpace, ImageClass, TypeInner,
@@ -84,6 +84,7 @@ fn every_pass_composes_validates_and_translates_in_every_pair_of_features() {
                 let ray_queries = features.contains(SceneFeatures::RAY_QUERY);
                 let mut capabilities = Capabilities::SHADER_FLOAT16_IN_FLOAT32;
                 capabilities.set(Capabilities::RAY_QUERY, ray_queries);
+                capabilities.set(TEXTURE_ARRAYS, features.contains(SceneFeatures::BOUND_TEXTURES));
                 let info = Validator::new(ValidationFlags::all(), capabilities)
                     .validate(&module)
                     .unwrap_or_else(|e| panic!("{what}: {e:?}"));
@@ -104,7 +105,11 @@ fn translates(module: &naga::Module, info: &ModuleInfo, ray_queries: bool, what:
         .unwrap_or_else(|e| panic!("{what}: MSL: {e}"));
     let mut text = String::new();
     let shader_model = if ray_queries { hlsl::ShaderModel::V6_5 } else { hlsl::ShaderModel::V5_1 };
-    let options = hlsl::Options { fake_missing_bindings: true, shader_model, ..Default::default() };
+    // How many textures an array holds is the pipeline's to say.
+    let array = naga::ResourceBinding { group: if ray_queries { 4 } else { 3 }, binding: 0 };
+    let target = hlsl::BindTarget { binding_array_size: Some(64), ..Default::default() };
+    let binding_map = [(array, target)].into();
+    let options = hlsl::Options { fake_missing_bindings: true, shader_model, binding_map, ..Default::default() };
     let pipeline = hlsl::PipelineOptions::default();
     hlsl::Writer::new(&mut text, &options, &pipeline)
         .write(module, info, None)

@@ -16,7 +16,7 @@ use bevy::{
 use bevy_restir::{DebugView, Direct, Paths};
 
 /// A square of side 1 in the middle of the image, pixels of this width.
-fn seen(rig: &mut Rig, material: StandardMaterial, pixel: f32) -> Picture {
+pub fn seen(rig: &mut Rig, material: StandardMaterial, pixel: f32) -> Picture {
     let width = 8.0 * pixel;
     rig.insert(rig.camera, orthographic(width, width));
     // One pixel of an even number lies beside the middle.

@@ -1,4 +1,4 @@
-// Group 0: the scene.  The only module that binds it.
+// Group 0: the scene; and textures of it in a group behind all others, where the device has arrays of them.  The only module that binds it.
 #define_import_path bevy_restir::scene::bindings
 
 #import bevy_restir::scene::types::{SceneUniforms, Triangle, TriangleAttributes, Instance, Material, Light}
@@ -20,3 +20,12 @@
 @group(0) @binding(10) var second_uvs: texture_2d<f32>;
 // Equal to `ROW` in src/scene/data_texture.rs.
 const ELEMENTS_A_ROW: u32 = 1024u;
+
+// Images as they are, with their own levels: a view for every slot with TEXTURE_BOUND.
+#ifdef BOUND_TEXTURES
+#ifdef RAY_QUERY
+@group(4) @binding(0) var bound_textures: binding_array<texture_2d<f32>>;
+#else
+@group(3) @binding(0) var bound_textures: binding_array<texture_2d<f32>>;
+#endif
+#endif

@@ -1,10 +1,15 @@
 // Textures: one array of pages in 8-bit RGBA with their levels of detail, each texture a rectangle of a page that halves from level to
-// level.  Wrap modes, weights and decoding are computed here, so that every adapter gives the same texel and no sampler binding is needed.
+// level; and, where the device has arrays of textures, images as they are.  Both are read a texel at a time: wrap modes and weights are
+// computed here, so that every adapter filters alike and no sampler binding is needed.
 #define_import_path bevy_restir::scene::texture
 
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::texel::{decode_texel, ENCODING_LINEAR, ENCODING_SHARED_EXPONENT, ENCODING_SRGB}
 #import bevy_restir::scene::bindings::atlas
+#ifdef BOUND_TEXTURES
+#import bevy_restir::common::math::{is_finite, is_finite_3}
+#import bevy_restir::scene::bindings::bound_textures
+#endif
 
 // Flags of a slot, from bit 16 of its x: two bits of wrap mode an axis, the filter, how texels are kept, the coordinates.
 const TEXTURE_CLAMP_U: u32 = 0x10000u;
@@ -19,6 +24,8 @@ const TEXTURE_SECOND_UV: u32 = 0x800000u;
 const TEXTURE_LEVELS_SHIFT: u32 = 24u;
 // The image holds two components: the third of a normal is theirs to give.
 const TEXTURE_TWO_COMPONENTS: u32 = 0x20000000u;
+// Bound as it is: the low 16 bits are its place in `bound_textures`, no longer a page.  The highest bit: in no other slot but NONE.
+const TEXTURE_BOUND: u32 = 0x80000000u;
 
 // Samples along the longer side of an area: one that is longer still is blurred across.
 const MAX_TAPS: f32 = 4.0;
@@ -31,9 +38,16 @@ struct TextureArea {
     axis_b: vec2<f32>,
 }
 
+#ifdef BOUND_TEXTURES
 fn has_texture(slot: vec4<u32>) -> bool {
     return slot.x != NONE;
 }
+#else
+// While the pipelines that read bound textures are being compiled there are none.
+fn has_texture(slot: vec4<u32>) -> bool {
+    return slot.x < TEXTURE_BOUND;
+}
+#endif
 
 fn wrap(i: i32, size: i32, clamped: bool, mirrored: bool) -> i32 {
     if clamped {
@@ -49,16 +63,36 @@ fn level_size(slot: vec4<u32>, level: u32) -> vec2<i32> {
 }
 
 fn texel(slot: vec4<u32>, level: u32, size: vec2<i32>, x: i32, y: i32) -> vec4<f32> {
-    let corner = (vec2<u32>(slot.y, slot.y >> 16u) & vec2<u32>(0xffffu)) >> vec2<u32>(level);
     let at = vec2<i32>(
         wrap(x, size.x, (slot.x & TEXTURE_CLAMP_U) != 0u, (slot.x & TEXTURE_MIRROR_U) != 0u),
         wrap(y, size.y, (slot.x & TEXTURE_CLAMP_V) != 0u, (slot.x & TEXTURE_MIRROR_V) != 0u),
     );
+    return stored_texel(slot, level, at);
+}
+
+fn atlas_texel(slot: vec4<u32>, level: u32, at: vec2<i32>) -> vec4<f32> {
+    let corner = (vec2<u32>(slot.y, slot.y >> 16u) & vec2<u32>(0xffffu)) >> vec2<u32>(level);
     let is_shared = (slot.x & TEXTURE_SHARED_EXPONENT) != 0u;
     let is_srgb = (slot.x & TEXTURE_SRGB) != 0u;
     let encoding = select(select(ENCODING_LINEAR, ENCODING_SRGB, is_srgb), ENCODING_SHARED_EXPONENT, is_shared);
     return decode_texel(textureLoad(atlas, vec2<i32>(corner) + at, i32(slot.x & 0xffffu), i32(level)), encoding);
 }
+
+#ifdef BOUND_TEXTURES
+fn stored_texel(slot: vec4<u32>, level: u32, at: vec2<i32>) -> vec4<f32> {
+    if (slot.x & TEXTURE_BOUND) == 0u {
+        return atlas_texel(slot, level, at);
+    }
+    // Its format decodes it.  What the atlas could not hold is no colour here either: floats that are none, and what is below 0.
+    let c = textureLoad(bound_textures[slot.x & 0xffffu], at, i32(level));
+    let color = select(vec3<f32>(0.0), clamp(c.rgb, vec3<f32>(0.0), vec3<f32>(1.0e30)), is_finite_3(c.rgb));
+    return vec4<f32>(color, select(1.0, clamp(c.a, 0.0, 1.0), is_finite(c.a)));
+}
+#else
+fn stored_texel(slot: vec4<u32>, level: u32, at: vec2<i32>) -> vec4<f32> {
+    return atlas_texel(slot, level, at);
+}
+#endif
 
 // Bilinear within a level, linear values.  Nearest is a look at the texels themselves: where they are averaged there are none.
 fn sample_level(slot: vec4<u32>, level: u32, uv: vec2<f32>) -> vec4<f32> {

@@ -353,8 +353,9 @@ fn run_passes(
                 encoder.set_bind_group(0, scene_group, &[]);
                 encoder.set_bind_group(1, &state.bind_group, &[]);
                 encoder.set_bind_group(2, &group, &[]);
-                if let Some(structures) = &scene.structures {
-                    encoder.set_bind_group(3, structures, &[]);
+                let beyond = scene.structures.iter().chain(&scene.bound_textures);
+                for (group, index) in beyond.zip(3..) {
+                    encoder.set_bind_group(index, group, &[]);
                 }
                 encoder.dispatch_workgroups(x, y, 1);
                 if let Some(span) = span {

@@ -8,6 +8,7 @@ use bevy::{
     render::{RenderApp, render_resource::*},
     shader::ShaderDefVal,
 };
+use core::num::NonZeroU32;
 
 use super::{
     ComputePass, Frame, Pass,
@@ -15,7 +16,7 @@ use super::{
     resource_layout, visibility,
 };
 use crate::{
-    scene::{SceneFeatures, bindings::scene_layout, hardware},
+    scene::{SceneFeatures, bindings::scene_layout, bound, hardware},
     shaders::ShaderTable,
     view::view_layout,
 };
@@ -56,12 +57,14 @@ struct Compiled {
 #[derive(Resource, Default)]
 pub(crate) struct PassPipelines {
     compute: HashMap<(&'static str, SceneFeatures), usize>,
-    visibility: HashMap<(Option<Face>, bool), usize>,
+    visibility: HashMap<(Option<Face>, SceneFeatures), usize>,
     composite: HashMap<CompositeKey, usize>,
     all: Vec<Compiled>,
     shaders: Option<ShaderTable>,
     /// Group 3 holds the device's acceleration structures.
     ray_queries: bool,
+    /// How many textures the group behind all others holds.
+    bound_textures: Option<NonZeroU32>,
     /// Shader definitions beside those of the features: what tests plant.
     planted: Vec<&'static str>,
 }
@@ -81,9 +84,9 @@ pub fn plant_shader_defs(app: &mut App, defs: &[&'static str]) {
 const CULLS: [Option<Face>; 3] = [None, Some(Face::Back), Some(Face::Front)];
 
 impl PassPipelines {
-    /// Takes the table of shaders.
-    pub(crate) fn with_shaders(shaders: ShaderTable, ray_queries: bool) -> Self {
-        Self { shaders: Some(shaders), ray_queries, ..Default::default() }
+    /// Takes the table of shaders, and what the device has beyond the portable tier.
+    pub(crate) fn new(shaders: ShaderTable, ray_queries: bool, bound_textures: Option<NonZeroU32>) -> Self {
+        Self { shaders: Some(shaders), ray_queries, bound_textures, ..Default::default() }
     }
 
     /// The pipelines to render with: the wanted ones once all are ready, until then the last ones of the same frame.
@@ -108,9 +111,8 @@ impl PassPipelines {
             match pass {
                 Pass::Compute(pass) => indices.push(self.ask_compute(pass, key, pipelines)),
                 Pass::Visibility => {
-                    let alpha = key.features.contains(SceneFeatures::ALPHA);
                     for cull in CULLS {
-                        indices.push(self.ask_visibility(cull, alpha, key.features, pipelines));
+                        indices.push(self.ask_visibility(cull, key.features, pipelines));
                     }
                 }
                 // Asked for once the format of the target is known.
@@ -155,6 +157,7 @@ impl PassPipelines {
         if self.ray_queries {
             layout.push(hardware::layout());
         }
+        layout.extend(self.bound_layout(features));
         let id = pipelines.queue_compute_pipeline(ComputePipelineDescriptor {
             label: Some(format!("restir {}", pass.name).into()),
             layout,
@@ -168,24 +171,30 @@ impl PassPipelines {
         index
     }
 
-    fn ask_visibility(
-        &mut self,
-        cull: Option<Face>,
-        alpha: bool,
-        features: SceneFeatures,
-        pipelines: &PipelineCache,
-    ) -> usize {
-        if let Some(&index) = self.visibility.get(&(cull, alpha)) {
+    /// Of the features of a scene those that the visibility pass is compiled for: alpha may come from a texture.
+    fn visibility_features(features: SceneFeatures) -> SceneFeatures {
+        if !features.contains(SceneFeatures::ALPHA) {
+            return SceneFeatures::empty();
+        }
+        features & SceneFeatures::BOUND_TEXTURES | SceneFeatures::ALPHA | SceneFeatures::TEXTURES
+    }
+
+    fn ask_visibility(&mut self, cull: Option<Face>, features: SceneFeatures, pipelines: &PipelineCache) -> usize {
+        let used = Self::visibility_features(features);
+        if let Some(&index) = self.visibility.get(&(cull, used)) {
             return index;
         }
-        // Alpha may come from a texture.
-        let used = if alpha { SceneFeatures::ALPHA | SceneFeatures::TEXTURES } else { SceneFeatures::empty() };
-        let defs: Vec<ShaderDefVal> = used.shader_defs();
         let shader = self.shader("pass/visibility.wgsl");
-        let id = pipelines.queue_render_pipeline(visibility::pipeline(shader, defs, cull));
+        let descriptor = visibility::pipeline(shader, used.shader_defs(), cull, self.bound_layout(used));
+        let id = pipelines.queue_render_pipeline(descriptor);
         let index = self.push(PipelineId::Render(id), "visibility", used & (features | SceneFeatures::TEXTURES));
-        self.visibility.insert((cull, alpha), index);
+        self.visibility.insert((cull, used), index);
         index
+    }
+
+    /// The layout of the textures that are bound as they are, where shaders of these features read them.
+    fn bound_layout(&self, features: SceneFeatures) -> Option<BindGroupLayoutDescriptor> {
+        self.bound_textures.filter(|_| features.contains(SceneFeatures::BOUND_TEXTURES)).map(bound::layout)
     }
 
     /// The pipeline of a compute pass.
@@ -208,8 +217,7 @@ impl PassPipelines {
         key: FrameKey,
         pipelines: &'a PipelineCache,
     ) -> Option<&'a RenderPipeline> {
-        let alpha = key.features.contains(SceneFeatures::ALPHA);
-        match self.all[*self.visibility.get(&(cull, alpha))?].id {
+        match self.all[*self.visibility.get(&(cull, Self::visibility_features(key.features)))?].id {
             PipelineId::Render(id) => pipelines.get_render_pipeline(id),
             PipelineId::Compute(_) => None,
         }

@@ -20,10 +20,16 @@ pub(super) fn pipeline(
     shader: Handle<Shader>,
     defs: Vec<ShaderDefVal>,
     cull: Option<Face>,
+    bound_textures: Option<BindGroupLayoutDescriptor>,
 ) -> RenderPipelineDescriptor {
+    let mut layout = vec![scene_layout(), raster_view_layout()];
+    if let Some(bound) = bound_textures {
+        // Group 2 is for what passes write.
+        layout.extend([BindGroupLayoutDescriptor::new("restir nothing", &[]), bound]);
+    }
     RenderPipelineDescriptor {
         label: Some("restir visibility".into()),
-        layout: vec![scene_layout(), raster_view_layout()],
+        layout,
         vertex: VertexState {
             shader: shader.clone(),
             shader_defs: defs.clone(),
@@ -80,6 +86,9 @@ pub(super) fn draw(
     let span = diagnostics.as_deref().map(|d| d.time_span(&mut pass, format!("{SPAN_PREFIX}visibility")));
     pass.set_bind_group(0, &**scene_group, &[]);
     pass.set_bind_group(1, &*view.raster_bind_group, &[]);
+    if let Some(bound) = &scene.bound_textures {
+        pass.set_bind_group(3, &**bound, &[]);
+    }
     let mut bound = None;
     for draw in scene.draws.iter().filter(|draw| draw.seen_by & view.layers != 0) {
         if bound != Some(draw.cull) {

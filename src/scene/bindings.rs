@@ -9,6 +9,7 @@ use bevy::{
 };
 
 use super::{
+    bound::BoundTextures,
     draws::Draw,
     features::SceneFeatures,
     hardware::{self, AccelerationStructures},
@@ -45,6 +46,9 @@ pub(crate) struct SceneBindings {
     /// Group 3, where rays are traced by ray queries.
     pub structures: Option<BindGroup>,
     structures_revision: u64,
+    /// The group behind those, where images are bound as they are.
+    pub bound_textures: Option<BindGroup>,
+    bound_textures_revision: u64,
     pub uniforms: Option<Buffer>,
     written: GpuSceneUniforms,
     /// Buffers and views that the bind group was made of.
@@ -169,5 +173,20 @@ impl SceneBindings {
             &BindGroupEntries::sequential((current.as_binding(), previous.as_binding())),
         ));
         self.structures_revision = structures.revision;
+    }
+
+    /// Makes the group of images that are bound as they are, once there is one, and again where they are others.
+    pub(crate) fn bind_textures(
+        &mut self,
+        device: &RenderDevice,
+        pipelines: &PipelineCache,
+        textures: &BoundTextures,
+        none: &TextureView,
+    ) {
+        if self.bound_textures_revision == textures.revision {
+            return;
+        }
+        self.bound_textures = Some(textures.bind_group(none, device, pipelines));
+        self.bound_textures_revision = textures.revision;
     }
 }

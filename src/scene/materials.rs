@@ -119,10 +119,9 @@ impl MaterialPool {
             };
             let mut material = pack(source, self.emissive_luminance);
             material.texture_record = self.wanted_table.len() as u32;
-            let second_uvs;
-            (material.textures, second_uvs) = add_record(source, textures, &mut self.wanted_table);
-            slot.features = features_of(&material);
-            slot.features.set(SceneFeatures::SECOND_UVS, second_uvs);
+            let features;
+            (material.textures, features) = add_record(source, textures, &mut self.wanted_table);
+            slot.features = features_of(&material) | features;
             slot.mean_emission = mean_emission(source, &material, textures);
             if i < self.wanted.len() {
                 self.wanted[i] = material;

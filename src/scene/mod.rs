@@ -7,6 +7,7 @@ mod arrivals;
 mod atlas;
 pub(crate) mod bindings;
 pub mod blas;
+pub(crate) mod bound;
 mod data_texture;
 mod draws;
 mod emission;
@@ -37,6 +38,7 @@ use bevy::{
         texture::GpuImage,
     },
 };
+use core::num::NonZeroU32;
 
 use crate::{gpu_types::*, shaders::ShaderTable, view::extract::ExtractedViews};
 use bindings::{NoTexture, SceneBindings};
@@ -56,9 +58,12 @@ use textures::TexturePool;
 pub(crate) struct MirrorScene;
 
 /// Adds the mirror to the render world.
-pub(crate) fn build(render_app: &mut SubApp, ray_queries: bool) {
+pub(crate) fn build(render_app: &mut SubApp, ray_queries: bool, bound_textures: Option<NonZeroU32>) {
     if ray_queries {
         render_app.insert_resource(MeshPool::for_ray_queries()).insert_resource(InstancePool::for_ray_queries());
+    }
+    if let Some(capacity) = bound_textures {
+        render_app.insert_resource(TexturePool::binding(capacity));
     }
     render_app
         .init_resource::<ExtractedScene>()
@@ -176,6 +181,9 @@ fn mirror_scene(
     }
     if let Some(structures) = &instances.structures {
         bindings.bind_structures(&device, &pipelines, structures);
+    }
+    if let Some(bound) = &textures.bound {
+        bindings.bind_textures(&device, &pipelines, bound, &no_texture.texel);
     }
 
     bindings.features = instances.features | lights.features;

@@ -2,7 +2,10 @@
 
 use bevy::{asset::Handle, image::Image, log::warn_once, math::Affine2, mesh::UvChannel, pbr::StandardMaterial};
 
-use super::textures::{SECOND_UV, TexturePool};
+use super::{
+    features::SceneFeatures,
+    textures::{BOUND, SECOND_UV, TexturePool},
+};
 use crate::gpu_types::*;
 
 /// A texture that a material uses: its kind, `SLOT_*`, and whether it goes by the second texture coordinates.
@@ -68,11 +71,15 @@ fn layer_textures_of(_: &StandardMaterial) -> impl Iterator<Item = Row<'_>> {
 pub(super) const LAYER_SLOTS: u32 =
     !(SLOT_BASE_COLOR | SLOT_METALLIC_ROUGHNESS | SLOT_NORMAL | SLOT_EMISSIVE | SLOT_TRANSFORM);
 
-/// Appends the record of a material to the table.  Gives the kinds of its textures (0: none is there, and no record), and whether one
-/// goes by the second texture coordinates.
-pub(super) fn add_record(m: &StandardMaterial, textures: &TexturePool, table: &mut Vec<[u32; 4]>) -> (u32, bool) {
+/// Appends the record of a material to the table.  Gives the kinds of its textures (0: none is there, and no record), and what their
+/// slots ask of the shaders.
+pub(super) fn add_record(
+    m: &StandardMaterial,
+    textures: &TexturePool,
+    table: &mut Vec<[u32; 4]>,
+) -> (u32, SceneFeatures) {
     let first = table.len();
-    let (mut kinds, mut second_uvs) = (0, false);
+    let (mut kinds, mut features) = (0, SceneFeatures::empty());
     for texture in textures_of(m) {
         let mut slot = textures.slot(texture.image.id());
         if slot == NO_TEXTURE {
@@ -84,13 +91,16 @@ pub(super) fn add_record(m: &StandardMaterial, textures: &TexturePool, table: &m
         }
         if texture.second_uv {
             slot[0] |= SECOND_UV;
-            second_uvs = true;
+            features |= SceneFeatures::SECOND_UVS;
+        }
+        if slot[0] & BOUND != 0 {
+            features |= SceneFeatures::BOUND_TEXTURES;
         }
         kinds |= texture.kind;
         table.push(slot);
     }
     debug_assert!(kinds != 0 || table.len() == first);
-    (kinds, second_uvs)
+    (kinds, features)
 }
 
 fn transform_of(m: &StandardMaterial) -> [[u32; 4]; 2] {

@@ -1,9 +1,12 @@
-//! Images → one array of atlas pages (`shaders/scene/texture.wgsl`): every format that a float texture can have, compressed ones
-//! too, is read by a compute pass, so that neither the CPU's copy of the pixels nor binding arrays are needed.
+//! Images → where shaders find their texels (`shaders/scene/texture.wgsl`), in one of two ways; how they are wrapped and filtered is one.
 //!
-//! The one tier: 8-bit RGBA at full resolution and its chain of levels, 5.3 bytes a texel whatever the source; what is kept in
-//! floats has an exponent in place of its alpha.  Bindless textures would spare compressed ones three bytes of four, but only where
-//! the device has them, by a second mechanism that filters in its own way.
+//! **Bound as they are**, where the device has arrays of textures ([`bound`](super::bound)): images that come with levels of their own,
+//! as KTX2 files do.  They cost no memory beyond Bevy's own copy, keep their precision, and their author's levels are seen.  Where Bevy
+//! writes an edited image over the old one it leaves the coarser levels as they were: such an image goes to the atlas.
+//!
+//! **In the atlas**, everywhere: images without levels, and on other devices all.  A compute pass reads every format that a float texture
+//! can have, compressed ones too, and makes the levels from the finest one by means in linear light: 8-bit RGBA, 5.3 bytes a texel
+//! whatever the source; what is kept in floats has an exponent in place of its alpha.  Levels that an image has are not read.
 
 use bevy::{
     asset::{AssetId, AssetServer},
@@ -21,9 +24,12 @@ use bevy::{
     },
 };
 
+use core::num::NonZeroU32;
+
 use super::{
     arrivals::Arrivals,
     atlas::{Atlas, Copier, Encoding, Placement, ShelfPacker},
+    bound::BoundTextures,
 };
 use crate::{gpu_types::NO_TEXTURE, shaders::ShaderTable};
 
@@ -40,6 +46,8 @@ pub(crate) const SECOND_UV: u32 = 0x800000;
 /// The number of levels.
 const LEVELS_SHIFT: u32 = 24;
 const TWO_COMPONENTS: u32 = 0x2000_0000;
+/// Bound as it is; the low 16 bits are its place in the array.
+pub(super) const BOUND: u32 = 0x8000_0000;
 
 /// What is known of an image without its pixels.
 #[derive(Clone, Copy)]
@@ -60,12 +68,16 @@ pub(crate) struct TexturePool {
     packer: ShelfPacker,
     atlas: Option<Atlas>,
     copier: Copier,
-    /// Images whose pixels changed since they were copied.
+    /// Where the device has arrays of textures.
+    pub bound: Option<BoundTextures>,
+    /// Images whose pixels changed since they were placed.
     changed: HashSet<AssetId<Image>>,
     /// Images that nobody loads and that are not there: nothing waits for them.
     absent: HashSet<AssetId<Image>>,
     arrivals: Arrivals,
     versions: u64,
+    /// An image was removed that had a slot.
+    lost: bool,
     /// All that is wanted is there.
     pub complete: bool,
     /// Counts changes of anything that is shown.
@@ -83,10 +95,12 @@ impl Default for TexturePool {
             packer: ShelfPacker::default(),
             atlas: None,
             copier: Copier::default(),
+            bound: None,
             changed: HashSet::default(),
             absent: HashSet::default(),
             arrivals: Arrivals::default(),
             versions: 0,
+            lost: false,
             complete: true,
             revision: 0,
         }
@@ -112,7 +126,8 @@ pub(crate) fn note_images(mut pool: ResMut<TexturePool>, extracted: Res<Extracte
     }
     for id in &extracted.removed {
         pool.info.remove(id);
-        pool.placed.remove(id);
+        let had_slot = pool.forget(*id);
+        pool.lost |= had_slot;
     }
 }
 
@@ -125,11 +140,14 @@ fn encoding_of(format: TextureFormat) -> Encoding {
         F::Rgb9e5Ufloat | F::Rg11b10Ufloat | F::Bc6hRgbUfloat | F::Bc6hRgbFloat => Encoding::SharedExponent,
         F::Astc { channel: AstcChannel::Hdr, .. } => Encoding::SharedExponent,
         format if format.is_srgb() => Encoding::Srgb,
-        F::R16Unorm | F::Rg16Unorm | F::Rgba16Unorm | F::R16Snorm | F::Rg16Snorm | F::Rgba16Snorm => {
-            warn_once!("restir: of 16-bit images like {format:?} eight bits a channel are kept");
-            Encoding::Linear
-        }
         _ => Encoding::Linear,
+    }
+}
+
+fn warn_of_lost_bits(format: TextureFormat) {
+    use TextureFormat as F;
+    if matches!(format, F::R16Unorm | F::Rg16Unorm | F::Rgba16Unorm | F::R16Snorm | F::Rg16Snorm | F::Rgba16Snorm) {
+        warn_once!("restir: of 16-bit images like {format:?} eight bits a channel are kept");
     }
 }
 
@@ -175,15 +193,21 @@ fn mean_color(image: &Image) -> LinearRgba {
 }
 
 impl TexturePool {
+    /// A pool of a device that binds so many textures in an array.
+    pub(crate) fn binding(capacity: NonZeroU32) -> Self {
+        Self { bound: Some(BoundTextures::new(capacity)), ..Default::default() }
+    }
+
     /// The slot that a material stores; [`NO_TEXTURE`] while the image is not there.
     pub(crate) fn slot(&self, id: AssetId<Image>) -> [u32; 4] {
-        match (self.placed.get(&id), self.info.get(&id)) {
-            (Some(p), Some(info)) => {
-                let layer = p.layer | info.flags | p.levels() << LEVELS_SHIFT;
-                [layer, p.corner.x | p.corner.y << 16, p.size.x | p.size.y << 16, 0]
-            }
-            _ => NO_TEXTURE,
+        let Some(info) = self.info.get(&id) else { return NO_TEXTURE };
+        if let Some(bound) = self.bound.as_ref().and_then(|bound| bound.get(id)) {
+            let [width, height] = bound.size();
+            return [BOUND | bound.index | info.flags | bound.levels() << LEVELS_SHIFT, 0, width | height << 16, 0];
         }
+        let Some(p) = self.placed.get(&id) else { return NO_TEXTURE };
+        let layer = p.layer | info.flags | p.levels() << LEVELS_SHIFT;
+        [layer, p.corner.x | p.corner.y << 16, p.size.x | p.size.y << 16, 0]
     }
 
     /// Mean colour, linear.
@@ -220,7 +244,35 @@ impl TexturePool {
         ("texture atlas", self.atlas.as_ref().map_or(0, Atlas::bytes))
     }
 
-    /// Places and copies the images that are wanted and ready.  True where a slot changed.
+    /// Whether the image is where shaders find it.
+    fn has(&self, id: AssetId<Image>, image: &GpuImage) -> bool {
+        self.placed.contains_key(&id) || self.bound.as_ref().is_some_and(|bound| bound.holds(id, &image.texture))
+    }
+
+    /// Takes an image away from shaders; true where it was there.
+    fn forget(&mut self, id: AssetId<Image>) -> bool {
+        let was_bound = self.bound.as_mut().is_some_and(|bound| bound.forget(id));
+        self.placed.remove(&id).is_some() || was_bound
+    }
+
+    /// Binds those of some images that have levels of their own and takes them off the list.  True where a slot changed.
+    fn bind(&mut self, new: &mut Vec<AssetId<Image>>, images: &RenderAssets<GpuImage>) -> bool {
+        let Some(bound) = &mut self.bound else { return false };
+        let before = bound.revision;
+        new.retain(|id| {
+            let is_bound = images.get(*id).is_some_and(|image| bound.insert(*id, &image.texture));
+            if is_bound {
+                self.placed.remove(id);
+                self.changed.remove(id);
+            }
+            !is_bound
+        });
+        let changed = bound.revision != before;
+        self.revision += u64::from(changed);
+        changed
+    }
+
+    /// Binds, or places and copies, the images that are wanted and ready.  True where a slot changed.
     pub(crate) fn update(
         &mut self,
         wanted: impl Iterator<Item = AssetId<Image>>,
@@ -233,39 +285,36 @@ impl TexturePool {
     ) -> bool {
         let mut wanted: HashSet<_> = wanted.filter(|id| !self.refused.contains(id)).collect();
         wanted.retain(|id| images.get(*id).is_some() || self.is_coming(*id, assets));
-        if wanted.is_empty() {
-            self.complete = true;
-            return false;
-        }
-        let pipeline = self.copier.pipeline(pipelines, shaders);
+        let mut moved = core::mem::take(&mut self.lost);
         let ready = |id: &AssetId<Image>| images.get(*id).is_some();
-        self.complete = wanted.iter().all(|id| ready(id) && self.placed.contains_key(id));
-        let mut new: Vec<_> = wanted
-            .iter()
-            .filter(|id| ready(id) && (!self.placed.contains_key(*id) || self.changed.contains(*id)))
-            .copied()
-            .collect();
-        let Some(pipeline) = pipeline else { return false };
+        self.complete = wanted.iter().all(|id| images.get(*id).is_some_and(|image| self.has(*id, image)));
+        let is_new = |id: &AssetId<Image>| {
+            images.get(*id).is_some_and(|image| !self.has(*id, image) || self.changed.contains(id))
+        };
+        let mut new: Vec<_> = wanted.iter().filter(|id| is_new(id)).copied().collect();
         if new.is_empty() {
-            return false;
+            return moved;
         }
         new.sort_unstable();
 
         // Images that no float texture can be read from.
-        new.retain(|id| {
-            let readable = images.get(*id).is_some_and(|i| {
-                i.texture_descriptor.dimension == TextureDimension::D2
-                    && matches!(
-                        i.texture_descriptor.format.sample_type(None, Some(device.features())),
-                        Some(TextureSampleType::Float { .. })
-                    )
-            });
-            if !readable {
-                warn!("restir: image {id} is no 2D colour texture; it is left out");
-                self.refused.insert(*id);
-            }
-            readable
-        });
+        let is_readable = |id: &AssetId<Image>| {
+            images.get(*id).is_some_and(|image| {
+                let descriptor = &image.texture_descriptor;
+                let kind = descriptor.format.sample_type(None, Some(device.features()));
+                descriptor.dimension == TextureDimension::D2 && matches!(kind, Some(TextureSampleType::Float { .. }))
+            })
+        };
+        for id in new.extract_if(.., |id| !is_readable(id)) {
+            warn!("restir: image {id} is no 2D colour texture; it is left out");
+            self.refused.insert(id);
+            moved |= self.forget(id);
+        }
+        moved |= self.bind(&mut new, images);
+        if new.is_empty() {
+            return moved;
+        }
+        let Some(pipeline) = self.copier.pipeline(pipelines, shaders) else { return moved };
 
         let limit = device.limits().max_texture_dimension_2d.min(MAX_PAGE);
         let size_of = |id: &AssetId<Image>| {
@@ -296,6 +345,9 @@ impl TexturePool {
                 self.placed.insert(*id, placement);
             }
             self.changed.remove(id);
+            if let Some(image) = images.get(*id) {
+                warn_of_lost_bits(image.texture_descriptor.format);
+            }
         }
         if self.packer.pages > device.limits().max_texture_array_layers {
             warn!("restir: more textures than the atlas can hold; those of this scene are left out");

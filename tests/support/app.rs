@@ -11,7 +11,7 @@ use bevy::{
         pipelined_rendering::PipelinedRenderingPlugin,
         render_resource::{Extent3d, PollType, TextureDimension, TextureFormat, TextureUsages},
         renderer::RenderDevice,
-        settings::{Backends, WgpuLimits, WgpuSettings},
+        settings::{Backends, WgpuFeatures, WgpuLimits, WgpuSettings},
     },
     time::TimeUpdateStrategy,
     window::ExitCondition,
@@ -125,6 +125,18 @@ pub fn texture(width: u32, height: u32, texel: impl Fn(u32, u32) -> [u8; 4]) -> 
     image
 }
 
+/// An image of a format with levels of its own: what the rows of each level hold, from the finest level on.
+pub fn image_with_levels(format: TextureFormat, width: u32, height: u32, levels: &[Vec<u8>]) -> Image {
+    let mut image = texture(width, height, |_, _| [0; 4]);
+    image.texture_descriptor.format = format;
+    image.texture_descriptor.mip_level_count = levels.len() as u32;
+    image.data = Some(levels.concat());
+    // Where it may be written again, Bevy writes the finest level only.
+    image.texture_descriptor.usage = TextureUsages::TEXTURE_BINDING;
+    image.sampler = bevy::image::ImageSampler::linear();
+    image
+}
+
 /// An image that a camera can draw to and that can be read back.
 pub fn target_image(size: UVec2) -> Image {
     let mut image = Image::new_target_texture(size.x, size.y, TextureFormat::Rgba8UnormSrgb, None);
@@ -149,7 +161,13 @@ fn calm() {
     });
 }
 
-fn headless(synchronous: bool, limits: Option<WgpuLimits>, backend: RayBackend, more: impl FnOnce(&mut App)) -> App {
+fn headless(
+    synchronous: bool,
+    limits: Option<WgpuLimits>,
+    lacks: WgpuFeatures,
+    backend: RayBackend,
+    more: impl FnOnce(&mut App),
+) -> App {
     let mut app = App::new();
     app.insert_resource(backend);
     app.add_plugins(
@@ -159,6 +177,7 @@ fn headless(synchronous: bool, limits: Option<WgpuLimits>, backend: RayBackend, 
                 render_creation: WgpuSettings {
                     backends: Some(Backends::PRIMARY),
                     constrained_limits: limits,
+                    disabled_features: Some(lacks),
                     ..Default::default()
                 }
                 .into(),
@@ -200,18 +219,18 @@ impl Rig {
     /// An empty scene, and a camera with [`plain`] settings at (0, 0, 5) that looks down -Z.  `None`, with a message, where there is
     /// no adapter; under `CI=true` that fails.
     pub fn new(width: u32, height: u32) -> Option<Self> {
-        Self::with(width, height, true, None, usual_back_end(), |_| ())
+        Self::lacking(WgpuFeatures::empty(), width, height)
     }
 
     /// As [`Self::new`], with its rays traced by ray queries; `None`, with a message, where the adapter has none.
     pub fn tracing_by_ray_queries(width: u32, height: u32) -> Option<Self> {
         super::gpu::ray_gpu()?;
-        Self::with(width, height, true, None, RayBackend::Hardware, |_| ())
+        Self::with(width, height, true, None, WgpuFeatures::empty(), RayBackend::Hardware, |_| ())
     }
 
     /// As [`Self::new`], with pipelines compiled in the background, as windowed apps do.
     pub fn compiling_in_background(width: u32, height: u32) -> Option<Self> {
-        Self::with(width, height, false, None, usual_back_end(), |_| ())
+        Self::with(width, height, false, None, WgpuFeatures::empty(), usual_back_end(), |_| ())
     }
 
     /// As [`Self::new`], on a device of WebGPU's limits but that its storage buffers can hold this many bytes only.
@@ -221,12 +240,17 @@ impl Rig {
 
     /// As [`Self::new`], on a device of these limits.
     pub fn limited(limits: WgpuLimits, width: u32, height: u32) -> Option<Self> {
-        Self::with(width, height, true, Some(limits), RayBackend::Software, |_| ())
+        Self::with(width, height, true, Some(limits), WgpuFeatures::empty(), RayBackend::Software, |_| ())
+    }
+
+    /// As [`Self::new`], on a device without some features.
+    pub fn lacking(features: WgpuFeatures, width: u32, height: u32) -> Option<Self> {
+        Self::with(width, height, true, None, features, usual_back_end(), |_| ())
     }
 
     /// As [`Self::new`], with plugins beside ours.
     pub fn beside(more: impl FnOnce(&mut App), width: u32, height: u32) -> Option<Self> {
-        Self::with(width, height, true, None, usual_back_end(), more)
+        Self::with(width, height, true, None, WgpuFeatures::empty(), usual_back_end(), more)
     }
 
     fn with(
@@ -234,12 +258,13 @@ impl Rig {
         height: u32,
         synchronous: bool,
         limits: Option<WgpuLimits>,
+        lacks: WgpuFeatures,
         backend: RayBackend,
         more: impl FnOnce(&mut App),
     ) -> Option<Self> {
         calm();
         super::gpu::gpu()?;
-        let mut app = headless(synchronous, limits, backend, more);
+        let mut app = headless(synchronous, limits, lacks, backend, more);
         let target = app.world_mut().resource_mut::<Assets<Image>>().add(target_image(UVec2::new(width, height)));
         let capture = RadianceCapture::default();
         let camera = app

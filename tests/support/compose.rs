@@ -1,15 +1,20 @@
 //! Composes WGSL with `naga_oil` exactly as Bevy does, without a GPU.
 
 use bevy_restir::shaders::MODULES;
+use naga::valid::Capabilities;
 use naga_oil::compose::{
     ComposableModuleDescriptor, Composer, NagaModuleDescriptor, ShaderDefValue, ShaderLanguage, ShaderType,
     get_preprocessor_data,
 };
 use std::collections::{HashMap, HashSet};
 
-/// What shaders may use: the portable tier's, and ray queries where they are traced by them.
-pub const CAPABILITIES: naga::valid::Capabilities =
-    naga::valid::Capabilities::SHADER_FLOAT16_IN_FLOAT32.union(naga::valid::Capabilities::RAY_QUERY);
+/// What shaders may use: the portable tier's, ray queries where they are traced by them, and arrays of textures where these are bound.
+pub const CAPABILITIES: Capabilities =
+    Capabilities::SHADER_FLOAT16_IN_FLOAT32.union(Capabilities::RAY_QUERY).union(TEXTURE_ARRAYS);
+
+/// Arrays of textures that neighbouring invocations index differently.
+pub const TEXTURE_ARRAYS: Capabilities = Capabilities::TEXTURE_AND_SAMPLER_BINDING_ARRAY
+    .union(Capabilities::TEXTURE_AND_SAMPLER_BINDING_ARRAY_NON_UNIFORM_INDEXING);
 
 /// A shader definition as tests write it.
 pub type Def = (&'static str, ShaderDefValue);
