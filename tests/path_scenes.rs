@@ -40,3 +40,20 @@ fn noisy_scenes_are_lit_by_paths_as_by_the_reference() {
         check(name, size, Proof { margin: 0.05, ..Proof::of((40, 12), (40, 70)) });
     }
 }
+
+/// Ten times the samples of a row of `path_matrix`, of seeds of their own.
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_long_runs_of_paths_lean_neither_way() {
+    for name in ["punctual", "glossy"] {
+        let Some(mut rig) = Rig::load(name, 96) else { return };
+        let proof = Proof { margin: 0.01, bounces: BOUNCES, ..Proof::of((40, 24), (40, 100)) };
+        let alone = Paths { temporal: false, spatial_taps: 0, ..Paths::default() };
+        let all = [
+            ("candidates of PT", AllLight::Pt(alone.clone())),
+            ("candidates of DI + GI", AllLight::Gi(Direct { temporal: false, spatial_taps: 0, ..direct() }, alone)),
+            ("ReSTIR PT", AllLight::Pt(Paths::default())),
+        ];
+        proof.check(name, &mut rig, &all);
+    }
+}
