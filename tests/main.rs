@@ -23,6 +23,7 @@ mod environment;
 mod extremes;
 mod geometry;
 mod indirect_light;
+mod lab_cli;
 mod layout;
 mod light_choice;
 mod light_counts;

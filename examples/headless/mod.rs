@@ -7,13 +7,11 @@ mod framing;
 pub mod picture;
 pub mod progress;
 pub mod scene;
-pub mod set;
 pub mod times;
 
 use bevy::{
     asset::UnapprovedPathMode,
     log::LogPlugin,
-    math::UVec2,
     prelude::*,
     render::{
         RenderPlugin,
@@ -58,15 +56,6 @@ pub fn arguments<T: Parser>() -> Result<T, ExitCode> {
 /// The first paragraph of a message in one line: what is wrong, without the usage.
 fn one_line(message: &str) -> String {
     message.lines().map(str::trim).take_while(|line| !line.is_empty()).collect::<Vec<_>>().join(" ")
-}
-
-/// Reads `WIDTHxHEIGHT`.
-pub fn size(text: &str) -> Result<UVec2, String> {
-    let parsed = text.split_once('x').and_then(|(w, h)| Some(UVec2::new(w.parse().ok()?, h.parse().ok()?)));
-    match parsed {
-        Some(size) if size.min_element() >= 1 && size.max_element() <= 16384 => Ok(size),
-        _ => Err("expected WIDTHxHEIGHT, each from 1 to 16384".into()),
-    }
 }
 
 /// Before anything else runs: keeps drivers from complaining on stderr.

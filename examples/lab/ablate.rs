@@ -1,19 +1,20 @@
-//! The shape of paper 003's Table 1 on this adapter: what each part of direct light costs, and what it brings.
+//! Table 1 of Wyman and Panteleev 2021 in shape, on this adapter: what each part of direct light costs, and what it brings.
 
 use bevy::math::UVec2;
 use bevy_restir::Restir;
 use std::path::PathBuf;
 
 use crate::{
+    arguments,
     bench::{Bench, Cost, Counts, Errors, Scene, pixels, scenes},
     error::Reference,
-    headless::{self, progress::Progress},
+    headless::progress::Progress,
     output::{Output, header},
     series::{self, Entry, Shown},
     table::{Row, Table, Unit},
 };
 
-/// Times, rays and errors of direct light by its settings, in the shape of paper 003's Table 1.
+/// Times, rays and errors of direct light by its settings, in the shape of Table 1 of Wyman and Panteleev 2021.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// glTF files; the environment is that which `references.json` beside them names, or none.
@@ -22,7 +23,7 @@ pub struct Args {
     #[command(flatten)]
     output: Output,
     /// Pixels.
-    #[arg(long, default_value = "128x128", value_parser = headless::size)]
+    #[arg(long, default_value = "128x128", value_parser = arguments::size)]
     size: UVec2,
     #[command(flatten)]
     counts: Counts,

@@ -1,209 +1,191 @@
-//! What ReSTIR PT and DI + GI cost and bring against the reference tracer in equal time.
+//! How far a picture is from a reference, both as files.
 
 use bevy::math::UVec2;
-use bevy_restir::{Restir, Technique};
-use std::path::PathBuf;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
 
 use crate::{
-    bench::{Bench, Cost, Counts, Errors, Scene, scenes},
-    error::{Error, Reference},
-    headless::{self, progress::Progress, set::set},
-    output::{Output, header},
-    series,
+    error::{Picture, mean},
+    exr_file,
+    output::{Output, provenance},
     table::{Row, Table, Unit},
 };
 
-/// Costs by stage, and errors in equal time, of the techniques that carry all light.
+/// How far a linear picture is from a reference: a line of JSON, `null` where a figure means nothing, and a table.
 #[derive(clap::Args, Debug)]
 pub struct Args {
-    /// glTF files; the environment is that which `references.json` beside them names, or none.
-    #[arg(required = true)]
-    scenes: Vec<PathBuf>,
+    /// A linear .exr file; its pixels that are not finite are counted and taken as black.
+    picture: PathBuf,
+    /// What it should show, a .exr file of the same size.
+    reference: PathBuf,
     #[command(flatten)]
     output: Output,
-    /// Pixels.
-    #[arg(long, default_value = "128x128", value_parser = headless::size)]
-    size: UVec2,
-    /// Scattering events of a path.
-    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=64))]
-    bounces: u32,
-    #[command(flatten)]
-    counts: Counts,
-    /// Independent frames that an error is the mean of.
-    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..))]
-    seeds: u32,
-    /// Samples a pixel of the converged picture.
-    #[arg(long, default_value_t = 4096, value_parser = clap::value_parser!(u32).range(2..))]
-    samples: u32,
+    /// Pixels a side of a tile; what is left over at the right and at the bottom is in none.
+    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..))]
+    tile: u32,
 }
 
-/// Costs by stage and errors of ReSTIR PT by its settings: the steps of paper 000's Table 1 that are settings.
-#[derive(clap::Args, Debug)]
-pub struct Steps {
-    #[command(flatten)]
-    args: Args,
-    /// Fields of `Restir` as `"PATH=VALUE PATH=VALUE"`, instead of those steps; repeatable.
-    #[arg(long)]
-    variant: Vec<String>,
-}
+/// The table's name.
+const NAME: &str = "compare";
+/// Weights of the channels in luminance.
+const LUMINANCE: [f64; 3] = [0.2126, 0.7152, 0.0722];
 
-/// What is held against the reference tracer: a name, and how its settings differ.
-struct Rival {
-    name: String,
-    settings: Restir,
-}
-
-/// How the costs of a frame are told.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Detail {
-    /// A row a pass.
-    Passes,
-    /// The columns of paper 000's Table 1.
-    Stages,
-}
-
-/// The two techniques.
 pub fn run(args: &Args) -> Result<(), String> {
-    let rival = |name: &str, technique| Rival { name: name.into(), settings: args.settings(technique) };
-    let rivals = [rival("ReSTIR PT", Technique::Pt), rival("ReSTIR DI + GI", Technique::Gi)];
-    table("compare", args, &rivals, Detail::Passes)
+    let (size, picture) = read(&args.picture)?;
+    let (wanted, reference) = read(&args.reference)?;
+    if size != wanted {
+        let (of, other) = (args.picture.display(), args.reference.display());
+        return Err(format!("{of}: it has {} x {} pixels, {other} has {} x {}", size.x, size.y, wanted.x, wanted.y));
+    }
+    let unknown = reference.iter().filter(|pixel| !is_finite(pixel)).count();
+    if unknown > 0 {
+        return Err(format!("{}: {unknown} pixels of the reference are not finite", args.reference.display()));
+    }
+    let tile = args.tile as usize;
+    let difference = Difference::new(picture, &reference, size.x as usize, tile);
+    args.output.check(NAME)?;
+    let mut header = provenance(None);
+    header.push(format!("{} x {} pixels, tiles of {tile} x {tile}", size.x, size.y));
+    let name = args.picture.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    args.output.write(NAME, &Table { header, columns: vec![(name, difference.rows())], notes: Vec::new() })?;
+    println!("{}", difference.json());
+    Ok(())
 }
 
-impl Steps {
-    /// What each step of paper 000 costs and brings, or each of some settings.
-    pub fn run(&self) -> Result<(), String> {
-        let default = || self.args.settings(Technique::Pt);
-        let rivals = if self.variant.is_empty() {
-            series::steps(&default())
-                .into_iter()
-                .map(|(name, settings)| Rival { name: name.into(), settings })
-                .collect()
-        } else {
-            let rival = |text: &String| {
-                let mut settings = default();
-                for assignment in text.split_whitespace() {
-                    set(&mut settings, assignment).map_err(|error| format!("--variant {error}"))?;
-                }
-                Ok(Rival { name: text.clone(), settings })
-            };
-            self.variant.iter().map(rival).collect::<Result<Vec<_>, String>>()?
+/// A file's size and its channels.
+fn read(path: &Path) -> Result<(UVec2, Picture), String> {
+    let (size, pixels) = exr_file::read(path)?;
+    Ok((size, pixels.into_iter().map(|[r, g, b, _]| [r, g, b].map(f64::from)).collect()))
+}
+
+/// All figures; those that divide by nothing are not finite.
+struct Difference {
+    /// Of the means: over everything, and channel by channel.
+    rel_mean: f64,
+    rel_mean_rgb: [f64; 3],
+    /// Of the tiles' luminance: of its amount the mean, what 95 % stay below, and the most; and the mean with its sign.
+    tile_abs_mean: f64,
+    tile_abs_p95: f64,
+    tile_abs_max: f64,
+    tile_bias: f64,
+    /// Over pixels and channels: root of the mean square; relative to the reference's square, and to the reference.
+    rmse: f64,
+    rel_mse: f64,
+    mape: f64,
+    /// Pixels of the picture with a channel that is no number.
+    non_finite: usize,
+}
+
+impl Difference {
+    /// Both are as large, and the reference is finite.
+    fn new(mut picture: Picture, reference: &Picture, width: usize, tile: usize) -> Self {
+        let non_finite = blacken(&mut picture);
+        let scale = mean(reference, |c| c);
+        let (ours, theirs) = (channel_means(&picture), channel_means(reference));
+        let tiles = relative(&tiles(&picture, width, tile), &tiles(reference, width, tile));
+        let mut amounts: Vec<f64> = tiles.iter().map(|t| t.abs()).collect();
+        amounts.sort_by(f64::total_cmp);
+        let over_all = |of: &dyn Fn(f64, f64) -> f64| {
+            let pairs = picture.iter().flatten().zip(reference.iter().flatten());
+            pairs.map(|(&c, &r)| of(c, r)).sum::<f64>() / (3 * reference.len()) as f64
         };
-        table("steps", &self.args, &rivals, Detail::Stages)
-    }
-}
-
-impl Args {
-    /// Through the centres of the pixels, so that all techniques converge to one picture.
-    fn settings(&self, technique: Technique) -> Restir {
-        Restir { technique, bounces: self.bounces, jitter: false, energy_compensation: false, ..Restir::default() }
-    }
-}
-
-fn table(name: &str, args: &Args, rivals: &[Rival], detail: Detail) -> Result<(), String> {
-    args.output.check(name)?;
-    let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
-    for scene in scenes(&args.scenes)? {
-        let (adapter, rows) = column(args, &scene, rivals, detail).map_err(|error| format!("{}: {error}", scene.1))?;
-        if table.header.is_empty() {
-            let Args { counts: Counts { warmup, frames }, seeds, samples, bounces, .. } = args;
-            table.header = header(adapter, args.size);
-            table.header.push(format!(
-                "{bounces} bounces; times: medians over {frames} frames after {warmup}; errors: means over {seeds} seeds after \
-                 {warmup} frames, against {samples} samples a pixel"
-            ));
+        Self {
+            rel_mean: (mean(&picture, |c| c) - scale) / scale,
+            rel_mean_rgb: core::array::from_fn(|i| (ours[i] - theirs[i]) / theirs[i].max(1e-9)),
+            tile_abs_mean: average(&amounts),
+            tile_abs_p95: quantile(&amounts, 0.95),
+            tile_abs_max: quantile(&amounts, 1.0),
+            tile_bias: average(&tiles),
+            rmse: over_all(&|c, r| (c - r).powi(2)).sqrt(),
+            // A hundredth of the mean keeps black pixels from deciding alone.
+            rel_mse: over_all(&|c, r| (c - r).powi(2) / (r * r + 1e-2 * scale * scale)),
+            mape: over_all(&|c, r| (c - r).abs() / (r + 0.01 * scale)),
+            non_finite,
         }
-        table.columns.push((scene.1, rows));
     }
-    args.output.write(name, &table)
-}
 
-/// Name of the adapter, and the figures of a scene.
-fn column(args: &Args, scene: &Scene, rivals: &[Rival], detail: Detail) -> Result<(String, Vec<Row>), String> {
-    let reference = args.settings(Technique::Reference);
-    let planned = |settings| Bench::planned(&args.counts, settings, args.seeds);
-    let frames = u64::from(args.samples.next_multiple_of(2))
-        + planned(&reference)
-        + rivals.iter().map(|rival| planned(&rival.settings)).sum::<u64>();
-    let progress = Progress::new(frames);
-
-    let mut bench = Bench::of_scene(scene, args.size, reference.clone(), &args.counts)?;
-    let truth = bench.reference(&reference, args.samples, &progress)?;
-    let errors = Errors { reference: &truth, seeds: args.seeds };
-    let (sample, one) = measured(&mut bench, &reference, &errors, &progress)?;
-    let mut rows = scene_rows(&bench, &truth, &sample, one);
-    for Rival { name, settings } in rivals {
-        let (cost, error) = measured(&mut bench, settings, &errors, &progress)?;
-        let reservoirs = bench.report().reservoir_bytes_per_pixel;
-        let samples = cost.lighting() / sample.lighting();
-        let whole = match samples.round() as u32 {
-            0 => Error { mean: f64::NAN, median: f64::NAN },
-            n => bench.error(&reference, &errors, n - 1, &progress)?,
-        };
-        let row = |label: &str, figures: &[_]| Row::new(name.clone(), label, figures);
-        rows.extend(match detail {
-            Detail::Passes => passes(name, &cost),
-            Detail::Stages => vec![stages(name, &cost)],
-        });
-        rows.extend([
-            row("rays", &[("", Unit::RaysAPixel, cost.rays)]),
-            row("reservoirs", &[("", Unit::BytesAPixel, reservoirs as f64)]),
-            row("error", &[("", Unit::Mse, error.mean), ("median of blocks", Unit::Mse, error.median)]),
-            row("the reference tracer in equal time", &[("", Unit::Samples, samples)]),
-            row(
-                "its error, relative: scaled from one sample",
-                &[
-                    ("", Unit::Ratio, one.mean / samples / error.mean),
-                    ("median", Unit::Ratio, one.median / samples / error.median),
-                ],
-            ),
-            row(
-                "its error, relative: of whole samples",
-                &[("", Unit::Ratio, whole.mean / error.mean), ("median", Unit::Ratio, whole.median / error.median)],
-            ),
-        ]);
+    fn json(&self) -> Value {
+        json!({
+            "rel_mean": self.rel_mean,
+            "rel_mean_rgb": self.rel_mean_rgb,
+            "tile_abs_mean": self.tile_abs_mean,
+            "tile_abs_p95": self.tile_abs_p95,
+            "tile_abs_max": self.tile_abs_max,
+            "tile_bias": self.tile_bias,
+            "rmse": self.rmse,
+            "rel_mse": self.rel_mse,
+            "mape": self.mape,
+            "non_finite": self.non_finite,
+        })
     }
-    Ok((bench.adapter(), rows))
+
+    /// The same, by the same names.
+    fn rows(&self) -> Vec<Row> {
+        let row = |key, unit, value| Row::new("", key, &[("", unit, value)]);
+        let [red, green, blue] = self.rel_mean_rgb;
+        let channels = [("red", Unit::Relative, red), ("green", Unit::Relative, green), ("blue", Unit::Relative, blue)];
+        vec![
+            row("rel_mean", Unit::Relative, self.rel_mean),
+            Row::new("", "rel_mean_rgb", &channels),
+            row("tile_abs_mean", Unit::Relative, self.tile_abs_mean),
+            row("tile_abs_p95", Unit::Relative, self.tile_abs_p95),
+            row("tile_abs_max", Unit::Relative, self.tile_abs_max),
+            row("tile_bias", Unit::Relative, self.tile_bias),
+            row("rmse", Unit::Stored, self.rmse),
+            row("rel_mse", Unit::Relative, self.rel_mse),
+            row("mape", Unit::Relative, self.mape),
+            row("non_finite", Unit::Count, self.non_finite as f64),
+        ]
+    }
 }
 
-fn measured(
-    bench: &mut Bench,
-    settings: &Restir,
-    errors: &Errors,
-    progress: &Progress,
-) -> Result<(Cost, Error), String> {
-    let (cost, error) = bench.measure(settings, Some(errors), progress)?;
-    Ok((cost, error.unwrap_or_default()))
+fn is_finite(pixel: &[f64; 3]) -> bool {
+    pixel.iter().all(|c| c.is_finite())
 }
 
-fn scene_rows(bench: &Bench, truth: &Reference, sample: &Cost, one: Error) -> Vec<Row> {
-    const SCENE: &str = "Scene";
-    const REFERENCE: &str = "The reference tracer";
-    let report = bench.report();
-    vec![
-        Row::new(SCENE, "lights (emissive triangles and others)", &[("", Unit::Count, report.lights as f64)]),
-        Row::new(SCENE, "triangles", &[("", Unit::Count, report.triangles as f64)]),
-        Row::new(SCENE, "error of the converged picture", &[("", Unit::Mse, truth.noise)]),
-        Row::new(REFERENCE, "a sample", &[("", Unit::Ms, sample.lighting()), ("", Unit::RaysAPixel, sample.rays)]),
-        Row::new(REFERENCE, "error", &[("", Unit::Mse, one.mean), ("median of blocks", Unit::Mse, one.median)]),
-    ]
+/// Makes pixels black that are not finite, and counts them.
+fn blacken(picture: &mut [[f64; 3]]) -> usize {
+    let mut count = 0;
+    for pixel in picture.iter_mut().filter(|pixel| !is_finite(pixel)) {
+        *pixel = [0.0; 3];
+        count += 1;
+    }
+    count
 }
 
-/// A row a pass.
-fn passes(name: &str, cost: &Cost) -> Vec<Row> {
-    let all = core::iter::once(("all", cost.lighting()));
-    all.chain(cost.of_passes()).map(|(pass, ms)| Row::new(name.to_owned(), pass, &[("", Unit::Ms, ms)])).collect()
+fn channel_means(picture: &Picture) -> [f64; 3] {
+    core::array::from_fn(|i| picture.iter().map(|pixel| pixel[i]).sum::<f64>() / picture.len() as f64)
 }
 
-/// Paper 000, Table 1: a frame, initial candidates, temporal and spatial reuse, direct light and everything else.
-fn stages(name: &str, cost: &Cost) -> Row {
-    let of = |counts: fn(&str) -> bool| -> f64 { cost.of_passes().filter(|(n, _)| counts(n)).map(|(_, ms)| ms).sum() };
-    let is_path = |name: &str| name.starts_with("path_") || name.starts_with("indirect_");
-    let figures = [
-        ("frame", cost.lighting()),
-        ("initial", of(|name| name.ends_with("path_candidates") || name.ends_with("indirect_candidates"))),
-        ("temporal", of(|name| name == "path_reuse" || name == "indirect_reuse")),
-        ("spatial", of(|name| name.contains("_reuse_") && !name.starts_with("direct_"))),
-        ("DI + other", cost.of_passes().filter(|(name, _)| !is_path(name)).map(|(_, ms)| ms).sum()),
-    ];
-    Row::new(name.to_owned(), "", &figures.map(|(name, ms)| (name, Unit::Ms, ms)))
+/// Mean luminance of the tiles that are whole.
+fn tiles(picture: &Picture, width: usize, tile: usize) -> Vec<f64> {
+    let (columns, rows) = (width / tile, picture.len() / width / tile);
+    let mut tiles = vec![0.0; columns * rows];
+    for (i, pixel) in picture.iter().enumerate() {
+        let (x, y) = (i % width / tile, i / width / tile);
+        if x < columns && y < rows {
+            let luminance: f64 = pixel.iter().zip(LUMINANCE).map(|(c, weight)| c * weight).sum();
+            tiles[y * columns + x] += luminance / (tile * tile) as f64;
+        }
+    }
+    tiles
+}
+
+/// Differences relative to the reference, or to a fiftieth of its mean where it is darker.
+fn relative(ours: &[f64], theirs: &[f64]) -> Vec<f64> {
+    let least = 0.02 * average(theirs);
+    ours.iter().zip(theirs).map(|(a, r)| (a - r) / r.max(least)).collect()
+}
+
+/// The mean of some values; NaN of none.
+fn average(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len() as f64
+}
+
+/// What that share of sorted values stays below, in a straight line between two of them; NaN of none.
+fn quantile(sorted: &[f64], share: f64) -> f64 {
+    let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
+    let at = share * last as f64;
+    let (low, high) = (sorted[at.floor() as usize], sorted[at.ceil() as usize]);
+    low + (high - low) * at.fract()
 }

@@ -1,9 +1,14 @@
 //! Makes the figures that the documentation has: `cargo run --example lab -- ablate SCENE.glb ...`.
 
 mod ablate;
+#[path = "../shared/arguments.rs"]
+mod arguments;
 mod bench;
 mod compare;
+mod equal_time;
 mod error;
+#[path = "../shared/exr_file.rs"]
+mod exr_file;
 #[path = "../headless/mod.rs"]
 mod headless;
 mod lights;
@@ -12,6 +17,8 @@ mod output;
 mod rays;
 mod scale;
 mod series;
+#[path = "../shared/set.rs"]
+mod set;
 mod support;
 mod table;
 
@@ -28,12 +35,13 @@ struct Args {
 
 #[derive(Subcommand, Debug)]
 enum Command {
-    Ablate(ablate::Args),
-    Compare(compare::Args),
-    Materials(materials::Args),
     Rays(rays::Args),
+    Ablate(ablate::Args),
     Scale(scale::Args),
-    Steps(compare::Steps),
+    EqualTime(equal_time::Args),
+    Steps(equal_time::Steps),
+    Materials(materials::Args),
+    Compare(compare::Args),
 }
 
 fn main() -> ExitCode {
@@ -43,12 +51,13 @@ fn main() -> ExitCode {
     };
     headless::quiet_drivers();
     let result = match &args.command {
-        Command::Ablate(args) => ablate::run(args),
-        Command::Compare(args) => compare::run(args),
-        Command::Materials(args) => materials::run(args),
         Command::Rays(args) => rays::run(args),
+        Command::Ablate(args) => ablate::run(args),
         Command::Scale(args) => scale::run(args),
+        Command::EqualTime(args) => equal_time::run(args),
         Command::Steps(steps) => steps.run(),
+        Command::Materials(args) => materials::run(args),
+        Command::Compare(args) => compare::run(args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -6,30 +6,33 @@ use bevy::{
     prelude::*,
     render::render_resource::{Extent3d, TextureDimension, TextureFormat},
 };
-use bevy_restir::{RayBackend, Restir, RestirEnvironment, Technique};
+use bevy_restir::{RayBackend, Restir, RestirEnvironment};
 use std::path::{Path, PathBuf};
 
-use crate::headless::{
-    self, frame,
-    picture::{screenshot, write_png},
-    progress::Progress,
-    scene::{self, CameraSetup, View},
-    until_ready,
+use crate::{
+    arguments::{self, TechniqueName},
+    headless::{
+        self, frame,
+        picture::{screenshot, write_png},
+        progress::Progress,
+        scene::{self, CameraSetup, View},
+        until_ready,
+    },
 };
 
 /// A picture of materials: metallic, roughness of a metal, reflectance, specular tint, clearcoat, its roughness, anisotropy, its
 /// rotation, thick glass by roughness, thin walls by transmission, diffuse transmission, emission.
 #[derive(clap::Args, Debug)]
 pub struct Args {
-    /// The picture, a .png.
-    #[arg(long, default_value = "target/lab/materials.png")]
+    /// Folder of the picture, `materials.png`.
+    #[arg(long, default_value = "target/lab")]
     out: PathBuf,
     /// Pixels.
-    #[arg(long, default_value = "490x840", value_parser = headless::size)]
+    #[arg(long, default_value = "490x840", value_parser = arguments::size)]
     size: UVec2,
-    /// reference, di, gi or pt.
-    #[arg(long, default_value = "reference", value_parser = technique)]
-    technique: Technique,
+    /// How light is carried.
+    #[arg(long, value_enum, default_value = "reference")]
+    technique: TechniqueName,
     /// Frames that the picture is the mean of.
     #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..))]
     frames: u32,
@@ -42,16 +45,6 @@ pub struct Args {
     /// Rows, counted from the top, from 0 on; all without it.
     #[arg(long, value_delimiter = ',')]
     rows: Vec<usize>,
-}
-
-fn technique(text: &str) -> Result<Technique, String> {
-    match text {
-        "reference" => Ok(Technique::Reference),
-        "di" => Ok(Technique::Di),
-        "gi" => Ok(Technique::Gi),
-        "pt" => Ok(Technique::Pt),
-        _ => Err("expected reference, di, gi or pt".into()),
-    }
 }
 
 /// Spheres of a row.
@@ -128,8 +121,7 @@ const FEATURES: [Feature; 12] = [
 ];
 
 pub fn run(args: &Args) -> Result<(), String> {
-    let folder = args.out.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    std::fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+    std::fs::create_dir_all(&args.out).map_err(|e| format!("{}: {e}", args.out.display()))?;
     let rows: Vec<usize> = if args.rows.is_empty() { (0..FEATURES.len()).collect() } else { args.rows.clone() };
     if let Some(row) = rows.iter().find(|row| **row >= FEATURES.len()) {
         return Err(format!("there is no row {row}, only {}", FEATURES.len()));
@@ -139,7 +131,7 @@ pub fn run(args: &Args) -> Result<(), String> {
     let place = spawn(app.world_mut(), &rows, args.size);
     let image = app.world_mut().resource_mut::<Assets<Image>>().add(studio());
     let environment = RestirEnvironment { image: Some(image), ..Default::default() };
-    let settings = Restir { technique: args.technique, bounces: args.bounces, ..Restir::default() };
+    let settings = Restir { technique: args.technique.into(), bounces: args.bounces, ..Restir::default() };
     let setup =
         CameraSetup { size: args.size, exposure: scene::unit_exposure(), environment: Some(environment), settings };
     scene::spawn_camera(app.world_mut(), place, setup);
@@ -154,7 +146,7 @@ pub fn run(args: &Args) -> Result<(), String> {
         progress.step();
     }
     let picture = screenshot(&mut app)?;
-    write_png(&args.out, picture)
+    write_png(&args.out.join("materials.png"), picture)
 }
 
 /// Spheres before a chequered wall, and a lamp.  Returns where the camera is.

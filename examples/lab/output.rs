@@ -53,15 +53,16 @@ fn replaced(path: &Path, name: &str, text: &str) -> Result<String, String> {
 
 /// What was run on what, and at which size of picture.
 pub fn header(adapter: String, size: UVec2) -> Vec<String> {
-    let mut lines = provenance(adapter);
+    let mut lines = provenance(Some(adapter));
     lines.insert(2, format!("{} x {} pixels", size.x, size.y));
     lines
 }
 
-/// What was run on what.
-pub fn provenance(adapter: String) -> Vec<String> {
+/// What was run, and on which adapter where one takes part.
+pub fn provenance(adapter: Option<String>) -> Vec<String> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let mut lines = vec![format!("`cargo run --example lab -- {}`", arguments.join(" ")), adapter];
+    let mut lines = vec![format!("`cargo run --example lab -- {}`", arguments.join(" "))];
+    lines.extend(adapter);
     let git = Command::new("git").args(["-C", env!("CARGO_MANIFEST_DIR"), "rev-parse", "--short", "HEAD"]).output();
     let git = git.ok().filter(|o| o.status.success());
     if let Some(output) = git {

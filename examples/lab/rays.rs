@@ -87,7 +87,7 @@ pub fn run(args: &Args) -> Result<(), String> {
         rows.extend(in_an_app(args, backend, &mut adapter)?);
         columns.push((name.to_string(), rows));
     }
-    let mut header = provenance(adapter);
+    let mut header = provenance(Some(adapter));
     header.push(format!(
         "medians of {} dispatches of {} rays, of {} frames; a CPU's rates are by its CPU time over all cores",
         args.repeat, args.rays, args.frames

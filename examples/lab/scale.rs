@@ -5,6 +5,7 @@ use bevy_restir::{RayBackend, RestirStatistics};
 use std::{path::Path, time::Instant};
 
 use crate::{
+    arguments,
     bench::{Bench, Cost, Counts},
     headless::{
         self,
@@ -24,7 +25,7 @@ pub struct Args {
     #[command(flatten)]
     output: Output,
     /// Pixels.
-    #[arg(long, default_value = "128x128", value_parser = headless::size)]
+    #[arg(long, default_value = "128x128", value_parser = arguments::size)]
     size: UVec2,
     #[command(flatten)]
     counts: Counts,

@@ -45,7 +45,7 @@ pub fn reference() -> Restir {
     plain(Technique::Reference, Direct::default())
 }
 
-/// The pipeline that paper 003 ends with.
+/// The pipeline that Wyman and Panteleev 2021 ends with.
 pub fn paper() -> Restir {
     paper_within(0.0)
 }
@@ -205,7 +205,8 @@ fn kinds<K: Copy + core::fmt::Debug, const N: usize>(
     kinds.map(|kind| (format!("{kind:?}"), with(|d| set(d, kind)))).into()
 }
 
-/// Paper 000's Table 1 from its last row but one up, as far as its steps are settings: each takes one away from the defaults of PT.
+/// Table 1 of Lin et al. 2026, supplement, from its last row but one up, as far as its steps are settings: each takes one away from
+/// the defaults of PT.
 pub fn steps(default: &Restir) -> Vec<(&'static str, Restir)> {
     let with = |change: fn(&mut Restir)| {
         let mut settings = default.clone();

@@ -14,6 +14,10 @@ pub enum Unit {
     RaysAPixel,
     Samples,
     Ratio,
+    /// A difference, relative to what it should be.
+    Relative,
+    /// What a picture's file holds: radiance times exposure.
+    Stored,
     BytesAPixel,
     MiB,
     Bytes,
@@ -25,13 +29,14 @@ pub enum Unit {
 impl Unit {
     fn name(self) -> &'static str {
         match self {
-            Self::Count => "",
+            Self::Count | Self::Stored => "",
             Self::Radiance => "cd/m²",
             Self::Ms => "ms",
             Self::Mse => "MSE",
             Self::RaysAPixel => "rays a pixel",
             Self::Samples => "samples",
             Self::Ratio => "x",
+            Self::Relative => "relative",
             Self::BytesAPixel => "bytes a pixel",
             Self::MiB => "MiB",
             Self::Bytes => "bytes",

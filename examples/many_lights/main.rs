@@ -2,6 +2,8 @@
 //!
 //! `cargo run --example many_lights -- --lights 3000`
 
+#[path = "../shared/arguments.rs"]
+mod arguments;
 mod cost;
 #[path = "../shared/fields.rs"]
 #[expect(dead_code, reason = "the viewer has widgets for what is stepped through here")]
@@ -13,6 +15,7 @@ mod numbers;
 mod panel;
 mod plaza;
 
+use arguments::TechniqueName;
 use bevy::{
     core_pipeline::tonemapping::Tonemapping,
     diagnostic::{DiagnosticsStore, FrameTimeDiagnosticsPlugin},
@@ -22,7 +25,7 @@ use bevy::{
     window::PresentMode,
 };
 use bevy_restir::{RestirStatistics, prelude::*};
-use clap::{Parser, ValueEnum};
+use clap::Parser;
 
 /// Thousands of lamps that move, under ReSTIR DI.
 #[derive(Parser, Resource, Clone, Debug)]
@@ -34,7 +37,7 @@ struct Args {
     #[arg(long, default_value_t = 300, value_parser = clap::value_parser!(u32).range(0..=100_000))]
     points: u32,
     /// Pixels of the window.
-    #[arg(long, default_value = "1280x720", value_parser = size)]
+    #[arg(long, default_value = "1280x720", value_parser = arguments::window_size)]
     size: UVec2,
     /// How light is carried.
     #[arg(long, value_enum, default_value = "di")]
@@ -48,19 +51,6 @@ struct Args {
     /// Ends after so many frames, and says what they took.
     #[arg(long)]
     frames: Option<u32>,
-}
-
-#[derive(ValueEnum, Clone, Copy, Debug)]
-enum TechniqueName {
-    Reference,
-    Di,
-    Gi,
-    Pt,
-}
-
-fn size(text: &str) -> Result<UVec2, String> {
-    let parsed = text.split_once('x').and_then(|(w, h)| Some(UVec2::new(w.parse().ok()?, h.parse().ok()?)));
-    parsed.filter(|size| size.min_element() >= 64 && size.max_element() <= 8192).ok_or("expected WIDTHxHEIGHT".into())
 }
 
 fn main() -> AppExit {
@@ -91,18 +81,12 @@ fn main() -> AppExit {
 }
 
 fn spawn_camera(mut commands: Commands, args: Res<Args>) {
-    let technique = match args.technique {
-        TechniqueName::Reference => Technique::Reference,
-        TechniqueName::Di => Technique::Di,
-        TechniqueName::Gi => Technique::Gi,
-        TechniqueName::Pt => Technique::Pt,
-    };
     commands.spawn((
         Camera3d::default(),
         // Bright colours stay colours.
         Tonemapping::BlenderFilmic,
         flight::Flight::default(),
-        Restir { technique, ..default() },
+        Restir { technique: args.technique.into(), ..default() },
         RestirEnvironment { color: LinearRgba::rgb(16.0, 24.0, 44.0), ..default() },
     ));
 }

@@ -1,13 +1,15 @@
 //! The command line.
 
 use bevy::{camera::Exposure, math::UVec2};
-use bevy_restir::{Preset, RayBackend, Restir, Technique};
+use bevy_restir::Restir;
 use clap::{Parser, ValueEnum};
 use std::path::PathBuf;
 
 use crate::{
+    arguments::{self, Backend, PresetName, TechniqueName},
     environment::{self, Environment},
-    headless::{self, scene::unit_exposure, set::set},
+    headless::scene::unit_exposure,
+    set::set,
 };
 
 /// Renders a glTF scene without a window.
@@ -20,10 +22,10 @@ pub struct Args {
     #[arg(long, default_value = "out.png", value_parser = output_path)]
     pub out: PathBuf,
     /// Pixels; the projection keeps the camera's vertical field of view.
-    #[arg(long, default_value = "1280x720", value_parser = headless::size)]
+    #[arg(long, default_value = "1280x720", value_parser = arguments::size)]
     pub size: UVec2,
-    /// How light is carried.
-    #[arg(long, value_enum, default_value = "di")]
+    /// How light is carried: by the reference tracer, ReSTIR DI (direct light only), ReSTIR DI and GI, or ReSTIR PT.
+    #[arg(long, value_enum, default_value = "pt")]
     pub technique: TechniqueName,
     /// Settings to start from.
     #[arg(long, value_enum, default_value = "balanced")]
@@ -47,7 +49,7 @@ pub struct Args {
     #[arg(long, value_parser = environment::parse)]
     pub env: Option<Environment>,
     /// Exposure value at ISO 100; without it the exposure is 1.
-    #[arg(long, allow_negative_numbers = true, value_parser = finite)]
+    #[arg(long, allow_negative_numbers = true, value_parser = arguments::ev100)]
     pub ev100: Option<f32>,
     /// Name of the camera; without it the first of the file.
     #[arg(long)]
@@ -67,49 +69,9 @@ pub struct Args {
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TechniqueName {
-    Reference,
-    Di,
-    Gi,
-    Pt,
-}
-
-#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PresetName {
-    Performance,
-    Balanced,
-    Quality,
-    Unbiased,
-}
-
-#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Output {
     Mean,
     Last,
-}
-
-#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Backend {
-    Auto,
-    Software,
-    Hardware,
-}
-
-impl From<Backend> for RayBackend {
-    fn from(backend: Backend) -> Self {
-        match backend {
-            Backend::Auto => Self::Auto,
-            Backend::Software => Self::Software,
-            Backend::Hardware => Self::Hardware,
-        }
-    }
-}
-
-fn finite(text: &str) -> Result<f32, String> {
-    text.parse()
-        .ok()
-        .filter(|x: &f32| x.is_finite() && x.abs() <= 60.0)
-        .ok_or("expected a number from -60 to 60".into())
 }
 
 fn output_path(text: &str) -> Result<PathBuf, String> {
@@ -123,18 +85,8 @@ fn output_path(text: &str) -> Result<PathBuf, String> {
 impl Args {
     /// The camera's settings; an unknown path or an unreadable value is an error in the arguments.
     pub fn settings(&self) -> Result<Restir, String> {
-        let mut settings = Restir::preset(match self.preset {
-            PresetName::Performance => Preset::Performance,
-            PresetName::Balanced => Preset::Balanced,
-            PresetName::Quality => Preset::Quality,
-            PresetName::Unbiased => Preset::Unbiased,
-        });
-        settings.technique = match self.technique {
-            TechniqueName::Reference => Technique::Reference,
-            TechniqueName::Di => Technique::Di,
-            TechniqueName::Gi => Technique::Gi,
-            TechniqueName::Pt => Technique::Pt,
-        };
+        let mut settings = Restir::preset(self.preset.into());
+        settings.technique = self.technique.into();
         settings.seed = self.seed;
         if let Some(bounces) = self.bounces {
             settings.bounces = bounces;

@@ -1,11 +1,15 @@
 //! Renders a glTF scene without a window: `cargo run --example render -- SCENE.glb --out picture.png`.
 
 mod args;
+#[path = "../shared/arguments.rs"]
+mod arguments;
 #[path = "../shared/environment.rs"]
 mod environment;
 #[path = "../headless/mod.rs"]
 mod headless;
 mod output;
+#[path = "../shared/set.rs"]
+mod set;
 mod stats;
 
 use args::{Args, Output};

@@ -8,8 +8,10 @@ use bevy::{
     render::render_resource::{Extent3d, TextureDimension, TextureFormat},
 };
 use bevy_restir::RestirEnvironment;
-use exr::prelude::read_first_rgba_layer_from_file;
 use std::path::{Path, PathBuf};
+
+#[path = "exr_file.rs"]
+mod exr_file;
 
 /// Uniform radiance, or a file.
 #[derive(Clone, Debug)]
@@ -58,18 +60,11 @@ pub fn load(world: &mut World, wanted: &Environment) -> Result<RestirEnvironment
 
 /// An equirectangular image from a .hdr or .exr file.
 pub fn read(path: &Path) -> Result<Image, String> {
-    let fail = |what: String| format!("{}: {what}", path.display());
     if path.extension().is_some_and(|e| e == "exr") {
-        let read = read_first_rgba_layer_from_file(
-            path,
-            |size, _| (size.width(), vec![[0.0f32; 4]; size.width() * size.height()]),
-            |(width, pixels), at, (r, g, b, a): (f32, f32, f32, f32)| pixels[at.y() * *width + at.x()] = [r, g, b, a],
-        )
-        .map_err(|e| fail(e.to_string()))?;
-        let size = read.layer_data.size;
-        let (_, pixels) = read.layer_data.channel_data.pixels;
-        return Ok(equirectangular(size.width() as u32, size.height() as u32, &pixels));
+        let (size, pixels) = exr_file::read(path)?;
+        return Ok(equirectangular(size.x, size.y, &pixels));
     }
+    let fail = |what: String| format!("{}: {what}", path.display());
     let bytes = std::fs::read(path).map_err(|e| fail(e.to_string()))?;
     Image::from_buffer(
         &bytes,

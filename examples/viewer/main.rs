@@ -5,6 +5,8 @@
 //! What is `pub` is tested by `tests/viewer.rs`.
 
 pub mod animation;
+#[path = "../shared/arguments.rs"]
+mod arguments;
 pub mod camera;
 pub mod docs;
 #[path = "../shared/environment.rs"]
@@ -22,10 +24,11 @@ pub mod look;
 #[path = "../shared/numbers.rs"]
 mod numbers;
 mod panel;
-#[path = "../headless/set.rs"]
+#[path = "../shared/set.rs"]
 mod set;
 mod stats;
 
+use arguments::{Backend, PresetName, TechniqueName};
 use bevy::{
     asset::UnapprovedPathMode,
     camera::{CameraOutputMode, visibility::RenderLayers},
@@ -35,7 +38,7 @@ use bevy::{
 };
 use bevy_egui::{EguiGlobalSettings, EguiPlugin, EguiPrimaryContextPass, PrimaryEguiContext};
 use bevy_restir::prelude::*;
-use clap::{Parser, ValueEnum};
+use clap::Parser;
 use environment::Environment;
 use std::path::PathBuf;
 use wgpu::DeviceType;
@@ -46,12 +49,12 @@ use wgpu::DeviceType;
 struct Args {
     /// A .glb or .gltf file; others can be dropped on the window.
     file: Option<PathBuf>,
-    /// How light is carried: reference, di, gi or pt; without it pt, or the reference where a CPU draws.
-    #[arg(long)]
-    technique: Option<String>,
-    /// Settings to start from: performance, balanced, quality or unbiased.
-    #[arg(long, default_value = "balanced")]
-    preset: String,
+    /// How light is carried; without it pt, or the reference where a CPU draws.
+    #[arg(long, value_enum)]
+    technique: Option<TechniqueName>,
+    /// Settings to start from.
+    #[arg(long, value_enum, default_value = "balanced")]
+    preset: PresetName,
     /// Sets a field of `Restir` by its reflection path; repeatable.
     #[arg(long = "set", value_name = "PATH=VALUE")]
     set: Vec<String>,
@@ -59,39 +62,20 @@ struct Args {
     #[arg(long, value_parser = environment::parse)]
     env: Option<Environment>,
     /// Exposure value at ISO 100; without it each file is exposed by what it shows.
-    #[arg(long, allow_negative_numbers = true)]
+    #[arg(long, allow_negative_numbers = true, value_parser = arguments::ev100)]
     ev100: Option<f32>,
     /// How rays are traced.
     #[arg(long, value_enum, default_value = "auto")]
     backend: Backend,
     /// Pixels of the window.
-    #[arg(long, default_value = "1280x720", value_parser = size)]
+    #[arg(long, default_value = "1280x720", value_parser = arguments::window_size)]
     size: UVec2,
-}
-
-#[derive(ValueEnum, Clone, Copy, Debug)]
-enum Backend {
-    Auto,
-    Software,
-    Hardware,
-}
-
-fn size(text: &str) -> Result<UVec2, String> {
-    let parsed = text.split_once('x').and_then(|(w, h)| Some(UVec2::new(w.parse().ok()?, h.parse().ok()?)));
-    parsed.filter(|size| size.min_element() >= 64 && size.max_element() <= 8192).ok_or("expected WIDTHxHEIGHT".into())
 }
 
 impl Args {
     fn settings(&self) -> Result<Restir, String> {
-        let presets = fields::values::<Preset>();
-        let is_asked = |preset: &&Preset| format!("{preset:?}").eq_ignore_ascii_case(&self.preset);
-        let preset =
-            presets.iter().find(is_asked).ok_or(format!("--preset {}: expected one of {presets:?}", self.preset))?;
-        let mut settings = Restir::preset(*preset);
-        settings.technique = Technique::Pt;
-        if let Some(technique) = &self.technique {
-            set::set(&mut settings, &format!("technique={technique}")).map_err(|e| format!("--{e}"))?;
-        }
+        let mut settings = Restir::preset(self.preset.into());
+        settings.technique = self.technique.map_or(Technique::Pt, Technique::from);
         for assignment in &self.set {
             set::set(&mut settings, assignment).map_err(|e| format!("--set {e}"))?;
         }
@@ -121,11 +105,7 @@ fn main() -> AppExit {
             EguiPlugin::default(),
         ))
         .insert_resource(ClearColor(Color::BLACK))
-        .insert_resource(match args.backend {
-            Backend::Auto => RayBackend::Auto,
-            Backend::Software => RayBackend::Software,
-            Backend::Hardware => RayBackend::Hardware,
-        })
+        .insert_resource(RayBackend::from(args.backend))
         .add_plugins((load::plugin, light::plugin, camera::plugin, animation::plugin, look::plugin))
         .init_resource::<panel::Panel>()
         .add_systems(EguiPrimaryContextPass, panel::show)

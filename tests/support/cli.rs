@@ -1,7 +1,8 @@
-//! Calls the `render` example, which `cargo build --examples` makes, in a folder of its own, and reads what it wrote.
+//! Calls the examples `render` and `lab`, which `cargo build --examples` makes, in a folder of its own, and reads what they wrote.
 
 use exr::prelude::{ReadChannels, ReadLayers, read};
 use std::{
+    ffi::OsStr,
     fs,
     path::{Path, PathBuf},
     process::{Command, Stdio},
@@ -33,10 +34,10 @@ pub fn asset(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes").join(name)
 }
 
-/// The program beside the tests.
-fn program() -> PathBuf {
+/// A program beside the tests.
+fn program(name: &str) -> PathBuf {
     let tests = std::env::current_exe().expect("this program is a file");
-    let program = tests.parent().and_then(Path::parent).expect("tests lie in deps").join("examples/render");
+    let program = tests.parent().and_then(Path::parent).expect("tests lie in deps").join("examples").join(name);
     let program = program.with_extension(std::env::consts::EXE_EXTENSION);
     assert!(program.is_file(), "{} is missing: run `cargo build --examples` first", program.display());
     program
@@ -49,10 +50,15 @@ impl Folder {
     /// `None`, with a message, where there is no adapter; under `CI=true` that fails.
     pub fn new(name: &str) -> Option<Self> {
         super::gpu::gpu()?;
+        Some(Self::without_gpu(name))
+    }
+
+    /// For what needs no adapter.
+    pub fn without_gpu(name: &str) -> Self {
         let path = std::env::temp_dir().join(format!("bevy_restir_{}_{name}", std::process::id()));
         let _ = fs::remove_dir_all(&path);
         fs::create_dir_all(&path).expect("the temporary folder can be written");
-        Some(Self(path))
+        Self(path)
     }
 
     pub fn path(&self, name: &str) -> PathBuf {
@@ -76,8 +82,16 @@ impl Folder {
 
     /// Calls `render` from within the folder.
     pub fn render(&self, scene: &Path, arguments: &[&str]) -> Run {
-        let output = Command::new(program())
-            .arg(scene)
+        self.call("render", [scene.as_os_str()].into_iter().chain(arguments.iter().map(OsStr::new)))
+    }
+
+    /// Calls `lab` from within the folder.
+    pub fn lab(&self, arguments: &[&str]) -> Run {
+        self.call("lab", arguments.iter().map(OsStr::new))
+    }
+
+    fn call<'a>(&self, name: &str, arguments: impl Iterator<Item = &'a OsStr>) -> Run {
+        let output = Command::new(program(name))
             .args(arguments)
             .current_dir(&self.0)
             .stdin(Stdio::null())

@@ -1,0 +1,211 @@
+//! What ReSTIR PT and DI + GI cost and bring against the reference tracer in equal time.
+
+use bevy::math::UVec2;
+use bevy_restir::{Restir, Technique};
+use std::path::PathBuf;
+
+use crate::{
+    arguments,
+    bench::{Bench, Cost, Counts, Errors, Scene, scenes},
+    error::{Error, Reference},
+    headless::progress::Progress,
+    output::{Output, header},
+    series,
+    set::set,
+    table::{Row, Table, Unit},
+};
+
+/// Costs by stage, and errors in equal time, of the techniques that carry all light.
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    /// glTF files; the environment is that which `references.json` beside them names, or none.
+    #[arg(required = true)]
+    scenes: Vec<PathBuf>,
+    #[command(flatten)]
+    output: Output,
+    /// Pixels.
+    #[arg(long, default_value = "128x128", value_parser = arguments::size)]
+    size: UVec2,
+    /// Scattering events of a path.
+    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=64))]
+    bounces: u32,
+    #[command(flatten)]
+    counts: Counts,
+    /// Independent frames that an error is the mean of.
+    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..))]
+    seeds: u32,
+    /// Samples a pixel of the converged picture.
+    #[arg(long, default_value_t = 4096, value_parser = clap::value_parser!(u32).range(2..))]
+    samples: u32,
+}
+
+/// Costs by stage and errors of ReSTIR PT by its settings: the steps of Table 1 of Lin et al. 2026, supplement, that are settings.
+#[derive(clap::Args, Debug)]
+pub struct Steps {
+    #[command(flatten)]
+    args: Args,
+    /// Fields of `Restir` as `"PATH=VALUE PATH=VALUE"`, instead of those steps; repeatable.
+    #[arg(long)]
+    variant: Vec<String>,
+}
+
+/// What is held against the reference tracer: a name, and how its settings differ.
+struct Rival {
+    name: String,
+    settings: Restir,
+}
+
+/// How the costs of a frame are told.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Detail {
+    /// A row a pass.
+    Passes,
+    /// The columns of Table 1 of Lin et al. 2026, supplement.
+    Stages,
+}
+
+/// The two techniques.
+pub fn run(args: &Args) -> Result<(), String> {
+    let rival = |name: &str, technique| Rival { name: name.into(), settings: args.settings(technique) };
+    let rivals = [rival("ReSTIR PT", Technique::Pt), rival("ReSTIR DI + GI", Technique::Gi)];
+    table("equal-time", args, &rivals, Detail::Passes)
+}
+
+impl Steps {
+    /// What each step of Lin et al. 2026 costs and brings, or each of some settings.
+    pub fn run(&self) -> Result<(), String> {
+        let default = || self.args.settings(Technique::Pt);
+        let rivals = if self.variant.is_empty() {
+            series::steps(&default())
+                .into_iter()
+                .map(|(name, settings)| Rival { name: name.into(), settings })
+                .collect()
+        } else {
+            let rival = |text: &String| {
+                let mut settings = default();
+                for assignment in text.split_whitespace() {
+                    set(&mut settings, assignment).map_err(|error| format!("--variant {error}"))?;
+                }
+                Ok(Rival { name: text.clone(), settings })
+            };
+            self.variant.iter().map(rival).collect::<Result<Vec<_>, String>>()?
+        };
+        table("steps", &self.args, &rivals, Detail::Stages)
+    }
+}
+
+impl Args {
+    /// Through the centres of the pixels, so that all techniques converge to one picture.
+    fn settings(&self, technique: Technique) -> Restir {
+        Restir { technique, bounces: self.bounces, jitter: false, energy_compensation: false, ..Restir::default() }
+    }
+}
+
+fn table(name: &str, args: &Args, rivals: &[Rival], detail: Detail) -> Result<(), String> {
+    args.output.check(name)?;
+    let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
+    for scene in scenes(&args.scenes)? {
+        let (adapter, rows) = column(args, &scene, rivals, detail).map_err(|error| format!("{}: {error}", scene.1))?;
+        if table.header.is_empty() {
+            let Args { counts: Counts { warmup, frames }, seeds, samples, bounces, .. } = args;
+            table.header = header(adapter, args.size);
+            table.header.push(format!(
+                "{bounces} bounces; times: medians over {frames} frames after {warmup}; errors: means over {seeds} seeds after \
+                 {warmup} frames, against {samples} samples a pixel"
+            ));
+        }
+        table.columns.push((scene.1, rows));
+    }
+    args.output.write(name, &table)
+}
+
+/// Name of the adapter, and the figures of a scene.
+fn column(args: &Args, scene: &Scene, rivals: &[Rival], detail: Detail) -> Result<(String, Vec<Row>), String> {
+    let reference = args.settings(Technique::Reference);
+    let planned = |settings| Bench::planned(&args.counts, settings, args.seeds);
+    let frames = u64::from(args.samples.next_multiple_of(2))
+        + planned(&reference)
+        + rivals.iter().map(|rival| planned(&rival.settings)).sum::<u64>();
+    let progress = Progress::new(frames);
+
+    let mut bench = Bench::of_scene(scene, args.size, reference.clone(), &args.counts)?;
+    let truth = bench.reference(&reference, args.samples, &progress)?;
+    let errors = Errors { reference: &truth, seeds: args.seeds };
+    let (sample, one) = measured(&mut bench, &reference, &errors, &progress)?;
+    let mut rows = scene_rows(&bench, &truth, &sample, one);
+    for Rival { name, settings } in rivals {
+        let (cost, error) = measured(&mut bench, settings, &errors, &progress)?;
+        let reservoirs = bench.report().reservoir_bytes_per_pixel;
+        let samples = cost.lighting() / sample.lighting();
+        let whole = match samples.round() as u32 {
+            0 => Error { mean: f64::NAN, median: f64::NAN },
+            n => bench.error(&reference, &errors, n - 1, &progress)?,
+        };
+        let row = |label: &str, figures: &[_]| Row::new(name.clone(), label, figures);
+        rows.extend(match detail {
+            Detail::Passes => passes(name, &cost),
+            Detail::Stages => vec![stages(name, &cost)],
+        });
+        rows.extend([
+            row("rays", &[("", Unit::RaysAPixel, cost.rays)]),
+            row("reservoirs", &[("", Unit::BytesAPixel, reservoirs as f64)]),
+            row("error", &[("", Unit::Mse, error.mean), ("median of blocks", Unit::Mse, error.median)]),
+            row("the reference tracer in equal time", &[("", Unit::Samples, samples)]),
+            row(
+                "its error, relative: scaled from one sample",
+                &[
+                    ("", Unit::Ratio, one.mean / samples / error.mean),
+                    ("median", Unit::Ratio, one.median / samples / error.median),
+                ],
+            ),
+            row(
+                "its error, relative: of whole samples",
+                &[("", Unit::Ratio, whole.mean / error.mean), ("median", Unit::Ratio, whole.median / error.median)],
+            ),
+        ]);
+    }
+    Ok((bench.adapter(), rows))
+}
+
+fn measured(
+    bench: &mut Bench,
+    settings: &Restir,
+    errors: &Errors,
+    progress: &Progress,
+) -> Result<(Cost, Error), String> {
+    let (cost, error) = bench.measure(settings, Some(errors), progress)?;
+    Ok((cost, error.unwrap_or_default()))
+}
+
+fn scene_rows(bench: &Bench, truth: &Reference, sample: &Cost, one: Error) -> Vec<Row> {
+    const SCENE: &str = "Scene";
+    const REFERENCE: &str = "The reference tracer";
+    let report = bench.report();
+    vec![
+        Row::new(SCENE, "lights (emissive triangles and others)", &[("", Unit::Count, report.lights as f64)]),
+        Row::new(SCENE, "triangles", &[("", Unit::Count, report.triangles as f64)]),
+        Row::new(SCENE, "error of the converged picture", &[("", Unit::Mse, truth.noise)]),
+        Row::new(REFERENCE, "a sample", &[("", Unit::Ms, sample.lighting()), ("", Unit::RaysAPixel, sample.rays)]),
+        Row::new(REFERENCE, "error", &[("", Unit::Mse, one.mean), ("median of blocks", Unit::Mse, one.median)]),
+    ]
+}
+
+/// A row a pass.
+fn passes(name: &str, cost: &Cost) -> Vec<Row> {
+    let all = core::iter::once(("all", cost.lighting()));
+    all.chain(cost.of_passes()).map(|(pass, ms)| Row::new(name.to_owned(), pass, &[("", Unit::Ms, ms)])).collect()
+}
+
+/// Lin et al. 2026, supplement, Table 1: a frame, initial candidates, temporal and spatial reuse, direct light and everything else.
+fn stages(name: &str, cost: &Cost) -> Row {
+    let of = |counts: fn(&str) -> bool| -> f64 { cost.of_passes().filter(|(n, _)| counts(n)).map(|(_, ms)| ms).sum() };
+    let is_path = |name: &str| name.starts_with("path_") || name.starts_with("indirect_");
+    let figures = [
+        ("frame", cost.lighting()),
+        ("initial", of(|name| name.ends_with("path_candidates") || name.ends_with("indirect_candidates"))),
+        ("temporal", of(|name| name == "path_reuse" || name == "indirect_reuse")),
+        ("spatial", of(|name| name.contains("_reuse_") && !name.starts_with("direct_"))),
+        ("DI + other", cost.of_passes().filter(|(name, _)| !is_path(name)).map(|(_, ms)| ms).sum()),
+    ];
+    Row::new(name.to_owned(), "", &figures.map(|(name, ms)| (name, Unit::Ms, ms)))
+}
