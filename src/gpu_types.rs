@@ -1,6 +1,5 @@
 //! Mirrors of the structs and constants of `types.wgsl` in `shaders/scene`, `shaders/view` and `shaders/restir`, and of
 //! `shaders/common/constants.wgsl`.  `tests/layout.rs` holds every field's offset and every size equal to naga's.
-#![expect(missing_docs, reason = "fields are documented once, in the WGSL struct of the same name")]
 
 use bytemuck::{Pod, Zeroable};
 
@@ -11,10 +10,9 @@ pub const LIGHT_TRIANGLE: u32 = 0;
 pub const LIGHT_POINT: u32 = 1;
 pub const LIGHT_SPOT: u32 = 2;
 pub const LIGHT_DIRECTIONAL: u32 = 3;
-pub const LIGHT_ENVIRONMENT: u32 = 4;
-pub const LIGHT_SPHERE: u32 = 5;
-pub const LIGHT_RECT: u32 = 6;
-pub const LIGHT_SUN: u32 = 7;
+pub const LIGHT_SPHERE: u32 = 4;
+pub const LIGHT_RECT: u32 = 5;
+pub const LIGHT_SUN: u32 = 6;
 pub const LIGHT_KIND_BITS: u32 = 0xff;
 pub const LIGHT_HIDDEN_SHIFT: u32 = 8;
 

@@ -12,14 +12,18 @@
 //!     .run();
 //! ```
 //!
-//! The data flows one way: ECS → [`scene`] → view → passes → Bevy's view target.
+//! The data flows one way: ECS → scene → view → passes → Bevy's view target.  Modules are public for this crate's tests and
+//! measurements; what is documented here is what apps use.  Works that are cited by author and year are listed in `docs/sources.md`.
 
 #![warn(missing_docs, unreachable_pub)]
 
+#[doc(hidden)]
 pub mod gpu_types;
 pub(crate) mod passes;
+#[doc(hidden)]
 pub mod scene;
 mod settings;
+#[doc(hidden)]
 pub mod shaders;
 mod statistics;
 mod view;
@@ -27,6 +31,7 @@ mod view;
 #[doc(hidden)]
 pub use passes::pipelines::plant_shader_defs;
 pub use passes::{SPAN_PREFIX, pass_names, pipelines::PipelineReport};
+pub use scene::SceneFeatures;
 pub use settings::{
     BiasCorrection, DebugView, Direct, EmissiveLuminance, Mis, Paths, Preset, RayBackend, Reconnection,
     ReservoirLayout, Restir, RestirEnvironment, ReuseOrder, Suffix, Technique, VisibilityReuse,

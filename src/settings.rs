@@ -21,15 +21,15 @@ pub use paths::{Paths, Reconnection, Suffix};
 pub enum Technique {
     /// Unidirectional path tracing: next-event estimation and BSDF sampling joined by the balance heuristic, Russian roulette,
     /// accumulated over frames for as long as nothing that it shows changes.  Unbiased; every other technique is held against it.
-    #[default]
     Reference,
-    /// ReSTIR DI (Wyman and Panteleev 2021, paper 003): emission and direct light, one bounce whatever `bounces` says (none where that
+    /// ReSTIR DI (Wyman and Panteleev 2021): emission and direct light, one bounce whatever `bounces` says (none where that
     /// is 0).  See [`Direct`].
     Di,
-    /// ReSTIR GI (Ouyang et al. 2021, paper 002) for indirect light, beside [`Technique::Di`] for direct light: up to `bounces`.  See
-    /// [`Paths`] and [`Direct`].
+    /// ReSTIR GI (Ouyang et al. 2021; candidates, Jacobian and limits as in Lanz 2025, 4.3 and 4.5.5) for indirect light, beside
+    /// [`Technique::Di`] for direct light: up to `bounces`.  See [`Paths`] and [`Direct`].
     Gi,
-    /// ReSTIR PT (Lin et al. 2022, improved as in paper 000): whole paths up to `bounces`, direct light among them.  See [`Paths`].
+    /// ReSTIR PT (Lin et al. 2022, improved as in Lin et al. 2026): whole paths up to `bounces`, direct light among them.  See [`Paths`].
+    #[default]
     Pt,
 }
 
@@ -115,12 +115,12 @@ impl DebugView {
     }
 }
 
-/// A set of settings with a purpose.
+/// A set of settings with a purpose, of [`Technique::Pt`]; another `technique` takes its part of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Reflect)]
 pub enum Preset {
-    /// Fewest rays: light after the third bounce is missing (darker), and direct light is resampled as in paper 003, with visibility
-    /// reused within 30 pixels (shadows are blurred and lag).  Where something moves paths that come into sight of light are missed
-    /// ([`Suffix::Forward`]).
+    /// Fewest rays: light after the third bounce is missing (darker), and direct light is resampled as by Wyman and Panteleev 2021, with
+    /// visibility reused within 30 pixels (shadows are blurred and lag).  Where something moves, light that has just come into view of a
+    /// path's end is missed (darker; [`Suffix::Forward`]).
     Performance,
     /// Light after the fifth bounce is missing (darker).
     Balanced,
@@ -153,7 +153,7 @@ pub struct Restir {
     /// the pixels: edges alias.  A camera with Bevy's `TemporalJitter`, as `TemporalAntiAliasing` brings it, is moved by that instead.
     pub jitter: bool,
     /// Adds the light that bounces more than once within a rough surface to the specular lobes of reflection (Turquin 2019, as in
-    /// paper 002, 2.1.3).  Without it rough metals are darker than they are.
+    /// Lanz 2025, 2.1.3).  Without it rough metals are darker than they are.
     pub energy_compensation: bool,
     /// Selects one of 2^32 independent sequences of random numbers.
     pub seed: u32,
@@ -204,7 +204,7 @@ impl Restir {
             _ => Paths::default(),
         };
         Self {
-            technique: Technique::Reference,
+            technique: Technique::Pt,
             bounces,
             jitter: true,
             energy_compensation: true,
@@ -218,7 +218,7 @@ impl Restir {
         }
     }
 
-    /// Brings every field into its range and says what it changed, one line a field.
+    /// Brings every field into its range and says what it changed and what has no effect, one line a field.
     pub fn validate(&mut self) -> Vec<String> {
         let mut warnings = Vec::new();
         Ranges { of: "", warnings: &mut warnings }.count("bounces", &mut self.bounces, 0, Self::MAX_BOUNCES);

@@ -1,10 +1,10 @@
 //! What no scene should hold, in a whole app: never a panic, never a number that is not finite, and the rest of the picture is there.
 
-use crate::support::app::*;
+use crate::support::{app::*, log};
 use bevy::{
     asset::{Asset, RenderAssetUsages},
     camera::Viewport,
-    mesh::{Indices, PrimitiveTopology},
+    mesh::{Indices, PrimitiveTopology, morph::MeshMorphWeights},
     prelude::*,
 };
 use bevy_restir::{DebugView, EmissiveLuminance, RestirEnvironment};
@@ -326,4 +326,16 @@ fn a_nan_camera_shows_nothing_that_is_not_finite() {
             assert!(picture.is_finite(), "{transform:?}");
         }
     }
+}
+
+#[test]
+fn morphed_meshes_are_shown_at_rest_with_a_warning() {
+    log::listen();
+    let Some(mut scene) = scene() else { return };
+    let before = log::warnings("morphed").len();
+    let morphed = scene.rig.spawn(square(0.5), lambert(0.5), right());
+    scene.rig.insert(morphed, MeshMorphWeights::Value { weights: vec![0.5] });
+    scene.check("morphed");
+    scene.check("morphed, again");
+    assert_eq!(log::warnings("morphed").len(), before + 1);
 }

@@ -1,4 +1,4 @@
-//! The BSDF is design 2's, and its samples follow its densities.
+//! The BSDF is the f64 oracle's, and its samples follow its densities.
 
 use super::support::{
     compose::flag,
@@ -394,7 +394,7 @@ fn lobes_that_a_material_lacks_change_nothing() {
     }
 }
 
-/// Known of design 2's formula, as of glTF's: the coat's Fresnel factor at h leaves the diffuse lobe bright at grazing angles where
+/// Known of this formula, as of glTF's: the coat's Fresnel factor at h leaves the diffuse lobe bright at grazing angles where
 /// the coat itself is a mirror.  The bound is what that costs at most for a white base.
 #[test]
 fn a_white_coated_surface_gains_at_grazing_angles() {

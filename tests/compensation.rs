@@ -1,4 +1,4 @@
-//! Energy compensation (Turquin 2019; paper 002, 2.1.3) gives back what single scattering loses, and no more.
+//! Energy compensation (Turquin 2019; Lanz 2025, 2.1.3) gives back what single scattering loses, and no more.
 
 use super::support::{
     app::*,

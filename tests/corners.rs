@@ -1,4 +1,4 @@
-//! A scene for each corner of design 2, with the value that it must have.
+//! A scene for each corner of faces, emission, partial presence, visibility, layers and backdrop, with the value that it must have.
 
 use crate::support::{app::*, corner::*};
 use bevy::{camera::visibility::RenderLayers, light::NotShadowCaster, prelude::*, render::render_resource::Face};

@@ -46,8 +46,6 @@ fn the_cornell_box_is_lit_as_by_the_reference_whatever_is_reused() {
             ("what is kept is shaded", Direct { decoupled_shading: false, ..unshadowed.clone() }),
             ("all is shaded", unshadowed),
             ("three tries", Direct { tries: 3, ..Default::default() }),
-            // Half of the surfaces are new to a history of every other frame.
-            ("many taps in disocclusions", Direct { temporal: false, disocclusion_taps: 5, ..Default::default() }),
         ],
     );
     // And an error is found.

@@ -48,7 +48,7 @@ fn every_layout_of_reservoirs_gives_the_same_picture() {
 
 #[test]
 fn reused_visibility_saves_up_to_half_of_the_rays() {
-    // Paper 003, 7.3: from two rays a pixel, none reused, to one.  A wall, so that every neighbour will do.
+    // Wyman and Panteleev 2021, 7.3: from two rays a pixel, none reused, to one.  A wall, so that every neighbour will do.
     let Some(mut rig) = Rig::new(160, 120) else { return };
     rig.spawn(square(20.0), lambert(0.5), Transform::default());
     rig.spawn(square(1.0), lamp(5.0, 5.0, 5.0), Transform::from_xyz(0.0, 4.0, 4.0).looking_to(Vec3::Z, Vec3::Y));

@@ -230,7 +230,6 @@ fn constants_are_the_same_in_rust_and_wgsl() {
         LIGHT_POINT,
         LIGHT_SPOT,
         LIGHT_DIRECTIONAL,
-        LIGHT_ENVIRONMENT,
         LIGHT_KIND_BITS,
         LIGHT_HIDDEN_SHIFT,
         LIGHT_SPHERE,

@@ -1,5 +1,5 @@
 //! Coats, anisotropy, diffuse transmission and thin walls, from `StandardMaterial` to the pixel: what a sun makes of each is the oracle's
-//! value of design 2's formula.
+//! value.
 
 use crate::support::{app::*, oracle::bsdf::Material, stats::Random};
 use bevy::prelude::*;
@@ -8,7 +8,7 @@ use glam::DVec3;
 
 const LUX: f32 = 10.0;
 
-/// Design 2's parameters of a material on a plane whose tangent, bitangent and normal are the axes of `turned`, seen along wo.
+/// The oracle's parameters of a material on a plane whose tangent, bitangent and normal are the axes of `turned`, seen along wo.
 fn design(m: &StandardMaterial, turned: Quat, wo: Vec3) -> Material {
     let wide = |v: Vec3| v.as_dvec3().normalize();
     let linear = |c: Color| Vec3::from(c.to_linear().to_f32_array_no_alpha()).as_dvec3();
@@ -241,7 +241,7 @@ fn lobes_at_their_extremes_make_a_sound_picture() {
     }
 }
 
-/// One random number says whether a surface is there (design 2), whatever Bevy would blend it by.
+/// One random number says whether a surface is there, whatever Bevy would blend it by.
 #[test]
 fn every_way_to_blend_is_present_with_probability_alpha() {
     let Some(mut rig) = Rig::new(8, 8) else { return };

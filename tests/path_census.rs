@@ -1,7 +1,7 @@
 //! The shift of paths is a change of variables: what it maps from one pixel to another has, measured there by its Jacobian, the volume that
 //! the other's own candidates give to what comes back.  Pixels are paired; over all of them the sums of both are one integral, whatever
-//! bounded function of the path is under it.  And near by the Jacobian stays near 1 (paper 000, Eqs. 7 to 25), by which footprints are
-//! thresholds.
+//! bounded function of the path is under it.  And near by the Jacobian stays near 1 (Lin et al. 2026, supplement, Eqs. 7 to 25), by which
+//! footprints are thresholds.
 
 use crate::support::{
     app::*,

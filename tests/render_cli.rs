@@ -27,6 +27,19 @@ fn a_picture_is_written_and_only_then_is_the_exit_code_0() {
 }
 
 #[test]
+fn without_an_option_the_last_technique_that_exists_renders() {
+    let Some(folder) = Folder::new("defaults") else { return };
+    let scene = folder.gltf("scene.gltf", &gltf::Scene::default());
+    folder.render(&scene, &["--size", "8x8", "--stats", "stats.json"]).succeeded();
+    let stats: Value = serde_json::from_slice(&fs::read(folder.path("stats.json")).expect("written")).expect("JSON");
+    assert_eq!(
+        (&stats["technique"], &stats["preset"], &stats["frames"]),
+        (&"pt".into(), &"balanced".into(), &16.into())
+    );
+    assert_eq!(folder.files(), ["out.png", "scene.gltf", "stats.json"]);
+}
+
+#[test]
 fn broken_files_are_one_line_and_exit_code_1() {
     let Some(folder) = Folder::new("broken") else { return };
     let sound = fs::read(asset("cornell.glb")).expect("the scene is there");

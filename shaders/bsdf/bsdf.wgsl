@@ -1,6 +1,6 @@
-// The material: the sum of its lobes, (eval, sample, pdf) over all of them and lobe by lobe.  Design 2's body formula: with one α
-// for all its microfacets it is LOBE_DIFFUSE + LOBE_REFLECTION + LOBE_TRANSMISSION, all under LOBE_COAT.  Delta lobes are sampled, never
-// evaluated.
+// The material: the sum of its lobes, (eval, sample, pdf) over all of them and lobe by lobe.  After glTF 2.0 (Appendix B and the KHR
+// extensions): with one α for all microfacets of the body it is LOBE_DIFFUSE + LOBE_REFLECTION + LOBE_TRANSMISSION, all under LOBE_COAT.
+// Delta lobes are sampled, never evaluated.
 #define_import_path bevy_restir::bsdf::bsdf
 
 #import bevy_restir::bsdf::coat::{coat_draw, coat_eval, coat_is_chosen, coat_is_rough, coat_pdf, coat_share}

@@ -1,6 +1,6 @@
 // LOBE_REFLECTION: dielectric, metal and the reflection of a transmitting interface, which share D and G and so make one lobe.
 // Local frame, n = z.  Its Fresnel factor is the sum of theirs, each times 1 + F0·(1 - E)/E where energy compensation is on
-// (Turquin 2019; paper 002, 2.1.3): light that bounces between microfacets, by E(n.wo, α) alone, so not reciprocal.
+// (Turquin 2019; Lanz 2025, 2.1.3): light that bounces between microfacets, by E(n.wo, α) alone, so not reciprocal.
 #define_import_path bevy_restir::bsdf::reflection
 
 #import bevy_restir::bsdf::fresnel::schlick

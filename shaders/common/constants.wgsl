@@ -16,10 +16,9 @@ const LIGHT_TRIANGLE: u32 = 0u;
 const LIGHT_POINT: u32 = 1u;
 const LIGHT_SPOT: u32 = 2u;
 const LIGHT_DIRECTIONAL: u32 = 3u;
-const LIGHT_ENVIRONMENT: u32 = 4u;
-const LIGHT_SPHERE: u32 = 5u;
-const LIGHT_RECT: u32 = 6u;
-const LIGHT_SUN: u32 = 7u;
+const LIGHT_SPHERE: u32 = 4u;
+const LIGHT_RECT: u32 = 5u;
+const LIGHT_SUN: u32 = 6u;
 // In `Light::kind`: the kind, and above it the sets of render layers whose cameras the light is hidden from.
 const LIGHT_KIND_BITS: u32 = 0xffu;
 const LIGHT_HIDDEN_SHIFT: u32 = 8u;
@@ -64,6 +63,6 @@ const OVERFLOW_STACK: u32 = 1u;
 const OVERFLOW_STEPS: u32 = 2u;
 const NON_FINITE: u32 = 4u;
 
-// Smallest roughness α, and the α below which a lobe is a delta (design 2).
+// Smallest roughness α, and the α below which a lobe is a delta.
 const ALPHA_MIN: f32 = 1.0e-4;
 const ALPHA_DELTA: f32 = 1.0e-3;

@@ -10,7 +10,7 @@ fn max_component(v: vec3<f32>) -> f32 {
     return max(v.x, max(v.y, v.z));
 }
 
-// Finite by its bits: comparisons with NaN may be folded away by a driver's fast math (trap T21).
+// Finite by its bits: comparisons with NaN may be folded away by a driver's fast math.
 fn is_finite(x: f32) -> bool {
     return (bitcast<u32>(x) & 0x7f800000u) != 0x7f800000u;
 }

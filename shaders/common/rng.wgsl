@@ -10,7 +10,6 @@ struct Rng {
 }
 
 // One stream a pass.
-const STREAM_JITTER: u32 = 1u;
 const STREAM_ALPHA: u32 = 2u;
 const STREAM_REFERENCE: u32 = 3u;
 const STREAM_PRESAMPLE: u32 = 4u;

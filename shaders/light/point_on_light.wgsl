@@ -1,6 +1,7 @@
 // A point of an emitter, kept in eight bytes and independent of who looks at it: the sample that direct lighting resamples.  Its
 // measure is uniform on the light (area of a triangle, ball or rectangle, solid angle of a sun's disc, the sampling density of the
-// environment, a delta else), so that moving receivers and rigidly moving lights need no Jacobian.  Coordinates are used as they are decoded, everywhere (trap T6).
+// environment, a delta else), so that moving receivers and rigidly moving lights need no Jacobian.  Coordinates are used as they are
+// decoded, everywhere: what is weighed is the point that is kept.
 #define_import_path bevy_restir::light::point_on_light
 
 #import bevy_restir::common::constants::{LIGHT_RECT, LIGHT_SPHERE, LIGHT_SUN, LIGHT_TRIANGLE, NONE}

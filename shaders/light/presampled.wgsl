@@ -1,5 +1,5 @@
 // Points of lights as a subset keeps them: all that a pixel needs to weigh one, so that however long the tables of lights, triangles
-// and materials are, a pixel's candidates read 48 bytes each that lie together (paper 003, 5.2).
+// and materials are, a pixel's candidates read 48 bytes each that lie together (Wyman and Panteleev 2021, 5.2).
 #define_import_path bevy_restir::light::presampled
 
 #import bevy_restir::common::constants::{LIGHT_TRIANGLE, MATERIAL_DOUBLE_SIDED, NONE}

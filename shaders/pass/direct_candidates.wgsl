@@ -1,6 +1,6 @@
-// Initial candidates of direct lighting (paper 003, 3 and 5): points of lights from a presampled subset, and one from the BSDF, joined
-// by MIS in one measure; one of them is kept, and one ray says whether it is seen.  What only the BSDF can find (mirrors, lights
-// beyond the table) is written as light.
+// Initial candidates of direct lighting (Wyman and Panteleev 2021, 3 and 5): points of lights from a presampled subset, and one from the
+// BSDF, joined by MIS in one measure; one of them is kept, and one ray says whether it is seen.  What only the BSDF can find (mirrors,
+// lights beyond the table) is written as light.
 
 #import bevy_restir::bsdf::bsdf::{bsdf_is_delta, bsdf_sample}
 #import bevy_restir::bsdf::types::BsdfSample
@@ -30,7 +30,7 @@
 @group(2) @binding(2) var<storage, read_write> reservoirs: array<PackedReservoir>;
 @group(2) @binding(3) var unresampled: texture_storage_2d<rgba32float, write>;
 
-// What candidates are chosen by; any target that is positive where light is will do (paper 003, 3.3).
+// What candidates are chosen by; any target that is positive where light is will do (Wyman and Panteleev 2021, 3.3).
 fn candidate_target(r: Receiver, l: LightSample) -> f32 {
     if (settings.flags & RESAMPLE_SIMPLE_TARGET) != 0u {
         return target_value(evaluate_arriving(r, l));

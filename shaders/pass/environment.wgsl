@@ -1,5 +1,5 @@
 // The mip chain that an equirectangular map is importance-sampled by: level 0 from the map, every other level the 2x2 sums of the one
-// below (paper 003, 5.3).
+// below (Wyman and Panteleev 2021, 5.3).
 
 #import bevy_restir::light::environment::environment_cell_importance
 

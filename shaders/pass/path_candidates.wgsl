@@ -1,4 +1,4 @@
-// Initial candidates of ReSTIR PT and GI (paper 000; paper 002, 4.3.2): one tree of paths a pixel, resampled into one path.
+// Initial candidates of ReSTIR PT and GI (Lin et al. 2026; Lanz 2025, 4.3.2): one tree of paths a pixel, resampled into one path.
 
 #import bevy_restir::bsdf::bsdf::bsdf_is_delta
 #import bevy_restir::common::constants::{FAR, NONE}
@@ -20,8 +20,8 @@
 #import bevy_restir::restir::tiling::reservoir_index
 #import bevy_restir::scene::surface::{Surface, surface_at}
 #import bevy_restir::scene::triangle::world_triangle
-#import bevy_restir::shift::connect::connection_of
-#import bevy_restir::shift::hybrid::{hybrid_shift, is_free, SHIFT_HIDDEN}
+#import bevy_restir::shift::connect::{Connection, connection_of}
+#import bevy_restir::shift::hybrid::{hybrid_shift, is_free, SHIFT_APART, SHIFT_EARLIER, SHIFT_HIDDEN, SHIFT_UNCONNECTABLE}
 #import bevy_restir::trace::offset::surface_point
 #import bevy_restir::trace::ray::{Ray, rays_traced, trace_flags}
 #import bevy_restir::view::bindings::{ray_counts, view, visibility}
@@ -60,23 +60,42 @@ fn path_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
 #ifdef TEST_ROUND_TRIP
 fn carried_by(chosen: Chosen, kept: Reservoir, r: Receiver, ids: vec2<u32>, pixel: vec2<u32>) -> vec3<f32> {
     let away = partner(r, ids, pixel);
-    var path = reservoir_unpack(reservoir_pack(kept)).path;
+    let path = reservoir_unpack(reservoir_pack(kept)).path;
+    var there = path;
     var reason = 0u;
     var jacobian = 1.0;
     var f = vec3<f32>(0.0);
-    for (var trip = 0u; trip < 2u && reason == 0u; trip++) {
-        var to = away;
-        if trip == 1u {
-            to = r;
+    // Away and back; where a threshold is in the way back, it is tried again with thresholds a little lower and higher.
+    for (var trip = 0u; trip < 4u && (trip < 2u || is_of_threshold(reason)); trip++) {
+        var to = r;
+        if trip == 0u {
+            to = away;
+        } else if trip > 1u {
+            to.connection = nudged(r.connection, select(1.0 - NEAR, 1.0 + NEAR, trip == 3u));
         }
-        let s = hybrid_shift(path, to.first, to.connection, to.previous, true);
-        path = arrived_path(path, s.arrival);
-        jacobian *= s.jacobian;
-        f = s.f;
-        // What does not arrive there need not come back.
-        reason = s.reason + select(0u, NOT_THERE, trip == 0u && s.reason != 0u);
-        if trip == 1u && reason == 0u && !is_free(s, false) {
-            reason = SHIFT_HIDDEN;
+        let s = hybrid_shift(there, to.first, to.connection, to.previous, true);
+        if trip == 0u && s.reason != 0u {
+            // What does not arrive there need not come back.
+            reason = NOT_THERE + s.reason;
+            break;
+        }
+        if trip == 0u {
+            there = arrived_path(path, s.arrival);
+            jacobian = s.jacobian;
+            continue;
+        }
+        if trip == 1u {
+            reason = s.reason;
+            f = s.f;
+            if reason == 0u && !is_free(s, false) {
+                reason = SHIFT_HIDDEN;
+            }
+            if reason == SHIFT_APART && max(jacobian, 1.0 / jacobian) * (1.0 + NEAR) >= settings.jacobian_limit {
+                reason = AT_THRESHOLD;
+            }
+            jacobian *= s.jacobian;
+        } else if s.reason == 0u {
+            reason = AT_THRESHOLD;
         }
     }
     let error = max(distance(f, chosen.f) / max(length(chosen.f), 1.0e-30), abs(jacobian - 1.0));
@@ -100,6 +119,17 @@ fn rounding_at_first(path: PathSample, first: Surface) -> f32 {
     return rounded / max(abs(dot(first.bsdf.n_geo, away)), 1.0e-30);
 }
 
+fn is_of_threshold(reason: u32) -> bool {
+    return reason == SHIFT_EARLIER || reason == SHIFT_UNCONNECTABLE;
+}
+
+fn nudged(c: Connection, by: f32) -> Connection {
+    return Connection(c.separation * by, c.roughness * by);
+}
+
+// Relative: what rounding to 16 bits may move a footprint, a density or a Jacobian by.
+const NEAR: f32 = 0.01;
+const AT_THRESHOLD: u32 = 40u;
 const NOT_THERE: u32 = 50u;
 // The volume that the shift to the partner covers, by what arrives there, and the volume that the partner's shift covers here, by what is here:
 // over all pixels their sums are the same integral (`tests/path_census.rs`).

@@ -1,5 +1,5 @@
-// Subsets of light points, drawn once a frame (paper 003, 5): what a tile of pixels then picks from lies together in memory, however
-// many lights there are.  One table of all kinds is drawn from by power, so that the kinds are mixed as they come.
+// Subsets of light points, drawn once a frame (Wyman and Panteleev 2021, 5): what a tile of pixels then picks from lies together in
+// memory, however many lights there are.  One table of all kinds is drawn from by power, so that the kinds are mixed as they come.
 
 #import bevy_restir::common::rng::{rng_4, rng_new, STREAM_PRESAMPLE}
 #import bevy_restir::light::presampled::{presample_light, PresampledLight}

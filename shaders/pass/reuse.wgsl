@@ -1,6 +1,6 @@
-// One round of reuse, and what it shades: a pixel's sample and those of its neighbours, of the last frame (paper 003, 6) or of this one,
-// meet in one resampling step; what each contributes is shaded by its share (paper 003, 7: decoupled shading; paper 000, 7: vector
-// weights), and one is kept.
+// One round of reuse, and what it shades: a pixel's sample and those of its neighbours, of the last frame (Wyman and Panteleev 2021, 6)
+// or of this one, meet in one resampling step; what each contributes is shaded by its share (decoupled shading, the same, 7; vector
+// weights, Lin et al. 2026, supplement, 7), and one is kept.
 //
 // What samples are is their domain's: points of lights, whole paths, or their ends from the first bounce on.  The step is done in the
 // pixel's own domain: a neighbour's sample is shifted there first, and from there to where else it is weighed.
@@ -101,7 +101,7 @@ fn passes_heuristics(own: Shape, ids: vec2<u32>, pixel: vec2<u32>) -> bool {
         && (own.material == other.material || !has(RESAMPLE_SAME_MATERIAL));
 }
 
-// A neighbour for one tap; NONE where none is found.  Only geometry and random numbers decide (trap T8).
+// A neighbour for one tap; NONE where none is found.  Only geometry and random numbers decide: by what neighbours keep it would be biased.
 fn find_neighbour(own: Shape, place: vec2<f32>, is_own: bool, rng: ptr<function, Rng>) -> vec2<u32> {
     let tries = select(settings.tries, 1u, is_own);
     for (var t = 0u; t < tries; t++) {
@@ -134,7 +134,7 @@ fn sample_of_neighbour(pixel: vec2<u32>) -> Reservoir {
     if has(RESAMPLE_FROM_PREVIOUS) {
         s = of_this_frame(s);
     }
-    // History counts at most so much; before any weight, whatever the sample is (trap T7).
+    // History counts at most so much; before any weight, and whatever the sample is, or it would be biased.
     s.confidence = min(s.confidence, settings.confidence_cap);
     return s;
 }
@@ -152,7 +152,7 @@ fn sample_of(inputs: ptr<function, Inputs>, j: u32, has_arrived: bool) -> Reserv
     return s;
 }
 
-// Collects the inputs.  Where the surface itself was not in sight more neighbours are asked (paper 003, 6.4).
+// Collects the inputs.  Where the surface itself was not in sight more neighbours are asked (Wyman and Panteleev 2021, 6.4).
 fn gather(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, own: Shape, pixel: vec2<u32>, rng: ptr<function, Rng>) {
     let place = own_place(own, pixel);
     let own_kept = own_sample(pixel);
@@ -171,7 +171,8 @@ fn gather(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, own: Sha
             continue;
         }
         let s = sample_of_neighbour(at);
-        // What was seen when it was shaded, the surface itself and near neighbours are taken to see still (paper 003, 7.3).
+        // What was seen when it was shaded, the surface itself and near neighbours are taken to see still (Wyman and Panteleev 2021,
+        // 7.3).
         let near = is_own || distance(vec2<f32>(at) + 0.5, place) <= settings.visibility_radius;
         let is_reused = has(RESAMPLE_REUSE_VISIBILITY) && near;
         (*inputs).pixels[count] = at;
@@ -339,7 +340,7 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
     textureStore(ray_counts, pixel, vec4<u32>((counted + rays_traced) | trace_flags << 24u));
 }
 
-// What an input counts may depend on geometry, never on its sample (trap T7).
+// What an input counts may depend on geometry, never on its sample, or it would be biased.
 #ifdef PLANT_CONFIDENCE_OF_SUCCESS
 fn count_confidence(mis: ptr<function, MisInputs>) {
     for (var j = 1u; j < (*mis).count; j++) {

@@ -1,4 +1,4 @@
-// The random numbers of a path: a block of dimensions for every vertex, so that a path is replayed from any of them (trap T12).
+// The random numbers of a path: a block of dimensions for every vertex, so that a path is replayed from any of them.
 #define_import_path bevy_restir::path::random
 
 #import bevy_restir::common::rng::{pcg4d, Rng, rng_3, rng_bits, rng_new, STREAM_PATH}

@@ -56,7 +56,7 @@ fn arrived_path(s: PathSample, a: Arrival) -> PathSample {
     return p;
 }
 
-// Barycentrics and directions as they are kept: the path itself goes by the decoded values (trap T6).
+// Barycentrics and directions as they are kept: the path itself goes by the decoded values.
 fn kept_barycentrics(b: vec2<f32>) -> vec2<f32> {
     return decode_barycentrics(pack2x16unorm(b));
 }

@@ -1,6 +1,6 @@
 // The candidates of a pixel: all paths of one tree, its vertices each aimed at a light and each waiting to meet one, resampled into
-// one (paper 000, 1, 6 and 7: direct light is among them).  A path's weight is what it carries in primary sample space over the
-// probability that roulette let it live; where others may reconnect to it is decided as it grows.
+// one (Lin et al. 2026, supplement, 1, 6 and 7: direct light is among them).  A path's weight is what it carries in primary sample space
+// over the probability that roulette let it live; where others may reconnect to it is decided as it grows.
 #define_import_path bevy_restir::path::tree
 
 #import bevy_restir::bsdf::bsdf::{bsdf_eval, bsdf_is_delta, bsdf_terms}
@@ -55,7 +55,7 @@ struct Aimed {
     pdf_bsdf: f32,            // marginal density of the direction
 }
 
-// `count`: expected number of candidates that the vertex aims at the light (paper 000, 5: M p₁ against p₂).
+// `count`: expected number of candidates that the vertex aims at the light (Lin et al. 2026, supplement, 5: M p₁ against p₂).
 fn aim(v: Vertex, p: LightPoint, count: f32, previous: bool) -> Aimed {
     let l = light_point_at(p, v.surface.position, previous);
     var a = Aimed(vec3<f32>(0.0), l, 0.0);
@@ -74,7 +74,8 @@ fn aim(v: Vertex, p: LightPoint, count: f32, previous: bool) -> Aimed {
     return a;
 }
 
-// How many lights a path aims at from the vertex of this index, to keep one of them (paper 000, Fig. 4): fewer at later ones.
+// How many lights a path aims at from the vertex of this index, to keep one of them (Lin et al. 2026, supplement, Fig. 4): fewer at later
+// ones.
 fn light_candidates(index: u32) -> u32 {
     return max(settings.candidates / (index * index), 1u);
 }

@@ -1,5 +1,6 @@
 // Steps along a path, the same where it is first traced and where it is replayed: lobes are sampled one by one, their joint densities
-// of direction and lobe are what is divided by (paper 000, 1), and what is kept of a step is what decides where paths reconnect.
+// of direction and lobe are what is divided by (Lin et al. 2026, supplement, 1), and what is kept of a step is what decides where paths
+// reconnect.
 #define_import_path bevy_restir::path::walk
 
 #import bevy_restir::bsdf::bsdf::{bsdf_draw, bsdf_lobe_terms}

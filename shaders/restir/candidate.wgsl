@@ -1,4 +1,4 @@
-// Light candidates: from the subset that a tile of pixels shares (paper 003, 5), or from the whole table.
+// Light candidates: from the subset that a tile of pixels shares (Wyman and Panteleev 2021, 5), or from the whole table.
 #define_import_path bevy_restir::restir::candidate
 
 #import bevy_restir::common::constants::LIGHT_TRIANGLE

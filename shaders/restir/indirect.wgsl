@@ -1,7 +1,7 @@
-// The domain of indirect light (ReSTIR GI; Ouyang et al. 2021, paper 002, 4.3): paths of two bounces and more, reconnected to the first
+// The domain of indirect light (ReSTIR GI; Ouyang et al. 2021; Lanz 2025, 4.3): paths of two bounces and more, reconnected to the first
 // vertex that bounces light towards the pixel's surface.  What is not here they have in common with whole paths (`restir/paths.wgsl`).
 //
-// Their measure is area at that vertex and solid angle after it, so that its shift has no Jacobian: what the Jacobian of paper 002
+// Their measure is area at that vertex and solid angle after it, so that its shift has no Jacobian: what the Jacobian of Lanz 2025
 // (4.3.3) says of solid angles is in the geometry factor that targets have in this measure.  Densities are kept for its limit (4.5.5).
 #define_import_path bevy_restir::restir::indirect
 

@@ -27,7 +27,7 @@ fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     );
 }
 
-// A number that is not finite must not spread over the screen (trap T23).
+// A number that is not finite must not spread over the screen.
 fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     let structure = p.structure.x;
     var s = path_unpack(structure, p.connection);

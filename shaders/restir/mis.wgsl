@@ -1,4 +1,4 @@
-// Resampling MIS weights (paper 000 after Lin et al. 2022; paper 002, Eqs. 26-29; paper 003, 4.4): the share of each input in the
+// Resampling MIS weights (Lin et al. 2022; Lanz 2025, Eqs. 26-29; Wyman and Panteleev 2021, 4.4): the share of each input in the
 // combination of a canonical sample with its neighbours.  Pure functions of targets and confidences, for every technique alike.
 //
 // `targets` holds, for domain i and sample j, the target of domain i at sample j as the canonical domain sees it: times the Jacobian
@@ -15,7 +15,7 @@ const MAX_TARGETS: u32 = MAX_INPUTS * MAX_INPUTS;
 
 const MIS_UNIFORM: u32 = 0u;               // c/C: biased dark where a neighbour could not have drawn the sample
 const MIS_VALID: u32 = 1u;                 // c over those that could have drawn it: unbiased, noisy
-const MIS_BALANCE: u32 = 2u;               // generalised balance heuristic: k² targets
+const MIS_BALANCE: u32 = 2u;               // generalised balance heuristic: k² + k targets of k neighbours
 const MIS_PAIRWISE: u32 = 3u;              // neighbour by neighbour against the canonical sample: 2k targets
 const MIS_DEFENSIVE_PAIRWISE: u32 = 4u;    // as above with c_c/C of the weight kept for the canonical sample
 const MIS_DEFENSIVE_PAIRWISE_GRIS: u32 = 5u;   // with 1/(k+1) kept for it: for inputs of like confidence

@@ -1,4 +1,5 @@
-// What a pixel of whole paths keeps: a path, its unbiased contribution weight, and how much it is worth.  64 bytes (paper 000, 8).
+// What a pixel of whole paths keeps: a path, its unbiased contribution weight, and how much it is worth.  64 bytes (Lin et al. 2026,
+// supplement, 8).
 #define_import_path bevy_restir::restir::path_reservoir
 
 #import bevy_restir::common::math::{is_finite, is_finite_3}
@@ -25,7 +26,7 @@ fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     );
 }
 
-// A number that is not finite must not spread over the screen (trap T23).
+// A number that is not finite must not spread over the screen.
 fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     let structure = p.structure.x;
     var s = path_unpack(structure, p.connection);

@@ -29,7 +29,7 @@ fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     return PackedReservoir(vec4<u32>(r.point.light, r.point.coordinates, bitcast<u32>(r.ucw), bitcast<u32>(abs(r.confidence)) | unseen));
 }
 
-// A number that is not finite must not spread over the screen (trap T23).
+// A number that is not finite must not spread over the screen.
 fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     let words = p.words;
     let ucw = bitcast<f32>(words.z);

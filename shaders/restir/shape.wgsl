@@ -21,7 +21,7 @@ fn previous_shape_of(ids: vec2<u32>, pixel: vec2<u32>) -> Shape {
     return shape_at(ids.x, ids.y, barycentrics, camera_position(true), true);
 }
 
-// Whether two surfaces are alike enough to share light (paper 003, Eq. 24).
+// Whether two surfaces are alike enough to share light (Wyman and Panteleev 2021, Eq. 24).
 fn are_alike(a: Shape, b: Shape, reach: f32, normal_threshold: f32, depth_threshold: f32) -> bool {
     return dot(a.n, b.n) >= normal_threshold && abs(dot(b.position - a.position, a.n_geo)) <= depth_threshold * reach;
 }

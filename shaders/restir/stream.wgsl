@@ -1,4 +1,5 @@
-// Weighted reservoir sampling (paper 003, 3.2; Chao 1982): one of a stream of samples with probability proportional to its weight.
+// Weighted reservoir sampling (Wyman and Panteleev 2021, 3.2; Chao 1982): one of a stream of samples with probability proportional to
+// its weight.
 #define_import_path bevy_restir::restir::stream
 
 #import bevy_restir::common::math::is_finite
@@ -8,7 +9,7 @@ struct Stream {
     selected: u32,     // index of the selected input
 }
 
-// Adds input `index`; true where it is selected.  Weights that are not positive or not finite are never taken (traps T21, T49).
+// Adds input `index`; true where it is selected.  Weights that are not positive or not finite are never taken, not even by u = 0.
 fn stream_add(stream: ptr<function, Stream>, index: u32, weight: f32, u: f32) -> bool {
     if !(weight > 0.0) || !is_finite(weight) {
         return false;

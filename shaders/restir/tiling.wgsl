@@ -3,7 +3,7 @@
 
 #import bevy_restir::restir::types::{TILING_COLUMNS, TILING_ROWS}
 
-// Where a pixel's reservoir lies: by rows, by columns, or by square tiles with rows within (paper 002, 4.5.3).
+// Where a pixel's reservoir lies: by rows, by columns, or by square tiles with rows within (Lanz 2025, 4.5.3).
 fn reservoir_index(pixel: vec2<u32>, size: vec2<u32>, tiling: u32) -> u32 {
     if tiling == TILING_ROWS {
         return pixel.y * size.x + pixel.x;

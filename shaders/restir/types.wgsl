@@ -66,7 +66,8 @@ const RESAMPLE_INDIRECT: u32 = 262144u;
 // The radiance of a path leaves its reconnection vertex to all sides alike.
 const RESAMPLE_KEEPS_RADIANCE: u32 = 524288u;
 
-// By the footprints of both densities (paper 000, 2), the same with a density in place of a roughness (4), or by a distance.
+// By the footprints of both densities (Lin et al. 2026, supplement, 2), the same with a density in place of a roughness (4), or by a
+// distance.
 const RECONNECT_FOOTPRINTS: u32 = 0u;
 const RECONNECT_BLACK_BOX: u32 = 1u;
 const RECONNECT_DISTANCE: u32 = 2u;

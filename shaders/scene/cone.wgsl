@@ -10,10 +10,6 @@ struct Cone {
     spread: f32,               // what a metre adds
 }
 
-fn no_cone() -> Cone {
-    return Cone(0.0, 0.0);
-}
-
 // Further on along the ray.
 fn cone_along(cone: Cone, distance: f32) -> Cone {
     return Cone(cone.width + cone.spread * distance, cone.spread);

@@ -1,5 +1,5 @@
-// Where paths may be reconnected (paper 000, 2-4): vertices far enough apart, by the footprints of both their densities, and lobes
-// rough enough.
+// Where paths may be reconnected (Lin et al. 2026, supplement, 2-4): vertices far enough apart, by the footprints of both their
+// densities, and lobes rough enough.
 #define_import_path bevy_restir::shift::connect
 
 #import bevy_restir::bsdf::bsdf::bsdf_is_diffuse

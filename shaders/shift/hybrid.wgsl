@@ -1,6 +1,6 @@
-// The hybrid shift (paper 000, 1-2; Lin et al. 2022): a path is replayed from another pixel's surface with its own random numbers up to
-// the vertex before the reconnection, and goes on through the vertices that it had.  It is defined only where the shifted path would
-// choose the same reconnection by itself, which makes it its own inverse (`formulas-and-traps` O0 to O3).
+// The hybrid shift (Lin et al. 2022; 2026, supplement, 1-2): a path is replayed from another pixel's surface with its own random numbers
+// up to the vertex before the reconnection, and goes on through the vertices that it had.  It is defined only where the shifted path
+// would choose the same reconnection by itself, which makes it its own inverse.
 //
 // Between frames in which something moved the reconnection vertex moves with its surface, the direction after it stays, and what follows
 // is replayed with the path's own random numbers, too.
@@ -32,8 +32,8 @@
 const SHIFT_OK: u32 = 0u;
 const SHIFT_NO_PATH: u32 = 1u;
 const SHIFT_ENDED: u32 = 2u;          // the replay ended, or met a light, where the path does not
-const SHIFT_EARLIER: u32 = 3u;        // an earlier pair is connectable (O1, O3)
-const SHIFT_UNCONNECTABLE: u32 = 4u;  // the pair is not (O2)
+const SHIFT_EARLIER: u32 = 3u;        // an earlier pair is connectable, or any of a path that is replayed whole
+const SHIFT_UNCONNECTABLE: u32 = 4u;  // the pair is not
 const SHIFT_BLACK: u32 = 5u;          // nothing is carried
 const SHIFT_APART: u32 = 6u;          // its densities differ by more than the limit
 const SHIFT_HIDDEN: u32 = 7u;         // something stands between: what `is_free` says
@@ -303,7 +303,7 @@ fn over(there: f32, here: f32) -> f32 {
 }
 #endif
 
-// Whether pairs of vertices are connectable where the path reconnects and nowhere before (O1, O2).
+// Whether pairs of vertices are connectable where the path reconnects and nowhere before.
 fn leaves_as_it_should(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, c: Connection) -> bool {
     let is_before = s.reconnection == 0u || index < s.reconnection;
     if index <= 1u || !(is_before || index == s.reconnection) {

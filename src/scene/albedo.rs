@@ -1,4 +1,4 @@
-//! The table that energy compensation reads: how much of the light GGX microfacets reflect at once (Turquin 2019; paper 002, 2.1.3).
+//! The table that energy compensation reads: how much of the light GGX microfacets reflect at once (Turquin 2019; Lanz 2025, 2.1.3).
 //! The rest bounces between microfacets; a single-scattering lobe loses it.
 
 use bevy::render::{

@@ -7,7 +7,7 @@ use bevy::{
     light::{DirectionalLight, NotShadowCaster, PointLight, RectLight, SpotLight, SunDisk},
     log::warn_once,
     math::{Affine3A, Mat3, Quat, Vec2, Vec3},
-    mesh::{Mesh, Mesh3d, skinning::SkinnedMesh},
+    mesh::{Mesh, Mesh3d, morph::MeshMorphWeights, skinning::SkinnedMesh},
     pbr::{MeshMaterial3d, StandardMaterial},
     platform::collections::{HashMap, HashSet},
     render::{Extract, sync_world::MainEntity},
@@ -29,6 +29,7 @@ pub(crate) struct ExtractedInstance {
     /// Other rays than the camera's meet it.
     pub casts_shadows: bool,
     pub skinned: bool,
+    pub morphed: bool,
 }
 
 /// What a light that is not a mesh emits.
@@ -78,6 +79,7 @@ type InstanceData<'a> = (
     Option<&'a RenderLayers>,
     Has<NotShadowCaster>,
     Has<SkinnedMesh>,
+    Has<MeshMorphWeights>,
 );
 
 pub(crate) fn extract_scene(
@@ -102,7 +104,7 @@ pub(crate) fn extract_scene(
 
     scene.instances.clear();
     scene.instances.extend(instances.iter().filter(|row| row.4.get()).filter_map(
-        |(entity, mesh, material, transform, _, layers, not_shadow_caster, skinned)| {
+        |(entity, mesh, material, transform, _, layers, not_shadow_caster, skinned, morphed)| {
             let seen_by = sets.seen_by(layers);
             (seen_by != 0).then(|| ExtractedInstance {
                 entity: entity.into(),
@@ -112,6 +114,7 @@ pub(crate) fn extract_scene(
                 seen_by,
                 casts_shadows: !not_shadow_caster,
                 skinned,
+                morphed,
             })
         },
     ));

@@ -46,7 +46,7 @@ features! {
     LIGHT_RECTS = 22, "LIGHT_RECTS", "Rectangular lights.";
     SUN_DISK = 28, "SUN_DISK", "Directional lights with a disc.";
     BOUND_TEXTURES = 30, "BOUND_TEXTURES", "Textures that are bound as they are, where the device has arrays of them.";
-    LIGHT_SHAPES = 29, "LIGHT_SHAPES", "Any of these three: lights that rays meet and that are no triangles.";
+    LIGHT_SHAPES = 29, "LIGHT_SHAPES", "Point lights with a radius, rectangles or suns with a disc: lights that rays meet and that are no triangles.";
 }
 
 impl SceneFeatures {

@@ -180,11 +180,6 @@ impl AccelerationStructures {
         [root(self.current.as_ref()), root(self.previous.as_ref().or(self.current.as_ref()))]
     }
 
-    /// Bottom levels that exist.
-    pub fn bottom_levels(&self) -> usize {
-        self.bottom.len()
-    }
-
     /// Bytes of the buffers of instances.  What the device makes of them wgpu does not tell.
     pub(crate) fn memory(&self) -> (&'static str, u64) {
         let tops = [&self.current, &self.previous].into_iter().flatten();

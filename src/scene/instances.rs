@@ -296,6 +296,9 @@ impl InstancePool {
         if extracted.skinned {
             warn_once!("restir: skinned meshes are shown in their bind pose (entity {})", *extracted.entity);
         }
+        if extracted.morphed {
+            warn_once!("restir: morphed meshes are shown as they are at rest (entity {})", *extracted.entity);
+        }
         let packed = materials.get(material)?;
         let mut flags = 0;
         if extracted.world_from_object.matrix3.determinant() < 0.0 {

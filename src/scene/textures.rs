@@ -317,16 +317,16 @@ impl TexturePool {
         let Some(pipeline) = self.copier.pipeline(pipelines, shaders) else { return moved };
 
         let limit = device.limits().max_texture_dimension_2d.min(MAX_PAGE);
-        let size_of = |id: &AssetId<Image>| {
-            let size = images
+        let whole = |id: &AssetId<Image>| {
+            images
                 .get(*id)
-                .map_or(UVec2::ONE, |i| UVec2::new(i.texture_descriptor.size.width, i.texture_descriptor.size.height));
-            if size.max_element() > limit {
-                warn!("restir: image {id} is larger than {limit} pixels; it is scaled down");
-            }
-            // Halving keeps the aspect; the copy filters.
-            size / (size.max_element().div_ceil(limit)).max(1)
+                .map_or(UVec2::ONE, |i| UVec2::new(i.texture_descriptor.size.width, i.texture_descriptor.size.height))
         };
+        // Whole parts keep the aspect; the copy filters.
+        let size_of = |id: &AssetId<Image>| whole(id) / whole(id).max_element().div_ceil(limit).max(1);
+        for id in new.iter().filter(|id| whole(id).max_element() > limit && !self.placed.contains_key(*id)) {
+            warn!("restir: image {id} is larger than {limit} pixels; it is scaled down");
+        }
 
         // A larger page moves everything.
         let largest = new.iter().map(|id| size_of(id).max_element()).max().unwrap_or(1);

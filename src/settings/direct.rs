@@ -1,10 +1,10 @@
-//! Resampled direct light (Wyman and Panteleev 2021, paper 003).
+//! Resampled direct light (Wyman and Panteleev 2021).
 
 use bevy::reflect::Reflect;
 
 use super::Ranges;
 
-/// What keeps the samples of other pixels from falsifying this one's light (paper 003, 4.6 and Fig. 6).
+/// What keeps the samples of other pixels from falsifying this one's light (Wyman and Panteleev 2021, 4.6 and Fig. 6).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 pub enum BiasCorrection {
     /// Nothing: every sample counts by its confidence (1/M, Eq. 6).  Biased: darker at edges of depth and normals and near shadows, where
@@ -42,33 +42,35 @@ impl BiasCorrection {
 /// How the samples of a pixel and of its neighbours are weighed against each other, where [`BiasCorrection`] asks for it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 pub enum Mis {
-    /// By confidence among those that could have found a sample (1/|Z|, paper 003, Eq. 22): noisy, and where neighbours or frames differ much
-    /// with rare pixels a thousand times too bright, so that short means are dark.  k² evaluations for k neighbours.
+    /// By confidence among those that could have found a sample (1/|Z|, Wyman and Panteleev 2021, Eq. 22): noisy, and where neighbours
+    /// or frames differ much with rare pixels a thousand times too bright, so that short means are dark.  k² + k evaluations for k
+    /// neighbours.
     Valid,
-    /// Generalised balance heuristic (Eq. 30): least noise in every scene that was measured (`docs/performance.md`).  k² evaluations:
-    /// with the two taps of the defaults two more than the pairwise kinds, and their rays.
+    /// Generalised balance heuristic (Wyman and Panteleev 2021, Eq. 30): least noise in two of three scenes that were measured, and near
+    /// it in the third (`docs/performance.md`).  k² + k evaluations: with the two taps of the defaults two more than the pairwise kinds,
+    /// and their rays.
     #[default]
     Balance,
-    /// Each neighbour against the pixel's own sample (paper 002, 2.3.5): 2k evaluations.
+    /// Each neighbour against the pixel's own sample (Lanz 2025, 2.3.5): 2k evaluations.
     Pairwise,
     /// As `Pairwise`, with a share kept for the pixel's own sample by its confidence: safest where neighbours have long histories.
     DefensivePairwise,
-    /// As `Pairwise`, with 1/(k + 1) kept for the pixel's own sample (paper 002, Eqs. 28-29): for neighbours of like confidence.
+    /// As `Pairwise`, with 1/(k + 1) kept for the pixel's own sample (Lanz 2025, Eqs. 28-29): for neighbours of like confidence.
     DefensivePairwiseGris,
 }
 
 /// When a pixel meets the samples of its neighbours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 pub enum ReuseOrder {
-    /// All of them are of the last frame (paper 003, 6.2): nothing waits for the whole of this frame.  Where a surface has just come
-    /// into sight its neighbours help a frame later.
+    /// All of them are of the last frame (Wyman and Panteleev 2021, 6.2): nothing waits for the whole of this frame.  Where a surface has
+    /// just come into sight its neighbours help a frame later.
     #[default]
     Spatiotemporal,
     /// The surface's own of the last frame; then, in passes of their own, its neighbours' of this frame (Bitterli et al. 2020).
     TemporalThenSpatial,
 }
 
-/// What the rays between pixels and lights decide (paper 003, 7.2 and Fig. 15).
+/// What the rays between pixels and lights decide (Wyman and Panteleev 2021, 7.2 and Fig. 15).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 pub enum VisibilityReuse {
     /// No ray is traced to a light (a).  Biased: brighter, without shadows.
@@ -84,13 +86,13 @@ pub enum VisibilityReuse {
     /// All.  Unbiased where [`BiasCorrection`] traces rays, too; otherwise darker near shadows (e).
     #[default]
     Resampled,
-    /// What is kept of the candidates, and what is shaded (f: the paper's pipeline).  The surface's own sample is as it was seen in the
+    /// What is kept of the candidates, and what is shaded (f: their pipeline).  The surface's own sample is as it was seen in the
     /// last frame, and so is that of a neighbour within [`Direct::visibility_radius`]: shadows lag.  Biased: darker near shadows, and
     /// within the radius brighter in them.
     Decoupled,
 }
 
-/// How reservoirs lie in memory (paper 002, 4.5.3).  The picture is the same.
+/// How reservoirs lie in memory (Lanz 2025, 4.5.3).  The picture is the same.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 pub enum ReservoirLayout {
     /// Row by row.
@@ -133,8 +135,8 @@ pub struct Direct {
     /// One candidate more of the BSDF, weighed against the others by MIS.  Without it (a ray less) what only it finds is missing: lights
     /// in mirrors, and lights beyond the table (darker).
     pub bsdf_candidate: bool,
-    /// Chooses among candidates by the light that arrives, not by what is reflected of it (paper 003, 9 and 3.3): no BSDF is evaluated
-    /// for those that are not kept.  Noisier on glossy surfaces, no bias.
+    /// Chooses among candidates by the light that arrives, not by what is reflected of it (Wyman and Panteleev 2021, 9 and 3.3): no BSDF
+    /// is evaluated for those that are not kept.  Noisier on glossy surfaces, no bias.
     pub simple_target: bool,
     /// Presampled subsets of lights, at most 4096; 0: every pixel draws from all lights, slower with many of them.  Pixels of a tile
     /// share a subset: correlated noise, no bias.
@@ -147,17 +149,17 @@ pub struct Direct {
     pub order: ReuseOrder,
     /// Reuses the sample that the surface had in the last frame.
     pub temporal: bool,
-    /// Takes that sample from one of the four pixels round the place that the surface had, by bilinear chance (paper 003, 4.5); otherwise
-    /// from the nearest.  Less correlation under motion, no bias.
+    /// Takes that sample from one of the four pixels round the place that the surface had, by bilinear chance (Wyman and Panteleev 2021,
+    /// 4.5); otherwise from the nearest.  Less correlation under motion, no bias.
     pub bilinear: bool,
     /// Neighbours whose samples are reused in a round, at most 5.
     pub spatial_taps: u32,
-    /// The same where the surface was not seen in the last frame (paper 003, 6.4), if more; at most 5.  Of
+    /// The same where the surface was not seen in the last frame (Wyman and Panteleev 2021, 6.4), if more; at most 5.  Of
     /// [`ReuseOrder::Spatiotemporal`] with `temporal` only.
     pub disocclusion_taps: u32,
     /// Rounds of spatial reuse, 1 to 4: a pass each.
     pub rounds: u32,
-    /// Places that are tried for a tap until one is of like geometry, 1 to 8 (greedy neighbour search, paper 002, 4.5.4).
+    /// Places that are tried for a tap until one is of like geometry, 1 to 8 (greedy neighbour search, Lanz 2025, 4.5.4).
     pub tries: u32,
     /// How far away neighbours are: pixels of a picture 1080 lines high, and at least 2 of its own.
     pub radius: f32,
@@ -171,7 +173,8 @@ pub struct Direct {
     pub visibility: VisibilityReuse,
     /// Pixels of a picture 1080 lines high within which a neighbour sees what this one sees, for [`VisibilityReuse::Decoupled`].
     pub visibility_radius: f32,
-    /// Shades all samples that meet by their shares, not only the one that is kept (paper 003, 7.1): less noise, no bias.
+    /// Shades all samples that meet by their shares, not only the one that is kept (Wyman and Panteleev 2021, 7.1), as
+    /// [`Paths::vector_weights`](crate::Paths::vector_weights) of paths: less noise, no bias.
     pub decoupled_shading: bool,
     /// Least cosine between the normals of pixels that reuse each other's samples, for the heuristics.
     pub normal_threshold: f32,
@@ -184,8 +187,8 @@ pub struct Direct {
 }
 
 impl Default for Direct {
-    /// Paper 003: 32 candidates from 128 subsets of 1024, tiles of 8 pixels, one temporal and one spatiotemporal tap within 30 pixels
-    /// (two in disocclusions), history capped at 20; unbiased.
+    /// As Wyman and Panteleev 2021: 32 candidates from 128 subsets of 1024, tiles of 8 pixels, one temporal and one spatiotemporal tap
+    /// within 30 pixels (two in disocclusions), history capped at 20; unbiased.
     fn default() -> Self {
         Self {
             candidates: 32,

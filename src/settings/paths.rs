@@ -1,10 +1,11 @@
-//! Resampled paths (Lin et al. 2022; paper 000).
+//! Resampled paths (Lin et al. 2022, 2026).
 
 use bevy::reflect::Reflect;
 
 use super::{Mis, Ranges, ReservoirLayout, ReuseOrder};
 
-/// Which vertices of a path other pixels may reconnect to; before the first of them they replay its random numbers (paper 000, 2-4).
+/// Which vertices of a path other pixels may reconnect to; before the first of them they replay its random numbers (Lin et al. 2026,
+/// supplement, 2-4).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 pub enum Reconnection {
     /// Where the footprints of both densities are large against the pixel's, after a rough lobe (Eqs. 5 and 6).
@@ -53,28 +54,29 @@ pub struct Paths {
     pub radius: f32,
     /// Most that a neighbour counts, in frames' worth of candidates, at most 30.
     pub confidence_cap: f32,
-    /// How paths are weighed against each other in rounds of spatial reuse; the surface's own alone by the balance heuristic.
+    /// MIS weights of spatial reuse; temporal reuse alone always takes the balance heuristic.
     pub mis: Mis,
     /// What becomes of the end of a path where something moved.
     pub suffix: Suffix,
-    /// Takes the radiance that leaves the first bounce to be the same to all sides (paper 002, 4.3.3: the second BSDF left out; always
+    /// Takes the radiance that leaves the first bounce to be the same to all sides (Lanz 2025, 4.3.3: the second BSDF left out; always
     /// [`Suffix::Kept`]).  For `Gi`.  Biased where that surface is glossy: brighter and darker by place.  Cheaper.
     pub keeps_radiance: bool,
     /// Where paths are reconnected; `Gi` always reconnects to the first bounce, after every lobe but a mirror's.
     pub reconnection: Reconnection,
-    /// Least perceptual roughness of a lobe that paths are reconnected after (paper 000: 0.2).
+    /// Least perceptual roughness of a lobe that paths are reconnected after (Lin et al. 2022: 0.2).
     pub roughness: f32,
-    /// c of the footprints (paper 000: 0.02, in hundredths of the pixel's); larger: later reconnections, fewer samples are shared.
+    /// c of the footprints (Lin et al. 2026, supplement: 0.02, in hundredths of the pixel's); larger: later reconnections, fewer samples
+    /// are shared.
     pub footprint: f32,
-    /// Least distance between the vertices, m; for [`Reconnection::Distance`] and `Gi` (paper 002, Eq. 30).  Paths that are nearer are not
+    /// Least distance between the vertices, m; for [`Reconnection::Distance`] and `Gi` (Lanz 2025, Eq. 30).  Paths that are nearer are not
     /// shared: fewer bright pixels in corners, no bias.
     pub distance: f32,
-    /// Most Jacobian of a shift, and 1 over the least: pixels between which a path would change more are no neighbours for it (paper 002,
+    /// Most Jacobian of a shift, and 1 over the least: pixels between which a path would change more are no neighbours for it (Lanz 2025,
     /// 4.5.5, both ways alike; of the densities of all that is sampled at both ends of the connection).  No bias; fewer bright pixels
     /// where shapes differ, fewer shared samples.
     pub jacobian_limit: f32,
-    /// Shades all paths that meet by their shares, not only the one that is kept (vector weights, paper 000, 7): less colour noise, no
-    /// bias.
+    /// Shades all paths that meet by their shares, as [`Direct::decoupled_shading`], not only the one that is kept (vector weights, Lin et
+    /// al. 2026, supplement, 7): less colour noise, no bias.
     pub vector_weights: bool,
     /// Leaves out neighbours whose geometry differs.  No bias either way.
     pub heuristics: bool,
@@ -89,9 +91,9 @@ pub struct Paths {
 }
 
 impl Default for Paths {
-    /// Paper 000: temporal, then one round of spatial reuse, history capped at 20.  Neighbours within 60 pixels, not its 20: where
-    /// light is found rarely fewer pixels share what they find, which is seen as blotches.  One neighbour, not the paper's three, and 16 points of
-    /// lights, not 32: in equal time that is better (`docs/performance.md`).
+    /// As Lin et al. 2022 and 2026: temporal, then one round of spatial reuse, history capped at 20.  Neighbours within 60 pixels, not
+    /// their 20: where light is found rarely fewer pixels share what they find, which is seen as blotches.  One neighbour, not their
+    /// three, and 16 points of lights, not 32: in equal time that is better (`docs/performance.md`).
     fn default() -> Self {
         Self {
             candidates: 16,

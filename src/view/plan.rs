@@ -226,7 +226,7 @@ fn light_subsets(direct: &Direct) -> GpuResampleSettings {
     }
 }
 
-/// What rays may decide (paper 003, Fig. 15), and how bias is held off.
+/// What rays may decide (Wyman and Panteleev 2021, Fig. 15), and how bias is held off.
 fn direct_flags(direct: &Direct) -> u32 {
     use VisibilityReuse::*;
     let kind = direct.visibility;

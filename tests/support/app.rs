@@ -19,7 +19,7 @@ use bevy::{
 };
 use bevy_restir::{
     DebugView, EmissiveLuminance, RadianceCapture, RayBackend, Restir, RestirEnvironment, RestirPlugin, RestirReport,
-    RestirStatistics,
+    RestirStatistics, Technique,
 };
 use std::time::Duration;
 
@@ -78,9 +78,10 @@ pub struct Rig {
     pub capture: RadianceCapture,
 }
 
-/// Settings that most claims want: nothing random within a pixel, nothing beyond direct light, no compensation.
+/// Settings that most claims want: the reference, nothing random within a pixel, nothing beyond direct light, no compensation.
 pub fn plain() -> Restir {
-    Restir { jitter: false, bounces: 1, energy_compensation: false, ..Default::default() }
+    let technique = Technique::Reference;
+    Restir { technique, jitter: false, bounces: 1, energy_compensation: false, ..Default::default() }
 }
 
 /// An opaque diffuse material.

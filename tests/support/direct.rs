@@ -37,10 +37,6 @@ pub fn spatial() -> Direct {
     Direct { temporal: false, spatial_taps: 3, ..both() }
 }
 
-pub fn with_mis(mis: Mis) -> Direct {
-    Direct { mis, ..both() }
-}
-
 /// Neighbours across edges too, so that only MIS weights keep the picture right.  Long histories would make rare bright pixels of
 /// those, and of the mean of few restarts a skewed number.
 pub fn careless(mis: Mis) -> Direct {

@@ -1,4 +1,5 @@
-//! Whether two techniques show one picture: means of independent restarts, of the image, of its regions and of its tiles (design 8.3).
+//! Whether two techniques show one picture: means of independent restarts, of the image, of its regions and of its tiles.  Frames of one
+//! run are correlated, restarts are not.
 
 use super::{
     app::Picture,

@@ -1,4 +1,5 @@
-//! Design 2's material in f64: `diel`, `trans` and `metal` mixed as written there, and the density of our sampler.
+//! The material in f64, after glTF 2.0 (Appendix B and the KHR extensions): dielectric, transmission and metal, mixed, under a coat; and
+//! the density of our sampler.
 
 use glam::DVec3;
 use std::f64::consts::PI;

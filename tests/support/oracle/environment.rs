@@ -23,7 +23,7 @@ impl Map {
         self.texels[y * self.width + x]
     }
 
-    /// Bilinear; (u, v) of design 2.
+    /// Bilinear; (u, v) as `uv` has them.
     pub fn at(&self, u: f64, v: f64) -> DVec3 {
         let (x, y) = (u * self.width as f64 - 0.5, v * self.height as f64 - 0.5);
         let (i, j) = (x.floor() as i64, y.floor() as i64);
