@@ -122,6 +122,6 @@ impl Row for PathRow {
 
 #[test]
 #[ignore = "half an hour: ./run test --full"]
-fn full_length_path_matrix() {
+fn full_length_every_pair_of_settings_of_paths_is_equal_to_the_reference() {
     matrix::run::<PathRow>();
 }

@@ -134,11 +134,11 @@ fn check(case: Case) {
 }
 
 macro_rules! scenes {
-    ($($name:ident: $frames:literal, $floor:literal, $tile_floor:literal, $planted:literal;)*) => {
+    ($($name:ident: $scene:literal, $frames:literal, $floor:literal, $tile_floor:literal, $planted:literal;)*) => {
         $(#[test]
         fn $name() {
             check(Case {
-                scene: stringify!($name),
+                scene: $scene,
                 frames: $frames,
                 floor: $floor,
                 tile_floor: $tile_floor,
@@ -149,16 +149,16 @@ macro_rules! scenes {
 }
 
 scenes! {
-    cornell: 16, 0.003, 0.02, 0.03;
-    glossy: 16, 0.003, 0.02, 0.03;
-    blinds: 16, 0.003, 0.02, 0.03;
-    punctual: 64, 0.003, 0.04, 0.03;
-    furnace: 12, 0.003, 0.02, 0.03;
-    ajar: 48, 0.005, 0.03, 0.06;
-    many_lights: 24, 0.01, 0.03, 0.1;
-    glass_lamp: 32, 0.01, 0.03, 0.06;
-    caustic_egg: 16, 0.01, 0.03, 0.06;
-    mirror_room: 32, 0.01, 0.03, 0.06;
+    cornell_is_what_an_independent_renderer_shows: "cornell", 16, 0.003, 0.02, 0.03;
+    glossy_is_what_an_independent_renderer_shows: "glossy", 16, 0.003, 0.02, 0.03;
+    blinds_is_what_an_independent_renderer_shows: "blinds", 16, 0.003, 0.02, 0.03;
+    punctual_is_what_an_independent_renderer_shows: "punctual", 64, 0.003, 0.04, 0.03;
+    furnace_is_what_an_independent_renderer_shows: "furnace", 12, 0.003, 0.02, 0.03;
+    ajar_is_what_an_independent_renderer_shows: "ajar", 48, 0.005, 0.03, 0.06;
+    many_lights_is_what_an_independent_renderer_shows: "many_lights", 24, 0.01, 0.03, 0.1;
+    glass_lamp_is_what_an_independent_renderer_shows: "glass_lamp", 32, 0.01, 0.03, 0.06;
+    caustic_egg_is_what_an_independent_renderer_shows: "caustic_egg", 16, 0.01, 0.03, 0.06;
+    mirror_room_is_what_an_independent_renderer_shows: "mirror_room", 32, 0.01, 0.03, 0.06;
 }
 
 /// Mean over 8 x 8-pixel tiles of the relative difference of luminance, without sign; dark tiles count at least 2 % of the mean.

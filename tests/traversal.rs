@@ -15,7 +15,6 @@ use bevy_restir::{
 };
 
 const TRACE: &str = include_str!("support/kernels/trace.wgsl");
-const SPEED: &str = include_str!("support/kernels/trace_speed.wgsl");
 
 /// The claim holds for both, where the adapter has both.
 fn on_each_back_end(defs: &[Def], claim: impl Fn(&Gpu, &Kernel)) {
@@ -309,40 +308,4 @@ fn trees_fit_the_stack_whatever_the_mesh() {
         assert!(started.elapsed().as_secs() < 10 && blas.depth <= MAX_BLAS_DEPTH);
         assert_eq!(blas.triangles.len(), count as usize);
     }
-}
-
-/// `cargo test --test claims traversal_speed -- --ignored --nocapture`
-#[test]
-#[ignore = "a measurement"]
-fn traversal_speed() {
-    let Some(gpu) = gpu() else { return };
-    let mut random = Random::new(9);
-    let started = std::time::Instant::now();
-    let mesh = sphere(256, 256, 0.1, |p| p);
-    let count = mesh.positions.len();
-    let scene = TestScene::of(mesh);
-    eprintln!("{count} triangles, {} nodes, built in {:?}", scene.nodes.len() / 5, started.elapsed());
-    let started = std::time::Instant::now();
-    let kernel = gpu.kernel("trace_speed", SPEED, &[]);
-    let _: Vec<f32> = scene.run(gpu, &kernel, &[ray([0.0; 3], [1.0, 0.0, 0.0])]);
-    eprintln!("compiled and first run in {:?}", started.elapsed());
-    let rays: Vec<Ray> = (0..1 << 20).map(|_| ray(random.point(0.5), random.direction())).collect();
-    let few: Vec<f32> = scene.run(gpu, &kernel, &rays[..64]);
-    assert!(few.iter().all(|&t| t < FAR));
-    // By the wall clock, and per CPU second, which says the same beside busy neighbours.
-    for _ in 0..4 {
-        let (started, cpu) = (std::time::Instant::now(), cpu_seconds());
-        let _: Vec<f32> = scene.run(gpu, &kernel, &rays);
-        let (wall, cpu) = (started.elapsed().as_secs_f64(), cpu_seconds() - cpu);
-        let million = rays.len() as f64 / 1e6;
-        eprintln!("{:.2} M rays/s, {:.2} M rays per CPU second", million / wall, million / cpu);
-    }
-}
-
-/// Time that this process has spent on all cores, s; 0 where there is no /proc.
-fn cpu_seconds() -> f64 {
-    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    let fields: Vec<&str> = stat.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
-    let ticks = |i: usize| fields.get(i).and_then(|f| f.parse::<f64>().ok()).unwrap_or(0.0);
-    (ticks(11) + ticks(12)) / 100.0
 }

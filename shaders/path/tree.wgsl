@@ -207,13 +207,13 @@ fn path_tree(first: Vertex, pixel: vec2<u32>, c: Connection, rng: ptr<function, 
         let origin = offset_point(v.surface.position, v.surface.bsdf.n_geo, step.wi, v.surface.offset);
         let hit = trace_closest(Ray(origin, 0.0, step.wi, FAR), path_alpha_seed(seed, index, OF_RAY));
         let way = Way(origin, hit.t, step.wi);
-        var first = 0u;
+        var from_light = 0u;
         for (var i = 0u; i < CROSSINGS_MAX && tree.grown.length >= shortest; i++) {
-            let light = next_crossing(way, first);
+            let light = next_crossing(way, from_light);
             if light == NONE {
                 break;
             }
-            first = light + 1u;
+            from_light = light + 1u;
             let p = crossing_point(light, light, way);
             let l = light_point_at(p, v.surface.position, false);
             let light_pdf = expected_candidates(light, index) * l.pdf_solid_angle * l.aim;
