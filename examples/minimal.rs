@@ -32,7 +32,7 @@ fn setup(mut commands: Commands, mut meshes: ResMut<Assets<Mesh>>, mut materials
     commands.spawn((Camera3d::default(), eye, Restir::default(), sky));
 }
 
-/// Turns while a key is held, so that the picture is still, and clean, most of the time.
+/// Turns while a key is held.  With `Restir { accumulate: true, ..default() }` the picture is clean while it is still.
 fn turn(time: Res<Time>, keys: Res<ButtonInput<KeyCode>>, mut turning: Query<&mut Transform, With<Turning>>) {
     for mut transform in turning.iter_mut().filter(|_| keys.pressed(KeyCode::Space)) {
         transform.rotate_y(time.delta_secs());
