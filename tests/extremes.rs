@@ -1,8 +1,11 @@
-//! Pictures do not depend on the scale of the scene, on where it lies, or on how bright it is: only rounding tells the difference.
+//! Pictures do not depend on the scale of the scene, on where it lies, or on how bright it is: only rounding tells the difference.  Those of
+//! ReSTIR are of the last frame, with what was kept of those before.
 
 use super::support::app::{Picture, Rig, lambert, lamp, plain, square};
 use bevy::prelude::*;
-use bevy_restir::Restir;
+use bevy_restir::{Paths, Restir, Technique};
+
+const TECHNIQUES: [Technique; 4] = [Technique::Reference, Technique::Di, Technique::Gi, Technique::Pt];
 
 /// A room of walls, a lamp, a rough metal ball and a glass one, in front of a camera at (0, 0, 5), all of it times `scale` and moved.
 fn room(rig: &mut Rig, scale: f32, offset: Vec3, radiance: f32) {
@@ -38,14 +41,21 @@ fn room(rig: &mut Rig, scale: f32, offset: Vec3, radiance: f32) {
         (
             Transform::from_translation(Vec3::new(0.0, 0.0, 5.0) * scale + offset),
             Projection::Perspective(PerspectiveProjection { near: 0.1 * scale, ..Default::default() }),
-            Restir { bounces: 6, jitter: true, ..plain() },
+            Restir {
+                bounces: 6,
+                jitter: true,
+                // What is a length is as large as the scene.
+                paths: Paths { distance: 0.01 * scale, ..Default::default() },
+                ..plain()
+            },
         ),
     );
 }
 
-fn picture(scale: f32, offset: Vec3, radiance: f32, frames: u32) -> Option<Picture> {
+fn picture(technique: Technique, scale: f32, offset: Vec3, radiance: f32, frames: u32) -> Option<Picture> {
     let mut rig = Rig::new(48, 48)?;
     room(&mut rig, scale, offset, radiance);
+    rig.set(|restir| restir.technique = technique);
     let picture = rig.picture(frames);
     rig.assert_sound();
     assert!(picture.is_finite());
@@ -61,24 +71,30 @@ fn share_of_different_pixels(a: &Picture, b: &Picture, gain: f32) -> f64 {
 
 #[test]
 fn a_scene_looks_the_same_at_every_scale() {
-    let Some(one) = picture(1.0, Vec3::ZERO, 10.0, 8) else { return };
-    // Powers of two scale every float exactly, so the same random numbers take the same paths: 1.2e-4 and 1.3e5.
-    for exponent in [-13, 17] {
-        let scaled = picture(2f32.powi(exponent), Vec3::ZERO, 10.0, 8).expect("there is an adapter");
-        let share = share_of_different_pixels(&one, &scaled, 1.0);
-        assert!(share < 0.01, "scale 2^{exponent}: {share} of the pixels differ");
+    for technique in TECHNIQUES {
+        let Some(one) = picture(technique, 1.0, Vec3::ZERO, 10.0, 8) else { return };
+        // Powers of two scale every float exactly, so the same random numbers take the same paths: 1.2e-4 and 1.3e5.
+        for exponent in [-13, 17] {
+            let scaled = picture(technique, 2f32.powi(exponent), Vec3::ZERO, 10.0, 8).expect("there is an adapter");
+            let share = share_of_different_pixels(&one, &scaled, 1.0);
+            eprintln!("{technique:?}, scale 2^{exponent}: {share} of the pixels differ");
+            assert!(share < 0.01, "{technique:?}, scale 2^{exponent}: {share} of the pixels differ");
+        }
     }
 }
 
 #[test]
 fn brightness_scales_without_end() {
-    let Some(one) = picture(1.0, Vec3::ZERO, 1.0, 4) else { return };
-    // 1e-6 and 1e10.
-    for exponent in [-20, 33] {
-        let gain = 2f32.powi(exponent);
-        let bright = picture(1.0, Vec3::ZERO, gain, 4).expect("there is an adapter");
-        let share = share_of_different_pixels(&one, &bright, gain);
-        assert!(share < 0.001, "radiance 2^{exponent}: {share} of the pixels differ");
+    for technique in TECHNIQUES {
+        let Some(one) = picture(technique, 1.0, Vec3::ZERO, 1.0, 4) else { return };
+        // 1e-6 and 1e10.
+        for exponent in [-20, 33] {
+            let gain = 2f32.powi(exponent);
+            let bright = picture(technique, 1.0, Vec3::ZERO, gain, 4).expect("there is an adapter");
+            let share = share_of_different_pixels(&one, &bright, gain);
+            eprintln!("{technique:?}, radiance 2^{exponent}: {share} of the pixels differ");
+            assert!(share < 0.001, "{technique:?}, radiance 2^{exponent}: {share} of the pixels differ");
+        }
     }
 }
 
@@ -86,8 +102,9 @@ fn brightness_scales_without_end() {
 fn far_from_the_origin_nothing_leaks() {
     // At 1e5 m a float is 8 mm apart: a room of 64 m is the same room, but for its noise.
     let frames = 48;
-    let Some(here) = picture(16.0, Vec3::ZERO, 10.0, frames) else { return };
-    let there = picture(16.0, Vec3::new(1e5, -1e5, 1e5), 10.0, frames).expect("there is an adapter");
+    let reference = Technique::Reference;
+    let Some(here) = picture(reference, 16.0, Vec3::ZERO, 10.0, frames) else { return };
+    let there = picture(reference, 16.0, Vec3::new(1e5, -1e5, 1e5), 10.0, frames).expect("there is an adapter");
     let difference = (there.mean() - here.mean()) / here.mean();
     assert!(difference.abs() < 0.03, "the mean is off by {difference}");
     // No pixel of a wall is black, as it would be if shadow rays met their own surface.
@@ -100,9 +117,12 @@ fn dim_and_bright_lamps_share_a_picture() {
     let Some(mut rig) = Rig::new(32, 32) else { return };
     room(&mut rig, 1.0, Vec3::ZERO, 1e10);
     rig.spawn(square(0.5), lamp(1e-6, 1e-6, 1e-6), Transform::from_xyz(0.0, 0.5, -1.9));
-    let picture = rig.picture(8);
-    rig.assert_sound();
-    assert!(picture.is_finite() && picture.mean() > 1e6);
+    for technique in TECHNIQUES {
+        rig.set(|restir| restir.technique = technique);
+        let picture = rig.picture(8);
+        rig.assert_sound();
+        assert!(picture.is_finite() && picture.mean() > 1e6, "{technique:?}");
+    }
 }
 
 #[test]
@@ -137,9 +157,13 @@ fn every_roughness_gives_a_sound_picture() {
             room(&mut rig, 1.0, Vec3::ZERO, 5.0);
             let material = StandardMaterial { perceptual_roughness: roughness, metallic, ..Color::WHITE.into() };
             rig.spawn(Sphere::new(0.9), material, Transform::from_xyz(0.0, 0.2, 0.0));
-            let picture = rig.picture(4);
-            rig.assert_sound();
-            assert!(picture.is_finite() && picture.mean() > 0.0, "roughness {roughness}, metallic {metallic}");
+            for technique in TECHNIQUES {
+                rig.set(|restir| restir.technique = technique);
+                let picture = rig.picture(4);
+                rig.assert_sound();
+                let what = format!("{technique:?}, roughness {roughness}, metallic {metallic}");
+                assert!(picture.is_finite() && picture.mean() > 0.0, "{what}");
+            }
         }
     }
 }

@@ -55,11 +55,12 @@ fn presample_light(u: vec4<f32>) -> PresampledLight {
     return with_radiance(s, triangle_light_colour(instance, triangle, l.barycentrics), select(0u, PRESAMPLED_DOUBLE_SIDED, is_double_sided));
 }
 
-// Ten bits are enough of what candidates are only chosen by.
+// Ten bits are enough of what candidates are only chosen by, but what is there must stay above 0: surfaces may reflect that channel alone.
 fn with_radiance(s: PresampledLight, radiance: vec3<f32>, flags: u32) -> PresampledLight {
     var kept = s;
     kept.brightest = max_component(radiance);
-    let share = vec3<u32>(1023.0 * clamp(radiance / max(kept.brightest, 1.0e-37), vec3<f32>(0.0), vec3<f32>(1.0)) + 0.5);
+    let shares = 1023.0 * clamp(radiance / max(kept.brightest, 1.0e-37), vec3<f32>(0.0), vec3<f32>(1.0));
+    let share = select(vec3<u32>(shares + 0.5), vec3<u32>(1u), (radiance > vec3<f32>(0.0)) & (shares < vec3<f32>(1.0)));
     kept.colour = share.x | share.y << 10u | share.z << 20u | flags;
     return kept;
 }

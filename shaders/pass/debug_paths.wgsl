@@ -4,11 +4,11 @@
 #import bevy_restir::path::sample::{END_EMITTER, END_ENVIRONMENT, END_LIGHT}
 #import bevy_restir::restir::bindings::settings
 #ifdef RESAMPLES_INDIRECT
-#import bevy_restir::restir::indirect::evaluate
+#import bevy_restir::restir::indirect::{evaluate, jacobian_of}
 #import bevy_restir::restir::indirect_reservoir::{PackedReservoir, reservoir_unpack}
 #else
 #import bevy_restir::restir::path_reservoir::{PackedReservoir, reservoir_unpack}
-#import bevy_restir::restir::paths::evaluate
+#import bevy_restir::restir::paths::{evaluate, jacobian_of}
 #endif
 #import bevy_restir::restir::kept_path::Reservoir
 #import bevy_restir::restir::paths::{is_visible, receiver_of}
@@ -81,7 +81,7 @@ fn shifted_aside(r: Reservoir, pixel: vec2<u32>) -> vec3<f32> {
     let to = receiver_of(ids, at, false);
     let e = evaluate(to, r);
     if view.debug_view != DEBUG_PATH_SHIFTS {
-        return vec3<f32>(e.shifted.jacobian);
+        return vec3<f32>(jacobian_of(e));
     }
     var reason = e.shifted.reason;
     if reason == SHIFT_OK && !is_visible(to, e, 0u) {

@@ -28,7 +28,8 @@ struct PathSample {
     radiance: vec3<f32>,      // that arrives at k from there, over the densities of what is sampled after k
     light_pdf: f32,           // with which k aims at the light that its ray met, solid angle; 0: it cannot
     light: LightPoint,        // of END_LIGHT, and of ball, rectangle and sun; none of triangles and the environment that were met
-    density: f32,             // of reaching k from k - 1 and of going on, area and solid angle: denominator of the shift's Jacobian
+    density: f32,             // of reaching k from k - 1, in the own measure of its triangle or light (uniform, whole), and of going on,
+                              // solid angle: denominator of the shift's Jacobian
     target_value: f32,        // p̂ in the pixel that keeps it
 }
 
@@ -54,6 +55,11 @@ fn arrived_path(s: PathSample, a: Arrival) -> PathSample {
     p.density = a.density;
     p.target_value = a.target_value;
     return p;
+}
+
+// Where a ray lands: a vertex that others may reconnect to lies where it is decoded.
+fn landed_barycentrics(b: vec2<f32>, may_be_kept: bool) -> vec2<f32> {
+    return select(b, kept_barycentrics(b), may_be_kept);
 }
 
 // Barycentrics and directions as they are kept: the path itself goes by the decoded values.

@@ -15,7 +15,7 @@
 #import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample}
 #import bevy_restir::path::medium::transmittance
 #import bevy_restir::path::random::{OF_LIGHT_RAY, OF_RAY, path_alpha_seed, path_seed}
-#import bevy_restir::path::sample::{END_EMITTER, END_ENVIRONMENT, END_LIGHT, kept_barycentrics, no_path_sample, PathSample}
+#import bevy_restir::path::sample::{END_EMITTER, END_ENVIRONMENT, END_LIGHT, landed_barycentrics, no_path_sample, PathSample}
 #import bevy_restir::path::shadow::light_is_visible
 #import bevy_restir::path::walk::{sampled_step, Step, step_cone, step_medium, Vertex}
 #import bevy_restir::restir::bindings::settings
@@ -23,7 +23,7 @@
 #import bevy_restir::restir::types::RESAMPLE_INDIRECT
 #import bevy_restir::restir::stream::{Stream, stream_add, stream_ucw}
 #import bevy_restir::scene::surface::{Surface, surface_at}
-#import bevy_restir::shift::connect::{Connection, Departure, departure, geometry_factor, is_connectable, is_connectable_end, is_rough}
+#import bevy_restir::shift::connect::{Connection, Departure, departure, is_connectable, is_connectable_end, is_rough, light_factor, triangle_factor}
 #import bevy_restir::trace::offset::offset_point
 #import bevy_restir::trace::ray::Ray
 #import bevy_restir::trace::trace::trace_closest
@@ -169,7 +169,7 @@ fn path_tree(first: Vertex, pixel: vec2<u32>, c: Connection, rng: ptr<function, 
                     aimed.radiance = suffix * a.f;
                 } else if index > 1u && is_connectable(before, v.surface, a.pdf_bsdf, true, c) {
                     // Nothing is sampled after the connection: the light is where it is.
-                    aimed = connected(aimed, before, v.surface.position, v.surface.bsdf.n_geo, index);
+                    aimed = connected(aimed, before, factor_at(aimed, before, v), index);
                 } else {
                     aimed.reconnection = index + 1u;
                 }
@@ -185,7 +185,7 @@ fn path_tree(first: Vertex, pixel: vec2<u32>, c: Connection, rng: ptr<function, 
         if tree.grown.reconnection != 0u {
             suffix *= step.weight;
         } else if index > 1u && !step.delta && is_connectable(before, v.surface, step.pdf, is_rough(v, step, c), c) {
-            tree.grown = connected(tree.grown, before, v.surface.position, v.surface.bsdf.n_geo, index);
+            tree.grown = connected(tree.grown, before, factor_at(tree.grown, before, v), index);
             tree.grown.density *= step.pdf_lobe;
             tree.grown.lobe_after = step.lobe;
             tree.grown.wi = step.wi;
@@ -230,7 +230,8 @@ fn path_tree(first: Vertex, pixel: vec2<u32>, c: Connection, rng: ptr<function, 
             offer_met(&tree, met, throughput, suffix, environment_radiance(step.wi), light_pdf, step, index, rng_1(rng));
             break;
         }
-        let barycentrics = kept_barycentrics(hit.barycentrics);
+        let may_be_kept = tree.grown.reconnection == 0u && before.rough;
+        let barycentrics = landed_barycentrics(hit.barycentrics, may_be_kept);
         let cone = step_cone(v, step, hit.t);
         let s = surface_at(hit.instance, hit.triangle, barycentrics, -step.wi, cone, false);
         let carried = transmittance(medium, distance(s.position, v.surface.position));
@@ -239,7 +240,8 @@ fn path_tree(first: Vertex, pixel: vec2<u32>, c: Connection, rng: ptr<function, 
         tree.grown = place(tree.grown, hit.instance, hit.triangle, barycentrics);
         if tree.grown.length >= shortest && max_component(s.emission) > 0.0 {
             let light_pdf = emission_pdf(s, hit.instance, hit.triangle, v.surface.position, index, false);
-            let met = met_at(tree.grown, before, s.position, s.bsdf.n_geo, index, c);
+            let factor = triangle_factor(before.position, s.position, hit.instance, hit.triangle, false);
+            let met = met_at(tree.grown, before, s.position, s.bsdf.n_geo, factor, index, c);
             // `throughput` and `suffix` have come here already.
             offer_met(&tree, met, throughput, suffix, s.emission, light_pdf, step, index, rng_1(rng));
         }
@@ -249,11 +251,19 @@ fn path_tree(first: Vertex, pixel: vec2<u32>, c: Connection, rng: ptr<function, 
 }
 
 // A path whose last ray met light, at a point of an emitter, in a direction, or on its way past one.
-fn met_at(grown: PathSample, before: Departure, position: vec3<f32>, n_geo: vec3<f32>, index: u32, c: Connection) -> PathSample {
+fn met_at(
+    grown: PathSample,
+    before: Departure,
+    position: vec3<f32>,
+    n_geo: vec3<f32>,
+    factor: f32,
+    index: u32,
+    c: Connection,
+) -> PathSample {
     var met = grown;
     met.end = END_EMITTER;
     if met.reconnection == 0u && is_connectable_end(before, position, n_geo, c) {
-        met = connected(met, before, position, n_geo, index + 1u);
+        met = connected(met, before, factor, index + 1u);
     }
     return met;
 }
@@ -275,7 +285,7 @@ fn met_light(grown: PathSample, p: LightPoint, l: LightSample, before: Departure
     if l.distance >= FAR {
         met = met_at_infinity(grown, before, step, index);
     } else {
-        met = met_at(grown, before, l.position, l.normal, index, c);
+        met = met_at(grown, before, l.position, l.normal, light_factor(l), index, c);
     }
     met.light = p;
     return met;
@@ -316,12 +326,17 @@ fn place(s: PathSample, instance: u32, triangle: u32, barycentrics: vec2<f32>) -
     return placed;
 }
 
-// Makes the vertex at `at` the reconnection vertex.
-fn connected(s: PathSample, before: Departure, position: vec3<f32>, n_geo: vec3<f32>, index: u32) -> PathSample {
+// `triangle_factor` of the newest vertex, before there is a reconnection vertex.
+fn factor_at(s: PathSample, before: Departure, v: Vertex) -> f32 {
+    return triangle_factor(before.position, v.surface.position, s.instance, s.triangle, false);
+}
+
+// Makes the vertex of this index the reconnection vertex; `factor` is from solid angle to its own measure.
+fn connected(s: PathSample, before: Departure, factor: f32, index: u32) -> PathSample {
     var c = s;
     c.reconnection = index;
     c.lobe_before = before.lobe;
-    c.density = before.pdf_lobe * geometry_factor(before.position, position, n_geo);
+    c.density = before.pdf_lobe * factor;
     return c;
 }
 

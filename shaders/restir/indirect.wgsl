@@ -1,7 +1,7 @@
 // The domain of indirect light (ReSTIR GI; Ouyang et al. 2021; Lanz 2025, 4.3): paths of two bounces and more, reconnected to the first
 // vertex that bounces light towards the pixel's surface.  What is not here they have in common with whole paths (`restir/paths.wgsl`).
 //
-// Their measure is area at that vertex and solid angle after it, so that its shift has no Jacobian: what the Jacobian of Lanz 2025
+// Their measure is that of its triangle at that vertex and solid angle after it, so that its shift has no Jacobian: what the Jacobian of Lanz 2025
 // (4.3.3) says of solid angles is in the geometry factor that targets have in this measure.  Densities are kept for its limit (4.5.5).
 #define_import_path bevy_restir::restir::indirect
 
@@ -13,8 +13,8 @@
 #import bevy_restir::restir::kept_path::Reservoir
 #import bevy_restir::restir::paths::{Evaluated, Receiver, shifted_to}
 #import bevy_restir::restir::types::RESAMPLE_KEEPS_RADIANCE
-#import bevy_restir::scene::triangle::world_triangle
-#import bevy_restir::shift::connect::geometry_factor
+#import bevy_restir::shift::connect::triangle_factor
+#import bevy_restir::shift::hybrid::SHIFT_NO_PATH
 #import bevy_restir::trace::offset::surface_point
 
 // The vertex that is reconnected to.
@@ -32,8 +32,7 @@ fn measured(c: Chosen, r: Receiver) -> Chosen {
         let place = surface_point(c.path.instance, c.path.triangle, c.path.barycentrics, false);
         let step = step_towards(r.first, normalize(place - first), c.path.lobe_before);
         let carried = step.weight * transmittance(step_medium(r.first, step.wi), distance(place, first));
-        let normal = world_triangle(c.path.instance, c.path.triangle, false).normal;
-        m.path.density = step.pdf_lobe * geometry_factor(first, place, normal);
+        m.path.density = step.pdf_lobe * triangle_factor(first, place, c.path.instance, c.path.triangle, false);
         m.path.radiance = select(vec3<f32>(0.0), c.f / carried, carried > vec3<f32>(0.0));
     }
     m.ucw = c.ucw / m.path.density;
@@ -49,6 +48,7 @@ fn evaluate(r: Receiver, s: Reservoir) -> Evaluated {
     // What a mirror shows first stays where it is.
     if s.path.reconnection != FIRST_BOUNCE {
         var none: Evaluated;
+        none.shifted.reason = SHIFT_NO_PATH;
         return none;
     }
     let shifted = shifted_to(r, s.path);

@@ -5,10 +5,12 @@
 #import bevy_restir::bsdf::bsdf::bsdf_is_diffuse
 #import bevy_restir::bsdf::types::{Bsdf, LOBE_COAT, LOBE_DIFFUSE}
 #import bevy_restir::common::constants::FOUR_PI
+#import bevy_restir::light::types::LightSample
 #import bevy_restir::path::walk::{Step, Vertex}
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::types::{RECONNECT_BLACK_BOX, RECONNECT_DISTANCE, RECONNECT_FIRST}
 #import bevy_restir::scene::surface::Surface
+#import bevy_restir::scene::triangle::world_triangle
 
 // Thresholds of a view.
 struct Connection {
@@ -66,6 +68,18 @@ fn geometry_factor(from_point: vec3<f32>, to_point: vec3<f32>, n_geo: vec3<f32>)
     let d = to_point - from_point;
     let d2 = dot(d, d);
     return abs(dot(n_geo, d)) * inverseSqrt(max(d2, 1.0e-37)) / max(d2, 1.0e-37);
+}
+
+// The same to the triangle's own measure, which is uniform on it and sums to 1: where it grows between frames a point that is kept needs
+// no Jacobian for that.
+fn triangle_factor(from_point: vec3<f32>, to_point: vec3<f32>, instance: u32, triangle: u32, previous: bool) -> f32 {
+    let t = world_triangle(instance, triangle, previous);
+    return geometry_factor(from_point, to_point, t.normal) * t.area;
+}
+
+// And to a light's.
+fn light_factor(l: LightSample) -> f32 {
+    return select(0.0, 1.0 / l.pdf_solid_angle, l.pdf_solid_angle > 0.0);
 }
 
 // The vertices are far enough apart for a path that leaves a with marginal density `pdf` (Eq. 5, forward).

@@ -15,7 +15,7 @@
 #import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, no_light_sample}
 #import bevy_restir::path::medium::transmittance
 #import bevy_restir::path::random::{OF_LIGHT_RAY, OF_RAY, path_alpha_seed}
-#import bevy_restir::path::sample::{Arrival, END_EMITTER, END_ENVIRONMENT, END_LIGHT, kept_barycentrics, PathSample}
+#import bevy_restir::path::sample::{Arrival, END_EMITTER, END_ENVIRONMENT, END_LIGHT, landed_barycentrics, PathSample}
 #import bevy_restir::path::shadow::{ray_between, ray_to_light}
 #import bevy_restir::path::tree::{aim, emission_pdf, expected_candidates, met_weight}
 #import bevy_restir::path::walk::{aimed_step, drawn_step, finished_step, Step, step_cone, step_medium, Vertex}
@@ -23,7 +23,7 @@
 #import bevy_restir::restir::types::RESAMPLE_KEEPS_RADIANCE
 #import bevy_restir::scene::cone::Cone
 #import bevy_restir::scene::surface::{Surface, surface_at}
-#import bevy_restir::shift::connect::{Connection, Departure, departure, geometry_factor, is_connectable, is_connectable_end, is_rough}
+#import bevy_restir::shift::connect::{Connection, Departure, departure, is_connectable, is_connectable_end, is_rough, light_factor, triangle_factor}
 #import bevy_restir::trace::offset::{offset_point, surface_point}
 #import bevy_restir::trace::ray::Ray
 #import bevy_restir::trace::trace::{trace_any, trace_closest_of}
@@ -167,7 +167,8 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: Connection, previous: bool, tr
             let hit = trace_closest_of(ray, alpha_seed, previous);
             instance = hit.instance;
             triangle = hit.triangle;
-            barycentrics = kept_barycentrics(hit.barycentrics);
+            let may_be_kept = (s.reconnection == 0u || index < s.reconnection) && (*w).before.rough;
+            barycentrics = landed_barycentrics(hit.barycentrics, may_be_kept);
             met_at = hit.t;
         } else if !is_kept {
             // Nothing is met by a free ray.
@@ -185,9 +186,13 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: Connection, previous: bool, tr
         let cone = step_cone((*w).v, step, met_at);
         let n = surface_at(instance, triangle, barycentrics, -step.wi, cone, previous);
         if is_kept {
-            (*w).density *= geometry_factor(at.position, n.position, n.bsdf.n_geo);
+            (*w).density *= triangle_factor(at.position, n.position, instance, triangle, previous);
             must_be_free(w, ray_between(at, n), alpha_seed);
             if (settings.flags & RESAMPLE_KEEPS_RADIANCE) != 0u {
+                // As the next step would be asked; the distance is all that it depends on.
+                if !is_connectable_end((*w).before, n.position, n.bsdf.n_geo, c) {
+                    (*w).reason = SHIFT_UNCONNECTABLE;
+                }
                 (*w).f = (*w).throughput * transmittance(medium, distance(n.position, at.position)) * s.radiance;
                 return;
             }
@@ -259,7 +264,7 @@ fn pass_light(
         return;
     }
     if connects {
-        (*w).density *= geometry_factor(at.position, l.position, l.normal);
+        (*w).density *= light_factor(l);
     }
     judge_end(w, s, is_connectable_end((*w).before, l.position, l.normal, c));
     must_be_free(w, ray_to_light(at, l), alpha_seed);
