@@ -108,6 +108,25 @@ fn lit_from_the_ceiling(rig: &mut Rig) {
     rig.spawn(square(0.8), lamp(6.0, 5.0, 4.0), turned(Vec3::new(0.5, 0.9, 0.0), -quarter, 0.0));
 }
 
+/// One in 25 reservoirs is broken in every frame, whatever is in it: noisier, not darker.
+#[test]
+fn numbers_that_are_not_finite_stay_in_their_reservoir_of_paths() {
+    let Some(mut rig) = scene(32, lit_from_the_ceiling) else { return };
+    let proof = Proof { bounces: 3, margin: 0.015, ..PROOF };
+    let reference = proof.truth(&mut rig, 1000);
+    plant_shader_defs(&mut rig.app, &["PLANT_NAN"]);
+    for subject in [AllLight::Pt(every()), AllLight::Gi(both(), every())] {
+        let found = proof.resampled(&mut rig, &subject, 5000).compare(&reference, proof.margin);
+        eprintln!("broken reservoirs: {found}");
+        assert!(found.tost < 0.01, "{found}");
+        rig.assert_sound();
+    }
+    plant_shader_defs(&mut rig.app, &[]);
+    rig.frames(3);
+    assert!(rig.next().is_finite());
+    rig.assert_sound();
+}
+
 #[test]
 fn planted_errors_of_paths_are_found() {
     let Some(mut rig) = scene(32, lit_from_the_ceiling) else { return };
