@@ -29,6 +29,7 @@ mod light_choice;
 mod light_counts;
 mod light_shapes;
 mod lights;
+mod live_images;
 mod lobes;
 mod many_instances;
 mod motion_vectors;

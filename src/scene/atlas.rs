@@ -5,6 +5,7 @@ use bevy::{
     render::{
         render_resource::{binding_types::*, *},
         renderer::{RenderDevice, RenderQueue},
+        texture::GpuImage,
     },
 };
 
@@ -32,10 +33,12 @@ impl Placement {
 }
 
 /// Rows of rectangles of one height, in square pages.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct ShelfPacker {
     pub page: u32,
     pub pages: u32,
+    /// Texels of all places that were given.
+    pub given: u64,
     /// (page, top, height, first free column)
     shelves: Vec<(u32, u32, u32, u32)>,
     /// First free row of every page.
@@ -47,15 +50,31 @@ impl ShelfPacker {
         Self { page, ..Default::default() }
     }
 
-    pub(super) fn place(&mut self, size: UVec2) -> Placement {
-        for (page, top, height, column) in &mut self.shelves {
-            if *height >= size.y && *height <= size.y * 2 && *column + size.x <= self.page {
-                let corner = UVec2::new(*column, *top);
-                *column += size.x;
-                return Placement { layer: *page, corner, size };
-            }
+    /// A place in one of so many pages, where there is one.
+    pub(super) fn place(&mut self, size: UVec2, most_pages: u32) -> Option<Placement> {
+        let place = self.place_on_shelf(size).or_else(|| self.place_on_new_shelf(size, most_pages))?;
+        self.given += u64::from(size.x) * u64::from(size.y);
+        Some(place)
+    }
+
+    fn place_on_shelf(&mut self, size: UVec2) -> Option<Placement> {
+        let (page, top, _, column) = self.shelves.iter_mut().find(|(_, _, height, column)| {
+            *height >= size.y && *height <= size.y * 2 && *column + size.x <= self.page
+        })?;
+        let corner = UVec2::new(*column, *top);
+        *column += size.x;
+        Some(Placement { layer: *page, corner, size })
+    }
+
+    fn place_on_new_shelf(&mut self, size: UVec2, most_pages: u32) -> Option<Placement> {
+        if size.max_element() > self.page {
+            return None;
         }
-        let page = (0..self.pages).find(|&p| self.free_row[p as usize] + size.y <= self.page).unwrap_or_else(|| {
+        let begun = (0..self.pages).find(|&p| self.free_row[p as usize] + size.y <= self.page);
+        if begun.is_none() && self.pages >= most_pages {
+            return None;
+        }
+        let page = begun.unwrap_or_else(|| {
             self.pages += 1;
             self.free_row.push(0);
             self.pages - 1
@@ -63,7 +82,7 @@ impl ShelfPacker {
         let top = self.free_row[page as usize];
         self.free_row[page as usize] += size.y;
         self.shelves.push((page, top, size.y, size.x));
-        Placement { layer: page, corner: UVec2::new(0, top), size }
+        Some(Placement { layer: page, corner: UVec2::new(0, top), size })
     }
 }
 
@@ -126,13 +145,14 @@ impl Atlas {
         &self.view
     }
 
-    pub(super) fn layers(&self) -> u32 {
-        self.texture.depth_or_array_layers()
+    /// Side and number of its pages.
+    pub(super) fn pages(&self) -> [u32; 2] {
+        [self.texture.width(), self.texture.depth_or_array_layers()]
     }
 
     pub(super) fn bytes(&self) -> u64 {
         let side = |level: u32| (self.texture.width() >> level).max(1) as u64;
-        (0..self.texture.mip_level_count()).map(|level| side(level).pow(2) * 4).sum::<u64>() * self.layers() as u64
+        (0..self.texture.mip_level_count()).map(|level| side(level).pow(2) * 4).sum::<u64>() * self.pages()[1] as u64
     }
 }
 
@@ -183,7 +203,7 @@ impl Copier {
     /// Fills the places, every level from the one before it.
     pub(super) fn copy<'a>(
         &self,
-        images: impl Iterator<Item = (&'a Texture, Placement, Encoding)>,
+        images: impl Iterator<Item = (&'a GpuImage, Placement, Encoding)>,
         atlas: &Atlas,
         pipeline: &ComputePipeline,
         pipelines: &PipelineCache,
@@ -195,15 +215,17 @@ impl Copier {
         for (image, place, encoding) in images {
             for level in 0..place.levels() {
                 let to = place.at_level(level);
-                let (texture, base_mip_level, base_array_layer, from, decode) = match level.checked_sub(1) {
+                let (texture, format, base_mip_level, base_array_layer, from, decode) = match level.checked_sub(1) {
                     None => {
-                        let size = UVec2::new(image.width(), image.height());
+                        let size = UVec2::new(image.texture.width(), image.texture.height());
+                        let whole = Placement { layer: 0, corner: UVec2::ZERO, size };
                         // A view of an sRGB format gives linear values.
-                        (image, 0, 0, Placement { layer: 0, corner: UVec2::ZERO, size }, Encoding::Linear)
+                        (&image.texture, image.view_format(), 0, 0, whole, Encoding::Linear)
                     }
-                    Some(above) => (&atlas.texture, above, place.layer, place.at_level(above), encoding),
+                    Some(above) => (&atlas.texture, FORMAT, above, place.layer, place.at_level(above), encoding),
                 };
                 let source = texture.create_view(&TextureViewDescriptor {
+                    format: Some(format),
                     dimension: Some(TextureViewDimension::D2),
                     base_mip_level,
                     mip_level_count: Some(1),
@@ -250,8 +272,9 @@ mod tests {
     fn placements_never_overlap_at_any_level() {
         let mut packer = ShelfPacker::of_page(256);
         let sizes = [64, 128, 17, 256, 30, 31, 200, 64, 100, 5];
-        let placed: Vec<_> =
-            sizes.iter().flat_map(|&w| sizes.iter().map(move |&h| UVec2::new(w, h))).map(|s| packer.place(s)).collect();
+        let all = sizes.iter().flat_map(|&w| sizes.iter().map(move |&h| UVec2::new(w, h)));
+        let placed: Vec<_> = all.filter_map(|s| packer.place(s, 100)).collect();
+        assert_eq!(placed.len(), 100);
         for (i, a) in placed.iter().enumerate() {
             for b in &placed[..i] {
                 for level in 0..a.levels().min(b.levels()) {

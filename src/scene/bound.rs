@@ -7,6 +7,7 @@ use bevy::{
     render::{
         render_resource::{binding_types::texture_2d, *},
         renderer::RenderDevice,
+        texture::GpuImage,
     },
 };
 use core::num::NonZeroU32;
@@ -89,19 +90,20 @@ impl BoundTextures {
 
     /// Takes an image that is new or changed, in the place that it had.  False where it has no levels of its own or there is no room; it
     /// then has no place.
-    pub(super) fn insert(&mut self, id: AssetId<Image>, texture: &Texture) -> bool {
+    pub(super) fn insert(&mut self, id: AssetId<Image>, image: &GpuImage) -> bool {
+        let texture = &image.texture;
         if self.holds(id, texture) {
             self.rewritten.insert(id, texture.id());
         }
         let has_levels = texture.mip_level_count() > 1 && self.rewritten.get(&id) != Some(&texture.id());
-        if has_levels && self.place(id, texture) {
+        if has_levels && self.place(id, image) {
             return true;
         }
         self.remove(id);
         false
     }
 
-    fn place(&mut self, id: AssetId<Image>, texture: &Texture) -> bool {
+    fn place(&mut self, id: AssetId<Image>, image: &GpuImage) -> bool {
         let index = match self.images.get(&id) {
             Some(bound) => bound.index,
             None => match self.free.pop() {
@@ -113,13 +115,14 @@ impl BoundTextures {
                 None => return false,
             },
         };
-        let view = texture.create_view(&TextureViewDescriptor {
+        let view = image.texture.create_view(&TextureViewDescriptor {
             label: Some("restir bound texture"),
+            format: Some(image.view_format()),
             dimension: Some(TextureViewDimension::D2),
             array_layer_count: Some(1),
             ..Default::default()
         });
-        self.images.insert(id, BoundTexture { index, texture: texture.clone(), view });
+        self.images.insert(id, BoundTexture { index, texture: image.texture.clone(), view });
         self.revision += 1;
         true
     }

@@ -1,5 +1,5 @@
-//! The ECS mirrored into GPU buffers, in the order of the files: extract → geometry → blas → meshes; textures → materials; instances
-//! → tlas; lights → emission, alias; bindings.  A still scene uploads no byte.
+//! The ECS mirrored into GPU buffers, in the order of the files: extract → geometry → blas → meshes; places → textures → materials;
+//! instances → tlas; lights → emission, alias; bindings.  A still scene uploads no byte.
 
 pub mod albedo;
 pub mod alias;
@@ -21,6 +21,7 @@ pub(crate) mod layers;
 pub(crate) mod lights;
 pub(crate) mod materials;
 pub(crate) mod meshes;
+mod places;
 mod slots;
 pub(crate) mod textures;
 pub mod tlas;

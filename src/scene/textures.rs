@@ -7,6 +7,11 @@
 //! **In the atlas**, everywhere: images without levels, and on other devices all.  A compute pass reads every format that a float texture
 //! can have, compressed ones too, and makes the levels from the finest one by means in linear light: 8-bit RGBA, 5.3 bytes a texel
 //! whatever the source; what is kept in floats has an exponent in place of its alpha.  Levels that an image has are not read.
+//!
+//! **Images that the GPU writes** (`RENDER_ATTACHMENT` or `STORAGE_BINDING` among their usages: what a camera or a compute pass draws to)
+//! are taken for another picture in every frame that a material uses them: nothing says when they are written.  The atlas copies them
+//! before the frame's cameras draw, so that they are seen a frame late; a dispatch a level and 5.3 bytes a texel each frame.  No frames
+//! are summed and no history is kept meanwhile, as with images that are edited each frame.
 
 use bevy::{
     asset::{AssetId, AssetServer},
@@ -28,8 +33,9 @@ use core::num::NonZeroU32;
 
 use super::{
     arrivals::Arrivals,
-    atlas::{Atlas, Copier, Encoding, Placement, ShelfPacker},
+    atlas::{Atlas, Copier, Encoding},
     bound::BoundTextures,
+    places::{Limits, Places},
 };
 use crate::{gpu_types::NO_TEXTURE, shaders::ShaderTable};
 
@@ -63,9 +69,13 @@ struct ImageInfo {
 #[derive(Resource)]
 pub(crate) struct TexturePool {
     info: HashMap<AssetId<Image>, ImageInfo>,
-    placed: HashMap<AssetId<Image>, Placement>,
+    places: Places,
+    /// Images that cannot be read, until they change.
     refused: HashSet<AssetId<Image>>,
-    packer: ShelfPacker,
+    /// Images that a warning named: one is enough, however often they change.
+    told: HashSet<AssetId<Image>>,
+    /// A warning said that the atlas holds no more.
+    is_full: bool,
     atlas: Option<Atlas>,
     copier: Copier,
     /// Where the device has arrays of textures.
@@ -90,9 +100,10 @@ impl Default for TexturePool {
     fn default() -> Self {
         Self {
             info: HashMap::default(),
-            placed: HashMap::default(),
+            places: Places::default(),
             refused: HashSet::default(),
-            packer: ShelfPacker::default(),
+            told: HashSet::default(),
+            is_full: false,
             atlas: None,
             copier: Copier::default(),
             bound: None,
@@ -117,18 +128,31 @@ pub(crate) fn note_images(mut pool: ResMut<TexturePool>, extracted: Res<Extracte
         };
         pool.versions += 1;
         let version = pool.versions;
-        let encoding = encoding_of(image.texture_descriptor.format);
-        let flags = flags_of(&descriptor, image.texture_descriptor.format, encoding);
-        let info = ImageInfo { flags, encoding, mean: mean_color(image), version };
+        // What Bevy's materials see of it.
+        let seen_as = image.texture_view_descriptor.as_ref().and_then(|view| view.format);
+        let format = seen_as.unwrap_or(image.texture_descriptor.format);
+        let encoding = encoding_of(format);
+        let flags = flags_of(&descriptor, format, encoding);
+        // What the GPU will write is not known here.
+        let is_live = is_live(image.texture_descriptor.usage);
+        let mean = if is_live { LinearRgba::WHITE } else { mean_color(image) };
+        let info = ImageInfo { flags, encoding, mean, version };
         pool.info.insert(*id, info);
         pool.changed.insert(*id);
         pool.refused.remove(id);
     }
     for id in &extracted.removed {
         pool.info.remove(id);
+        pool.told.remove(id);
+        pool.refused.remove(id);
         let had_slot = pool.forget(*id);
         pool.lost |= had_slot;
     }
+}
+
+/// Whether the GPU may write an image of this usage at any time, and nobody says when.
+pub(crate) fn is_live(usage: TextureUsages) -> bool {
+    usage.intersects(TextureUsages::RENDER_ATTACHMENT | TextureUsages::STORAGE_BINDING)
 }
 
 fn encoding_of(format: TextureFormat) -> Encoding {
@@ -205,7 +229,7 @@ impl TexturePool {
             let [width, height] = bound.size();
             return [BOUND | bound.index | info.flags | bound.levels() << LEVELS_SHIFT, 0, width | height << 16, 0];
         }
-        let Some(p) = self.placed.get(&id) else { return NO_TEXTURE };
+        let Some(p) = self.places.get(id) else { return NO_TEXTURE };
         let layer = p.layer | info.flags | p.levels() << LEVELS_SHIFT;
         [layer, p.corner.x | p.corner.y << 16, p.size.x | p.size.y << 16, 0]
     }
@@ -246,30 +270,13 @@ impl TexturePool {
 
     /// Whether the image is where shaders find it.
     fn has(&self, id: AssetId<Image>, image: &GpuImage) -> bool {
-        self.placed.contains_key(&id) || self.bound.as_ref().is_some_and(|bound| bound.holds(id, &image.texture))
+        self.places.get(id).is_some() || self.bound.as_ref().is_some_and(|bound| bound.holds(id, &image.texture))
     }
 
     /// Takes an image away from shaders; true where it was there.
     fn forget(&mut self, id: AssetId<Image>) -> bool {
         let was_bound = self.bound.as_mut().is_some_and(|bound| bound.forget(id));
-        self.placed.remove(&id).is_some() || was_bound
-    }
-
-    /// Binds those of some images that have levels of their own and takes them off the list.  True where a slot changed.
-    fn bind(&mut self, new: &mut Vec<AssetId<Image>>, images: &RenderAssets<GpuImage>) -> bool {
-        let Some(bound) = &mut self.bound else { return false };
-        let before = bound.revision;
-        new.retain(|id| {
-            let is_bound = images.get(*id).is_some_and(|image| bound.insert(*id, &image.texture));
-            if is_bound {
-                self.placed.remove(id);
-                self.changed.remove(id);
-            }
-            !is_bound
-        });
-        let changed = bound.revision != before;
-        self.revision += u64::from(changed);
-        changed
+        self.places.forget(id) || was_bound
     }
 
     /// Binds, or places and copies, the images that are wanted and ready.  True where a slot changed.
@@ -283,92 +290,146 @@ impl TexturePool {
         device: &RenderDevice,
         queue: &RenderQueue,
     ) -> bool {
-        let mut wanted: HashSet<_> = wanted.filter(|id| !self.refused.contains(id)).collect();
-        wanted.retain(|id| images.get(*id).is_some() || self.is_coming(*id, assets));
+        let wanted = self.wanted(wanted, images, assets, device);
         let mut moved = core::mem::take(&mut self.lost);
-        let ready = |id: &AssetId<Image>| images.get(*id).is_some();
         self.complete = wanted.iter().all(|id| images.get(*id).is_some_and(|image| self.has(*id, image)));
         let is_new = |id: &AssetId<Image>| {
             images.get(*id).is_some_and(|image| !self.has(*id, image) || self.changed.contains(id))
         };
         let mut new: Vec<_> = wanted.iter().filter(|id| is_new(id)).copied().collect();
-        if new.is_empty() {
+        new.sort_unstable();
+        moved |= self.refuse_unreadable(&mut new, images, device);
+        moved |= self.bind(&mut new, images);
+        // What the GPU writes is another picture in every frame.
+        let is_live = |id: &AssetId<Image>| images.get(*id).is_some_and(|i| is_live(i.texture_descriptor.usage));
+        let live: Vec<_> = wanted.iter().filter(|id| is_live(id) && !self.refused.contains(*id)).copied().collect();
+        self.revision += u64::from(!live.is_empty());
+        let mut copied: HashSet<_> = live.into_iter().filter(|id| self.places.get(*id).is_some()).collect();
+        if new.is_empty() && copied.is_empty() {
             return moved;
         }
-        new.sort_unstable();
+        let Some(pipeline) = self.copier.pipeline(pipelines, shaders) else { return moved };
+        if !new.is_empty() {
+            copied.extend(self.place(&new, &wanted, images, device));
+            self.revision += 1;
+            moved = true;
+        }
+        let Some(atlas) = &self.atlas else { return moved };
+        let jobs = copied
+            .into_iter()
+            .filter_map(|id| Some((images.get(id)?, *self.places.get(id)?, self.info.get(&id)?.encoding)));
+        self.copier.copy(jobs, atlas, pipeline, pipelines, device, queue);
+        moved
+    }
 
-        // Images that no float texture can be read from.
+    /// Those of some images that are there or coming, and for which there may be a place.
+    fn wanted(
+        &mut self,
+        wanted: impl Iterator<Item = AssetId<Image>>,
+        images: &RenderAssets<GpuImage>,
+        assets: &AssetServer,
+        device: &RenderDevice,
+    ) -> HashSet<AssetId<Image>> {
+        let mut wanted: HashSet<_> = wanted.filter(|id| !self.refused.contains(id)).collect();
+        self.places.make_room(&wanted);
+        let limit = limits(device).page;
+        wanted.retain(|id| match images.get(*id) {
+            Some(image) => !self.places.is_left_out(*id, size_in_atlas(image, limit)),
+            None => self.is_coming(*id, assets),
+        });
+        wanted
+    }
+
+    /// Takes images off the list that no float texture can be read from.  True where one had a slot.
+    fn refuse_unreadable(
+        &mut self,
+        new: &mut Vec<AssetId<Image>>,
+        images: &RenderAssets<GpuImage>,
+        device: &RenderDevice,
+    ) -> bool {
         let is_readable = |id: &AssetId<Image>| {
             images.get(*id).is_some_and(|image| {
                 let descriptor = &image.texture_descriptor;
                 let kind = descriptor.format.sample_type(None, Some(device.features()));
-                descriptor.dimension == TextureDimension::D2 && matches!(kind, Some(TextureSampleType::Float { .. }))
+                descriptor.dimension == TextureDimension::D2
+                    && descriptor.sample_count == 1
+                    && descriptor.usage.contains(TextureUsages::TEXTURE_BINDING)
+                    && matches!(kind, Some(TextureSampleType::Float { .. }))
             })
         };
+        let mut moved = false;
         for id in new.extract_if(.., |id| !is_readable(id)) {
-            warn!("restir: image {id} is no 2D colour texture; it is left out");
+            if self.told.insert(id) {
+                warn!("restir: image {id} is no 2D colour texture; it is left out");
+            }
             self.refused.insert(id);
             moved |= self.forget(id);
         }
-        moved |= self.bind(&mut new, images);
-        if new.is_empty() {
-            return moved;
-        }
-        let Some(pipeline) = self.copier.pipeline(pipelines, shaders) else { return moved };
-
-        let limit = device.limits().max_texture_dimension_2d.min(MAX_PAGE);
-        let whole = |id: &AssetId<Image>| {
-            images
-                .get(*id)
-                .map_or(UVec2::ONE, |i| UVec2::new(i.texture_descriptor.size.width, i.texture_descriptor.size.height))
-        };
-        // Whole parts keep the aspect; the copy filters.
-        let size_of = |id: &AssetId<Image>| whole(id) / whole(id).max_element().div_ceil(limit).max(1);
-        for id in new.iter().filter(|id| whole(id).max_element() > limit && !self.placed.contains_key(*id)) {
-            warn!("restir: image {id} is larger than {limit} pixels; it is scaled down");
-        }
-
-        // A larger page moves everything.
-        let largest = new.iter().map(|id| size_of(id).max_element()).max().unwrap_or(1);
-        let page = largest.next_power_of_two().max(256).min(limit.max(largest));
-        if page > self.packer.page {
-            new = self.placed.drain().map(|(id, _)| id).filter(ready).chain(new).collect();
-            new.sort_unstable();
-            new.dedup();
-            self.packer = ShelfPacker::of_page(page);
-            self.atlas = None;
-        }
-        for id in &new {
-            let size = size_of(id).max(UVec2::ONE);
-            if self.placed.get(id).is_none_or(|p| p.size != size) {
-                let placement = self.packer.place(size);
-                self.placed.insert(*id, placement);
-            }
-            self.changed.remove(id);
-            if let Some(image) = images.get(*id) {
-                warn_of_lost_bits(image.texture_descriptor.format);
-            }
-        }
-        if self.packer.pages > device.limits().max_texture_array_layers {
-            warn!("restir: more textures than the atlas can hold; those of this scene are left out");
-            self.refused.extend(new.iter().copied());
-            for id in &new {
-                self.placed.remove(id);
-            }
-            return true;
-        }
-
-        // More pages than the atlas has: a new one, and everything is copied again.
-        if self.atlas.as_ref().is_none_or(|a| a.layers() < self.packer.pages) {
-            self.atlas = Some(Atlas::new(self.packer.page, self.packer.pages, device));
-            new = self.placed.keys().copied().filter(ready).collect();
-        }
-        let Some(atlas) = &self.atlas else { return false };
-        let jobs = new
-            .iter()
-            .filter_map(|id| Some((&images.get(*id)?.texture, *self.placed.get(id)?, self.info.get(id)?.encoding)));
-        self.copier.copy(jobs, atlas, pipeline, pipelines, device, queue);
-        self.revision += 1;
-        true
+        moved
     }
+
+    /// Binds those of some images that have levels of their own and takes them off the list.  True where a slot changed.
+    fn bind(&mut self, new: &mut Vec<AssetId<Image>>, images: &RenderAssets<GpuImage>) -> bool {
+        let Some(bound) = &mut self.bound else { return false };
+        let before = bound.revision;
+        new.retain(|id| {
+            let is_bound = images.get(*id).is_some_and(|image| bound.insert(*id, image));
+            if is_bound {
+                self.places.forget(*id);
+                self.changed.remove(id);
+            }
+            !is_bound
+        });
+        let changed = bound.revision != before;
+        self.revision += u64::from(changed);
+        changed
+    }
+
+    /// Gives places to images that are new or changed, in an atlas that holds them.  Those that are to be copied.
+    fn place(
+        &mut self,
+        new: &[AssetId<Image>],
+        wanted: &HashSet<AssetId<Image>>,
+        images: &RenderAssets<GpuImage>,
+        device: &RenderDevice,
+    ) -> Vec<AssetId<Image>> {
+        let limits = limits(device);
+        let ready = || new.iter().filter_map(|id| Some((*id, images.get(*id)?)));
+        for (id, image) in ready() {
+            self.changed.remove(&id);
+            warn_of_lost_bits(image.texture_descriptor.format);
+            if whole_size(image).max_element() > limits.page && self.places.get(id).is_none() && self.told.insert(id) {
+                warn!("restir: image {id} is larger than {} pixels; it is scaled down", limits.page);
+            }
+        }
+        let sized = ready().map(|(id, image)| (id, size_in_atlas(image, limits.page))).collect();
+        let is_wanted = |id| wanted.contains(&id) && images.get(id).is_some();
+        let all_moved = self.places.place(sized, limits, is_wanted);
+        if self.places.left_out() > 0 && !self.is_full {
+            warn!("restir: more textures than the atlas can hold; {} are left out", self.places.left_out());
+            self.is_full = true;
+        }
+        let [page, layers] = self.places.pages();
+        let fits = self.atlas.as_ref().is_some_and(|atlas| atlas.pages() == [page, layers]);
+        if !fits && layers > 0 {
+            self.atlas = Some(Atlas::new(page, layers, device));
+        }
+        if all_moved { self.places.images().collect() } else { new.to_vec() }
+    }
+}
+
+/// The largest pages of the atlas and the most.
+fn limits(device: &RenderDevice) -> Limits {
+    let limits = device.limits();
+    Limits { page: limits.max_texture_dimension_2d.min(MAX_PAGE), layers: limits.max_texture_array_layers }
+}
+
+fn whole_size(image: &GpuImage) -> UVec2 {
+    UVec2::new(image.texture_descriptor.size.width, image.texture_descriptor.size.height)
+}
+
+/// Whole parts of an image that is larger than a page keep the aspect; the copy filters.
+fn size_in_atlas(image: &GpuImage, page: u32) -> UVec2 {
+    let whole = whole_size(image);
+    (whole / whole.max_element().div_ceil(page).max(1)).max(UVec2::ONE)
 }
