@@ -347,6 +347,52 @@ fn a_cameras_own_environment_counts_before_its_skybox_and_that_before_its_map_li
     assert_eq!(log::warnings("a EnvironmentMapLight has a brightness").len(), 1);
 }
 
+/// As Bevy's examples do with a skybox of one column: it is loaded as a 2D image and made a cube frames later.
+#[test]
+fn a_skybox_that_was_no_cube_is_shown_once_it_is_one() {
+    log::listen();
+    let Some(mut rig) = Rig::new(8, 8) else { return };
+    let cube = Cube::new(4, |_, _, _| DVec3::new(0.25, 0.5, 1.0)).image();
+    let mut stacked = cube.clone();
+    stacked.texture_descriptor.size = Extent3d { width: 4, height: 24, depth_or_array_layers: 1 };
+    stacked.texture_view_descriptor = None;
+    let image = rig.add::<Image>(stacked);
+    let name = format!("{}", image.id());
+    rig.insert(rig.camera, Skybox { image: Some(image.clone()), brightness: 1.0, ..default() });
+    assert_eq!(rig.picture(1).centre(), Vec3::ZERO);
+    let told = || log::warnings("is no colour cube").iter().filter(|line| line.contains(&name)).count();
+    assert_eq!(told(), 1);
+    rig.edit(&image, |image| *image = cube);
+    let got = rig.picture(1).centre();
+    assert!((got - Vec3::new(0.25, 0.5, 1.0)).length() < 1e-5, "{got}");
+    assert_eq!(told(), 1);
+}
+
+/// Each camera's frames are summed whatever becomes of another one's sky.
+#[test]
+fn a_sky_that_changes_leaves_other_cameras_alone() {
+    let Some(mut rig) = Rig::new(8, 8) else { return };
+    let flat = |value: f64| Cube::new(2, move |_, _, _| DVec3::splat(value)).image();
+    let [first, second] = [0.25, 0.5].map(|value| rig.add::<Image>(flat(value)));
+    rig.insert(rig.camera, Skybox { image: Some(first.clone()), brightness: 1.0, ..default() });
+    let target = rig.add::<Image>(target_image(UVec2::splat(8)));
+    rig.spawn_bundle((
+        Camera3d::default(),
+        Camera { order: 1, ..default() },
+        bevy::camera::RenderTarget::Image(bevy::camera::ImageRenderTarget::from(target)),
+        unit_exposure(),
+        plain(),
+        Skybox { image: Some(second.clone()), brightness: 1.0, ..default() },
+    ));
+    let before = rig.picture(3).samples;
+    rig.edit(&second, |image| *image = flat(0.75));
+    rig.frames(2);
+    assert_eq!(rig.next().samples, before + 3, "another camera's sky");
+    rig.edit(&first, |image| *image = flat(0.75));
+    rig.frames(2);
+    assert!(rig.next().samples < before + 3, "its own");
+}
+
 #[test]
 fn resampled_light_of_a_cube_is_that_of_the_reference() {
     let make = |rig: &mut Rig| {
