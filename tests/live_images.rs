@@ -52,6 +52,41 @@ fn an_image_that_is_replaced_again_and_again_does_not_grow_the_atlas() {
     }
 }
 
+/// How much a lamp gives is weighed by the mean of its image, which is taken when a material asks for it.
+#[test]
+fn an_image_that_becomes_a_lamps_later_gives_the_same_picture() {
+    let bright = || texture(8, 8, |x, y| [(20 * x) as u8, (30 * y) as u8, 10, 255]);
+    let glowing =
+        |image: &Handle<Image>| StandardMaterial { emissive_texture: Some(image.clone()), ..lamp(2.0, 3.0, 4.0) };
+    let room = |rig: &mut Rig| {
+        rig.spawn(square(8.0), lambert(1.0), Transform::default());
+        rig.spawn_bundle((PointLight { intensity: 20.0, ..default() }, Transform::from_xyz(0.0, 0.0, 2.0)));
+        Transform::from_xyz(1.0, 0.0, 1.0).looking_to(Vec3::Z, Vec3::Y)
+    };
+    let Some(mut fresh) = Rig::new(8, 8) else { return };
+    let place = room(&mut fresh);
+    let image = fresh.add::<Image>(bright());
+    fresh.spawn(square(1.0), glowing(&image), place);
+    let expected = fresh.picture(4);
+    let Some(mut rig) = Rig::new(8, 8) else { return };
+    let place = room(&mut rig);
+    let image = rig.add::<Image>(texture(8, 8, |_, _| [0, 0, 0, 255]));
+    let surface = StandardMaterial { base_color_texture: Some(image.clone()), ..lambert(1.0) };
+    let entity = rig.spawn(square(1.0), surface, place);
+    rig.until_ready();
+    rig.edit(&image, |image| *image = bright());
+    rig.until_ready();
+    let material = rig.material_of(entity);
+    let new = glowing(&image);
+    rig.edit(&material, |m| *m = new);
+    assert_eq!(rig.picture(4), expected);
+    // And edited while it shines.
+    rig.edit(&image, |image| *image = texture(8, 8, |_, _| [0, 0, 0, 255]));
+    rig.until_ready();
+    rig.edit(&image, |image| *image = bright());
+    assert_eq!(rig.picture(4), expected);
+}
+
 /// An image, and a camera of Bevy's own that clears it to a colour before ours draws.
 fn screen(rig: &mut Rig, format: TextureFormat, view: Option<TextureFormat>) -> (Handle<Image>, Entity) {
     let image = rig.add::<Image>(Image::new_target_texture(64, 32, format, view));

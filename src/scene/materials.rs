@@ -8,7 +8,7 @@ use bevy::{
     log::warn_once,
     material::AlphaMode,
     pbr::StandardMaterial,
-    platform::collections::HashMap,
+    platform::collections::{HashMap, HashSet},
     render::{
         render_resource::{Face, TextureFormat},
         renderer::{RenderDevice, RenderQueue},
@@ -104,6 +104,12 @@ impl MaterialPool {
     pub(crate) fn images(&self) -> impl Iterator<Item = AssetId<Image>> {
         let materials = self.slots.iter().filter_map(|slot| self.sources.get(&slot.id));
         materials.flat_map(textures_of).map(|texture| texture.image.id())
+    }
+
+    /// Images that some material emits, also of those that changed in this frame.
+    pub(crate) fn emissive_images(&self, scene: &ExtractedScene) -> HashSet<AssetId<Image>> {
+        let materials = self.sources.values().chain(scene.materials.values());
+        materials.filter_map(|m| m.emissive_texture.as_ref()).map(|image| image.id()).collect()
     }
 
     /// Packs every slot again where a source or a texture changed.

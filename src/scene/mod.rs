@@ -75,7 +75,10 @@ pub(crate) fn build(render_app: &mut SubApp, ray_queries: bool, bound_textures: 
         .init_resource::<InstancePool>()
         .init_resource::<LightPool>()
         .init_resource::<SceneBindings>()
-        .add_systems(bevy::render::ExtractSchedule, (layers::extract_layers, extract::extract_scene).chain())
+        .add_systems(
+            bevy::render::ExtractSchedule,
+            (layers::extract_layers, extract::extract_scene, textures::extract_means).chain(),
+        )
         .add_systems(
             Render,
             (

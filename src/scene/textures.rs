@@ -14,7 +14,7 @@
 //! are summed and no history is kept meanwhile, as with images that are edited each frame.
 
 use bevy::{
-    asset::{AssetId, AssetServer},
+    asset::{AssetId, AssetServer, Assets, RenderAssetUsages},
     color::{Color, LinearRgba},
     ecs::{resource::Resource, system::Res, system::ResMut},
     image::{Image, ImageAddressMode, ImageFilterMode, ImageSampler, ImageSamplerDescriptor},
@@ -22,6 +22,7 @@ use bevy::{
     math::{IVec2, UVec2},
     platform::collections::{HashMap, HashSet},
     render::{
+        Extract,
         render_asset::{ExtractedAssets, RenderAssets},
         render_resource::*,
         renderer::{RenderDevice, RenderQueue},
@@ -35,6 +36,8 @@ use super::{
     arrivals::Arrivals,
     atlas::{Atlas, Copier, Encoding},
     bound::BoundTextures,
+    extract::ExtractedScene,
+    materials::MaterialPool,
     places::{Limits, Places},
 };
 use crate::{gpu_types::NO_TEXTURE, shaders::ShaderTable};
@@ -60,7 +63,8 @@ pub(super) const BOUND: u32 = 0x8000_0000;
 struct ImageInfo {
     flags: u32,
     encoding: Encoding,
-    mean: LinearRgba,
+    /// Mean colour, where a material asked for it or nobody can later.
+    mean: Option<LinearRgba>,
     /// Changes when the pixels do.
     version: u64,
 }
@@ -119,8 +123,14 @@ impl Default for TexturePool {
 }
 
 /// Notes what an image is like while its pixels are still on the CPU.
-pub(crate) fn note_images(mut pool: ResMut<TexturePool>, extracted: Res<ExtractedAssets<GpuImage>>) {
+pub(crate) fn note_images(
+    mut pool: ResMut<TexturePool>,
+    extracted: Res<ExtractedAssets<GpuImage>>,
+    materials: Res<MaterialPool>,
+    scene: Res<ExtractedScene>,
+) {
     pool.arrivals.begin_frame();
+    let glowing = if extracted.extracted.is_empty() { HashSet::default() } else { materials.emissive_images(&scene) };
     for (id, image) in &extracted.extracted {
         let descriptor = match &image.sampler {
             ImageSampler::Default => ImageSamplerDescriptor::linear(),
@@ -133,9 +143,9 @@ pub(crate) fn note_images(mut pool: ResMut<TexturePool>, extracted: Res<Extracte
         let format = seen_as.unwrap_or(image.texture_descriptor.format);
         let encoding = encoding_of(format);
         let flags = flags_of(&descriptor, format, encoding);
-        // What the GPU will write is not known here.
-        let is_live = is_live(image.texture_descriptor.usage);
-        let mean = if is_live { LinearRgba::WHITE } else { mean_color(image) };
+        // It takes its time: of images that stay in the main world only those pay that some material emits.
+        let is_asked = glowing.contains(id) || !image.asset_usage.contains(RenderAssetUsages::MAIN_WORLD);
+        let mean = is_asked.then(|| mean_color(image));
         let info = ImageInfo { flags, encoding, mean, version };
         pool.info.insert(*id, info);
         pool.changed.insert(*id);
@@ -147,6 +157,22 @@ pub(crate) fn note_images(mut pool: ResMut<TexturePool>, extracted: Res<Extracte
         pool.refused.remove(id);
         let had_slot = pool.forget(*id);
         pool.lost |= had_slot;
+    }
+}
+
+/// Takes the mean colours of images that are in use and that materials emit from now on.
+pub(crate) fn extract_means(
+    mut pool: ResMut<TexturePool>,
+    scene: Res<ExtractedScene>,
+    images: Extract<Option<Res<Assets<Image>>>>,
+) {
+    let Some(images) = images.as_ref() else { return };
+    for handle in scene.materials.values().filter_map(|m| m.emissive_texture.as_ref()) {
+        if let Some(info) = pool.info.get_mut(&handle.id())
+            && let Some(image) = images.get(handle).filter(|_| info.mean.is_none())
+        {
+            info.mean = Some(mean_color(image));
+        }
     }
 }
 
@@ -194,9 +220,12 @@ fn flags_of(sampler: &ImageSamplerDescriptor, format: TextureFormat, encoding: E
     wrap | nearest | kept | pair
 }
 
-/// Mean of up to 128 x 128 texels, white where the format cannot be read here.  It only weighs lights against each other: any
+/// Mean of up to 128 x 128 texels, white where the format cannot be read here and of what the GPU will write.  It only weighs lights against each other: any
 /// positive number leaves the image unbiased, so that a texture whose sampled texels are all black still gets a little.
 fn mean_color(image: &Image) -> LinearRgba {
+    if is_live(image.texture_descriptor.usage) {
+        return LinearRgba::WHITE;
+    }
     let size = UVec2::new(image.width(), image.height());
     let step = IVec2::max(IVec2::ONE, (size.as_ivec2() + 127) / 128).as_uvec2();
     let (mut sum, mut count) = ([0.0f64; 3], 0u32);
@@ -236,7 +265,7 @@ impl TexturePool {
 
     /// Mean colour, linear.
     pub(crate) fn mean(&self, id: AssetId<Image>) -> LinearRgba {
-        self.info.get(&id).map_or(LinearRgba::WHITE, |info| info.mean)
+        self.info.get(&id).and_then(|info| info.mean).unwrap_or(LinearRgba::WHITE)
     }
 
     /// A number that is another one when the pixels of an image are.
