@@ -208,6 +208,32 @@ fn any_layout_of_a_mesh_is_shown_and_lit() {
 }
 
 #[test]
+fn materials_that_come_and_go_leave_no_trace() {
+    let Some(mut rig) = Rig::new(4, 4) else { return };
+    rig.insert(rig.camera, orthographic(1.0, 1.0));
+    let entity = rig.spawn(square(4.0), lamp(1.0, 1.0, 1.0), Transform::default());
+    let still = rig.spawn(square(1.0), lamp(1.0, 1.0, 1.0), Transform::from_xyz(9.0, 0.0, 0.0));
+    rig.until_ready();
+    let bytes = |rig: &Rig| rig.report().memory.iter().filter(|(name, _)| name.contains("material")).map(|m| m.1).sum();
+    let before: u64 = bytes(&rig);
+    for i in 0..1000 {
+        let brightness = 1.0 + i as f32;
+        let material = rig.add::<StandardMaterial>(lamp(brightness, 0.0, 0.5 * brightness));
+        rig.insert(entity, MeshMaterial3d(material));
+        if i % 50 == 49 {
+            assert_eq!(rig.next().centre(), Vec3::new(brightness, 0.0, 0.5 * brightness), "material {i}");
+        } else {
+            rig.frame();
+        }
+    }
+    assert!(bytes(&rig) <= before + 4 * 128, "{} bytes of materials, {before} before", bytes(&rig));
+    assert_eq!(rig.report().instances, 2);
+    rig.app.world_mut().despawn(still);
+    rig.frames(3);
+    rig.assert_sound();
+}
+
+#[test]
 fn bevy_draws_mirrored_meshes_for_every_camera_but_ours() {
     let Some(mut rig) = Rig::new(16, 16) else { return };
     // Ambient light is Bevy's alone: what it draws is bright, what we trace is black.

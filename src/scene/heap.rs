@@ -152,14 +152,15 @@ impl Overflow {
     }
 }
 
-/// Runs of elements that differ between what the GPU has and what it should have; runs closer than 16 elements are joined, since a
-/// transfer costs more than the bytes between.
+/// Runs of elements that differ between what the GPU has and what it should have.
 pub fn dirty_runs<T: PartialEq>(old: &[T], new: &[T]) -> Vec<Range<usize>> {
+    joined((0..new.len()).filter(|&i| old.get(i) != Some(&new[i])))
+}
+
+/// Runs that hold some elements, which rise; runs closer than 16 elements are joined, since a transfer costs more than the bytes between.
+pub fn joined(elements: impl Iterator<Item = usize>) -> Vec<Range<usize>> {
     let mut runs: Vec<Range<usize>> = Vec::new();
-    for (i, element) in new.iter().enumerate() {
-        if old.get(i) == Some(element) {
-            continue;
-        }
+    for i in elements {
         match runs.last_mut() {
             Some(last) if i < last.end + 16 => last.end = i + 1,
             _ => runs.push(i..i + 1),

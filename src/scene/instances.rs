@@ -264,7 +264,7 @@ impl InstancePool {
         materials: &mut MaterialPool,
         assets: &AssetServer,
     ) -> Option<(GpuInstance, Bounds)> {
-        if meshes.is_empty(extracted.mesh) {
+        if meshes.is_empty(extracted.mesh) || materials.is_left_out(extracted.material) {
             return None;
         }
         let (Some(mesh), Some(material)) = (meshes.get(extracted.mesh), materials.slot(extracted.material)) else {

@@ -5,7 +5,7 @@ use bevy::{
     color::{ColorToComponents, LinearRgba},
     ecs::resource::Resource,
     image::Image,
-    log::warn_once,
+    log::{warn, warn_once},
     material::AlphaMode,
     pbr::StandardMaterial,
     platform::collections::{HashMap, HashSet},
@@ -14,12 +14,13 @@ use bevy::{
         renderer::{RenderDevice, RenderQueue},
     },
 };
+use std::ops::Range;
 
 use super::{
     data_texture::DataTexture,
-    extract::ExtractedScene,
+    extract::{ExtractedInstance, ExtractedScene},
     features::SceneFeatures,
-    heap::{GpuArray, dirty_runs},
+    heap::{GpuArray, Overflow, RangeAllocator, joined},
     slots::{LAYER_SLOTS, add_record, textures_of},
     textures::TexturePool,
 };
@@ -31,6 +32,8 @@ struct Slot {
     features: SceneFeatures,
     /// Mean radiance of its emission, cd/m², over its texture; 0 where it does not emit.
     mean_emission: [f32; 3],
+    /// Where the record of its textures is in the table.
+    record: Range<u32>,
 }
 
 /// The materials of the scene, on the CPU and on the GPU.
@@ -38,17 +41,25 @@ struct Slot {
 pub(crate) struct MaterialPool {
     sources: HashMap<AssetId<StandardMaterial>, StandardMaterial>,
     by_id: HashMap<AssetId<StandardMaterial>, u32>,
-    slots: Vec<Slot>,
-    wanted: Vec<GpuMaterial>,
-    uploaded: Vec<GpuMaterial>,
+    /// `None` where a material was that is no more.
+    slots: Vec<Option<Slot>>,
+    free: Vec<u32>,
+    packed: Vec<GpuMaterial>,
+    /// Slots whose record the GPU does not have.
+    dirty: Vec<usize>,
     pub gpu: GpuArray<GpuMaterial>,
-    /// Records of textures, one after the other, of the materials that have any.
-    wanted_table: Vec<[u32; 4]>,
-    uploaded_table: Vec<[u32; 4]>,
+    /// Records of textures of the materials that have any.
+    packed_table: Vec<[u32; 4]>,
+    records: RangeAllocator,
+    dirty_table: Vec<usize>,
     pub table: DataTexture<[u32; 4]>,
+    /// Slots, and entries of the table, that the device can bind.
+    limits: [u32; 2],
+    overflow: Overflow,
     emissive_luminance: f32,
     /// Slots whose contents must be packed again.
-    stale: bool,
+    stale: Vec<u32>,
+    all_stale: bool,
     /// Counts changes of anything that is shown.
     pub revision: u64,
 }
@@ -59,50 +70,109 @@ impl Default for MaterialPool {
             sources: HashMap::default(),
             by_id: HashMap::default(),
             slots: Vec::new(),
-            wanted: Vec::new(),
-            uploaded: Vec::new(),
+            free: Vec::new(),
+            packed: Vec::new(),
+            dirty: Vec::new(),
             gpu: GpuArray::new("materials"),
-            wanted_table: Vec::new(),
-            uploaded_table: Vec::new(),
+            packed_table: Vec::new(),
+            records: RangeAllocator::default(),
+            dirty_table: Vec::new(),
             table: DataTexture::new("texture table", TextureFormat::Rgba32Uint, 1),
+            limits: [u32::MAX; 2],
+            overflow: Overflow::default(),
             emissive_luminance: 0.0,
-            stale: false,
+            stale: Vec::new(),
+            all_stale: false,
             revision: 0,
         }
     }
 }
 
 impl MaterialPool {
-    /// Takes the materials that changed in the main world.
+    /// Heeds what the device can bind.
+    pub(crate) fn limit_to(&mut self, device: &RenderDevice) {
+        self.limits = [GpuArray::<GpuMaterial>::limit(device), DataTexture::<[u32; 4]>::limit(device)];
+    }
+
+    /// Takes the materials that changed in the main world.  Without its source no instance shows a material in this frame, and none names
+    /// what was shown in the last one: its slot is free at once.
     pub(crate) fn update_sources(&mut self, scene: &mut ExtractedScene) {
         for id in scene.removed_materials.drain() {
             self.sources.remove(&id);
+            self.release(id);
         }
         for (id, material) in scene.materials.drain() {
-            self.stale |= self.by_id.contains_key(&id);
+            self.stale.extend(self.by_id.get(&id));
             self.sources.insert(id, material);
         }
         if self.emissive_luminance != scene.emissive_luminance {
             self.emissive_luminance = scene.emissive_luminance;
-            self.stale = true;
+            self.all_stale = true;
         }
     }
 
-    /// The slot of a material, made on first use; `None` while the asset is not there.
+    fn release(&mut self, id: AssetId<StandardMaterial>) {
+        let Some(slot) = self.by_id.remove(&id) else { return };
+        if let Some(slot) = self.slots[slot as usize].take() {
+            self.records.release(slot.record);
+        }
+        self.free.push(slot);
+    }
+
+    /// Gives a slot to the material of every instance.  `settled`: the scene is loaded, so that what is left out can be counted.
+    pub(crate) fn make_room(&mut self, instances: &[ExtractedInstance], settled: bool) {
+        let mut left_out = self.take_slots(instances);
+        if left_out > 0 {
+            let shown: HashSet<_> = instances.iter().map(|instance| instance.material).collect();
+            let unused: Vec<_> = self.by_id.keys().filter(|id| !shown.contains(*id)).copied().collect();
+            unused.into_iter().for_each(|id| self.release(id));
+            left_out = self.take_slots(instances);
+        }
+        if self.overflow.is_news(left_out, settled) {
+            warn!("restir: {left_out} meshes are left out: this device binds {} materials at most", self.limits[0]);
+        }
+    }
+
+    /// The number of instances whose material finds no slot.
+    fn take_slots(&mut self, instances: &[ExtractedInstance]) -> u64 {
+        let mut left_out = 0;
+        for instance in instances {
+            left_out += u64::from(self.slot(instance.material).is_none() && self.is_left_out(instance.material));
+        }
+        left_out
+    }
+
+    /// A material that is there, but for which there is no room.
+    pub(crate) fn is_left_out(&self, id: AssetId<StandardMaterial>) -> bool {
+        self.sources.contains_key(&id) && !self.by_id.contains_key(&id)
+    }
+
+    /// The slot of a material, made on first use; `None` while the asset is not there, or where there is no room.
     pub(crate) fn slot(&mut self, id: AssetId<StandardMaterial>) -> Option<u32> {
+        if let Some(&slot) = self.by_id.get(&id) {
+            return Some(slot);
+        }
         if !self.sources.contains_key(&id) {
             return None;
         }
-        Some(*self.by_id.entry(id).or_insert_with(|| {
-            self.slots.push(Slot { id, features: SceneFeatures::empty(), mean_emission: [0.0; 3] });
-            self.stale = true;
-            self.slots.len() as u32 - 1
-        }))
+        let slot = match self.free.pop() {
+            Some(slot) => slot,
+            None if self.slots.len() as u32 >= self.limits[0] => return None,
+            None => {
+                self.slots.push(None);
+                self.slots.len() as u32 - 1
+            }
+        };
+        self.slots[slot as usize] =
+            Some(Slot { id, features: SceneFeatures::empty(), mean_emission: [0.0; 3], record: 0..0 });
+        self.by_id.insert(id, slot);
+        self.stale.push(slot);
+        Some(slot)
     }
 
     /// Images that the materials in use need.
     pub(crate) fn images(&self) -> impl Iterator<Item = AssetId<Image>> {
-        let materials = self.slots.iter().filter_map(|slot| self.sources.get(&slot.id));
+        let materials = self.slots.iter().flatten().filter_map(|slot| self.sources.get(&slot.id));
         materials.flat_map(textures_of).map(|texture| texture.image.id())
     }
 
@@ -112,80 +182,99 @@ impl MaterialPool {
         materials.filter_map(|m| m.emissive_texture.as_ref()).map(|image| image.id()).collect()
     }
 
-    /// Packs every slot again where a source or a texture changed.
+    /// Packs again the slots whose source changed; all of them where a texture did.
     pub(crate) fn pack(&mut self, textures: &TexturePool, textures_changed: bool) {
-        if !self.stale && !textures_changed {
-            return;
+        let mut stale = core::mem::take(&mut self.stale);
+        if core::mem::take(&mut self.all_stale) || textures_changed {
+            stale.clear();
+            stale.extend(0..self.slots.len() as u32);
         }
-        self.stale = false;
-        self.wanted_table.clear();
-        for (i, slot) in self.slots.iter_mut().enumerate() {
-            let Some(source) = self.sources.get(&slot.id) else {
-                continue;
-            };
-            let mut material = pack(source, self.emissive_luminance);
-            material.texture_record = self.wanted_table.len() as u32;
-            let features;
-            (material.textures, features) = add_record(source, textures, &mut self.wanted_table);
-            slot.features = features_of(&material) | features;
-            slot.mean_emission = mean_emission(source, &material, textures);
-            if i < self.wanted.len() {
-                self.wanted[i] = material;
-            } else {
-                self.wanted.push(material);
-            }
+        for slot in stale {
+            self.pack_slot(slot as usize, textures);
+        }
+    }
+
+    fn pack_slot(&mut self, index: usize, textures: &TexturePool) {
+        let Some(slot) = &mut self.slots[index] else { return };
+        let Some(source) = self.sources.get(&slot.id) else { return };
+        let mut material = pack(source, self.emissive_luminance);
+        let mut record = Vec::new();
+        let mut features;
+        (material.textures, features) = add_record(source, textures, &mut record);
+        if record.len() != slot.record.len() {
+            self.records.release(core::mem::take(&mut slot.record));
+            slot.record = self.records.allocate(record.len() as u32);
+        }
+        if slot.record.end > self.limits[1] {
+            warn_once!("restir: the textures of materials are more than this device can bind; some are left out");
+            self.records.release(core::mem::take(&mut slot.record));
+            (material.textures, features) = (0, SceneFeatures::empty());
+            record.clear();
+        }
+        material.texture_record = slot.record.start;
+        slot.features = features_of(&material) | features;
+        slot.mean_emission = mean_emission(source, &material, textures);
+        set(&mut self.packed, index, material, &mut self.dirty);
+        for (entry, at) in record.into_iter().zip(slot.record.start as usize..) {
+            set(&mut self.packed_table, at, entry, &mut self.dirty_table);
         }
     }
 
     /// Sends what changed.  Returns the bytes sent.
     pub(crate) fn upload(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {
-        let mut bytes = self.upload_table(device, queue);
-        let runs = dirty_runs(&self.uploaded, &self.wanted);
-        if runs.is_empty() {
-            return bytes;
-        }
-        if !self.gpu.reserve(self.wanted.len() as u32, device, queue) {
-            warn_once!("restir: {} materials are more than this device can bind", self.wanted.len());
+        let bytes = self.upload_table(device, queue);
+        // There are no more slots than fit.
+        if self.dirty.is_empty() || !self.gpu.reserve(self.packed.len() as u32, device, queue) {
             return bytes;
         }
         self.revision += 1;
-        bytes += runs.into_iter().map(|r| self.gpu.write(r.start as u32, &self.wanted[r], queue)).sum::<u64>();
-        self.uploaded.clone_from(&self.wanted);
-        bytes
+        self.dirty.sort_unstable();
+        let runs = joined(self.dirty.drain(..));
+        bytes + runs.into_iter().map(|r| self.gpu.write(r.start as u32, &self.packed[r], queue)).sum::<u64>()
     }
 
     fn upload_table(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {
-        if self.wanted_table == self.uploaded_table {
+        if self.dirty_table.is_empty() {
             return 0;
         }
         self.revision += 1;
-        let limit = DataTexture::<[u32; 4]>::limit(device) as usize;
-        if self.wanted_table.len() > limit {
-            warn_once!("restir: {} textures of materials are more than this device can bind", self.wanted_table.len());
-            self.wanted_table.truncate(limit);
+        if self.table.reserve(self.packed_table.len() as u32, device) {
+            self.dirty_table = (0..self.packed_table.len()).collect();
         }
-        if self.table.reserve(self.wanted_table.len() as u32, device) {
-            self.uploaded_table.clear();
-        }
-        let runs = dirty_runs(&self.uploaded_table, &self.wanted_table);
-        let bytes = runs.into_iter().map(|r| self.table.write(r.start as u32, &self.wanted_table[r], queue)).sum();
-        self.uploaded_table.clone_from(&self.wanted_table);
-        bytes
+        self.dirty_table.sort_unstable();
+        let runs = joined(self.dirty_table.drain(..));
+        runs.into_iter().map(|r| self.table.write(r.start as u32, &self.packed_table[r], queue)).sum()
     }
 
     /// The packed material of a slot.
     pub(crate) fn get(&self, slot: u32) -> Option<&GpuMaterial> {
-        self.wanted.get(slot as usize)
+        self.packed.get(slot as usize)
     }
 
     /// What a slot asks of the shaders.
     pub(crate) fn features(&self, slot: u32) -> SceneFeatures {
-        self.slots.get(slot as usize).map_or(SceneFeatures::empty(), |s| s.features)
+        self.in_use(slot).map_or(SceneFeatures::empty(), |s| s.features)
     }
 
     /// Mean radiance of a slot's emission, cd/m².
     pub(crate) fn mean_emission(&self, slot: u32) -> [f32; 3] {
-        self.slots.get(slot as usize).map_or([0.0; 3], |s| s.mean_emission)
+        self.in_use(slot).map_or([0.0; 3], |s| s.mean_emission)
+    }
+
+    fn in_use(&self, slot: u32) -> Option<&Slot> {
+        self.slots.get(slot as usize)?.as_ref()
+    }
+}
+
+/// Writes an element, beyond the end too, and notes it where it is another one.
+fn set<T: Copy + Default + PartialEq>(all: &mut Vec<T>, index: usize, element: T, dirty: &mut Vec<usize>) {
+    let is_new = index >= all.len();
+    if is_new {
+        all.resize(index + 1, T::default());
+    }
+    if is_new || all[index] != element {
+        all[index] = element;
+        dirty.push(index);
     }
 }
 
@@ -290,4 +379,79 @@ fn mean_emission(source: &StandardMaterial, packed: &GpuMaterial, textures: &Tex
     let mean = source.emissive_texture.as_ref().map_or(LinearRgba::WHITE, |handle| textures.mean(handle.id()));
     let [r, g, b] = packed.emissive;
     [r * mean.red, g * mean.green, b * mean.blue]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bevy::{asset::uuid::Uuid, color::Color, ecs::entity::Entity, math::Affine3A};
+
+    fn id(number: u32) -> AssetId<StandardMaterial> {
+        AssetId::Uuid { uuid: Uuid::from_u128(number.into()) }
+    }
+
+    fn instance(material: u32) -> ExtractedInstance {
+        ExtractedInstance {
+            entity: Entity::PLACEHOLDER.into(),
+            mesh: AssetId::default(),
+            material: id(material),
+            world_from_object: Affine3A::IDENTITY,
+            seen_by: 1,
+            casts_shadows: true,
+            skinned: false,
+        }
+    }
+
+    /// A frame in which some materials come, some go and some are shown.
+    fn frame(pool: &mut MaterialPool, come: &[u32], go: &[u32], shown: &[u32]) {
+        let mut scene = ExtractedScene { emissive_luminance: 1.0, ..Default::default() };
+        let grey = |n: u32| StandardMaterial { metallic: n as f32 / 4096.0, ..Color::WHITE.into() };
+        scene.materials.extend(come.iter().map(|&n| (id(n), grey(n))));
+        scene.removed_materials.extend(go.iter().map(|&n| id(n)));
+        scene.instances.extend(shown.iter().map(|&n| instance(n)));
+        pool.dirty.clear();
+        pool.update_sources(&mut scene);
+        pool.make_room(&scene.instances, true);
+        pool.pack(&TexturePool::default(), false);
+    }
+
+    fn shown(pool: &mut MaterialPool, number: u32) -> Option<f32> {
+        let slot = pool.slot(id(number))?;
+        Some(pool.get(slot)?.metallic * 4096.0)
+    }
+
+    #[test]
+    fn materials_one_after_another_take_a_few_slots_and_pack_only_themselves() {
+        let mut pool = MaterialPool::default();
+        frame(&mut pool, &[5000], &[], &[5000]);
+        for n in 1..1000 {
+            frame(&mut pool, &[n], &[n - 1], &[n, 5000]);
+            assert_eq!(shown(&mut pool, n), Some(n as f32));
+            assert_eq!(pool.dirty.len(), 1, "{n}");
+        }
+        assert_eq!((pool.slots.len(), pool.packed.len(), pool.by_id.len()), (2, 2, 2));
+    }
+
+    #[test]
+    fn materials_beyond_the_limit_have_no_slot_until_another_goes() {
+        let mut pool = MaterialPool { limits: [2, 2], ..Default::default() };
+        frame(&mut pool, &[1, 2, 3], &[], &[1, 2, 3]);
+        assert_eq!([1, 2, 3].map(|n| shown(&mut pool, n).is_some()), [true, true, false]);
+        assert!(pool.is_left_out(id(3)) && !pool.is_left_out(id(4)));
+        frame(&mut pool, &[], &[1], &[2, 3]);
+        assert_eq!(shown(&mut pool, 3), Some(3.0));
+        // What is there but not shown gives way.
+        frame(&mut pool, &[4], &[], &[2, 4]);
+        assert_eq!([2, 4].map(|n| shown(&mut pool, n)), [Some(2.0), Some(4.0)]);
+        assert_eq!(pool.packed.len(), 2);
+    }
+
+    #[test]
+    fn a_material_that_is_removed_and_added_in_one_frame_is_the_new_one() {
+        let mut pool = MaterialPool::default();
+        frame(&mut pool, &[7], &[], &[7]);
+        frame(&mut pool, &[7, 8], &[7], &[7, 8]);
+        assert_eq!([7, 8].map(|n| shown(&mut pool, n)), [Some(7.0), Some(8.0)]);
+        assert_eq!(pool.slots.len(), 2);
+    }
 }

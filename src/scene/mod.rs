@@ -109,10 +109,9 @@ fn mirror_scene(
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
 ) {
+    materials.limit_to(&device);
     materials.update_sources(&mut scene);
-    for instance in &scene.instances {
-        materials.slot(instance.material);
-    }
+    materials.make_room(&scene.instances, meshes.idle() && !instances.waiting);
     let moved = textures.update(materials.images(), &images, &pipelines, &shaders, &assets, &device, &queue);
     materials.pack(&textures, moved);
     let mut most_instances = GpuArray::<GpuInstance>::limit(&device);
