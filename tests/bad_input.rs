@@ -3,8 +3,10 @@
 use crate::support::{app::*, log};
 use bevy::{
     asset::{Asset, RenderAssetUsages},
-    camera::Viewport,
+    camera::{Viewport, primitives::CubemapLayout},
+    light::{DirectionalLightTexture, PointLightTexture, SpotLightTexture},
     mesh::{Indices, PrimitiveTopology, morph::MeshMorphWeights},
+    pbr::Lightmap,
     prelude::*,
 };
 use bevy_restir::{DebugView, EmissiveLuminance, RestirEnvironment};
@@ -338,4 +340,32 @@ fn morphed_meshes_are_shown_at_rest_with_a_warning() {
     scene.check("morphed");
     scene.check("morphed, again");
     assert_eq!(log::warnings("morphed").len(), before + 1);
+}
+
+#[test]
+fn what_bevy_heeds_and_we_do_not_is_told_once() {
+    log::listen();
+    let Some(mut rig) = Rig::new(8, 8) else { return };
+    let image = rig.add::<Image>(texture(2, 2, |_, _| [255; 4]));
+    let shape = rig.spawn(square(4.0), lambert(0.5), Transform::default());
+    let mut lights = Vec::new();
+    for _ in 0..2 {
+        let cubemap_layout = CubemapLayout::CrossVertical;
+        let texture = PointLightTexture { image: image.clone(), cubemap_layout };
+        lights.push(rig.spawn_bundle((PointLight::default(), texture, Transform::from_xyz(0.0, 0.0, 2.0))));
+        let texture = SpotLightTexture { image: image.clone() };
+        lights.push(rig.spawn_bundle((SpotLight::default(), texture, Transform::from_xyz(0.0, 0.0, 2.0))));
+        let texture = DirectionalLightTexture { image: image.clone(), tiled: true };
+        lights.push(rig.spawn_bundle((DirectionalLight::default(), texture)));
+    }
+    rig.insert(shape, Lightmap { image, ..default() });
+    let picture = rig.picture(4);
+    assert!(picture.is_finite() && picture.centre().x > 0.0, "all are lit");
+    assert_eq!(rig.report().lights, 6);
+    let named =
+        [("PointLightTexture", lights[0]), ("SpotLightTexture", lights[1]), ("DirectionalLightTexture", lights[2])];
+    for (what, entity) in named.into_iter().chain([("lightmaps", shape)]) {
+        let said = log::warnings(&format!("restir: {what}"));
+        assert!(said.len() == 1 && said[0].contains(&entity.to_string()), "{what}, {entity}: {said:?}");
+    }
 }

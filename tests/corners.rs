@@ -1,7 +1,15 @@
 //! A scene for each corner of faces, emission, partial presence, visibility, layers and backdrop, with the value that it must have.
 
 use crate::support::{app::*, corner::*};
-use bevy::{camera::visibility::RenderLayers, light::NotShadowCaster, prelude::*, render::render_resource::Face};
+use bevy::{
+    camera::{
+        ImageRenderTarget, RenderTarget,
+        visibility::{RenderLayers, VisibilityRange},
+    },
+    light::NotShadowCaster,
+    prelude::*,
+    render::render_resource::Face,
+};
 
 #[test]
 fn faces_are_seen_lit_and_culled_as_designed() {
@@ -409,4 +417,44 @@ fn rays_that_miss_see_what_is_theirs() {
             NOISY,
         ),
     ]);
+}
+
+#[test]
+fn of_the_levels_of_an_object_the_one_in_range_is_met() {
+    let Some(mut rig) = Rig::new(8, 8) else { return };
+    rig.insert(rig.camera, orthographic(1.0, 1.0));
+    // From the camera at z = 5 both are 5 away; the far level lies in front, and would cover the near one.
+    let level =
+        |start: core::ops::Range<f32>, end| VisibilityRange { start_margin: start, end_margin: end, use_aabb: false };
+    let near = rig.spawn(square(2.0), lamp(1.0, 0.0, 0.0), Transform::default());
+    let far = rig.spawn(square(2.0), lamp(0.0, 1.0, 0.0), Transform::from_xyz(0.0, 0.0, 0.01));
+    rig.insert(near, level(0.0..0.0, 8.0..10.0));
+    rig.insert(far, level(8.0..10.0, 20.0..20.0));
+    // A camera that draws later is not asked.
+    let image = rig.add::<Image>(target_image(UVec2::new(4, 4)));
+    rig.spawn_bundle((
+        Camera3d::default(),
+        Camera { order: 1, ..default() },
+        RenderTarget::Image(ImageRenderTarget::from(image)),
+        Transform::from_xyz(0.0, 0.0, 15.0),
+        plain(),
+    ));
+    for (z, color) in
+        [(5.0, Vec3::X), (15.0, Vec3::Y), (8.5, Vec3::X), (9.5, Vec3::Y), (30.0, Vec3::ZERO), (5.0, Vec3::X)]
+    {
+        rig.get_mut::<Transform>(rig.camera).translation.z = z;
+        assert_eq!(rig.picture(1).centre(), color, "{z} away");
+        assert_eq!(rig.report().instances, u64::from(color != Vec3::ZERO), "{z} away");
+    }
+    // By the middle of its box, where it is asked to.
+    let aside =
+        rig.spawn(square(2.0).translated_by(Vec3::new(0.0, 0.0, 3.0)), lamp(0.0, 0.0, 1.0), Transform::default());
+    for (use_aabb, color) in [(false, Vec3::X), (true, Vec3::Z)] {
+        rig.insert(aside, VisibilityRange { use_aabb, ..VisibilityRange::abrupt(0.0, 3.0) });
+        assert_eq!(rig.picture(1).centre(), color, "by its box: {use_aabb}");
+    }
+    rig.app.world_mut().entity_mut(near).remove::<VisibilityRange>();
+    rig.app.world_mut().despawn(aside);
+    rig.get_mut::<Transform>(rig.camera).translation.z = 30.0;
+    assert_eq!(rig.picture(1).centre(), Vec3::X, "without a range");
 }

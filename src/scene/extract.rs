@@ -14,7 +14,10 @@ use bevy::{
     transform::components::GlobalTransform,
 };
 
-use super::layers::{EVERYONE, LayerSets};
+use super::{
+    layers::{EVERYONE, LayerSets},
+    ranges::Ranges,
+};
 use crate::settings::EmissiveLuminance;
 
 /// One drawn mesh.
@@ -94,6 +97,7 @@ pub(crate) fn extract_scene(
     emissive_luminance: Extract<Res<EmissiveLuminance>>,
     layers: Extract<Query<&RenderLayers>>,
     sets: Res<LayerSets>,
+    ranges: Extract<Ranges>,
 ) {
     let scene = &mut *scene;
     scene.emissive_luminance = emissive_luminance.0;
@@ -118,6 +122,9 @@ pub(crate) fn extract_scene(
             })
         },
     ));
+    if let Some(eye) = ranges.eye() {
+        scene.instances.retain(|instance| !ranges.hides(*instance.entity, eye));
+    }
     // A stable order keeps light ids and the top level the same from frame to frame.
     scene.instances.sort_unstable_by_key(|i| *i.entity);
 

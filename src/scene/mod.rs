@@ -16,12 +16,14 @@ mod features;
 pub mod geometry;
 pub mod hardware;
 pub mod heap;
+mod ignored;
 pub(crate) mod instances;
 pub(crate) mod layers;
 pub(crate) mod lights;
 pub(crate) mod materials;
 pub(crate) mod meshes;
 mod places;
+mod ranges;
 mod slots;
 pub(crate) mod textures;
 pub mod tlas;
@@ -77,7 +79,10 @@ pub(crate) fn build(render_app: &mut SubApp, ray_queries: bool, bound_textures: 
         .init_resource::<SceneBindings>()
         .add_systems(
             bevy::render::ExtractSchedule,
-            (layers::extract_layers, extract::extract_scene, textures::extract_means).chain(),
+            (
+                (layers::extract_layers, extract::extract_scene, textures::extract_means).chain(),
+                ignored::warn_of_ignored,
+            ),
         )
         .add_systems(
             Render,
