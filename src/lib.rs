@@ -40,15 +40,13 @@ pub use statistics::{RestirReport, RestirStatistics};
 pub use view::capture::{CapturedRadiance, RadianceCapture};
 
 use bevy::{
-    app::{App, Last, Plugin, PostUpdate},
+    app::{App, Last, Plugin},
     asset::Assets,
-    camera::visibility::{VisibilitySystems, VisibleEntities},
     ecs::prelude::*,
     log::warn,
-    mesh::Mesh3d,
-    pbr::{MeshMaterial3d, StandardMaterial},
+    pbr::StandardMaterial,
     render::{
-        Render, RenderApp, RenderSystems,
+        Render, RenderApp, RenderPlugin, RenderSystems,
         render_resource::{AsBindGroup, DownlevelFlags},
         renderer::{RenderAdapter, RenderAdapterInfo, RenderDevice},
         settings::WgpuLimits,
@@ -56,7 +54,6 @@ use bevy::{
     },
     shader::Shader,
 };
-use core::any::TypeId;
 
 /// Everything that an app needs.
 pub mod prelude {
@@ -78,6 +75,10 @@ impl Plugin for RestirPlugin {
             .init_resource::<EmissiveLuminance>()
             .init_resource::<RayBackend>()
             .init_resource::<RestirStatistics>();
+        let asked = app.get_added_plugins::<RenderPlugin>().iter().any(|p| p.synchronous_pipeline_compilation);
+        if asked || cfg!(any(target_arch = "wasm32", target_os = "macos")) {
+            app.insert_resource(CompilesAtOnce);
+        }
     }
 
     fn finish(&self, app: &mut App) {
@@ -90,15 +91,17 @@ impl Plugin for RestirPlugin {
             warn!("restir: this device has no {missing}; the plugin stays off and Bevy's own lighting stays on");
             return;
         }
-        if let Some(warning) = app.get_sub_app(RenderApp).and_then(|render_app| textures_warning(render_app.world())) {
+        let textures_warning = app.get_sub_app(RenderApp).and_then(|render_app| textures_warning(render_app.world()));
+        if let Some(warning) = &textures_warning {
             warn!("restir: {warning}");
         }
         let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
         let table = shaders::ShaderTable::new(&mut shaders);
 
         // After all that an app does in a frame, and before it is extracted.
-        app.add_systems(Last, require_single_sample)
-            .add_systems(PostUpdate, hide_mirrored_meshes.after(VisibilitySystems::CheckVisibility));
+        app.add_systems(Last, require_single_sample);
+        let bevy_may_quit = textures_warning.is_some();
+        let bevy_helps = !bevy_may_quit && !app.world().contains_resource::<CompilesAtOnce>();
         let backend = *app.world().resource::<RayBackend>();
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
         let world = render_app.world();
@@ -115,9 +118,14 @@ impl Plugin for RestirPlugin {
         );
         scene::build(render_app, ray_queries, bound_textures);
         view::build(render_app);
+        view::hide::build(render_app, !bevy_helps);
         passes::build(render_app);
     }
 }
+
+/// Pipelines are there a frame after they are asked for: Bevy's own would be compiled for the sake of that frame.
+#[derive(Resource)]
+struct CompilesAtOnce;
 
 /// What the device lacks for the portable tier.
 fn missing_feature(render_world: &World) -> Option<&'static str> {
@@ -178,16 +186,6 @@ fn require_single_sample(mut cameras: Query<(Entity, Ref<Restir>, &mut Msaa), Or
             warn!("restir: camera {entity} has {:?}; multisampling is turned off", *msaa);
         }
         *msaa = Msaa::Off;
-    }
-}
-
-/// Takes what the mirror shows off the lists of `Restir` cameras, so that Bevy's own passes do not draw it again.
-fn hide_mirrored_meshes(
-    mut cameras: Query<&mut VisibleEntities, With<Restir>>,
-    mirrored: Query<(), (With<Mesh3d>, With<MeshMaterial3d<StandardMaterial>>)>,
-) {
-    for mut visible in &mut cameras {
-        visible.get_mut(TypeId::of::<Mesh3d>()).retain(|entity| !mirrored.contains(*entity));
     }
 }
 

@@ -5,7 +5,7 @@ use crate::support::{
     gpu::{Bound, Gpu},
 };
 use bevy::{
-    camera::{Hdr, ImageRenderTarget, MainPassResolutionOverride, RenderTarget, Viewport},
+    camera::{Hdr, ImageRenderTarget, MainPassResolutionOverride, RenderTarget, Viewport, visibility::NoCpuCulling},
     core_pipeline::{
         prepass::{DepthPrepass, MotionVectorPrepass, ViewPrepassTextures},
         tonemapping::Tonemapping,
@@ -251,4 +251,43 @@ fn tonemapping_and_exposure_do_to_ours_what_they_do_to_any_picture() {
     assert!(shown(&mut rig).abs_diff(156) <= 1, "two stops less");
     rig.insert(rig.camera, (Tonemapping::None, unit_exposure()));
     assert_eq!(shown(&mut rig), 255, "none");
+}
+
+#[test]
+fn meshes_that_bevy_culls_on_the_gpu_are_ours_for_our_cameras() {
+    let Some(mut rig) = Rig::new(16, 16) else { return };
+    // Ambient light is Bevy's alone: what it draws is bright, what we trace is black.
+    rig.app.insert_resource(bevy::light::GlobalAmbientLight { brightness: 1e4, ..default() });
+    let other = rig.add::<Image>(target_image(UVec2::new(16, 16)));
+    let image = RenderTarget::Image(ImageRenderTarget::from(other.clone()));
+    rig.spawn_bundle((
+        Camera3d::default(),
+        Camera { order: 1, ..default() },
+        image,
+        Transform::from_xyz(0.0, 0.0, 5.0),
+        unit_exposure(),
+    ));
+    let (mesh, material) = (rig.add::<Mesh>(square(2.0)), rig.add::<StandardMaterial>(lambert(1.0)));
+    rig.frame();
+    let square = (Mesh3d(mesh), MeshMaterial3d(material), Transform::default());
+    let entity = rig.spawn_bundle((square.clone(), NoCpuCulling));
+    rig.until_ready();
+    let ours = rig.target.clone();
+    let centre = |rig: &mut Rig, target: &Handle<Image>| rig.drawn(target)[8 * 16 + 8][0];
+    assert!(centre(&mut rig, &other) > 100, "a camera without Restir");
+    assert!(centre(&mut rig, &ours) < 10, "a camera with it");
+    // The lists of such meshes hold changes only.
+    rig.app.world_mut().entity_mut(rig.camera).remove::<Restir>();
+    rig.frames(3);
+    assert!(centre(&mut rig, &ours) > 100, "Restir was removed");
+    rig.insert(rig.camera, plain());
+    rig.until_ready();
+    rig.frames(2);
+    assert!(centre(&mut rig, &ours) < 10, "and added again");
+    rig.app.world_mut().despawn(entity);
+    rig.frames(3);
+    assert!(centre(&mut rig, &other) < 10, "it is gone");
+    rig.spawn_bundle((square, NoCpuCulling));
+    rig.until_ready();
+    assert!(centre(&mut rig, &ours) < 10 && centre(&mut rig, &other) > 100, "another one");
 }

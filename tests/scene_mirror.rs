@@ -4,11 +4,12 @@ use crate::support::app::*;
 use bevy::{
     asset::RenderAssetUsages,
     camera::{ImageRenderTarget, RenderTarget},
+    core_pipeline::tonemapping::Tonemapping,
     light::GlobalAmbientLight,
     mesh::{Indices, PrimitiveTopology},
     prelude::*,
 };
-use bevy_restir::{DebugView, Restir, RestirEnvironment, scene::SceneFeatures};
+use bevy_restir::{DebugView, Paths, Restir, RestirEnvironment, Technique, scene::SceneFeatures};
 
 /// What one moved instance of a small scene may cost: its record twice (the last transform follows a frame later), the top level,
 /// the uniforms.
@@ -341,6 +342,28 @@ fn a_scene_that_gains_and_loses_features_never_goes_black() {
     }
     rig.get_mut::<RestirEnvironment>(rig.camera).image = None;
     assert_eq!(rig.until_ready().features, SceneFeatures::ENVIRONMENT, "all gone again");
+    let settings: [(&str, fn(&mut Restir)); 8] = [
+        ("direct light", |restir| restir.technique = Technique::Di),
+        ("indirect light", |restir| restir.technique = Technique::Gi),
+        ("rays of indirect light", |restir| restir.debug_view = DebugView::Rays),
+        ("paths", |restir| (restir.technique, restir.debug_view) = (Technique::Pt, DebugView::Off)),
+        ("more taps", |restir| restir.paths = Paths { spatial_taps: 4, ..Paths::default() }),
+        ("compensation", |restir| restir.energy_compensation = true),
+        ("albedo", |restir| restir.debug_view = DebugView::Albedo),
+        ("reference", |restir| (restir.technique, restir.debug_view) = (Technique::Reference, DebugView::Off)),
+    ];
+    for (name, change) in settings {
+        rig.set(change);
+        for _ in 0..4 {
+            bright(&mut rig, name);
+        }
+        rig.until_ready();
+        bright(&mut rig, name);
+    }
+    assert!(
+        rig.report().features.contains(SceneFeatures::ENERGY_COMPENSATION),
+        "the last settings are shown in the end"
+    );
     // A resize keeps the pipelines.
     let target = rig.target.clone();
     rig.edit(&target, |image| *image = target_image(UVec2::new(20, 20)));
@@ -348,4 +371,36 @@ fn a_scene_that_gains_and_loses_features_never_goes_black() {
         bright(&mut rig, "resized");
     }
     rig.assert_sound();
+}
+
+#[test]
+fn bevy_lights_a_camera_until_our_pipelines_are_there() {
+    let Some(mut rig) = Rig::compiling_in_background(16, 16) else { return };
+    // Bevy's picture is the brighter one.
+    rig.app.insert_resource(GlobalAmbientLight { brightness: 1e4, ..default() });
+    // Of one sample, as ours are: otherwise Bevy, too, would have to compile its pipelines again.
+    rig.insert(rig.camera, (sky(0.1), Tonemapping::None, Msaa::Off));
+    rig.spawn(square(2.0), lambert(1.0), Transform::default());
+    let target = rig.target.clone();
+    rig.app.world_mut().entity_mut(rig.camera).remove::<Restir>();
+    let centre = |rig: &mut Rig| rig.drawn(&target)[8 * 16 + 8][0];
+    let mut frames = 0;
+    while centre(&mut rig) < 200 {
+        frames += 1;
+        assert!(frames < 1000, "Bevy's own picture never came");
+    }
+    rig.insert(rig.camera, plain());
+    let mut lit_by_bevy = 0;
+    loop {
+        let seen = centre(&mut rig);
+        assert!(seen > 50, "dark after {lit_by_bevy} pictures of Bevy's");
+        if seen < 200 {
+            break;
+        }
+        lit_by_bevy += 1;
+        assert!(lit_by_bevy < 1000, "our picture never came");
+    }
+    assert!(lit_by_bevy > 0, "Bevy goes on");
+    rig.until_ready();
+    assert!((50..200).contains(&centre(&mut rig)), "ours stays");
 }

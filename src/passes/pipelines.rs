@@ -1,5 +1,5 @@
-//! Pipelines, specialised by what the scene contains.  A scene that gains a feature keeps rendering with the pipelines it has until
-//! the new ones are ready.
+//! Pipelines, specialised by what the scene contains.  A scene that gains a feature, and a camera that changes its technique, keeps
+//! rendering with the pipelines it has until the new ones are ready.
 
 use bevy::{
     app::App,
@@ -26,6 +26,14 @@ use crate::{
 pub(crate) struct FrameKey {
     pub frame: Frame,
     pub features: SceneFeatures,
+}
+
+impl FrameKey {
+    /// Whether its shaders do what the settings of another ask for, if not what its scene does.
+    pub(crate) fn serves_settings_of(self, wanted: Self) -> bool {
+        let of_settings = SceneFeatures::ENERGY_COMPENSATION | SceneFeatures::MANY_TAPS;
+        self.frame == wanted.frame && !(self.features ^ wanted.features).intersects(of_settings)
+    }
 }
 
 /// One pipeline, for the statistics.
@@ -89,19 +97,14 @@ impl PassPipelines {
         Self { shaders: Some(shaders), ray_queries, bound_textures, ..Default::default() }
     }
 
-    /// The pipelines to render with: the wanted ones once all are ready, until then the last ones of the same frame.
+    /// The pipelines to render with: the wanted ones once all are ready, until then the last ones.
     pub(crate) fn choose(
         &mut self,
-        frame: Frame,
-        features: SceneFeatures,
+        wanted: FrameKey,
         last: Option<FrameKey>,
         pipelines: &PipelineCache,
     ) -> Option<FrameKey> {
-        let wanted = FrameKey { frame, features };
-        if self.ready(wanted, pipelines) {
-            return Some(wanted);
-        }
-        last.filter(|key| key.frame == frame)
+        if self.ready(wanted, pipelines) { Some(wanted) } else { last }
     }
 
     /// Asks for every pipeline of a frame; true once all are there.

@@ -4,6 +4,7 @@ pub(crate) mod capture;
 pub(crate) mod environment;
 pub(crate) mod extract;
 mod fit;
+pub(crate) mod hide;
 pub(crate) mod history;
 pub(crate) mod plan;
 mod uniforms;
@@ -37,7 +38,7 @@ use crate::{
     statistics::CounterReadback,
 };
 use environment::EnvironmentPool;
-use extract::{ExtractedEnvironment, ExtractedViews};
+use extract::{ExtractedEnvironment, ExtractedRestir, ExtractedViews};
 use history::History;
 use plan::{FEW_INPUTS, Plan};
 
@@ -190,6 +191,15 @@ fn prepare_views(
         let viewport = UVec2::new(view.viewport.z, view.viewport.w);
         // An upscaler, such as DLSS, enlarges what fills only the corner of the viewport.
         let target_size = smaller.map_or(viewport, |size| size.0.min(viewport)).max(UVec2::ONE);
+        let wanted = wanted_key(restir, &scene, &environments);
+        let last = pool.views.get(&entity);
+        let key = passes.choose(wanted, last.and_then(|last| last.key), &pipelines);
+        if let (Some(key), Some(last)) = (key, last)
+            && !key.serves_settings_of(wanted)
+        {
+            // Until what is asked for is compiled the camera goes on with what it shows.
+            restir.settings = Restir { reset: restir.settings.reset, ..last.settings.clone() };
+        }
         let frame = Frame::of(&restir.settings);
         let size = fit::traced_size(target_size, frame.domains(), &restir.settings, limit);
         if size != target_size && told.insert((entity, "size")) {
@@ -215,8 +225,6 @@ fn prepare_views(
         if state.size != size || state.bound_environment != (map.id(), importance.id()) {
             let fresh = RestirView::new(size, &device, &pipelines, map, importance);
             let kept = core::mem::replace(state, fresh);
-            // No pipeline depends on the size: those of the last frame do until others are ready.
-            state.key = kept.key;
             if kept.size == size {
                 // Only the environment is another one: the last camera is still the last.
                 state.previous_camera = kept.previous_camera;
@@ -228,13 +236,8 @@ fn prepare_views(
         state.layers = restir.layers;
         state.settings = restir.settings.clone();
 
-        let mut features = scene.features | environments.features(restir.environment.as_ref());
-        features.set(SceneFeatures::RENDER_LAYERS, scene.hidden_from & restir.layers != 0);
-        features.set(SceneFeatures::ENERGY_COMPENSATION, restir.settings.energy_compensation);
-        let many_taps = |&domain| Plan::of(domain, &restir.settings).most_inputs() > FEW_INPUTS;
-        features.set(SceneFeatures::MANY_TAPS, frame.domains().iter().any(many_taps));
-        state.key = passes.choose(frame, features, state.key, &pipelines);
-        state.key_is_wanted = state.key.is_some_and(|key| key.features == features && key.frame == frame);
+        state.key = key;
+        state.key_is_wanted = key == Some(wanted);
         state.composite = target.map(|target| CompositeKey::of(target, prepass));
         let composite = state.composite.is_some_and(|key| passes.ask_composite(key, &pipelines));
         state.rendered = composite && state.key.is_some() && scene.bind_group.is_some();
@@ -246,6 +249,17 @@ fn prepare_views(
         state.update_uniforms(restir, camera, view, jitter, &scene, &environments, &queue);
         state.update_history(&device, &queue);
     }
+}
+
+/// The pipelines that a camera asks for.
+fn wanted_key(restir: &ExtractedRestir, scene: &SceneBindings, environments: &EnvironmentPool) -> FrameKey {
+    let frame = Frame::of(&restir.settings);
+    let mut features = scene.features | environments.features(restir.environment.as_ref());
+    features.set(SceneFeatures::RENDER_LAYERS, scene.hidden_from & restir.layers != 0);
+    features.set(SceneFeatures::ENERGY_COMPENSATION, restir.settings.energy_compensation);
+    let many_taps = |&domain| Plan::of(domain, &restir.settings).most_inputs() > FEW_INPUTS;
+    features.set(SceneFeatures::MANY_TAPS, frame.domains().iter().any(many_taps));
+    FrameKey { frame, features }
 }
 
 impl RestirView {
