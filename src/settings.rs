@@ -167,7 +167,7 @@ pub struct Restir {
     pub debug_view: DebugView,
     /// Multiplies what debug views show, so that metres and counts fit between 0 and 1; from 0 to 1e6.
     pub debug_scale: f32,
-    /// Forgets what earlier frames gathered, then clears itself.
+    /// Forgets what earlier frames gathered and begins the sequence of random numbers again, then clears itself.
     pub reset: bool,
 }
 

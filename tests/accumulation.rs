@@ -123,7 +123,45 @@ fn whatever_is_shown_resets_the_history_when_it_changes() {
     let after = scene.rig.next();
     scene.rig.set(|restir| restir.reset = true);
     scene.rig.frames(after.samples - 1);
-    assert_eq!(scene.rig.next(), after, "the new mesh alone");
+    let alone = scene.rig.next();
+    let sky = alone.at(0, 0);
+    let clear: Vec<_> = alone.iter().filter(|(at, c)| *c == sky && alone.is_flat_around(*at)).collect();
+    assert!(clear.len() > 100, "{} pixels see the sky alone", clear.len());
+    assert!(clear.iter().all(|(at, c)| after.at(at.x, at.y) == *c), "something of the old mesh");
+}
+
+#[test]
+fn noise_goes_on_while_things_move_and_begins_again_with_a_reset() {
+    let Some(Scene { mut rig, .. }) = scene() else { return };
+    let lamp = rig.spawn(square(1.0), lamp(5.0, 4.0, 3.0), Transform::from_xyz(0.0, 3.0, 1.0));
+    // Beyond everything: it changes and moves, and nobody sees it.
+    let far = rig.spawn(square(0.01), lambert(0.5), Transform::from_xyz(0.0, 0.0, 500.0));
+    let material = rig.material_of(far);
+    let begin = |rig: &mut Rig| {
+        rig.set(|restir| restir.reset = true);
+        rig.next()
+    };
+    rig.until_ready();
+    let first = begin(&mut rig);
+    let mut seen = vec![first.clone()];
+    for i in 0..4 {
+        rig.edit(&material, |m| m.metallic = 0.1 + 0.1 * i as f32);
+        let next = rig.next();
+        assert_eq!(next.samples, 1, "the history begins again");
+        assert!(seen.iter().all(|before| *before != next), "frame {i} has the noise of another");
+        seen.push(next);
+        rig.get_mut::<Transform>(lamp).translation.z += 1e-4;
+    }
+    assert_eq!(begin(&mut rig).samples, 1);
+    rig.get_mut::<Transform>(lamp).translation.z = 1.0;
+    rig.edit(&material, |m| m.metallic = 0.0);
+    rig.frames(2);
+    assert_eq!(begin(&mut rig), first, "a reset");
+    rig.frames(3);
+    rig.set(|restir| restir.seed = 1);
+    assert_ne!(rig.next(), first);
+    rig.set(|restir| restir.seed = 0);
+    assert_eq!(rig.next(), first, "another seed and back");
 }
 
 #[test]

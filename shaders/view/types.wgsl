@@ -19,7 +19,7 @@ struct ViewUniforms {
     size: vec2<u32>,                    // pixels of the picture that is traced
     jitter: vec2<f32>,                  // of this frame's primary rays, pixels, x right and y down, within half a pixel of 0
     previous_jitter: vec2<f32>,
-    frame: u32,                         // since the history was reset
+    frame: u32,                         // of the sequence of random numbers
     seed: u32,
     bounces: u32,                       // scattering events a path may have
     flags: u32,                         // VIEW_*

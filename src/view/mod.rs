@@ -79,6 +79,8 @@ pub(crate) struct RestirView {
     pub raster_bind_group: BindGroup,
     /// Frames since the history was reset.
     pub frame: u32,
+    /// What this frame's random numbers go by: frames since a reset was asked for, or settings changed.
+    sequence: u32,
     /// Frames that the radiance held before this one.
     pub accumulated: u32,
     /// Frames are being summed.
@@ -312,6 +314,7 @@ impl RestirView {
             visibility_texture,
             history: None,
             frame: 0,
+            sequence: 0,
             accumulated: 0,
             summed: false,
             previous_camera: None,

@@ -77,6 +77,9 @@ impl RestirView {
         let keep = if progressive { same } else { known };
         self.moved = last.is_some_and(|last| last.motion != shown.motion);
         self.frame = if keep { self.frame.saturating_add(1) } else { 0 };
+        // What changes in the scene takes the history, not the luck: noise that stands still would be seen, and averaged by nobody.
+        let goes_on = last.is_some_and(|last| last.settings == shown.settings && last.pipelines == shown.pipelines);
+        self.sequence = if goes_on { self.sequence.wrapping_add(1) } else { 0 };
         let sums = progressive || restir.settings.accumulate;
         self.accumulated = if same && sums && self.summed { self.accumulated.saturating_add(1) } else { 0 };
         self.summed = sums;
@@ -84,7 +87,7 @@ impl RestirView {
 
         let jitter = match bevy_jitter {
             Some(j) => (j.offset * self.size.as_vec2() / self.target_size.as_vec2()).to_array(),
-            None if restir.settings.jitter => jitter_of(self.frame, restir.settings.seed),
+            None if restir.settings.jitter => jitter_of(self.sequence, restir.settings.seed),
             None => [0.0; 2],
         };
 
@@ -113,7 +116,7 @@ impl RestirView {
             size: self.size.to_array(),
             jitter,
             previous_jitter: self.previous_jitter,
-            frame: self.frame,
+            frame: self.sequence,
             seed: restir.settings.seed,
             bounces: restir.settings.bounces,
             flags,
