@@ -399,6 +399,7 @@ mod tests {
             seen_by: 1,
             casts_shadows: true,
             skinned: false,
+            morphed: false,
         }
     }
 
