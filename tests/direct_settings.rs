@@ -159,6 +159,21 @@ fn a_disocclusion_asks_more_neighbours() {
     assert!(pairs.iter().filter(|(few, _)| *few == 41.0).all(|(few, many)| few == many));
 }
 
+/// No path knows what lies behind all, or how bright pictures are shown; a camera of another kind sees other places.
+#[test]
+fn exposure_keeps_the_history_and_another_projection_forgets_it() {
+    let Some(mut rig) = lit_room(24, 24) else { return };
+    direct(&mut rig, both());
+    rig.app.insert_resource(ClearColor(Color::linear_rgb(0.2, 0.3, 0.4)));
+    let kept = reservoirs(&mut rig, DebugView::ReservoirConfidence, 8).mean();
+    rig.insert(rig.camera, bevy::camera::Exposure { ev100: 3.0 });
+    let exposed = rig.next().mean();
+    assert!(exposed >= kept && kept > 2.0, "{kept} to {exposed}");
+    rig.insert(rig.camera, orthographic(3.0, 3.0));
+    let fresh = rig.next().mean();
+    assert!(fresh < 0.5 * kept, "{kept} to {fresh}");
+}
+
 #[test]
 fn more_tries_find_more_neighbours() {
     let Some(mut rig) = lit_room(48, 48) else { return };

@@ -55,6 +55,7 @@ struct Shown {
     environment: Option<ExtractedEnvironment>,
     layers: u32,
     background: [f32; 3],
+    orthographic: bool,
     pipelines: FrameKey,
 }
 

@@ -66,14 +66,17 @@ impl RestirView {
             environment: restir.environment,
             layers: restir.layers,
             background,
+            // Shaders know one kind of projection for this frame and the last.
+            orthographic: is_orthographic(&clip_from_view),
             pipelines: self.key.unwrap_or_default(),
         };
-        // A picture that is summed must stay the same; a history must only know what it sees: things and cameras may move.
+        // A picture that is summed must stay the same; a history must only know what it sees: things and cameras may move, and no path
+        // knows the backdrop.
         let progressive = self.key.is_none_or(|key| key.frame.domains().is_empty());
         let last = self.shown.as_ref().filter(|_| !restir.settings.reset);
         let same = last.is_some_and(|last| *last == shown);
         let known =
-            last.is_some_and(|last| Shown { motion: shown.motion, camera: shown.camera, ..last.clone() } == shown);
+            last.is_some_and(|last| Shown { motion: shown.motion, camera: shown.camera, background, ..last.clone() } == shown);
         let keep = if progressive { same } else { known };
         self.moved = last.is_some_and(|last| last.motion != shown.motion);
         self.frame = if keep { self.frame.saturating_add(1) } else { 0 };
