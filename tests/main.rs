@@ -7,6 +7,7 @@ mod beside_bevy;
 mod bound_textures;
 mod bsdf;
 mod cameras;
+mod changing_meshes;
 mod compensation;
 mod corners;
 mod cubes;

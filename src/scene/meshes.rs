@@ -50,11 +50,18 @@ impl MeshEntry {
 
 type Built = (Result<Option<Blas>, geometry::GeometryError>, Dropped);
 
+/// A mesh that is being built.
+struct Build {
+    task: Task<Built>,
+    /// What it has become since: built next.
+    newest: Option<Mesh>,
+}
+
 /// The meshes of the scene.
 #[derive(Resource)]
 pub(crate) struct MeshPool {
     entries: HashMap<AssetId<Mesh>, MeshEntry>,
-    building: HashMap<AssetId<Mesh>, Task<Built>>,
+    building: HashMap<AssetId<Mesh>, Build>,
     /// Meshes without a single usable triangle: nothing waits for them.
     empty: HashSet<AssetId<Mesh>>,
     node_ranges: RangeAllocator,
@@ -94,28 +101,31 @@ impl Default for MeshPool {
     }
 }
 
-/// Starts a build for every mesh that was added or changed.
+/// Starts a build for every mesh that was added or changed.  One that is being built is built to its end and shown: of a mesh that
+/// changes faster than it is built every shape is late, but it moves.
 pub(crate) fn queue_meshes(mut pool: ResMut<MeshPool>, extracted: Res<ExtractedAssets<RenderMesh>>) {
     let pool = &mut *pool;
-    for (id, mesh) in &extracted.extracted {
-        let mesh = mesh.clone();
-        pool.empty.remove(id);
-        let task = AsyncComputeTaskPool::get().spawn(async move {
-            match geometry::triangles_of(&mesh) {
-                Ok(geometry) => (Ok(blas::build_blas(&geometry)), geometry.dropped),
-                Err(error) => (Err(error), Dropped::default()),
-            }
-        });
-        pool.building.insert(*id, task);
-    }
     for id in &extracted.removed {
         pool.building.remove(id);
         pool.empty.remove(id);
-        if let Some(entry) = pool.entries.remove(id) {
-            pool.node_ranges.release(entry.nodes);
-            pool.triangle_ranges.release(entry.triangles);
+        pool.release(*id);
+    }
+    for (id, mesh) in &extracted.extracted {
+        let mesh = mesh.clone();
+        match pool.building.get_mut(id) {
+            Some(build) => build.newest = Some(mesh),
+            None => _ = pool.building.insert(*id, Build { task: build(mesh), newest: None }),
         }
     }
+}
+
+fn build(mesh: Mesh) -> Task<Built> {
+    AsyncComputeTaskPool::get().spawn(async move {
+        match geometry::triangles_of(&mesh) {
+            Ok(geometry) => (Ok(blas::build_blas(&geometry)), geometry.dropped),
+            Err(error) => (Err(error), Dropped::default()),
+        }
+    })
 }
 
 /// Uploads what was built since the last frame.
@@ -128,12 +138,11 @@ pub(crate) fn finish_meshes(
     let pool = &mut *pool;
     pool.uploaded = 0;
     let mut done = Vec::new();
-    pool.building.retain(|id, task| match check_ready(task) {
-        Some(built) => {
-            done.push((*id, built));
-            false
-        }
-        None => true,
+    pool.building.retain(|id, running| {
+        let Some(built) = check_ready(&mut running.task) else { return true };
+        done.push((*id, built));
+        let newest = running.newest.take().map(build);
+        newest.map(|task| running.task = task).is_some()
     });
     // The order in which tasks end must not decide where a mesh lies.
     done.sort_unstable_by_key(|(id, _)| *id);
@@ -151,22 +160,20 @@ pub(crate) fn finish_meshes(
                 dropped.degenerate
             );
         }
-        match built {
+        let trouble = match built {
             Ok(Some(blas)) => {
-                if !pool.insert(id, blas, &device, &queue) {
-                    warn!("restir: mesh {} does not fit the buffers of this device; it is left out", name());
-                    pool.empty.insert(id);
-                }
+                (!pool.insert(id, blas, &device, &queue)).then(|| " does not fit the buffers of this device".into())
             }
-            Ok(None) => {
-                warn!("restir: mesh {} has no usable triangle; it is left out", name());
-                pool.empty.insert(id);
-            }
-            Err(error) => {
-                warn!("restir: mesh {}: {error}; it is left out", name());
-                pool.empty.insert(id);
-            }
-        }
+            Ok(None) => Some(" has no usable triangle".into()),
+            Err(error) => Some(format!(": {error}")),
+        };
+        let Some(trouble) = trouble else {
+            pool.empty.remove(&id);
+            continue;
+        };
+        warn!("restir: mesh {}{trouble}; it is left out", name());
+        pool.release(id);
+        pool.empty.insert(id);
     }
 }
 
@@ -215,6 +222,15 @@ impl MeshPool {
             self.triangle_ranges.release(old.triangles);
         }
         true
+    }
+
+    /// Gives back what a mesh takes of the buffers.
+    fn release(&mut self, id: AssetId<Mesh>) {
+        self.second_uvs_of.remove(&id);
+        if let Some(entry) = self.entries.remove(&id) {
+            self.node_ranges.release(entry.nodes);
+            self.triangle_ranges.release(entry.triangles);
+        }
     }
 
     /// The mesh, once it is on the GPU.

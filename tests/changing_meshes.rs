@@ -1,0 +1,77 @@
+//! Meshes that change faster than they are built, that lose and regain their triangles, and what is said of them.
+
+use crate::support::app::*;
+use bevy::prelude::*;
+use bevy_restir::DebugView;
+
+/// A square of 126 000 triangles that faces +Z: many frames go by until it is built.
+fn heavy(side: f32) -> Mesh {
+    Plane3d::new(Vec3::Z, Vec2::splat(0.5 * side)).mesh().subdivisions(250).build()
+}
+
+/// A camera to which a square of side 2 fills the picture, and which shows the colours of things.
+fn rig() -> Option<Rig> {
+    let mut rig = Rig::new(32, 32)?;
+    rig.insert(rig.camera, orthographic(2.0, 2.0));
+    rig.set(|restir| restir.debug_view = DebugView::Albedo);
+    Some(rig)
+}
+
+fn covered(picture: &Picture) -> usize {
+    picture.iter().filter(|(_, color)| color.x > 0.0).count()
+}
+
+#[test]
+fn a_mesh_that_changes_in_every_frame_is_seen_to_move_from_its_birth_on() {
+    let Some(mut rig) = rig() else { return };
+    let mesh = rig.add::<Mesh>(heavy(0.2));
+    let material = rig.add::<StandardMaterial>(lambert(0.5));
+    let entity = rig.spawn_bundle((Mesh3d(mesh.clone()), MeshMaterial3d(material), Transform::default()));
+    let mut shapes = vec![0];
+    for i in 1..400 {
+        rig.edit(&mesh, |mesh| *mesh = heavy(0.2 + 0.004 * i as f32));
+        let Some(picture) = rig.next_if_any() else { continue };
+        let count = covered(&picture);
+        let last = *shapes.last().expect("there is one");
+        assert!(count >= last, "frame {i}: {count} pixels after {last}, but it only grows");
+        if count > last {
+            shapes.push(count);
+        }
+        if shapes.len() > 4 {
+            break;
+        }
+    }
+    assert!(shapes.len() > 4, "only {shapes:?} pixels were ever seen");
+    // The last of several edits without a pause is what stays.
+    for side in [1.4, 0.3, 1.9, 1.0] {
+        rig.edit(&mesh, |mesh| *mesh = heavy(side));
+        rig.frame();
+    }
+    rig.until_ready();
+    let last = rig.next();
+    let fresh = rig.add::<Mesh>(heavy(1.0));
+    rig.insert(entity, Mesh3d(fresh));
+    rig.until_ready();
+    assert_eq!(covered(&last), 16 * 16);
+    assert_eq!(last.pixels, rig.next().pixels);
+    rig.assert_sound();
+}
+
+#[test]
+fn a_mesh_that_was_empty_does_not_show_its_old_shape_again() {
+    let Some(mut rig) = rig() else { return };
+    let mesh = rig.add::<Mesh>(square(1.0));
+    let material = rig.add::<StandardMaterial>(lambert(0.5));
+    rig.spawn_bundle((Mesh3d(mesh.clone()), MeshMaterial3d(material), Transform::default()));
+    rig.until_ready();
+    assert_eq!(covered(&rig.next()), 16 * 16);
+    rig.edit(&mesh, |mesh| *mesh = square(0.0));
+    rig.until_ready();
+    assert_eq!(covered(&rig.next()), 0, "it has no triangle left");
+    rig.edit(&mesh, |mesh| *mesh = heavy(2.0));
+    let seen = (0..2000).map(|_| covered(&rig.next())).find(|&count| count > 0);
+    assert_eq!(seen, Some(32 * 32), "neither nothing nor the new shape");
+    rig.until_ready();
+    assert_eq!(rig.report().triangles, 251 * 251 * 2);
+    rig.assert_sound();
+}
