@@ -1,7 +1,11 @@
 //! Meshes that change faster than they are built, that lose and regain their triangles, and what is said of them.
 
-use crate::support::app::*;
-use bevy::prelude::*;
+use crate::support::{app::*, log};
+use bevy::{
+    asset::{RenderAssetUsages, uuid::Uuid},
+    mesh::PrimitiveTopology,
+    prelude::*,
+};
 use bevy_restir::DebugView;
 
 /// A square of 126 000 triangles that faces +Z: many frames go by until it is built.
@@ -74,4 +78,66 @@ fn a_mesh_that_was_empty_does_not_show_its_old_shape_again() {
     rig.until_ready();
     assert_eq!(rig.report().triangles, 251 * 251 * 2);
     rig.assert_sound();
+}
+
+/// Four triangles, of which `flat` have no area.
+fn partly_flat(flat: usize) -> Mesh {
+    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let points = (0..4).flat_map(|i| if i < flat { [corners[0]; 3] } else { corners });
+    with_positions(PrimitiveTopology::TriangleList, points.collect())
+}
+
+fn with_positions(topology: PrimitiveTopology, points: Vec<[f32; 3]>) -> Mesh {
+    Mesh::new(topology, RenderAssetUsages::all()).with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, points)
+}
+
+/// A mesh of an id that no other test has: they all speak into one log.
+fn add_named(rig: &mut Rig, name: u128, mesh: Mesh) -> Handle<Mesh> {
+    let handle = Handle::from(Uuid::from_u128(name));
+    rig.app.world_mut().resource_mut::<Assets<Mesh>>().insert(&handle, mesh).expect("it was never there");
+    handle
+}
+
+#[test]
+fn a_mesh_is_warned_of_once_however_often_it_changes() {
+    let Some(mut rig) = rig() else { return };
+    log::listen();
+    let mesh = add_named(&mut rig, 0xf1a7_0001, partly_flat(1));
+    let material = rig.add::<StandardMaterial>(lambert(0.5));
+    let entity = rig.spawn_bundle((Mesh3d(mesh.clone()), MeshMaterial3d(material), Transform::default()));
+    for i in 0..10 {
+        rig.until_ready();
+        rig.edit(&mesh, |mesh| *mesh = partly_flat(1 + i % 4));
+    }
+    rig.until_ready();
+    let said = |rig: &Rig, of: &Handle<Mesh>| {
+        assert!(rig.report().ready);
+        let lines = log::warnings(&of.id().to_string());
+        ["left out", "no usable triangle"].map(|text| lines.iter().filter(|line| line.contains(text)).count())
+    };
+    // It is left out as a whole where none has an area.
+    assert_eq!(said(&rig, &mesh), [2, 1]);
+    // Another asset is news.
+    let other = add_named(&mut rig, 0xf1a7_0002, partly_flat(2));
+    rig.insert(entity, Mesh3d(other.clone()));
+    rig.until_ready();
+    assert_eq!((said(&rig, &mesh), said(&rig, &other)), ([2, 1], [1, 0]));
+}
+
+#[test]
+fn lines_are_warned_of_where_a_thing_is_made_of_them() {
+    let Some(mut rig) = rig() else { return };
+    log::listen();
+    let lines = || with_positions(PrimitiveTopology::LineList, vec![[0.0; 3], [1.0, 0.0, 0.0]]);
+    let [elsewhere, ours] = [0x11e5_0001, 0x11e5_0002].map(|name| add_named(&mut rig, name, lines()));
+    let material = rig.add::<StandardMaterial>(lambert(0.5));
+    let entity = rig.spawn_bundle((Mesh3d(elsewhere.clone()), Transform::default()));
+    rig.until_ready();
+    let said = |of: &Handle<Mesh>| log::warnings(&of.id().to_string()).len();
+    assert_eq!([&elsewhere, &ours].map(said), [0, 0], "whatever draws them needs no triangles");
+    rig.insert(entity, (Mesh3d(ours.clone()), MeshMaterial3d(material)));
+    rig.frames(4);
+    rig.edit(&ours, |mesh| *mesh = lines());
+    rig.until_ready();
+    assert_eq!([&elsewhere, &ours].map(said), [0, 1]);
 }

@@ -23,7 +23,8 @@ use std::ops::Range;
 use super::{
     blas::{self, Blas, Bounds},
     data_texture::DataTexture,
-    geometry::{self, Dropped},
+    extract::ExtractedInstance,
+    geometry::{self, Dropped, GeometryError},
     heap::{GpuArray, RangeAllocator},
 };
 use crate::gpu_types::*;
@@ -48,13 +49,24 @@ impl MeshEntry {
     }
 }
 
-type Built = (Result<Option<Blas>, geometry::GeometryError>, Dropped);
+type Built = (Result<Option<Blas>, GeometryError>, Dropped);
 
 /// A mesh that is being built.
 struct Build {
     task: Task<Built>,
     /// What it has become since: built next.
     newest: Option<Mesh>,
+}
+
+/// What can be wrong with a mesh.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+enum Flaw {
+    /// Some triangles are left out.
+    Partial,
+    TooLarge,
+    NoTriangle,
+    NotTriangles,
+    Unreadable,
 }
 
 /// The meshes of the scene.
@@ -64,6 +76,10 @@ pub(crate) struct MeshPool {
     building: HashMap<AssetId<Mesh>, Build>,
     /// Meshes without a single usable triangle: nothing waits for them.
     empty: HashSet<AssetId<Mesh>>,
+    /// Warned of already.
+    told: HashSet<(AssetId<Mesh>, Flaw)>,
+    /// Lines and points, and what to say of them once a thing is made of them: whatever else draws them needs no triangles.
+    unlit: HashMap<AssetId<Mesh>, String>,
     node_ranges: RangeAllocator,
     triangle_ranges: RangeAllocator,
     pub nodes: GpuArray<[[u32; 4]; NODE_STRIDE as usize]>,
@@ -87,6 +103,8 @@ impl Default for MeshPool {
             entries: HashMap::default(),
             building: HashMap::default(),
             empty: HashSet::default(),
+            told: HashSet::default(),
+            unlit: HashMap::default(),
             node_ranges: RangeAllocator::default(),
             triangle_ranges: RangeAllocator::default(),
             nodes: GpuArray::new("acceleration structures"),
@@ -108,6 +126,8 @@ pub(crate) fn queue_meshes(mut pool: ResMut<MeshPool>, extracted: Res<ExtractedA
     for id in &extracted.removed {
         pool.building.remove(id);
         pool.empty.remove(id);
+        pool.unlit.remove(id);
+        pool.told.retain(|(told, _)| told != id);
         pool.release(*id);
     }
     for (id, mesh) in &extracted.extracted {
@@ -147,31 +167,30 @@ pub(crate) fn finish_meshes(
     // The order in which tasks end must not decide where a mesh lies.
     done.sort_unstable_by_key(|(id, _)| *id);
     for (id, (built, dropped)) in done {
-        let name = || match assets.as_ref().and_then(|a| a.get_path(id)) {
-            Some(path) => path.to_string(),
-            None => id.to_string(),
-        };
         if dropped.total() > 0 {
-            warn!(
-                "restir: mesh {}: left out {} triangles with indices out of range, {} that are not finite, {} without area",
-                name(),
-                dropped.out_of_range,
-                dropped.non_finite,
-                dropped.degenerate
+            let Dropped { out_of_range, non_finite, degenerate } = dropped;
+            let left_out = format!(
+                ": left out {out_of_range} triangles with indices out of range, {non_finite} that are not finite, {degenerate} without \
+                 area"
             );
+            pool.tell(id, Flaw::Partial, &left_out, assets.as_deref());
         }
-        let trouble = match built {
+        let (flaw, trouble) = match built {
             Ok(Some(blas)) => {
-                (!pool.insert(id, blas, &device, &queue)).then(|| " does not fit the buffers of this device".into())
+                if pool.insert(id, blas, &device, &queue) {
+                    pool.empty.remove(&id);
+                    if pool.unlit.remove(&id).is_some() {
+                        pool.told.remove(&(id, Flaw::NotTriangles));
+                    }
+                    continue;
+                }
+                (Flaw::TooLarge, " does not fit the buffers of this device".into())
             }
-            Ok(None) => Some(" has no usable triangle".into()),
-            Err(error) => Some(format!(": {error}")),
+            Ok(None) => (Flaw::NoTriangle, " has no usable triangle".into()),
+            Err(error @ GeometryError::Topology(_)) => (Flaw::NotTriangles, format!(": {error}")),
+            Err(error) => (Flaw::Unreadable, format!(": {error}")),
         };
-        let Some(trouble) = trouble else {
-            pool.empty.remove(&id);
-            continue;
-        };
-        warn!("restir: mesh {}{trouble}; it is left out", name());
+        pool.tell(id, flaw, &format!("{trouble}; it is left out"), assets.as_deref());
         pool.release(id);
         pool.empty.insert(id);
     }
@@ -222,6 +241,28 @@ impl MeshPool {
             self.triangle_ranges.release(old.triangles);
         }
         true
+    }
+
+    /// Warns of a mesh, once for as long as it exists: it may be built in every frame.
+    fn tell(&mut self, id: AssetId<Mesh>, flaw: Flaw, text: &str, assets: Option<&AssetServer>) {
+        if !self.told.insert((id, flaw)) {
+            return;
+        }
+        let name = assets.and_then(|a| a.get_path(id)).map_or_else(|| id.to_string(), |path| path.to_string());
+        match flaw {
+            Flaw::NotTriangles => _ = self.unlit.insert(id, format!("{name}{text}")),
+            _ => warn!("restir: mesh {name}{text}"),
+        }
+    }
+
+    /// Warns of things that are made of lines or points.
+    pub(crate) fn tell_of_unlit(&mut self, instances: &[ExtractedInstance]) {
+        if self.unlit.is_empty() {
+            return;
+        }
+        for text in instances.iter().filter_map(|instance| self.unlit.remove(&instance.mesh)) {
+            warn!("restir: mesh {text}");
+        }
     }
 
     /// Gives back what a mesh takes of the buffers.

@@ -115,6 +115,7 @@ fn mirror_scene(
     queue: Res<RenderQueue>,
 ) {
     materials.limit_to(&device);
+    meshes.tell_of_unlit(&scene.instances);
     materials.update_sources(&mut scene);
     materials.make_room(&scene.instances, meshes.idle() && !instances.waiting);
     let moved = textures.update(materials.images(), &images, &pipelines, &shaders, &assets, &device, &queue);
