@@ -1,7 +1,7 @@
 //! The reference gathers frames for as long as nothing that it shows changes, and random numbers are the seed's.
 
 use crate::support::app::*;
-use bevy::{prelude::*, render::render_resource::TextureFormat};
+use bevy::{light::RectLight, prelude::*, render::render_resource::TextureFormat};
 use bevy_restir::{EmissiveLuminance, RestirEnvironment, Technique};
 
 /// A lit plane with a texture, and who is who in it.
@@ -50,6 +50,36 @@ fn samples_add_up_while_nothing_changes() {
     rig.set(|restir| restir.reset = true);
     assert_eq!(rig.next().samples, 1);
     assert_eq!(rig.next().samples, 2);
+}
+
+#[test]
+fn lights_that_are_left_out_keep_no_frame_from_adding_up() {
+    let Some(Scene { mut rig, .. }) = scene() else { return };
+    let at = Transform::from_xyz(-1.0, 1.0, 2.0);
+    let light = |intensity| PointLight { intensity, ..default() };
+    let nowhere = Transform::from_translation(Vec3::NAN);
+    let beside = rig.spawn_bundle((light(0.0), at));
+    let half_nowhere = rig.spawn_bundle((light(50.0), Transform::from_xyz(f32::NAN, 0.0, 0.0)));
+    rig.spawn_bundle((light(50.0), nowhere));
+    rig.spawn_bundle((light(f32::NAN), at));
+    rig.spawn_bundle((PointLight { color: Color::linear_rgb(f32::NAN, 1.0, 1.0), ..light(50.0) }, at));
+    rig.spawn_bundle((SpotLight { outer_angle: f32::NAN, ..default() }, at));
+    rig.spawn_bundle((RectLight { width: f32::NAN, ..default() }, at));
+    for technique in [Technique::Reference, Technique::Pt] {
+        rig.set(|restir| (restir.technique, restir.accumulate) = (technique, true));
+        rig.until_ready();
+        rig.set(|restir| restir.reset = true);
+        for n in 1..=5 {
+            // Black, and where nothing is: that they move shows nothing.
+            rig.get_mut::<Transform>(beside).translation.x += 0.1;
+            rig.get_mut::<Transform>(half_nowhere).translation.y += 0.1;
+            assert_eq!(rig.next().samples, n, "{technique:?}");
+            assert_eq!(rig.report().uploaded_bytes, 0);
+        }
+    }
+    rig.get_mut::<PointLight>(beside).intensity = 50.0;
+    assert_eq!(rig.next().samples, 1, "it shines");
+    rig.assert_sound();
 }
 
 #[test]

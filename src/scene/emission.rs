@@ -28,7 +28,7 @@ impl Source {
     /// Equal but for rounding: a lamp that turns leaves the table alone.
     pub(super) fn same_as(&self, other: &Self) -> bool {
         match (self, other) {
-            (Self::Analytic(a), Self::Analytic(b)) => a == b,
+            (Self::Analytic(a), Self::Analytic(b)) => same_place(a, b) && same_light(a, b),
             (
                 Self::Mesh { slot, version, first_triangle, count, emission, double_sided, metric },
                 Self::Mesh {
@@ -41,8 +41,8 @@ impl Source {
                     metric: metric_b,
                 },
             ) => {
-                (slot, version, first_triangle, count, emission, double_sided)
-                    == (slot_b, version_b, first_b, count_b, emission_b, sides_b)
+                (slot, version, first_triangle, count, double_sided) == (slot_b, version_b, first_b, count_b, sides_b)
+                    && same(*emission, *emission_b)
                     && same_metric(metric, metric_b)
             }
             _ => false,
@@ -51,28 +51,54 @@ impl Source {
 
     /// Equal but for where it is: an analytic light that moves keeps its power.
     pub(super) fn same_elsewhere(&self, other: &Self) -> bool {
-        use AnalyticLight::*;
         match (self, other) {
-            (Self::Analytic(a), Self::Analytic(b)) => match (*a, *b) {
-                (Point { intensity: a, radius: radius_a, .. }, Point { intensity: b, radius: radius_b, .. }) => {
-                    a == b && same_bits(radius_a, radius_b)
-                }
-                (
-                    Spot { intensity: a, cos_inner: inner_a, cos_outer: outer_a, .. },
-                    Spot { intensity: b, cos_inner: inner_b, cos_outer: outer_b, .. },
-                ) => (a, inner_a, outer_a) == (b, inner_b, outer_b),
-                (
-                    Directional { illuminance: a, angular_size: size_a, .. },
-                    Directional { illuminance: b, angular_size: size_b, .. },
-                ) => a == b && same_bits(size_a, size_b),
-                (Rect { power: a, size: size_a, .. }, Rect { power: b, size: size_b, .. }) => {
-                    (a, size_a) == (b, size_b)
-                }
-                _ => false,
-            },
+            (Self::Analytic(a), Self::Analytic(b)) => same_light(a, b),
             _ => self.same_as(other),
         }
     }
+}
+
+/// Whether two analytic lights of one kind are in one place.
+fn same_place(a: &AnalyticLight, b: &AnalyticLight) -> bool {
+    use AnalyticLight::*;
+    match (*a, *b) {
+        (Point { position: a, .. }, Point { position: b, .. }) => same(a.to_array(), b.to_array()),
+        (Spot { position: a, direction: to_a, .. }, Spot { position: b, direction: to_b, .. }) => {
+            same(a.to_array(), b.to_array()) && same(to_a.to_array(), to_b.to_array())
+        }
+        (Directional { direction: a, .. }, Directional { direction: b, .. }) => same(a.to_array(), b.to_array()),
+        (Rect { position: a, rotation: turn_a, .. }, Rect { position: b, rotation: turn_b, .. }) => {
+            same(a.to_array(), b.to_array()) && same(turn_a.to_array(), turn_b.to_array())
+        }
+        _ => false,
+    }
+}
+
+/// Whether two analytic lights are the same wherever they are.
+fn same_light(a: &AnalyticLight, b: &AnalyticLight) -> bool {
+    use AnalyticLight::*;
+    match (*a, *b) {
+        (Point { intensity: a, radius: radius_a, .. }, Point { intensity: b, radius: radius_b, .. }) => {
+            same(a.to_array(), b.to_array()) && same([radius_a], [radius_b])
+        }
+        (
+            Spot { intensity: a, cos_inner: inner_a, cos_outer: outer_a, .. },
+            Spot { intensity: b, cos_inner: inner_b, cos_outer: outer_b, .. },
+        ) => same(a.to_array(), b.to_array()) && same([inner_a, outer_a], [inner_b, outer_b]),
+        (
+            Directional { illuminance: a, angular_size: size_a, .. },
+            Directional { illuminance: b, angular_size: size_b, .. },
+        ) => same(a.to_array(), b.to_array()) && same([size_a], [size_b]),
+        (Rect { power: a, size: size_a, .. }, Rect { power: b, size: size_b, .. }) => {
+            same(a.to_array(), b.to_array()) && same(size_a.to_array(), size_b.to_array())
+        }
+        _ => false,
+    }
+}
+
+/// Numbers that are the same, NaN or not: what is left out for its NaN changes no more than others do.
+fn same<const N: usize>(a: [f32; N], b: [f32; N]) -> bool {
+    a.iter().zip(&b).all(|(a, b)| a == b || (a.is_nan() && b.is_nan()))
 }
 
 pub(super) fn luminance(c: [f32; 3]) -> f64 {
@@ -82,7 +108,7 @@ pub(super) fn luminance(c: [f32; 3]) -> f64 {
 /// Products that differ by what rotating in f32 makes of them.
 fn same_metric(a: &[f32; 6], b: &[f32; 6]) -> bool {
     let tolerance = 1e-5 * a[0].max(a[1]).max(a[2]).max(f32::MIN_POSITIVE);
-    a.iter().zip(b).all(|(a, b)| (a - b).abs() <= tolerance)
+    a.iter().zip(b).all(|(a, b)| a == b || (a - b).abs() <= tolerance)
 }
 
 pub(super) fn world_area(m: &Rows, corners: &[[f32; 3]; 3]) -> f64 {
@@ -237,11 +263,6 @@ pub(super) fn shape_bounds(light: &GpuLight) -> Option<Bounds> {
 fn rotation_of(m: [f64; 3]) -> DQuat {
     let square: f64 = m.iter().map(|x| x * x).sum();
     DQuat::from_xyzw(2.0 * m[0], 2.0 * m[1], 2.0 * m[2], 1.0 - square).normalize()
-}
-
-/// Settings that are the same, NaN or not.
-fn same_bits(a: f32, b: f32) -> bool {
-    a.to_bits() == b.to_bits()
 }
 
 /// Whether a light of this record and power can be drawn.

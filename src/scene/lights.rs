@@ -158,7 +158,7 @@ impl LightPool {
         if all(Source::same_as) {
             return;
         }
-        if self.mirrored && all(Source::same_elsewhere) && self.move_lights(&sources) {
+        if all(Source::same_elsewhere) && self.move_lights(&sources) {
             self.sources = sources;
             return;
         }
@@ -182,7 +182,7 @@ impl LightPool {
     }
 
     /// Where nothing but places of analytic lights changed: their records, without a look at all the triangles.  False, and nothing
-    /// done, where another set of them than before can be drawn.
+    /// done, where another set of them than before can be drawn, or where there is no table of the last frame to write to.
     fn move_lights(&mut self, sources: &[(MainEntity, Source)]) -> bool {
         let analytic = self.groups.iter().take_while(|group| !group.owner.mesh).count();
         let mut moved = Vec::with_capacity(analytic);
@@ -200,6 +200,14 @@ impl LightPool {
             moved.push(GpuLight { kind, pmf, alias_probability, alias_index, counterpart: id as u32, ..gpu });
         }
         if moved.len() != analytic {
+            return false;
+        }
+        // Lights that are left out, black ones among them, show nothing of their ways.
+        let stays = |(new, old): (&GpuLight, &GpuLight)| GpuLight { counterpart: old.counterpart, ..*new } == *old;
+        if moved.iter().zip(&self.table).all(stays) {
+            return true;
+        }
+        if !self.mirrored {
             return false;
         }
         self.previous.clear();
