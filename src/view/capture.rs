@@ -2,6 +2,7 @@
 
 use bevy::{
     ecs::prelude::*,
+    log::warn_once,
     math::UVec2,
     render::{
         render_resource::{Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor, MapMode, PollType},
@@ -36,10 +37,13 @@ impl CapturedRadiance {
 #[derive(Debug, Default)]
 struct State {
     wanted: bool,
+    /// Counts requests: what comes late is no answer to the next one.
+    requests: u64,
     captured: Option<CapturedRadiance>,
 }
 
-/// On a [`Restir`](crate::Restir) camera: hands out the radiance of the next frame that is asked for.  A capture waits for the GPU.
+/// On a [`Restir`](crate::Restir) camera: hands out the radiance of the next frame that is asked for.  A capture waits for the GPU; on the
+/// web, where nothing can, it comes some frames later.
 #[derive(Component, Clone, Debug, Default)]
 pub struct RadianceCapture(Arc<Mutex<State>>);
 
@@ -48,6 +52,7 @@ impl RadianceCapture {
     pub fn request(&self) {
         let mut state = self.state();
         state.wanted = true;
+        state.requests += 1;
         state.captured = None;
     }
 
@@ -68,6 +73,7 @@ pub(crate) fn capture_radiance(
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
 ) {
+    let mut reading = false;
     for (entity, view) in &extracted.0 {
         let Some(capture) = view.capture.as_ref().filter(|c| c.state().wanted) else {
             continue;
@@ -75,32 +81,45 @@ pub(crate) fn capture_radiance(
         let Some(view) = pool.views.get(entity).filter(|v| v.rendered) else {
             continue;
         };
-        let bytes = read_buffer(&view.radiance, &device, &queue);
-        let mut state = capture.state();
-        let count = (view.size.x * view.size.y) as usize;
-        state.captured = Some(CapturedRadiance {
-            size: view.size,
-            pixels: bytemuck::pod_collect_to_vec::<u8, [f32; 4]>(&bytes)[..count].to_vec(),
-        });
-        state.wanted = false;
+        capture.state().wanted = false;
+        read_radiance(capture, &view.radiance, view.size, &device, &queue);
+        reading = true;
+    }
+    // Browsers do not wait: they call back on their own.
+    if reading && let Err(error) = device.poll(PollType::wait_indefinitely()) {
+        warn_once!("restir: the GPU was not waited for: {error}");
     }
 }
 
-/// Copies a buffer back and waits for it.
-fn read_buffer(buffer: &Buffer, device: &RenderDevice, queue: &RenderQueue) -> Vec<u8> {
+/// Copies radiance back and hands it out as soon as it is there.
+fn read_radiance(
+    capture: &RadianceCapture,
+    radiance: &Buffer,
+    size: UVec2,
+    device: &RenderDevice,
+    queue: &RenderQueue,
+) {
     let staging = device.create_buffer(&BufferDescriptor {
         label: Some("restir capture"),
-        size: buffer.size(),
+        size: radiance.size(),
         usage: BufferUsages::COPY_DST | BufferUsages::MAP_READ,
         mapped_at_creation: false,
     });
     let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor { label: Some("restir capture") });
-    encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, buffer.size());
+    encoder.copy_buffer_to_buffer(radiance, 0, &staging, 0, radiance.size());
     queue.submit([encoder.finish()]);
-    let slice = staging.slice(..);
-    slice.map_async(MapMode::Read, |_| ());
-    if device.poll(PollType::wait_indefinitely()).is_err() {
-        return vec![0; buffer.size() as usize];
-    }
-    slice.get_mapped_range().to_vec()
+    let (mapped, capture, request) = (staging.clone(), capture.clone(), capture.state().requests);
+    staging.slice(..).map_async(MapMode::Read, move |result| {
+        if let Err(error) = result {
+            warn_once!("restir: a capture does not come back: {error}");
+            return;
+        }
+        let mut pixels: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec::<u8, _>(&mapped.slice(..).get_mapped_range());
+        mapped.unmap();
+        pixels.truncate((size.x * size.y) as usize);
+        let mut state = capture.state();
+        if state.requests == request {
+            state.captured = Some(CapturedRadiance { size, pixels });
+        }
+    });
 }
