@@ -94,3 +94,9 @@ fn lights_that_only_move_light_from_where_they_are() {
         *rig.get_mut::<Transform>(moving[1]) = eye.looking_at(Vec3::new(0.4 * step - 0.8, -0.5, -0.5), Vec3::Y);
     });
 }
+
+#[test]
+fn lights_that_come_and_go_leave_emitters_as_bright_as_they_are() {
+    let Some(mut rig) = scene(32, passing) else { return };
+    check("passing lights", &mut rig, 0.015, pose_passing);
+}

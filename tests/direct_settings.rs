@@ -103,6 +103,34 @@ fn confidence_grows_by_a_frame_up_to_its_cap() {
 }
 
 #[test]
+fn the_history_of_an_emitter_outlives_lights_that_come_and_go() {
+    let Some(mut rig) = lit_room(24, 24) else { return };
+    let light = PointLight { intensity: 1.0, ..default() };
+    // One of their kind stays, so that the shaders are the same.
+    rig.spawn_bundle((light, Transform::from_xyz(0.9, 0.9, 0.9)));
+    direct(&mut rig, Direct { confidence_cap: 20.0, ..temporal() });
+    rig.set(|r| r.debug_view = DebugView::ReservoirConfidence);
+    rig.until_ready();
+    rig.set(|r| r.reset = true);
+    rig.frames(3);
+    let check = |rig: &mut Rig, frames: f32, lights: u64| {
+        let view = rig.next();
+        assert_eq!(rig.report().lights, lights);
+        let lit = view.iter().filter(|(_, c)| c.x == frames).count();
+        assert!(lit > 300, "{lit} pixels have a history of {frames} frames");
+    };
+    check(&mut rig, 4.0, 3);
+    let other = rig.spawn_bundle((light, Transform::from_xyz(-0.9, 0.9, 0.9)));
+    check(&mut rig, 5.0, 4);
+    rig.insert(other, Visibility::Hidden);
+    check(&mut rig, 6.0, 3);
+    rig.insert(other, Visibility::Visible);
+    check(&mut rig, 7.0, 4);
+    rig.app.world_mut().despawn(other);
+    check(&mut rig, 8.0, 3);
+}
+
+#[test]
 fn both_orders_sum_the_confidence_of_all_that_they_reuse() {
     let Some(mut rig) = lit_room(24, 24) else { return };
     let mut most = |settings: Direct, frames| {

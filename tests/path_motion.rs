@@ -17,6 +17,15 @@ fn paths_in_a_frame_in_which_all_moves_carry_what_they_carry_at_rest() {
 }
 
 #[test]
+fn paths_to_emitters_carry_what_they_carry_while_other_lights_come_and_go() {
+    let Some(mut rig) = scene(32, passing) else { return };
+    let proof = Proof { bounces: 3, margin: 0.015, pose: Some(&pose_passing), ..Proof::of((160, 1), (40, 32)) };
+    let paths = Paths { spatial_taps: 0, ..every() };
+    let both = [("paths", AllLight::Pt(paths.clone())), ("indirect", AllLight::Gi(both(), paths))];
+    proof.check("passing lights", &mut rig, &both);
+}
+
+#[test]
 fn suffixes_that_are_not_traced_both_ways_are_biased_with_their_documented_sign() {
     let Some(mut rig) = scene(32, moving) else { return };
     let proof = Proof { bounces: 3, margin: 0.015, pose: Some(&pose_moving), ..Proof::of((160, 1), (40, 32)) };

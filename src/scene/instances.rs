@@ -158,13 +158,15 @@ const ABSENT: GpuInstance = GpuInstance {
     entity: 0,
 };
 
-/// An instance but for where it is.
+/// An instance but for where it is, and where its lights are in the table, if they are: what a history holds of them is mapped from table
+/// to table.
 fn without_place(instance: &GpuInstance) -> GpuInstance {
     let nowhere = Rows::default();
     GpuInstance {
         world_from_object: nowhere,
         object_from_world: nowhere,
         previous_world_from_object: nowhere,
+        first_light: if instance.first_light == NONE { NONE } else { 0 },
         ..*instance
     }
 }

@@ -348,6 +348,23 @@ pub fn pose_moving_at(rig: &mut Rig, step: f32) {
         Transform::from_translation(eye).looking_at(Vec3::new(0.0, -0.2, 0.0), Vec3::Y);
 }
 
+/// A room with an emitter whose place in the table of lights is another one in the last frames, for lights come and go: [`pose_passing`].
+pub fn passing(rig: &mut Rig) {
+    room(rig);
+    for (name, x) in [("late", 1.0), ("early", -1.0), ("steady", 0.0)] {
+        let light = PointLight { intensity: 30.0, ..default() };
+        rig.spawn_bundle((Name::new(name), light, Transform::from_xyz(x, 0.2, 1.2)));
+    }
+}
+
+/// Who is there at a step, 0 to [`STEPS`].
+pub fn pose_passing(rig: &mut Rig, step: u32) {
+    for (name, there) in [("late", step >= STEPS), ("early", step < STEPS - 1)] {
+        let entity = rig.named(name);
+        *rig.get_mut::<Visibility>(entity) = if there { Visibility::Inherited } else { Visibility::Hidden };
+    }
+}
+
 /// A camera and a made scene.
 pub fn scene(size: u32, make: impl FnOnce(&mut Rig)) -> Option<Rig> {
     let mut rig = Rig::new(size, size)?;
