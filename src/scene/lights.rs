@@ -32,7 +32,8 @@ use crate::gpu_types::*;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 struct Owner {
     entity: MainEntity,
-    mesh: bool,
+    /// `LIGHT_*`: points on lights of another kind are other points.
+    kind: u32,
 }
 
 /// Lights of one owner: `first..first + count` in the table.
@@ -184,7 +185,7 @@ impl LightPool {
     /// Where nothing but places of analytic lights changed: their records, without a look at all the triangles.  False, and nothing
     /// done, where another set of them than before can be drawn, or where there is no table of the last frame to write to.
     fn move_lights(&mut self, sources: &[(MainEntity, Source)]) -> bool {
-        let analytic = self.groups.iter().take_while(|group| !group.owner.mesh).count();
+        let analytic = self.groups.iter().take_while(|group| group.owner.kind != LIGHT_TRIANGLE).count();
         let mut moved = Vec::with_capacity(analytic);
         for (entity, source) in sources {
             let Source::Analytic(light) = source else { break };
@@ -193,7 +194,8 @@ impl LightPool {
                 continue;
             }
             let id = moved.len();
-            if id == analytic || self.groups[id].owner.entity != *entity {
+            if id == analytic || self.groups[id].owner != (Owner { entity: *entity, kind: gpu.kind & LIGHT_KIND_BITS })
+            {
                 return false;
             }
             let GpuLight { kind, pmf, alias_probability, alias_index, .. } = self.table[id];
@@ -314,7 +316,8 @@ impl LightPool {
                     instances.set_first_light(*slot, first);
                 }
             }
-            let owner = Owner { entity: *entity, mesh: matches!(source, Source::Mesh { .. }) };
+            let kind = self.table.get(first as usize).map_or(LIGHT_TRIANGLE, |light| light.kind & LIGHT_KIND_BITS);
+            let owner = Owner { entity: *entity, kind };
             self.groups.push(Group { owner, first, count: self.table.len() as u32 - first });
         }
         self.power = powers.iter().filter(|p| p.is_finite() && **p > 0.0).sum();
@@ -371,7 +374,7 @@ impl LightPool {
         if self.change == Change::Nothing {
             return 0;
         }
-        let analytic = self.groups.iter().take_while(|group| !group.owner.mesh).count();
+        let analytic = self.groups.iter().take_while(|group| group.owner.kind != LIGHT_TRIANGLE).count();
         let boxes = self.table[..analytic].iter().enumerate();
         let boxes = boxes.filter_map(|(id, light)| Some((id as u32, shape_bounds(light)?))).collect();
         self.shapes.update(boxes, meshes, device, queue)
@@ -431,7 +434,7 @@ impl ShapeTree {
     }
 }
 
-/// Ids both ways between two tables: a light is the same if its owner is and has as many lights.
+/// Ids both ways between two tables: a light is the same if its owner is, of the same kind, and has as many lights.
 fn remap(old: &[Group], old_count: u32, new: &[Group], new_count: u32) -> LightRemap {
     let by_owner: HashMap<Owner, &Group> = old.iter().map(|g| (g.owner, g)).collect();
     let mut map = LightRemap {
@@ -457,7 +460,7 @@ mod tests {
 
     fn group(entity: u32, first: u32, count: u32) -> Group {
         let entity = Entity::from_raw_u32(entity).expect("a valid index").into();
-        Group { owner: Owner { entity, mesh: true }, first, count }
+        Group { owner: Owner { entity, kind: LIGHT_TRIANGLE }, first, count }
     }
 
     #[test]
@@ -473,5 +476,8 @@ mod tests {
         assert_eq!(map.current_from_previous[6], 0, "light 6 is the first of entity 3");
         assert_eq!(map.current_from_previous[0], NONE, "entity 1 has another number of lights now");
         assert_eq!(map.previous_from_current[2], NONE, "entity 4 is new");
+        let mut ball = group(2, 1, 5);
+        ball.owner.kind = LIGHT_SPHERE;
+        assert_eq!(remap(&old, 8, &[ball], 6).previous_from_current, [NONE; 6], "entity 2 is of another kind now");
     }
 }

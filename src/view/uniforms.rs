@@ -75,8 +75,9 @@ impl RestirView {
         let progressive = self.key.is_none_or(|key| key.frame.domains().is_empty());
         let last = self.shown.as_ref().filter(|_| !restir.settings.reset);
         let same = last.is_some_and(|last| *last == shown);
-        let known =
-            last.is_some_and(|last| Shown { motion: shown.motion, camera: shown.camera, background, ..last.clone() } == shown);
+        let known = last.is_some_and(|last| {
+            Shown { motion: shown.motion, camera: shown.camera, background, ..last.clone() } == shown
+        });
         let keep = if progressive { same } else { known };
         self.moved = last.is_some_and(|last| last.motion != shown.motion);
         self.frame = if keep { self.frame.saturating_add(1) } else { 0 };
