@@ -133,6 +133,9 @@ pub enum Preset {
 /// Lights what this camera sees by path tracing, in place of Bevy's own lighting.  Multisampling (`Msaa`) is turned off: the jitter of
 /// the primary rays does its work.
 ///
+/// What ReSTIR keeps of earlier frames outlives motion of things, lights and cameras, and lights that change, come and go.  It is begun
+/// anew where things appear or go, or a mesh, a material, an image, the environment or one of these settings changes.
+///
 /// ```
 /// # use bevy::prelude::*;
 /// # use bevy_restir::prelude::*;
