@@ -196,7 +196,7 @@ fn exposure_keeps_the_history_and_another_projection_forgets_it() {
     let kept = reservoirs(&mut rig, DebugView::ReservoirConfidence, 8).mean();
     rig.insert(rig.camera, bevy::camera::Exposure { ev100: 3.0 });
     let exposed = rig.next().mean();
-    assert!(exposed >= kept && kept > 2.0, "{kept} to {exposed}");
+    assert!(exposed > 0.8 * kept && kept > 10.0, "{kept} to {exposed}");
     rig.insert(rig.camera, orthographic(3.0, 3.0));
     let fresh = rig.next().mean();
     assert!(fresh < 0.5 * kept, "{kept} to {fresh}");

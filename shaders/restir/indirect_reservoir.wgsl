@@ -4,7 +4,7 @@
 #import bevy_restir::common::math::{is_finite, max_component}
 #import bevy_restir::light::point_on_light::LightPoint
 #import bevy_restir::path::sample::END_LIGHT
-#import bevy_restir::restir::kept_path::{confidence_pack, confidence_unpack, connection_pack, emptied, path_unpack, Reservoir}
+#import bevy_restir::restir::kept_path::{confidence_pack, confidence_unpack, connection_pack, no_reservoir, path_unpack, Reservoir}
 
 // As it lies in memory.
 struct PackedReservoir {
@@ -27,7 +27,7 @@ fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     );
 }
 
-// A number that is not finite must not spread over the screen.
+// A number that is not finite must not spread over the screen, and what it stood for does not count: the picture would be dark.
 fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     let structure = p.structure.x;
     var s = path_unpack(structure, p.connection);
@@ -47,7 +47,7 @@ fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     let confidence = confidence_unpack(structure >> 20u);
     let ucw = bitcast<f32>(p.structure.z);
     if !is_finite(ucw) || !is_finite(s.light_pdf) || !is_finite(s.density) || !(ucw >= 0.0) {
-        return emptied(confidence);
+        return no_reservoir();
     }
     return Reservoir(s, ucw, confidence, true);
 }

@@ -16,12 +16,7 @@ struct Reservoir {
 const CONFIDENCE_MAX: f32 = 255.0;
 
 fn no_reservoir() -> Reservoir {
-    return emptied(0.0);
-}
-
-// Nothing was found, which counts as well.
-fn emptied(confidence: f32) -> Reservoir {
-    return Reservoir(no_path_sample(), 0.0, confidence, true);
+    return Reservoir(no_path_sample(), 0.0, 0.0, true);
 }
 
 fn confidence_pack(confidence: f32) -> u32 {

@@ -4,7 +4,7 @@
 
 #import bevy_restir::common::math::{is_finite, is_finite_3}
 #import bevy_restir::light::point_on_light::LightPoint
-#import bevy_restir::restir::kept_path::{confidence_pack, confidence_unpack, connection_pack, emptied, path_unpack, Reservoir}
+#import bevy_restir::restir::kept_path::{confidence_pack, confidence_unpack, connection_pack, no_reservoir, path_unpack, Reservoir}
 
 // As it lies in memory.
 struct PackedReservoir {
@@ -26,7 +26,7 @@ fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     );
 }
 
-// A number that is not finite must not spread over the screen.
+// A number that is not finite must not spread over the screen, and what it stood for does not count: the picture would be dark.
 fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     let structure = p.structure.x;
     var s = path_unpack(structure, p.connection);
@@ -44,7 +44,7 @@ fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     let ucw = bitcast<f32>(p.structure.w);
     let sound = is_finite(ucw) && is_finite_3(s.radiance) && is_finite(s.light_pdf) && is_finite(s.density) && is_finite(s.target_value);
     if !sound || !(ucw >= 0.0) {
-        return emptied(confidence);
+        return no_reservoir();
     }
     return Reservoir(s, ucw, confidence, true);
 }
