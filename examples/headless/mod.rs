@@ -70,7 +70,7 @@ pub fn quiet_drivers() {
 /// A headless app that reads its assets from a folder and traces rays as one likes.
 pub fn app(folder: &Path, backend: RayBackend) -> Result<App, String> {
     let mut app = App::new();
-    app.insert_resource(backend);
+
     app.add_plugins(
         DefaultPlugins
             .set(LogPlugin {
@@ -92,7 +92,7 @@ pub fn app(folder: &Path, backend: RayBackend) -> Result<App, String> {
             .disable::<WinitPlugin>()
             .disable::<PipelinedRenderingPlugin>(),
     )
-    .add_plugins((RestirPlugin, RenderDiagnosticsPlugin))
+    .add_plugins((RestirPlugin { backend }, RenderDiagnosticsPlugin))
     .insert_resource(EmissiveLuminance(1.0))
     .insert_resource(ClearColor(Color::BLACK))
     .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f64(1.0 / 60.0)));

@@ -1,7 +1,7 @@
 // Small functions of vectors and floats that every module may use.
 #define_import_path bevy_restir::common::math
 
-// Rec. 709 luminance of a linear colour.
+// Rec. 709 luminance of a linear color.
 fn luminance(c: vec3<f32>) -> f32 {
     return dot(c, vec3<f32>(0.2126, 0.7152, 0.0722));
 }
@@ -45,6 +45,11 @@ fn octahedral_encode(n: vec3<f32>) -> u32 {
     let p = n.xy / (abs(n.x) + abs(n.y) + abs(n.z));
     let folded = (vec2<f32>(1.0) - abs(p.yx)) * select(vec2<f32>(-1.0), vec2<f32>(1.0), p >= vec2<f32>(0.0));
     return pack2x16snorm(select(folded, p, n.z >= 0.0));
+}
+
+// A direction as `octahedral_encode` stores it.
+fn quantized_direction(d: vec3<f32>) -> vec3<f32> {
+    return octahedral_decode(octahedral_encode(d));
 }
 
 // Direction of the texture coordinates of an equirectangular map: u = 0.5 + atan2(d.x, -d.z)/2π, v = acos(d.y)/π.

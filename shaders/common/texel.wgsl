@@ -1,4 +1,4 @@
-// How colours are kept in eight bits a channel, and read again: as they are, by the sRGB curve, or as mantissas of an exponent that
+// How colors are kept in eight bits a channel, and read again: as they are, by the sRGB curve, or as mantissas of an exponent that
 // takes the place of alpha.
 #define_import_path bevy_restir::common::texel
 

@@ -41,7 +41,7 @@ fn cube_place(d: vec3<f32>) -> CubePlace {
     return CubePlace(select(5u, 4u, d.z > 0.0), vec2<f32>(select(-d.x, d.x, d.z > 0.0), -d.y) / size.z);
 }
 
-// The direction of a place, not normalised.
+// The direction of a place, not normalized.
 fn cube_direction(face: u32, at: vec2<f32>) -> vec3<f32> {
     switch face {
         case 0u: {

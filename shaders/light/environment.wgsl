@@ -1,4 +1,4 @@
-// The light at infinity: a colour, times an equirectangular map or a cube.  Either is importance-sampled by descent of a chain of
+// The light at infinity: a color, times an equirectangular map or a cube.  Either is importance-sampled by descent of a chain of
 // sums over equirectangular cells (McCool and Harwood 1997); inside a cell of the finest level the density is constant in solid angle,
 // so the poles are ordinary.
 #define_import_path bevy_restir::light::environment
@@ -222,10 +222,10 @@ fn environment_cell_importance(cell: vec2<u32>, size: vec2<u32>) -> f32 {
     return mean * cell_solid_angle(cell.y, size);
 }
 
-// ∫ from a to b of the tent of width 2 about the centre of texel i.
+// ∫ from a to b of the tent of width 2 about the center of texel i.
 fn tent_integral(a: f32, b: f32, i: i32) -> f32 {
-    let centre = f32(i) + 0.5;
-    return tent_primitive(b - centre) - tent_primitive(a - centre);
+    let center = f32(i) + 0.5;
+    return tent_primitive(b - center) - tent_primitive(a - center);
 }
 
 fn tent_primitive(t: f32) -> f32 {

@@ -11,7 +11,7 @@
 #import bevy_restir::light::triangle::triangle_light_sample
 #import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, no_light_sample}
 #import bevy_restir::scene::bindings::scene
-#import bevy_restir::view::mask::{light_kind, light_shines}
+#import bevy_restir::view::render_layers::{light_kind, light_in_layers}
 
 // A point or direction of a light, as seen from a point.  `light`: an index into the table, ENVIRONMENT_LIGHT or NONE.
 fn light_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> LightSample {
@@ -26,7 +26,7 @@ fn light_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> LightSample 
 
 // The same of any record of the buffer, the last frame's among them.
 fn record_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> LightSample {
-    if !light_shines(light) {
+    if !light_in_layers(light) {
         return no_light_sample();
     }
     switch light_kind(light) {

@@ -5,7 +5,7 @@
 #import bevy_restir::light::types::{LightSample, no_light_sample}
 #import bevy_restir::scene::bindings::lights
 #import bevy_restir::scene::triangle::safe_normalize
-#import bevy_restir::view::mask::light_kind
+#import bevy_restir::view::render_layers::light_kind
 
 #ifdef LIGHT_POINTS
 fn point_light_sample(light: u32, from_point: vec3<f32>) -> LightSample {

@@ -15,7 +15,7 @@
 #import bevy_restir::light::triangle::{triangle_light_at, uniform_barycentrics}
 #import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, no_light_sample}
 #import bevy_restir::scene::bindings::scene
-#import bevy_restir::view::mask::{light_kind, light_shines}
+#import bevy_restir::view::render_layers::{light_kind, light_in_layers}
 
 struct LightPoint {
     light: u32,                // id in the table, ENVIRONMENT_LIGHT or NONE
@@ -93,7 +93,7 @@ fn light_point_at(p: LightPoint, from_point: vec3<f32>, previous: bool) -> Light
         return s;
     }
     let record = light_record(p.light, previous);
-    if record == NONE || !light_shines(record) {
+    if record == NONE || !light_in_layers(record) {
         return no_light_sample();
     }
     switch light_kind(record) {

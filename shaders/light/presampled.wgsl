@@ -6,11 +6,11 @@
 #import bevy_restir::common::math::max_component
 #import bevy_restir::light::point_on_light::{LightPoint, light_point_at, light_point_sample}
 #import bevy_restir::light::select::light_select
-#import bevy_restir::light::triangle::{triangle_light_colour, triangle_light_presence}
+#import bevy_restir::light::triangle::{triangle_light_color, triangle_light_presence}
 #import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, no_light_sample}
 #import bevy_restir::scene::bindings::{instances, lights, materials}
 #import bevy_restir::scene::triangle::{safe_normalize, world_triangle}
-#import bevy_restir::view::mask::light_kind
+#import bevy_restir::view::render_layers::light_kind
 
 struct PresampledLight {
     position: vec3<f32>,       // of the environment its direction
@@ -18,7 +18,7 @@ struct PresampledLight {
     normal: vec3<f32>,         // times the area of the triangle; of the environment: x is the density of the direction
     coordinates: u32,
     brightest: f32,            // component of the radiance
-    colour: u32,               // the components over the brightest, 3 x 10 bits; PRESAMPLED_*
+    color: u32,               // the components over the brightest, 3 x 10 bits; PRESAMPLED_*
     pmf: f32,                  // of the light; 0: there is none
     presence: f32,             // probability that a ray meets the point
 }
@@ -52,7 +52,7 @@ fn presample_light(u: vec4<f32>) -> PresampledLight {
     s.normal = t.normal * t.area;
     s.presence = triangle_light_presence(p.light, l.barycentrics);
     let is_double_sided = (materials[instances[instance].material].flags & MATERIAL_DOUBLE_SIDED) != 0u;
-    return with_radiance(s, triangle_light_colour(instance, triangle, l.barycentrics), select(0u, PRESAMPLED_DOUBLE_SIDED, is_double_sided));
+    return with_radiance(s, triangle_light_color(instance, triangle, l.barycentrics), select(0u, PRESAMPLED_DOUBLE_SIDED, is_double_sided));
 }
 
 // Ten bits are enough of what candidates are only chosen by, but what is there must stay above 0: surfaces may reflect that channel alone.
@@ -61,12 +61,12 @@ fn with_radiance(s: PresampledLight, radiance: vec3<f32>, flags: u32) -> Presamp
     kept.brightest = max_component(radiance);
     let shares = 1023.0 * clamp(radiance / max(kept.brightest, 1.0e-37), vec3<f32>(0.0), vec3<f32>(1.0));
     let share = select(vec3<u32>(shares + 0.5), vec3<u32>(1u), (radiance > vec3<f32>(0.0)) & (shares < vec3<f32>(1.0)));
-    kept.colour = share.x | share.y << 10u | share.z << 20u | flags;
+    kept.color = share.x | share.y << 10u | share.z << 20u | flags;
     return kept;
 }
 
 fn presampled_radiance(s: PresampledLight) -> vec3<f32> {
-    let share = vec3<u32>(s.colour, s.colour >> 10u, s.colour >> 20u) & vec3<u32>(1023u);
+    let share = vec3<u32>(s.color, s.color >> 10u, s.color >> 20u) & vec3<u32>(1023u);
     return s.brightest * vec3<f32>(share) * (1.0 / 1023.0);
 }
 
@@ -76,7 +76,7 @@ fn presampled_point(s: PresampledLight) -> LightPoint {
 
 // As `from_point` sees it: `light_point_at` but for the last digits of its radiance.
 fn presampled_at(s: PresampledLight, from_point: vec3<f32>) -> LightSample {
-    if (s.colour & PRESAMPLED_TABLE) != 0u {
+    if (s.color & PRESAMPLED_TABLE) != 0u {
         return light_point_at(presampled_point(s), from_point, false);
     }
     var l = no_light_sample();
@@ -98,7 +98,7 @@ fn presampled_at(s: PresampledLight, from_point: vec3<f32>) -> LightSample {
     let cubed = d2 * l.distance;
     if projected > 0.0 && cubed < projected * 1.0e37 {
         l.pdf_solid_angle = cubed / projected;
-        let shines = (s.colour & PRESAMPLED_DOUBLE_SIDED) != 0u || dot(l.wi, s.normal) < 0.0;
+        let shines = (s.color & PRESAMPLED_DOUBLE_SIDED) != 0u || dot(l.wi, s.normal) < 0.0;
         l.radiance = select(vec3<f32>(0.0), presampled_radiance(s), shines);
     }
     return l;

@@ -70,8 +70,8 @@ fn rect_distance(light: u32, origin: vec3<f32>, direction: vec3<f32>) -> f32 {
     let slope = dot(direction, r.normal);
     let t = dot(lights[light].position - origin, r.normal) / min(slope, -1.0e-30);
     let uv = rect_uv_at(light, origin + t * direction);
-    let is_met = slope < 0.0 && t > 0.0 && all(uv >= vec2<f32>(0.0)) && all(uv <= vec2<f32>(1.0));
-    return select(-1.0, t, is_met);
+    let instance_in_layers = slope < 0.0 && t > 0.0 && all(uv >= vec2<f32>(0.0)) && all(uv <= vec2<f32>(1.0));
+    return select(-1.0, t, instance_in_layers);
 }
 
 // Of a point in its plane.

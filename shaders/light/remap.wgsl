@@ -6,7 +6,7 @@
 #import bevy_restir::scene::bindings::{lights, scene}
 
 // The id that a light of the last frame has now; NONE where it is gone.
-fn light_of_this_frame(previous: u32) -> u32 {
+fn current_light_id(previous: u32) -> u32 {
     if scene.previous_lights == 0u || previous >= ENVIRONMENT_LIGHT {
         return previous;
     }

@@ -24,7 +24,7 @@ fn light_select(u: vec2<f32>) -> LightChoice {
         return LightChoice(NONE, 0.0);
     }
 
-    // 24 bits of u.x alone would favour lights of a long table by up to count/2^24; 8 more come from the low end of u.y.
+    // 24 bits of u.x alone would favor lights of a long table by up to count/2^24; 8 more come from the low end of u.y.
     let word = u32(u.x * 0x1p24) << 8u | (u32(u.y * 0x1p24) & 0xffu);
     let bin = min(multiply_high(word, scene.light_count), scene.light_count - 1u);
     let v = (u.y - environment) / (1.0 - environment);

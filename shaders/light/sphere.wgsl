@@ -37,8 +37,8 @@ fn sphere_light_at(light: u32, normal: vec3<f32>, from_point: vec3<f32>) -> Ligh
     s.pdf_solid_angle = cubed / projected;
     s.aim = sphere_light_pdf(light, from_point) / s.pdf_solid_angle;
     // From without the far side is behind the near one.
-    let is_met = is_within(light, from_point) || dot(normal, d) < 0.0;
-    s.radiance = select(vec3<f32>(0.0), lights[light].emission, is_met);
+    let instance_in_layers = is_within(light, from_point) || dot(normal, d) < 0.0;
+    s.radiance = select(vec3<f32>(0.0), lights[light].emission, instance_in_layers);
     return s;
 }
 
@@ -67,7 +67,7 @@ fn is_within(light: u32, from_point: vec3<f32>) -> bool {
 // The normal of a point that a vertex at `from_point` aims at.
 fn sphere_light_aimed(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> vec3<f32> {
     let radius = sphere_radius(light);
-    let to_centre = lights[light].position - from_point;
+    let to_center = lights[light].position - from_point;
     let cone = cone_of(light, from_point);
     let one_less_cosine = u.x * cone.x;
     let cosine = 1.0 - one_less_cosine;
@@ -77,15 +77,15 @@ fn sphere_light_aimed(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> vec3<f
     if is_within(light, from_point) {
         // Uniform all round: where that direction leaves the ball.
         let wi = vec3<f32>(sqrt(max(sine2, 0.0)) * around, cosine);
-        let b = dot(to_centre, wi);
-        let t = b + sqrt(max(b * b + radius * radius - dot(to_centre, to_centre), 0.0));
-        return safe_normalize(t * wi - to_centre);
+        let b = dot(to_center, wi);
+        let t = b + sqrt(max(b * b + radius * radius - dot(to_center, to_center), 0.0));
+        return safe_normalize(t * wi - to_center);
     }
-    // The angle at the centre between the viewer and the point, by the law of sines.
+    // The angle at the center between the viewer and the point, by the law of sines.
     let ratio = min(sine2 / cone.y, 1.0);
     let central_sine = sqrt(sine2) * (cosine - sqrt(max((1.0 - ratio) * cone.y, 0.0))) / sqrt(cone.y);
     let central_cosine = (sine2 + cosine * sqrt(max((1.0 - ratio) * cone.y, 0.0))) / sqrt(cone.y);
-    let frame = orthonormal_basis(safe_normalize(-to_centre));
+    let frame = orthonormal_basis(safe_normalize(-to_center));
     return normalize(frame * vec3<f32>(central_sine * around, central_cosine));
 }
 
@@ -108,10 +108,10 @@ fn sphere_light_normal(u: vec2<f32>) -> vec3<f32> {
 // How far along a ray of unit direction the ball is met; negative where it is not.
 fn sphere_distance(light: u32, origin: vec3<f32>, direction: vec3<f32>) -> f32 {
     let radius = sphere_radius(light);
-    let to_centre = lights[light].position - origin;
-    let along = dot(to_centre, direction);
-    // Of the ray from the centre: not as a difference of squares, which far away have no digits left for the radius.
-    let aside = to_centre - along * direction;
+    let to_center = lights[light].position - origin;
+    let along = dot(to_center, direction);
+    // Of the ray from the center: not as a difference of squares, which far away have no digits left for the radius.
+    let aside = to_center - along * direction;
     let half2 = radius * radius - dot(aside, aside);
     if !(half2 > 0.0) {
         return -1.0;

@@ -6,9 +6,9 @@
 #import bevy_restir::light::types::{LightSample, no_light_sample}
 #import bevy_restir::scene::bindings::{instances, lights, materials}
 #import bevy_restir::scene::material::{alpha_at, emission_at}
-#import bevy_restir::trace::offset::surface_point
+#import bevy_restir::scene::offset::surface_point
 #import bevy_restir::scene::triangle::{safe_normalize, world_triangle, WorldTriangle}
-#import bevy_restir::view::mask::is_met
+#import bevy_restir::view::render_layers::instance_in_layers
 
 #ifdef LIGHT_TRIANGLES
 fn triangle_light_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> LightSample {
@@ -70,12 +70,12 @@ fn triangle_light_radiance(instance: u32, triangle: u32, normal: vec3<f32>, bary
     if (materials[material].flags & MATERIAL_DOUBLE_SIDED) == 0u && !(dot(wi, normal) < 0.0) {
         return vec3<f32>(0.0);
     }
-    return triangle_light_colour(instance, triangle, barycentrics);
+    return triangle_light_color(instance, triangle, barycentrics);
 }
 
 // The same towards the side that shines; nothing of what no ray meets.
-fn triangle_light_colour(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> vec3<f32> {
-    if !is_met(instance) {
+fn triangle_light_color(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> vec3<f32> {
+    if !instance_in_layers(instance) {
         return vec3<f32>(0.0);
     }
     return emission_at(instance, triangle, barycentrics) * presence(instance, triangle, barycentrics);

@@ -1,5 +1,5 @@
 // Fills a rectangle of the texture atlas, from an image or from the level before it, each texel the mean of the area that it covers
-// of the source: in linear light, so that far away a texture has the colour that it has near by.
+// of the source: in linear light, so that far away a texture has the color that it has near by.
 
 #import bevy_restir::common::texel::{decode_texel, encode_texel}
 

@@ -3,7 +3,7 @@
 
 #import bevy_restir::common::constants::{NONE, VIEW_NO_BACKDROP}
 #import bevy_restir::scene::triangle::world_triangle
-#import bevy_restir::trace::offset::surface_point
+#import bevy_restir::scene::offset::surface_point
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::camera::{barycentrics_on_ray, motion_of_point, motion_of_sky, primary_ray}
 

@@ -1,11 +1,11 @@
-// What a camera knows of its pixels, in place of light: false colours of ids, by the rasteriser and by a traced ray; depth, motion,
-// normals, base colour.  Values as they are, without exposure.
+// What a camera knows of its pixels, in place of light: false colors of ids, by the rasterizer and by a traced ray; depth, motion,
+// normals, base color.  Values as they are, without exposure.
 
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::scene::surface::surface_at
 #import bevy_restir::scene::triangle::world_triangle
-#import bevy_restir::trace::offset::surface_point
-#import bevy_restir::trace::ray::{rays_traced, trace_flags}
+#import bevy_restir::scene::offset::surface_point
+#import bevy_restir::common::ray::{rays_traced, trace_flags}
 #import bevy_restir::trace::trace::trace_closest
 #import bevy_restir::view::alpha_seed::primary_alpha_seed
 #import bevy_restir::view::bindings::{ray_counts, view, visibility}

@@ -1,19 +1,11 @@
-// What ReSTIR PT or GI keeps of every pixel, in place of light: values as they are, without exposure.
+// Debug views of the reservoirs of ReSTIR PT and GI, without exposure.
 
+#import technique::{evaluate, is_visible, jacobian_of, PackedReservoir, receiver_of, Reservoir, reservoir_unpack}
 #import bevy_restir::common::constants::NONE
-#import bevy_restir::path::sample::{END_EMITTER, END_ENVIRONMENT, END_LIGHT}
+#import bevy_restir::restir::path_sample::{TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE}
 #import bevy_restir::restir::bindings::settings
-#ifdef RESAMPLES_INDIRECT
-#import bevy_restir::restir::indirect::{evaluate, jacobian_of}
-#import bevy_restir::restir::indirect_reservoir::{PackedReservoir, reservoir_unpack}
-#else
-#import bevy_restir::restir::path_reservoir::{PackedReservoir, reservoir_unpack}
-#import bevy_restir::restir::paths::{evaluate, jacobian_of}
-#endif
-#import bevy_restir::restir::kept_path::Reservoir
-#import bevy_restir::restir::paths::{is_visible, receiver_of}
-#import bevy_restir::restir::tiling::reservoir_index
-#import bevy_restir::shift::hybrid::{SHIFT_HIDDEN, SHIFT_OK}
+#import bevy_restir::restir::reservoir_layout::reservoir_index
+#import bevy_restir::restir::shift::hybrid::{SHIFT_OCCLUDED, SHIFT_OK}
 #import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::false_color::false_color
 
@@ -29,8 +21,8 @@ const DEBUG_PATH_CONFIDENCE: u32 = 18u;
 const DEBUG_PATH_AGES: u32 = 19u;
 const DEBUG_PATH_SHIFTS: u32 = 20u;
 
-// The pixel that paths are shifted to for show is so far to the right.
-const STEP_ASIDE: u32 = 8u;
+// Pixels to the right of which the shift of a path is shown.
+const SHIFT_DISTANCE: u32 = 8u;
 
 @compute @workgroup_size(8, 8)
 fn debug_paths(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -38,20 +30,20 @@ fn debug_paths(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(pixel >= view.size) {
         return;
     }
-    let r = reservoir_unpack(reservoirs[reservoir_index(pixel, view.size, settings.tiling)]);
+    let r = reservoir_unpack(reservoirs[reservoir_index(pixel, view.size, settings.reservoir_layout)]);
     var color = vec3<f32>(0.0);
     if view.debug_view == DEBUG_PATH_CONFIDENCE {
         color = vec3<f32>(r.confidence);
     } else if textureLoad(visibility, pixel, 0).x != NONE && r.ucw > 0.0 {
-        color = shown(r, pixel);
+        color = path_view(r, pixel);
     }
     radiance[pixel.y * view.size.x + pixel.x] = vec4<f32>(color, 1.0);
 }
 
-fn shown(r: Reservoir, pixel: vec2<u32>) -> vec3<f32> {
+fn path_view(r: Reservoir, pixel: vec2<u32>) -> vec3<f32> {
     switch view.debug_view {
         case DEBUG_PATH_ENDS: {
-            return vec3<f32>(vec3<u32>(r.path.end) == vec3<u32>(END_LIGHT, END_EMITTER, END_ENVIRONMENT));
+            return vec3<f32>(vec3<u32>(r.path.termination) == vec3<u32>(TERMINATION_NEE, TERMINATION_EMITTER, TERMINATION_ENVIRONMENT));
         }
         case DEBUG_PATH_LENGTHS: {
             return vec3<f32>(f32(r.path.length - 1u));
@@ -66,14 +58,14 @@ fn shown(r: Reservoir, pixel: vec2<u32>) -> vec3<f32> {
             return vec3<f32>(f32(view.frame - r.path.born));
         }
         default: {
-            return shifted_aside(r, pixel);
+            return shift_view(r, pixel);
         }
     }
 }
 
-// Why the path has no counterpart in the other pixel, in false colours, white where it has; or the Jacobian.
-fn shifted_aside(r: Reservoir, pixel: vec2<u32>) -> vec3<f32> {
-    let at = vec2<u32>(min(pixel.x + STEP_ASIDE, view.size.x - 1u), pixel.y);
+// Why the path cannot be shifted to the other pixel, in false colors, white where it can; or the Jacobian.
+fn shift_view(r: Reservoir, pixel: vec2<u32>) -> vec3<f32> {
+    let at = vec2<u32>(min(pixel.x + SHIFT_DISTANCE, view.size.x - 1u), pixel.y);
     let ids = textureLoad(visibility, at, 0).xy;
     if ids.x == NONE {
         return vec3<f32>(0.0);
@@ -85,7 +77,7 @@ fn shifted_aside(r: Reservoir, pixel: vec2<u32>) -> vec3<f32> {
     }
     var reason = e.shifted.reason;
     if reason == SHIFT_OK && !is_visible(to, e, 0u) {
-        reason = SHIFT_HIDDEN;
+        reason = SHIFT_OCCLUDED;
     }
     return select(false_color(vec2<u32>(reason, 8u)), vec3<f32>(1.0), reason == SHIFT_OK);
 }

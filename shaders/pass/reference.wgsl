@@ -4,11 +4,11 @@
 #import bevy_restir::common::constants::{NONE, NON_FINITE}
 #import bevy_restir::common::math::is_finite_3
 #import bevy_restir::common::rng::{rng_new, STREAM_REFERENCE}
-#import bevy_restir::path::estimate::{bounces_taken, estimate_radiance}
+#import bevy_restir::path::reference_integrator::{bounces_taken, estimate_radiance}
 #import bevy_restir::scene::triangle::world_triangle
-#import bevy_restir::trace::offset::surface_point
-#import bevy_restir::trace::ray::{Hit, rays_traced, trace_flags}
-#import bevy_restir::view::backdrop::backdrop
+#import bevy_restir::scene::offset::surface_point
+#import bevy_restir::common::ray::{Hit, rays_traced, trace_flags}
+#import bevy_restir::light::backdrop::backdrop
 #import bevy_restir::view::bindings::{ray_counts, view, visibility}
 #import bevy_restir::view::camera::{barycentrics_on_ray, primary_ray}
 

@@ -3,7 +3,7 @@
 
 #import bevy_restir::common::constants::{NONE, NON_FINITE}
 #import bevy_restir::common::math::is_finite_3
-#import bevy_restir::view::backdrop::backdrop
+#import bevy_restir::light::backdrop::backdrop
 #import bevy_restir::view::bindings::{ray_counts, view, visibility}
 #import bevy_restir::view::camera::primary_ray
 #import bevy_restir::view::primary::primary_surface

@@ -33,7 +33,7 @@ fn vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance:
         b = vec2<f32>(0.0, 1.0);
     }
     var clip = view.current.clip_from_world * vec4<f32>(transform_point(instances[instance].world_from_object, p), 1.0);
-    // The ray goes through centre + jitter, so the image moves the other way.
+    // The ray goes through center + jitter, so the image moves the other way.
     clip.x -= 2.0 * view.jitter.x / f32(view.size.x) * clip.w;
     clip.y += 2.0 * view.jitter.y / f32(view.size.y) * clip.w;
     return Corner(clip, vec2<u32>(instance, triangle), b);

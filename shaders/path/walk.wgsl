@@ -1,22 +1,20 @@
-// Steps along a path, the same where it is first traced and where it is replayed: lobes are sampled one by one, their joint densities
-// of direction and lobe are what is divided by (Lin et al. 2026, supplement, 1), and what is kept of a step is what decides where paths
-// reconnect.
+// Steps along a path, shared by paths that are sampled and paths that are replayed.  A step samples one lobe, and is divided by the joint
+// density of direction and lobe (Lin et al. 2026, supplement, 1).
 #define_import_path bevy_restir::path::walk
 
 #import bevy_restir::bsdf::bsdf::{bsdf_draw, bsdf_lobe_terms}
-#import bevy_restir::common::math::{is_finite_3, max_component}
+#import bevy_restir::common::math::{is_finite_3, max_component, quantized_direction}
 #import bevy_restir::path::medium::medium_towards
 #import bevy_restir::path::random::path_random
-#import bevy_restir::path::sample::kept_direction
 #import bevy_restir::scene::cone::{Cone, cone_after, cone_along}
 #import bevy_restir::scene::surface::Surface
 
-// A vertex as the path arrives at it.
+// A vertex, seen from the one before it.
 struct Vertex {
     surface: Surface,
     wo: vec3<f32>,
-    medium: vec3<f32>,        // that it came through
-    cone: Cone,               // what the pixel covers there
+    medium: vec3<f32>,        // absorption of the body that the ray came through, 1/m
+    cone: Cone,               // footprint of the pixel
 }
 
 // How a path leaves a vertex.
@@ -24,8 +22,8 @@ struct Step {
     wi: vec3<f32>,
     valid: bool,
     weight: vec3<f32>,        // f·|cos| / joint density of direction and lobe
-    pdf_lobe: f32,            // joint density, solid angle; of a delta 0
-    pdf: f32,                 // marginal density of all lobes; of a delta 0
+    pdf_lobe: f32,            // joint density of direction and lobe, solid angle; 0 for a delta lobe
+    pdf: f32,                 // marginal density over all lobes; 0 for a delta lobe
     lobe: u32,
     delta: bool,
     eta: f32,
@@ -35,12 +33,13 @@ fn no_step() -> Step {
     return Step(vec3<f32>(0.0, 0.0, 1.0), false, vec3<f32>(0.0), 0.0, 0.0, 0u, false, 1.0);
 }
 
-// The step that the random numbers of a path give at its vertex of this index.
+// The step that the path's own random numbers give at the vertex of this index.
 fn sampled_step(v: Vertex, seed: u32, index: u32) -> Step {
-    return finished_step(v, drawn_step(v, seed, index));
+    return with_weight_and_densities(v, drawn_step(v, seed, index));
 }
 
-// A step of which direction and lobe are known, or all that there is of a delta.
+// Direction and lobe by the path's random numbers; a delta lobe has its weight, too.  Other directions are rounded as a reservoir stores
+// them, so that the path that is weighted is the one that is stored.
 fn drawn_step(v: Vertex, seed: u32, index: u32) -> Step {
     let b = bsdf_draw(v.surface.bsdf, v.wo, path_random(seed, index));
     var s = no_step();
@@ -51,17 +50,18 @@ fn drawn_step(v: Vertex, seed: u32, index: u32) -> Step {
     s.eta = b.eta;
     s.wi = b.wi;
     if !s.delta {
-        s.wi = kept_direction(b.wi);
+        s.wi = quantized_direction(b.wi);
     }
     return s;
 }
 
-// The step of a given direction and lobe.
+// The step in a given direction by a given lobe.
 fn step_towards(v: Vertex, wi: vec3<f32>, lobe: u32) -> Step {
-    return finished_step(v, aimed_step(wi, lobe));
+    return with_weight_and_densities(v, given_step(wi, lobe));
 }
 
-fn aimed_step(wi: vec3<f32>, lobe: u32) -> Step {
+// The same without weight and densities.
+fn given_step(wi: vec3<f32>, lobe: u32) -> Step {
     var s = no_step();
     s.wi = wi;
     s.lobe = lobe;
@@ -69,8 +69,8 @@ fn aimed_step(wi: vec3<f32>, lobe: u32) -> Step {
     return s;
 }
 
-// With its weight and densities; one that carries nothing is none.
-fn finished_step(v: Vertex, step: Step) -> Step {
+// Adds weight and densities to a step whose direction and lobe are known.  Zero throughput makes a step invalid.
+fn with_weight_and_densities(v: Vertex, step: Step) -> Step {
     var s = step;
     if !s.delta {
         let terms = bsdf_lobe_terms(v.surface.bsdf, v.wo, s.wi, s.lobe);
@@ -83,12 +83,12 @@ fn finished_step(v: Vertex, step: Step) -> Step {
     return s;
 }
 
-// Absorption on the way that a step takes.
+// Absorption along the ray of a step.
 fn step_medium(v: Vertex, wi: vec3<f32>) -> vec3<f32> {
     return medium_towards(v.surface, wi, v.medium);
 }
 
-// What the pixel covers where a step arrives.
+// Footprint of the pixel where the ray of a step arrives.
 fn step_cone(v: Vertex, step: Step, distance: f32) -> Cone {
     return cone_along(cone_after(v.cone, step.delta), distance);
 }

@@ -1,9 +1,12 @@
-// Group 2 of the passes that resample: the settings of a round, and the subsets of lights that candidates come from.
+// Group 2 of the passes that resample: the settings of an iteration of reuse, and what its parts read.  Each pass binds only what it uses,
+// which is why some bindings share an index.
 #define_import_path bevy_restir::restir::bindings
 
 #import bevy_restir::light::presampled::PresampledLight
 #import bevy_restir::restir::types::ResampleSettings
 
 @group(2) @binding(0) var<uniform> settings: ResampleSettings;
-// Of the passes that draw candidates.
+// Presampled light candidates, in passes that draw candidates.
 @group(2) @binding(1) var<storage, read> subsets: array<PresampledLight>;
+// The visibility buffer of the last frame, in passes that reuse.
+@group(2) @binding(3) var previous_visibility: texture_2d<u32>;

@@ -1,22 +1,22 @@
 // Resampling MIS weights (Lin et al. 2022; Lanz 2025, Eqs. 26-29; Wyman and Panteleev 2021, 4.4): the share of each input in the
-// combination of a canonical sample with its neighbours.  Pure functions of targets and confidences, for every technique alike.
+// combination of a canonical sample with its neighbors.  Pure functions of targets and confidences, for every technique alike.
 //
 // `targets` holds, for domain i and sample j, the target of domain i at sample j as the canonical domain sees it: times the Jacobian
 // of the shift from there, 0 where the sample has no counterpart in domain i.  Domain and sample 0 are the canonical ones.
 #define_import_path bevy_restir::restir::mis
 
-// Canonical and at most six neighbours; of two it takes a fifth of the memory.
-#ifdef MANY_TAPS
+// Canonical and at most six neighbors; of two it takes a fifth of the memory.
+#ifdef MANY_NEIGHBORS
 const MAX_INPUTS: u32 = 7u;
 #else
 const MAX_INPUTS: u32 = 3u;
 #endif
 const MAX_TARGETS: u32 = MAX_INPUTS * MAX_INPUTS;
 
-const MIS_UNIFORM: u32 = 0u;               // c/C: biased dark where a neighbour could not have drawn the sample
-const MIS_VALID: u32 = 1u;                 // c over those that could have drawn it: unbiased, noisy
-const MIS_BALANCE: u32 = 2u;               // generalised balance heuristic: k² + k targets of k neighbours
-const MIS_PAIRWISE: u32 = 3u;              // neighbour by neighbour against the canonical sample: 2k targets
+const MIS_UNIFORM: u32 = 0u;               // c/C: biased dark where a neighbor could not have drawn the sample
+const MIS_ONE_OVER_Z: u32 = 1u;                 // c over those that could have drawn it: unbiased, noisy
+const MIS_BALANCE: u32 = 2u;               // generalised balance heuristic: k² + k targets of k neighbors
+const MIS_PAIRWISE: u32 = 3u;              // neighbor by neighbor against the canonical sample: 2k targets
 const MIS_DEFENSIVE_PAIRWISE: u32 = 4u;    // as above with c_c/C of the weight kept for the canonical sample
 const MIS_DEFENSIVE_PAIRWISE_GRIS: u32 = 5u;   // with 1/(k+1) kept for it: for inputs of like confidence
 
@@ -39,7 +39,7 @@ fn mis_needs_target(kind: u32, domain: u32, sample: u32) -> bool {
         case MIS_UNIFORM: {
             return false;
         }
-        case MIS_VALID, MIS_BALANCE: {
+        case MIS_ONE_OVER_Z, MIS_BALANCE: {
             return true;
         }
         default: {
@@ -54,7 +54,7 @@ fn mis_weight(inputs: ptr<function, MisInputs>, kind: u32, sample: u32) -> f32 {
         case MIS_UNIFORM: {
             return (*inputs).confidence[sample] / total_confidence(inputs);
         }
-        case MIS_VALID, MIS_BALANCE: {
+        case MIS_ONE_OVER_Z, MIS_BALANCE: {
             return balance(inputs, kind == MIS_BALANCE, sample);
         }
         default: {
@@ -94,8 +94,8 @@ fn balance(inputs: ptr<function, MisInputs>, by_target: bool, sample: u32) -> f3
     return own / sum;
 }
 
-// The three forms share one pair: how neighbour i and the canonical domain divide a sample between them.  `weight` is what the
-// neighbour's pair counts, `scale` and `canonical` the factors of the two targets in it.
+// The three forms share one pair: how neighbor i and the canonical domain divide a sample between them.  `weight` is what the
+// neighbor's pair counts, `scale` and `canonical` the factors of the two targets in it.
 fn pairwise(inputs: ptr<function, MisInputs>, kind: u32, sample: u32) -> f32 {
     let k = (*inputs).count - 1u;
     if k == 0u {
@@ -103,12 +103,12 @@ fn pairwise(inputs: ptr<function, MisInputs>, kind: u32, sample: u32) -> f32 {
     }
     let total = total_confidence(inputs);
     let of_canonical = (*inputs).confidence[0];
-    var neighbours = 0.0;
+    var neighbors = 0.0;
     for (var i = 1u; i <= k; i++) {
-        neighbours += (*inputs).confidence[i];
+        neighbors += (*inputs).confidence[i];
     }
-    // Neighbours without a history leave all to the canonical sample.
-    if !(neighbours > 0.0) {
+    // Neighbors without a history leave all to the canonical sample.
+    if !(neighbors > 0.0) {
         return f32(sample == 0u);
     }
     let gris = kind == MIS_DEFENSIVE_PAIRWISE_GRIS;
@@ -119,8 +119,8 @@ fn pairwise(inputs: ptr<function, MisInputs>, kind: u32, sample: u32) -> f32 {
             continue;
         }
         let c = (*inputs).confidence[i];
-        var weight = c / select(neighbours, total, kind == MIS_DEFENSIVE_PAIRWISE);
-        var scale = neighbours;
+        var weight = c / select(neighbors, total, kind == MIS_DEFENSIVE_PAIRWISE);
+        var scale = neighbors;
         var canonical = of_canonical;
         if gris {
             weight = 1.0 / f32(k + 1u);
@@ -128,14 +128,14 @@ fn pairwise(inputs: ptr<function, MisInputs>, kind: u32, sample: u32) -> f32 {
             canonical = of_canonical / f32(k);
         }
         let targets = pair_of(target_of(inputs, i, sample), target_of(inputs, 0u, sample));
-        let of_neighbour = scale * targets.x;
+        let of_neighbor = scale * targets.x;
         let of_own = canonical * targets.y;
-        let both = of_neighbour + of_own;
+        let both = of_neighbor + of_own;
         if sample == 0u {
             // Where neither can draw it the canonical sample keeps the pair.
             sum += weight * select(1.0, of_own / both, both > 0.0);
         } else {
-            sum += weight * select(0.0, of_neighbour / both, both > 0.0);
+            sum += weight * select(0.0, of_neighbor / both, both > 0.0);
         }
     }
     if sample == 0u {
@@ -145,19 +145,19 @@ fn pairwise(inputs: ptr<function, MisInputs>, kind: u32, sample: u32) -> f32 {
     return sum;
 }
 
-// (the neighbour's target, the canonical one), relative to the greater: confidence times a huge target would overflow.
-fn relative_pair(neighbour: f32, canonical: f32) -> vec2<f32> {
-    let greater = max(neighbour, canonical);
-    return select(vec2<f32>(0.0), vec2<f32>(neighbour, canonical) / greater, greater > 0.0);
+// (the neighbor's target, the canonical one), relative to the greater: confidence times a huge target would overflow.
+fn relative_pair(neighbor: f32, canonical: f32) -> vec2<f32> {
+    let greater = max(neighbor, canonical);
+    return select(vec2<f32>(0.0), vec2<f32>(neighbor, canonical) / greater, greater > 0.0);
 }
 
 // PLANT_*: an error that only tests define, and must find.
 #ifdef PLANT_SWAPPED_MIS
-fn pair_of(neighbour: f32, canonical: f32) -> vec2<f32> {
-    return relative_pair(canonical, neighbour);
+fn pair_of(neighbor: f32, canonical: f32) -> vec2<f32> {
+    return relative_pair(canonical, neighbor);
 }
 #else
-fn pair_of(neighbour: f32, canonical: f32) -> vec2<f32> {
-    return relative_pair(neighbour, canonical);
+fn pair_of(neighbor: f32, canonical: f32) -> vec2<f32> {
+    return relative_pair(neighbor, canonical);
 }
 #endif

@@ -1,78 +1,76 @@
-// Settings of resampling as the shaders take them: one for each round of a frame.  Equal by test to `GpuX` in `src/gpu_types.rs`.
+// Settings of resampling, one set for each iteration of reuse.  A test holds them equal to `GpuResampleSettings` in `src/gpu_layout.rs`.
 #define_import_path bevy_restir::restir::types
 
 struct ResampleSettings {
-    candidates: u32,           // points of lights drawn a pixel
-    subset_count: u32,         // presampled subsets; 0: every pixel draws from the whole table
+    candidates: u32,           // light candidates of a pixel
+    subset_count: u32,         // presampled light subsets; 0: every pixel draws from the whole table of lights
     subset_size: u32,
-    tile: u32,                 // pixels a side that share a subset
-    temporal_taps: u32,        // 0 or 1: the surface's own place in the last frame
-    spatial_taps: u32,         // places round it
-    disocclusion_taps: u32,    // the same where the surface has no place in the last frame
-    tries: u32,                // places that are looked at for one of them
-    radius: f32,               // within which they are, pixels
-    confidence_cap: f32,       // most that a tap's history counts, in candidates' worth of this frame
+    light_tile_size: u32,      // pixels a side that share a subset
+    temporal_samples: u32,     // 0 or 1: the place of the surface itself in the last frame
+    spatial_samples: u32,      // neighbors around that place
+    disocclusion_samples: u32, // the same, where the surface was not visible in the last frame
+    neighbor_attempts: u32,    // places that are tried for each neighbor
+    radius: f32,               // of the disk that neighbors are in, pixels
+    confidence_cap: f32,       // greatest confidence of a neighbor, in frames' worth of candidates
     mis: u32,                  // MIS_*
     flags: u32,                // RESAMPLE_*
-    normal_threshold: f32,     // least cosine between the normals of two pixels that reuse each other's samples
-    depth_threshold: f32,      // most relative distance of one from the other's tangent plane
+    normal_threshold: f32,     // least cosine between the normals of similar surfaces
+    depth_threshold: f32,      // greatest relative distance of one from the tangent plane of the other
     visibility_radius: f32,    // within which visibility is reused, pixels
-    tiling: u32,               // of reservoirs: TILING_*, or pixels a side of a tile
-    round: u32,                // of reuse, from 0
-    reconnection: u32,         // of paths: RECONNECT_*
-    roughness: f32,            // least perceptual roughness of a lobe that paths reconnect after
-    separation: f32,           // between the vertices: c of the footprints, or a distance, m
-    jacobian_limit: f32,       // most Jacobian of a shift, either way
+    reservoir_layout: u32,     // LAYOUT_*, or pixels a side of a tile
+    iteration: u32,            // of reuse, from 0
+    reconnection: u32,         // RECONNECT_*
+    roughness: f32,            // least perceptual roughness of a lobe before a reconnection
+    separation: f32,           // c of the footprints, or least distance, m
+    jacobian_limit: f32,       // greatest Jacobian of a shift, and reciprocal of the least
 }
 
-// A candidate of the BSDF joins those of the lights.
+// BSDF sampling adds a candidate to those of the lights.
 const RESAMPLE_BSDF_CANDIDATE: u32 = 1u;
-// A candidate that is not seen is not kept.
+// An occluded candidate is dropped.
 const RESAMPLE_CANDIDATE_RAYS: u32 = 2u;
-// A neighbour's sample that is not seen is not kept.
+// A neighbor's sample that is occluded here is dropped.
 const RESAMPLE_TARGET_RAYS: u32 = 4u;
-// It takes its neighbour's confidence with it.
-const RESAMPLE_DISCARD: u32 = 8u;
-// Rays say in MIS weights what a neighbour could have seen: without them it is taken to see all.
+// Such a sample takes its neighbor's confidence with it.
+const RESAMPLE_DISCARD_OCCLUDED: u32 = 8u;
+// Targets of MIS weights include visibility.
 const RESAMPLE_MIS_RAYS: u32 = 16u;
-// Samples that the target knows no visibility of are looked at before they are shaded.
+// Samples are shaded after a test of their visibility, if their target did not include it.
 const RESAMPLE_SHADING_RAYS: u32 = 32u;
-// But not those whose visibility was known near by.
+// The surface itself and near neighbors pass on the visibility of their samples.
 const RESAMPLE_REUSE_VISIBILITY: u32 = 64u;
-// Neighbours whose geometry differs are left out before their samples are looked at.
+// Only neighbors of similar geometry are reused.
 const RESAMPLE_HEURISTICS: u32 = 128u;
-// All inputs are shaded, not only the one that is kept.
-const RESAMPLE_DECOUPLED: u32 = 256u;
-// Neighbours are of the last frame; without it of this one, and reservoirs are read where neighbours are.
+// All inputs are shaded by their shares, not only the selected one.
+const RESAMPLE_SHADE_ALL: u32 = 256u;
+// Neighbors are taken from the last frame; otherwise from this frame's last iteration.
 const RESAMPLE_FROM_PREVIOUS: u32 = 512u;
-// This round is the last: it writes light.
+// This is the last iteration: it writes light.
 const RESAMPLE_SHADE: u32 = 1024u;
-// The pixel's own sample is known to be seen.
-const RESAMPLE_SEEN: u32 = 2048u;
-// Candidates are chosen by the light that arrives.
-const RESAMPLE_SIMPLE_TARGET: u32 = 4096u;
-// The surface's own sample is of one of the four pixels round its place.
+// The pixel's own sample is known to be visible.
+const RESAMPLE_CANDIDATES_VISIBLE: u32 = 2048u;
+// Candidates are selected by arriving light, without the BSDF.
+const RESAMPLE_TARGET_WITHOUT_BSDF: u32 = 4096u;
+// The surface itself is sought at one of the four pixels around its place.
 const RESAMPLE_BILINEAR: u32 = 8192u;
-// Heuristics leave out neighbours of other materials.
+// Only neighbors of the same material are similar.
 const RESAMPLE_SAME_MATERIAL: u32 = 16384u;
-// Since the last frame something moved, or a light changed.
+// Something moved, or a light changed, since the last frame.
 const RESAMPLE_MOVED: u32 = 32768u;
-// What paths bring from the last frame is traced again in this one,
-const RESAMPLE_TRACE_FORTH: u32 = 65536u;
-// and what they would have been there is traced there.
-const RESAMPLE_TRACE_BACK: u32 = 131072u;
-// Paths of one bounce are another technique's.
-const RESAMPLE_INDIRECT: u32 = 262144u;
-// The radiance of a path leaves its reconnection vertex to all sides alike.
-const RESAMPLE_KEEPS_RADIANCE: u32 = 524288u;
+// Paths of the last frame are replayed in this frame after their reconnection vertex,
+const RESAMPLE_RETRACE_FORWARD: u32 = 65536u;
+// and paths of this frame in the last one, for MIS weights.
+const RESAMPLE_RETRACE_BACKWARD: u32 = 131072u;
+// Radiance is taken to leave the reconnection vertex to all sides alike.
+const RESAMPLE_DIFFUSE_SECONDARY: u32 = 262144u;
 
-// By the footprints of both densities (Lin et al. 2026, supplement, 2), the same with a density in place of a roughness (4), or by a
-// distance.
+// Reconnection by the footprints of the densities on both sides (Lin et al. 2026, supplement, 2); by a density in place of the roughness
+// (ibid., 4); by a distance.
 const RECONNECT_FOOTPRINTS: u32 = 0u;
 const RECONNECT_BLACK_BOX: u32 = 1u;
 const RECONNECT_DISTANCE: u32 = 2u;
-// To the first vertex that bounces light, beyond a distance.
+// At the second vertex, beyond a distance.
 const RECONNECT_FIRST: u32 = 3u;
 
-const TILING_ROWS: u32 = 0u;
-const TILING_COLUMNS: u32 = 0xffffffffu;
+const LAYOUT_ROWS: u32 = 0u;
+const LAYOUT_COLUMNS: u32 = 0xffffffffu;

@@ -5,7 +5,7 @@
 #import bevy_restir::bsdf::types::Bsdf
 #import bevy_restir::common::constants::{ALPHA_DELTA, ALPHA_MIN}
 #import bevy_restir::common::math::orthonormal_basis
-#import bevy_restir::scene::albedo::multiple_scattering
+#import bevy_restir::scene::directional_albedo::multiple_scattering
 #import bevy_restir::scene::material::MaterialPoint
 
 // A surface's frame as far as lobes have one of their own.

@@ -218,7 +218,7 @@ fn alpha_at(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
 }
 #endif
 
-// Textures of what lies beyond base colour, metal, normal and emission.
+// Textures of what lies beyond base color, metal, normal and emission.
 #ifdef LAYER_TEXTURES
 fn times_layer_texel(factors: MaterialPoint, kind: u32, slot: vec4<u32>, texel: vec4<f32>, flags: u32) -> MaterialPoint {
     var p = factors;

@@ -4,18 +4,18 @@
 #import bevy_restir::bsdf::types::Bsdf
 #import bevy_restir::common::constants::{ALPHA_MIN, INSTANCE_MIRRORED, MATERIAL_DOUBLE_SIDED, MATERIAL_UNLIT, NONE}
 #import bevy_restir::common::math::octahedral_decode
-#import bevy_restir::scene::albedo::multiple_scattering
+#import bevy_restir::scene::directional_albedo::multiple_scattering
 #import bevy_restir::scene::bindings::{attributes, instances, materials}
 #import bevy_restir::scene::cone::Cone
 #import bevy_restir::scene::lobes::{LobeFrame, with_lobes}
 #import bevy_restir::scene::material::material_at
 #import bevy_restir::scene::triangle::{instance_transform, safe_normalize, transform_normal, transform_vector, world_triangle}
-#import bevy_restir::trace::offset::{offset_distance, surface_point}
+#import bevy_restir::scene::offset::{offset_distance, surface_point}
 
 struct Surface {
     position: vec3<f32>,
     offset: f32,              // how far along ±n_geo a ray starts, m
-    emission: vec3<f32>,      // towards the viewer, cd/m²; unlit colour included only as `unlit`
+    emission: vec3<f32>,      // towards the viewer, cd/m²; unlit color included only as `unlit`
     front: u32,               // 1: seen from the front face
     unlit: vec3<f32>,         // what the camera alone sees
     material: u32,
@@ -24,7 +24,7 @@ struct Surface {
     bsdf: Bsdf,
 }
 
-// Mikkelsen's frame: interpolated, the bitangent from both, not normalised between.  `n` is the interpolated normal.
+// Mikkelsen's frame: interpolated, the bitangent from both, not normalized between.  `n` is the interpolated normal.
 fn tangent_frame(m: mat3x4<f32>, mirrored: bool, triangle: u32, barycentrics: vec2<f32>, n: vec3<f32>) -> LobeFrame {
     let a = attributes[triangle];
     let t_object = (1.0 - barycentrics.x - barycentrics.y) * octahedral_decode(a.tangent_a)

@@ -83,7 +83,7 @@ fn stored_texel(slot: vec4<u32>, level: u32, at: vec2<i32>) -> vec4<f32> {
     if (slot.x & TEXTURE_BOUND) == 0u {
         return atlas_texel(slot, level, at);
     }
-    // Its format decodes it.  What the atlas could not hold is no colour here either: floats that are none, and what is below 0.
+    // Its format decodes it.  What the atlas could not hold is no color here either: floats that are none, and what is below 0.
     let c = textureLoad(bound_textures[slot.x & 0xffffu], at, i32(level));
     let color = select(vec3<f32>(0.0), clamp(c.rgb, vec3<f32>(0.0), vec3<f32>(1.0e30)), is_finite_3(c.rgb));
     return vec4<f32>(color, select(1.0, clamp(c.a, 0.0, 1.0), is_finite(c.a)));
@@ -117,7 +117,7 @@ fn sample_texture(slot: vec4<u32>, uv: vec2<f32>) -> vec4<f32> {
 }
 
 // The axes of the ellipse of two such diameters, in texels: the direction of the longer one, its length, that of the shorter one.  They are
-// the eigenvectors of the sum of the diameters' squares, whichever the two are: neighbours with other triangles agree.
+// the eigenvectors of the sum of the diameters' squares, whichever the two are: neighbors with other triangles agree.
 fn axes_of(a: vec2<f32>, b: vec2<f32>) -> vec4<f32> {
     let square = a * a + b * b;
     let mixed = a.x * a.y + b.x * b.y;

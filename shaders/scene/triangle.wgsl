@@ -29,7 +29,7 @@ fn transform_normal(m: mat3x4<f32>, n: vec3<f32>, mirrored: bool) -> vec3<f32> {
     return select(v, -v, mirrored);
 }
 
-// Scales a vector by a power of two near its size before normalising, so that 1e-30 and 1e30 do not under- or overflow.
+// Scales a vector by a power of two near its size before normalizing, so that 1e-30 and 1e30 do not under- or overflow.
 fn safe_normalize(v: vec3<f32>) -> vec3<f32> {
     let m = max(max(abs(v.x), abs(v.y)), abs(v.z));
     if !(m > 0.0) {
@@ -61,4 +61,18 @@ fn world_triangle(instance: u32, triangle: u32, previous: bool) -> WorldTriangle
         select(1.0, -1.0, mirrored) * safe_normalize(c),
         0.5 * length(c),
     );
+}
+
+// Cross product of two edges, the longest left out: of a sliver, the other two choices keep no digit.
+fn triangle_normal(v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>) -> vec3<f32> {
+    let e0 = v1 - v0;
+    let e1 = v2 - v1;
+    let e2 = v0 - v2;
+    let l0 = dot(e0, e0);
+    let l1 = dot(e1, e1);
+    let l2 = dot(e2, e2);
+    let skip_0 = l0 >= max(l1, l2);
+    let skip_1 = !skip_0 && l1 >= l2;
+    // Without e0: e1 x e2; without e1: e2 x e0; without e2: e0 x e1.
+    return cross(select(select(e0, e2, skip_1), e1, skip_0), select(select(e1, e0, skip_1), e2, skip_0));
 }

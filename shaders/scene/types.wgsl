@@ -11,7 +11,7 @@ struct SceneUniforms {
     instance_count: u32,
     light_power: f32,          // W per unit of luminous emission: luminance-weighted power of every light of the table
     radius: f32,               // of a sphere round every instance, m
-    centre: vec3<f32>,         // of that sphere
+    center: vec3<f32>,         // of that sphere
     previous_lights: u32,      // index in `lights` of the last frame's table; 0 where it is this frame's
     shapes_root: u32,          // as `tlas_root`, of the tree over balls and rectangles; its primitives are lights
     shapes_indices: u32,
@@ -83,7 +83,7 @@ struct Material {
 // `data` by kind: triangle = (instance, triangle); bits of: spot = (cosine of the inner, of the outer angle), sphere = (radius, 0),
 // rectangle = (half its width, half its height), sun = (1 - cosine of the disc's half angle, 0).
 struct Light {
-    position: vec3<f32>,       // point, spot; centre of a sphere or rectangle
+    position: vec3<f32>,       // point, spot; center of a sphere or rectangle
     kind: u32,                 // LIGHT_*, and LIGHT_HIDDEN_SHIFT
     emission: vec3<f32>,       // triangle: mean radiance; sphere, rectangle, sun: radiance; point, spot: intensity, cd; directional:
                                // illuminance, lux

@@ -9,10 +9,10 @@ enable wgpu_ray_query;
 #import bevy_restir::common::math::is_finite_3
 #import bevy_restir::scene::bindings::{scene, instances}
 #import bevy_restir::trace::alpha::accepts
-#import bevy_restir::trace::ray::{Ray, Hit, trace_flags}
+#import bevy_restir::common::ray::{Ray, Hit, trace_flags}
 #import bevy_restir::trace::space::object_ray
 #import bevy_restir::trace::triangle::{sheared_ray, intersect_triangle, plane_distance}
-#import bevy_restir::view::mask::ray_mask
+#import bevy_restir::view::render_layers::camera_mask
 
 // Group 3: the device's own acceleration structures, over this frame's instances and the last frame's; the same one where nothing moved.
 // The custom index of each is its place in `instances`.  No binding module has them: naga writes what a module imports out as WGSL, and
@@ -52,7 +52,7 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
         let first = any_hit && pass_number == 0u;
         let description = RayDesc(
             OPACITY | select(0u, TERMINATE_ON_FIRST_HIT, first),
-            ray_mask(),
+            camera_mask(),
             t_min,
             ray.t_max,
             ray.origin,

@@ -5,11 +5,11 @@
 #import bevy_restir::common::constants::{NONE, OVERFLOW_STACK, OVERFLOW_STEPS}
 #import bevy_restir::scene::bindings::{scene, nodes, instances}
 #import bevy_restir::trace::alpha::accepts
-#import bevy_restir::trace::ray::{Ray, Hit, trace_flags}
+#import bevy_restir::common::ray::{Ray, Hit, trace_flags}
 #import bevy_restir::trace::space::object_ray
 #import bevy_restir::trace::tree::{HIGH_BITS, nearest_child, tree_ray, TreeRay, visit_node}
 #import bevy_restir::trace::triangle::intersect_triangle
-#import bevy_restir::view::mask::is_met
+#import bevy_restir::view::render_layers::instance_in_layers
 
 // Equal to `blas::STACK_SIZE`: both trees' depth and the two groups kept on entering an instance.
 const STACK_SIZE: u32 = 40u;
@@ -126,7 +126,7 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
             tree = tree_ray(inside.origin, inside.direction);
             // An instance that is gone leaves its place in the last frame's top level.
             let blas = instances[instance].blas_root;
-            children = select(vec2<u32>(blas, 0x80000000u), vec2<u32>(0u), blas == NONE || !is_met(instance));
+            children = select(vec2<u32>(blas, 0x80000000u), vec2<u32>(0u), blas == NONE || !instance_in_layers(instance));
             primitives = vec2<u32>(0u);
         } else {
             tree = tree_ray(ray.origin, ray.direction);

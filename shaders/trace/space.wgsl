@@ -2,7 +2,7 @@
 #define_import_path bevy_restir::trace::space
 
 #import bevy_restir::scene::bindings::instances
-#import bevy_restir::trace::ray::Ray
+#import bevy_restir::common::ray::Ray
 
 struct ObjectRay {
     origin: vec3<f32>,

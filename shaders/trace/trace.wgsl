@@ -2,7 +2,7 @@
 #define_import_path bevy_restir::trace::trace
 
 #import bevy_restir::common::constants::NONE
-#import bevy_restir::trace::ray::{Ray, Hit, rays_traced}
+#import bevy_restir::common::ray::{Ray, Hit, rays_traced}
 #ifdef RAY_QUERY
 #import bevy_restir::trace::hardware::traverse
 #else

@@ -4,6 +4,7 @@
 #define_import_path bevy_restir::trace::triangle
 
 #import bevy_restir::scene::bindings::triangles
+#import bevy_restir::scene::triangle::triangle_normal
 
 // A ray in object space, and the shear that maps its direction to the unit of its longest axis.
 struct ShearedRay {
@@ -65,20 +66,6 @@ fn plane_distance(origin: vec3<f32>, direction: vec3<f32>, index: u32) -> f32 {
     let n = triangle_normal(v0, triangles[index].b, triangles[index].c);
     let slope = dot(n, direction);
     return select(-1.0, dot(n, v0 - origin) / slope, slope != 0.0);
-}
-
-// Cross product of two edges, the longest left out: of a sliver, the other two choices keep no digit.
-fn triangle_normal(v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>) -> vec3<f32> {
-    let e0 = v1 - v0;
-    let e1 = v2 - v1;
-    let e2 = v0 - v2;
-    let l0 = dot(e0, e0);
-    let l1 = dot(e1, e1);
-    let l2 = dot(e2, e2);
-    let skip_0 = l0 >= max(l1, l2);
-    let skip_1 = !skip_0 && l1 >= l2;
-    // Without e0: e1 x e2; without e1: e2 x e0; without e2: e0 x e1.
-    return cross(select(select(e0, e2, skip_1), e1, skip_0), select(select(e1, e0, skip_1), e2, skip_0));
 }
 
 // Cyclic, so that handedness stays.

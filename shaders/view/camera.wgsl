@@ -4,7 +4,7 @@
 #import bevy_restir::common::constants::{FAR, VIEW_ORTHOGRAPHIC}
 #import bevy_restir::scene::cone::{Cone, cone_along}
 #import bevy_restir::scene::triangle::WorldTriangle
-#import bevy_restir::trace::ray::Ray
+#import bevy_restir::common::ray::Ray
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::types::Camera
 
@@ -58,7 +58,7 @@ fn project(camera: Camera, p: vec3<f32>) -> vec2<f32> {
     return vec2<f32>(0.5 + 0.5 * ndc.x, 0.5 - 0.5 * ndc.y) * vec2<f32>(view.size);
 }
 
-// Barycentrics (of v1, v2) where a ray meets a triangle that the rasteriser says it meets: clamped into it, since the two may
+// Barycentrics (of v1, v2) where a ray meets a triangle that the rasterizer says it meets: clamped into it, since the two may
 // differ by rounding at an edge.
 fn barycentrics_on_ray(t: WorldTriangle, ray: Ray) -> vec2<f32> {
     let p = cross(ray.direction, t.edge_c);

@@ -4,7 +4,7 @@
 #import bevy_restir::scene::cone::Cone
 #import bevy_restir::scene::surface::{Surface, surface_at}
 #import bevy_restir::scene::triangle::world_triangle
-#import bevy_restir::trace::offset::surface_point
+#import bevy_restir::scene::offset::surface_point
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::camera::{barycentrics_on_ray, pixel_cone, previous_primary_ray, primary_ray}
 

@@ -8,13 +8,13 @@ use bevy::{
     },
 };
 
-use super::{
-    bound::BoundTextures,
-    draws::Draw,
+use crate::gpu_layout::GpuSceneUniforms;
+use crate::scene::{
+    accel::ray_query::{self, AccelerationStructures},
     features::SceneFeatures,
-    hardware::{self, AccelerationStructures},
+    geometry::draw_list::Draw,
+    texture::bindless::BoundTextures,
 };
-use crate::gpu_types::GpuSceneUniforms;
 
 /// The layout of group 0.
 pub(crate) fn scene_layout() -> BindGroupLayoutDescriptor {
@@ -169,7 +169,7 @@ impl SceneBindings {
         }
         self.structures = Some(device.create_bind_group(
             "restir acceleration structures",
-            &pipelines.get_bind_group_layout(&hardware::layout()),
+            &pipelines.get_bind_group_layout(&ray_query::layout()),
             &BindGroupEntries::sequential((current.as_binding(), previous.as_binding())),
         ));
         self.structures_revision = structures.revision;

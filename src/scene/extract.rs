@@ -14,11 +14,11 @@ use bevy::{
     transform::components::GlobalTransform,
 };
 
-use super::{
-    layers::{EVERYONE, LayerSets},
-    ranges::Ranges,
+use crate::scene::{
+    geometry::render_layers::{EVERYONE, LayerSets},
+    geometry::visibility_range::Ranges,
 };
-use crate::settings::EmissiveLuminance;
+use crate::settings::{EmissiveLuminance, Restir};
 
 /// One drawn mesh.
 #[derive(Clone, Debug)]
@@ -71,6 +71,8 @@ pub(crate) struct ExtractedScene {
     pub materials: HashMap<AssetId<StandardMaterial>, StandardMaterial>,
     pub removed_materials: HashSet<AssetId<StandardMaterial>>,
     pub emissive_luminance: f32,
+    /// Some camera wants energy compensation.
+    pub energy_compensation: bool,
 }
 
 type InstanceData<'a> = (
@@ -98,8 +100,10 @@ pub(crate) fn extract_scene(
     layers: Extract<Query<&RenderLayers>>,
     sets: Res<LayerSets>,
     ranges: Extract<Ranges>,
+    cameras: Extract<Query<&Restir>>,
 ) {
     let scene = &mut *scene;
+    scene.energy_compensation = cameras.iter().any(|restir| restir.energy_compensation);
     scene.emissive_luminance = emissive_luminance.0;
     if !(scene.emissive_luminance >= 0.0 && scene.emissive_luminance.is_finite()) {
         warn_once!("restir: EmissiveLuminance is {}; 0 is used", scene.emissive_luminance);

@@ -1,4 +1,4 @@
-//! What a scene really contains: shaders are specialised by it, buffers and passes exist only for it.
+//! What a scene really contains: shaders are specialized by it, buffers and passes exist only for it.
 
 use bevy::shader::ShaderDefVal;
 
@@ -35,7 +35,7 @@ features! {
     SECOND_UVS = 17, "SECOND_UVS", "Textures that go by the second texture coordinates.";
     LAYER_TEXTURES = 18, "LAYER_TEXTURES", "Textures of transmission, specular reflection, clearcoat or anisotropy.";
     RAY_QUERY = 23, "RAY_QUERY", "Rays by the device's ray queries: of the device, not of the scene.";
-    MANY_TAPS = 12, "MANY_TAPS", "More than two neighbours are asked for by the camera.";
+    MANY_NEIGHBORS = 12, "MANY_NEIGHBORS", "More than two neighbors are asked for by the camera.";
     RENDER_LAYERS = 20, "RENDER_LAYERS", "Things or lights on other render layers than a camera's that another camera sees.";
     CLEARCOAT = 24, "CLEARCOAT", "Clearcoats.";
     ANISOTROPY = 25, "ANISOTROPY", "Anisotropic microfacets.";

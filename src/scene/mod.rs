@@ -1,32 +1,17 @@
 //! The ECS mirrored into GPU buffers, in the order of the files: extract → geometry → blas → meshes; places → textures → materials;
 //! instances → tlas; lights → emission, alias; bindings.  A still scene uploads no byte.
 
-pub mod albedo;
-pub mod alias;
-mod arrivals;
-mod atlas;
+pub mod accel;
+mod asset_wait;
 pub(crate) mod bindings;
-pub mod blas;
-pub(crate) mod bound;
-mod data_texture;
-mod draws;
-mod emission;
 pub(crate) mod extract;
 mod features;
 pub mod geometry;
-pub mod hardware;
-pub mod heap;
-mod ignored;
-pub(crate) mod instances;
-pub(crate) mod layers;
-pub(crate) mod lights;
-pub(crate) mod materials;
-pub(crate) mod meshes;
-mod places;
-mod ranges;
-mod slots;
-pub(crate) mod textures;
-pub mod tlas;
+pub mod light;
+pub mod material;
+pub mod storage;
+pub(crate) mod texture;
+mod unsupported;
 
 use bevy::{
     app::SubApp,
@@ -43,22 +28,21 @@ use bevy::{
 };
 use core::num::NonZeroU32;
 
-use crate::{gpu_types::*, shaders::ShaderTable, view::extract::ExtractedViews};
+use crate::{gpu_layout::*, shader_library::ShaderLibrary, system_sets::RestirSystems};
+use accel::ray_query::{self, AccelerationStructures};
 use bindings::{NoTexture, SceneBindings};
 use extract::ExtractedScene;
 pub use features::SceneFeatures;
-use hardware::AccelerationStructures;
-use heap::GpuArray;
-use instances::InstancePool;
-use layers::{EVERYONE, LayerSets};
-use lights::LightPool;
-use materials::MaterialPool;
-use meshes::MeshPool;
-use textures::TexturePool;
-
-/// Systems that bring the mirror up to date run in this set; passes run after it.
-#[derive(SystemSet, Clone, Debug, PartialEq, Eq, Hash)]
-pub(crate) struct MirrorScene;
+use geometry::{
+    draw_list,
+    instances::InstancePool,
+    meshes::{self, MeshPool},
+    render_layers::{self, EVERYONE, LayerSets},
+};
+use light::lights::LightPool;
+use material::{directional_albedo, materials::MaterialPool};
+use storage::growable_buffer::GpuArray;
+use texture::textures::{self, TexturePool};
 
 /// Adds the mirror to the render world.
 pub(crate) fn build(render_app: &mut SubApp, ray_queries: bool, bound_textures: Option<NonZeroU32>) {
@@ -80,8 +64,8 @@ pub(crate) fn build(render_app: &mut SubApp, ray_queries: bool, bound_textures: 
         .add_systems(
             bevy::render::ExtractSchedule,
             (
-                (layers::extract_layers, extract::extract_scene, textures::extract_means).chain(),
-                ignored::warn_of_ignored,
+                (render_layers::extract_layers, extract::extract_scene, textures::extract_means).chain(),
+                unsupported::warn_of_ignored,
             ),
         )
         .add_systems(
@@ -92,10 +76,7 @@ pub(crate) fn build(render_app: &mut SubApp, ray_queries: bool, bound_textures: 
             )
                 .in_set(RenderSystems::PrepareAssets),
         )
-        .add_systems(
-            Render,
-            (meshes::finish_meshes, mirror_scene).chain().in_set(MirrorScene).in_set(RenderSystems::PrepareResources),
-        );
+        .add_systems(Render, (meshes::finish_meshes, mirror_scene).chain().in_set(RestirSystems::MirrorScene));
 }
 
 fn mirror_scene(
@@ -106,11 +87,10 @@ fn mirror_scene(
     mut instances: ResMut<InstancePool>,
     mut lights: ResMut<LightPool>,
     mut bindings: ResMut<SceneBindings>,
-    views: Res<ExtractedViews>,
     images: Res<RenderAssets<GpuImage>>,
     assets: Res<AssetServer>,
     pipelines: Res<PipelineCache>,
-    shaders: Res<ShaderTable>,
+    shaders: Res<ShaderLibrary>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
 ) {
@@ -122,7 +102,7 @@ fn mirror_scene(
     materials.pack(&textures, moved);
     let mut most_instances = GpuArray::<GpuInstance>::limit(&device);
     if instances.structures.is_some() {
-        most_instances = most_instances.min(hardware::MAX_SLOTS).min(device.limits().max_tlas_instance_count);
+        most_instances = most_instances.min(ray_query::MAX_SLOTS).min(device.limits().max_tlas_instance_count);
     }
     instances.update(&scene, &meshes, &mut materials, &assets, most_instances);
     // The last frame's table lies behind this frame's.
@@ -137,8 +117,8 @@ fn mirror_scene(
     uploaded += meshes.update_second_uvs(instances.features.contains(SceneFeatures::SECOND_UVS), &device, &queue);
 
     let bindings = &mut *bindings;
-    if bindings.albedo.is_none() && views.0.values().any(|view| view.settings.energy_compensation) {
-        bindings.albedo = Some(albedo::texture(&device, &queue));
+    if bindings.albedo.is_none() && scene.energy_compensation {
+        bindings.albedo = Some(directional_albedo::texture(&device, &queue));
     }
     let [tlas_root, tlas_indices, previous_tlas_root, previous_tlas_indices] = instances.top_levels();
     let [shapes_root, shapes_indices] = lights.shapes();
@@ -151,7 +131,7 @@ fn mirror_scene(
         instance_count: instances.len(),
         light_power: lights.power.min(1e30) as f32,
         radius: instances.radius,
-        centre: instances.centre,
+        center: instances.center,
         previous_lights: lights.previous_at,
         shapes_root,
         shapes_indices,
@@ -212,7 +192,10 @@ fn mirror_scene(
         lights.gpu.memory(),
         textures.memory(),
         instances.structures.as_ref().map_or(("", 0), AccelerationStructures::memory),
-        ("specular albedo", bindings.albedo.as_ref().map_or(0, |_| (albedo::SIZE * albedo::SIZE * 4) as u64)),
+        (
+            "specular albedo",
+            bindings.albedo.as_ref().map_or(0, |_| (directional_albedo::SIZE * directional_albedo::SIZE * 4) as u64),
+        ),
         ("scene uniforms", size_of::<GpuSceneUniforms>() as u64),
     ];
     bindings.triangles = instances.triangles;
@@ -223,7 +206,7 @@ fn mirror_scene(
     bindings.hidden_from = met.chain(lights.hidden.values().copied()).fold(0, |all, bits| all | bits);
     let drawn = (bindings.edit_revision, instances.live.len());
     if bindings.drawn != drawn {
-        bindings.draws = draws::draws(&instances, &materials);
+        bindings.draws = draw_list::draws(&instances, &materials);
         bindings.drawn = drawn;
     }
 }

@@ -24,9 +24,9 @@ use super::extract::{ExtractedEnvironment, ExtractedViews};
 use crate::{
     scene::{
         SceneFeatures,
-        textures::{TexturePool, is_live},
+        texture::textures::{TexturePool, is_live},
     },
-    shaders::ShaderTable,
+    shader_library::ShaderLibrary,
 };
 
 /// Width of the finest level; the height is half of it.
@@ -108,7 +108,7 @@ pub(crate) fn prepare_environments(
     mut textures: ResMut<TexturePool>,
     assets: Res<AssetServer>,
     pipelines: Res<PipelineCache>,
-    shaders: Res<ShaderTable>,
+    shaders: Res<ShaderLibrary>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
 ) {
@@ -141,8 +141,8 @@ pub(crate) fn prepare_environments(
         }
         if !is_environment(image, is_cube, &device) {
             let (wanted, used) = match is_cube {
-                true => ("colour cube", "nothing of it is shown"),
-                false => ("equirectangular colour image", "only the colour is used"),
+                true => ("color cube", "nothing of it is shown"),
+                false => ("equirectangular color image", "only the color is used"),
             };
             warn!("restir: environment image {id} is no {wanted}; {used}");
             pool.refused.insert(key, version);
@@ -266,7 +266,7 @@ impl EnvironmentPool {
         &mut self,
         is_cube: bool,
         pipelines: &PipelineCache,
-        shaders: &ShaderTable,
+        shaders: &ShaderLibrary,
     ) -> [CachedComputePipelineId; 2] {
         *self.pipelines[is_cube as usize].get_or_insert_with(|| {
             let mut features = SceneFeatures::ENVIRONMENT | SceneFeatures::ENVIRONMENT_MAP;
@@ -275,7 +275,7 @@ impl EnvironmentPool {
                 pipelines.queue_compute_pipeline(ComputePipelineDescriptor {
                     label: Some(format!("restir environment {entry}").into()),
                     layout: self.layouts.to_vec(),
-                    shader: shaders.pass("pass/environment.wgsl"),
+                    shader: shaders.pass("pass/environment.wgsl", &[]),
                     shader_defs: features.shader_defs(),
                     entry_point: Some(entry.into()),
                     ..Default::default()

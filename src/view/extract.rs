@@ -15,7 +15,7 @@ use bevy::{
 
 use super::capture::RadianceCapture;
 use crate::{
-    scene::layers::LayerSets,
+    scene::geometry::render_layers::LayerSets,
     settings::{Restir, RestirEnvironment},
 };
 
@@ -24,9 +24,9 @@ use crate::{
 pub(crate) struct ExtractedRestir {
     pub settings: Restir,
     pub environment: Option<ExtractedEnvironment>,
-    /// What the camera sees where there is no environment: the clear colour, as the view target holds it.
+    /// What the camera sees where there is no environment: the clear color, as the view target holds it.
     pub background: Vec3,
-    /// It has a clear colour; otherwise what earlier cameras have drawn stays.
+    /// It has a clear color; otherwise what earlier cameras have drawn stays.
     pub has_backdrop: bool,
     pub capture: Option<RadianceCapture>,
     /// Bit of its render layers.

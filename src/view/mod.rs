@@ -1,18 +1,19 @@
-//! What a camera keeps between frames: visibility, radiance, counters, uniforms; and when it must start again.
+//! Per-camera state between frames: visibility buffer, radiance, counters, uniforms, history; and when the history restarts.
 
+pub(crate) mod bevy_handoff;
 pub(crate) mod capture;
+pub(crate) mod counters;
 pub(crate) mod environment;
 pub(crate) mod extract;
-mod fit;
-pub(crate) mod hide;
 pub(crate) mod history;
-pub(crate) mod plan;
+mod resolution;
+pub(crate) mod selection;
 mod uniforms;
 
 use bevy::{
     app::SubApp,
     camera::MainPassResolutionOverride,
-    core_pipeline::{core_3d::prepare_prepass_textures, prepass::ViewPrepassTextures},
+    core_pipeline::core_3d::prepare_prepass_textures,
     ecs::prelude::*,
     log::warn,
     math::UVec2,
@@ -22,25 +23,22 @@ use bevy::{
         camera::{ExtractedCamera, TemporalJitter},
         render_resource::{binding_types::*, *},
         renderer::{RenderDevice, RenderQueue},
-        view::{ExtractedView, ViewTarget},
+        view::ExtractedView,
     },
 };
 
 use crate::{
-    gpu_types::*,
-    passes::{
-        Frame,
-        composite::CompositeKey,
-        pipelines::{FrameKey, PassPipelines},
-    },
-    scene::{MirrorScene, SceneFeatures, bindings::SceneBindings, layers, layers::EVERYONE},
+    gpu_layout::*,
+    scene::{bindings::SceneBindings, geometry::render_layers, geometry::render_layers::EVERYONE},
     settings::{Direct, Restir},
-    statistics::CounterReadback,
+    system_sets::RestirSystems,
+    technique::frame::{Frame, PipelineKey},
 };
+use counters::CounterReadback;
 use environment::EnvironmentPool;
 use extract::{ExtractedEnvironment, ExtractedRestir, ExtractedViews};
 use history::History;
-use plan::{FEW_INPUTS, Plan};
+use selection::{CompositeKey, SelectedPipelines, Selection};
 
 /// Everything that a picture depends on besides the random numbers: while it is the same, frames may be summed.
 #[derive(Clone, Debug, PartialEq)]
@@ -56,7 +54,7 @@ struct Shown {
     layers: u32,
     background: [f32; 3],
     orthographic: bool,
-    pipelines: FrameKey,
+    pipelines: PipelineKey,
 }
 
 /// What one camera keeps.
@@ -93,7 +91,7 @@ pub(crate) struct RestirView {
     moved: bool,
     bound_environment: (TextureViewId, TextureViewId),
     /// The pipelines of this frame.
-    pub key: Option<FrameKey>,
+    pub key: Option<PipelineKey>,
     /// They are those that the scene asks for.
     pub key_is_wanted: bool,
     /// What the last pass writes to.
@@ -115,18 +113,27 @@ pub(crate) fn build(render_app: &mut SubApp) {
         .init_resource::<ExtractedViews>()
         .init_resource::<ViewPool>()
         .init_resource::<EnvironmentPool>()
+        .init_resource::<SelectedPipelines>()
         .add_systems(
             bevy::render::ExtractSchedule,
-            (extract::extract_views.after(layers::extract_layers), extract::clear_reset).chain(),
+            (extract::extract_views.after(render_layers::extract_layers), extract::clear_reset).chain(),
+        )
+        .configure_sets(
+            Render,
+            (
+                RestirSystems::MirrorScene,
+                RestirSystems::PrepareEnvironments,
+                RestirSystems::SelectPipelines.after(prepare_prepass_textures),
+                RestirSystems::PrepareViews,
+            )
+                .chain()
+                .in_set(RenderSystems::PrepareResources),
         )
         .add_systems(
             Render,
             (
-                (environment::prepare_environments, prepare_views)
-                    .chain()
-                    .after(MirrorScene)
-                    .after(prepare_prepass_textures)
-                    .in_set(RenderSystems::PrepareResources),
+                environment::prepare_environments.in_set(RestirSystems::PrepareEnvironments),
+                prepare_views.in_set(RestirSystems::PrepareViews),
                 capture::capture_radiance.in_set(RenderSystems::Cleanup),
             ),
         );
@@ -165,104 +172,85 @@ pub(crate) const DEPTH_FORMAT: TextureFormat = TextureFormat::Depth32Float;
 fn prepare_views(
     mut pool: ResMut<ViewPool>,
     mut extracted: ResMut<ExtractedViews>,
-    cameras: Query<(
-        &ExtractedCamera,
-        &ExtractedView,
-        Option<&ViewTarget>,
-        Option<&TemporalJitter>,
-        Option<&ViewPrepassTextures>,
-        Option<&MainPassResolutionOverride>,
-    )>,
+    cameras: Query<(&ExtractedCamera, &ExtractedView, Option<&TemporalJitter>, Option<&MainPassResolutionOverride>)>,
+    selected: Res<SelectedPipelines>,
     scene: Res<SceneBindings>,
     environments: Res<EnvironmentPool>,
-    mut passes: ResMut<PassPipelines>,
     pipelines: Res<PipelineCache>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
-    mut told: Local<HashSet<(Entity, &'static str)>>,
+    mut warned: Local<HashSet<(Entity, &'static str)>>,
 ) {
-    let limit = fit::binding_limit(&device);
+    let limit = resolution::binding_limit(&device);
     pool.views.retain(|entity, _| extracted.0.contains_key(entity));
     for (&entity, restir) in &mut extracted.0 {
-        let Some((camera, view, target, jitter, prepass, smaller)) =
-            cameras.get(entity).ok().filter(|c| extract::has_view(Some(c.0)))
+        let (Some((camera, view, jitter, smaller)), Some(&selection)) =
+            (cameras.get(entity).ok(), selected.0.get(&entity))
         else {
-            // Nothing of an older frame is shown, captured or counted.
+            // Older frames of this camera must not be shown, captured or counted.
             pool.views.remove(&entity);
             continue;
         };
-        let viewport = UVec2::new(view.viewport.z, view.viewport.w);
-        // An upscaler, such as DLSS, enlarges what fills only the corner of the viewport.
-        let target_size = smaller.map_or(viewport, |size| size.0.min(viewport)).max(UVec2::ONE);
-        let wanted = wanted_key(restir, &scene, &environments);
-        let last = pool.views.get(&entity);
-        let key = passes.choose(wanted, last.and_then(|last| last.key), &pipelines);
-        if let (Some(key), Some(last)) = (key, last)
-            && !key.serves_settings_of(wanted)
+        if let (Some(key), Some(last)) = (selection.key, pool.views.get(&entity))
+            && !key.serves_settings_of(selection.wanted)
         {
-            // Until what is asked for is compiled the camera goes on with what it shows.
+            // The camera keeps its settings until the pipelines of the new ones are compiled.
             restir.settings = Restir { reset: restir.settings.reset, ..last.settings.clone() };
         }
-        let frame = Frame::of(&restir.settings);
-        let size = fit::traced_size(target_size, frame.domains(), &restir.settings, limit);
-        if size != target_size && told.insert((entity, "size")) {
-            warn!(
-                "restir: this device binds {limit} bytes at most: camera {entity} traces {} x {} pixels for its {} x {}",
-                size.x, size.y, target_size.x, target_size.y
-            );
-        }
-        if !frame.domains().is_empty()
-            && fit::fit_subsets(&mut restir.settings.direct, limit)
-            && told.insert((entity, "subsets"))
-        {
-            let Direct { subset_count, subset_size, .. } = restir.settings.direct;
-            warn!(
-                "restir: this device binds {limit} bytes at most: {subset_count} subsets of {subset_size} lights are drawn"
-            );
-        }
+        let viewport = UVec2::new(view.viewport.z, view.viewport.w);
+        // An upscaler, such as DLSS, enlarges an image that fills only the corner of the viewport.
+        let target_size = smaller.map_or(viewport, |size| size.0.min(viewport)).max(UVec2::ONE);
+        let size = fit_to_device(entity, restir, target_size, limit, &mut warned);
         let Some((map, importance)) = environments.views_of(restir.environment.as_ref()) else {
             continue;
         };
         let state =
             pool.views.entry(entity).or_insert_with(|| RestirView::new(size, &device, &pipelines, map, importance));
         if state.size != size || state.bound_environment != (map.id(), importance.id()) {
-            let fresh = RestirView::new(size, &device, &pipelines, map, importance);
-            let kept = core::mem::replace(state, fresh);
-            if kept.size == size {
-                // Only the environment is another one: the last camera is still the last.
-                state.previous_camera = kept.previous_camera;
-                state.previous_jitter = kept.previous_jitter;
+            let new = RestirView::new(size, &device, &pipelines, map, importance);
+            let old = core::mem::replace(state, new);
+            if old.size == size {
+                // Only the environment has changed: motion vectors still need the last camera.
+                state.previous_camera = old.previous_camera;
+                state.previous_jitter = old.previous_jitter;
             }
         }
         state.origin = UVec2::new(view.viewport.x, view.viewport.y);
         state.target_size = target_size;
-        state.layers = restir.layers;
-        state.settings = restir.settings.clone();
-
-        state.key = key;
-        state.key_is_wanted = key == Some(wanted);
-        state.composite = target.map(|target| CompositeKey::of(target, prepass));
-        let composite = state.composite.is_some_and(|key| passes.ask_composite(key, &pipelines));
-        state.rendered = composite && state.key.is_some() && scene.bind_group.is_some();
-        if !state.rendered {
-            // A frame that was missed is one that the history does not know.
-            state.shown = None;
-            continue;
+        state.select(restir, &selection, &scene);
+        if state.rendered {
+            state.update_uniforms(restir, camera, view, jitter, &scene, &environments, &queue);
+            state.update_history(&device, &queue);
         }
-        state.update_uniforms(restir, camera, view, jitter, &scene, &environments, &queue);
-        state.update_history(&device, &queue);
     }
 }
 
-/// The pipelines that a camera asks for.
-fn wanted_key(restir: &ExtractedRestir, scene: &SceneBindings, environments: &EnvironmentPool) -> FrameKey {
-    let frame = Frame::of(&restir.settings);
-    let mut features = scene.features | environments.features(restir.environment.as_ref());
-    features.set(SceneFeatures::RENDER_LAYERS, scene.hidden_from & restir.layers != 0);
-    features.set(SceneFeatures::ENERGY_COMPENSATION, restir.settings.energy_compensation);
-    let many_taps = |&domain| Plan::of(domain, &restir.settings).most_inputs() > FEW_INPUTS;
-    features.set(SceneFeatures::MANY_TAPS, frame.domains().iter().any(many_taps));
-    FrameKey { frame, features }
+/// Reduces resolution and light subsets to what the device can bind, with a warning for each camera.  Returns the traced resolution.
+fn fit_to_device(
+    entity: Entity,
+    restir: &mut ExtractedRestir,
+    target_size: UVec2,
+    limit: u64,
+    warned: &mut HashSet<(Entity, &'static str)>,
+) -> UVec2 {
+    let domains = Frame::of(&restir.settings).domains();
+    let size = resolution::traced_size(target_size, domains, &restir.settings, limit);
+    if size != target_size && warned.insert((entity, "size")) {
+        warn!(
+            "restir: camera {entity} traces {} x {} pixels for its {} x {}: the device binds at most {limit} bytes",
+            size.x, size.y, target_size.x, target_size.y
+        );
+    }
+    if !domains.is_empty()
+        && resolution::fit_subsets(&mut restir.settings.direct, limit)
+        && warned.insert((entity, "subsets"))
+    {
+        let Direct { subset_count, subset_size, .. } = restir.settings.direct;
+        warn!(
+            "restir: camera {entity} draws {subset_count} subsets of {subset_size} lights: the device binds at most {limit} bytes"
+        );
+    }
+    size
 }
 
 impl RestirView {
@@ -331,7 +319,21 @@ impl RestirView {
         }
     }
 
-    /// Makes, renews or drops what resampling keeps.
+    /// Takes settings and pipelines for this frame, and decides whether it is rendered.
+    fn select(&mut self, restir: &ExtractedRestir, selection: &Selection, scene: &SceneBindings) {
+        self.layers = restir.layers;
+        self.settings = restir.settings.clone();
+        self.key = selection.key;
+        self.key_is_wanted = selection.key == Some(selection.wanted);
+        self.composite = selection.composite;
+        self.rendered = self.composite.is_some() && self.key.is_some() && scene.bind_group.is_some();
+        if !self.rendered {
+            // The history lacks a frame that is not rendered.
+            self.shown = None;
+        }
+    }
+
+    /// Creates, replaces or drops the history.
     fn update_history(&mut self, device: &RenderDevice, queue: &RenderQueue) {
         let domains = self.key.map_or(&[][..], |key| key.frame.domains());
         if domains.is_empty() {

@@ -11,7 +11,7 @@ use bevy::{
 
 use super::{RestirView, Shown, environment::EnvironmentPool, extract::ExtractedRestir};
 use crate::{
-    gpu_types::*,
+    gpu_layout::*,
     scene::bindings::SceneBindings,
     settings::{DebugView, Restir},
 };

@@ -1,0 +1,55 @@
+// The rays along which points of lights and surfaces are seen: free of the triangles at both their ends.
+#define_import_path bevy_restir::path::shadow_ray
+
+#import bevy_restir::common::constants::{FAR, LIGHT_TRIANGLE}
+#import bevy_restir::light::analytic_area_light::SLACK
+#import bevy_restir::light::types::LightSample
+#import bevy_restir::scene::bindings::lights
+#import bevy_restir::scene::surface::Surface
+#import bevy_restir::scene::offset::{offset_distance, offset_point}
+#import bevy_restir::common::ray::Ray
+#import bevy_restir::trace::trace::trace_any
+#import bevy_restir::view::render_layers::light_kind
+
+// The ray that a point of a light is seen along: from an offset point to one just short of the light's surface.
+fn ray_to_light(s: Surface, l: LightSample) -> Ray {
+    let origin = offset_point(s.position, s.bsdf.n_geo, l.wi, s.offset);
+    var ray = Ray(origin, 0.0, l.wi, FAR);
+    if l.distance < FAR {
+        let end = offset_point(l.position, l.normal, -l.wi, light_offset(l));
+        ray.direction = end - origin;
+        ray.t_max = end_of_ray(l);
+    }
+    return ray;
+}
+
+// The ray that one surface is seen along from another.
+fn ray_between(a: Surface, b: Surface) -> Ray {
+    let direction = b.position - a.position;
+    let origin = offset_point(a.position, a.bsdf.n_geo, direction, a.offset);
+    let end = offset_point(b.position, b.bsdf.n_geo, -direction, b.offset);
+    return Ray(origin, 0.0, end - origin, 1.0);
+}
+
+// `previous`: whether it was seen in the last frame; surface and sample are of that frame.
+fn light_is_visible(s: Surface, l: LightSample, alpha_seed: u32, previous: bool) -> bool {
+    return !trace_any(ray_to_light(s, l), alpha_seed, previous);
+}
+
+// Short of a ball or rectangle by as much as it may lie behind a surface.
+#ifdef LIGHT_SHAPES
+fn end_of_ray(l: LightSample) -> f32 {
+    return select(1.0 - SLACK, 1.0, l.delta != 0u || light_kind(l.light) == LIGHT_TRIANGLE);
+}
+#else
+fn end_of_ray(l: LightSample) -> f32 {
+    return 1.0;
+}
+#endif
+
+fn light_offset(l: LightSample) -> f32 {
+    if light_kind(l.light) != LIGHT_TRIANGLE {
+        return 0.0;
+    }
+    return offset_distance(lights[l.light].data.x, lights[l.light].data.y, l.barycentrics);
+}

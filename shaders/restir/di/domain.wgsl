@@ -1,0 +1,115 @@
+// ReSTIR DI: the domain of points of lights, seen from a surface (Wyman and Panteleev 2021).  It answers the questions of the resampling
+// routine (`pass/reuse.wgsl`).
+#define_import_path bevy_restir::restir::di::domain
+
+#import bevy_restir::bsdf::bsdf::{bsdf_eval, bsdf_pdf}
+#import bevy_restir::common::constants::NONE
+#import bevy_restir::common::math::{is_finite_3, luminance}
+#import bevy_restir::light::point_on_light::light_point_at
+#import bevy_restir::light::remap::current_light_id
+#import bevy_restir::light::types::LightSample
+#import bevy_restir::path::medium::{medium_towards, transmittance}
+#import bevy_restir::path::shadow_ray::light_is_visible
+#import bevy_restir::restir::di::reservoir::Reservoir
+#import bevy_restir::scene::cone::Cone
+#import bevy_restir::scene::surface::Surface
+#import bevy_restir::view::primary::primary_surface
+
+// A pixel's surface, in this frame or the last.
+struct Receiver {
+    surface: Surface,
+    wo: vec3<f32>,
+    cone: Cone,                // footprint of the pixel
+    previous: bool,
+}
+
+// A point of a light, seen from a receiver.
+struct Evaluated {
+    f: vec3<f32>,              // f·L·|cos| in the measure of the light, without visibility
+    light: LightSample,
+}
+
+fn receiver_of(ids: vec2<u32>, pixel: vec2<u32>, previous: bool) -> Receiver {
+    let s = primary_surface(ids, pixel, previous);
+    return Receiver(s.surface, s.wo, s.cone, previous);
+}
+
+fn evaluate(r: Receiver, s: Reservoir) -> Evaluated {
+    return evaluate_sample(r, light_point_at(s.point, r.surface.position, r.previous));
+}
+
+fn evaluate_sample(r: Receiver, l: LightSample) -> Evaluated {
+    if !(l.pdf_solid_angle > 0.0) {
+        return Evaluated(vec3<f32>(0.0), l);
+    }
+    let carried = transmittance(medium_towards(r.surface, l.wi, vec3<f32>(0.0)), l.distance);
+    let f = bsdf_eval(r.surface.bsdf, r.wo, l.wi) * l.radiance * carried / l.pdf_solid_angle;
+    return Evaluated(select(vec3<f32>(0.0), f, is_finite_3(f)), l);
+}
+
+// Arriving light without the BSDF: positive wherever `evaluate_sample` is.
+fn evaluate_arriving(r: Receiver, l: LightSample) -> Evaluated {
+    if !(l.pdf_solid_angle > 0.0) {
+        return Evaluated(vec3<f32>(0.0), l);
+    }
+    let f = l.radiance * abs(dot(r.surface.bsdf.n, l.wi)) / l.pdf_solid_angle;
+    return Evaluated(select(vec3<f32>(0.0), f, is_finite_3(f)), l);
+}
+
+// p̂: the resampling routine selects by it.
+fn target_value(e: Evaluated) -> f32 {
+    return luminance(e.f);
+}
+
+// Density, in the measure of the light, with which the receiver's BSDF samples the point.  A ray that reaches a point of a surface with
+// alpha is stopped there with the probability `presence`.
+fn bsdf_pdf_of(r: Receiver, l: LightSample, presence: f32) -> f32 {
+    if l.delta != 0u || !(l.pdf_solid_angle > 0.0) {
+        return 0.0;
+    }
+    return presence * bsdf_pdf(r.surface.bsdf, r.wo, l.wi) / l.pdf_solid_angle;
+}
+
+fn is_visible(r: Receiver, e: Evaluated, alpha_seed: u32) -> bool {
+    return light_is_visible(r.surface, e.light, alpha_seed, r.previous);
+}
+
+// The measure of a light is the same for all receivers and in both frames: a shift has no Jacobian and changes nothing.
+fn jacobian_of(e: Evaluated) -> f32 {
+    return 1.0;
+}
+
+// Sample fields that a shift changes: none, but WGSL has no empty struct.
+struct ShiftResult {
+    unused: u32,
+}
+
+fn shift_result_of(e: Evaluated) -> ShiftResult {
+    return ShiftResult(0u);
+}
+
+fn apply_shift(s: Reservoir, a: ShiftResult) -> Reservoir {
+    return s;
+}
+
+// Targets are cheap to evaluate: the reservoir does not store p̂.
+fn stores_target() -> bool {
+    return false;
+}
+
+fn stored_target(s: Reservoir) -> f32 {
+    return 0.0;
+}
+
+// Whether passes hand the contribution of a pixel's own sample to one another.
+fn carries_contribution() -> bool {
+    return false;
+}
+
+// A sample of the last frame, with the light ids of this frame.  A light that was removed has the weight 0 and keeps its confidence.
+fn in_current_frame(s: Reservoir) -> Reservoir {
+    var r = s;
+    r.point.light = current_light_id(s.point.light);
+    r.ucw = select(s.ucw, 0.0, r.point.light == NONE);
+    return r;
+}

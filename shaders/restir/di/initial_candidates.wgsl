@@ -1,0 +1,179 @@
+// Initial candidates of a pixel of ReSTIR DI (Wyman and Panteleev 2021, 3 and 5): points of lights from a presampled subset, and one that
+// BSDF sampling finds, joined by MIS in the measure of the lights.  One of them is selected, and a ray tests its visibility.
+#define_import_path bevy_restir::restir::di::initial_candidates
+
+#import bevy_restir::bsdf::bsdf::{bsdf_is_delta, bsdf_sample}
+#import bevy_restir::bsdf::types::BsdfSample
+#import bevy_restir::common::constants::{FAR, NONE}
+#import bevy_restir::common::math::max_component
+#import bevy_restir::common::ray::Ray
+#import bevy_restir::common::rng::{Rng, rng_1, rng_3, rng_bits}
+#import bevy_restir::light::analytic_area_light::{light_hit_point, LIGHT_HITS_MAX, next_light_hit, RaySegment}
+#import bevy_restir::light::environment::environment_radiance
+#import bevy_restir::light::point_on_light::{environment_light_point, LightPoint, light_point_at, no_light_point, triangle_light_point}
+#import bevy_restir::light::select::{environment_pmf, light_pmf}
+#import bevy_restir::light::types::LightSample
+#import bevy_restir::path::medium::{medium_towards, transmittance}
+#import bevy_restir::restir::bindings::settings
+#import bevy_restir::restir::di::domain::{bsdf_pdf_of, evaluate, evaluate_arriving, evaluate_sample, is_visible, Receiver, target_value}
+#import bevy_restir::restir::di::reservoir::Reservoir
+#import bevy_restir::restir::light_candidates::{light_candidate, presence_of, subset_of}
+#import bevy_restir::restir::reservoir_sampling::{Stream, stream_add, stream_ucw}
+#import bevy_restir::restir::types::{RESAMPLE_BSDF_CANDIDATE, RESAMPLE_CANDIDATE_RAYS, RESAMPLE_TARGET_WITHOUT_BSDF}
+#import bevy_restir::scene::cone::{cone_after, cone_along}
+#import bevy_restir::scene::offset::offset_point
+#import bevy_restir::scene::surface::surface_at
+#import bevy_restir::trace::trace::trace_closest
+
+struct SelectedCandidate {
+    reservoir: Reservoir,
+    unresampled: vec3<f32>,    // light that only BSDF sampling finds
+}
+
+// Candidates may be selected by any target that is positive where light is (Wyman and Panteleev 2021, 3.3).
+fn candidate_target(r: Receiver, l: LightSample) -> f32 {
+    if (settings.flags & RESAMPLE_TARGET_WITHOUT_BSDF) != 0u {
+        return target_value(evaluate_arriving(r, l));
+    }
+    return target_value(evaluate_sample(r, l));
+}
+
+// A ray in a direction of the BSDF: the point of a light at its end, or light that is not in the table.
+struct BsdfRay {
+    point: LightPoint,
+    light: vec3<f32>,
+    weight: vec3<f32>,         // f·|cos| over the density
+    delta: bool,
+    segment: RaySegment,
+}
+
+fn bsdf_ray_to(point: LightPoint, light: vec3<f32>, b: BsdfSample, segment: RaySegment) -> BsdfRay {
+    return BsdfRay(point, light, b.weight, b.delta != 0u, segment);
+}
+
+fn no_bsdf_ray() -> BsdfRay {
+    return BsdfRay(no_light_point(), vec3<f32>(0.0), vec3<f32>(0.0), true, RaySegment(vec3<f32>(0.0), 0.0, vec3<f32>(0.0, 0.0, 1.0)));
+}
+
+fn trace_bsdf_ray(r: Receiver, rng: ptr<function, Rng>) -> BsdfRay {
+    let u = rng_3(rng);
+    let alpha_seed = rng_bits(rng).x;
+    let b = bsdf_sample(r.surface.bsdf, r.wo, u);
+    if b.valid == 0u {
+        return no_bsdf_ray();
+    }
+    let origin = offset_point(r.surface.position, r.surface.bsdf.n_geo, b.wi, r.surface.offset);
+    let hit = trace_closest(Ray(origin, 0.0, b.wi, FAR), alpha_seed);
+    let segment = RaySegment(origin, hit.t, b.wi);
+    if hit.instance == NONE {
+        let radiance = environment_radiance(b.wi);
+        if b.delta != 0u || !(environment_pmf() > 0.0) {
+            return bsdf_ray_to(no_light_point(), b.weight * radiance, b, segment);
+        }
+        return bsdf_ray_to(environment_light_point(b.wi), vec3<f32>(0.0), b, segment);
+    }
+    let cone = cone_along(cone_after(r.cone, b.delta != 0u), hit.t);
+    let s = surface_at(hit.instance, hit.triangle, hit.barycentrics, -b.wi, cone, false);
+    if !(max_component(s.emission) > 0.0) {
+        return bsdf_ray_to(no_light_point(), vec3<f32>(0.0), b, segment);
+    }
+    if b.delta != 0u || !(light_pmf(s.light) > 0.0) {
+        // The ray may have crossed a body that absorbs.
+        let carried = transmittance(medium_towards(r.surface, b.wi, vec3<f32>(0.0)), hit.t);
+        return bsdf_ray_to(no_light_point(), b.weight * s.emission * carried, b, segment);
+    }
+    return bsdf_ray_to(triangle_light_point(s.light, hit.barycentrics), vec3<f32>(0.0), b, segment);
+}
+
+// The candidates that are selected so far.
+struct Candidates {
+    stream: Stream,
+    point: LightPoint,
+    target_value: f32,         // the value that the point was weighed by: its contribution weight is divided by the same
+}
+
+fn add_light_candidates(c: ptr<function, Candidates>, r: Receiver, with_bsdf: bool, pixel: vec2<u32>, rng: ptr<function, Rng>) {
+    let subset = subset_of(pixel, 0u);
+    let count = f32(settings.candidates);
+    let lights = select(settings.candidates, 0u, bsdf_is_delta(r.surface.bsdf));
+    for (var i = 0u; i < lights; i++) {
+        let candidate = light_candidate(r.surface.position, subset, rng);
+        let value = candidate_target(r, candidate.light);
+        let u = rng_1(rng);
+        let bsdf = select(0.0, bsdf_pdf_of(r, candidate.light, candidate.presence), with_bsdf);
+        if candidate.pmf > 0.0 {
+            add_candidate(c, i, candidate.point, value, value / both_densities(count * candidate.pmf, bsdf), u);
+        }
+    }
+}
+
+// The light at the end of a BSDF ray, and every light that the ray passes on its way there.
+fn add_bsdf_candidates(c: ptr<function, Candidates>, r: Receiver, ray: BsdfRay, rng: ptr<function, Rng>) -> vec3<f32> {
+    var unresampled = ray.light;
+    var point = ray.point;
+    var first = 0u;
+    for (var i = 0u; i < LIGHT_HITS_MAX; i++) {
+        if point.light != NONE {
+            let l = light_point_at(point, r.surface.position, false);
+            let pmf = light_pmf(point.light);
+            if ray.delta || !(pmf > 0.0) {
+                let carried = transmittance(medium_towards(r.surface, l.wi, vec3<f32>(0.0)), l.distance);
+                unresampled += ray.weight * l.radiance * carried;
+            } else {
+                let value = candidate_target(r, l);
+                let densities = both_densities(f32(settings.candidates) * pmf * l.aim, bsdf_pdf_of(r, l, presence_of(l)));
+                add_candidate(c, settings.candidates + i, point, value, value / densities, rng_1(rng));
+            }
+        }
+        let light = next_light_hit(ray.segment, first);
+        if !(ray.segment.reach > 0.0) || light == NONE {
+            break;
+        }
+        point = light_hit_point(light, light, ray.segment);
+        first = light + 1u;
+    }
+    return unresampled;
+}
+
+fn add_candidate(c: ptr<function, Candidates>, index: u32, point: LightPoint, value: f32, weight: f32, u: f32) {
+    // SPIR-V takes no pointer to a member.
+    var stream = (*c).stream;
+    if stream_add(&stream, index, weight, u) {
+        (*c).point = point;
+        (*c).target_value = value;
+    }
+    (*c).stream = stream;
+}
+
+fn sample_candidates(r: Receiver, pixel: vec2<u32>, rng: ptr<function, Rng>) -> SelectedCandidate {
+    let with_bsdf = (settings.flags & RESAMPLE_BSDF_CANDIDATE) != 0u;
+    // p̂ over the sum of the densities of both techniques is the weight of the balance heuristic.
+    var c = Candidates(Stream(0.0, NONE), no_light_point(), 0.0);
+    add_light_candidates(&c, r, with_bsdf, pixel, rng);
+    var ray = no_bsdf_ray();
+    if with_bsdf {
+        ray = trace_bsdf_ray(r, rng);
+    }
+    let unresampled = add_bsdf_candidates(&c, r, ray, rng);
+
+    // An occluded sample has the weight 0, and still counts as a frame's worth of candidates.  The BSDF ray has tested its own visibility.
+    var reservoir = Reservoir(c.point, 0.0, 1.0, true);
+    if c.point.light != NONE {
+        let is_known = c.stream.selected >= settings.candidates || (settings.flags & RESAMPLE_CANDIDATE_RAYS) == 0u;
+        if is_known || is_visible(r, evaluate(r, reservoir), rng_bits(rng).x) {
+            reservoir.ucw = stream_ucw(c.stream, c.target_value);
+        }
+    }
+    return SelectedCandidate(reservoir, unresampled);
+}
+
+// Density of light sampling plus density of BSDF sampling.  PLANT_*: an error that only tests define, and must find.
+#ifdef PLANT_MISSING_DENSITY
+fn both_densities(lights: f32, bsdf: f32) -> f32 {
+    return select(bsdf, lights, lights > 0.0);
+}
+#else
+fn both_densities(lights: f32, bsdf: f32) -> f32 {
+    return lights + bsdf;
+}
+#endif

@@ -1,0 +1,40 @@
+// The reservoir of ReSTIR DI: a point of a light, its unbiased contribution weight, its confidence, and its visibility.  16 bytes.
+#define_import_path bevy_restir::restir::di::reservoir
+
+#import bevy_restir::common::math::is_finite
+#import bevy_restir::light::point_on_light::{LightPoint, no_light_point}
+
+struct Reservoir {
+    point: LightPoint,
+    ucw: f32,              // W: E[f(X) W] = ∫ f, in the measure of the light; 0: no sample
+    confidence: f32,       // in frames' worth of candidates
+    seen: bool,            // the sample was visible when it was shaded
+}
+
+// The same in memory.
+struct PackedReservoir {
+    words: vec4<u32>,
+}
+
+const UNSEEN: u32 = 0x80000000u;
+
+fn no_reservoir() -> Reservoir {
+    return Reservoir(no_light_point(), 0.0, 0.0, false);
+}
+
+// Confidence is never negative: its sign bit stores the visibility.
+fn reservoir_pack(r: Reservoir) -> PackedReservoir {
+    let unseen = select(UNSEEN, 0u, r.seen);
+    return PackedReservoir(vec4<u32>(r.point.light, r.point.coordinates, bitcast<u32>(r.ucw), bitcast<u32>(abs(r.confidence)) | unseen));
+}
+
+// A value that is not finite is dropped, so that it cannot spread over the screen.
+fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
+    let words = p.words;
+    let ucw = bitcast<f32>(words.z);
+    let confidence = bitcast<f32>(words.w & ~UNSEEN);
+    if !is_finite(ucw) || !is_finite(confidence) || !(ucw >= 0.0) {
+        return no_reservoir();
+    }
+    return Reservoir(LightPoint(words.x, words.y), ucw, confidence, (words.w & UNSEEN) == 0u);
+}

@@ -1,0 +1,92 @@
+// The search for neighbors whose samples a pixel reuses.  Only geometry and random numbers decide: a choice by the samples themselves would
+// add bias.
+#define_import_path bevy_restir::restir::neighbors
+
+#import bevy_restir::common::constants::NONE
+#import bevy_restir::common::rng::{Rng, rng_2}
+#import bevy_restir::restir::bindings::{previous_visibility, settings}
+#import bevy_restir::restir::types::{RESAMPLE_BILINEAR, RESAMPLE_FROM_PREVIOUS, RESAMPLE_HEURISTICS, RESAMPLE_SAME_MATERIAL}
+#import bevy_restir::scene::surface::{Shape, shape_at}
+#import bevy_restir::scene::triangle::world_triangle
+#import bevy_restir::view::bindings::{view, visibility}
+#import bevy_restir::view::camera::{barycentrics_on_ray, camera_position, previous_primary_ray, primary_ray, project}
+
+fn has(flag: u32) -> bool {
+    return (settings.flags & flag) != 0u;
+}
+
+// (instance, triangle) of a neighbor, in the last frame or in this one, wherever neighbors are.
+fn neighbor_ids(pixel: vec2<u32>) -> vec2<u32> {
+    if has(RESAMPLE_FROM_PREVIOUS) {
+        return textureLoad(previous_visibility, pixel, 0).xy;
+    }
+    return textureLoad(visibility, pixel, 0).xy;
+}
+
+// The pixel's own surface, and its place in the image, pixels; both in the frame that neighbors are taken from.
+struct OwnPlace {
+    shape: Shape,
+    place: vec2<f32>,
+}
+
+fn own_place(ids: vec2<u32>, pixel: vec2<u32>) -> OwnPlace {
+    if has(RESAMPLE_FROM_PREVIOUS) {
+        let shape = previous_pixel_shape(ids, pixel);
+        return OwnPlace(shape, project(view.previous, shape.position) - view.previous_jitter);
+    }
+    return OwnPlace(pixel_shape(ids, pixel, false), vec2<f32>(pixel) + 0.5);
+}
+
+// A neighbor; NONE where none is found.  `is_own`: the place of the surface itself in the last frame.
+fn find_neighbor(own: OwnPlace, is_own: bool, rng: ptr<function, Rng>) -> vec2<u32> {
+    let attempts = select(settings.neighbor_attempts, 1u, is_own);
+    for (var t = 0u; t < attempts; t++) {
+        let at = own.place + neighbor_offset(is_own, rng_2(rng));
+        if any(at < vec2<f32>(0.0)) || any(at >= vec2<f32>(view.size)) {
+            continue;
+        }
+        let pixel = min(vec2<u32>(at), view.size - 1u);
+        let ids = neighbor_ids(pixel);
+        if ids.x == NONE {
+            continue;
+        }
+        if !has(RESAMPLE_HEURISTICS) || is_similar(own.shape, ids, pixel) {
+            return pixel;
+        }
+    }
+    return vec2<u32>(NONE);
+}
+
+// Offset of an attempt, pixels: uniform in a disk.  The surface itself is sought at the nearest pixel, or by bilinear chance at one of four.
+fn neighbor_offset(is_own: bool, u: vec2<f32>) -> vec2<f32> {
+    if is_own {
+        return select(vec2<f32>(0.0), u - 0.5, has(RESAMPLE_BILINEAR));
+    }
+    return settings.radius * sqrt(u.x) * vec2<f32>(cos(6.2831853 * u.y), sin(6.2831853 * u.y));
+}
+
+// Whether a neighbor's surface is similar enough to share light (Wyman and Panteleev 2021, Eq. 24).
+fn is_similar(own: Shape, ids: vec2<u32>, pixel: vec2<u32>) -> bool {
+    let from_previous = has(RESAMPLE_FROM_PREVIOUS);
+    let other = pixel_shape(ids, pixel, from_previous);
+    let view_distance = max(distance(own.position, camera_position(from_previous)), 1.0e-20);
+    return dot(own.n, other.n) >= settings.normal_threshold
+        && abs(dot(other.position - own.position, own.n_geo)) <= settings.depth_threshold * view_distance
+        && (own.material == other.material || !has(RESAMPLE_SAME_MATERIAL));
+}
+
+// The surface that a pixel shows, or showed in the last frame.
+fn pixel_shape(ids: vec2<u32>, pixel: vec2<u32>, previous: bool) -> Shape {
+    var ray = primary_ray(pixel);
+    if previous {
+        ray = previous_primary_ray(pixel);
+    }
+    let barycentrics = barycentrics_on_ray(world_triangle(ids.x, ids.y, previous), ray);
+    return shape_at(ids.x, ids.y, barycentrics, camera_position(previous), previous);
+}
+
+// The surface that a pixel shows, where it was in the last frame.
+fn previous_pixel_shape(ids: vec2<u32>, pixel: vec2<u32>) -> Shape {
+    let barycentrics = barycentrics_on_ray(world_triangle(ids.x, ids.y, false), primary_ray(pixel));
+    return shape_at(ids.x, ids.y, barycentrics, camera_position(true), true);
+}

@@ -1,0 +1,73 @@
+// A resampled path: its random seed, the vertex at which other pixels reconnect to it, and the radiance that it carries from there on.
+// The measure is primary sample space for everything that BSDFs sample, and the light's own measure for a point that NEE sampled.
+// Vertices are numbered from the camera, 0; the vertex on the light has the index `length`.
+#define_import_path bevy_restir::restir::path_sample
+
+#import bevy_restir::common::constants::NONE
+#import bevy_restir::light::point_on_light::{LightPoint, no_light_point}
+
+// How a path ends.
+const TERMINATION_NONE: u32 = 0u;             // there is no path
+const TERMINATION_NEE: u32 = 1u;              // NEE sampled a point of a light
+const TERMINATION_EMITTER: u32 = 2u;          // the last ray hit an emissive triangle, or passed a spherical or rectangular light
+const TERMINATION_ENVIRONMENT: u32 = 3u;      // the last ray escaped: the environment, or the disk of a sun
+
+struct PathSample {
+    seed: u32,                // of the random numbers that replay uses
+    born: u32,                // frame that the path was sampled in
+    termination: u32,         // TERMINATION_*
+    length: u32,              // index of the vertex on the light, from 2
+    reconnection: u32,        // index k of the reconnection vertex; 0: the whole path is replayed
+    lobe_before: u32,         // LOBE_* at vertex k - 1
+    lobe_after: u32,          // LOBE_* at vertex k
+    instance: u32,            // of vertex k
+    triangle: u32,
+    barycentrics: vec2<f32>,
+    wi: vec3<f32>,            // direction after vertex k; direction of the environment where the path ends there
+    radiance: vec3<f32>,      // arriving at vertex k from wi, divided by the densities of everything sampled after k
+    light_pdf: f32,           // density with which NEE at vertex k samples the light that its ray hit, solid angle; 0: it cannot
+    light: LightPoint,        // of NEE, and of a sphere, rectangle or sun that was hit; NONE for triangles and the environment
+    density: f32,             // of sampling vertex k from k - 1, in the measure of its triangle or light (uniform, total 1), times that
+                              // of the direction after it, solid angle; denominator of the shift's Jacobian
+    target_value: f32,        // p̂ in the pixel that stores it
+}
+
+fn no_path_sample() -> PathSample {
+    return PathSample(
+        0u, 0u, TERMINATION_NONE, 0u, 0u, 0u, 0u, NONE, NONE, vec2<f32>(0.0), vec3<f32>(0.0, 0.0, 1.0), vec3<f32>(0.0), 0.0,
+        no_light_point(), 0.0, 0.0,
+    );
+}
+
+// Path fields that a shift changes.
+struct ShiftResult {
+    radiance: vec3<f32>,
+    light_pdf: f32,
+    density: f32,
+    target_value: f32,
+}
+
+fn with_shift_result(s: PathSample, r: ShiftResult) -> PathSample {
+    var p = s;
+    p.radiance = r.radiance;
+    p.light_pdf = r.light_pdf;
+    p.density = r.density;
+    p.target_value = r.target_value;
+    return p;
+}
+
+// Barycentrics of a new vertex.  A vertex that may become the reconnection vertex is rounded as a reservoir stores it, so that the path
+// that is weighted is the one that is stored.
+fn vertex_barycentrics(b: vec2<f32>, may_reconnect: bool) -> vec2<f32> {
+    return select(b, quantized_barycentrics(b), may_reconnect);
+}
+
+fn quantized_barycentrics(b: vec2<f32>) -> vec2<f32> {
+    return decode_barycentrics(pack2x16unorm(b));
+}
+
+fn decode_barycentrics(word: u32) -> vec2<f32> {
+    // Rounding may put a point beyond the diagonal.
+    let b = unpack2x16unorm(word);
+    return b / max(1.0, b.x + b.y);
+}

@@ -1,0 +1,119 @@
+// ReSTIR PT: the domain of whole paths, which the hybrid shift takes from pixel to pixel (Lin et al. 2026).  It answers the questions of
+// the resampling routine (`pass/reuse.wgsl`).
+#define_import_path bevy_restir::restir::pt::domain
+
+#import bevy_restir::common::constants::NONE
+#import bevy_restir::common::math::luminance
+#import bevy_restir::light::remap::current_light_id
+#import bevy_restir::path::walk::Vertex
+#import bevy_restir::restir::bindings::settings
+#import bevy_restir::restir::path_sample::{PathSample, ShiftResult, TERMINATION_NEE, with_shift_result}
+#import bevy_restir::restir::pt::initial_candidates::SelectedPath
+#import bevy_restir::restir::shift::hybrid::{hybrid_shift, is_unoccluded, ShiftedPath}
+#import bevy_restir::restir::shift::reconnection::{separation_threshold, ShiftParameters}
+#import bevy_restir::restir::stored_path::Reservoir
+#import bevy_restir::restir::types::{RESAMPLE_DIFFUSE_SECONDARY, RESAMPLE_MOVED, RESAMPLE_RETRACE_BACKWARD, RESAMPLE_RETRACE_FORWARD}
+#import bevy_restir::scene::surface::Surface
+#import bevy_restir::view::camera::camera_position
+#import bevy_restir::view::primary::primary_surface
+
+// Paths of one scattering event, direct light, are among the candidates.
+const SHORTEST_LENGTH: u32 = 2u;
+
+// A pixel's surface, in this frame or the last, and the parameters of shifts to it.
+struct Receiver {
+    first: Vertex,
+    shift: ShiftParameters,
+    previous: bool,
+}
+
+// A path, shifted to a receiver.
+struct Evaluated {
+    f: vec3<f32>,              // contribution without visibility
+    shifted: ShiftedPath,
+}
+
+fn receiver_of(ids: vec2<u32>, pixel: vec2<u32>, previous: bool) -> Receiver {
+    let s = primary_surface(ids, pixel, previous);
+    return Receiver(Vertex(s.surface, s.wo, vec3<f32>(0.0), s.cone), shift_parameters(camera_position(previous), s.surface), previous);
+}
+
+fn shift_parameters(eye: vec3<f32>, s: Surface) -> ShiftParameters {
+    return ShiftParameters(
+        settings.reconnection,
+        separation_threshold(settings.reconnection, settings.separation, eye, s),
+        settings.roughness,
+        settings.jacobian_limit,
+        settings.candidates,
+        (settings.flags & RESAMPLE_DIFFUSE_SECONDARY) != 0u,
+    );
+}
+
+// A candidate in the measure of the technique.
+fn in_technique_measure(c: SelectedPath, r: Receiver) -> SelectedPath {
+    return c;
+}
+
+// Where something moved between the frames, the path after the reconnection vertex is replayed in this frame, in the last one, or both.
+fn shifted_to(r: Receiver, path: PathSample) -> ShiftedPath {
+    let flag = select(RESAMPLE_RETRACE_FORWARD, RESAMPLE_RETRACE_BACKWARD, r.previous);
+    let retrace = (settings.flags & RESAMPLE_MOVED) != 0u && (settings.flags & flag) != 0u;
+    return hybrid_shift(path, r.first, r.shift, r.previous, retrace);
+}
+
+fn evaluate(r: Receiver, s: Reservoir) -> Evaluated {
+    let shifted = shifted_to(r, s.path);
+    return Evaluated(shifted.f, shifted);
+}
+
+// p̂: the resampling routine selects by it.
+fn target_value(e: Evaluated) -> f32 {
+    return luminance(e.f);
+}
+
+fn jacobian_of(e: Evaluated) -> f32 {
+    return e.shifted.jacobian;
+}
+
+fn shift_result_of(e: Evaluated) -> ShiftResult {
+    return e.shifted.result;
+}
+
+fn apply_shift(s: Reservoir, r: ShiftResult) -> Reservoir {
+    return Reservoir(with_shift_result(s.path, r), s.ucw, s.confidence, s.seen);
+}
+
+// Whether p̂ in the sample's own pixel is known from the reservoir: it is as long as nothing moved.
+fn stores_target() -> bool {
+    return (settings.flags & RESAMPLE_MOVED) == 0u;
+}
+
+fn stored_target(s: Reservoir) -> f32 {
+    return s.path.target_value;
+}
+
+// Whether passes hand the contribution of a pixel's own sample to one another, so that it is not evaluated again.
+fn carries_contribution() -> bool {
+    return true;
+}
+
+// The alpha seed of a path is its own, whichever pixel traces it.
+fn is_visible(r: Receiver, e: Evaluated, alpha_seed: u32) -> bool {
+    return is_unoccluded(e.shifted, r.previous);
+}
+
+// A sample of the last frame, with the light ids of this frame.  A path to a light that was removed has the weight 0 and keeps its
+// confidence.
+fn in_current_frame(s: Reservoir) -> Reservoir {
+    let path = path_in_current_frame(s.path);
+    return Reservoir(path, select(0.0, s.ucw, path.length > 0u), s.confidence, s.seen);
+}
+
+fn path_in_current_frame(path: PathSample) -> PathSample {
+    var p = path;
+    if path.termination == TERMINATION_NEE || path.light.light != NONE {
+        p.light.light = current_light_id(path.light.light);
+        p.length = select(path.length, 0u, p.light.light == NONE);
+    }
+    return p;
+}

@@ -1,0 +1,334 @@
+// Initial candidates of a pixel: one random walk, at each vertex of which NEE ends one path and hits of light sources end others.  All of
+// them are resampled into one (Lin et al. 2026, supplement, 1, 6 and 7); direct light is among them.  The resampling weight of a path is
+// its contribution in primary sample space over the probability that Russian roulette let it live.  The reconnection vertex is chosen
+// as the path grows.
+#define_import_path bevy_restir::restir::pt::initial_candidates
+
+#import bevy_restir::bsdf::bsdf::{bsdf_eval, bsdf_is_delta}
+#import bevy_restir::common::constants::{FAR, NONE}
+#import bevy_restir::common::math::{luminance, max_component}
+#import bevy_restir::common::ray::{Hit, Ray}
+#import bevy_restir::common::rng::{Rng, rng_1}
+#import bevy_restir::light::analytic_area_light::{light_hit_point, LIGHT_HITS_MAX, next_light_hit, RaySegment}
+#import bevy_restir::light::environment::{environment_pdf, environment_radiance}
+#import bevy_restir::light::point_on_light::{light_point_at, LightPoint, no_light_point}
+#import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample}
+#import bevy_restir::path::medium::transmittance
+#import bevy_restir::path::nee::{bsdf_hit_weight, emitter_nee_pdf, expected_nee_candidates, nee_candidate_count, nee_contribution}
+#import bevy_restir::path::random::{OF_LIGHT_RAY, OF_RAY, path_alpha_seed, path_seed}
+#import bevy_restir::path::shadow_ray::light_is_visible
+#import bevy_restir::path::walk::{sampled_step, Step, step_cone, step_medium, Vertex}
+#import bevy_restir::restir::light_candidates::{light_candidate, subset_of}
+#import bevy_restir::restir::path_sample::{no_path_sample, PathSample, TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE, vertex_barycentrics}
+#import bevy_restir::restir::reservoir_sampling::{Stream, stream_add, stream_ucw}
+#import bevy_restir::restir::shift::reconnection::{is_connectable, is_connectable_end, is_rough, light_factor, previous_vertex, PreviousVertex, ShiftParameters, triangle_factor}
+#import bevy_restir::scene::offset::offset_point
+#import bevy_restir::scene::surface::surface_at
+#import bevy_restir::trace::trace::trace_closest
+#import bevy_restir::view::bindings::view
+
+// Russian roulette starts at this vertex.
+const ROULETTE_FROM: u32 = 3u;
+
+// The random walk, and the path that is selected so far.
+struct Candidates {
+    stream: Stream,
+    selected: PathSample,
+    f: vec3<f32>,             // contribution of the selected path
+    prefix: PathSample,       // fields that all paths share that end from here on
+    throughput: vec3<f32>,    // of the prefix, up to the current vertex
+    suffix: vec3<f32>,        // throughput since the reconnection vertex
+    survival: f32,            // probability that Russian roulette let the prefix live
+}
+
+// The selected path.
+struct SelectedPath {
+    path: PathSample,
+    ucw: f32,
+    f: vec3<f32>,
+}
+
+// A point of a light that a vertex selected among its light candidates.
+struct SelectedLight {
+    point: LightPoint,
+    ucw: f32,
+}
+
+// Selects a light candidate by its unshadowed contribution at the vertex of this index.
+fn select_light(v: Vertex, index: u32, nee_candidates: u32, pixel: vec2<u32>, rng: ptr<function, Rng>) -> SelectedLight {
+    let count = nee_candidate_count(nee_candidates, index);
+    let subset = subset_of(pixel, index);
+    var stream = Stream(0.0, NONE);
+    var selected = no_light_point();
+    var selected_target = 0.0;
+    for (var i = 0u; i < count; i++) {
+        let c = light_candidate(v.surface.position, subset, rng);
+        let u = rng_1(rng);
+        if !(c.pmf > 0.0) || !(c.light.pdf_solid_angle > 0.0) {
+            continue;
+        }
+        let value = luminance(bsdf_eval(v.surface.bsdf, v.wo, c.light.wi) * c.light.radiance) / c.light.pdf_solid_angle;
+        if stream_add(&stream, i, value / (f32(count) * c.pmf), u) {
+            selected = c.point;
+            selected_target = value;
+        }
+    }
+    return SelectedLight(selected, stream_ucw(stream, selected_target));
+}
+
+// TEST_NOT_AIMED: only paths that hit their light by BSDF sampling are selected; tests of shifts want many of them.
+#ifdef TEST_NOT_AIMED
+const NEE_SHARE: f32 = 0.0;
+#else
+const NEE_SHARE: f32 = 1.0;
+#endif
+
+// Adds a path with its contribution weight before Russian roulette.
+fn add_candidate(c: ptr<function, Candidates>, path: PathSample, f: vec3<f32>, ucw: f32, u: f32) {
+    let value = luminance(f);
+    // SPIR-V takes no pointer to a member.
+    var stream = (*c).stream;
+    let selected = stream_add(&stream, path.length, value * ucw / (*c).survival, u);
+    (*c).stream = stream;
+    if selected {
+        (*c).selected = path;
+        (*c).f = f;
+        (*c).selected.target_value = value;
+    }
+}
+
+// Samples the candidates of the surface `first`: paths of at most `view.bounces` scattering events, and at least `shortest` + 1 vertices.
+fn sample_candidates(first: Vertex, pixel: vec2<u32>, shortest: u32, p: ShiftParameters, rng: ptr<function, Rng>) -> SelectedPath {
+    let seed = path_seed(pixel);
+    var c: Candidates;
+    c.stream = Stream(0.0, NONE);
+    c.selected = no_path_sample();
+    c.prefix = no_path_sample();
+    c.prefix.seed = seed;
+    c.prefix.born = view.frame;
+    c.throughput = vec3<f32>(1.0);
+    c.suffix = vec3<f32>(1.0);
+    c.survival = 1.0;
+    var v = first;
+    var before: PreviousVertex;
+    // Squared relative indices of refraction: roulette must not mistake the scaling of radiance in glass for absorption.
+    var eta_scale = 1.0;
+    for (var index = 1u; index <= view.bounces; index++) {
+        c.prefix.length = index + 1u;
+        if c.prefix.length >= shortest && !bsdf_is_delta(v.surface.bsdf) {
+            add_nee(&c, v, before, index, pixel, p, rng);
+        }
+
+        // Leave the vertex, which becomes the reconnection vertex if it may.
+        let step = sampled_step(v, seed, index);
+        if !step.valid {
+            break;
+        }
+        if c.prefix.reconnection != 0u {
+            c.suffix *= step.weight;
+        } else if index > 1u && !step.delta && is_connectable(before, v.surface, step.pdf, is_rough(v, step, p), p) {
+            c.prefix = reconnected(c.prefix, before, factor_at(c.prefix, before, v), index);
+            c.prefix.density *= step.pdf_lobe;
+            c.prefix.lobe_after = step.lobe;
+            c.prefix.wi = step.wi;
+        }
+        c.throughput *= step.weight;
+        eta_scale *= step.eta * step.eta;
+        before = previous_vertex(v, step, index, p);
+
+        // Russian roulette changes the probability of a path, never its contribution.
+        if index >= ROULETTE_FROM {
+            let q = min(max_component(c.throughput) * eta_scale / c.survival, 0.95);
+            if !(rng_1(rng) < q) {
+                break;
+            }
+            c.survival *= q;
+        }
+
+        // Find the next vertex, and the lights on the way there.
+        let medium = step_medium(v, step.wi);
+        let origin = offset_point(v.surface.position, v.surface.bsdf.n_geo, step.wi, v.surface.offset);
+        let hit = trace_closest(Ray(origin, 0.0, step.wi, FAR), path_alpha_seed(seed, index, OF_RAY));
+        if c.prefix.length >= shortest {
+            add_light_hits(&c, RaySegment(origin, hit.t, step.wi), v, before, step, medium, index, p, rng);
+        }
+        if hit.instance == NONE {
+            if c.prefix.length >= shortest {
+                add_environment(&c, before, step, index, p, rng);
+            }
+            break;
+        }
+        v = next_vertex(&c, v, before, step, hit, medium, index, shortest, p, rng);
+    }
+    return SelectedPath(c.selected, stream_ucw(c.stream, c.selected.target_value), c.f);
+}
+
+// The path that NEE ends at the vertex of this index.
+fn add_nee(
+    c: ptr<function, Candidates>,
+    v: Vertex,
+    before: PreviousVertex,
+    index: u32,
+    pixel: vec2<u32>,
+    p: ShiftParameters,
+    rng: ptr<function, Rng>,
+) {
+    let selected = select_light(v, index, p.nee_candidates, pixel, rng);
+    if !(selected.ucw > 0.0) {
+        return;
+    }
+    let nee = nee_contribution(v, selected.point, expected_nee_candidates(selected.point.light, p.nee_candidates, index), false);
+    let alpha_seed = path_alpha_seed((*c).prefix.seed, index, OF_LIGHT_RAY);
+    if !(max_component(nee.f) > 0.0) || !light_is_visible(v.surface, nee.light, alpha_seed, false) {
+        return;
+    }
+    var path = (*c).prefix;
+    path.termination = TERMINATION_NEE;
+    path.light = selected.point;
+    if path.reconnection != 0u {
+        path.radiance = (*c).suffix * nee.f;
+    } else if index > 1u && is_connectable(before, v.surface, nee.pdf_bsdf, true, p) {
+        path = reconnected(path, before, factor_at(path, before, v), index);
+    } else {
+        // The point on the light is kept as it is; no density depends on the vertex before it.
+        path.reconnection = index + 1u;
+    }
+    add_candidate(c, path, (*c).throughput * nee.f, selected.ucw * NEE_SHARE, rng_1(rng));
+}
+
+// The paths that end on analytic area lights between this vertex and the next surface.
+fn add_light_hits(
+    c: ptr<function, Candidates>,
+    segment: RaySegment,
+    v: Vertex,
+    before: PreviousVertex,
+    step: Step,
+    medium: vec3<f32>,
+    index: u32,
+    p: ShiftParameters,
+    rng: ptr<function, Rng>,
+) {
+    var from_light = 0u;
+    for (var i = 0u; i < LIGHT_HITS_MAX; i++) {
+        let light = next_light_hit(segment, from_light);
+        if light == NONE {
+            break;
+        }
+        from_light = light + 1u;
+        let point = light_hit_point(light, light, segment);
+        let l = light_point_at(point, v.surface.position, false);
+        let nee_pdf = expected_nee_candidates(light, p.nee_candidates, index) * l.pdf_solid_angle * l.aim;
+        var path: PathSample;
+        if l.distance >= FAR {
+            path = ended_at_infinity((*c).prefix, before, step, index);
+        } else {
+            path = ended_on_emitter((*c).prefix, before, l.position, l.normal, light_factor(l), index, p);
+        }
+        path.light = point;
+        add_bsdf_hit(c, path, l.radiance * transmittance(medium, l.distance), nee_pdf, step, index, rng_1(rng));
+    }
+}
+
+// The path whose last ray escapes.
+fn add_environment(c: ptr<function, Candidates>, before: PreviousVertex, step: Step, index: u32, p: ShiftParameters, rng: ptr<function, Rng>) {
+    let nee_pdf = expected_nee_candidates(ENVIRONMENT_LIGHT, p.nee_candidates, index) * environment_pdf(step.wi);
+    let path = ended_at_infinity((*c).prefix, before, step, index);
+    add_bsdf_hit(c, path, environment_radiance(step.wi), nee_pdf, step, index, rng_1(rng));
+}
+
+// The next vertex; if it emits, a path ends there.
+fn next_vertex(
+    c: ptr<function, Candidates>,
+    v: Vertex,
+    before: PreviousVertex,
+    step: Step,
+    hit: Hit,
+    medium: vec3<f32>,
+    index: u32,
+    shortest: u32,
+    p: ShiftParameters,
+    rng: ptr<function, Rng>,
+) -> Vertex {
+    let may_reconnect = (*c).prefix.reconnection == 0u && before.rough;
+    let barycentrics = vertex_barycentrics(hit.barycentrics, may_reconnect);
+    let cone = step_cone(v, step, hit.t);
+    let s = surface_at(hit.instance, hit.triangle, barycentrics, -step.wi, cone, false);
+    let carried = transmittance(medium, distance(s.position, v.surface.position));
+    (*c).throughput *= carried;
+    if (*c).prefix.reconnection != 0u {
+        (*c).suffix *= carried;
+    } else {
+        // Until there is a reconnection vertex, the newest vertex may become it.
+        (*c).prefix.instance = hit.instance;
+        (*c).prefix.triangle = hit.triangle;
+        (*c).prefix.barycentrics = barycentrics;
+    }
+    if (*c).prefix.length >= shortest && max_component(s.emission) > 0.0 {
+        let expected = expected_nee_candidates(s.light, p.nee_candidates, index);
+        let nee_pdf = emitter_nee_pdf(s.light, expected, hit.instance, hit.triangle, v.surface.position, s.position, false);
+        let factor = triangle_factor(before.position, s.position, hit.instance, hit.triangle, false);
+        let path = ended_on_emitter((*c).prefix, before, s.position, s.bsdf.n_geo, factor, index, p);
+        // Throughput and suffix include the absorption up to here.
+        add_bsdf_hit(c, path, s.emission, nee_pdf, step, index, rng_1(rng));
+    }
+    return Vertex(s, -step.wi, medium, cone);
+}
+
+// The prefix, ended at a point of an emitter.
+fn ended_on_emitter(
+    prefix: PathSample,
+    before: PreviousVertex,
+    position: vec3<f32>,
+    n_geo: vec3<f32>,
+    factor: f32,
+    index: u32,
+    p: ShiftParameters,
+) -> PathSample {
+    var path = prefix;
+    path.termination = TERMINATION_EMITTER;
+    if path.reconnection == 0u && is_connectable_end(before, position, n_geo, p) {
+        path = reconnected(path, before, factor, index + 1u);
+    }
+    return path;
+}
+
+// The prefix, ended in a direction: of the environment or of a sun.
+fn ended_at_infinity(prefix: PathSample, before: PreviousVertex, step: Step, index: u32) -> PathSample {
+    var path = prefix;
+    path.termination = TERMINATION_ENVIRONMENT;
+    if path.reconnection == 0u && before.rough {
+        path.reconnection = index + 1u;
+        path.lobe_before = step.lobe;
+        path.wi = step.wi;
+        path.density = step.pdf_lobe;
+    }
+    return path;
+}
+
+// Adds a path whose last ray hit a light.  `radiance` arrives at the vertex of this index, where NEE samples the same direction with
+// density `nee_pdf`.
+fn add_bsdf_hit(c: ptr<function, Candidates>, ended: PathSample, radiance: vec3<f32>, nee_pdf: f32, step: Step, index: u32, u: f32) {
+    var path = ended;
+    let weight = bsdf_hit_weight(step, nee_pdf);
+    if path.reconnection == index {
+        path.radiance = (*c).suffix * radiance;
+        path.light_pdf = nee_pdf;
+    } else if path.reconnection != 0u && path.reconnection < index {
+        path.radiance = (*c).suffix * radiance * weight;
+    }
+    add_candidate(c, path, (*c).throughput * radiance * weight, 1.0, u);
+}
+
+// `triangle_factor` of the newest vertex of a prefix that has no reconnection vertex yet.
+fn factor_at(prefix: PathSample, before: PreviousVertex, v: Vertex) -> f32 {
+    return triangle_factor(before.position, v.surface.position, prefix.instance, prefix.triangle, false);
+}
+
+// Makes the vertex of this index the reconnection vertex; `factor` takes solid angle to the measure of that vertex.
+fn reconnected(s: PathSample, before: PreviousVertex, factor: f32, index: u32) -> PathSample {
+    var path = s;
+    path.reconnection = index;
+    path.lobe_before = before.lobe;
+    path.density = before.pdf_lobe * factor;
+    return path;
+}

@@ -1,0 +1,18 @@
+// How reservoirs lie in memory.
+#define_import_path bevy_restir::restir::reservoir_layout
+
+#import bevy_restir::restir::types::{LAYOUT_COLUMNS, LAYOUT_ROWS}
+
+// Where a pixel's reservoir lies: by rows, by columns, or by square tiles with rows within (Lanz 2025, 4.5.3).
+fn reservoir_index(pixel: vec2<u32>, size: vec2<u32>, tiling: u32) -> u32 {
+    if tiling == LAYOUT_ROWS {
+        return pixel.y * size.x + pixel.x;
+    }
+    if tiling == LAYOUT_COLUMNS {
+        return pixel.x * size.y + pixel.y;
+    }
+    let tile = pixel / tiling;
+    let within = pixel % tiling;
+    let across = (size.x + tiling - 1u) / tiling;
+    return ((tile.y * across + tile.x) * tiling + within.y) * tiling + within.x;
+}

@@ -1,0 +1,49 @@
+// Weighted reservoir sampling (Wyman and Panteleev 2021, 3.2; Chao 1982): one of a stream of samples with probability proportional to
+// its weight.
+#define_import_path bevy_restir::restir::reservoir_sampling
+
+#import bevy_restir::common::math::is_finite
+
+struct Stream {
+    sum: f32,
+    selected: u32,     // index of the selected input
+}
+
+// Adds input `index`; true where it is selected.  Weights that are not positive or not finite are never taken, not even by u = 0.
+fn stream_add(stream: ptr<function, Stream>, index: u32, weight: f32, u: f32) -> bool {
+    if !(weight > 0.0) || !is_finite(weight) {
+        return false;
+    }
+    (*stream).sum += weight;
+    if u * (*stream).sum < weight {
+        (*stream).selected = index;
+        return true;
+    }
+    return false;
+}
+
+// Unbiased contribution weight of the selected sample.
+fn stream_ucw(stream: Stream, selected_target: f32) -> f32 {
+    if !(selected_target > 0.0) || !(stream.sum > 0.0) {
+        return 0.0;
+    }
+    let ucw = sum_over_target(stream.sum, selected_target);
+    return select(0.0, ucw, is_finite(ucw));
+}
+
+// PLANT_*: errors that only tests define, and must find.
+#ifdef PLANT_SCALED_UCW
+fn sum_over_target(sum: f32, selected_target: f32) -> f32 {
+    return 1.03 * sum / selected_target;
+}
+#else
+#ifdef PLANT_SLIGHTLY_SCALED_UCW
+fn sum_over_target(sum: f32, selected_target: f32) -> f32 {
+    return 1.003 * sum / selected_target;
+}
+#else
+fn sum_over_target(sum: f32, selected_target: f32) -> f32 {
+    return sum / selected_target;
+}
+#endif
+#endif

@@ -1,0 +1,443 @@
+// The hybrid shift (Lin et al. 2022; 2026, supplement, 1-2).  It replays a path from another pixel's surface with the path's own random
+// numbers up to the vertex before the reconnection vertex, and reuses the vertices from there on.  It is defined only where the shifted
+// path would choose the same reconnection vertex by itself: so it is its own inverse.
+//
+// Between frames in which something moved, the reconnection vertex moves with its surface, the direction after it stays, and the rest of
+// the path is replayed as well (`retrace`).
+#define_import_path bevy_restir::restir::shift::hybrid
+
+#import bevy_restir::common::constants::{FAR, NONE}
+#import bevy_restir::common::math::{is_finite, is_finite_3, luminance, max_component}
+#import bevy_restir::common::ray::Ray
+#import bevy_restir::light::analytic_area_light::{light_hit_point, RaySegment}
+#import bevy_restir::light::environment::{environment_pdf, environment_radiance}
+#import bevy_restir::light::point_on_light::{light_point_at, LightPoint}
+#import bevy_restir::light::remap::light_record
+#import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, no_light_sample}
+#import bevy_restir::path::medium::transmittance
+#import bevy_restir::path::nee::{bsdf_hit_weight, emitter_nee_pdf, expected_nee_candidates, nee_contribution}
+#import bevy_restir::path::random::{OF_LIGHT_RAY, OF_RAY, path_alpha_seed}
+#import bevy_restir::path::shadow_ray::{ray_between, ray_to_light}
+#import bevy_restir::path::walk::{drawn_step, given_step, Step, step_cone, step_medium, Vertex, with_weight_and_densities}
+#import bevy_restir::restir::path_sample::{PathSample, ShiftResult, TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE, vertex_barycentrics}
+#import bevy_restir::restir::shift::reconnection::{is_connectable, is_connectable_end, is_rough, light_factor, previous_vertex, PreviousVertex, ShiftParameters, triangle_factor}
+#import bevy_restir::scene::cone::Cone
+#import bevy_restir::scene::offset::{offset_point, surface_point}
+#import bevy_restir::scene::surface::{Surface, surface_at}
+#import bevy_restir::trace::trace::{trace_any, trace_closest_of}
+
+// Why a path cannot be shifted.
+const SHIFT_OK: u32 = 0u;
+const SHIFT_NO_PATH: u32 = 1u;
+const SHIFT_REPLAY_ENDED: u32 = 2u;           // the replay ended, or hit a light, where the path does not
+const SHIFT_EARLIER_CONNECTABLE: u32 = 3u;    // the shifted path would reconnect earlier
+const SHIFT_NOT_CONNECTABLE: u32 = 4u;        // the shifted path could not reconnect there
+const SHIFT_NO_CONTRIBUTION: u32 = 5u;
+const SHIFT_JACOBIAN_LIMIT: u32 = 6u;
+const SHIFT_OCCLUDED: u32 = 7u;               // `is_unoccluded` is false
+
+// A ray that nothing may stop.
+struct ShadowRay {
+    ray: Ray,
+    alpha_seed: u32,
+}
+
+struct ShiftedPath {
+    result: ShiftResult,
+    f: vec3<f32>,             // contribution at the receiver, without the visibility that `rays` ask for
+    density: f32,             // `PathSample::density` at the receiver
+    jacobian: f32,            // 0 where the shift is not defined
+    reason: u32,              // SHIFT_*
+    rays: ShadowRays,
+}
+
+// At most two.  An array would lie in memory instead of registers.
+struct ShadowRays {
+    count: u32,
+    first: ShadowRay,
+    second: ShadowRay,
+}
+
+// State of a shift, up to the current vertex.
+struct Walk {
+    v: Vertex,
+    before: PreviousVertex,   // the vertex before `v`, from the second vertex on
+    throughput: vec3<f32>,    // up to the reconnection vertex, and on to the vertex after it
+    suffix: vec3<f32>,        // throughput after that
+    density: f32,
+    rays: ShadowRays,
+    reason: u32,
+    f: vec3<f32>,
+    radiance: vec3<f32>,      // `PathSample::radiance` and `light_pdf`, where the rest of the path was replayed
+    light_pdf: f32,
+}
+
+// Shifts a path to the surface `first`.  `previous`: in the scene of the last frame.  `retrace`: the scene has changed between the frames,
+// so that the path after the reconnection vertex is replayed, too.
+fn hybrid_shift(s: PathSample, first: Vertex, c: ShiftParameters, previous: bool, retrace: bool) -> ShiftedPath {
+    if s.length < 2u {
+        return failed(SHIFT_NO_PATH);
+    }
+    var w: Walk;
+    w.v = first;
+    w.throughput = vec3<f32>(1.0);
+    w.suffix = vec3<f32>(1.0);
+    w.density = 1.0;
+    w.radiance = s.radiance;
+    w.light_pdf = s.light_pdf;
+    walk(&w, s, c, previous, retrace);
+    if w.reason == SHIFT_OK && (!(max_component(w.f) > 0.0) || !is_finite_3(w.f)) {
+        w.reason = SHIFT_NO_CONTRIBUTION;
+    }
+    // A path without a reconnection vertex has no density: its shift has the Jacobian 1.
+    let jacobian = select(1.0, over(w.density, s.density), s.density > 0.0);
+    if w.reason == SHIFT_OK && (!(jacobian > 0.0) || !is_finite(jacobian)) {
+        w.reason = SHIFT_NO_CONTRIBUTION;
+    }
+    // The limit is symmetric, so that the shift stays its own inverse.
+    if w.reason == SHIFT_OK && max(jacobian, 1.0 / jacobian) > c.jacobian_limit {
+        w.reason = SHIFT_JACOBIAN_LIMIT;
+    }
+    if w.reason != SHIFT_OK {
+        return failed(w.reason);
+    }
+    let result = ShiftResult(w.radiance, w.light_pdf, select(0.0, w.density, s.density > 0.0), luminance(w.f));
+    return ShiftedPath(result, w.f, w.density, jacobian, SHIFT_OK, w.rays);
+}
+
+fn failed(reason: u32) -> ShiftedPath {
+    var none: ShiftedPath;
+    none.reason = reason;
+    return none;
+}
+
+// Whether the shadow rays of a shifted path are free.
+fn is_unoccluded(s: ShiftedPath, previous: bool) -> bool {
+    for (var i = 0u; i < s.rays.count; i++) {
+        var shadow = s.rays.first;
+        if i > 0u {
+            shadow = s.rays.second;
+        }
+        if trace_any(shadow.ray, shadow.alpha_seed, previous) {
+            return false;
+        }
+    }
+    return true;
+}
+
+fn add_shadow_ray(w: ptr<function, Walk>, ray: Ray, alpha_seed: u32) {
+    if (*w).rays.count == 0u {
+        (*w).rays.first = ShadowRay(ray, alpha_seed);
+    } else {
+        (*w).rays.second = ShadowRay(ray, alpha_seed);
+    }
+    (*w).rays.count += 1u;
+}
+
+// Walks from vertex to vertex.  There is one step, one surface and one traversal in the loop, whatever a vertex is to the path: every
+// copy of them would be compiled and, on GPUs, waited for.
+fn walk(w: ptr<function, Walk>, s: PathSample, c: ShiftParameters, previous: bool, retrace: bool) {
+    let ends_with_nee = s.termination == TERMINATION_NEE;
+    let rays = s.length - 1u - u32(ends_with_nee);
+    for (var index = 1u; index <= rays; index++) {
+        let is_last = index + 1u == s.length;
+        let reconnects = index + 1u == s.reconnection;
+        let is_reconnection_point = reconnects && !(is_last && s.termination == TERMINATION_ENVIRONMENT);
+
+        // Leave the vertex.
+        let step = step_of_shift(w, s, index, is_reconnection_point, previous);
+        if !step.valid {
+            (*w).reason = SHIFT_REPLAY_ENDED;
+            return;
+        }
+        if !has_same_reconnection(w, s, index, step, c) {
+            return;
+        }
+        let at = (*w).v.surface;
+        let medium = step_medium((*w).v, step.wi);
+        take_step(w, s, index, step, c);
+        if index == s.reconnection && !retrace {
+            (*w).f = (*w).throughput * s.radiance * select(1.0, bsdf_hit_weight(step, s.light_pdf), is_last);
+            return;
+        }
+
+        // Find the next vertex.
+        let ray = Ray(offset_point(at.position, at.bsdf.n_geo, step.wi, at.offset), 0.0, step.wi, FAR);
+        let alpha_seed = path_alpha_seed(s.seed, index, OF_RAY);
+        if is_last && s.termination == TERMINATION_EMITTER && ends_on_analytic_light(s) {
+            hit_analytic_light(w, s, index, step, ray, medium, reconnects, alpha_seed, c, previous);
+            return;
+        }
+        var instance = s.instance;
+        var triangle = s.triangle;
+        var barycentrics = s.barycentrics;
+        // The lobe before the reconnection is rough, so no ray cone is propagated across it.
+        var hit_distance = 0.0;
+        if !reconnects {
+            let hit = trace_closest_of(ray, alpha_seed, previous);
+            instance = hit.instance;
+            triangle = hit.triangle;
+            let may_reconnect = (s.reconnection == 0u || index < s.reconnection) && (*w).before.rough;
+            barycentrics = vertex_barycentrics(hit.barycentrics, may_reconnect);
+            hit_distance = hit.t;
+        } else if !is_reconnection_point {
+            add_shadow_ray(w, ray, alpha_seed);
+            instance = NONE;
+        }
+        if instance == NONE {
+            if is_last && s.termination == TERMINATION_ENVIRONMENT {
+                hit_environment(w, s, index, step, c, previous);
+            } else {
+                (*w).reason = SHIFT_REPLAY_ENDED;
+            }
+            return;
+        }
+
+        // Arrive there.
+        let cone = step_cone((*w).v, step, hit_distance);
+        let n = surface_at(instance, triangle, barycentrics, -step.wi, cone, previous);
+        if is_reconnection_point {
+            reconnect(w, s, n, medium, alpha_seed, c, previous);
+            if c.diffuse_secondary {
+                return;
+            }
+        }
+        arrive(w, s, index, step, n, medium, cone, c, previous);
+        if is_last && (*w).reason == SHIFT_OK {
+            let expected = expected_nee_candidates(n.light, c.nee_candidates, index);
+            let nee_pdf = emitter_nee_pdf(n.light, expected, instance, triangle, at.position, n.position, previous);
+            end_on_light(w, s, index, step, n.emission, nee_pdf);
+        }
+        if is_last || (*w).reason != SHIFT_OK {
+            return;
+        }
+    }
+    if ends_with_nee {
+        end_with_nee(w, s, s.length - 1u, c, previous, retrace);
+    }
+}
+
+// The step from the vertex of this index: to the reconnection vertex, as the path left the reconnection vertex, or by its random numbers.
+fn step_of_shift(w: ptr<function, Walk>, s: PathSample, index: u32, is_reconnection_point: bool, previous: bool) -> Step {
+    let reconnects = index + 1u == s.reconnection;
+    var step = given_step(s.wi, s.lobe_before);
+    if is_reconnection_point {
+        step.wi = normalize(reconnection_point(s, (*w).v.surface.position, previous) - (*w).v.surface.position);
+    } else if index == s.reconnection {
+        step.lobe = s.lobe_after;
+    } else if !reconnects {
+        step = drawn_step((*w).v, s.seed, index);
+    }
+    return with_weight_and_densities((*w).v, step);
+}
+
+fn reconnection_point(s: PathSample, from_point: vec3<f32>, previous: bool) -> vec3<f32> {
+    if s.termination == TERMINATION_EMITTER && s.reconnection == s.length && ends_on_analytic_light(s) {
+        return light_point_at(s.light, from_point, previous).position;
+    }
+    return surface_point(s.instance, s.triangle, s.barycentrics, previous);
+}
+
+// Whether the shifted path may reconnect where the path does, and nowhere before.
+fn has_same_reconnection(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, c: ShiftParameters) -> bool {
+    let is_before = s.reconnection == 0u || index < s.reconnection;
+    if index <= 1u || !(is_before || index == s.reconnection) {
+        return true;
+    }
+    let connectable = !step.delta && is_connectable((*w).before, (*w).v.surface, step.pdf, is_rough((*w).v, step, c), c);
+    if is_before && connectable {
+        (*w).reason = SHIFT_EARLIER_CONNECTABLE;
+    }
+    if !is_before && !connectable {
+        (*w).reason = SHIFT_NOT_CONNECTABLE;
+    }
+    return (*w).reason == SHIFT_OK;
+}
+
+// Updates throughput (before the reconnection), density (there) or suffix (after it).
+fn take_step(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, c: ShiftParameters) {
+    if s.reconnection != 0u && index > s.reconnection {
+        (*w).suffix *= step.weight;
+        return;
+    }
+    (*w).throughput *= step.weight;
+    if index + 1u == s.reconnection || index == s.reconnection {
+        (*w).density *= step.pdf_lobe;
+    }
+    (*w).before = previous_vertex((*w).v, step, index, c);
+}
+
+// Connects the current vertex with the reconnection vertex `n`.
+fn reconnect(w: ptr<function, Walk>, s: PathSample, n: Surface, medium: vec3<f32>, alpha_seed: u32, c: ShiftParameters, previous: bool) {
+    let at = (*w).v.surface;
+    (*w).density *= triangle_factor(at.position, n.position, s.instance, s.triangle, previous);
+    add_shadow_ray(w, ray_between(at, n), alpha_seed);
+    if c.diffuse_secondary {
+        // The next step would test the distance in both directions; here it is all that can fail.
+        if !is_connectable_end((*w).before, n.position, n.bsdf.n_geo, c) {
+            (*w).reason = SHIFT_NOT_CONNECTABLE;
+        }
+        (*w).f = (*w).throughput * transmittance(medium, distance(n.position, at.position)) * s.radiance;
+    }
+}
+
+// Makes the surface `n` the current vertex.  The last one must emit.
+fn arrive(
+    w: ptr<function, Walk>,
+    s: PathSample,
+    index: u32,
+    step: Step,
+    n: Surface,
+    medium: vec3<f32>,
+    cone: Cone,
+    c: ShiftParameters,
+    previous: bool,
+) {
+    let carried = transmittance(medium, distance(n.position, (*w).v.surface.position));
+    if s.reconnection != 0u && index >= s.reconnection {
+        (*w).suffix *= carried;
+    } else {
+        (*w).throughput *= carried;
+    }
+    if index + 1u == s.length {
+        if s.termination != TERMINATION_EMITTER || !(max_component(n.emission) > 0.0) {
+            (*w).reason = SHIFT_REPLAY_ENDED;
+            return;
+        }
+        require_same_end(w, s, is_connectable_end((*w).before, n.position, n.bsdf.n_geo, c));
+    }
+    (*w).v = Vertex(n, -step.wi, medium, cone);
+}
+
+// Whether the last ray passed a spherical or rectangular light, or the disk of a sun.
+#ifdef LIGHT_SHAPES
+fn ends_on_analytic_light(s: PathSample) -> bool {
+    return s.light.light != NONE;
+}
+#else
+fn ends_on_analytic_light(s: PathSample) -> bool {
+    return false;
+}
+#endif
+
+// Ends the path on its spherical or rectangular light: at the point that it stores, or where the ray now hits the light.
+fn hit_analytic_light(
+    w: ptr<function, Walk>,
+    s: PathSample,
+    index: u32,
+    step: Step,
+    ray: Ray,
+    medium: vec3<f32>,
+    reconnects: bool,
+    alpha_seed: u32,
+    c: ShiftParameters,
+    previous: bool,
+) {
+    let at = (*w).v.surface;
+    var p = s.light;
+    if !reconnects {
+        p = hit_point_of_light(s, RaySegment(ray.origin, FAR, ray.direction), previous);
+    }
+    let l = light_point_at(p, at.position, previous);
+    if !(max_component(l.radiance) > 0.0) {
+        (*w).reason = SHIFT_REPLAY_ENDED;
+        return;
+    }
+    if reconnects {
+        (*w).density *= light_factor(l);
+    }
+    require_same_end(w, s, is_connectable_end((*w).before, l.position, l.normal, c));
+    add_shadow_ray(w, ray_to_light(at, l), alpha_seed);
+    let nee_pdf = expected_nee_candidates(s.light.light, c.nee_candidates, index) * l.pdf_solid_angle * l.aim;
+    end_on_light(w, s, index, step, l.radiance * transmittance(medium, l.distance), nee_pdf);
+}
+
+fn hit_point_of_light(s: PathSample, segment: RaySegment, previous: bool) -> LightPoint {
+    let record = light_record(s.light.light, previous);
+    if record == NONE {
+        return LightPoint(NONE, 0u);
+    }
+    return light_hit_point(s.light.light, record, segment);
+}
+
+// Ends a path whose last ray escapes.
+fn hit_environment(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, c: ShiftParameters, previous: bool) {
+    require_same_end(w, s, (*w).before.rough);
+    let l = light_at_infinity(s, step.wi, previous);
+    end_on_light(w, s, index, step, l.radiance, expected_nee_candidates(l.light, c.nee_candidates, index) * l.pdf_solid_angle);
+}
+
+// The environment in a direction, or the sun that the path ends on.
+fn light_at_infinity(s: PathSample, wi: vec3<f32>, previous: bool) -> LightSample {
+    if ends_on_analytic_light(s) {
+        let p = hit_point_of_light(s, RaySegment(vec3<f32>(0.0), FAR, wi), previous);
+        return light_point_at(p, vec3<f32>(0.0), previous);
+    }
+    var l = no_light_sample();
+    l.light = ENVIRONMENT_LIGHT;
+    l.radiance = environment_radiance(wi);
+    l.pdf_solid_angle = environment_pdf(wi);
+    return l;
+}
+
+// A path reconnects at the light that its last ray hits if, and only if, it can.
+fn require_same_end(w: ptr<function, Walk>, s: PathSample, connectable: bool) {
+    if s.reconnection == 0u && connectable {
+        (*w).reason = SHIFT_EARLIER_CONNECTABLE;
+    }
+    if s.reconnection == s.length && !connectable {
+        (*w).reason = SHIFT_NOT_CONNECTABLE;
+    }
+}
+
+// Contribution of a path whose last ray hit a light.  NEE samples the same direction with density `nee_pdf`.
+fn end_on_light(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, radiance: vec3<f32>, nee_pdf: f32) {
+    let weight = bsdf_hit_weight(step, nee_pdf);
+    if s.reconnection == index {
+        (*w).radiance = (*w).suffix * radiance;
+        (*w).light_pdf = nee_pdf;
+        (*w).f = (*w).throughput * (*w).radiance * weight;
+        return;
+    }
+    if s.reconnection != 0u && index > s.reconnection {
+        (*w).radiance = (*w).suffix * radiance * weight;
+        (*w).f = (*w).throughput * (*w).radiance;
+        return;
+    }
+    (*w).f = (*w).throughput * radiance * weight;
+}
+
+// Contribution of a path whose last vertex samples its light by NEE: the density is that of the light, whichever vertex samples it.
+fn end_with_nee(w: ptr<function, Walk>, s: PathSample, index: u32, c: ShiftParameters, previous: bool, retrace: bool) {
+    let nee = nee_contribution((*w).v, s.light, expected_nee_candidates(s.light.light, c.nee_candidates, index), previous);
+    let connectable = index > 1u && is_connectable((*w).before, (*w).v.surface, nee.pdf_bsdf, true, c);
+    if index < s.reconnection && connectable {
+        (*w).reason = SHIFT_EARLIER_CONNECTABLE;
+        return;
+    }
+    if index == s.reconnection && !connectable {
+        (*w).reason = SHIFT_NOT_CONNECTABLE;
+        return;
+    }
+    if index > s.reconnection {
+        (*w).radiance = (*w).suffix * nee.f;
+        (*w).f = (*w).throughput * (*w).radiance;
+    } else {
+        (*w).f = (*w).throughput * nee.f;
+    }
+    // From the reconnection vertex on, visibility changes only where something moved.
+    if index < s.reconnection || retrace {
+        add_shadow_ray(w, ray_to_light((*w).v.surface, nee.light), path_alpha_seed(s.seed, index, OF_LIGHT_RAY));
+    }
+}
+
+// PLANT_*: errors that only tests define, and must find.
+#ifdef PLANT_NO_JACOBIAN
+fn over(there: f32, here: f32) -> f32 {
+    return 1.0;
+}
+#else
+fn over(there: f32, here: f32) -> f32 {
+    return there / here;
+}
+#endif

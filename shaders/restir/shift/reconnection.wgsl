@@ -1,0 +1,109 @@
+// Where paths may be reconnected (Lin et al. 2026, supplement, 2-4): between vertices that are far enough apart, by the footprints of the
+// densities on both sides, and after lobes that are rough enough.
+#define_import_path bevy_restir::restir::shift::reconnection
+
+#import bevy_restir::bsdf::bsdf::bsdf_is_diffuse
+#import bevy_restir::bsdf::types::{Bsdf, LOBE_COAT, LOBE_DIFFUSE}
+#import bevy_restir::common::constants::FOUR_PI
+#import bevy_restir::light::types::LightSample
+#import bevy_restir::path::walk::{Step, Vertex}
+#import bevy_restir::restir::types::{RECONNECT_BLACK_BOX, RECONNECT_DISTANCE, RECONNECT_FIRST}
+#import bevy_restir::scene::surface::Surface
+#import bevy_restir::scene::triangle::world_triangle
+
+// Parameters of shifts to and from one pixel.
+struct ShiftParameters {
+    kind: u32,                // RECONNECT_*
+    separation: f32,          // c/100 of the footprint of the pixel on its surface, m²; or least distance, m
+    roughness: f32,           // least perceptual roughness of a lobe before the reconnection
+    jacobian_limit: f32,      // greatest Jacobian, and reciprocal of the least
+    nee_candidates: u32,      // light candidates at the first vertex
+    diffuse_secondary: bool,  // radiance is taken to leave the reconnection vertex to all sides alike
+}
+
+// The vertex before the newest one, as a possible start of a reconnection.
+struct PreviousVertex {
+    position: vec3<f32>,
+    n_geo: vec3<f32>,
+    pdf: f32,                 // marginal density of the direction that was taken
+    pdf_lobe: f32,            // joint density of direction and lobe
+    lobe: u32,
+    rough: bool,              // the lobe is rough enough, and no delta
+}
+
+fn uses_distance(c: ShiftParameters) -> bool {
+    return c.kind >= RECONNECT_DISTANCE;
+}
+
+// Threshold of `ShiftParameters::separation` for the surface that a pixel sees: 4π d²/|cos| (Eq. 6) times c/100, or a distance as it is.
+fn separation_threshold(kind: u32, separation: f32, eye: vec3<f32>, s: Surface) -> f32 {
+    if kind >= RECONNECT_DISTANCE {
+        return separation;
+    }
+    let d = s.position - eye;
+    let d2 = dot(d, d);
+    let cosine = abs(dot(s.bsdf.n_geo, d)) * inverseSqrt(max(d2, 1.0e-37));
+    return 0.01 * separation * FOUR_PI * d2 / max(cosine, 1.0e-6);
+}
+
+// Perceptual roughness of a lobe; of an anisotropic lobe the lesser one.
+fn lobe_roughness(b: Bsdf, lobe: u32) -> f32 {
+    return select(sqrt(select(b.roughness, b.coat_roughness, lobe == LOBE_COAT)), 1.0, lobe == LOBE_DIFFUSE);
+}
+
+// Whether the lobe of a step is rough enough.  With RECONNECT_BLACK_BOX the density stands for the roughness: a GGX lobe of width α peaks
+// near 1/α² (Eq. 26, as 1/√p >= α).
+fn is_rough(v: Vertex, step: Step, c: ShiftParameters) -> bool {
+    if c.kind == RECONNECT_BLACK_BOX {
+        return !step.delta && step.pdf * c.roughness * c.roughness <= 1.0;
+    }
+    return !step.delta && lobe_roughness(v.surface.bsdf, step.lobe) >= c.roughness;
+}
+
+// The vertex of this index once the path has left it.  ReSTIR GI (RECONNECT_FIRST) reconnects at the second vertex or not at all.
+fn previous_vertex(v: Vertex, step: Step, index: u32, c: ShiftParameters) -> PreviousVertex {
+    let rough = is_rough(v, step, c) && (index == 1u || c.kind != RECONNECT_FIRST);
+    return PreviousVertex(v.surface.position, v.surface.bsdf.n_geo, step.pdf, step.pdf_lobe, step.lobe, rough);
+}
+
+// |cos at the far end| / d²: from solid angle at one vertex to area at the next.
+fn geometry_factor(from_point: vec3<f32>, to_point: vec3<f32>, n_geo: vec3<f32>) -> f32 {
+    let d = to_point - from_point;
+    let d2 = dot(d, d);
+    return abs(dot(n_geo, d)) * inverseSqrt(max(d2, 1.0e-37)) / max(d2, 1.0e-37);
+}
+
+// From solid angle at one vertex to the measure of the triangle of the next, which is uniform and sums to 1: a point that keeps its
+// barycentrics needs no Jacobian where its triangle grows between frames.
+fn triangle_factor(from_point: vec3<f32>, to_point: vec3<f32>, instance: u32, triangle: u32, previous: bool) -> f32 {
+    let t = world_triangle(instance, triangle, previous);
+    return geometry_factor(from_point, to_point, t.normal) * t.area;
+}
+
+// From solid angle at a vertex to the measure of a light.
+fn light_factor(l: LightSample) -> f32 {
+    return select(0.0, 1.0 / l.pdf_solid_angle, l.pdf_solid_angle > 0.0);
+}
+
+// Whether b is far enough from a, which the path leaves with marginal density `pdf` (Eq. 5, forward).
+fn is_apart(a: vec3<f32>, b: vec3<f32>, n_geo_b: vec3<f32>, pdf: f32, c: ShiftParameters) -> bool {
+    if uses_distance(c) {
+        return distance(a, b) >= c.separation;
+    }
+    return pdf * geometry_factor(a, b, n_geo_b) * c.separation <= 1.0;
+}
+
+// Whether paths may reconnect between `a` and the vertex at `s`, which the path leaves with marginal density `pdf_after` by a lobe that is
+// rough enough or not (Eq. 5, inverse).
+fn is_connectable(a: PreviousVertex, s: Surface, pdf_after: f32, rough_after: bool, c: ShiftParameters) -> bool {
+    if c.kind == RECONNECT_DISTANCE && !rough_after {
+        return false;
+    }
+    return is_connectable_end(a, s.position, s.bsdf.n_geo, c)
+        && (bsdf_is_diffuse(s.bsdf) || is_apart(s.position, a.position, a.n_geo, pdf_after, c));
+}
+
+// The same for a last vertex, on a light: no lobe and no density follow.
+fn is_connectable_end(a: PreviousVertex, position: vec3<f32>, n_geo: vec3<f32>, c: ShiftParameters) -> bool {
+    return a.rough && is_apart(a.position, position, n_geo, a.pdf, c);
+}

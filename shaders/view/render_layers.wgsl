@@ -1,0 +1,39 @@
+// What a camera's rays pass through, and what does not light for it: render layers.  A scene that every camera sees all of asks nothing.
+#define_import_path bevy_restir::view::render_layers
+
+#import bevy_restir::common::constants::{LIGHT_HIDDEN_SHIFT, LIGHT_KIND_BITS}
+#import bevy_restir::scene::bindings::{instances, lights}
+#import bevy_restir::view::bindings::view
+
+fn light_kind(light: u32) -> u32 {
+    return lights[light].kind & LIGHT_KIND_BITS;
+}
+
+#ifdef RENDER_LAYERS
+// What the masks of instances are asked for, where the device tests them.
+fn camera_mask() -> u32 {
+    return view.layers;
+}
+
+// Whether rays meet an instance; one that they do not meet does not emit either.
+fn instance_in_layers(instance: u32) -> bool {
+    return (instances[instance].layers & view.layers) != 0u;
+}
+
+// Whether an analytic light shines.
+fn light_in_layers(light: u32) -> bool {
+    return (~(lights[light].kind >> LIGHT_HIDDEN_SHIFT) & view.layers) != 0u;
+}
+#else
+fn camera_mask() -> u32 {
+    return 0xffu;
+}
+
+fn instance_in_layers(instance: u32) -> bool {
+    return true;
+}
+
+fn light_in_layers(light: u32) -> bool {
+    return true;
+}
+#endif

@@ -1,0 +1,113 @@
+//! The composite pass: writes radiance and depth to Bevy's view target, and, if the camera has a prepass, depth and motion to its textures
+//! (`shaders/pass/composite.wgsl`).
+
+use bevy::{
+    asset::Handle,
+    core_pipeline::prepass::{MOTION_VECTOR_PREPASS_FORMAT, ViewPrepassTextures},
+    render::{
+        diagnostic::RecordDiagnostics,
+        render_resource::{binding_types::*, *},
+        renderer::{RenderContext, RenderDevice},
+        view::{ViewDepthTexture, ViewTarget},
+    },
+    shader::Shader,
+};
+
+use super::{SPAN_PREFIX, pipelines::PassPipelines};
+use crate::{
+    scene::bindings::scene_layout,
+    view::{DEPTH_FORMAT, RestirView, raster_view_layout, selection::CompositeKey},
+};
+
+fn layout() -> BindGroupLayoutDescriptor {
+    BindGroupLayoutDescriptor::new(
+        "restir composite",
+        &BindGroupLayoutEntries::sequential(
+            ShaderStages::FRAGMENT,
+            (storage_buffer_read_only_sized(false, None), texture_depth_2d(), texture_2d(TextureSampleType::Uint)),
+        ),
+    )
+}
+
+pub(super) fn pipeline(shader: Handle<Shader>, key: CompositeKey) -> RenderPipelineDescriptor {
+    let mut targets = vec![Some(key.format.into())];
+    let mut entry_point = "fragment";
+    if key.motion {
+        targets.push(Some(MOTION_VECTOR_PREPASS_FORMAT.into()));
+        entry_point = "fragment_with_motion";
+    }
+    RenderPipelineDescriptor {
+        label: Some("restir composite".into()),
+        layout: vec![scene_layout(), raster_view_layout(), layout()],
+        vertex: VertexState { shader: shader.clone(), entry_point: Some("vertex".into()), ..Default::default() },
+        depth_stencil: Some(DepthStencilState {
+            format: DEPTH_FORMAT,
+            depth_write_enabled: Some(true),
+            // Surfaces in front, drawn by Bevy's prepass or another camera, stay.
+            depth_compare: Some(CompareFunction::GreaterEqual),
+            stencil: StencilState::default(),
+            bias: DepthBiasState::default(),
+        }),
+        fragment: Some(FragmentState { shader, entry_point: Some(entry_point.into()), targets, ..Default::default() }),
+        ..Default::default()
+    }
+}
+
+pub(super) fn draw(
+    view: &RestirView,
+    scene_group: &BindGroup,
+    (target, depth, prepass): (&ViewTarget, &ViewDepthTexture, Option<&ViewPrepassTextures>),
+    passes: &PassPipelines,
+    pipelines: &PipelineCache,
+    device: &RenderDevice,
+    context: &mut RenderContext,
+) {
+    let Some(key) = view.composite else { return };
+    let Some(pipeline) = passes.composite(key, pipelines) else { return };
+    let group = device.create_bind_group(
+        "restir composite",
+        &pipelines.get_bind_group_layout(&layout()),
+        &BindGroupEntries::sequential((view.radiance.as_entire_binding(), &view.depth, &view.visibility)),
+    );
+    let mut attachments = vec![Some(target.get_color_attachment())];
+    if key.motion {
+        let Some(motion) = prepass.and_then(|textures| textures.motion_vectors.as_ref()) else { return };
+        attachments.push(Some(motion.get_attachment()));
+    }
+    draw_over(view, pipeline, [scene_group, &group], &attachments, depth, context);
+    // Bevy's prepass made this copy before our depth was there.
+    if let Some((textures, copy)) = prepass.and_then(|textures| Some((textures, textures.depth.as_ref()?)))
+        && textures.deferred.is_none()
+    {
+        let (from, to) = (depth.texture.as_image_copy(), copy.texture.texture.as_image_copy());
+        context.command_encoder().copy_texture_to_texture(from, to, textures.size);
+    }
+}
+
+fn draw_over(
+    view: &RestirView,
+    pipeline: &RenderPipeline,
+    [scene, own]: [&BindGroup; 2],
+    attachments: &[Option<RenderPassColorAttachment>],
+    depth: &ViewDepthTexture,
+    context: &mut RenderContext,
+) {
+    let diagnostics = context.diagnostic_recorder();
+    let mut pass = context.command_encoder().begin_render_pass(&RenderPassDescriptor {
+        label: Some("restir composite"),
+        color_attachments: attachments,
+        depth_stencil_attachment: Some(depth.get_attachment(StoreOp::Store)),
+        ..Default::default()
+    });
+    let span = diagnostics.as_deref().map(|d| d.time_span(&mut pass, format!("{SPAN_PREFIX}composite")));
+    let (origin, size) = (view.origin.as_vec2(), view.target_size.as_vec2());
+    pass.set_viewport(origin.x, origin.y, size.x, size.y, 0.0, 1.0);
+    pass.set_pipeline(pipeline);
+    pass.set_bind_group(0, &**scene, &[]);
+    pass.set_bind_group(1, &*view.raster_bind_group, &[]);
+    pass.set_bind_group(2, &**own, &[]);
+    pass.draw(0..3, 0..1);
+    if let Some(span) = span {
+        span.end(&mut pass);
+    }
+}

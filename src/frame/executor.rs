@@ -1,0 +1,116 @@
+//! Records the passes of a camera.
+
+use bevy::{
+    core_pipeline::prepass::ViewPrepassTextures,
+    ecs::prelude::*,
+    render::{
+        diagnostic::RecordDiagnostics,
+        render_resource::*,
+        renderer::{RenderContext, RenderDevice, ViewQuery},
+        view::{ViewDepthTexture, ViewTarget},
+    },
+};
+
+use super::{SPAN_PREFIX, composite, pipelines::PassPipelines, resource, visibility};
+use crate::{
+    scene::{SceneFeatures, bindings::SceneBindings},
+    technique::{
+        domain::Domain,
+        frame::Step,
+        pass::{ComputePass, Dispatch, Pass},
+    },
+    view::{
+        RestirView, ViewPool,
+        history::{Reservoirs, presample_workgroups},
+    },
+};
+
+pub(super) fn run_passes(
+    view: ViewQuery<(&ViewTarget, &ViewDepthTexture, Option<&ViewPrepassTextures>)>,
+    views: Res<ViewPool>,
+    scene: Res<SceneBindings>,
+    passes: Res<PassPipelines>,
+    pipelines: Res<PipelineCache>,
+    device: Res<RenderDevice>,
+    mut context: RenderContext,
+) {
+    let Some(state) = views.views.get(&view.entity()).filter(|v| v.rendered) else {
+        return;
+    };
+    let targets = view.into_inner();
+    let (Some(key), Some(scene_group)) = (state.key, scene.bind_group.as_ref()) else {
+        return;
+    };
+    if key.features.contains(SceneFeatures::RAY_QUERY) && scene.structures.is_none() {
+        return;
+    }
+    let encoder = context.command_encoder();
+    encoder.clear_buffer(&state.counters.buffer, 0, None);
+    if let Some(history) = &state.history {
+        // The visibility pass overwrites the visibility buffer of the last frame, which reuse still needs.
+        encoder.copy_texture_to_texture(
+            state.visibility_texture.as_image_copy(),
+            history.previous_visibility.as_image_copy(),
+            state.visibility_texture.size(),
+        );
+    }
+    let iterations =
+        |domain: &Domain| state.history.as_ref().and_then(|h| h.of(domain)).map_or(1, Reservoirs::iterations);
+    for step in key.frame.steps(iterations) {
+        match step.pass {
+            Pass::Visibility => visibility::draw(state, key, &scene, scene_group, &passes, &pipelines, &mut context),
+            Pass::Compute(pass) => {
+                let resources = resource::bind_group(pass, &step, state, &device, &pipelines);
+                let compute = Compute { pass, step: &step, state, scene: &scene, scene_group };
+                if let (Some(pipeline), Some(group)) = (passes.compute(pass, key, &pipelines), resources) {
+                    compute.record(pipeline, &group, &mut context);
+                }
+            }
+            Pass::Composite => composite::draw(state, scene_group, targets, &passes, &pipelines, &device, &mut context),
+        }
+    }
+    state.counters.copy(&mut context);
+}
+
+/// A compute pass of a frame.
+struct Compute<'a> {
+    pass: &'static ComputePass,
+    step: &'a Step,
+    state: &'a RestirView,
+    scene: &'a SceneBindings,
+    scene_group: &'a BindGroup,
+}
+
+impl Compute<'_> {
+    fn record(&self, pipeline: &ComputePipeline, resources: &BindGroup, context: &mut RenderContext) {
+        let [x, y] = self.workgroups();
+        if x == 0 || y == 0 {
+            return;
+        }
+        let name = self.step.name;
+        let diagnostics = context.diagnostic_recorder();
+        let mut encoder = context
+            .command_encoder()
+            .begin_compute_pass(&ComputePassDescriptor { label: Some(name), ..Default::default() });
+        let span = diagnostics.as_deref().map(|d| d.time_span(&mut encoder, format!("{SPAN_PREFIX}{name}")));
+        encoder.set_pipeline(pipeline);
+        encoder.set_bind_group(0, self.scene_group, &[]);
+        encoder.set_bind_group(1, &self.state.bind_group, &[]);
+        encoder.set_bind_group(2, resources, &[]);
+        let optional_groups = self.scene.structures.iter().chain(&self.scene.bound_textures);
+        for (group, index) in optional_groups.zip(3..) {
+            encoder.set_bind_group(index, group, &[]);
+        }
+        encoder.dispatch_workgroups(x, y, 1);
+        if let Some(span) = span {
+            span.end(&mut encoder);
+        }
+    }
+
+    fn workgroups(&self) -> [u32; 2] {
+        match self.pass.dispatch {
+            Dispatch::Pixels => [self.state.size.x.div_ceil(8), self.state.size.y.div_ceil(8)],
+            Dispatch::Subsets => presample_workgroups(&self.state.settings.direct),
+        }
+    }
+}

@@ -1,0 +1,40 @@
+//! Runs the frame of each camera: pipelines, resources, and the system that records its passes.
+
+pub(crate) mod composite;
+mod executor;
+pub(crate) mod pipelines;
+mod resource;
+mod visibility;
+
+use bevy::{
+    app::SubApp,
+    core_pipeline::{
+        core_3d::main_opaque_pass_3d,
+        schedule::{Core3d, Core3dSystems},
+    },
+    ecs::prelude::*,
+    render::{Render, RenderSystems},
+};
+
+use crate::system_sets::RestirSystems;
+use pipelines::PassPipelines;
+
+/// Prefix of the time spans of passes in Bevy's diagnostics.
+pub const SPAN_PREFIX: &str = "restir/";
+
+/// Adds the passes to the render world.
+pub(crate) fn build(render_app: &mut SubApp) {
+    render_app
+        .init_resource::<PassPipelines>()
+        .add_systems(
+            Render,
+            pipelines::select_pipelines.in_set(RestirSystems::SelectPipelines).in_set(RenderSystems::PrepareResources),
+        )
+        .add_systems(
+            Core3d,
+            executor::run_passes
+                .in_set(RestirSystems::RunPasses)
+                .before(main_opaque_pass_3d)
+                .in_set(Core3dSystems::MainPass),
+        );
+}

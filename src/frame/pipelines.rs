@@ -1,0 +1,314 @@
+//! Pipelines, specialized for the features of the scene.  When a scene gains a feature or a camera changes its technique, the camera keeps
+//! its pipelines until the new ones are ready.
+
+#[cfg(feature = "testing")]
+use bevy::{app::App, asset::Assets, render::RenderApp};
+use bevy::{
+    asset::Handle,
+    core_pipeline::prepass::ViewPrepassTextures,
+    ecs::prelude::*,
+    platform::{collections::HashMap, time::Instant},
+    render::{camera::ExtractedCamera, render_resource::*, view::ViewTarget},
+    shader::{Shader, ShaderDefVal},
+};
+use core::num::NonZeroU32;
+
+use super::{composite, resource, visibility};
+use crate::{
+    scene::{
+        SceneFeatures,
+        accel::ray_query,
+        bindings::{SceneBindings, scene_layout},
+        texture::bindless,
+    },
+    shader_library::ShaderLibrary,
+    technique::{
+        frame::PipelineKey,
+        pass::{ComputePass, Pass},
+    },
+    view::{
+        ViewPool,
+        environment::EnvironmentPool,
+        extract::{self, ExtractedViews},
+        selection::{CompositeKey, SelectedPipelines, Selection, wanted_key},
+        view_layout,
+    },
+};
+
+/// One pipeline, for the statistics.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PipelineReport {
+    /// Name of the pass.
+    pub name: &'static str,
+    /// Shader definitions that it was compiled with.
+    pub defs: Vec<&'static str>,
+    /// Time from the request until it could be used, ms.  A driver may leave part of its work until the first use.
+    pub compile_ms: f64,
+}
+
+#[derive(Clone, Copy)]
+enum PipelineId {
+    Compute(CachedComputePipelineId),
+    Render(CachedRenderPipelineId),
+}
+
+struct Compiled {
+    id: PipelineId,
+    name: &'static str,
+    features: SceneFeatures,
+    requested: Instant,
+    compile_ms: Option<f64>,
+}
+
+/// All pipelines that were requested.
+#[derive(Resource, Default)]
+pub(crate) struct PassPipelines {
+    compute: HashMap<(&'static str, SceneFeatures), usize>,
+    visibility: HashMap<(Option<Face>, SceneFeatures), usize>,
+    composite: HashMap<CompositeKey, usize>,
+    all: Vec<Compiled>,
+    shaders: Option<ShaderLibrary>,
+    /// Whether group 3 holds the device's acceleration structures.
+    ray_queries: bool,
+    /// Number of textures in the last group.
+    bound_textures: Option<NonZeroU32>,
+    /// Shader definitions besides those of the features; for tests.
+    planted: Vec<&'static str>,
+    /// Shaders in place of those of passes; for tests.
+    replaced: HashMap<&'static str, Handle<Shader>>,
+}
+
+/// Compiles all compute passes again with these shader definitions added.  For tests, which plant errors that they must find.
+#[cfg(feature = "testing")]
+pub fn plant_shader_defs(app: &mut App, defs: &[&'static str]) {
+    if let Some(mut passes) =
+        app.get_sub_app_mut(RenderApp).and_then(|r| r.world_mut().get_resource_mut::<PassPipelines>())
+    {
+        passes.planted = defs.to_vec();
+        passes.compute.clear();
+    }
+}
+
+/// Runs another shader in place of a compute pass.  It has the entry point, the bindings and the template of the pass.  For tests, which
+/// measure what passes do not write.
+#[cfg(feature = "testing")]
+pub fn replace_pass_shader(app: &mut App, pass_name: &'static str, wgsl: &str) {
+    let domains = crate::technique::TECHNIQUES.iter().flat_map(|row| row.domains);
+    let mut passes = domains.flat_map(|domain| [&domain.candidates, &domain.reuse, &domain.debug]);
+    let rooms = passes.find(|pass| pass.name == pass_name).map_or(&[][..], |pass| pass.technique_rooms);
+    let text = crate::shader_library::instantiate(wgsl, rooms);
+    let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
+    let handle = shaders.add(Shader::from_wgsl(text, format!("test {pass_name}")));
+    if let Some(mut passes) =
+        app.get_sub_app_mut(RenderApp).and_then(|r| r.world_mut().get_resource_mut::<PassPipelines>())
+    {
+        passes.replaced.insert(pass_name, handle);
+        passes.compute.clear();
+    }
+}
+
+/// Chooses the pipelines of every camera.
+pub(super) fn select_pipelines(
+    mut selected: ResMut<SelectedPipelines>,
+    mut passes: ResMut<PassPipelines>,
+    extracted: Res<ExtractedViews>,
+    views: Res<ViewPool>,
+    cameras: Query<(&ExtractedCamera, Option<&ViewTarget>, Option<&ViewPrepassTextures>)>,
+    scene: Res<SceneBindings>,
+    environments: Res<EnvironmentPool>,
+    pipelines: Res<PipelineCache>,
+) {
+    selected.0.clear();
+    for (&entity, restir) in &extracted.0 {
+        let Some((_, target, prepass)) = cameras.get(entity).ok().filter(|c| extract::has_view(Some(c.0))) else {
+            continue;
+        };
+        let wanted = wanted_key(restir, &scene, &environments);
+        let last = views.views.get(&entity).and_then(|last| last.key);
+        let key = passes.choose(wanted, last, &pipelines);
+        let composite = target.map(|target| CompositeKey::of(target, prepass));
+        let composite = composite.filter(|&key| passes.request_composite(key, &pipelines));
+        selected.0.insert(entity, Selection { wanted, key, composite });
+    }
+}
+
+/// Culling modes of the visibility pass.
+const CULLS: [Option<Face>; 3] = [None, Some(Face::Back), Some(Face::Front)];
+
+impl PassPipelines {
+    /// Pipelines of these shaders, with the bindings that the device has beyond the portable tier.
+    pub(crate) fn new(shaders: ShaderLibrary, ray_queries: bool, bound_textures: Option<NonZeroU32>) -> Self {
+        Self { shaders: Some(shaders), ray_queries, bound_textures, ..Default::default() }
+    }
+
+    /// The pipelines to render with: the wanted ones once all of them are ready, until then those of the last frame.
+    fn choose(
+        &mut self,
+        wanted: PipelineKey,
+        last: Option<PipelineKey>,
+        pipelines: &PipelineCache,
+    ) -> Option<PipelineKey> {
+        if self.ready(wanted, pipelines) { Some(wanted) } else { last }
+    }
+
+    /// Requests every pipeline of a frame; true once all of them are ready.
+    fn ready(&mut self, key: PipelineKey, pipelines: &PipelineCache) -> bool {
+        let mut indices = Vec::new();
+        for pass in key.frame.passes() {
+            match pass {
+                Pass::Compute(pass) => indices.push(self.request_compute(pass, key, pipelines)),
+                Pass::Visibility => {
+                    for cull in CULLS {
+                        indices.push(self.request_visibility(cull, key.features, pipelines));
+                    }
+                }
+                // Requested by `select_pipelines`, for the format of the target.
+                Pass::Composite => {}
+            }
+        }
+        // All of them are queried, so that each records the time at which it became ready.
+        let missing = indices.into_iter().filter(|&index| !self.is_ready(index, pipelines)).count();
+        missing == 0
+    }
+
+    fn is_ready(&mut self, index: usize, pipelines: &PipelineCache) -> bool {
+        let compiled = &mut self.all[index];
+        let ready = match compiled.id {
+            PipelineId::Compute(id) => pipelines.get_compute_pipeline(id).is_some(),
+            PipelineId::Render(id) => pipelines.get_render_pipeline(id).is_some(),
+        };
+        if ready && compiled.compile_ms.is_none() {
+            compiled.compile_ms = Some(compiled.requested.elapsed().as_secs_f64() * 1e3);
+        }
+        ready
+    }
+
+    fn push(&mut self, id: PipelineId, name: &'static str, features: SceneFeatures) -> usize {
+        self.all.push(Compiled { id, name, features, requested: Instant::now(), compile_ms: None });
+        self.all.len() - 1
+    }
+
+    fn shader(&self, path: &str) -> Handle<Shader> {
+        self.shaders.as_ref().map(|library| library.pass(path, &[])).unwrap_or_default()
+    }
+
+    fn pass_shader(&self, pass: &ComputePass) -> Handle<Shader> {
+        let replaced = self.replaced.get(pass.name).cloned();
+        let path = format!("pass/{}.wgsl", pass.file);
+        let library = || self.shaders.as_ref().map(|library| library.pass(&path, pass.technique_rooms));
+        replaced.or_else(library).unwrap_or_default()
+    }
+
+    fn request_compute(&mut self, pass: &'static ComputePass, key: PipelineKey, pipelines: &PipelineCache) -> usize {
+        let features = specialization(pass, key);
+        if let Some(&index) = self.compute.get(&(pass.name, features)) {
+            return index;
+        }
+        let mut shader_defs = features.shader_defs();
+        shader_defs.extend(pass.def.map(|def| ShaderDefVal::Bool(def.into(), true)));
+        shader_defs.extend(self.planted.iter().map(|&def| ShaderDefVal::Bool(def.into(), true)));
+        let mut layout = vec![scene_layout(), view_layout(), resource::layout(pass)];
+        if self.ray_queries {
+            layout.push(ray_query::layout());
+        }
+        layout.extend(self.bound_layout(features));
+        let id = pipelines.queue_compute_pipeline(ComputePipelineDescriptor {
+            label: Some(format!("restir {}", pass.name).into()),
+            layout,
+            shader: self.pass_shader(pass),
+            shader_defs,
+            entry_point: Some(pass.file.into()),
+            ..Default::default()
+        });
+        let index = self.push(PipelineId::Compute(id), pass.name, features);
+        self.compute.insert((pass.name, features), index);
+        index
+    }
+
+    /// The features that the visibility pass is compiled for: alpha may come from a texture.
+    fn visibility_features(features: SceneFeatures) -> SceneFeatures {
+        if !features.contains(SceneFeatures::ALPHA) {
+            return SceneFeatures::empty();
+        }
+        features & SceneFeatures::BOUND_TEXTURES | SceneFeatures::ALPHA | SceneFeatures::TEXTURES
+    }
+
+    fn request_visibility(&mut self, cull: Option<Face>, features: SceneFeatures, pipelines: &PipelineCache) -> usize {
+        let used = Self::visibility_features(features);
+        if let Some(&index) = self.visibility.get(&(cull, used)) {
+            return index;
+        }
+        let shader = self.shader("pass/visibility.wgsl");
+        let descriptor = visibility::pipeline(shader, used.shader_defs(), cull, self.bound_layout(used));
+        let id = pipelines.queue_render_pipeline(descriptor);
+        let index = self.push(PipelineId::Render(id), "visibility", used & (features | SceneFeatures::TEXTURES));
+        self.visibility.insert((cull, used), index);
+        index
+    }
+
+    /// Layout of the bindless textures, if shaders of these features read them.
+    fn bound_layout(&self, features: SceneFeatures) -> Option<BindGroupLayoutDescriptor> {
+        self.bound_textures.filter(|_| features.contains(SceneFeatures::BOUND_TEXTURES)).map(bindless::layout)
+    }
+
+    /// The pipeline of a compute pass.
+    pub(crate) fn compute<'a>(
+        &self,
+        pass: &ComputePass,
+        key: PipelineKey,
+        pipelines: &'a PipelineCache,
+    ) -> Option<&'a ComputePipeline> {
+        match self.all[*self.compute.get(&(pass.name, specialization(pass, key)))?].id {
+            PipelineId::Compute(id) => pipelines.get_compute_pipeline(id),
+            PipelineId::Render(_) => None,
+        }
+    }
+
+    /// The pipeline that draws instances with a culling mode.
+    pub(crate) fn visibility<'a>(
+        &self,
+        cull: Option<Face>,
+        key: PipelineKey,
+        pipelines: &'a PipelineCache,
+    ) -> Option<&'a RenderPipeline> {
+        match self.all[*self.visibility.get(&(cull, Self::visibility_features(key.features)))?].id {
+            PipelineId::Render(id) => pipelines.get_render_pipeline(id),
+            PipelineId::Compute(_) => None,
+        }
+    }
+
+    /// Requests the pipeline that writes to these targets; true once it is ready.
+    pub(crate) fn request_composite(&mut self, key: CompositeKey, pipelines: &PipelineCache) -> bool {
+        let index = match self.composite.get(&key) {
+            Some(&index) => index,
+            None => {
+                let shader = self.shader("pass/composite.wgsl");
+                let id = pipelines.queue_render_pipeline(composite::pipeline(shader, key));
+                let index = self.push(PipelineId::Render(id), "composite", SceneFeatures::empty());
+                self.composite.insert(key, index);
+                index
+            }
+        };
+        self.is_ready(index, pipelines)
+    }
+
+    /// The pipeline that writes to these targets.
+    pub(crate) fn composite<'a>(&self, key: CompositeKey, pipelines: &'a PipelineCache) -> Option<&'a RenderPipeline> {
+        match self.all[*self.composite.get(&key)?].id {
+            PipelineId::Render(id) => pipelines.get_render_pipeline(id),
+            PipelineId::Compute(_) => None,
+        }
+    }
+
+    /// Every pipeline that is ready.
+    pub(crate) fn report(&self) -> Vec<PipelineReport> {
+        self.all
+            .iter()
+            .filter_map(|c| Some(PipelineReport { name: c.name, defs: c.features.names(), compile_ms: c.compile_ms? }))
+            .collect()
+    }
+}
+
+fn specialization(pass: &ComputePass, key: PipelineKey) -> SceneFeatures {
+    if pass.specialized { key.features } else { SceneFeatures::empty() }
+}

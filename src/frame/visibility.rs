@@ -1,0 +1,104 @@
+//! The visibility pass: rasterizes every instance by vertex pulling (`shaders/pass/visibility.wgsl`).
+
+use bevy::{
+    asset::Handle,
+    render::{diagnostic::RecordDiagnostics, render_resource::*, renderer::RenderContext},
+    shader::{Shader, ShaderDefVal},
+};
+
+use super::{SPAN_PREFIX, pipelines::PassPipelines};
+use crate::{
+    gpu_layout::NONE,
+    scene::bindings::{SceneBindings, scene_layout},
+    technique::frame::PipelineKey,
+    view::{DEPTH_FORMAT, RestirView, VISIBILITY_FORMAT, raster_view_layout},
+};
+
+pub(super) fn pipeline(
+    shader: Handle<Shader>,
+    defs: Vec<ShaderDefVal>,
+    cull: Option<Face>,
+    bound_textures: Option<BindGroupLayoutDescriptor>,
+) -> RenderPipelineDescriptor {
+    let mut layout = vec![scene_layout(), raster_view_layout()];
+    if let Some(bound) = bound_textures {
+        // Group 2 belongs to compute passes.
+        layout.extend([BindGroupLayoutDescriptor::new("restir nothing", &[]), bound]);
+    }
+    RenderPipelineDescriptor {
+        label: Some("restir visibility".into()),
+        layout,
+        vertex: VertexState {
+            shader: shader.clone(),
+            shader_defs: defs.clone(),
+            entry_point: Some("vertex".into()),
+            buffers: vec![],
+        },
+        primitive: PrimitiveState { cull_mode: cull, ..Default::default() },
+        depth_stencil: Some(DepthStencilState {
+            format: DEPTH_FORMAT,
+            depth_write_enabled: Some(true),
+            depth_compare: Some(CompareFunction::Greater),
+            stencil: StencilState::default(),
+            bias: DepthBiasState::default(),
+        }),
+        fragment: Some(FragmentState {
+            shader,
+            shader_defs: defs,
+            entry_point: Some("fragment".into()),
+            targets: vec![Some(VISIBILITY_FORMAT.into())],
+        }),
+        ..Default::default()
+    }
+}
+
+pub(super) fn draw(
+    view: &RestirView,
+    key: PipelineKey,
+    scene: &SceneBindings,
+    scene_group: &BindGroup,
+    passes: &PassPipelines,
+    pipelines: &PipelineCache,
+    context: &mut RenderContext,
+) {
+    let diagnostics = context.diagnostic_recorder();
+    let none = f64::from(NONE);
+    let mut pass = context.command_encoder().begin_render_pass(&RenderPassDescriptor {
+        label: Some("restir visibility"),
+        color_attachments: &[Some(RenderPassColorAttachment {
+            view: &view.visibility,
+            depth_slice: None,
+            resolve_target: None,
+            ops: Operations {
+                load: LoadOp::Clear(wgpu_types::Color { r: none, g: none, b: 0.0, a: 0.0 }),
+                store: StoreOp::Store,
+            },
+        })],
+        depth_stencil_attachment: Some(RenderPassDepthStencilAttachment {
+            view: &view.depth,
+            depth_ops: Some(Operations { load: LoadOp::Clear(0.0), store: StoreOp::Store }),
+            stencil_ops: None,
+        }),
+        ..Default::default()
+    });
+    let span = diagnostics.as_deref().map(|d| d.time_span(&mut pass, format!("{SPAN_PREFIX}visibility")));
+    pass.set_bind_group(0, &**scene_group, &[]);
+    pass.set_bind_group(1, &*view.raster_bind_group, &[]);
+    if let Some(bound) = &scene.bound_textures {
+        pass.set_bind_group(3, &**bound, &[]);
+    }
+    let mut bound = None;
+    for draw in scene.draws.iter().filter(|draw| draw.seen_by & view.layers != 0) {
+        if bound != Some(draw.cull) {
+            let Some(pipeline) = passes.visibility(draw.cull, key, pipelines) else {
+                continue;
+            };
+            pass.set_pipeline(pipeline);
+            bound = Some(draw.cull);
+        }
+        pass.draw(0..draw.triangles * 3, draw.instances.clone());
+    }
+    if let Some(span) = span {
+        span.end(&mut pass);
+    }
+}

@@ -1,0 +1,298 @@
+//! Rust mirrors of the structs and constants in `types.wgsl` of `shaders/scene`, `shaders/view` and `shaders/restir`, and in
+//! `shaders/common/constants.wgsl`.  A test compares every offset and size with naga's.
+
+use bytemuck::{Pod, Zeroable};
+
+/// Marks a missing index.
+pub const NONE: u32 = u32::MAX;
+
+pub const LIGHT_TRIANGLE: u32 = 0;
+pub const LIGHT_POINT: u32 = 1;
+pub const LIGHT_SPOT: u32 = 2;
+pub const LIGHT_DIRECTIONAL: u32 = 3;
+pub const LIGHT_SPHERE: u32 = 4;
+pub const LIGHT_RECT: u32 = 5;
+pub const LIGHT_SUN: u32 = 6;
+pub const LIGHT_KIND_BITS: u32 = 0xff;
+pub const LIGHT_HIDDEN_SHIFT: u32 = 8;
+
+pub const INSTANCE_MIRRORED: u32 = 1;
+pub const INSTANCE_ALPHA: u32 = 2;
+pub const INSTANCE_SECOND_UV: u32 = 4;
+
+pub const MATERIAL_DOUBLE_SIDED: u32 = 1;
+pub const MATERIAL_UNLIT: u32 = 2;
+pub const MATERIAL_ALPHA_MASK: u32 = 4;
+pub const MATERIAL_ALPHA_BLEND: u32 = 8;
+pub const MATERIAL_FLIP_NORMAL_MAP_Y: u32 = 16;
+pub const MATERIAL_CULL_BACK: u32 = 32;
+pub const MATERIAL_CULL_FRONT: u32 = 64;
+
+pub const SLOT_BASE_COLOR: u32 = 1;
+pub const SLOT_METALLIC_ROUGHNESS: u32 = 2;
+pub const SLOT_NORMAL: u32 = 4;
+pub const SLOT_EMISSIVE: u32 = 8;
+pub const SLOT_SPECULAR_TRANSMISSION: u32 = 16;
+pub const SLOT_DIFFUSE_TRANSMISSION: u32 = 32;
+pub const SLOT_THICKNESS: u32 = 64;
+pub const SLOT_CLEARCOAT: u32 = 128;
+pub const SLOT_CLEARCOAT_ROUGHNESS: u32 = 256;
+pub const SLOT_CLEARCOAT_NORMAL: u32 = 512;
+pub const SLOT_ANISOTROPY: u32 = 1024;
+pub const SLOT_SPECULAR: u32 = 2048;
+pub const SLOT_SPECULAR_TINT: u32 = 4096;
+pub const SLOT_TRANSFORM: u32 = 0x8000_0000;
+
+pub const VIEW_ENVIRONMENT_IS_BACKDROP: u32 = 1;
+pub const VIEW_ORTHOGRAPHIC: u32 = 2;
+pub const VIEW_NO_BACKDROP: u32 = 4;
+
+pub const OVERFLOW_STACK: u32 = 1;
+pub const OVERFLOW_STEPS: u32 = 2;
+pub const NON_FINITE: u32 = 4;
+
+/// Words of 16 bytes in a CWBVH node.
+pub const NODE_STRIDE: u32 = 5;
+
+/// An affine 3x4 matrix by rows: `world = rows · (object, 1)`.
+pub type Rows = [[f32; 4]; 3];
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct GpuSceneUniforms {
+    pub tlas_root: u32,
+    pub tlas_indices: u32,
+    pub previous_tlas_root: u32,
+    pub previous_tlas_indices: u32,
+    pub light_count: u32,
+    pub instance_count: u32,
+    pub light_power: f32,
+    pub radius: f32,
+    pub center: [f32; 3],
+    pub previous_lights: u32,
+    pub shapes_root: u32,
+    pub shapes_indices: u32,
+    pub sun_count: u32,
+    pub pad: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct GpuTriangle {
+    pub a: [f32; 3],
+    pub pad_a: u32,
+    pub b: [f32; 3],
+    pub pad_b: u32,
+    pub c: [f32; 3],
+    pub pad_c: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct GpuTriangleAttributes {
+    pub normals: [u32; 3],
+    pub tangent_a: u32,
+    pub tangent_b: u32,
+    pub tangent_c: u32,
+    pub uv_a: [f32; 2],
+    pub uv_b: [f32; 2],
+    pub uv_c: [f32; 2],
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct GpuInstance {
+    pub world_from_object: Rows,
+    pub object_from_world: Rows,
+    pub previous_world_from_object: Rows,
+    pub blas_root: u32,
+    pub first_triangle: u32,
+    pub triangle_count: u32,
+    pub material: u32,
+    pub first_light: u32,
+    pub flags: u32,
+    pub layers: u32,
+    pub entity: u32,
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+pub struct GpuMaterial {
+    pub base_color: [f32; 3],
+    pub alpha: f32,
+    pub emissive: [f32; 3],
+    pub perceptual_roughness: f32,
+    pub dielectric_reflectance: [f32; 3],
+    pub metallic: f32,
+    pub attenuation: [f32; 3],
+    pub specular_transmission: f32,
+    pub ior: f32,
+    pub thickness: f32,
+    pub alpha_cutoff: f32,
+    pub flags: u32,
+    pub textures: u32,
+    pub texture_record: u32,
+    pub anisotropy_direction: [f32; 2],
+    pub anisotropy_strength: f32,
+    pub diffuse_transmission: f32,
+    pub clearcoat: f32,
+    pub clearcoat_perceptual_roughness: f32,
+}
+
+/// A texture slot that holds no texture.
+pub const NO_TEXTURE: [u32; 4] = [NONE, 0, 0, 0];
+
+impl Default for GpuMaterial {
+    /// White, rough, opaque, with the F0 of glass: `StandardMaterial::default()` but for its textures.
+    fn default() -> Self {
+        Self {
+            base_color: [1.0; 3],
+            alpha: 1.0,
+            emissive: [0.0; 3],
+            perceptual_roughness: 0.5,
+            dielectric_reflectance: [0.04; 3],
+            metallic: 0.0,
+            attenuation: [0.0; 3],
+            specular_transmission: 0.0,
+            ior: 1.5,
+            thickness: 0.0,
+            alpha_cutoff: 0.5,
+            flags: 0,
+            textures: 0,
+            texture_record: 0,
+            anisotropy_direction: [1.0, 0.0],
+            anisotropy_strength: 0.0,
+            diffuse_transmission: 0.0,
+            clearcoat: 0.0,
+            clearcoat_perceptual_roughness: 0.5,
+        }
+    }
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct GpuLight {
+    pub position: [f32; 3],
+    pub kind: u32,
+    pub emission: [f32; 3],
+    pub pmf: f32,
+    pub direction: [f32; 3],
+    pub alias_probability: f32,
+    pub alias_index: u32,
+    pub counterpart: u32,
+    pub data: [u32; 2],
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct GpuCamera {
+    pub clip_from_world: [[f32; 4]; 4],
+    pub world_from_view: [[f32; 4]; 4],
+    pub view_from_clip: [[f32; 4]; 4],
+}
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct GpuViewUniforms {
+    pub current: GpuCamera,
+    pub previous: GpuCamera,
+    /// Columns of a mat3x3, each padded to 16 bytes.
+    pub environment_rotation: [[f32; 4]; 3],
+    pub environment_color: [f32; 3],
+    pub exposure: f32,
+    pub background: [f32; 3],
+    pub debug_view: u32,
+    pub size: [u32; 2],
+    pub jitter: [f32; 2],
+    pub previous_jitter: [f32; 2],
+    pub frame: u32,
+    pub seed: u32,
+    pub bounces: u32,
+    pub flags: u32,
+    pub origin: [u32; 2],
+    pub accumulated: u32,
+    pub layers: u32,
+    pub target_size: [u32; 2],
+}
+
+/// What a frame counted: `Counters` in `shaders/pass/statistics.wgsl`.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct GpuCounters {
+    pub rays: u32,
+    pub non_finite_pixels: u32,
+    pub overflow_flags: u32,
+    pub pad: u32,
+}
+
+pub const RESAMPLE_BSDF_CANDIDATE: u32 = 1;
+pub const RESAMPLE_CANDIDATE_RAYS: u32 = 2;
+pub const RESAMPLE_TARGET_RAYS: u32 = 4;
+pub const RESAMPLE_DISCARD_OCCLUDED: u32 = 8;
+pub const RESAMPLE_MIS_RAYS: u32 = 16;
+pub const RESAMPLE_SHADING_RAYS: u32 = 32;
+pub const RESAMPLE_REUSE_VISIBILITY: u32 = 64;
+pub const RESAMPLE_HEURISTICS: u32 = 128;
+pub const RESAMPLE_SHADE_ALL: u32 = 256;
+pub const RESAMPLE_FROM_PREVIOUS: u32 = 512;
+pub const RESAMPLE_SHADE: u32 = 1024;
+pub const RESAMPLE_CANDIDATES_VISIBLE: u32 = 2048;
+pub const RESAMPLE_TARGET_WITHOUT_BSDF: u32 = 4096;
+pub const RESAMPLE_BILINEAR: u32 = 8192;
+pub const RESAMPLE_SAME_MATERIAL: u32 = 16384;
+pub const RESAMPLE_MOVED: u32 = 32768;
+pub const RESAMPLE_RETRACE_FORWARD: u32 = 65536;
+pub const RESAMPLE_RETRACE_BACKWARD: u32 = 131072;
+pub const RESAMPLE_DIFFUSE_SECONDARY: u32 = 262_144;
+
+pub const RECONNECT_FOOTPRINTS: u32 = 0;
+pub const RECONNECT_BLACK_BOX: u32 = 1;
+pub const RECONNECT_DISTANCE: u32 = 2;
+pub const RECONNECT_FIRST: u32 = 3;
+
+pub const MIS_UNIFORM: u32 = 0;
+pub const MIS_ONE_OVER_Z: u32 = 1;
+pub const MIS_BALANCE: u32 = 2;
+pub const MIS_PAIRWISE: u32 = 3;
+pub const MIS_DEFENSIVE_PAIRWISE: u32 = 4;
+pub const MIS_DEFENSIVE_PAIRWISE_GRIS: u32 = 5;
+
+/// Layouts of reservoirs without tiles.
+pub const LAYOUT_ROWS: u32 = 0;
+pub const LAYOUT_COLUMNS: u32 = u32::MAX;
+
+/// Bytes of a presampled point of a light.
+pub const PRESAMPLED_LIGHT_SIZE: u64 = 48;
+
+/// Bytes of a reservoir of direct light.
+pub const DIRECT_RESERVOIR_SIZE: u64 = 16;
+/// Bytes of a reservoir of indirect light.
+pub const INDIRECT_RESERVOIR_SIZE: u64 = 48;
+/// Bytes of a reservoir of whole paths.
+pub const PATH_RESERVOIR_SIZE: u64 = 64;
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct GpuResampleSettings {
+    pub candidates: u32,
+    pub subset_count: u32,
+    pub subset_size: u32,
+    pub light_tile_size: u32,
+    pub temporal_samples: u32,
+    pub spatial_samples: u32,
+    pub disocclusion_samples: u32,
+    pub neighbor_attempts: u32,
+    pub radius: f32,
+    pub confidence_cap: f32,
+    pub mis: u32,
+    pub flags: u32,
+    pub normal_threshold: f32,
+    pub depth_threshold: f32,
+    pub visibility_radius: f32,
+    pub reservoir_layout: u32,
+    pub iteration: u32,
+    pub reconnection: u32,
+    pub roughness: f32,
+    pub separation: f32,
+    pub jacobian_limit: f32,
+}

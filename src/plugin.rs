@@ -1,0 +1,134 @@
+//! The plugin: checks the device, then adds the scene mirror, the views and the frame to the render world.
+
+use bevy::{
+    app::{App, Last, Plugin},
+    asset::Assets,
+    ecs::prelude::*,
+    log::warn,
+    reflect::Reflect,
+    render::{
+        Render, RenderApp, RenderPlugin, RenderSystems,
+        renderer::{RenderAdapterInfo, RenderDevice},
+        view::Msaa,
+    },
+    shader::Shader,
+};
+
+use crate::{
+    RayBackend, Restir, RestirEnvironment, device, frame,
+    report::{self, RestirStatistics},
+    scene,
+    settings::EmissiveLuminance,
+    shader_library::ShaderLibrary,
+    technique::shader_templates,
+    view,
+};
+
+/// Adds ReSTIR lighting to cameras that carry [`Restir`].
+///
+/// If the device lacks compute shaders or eight storage buffers a stage, the plugin warns once and stays off, and Bevy's own lighting stays
+/// on: [`RestirStatus`] says so.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct RestirPlugin {
+    /// How rays are traced.
+    pub backend: RayBackend,
+}
+
+/// Whether the plugin is on; a resource, final after `Plugin::finish`.
+#[derive(Resource, Clone, Debug, Default, PartialEq, Eq, Reflect)]
+#[reflect(Resource)]
+#[non_exhaustive]
+pub enum RestirStatus {
+    /// The renderer is not ready yet.
+    #[default]
+    Starting,
+    /// Cameras with [`Restir`] are lit by this plugin.
+    On,
+    /// Bevy's own lighting stays on, for this reason.
+    Off(String),
+}
+
+impl Plugin for RestirPlugin {
+    fn build(&self, app: &mut App) {
+        app.register_type::<Restir>()
+            .register_type::<RestirEnvironment>()
+            .register_type::<EmissiveLuminance>()
+            .register_type::<RestirStatus>()
+            .init_resource::<EmissiveLuminance>()
+            .init_resource::<RestirStatus>()
+            .init_resource::<RestirStatistics>();
+        let synchronous = app.get_added_plugins::<RenderPlugin>().iter().any(|p| p.synchronous_pipeline_compilation);
+        if synchronous || cfg!(any(target_arch = "wasm32", target_os = "macos")) {
+            app.insert_resource(CompilesAtOnce);
+        }
+    }
+
+    fn finish(&self, app: &mut App) {
+        let missing = match app.get_sub_app(RenderApp) {
+            None => Some("there is no renderer".to_string()),
+            Some(render_app) => {
+                device::missing_feature(render_app.world()).map(|missing| format!("this device has no {missing}"))
+            }
+        };
+        if let Some(reason) = missing {
+            warn!("restir: {reason}; the plugin stays off, and Bevy's own lighting stays on");
+            app.insert_resource(RestirStatus::Off(reason));
+            return;
+        }
+        let textures_warning =
+            app.get_sub_app(RenderApp).and_then(|render_app| device::textures_warning(render_app.world()));
+        if let Some(warning) = &textures_warning {
+            warn!("restir: {warning}");
+        }
+        let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
+        let library = ShaderLibrary::new(&mut shaders, &shader_templates());
+        // Bevy lights a camera until our first frame is ready, unless its own pipelines would only be compiled for that, or could not be.
+        let bevy_lights_first = textures_warning.is_none() && !app.world().contains_resource::<CompilesAtOnce>();
+        // After all systems of the app, before the extraction.
+        app.add_systems(Last, require_single_sample);
+        app.insert_resource(RestirStatus::On);
+        self.build_render_app(app, library, bevy_lights_first);
+    }
+}
+
+impl RestirPlugin {
+    fn build_render_app(&self, app: &mut App, library: ShaderLibrary, bevy_lights_first: bool) {
+        let statistics = app.world().resource::<RestirStatistics>().clone();
+        let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
+        let world = render_app.world();
+        let device = world.get_resource::<RenderDevice>();
+        let ray_queries = match (device, world.get_resource::<RenderAdapterInfo>()) {
+            (Some(device), Some(adapter)) => scene::accel::ray_query::is_chosen(self.backend, device, adapter),
+            _ => false,
+        };
+        let bound_textures =
+            device.and_then(|device| scene::texture::bindless::max_textures(device, 3 + u32::from(ray_queries)));
+        let pipelines = frame::pipelines::PassPipelines::new(library.clone(), ray_queries, bound_textures);
+        render_app.insert_resource(pipelines).insert_resource(library).insert_resource(statistics).add_systems(
+            Render,
+            report::update_report.in_set(RenderSystems::Cleanup).before(view::capture::capture_radiance),
+        );
+        scene::build(render_app, ray_queries, bound_textures);
+        view::build(render_app);
+        view::bevy_handoff::build(render_app, !bevy_lights_first);
+        frame::build(render_app);
+    }
+}
+
+/// Pipelines are ready one frame after their request.
+#[derive(Resource)]
+struct CompilesAtOnce;
+
+/// The visibility buffer has one sample a pixel, where Bevy's cameras have four by default.  Multisampling is turned off silently when
+/// `Restir` is added, and with a warning when an app turns it on later.
+fn require_single_sample(mut cameras: Query<(Entity, Ref<Restir>, &mut Msaa), Or<(Changed<Msaa>, Added<Restir>)>>) {
+    for (entity, restir, mut msaa) in &mut cameras {
+        if *msaa == Msaa::Off {
+            continue;
+        }
+        if !restir.is_added() {
+            warn!("restir: camera {entity} has {:?}; multisampling is turned off", *msaa);
+        }
+        *msaa = Msaa::Off;
+    }
+}

@@ -1,0 +1,213 @@
+//! Bottom-level trees: triangles in, an 8-wide compressed tree (obvhs: PLOC, reinsertion, CWBVH) and the triangles in the
+//! order of its leaves out.  This file and `tlas.rs` alone know obvhs; only arrays cross its border, for its glam is not Bevy's.
+
+use crate::gpu_layout::{GpuTriangle, GpuTriangleAttributes, NODE_STRIDE};
+use crate::scene::geometry::triangulate::Geometry;
+use obvhs::{
+    Boundable, BvhBuildParams,
+    aabb::Aabb,
+    bvh2::{Bvh2, node::Bvh2Node, reinsertion::ReinsertionOptimizer},
+    cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh,
+    ploc::PlocBuilder,
+};
+
+/// A box: least and greatest corner.
+pub type Bounds = ([f32; 3], [f32; 3]);
+
+/// Entries of the shader's traversal stack, equal to `STACK_SIZE` of `shaders/trace/software.wgsl`.  Each level of a tree
+/// takes at most one, entering an instance two.
+pub const STACK_SIZE: u32 = 40;
+/// Levels of a bottom-level tree.
+pub const MAX_BLAS_DEPTH: u32 = 24;
+/// Levels of a top-level tree.
+pub const MAX_TLAS_DEPTH: u32 = STACK_SIZE - MAX_BLAS_DEPTH - 2;
+
+// A binary tree deeper than this is not even converted, for obvhs recurses.
+const MAX_BINARY_DEPTH: u32 = 160;
+
+/// A mesh's tree, its node and triangle numbers counted from 0 until [`bake`] moves them.
+#[derive(Clone, Debug, Default)]
+pub struct Blas {
+    /// [`NODE_STRIDE`] a node.
+    pub nodes: Vec<[u32; 4]>,
+    /// In the order of the leaves.
+    pub triangles: Vec<GpuTriangle>,
+    /// In the order of `triangles`.
+    pub attributes: Vec<GpuTriangleAttributes>,
+    /// In the order of `triangles`; empty where the mesh has none.
+    pub second_uvs: Vec<[[f32; 2]; 3]>,
+    /// Of all triangles.
+    pub bounds: Bounds,
+    /// Levels, at most [`MAX_BLAS_DEPTH`].
+    pub depth: u32,
+}
+
+/// Builds the tree of a mesh; None without triangles.
+pub fn build_blas(geometry: &Geometry) -> Option<Blas> {
+    let boxes: Vec<Bounds> = geometry.positions.iter().map(|p| bounds_of(p)).collect();
+    let tree = build_tree(&boxes, BvhBuildParams::medium_build(), MAX_BLAS_DEPTH)?;
+    let triangle = |&i: &u32| {
+        let [a, b, c] = geometry.positions[i as usize];
+        GpuTriangle { a, b, c, ..Default::default() }
+    };
+    Some(Blas {
+        triangles: tree.order.iter().map(triangle).collect(),
+        attributes: tree
+            .order
+            .iter()
+            .map(|&i| geometry.attributes.get(i as usize).copied().unwrap_or_default())
+            .collect(),
+        second_uvs: tree.order.iter().filter_map(|&i| geometry.second_uvs.get(i as usize).copied()).collect(),
+        nodes: tree.nodes,
+        bounds: tree.bounds,
+        depth: tree.depth,
+    })
+}
+
+/// Turns numbers counted from 0 into absolute ones: `node_base` in nodes, `primitive_base` in triangles.
+pub fn bake(nodes: &mut [[u32; 4]], node_base: u32, primitive_base: u32) {
+    for node in nodes.chunks_exact_mut(NODE_STRIDE as usize) {
+        node[1][0] = node[1][0].wrapping_add(node_base);
+        node[1][1] = node[1][1].wrapping_add(primitive_base);
+    }
+}
+
+/// Least box round some points.
+pub(crate) fn bounds_of(points: &[[f32; 3]]) -> Bounds {
+    let fold =
+        |f: fn(f32, f32) -> f32, from| points.iter().fold([from; 3], |a, p| std::array::from_fn(|k| f(a[k], p[k])));
+    (fold(f32::min, f32::INFINITY), fold(f32::max, f32::NEG_INFINITY))
+}
+
+/// A tree over boxes: nodes, and the boxes' numbers in the order of its leaves.
+pub(crate) struct Tree {
+    pub(crate) nodes: Vec<[u32; 4]>,
+    pub(crate) order: Vec<u32>,
+    pub(crate) bounds: Bounds,
+    pub(crate) depth: u32,
+}
+
+struct Leaf(Aabb);
+
+impl Boundable for Leaf {
+    fn aabb(&self) -> Aabb {
+        self.0
+    }
+}
+
+/// Boxes must be finite.  A tree that would be deeper than `max_depth` is built again, balanced.
+pub(crate) fn build_tree(boxes: &[Bounds], parameters: BvhBuildParams, max_depth: u32) -> Option<Tree> {
+    if boxes.is_empty() {
+        return None;
+    }
+    let leaves: Vec<Leaf> = boxes.iter().map(|(min, max)| Leaf(Aabb::new((*min).into(), (*max).into()))).collect();
+    if agglomeration_stalls(&leaves, &parameters) {
+        return convert(&balanced(&along_a_curve(boxes), &leaves), max_depth);
+    }
+    let mut binary = agglomerate(&leaves, &parameters);
+    ReinsertionOptimizer::default().run(&mut binary, parameters.reinsertion_batch_ratio, None);
+    convert(&binary, max_depth).or_else(|| convert(&balanced(&along_a_curve(boxes), &leaves), max_depth))
+}
+
+fn agglomerate(leaves: &[Leaf], parameters: &BvhBuildParams) -> Bvh2 {
+    PlocBuilder::new().build(
+        parameters.ploc_search_distance,
+        leaves,
+        (0..leaves.len() as u32).collect(),
+        parameters.sort_precision,
+        parameters.search_depth_threshold,
+    )
+}
+
+// Boxes nested in each other merge one pair a round: the time is quadratic, minutes for 1e5 of them.  A sample shows it.
+fn agglomeration_stalls(leaves: &[Leaf], parameters: &BvhBuildParams) -> bool {
+    const SAMPLE: usize = 1024;
+    if leaves.len() < 4 * SAMPLE {
+        return false;
+    }
+    let sample: Vec<Leaf> = leaves.iter().step_by(leaves.len() / SAMPLE).map(|leaf| Leaf(leaf.0)).collect();
+    binary_depth(&agglomerate(&sample, parameters)) > MAX_BINARY_DEPTH
+}
+
+// Numbers of boxes in the order of their centers on a Morton curve of 10 bits an axis.
+fn along_a_curve(boxes: &[Bounds]) -> Vec<u32> {
+    let center = |(min, max): &Bounds| -> [f32; 3] { std::array::from_fn(|k| 0.5 * min[k] + 0.5 * max[k]) };
+    let (low, high) = bounds_of(&boxes.iter().map(center).collect::<Vec<_>>());
+    let code = |b: &Bounds| {
+        let c = center(b);
+        (0..3).fold(0u32, |code, k| {
+            let cell = ((c[k] - low[k]) / (high[k] - low[k]).max(f32::MIN_POSITIVE) * 1023.0) as u32;
+            (0..10).fold(code, |code, bit| code | (cell >> bit & 1) << (3 * bit + k as u32))
+        })
+    };
+    let mut order: Vec<(u32, u32)> = boxes.iter().enumerate().map(|(i, b)| (code(b), i as u32)).collect();
+    order.sort_unstable();
+    order.into_iter().map(|(_, i)| i).collect()
+}
+
+// To the compressed form; None where that is too deep.
+fn convert(binary: &Bvh2, max_depth: u32) -> Option<Tree> {
+    if binary_depth(binary) > MAX_BINARY_DEPTH {
+        return None;
+    }
+    let wide = bvh2_to_cwbvh(binary, 3, true, false);
+    let nodes: Vec<[u32; 4]> = bytemuck::pod_collect_to_vec(bytemuck::cast_slice::<_, u8>(&wide.nodes));
+    let depth = wide_depth(&nodes);
+    let bounds = (wide.total_aabb.min.into(), wide.total_aabb.max.into());
+    (depth <= max_depth).then_some(Tree { nodes, order: wide.primitive_indices, bounds, depth })
+}
+
+fn binary_depth(tree: &Bvh2) -> u32 {
+    let mut deepest = 0;
+    let mut stack = vec![(0, 1)];
+    while let Some((index, depth)) = stack.pop() {
+        deepest = deepest.max(depth);
+        let node: &Bvh2Node = &tree.nodes[index as usize];
+        if !node.is_leaf() {
+            stack.extend([(node.first_index, depth + 1), (node.first_index + 1, depth + 1)]);
+        }
+    }
+    deepest
+}
+
+// Children come after their parent, so one pass does.
+fn wide_depth(nodes: &[[u32; 4]]) -> u32 {
+    let count = nodes.len() / NODE_STRIDE as usize;
+    let mut depth = vec![1; count];
+    for i in 0..count {
+        let node = &nodes[i * NODE_STRIDE as usize..];
+        let first = node[1][0] as usize;
+        for child in first..first + (node[0][3] >> 24).count_ones() as usize {
+            depth[child] = depth[i] + 1;
+        }
+    }
+    depth.into_iter().max().unwrap_or(0)
+}
+
+// Halves the list again and again: as deep as its logarithm, whatever the boxes.
+fn balanced(order: &[u32], leaves: &[Leaf]) -> Bvh2 {
+    let mut tree = Bvh2 { nodes: vec![Bvh2Node::default()], primitive_indices: order.to_vec(), ..Default::default() };
+    let mut stack = vec![(0, 0..order.len())];
+    while let Some((index, range)) = stack.pop() {
+        if range.len() == 1 {
+            let first = range.start;
+            tree.nodes[index] = Bvh2Node::new(leaves[order[first] as usize].0, 1, first as u32);
+        } else {
+            let middle = range.start + range.len() / 2;
+            let children = tree.nodes.len();
+            tree.nodes.extend([Bvh2Node::default(); 2]);
+            tree.nodes[index] = Bvh2Node::new(Aabb::default(), 0, children as u32);
+            stack.extend([(children, range.start..middle), (children + 1, middle..range.end)]);
+        }
+    }
+    // Children come after their parent: their boxes are ready when it is reached from the back.
+    for index in (0..tree.nodes.len()).rev() {
+        let node = tree.nodes[index];
+        if !node.is_leaf() {
+            let first = node.first_index as usize;
+            let both = tree.nodes[first].aabb().union(tree.nodes[first + 1].aabb());
+            tree.nodes[index] = Bvh2Node::new(both, 0, first as u32);
+        }
+    }
+    tree
+}

@@ -1,0 +1,329 @@
+//! Triangles out of a Bevy mesh: any attribute set, index width and triangle topology in; sound positions and packed
+//! attributes out, with what had to be dropped counted by kind.  Skinned and morphed meshes are taken at rest.
+
+use crate::gpu_layout::GpuTriangleAttributes;
+use bevy::mesh::{Indices, Mesh, MeshVertexAttribute, PrimitiveTopology, VertexAttributeValues};
+
+type V3 = [f32; 3];
+
+/// Coordinates beyond this, m, are dropped: products of three of them must stay below the largest float.
+pub const MAX_COORDINATE: f32 = 1.0e12;
+
+/// Squared doubled area, m⁴, below which a triangle is no triangle: its edge functions would be subnormal.
+const MIN_AREA: f64 = 1.0e-36;
+
+/// What a mesh holds for rays.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Geometry {
+    /// Corners of every triangle, object space.
+    pub positions: Vec<[V3; 3]>,
+    /// What the corners carry, in the same order.
+    pub attributes: Vec<GpuTriangleAttributes>,
+    /// Second texture coordinates of the corners, in the same order; empty where the mesh has none.
+    pub second_uvs: Vec<[[f32; 2]; 3]>,
+    /// Triangles left out, by reason.
+    pub dropped: Dropped,
+    /// The mesh had normals; without them they are those of the flat triangles.
+    pub has_normals: bool,
+    /// The mesh had texture coordinates; without them they are 0.
+    pub has_uvs: bool,
+    /// The mesh had tangents; without them each triangle has its own.
+    pub has_tangents: bool,
+}
+
+/// Triangles left out of a [`Geometry`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Dropped {
+    /// An index beyond the last vertex.
+    pub out_of_range: usize,
+    /// A coordinate that is NaN, infinite or beyond [`MAX_COORDINATE`].
+    pub non_finite: usize,
+    /// No area.
+    pub degenerate: usize,
+}
+
+impl Dropped {
+    /// All of them.
+    pub fn total(&self) -> usize {
+        self.out_of_range + self.non_finite + self.degenerate
+    }
+}
+
+/// Why a mesh holds nothing for rays.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum GeometryError {
+    /// Bevy has moved the mesh's data elsewhere.
+    Extracted,
+    /// No position attribute.
+    NoPositions,
+    /// Positions in a format that is not three or four floats or normalized integers.
+    PositionFormat(&'static str),
+    /// Lines or points.
+    Topology(&'static str),
+}
+
+impl std::fmt::Display for GeometryError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Extracted => write!(f, "its vertices were already moved to the render world"),
+            Self::NoPositions => write!(f, "it has no positions"),
+            Self::PositionFormat(format) => write!(f, "its positions are {format}; Float32x3 is expected"),
+            Self::Topology(topology) => write!(f, "its topology is {topology}; only triangles are traced"),
+        }
+    }
+}
+
+impl std::error::Error for GeometryError {}
+
+/// Takes a mesh apart.  Never panics; an empty mesh gives no triangles.
+pub fn triangles_of(mesh: &Mesh) -> Result<Geometry, GeometryError> {
+    let strip = match mesh.primitive_topology() {
+        PrimitiveTopology::TriangleList => false,
+        PrimitiveTopology::TriangleStrip => true,
+        PrimitiveTopology::PointList => return Err(GeometryError::Topology("PointList")),
+        PrimitiveTopology::LineList => return Err(GeometryError::Topology("LineList")),
+        PrimitiveTopology::LineStrip => return Err(GeometryError::Topology("LineStrip")),
+    };
+    let positions = attribute(mesh, Mesh::ATTRIBUTE_POSITION)?.ok_or(GeometryError::NoPositions)?;
+    if width(positions) < 3 {
+        return Err(GeometryError::PositionFormat(format_name(positions)));
+    }
+    // A format that cannot be read counts as missing.
+    let readable = |of, least| Ok(attribute(mesh, of)?.filter(|values| width(values) >= least));
+    let normals = readable(Mesh::ATTRIBUTE_NORMAL, 3)?;
+    let uvs = readable(Mesh::ATTRIBUTE_UV_0, 2)?;
+    let second_uvs = readable(Mesh::ATTRIBUTE_UV_1, 2)?;
+    let tangents = readable(Mesh::ATTRIBUTE_TANGENT, 4)?;
+    let indices = mesh.try_indices_option().map_err(|_| GeometryError::Extracted)?;
+
+    let mut geometry = Geometry {
+        has_normals: normals.is_some(),
+        has_uvs: uvs.is_some(),
+        has_tangents: tangents.is_some(),
+        ..Default::default()
+    };
+    let vertices = positions.len();
+    for_each_triangle(strip, vertices, indices, |corners| {
+        if corners.iter().any(|&c| c >= vertices) {
+            geometry.dropped.out_of_range += 1;
+            return;
+        }
+        let p = corners.map(|c| first_three(read(positions, c)));
+        if !p.iter().flatten().all(|x| x.abs() <= MAX_COORDINATE) {
+            geometry.dropped.non_finite += 1;
+            return;
+        }
+        let Some(flat) = flat_normal(&p) else {
+            geometry.dropped.degenerate += 1;
+            return;
+        };
+        let n = corners.map(|c| normals.and_then(|v| unit(first_three(read(v, c)))).unwrap_or(flat));
+        let corner_uvs = |values: Option<&VertexAttributeValues>| {
+            corners.map(|c| {
+                let [u, v, ..] = values.map_or([0.0; 4], |values| read(values, c));
+                [finite_or_zero(u), finite_or_zero(v)]
+            })
+        };
+        let uv = corner_uvs(uvs);
+        if second_uvs.is_some() {
+            geometry.second_uvs.push(corner_uvs(second_uvs));
+        }
+        let generated = triangle_tangent(&p, &uv);
+        let t: [u32; 3] = std::array::from_fn(|i| {
+            let given = tangents.map(|v| read(v, corners[i]));
+            let given = given.and_then(|t| Some((unit(first_three(t))?, t[3] < 0.0)));
+            let (tangent, flipped) = given
+                .or_else(|| generated.map(|(tangent, bitangent)| (tangent, flips(n[i], tangent, bitangent))))
+                .unwrap_or((n[i], false));
+            pack_tangent(perpendicular(tangent, n[i]), flipped)
+        });
+        geometry.positions.push(p);
+        geometry.attributes.push(GpuTriangleAttributes {
+            normals: n.map(octahedral_encode),
+            tangent_a: t[0],
+            tangent_b: t[1],
+            tangent_c: t[2],
+            uv_a: uv[0],
+            uv_b: uv[1],
+            uv_c: uv[2],
+        });
+    });
+    Ok(geometry)
+}
+
+/// A unit vector in two snorm16, as `octahedral_encode` of `shaders/common/math.wgsl`.
+pub fn octahedral_encode(n: V3) -> u32 {
+    let sum = n[0].abs() + n[1].abs() + n[2].abs();
+    let (x, y) = (n[0] / sum, n[1] / sum);
+    let sign = |v: f32| if v >= 0.0 { 1.0 } else { -1.0 };
+    let (x, y) = if n[2] >= 0.0 { (x, y) } else { ((1.0 - y.abs()) * sign(x), (1.0 - x.abs()) * sign(y)) };
+    let snorm = |v: f32| (v.clamp(-1.0, 1.0) * 32767.0).round() as i16 as u16 as u32;
+    snorm(x) | snorm(y) << 16
+}
+
+/// A tangent with, in the lowest bit, whether the bitangent is flipped (Bevy's w < 0).
+pub fn pack_tangent(tangent: V3, flipped: bool) -> u32 {
+    octahedral_encode(tangent) & !1 | u32::from(flipped)
+}
+
+fn attribute(mesh: &Mesh, of: MeshVertexAttribute) -> Result<Option<&VertexAttributeValues>, GeometryError> {
+    mesh.try_attribute_option(of).map_err(|_| GeometryError::Extracted)
+}
+
+// Vertex numbers of each triangle, in order.  What a strip repeats to join its pieces is no triangle at all.
+fn for_each_triangle(strip: bool, vertices: usize, indices: Option<&Indices>, mut visit: impl FnMut([usize; 3])) {
+    const RESTART: usize = usize::MAX;
+    let numbers: Box<dyn Iterator<Item = usize>> = match indices {
+        None => Box::new(0..vertices),
+        Some(Indices::U16(v)) => {
+            Box::new(v.iter().map(move |&i| if strip && i == u16::MAX { RESTART } else { i.into() }))
+        }
+        Some(Indices::U32(v)) => {
+            Box::new(v.iter().map(move |&i| if strip && i == u32::MAX { RESTART } else { i as usize }))
+        }
+    };
+    let mut last = [0; 3];
+    let mut seen = 0;
+    for number in numbers {
+        if strip && number == RESTART {
+            seen = 0;
+            continue;
+        }
+        last = [last[1], last[2], number];
+        seen += 1;
+        if strip && seen >= 3 {
+            let [a, b, c] = last;
+            if a != b && b != c && c != a {
+                // Every second triangle of a strip is wound the other way.
+                visit(if seen % 2 == 1 { last } else { [b, a, c] });
+            }
+        } else if !strip && seen == 3 {
+            visit(last);
+            seen = 0;
+        }
+    }
+}
+
+// Components that `read` can give; 0 where it cannot.
+fn width(values: &VertexAttributeValues) -> usize {
+    use VertexAttributeValues as V;
+    match values {
+        V::Float32x2(_) | V::Float16x2(_) | V::Float64x2(_) | V::Unorm8x2(_) | V::Snorm8x2(_) => 2,
+        V::Unorm16x2(_) | V::Snorm16x2(_) => 2,
+        V::Float32x3(_) | V::Float64x3(_) => 3,
+        V::Float32x4(_) | V::Float16x4(_) | V::Float64x4(_) | V::Unorm8x4(_) | V::Snorm8x4(_) => 4,
+        V::Unorm16x4(_) | V::Snorm16x4(_) => 4,
+        _ => 0,
+    }
+}
+
+// One vertex as floats, missing components 0; beyond the last vertex NaN, which every caller replaces.
+fn read(values: &VertexAttributeValues, i: usize) -> [f32; 4] {
+    fn get<T: Copy, const N: usize>(v: &[[T; N]], i: usize, float: impl Fn(T) -> f32) -> [f32; 4] {
+        let Some(x) = v.get(i) else { return [f32::NAN; 4] };
+        std::array::from_fn(|k| x.get(k).map_or(0.0, |&c| float(c)))
+    }
+    use VertexAttributeValues as V;
+    let unorm8 = |x: u8| f32::from(x) / 255.0;
+    let snorm8 = |x: i8| (f32::from(x) / 127.0).max(-1.0);
+    let unorm16 = |x: u16| f32::from(x) / 65535.0;
+    let snorm16 = |x: i16| (f32::from(x) / 32767.0).max(-1.0);
+    match values {
+        V::Float32x2(v) => get(v, i, |x| x),
+        V::Float32x3(v) => get(v, i, |x| x),
+        V::Float32x4(v) => get(v, i, |x| x),
+        V::Float16x2(v) => get(v, i, |x| x.to_f32()),
+        V::Float16x4(v) => get(v, i, |x| x.to_f32()),
+        V::Float64x2(v) => get(v, i, |x| x as f32),
+        V::Float64x3(v) => get(v, i, |x| x as f32),
+        V::Float64x4(v) => get(v, i, |x| x as f32),
+        V::Unorm8x2(v) => get(v, i, unorm8),
+        V::Unorm8x4(v) => get(v, i, unorm8),
+        V::Snorm8x2(v) => get(v, i, snorm8),
+        V::Snorm8x4(v) => get(v, i, snorm8),
+        V::Unorm16x2(v) => get(v, i, unorm16),
+        V::Unorm16x4(v) => get(v, i, unorm16),
+        V::Snorm16x2(v) => get(v, i, snorm16),
+        V::Snorm16x4(v) => get(v, i, snorm16),
+        _ => [f32::NAN; 4],
+    }
+}
+
+fn format_name(values: &VertexAttributeValues) -> &'static str {
+    use VertexAttributeValues as V;
+    match values {
+        V::Float32(_) | V::Float16(_) | V::Float64(_) => "one float",
+        V::Float32x2(_) | V::Float16x2(_) | V::Float64x2(_) => "two floats",
+        V::Unorm8x2(_) | V::Snorm8x2(_) | V::Unorm16x2(_) | V::Snorm16x2(_) => "two normalized integers",
+        _ => "integers",
+    }
+}
+
+// Unit normal of the plane; None without area.  In f64 the differences are exact enough and nothing overflows.
+fn flat_normal(p: &[V3; 3]) -> Option<V3> {
+    let n = cross(subtract(p[1], p[0]), subtract(p[2], p[0]));
+    let square = dot(n, n);
+    (square > MIN_AREA).then(|| n.map(|x| (x / square.sqrt()) as f32))
+}
+
+// Directions in which u and v grow; None where the texture coordinates span no area.
+fn triangle_tangent(p: &[V3; 3], uv: &[[f32; 2]; 3]) -> Option<(V3, [f64; 3])> {
+    let (e1, e2) = (subtract(p[1], p[0]), subtract(p[2], p[0]));
+    let d = |i: usize| [f64::from(uv[i][0]) - f64::from(uv[0][0]), f64::from(uv[i][1]) - f64::from(uv[0][1])];
+    let (d1, d2) = (d(1), d(2));
+    let sign = (d1[0] * d2[1] - d2[0] * d1[1]).signum();
+    if d1[0] * d2[1] == d2[0] * d1[1] {
+        return None;
+    }
+    let tangent = std::array::from_fn(|k| sign * (e1[k] * d2[1] - e2[k] * d1[1]));
+    let bitangent = std::array::from_fn(|k| sign * (e2[k] * d1[0] - e1[k] * d2[0]));
+    Some((unit_f64(tangent)?, bitangent))
+}
+
+// Bevy's bitangent, w cross(n, t), points against v: textures run downwards.
+fn flips(n: V3, tangent: V3, bitangent: [f64; 3]) -> bool {
+    dot(cross(n.map(f64::from), tangent.map(f64::from)), bitangent) > 0.0
+}
+
+// The part of `t` across `n`; any vector across `n` if there is none.
+fn perpendicular(t: V3, n: V3) -> V3 {
+    let (t, n) = (t.map(f64::from), n.map(f64::from));
+    let along = dot(t, n);
+    let across: [f64; 3] = std::array::from_fn(|k| t[k] - along * n[k]);
+    if dot(across, across) > 1.0e-8
+        && let Some(unit) = unit_f64(across)
+    {
+        return unit;
+    }
+    let other = if n[0].abs() < 0.6 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
+    unit_f64(cross(cross(n, other), n)).unwrap_or([1.0, 0.0, 0.0])
+}
+
+fn unit(v: V3) -> Option<V3> {
+    unit_f64(v.map(f64::from))
+}
+
+fn unit_f64(v: [f64; 3]) -> Option<V3> {
+    let length = dot(v, v).sqrt();
+    (length.is_finite() && length > 1.0e-30).then(|| v.map(|x| (x / length) as f32))
+}
+
+fn finite_or_zero(x: f32) -> f32 {
+    if x.is_finite() { x } else { 0.0 }
+}
+
+fn first_three(v: [f32; 4]) -> V3 {
+    [v[0], v[1], v[2]]
+}
+
+fn subtract(a: V3, b: V3) -> [f64; 3] {
+    std::array::from_fn(|k| f64::from(a[k]) - f64::from(b[k]))
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}

@@ -1,0 +1,458 @@
+//! `StandardMaterial` → [`GpuMaterial`]: a slot for every material that an instance uses.
+
+use bevy::{
+    asset::AssetId,
+    color::{ColorToComponents, LinearRgba},
+    ecs::resource::Resource,
+    image::Image,
+    log::{warn, warn_once},
+    material::AlphaMode,
+    pbr::StandardMaterial,
+    platform::collections::{HashMap, HashSet},
+    render::{
+        render_resource::{Face, TextureFormat},
+        renderer::{RenderDevice, RenderQueue},
+    },
+};
+use std::ops::Range;
+
+use crate::gpu_layout::*;
+use crate::scene::{
+    extract::{ExtractedInstance, ExtractedScene},
+    features::SceneFeatures,
+    material::texture_slots::{LAYER_SLOTS, add_record, textures_of},
+    storage::data_texture::DataTexture,
+    storage::growable_buffer::{GpuArray, Overflow, RangeAllocator, joined},
+    texture::textures::TexturePool,
+};
+
+/// A material in use.
+struct Slot {
+    id: AssetId<StandardMaterial>,
+    features: SceneFeatures,
+    /// Mean radiance of its emission, cd/m², over its texture; 0 where it does not emit.
+    mean_emission: [f32; 3],
+    /// Where the record of its textures is in the table.
+    record: Range<u32>,
+}
+
+/// The materials of the scene, on the CPU and on the GPU.
+#[derive(Resource)]
+pub(crate) struct MaterialPool {
+    sources: HashMap<AssetId<StandardMaterial>, StandardMaterial>,
+    by_id: HashMap<AssetId<StandardMaterial>, u32>,
+    /// `None` where a material was that is no more.
+    slots: Vec<Option<Slot>>,
+    free: Vec<u32>,
+    packed: Vec<GpuMaterial>,
+    /// Slots whose record the GPU does not have.
+    dirty: Vec<usize>,
+    pub gpu: GpuArray<GpuMaterial>,
+    /// Records of textures of the materials that have any.
+    packed_table: Vec<[u32; 4]>,
+    records: RangeAllocator,
+    dirty_table: Vec<usize>,
+    pub table: DataTexture<[u32; 4]>,
+    /// Slots, and entries of the table, that the device can bind.
+    limits: [u32; 2],
+    overflow: Overflow,
+    emissive_luminance: f32,
+    /// Slots whose contents must be packed again.
+    stale: Vec<u32>,
+    all_stale: bool,
+    /// Counts changes of anything that is shown.
+    pub revision: u64,
+}
+
+impl Default for MaterialPool {
+    fn default() -> Self {
+        Self {
+            sources: HashMap::default(),
+            by_id: HashMap::default(),
+            slots: Vec::new(),
+            free: Vec::new(),
+            packed: Vec::new(),
+            dirty: Vec::new(),
+            gpu: GpuArray::new("materials"),
+            packed_table: Vec::new(),
+            records: RangeAllocator::default(),
+            dirty_table: Vec::new(),
+            table: DataTexture::new("texture table", TextureFormat::Rgba32Uint, 1),
+            limits: [u32::MAX; 2],
+            overflow: Overflow::default(),
+            emissive_luminance: 0.0,
+            stale: Vec::new(),
+            all_stale: false,
+            revision: 0,
+        }
+    }
+}
+
+impl MaterialPool {
+    /// Heeds what the device can bind.
+    pub(crate) fn limit_to(&mut self, device: &RenderDevice) {
+        self.limits = [GpuArray::<GpuMaterial>::limit(device), DataTexture::<[u32; 4]>::limit(device)];
+    }
+
+    /// Takes the materials that changed in the main world.  Without its source no instance shows a material in this frame, and none names
+    /// what was shown in the last one: its slot is free at once.
+    pub(crate) fn update_sources(&mut self, scene: &mut ExtractedScene) {
+        for id in scene.removed_materials.drain() {
+            self.sources.remove(&id);
+            self.release(id);
+        }
+        for (id, material) in scene.materials.drain() {
+            self.stale.extend(self.by_id.get(&id));
+            self.sources.insert(id, material);
+        }
+        if self.emissive_luminance != scene.emissive_luminance {
+            self.emissive_luminance = scene.emissive_luminance;
+            self.all_stale = true;
+        }
+    }
+
+    fn release(&mut self, id: AssetId<StandardMaterial>) {
+        let Some(slot) = self.by_id.remove(&id) else { return };
+        if let Some(slot) = self.slots[slot as usize].take() {
+            self.records.release(slot.record);
+        }
+        self.free.push(slot);
+    }
+
+    /// Gives a slot to the material of every instance.  `settled`: the scene is loaded, so that what is left out can be counted.
+    pub(crate) fn make_room(&mut self, instances: &[ExtractedInstance], settled: bool) {
+        let mut left_out = self.take_slots(instances);
+        if left_out > 0 {
+            let shown: HashSet<_> = instances.iter().map(|instance| instance.material).collect();
+            let unused: Vec<_> = self.by_id.keys().filter(|id| !shown.contains(*id)).copied().collect();
+            unused.into_iter().for_each(|id| self.release(id));
+            left_out = self.take_slots(instances);
+        }
+        if self.overflow.is_news(left_out, settled) {
+            warn!("restir: {left_out} meshes are left out: this device binds {} materials at most", self.limits[0]);
+        }
+    }
+
+    /// The number of instances whose material finds no slot.
+    fn take_slots(&mut self, instances: &[ExtractedInstance]) -> u64 {
+        let mut left_out = 0;
+        for instance in instances {
+            left_out += u64::from(self.slot(instance.material).is_none() && self.is_left_out(instance.material));
+        }
+        left_out
+    }
+
+    /// A material that is there, but for which there is no room.
+    pub(crate) fn is_left_out(&self, id: AssetId<StandardMaterial>) -> bool {
+        self.sources.contains_key(&id) && !self.by_id.contains_key(&id)
+    }
+
+    /// The slot of a material, made on first use; `None` while the asset is not there, or where there is no room.
+    pub(crate) fn slot(&mut self, id: AssetId<StandardMaterial>) -> Option<u32> {
+        if let Some(&slot) = self.by_id.get(&id) {
+            return Some(slot);
+        }
+        if !self.sources.contains_key(&id) {
+            return None;
+        }
+        let slot = match self.free.pop() {
+            Some(slot) => slot,
+            None if self.slots.len() as u32 >= self.limits[0] => return None,
+            None => {
+                self.slots.push(None);
+                self.slots.len() as u32 - 1
+            }
+        };
+        self.slots[slot as usize] =
+            Some(Slot { id, features: SceneFeatures::empty(), mean_emission: [0.0; 3], record: 0..0 });
+        self.by_id.insert(id, slot);
+        self.stale.push(slot);
+        Some(slot)
+    }
+
+    /// Images that the materials in use need.
+    pub(crate) fn images(&self) -> impl Iterator<Item = AssetId<Image>> {
+        let materials = self.slots.iter().flatten().filter_map(|slot| self.sources.get(&slot.id));
+        materials.flat_map(textures_of).map(|texture| texture.image.id())
+    }
+
+    /// Images that some material emits, also of those that changed in this frame.
+    pub(crate) fn emissive_images(&self, scene: &ExtractedScene) -> HashSet<AssetId<Image>> {
+        let materials = self.sources.values().chain(scene.materials.values());
+        materials.filter_map(|m| m.emissive_texture.as_ref()).map(|image| image.id()).collect()
+    }
+
+    /// Packs again the slots whose source changed; all of them where a texture did.
+    pub(crate) fn pack(&mut self, textures: &TexturePool, textures_changed: bool) {
+        let mut stale = core::mem::take(&mut self.stale);
+        if core::mem::take(&mut self.all_stale) || textures_changed {
+            stale.clear();
+            stale.extend(0..self.slots.len() as u32);
+        }
+        for slot in stale {
+            self.pack_slot(slot as usize, textures);
+        }
+    }
+
+    fn pack_slot(&mut self, index: usize, textures: &TexturePool) {
+        let Some(slot) = &mut self.slots[index] else { return };
+        let Some(source) = self.sources.get(&slot.id) else { return };
+        let mut material = pack(source, self.emissive_luminance);
+        let mut record = Vec::new();
+        let mut features;
+        (material.textures, features) = add_record(source, textures, &mut record);
+        if record.len() != slot.record.len() {
+            self.records.release(core::mem::take(&mut slot.record));
+            slot.record = self.records.allocate(record.len() as u32);
+        }
+        if slot.record.end > self.limits[1] {
+            warn_once!("restir: the textures of materials are more than this device can bind; some are left out");
+            self.records.release(core::mem::take(&mut slot.record));
+            (material.textures, features) = (0, SceneFeatures::empty());
+            record.clear();
+        }
+        material.texture_record = slot.record.start;
+        slot.features = features_of(&material) | features;
+        slot.mean_emission = mean_emission(source, &material, textures);
+        set(&mut self.packed, index, material, &mut self.dirty);
+        for (entry, at) in record.into_iter().zip(slot.record.start as usize..) {
+            set(&mut self.packed_table, at, entry, &mut self.dirty_table);
+        }
+    }
+
+    /// Sends what changed.  Returns the bytes sent.
+    pub(crate) fn upload(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {
+        let bytes = self.upload_table(device, queue);
+        // There are no more slots than fit.
+        if self.dirty.is_empty() || !self.gpu.reserve(self.packed.len() as u32, device, queue) {
+            return bytes;
+        }
+        self.revision += 1;
+        self.dirty.sort_unstable();
+        let runs = joined(self.dirty.drain(..));
+        bytes + runs.into_iter().map(|r| self.gpu.write(r.start as u32, &self.packed[r], queue)).sum::<u64>()
+    }
+
+    fn upload_table(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {
+        if self.dirty_table.is_empty() {
+            return 0;
+        }
+        self.revision += 1;
+        if self.table.reserve(self.packed_table.len() as u32, device) {
+            self.dirty_table = (0..self.packed_table.len()).collect();
+        }
+        self.dirty_table.sort_unstable();
+        let runs = joined(self.dirty_table.drain(..));
+        runs.into_iter().map(|r| self.table.write(r.start as u32, &self.packed_table[r], queue)).sum()
+    }
+
+    /// The packed material of a slot.
+    pub(crate) fn get(&self, slot: u32) -> Option<&GpuMaterial> {
+        self.packed.get(slot as usize)
+    }
+
+    /// What a slot asks of the shaders.
+    pub(crate) fn features(&self, slot: u32) -> SceneFeatures {
+        self.in_use(slot).map_or(SceneFeatures::empty(), |s| s.features)
+    }
+
+    /// Mean radiance of a slot's emission, cd/m².
+    pub(crate) fn mean_emission(&self, slot: u32) -> [f32; 3] {
+        self.in_use(slot).map_or([0.0; 3], |s| s.mean_emission)
+    }
+
+    fn in_use(&self, slot: u32) -> Option<&Slot> {
+        self.slots.get(slot as usize)?.as_ref()
+    }
+}
+
+/// Writes an element, beyond the end too, and notes it where it is another one.
+fn set<T: Copy + Default + PartialEq>(all: &mut Vec<T>, index: usize, element: T, dirty: &mut Vec<usize>) {
+    let is_new = index >= all.len();
+    if is_new {
+        all.resize(index + 1, T::default());
+    }
+    if is_new || all[index] != element {
+        all[index] = element;
+        dirty.push(index);
+    }
+}
+
+/// What the shaders read.  Numbers out of range are brought into it: a material never makes a NaN.
+fn pack(m: &StandardMaterial, emissive_luminance: f32) -> GpuMaterial {
+    let finite = |x: f32, otherwise: f32| if x.is_finite() { x } else { otherwise };
+    let unit = |x: f32| finite(x, 0.0).clamp(0.0, 1.0);
+    let unit_rgb = |c: [f32; 3]| c.map(unit);
+    let base = m.base_color.to_linear();
+    let tint = m.specular_tint.to_linear().to_f32_array_no_alpha();
+    // Bevy halves what its specular texture gives, so that such a material may ask for twice as much.
+    let reflectance = finite(m.reflectance, 0.0).clamp(0.0, if has_specular_texture(m) { 2.0 } else { 1.0 });
+
+    let mut flags = 0;
+    let mut set = |condition: bool, flag: u32| flags |= if condition { flag } else { 0 };
+    set(m.double_sided, MATERIAL_DOUBLE_SIDED);
+    set(m.unlit, MATERIAL_UNLIT);
+    set(m.flip_normal_map_y, MATERIAL_FLIP_NORMAL_MAP_Y);
+    set(m.cull_mode == Some(Face::Back), MATERIAL_CULL_BACK);
+    set(m.cull_mode == Some(Face::Front), MATERIAL_CULL_FRONT);
+    let mut alpha_cutoff = 0.5;
+    match m.alpha_mode {
+        AlphaMode::Opaque => {}
+        AlphaMode::Mask(cutoff) => {
+            alpha_cutoff = finite(cutoff, 0.5);
+            set(true, MATERIAL_ALPHA_MASK);
+        }
+        _ => set(true, MATERIAL_ALPHA_BLEND),
+    }
+
+    // Absorption so that white light is `attenuation_color` after `attenuation_distance`; white or an infinite distance absorbs nothing.
+    let distance = m.attenuation_distance;
+    let thickness = finite(m.thickness, 0.0).max(0.0);
+    // A thin wall has no inside.
+    let attenuation = if distance.is_finite() && distance > 0.0 && thickness > 0.0 {
+        m.attenuation_color.to_linear().to_f32_array_no_alpha().map(|c| -unit(c).max(1e-6).ln() / distance)
+    } else {
+        [0.0; 3]
+    };
+
+    let turned = finite(m.anisotropy_rotation, 0.0);
+    GpuMaterial {
+        base_color: unit_rgb(base.to_f32_array_no_alpha()),
+        alpha: unit(base.alpha),
+        emissive: m.emissive.to_f32_array_no_alpha().map(|c| (finite(c, 0.0).max(0.0) * emissive_luminance).min(1e30)),
+        perceptual_roughness: unit(m.perceptual_roughness),
+        dielectric_reflectance: tint.map(|t| 0.16 * (reflectance * unit(t)).powi(2)),
+        metallic: unit(m.metallic),
+        attenuation,
+        specular_transmission: unit(m.specular_transmission),
+        ior: finite(m.ior, 1.5).clamp(1.0, 10.0),
+        thickness,
+        alpha_cutoff,
+        flags,
+        anisotropy_direction: [turned.cos(), turned.sin()],
+        anisotropy_strength: unit(m.anisotropy_strength),
+        diffuse_transmission: unit(m.diffuse_transmission),
+        // Unlit is black to light, its coat too.
+        clearcoat: if m.unlit { 0.0 } else { unit(m.clearcoat) },
+        clearcoat_perceptual_roughness: unit(m.clearcoat_perceptual_roughness),
+        ..Default::default()
+    }
+}
+
+fn features_of(m: &GpuMaterial) -> SceneFeatures {
+    let mut features = SceneFeatures::empty();
+    features.set(SceneFeatures::TEXTURES, m.textures != 0);
+    features.set(SceneFeatures::NORMAL_MAPS, m.textures & SLOT_NORMAL != 0);
+    features.set(SceneFeatures::LAYER_TEXTURES, m.textures & LAYER_SLOTS != 0);
+    features.set(SceneFeatures::ALPHA, m.flags & (MATERIAL_ALPHA_MASK | MATERIAL_ALPHA_BLEND) != 0);
+    let may_be_no_metal = m.metallic < 1.0 || m.textures & SLOT_METALLIC_ROUGHNESS != 0;
+    let transmits = may_be_no_metal && m.flags & MATERIAL_UNLIT == 0;
+    let specular = transmits && m.specular_transmission > 0.0;
+    let diffuse = transmits && m.diffuse_transmission > 0.0;
+    features.set(SceneFeatures::TRANSMISSION, specular);
+    features.set(SceneFeatures::DIFFUSE_TRANSMISSION, diffuse);
+    features.set(
+        SceneFeatures::THIN_WALL,
+        (specular || diffuse) && (m.thickness == 0.0 || m.textures & SLOT_THICKNESS != 0),
+    );
+    features.set(SceneFeatures::ATTENUATION, (specular || diffuse) && m.attenuation != [0.0; 3]);
+    features.set(SceneFeatures::CLEARCOAT, m.clearcoat > 0.0);
+    features.set(SceneFeatures::ANISOTROPY, m.anisotropy_strength > 0.0 && m.flags & MATERIAL_UNLIT == 0);
+    features.set(SceneFeatures::UNLIT, m.flags & MATERIAL_UNLIT != 0);
+    features
+}
+
+#[cfg(feature = "material_textures")]
+fn has_specular_texture(m: &StandardMaterial) -> bool {
+    m.specular_texture.is_some()
+}
+
+#[cfg(not(feature = "material_textures"))]
+fn has_specular_texture(_: &StandardMaterial) -> bool {
+    false
+}
+
+fn mean_emission(source: &StandardMaterial, packed: &GpuMaterial, textures: &TexturePool) -> [f32; 3] {
+    if source.unlit {
+        return [0.0; 3];
+    }
+    let mean = source.emissive_texture.as_ref().map_or(LinearRgba::WHITE, |handle| textures.mean(handle.id()));
+    let [r, g, b] = packed.emissive;
+    [r * mean.red, g * mean.green, b * mean.blue]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bevy::{asset::uuid::Uuid, color::Color, ecs::entity::Entity, math::Affine3A};
+
+    fn id(number: u32) -> AssetId<StandardMaterial> {
+        AssetId::Uuid { uuid: Uuid::from_u128(number.into()) }
+    }
+
+    fn instance(material: u32) -> ExtractedInstance {
+        ExtractedInstance {
+            entity: Entity::PLACEHOLDER.into(),
+            mesh: AssetId::default(),
+            material: id(material),
+            world_from_object: Affine3A::IDENTITY,
+            seen_by: 1,
+            casts_shadows: true,
+            skinned: false,
+            morphed: false,
+        }
+    }
+
+    /// A frame in which some materials come, some go and some are shown.
+    fn frame(pool: &mut MaterialPool, come: &[u32], go: &[u32], shown: &[u32]) {
+        let mut scene = ExtractedScene { emissive_luminance: 1.0, ..Default::default() };
+        let gray = |n: u32| StandardMaterial { metallic: n as f32 / 4096.0, ..Color::WHITE.into() };
+        scene.materials.extend(come.iter().map(|&n| (id(n), gray(n))));
+        scene.removed_materials.extend(go.iter().map(|&n| id(n)));
+        scene.instances.extend(shown.iter().map(|&n| instance(n)));
+        pool.dirty.clear();
+        pool.update_sources(&mut scene);
+        pool.make_room(&scene.instances, true);
+        pool.pack(&TexturePool::default(), false);
+    }
+
+    fn shown(pool: &mut MaterialPool, number: u32) -> Option<f32> {
+        let slot = pool.slot(id(number))?;
+        Some(pool.get(slot)?.metallic * 4096.0)
+    }
+
+    #[test]
+    fn materials_one_after_another_take_a_few_slots_and_pack_only_themselves() {
+        let mut pool = MaterialPool::default();
+        frame(&mut pool, &[5000], &[], &[5000]);
+        for n in 1..1000 {
+            frame(&mut pool, &[n], &[n - 1], &[n, 5000]);
+            assert_eq!(shown(&mut pool, n), Some(n as f32));
+            assert_eq!(pool.dirty.len(), 1, "{n}");
+        }
+        assert_eq!((pool.slots.len(), pool.packed.len(), pool.by_id.len()), (2, 2, 2));
+    }
+
+    #[test]
+    fn materials_beyond_the_limit_have_no_slot_until_another_goes() {
+        let mut pool = MaterialPool { limits: [2, 2], ..Default::default() };
+        frame(&mut pool, &[1, 2, 3], &[], &[1, 2, 3]);
+        assert_eq!([1, 2, 3].map(|n| shown(&mut pool, n).is_some()), [true, true, false]);
+        assert!(pool.is_left_out(id(3)) && !pool.is_left_out(id(4)));
+        frame(&mut pool, &[], &[1], &[2, 3]);
+        assert_eq!(shown(&mut pool, 3), Some(3.0));
+        // What is there but not shown gives way.
+        frame(&mut pool, &[4], &[], &[2, 4]);
+        assert_eq!([2, 4].map(|n| shown(&mut pool, n)), [Some(2.0), Some(4.0)]);
+        assert_eq!(pool.packed.len(), 2);
+    }
+
+    #[test]
+    fn a_material_that_is_removed_and_added_in_one_frame_is_the_new_one() {
+        let mut pool = MaterialPool::default();
+        frame(&mut pool, &[7], &[], &[7]);
+        frame(&mut pool, &[7, 8], &[7], &[7, 8]);
+        assert_eq!([7, 8].map(|n| shown(&mut pool, n)), [Some(7.0), Some(8.0)]);
+        assert_eq!(pool.slots.len(), 2);
+    }
+}

@@ -1,0 +1,89 @@
+//! What a camera shows: light, or a debug view.
+
+use bevy::reflect::Reflect;
+
+use super::Technique;
+
+/// Image of a camera instead of light.  [`RadianceCapture`](crate::RadianceCapture) receives the values as they are; the view target
+/// receives them times [`Restir::debug_scale`](super::Restir::debug_scale), without exposure.  Where frames are accumulated (`Rays` and
+/// `Bounces` of the reference tracer, and everything with [`Restir::accumulate`](super::Restir::accumulate)) values are means.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
+#[repr(u32)]
+pub enum DebugView {
+    /// Light.
+    #[default]
+    Off,
+    /// Instances of the visibility buffer, in false colors.
+    Instances,
+    /// Triangles of the visibility buffer, in false colors.
+    Triangles,
+    /// Instances that a traced primary ray hits, in the same colors.  Objects that cast no shadow are missing: traced rays pass them.
+    TracedInstances,
+    /// Triangles that a traced primary ray hits, in the same colors.
+    TracedTriangles,
+    /// Distance from the camera, m.
+    Depth,
+    /// Motion since the last frame, pixels: x to the right in red, y down in green.  Adding it leads to the surface in the last frame.
+    Motion,
+    /// Shading normals, world space, from -1..1 to 0..1.
+    Normals,
+    /// Base color.
+    Albedo,
+    /// Lights of the stored samples, in false colors; black: no sample.  This view and the next four need [`Technique::Di`] or
+    /// [`Technique::Gi`].
+    ReservoirLights,
+    /// Position of the stored sample on its light: two coordinates from 0 to 1, in red and green.
+    ReservoirPoints,
+    /// Unbiased contribution weights of the stored samples, in the measure of their lights.
+    ReservoirWeights,
+    /// Confidence of the reservoirs, in frames' worth of candidates.
+    ReservoirConfidence,
+    /// Visibility of the stored sample when it was shaded: green, or red where it was occluded; black: no sample.
+    ReservoirVisibility,
+    /// Ends of the stored paths: next-event estimation in red, an emitter that was hit in green, the environment in blue.  This view and
+    /// the next seven need [`Technique::Pt`] or [`Technique::Gi`].
+    PathEnds,
+    /// Scattering events of the stored paths.
+    PathLengths,
+    /// Index of the reconnection vertex, from 2; 0: the whole path is replayed.
+    PathReconnections,
+    /// Unbiased contribution weights of the stored paths, in their own measure.
+    PathWeights,
+    /// Confidence of the reservoirs, in frames' worth of candidates.
+    PathConfidence,
+    /// Frames since the stored paths were sampled; for `Pt`.
+    PathAges,
+    /// Reason why a stored path cannot be shifted 8 pixels to the right, in false colors; white: it can.
+    PathShifts,
+    /// Jacobian of that shift; 0 where it is undefined; 1 for `Gi`, whose measure needs none.
+    PathJacobians,
+    /// Rays that the technique traced for a pixel in this frame.
+    Rays,
+    /// Scattering events of a path of the reference tracer after the first surface, whatever the technique: 0 where there is no surface or
+    /// all light is absorbed, at most [`Restir::bounces`](super::Restir::bounces).  Russian roulette ends paths from the third event on.
+    Bounces,
+}
+
+impl DebugView {
+    /// Whether it shows reservoirs of direct light.
+    pub fn is_of_reservoirs(self) -> bool {
+        (Self::ReservoirLights as u32..=Self::ReservoirVisibility as u32).contains(&(self as u32))
+    }
+
+    /// Whether it shows reservoirs of paths.
+    pub fn is_of_paths(self) -> bool {
+        (Self::PathEnds as u32..=Self::PathJacobians as u32).contains(&(self as u32))
+    }
+
+    /// Whether a technique has something to show.
+    pub fn shows(self, technique: Technique) -> bool {
+        match technique {
+            Technique::Reference => !self.is_of_reservoirs() && !self.is_of_paths(),
+            Technique::Di => !self.is_of_paths(),
+            Technique::Gi => true,
+            Technique::Pt => !self.is_of_reservoirs(),
+        }
+    }
+}

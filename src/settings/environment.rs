@@ -1,0 +1,33 @@
+//! The environment of one camera.
+
+use bevy::{
+    asset::Handle,
+    color::LinearRgba,
+    ecs::{component::Component, reflect::ReflectComponent},
+    image::Image,
+    math::Quat,
+    reflect::{Reflect, std_traits::ReflectDefault},
+};
+
+/// Environment of the scene for one camera: light from every direction, shown behind the scene.  A camera without this component has its
+/// `Skybox`, which lights as it looks (Bevy's rasterizer does not let it light anything), or else its `EnvironmentMapLight`: the sharpest
+/// level of its specular map lights the scene and is not shown.  Directions are sampled by the luminance of the image, in cells of a third of
+/// a degree: finer light is noisier, never biased.
+#[derive(Component, Clone, Debug, PartialEq, Reflect)]
+#[reflect(Component, Default)]
+pub struct RestirEnvironment {
+    /// Uniform radiance, cd/m²; multiplies the image if there is one.
+    pub color: LinearRgba,
+    /// Equirectangular radiance: u = 0.5 + atan2(d.x, -d.z)/2π, v = acos(d.y)/π.
+    pub image: Option<Handle<Image>>,
+    /// Multiplies color and image.
+    pub intensity: f32,
+    /// Rotation, world from environment.
+    pub rotation: Quat,
+}
+
+impl Default for RestirEnvironment {
+    fn default() -> Self {
+        Self { color: LinearRgba::WHITE, image: None, intensity: 1.0, rotation: Quat::IDENTITY }
+    }
+}

@@ -1,0 +1,173 @@
+//! Settings that users choose: [`Restir`] and [`RestirEnvironment`] on a camera, [`EmissiveLuminance`] for the whole app.
+
+mod debug_view;
+mod direct;
+mod environment;
+mod paths;
+mod presets;
+mod research;
+mod reuse;
+mod validate;
+
+pub use debug_view::DebugView;
+pub use direct::{BiasCorrection, Direct, VisibilityReuse};
+pub use environment::RestirEnvironment;
+pub use paths::{Paths, Reconnection, SuffixRetrace};
+pub use presets::Preset;
+pub use research::{Research, ReservoirLayout};
+pub use reuse::{Mis, Reuse, ReuseOrder};
+
+use bevy::{
+    camera::Hdr,
+    ecs::{
+        component::Component,
+        reflect::{ReflectComponent, ReflectResource},
+        resource::Resource,
+    },
+    reflect::{Reflect, std_traits::ReflectDefault},
+};
+use validate::Ranges;
+
+/// Algorithm that computes the light of a pixel.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
+pub enum Technique {
+    /// Path tracing without reuse: next-event estimation and BSDF sampling, joined by the balance heuristic, with Russian roulette.
+    /// Accumulates frames for as long as the image does not change: slow and noisy in motion, exact at rest.  Unbiased; all other techniques
+    /// are compared with it.
+    Reference,
+    /// ReSTIR DI (Wyman and Panteleev 2021): emission and direct light only, whatever `bounces` says (emission only where it is 0).
+    /// Settings: [`Direct`].
+    Di,
+    /// ReSTIR GI (Ouyang et al. 2021; candidates, Jacobian and limits as in Lanz 2025, 4.3 and 4.5.5) for indirect light, and
+    /// [`Technique::Di`] for direct light: a complete image with up to `bounces` scattering events.  Settings: [`Paths`] and [`Direct`].
+    Gi,
+    /// ReSTIR PT (Lin et al. 2022, improved as in Lin et al. 2026): whole paths of up to `bounces` scattering events, direct light among
+    /// them; glossy and mirrored light is reused, too.  Settings: [`Paths`].
+    #[default]
+    Pt,
+}
+
+/// Lights the image of this camera by path tracing, in place of Bevy's own lighting.  Multisampling (`Msaa`) is turned off: the jitter of the
+/// primary rays takes its place.
+///
+/// The history of earlier frames survives motion of objects, lights and cameras, and lights that change, appear or vanish.  It restarts
+/// where an object appears or vanishes, or a mesh, a material, an image, the environment or one of these settings changes.
+///
+/// ```
+/// # use bevy::prelude::*;
+/// # use bevy_restir::prelude::*;
+/// fn setup(mut commands: Commands) {
+///     commands.spawn((Camera3d::default(), Restir::default()));
+/// }
+/// ```
+#[derive(Component, Clone, Debug, PartialEq, Reflect)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
+#[reflect(Component, Default)]
+#[require(Hdr)]
+pub struct Restir {
+    /// Algorithm.
+    pub technique: Technique,
+    /// Scattering events of a path: 0 shows emission only, 1 adds direct light, more add bounced light; at most 64.  Cost grows with it.
+    /// Light that needs more bounces is missing (darker).
+    pub bounces: u32,
+    /// Moves the primary rays within the pixel from frame to frame (box filter), so that accumulation and TAA smooth edges.  Without it all
+    /// frames look through the centers of pixels, and edges alias.  On a camera with Bevy's `TemporalJitter`, which
+    /// `TemporalAntiAliasing` brings, that jitter is used instead.
+    pub jitter: bool,
+    /// Adds the light that bounces more than once within a rough surface to specular lobes of reflection (Turquin 2019, as in Lanz 2025,
+    /// 2.1.3): rough metals keep their brightness.  One texture read.  Without it they are too dark.
+    pub energy_compensation: bool,
+    /// Selects one of 2^32 independent sequences of random numbers.
+    pub seed: u32,
+    /// Direct light, for [`Technique::Di`] and [`Technique::Gi`]; its light subsets serve all techniques that resample.
+    pub direct: Direct,
+    /// Paths, for [`Technique::Gi`] and [`Technique::Pt`].
+    pub paths: Paths,
+    /// Variants for measurements.
+    pub research: Research,
+    /// Shows the mean of all frames for as long as the image does not change: for stills.  [`Technique::Reference`] always does so.
+    pub accumulate: bool,
+    /// Shows a debug view instead of light.
+    pub debug_view: DebugView,
+    /// Multiplies debug views, so that meters and counts fit between 0 and 1; from 0 to 1e6.
+    pub debug_scale: f32,
+    /// Drops the history of earlier frames and restarts the sequence of random numbers; clears itself.
+    pub reset: bool,
+}
+
+impl Default for Restir {
+    /// [`Preset::Balanced`].
+    fn default() -> Self {
+        Self {
+            technique: Technique::Pt,
+            bounces: 5,
+            jitter: true,
+            energy_compensation: true,
+            seed: 0,
+            direct: Direct::default(),
+            paths: Paths::default(),
+            research: Research::default(),
+            accumulate: false,
+            debug_view: DebugView::Off,
+            debug_scale: 1.0,
+            reset: false,
+        }
+    }
+}
+
+impl Restir {
+    /// Greatest value of [`Restir::bounces`].
+    pub const MAX_BOUNCES: u32 = 64;
+
+    /// Brings every field into its range.  Returns a warning for each field that it changed and each setting without effect.
+    pub fn validate(&mut self) -> Vec<String> {
+        let mut warnings = Vec::new();
+        Ranges { path: "", warnings: &mut warnings }.count("bounces", &mut self.bounces, 0, Self::MAX_BOUNCES);
+        self.direct.validate(&mut warnings);
+        self.paths.validate(&mut warnings);
+        self.research.validate(&mut warnings);
+        let scale = if self.debug_scale.is_nan() { 1.0 } else { self.debug_scale.clamp(0.0, 1e6) };
+        if scale != self.debug_scale {
+            warnings.push(format!("debug_scale = {} is out of range, {scale} is used", self.debug_scale));
+            self.debug_scale = scale;
+        }
+        if !self.debug_view.shows(self.technique) {
+            warnings.push(format!(
+                "debug_view = {:?} has nothing to show with technique {:?}",
+                self.debug_view, self.technique
+            ));
+        }
+        warnings
+    }
+}
+
+/// Luminance of `StandardMaterial::emissive` = 1, cd/m², for the whole app.
+#[derive(Resource, Clone, Copy, Debug, PartialEq, Reflect)]
+#[reflect(Resource, Default)]
+pub struct EmissiveLuminance(pub f32);
+
+impl Default for EmissiveLuminance {
+    /// 1/exposure of Bevy's default camera, so that a lamp looks as bright as Bevy's rasterizer draws it.
+    fn default() -> Self {
+        Self(1.0 / bevy::camera::Exposure::default().exposure())
+    }
+}
+
+/// How rays are traced: [`RestirPlugin::backend`](crate::RestirPlugin::backend).
+///
+/// Both back ends give the same images, except for rays that pass an edge so closely that rounding decides; they differ in speed.
+/// [`RestirReport::backend`](crate::RestirReport::backend) names the one in use.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
+pub enum RayBackend {
+    /// Ray queries where a GPU has them, otherwise compute shaders.
+    #[default]
+    Auto,
+    /// Compute shaders that traverse a two-level compressed BVH: on every device.
+    Software,
+    /// The device's ray queries.  Where it has none: compute shaders, with one warning.
+    Hardware,
+}

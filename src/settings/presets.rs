@@ -1,0 +1,69 @@
+//! Presets: sets of settings for a purpose.
+
+use bevy::reflect::Reflect;
+
+use super::{BiasCorrection, Direct, Paths, Restir, Reuse, SuffixRetrace, VisibilityReuse};
+
+/// A trade of speed for accuracy: see [`Restir::preset`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Reflect)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
+pub enum Preset {
+    /// Fewest rays.  Three bounces: later light is missing (darker).  Direct light is resampled as by Wyman and Panteleev 2021, with
+    /// visibility reused within 30 pixels: shadows are blurred and lag.  Under motion, light that has just come into view of the end of a
+    /// path is missed (darker; [`SuffixRetrace::ForwardOnly`]).
+    Performance,
+    /// Five bounces: later light is missing (darker).  No other bias.
+    Balanced,
+    /// Eight bounces: later light is missing (darker).  Paths have three neighbors instead of one.  No other bias.
+    Quality,
+    /// As `Quality`, with 32 bounces.
+    Unbiased,
+}
+
+impl Preset {
+    fn bounces(self) -> u32 {
+        match self {
+            Self::Performance => 3,
+            Self::Balanced => 5,
+            Self::Quality => 8,
+            Self::Unbiased => 32,
+        }
+    }
+
+    fn direct(self) -> Direct {
+        match self {
+            Self::Performance => Direct {
+                bias_correction: BiasCorrection::HeuristicsAndMis,
+                visibility: VisibilityReuse::Decoupled,
+                visibility_radius: 30.0,
+                ..Direct::default()
+            },
+            Self::Balanced | Self::Quality | Self::Unbiased => Direct::default(),
+        }
+    }
+
+    fn paths(self) -> Paths {
+        match self {
+            Self::Performance => Paths { suffix_retrace: SuffixRetrace::ForwardOnly, ..Paths::default() },
+            Self::Balanced => Paths::default(),
+            Self::Quality | Self::Unbiased => {
+                Paths { reuse: Reuse { spatial_samples: 3, ..Reuse::PATHS }, ..Paths::default() }
+            }
+        }
+    }
+}
+
+impl Restir {
+    /// The settings of a preset, for [`Technique::Pt`](super::Technique::Pt); another technique uses its part of them.
+    pub fn preset(preset: Preset) -> Self {
+        Self::default().with_preset(preset)
+    }
+
+    /// These settings with the bounces, the direct light and the paths of a preset.  Everything else stays: technique, seed, jitter, energy
+    /// compensation, accumulation and debug views.
+    #[must_use]
+    pub fn with_preset(self, preset: Preset) -> Self {
+        Self { bounces: preset.bounces(), direct: preset.direct(), paths: preset.paths(), ..self }
+    }
+}

@@ -1,0 +1,67 @@
+//! Settings for measurements, which apps leave alone.
+
+use bevy::reflect::Reflect;
+
+use super::validate::Ranges;
+
+/// Order of reservoirs in memory (Lanz 2025, 4.5.3).  It changes the speed, never the image.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
+pub enum ReservoirLayout {
+    /// Row by row.
+    #[default]
+    Rows,
+    /// Column by column.
+    Columns,
+    /// Tiles of 2 x 2 pixels, row by row in each.
+    Tiles2,
+    /// Tiles of 4 x 4 pixels.
+    Tiles4,
+    /// Tiles of 8 x 8 pixels, the size of a workgroup.
+    Tiles8,
+    /// Tiles of 40 x 40 pixels.
+    Tiles40,
+}
+
+impl ReservoirLayout {
+    /// Pixels a side of a tile; 0: rows, `u32::MAX`: columns.
+    pub(crate) fn tile(self) -> u32 {
+        match self {
+            Self::Rows => 0,
+            Self::Columns => u32::MAX,
+            Self::Tiles2 => 2,
+            Self::Tiles4 => 4,
+            Self::Tiles8 => 8,
+            Self::Tiles40 => 40,
+        }
+    }
+}
+
+/// Variants that papers compare and apps need not choose.  Not part of the prelude.
+#[derive(Clone, Debug, PartialEq, Reflect)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
+pub struct Research {
+    /// Order of reservoirs in memory.
+    pub reservoir_layout: ReservoirLayout,
+    /// Pixels a side of the tiles whose pixels share a light subset, 1 to 16 (Wyman and Panteleev 2021, 5).  Larger tiles read memory more
+    /// coherently; their noise is more correlated.  No bias.
+    pub light_tile_size: u32,
+    /// Selects the light candidates of ReSTIR DI by arriving light, without the BSDF (Wyman and Panteleev 2021, 9 and 3.3): faster
+    /// candidates, more noise on glossy surfaces.  No bias.
+    pub target_without_bsdf: bool,
+}
+
+impl Default for Research {
+    fn default() -> Self {
+        Self { reservoir_layout: ReservoirLayout::default(), light_tile_size: 8, target_without_bsdf: false }
+    }
+}
+
+impl Research {
+    /// Brings every field into its range.
+    pub(super) fn validate(&mut self, warnings: &mut Vec<String>) {
+        let mut ranges = Ranges { path: "research.", warnings };
+        ranges.count("light_tile_size", &mut self.light_tile_size, 1, 16);
+    }
+}

@@ -1,0 +1,138 @@
+//! Settings of reuse that all techniques share.
+
+use bevy::reflect::Reflect;
+
+use super::validate::Ranges;
+
+/// When a pixel resamples the samples of its neighbors.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
+pub enum ReuseOrder {
+    /// Once a frame, from neighbors of the last frame (Wyman and Panteleev 2021, 6.2).  Fastest: no pass waits for another one.  Where a
+    /// surface has just come into view its neighbors help one frame later.  No bias.
+    #[default]
+    Spatiotemporal,
+    /// First the surface's own sample of the last frame, then the samples of neighbors in this frame, in passes of their own (Bitterli et
+    /// al. 2020).  Less noise where surfaces come into view; one more pass.  No bias.
+    TemporalThenSpatial,
+}
+
+/// MIS weights: how the samples of a pixel and of its neighbors are weighted against each other.  All kinds are unbiased; they differ in
+/// noise and cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
+pub enum Mis {
+    /// 1/|Z|: by confidence among the pixels that could have found the sample (Wyman and Panteleev 2021, Eq. 22).  Noisy: where neighbors or
+    /// frames differ much, rare pixels are a thousand times too bright, so that short means look dark.  k² + k target evaluations for k
+    /// neighbors.
+    OneOverZ,
+    /// Generalized balance heuristic (Wyman and Panteleev 2021, Eq. 30).  Least noise in two of three measured scenes, and close to it in the
+    /// third (`docs/performance.md`).  k² + k target evaluations with their rays; for the two neighbors of `Direct`'s defaults these are two
+    /// more than for the pairwise kinds.
+    #[default]
+    Balance,
+    /// Each neighbor against the pixel's own sample (Lanz 2025, 2.3.5).  2k target evaluations.
+    Pairwise,
+    /// As `Pairwise`, with a share of the weight reserved for the pixel's own sample by its confidence.  Safest where neighbors have long
+    /// histories.
+    DefensivePairwise,
+    /// As `Pairwise`, with 1/(k + 1) reserved for the pixel's own sample (Lanz 2025, Eqs. 28-29).  For neighbors of similar confidence.
+    DefensivePairwiseGris,
+}
+
+/// Reuse of samples across frames and pixels.  [`Direct`](super::Direct) and [`Paths`](super::Paths) have one each.
+#[derive(Clone, Debug, PartialEq, Reflect)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
+pub struct Reuse {
+    /// When neighbors are resampled.
+    pub order: ReuseOrder,
+    /// Reuses the sample that the surface had in the last frame: much less noise, for one neighbor's cost.  Without it nothing outlives a
+    /// frame.  No bias.
+    pub temporal: bool,
+    /// Takes that sample from one of the four pixels around the last place of the surface, by bilinear chance (Wyman and Panteleev 2021,
+    /// 4.5), instead of the nearest: less correlated noise under motion.  No cost, no bias.
+    pub bilinear: bool,
+    /// Neighbors whose samples are reused in an iteration, at most 5: less noise, more correlated; each costs a shift and its rays.  No bias.
+    pub spatial_samples: u32,
+    /// The same where the surface was not visible in the last frame (Wyman and Panteleev 2021, 6.4), if that is more; at most 5.  Has an
+    /// effect only with [`ReuseOrder::Spatiotemporal`] and `temporal`.  No bias.
+    pub disocclusion_samples: u32,
+    /// Iterations of spatial reuse, 1 to 4: each is a pass.  No bias.
+    pub spatial_iterations: u32,
+    /// Places that are tried for each neighbor until its geometry is similar, 1 to 8 (greedy neighbor search, Lanz 2025, 4.5.4): less noise
+    /// at edges, for a few texture reads.  No bias.
+    pub neighbor_attempts: u32,
+    /// Greatest distance of neighbors, in pixels of an image that is 1080 lines high, and at least 2 of its own: larger radii share rare
+    /// finds more widely, and find fewer similar neighbors.  No bias.
+    pub radius: f32,
+    /// Greatest confidence of a neighbor, in frames' worth of candidates: at most 60 in [`Direct`](super::Direct), 30 in
+    /// [`Paths`](super::Paths).  Longer histories are smoother and more correlated.  No bias.
+    pub confidence_cap: f32,
+    /// MIS weights.
+    pub mis: Mis,
+    /// Shades all samples that are resampled, each by its share, not only the selected one (decoupled shading, Wyman and Panteleev 2021, 7.1;
+    /// vector weights, Lin et al. 2026, supplement, 7): less noise, above all of color, for little cost.  No bias.
+    pub shade_all: bool,
+    /// Least cosine between the normals of a pixel and its neighbor; a test of the geometry heuristics.  No bias.
+    pub normal_threshold: f32,
+    /// Greatest distance of a neighbor's surface from the tangent plane, relative to the distance from the camera; a test of the geometry
+    /// heuristics.  No bias.
+    pub depth_threshold: f32,
+    /// Neighbors must have the same material; a test of the geometry heuristics.  No bias.
+    pub same_material: bool,
+}
+
+impl Default for Reuse {
+    /// As [`Reuse::PATHS`].
+    fn default() -> Self {
+        Self::PATHS
+    }
+}
+
+impl Reuse {
+    /// The defaults of [`Direct`](super::Direct), as in Wyman and Panteleev 2021: one temporal and one spatiotemporal neighbor within 30
+    /// pixels, two in disocclusions, history capped at 20 frames.
+    pub const DIRECT: Self = Self {
+        order: ReuseOrder::Spatiotemporal,
+        temporal: true,
+        bilinear: false,
+        spatial_samples: 1,
+        disocclusion_samples: 2,
+        spatial_iterations: 1,
+        neighbor_attempts: 1,
+        radius: 30.0,
+        confidence_cap: 20.0,
+        mis: Mis::Balance,
+        shade_all: true,
+        normal_threshold: 0.9,
+        depth_threshold: 0.02,
+        same_material: false,
+    };
+
+    /// The defaults of [`Paths`](super::Paths), as in Lin et al. 2022 and 2026: temporal reuse, then one iteration of spatial reuse, history
+    /// capped at 20 frames.  The radius is 60 pixels where they have 20: where light is found rarely, a smaller circle shares each find
+    /// among too few pixels, which shows as blotches.  One neighbor where they have three: it has less error at equal time
+    /// (`docs/performance.md`).
+    pub const PATHS: Self = Self {
+        order: ReuseOrder::TemporalThenSpatial,
+        disocclusion_samples: 0,
+        radius: 60.0,
+        mis: Mis::DefensivePairwise,
+        ..Self::DIRECT
+    };
+
+    /// Brings every field into its range.
+    pub(super) fn validate(&mut self, path: &'static str, confidence_max: f32, warnings: &mut Vec<String>) {
+        let mut ranges = Ranges { path, warnings };
+        ranges.count("spatial_samples", &mut self.spatial_samples, 0, 5);
+        ranges.count("disocclusion_samples", &mut self.disocclusion_samples, 0, 5);
+        ranges.count("spatial_iterations", &mut self.spatial_iterations, 1, 4);
+        ranges.count("neighbor_attempts", &mut self.neighbor_attempts, 1, 8);
+        ranges.number("radius", &mut self.radius, 0.0, 1e5);
+        ranges.number("confidence_cap", &mut self.confidence_cap, 0.0, confidence_max);
+        ranges.number("normal_threshold", &mut self.normal_threshold, -1.0, 1.0);
+        ranges.number("depth_threshold", &mut self.depth_threshold, 0.0, 1e6);
+    }
+}

@@ -1,0 +1,197 @@
+//! The WGSL modules, and the templates among them.  A file `shaders/a/b.wgsl` is the module `bevy_restir::a::b`; files in `shaders/pass/`
+//! hold the entry points, and no others do.
+//!
+//! A pass that serves several techniques is a template: its line `#import technique::{a, b}` stands for imports from the rooms of one
+//! technique.  Each name comes from the first room that defines it, so that a room can extend another one.  Tests compose every module and
+//! every instance of a template, with every feature, without a GPU.
+
+use bevy::{
+    asset::{Assets, Handle},
+    ecs::resource::Resource,
+    platform::collections::HashMap,
+    shader::Shader,
+};
+
+macro_rules! modules {
+    ($($path:literal),* $(,)?) => {
+        &[$(($path, include_str!(concat!("../shaders/", $path)))),*]
+    };
+}
+
+/// Path below `shaders/` and text of every file, in an order in which each comes after its imports.
+pub const MODULES: &[(&str, &str)] = modules![
+    "common/constants.wgsl",
+    "common/math.wgsl",
+    "common/ray.wgsl",
+    "common/rng.wgsl",
+    "common/texel.wgsl",
+    "bsdf/fresnel.wgsl",
+    "bsdf/ggx.wgsl",
+    "bsdf/types.wgsl",
+    "bsdf/coat.wgsl",
+    "bsdf/diffuse.wgsl",
+    "bsdf/roughness.wgsl",
+    "bsdf/transmission.wgsl",
+    "bsdf/reflection.wgsl",
+    "bsdf/lobe_choice.wgsl",
+    "bsdf/bsdf.wgsl",
+    "scene/types.wgsl",
+    "scene/bindings.wgsl",
+    "scene/cone.wgsl",
+    "scene/directional_albedo.wgsl",
+    "scene/texture.wgsl",
+    "scene/triangle.wgsl",
+    "scene/material.wgsl",
+    "scene/lobes.wgsl",
+    "scene/offset.wgsl",
+    "scene/surface.wgsl",
+    "view/types.wgsl",
+    "view/bindings.wgsl",
+    "view/alpha_seed.wgsl",
+    "view/camera.wgsl",
+    "view/false_color.wgsl",
+    "view/primary.wgsl",
+    "view/render_layers.wgsl",
+    "trace/alpha.wgsl",
+    "trace/space.wgsl",
+    "trace/triangle.wgsl",
+    "trace/hardware.wgsl",
+    "trace/tree.wgsl",
+    "trace/software.wgsl",
+    "trace/trace.wgsl",
+    "light/cube.wgsl",
+    "light/environment.wgsl",
+    "light/types.wgsl",
+    "light/directional.wgsl",
+    "light/point.wgsl",
+    "light/rect.wgsl",
+    "light/sphere.wgsl",
+    "light/sun.wgsl",
+    "light/triangle.wgsl",
+    "light/light.wgsl",
+    "light/remap.wgsl",
+    "light/point_on_light.wgsl",
+    "light/analytic_area_light.wgsl",
+    "light/backdrop.wgsl",
+    "light/select.wgsl",
+    "light/presampled.wgsl",
+    "path/medium.wgsl",
+    "path/random.wgsl",
+    "path/walk.wgsl",
+    "path/nee.wgsl",
+    "path/shadow_ray.wgsl",
+    "path/reference_integrator.wgsl",
+    "restir/types.wgsl",
+    "restir/bindings.wgsl",
+    "restir/light_candidates.wgsl",
+    "restir/mis.wgsl",
+    "restir/neighbors.wgsl",
+    "restir/path_sample.wgsl",
+    "restir/reservoir_layout.wgsl",
+    "restir/reservoir_sampling.wgsl",
+    "restir/stored_path.wgsl",
+    "restir/shift/reconnection.wgsl",
+    "restir/shift/hybrid.wgsl",
+    "restir/pt/initial_candidates.wgsl",
+    "restir/pt/domain.wgsl",
+    "restir/pt/reservoir.wgsl",
+    "restir/gi/domain.wgsl",
+    "restir/gi/reservoir.wgsl",
+    "restir/di/reservoir.wgsl",
+    "restir/di/domain.wgsl",
+    "restir/di/initial_candidates.wgsl",
+    "pass/atlas.wgsl",
+    "pass/composite.wgsl",
+    "pass/debug.wgsl",
+    "pass/debug_di.wgsl",
+    "pass/debug_paths.wgsl",
+    "pass/debug_rays.wgsl",
+    "pass/di_candidates.wgsl",
+    "pass/environment.wgsl",
+    "pass/path_candidates.wgsl",
+    "pass/presample.wgsl",
+    "pass/reference.wgsl",
+    "pass/resolve.wgsl",
+    "pass/reuse.wgsl",
+    "pass/statistics.wgsl",
+    "pass/visibility.wgsl",
+];
+
+/// Start of the line that makes a shader a template.
+const TEMPLATE_IMPORT: &str = "#import technique::{";
+
+/// Whether a shader is a template.
+pub fn is_template(wgsl: &str) -> bool {
+    wgsl.contains(TEMPLATE_IMPORT)
+}
+
+/// Puts the modules of a technique into a template.  `rooms`: folders of `shaders/`, the first of which that defines a name provides it.
+///
+/// # Panics
+///
+/// If no room defines a name: a mistake in this crate, which its tests find.
+pub fn instantiate(wgsl: &str, rooms: &[&str]) -> String {
+    let Some((before, rest)) = wgsl.split_once(TEMPLATE_IMPORT) else { return wgsl.to_string() };
+    let (names, after) = rest.split_once("}\n").unwrap_or_else(|| panic!("the import of a template has no end"));
+    let mut imports = String::new();
+    for name in names.split(", ") {
+        let module = rooms.iter().find_map(|room| module_that_defines(name, room));
+        let module = module.unwrap_or_else(|| panic!("none of {rooms:?} defines {name}"));
+        let module = module.trim_end_matches(".wgsl").replace('/', "::");
+        imports += &format!("#import bevy_restir::{module}::{name}\n");
+    }
+    format!("{before}{imports}{after}")
+}
+
+/// The module of a room, without its subfolders, that defines a function, struct or constant.
+fn module_that_defines(name: &str, room: &str) -> Option<&'static str> {
+    let definitions = [format!("\nfn {name}("), format!("\nstruct {name} "), format!("\nconst {name}:")];
+    let in_room = |path: &str| path.rsplit_once('/').is_some_and(|(folder, _)| folder == room);
+    let defines = |text: &str| definitions.iter().any(|definition| text.contains(definition));
+    MODULES.iter().find(|(path, text)| in_room(path) && defines(text)).map(|&(path, _)| path)
+}
+
+/// Handles that keep the modules alive, by path and by the first room of a template.
+#[derive(Resource, Clone)]
+pub(crate) struct ShaderLibrary(HashMap<(&'static str, Option<&'static str>), Handle<Shader>>);
+
+impl ShaderLibrary {
+    /// Adds every module, and every instance of a template, to Bevy's shaders.  `templates`: name of a pass and rooms of a technique.
+    pub(crate) fn new(shaders: &mut Assets<Shader>, templates: &[(&'static str, &'static [&'static str])]) -> Self {
+        let mut handles = HashMap::default();
+        for &(path, text) in MODULES {
+            let name = format!("embedded://bevy_restir/{path}");
+            if !is_template(text) {
+                handles.insert((path, None), shaders.add(Shader::from_wgsl(text, name)));
+                continue;
+            }
+            for (_, rooms) in templates.iter().filter(|(file, _)| path == format!("pass/{file}.wgsl")) {
+                let name = format!("{name}/{}", rooms[0]);
+                let shader = Shader::from_wgsl(instantiate(text, rooms), name);
+                handles.insert((path, Some(rooms[0])), shaders.add(shader));
+            }
+        }
+        Self(handles)
+    }
+
+    /// The shader of a pass, `pass/NAME.wgsl`; `rooms` of its technique if it is a template.
+    pub(crate) fn pass(&self, path: &str, rooms: &[&'static str]) -> Handle<Shader> {
+        let missing = || panic!("{path} with {rooms:?} is not in the shader library");
+        self.0.get(&(path, rooms.first().copied())).unwrap_or_else(missing).clone()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_template_takes_each_name_from_the_first_room_that_defines_it() {
+        let template = "// Header.\n#import technique::{jacobian_of, receiver_of, no_reservoir}\nfn f() {}\n";
+        let rooms = ["restir/gi", "restir/pt", "restir"];
+        let expected = "// Header.\n#import bevy_restir::restir::gi::domain::jacobian_of\n#import \
+                        bevy_restir::restir::pt::domain::receiver_of\n#import \
+                        bevy_restir::restir::stored_path::no_reservoir\nfn f() {}\n";
+        assert_eq!(instantiate(template, &rooms), expected);
+    }
+}

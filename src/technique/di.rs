@@ -1,0 +1,29 @@
+//! ReSTIR DI: points of lights, seen from the pixels' surfaces (`shaders/restir/di`).
+
+use super::{
+    TechniqueRow,
+    domain::{self, Domain, domain_names},
+    pass::ComputePass,
+    reuse_schedule::ReuseSchedule,
+};
+use crate::{
+    gpu_layout::DIRECT_RESERVOIR_SIZE,
+    settings::{DebugView, Technique},
+};
+
+const ROOMS: &[&str] = &["restir/di"];
+
+/// Direct light.
+pub(super) const DOMAIN: &Domain = &Domain {
+    names: domain_names!("di"),
+    candidates: domain::candidates("di_candidates", "di_candidates", &[]),
+    reuse: domain::reuse("di_reuse", ROOMS),
+    debug: ComputePass { specialized: false, ..domain::debug("di_debug", "debug_di", &[]) },
+    has_debug_view: DebugView::is_of_reservoirs,
+    reservoir_bytes: DIRECT_RESERVOIR_SIZE,
+    carries_contribution: false,
+    schedule: ReuseSchedule::of_direct_light,
+};
+
+pub(super) const ROW: TechniqueRow =
+    TechniqueRow { technique: Technique::Di, domains: &[DOMAIN], light: None, rays: None };

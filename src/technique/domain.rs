@@ -1,0 +1,113 @@
+//! Domains: sets of samples that are resampled together.  A technique consists of some of them.
+
+use core::hash::{Hash, Hasher};
+
+use super::{
+    pass::{ComputePass, Dispatch, PassResource as R},
+    reuse_schedule::{MAX_ITERATIONS, ReuseSchedule},
+};
+use crate::settings::{DebugView, Restir};
+
+/// A set of samples that are resampled together, with reservoirs of its own.
+pub(crate) struct Domain {
+    /// Prefix of the names of its passes and buffers.
+    pub names: DomainNames,
+    /// Passes: candidates, reuse (once for each iteration), debug views.
+    pub candidates: ComputePass,
+    pub reuse: ComputePass,
+    pub debug: ComputePass,
+    /// Whether a debug view shows its reservoirs.
+    pub has_debug_view: fn(DebugView) -> bool,
+    /// Bytes of a reservoir.
+    pub reservoir_bytes: u64,
+    /// Whether passes hand on the contribution of each pixel's own sample (`carries_contribution` in its shaders).
+    pub carries_contribution: bool,
+    /// Iterations of reuse for some settings.
+    pub schedule: fn(&Restir) -> ReuseSchedule,
+}
+
+/// Names that appear in statistics and time spans.
+pub(crate) struct DomainNames {
+    pub domain: &'static str,
+    pub reuse: [&'static str; MAX_ITERATIONS],
+    pub settings: &'static str,
+    pub reservoirs: &'static str,
+    pub light: &'static str,
+}
+
+/// The names of a domain, all with its own name as their prefix.
+macro_rules! domain_names {
+    ($name:literal) => {
+        $crate::technique::domain::DomainNames {
+            domain: $name,
+            reuse: [
+                concat!($name, "_reuse"),
+                concat!($name, "_reuse_2"),
+                concat!($name, "_reuse_3"),
+                concat!($name, "_reuse_4"),
+                concat!($name, "_reuse_5"),
+            ],
+            settings: concat!($name, " settings"),
+            reservoirs: concat!($name, " reservoirs"),
+            light: concat!($name, " light"),
+        }
+    };
+}
+pub(crate) use domain_names;
+
+/// Fills the light subsets; once a frame, with the settings of the frame's first domain.
+pub(crate) const PRESAMPLE: ComputePass =
+    ComputePass { dispatch: Dispatch::Subsets, ..ComputePass::per_pixel("presample", &[R::Settings, R::Subsets]) };
+
+/// Initial candidates of a domain.
+pub(crate) const fn candidates(
+    name: &'static str,
+    file: &'static str,
+    technique_rooms: &'static [&'static str],
+) -> ComputePass {
+    let resources = &[R::Settings, R::SubsetsRead, R::CandidateReservoirs, R::CandidateLight];
+    ComputePass { file, technique_rooms, ..ComputePass::per_pixel(name, resources) }
+}
+
+/// The resampling routine for a domain.
+pub(crate) const fn reuse(name: &'static str, technique_rooms: &'static [&'static str]) -> ComputePass {
+    let resources = &[
+        R::Settings,
+        R::NeighborReservoirs,
+        R::OutputReservoirs,
+        R::PreviousVisibility,
+        R::LightBefore,
+        R::LightAfter,
+    ];
+    ComputePass { file: "reuse", technique_rooms, ..ComputePass::per_pixel(name, resources) }
+}
+
+/// Debug views of a domain.
+pub(crate) const fn debug(
+    name: &'static str,
+    file: &'static str,
+    technique_rooms: &'static [&'static str],
+) -> ComputePass {
+    let resources = &[R::Settings, R::FinalReservoirs, R::Radiance];
+    ComputePass { file, technique_rooms, ..ComputePass::per_pixel(name, resources) }
+}
+
+impl PartialEq for Domain {
+    fn eq(&self, other: &Self) -> bool {
+        self.names.domain == other.names.domain
+    }
+}
+
+impl Eq for Domain {}
+
+impl Hash for Domain {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        self.names.domain.hash(state);
+    }
+}
+
+impl core::fmt::Debug for Domain {
+    fn fmt(&self, f: &mut core::fmt::Formatter) -> core::fmt::Result {
+        f.write_str(self.names.domain)
+    }
+}

@@ -1,0 +1,144 @@
+//! The passes of a frame, as data: a technique, and what of it is shown.
+
+use super::{
+    TechniqueRow,
+    domain::{Domain, PRESAMPLE},
+    pass::{ComputePass, Pass, PassResource as R},
+    reference::BOUNCES,
+    row,
+};
+use crate::{
+    scene::SceneFeatures,
+    settings::{DebugView, Restir, Technique},
+};
+
+/// Debug views of the visibility buffer.
+const DEBUG_SURFACE: ComputePass = ComputePass { name: "debug", file: "debug", ..RADIANCE_PASS };
+const DEBUG_RAYS: ComputePass =
+    ComputePass { name: "debug_rays", file: "debug_rays", specialized: false, ..RADIANCE_PASS };
+const RADIANCE_PASS: ComputePass = ComputePass::per_pixel("", &[R::Radiance]);
+/// Sums the light of all domains.
+const RESOLVE: ComputePass =
+    ComputePass::per_pixel("resolve", &[R::UnresampledLight, R::ResampledLight, R::PathLight, R::Radiance]);
+const STATISTICS: ComputePass =
+    ComputePass { specialized: false, ..ComputePass::per_pixel("statistics", &[R::Counters]) };
+
+/// What a frame shows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+enum Show {
+    #[default]
+    Light,
+    /// Rays that the technique traced.
+    Rays,
+    /// Scattering events of the reference tracer's paths.
+    Bounces,
+    /// Reservoirs of a domain.
+    Reservoirs(&'static Domain),
+    /// Contents of the visibility buffer.
+    Surface,
+}
+
+/// The frame that a camera runs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub(crate) struct Frame {
+    technique: Technique,
+    show: Show,
+}
+
+/// A step of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Step {
+    pub pass: Pass,
+    /// Name of its time span.
+    pub name: &'static str,
+    /// Domain whose resources the pass binds.
+    pub domain: Option<&'static Domain>,
+    /// Iteration of reuse, from 0.
+    pub iteration: usize,
+}
+
+impl Frame {
+    /// The frame of some settings.
+    pub(crate) fn of(settings: &Restir) -> Self {
+        let view = settings.debug_view;
+        let show = match view {
+            DebugView::Off => Show::Light,
+            DebugView::Rays => Show::Rays,
+            DebugView::Bounces => Show::Bounces,
+            _ => {
+                let mut domains = row(settings.technique).domains.iter();
+                domains.find(|domain| (domain.has_debug_view)(view)).map_or(Show::Surface, |d| Show::Reservoirs(d))
+            }
+        };
+        Self { technique: settings.technique, show }
+    }
+
+    fn row(self) -> &'static TechniqueRow {
+        row(self.technique)
+    }
+
+    /// Domains that it resamples, and keeps a history of.
+    pub(crate) fn domains(self) -> &'static [&'static Domain] {
+        let domains = self.row().domains;
+        match self.show {
+            Show::Light | Show::Rays => domains,
+            Show::Bounces | Show::Surface => &[],
+            Show::Reservoirs(shown) => {
+                let index = domains.iter().position(|&domain| domain == shown).unwrap_or(0);
+                &domains[index..=index]
+            }
+        }
+    }
+
+    /// Its steps in order.  `iterations`: of reuse in a domain.
+    pub(crate) fn steps(self, iterations: impl Fn(&Domain) -> usize) -> Vec<Step> {
+        let mut steps = vec![Step { pass: Pass::Visibility, name: "visibility", domain: None, iteration: 0 }];
+        let compute = |pass: &'static ComputePass, domain| Step {
+            pass: Pass::Compute(pass),
+            name: pass.name,
+            domain,
+            iteration: 0,
+        };
+        let domains = self.domains();
+        if let Some(&first) = domains.first() {
+            steps.push(compute(&PRESAMPLE, Some(first)));
+        }
+        for &domain in domains {
+            steps.push(compute(&domain.candidates, Some(domain)));
+            for (iteration, name) in domain.names.reuse[..iterations(domain)].iter().enumerate() {
+                steps.push(Step { name, iteration, ..compute(&domain.reuse, Some(domain)) });
+            }
+        }
+        let last = match self.show {
+            Show::Light => (self.row().light.unwrap_or(&RESOLVE), None),
+            Show::Rays => (self.row().rays.unwrap_or(&DEBUG_RAYS), None),
+            Show::Bounces => (&BOUNCES, None),
+            Show::Reservoirs(domain) => (&domain.debug, Some(domain)),
+            Show::Surface => (&DEBUG_SURFACE, None),
+        };
+        steps.push(compute(last.0, last.1));
+        steps.push(compute(&STATISTICS, None));
+        steps.push(Step { pass: Pass::Composite, name: "composite", domain: None, iteration: 0 });
+        steps
+    }
+
+    /// Its passes, each once.
+    pub(crate) fn passes(self) -> impl Iterator<Item = Pass> {
+        self.steps(|_| 1).into_iter().map(|step| step.pass)
+    }
+}
+
+/// The pipelines of a frame: its passes, compiled for the features of the scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub(crate) struct PipelineKey {
+    pub frame: Frame,
+    pub features: SceneFeatures,
+}
+
+impl PipelineKey {
+    /// Whether its shaders do what the settings behind another key ask for; the scene may differ.
+    pub(crate) fn serves_settings_of(self, wanted: Self) -> bool {
+        let of_settings = SceneFeatures::ENERGY_COMPENSATION | SceneFeatures::MANY_NEIGHBORS;
+        self.frame == wanted.frame && !(self.features ^ wanted.features).intersects(of_settings)
+    }
+}

@@ -1,0 +1,29 @@
+//! ReSTIR GI: paths of at least two scattering events, reconnected at their secondary vertex, beside ReSTIR DI (`shaders/restir/gi`, which
+//! extends `shaders/restir/pt`).
+
+use super::{
+    TechniqueRow, di,
+    domain::{self, Domain, domain_names},
+    reuse_schedule::ReuseSchedule,
+};
+use crate::{
+    gpu_layout::INDIRECT_RESERVOIR_SIZE,
+    settings::{DebugView, Technique},
+};
+
+const ROOMS: &[&str] = &["restir/gi", "restir/pt", "restir"];
+
+/// Indirect light.
+const DOMAIN: &Domain = &Domain {
+    names: domain_names!("gi"),
+    candidates: domain::candidates("gi_candidates", "path_candidates", ROOMS),
+    reuse: domain::reuse("gi_reuse", ROOMS),
+    debug: domain::debug("gi_debug", "debug_paths", ROOMS),
+    has_debug_view: DebugView::is_of_paths,
+    reservoir_bytes: INDIRECT_RESERVOIR_SIZE,
+    carries_contribution: true,
+    schedule: ReuseSchedule::of_indirect_light,
+};
+
+pub(super) const ROW: TechniqueRow =
+    TechniqueRow { technique: Technique::Gi, domains: &[di::DOMAIN, DOMAIN], light: None, rays: None };

@@ -1,0 +1,87 @@
+//! The table of techniques.  A technique is data: the domains that it resamples, with their passes, reservoirs and debug views.  Adding one
+//! takes a file here, a room in `shaders/restir/`, its settings in `src/settings/`, and a row in [`TECHNIQUES`].
+
+mod di;
+pub(crate) mod domain;
+pub(crate) mod frame;
+mod gi;
+pub(crate) mod pass;
+mod pt;
+mod reference;
+pub(crate) mod reuse_schedule;
+
+use crate::settings::{Restir, Technique};
+use domain::Domain;
+use frame::Frame;
+use pass::ComputePass;
+
+/// A row of the table.
+pub(crate) struct TechniqueRow {
+    pub technique: Technique,
+    /// Domains in the order of their passes; none for the reference tracer.
+    pub domains: &'static [&'static Domain],
+    /// Passes of a technique without domains: light, and the rays that it took.
+    pub light: Option<&'static ComputePass>,
+    pub rays: Option<&'static ComputePass>,
+}
+
+/// All techniques.
+pub(crate) const TECHNIQUES: &[TechniqueRow] = &[reference::ROW, di::ROW, gi::ROW, pt::ROW];
+
+/// The row of a technique.
+pub(crate) fn row(technique: Technique) -> &'static TechniqueRow {
+    TECHNIQUES.iter().find(|row| row.technique == technique).unwrap_or(&TECHNIQUES[0])
+}
+
+/// Names of the passes that a camera runs with these settings, as time spans have them.
+pub fn pass_names(settings: &Restir) -> Vec<&'static str> {
+    let iterations = |domain: &Domain| (domain.schedule)(settings).iterations.len();
+    Frame::of(settings).steps(iterations).into_iter().map(|step| step.name).collect()
+}
+
+/// Every shader of a pass that is a template, with the rooms that are put in; for tests.
+pub fn shader_templates() -> Vec<(&'static str, &'static [&'static str])> {
+    let domains = TECHNIQUES.iter().flat_map(|row| row.domains);
+    let mut templates: Vec<_> = domains
+        .flat_map(|domain| [&domain.candidates, &domain.reuse, &domain.debug])
+        .filter(|pass| !pass.technique_rooms.is_empty())
+        .map(|pass| (pass.file, pass.technique_rooms))
+        .collect();
+    templates.sort();
+    templates.dedup();
+    templates
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shader_library::{MODULES, is_template};
+
+    #[test]
+    fn every_technique_has_one_row() {
+        for technique in [Technique::Reference, Technique::Di, Technique::Gi, Technique::Pt] {
+            assert_eq!(TECHNIQUES.iter().filter(|row| row.technique == technique).count(), 1, "{technique:?}");
+        }
+    }
+
+    #[test]
+    fn every_template_has_an_instance() {
+        for (path, _) in MODULES.iter().filter(|(_, text)| is_template(text)) {
+            assert!(shader_templates().iter().any(|(file, _)| *path == format!("pass/{file}.wgsl")), "{path}");
+        }
+    }
+
+    #[test]
+    fn passes_of_different_domains_have_different_names() {
+        let mut names: Vec<_> = TECHNIQUES
+            .iter()
+            .flat_map(|row| row.domains)
+            .map(|domain| (domain.names.domain, domain.candidates.name, domain.reuse.name, domain.debug.name))
+            .collect();
+        names.sort();
+        names.dedup();
+        let mut domains: Vec<_> = names.iter().map(|name| name.0).collect();
+        domains.dedup();
+        assert_eq!(domains.len(), names.len());
+    }
+}

@@ -1,0 +1,90 @@
+//! Compute passes as data: shader, resources, number of workgroups.
+
+/// A resource that a compute pass binds in group 2, in the order of its bindings; that of the pass's domain, if domains have their own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum PassResource {
+    /// Sum of radiance and number of samples of every pixel, read and written.
+    Radiance,
+    /// Counters of the frame, read and written.
+    Counters,
+    /// Uniforms of an iteration of reuse.
+    Settings,
+    /// Light subsets, written.
+    Subsets,
+    /// Light subsets, read.
+    SubsetsRead,
+    /// Reservoirs of this frame's candidates, written.
+    CandidateReservoirs,
+    /// Reservoirs that an iteration of reuse takes neighbors from, read.
+    NeighborReservoirs,
+    /// Reservoirs that an iteration of reuse leaves, read and written.
+    OutputReservoirs,
+    /// Reservoirs that the frame leaves to the next one, read.
+    FinalReservoirs,
+    /// Visibility buffer of the last frame.
+    PreviousVisibility,
+    /// Light of this frame's candidates, written.
+    CandidateLight,
+    /// Contributions of the samples before an iteration of reuse, read.
+    LightBefore,
+    /// Light that an iteration of reuse leaves, written.
+    LightAfter,
+    /// Direct light that only BSDF sampling finds, read.
+    UnresampledLight,
+    /// Resampled direct light, read.
+    ResampledLight,
+    /// Light of resampled paths, read.
+    PathLight,
+}
+
+/// Number of workgroups of a pass.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Dispatch {
+    /// One invocation for each pixel, in workgroups of 8 x 8.
+    Pixels,
+    /// One invocation for each entry of the light subsets: workgroups of 64 along x, a subset along y.
+    Subsets,
+}
+
+/// A compute pass.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct ComputePass {
+    /// Name of its pipelines and its time span.
+    pub name: &'static str,
+    /// Name of its file in `shaders/pass/` and of its entry point.
+    pub file: &'static str,
+    /// Rooms of `shaders/` that `#import technique::{...}` stands for, the nearest first; empty where the shader has no such line.
+    pub technique_rooms: &'static [&'static str],
+    /// Shader definition besides those of the scene's features.
+    pub def: Option<&'static str>,
+    pub resources: &'static [PassResource],
+    pub dispatch: Dispatch,
+    /// Whether it is compiled for the features of the scene; otherwise one pipeline serves all scenes.
+    pub specialized: bool,
+}
+
+impl ComputePass {
+    /// A pass over pixels whose name is that of its file.
+    pub(crate) const fn per_pixel(name: &'static str, resources: &'static [PassResource]) -> Self {
+        Self {
+            name,
+            file: name,
+            technique_rooms: &[],
+            def: None,
+            resources,
+            dispatch: Dispatch::Pixels,
+            specialized: true,
+        }
+    }
+}
+
+/// A pass of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Pass {
+    /// Rasterizes (instance, triangle).
+    Visibility,
+    /// Runs a compute shader.
+    Compute(&'static ComputePass),
+    /// Writes radiance and depth to Bevy's view target.
+    Composite,
+}

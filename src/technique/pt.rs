@@ -1,0 +1,28 @@
+//! ReSTIR PT: whole paths, direct light among them (`shaders/restir/pt`).
+
+use super::{
+    TechniqueRow,
+    domain::{self, Domain, domain_names},
+    reuse_schedule::ReuseSchedule,
+};
+use crate::{
+    gpu_layout::PATH_RESERVOIR_SIZE,
+    settings::{DebugView, Technique},
+};
+
+const ROOMS: &[&str] = &["restir/pt", "restir"];
+
+/// Whole paths.
+const DOMAIN: &Domain = &Domain {
+    names: domain_names!("pt"),
+    candidates: domain::candidates("pt_candidates", "path_candidates", ROOMS),
+    reuse: domain::reuse("pt_reuse", ROOMS),
+    debug: domain::debug("pt_debug", "debug_paths", ROOMS),
+    has_debug_view: DebugView::is_of_paths,
+    reservoir_bytes: PATH_RESERVOIR_SIZE,
+    carries_contribution: true,
+    schedule: ReuseSchedule::of_paths,
+};
+
+pub(super) const ROW: TechniqueRow =
+    TechniqueRow { technique: Technique::Pt, domains: &[DOMAIN], light: None, rays: None };

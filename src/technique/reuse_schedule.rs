@@ -1,0 +1,246 @@
+//! Iterations of reuse and their uniforms, for some settings.
+
+use crate::{
+    gpu_layout::*,
+    settings::{
+        BiasCorrection, Direct, Mis, Paths, Reconnection, Research, Restir, Reuse, ReuseOrder, SuffixRetrace,
+        VisibilityReuse,
+    },
+};
+
+/// Inputs of the resampling routine without `MANY_NEIGHBORS` (`MAX_INPUTS` in `shaders/restir/mis.wgsl`).
+pub(crate) const FEW_INPUTS: u32 = 3;
+/// Least radius, pixels: in a smaller circle most neighbors would be the pixel itself.
+const MIN_RADIUS: f32 = 2.0;
+/// Greatest number of iterations in a frame: one of the last frame, and four of this one.
+pub(crate) const MAX_ITERATIONS: usize = 5;
+
+/// An iteration of reuse.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Iteration {
+    /// Neighbors are taken from the last frame; otherwise from this frame's last iteration.
+    pub from_previous: bool,
+    temporal_samples: u32,
+    spatial_samples: u32,
+}
+
+/// The iterations of a frame, in order; at least one, which shades.
+fn iterations(reuse: &Reuse) -> Vec<Iteration> {
+    let temporal_samples = u32::from(reuse.temporal);
+    let spatial_iterations = if reuse.spatial_samples > 0 { reuse.spatial_iterations as usize } else { 0 };
+    let spatial = Iteration { from_previous: true, temporal_samples: 0, spatial_samples: reuse.spatial_samples };
+    match reuse.order {
+        ReuseOrder::Spatiotemporal => {
+            let mut iterations = vec![spatial; spatial_iterations.max(1)];
+            iterations[0].temporal_samples = temporal_samples;
+            iterations
+        }
+        ReuseOrder::TemporalThenSpatial => {
+            let first = (temporal_samples > 0 || spatial_iterations == 0).then_some(Iteration {
+                from_previous: true,
+                temporal_samples,
+                spatial_samples: 0,
+            });
+            first
+                .into_iter()
+                .chain(core::iter::repeat_n(Iteration { from_previous: false, ..spatial }, spatial_iterations))
+                .collect()
+        }
+    }
+}
+
+/// The iterations of reuse of a domain.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct ReuseSchedule {
+    pub iterations: Vec<Iteration>,
+    /// Uniforms that all iterations share.
+    common: GpuResampleSettings,
+    /// Flags of the first iteration only.
+    first_flags: u32,
+    /// Flags of iterations over the last frame, where something moved.
+    moved_flags: u32,
+    /// MIS weights of temporal reuse alone.
+    temporal_mis: u32,
+}
+
+impl ReuseSchedule {
+    /// For ReSTIR DI.
+    pub(crate) fn of_direct_light(settings: &Restir) -> Self {
+        let direct = &settings.direct;
+        let mis = mis_constant(direct.bias_correction, direct.reuse.mis);
+        let candidates_visible = !matches!(direct.visibility, VisibilityReuse::Ignored | VisibilityReuse::Shading);
+        let common = common_settings(&direct.reuse, direct, &settings.research);
+        Self {
+            iterations: iterations(&direct.reuse),
+            common: GpuResampleSettings {
+                candidates: direct.candidates,
+                mis,
+                flags: common.flags | direct_flags(direct, &settings.research),
+                visibility_radius: direct.visibility_radius,
+                ..common
+            },
+            first_flags: if candidates_visible { RESAMPLE_CANDIDATES_VISIBLE } else { 0 },
+            moved_flags: 0,
+            temporal_mis: mis,
+        }
+    }
+
+    /// For ReSTIR PT.
+    pub(crate) fn of_paths(settings: &Restir) -> Self {
+        let paths = &settings.paths;
+        let common = common_settings(&paths.reuse, &settings.direct, &settings.research);
+        let flags = [(true, RESAMPLE_TARGET_RAYS | RESAMPLE_MIS_RAYS), (paths.heuristics, RESAMPLE_HEURISTICS)];
+        Self {
+            iterations: iterations(&paths.reuse),
+            common: GpuResampleSettings {
+                candidates: paths.candidates,
+                mis: mis_constant(BiasCorrection::UnbiasedMis, paths.reuse.mis),
+                flags: common.flags | flags_of(flags),
+                ..reconnection_settings(paths, common)
+            },
+            first_flags: 0,
+            moved_flags: RESAMPLE_MOVED
+                | match paths.suffix_retrace {
+                    SuffixRetrace::BothWays => RESAMPLE_RETRACE_FORWARD | RESAMPLE_RETRACE_BACKWARD,
+                    SuffixRetrace::ForwardOnly => RESAMPLE_RETRACE_FORWARD,
+                    SuffixRetrace::Off => 0,
+                },
+            temporal_mis: MIS_BALANCE,
+        }
+    }
+
+    /// For the indirect light of ReSTIR GI.
+    pub(crate) fn of_indirect_light(settings: &Restir) -> Self {
+        let paths = &settings.paths;
+        let schedule = Self::of_paths(settings);
+        let flags = flags_of([(paths.assume_diffuse_secondary, RESAMPLE_DIFFUSE_SECONDARY)]);
+        Self {
+            common: GpuResampleSettings {
+                flags: schedule.common.flags | flags,
+                reconnection: RECONNECT_FIRST,
+                roughness: 0.0,
+                separation: paths.distance,
+                ..schedule.common
+            },
+            moved_flags: if paths.assume_diffuse_secondary { 0 } else { schedule.moved_flags },
+            ..schedule
+        }
+    }
+
+    /// Greatest number of inputs of the resampling routine: the pixel's own sample and its neighbors.
+    pub(crate) fn max_inputs(&self) -> u32 {
+        let neighbors = self.iterations.iter().map(|iteration| {
+            let disocclusion = if iteration.temporal_samples > 0 { self.common.disocclusion_samples } else { 0 };
+            (iteration.temporal_samples + iteration.spatial_samples).max(disocclusion)
+        });
+        1 + neighbors.max().unwrap_or(0)
+    }
+
+    /// Order of reservoirs in memory: `LAYOUT_*`, or pixels a side of a tile.
+    pub(crate) fn reservoir_layout(&self) -> u32 {
+        self.common.reservoir_layout
+    }
+
+    /// Uniforms of an iteration.  `height`: of the image, pixels.  `moved`: something moved since the last frame.
+    pub(crate) fn uniforms(&self, index: usize, height: u32, has_history: bool, moved: bool) -> GpuResampleSettings {
+        let iteration = self.iterations[index];
+        let available = |count| if !iteration.from_previous || has_history { count } else { 0 };
+        let flags = flags_of([
+            (iteration.from_previous, RESAMPLE_FROM_PREVIOUS),
+            (index + 1 == self.iterations.len(), RESAMPLE_SHADE),
+            (index == 0, self.first_flags),
+            (iteration.from_previous && moved, self.moved_flags),
+        ]);
+        GpuResampleSettings {
+            temporal_samples: available(iteration.temporal_samples),
+            spatial_samples: available(iteration.spatial_samples),
+            mis: if iteration.spatial_samples == 0 { self.temporal_mis } else { self.common.mis },
+            flags: self.common.flags | flags,
+            iteration: index as u32,
+            radius: scaled_radius(self.common.radius, height).max(MIN_RADIUS.min(self.common.radius)),
+            visibility_radius: scaled_radius(self.common.visibility_radius, height),
+            ..self.common
+        }
+    }
+}
+
+/// Pixels of an image that is `height` lines high, for a radius in pixels of one of 1080 lines: how far samples are similar depends on the
+/// surfaces, and so on a share of the image.
+fn scaled_radius(radius: f32, height: u32) -> f32 {
+    radius * height as f32 / 1080.0
+}
+
+/// Uniforms that every domain takes from the same settings.
+fn common_settings(reuse: &Reuse, direct: &Direct, research: &Research) -> GpuResampleSettings {
+    GpuResampleSettings {
+        subset_count: direct.subset_count,
+        subset_size: direct.subset_size,
+        light_tile_size: research.light_tile_size,
+        disocclusion_samples: match reuse.order {
+            ReuseOrder::Spatiotemporal => reuse.disocclusion_samples,
+            ReuseOrder::TemporalThenSpatial => 0,
+        },
+        neighbor_attempts: reuse.neighbor_attempts,
+        radius: reuse.radius,
+        confidence_cap: reuse.confidence_cap,
+        flags: flags_of([
+            (reuse.shade_all, RESAMPLE_SHADE_ALL),
+            (reuse.bilinear, RESAMPLE_BILINEAR),
+            (reuse.same_material, RESAMPLE_SAME_MATERIAL),
+        ]),
+        normal_threshold: reuse.normal_threshold,
+        depth_threshold: reuse.depth_threshold,
+        reservoir_layout: research.reservoir_layout.tile(),
+        ..GpuResampleSettings::default()
+    }
+}
+
+fn reconnection_settings(paths: &Paths, common: GpuResampleSettings) -> GpuResampleSettings {
+    let (reconnection, separation) = match paths.reconnection {
+        Reconnection::Footprints => (RECONNECT_FOOTPRINTS, paths.footprint),
+        Reconnection::BlackBox => (RECONNECT_BLACK_BOX, paths.footprint),
+        Reconnection::Distance => (RECONNECT_DISTANCE, paths.distance),
+    };
+    GpuResampleSettings {
+        reconnection,
+        separation,
+        roughness: paths.roughness,
+        jacobian_limit: paths.jacobian_limit,
+        ..common
+    }
+}
+
+/// Rays (Wyman and Panteleev 2021, Fig. 15) and bias correction.
+fn direct_flags(direct: &Direct, research: &Research) -> u32 {
+    use VisibilityReuse::*;
+    let kind = direct.visibility;
+    let in_target = matches!(kind, Discard | Resampled);
+    flags_of([
+        (direct.bsdf_candidate, RESAMPLE_BSDF_CANDIDATE),
+        (!matches!(kind, Ignored | Shading), RESAMPLE_CANDIDATE_RAYS),
+        (in_target, RESAMPLE_TARGET_RAYS),
+        (kind == Discard, RESAMPLE_DISCARD_OCCLUDED),
+        (in_target && direct.bias_correction.uses_mis_rays(), RESAMPLE_MIS_RAYS),
+        (matches!(kind, Shading | Decoupled), RESAMPLE_SHADING_RAYS),
+        (kind == Decoupled, RESAMPLE_REUSE_VISIBILITY),
+        (direct.bias_correction.uses_heuristics(), RESAMPLE_HEURISTICS),
+        (research.target_without_bsdf, RESAMPLE_TARGET_WITHOUT_BSDF),
+    ])
+}
+
+fn flags_of<const N: usize>(flags: [(bool, u32); N]) -> u32 {
+    flags.into_iter().filter(|(condition, _)| *condition).fold(0, |all, (_, flag)| all | flag)
+}
+
+fn mis_constant(correction: BiasCorrection, mis: Mis) -> u32 {
+    if !correction.uses_mis() {
+        return MIS_UNIFORM;
+    }
+    match mis {
+        Mis::OneOverZ => MIS_ONE_OVER_Z,
+        Mis::Balance => MIS_BALANCE,
+        Mis::Pairwise => MIS_PAIRWISE,
+        Mis::DefensivePairwise => MIS_DEFENSIVE_PAIRWISE,
+        Mis::DefensivePairwiseGris => MIS_DEFENSIVE_PAIRWISE_GRIS,
+    }
+}

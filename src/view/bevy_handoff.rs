@@ -1,0 +1,182 @@
+//! Who draws what the mirror shows: Bevy until the first picture of a camera is there, we from then on, never both.
+
+use bevy::{
+    app::SubApp,
+    camera::{
+        Camera,
+        visibility::{NoCpuCulling, RenderLayers, VisibleEntities},
+    },
+    ecs::prelude::*,
+    mesh::Mesh3d,
+    pbr::{MeshMaterial3d, RenderGpuCulledEntities, StandardMaterial, collect_gpu_culled_meshes},
+    platform::collections::{HashMap, HashSet},
+    render::{
+        ExtractSchedule, MainWorld, Render, RenderSystems,
+        camera::extract_cameras,
+        sync_world::{MainEntity, RenderEntity},
+        view::{RenderVisibleEntities, RenderVisibleEntitiesClass},
+    },
+};
+use core::any::TypeId;
+
+use super::ViewPool;
+use crate::settings::Restir;
+
+type Mirrored = (With<Mesh3d>, With<MeshMaterial3d<StandardMaterial>>);
+
+/// Who lit the last picture of a camera.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum LitBy {
+    Bevy,
+    Us,
+}
+
+/// Of which views Bevy leaves mirrored meshes to us.
+#[derive(Resource, Debug, Default)]
+pub(crate) struct HiddenFromBevy {
+    /// Bevy's lighting does not bridge the time until our pipelines are compiled.
+    at_once: bool,
+    lit_by: HashMap<Entity, LitBy>,
+    views: HashSet<Entity>,
+    /// Those of the last frame.
+    last_views: HashSet<Entity>,
+    /// Mirrored meshes that are culled on the GPU: no list of the main world has them.
+    culled_on_gpu: HashSet<MainEntity>,
+}
+
+/// Adds what takes mirrored meshes off Bevy's lists.  `at_once`: from a camera's first frame on.
+pub(crate) fn build(render_app: &mut SubApp, at_once: bool) {
+    render_app
+        .insert_resource(HiddenFromBevy { at_once, ..Default::default() })
+        .add_systems(ExtractSchedule, hide_mirrored_meshes.before(extract_cameras))
+        .add_systems(
+            Render,
+            hide_meshes_culled_on_gpu.after(collect_gpu_culled_meshes).in_set(RenderSystems::PrepareMeshes),
+        );
+}
+
+/// Whether a camera's mirrored meshes are ours.  `rendered`: we drew its last frame; `None` where there was no view, as while a window is
+/// minimized.
+fn is_ours(rendered: Option<bool>, lit_by: Option<LitBy>, at_once: bool) -> bool {
+    match (rendered, lit_by) {
+        (Some(true), _) | (None, Some(LitBy::Us)) => true,
+        (_, Some(LitBy::Bevy)) => false,
+        _ => at_once,
+    }
+}
+
+impl HiddenFromBevy {
+    /// Takes a camera; true where its mirrored meshes are ours in this frame.
+    fn take(&mut self, view: Entity, is_active: bool, has_restir: bool, rendered: Option<bool>) -> bool {
+        let ours = has_restir && is_ours(rendered, self.lit_by.get(&view).copied(), self.at_once);
+        if is_active {
+            self.lit_by.insert(view, if ours { LitBy::Us } else { LitBy::Bevy });
+        }
+        if ours {
+            self.views.insert(view);
+        }
+        ours
+    }
+}
+
+/// Before Bevy takes the lists of its cameras over.
+fn hide_mirrored_meshes(mut main_world: ResMut<MainWorld>, pool: Res<ViewPool>, mut hidden: ResMut<HiddenFromBevy>) {
+    let hidden = &mut *hidden;
+    core::mem::swap(&mut hidden.views, &mut hidden.last_views);
+    hidden.views.clear();
+    let mut seen = HashSet::new();
+    let mut ours = Vec::new();
+    let mut cameras = main_world.query::<(Entity, RenderEntity, &Camera, Has<Restir>)>();
+    for (camera, view, settings, has_restir) in cameras.iter(&main_world) {
+        seen.insert(view);
+        let rendered = pool.views.get(&view).map(|state| state.rendered);
+        if hidden.take(view, settings.is_active, has_restir, rendered) {
+            ours.push(camera);
+        }
+    }
+    hidden.lit_by.retain(|view, _| seen.contains(view));
+    hidden.culled_on_gpu.clear();
+    if ours.is_empty() {
+        return;
+    }
+    let mut mirrored = main_world.query_filtered::<(), Mirrored>();
+    for camera in ours {
+        let lists = main_world.get_mut::<VisibleEntities>(camera);
+        let Some(mut list) = lists.map(|mut lists| core::mem::take(lists.get_mut(TypeId::of::<Mesh3d>()))) else {
+            continue;
+        };
+        list.retain(|entity| mirrored.get(&main_world, *entity).is_err());
+        if let Some(mut lists) = main_world.get_mut::<VisibleEntities>(camera) {
+            *lists.get_mut(TypeId::of::<Mesh3d>()) = list;
+        }
+    }
+    let mut culled_on_gpu = main_world.query_filtered::<Entity, (Mirrored, With<NoCpuCulling>)>();
+    hidden.culled_on_gpu.extend(culled_on_gpu.iter(&main_world).map(MainEntity::from));
+}
+
+/// The meshes that only the render world lists.  Bevy notes who comes and goes, and asks no further.
+fn hide_meshes_culled_on_gpu(
+    hidden: Res<HiddenFromBevy>,
+    culled: Option<Res<RenderGpuCulledEntities>>,
+    mut views: Query<(Option<&RenderLayers>, &mut RenderVisibleEntities)>,
+) {
+    let Some(culled) = culled.filter(|culled| !culled.entities.is_empty()) else { return };
+    for &view in hidden.views.union(&hidden.last_views) {
+        let Ok((layers, mut lists)) = views.get_mut(view) else { continue };
+        let is_hidden = hidden.views.contains(&view);
+        let list = lists.classes.entry(TypeId::of::<Mesh3d>()).or_default();
+        for (&entity, own_layers) in &culled.entities {
+            let on_layer = layers.is_none_or(|layers| layers.intersects(own_layers));
+            show(list, entity, on_layer && !(is_hidden && hidden.culled_on_gpu.contains(&entity)));
+        }
+        list.sort_added_entities();
+    }
+}
+
+/// Puts a mesh onto a list, or takes it off.
+fn show(list: &mut RenderVisibleEntitiesClass, entity: MainEntity, visible: bool) {
+    // Meshes have no entity of the render world.
+    let pair = (Entity::PLACEHOLDER, entity);
+    match (list.entities_gpu_culling.contains_key(&entity), visible) {
+        (true, false) => {
+            list.entities_gpu_culling.remove(&entity);
+            list.added_entities.retain(|added| added.1 != entity);
+            list.removed_entities.push(pair);
+        }
+        (false, true) => {
+            list.entities_gpu_culling.insert(entity, pair.0);
+            list.add_entity(pair);
+        }
+        (true, true) | (false, false) => {}
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bevy_lights_a_camera_until_we_have() {
+        let view = Entity::from_raw_u32(1).expect("a valid index");
+        for at_once in [false, true] {
+            let mut hidden = HiddenFromBevy { at_once, ..Default::default() };
+            let mut take = |restir, rendered| hidden.take(view, true, restir, rendered);
+            assert_eq!([take(true, None), take(true, Some(false))], [at_once; 2], "a new camera");
+            assert!(take(true, Some(true)), "our first picture is there");
+            assert!(take(true, None), "its window was minimized");
+            assert_eq!(take(true, Some(false)), at_once, "its target has a new format");
+            assert!(take(true, Some(true)));
+            assert!(!take(false, None), "no longer ours");
+            assert!(!take(true, None) && !take(true, Some(false)), "ours again: Bevy goes on");
+            assert!(take(true, Some(true)), "until we are there");
+        }
+    }
+
+    #[test]
+    fn a_camera_that_is_switched_off_was_lit_by_nobody() {
+        let view = Entity::from_raw_u32(1).expect("a valid index");
+        let mut hidden = HiddenFromBevy { at_once: true, ..Default::default() };
+        assert!(!hidden.take(view, false, false, None));
+        assert!(hidden.take(view, true, true, None));
+    }
+}

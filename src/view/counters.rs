@@ -1,0 +1,68 @@
+//! Counters that the GPU keeps for each view, read back a few frames later.
+
+use bevy::render::{
+    render_resource::*,
+    renderer::{RenderContext, RenderDevice},
+};
+use std::sync::{
+    Arc, Mutex, PoisonError,
+    atomic::{AtomicBool, Ordering},
+};
+
+use crate::gpu_layout::GpuCounters;
+
+/// The counters of a view, and their copy for the CPU.
+pub(crate) struct CounterReadback {
+    pub buffer: Buffer,
+    staging: Buffer,
+    in_flight: Arc<AtomicBool>,
+    newest: Arc<Mutex<GpuCounters>>,
+    copied: AtomicBool,
+}
+
+impl CounterReadback {
+    pub(crate) fn new(device: &RenderDevice) -> Self {
+        let buffer = |label, usage| {
+            let size = size_of::<GpuCounters>() as u64;
+            device.create_buffer(&BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
+        };
+        Self {
+            buffer: buffer("counters", BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC),
+            staging: buffer("counters read-back", BufferUsages::MAP_READ | BufferUsages::COPY_DST),
+            in_flight: Arc::default(),
+            newest: Arc::default(),
+            copied: AtomicBool::new(false),
+        }
+    }
+
+    /// Copies the counters, within the frame, unless the last copy is still being read.
+    pub(crate) fn copy(&self, context: &mut RenderContext) {
+        if self.in_flight.load(Ordering::Acquire) {
+            return;
+        }
+        let size = self.buffer.size();
+        context.command_encoder().copy_buffer_to_buffer(&self.buffer, 0, &self.staging, 0, size);
+        self.copied.store(true, Ordering::Release);
+    }
+
+    /// Maps the copy, after the frame was submitted; the counters arrive when the GPU has finished.
+    pub(crate) fn read(&self) {
+        if !self.copied.swap(false, Ordering::AcqRel) {
+            return;
+        }
+        self.in_flight.store(true, Ordering::Release);
+        let (staging, in_flight, newest) = (self.staging.clone(), self.in_flight.clone(), self.newest.clone());
+        self.staging.slice(..).map_async(MapMode::Read, move |result| {
+            if result.is_ok() {
+                let counters = *bytemuck::from_bytes::<GpuCounters>(&staging.slice(..).get_mapped_range());
+                *newest.lock().unwrap_or_else(PoisonError::into_inner) = counters;
+                staging.unmap();
+            }
+            in_flight.store(false, Ordering::Release);
+        });
+    }
+
+    pub(crate) fn newest(&self) -> GpuCounters {
+        *self.newest.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

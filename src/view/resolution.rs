@@ -1,0 +1,98 @@
+//! Reduces the traced resolution and the light subsets to what the device can bind; a limit is never an error.
+
+use bevy::{math::UVec2, render::renderer::RenderDevice};
+
+use super::{history::reservoir_bytes, pixels};
+use crate::{
+    gpu_layout::PRESAMPLED_LIGHT_SIZE,
+    settings::{Direct, Restir},
+    technique::domain::Domain,
+};
+
+/// Greatest size of a binding of this device, bytes.
+pub(crate) fn binding_limit(device: &RenderDevice) -> u64 {
+    let limits = device.limits();
+    limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
+}
+
+/// Size of the largest buffer of a view, bytes: its radiance, or the reservoirs of a domain.
+fn largest_buffer(size: UVec2, domains: &[&Domain], settings: &Restir) -> u64 {
+    let reservoirs = domains.iter().map(|domain| reservoir_bytes(size, domain, settings));
+    reservoirs.fold(pixels(size) * 16, u64::max)
+}
+
+/// The resolution that is traced for a viewport: its own, or scaled down by one factor on both sides.
+pub(crate) fn traced_size(viewport: UVec2, domains: &[&Domain], settings: &Restir, limit: u64) -> UVec2 {
+    let mut size = viewport;
+    let mut scale = 1.0f64;
+    while size != UVec2::ONE && largest_buffer(size, domains, settings) > limit {
+        // Tiles are not cut at the edge of the image: the first guess may be slightly too large.
+        let share = limit as f64 / largest_buffer(size, domains, settings) as f64;
+        scale *= share.sqrt().min(0.999);
+        size = (viewport.as_dvec2() * scale).as_uvec2().max(UVec2::ONE);
+    }
+    size
+}
+
+/// Shrinks the light subsets to the limit.  Returns whether it changed them.
+pub(crate) fn fit_subsets(direct: &mut Direct, limit: u64) -> bool {
+    let most = (limit / PRESAMPLED_LIGHT_SIZE).max(1);
+    if direct.subset_count as u64 * direct.subset_size as u64 <= most {
+        return false;
+    }
+    direct.subset_count = (direct.subset_count as u64).min(most) as u32;
+    direct.subset_size = (most / direct.subset_count as u64) as u32;
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{settings::Technique, technique::row};
+
+    fn domains(technique: Technique) -> &'static [&'static Domain] {
+        row(technique).domains
+    }
+
+    const LIMIT: u64 = 128 << 20;
+
+    #[test]
+    fn a_view_that_fits_is_not_scaled() {
+        let settings = Restir::default();
+        for size in [UVec2::new(1920, 1080), UVec2::new(2048, 1024), UVec2::ONE] {
+            assert_eq!(traced_size(size, domains(Technique::Pt), &settings, LIMIT), size);
+        }
+        let large = UVec2::new(3840, 2160);
+        assert_eq!(traced_size(large, domains(Technique::Di), &settings, LIMIT), large);
+        assert_eq!(traced_size(large, &[], &settings, LIMIT), large);
+    }
+
+    #[test]
+    fn a_scaled_view_keeps_its_shape_and_wastes_little() {
+        let settings = Restir::default();
+        for (size, domains) in [
+            (UVec2::new(3840, 2160), domains(Technique::Pt)),
+            (UVec2::new(2560, 1440), domains(Technique::Gi)),
+            (UVec2::new(7680, 4320), domains(Technique::Reference)),
+            (UVec2::new(16384, 700), domains(Technique::Pt)),
+        ] {
+            let traced = traced_size(size, domains, &settings, LIMIT);
+            let bytes = largest_buffer(traced, domains, &settings);
+            assert!(bytes <= LIMIT && bytes as f64 > 0.97 * LIMIT as f64, "{size} as {traced}: {bytes} bytes");
+            let shape = (traced.x as f64 / traced.y as f64) / (size.x as f64 / size.y as f64);
+            assert!((shape - 1.0).abs() < 0.01, "{size} as {traced}");
+        }
+        assert_eq!(traced_size(UVec2::new(500, 3), domains(Technique::Pt), &settings, 16), UVec2::ONE);
+    }
+
+    #[test]
+    fn subsets_are_made_to_fit() {
+        for limit in [16, 48, 4096, 1 << 20, LIMIT] {
+            let mut direct = Direct { subset_count: 128, subset_size: 16384, ..Direct::default() };
+            let changed = fit_subsets(&mut direct, limit);
+            let entries = direct.subset_count as u64 * direct.subset_size as u64;
+            assert!(direct.subset_size > 0 && entries * PRESAMPLED_LIGHT_SIZE <= limit.max(48), "{direct:?}");
+            assert_eq!(changed, limit != LIMIT);
+        }
+    }
+}

@@ -1,0 +1,61 @@
+//! The pipelines that each camera asks for, and those that it renders with until they are ready.
+
+use bevy::{
+    core_pipeline::prepass::ViewPrepassTextures,
+    ecs::{entity::Entity, resource::Resource},
+    platform::collections::HashMap,
+    render::{render_resource::TextureFormat, view::ViewTarget},
+};
+
+use super::{environment::EnvironmentPool, extract::ExtractedRestir};
+use crate::{
+    scene::{SceneFeatures, bindings::SceneBindings},
+    technique::{
+        frame::{Frame, PipelineKey},
+        reuse_schedule::FEW_INPUTS,
+    },
+};
+
+/// Targets of the composite pass: the format of the view target, and whether there is a texture of motion vectors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct CompositeKey {
+    pub format: TextureFormat,
+    pub motion: bool,
+}
+
+impl CompositeKey {
+    /// For a camera's textures.
+    pub(crate) fn of(target: &ViewTarget, prepass: Option<&ViewPrepassTextures>) -> Self {
+        let motion = prepass.is_some_and(|textures| textures.motion_vectors.is_some());
+        Self { format: target.main_texture_format(), motion }
+    }
+}
+
+/// Pipelines of one camera.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Selection {
+    pub wanted: PipelineKey,
+    /// Pipelines that are ready: the wanted ones, or those of the last frame.
+    pub key: Option<PipelineKey>,
+    /// Pipeline of the composite pass, if it is ready.
+    pub composite: Option<CompositeKey>,
+}
+
+/// Pipelines of all cameras, by render entity.
+#[derive(Resource, Default)]
+pub(crate) struct SelectedPipelines(pub HashMap<Entity, Selection>);
+
+/// The pipelines that a camera asks for.
+pub(crate) fn wanted_key(
+    restir: &ExtractedRestir,
+    scene: &SceneBindings,
+    environments: &EnvironmentPool,
+) -> PipelineKey {
+    let frame = Frame::of(&restir.settings);
+    let mut features = scene.features | environments.features(restir.environment.as_ref());
+    features.set(SceneFeatures::RENDER_LAYERS, scene.hidden_from & restir.layers != 0);
+    features.set(SceneFeatures::ENERGY_COMPENSATION, restir.settings.energy_compensation);
+    let max_inputs = frame.domains().iter().map(|domain| (domain.schedule)(&restir.settings).max_inputs());
+    features.set(SceneFeatures::MANY_NEIGHBORS, max_inputs.max().unwrap_or(0) > FEW_INPUTS);
+    PipelineKey { frame, features }
+}
