@@ -1,0 +1,81 @@
+//! ReSTIR GI beside ReSTIR DI shows what the reference shows, in small made scenes of 32 x 32 pixels.  Two one-sided tests at α = 0.01 on
+//! the image mean; the 8 x 8 tiles by chi-squared.
+
+use crate::support::{
+    app::*,
+    proof::{Indirect, Proof},
+    reuse_settings::{di, paths, pixels},
+    small_scenes::*,
+};
+use bevy::prelude::*;
+use bevy_restir::Paths;
+
+const PROOF: Proof = Proof { bounces: 4, ..Proof::of((32, 8), (40, 32)) };
+
+fn with(paths: Paths) -> Indirect {
+    Indirect(di::all_reuse(), paths)
+}
+
+#[test]
+fn indirect_light_in_a_room_is_that_of_the_reference_whatever_is_reused() {
+    let Some(mut rig) = room_scene(32) else { return };
+    PROOF.check(
+        "room",
+        &mut rig,
+        &[
+            ("candidates", with(Paths { temporal: false, spatial_taps: 0, ..every() })),
+            ("temporal", with(Paths { spatial_taps: 0, ..every() })),
+            ("spatial", with(Paths { temporal: false, ..every() })),
+            ("both", with(paths::all_reuse())),
+            ("far apart", with(Paths { distance: 0.5, ..every() })),
+            ("Jacobians to 1.5", with(Paths { jacobian_limit: 1.5, ..every() })),
+        ],
+    );
+}
+
+#[test]
+fn indirect_light_of_an_environment_and_mirrors_is_that_of_the_reference() {
+    let Some(mut rig) = scene(32, |rig| surrounded(rig, true)) else { return };
+    PROOF.check("surrounded", &mut rig, &[("both", with(paths::all_reuse()))]);
+    let Some(mut rig) = scene(32, mirrors) else { return };
+    let proof = Proof { bounces: 3, margin: 0.02, ..Proof::of((40, 8), (40, 32)) };
+    proof.check("mirrors", &mut rig, &[("both", with(paths::all_reuse()))]);
+}
+
+#[test]
+fn indirect_light_in_a_frame_in_which_all_moves_is_that_at_rest() {
+    let Some(mut rig) = scene(32, moving) else { return };
+    let proof = Proof { bounces: 3, margin: 0.015, pose: Some(&pose_moving), ..Proof::of((240, 1), (40, 32)) };
+    proof.check("moving", &mut rig, &[("both", with(paths::all_reuse()))]);
+}
+
+#[test]
+fn indirect_light_of_points_and_suns_is_that_of_the_reference() {
+    let Some(mut rig) = scene(32, punctual) else { return };
+    PROOF.check("punctual", &mut rig, &[("both", with(paths::all_reuse()))]);
+}
+
+#[test]
+fn radiance_that_is_kept_by_glossy_bounces_is_biased_as_documented() {
+    let Some(mut rig) = scene(32, |rig| {
+        // A floor whose reflections light a wall: what leaves it does so to one side.
+        let floor = Transform::from_rotation(Quat::from_rotation_x(-core::f32::consts::FRAC_PI_2));
+        rig.spawn(square(4.0), shiny(Color::WHITE, 0.35, 1.0), floor.with_translation(Vec3::new(0.0, -1.0, 0.0)));
+        rig.spawn(square(4.0), lambert(0.7), Transform::from_xyz(0.0, 0.0, -1.2));
+        let lamp_at = Transform::from_xyz(0.0, 1.2, 0.6).looking_to(Vec3::new(0.0, 0.9, 0.4), Vec3::Z);
+        rig.spawn(square(0.6), lamp(8.0, 8.0, 8.0), lamp_at);
+    }) else {
+        return;
+    };
+    let proof = Proof { bounces: 2, ..Proof::of((40, 16), (40, 64)) };
+    let truth = proof.truth(&mut rig, 1000);
+    let mut found = |paths: Paths| {
+        let found = proof.resampled(&mut rig, &with(paths), 5000).compare(&truth, 0.01);
+        eprintln!("{found}");
+        found
+    };
+    let far = Paths { radius: pixels(12.0, 32), spatial_taps: 3, ..every() };
+    assert!(!found(far.clone()).is_different());
+    // Bright where it comes from elsewhere, dark where it should be.
+    assert!(found(Paths { keeps_radiance: true, ..far }).tiles < 1e-6);
+}
