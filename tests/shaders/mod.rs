@@ -2,3 +2,4 @@
 
 mod composition;
 mod layout;
+mod room_order;

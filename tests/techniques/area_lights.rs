@@ -234,10 +234,10 @@ fn resampled_paths_past_shapes_carry_what_the_reference_carries() {
 #[ignore = "minutes: ./run test --full"]
 fn full_length_resampled_light_of_shapes_is_that_of_the_reference() {
     let Some(mut rig) = scene(32, shapes) else { return };
-    let candidates = Direct { temporal: false, spatial_taps: 0, ..both() };
+    let candidates = di::candidates_only();
     let proof = Proof { margin: 0.005, ..Proof::of((64, 16), (64, 64)) };
     proof.check("shapes, direct", &mut rig, &[("candidates", candidates), ("both", di::all_reuse())]);
-    let candidates = Paths { temporal: false, spatial_taps: 0, ..every() };
+    let candidates = paths::candidates_only();
     let proof = Proof { bounces: 3, margin: 0.007, ..Proof::of((64, 16), (64, 64)) };
     proof.check("shapes, paths", &mut rig, &[("candidates", candidates), ("both", paths::all_reuse())]);
     proof.check("shapes, indirect", &mut rig, &[("both", Indirect(di::all_reuse(), paths::all_reuse()))]);

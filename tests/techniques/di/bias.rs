@@ -14,7 +14,7 @@ use bevy_restir::{BiasCorrection, Direct, Mis, Restir, Technique, VisibilityReus
 const PROOF: Proof = Proof::DEFAULT;
 
 fn corrected(bias_correction: BiasCorrection, mis: Mis) -> Direct {
-    Direct { bias_correction, ..careless(mis) }
+    Direct { bias_correction, ..di::across_edges(mis) }
 }
 
 #[test]

@@ -1,14 +1,14 @@
 //! A frame of a moving scene is on average what the reference shows of that frame's scene at rest: the mean over 120 seeds of the last
 //! frame of a scripted motion of four, 32 x 32 pixels, margin 1 % (1.5 % where said) at α = 0.01, and the 8 x 8 tiles by chi-squared.
 
-use crate::support::{app::*, proof::Proof, small_scenes::*};
+use crate::support::{app::*, proof::Proof, reuse_settings::di, small_scenes::*};
 use bevy::prelude::*;
 use bevy_restir::{Direct, Mis};
 
 fn check(name: &str, rig: &mut Rig, margin: f64, pose: impl Fn(&mut Rig, u32)) {
     // Much is new to every frame: it asks as many neighbours as there may be.
-    let both = Direct { disocclusion_taps: 5, ..both() };
-    let techniques = [("both", both), ("balance", Direct { spatial_taps: 1, ..careless(Mis::Balance) })];
+    let both = Direct { disocclusion_taps: 5, ..di::all_reuse() };
+    let techniques = [("both", both), ("balance", Direct { spatial_taps: 1, ..di::across_edges(Mis::Balance) })];
     Proof { margin, pose: Some(&pose), ..Proof::of((120, 1), (40, 64)) }.check(name, rig, &techniques);
 }
 

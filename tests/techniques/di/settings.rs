@@ -36,7 +36,7 @@ fn reservoirs(rig: &mut Rig, view: DebugView, frames: u32) -> Picture {
 fn every_layout_of_reservoirs_gives_the_same_picture() {
     let Some(mut rig) = lit_room(43, 29) else { return };
     let mut of = |layout, order| {
-        direct(&mut rig, Direct { layout, order, ..both() });
+        direct(&mut rig, Direct { layout, order, ..di::all_reuse() });
         rig.set(|r| r.reset = true);
         rig.frames(3);
         rig.next()
@@ -88,7 +88,7 @@ fn no_ray_is_traced_where_none_is_asked_for() {
     for order in [ReuseOrder::Spatiotemporal, ReuseOrder::TemporalThenSpatial] {
         direct(
             &mut rig,
-            Direct { visibility: VisibilityReuse::Ignored, bsdf_candidate: false, order, rounds: 2, ..both() },
+            Direct { visibility: VisibilityReuse::Ignored, bsdf_candidate: false, order, rounds: 2, ..di::all_reuse() },
         );
         rig.frames(4);
         assert_eq!(rig.report().rays, 0, "{order:?}");
@@ -98,7 +98,7 @@ fn no_ray_is_traced_where_none_is_asked_for() {
 #[test]
 fn confidence_grows_by_a_frame_up_to_its_cap() {
     let Some(mut rig) = lit_room(24, 24) else { return };
-    direct(&mut rig, Direct { confidence_cap: 4.0, ..temporal() });
+    direct(&mut rig, Direct { confidence_cap: 4.0, ..di::temporal() });
     for (frames, expected) in [(1, 1.0), (2, 2.0), (4, 4.0), (5, 5.0), (9, 5.0)] {
         let view = reservoirs(&mut rig, DebugView::ReservoirConfidence, frames);
         let lit = view.iter().filter(|(_, c)| c.x > 0.0).count();
@@ -112,7 +112,7 @@ fn the_history_of_an_emitter_outlives_lights_that_come_and_go() {
     let light = PointLight { intensity: 1.0, ..default() };
     // One of their kind stays, so that the shaders are the same.
     rig.spawn_bundle((light, Transform::from_xyz(0.9, 0.9, 0.9)));
-    direct(&mut rig, Direct { confidence_cap: 20.0, ..temporal() });
+    direct(&mut rig, Direct { confidence_cap: 20.0, ..di::temporal() });
     rig.set(|r| r.debug_view = DebugView::ReservoirConfidence);
     rig.until_ready();
     rig.set(|r| r.reset = true);
@@ -142,7 +142,8 @@ fn both_orders_sum_the_confidence_of_all_that_they_reuse() {
         let view = reservoirs(&mut rig, DebugView::ReservoirConfidence, frames);
         view.iter().map(|(_, c)| c.x).fold(0.0, f32::max)
     };
-    let two = Direct { rounds: 2, confidence_cap: 60.0, bias_correction: BiasCorrection::UnbiasedMis, ..both() };
+    let two =
+        Direct { rounds: 2, confidence_cap: 60.0, bias_correction: BiasCorrection::UnbiasedMis, ..di::all_reuse() };
     // 1 + (temporal + 2 taps + 2 taps) · 1; then 1 + 5 · 6.
     assert_eq!(most(two.clone(), 2), 6.0);
     assert_eq!(most(two.clone(), 3), 31.0);
@@ -169,7 +170,7 @@ fn rounds_are_passes() {
 fn a_disocclusion_asks_more_neighbours() {
     let Some(mut rig) = lit_room(48, 48) else { return };
     let mut after_a_jump = |disocclusion_taps| {
-        direct(&mut rig, Direct { disocclusion_taps, spatial_taps: 1, radius: pixels(12.0, 48), ..both() });
+        direct(&mut rig, Direct { disocclusion_taps, spatial_taps: 1, radius: pixels(12.0, 48), ..di::all_reuse() });
         rig.set(|r| r.debug_view = DebugView::ReservoirConfidence);
         let place = |rig: &mut Rig, x: f32| {
             let camera = rig.camera;
@@ -210,7 +211,10 @@ fn exposure_keeps_the_history_and_another_projection_forgets_it() {
 fn more_tries_find_more_neighbours() {
     let Some(mut rig) = lit_room(48, 48) else { return };
     let mut mean = |tries| {
-        direct(&mut rig, Direct { tries, temporal: false, spatial_taps: 2, radius: pixels(20.0, 48), ..both() });
+        direct(
+            &mut rig,
+            Direct { tries, temporal: false, spatial_taps: 2, radius: pixels(20.0, 48), ..di::all_reuse() },
+        );
         reservoirs(&mut rig, DebugView::ReservoirConfidence, 2).mean()
     };
     let (one, three) = (mean(1), mean(3));
@@ -227,7 +231,7 @@ fn neighbours_of_one_material_alone_are_asked_where_that_is_wanted() {
     let mut lone = |same_material| {
         direct(
             &mut rig,
-            Direct { same_material, temporal: false, spatial_taps: 1, radius: pixels(10.0, 40), ..both() },
+            Direct { same_material, temporal: false, spatial_taps: 1, radius: pixels(10.0, 40), ..di::all_reuse() },
         );
         let view = reservoirs(&mut rig, DebugView::ReservoirConfidence, 2);
         // Far from the image's borders, near the seam.
@@ -246,7 +250,7 @@ fn a_bilinear_history_comes_from_the_pixels_round_the_place() {
     rig.insert(rig.camera, orthographic(24.0, 24.0));
     let mut lost = |bilinear| {
         rig.get_mut::<Transform>(rig.camera).translation.x = 0.0;
-        direct(&mut rig, Direct { bilinear, ..temporal() });
+        direct(&mut rig, Direct { bilinear, ..di::temporal() });
         rig.set(|r| r.debug_view = DebugView::ReservoirConfidence);
         rig.until_ready();
         rig.set(|r| r.reset = true);
@@ -261,7 +265,7 @@ fn a_bilinear_history_comes_from_the_pixels_round_the_place() {
 #[test]
 fn views_of_reservoirs_show_what_is_kept() {
     let Some(mut rig) = lit_room(32, 32) else { return };
-    direct(&mut rig, Direct { visibility: VisibilityReuse::Decoupled, ..both() });
+    direct(&mut rig, Direct { visibility: VisibilityReuse::Decoupled, ..di::all_reuse() });
     let mut of = |view| reservoirs(&mut rig, view, 6);
     let (lights, points) = (of(DebugView::ReservoirLights), of(DebugView::ReservoirPoints));
     let (weights, seen) = (of(DebugView::ReservoirWeights), of(DebugView::ReservoirVisibility));
@@ -280,7 +284,7 @@ fn views_of_reservoirs_show_what_is_kept() {
 #[test]
 fn reservoirs_take_at_most_48_bytes_a_pixel() {
     let Some(mut rig) = lit_room(40, 40) else { return };
-    direct(&mut rig, Direct { layout: ReservoirLayout::Tiles4, ..both() });
+    direct(&mut rig, Direct { layout: ReservoirLayout::Tiles4, ..di::all_reuse() });
     let report = rig.report();
     assert_eq!(report.reservoir_bytes_per_pixel, 32);
     let of = |name| report.memory.iter().find(|(n, _)| *n == name).map(|(_, bytes)| bytes / 1600);

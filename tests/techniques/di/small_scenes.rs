@@ -12,12 +12,12 @@ fn a_room_with_shadows_is_lit_as_by_the_reference() {
         &mut rig,
         &[
             ("candidates", di::candidates_only()),
-            ("not presampled", Direct { subset_count: 0, ..candidates_only() }),
+            ("not presampled", Direct { subset_count: 0, ..di::candidates_only() }),
             ("temporal", di::temporal()),
             ("spatial", di::spatial()),
             ("both", di::all_reuse()),
-            ("simple target", Direct { simple_target: true, ..both() }),
-            ("bilinear", Direct { bilinear: true, ..temporal() }),
+            ("simple target", Direct { simple_target: true, ..di::all_reuse() }),
+            ("bilinear", Direct { bilinear: true, ..di::temporal() }),
             ("valid", di::across_edges(Mis::Valid)),
             ("balance", di::across_edges(Mis::Balance)),
             ("pairwise", di::across_edges(Mis::Pairwise)),
@@ -41,7 +41,7 @@ fn an_environment_lights_as_in_the_reference() {
             name,
             &mut rig,
             &[
-                ("candidates", Direct { subset_count: 0, ..candidates_only() }),
+                ("candidates", Direct { subset_count: 0, ..di::candidates_only() }),
                 ("both", di::all_reuse()),
                 ("pairwise", di::across_edges(Mis::Pairwise)),
             ],
@@ -60,6 +60,6 @@ fn blended_panes_and_lamps_light_as_in_the_reference() {
     // 64 x 64 pixels: noisier than the others, as chance decides what each pixel sees.
     let Some(mut rig) = scene(64, blended) else { return };
     let proof = Proof { blended: true, ..Proof::of((32, 16), (40, 32)) };
-    let balance = Direct { spatial_taps: 1, ..careless(Mis::Balance) };
+    let balance = Direct { spatial_taps: 1, ..di::across_edges(Mis::Balance) };
     proof.check("blended", &mut rig, &[("candidates", di::candidates_only()), ("balance", balance)]);
 }

@@ -23,12 +23,12 @@ fn indirect_light_in_a_room_is_that_of_the_reference_whatever_is_reused() {
         "room",
         &mut rig,
         &[
-            ("candidates", with(Paths { temporal: false, spatial_taps: 0, ..every() })),
-            ("temporal", with(Paths { spatial_taps: 0, ..every() })),
-            ("spatial", with(Paths { temporal: false, ..every() })),
+            ("candidates", with(paths::candidates_only())),
+            ("temporal", with(paths::temporal())),
+            ("spatial", with(paths::spatial())),
             ("both", with(paths::all_reuse())),
-            ("far apart", with(Paths { distance: 0.5, ..every() })),
-            ("Jacobians to 1.5", with(Paths { jacobian_limit: 1.5, ..every() })),
+            ("far apart", with(Paths { distance: 0.5, ..paths::all_reuse() })),
+            ("Jacobians to 1.5", with(Paths { jacobian_limit: 1.5, ..paths::all_reuse() })),
         ],
     );
 }
@@ -74,7 +74,7 @@ fn radiance_that_is_kept_by_glossy_bounces_is_biased_as_documented() {
         eprintln!("{found}");
         found
     };
-    let far = Paths { radius: pixels(12.0, 32), spatial_taps: 3, ..every() };
+    let far = Paths { radius: pixels(12.0, 32), spatial_taps: 3, ..paths::all_reuse() };
     assert!(!found(far.clone()).is_different());
     // Bright where it comes from elsewhere, dark where it should be.
     assert!(found(Paths { keeps_radiance: true, ..far }).tiles < 1e-6);

@@ -14,18 +14,14 @@ use bevy_restir::{Paths, Suffix};
 fn paths_in_a_frame_in_which_all_moves_carry_what_they_carry_at_rest() {
     let Some(mut rig) = scene(32, moving) else { return };
     let proof = Proof { bounces: 3, margin: 0.015, pose: Some(&pose_moving), ..Proof::of((240, 1), (40, 32)) };
-    proof.check(
-        "moving",
-        &mut rig,
-        &[("temporal", Paths { spatial_taps: 0, ..every() }), ("both", paths::all_reuse())],
-    );
+    proof.check("moving", &mut rig, &[("temporal", paths::temporal()), ("both", paths::all_reuse())]);
 }
 
 #[test]
 fn paths_to_emitters_carry_what_they_carry_while_other_lights_come_and_go() {
     let Some(mut rig) = scene(32, passing) else { return };
     let proof = Proof { bounces: 3, margin: 0.015, pose: Some(&pose_passing), ..Proof::of((160, 1), (40, 32)) };
-    let paths = Paths { spatial_taps: 0, ..every() };
+    let paths = paths::temporal();
     let both = [("paths", AllLight::Pt(paths.clone())), ("indirect", AllLight::Gi(di::all_reuse(), paths))];
     proof.check("passing lights", &mut rig, &both);
 }
@@ -36,8 +32,9 @@ fn suffixes_that_are_not_traced_both_ways_are_biased_with_their_documented_sign(
     let proof = Proof { bounces: 3, margin: 0.015, pose: Some(&pose_moving), ..Proof::of((160, 1), (40, 32)) };
     let truth = proof.truth(&mut rig, 1000);
     let mut found = |suffix| {
-        let found =
-            proof.resampled(&mut rig, &Paths { suffix, spatial_taps: 0, ..every() }, 5000).compare(&truth, 0.01);
+        let found = proof
+            .resampled(&mut rig, &Paths { suffix, spatial_taps: 0, ..paths::all_reuse() }, 5000)
+            .compare(&truth, 0.01);
         eprintln!("{suffix:?}: {found}");
         found
     };
@@ -76,7 +73,7 @@ fn paths_by_what_grows_and_shrinks_carry_what_they_carry_at_rest() {
         rig.get_mut::<PointLight>(ball).radius = 0.2 * f32::powf(1.3, -ago);
     };
     let proof = Proof { bounces: 3, margin: 0.02, pose: Some(&pose), ..Proof::of((100, 1), (40, 16)) };
-    let temporal = Paths { spatial_taps: 0, ..every() };
+    let temporal = paths::temporal();
     let all = [("PT", AllLight::Pt(temporal.clone())), ("DI + GI", AllLight::Gi(di::all_reuse(), temporal))];
     proof.check("growing", &mut rig, &all);
 }

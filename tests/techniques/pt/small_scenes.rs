@@ -23,12 +23,12 @@ fn paths_in_a_room_carry_what_the_reference_carries_whatever_is_reused() {
             ("temporal", paths::temporal()),
             ("spatial", paths::spatial()),
             ("both", paths::all_reuse()),
-            ("balance", Paths { mis: Mis::Balance, ..spatial() }),
-            ("pairwise", Paths { mis: Mis::Pairwise, ..spatial() }),
-            ("two rounds", Paths { rounds: 2, ..every() }),
-            ("spatiotemporal", Paths { order: ReuseOrder::Spatiotemporal, ..every() }),
-            ("no vector weights", Paths { vector_weights: false, ..every() }),
-            ("by distance", Paths { reconnection: Reconnection::Distance, distance: 0.3, ..every() }),
+            ("balance", Paths { mis: Mis::Balance, ..paths::spatial() }),
+            ("pairwise", Paths { mis: Mis::Pairwise, ..paths::spatial() }),
+            ("two rounds", Paths { rounds: 2, ..paths::all_reuse() }),
+            ("spatiotemporal", Paths { order: ReuseOrder::Spatiotemporal, ..paths::all_reuse() }),
+            ("no vector weights", Paths { vector_weights: false, ..paths::all_reuse() }),
+            ("by distance", Paths { reconnection: Reconnection::Distance, distance: 0.3, ..paths::all_reuse() }),
         ],
     );
 }
@@ -36,8 +36,8 @@ fn paths_in_a_room_carry_what_the_reference_carries_whatever_is_reused() {
 #[test]
 fn paths_over_glossy_surfaces_carry_what_the_reference_carries() {
     let Some(mut rig) = scene(32, glossy) else { return };
-    let often_replayed = Paths { footprint: 20.0, ..every() };
-    let black_box = Paths { reconnection: Reconnection::BlackBox, roughness: 0.6, ..every() };
+    let often_replayed = Paths { footprint: 20.0, ..paths::all_reuse() };
+    let black_box = Paths { reconnection: Reconnection::BlackBox, roughness: 0.6, ..paths::all_reuse() };
     let proof = Proof { bounces: 2, margin: 0.02, ..Proof::of((48, 16), (40, 64)) };
     proof.check(
         "glossy",
@@ -112,7 +112,7 @@ fn planted_errors_of_paths_are_found() {
     let Some(mut rig) = scene(32, lit_from_the_ceiling) else { return };
     let proof = Proof { bounces: 3, ..PROOF };
     let reference = proof.truth(&mut rig, 1000);
-    let far = Paths { radius: pixels(20.0, 32), spatial_taps: 3, ..spatial() };
+    let far = Paths { radius: pixels(20.0, 32), spatial_taps: 3, ..paths::spatial() };
     let right = proof.resampled(&mut rig, &far, 5000).compare(&reference, 0.01);
     eprintln!("no error: {right}");
     assert!(!right.is_different(), "{right}");
