@@ -1,10 +1,10 @@
-//! The reference gathers frames for as long as nothing that it shows changes, and random numbers are the seed's.
+//! Frames accumulate while nothing visible changes, and the random numbers depend on the seed and the frame alone.
 
 use crate::support::app::*;
 use bevy::{light::RectLight, prelude::*, render::render_resource::TextureFormat};
 use bevy_restir::{EmissiveLuminance, RestirEnvironment, Technique};
 
-/// A lit plane with a texture, and who is who in it.
+/// A lit plane with a texture, and handles to what the tests change.
 struct Scene {
     rig: Rig,
     plane: Entity,
@@ -13,7 +13,7 @@ struct Scene {
     environment: Handle<Image>,
 }
 
-/// An equirectangular image of one colour.
+/// An equirectangular image of one color.
 fn uniform_map(value: u8) -> Image {
     let mut image = texture(4, 2, |_, _| [value, value, value, 255]);
     image.texture_descriptor.format = TextureFormat::Rgba8Unorm;
@@ -53,7 +53,7 @@ fn samples_add_up_while_nothing_changes() {
 }
 
 #[test]
-fn lights_that_are_left_out_keep_no_frame_from_adding_up() {
+fn changes_of_rejected_lights_do_not_reset_the_history() {
     let Some(Scene { mut rig, .. }) = scene() else { return };
     let at = Transform::from_xyz(-1.0, 1.0, 2.0);
     let light = |intensity| PointLight { intensity, ..default() };
@@ -70,7 +70,7 @@ fn lights_that_are_left_out_keep_no_frame_from_adding_up() {
         rig.until_ready();
         rig.set(|restir| restir.reset = true);
         for n in 1..=5 {
-            // Black, and where nothing is: that they move shows nothing.
+            // A black light and a light at NaN: their motion is not visible.
             rig.get_mut::<Transform>(beside).translation.x += 0.1;
             rig.get_mut::<Transform>(half_nowhere).translation.y += 0.1;
             assert_eq!(rig.next().samples, n, "{technique:?}");
@@ -78,12 +78,12 @@ fn lights_that_are_left_out_keep_no_frame_from_adding_up() {
         }
     }
     rig.get_mut::<PointLight>(beside).intensity = 50.0;
-    assert_eq!(rig.next().samples, 1, "it shines");
+    assert_eq!(rig.next().samples, 1, "the light was turned on");
     rig.assert_sound();
 }
 
 #[test]
-fn whatever_is_shown_resets_the_history_when_it_changes() {
+fn every_visible_change_resets_the_history() {
     type Change = fn(&mut Scene);
     let changes: [(&str, Change); 19] = [
         ("transform", |s| s.rig.get_mut::<Transform>(s.plane).translation.x += 0.1),
@@ -92,8 +92,8 @@ fn whatever_is_shown_resets_the_history_when_it_changes() {
             s.rig.edit(&material, |m| m.base_color = Color::linear_rgb(0.3, 0.3, 0.3));
         }),
         ("light power", |s| s.rig.get_mut::<PointLight>(s.light).intensity *= 1.1),
-        ("light place", |s| s.rig.get_mut::<Transform>(s.light).translation.z += 0.1),
-        ("light gone", |s| {
+        ("light position", |s| s.rig.get_mut::<Transform>(s.light).translation.z += 0.1),
+        ("light removed", |s| {
             s.rig.app.world_mut().despawn(s.light);
         }),
         ("camera", |s| s.rig.get_mut::<Transform>(s.rig.camera).translation.z += 0.1),
@@ -102,7 +102,7 @@ fn whatever_is_shown_resets_the_history_when_it_changes() {
             s.rig.insert(s.rig.camera, Projection::Perspective(projection));
         }),
         ("environment", |s| s.rig.get_mut::<RestirEnvironment>(s.rig.camera).intensity *= 1.5),
-        ("environment's turn", |s| {
+        ("rotation of the environment", |s| {
             s.rig.get_mut::<RestirEnvironment>(s.rig.camera).rotation = Quat::from_rotation_y(0.5);
         }),
         ("bounces", |s| s.rig.set(|restir| restir.bounces = 3)),
@@ -133,19 +133,19 @@ fn whatever_is_shown_resets_the_history_when_it_changes() {
         scene.rig.until_ready();
         scene.rig.frames(2);
         let before = scene.rig.next();
-        assert!(before.samples >= 3, "{name}: nothing changed yet, and {} samples", before.samples);
+        assert!(before.samples >= 3, "{name}: only {} samples before the change", before.samples);
         change(&mut scene);
         let after = scene.rig.next();
         assert_eq!(after.samples, 1, "{name} changed");
     }
-    // Without an environment the clear colour is what is seen.
+    // Without an environment the clear color is visible.
     scene.rig.app.world_mut().entity_mut(scene.rig.camera).remove::<RestirEnvironment>();
     scene.rig.until_ready();
     scene.rig.frames(2);
     scene.rig.app.world_mut().resource_mut::<ClearColor>().0 = Color::linear_rgb(0.1, 0.2, 0.3);
     assert_eq!(scene.rig.next().samples, 1, "clear colour");
 
-    // A mesh is rebuilt in a task: its history starts with the new triangles.
+    // A changed mesh is rebuilt in a background task; the history restarts when the new triangles arrive.
     let mesh = scene.rig.app.world().get::<Mesh3d>(scene.plane).expect("the plane has a mesh").0.clone();
     scene.rig.edit(&mesh, |mesh| *mesh = square(3.0));
     scene.rig.frame();
@@ -156,15 +156,15 @@ fn whatever_is_shown_resets_the_history_when_it_changes() {
     let alone = scene.rig.next();
     let sky = alone.at(0, 0);
     let clear: Vec<_> = alone.iter().filter(|(at, c)| *c == sky && alone.is_flat_around(*at)).collect();
-    assert!(clear.len() > 100, "{} pixels see the sky alone", clear.len());
-    assert!(clear.iter().all(|(at, c)| after.at(at.x, at.y) == *c), "something of the old mesh");
+    assert!(clear.len() > 100, "{} pixels see only the sky", clear.len());
+    assert!(clear.iter().all(|(at, c)| after.at(at.x, at.y) == *c), "the old mesh is still visible");
 }
 
 #[test]
-fn noise_goes_on_while_things_move_and_begins_again_with_a_reset() {
+fn scene_changes_keep_the_random_sequence_and_a_reset_restarts_it() {
     let Some(Scene { mut rig, .. }) = scene() else { return };
     let lamp = rig.spawn(square(1.0), lamp(5.0, 4.0, 3.0), Transform::from_xyz(0.0, 3.0, 1.0));
-    // Beyond everything: it changes and moves, and nobody sees it.
+    // Too far away to be seen: it changes and moves without a visible effect.
     let far = rig.spawn(square(0.01), lambert(0.5), Transform::from_xyz(0.0, 0.0, 500.0));
     let material = rig.material_of(far);
     let begin = |rig: &mut Rig| {
@@ -177,8 +177,8 @@ fn noise_goes_on_while_things_move_and_begins_again_with_a_reset() {
     for i in 0..4 {
         rig.edit(&material, |m| m.metallic = 0.1 + 0.1 * i as f32);
         let next = rig.next();
-        assert_eq!(next.samples, 1, "the history begins again");
-        assert!(seen.iter().all(|before| *before != next), "frame {i} has the noise of another");
+        assert_eq!(next.samples, 1, "the history restarts");
+        assert!(seen.iter().all(|before| *before != next), "frame {i} repeats the noise of an earlier frame");
         seen.push(next);
         rig.get_mut::<Transform>(lamp).translation.z += 1e-4;
     }
@@ -186,23 +186,23 @@ fn noise_goes_on_while_things_move_and_begins_again_with_a_reset() {
     rig.get_mut::<Transform>(lamp).translation.z = 1.0;
     rig.edit(&material, |m| m.metallic = 0.0);
     rig.frames(2);
-    assert_eq!(begin(&mut rig), first, "a reset");
+    assert_eq!(begin(&mut rig), first, "after a reset");
     rig.frames(3);
     rig.set(|restir| restir.seed = 1);
     assert_ne!(rig.next(), first);
     rig.set(|restir| restir.seed = 0);
-    assert_eq!(rig.next(), first, "another seed and back");
+    assert_eq!(rig.next(), first, "after a change of the seed and back");
 }
 
 #[test]
-fn another_size_starts_anew() {
+fn a_resize_restarts_the_history() {
     let Some(Scene { mut rig, .. }) = scene() else { return };
     rig.until_ready();
     rig.frames(3);
     for size in [UVec2::new(31, 17), UVec2::new(1, 1), UVec2::new(40, 24)] {
         let target = rig.target.clone();
         rig.edit(&target, |image| *image = target_image(size));
-        // Bevy tells a camera of its target's new size in the next frame.
+        // Bevy reports the new size of a target to its camera in the next frame.
         rig.frame();
         let picture = rig.picture(1);
         assert_eq!((picture.size, picture.samples), (size, 1));
@@ -212,12 +212,12 @@ fn another_size_starts_anew() {
 }
 
 #[test]
-fn a_seed_gives_one_picture_and_another_seed_another_of_the_same_mean() {
+fn equal_seeds_give_equal_pictures_and_different_seeds_equal_means() {
     let Some(Scene { mut rig, .. }) = scene() else { return };
     let first = rig.picture(8);
-    assert_eq!(rig.picture(8), first, "the same app again");
+    assert_eq!(rig.picture(8), first, "the same app, rendered again");
     let Some(mut other) = scene() else { return };
-    assert_eq!(other.rig.picture(8), first, "another app");
+    assert_eq!(other.rig.picture(8), first, "a second app");
 
     let means = |rig: &mut Rig, seeds: core::ops::Range<u32>| -> Vec<f64> {
         seeds
@@ -232,24 +232,24 @@ fn a_seed_gives_one_picture_and_another_seed_another_of_the_same_mean() {
     let (a, error_a) = mean_and_error(means(&mut rig, 100..112));
     let (b, error_b) = mean_and_error(means(&mut rig, 200..212));
     let error = error_a.hypot(error_b);
-    assert!(error < 0.01 * a, "the test has power: {error} of {a}");
+    assert!(error < 0.01 * a, "the test has no power: standard error {error}, mean {a}");
     assert!((a - b).abs() < 5.0 * error, "{a} and {b}, standard error {error}");
 }
 
 #[test]
-fn every_technique_gathers_frames_where_it_is_asked_to() {
+fn every_technique_accumulates_where_the_setting_asks_for_it() {
     let Some(mut rig) = Rig::new(16, 16) else { return };
     rig.spawn(square(4.0), lambert(0.5), Transform::default());
     rig.spawn(square(1.0), lamp(3.0, 3.0, 3.0), Transform::from_xyz(3.0, 0.0, 2.0).looking_to(Vec3::X, Vec3::Y));
     rig.set(|restir| restir.technique = Technique::Di);
     rig.until_ready();
-    assert_eq!(rig.next().samples, 1, "a frame at a time");
+    assert_eq!(rig.next().samples, 1, "frames do not accumulate");
     rig.set(|restir| restir.accumulate = true);
     let one = rig.next();
     rig.frames(6);
     let eight = rig.next();
     assert_eq!((one.samples, eight.samples), (1, 8));
-    // Moving things are shown as they are.
+    // Moving objects are shown without delay.
     rig.get_mut::<Transform>(rig.camera).translation.x += 0.1;
     assert_eq!(rig.next().samples, 1);
 }

@@ -1,4 +1,4 @@
-//! Cameras of every kind, several at once, on devices that can do less, and beside what Bevy draws.
+//! Cameras of every kind: several at once, on layers, on devices with low limits, and beside Bevy's own rendering.
 
 use crate::support::{app::*, log};
 use bevy::{
@@ -12,7 +12,7 @@ use bevy::{
 use bevy_restir::{DebugView, RadianceCapture, Restir, Technique};
 use core::f32::consts::PI;
 
-/// Things of every sort: matter, a lamp, a point light, a sun, a sky.
+/// Objects of every kind: surfaces, a lamp, a point light, a sun and a sky.
 fn crowd(rig: &mut Rig) {
     rig.spawn(square(20.0), lambert(0.7), Transform::from_xyz(0.0, 0.0, -1.5));
     rig.spawn(Sphere::new(0.6).mesh().uv(18, 12), lambert(0.5), Transform::from_xyz(-0.9, 0.4, 0.0));
@@ -29,7 +29,7 @@ fn crowd(rig: &mut Rig) {
     rig.spawn_bundle((DirectionalLight { illuminance: 2.0, ..default() }, sun));
 }
 
-/// Where a camera stands and what it asks for.
+/// The pose and the settings of a camera.
 struct Eye {
     transform: Transform,
     projection: Projection,
@@ -52,7 +52,7 @@ fn eyes() -> [Eye; 2] {
     ]
 }
 
-/// One frame after `frames` from a new start of all cameras, by each camera.
+/// The pictures of all cameras, `frames` frames after all were reset.
 fn pictures(rig: &mut Rig, cameras: &[(Entity, RadianceCapture)], frames: u32) -> Vec<Picture> {
     rig.until_ready();
     for (camera, _) in cameras {
@@ -67,7 +67,7 @@ fn pictures(rig: &mut Rig, cameras: &[(Entity, RadianceCapture)], frames: u32) -
     captured.map(|c| Picture { size: c.size, pixels: c.mean().collect(), samples: c.samples() }).collect()
 }
 
-/// A second camera beside the rig's own.
+/// Adds a second camera.
 fn second(rig: &mut Rig, order: isize, target: &Handle<Image>, bundle: impl Bundle) -> (Entity, RadianceCapture) {
     let capture = RadianceCapture::default();
     let camera = rig.spawn_bundle((
@@ -82,7 +82,7 @@ fn second(rig: &mut Rig, order: isize, target: &Handle<Image>, bundle: impl Bund
 }
 
 #[test]
-fn two_cameras_side_by_side_are_two_single_ones() {
+fn two_cameras_side_by_side_equal_two_single_ones() {
     const SIDE: u32 = 24;
     let mut singles = Vec::new();
     for eye in eyes() {
@@ -110,12 +110,12 @@ fn two_cameras_side_by_side_are_two_single_ones() {
     rig.get_mut::<Camera>(other.0).viewport = half(SIDE);
     let cameras = [(rig.camera, rig.capture.clone()), other];
     let both = pictures(&mut rig, &cameras, 3);
-    for (i, name) in ["the left, perspective", "the right, orthographic"].into_iter().enumerate() {
+    for (i, name) in ["left, perspective", "right, orthographic"].into_iter().enumerate() {
         let differing = both[i].iter().zip(singles[i].0.iter()).filter(|(a, b)| a != b).count();
         assert_eq!(differing, 0, "{name}: {differing} of {} pixels", SIDE * SIDE);
         assert!(both[i].mean() > 0.1, "{name}: {}", both[i].mean());
     }
-    // And so it arrives at the target.
+    // The target holds the same picture.
     for (camera, _) in &cameras {
         rig.get_mut::<Restir>(*camera).debug_view = DebugView::Normals;
         rig.insert(*camera, DebandDither::Disabled);
@@ -131,7 +131,7 @@ fn two_cameras_side_by_side_are_two_single_ones() {
     rig.assert_sound();
 }
 
-/// Form factor of a square of this side whose centre is so far away along 45° and faces the point.
+/// The form factor of a square of this side that faces the point, with its center at this distance and 45° above the horizon.
 fn share_of_square(side: f64, distance: f64) -> f64 {
     const N: usize = 64;
     let cell = side / N as f64;
@@ -140,7 +140,7 @@ fn share_of_square(side: f64, distance: f64) -> f64 {
     for (i, j) in (0..N).flat_map(|i| (0..N).map(move |j| (i, j))) {
         let (u, v) = (centre(i), centre(j));
         let square = distance * distance + u * u + v * v;
-        // Height over the floor: of the centre, and along the side that leans by 45°.
+        // Heights over the floor: of the center, and along the side, which is tilted by 45°.
         let height = (distance + v) * 0.5f64.sqrt();
         sum += height * distance / (square * square) * cell * cell;
     }
@@ -148,7 +148,7 @@ fn share_of_square(side: f64, distance: f64) -> f64 {
 }
 
 #[test]
-fn cameras_of_other_layers_see_and_are_lit_by_their_own() {
+fn cameras_see_and_are_lit_by_objects_on_their_own_layers() {
     let Some(mut rig) = Rig::new(24, 24) else { return };
     let looks = |technique| Restir { technique, bounces: 2, accumulate: true, ..plain() };
     rig.insert(rig.camera, orthographic(0.1, 0.1));
@@ -160,7 +160,7 @@ fn cameras_of_other_layers_see_and_are_lit_by_their_own() {
     let both = RenderLayers::from_layers(&[0, 1]);
     let floor = rig.spawn(square(4.0), lambert(0.5), Transform::default());
     rig.insert(floor, both.clone());
-    // A sun for each: radiance 1 and 3.
+    // One sun for each layer: radiance 1 and 3.
     let suns = [(0, 2.0), (1, 6.0)].map(|(layer, power)| {
         let sun = DirectionalLight { illuminance: power * PI, ..default() };
         rig.spawn_bundle((sun, Transform::default(), RenderLayers::layer(layer)))
@@ -188,23 +188,23 @@ fn cameras_of_other_layers_see_and_are_lit_by_their_own() {
         check(&mut rig, "lamp on neither", [1.0, 3.0]);
         rig.insert(side, both.clone());
         check(&mut rig, "lamp on both", [1.0 + from_lamp, 3.0 + from_lamp]);
-        // Nothing else changes where a sun comes into sight of a camera, or goes out of it.
+        // Only the layers of a sun change here.
         rig.insert(suns[0], both.clone());
-        check(&mut rig, "the first sun on both", [1.0 + from_lamp, 4.0 + from_lamp]);
+        check(&mut rig, "the first sun on both layers", [1.0 + from_lamp, 4.0 + from_lamp]);
         rig.insert(suns[0], RenderLayers::layer(0));
-        check(&mut rig, "and back", [1.0 + from_lamp, 3.0 + from_lamp]);
+        check(&mut rig, "the first sun on layer 0 again", [1.0 + from_lamp, 3.0 + from_lamp]);
         rig.insert(side, RenderLayers::layer(1));
     }
     rig.assert_sound();
 }
 
 #[test]
-fn a_camera_without_a_clear_colour_draws_over_the_one_before() {
+fn a_camera_without_a_clear_color_draws_over_the_previous_camera() {
     let Some(mut rig) = Rig::new(16, 16) else { return };
     rig.insert(rig.camera, orthographic(4.0, 4.0));
     let target = rig.target.clone();
     rig.spawn(square(8.0), lamp(0.25, 0.25, 0.25), Transform::default());
-    // A tool in the hand, on a layer of its own, as first-person games have it: behind the world, and drawn over it all the same.
+    // A tool in the player's hand, on its own layer as in first-person games: farther away than the world, but drawn over it.
     let tool = rig.spawn(square(2.0), lamp(1.0, 1.0, 1.0), Transform::from_xyz(1.0, 0.0, -3.0));
     rig.insert(tool, RenderLayers::layer(1));
     let over = second(
@@ -223,7 +223,7 @@ fn a_camera_without_a_clear_colour_draws_over_the_one_before() {
     assert!(at(2, 8).abs_diff(137) <= 2, "the world: {}", at(2, 8));
     assert_eq!(at(12, 8), 255, "the tool");
     assert!(at(12, 1).abs_diff(137) <= 2, "the world above the tool: {}", at(12, 1));
-    // With one it draws its own.
+    // With a clear color the camera replaces the whole picture.
     rig.get_mut::<Camera>(over.0).clear_color = ClearColorConfig::Custom(Color::BLACK);
     rig.until_ready();
     let drawn = rig.drawn(&target);
@@ -251,7 +251,7 @@ fn a_reset_after_a_cut_is_a_fresh_start() {
     for i in 0..3 {
         assert_eq!(cut.next(), fresh.next(), "frame {i}");
     }
-    // Without a reset the history is asked, finds nothing that fits, and makes no worse picture.
+    // Without a reset, temporal reuse rejects the history, and the picture is not worse.
     let mean = |rig: &mut Rig| (0..32).map(|_| rig.next().mean()).sum::<f64>() / 32.0;
     let expected = mean(&mut fresh);
     let mut first = 0.0;
@@ -265,10 +265,10 @@ fn a_reset_after_a_cut_is_a_fresh_start() {
 }
 
 #[test]
-fn a_minimised_window_is_no_view_and_comes_back() {
+fn a_minimized_window_renders_nothing_until_it_is_restored() {
     let Some(mut rig) = Rig::new(16, 16) else { return };
     rig.spawn(square(20.0), lamp(1.0, 1.0, 1.0), Transform::default());
-    // Without an event loop it has no surface: as when its system has taken it away.
+    // Without an event loop the window has no surface, like a window that the system has minimized.
     let resolution = |size: u32| WindowResolution::new(size, size);
     let window = rig.spawn_bundle(Window { resolution: resolution(0), ..default() });
     let camera = rig.spawn_bundle((
@@ -280,9 +280,9 @@ fn a_minimised_window_is_no_view_and_comes_back() {
     for size in [0, 8, 0, 1, 0] {
         rig.get_mut::<Window>(window).resolution = resolution(size);
         rig.frames(3);
-        assert_eq!(rig.next().centre().x, 1.0, "the other camera, beside a window of {size} x {size}");
+        assert_eq!(rig.next().centre().x, 1.0, "the other camera renders beside a window of {size} x {size}");
     }
-    // One that has no pixel waits for nothing.
+    // A window without pixels delays nothing.
     rig.until_ready();
     rig.app.world_mut().despawn(camera);
     rig.app.world_mut().despawn(window);
@@ -291,9 +291,10 @@ fn a_minimised_window_is_no_view_and_comes_back() {
 }
 
 #[test]
-fn what_a_device_lacks_is_said_and_bevy_lights_the_scene() {
+fn on_a_device_below_the_limits_the_plugin_warns_and_bevy_lights_the_scene() {
     log::listen();
-    // Too little for us, and enough for Bevy, whose materials with all their textures need more of those than WebGPU promises.
+    // Limits that are too low for us but sufficient for Bevy, whose materials with all their textures need more of them than WebGPU
+    // guarantees.
     let limits = WgpuLimits {
         max_storage_buffer_binding_size: (1 << 20) - 4096,
         max_sampled_textures_per_shader_stage: 64,
@@ -305,7 +306,7 @@ fn what_a_device_lacks_is_said_and_bevy_lights_the_scene() {
     rig.spawn(square(8.0), lambert(1.0), Transform::default());
     rig.frames(5);
     let target = rig.target.clone();
-    assert!(rig.drawn(&target)[8 * 16 + 8][0] > 100, "Bevy's own lighting");
+    assert!(rig.drawn(&target)[8 * 16 + 8][0] > 100, "Bevy lights the scene");
     assert!(rig.next_if_any().is_none(), "the plugin is off");
     let said = log::warnings("bindings of a MiB");
     assert_eq!(said.len(), 1, "{said:?}");
@@ -313,9 +314,9 @@ fn what_a_device_lacks_is_said_and_bevy_lights_the_scene() {
 }
 
 #[test]
-fn a_picture_that_a_device_cannot_bind_is_traced_smaller() {
+fn a_picture_larger_than_a_binding_is_traced_at_lower_resolution() {
     log::listen();
-    // Radiance has 16 bytes a pixel, reservoirs of paths have 64.
+    // Radiance takes 16 bytes per pixel, reservoirs of paths take 64.
     let Some(mut rig) = Rig::binding_at_most(1 << 20, 160, 160) else { return };
     rig.insert(rig.camera, orthographic(8.0, 8.0));
     rig.spawn(square(4.0), lamp(1.0, 1.0, 1.0), Transform::from_xyz(2.0, 2.0, 0.0));
@@ -335,7 +336,7 @@ fn a_picture_that_a_device_cannot_bind_is_traced_smaller() {
     }
     assert_eq!(log::warnings("128 x 128 pixels for its 160 x 160").len(), 1);
     assert_eq!(log::warnings("subsets of").len(), 1);
-    // Nor does it bind what Bevy's own shaders would have to.
+    // With the optional texture slots, Bevy's own shaders exceed this device, too.
     assert_eq!(log::warnings("own shaders need").is_empty(), !cfg!(feature = "material_textures"));
     rig.assert_sound();
 }

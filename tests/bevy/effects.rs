@@ -1,4 +1,4 @@
-//! Bevy's effects after ours: they do to our picture what they do to the one that its rasteriser makes of the same scene.
+//! Bevy's post-processing effects change our picture as they change the picture of Bevy's rasterizer for the same scene.
 
 use crate::support::app::*;
 use bevy::{
@@ -21,7 +21,7 @@ use bevy::{
 };
 use bevy_restir::{Restir, Technique};
 
-/// An effect and what it is called; `false` takes it away.
+/// An effect with its name; `false` removes it.
 type Effect = (&'static str, Box<dyn Fn(&mut EntityWorldMut, bool)>);
 
 fn effect<C: Component + Clone>(name: &'static str, component: C) -> Effect {
@@ -38,11 +38,11 @@ fn temporal() -> Effect {
     effect("temporal anti-aliasing", TemporalAntiAliasing::default())
 }
 
-/// Where something is in a frame.
+/// The transform of an object over time.
 #[derive(Component)]
 struct Path(fn(f32) -> Transform);
 
-/// Frames of movement, and whether it goes on.
+/// The number of elapsed frames, and whether time passes.
 #[derive(Resource, Default)]
 struct Clock(u32, bool);
 
@@ -51,7 +51,7 @@ fn ride(mut clock: ResMut<Clock>, mut riders: Query<(&Path, &mut Transform)>) {
     clock.0 += clock.1 as u32;
 }
 
-/// A scene without noise, drawn by us or by Bevy's rasteriser, in which a ball slides and a board turns and goes.
+/// A noise-free scene, rendered by us or by Bevy's rasterizer, in which a ball slides and a board turns and disappears.
 struct Stage(Rig);
 
 impl Stage {
@@ -81,18 +81,18 @@ impl Stage {
         Some(Self(rig))
     }
 
-    /// The picture after some frames with an effect, in which things move or rest.
+    /// The picture after some frames with an effect, while objects move or rest.
     fn picture(&mut self, (_, change): &Effect, frames: u32, moves: bool) -> Vec<[u8; 4]> {
         let rig = &mut self.0;
         let camera = rig.camera;
         let set = |rig: &mut Rig, add| change(&mut rig.app.world_mut().entity_mut(camera), add);
         rig.app.insert_resource(Clock::default());
-        // Its shaders are loaded.
+        // Wait until the shaders of the effect are loaded.
         set(rig, true);
         rig.frames(8);
         set(rig, false);
         rig.frame();
-        // Bevy's jitter goes by the count of frames.
+        // Bevy's jitter depends on the frame count.
         while !rig.app.world().resource::<FrameCount>().0.is_multiple_of(8) {
             rig.frame();
         }
@@ -106,13 +106,13 @@ impl Stage {
     }
 }
 
-/// Largest difference of a pixel's channels.
+/// The largest difference between the channels of two pixels.
 fn apart(a: &[u8; 4], b: &[u8; 4]) -> u8 {
     (0..3).map(|i| a[i].abs_diff(b[i])).max().unwrap_or(0)
 }
 
 #[test]
-fn effects_do_to_ours_what_they_do_to_what_bevy_draws() {
+fn effects_change_our_picture_as_they_change_bevys() {
     let stage = |restir| Stage::new(restir, [0.05, 0.06, 0.08], 30.0);
     let (Some(mut ours), Some(mut bevys)) = (stage(true), stage(false)) else { return };
     let none: Effect = ("none", Box::new(|_, _| ()));
@@ -128,35 +128,35 @@ fn effects_do_to_ours_what_they_do_to_what_bevy_draws() {
         effect("depth of field", lens),
         effect("motion blur", MotionBlur { shutter_angle: 2.0, samples: 4 }),
         effect("chromatic aberration", ChromaticAberration { intensity: 0.2, ..default() }),
-        // Bevy goes on with it when it is taken away.
+        // Bevy keeps adapting the exposure after the effect is removed.
         effect("automatic exposure", adapts),
     ] {
         let (a, b) = (ours.picture(&effect, 12, true), bevys.picture(&effect, 12, true));
         let other = a.iter().zip(&b).filter(|(a, b)| apart(a, b) > 3).count();
         let done = a.iter().zip(&plain).filter(|(a, b)| apart(a, b) > 3).count();
         let name = effect.0;
-        println!("{name}: changes {done} pixels; {other} of {} are other than Bevy's", a.len());
-        assert!(name == "none" || done > 20, "{name} changes {done} pixels only");
-        // Where an edge falls on a pixel's centre, rounding decides.
-        assert!(other * 100 <= a.len(), "{name}: {other} of {} pixels are other than Bevy's", a.len());
+        println!("{name}: changes {done} pixels; {other} of {} differ from Bevy's", a.len());
+        assert!(name == "none" || done > 20, "{name} changes only {done} pixels");
+        // Where an edge falls on a pixel center, rounding decides.
+        assert!(other * 100 <= a.len(), "{name}: {other} of {} pixels differ from Bevy's", a.len());
     }
     ours.0.assert_sound();
 }
 
-/// Radiance of a pixel in the target, by its green.
+/// The linear green channel of a pixel in the target.
 fn linear(pixel: &[u8; 4]) -> f64 {
     let v = f64::from(pixel[1]) / 255.0;
     if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
 }
 
 #[test]
-fn temporal_anti_aliasing_smooths_edges_and_keeps_what_is_between_them() {
+fn temporal_anti_aliasing_smooths_edges_and_keeps_flat_areas() {
     let Some(mut stage) = Stage::new(true, [0.1; 3], 0.3) else { return };
     stage.0.insert(stage.0.camera, Tonemapping::None);
     let none: Effect = ("none", Box::new(|_, _| ()));
     let aliased = stage.picture(&none, 1, false);
     let smoothed = stage.picture(&temporal(), 64, false);
-    // The mean over whole pixels.
+    // The expected value is the mean over whole pixels.
     stage.0.set(|restir| (restir.technique, restir.jitter) = (Technique::Reference, true));
     stage.0.until_ready();
     let truth = stage.picture(&none, 256, false);
@@ -179,7 +179,7 @@ fn temporal_anti_aliasing_smooths_edges_and_keeps_what_is_between_them() {
 }
 
 #[test]
-fn temporal_anti_aliasing_leaves_no_trail_of_what_moves() {
+fn temporal_anti_aliasing_leaves_no_trails_behind_moving_objects() {
     let Some(mut stage) = Stage::new(true, [0.1; 3], 0.3) else { return };
     stage.0.insert(stage.0.camera, Tonemapping::None);
     let sharp = stage.picture(&("none", Box::new(|_, _| ())), 16, true);
@@ -188,7 +188,7 @@ fn temporal_anti_aliasing_leaves_no_trail_of_what_moves() {
     let (mut trails, mut flat, mut edges) = (0, 0, 0);
     for (i, (a, b)) in smoothed.iter().zip(&sharp).enumerate() {
         let (x, y) = (i as i32 % 64, i as i32 / 64);
-        // What lies within two pixels of an edge may be smoothed.
+        // Pixels within two pixels of an edge may be smoothed.
         let near = (-2..=2).flat_map(|dy| (-2..=2).map(move |dx| (dx, dy)));
         if near.into_iter().all(|(dx, dy)| apart(&at(x + dx, y + dy), b) == 0) {
             flat += 1;
@@ -199,11 +199,11 @@ fn temporal_anti_aliasing_leaves_no_trail_of_what_moves() {
     }
     println!("{trails} of {flat} pixels away from edges differ; {edges} at edges");
     assert!(flat > 1500 && edges > 30, "{flat} flat pixels, {edges} of edges");
-    assert_eq!(trails, 0, "of {flat} pixels away from edges");
+    assert_eq!(trails, 0, "trails among {flat} pixels away from edges");
 }
 
 #[test]
-fn bloom_spreads_light_and_loses_none_even_of_lamps_beyond_half_floats() {
+fn bloom_spreads_light_without_loss_even_for_lamps_beyond_half_float_range() {
     let bloom = effect("bloom", Bloom::NATURAL);
     let none: Effect = ("none", Box::new(|_, _| ()));
     for spark in [0.9, 1e30] {
@@ -212,7 +212,7 @@ fn bloom_spreads_light_and_loses_none_even_of_lamps_beyond_half_floats() {
         let (sharp, glowing) = (stage.picture(&none, 1, false), stage.picture(&bloom, 1, false));
         if spark > 1.0 {
             let dark = glowing.iter().filter(|p| p[1] == 0).count();
-            assert_eq!(dark, 0, "pixels that a lamp of {spark} does not reach, or that are no numbers");
+            assert_eq!(dark, 0, "pixels that a lamp of {spark} does not reach or that are NaN");
         } else {
             let mean = |picture: &[[u8; 4]]| picture.iter().map(linear).sum::<f64>() / picture.len() as f64;
             println!("mean {} with bloom, {} without", mean(&glowing), mean(&sharp));

@@ -1,4 +1,5 @@
-//! Beside everything else that Bevy draws: what its other passes read, and what they draw over us and under us.
+//! Our cameras together with the rest of Bevy's rendering: the prepass textures that other passes read, and what Bevy draws over and
+//! under our picture.
 
 use crate::support::{
     app::*,
@@ -22,17 +23,19 @@ use bevy::{
 };
 use bevy_restir::Restir;
 
-/// (motion, depth) of every pixel, as Bevy's other passes read them after the frame.
+/// (motion, depth) of every pixel, as other passes of Bevy read them after the frame.
 fn prepass(rig: &mut Rig) -> Vec<[f32; 4]> {
     let world = rig.app.sub_app_mut(RenderApp).world_mut();
     let (device, queue) = (world.resource::<RenderDevice>(), world.resource::<RenderQueue>());
     let gpu =
         Gpu { device: device.wgpu_device().clone(), queue: (****queue).clone(), name: String::new(), is_cpu: false };
     let mut views = world.query::<&ViewPrepassTextures>();
-    let textures = views.single(world).expect("one camera has a prepass");
+    let textures = views.single(world).expect("the camera has prepass textures");
     let size = textures.size;
-    let (motion, depth) =
-        (textures.motion_vectors_view().expect("asked for"), textures.depth_view().expect("asked for"));
+    let (motion, depth) = (
+        textures.motion_vectors_view().expect("the camera has this prepass"),
+        textures.depth_view().expect("the camera has this prepass"),
+    );
     let kernel = gpu.kernel("prepass", include_str!("../support/kernels/prepass.wgsl"), &[]);
     let texels = gpu.zeroed::<[f32; 4]>((size.width * size.height) as usize);
     kernel.run(
@@ -42,7 +45,7 @@ fn prepass(rig: &mut Rig) -> Vec<[f32; 4]> {
     gpu.read(&texels)
 }
 
-/// What its cameras draw is to be enlarged by someone.
+/// Renders the cameras at a lower resolution, as an upscaler would ask for.
 fn draw_smaller(app: &mut App, size: UVec2) {
     let shrink = move |mut commands: Commands, cameras: Query<Entity, With<ExtractedCamera>>| {
         cameras.iter().for_each(|camera| _ = commands.entity(camera).insert(MainPassResolutionOverride(size)));
@@ -50,7 +53,7 @@ fn draw_smaller(app: &mut App, size: UVec2) {
     app.sub_app_mut(RenderApp).add_systems(Render, shrink.in_set(RenderSystems::PrepareViews));
 }
 
-/// How a camera looks.
+/// The settings of a camera.
 #[derive(Clone)]
 struct Looks {
     projection: Projection,
@@ -59,7 +62,7 @@ struct Looks {
     smaller: Option<UVec2>,
 }
 
-/// A scene of which all moves: two frames of it, then what the prepass holds.
+/// A scene in which everything moves: renders two frames and returns the prepass.
 fn moving(restir: bool, looks: &Looks) -> Option<Vec<[f32; 4]>> {
     let mut rig = Rig::beside(|app| looks.smaller.into_iter().for_each(|size| draw_smaller(app, size)), 48, 32)?;
     let open = |albedo| StandardMaterial { cull_mode: None, ..lambert(albedo) };
@@ -91,37 +94,37 @@ fn moving(restir: bool, looks: &Looks) -> Option<Vec<[f32; 4]>> {
 }
 
 #[test]
-fn depth_and_motion_for_other_passes_are_what_bevys_own_prepass_gives() {
+fn depth_and_motion_vectors_equal_those_of_bevys_own_prepass() {
     let right = Viewport { physical_position: UVec2::new(20, 4), physical_size: UVec2::new(28, 28), ..default() };
     let perspective = Projection::Perspective(PerspectiveProjection::default());
     let plain = Looks { projection: perspective, jitter: Vec2::ZERO, viewport: None, smaller: None };
-    // As its temporal anti-aliasing has it.
+    // The jitter of Bevy's temporal anti-aliasing.
     let jitter = Vec2::new(0.3, -0.2);
     for (name, looks) in [
         ("perspective", plain.clone()),
         ("jittered", Looks { jitter, ..plain.clone() }),
         ("orthographic", Looks { projection: orthographic(6.0, 4.0), ..plain.clone() }),
         ("in a viewport", Looks { viewport: Some(right), ..plain.clone() }),
-        // As its DLSS has it.
-        ("smaller, to be enlarged", Looks { jitter, smaller: Some(UVec2::new(36, 24)), ..plain }),
+        // The resolution of Bevy's DLSS.
+        ("at a lower resolution for an upscaler", Looks { jitter, smaller: Some(UVec2::new(36, 24)), ..plain }),
     ] {
         let Some(ours) = moving(true, &looks) else { return };
         let bevys = moving(false, &looks).expect("there is an adapter");
         let (mut other, mut moved) = (0, 0);
         for (a, b) in ours.iter().zip(&bevys) {
-            // Half floats hold motion to a thousandth.
+            // Motion is stored in half floats with a precision of a thousandth.
             let near = |a: f32, b: f32| (a - b).abs() <= 2e-3 * b.abs() + 2e-5;
             other += !(near(a[0], b[0]) && near(a[1], b[1]) && near(a[2], b[2])) as usize;
             moved += (b[0].abs() > 0.002) as usize;
         }
         println!("{name}: {other} of {} pixels differ, {moved} move", ours.len());
         assert!(moved * 4 > ours.len(), "{name}: only {moved} pixels move");
-        // Corners of triangles may fall to the neighbouring pixel.
+        // At corners of triangles, rounding may choose the neighboring pixel.
         assert!(other * 200 <= ours.len(), "{name}: {other} of {} pixels differ", ours.len());
     }
 }
 
-/// A material that is not mirrored: Bevy draws it, in its default shader's pink.
+/// A material that we do not support: Bevy draws it with its default shader, in pink.
 #[derive(Asset, TypePath, AsBindGroup, Clone, Default)]
 struct Foreign {
     mode: u32,
@@ -134,7 +137,7 @@ impl Material for Foreign {
 }
 
 #[test]
-fn what_bevy_draws_itself_lies_in_front_of_and_behind_ours() {
+fn meshes_that_bevy_draws_are_depth_sorted_with_ours() {
     let Some(mut rig) = Rig::beside(
         |app| {
             app.add_plugins(MaterialPlugin::<Foreign>::default());
@@ -145,7 +148,7 @@ fn what_bevy_draws_itself_lies_in_front_of_and_behind_ours() {
         return;
     };
     rig.insert(rig.camera, (orthographic(4.0, 4.0), Tonemapping::None));
-    // Ours fills the picture at z = 0 on the left and z = 2 on the right; theirs stands at z = 1 in a band across the middle.
+    // Our meshes fill the picture at z = 0 on the left and z = 2 on the right; Bevy's mesh stands at z = 1 in a band across the middle.
     rig.spawn(square(4.0), lamp(0.0, 1.0, 0.0), Transform::from_xyz(-2.0, 0.0, 0.0));
     rig.spawn(square(4.0), lamp(0.0, 1.0, 0.0), Transform::from_xyz(2.0, 0.0, 2.0));
     let mesh = rig.add::<Mesh>(Rectangle::new(4.0, 1.0));
@@ -163,9 +166,9 @@ fn what_bevy_draws_itself_lies_in_front_of_and_behind_ours() {
             let drawn = rig.drawn(&target);
             let at = |x: usize, y: usize| drawn[32 * y + x];
             let what = format!("{kind}, prepass {with_prepass}");
-            assert_eq!(at(8, 4)[..3], [0, 255, 0], "{what}: ours alone");
-            assert_eq!(at(8, 16)[..3], [255, 0, 255], "{what}: theirs in front of ours");
-            assert_eq!(at(24, 16)[..3], [0, 255, 0], "{what}: theirs behind ours");
+            assert_eq!(at(8, 4)[..3], [0, 255, 0], "{what}: only our mesh");
+            assert_eq!(at(8, 16)[..3], [255, 0, 255], "{what}: Bevy's mesh in front of ours");
+            assert_eq!(at(24, 16)[..3], [0, 255, 0], "{what}: Bevy's mesh behind ours");
         }
         rig.app.world_mut().entity_mut(rig.camera).remove::<(DepthPrepass, MotionVectorPrepass)>();
         rig.app.world_mut().despawn(theirs);
@@ -173,7 +176,7 @@ fn what_bevy_draws_itself_lies_in_front_of_and_behind_ours() {
 }
 
 #[test]
-fn gizmos_are_drawn_over_ours_and_hidden_by_what_stands_before_them() {
+fn gizmos_are_drawn_over_our_picture_and_hidden_behind_our_meshes() {
     fn line(mut gizmos: Gizmos) {
         gizmos.line(Vec3::new(-3.0, 0.0, 1.0), Vec3::new(3.0, 0.0, 1.0), Color::linear_rgb(1.0, 0.0, 0.0));
     }
@@ -186,18 +189,18 @@ fn gizmos_are_drawn_over_ours_and_hidden_by_what_stands_before_them() {
     let target = rig.target.clone();
     let drawn = rig.drawn(&target);
     let rows = |x: usize, color: [u8; 3]| (0..32).filter(|y| drawn[32 * y + x][..3] == color).collect::<Vec<_>>();
-    assert_eq!(rows(8, [255, 0, 0]), [15, 16], "the line, two pixels wide");
-    assert_eq!(rows(8, [0, 255, 0]).len(), 30, "ours behind it");
-    assert_eq!(rows(24, [0, 255, 0]).len(), 32, "ours before it");
+    assert_eq!(rows(8, [255, 0, 0]), [15, 16], "the line is two pixels wide");
+    assert_eq!(rows(8, [0, 255, 0]).len(), 30, "our mesh behind the line");
+    assert_eq!(rows(24, [0, 255, 0]).len(), 32, "our mesh in front of the line");
 }
 
 #[test]
-fn two_dimensional_pictures_lie_over_ours() {
+fn interface_and_sprites_are_drawn_over_our_picture() {
     let Some(mut rig) = Rig::new(32, 32) else { return };
     rig.insert(rig.camera, (orthographic(4.0, 4.0), Tonemapping::None));
     rig.spawn(square(4.0), lamp(0.0, 1.0, 0.0), Transform::default());
     let target = rig.target.clone();
-    // An interface of the same camera in the upper left quarter.
+    // The interface of the same camera covers the upper left quarter.
     rig.spawn_bundle((
         Node { width: Val::Percent(50.0), height: Val::Percent(50.0), ..default() },
         BackgroundColor(Color::linear_rgb(1.0, 0.0, 0.0)),
@@ -209,9 +212,9 @@ fn two_dimensional_pictures_lie_over_ours() {
     assert_eq!(
         [drawn[32 * 8 + 8], drawn[32 * 8 + 24]],
         [[255, 0, 0, 255], [0, 255, 0, 255]],
-        "the interface, and ours"
+        "the interface and our picture"
     );
-    // A camera for flat things after it, of the same depth of colour, with one of them in the lower right quarter.
+    // A later 2D camera, with the same texture format, draws a sprite in the lower right quarter.
     rig.spawn_bundle((
         Camera2d,
         Hdr,
@@ -234,7 +237,7 @@ fn two_dimensional_pictures_lie_over_ours() {
 }
 
 #[test]
-fn tonemapping_and_exposure_do_to_ours_what_they_do_to_any_picture() {
+fn tonemapping_and_exposure_apply_to_our_picture() {
     let Some(mut rig) = Rig::new(8, 8) else { return };
     rig.insert(rig.camera, orthographic(1.0, 1.0));
     rig.spawn(square(4.0), lamp(2.0, 2.0, 2.0), Transform::default());
@@ -243,20 +246,20 @@ fn tonemapping_and_exposure_do_to_ours_what_they_do_to_any_picture() {
         rig.until_ready();
         rig.drawn(&target)[9][0]
     };
-    // Reinhard of 2 is 2/3, 8-bit sRGB 213; of a quarter, which is what two stops less leave of 2 - 0.5/1.5 = 1/3: 156.
+    // Reinhard maps 2 to 2/3, in 8-bit sRGB 213.  Two stops less leave a quarter, 0.5, which maps to 1/3: 156.
     rig.insert(rig.camera, (Tonemapping::Reinhard, unit_exposure()));
     assert!(shown(&mut rig).abs_diff(213) <= 1);
     let darker = bevy::camera::Exposure { ev100: unit_exposure().ev100 + 2.0 };
     rig.insert(rig.camera, darker);
-    assert!(shown(&mut rig).abs_diff(156) <= 1, "two stops less");
+    assert!(shown(&mut rig).abs_diff(156) <= 1, "two stops darker");
     rig.insert(rig.camera, (Tonemapping::None, unit_exposure()));
     assert_eq!(shown(&mut rig), 255, "none");
 }
 
 #[test]
-fn meshes_that_bevy_culls_on_the_gpu_are_ours_for_our_cameras() {
+fn gpu_culled_meshes_are_hidden_from_bevys_passes_of_our_cameras_only() {
     let Some(mut rig) = Rig::new(16, 16) else { return };
-    // Ambient light is Bevy's alone: what it draws is bright, what we trace is black.
+    // Ambient light is Bevy's only: pictures of Bevy are bright, and our own are black.
     rig.app.insert_resource(bevy::light::GlobalAmbientLight { brightness: 1e4, ..default() });
     let other = rig.add::<Image>(target_image(UVec2::new(16, 16)));
     let image = RenderTarget::Image(ImageRenderTarget::from(other.clone()));
@@ -274,20 +277,20 @@ fn meshes_that_bevy_culls_on_the_gpu_are_ours_for_our_cameras() {
     rig.until_ready();
     let ours = rig.target.clone();
     let centre = |rig: &mut Rig, target: &Handle<Image>| rig.drawn(target)[8 * 16 + 8][0];
-    assert!(centre(&mut rig, &other) > 100, "a camera without Restir");
-    assert!(centre(&mut rig, &ours) < 10, "a camera with it");
-    // The lists of such meshes hold changes only.
+    assert!(centre(&mut rig, &other) > 100, "a camera without `Restir`");
+    assert!(centre(&mut rig, &ours) < 10, "a camera with `Restir`");
+    // Bevy's lists of GPU-culled meshes hold changes only.
     rig.app.world_mut().entity_mut(rig.camera).remove::<Restir>();
     rig.frames(3);
-    assert!(centre(&mut rig, &ours) > 100, "Restir was removed");
+    assert!(centre(&mut rig, &ours) > 100, "after `Restir` was removed");
     rig.insert(rig.camera, plain());
     rig.until_ready();
     rig.frames(2);
-    assert!(centre(&mut rig, &ours) < 10, "and added again");
+    assert!(centre(&mut rig, &ours) < 10, "after `Restir` was added again");
     rig.app.world_mut().despawn(entity);
     rig.frames(3);
-    assert!(centre(&mut rig, &other) < 10, "it is gone");
+    assert!(centre(&mut rig, &other) < 10, "the mesh was removed");
     rig.spawn_bundle((square, NoCpuCulling));
     rig.until_ready();
-    assert!(centre(&mut rig, &ours) < 10 && centre(&mut rig, &other) > 100, "another one");
+    assert!(centre(&mut rig, &ours) < 10 && centre(&mut rig, &other) > 100, "another mesh");
 }

@@ -1,4 +1,4 @@
-//! Motion vectors against projections in f64 on the CPU.
+//! Motion vectors equal projections in f64 on the CPU.
 
 use crate::support::app::*;
 use bevy::{
@@ -9,7 +9,7 @@ use bevy_restir::DebugView;
 
 const SIZE: (u32, u32) = (48, 32);
 const SIDE: f32 = 2.0;
-/// Pixels: what f32 matrices lose.
+/// Pixels: the error of f32 matrices.
 const TOLERANCE: f64 = 2e-3;
 
 /// A camera with Bevy's default perspective, in f64.
@@ -33,13 +33,13 @@ impl Camera {
         DVec2::new(SIZE.0.into(), SIZE.1.into())
     }
 
-    /// Tangents of the half angles of view.
+    /// Tangents of half the field of view.
     fn extent() -> DVec2 {
         let tangent = (0.5 * f64::from(PerspectiveProjection::default().fov)).tan();
         DVec2::new(tangent * Self::size().x / Self::size().y, tangent)
     }
 
-    /// Pixels, y down.
+    /// In pixels, y down.
     fn project(&self, p: DVec3) -> DVec2 {
         let v = self.0.inverse().transform_point3(p);
         let ndc = DVec2::new(v.x, v.y) / -v.z / Self::extent();
@@ -56,7 +56,7 @@ impl Camera {
     }
 }
 
-/// Moves the square and the camera between two frames, and holds every pixel of the second against the projections.
+/// Moves the square and the camera between two frames, and compares every pixel of the second frame with the projections.
 fn check(case: &str, square_moves: [Transform; 2], camera_moves: [Transform; 2]) {
     let Some(mut rig) = Rig::new(SIZE.0, SIZE.1) else {
         return;
@@ -80,7 +80,7 @@ fn check(case: &str, square_moves: [Transform; 2], camera_moves: [Transform; 2])
         let distance = normal.dot(object_now.w_axis.truncate() - now.origin()) / normal.dot(direction);
         let local = object_now.inverse().transform_point3(now.origin() + distance * direction);
         let reach = local.x.abs().max(local.y.abs()) / (0.5 * f64::from(SIDE));
-        // A pixel near the outline may be either.
+        // A pixel near the outline may show either surface.
         if distance > 0.0 && (0.9..1.1).contains(&reach) {
             continue;
         }
@@ -96,7 +96,7 @@ fn check(case: &str, square_moves: [Transform; 2], camera_moves: [Transform; 2])
     }
     assert!(on_object > 100 && on_sky > 100, "{case}: {on_object} pixels of the square, {on_sky} of the sky");
     let rest = still.iter().map(|(_, m)| m.length()).fold(0.0, f32::max);
-    assert!(f64::from(rest) < TOLERANCE, "{case}: what has stopped moves by {rest}");
+    assert!(f64::from(rest) < TOLERANCE, "{case}: after the motion stopped, pixels move by {rest}");
 }
 
 fn eye() -> Transform {
@@ -104,24 +104,24 @@ fn eye() -> Transform {
 }
 
 #[test]
-fn a_moving_object_moves_by_its_projection() {
+fn a_moving_object_has_the_motion_of_its_projection() {
     let from = Transform::from_xyz(0.1, -0.2, 0.0);
     check("along x and y", [from, Transform::from_xyz(0.35, 0.1, 0.0)], [eye(); 2]);
     check("towards the camera", [from, Transform::from_xyz(0.1, -0.2, 0.8)], [eye(); 2]);
 }
 
 #[test]
-fn a_turning_growing_object_moves_point_by_point() {
+fn a_rotating_and_growing_object_has_a_motion_at_each_point() {
     let from = Transform::from_rotation(Quat::from_euler(EulerRot::XYZ, 0.2, -0.5, 0.1));
     let to =
         Transform::from_rotation(Quat::from_euler(EulerRot::XYZ, 0.3, -0.2, 0.5)).with_scale(Vec3::new(1.2, 0.9, 1.1));
-    check("turn and growth", [from, to], [eye(); 2]);
+    check("rotation and growth", [from, to], [eye(); 2]);
     let mirrored = to.with_scale(Vec3::new(-1.2, 0.9, 1.1));
     check("mirrored", [from.with_scale(Vec3::new(-1.0, 1.0, 1.0)), mirrored], [eye(); 2]);
 }
 
 #[test]
-fn a_moving_and_turning_camera_moves_everything_and_the_sky_only_turns() {
+fn camera_motion_moves_everything_and_the_sky_by_rotation_alone() {
     let square = Transform::from_rotation(Quat::from_rotation_y(0.3));
     check("camera slides", [square; 2], [eye(), Transform::from_xyz(0.0, 0.5, 4.6)]);
     check(
@@ -130,15 +130,15 @@ fn a_moving_and_turning_camera_moves_everything_and_the_sky_only_turns() {
         [eye(), eye().with_rotation(Quat::from_euler(EulerRot::XYZ, 0.03, 0.05, -0.04))],
     );
     let both = Transform::from_xyz(-0.1, 0.2, 5.3).with_rotation(Quat::from_rotation_y(-0.04));
-    check("both, and the object", [square, Transform::from_xyz(0.2, 0.2, 0.1)], [eye(), both]);
+    check("the camera and the object move", [square, Transform::from_xyz(0.2, 0.2, 0.1)], [eye(), both]);
 }
 
 #[test]
-fn jitter_leaves_no_trace_in_motion() {
+fn jitter_does_not_change_motion_vectors() {
     let Some(mut rig) = Rig::new(SIZE.0, SIZE.1) else {
         return;
     };
-    // Parallel to the image: one motion for every point of it, wherever in the pixel the ray goes.
+    // The square moves parallel to the image: all its points have the same motion, wherever the ray passes within the pixel.
     let object = rig.spawn(square(8.0), lambert(0.5), Transform::default());
     rig.set(|restir| (restir.jitter, restir.debug_view) = (true, DebugView::Motion));
     rig.until_ready();

@@ -1,4 +1,4 @@
-//! Balls, rectangles and discs of suns: sampled as their densities say, met by rays where they are, and as bright as they should be.
+//! Sphere, rectangle and sun lights: samples follow their densities, rays hit the lights where they are, and the irradiance is right.
 
 use crate::support::{
     compose::{Def, flag},
@@ -47,7 +47,7 @@ struct Sample {
     mask: [u32; 4],
 }
 
-/// Ways to a sample.
+/// The modes of the kernel: the ways to obtain a sample.
 const REFERENCE: u32 = 0;
 const CANDIDATE: u32 = 1;
 const MEASURE: u32 = 2;
@@ -70,7 +70,7 @@ fn sampled(lit: &LightScene, light: u32, point: DVec3, mode: u32, seed: u32) -> 
 const CENTRE: DVec3 = DVec3::new(1.0, 2.0, -0.5);
 const RADIUS: f64 = 0.25;
 const HALF: DVec2 = DVec2::new(0.75, 0.5);
-/// 1 - cosine at the rim of the disc of a sun five degrees across.
+/// 1 - cosine of the angular radius of a sun that is five degrees across.
 fn rim() -> f64 {
     2.0 * (2.5f64.to_radians() / 2.0).sin().powi(2)
 }
@@ -79,7 +79,7 @@ fn turn() -> DQuat {
     DQuat::from_rotation_y(2.5) * DQuat::from_rotation_x(0.8)
 }
 
-/// As `emission.rs` has it.
+/// The parameters of a rotation as `emission.rs` packs them.
 fn parameters(q: DQuat) -> [f32; 3] {
     let q = if q.w < 0.0 { -q } else { q };
     (DVec3::new(q.x, q.y, q.z) / (1.0 + q.w)).as_vec3().to_array()
@@ -110,7 +110,7 @@ fn rect(centre: DVec3, rotation: DQuat, half: DVec2) -> GpuLight {
     }
 }
 
-/// A sun, a ball and a rectangle.
+/// Indices of the lights: a sun, a sphere and a rectangle.
 const SUN: u32 = 0;
 const BALL: u32 = 1;
 const RECT: u32 = 2;
@@ -130,7 +130,7 @@ fn lights(gpu: &Gpu) -> LightScene<'_> {
     lit
 }
 
-/// Points that see the ball from near, afar, beside and within.
+/// Points that see the sphere from close by, from far away, from its surface and from inside.
 fn viewers() -> [(&'static str, DVec3); 5] {
     let side = DVec3::new(0.6, -0.48, 0.64);
     [
@@ -142,7 +142,7 @@ fn viewers() -> [(&'static str, DVec3); 5] {
     ]
 }
 
-/// Cells of equal probability in a cone about an axis: by 1 - cosine over that of the rim, and by turn.
+/// Cells of equal probability in a cone around an axis: bands of 1 - cosine, cut into sectors.
 fn cone_cell(wi: DVec3, axis: DVec3, rim: f64) -> usize {
     let (u, v) = axis.any_orthonormal_pair();
     let out = if rim < 0.5 { 0.5 * (wi - axis).length_squared() } else { 1.0 - wi.dot(axis) } / rim;
@@ -156,7 +156,7 @@ fn chi_squared_of_cells(cells: impl Iterator<Item = usize>) -> f64 {
     chi_squared(&counts, &[SAMPLES as f64 / 256.0; 256])
 }
 
-/// Cone that the ball fills as a point sees it: axis, 1 - cosine.
+/// The cone that the sphere fills as seen from a point: its axis and 1 - cosine of its half angle.
 fn cone(point: DVec3) -> (DVec3, f64) {
     let d = CENTRE - point;
     let sine = RADIUS / d.length();
@@ -167,22 +167,22 @@ fn cone(point: DVec3) -> (DVec3, f64) {
 }
 
 #[test]
-fn vertices_aim_at_balls_uniformly_in_their_cone_and_all_round_from_within() {
+fn spheres_are_sampled_uniformly_in_their_cone_and_over_all_directions_from_inside() {
     let Some(gpu) = gpu() else { return };
     let lit = lights(gpu);
     let lit = &lit;
     let tests = viewers().into_iter().flat_map(|(name, point)| {
         [REFERENCE, CANDIDATE].map(|mode| {
             let test = move |seed: u32| {
-                // The point as the shader has it.
+                // The f32 point that the shader sees.
                 let point = wide(point.as_vec3().to_array());
                 let (axis, rim) = cone(point);
                 let pdf = 1.0 / (TAU * rim);
                 let samples = sampled(lit, BALL, point, mode, seed);
-                // What is kept of a point has 16 bits a coordinate, which a silhouette may not survive.
+                // Stored points have 16 bits per coordinate; samples at the silhouette may not survive that.
                 let lost = samples.iter().filter(|s| s.radiance[1] == 0.0).count();
                 let allowed = if mode == CANDIDATE && name == "close" { SAMPLES / 100 } else { SAMPLES / 1000 };
-                assert!(lost <= allowed, "{name}: {lost} samples carry nothing");
+                assert!(lost <= allowed, "{name}: {lost} samples are invalid");
                 for s in samples.iter().filter(|s| s.radiance[1] > 0.0) {
                     let on_surface = (wide(s.position) - CENTRE).length() / RADIUS - 1.0;
                     assert!(on_surface.abs() < 1e-5, "{name}: {s:?}");
@@ -193,19 +193,19 @@ fn vertices_aim_at_balls_uniformly_in_their_cone_and_all_round_from_within() {
                         (wide(s.normal) - (wide(s.position) - CENTRE) / RADIUS).length() < 1e-5 * (1.0 + d.length())
                     );
                 }
-                // Rounding of the position afar.
+                // The position is rounded at large distances.
                 let axis_of = |s: &Sample| cone_cell(wide(s.wi), axis, rim);
                 chi_squared_of_cells(samples.iter().map(axis_of))
             };
             (format!("{name}, mode {mode}"), Box::new(test) as Box<dyn Fn(u32) -> f64>)
         })
     });
-    // Close by, kept points have lost what makes cells exact.
+    // Close to the sphere, stored points are not precise enough for exact cells.
     assert_family(tests.filter(|(name, _)| !(name.starts_with("close") && name.ends_with('1'))));
 }
 
 #[test]
-fn points_of_balls_and_rectangles_are_uniform_in_area_and_of_suns_in_solid_angle() {
+fn sphere_and_rectangle_samples_are_uniform_in_area_and_sun_samples_in_solid_angle() {
     let Some(gpu) = gpu() else { return };
     let lit = lights(gpu);
     let lit = &lit;
@@ -240,7 +240,7 @@ fn points_of_balls_and_rectangles_are_uniform_in_area_and_of_suns_in_solid_angle
     assert_family(tests);
 }
 
-/// Irradiance over radiance of a polygon that is wholly above a plane (Lambert 1760).
+/// Irradiance divided by radiance, for a polygon that lies entirely above the plane of the receiver (Lambert 1760).
 fn form_factor(corners: &[DVec3], point: DVec3, normal: DVec3) -> f64 {
     let d: Vec<DVec3> = corners.iter().map(|c| (c - point).normalize()).collect();
     let edge = |i: usize| {
@@ -250,14 +250,14 @@ fn form_factor(corners: &[DVec3], point: DVec3, normal: DVec3) -> f64 {
     ((0..d.len()).map(edge).sum::<f64>() / 2.0).abs()
 }
 
-/// Points, normals and the irradiance there by radiance 2 of a light.
+/// Receivers of light with radiance 2: (name, light, point, normal, irradiance).
 fn receivers() -> Vec<(String, u32, DVec3, DVec3, f64)> {
     let mut all = Vec::new();
     for (name, point) in viewers() {
         let d = CENTRE - point;
         if d.length() > RADIUS {
             let tilted = (d.normalize() + 0.2 * d.any_orthogonal_vector().normalize()).normalize();
-            // Wholly above the horizon of the receiver, but close by only if it faces the centre.
+            // The sphere lies entirely above the horizon, but receivers close to it must face its center.
             let normal = if name == "close" { d.normalize() } else { tilted };
             let exact = 2.0 * PI * (RADIUS / d.length()).powi(2) * normal.dot(d.normalize());
             all.push((format!("ball, {name}"), BALL, point, normal, exact));
@@ -292,7 +292,7 @@ fn irradiance_tests<'a>(lit: &'a LightScene, scale: f64) -> Vec<Statistical<'a>>
                 let test = move |seed: u32| {
                     let (mut sum, mut squares) = (0.0, 0.0);
                     for s in sampled(lit, light, point, mode, seed) {
-                        // Edge on it has no density, and no light.
+                        // A light seen edge-on has no density and gives no light.
                         let e = if s.pdf > 0.0 {
                             f64::from(s.radiance[1]) * wide(s.wi).dot(normal).max(0.0) / f64::from(s.pdf)
                         } else {
@@ -301,7 +301,7 @@ fn irradiance_tests<'a>(lit: &'a LightScene, scale: f64) -> Vec<Statistical<'a>>
                         sum += scale * e;
                         squares += scale * scale * e * e;
                     }
-                    // Rounding of places afar and of kept points close by.
+                    // Tolerance for the rounding of far positions and of stored points close by.
                     z_test(sum, squares + SAMPLES as f64 * (0.03 * exact).powi(2), SAMPLES as f64, exact)
                 };
                 (format!("{name}, mode {mode}"), Box::new(test) as Box<dyn Fn(u32) -> f64>)
@@ -311,25 +311,25 @@ fn irradiance_tests<'a>(lit: &'a LightScene, scale: f64) -> Vec<Statistical<'a>>
 }
 
 #[test]
-fn samples_of_shapes_average_to_their_irradiance() {
+fn samples_of_area_lights_average_to_their_irradiance() {
     let Some(gpu) = gpu() else { return };
     let lit = lights(gpu);
-    // Close by a ball is hidden but for a cap that samples of its whole surface rarely take.
+    // From close by, only a cap of the sphere is visible, which samples of its whole surface rarely hit.
     assert_family(irradiance_tests(&lit, 1.0).into_iter().filter(|(name, _)| name != "ball, close, mode 2"));
 }
 
 #[test]
-fn a_density_of_shapes_wrong_by_three_percent_is_found() {
+fn an_area_light_density_that_is_wrong_by_three_percent_is_found() {
     let Some(gpu) = gpu() else { return };
     let lit = lights(gpu);
     let tests: Vec<_> = irradiance_tests(&lit, 1.03).into_iter().filter(|(name, _)| name.ends_with("mode 0")).collect();
     let count = tests.len();
-    // All but that from behind, where there is nothing.
+    // All but the receiver behind the rectangle, which gets no light.
     assert_eq!(failures_of_family(tests).len(), count - 1);
 }
 
 #[test]
-fn a_ray_that_meets_a_sampled_point_has_the_density_of_the_sample() {
+fn a_ray_towards_a_sample_hits_the_light_with_the_density_of_the_sample() {
     let Some(gpu) = gpu() else { return };
     let lit = lights(gpu);
     for (name, light, point, ..) in receivers() {
@@ -340,14 +340,14 @@ fn a_ray_that_meets_a_sampled_point_has_the_density_of_the_sample() {
         let mut missed = 0;
         for s in samples {
             if s.met != light {
-                // Only at its edge.
+                // Rays may miss at the edge only.
                 missed += 1;
                 continue;
             }
             let close = name.ends_with("close");
             let near = (f64::from(s.met_pdf) / f64::from(s.pdf) - 1.0).abs();
             assert!(near < if light == RECT { 5e-3 } else { 1e-4 } || close, "{name}: {s:?}");
-            // The ball is met edge on where its depth is the root of a rounding.
+            // At the silhouette of the sphere the hit distance is the root of a rounding error.
             let scale = (wide(s.position) - point).length();
             let off = (wide(s.met_position) - wide(s.position)).length();
             assert!(light == SUN || close || off < 2e-3 * scale.max(RADIUS), "{name}: {s:?} is off by {off}");
@@ -356,7 +356,7 @@ fn a_ray_that_meets_a_sampled_point_has_the_density_of_the_sample() {
     }
 }
 
-/// Where a ray meets a light, and by how much it might have missed it.
+/// Where a ray hits a light, and a tolerance within which it might miss.
 fn oracle(light: &GpuLight, origin: DVec3, d: DVec3) -> (Option<f64>, f64) {
     let centre = wide(light.position);
     let of = |i: usize| f64::from(f32::from_bits(light.data[i]));
@@ -374,7 +374,7 @@ fn oracle(light: &GpuLight, origin: DVec3, d: DVec3) -> (Option<f64>, f64) {
             let m = wide(light.direction);
             let q = DQuat::from_xyzw(2.0 * m.x, 2.0 * m.y, 2.0 * m.z, 1.0 - m.length_squared()).normalize();
             let (o, d) = (q.inverse() * (origin - centre), q.inverse() * d);
-            // It shines along -z, so that it is met by rays that come along +z.
+            // The light emits along -z, so that rays along +z hit its front.
             let t = -o.z / d.z;
             let at = (o + t * d).truncate() / DVec2::new(of(0), of(1));
             let edge = at.abs().max_element() - 1.0;
@@ -387,7 +387,7 @@ fn oracle(light: &GpuLight, origin: DVec3, d: DVec3) -> (Option<f64>, f64) {
     }
 }
 
-/// Forty lights of each kind, overlapping.
+/// Twenty suns, and a hundred overlapping spheres and rectangles.
 fn many(gpu: &Gpu) -> LightScene<'_> {
     let mut random = Random(8);
     let mut lit = LightScene::new(gpu);
@@ -425,14 +425,14 @@ fn many(gpu: &Gpu) -> LightScene<'_> {
 }
 
 #[test]
-fn rays_meet_all_lights_on_their_way_and_no_other() {
+fn rays_find_all_lights_on_their_way_and_no_other() {
     let Some(gpu) = gpu() else { return };
     let lit = many(gpu);
     let mut random = Random(4);
     let queries: Vec<Query> = (0..1 << 13)
         .map(|i| {
             let origin = DVec3::new(random.unit(), random.unit(), random.unit()) * 6.0 - 3.0;
-            // As far as a surface, or for ever.
+            // The ray ends at a surface or is unbounded.
             let reach = if i % 2 == 0 { FAR } else { (3.0 * random.unit()) as f32 };
             let (point, direction) = (origin.as_vec3().to_array(), random.direction().as_vec3().normalize().to_array());
             Query { point, direction, reach, light: 20 + i % 100, mode: GIVEN, ..Default::default() }
@@ -459,12 +459,12 @@ fn rays_meet_all_lights_on_their_way_and_no_other() {
             }
         }
     }
-    eprintln!("{met} met, {unsure} at an edge");
+    eprintln!("{met} hits, {unsure} too close to an edge to tell");
     assert!(met > 10_000 && unsure < 20_000);
 }
 
 #[test]
-fn shapes_of_all_sizes_give_finite_samples() {
+fn area_lights_of_all_sizes_give_finite_samples() {
     let Some(gpu) = gpu() else { return };
     let mut lit = lights(gpu);
     let all_finite = |s: &Sample| {
@@ -473,7 +473,7 @@ fn shapes_of_all_sizes_give_finite_samples() {
     for size in [1e-8, 1e-4, 1.0, 1e5] {
         lit.lights[1] = sphere(CENTRE, size);
         lit.lights[2] = rect(CENTRE, turn(), DVec2::new(size, size * 1e-3));
-        // Sixteen samples of each.
+        // Sixteen samples per light.
         let mut queries = Vec::new();
         for at in [DVec3::ZERO, 0.5 * DVec3::X, DVec3::X, 1.0001 * DVec3::X, 30.0 * DVec3::Y, 1e6 * DVec3::Z] {
             let point = (CENTRE + size * at).as_vec3().to_array();

@@ -1,4 +1,4 @@
-//! The BSDF is the f64 oracle's, and its samples follow its densities.
+//! The BSDF equals the f64 oracle, and its samples follow its densities.
 
 use crate::support::{
     compose::flag,
@@ -15,14 +15,14 @@ use crate::support::{
 };
 use glam::DVec3;
 
-/// Samples of one chi-squared test.
+/// Number of samples of one chi-squared test.
 const SAMPLES: usize = 1 << 16;
 
 fn close(gpu: f64, oracle: f64, relative: f64, absolute: f64) -> bool {
     (gpu - oracle).abs() <= relative * oracle.abs() + absolute
 }
 
-/// Random queries: any directions, mirrored ones, refracted ones, grazing ones.
+/// Random queries: uniform, mirrored, refracted and grazing directions.
 fn random_queries(count: usize) -> Vec<Query> {
     let mut r = Random(1);
     (0..count)
@@ -61,18 +61,18 @@ fn eval_and_pdf_equal_the_oracle() {
     for (q, answer) in queries.iter().zip(evaluate(gpu, &queries, &every_lobe())) {
         assert!(answer.iter().flatten().all(|x| x.is_finite() && *x >= 0.0), "{q:?} gave {answer:?}");
         let (m, wo, wi) = (q.material(), q.wo(), q.wi());
-        // On a threshold, f32 may fall on either side.
+        // On either side of a threshold, f32 may take the other branch.
         if [m.n, m.n_geo, m.coat_n].iter().any(|n| n.dot(wo).abs() < 1e-6 || n.dot(wi).abs() < 1e-6) {
             continue;
         }
-        // Nor does f32 know an h that is the difference of almost equal vectors.
+        // f32 cannot represent an h that is the difference of almost equal vectors.
         let narrowest = if m.coat > 0.0 { m.alpha.min(m.coat_alpha) } else { m.alpha };
         let length = m.half_length(wo, wi);
         let relative = 2e-4 + (3e-6 + 2e-7 / narrowest + 2e-7 / length) / length;
         if relative > 0.02 {
             continue;
         }
-        // f32 directions are good to about 1e-7: what that does to the value is no error of the formula.
+        // f32 directions have an error of about 1e-7; its effect on the value does not count as an error of the formula.
         let wiggle = |f: &dyn Fn(DVec3, DVec3) -> f64| {
             let exact = f(wo, wi);
             let (t, b) = wi.any_orthonormal_pair();
@@ -104,13 +104,13 @@ fn eval_and_pdf_equal_the_oracle() {
     assert!(bad.is_empty(), "{} of {compared}:\n{}", bad.len(), bad[..bad.len().min(5)].join("\n"));
 }
 
-/// What the samplers are tried on: (name, material, wo, axis and finest angle of the cells).
+/// The configurations for sampling tests: (name, material, wo, axis and finest angle of the cells).
 fn cases() -> Vec<(String, Material, DVec3, DVec3, f64)> {
     let mut cases = Vec::new();
     let mut add = |name: &str, m: Material, degrees: f64, lobe: Lobe| {
         let wo = at_angle(&m, degrees);
         let axis = m.delta_direction(wo, lobe).unwrap_or(m.n);
-        // Refraction narrows the lobe where the indices are close.
+        // Refraction narrows the lobe where the indices are similar.
         let bend = if lobe == Lobe::Transmission { (2.0 * (m.eta - 1.0).abs()).min(1.0) } else { 1.0 };
         cases.push((format!("{name} at {degrees}"), m, wo, axis, (0.5 * m.alpha * bend).clamp(1e-3, 0.3)));
     };
@@ -151,7 +151,7 @@ fn cases() -> Vec<(String, Material, DVec3, DVec3, f64)> {
     cases
 }
 
-/// p-value of samples against the density, integrated over cells; what is lost or delta is a cell too.
+/// The p-value of samples against the density integrated over cells; invalid and delta samples have cells of their own.
 fn sampling_test<'a>(
     sampler: &'a Sampler<'a>,
     (name, m, wo, axis, finest): (String, Material, DVec3, DVec3, f64),
@@ -186,7 +186,7 @@ fn samples_follow_the_density() {
 }
 
 #[test]
-fn a_bent_sampler_is_found() {
+fn a_biased_sampler_is_found() {
     let Some(gpu) = gpu() else { return };
     let sampler = Sampler::new(gpu, &[flag("PLANTED")]);
     let tests =
@@ -211,7 +211,7 @@ fn weights_are_value_over_density() {
     }
 }
 
-/// Mean of weights over samples is the integral of f, which the oracle finds.
+/// The mean of the weights equals the integral of f, which the oracle computes.
 #[test]
 fn samples_average_to_the_albedo() {
     let Some(gpu) = gpu() else { return };
@@ -229,7 +229,7 @@ fn samples_average_to_the_albedo() {
                 sum += s.weight().y;
                 squares += s.weight().y.powi(2);
             }
-            // 1e-4 of the quadrature.
+            // The quadrature has an error of 1e-4.
             z_test(sum, squares + 1e-8 * SAMPLES as f64 * SAMPLES as f64 * albedo * albedo, SAMPLES as f64, albedo)
         };
         (name, Box::new(test) as Box<dyn Fn(u32) -> f64>)
@@ -238,7 +238,7 @@ fn samples_average_to_the_albedo() {
 }
 
 #[test]
-fn deltas_weigh_what_they_reflect_and_refract() {
+fn delta_lobes_have_the_weights_of_reflection_and_refraction() {
     let Some(gpu) = gpu() else { return };
     let sampler = Sampler::new(gpu, &[]);
     let mut materials = vec![metal(1e-4), coated(5e-4), plain()];
@@ -264,7 +264,7 @@ fn deltas_weigh_what_they_reflect_and_refract() {
                 _ => ((1.0 - m.p_coat(wo)) * m.p_microfacet(c) * p, whole * (1.0 - m.coat_share(wo))),
             };
             let Some(direction) = m.delta_direction(wo, lobe) else {
-                assert!(p == 0.0, "total reflection");
+                assert!(p == 0.0, "total internal reflection");
                 continue;
             };
             let n = if lobe == Lobe::Coat { m.coat_n } else { m.n };
@@ -289,9 +289,9 @@ fn deltas_weigh_what_they_reflect_and_refract() {
     }
 }
 
-/// A furnace: unit radiance from everywhere, scaled by the square of the index, comes back as at most 1.
+/// A furnace: under unit radiance from everywhere, scaled by the squared index, the reflected radiance is at most 1.
 #[test]
-fn nothing_reflects_more_than_it_gets() {
+fn no_material_reflects_more_than_it_receives() {
     let Some(gpu) = gpu() else { return };
     let sampler = Sampler::new(gpu, &[]);
     let mirror = Material { base: DVec3::ONE, ..metal(1e-4) };
@@ -326,10 +326,10 @@ fn nothing_reflects_more_than_it_gets() {
     }
 }
 
-/// f(wo, wi) = f(wi, wo) lobe by lobe; for refraction f / (index on wo's side)² is symmetric.  A coat takes its share by wo alone and is
-/// left out.
+/// f(wo, wi) = f(wi, wo) for each lobe; for refraction, f divided by the squared index on wo's side is symmetric.  The coat is excluded:
+/// its share depends on wo alone.
 #[test]
-fn light_may_travel_either_way() {
+fn the_bsdf_is_reciprocal() {
     let Some(gpu) = gpu() else { return };
     let bare = |q: Query| Query::new(&Material { coat: 0.0, ..q.material() }, q.wo(), q.wi(), 0);
     let forth: Vec<_> = random_queries(50_000).into_iter().map(bare).collect();
@@ -346,7 +346,7 @@ fn light_may_travel_either_way() {
         forth.iter().zip(evaluate(gpu, &forth, &every_lobe()).iter().zip(evaluate(gpu, &back, &every_lobe())))
     {
         let (m, wo, wi) = (q.material(), q.wo(), q.wi());
-        // Where h is short, or n.h is, f32 does not know it.
+        // Where h is short, or n.h is small, f32 is not precise enough.
         let through = m.n.dot(wi) < 0.0;
         let h = match through {
             true if m.thin => wo + wi - 2.0 * m.n.dot(wi) * m.n,
@@ -370,7 +370,7 @@ fn light_may_travel_either_way() {
     assert!(compared.iter().all(|c| *c > 2_500), "{compared:?}");
 }
 
-/// Whatever else a scene has, a material without a lobe is what it is where no shader knows the lobe.
+/// A material without a lobe has the same value in shaders that are specialized for that lobe and in shaders that are not.
 #[test]
 fn lobes_that_a_material_lacks_change_nothing() {
     let Some(gpu) = gpu() else { return };
@@ -387,15 +387,15 @@ fn lobes_that_a_material_lacks_change_nothing() {
     let with = evaluate(gpu, &queries, &every_lobe());
     let without = evaluate(gpu, &queries, &[]);
     for ((q, a), b) in queries.iter().zip(with).zip(without) {
-        // Rounding by another frame round n.
+        // Rounding differs because the frame around n differs.
         let slack = 2e-3 + 2e-6 / q.material().alpha / (q.wo() + q.wi()).length();
         let same = |a: f32, b: f32| close(a.into(), b.into(), slack, 1e-6);
         assert!(slack > 0.02 || a.iter().flatten().zip(b.iter().flatten()).all(|(a, b)| same(*a, *b)), "{q:?}");
     }
 }
 
-/// Known of this formula, as of glTF's: the coat's Fresnel factor at h leaves the diffuse lobe bright at grazing angles where
-/// the coat itself is a mirror.  The bound is what that costs at most for a white base.
+/// A known property of this formula and of glTF's: the coat's Fresnel factor at h leaves the diffuse lobe bright at grazing angles, where
+/// the coat itself is a mirror.  The bound is the largest gain for a white base.
 #[test]
 fn a_white_coated_surface_gains_at_grazing_angles() {
     let m = Material { base: DVec3::ONE, ..coated(0.1) };
@@ -409,8 +409,8 @@ fn a_white_coated_surface_gains_at_grazing_angles() {
     assert!(found[0] < 1.001 && found.iter().all(|a| *a < 1.9) && found[4] > 1.1, "{found:?}");
 }
 
-/// Strength draws the highlight out along the tangent and leaves its width across (`KHR_materials_anisotropy`): by the second moments of
-/// sampled directions about the mirror's.
+/// Strength stretches the highlight along the tangent and keeps its width across (`KHR_materials_anisotropy`).  Measured by the second
+/// moments of sampled directions about the mirror direction.
 #[test]
 fn anisotropy_stretches_the_highlight_along_the_tangent() {
     let Some(gpu) = gpu() else { return };
@@ -430,7 +430,7 @@ fn anisotropy_stretches_the_highlight_along_the_tangent() {
     }
 }
 
-/// A thin wall sends on what it would have mirrored, to the other side: the same f but for Fresnel's factor and the base.
+/// A thin wall transmits the mirrored lobe to the other side: the same f except for the Fresnel factor and the base color.
 #[test]
 fn a_thin_wall_transmits_through_the_mirrored_direction() {
     let Some(gpu) = gpu() else { return };

@@ -1,4 +1,4 @@
-//! Energy compensation (Turquin 2019; Lanz 2025, 2.1.3) gives back what single scattering loses, and no more.
+//! Energy compensation (Turquin 2019; Lanz 2025, 2.1.3) restores the energy that single scattering loses, and no more.
 
 use crate::support::{
     app::*,
@@ -14,7 +14,7 @@ use glam::DVec3;
 
 #[test]
 fn the_table_is_the_integral_of_the_lobe() {
-    // By another way than visible normals: the oracle's lobe over directions.
+    // The table integrates over visible normals; this test integrates the oracle's lobe over directions.
     for alpha in [0.05, 0.3, 1.0] {
         for degrees in [0.0, 45.0, 75.0] {
             let m = Material { base: DVec3::ONE, ..metal(alpha) };
@@ -64,13 +64,13 @@ fn a_rough_white_metal_gives_all_light_back() {
             let (mean, error) = mean_and_error(samples.iter().map(|s| if s.valid() { s.weight().y } else { 0.0 }));
             assert!((mean - 1.0).abs() < 5.0 * error + 1e-3, "α = {alpha} at {degrees}: {mean} ± {error}");
             if alpha >= 0.4 {
-                assert!(mean * e < 0.97, "without it some light is lost: {}", mean * e);
+                assert!(mean * e < 0.97, "without compensation some light is lost: {}", mean * e);
             }
         }
     }
 }
 
-/// One α stands for both: the root of their mean square.
+/// Compensation uses one α for both axes: the root of their mean square.
 #[test]
 fn a_rough_white_brushed_metal_gives_most_light_back() {
     let Some(gpu) = gpu() else { return };
@@ -92,7 +92,7 @@ fn a_rough_white_brushed_metal_gives_most_light_back() {
     }
 }
 
-/// A coat's compensation gives back a little of what its microfacets lose, and no more.
+/// The compensation of a coat restores a little of the energy that its microfacets lose, and no more.
 #[test]
 fn a_compensated_coat_over_white_gains_nothing() {
     let Some(gpu) = gpu() else { return };
@@ -142,7 +142,7 @@ fn compensated_values_equal_the_oracle() {
     assert!(compared > 10_000);
 }
 
-/// What shaders read of the table is the entry of that angle and that roughness.
+/// Shaders read the table entry of the right angle and roughness.
 #[test]
 fn rough_white_metals_vanish_in_a_white_world_at_every_angle() {
     let Some(mut rig) = Rig::new(16, 16) else { return };

@@ -1,4 +1,4 @@
-//! The environment is sampled as its density says, poles, seams and single bright texels included.
+//! The environment is sampled by its density, also at the poles, at the seam and for single bright texels.
 
 use crate::support::{
     compose::flag,
@@ -27,7 +27,7 @@ struct Case<'g> {
     table: Vec<f64>,
 }
 
-/// Maps of every nasty kind, with tables finer, coarser and squarer than they are.
+/// Maps that are hard to sample, with importance tables that are finer, coarser or squarer than the map.
 fn cases(gpu: &Gpu) -> Vec<Case<'_>> {
     let grey = |x: f64| DVec3::new(x, 0.5 * x, 2.0 * x);
     let maps = [
@@ -87,7 +87,7 @@ fn radiance_is_bilinear_and_never_unreachable() {
     for case in cases(gpu) {
         let asked: Vec<_> = (0..4000)
             .map(|i| {
-                // The poles and the seam among them.
+                // The poles and the seam are included.
                 let d = match i % 4 {
                     0 => direction(r.unit(), 1e-4 * r.unit()),
                     1 => direction(r.unit(), 1.0 - 1e-4 * r.unit()),
@@ -105,7 +105,7 @@ fn radiance_is_bilinear_and_never_unreachable() {
         for s in run(&case.lit, 0, &asked, true) {
             let d = case.rotation * wide(s.direction).normalize();
             let expected = case.map.radiance(d) * DVec3::new(2.0, 1.0, 0.5);
-            // Near a pole the rounding of a direction is a long way in u.
+            // Near a pole, the rounding of a direction is a large distance in u.
             let tolerance = 2e-4 + 1e-6 / (d.x.hypot(d.z) + 1e-6);
             let near = (wide(s.radiance) - expected).abs().max_element() < tolerance * scale;
             assert!(near, "{}: {s:?}, not {expected}", case.name);
@@ -115,7 +115,7 @@ fn radiance_is_bilinear_and_never_unreachable() {
     }
 }
 
-/// p-values of directions against the table: each cell cut into quarters of equal solid angle.
+/// p-values of sampled directions against the table.  Each cell is cut into quarters of equal solid angle.
 fn direction_tests<'a>(cases: &'a [Case], wrong: f64) -> Vec<Statistical<'a>> {
     cases
         .iter()
@@ -132,7 +132,7 @@ fn direction_tests<'a>(cases: &'a [Case], wrong: f64) -> Vec<Statistical<'a>> {
                     let quarter =
                         usize::from(u * case.width as f64 - x as f64 > 0.5) + 2 * usize::from((v * PI).cos() < middle);
                     counts[(y * case.width + x) * 4 + quarter] += 1.0;
-                    // A sample may fall on the edge of its cell; elsewhere densities agree.
+                    // A sample may fall on the edge of its cell; elsewhere the densities agree.
                     let exact = case.table[y * case.width + x] / total / solid_angle(y, case.width, case.height);
                     let edge =
                         [u * case.width as f64, v * case.height as f64].iter().any(|t| (t - t.round()).abs() < 1e-3);
@@ -189,7 +189,7 @@ fn samples_average_to_the_irradiance_of_the_sphere() {
                 sum += e;
                 squares += e * e;
             }
-            // 2e-4 of the grid.
+            // The grid has an error of 2e-4.
             let n = SAMPLES as f64;
             z_test(sum, squares + (2e-4 * exact * n).powi(2), n, exact)
         };

@@ -1,4 +1,5 @@
-//! Lights are chosen by power, the environment among them, and tables hold what they were given.
+//! Lights and the environment are chosen with probability proportional to power, and alias tables represent the powers that they were
+//! built from.
 
 use crate::support::{
     app::*,
@@ -17,7 +18,7 @@ use std::f64::consts::PI;
 
 const ENVIRONMENT_LIGHT: u32 = u32::MAX - 1;
 
-/// Frequencies of choices: (light, frequency expected, pmf told).
+/// The choices of the kernel: the light and the bits of its pmf come first.
 fn select(lit: &LightScene, seed: u32, count: usize, defs: &[Def]) -> Vec<[u32; 4]> {
     let seed = lit.gpu.storage(&[seed]);
     let choices = lit.gpu.zeroed::<[u32; 4]>(count);
@@ -82,7 +83,7 @@ fn without_lights_nothing_is_chosen() {
     };
     assert_eq!(told(&lit, &[]), (NONE, 0.0));
     assert_eq!(told(&lit, &on), (ENVIRONMENT_LIGHT, 1.0));
-    // A scene without extent still has its sky; powers beyond f32 leave both sides a share.
+    // A scene without extent still has its environment; if a power exceeds f32, both sides keep a share.
     lit.scene.radius = 0.0;
     assert_eq!(told(&lit, &on), (ENVIRONMENT_LIGHT, 1.0));
     lit.view.environment_color = [0.0; 3];
@@ -102,10 +103,10 @@ fn without_lights_nothing_is_chosen() {
 }
 
 #[test]
-fn a_textured_lamp_is_chosen_by_the_light_that_it_sends() {
+fn a_textured_lamp_is_chosen_by_its_textured_power() {
     let Some(mut rig) = Rig::new(32, 32) else { return };
     rig.spawn(square(20.0), lambert(0.5), Transform::default());
-    // Two of a square metre, one of which is black by half.
+    // Two lamps of one square meter; the texture of one is half black.
     let board = rig.add::<Image>(texture(8, 8, |x, y| if (x + y) % 2 == 0 { [255; 4] } else { [0, 0, 0, 255] }));
     for (x, emissive_texture) in [(-2.0, None), (2.0, Some(board))] {
         let lamp = StandardMaterial { emissive_texture, ..lamp(1.0, 1.0, 1.0) };
@@ -114,11 +115,11 @@ fn a_textured_lamp_is_chosen_by_the_light_that_it_sends() {
     let direct = Direct { candidates: 1, bsdf_candidate: false, temporal: false, spatial_taps: 0, ..default() };
     rig.set(|r| *r = Restir { technique: Technique::Di, direct, ..plain() });
     let weights = rig.debug(DebugView::ReservoirWeights);
-    // Of a candidate one over the chance of its triangle: two thirds and one third by twos.
+    // A candidate's weight is 1 / pmf of its triangle.  The lamps are chosen with 2/3 and 1/3, each split over two triangles.
     let near = |value: f32| weights.iter().filter(|(_, w)| (w.x / value - 1.0).abs() < 1e-3).count();
     let (plain, textured) = (near(3.0), near(6.0));
     let lit = weights.iter().filter(|(_, w)| w.x > 0.0).count();
-    println!("{plain} of one, {textured} of the other, of {lit}");
+    println!("{plain} for the plain lamp, {textured} for the textured one, of {lit}");
     assert!(plain > 400 && textured > 80 && plain + textured == lit, "{plain}, {textured} of {lit}");
 }
 
@@ -139,7 +140,7 @@ fn alias_tables_hold_their_powers() {
                 "{entry:?} for {pmf}"
             );
             assert!(entry.pmf > 0.0 || *p < max * 1e-6, "{entry:?} for {p}");
-            assert!(*p > 0.0 || (entry.pmf == 0.0 && entry.probability == 0.0), "{entry:?} of a dark light");
+            assert!(*p > 0.0 || (entry.pmf == 0.0 && entry.probability == 0.0), "{entry:?} for a black light");
             assert!((entry.alias as usize) < powers.len() && (0.0..=1.0).contains(&entry.probability));
         }
     }

@@ -1,4 +1,4 @@
-//! Every light is sampled as its density says, and its samples average to the light's true effect.
+//! Samples of every kind of light follow their densities and average to the irradiance.
 
 use crate::support::{
     compose::{CAPABILITIES, Def, compose, composer, flag},
@@ -45,7 +45,7 @@ fn sample(lit: &LightScene, light: u32, point: DVec3, seed: u32, count: usize, d
 
 const MIRRORED: Rows = [[-2.0, 0.3, 0.0, 0.5], [0.0, 1.5, 0.2, 3.0], [0.1, 0.0, 0.7, -1.0]];
 
-/// One emissive triangle of radiance (1, 2, 3).
+/// A scene of one emissive triangle with radiance (1, 2, 3).
 fn with_triangle(gpu: &Gpu, rows: Rows, flags: u32) -> LightScene<'_> {
     let mut lit = LightScene::new(gpu);
     lit.triangles =
@@ -64,7 +64,7 @@ fn with_triangle(gpu: &Gpu, rows: Rows, flags: u32) -> LightScene<'_> {
     lit
 }
 
-/// Corners and the normal out of the front face, in the world.
+/// The corners and the front-facing normal in world space.
 fn corners(lit: &LightScene) -> ([DVec3; 3], DVec3) {
     let (t, m) = (lit.triangles[0], lit.instances[0].world_from_object.map(|r| r.map(f64::from)));
     let linear = DMat3::from_cols_array_2d(&[
@@ -79,7 +79,7 @@ fn corners(lit: &LightScene) -> ([DVec3; 3], DVec3) {
     ([a, b, c].map(|p| linear * p + offset), normal.normalize())
 }
 
-/// Irradiance over radiance of a triangle that is wholly above a plane (Lambert 1760).
+/// Irradiance divided by radiance, for a triangle that lies entirely above the plane of the receiver (Lambert 1760).
 fn form_factor(corners: [DVec3; 3], point: DVec3, normal: DVec3) -> f64 {
     let d = corners.map(|c| (c - point).normalize());
     let edge = |i: usize| {
@@ -89,7 +89,7 @@ fn form_factor(corners: [DVec3; 3], point: DVec3, normal: DVec3) -> f64 {
     ((edge(0) + edge(1) + edge(2)) / 2.0).abs()
 }
 
-/// A point and the normal of a receiver that sees a side of the light wholly.
+/// A point and a normal from which one side of the light is entirely visible, and whether that is the front.
 fn receivers(lit: &LightScene) -> [(DVec3, DVec3, bool); 3] {
     let (c, n) = corners(lit);
     let centre = (c[0] + c[1] + c[2]) / 3.0;
@@ -114,7 +114,11 @@ fn triangle_samples_are_points_of_the_triangle() {
                 assert!((wide(s.position) - p).length() < 1e-5 && (wide(s.wi) - d.normalize()).length() < 1e-5);
                 assert!((f64::from(s.distance) - d.length()).abs() < 1e-5 && (wide(s.normal) - n).length() < 1e-5);
                 assert!((f64::from(s.pdf) / pdf - 1.0).abs() < 1e-4, "{s:?}, not {pdf}");
-                assert_eq!(s.pdf.to_bits(), s.hit_pdf.to_bits(), "a hit and a sample disagree about the same point");
+                assert_eq!(
+                    s.pdf.to_bits(),
+                    s.hit_pdf.to_bits(),
+                    "a hit and a sample of the same point have different densities"
+                );
                 assert_eq!(s.radiance, if front { [1.0, 2.0, 3.0] } else { [0.0; 3] });
                 assert!(s.delta == 0 && s.light == 0);
             }
@@ -185,11 +189,11 @@ fn a_density_wrong_by_three_percent_is_found() {
     assert_eq!(failures_of_family(irradiance_tests(&lit, &defs)).len(), 3);
 }
 
-/// Emission times a texture, and only where alpha leaves a surface.
+/// The texture scales emission, and alpha removes it.
 #[test]
-fn texture_and_alpha_shape_emission() {
+fn texture_and_alpha_scale_emission() {
     let Some(gpu) = gpu() else { return };
-    // 2x2 texels, nearest: red, nothing; blue with little alpha, green.
+    // 2x2 texels, nearest filter: red, fully transparent, blue with low alpha, green.
     let slot = [0x10_0000 | 0x5_0000, 0, 2 | 2 << 16, 0];
     let mut lit = with_triangle(gpu, IDENTITY, 0);
     lit.table = vec![slot; 2];
@@ -264,7 +268,7 @@ fn points_spots_and_suns_follow_their_closed_forms() {
 }
 
 #[test]
-fn impossible_samples_carry_nothing() {
+fn impossible_samples_are_zero() {
     let Some(gpu) = gpu() else { return };
     let mut lit = with_triangle(gpu, IDENTITY, MATERIAL_DOUBLE_SIDED);
     lit.lights.push(GpuLight { kind: LIGHT_POINT, emission: [1.0; 3], ..Default::default() });
@@ -272,7 +276,7 @@ fn impossible_samples_carry_nothing() {
     let all_finite = |s: &Sample| {
         [s.pdf, s.distance].iter().chain(&s.radiance).chain(&s.wi).chain(&s.position).all(|x| x.is_finite())
     };
-    // In the plane of the light, on a corner, at the point light, and lights that do not exist.
+    // Receivers in the plane of the light, on a corner of it, at the point light; and lights that do not exist.
     lit.triangles[0] = GpuTriangle { b: [1.0, 0.0, 0.0], c: [0.0, 0.0, 1.0], ..Default::default() };
     for (light, point) in [(0, DVec3::new(5.0, 0.0, 0.0)), (1, DVec3::ZERO), (2, DVec3::ONE), (NONE, DVec3::ONE)] {
         let samples = sample(&lit, light, point, 1, 256, &[]);
@@ -282,7 +286,7 @@ fn impossible_samples_carry_nothing() {
         );
     }
     assert!(sample(&lit, 0, DVec3::ZERO, 1, 256, &[]).iter().all(all_finite));
-    // A triangle without an area, and tiny and huge ones.
+    // A triangle without area, and tiny and huge ones.
     for scale in [0.0, 1e-6, 1e6f32] {
         lit.triangles[0] = GpuTriangle { b: [scale, 0.0, 0.0], c: [0.0, 0.0, scale], ..Default::default() };
         for s in sample(&lit, 0, DVec3::new(0.0, f64::from(scale) + 1e-3, 0.0), 1, 256, &[]) {

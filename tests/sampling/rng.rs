@@ -8,7 +8,7 @@ use crate::support::{
 use glam::DVec3;
 use std::collections::HashSet;
 
-/// Counters of a block: 4 dimensions, 64x64 pixels, 4 frames, 4 streams.
+/// Size of a block of counters: 4 dimensions, 64x64 pixels, 4 frames, 4 streams.
 const COUNT: usize = 1 << 18;
 
 type Out = ([u32; 4], [f32; 4]);
@@ -47,7 +47,7 @@ fn numbers_are_uniform() {
     }));
 }
 
-/// Pairs of numbers fill a 32x32 grid evenly: neighbours in every part of the counter, and channels of one call.
+/// Pairs of numbers fill a 32x32 grid evenly: neighbors in every part of the counter, and channels of one call.
 #[test]
 fn neighbours_are_independent() {
     let Some(gpu) = gpu() else { return };
@@ -74,7 +74,7 @@ fn neighbours_are_independent() {
 #[test]
 fn no_two_counters_collide() {
     let Some(gpu) = gpu() else { return };
-    // (frame + a, stream + b) for all small a, b are in one block; neighbouring seeds are in the others.
+    // One block holds (frame + a, stream + b) for all small a, b; the others hold neighboring seeds.
     let mut seen = HashSet::new();
     for seed in 0..4 {
         for (bits, _) in block(gpu, seed) {
@@ -84,13 +84,13 @@ fn no_two_counters_collide() {
 }
 
 #[test]
-fn directions_survive_their_encodings() {
+fn encoded_directions_decode_to_the_same_direction() {
     let Some(gpu) = gpu() else { return };
     let mut r = Random(3);
     let mut directions: Vec<DVec3> = (0..20_000).map(|_| r.direction()).collect();
     for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
         directions.extend([axis, -axis]);
-        // All but on an axis, where frames and maps have their seams and poles.
+        // Most are random; the rest lie on an axis, where frames and maps have their seams and poles.
         directions.extend((0..500).map(|_| (axis + 10f64.powf(-7.0 * r.unit()) * r.direction()).normalize()));
         directions.extend((0..500).map(|_| (10f64.powf(-7.0 * r.unit()) * r.direction() - axis).normalize()));
     }
@@ -120,7 +120,7 @@ fn directions_survive_their_encodings() {
     }
 }
 
-/// Numbers that are a little bent, and numbers that their neighbour betrays, fail the statistics above.
+/// Numbers with a small bias and numbers that predict their neighbor fail the statistics above.
 #[test]
 fn bad_numbers_are_found() {
     let Some(gpu) = gpu() else { return };

@@ -1,4 +1,4 @@
-//! What no scene should hold, in a whole app: never a panic, never a number that is not finite, and the rest of the picture is there.
+//! Invalid scene content in a whole app: no panic, no NaN, and the rest of the picture is unchanged.
 
 use crate::support::{app::*, log};
 use bevy::{
@@ -11,7 +11,7 @@ use bevy::{
 };
 use bevy_restir::{DebugView, EmissiveLuminance, RestirEnvironment};
 
-/// A lit wall in the left half of the image, which must stay as it is whatever stands in the right half.
+/// A lit wall in the left half of the image, which must stay the same whatever stands in the right half.
 struct Scene {
     rig: Rig,
     alone: Picture,
@@ -28,7 +28,7 @@ fn scene() -> Option<Scene> {
 }
 
 impl Scene {
-    /// The wall is lit as it was.
+    /// Asserts that the wall is lit as before.
     fn check(&mut self, name: &str) {
         let picture = self.rig.picture(2);
         assert!(picture.is_finite(), "{name}");
@@ -42,7 +42,7 @@ impl Scene {
         self.rig.assert_sound();
     }
 
-    /// Spawns it in the right half, checks, also what light does that bounces off it, and removes it again.
+    /// Spawns an object in the right half, checks the wall (also with indirect light), and removes the object.
     fn with(&mut self, name: &str, mesh: Mesh, material: StandardMaterial, transform: Transform) {
         let entity = self.rig.spawn(mesh, material, transform);
         self.check(name);
@@ -63,7 +63,7 @@ fn positions(topology: PrimitiveTopology, points: Vec<[f32; 3]>) -> Mesh {
 }
 
 #[test]
-fn broken_meshes_are_left_out() {
+fn broken_meshes_are_rejected() {
     let Some(mut scene) = scene() else { return };
     let (a, b, c) = ([-0.5, -0.5, 0.0], [0.5, -0.5, 0.0], [0.0, 0.5, 0.0]);
     let list = |points| positions(PrimitiveTopology::TriangleList, points);
@@ -97,19 +97,19 @@ fn broken_meshes_are_left_out() {
     for (name, mesh) in meshes {
         scene.with(name, mesh, lambert(0.5), right());
     }
-    // Of a mesh with one bad triangle the others are shown.
+    // The sound triangles of a mesh with one bad triangle are shown.
     let mixed = list(vec![a, b, c, a, [nan; 3], c, a, b, [0.0, infinite, 0.0]]);
     let entity = scene.rig.spawn(mixed, lambert(0.5), right());
     scene.check("one sound triangle of three");
-    assert!(scene.rig.debug(DebugView::Albedo).at(18, 8).x > 0.4, "the sound one is there");
+    assert!(scene.rig.debug(DebugView::Albedo).at(18, 8).x > 0.4, "the sound triangle is visible");
     scene.rig.app.world_mut().despawn(entity);
-    // An emissive one: no light comes of triangles that are not there.
+    // An emissive mesh: rejected triangles emit no light.
     scene.with("emissive, NaN", list(vec![a, b, [nan; 3]]), lamp(1.0, 1.0, 1.0), right());
     scene.with("emissive, no area", list(vec![a, a, b]), lamp(1.0, 1.0, 1.0), right());
 }
 
 #[test]
-fn transforms_without_an_inverse_are_left_out() {
+fn transforms_without_an_inverse_are_rejected() {
     let Some(mut scene) = scene() else { return };
     let scaled = |s: Vec3| right().with_scale(s);
     let transforms = [
@@ -118,9 +118,9 @@ fn transforms_without_an_inverse_are_left_out() {
         ("NaN scale", scaled(Vec3::NAN)),
         ("infinite scale", scaled(Vec3::INFINITY)),
         ("NaN place", Transform::from_translation(Vec3::NAN)),
-        ("infinite place", Transform::from_translation(Vec3::new(f32::INFINITY, 0.0, 0.0))),
+        ("infinite translation", Transform::from_translation(Vec3::new(f32::INFINITY, 0.0, 0.0))),
         ("NaN turn", right().with_rotation(Quat::from_xyzw(f32::NAN, 0.0, 0.0, 1.0))),
-        ("no turn at all", right().with_rotation(Quat::from_xyzw(0.0, 0.0, 0.0, 0.0))),
+        ("zero quaternion", right().with_rotation(Quat::from_xyzw(0.0, 0.0, 0.0, 0.0))),
         ("huge", Transform::from_xyz(3e30, 0.0, 0.0).with_scale(Vec3::splat(1e25))),
         ("tiny", scaled(Vec3::splat(1e-30))),
     ];
@@ -128,7 +128,7 @@ fn transforms_without_an_inverse_are_left_out() {
         scene.with(name, square(1.0), lambert(0.5), transform);
         scene.with(name, Sphere::new(0.5).into(), lamp(0.0, 0.0, 0.0), transform);
     }
-    // From sound to unsound and back.
+    // From a valid transform to an invalid one and back.
     let entity = scene.rig.spawn(square(1.0), lambert(0.5), right());
     scene.check("sound");
     scene.rig.get_mut::<Transform>(entity).translation.x = f32::NAN;
@@ -139,7 +139,7 @@ fn transforms_without_an_inverse_are_left_out() {
 }
 
 #[test]
-fn materials_of_impossible_numbers_make_no_nan() {
+fn materials_with_invalid_numbers_make_no_nan() {
     let Some(mut scene) = scene() else { return };
     for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1.0, f32::MAX] {
         let color = Color::linear_rgba(bad, bad, bad, bad);
@@ -169,7 +169,7 @@ fn materials_of_impossible_numbers_make_no_nan() {
         let masked = StandardMaterial { alpha_mode: AlphaMode::Mask(bad), ..lambert(0.5) };
         scene.with(&format!("mask of {bad}"), square(1.0), masked, right());
     }
-    // Emission that is no number counts as none.
+    // NaN emission counts as zero.
     for bad in [f32::NAN, f32::NEG_INFINITY, -5.0] {
         scene.with(&format!("emission of {bad}"), square(1.0), lamp(bad, bad, bad), right());
     }
@@ -178,7 +178,7 @@ fn materials_of_impossible_numbers_make_no_nan() {
 }
 
 #[test]
-fn lights_of_impossible_power_or_place_are_left_out() {
+fn lights_with_invalid_power_or_position_are_rejected() {
     let Some(mut scene) = scene() else { return };
     for bad in [0.0, -100.0, f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
         let entities = [
@@ -192,7 +192,7 @@ fn lights_of_impossible_power_or_place_are_left_out() {
             scene.rig.app.world_mut().despawn(entity);
         }
     }
-    // A sun that is turned by NaN ends in Bevy's own shadow code, which asserts.
+    // A sun with a NaN rotation would fail an assertion in Bevy's own shadow code.
     let nowhere = Transform::from_translation(Vec3::NAN);
     let color = Color::linear_rgb(f32::NAN, 1.0, 1.0);
     let entities = [
@@ -201,11 +201,11 @@ fn lights_of_impossible_power_or_place_are_left_out() {
         scene.rig.spawn_bundle((PointLight { color, ..default() }, Transform::from_xyz(0.0, 0.0, 1.0))),
         scene.rig.spawn_bundle((SpotLight { outer_angle: f32::NAN, ..default() }, Transform::from_xyz(0.0, 0.0, 1.0))),
     ];
-    scene.check("lights nowhere");
+    scene.check("lights at invalid positions");
     for entity in entities {
         scene.rig.app.world_mut().despawn(entity);
     }
-    // In the surface itself, and on the camera: no division by zero.
+    // Lights in the surface itself and at the camera: no division by zero.
     for place in [Vec3::new(0.75, 0.0, 0.0), Vec3::new(0.75, 0.0, 5.0)] {
         let wall = scene.rig.spawn(square(1.0), lambert(0.5), right());
         let light =
@@ -217,7 +217,7 @@ fn lights_of_impossible_power_or_place_are_left_out() {
     }
 }
 
-/// A handle that no asset will ever stand behind.
+/// A handle whose asset will never exist.
 fn absent<A: Asset>(rig: &mut Rig) -> Handle<A> {
     rig.app.world().resource::<Assets<A>>().reserve_handle()
 }
@@ -233,16 +233,16 @@ fn absent_assets_leave_the_rest_ready() {
             normal_map_texture: Some(image),
             ..lambert(0.5)
         };
-        scene.with("a texture that is not there", square(1.0), material, right());
+        scene.with("a missing texture", square(1.0), material, right());
     }
     let mesh = absent::<Mesh>(&mut scene.rig);
     let material = scene.rig.add::<StandardMaterial>(lambert(0.5));
     let entity = scene.rig.spawn_bundle((Mesh3d(mesh), MeshMaterial3d(material), right()));
-    scene.check("a mesh that is not there");
+    scene.check("a missing mesh");
     let (mesh, material) = (scene.rig.add::<Mesh>(square(1.0)), absent::<StandardMaterial>(&mut scene.rig));
     scene.rig.insert(entity, (Mesh3d(mesh), MeshMaterial3d(material)));
-    scene.check("a material that is not there");
-    // An environment without its image, or with one of no use, is its colour.
+    scene.check("a missing material");
+    // An environment whose image is missing or unusable has its uniform color.
     scene.rig.app.world_mut().despawn(entity);
     scene.rig.insert(scene.rig.camera, RestirEnvironment { image: Some(image), ..sky(1.0) });
     let picture = scene.rig.picture(2);
@@ -257,7 +257,7 @@ fn absent_assets_leave_the_rest_ready() {
 }
 
 #[test]
-fn settings_beyond_their_range_are_clamped() {
+fn settings_out_of_range_are_clamped() {
     let Some(mut scene) = scene() else { return };
     scene.rig.set(|restir| restir.bounces = u32::MAX);
     scene.check("bounces");
@@ -269,37 +269,37 @@ fn settings_beyond_their_range_are_clamped() {
 fn cameras_come_go_and_change() {
     let Some(mut scene) = scene() else { return };
     let camera = scene.rig.camera;
-    // A multisampled one is brought back to one sample.
+    // A multisampled camera is reset to one sample.
     scene.rig.insert(camera, Msaa::Sample4);
     scene.check("msaa");
     assert_eq!(scene.rig.app.world().get::<Msaa>(camera), Some(&Msaa::Off));
-    // Off, on, off, on.
+    // Remove, add, remove and add the settings.
     for _ in 0..2 {
         scene.rig.app.world_mut().entity_mut(camera).remove::<bevy_restir::Restir>();
         scene.rig.frames(2);
-        assert!(scene.rig.next_if_any().is_none(), "no Restir, no radiance");
+        assert!(scene.rig.next_if_any().is_none(), "without `Restir` there is no radiance");
         scene.rig.insert(camera, plain());
-        scene.check("Restir again");
+        scene.check("with `Restir` again");
     }
-    // A viewport that is the left half.  One without a pixel ends in Bevy's own light clusters, which quit.
+    // A viewport over the left half.  An empty viewport would make Bevy's light clustering quit.
     let half = Viewport { physical_position: UVec2::ZERO, physical_size: UVec2::new(12, 16), ..default() };
     scene.rig.get_mut::<Camera>(camera).viewport = Some(half);
     let half = scene.rig.picture(2);
     assert_eq!(half.size, UVec2::new(12, 16));
     scene.rig.get_mut::<Camera>(camera).viewport = None;
-    scene.check("whole again");
-    // Off and on.
+    scene.check("without a viewport again");
+    // Deactivate and activate the camera.
     scene.rig.get_mut::<Camera>(camera).is_active = false;
     scene.rig.frames(2);
     assert!(scene.rig.next_if_any().is_none(), "an inactive camera");
     scene.rig.get_mut::<Camera>(camera).is_active = true;
     scene.check("active again");
-    // Nowhere and back.
+    // Move the camera to NaN and back.
     scene.rig.get_mut::<Transform>(camera).translation.x = f32::NAN;
     scene.rig.frames(3);
     scene.rig.get_mut::<Transform>(camera).translation.x = 0.0;
-    scene.check("camera back from nowhere");
-    // A second one, of another size, with settings of its own.
+    scene.check("camera back from NaN");
+    // A second camera with another size and its own settings.
     let target = scene.rig.add::<Image>(target_image(UVec2::new(7, 9)));
     let second = scene.rig.spawn_bundle((
         Camera3d::default(),
@@ -310,17 +310,17 @@ fn cameras_come_go_and_change() {
     ));
     scene.check("two cameras");
     scene.rig.app.world_mut().despawn(second);
-    scene.check("one again");
-    // None.
+    scene.check("one camera again");
+    // No camera.
     scene.rig.app.world_mut().despawn(camera);
     scene.rig.frames(3);
 }
 
 #[test]
-fn a_nan_camera_shows_nothing_that_is_not_finite() {
+fn a_camera_at_nan_shows_a_finite_picture() {
     let Some(mut scene) = scene() else { return };
     scene.rig.insert(scene.rig.camera, sky(1.0));
-    // A NaN turn or a scale of 0 ends in Bevy's own frustum code, which asserts.
+    // A NaN rotation or a scale of 0 would fail an assertion in Bevy's own frustum code.
     for transform in [Transform::from_translation(Vec3::NAN), Transform::from_xyz(f32::INFINITY, 0.0, 0.0)] {
         scene.rig.insert(scene.rig.camera, transform);
         scene.rig.frames(2);
@@ -343,7 +343,7 @@ fn morphed_meshes_are_shown_at_rest_with_a_warning() {
 }
 
 #[test]
-fn what_bevy_heeds_and_we_do_not_is_told_once() {
+fn each_unsupported_lighting_feature_is_warned_about_once() {
     log::listen();
     let Some(mut rig) = Rig::new(8, 8) else { return };
     let image = rig.add::<Image>(texture(2, 2, |_, _| [255; 4]));
@@ -360,7 +360,7 @@ fn what_bevy_heeds_and_we_do_not_is_told_once() {
     }
     rig.insert(shape, Lightmap { image, ..default() });
     let picture = rig.picture(4);
-    assert!(picture.is_finite() && picture.centre().x > 0.0, "all are lit");
+    assert!(picture.is_finite() && picture.centre().x > 0.0, "the picture is finite and lit");
     assert_eq!(rig.report().lights, 6);
     let named =
         [("PointLightTexture", lights[0]), ("SpotLightTexture", lights[1]), ("DirectionalLightTexture", lights[2])];

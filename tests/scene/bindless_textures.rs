@@ -1,5 +1,5 @@
-//! Images with levels of their own are bound as they are where the device has arrays of textures, and copied into the atlas where it has
-//! none.  What is seen is the same, but for what the atlas does not hold: the author's levels, and more than eight bits.
+//! Images with mip levels of their own are bound directly where the device has texture arrays, and copied into the atlas elsewhere.  Both
+//! look the same, except that the atlas drops the author's levels and bits beyond eight.
 
 use super::texture_levels::seen;
 use crate::support::{
@@ -18,15 +18,12 @@ use bevy::{
 };
 use bevy_restir::{DebugView, Restir, scene::SceneFeatures};
 
-/// As [`Rig::new`].  `None`, with a message, where the adapter has no arrays of textures; under `TEXTURE_ARRAYS=required` that fails.
+/// Like [`Rig::new`].  `None`, with a message, where the adapter has no texture arrays; with `TEXTURE_ARRAYS=required` that is a failure.
 fn binding(width: u32, height: u32) -> Option<Rig> {
     let rig = Rig::new(width, height)?;
     if !has_arrays(&rig) {
-        assert!(
-            std::env::var("TEXTURE_ARRAYS").is_err(),
-            "the adapter has no arrays of textures, and they are required"
-        );
-        eprintln!("skipped: the adapter has no arrays of textures");
+        assert!(std::env::var("TEXTURE_ARRAYS").is_err(), "the adapter has no texture arrays, and they are required");
+        eprintln!("skipped: the adapter has no texture arrays");
         return None;
     }
     Some(rig)
@@ -39,7 +36,7 @@ fn has_arrays(rig: &Rig) -> bool {
     rig.app.world().resource::<RenderDevice>().features().contains(needed)
 }
 
-/// A device that binds textures, and one that does not.
+/// An app that binds textures, and one that cannot.
 fn both(width: u32, height: u32) -> Option<[Rig; 2]> {
     Some([binding(width, height)?, Rig::lacking(WgpuFeatures::TEXTURE_BINDING_ARRAY, width, height)?])
 }
@@ -61,7 +58,7 @@ fn repeated(mut image: Image) -> Image {
     image
 }
 
-/// 16 x 16 texels and four levels, each texel exactly the mean of the four below it: what the atlas makes of the finest level.
+/// 16 x 16 texels and four levels; each texel is exactly the mean of the four below it, as the atlas computes levels.
 fn exact_means() -> Vec<Vec<u8>> {
     fn value(level: u32, x: u32, y: u32, channel: u32) -> i32 {
         if level == 4 {
@@ -79,7 +76,7 @@ fn exact_means() -> Vec<Vec<u8>> {
     (0..5).map(of_level).collect()
 }
 
-/// A textured floor, a lamp and a pane with holes; an image a thing, so that neighbouring rays read different ones.
+/// A textured floor, a lamp and a pane with holes.  Each has its own image, so that neighboring rays read different images.
 fn room(rig: &mut Rig, format: TextureFormat, levels: &[Vec<u8>]) {
     let mut image = || Some(rig.add::<Image>(repeated(image_with_levels(format, 16, 16, levels))));
     let (ground, glow, holes) = (image(), image(), image());
@@ -103,7 +100,7 @@ fn room(rig: &mut Rig, format: TextureFormat, levels: &[Vec<u8>]) {
 }
 
 #[test]
-fn bound_textures_give_the_picture_that_the_atlas_gives() {
+fn bound_textures_give_the_same_picture_as_the_atlas() {
     let Some(mut rigs) = both(32, 32) else { return };
     for rig in &mut rigs {
         room(rig, TextureFormat::Rgba8Unorm, &exact_means());
@@ -118,14 +115,14 @@ fn bound_textures_give_the_picture_that_the_atlas_gives() {
     eprintln!("{other} of 1024 pixels differ, mean {:.4}", a.mean());
     assert!(other == 0 && a.mean() > 0.05, "{other}");
     assert_eq!(rigs.each_ref().map(binds), [true, false]);
-    // Pages of 256 with their levels, and nothing.
+    // The atlas takes pages of 256 with their levels; bound textures take none.
     let page = (0..9).map(|level| (256u64 >> level).pow(2) * 4).sum();
     assert_eq!(rigs.each_ref().map(atlas), [0, page]);
 }
 
-/// Their group then lies behind that of the acceleration structures.
+/// With ray queries, the bind group of textures follows that of the acceleration structures.
 #[test]
-fn bound_textures_are_read_where_rays_are_traced_by_ray_queries_too() {
+fn bound_textures_work_with_ray_queries() {
     let Some(mut software) = binding(32, 32) else { return };
     let Some(mut hardware) = Rig::tracing_by_ray_queries(32, 32) else { return };
     let [a, b] = [&mut software, &mut hardware].map(|rig| {
@@ -138,13 +135,13 @@ fn bound_textures_are_read_where_rays_are_traced_by_ray_queries_too() {
     let far = |a: Vec3, b: Vec3| (a - b).abs().max_element() > 1e-4 * (1.0 + a.max_element());
     let other = a.iter().zip(b.iter()).filter(|((_, a), (_, b))| far(*a, *b)).count();
     eprintln!("{other} of 1024 pixels differ, mean {:.4}", b.mean());
-    // Where a ray passes an edge within rounding.
+    // Rays that pass an edge within rounding may differ.
     assert!(other <= 10 && b.mean() > 0.05, "{other}");
 }
 
-/// Levels that the test makes as the atlas does: the device's sRGB curve against our own.
+/// The levels are computed like those of the atlas; this compares the device's sRGB curve with ours.
 #[test]
-fn bound_textures_are_decoded_as_the_atlas_decodes_them() {
+fn bound_textures_are_decoded_like_those_of_the_atlas() {
     let Some(mut rigs) = both(32, 32) else { return };
     let curve = |c: u8| srgb_to_linear(f64::from(c) / 255.0);
     let finest = exact_means().remove(0);
@@ -164,12 +161,12 @@ fn bound_textures_are_decoded_as_the_atlas_decodes_them() {
     });
     let worst = a.iter().zip(b.iter()).map(|((_, a), (_, b))| (a - b).abs().max_element()).fold(0.0, f32::max);
     eprintln!("worst difference of an albedo: {worst:.1e}, mean {:.3}", a.mean());
-    // A step of eight bits where a mean lies between two of them.
+    // One step of eight bits, where a mean lies between two of them.
     assert!(worst < 1.0 / 255.0 && a.mean() > 0.05, "{worst}");
 }
 
 #[test]
-fn levels_of_an_image_are_seen_where_it_is_bound() {
+fn a_bound_image_shows_its_own_levels() {
     let Some(mut rigs) = both(8, 8) else { return };
     let colors: [[u8; 4]; 4] = [[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255], [255, 255, 0, 255]];
     let levels: Vec<_> =
@@ -185,32 +182,32 @@ fn levels_of_an_image_are_seen_where_it_is_bound() {
         });
         let [r, g, b, _] = colors[level].map(|c| f32::from(c) / 255.0);
         assert!((bound - Vec3::new(r, g, b)).length() < 1e-5, "{pixel}: {bound}");
-        assert!((copied - Vec3::X).length() < 1e-5, "the atlas makes its own levels: {pixel}: {copied}");
+        assert!((copied - Vec3::X).length() < 1e-5, "the atlas computes its own levels: {pixel}: {copied}");
     }
 }
 
 #[test]
-fn bound_textures_keep_what_their_format_holds() {
+fn bound_textures_keep_the_precision_of_their_format() {
     let Some(mut rigs) = both(9, 9) else { return };
-    // Two levels of one colour.
+    // Two levels of the same color.
     let flat = |texel: &[u8], side: usize| texel.repeat(side * side);
     let halves = |values: [f32; 4]| -> Vec<u8> {
-        // Of powers of two and their sums, so that halves hold them.
+        // Powers of two and their sums, which half floats represent exactly.
         values.iter().flat_map(|v| half(*v).to_le_bytes()).collect()
     };
     let shorts = |values: [u16; 4]| -> Vec<u8> { values.iter().flat_map(|v| v.to_le_bytes()).collect() };
     let floats = |values: [f32; 4]| bytemuck::cast_slice(&values).to_vec();
-    // Both end points of a block: red of 16, green of 32, blue of 8.
+    // Both end points of a block: red in sixteenths, green in 32nds, blue in eighths.
     let block = [(16u16 << 11 | 32 << 5 | 8).to_le_bytes(); 2].concat().into_iter().chain([0; 4]).collect::<Vec<u8>>();
     let exact = |r: f32, g: f32, b: f32| Vec3::new(r, g, b);
     use TextureFormat as F;
     let cases = [
         ("half floats", F::Rgba16Float, halves([1024.0, 0.5, 0.0625, 1.0]), exact(1024.0, 0.5, 0.0625)),
         ("floats", F::Rgba32Float, floats([1000.0, 0.123, 3e-5, 1.0]), exact(1000.0, 0.123, 3e-5)),
-        ("no numbers", F::Rgba32Float, floats([f32::NAN, 1.0, f32::INFINITY, 1.0]), Vec3::ZERO),
+        ("NaN and infinity", F::Rgba32Float, floats([f32::NAN, 1.0, f32::INFINITY, 1.0]), Vec3::ZERO),
         ("below 0", F::Rgba16Float, halves([-1.0, 0.5, -2.0, 1.0]), exact(0.0, 0.5, 0.0)),
         ("16 bits", F::Rgba16Unorm, shorts([40000, 100, 3, 65535]), exact(40000.0, 100.0, 3.0) / 65535.0),
-        ("a compressed one", F::Bc1RgbaUnorm, block, exact(16.0 / 31.0, 32.0 / 63.0, 8.0 / 31.0)),
+        ("compressed", F::Bc1RgbaUnorm, block, exact(16.0 / 31.0, 32.0 / 63.0, 8.0 / 31.0)),
     ];
     for (what, format, texel, expected) in cases {
         let compressed = format == F::Bc1RgbaUnorm;
@@ -231,19 +228,19 @@ fn bound_textures_keep_what_their_format_holds() {
         });
         let error = |got: Vec3| ((got - expected).abs() / expected.max(Vec3::splat(1e-6))).max_element();
         eprintln!("{what}: relative error bound {:.1e}, copied {:.1e}", error(bound), error(copied));
-        // BC1 has no exact values between: drivers may round.
+        // BC1 does not define values between its end points exactly: drivers may round.
         assert!(error(bound) < if compressed { 5e-3 } else { 1e-5 }, "{what}: {bound}, not {expected}");
     }
-    assert_eq!(atlas(&rigs[0]), 0, "nothing was copied");
+    assert_eq!(atlas(&rigs[0]), 0, "nothing was copied to the atlas");
 }
 
-/// The bits of a half of what halves hold.
+/// The bits of a half float, for values that it represents exactly.
 fn half(v: f32) -> u16 {
     let bits = v.to_bits();
     if v == 0.0 { 0 } else { (bits >> 16 & 0x8000 | ((bits >> 23 & 255) - 112) << 10 | bits >> 13 & 0x3ff) as u16 }
 }
 
-/// Images that change their colours, sizes and levels, go and come back.
+/// Images change their colors, sizes and levels, disappear and come back.
 #[test]
 fn images_may_change_come_and_go_while_they_are_bound() {
     let Some(mut rig) = binding(24, 4) else { return };
@@ -256,7 +253,7 @@ fn images_may_change_come_and_go_while_they_are_bound() {
         let levels: Vec<_> = (0..levels).map(of_level).collect();
         let expected = Vec3::new(color[0].into(), color[1].into(), color[2].into()) / 255.0;
         let mut image = image_with_levels(TextureFormat::Rgba8Unorm, 1 << log, 1 << log, &levels);
-        // Bevy then writes the finest level of an edited image over the old one, and leaves the others as they were.
+        // When an image is edited, Bevy writes its finest level over the old one and leaves the other levels as they were.
         image.texture_descriptor.usage.set(TextureUsages::COPY_DST, random.below(2) == 0);
         (image, expected)
     };
@@ -275,17 +272,17 @@ fn images_may_change_come_and_go_while_they_are_bound() {
         let (entity, handle, expected) = &mut things[which];
         let material = rig.material_of(*entity);
         (*handle, *expected) = match (random.below(4), handle.take()) {
-            // The last handle goes, and the image with it.
+            // The last handle is dropped, and the image with it.
             (0, _) => {
                 rig.edit(&material, |m| m.base_color_texture = None);
                 (None, Vec3::ONE)
             }
-            // The image itself is another one.
+            // The content of the asset is replaced.
             (1 | 2, Some(handle)) => {
                 rig.edit(&handle, |image| *image = new);
                 (Some(handle), color)
             }
-            // Another image in its place.
+            // The material gets another image.
             _ => {
                 let handle = rig.add::<Image>(new);
                 rig.edit(&material, |m| m.base_color_texture = Some(handle.clone()));
@@ -314,10 +311,10 @@ fn images_may_change_come_and_go_while_they_are_bound() {
         }
     }
     rig.until_ready();
-    assert!(!binds(&rig), "no image has levels now");
+    assert!(!binds(&rig), "no image with levels is left");
 }
 
-/// A pixel each, so that all neighbours read other images.
+/// Each pixel shows its own image, so that all neighbors read different images.
 #[test]
 fn images_beyond_the_array_go_to_the_atlas() {
     let Some(mut rig) = binding(65, 64) else { return };
@@ -338,19 +335,19 @@ fn images_beyond_the_array_go_to_the_atlas() {
         (got - Vec3::new(r, g, b)).length() > 1e-5
     });
     assert_eq!(wrong.count(), 0);
-    // 4096 are bound; the other 64 take a page.
+    // 4096 images are bound; the other 64 take a page of the atlas.
     assert!(atlas(&rig) > 0 && binds(&rig));
 }
 
-/// Pipelines that read bound textures come frames later, and go frames later.
+/// Pipelines that read bound textures become ready frames later, both when the feature appears and when it disappears.
 #[test]
-fn a_bound_texture_is_right_or_not_there_yet() {
+fn a_bound_texture_is_right_or_missing_until_it_is_ready() {
     let Some(mut rig) = Rig::compiling_in_background(8, 8) else { return };
     if !has_arrays(&rig) {
-        eprintln!("skipped: the adapter has no arrays of textures");
+        eprintln!("skipped: the adapter has no texture arrays");
         return;
     }
-    // Of the atlas, so that there are textures before.
+    // An image in the atlas, so that textures are already in use.
     let plain = rig.add::<Image>(texture(2, 2, |_, _| [255; 4]));
     let material = StandardMaterial { emissive_texture: Some(plain.clone()), ..lamp(1.0, 1.0, 1.0) };
     let entity = rig.spawn(square(8.0), material, Transform::default());

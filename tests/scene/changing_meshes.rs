@@ -1,4 +1,4 @@
-//! Meshes that change faster than they are built, that lose and regain their triangles, and what is said of them.
+//! Meshes that change faster than their trees are built, that lose and regain their triangles, and the warnings about them.
 
 use crate::support::{app::*, log};
 use bevy::{
@@ -8,12 +8,12 @@ use bevy::{
 };
 use bevy_restir::DebugView;
 
-/// A square of 126 000 triangles that faces +Z: many frames go by until it is built.
+/// A square of 126 000 triangles that faces +Z: building its tree takes many frames.
 fn heavy(side: f32) -> Mesh {
     Plane3d::new(Vec3::Z, Vec2::splat(0.5 * side)).mesh().subdivisions(250).build()
 }
 
-/// A camera to which a square of side 2 fills the picture, and which shows the colours of things.
+/// A camera that a square of side 2 fills, with albedo shown.
 fn rig() -> Option<Rig> {
     let mut rig = Rig::new(32, 32)?;
     rig.insert(rig.camera, orthographic(2.0, 2.0));
@@ -26,7 +26,7 @@ fn covered(picture: &Picture) -> usize {
 }
 
 #[test]
-fn a_mesh_that_changes_in_every_frame_is_seen_to_move_from_its_birth_on() {
+fn a_mesh_that_changes_in_every_frame_is_shown_while_it_changes() {
     let Some(mut rig) = rig() else { return };
     let mesh = rig.add::<Mesh>(heavy(0.2));
     let material = rig.add::<StandardMaterial>(lambert(0.5));
@@ -37,7 +37,7 @@ fn a_mesh_that_changes_in_every_frame_is_seen_to_move_from_its_birth_on() {
         let Some(picture) = rig.next_if_any() else { continue };
         let count = covered(&picture);
         let last = *shapes.last().expect("there is one");
-        assert!(count >= last, "frame {i}: {count} pixels after {last}, but it only grows");
+        assert!(count >= last, "frame {i}: {count} pixels after {last}, but the mesh only grows");
         if count > last {
             shapes.push(count);
         }
@@ -45,8 +45,8 @@ fn a_mesh_that_changes_in_every_frame_is_seen_to_move_from_its_birth_on() {
             break;
         }
     }
-    assert!(shapes.len() > 4, "only {shapes:?} pixels were ever seen");
-    // The last of several edits without a pause is what stays.
+    assert!(shapes.len() > 4, "only these sizes were seen: {shapes:?} pixels");
+    // The last of several edits in a row stays.
     for side in [1.4, 0.3, 1.9, 1.0] {
         rig.edit(&mesh, |mesh| *mesh = heavy(side));
         rig.frame();
@@ -71,16 +71,16 @@ fn a_mesh_that_was_empty_does_not_show_its_old_shape_again() {
     assert_eq!(covered(&rig.next()), 16 * 16);
     rig.edit(&mesh, |mesh| *mesh = square(0.0));
     rig.until_ready();
-    assert_eq!(covered(&rig.next()), 0, "it has no triangle left");
+    assert_eq!(covered(&rig.next()), 0, "the mesh has no triangles");
     rig.edit(&mesh, |mesh| *mesh = heavy(2.0));
     let seen = (0..2000).map(|_| covered(&rig.next())).find(|&count| count > 0);
-    assert_eq!(seen, Some(32 * 32), "neither nothing nor the new shape");
+    assert_eq!(seen, Some(32 * 32), "something other than the new shape");
     rig.until_ready();
     assert_eq!(rig.report().triangles, 251 * 251 * 2);
     rig.assert_sound();
 }
 
-/// Four triangles, of which `flat` have no area.
+/// Four triangles, `flat` of which have no area.
 fn partly_flat(flat: usize) -> Mesh {
     let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
     let points = (0..4).flat_map(|i| if i < flat { [corners[0]; 3] } else { corners });
@@ -91,7 +91,7 @@ fn with_positions(topology: PrimitiveTopology, points: Vec<[f32; 3]>) -> Mesh {
     Mesh::new(topology, RenderAssetUsages::all()).with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, points)
 }
 
-/// A mesh of an id that no other test has: they all speak into one log.
+/// A mesh with an id of its own: tests run in parallel and share one log.
 fn add_named(rig: &mut Rig, name: u128, mesh: Mesh) -> Handle<Mesh> {
     let handle = Handle::from(Uuid::from_u128(name));
     rig.app.world_mut().resource_mut::<Assets<Mesh>>().insert(&handle, mesh).expect("it was never there");
@@ -99,7 +99,7 @@ fn add_named(rig: &mut Rig, name: u128, mesh: Mesh) -> Handle<Mesh> {
 }
 
 #[test]
-fn a_mesh_is_warned_of_once_however_often_it_changes() {
+fn a_mesh_gets_one_warning_however_often_it_changes() {
     let Some(mut rig) = rig() else { return };
     log::listen();
     let mesh = add_named(&mut rig, 0xf1a7_0001, partly_flat(1));
@@ -115,9 +115,9 @@ fn a_mesh_is_warned_of_once_however_often_it_changes() {
         let lines = log::warnings(&of.id().to_string());
         ["left out", "no usable triangle"].map(|text| lines.iter().filter(|line| line.contains(text)).count())
     };
-    // It is left out as a whole where none has an area.
+    // A mesh without any sound triangle is rejected as a whole.
     assert_eq!(said(&rig, &mesh), [2, 1]);
-    // Another asset is news.
+    // Another asset gets its own warning.
     let other = add_named(&mut rig, 0xf1a7_0002, partly_flat(2));
     rig.insert(entity, Mesh3d(other.clone()));
     rig.until_ready();
@@ -125,7 +125,7 @@ fn a_mesh_is_warned_of_once_however_often_it_changes() {
 }
 
 #[test]
-fn lines_are_warned_of_where_a_thing_is_made_of_them() {
+fn line_meshes_are_warned_about_only_with_a_standard_material() {
     let Some(mut rig) = rig() else { return };
     log::listen();
     let lines = || with_positions(PrimitiveTopology::LineList, vec![[0.0; 3], [1.0, 0.0, 0.0]]);
@@ -134,7 +134,7 @@ fn lines_are_warned_of_where_a_thing_is_made_of_them() {
     let entity = rig.spawn_bundle((Mesh3d(elsewhere.clone()), Transform::default()));
     rig.until_ready();
     let said = |of: &Handle<Mesh>| log::warnings(&of.id().to_string()).len();
-    assert_eq!([&elsewhere, &ours].map(said), [0, 0], "whatever draws them needs no triangles");
+    assert_eq!([&elsewhere, &ours].map(said), [0, 0], "a line mesh without a standard material");
     rig.insert(entity, (Mesh3d(ours.clone()), MeshMaterial3d(material)));
     rig.frames(4);
     rig.edit(&ours, |mesh| *mesh = lines());

@@ -1,5 +1,5 @@
-//! However a scene came about, its picture is the same: hundreds of edits of everything that can be edited, many of them while other
-//! things still load, against a fresh load of what is left.
+//! The picture does not depend on how the scene came about: after hundreds of random edits, many during loading, it equals that of a
+//! fresh load.
 
 use crate::support::{app::*, scenes::Random};
 use bevy::{
@@ -9,11 +9,11 @@ use bevy_restir::{Restir, Technique};
 
 const EDITS: usize = 300;
 
-/// A thing of the scene, as a fresh load makes it.
+/// An object of the scene: all that a fresh load needs.
 #[derive(Clone, Debug, PartialEq)]
 enum Thing {
     Solid(Solid),
-    /// Kind, power, place.
+    /// Kind, power, position.
     Light(usize, f32, Vec3),
 }
 
@@ -21,7 +21,7 @@ enum Thing {
 struct Solid {
     mesh: usize,
     material: Look,
-    /// Where it is and how large: turning rounds.
+    /// There is no rotation, because it would round differently in a fresh load.
     translation: Vec3,
     scale: Vec3,
     has_mesh: bool,
@@ -30,14 +30,14 @@ struct Solid {
     casts_shadows: bool,
 }
 
-/// What a material is made of.
+/// The parameters of a material.
 #[derive(Clone, Debug, PartialEq)]
 struct Look {
     albedo: f32,
     metallic: f32,
     roughness: f32,
     emission: f32,
-    /// Seed of an image; none where it is 0.
+    /// The seed of an image; 0 for no image.
     image: u32,
     masked: bool,
 }
@@ -61,7 +61,7 @@ fn image(seed: u32) -> Image {
     if seed.is_multiple_of(2) {
         return texture(4, 4, |x, y| texels[(4 * y + x) as usize]);
     }
-    // With levels of its own: bound as it is where the device has arrays of textures.
+    // It has levels of its own, so it is bound directly where the device has texture arrays.
     let levels = [16, 4, 1].map(|count| texels[..count].concat());
     image_with_levels(TextureFormat::Rgba8UnormSrgb, 4, 4, &levels)
 }
@@ -114,7 +114,7 @@ fn thing(random: &mut Random) -> Thing {
     })
 }
 
-/// Of every kind one, so that pipelines are made once.
+/// One object of every kind, so that all pipelines are created at the beginning.
 fn first_things(random: &mut Random) -> Vec<Thing> {
     let floor = Solid {
         mesh: 0,
@@ -137,7 +137,7 @@ fn first_things(random: &mut Random) -> Vec<Thing> {
     [Thing::Solid(floor), Thing::Solid(lamp)].into_iter().chain(lights).collect()
 }
 
-/// Puts a thing onto an entity that has nothing yet.
+/// Adds the components of an object to an empty entity.
 fn dress(rig: &mut Rig, entity: Entity, thing: &Thing) {
     match thing {
         Thing::Light(kind, power, place) => {
@@ -159,7 +159,7 @@ fn dress(rig: &mut Rig, entity: Entity, thing: &Thing) {
     }
 }
 
-/// Brings the components that are flags up to date.
+/// Updates the marker components.
 fn flags(rig: &mut Rig, entity: Entity, solid: &Solid) {
     rig.insert(
         entity,
@@ -176,7 +176,7 @@ fn flags(rig: &mut Rig, entity: Entity, solid: &Solid) {
     }
 }
 
-/// One random edit of the scene, done to the app and to the list.
+/// Applies one random edit to the app and to the list of objects.
 fn edit(rig: &mut Rig, things: &mut Vec<(Entity, Thing)>, random: &mut Random) {
     let kept = 5;
     if things.len() < 20 || (things.len() < 40 && random.below(4) == 0) {
@@ -216,7 +216,7 @@ fn edit(rig: &mut Rig, things: &mut Vec<(Entity, Thing)>, random: &mut Random) {
             solid.scale = scale(random);
             rig.get_mut::<Transform>(entity).scale = solid.scale;
         }
-        // The asset itself.
+        // Edit the asset itself.
         3 => {
             solid.material = Look { image: solid.material.image, ..look(random) };
             let handle = material_of(rig);
@@ -224,14 +224,14 @@ fn edit(rig: &mut Rig, things: &mut Vec<(Entity, Thing)>, random: &mut Random) {
             let image = image.and_then(|m| m.base_color_texture.clone());
             rig.edit(&handle, |m| *m = material(&solid.material, image));
         }
-        // Another asset in its place.
+        // Use another asset.
         4 => {
             solid.material = look(random);
             let image = (solid.material.image != 0).then(|| rig.add::<Image>(image(solid.material.image)));
             let handle = rig.add::<StandardMaterial>(material(&solid.material, image));
             rig.insert(entity, MeshMaterial3d(handle));
         }
-        // The image of its material.
+        // Change the image of its material.
         5 => {
             let handle = material_of(rig);
             let texture = rig.app.world().resource::<Assets<StandardMaterial>>().get(&handle);
@@ -283,7 +283,7 @@ fn three_hundred_edits_end_in_the_picture_of_a_fresh_load() {
     edited.until_ready();
     for i in 0..EDITS {
         edit(&mut edited, &mut things, &mut random);
-        // Some at once, some a frame apart, and now and then all that is loading may end.
+        // Some edits share a frame, some come a frame apart, and from time to time all loading may finish.
         if random.below(3) == 0 {
             edited.frame();
         }
@@ -293,7 +293,7 @@ fn three_hundred_edits_end_in_the_picture_of_a_fresh_load() {
         }
     }
 
-    // Lights and meshes go by the order of their entities.
+    // Lights and meshes are ordered by entity.
     things.sort_by_key(|(entity, _)| *entity);
     let mut fresh = rig().expect("there is an adapter");
     let mut entities: Vec<_> = things.iter().map(|_| fresh.spawn_bundle(())).collect();
@@ -319,7 +319,7 @@ fn three_hundred_edits_end_in_the_picture_of_a_fresh_load() {
     }
     for rig in [&mut edited, &mut fresh] {
         rig.frames(2);
-        assert_eq!(rig.report().uploaded_bytes, 0, "nothing is left to be sent");
+        assert_eq!(rig.report().uploaded_bytes, 0, "nothing is left to upload");
         rig.assert_sound();
     }
 }

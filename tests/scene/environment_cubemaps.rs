@@ -1,5 +1,5 @@
-//! Cube textures as environments: faces where Bevy's skybox shows them, no seams, sampled as their density says; and which environment
-//! of a camera counts.
+//! Cube textures as environments: their orientation is that of Bevy's skybox, they have no seams, and samples follow their density.
+//! Also: the precedence of a camera's environment, skybox and environment map light.
 
 use crate::support::{
     app::*,
@@ -22,7 +22,7 @@ use bevy::{
 use bevy_restir::{Direct, Paths, Restir};
 use glam::DVec3;
 
-/// Faces in the world: middle, right and down, as one sees them from within.
+/// The faces in world space, seen from inside: center, right and down.
 const FACES: [[DVec3; 3]; 6] = [
     [DVec3::X, DVec3::Z, DVec3::NEG_Y],
     [DVec3::NEG_X, DVec3::NEG_Z, DVec3::NEG_Y],
@@ -32,7 +32,7 @@ const FACES: [[DVec3; 3]; 6] = [
     [DVec3::Z, DVec3::NEG_X, DVec3::NEG_Y],
 ];
 
-/// Direction of a place on a face; 0 to 1, right and down.
+/// The direction of a point on a face; coordinates from 0 to 1, right and down.
 fn direction(face: usize, x: f64, y: f64) -> DVec3 {
     let [middle, right, down] = FACES[face];
     (middle + (2.0 * x - 1.0) * right + (2.0 * y - 1.0) * down).normalize()
@@ -63,7 +63,7 @@ impl Cube {
         self.texels.iter().map(|t| t.as_vec3().extend(1.0).to_array()).collect()
     }
 
-    /// As Bevy loads one.
+    /// As Bevy loads a cube texture.
     fn image(&self) -> Image {
         let size = Extent3d { width: self.side as u32, height: self.side as u32, depth_or_array_layers: 6 };
         let data = bytemuck::cast_slice(&self.words()).to_vec();
@@ -80,7 +80,7 @@ fn run(lit: &LightScene, seed: u32, samples: &[EnvironmentSample]) -> Vec<Enviro
     lit.sample_environment(seed, samples, &["ENVIRONMENT", "ENVIRONMENT_MAP", "ENVIRONMENT_CUBE"].map(flag))
 }
 
-/// Radiance that the shader has in these directions.
+/// The radiance that the shader finds in these directions.
 fn seen(gpu: &Gpu, cube: &Cube, directions: &[DVec3]) -> Vec<DVec3> {
     let mut lit = LightScene::new(gpu);
     lit.set_cube(cube.side as u32, &cube.words(), 16, 8);
@@ -92,7 +92,7 @@ fn seen(gpu: &Gpu, cube: &Cube, directions: &[DVec3]) -> Vec<DVec3> {
 }
 
 #[test]
-fn texels_of_a_cube_are_where_the_skybox_has_them() {
+fn cube_texels_have_the_orientation_of_the_skybox() {
     let Some(gpu) = gpu() else { return };
     for side in [1, 2, 5, 8] {
         let cube = Cube::random(side);
@@ -126,7 +126,7 @@ fn a_cube_is_bilinear_within_its_faces_and_has_no_seams() {
     for (radiance, wanted) in seen(gpu, &cube, &directions).into_iter().zip(wanted) {
         assert!((radiance - wanted).length() < 2e-4, "{radiance}, not {wanted}");
     }
-    // Over each edge, but not round the corners, where three texels meet and no filter is bilinear.
+    // Across each edge, but not around the corners: three texels meet there, and no filter is bilinear.
     let mut pairs = Vec::new();
     for face in 0..6 {
         for edge in 0..4 {
@@ -190,7 +190,7 @@ fn directions_to_a_cube_follow_their_density_and_average_to_its_irradiance() {
             let expected: Vec<f64> = table.iter().map(|&t| f64::from(t) / total * SAMPLES as f64).collect();
             chi_squared(&counts, &expected)
         };
-        // ∫ L dω by a grid of directions, against the samples' mean.
+        // ∫ L dω by a grid of directions, compared with the mean of the samples.
         let grid: Vec<EnvironmentSample> = (0..1 << 18)
             .map(|i| {
                 let (z, phi) = ((i as f64 + 0.5) / f64::from(1 << 17) - 1.0, i as f64 * 2.399_963_229_728_653);
@@ -201,7 +201,7 @@ fn directions_to_a_cube_follow_their_density_and_average_to_its_irradiance() {
             .collect();
         let on_grid = run(lit, 0, &grid);
         let exact = on_grid.iter().map(|s| luminance(wide(s.radiance))).sum::<f64>() / on_grid.len() as f64;
-        // No light lies where no sample falls.
+        // There is no light where no sample can fall.
         let greatest = on_grid.iter().map(|s| luminance(wide(s.radiance))).fold(0.0, f64::max);
         for s in &on_grid {
             assert!(
@@ -215,7 +215,7 @@ fn directions_to_a_cube_follow_their_density_and_average_to_its_irradiance() {
                 |s: &EnvironmentSample| luminance(wide(s.radiance)) / f64::from(s.pdf) / (4.0 * std::f64::consts::PI);
             let (sum, squares) = values.iter().map(of).fold((0.0, 0.0), |(a, b), e| (a + e, b + e * e));
             let n = SAMPLES as f64;
-            // The grid is good to a few in ten thousand of the spike.
+            // The grid has a relative error of a few 1e-4 at the spike.
             crate::support::stats::z_test(sum, squares + n * n * (2e-3 * exact).powi(2), n, exact)
         };
         [
@@ -225,7 +225,7 @@ fn directions_to_a_cube_follow_their_density_and_average_to_its_irradiance() {
     }));
 }
 
-/// Six colours, and within each face a gradient to the right and one down.
+/// Six colors, with a gradient to the right and one down in each face.
 fn marked() -> Cube {
     Cube::new(16, |face, x, y| {
         let base = DVec3::new((face & 1) as f64, (face >> 1 & 1) as f64, (face >> 2 & 1) as f64);
@@ -256,13 +256,13 @@ fn the_backdrop_is_the_skybox_that_bevy_draws() {
         let far = |(a, b): &(&[u8; 4], &[u8; 4])| (0..3).any(|i| a[i].abs_diff(b[i]) > 2);
         let off = ours.iter().zip(&bevys).filter(far).count();
         let range = ours.iter().map(|c| c[0]).max().zip(ours.iter().map(|c| c[0]).min());
-        assert!(range.is_some_and(|(high, low)| high > low + 20), "there is something to see: {range:?}");
-        assert!(off <= 4, "{off} pixels towards {look} differ, as {:?} and {:?}", ours[0], bevys[0]);
+        assert!(range.is_some_and(|(high, low)| high > low + 20), "the picture has too little contrast: {range:?}");
+        assert!(off <= 4, "{off} pixels towards {look} differ; the first are {:?} and {:?}", ours[0], bevys[0]);
     }
 }
 
 #[test]
-fn a_mirror_shows_the_skybox_the_right_way_round_and_it_lights() {
+fn a_mirror_shows_the_skybox_unmirrored_and_the_skybox_lights_the_scene() {
     let Some(mut rig) = Rig::new(16, 16) else { return };
     let skybox = sky_of(&mut rig, &marked(), 2.0, Quat::IDENTITY);
     rig.insert(rig.camera, skybox.clone());
@@ -270,16 +270,16 @@ fn a_mirror_shows_the_skybox_the_right_way_round_and_it_lights() {
     let wall = rig.spawn(square(30.0), mirror, Transform::default());
     let picture = rig.picture(1);
     for (at, color) in picture.iter() {
-        // The camera looks down -Z from +5; its mirror image comes from behind.
+        // The camera looks down -Z from +5; its mirror image looks up +Z.
         let extent = (0.5 * PerspectiveProjection::default().fov).tan();
         let ndc = (at.as_vec2() + 0.5) / 16.0 * Vec2::new(2.0, -2.0) + Vec2::new(-1.0, 1.0);
         let towards = DVec3::new(f64::from(ndc.x * extent), f64::from(ndc.y * extent), 1.0);
-        // Face 5 shows +Z, its right is -X.
+        // Face 5 shows +Z; its right is -X.
         let (x, y) = ((0.5 - 0.5 * towards.x) * 16.0 - 0.5, (0.5 - 0.5 * towards.y) * 16.0 - 0.5);
         let wanted = 2.0 * (0.1 + 0.3 * DVec3::new(1.0, 0.0, 1.0) + DVec3::new(x, y, 8.0) / 16.0 * 0.3);
         assert!((color.as_dvec3() - wanted).length() < 1e-2, "{color} at {at}, not {wanted}");
     }
-    // A white plane has the mean of the half that it sees.
+    // A white plane shows the mean of the half space in front of it.
     let white = rig.add::<StandardMaterial>(lambert(1.0));
     rig.insert(wall, MeshMaterial3d(white));
     let lit = rig.picture(256).mean();
@@ -297,14 +297,14 @@ fn a_mirror_shows_the_skybox_the_right_way_round_and_it_lights() {
 }
 
 #[test]
-fn a_cameras_own_environment_counts_before_its_skybox_and_that_before_its_map_light() {
+fn a_cameras_environment_precedes_its_skybox_and_the_skybox_its_map_light() {
     log::listen();
     let Some(mut rig) = Rig::new(16, 16) else { return };
     rig.insert(rig.camera, orthographic(2.0, 2.0));
     rig.spawn(square(1.0), lambert(1.0), Transform::from_xyz(-0.5, 0.0, 0.0));
     let flat = |value: f64| Cube::new(2, move |_, _, _| DVec3::splat(value));
     let of = |rig: &mut Rig, value: f64| rig.add::<Image>(flat(value).image());
-    // (what lights the square, what is seen beside it)
+    // (the radiance of the square, the backdrop beside it)
     let shown = |rig: &mut Rig| {
         let picture = rig.picture(64);
         rig.assert_sound();
@@ -316,28 +316,28 @@ fn a_cameras_own_environment_counts_before_its_skybox_and_that_before_its_map_li
         EnvironmentMapLight { diffuse_map: specular_map.clone(), specular_map, intensity: 3.0, ..default() };
     rig.insert(rig.camera, map_light.clone());
     let seen = shown(&mut rig);
-    assert!(near(seen, (1.5, 0.0)), "it lights, but is no backdrop: {seen:?}");
+    assert!(near(seen, (1.5, 0.0)), "the map light lights but is not the backdrop: {seen:?}");
     let image = of(&mut rig, 0.25);
     rig.insert(rig.camera, Skybox { image: Some(image.clone()), brightness: 2.0, ..default() });
     let seen = shown(&mut rig);
     assert!(near(seen, (0.5, 0.5)), "the skybox: {seen:?}");
-    // New texels in the old image.
+    // The image gets new texels.
     rig.edit(&image, |image| *image = flat(1.0).image());
     let seen = shown(&mut rig);
     assert!(near(seen, (2.0, 2.0)), "the skybox, changed: {seen:?}");
     rig.insert(rig.camera, sky(0.125));
     let seen = shown(&mut rig);
-    assert!(near(seen, (0.125, 0.125)), "its own: {seen:?}");
+    assert!(near(seen, (0.125, 0.125)), "the camera's own environment: {seen:?}");
     rig.app.world_mut().entity_mut(rig.camera).remove::<bevy_restir::RestirEnvironment>();
     rig.insert(rig.camera, Skybox { image: None, brightness: 2.0, ..default() });
     let seen = shown(&mut rig);
     assert!(near(seen, (1.5, 0.0)), "without an image there is no skybox: {seen:?}");
-    // What is no cube is left out, with one warning.
+    // A texture that is not a cube is rejected with one warning.
     let image = rig.add::<Image>(texture(8, 4, |_, _| [255; 4]));
     let name = format!("{}", image.id());
     rig.insert(rig.camera, Skybox { image: Some(image), brightness: 2.0, ..default() });
     let seen = shown(&mut rig);
-    assert!(near(seen, (0.0, 0.0)), "no cube: {seen:?}");
+    assert!(near(seen, (0.0, 0.0)), "not a cube: {seen:?}");
     rig.frames(3);
     let told = log::warnings("is no colour cube");
     assert_eq!(told.iter().filter(|line| line.contains(&name)).count(), 1, "{told:?}");
@@ -348,9 +348,9 @@ fn a_cameras_own_environment_counts_before_its_skybox_and_that_before_its_map_li
     assert_eq!(log::warnings("a EnvironmentMapLight has a brightness").len(), 1);
 }
 
-/// As Bevy's examples do with a skybox of one column: it is loaded as a 2D image and made a cube frames later.
+/// As in Bevy's examples: a column of six faces is loaded as a 2D image and reinterpreted as a cube frames later.
 #[test]
-fn a_skybox_that_was_no_cube_is_shown_once_it_is_one() {
+fn a_skybox_is_shown_once_its_image_becomes_a_cube() {
     log::listen();
     let Some(mut rig) = Rig::new(8, 8) else { return };
     let cube = Cube::new(4, |_, _, _| DVec3::new(0.25, 0.5, 1.0)).image();
@@ -369,9 +369,9 @@ fn a_skybox_that_was_no_cube_is_shown_once_it_is_one() {
     assert_eq!(told(), 1);
 }
 
-/// Each camera's frames are summed whatever becomes of another one's sky.
+/// The frames of one camera accumulate while the sky of another camera changes.
 #[test]
-fn a_sky_that_changes_leaves_other_cameras_alone() {
+fn a_change_of_a_sky_resets_no_other_camera() {
     let Some(mut rig) = Rig::new(8, 8) else { return };
     let flat = |value: f64| Cube::new(2, move |_, _, _| DVec3::splat(value)).image();
     let [first, second] = [0.25, 0.5].map(|value| rig.add::<Image>(flat(value)));
@@ -388,10 +388,10 @@ fn a_sky_that_changes_leaves_other_cameras_alone() {
     let before = rig.picture(3).samples;
     rig.edit(&second, |image| *image = flat(0.75));
     rig.frames(2);
-    assert_eq!(rig.next().samples, before + 3, "another camera's sky");
+    assert_eq!(rig.next().samples, before + 3, "the sky of the other camera changed");
     rig.edit(&first, |image| *image = flat(0.75));
     rig.frames(2);
-    assert!(rig.next().samples < before + 3, "its own");
+    assert!(rig.next().samples < before + 3, "its own sky changed");
 }
 
 #[test]

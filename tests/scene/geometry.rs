@@ -1,4 +1,4 @@
-//! Bevy meshes into triangles, transforms and their inverses, and the boxes round them.
+//! Conversion of Bevy meshes to triangles, transforms and their inverses, and bounding boxes.
 
 use crate::support::scenes::{Random, random_rows};
 use bevy::{
@@ -51,14 +51,14 @@ fn indexed_and_unindexed_lists_and_strips_give_the_same_triangles() {
         strip().with_inserted_indices(Indices::U32(vec![0, 1, 2, 3])),
         strip().with_inserted_indices(Indices::U16(restarted)),
     ] {
-        let geometry = triangles_of(&mesh).expect("a sound mesh");
+        let geometry = triangles_of(&mesh).expect("the mesh is sound");
         assert_eq!(geometry.positions, expected);
         assert_eq!(geometry.dropped, Dropped::default());
     }
 }
 
 #[test]
-fn what_is_no_triangle_is_named() {
+fn unsupported_topologies_and_formats_are_named() {
     for (topology, name) in [
         (PrimitiveTopology::PointList, "PointList"),
         (PrimitiveTopology::LineList, "LineList"),
@@ -68,9 +68,9 @@ fn what_is_no_triangle_is_named() {
     }
     let empty = Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default());
     assert_eq!(triangles_of(&empty), Err(GeometryError::NoPositions));
-    let geometry = triangles_of(&list(&[])).expect("nothing, but no error");
+    let geometry = triangles_of(&list(&[])).expect("an empty mesh is no error");
     assert!(geometry.positions.is_empty() && build_blas(&geometry).is_none());
-    assert_eq!(triangles_of(&list(&SQUARE[..2])).expect("too few").positions.len(), 0);
+    assert_eq!(triangles_of(&list(&SQUARE[..2])).expect("an incomplete triangle is no error").positions.len(), 0);
 }
 
 #[test]
@@ -80,11 +80,12 @@ fn bad_triangles_are_dropped_and_counted() {
         [bad(f32::NAN), bad(f32::INFINITY), bad(1e38), bad(1.0), bad(0.0)].into_iter().flatten().collect();
     let mut numbers: Vec<u32> = (0..15).collect();
     numbers.extend([0, 1, 99, u32::MAX, 12, 13, 12, 12, 13]);
-    let geometry = triangles_of(&list(&positions).with_inserted_indices(Indices::U32(numbers))).expect("one is left");
+    let geometry =
+        triangles_of(&list(&positions).with_inserted_indices(Indices::U32(numbers))).expect("one triangle is left");
     assert_eq!(geometry.positions, [bad(0.0)]);
     assert_eq!(geometry.dropped, Dropped { out_of_range: 2, non_finite: 3, degenerate: 2 });
     assert_eq!(geometry.dropped.total(), 7);
-    let blas = build_blas(&geometry).expect("one triangle");
+    let blas = build_blas(&geometry).expect("there is one triangle");
     assert_eq!((blas.nodes.len(), blas.depth, blas.bounds), (5, 1, ([0.0; 3], [1.0, 1.0, 0.0])));
 }
 
@@ -97,9 +98,12 @@ fn missing_and_bad_attributes_are_filled() {
     assert_eq!((a.uv_a, a.uv_b, a.uv_c), ([0.0; 2], [0.0; 2], [0.0; 2]));
     assert!(a.normals.iter().all(|&n| close(decode(n), [0.0, 0.0, 1.0])));
     let tangent = decode(a.tangent_a);
-    assert!(tangent[2].abs() < 1e-3 && tangent.iter().all(|x| x.is_finite()), "across the normal: {tangent:?}");
+    assert!(
+        tangent[2].abs() < 1e-3 && tangent.iter().all(|x| x.is_finite()),
+        "not perpendicular to the normal: {tangent:?}"
+    );
 
-    // One good normal not of unit length, one zero, one NaN; a short uv list with a NaN in it.
+    // One good normal that is not of unit length, one zero, one NaN; a short uv list with a NaN in it.
     let bad = list(&triangle)
         .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[0.0, 3.0, 0.0], [0.0; 3], [f32::NAN; 3]])
         .with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, vec![[0.5, 0.25], [f32::NAN, 1.0]]);
@@ -110,14 +114,14 @@ fn missing_and_bad_attributes_are_filled() {
 }
 
 #[test]
-fn generated_tangents_are_those_of_bevy() {
+fn generated_tangents_equal_bevys() {
     for uv in [CORNERS, CORNERS.map(|[u, v]| [1.0 - u, v]), CORNERS.map(|[u, v]| [v, u]), CORNERS.map(|[u, v]| [u, -v])]
     {
         let plain = list(&SQUARE)
             .with_inserted_indices(Indices::U32(vec![0, 1, 2]))
             .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[0.0, 0.0, 1.0]; 4])
             .with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, uv.to_vec());
-        let theirs = plain.clone().with_generated_tangents().expect("Bevy can");
+        let theirs = plain.clone().with_generated_tangents().expect("Bevy can generate tangents");
         let (ours, theirs) = (triangles_of(&plain).expect("sound"), triangles_of(&theirs).expect("sound"));
         assert!(theirs.has_tangents && !ours.has_tangents);
         let (a, b) = (ours.attributes[0].tangent_a, theirs.attributes[0].tangent_a);
@@ -145,7 +149,7 @@ fn attributes_come_in_any_format() {
 }
 
 #[test]
-fn normals_survive_their_packing() {
+fn packed_normals_unpack_to_the_same_normal() {
     let mut random = Random::new(20);
     for _ in 0..10_000 {
         let n = random.direction();
@@ -155,7 +159,7 @@ fn normals_survive_their_packing() {
 }
 
 #[test]
-fn transforms_are_inverted_or_refused() {
+fn transforms_are_inverted_or_rejected() {
     let mut random = Random::new(21);
     for scale in [1e-4, 1.0, 1e5] {
         for _ in 0..100 {
@@ -191,7 +195,7 @@ fn transforms_are_inverted_or_refused() {
 }
 
 #[test]
-fn world_boxes_hold_every_corner() {
+fn world_bounding_boxes_contain_every_corner() {
     let mut random = Random::new(22);
     for scale in [1e-3, 1.0, 1e4] {
         for _ in 0..100 {
@@ -215,7 +219,7 @@ fn world_boxes_hold_every_corner() {
 }
 
 #[test]
-fn the_top_level_holds_every_sound_instance_once() {
+fn the_top_level_tree_contains_every_sound_instance_once() {
     let mut random = Random::new(23);
     for count in [0, 1, 2, 77, 5000] {
         let mut boxes: Vec<_> = (0..count)

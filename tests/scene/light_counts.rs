@@ -1,4 +1,4 @@
-//! Many lights, and more than a device can bind: a picture, a warning that says what is lost, and no panic.
+//! Many lights, also more than a device can bind: a picture, a warning that says what is missing, and no panic.
 
 use crate::support::{app::*, log};
 use bevy::{
@@ -9,7 +9,7 @@ use bevy::{
 use bevy_restir::{Direct, Restir, Technique, gpu_types::*};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Bytes of a binding in tests of the limits: 8192 lights, with those of the last frame.
+/// The size of a binding in tests of the limits, in bytes: it holds 8192 lights, with those of the last frame.
 const SMALL: u64 = 1 << 20;
 const FEW: u64 = SMALL / 2 / size_of::<GpuLight>() as u64;
 
@@ -28,8 +28,8 @@ fn sheet(side: f32, columns: u32, rows: u32) -> Mesh {
         .with_inserted_indices(Indices::U32(indices.collect()))
 }
 
-/// A wall and, between it and the camera but seen by neither edge-on nor at all from behind, `n` x `n` lamps of one mesh that tile a
-/// square of side 2 and shine at the wall.
+/// A wall, and `n` x `n` instances of a lamp mesh that tile a square of side 2 and shine at the wall.  They stand between the wall and
+/// the camera, which sees them neither edge-on nor from behind.
 fn tiled_lamp(rig: &mut Rig, n: u32, tile: Mesh) {
     rig.spawn(square(4.0), lambert(0.5), Transform::default());
     let (mesh, material) = (rig.add::<Mesh>(tile), rig.add::<StandardMaterial>(lamp(3.0, 2.0, 1.0)));
@@ -42,13 +42,13 @@ fn tiled_lamp(rig: &mut Rig, n: u32, tile: Mesh) {
     }
 }
 
-/// Subsets are small enough for the smallest binding.
+/// The light subsets fit the smallest binding.
 fn settings(technique: Technique) -> Restir {
     let direct = Direct { subset_count: 8, ..default() };
     Restir { technique, direct, accumulate: true, ..plain() }
 }
 
-/// Mean of the picture and its standard error.
+/// The mean of the picture and its standard error.
 fn mean(rig: &mut Rig, technique: Technique) -> (f64, f64) {
     rig.set(|r| *r = settings(technique));
     rig.until_ready();
@@ -62,19 +62,19 @@ fn mean(rig: &mut Rig, technique: Technique) -> (f64, f64) {
     mean_and_error(restarts.collect::<Vec<_>>())
 }
 
-/// Both techniques show it, and their mean is that of what should be the same light.
+/// Asserts that both techniques show the lamps with the mean of an equivalent light.
 fn assert_shown(rig: &mut Rig, truth: (f64, f64), name: &str) {
     for technique in [Technique::Reference, Technique::Di] {
         let (ours, error) = mean(rig, technique);
         let error = error.hypot(truth.1);
         eprintln!("{name}, {technique:?}: {:+.2} % ± {:.2}", 100.0 * (ours / truth.0 - 1.0), 100.0 * error / truth.0);
-        assert!(error < 0.03 * truth.0, "{name}, {technique:?}: {error} of {} is too noisy to tell", truth.0);
+        assert!(error < 0.03 * truth.0, "{name}, {technique:?}: {error} of {} is too noisy", truth.0);
         assert!((ours - truth.0).abs() < 4.0 * error, "{name}, {technique:?}: {ours} ± {error}, not {}", truth.0);
         rig.assert_sound();
     }
 }
 
-/// Of one lamp of two triangles.
+/// The mean picture of one lamp of two triangles.
 fn mean_of_one_lamp() -> Option<(f64, f64)> {
     let mut rig = Rig::new(32, 32)?;
     tiled_lamp(&mut rig, 1, square(1.0));
@@ -84,7 +84,7 @@ fn mean_of_one_lamp() -> Option<(f64, f64)> {
     Some(mean)
 }
 
-/// For tests that count warnings; one at a time.
+/// Serializes the tests that count warnings.
 fn listen() -> MutexGuard<'static, ()> {
     static ONE: Mutex<()> = Mutex::new(());
     log::listen();
@@ -104,10 +104,10 @@ fn a_million_emissive_triangles_shine_as_one_lamp() {
 }
 
 #[test]
-fn triangles_beyond_the_table_shine_all_the_same() {
+fn emissive_triangles_beyond_the_light_table_still_light_the_scene() {
     let _guard = listen();
     let Some(truth) = mean_of_one_lamp() else { return };
-    // Of 9 x 2000 lights 4 x 2000 fit; of 1 x 20000 none.
+    // 4 x 2000 of the 9 x 2000 lights fit; of 1 x 20000, none.
     for (name, n, tile, lights) in
         [("nine lamps", 3, sheet(1.0, 50, 20), 8000), ("one lamp", 1, sheet(1.0, 100, 100), 0)]
     {
@@ -125,11 +125,11 @@ fn triangles_beyond_the_table_shine_all_the_same() {
 }
 
 #[test]
-fn point_lights_beyond_the_table_are_left_out() {
+fn point_lights_beyond_the_light_table_are_dropped() {
     let _guard = listen();
     let Some(mut rig) = Rig::binding_at_most(SMALL, 17, 13) else { return };
     rig.spawn(square(4.0), lambert(0.5), Transform::default());
-    // Behind the camera, out of reach of Bevy's own lists, whose buffers would not fit either.
+    // They stand behind the camera, out of reach of Bevy's own light lists, whose buffers would not fit either.
     for i in 0..FEW as u32 + 100 {
         let place = Transform::from_xyz((i % 97) as f32, (i / 97) as f32, 60.0);
         rig.spawn_bundle((PointLight { intensity: 100.0, range: 20.0, ..default() }, place));
@@ -146,12 +146,12 @@ fn point_lights_beyond_the_table_are_left_out() {
 }
 
 #[test]
-fn what_follows_a_mesh_that_does_not_fit_is_shown() {
+fn meshes_after_one_that_does_not_fit_are_shown() {
     let _guard = listen();
     let Some(mut rig) = Rig::binding_at_most(SMALL, 24, 16) else { return };
     rig.insert(rig.camera, orthographic(3.0, 2.0));
     rig.set(|r| r.debug_view = bevy_restir::DebugView::Albedo);
-    // 30000 triangles are 1.4 MB.
+    // 30000 triangles take 1.4 MB.
     rig.spawn(sheet(1.0, 150, 100), lambert(0.5), Transform::from_xyz(-0.75, 0.0, 0.0));
     rig.picture(1);
     rig.spawn(square(1.0), lambert(0.5), Transform::from_xyz(0.75, 0.0, 0.0));
@@ -162,7 +162,7 @@ fn what_follows_a_mesh_that_does_not_fit_is_shown() {
 }
 
 #[test]
-fn instances_beyond_the_limit_are_left_out() {
+fn instances_beyond_the_limit_are_dropped() {
     let _guard = listen();
     let Some(mut rig) = Rig::binding_at_most(SMALL, 24, 16) else { return };
     let limit = SMALL / size_of::<GpuInstance>() as u64;
@@ -177,7 +177,7 @@ fn instances_beyond_the_limit_are_left_out() {
     assert_eq!(rig.report().instances, limit);
     rig.assert_sound();
     assert_eq!(log::warnings("50 meshes are left out").len(), 1);
-    // Where others go there is room for them.
+    // Removing other instances makes room for them.
     for entity in &all[..100] {
         rig.app.world_mut().despawn(*entity);
     }

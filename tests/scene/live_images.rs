@@ -1,5 +1,5 @@
-//! Images that come, go, change their size and are written by the GPU: the atlas stays as small as what it shows, and what cameras draw to
-//! an image is seen on things and round the scene.
+//! Images that appear, disappear, are resized, and are written by the GPU: the atlas stays as small as its content, and the output of
+//! cameras is visible on surfaces, lamps and environments.
 
 use crate::support::{app::*, oracle::texture::srgb_to_linear, reuse_settings::di};
 use bevy::{
@@ -36,9 +36,9 @@ fn an_image_that_is_replaced_again_and_again_does_not_grow_the_atlas() {
     rig.until_ready();
     for i in 1..30 {
         if i % 3 == 0 {
-            // The same image, of another size.
+            // The same image asset with another size.
             let handle = rig.app.world().resource::<Assets<StandardMaterial>>().get(&material).cloned();
-            let handle = handle.and_then(|m| m.base_color_texture).expect("it has one");
+            let handle = handle.and_then(|m| m.base_color_texture).expect("the material has an image");
             rig.edit(&handle, |old| *old = image(i));
         } else {
             let new = rig.add::<Image>(image(i));
@@ -52,9 +52,9 @@ fn an_image_that_is_replaced_again_and_again_does_not_grow_the_atlas() {
     }
 }
 
-/// How much a lamp gives is weighed by the mean of its image, which is taken when a material asks for it.
+/// The sampling weight of a lamp depends on the mean of its image, which is computed once a material needs it.
 #[test]
-fn an_image_that_becomes_a_lamps_later_gives_the_same_picture() {
+fn an_image_that_later_becomes_emissive_gives_the_same_picture() {
     let bright = || texture(8, 8, |x, y| [(20 * x) as u8, (30 * y) as u8, 10, 255]);
     let glowing =
         |image: &Handle<Image>| StandardMaterial { emissive_texture: Some(image.clone()), ..lamp(2.0, 3.0, 4.0) };
@@ -80,14 +80,14 @@ fn an_image_that_becomes_a_lamps_later_gives_the_same_picture() {
     let new = glowing(&image);
     rig.edit(&material, |m| *m = new);
     assert_eq!(rig.picture(4), expected);
-    // And edited while it shines.
+    // Edit the image while the lamp uses it.
     rig.edit(&image, |image| *image = texture(8, 8, |_, _| [0, 0, 0, 255]));
     rig.until_ready();
     rig.edit(&image, |image| *image = bright());
     assert_eq!(rig.picture(4), expected);
 }
 
-/// An image, and a camera of Bevy's own that clears it to a colour before ours draws.
+/// An image, and a camera without `Restir` that clears it to a color before ours renders.
 fn screen(rig: &mut Rig, format: TextureFormat, view: Option<TextureFormat>) -> (Handle<Image>, Entity) {
     let image = rig.add::<Image>(Image::new_target_texture(64, 32, format, view));
     let camera = rig.spawn_bundle((
@@ -108,7 +108,7 @@ fn clear(rig: &mut Rig, camera: Entity, color: Vec3) {
 const COLORS: [Vec3; 3] = [Vec3::new(1.0, 0.2, 0.0), Vec3::new(0.0, 0.5, 1.0), Vec3::new(0.1, 1.0, 0.3)];
 
 #[test]
-fn what_a_camera_draws_to_an_image_is_seen_on_things() {
+fn the_output_of_a_camera_is_visible_as_a_texture() {
     let devices = [Rig::new(8, 8), Rig::lacking(WgpuFeatures::TEXTURE_BINDING_ARRAY, 8, 8)];
     for mut rig in devices.into_iter().flatten() {
         use TextureFormat::{Rgba8Unorm, Rgba8UnormSrgb, Rgba16Float};
@@ -119,11 +119,11 @@ fn what_a_camera_draws_to_an_image_is_seen_on_things() {
             rig.set(|restir| restir.bounces = 0);
             for color in COLORS {
                 clear(&mut rig, camera, color);
-                // One frame draws it, the next one shows it.
+                // One frame draws the color, and the next one shows it.
                 rig.until_ready();
                 let got = rig.next();
                 assert!((got.centre() - 2.0 * color).length() < 0.03, "{format:?}: {} not {color}", got.centre());
-                assert_eq!(got.samples, 1, "frames of two colours are never summed");
+                assert_eq!(got.samples, 1, "frames with different colors never accumulate");
             }
             let surface = StandardMaterial { base_color_texture: Some(image), ..lambert(1.0) };
             let surface = rig.add::<StandardMaterial>(surface);
@@ -141,14 +141,14 @@ fn what_a_camera_draws_to_an_image_is_seen_on_things() {
 }
 
 #[test]
-fn a_lamp_that_a_camera_draws_lights_what_is_round_it() {
+fn a_lamp_with_the_output_of_a_camera_lights_its_surroundings() {
     let Some(mut rig) = Rig::new(8, 8) else { return };
     let (image, camera) = screen(&mut rig, TextureFormat::Rgba16Float, None);
     rig.spawn(square(8.0), lambert(1.0), Transform::default());
     let towards = Transform::from_xyz(0.0, 0.0, 6.0).looking_to(Vec3::Z, Vec3::Y);
     let glow = StandardMaterial { emissive_texture: Some(image), ..lamp(1.0, 1.0, 1.0) };
     rig.spawn(square(4.0), glow, towards);
-    // Beside a light that is always on, so that they have to share.
+    // Another light is always on, so that both share the samples.
     rig.spawn_bundle((PointLight { intensity: 1.0, ..default() }, Transform::from_xyz(0.0, 0.0, 3.0)));
     rig.insert(rig.camera, orthographic(2.0, 2.0));
     rig.set(|restir| {
@@ -157,7 +157,7 @@ fn a_lamp_that_a_camera_draws_lights_what_is_round_it() {
     let mean = |rig: &mut Rig, color: Vec3| {
         clear(rig, camera, color);
         rig.frames(3);
-        // Frames are not summed: others by another seed.
+        // Frames do not accumulate here; the mean is over seeds.
         let sum: Vec3 = (0..32)
             .map(|seed| {
                 rig.set(|restir| restir.seed = seed);
@@ -176,7 +176,7 @@ fn a_lamp_that_a_camera_draws_lights_what_is_round_it() {
 }
 
 #[test]
-fn an_environment_that_a_camera_draws_lights_the_scene() {
+fn an_environment_with_the_output_of_a_camera_lights_the_scene() {
     let Some(mut rig) = Rig::new(16, 16) else { return };
     rig.insert(rig.camera, orthographic(2.0, 2.0));
     rig.spawn(square(1.0), lambert(1.0), Transform::from_xyz(-0.5, 0.0, 0.0));
@@ -191,11 +191,11 @@ fn an_environment_that_a_camera_draws_lights_the_scene() {
             rig.set(|restir| restir.seed = seed);
             let picture = rig.next();
             assert_eq!(picture.samples, 1);
-            assert!((picture.at(12, 8) - color).length() < 2e-3, "the sky: {} not {color}", picture.at(12, 8));
+            assert!((picture.at(12, 8) - color).length() < 2e-3, "the sky is {} and not {color}", picture.at(12, 8));
             let square = picture.iter().filter(|(at, _)| (1..7).contains(&at.x) && (5..11).contains(&at.y));
             lit += square.map(|(_, c)| c).sum::<Vec3>() / 36.0 / 16.0;
         }
-        assert!((lit - color).length() < 0.05, "what it lights: {lit} not {color}");
+        assert!((lit - color).length() < 0.05, "the lit surface is {lit} and not {color}");
     }
     rig.assert_sound();
 }

@@ -1,4 +1,4 @@
-//! What ten thousand things cost on the CPU: printed, and held to what was measured with room for a slower machine.
+//! The CPU cost of ten thousand instances: printed, and compared with earlier measurements with room for slower machines.
 
 use crate::support::app::*;
 use bevy::{
@@ -9,7 +9,7 @@ use std::time::Instant;
 
 const COUNT: usize = 10_000;
 
-/// A crowd of boxes of so many meshes, in turns.
+/// Boxes that share this number of meshes in turn.
 fn crowd(meshes: usize, visible: bool) -> Option<(Rig, Vec<Entity>)> {
     let mut rig = Rig::new(16, 16)?;
     rig.spawn_bundle((DirectionalLight::default(), Transform::default()));
@@ -34,7 +34,7 @@ fn crowd(meshes: usize, visible: bool) -> Option<(Rig, Vec<Entity>)> {
     Some((rig, entities))
 }
 
-/// Median of the time that a frame takes until it is submitted, ms: the GPU is idle before.
+/// The median time in milliseconds until a frame is submitted, with an idle GPU.
 fn frame_ms(rig: &mut Rig, mut change: impl FnMut(&mut Rig, usize)) -> f64 {
     let mut times: Vec<f64> = (0..15)
         .map(|i| {
@@ -52,7 +52,7 @@ fn frame_ms(rig: &mut Rig, mut change: impl FnMut(&mut Rig, usize)) -> f64 {
 }
 
 #[test]
-#[ignore = "a measurement: ten seconds, and meaningful on an idle machine alone"]
+#[ignore = "a measurement of ten seconds that needs an idle machine"]
 fn full_length_ten_thousand_instances_cost_little() {
     let Some((mut hidden, _)) = crowd(1, false) else { return };
     let nothing = frame_ms(&mut hidden, |_, _| ());

@@ -1,4 +1,4 @@
-//! A scene for each corner of faces, emission, partial presence, visibility, layers and backdrop, with the value that it must have.
+//! Edge cases of faces, emission, transparency, visibility, layers, shadows and backdrops, each in a small scene with a known radiance.
 
 use crate::support::{app::*, expected_radiance::*};
 use bevy::{
@@ -15,7 +15,7 @@ use bevy::{
 fn faces_are_seen_lit_and_culled_as_designed() {
     check(&[
         (
-            "a back face is lit with its normals flipped",
+            "a back face is lit with flipped normals",
             |rig| {
                 sun(rig);
                 rig.spawn(square(4.0), open(lambert(0.5)), turned(Transform::default()));
@@ -33,7 +33,7 @@ fn faces_are_seen_lit_and_culled_as_designed() {
             EXACT,
         ),
         (
-            "and casts its shadow all the same",
+            "a culled face still casts its shadow",
             |rig| {
                 sun(rig);
                 rig.spawn(square(4.0), lambert(0.5), at(0.0, 0.0, -1.0));
@@ -43,7 +43,7 @@ fn faces_are_seen_lit_and_culled_as_designed() {
             EXACT,
         ),
         (
-            "front faces are culled where that is asked for",
+            "front faces are culled under `Face::Front`",
             |rig| {
                 rig.spawn(square(4.0), lamp(3.0, 3.0, 3.0), at(0.0, 0.0, -1.0));
                 let inside_out = StandardMaterial { cull_mode: Some(Face::Front), ..lambert(0.5) };
@@ -53,7 +53,7 @@ fn faces_are_seen_lit_and_culled_as_designed() {
             EXACT,
         ),
         (
-            "a mirrored back face is a front face where it is",
+            "mirroring turns a back face into a front face",
             |rig| {
                 sun(rig);
                 let mirrored = Transform::default().with_scale(Vec3::new(-1.0, 1.0, 1.0));
@@ -66,7 +66,7 @@ fn faces_are_seen_lit_and_culled_as_designed() {
 }
 
 #[test]
-fn emission_has_the_sides_that_it_should() {
+fn emission_leaves_the_designed_sides() {
     check(&[
         (
             "in front",
@@ -93,7 +93,7 @@ fn emission_has_the_sides_that_it_should() {
             EXACT,
         ),
         (
-            "the inside of a sphere whose front is outside lights nothing",
+            "the inside of an emissive sphere lights nothing",
             |rig| {
                 floor(rig, 0.5);
                 rig.spawn(Sphere::new(20.0).mesh().uv(16, 8), lamp(3.0, 3.0, 3.0), Transform::default());
@@ -102,7 +102,7 @@ fn emission_has_the_sides_that_it_should() {
             EXACT,
         ),
         (
-            "of two sides it lights all",
+            "a double-sided one lights its inside",
             |rig| {
                 floor(rig, 0.5);
                 rig.spawn(Sphere::new(20.0).mesh().uv(16, 8), both_sides(3.0), Transform::default());
@@ -111,7 +111,7 @@ fn emission_has_the_sides_that_it_should() {
             NOISY,
         ),
         (
-            "unlit is its base colour for the camera",
+            "an unlit material shows its base color to the camera",
             |rig| {
                 sun(rig);
                 let unlit = StandardMaterial { unlit: true, ..Color::linear_rgb(0.7, 0.7, 0.7).into() };
@@ -121,7 +121,7 @@ fn emission_has_the_sides_that_it_should() {
             EXACT,
         ),
         (
-            "and black to every other ray",
+            "an unlit material is black to other rays",
             |rig| {
                 floor(rig, 0.5);
                 let unlit = StandardMaterial { unlit: true, ..Color::WHITE.into() };
@@ -135,9 +135,9 @@ fn emission_has_the_sides_that_it_should() {
 }
 
 #[test]
-fn surfaces_that_are_partly_there_are_so_in_the_mean() {
+fn partial_transparency_is_right_in_the_mean() {
     check(&[
-        // (1 - T) base E/π + T base L, of an index that bends and reflects nothing.
+        // (1 - T) base E/π + T base L; the index of refraction is 1, so nothing bends or reflects.
         (
             "partial transmission",
             |rig| {
@@ -158,7 +158,7 @@ fn surfaces_that_are_partly_there_are_so_in_the_mean() {
         ("premultiplied", |rig| pane(rig, AlphaMode::Premultiplied), 2.5, NOISY),
         ("add", |rig| pane(rig, AlphaMode::Add), 2.5, NOISY),
         (
-            "a shadow of blend",
+            "the shadow of a blended surface",
             |rig| {
                 slanting_sun(rig);
                 floor(rig, 0.5);
@@ -168,7 +168,7 @@ fn surfaces_that_are_partly_there_are_so_in_the_mean() {
             NOISY,
         ),
         ("below the cutoff of a mask", |rig| pane_of(rig, AlphaMode::Mask(0.7), 0.69), 2.0, EXACT),
-        ("above it", |rig| pane_of(rig, AlphaMode::Mask(0.3), 0.31), 4.0, EXACT),
+        ("above the cutoff of a mask", |rig| pane_of(rig, AlphaMode::Mask(0.3), 0.31), 4.0, EXACT),
         (
             "a mask below its cutoff casts no shadow",
             |rig| {
@@ -182,7 +182,7 @@ fn surfaces_that_are_partly_there_are_so_in_the_mean() {
     ]);
 }
 
-/// Radiance 4 in front of 2.
+/// Radiance 4 in front of radiance 2.
 fn pane(rig: &mut Rig, mode: AlphaMode) {
     pane_of(rig, mode, 0.25);
 }
@@ -193,11 +193,11 @@ fn pane_of(rig: &mut Rig, mode: AlphaMode, share: f32) {
 }
 
 #[test]
-fn a_lamp_in_glass_has_its_radiance_there() {
-    // Straight on: the face reflects ((n-1)/(n+1))², and radiance outside is that inside over n².
+fn a_lamp_inside_glass_emits_its_radiance_in_the_glass() {
+    // At normal incidence, the interface reflects ((n-1)/(n+1))², and the radiance outside is that inside divided by n².
     check(&[
-        ("of index 1.5", |rig| lamp_in_glass(rig, 1.5), 3.0 * 0.96 / 2.25, NOISY),
-        ("of index 2", |rig| lamp_in_glass(rig, 2.0), 3.0 * (1.0 - 1.0 / 9.0) / 4.0, NOISY),
+        ("index 1.5", |rig| lamp_in_glass(rig, 1.5), 3.0 * 0.96 / 2.25, NOISY),
+        ("index 2", |rig| lamp_in_glass(rig, 2.0), 3.0 * (1.0 - 1.0 / 9.0) / 4.0, NOISY),
     ]);
 }
 
@@ -207,7 +207,7 @@ fn lamp_in_glass(rig: &mut Rig, ior: f32) {
 }
 
 #[test]
-fn what_is_hidden_is_there_for_no_ray() {
+fn hidden_objects_are_absent_for_all_rays() {
     check(&[
         (
             "a hidden lamp",
@@ -231,7 +231,7 @@ fn what_is_hidden_is_there_for_no_ray() {
             EXACT,
         ),
         (
-            "a child of something hidden",
+            "a child of a hidden entity",
             |rig| {
                 slanting_sun(rig);
                 floor(rig, 0.5);
@@ -284,7 +284,7 @@ fn what_is_hidden_is_there_for_no_ray() {
             EXACT,
         ),
         (
-            "all on the camera's own layer, of several",
+            "everything on one of the camera's layers",
             |rig| {
                 let entities =
                     [slanting_sun(rig), floor(rig, 0.5), rig.spawn(square(0.5), open(lambert(0.0)), blind())];
@@ -297,7 +297,7 @@ fn what_is_hidden_is_there_for_no_ray() {
             EXACT,
         ),
         (
-            "the layer that things have by default is none of the camera's",
+            "objects on the default layer, which the camera lacks",
             |rig| {
                 slanting_sun(rig);
                 floor(rig, 0.5);
@@ -311,7 +311,7 @@ fn what_is_hidden_is_there_for_no_ray() {
 }
 
 #[test]
-fn what_casts_no_shadow_is_there_for_the_camera_alone() {
+fn objects_without_shadows_are_visible_to_the_camera_alone() {
     check(&[
         (
             "its shadow",
@@ -335,7 +335,7 @@ fn what_casts_no_shadow_is_there_for_the_camera_alone() {
             EXACT,
         ),
         (
-            "its looks",
+            "its appearance",
             |rig| {
                 let lamp = rig.spawn(square(4.0), lamp(3.0, 3.0, 3.0), at(0.0, 0.0, 1.0));
                 rig.insert(lamp, NotShadowCaster);
@@ -345,7 +345,7 @@ fn what_casts_no_shadow_is_there_for_the_camera_alone() {
             EXACT,
         ),
         (
-            "its light by others",
+            "the light that it reflects",
             |rig| {
                 sun(rig);
                 let square = rig.spawn(square(4.0), lambert(0.5), Transform::default());
@@ -358,10 +358,10 @@ fn what_casts_no_shadow_is_there_for_the_camera_alone() {
 }
 
 #[test]
-fn rays_that_miss_see_what_is_theirs() {
+fn camera_rays_that_miss_see_the_backdrop_and_other_rays_the_environment() {
     check(&[
         (
-            "the camera's: the clear colour",
+            "camera rays: the clear color",
             |rig| {
                 rig.app.insert_resource(ClearColor(Color::linear_rgb(0.3, 0.3, 0.3)));
                 sun(rig);
@@ -379,7 +379,7 @@ fn rays_that_miss_see_what_is_theirs() {
             EXACT,
         ),
         (
-            "the camera's own clear colour",
+            "camera rays: the camera's own clear color",
             |rig| {
                 let color = Color::linear_rgb(0.6, 0.6, 0.6);
                 rig.get_mut::<Camera>(rig.camera).clear_color = ClearColorConfig::Custom(color);
@@ -388,7 +388,7 @@ fn rays_that_miss_see_what_is_theirs() {
             EXACT,
         ),
         (
-            "the camera's: the environment",
+            "camera rays: the environment",
             |rig| {
                 rig.app.insert_resource(ClearColor(Color::WHITE));
                 rig.insert(rig.camera, sky(0.8));
@@ -397,7 +397,7 @@ fn rays_that_miss_see_what_is_theirs() {
             EXACT,
         ),
         (
-            "others: the environment",
+            "other rays: the environment",
             |rig| {
                 rig.insert(rig.camera, sky(0.8));
                 floor(rig, 0.5);
@@ -406,7 +406,7 @@ fn rays_that_miss_see_what_is_theirs() {
             NOISY,
         ),
         (
-            "the camera's, through a hole in glass of index 1: what others see",
+            "rays through glass of index 1: the environment",
             |rig| {
                 rig.app.insert_resource(ClearColor(Color::WHITE));
                 rig.insert(rig.camera, sky(0.8));
@@ -420,17 +420,17 @@ fn rays_that_miss_see_what_is_theirs() {
 }
 
 #[test]
-fn of_the_levels_of_an_object_the_one_in_range_is_met() {
+fn of_several_levels_of_detail_the_one_in_range_is_hit() {
     let Some(mut rig) = Rig::new(8, 8) else { return };
     rig.insert(rig.camera, orthographic(1.0, 1.0));
-    // From the camera at z = 5 both are 5 away; the far level lies in front, and would cover the near one.
+    // Both levels are at distance 5 from the camera at z = 5; the far level lies in front and would cover the near one.
     let level =
         |start: core::ops::Range<f32>, end| VisibilityRange { start_margin: start, end_margin: end, use_aabb: false };
     let near = rig.spawn(square(2.0), lamp(1.0, 0.0, 0.0), Transform::default());
     let far = rig.spawn(square(2.0), lamp(0.0, 1.0, 0.0), Transform::from_xyz(0.0, 0.0, 0.01));
     rig.insert(near, level(0.0..0.0, 8.0..10.0));
     rig.insert(far, level(8.0..10.0, 20.0..20.0));
-    // A camera that draws later is not asked.
+    // The range of a camera that renders later is ignored.
     let image = rig.add::<Image>(target_image(UVec2::new(4, 4)));
     rig.spawn_bundle((
         Camera3d::default(),
@@ -446,12 +446,12 @@ fn of_the_levels_of_an_object_the_one_in_range_is_met() {
         assert_eq!(rig.picture(1).centre(), color, "{z} away");
         assert_eq!(rig.report().instances, u64::from(color != Vec3::ZERO), "{z} away");
     }
-    // By the middle of its box, where it is asked to.
+    // With `use_aabb` the distance is that of the center of the bounding box.
     let aside =
         rig.spawn(square(2.0).translated_by(Vec3::new(0.0, 0.0, 3.0)), lamp(0.0, 0.0, 1.0), Transform::default());
     for (use_aabb, color) in [(false, Vec3::X), (true, Vec3::Z)] {
         rig.insert(aside, VisibilityRange { use_aabb, ..VisibilityRange::abrupt(0.0, 3.0) });
-        assert_eq!(rig.picture(1).centre(), color, "by its box: {use_aabb}");
+        assert_eq!(rig.picture(1).centre(), color, "use_aabb: {use_aabb}");
     }
     rig.app.world_mut().entity_mut(near).remove::<VisibilityRange>();
     rig.app.world_mut().despawn(aside);

@@ -1,5 +1,5 @@
-//! Coats, anisotropy, diffuse transmission and thin walls, from `StandardMaterial` to the pixel: what a sun makes of each is the oracle's
-//! value.
+//! Coats, anisotropy, diffuse transmission and thin walls, from `StandardMaterial` to the pixel: under a sun, each has the radiance of
+//! the f64 oracle.
 
 use crate::support::{app::*, oracle::bsdf::Material, stats::Random};
 use bevy::prelude::*;
@@ -8,7 +8,7 @@ use glam::DVec3;
 
 const LUX: f32 = 10.0;
 
-/// The oracle's parameters of a material on a plane whose tangent, bitangent and normal are the axes of `turned`, seen along wo.
+/// The oracle's parameters of a material on a plane with tangent, bitangent and normal along the axes of `turned`, seen along wo.
 fn design(m: &StandardMaterial, turned: Quat, wo: Vec3) -> Material {
     let wide = |v: Vec3| v.as_dvec3().normalize();
     let linear = |c: Color| Vec3::from(c.to_linear().to_f32_array_no_alpha()).as_dvec3();
@@ -35,7 +35,7 @@ fn design(m: &StandardMaterial, turned: Quat, wo: Vec3) -> Material {
         compensation: 0.0,
         thin,
         diffuse_transmission: m.diffuse_transmission.into(),
-        // Counter-clockwise from the tangent, seen from the front (`KHR_materials_anisotropy`).
+        // Counterclockwise from the tangent, seen from the front (`KHR_materials_anisotropy`).
         tangent: wide(turned * Vec3::new(cos, sin, 0.0)),
         alpha_along: r * r + (1.0 - r * r) * f64::from(m.anisotropy_strength).powi(2),
         coat: m.clearcoat.into(),
@@ -78,7 +78,7 @@ fn materials() -> Vec<(&'static str, SceneFeatures, StandardMaterial)> {
         ),
         ("coat", COAT, StandardMaterial { clearcoat: 0.9, clearcoat_perceptual_roughness: 0.5, ..base.clone() }),
         ("brushed", GRAIN, brushed.clone()),
-        ("brushed another way", GRAIN, StandardMaterial { anisotropy_rotation: 0.6, ..brushed }),
+        ("brushed in another direction", GRAIN, StandardMaterial { anisotropy_rotation: 0.6, ..brushed }),
         ("leaf", LEAF | THIN, StandardMaterial { diffuse_transmission: 0.7, ..base.clone() }),
         ("wax", LEAF, StandardMaterial { diffuse_transmission: 1.0, thickness: 0.1, ..base.clone() }),
         ("pane", GLASS | THIN, pane.clone()),
@@ -89,7 +89,7 @@ fn materials() -> Vec<(&'static str, SceneFeatures, StandardMaterial)> {
 }
 
 #[test]
-fn a_sun_makes_of_every_lobe_what_the_design_says() {
+fn every_lobe_under_a_sun_equals_the_oracle() {
     let Some(mut rig) = Rig::new(4, 4) else { return };
     rig.insert(rig.camera, orthographic(0.2, 0.2));
     let sun = rig.spawn_bundle((DirectionalLight { illuminance: LUX, ..default() }, Transform::default()));
@@ -101,7 +101,7 @@ fn a_sun_makes_of_every_lobe_what_the_design_says() {
         rig.insert(plane, MeshMaterial3d(handle));
         let mut lit = 0;
         for i in 0..16 {
-            // From the front and from behind, lit from either side.
+            // Seen from the front and from behind, lit from either side.
             let mut direction = || r.direction().as_vec3();
             let normal = (direction() + 1.5 * if i % 2 == 0 { Vec3::Z } else { Vec3::NEG_Z }).normalize();
             let turned = Quat::from_rotation_arc(Vec3::Z, normal) * Quat::from_rotation_z(f32::from(i as u8));
@@ -119,7 +119,7 @@ fn a_sun_makes_of_every_lobe_what_the_design_says() {
         }
         let report = rig.until_ready();
         assert_eq!(report.features, SceneFeatures::LIGHT_DIRECTIONAL | features, "{name}");
-        assert!(lit >= 3, "{name} is lit {lit} times only");
+        assert!(lit >= 3, "{name} is lit only {lit} times");
     }
     rig.assert_sound();
 }
@@ -133,9 +133,9 @@ fn clear(tint: [f32; 3]) -> StandardMaterial {
     }
 }
 
-/// Straight through: a lamp seen through a tilted pane, with an absorption that has no inside to act in.
+/// A lamp seen through a tilted pane.  The pane has an absorption distance, which must have no effect, since a thin wall has no inside.
 #[test]
-fn a_clear_pane_only_tints_what_is_behind_it() {
+fn a_clear_pane_only_tints_the_surfaces_behind_it() {
     let Some(mut rig) = Rig::new(16, 16) else { return };
     rig.spawn(square(0.9), lamp(5.0, 5.0, 5.0), Transform::from_xyz(0.2, 0.1, -1.0));
     let without = rig.picture(1);
@@ -149,7 +149,7 @@ fn a_clear_pane_only_tints_what_is_behind_it() {
     assert!(without.mean() > 0.1);
 }
 
-/// A pane within a body that absorbs does not end the body.
+/// A thin wall inside an absorbing body does not end the body.
 #[test]
 fn a_thin_wall_does_not_change_the_medium() {
     let Some(mut rig) = Rig::new(4, 4) else { return };
@@ -167,7 +167,7 @@ fn a_thin_wall_does_not_change_the_medium() {
     let expected = 4.0 * Vec3::new(0.64, 0.25, 0.09);
     let seen = rig.picture(1).centre();
     assert!((seen - expected).abs().max_element() < 1e-3, "{seen}, not {expected}");
-    // Roulette ends some of the longer paths: the mean of 1024.
+    // Russian roulette ends some of the longer paths; this is the mean of 1024 samples.
     let expected = expected.element_sum() / 3.0;
     for turned in [0.0, core::f32::consts::PI] {
         let pane =
@@ -178,9 +178,9 @@ fn a_thin_wall_does_not_change_the_medium() {
     }
 }
 
-/// Things that give back all light have no place in a uniform world: a smooth coat over white, a white pane, a white leaf.
+/// In a uniform environment, objects that absorb nothing are invisible: a smooth coat over white, a white pane, a white leaf.
 #[test]
-fn white_lobes_vanish_in_a_white_world() {
+fn white_lobes_are_invisible_in_a_white_environment() {
     let Some(mut rig) = Rig::new(12, 12) else { return };
     rig.set(|restir| (restir.bounces, restir.jitter) = (40, true));
     rig.insert(rig.camera, sky(1.0));
@@ -200,9 +200,9 @@ fn white_lobes_vanish_in_a_white_world() {
     rig.assert_sound();
 }
 
-/// Every parameter at its ends, in one scene: nothing is lost on the way, in any technique.
+/// Every parameter at its extremes in one scene: no technique reports an error.
 #[test]
-fn lobes_at_their_extremes_make_a_sound_picture() {
+fn lobes_with_extreme_parameters_render_without_errors() {
     let Some(mut rig) = Rig::new(48, 48) else { return };
     rig.insert(rig.camera, sky(0.5));
     rig.insert(rig.camera, orthographic(8.0, 8.0));
@@ -227,7 +227,7 @@ fn lobes_at_their_extremes_make_a_sound_picture() {
         };
         let material = rig.add::<StandardMaterial>(material);
         let at = Vec3::new((i % 8) as f32 - 3.5, (i / 8) as f32 - 3.5, 0.0);
-        // Mirrored and flattened ones among them.
+        // Some of them are mirrored and flattened.
         let scale = r.pick(&[Vec3::ONE, Vec3::new(-1.0, 1.0, 1.0), Vec3::new(1.0, 1e-3, 1.0)]);
         let place = Transform::from_translation(at).with_scale(scale);
         rig.spawn_bundle((Mesh3d(ball.clone()), MeshMaterial3d(material), place));
@@ -241,9 +241,9 @@ fn lobes_at_their_extremes_make_a_sound_picture() {
     }
 }
 
-/// One random number says whether a surface is there, whatever Bevy would blend it by.
+/// Every blending alpha mode makes a surface present with probability alpha.
 #[test]
-fn every_way_to_blend_is_present_with_probability_alpha() {
+fn surfaces_of_every_blend_mode_are_present_with_probability_alpha() {
     let Some(mut rig) = Rig::new(8, 8) else { return };
     rig.insert(rig.camera, orthographic(1.0, 1.0));
     rig.spawn(square(2.0), lamp(2.0, 2.0, 2.0), Transform::from_xyz(0.0, 0.0, -1.0));

@@ -1,4 +1,4 @@
-//! The mirror follows the ECS: what is there is shown, what changed is sent, and nothing else.
+//! Our copy of the scene follows the ECS: every change is shown, and only changes are uploaded.
 
 use crate::support::app::*;
 use bevy::{
@@ -11,12 +11,12 @@ use bevy::{
 };
 use bevy_restir::{DebugView, Paths, Restir, RestirEnvironment, Technique, scene::SceneFeatures};
 
-/// What one moved instance of a small scene may cost: its record twice (the last transform follows a frame later), the top level,
-/// the uniforms.
+/// The upload of one moved instance in a small scene: its record twice (the previous transform follows a frame later), the top-level
+/// tree, and the uniforms.
 const MOVE_BYTES: u64 = 1024;
 
 #[test]
-fn a_still_scene_sends_nothing_and_a_moved_instance_little() {
+fn a_still_scene_uploads_nothing_and_a_moved_instance_little() {
     let Some(mut rig) = Rig::new(32, 32) else { return };
     let image = rig.add::<Image>(texture(4, 4, |x, _| [60 * x as u8, 200, 100, 255]));
     let textured = StandardMaterial { base_color_texture: Some(image), ..lambert(1.0) };
@@ -27,7 +27,11 @@ fn a_still_scene_sends_nothing_and_a_moved_instance_little() {
     rig.spawn_bundle((PointLight::default(), Transform::from_xyz(1.0, 2.0, 2.0)));
     let report = rig.until_ready();
     assert_eq!((report.instances, report.lights), (3, 3));
-    assert!(report.triangles > 5000, "{} triangles: a copy of the geometry would show", report.triangles);
+    assert!(
+        report.triangles > 5000,
+        "only {} triangles: an upload of the geometry would not be noticed",
+        report.triangles
+    );
     rig.frames(2);
     for _ in 0..4 {
         rig.frame();
@@ -43,15 +47,15 @@ fn a_still_scene_sends_nothing_and_a_moved_instance_little() {
     }
     rig.frames(2);
     rig.frame();
-    assert_eq!(rig.report().uploaded_bytes, 0, "it has stopped, after {sent} bytes");
-    // A camera that moves is no change of the scene.
+    assert_eq!(rig.report().uploaded_bytes, 0, "the instance stopped, after {sent} bytes");
+    // A camera motion is not a change of the scene.
     rig.get_mut::<Transform>(rig.camera).translation.z = 4.5;
     rig.frame();
     assert_eq!(rig.report().uploaded_bytes, 0, "the camera moved");
 }
 
 #[test]
-fn lights_that_move_send_themselves_not_the_triangles_beside_them() {
+fn moving_lights_upload_themselves_and_no_emissive_triangles() {
     let make = |x: f32| {
         let mut rig = Rig::new(16, 16)?;
         rig.spawn(square(6.0), lambert(0.8), Transform::from_xyz(0.0, 0.0, -1.0));
@@ -60,7 +64,7 @@ fn lights_that_move_send_themselves_not_the_triangles_beside_them() {
         let spot = SpotLight { intensity: 300.0, ..default() };
         rig.spawn_bundle((spot, Transform::from_xyz(1.0, 0.0, 2.0)));
         let light = |power| PointLight { intensity: power, ..default() };
-        // Black at first: not in the table.
+        // The black light is not in the table at first.
         let black = rig.spawn_bundle((light(0.0), Transform::from_xyz(0.0, -1.0, 1.0)));
         let point = rig.spawn_bundle((light(200.0), Transform::from_xyz(x, 1.0, 1.0)));
         rig.until_ready();
@@ -72,16 +76,16 @@ fn lights_that_move_send_themselves_not_the_triangles_beside_them() {
         rig.get_mut::<Transform>(point).translation.x = 0.2 * i as f32;
         rig.get_mut::<Transform>(black).translation.x = 0.1 * i as f32;
         rig.frame();
-        // From the second on there is a table of the last frame to write to.
+        // From the second frame on, the previous table exists and can be written to.
         let bytes = rig.report().uploaded_bytes;
         assert!(i <= 2 || (1..=512).contains(&bytes), "{bytes} bytes for one moved light");
     }
     rig.frames(2);
-    assert_eq!(rig.report().uploaded_bytes, 0, "it has stopped");
-    // Nothing is left of where it was: with the same random numbers the picture is the same.
+    assert_eq!(rig.report().uploaded_bytes, 0, "the light stopped");
+    // No trace of the old position is left: with the same random numbers, the picture equals that of a fresh scene.
     let (mut fresh, fresh_black, _) = make(1.2).expect("there is an adapter");
     assert_eq!(rig.picture(4), fresh.picture(4));
-    // One more that shines: the ids of all others change.
+    // One more light: the ids of all others change.
     for (rig, black) in [(&mut rig, black), (&mut fresh, fresh_black)] {
         rig.get_mut::<Transform>(black).translation.x = 0.9;
         rig.get_mut::<PointLight>(black).intensity = 50.0;
@@ -89,7 +93,7 @@ fn lights_that_move_send_themselves_not_the_triangles_beside_them() {
     assert_eq!(rig.picture(4), fresh.picture(4));
 }
 
-/// Base colour in the middle of the image, 0 where nothing is seen.
+/// The base color in the middle of the image, or 0 where no surface is visible.
 fn albedo(rig: &mut Rig) -> f32 {
     rig.debug(DebugView::Albedo).centre().x
 }
@@ -99,16 +103,16 @@ fn near(a: f32, b: f32) -> bool {
 }
 
 #[test]
-fn what_is_added_removed_hidden_or_exchanged_is_so_in_the_picture() {
+fn added_removed_hidden_and_replaced_objects_are_so_in_the_picture() {
     let Some(mut rig) = Rig::new(16, 16) else { return };
     let far = rig.spawn(square(4.0), lambert(0.2), Transform::from_xyz(0.0, 0.0, -1.0));
-    assert!(near(albedo(&mut rig), 0.2), "the first");
+    assert!(near(albedo(&mut rig), 0.2), "the first square");
     let close = rig.spawn(square(1.0), lambert(0.6), Transform::default());
-    assert!(near(albedo(&mut rig), 0.6), "a second one in front");
+    assert!(near(albedo(&mut rig), 0.6), "a second square in front");
     rig.get_mut::<Transform>(close).translation.x = 3.0;
-    assert!(near(albedo(&mut rig), 0.2), "moved away");
+    assert!(near(albedo(&mut rig), 0.2), "the second moved away");
     rig.get_mut::<Transform>(close).translation.x = 0.0;
-    assert!(near(albedo(&mut rig), 0.6), "and back");
+    assert!(near(albedo(&mut rig), 0.6), "the second moved back");
     rig.insert(close, Visibility::Hidden);
     assert!(near(albedo(&mut rig), 0.2), "hidden");
     assert_eq!(rig.report().instances, 1);
@@ -126,13 +130,13 @@ fn what_is_added_removed_hidden_or_exchanged_is_so_in_the_picture() {
     rig.frame();
     let small = rig.debug(DebugView::Albedo);
     let count = |p: &Picture| p.iter().filter(|(_, c)| near(c.x, 0.9)).count();
-    assert!(count(&wide) > 30 && count(&small) <= 4, "{} then {} pixels: a changed mesh", count(&wide), count(&small));
+    assert!(count(&wide) > 30 && count(&small) <= 4, "a changed mesh: {} pixels, then {}", count(&wide), count(&small));
     rig.app.world_mut().despawn(close);
     assert!(near(albedo(&mut rig), 0.2), "removed");
     rig.app.world_mut().despawn(far);
-    assert_eq!(albedo(&mut rig), 0.0, "nothing is left");
+    assert_eq!(albedo(&mut rig), 0.0, "everything was removed");
     assert_eq!((rig.report().instances, rig.report().triangles), (0, 0));
-    // Again and again: slots and ranges are taken anew, and nothing of the old is left in them.
+    // Slots and ranges are freed and reused several times; nothing of the old content is left in them.
     for i in 0..6 {
         let albedo_wanted = 0.1 + 0.1 * i as f32;
         let again = rig.spawn(square(1.0 + i as f32), lambert(albedo_wanted), Transform::default());
@@ -142,7 +146,7 @@ fn what_is_added_removed_hidden_or_exchanged_is_so_in_the_picture() {
         rig.app.world_mut().despawn(again);
         assert_eq!(albedo(&mut rig), 0.0);
     }
-    // An entity that loses its mesh alone.
+    // An entity loses only its mesh.
     let entity = rig.spawn(square(1.0), lambert(0.3), Transform::default());
     assert!(near(albedo(&mut rig), 0.3));
     rig.app.world_mut().entity_mut(entity).remove::<Mesh3d>();
@@ -160,7 +164,7 @@ fn bare(topology: PrimitiveTopology, usage: RenderAssetUsages) -> Mesh {
 }
 
 #[test]
-fn any_layout_of_a_mesh_is_shown_and_lit() {
+fn meshes_of_any_layout_are_shown_and_lit() {
     let main = RenderAssetUsages::all();
     let list = || bare(PrimitiveTopology::TriangleList, main);
     let quad = |indices| {
@@ -175,15 +179,15 @@ fn any_layout_of_a_mesh_is_shown_and_lit() {
     let mut render_only = square(1.0);
     render_only.asset_usage = RenderAssetUsages::RENDER_WORLD;
     let meshes = [
-        ("positions alone", list()),
+        ("only positions", list()),
         ("a strip", bare(PrimitiveTopology::TriangleStrip, main)),
         ("u16 indices", quad(Indices::U16(vec![0, 1, 2, 2, 1, 3]))),
         ("u32 indices", quad(Indices::U32(vec![0, 1, 2, 2, 1, 3]))),
         ("every attribute", full),
         ("render world only", render_only),
-        ("render world only and bare", bare(PrimitiveTopology::TriangleList, RenderAssetUsages::RENDER_WORLD)),
-        ("normals alone", list().with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[0.0, 0.0, 1.0]; 6])),
-        ("normals of no length", list().with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[0.0, 0.0, 0.0]; 6])),
+        ("render world only, only positions", bare(PrimitiveTopology::TriangleList, RenderAssetUsages::RENDER_WORLD)),
+        ("only normals", list().with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[0.0, 0.0, 1.0]; 6])),
+        ("zero normals", list().with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[0.0, 0.0, 0.0]; 6])),
     ];
     let count = meshes.len();
     let Some(mut rig) = Rig::new(8 * count as u32, 8) else {
@@ -209,7 +213,7 @@ fn any_layout_of_a_mesh_is_shown_and_lit() {
 }
 
 #[test]
-fn materials_that_come_and_go_leave_no_trace() {
+fn removed_materials_free_their_memory() {
     let Some(mut rig) = Rig::new(4, 4) else { return };
     rig.insert(rig.camera, orthographic(1.0, 1.0));
     let entity = rig.spawn(square(4.0), lamp(1.0, 1.0, 1.0), Transform::default());
@@ -235,9 +239,9 @@ fn materials_that_come_and_go_leave_no_trace() {
 }
 
 #[test]
-fn bevy_draws_mirrored_meshes_for_every_camera_but_ours() {
+fn bevy_draws_our_meshes_for_every_camera_but_ours() {
     let Some(mut rig) = Rig::new(16, 16) else { return };
-    // Ambient light is Bevy's alone: what it draws is bright, what we trace is black.
+    // Ambient light is Bevy's only: pictures of Bevy are bright, and our own are black.
     rig.app.insert_resource(GlobalAmbientLight { brightness: 1e4, ..default() });
     rig.spawn(square(2.0), lambert(1.0), Transform::default());
     let other = rig.add::<Image>(target_image(UVec2::new(16, 16)));
@@ -247,20 +251,20 @@ fn bevy_draws_mirrored_meshes_for_every_camera_but_ours() {
     rig.until_ready();
     let ours = rig.target.clone();
     let centre = |rig: &mut Rig, target: &Handle<Image>| rig.drawn(target)[8 * 16 + 8][0];
-    assert!(centre(&mut rig, &other) > 100, "a camera without Restir");
-    assert!(centre(&mut rig, &ours) < 10, "a camera with it");
+    assert!(centre(&mut rig, &other) > 100, "a camera without `Restir`");
+    assert!(centre(&mut rig, &ours) < 10, "a camera with `Restir`");
     rig.app.world_mut().entity_mut(rig.camera).remove::<Restir>();
     rig.frames(2);
-    assert!(centre(&mut rig, &ours) > 100, "Restir was removed");
+    assert!(centre(&mut rig, &ours) > 100, "after `Restir` was removed");
     rig.insert(rig.camera, plain());
     rig.until_ready();
-    assert!(centre(&mut rig, &ours) < 10, "and added again");
+    assert!(centre(&mut rig, &ours) < 10, "after `Restir` was added again");
     assert!(centre(&mut rig, &other) > 100, "the other camera");
 }
 
 #[test]
-fn a_scene_that_gains_and_loses_features_never_goes_black() {
-    // In the background: pipelines for the new features come frames later.
+fn a_scene_that_gains_and_loses_features_is_never_black() {
+    // Pipelines compile in the background, so those of new features become ready frames later.
     let Some(mut rig) = Rig::compiling_in_background(16, 16) else {
         return;
     };
@@ -322,7 +326,7 @@ fn a_scene_that_gains_and_loses_features_never_goes_black() {
     ];
     let bright = |rig: &mut Rig, what: &str| {
         let picture = rig.next();
-        assert!(picture.centre().x > 0.05, "{what}: the square went black");
+        assert!(picture.centre().x > 0.05, "{what}: the square is black");
         assert!(picture.is_finite(), "{what}");
     };
     for (name, features, add) in steps {
@@ -341,13 +345,13 @@ fn a_scene_that_gains_and_loses_features_never_goes_black() {
         }
     }
     rig.get_mut::<RestirEnvironment>(rig.camera).image = None;
-    assert_eq!(rig.until_ready().features, SceneFeatures::ENVIRONMENT, "all gone again");
+    assert_eq!(rig.until_ready().features, SceneFeatures::ENVIRONMENT, "all features are gone again");
     let settings: [(&str, fn(&mut Restir)); 8] = [
         ("direct light", |restir| restir.technique = Technique::Di),
         ("indirect light", |restir| restir.technique = Technique::Gi),
         ("rays of indirect light", |restir| restir.debug_view = DebugView::Rays),
         ("paths", |restir| (restir.technique, restir.debug_view) = (Technique::Pt, DebugView::Off)),
-        ("more taps", |restir| restir.paths = Paths { spatial_taps: 4, ..Paths::default() }),
+        ("more spatial samples", |restir| restir.paths = Paths { spatial_taps: 4, ..Paths::default() }),
         ("compensation", |restir| restir.energy_compensation = true),
         ("albedo", |restir| restir.debug_view = DebugView::Albedo),
         ("reference", |restir| (restir.technique, restir.debug_view) = (Technique::Reference, DebugView::Off)),
@@ -362,7 +366,7 @@ fn a_scene_that_gains_and_loses_features_never_goes_black() {
     }
     assert!(
         rig.report().features.contains(SceneFeatures::ENERGY_COMPENSATION),
-        "the last settings are shown in the end"
+        "the last settings are shown at the end"
     );
     // A resize keeps the pipelines.
     let target = rig.target.clone();
@@ -378,7 +382,7 @@ fn bevy_lights_a_camera_until_our_pipelines_are_there() {
     let Some(mut rig) = Rig::compiling_in_background(16, 16) else { return };
     // Bevy's picture is the brighter one.
     rig.app.insert_resource(GlobalAmbientLight { brightness: 1e4, ..default() });
-    // Of one sample, as ours are: otherwise Bevy, too, would have to compile its pipelines again.
+    // One sample per pixel, as for our cameras; otherwise Bevy would have to recompile its own pipelines.
     rig.insert(rig.camera, (sky(0.1), Tonemapping::None, Msaa::Off));
     rig.spawn(square(2.0), lambert(1.0), Transform::default());
     let target = rig.target.clone();
@@ -387,20 +391,20 @@ fn bevy_lights_a_camera_until_our_pipelines_are_there() {
     let mut frames = 0;
     while centre(&mut rig) < 200 {
         frames += 1;
-        assert!(frames < 1000, "Bevy's own picture never came");
+        assert!(frames < 1000, "Bevy's own picture never appeared");
     }
     rig.insert(rig.camera, plain());
     let mut lit_by_bevy = 0;
     loop {
         let seen = centre(&mut rig);
-        assert!(seen > 50, "dark after {lit_by_bevy} pictures of Bevy's");
+        assert!(seen > 50, "dark after {lit_by_bevy} pictures by Bevy");
         if seen < 200 {
             break;
         }
         lit_by_bevy += 1;
-        assert!(lit_by_bevy < 1000, "our picture never came");
+        assert!(lit_by_bevy < 1000, "our picture never appeared");
     }
-    assert!(lit_by_bevy > 0, "Bevy goes on");
+    assert!(lit_by_bevy > 0, "Bevy renders until our pipelines are ready");
     rig.until_ready();
-    assert!((50..200).contains(&centre(&mut rig)), "ours stays");
+    assert!((50..200).contains(&centre(&mut rig)), "our picture stays");
 }

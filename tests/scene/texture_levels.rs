@@ -1,5 +1,5 @@
-//! Levels of detail: the atlas holds means in linear light, what a pixel covers decides which one it sees, in mirrors too; and techniques
-//! agree on it.
+//! Mip levels: the atlas stores means in linear light, the footprint of a pixel chooses the level (also through mirrors), and all
+//! techniques agree.
 
 use crate::support::{
     app::*,
@@ -15,11 +15,11 @@ use bevy::{
 };
 use bevy_restir::{DebugView, Direct, Paths};
 
-/// A square of side 1 in the middle of the image, pixels of this width.
+/// A square of side 1 in the middle of the image, in pixels of this width.
 pub fn seen(rig: &mut Rig, material: StandardMaterial, pixel: f32) -> Picture {
     let width = 8.0 * pixel;
     rig.insert(rig.camera, orthographic(width, width));
-    // One pixel of an even number lies beside the middle.
+    // The image has an even number of pixels, so a large pixel is centered beside the middle.
     let place = if pixel < 1.0 { Vec3::ZERO } else { Vec3::new(0.5, -0.5, 0.0) };
     let entity = rig.spawn(square(1.0), material, Transform::from_translation(place));
     let picture = rig.debug(DebugView::Albedo);
@@ -27,7 +27,7 @@ pub fn seen(rig: &mut Rig, material: StandardMaterial, pixel: f32) -> Picture {
     picture
 }
 
-/// Bytes that make no pattern.
+/// Bytes without a pattern.
 fn byte(x: u32, y: u32, channel: u32) -> u8 {
     ((x * 73 + y * 151 + channel * 57 + x * y * 29) % 256) as u8
 }
@@ -53,7 +53,7 @@ fn levels_are_means_in_linear_light() {
         for pixel in [1.0, 0.5, 0.25] {
             let material = StandardMaterial { base_color_texture: Some(handle.clone()), ..lambert(1.0) };
             let picture = seen(&mut rig, material, pixel);
-            // The pixels that the square covers whole.
+            // The pixels that the square covers entirely.
             let across = (1.0 / pixel) as u32;
             for y in 0..across {
                 for x in 0..across {
@@ -71,10 +71,10 @@ fn levels_are_means_in_linear_light() {
         }
     }
     let atlas = rig.report().memory.iter().find(|(name, _)| *name == "texture atlas").map_or(0, |(_, bytes)| *bytes);
-    assert_eq!(atlas, (0..9).map(|level| (256u64 >> level).pow(2) * 4).sum::<u64>(), "a page of 256 with its levels");
+    assert_eq!(atlas, (0..9).map(|level| (256u64 >> level).pow(2) * 4).sum::<u64>(), "one page of 256 with its levels");
 }
 
-/// Black and white squares of two texels, eight a side.
+/// Black and white squares of two texels, eight per side.
 fn checks(rig: &mut Rig) -> Option<Handle<Image>> {
     let mut image = texture(16, 16, |x, y| if (x / 2 + y / 2) % 2 == 0 { [255; 4] } else { [0, 0, 0, 255] });
     image.sampler = ImageSampler::Descriptor(ImageSamplerDescriptor {
@@ -85,14 +85,14 @@ fn checks(rig: &mut Rig) -> Option<Handle<Image>> {
     Some(rig.add::<Image>(image))
 }
 
-/// A floor of squares of 1 m, to the horizon.
+/// A floor of squares of 1 m, up to the horizon.
 fn floor(rig: &mut Rig, material: StandardMaterial) {
     let material = StandardMaterial { uv_transform: Affine2::from_scale(Vec2::splat(100.0)), ..material };
     let flat = Quat::from_rotation_x(-core::f32::consts::FRAC_PI_2);
     rig.spawn(square(800.0), material, Transform::from_rotation(flat));
 }
 
-/// Of every row the standard deviation from frame to frame, the mean, and the standard deviation along it of the mean frame.
+/// For every row: the standard deviation between frames, the mean, and the standard deviation along the row of the mean frame.
 fn rows(pictures: &[Picture]) -> Vec<[f32; 3]> {
     let size = pictures[0].size;
     let n = pictures.len() as f32;
@@ -111,7 +111,7 @@ fn rows(pictures: &[Picture]) -> Vec<[f32; 3]> {
         .collect()
 }
 
-/// Frames of other jitters.
+/// Frames with different jitter.
 fn frames(rig: &mut Rig, count: u32) -> Vec<Picture> {
     rig.set(|restir| restir.jitter = true);
     (0..count)
@@ -123,7 +123,7 @@ fn frames(rig: &mut Rig, count: u32) -> Vec<Picture> {
 }
 
 #[test]
-fn a_checkered_floor_is_sharp_near_by_and_still_at_the_horizon() {
+fn a_checkered_floor_is_sharp_nearby_and_does_not_flicker_at_the_horizon() {
     let Some(mut rig) = Rig::new(48, 48) else { return };
     let image = checks(&mut rig);
     floor(&mut rig, StandardMaterial { base_color_texture: image, ..lambert(1.0) });
@@ -134,24 +134,24 @@ fn a_checkered_floor_is_sharp_near_by_and_still_at_the_horizon() {
     let rows = rows(&frames(&mut rig, 24));
     let horizon = rows.iter().position(|row| row[1] > 0.3).expect("there is a floor");
     for (i, row) in rows.iter().enumerate().skip(horizon + 1).take(5) {
-        eprintln!("row {i}: from frame to frame {:.3}, mean {:.3}, along the row {:.3}", row[0], row[1], row[2]);
+        eprintln!("row {i}: between frames {:.3}, mean {:.3}, along the row {:.3}", row[0], row[1], row[2]);
     }
-    // Without levels every pixel of these rows would be black or white by chance: a deviation of 0.5.
+    // Without levels, every pixel of these rows would be black or white by chance: a deviation of 0.5.
     for row in &rows[horizon + 1..horizon + 4] {
         assert!(row[0] < 0.06 && (row[1] - 0.5).abs() < 0.05, "{row:?}");
     }
     let near = rows.iter().map(|row| row[2]).fold(0.0, f32::max);
-    assert!(near > 0.4, "squares near by: {near}");
+    assert!(near > 0.4, "nearby squares: {near}");
 }
 
 #[test]
-fn a_mirror_shows_the_levels_of_what_is_far_in_it() {
+fn a_mirror_shows_the_levels_of_distant_reflections() {
     let Some(mut rig) = Rig::new(48, 48) else { return };
     let image = checks(&mut rig);
     let emissive = LinearRgba::WHITE;
     floor(&mut rig, StandardMaterial { emissive_texture: image, emissive, ..lamp(1.0, 1.0, 1.0) });
     let mirror = StandardMaterial { metallic: 1.0, perceptual_roughness: 0.0, ..default() };
-    // In front of the camera: all that it sees, it sees in the mirror.
+    // The camera sees only this mirror.
     rig.spawn(square(10.0), mirror, Transform::from_xyz(0.0, 1.0, -2.0));
     *rig.get_mut::<Transform>(rig.camera) =
         Transform::from_xyz(0.3, 1.0, 0.2).looking_to(Vec3::new(0.1, -0.3, -1.0), Vec3::Y);
@@ -159,14 +159,14 @@ fn a_mirror_shows_the_levels_of_what_is_far_in_it() {
     let rows = rows(&frames(&mut rig, 24));
     let horizon = rows.iter().position(|row| row[1] > 0.3).expect("there is a floor in the mirror");
     for row in &rows[horizon + 1..horizon + 4] {
-        eprintln!("from frame to frame {:.3}, mean {:.3}", row[0], row[1]);
+        eprintln!("between frames {:.3}, mean {:.3}", row[0], row[1]);
         assert!(row[0] < 0.06 && (row[1] - 0.5).abs() < 0.05, "{row:?}");
     }
 }
 
-/// Where the width that a pixel has before the mirror is all that it has: pixels of 1 m, squares of 1/16 m.
+/// An orthographic camera, so that the footprint before the mirror is the whole footprint: pixels of 1 m, squares of 1/16 m.
 #[test]
-fn a_mirror_hands_on_how_wide_a_pixel_is() {
+fn a_mirror_passes_the_footprint_of_a_pixel_on() {
     let Some(mut rig) = Rig::new(8, 8) else { return };
     rig.insert(rig.camera, orthographic(8.0, 8.0));
     let turned = |degrees: f32| Quat::from_rotation_y(degrees.to_radians());
@@ -185,7 +185,7 @@ fn a_mirror_hands_on_how_wide_a_pixel_is() {
     }
 }
 
-/// Textured emitters that are aimed at and met, by rays of rough surfaces and of mirrors, and masks.
+/// Textured emitters that are sampled by NEE and hit by BSDF rays of rough surfaces and mirrors, and alpha masks.
 #[test]
 fn techniques_agree_on_textures() {
     let Some(mut rig) = scene(16, textured) else { return };
@@ -196,7 +196,7 @@ fn techniques_agree_on_textures() {
 #[test]
 #[ignore = "minutes: ./run test --full"]
 fn full_length_techniques_agree_on_textures() {
-    // Two regions each way: what is left over of one is too small to be told within 3 %.
+    // Two regions per axis: the residual of a single one is too small to test within 3 %.
     let Some(mut rig) = scene(64, textured) else { return };
     let direct = || Direct { subset_count: 32, subset_size: 256, ..Direct::default() };
     let proof = Proof { bounces: 1, margin: 0.01, ..Proof::of((40, 12), (40, 40)) };

@@ -1,5 +1,5 @@
-//! Textures are what the oracle says: wrap modes, filters, levels and encodings; and every slot of a material, its transform and its
-//! texture coordinates reach what they scale.
+//! Texture sampling equals the f64 oracle: wrap modes, filters, levels and encodings.  Every slot of a material, its transform and its
+//! texture coordinates affect the right parameter.
 
 use crate::support::{
     app::*,
@@ -14,7 +14,7 @@ use bevy_restir::{DebugView, gpu_types::*, scene::SceneFeatures};
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec2, DVec3, DVec4};
 
-/// Flags of a slot: those of `shaders/scene/texture.wgsl`.
+/// Flags of a slot, as in `shaders/scene/texture.wgsl`.
 const WRAPS: [(Wrap, u32, u32); 3] =
     [(Wrap::Repeat, 0, 0), (Wrap::Clamp, 0x1_0000, 0x4_0000), (Wrap::Mirror, 0x2_0000, 0x8_0000)];
 const NEAREST: u32 = 0x10_0000;
@@ -43,7 +43,7 @@ fn decoded(bytes: [u8; 4], flags: u32) -> DVec4 {
     DVec4::new(curve(r), curve(g), curve(b), a)
 }
 
-/// A page of noise of 64 x 64 texels with its levels: whatever part of it is a texture, and whatever lies beside it.
+/// A page of noise of 64 x 64 texels with its levels; any part of it serves as a texture, and the rest surrounds it.
 struct Page {
     levels: Vec<Vec<[u8; 4]>>,
 }
@@ -54,12 +54,12 @@ impl Page {
     fn new(random: &mut Random) -> Self {
         let side = |level: usize| Self::SIDE >> level;
         let mut byte = || (random.unit() * 256.0) as u8;
-        // As exponents: numbers that a picture may hold.
+        // Shared exponents in the range of real pictures.
         let levels = (0..7).map(|l| (0..side(l).pow(2)).map(|_| [byte(), byte(), byte(), byte() / 16 + 124]).collect());
         Self { levels: levels.collect() }
     }
 
-    /// The texture that lies there.
+    /// The texture at this place of the page.
     fn texture(&self, corner: [usize; 2], size: [usize; 2], wrap: [Wrap; 2], flags: u32) -> Texture {
         let count = size[0].min(size[1]).ilog2() as usize + 1;
         let level = |l: usize| {
@@ -102,7 +102,7 @@ fn textures_are_sampled_as_the_oracle_samples_them() {
         let levels = size[0].min(size[1]).ilog2() + 1;
         let mut vector = |scale: f64| [0, 1].map(|_| ((random.unit() - 0.5) * scale) as f32);
         let uv = vector(6.0);
-        // From a thousandth of the texture to all of it, long and short.
+        // Footprints from a thousandth of the texture to all of it, isotropic and stretched.
         let axes = [vector(10f64.powi(case as i32 / 4 % 4 - 3)), vector(10f64.powi(case as i32 / 16 % 4 - 3))];
         queries.push(Query {
             slot: [
@@ -127,13 +127,13 @@ fn textures_are_sampled_as_the_oracle_samples_them() {
             off[i] += u32::from((got[i] - expected[i]).abs().max_element() >= 2e-4 * scale || !got[i].is_finite());
         }
     }
-    // The nearest texel and the number of taps are another one within rounding of a border.
+    // Within rounding of a border, the nearest texel and the number of taps may differ.
     eprintln!("off: {off:?} of {}", queries.len());
     assert!(off[0] <= 10 && off[1] <= 20, "{off:?}");
 }
 
 #[test]
-fn coordinates_and_areas_out_of_all_bounds_give_finite_colours() {
+fn extreme_coordinates_and_footprints_give_finite_colors() {
     let Some(gpu) = gpu() else { return };
     let mut random = Random(6);
     let page = Page::new(&mut random);
@@ -192,7 +192,7 @@ fn points(lit: &LightScene, at: &[At], defs: &[&'static str]) -> Vec<Point> {
     lit.gpu.read(&output)
 }
 
-/// A triangle whose texture coordinates are its barycentrics.
+/// A triangle whose texture coordinates are its barycentric coordinates.
 fn triangle(gpu: &Gpu) -> LightScene<'_> {
     let mut lit = LightScene::new(gpu);
     lit.triangles = vec![GpuTriangle { b: [1.0, 0.0, 0.0], c: [0.0, 1.0, 0.0], ..Default::default() }];
@@ -225,9 +225,9 @@ fn factors() -> GpuMaterial {
     }
 }
 
-/// Every slot alone and all together: each scales what is its own, by its own channels.
+/// Every slot alone and all together: each slot scales its own parameter by its own channels.
 #[test]
-fn every_slot_scales_what_is_its_own() {
+fn every_texture_slot_scales_its_own_parameter() {
     let Some(gpu) = gpu() else { return };
     let mut lit = triangle(gpu);
     for (i, texel) in lit.atlas.iter_mut().enumerate() {
@@ -236,13 +236,13 @@ fn every_slot_scales_what_is_its_own() {
     }
     let factors = factors();
     let kinds: [u32; 13] = core::array::from_fn(|i| 1 << i);
-    // One texel of the atlas each.
+    // Each slot reads one texel of the atlas.
     let slot = |i: u32| [1 << LEVELS_SHIFT, (i % 4) | ((i / 4) << 16), 1 | 1 << 16, 0];
     let all = kinds.iter().fold(0, |all, kind| all | kind);
     for mask in kinds.into_iter().chain([0, all, all & !SLOT_NORMAL, SLOT_EMISSIVE | SLOT_SPECULAR_TINT]) {
         let has = |kind: u32| mask & kind != 0;
         let texel = |kind: u32| lit.atlas[kind.trailing_zeros() as usize].map(|c| f32::from(c) / 255.0);
-        // The record is not the first of the table.
+        // The record of the slot is not the first of the table.
         let mut table = vec![[u32::MAX; 4]; 3];
         table.extend((0..32).filter(|i| mask >> i & 1 != 0).map(slot));
         let mut expected = Point {
@@ -301,7 +301,7 @@ fn every_slot_scales_what_is_its_own() {
             expected.coat_normal = [x, y, z].map(|c| 2.0 * c - 1.0);
         }
         if has(SLOT_ANISOTROPY) {
-            // Angles add.
+            // The angles add up.
             let [x, y, strength, _] = texel(SLOT_ANISOTROPY);
             let angle = (2.0 * y - 1.0).atan2(2.0 * x - 1.0) + 0.8f32.atan2(0.6);
             expected.anisotropy_direction = [angle.cos(), angle.sin()];
@@ -325,7 +325,7 @@ fn every_slot_scales_what_is_its_own() {
         assert!(worst < 1e-5, "{mask:b}: {got:?}, not {expected:?}");
     }
 
-    // Two components give the third.
+    // Two components of a normal determine the third.
     let mut pair = slot(2);
     pair[0] |= TWO_COMPONENTS;
     lit.table = vec![pair];
@@ -337,7 +337,7 @@ fn every_slot_scales_what_is_its_own() {
     assert!((got - expected).length() < 1e-5, "{got}, not {expected}");
 }
 
-/// Nearest texels of a 4 x 4 image by transformed coordinates of either channel, for surfaces, lights and alpha alike.
+/// The nearest texel of a 4 x 4 image with transformed coordinates of either channel, for surfaces, lights and alpha.
 #[test]
 fn transforms_and_second_coordinates_choose_the_texel() {
     let Some(gpu) = gpu() else { return };
@@ -411,13 +411,13 @@ fn bytes(rig: &Rig, name: &str) -> u64 {
 }
 
 #[test]
-fn a_material_may_change_its_transform_and_its_coordinates() {
+fn a_material_may_change_its_uv_transform_and_uv_channel() {
     let Some(mut rig) = Rig::new(17, 17) else { return };
     let image = rig.add::<Image>(texture(2, 2, |x, y| [100 * x as u8, 200 * y as u8, 50, 255]));
     let linear = |x: u8, y: u8| {
         Vec3::new(100.0 * f32::from(x), 200.0 * f32::from(y), 50.0).map(|c| srgb_to_linear(f64::from(c) / 255.0) as f32)
     };
-    // Second coordinates: the texel on the right below, all over.
+    // The second coordinates choose the lower right texel everywhere.
     let mesh = square(4.0).with_inserted_attribute(Mesh::ATTRIBUTE_UV_1, vec![[0.75f32, 0.75]; 4]);
     let material = StandardMaterial { base_color_texture: Some(image), ..lambert(1.0) };
     let entity = rig.spawn(mesh, material, Transform::from_xyz(0.5, 0.5, 0.0));
@@ -426,26 +426,26 @@ fn a_material_may_change_its_transform_and_its_coordinates() {
         let got = albedo(rig);
         assert!((got - expected).length() < 0.004, "{what}: {got}, not {expected}");
     };
-    check(&mut rig, "left below", linear(0, 1));
+    check(&mut rig, "lower left", linear(0, 1));
     assert_eq!(bytes(&rig, "second texture coordinates"), 0);
     rig.edit(&material, |m| m.base_color_channel = UvChannel::Uv1);
     check(&mut rig, "second coordinates", linear(1, 1));
     assert!(bytes(&rig, "second texture coordinates") > 0);
     assert!(rig.report().features.contains(SceneFeatures::SECOND_UVS));
     rig.edit(&material, |m| m.uv_transform = Affine2::from_translation(Vec2::new(-0.5, 0.0)));
-    check(&mut rig, "and moved", linear(0, 1));
+    check(&mut rig, "second coordinates, moved", linear(0, 1));
     rig.edit(&material, |m| m.base_color_channel = UvChannel::Uv0);
-    check(&mut rig, "the first, moved", linear(0, 1));
+    check(&mut rig, "first coordinates, moved", linear(0, 1));
     assert_eq!(bytes(&rig, "second texture coordinates"), 0);
     rig.edit(&material, |m| m.uv_transform = StandardMaterial::FLIP_VERTICAL);
-    check(&mut rig, "turned over", linear(0, 0));
+    check(&mut rig, "flipped", linear(0, 0));
     rig.edit(&material, |m| m.uv_transform = Affine2::from_scale(Vec2::splat(f32::NAN)));
     check(&mut rig, "no transform", linear(0, 1));
-    // A mesh without second coordinates has but the first.
+    // A mesh without second coordinates uses its first.
     let mesh = rig.add::<Mesh>(square(4.0));
     rig.insert(entity, Mesh3d(mesh));
     rig.edit(&material, |m| m.base_color_channel = UvChannel::Uv1);
-    check(&mut rig, "of another mesh", linear(0, 1));
+    check(&mut rig, "another mesh", linear(0, 1));
     rig.frames(3);
     assert_eq!(rig.report().uploaded_bytes, 0, "a still scene");
 }
@@ -459,9 +459,9 @@ pub fn image(format: TextureFormat, width: u32, height: u32, data: Vec<u8>) -> I
 }
 
 #[test]
-fn linear_and_float_images_keep_what_they_hold() {
+fn linear_and_float_images_keep_their_values() {
     let Some(mut rig) = Rig::new(9, 9) else { return };
-    // 128 is 0.502 where no curve says otherwise.
+    // 128 is 0.502 without a transfer curve.
     let linear = image(TextureFormat::Rgba8Unorm, 1, 1, vec![128, 64, 0, 255]);
     let linear = rig.add::<Image>(linear);
     let entity = rig.spawn(
@@ -472,7 +472,7 @@ fn linear_and_float_images_keep_what_they_hold() {
     let got = albedo(&mut rig);
     assert!((got - Vec3::new(128.0, 64.0, 0.0) / 255.0).length() < 1e-5, "{got}");
 
-    // Far beyond 1 and far below, each of its own texel.
+    // Values far above and far below 1, each in its own texel.
     let hot = [1000.0, 0.5, 20.0, 1.0f32];
     let values = [hot, [3e-5, 2e-5, 1e-5, 1.0], [f32::NAN, 1.0, f32::INFINITY, 1.0], [0.0, 0.0, 0.0, 1.0]];
     let data = bytemuck::cast_slice(&values).to_vec();
@@ -491,7 +491,7 @@ fn linear_and_float_images_keep_what_they_hold() {
         *rig.get_mut::<Transform>(entity) = Transform::from_translation(corner.extend(0.0));
         let got = rig.picture(1).centre();
         let expected = 2.0 * Vec3::new(value[0], value[1], value[2]);
-        // Eight bits below the largest component.
+        // The shared exponent leaves eight bits below the largest component.
         let error = (got - expected).abs().max_element();
         assert!(error <= expected.max_element() / 250.0, "{got}, not {expected}");
     }

@@ -1,5 +1,5 @@
-//! Every shader, over a pairwise covering set of features, composes, validates, becomes SPIR-V, MSL and HLSL, and stays inside
-//! WebGPU's limits.  No GPU is needed.
+//! Every shader composes, validates, translates to SPIR-V, MSL and HLSL, and stays within WebGPU's limits, for a pairwise covering set of
+//! scene features.  No GPU is needed.
 
 use crate::support::compose::{Def, TEXTURE_ARRAYS, compose, composer, flag, library, module_name};
 use bevy_restir::{scene::SceneFeatures, shaders::MODULES};
@@ -14,7 +14,7 @@ fn defs(features: SceneFeatures) -> Vec<Def> {
     features.names().into_iter().map(flag).collect()
 }
 
-/// Passes that exist only where a feature does.
+/// Scene features without which a pass does not exist.
 fn required(path: &str) -> SceneFeatures {
     match path {
         "pass/environment.wgsl" => SceneFeatures::ENVIRONMENT | SceneFeatures::ENVIRONMENT_MAP,
@@ -22,7 +22,7 @@ fn required(path: &str) -> SceneFeatures {
     }
 }
 
-/// What a pass is compiled for.
+/// The variants that a pass is compiled in.
 fn domains(path: &str) -> &'static [Option<&'static str>] {
     match path {
         "pass/reuse.wgsl" => &[None, Some("RESAMPLES_PATHS"), Some("RESAMPLES_INDIRECT")],
@@ -32,7 +32,8 @@ fn domains(path: &str) -> &'static [Option<&'static str>] {
     }
 }
 
-/// Combinations in which every pair of features takes all four values: greedy over a fixed sequence of candidates.
+/// Sets of features in which every pair of features takes all four combinations.  The choice is greedy over a fixed sequence of
+/// candidates.
 fn covering_set() -> Vec<SceneFeatures> {
     let bits: Vec<SceneFeatures> = SceneFeatures::TABLE.iter().map(|(feature, _)| *feature).collect();
     let pairs = |set: SceneFeatures| {
@@ -99,13 +100,13 @@ fn every_pass_composes_validates_and_translates_in_every_pair_of_features() {
 fn translates(module: &naga::Module, info: &ModuleInfo, ray_queries: bool, what: &str) {
     let options = spv::Options { lang_version: (1, if ray_queries { 4 } else { 0 }), ..Default::default() };
     spv::write_vec(module, info, &options, None).unwrap_or_else(|e| panic!("{what}: SPIR-V: {e}"));
-    // Bindings are given by the pipeline; here any will do.
+    // The pipeline assigns the bindings of the back ends; any will do here.
     let options = msl::Options { fake_missing_bindings: true, lang_version: (2, 4), ..Default::default() };
     msl::write_string(module, info, &options, &msl::PipelineOptions::default())
         .unwrap_or_else(|e| panic!("{what}: MSL: {e}"));
     let mut text = String::new();
     let shader_model = if ray_queries { hlsl::ShaderModel::V6_5 } else { hlsl::ShaderModel::V5_1 };
-    // How many textures an array holds is the pipeline's to say.
+    // The pipeline sets the length of texture arrays.
     let array = naga::ResourceBinding { group: if ray_queries { 4 } else { 3 }, binding: 0 };
     let target = hlsl::BindTarget { binding_array_size: Some(64), ..Default::default() };
     let binding_map = [(array, target)].into();
@@ -116,7 +117,7 @@ fn translates(module: &naga::Module, info: &ModuleInfo, ray_queries: bool, what:
         .unwrap_or_else(|e| panic!("{what}: HLSL: {e}"));
 }
 
-/// WebGPU's defaults: 8 storage buffers and 4 storage textures a stage, 16 textures, 16 KiB of workgroup memory, 256 invocations.
+/// WebGPU's defaults: 8 storage buffers and 4 storage textures per stage, 16 textures, 16 KiB of workgroup memory, 256 invocations.
 fn stays_inside_the_portable_limits(module: &naga::Module, info: &ModuleInfo, what: &str) {
     for (i, entry) in module.entry_points.iter().enumerate() {
         let (mut buffers, mut storage_textures, mut textures, mut workgroup_bytes) = (0, 0, 0, 0);
@@ -149,13 +150,13 @@ fn stays_inside_the_portable_limits(module: &naga::Module, info: &ModuleInfo, wh
 fn modules_are_named_by_their_paths() {
     for (path, text) in MODULES.iter().filter(|(path, _)| !path.starts_with("pass/")) {
         let expected = format!("#define_import_path {}", module_name(path));
-        assert!(text.lines().any(|line| line == expected), "{path} is not {expected}");
+        assert!(text.lines().any(|line| line == expected), "{path} does not contain {expected}");
     }
 }
 
 #[test]
 fn every_import_names_a_module_of_the_table() {
-    // A mistyped import is silent while it is unused, and at run time the pass then never runs.
+    // A mistyped import raises no error while nothing uses it, and at run time the pass then never runs.
     let known: HashSet<String> = library().into_iter().map(|(path, _)| module_name(path)).collect();
     for (path, text) in MODULES {
         let (_, imports, _) = naga_oil::compose::get_preprocessor_data(text);
@@ -170,8 +171,8 @@ fn every_import_names_a_module_of_the_table() {
 }
 
 #[test]
-fn what_traces_knows_no_back_end() {
-    // With the other back end, such a pass would trace trees that are not there.
+fn only_the_tracing_module_names_a_back_end() {
+    // A pass that names one back end would trace acceleration structures that do not exist under the other.
     for (path, text) in MODULES.iter().filter(|(path, _)| *path != "trace/trace.wgsl") {
         for backend in ["software", "hardware"] {
             assert!(!text.contains(&format!("#import bevy_restir::trace::{backend}")), "{path} imports {backend}");
@@ -182,14 +183,14 @@ fn what_traces_knows_no_back_end() {
 #[test]
 fn only_binding_modules_and_passes_bind() {
     for (path, text) in MODULES {
-        // Acceleration structures are bound where they are used: naga cannot hand them on.
+        // Acceleration structures are bound where they are used, because naga cannot pass them to functions.
         if !path.ends_with("bindings.wgsl") && !path.starts_with("pass/") && *path != "trace/hardware.wgsl" {
             assert!(!text.contains("@group("), "{path} binds");
         }
         assert_eq!(
             text.contains("@compute") || text.contains("@fragment"),
             path.starts_with("pass/"),
-            "{path}: entry points are for pass/"
+            "{path}: entry points belong in pass/"
         );
     }
 }
@@ -199,7 +200,7 @@ fn every_file_below_shaders_is_in_the_table() {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders");
     let mut folders = vec![root.clone()];
     while let Some(folder) = folders.pop() {
-        for entry in std::fs::read_dir(folder).expect("shaders/ is there").flatten() {
+        for entry in std::fs::read_dir(folder).expect("shaders/ exists").flatten() {
             let path = entry.path();
             if path.is_dir() {
                 folders.push(path);

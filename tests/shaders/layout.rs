@@ -1,4 +1,4 @@
-//! Rust and WGSL agree on every struct, field by field, and on every constant that both have.
+//! Rust and WGSL agree on the layout of every shared struct and on the value of every shared constant.
 
 use crate::support::compose::{compose, composer};
 use bevy_restir::{gpu_types::*, shaders::MODULES};
@@ -7,7 +7,7 @@ use naga::{Expression, Literal, TypeInner};
 
 fn module(path: &str) -> naga::Module {
     let (_, text) = MODULES.iter().find(|(p, _)| *p == path).expect("the module is in the table");
-    // As a top-level shader, names are not mangled.
+    // Compiled as a top-level shader, because naga_oil mangles the names of imported modules.
     let text = text.replace("#define_import_path", "// ");
     compose(&mut composer(), path, &text, &[])
 }
@@ -19,7 +19,7 @@ fn layout(module: &naga::Module, name: &str) -> (Vec<(String, usize)>, usize) {
         .iter()
         .find(|(_, t)| t.name.as_deref().is_some_and(|n| n == name || n.starts_with(&format!("{name}X_naga_oil"))))
         .unwrap_or_else(|| panic!("there is no struct {name}"));
-    let TypeInner::Struct { members, span } = &ty.inner else { panic!("{name} is no struct") };
+    let TypeInner::Struct { members, span } = &ty.inner else { panic!("{name} is not a struct") };
     (members.iter().map(|m| (m.name.clone().expect("members have names"), m.offset as usize)).collect(), *span as usize)
 }
 

@@ -1,10 +1,10 @@
-//! `lab compare` as scripts call it: what it says of two pictures, what it writes, and how it exits.
+//! `lab compare` as scripts call it: its figures, its files, and its exit codes.
 
 use crate::support::cli::Folder;
 use serde_json::Value;
 use std::fs;
 
-/// A picture without two pixels alike, nowhere near black.
+/// A picture without equal pixels, and far from black.
 fn plain(x: usize, y: usize) -> [f32; 3] {
     let at = (x + 31 * y) as f32;
     [0.5 + 0.3 * (0.7 * at).sin(), 2.0 + 0.01 * at, 1.0 + 0.5 * (0.3 * at).cos()]
@@ -18,13 +18,13 @@ fn write(folder: &Folder, name: &str, [width, height]: [usize; 2], pixel: impl S
     exr::prelude::write_rgb_file(folder.path(name), width, height, channels).expect("the folder can be written");
 }
 
-/// What is said of two files: one line of JSON.
+/// The comparison of two files: one line of JSON.
 fn compared(folder: &Folder, picture: &str, reference: &str, more: &[&str]) -> Value {
     let run = folder.lab(&[&["compare", picture, reference, "--out", "tables"], more].concat());
     run.succeeded();
     assert_eq!(run.stdout.trim_end().lines().count(), 1, "{}", run.stdout);
     assert!(run.stderr.is_empty(), "{}", run.stderr);
-    serde_json::from_str(&run.stdout).expect("it is JSON")
+    serde_json::from_str(&run.stdout).expect("the output is JSON")
 }
 
 fn is_near(value: &Value, wanted: f64) -> bool {
@@ -53,7 +53,7 @@ fn equal_pictures_differ_by_nothing() {
 }
 
 #[test]
-fn a_brighter_picture_is_brighter_by_as_much_everywhere() {
+fn a_brighter_picture_has_the_same_relative_difference_everywhere() {
     let folder = Folder::without_gpu("compare_brighter");
     write(&folder, "a.exr", [24, 16], |x, y| plain(x, y).map(|c| 1.01 * c));
     write(&folder, "b.exr", [24, 16], plain);
@@ -63,15 +63,15 @@ fn a_brighter_picture_is_brighter_by_as_much_everywhere() {
     }
     assert!((0..3).all(|i| is_near(&found["rel_mean_rgb"][i], 0.01)), "{found}");
     assert_eq!(found["non_finite"], 0);
-    // The other way round it is darker, relative to the brighter one.
+    // With the arguments swapped, the picture is darker, relative to the brighter reference.
     let found = compared(&folder, "b.exr", "a.exr", &[]);
     assert!(is_near(&found["tile_bias"], -0.01 / 1.01) && is_near(&found["tile_abs_mean"], 0.01 / 1.01), "{found}");
 }
 
 #[test]
-fn figures_are_those_of_their_definitions() {
+fn figures_follow_their_definitions() {
     let folder = Folder::without_gpu("compare_definitions");
-    // Two tiles, and a column and a row that are in none; the left tile is half as bright again.
+    // Two tiles, and a column and a row that belong to no tile.  The left tile is half as bright again.
     write(&folder, "a.exr", [9, 5], |x, y| [if x < 4 && y < 4 { 1.5 } else { 1.0 }; 3]);
     write(&folder, "b.exr", [9, 5], |_, _| [1.0; 3]);
     let found = compared(&folder, "a.exr", "b.exr", &["--tile", "4"]);
@@ -88,13 +88,13 @@ fn figures_are_those_of_their_definitions() {
     ] {
         assert!(is_near(&found[key], wanted), "{key} is {wanted}: {found}");
     }
-    // Without a whole tile there is nothing to say of tiles.
+    // Without a complete tile, the figures of tiles are empty.
     let found = compared(&folder, "a.exr", "b.exr", &[]);
     assert!(found["tile_abs_max"].is_null() && is_near(&found["rel_mean"], 0.5 * share), "{found}");
 }
 
 #[test]
-fn a_pixel_that_is_not_finite_is_counted_and_black() {
+fn pixels_that_are_not_finite_are_counted_and_taken_as_black() {
     let folder = Folder::without_gpu("compare_nan");
     let spot = |x: usize, y: usize, what: [f32; 3]| if (x, y) == (3, 2) { what } else { plain(x, y) };
     write(&folder, "nan.exr", [16, 16], |x, y| spot(x, y, [1.0, f32::NAN, 1.0]));
@@ -106,20 +106,20 @@ fn a_pixel_that_is_not_finite_is_counted_and_black() {
     assert_eq!(black["non_finite"], 0);
     found["non_finite"] = 0.into();
     assert_eq!(found, black);
-    // A reference must be one.
+    // A reference must be finite.
     let run = folder.lab(&["compare", "b.exr", "nan.exr"]);
     run.failed(1, "a reference that is not finite");
     assert!(run.stderr.contains("nan.exr"), "{}", run.stderr);
 }
 
 #[test]
-fn the_table_says_what_was_compared() {
+fn the_table_names_the_compared_files() {
     let folder = Folder::without_gpu("compare_table");
     write(&folder, "a.exr", [16, 8], |x, y| plain(x, y).map(|c| 2.0 * c));
     write(&folder, "b.exr", [16, 8], plain);
     let found = compared(&folder, "a.exr", "b.exr", &[]);
     assert_eq!(folder.files(), ["a.exr", "b.exr", "tables"]);
-    let table = |name: &str| fs::read_to_string(folder.path("tables").join(name)).expect("it was written");
+    let table = |name: &str| fs::read_to_string(folder.path("tables").join(name)).expect("the file was written");
     let (csv, markdown) = (table("compare.csv"), table("compare.md"));
     for text in [&csv, &markdown] {
         assert!(text.contains("`cargo run --example lab -- compare a.exr b.exr --out tables`"), "{text}");
@@ -132,7 +132,7 @@ fn the_table_says_what_was_compared() {
 }
 
 #[test]
-fn what_cannot_be_compared_is_one_line_and_exit_code_1() {
+fn pictures_that_cannot_be_compared_give_one_line_and_exit_code_1() {
     let folder = Folder::without_gpu("compare_wrong");
     write(&folder, "a.exr", [8, 8], plain);
     write(&folder, "wide.exr", [16, 8], plain);

@@ -1,11 +1,11 @@
-//! The `render` program as scripts call it: what it writes, what it says, and how it exits.
+//! The `render` program as scripts call it: its files, its messages, and its exit codes.
 
 use crate::support::{cli::*, gltf};
 use serde_json::Value;
 use std::{fs, path::PathBuf};
 
 #[test]
-fn a_picture_is_written_and_only_then_is_the_exit_code_0() {
+fn exit_code_0_means_that_the_picture_was_written() {
     let Some(folder) = Folder::new("written") else { return };
     let scene = folder.gltf("scene.gltf", &gltf::Scene::default());
     for name in ["a.exr", "a.png"] {
@@ -18,16 +18,16 @@ fn a_picture_is_written_and_only_then_is_the_exit_code_0() {
     assert_eq!((exr.width, exr.height), (33, 17));
     assert_eq!(exr.channels, ["B", "G", "R"], "32-bit float RGB");
     assert!(exr.pixels.iter().flatten().all(|c| c.is_finite()));
-    // The quad of the scene glows with (1, 2, 3) in the middle; round it is nothing.
+    // The quad of the scene emits (1, 2, 3) in the middle; the rest is black.
     assert_eq!((exr.at(16, 8), exr.at(0, 0)), ([1.0, 2.0, 3.0], [0.0; 3]));
     let png = image::open(folder.path("a.png")).expect("the picture can be read").to_rgb8();
     assert_eq!(png.dimensions(), (33, 17));
     assert!(png.get_pixel(16, 8)[0] > 100 && png.get_pixel(0, 0)[0] < 10);
-    assert_eq!(folder.files(), ["a.exr", "a.png", "scene.gltf"], "nothing else is left");
+    assert_eq!(folder.files(), ["a.exr", "a.png", "scene.gltf"], "there are no other files");
 }
 
 #[test]
-fn without_an_option_the_last_technique_that_exists_renders() {
+fn the_default_technique_is_pt() {
     let Some(folder) = Folder::new("defaults") else { return };
     let scene = folder.gltf("scene.gltf", &gltf::Scene::default());
     folder.render(&scene, &["--size", "8x8", "--stats", "stats.json"]).succeeded();
@@ -40,7 +40,7 @@ fn without_an_option_the_last_technique_that_exists_renders() {
 }
 
 #[test]
-fn broken_files_are_one_line_and_exit_code_1() {
+fn broken_files_give_one_line_and_exit_code_1() {
     let Some(folder) = Folder::new("broken") else { return };
     let sound = fs::read(asset("cornell.glb")).expect("the scene is there");
     let scene = gltf::Scene::default();
@@ -64,7 +64,7 @@ fn broken_files_are_one_line_and_exit_code_1() {
         run.failed(1, name);
         assert!(run.stderr.contains(name), "{name}: the line names the file: {}", run.stderr);
         if content.is_some() {
-            fs::remove_file(folder.path(name)).expect("it is there");
+            fs::remove_file(folder.path(name)).expect("the file exists");
         }
         assert!(folder.files().is_empty(), "{name} left {:?}", folder.files());
     }
@@ -73,14 +73,14 @@ fn broken_files_are_one_line_and_exit_code_1() {
 }
 
 #[test]
-fn a_missing_texture_is_a_warning_and_a_picture_of_the_rest() {
+fn a_missing_texture_gives_a_warning_and_a_picture_of_the_rest() {
     let Some(folder) = Folder::new("texture") else { return };
     let scene = folder.gltf("scene.gltf", &gltf::Scene { texture: Some("absent.png".into()), ..Default::default() });
     let run = folder.render(&scene, &["--size", "9x9", "--frames", "1", "--out", "out.exr"]);
     run.succeeded();
-    assert!(run.stderr.contains("absent.png"), "a warning names it: {}", run.stderr);
+    assert!(run.stderr.contains("absent.png"), "a warning names the file: {}", run.stderr);
     assert_eq!(Exr::read(&folder.path("out.exr")).at(4, 4), [1.0, 2.0, 3.0]);
-    // One that is there but no image.
+    // The file exists but is not an image.
     fs::write(folder.path("absent.png"), b"no image").expect("the folder can be written");
     let run = folder.render(&scene, &["--size", "9x9", "--frames", "1", "--out", "out.exr"]);
     run.succeeded();
@@ -88,7 +88,7 @@ fn a_missing_texture_is_a_warning_and_a_picture_of_the_rest() {
 }
 
 #[test]
-fn wrong_arguments_are_exit_code_2_and_write_nothing() {
+fn wrong_arguments_give_exit_code_2_and_write_nothing() {
     let Some(folder) = Folder::new("arguments") else { return };
     let scene = folder.gltf("scene.gltf", &gltf::Scene::default());
     let wrong: [&[&str]; 20] = [
@@ -128,7 +128,7 @@ fn wrong_arguments_are_exit_code_2_and_write_nothing() {
 }
 
 #[test]
-fn failures_after_the_file_was_read_are_exit_code_1_and_leave_nothing() {
+fn late_failures_give_exit_code_1_and_leave_no_files() {
     let Some(folder) = Folder::new("late") else { return };
     let scene = folder.gltf("scene.gltf", &gltf::Scene::default());
     fs::create_dir(folder.path("folder.exr")).expect("the folder can be written");
@@ -164,7 +164,7 @@ fn values_out_of_range_are_clamped_with_a_warning() {
         folder.render(&scene, &[&small[..], &["--set", "energy_compensation=false", "--set", "jitter=false"]].concat());
     run.succeeded();
     assert!(run.stderr.is_empty(), "{}", run.stderr);
-    // Without a camera one is placed before everything.
+    // Without a camera, one is placed in front of the scene.
     let bare = folder.gltf("bare.gltf", &gltf::Scene { camera: false, ..Default::default() });
     let run = folder.render(&bare, &[&small[..], &["--env", "1,1,1"]].concat());
     run.succeeded();
@@ -173,19 +173,19 @@ fn values_out_of_range_are_clamped_with_a_warning() {
 }
 
 #[test]
-fn the_same_command_gives_the_same_bytes_and_options_do_what_they_say() {
+fn equal_commands_give_equal_bytes_and_options_have_their_effect() {
     let Some(folder) = Folder::new("options") else { return };
     let render_by = |technique: &str, out: &str, more: &[&str]| {
         let fixed = ["--technique", technique, "--size", "24x24", "--frames", "4", "--bounces", "3", "--out", out];
         let run = folder.render(&asset("cornell.glb"), &[&fixed[..], more].concat());
         run.succeeded();
-        fs::read(folder.path(out)).expect("it was written")
+        fs::read(folder.path(out)).expect("the file was written")
     };
     let render = |out: &str, more: &[&str]| render_by("reference", out, more);
     let first = render("a.exr", &[]);
     assert!(render("b.exr", &[]) == first, "again");
     let defaults = ["--seed", "0", "--output", "last", "--warmup", "3"];
-    assert!(render("b.exr", &defaults) == first, "the reference: defaults");
+    assert!(render("b.exr", &defaults) == first, "the reference with explicit defaults");
     assert!(render("b.exr", &["--seed", "1"]) != first, "another seed");
     // Exposure is 1/(1.2 · 2^ev100), and linear.
     render("b.exr", &["--ev100", "2"]);
@@ -193,27 +193,28 @@ fn the_same_command_gives_the_same_bytes_and_options_do_what_they_say() {
     for (a, b) in plain.pixels.iter().flatten().zip(exposed.pixels.iter().flatten()) {
         assert!((a / 4.8 - b).abs() <= 1e-5 * a, "{a} and {b}");
     }
-    assert!(render("b.png", &[]) == render("c.png", &[]), "a png, too");
-    // Of a technique that does not gather by itself, the mean is that of its frames, in both kinds of file.
+    assert!(render("b.png", &[]) == render("c.png", &[]), "equal PNG files");
+    // For a technique that does not accumulate by itself, the output is the mean of its frames in both file formats.
     let di = |out: &str, more: &[&str]| render_by("di", out, more);
     assert!(di("mean.exr", &[]) != di("last.exr", &["--output", "last"]));
     assert!(di("mean.png", &[]) != di("last.png", &["--output", "last"]));
 }
 
 #[test]
-fn environments_light_by_colour_and_by_file() {
+fn environments_light_by_color_and_by_file() {
     let Some(folder) = Folder::new("environment") else {
         return;
     };
-    // Seen from within: nothing but a grey quad that does not glow.
+    // The camera stands inside the environment; the scene holds only a gray quad that does not emit.
     let scene = gltf::Scene { emissive: [0.0; 3], ..Default::default() };
     let scene = folder.gltf("scene.gltf", &scene);
     let map = |name: &str| folder.path(name).to_string_lossy().into_owned();
-    exr::prelude::write_rgb_file(folder.path("sky.exr"), 8, 4, |_, _| (0.5f32, 1.0f32, 2.0f32)).expect("it is written");
-    // Radiance: a header, then one texel of shared exponent each, (0.5, 1, 2) · 2^(128 - 128 - 8 + 8).
+    exr::prelude::write_rgb_file(folder.path("sky.exr"), 8, 4, |_, _| (0.5f32, 1.0f32, 2.0f32))
+        .expect("the folder can be written");
+    // The Radiance format: a header, then one texel of shared exponent each, (0.5, 1, 2) · 2^(128 - 128 - 8 + 8).
     let mut hdr = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 4\n".to_vec();
     hdr.extend([32u8, 64, 128, 130].repeat(16));
-    fs::write(folder.path("sky.hdr"), hdr).expect("it is written");
+    fs::write(folder.path("sky.hdr"), hdr).expect("the folder can be written");
     for env in ["0.5,1,2".to_string(), map("sky.exr"), map("sky.hdr")] {
         let run = folder.render(&scene, &["--size", "17x17", "--frames", "64", "--env", &env, "--out", "out.exr"]);
         run.succeeded();
@@ -221,7 +222,7 @@ fn environments_light_by_colour_and_by_file() {
         for (c, radiance) in [0.5, 1.0, 2.0].into_iter().enumerate() {
             let backdrop = picture.at(0, 0)[c];
             assert!((backdrop - radiance).abs() <= 0.02 * radiance, "{env}: {backdrop}, not {radiance}");
-            // Albedo 0.5 of it, and a little gloss on top.
+            // Albedo 0.5 of the environment, and a weak specular reflection.
             let quad = picture.at(8, 8)[c] / radiance;
             assert!((0.4..0.7).contains(&quad), "{env}: {quad}");
         }
@@ -229,7 +230,7 @@ fn environments_light_by_colour_and_by_file() {
 }
 
 #[test]
-fn an_animation_moves_what_it_says() {
+fn animate_plays_the_first_animation() {
     let Some(folder) = Folder::new("animation") else { return };
     // The quad leaves the image within half a second.
     let scene = folder.gltf("scene.gltf", &gltf::Scene { animated: true, ..Default::default() });
@@ -240,14 +241,14 @@ fn an_animation_moves_what_it_says() {
     };
     assert_eq!(picture(&[]), [1.0, 2.0, 3.0], "still");
     assert_eq!(picture(&["--animate"]), [0.0; 3], "moving");
-    // A file without an animation stands still.
+    // A file without an animation stays still.
     let still = folder.gltf("still.gltf", &gltf::Scene::default());
     folder.render(&still, &["--animate", "--size", "9x9", "--frames", "4", "--out", "out.exr"]).succeeded();
     assert_eq!(Exr::read(&folder.path("out.exr")).at(4, 4), [1.0, 2.0, 3.0]);
 }
 
 #[test]
-fn statistics_are_complete_and_true() {
+fn statistics_are_complete_and_correct() {
     let Some(folder) = Folder::new("stats") else { return };
     let arguments = [
         ["--technique", "reference"],
@@ -259,14 +260,14 @@ fn statistics_are_complete_and_true() {
     ]
     .concat();
     folder.render(&asset("cornell.glb"), &arguments).succeeded();
-    let text = fs::read_to_string(folder.path("stats.json")).expect("it was written");
-    let stats: Value = serde_json::from_str(&text).expect("it is JSON");
+    let text = fs::read_to_string(folder.path("stats.json")).expect("the file was written");
+    let stats: Value = serde_json::from_str(&text).expect("the file is JSON");
     let number = |v: &Value| v.as_f64().unwrap_or_else(|| panic!("{v} is a number"));
     let list = |v: &Value| v.as_array().unwrap_or_else(|| panic!("{v} is a list")).clone();
     let text = |v: &Value| v.as_str().unwrap_or_else(|| panic!("{v} is text")).to_string();
 
     assert!(!text(&stats["adapter"]).is_empty());
-    assert_eq!(text(&stats["backend"]), "software", "a CPU is faster without ray queries");
+    assert_eq!(text(&stats["backend"]), "software", "software is the automatic choice on a CPU");
     assert_eq!((text(&stats["technique"]), text(&stats["preset"])), ("reference".into(), "balanced".into()));
     assert_eq!(stats["size"], serde_json::json!([20, 10]));
     assert_eq!(stats["frames"], 6);
@@ -280,7 +281,7 @@ fn statistics_are_complete_and_true() {
     assert!(
         number(&stats["frame_ms_median"]) >= number(&stats["cpu_ms_median"]) && number(&stats["cpu_ms_median"]) > 0.0
     );
-    // Every pixel sees the room: at least a shadow ray a pixel, at most a shadow ray and a path ray a bounce.
+    // Every pixel sees the room: at least one shadow ray per pixel, at most one shadow ray and one path ray per bounce.
     let rays = number(&stats["rays_per_frame"]);
     assert!((200.0..=200.0 * 4.0).contains(&rays), "{rays} rays");
     let memory = &stats["memory"];

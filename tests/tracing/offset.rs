@@ -1,4 +1,4 @@
-//! Points moved off their surface by a bound on rounding: neither their own triangle nor a convex body stops what leaves them.
+//! Ray origins are offset by a bound on rounding: a ray that leaves a convex body hits neither its own triangle nor the rest of the body.
 
 use crate::support::{
     compose::Def,
@@ -34,13 +34,13 @@ fn offset_points_leave_their_surface(gpu: &Gpu, backend: &[Def]) {
             for in_mesh in [false, true] {
                 let place = |p: [f32; 3]| if in_mesh { p.map(|x| x * scale + translation) } else { p };
                 let mesh = sphere(10, 12, 0.0, place);
-                // By the transform: rotated and stretched.
+                // The transform rotates and stretches.
                 let mut rows = random_rows(&mut random, scale, 0.0);
                 (0..3).for_each(|k| rows[k][3] = [translation, -translation, 0.7 * translation][k]);
                 if in_mesh {
                     rows = identity();
                 }
-                // Where f32 cannot tell the vertices of the mesh apart, there is no surface to leave.
+                // Where f32 cannot separate the vertices of the mesh, there is no surface to leave.
                 if in_mesh && scale < translation * 1e-4 {
                     continue;
                 }
@@ -61,7 +61,7 @@ fn offset_points_leave_their_surface(gpu: &Gpu, backend: &[Def]) {
                     .collect();
                 let answers: Vec<[u32; 4]> = scene.run(gpu, &kernel, &pairs);
                 let itself = answers.iter().filter(|a| a[0] != 0).count();
-                // A translation far larger than the body leaves no inside that f32 could name.
+                // If the translation is far larger than the body, f32 cannot represent points inside of it.
                 let resolved = scale > translation * 1e-4;
                 let blocked = if resolved { answers.iter().filter(|a| a[1] != 0).count() } else { 0 };
                 let largest = answers.iter().map(|a| f32::from_bits(a[2])).fold(0.0, f32::max);
@@ -71,7 +71,7 @@ fn offset_points_leave_their_surface(gpu: &Gpu, backend: &[Def]) {
                     );
                 }
                 failed += itself + blocked;
-                // Without the offset they would.
+                // Without the offset, rays hit their own surface.
                 pairs.iter_mut().for_each(|p| p.factor = 0.0);
                 let answers: Vec<[u32; 4]> = scene.run(gpu, &kernel, &pairs);
                 planted += answers.iter().filter(|a| a[0] != 0).count();
@@ -79,7 +79,7 @@ fn offset_points_leave_their_surface(gpu: &Gpu, backend: &[Def]) {
         }
     }
     assert_eq!(failed, 0);
-    assert!(planted > 500, "a test that cannot fail: {planted}");
+    assert!(planted > 500, "the test cannot fail: only {planted} rays need the offset");
 }
 
 fn determinant(m: &Rows) -> f32 {

@@ -1,5 +1,6 @@
-//! Rays by the device's ray queries are those of our own traversal: the same hits ray by ray, the same pictures from the same seeds,
-//! also while things move, come, go and become transparent.  Where the adapter has no ray queries these tests say so and pass.
+//! The hardware back end (ray queries) gives the same results as the software back end: the same hits for each ray, and the same pictures
+//! for the same seeds, also while objects move, come, go and become transparent.  Where the adapter has no ray queries, these tests print
+//! a message and pass.
 
 use crate::support::{
     app::*,
@@ -15,7 +16,7 @@ use bevy_restir::{Restir, Technique, gpu_types::*};
 
 const TRACE: &str = include_str!("../support/kernels/trace.wgsl");
 
-/// Rays in a million that may end on another triangle, or on none: those that pass an edge by less than rounding.
+/// Rays in a million that may hit another triangle or miss, because they pass an edge within rounding.
 const FLIPS: f64 = 1000.0;
 
 fn rays(random: &mut Random, count: usize, size: f32) -> Vec<Ray> {
@@ -27,21 +28,21 @@ fn rays(random: &mut Random, count: usize, size: f32) -> Vec<Ray> {
     (0..count).map(|_| one(random)).collect()
 }
 
-/// Answers of both back ends, on one device.
+/// Answers of both back ends on one device.
 fn both(defs: &[Def], scene: &TestScene, rays: &[Ray]) -> Option<[Vec<Answer>; 2]> {
     let (gpu, hardware) = back_ends().into_iter().nth(1)?;
     let answers = |gpu: &'static Gpu, backend: &[Def]| {
         let kernel = gpu.kernel("trace", TRACE, &[backend, defs].concat());
         let answers: Vec<Answer> = scene.run(gpu, &kernel, rays);
         for a in &answers {
-            assert_eq!((a.flags, a.rays), (0, 2), "nothing overflowed: {a:?}");
+            assert_eq!((a.flags, a.rays), (0, 2), "two rays without overflow: {a:?}");
         }
         answers
     };
     Some([answers(gpu, &[]), answers(gpu, &hardware)])
 }
 
-/// Rays that the back ends answer differently; all others are equal but for the last bits.
+/// Rays with different answers.  All others are equal except for the last bits.
 fn different(name: &str, rays: &[Ray], [software, hardware]: &[Vec<Answer>; 2]) -> Vec<usize> {
     let (mut different, mut any, mut inexact, mut hits) = (Vec::new(), 0, 0, 0);
     for (i, (a, b)) in software.iter().zip(hardware).enumerate() {
@@ -55,18 +56,18 @@ fn different(name: &str, rays: &[Ray], [software, hardware]: &[Vec<Answer>; 2]) 
         assert!((a.t - b.t).abs() <= 1e-4 * a.t.abs().min(1e30) + 1e-6, "{name}: {:?}: {a:?}, {b:?}", rays[i]);
     }
     eprintln!(
-        "{name}: {} rays, {hits} hits: {} on other triangles, {any} stopped by one only, {inexact} equal but for their last bits",
+        "{name}: {} rays, {hits} hits: {} on other triangles, {any} blocked in one back end only, {inexact} equal except for the last bits",
         rays.len(),
         different.len()
     );
     let bound = (rays.len() as f64 * FLIPS / 1e6).ceil() as usize;
     assert!(different.len() <= bound && any <= bound, "{name}");
-    assert!(hits * 50 > rays.len(), "{name}: the test sees something");
+    assert!(hits * 50 > rays.len(), "{name}: enough rays hit");
     different
 }
 
-/// What differs lies between triangles a little smaller and a little larger than they are.
-fn explained(name: &str, scene: &TestScene, rays: &[Ray], answers: &[Vec<Answer>; 2], size: f64) {
+/// Asserts that rays with different answers pass between slightly shrunk and slightly grown triangles.
+fn assert_near_edges(name: &str, scene: &TestScene, rays: &[Ray], answers: &[Vec<Answer>; 2], size: f64) {
     let oracle = BruteForce::new(scene);
     for i in different(name, rays, answers) {
         let expected = oracle.closest(&rays[i], 1e-3);
@@ -89,21 +90,21 @@ fn ray_queries_hit_what_the_software_hits() {
         vec![random_soup(random, 300, 1.0, 0.3), sphere(10, 14, 0.2, |p| p), random_soup(random, 1, 0.1, 1.0)]
     };
     for (name, count, scale, spread) in
-        [("one mesh", 1, 1.0, 0.0), ("instances, some mirrored", 60, 0.5, 3.0), ("many instances", 600, 0.15, 3.0)]
+        [("one mesh", 1, 1.0, 0.0), ("instances (some mirrored)", 60, 0.5, 3.0), ("many instances", 600, 0.15, 3.0)]
     {
         let instances: Vec<_> = (0..count).map(|i| (i % 3, random_rows(&mut random, scale, spread), 0, 0)).collect();
         let scene = TestScene::new(&shapes(&mut random), &instances);
         let rays = rays(&mut random, 20_000, 3.0);
         let Some(answers) = both(&[], &scene, &rays) else { return };
-        explained(name, &scene, &rays, &answers, 3.0);
+        assert_near_edges(name, &scene, &rays, &answers, 3.0);
     }
     for scale in [1e-4, 1e4] {
         let scene = TestScene::of(random_soup(&mut random, 300, scale, 0.3 * scale));
         let rays = rays(&mut random, 10_000, scale);
         let Some(answers) = both(&[], &scene, &rays) else { return };
-        explained(&format!("scale {scale:e}"), &scene, &rays, &answers, f64::from(scale));
+        assert_near_edges(&format!("scale {scale:e}"), &scene, &rays, &answers, f64::from(scale));
     }
-    // Slivers, all the same triangle, and a flat box.
+    // Copies of one triangle, and a flat box.
     let one = random_soup(&mut random, 1, 0.1, 1.0).positions[0];
     let mut flat = random_soup(&mut random, 300, 1.0, 0.5);
     flat.positions.iter_mut().flatten().for_each(|v| v[1] = 0.25);
@@ -114,7 +115,7 @@ fn ray_queries_hit_what_the_software_hits() {
         let met = |a: &&Answer| a.instance != NONE;
         let (a, b) = (software.iter().filter(met).count(), hardware.iter().filter(met).count());
         eprintln!("{name}: {a} and {b} of {} rays are stopped", rays.len());
-        assert!(a > 100 && a.abs_diff(b) <= 10, "which of several in one place is hit does not matter");
+        assert!(a > 100 && a.abs_diff(b) <= 10, "rays are blocked whichever of the coincident triangles they hit");
     }
 }
 
@@ -144,7 +145,7 @@ fn ray_queries_let_rays_through_where_the_software_does() {
 }
 
 #[test]
-fn ray_queries_of_the_last_frame_meet_things_where_they_were() {
+fn ray_queries_of_the_last_frame_hit_instances_where_they_were() {
     let mut random = Random::new(43);
     let meshes = [random_soup(&mut random, 200, 1.0, 0.3), sphere(8, 10, 0.2, |p| p)];
     let instances: Vec<_> = (0..50).map(|i| (i % 2, random_rows(&mut random, 0.5, 3.0), 0, 0)).collect();
@@ -156,12 +157,16 @@ fn ray_queries_of_the_last_frame_meet_things_where_they_were() {
     let (Some(after), Some(then)) = (both(&[], &scene, &rays), both(&past, &scene, &rays)) else { return };
     different("after the move", &rays, &after);
     different("before the move", &rays, &then);
-    different("before the move, and when it was now", &rays, &[before[1].clone(), then[1].clone()]);
+    different(
+        "the last frame after the move, and the current frame before it",
+        &rays,
+        &[before[1].clone(), then[1].clone()],
+    );
     let moved = (0..rays.len()).filter(|&i| after[1][i].instance != then[1][i].instance).count();
-    assert!(moved * 4 > rays.len(), "a test that cannot fail: {moved}");
+    assert!(moved * 4 > rays.len(), "the test cannot fail: {moved} rays change");
 }
 
-/// Two apps that are told the same, and trace differently.
+/// Two apps with the same scene, one for each back end.
 struct Twins([Rig; 2]);
 
 impl Twins {
@@ -177,8 +182,8 @@ impl Twins {
         a
     }
 
-    /// Pixels that differ by more than a thousandth of the brightest of both pictures' channels, the largest relative difference of their
-    /// means, and the mean.
+    /// The number of pixels that differ by more than a thousandth of the brightest channel of both pictures, the largest relative
+    /// difference of the means, and the mean.
     fn differences(&mut self, mut picture: impl FnMut(&mut Rig) -> Picture) -> (usize, f64, f64) {
         let [a, b] = self.0.each_mut().map(|rig| {
             let picture = picture(rig);
@@ -199,7 +204,7 @@ fn camera(rig: &mut Rig) {
         Transform::from_xyz(0.3, 0.2, 4.0).looking_at(Vec3::new(0.0, -0.2, 0.0), Vec3::Y);
 }
 
-/// A frame whose history is two frames long.
+/// A frame with a history of two frames.
 fn third_frame(rig: &mut Rig) -> Picture {
     rig.until_ready();
     rig.set(|restir| restir.reset = true);
@@ -208,7 +213,8 @@ fn third_frame(rig: &mut Rig) -> Picture {
     rig.next()
 }
 
-/// A ball, a rectangle and the disc of a sun; and of another layer than the camera's a pane between them and what they light, and a lamp.
+/// A sphere, a rectangle and a sun with a disk.  On another layer than the camera: a pane between them and the surfaces that they light,
+/// and a lamp.
 fn layered(rig: &mut Rig) {
     shapes(rig);
     let pane = rig.spawn(square(3.0), lambert(0.5), Transform::from_xyz(0.0, 0.2, 0.9));
@@ -218,7 +224,7 @@ fn layered(rig: &mut Rig) {
     }
 }
 
-/// A driver on a CPU compiles the passes of paths for minutes.
+/// CPU drivers take minutes to compile the path passes.
 #[test]
 #[ignore = "minutes"]
 fn full_length_pictures_of_paths_of_one_seed_are_the_same_by_ray_queries() {
@@ -243,8 +249,8 @@ fn same_pictures(techniques: &[Technique]) {
             twins.both(|rig| rig.set(|restir| *restir = settings.clone()));
             let (far, difference, mean) = twins.differences(third_frame);
             eprintln!("{name} {technique:?}: {far} of 1024 pixels differ, means by {difference:.2e}");
-            assert!(mean > 1e-3, "it is lit");
-            // A flip at an edge changes one path of one sample; reuse spreads it over its neighbours.
+            assert!(mean > 1e-3, "the picture is not black");
+            // A different hit at an edge changes one path of one sample; reuse spreads it to neighbors.
             assert!(far <= 20 && difference < 5e-3, "{name} {technique:?}");
         }
     }
@@ -282,7 +288,7 @@ fn same_moving_pictures(technique: Technique) {
 }
 
 #[test]
-fn things_come_go_and_change_before_ray_queries() {
+fn objects_may_come_go_and_change_under_ray_queries() {
     let Some(mut twins) = Twins::new(24) else { return };
     let reference = Restir { bounces: 2, ..plain() };
     twins.both(|rig| rig.set(|restir| *restir = reference.clone()));
@@ -293,9 +299,9 @@ fn things_come_go_and_change_before_ray_queries() {
     };
     check(&mut twins, "nothing", false);
     twins.both(glossy);
-    check(&mut twins, "a scene", true);
+    check(&mut twins, "the scene", true);
     let pane = twins.both(|rig| rig.spawn(square(1.2), lambert(0.5), Transform::from_xyz(0.2, 0.0, 1.0)));
-    check(&mut twins, "one more", true);
+    check(&mut twins, "one object more", true);
     let edit = |rig: &mut Rig, change: &dyn Fn(&mut StandardMaterial)| {
         let material = rig.material_of(pane);
         rig.edit(&material, |material| change(material));
@@ -306,15 +312,15 @@ fn things_come_go_and_change_before_ray_queries() {
             material.base_color = Color::linear_rgba(0.5, 0.2, 0.2, 0.5);
         });
     });
-    check(&mut twins, "half there", true);
+    check(&mut twins, "half transparent", true);
     twins.both(|rig| edit(rig, &|material| material.alpha_mode = AlphaMode::Opaque));
     check(&mut twins, "opaque again", true);
     twins.both(|rig| {
         let mesh = rig.get_mut::<Mesh3d>(pane).0.clone();
         rig.edit(&mesh, |mesh: &mut Mesh| *mesh = Sphere::new(0.5).mesh().uv(12, 8));
     });
-    check(&mut twins, "of another mesh", true);
-    // A frame of a still scene sends nothing.
+    check(&mut twins, "with another mesh", true);
+    // A still scene uploads nothing.
     twins.both(|rig| rig.frames(3));
     assert_eq!(twins.both(|rig| rig.report().uploaded_bytes), 0);
     twins.both(|rig| rig.insert(pane, Visibility::Hidden));
@@ -327,11 +333,11 @@ fn things_come_go_and_change_before_ray_queries() {
             rig.app.world_mut().despawn(entity);
         });
     });
-    check(&mut twins, "nothing again", false);
+    check(&mut twins, "an empty scene", false);
 }
 
 #[test]
-fn hardware_that_is_not_there_is_warned_of() {
+fn missing_ray_query_hardware_gives_a_warning() {
     let Some(folder) = Folder::new("backend") else { return };
     let run = |backend: &str| {
         let arguments = [
@@ -345,8 +351,8 @@ fn hardware_that_is_not_there_is_warned_of() {
         ];
         let run = folder.render(&asset("cornell.glb"), &arguments);
         run.succeeded();
-        let text = std::fs::read_to_string(folder.path("stats.json")).expect("it was written");
-        let stats: serde_json::Value = serde_json::from_str(&text).expect("it is JSON");
+        let text = std::fs::read_to_string(folder.path("stats.json")).expect("the file was written");
+        let stats: serde_json::Value = serde_json::from_str(&text).expect("the file is JSON");
         (stats["backend"].as_str().expect("text").to_string(), run.stdout + &run.stderr)
     };
     assert_eq!(run("software").0, "software");

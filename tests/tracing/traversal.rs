@@ -1,4 +1,5 @@
-//! Rays through the two levels of trees of both back ends, against brute force in f64; watertightness; bounds; speed.
+//! Both back ends agree with brute force in f64 through two levels of trees; they are watertight, their loops are bounded, and trees fit
+//! the stack.
 
 use crate::support::{
     brute_force::BruteForce,
@@ -16,7 +17,7 @@ use bevy_restir::{
 
 const TRACE: &str = include_str!("../support/kernels/trace.wgsl");
 
-/// The claim holds for both, where the adapter has both.
+/// Checks a claim for each back end that the adapter has.
 fn on_each_back_end(defs: &[Def], claim: impl Fn(&Gpu, &Kernel)) {
     for (gpu, backend) in back_ends() {
         let kernel = gpu.kernel("trace", TRACE, &[&backend, defs].concat());
@@ -28,13 +29,14 @@ fn trace(gpu: &Gpu, kernel: &Kernel, scene: &TestScene, rays: &[Ray]) -> Vec<Ans
     let answers: Vec<Answer> = scene.run(gpu, kernel, rays);
     for (ray, a) in rays.iter().zip(&answers) {
         assert_eq!(a.flags, 0, "stack or steps ran out for {ray:?}");
-        assert_eq!(a.rays, 2, "two rays were counted");
+        assert_eq!(a.rays, 2, "the counter says two rays");
         assert_eq!(a.any == 1, a.instance != NONE, "any-hit and closest-hit disagree: {ray:?} {a:?}");
     }
     answers
 }
 
-/// Every answer lies between those of slightly shrunk and slightly grown triangles; `tolerance` is relative to `size`.
+/// Asserts that every answer lies between those of slightly shrunk and slightly grown triangles; `margin` is in barycentric units, and
+/// `size` is the scale of distances.
 fn agrees(scene: &TestScene, rays: &[Ray], answers: &[Answer], margin: f64, size: f64) {
     let oracle = BruteForce::new(scene);
     let mut hits = 0;
@@ -48,14 +50,14 @@ fn agrees(scene: &TestScene, rays: &[Ray], answers: &[Answer], margin: f64, size
         );
         hits += usize::from(a.instance != NONE);
     }
-    assert!(hits * 100 > rays.len(), "the test sees something: {hits} of {}", rays.len());
+    assert!(hits * 100 > rays.len(), "only {hits} of {} rays hit", rays.len());
 }
 
 fn random_rays(random: &mut Random, count: usize, size: f32) -> Vec<Ray> {
     (0..count)
         .map(|i| {
             let mut direction = random.direction();
-            // Every component is zero at times, of either sign.
+            // Each component is sometimes zero, with either sign.
             if i % 4 == 0 {
                 direction[random.below(3)] = if i % 8 == 0 { 0.0 } else { -0.0 };
             }
@@ -106,7 +108,7 @@ fn rays_find_what_brute_force_finds_at_extreme_scales() {
         for scale in [1e-4, 1e-2, 1e3, 1e5] {
             let scene = TestScene::of(random_soup(&mut random, 300, scale, 0.3 * scale));
             let mut rays = random_rays(&mut random, 500, scale);
-            // A direction of any length: t is in units of it.
+            // Directions have any length; t is in units of it.
             for ray in &mut rays {
                 ray.direction = ray.direction.map(|x| x * scale);
                 ray.t_min /= scale;
@@ -116,7 +118,7 @@ fn rays_find_what_brute_force_finds_at_extreme_scales() {
             }
             agrees(&scene, &rays, &trace(gpu, kernel, &scene, &rays), 1e-3, 1.0);
         }
-        // 1e5 m from the origin, by the mesh and by the transform; rays start there too.
+        // 1e5 m from the origin, once in the mesh and once by the transform; rays start there too.
         let far = [1e5, -1e5, 1e5];
         let near = random_soup(&mut random, 300, 1.0, 0.3);
         let moved = soup(near.positions.iter().map(|t| t.map(|v| std::array::from_fn(|k| v[k] + far[k]))).collect());
@@ -159,7 +161,7 @@ fn degenerate_meshes_are_traced() {
                     (ray.t_min, ray.t_max) = (0.0, FAR);
                 }
             }
-            // A sliver met at a grazing angle loses digits of t.
+            // Where a ray hits a sliver at a grazing angle, t loses digits.
             let scene = TestScene::of(mesh);
             agrees(&scene, &rays, &trace(gpu, kernel, &scene, &rays), 2e-3, 100.0);
         }
@@ -189,7 +191,7 @@ fn a_closed_mesh_is_watertight_at_its_edges_and_vertices() {
             let rays: Vec<Ray> = (0..30_000)
                 .map(|i| {
                     let [a, b, _] = mesh.positions[random.below(mesh.positions.len())];
-                    // Corners, edges, and either from the very centre, where every coordinate is exact.
+                    // Rays from random points and from the exact center, through corners and edges.
                     let w = if i % 2 == 0 { 0.0 } else { random.unit() };
                     let target: [f32; 3] = std::array::from_fn(|k| a[k] + w * (b[k] - a[k]));
                     let start = if i % 3 == 0 { [0.0; 3] } else { random.point(0.3).map(|x| x * 1.0f32.min(size)) };
@@ -203,7 +205,7 @@ fn a_closed_mesh_is_watertight_at_its_edges_and_vertices() {
             eprintln!("{} rays, {lost} escaped", rays.len());
             escapes += lost;
         }
-        // Whether a device's own traversal is watertight is not ours to say: Mesa's on a CPU loses 1 % of rays aimed like these.
+        // A device's own traversal need not be watertight: Mesa's on a CPU loses 1 % of such rays.
         let most = if kernel.uses(3) { 5 * 30_000 * 3 / 100 } else { 0 };
         assert!(escapes <= most, "{escapes}");
     });
@@ -222,7 +224,7 @@ fn an_empty_scene_stops_no_ray() {
 }
 
 #[test]
-fn non_finite_rays_end_and_hit_nothing_wrong() {
+fn non_finite_rays_end_without_a_wrong_hit() {
     on_each_back_end(&[], |gpu, kernel| {
         let scene = TestScene::of(sphere(8, 8, 0.0, |p| p));
         let (nan, inf) = (f32::NAN, f32::INFINITY);
@@ -241,13 +243,13 @@ fn non_finite_rays_end_and_hit_nothing_wrong() {
 }
 
 #[test]
-fn alpha_lets_rays_through() {
+fn alpha_lets_rays_through_with_its_probability() {
     on_each_back_end(&[flag("ALPHA")], |gpu, kernel| {
         let sheet = soup(vec![[[-9.0, 0.0, -9.0], [9.0, 0.0, -9.0], [0.0, 0.0, 9.0]]]);
         let at = |y: f32| [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, y], [0.0, 0.0, 1.0, 0.0]];
         let meshes = vec![sheet];
         let mut instances = vec![(0, at(0.0), 0, 0), (0, at(1.0), 1, INSTANCE_ALPHA), (0, at(2.0), 2, INSTANCE_ALPHA)];
-        // Sheets of alpha 0.25, one above the other: a quarter of them stops a ray.
+        // Stacked sheets of alpha 0.25: each stops a quarter of the rays.
         instances.extend((0..400).map(|i| (0, at(3.0 + i as f32), 3, INSTANCE_ALPHA)));
         let mut scene = TestScene::new(&meshes, &instances);
         let material = |alpha, flags| GpuMaterial { alpha, flags, ..Default::default() };
@@ -263,15 +265,15 @@ fn alpha_lets_rays_through() {
         let answers = trace(gpu, kernel, &scene, &rays);
         assert_eq!((answers[0].instance, answers[1].instance), (0, 2), "a mask below its cutoff is absent");
         let stopped = answers[2..].iter().filter(|a| a.any == 1).count();
-        assert!((70..130).contains(&stopped), "a quarter of 400: {stopped}");
+        assert!((70..130).contains(&stopped), "{stopped} of 400 are stopped, not a quarter");
     });
 }
 
 #[test]
-fn a_tree_that_never_ends_is_left_and_reported() {
+fn traversal_of_a_circular_tree_ends_and_is_reported() {
     let Some(gpu) = gpu() else { return };
     let kernel = gpu.kernel("trace", TRACE, &[]);
-    // Eight nodes, every one of them the parent of all eight, round the origin.
+    // Eight nodes around the origin, each the parent of all eight.
     let exponent = 121u32 * 0x0001_0101;
     let low = (-1.0f32).to_bits();
     let node = [
@@ -288,11 +290,12 @@ fn a_tree_that_never_ends_is_left_and_reported() {
 }
 
 #[test]
-fn trees_fit_the_stack_whatever_the_mesh() {
+fn trees_of_any_mesh_fit_the_stack() {
     assert_eq!(MAX_BLAS_DEPTH + MAX_TLAS_DEPTH + 2, STACK_SIZE);
     let shader = bevy_restir::shaders::MODULES.iter().find(|m| m.0 == "trace/software.wgsl").expect("in the table").1;
     assert!(shader.contains(&format!("const STACK_SIZE: u32 = {STACK_SIZE}u;")));
-    // Triangles that share a corner, each twice or a little larger than the last: what agglomeration makes deepest.
+    // Triangles that share a corner, each a duplicate or slightly larger than the last, make the deepest trees for agglomerative
+    // builders.
     for (count, growth) in [(110, 2.0f32), (1500, 1.01), (3000, 1.0), (100_000, 1.0)] {
         let mut size = 1e-20f32.max(growth.powi(-count / 2));
         let triangles = (0..count).map(|_| {

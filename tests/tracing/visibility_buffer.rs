@@ -1,19 +1,19 @@
-//! The rasterised visibility buffer shows what primary rays meet, and culls as the material says.
+//! The rasterized visibility buffer shows what primary rays hit, and culls by the material's `cull_mode`.
 
 use crate::support::app::*;
 use bevy::{mesh::PlaneMeshBuilder, prelude::*, render::render_resource::Face};
 use bevy_restir::DebugView;
 
-/// Share of pixels away from silhouettes that may hold another triangle than the ray's: rasterisers snap corners to 1/256 pixel, so
-/// that a pixel centre within that of an edge may fall to the neighbour.  The meshes here have about one pixel of edge a pixel.
+/// The share of pixels away from silhouettes that may hold another triangle than the ray's.  Rasterizers snap corners to 1/256 pixel, so
+/// a pixel center that close to an edge may fall to the neighbor.  These meshes have about one pixel of edge per pixel.
 const TRIANGLE_SHARE: f64 = 0.015;
 
-/// Holes in a checkerboard.
+/// A checkerboard of holes.
 fn holes() -> Image {
     texture(4, 4, |x, y| [255, 255, 255, if (x + y) % 2 == 0 { 255 } else { 0 }])
 }
 
-/// Spheres, tori and planes with every kind of transform; nothing is culled, since primary rays of the tracer are not.
+/// Spheres, tori and planes with every kind of transform.  Nothing is culled, since the primary rays of the tracer are not.
 fn crowd(rig: &mut Rig) {
     let open = |albedo| StandardMaterial { cull_mode: None, double_sided: true, ..lambert(albedo) };
     rig.spawn(Sphere::new(0.6).mesh().uv(18, 12), open(0.5), Transform::from_xyz(-1.0, 0.7, 0.0));
@@ -36,7 +36,7 @@ fn crowd(rig: &mut Rig) {
     let masked = StandardMaterial { base_color_texture: Some(image), alpha_mode: AlphaMode::Mask(0.5), ..open(0.9) };
     let turned = Transform::from_xyz(0.6, -0.5, 1.2).with_rotation(Quat::from_rotation_y(0.5));
     rig.spawn(square(1.4), masked, turned);
-    // Beyond it all, and partly behind the camera.
+    // A backdrop that lies partly behind the camera.
     rig.spawn(
         PlaneMeshBuilder::from_length(40.0).subdivisions(6),
         open(0.4),
@@ -45,7 +45,7 @@ fn crowd(rig: &mut Rig) {
 }
 
 #[test]
-fn the_visibility_buffer_holds_what_primary_rays_meet() {
+fn the_visibility_buffer_holds_what_primary_rays_hit() {
     for (width, height) in [(96, 64), (61, 47), (1, 1)] {
         let Some(mut rig) = Rig::new(width, height) else { return };
         crowd(&mut rig);
@@ -81,8 +81,8 @@ fn the_visibility_buffer_holds_what_primary_rays_meet() {
 }
 
 #[test]
-fn an_edge_on_the_grid_of_pixels_belongs_to_one_side() {
-    // A quad over exactly the middle half of the image: its edges run along the borders of pixels, so that no centre is near one.
+fn an_edge_on_pixel_borders_belongs_to_one_side() {
+    // A quad over exactly the middle half of the image: its edges run along pixel borders, so no pixel center is near one.
     let Some(mut rig) = Rig::new(32, 32) else { return };
     rig.insert(rig.camera, orthographic(32.0, 32.0));
     rig.spawn(square(16.0), lambert(0.5), Transform::default());
@@ -95,9 +95,9 @@ fn an_edge_on_the_grid_of_pixels_belongs_to_one_side() {
     }
 }
 
-/// Whether squares that face the camera and that face away are seen, each plain, mirrored and turned inside out twice.
+/// Whether squares that face the camera and that face away are visible: each plain, mirrored, and mirrored twice.
 #[test]
-fn cull_mode_removes_the_face_that_it_names_from_camera_rays_only() {
+fn cull_mode_hides_its_face_from_camera_rays_only() {
     let Some(mut rig) = Rig::new(60, 20) else { return };
     rig.insert(rig.camera, orthographic(6.0, 2.0));
     let away = Quat::from_rotation_y(core::f32::consts::PI);
@@ -111,7 +111,7 @@ fn cull_mode_removes_the_face_that_it_names_from_camera_rays_only() {
             rig.spawn_bundle((Mesh3d(mesh.clone()), MeshMaterial3d(material.clone()), transform));
         }
     }
-    // The normal of a square is (0, 0, 1) times the inverse transposed: a scale of z below 0 turns it round, one of x does not.
+    // The normal of a square is (0, 0, 1) times the inverse transpose: a negative scale of z flips it, one of x does not.
     let faces_camera = [true, false, true, false, false, true];
     for cull in [None, Some(Face::Back), Some(Face::Front)] {
         rig.edit(&material, |m| m.cull_mode = cull);
@@ -127,18 +127,18 @@ fn cull_mode_removes_the_face_that_it_names_from_camera_rays_only() {
             assert_eq!(drawn.at(x, 10).x > 0.0, expected, "square {i} under {cull:?}");
             assert!(
                 traced.at(x, 10) != Vec3::ZERO,
-                "other rays than the camera's meet both sides: square {i}, {cull:?}"
+                "other rays than the camera's hit both sides: square {i}, {cull:?}"
             );
         }
     }
-    // Double-sidedness is about shading: it does not change what is culled.
+    // `double_sided` is about shading and does not change culling.
     rig.edit(&material, |m| (m.cull_mode, m.double_sided) = (Some(Face::Back), true));
     let drawn = rig.debug(DebugView::Albedo);
     assert!(drawn.at(5, 10).x > 0.0 && drawn.at(15, 10).x == 0.0);
 }
 
 #[test]
-fn a_mask_shows_what_is_behind_its_holes() {
+fn holes_of_an_alpha_mask_show_the_surface_behind_them() {
     let Some(mut rig) = Rig::new(32, 32) else { return };
     rig.insert(rig.camera, orthographic(4.0, 4.0));
     let image = rig.add::<Image>(holes());
@@ -153,7 +153,7 @@ fn a_mask_shows_what_is_behind_its_holes() {
 }
 
 #[test]
-fn normals_of_what_is_scaled_unequally_stand_on_its_surface() {
+fn normals_under_non_uniform_scale_are_perpendicular_to_the_surface() {
     let Some(mut rig) = Rig::new(48, 48) else { return };
     rig.insert(rig.camera, orthographic(4.0, 4.0));
     let turned = Transform::from_rotation(Quat::from_euler(EulerRot::XYZ, 0.5, -0.4, 0.3));
@@ -168,7 +168,7 @@ fn normals_of_what_is_scaled_unequally_stand_on_its_surface() {
         let across = (at.as_vec2() + 0.5) / 12.0 - 2.0;
         let on_ball = object.inverse().transform_point3(Vec3::new(across.x, -across.y, 5.0 - depth.at(at.x, at.y).x));
         let expected = (object.matrix3.inverse().transpose() * on_ball).normalize();
-        // At the outline the facets are seen edge on.
+        // At the outline, facets are seen edge-on.
         if expected.z < 0.2 {
             continue;
         }
@@ -177,11 +177,11 @@ fn normals_of_what_is_scaled_unequally_stand_on_its_surface() {
         assert!(got.dot(expected) > 0.999, "{got}, not {expected}, at {at}");
         power += ((object.matrix3 * on_ball).normalize().dot(expected) < 0.95) as u32;
     }
-    assert!(seen > 100 && power > seen / 4, "{seen} pixels, {power} of which tell");
+    assert!(seen > 100 && power > seen / 4, "{seen} pixels, {power} of which can fail");
 }
 
 #[test]
-fn debug_views_are_values_whatever_the_exposure() {
+fn debug_views_ignore_exposure() {
     let Some(mut rig) = Rig::new(8, 8) else { return };
     rig.spawn(square(20.0), lambert(0.5), Transform::from_xyz(0.0, 0.0, 1.0));
     rig.insert(rig.camera, (orthographic(1.0, 1.0), bevy::core_pipeline::tonemapping::Tonemapping::None));
