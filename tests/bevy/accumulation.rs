@@ -143,7 +143,7 @@ fn every_visible_change_resets_the_history() {
     scene.rig.until_ready();
     scene.rig.frames(2);
     scene.rig.app.world_mut().resource_mut::<ClearColor>().0 = Color::linear_rgb(0.1, 0.2, 0.3);
-    assert_eq!(scene.rig.next().samples, 1, "clear colour");
+    assert_eq!(scene.rig.next().samples, 1, "clear color");
 
     // A changed mesh is rebuilt in a background task; the history restarts when the new triangles arrive.
     let mesh = scene.rig.app.world().get::<Mesh3d>(scene.plane).expect("the plane has a mesh").0.clone();

@@ -135,10 +135,10 @@ fn two_cameras_side_by_side_equal_two_single_ones() {
 fn share_of_square(side: f64, distance: f64) -> f64 {
     const N: usize = 64;
     let cell = side / N as f64;
-    let centre = |i: usize| (i as f64 + 0.5) * cell - 0.5 * side;
+    let center = |i: usize| (i as f64 + 0.5) * cell - 0.5 * side;
     let mut sum = 0.0;
     for (i, j) in (0..N).flat_map(|i| (0..N).map(move |j| (i, j))) {
-        let (u, v) = (centre(i), centre(j));
+        let (u, v) = (center(i), center(j));
         let square = distance * distance + u * u + v * v;
         // Heights over the floor: of the center, and along the side, which is tilted by 45°.
         let height = (distance + v) * 0.5f64.sqrt();
@@ -280,7 +280,7 @@ fn a_minimized_window_renders_nothing_until_it_is_restored() {
     for size in [0, 8, 0, 1, 0] {
         rig.get_mut::<Window>(window).resolution = resolution(size);
         rig.frames(3);
-        assert_eq!(rig.next().centre().x, 1.0, "the other camera renders beside a window of {size} x {size}");
+        assert_eq!(rig.next().center().x, 1.0, "the other camera renders beside a window of {size} x {size}");
     }
     // A window without pixels delays nothing.
     rig.until_ready();

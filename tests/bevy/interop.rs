@@ -276,21 +276,21 @@ fn gpu_culled_meshes_are_hidden_from_bevys_passes_of_our_cameras_only() {
     let entity = rig.spawn_bundle((square.clone(), NoCpuCulling));
     rig.until_ready();
     let ours = rig.target.clone();
-    let centre = |rig: &mut Rig, target: &Handle<Image>| rig.drawn(target)[8 * 16 + 8][0];
-    assert!(centre(&mut rig, &other) > 100, "a camera without `Restir`");
-    assert!(centre(&mut rig, &ours) < 10, "a camera with `Restir`");
+    let center = |rig: &mut Rig, target: &Handle<Image>| rig.drawn(target)[8 * 16 + 8][0];
+    assert!(center(&mut rig, &other) > 100, "a camera without `Restir`");
+    assert!(center(&mut rig, &ours) < 10, "a camera with `Restir`");
     // Bevy's lists of GPU-culled meshes hold changes only.
     rig.app.world_mut().entity_mut(rig.camera).remove::<Restir>();
     rig.frames(3);
-    assert!(centre(&mut rig, &ours) > 100, "after `Restir` was removed");
+    assert!(center(&mut rig, &ours) > 100, "after `Restir` was removed");
     rig.insert(rig.camera, plain());
     rig.until_ready();
     rig.frames(2);
-    assert!(centre(&mut rig, &ours) < 10, "after `Restir` was added again");
+    assert!(center(&mut rig, &ours) < 10, "after `Restir` was added again");
     rig.app.world_mut().despawn(entity);
     rig.frames(3);
-    assert!(centre(&mut rig, &other) < 10, "the mesh was removed");
+    assert!(center(&mut rig, &other) < 10, "the mesh was removed");
     rig.spawn_bundle((square, NoCpuCulling));
     rig.until_ready();
-    assert!(centre(&mut rig, &ours) < 10 && centre(&mut rig, &other) > 100, "another mesh");
+    assert!(center(&mut rig, &ours) < 10 && center(&mut rig, &other) > 100, "another mesh");
 }

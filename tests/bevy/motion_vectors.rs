@@ -107,7 +107,7 @@ fn eye() -> Transform {
 fn a_moving_object_has_the_motion_of_its_projection() {
     let from = Transform::from_xyz(0.1, -0.2, 0.0);
     check("along x and y", [from, Transform::from_xyz(0.35, 0.1, 0.0)], [eye(); 2]);
-    check("towards the camera", [from, Transform::from_xyz(0.1, -0.2, 0.8)], [eye(); 2]);
+    check("toward the camera", [from, Transform::from_xyz(0.1, -0.2, 0.8)], [eye(); 2]);
 }
 
 #[test]

@@ -67,7 +67,7 @@ fn sampled(lit: &LightScene, light: u32, point: DVec3, mode: u32, seed: u32) -> 
     run(lit, &[query], SAMPLES)
 }
 
-const CENTRE: DVec3 = DVec3::new(1.0, 2.0, -0.5);
+const CENTER: DVec3 = DVec3::new(1.0, 2.0, -0.5);
 const RADIUS: f64 = 0.25;
 const HALF: DVec2 = DVec2::new(0.75, 0.5);
 /// 1 - cosine of the angular radius of a sun that is five degrees across.
@@ -89,20 +89,20 @@ fn sun_direction() -> DVec3 {
     DVec3::new(0.3, -0.9, 0.2).normalize()
 }
 
-fn sphere(centre: DVec3, radius: f64) -> GpuLight {
+fn sphere(center: DVec3, radius: f64) -> GpuLight {
     GpuLight {
         kind: LIGHT_SPHERE,
-        position: centre.as_vec3().to_array(),
+        position: center.as_vec3().to_array(),
         emission: [1.0, 2.0, 3.0],
         data: [(radius as f32).to_bits(), 0],
         ..Default::default()
     }
 }
 
-fn rect(centre: DVec3, rotation: DQuat, half: DVec2) -> GpuLight {
+fn rect(center: DVec3, rotation: DQuat, half: DVec2) -> GpuLight {
     GpuLight {
         kind: LIGHT_RECT,
-        position: centre.as_vec3().to_array(),
+        position: center.as_vec3().to_array(),
         emission: [1.0, 2.0, 3.0],
         direction: parameters(rotation),
         data: [(half.x as f32).to_bits(), (half.y as f32).to_bits()],
@@ -124,7 +124,7 @@ fn lights(gpu: &Gpu) -> LightScene<'_> {
         data: [(rim() as f32).to_bits(), 0],
         ..Default::default()
     };
-    lit.lights = vec![sun, sphere(CENTRE, RADIUS), rect(CENTRE, turn(), HALF)];
+    lit.lights = vec![sun, sphere(CENTER, RADIUS), rect(CENTER, turn(), HALF)];
     lit.set_powers(&[1.0; 3]);
     lit.scene.sun_count = 1;
     lit
@@ -134,11 +134,11 @@ fn lights(gpu: &Gpu) -> LightScene<'_> {
 fn viewers() -> [(&'static str, DVec3); 5] {
     let side = DVec3::new(0.6, -0.48, 0.64);
     [
-        ("near", CENTRE + 3.0 * RADIUS * side),
-        ("afar", CENTRE - 4000.0 * RADIUS * side),
-        ("close", CENTRE + 1.001 * RADIUS * side),
-        ("within", CENTRE + 0.7 * RADIUS * side),
-        ("at the centre", CENTRE),
+        ("near", CENTER + 3.0 * RADIUS * side),
+        ("afar", CENTER - 4000.0 * RADIUS * side),
+        ("close", CENTER + 1.001 * RADIUS * side),
+        ("within", CENTER + 0.7 * RADIUS * side),
+        ("at the center", CENTER),
     ]
 }
 
@@ -158,7 +158,7 @@ fn chi_squared_of_cells(cells: impl Iterator<Item = usize>) -> f64 {
 
 /// The cone that the sphere fills as seen from a point: its axis and 1 - cosine of its half angle.
 fn cone(point: DVec3) -> (DVec3, f64) {
-    let d = CENTRE - point;
+    let d = CENTER - point;
     let sine = RADIUS / d.length();
     if sine >= 1.0 {
         return (DVec3::Z, 2.0);
@@ -184,13 +184,13 @@ fn spheres_are_sampled_uniformly_in_their_cone_and_over_all_directions_from_insi
                 let allowed = if mode == CANDIDATE && name == "close" { SAMPLES / 100 } else { SAMPLES / 1000 };
                 assert!(lost <= allowed, "{name}: {lost} samples are invalid");
                 for s in samples.iter().filter(|s| s.radiance[1] > 0.0) {
-                    let on_surface = (wide(s.position) - CENTRE).length() / RADIUS - 1.0;
+                    let on_surface = (wide(s.position) - CENTER).length() / RADIUS - 1.0;
                     assert!(on_surface.abs() < 1e-5, "{name}: {s:?}");
                     assert!((f64::from(s.pdf) / pdf - 1.0).abs() < 2e-3, "{name}: {s:?}, not {pdf}");
                     let d = wide(s.position) - point;
                     assert!((wide(s.wi) - d.normalize()).length() < 1e-5 && s.radiance == [1.0, 2.0, 3.0]);
                     assert!(
-                        (wide(s.normal) - (wide(s.position) - CENTRE) / RADIUS).length() < 1e-5 * (1.0 + d.length())
+                        (wide(s.normal) - (wide(s.position) - CENTER) / RADIUS).length() < 1e-5 * (1.0 + d.length())
                     );
                 }
                 // The position is rounded at large distances.
@@ -210,7 +210,7 @@ fn sphere_and_rectangle_samples_are_uniform_in_area_and_sun_samples_in_solid_ang
     let lit = lights(gpu);
     let lit = &lit;
     let uv = |s: &Sample| {
-        let local = turn().inverse() * (wide(s.position) - CENTRE);
+        let local = turn().inverse() * (wide(s.position) - CENTER);
         assert!(local.z.abs() < 1e-5 && (wide(s.normal) - turn() * DVec3::NEG_Z).length() < 1e-5, "{s:?}");
         0.5 + 0.5 * local.truncate() / HALF
     };
@@ -221,7 +221,7 @@ fn sphere_and_rectangle_samples_are_uniform_in_area_and_sun_samples_in_solid_ang
     let point = DVec3::new(0.3, -0.5, 1.0);
     let ball = move |seed: u32| {
         let s = sampled(lit, BALL, point, MEASURE, seed);
-        chi_squared_of_cells(s.iter().map(|s| cone_cell((wide(s.position) - CENTRE) / RADIUS, DVec3::Z, 2.0)))
+        chi_squared_of_cells(s.iter().map(|s| cone_cell((wide(s.position) - CENTER) / RADIUS, DVec3::Z, 2.0)))
     };
     let mut tests: Vec<Statistical> = vec![("ball".into(), Box::new(ball))];
     for mode in [REFERENCE, CANDIDATE, MEASURE] {
@@ -254,7 +254,7 @@ fn form_factor(corners: &[DVec3], point: DVec3, normal: DVec3) -> f64 {
 fn receivers() -> Vec<(String, u32, DVec3, DVec3, f64)> {
     let mut all = Vec::new();
     for (name, point) in viewers() {
-        let d = CENTRE - point;
+        let d = CENTER - point;
         if d.length() > RADIUS {
             let tilted = (d.normalize() + 0.2 * d.any_orthogonal_vector().normalize()).normalize();
             // The sphere lies entirely above the horizon, but receivers close to it must face its center.
@@ -266,15 +266,15 @@ fn receivers() -> Vec<(String, u32, DVec3, DVec3, f64)> {
         }
     }
     let shines = turn() * DVec3::NEG_Z;
-    let corner = |x: f64, y: f64| CENTRE + turn() * DVec3::new(x * HALF.x, y * HALF.y, 0.0);
+    let corner = |x: f64, y: f64| CENTER + turn() * DVec3::new(x * HALF.x, y * HALF.y, 0.0);
     let corners = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
     for (name, point, front) in [
-        ("front", CENTRE + 1.5 * shines, true),
-        ("aside", CENTRE + 0.7 * shines + 1.2 * (turn() * DVec3::X), true),
-        ("afar", CENTRE + 300.0 * shines, true),
-        ("behind", CENTRE - shines, false),
+        ("front", CENTER + 1.5 * shines, true),
+        ("aside", CENTER + 0.7 * shines + 1.2 * (turn() * DVec3::X), true),
+        ("afar", CENTER + 300.0 * shines, true),
+        ("behind", CENTER - shines, false),
     ] {
-        let normal = (CENTRE - point).normalize();
+        let normal = (CENTER - point).normalize();
         let exact = if front { 2.0 * form_factor(&corners, point, normal) } else { 0.0 };
         all.push((format!("rectangle, {name}"), RECT, point, normal, exact));
     }
@@ -329,7 +329,7 @@ fn an_area_light_density_that_is_wrong_by_three_percent_is_found() {
 }
 
 #[test]
-fn a_ray_towards_a_sample_hits_the_light_with_the_density_of_the_sample() {
+fn a_ray_toward_a_sample_hits_the_light_with_the_density_of_the_sample() {
     let Some(gpu) = gpu() else { return };
     let lit = lights(gpu);
     for (name, light, point, ..) in receivers() {
@@ -358,11 +358,11 @@ fn a_ray_towards_a_sample_hits_the_light_with_the_density_of_the_sample() {
 
 /// Where a ray hits a light, and a tolerance within which it might miss.
 fn oracle(light: &GpuLight, origin: DVec3, d: DVec3) -> (Option<f64>, f64) {
-    let centre = wide(light.position);
+    let center = wide(light.position);
     let of = |i: usize| f64::from(f32::from_bits(light.data[i]));
     match light.kind {
         LIGHT_SPHERE => {
-            let to = centre - origin;
+            let to = center - origin;
             let along = to.dot(d);
             let half = of(0).powi(2) - (to - along * d).length_squared();
             let within = to.length() <= of(0);
@@ -373,7 +373,7 @@ fn oracle(light: &GpuLight, origin: DVec3, d: DVec3) -> (Option<f64>, f64) {
         LIGHT_RECT => {
             let m = wide(light.direction);
             let q = DQuat::from_xyzw(2.0 * m.x, 2.0 * m.y, 2.0 * m.z, 1.0 - m.length_squared()).normalize();
-            let (o, d) = (q.inverse() * (origin - centre), q.inverse() * d);
+            let (o, d) = (q.inverse() * (origin - center), q.inverse() * d);
             // The light emits along -z, so that rays along +z hit its front.
             let t = -o.z / d.z;
             let at = (o + t * d).truncate() / DVec2::new(of(0), of(1));
@@ -402,17 +402,17 @@ fn many(gpu: &Gpu) -> LightScene<'_> {
         });
     }
     for i in 0..100u32 {
-        let centre = DVec3::new(random.unit(), random.unit(), random.unit()) * 4.0 - 2.0;
+        let center = DVec3::new(random.unit(), random.unit(), random.unit()) * 4.0 - 2.0;
         let size = 10f64.powf(1.5 * random.unit() - 1.5);
         let light = if i % 2 == 0 {
-            sphere(centre, size)
+            sphere(center, size)
         } else {
             let q = DQuat::from_rotation_arc(DVec3::Z, random.direction()) * DQuat::from_rotation_z(random.unit());
-            rect(centre, q, DVec2::new(size, 2.0 * size * random.unit()))
+            rect(center, q, DVec2::new(size, 2.0 * size * random.unit()))
         };
         lit.lights.push(light);
         let reach = DVec3::splat(3.0 * size);
-        boxes.push((20 + i, ((centre - reach).as_vec3().to_array(), (centre + reach).as_vec3().to_array())));
+        boxes.push((20 + i, ((center - reach).as_vec3().to_array(), (center + reach).as_vec3().to_array())));
     }
     lit.set_powers(&[1.0; 120]);
     let mut tlas = build_tlas(&boxes);
@@ -471,12 +471,12 @@ fn area_lights_of_all_sizes_give_finite_samples() {
         [s.pdf, s.distance, s.met_pdf].iter().chain(&s.radiance).chain(&s.wi).chain(&s.position).all(|x| x.is_finite())
     };
     for size in [1e-8, 1e-4, 1.0, 1e5] {
-        lit.lights[1] = sphere(CENTRE, size);
-        lit.lights[2] = rect(CENTRE, turn(), DVec2::new(size, size * 1e-3));
+        lit.lights[1] = sphere(CENTER, size);
+        lit.lights[2] = rect(CENTER, turn(), DVec2::new(size, size * 1e-3));
         // Sixteen samples per light.
         let mut queries = Vec::new();
         for at in [DVec3::ZERO, 0.5 * DVec3::X, DVec3::X, 1.0001 * DVec3::X, 30.0 * DVec3::Y, 1e6 * DVec3::Z] {
-            let point = (CENTRE + size * at).as_vec3().to_array();
+            let point = (CENTER + size * at).as_vec3().to_array();
             for i in 0..3 * 3 * 16 {
                 let (light, mode) = (i / 48, i / 16 % 3);
                 queries.push(Query { point, light, mode, seed: 3, reach: FAR, ..Default::default() });

@@ -29,16 +29,16 @@ struct Case<'g> {
 
 /// Maps that are hard to sample, with importance tables that are finer, coarser or squarer than the map.
 fn cases(gpu: &Gpu) -> Vec<Case<'_>> {
-    let grey = |x: f64| DVec3::new(x, 0.5 * x, 2.0 * x);
+    let gray = |x: f64| DVec3::new(x, 0.5 * x, 2.0 * x);
     let maps = [
-        ("constant", Map::new(8, 4, |_, _| grey(1.0))),
-        ("spike", Map::new(32, 16, |x, y| grey(if (x, y) == (31, 5) { 1e5 } else { 1e-2 }))),
-        ("lone spike at the seam", Map::new(32, 16, |x, y| grey(if (x, y) == (0, 9) { 10.0 } else { 0.0 }))),
-        ("gradient", Map::new(24, 10, |x, y| grey(x as f64 + 3.0 * y as f64))),
-        ("black half", Map::new(16, 8, |x, _| grey(f64::from(u8::from(x < 8))))),
-        ("north pole", Map::new(16, 8, |_, y| grey(f64::from(u8::from(y == 0))))),
-        ("south pole", Map::new(16, 8, |x, y| grey(if y == 7 { x as f64 } else { 0.0 }))),
-        ("one texel", Map::new(1, 1, |_, _| grey(3.0))),
+        ("constant", Map::new(8, 4, |_, _| gray(1.0))),
+        ("spike", Map::new(32, 16, |x, y| gray(if (x, y) == (31, 5) { 1e5 } else { 1e-2 }))),
+        ("lone spike at the seam", Map::new(32, 16, |x, y| gray(if (x, y) == (0, 9) { 10.0 } else { 0.0 }))),
+        ("gradient", Map::new(24, 10, |x, y| gray(x as f64 + 3.0 * y as f64))),
+        ("black half", Map::new(16, 8, |x, _| gray(f64::from(u8::from(x < 8))))),
+        ("north pole", Map::new(16, 8, |_, y| gray(f64::from(u8::from(y == 0))))),
+        ("south pole", Map::new(16, 8, |x, y| gray(if y == 7 { x as f64 } else { 0.0 }))),
+        ("one texel", Map::new(1, 1, |_, _| gray(3.0))),
     ];
     let mut cases = Vec::new();
     for (i, (name, map)) in maps.into_iter().enumerate() {

@@ -92,10 +92,10 @@ fn form_factor(corners: [DVec3; 3], point: DVec3, normal: DVec3) -> f64 {
 /// A point and a normal from which one side of the light is entirely visible, and whether that is the front.
 fn receivers(lit: &LightScene) -> [(DVec3, DVec3, bool); 3] {
     let (c, n) = corners(lit);
-    let centre = (c[0] + c[1] + c[2]) / 3.0;
+    let center = (c[0] + c[1] + c[2]) / 3.0;
     let side = (c[1] - c[0]).normalize();
-    let of = |p: DVec3, front: bool| (p, (centre - p).normalize(), front);
-    [of(centre + 2.0 * n, true), of(centre + 0.4 * n + 1.5 * side, true), of(centre - 1.5 * n, false)]
+    let of = |p: DVec3, front: bool| (p, (center - p).normalize(), front);
+    [of(center + 2.0 * n, true), of(center + 0.4 * n + 1.5 * side, true), of(center - 1.5 * n, false)]
 }
 
 #[test]

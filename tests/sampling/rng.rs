@@ -49,7 +49,7 @@ fn numbers_are_uniform() {
 
 /// Pairs of numbers fill a 32x32 grid evenly: neighbors in every part of the counter, and channels of one call.
 #[test]
-fn neighbours_are_independent() {
+fn neighbors_are_independent() {
     let Some(gpu) = gpu() else { return };
     let steps = [("dimension", 0), ("x", 2), ("y", 8), ("frame", 14), ("stream", 16)];
     let pairs = steps

@@ -360,7 +360,7 @@ fn each_unsupported_lighting_feature_is_warned_about_once() {
     }
     rig.insert(shape, Lightmap { image, ..default() });
     let picture = rig.picture(4);
-    assert!(picture.is_finite() && picture.centre().x > 0.0, "the picture is finite and lit");
+    assert!(picture.is_finite() && picture.center().x > 0.0, "the picture is finite and lit");
     assert_eq!(rig.report().lights, 6);
     let named =
         [("PointLightTexture", lights[0]), ("SpotLightTexture", lights[1]), ("DirectionalLightTexture", lights[2])];

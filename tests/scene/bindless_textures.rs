@@ -85,8 +85,8 @@ fn room(rig: &mut Rig, format: TextureFormat, levels: &[Vec<u8>]) {
     let floor = StandardMaterial { base_color_texture: ground, uv_transform, ..lambert(0.9) };
     rig.spawn(square(12.0), floor, Transform::from_xyz(0.0, -1.2, 0.0).with_rotation(flat));
     let lamp = StandardMaterial { emissive_texture: glow, uv_transform, ..lamp(3.0, 4.0, 5.0) };
-    let towards = Transform::from_xyz(-1.2, 0.9, 0.6).looking_to(Vec3::new(-1.0, 0.6, 0.5), Vec3::Y);
-    rig.spawn(square(0.9), lamp, towards);
+    let toward = Transform::from_xyz(-1.2, 0.9, 0.6).looking_to(Vec3::new(-1.0, 0.6, 0.5), Vec3::Y);
+    rig.spawn(square(0.9), lamp, toward);
     let pane = StandardMaterial {
         base_color_texture: holes,
         alpha_mode: AlphaMode::Mask(0.62),
@@ -178,7 +178,7 @@ fn a_bound_image_shows_its_own_levels() {
     for (level, pixel) in [0.125, 0.25, 0.5, 1.0].into_iter().enumerate() {
         let [bound, copied] = [0, 1].map(|i| {
             let material = StandardMaterial { base_color_texture: Some(handles[i].clone()), ..lambert(1.0) };
-            seen(&mut rigs[i], material, pixel).centre()
+            seen(&mut rigs[i], material, pixel).center()
         });
         let [r, g, b, _] = colors[level].map(|c| f32::from(c) / 255.0);
         assert!((bound - Vec3::new(r, g, b)).length() < 1e-5, "{pixel}: {bound}");
@@ -222,7 +222,7 @@ fn bound_textures_keep_the_precision_of_their_format() {
             let material = StandardMaterial { emissive_texture: Some(image), ..lamp(1.0, 1.0, 1.0) };
             let entity = rig.spawn(square(4.0), material, Transform::default());
             rig.set(|restir| restir.bounces = 0);
-            let got = rig.picture(1).centre();
+            let got = rig.picture(1).center();
             rig.app.world_mut().despawn(entity);
             got
         });
@@ -351,18 +351,18 @@ fn a_bound_texture_is_right_or_missing_until_it_is_ready() {
     let plain = rig.add::<Image>(texture(2, 2, |_, _| [255; 4]));
     let material = StandardMaterial { emissive_texture: Some(plain.clone()), ..lamp(1.0, 1.0, 1.0) };
     let entity = rig.spawn(square(8.0), material, Transform::default());
-    assert_eq!(rig.picture(1).centre(), Vec3::ONE);
+    assert_eq!(rig.picture(1).center(), Vec3::ONE);
     let image = image_with_levels(TextureFormat::Rgba8Unorm, 2, 2, &[[255, 0, 0, 255].repeat(4), vec![255, 0, 0, 255]]);
     let red = rig.add::<Image>(image);
     let material = rig.material_of(entity);
     for (image, expected) in [(red, Vec3::X), (plain, Vec3::ONE)] {
         rig.edit(&material, |m| m.emissive_texture = Some(image.clone()));
         for _ in 0..20 {
-            let got = rig.next().centre();
+            let got = rig.next().center();
             assert!(got == Vec3::ONE || got == Vec3::X, "{got}");
         }
         rig.until_ready();
         assert_eq!(binds(&rig), expected == Vec3::X);
-        assert_eq!(rig.picture(1).centre(), expected);
+        assert_eq!(rig.picture(1).center(), expected);
     }
 }

@@ -257,7 +257,7 @@ fn the_backdrop_is_the_skybox_that_bevy_draws() {
         let off = ours.iter().zip(&bevys).filter(far).count();
         let range = ours.iter().map(|c| c[0]).max().zip(ours.iter().map(|c| c[0]).min());
         assert!(range.is_some_and(|(high, low)| high > low + 20), "the picture has too little contrast: {range:?}");
-        assert!(off <= 4, "{off} pixels towards {look} differ; the first are {:?} and {:?}", ours[0], bevys[0]);
+        assert!(off <= 4, "{off} pixels toward {look} differ; the first are {:?} and {:?}", ours[0], bevys[0]);
     }
 }
 
@@ -273,9 +273,9 @@ fn a_mirror_shows_the_skybox_unmirrored_and_the_skybox_lights_the_scene() {
         // The camera looks down -Z from +5; its mirror image looks up +Z.
         let extent = (0.5 * PerspectiveProjection::default().fov).tan();
         let ndc = (at.as_vec2() + 0.5) / 16.0 * Vec2::new(2.0, -2.0) + Vec2::new(-1.0, 1.0);
-        let towards = DVec3::new(f64::from(ndc.x * extent), f64::from(ndc.y * extent), 1.0);
+        let toward = DVec3::new(f64::from(ndc.x * extent), f64::from(ndc.y * extent), 1.0);
         // Face 5 shows +Z; its right is -X.
-        let (x, y) = ((0.5 - 0.5 * towards.x) * 16.0 - 0.5, (0.5 - 0.5 * towards.y) * 16.0 - 0.5);
+        let (x, y) = ((0.5 - 0.5 * toward.x) * 16.0 - 0.5, (0.5 - 0.5 * toward.y) * 16.0 - 0.5);
         let wanted = 2.0 * (0.1 + 0.3 * DVec3::new(1.0, 0.0, 1.0) + DVec3::new(x, y, 8.0) / 16.0 * 0.3);
         assert!((color.as_dvec3() - wanted).length() < 1e-2, "{color} at {at}, not {wanted}");
     }
@@ -285,10 +285,10 @@ fn a_mirror_shows_the_skybox_unmirrored_and_the_skybox_lights_the_scene() {
     let lit = rig.picture(256).mean();
     let (mut sum, mut weight) = (0.0, 0.0);
     let cube = marked();
-    for (face, [towards, ..]) in FACES.into_iter().enumerate() {
+    for (face, [toward, ..]) in FACES.into_iter().enumerate() {
         for (x, y) in (0..16).flat_map(|y| (0..16).map(move |x| (x, y))) {
             let d = direction(face, (x as f64 + 0.5) / 16.0, (y as f64 + 0.5) / 16.0);
-            let middle = towards.dot(d);
+            let middle = toward.dot(d);
             sum += 2.0 * cube.texel(face, x, y).element_sum() / 3.0 * d.z.max(0.0) * middle.powi(3);
             weight += d.z.max(0.0) * middle.powi(3);
         }
@@ -360,11 +360,11 @@ fn a_skybox_is_shown_once_its_image_becomes_a_cube() {
     let image = rig.add::<Image>(stacked);
     let name = format!("{}", image.id());
     rig.insert(rig.camera, Skybox { image: Some(image.clone()), brightness: 1.0, ..default() });
-    assert_eq!(rig.picture(1).centre(), Vec3::ZERO);
+    assert_eq!(rig.picture(1).center(), Vec3::ZERO);
     let told = || log::warnings("is no colour cube").iter().filter(|line| line.contains(&name)).count();
     assert_eq!(told(), 1);
     rig.edit(&image, |image| *image = cube);
-    let got = rig.picture(1).centre();
+    let got = rig.picture(1).center();
     assert!((got - Vec3::new(0.25, 0.5, 1.0)).length() < 1e-5, "{got}");
     assert_eq!(told(), 1);
 }

@@ -122,7 +122,7 @@ fn the_output_of_a_camera_is_visible_as_a_texture() {
                 // One frame draws the color, and the next one shows it.
                 rig.until_ready();
                 let got = rig.next();
-                assert!((got.centre() - 2.0 * color).length() < 0.03, "{format:?}: {} not {color}", got.centre());
+                assert!((got.center() - 2.0 * color).length() < 0.03, "{format:?}: {} not {color}", got.center());
                 assert_eq!(got.samples, 1, "frames with different colors never accumulate");
             }
             let surface = StandardMaterial { base_color_texture: Some(image), ..lambert(1.0) };
@@ -130,7 +130,7 @@ fn the_output_of_a_camera_is_visible_as_a_texture() {
             rig.insert(entity, MeshMaterial3d(surface));
             for color in COLORS {
                 clear(&mut rig, camera, color);
-                let got = rig.debug(DebugView::Albedo).centre();
+                let got = rig.debug(DebugView::Albedo).center();
                 assert!((got - color).length() < 0.015, "{format:?}: {got} not {color}");
             }
             rig.app.world_mut().despawn(entity);
@@ -145,9 +145,9 @@ fn a_lamp_with_the_output_of_a_camera_lights_its_surroundings() {
     let Some(mut rig) = Rig::new(8, 8) else { return };
     let (image, camera) = screen(&mut rig, TextureFormat::Rgba16Float, None);
     rig.spawn(square(8.0), lambert(1.0), Transform::default());
-    let towards = Transform::from_xyz(0.0, 0.0, 6.0).looking_to(Vec3::Z, Vec3::Y);
+    let toward = Transform::from_xyz(0.0, 0.0, 6.0).looking_to(Vec3::Z, Vec3::Y);
     let glow = StandardMaterial { emissive_texture: Some(image), ..lamp(1.0, 1.0, 1.0) };
-    rig.spawn(square(4.0), glow, towards);
+    rig.spawn(square(4.0), glow, toward);
     // Another light is always on, so that both share the samples.
     rig.spawn_bundle((PointLight { intensity: 1.0, ..default() }, Transform::from_xyz(0.0, 0.0, 3.0)));
     rig.insert(rig.camera, orthographic(2.0, 2.0));

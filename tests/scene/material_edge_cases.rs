@@ -443,7 +443,7 @@ fn of_several_levels_of_detail_the_one_in_range_is_hit() {
         [(5.0, Vec3::X), (15.0, Vec3::Y), (8.5, Vec3::X), (9.5, Vec3::Y), (30.0, Vec3::ZERO), (5.0, Vec3::X)]
     {
         rig.get_mut::<Transform>(rig.camera).translation.z = z;
-        assert_eq!(rig.picture(1).centre(), color, "{z} away");
+        assert_eq!(rig.picture(1).center(), color, "{z} away");
         assert_eq!(rig.report().instances, u64::from(color != Vec3::ZERO), "{z} away");
     }
     // With `use_aabb` the distance is that of the center of the bounding box.
@@ -451,10 +451,10 @@ fn of_several_levels_of_detail_the_one_in_range_is_hit() {
         rig.spawn(square(2.0).translated_by(Vec3::new(0.0, 0.0, 3.0)), lamp(0.0, 0.0, 1.0), Transform::default());
     for (use_aabb, color) in [(false, Vec3::X), (true, Vec3::Z)] {
         rig.insert(aside, VisibilityRange { use_aabb, ..VisibilityRange::abrupt(0.0, 3.0) });
-        assert_eq!(rig.picture(1).centre(), color, "use_aabb: {use_aabb}");
+        assert_eq!(rig.picture(1).center(), color, "use_aabb: {use_aabb}");
     }
     rig.app.world_mut().entity_mut(near).remove::<VisibilityRange>();
     rig.app.world_mut().despawn(aside);
     rig.get_mut::<Transform>(rig.camera).translation.z = 30.0;
-    assert_eq!(rig.picture(1).centre(), Vec3::X, "without a range");
+    assert_eq!(rig.picture(1).center(), Vec3::X, "without a range");
 }

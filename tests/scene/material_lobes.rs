@@ -108,7 +108,7 @@ fn every_lobe_under_a_sun_equals_the_oracle() {
             let wi = direction();
             rig.insert(plane, Transform::from_rotation(turned));
             rig.insert(sun, Transform::default().looking_to(-wi, if wi.y.abs() > 0.9 { Vec3::X } else { Vec3::Y }));
-            let seen = rig.picture(1).centre().as_dvec3();
+            let seen = rig.picture(1).center().as_dvec3();
             let m = design(&material, turned, wo);
             let expected = f64::from(LUX) * m.eval_all(wo.as_dvec3(), wi.as_dvec3().normalize());
             lit += u32::from(expected.max_element() > 1e-3);
@@ -165,7 +165,7 @@ fn a_thin_wall_does_not_change_the_medium() {
     };
     rig.spawn(Cuboid::from_length(2.0), body, Transform::default());
     let expected = 4.0 * Vec3::new(0.64, 0.25, 0.09);
-    let seen = rig.picture(1).centre();
+    let seen = rig.picture(1).center();
     assert!((seen - expected).abs().max_element() < 1e-3, "{seen}, not {expected}");
     // Russian roulette ends some of the longer paths; this is the mean of 1024 samples.
     let expected = expected.element_sum() / 3.0;

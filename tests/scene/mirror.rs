@@ -95,7 +95,7 @@ fn moving_lights_upload_themselves_and_no_emissive_triangles() {
 
 /// The base color in the middle of the image, or 0 where no surface is visible.
 fn albedo(rig: &mut Rig) -> f32 {
-    rig.debug(DebugView::Albedo).centre().x
+    rig.debug(DebugView::Albedo).center().x
 }
 
 fn near(a: f32, b: f32) -> bool {
@@ -226,7 +226,7 @@ fn removed_materials_free_their_memory() {
         let material = rig.add::<StandardMaterial>(lamp(brightness, 0.0, 0.5 * brightness));
         rig.insert(entity, MeshMaterial3d(material));
         if i % 50 == 49 {
-            assert_eq!(rig.next().centre(), Vec3::new(brightness, 0.0, 0.5 * brightness), "material {i}");
+            assert_eq!(rig.next().center(), Vec3::new(brightness, 0.0, 0.5 * brightness), "material {i}");
         } else {
             rig.frame();
         }
@@ -250,16 +250,16 @@ fn bevy_draws_our_meshes_for_every_camera_but_ours() {
     rig.spawn_bundle((Camera3d::default(), Camera { order: 1, ..default() }, image, transform, unit_exposure()));
     rig.until_ready();
     let ours = rig.target.clone();
-    let centre = |rig: &mut Rig, target: &Handle<Image>| rig.drawn(target)[8 * 16 + 8][0];
-    assert!(centre(&mut rig, &other) > 100, "a camera without `Restir`");
-    assert!(centre(&mut rig, &ours) < 10, "a camera with `Restir`");
+    let center = |rig: &mut Rig, target: &Handle<Image>| rig.drawn(target)[8 * 16 + 8][0];
+    assert!(center(&mut rig, &other) > 100, "a camera without `Restir`");
+    assert!(center(&mut rig, &ours) < 10, "a camera with `Restir`");
     rig.app.world_mut().entity_mut(rig.camera).remove::<Restir>();
     rig.frames(2);
-    assert!(centre(&mut rig, &ours) > 100, "after `Restir` was removed");
+    assert!(center(&mut rig, &ours) > 100, "after `Restir` was removed");
     rig.insert(rig.camera, plain());
     rig.until_ready();
-    assert!(centre(&mut rig, &ours) < 10, "after `Restir` was added again");
-    assert!(centre(&mut rig, &other) > 100, "the other camera");
+    assert!(center(&mut rig, &ours) < 10, "after `Restir` was added again");
+    assert!(center(&mut rig, &other) > 100, "the other camera");
 }
 
 #[test]
@@ -326,7 +326,7 @@ fn a_scene_that_gains_and_loses_features_is_never_black() {
     ];
     let bright = |rig: &mut Rig, what: &str| {
         let picture = rig.next();
-        assert!(picture.centre().x > 0.05, "{what}: the square is black");
+        assert!(picture.center().x > 0.05, "{what}: the square is black");
         assert!(picture.is_finite(), "{what}");
     };
     for (name, features, add) in steps {
@@ -387,16 +387,16 @@ fn bevy_lights_a_camera_until_our_pipelines_are_there() {
     rig.spawn(square(2.0), lambert(1.0), Transform::default());
     let target = rig.target.clone();
     rig.app.world_mut().entity_mut(rig.camera).remove::<Restir>();
-    let centre = |rig: &mut Rig| rig.drawn(&target)[8 * 16 + 8][0];
+    let center = |rig: &mut Rig| rig.drawn(&target)[8 * 16 + 8][0];
     let mut frames = 0;
-    while centre(&mut rig) < 200 {
+    while center(&mut rig) < 200 {
         frames += 1;
         assert!(frames < 1000, "Bevy's own picture never appeared");
     }
     rig.insert(rig.camera, plain());
     let mut lit_by_bevy = 0;
     loop {
-        let seen = centre(&mut rig);
+        let seen = center(&mut rig);
         assert!(seen > 50, "dark after {lit_by_bevy} pictures by Bevy");
         if seen < 200 {
             break;
@@ -406,5 +406,5 @@ fn bevy_lights_a_camera_until_our_pipelines_are_there() {
     }
     assert!(lit_by_bevy > 0, "Bevy renders until our pipelines are ready");
     rig.until_ready();
-    assert!((50..200).contains(&centre(&mut rig)), "our picture stays");
+    assert!((50..200).contains(&center(&mut rig)), "our picture stays");
 }

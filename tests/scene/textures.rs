@@ -403,7 +403,7 @@ fn transforms_and_second_coordinates_choose_the_texel() {
 }
 
 fn albedo(rig: &mut Rig) -> Vec3 {
-    rig.debug(DebugView::Albedo).centre()
+    rig.debug(DebugView::Albedo).center()
 }
 
 fn bytes(rig: &Rig, name: &str) -> u64 {
@@ -489,7 +489,7 @@ fn linear_and_float_images_keep_their_values() {
         [(Vec2::new(1.0, -1.0), values[0]), (Vec2::new(-1.0, -1.0), values[1]), (Vec2::new(1.0, 1.0), [0.0; 4])]
     {
         *rig.get_mut::<Transform>(entity) = Transform::from_translation(corner.extend(0.0));
-        let got = rig.picture(1).centre();
+        let got = rig.picture(1).center();
         let expected = 2.0 * Vec3::new(value[0], value[1], value[2]);
         // The shared exponent leaves eight bits below the largest component.
         let error = (got - expected).abs().max_element();

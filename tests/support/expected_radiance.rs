@@ -1,25 +1,25 @@
-//! One app in which a row of small scenes stands, one after the other, each with the value that it must have: what a narrow look at one
-//! point shows, by the reference tracer and by paths.  The camera looks down -Z through a window of 0.1 m, light comes where a row says so.
+//! Renders a list of small scenes in one app and compares the radiance in the middle with a known value, for the reference tracer and
+//! ReSTIR PT.  The camera looks down -Z through a window of 0.1 m.
 
 use super::app::*;
 use bevy::{camera::visibility::RenderLayers, prelude::*};
 use bevy_restir::{Restir, RestirEnvironment, Technique};
 use core::f32::consts::{PI, SQRT_2};
 
-/// What a row puts into the empty scene.
+/// Spawns a scene into the empty app.
 type Build = fn(&mut Rig);
 
-/// (what, scene, radiance of the window's mean, relative tolerance).
+/// (name, scene, mean radiance of the window, relative tolerance).
 pub type Row = (&'static str, Build, f64, f64);
 
-/// Nothing is random in it but what rounds.
+/// Tolerance of scenes without random choices: rounding only.
 pub const EXACT: f64 = 2e-3;
-/// Coins are thrown, for every pixel of every frame.
+/// Tolerance of scenes with random choices in every pixel of every frame.
 pub const NOISY: f64 = 0.03;
 
 const FRAMES: u32 = 24;
 
-/// One row after the other in one app: what a row leaves behind would show in the next.
+/// Renders all rows in one app, so that remains of one scene would show in the next.
 pub fn check(rows: &[Row]) {
     let Some(mut rig) = Rig::new(24, 24) else { return };
     let camera = rig.camera;
@@ -38,12 +38,12 @@ pub fn check(rows: &[Row]) {
     rig.assert_sound();
 }
 
-/// Back to the empty scene.
+/// Removes everything but the camera.
 fn clear(rig: &mut Rig) {
     let world = rig.app.world_mut();
     let mut spawned = world.query_filtered::<Entity, (With<Transform>, Without<Restir>)>();
     for entity in spawned.iter(world).collect::<Vec<_>>() {
-        // Children go with their parents.
+        // Children despawn with their parents.
         let _ = world.try_despawn(entity);
     }
     world.insert_resource(ClearColor(Color::BLACK));
@@ -55,27 +55,27 @@ pub fn at(x: f32, y: f32, z: f32) -> Transform {
     Transform::from_xyz(x, y, z)
 }
 
-/// Seen from behind.
+/// Turned around, so that the camera sees the back.
 pub fn turned(transform: Transform) -> Transform {
     transform.with_rotation(Quat::from_rotation_y(PI))
 }
 
-/// Seen from both sides.
+/// Visible from both sides.
 pub fn open(material: StandardMaterial) -> StandardMaterial {
     StandardMaterial { cull_mode: None, ..material }
 }
 
-/// Along -Z: a plane that faces the camera has radiance albedo · 2.
+/// A sun along -Z: a plane that faces the camera has radiance albedo · 2.
 pub fn sun(rig: &mut Rig) -> Entity {
     rig.spawn_bundle((DirectionalLight { illuminance: 2.0 * PI, ..default() }, Transform::default()))
 }
 
-/// From (1, 0, 1): the same plane has radiance albedo · 2 as well.
+/// A sun from (1, 0, 1): the same plane also has radiance albedo · 2.
 pub fn slanting_sun(rig: &mut Rig) -> Entity {
     rig.spawn_bundle((DirectionalLight { illuminance: 2.0 * SQRT_2 * PI, ..default() }, blind()))
 }
 
-/// Across the way of the slanting sun: what lies there shades the middle of the plane, and the camera does not see it.
+/// A place in the path of the slanting sun: an object there shadows the middle of the plane and is invisible to the camera.
 pub fn blind() -> Transform {
     at(1.0, 0.0, 1.0).looking_at(Vec3::ZERO, Vec3::Y)
 }
@@ -84,7 +84,7 @@ pub fn floor(rig: &mut Rig, albedo: f32) -> Entity {
     rig.spawn(square(4.0), lambert(albedo), Transform::default())
 }
 
-/// A lamp that emits to both sides.
+/// A lamp that emits on both sides.
 pub fn both_sides(r: f32) -> StandardMaterial {
     StandardMaterial { double_sided: true, cull_mode: None, ..lamp(r, r, r) }
 }

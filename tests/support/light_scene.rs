@@ -1,4 +1,4 @@
-//! A scene of lights and an environment on the GPU, for kernels that sample them.
+//! A scene of lights and an environment in GPU buffers, for kernels that sample them.
 
 use super::{
     compose::Def,
@@ -14,7 +14,7 @@ use bevy_restir::{
 };
 use glam::DMat3;
 
-/// A direction of the environment, as the kernel of that name takes and gives it.
+/// A direction of the environment, as the kernel reads and writes it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct EnvironmentSample {
@@ -24,12 +24,12 @@ pub struct EnvironmentSample {
     pub pdf_again: f32,
 }
 
-/// Everything that groups 0 and 1 bind and lights read.
+/// The content of bind groups 0 and 1 as far as lights need it.
 pub struct LightScene<'g> {
     pub gpu: &'g Gpu,
     pub scene: GpuSceneUniforms,
     pub view: GpuViewUniforms,
-    /// Trees over lights.
+    /// Nodes of the trees over lights.
     pub nodes: Vec<[u32; 4]>,
     pub triangles: Vec<GpuTriangle>,
     pub attributes: Vec<GpuTriangleAttributes>,
@@ -38,7 +38,7 @@ pub struct LightScene<'g> {
     pub lights: Vec<GpuLight>,
     /// One page of the atlas, 4x4.
     pub atlas: [[u8; 4]; 16],
-    /// Records of textures, and second texture coordinates, of a row at most.
+    /// Records of textures, and second texture coordinates: at most one row each.
     pub table: Vec<[u32; 4]>,
     pub second_uvs: Vec<[[f32; 2]; 3]>,
     map: wgpu::TextureView,
@@ -82,7 +82,7 @@ fn array_view(texture: &wgpu::Texture) -> wgpu::TextureView {
 }
 
 impl<'g> LightScene<'g> {
-    /// No lights, and a white environment without a map.
+    /// A scene without lights, in a white environment without a map.
     pub fn new(gpu: &'g Gpu) -> Self {
         let dark = texture(gpu, wgpu::TextureFormat::R32Float, &[(1, 1, &[0; 4])]);
         let mut lit = Self {
@@ -105,13 +105,13 @@ impl<'g> LightScene<'g> {
         lit
     }
 
-    /// Environment from world.
+    /// Sets the rotation from world space to the environment.
     pub fn rotate(&mut self, rotation: DMat3) {
         self.view.environment_rotation =
             [rotation.x_axis, rotation.y_axis, rotation.z_axis].map(|c| c.extend(0.0).as_vec4().to_array());
     }
 
-    /// Sets the map and a table of the given size, level 0 by the crate's own kernel.  Gives level 0.
+    /// Sets the map and an importance table of the given size.  The crate's own kernel computes level 0, which is returned.
     pub fn set_map(&mut self, map: &Map, width: u32, height: u32) -> Vec<f32> {
         let texels: Vec<[f32; 4]> = map.texels.iter().map(|c| c.as_vec3().extend(1.0).to_array()).collect();
         let level = (map.width as u32, map.height as u32, bytemuck::cast_slice(&texels));
@@ -119,9 +119,9 @@ impl<'g> LightScene<'g> {
         self.set_table(&["ENVIRONMENT", "ENVIRONMENT_MAP"], width, height)
     }
 
-    /// Sets a cube of so many texels a side, its faces one after the other, and a table as [`Self::set_map`] does.
+    /// Sets a cube map with faces of `side` texels, one after the other, and a table as [`Self::set_map`] does.
     pub fn set_cube(&mut self, side: u32, texels: &[[f32; 4]], width: u32, height: u32) -> Vec<f32> {
-        // The faces of a cube lie in memory as the rows of a texture of six times the height do.
+        // The faces of a cube are stored like one texture of six times the height.
         let size = wgpu::Extent3d { width: side, height: side, depth_or_array_layers: 6 };
         let cube = self.gpu.device.create_texture(&wgpu::TextureDescriptor {
             label: None,
@@ -149,7 +149,7 @@ impl<'g> LightScene<'g> {
         self.run("environment_importance", source, &defs, width * height, &bound);
         let first: Vec<f32> = self.gpu.read(&cells);
 
-        // The chain of 2x2 sums.
+        // The coarser levels are sums of 2x2 cells.
         let mut chain = vec![(width, height, first.clone())];
         while let Some((w, h, above)) = chain.last().filter(|l| l.0 * l.1 > 1) {
             let (half_w, half_h) = ((w / 2).max(1), (h / 2).max(1));
@@ -167,7 +167,7 @@ impl<'g> LightScene<'g> {
         first
     }
 
-    /// Fills the lights' alias entries and the scene's counts by these powers.
+    /// Sets the alias table of the lights and the counts of the scene from these powers.
     pub fn set_powers(&mut self, powers: &[f64]) {
         let total: f64 = powers.iter().filter(|p| p.is_finite() && **p > 0.0).sum();
         self.scene.light_power = total as f32;
@@ -182,7 +182,7 @@ impl<'g> LightScene<'g> {
         }
     }
 
-    /// Samples the environment where `samples` are zero; evaluates the others' directions.
+    /// Samples the environment where an element of `samples` is zero, and evaluates the direction of the others.
     pub fn sample_environment(&self, seed: u32, samples: &[EnvironmentSample], defs: &[Def]) -> Vec<EnvironmentSample> {
         let seed = self.gpu.storage(&[seed]);
         let buffer = self.gpu.storage(samples);
@@ -191,7 +191,7 @@ impl<'g> LightScene<'g> {
         self.gpu.read(&buffer)
     }
 
-    /// Runs a kernel of workgroups of 64.
+    /// Runs a kernel with workgroups of 64.
     pub fn run(&self, name: &str, source: &str, defs: &[Def], threads: u32, own: &[(u32, u32, Bound)]) {
         fn some<T: Clone + bytemuck::Zeroable>(v: &[T]) -> Vec<T> {
             if v.is_empty() { vec![T::zeroed()] } else { v.to_vec() }
@@ -210,7 +210,7 @@ impl<'g> LightScene<'g> {
             dimension: Some(wgpu::TextureViewDimension::D2Array),
             ..Default::default()
         });
-        // A row of each array.
+        // One row of each array.
         let mut table = self.table.clone();
         table.resize(1024, [0; 4]);
         let table = texture(gpu, wgpu::TextureFormat::Rgba32Uint, &[(1024, 1, bytemuck::cast_slice(&table))]);

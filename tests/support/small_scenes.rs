@@ -7,7 +7,7 @@ use bevy::{
 };
 use bevy_restir::RestirEnvironment;
 
-/// Scenes whose paths are shifted: diffuse, glossy, by mirrors, to an environment, past balls, rectangles and a sun.
+/// Scenes for tests of the shift: diffuse, glossy, with mirrors, in an environment, and with area lights.
 pub const PATH_SCENES: [(&str, fn(&mut Rig)); 5] = [
     ("room", |rig| {
         room(rig);
@@ -18,7 +18,7 @@ pub const PATH_SCENES: [(&str, fn(&mut Rig)); 5] = [
     ("shapes", shapes),
 ];
 
-/// A metal or a plastic.
+/// A metal or a plastic material.
 pub fn shiny(color: Color, roughness: f32, metallic: f32) -> StandardMaterial {
     StandardMaterial { base_color: color, perceptual_roughness: roughness, metallic, ..default() }
 }
@@ -29,7 +29,7 @@ fn facing(from: Vec3, to: Vec3) -> Transform {
         .looking_to(from - to, if (to - from).normalize().y.abs() > 0.9 { Vec3::X } else { Vec3::Y })
 }
 
-/// A room without a ceiling lamp's symmetry: walls, blocks that throw shadows, one area light.
+/// An asymmetric room: walls, blocks that cast shadows, and one area light.
 pub fn room(rig: &mut Rig) -> Entity {
     let floor = Transform::from_xyz(0.0, -1.2, 0.0).with_rotation(Quat::from_rotation_x(-core::f32::consts::FRAC_PI_2));
     rig.spawn(square(4.0), lambert(0.7), floor);
@@ -49,7 +49,7 @@ pub fn room(rig: &mut Rig) -> Entity {
     )
 }
 
-/// A glossy floor with an emitter that almost touches it, a smooth ball and a rough one: the BSDF finds what lights do not.
+/// A glossy floor with an emitter that almost touches it, a smooth ball and a rough one: BSDF samples find light that light samples miss.
 pub fn glossy(rig: &mut Rig) {
     let floor = Transform::from_xyz(0.0, -1.0, 0.0).with_rotation(Quat::from_rotation_x(-core::f32::consts::FRAC_PI_2));
     rig.spawn(square(5.0), shiny(Color::linear_rgb(0.5, 0.6, 0.7), 0.45, 0.8), floor);
@@ -69,7 +69,7 @@ pub fn glossy(rig: &mut Rig) {
     rig.spawn(square(1.0), lamp(8.0, 8.0, 8.0), facing(Vec3::new(1.0, 1.5, 1.0), Vec3::ZERO));
 }
 
-/// Deltas in position and in direction, and a cone, with shadows.
+/// Point, directional and spot lights with shadows.
 pub fn punctual(rig: &mut Rig) {
     room_without_lamp(rig);
     let point = |intensity| PointLight { intensity, ..default() };
@@ -81,7 +81,7 @@ pub fn punctual(rig: &mut Rig) {
     rig.spawn_bundle((spot, Transform::from_xyz(0.0, 1.8, 1.0).looking_at(Vec3::new(-0.3, -1.0, 0.0), Vec3::Z)));
 }
 
-/// A ball, a rectangle and a sun with a disc over a glossy wall, one behind the other, and a mirror that shows them.
+/// A sphere light, a rectangle light and a sun with a disk over a glossy wall, one behind the other, and a mirror that shows them.
 pub fn shapes(rig: &mut Rig) {
     room_without_lamp(rig);
     let ball = PointLight { intensity: 25.0, radius: 0.25, color: Color::linear_rgb(1.0, 0.7, 0.4), ..default() };
@@ -106,14 +106,14 @@ fn room_without_lamp(rig: &mut Rig) {
     rig.spawn(Cuboid::new(0.6, 0.1, 0.6), lambert(0.4), Transform::from_xyz(0.6, 0.1, 0.0));
 }
 
-/// A lamp, and light from all round.
+/// A lamp, and an environment.
 pub fn surrounded_by(rig: &mut Rig, environment: impl FnOnce(&mut Rig)) {
     room_without_lamp(rig);
     rig.spawn(square(0.5), lamp(2.0, 2.0, 2.0), facing(Vec3::new(0.9, 1.0, 0.9), Vec3::ZERO));
     environment(rig);
 }
 
-/// The same of one colour or by a map with a sun in it.
+/// A lamp, and an environment of one color or with a map that has a sun.
 pub fn surrounded(rig: &mut Rig, with_map: bool) {
     surrounded_by(rig, |rig| environment_of(rig, with_map));
 }
@@ -134,7 +134,7 @@ fn environment_of(rig: &mut Rig, with_map: bool) {
     rig.insert(rig.camera, environment);
 }
 
-/// A mirror, a lacquer (a delta over a diffuse body), a lamp that the mirror shows, and an unlit square.
+/// A mirror, a lacquer (a delta lobe over a diffuse body), a lamp that the mirror shows, and an unlit square.
 pub fn mirrors(rig: &mut Rig) {
     room(rig);
     let mirror = shiny(Color::linear_rgb(0.9, 0.9, 0.9), 0.0, 1.0);
@@ -152,7 +152,7 @@ pub fn mirrors(rig: &mut Rig) {
     rig.spawn(square(0.4), unlit, Transform::from_xyz(-1.0, 0.7, 0.0));
 }
 
-/// Under a ceiling that shines, which rays often meet; a mirror shows it, and things that are half metal.
+/// An emissive ceiling that rays often hit, a mirror that shows it, and half-metallic objects.
 pub fn shining(rig: &mut Rig) {
     room(rig);
     let ceiling = Transform::from_xyz(0.0, 1.9, 0.0).with_rotation(Quat::from_rotation_x(core::f32::consts::FRAC_PI_2));
@@ -167,7 +167,7 @@ pub fn shining(rig: &mut Rig) {
     rig.spawn(Sphere::new(0.4).mesh().uv(16, 10), shiny(Color::WHITE, 0.3, 1.0), Transform::from_xyz(0.1, -0.8, 0.8));
 }
 
-/// Fine textures on a floor, an emitter and a blended pane, turned and repeated, and a mirror that shows them.
+/// Fine textures on a floor, an emitter and an alpha mask, rotated and repeated, and a mirror that shows them.
 pub fn textured(rig: &mut Rig) {
     mirrors(rig);
     let mut checks =
@@ -195,7 +195,7 @@ pub fn textured(rig: &mut Rig) {
     rig.spawn(square(0.8), pane, facing(Vec3::new(0.3, 0.4, 0.5), Vec3::new(0.1, -1.0, 0.0)));
 }
 
-/// The lobes that few materials have: varnish smooth and rough, brushed metal, a leaf with the lamp behind it, a frosted pane, frosted glass.
+/// The less common lobes: smooth and rough varnish, brushed metal, a leaf with a lamp behind it, a frosted pane, frosted glass.
 pub fn every_lobe(rig: &mut Rig) {
     let floor = Transform::from_xyz(0.0, -1.2, 0.0).with_rotation(Quat::from_rotation_x(-core::f32::consts::FRAC_PI_2));
     let varnish = StandardMaterial {
@@ -242,7 +242,7 @@ pub fn every_lobe(rig: &mut Rig) {
     rig.spawn(square(0.5), lamp(4.0, 5.0, 6.0), facing(Vec3::new(1.4, 1.0, 1.2), Vec3::ZERO));
 }
 
-/// Shadows of blended panes, and an emitter that is itself half there, beside a glossy wall.
+/// Shadows of blended panes, and an emitter that is itself partly transparent, beside a glossy wall.
 pub fn blended(rig: &mut Rig) {
     glossy(rig);
     let pane = |alpha| StandardMaterial {
@@ -261,7 +261,7 @@ pub fn blended(rig: &mut Rig) {
     rig.spawn(square(0.8), lamp, Transform::from_xyz(-0.5, -0.5, -0.4).with_rotation(Quat::from_rotation_y(0.6)));
 }
 
-/// Steps of a motion before the one that is shown.
+/// The number of steps of a motion before the frame that is compared.
 pub const STEPS: u32 = 3;
 
 /// A room in which an occluder, an emitter, a light and the camera move: [`pose_moving`].
@@ -273,12 +273,12 @@ pub fn moving(rig: &mut Rig) {
     rig.spawn_bundle((Name::new("light"), PointLight { intensity: 30.0, ..default() }, Transform::default()));
 }
 
-/// The room at a step, 0 to [`STEPS`].
+/// Poses the room at a step, 0 to [`STEPS`].
 pub fn pose_moving(rig: &mut Rig, step: u32) {
     pose_moving_at(rig, step as f32);
 }
 
-/// The room between steps.
+/// Poses the room between steps.
 pub fn pose_moving_at(rig: &mut Rig, step: f32) {
     let mut place = |name: &str, place: Transform| {
         let entity = rig.named(name);
@@ -293,7 +293,7 @@ pub fn pose_moving_at(rig: &mut Rig, step: f32) {
         Transform::from_translation(eye).looking_at(Vec3::new(0.0, -0.2, 0.0), Vec3::Y);
 }
 
-/// A room with an emitter whose place in the table of lights is another one in the last frames, for lights come and go: [`pose_passing`].
+/// A room with an emitter whose index in the light table changes in the last frames, because lights come and go: [`pose_passing`].
 pub fn passing(rig: &mut Rig) {
     room(rig);
     for (name, x) in [("late", 1.0), ("early", -1.0), ("steady", 0.0)] {
@@ -302,7 +302,7 @@ pub fn passing(rig: &mut Rig) {
     }
 }
 
-/// Who is there at a step, 0 to [`STEPS`].
+/// Shows the lights of a step, 0 to [`STEPS`].
 pub fn pose_passing(rig: &mut Rig, step: u32) {
     for (name, there) in [("late", step >= STEPS), ("early", step < STEPS - 1)] {
         let entity = rig.named(name);

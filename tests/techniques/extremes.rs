@@ -1,5 +1,5 @@
-//! Pictures do not depend on the scale of the scene, on where it lies, or on how bright it is: only rounding tells the difference.  Those of
-//! ReSTIR are of the last frame, with what was kept of those before.
+//! Pictures do not depend on the scale, position or brightness of the scene, except for rounding.  Pictures of ReSTIR are of the last
+//! frame, with its history.
 
 use crate::support::app::{Picture, Rig, lambert, lamp, plain, square};
 use bevy::prelude::*;
@@ -7,7 +7,8 @@ use bevy_restir::{Paths, Restir, Technique};
 
 const TECHNIQUES: [Technique; 4] = [Technique::Reference, Technique::Di, Technique::Gi, Technique::Pt];
 
-/// A room of walls, a lamp, a rough metal ball and a glass one, in front of a camera at (0, 0, 5), all of it times `scale` and moved.
+/// A room with walls, a lamp, a rough metal ball and a glass ball, in front of a camera at (0, 0, 5); everything is scaled by `scale` and
+/// moved.
 fn room(rig: &mut Rig, scale: f32, offset: Vec3, radiance: f32) {
     let mut spawn = |mesh: Mesh, material: StandardMaterial, transform: Transform| {
         let transform = Transform {
@@ -44,7 +45,7 @@ fn room(rig: &mut Rig, scale: f32, offset: Vec3, radiance: f32) {
             Restir {
                 bounces: 6,
                 jitter: true,
-                // What is a length is as large as the scene.
+                // Lengths scale with the scene.
                 paths: Paths { distance: 0.01 * scale, ..Default::default() },
                 ..plain()
             },
@@ -62,7 +63,7 @@ fn picture(technique: Technique, scale: f32, offset: Vec3, radiance: f32, frames
     Some(picture)
 }
 
-/// Share of the pixels that differ by more than a part in a thousand.
+/// The share of pixels that differ by more than a thousandth.
 fn share_of_different_pixels(a: &Picture, b: &Picture, gain: f32) -> f64 {
     let differ =
         |(a, b): &((UVec2, Vec3), (UVec2, Vec3))| (a.1 * gain - b.1).length() > 1e-3 * (b.1.length() + 1e-3 * gain);
@@ -73,7 +74,7 @@ fn share_of_different_pixels(a: &Picture, b: &Picture, gain: f32) -> f64 {
 fn a_scene_looks_the_same_at_every_scale() {
     for technique in TECHNIQUES {
         let Some(one) = picture(technique, 1.0, Vec3::ZERO, 10.0, 8) else { return };
-        // Powers of two scale every float exactly, so the same random numbers take the same paths: 1.2e-4 and 1.3e5.
+        // Powers of two scale every float exactly, so that equal random numbers give the same paths: 1.2e-4 and 1.3e5.
         for exponent in [-13, 17] {
             let scaled = picture(technique, 2f32.powi(exponent), Vec3::ZERO, 10.0, 8).expect("there is an adapter");
             let share = share_of_different_pixels(&one, &scaled, 1.0);
@@ -84,7 +85,7 @@ fn a_scene_looks_the_same_at_every_scale() {
 }
 
 #[test]
-fn brightness_scales_without_end() {
+fn pictures_scale_with_radiances_from_1e_minus_6_to_1e10() {
     for technique in TECHNIQUES {
         let Some(one) = picture(technique, 1.0, Vec3::ZERO, 1.0, 4) else { return };
         // 1e-6 and 1e10.
@@ -99,21 +100,21 @@ fn brightness_scales_without_end() {
 }
 
 #[test]
-fn far_from_the_origin_nothing_leaks() {
-    // At 1e5 m a float is 8 mm apart: a room of 64 m is the same room, but for its noise.
+fn far_from_the_origin_no_light_leaks() {
+    // At 1e5 m, floats are 8 mm apart: a room of 64 m looks the same except for noise.
     let frames = 48;
     let reference = Technique::Reference;
     let Some(here) = picture(reference, 16.0, Vec3::ZERO, 10.0, frames) else { return };
     let there = picture(reference, 16.0, Vec3::new(1e5, -1e5, 1e5), 10.0, frames).expect("there is an adapter");
     let difference = (there.mean() - here.mean()) / here.mean();
     assert!(difference.abs() < 0.03, "the mean is off by {difference}");
-    // No pixel of a wall is black, as it would be if shadow rays met their own surface.
+    // No wall pixel is black, as it would be if shadow rays hit their own surface.
     let black = |p: &Picture| p.iter().filter(|(_, c)| c.max_element() <= 0.0).count();
     assert!(black(&there) <= black(&here) + 5, "{} pixels are black, {} at the origin", black(&there), black(&here));
 }
 
 #[test]
-fn dim_and_bright_lamps_share_a_picture() {
+fn dim_and_bright_lamps_work_in_one_picture() {
     let Some(mut rig) = Rig::new(32, 32) else { return };
     room(&mut rig, 1.0, Vec3::ZERO, 1e10);
     rig.spawn(square(0.5), lamp(1e-6, 1e-6, 1e-6), Transform::from_xyz(0.0, 0.5, -1.9));
@@ -126,7 +127,7 @@ fn dim_and_bright_lamps_share_a_picture() {
 }
 
 #[test]
-fn glass_of_index_one_is_not_there() {
+fn glass_of_index_one_is_invisible() {
     let with = |ball: bool| {
         let mut rig = Rig::new(33, 17)?;
         rig.set(|restir| restir.bounces = 4);
@@ -150,7 +151,7 @@ fn glass_of_index_one_is_not_there() {
 }
 
 #[test]
-fn every_roughness_gives_a_sound_picture() {
+fn every_roughness_renders_without_errors() {
     for roughness in [0.0, 0.01, 0.032, 0.5, 1.0] {
         for metallic in [0.0, 1.0] {
             let Some(mut rig) = Rig::new(17, 31) else { return };

@@ -1,4 +1,4 @@
-//! The parts of resampling: MIS weights, streams, reservoirs, and points of lights in eight bytes.
+//! Parts of resampling: MIS weights, reservoir streams, packed reservoirs, and light samples in eight bytes.
 
 use crate::support::{
     compose::{Def, flag},
@@ -35,7 +35,7 @@ fn weights(gpu: &Gpu, cases: &[Case]) -> Vec<Weights> {
     gpu.read(&output)
 }
 
-/// What targets may be: ordinary, failed, all alike, tiny, huge.
+/// Values of target functions: ordinary, failed, all equal, tiny, huge.
 fn target(random: &mut Random, range: u32) -> f32 {
     let u = random.unit();
     match range {
@@ -47,7 +47,7 @@ fn target(random: &mut Random, range: u32) -> f32 {
     }
 }
 
-/// Random inputs of every kind, number of neighbours and range of targets.  `one_point`: all samples are the same point.
+/// Random inputs of every MIS kind, number of neighbors and range of targets.  `one_point`: all samples are the same point.
 fn random_cases(one_point: bool, ranges: core::ops::Range<u32>) -> Vec<Case> {
     let mut random = Random(1 + u64::from(one_point));
     let mut cases = Vec::new();
@@ -57,7 +57,7 @@ fn random_cases(one_point: bool, ranges: core::ops::Range<u32>) -> Vec<Case> {
         for _ in 0..if ranges.contains(&range) { 100 } else { 0 } {
             let mut case = Case { kind, count, confidence: [0.0; 7], targets: [[0.0; 7]; 7] };
             for i in 0..count as usize {
-                // The canonical input is a frame's candidates; neighbours have histories, or none.
+                // The canonical input holds the candidates of one frame; neighbors have a history or are empty.
                 let some = 20.0 * random.unit() as f32;
                 let history = random.pick(&[0.0, 1.0, 3.0, 20.0, some]);
                 case.confidence[i] = if i == 0 { 1.0 } else { history };
@@ -93,19 +93,19 @@ fn mis_weights_follow_their_formulas() {
             let expected = oracle(case, j);
             let difference = (f64::from(w.all[j]) - expected).abs();
             assert!(difference < 2e-6, "input {j}: {} and not {expected} in {case:?}", w.all[j]);
-            // No weight uses a target that its kind says it does not need.
-            assert_eq!(w.all[j].to_bits(), w.asked[j].to_bits(), "input {j} of {case:?}");
+            // No weight uses a target function that its kind does not need.
+            assert_eq!(w.all[j].to_bits(), w.asked[j].to_bits(), "input {j} depends on an unneeded target: {case:?}");
         }
     }
 }
 
 #[test]
-fn mis_weights_add_up_to_one_over_the_inputs_that_could_have_drawn_a_sample() {
+fn mis_weights_sum_to_one_over_the_inputs_that_can_produce_the_sample() {
     let Some(gpu) = gpu() else { return };
     let cases = random_cases(true, 0..5);
     for (case, w) in cases.iter().zip(weights(gpu, &cases)) {
         let n = case.count as usize;
-        // Where the pixel itself sees nothing the weights do not matter; a driver may take denormals for nothing.
+        // If the target of the pixel itself is 0, the weights do not matter; drivers may flush denormals to zero.
         let canonical = case.targets[0][0];
         if canonical == 0.0 || canonical.is_subnormal() {
             assert!(w.all.iter().all(|w| (0.0..=1.0).contains(w)), "{case:?}: {w:?}");
@@ -115,7 +115,7 @@ fn mis_weights_add_up_to_one_over_the_inputs_that_could_have_drawn_a_sample() {
         let sum: f64 = (0..n).filter(could).map(|j| f64::from(w.all[j])).sum();
         assert!((sum - 1.0).abs() < 1e-5, "{sum} in {case:?}");
         let lost: f32 = (0..n).filter(|j| !could(j)).map(|j| w.all[j]).sum();
-        assert_eq!(lost, 0.0, "those that could not have drawn it have no weight: {case:?}");
+        assert_eq!(lost, 0.0, "inputs that cannot produce the sample have weight 0: {case:?}");
     }
 }
 
@@ -130,7 +130,7 @@ fn mis_weights_of_equal_targets_have_their_closed_forms() {
     let Some(gpu) = gpu() else { return };
     let of = |kind, confidence: &[f32]| f64::from(weights(gpu, &[alike(kind, confidence)])[0].all[0]);
     let long = [1.0, 20.0, 20.0, 20.0];
-    // 1/4 (1 + 3·(1/3)/(20 + 1/3)); 1/61 + 3·20/61·1/61 for the pairwise weights by confidence.
+    // 1/4 (1 + 3·(1/3)/(20 + 1/3)), and 1/61 + 3·20/61·1/61 for the pairwise weights by confidence.
     for (kind, expected) in [
         (MIS_UNIFORM, 1.0 / 61.0),
         (MIS_BALANCE, 1.0 / 61.0),
@@ -140,18 +140,18 @@ fn mis_weights_of_equal_targets_have_their_closed_forms() {
         (MIS_DEFENSIVE_PAIRWISE_GRIS, 0.25 * (1.0 + 1.0 / (20.0 + 1.0 / 3.0))),
     ] {
         assert!((of(kind, &long) - expected).abs() < 1e-6, "{kind:?}: {}", of(kind, &long));
-        assert_eq!(of(kind, &[1.0]), 1.0, "{kind:?}: alone");
+        assert_eq!(of(kind, &[1.0]), 1.0, "{kind:?}: a single input");
     }
     assert!((of(MIS_DEFENSIVE_PAIRWISE, &long) - 2.0 / 61.0).abs() < 3e-4);
     assert!((of(MIS_DEFENSIVE_PAIRWISE_GRIS, &long) - 0.262).abs() < 3e-4);
 }
 
 #[test]
-fn pairwise_weights_of_one_neighbour_are_the_balance_heuristic() {
+fn pairwise_weights_of_one_neighbor_equal_the_balance_heuristic() {
     let Some(gpu) = gpu() else { return };
     let kinds = [MIS_BALANCE, MIS_PAIRWISE];
     let cases: Vec<Case> = random_cases(false, 0..3).into_iter().filter(|c| c.count == 2).collect();
-    // With a canonical target of 0 the two differ, and nothing is lit.
+    // With a canonical target of 0 the two differ, but the pixel is black.
     let cases: Vec<Case> =
         cases.into_iter().filter(|c| c.targets[0][..2].iter().all(|&p| p > 0.0) && c.confidence[1] > 0.0).collect();
     let [balance, pairwise] =
@@ -179,7 +179,7 @@ fn streams(gpu: &Gpu, seed: u32, weights: &[f32], count: usize) -> Vec<Outcome> 
 }
 
 #[test]
-fn streams_select_by_weight_and_never_a_bad_one() {
+fn streams_select_by_weight_and_never_an_invalid_sample() {
     let Some(gpu) = gpu() else { return };
     const BAD: [f32; 5] = [0.0, f32::NAN, f32::INFINITY, -1.0, f32::NEG_INFINITY];
     let sets: [Vec<f32>; 4] = [
@@ -195,7 +195,7 @@ fn streams_select_by_weight_and_never_a_bad_one() {
             let mut counts = vec![0.0; set.len()];
             for o in streams(gpu, seed, set, COUNT) {
                 assert!(good(set[o.selected as usize]), "{set:?}: {o:?}");
-                // The last that was taken is the selected one.
+                // The last accepted sample is the selected one.
                 assert_eq!(31 - o.accepted.leading_zeros(), o.selected, "{set:?}: {o:?}");
                 counts[o.selected as usize] += 1.0;
             }
@@ -220,7 +220,7 @@ fn the_contribution_weight_of_a_stream_integrates_without_bias() {
         let toys: Vec<f64> = streams(gpu, seed, &[1.0], 1 << 18).iter().map(|o| f64::from(o.toy)).collect();
         let squares = toys.iter().map(|t| t * t).sum();
         let p = z_test(toys.iter().sum(), squares, toys.len() as f64, 1.0 / 3.0);
-        // It has the power to find a weight wrong by three percent.
+        // A weight that is wrong by three percent is found.
         assert!(z_test(1.03 * toys.iter().sum::<f64>(), 1.03 * 1.03 * squares, toys.len() as f64, 1.0 / 3.0) < 1e-6);
         p
     };
@@ -231,7 +231,7 @@ fn the_contribution_weight_of_a_stream_integrates_without_bias() {
 const UNSEEN: u32 = 1 << 31;
 
 #[test]
-fn reservoirs_survive_their_words_and_bad_numbers_do_not() {
+fn packed_reservoirs_keep_their_content_and_drop_invalid_numbers() {
     let Some(gpu) = gpu() else { return };
     let mut random = Random(5);
     let numbers = [0.0, 1.0, 1e-30, 3e38, f32::NAN, -f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1.0, 0.1];
@@ -246,7 +246,7 @@ fn reservoirs_survive_their_words_and_bad_numbers_do_not() {
     let bound = [(0, 0, Bound::Buffer(&input)), (0, 1, Bound::Buffer(&output))];
     gpu.kernel("reservoir", include_str!("../support/kernels/reservoir.wgsl"), &[]).run([64, 1, 1], &bound);
     for (before, after) in words.iter().zip(gpu.read::<[u32; 4]>(&output)) {
-        // The sign of the confidence says whether the sample was seen.
+        // The sign of the confidence says whether the sample was visible.
         let is_sound = |w: u32| f32::from_bits(w) >= 0.0 && f32::from_bits(w).is_finite();
         let sound = is_sound(before[2]) && is_sound(before[3] & !UNSEEN);
         assert_eq!(after, if sound { *before } else { [NONE, 0, 0, UNSEEN] }, "{before:x?}");
@@ -294,14 +294,14 @@ fn lights(gpu: &Gpu) -> LightScene<'_> {
         GpuLight { direction: [0.0, -1.0, 0.0], data: [1f32.to_bits(), 0.5f32.to_bits()], ..light(LIGHT_SPOT) },
         GpuLight { direction: [0.6, -0.8, 0.0], ..light(LIGHT_DIRECTIONAL) },
     ];
-    // The triangle's own instance and triangle are 0 and 0.
+    // The instance and triangle index of the emissive triangle are 0.
     lit.lights[0].data = [0, 0];
     lit.set_powers(&[1.0; 4]);
     lit
 }
 
 #[test]
-fn points_of_lights_are_the_samples_that_they_came_from() {
+fn packed_light_samples_unpack_to_the_same_sample() {
     let Some(gpu) = gpu() else { return };
     let mut lit = lights(gpu);
     let mut random = Random(3);
@@ -318,7 +318,7 @@ fn points_of_lights_are_the_samples_that_they_came_from() {
             assert!(near(&a.barycentrics, &b.barycentrics, 1.01 / 65535.0), "{light}: {a:?} {b:?}");
         }
     }
-    // The environment: its density and light at the direction as it is decoded.
+    // The environment: the density and radiance are those of the decoded direction.
     lit.set_map(&Map { width: 16, height: 8, texels }, 16, 8);
     for [a, b] in points(&lit, ENVIRONMENT, false, &[flag("ENVIRONMENT_MAP")]) {
         let angle = DVec3::from(a.wi.map(f64::from)).angle_between(DVec3::from(b.wi.map(f64::from)));
@@ -331,7 +331,7 @@ fn points_of_lights_are_the_samples_that_they_came_from() {
 const ENVIRONMENT: u32 = 0xffff_fffe;
 
 #[test]
-fn any_coordinates_are_a_point_inside_of_the_triangle() {
+fn all_packed_coordinates_are_inside_of_the_triangle() {
     let Some(gpu) = gpu() else { return };
     for [_, s] in points(&lights(gpu), 0, true, &[]) {
         let [b, c] = s.barycentrics;

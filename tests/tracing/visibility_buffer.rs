@@ -189,8 +189,8 @@ fn debug_views_ignore_exposure() {
     let mut shown = Vec::new();
     for exposure in [unit_exposure(), default(), bevy::camera::Exposure { ev100: -3.0 }] {
         rig.insert(rig.camera, exposure);
-        assert!((rig.debug(DebugView::Depth).centre().x - 4.0).abs() < 0.2, "metres");
-        assert!((rig.debug(DebugView::Albedo).centre().x - 0.5).abs() < 1e-5);
+        assert!((rig.debug(DebugView::Depth).center().x - 4.0).abs() < 0.2, "meters");
+        assert!((rig.debug(DebugView::Albedo).center().x - 0.5).abs() < 1e-5);
         rig.set(|restir| restir.debug_view = DebugView::Albedo);
         shown.push(rig.drawn(&target)[0]);
     }

@@ -1,4 +1,4 @@
-// Words to a reservoir of indirect light and back.
+// Unpacks reservoirs of indirect light and packs them again.
 #import bevy_restir::restir::indirect_reservoir::{PackedReservoir, reservoir_pack, reservoir_unpack}
 
 @group(0) @binding(0) var<storage, read> words: array<PackedReservoir>;

@@ -1,4 +1,4 @@
-// Lights that have an extent: samples of one as a point sees it, what a ray in that or a given direction meets, and all that it meets.
+// Area lights: a sample from a point, the hit of a ray in its direction or a given one, and all hits of that ray.
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::rng::{Rng, rng_2, rng_new}
 #import bevy_restir::light::light::light_sample
@@ -12,7 +12,7 @@ struct Query {
     direction: vec3<f32>,
     reach: f32,
     seed: u32,
-    mode: u32,             // 0: as the reference samples; 1: as candidates do; 2: by the light's own measure; 3: the direction
+    mode: u32,             // 0: sample like the reference; 1: like candidates; 2: in the light's own measure; 3: a given direction
     pad_a: u32,
     pad_b: u32,
 }
@@ -23,14 +23,14 @@ struct Sample {
     radiance: vec3<f32>,
     pdf: f32,
     position: vec3<f32>,
-    met: u32,              // the light, if the ray meets it
+    met: u32,              // the light, if the ray hits it
     normal: vec3<f32>,
     met_pdf: f32,
     met_position: vec3<f32>,
     met_distance: f32,
     met_radiance: vec3<f32>,
     crossings: u32,
-    mask: vec4<u32>,       // ids below 128 that the ray meets
+    mask: vec4<u32>,       // ids below 128 that the ray hits
 }
 
 @group(2) @binding(0) var<storage, read> queries: array<Query>;

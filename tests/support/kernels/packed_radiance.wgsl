@@ -1,4 +1,4 @@
-// Radiance as it is kept, and the factor between solid angle and area.
+// Packed radiance, and the factor between solid angle and area.
 #import bevy_restir::restir::indirect_reservoir::{pack_radiance, unpack_radiance}
 
 @group(0) @binding(0) var<storage, read> radiance: array<vec4<f32>>;

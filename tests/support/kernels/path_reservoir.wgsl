@@ -1,4 +1,4 @@
-// Words to a reservoir of whole paths and back.
+// Unpacks reservoirs of whole paths and packs them again.
 #import bevy_restir::restir::path_reservoir::{PackedReservoir, reservoir_pack, reservoir_unpack}
 
 @group(0) @binding(0) var<storage, read> words: array<PackedReservoir>;

@@ -1,4 +1,4 @@
-// Words to a reservoir and back.
+// Unpacks reservoirs and packs them again.
 #import bevy_restir::restir::reservoir::{PackedReservoir, reservoir_pack, reservoir_unpack}
 
 @group(0) @binding(0) var<storage, read> words: array<PackedReservoir>;

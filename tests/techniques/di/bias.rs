@@ -1,5 +1,5 @@
-//! What direct lighting does where it is allowed to be wrong, where an error is planted, and with bad numbers: the proofs of
-//! `direct_light` must be able to fail.
+//! ReSTIR DI where it is biased by design, with planted errors, and with invalid numbers.  The comparisons of `small_scenes` must be able
+//! to fail.
 
 use crate::support::{
     app::*,
@@ -29,11 +29,11 @@ fn each_biased_mode_is_biased_with_its_documented_sign() {
     ] {
         let found = PROOF.resampled(&mut rig, &direct, 5000).compare(&reference, 0.01);
         eprintln!("{name}: {found}");
-        assert!(found.sigma() < -5.0 && found.difference < -0.01, "{name}: {found}, not darker");
+        assert!(found.sigma() < -5.0 && found.difference < -0.01, "{name} is not darker: {found}");
     }
 }
 
-/// Differs by so much, relative to the truth, in pixels in the shadow of something, and in the others.
+/// Relative differences from the truth: over the pixels in shadow, and over the others.
 fn by_shadow(ours: &Restarts, truth: &Restarts, without_shadows: &Restarts) -> [f64; 2] {
     let per_restart = |r: &Restarts| r.pixels.iter().map(|p| p / r.images.len() as f64).collect::<Vec<_>>();
     let (ours, truth, lit) = (per_restart(ours), per_restart(truth), per_restart(without_shadows));
@@ -54,7 +54,7 @@ fn each_reuse_of_visibility_is_biased_with_its_documented_sign() {
     let mut found = |name: &str, direct: Direct| {
         let ours = PROOF.resampled(&mut rig, &direct, 5000);
         let (found, [inside, outside]) = (ours.compare(&truth, 0.01), by_shadow(&ours, &truth, &without_shadows));
-        eprintln!("{name}: {found}; {:+.1} % in shadows, {:+.1} % beside", 100.0 * inside, 100.0 * outside);
+        eprintln!("{name}: {found}; {:+.1} % in shadows, {:+.1} % elsewhere", 100.0 * inside, 100.0 * outside);
         (found, inside, outside)
     };
     let is_brighter = |found: Comparison| found.sigma() > 5.0;
@@ -70,13 +70,13 @@ fn each_reuse_of_visibility_is_biased_with_its_documented_sign() {
     let near = Direct { visibility_radius: pixels(10.0, 32), ..reusing(VisibilityReuse::Decoupled) };
     for (name, direct) in [("candidates", reusing(VisibilityReuse::Candidates)), ("decoupled, near", near)] {
         let (_, inside, outside) = found(name, direct);
-        assert!(inside > 0.01 && outside < -0.005, "{name}: brighter in shadows and darker beside them");
+        assert!(inside > 0.01 && outside < -0.005, "{name} is not brighter in shadows and darker elsewhere");
     }
 }
 
 #[test]
 fn shading_visibility_is_biased_only_with_a_bsdf_candidate() {
-    // Of few candidates and light from all round, so that the BSDF's weighs.
+    // Few candidates and light from all directions give the BSDF candidate a large weight.
     let Some(mut rig) = scene(32, |rig| surrounded(rig, false)) else { return };
     let truth = PROOF.truth(&mut rig, 1000);
     for bsdf_candidate in [false, true] {
@@ -104,7 +104,7 @@ fn planted_errors_are_found() {
 }
 
 #[test]
-fn numbers_that_are_not_finite_stay_in_their_reservoir() {
+fn nan_stays_in_its_reservoir() {
     let Some(mut rig) = room_scene(32) else { return };
     PROOF.survives_nan(&mut rig, &[di::all_reuse()]);
 }
@@ -114,7 +114,7 @@ fn direct(rig: &mut Rig) {
 }
 
 #[test]
-fn any_number_and_power_of_lights_makes_a_picture() {
+fn any_number_and_power_of_lights_gives_a_finite_picture() {
     type Lights = fn(&mut Rig);
     let point = |intensity| PointLight { intensity, ..default() };
     let cases: [(&str, bool, Lights); 5] = [

@@ -1,19 +1,19 @@
-//! A frame of a moving scene is on average what the reference shows of that frame's scene at rest: the mean over 120 seeds of the last
-//! frame of a scripted motion of four, 32 x 32 pixels, margin 1 % (1.5 % where said) at α = 0.01, and the 8 x 8 tiles by chi-squared.
+//! A frame of a moving scene equals on average the reference of the still scene at that moment.  The mean is over 120 seeds of the last
+//! frame of a scripted motion of four, at 32 x 32 pixels; margin 1 % (1.5 % where noted) at α = 0.01, and chi-squared of the 8 x 8 tiles.
 
 use crate::support::{app::*, proof::Proof, reuse_settings::di, small_scenes::*};
 use bevy::prelude::*;
 use bevy_restir::{Direct, Mis};
 
 fn check(name: &str, rig: &mut Rig, margin: f64, pose: impl Fn(&mut Rig, u32)) {
-    // Much is new to every frame: it asks as many neighbours as there may be.
+    // Disocclusions are frequent here: use as many neighbors as possible.
     let both = Direct { disocclusion_taps: 5, ..di::all_reuse() };
     let techniques = [("both", both), ("balance", Direct { spatial_taps: 1, ..di::across_edges(Mis::Balance) })];
     Proof { margin, pose: Some(&pose), ..Proof::of((120, 1), (40, 64)) }.check(name, rig, &techniques);
 }
 
 #[test]
-fn a_moving_occluder_leaves_no_light_or_shadow_behind() {
+fn a_moving_occluder_leaves_no_trail_of_light_or_shadow() {
     let mut block = Entity::PLACEHOLDER;
     let Some(mut rig) = scene(32, |rig| block = room(rig)) else { return };
     check("occluder", &mut rig, 0.01, |rig, step| {
@@ -22,7 +22,7 @@ fn a_moving_occluder_leaves_no_light_or_shadow_behind() {
 }
 
 #[test]
-fn a_moving_emitter_lights_from_where_it_is() {
+fn a_moving_emitter_lights_from_its_current_position() {
     let mut lamps = Entity::PLACEHOLDER;
     let Some(mut rig) = scene(32, |rig| {
         room(rig);
@@ -37,7 +37,7 @@ fn a_moving_emitter_lights_from_where_it_is() {
 }
 
 #[test]
-fn a_moving_camera_sees_what_it_would_see_at_rest() {
+fn a_moving_camera_sees_the_same_as_one_at_rest() {
     let Some(mut rig) = room_scene(32) else { return };
     check("camera", &mut rig, 0.01, |rig, step| {
         let place = Vec3::new(0.9 - 0.2 * step as f32, 0.2 + 0.1 * step as f32, 4.0 - 0.1 * step as f32);
@@ -47,19 +47,19 @@ fn a_moving_camera_sees_what_it_would_see_at_rest() {
 }
 
 #[test]
-fn lights_that_move_change_come_and_go_light_as_they_are() {
+fn lights_that_move_change_come_and_go_have_their_current_effect() {
     let (mut moving, mut late, mut early) = (Entity::PLACEHOLDER, Entity::PLACEHOLDER, Entity::PLACEHOLDER);
     let Some(mut rig) = scene(32, |rig| {
         room(rig);
         let light = |intensity| PointLight { intensity, ..default() };
-        // The first of the table comes late, so that every other id is another one in the last frame.
+        // The first light of the table appears late, so that all other ids change in the last frame.
         late = rig.spawn_bundle((light(60.0), Transform::from_xyz(1.0, 0.2, 1.2)));
         moving = rig.spawn_bundle((light(40.0), Transform::default()));
         early = rig.spawn_bundle((light(90.0), Transform::from_xyz(-1.0, -0.5, 1.0)));
     }) else {
         return;
     };
-    // Lamps are close to what they light: noisier than the others, so the margin is 1.5 %.
+    // Lamps close to surfaces are noisier than the others, hence the margin of 1.5 %.
     check("lights", &mut rig, 0.015, |rig, step| {
         let step = step as f32;
         let shown = |yes| if yes { Visibility::Inherited } else { Visibility::Hidden };
@@ -72,7 +72,7 @@ fn lights_that_move_change_come_and_go_light_as_they_are() {
 }
 
 #[test]
-fn lights_that_only_move_light_from_where_they_are() {
+fn lights_that_only_move_light_from_their_current_position() {
     let mut moving = [Entity::PLACEHOLDER; 2];
     let Some(mut rig) = scene(32, |rig| {
         room(rig);
@@ -92,7 +92,7 @@ fn lights_that_only_move_light_from_where_they_are() {
 }
 
 #[test]
-fn lights_that_come_and_go_leave_emitters_as_bright_as_they_are() {
+fn lights_that_come_and_go_do_not_change_the_light_of_emitters() {
     let Some(mut rig) = scene(32, passing) else { return };
     check("passing lights", &mut rig, 0.015, pose_passing);
 }

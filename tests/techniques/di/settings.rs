@@ -1,4 +1,4 @@
-//! Every setting of direct light does what it says, and no more: seen in counted rays, in views of the reservoirs, in equal bits.
+//! Every setting of ReSTIR DI has exactly its documented effect: on ray counts, on views of the reservoirs, on pixels bit by bit.
 
 use crate::support::{
     app::*,
@@ -23,7 +23,7 @@ fn lit_room(width: u32, height: u32) -> Option<Rig> {
     Some(rig)
 }
 
-/// A view of the reservoirs after some frames.
+/// A debug view of the reservoirs after some frames.
 fn reservoirs(rig: &mut Rig, view: DebugView, frames: u32) -> Picture {
     rig.set(|r| r.debug_view = view);
     rig.until_ready();
@@ -33,7 +33,7 @@ fn reservoirs(rig: &mut Rig, view: DebugView, frames: u32) -> Picture {
 }
 
 #[test]
-fn every_layout_of_reservoirs_gives_the_same_picture() {
+fn every_reservoir_layout_gives_the_same_picture() {
     let Some(mut rig) = lit_room(43, 29) else { return };
     let mut of = |layout, order| {
         direct(&mut rig, Direct { layout, order, ..di::all_reuse() });
@@ -52,7 +52,8 @@ fn every_layout_of_reservoirs_gives_the_same_picture() {
 
 #[test]
 fn reused_visibility_saves_up_to_half_of_the_rays() {
-    // Wyman and Panteleev 2021, 7.3: from two rays a pixel, none reused, to one.  A wall, so that every neighbour will do.
+    // Wyman and Panteleev 2021, 7.3: from two rays per pixel, without reuse, down to one.  The scene is a wall, so that every neighbor is
+    // accepted.
     let Some(mut rig) = Rig::new(160, 120) else { return };
     rig.spawn(square(20.0), lambert(0.5), Transform::default());
     rig.spawn(square(1.0), lamp(5.0, 5.0, 5.0), Transform::from_xyz(0.0, 4.0, 4.0).looking_to(Vec3::Z, Vec3::Y));
@@ -72,18 +73,24 @@ fn reused_visibility_saves_up_to_half_of_the_rays() {
     };
     let of = [0.0, 15.0, 20.0, 25.0, 1e6].map(&mut rays);
     assert!(of.windows(2).all(|pair| pair[1] < pair[0]), "{of:?}");
-    // Candidates alone.
+    // Candidates only.
     rig.set(|r| (r.direct.temporal, r.direct.spatial_taps) = (false, 0));
     rig.until_ready();
     rig.frames(12);
     let candidates = rig.report().rays as f64;
-    assert!((of[4] / candidates - 1.0).abs() < 0.02, "always reused: {of:?}, {candidates} of candidates");
-    eprintln!("rays a candidate's: {of:?} / {candidates}");
-    assert!((1.7..=2.0).contains(&(of[0] / candidates)), "never reused: {of:?}, {candidates} of candidates");
+    assert!(
+        (of[4] / candidates - 1.0).abs() < 0.02,
+        "visibility always reused: {of:?}, candidates alone: {candidates}"
+    );
+    eprintln!("rays: {of:?}, candidates alone: {candidates}");
+    assert!(
+        (1.7..=2.0).contains(&(of[0] / candidates)),
+        "visibility never reused: {of:?}, candidates alone: {candidates}"
+    );
 }
 
 #[test]
-fn no_ray_is_traced_where_none_is_asked_for() {
+fn without_visibility_no_ray_is_traced() {
     let Some(mut rig) = lit_room(32, 32) else { return };
     for order in [ReuseOrder::Spatiotemporal, ReuseOrder::TemporalThenSpatial] {
         direct(
@@ -110,7 +117,7 @@ fn confidence_grows_by_a_frame_up_to_its_cap() {
 fn the_history_of_an_emitter_outlives_lights_that_come_and_go() {
     let Some(mut rig) = lit_room(24, 24) else { return };
     let light = PointLight { intensity: 1.0, ..default() };
-    // One of their kind stays, so that the shaders are the same.
+    // One light of each kind stays, so that the shaders stay the same.
     rig.spawn_bundle((light, Transform::from_xyz(0.9, 0.9, 0.9)));
     direct(&mut rig, Direct { confidence_cap: 20.0, ..di::temporal() });
     rig.set(|r| r.debug_view = DebugView::ReservoirConfidence);
@@ -135,7 +142,7 @@ fn the_history_of_an_emitter_outlives_lights_that_come_and_go() {
 }
 
 #[test]
-fn both_orders_sum_the_confidence_of_all_that_they_reuse() {
+fn both_orders_sum_the_confidence_of_all_reused_samples() {
     let Some(mut rig) = lit_room(24, 24) else { return };
     let mut most = |settings: Direct, frames| {
         direct(&mut rig, settings);
@@ -144,7 +151,7 @@ fn both_orders_sum_the_confidence_of_all_that_they_reuse() {
     };
     let two =
         Direct { rounds: 2, confidence_cap: 60.0, bias_correction: BiasCorrection::UnbiasedMis, ..di::all_reuse() };
-    // 1 + (temporal + 2 taps + 2 taps) · 1; then 1 + 5 · 6.
+    // 1 + (temporal + 2 samples + 2 samples) · 1; then 1 + 5 · 6.
     assert_eq!(most(two.clone(), 2), 6.0);
     assert_eq!(most(two.clone(), 3), 31.0);
     // (1 + 0) · 3 · 3; then (1 + 9) · 3 · 3.
@@ -154,7 +161,7 @@ fn both_orders_sum_the_confidence_of_all_that_they_reuse() {
 }
 
 #[test]
-fn rounds_are_passes() {
+fn each_spatial_iteration_is_a_pass() {
     let names = |order, rounds, temporal, spatial_taps| {
         let direct = Direct { order, rounds, temporal, spatial_taps, ..Default::default() };
         let all = pass_names(&Restir { technique: Technique::Di, direct, ..Default::default() });
@@ -167,7 +174,7 @@ fn rounds_are_passes() {
 }
 
 #[test]
-fn a_disocclusion_asks_more_neighbours() {
+fn disocclusions_use_more_neighbors() {
     let Some(mut rig) = lit_room(48, 48) else { return };
     let mut after_a_jump = |disocclusion_taps| {
         direct(&mut rig, Direct { disocclusion_taps, spatial_taps: 1, radius: pixels(12.0, 48), ..di::all_reuse() });
@@ -188,13 +195,13 @@ fn a_disocclusion_asks_more_neighbours() {
     let pairs: Vec<(f32, f32)> = few.iter().zip(many.iter()).map(|((_, a), (_, b))| (a.x, b.x)).collect();
     let gained = pairs.iter().filter(|(few, many)| many > few).count();
     assert!(gained > 60 && pairs.iter().all(|(few, many)| many >= few), "{gained} gained");
-    // Where both of the default's taps are there nothing is added.
+    // Where both default neighbors are accepted, nothing is added.
     assert!(pairs.iter().filter(|(few, _)| *few == 41.0).all(|(few, many)| few == many));
 }
 
-/// No path knows what lies behind all, or how bright pictures are shown; a camera of another kind sees other places.
+/// A change of exposure affects no path.  Another projection shows other surfaces.
 #[test]
-fn exposure_keeps_the_history_and_another_projection_forgets_it() {
+fn a_change_of_exposure_keeps_the_history_and_one_of_projection_resets_it() {
     let Some(mut rig) = lit_room(24, 24) else { return };
     direct(&mut rig, di::all_reuse());
     rig.app.insert_resource(ClearColor(Color::linear_rgb(0.2, 0.3, 0.4)));
@@ -208,7 +215,7 @@ fn exposure_keeps_the_history_and_another_projection_forgets_it() {
 }
 
 #[test]
-fn more_tries_find_more_neighbours() {
+fn more_neighbor_attempts_find_more_neighbors() {
     let Some(mut rig) = lit_room(48, 48) else { return };
     let mut mean = |tries| {
         direct(
@@ -222,7 +229,7 @@ fn more_tries_find_more_neighbours() {
 }
 
 #[test]
-fn neighbours_of_one_material_alone_are_asked_where_that_is_wanted() {
+fn same_material_rejects_neighbors_of_other_materials() {
     let Some(mut rig) = Rig::new(40, 40) else { return };
     for (x, albedo) in [(-5.0, 0.3), (5.0, 0.6)] {
         rig.spawn(square(10.0), lambert(albedo), Transform::from_xyz(x, 0.0, 0.0));
@@ -234,19 +241,20 @@ fn neighbours_of_one_material_alone_are_asked_where_that_is_wanted() {
             Direct { same_material, temporal: false, spatial_taps: 1, radius: pixels(10.0, 40), ..di::all_reuse() },
         );
         let view = reservoirs(&mut rig, DebugView::ReservoirConfidence, 2);
-        // Far from the image's borders, near the seam.
+        // Far from the borders of the image, near the seam of the two materials.
         view.iter().filter(|(at, c)| (18..22).contains(&at.x) && (12..28).contains(&at.y) && c.x == 1.0).count()
     };
     let (any, same) = (lone(false), lone(true));
-    assert!(any == 0 && (16..48).contains(&same), "{any} and {same} of 64 find no neighbour");
+    assert!(any == 0 && (16..48).contains(&same), "{any} and {same} of 64 find no neighbor");
 }
 
 #[test]
-fn a_bilinear_history_comes_from_the_pixels_round_the_place() {
+fn a_bilinear_history_comes_from_the_pixels_around_the_reprojected_position() {
     let Some(mut rig) = Rig::new(24, 24) else { return };
     rig.spawn(square(20.0), lambert(0.5), Transform::default());
     rig.spawn_bundle((PointLight { intensity: 100.0, ..default() }, Transform::from_xyz(0.0, 0.0, 3.0)));
-    // The camera moves by 0.3 pixels: nearest is the pixel itself, and of a border's pixels 0.3 look outside of the image.
+    // The camera moves by 0.3 pixels.  The nearest pixel is the pixel itself; bilinear lookups of 30 % of the pixels at a border fall
+    // outside of the image.
     rig.insert(rig.camera, orthographic(24.0, 24.0));
     let mut lost = |bilinear| {
         rig.get_mut::<Transform>(rig.camera).translation.x = 0.0;
@@ -263,31 +271,31 @@ fn a_bilinear_history_comes_from_the_pixels_round_the_place() {
 }
 
 #[test]
-fn views_of_reservoirs_show_what_is_kept() {
+fn debug_views_show_the_content_of_reservoirs() {
     let Some(mut rig) = lit_room(32, 32) else { return };
     direct(&mut rig, Direct { visibility: VisibilityReuse::Decoupled, ..di::all_reuse() });
     let mut of = |view| reservoirs(&mut rig, view, 6);
     let (lights, points) = (of(DebugView::ReservoirLights), of(DebugView::ReservoirPoints));
     let (weights, seen) = (of(DebugView::ReservoirWeights), of(DebugView::ReservoirVisibility));
-    let mut colours: Vec<[u32; 3]> = lights.pixels.iter().map(|p| p.map(f32::to_bits)).collect();
-    colours.sort_unstable();
-    colours.dedup();
-    assert_eq!(colours.len(), 3, "two triangles, and none");
+    let mut colors: Vec<[u32; 3]> = lights.pixels.iter().map(|p| p.map(f32::to_bits)).collect();
+    colors.sort_unstable();
+    colors.dedup();
+    assert_eq!(colors.len(), 3, "two triangles and no sample");
     assert!(points.iter().all(|(_, p)| (0.0..=1.0).contains(&p.x) && (0.0..=1.0).contains(&p.y)));
     for ((at, weight), (_, seen)) in weights.iter().zip(seen.iter()) {
         assert_eq!(weight.x > 0.0, seen != Vec3::ZERO, "{at}");
     }
-    let count = |colour: Vec3| seen.iter().filter(|(_, c)| *c == colour).count();
-    assert!(count(Vec3::Y) > 100 && count(Vec3::X) > 10, "{} seen, {} not", count(Vec3::Y), count(Vec3::X));
+    let count = |color: Vec3| seen.iter().filter(|(_, c)| *c == color).count();
+    assert!(count(Vec3::Y) > 100 && count(Vec3::X) > 10, "{} visible, {} occluded", count(Vec3::Y), count(Vec3::X));
 }
 
 #[test]
-fn reservoirs_take_at_most_48_bytes_a_pixel() {
+fn reservoirs_take_at_most_48_bytes_per_pixel() {
     let Some(mut rig) = lit_room(40, 40) else { return };
     direct(&mut rig, Direct { layout: ReservoirLayout::Tiles4, ..di::all_reuse() });
     let report = rig.report();
     assert_eq!(report.reservoir_bytes_per_pixel, 32);
     let of = |name| report.memory.iter().find(|(n, _)| *n == name).map(|(_, bytes)| bytes / 1600);
-    // And what the history needs: the last visibility buffer.
+    // The history also needs the previous visibility buffer.
     assert_eq!([of("reservoirs"), of("last visibility")], [Some(32), Some(8)]);
 }

@@ -1,11 +1,11 @@
-//! Direct lighting shows what the reference shows at one bounce, in small made scenes of 32 x 32 pixels.  Two one-sided tests at α = 0.01
-//! on the image mean, margin 1 %; the 8 x 8 tiles by chi-squared; lengths and powers are said where the scenes are.
+//! ReSTIR DI equals the reference at one bounce, in small scenes of 32 x 32 pixels.  Two one-sided tests at α = 0.01 compare the image
+//! mean with a margin of 1 %, and chi-squared compares the 8 x 8 tiles.  Lengths that differ from the default are beside their scenes.
 
 use crate::support::{proof::Proof, reuse_settings::di, small_scenes::*};
 use bevy_restir::{Direct, Mis};
 
 #[test]
-fn a_room_with_shadows_is_lit_as_by_the_reference() {
+fn direct_light_in_a_room_with_shadows_equals_the_reference() {
     let Some(mut rig) = room_scene(32) else { return };
     Proof::DEFAULT.check(
         "room",
@@ -28,13 +28,13 @@ fn a_room_with_shadows_is_lit_as_by_the_reference() {
 }
 
 #[test]
-fn points_spots_and_suns_light_as_in_the_reference() {
+fn direct_light_of_points_spots_and_suns_equals_the_reference() {
     let Some(mut rig) = scene(32, punctual) else { return };
     Proof::DEFAULT.check("punctual", &mut rig, &[("candidates", di::candidates_only()), ("both", di::all_reuse())]);
 }
 
 #[test]
-fn an_environment_lights_as_in_the_reference() {
+fn direct_light_of_an_environment_equals_the_reference() {
     for (name, map) in [("uniform", false), ("map", true)] {
         let Some(mut rig) = scene(32, |rig| surrounded(rig, map)) else { return };
         Proof::DEFAULT.check(
@@ -50,14 +50,14 @@ fn an_environment_lights_as_in_the_reference() {
 }
 
 #[test]
-fn mirrors_and_lacquer_show_what_the_reference_shows() {
+fn direct_light_on_mirrors_and_lacquer_equals_the_reference() {
     let Some(mut rig) = scene(32, mirrors) else { return };
     Proof::DEFAULT.check("mirrors", &mut rig, &[("both", di::all_reuse())]);
 }
 
 #[test]
-fn blended_panes_and_lamps_light_as_in_the_reference() {
-    // 64 x 64 pixels: noisier than the others, as chance decides what each pixel sees.
+fn direct_light_past_blended_panes_equals_the_reference() {
+    // 64 x 64 pixels, because random transparency makes this scene noisier than the others.
     let Some(mut rig) = scene(64, blended) else { return };
     let proof = Proof { blended: true, ..Proof::of((32, 16), (40, 32)) };
     let balance = Direct { spatial_taps: 1, ..di::across_edges(Mis::Balance) };

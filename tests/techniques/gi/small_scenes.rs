@@ -1,5 +1,5 @@
-//! ReSTIR GI beside ReSTIR DI shows what the reference shows, in small made scenes of 32 x 32 pixels.  Two one-sided tests at α = 0.01 on
-//! the image mean; the 8 x 8 tiles by chi-squared.
+//! ReSTIR DI + GI equals the reference, in small scenes of 32 x 32 pixels.  Two one-sided tests at α = 0.01 compare the image mean, and
+//! chi-squared compares the 8 x 8 tiles.
 
 use crate::support::{
     app::*,
@@ -17,7 +17,7 @@ fn with(paths: Paths) -> Indirect {
 }
 
 #[test]
-fn indirect_light_in_a_room_is_that_of_the_reference_whatever_is_reused() {
+fn indirect_light_in_a_room_equals_the_reference_for_every_kind_of_reuse() {
     let Some(mut rig) = room_scene(32) else { return };
     PROOF.check(
         "room",
@@ -34,7 +34,7 @@ fn indirect_light_in_a_room_is_that_of_the_reference_whatever_is_reused() {
 }
 
 #[test]
-fn indirect_light_of_an_environment_and_mirrors_is_that_of_the_reference() {
+fn indirect_light_of_an_environment_and_mirrors_equals_the_reference() {
     let Some(mut rig) = scene(32, |rig| surrounded(rig, true)) else { return };
     PROOF.check("surrounded", &mut rig, &[("both", with(paths::all_reuse()))]);
     let Some(mut rig) = scene(32, mirrors) else { return };
@@ -43,22 +43,22 @@ fn indirect_light_of_an_environment_and_mirrors_is_that_of_the_reference() {
 }
 
 #[test]
-fn indirect_light_in_a_frame_in_which_all_moves_is_that_at_rest() {
+fn indirect_light_in_a_moving_frame_equals_that_of_the_still_scene() {
     let Some(mut rig) = scene(32, moving) else { return };
     let proof = Proof { bounces: 3, margin: 0.015, pose: Some(&pose_moving), ..Proof::of((240, 1), (40, 32)) };
     proof.check("moving", &mut rig, &[("both", with(paths::all_reuse()))]);
 }
 
 #[test]
-fn indirect_light_of_points_and_suns_is_that_of_the_reference() {
+fn indirect_light_of_points_and_suns_equals_the_reference() {
     let Some(mut rig) = scene(32, punctual) else { return };
     PROOF.check("punctual", &mut rig, &[("both", with(paths::all_reuse()))]);
 }
 
 #[test]
-fn radiance_that_is_kept_by_glossy_bounces_is_biased_as_documented() {
+fn assuming_diffuse_secondary_surfaces_is_biased_as_documented() {
     let Some(mut rig) = scene(32, |rig| {
-        // A floor whose reflections light a wall: what leaves it does so to one side.
+        // A glossy floor lights a wall; its reflections leave in one direction.
         let floor = Transform::from_rotation(Quat::from_rotation_x(-core::f32::consts::FRAC_PI_2));
         rig.spawn(square(4.0), shiny(Color::WHITE, 0.35, 1.0), floor.with_translation(Vec3::new(0.0, -1.0, 0.0)));
         rig.spawn(square(4.0), lambert(0.7), Transform::from_xyz(0.0, 0.0, -1.2));
@@ -76,6 +76,6 @@ fn radiance_that_is_kept_by_glossy_bounces_is_biased_as_documented() {
     };
     let far = Paths { radius: pixels(12.0, 32), spatial_taps: 3, ..paths::all_reuse() };
     assert!(!found(far.clone()).is_different());
-    // Bright where it comes from elsewhere, dark where it should be.
+    // Too bright where the light is reused from other directions, too dark where it should be.
     assert!(found(Paths { keeps_radiance: true, ..far }).tiles < 1e-6);
 }

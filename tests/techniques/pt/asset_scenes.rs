@@ -1,5 +1,6 @@
-//! ReSTIR PT and DI + GI as they come show what the reference shows, in scenes of `assets/scenes`, four bounces.  Two one-sided tests
-//! at α = 0.01 on the image mean; regions and tiles as in `direct_scenes`.  All reuse, at 1 to 2 %, is in `path_matrix`.
+//! ReSTIR PT and ReSTIR DI + GI with default settings equal the reference at four bounces, in scenes of `assets/scenes`.  Two one-sided
+//! tests at α = 0.01 compare the image mean; regions and tiles as in `di::asset_scenes`.  Every kind of reuse, within 1 to 2 %, is in
+//! `matrix`.
 
 use crate::support::{
     app::*,
@@ -9,7 +10,7 @@ use bevy_restir::{Direct, Paths};
 
 const BOUNCES: u32 = 4;
 
-/// Light subsets of a size that a small picture needs.
+/// The size of the light subsets suits a small picture.
 fn direct() -> Direct {
     Direct { subset_count: 32, subset_size: 256, ..Direct::default() }
 }
@@ -23,25 +24,25 @@ fn check(name: &str, size: u32, proof: Proof) {
 }
 
 #[test]
-fn the_cornell_box_is_lit_by_paths_as_by_the_reference() {
+fn paths_in_the_cornell_box_equal_the_reference() {
     check("cornell", 64, Proof { margin: 0.015, ..Proof::of((32, 8), (40, 24)) });
 }
 
 #[test]
-fn quiet_scenes_are_lit_by_paths_as_by_the_reference() {
+fn paths_in_quiet_scenes_equal_the_reference() {
     check("furnace", 32, Proof { margin: 0.015, ..Proof::of((32, 8), (40, 24)) });
     check("punctual", 32, Proof { margin: 0.025, ..Proof::of((40, 12), (40, 60)) });
     check("blinds", 32, Proof { margin: 0.025, ..Proof::of((40, 12), (40, 70)) });
 }
 
 #[test]
-fn noisy_scenes_are_lit_by_paths_within_five_percent() {
+fn paths_in_noisy_scenes_equal_the_reference_within_five_percent() {
     for (name, size) in [("glossy", 32), ("ajar", 32), ("mirror_room", 64)] {
         check(name, size, Proof { margin: 0.05, ..Proof::of((40, 12), (40, 70)) });
     }
 }
 
-/// Nine times the pixels of `path_matrix`, and seeds of their own: 1 % in every scene, as they come.
+/// Default settings within 1 % in every scene, with nine times the pixels of `matrix` and other seeds.
 fn check_within_one_percent(names: &[&str]) {
     for name in names {
         check(name, 96, Proof { margin: 0.01, ..Proof::of((40, 24), (40, 100)) });
@@ -50,20 +51,20 @@ fn check_within_one_percent(names: &[&str]) {
 
 #[test]
 #[ignore = "minutes: ./run test --full"]
-fn full_length_quiet_scenes_are_lit_by_paths_within_one_percent() {
+fn full_length_paths_in_quiet_scenes_equal_the_reference_within_one_percent() {
     check_within_one_percent(&["cornell", "furnace", "punctual", "blinds"]);
 }
 
 #[test]
 #[ignore = "minutes: ./run test --full"]
-fn full_length_noisy_scenes_are_lit_by_paths_within_one_percent() {
+fn full_length_paths_in_noisy_scenes_equal_the_reference_within_one_percent() {
     check_within_one_percent(&["glossy", "ajar", "mirror_room"]);
 }
 
-/// Candidates alone, as long: where the rows of a scene lean to one side, whether they do.
+/// If the rows of a scene in `matrix` err to one side, a long run of candidates alone tells bias from chance.
 #[test]
 #[ignore = "minutes: ./run test --full"]
-fn full_length_long_runs_of_candidates_lean_neither_way() {
+fn full_length_long_runs_of_candidates_are_unbiased() {
     for name in ["punctual", "glossy"] {
         let Some(mut rig) = Rig::load(name, 96) else { return };
         let proof = Proof { margin: 0.01, bounces: BOUNCES, ..Proof::of((40, 24), (40, 100)) };

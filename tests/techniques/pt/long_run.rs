@@ -1,10 +1,10 @@
-//! Hundreds of frames of moving things and a moving camera by ReSTIR PT: nothing that is not finite, and no light gained or lost.
+//! ReSTIR PT over hundreds of frames with moving objects and a moving camera: all pixels are finite, and no light is gained or lost.
 
 use crate::support::{app::*, proof::Subject, small_scenes::*, stats};
 use bevy_restir::{Paths, Restir, Technique};
 
-/// Mean over frames of the mean of what is shown, along a path that the camera and things take.  The reference begins anew in every frame:
-/// it takes other random numbers for each.
+/// The mean over frames of the picture's mean, along a scripted motion of the camera and the objects.  The reference restarts in every
+/// frame, with different random numbers.
 fn energy(rig: &mut Rig, ask: impl Fn(&mut Restir), frames: u32) -> f64 {
     rig.set(|r| {
         ask(r);
@@ -30,11 +30,11 @@ fn energy(rig: &mut Rig, ask: impl Fn(&mut Restir), frames: u32) -> f64 {
     sum / f64::from(count)
 }
 
-/// Light of independent runs relative to the reference's, and its standard error.
+/// Compares the light of independent runs with that of the reference.
 fn check(runs: u32, frames: u32, margin: f64) {
     let Some(mut rig) = scene(48, moving) else { return };
     pose_moving(&mut rig, 0);
-    // Every frame of the reference is a scene of its own: one sample each.
+    // Each frame of the reference is a scene of its own, with one sample.
     let reference: Vec<f64> = (0..runs)
         .map(|seed| energy(&mut rig, |r| (r.technique, r.seed) = (Technique::Reference, 10_000 * seed), frames))
         .collect();
@@ -50,7 +50,7 @@ fn check(runs: u32, frames: u32, margin: f64) {
     let w = stats::welch(&light, &reference);
     let mean = reference.iter().sum::<f64>() / reference.len() as f64;
     let percent = |x: f64| 100.0 * x / mean;
-    eprintln!("{runs} x {frames} frames: light off by {:+.3} % ± {:.3}", percent(w.difference), percent(w.error));
+    eprintln!("{runs} x {frames} frames: light differs by {:+.3} % ± {:.3}", percent(w.difference), percent(w.error));
     assert!(w.difference.abs() < margin * mean);
 }
 

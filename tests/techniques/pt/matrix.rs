@@ -39,7 +39,7 @@ impl Row for PathRow {
         ("MIS", MIS.len()),
         ("reconnected", RECONNECTIONS.len()),
         ("shaded", 2),
-        ("neighbours", 2),
+        ("neighbors", 2),
     ];
     const PLANTED: (&'static str, &'static str) = ("PLANT_SCALED_UCW", "planted error of 3 % in every step");
 
@@ -95,13 +95,13 @@ impl Row for PathRow {
     }
 
     fn subject(&self) -> impl Subject {
-        let [_, _, _, mis, reconnection, shading, neighbours] = self.0;
+        let [_, _, _, mis, reconnection, shading, neighbors] = self.0;
         let paths = Paths {
             mis: MIS[mis],
             reconnection: RECONNECTIONS[reconnection],
             distance: 0.1,
             vector_weights: shading == 0,
-            heuristics: neighbours == 0,
+            heuristics: neighbors == 0,
             spatial_taps: 2,
             radius: pixels(5.0, Self::SIZE),
             confidence_cap: 8.0,

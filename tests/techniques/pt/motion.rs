@@ -1,5 +1,5 @@
-//! A frame of a moving scene shows by ReSTIR PT on average what the reference shows of that frame's scene at rest: the mean over seeds of
-//! the last frame of a scripted motion of four, 32 x 32 pixels, three bounces, margin 1.5 % at α = 0.01.
+//! A frame of a moving scene by ReSTIR PT equals on average the reference of the still scene at that moment.  The mean is over seeds of
+//! the last frame of a scripted motion of four, at 32 x 32 pixels and three bounces; margin 1.5 % at α = 0.01.
 
 use crate::support::{
     app::*,
@@ -11,14 +11,14 @@ use bevy::prelude::*;
 use bevy_restir::{Paths, Suffix};
 
 #[test]
-fn paths_in_a_frame_in_which_all_moves_carry_what_they_carry_at_rest() {
+fn paths_in_a_moving_frame_equal_those_of_the_still_scene() {
     let Some(mut rig) = scene(32, moving) else { return };
     let proof = Proof { bounces: 3, margin: 0.015, pose: Some(&pose_moving), ..Proof::of((240, 1), (40, 32)) };
     proof.check("moving", &mut rig, &[("temporal", paths::temporal()), ("both", paths::all_reuse())]);
 }
 
 #[test]
-fn paths_to_emitters_carry_what_they_carry_while_other_lights_come_and_go() {
+fn paths_to_emitters_are_unchanged_while_other_lights_come_and_go() {
     let Some(mut rig) = scene(32, passing) else { return };
     let proof = Proof { bounces: 3, margin: 0.015, pose: Some(&pose_passing), ..Proof::of((160, 1), (40, 32)) };
     let paths = paths::temporal();
@@ -39,13 +39,14 @@ fn suffixes_that_are_not_traced_both_ways_are_biased_with_their_documented_sign(
         found
     };
     assert!(found(Suffix::Forward).sigma() < -4.0);
-    // It lags: bright where light was and dark where it comes to.
+    // The light lags behind: too bright where it was, and too dark where it arrives.
     assert!(found(Suffix::Kept).tiles < 1e-6);
 }
 
-/// What bounces light, an emitter that rays meet and a ball all shrink or grow: a point that is kept covers another area in each frame.
+/// A reflecting surface, an emitter that rays hit and a sphere light all shrink or grow, so that a stored point covers another area in
+/// each frame.
 #[test]
-fn paths_by_what_grows_and_shrinks_carry_what_they_carry_at_rest() {
+fn paths_by_growing_and_shrinking_objects_equal_those_of_the_still_scene() {
     let mut walls = [Entity::PLACEHOLDER; 3];
     let mut ball = Entity::PLACEHOLDER;
     let Some(mut rig) = scene(32, |rig| {

@@ -1,4 +1,4 @@
-//! The parts of resampled paths: what their packed forms keep, and the Jacobian of a reconnection by finite differences.
+//! Parts of path resampling: packed reservoirs keep their content, and the Jacobian of a reconnection equals finite differences.
 
 use crate::support::{
     gpu::{Bound, gpu},
@@ -18,7 +18,7 @@ struct Pair {
     pad_c: f32,
 }
 
-/// Solid angle at `from` over area at `to`, by where the rays in two directions beside the one that meets `to` meet its plane.
+/// Solid angle at `from` per area at `to`, from the points where rays in two nearby directions hit the plane at `to`.
 fn by_finite_differences(from: DVec3, to: DVec3, normal: DVec3) -> f64 {
     let direction = (to - from).normalize();
     let (u, v) = direction.any_orthonormal_pair();
@@ -49,7 +49,7 @@ fn the_jacobian_of_a_reconnection_is_that_of_finite_differences() {
     for (pair, factor) in pairs.iter().zip(gpu.read::<f32>(&output)) {
         let of = |p: [f32; 3]| DVec3::from(p.map(f64::from));
         let (from, to, normal) = (of(pair.from), of(pair.to), of(pair.normal));
-        // Nearly edge on neither f32 nor a difference has digits left.
+        // Nearly edge-on, neither f32 nor finite differences are precise enough.
         if (to - from).normalize().dot(normal).abs() > 0.02 {
             worst = worst.max((f64::from(factor) / by_finite_differences(from, to, normal) - 1.0).abs());
             checked += 1;
@@ -59,7 +59,7 @@ fn the_jacobian_of_a_reconnection_is_that_of_finite_differences() {
     assert!(checked > 15_000 && worst < 1e-4, "{worst}");
 }
 
-/// Runs a kernel that packs what it unpacked, `N` words each.
+/// Runs a kernel that unpacks and packs elements of `N` words.
 fn repacked<const N: usize>(name: &str, kernel: &str, words: &[[u32; N]]) -> Option<Vec<[u32; N]>>
 where
     [u32; N]: Pod,
@@ -72,7 +72,7 @@ where
     Some(gpu.read::<u32>(&output).chunks_exact(N).map(|c| c.try_into().expect("of N")).collect())
 }
 
-/// Structure of a path that there can be.
+/// A valid structure word of a path.
 fn structure(random: &mut Random, index_bits: u32) -> u32 {
     let bits = |random: &mut Random, count: u32| random.bits() & ((1 << count) - 1);
     let (end, length, index) = (bits(random, 2), bits(random, 7), bits(random, index_bits));
@@ -81,7 +81,7 @@ fn structure(random: &mut Random, index_bits: u32) -> u32 {
     end | length << 2 | index << 9 | lobes | confidence << 20
 }
 
-/// Barycentrics within their triangle, and a direction that survives.
+/// Barycentrics inside of their triangle, and a direction that packing keeps.
 fn connection(random: &mut Random) -> [u32; 4] {
     let (b, c) = (random.bits() & 0x7fff, random.bits() & 0x7fff);
     [random.bits(), random.bits(), c << 16 | b, 0x7fff_7fff & random.bits()]
@@ -89,14 +89,14 @@ fn connection(random: &mut Random) -> [u32; 4] {
 
 const NUMBERS: [f32; 8] = [0.0, 1.0, 1e-30, 3e38, 0.1, f32::NAN, f32::INFINITY, f32::NEG_INFINITY];
 
-/// Mostly one that there can be.
+/// Usually a valid number.
 fn number(random: &mut Random) -> u32 {
     let count = if random.unit() < 0.9 { 5 } else { 8 };
     NUMBERS[random.below(count)].to_bits()
 }
 
 #[test]
-fn reservoirs_of_paths_survive_their_64_bytes_and_bad_numbers_do_not() {
+fn path_reservoirs_keep_their_content_in_64_bytes_and_drop_invalid_numbers() {
     let mut random = Random::new(11);
     let words: Vec<[u32; 16]> = (0..8192)
         .map(|_| {
@@ -116,21 +116,21 @@ fn reservoirs_of_paths_survive_their_64_bytes_and_bad_numbers_do_not() {
     for (before, after) in words.iter().zip(after) {
         let sound = [3, 8, 9, 10, 11, 14, 15].iter().all(|&i| f32::from_bits(before[i]).is_finite());
         lost += u32::from(!sound);
-        // The direction may come back by another of its neighbours' words: a unit of 16 bits.
+        // Packing may change the direction to a neighboring code: one unit of 16 bits.
         let near = |a: u32, b: u32| (a as i32 - b as i32).abs() <= 1;
         let directions = near(before[7] & 0xffff, after[7] & 0xffff) && near(before[7] >> 16, after[7] >> 16);
         if sound {
             let same = (0..16).all(|i| i == 7 || before[i] == after[i]);
             assert!(same && directions, "{before:x?}\n{after:x?}");
         } else {
-            assert_eq!((after[0], after[3]), (0, 0), "nothing of it is left, nor of its worth");
+            assert_eq!((after[0], after[3]), (0, 0), "an invalid sample and its weight are dropped");
         }
     }
     assert!(lost > 500);
 }
 
 #[test]
-fn reservoirs_of_indirect_light_survive_their_48_bytes_and_bad_numbers_do_not() {
+fn gi_reservoirs_keep_their_content_in_48_bytes_and_drop_invalid_numbers() {
     let mut random = Random::new(12);
     let words: Vec<[u32; 12]> = (0..8192)
         .map(|_| {
@@ -141,11 +141,11 @@ fn reservoirs_of_indirect_light_survive_their_48_bytes_and_bad_numbers_do_not() 
             }
             w[4..8].copy_from_slice(&connection(&mut random));
             (w[8], w[9]) = (random.bits(), random.bits());
-            // What is met has a density, what is aimed at a name.
+            // A sample that a BSDF ray hit has a density; a sample by NEE has a light id.
             if w[0] & 3 != 1 {
                 (w[8], w[9]) = (number(&mut random), 0);
             }
-            // The greatest channel uses all of its 18 bits.
+            // The largest channel uses all of its 18 bits.
             let exponent = 30 + random.bits() % 200;
             (w[10], w[11]) = (random.bits() | 1 << 17, exponent << 22 | random.bits() & 0x3f_ffff);
             w
@@ -162,13 +162,13 @@ fn reservoirs_of_indirect_light_survive_their_48_bytes_and_bad_numbers_do_not() 
             let same = (0..12).all(|i| i == 7 || before[i] == after[i]);
             assert!(same && directions, "{before:x?}\n{after:x?}");
         } else {
-            assert_eq!((after[0], after[2]), (0, 0), "nothing of it is left, nor of its worth");
+            assert_eq!((after[0], after[2]), (0, 0), "an invalid sample and its weight are dropped");
         }
     }
 }
 
 #[test]
-fn radiance_is_kept_to_18_bits_of_its_greatest_channel() {
+fn packed_radiance_has_18_bits_of_its_largest_channel() {
     let Some(gpu) = gpu() else { return };
     let mut random = Random::new(13);
     let colors: Vec<[f32; 4]> = (0..20_000)
@@ -190,6 +190,6 @@ fn radiance_is_kept_to_18_bits_of_its_greatest_channel() {
             (0..3).map(move |i| (after[i] - before[i]).abs() / greatest)
         })
         .fold(0.0, f32::max);
-    eprintln!("error at most {worst:e} of the greatest channel");
+    eprintln!("error at most {worst:e} of the largest channel");
     assert!(worst <= 1.0 / (1 << 18) as f32, "{worst:e}");
 }

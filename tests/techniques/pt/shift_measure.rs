@@ -1,7 +1,7 @@
-//! The shift of paths is a change of variables: what it maps from one pixel to another has, measured there by its Jacobian, the volume that
-//! the other's own candidates give to what comes back.  Pixels are paired; over all of them the sums of both are one integral, whatever
-//! bounded function of the path is under it.  And near by the Jacobian stays near 1 (Lin et al. 2026, supplement, Eqs. 7 to 25), by which
-//! footprints are thresholds.
+//! The shift of paths is a change of variables.  Pixels are paired; a set of paths shifted to the partner has, by the Jacobian, the same
+//! measure as the partner's own candidates that shift back.  Summed over all pixels, both sides are the same integral of any bounded
+//! function of the path.  Also: with footprints as the criterion, the Jacobian to a neighboring pixel stays near 1 (Lin et al. 2026,
+//! supplement, Eqs. 7 to 25).
 
 use crate::support::{
     app::*,
@@ -14,14 +14,14 @@ use bevy_restir::{Paths, Reconnection, plant_shader_defs};
 
 const BOUNCES: u32 = 4;
 const SIZE: usize = 32;
-/// Pixels whose coordinates differ in these bits are partners (`PARTNER` in `shaders/pass/path_candidates.wgsl`).
+/// Pixels whose coordinates differ in these bits are partners (`PARTNER` in the shader).
 const PARTNER: (usize, usize) = (8, 4);
 
 fn alone(paths: Paths) -> Paths {
     Paths { temporal: false, spatial_taps: 0, ..paths }
 }
 
-/// Pictures of the candidates under some definitions, without what the camera sees emit.
+/// Pictures of the candidates with these shader definitions, without the emission that the camera sees.
 fn pictures(rig: &mut Rig, defs: &[&'static str], paths: Paths, seeds: u32) -> Vec<Vec<Vec3>> {
     let emitted = emission(rig);
     plant_shader_defs(&mut rig.app, defs);
@@ -40,27 +40,27 @@ fn pictures(rig: &mut Rig, defs: &[&'static str], paths: Paths, seeds: u32) -> V
     pictures
 }
 
-/// Relative difference of both sums with its standard error, and the p-value of their being equal tile by tile, 4 x 4 pixels each.
-struct Census {
+/// The relative difference of both sums with its standard error, and the p-value of both being equal in all tiles of 4 x 4 pixels.
+struct Measure {
     difference: f64,
     error: f64,
     tiles: f64,
 }
 
-impl Census {
+impl Measure {
     fn of(rig: &mut Rig, plant: &[&'static str], paths: Paths, seeds: u32) -> Self {
         let frames = pictures(rig, &[&["TEST_CENSUS", "TEST_PAIRED"], plant].concat(), paths, seeds);
         let sum = |of: fn(&Vec3) -> f32| frames.iter().map(move |f| f.iter().map(|c| f64::from(of(c))).sum());
         let (mean, _) = mean_and_error(sum(|c| 0.5 * (c.x + c.y)));
         let (difference, error) = mean_and_error(sum(|c| c.x - c.y));
-        // What leaves a tile, and what comes back to its partner.
+        // The paths that leave a tile, and those that its partner receives.
         let tile = |x: usize, y: usize, of: fn(&Vec3) -> f32| -> Vec<f64> {
             let pixels = move |f: &Vec<Vec3>| (0..16).map(|i| f64::from(of(&f[(y + i / 4) * SIZE + x + i % 4]))).sum();
             frames.iter().map(pixels).collect()
         };
         let tiles = (0..SIZE / 4).flat_map(|y| (0..SIZE / 4).map(move |x| (4 * x, 4 * y)));
         let pairs = tiles.map(|(x, y)| (tile(x, y, |c| c.x), tile(x ^ PARTNER.0, y ^ PARTNER.1, |c| c.y)));
-        // Nothing is mapped from or to what shows no surface.
+        // Pixels without a surface take no part.
         let pairs = pairs.filter(|(a, b)| [a, b].iter().all(|v| v.iter().filter(|s| **s > 0.0).count() > 20));
         let rounding = 1e-4 * mean / (SIZE * SIZE / 16) as f64;
         let tiles = chi_squared_of_differences(pairs, rounding);
@@ -68,7 +68,7 @@ impl Census {
     }
 }
 
-impl core::fmt::Display for Census {
+impl core::fmt::Display for Measure {
     fn fmt(&self, f: &mut core::fmt::Formatter) -> core::fmt::Result {
         write!(f, "{:+.2} % ± {:.2}, tiles p = {:.1e}", 100.0 * self.difference, 100.0 * self.error, self.tiles)
     }
@@ -85,43 +85,43 @@ fn kinds() -> [(&'static str, Paths); 5] {
 }
 
 #[test]
-fn the_shift_maps_volumes_as_its_jacobian_says() {
+fn the_jacobian_is_the_change_of_measure_of_the_shift() {
     for (name, make) in PATH_SCENES {
         let Some(mut rig) = scene(SIZE as u32, make) else { return };
         for (what, paths) in kinds() {
-            let census = Census::of(&mut rig, &[], paths, 60);
-            eprintln!("{name}, {what}: {census}");
-            assert!(census.error < 0.03 && census.difference.abs() < 4.0 * census.error, "{name}, {what}");
-            assert!(census.tiles > 1e-4, "{name}, {what}");
+            let measure = Measure::of(&mut rig, &[], paths, 60);
+            eprintln!("{name}, {what}: {measure}");
+            assert!(measure.error < 0.03 && measure.difference.abs() < 4.0 * measure.error, "{name}, {what}");
+            assert!(measure.tiles > 1e-4, "{name}, {what}");
         }
     }
 }
 
-/// Tails are heavy here: with fewer frames tiles look further off than they are.
+/// The distribution has heavy tails here, so that with fewer frames the p-values of tiles are too small.
 #[test]
-fn the_shift_maps_volumes_over_every_lobe() {
+fn the_jacobian_is_the_change_of_measure_over_every_lobe() {
     let Some(mut rig) = scene(SIZE as u32, every_lobe) else { return };
-    let census = Census::of(&mut rig, &[], Paths::default(), 240);
-    eprintln!("{census}");
-    assert!(census.error < 0.03 && census.difference.abs() < 4.0 * census.error && census.tiles > 1e-4);
+    let measure = Measure::of(&mut rig, &[], Paths::default(), 240);
+    eprintln!("{measure}");
+    assert!(measure.error < 0.03 && measure.difference.abs() < 4.0 * measure.error && measure.tiles > 1e-4);
 }
 
 #[test]
-fn a_shift_that_is_no_change_of_variables_is_found() {
+fn a_shift_that_is_not_a_change_of_variables_is_found() {
     let Some(mut rig) = scene(SIZE as u32, |rig| {
         room(rig);
     }) else {
         return;
     };
-    let census = Census::of(&mut rig, &["PLANT_NO_JACOBIAN"], Paths::default(), 100);
-    eprintln!("{census}");
-    assert!(census.tiles < 1e-9);
+    let measure = Measure::of(&mut rig, &["PLANT_NO_JACOBIAN"], Paths::default(), 100);
+    eprintln!("{measure}");
+    assert!(measure.tiles < 1e-9);
 }
 
 #[test]
 fn footprints_keep_the_jacobian_near_one() {
     let Some(mut rig) = room_scene(128) else { return };
-    // Of the paths that are reconnected, the share whose Jacobian to the next pixel is beyond 1.5 either way.
+    // Among paths that reconnect: the share whose Jacobian to the next pixel is above 1.5 or below 1 / 1.5.
     let mut beyond = |footprint| {
         let paths = Paths { footprint, jacobian_limit: f32::MAX, ..Default::default() };
         let all = pictures(&mut rig, &["TEST_JACOBIAN", "TEST_PAIRED"], paths, 4);

@@ -1,5 +1,5 @@
-//! ReSTIR PT shows what the reference shows at four bounces, in small made scenes of 32 x 32 pixels.  Two one-sided tests at α = 0.01 on
-//! the image mean, margin 1 %; the 8 x 8 tiles by chi-squared.
+//! ReSTIR PT equals the reference at four bounces, in small scenes of 32 x 32 pixels.  Two one-sided tests at α = 0.01 compare the image
+//! mean with a margin of 1 %, and chi-squared compares the 8 x 8 tiles.
 
 use crate::support::{
     app::*,
@@ -13,7 +13,7 @@ use bevy_restir::{DebugView, Mis, Paths, Reconnection, ReuseOrder};
 const PROOF: Proof = Proof { bounces: 4, ..Proof::of((32, 8), (40, 32)) };
 
 #[test]
-fn paths_in_a_room_carry_what_the_reference_carries_whatever_is_reused() {
+fn paths_in_a_room_equal_the_reference_for_every_kind_of_reuse() {
     let Some(mut rig) = room_scene(32) else { return };
     PROOF.check(
         "room",
@@ -34,7 +34,7 @@ fn paths_in_a_room_carry_what_the_reference_carries_whatever_is_reused() {
 }
 
 #[test]
-fn paths_over_glossy_surfaces_carry_what_the_reference_carries() {
+fn paths_over_glossy_surfaces_equal_the_reference() {
     let Some(mut rig) = scene(32, glossy) else { return };
     let often_replayed = Paths { footprint: 20.0, ..paths::all_reuse() };
     let black_box = Paths { reconnection: Reconnection::BlackBox, roughness: 0.6, ..paths::all_reuse() };
@@ -47,20 +47,20 @@ fn paths_over_glossy_surfaces_carry_what_the_reference_carries() {
 }
 
 #[test]
-fn paths_by_mirrors_carry_what_the_reference_carries() {
+fn paths_by_mirrors_equal_the_reference() {
     let Some(mut rig) = scene(32, mirrors) else { return };
     let proof = Proof { bounces: 3, margin: 0.02, ..Proof::of((48, 16), (40, 48)) };
     proof.check("mirrors", &mut rig, &[("both", paths::all_reuse())]);
 }
 
 #[test]
-fn paths_over_every_lobe_carry_what_the_reference_carries() {
+fn paths_over_every_lobe_equal_the_reference() {
     over_every_lobe(0.03, (24, 4), (24, 24));
 }
 
 #[test]
 #[ignore = "minutes: ./run test --full"]
-fn full_length_paths_over_every_lobe_carry_what_the_reference_carries() {
+fn full_length_paths_over_every_lobe_equal_the_reference() {
     over_every_lobe(0.01, (40, 32), (40, 160));
 }
 
@@ -73,18 +73,18 @@ fn over_every_lobe(margin: f64, ours: (u32, u32), truth: (u32, u32)) {
 }
 
 #[test]
-fn paths_to_points_and_suns_carry_what_the_reference_carries() {
+fn paths_to_points_and_suns_equal_the_reference() {
     let Some(mut rig) = scene(32, punctual) else { return };
     PROOF.check("punctual", &mut rig, &[("both", paths::all_reuse())]);
 }
 
 #[test]
-fn paths_to_an_environment_carry_what_the_reference_carries() {
+fn paths_to_an_environment_equal_the_reference() {
     let Some(mut rig) = scene(32, |rig| surrounded(rig, true)) else { return };
     PROOF.check("surrounded", &mut rig, &[("candidates", paths::candidates_only()), ("both", paths::all_reuse())]);
 }
 
-/// A corner that a lamp lights by the ceiling alone.
+/// A corner of a room that is lit only by light from the ceiling.
 fn lit_from_the_ceiling(rig: &mut Rig) {
     let turned = |place: Vec3, x: f32, y: f32| {
         Transform::from_translation(place).with_rotation(Quat::from_rotation_y(y) * Quat::from_rotation_x(x))
@@ -99,7 +99,7 @@ fn lit_from_the_ceiling(rig: &mut Rig) {
 }
 
 #[test]
-fn numbers_that_are_not_finite_stay_in_their_reservoir_of_paths() {
+fn nan_stays_in_its_path_reservoir() {
     let Some(mut rig) = room_scene(32) else { return };
     // One pass only: a second pass would lose the candidate of the pixel itself, and with it paths that no neighbor can find.
     let paths = Paths { order: ReuseOrder::Spatiotemporal, ..paths::all_reuse() };
@@ -125,7 +125,7 @@ fn planted_errors_of_paths_are_found() {
 }
 
 #[test]
-fn views_of_paths_show_what_is_kept() {
+fn debug_views_show_the_stored_paths() {
     let Some(mut rig) = room_scene(32) else { return };
     rig.set(|r| {
         paths::all_reuse().ask(r);
@@ -139,7 +139,8 @@ fn views_of_paths_show_what_is_kept() {
         rig.next()
     };
     let all = |picture: &Picture, holds: &dyn Fn(Vec3) -> bool| picture.iter().all(|(_, c)| holds(c));
-    // All light is aimed at or met, none is of an environment; paths have one to three events, and are as old as the history at most.
+    // All paths end by NEE or by a BSDF hit of a light, none in an environment.  They have one to three events, and are at most as old as
+    // the history.
     let ends = view(DebugView::PathEnds, 2);
     assert!(all(&ends, &|c| c.z == 0.0 && c.x + c.y <= 1.0) && ends.mean() > 0.2);
     let lengths = view(DebugView::PathLengths, 2);
@@ -148,11 +149,11 @@ fn views_of_paths_show_what_is_kept() {
     assert!(all(&reconnections, &|c| [0.0, 2.0, 3.0, 4.0].contains(&c.x)));
     let ages = view(DebugView::PathAges, 4);
     assert!(all(&ages, &|c| c.x <= 3.0) && ages.mean() > 0.5, "{}", ages.mean());
-    // One frame: its own. Two: the last one's and, twice, neighbours' of two frames.
+    // After one frame: its own confidence.  After two: that of the last frame and twice that of neighbors with two frames.
     let one = view(DebugView::PathConfidence, 1);
     assert!(all(&one, &|c| c.x == 0.0 || (1.0..=3.0).contains(&c.x)));
     let jacobians = view(DebugView::PathJacobians, 2);
     assert!(all(&jacobians, &|c| c.is_finite() && c.x >= 0.0) && jacobians.mean() > 0.1);
     let shifts = view(DebugView::PathShifts, 2);
-    assert!(shifts.iter().filter(|(_, c)| *c == Vec3::ONE).count() > 300, "most have a counterpart");
+    assert!(shifts.iter().filter(|(_, c)| *c == Vec3::ONE).count() > 300, "most paths can be shifted");
 }

@@ -1,31 +1,31 @@
-//! The reference tracer against pictures of an independent one (Mitsuba 3): the short form of `docs/proof.md`'s comparison.
+//! Compares the reference tracer with pictures of an independent renderer (Mitsuba 3); the long form is in `docs/proof.md`.
 //!
-//! Two runs of other seeds give a picture and, by their difference, its noise.  A mean, over the image or over a tile, agrees with
-//! the reference's if they differ by no more than a floor and four (tiles: five) standard errors: what a firefly adds to a mean it adds
-//! to the error, too.  The floor of tiles also covers what noise between pixels does not show: all pixels share a frame's jitter, so
-//! that a silhouette is off everywhere at once.  The tests show their own power: a reference that is brighter or darker by `planted`
-//! all over, or brighter by 40 % in one tile that is quiet enough, must not agree.
+//! Two runs with different seeds give a picture and, by their difference, its noise.  Means of the image and of tiles must agree within a
+//! floor plus four (tiles: five) standard errors; a firefly raises both the mean and its standard error.  The floor of tiles also covers
+//! errors that the noise between pixels does not show: all pixels share the jitter of a frame, so that a silhouette is shifted everywhere
+//! at once.  The tests check their own power: a reference that is scaled by `planted`, or brighter by 40 % in one tile with little noise,
+//! must be rejected.
 
 use crate::support::cli::{Exr, Folder, asset};
 use serde_json::Value;
 
-/// How close a scene must come.
+/// A scene, and how closely it must agree.
 struct Case {
     scene: &'static str,
-    /// Frames of each of the two runs.
+    /// The number of frames of each of the two runs.
     frames: u32,
-    /// Relative difference of image means beyond noise.
+    /// The relative difference of image means that is allowed beyond noise.
     floor: f64,
-    /// The same of tiles.
+    /// The same for tiles.
     tile_floor: f64,
-    /// Relative error all over that is found.
+    /// A relative error of the whole image that must be found.
     planted: f64,
 }
 
 const SIZE: usize = 128;
 const TILE: usize = 32;
 
-/// Light of a pixel: mean of its channels.
+/// The mean of the channels of each pixel.
 fn values(exr: &Exr) -> Vec<f64> {
     assert_eq!((exr.width, exr.height), (SIZE, SIZE));
     exr.pixels.iter().map(|p| p.iter().map(|c| f64::from(*c)).sum::<f64>() / 3.0).collect()
@@ -39,21 +39,21 @@ struct Pictures {
 }
 
 impl Pictures {
-    /// Relative difference of means over some pixels, with its standard error.
+    /// The relative difference of the means over some pixels, with its standard error.
     fn difference(&self, pixels: &[usize], reference_scale: impl Fn(usize) -> f64) -> (f64, f64) {
         let [a, b] = &self.halves;
         let reference: f64 = pixels.iter().map(|&i| self.reference[i] * reference_scale(i)).sum();
         let mean: f64 = pixels.iter().map(|&i| 0.5 * (a[i] + b[i])).sum();
-        // Pixels are independent: a mean's variance is that of its pixels, (a - b)²/4 each, and the reference's own.
+        // Pixels are independent: the variance of a mean is the sum of theirs, (a - b)²/4 each, and that of the reference.
         let variance: f64 =
             pixels.iter().map(|&i| 0.25 * (a[i] - b[i]).powi(2) + self.reference_error[i].powi(2)).sum();
-        // Dark tiles are held against a tenth of what an average one has.
+        // Differences in dark tiles are relative to a tenth of the mean tile.
         let average = self.reference.iter().sum::<f64>() / (SIZE * SIZE) as f64;
         let scale = reference.max(0.1 * average * pixels.len() as f64);
         ((mean - reference) / scale, variance.sqrt() / scale)
     }
 
-    /// Why the picture disagrees with a scaled reference.
+    /// The reason why the picture disagrees with a scaled reference, if it does.
     fn disagreement(&self, case: &Case, scale: impl Fn(usize) -> f64) -> Option<String> {
         let all: Vec<usize> = (0..SIZE * SIZE).collect();
         let (difference, error) = self.difference(&all, &scale);
@@ -77,10 +77,10 @@ fn tiles() -> impl Iterator<Item = Vec<usize>> {
     })
 }
 
-/// A picture of a scene as `references.json` asks for it.
+/// Renders a scene with the settings of `references.json`.
 fn render_once(folder: &Folder, scene: &str, frames: u32, seed: u32) -> Exr {
     let text = std::fs::read_to_string(asset("references.json")).expect("the references are there");
-    let all: Value = serde_json::from_str(&text).expect("it is JSON");
+    let all: Value = serde_json::from_str(&text).expect("the file is JSON");
     let (bounces, frames, seed) = (all[scene]["bounces"].to_string(), frames.to_string(), seed.to_string());
     let env = all[scene]["env"].as_array().map(|e| e.iter().map(Value::to_string).collect::<Vec<_>>().join(","));
     let mut arguments = [
@@ -119,14 +119,14 @@ fn check(case: Case) {
     for scale in [1.0 + case.planted, 1.0 - case.planted] {
         assert!(pictures.disagreement(&case, |_| scale).is_some(), "{}: {scale} of the reference passes", case.scene);
     }
-    // Of the tiles whose noise allows it.
+    // Only tiles with little noise can show it.
     let average = pictures.reference.iter().sum::<f64>() / (SIZE * SIZE) as f64;
     let is_quiet = |tile: &Vec<usize>| {
         let light = tile.iter().map(|&i| pictures.reference[i]).sum::<f64>() / tile.len() as f64;
         light > 0.2 * average && case.tile_floor + 8.0 * pictures.difference(tile, |_| 1.0).1 < 0.28
     };
     let quiet: Vec<_> = tiles().filter(is_quiet).collect();
-    assert!(quiet.len() >= 2, "{}: only {} tiles are quiet enough to tell anything", case.scene, quiet.len());
+    assert!(quiet.len() >= 2, "{}: only {} tiles have little enough noise", case.scene, quiet.len());
     for tile in quiet {
         let inside = |i: usize| if tile.contains(&i) { 1.4 } else { 1.0 };
         assert!(pictures.disagreement(&case, inside).is_some(), "{}: a tile brighter by 40 % passes", case.scene);
@@ -161,7 +161,7 @@ scenes! {
     mirror_room_is_what_an_independent_renderer_shows: "mirror_room", 32, 0.01, 0.03, 0.06;
 }
 
-/// Mean over 8 x 8-pixel tiles of the relative difference of luminance, without sign; dark tiles count at least 2 % of the mean.
+/// The mean over 8 x 8-pixel tiles of the absolute relative difference of luminance; dark tiles count as at least 2 % of the mean.
 fn tile_difference(picture: &Exr, reference: &Exr) -> f64 {
     let luminance = |p: &[f32; 3]| 0.2126 * f64::from(p[0]) + 0.7152 * f64::from(p[1]) + 0.0722 * f64::from(p[2]);
     let tiles = |exr: &Exr| -> Vec<f64> {
@@ -176,7 +176,7 @@ fn tile_difference(picture: &Exr, reference: &Exr) -> f64 {
     a.iter().zip(&b).map(|(a, b)| (a - b).abs() / b.max(0.02 * mean)).sum::<f64>() / a.len() as f64
 }
 
-/// The table of `docs/proof.md`.
+/// Prints the table of `docs/proof.md`.
 #[test]
 #[ignore = "half an hour: ./run test --full"]
 fn the_reference_tracer_meets_its_margins_at_full_length() {
