@@ -193,19 +193,21 @@ fn edit(rig: &mut Rig, things: &mut Vec<(Entity, Thing)>, random: &mut Random) {
         return;
     }
     let (entity, thing) = &mut things[chosen];
-    let entity = *entity;
-    let solid = match thing {
+    match thing {
         Thing::Light(_, power, place) => {
             if random.below(2) == 0 {
                 *power = random.range(1.0, 30.0);
             } else {
                 *place = point(random);
             }
-            dress(rig, entity, thing);
-            return;
+            dress(rig, *entity, thing);
         }
-        Thing::Solid(solid) => solid,
-    };
+        Thing::Solid(solid) => edit_solid(rig, *entity, solid, random),
+    }
+}
+
+/// Applies one random edit to a solid object.
+fn edit_solid(rig: &mut Rig, entity: Entity, solid: &mut Solid, random: &mut Random) {
     let material_of = |rig: &Rig| rig.material_of(entity);
     match random.below(10) {
         0 | 1 => {
@@ -259,8 +261,7 @@ fn edit(rig: &mut Rig, things: &mut Vec<(Entity, Thing)>, random: &mut Random) {
         _ if random.below(3) == 0 => solid.has_mesh = false,
         _ => solid.casts_shadows = !solid.casts_shadows,
     }
-    let solid = solid.clone();
-    flags(rig, entity, &solid);
+    flags(rig, entity, solid);
 }
 
 fn rig() -> Option<Rig> {

@@ -262,25 +262,18 @@ fn bevy_draws_our_meshes_for_every_camera_but_ours() {
     assert!(center(&mut rig, &other) > 100, "the other camera");
 }
 
-#[test]
-fn a_scene_that_gains_and_loses_features_is_never_black() {
-    // Pipelines compile in the background, so those of new features become ready frames later.
-    let Some(mut rig) = Rig::compiling_in_background(16, 16) else {
-        return;
-    };
-    rig.insert(rig.camera, sky(1.0));
-    rig.set(|restir| restir.bounces = 3);
-    rig.spawn(square(2.0), lambert(0.5), Transform::default());
-    assert_eq!(rig.until_ready().features, SceneFeatures::ENVIRONMENT);
+/// The name of a feature, its flags, and a function that spawns an object with it.
+type Step = (&'static str, SceneFeatures, fn(&mut Rig) -> Option<Entity>);
 
-    type Step = (&'static str, SceneFeatures, fn(&mut Rig) -> Option<Entity>);
+/// Objects that each need a feature that the scene does not have yet.
+fn feature_steps() -> [Step; 14] {
     fn aside(rig: &mut Rig, material: StandardMaterial) -> Option<Entity> {
         Some(rig.spawn(square(0.5), material, Transform::from_xyz(1.5, 0.0, 0.0)))
     }
     fn dots(rig: &mut Rig) -> Option<Handle<Image>> {
         Some(rig.add::<Image>(texture(2, 2, |x, _| [128, 128, 255, if x == 0 { 0 } else { 255 }])))
     }
-    let steps: [Step; 14] = [
+    [
         ("emissive mesh", SceneFeatures::LIGHT_TRIANGLES, |rig| aside(rig, lamp(1.0, 1.0, 1.0))),
         ("point light", SceneFeatures::LIGHT_POINTS, |rig| {
             Some(rig.spawn_bundle((PointLight::default(), Transform::from_xyz(0.0, 0.0, 2.0))))
@@ -323,13 +316,26 @@ fn a_scene_that_gains_and_loses_features_is_never_black() {
             rig.get_mut::<RestirEnvironment>(rig.camera).image = image;
             None
         }),
-    ];
+    ]
+}
+
+#[test]
+fn a_scene_that_gains_and_loses_features_is_never_black() {
+    // Pipelines compile in the background, so those of new features become ready frames later.
+    let Some(mut rig) = Rig::compiling_in_background(16, 16) else {
+        return;
+    };
+    rig.insert(rig.camera, sky(1.0));
+    rig.set(|restir| restir.bounces = 3);
+    rig.spawn(square(2.0), lambert(0.5), Transform::default());
+    assert_eq!(rig.until_ready().features, SceneFeatures::ENVIRONMENT);
+
     let bright = |rig: &mut Rig, what: &str| {
         let picture = rig.next();
         assert!(picture.center().x > 0.05, "{what}: the square is black");
         assert!(picture.is_finite(), "{what}");
     };
-    for (name, features, add) in steps {
+    for (name, features, add) in feature_steps() {
         let entity = add(&mut rig);
         for _ in 0..4 {
             bright(&mut rig, name);

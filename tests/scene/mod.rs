@@ -1,4 +1,4 @@
-//! The scene that the GPU sees is the scene that the ECS holds.
+//! The scene on the GPU equals the scene in the ECS.
 
 mod bad_input;
 mod bindless_textures;
@@ -13,4 +13,5 @@ mod material_edge_cases;
 mod material_lobes;
 mod mirror;
 mod texture_levels;
-mod textures;
+mod texture_sampling;
+mod texture_slots;
