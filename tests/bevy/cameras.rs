@@ -293,8 +293,8 @@ fn a_minimized_window_renders_nothing_until_it_is_restored() {
 #[test]
 fn on_a_device_below_the_limits_the_plugin_warns_and_bevy_lights_the_scene() {
     log::listen();
-    // Limits that are too low for us but sufficient for Bevy, whose materials with all their textures need more of them than WebGPU
-    // guarantees.
+    // These limits are too low for us and sufficient for Bevy, whose materials with all optional textures need more sampled textures
+    // than WebGPU guarantees.
     let limits = WgpuLimits {
         max_storage_buffer_binding_size: (1 << 20) - 4096,
         max_sampled_textures_per_shader_stage: 64,
@@ -308,9 +308,9 @@ fn on_a_device_below_the_limits_the_plugin_warns_and_bevy_lights_the_scene() {
     let target = rig.target.clone();
     assert!(rig.drawn(&target)[8 * 16 + 8][0] > 100, "Bevy lights the scene");
     assert!(rig.next_if_any().is_none(), "the plugin is off");
-    let said = log::warnings("bindings of a MiB");
-    assert_eq!(said.len(), 1, "{said:?}");
-    assert!(said[0].contains("stays on"), "{said:?}");
+    let warnings = log::warnings("bindings of a MiB");
+    assert_eq!(warnings.len(), 1, "{warnings:?}");
+    assert!(warnings[0].contains("stays on"), "{warnings:?}");
 }
 
 #[test]

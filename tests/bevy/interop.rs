@@ -45,7 +45,7 @@ fn prepass(rig: &mut Rig) -> Vec<[f32; 4]> {
     gpu.read(&texels)
 }
 
-/// Renders the cameras at a lower resolution, as an upscaler would ask for.
+/// Renders the cameras at a lower resolution, as an upscaler asks for.
 fn draw_smaller(app: &mut App, size: UVec2) {
     let shrink = move |mut commands: Commands, cameras: Query<Entity, With<ExtractedCamera>>| {
         cameras.iter().for_each(|camera| _ = commands.entity(camera).insert(MainPassResolutionOverride(size)));

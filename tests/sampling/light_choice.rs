@@ -58,12 +58,16 @@ fn lights_are_chosen_by_power() {
         let test = move |seed: u32| {
             let mut counts = vec![0.0; pmf.len()];
             let defs: &[Def] = if environment.is_some() { &[flag("ENVIRONMENT")] } else { &[] };
-            for [light, told, again, _] in select(lit, seed, 1 << 17, defs) {
+            for [light, choice, again, _] in select(lit, seed, 1 << 17, defs) {
                 let light = if light == ENVIRONMENT_LIGHT { powers.len() } else { light as usize };
                 counts[light] += 1.0;
-                let told = f64::from(f32::from_bits(told));
-                assert!((told - pmf[light]).abs() <= 1e-4 * pmf[light] + 1e-8, "{light}: {told}, not {}", pmf[light]);
-                assert!(told.to_bits() == f64::from(f32::from_bits(again)).to_bits() && told > 0.0);
+                let choice = f64::from(f32::from_bits(choice));
+                assert!(
+                    (choice - pmf[light]).abs() <= 1e-4 * pmf[light] + 1e-8,
+                    "{light}: {choice}, not {}",
+                    pmf[light]
+                );
+                assert!(choice.to_bits() == f64::from(f32::from_bits(again)).to_bits() && choice > 0.0);
             }
             let expected: Vec<f64> = pmf.iter().map(|p| p * f64::from(1 << 17)).collect();
             chi_squared(&counts, &expected)
@@ -77,17 +81,17 @@ fn without_lights_nothing_is_chosen() {
     let Some(gpu) = gpu() else { return };
     let mut lit = LightScene::new(gpu);
     let on = [flag("ENVIRONMENT")];
-    let told = |lit: &LightScene, defs: &[Def]| {
+    let choice = |lit: &LightScene, defs: &[Def]| {
         let c = select(lit, 1, 64, defs)[3];
         (c[0], f32::from_bits(c[1]))
     };
-    assert_eq!(told(&lit, &[]), (NONE, 0.0));
-    assert_eq!(told(&lit, &on), (ENVIRONMENT_LIGHT, 1.0));
+    assert_eq!(choice(&lit, &[]), (NONE, 0.0));
+    assert_eq!(choice(&lit, &on), (ENVIRONMENT_LIGHT, 1.0));
     // A scene without extent still has its environment; if a power exceeds f32, both sides keep a share.
     lit.scene.radius = 0.0;
-    assert_eq!(told(&lit, &on), (ENVIRONMENT_LIGHT, 1.0));
+    assert_eq!(choice(&lit, &on), (ENVIRONMENT_LIGHT, 1.0));
     lit.view.environment_color = [0.0; 3];
-    assert_eq!(told(&lit, &on), (NONE, 0.0));
+    assert_eq!(choice(&lit, &on), (NONE, 0.0));
     lit.view.environment_color = [1.0; 3];
     lit.lights = vec![GpuLight::default()];
     lit.set_powers(&[1.0]);

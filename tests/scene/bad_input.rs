@@ -365,7 +365,7 @@ fn each_unsupported_lighting_feature_is_warned_about_once() {
     let named =
         [("PointLightTexture", lights[0]), ("SpotLightTexture", lights[1]), ("DirectionalLightTexture", lights[2])];
     for (what, entity) in named.into_iter().chain([("lightmaps", shape)]) {
-        let said = log::warnings(&format!("restir: {what}"));
-        assert!(said.len() == 1 && said[0].contains(&entity.to_string()), "{what}, {entity}: {said:?}");
+        let warnings = log::warnings(&format!("restir: {what}"));
+        assert!(warnings.len() == 1 && warnings[0].contains(&entity.to_string()), "{what}, {entity}: {warnings:?}");
     }
 }

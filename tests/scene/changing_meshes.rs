@@ -110,18 +110,18 @@ fn a_mesh_gets_one_warning_however_often_it_changes() {
         rig.edit(&mesh, |mesh| *mesh = partly_flat(1 + i % 4));
     }
     rig.until_ready();
-    let said = |rig: &Rig, of: &Handle<Mesh>| {
+    let warning_count = |rig: &Rig, of: &Handle<Mesh>| {
         assert!(rig.report().ready);
         let lines = log::warnings(&of.id().to_string());
         ["left out", "no usable triangle"].map(|text| lines.iter().filter(|line| line.contains(text)).count())
     };
     // A mesh without any sound triangle is rejected as a whole.
-    assert_eq!(said(&rig, &mesh), [2, 1]);
+    assert_eq!(warning_count(&rig, &mesh), [2, 1]);
     // Another asset gets its own warning.
     let other = add_named(&mut rig, 0xf1a7_0002, partly_flat(2));
     rig.insert(entity, Mesh3d(other.clone()));
     rig.until_ready();
-    assert_eq!((said(&rig, &mesh), said(&rig, &other)), ([2, 1], [1, 0]));
+    assert_eq!((warning_count(&rig, &mesh), warning_count(&rig, &other)), ([2, 1], [1, 0]));
 }
 
 #[test]
@@ -133,11 +133,11 @@ fn line_meshes_are_warned_about_only_with_a_standard_material() {
     let material = rig.add::<StandardMaterial>(lambert(0.5));
     let entity = rig.spawn_bundle((Mesh3d(elsewhere.clone()), Transform::default()));
     rig.until_ready();
-    let said = |of: &Handle<Mesh>| log::warnings(&of.id().to_string()).len();
-    assert_eq!([&elsewhere, &ours].map(said), [0, 0], "a line mesh without a standard material");
+    let warning_count = |of: &Handle<Mesh>| log::warnings(&of.id().to_string()).len();
+    assert_eq!([&elsewhere, &ours].map(warning_count), [0, 0], "a line mesh without a standard material");
     rig.insert(entity, (Mesh3d(ours.clone()), MeshMaterial3d(material)));
     rig.frames(4);
     rig.edit(&ours, |mesh| *mesh = lines());
     rig.until_ready();
-    assert_eq!([&elsewhere, &ours].map(said), [0, 1]);
+    assert_eq!([&elsewhere, &ours].map(warning_count), [0, 1]);
 }

@@ -339,8 +339,8 @@ fn a_cameras_environment_precedes_its_skybox_and_the_skybox_its_map_light() {
     let seen = shown(&mut rig);
     assert!(near(seen, (0.0, 0.0)), "not a cube: {seen:?}");
     rig.frames(3);
-    let told = log::warnings("is no colour cube");
-    assert_eq!(told.iter().filter(|line| line.contains(&name)).count(), 1, "{told:?}");
+    let warnings = log::warnings("is no colour cube");
+    assert_eq!(warnings.iter().filter(|line| line.contains(&name)).count(), 1, "{warnings:?}");
     rig.insert(rig.camera, EnvironmentMapLight { intensity: f32::NAN, ..map_light });
     rig.app.world_mut().entity_mut(rig.camera).remove::<Skybox>();
     let seen = shown(&mut rig);
@@ -361,12 +361,12 @@ fn a_skybox_is_shown_once_its_image_becomes_a_cube() {
     let name = format!("{}", image.id());
     rig.insert(rig.camera, Skybox { image: Some(image.clone()), brightness: 1.0, ..default() });
     assert_eq!(rig.picture(1).center(), Vec3::ZERO);
-    let told = || log::warnings("is no colour cube").iter().filter(|line| line.contains(&name)).count();
-    assert_eq!(told(), 1);
+    let warning_count = || log::warnings("is no colour cube").iter().filter(|line| line.contains(&name)).count();
+    assert_eq!(warning_count(), 1);
     rig.edit(&image, |image| *image = cube);
     let got = rig.picture(1).center();
     assert!((got - Vec3::new(0.25, 0.5, 1.0)).length() < 1e-5, "{got}");
-    assert_eq!(told(), 1);
+    assert_eq!(warning_count(), 1);
 }
 
 /// The frames of one camera accumulate while the sky of another camera changes.

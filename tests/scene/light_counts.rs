@@ -117,10 +117,10 @@ fn emissive_triangles_beyond_the_light_table_still_light_the_scene() {
         rig.until_ready();
         assert_eq!(rig.report().lights, lights, "{name}");
         assert_shown(&mut rig, truth, name);
-        let told = log::warnings("emissive triangles");
-        assert_eq!(told.len(), before + 1, "{name}: one warning: {told:?}");
+        let warnings = log::warnings("emissive triangles");
+        assert_eq!(warnings.len(), before + 1, "{name}: one warning: {warnings:?}");
         let lost = rig.report().triangles - 2 - lights;
-        assert!(told[before].contains(&format!("{FEW} lights at most: {lost} emissive triangles")), "{told:?}");
+        assert!(warnings[before].contains(&format!("{FEW} lights at most: {lost} emissive triangles")), "{warnings:?}");
     }
 }
 
@@ -141,8 +141,8 @@ fn point_lights_beyond_the_light_table_are_dropped() {
         rig.assert_sound();
         assert_eq!(rig.report().lights, FEW);
     }
-    let told = log::warnings("100 other lights are left out");
-    assert_eq!(told.len(), 1, "{told:?}");
+    let warnings = log::warnings("100 other lights are left out");
+    assert_eq!(warnings.len(), 1, "{warnings:?}");
 }
 
 #[test]

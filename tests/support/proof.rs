@@ -12,17 +12,17 @@ use std::time::Instant;
 /// Settings that are compared with the reference.
 pub trait Subject {
     /// Turns them on.
-    fn ask(&self, settings: &mut Restir);
+    fn apply_to(&self, settings: &mut Restir);
 }
 
 impl Subject for Direct {
-    fn ask(&self, settings: &mut Restir) {
+    fn apply_to(&self, settings: &mut Restir) {
         (settings.technique, settings.direct) = (Technique::Di, self.clone());
     }
 }
 
 impl Subject for Paths {
-    fn ask(&self, settings: &mut Restir) {
+    fn apply_to(&self, settings: &mut Restir) {
         (settings.technique, settings.paths, settings.direct) = (Technique::Pt, self.clone(), di::all_reuse());
     }
 }
@@ -31,7 +31,7 @@ impl Subject for Paths {
 pub struct Indirect(pub Direct, pub Paths);
 
 impl Subject for Indirect {
-    fn ask(&self, settings: &mut Restir) {
+    fn apply_to(&self, settings: &mut Restir) {
         (settings.technique, settings.direct, settings.paths) = (Technique::Gi, self.0.clone(), self.1.clone());
     }
 }
@@ -43,10 +43,10 @@ pub enum AllLight {
 }
 
 impl Subject for AllLight {
-    fn ask(&self, settings: &mut Restir) {
+    fn apply_to(&self, settings: &mut Restir) {
         match self {
-            Self::Pt(paths) => paths.ask(settings),
-            Self::Gi(direct, paths) => Indirect(direct.clone(), paths.clone()).ask(settings),
+            Self::Pt(paths) => paths.apply_to(settings),
+            Self::Gi(direct, paths) => Indirect(direct.clone(), paths.clone()).apply_to(settings),
         }
     }
 }
@@ -155,7 +155,7 @@ impl Proof<'_> {
         let emissions = self.emissions(rig, first_seed, self.ours);
         rig.set(|r| {
             r.bounces = self.bounces;
-            subject.ask(r);
+            subject.apply_to(r);
         });
         match self.pose {
             None => collect(emissions, pictures(rig, first_seed, self.ours)),

@@ -322,16 +322,16 @@ fn area_lights_without_extent_give_a_warning_and_the_other_lights_stay() {
         let entity = rig.spawn_bundle((rect, Transform::from_xyz(0.0, 0.0, 2.0)));
         assert_eq!(rig.picture(1).pixels, alone.pixels, "a rectangle of {width} x {height}");
         rig.frames(3);
-        let told = log::warnings(&format!("light {entity} has the size"));
-        assert_eq!(told.len(), 1, "{told:?}");
+        let warnings = log::warnings(&format!("light {entity} has the size"));
+        assert_eq!(warnings.len(), 1, "{warnings:?}");
         rig.app.world_mut().despawn(entity);
     }
     for radius in [nan, -1.0, infinite] {
         let entity = rig.spawn_bundle((ball(1000.0, radius), Transform::from_xyz(0.0, 0.0, 4.0)));
         let doubled = rig.picture(8);
         assert!((doubled.mean() / alone.mean() - 2.0).abs() < 0.02, "a point light of radius {radius}");
-        let told = log::warnings(&format!("light {entity} has the radius"));
-        assert_eq!(told.len(), 1, "{told:?}");
+        let warnings = log::warnings(&format!("light {entity} has the radius"));
+        assert_eq!(warnings.len(), 1, "{warnings:?}");
         rig.app.world_mut().despawn(entity);
     }
     let sun = DirectionalLight { illuminance: 10.0, ..default() };

@@ -356,11 +356,11 @@ fn missing_ray_query_hardware_gives_a_warning() {
         (stats["backend"].as_str().expect("text").to_string(), run.stdout + &run.stderr)
     };
     assert_eq!(run("software").0, "software");
-    let (used, told) = run("hardware");
-    let warnings = told.lines().filter(|line| line.contains("rays are traced by the software back end")).count();
+    let (used, output) = run("hardware");
+    let warnings = output.lines().filter(|line| line.contains("rays are traced by the software back end")).count();
     assert_eq!(
         (used.as_str(), warnings),
         if back_ends().len() > 1 { ("hardware", 0) } else { ("software", 1) },
-        "{told}"
+        "{output}"
     );
 }

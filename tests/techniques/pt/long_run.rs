@@ -5,9 +5,9 @@ use bevy_restir::{Paths, Restir, Technique};
 
 /// The mean over frames of the picture's mean, along a scripted motion of the camera and the objects.  The reference restarts in every
 /// frame, with different random numbers.
-fn energy(rig: &mut Rig, ask: impl Fn(&mut Restir), frames: u32) -> f64 {
+fn energy(rig: &mut Rig, apply: impl Fn(&mut Restir), frames: u32) -> f64 {
     rig.set(|r| {
-        ask(r);
+        apply(r);
         (r.bounces, r.jitter, r.accumulate) = (3, true, false);
     });
     rig.until_ready();
@@ -40,11 +40,11 @@ fn check(runs: u32, frames: u32, margin: f64) {
         .collect();
     let light: Vec<f64> = (0..runs)
         .map(|seed| {
-            let ask = |r: &mut Restir| {
-                Paths::default().ask(r);
+            let apply = |r: &mut Restir| {
+                Paths::default().apply_to(r);
                 r.seed = seed;
             };
-            energy(&mut rig, ask, frames)
+            energy(&mut rig, apply, frames)
         })
         .collect();
     let w = stats::welch(&light, &reference);

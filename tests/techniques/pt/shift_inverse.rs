@@ -77,7 +77,7 @@ fn round_trips(rig: &mut Rig, defs: &[&'static str], paths: &Paths, seeds: u32) 
     let emitted = emission(rig);
     plant_shader_defs(&mut rig.app, defs);
     rig.set(|r| {
-        paths.ask(r);
+        paths.apply_to(r);
         r.bounces = BOUNCES;
     });
     rig.until_ready();
@@ -246,7 +246,7 @@ fn check_previous_frame(seeds: u32, least: u32) {
     plant_shader_defs(&mut rig.app, &["TEST_ROUND_TRIP", "TEST_BEFORE"]);
     // Without spatial samples nothing is reused, but the previous frame is kept.
     rig.set(|r| {
-        alone(&Paths::default()).ask(r);
+        alone(&Paths::default()).apply_to(r);
         r.bounces = BOUNCES;
     });
     rig.until_ready();

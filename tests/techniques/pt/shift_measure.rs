@@ -26,7 +26,7 @@ fn pictures(rig: &mut Rig, defs: &[&'static str], paths: Paths, seeds: u32) -> V
     let emitted = emission(rig);
     plant_shader_defs(&mut rig.app, defs);
     rig.set(|r| {
-        alone(paths).ask(r);
+        alone(paths).apply_to(r);
         r.bounces = BOUNCES;
     });
     rig.until_ready();

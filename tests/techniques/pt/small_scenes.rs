@@ -128,7 +128,7 @@ fn planted_errors_of_paths_are_found() {
 fn debug_views_show_the_stored_paths() {
     let Some(mut rig) = room_scene(32) else { return };
     rig.set(|r| {
-        paths::all_reuse().ask(r);
+        paths::all_reuse().apply_to(r);
         r.bounces = 3;
     });
     let mut view = |view: DebugView, frames: u32| {
