@@ -237,7 +237,7 @@ fn equal_seeds_give_equal_pictures_and_different_seeds_equal_means() {
 }
 
 #[test]
-fn every_technique_accumulates_where_the_setting_asks_for_it() {
+fn every_technique_accumulates_when_enabled() {
     let Some(mut rig) = Rig::new(16, 16) else { return };
     rig.spawn(square(4.0), lambert(0.5), Transform::default());
     rig.spawn(square(1.0), lamp(3.0, 3.0, 3.0), Transform::from_xyz(3.0, 0.0, 2.0).looking_to(Vec3::X, Vec3::Y));

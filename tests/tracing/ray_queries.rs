@@ -84,7 +84,7 @@ fn assert_near_edges(name: &str, scene: &TestScene, rays: &[Ray], answers: &[Vec
 }
 
 #[test]
-fn ray_queries_hit_what_the_software_hits() {
+fn ray_queries_and_software_traversal_find_the_same_hits() {
     let mut random = Random::new(41);
     let shapes = |random: &mut Random| {
         vec![random_soup(random, 300, 1.0, 0.3), sphere(10, 14, 0.2, |p| p), random_soup(random, 1, 0.1, 1.0)]
@@ -120,7 +120,7 @@ fn ray_queries_hit_what_the_software_hits() {
 }
 
 #[test]
-fn ray_queries_let_rays_through_where_the_software_does() {
+fn ray_queries_and_software_traversal_pass_the_same_transparent_surfaces() {
     let mut random = Random::new(42);
     let meshes = [random_soup(&mut random, 300, 1.0, 0.4), sphere(8, 10, 0.1, |p| p)];
     let instances: Vec<_> = (0..80)

@@ -73,7 +73,7 @@ fn random_rays(random: &mut Random, count: usize, size: f32) -> Vec<Ray> {
 }
 
 #[test]
-fn rays_find_what_brute_force_finds_in_a_mesh() {
+fn rays_agree_with_brute_force_in_a_mesh() {
     on_each_back_end(&[], |gpu, kernel| {
         let mut random = Random::new(1);
         for (count, size, triangle) in [(1, 0.3, 1.0), (2, 0.5, 1.0), (9, 1.0, 0.8), (3000, 1.0, 0.1), (500, 1.0, 3.0)]
@@ -86,7 +86,7 @@ fn rays_find_what_brute_force_finds_in_a_mesh() {
 }
 
 #[test]
-fn rays_find_what_brute_force_finds_among_transformed_instances() {
+fn rays_agree_with_brute_force_among_transformed_instances() {
     on_each_back_end(&[], |gpu, kernel| {
         let mut random = Random::new(2);
         let meshes =
@@ -102,7 +102,7 @@ fn rays_find_what_brute_force_finds_among_transformed_instances() {
 }
 
 #[test]
-fn rays_find_what_brute_force_finds_at_extreme_scales() {
+fn rays_agree_with_brute_force_at_extreme_scales() {
     on_each_back_end(&[], |gpu, kernel| {
         let mut random = Random::new(3);
         for scale in [1e-4, 1e-2, 1e3, 1e5] {

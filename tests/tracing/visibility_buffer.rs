@@ -1,4 +1,4 @@
-//! The rasterized visibility buffer shows what primary rays hit, and culls by the material's `cull_mode`.
+//! The rasterized visibility buffer equals the hits of primary rays, and culls by the material's `cull_mode`.
 
 use crate::support::app::*;
 use bevy::{mesh::PlaneMeshBuilder, prelude::*, render::render_resource::Face};
@@ -45,7 +45,7 @@ fn crowd(rig: &mut Rig) {
 }
 
 #[test]
-fn the_visibility_buffer_holds_what_primary_rays_hit() {
+fn the_visibility_buffer_equals_the_hits_of_primary_rays() {
     for (width, height) in [(96, 64), (61, 47), (1, 1)] {
         let Some(mut rig) = Rig::new(width, height) else { return };
         crowd(&mut rig);
