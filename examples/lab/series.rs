@@ -1,10 +1,10 @@
-//! Settings that are compared with each other, as data.
+//! The compared settings, as data.
 
 use bevy_restir::{
     BiasCorrection, Direct, Mis, Preset, Reconnection, ReservoirLayout, Restir, ReuseOrder, Technique, VisibilityReuse,
 };
 
-/// What a row shows of its settings.
+/// Figures of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shown {
     Presample,
@@ -15,7 +15,7 @@ pub enum Shown {
     Error,
 }
 
-/// A row: settings and what is shown of them.
+/// A row: settings and the figures to show.
 pub struct Entry {
     pub section: &'static str,
     pub label: String,
@@ -23,7 +23,7 @@ pub struct Entry {
     pub shown: &'static [Shown],
 }
 
-/// Direct light of one bounce through the centres of the pixels, so that all techniques converge to one picture.
+/// One bounce without jitter and energy compensation, so that all techniques converge to one picture.
 fn plain(technique: Technique, direct: Direct) -> Restir {
     Restir { technique, bounces: 1, jitter: false, energy_compensation: false, direct, ..Restir::default() }
 }
@@ -33,7 +33,7 @@ pub fn default() -> Restir {
     with(|_| ())
 }
 
-/// The default settings but for some.
+/// The default settings with a change.
 pub fn with(change: impl FnOnce(&mut Direct)) -> Restir {
     let mut direct = Direct::default();
     change(&mut direct);
@@ -45,12 +45,12 @@ pub fn reference() -> Restir {
     plain(Technique::Reference, Direct::default())
 }
 
-/// The pipeline that Wyman and Panteleev 2021 ends with.
+/// The final pipeline of Wyman and Panteleev 2021.
 pub fn paper() -> Restir {
     paper_within(0.0)
 }
 
-/// The same, with visibility that is reused within some pixels (7.3).
+/// The pipeline of the paper with visibility reuse within a radius in pixels (7.3).
 fn paper_within(radius: f32) -> Restir {
     with(|d| {
         d.bias_correction = BiasCorrection::HeuristicsAndMis;
@@ -74,14 +74,14 @@ pub fn candidates_only() -> Restir {
     })
 }
 
-/// The same settings without a ray: what they cost besides.
+/// The settings without any ray, to measure the remaining cost.
 pub fn without_rays(mut settings: Restir) -> Restir {
     settings.direct.visibility = VisibilityReuse::Ignored;
     settings.direct.bsdf_candidate = false;
     settings
 }
 
-/// The rows that are settings and nothing else.
+/// The rows that compare settings.
 pub fn entries() -> Vec<Entry> {
     use Shown::*;
     let mut all = Vec::new();
@@ -197,7 +197,7 @@ pub fn entries() -> Vec<Entry> {
     all
 }
 
-/// A row a kind.
+/// One row per variant of an enum.
 fn kinds<K: Copy + core::fmt::Debug, const N: usize>(
     kinds: [K; N],
     set: impl Fn(&mut Direct, K),
@@ -205,8 +205,8 @@ fn kinds<K: Copy + core::fmt::Debug, const N: usize>(
     kinds.map(|kind| (format!("{kind:?}"), with(|d| set(d, kind)))).into()
 }
 
-/// Table 1 of Lin et al. 2026, supplement, from its last row but one up, as far as its steps are settings: each takes one away from
-/// the defaults of PT.
+/// The steps of Table 1 of Lin et al. 2026, supplement, that are settings, from its last but one row upwards. Each changes one
+/// setting of the defaults of PT.
 pub fn steps(default: &Restir) -> Vec<(&'static str, Restir)> {
     let with = |change: fn(&mut Restir)| {
         let mut settings = default.clone();

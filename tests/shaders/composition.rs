@@ -197,7 +197,7 @@ fn only_binding_modules_and_passes_bind() {
 
 #[test]
 fn every_file_below_shaders_is_in_the_table() {
-    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("shaders");
+    let root = std::path::Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/..")).join("shaders");
     let mut folders = vec![root.clone()];
     while let Some(folder) = folders.pop() {
         for entry in std::fs::read_dir(folder).expect("shaders/ exists").flatten() {

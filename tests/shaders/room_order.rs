@@ -201,7 +201,7 @@ fn files(folder: &str, ending: &str) -> Vec<(String, String)> {
             }
         }
     }
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
+    let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/..")).join(folder);
     let mut found = Vec::new();
     walk(&root, &root, ending, &mut found);
     found.sort();

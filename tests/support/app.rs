@@ -185,7 +185,7 @@ fn headless(
                 ..Default::default()
             })
             .set(AssetPlugin {
-                file_path: concat!(env!("CARGO_MANIFEST_DIR"), "/assets").into(),
+                file_path: concat!(env!("CARGO_MANIFEST_DIR"), "/../assets").into(),
                 // Tests write files of their own.
                 unapproved_path_mode: UnapprovedPathMode::Allow,
                 ..Default::default()

@@ -31,7 +31,7 @@ impl Run {
 
 /// A scene of `assets/scenes`.
 pub fn asset(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes").join(name)
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/..")).join("assets/scenes").join(name)
 }
 
 /// A program that was built beside the tests.

@@ -182,7 +182,7 @@ fn commit() -> String {
         let output = Command::new("git")
             .args(arguments)
             .args(measured)
-            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
             .output()
             .ok()
             .filter(|output| output.status.success());
@@ -317,7 +317,7 @@ fn figures(c: &Comparison) -> String {
 
 /// Writes the table into `docs/proof.md`, between its marks.
 fn publish(name: &str, table: &str) {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/proof.md");
+    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/..")).join("docs/proof.md");
     let text = fs::read_to_string(&path).expect("the document is there");
     let (begin, end) = (format!("<!-- {name} -->\n"), format!("<!-- /{name} -->"));
     let (before, rest) = text.split_once(&begin).expect("the document has the begin mark");
