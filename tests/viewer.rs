@@ -1,4 +1,4 @@
-//! The viewer's parts: every setting has a widget that works, files come and go, animations play.
+//! The parts of the viewer: widgets for every setting, files, the lent sky, animations and the camera.
 
 use crate::support::{app::*, cli::Folder, gltf::Scene};
 use bevy::{
@@ -16,14 +16,20 @@ use bevy::{
 };
 use bevy_egui::egui;
 use bevy_restir::{DebugView, Restir, RestirEnvironment, Technique};
-use program::{animation::Clips, docs::Docs, fields, form::Form, light::LastResort, load::Stage};
+use bevy_restir_apps::{
+    look::{self, Look, TooDark},
+    panel::{docs::Docs, form::Form},
+    viewer::{
+        animation::{self, Clips},
+        camera,
+        light::{self, LentSky},
+        load::{self, Stage},
+    },
+};
+use bevy_restir_support::fields;
 use std::path::Path;
 
-#[path = "../examples/viewer/main.rs"]
-#[allow(dead_code, reason = "a program; its main is for people")]
-mod program;
-
-/// One pass of the form over a tall screen: its widgets.
+/// Draws the form on a tall screen and returns its widgets.
 fn form(context: &egui::Context, settings: &mut Restir, events: Vec<egui::Event>) -> Vec<(String, egui::Response)> {
     let docs = Docs::default();
     let before = settings.clone();
@@ -38,12 +44,12 @@ fn form(context: &egui::Context, settings: &mut Restir, events: Vec<egui::Event>
         form.widgets.clear();
         form.show(ui, settings, "");
     });
-    // Nothing is drawn.
+    // The textures are not needed, since nothing is painted.
     output.textures_delta.clear();
     form.widgets
 }
 
-/// Presses and releases a button where a widget is.
+/// Clicks on the widget of a field.
 fn click(context: &egui::Context, settings: &mut Restir, path: &str) {
     form(context, settings, Vec::new());
     let widgets = form(context, settings, Vec::new());
@@ -68,7 +74,7 @@ fn every_field_of_restir_has_a_widget() {
 fn a_click_on_a_widget_changes_its_field_and_no_other() {
     let context = egui::Context::default();
     let mut settings = Restir::default();
-    for path in ["jitter", "direct.temporal", "paths.vector_weights"] {
+    for path in ["jitter", "direct.reuse.temporal", "paths.reuse.shade_all"] {
         let before = settings.clone();
         click(&context, &mut settings, path);
         let changed: Vec<String> =
@@ -78,64 +84,64 @@ fn a_click_on_a_widget_changes_its_field_and_no_other() {
 }
 
 #[test]
-fn numbers_have_the_range_that_validation_gives_them() {
+fn numbers_are_limited_to_the_range_that_validation_accepts() {
     let settings = Restir::default();
     let range = |path| fields::range(&settings, path);
     assert_eq!(range("bounces"), Some([0.0, 64.0]));
     assert_eq!(range("direct.candidates"), Some([1.0, 64.0]));
-    assert_eq!(range("direct.confidence_cap"), Some([0.0, 60.0]));
-    assert_eq!(range("paths.normal_threshold"), Some([-1.0, 1.0]));
+    assert_eq!(range("direct.reuse.confidence_cap"), Some([0.0, 60.0]));
+    assert_eq!(range("paths.reuse.normal_threshold"), Some([-1.0, 1.0]));
     assert_eq!(range("paths.jacobian_limit"), Some([1.0, f64::from(f32::MAX)]));
     assert_eq!(range("seed"), Some([0.0, f64::from(u32::MAX)]));
     assert_eq!(range("technique"), None);
 }
 
 #[test]
-fn every_setting_and_every_choice_is_explained() {
+fn every_setting_and_every_choice_has_a_tooltip() {
     fn walk(value: &dyn PartialReflect, docs: &Docs) {
         let ty = value.get_represented_type_info().and_then(|info| info.type_path_table().ident()).unwrap_or_default();
         if let ReflectRef::Struct(group) = value.reflect_ref() {
             for (i, (_, field)) in group.iter_fields().enumerate() {
                 let name = group.name_at(i).unwrap_or_default();
-                let doc = docs.of(ty, name).unwrap_or_else(|| panic!("{ty}::{name} is not explained"));
+                let doc = docs.of(ty, name).unwrap_or_else(|| panic!("{ty}::{name} has no tooltip"));
                 assert!(!doc.contains('`') && !doc.contains("]("), "{doc}");
                 walk(field, docs);
             }
         } else if let Some((names, _)) = fields::choices(value) {
             for name in names {
-                assert!(docs.of(ty, name).is_some(), "{ty}::{name} is not explained");
+                assert!(docs.of(ty, name).is_some(), "{ty}::{name} has no tooltip");
             }
         }
     }
     walk(&Restir::default(), &Docs::default());
 }
 
-/// An app with the parts that load files.
+/// An app with the parts of the viewer that load files.
 fn stage() -> Option<Rig> {
     let mut rig = Rig::new(16, 16)?;
-    program::load::plugin(&mut rig.app);
-    program::light::plugin(&mut rig.app);
-    program::animation::plugin(&mut rig.app);
+    load::plugin(&mut rig.app);
+    light::plugin(&mut rig.app);
+    animation::plugin(&mut rig.app);
     rig.set(|r| r.technique = Technique::Reference);
     Some(rig)
 }
 
-/// Drops a file on the window and waits until something came of it.
+/// Drops a file on the window and waits until it is loaded or has failed.
 fn drop_file(rig: &mut Rig, path: &Path) {
     let dropped = FileDragAndDrop::DroppedFile { window: Entity::PLACEHOLDER, path_buf: path.into() };
     rig.app.world_mut().write_message(dropped);
     for _ in 0..300 {
         rig.frame();
         if !rig.app.world().resource::<Stage>().line.starts_with("loading") {
-            // What arrives is told to the others.
+            // The other systems react to the new scene.
             rig.frames(3);
             return;
         }
     }
-    panic!("{} neither came nor failed", path.display());
+    panic!("{} was neither loaded nor rejected", path.display());
 }
 
-/// What is shown, and what is said.
+/// The name of the current file, and the message to the user.
 fn shown(rig: &Rig) -> (Option<String>, String) {
     let stage = rig.app.world().resource::<Stage>();
     let name = |path: &Path| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -143,7 +149,7 @@ fn shown(rig: &Rig) -> (Option<String>, String) {
 }
 
 #[test]
-fn a_file_that_is_dropped_replaces_the_scene_and_one_that_fails_is_a_line() {
+fn a_dropped_file_replaces_the_scene_and_a_broken_one_gives_a_message() {
     let Some(folder) = Folder::new("viewer # 50%") else { return };
     let Some(mut rig) = stage() else { return };
     let lit = folder.gltf("a # lit.gltf", &Scene::default());
@@ -159,35 +165,35 @@ fn a_file_that_is_dropped_replaces_the_scene_and_one_that_fails_is_a_line() {
     let world = rig.app.world();
     let cameras = &world.resource::<Stage>().shown.as_ref().expect("it is shown").cameras;
     assert_eq!(cameras.iter().map(|c| c.0.as_str()).collect::<Vec<_>>(), ["eye"]);
-    assert!(world.get::<Camera>(cameras[0].1).is_none(), "it draws to no window");
-    assert!(!world.entity(rig.camera).contains::<RestirEnvironment>(), "it has light of its own");
+    assert!(world.get::<Camera>(cameras[0].1).is_none(), "it draws to the window");
+    assert!(!world.entity(rig.camera).contains::<RestirEnvironment>(), "the file has light of its own");
 
     for (bad, expected) in [(&broken, "broken.glb"), (&text, "neither"), (&folder.path("none.glb"), "none.glb")] {
         drop_file(&mut rig, bad);
         let (still, line) = shown(&rig);
-        assert_eq!(still.as_deref(), Some("a # lit.gltf"), "the old one stays");
+        assert_eq!(still.as_deref(), Some("a # lit.gltf"), "the old scene stays");
         assert!(line.contains(expected) && line.lines().count() == 1, "{line}");
         assert_eq!(rig.until_ready().instances, 1);
     }
 
-    // A file without lights is put under a sky, until one with lights comes.
+    // A file without lights gets a sky until a file with lights replaces it.
     let lent = |rig: &Rig| {
         let camera = rig.app.world().entity(rig.camera);
-        (camera.contains::<RestirEnvironment>(), camera.contains::<LastResort>())
+        (camera.contains::<RestirEnvironment>(), camera.contains::<LentSky>())
     };
     drop_file(&mut rig, &dark);
     assert_eq!(shown(&rig), (Some("dark.gltf".into()), String::new()));
     assert_eq!((rig.until_ready().instances, lent(&rig)), (1, (true, true)));
-    assert!(rig.picture(1).mean() > 10.0, "something is seen");
+    assert!(rig.picture(1).mean() > 10.0, "the picture is lit");
     drop_file(&mut rig, &lit);
     assert_eq!((rig.until_ready().instances, lent(&rig)), (1, (false, false)));
-    // Nor does a lamp help that shines on nothing that is seen.
-    rig.app.world_mut().write_message(program::light::TooDark);
+    // A file whose lights do not reach the picture gets a sky, too.
+    rig.app.world_mut().write_message(TooDark);
     rig.frames(2);
     assert_eq!(lent(&rig), (true, true));
     drop_file(&mut rig, &lit);
     assert_eq!(lent(&rig), (false, false));
-    // What the user set stays.
+    // An environment of the user stays.
     let camera = rig.camera;
     rig.insert(camera, sky(2.0));
     drop_file(&mut rig, &dark);
@@ -196,7 +202,7 @@ fn a_file_that_is_dropped_replaces_the_scene_and_one_that_fails_is_a_line() {
 }
 
 #[test]
-fn every_setting_can_be_changed_while_it_runs() {
+fn every_setting_can_be_changed_at_run_time() {
     let Some(mut rig) = Rig::new(16, 16) else { return };
     rig.spawn(square(4.0), lambert(0.5), Transform::default());
     rig.spawn_bundle((PointLight { intensity: 60.0, ..default() }, Transform::from_xyz(0.5, 0.5, 2.0)));
@@ -219,14 +225,14 @@ fn every_setting_can_be_changed_while_it_runs() {
 }
 
 #[test]
-fn bloom_and_temporal_anti_aliasing_come_and_go_and_are_for_light_alone() {
+fn bloom_and_temporal_anti_aliasing_can_be_switched_and_spare_debug_views() {
     let Some(mut rig) = Rig::new(16, 16) else { return };
     rig.spawn(square(4.0), lambert(0.5), Transform::default());
-    rig.insert(rig.camera, program::look::look(Some(0.0)));
-    rig.app.add_systems(Update, program::look::add_effects);
+    rig.insert(rig.camera, look::look(Some(0.0)));
+    rig.app.add_systems(Update, look::add_effects);
     let has = |rig: &mut Rig, wanted: bool, view: DebugView| {
         rig.set(|restir| restir.debug_view = view);
-        let mut look = rig.get_mut::<program::look::Look>(rig.camera);
+        let mut look = rig.get_mut::<Look>(rig.camera);
         (look.glows, look.smooths) = (wanted, wanted);
         rig.frames(3);
         let camera = rig.app.world().entity(rig.camera);
@@ -236,12 +242,12 @@ fn bloom_and_temporal_anti_aliasing_come_and_go_and_are_for_light_alone() {
     assert_eq!(has(&mut rig, true, DebugView::Off), [true; 3]);
     assert_eq!(has(&mut rig, true, DebugView::Depth), [false; 3]);
     assert_eq!(has(&mut rig, true, DebugView::Off), [true; 3]);
-    assert_eq!(has(&mut rig, false, DebugView::Off), [false; 3], "our own jitter is back");
+    assert_eq!(has(&mut rig, false, DebugView::Off), [false; 3], "the plugin jitters the camera itself again");
     rig.assert_sound();
 }
 
 #[test]
-fn animations_play_pause_and_go_where_they_are_told() {
+fn animations_play_pause_and_seek() {
     let Some(folder) = Folder::new("viewer_animation") else { return };
     let Some(mut rig) = stage() else { return };
     drop_file(&mut rig, &folder.gltf("moves.gltf", &Scene { animated: true, ..Scene::default() }));
@@ -251,28 +257,28 @@ fn animations_play_pause_and_go_where_they_are_told() {
         rig.get_mut::<Transform>(square).translation.x
     };
     assert_eq!(rig.app.world().resource::<Clips>().all.len(), 1);
-    assert_eq!(at(&mut rig, 5), 0.0, "it rests");
-    let told = |rig: &mut Rig, change: fn(&mut Clips)| change(&mut rig.app.world_mut().resource_mut::<Clips>());
+    assert_eq!(at(&mut rig, 5), 0.0, "it rests at first");
+    let control = |rig: &mut Rig, change: fn(&mut Clips)| change(&mut rig.app.world_mut().resource_mut::<Clips>());
     // 10 m in half a second.
-    told(&mut rig, |clips| (clips.time, clips.sought) = (0.25, true));
-    assert!((at(&mut rig, 3) - 5.0).abs() < 1e-3, "it goes to the middle and rests there");
-    told(&mut rig, |clips| clips.plays = true);
+    control(&mut rig, |clips| (clips.time, clips.sought) = (0.25, true));
+    assert!((at(&mut rig, 3) - 5.0).abs() < 1e-3, "it is in the middle and rests there");
+    control(&mut rig, |clips| clips.plays = true);
     let moved = at(&mut rig, 6);
     assert!((6.0..7.5).contains(&moved), "five or six frames of 1/60 s: {moved}");
-    told(&mut rig, |clips| clips.plays = false);
+    control(&mut rig, |clips| clips.plays = false);
     let held = at(&mut rig, 2);
-    assert_eq!(at(&mut rig, 5), held, "it is held");
-    // Another file has its own.
+    assert_eq!(at(&mut rig, 5), held, "it is paused");
+    // Another file has its own animations.
     drop_file(&mut rig, &folder.gltf("rests.gltf", &Scene::default()));
     assert!(rig.app.world().resource::<Clips>().all.is_empty());
 }
 
 #[test]
-fn a_drag_within_one_frame_turns_the_camera_and_one_on_the_panel_does_not() {
+fn a_drag_on_the_picture_turns_the_camera_even_within_one_frame() {
     let Some(mut rig) = Rig::new(40, 40) else { return };
     let (window, camera) = (Entity::PLACEHOLDER, rig.camera);
-    rig.insert(camera, program::camera::eye());
-    rig.app.add_systems(Update, program::camera::orbit);
+    rig.insert(camera, camera::eye());
+    rig.app.add_systems(Update, camera::orbit);
     rig.frames(2);
     let moved = |x, y| WindowEvent::CursorMoved(CursorMoved { window, position: Vec2::new(x, y), delta: None });
     let button = |state| WindowEvent::MouseButtonInput(MouseButtonInput { button: MouseButton::Left, state, window });
@@ -284,9 +290,9 @@ fn a_drag_within_one_frame_turns_the_camera_and_one_on_the_panel_does_not() {
         *rig.get_mut::<Transform>(camera)
     };
     let before = *rig.get_mut::<Transform>(camera);
-    assert_eq!(drag(&mut rig, 60.0, 30.0), before, "it began beside the picture");
+    assert_eq!(drag(&mut rig, 60.0, 30.0), before, "the drag began beside the picture");
     let turned = drag(&mut rig, 10.0, 30.0);
-    // Round the origin, a metre away, by 20 pixels.
+    // 20 pixels around the origin at a distance of 1 m.
     assert!((turned.translation.length() - 1.0).abs() < 1e-5, "{turned:?}");
     assert!((turned.rotation.to_euler(EulerRot::YXZ).0 + 0.12).abs() < 1e-5, "{turned:?}");
     let unit = MouseScrollUnit::Line;

@@ -1,14 +1,13 @@
-//! Table 1 of Wyman and Panteleev 2021 in shape, on this adapter: what each part of direct light costs, and what it brings.
+//! Cost and error of each part of ReSTIR DI on this adapter, in the shape of Table 1 of Wyman and Panteleev 2021.
 
 use bevy::math::UVec2;
 use bevy_restir::Restir;
+use bevy_restir_support::{arguments, progress::Progress};
 use std::path::PathBuf;
 
 use crate::{
-    arguments,
     bench::{Bench, Cost, Counts, Errors, Scene, pixels, scenes},
     error::Reference,
-    headless::progress::Progress,
     output::{Output, header},
     series::{self, Entry, Shown},
     table::{Row, Table, Unit},
@@ -17,7 +16,7 @@ use crate::{
 /// Times, rays and errors of direct light by its settings, in the shape of Table 1 of Wyman and Panteleev 2021.
 #[derive(clap::Args, Debug)]
 pub struct Args {
-    /// glTF files; the environment is that which `references.json` beside them names, or none.
+    /// glTF files; `references.json` beside a file may name its environment.
     #[arg(required = true)]
     scenes: Vec<PathBuf>,
     #[command(flatten)]
@@ -27,10 +26,10 @@ pub struct Args {
     size: UVec2,
     #[command(flatten)]
     counts: Counts,
-    /// Independent frames that an error is the mean of.
+    /// Number of independent frames over which errors are averaged.
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..))]
     seeds: u32,
-    /// Samples a pixel of the converged picture.
+    /// Samples per pixel of the converged picture.
     #[arg(long, default_value_t = 4096, value_parser = clap::value_parser!(u32).range(2..))]
     samples: u32,
 }
@@ -53,25 +52,25 @@ pub fn run(args: &Args) -> Result<(), String> {
     args.output.write("ablate", &table)
 }
 
-/// Everything that was measured of a scene.
+/// The measurements of a scene.
 struct Measured {
     adapter: String,
     lights: u64,
     triangles: u64,
     reference: Reference,
-    /// What settings cost, and their errors.
+    /// Settings, their costs and their errors.
     results: Vec<(Restir, Cost, Option<f64>)>,
     /// The default frame and the same without rays, at a quarter of the pixels and at four times as many.
     resolutions: Vec<[Cost; 2]>,
     reservoir_bytes: u64,
-    /// Bytes of all buffers and textures: a pixel's, and those that do not grow with the picture.
+    /// Bytes of all buffers and textures: per pixel, and those that do not grow with the picture.
     pixel_bytes: f64,
     fixed_bytes: f64,
-    /// Error of the reference tracer in the time of some settings, directly, by the settings' place in [`rivals`].
+    /// Measured error of the reference tracer in the time of each of the [`rivals`], in their order.
     equal_time: Vec<Option<f64>>,
 }
 
-/// Settings that are held against others of equal time.
+/// Settings that are compared with the reference tracer and plain candidates at equal time.
 fn rivals() -> [(&'static str, Restir); 3] {
     [
         ("default", series::default()),
@@ -80,7 +79,7 @@ fn rivals() -> [(&'static str, Restir); 3] {
     ]
 }
 
-/// Settings to measure, once each, and whether their errors are wanted.
+/// All settings to measure without duplicates, and whether their errors are needed.
 fn plan(entries: &[Entry]) -> Vec<(Restir, bool)> {
     let mut plan: Vec<(Restir, bool)> = Vec::new();
     let mut want = |settings: &Restir, error: bool| match plan.iter_mut().find(|p| p.0 == *settings) {
@@ -98,12 +97,12 @@ fn plan(entries: &[Entry]) -> Vec<(Restir, bool)> {
     plan
 }
 
-/// Sides of the picture at a quarter of the pixels and at four times as many.
+/// Picture sizes with a quarter and with four times the pixels.
 fn other_sizes(size: UVec2) -> [UVec2; 2] {
     [(size / 2).max(UVec2::ONE), size * 2]
 }
 
-/// Bytes a pixel of what grows with the picture, and bytes of what does not, from what is held at two sizes.
+/// Bytes per pixel of the allocations that grow with the picture, and bytes of the others, from the memory at two sizes.
 fn bytes(small: &(f64, Vec<(&str, u64)>), large: &(f64, Vec<(&str, u64)>)) -> (f64, f64) {
     let held =
         |memory: &[(&str, u64)], name| -> f64 { memory.iter().filter(|m| m.0 == name).map(|m| m.1 as f64).sum() };
@@ -186,7 +185,7 @@ impl Measured {
         self.results.iter().find(|r| r.0 == *settings).and_then(|r| r.2).unwrap_or(f64::NAN)
     }
 
-    /// Samples of the reference tracer that fit into a frame's time.
+    /// Number of reference samples that take as long as a frame.
     fn samples_in(&self, settings: &Restir) -> f64 {
         self.cost(settings).lighting() / self.cost(&series::reference()).lighting()
     }
@@ -226,7 +225,7 @@ impl Measured {
 
     fn row(&self, entry: &Entry) -> Row {
         let cost = self.cost(&entry.settings);
-        // A unit says it all where there is no other of its kind.
+        // A label is needed only where several figures have the unit.
         let several = entry.shown.contains(&Shown::Candidates);
         let total = if several { "total" } else { "" };
         let figures: Vec<_> = entry

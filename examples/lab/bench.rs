@@ -1,86 +1,84 @@
-//! One scene under one setting after another: what its frames cost, and how far off they are.
+//! Measures cost and error of one scene under many settings, in one app.
 
 use bevy::{app::App, math::UVec2, render::renderer::RenderAdapterInfo};
 use bevy_restir::{RayBackend, Restir, RestirEnvironment, RestirReport, RestirStatistics, Technique, pass_names};
+use bevy_restir_support::{
+    exposure::unit_exposure,
+    headless::{self, captured, frame, until_ready},
+    progress::Progress,
+    scene::{self, CameraSetup, View},
+    times::{Times, median},
+};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-use crate::{
-    error::{Error, Picture, Reference, mean},
-    headless::{
-        self, captured, frame,
-        progress::Progress,
-        scene::{self, CameraSetup, View},
-        times::{Times, median},
-        until_ready,
-    },
-};
+use crate::error::{Error, Picture, Reference, mean};
 
-/// How much is measured.
+/// Lengths of a measurement.
 #[derive(clap::Args, Clone, Debug)]
 pub struct Counts {
-    /// Frames that build history before anything is measured.
+    /// Frames that build up history before anything is measured.
     #[arg(long, default_value_t = 24)]
     pub warmup: u32,
-    /// Frames whose times are taken.
+    /// Number of timed frames.
     #[arg(long, default_value_t = 24, value_parser = clap::value_parser!(u32).range(1..))]
     pub frames: u32,
 }
 
-/// Passes that light has no part in.
+/// Passes that compute no lighting.
 const OTHER_PASSES: [&str; 3] = ["visibility", "statistics", "composite"];
 
-/// What a frame of some settings costs: medians.
+/// Cost of a frame: median times.
 #[derive(Clone, Debug)]
 pub struct Cost {
     passes: Vec<(&'static str, f64)>,
-    /// Rays a pixel, mean.
+    /// Mean number of rays per pixel.
     pub rays: f64,
 }
 
 impl Cost {
-    /// Of nothing.
+    /// Cost of no passes at all.
     pub const NONE: Self = Self { passes: Vec::new(), rays: 0.0 };
 
     fn sum(&self, counts: impl Fn(&str) -> bool) -> f64 {
         self.passes.iter().filter(|(name, _)| counts(name)).map(|(_, ms)| ms).sum()
     }
 
-    /// Ms of the light subsets.
+    /// Milliseconds of presampling the light subsets.
     pub fn presample(&self) -> f64 {
         self.sum(|name| name == "presample")
     }
 
-    /// Ms of the initial candidates.
+    /// Milliseconds of the initial candidates.
     pub fn candidates(&self) -> f64 {
         self.sum(|name| name.ends_with("_candidates"))
     }
 
-    /// Ms of reuse, all rounds.
+    /// Milliseconds of reuse over all rounds.
     pub fn reuse(&self) -> f64 {
         self.sum(|name| name.contains("_reuse"))
     }
 
-    /// Ms of every pass that makes light.
+    /// Name and milliseconds of every lighting pass.
     pub fn of_passes(&self) -> impl Iterator<Item = (&'static str, f64)> + '_ {
         self.passes.iter().copied().filter(|(name, _)| !OTHER_PASSES.contains(name))
     }
 
-    /// Ms of reuse and what puts its light together.
+    /// Milliseconds of reuse and of resolving its light.
     pub fn reuse_and_shade(&self) -> f64 {
         self.reuse() + self.sum(|name| name == "resolve")
     }
 
-    /// Ms of all passes that make light.
+    /// Milliseconds of all lighting passes.
     pub fn lighting(&self) -> f64 {
         self.sum(|name| !OTHER_PASSES.contains(&name))
     }
 }
 
-/// Errors that are averaged.
+/// How errors are measured.
 pub struct Errors<'a> {
     pub reference: &'a Reference,
-    /// Independent frames.
+    /// Number of independent frames.
     pub seeds: u32,
 }
 
@@ -92,10 +90,10 @@ pub struct Bench {
     times: Times,
 }
 
-/// A file's path and its name.
+/// Path and name of a scene file.
 pub type Scene = (PathBuf, String);
 
-/// Finds scenes: a name that is wrong is found before minutes are spent on the others.
+/// Resolves all paths first, so that a wrong one fails before minutes are spent on the others.
 pub fn scenes(paths: &[PathBuf]) -> Result<Vec<Scene>, String> {
     let find = |path: &PathBuf| {
         let scene = path.canonicalize().map_err(|e| format!("{}: {e}", path.display()))?;
@@ -105,7 +103,7 @@ pub fn scenes(paths: &[PathBuf]) -> Result<Vec<Scene>, String> {
     paths.iter().map(find).collect()
 }
 
-/// The environment that `references.json` beside a scene names for it.
+/// The environment of a scene in `references.json` beside it.
 fn environment(folder: &Path, name: &str) -> Result<Option<RestirEnvironment>, String> {
     let path = folder.join("references.json");
     let Ok(text) = std::fs::read_to_string(&path) else { return Ok(None) };
@@ -119,19 +117,19 @@ fn environment(folder: &Path, name: &str) -> Result<Option<RestirEnvironment>, S
 }
 
 impl Bench {
-    /// Of a scene's camera at some size.
+    /// Loads a scene and places its camera.
     pub fn of_scene((scene, name): &Scene, size: UVec2, settings: Restir, counts: &Counts) -> Result<Self, String> {
         let (folder, file) = scene::split(scene)?;
         let environment = environment(folder, name)?;
         let mut app = headless::app(folder, RayBackend::Auto)?;
         scene::load(&mut app, file)?;
         let place = scene::file_camera(app.world_mut(), None)?;
-        let setup = CameraSetup { size, exposure: scene::unit_exposure(), environment, settings };
+        let setup = CameraSetup { size, exposure: unit_exposure(), environment, settings };
         scene::spawn_camera(app.world_mut(), place, setup);
         Self::new(app, size, counts.clone())
     }
 
-    /// Of an app whose camera is spawned.
+    /// Takes an app with a camera and waits until it is ready.
     pub fn new(mut app: App, size: UVec2, counts: Counts) -> Result<Self, String> {
         until_ready(&mut app)?;
         Ok(Self { app, size, counts, times: Times::default() })
@@ -141,12 +139,12 @@ impl Bench {
         &mut self.app
     }
 
-    /// What the plugin says of the last frame.
+    /// The plugin's report of the last frame.
     pub fn report(&self) -> RestirReport {
         self.app.world().resource::<RestirStatistics>().report()
     }
 
-    /// Bytes of all that the plugin holds.
+    /// Bytes of all buffers and textures of the plugin.
     pub fn bytes(&self) -> u64 {
         self.report().memory.iter().map(|(_, bytes)| bytes).sum()
     }
@@ -158,14 +156,14 @@ impl Bench {
         format!("{} ({:?}), driver {}", info.name, info.backend, driver.trim())
     }
 
-    /// Frames that a measurement takes.
+    /// Number of frames of a measurement.
     pub fn planned(counts: &Counts, settings: &Restir, seeds: u32) -> u64 {
         let each = history(settings, counts) + 1;
         let warmup = counts.warmup.saturating_sub(if seeds > 0 { each } else { 0 });
         u64::from(seeds) * u64::from(each) + u64::from(warmup) + u64::from(counts.frames)
     }
 
-    /// What a frame of some settings costs, and its mean squared error where errors are asked for.
+    /// Measures the cost of a frame, and its error where `errors` asks for it.
     pub fn measure(
         &mut self,
         settings: &Restir,
@@ -196,12 +194,18 @@ impl Bench {
             self.times.sample(self.app.world(), settings);
             rays += self.report().rays as f64;
         }
-        let passes = pass_names(settings).into_iter().map(|name| (name, median(self.times.of(name)))).collect();
-        Ok((Cost { passes, rays: rays / f64::from(self.counts.frames) / pixels(self.size) }, error))
+        let rays = rays / f64::from(self.counts.frames) / pixels(self.size);
+        Ok((self.cost(settings, rays), error))
     }
 
-    /// Error of the frame that comes after some others, or of the mean of them all where the technique sums them:
-    /// mean over independent seeds.
+    /// Median times of the frames since the last [`Times::clear`].
+    fn cost(&self, settings: &Restir, rays: f64) -> Cost {
+        let passes = pass_names(settings).into_iter().map(|name| (name, median(self.times.of(name)))).collect();
+        Cost { passes, rays }
+    }
+
+    /// Mean error over independent seeds of the frame after `before` others, or of the mean of them all where the technique
+    /// accumulates.
     pub fn error(
         &mut self,
         settings: &Restir,
@@ -220,7 +224,7 @@ impl Bench {
         Ok(Error { mean: sum.mean / seeds, median: sum.median / seeds })
     }
 
-    /// The converged picture of the reference tracer at these settings.
+    /// Renders the converged picture in two independent halves.
     pub fn reference(&mut self, settings: &Restir, samples: u32, progress: &Progress) -> Result<Reference, String> {
         self.set(settings)?;
         let size = self.size;
@@ -228,8 +232,24 @@ impl Bench {
             self.restart(seed);
             self.picture(samples.div_ceil(2) - 1, progress)
         };
-        // Seeds that no measured frame has.
+        // No measured frame uses these seeds.
         Ok(Reference::new(&half(u32::MAX)?, &half(u32::MAX - 1)?, size))
+    }
+
+    /// Radiance of the frame after `before` others, or the mean of them all where the technique accumulates, and the median
+    /// milliseconds of lighting of these frames.
+    pub fn show(&mut self, settings: &Restir, before: u32, progress: &Progress) -> Result<(Picture, f64), String> {
+        self.set(settings)?;
+        self.restart(0);
+        self.times.sample(self.app.world(), settings);
+        self.times.clear();
+        for _ in 0..before {
+            self.step(progress);
+            self.times.sample(self.app.world(), settings);
+        }
+        let picture = self.picture(0, progress)?;
+        self.times.sample(self.app.world(), settings);
+        Ok((picture, self.cost(settings, 0.0).lighting()))
     }
 
     /// Mean radiance of the next frame.
@@ -237,7 +257,7 @@ impl Bench {
         Ok(mean(&self.picture(0, progress)?, |c| c))
     }
 
-    /// Settings on the camera, with their pipelines.
+    /// Sets the camera's settings and waits for their pipelines.
     fn set(&mut self, settings: &Restir) -> Result<(), String> {
         let camera = self.app.world().resource::<View>().camera;
         let mut restir = self.app.world_mut().get_mut::<Restir>(camera).ok_or("the camera is gone")?;
@@ -258,7 +278,7 @@ impl Bench {
         progress.step();
     }
 
-    /// What is shown after some frames.
+    /// Radiance of the frame after `before` others.
     fn picture(&mut self, before: u32, progress: &Progress) -> Result<Picture, String> {
         for _ in 0..before {
             self.step(progress);
@@ -269,21 +289,21 @@ impl Bench {
     }
 }
 
-/// Pixels of a picture.
+/// Number of pixels of a picture.
 pub fn pixels(size: UVec2) -> f64 {
     f64::from(size.x) * f64::from(size.y)
 }
 
-/// Frames before the one whose error is taken: those that it reuses.
+/// Number of frames that must come before a frame whose error is measured, because it reuses them.
 fn history(settings: &Restir, counts: &Counts) -> u32 {
     let Restir { direct, paths, .. } = settings;
-    let direct_reuses = direct.temporal || direct.spatial_taps + direct.disocclusion_taps > 0;
-    let paths_reuse = paths.temporal || paths.spatial_taps > 0;
+    let direct_reuses = direct.reuse.temporal || direct.reuse.spatial_samples + direct.reuse.disocclusion_samples > 0;
+    let paths_reuse = paths.reuse.temporal || paths.reuse.spatial_samples > 0;
     let reuses = match settings.technique {
         Technique::Reference => false,
         Technique::Di => direct_reuses,
         Technique::Gi => direct_reuses || paths_reuse,
-        Technique::Pt => paths_reuse,
+        _ => paths_reuse,
     };
     if reuses { counts.warmup } else { 0 }
 }

@@ -1,26 +1,26 @@
-//! How far a picture is from a reference, both as files.
+//! Compares a picture with a reference, both from files.
 
 use bevy::math::UVec2;
+use bevy_restir_support::exr_file;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 use crate::{
     error::{Picture, mean},
-    exr_file,
     output::{Output, provenance},
     table::{Row, Table, Unit},
 };
 
-/// How far a linear picture is from a reference: a line of JSON, `null` where a figure means nothing, and a table.
+/// Compares a linear picture with a reference: a line of JSON, with `null` for undefined figures, and a table.
 #[derive(clap::Args, Debug)]
 pub struct Args {
-    /// A linear .exr file; its pixels that are not finite are counted and taken as black.
+    /// A linear .exr file; pixels that are not finite are counted and compared as black.
     picture: PathBuf,
-    /// What it should show, a .exr file of the same size.
+    /// The reference, a .exr file of the same size.
     reference: PathBuf,
     #[command(flatten)]
     output: Output,
-    /// Pixels a side of a tile; what is left over at the right and at the bottom is in none.
+    /// Side of a tile in pixels; incomplete tiles at the right and at the bottom are left out.
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..))]
     tile: u32,
 }
@@ -52,32 +52,32 @@ pub fn run(args: &Args) -> Result<(), String> {
     Ok(())
 }
 
-/// A file's size and its channels.
+/// Reads the size and the channels of a file.
 fn read(path: &Path) -> Result<(UVec2, Picture), String> {
     let (size, pixels) = exr_file::read(path)?;
     Ok((size, pixels.into_iter().map(|[r, g, b, _]| [r, g, b].map(f64::from)).collect()))
 }
 
-/// All figures; those that divide by nothing are not finite.
+/// All figures; a figure is not finite where it divides by zero.
 struct Difference {
-    /// Of the means: over everything, and channel by channel.
+    /// Relative difference of the means, over all channels and per channel.
     rel_mean: f64,
     rel_mean_rgb: [f64; 3],
-    /// Of the tiles' luminance: of its amount the mean, what 95 % stay below, and the most; and the mean with its sign.
+    /// Relative difference of the tiles' luminance: mean, 95th percentile and maximum of its amount, and the signed mean.
     tile_abs_mean: f64,
     tile_abs_p95: f64,
     tile_abs_max: f64,
     tile_bias: f64,
-    /// Over pixels and channels: root of the mean square; relative to the reference's square, and to the reference.
+    /// Over pixels and channels: root mean square error, squared error relative to the reference, absolute error relative to it.
     rmse: f64,
     rel_mse: f64,
     mape: f64,
-    /// Pixels of the picture with a channel that is no number.
+    /// Number of pixels with a channel that is not finite.
     non_finite: usize,
 }
 
 impl Difference {
-    /// Both are as large, and the reference is finite.
+    /// Both pictures must have one size, and the reference must be finite.
     fn new(mut picture: Picture, reference: &Picture, width: usize, tile: usize) -> Self {
         let non_finite = blacken(&mut picture);
         let scale = mean(reference, |c| c);
@@ -97,7 +97,7 @@ impl Difference {
             tile_abs_max: quantile(&amounts, 1.0),
             tile_bias: average(&tiles),
             rmse: over_all(&|c, r| (c - r).powi(2)).sqrt(),
-            // A hundredth of the mean keeps black pixels from deciding alone.
+            // A hundredth of the mean keeps nearly black pixels from dominating.
             rel_mse: over_all(&|c, r| (c - r).powi(2) / (r * r + 1e-2 * scale * scale)),
             mape: over_all(&|c, r| (c - r).abs() / (r + 0.01 * scale)),
             non_finite,
@@ -119,7 +119,7 @@ impl Difference {
         })
     }
 
-    /// The same, by the same names.
+    /// The figures of the JSON as rows of a table.
     fn rows(&self) -> Vec<Row> {
         let row = |key, unit, value| Row::new("", key, &[("", unit, value)]);
         let [red, green, blue] = self.rel_mean_rgb;
@@ -143,7 +143,7 @@ fn is_finite(pixel: &[f64; 3]) -> bool {
     pixel.iter().all(|c| c.is_finite())
 }
 
-/// Makes pixels black that are not finite, and counts them.
+/// Replaces pixels that are not finite by black, and counts them.
 fn blacken(picture: &mut [[f64; 3]]) -> usize {
     let mut count = 0;
     for pixel in picture.iter_mut().filter(|pixel| !is_finite(pixel)) {
@@ -157,7 +157,7 @@ fn channel_means(picture: &Picture) -> [f64; 3] {
     core::array::from_fn(|i| picture.iter().map(|pixel| pixel[i]).sum::<f64>() / picture.len() as f64)
 }
 
-/// Mean luminance of the tiles that are whole.
+/// Mean luminance of the complete tiles.
 fn tiles(picture: &Picture, width: usize, tile: usize) -> Vec<f64> {
     let (columns, rows) = (width / tile, picture.len() / width / tile);
     let mut tiles = vec![0.0; columns * rows];
@@ -177,12 +177,12 @@ fn relative(ours: &[f64], theirs: &[f64]) -> Vec<f64> {
     ours.iter().zip(theirs).map(|(a, r)| (a - r) / r.max(least)).collect()
 }
 
-/// The mean of some values; NaN of none.
+/// The mean, or NaN of no values.
 fn average(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// What that share of sorted values stays below, in a straight line between two of them; NaN of none.
+/// A quantile of sorted values by linear interpolation, or NaN of no values.
 fn quantile(sorted: &[f64], share: f64) -> f64 {
     let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
     let at = share * last as f64;

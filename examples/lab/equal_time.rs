@@ -1,24 +1,22 @@
-//! What ReSTIR PT and DI + GI cost and bring against the reference tracer in equal time.
+//! Cost and error of ReSTIR PT and of ReSTIR DI + GI, compared with the reference tracer at equal time.
 
 use bevy::math::UVec2;
 use bevy_restir::{Restir, Technique};
+use bevy_restir_support::{arguments, fields, progress::Progress};
 use std::path::PathBuf;
 
 use crate::{
-    arguments,
     bench::{Bench, Cost, Counts, Errors, Scene, scenes},
     error::{Error, Reference},
-    headless::progress::Progress,
     output::{Output, header},
     series,
-    set::set,
     table::{Row, Table, Unit},
 };
 
-/// Costs by stage, and errors in equal time, of the techniques that carry all light.
+/// Cost by stage, and error at equal time, of the techniques that compute global illumination.
 #[derive(clap::Args, Debug)]
 pub struct Args {
-    /// glTF files; the environment is that which `references.json` beside them names, or none.
+    /// glTF files; `references.json` beside a file may name its environment.
     #[arg(required = true)]
     scenes: Vec<PathBuf>,
     #[command(flatten)]
@@ -26,45 +24,45 @@ pub struct Args {
     /// Pixels.
     #[arg(long, default_value = "128x128", value_parser = arguments::size)]
     size: UVec2,
-    /// Scattering events of a path.
+    /// Maximum number of scattering events of a path.
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=64))]
     bounces: u32,
     #[command(flatten)]
     counts: Counts,
-    /// Independent frames that an error is the mean of.
+    /// Number of independent frames over which errors are averaged.
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..))]
     seeds: u32,
-    /// Samples a pixel of the converged picture.
+    /// Samples per pixel of the converged picture.
     #[arg(long, default_value_t = 4096, value_parser = clap::value_parser!(u32).range(2..))]
     samples: u32,
 }
 
-/// Costs by stage and errors of ReSTIR PT by its settings: the steps of Table 1 of Lin et al. 2026, supplement, that are settings.
+/// Cost by stage and error of ReSTIR PT by its settings: those steps of Table 1 of Lin et al. 2026, supplement, that are settings.
 #[derive(clap::Args, Debug)]
 pub struct Steps {
     #[command(flatten)]
     args: Args,
-    /// Fields of `Restir` as `"PATH=VALUE PATH=VALUE"`, instead of those steps; repeatable.
+    /// Fields of `Restir` as `"PATH=VALUE PATH=VALUE"`, measured instead of those steps; repeatable.
     #[arg(long)]
     variant: Vec<String>,
 }
 
-/// What is held against the reference tracer: a name, and how its settings differ.
+/// Settings that are compared with the reference tracer.
 struct Rival {
     name: String,
     settings: Restir,
 }
 
-/// How the costs of a frame are told.
+/// How the cost of a frame is split into rows.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Detail {
-    /// A row a pass.
+    /// One row per pass.
     Passes,
     /// The columns of Table 1 of Lin et al. 2026, supplement.
     Stages,
 }
 
-/// The two techniques.
+/// Compares the two techniques.
 pub fn run(args: &Args) -> Result<(), String> {
     let rival = |name: &str, technique| Rival { name: name.into(), settings: args.settings(technique) };
     let rivals = [rival("ReSTIR PT", Technique::Pt), rival("ReSTIR DI + GI", Technique::Gi)];
@@ -72,7 +70,7 @@ pub fn run(args: &Args) -> Result<(), String> {
 }
 
 impl Steps {
-    /// What each step of Lin et al. 2026 costs and brings, or each of some settings.
+    /// Measures each step of Lin et al. 2026, or each variant of the command line.
     pub fn run(&self) -> Result<(), String> {
         let default = || self.args.settings(Technique::Pt);
         let rivals = if self.variant.is_empty() {
@@ -84,7 +82,7 @@ impl Steps {
             let rival = |text: &String| {
                 let mut settings = default();
                 for assignment in text.split_whitespace() {
-                    set(&mut settings, assignment).map_err(|error| format!("--variant {error}"))?;
+                    fields::set(&mut settings, assignment).map_err(|error| format!("--variant {error}"))?;
                 }
                 Ok(Rival { name: text.clone(), settings })
             };
@@ -95,7 +93,7 @@ impl Steps {
 }
 
 impl Args {
-    /// Through the centres of the pixels, so that all techniques converge to one picture.
+    /// Without jitter and energy compensation, so that all techniques converge to one picture.
     fn settings(&self, technique: Technique) -> Restir {
         Restir { technique, bounces: self.bounces, jitter: false, energy_compensation: false, ..Restir::default() }
     }
@@ -119,7 +117,7 @@ fn table(name: &str, args: &Args, rivals: &[Rival], detail: Detail) -> Result<()
     args.output.write(name, &table)
 }
 
-/// Name of the adapter, and the figures of a scene.
+/// The name of the adapter and the figures of a scene.
 fn column(args: &Args, scene: &Scene, rivals: &[Rival], detail: Detail) -> Result<(String, Vec<Row>), String> {
     let reference = args.settings(Technique::Reference);
     let planned = |settings| Bench::planned(&args.counts, settings, args.seeds);
@@ -190,21 +188,22 @@ fn scene_rows(bench: &Bench, truth: &Reference, sample: &Cost, one: Error) -> Ve
     ]
 }
 
-/// A row a pass.
+/// One row per pass.
 fn passes(name: &str, cost: &Cost) -> Vec<Row> {
     let all = core::iter::once(("all", cost.lighting()));
     all.chain(cost.of_passes()).map(|(pass, ms)| Row::new(name.to_owned(), pass, &[("", Unit::Ms, ms)])).collect()
 }
 
-/// Lin et al. 2026, supplement, Table 1: a frame, initial candidates, temporal and spatial reuse, direct light and everything else.
+/// The columns of Table 1 of Lin et al. 2026, supplement: a frame, initial candidates, temporal and spatial reuse, direct light and
+/// the rest.
 fn stages(name: &str, cost: &Cost) -> Row {
     let of = |counts: fn(&str) -> bool| -> f64 { cost.of_passes().filter(|(n, _)| counts(n)).map(|(_, ms)| ms).sum() };
-    let is_path = |name: &str| name.starts_with("path_") || name.starts_with("indirect_");
+    let is_path = |name: &str| name.starts_with("pt_") || name.starts_with("gi_");
     let figures = [
         ("frame", cost.lighting()),
-        ("initial", of(|name| name.ends_with("path_candidates") || name.ends_with("indirect_candidates"))),
-        ("temporal", of(|name| name == "path_reuse" || name == "indirect_reuse")),
-        ("spatial", of(|name| name.contains("_reuse_") && !name.starts_with("direct_"))),
+        ("initial", of(|name| name == "pt_candidates" || name == "gi_candidates")),
+        ("temporal", of(|name| name == "pt_reuse" || name == "gi_reuse")),
+        ("spatial", of(|name| name.contains("_reuse_") && !name.starts_with("di_"))),
         ("DI + other", cost.of_passes().filter(|(name, _)| !is_path(name)).map(|(_, ms)| ms).sum()),
     ];
     Row::new(name.to_owned(), "", &figures.map(|(name, ms)| (name, Unit::Ms, ms)))

@@ -1,11 +1,11 @@
-//! How far a picture is from the converged one.
+//! Error of a picture against a converged one.
 
 use bevy::math::UVec2;
 
 /// Linear radiance, rows from the top.
 pub type Picture = Vec<[f64; 3]>;
 
-/// Pixels a side of a block.
+/// Side of a block in pixels.
 const BLOCK: usize = 8;
 
 /// Squared error, relative to the squared mean of the converged picture.
@@ -13,7 +13,7 @@ const BLOCK: usize = 8;
 pub struct Error {
     /// Of the whole picture.
     pub mean: f64,
-    /// The median of those of its blocks: what fireflies do not decide.
+    /// The median over blocks, which single fireflies hardly change.
     pub median: f64,
 }
 
@@ -21,14 +21,14 @@ pub struct Error {
 pub struct Reference {
     pixels: Picture,
     width: usize,
-    /// Squared mean of its pixels and channels: what errors are relative to, so that scenes compare.
+    /// Squared mean over pixels and channels. Errors are relative to it, so that scenes can be compared.
     scale: f64,
-    /// Its own mean squared error.
+    /// Mean squared error of the converged picture itself.
     pub noise: f64,
 }
 
 impl Reference {
-    /// From two independent halves of its samples: the mean's variance is a quarter of their squared difference.
+    /// Averages two independent halves of the samples. The variance of their mean is a quarter of their squared difference.
     pub fn new(a: &Picture, b: &Picture, size: UVec2) -> Self {
         let both = |f: fn(f64, f64) -> f64| -> Picture {
             a.iter().zip(b).map(|(a, b)| core::array::from_fn(|i| f(a[i], b[i]))).collect()
@@ -39,7 +39,12 @@ impl Reference {
         Self { pixels, width: size.x as usize, scale, noise }
     }
 
-    /// How far off a picture is.
+    /// The converged radiance.
+    pub fn pixels(&self) -> &Picture {
+        &self.pixels
+    }
+
+    /// The error of a picture.
     pub fn error(&self, picture: &Picture) -> Error {
         let squares: Vec<f64> = picture
             .iter()

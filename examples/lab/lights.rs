@@ -1,5 +1,5 @@
-//! A generated scene whose lights can be counted: a floor with blocks, and a panel above it of fixed area and power, cut into as many
-//! triangles as one asks for.
+//! A generated scene with any number of lights: a floor with blocks below a panel of fixed area and power that is divided into
+//! emissive triangles.
 
 use bevy::{
     asset::RenderAssetUsages,
@@ -7,17 +7,17 @@ use bevy::{
     prelude::*,
 };
 
-/// Sides of the panel, and how high it hangs.
+/// Size of the panel and its height above the floor, m.
 const PANEL: Vec2 = Vec2::new(6.0, 6.0);
 const HEIGHT: f32 = 6.0;
 /// Radiance of the panel.
 const RADIANCE: f32 = 5.0;
 
-/// The panel that hangs there.
+/// The panel.
 #[derive(Component)]
 pub struct Panel;
 
-/// What all counts share.  Returns where the camera is.
+/// Spawns the floor and the blocks. Returns the transform and the projection of the camera.
 pub fn spawn_room(world: &mut World) -> (Transform, Projection) {
     let mut solid = |mesh: Mesh, color: Color, at: Vec3| {
         let mesh = world.resource_mut::<Assets<Mesh>>().add(mesh);
@@ -38,7 +38,7 @@ pub fn spawn_room(world: &mut World) -> (Transform, Projection) {
     (eye, Projection::Perspective(projection))
 }
 
-/// Hangs a panel in place of the last one.
+/// Spawns a panel and despawns the previous one.
 pub fn hang(world: &mut World, panel: Mesh) {
     let old: Vec<Entity> = world.query_filtered::<Entity, With<Panel>>().iter(world).collect();
     for entity in old {
@@ -54,15 +54,15 @@ pub fn hang(world: &mut World, panel: Mesh) {
     world.spawn((Panel, Mesh3d(mesh), MeshMaterial3d(material), Transform::from_xyz(0.0, HEIGHT, 0.0)));
 }
 
-/// Cells of a grid of that many triangles, each cell being two: as near to square as they go.
+/// Columns and rows of a grid of cells with two triangles each, as close to a square grid as the number allows.
 fn cells(triangles: u32) -> UVec2 {
     let cells = (triangles / 2).max(1);
     let columns = (1..=cells.isqrt()).rev().find(|columns| cells.is_multiple_of(*columns)).unwrap_or(1);
     UVec2::new(columns, cells / columns)
 }
 
-/// A panel of an even number of triangles: a grid that looks down, its inner corners moved about so that no two triangles have the
-/// same power; the area is the same.
+/// A panel of an even number of triangles that faces down. Inner corners are displaced so that the triangles differ in power; the
+/// total area stays the same.
 pub fn panel(triangles: u32) -> Mesh {
     let cells = cells(triangles);
     let corners = cells + 1;
@@ -91,7 +91,7 @@ pub fn panel(triangles: u32) -> Mesh {
         .with_inserted_indices(Indices::U32(indices))
 }
 
-/// A point of [-1, 1]², another for every corner: an integer hash.
+/// A pseudo-random point of [-1, 1]² per corner, by an integer hash.
 fn jitter(corner: u32) -> Vec2 {
     let mut hash = corner.wrapping_mul(0x9e37_79b9) ^ 0x85eb_ca6b;
     hash = (hash ^ (hash >> 16)).wrapping_mul(0x7feb_352d);

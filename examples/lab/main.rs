@@ -1,31 +1,24 @@
-//! Makes the figures that the documentation has: `cargo run --example lab -- ablate SCENE.glb ...`.
+//! Makes the tables and pictures of the documentation: `cargo run --example lab -- ablate SCENE.glb ...`.
 
 mod ablate;
-#[path = "../shared/arguments.rs"]
-mod arguments;
 mod bench;
 mod compare;
+mod demo;
 mod equal_time;
 mod error;
-#[path = "../shared/exr_file.rs"]
-mod exr_file;
-#[path = "../headless/mod.rs"]
-mod headless;
 mod lights;
 mod materials;
 mod output;
 mod rays;
 mod scale;
 mod series;
-#[path = "../shared/set.rs"]
-mod set;
-mod support;
 mod table;
 
+use bevy_restir_support::{arguments, headless};
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
-/// Measures what the techniques cost and how far off they are.
+/// Measures cost and error of the techniques.
 #[derive(Parser, Debug)]
 #[command(name = "lab", version)]
 struct Args {
@@ -42,10 +35,11 @@ enum Command {
     Steps(equal_time::Steps),
     Materials(materials::Args),
     Compare(compare::Args),
+    Demo(demo::Args),
 }
 
 fn main() -> ExitCode {
-    let args: Args = match headless::arguments() {
+    let args: Args = match arguments::parse() {
         Ok(args) => args,
         Err(code) => return code,
     };
@@ -58,6 +52,7 @@ fn main() -> ExitCode {
         Command::Steps(steps) => steps.run(),
         Command::Materials(args) => materials::run(args),
         Command::Compare(args) => compare::run(args),
+        Command::Demo(args) => demo::run(args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -1,59 +1,52 @@
-//! A grid of spheres, one row a feature of the material, its value rising to the right.
+//! A grid of spheres: one row per feature of the material, with values that rise to the right.
 
-use bevy::{
-    asset::RenderAssetUsages,
-    math::UVec2,
-    prelude::*,
-    render::render_resource::{Extent3d, TextureDimension, TextureFormat},
-};
+use bevy::{math::UVec2, prelude::*};
 use bevy_restir::{RayBackend, Restir, RestirEnvironment};
-use std::path::{Path, PathBuf};
-
-use crate::{
+use bevy_restir_support::{
     arguments::{self, TechniqueName},
-    headless::{
-        self, frame,
-        picture::{screenshot, write_png},
-        progress::Progress,
-        scene::{self, CameraSetup, View},
-        until_ready,
-    },
+    environment::equirectangular,
+    exposure::unit_exposure,
+    headless::{self, frame, until_ready},
+    picture::{screenshot, write_png},
+    progress::Progress,
+    scene::{self, CameraSetup, View},
 };
+use std::path::{Path, PathBuf};
 
 /// A picture of materials: metallic, roughness of a metal, reflectance, specular tint, clearcoat, its roughness, anisotropy, its
 /// rotation, thick glass by roughness, thin walls by transmission, diffuse transmission, emission.
 #[derive(clap::Args, Debug)]
 pub struct Args {
-    /// Folder of the picture, `materials.png`.
+    /// Folder for the picture `materials.png`.
     #[arg(long, default_value = "target/lab")]
     out: PathBuf,
     /// Pixels.
     #[arg(long, default_value = "490x840", value_parser = arguments::size)]
     size: UVec2,
-    /// How light is carried.
+    /// Technique that lights the picture.
     #[arg(long, value_enum, default_value = "reference")]
     technique: TechniqueName,
-    /// Frames that the picture is the mean of.
+    /// Number of frames whose mean is the picture.
     #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..))]
     frames: u32,
-    /// Scattering events of a path.
+    /// Maximum number of scattering events of a path.
     #[arg(long, default_value_t = 10)]
     bounces: u32,
-    /// Trace by the device's ray queries, not by software.
+    /// Traces by the device's ray queries instead of in software.
     #[arg(long)]
     hardware: bool,
-    /// Rows, counted from the top, from 0 on; all without it.
+    /// Rows to show, counted from 0 at the top; without it all.
     #[arg(long, value_delimiter = ',')]
     rows: Vec<usize>,
 }
 
-/// Spheres of a row.
+/// Number of spheres in a row.
 const COLUMNS: usize = 7;
 const RADIUS: f32 = 0.43;
-/// How far behind the spheres' centres the wall is.
+/// Distance of the wall behind the centers of the spheres.
 const WALL: f32 = 2.5;
 
-/// The material of a row at a value from 0 to 1.
+/// Makes the material of a row from a value from 0 to 1.
 type Feature = fn(f32) -> StandardMaterial;
 
 fn of(r: f32, g: f32, b: f32) -> StandardMaterial {
@@ -86,7 +79,7 @@ const FEATURES: [Feature; 12] = [
         perceptual_roughness: 0.9,
         ..of(0.5, 0.03, 0.03)
     },
-    // Its roughness, over a rough metal.
+    // Roughness of a clearcoat over a rough metal.
     |x| StandardMaterial {
         clearcoat: 1.0,
         clearcoat_perceptual_roughness: x,
@@ -96,14 +89,14 @@ const FEATURES: [Feature; 12] = [
     },
     // Anisotropy.
     |x| StandardMaterial { anisotropy_strength: x, perceptual_roughness: 0.3, ..gold() },
-    // Its rotation, half a turn.
+    // Rotation of the anisotropy, up to half a turn.
     |x| StandardMaterial {
         anisotropy_strength: 0.9,
         anisotropy_rotation: x * core::f32::consts::PI,
         perceptual_roughness: 0.3,
         ..gold()
     },
-    // A glass body by its roughness.
+    // Roughness of a glass body.
     |x| StandardMaterial {
         specular_transmission: 1.0,
         thickness: 2.0 * RADIUS,
@@ -112,9 +105,9 @@ const FEATURES: [Feature; 12] = [
         attenuation_distance: 1.0,
         ..of(1.0, 1.0, 1.0)
     },
-    // A bubble by how much it lets through.
+    // Transmission of a thin wall.
     |x| StandardMaterial { specular_transmission: x, perceptual_roughness: 0.1, ..of(0.95, 0.7, 0.8) },
-    // A paper lantern by how much it lets through.
+    // Diffuse transmission of a thin wall.
     |x| StandardMaterial { diffuse_transmission: x, reflectance: 0.0, perceptual_roughness: 1.0, ..of(0.7, 0.9, 0.4) },
     // Emission.
     |x| StandardMaterial { emissive: LinearRgba::rgb(1.2 * x, 0.5 * x, 0.15 * x), ..of(0.2, 0.2, 0.2) },
@@ -124,7 +117,7 @@ pub fn run(args: &Args) -> Result<(), String> {
     std::fs::create_dir_all(&args.out).map_err(|e| format!("{}: {e}", args.out.display()))?;
     let rows: Vec<usize> = if args.rows.is_empty() { (0..FEATURES.len()).collect() } else { args.rows.clone() };
     if let Some(row) = rows.iter().find(|row| **row >= FEATURES.len()) {
-        return Err(format!("there is no row {row}, only {}", FEATURES.len()));
+        return Err(format!("there is no row {row}; there are {} rows", FEATURES.len()));
     }
     let backend = if args.hardware { RayBackend::Hardware } else { RayBackend::Software };
     let mut app = headless::app(Path::new("."), backend)?;
@@ -132,8 +125,7 @@ pub fn run(args: &Args) -> Result<(), String> {
     let image = app.world_mut().resource_mut::<Assets<Image>>().add(studio());
     let environment = RestirEnvironment { image: Some(image), ..Default::default() };
     let settings = Restir { technique: args.technique.into(), bounces: args.bounces, ..Restir::default() };
-    let setup =
-        CameraSetup { size: args.size, exposure: scene::unit_exposure(), environment: Some(environment), settings };
+    let setup = CameraSetup { size: args.size, exposure: unit_exposure(), environment: Some(environment), settings };
     scene::spawn_camera(app.world_mut(), place, setup);
     let camera = app.world().resource::<View>().camera;
     until_ready(&mut app)?;
@@ -149,10 +141,10 @@ pub fn run(args: &Args) -> Result<(), String> {
     write_png(&args.out.join("materials.png"), picture)
 }
 
-/// Spheres before a chequered wall, and a lamp.  Returns where the camera is.
+/// Spawns spheres in front of a checkered wall, and a lamp. Returns the transform and the projection of the camera.
 fn spawn(world: &mut World, rows: &[usize], size: UVec2) -> (Transform, Projection) {
     let (width, height) = (COLUMNS as f32, rows.len() as f32);
-    // The poles of a UV sphere are on its z axis: upright, the tangents run round it.
+    // The poles of a UV sphere are on its z axis. Upright, its tangents run along the circles of latitude.
     let upright = Quat::from_rotation_x(-core::f32::consts::FRAC_PI_2);
     let ball = Sphere::new(RADIUS).mesh().uv(96, 64);
     let ball = world.resource_mut::<Assets<Mesh>>().add(ball);
@@ -165,7 +157,7 @@ fn spawn(world: &mut World, rows: &[usize], size: UVec2) -> (Transform, Projecti
             world.spawn((Mesh3d(ball.clone()), MeshMaterial3d(material), place));
         }
     }
-    // A chequer of squares, each half a sphere's place.
+    // A checkerboard of squares half as wide as the distance of the spheres.
     let square = world.resource_mut::<Assets<Mesh>>().add(Rectangle::new(0.5, 0.5));
     let greys = [0.4, 0.12].map(|grey| {
         let material = StandardMaterial { perceptual_roughness: 1.0, reflectance: 0.0, ..of(grey, grey, grey) };
@@ -178,13 +170,13 @@ fn spawn(world: &mut World, rows: &[usize], size: UVec2) -> (Transform, Projecti
         let at = Transform::from_xyz(place(x, columns), place(y, lines), -WALL);
         world.spawn((Mesh3d(square.clone()), MeshMaterial3d(greys[(x + y) % 2].clone()), at));
     }
-    // A square faces +Z, which is away from where it looks to.
+    // A rectangle faces +Z, which `looking_to` turns away from the target.
     let eye = Vec3::new(-0.8 * width, 0.8 * height, 0.9 * height);
     let panel = world.resource_mut::<Assets<Mesh>>().add(Rectangle::new(4.0, 4.0));
     let lamp = StandardMaterial { emissive: LinearRgba::rgb(7.0, 7.0, 7.0), ..of(0.0, 0.0, 0.0) };
     let lamp = world.resource_mut::<Assets<StandardMaterial>>().add(lamp);
     world.spawn((Mesh3d(panel), MeshMaterial3d(lamp), Transform::from_translation(eye).looking_to(eye, Vec3::Y)));
-    // From far off, so that all spheres are seen alike.
+    // From far away, so that the perspective of all spheres is alike.
     let fov = 0.16f32;
     let aspect = size.x as f32 / size.y as f32;
     let distance = 0.5 * height.max(width / aspect) * 1.02 / (0.5 * fov).tan();
@@ -192,13 +184,13 @@ fn spawn(world: &mut World, rows: &[usize], size: UVec2) -> (Transform, Projecti
     (Transform::from_xyz(0.0, 0.0, distance), Projection::Perspective(projection))
 }
 
-/// What surrounds them: dim, brighter above, with two bright windows that mirrors show.
+/// The environment: dim, brighter above, with bright windows that mirrors show.
 fn studio() -> Image {
     let (width, height) = (128u32, 64u32);
     let texel = |x: u32, y: u32| -> [f32; 4] {
         let (u, v) = (x as f32 / width as f32, y as f32 / height as f32);
         let up = 0.1 + 0.25 * (1.0 - v);
-        // u = 0.5 is ahead of the camera: windows stand behind it, left and right, and one lights from behind the spheres.
+        // u = 0.5 is in front of the camera. Two windows stand behind the camera, and one lights the spheres from behind.
         let window = |left: f32, right: f32| u > left && u < right && v > 0.3 && v < 0.55;
         if window(0.06, 0.14) || window(0.88, 0.92) {
             [6.0, 6.0, 6.5, 1.0]
@@ -208,16 +200,6 @@ fn studio() -> Image {
             [0.9 * up, up, 1.1 * up, 1.0]
         }
     };
-    let data: Vec<u8> = (0..height)
-        .flat_map(|y| (0..width).map(move |x| (x, y)))
-        .flat_map(|(x, y)| texel(x, y))
-        .flat_map(f32::to_le_bytes)
-        .collect();
-    Image::new(
-        Extent3d { width, height, depth_or_array_layers: 1 },
-        TextureDimension::D2,
-        data,
-        TextureFormat::Rgba32Float,
-        RenderAssetUsages::RENDER_WORLD,
-    )
+    let pixels: Vec<_> = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| texel(x, y)).collect();
+    equirectangular(width, height, &pixels)
 }

@@ -1,27 +1,28 @@
-//! Where tables go: files of their own, and the documentation.
+//! Writes tables to files and into the documentation.
 
 use bevy::math::UVec2;
+use bevy_restir_support::files::write_text;
 use std::{
     fs,
     path::{Path, PathBuf},
     process::Command,
 };
 
-use crate::{headless::files::write_text, table::Table};
+use crate::table::Table;
 
-/// Where a table goes.
+/// Destination of a table.
 #[derive(clap::Args, Clone, Debug)]
 pub struct Output {
-    /// Folder of the table, as markdown and as csv.
+    /// Folder for the table as markdown and as csv.
     #[arg(long, default_value = "target/lab")]
     out: PathBuf,
-    /// A markdown file whose text between `<!-- lab NAME -->` and `<!-- /lab NAME -->` the table replaces.
+    /// A markdown file. The table replaces its text between `<!-- lab NAME -->` and `<!-- /lab NAME -->`.
     #[arg(long)]
     into: Option<PathBuf>,
 }
 
 impl Output {
-    /// Before anything is measured: whether the table can be written.
+    /// Fails before anything is measured if the table could not be written.
     pub fn check(&self, name: &str) -> Result<(), String> {
         fs::create_dir_all(&self.out).map_err(|e| format!("{}: {e}", self.out.display()))?;
         match &self.into {
@@ -42,23 +43,23 @@ impl Output {
     }
 }
 
-/// A file's text with another one between the marks.
+/// The text of a file with `text` between the marks.
 fn replaced(path: &Path, name: &str, text: &str) -> Result<String, String> {
     let whole = fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
     let (open, close) = (format!("<!-- lab {name} -->"), format!("<!-- /lab {name} -->"));
     let found = whole.split_once(&open).and_then(|(before, rest)| Some((before, rest.split_once(&close)?.1)));
-    let (before, after) = found.ok_or(format!("{}: it has no marks {open} and {close}", path.display()))?;
+    let (before, after) = found.ok_or(format!("{}: the marks {open} and {close} are missing", path.display()))?;
     Ok(format!("{before}{open}\n\n{}\n\n{close}{after}", text.trim_end()))
 }
 
-/// What was run on what, and at which size of picture.
+/// The command, the adapter, the size of the picture and the commit.
 pub fn header(adapter: String, size: UVec2) -> Vec<String> {
     let mut lines = provenance(Some(adapter));
     lines.insert(2, format!("{} x {} pixels", size.x, size.y));
     lines
 }
 
-/// What was run, and on which adapter where one takes part.
+/// The command, the adapter if one was used, and the commit.
 pub fn provenance(adapter: Option<String>) -> Vec<String> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let mut lines = vec![format!("`cargo run --example lab -- {}`", arguments.join(" "))];

@@ -1,5 +1,5 @@
-//! What rays cost, by both back ends: rates on generated scenes beside those of a bare kernel, builds of both levels, bytes, and ten
-//! thousand things that move in an app.
+//! Cost of rays by both back ends: rates in generated scenes compared with a bare kernel, build times and bytes of both levels of the
+//! acceleration structure, and frame times of an app with ten thousand moving instances.
 
 use bevy::{
     prelude::*,
@@ -10,36 +10,34 @@ use bevy::{
 };
 use bevy_restir::{
     RayBackend, Restir, RestirStatistics,
-    gpu_types::{GpuTriangle, GpuTriangleAttributes, NODE_STRIDE, Rows},
-    scene::{
-        blas::{Bounds, build_blas},
-        geometry::Geometry,
-        hardware::{AccelerationStructures, INSTANCE_SIZE, Placed},
-        tlas::{build_tlas, world_bounds},
+    testing::gpu_layout::{GpuTriangle, GpuTriangleAttributes, NODE_STRIDE, Rows},
+    testing::{
+        accel::blas::{Bounds, build_blas},
+        accel::ray_query::{AccelerationStructures, INSTANCE_SIZE, Placed},
+        accel::tlas::{build_tlas, world_bounds},
+        geometry::triangulate::Geometry,
     },
+};
+use bevy_restir_support::{
+    compose::{Def, flag},
+    exposure::unit_exposure,
+    gpu::{Gpu, back_ends},
+    headless::{self, frame, until_ready},
+    scene::{self, CameraSetup},
+    scenes::{Random, Ray, TestScene, random_rows, ray, sphere},
+    times::median,
 };
 use std::{path::Path, sync::Arc, time::Instant};
 
 use crate::{
-    headless::{
-        self, frame,
-        scene::{self, CameraSetup},
-        times::median,
-        until_ready,
-    },
     output::{Output, provenance},
-    support::{
-        compose::{Def, flag},
-        gpu::{Gpu, back_ends},
-        scenes::{Random, Ray, TestScene, random_rows, ray, sphere},
-    },
     table::{Row, Table, Unit},
 };
 
-const SPEED: &str = include_str!("../../tests/support/kernels/trace_speed.wgsl");
+const SPEED: &str = include_str!("kernels/trace_speed.wgsl");
 const BARE: &str = include_str!("kernels/bare.wgsl");
 
-/// Triangles of the large mesh, and of the small one.
+/// Numbers of triangles of the large mesh and of the small one.
 const LARGE: usize = 512_000;
 const SMALL: usize = 200;
 
@@ -48,16 +46,16 @@ const SMALL: usize = 200;
 pub struct Args {
     #[command(flatten)]
     output: Output,
-    /// Rays of a dispatch.
+    /// Number of rays of a dispatch.
     #[arg(long, default_value_t = 1 << 19, value_parser = clap::value_parser!(u32).range(64..1 << 24))]
     rays: u32,
-    /// Dispatches whose median is taken.
+    /// Number of dispatches whose median time counts.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]
     repeat: u32,
-    /// Instances of the small mesh.
+    /// Number of instances of the small mesh.
     #[arg(long, default_value_t = 10_000, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     instances: u32,
-    /// Frames of the app.
+    /// Number of timed frames of the app.
     #[arg(long, default_value_t = 24, value_parser = clap::value_parser!(u32).range(2..))]
     frames: u32,
 }
@@ -100,13 +98,13 @@ struct Scene {
     name: String,
     scene: TestScene,
     mesh: Geometry,
-    /// Rays start within this far of the centre, and look at this much of it from this far.
+    /// Incoherent rays start within `inside` of the center, coherent ones at the distance `outside`.
     inside: f32,
     outside: f32,
 }
 
 impl Scene {
-    /// One bumpy sphere, rays within.
+    /// One bumpy sphere with the rays inside it.
     fn large() -> Self {
         let mesh = sphere(LARGE / 1024 + 1, 512, 0.1, |p| p);
         assert_eq!(mesh.positions.len(), LARGE);
@@ -114,7 +112,7 @@ impl Scene {
         Self { name: format!("{LARGE} triangles"), scene, mesh, inside: 0.5, outside: 2.5 }
     }
 
-    /// Bumpy spheres all over a cube, turned, stretched, some mirrored.
+    /// Rotated, stretched and mirrored bumpy spheres that fill a cube.
     fn small(count: u32) -> Self {
         let mesh = sphere(SMALL / 20 + 1, 10, 0.2, |p| p);
         assert_eq!(mesh.positions.len(), SMALL);
@@ -124,7 +122,7 @@ impl Scene {
         Self { name: format!("{count} instances of {SMALL} triangles"), scene, mesh, inside: 1.0, outside: 3.0 }
     }
 
-    /// Rays from a pinhole, 8 x 8 pixels a workgroup.
+    /// Rays of a pinhole camera, 8 x 8 pixels per workgroup.
     fn coherent(&self, count: usize) -> Vec<Ray> {
         let side = (count as f32).sqrt() as usize / 8 * 8;
         let eye = [0.0, 0.0, self.outside];
@@ -138,7 +136,7 @@ impl Scene {
         (0..side * side).map(pixel).collect()
     }
 
-    /// Rays from anywhere to everywhere.
+    /// Rays with random origins and directions.
     fn incoherent(&self, count: usize) -> Vec<Ray> {
         let mut random = Random::new(72);
         (0..count).map(|_| ray(random.point(self.inside), random.direction())).collect()
@@ -149,26 +147,26 @@ fn wait(gpu: &Gpu) {
     let _ = gpu.device.poll(wgpu::PollType::wait_indefinitely());
 }
 
-/// Seconds that the kernel says some threads have run; `None` where it says nothing.
+/// Seconds of CPU time of a task by the operating system; `None` where it does not report them.
 fn run_time(of: &str) -> Option<f64> {
     let text = std::fs::read_to_string(format!("{of}/schedstat")).ok()?;
     Some(text.split_whitespace().next()?.parse::<f64>().ok()? * 1e-9)
 }
 
-/// Seconds that this process has run on all cores together.
+/// Seconds of CPU time of all threads of this process.
 fn process_time() -> Option<f64> {
     let tasks = std::fs::read_dir("/proc/self/task").ok()?;
     Some(tasks.flatten().filter_map(|task| run_time(&task.path().to_string_lossy())).sum())
 }
 
-/// Seconds of some work of this thread.
+/// Seconds that `work` takes on this thread.
 fn on_a_core(work: impl FnOnce()) -> f64 {
     let start = Instant::now();
     work();
     start.elapsed().as_secs_f64()
 }
 
-/// Seconds of some work that is waited for, median.  A device that is the CPU is charged with its CPU time over all cores.
+/// Median seconds of `work` including the device's part. Where the device is the CPU, they are its CPU time divided by the cores.
 fn seconds(repeat: u32, gpu: &Gpu, mut work: impl FnMut()) -> f64 {
     let cores = std::thread::available_parallelism().map_or(1.0, |cores| cores.get() as f64);
     let once = |work: &mut dyn FnMut()| {
@@ -202,7 +200,7 @@ fn rates(args: &Args, gpu: &Gpu, backend: &[Def], scene: &Scene) -> Vec<Row> {
         let figures = [("closest", Unit::Rate, closest), ("any", Unit::Rate, any)];
         rows.push(Row::new(scene.name.clone(), format!("{kind} rays"), &figures));
         if scene.scene.instances.len() == 1 {
-            // The software's trees only: a device's cannot be walked.
+            // Shaders cannot walk the acceleration structures of the device.
             let bare = if backend.is_empty() { rate("bare", BARE, &[]) } else { f64::NAN };
             let figures = [("closest", Unit::Rate, bare), ("ours", Unit::Ratio, closest / bare)];
             rows.push(Row::new(scene.name.clone(), format!("{kind} rays, a bare kernel"), &figures));
@@ -222,10 +220,10 @@ fn builds(args: &Args, gpu: &Gpu, hardware: bool, large: &Scene, small: &Scene) 
     let nodes = if hardware { 0 } else { blas.nodes.len() * 16 };
     let bytes = nodes + LARGE * (size_of::<GpuTriangle>() + size_of::<GpuTriangleAttributes>());
 
-    // Every instance another one each time.
+    // Every build gets new transforms of all instances.
     let mut random = Random::new(73);
     let mut moved = || -> Vec<Rows> {
-        let one = |instance: &bevy_restir::gpu_types::GpuInstance| {
+        let one = |instance: &bevy_restir::testing::gpu_layout::GpuInstance| {
             let mut rows = instance.world_from_object;
             rows.iter_mut().for_each(|row| row[3] += random.range(-0.01, 0.01));
             rows
@@ -287,7 +285,7 @@ fn builds(args: &Args, gpu: &Gpu, hardware: bool, large: &Scene, small: &Scene) 
             sent = ((tlas.nodes.len() + tlas.indices.len()) * 16).next_multiple_of(NODE_STRIDE as usize * 16) as f64;
         }
     }
-    // The first two make what the others use again.
+    // The first two builds allocate what the others reuse.
     let ms = |all: &[f64]| median(&all[2..]) * 1e3;
     vec![
         Row::new(
@@ -306,11 +304,11 @@ fn builds(args: &Args, gpu: &Gpu, hardware: bool, large: &Scene, small: &Scene) 
     ]
 }
 
-/// What turns.
+/// An instance that moves.
 #[derive(Component)]
 struct Turns;
 
-/// Instances in an app, still and then all in motion: the whole frame's CPU time, Bevy's share included, and what the plugin sends.
+/// Frame times of an app, Bevy's share included, and uploaded bytes: first with instances at rest, then with all of them moving.
 fn in_an_app(args: &Args, backend: RayBackend, adapter: &mut String) -> Result<Vec<Row>, String> {
     let mut app = headless::app(Path::new("."), backend)?;
     let info = app.world().resource::<RenderAdapterInfo>();
@@ -326,7 +324,7 @@ fn in_an_app(args: &Args, backend: RayBackend, adapter: &mut String) -> Result<V
     world.spawn((DirectionalLight::default(), Transform::default().looking_to(Vec3::NEG_ONE, Vec3::Y)));
     let eye = Transform::from_xyz(0.0, 0.0, 4.0).looking_at(Vec3::ZERO, Vec3::Y);
     let settings = Restir { bounces: 1, ..Default::default() };
-    let setup = CameraSetup { size: UVec2::splat(16), exposure: scene::unit_exposure(), environment: None, settings };
+    let setup = CameraSetup { size: UVec2::splat(16), exposure: unit_exposure(), environment: None, settings };
     scene::spawn_camera(world, (eye, Projection::default()), setup);
     until_ready(&mut app)?;
     for _ in 0..4 {
@@ -358,7 +356,7 @@ fn in_an_app(args: &Args, backend: RayBackend, adapter: &mut String) -> Result<V
     ])
 }
 
-/// CPU time and sent bytes of a frame, medians.
+/// Medians of the CPU time and of the uploaded bytes of a frame.
 fn measured(args: &Args, app: &mut App) -> (f64, f64) {
     let (mut ms, mut bytes) = (Vec::new(), Vec::new());
     for _ in 0..args.frames {

@@ -1,18 +1,18 @@
-//! What light costs by the number of lights: the same panel, of the same power, cut into ever more triangles.
+//! Cost of direct light by the number of lights: a panel of constant power, divided into more and more triangles.
 
 use bevy::math::UVec2;
 use bevy_restir::{RayBackend, RestirStatistics};
+use bevy_restir_support::{
+    arguments,
+    exposure::unit_exposure,
+    headless::{self, until},
+    progress::Progress,
+    scene::{self, CameraSetup},
+};
 use std::{path::Path, time::Instant};
 
 use crate::{
-    arguments,
     bench::{Bench, Cost, Counts},
-    headless::{
-        self,
-        progress::Progress,
-        scene::{self, CameraSetup},
-        until,
-    },
     lights,
     output::{Output, header},
     series,
@@ -41,11 +41,11 @@ fn even(text: &str) -> Result<u32, String> {
         .ok_or("expected even numbers from 2 on".into())
 }
 
-/// What was measured of one count.
+/// Measurements with one number of lights.
 struct Measured {
     triangles: u64,
     lights: u64,
-    /// Until the panel could be seen and aimed at.
+    /// Milliseconds from the new panel to the first frame with it.
     build_ms: f64,
     bytes: u64,
     /// Mean radiance of a frame.
@@ -59,14 +59,10 @@ pub fn run(args: &Args) -> Result<(), String> {
     args.output.check("scale")?;
     let mut app = headless::app(Path::new("."), RayBackend::Auto)?;
     let place = lights::spawn_room(app.world_mut());
-    let camera = CameraSetup {
-        size: args.size,
-        exposure: scene::unit_exposure(),
-        environment: None,
-        settings: series::default(),
-    };
+    let camera =
+        CameraSetup { size: args.size, exposure: unit_exposure(), environment: None, settings: series::default() };
     scene::spawn_camera(app.world_mut(), place, camera);
-    // The first panel is there for the pipelines only: what is timed finds them compiled.
+    // This panel only triggers the compilation of the pipelines, so that no timed frame waits for it.
     lights::hang(app.world_mut(), lights::panel(2));
     let mut bench = Bench::new(app, args.size, args.counts.clone())?;
     let room = bench.report().triangles - 2;
@@ -97,13 +93,13 @@ pub fn run(args: &Args) -> Result<(), String> {
     args.output.write("scale", &table(args, bench.adapter(), &all))
 }
 
-/// Replaces the panel; ms until the new one can be seen and aimed at.
+/// Replaces the panel. Returns the milliseconds until the new one is in the scene and in the table of lights.
 fn build(bench: &mut Bench, room: u64, count: u32) -> Result<f64, String> {
     let panel = lights::panel(count);
     let start = Instant::now();
     let app = bench.app();
     lights::hang(app.world_mut(), panel);
-    // Where the plugin leaves the panel out, it is ready all the same: some frames are waited for, no more.
+    // The plugin also reports that it is ready where it had to leave the panel out, so waiting ends after ten frames.
     let mut idle = 0;
     until(app, "the panel is not ready", |app| {
         let report = app.world().resource::<RestirStatistics>().report();
@@ -130,7 +126,7 @@ fn table(args: &Args, adapter: String, all: &[Measured]) -> Table {
     Table { header, columns, notes }
 }
 
-/// The column of a count, held against the smallest.
+/// The column of one number of lights, with ratios to the smallest number.
 fn rows(measured: &Measured, smallest: &Measured) -> Vec<Row> {
     let ms = |section, label: &str, of: fn(&Measured) -> f64| {
         let (value, base) = (of(measured), of(smallest));

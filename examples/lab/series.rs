@@ -1,10 +1,11 @@
-//! Settings that are compared with each other, as data.
+//! The compared settings, as data.
 
 use bevy_restir::{
-    BiasCorrection, Direct, Mis, Preset, Reconnection, ReservoirLayout, Restir, ReuseOrder, Technique, VisibilityReuse,
+    BiasCorrection, Direct, Mis, Preset, Reconnection, Research, ReservoirLayout, Restir, ReuseOrder, Technique,
+    VisibilityReuse,
 };
 
-/// What a row shows of its settings.
+/// Figures of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shown {
     Presample,
@@ -15,7 +16,7 @@ pub enum Shown {
     Error,
 }
 
-/// A row: settings and what is shown of them.
+/// A row: settings and the figures to show.
 pub struct Entry {
     pub section: &'static str,
     pub label: String,
@@ -23,7 +24,7 @@ pub struct Entry {
     pub shown: &'static [Shown],
 }
 
-/// Direct light of one bounce through the centres of the pixels, so that all techniques converge to one picture.
+/// One bounce without jitter and energy compensation, so that all techniques converge to one picture.
 fn plain(technique: Technique, direct: Direct) -> Restir {
     Restir { technique, bounces: 1, jitter: false, energy_compensation: false, direct, ..Restir::default() }
 }
@@ -33,7 +34,7 @@ pub fn default() -> Restir {
     with(|_| ())
 }
 
-/// The default settings but for some.
+/// The default settings with a change.
 pub fn with(change: impl FnOnce(&mut Direct)) -> Restir {
     let mut direct = Direct::default();
     change(&mut direct);
@@ -45,12 +46,12 @@ pub fn reference() -> Restir {
     plain(Technique::Reference, Direct::default())
 }
 
-/// The pipeline that Wyman and Panteleev 2021 ends with.
+/// The final pipeline of Wyman and Panteleev 2021.
 pub fn paper() -> Restir {
     paper_within(0.0)
 }
 
-/// The same, with visibility that is reused within some pixels (7.3).
+/// The pipeline of the paper with visibility reuse within a radius in pixels (7.3).
 fn paper_within(radius: f32) -> Restir {
     with(|d| {
         d.bias_correction = BiasCorrection::HeuristicsAndMis;
@@ -68,20 +69,20 @@ pub fn performance() -> Restir {
 /// Candidates without any reuse.
 pub fn candidates_only() -> Restir {
     with(|d| {
-        d.temporal = false;
-        d.spatial_taps = 0;
-        d.disocclusion_taps = 0;
+        d.reuse.temporal = false;
+        d.reuse.spatial_samples = 0;
+        d.reuse.disocclusion_samples = 0;
     })
 }
 
-/// The same settings without a ray: what they cost besides.
+/// The settings without any ray, to measure the remaining cost.
 pub fn without_rays(mut settings: Restir) -> Restir {
     settings.direct.visibility = VisibilityReuse::Ignored;
     settings.direct.bsdf_candidate = false;
     settings
 }
 
-/// The rows that are settings and nothing else.
+/// The rows that compare settings.
 pub fn entries() -> Vec<Entry> {
     use Shown::*;
     let mut all = Vec::new();
@@ -104,7 +105,7 @@ pub fn entries() -> Vec<Entry> {
         "Decoupled shading (7.1)",
         &[Lighting, Error],
         [("all samples are shaded", true), ("only the one that is kept", false)]
-            .map(|(label, on)| (label.into(), with(|d| d.decoupled_shading = on)))
+            .map(|(label, on)| (label.into(), with(|d| d.reuse.shade_all = on)))
             .into(),
     );
 
@@ -112,7 +113,11 @@ pub fn entries() -> Vec<Entry> {
         values.iter().map(|&n| (format!("{label}{n}"), with(|d| set(d, n)))).collect()
     };
     let bare = |rows: Vec<(String, Restir)>| rows.into_iter().map(|(l, s)| (l, without_rays(s))).collect();
-    let tiles = counts("pixels a side: ", &[1, 2, 4, 8, 16], |d, n| d.tile = n);
+    let tiles = [1, 2, 4, 8, 16].map(|n| {
+        let light_tile_size = Research { light_tile_size: n, ..Research::default() };
+        (format!("pixels a side: {n}"), Restir { research: light_tile_size, ..default() })
+    });
+    let tiles = tiles.into();
     add("Pixel tiles that share a subset, without rays (5.2)", &[Candidates], bare(tiles));
     let sizes = counts("size ", &[1024, 4096, 16384], |d, n| d.subset_size = n);
     add("Light subsets, without rays (5.2)", &[Presample, Candidates], bare(sizes));
@@ -123,14 +128,16 @@ pub fn entries() -> Vec<Entry> {
     let candidates = counts("", &[1, 8, 32], |d, n| d.candidates = n);
     add("Candidates", &[Candidates, Lighting, Error], candidates);
 
-    let targets = [("what is reflected", false), ("what arrives (9)", true)]
-        .map(|(label, on)| (label.into(), with(|d| d.simple_target = on)));
+    let targets = [("what is reflected", false), ("what arrives (9)", true)].map(|(label, target_without_bsdf)| {
+        let research = Research { target_without_bsdf, ..Research::default() };
+        (label.into(), Restir { research, ..default() })
+    });
     add("Candidates are chosen by", &[Candidates, Lighting, Error], targets.into());
 
     let classic = with(|d| {
-        d.order = ReuseOrder::TemporalThenSpatial;
-        d.spatial_taps = 5;
-        d.rounds = 2;
+        d.reuse.order = ReuseOrder::TemporalThenSpatial;
+        d.reuse.spatial_samples = 5;
+        d.reuse.spatial_iterations = 2;
     });
     add(
         "Order of reuse (6.2)",
@@ -140,8 +147,8 @@ pub fn entries() -> Vec<Entry> {
             ("temporal, then 2 rounds of 5 spatial taps (Bitterli et al. 2020)".into(), classic),
         ],
     );
-    add("Spatial taps (6.3)", &[Lighting, Error], counts("", &[1, 2, 3, 5], |d, n| d.spatial_taps = n));
-    add("Places tried for a tap", &[Lighting, Error], counts("", &[1, 3], |d, n| d.tries = n));
+    add("Spatial taps (6.3)", &[Lighting, Error], counts("", &[1, 2, 3, 5], |d, n| d.reuse.spatial_samples = n));
+    add("Places tried for a tap", &[Lighting, Error], counts("", &[1, 3], |d, n| d.reuse.neighbor_attempts = n));
     add(
         "Bias correction (4.6)",
         &[Rays, Lighting, Error],
@@ -160,8 +167,8 @@ pub fn entries() -> Vec<Entry> {
         "MIS weights",
         &[Lighting, Error],
         kinds(
-            [Mis::Valid, Mis::Balance, Mis::Pairwise, Mis::DefensivePairwise, Mis::DefensivePairwiseGris],
-            |d, kind| d.mis = kind,
+            [Mis::OneOverZ, Mis::Balance, Mis::Pairwise, Mis::DefensivePairwise, Mis::DefensivePairwiseGris],
+            |d, kind| d.reuse.mis = kind,
         ),
     );
     add(
@@ -182,22 +189,24 @@ pub fn entries() -> Vec<Entry> {
     add(
         "Reservoirs in memory",
         &[Reuse],
-        kinds(
-            [
-                ReservoirLayout::Rows,
-                ReservoirLayout::Columns,
-                ReservoirLayout::Tiles2,
-                ReservoirLayout::Tiles4,
-                ReservoirLayout::Tiles8,
-                ReservoirLayout::Tiles40,
-            ],
-            |d, kind| d.layout = kind,
-        ),
+        [
+            ReservoirLayout::Rows,
+            ReservoirLayout::Columns,
+            ReservoirLayout::Tiles2,
+            ReservoirLayout::Tiles4,
+            ReservoirLayout::Tiles8,
+            ReservoirLayout::Tiles40,
+        ]
+        .map(|reservoir_layout| {
+            let research = Research { reservoir_layout, ..Research::default() };
+            (format!("{reservoir_layout:?}"), Restir { research, ..default() })
+        })
+        .into(),
     );
     all
 }
 
-/// A row a kind.
+/// One row per variant of an enum.
 fn kinds<K: Copy + core::fmt::Debug, const N: usize>(
     kinds: [K; N],
     set: impl Fn(&mut Direct, K),
@@ -205,8 +214,8 @@ fn kinds<K: Copy + core::fmt::Debug, const N: usize>(
     kinds.map(|kind| (format!("{kind:?}"), with(|d| set(d, kind)))).into()
 }
 
-/// Table 1 of Lin et al. 2026, supplement, from its last row but one up, as far as its steps are settings: each takes one away from
-/// the defaults of PT.
+/// The steps of Table 1 of Lin et al. 2026, supplement, that are settings, from its last but one row upwards. Each changes one
+/// setting of the defaults of PT.
 pub fn steps(default: &Restir) -> Vec<(&'static str, Restir)> {
     let with = |change: fn(&mut Restir)| {
         let mut settings = default.clone();
@@ -218,12 +227,12 @@ pub fn steps(default: &Restir) -> Vec<(&'static str, Restir)> {
         ("direct light apart (DI + GI)", with(|r| r.technique = Technique::Gi)),
         ("thresholds of Lin et al. 2022", with(|r| r.paths.reconnection = Reconnection::Distance)),
         ("black-box thresholds", with(|r| r.paths.reconnection = Reconnection::BlackBox)),
-        ("light of the kept path only", with(|r| r.paths.vector_weights = false)),
+        ("light of the kept path only", with(|r| r.paths.reuse.shade_all = false)),
         (
             "no reuse",
             with(|r| {
-                r.paths.temporal = false;
-                r.paths.spatial_taps = 0;
+                r.paths.reuse.temporal = false;
+                r.paths.reuse.spatial_samples = 0;
             }),
         ),
     ]

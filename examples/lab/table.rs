@@ -1,8 +1,8 @@
-//! Figures in rows, one column a scene, as markdown and as csv.
+//! Tables with one column per scene, as markdown and as csv.
 
 use std::{borrow::Cow, fmt::Write};
 
-/// What a figure is.
+/// The unit of a figure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Unit {
     Count,
@@ -14,9 +14,9 @@ pub enum Unit {
     RaysAPixel,
     Samples,
     Ratio,
-    /// A difference, relative to what it should be.
+    /// A difference relative to the reference.
     Relative,
-    /// What a picture's file holds: radiance times exposure.
+    /// The values of a picture file: radiance times exposure.
     Stored,
     BytesAPixel,
     MiB,
@@ -45,7 +45,7 @@ impl Unit {
         }
     }
 
-    /// For people: three digits that count.
+    /// Three significant digits.
     fn show(self, value: f64) -> String {
         if !value.is_finite() {
             return "–".into();
@@ -60,10 +60,10 @@ impl Unit {
     }
 }
 
-/// A figure's name within its row, and what it is.
+/// The name of a figure within its row, and its unit.
 pub type Quantity = (&'static str, Unit);
 
-/// Figures that belong together, of one scene.
+/// Related figures of one scene.
 #[derive(Clone, Debug)]
 pub struct Row {
     pub section: Cow<'static, str>,
@@ -87,7 +87,7 @@ impl Row {
     }
 
     /// Names and units of the figures.
-    fn what(&self) -> String {
+    fn units(&self) -> String {
         let join = |of: &dyn Fn(&Quantity) -> String| self.quantities.iter().map(of).collect::<Vec<_>>().join(" / ");
         let unit = self.quantities.first().map_or("", |q| q.1.name());
         if self.quantities.iter().all(|q| q.1.name() == unit && !q.0.is_empty()) {
@@ -97,13 +97,13 @@ impl Row {
     }
 }
 
-/// A table: where its figures come from, and the figures.
+/// A table with the origin of its figures.
 pub struct Table {
-    /// Lines of what was run on what.
+    /// The command, the adapter, the commit and so on.
     pub header: Vec<String>,
-    /// Names of the columns, and the rows of each: the same ones everywhere.
+    /// Names and rows of the columns. All columns have the same rows.
     pub columns: Vec<(String, Vec<Row>)>,
-    /// What else there is to say.
+    /// Lines below the table.
     pub notes: Vec<String>,
 }
 
@@ -134,7 +134,7 @@ impl Table {
                     shown.collect::<Vec<_>>().join(" / ")
                 })
                 .collect();
-            let _ = writeln!(text, "| {} | {} | {} |", row.label, row.what(), cells.join(" | "));
+            let _ = writeln!(text, "| {} | {} | {} |", row.label, row.units(), cells.join(" | "));
         }
         for note in &self.notes {
             let _ = writeln!(text, "\n{note}");
@@ -142,7 +142,7 @@ impl Table {
         text
     }
 
-    /// One line a figure, at full precision; empty where there is none.
+    /// One line per figure, in full precision; a figure that is not finite is empty.
     pub fn csv(&self) -> String {
         let mut text = String::new();
         for line in self.header.iter().chain(&self.notes) {

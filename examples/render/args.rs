@@ -2,15 +2,14 @@
 
 use bevy::{camera::Exposure, math::UVec2};
 use bevy_restir::Restir;
+use bevy_restir_support::{
+    arguments::{self, Backend, ExposureChoice, PresetName, TechniqueName},
+    environment::{self, Environment},
+    exposure::unit_exposure,
+    fields,
+};
 use clap::{Parser, ValueEnum};
 use std::path::PathBuf;
-
-use crate::{
-    arguments::{self, Backend, PresetName, TechniqueName},
-    environment::{self, Environment},
-    headless::scene::unit_exposure,
-    set::set,
-};
 
 /// Renders a glTF scene without a window.
 #[derive(Parser, Debug)]
@@ -18,52 +17,55 @@ use crate::{
 pub struct Args {
     /// A .glb or .gltf file.
     pub scene: PathBuf,
-    /// .exr: linear radiance times exposure, 32-bit float; .png: tonemapped.
+    /// The picture: .exr holds linear radiance times exposure in 32-bit floats, .png is tonemapped.
     #[arg(long, default_value = "out.png", value_parser = output_path)]
     pub out: PathBuf,
-    /// Pixels; the projection keeps the camera's vertical field of view.
+    /// Size in pixels; the camera keeps its vertical field of view.
     #[arg(long, default_value = "1280x720", value_parser = arguments::size)]
     pub size: UVec2,
-    /// How light is carried: by the reference tracer, ReSTIR DI (direct light only), ReSTIR DI and GI, or ReSTIR PT.
+    /// Reference path tracer, ReSTIR DI (direct light only), ReSTIR DI with GI, or ReSTIR PT.
     #[arg(long, value_enum, default_value = "pt")]
     pub technique: TechniqueName,
     /// Settings to start from.
     #[arg(long, value_enum, default_value = "balanced")]
     pub preset: PresetName,
-    /// Scattering events a path may have; overrides the preset.
+    /// Maximum number of scattering events of a path; overrides the preset.
     #[arg(long)]
     pub bounces: Option<u32>,
-    /// Samples a pixel (reference), or frames after the warm-up.
+    /// Samples per pixel of the reference; of other techniques frames after the warm-up.
     #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=16_000_000))]
     pub frames: u32,
-    /// Frames that build history and are not counted; the reference needs none.
+    /// Frames that build up history and are not part of the picture; the reference skips them.
     #[arg(long, default_value_t = 16)]
     pub warmup: u32,
-    /// The mean of the frames, or the last one.  Of the reference both are the mean of its samples.
+    /// The mean of the frames or the last one. The reference always gives the mean of its samples.
     #[arg(long, value_enum, default_value = "mean")]
     pub output: Output,
-    /// Selects the random numbers.
+    /// Seed of the random numbers.
     #[arg(long, default_value_t = 0)]
     pub seed: u32,
-    /// Uniform radiance R,G,B, or an equirectangular .hdr or .exr file.
+    /// Environment: uniform radiance R,G,B, or an equirectangular .hdr or .exr file. Without it a scene that has no light of its own is
+    /// lit by a gray studio, with a warning.
     #[arg(long, value_parser = environment::parse)]
     pub env: Option<Environment>,
-    /// Exposure value at ISO 100; without it the exposure is 1.
-    #[arg(long, allow_negative_numbers = true, value_parser = arguments::ev100)]
-    pub ev100: Option<f32>,
-    /// Name of the camera; without it the first of the file.
+    /// Exposure value at ISO 100, or `auto`; without it the exposure is 1. `auto` is log2(L / (1.2 * 0.18)), where L is the logarithmic
+    /// mean of the picture's luminance over blocks of 8 x 8 pixels that are not black: L becomes middle gray.
+    #[arg(long, allow_negative_numbers = true, value_parser = arguments::exposure, value_name = "V|auto")]
+    pub ev100: Option<ExposureChoice>,
+    /// Name of the camera; without it the first one of the file.
     #[arg(long)]
     pub camera: Option<String>,
-    /// How rays are traced: by ray queries where the device has them and is no CPU; always in software; by ray queries, if there are any.
+    /// How rays are traced: `hardware` by ray queries where the device has them, `software` never by ray queries, `auto` by ray queries
+    /// except on a CPU.
     #[arg(long, value_enum, default_value = "auto")]
     pub backend: Backend,
-    /// Plays the first animation of the file, 1/60 s a frame.
+    /// Plays the first animation of the file, 1/60 s per frame.
     #[arg(long)]
     pub animate: bool,
-    /// Sets a field of `Restir` by its reflection path; repeatable.
+    /// Sets a field of `Restir` by its reflection path, for instance direct.candidates=16; repeatable.
     #[arg(long = "set", value_name = "PATH=VALUE")]
     pub set: Vec<String>,
-    /// Writes what was measured.
+    /// Writes times, memory and counters as JSON.
     #[arg(long)]
     pub stats: Option<PathBuf>,
 }
@@ -83,7 +85,7 @@ fn output_path(text: &str) -> Result<PathBuf, String> {
 }
 
 impl Args {
-    /// The camera's settings; an unknown path or an unreadable value is an error in the arguments.
+    /// The camera's settings. The error names the argument that is wrong.
     pub fn settings(&self) -> Result<Restir, String> {
         let mut settings = Restir::preset(self.preset.into());
         settings.technique = self.technique.into();
@@ -92,13 +94,13 @@ impl Args {
             settings.bounces = bounces;
         }
         for assignment in &self.set {
-            set(&mut settings, assignment).map_err(|error| format!("--set {error}"))?;
+            fields::set(&mut settings, assignment).map_err(|error| format!("--set {error}"))?;
         }
         Ok(settings)
     }
 
-    /// The camera's exposure.
+    /// The camera's exposure; 1 until the picture is measured where that is asked for.
     pub fn exposure(&self) -> Exposure {
-        self.ev100.map_or(unit_exposure(), |ev100| Exposure { ev100 })
+        self.ev100.and_then(ExposureChoice::fixed).unwrap_or(unit_exposure())
     }
 }

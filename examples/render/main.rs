@@ -1,31 +1,28 @@
 //! Renders a glTF scene without a window: `cargo run --example render -- SCENE.glb --out picture.png`.
 
 mod args;
-#[path = "../shared/arguments.rs"]
-mod arguments;
-#[path = "../shared/environment.rs"]
-mod environment;
-#[path = "../headless/mod.rs"]
-mod headless;
-mod output;
-#[path = "../shared/set.rs"]
-mod set;
 mod stats;
 
 use args::{Args, Output};
-use bevy::{gltf::Gltf, prelude::*};
-use bevy_restir::{CapturedRadiance, Restir, Technique};
-use headless::{
-    captured, frame,
+use bevy::{camera::Exposure, gltf::Gltf, prelude::*};
+use bevy_restir::{CapturedRadiance, Restir, RestirEnvironment, Technique};
+use bevy_restir_support::{
+    arguments::{self, ExposureChoice},
+    environment,
+    exposure::{ev100_for, measure},
+    exr_file,
+    files::write_text,
+    headless::{self, captured, frame},
     picture::{screenshot, write_png},
     progress::Progress,
     scene::{self, CameraSetup, SceneFile, View},
+    sky,
     times::Times,
 };
 use std::{path::Path, process::ExitCode};
 
 fn main() -> ExitCode {
-    let args: Args = match headless::arguments() {
+    let args: Args = match arguments::parse() {
         Ok(args) => args,
         Err(code) => return code,
     };
@@ -46,7 +43,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Everything from the file to the picture.
+/// Loads the scene, renders it and writes the files.
 fn render(args: &Args, settings: Restir) -> Result<(), String> {
     let path = args.scene.canonicalize().map_err(|e| e.to_string())?;
     let directory = args.out.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -60,25 +57,28 @@ fn render(args: &Args, settings: Restir) -> Result<(), String> {
     }
     scene::load(&mut app, name)?;
     let place = scene::file_camera(app.world_mut(), args.camera.as_deref())?;
-    let environment = args.env.as_ref().map(|e| environment::load(app.world_mut(), e)).transpose()?;
+    let environment = environment(app.world_mut(), args)?;
     let setup = CameraSetup { size: args.size, exposure: args.exposure(), environment, settings: settings.clone() };
     scene::spawn_camera(app.world_mut(), place, setup);
     headless::until_ready(&mut app)?;
 
     let frames = accumulate(&mut app, args, &settings)?;
+    let exposure = final_exposure(args, &frames);
     if args.out.extension().is_some_and(|e| e == "exr") {
-        // Without an exposure value radiance is written as it is, to the last bit.
-        let exposure = f64::from(args.ev100.map_or(1.0, |_| args.exposure().exposure()));
-        let pixels: Vec<[f32; 3]> = frames.pixels.iter().map(|p| p.map(|c| (c * exposure) as f32)).collect();
-        output::write_exr(&args.out, args.size, &pixels)?;
+        // Without an exposure value the file holds the exact radiance.
+        let scale = f64::from(args.ev100.map_or(1.0, |_| exposure.exposure()));
+        let pixels: Vec<[f32; 3]> = frames.pixels.iter().map(|p| p.map(|c| (c * scale) as f32)).collect();
+        exr_file::write(&args.out, args.size, &pixels)?;
     } else {
+        let camera = app.world().resource::<View>().camera;
+        app.world_mut().entity_mut(camera).insert(exposure);
         let image = screenshot(&mut app)?;
         write_png(&args.out, image)?;
     }
     if let Some(path) = &args.stats {
         let json = stats::json(app.world(), args, &settings, &frames);
         let text = serde_json::to_string_pretty(&json).map_err(|e| e.to_string())? + "\n";
-        if let Err(error) = headless::files::write_text(path, &text) {
+        if let Err(error) = write_text(path, &text) {
             let _ = std::fs::remove_file(&args.out);
             return Err(error);
         }
@@ -86,7 +86,36 @@ fn render(args: &Args, settings: Restir) -> Result<(), String> {
     Ok(())
 }
 
-/// Plays the first animation of the file on whatever it moves.
+/// The environment of the command line, or a studio for a scene that has no light of its own.
+fn environment(world: &mut World, args: &Args) -> Result<Option<RestirEnvironment>, String> {
+    if let Some(wanted) = &args.env {
+        return environment::load(world, wanted).map(Some);
+    }
+    if sky::has_light(world) {
+        return Ok(None);
+    }
+    warn!("restir: the file has no light; a gray studio lights it (--env chooses another environment)");
+    // As bright on the picture whatever the exposure.
+    let luminance = 1.0 / args.exposure().exposure();
+    Ok(Some(sky::studio(&mut world.resource_mut::<Assets<Image>>(), luminance)))
+}
+
+/// The exposure of the command line, or the one that fits the picture.
+fn final_exposure(args: &Args, frames: &Frames) -> Exposure {
+    if args.ev100 != Some(ExposureChoice::Auto) {
+        return args.exposure();
+    }
+    let pixels = frames.pixels.iter().map(|p| p.map(|c| c as f32));
+    match measure(args.size, pixels).luminance {
+        Some(luminance) => Exposure { ev100: ev100_for(luminance) },
+        None => {
+            warn!("restir: the picture is black, so --ev100 auto leaves the exposure at 1");
+            args.exposure()
+        }
+    }
+}
+
+/// Plays the first animation of the file on every animation player that appears.
 fn play_animation(
     mut commands: Commands,
     file: Res<SceneFile>,
@@ -104,9 +133,9 @@ fn play_animation(
     }
 }
 
-/// The counted frames.
+/// Results of the frames after the warm-up.
 struct Frames {
-    /// Their mean.
+    /// Mean radiance.
     pixels: Vec<[f64; 3]>,
     passes: Times,
     all_ms: Vec<f64>,
@@ -120,7 +149,7 @@ fn accumulate(app: &mut App, args: &Args, settings: &Restir) -> Result<Frames, S
             restir.reset = true;
         }
     };
-    // Still frames are gathered on the GPU; moving ones are summed here, frame by frame.
+    // The GPU sums the frames of a still scene. Those of a moving one are summed here.
     let mean = settings.technique == Technique::Reference || args.output == Output::Mean;
     let gathers = mean && !args.animate;
     let warmup = if settings.technique == Technique::Reference { 0 } else { args.warmup };

@@ -1,10 +1,11 @@
-//! What `--stats` writes: measured times, counted rays, bytes of every buffer and texture.
+//! The file of `--stats`: measured times, counted rays, bytes of every buffer and texture.
 
 use bevy::{prelude::*, render::renderer::RenderAdapterInfo};
 use bevy_restir::{Restir, RestirStatistics, pass_names};
+use bevy_restir_support::times::median;
 use serde_json::{Value, json};
 
-use crate::{Frames, args::Args, headless::times::median};
+use crate::{Frames, args::Args};
 
 /// The contents of the file.
 pub fn json(world: &World, args: &Args, settings: &Restir, frames: &Frames) -> Value {

@@ -1,4 +1,4 @@
-//! A whole Bevy app without a window: the plugin as its users run it, one camera, and its radiance read back in full precision.
+//! A whole Bevy app without a window: the plugin as users run it, one camera, and its radiance read back in full precision.
 
 use bevy::{
     asset::{RenderAssetUsages, UnapprovedPathMode},
@@ -25,15 +25,15 @@ use std::time::Duration;
 
 pub use super::stats::mean_and_error;
 
-/// Frames within which a small scene is loaded, built and compiled.
+/// The number of frames within which a small scene must be loaded, built and compiled.
 const PATIENCE: u32 = 2000;
 
-/// Mean radiance of every pixel, rows from the top.
+/// The mean radiance of every pixel, in rows from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
     pub size: UVec2,
     pub pixels: Vec<[f32; 3]>,
-    /// Frames that were summed.
+    /// The number of accumulated frames.
     pub samples: u32,
 }
 
@@ -43,17 +43,17 @@ impl Picture {
     }
 
     /// The pixel in the middle.
-    pub fn centre(&self) -> Vec3 {
+    pub fn center(&self) -> Vec3 {
         self.at(self.size.x / 2, self.size.y / 2)
     }
 
-    /// Every pixel with its place.
+    /// Every pixel with its position.
     pub fn iter(&self) -> impl Iterator<Item = (UVec2, Vec3)> {
         let width = self.size.x;
         self.pixels.iter().enumerate().map(move |(i, p)| (UVec2::new(i as u32 % width, i as u32 / width), (*p).into()))
     }
 
-    /// Mean of all channels of all pixels.
+    /// The mean of all channels of all pixels.
     pub fn mean(&self) -> f64 {
         self.iter().map(|(_, p)| f64::from(p.element_sum()) / 3.0).sum::<f64>() / self.pixels.len() as f64
     }
@@ -62,7 +62,7 @@ impl Picture {
         self.iter().all(|(_, p)| p.is_finite())
     }
 
-    /// Whether the 3 x 3 pixels round a place all have one value: no silhouette is near.
+    /// Whether the 3 x 3 pixels around a position have one value, so that no silhouette is near.
     pub fn is_flat_around(&self, at: UVec2) -> bool {
         let value = self.at(at.x, at.y);
         let near = |c: u32, size: u32| c.saturating_sub(1)..=(c + 1).min(size - 1);
@@ -70,7 +70,7 @@ impl Picture {
     }
 }
 
-/// The app, its `Restir` camera and what that camera draws to.
+/// The app, its `Restir` camera and the target of that camera.
 pub struct Rig {
     pub app: App,
     pub camera: Entity,
@@ -78,7 +78,7 @@ pub struct Rig {
     pub capture: RadianceCapture,
 }
 
-/// Settings that most claims want: the reference, nothing random within a pixel, nothing beyond direct light, no compensation.
+/// The settings of most tests: the reference, no jitter, direct light only, no energy compensation.
 pub fn plain() -> Restir {
     let technique = Technique::Reference;
     Restir { technique, jitter: false, bounces: 1, energy_compensation: false, ..Default::default() }
@@ -89,22 +89,22 @@ pub fn lambert(albedo: f32) -> StandardMaterial {
     StandardMaterial { perceptual_roughness: 1.0, reflectance: 0.0, ..Color::linear_rgb(albedo, albedo, albedo).into() }
 }
 
-/// Of no reflection, front side only.
+/// An emitter that reflects nothing, with its front side only.
 pub fn lamp(r: f32, g: f32, b: f32) -> StandardMaterial {
     StandardMaterial { base_color: Color::BLACK, emissive: LinearRgba::rgb(r, g, b), ..lambert(0.0) }
 }
 
-/// Uniform radiance all round.
+/// Uniform radiance from all directions.
 pub fn sky(radiance: f32) -> RestirEnvironment {
     RestirEnvironment { color: LinearRgba::rgb(radiance, radiance, radiance), ..Default::default() }
 }
 
-/// A square of this side that faces +Z.
+/// A square with this side that faces +Z.
 pub fn square(side: f32) -> Mesh {
     Rectangle::new(side, side).into()
 }
 
-/// An orthographic projection of this width and height in the world.
+/// An orthographic projection with this width and height in world space.
 pub fn orthographic(width: f32, height: f32) -> Projection {
     Projection::Orthographic(OrthographicProjection {
         scaling_mode: bevy::camera::ScalingMode::Fixed { width, height },
@@ -112,7 +112,7 @@ pub fn orthographic(width: f32, height: f32) -> Projection {
     })
 }
 
-/// An image of 8-bit sRGB texels that is sampled without a filter.
+/// An image of 8-bit sRGB texels with nearest filtering.
 pub fn texture(width: u32, height: u32, texel: impl Fn(u32, u32) -> [u8; 4]) -> Image {
     let data = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).flat_map(|(x, y)| texel(x, y)).collect();
     let mut image = Image::new(
@@ -126,19 +126,19 @@ pub fn texture(width: u32, height: u32, texel: impl Fn(u32, u32) -> [u8; 4]) -> 
     image
 }
 
-/// An image of a format with levels of its own: what the rows of each level hold, from the finest level on.
+/// An image with mip levels of its own: the bytes of each level, from the finest on.
 pub fn image_with_levels(format: TextureFormat, width: u32, height: u32, levels: &[Vec<u8>]) -> Image {
     let mut image = texture(width, height, |_, _| [0; 4]);
     image.texture_descriptor.format = format;
     image.texture_descriptor.mip_level_count = levels.len() as u32;
     image.data = Some(levels.concat());
-    // Where it may be written again, Bevy writes the finest level only.
+    // If the usage allowed writes, Bevy would upload the finest level only.
     image.texture_descriptor.usage = TextureUsages::TEXTURE_BINDING;
     image.sampler = bevy::image::ImageSampler::linear();
     image
 }
 
-/// An image that a camera can draw to and that can be read back.
+/// An image that a camera can render to and that can be read back.
 pub fn target_image(size: UVec2) -> Image {
     let mut image = Image::new_target_texture(size.x, size.y, TextureFormat::Rgba8UnormSrgb, None);
     image.texture_descriptor.usage |= TextureUsages::COPY_SRC;
@@ -146,17 +146,17 @@ pub fn target_image(size: UVec2) -> Image {
     image
 }
 
-/// Exposure 1: radiance reaches the view target as it is.
+/// Exposure 1: the view target holds the radiance.
 pub fn unit_exposure() -> Exposure {
     Exposure { ev100: (1.0f32 / 1.2).log2() }
 }
 
-/// Mesa's device-select layer looks for a compositor and complains where there is none.
+/// Silences Mesa's device-select layer, which complains where there is no compositor.
 fn calm() {
     static ONCE: std::sync::Once = std::sync::Once::new();
     ONCE.call_once(|| {
         if std::env::var_os("XDG_RUNTIME_DIR").is_none() {
-            // SAFETY: the C library locks its own environment against itself only; nothing here reads it by pointer meanwhile.
+            // SAFETY: the C library locks its environment against its own functions only; nothing here reads it by pointer meanwhile.
             unsafe { std::env::set_var("NODEVICE_SELECT", "1") };
         }
     });
@@ -170,7 +170,6 @@ fn headless(
     more: impl FnOnce(&mut App),
 ) -> App {
     let mut app = App::new();
-    app.insert_resource(backend);
     app.add_plugins(
         DefaultPlugins
             .set(RenderPlugin {
@@ -185,7 +184,7 @@ fn headless(
                 ..Default::default()
             })
             .set(AssetPlugin {
-                file_path: concat!(env!("CARGO_MANIFEST_DIR"), "/assets").into(),
+                file_path: concat!(env!("CARGO_MANIFEST_DIR"), "/../assets").into(),
                 // Tests write files of their own.
                 unapproved_path_mode: UnapprovedPathMode::Allow,
                 ..Default::default()
@@ -195,7 +194,7 @@ fn headless(
             .disable::<WinitPlugin>()
             .disable::<PipelinedRenderingPlugin>(),
     )
-    .add_plugins(RestirPlugin)
+    .add_plugins(RestirPlugin { backend })
     .insert_resource(EmissiveLuminance(1.0))
     .insert_resource(ClearColor(Color::BLACK))
     .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f64(1.0 / 60.0)));
@@ -208,7 +207,7 @@ fn headless(
     app
 }
 
-/// How tests that do not choose trace rays: `RAY_BACKEND=hardware` makes all of them claims about ray queries.
+/// The ray back end of tests that do not choose one.  `RAY_BACKEND=hardware` runs all of them with ray queries.
 fn usual_back_end() -> RayBackend {
     match std::env::var("RAY_BACKEND").as_deref() {
         Ok("hardware") => RayBackend::Hardware,
@@ -217,39 +216,39 @@ fn usual_back_end() -> RayBackend {
 }
 
 impl Rig {
-    /// An empty scene, and a camera with [`plain`] settings at (0, 0, 5) that looks down -Z.  `None`, with a message, where there is
-    /// no adapter; under `CI=true` that fails.
+    /// An empty scene, and a camera with [`plain`] settings at (0, 0, 5) that looks down -Z.  `None`, with a message, if there is no
+    /// adapter; with `CI=true` that is a failure.
     pub fn new(width: u32, height: u32) -> Option<Self> {
         Self::lacking(WgpuFeatures::empty(), width, height)
     }
 
-    /// As [`Self::new`], with its rays traced by ray queries; `None`, with a message, where the adapter has none.
+    /// Like [`Self::new`], with ray queries.  `None`, with a message, if the adapter has none.
     pub fn tracing_by_ray_queries(width: u32, height: u32) -> Option<Self> {
         super::gpu::ray_gpu()?;
         Self::with(width, height, true, None, WgpuFeatures::empty(), RayBackend::Hardware, |_| ())
     }
 
-    /// As [`Self::new`], with pipelines compiled in the background, as windowed apps do.
+    /// Like [`Self::new`], but pipelines compile in the background, as in apps with a window.
     pub fn compiling_in_background(width: u32, height: u32) -> Option<Self> {
         Self::with(width, height, false, None, WgpuFeatures::empty(), usual_back_end(), |_| ())
     }
 
-    /// As [`Self::new`], on a device of WebGPU's limits but that its storage buffers can hold this many bytes only.
+    /// Like [`Self::new`], on a device with WebGPU's limits and storage bindings of at most this many bytes.
     pub fn binding_at_most(bytes: u64, width: u32, height: u32) -> Option<Self> {
         Self::limited(WgpuLimits { max_storage_buffer_binding_size: bytes, ..default() }, width, height)
     }
 
-    /// As [`Self::new`], on a device of these limits.
+    /// Like [`Self::new`], on a device with these limits.
     pub fn limited(limits: WgpuLimits, width: u32, height: u32) -> Option<Self> {
         Self::with(width, height, true, Some(limits), WgpuFeatures::empty(), RayBackend::Software, |_| ())
     }
 
-    /// As [`Self::new`], on a device without some features.
+    /// Like [`Self::new`], on a device without these features.
     pub fn lacking(features: WgpuFeatures, width: u32, height: u32) -> Option<Self> {
         Self::with(width, height, true, None, features, usual_back_end(), |_| ())
     }
 
-    /// As [`Self::new`], with plugins beside ours.
+    /// Like [`Self::new`], with additional plugins.
     pub fn beside(more: impl FnOnce(&mut App), width: u32, height: u32) -> Option<Self> {
         Self::with(width, height, true, None, WgpuFeatures::empty(), usual_back_end(), more)
     }
@@ -286,7 +285,7 @@ impl Rig {
         self.app.world_mut().resource_mut::<Assets<A>>().add(asset)
     }
 
-    /// A mesh with a material of its own.
+    /// Spawns a mesh with its own material.
     pub fn spawn(&mut self, mesh: impl Into<Mesh>, material: StandardMaterial, transform: Transform) -> Entity {
         let (mesh, material) = (self.add::<Mesh>(mesh), self.add::<StandardMaterial>(material));
         self.spawn_bundle((Mesh3d(mesh), MeshMaterial3d(material), transform))
@@ -304,12 +303,12 @@ impl Rig {
         self.app.world_mut().entity_mut(entity).insert(bundle);
     }
 
-    /// Changes the camera's settings.
+    /// Changes the settings of the camera.
     pub fn set(&mut self, change: impl FnOnce(&mut Restir)) {
         change(&mut self.get_mut::<Restir>(self.camera));
     }
 
-    /// Changes an asset and says so to everyone.
+    /// Changes an asset, which sends the usual events.
     pub fn edit<A: Asset>(&mut self, handle: &Handle<A>, change: impl FnOnce(&mut A)) {
         let mut assets = self.app.world_mut().resource_mut::<Assets<A>>();
         change(&mut assets.get_mut(handle).expect("the asset exists"));
@@ -317,14 +316,14 @@ impl Rig {
 
     /// The material of an entity.
     pub fn material_of(&self, entity: Entity) -> Handle<StandardMaterial> {
-        self.app.world().get::<MeshMaterial3d<StandardMaterial>>(entity).expect("it has a material").0.clone()
+        self.app.world().get::<MeshMaterial3d<StandardMaterial>>(entity).expect("the entity has a material").0.clone()
     }
 
     pub fn report(&self) -> RestirReport {
         self.app.world().resource::<RestirStatistics>().report()
     }
 
-    /// One frame, waited for.
+    /// Renders one frame and waits for it.
     pub fn frame(&mut self) {
         self.app.update();
         let polled = self.app.world().resource::<RenderDevice>().poll(PollType::wait_indefinitely());
@@ -342,9 +341,9 @@ impl Rig {
         }
     }
 
-    /// Frames until all that the scene asks for is loaded, built and compiled.
+    /// Renders frames until the scene is loaded, built and compiled.
     pub fn until_ready(&mut self) -> RestirReport {
-        // What was changed is extracted in the first frame and told in the second.
+        // A change is extracted in the first frame and reported in the second.
         self.frames(2);
         for _ in 0..PATIENCE {
             let report = self.report();
@@ -356,12 +355,12 @@ impl Rig {
         panic!("not ready after {PATIENCE} frames: {:?}", self.report());
     }
 
-    /// The radiance of the next frame, whatever was gathered before it.
+    /// The radiance of the next frame, including accumulated frames.
     pub fn next(&mut self) -> Picture {
         self.next_if_any().expect("the frame was rendered")
     }
 
-    /// As [`Self::next`]; `None` where the camera renders nothing.
+    /// Like [`Self::next`]; `None` if the camera renders nothing.
     pub fn next_if_any(&mut self) -> Option<Picture> {
         self.capture.request();
         self.frame();
@@ -369,7 +368,7 @@ impl Rig {
         Some(Picture { size: captured.size, pixels: captured.mean().collect(), samples: captured.samples() })
     }
 
-    /// The mean of `frames` frames of the scene as it is, once it is ready.
+    /// Resets the history when the scene is ready, and returns the mean of `frames` frames.
     pub fn picture(&mut self, frames: u32) -> Picture {
         self.until_ready();
         self.set(|restir| restir.reset = true);
@@ -385,15 +384,15 @@ impl Rig {
         picture
     }
 
-    /// Nothing was lost on the way to the last picture.
+    /// Asserts that no errors were counted up to the last picture.
     pub fn assert_sound(&mut self) {
-        // Counters come back a frame late.
+        // Counters are read back one frame late.
         self.frames(2);
         let report = self.report();
         assert_eq!((report.non_finite_pixels, report.overflow_flags), (0, 0), "{report:?}");
     }
 
-    /// What Bevy wrote to the target of a camera, 8-bit.
+    /// The 8-bit pixels that Bevy wrote to the target of a camera.
     pub fn drawn(&mut self, target: &Handle<Image>) -> Vec<[u8; 4]> {
         use bevy::render::view::screenshot::{Screenshot, ScreenshotCaptured};
         #[derive(Resource, Default)]

@@ -1,4 +1,4 @@
-//! The rays' oracle: every triangle of every instance, in f64, with no tree.
+//! The oracle for rays: tests every triangle of every instance in f64, without a tree.
 
 use super::scenes::{Ray, TestScene};
 
@@ -9,8 +9,7 @@ pub struct BruteForce {
     triangles: Vec<[V; 3]>,
 }
 
-/// Distances of the closest hit if triangles were a little smaller, and a little larger, than they are: an f32 answer must
-/// lie in between.
+/// The distances of the closest hit with slightly shrunk and slightly grown triangles: an f32 answer must lie between them.
 #[derive(Clone, Copy, Debug)]
 pub struct Closest {
     pub shrunk: f64,

@@ -1,4 +1,4 @@
-//! Calls the examples `render` and `lab`, which `cargo build --examples` makes, in a folder of its own, and reads what they wrote.
+//! Calls the programs `render` and `lab` in a temporary folder and reads the files that they wrote.
 
 use exr::prelude::{ReadChannels, ReadLayers, read};
 use std::{
@@ -8,7 +8,7 @@ use std::{
     process::{Command, Stdio},
 };
 
-/// What a call left behind.
+/// The outcome of a call.
 #[derive(Debug)]
 pub struct Run {
     pub code: i32,
@@ -21,7 +21,7 @@ impl Run {
         assert_eq!(self.code, 0, "{self:?}");
     }
 
-    /// With this code and exactly one line.
+    /// Asserts this exit code and exactly one line of error.
     pub fn failed(&self, code: i32, what: &str) {
         assert_eq!(self.code, code, "{what}: {self:?}");
         assert!(self.stderr.starts_with("error: "), "{what}: {}", self.stderr);
@@ -31,10 +31,10 @@ impl Run {
 
 /// A scene of `assets/scenes`.
 pub fn asset(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes").join(name)
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/..")).join("assets/scenes").join(name)
 }
 
-/// A program beside the tests.
+/// A program that was built beside the tests.
 fn program(name: &str) -> PathBuf {
     let tests = std::env::current_exe().expect("this program is a file");
     let program = tests.parent().and_then(Path::parent).expect("tests lie in deps").join("examples").join(name);
@@ -43,21 +43,21 @@ fn program(name: &str) -> PathBuf {
     program
 }
 
-/// An empty folder that goes when it is dropped.
+/// An empty folder that is removed when dropped.
 pub struct Folder(PathBuf);
 
 impl Folder {
-    /// `None`, with a message, where there is no adapter; under `CI=true` that fails.
+    /// `None`, with a message, if there is no adapter; with `CI=true` that is a failure.
     pub fn new(name: &str) -> Option<Self> {
         super::gpu::gpu()?;
         Some(Self::without_gpu(name))
     }
 
-    /// For what needs no adapter.
+    /// For programs that need no adapter.
     pub fn without_gpu(name: &str) -> Self {
         let path = std::env::temp_dir().join(format!("bevy_restir_{}_{name}", std::process::id()));
         let _ = fs::remove_dir_all(&path);
-        fs::create_dir_all(&path).expect("the temporary folder can be written");
+        fs::create_dir_all(&path).expect("the temporary folder can be created");
         Self(path)
     }
 
@@ -65,27 +65,27 @@ impl Folder {
         self.0.join(name)
     }
 
-    /// Writes a scene.
+    /// Writes a scene as a glTF file.
     pub fn gltf(&self, name: &str, scene: &super::gltf::Scene) -> PathBuf {
         let path = self.path(name);
         fs::write(&path, scene.json()).expect("the folder can be written");
         path
     }
 
-    /// Names of all that lies in it, sorted.
+    /// The names of all files in the folder, sorted.
     pub fn files(&self) -> Vec<String> {
-        let entries = fs::read_dir(&self.0).expect("the folder is there");
+        let entries = fs::read_dir(&self.0).expect("the folder exists");
         let mut names: Vec<_> = entries.flatten().map(|e| e.file_name().to_string_lossy().into_owned()).collect();
         names.sort_unstable();
         names
     }
 
-    /// Calls `render` from within the folder.
+    /// Calls `render` in the folder.
     pub fn render(&self, scene: &Path, arguments: &[&str]) -> Run {
         self.call("render", [scene.as_os_str()].into_iter().chain(arguments.iter().map(OsStr::new)))
     }
 
-    /// Calls `lab` from within the folder.
+    /// Calls `lab` in the folder.
     pub fn lab(&self, arguments: &[&str]) -> Run {
         self.call("lab", arguments.iter().map(OsStr::new))
     }
@@ -98,7 +98,7 @@ impl Folder {
             .output()
             .expect("the program starts");
         Run {
-            code: output.status.code().expect("it ends by itself"),
+            code: output.status.code().expect("the program exits by itself"),
             stdout: String::from_utf8_lossy(&output.stdout).into_owned(),
             stderr: String::from_utf8_lossy(&output.stderr).into_owned(),
         }
@@ -111,11 +111,11 @@ impl Drop for Folder {
     }
 }
 
-/// A picture in 32-bit floats.
+/// A picture with 32-bit float channels.
 pub struct Exr {
     pub width: usize,
     pub height: usize,
-    /// Names of the channels, all of 32-bit floats, as the file has them.
+    /// The names of the channels, in the order of the file.
     pub channels: Vec<String>,
     pub pixels: Vec<[f32; 3]>,
 }
@@ -137,7 +137,7 @@ impl Exr {
             .iter()
             .map(|channel| match &channel.sample_data {
                 exr::prelude::FlatSamples::F32(samples) => (channel.name.to_string(), samples.clone()),
-                other => panic!("{}: {} is no 32-bit float: {other:?}", path.display(), channel.name),
+                other => panic!("{}: {} is not a 32-bit float: {other:?}", path.display(), channel.name),
             })
             .collect();
         let channel = |name: &str| &floats.iter().find(|c| c.0 == name).expect("R, G and B are there").1;

@@ -1,5 +1,5 @@
-//! Whether two techniques show one picture: means of independent restarts, of the image, of its regions and of its tiles.  Frames of one
-//! run are correlated, restarts are not.
+//! Decides whether two techniques give the same picture, from independent restarts: means of the image, of its regions and of its tiles.
+//! Frames of one run are correlated; restarts are not.
 
 use super::{
     app::Picture,
@@ -8,34 +8,34 @@ use super::{
 use bevy::math::UVec2;
 use std::fmt;
 
-/// Pixels a side of a tile.
+/// Width and height of a tile in pixels.
 const TILE: u32 = 8;
-/// Pixels a side of a region.
+/// Width and height of a region in pixels.
 const REGION: u32 = 32;
-/// Level of the two one-sided tests.
+/// The level of the two one-sided tests.
 pub const ALPHA: f64 = 0.01;
-/// Relative difference that regions may have, or three times what images may.
+/// The smallest margin of regions; otherwise it is three times that of the image.
 const REGION_MARGIN: f64 = 0.03;
 
-/// Restarts of one technique, and frames that each is the mean of.
+/// The number of restarts, and of frames in the mean of each.
 #[derive(Clone, Copy, Debug)]
 pub struct Length {
     pub restarts: u32,
     pub frames: u32,
 }
 
-/// Means of independent restarts of one technique: of the whole image, of regions and of tiles; without the light that is seen emitted.
+/// Means of independent restarts of one technique over the image, its regions and its tiles, without directly visible emission.
 #[derive(Clone, Debug, Default)]
 pub struct Restarts {
     pub images: Vec<f64>,
     pub regions: Vec<Vec<f64>>,
     pub tiles: Vec<Vec<f64>>,
-    /// The sum of all restarts.
+    /// The sum of all restarts for each pixel.
     pub pixels: Vec<f64>,
 }
 
 impl Restarts {
-    /// Adds a restart of which this much was seen emitted.
+    /// Adds a restart; `emission` is the directly visible emission.
     pub fn add(&mut self, picture: &Picture, emission: &Picture) {
         self.images.push(picture.mean() - emission.mean());
         self.regions.push(squares(picture, emission, REGION));
@@ -49,7 +49,7 @@ impl Restarts {
         self.images.iter().sum::<f64>() / self.images.len() as f64
     }
 
-    /// Holds these against the truth.
+    /// Compares these restarts with the truth.
     pub fn compare(&self, truth: &Self, margin: f64) -> Comparison {
         let mean = truth.mean();
         let w = stats::welch(&self.images, &truth.images);
@@ -60,7 +60,7 @@ impl Restarts {
             tost: stats::tost(&self.images, &truth.images, margin * mean),
             regions: pairs(&self.regions, &truth.regions)
                 .map(|(ours, theirs)| {
-                    // Of dark regions the margin is that of one a tenth as bright as the image.
+                    // The margin of a dark region is that of a region with a tenth of the image's mean.
                     let light = theirs.iter().sum::<f64>() / theirs.len() as f64;
                     stats::tost(&ours, &theirs, REGION_MARGIN.max(3.0 * margin) * light.max(0.1 * mean))
                 })
@@ -70,7 +70,7 @@ impl Restarts {
     }
 }
 
-/// Means over squares of so many pixels a side.
+/// Means over squares of `side` pixels.
 fn squares(picture: &Picture, emission: &Picture, side: u32) -> Vec<f64> {
     let across = picture.size.x.div_ceil(side);
     let mut squares = vec![(0.0, 0.0); (across * picture.size.y.div_ceil(side)) as usize];
@@ -82,25 +82,25 @@ fn squares(picture: &Picture, emission: &Picture, side: u32) -> Vec<f64> {
     squares.into_iter().map(|(sum, n)| sum / n).collect()
 }
 
-/// The restarts' values of every square, of both sides.
+/// The values of all restarts for each square, of both sides.
 fn pairs(ours: &[Vec<f64>], theirs: &[Vec<f64>]) -> impl Iterator<Item = (Vec<f64>, Vec<f64>)> {
     let of = |all: &[Vec<f64>], i: usize| all.iter().map(|restart| restart[i]).collect();
     (0..ours[0].len()).map(move |i| (of(ours, i), of(theirs, i)))
 }
 
-/// What a technique differs by, relative to the truth, and how sure that is.
+/// The difference from the truth, relative to it, and its significance.
 #[derive(Clone, Copy, Debug)]
 pub struct Comparison {
     pub difference: f64,
-    /// Standard error of the difference.
+    /// The standard error of the difference.
     pub error: f64,
-    /// Probability that the two one-sided tests succeed where there is no difference.
+    /// The probability that the two one-sided tests succeed if there is no difference.
     pub power: f64,
-    /// p-value of the images being equal within the margin.
+    /// The p-value of the images being equal within the margin.
     pub tost: f64,
-    /// The greatest p-value of a region being equal within 3 %.
+    /// The largest p-value of a region being equal within its margin.
     pub regions: f64,
-    /// p-value of all tiles being equal.
+    /// The p-value of all tiles being equal.
     pub tiles: f64,
 }
 
@@ -113,7 +113,7 @@ impl Comparison {
         self.tost < ALPHA && self.regions < ALPHA && self.tiles >= FAMILY_ALPHA
     }
 
-    /// It is shown to differ by more than chance and not only for want of power.
+    /// Whether a difference is significant, rather than the power too low.
     pub fn is_different(&self) -> bool {
         (self.tost >= ALPHA && self.sigma().abs() > 4.0) || self.tiles < FAMILY_ALPHA
     }

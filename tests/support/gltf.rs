@@ -1,12 +1,12 @@
-//! A tiny glTF file, all in one: a square that faces the camera, glows, and may move or want a texture.
+//! Writes a small glTF file: an emissive square that faces the camera, optionally with an animation or a texture.
 
-/// What is in the file.
+/// The content of the file.
 pub struct Scene {
     pub camera: bool,
     pub emissive: [f32; 3],
-    /// Moves 10 m to the right within half a second, and stays there for ten.
+    /// Moves 10 m to the right within half a second; the animation lasts ten seconds.
     pub animated: bool,
-    /// File of the base colour.
+    /// The file of the base color texture.
     pub texture: Option<String>,
 }
 
@@ -17,7 +17,7 @@ impl Default for Scene {
     }
 }
 
-/// Standard base 64.
+/// Standard base 64 encoding.
 fn base64(bytes: &[u8]) -> String {
     const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut text = String::new();
@@ -32,9 +32,9 @@ fn base64(bytes: &[u8]) -> String {
 }
 
 impl Scene {
-    /// The file's text.
+    /// The text of the file.
     pub fn json(&self) -> String {
-        // 48 bytes of positions, 32 of coordinates, 12 of indices, 12 of times, 36 of places.
+        // 48 bytes of positions, 32 of texture coordinates, 12 of indices, 12 of times, 36 of translations.
         let positions: [f32; 12] = [-1.0, -1.0, 0.0, 1.0, -1.0, 0.0, 1.0, 1.0, 0.0, -1.0, 1.0, 0.0];
         let uvs: [f32; 8] = [0.0, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0];
         let indices: [u16; 6] = [0, 1, 2, 0, 2, 3];

@@ -1,4 +1,4 @@
-//! What the plugin warns of, for tests that ask for it.
+//! Warnings of the plugin, for tests that check them.
 
 use bevy::log::{Level, tracing_subscriber};
 use std::{
@@ -21,7 +21,7 @@ impl Write for Sink {
     }
 }
 
-/// From here on warnings of the whole process are kept.
+/// Starts to record the warnings of the whole process.
 pub fn listen() {
     static ONCE: OnceLock<()> = OnceLock::new();
     ONCE.get_or_init(|| {
@@ -29,7 +29,7 @@ pub fn listen() {
     });
 }
 
-/// Lines that hold a text, whichever test they come from.
+/// Recorded lines that contain a text, from any test.
 pub fn warnings(with: &str) -> Vec<String> {
     let bytes = LINES.lock().unwrap_or_else(PoisonError::into_inner);
     String::from_utf8_lossy(&bytes).lines().filter(|line| line.contains(with)).map(str::to_owned).collect()

@@ -1,4 +1,4 @@
-//! Materials and directions for the BSDF's tests, and the kernels that try them.
+//! Materials and directions for tests of the BSDF, and the kernels that evaluate and sample them.
 
 use super::{
     compose::{Def, flag},
@@ -9,7 +9,7 @@ use super::{
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
-/// `Query` of the kernels.
+/// Matches `Query` of the kernels.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct Query {
@@ -38,7 +38,7 @@ pub struct Query {
 }
 
 impl Query {
-    /// Rounded to f32: read the material and directions back from here for the oracle.
+    /// Values are rounded to f32: the oracle must use the material and directions of the query.
     pub fn new(m: &Material, wo: DVec3, wi: DVec3, seed: u32) -> Self {
         let f = |v: DVec3| v.as_vec3().to_array();
         Self {
@@ -98,7 +98,7 @@ impl Query {
     }
 }
 
-/// `Sample` of the kernel.
+/// Matches `Sample` of the kernel.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct Sample {
@@ -136,7 +136,7 @@ impl Sample {
     }
 }
 
-/// Every lobe.
+/// Shader definitions of every lobe.
 pub fn every_lobe() -> Vec<Def> {
     ["TRANSMISSION", "CLEARCOAT", "ANISOTROPY", "DIFFUSE_TRANSMISSION", "THIN_WALL"].map(flag).to_vec()
 }
@@ -161,7 +161,7 @@ impl<'g> Sampler<'g> {
     }
 }
 
-/// (f, pdf) of every query: all lobes, then each.
+/// (f, pdf) of every query: of all lobes together, then of each.
 pub fn evaluate(gpu: &Gpu, queries: &[Query], defs: &[Def]) -> Vec<[[f32; 4]; 5]> {
     let kernel = gpu.kernel("bsdf_eval", include_str!("kernels/bsdf_eval.wgsl"), defs);
     let input = gpu.storage(queries);
@@ -173,7 +173,7 @@ pub fn evaluate(gpu: &Gpu, queries: &[Query], defs: &[Def]) -> Vec<[[f32; 4]; 5]
     gpu.read(&output)
 }
 
-/// White Lambert; the other materials change what they need.
+/// White Lambert; the base of the other materials.
 pub fn plain() -> Material {
     Material {
         n: DVec3::Z,
@@ -196,7 +196,7 @@ pub fn plain() -> Material {
     }
 }
 
-/// The same along and across.
+/// The same roughness along and across.
 fn isotropic(alpha: f64) -> Material {
     Material { alpha, alpha_along: alpha, ..plain() }
 }
@@ -213,7 +213,7 @@ pub fn glass(alpha: f64, eta: f64) -> Material {
     Material { f0_d: DVec3::splat(0.04), transmission: 1.0, eta, ..isotropic(alpha) }
 }
 
-/// Every lobe at once, with bent normals.
+/// Every lobe at once, with normal maps.
 pub fn mixture(alpha: f64, eta: f64) -> Material {
     let n = DVec3::new(0.2, -0.1, 0.9).normalize();
     Material {
@@ -229,41 +229,41 @@ pub fn mixture(alpha: f64, eta: f64) -> Material {
     }
 }
 
-/// Brushed along y: its highlight is drawn out along x.
+/// Brushed along y, so that the highlight is stretched along x.
 pub fn brushed(along: f64, across: f64) -> Material {
     Material { alpha_along: along, ..metal(across) }
 }
 
-/// A tinted pane.
+/// A tinted thin wall.
 pub fn pane(alpha: f64) -> Material {
     Material { base: DVec3::new(0.9, 0.6, 0.4), thin: true, ..glass(alpha, 1.0) }
 }
 
-/// A leaf that lets this share of its diffuse light through.
+/// A leaf that transmits this share of its diffuse light.
 pub fn leaf(share: f64) -> Material {
     Material { diffuse_transmission: share, ..coated(0.3) }
 }
 
-/// Under a varnish.
+/// The same material under a clear coat.
 pub fn varnished(m: Material, coat: f64, alpha: f64) -> Material {
     let bent = (m.n + DVec3::new(-0.1, 0.15, 0.0)).normalize();
     Material { coat, coat_alpha: alpha, coat_n: bent, ..m }
 }
 
-/// All that [`mixture`] has, varnished, brushed, let through diffusely; the wall is thin or not.
+/// [`mixture`] with a coat, anisotropy and diffuse transmission, as a thin wall or a body.
 pub fn everything(alpha: f64, eta: f64, thin: bool) -> Material {
     let m = mixture(alpha, if thin { 1.0 } else { eta });
     varnished(Material { thin, diffuse_transmission: 0.6, alpha_along: 0.5 + 0.5 * alpha, ..m }, 0.8, 0.15)
 }
 
-/// A direction at an angle to the normal, degrees.
+/// A direction at an angle to the normal, in degrees.
 pub fn at_angle(m: &Material, degrees: f64) -> DVec3 {
     let (t, b) = m.n.any_orthonormal_pair();
     let (s, c) = degrees.to_radians().sin_cos();
     c * m.n + s * (0.6 * t + 0.8 * b)
 }
 
-/// Random materials, the extremes of every parameter among them.
+/// Random materials, including the extremes of every parameter.
 pub fn random_material(r: &mut Random) -> Material {
     let n = r.direction();
     let bent = |r: &mut Random| (n + 0.2 * r.unit() * r.direction()).normalize();

@@ -1,17 +1,18 @@
-//! Pairwise covering sets of choices, each row held against the reference: the engine of the long tables of `docs/proof.md`.
+//! Compares the rows of a pairwise covering set of settings with the reference.  This engine measures the long tables of
+//! `docs/proof.md`.
 //!
-//! A row is kept in the target folder with the commit that it was measured at, so that a run goes on where another ended: with
-//! `MATRIX_MINUTES=6` no row begins after six minutes.  With `MATRIX_PART=0/2` it is every second row only: one that is small leaves
-//! half of the machine to another process with `MATRIX_PART=1/2`.
+//! Results are stored in the target folder, by commit, so that a run continues where the last one stopped.  With `MATRIX_MINUTES=6` no
+//! row starts after six minutes.  With `MATRIX_PART=0/2` a run measures every second row and leaves the others to a second process with
+//! `MATRIX_PART=1/2`; two processes use two cores better where pictures are small.
 
 use super::{
     app::*,
-    direct::*,
     equivalence::{Comparison, Restarts},
     gpu::gpu,
     proof::{Proof, Subject},
+    small_scenes::*,
 };
-use bevy_restir::plant_shader_defs;
+use bevy_restir::testing::plant_shader_defs;
 use serde_json::{Value, json};
 use std::{
     collections::{BTreeMap, HashSet},
@@ -22,52 +23,60 @@ use std::{
     time::{Duration, Instant},
 };
 
-/// A row of a matrix: one of each of its choices.
+/// The index of the chosen value for each entry of [`Row::CHOICES`].
+pub type Choices = [usize; 7];
+
+/// A row of a matrix: one value for each choice.
 pub trait Row: Copy {
-    /// Of the matrix: its folder, and its marks in the document.
+    /// Names the matrix, its folder, and its marks in the document.
     const NAME: &'static str;
-    /// Pixels a side.
+    /// Width and height of the pictures, in pixels.
     const SIZE: u32;
-    /// Names of the choices, and how many there are of each.  The first is the scene.
-    const CHOICES: &'static [(&'static str, usize)];
-    /// An error that is planted in the row of first choices, what it is, and the margin that it is more than.
+    /// The values of the first choice.
+    const SCENES: &'static [&'static str];
+    /// The choices by name, and the number of their values.  The first is the scene.
+    const CHOICES: [(&'static str, usize); 7];
+    /// The shader definition of an error that is planted in the first row, and its description.
     const PLANTED: (&'static str, &'static str);
 
-    fn new(choices: &[usize]) -> Self;
-    fn choices(&self) -> &[usize];
-    fn scene(&self) -> &'static str;
-    /// The choice means something beside the others.
-    fn asks(&self, choice: usize) -> bool;
-    /// It makes sense and is unbiased.
-    fn is_wanted(&self) -> bool;
-    /// Its mean cannot be told from few restarts.
+    fn new(choices: Choices) -> Self;
+    fn choices(&self) -> Choices;
+    fn scene(&self) -> &'static str {
+        Self::SCENES[self.choices()[0]]
+    }
+    /// Whether this choice has an effect beside the other choices of the row.
+    fn is_relevant(&self, choice: usize) -> bool;
+    /// Whether the settings of the row are unbiased and can be measured.
+    fn is_testable(&self) -> bool;
+    /// Whether the mean of a few restarts is not normally distributed, so that the row may fail.
     fn has_heavy_tails(&self) -> bool {
         false
     }
-    /// Of what it chose.
+    /// The names of the chosen values.
     fn names(&self) -> Vec<String>;
     fn proof(&self) -> Proof<'static>;
     fn subject(&self) -> impl Subject;
 }
 
-fn is_met<R: Row>(row: &R) -> bool {
-    row.is_wanted() && (0..R::CHOICES.len()).all(|choice| row.asks(choice) || row.choices()[choice] == 0)
+/// A row counts if it is testable and its irrelevant choices have their first value, so that no two rows are equivalent.
+fn is_distinct<R: Row>(row: &R) -> bool {
+    row.is_testable() && (0..R::CHOICES.len()).all(|choice| row.is_relevant(choice) || row.choices()[choice] == 0)
 }
 
 fn pairs<R: Row>(row: &R) -> Vec<[usize; 4]> {
-    let asked: Vec<usize> = (0..R::CHOICES.len()).filter(|choice| row.asks(*choice)).collect();
+    let relevant: Vec<usize> = (0..R::CHOICES.len()).filter(|choice| row.is_relevant(*choice)).collect();
     let chosen = row.choices();
-    let all = asked.iter().enumerate().flat_map(|(i, a)| asked[i + 1..].iter().map(move |b| (*a, *b)));
+    let all = relevant.iter().enumerate().flat_map(|(i, a)| relevant[i + 1..].iter().map(move |b| (*a, *b)));
     all.map(|(a, b)| [a, chosen[a], b, chosen[b]]).collect()
 }
 
-/// What it chose, one cell of a table each.
+/// The cells of the table that name the row; those of irrelevant choices are empty.
 fn cells<R: Row>(row: &R) -> Vec<String> {
     let names = row.names().into_iter().enumerate();
-    names.map(|(choice, name)| if row.asks(choice) { name } else { "".into() }).collect()
+    names.map(|(choice, name)| if row.is_relevant(choice) { name } else { "".into() }).collect()
 }
 
-/// Rows in which every pair of choices that goes together is met: greedy, so that the first rows meet most.
+/// Rows that cover every possible pair of values.  The choice is greedy: early rows cover the most pairs.
 fn covering_set<R: Row>() -> Vec<R> {
     let all: Vec<R> = (0..R::CHOICES.iter().map(|(_, n)| n).product())
         .map(|mut i: usize| {
@@ -76,15 +85,15 @@ fn covering_set<R: Row>() -> Vec<R> {
                 i /= n;
                 choice
             };
-            R::new(&R::CHOICES.iter().map(choose).collect::<Vec<_>>())
+            R::new(R::CHOICES.each_ref().map(choose))
         })
-        .filter(is_met)
+        .filter(is_distinct)
         .collect();
     let mut missing: HashSet<[usize; 4]> = all.iter().flat_map(pairs).collect();
     let mut rows = Vec::new();
     while !missing.is_empty() {
-        let news = |row: &&R| pairs(*row).iter().filter(|p| missing.contains(*p)).count();
-        let best = *all.iter().max_by_key(news).expect("some are");
+        let new_pairs = |row: &&R| pairs(*row).iter().filter(|p| missing.contains(*p)).count();
+        let best = *all.iter().max_by_key(new_pairs).expect("there are rows");
         for pair in pairs(&best) {
             missing.remove(&pair);
         }
@@ -93,7 +102,7 @@ fn covering_set<R: Row>() -> Vec<R> {
     rows
 }
 
-/// A scene, and its truth for the first seeds and for those that what fails is run on again.
+/// A scene with its reference: once for the first seeds, once for the seeds of the second attempt.
 struct Stage {
     rig: Rig,
     truths: [Option<Restarts>; 2],
@@ -105,7 +114,7 @@ impl Stage {
         Some(Self { rig: rig?, truths: [None, None] })
     }
 
-    /// From the folder, or rendered.
+    /// The reference, read from the folder or rendered.
     fn truth(&mut self, folder: &Path, row: &impl Row, turn: usize) -> &Restarts {
         if self.truths[turn].is_none() {
             let scene = row.scene();
@@ -123,7 +132,7 @@ impl Stage {
         self.truths[turn].as_ref().expect("it was just made")
     }
 
-    /// Of seeds of their own in every turn.
+    /// Each turn has its own seeds.
     fn compare(&mut self, folder: &Path, row: &impl Row, turn: usize) -> Comparison {
         let proof = row.proof();
         let ours = proof.resampled(&mut self.rig, &row.subject(), 3000 + 5000 * turn as u32);
@@ -136,7 +145,7 @@ fn read(path: &Path) -> Option<Value> {
 }
 
 fn write(path: &Path, value: &Value) {
-    // Under another name first: a run may end at any time.
+    // A run may be killed at any time: write to a temporary name and rename.
     let unfinished = path.with_extension("unfinished");
     fs::write(&unfinished, value.to_string()).expect("the target folder can be written");
     fs::rename(unfinished, path).expect("the target folder can be written");
@@ -166,14 +175,14 @@ fn comparison_from(v: &Value) -> Option<Comparison> {
     Some(Comparison { difference, error, power, tost, regions, tiles })
 }
 
-/// The last commit that changed what is measured; with a mark of its own for what is not committed.
+/// The last commit that changed a measured file; uncommitted changes add a hash.
 fn commit() -> String {
     let git = |arguments: &[&str]| {
         let measured = ["--", "src", "shaders", "assets", "tests", "Cargo.lock"];
         let output = Command::new("git")
             .args(arguments)
             .args(measured)
-            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
             .output()
             .ok()
             .filter(|output| output.status.success());
@@ -188,7 +197,7 @@ fn commit() -> String {
     format!("{head} with changes {:08x}", hasher.finish() as u32)
 }
 
-/// Measures what no file holds, until the time is up; true where all is there.
+/// Measures the rows that have no result yet, until the time is up.  True if all rows have results.
 fn measure<R: Row>(folder: &Path, rows: &[R]) -> bool {
     let minutes = std::env::var("MATRIX_MINUTES").ok().and_then(|m| m.parse::<f64>().ok());
     let end = minutes.map(|m| Instant::now() + Duration::from_secs_f64(60.0 * m));
@@ -198,7 +207,7 @@ fn measure<R: Row>(folder: &Path, rows: &[R]) -> bool {
     let [part, parts] =
         part.map_or([0, 1], |(k, n)| [k, n].map(|v| v.parse().expect("MATRIX_PART is two numbers: 0/2")));
     let mut subjects: BTreeMap<&str, Stage> = BTreeMap::new();
-    // The planted error first: a suite that cannot fail proves nothing.
+    // The planted error comes first, because a suite that cannot fail proves nothing.
     let planted = first::<R>();
     for (i, row) in core::iter::once(&planted).chain(rows).enumerate() {
         let path = file_of(folder, row, i == 0);
@@ -235,9 +244,9 @@ fn measure<R: Row>(folder: &Path, rows: &[R]) -> bool {
     true
 }
 
-/// The row of first choices.
+/// The row of the first values.
 fn first<R: Row>() -> R {
-    R::new(&vec![0; R::CHOICES.len()])
+    R::new([0; 7])
 }
 
 fn name_of<R: Row>(row: &R, is_planted: bool) -> String {
@@ -252,11 +261,11 @@ fn results(folder: &Path, row: &impl Row, is_planted: bool) -> Option<Vec<Compar
     read(&file_of(folder, row, is_planted))?.as_array()?.iter().map(comparison_from).collect()
 }
 
-/// The table of what was measured, and what is wrong in it.
+/// The table of results, and a list of the rows that failed.
 fn table<R: Row>(folder: &Path, rows: &[R], commit: &str, adapter: &str) -> (String, Vec<String>) {
     let mut faults = Vec::new();
     let mut sorted = rows.to_vec();
-    sorted.sort_by_key(|row| row.choices().to_vec());
+    sorted.sort_by_key(Row::choices);
     let mut lines = String::new();
     let mut count = 0;
     for row in &sorted {
@@ -306,17 +315,17 @@ fn figures(c: &Comparison) -> String {
     )
 }
 
-/// Writes it between its marks.
+/// Writes the table into `docs/proof.md`, between its marks.
 fn publish(name: &str, table: &str) {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/proof.md");
+    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/..")).join("docs/proof.md");
     let text = fs::read_to_string(&path).expect("the document is there");
     let (begin, end) = (format!("<!-- {name} -->\n"), format!("<!-- /{name} -->"));
-    let (before, rest) = text.split_once(&begin).expect("it has the mark");
-    let (_, after) = rest.split_once(&end).expect("it has the other mark");
+    let (before, rest) = text.split_once(&begin).expect("the document has the begin mark");
+    let (_, after) = rest.split_once(&end).expect("the document has the end mark");
     fs::write(&path, format!("{before}{begin}{table}{end}{after}")).expect("the document can be written");
 }
 
-/// Measures what is not yet measured, and publishes all.
+/// Measures the missing rows, publishes the table, and fails if a row failed.
 pub fn run<R: Row>() {
     let Some(gpu) = gpu() else { return };
     let (commit, rows) = (commit(), covering_set::<R>());
@@ -327,7 +336,7 @@ pub fn run<R: Row>() {
     publish(R::NAME, &table);
     eprintln!("{table}");
     if !is_complete {
-        eprintln!("The time is up: the next run goes on from here.");
+        eprintln!("The time is up: the next run continues from here.");
     }
     assert!(faults.is_empty(), "{faults:#?}");
 }

@@ -1,22 +1,22 @@
-//! What the tests share: the composer, the GPU harness, statistics, and the f64 oracle.
+//! Code that the tests share: the app, the GPU harness, scenes, statistics, and the f64 oracle.
 #![allow(dead_code, reason = "not every test uses every helper")]
 
 pub mod app;
+pub mod asset_scenes;
 pub mod brute_force;
 pub mod cli;
-pub mod compose;
-pub mod corner;
-pub mod direct;
+pub mod closed_form_plane;
 pub mod equivalence;
+pub mod expected_radiance;
 pub mod gltf;
-pub mod gpu;
-pub mod lit;
-pub mod loaded;
+pub mod light_scene;
 pub mod log;
 pub mod materials;
 pub mod matrix;
 pub mod oracle;
-pub mod plane;
 pub mod proof;
-pub mod scenes;
+pub mod reuse_settings;
+pub mod small_scenes;
 pub mod stats;
+
+pub use bevy_restir_support::{compose, gpu, scenes};

@@ -1,71 +1,80 @@
-//! Techniques held against the reference of as many bounces.
+//! Compares the pictures of a technique with those of the reference at the same number of bounces.
 
 use super::{
     app::*,
-    direct::{STEPS, both},
     equivalence::{Length, Restarts},
+    reuse_settings::di,
+    small_scenes::STEPS,
 };
-use bevy_restir::{Direct, Paths, Restir, Technique};
+use bevy_restir::{Direct, Paths, Research, Restir, Technique, testing::plant_shader_defs};
 use std::time::Instant;
 
-/// What is held against the reference.
+/// Settings that are compared with the reference.
 pub trait Subject {
-    fn ask(&self, settings: &mut Restir);
+    /// Turns them on.
+    fn apply_to(&self, settings: &mut Restir);
 }
 
 impl Subject for Direct {
-    fn ask(&self, settings: &mut Restir) {
+    fn apply_to(&self, settings: &mut Restir) {
         (settings.technique, settings.direct) = (Technique::Di, self.clone());
     }
 }
 
-impl Subject for Paths {
-    fn ask(&self, settings: &mut Restir) {
-        (settings.technique, settings.paths, settings.direct) = (Technique::Pt, self.clone(), both());
+impl Subject for (Direct, Research) {
+    fn apply_to(&self, settings: &mut Restir) {
+        self.0.apply_to(settings);
+        settings.research = self.1.clone();
     }
 }
 
-/// Direct and indirect light apart.
+impl Subject for Paths {
+    fn apply_to(&self, settings: &mut Restir) {
+        (settings.technique, settings.paths, settings.direct) = (Technique::Pt, self.clone(), di::all_reuse());
+    }
+}
+
+/// ReSTIR DI with ReSTIR GI.
 pub struct Indirect(pub Direct, pub Paths);
 
 impl Subject for Indirect {
-    fn ask(&self, settings: &mut Restir) {
+    fn apply_to(&self, settings: &mut Restir) {
         (settings.technique, settings.direct, settings.paths) = (Technique::Gi, self.0.clone(), self.1.clone());
     }
 }
 
-/// Either technique of all light.
+/// Either of the two techniques that render a complete picture.
 pub enum AllLight {
     Pt(Paths),
     Gi(Direct, Paths),
 }
 
 impl Subject for AllLight {
-    fn ask(&self, settings: &mut Restir) {
+    fn apply_to(&self, settings: &mut Restir) {
         match self {
-            Self::Pt(paths) => paths.ask(settings),
-            Self::Gi(direct, paths) => Indirect(direct.clone(), paths.clone()).ask(settings),
+            Self::Pt(paths) => paths.apply_to(settings),
+            Self::Gi(direct, paths) => Indirect(direct.clone(), paths.clone()).apply_to(settings),
         }
     }
 }
 
-/// How the techniques of a scene are held against its reference.
+/// How the techniques of a scene are compared with its reference.
 #[derive(Clone, Copy)]
 pub struct Proof<'a> {
     pub ours: Length,
     pub truth: Length,
-    /// Relative difference of the images that is allowed.
+    /// The relative difference of image means that is allowed.
     pub margin: f64,
-    /// Chance decides whether the camera sees an emitter, so that each restart has an emission of its own.
+    /// The camera sees an emitter with some probability only (alpha blending), so that each restart has its own emission.
     pub blended: bool,
-    /// Scattering events of a path.
+    /// The number of scattering events of a path.
     pub bounces: u32,
-    /// Where things are at a step of a motion; a restart is its last frame.
+    /// Poses the scene at a step of a motion.  A restart is then the last frame of the motion.
     pub pose: Option<&'a dyn Fn(&mut Rig, u32)>,
 }
 
 impl Proof<'static> {
-    /// Of a small scene at rest without much noise.
+    /// For a small still scene without much noise.
     pub const DEFAULT: Self = Self {
         ours: Length { restarts: 40, frames: 8 },
         truth: Length { restarts: 40, frames: 64 },
@@ -75,7 +84,7 @@ impl Proof<'static> {
         pose: None,
     };
 
-    /// Of so many restarts and frames of direct lighting and of the reference.
+    /// (restarts, frames) of the technique and of the reference.
     pub const fn of(ours: (u32, u32), truth: (u32, u32)) -> Self {
         let ours = Length { restarts: ours.0, frames: ours.1 };
         let truth = Length { restarts: truth.0, frames: truth.1 };
@@ -84,7 +93,7 @@ impl Proof<'static> {
 }
 
 impl Proof<'_> {
-    /// Holds techniques against the reference of one scene; one that fails is run once more on other seeds.
+    /// Asserts that techniques equal the reference.  One that fails is run once more with other seeds.
     pub fn check(&self, name: &str, rig: &mut Rig, techniques: &[(&str, impl Subject)]) {
         let start = Instant::now();
         let reference = self.truth(rig, 1000);
@@ -100,6 +109,38 @@ impl Proof<'_> {
                 assert!(second.is_equal(), "{name}, {what}: {first}, then {second}");
             }
         }
+        rig.assert_sound();
+    }
+
+    /// Asserts that each planted error makes its technique differ from the reference.
+    pub fn finds<S: Subject>(
+        &self,
+        rig: &mut Rig,
+        reference: &Restarts,
+        planted: impl IntoIterator<Item = (&'static str, S)>,
+    ) {
+        for (plant, subject) in planted {
+            plant_shader_defs(&mut rig.app, &[plant]);
+            let found = self.resampled(rig, &subject, 5000).compare(reference, 0.01);
+            eprintln!("{plant}: {found}");
+            assert!(found.is_different(), "{plant} is not found: {found}");
+        }
+    }
+
+    /// Makes one in 25 reservoirs NaN in every frame, whatever its content.  Asserts that the picture is noisier and not darker, and that
+    /// no NaN is left in the history once the errors stop.
+    pub fn survives_nan(&self, rig: &mut Rig, subjects: &[impl Subject]) {
+        let reference = self.truth(rig, 1000);
+        plant_shader_defs(&mut rig.app, &["PLANT_NAN"]);
+        for subject in subjects {
+            let found = self.resampled(rig, subject, 5000).compare(&reference, self.margin);
+            eprintln!("NaN in reservoirs: {found}");
+            assert!(found.tost < 0.01, "{found}");
+            rig.assert_sound();
+        }
+        plant_shader_defs(&mut rig.app, &[]);
+        rig.frames(3);
+        assert!(rig.next().is_finite());
         rig.assert_sound();
     }
 
@@ -121,7 +162,7 @@ impl Proof<'_> {
         let emissions = self.emissions(rig, first_seed, self.ours);
         rig.set(|r| {
             r.bounces = self.bounces;
-            subject.ask(r);
+            subject.apply_to(r);
         });
         match self.pose {
             None => collect(emissions, pictures(rig, first_seed, self.ours)),
@@ -129,7 +170,7 @@ impl Proof<'_> {
         }
     }
 
-    /// One for all restarts, or one for each.
+    /// The emission that the camera sees: one picture for all restarts, or one for each.
     fn emissions(&self, rig: &mut Rig, first_seed: u32, length: Length) -> Vec<Picture> {
         if !self.blended {
             return vec![emission(rig)];
@@ -147,12 +188,12 @@ fn collect(emissions: Vec<Picture>, pictures: impl Iterator<Item = Picture>) -> 
     restarts
 }
 
-/// A picture a restart: the mean of its frames.
+/// One picture for each restart: the mean of its frames.
 fn pictures(rig: &mut Rig, first_seed: u32, length: Length) -> impl Iterator<Item = Picture> {
     rig.set(|r| r.accumulate = true);
     rig.until_ready();
     (0..length.restarts).map(move |i| {
-        // Another seed forgets what was gathered.
+        // A change of the seed resets the history.
         rig.set(|r| r.seed = first_seed + i);
         rig.frames(length.frames - 1);
         let picture = rig.next();
@@ -161,7 +202,7 @@ fn pictures(rig: &mut Rig, first_seed: u32, length: Length) -> impl Iterator<Ite
     })
 }
 
-/// A picture a restart: the last frame of the motion.
+/// One picture for each restart: the last frame of the motion.
 fn last_frames(
     rig: &mut Rig,
     first_seed: u32,
@@ -181,7 +222,7 @@ fn last_frames(
     })
 }
 
-/// What the camera sees emit, in any technique: it would hide errors of the light that is scattered.
+/// The emission that the camera sees directly.  It is the same in all techniques and would hide errors of the scattered light.
 pub fn emission(rig: &mut Rig) -> Picture {
     rig.set(|r| (r.technique, r.bounces, r.seed) = (Technique::Reference, 0, 1));
     let picture = rig.picture(1);

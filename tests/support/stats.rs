@@ -1,17 +1,17 @@
-//! Statistics of the proofs: chi-squared and z, with a fixed probability of a false alarm over all tests of a family.
+//! The statistics of the tests: chi-squared and z-tests, with a fixed false alarm rate over a family of tests.
 
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
 
-/// Probability that a family of tests raises a false alarm.
+/// The probability that a family of tests raises a false alarm.
 pub const FAMILY_ALPHA: f64 = 1e-3;
 
-/// Šidák: the level of each of `tests` so that the family's is `FAMILY_ALPHA`.
+/// Šidák: the level of each of `tests` tests so that the family has the level `FAMILY_ALPHA`.
 pub fn sidak(tests: usize) -> f64 {
     1.0 - (1.0 - FAMILY_ALPHA).powf(1.0 / tests as f64)
 }
 
-/// p-value of counts against expected counts.  Cells with fewer than 5 expected are pooled; a count where (almost) nothing
-/// is expected is a failure by itself.
+/// The p-value of counts against expected counts.  Cells with an expectation below 5 are pooled; counts where (almost) nothing is
+/// expected are a failure by themselves.
 pub fn chi_squared(counts: &[f64], expected: &[f64]) -> f64 {
     assert_eq!(counts.len(), expected.len());
     let mut order: Vec<usize> = (0..expected.len()).collect();
@@ -44,16 +44,16 @@ pub fn chi_squared(counts: &[f64], expected: &[f64]) -> f64 {
     ChiSquared::new((cells - 1) as f64).map_or(0.0, |d| d.sf(statistic))
 }
 
-/// Two-sided p-value of a mean against its value, from the sum and the sum of squares of `n` samples.
+/// The two-sided p-value of a mean against its expected value, from the sum and the sum of squares of `n` samples.
 pub fn z_test(sum: f64, squares: f64, n: f64, value: f64) -> f64 {
     let mean = sum / n;
     let variance = (squares / n - mean * mean).max(0.0) / n;
-    // Rounding of f32 samples is no evidence.
+    // Rounding of f32 samples does not count as evidence.
     let error = variance.sqrt() + 1e-6 * value.abs() + 1e-30;
     2.0 * Normal::standard().sf(((mean - value) / error).abs())
 }
 
-/// Mean of independent values and its standard error.
+/// The mean of independent values and its standard error.
 pub fn mean_and_error(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
     let values: Vec<f64> = values.into_iter().collect();
     let n = values.len() as f64;
@@ -62,10 +62,10 @@ pub fn mean_and_error(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
     (mean, (variance / n).sqrt())
 }
 
-/// A statistical test: its name, and its p-value for a seed.
+/// A statistical test: its name, and its p-value as a function of a seed.
 pub type Statistical<'a> = (String, Box<dyn Fn(u32) -> f64 + 'a>);
 
-/// Runs statistical tests (name, p-value for a seed).  One that fails is run once more with another seed before it counts.
+/// Runs statistical tests.  A failure is repeated once with another seed before it counts.
 #[track_caller]
 pub fn assert_family<'a>(tests: impl IntoIterator<Item = Statistical<'a>>) {
     let failures = failures_of_family(tests);
@@ -89,7 +89,7 @@ pub fn failures_of_family<'a>(tests: impl IntoIterator<Item = Statistical<'a>>) 
         .collect()
 }
 
-/// A small generator for test inputs (`SplitMix64`).
+/// A small random number generator for test inputs (`SplitMix64`).
 pub struct Random(pub u64);
 
 impl Random {
@@ -117,14 +117,14 @@ impl Random {
     }
 }
 
-/// Difference of two means with its standard error and degrees of freedom (Welch 1947).
+/// The difference of two means with its standard error and degrees of freedom (Welch 1947).
 pub struct Welch {
     pub difference: f64,
     pub error: f64,
     pub freedom: f64,
 }
 
-/// Of independent values of two kinds.
+/// Compares independent values of two kinds.
 pub fn welch(a: &[f64], b: &[f64]) -> Welch {
     let of = |v: &[f64]| {
         let n = v.len() as f64;
@@ -136,25 +136,25 @@ pub fn welch(a: &[f64], b: &[f64]) -> Welch {
     Welch { difference: mean_a - mean_b, error: (a + b).sqrt().max(1e-300), freedom: freedom.max(1.0) }
 }
 
-/// Two one-sided t tests (Schuirmann 1987): the p-value of the claim that two means differ by less than `margin`.
+/// Two one-sided t-tests (Schuirmann 1987): the p-value of the claim that two means differ by less than `margin`.
 pub fn tost(a: &[f64], b: &[f64], margin: f64) -> f64 {
     let w = welch(a, b);
-    let t = StudentsT::new(0.0, 1.0, w.freedom).expect("the freedom is positive");
+    let t = StudentsT::new(0.0, 1.0, w.freedom).expect("the number of degrees of freedom is positive");
     t.sf((margin - w.difference.abs()) / w.error)
 }
 
-/// The probability that [`tost`] finds two equal means equal, at this level, with errors as they were found.
+/// The probability that [`tost`] finds two equal means equal at this level, with the given standard errors.
 pub fn tost_power(w: &Welch, margin: f64, alpha: f64) -> f64 {
-    let t = StudentsT::new(0.0, 1.0, w.freedom).expect("the freedom is positive");
+    let t = StudentsT::new(0.0, 1.0, w.freedom).expect("the number of degrees of freedom is positive");
     (2.0 * t.cdf(margin / w.error - t.inverse_cdf(1.0 - alpha)) - 1.0).max(0.0)
 }
 
-/// The p-value of all pairs having equal means: chi-squared of their differences as z-scores.  `rounding` is no evidence.
+/// The p-value of all pairs having equal means: chi-squared of their z-scores.  Differences below `rounding` do not count as evidence.
 pub fn chi_squared_of_differences(pairs: impl Iterator<Item = (Vec<f64>, Vec<f64>)>, rounding: f64) -> f64 {
     let (mut sum, mut n) = (0.0, 0.0);
     for (a, b) in pairs {
         let w = welch(&a, &b);
-        let t = StudentsT::new(0.0, 1.0, w.freedom).expect("the freedom is positive");
+        let t = StudentsT::new(0.0, 1.0, w.freedom).expect("the number of degrees of freedom is positive");
         let p = t.sf(w.difference.abs() / w.error.hypot(rounding));
         let z = Normal::standard().inverse_cdf(p.clamp(1e-15, 0.5));
         sum += z * z;

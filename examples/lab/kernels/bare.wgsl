@@ -1,7 +1,7 @@
 // The yardstick: closest hits in one compressed tree and nothing else.  No instances, no alpha, no watertight edges, no bound on
 // rounding, no counters, no limit of steps: what a traversal kernel costs that only traverses.
 #import bevy_restir::scene::bindings::{nodes, triangles}
-#import bevy_restir::trace::ray::Ray
+#import bevy_restir::common::ray::Ray
 
 @group(1) @binding(0) var<storage, read> rays: array<Ray>;
 @group(1) @binding(1) var<storage, read_write> distances: array<f32>;

@@ -1,4 +1,4 @@
-// For every query the BSDF's value and density, of all lobes and lobe by lobe.
+// The value and density of the BSDF for every query: of all lobes together, and of each lobe.
 #import bevy_restir::bsdf::bsdf::{bsdf_eval, bsdf_eval_lobe, bsdf_pdf, bsdf_pdf_lobe}
 #import bevy_restir::bsdf::types::{Bsdf, LOBE_COUNT}
 
@@ -11,7 +11,7 @@ struct Query {
 }
 
 @group(0) @binding(0) var<storage, read> queries: array<Query>;
-// (f, pdf): all, then lobe by lobe.
+// (f, pdf): of all lobes, then of each lobe.
 @group(0) @binding(1) var<storage, read_write> answers: array<array<vec4<f32>, 5>>;
 
 @compute @workgroup_size(64)

@@ -1,4 +1,4 @@
-// Samples of the BSDF of one query.  PLANTED bends the random numbers a little, which a test must notice.
+// Samples of the BSDF for one query.  PLANTED biases the random numbers slightly, which a test must find.
 #import bevy_restir::bsdf::bsdf::{bsdf_eval, bsdf_pdf, bsdf_sample}
 #import bevy_restir::bsdf::types::Bsdf
 #import bevy_restir::common::rng::{Rng, rng_3, rng_new}
@@ -16,7 +16,7 @@ struct Sample {
     pdf: f32,
     weight: vec3<f32>,
     flags: u32,            // lobe | delta << 4 | valid << 5
-    ratio: vec3<f32>,      // what weight must be: eval/pdf
+    ratio: vec3<f32>,      // the expected weight: eval/pdf
     eta: f32,
 }
 

@@ -1,4 +1,4 @@
-// Samples of the environment, and what it holds in given directions.
+// Samples of the environment, and its radiance and density in given directions.
 #import bevy_restir::common::rng::{Rng, rng_2, rng_new}
 #import bevy_restir::light::environment::{environment_pdf, environment_radiance, environment_sample}
 
@@ -10,7 +10,7 @@ struct Sample {
 }
 
 @group(2) @binding(0) var<storage, read> seed: array<u32>;
-// w = 1 on entry: evaluate this direction; 0: sample one.
+// pdf > 0 on entry: evaluate this direction; 0: sample one.
 @group(2) @binding(1) var<storage, read_write> samples: array<Sample>;
 
 @compute @workgroup_size(64)

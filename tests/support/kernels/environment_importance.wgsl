@@ -1,4 +1,4 @@
-// Level 0 of the importance texture, into a buffer.
+// Writes level 0 of the importance texture to a buffer.
 #import bevy_restir::light::environment::environment_cell_importance
 
 @group(2) @binding(0) var<storage, read> size: vec2<u32>;

@@ -1,5 +1,5 @@
 // The factor from solid angle at one point to area at another.
-#import bevy_restir::shift::connect::geometry_factor
+#import bevy_restir::restir::shift::reconnection::geometry_factor
 
 struct Pair {
     from_point: vec3<f32>,

@@ -1,5 +1,5 @@
-// Words to a reservoir of indirect light and back.
-#import bevy_restir::restir::indirect_reservoir::{PackedReservoir, reservoir_pack, reservoir_unpack}
+// Unpacks reservoirs of indirect light and packs them again.
+#import bevy_restir::restir::gi::reservoir::{PackedReservoir, reservoir_pack, reservoir_unpack}
 
 @group(0) @binding(0) var<storage, read> words: array<PackedReservoir>;
 @group(0) @binding(1) var<storage, read_write> packed: array<PackedReservoir>;

@@ -1,4 +1,4 @@
-// A point of a light by way of its eight bytes, beside the same random numbers' sample; or a point of any coordinates.
+// Light samples packed in eight bytes and unpacked, beside the original samples; or points with given coordinates.
 #import bevy_restir::common::rng::{Rng, rng_2, rng_bits, rng_new}
 #import bevy_restir::light::environment::environment_pdf
 #import bevy_restir::light::light::light_sample
@@ -23,7 +23,7 @@ struct Sample {
     normal: vec3<f32>,
     light: u32,
     barycentrics: vec2<f32>,
-    density: f32,          // of the environment in the direction
+    density: f32,          // density of the environment in the direction
     pad: f32,
 }
 

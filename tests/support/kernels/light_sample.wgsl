@@ -1,4 +1,4 @@
-// Samples of one light as seen from one point.  PLANTED scales the density, which a test must notice.
+// Samples of one light from one point.  PLANTED scales the density, which a test must find.
 #import bevy_restir::common::rng::{Rng, rng_2, rng_new}
 #import bevy_restir::light::light::light_sample
 #import bevy_restir::light::triangle::triangle_light_pdf_solid_angle
@@ -23,7 +23,7 @@ struct Sample {
     normal: vec3<f32>,
     light: u32,
     barycentrics: vec2<f32>,
-    hit_pdf: f32,          // what a BSDF's ray that hits the same point finds
+    hit_pdf: f32,          // the density for a BSDF ray that hits the same point
     pad: f32,
 }
 

@@ -1,9 +1,9 @@
-// Lights that have an extent: samples of one as a point sees it, what a ray in that or a given direction meets, and all that it meets.
+// Area lights: a sample from a point, the hit of a ray in its direction or a given one, and all hits of that ray.
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::rng::{Rng, rng_2, rng_new}
 #import bevy_restir::light::light::light_sample
 #import bevy_restir::light::point_on_light::{aimed_point, light_point_at, light_point_sample}
-#import bevy_restir::light::shape::{crossing_point, CROSSINGS_MAX, next_crossing, Way}
+#import bevy_restir::light::analytic_area_light::{light_hit_point, LIGHT_HITS_MAX, next_light_hit, RaySegment}
 #import bevy_restir::light::types::LightSample
 
 struct Query {
@@ -12,7 +12,7 @@ struct Query {
     direction: vec3<f32>,
     reach: f32,
     seed: u32,
-    mode: u32,             // 0: as the reference samples; 1: as candidates do; 2: by the light's own measure; 3: the direction
+    mode: u32,             // 0: sample like the reference; 1: like candidates; 2: in the light's own measure; 3: a given direction
     pad_a: u32,
     pad_b: u32,
 }
@@ -23,14 +23,14 @@ struct Sample {
     radiance: vec3<f32>,
     pdf: f32,
     position: vec3<f32>,
-    met: u32,              // the light, if the ray meets it
+    met: u32,              // the light, if the ray hits it
     normal: vec3<f32>,
     met_pdf: f32,
     met_position: vec3<f32>,
     met_distance: f32,
     met_radiance: vec3<f32>,
     crossings: u32,
-    mask: vec4<u32>,       // ids below 128 that the ray meets
+    mask: vec4<u32>,       // ids below 128 that the ray hits
 }
 
 @group(2) @binding(0) var<storage, read> queries: array<Query>;
@@ -53,17 +53,17 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         l = light_point_at(light_point_sample(q.light, u), q.point, false);
         l.aim = 1.0;
     }
-    var way = Way(q.point, q.reach, l.wi);
+    var way = RaySegment(q.point, q.reach, l.wi);
     if q.mode == 3u {
         way.direction = q.direction;
     }
-    let p = crossing_point(q.light, q.light, way);
+    let p = light_hit_point(q.light, q.light, way);
     let m = light_point_at(p, q.point, false);
     var mask = vec4<u32>(0u);
     var first = 0u;
     var crossings = 0u;
-    for (var i = 0u; i < CROSSINGS_MAX; i++) {
-        let light = next_crossing(way, first);
+    for (var i = 0u; i < LIGHT_HITS_MAX; i++) {
+        let light = next_light_hit(way, first);
         if light == NONE {
             break;
         }

@@ -1,4 +1,4 @@
-// A material at points of triangle 0 of instance 0, with its textures.
+// The material with its textures at points of triangle 0 of instance 0.
 #import bevy_restir::scene::cone::Cone
 #import bevy_restir::scene::material::{alpha_at, emission_at, material_at}
 #import bevy_restir::scene::triangle::world_triangle

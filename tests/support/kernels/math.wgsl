@@ -1,4 +1,4 @@
-// Round trips of directions: (octahedral, equirectangular) and a frame.
+// Encodes and decodes directions (octahedral, equirectangular) and builds a frame.
 #import bevy_restir::common::math::{equirectangular_direction, equirectangular_uv, octahedral_decode, octahedral_encode, orthonormal_basis}
 
 struct Out {

@@ -1,4 +1,4 @@
-// Weights of every input at its own sample: from all targets, and from those alone that the kind asks for.
+// Weights of every input at its own sample: from all targets, and from only the targets that the kind needs.
 #import bevy_restir::restir::mis::{MAX_INPUTS, mis_needs_target, mis_weight, MisInputs}
 
 struct Case {

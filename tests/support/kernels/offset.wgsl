@@ -1,10 +1,10 @@
-// Leaves a point of a surface for another: from both, offset to the side of the other, nothing may be in between; and a ray
-// that leaves in `direction` must not meet the triangle that it leaves.
+// Traces between two points of a surface: with both offset to the side of the other, nothing may be in between.  A ray
+// that leaves in `direction` must not hit the triangle that it leaves.
 #import bevy_restir::scene::bindings::{instances, triangles}
-#import bevy_restir::trace::offset::{surface_point, offset_distance, offset_point}
-#import bevy_restir::trace::ray::Ray
+#import bevy_restir::scene::offset::{surface_point, offset_distance, offset_point}
+#import bevy_restir::common::ray::Ray
 #import bevy_restir::trace::trace::{trace_closest, trace_any}
-#import bevy_restir::trace::triangle::triangle_normal
+#import bevy_restir::scene::triangle::triangle_normal
 
 struct Pair {
     instance: u32,
@@ -50,7 +50,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let hit = trace_closest(Ray(start, 0.0, pair.direction, 3.0e38), 0u);
     let hit_itself = hit.instance == pair.instance && hit.triangle == pair.triangle;
 
-    // Inside a convex body: the normals point out.
+    // The ray is inside of a convex body; normals point outward.
     let a = offset_point(p, n_p, -n_p, d_p);
     let b = offset_point(q, n_q, -n_q, d_q);
     let blocked = trace_any(Ray(a, 0.0, b - a, 1.0), 0u, false);

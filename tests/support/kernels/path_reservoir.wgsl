@@ -1,5 +1,5 @@
-// Words to a reservoir of whole paths and back.
-#import bevy_restir::restir::path_reservoir::{PackedReservoir, reservoir_pack, reservoir_unpack}
+// Unpacks reservoirs of whole paths and packs them again.
+#import bevy_restir::restir::pt::reservoir::{PackedReservoir, reservoir_pack, reservoir_unpack}
 
 @group(0) @binding(0) var<storage, read> words: array<PackedReservoir>;
 @group(0) @binding(1) var<storage, read_write> packed: array<PackedReservoir>;

@@ -1,4 +1,4 @@
-// What a camera's prepass textures hold: motion, depth.
+// Reads the prepass textures of a camera: motion and depth.
 @group(0) @binding(0) var motion: texture_2d<f32>;
 @group(0) @binding(1) var depth: texture_depth_2d;
 @group(0) @binding(2) var<storage, read_write> texels: array<vec4<f32>>;

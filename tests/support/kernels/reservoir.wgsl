@@ -1,5 +1,5 @@
-// Words to a reservoir and back.
-#import bevy_restir::restir::reservoir::{PackedReservoir, reservoir_pack, reservoir_unpack}
+// Unpacks reservoirs and packs them again.
+#import bevy_restir::restir::di::reservoir::{PackedReservoir, reservoir_pack, reservoir_unpack}
 
 @group(0) @binding(0) var<storage, read> words: array<PackedReservoir>;
 @group(0) @binding(1) var<storage, read_write> packed: array<PackedReservoir>;

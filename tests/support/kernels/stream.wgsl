@@ -1,15 +1,15 @@
-// One stream of given weights an invocation, and a toy: ∫x² over [0, 1] by four candidates of density 2(1 - x) and target x.
+// Each invocation runs one stream with given weights, and estimates ∫x² over [0, 1] by four candidates of density 2(1 - x) and target x.
 #import bevy_restir::common::rng::{Rng, rng_1, rng_new}
-#import bevy_restir::restir::stream::{Stream, stream_add, stream_ucw}
+#import bevy_restir::restir::reservoir_sampling::{Stream, stream_add, stream_ucw}
 
 struct Outcome {
     selected: u32,
     sum: f32,
     toy: f32,
-    accepted: u32,       // bit i: `stream_add` said that it took input i
+    accepted: u32,       // bit i: `stream_add` accepted input i
 }
 
-// The seed, then weights.
+// The seed, then the weights.
 @group(0) @binding(0) var<storage, read> weights: array<f32>;
 @group(0) @binding(1) var<storage, read_write> outcomes: array<Outcome>;
 

@@ -1,4 +1,4 @@
-// A slot at a point and over an area.
+// A texture slot, sampled at a point and over a footprint.
 #import bevy_restir::scene::texture::{sample_area, sample_texture, TextureArea}
 
 struct Query {

@@ -1,5 +1,5 @@
-// Traces every ray of a list to its closest hit and, for the same interval, to any; with PREVIOUS in the last frame.
-#import bevy_restir::trace::ray::{Ray, rays_traced, trace_flags}
+// Traces every ray to its closest hit and, over the same interval, to any hit; with PREVIOUS in the previous frame.
+#import bevy_restir::common::ray::{Ray, rays_traced, trace_flags}
 #import bevy_restir::trace::trace::{trace_closest_of, trace_any}
 
 struct Answer {

@@ -1,4 +1,4 @@
-//! The material in f64, after glTF 2.0 (Appendix B and the KHR extensions): dielectric, transmission and metal, mixed, under a coat; and
+//! The material in f64, after glTF 2.0 (Appendix B and the KHR extensions): a mix of dielectric, transmission and metal under a coat; and
 //! the density of our sampler.
 
 use glam::DVec3;
@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 pub const ALPHA_DELTA: f64 = 1e-3;
 const SPREAD_DELTA: f64 = 2e-5;
 
-/// `Bsdf` of `shaders/bsdf/types.wgsl`.
+/// Matches `Bsdf` of `shaders/bsdf/types.wgsl`.
 #[derive(Clone, Copy, Debug)]
 pub struct Material {
     pub n: DVec3,
@@ -17,14 +17,14 @@ pub struct Material {
     pub metallic: f64,
     pub alpha: f64,
     pub transmission: f64,
-    /// Index on the far side over the index on wo's.
+    /// The index of refraction on the far side divided by that on wo's side.
     pub eta: f64,
     /// Turquin's (1 - E)/E at wo; 0 without energy compensation.
     pub compensation: f64,
-    /// A wall without an inside: `eta` is 1.
+    /// A thin wall: `eta` is 1.
     pub thin: bool,
     pub diffuse_transmission: f64,
-    /// Where α is `alpha_along`, in the plane of n; across it is `alpha`.
+    /// The direction in the plane of n with roughness `alpha_along`; across it is `alpha`.
     pub tangent: DVec3,
     pub alpha_along: f64,
     pub coat: f64,
@@ -50,7 +50,7 @@ fn schlick(f0: DVec3, c: f64) -> DVec3 {
     DVec3::new(one(f0.x), one(f0.y), one(f0.z))
 }
 
-/// Fresnel's equations between indices 1 and `eta`, unpolarised.
+/// Unpolarized Fresnel reflectance between indices 1 and `eta`.
 pub fn fresnel(c: f64, eta: f64) -> f64 {
     let sin_t = (1.0 - c * c).max(0.0).sqrt() / eta;
     if eta == 1.0 {
@@ -65,7 +65,7 @@ pub fn fresnel(c: f64, eta: f64) -> f64 {
     (s * s + p * p) / 2.0
 }
 
-/// A direction by the squares of its cosine to the normal and of its cosines to tangent and bitangent, relative to its sine.
+/// A direction by its squared cosines: to the normal, and, relative to the sine, to the tangent and the bitangent.
 struct Angles {
     cos: f64,
     cos_phi2: f64,
@@ -91,7 +91,7 @@ fn lambda(w: &Angles, along: f64, across: f64) -> f64 {
     ((1.0 + alpha2 * w.tan2()).sqrt() - 1.0) / 2.0
 }
 
-/// w mirrored by the plane of n.
+/// w mirrored at the plane of n.
 fn mirrored(w: DVec3, n: DVec3) -> DVec3 {
     w - 2.0 * n.dot(w) * n
 }
@@ -125,7 +125,7 @@ impl Material {
         lambda(&self.angles(w), self.alpha_along, self.alpha)
     }
 
-    /// The coat's microfacets face all its directions.
+    /// Whether the coat's microfacets face both directions.
     fn coat_carries(&self, wo: DVec3, wi: DVec3) -> bool {
         self.coat > 0.0 && [self.coat_n, self.n_geo].iter().all(|n| n.dot(wo) > 0.0 && n.dot(wi) > 0.0)
     }
@@ -149,12 +149,12 @@ impl Material {
         }
     }
 
-    /// Of the interface that `trans` is.
+    /// The Fresnel reflectance of the transmitting interface.
     fn interface(&self, c: f64) -> DVec3 {
         if self.thin { schlick(self.f0_d, c) } else { DVec3::splat(fresnel(c, self.eta)) }
     }
 
-    /// Fresnel's share of light that leaves a microfacet by reflection: (1-m)[(1-T)F + T Fx] + m schlick(base).
+    /// The Fresnel share of reflected light at a microfacet: (1-m)[(1-T)F + T Fx] + m schlick(base).
     pub fn reflected(&self, c: f64) -> DVec3 {
         let gain = |f0: DVec3| DVec3::ONE + f0 * self.compensation;
         let at_normal = if self.thin { self.f0_d } else { DVec3::splat(((self.eta - 1.0) / (self.eta + 1.0)).powi(2)) };
@@ -163,19 +163,19 @@ impl Material {
         diel.lerp(schlick(self.base, c) * gain(self.base), self.metallic)
     }
 
-    /// That goes through: (1-m) T (1-Fx) base.
+    /// The share of transmitted light: (1-m) T (1-Fx) base.
     pub fn refracted(&self, c: f64) -> DVec3 {
         let trans = self.base * (DVec3::ONE - self.interface(c)) * self.transmission;
         trans.lerp(DVec3::ZERO, self.metallic)
     }
 
-    /// h of a refraction, with Walter's `ht = -(η_i i + η_o o)` turned up.
+    /// The half vector of a refraction: Walter's `ht = -(η_i i + η_o o)`, flipped to the upper side.
     fn refraction_h(&self, wo: DVec3, wi: DVec3) -> DVec3 {
         let ht = -(wi * self.eta + wo).normalize_or_zero();
         if ht.dot(self.n) < 0.0 { -ht } else { ht }
     }
 
-    /// Length of the shortest vector that any lobe makes its h of.
+    /// The length of the shortest vector that any lobe normalizes to its half vector.
     pub fn half_length(&self, wo: DVec3, wi: DVec3) -> f64 {
         let of_body = match self.n.dot(wi) > 0.0 {
             true => wo + wi,
@@ -185,7 +185,7 @@ impl Material {
         of_body.length().min((wo + wi).length().max(if self.coat > 0.0 { 0.0 } else { 2.0 }))
     }
 
-    /// f·|n.wi|; 0 of a delta.
+    /// f·|n.wi|; 0 for delta lobes.
     pub fn eval(&self, wo: DVec3, wi: DVec3, lobe: Lobe) -> DVec3 {
         if lobe == Lobe::Coat {
             if self.is_delta(lobe) || !self.coat_carries(wo, wi) {
@@ -226,7 +226,7 @@ impl Material {
                 self.refracted(wo.dot(h).abs()) * self.d(h) * g2 / (4.0 * n_i * n_o) * n_i
             }
             (Lobe::Transmission, false) => {
-                // Indices 1 on wo's side and eta on wi's.
+                // The indices are 1 on wo's side and eta on wi's.
                 let h = self.refraction_h(wo, wi);
                 let (o_h, i_h) = (wo.dot(h), wi.dot(h));
                 if o_h <= 0.0 || i_h >= 0.0 {
@@ -243,7 +243,7 @@ impl Material {
         LOBES.iter().map(|&lobe| self.eval(wo, wi, lobe)).sum()
     }
 
-    /// Probability of microfacets against diffuse.
+    /// The probability to sample microfacets rather than the diffuse lobe.
     pub fn p_microfacet(&self, n_o: f64) -> f64 {
         let albedo = (1.0 - self.metallic) * (1.0 - self.transmission) * self.base;
         if albedo.max_element() <= 0.0 {
@@ -257,13 +257,13 @@ impl Material {
         (micro / (micro + diffuse)).clamp(0.05, 0.95)
     }
 
-    /// Probability that a microfacet seen at cosine c reflects.
+    /// The probability that a microfacet seen at cosine c reflects.
     pub fn p_reflect(&self, c: f64) -> f64 {
         let (r, t) = (luminance(self.reflected(c)), luminance(self.refracted(c)));
         if t > 0.0 { r / (r + t) } else { 1.0 }
     }
 
-    /// Probability of the coat.
+    /// The probability to sample the coat.
     pub fn p_coat(&self, wo: DVec3) -> f64 {
         if self.coat <= 0.0 || self.coat_n.dot(wo) <= 0.0 || self.n_geo.dot(wo) <= 0.0 {
             return 0.0;
@@ -281,7 +281,7 @@ impl Material {
         (coat / (coat + (1.0 - self.coat_share(wo)) * body)).clamp(0.05, 0.95)
     }
 
-    /// Joint density of the lobe and wi, solid angle; 0 of a delta.
+    /// The joint density of the lobe and wi in solid angle; 0 for delta lobes.
     pub fn pdf(&self, wo: DVec3, wi: DVec3, lobe: Lobe) -> f64 {
         if self.is_delta(lobe) {
             return 0.0;
@@ -327,7 +327,7 @@ impl Material {
         LOBES.iter().map(|&lobe| self.pdf(wo, wi, lobe)).sum()
     }
 
-    /// Where a mirror or a smooth interface sends wo; `None` at total reflection.
+    /// The direction in which a mirror or a smooth interface sends wo; `None` at total internal reflection.
     pub fn delta_direction(&self, wo: DVec3, lobe: Lobe) -> Option<DVec3> {
         let c = self.n.dot(wo);
         match lobe {

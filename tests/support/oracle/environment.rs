@@ -3,7 +3,7 @@
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
-/// Radiance by rows, north first.
+/// Radiance in rows from north to south.
 #[derive(Clone)]
 pub struct Map {
     pub width: usize,
@@ -23,7 +23,7 @@ impl Map {
         self.texels[y * self.width + x]
     }
 
-    /// Bilinear; (u, v) as `uv` has them.
+    /// Bilinear interpolation; (u, v) as of `uv`.
     pub fn at(&self, u: f64, v: f64) -> DVec3 {
         let (x, y) = (u * self.width as f64 - 0.5, v * self.height as f64 - 0.5);
         let (i, j) = (x.floor() as i64, y.floor() as i64);
@@ -37,7 +37,7 @@ impl Map {
         self.at(u, v)
     }
 
-    /// Solid angle times mean luminance of a cell of a `width` x `height` table, by brute force.
+    /// Solid angle times mean luminance for a cell of a `width` x `height` table, by brute force.
     pub fn importance(&self, x: usize, y: usize, width: usize, height: usize) -> f64 {
         const STEPS: usize = 64;
         let mut sum = 0.0;

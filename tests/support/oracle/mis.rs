@@ -1,7 +1,7 @@
-//! Resampling MIS weights by their formulas, every input of a pixel at one of its samples.  `p[i]`: target of domain i at the sample,
-//! as the canonical domain 0 sees it; `c[i]`: confidence.
+//! Resampling MIS weights by their formulas, for every input of a pixel at one of its samples.  `p[i]` is the target of domain i at the
+//! sample, in the measure of the canonical domain 0; `c[i]` is its confidence.
 
-use bevy_restir::gpu_types::*;
+use bevy_restir::testing::gpu_layout::*;
 
 /// The weight of input `j`.
 pub fn weight(kind: u32, c: &[f64], p: &[f64], j: usize) -> f64 {
@@ -10,16 +10,16 @@ pub fn weight(kind: u32, c: &[f64], p: &[f64], j: usize) -> f64 {
     let of = |a: f64, b: f64| if b > 0.0 { a / b } else { 0.0 };
     match kind {
         MIS_UNIFORM => c[j] / all,
-        MIS_VALID => {
+        MIS_ONE_OVER_Z => {
             let could = |i: usize| if p[i] > 0.0 { c[i] } else { 0.0 };
             of(could(j), (0..=k).map(could).sum())
         }
         MIS_BALANCE => of(c[j] * p[j], (0..=k).map(|i| c[i] * p[i]).sum()),
         _ if all == c[0] => f64::from(u8::from(j == 0)),
         _ => {
-            // Outer weight of a pair, what its two targets are multiplied by, and what the canonical input keeps.
+            // The outer weight of a pair, the factors of its two targets, and the share of the canonical input.
             let others = all - c[0];
-            let (pair, neighbour, canonical, kept): (Box<dyn Fn(usize) -> f64>, Box<dyn Fn(usize) -> f64>, f64, f64) =
+            let (pair, neighbor, canonical, kept): (Box<dyn Fn(usize) -> f64>, Box<dyn Fn(usize) -> f64>, f64, f64) =
                 match kind {
                     MIS_PAIRWISE => (Box::new(move |i| of(c[i], others)), Box::new(move |_| others), c[0], 0.0),
                     MIS_DEFENSIVE_PAIRWISE => {
@@ -31,7 +31,7 @@ pub fn weight(kind: u32, c: &[f64], p: &[f64], j: usize) -> f64 {
                     }
                 };
             let share = |i: usize| {
-                let (a, b) = (neighbour(i) * p[i], canonical * p[0]);
+                let (a, b) = (neighbor(i) * p[i], canonical * p[0]);
                 if a + b > 0.0 { (a / (a + b), b / (a + b)) } else { (0.0, 1.0) }
             };
             if j > 0 {

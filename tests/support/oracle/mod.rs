@@ -1,4 +1,4 @@
-//! The formulas of materials, the environment, textures and MIS weights in f64, written apart from the WGSL that they judge.
+//! The formulas of materials, environments, textures and MIS weights in f64, written independently of the WGSL that they check.
 
 pub mod bsdf;
 pub mod environment;

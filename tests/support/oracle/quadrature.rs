@@ -1,4 +1,4 @@
-//! Integrals over pieces of the sphere, by adaptive Gauss quadrature.
+//! Integrals over parts of the sphere, by adaptive Gauss quadrature.
 
 use glam::DVec3;
 use std::f64::consts::TAU;
@@ -22,10 +22,10 @@ fn gauss(f: &impl Fn(f64, f64) -> f64, x: [f64; 2], y: [f64; 2]) -> f64 {
     sum * dx * dy
 }
 
-/// Halvings that are always made: a thin strip between coarse nodes must not be overlooked.
+/// The number of halvings that are always made, so that a thin strip between coarse nodes is not missed.
 const ALWAYS: u32 = 3;
 
-/// ∫∫ f(x, y) over a rectangle, to `tolerance` per part or `depth` halvings.
+/// ∫∫ f(x, y) over a rectangle, to `tolerance` in each part or at most `depth` halvings.
 pub fn rectangle(f: &impl Fn(f64, f64) -> f64, x: [f64; 2], y: [f64; 2], tolerance: f64, depth: u32) -> f64 {
     let parts = 1 << ALWAYS;
     let part = |range: [f64; 2], i: i32| {
@@ -53,7 +53,7 @@ fn refine(f: &impl Fn(f64, f64) -> f64, x: [f64; 2], y: [f64; 2], whole: f64, to
     parts.iter().zip(values).map(|(&(x, y), v)| refine(f, x, y, v, tolerance / 2.0, depth - 1)).sum()
 }
 
-/// Polar cells about an axis: bands between the given angles, each cut into `sectors`.
+/// Cells around an axis: bands between the given polar angles, each cut into `sectors`.
 pub struct PolarCells {
     frame: [DVec3; 3],
     bands: Vec<f64>,
@@ -83,7 +83,7 @@ impl PolarCells {
         band * self.sectors + sector
     }
 
-    /// ∫ f dω of every cell.
+    /// ∫ f dω over every cell.
     pub fn integrate(&self, f: impl Fn(DVec3) -> f64, tolerance: f64) -> Vec<f64> {
         let [t, b, axis] = self.frame;
         let of_angles = |theta: f64, phi: f64| {

@@ -1,4 +1,4 @@
-//! Textures in f64: wrap modes, bilinear filter, box-filtered levels, and the mean over an area.
+//! Texture sampling in f64: wrap modes, bilinear filter, box-filtered levels, and the mean over a footprint.
 
 use glam::{DVec2, DVec4};
 
@@ -9,7 +9,7 @@ pub enum Wrap {
     Clamp,
 }
 
-/// Texels by rows, linear values.
+/// Texels in rows, with linear values.
 #[derive(Clone, Debug)]
 pub struct Level {
     pub width: usize,
@@ -23,7 +23,7 @@ impl Level {
         Self { width, height, texels }
     }
 
-    /// Half as large, each texel the mean of what it covers of this one.
+    /// The next coarser level: each texel is the mean of those that it covers.
     pub fn halved(&self) -> Self {
         let (width, height) = ((self.width / 2).max(1), (self.height / 2).max(1));
         let cover = |i: usize, n: usize, j: usize, m: usize| {
@@ -43,7 +43,7 @@ impl Level {
     }
 }
 
-/// An image and its levels, down to one texel of its shorter side.
+/// An image and its levels, down to one texel along its shorter side.
 #[derive(Clone, Debug)]
 pub struct Texture {
     pub levels: Vec<Level>,
@@ -77,7 +77,7 @@ impl Texture {
         l.texels[wrapped(y, l.height, self.wrap[1]) * l.width + wrapped(x, l.width, self.wrap[0])]
     }
 
-    /// Bilinear; where it is asked for the nearest texel of the image itself.
+    /// Bilinear; with a nearest filter, the nearest texel of the image itself.
     pub fn sample_level(&self, level: usize, uv: DVec2) -> DVec4 {
         let at = uv * DVec2::new(self.levels[level].width as f64, self.levels[level].height as f64);
         if self.nearest && level == 0 {
@@ -90,7 +90,7 @@ impl Texture {
         row(y).lerp(row(y + 1), f.y)
     }
 
-    /// Between levels.
+    /// Interpolates between two levels.
     pub fn sample_at(&self, level: f64, uv: DVec2) -> DVec4 {
         let level = level.clamp(0.0, (self.levels.len() - 1) as f64);
         let low = level.floor();
@@ -98,10 +98,10 @@ impl Texture {
         self.sample_level(low as usize, uv).lerp(above, level - low)
     }
 
-    /// Up to four taps along the longer axis of an ellipse of these diameters, of a level as coarse as the shorter one.
+    /// Up to four samples along the longer axis of an ellipse with these diameters, from the level that suits the shorter axis.
     pub fn sample_area(&self, uv: DVec2, axes: [DVec2; 2]) -> DVec4 {
         let size = DVec2::new(self.levels[0].width as f64, self.levels[0].height as f64);
-        // Singular values of the matrix of both diameters, and the direction of the greater one.
+        // The singular values of the matrix of both diameters, and the direction of the larger one.
         let [a, b] = axes.map(|a| a * size);
         let (e, f) = (0.5 * (a.x + b.y), 0.5 * (a.x - b.y));
         let (g, h) = (0.5 * (a.y + b.x), 0.5 * (a.y - b.x));

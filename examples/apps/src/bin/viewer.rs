@@ -1,0 +1,85 @@
+//! Shows any glTF file by path tracing: drop one on the window, look around, and change every setting of `Restir` while it runs.
+//!
+//! `cargo run -p bevy_restir_apps -- assets/scenes/glossy.glb`
+
+use bevy::prelude::*;
+use bevy_restir::prelude::*;
+use bevy_restir_apps::{look, viewer, window};
+use bevy_restir_support::{
+    arguments::{self, Backend, ExposureChoice, PresetName, TechniqueName},
+    environment::{self, Environment},
+    fields,
+};
+use clap::Parser;
+use std::path::PathBuf;
+
+/// Shows any glTF file by path tracing.
+#[derive(Parser, Clone, Debug)]
+#[command(name = "viewer", version)]
+struct Args {
+    /// A .glb or .gltf file; others can be dropped on the window.
+    file: Option<PathBuf>,
+    /// The technique at the start.
+    #[arg(long, value_enum, default_value = "pt")]
+    technique: TechniqueName,
+    /// The settings at the start.
+    #[arg(long, value_enum, default_value = "balanced")]
+    preset: PresetName,
+    /// Sets a field of `Restir` by its reflection path; repeatable.
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    set: Vec<String>,
+    /// Environment: uniform radiance R,G,B in cd/m², or an equirectangular .hdr or .exr file.
+    #[arg(long, value_parser = environment::parse)]
+    env: Option<Environment>,
+    /// Exposure value at ISO 100; `auto` chooses the exposure that fits each file.
+    #[arg(long, allow_negative_numbers = true, default_value = "auto", value_parser = arguments::exposure, value_name = "V|auto")]
+    ev100: ExposureChoice,
+    /// How rays are traced.
+    #[arg(long, value_enum, default_value = "auto")]
+    backend: Backend,
+    /// Size of the window in pixels.
+    #[arg(long, default_value = "1280x720", value_parser = arguments::window_size)]
+    size: UVec2,
+}
+
+impl Args {
+    fn settings(&self) -> Result<Restir, String> {
+        let mut settings = Restir::preset(self.preset.into());
+        settings.technique = self.technique.into();
+        for assignment in &self.set {
+            fields::set(&mut settings, assignment).map_err(|e| format!("--set {e}"))?;
+        }
+        Ok(settings)
+    }
+}
+
+fn main() -> AppExit {
+    let args = Args::parse();
+    let settings = match args.settings() {
+        Ok(settings) => settings,
+        Err(error) => {
+            eprintln!("error: {error}");
+            return AppExit::from_code(2);
+        }
+    };
+    let backend = RayBackend::from(args.backend);
+    window::app("viewer", args.size, viewer::KEYS, backend)
+        .add_plugins(viewer::plugin)
+        .add_systems(Startup, move |world: &mut World| start(world, &args, &settings))
+        .run()
+}
+
+/// Spawns the camera and opens the file of the command line.
+fn start(world: &mut World, args: &Args, settings: &Restir) {
+    let ev100 = args.ev100.fixed().map(|exposure| exposure.ev100);
+    let eye = world.spawn((viewer::camera::eye(), look::look(ev100), settings.clone())).id();
+    if let Some(wanted) = &args.env {
+        match environment::load(world, wanted) {
+            Ok(environment) => _ = world.entity_mut(eye).insert(environment),
+            Err(error) => world.resource_mut::<viewer::load::Stage>().say(error),
+        }
+    }
+    if let Some(file) = &args.file {
+        world.write_message(viewer::load::Open(file.clone()));
+    }
+}

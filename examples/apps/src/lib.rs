@@ -1,0 +1,7 @@
+//! What the programs with a window share: the window, the panel of settings with its keys, the look of the picture; and the parts of
+//! the viewer.
+
+pub mod look;
+pub mod panel;
+pub mod viewer;
+pub mod window;

@@ -1,0 +1,49 @@
+//! Lends a sky to files that bring no light, or next to none.
+
+use bevy::{camera::Exposure, prelude::*};
+use bevy_restir::prelude::*;
+use bevy_restir_support::sky::{self, Emitters};
+
+use super::load::{Arrived, Stage};
+use crate::look::TooDark;
+
+/// Marks a camera whose environment the viewer has lent.
+#[derive(Component)]
+pub struct LentSky;
+
+pub fn plugin(app: &mut App) {
+    app.add_message::<TooDark>()
+        .add_observer(forget_lent_sky)
+        .add_systems(Update, lend_light.after(super::load::measure));
+}
+
+/// The user removed the environment.
+fn forget_lent_sky(removed: On<Remove, RestirEnvironment>, mut commands: Commands) {
+    commands.entity(removed.entity).try_remove::<LentSky>();
+}
+
+fn lend_light(
+    mut commands: Commands,
+    mut arrived: MessageReader<Arrived>,
+    mut too_dark: MessageReader<TooDark>,
+    stage: Res<Stage>,
+    children: Query<&Children>,
+    emitters: Emitters,
+    mut images: ResMut<Assets<Image>>,
+    cameras: Query<(Entity, Has<RestirEnvironment>, Has<LentSky>), With<Restir>>,
+) {
+    let (arrives, is_dark) = (arrived.read().count() > 0, too_dark.read().count() > 0);
+    if !arrives && !is_dark {
+        return;
+    }
+    let Some(shown) = &stage.shown else { return };
+    let is_lit = arrives && children.iter_descendants(shown.root).any(|entity| emitters.contains(entity));
+    for (camera, has_environment, is_lent) in &cameras {
+        if is_lit && is_lent {
+            commands.entity(camera).remove::<RestirEnvironment>();
+        } else if !is_lit && !has_environment {
+            let sky = sky::studio(&mut images, 1.0 / Exposure::default().exposure());
+            commands.entity(camera).insert((sky, LentSky));
+        }
+    }
+}

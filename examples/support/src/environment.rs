@@ -1,0 +1,88 @@
+//! Environments from command lines and files.
+
+use bevy::{
+    asset::{Assets, RenderAssetUsages},
+    color::LinearRgba,
+    ecs::world::World,
+    image::{CompressedImageFormats, Image, ImageSampler, ImageType},
+    render::render_resource::{Extent3d, TextureDimension, TextureFormat},
+};
+use bevy_restir::RestirEnvironment;
+use std::path::{Path, PathBuf};
+
+use crate::exr_file;
+
+/// Uniform radiance, or an image file.
+#[derive(Clone, Debug)]
+pub enum Environment {
+    Uniform([f32; 3]),
+    File(PathBuf),
+}
+
+/// Parses R,G,B or the name of a .hdr or .exr file.
+pub fn parse(text: &str) -> Result<Environment, String> {
+    let numbers: Vec<f32> = text.split(',').filter_map(|n| n.trim().parse().ok()).collect();
+    if let [r, g, b] = numbers[..]
+        && text.split(',').count() == 3
+    {
+        return if numbers.iter().all(|n| n.is_finite() && *n >= 0.0) {
+            Ok(Environment::Uniform([r, g, b]))
+        } else {
+            Err("radiance must be finite and not negative".into())
+        };
+    }
+    let path = PathBuf::from(text);
+    if is_image(&path) {
+        Ok(Environment::File(path))
+    } else {
+        Err("expected R,G,B or a file that ends in .hdr or .exr".into())
+    }
+}
+
+/// Whether the name of a file is that of an environment image.
+pub fn is_image(path: &Path) -> bool {
+    matches!(path.extension().and_then(|e| e.to_str()), Some("hdr" | "exr"))
+}
+
+/// Makes the component for the camera.
+pub fn load(world: &mut World, wanted: &Environment) -> Result<RestirEnvironment, String> {
+    Ok(match wanted {
+        Environment::Uniform([r, g, b]) => {
+            RestirEnvironment { color: LinearRgba::rgb(*r, *g, *b), ..Default::default() }
+        }
+        Environment::File(path) => {
+            let image = world.resource_mut::<Assets<Image>>().add(read(path)?);
+            RestirEnvironment { image: Some(image), ..Default::default() }
+        }
+    })
+}
+
+/// Reads an equirectangular image from a .hdr or .exr file.
+pub fn read(path: &Path) -> Result<Image, String> {
+    if path.extension().is_some_and(|e| e == "exr") {
+        let (size, pixels) = exr_file::read(path)?;
+        return Ok(equirectangular(size.x, size.y, &pixels));
+    }
+    let fail = |what: String| format!("{}: {what}", path.display());
+    let bytes = std::fs::read(path).map_err(|e| fail(e.to_string()))?;
+    Image::from_buffer(
+        &bytes,
+        ImageType::Extension("hdr"),
+        CompressedImageFormats::NONE,
+        false,
+        ImageSampler::Default,
+        RenderAssetUsages::RENDER_WORLD,
+    )
+    .map_err(|e| fail(e.to_string()))
+}
+
+/// Makes an image of 32-bit linear RGBA radiance, rows from the top.
+pub fn equirectangular(width: u32, height: u32, pixels: &[[f32; 4]]) -> Image {
+    Image::new(
+        Extent3d { width, height, depth_or_array_layers: 1 },
+        TextureDimension::D2,
+        bytemuck::cast_slice(pixels).to_vec(),
+        TextureFormat::Rgba32Float,
+        RenderAssetUsages::RENDER_WORLD,
+    )
+}

@@ -1,0 +1,116 @@
+//! An app without a window whose frames are waited for.
+
+use bevy::{
+    asset::UnapprovedPathMode,
+    log::LogPlugin,
+    prelude::*,
+    render::{
+        RenderPlugin,
+        diagnostic::RenderDiagnosticsPlugin,
+        pipelined_rendering::PipelinedRenderingPlugin,
+        render_resource::PollType,
+        renderer::RenderDevice,
+        settings::{Backends, WgpuSettings},
+    },
+    time::TimeUpdateStrategy,
+    window::ExitCondition,
+};
+use bevy_restir::{CapturedRadiance, EmissiveLuminance, RayBackend, RestirPlugin, RestirStatistics};
+use std::{
+    path::Path,
+    time::{Duration, Instant},
+};
+
+use crate::scene::View;
+
+/// Loading and compiling may take this long before the program gives up.
+const PATIENCE: Duration = Duration::from_secs(300);
+
+/// Keeps drivers from complaining on stderr. Call it before anything else runs.
+pub fn quiet_drivers() {
+    if std::env::var_os("XDG_RUNTIME_DIR").is_none() {
+        // Mesa's device-select layer looks for a compositor and complains where it finds none.
+        // SAFETY: no other thread runs yet.
+        unsafe { std::env::set_var("NODEVICE_SELECT", "1") };
+    }
+}
+
+/// A headless app that reads its assets from `folder` and traces rays with `backend`.
+pub fn app(folder: &Path, backend: RayBackend) -> Result<App, String> {
+    let plugins = DefaultPlugins
+        .set(LogPlugin {
+            // The program itself reports failures, in one line.
+            filter: "off,bevy_restir=warn,bevy_restir_support=warn,render=warn,lab=warn".into(),
+            ..default()
+        })
+        .set(AssetPlugin {
+            file_path: folder.to_string_lossy().into_owned(),
+            unapproved_path_mode: UnapprovedPathMode::Allow,
+            ..default()
+        })
+        .set(RenderPlugin {
+            synchronous_pipeline_compilation: true,
+            render_creation: WgpuSettings { backends: Some(Backends::PRIMARY), ..default() }.into(),
+            ..default()
+        })
+        .set(WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() })
+        .disable::<PipelinedRenderingPlugin>();
+    #[cfg(feature = "windowed")]
+    let plugins = plugins.disable::<bevy::winit::WinitPlugin>();
+    let mut app = App::new();
+    app.add_plugins((plugins, RestirPlugin { backend }, RenderDiagnosticsPlugin))
+        .insert_resource(EmissiveLuminance(1.0))
+        .insert_resource(ClearColor(Color::BLACK))
+        .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f64(1.0 / 60.0)));
+    while app.plugins_state() == bevy::app::PluginsState::Adding {
+        bevy::tasks::tick_global_task_pools_on_main_thread();
+    }
+    if app.get_sub_app(bevy::render::RenderApp).is_none() {
+        return Err("there is no GPU adapter; Mesa's software driver (mesa-vulkan-drivers) will do".into());
+    }
+    app.finish();
+    app.cleanup();
+    Ok(app)
+}
+
+/// Renders one frame and waits for it, so that the CPU never runs ahead of the GPU and times are those of one frame. Returns the
+/// milliseconds until the GPU was done and those until the frame was submitted.
+pub fn frame(app: &mut App) -> (f64, f64) {
+    let start = Instant::now();
+    app.update();
+    let cpu = start.elapsed();
+    let _ = app.world().resource::<RenderDevice>().poll(PollType::wait_indefinitely());
+    (start.elapsed().as_secs_f64() * 1e3, cpu.as_secs_f64() * 1e3)
+}
+
+/// Renders frames until `done` holds. The error begins with `otherwise`.
+pub fn until(app: &mut App, otherwise: &str, mut done: impl FnMut(&App) -> bool) -> Result<(), String> {
+    let start = Instant::now();
+    loop {
+        frame(app);
+        if done(app) {
+            return Ok(());
+        }
+        // Bevy quits where wgpu reports an error.
+        if app.should_exit().is_some() {
+            return Err("the renderer failed".into());
+        }
+        if start.elapsed() > PATIENCE {
+            return Err(format!("{otherwise} after {} s", PATIENCE.as_secs()));
+        }
+    }
+}
+
+/// Renders frames until the scene is loaded and all pipelines are compiled.
+pub fn until_ready(app: &mut App) -> Result<(), String> {
+    until(app, "the scene is not ready", |app| {
+        // The report of the first frame is older than the camera, so at least two frames are rendered.
+        let report = app.world().resource::<RestirStatistics>().report();
+        report.ready && report.samples > 0
+    })
+}
+
+/// The radiance of the last frame, which must have been requested before the frame was rendered.
+pub fn captured(app: &App) -> Result<CapturedRadiance, String> {
+    app.world().resource::<View>().capture.take().ok_or("the frame was not rendered".into())
+}

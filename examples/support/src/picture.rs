@@ -1,0 +1,30 @@
+//! Tonemapped pictures as files.
+
+use bevy::{
+    camera::RenderTarget,
+    prelude::*,
+    render::view::screenshot::{Screenshot, ScreenshotCaptured},
+};
+use std::path::Path;
+
+use crate::{files::complete, headless::until, scene::View};
+
+/// Renders the next frame and reads the view target back, tonemapped by Bevy.
+pub fn screenshot(app: &mut App) -> Result<Image, String> {
+    #[derive(Resource, Default)]
+    struct Taken(Option<Image>);
+    app.init_resource::<Taken>();
+    let camera = app.world().resource::<View>().camera;
+    let target = app.world().get::<RenderTarget>(camera).cloned().ok_or("the camera is gone")?;
+    app.world_mut()
+        .spawn(Screenshot(target))
+        .observe(|captured: On<ScreenshotCaptured>, mut taken: ResMut<Taken>| taken.0 = Some(captured.image.clone()));
+    until(app, "no picture came back", |app| app.world().resource::<Taken>().0.is_some())?;
+    app.world_mut().resource_mut::<Taken>().0.take().ok_or("no picture came back".into())
+}
+
+/// Writes a picture, complete or not at all.
+pub fn write_png(path: &Path, image: Image) -> Result<(), String> {
+    let dynamic = image.try_into_dynamic().map_err(|e| e.to_string())?;
+    complete(path, |part| dynamic.to_rgb8().save_with_format(part, image::ImageFormat::Png).map_err(|e| e.to_string()))
+}

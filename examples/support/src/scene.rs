@@ -1,0 +1,156 @@
+//! Loads a scene from a glTF file and places the `Restir` camera.
+
+use bevy::{
+    asset::{LoadState, RenderAssetUsages},
+    camera::{Exposure, Hdr, ImageRenderTarget, RenderTarget, primitives::Aabb},
+    gltf::Gltf,
+    prelude::*,
+    render::render_resource::{TextureFormat, TextureUsages},
+    world_serialization::WorldInstanceReady,
+};
+use bevy_restir::{RadianceCapture, Restir, RestirEnvironment};
+use std::path::Path;
+
+use crate::{
+    framing,
+    headless::{frame, until},
+};
+
+/// State of the loading.
+#[derive(Resource, Default, PartialEq)]
+enum Loading {
+    #[default]
+    File,
+    Instance,
+    Done,
+    Failed(String),
+}
+
+/// The file of the scene.
+#[derive(Resource)]
+pub struct SceneFile(pub Handle<Gltf>);
+
+/// The camera that renders.
+#[derive(Resource)]
+pub struct View {
+    pub camera: Entity,
+    pub capture: RadianceCapture,
+}
+
+/// Loads a glTF file from the app's folder and spawns its scene.
+pub fn load(app: &mut App, name: &str) -> Result<(), String> {
+    let handle = app.world().resource::<AssetServer>().load(name.replace('#', "%23"));
+    app.insert_resource(SceneFile(handle)).init_resource::<Loading>().add_systems(Update, spawn_when_loaded);
+    until(app, "it is not loaded", |app| {
+        matches!(app.world().resource::<Loading>(), Loading::Done | Loading::Failed(_))
+    })?;
+    match app.world().resource::<Loading>() {
+        Loading::Failed(error) => Err(error.clone()),
+        _ => {
+            // Transforms are propagated in the frame after the scene was spawned.
+            frame(app);
+            Ok(())
+        }
+    }
+}
+
+/// Splits a path into its folder and the name of the file.
+pub fn split(path: &Path) -> Result<(&Path, &str), String> {
+    match (path.parent(), path.file_name().and_then(|n| n.to_str())) {
+        (Some(folder), Some(name)) => Ok((folder, name)),
+        _ => Err("it is not a file".into()),
+    }
+}
+
+/// Spawns the scene once its file is loaded.
+fn spawn_when_loaded(
+    mut commands: Commands,
+    mut loading: ResMut<Loading>,
+    file: Res<SceneFile>,
+    assets: Res<AssetServer>,
+    gltfs: Res<Assets<Gltf>>,
+) {
+    if *loading != Loading::File {
+        return;
+    }
+    if let LoadState::Failed(error) = assets.load_state(&file.0) {
+        *loading = Loading::Failed(error.to_string());
+        return;
+    }
+    // A missing texture does not stop the scene: its material is shown without it.
+    let Some(gltf) = gltfs.get(&file.0) else { return };
+    let Some(scene) = gltf.default_scene.clone().or_else(|| gltf.scenes.first().cloned()) else {
+        *loading = Loading::Failed("it contains no scene".into());
+        return;
+    };
+    *loading = Loading::Instance;
+    commands.spawn(WorldAssetRoot(scene)).observe(|_: On<WorldInstanceReady>, mut loading: ResMut<Loading>| {
+        *loading = Loading::Done;
+    });
+}
+
+/// Components of the camera besides its transform and projection.
+pub struct CameraSetup {
+    pub size: UVec2,
+    pub exposure: Exposure,
+    pub environment: Option<RestirEnvironment>,
+    pub settings: Restir,
+}
+
+/// Spawns the camera that renders and inserts the resource [`View`].
+pub fn spawn_camera(world: &mut World, (transform, projection): (Transform, Projection), setup: CameraSetup) {
+    // The file's cameras would draw to a window.
+    let others: Vec<Entity> = world.query_filtered::<Entity, With<Camera>>().iter(world).collect();
+    for camera in others {
+        world.entity_mut(camera).remove::<(Camera3d, Camera)>();
+    }
+    let mut image = Image::new_target_texture(setup.size.x, setup.size.y, TextureFormat::Rgba8UnormSrgb, None);
+    image.texture_descriptor.usage |= TextureUsages::COPY_SRC;
+    image.asset_usage = RenderAssetUsages::all();
+    let target = world.resource_mut::<Assets<Image>>().add(image);
+    let capture = RadianceCapture::default();
+    let mut camera = world.spawn((
+        Camera3d::default(),
+        Camera { clear_color: ClearColorConfig::Custom(Color::BLACK), ..Default::default() },
+        RenderTarget::Image(ImageRenderTarget::from(target)),
+        Hdr,
+        transform,
+        projection,
+        setup.exposure,
+        setup.settings,
+        capture.clone(),
+    ));
+    if let Some(environment) = setup.environment {
+        camera.insert(environment);
+    }
+    let camera = camera.id();
+    world.insert_resource(View { camera, capture });
+}
+
+/// The camera of the file with this name, or its first one; a camera in front of the scene where the file has none.
+pub fn file_camera(world: &mut World, name: Option<&str>) -> Result<(Transform, Projection), String> {
+    let mut cameras: Vec<(Entity, Option<String>, Transform, Projection)> = world
+        .query::<(Entity, Option<&Name>, &GlobalTransform, &Projection, &Camera)>()
+        .iter(world)
+        .map(|(entity, name, transform, projection, _)| {
+            (entity, name.map(|n| n.to_string()), transform.compute_transform(), projection.clone())
+        })
+        .collect();
+    cameras.sort_by_key(|c| c.0);
+    let found = match name {
+        Some(name) => Some(
+            cameras
+                .into_iter()
+                .find(|c| c.1.as_deref() == Some(name))
+                .ok_or_else(|| format!("it has no camera named {name}"))?,
+        ),
+        None => cameras.into_iter().next(),
+    };
+    if let Some((_, _, mut transform, projection)) = found {
+        transform.scale = Vec3::ONE;
+        return Ok((transform, projection));
+    }
+    warn!("restir: the file has no camera; one is placed in front of the scene");
+    let (center, radius) = framing::bounding_sphere(world.query::<(&GlobalTransform, &Aabb)>().iter(world));
+    Ok(framing::in_front(center, radius, 1.0))
+}

@@ -1,0 +1,52 @@
+//! GPU and CPU times of the plugin's passes.
+
+use bevy::{
+    diagnostic::{DiagnosticMeasurement, DiagnosticPath, DiagnosticsStore},
+    platform::{collections::HashMap, time::Instant},
+    prelude::*,
+};
+use bevy_restir::{Restir, SPAN_PREFIX, pass_names};
+
+/// Times in milliseconds.
+#[derive(Default)]
+pub struct Times {
+    passes: HashMap<&'static str, Vec<f64>>,
+    seen: HashMap<&'static str, Instant>,
+}
+
+impl Times {
+    /// Records the newest time of every pass unless it was recorded before: GPU times where the device has timestamps, else CPU times.
+    pub fn sample(&mut self, world: &World, settings: &Restir) {
+        let store = world.resource::<DiagnosticsStore>();
+        for name in pass_names(settings) {
+            let newest: Option<&DiagnosticMeasurement> = ["elapsed_gpu", "elapsed_cpu"].iter().find_map(|kind| {
+                let path = DiagnosticPath::new(format!("render/{SPAN_PREFIX}{name}/{kind}"));
+                store.get(&path).and_then(|d| d.measurement())
+            });
+            let Some(&DiagnosticMeasurement { time, value }) = newest else { continue };
+            if self.seen.insert(name, time) != Some(time) {
+                self.passes.entry(name).or_default().push(value);
+            }
+        }
+    }
+
+    /// Forgets all times recorded so far.
+    pub fn clear(&mut self) {
+        self.passes.clear();
+    }
+
+    /// Times of a pass; empty where it did not run.
+    pub fn of(&self, pass: &str) -> &[f64] {
+        self.passes.get(pass).map_or(&[], Vec::as_slice)
+    }
+}
+
+/// The median, or 0 of no values.
+pub fn median(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    match sorted.len() {
+        0 => 0.0,
+        n => 0.5 * (sorted[(n - 1) / 2] + sorted[n / 2]),
+    }
+}

@@ -1,0 +1,255 @@
+//! Frames accumulate while nothing visible changes, and the random numbers depend on the seed and the frame alone.
+
+use crate::support::app::*;
+use bevy::{light::RectLight, prelude::*, render::render_resource::TextureFormat};
+use bevy_restir::{EmissiveLuminance, RestirEnvironment, Technique};
+
+/// A lit plane with a texture, and handles to what the tests change.
+struct Scene {
+    rig: Rig,
+    plane: Entity,
+    light: Entity,
+    texture: Handle<Image>,
+    environment: Handle<Image>,
+}
+
+/// An equirectangular image of one color.
+fn uniform_map(value: u8) -> Image {
+    let mut image = texture(4, 2, |_, _| [value, value, value, 255]);
+    image.texture_descriptor.format = TextureFormat::Rgba8Unorm;
+    image
+}
+
+fn scene() -> Option<Scene> {
+    let mut rig = Rig::new(24, 16)?;
+    let texture = rig.add::<Image>(texture(2, 2, |x, _| [200, 100, 50 + 100 * x as u8, 255]));
+    let material = StandardMaterial {
+        base_color_texture: Some(texture.clone()),
+        emissive: LinearRgba::rgb(0.01, 0.02, 0.03),
+        ..lambert(1.0)
+    };
+    let plane = rig.spawn(square(4.0), material, Transform::default());
+    let light = rig.spawn_bundle((PointLight { intensity: 50.0, ..default() }, Transform::from_xyz(1.0, 1.0, 2.0)));
+    let environment = rig.add::<Image>(uniform_map(100));
+    let map = RestirEnvironment { image: Some(environment.clone()), ..sky(0.5) };
+    rig.insert(rig.camera, map);
+    rig.set(|restir| (restir.bounces, restir.jitter) = (2, true));
+    Some(Scene { rig, plane, light, texture, environment })
+}
+
+#[test]
+fn samples_add_up_while_nothing_changes() {
+    let Some(Scene { mut rig, .. }) = scene() else { return };
+    rig.until_ready();
+    rig.set(|restir| restir.reset = true);
+    for n in 1..=5 {
+        let picture = rig.next();
+        assert_eq!((picture.samples, rig.report().samples), (n, n));
+    }
+    // `reset` holds for one frame and clears itself.
+    rig.set(|restir| restir.reset = true);
+    assert_eq!(rig.next().samples, 1);
+    assert_eq!(rig.next().samples, 2);
+}
+
+#[test]
+fn changes_of_rejected_lights_do_not_reset_the_history() {
+    let Some(Scene { mut rig, .. }) = scene() else { return };
+    let at = Transform::from_xyz(-1.0, 1.0, 2.0);
+    let light = |intensity| PointLight { intensity, ..default() };
+    let nowhere = Transform::from_translation(Vec3::NAN);
+    let beside = rig.spawn_bundle((light(0.0), at));
+    let half_nowhere = rig.spawn_bundle((light(50.0), Transform::from_xyz(f32::NAN, 0.0, 0.0)));
+    rig.spawn_bundle((light(50.0), nowhere));
+    rig.spawn_bundle((light(f32::NAN), at));
+    rig.spawn_bundle((PointLight { color: Color::linear_rgb(f32::NAN, 1.0, 1.0), ..light(50.0) }, at));
+    rig.spawn_bundle((SpotLight { outer_angle: f32::NAN, ..default() }, at));
+    rig.spawn_bundle((RectLight { width: f32::NAN, ..default() }, at));
+    for technique in [Technique::Reference, Technique::Pt] {
+        rig.set(|restir| (restir.technique, restir.accumulate) = (technique, true));
+        rig.until_ready();
+        rig.set(|restir| restir.reset = true);
+        for n in 1..=5 {
+            // A black light and a light at NaN: their motion is not visible.
+            rig.get_mut::<Transform>(beside).translation.x += 0.1;
+            rig.get_mut::<Transform>(half_nowhere).translation.y += 0.1;
+            assert_eq!(rig.next().samples, n, "{technique:?}");
+            assert_eq!(rig.report().uploaded_bytes, 0);
+        }
+    }
+    rig.get_mut::<PointLight>(beside).intensity = 50.0;
+    assert_eq!(rig.next().samples, 1, "the light was turned on");
+    rig.assert_sound();
+}
+
+#[test]
+fn every_visible_change_resets_the_history() {
+    type Change = fn(&mut Scene);
+    let changes: [(&str, Change); 19] = [
+        ("transform", |s| s.rig.get_mut::<Transform>(s.plane).translation.x += 0.1),
+        ("material", |s| {
+            let material = s.rig.material_of(s.plane);
+            s.rig.edit(&material, |m| m.base_color = Color::linear_rgb(0.3, 0.3, 0.3));
+        }),
+        ("light power", |s| s.rig.get_mut::<PointLight>(s.light).intensity *= 1.1),
+        ("light position", |s| s.rig.get_mut::<Transform>(s.light).translation.z += 0.1),
+        ("light removed", |s| {
+            s.rig.app.world_mut().despawn(s.light);
+        }),
+        ("camera", |s| s.rig.get_mut::<Transform>(s.rig.camera).translation.z += 0.1),
+        ("field of view", |s| {
+            let projection = PerspectiveProjection { fov: 0.9, ..default() };
+            s.rig.insert(s.rig.camera, Projection::Perspective(projection));
+        }),
+        ("environment", |s| s.rig.get_mut::<RestirEnvironment>(s.rig.camera).intensity *= 1.5),
+        ("rotation of the environment", |s| {
+            s.rig.get_mut::<RestirEnvironment>(s.rig.camera).rotation = Quat::from_rotation_y(0.5);
+        }),
+        ("bounces", |s| s.rig.set(|restir| restir.bounces = 3)),
+        ("seed", |s| s.rig.set(|restir| restir.seed = 9)),
+        ("emissive luminance", |s| s.rig.app.world_mut().resource_mut::<EmissiveLuminance>().0 = 2.0),
+        ("hidden", |s| s.rig.insert(s.plane, Visibility::Hidden)),
+        ("shown again", |s| s.rig.insert(s.plane, Visibility::Visible)),
+        ("texels of a texture", |s| {
+            let texture = s.texture.clone();
+            s.rig.edit(&texture, |image| image.data.as_mut().expect("kept on the CPU").fill(180));
+        }),
+        ("transform of texture coordinates", |s| {
+            let material = s.rig.material_of(s.plane);
+            s.rig.edit(&material, |m| m.uv_transform = bevy::math::Affine2::from_translation(Vec2::new(0.5, 0.0)));
+        }),
+        ("texture coordinates", |s| {
+            let material = s.rig.material_of(s.plane);
+            s.rig.edit(&material, |m| m.base_color_channel = bevy::mesh::UvChannel::Uv1);
+        }),
+        ("texels of the environment", |s| {
+            let environment = s.environment.clone();
+            s.rig.edit(&environment, |image| image.data.as_mut().expect("kept on the CPU").fill(20));
+        }),
+        ("new environment", |s| s.rig.insert(s.rig.camera, sky(0.1))),
+    ];
+    let Some(mut scene) = scene() else { return };
+    for (name, change) in changes {
+        scene.rig.until_ready();
+        scene.rig.frames(2);
+        let before = scene.rig.next();
+        assert!(before.samples >= 3, "{name}: only {} samples before the change", before.samples);
+        change(&mut scene);
+        let after = scene.rig.next();
+        assert_eq!(after.samples, 1, "{name} changed");
+    }
+    // Without an environment the clear color is visible.
+    scene.rig.app.world_mut().entity_mut(scene.rig.camera).remove::<RestirEnvironment>();
+    scene.rig.until_ready();
+    scene.rig.frames(2);
+    scene.rig.app.world_mut().resource_mut::<ClearColor>().0 = Color::linear_rgb(0.1, 0.2, 0.3);
+    assert_eq!(scene.rig.next().samples, 1, "clear color");
+
+    // A changed mesh is rebuilt in a background task; the history restarts when the new triangles arrive.
+    let mesh = scene.rig.app.world().get::<Mesh3d>(scene.plane).expect("the plane has a mesh").0.clone();
+    scene.rig.edit(&mesh, |mesh| *mesh = square(3.0));
+    scene.rig.frame();
+    scene.rig.until_ready();
+    let after = scene.rig.next();
+    scene.rig.set(|restir| restir.reset = true);
+    scene.rig.frames(after.samples - 1);
+    let alone = scene.rig.next();
+    let sky = alone.at(0, 0);
+    let clear: Vec<_> = alone.iter().filter(|(at, c)| *c == sky && alone.is_flat_around(*at)).collect();
+    assert!(clear.len() > 100, "{} pixels see only the sky", clear.len());
+    assert!(clear.iter().all(|(at, c)| after.at(at.x, at.y) == *c), "the old mesh is still visible");
+}
+
+#[test]
+fn scene_changes_keep_the_random_sequence_and_a_reset_restarts_it() {
+    let Some(Scene { mut rig, .. }) = scene() else { return };
+    let lamp = rig.spawn(square(1.0), lamp(5.0, 4.0, 3.0), Transform::from_xyz(0.0, 3.0, 1.0));
+    // Too far away to be seen: it changes and moves without a visible effect.
+    let far = rig.spawn(square(0.01), lambert(0.5), Transform::from_xyz(0.0, 0.0, 500.0));
+    let material = rig.material_of(far);
+    let begin = |rig: &mut Rig| {
+        rig.set(|restir| restir.reset = true);
+        rig.next()
+    };
+    rig.until_ready();
+    let first = begin(&mut rig);
+    let mut seen = vec![first.clone()];
+    for i in 0..4 {
+        rig.edit(&material, |m| m.metallic = 0.1 + 0.1 * i as f32);
+        let next = rig.next();
+        assert_eq!(next.samples, 1, "the history restarts");
+        assert!(seen.iter().all(|before| *before != next), "frame {i} repeats the noise of an earlier frame");
+        seen.push(next);
+        rig.get_mut::<Transform>(lamp).translation.z += 1e-4;
+    }
+    assert_eq!(begin(&mut rig).samples, 1);
+    rig.get_mut::<Transform>(lamp).translation.z = 1.0;
+    rig.edit(&material, |m| m.metallic = 0.0);
+    rig.frames(2);
+    assert_eq!(begin(&mut rig), first, "after a reset");
+    rig.frames(3);
+    rig.set(|restir| restir.seed = 1);
+    assert_ne!(rig.next(), first);
+    rig.set(|restir| restir.seed = 0);
+    assert_eq!(rig.next(), first, "after a change of the seed and back");
+}
+
+#[test]
+fn a_resize_restarts_the_history() {
+    let Some(Scene { mut rig, .. }) = scene() else { return };
+    rig.until_ready();
+    rig.frames(3);
+    for size in [UVec2::new(31, 17), UVec2::new(1, 1), UVec2::new(40, 24)] {
+        let target = rig.target.clone();
+        rig.edit(&target, |image| *image = target_image(size));
+        // Bevy reports the new size of a target to its camera in the next frame.
+        rig.frame();
+        let picture = rig.picture(1);
+        assert_eq!((picture.size, picture.samples), (size, 1));
+        assert!(picture.mean() > 0.0);
+        assert_eq!(rig.next().samples, 2);
+    }
+}
+
+#[test]
+fn equal_seeds_give_equal_pictures_and_different_seeds_equal_means() {
+    let Some(Scene { mut rig, .. }) = scene() else { return };
+    let first = rig.picture(8);
+    assert_eq!(rig.picture(8), first, "the same app, rendered again");
+    let Some(mut other) = scene() else { return };
+    assert_eq!(other.rig.picture(8), first, "a second app");
+
+    let means = |rig: &mut Rig, seeds: core::ops::Range<u32>| -> Vec<f64> {
+        seeds
+            .map(|seed| {
+                rig.set(|restir| restir.seed = seed);
+                let picture = rig.picture(8);
+                assert_ne!(picture, first, "seed {seed}");
+                picture.mean()
+            })
+            .collect()
+    };
+    let (a, error_a) = mean_and_error(means(&mut rig, 100..112));
+    let (b, error_b) = mean_and_error(means(&mut rig, 200..212));
+    let error = error_a.hypot(error_b);
+    assert!(error < 0.01 * a, "the test has no power: standard error {error}, mean {a}");
+    assert!((a - b).abs() < 5.0 * error, "{a} and {b}, standard error {error}");
+}
+
+#[test]
+fn every_technique_accumulates_when_enabled() {
+    let Some(mut rig) = Rig::new(16, 16) else { return };
+    rig.spawn(square(4.0), lambert(0.5), Transform::default());
+    rig.spawn(square(1.0), lamp(3.0, 3.0, 3.0), Transform::from_xyz(3.0, 0.0, 2.0).looking_to(Vec3::X, Vec3::Y));
+    rig.set(|restir| restir.technique = Technique::Di);
+    rig.until_ready();
+    assert_eq!(rig.next().samples, 1, "frames do not accumulate");
+    rig.set(|restir| restir.accumulate = true);
+    let one = rig.next();
+    rig.frames(6);
+    let eight = rig.next();
+    assert_eq!((one.samples, eight.samples), (1, 8));
+    // Moving objects are shown without delay.
+    rig.get_mut::<Transform>(rig.camera).translation.x += 0.1;
+    assert_eq!(rig.next().samples, 1);
+}

@@ -1,0 +1,7 @@
+//! The plugin inside a Bevy app: cameras, effects, other passes, and frames over time.
+
+mod accumulation;
+mod cameras;
+mod effects;
+mod interop;
+mod motion_vectors;

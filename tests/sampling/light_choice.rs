@@ -1,0 +1,156 @@
+//! Lights and the environment are chosen with probability proportional to power, and alias tables represent the powers that they were
+//! built from.
+
+use crate::support::{
+    app::*,
+    compose::{Def, flag},
+    gpu::{Bound, gpu},
+    light_scene::LightScene,
+    stats::{assert_family, chi_squared},
+};
+use bevy::prelude::*;
+use bevy_restir::{
+    DebugView, Direct, Restir, Reuse, Technique,
+    testing::gpu_layout::{GpuLight, NONE},
+    testing::light::alias_table::{alias_table, unusable_powers},
+};
+use std::f64::consts::PI;
+
+const ENVIRONMENT_LIGHT: u32 = u32::MAX - 1;
+
+/// The choices of the kernel: the light and the bits of its pmf come first.
+fn select(lit: &LightScene, seed: u32, count: usize, defs: &[Def]) -> Vec<[u32; 4]> {
+    let seed = lit.gpu.storage(&[seed]);
+    let choices = lit.gpu.zeroed::<[u32; 4]>(count);
+    let bound = [(2, 0, Bound::Buffer(&seed)), (2, 1, Bound::Buffer(&choices))];
+    lit.run("light_select", include_str!("../support/kernels/light_select.wgsl"), defs, count as u32, &bound);
+    lit.gpu.read(&choices)
+}
+
+#[test]
+fn lights_are_chosen_by_power() {
+    let Some(gpu) = gpu() else { return };
+    let mut many: Vec<f64> = (0..1000).map(|i| f64::from(i % 7) * f64::from(i % 13)).collect();
+    many[17] = 5000.0;
+    let spread: Vec<f64> = (0..3000).map(|i| (f64::from(i) * 0.01).exp()).collect();
+    let cases = [vec![3.0], vec![1.0, 3.0], vec![0.0, 2.0, f64::NAN, 1.0, -1.0, f64::INFINITY], many, spread];
+    let environments = [None, Some(1.0), Some(1e-9), Some(1e9)];
+    let lit: Vec<_> = cases
+        .iter()
+        .flat_map(|powers| environments.iter().map(move |e| (powers, *e)))
+        .map(|(powers, environment)| {
+            let mut lit = LightScene::new(gpu);
+            lit.lights = vec![GpuLight::default(); powers.len()];
+            lit.set_powers(powers);
+            lit.scene.radius = 2.0;
+            lit.view.environment_color = [environment.unwrap_or(0.0) as f32; 3];
+            (lit, powers, environment)
+        })
+        .collect();
+    assert_family(lit.iter().map(|(lit, powers, environment)| {
+        let usable = |p: &f64| if p.is_finite() { p.max(0.0) } else { 0.0 };
+        let total: f64 = powers.iter().map(usable).sum();
+        let share = environment.map_or(0.0, |e| {
+            let flux = 4.0 * PI * PI * 4.0 * e;
+            (flux / (flux + total)).clamp(0.05, 0.95)
+        });
+        let pmf: Vec<f64> = powers.iter().map(|p| usable(p) / total * (1.0 - share)).chain([share]).collect();
+        let test = move |seed: u32| {
+            let mut counts = vec![0.0; pmf.len()];
+            let defs: &[Def] = if environment.is_some() { &[flag("ENVIRONMENT")] } else { &[] };
+            for [light, choice, again, _] in select(lit, seed, 1 << 17, defs) {
+                let light = if light == ENVIRONMENT_LIGHT { powers.len() } else { light as usize };
+                counts[light] += 1.0;
+                let choice = f64::from(f32::from_bits(choice));
+                assert!(
+                    (choice - pmf[light]).abs() <= 1e-4 * pmf[light] + 1e-8,
+                    "{light}: {choice}, not {}",
+                    pmf[light]
+                );
+                assert!(choice.to_bits() == f64::from(f32::from_bits(again)).to_bits() && choice > 0.0);
+            }
+            let expected: Vec<f64> = pmf.iter().map(|p| p * f64::from(1 << 17)).collect();
+            chi_squared(&counts, &expected)
+        };
+        (format!("{} lights, environment {environment:?}", powers.len()), Box::new(test) as Box<dyn Fn(u32) -> f64>)
+    }));
+}
+
+#[test]
+fn without_lights_nothing_is_chosen() {
+    let Some(gpu) = gpu() else { return };
+    let mut lit = LightScene::new(gpu);
+    let on = [flag("ENVIRONMENT")];
+    let choice = |lit: &LightScene, defs: &[Def]| {
+        let c = select(lit, 1, 64, defs)[3];
+        (c[0], f32::from_bits(c[1]))
+    };
+    assert_eq!(choice(&lit, &[]), (NONE, 0.0));
+    assert_eq!(choice(&lit, &on), (ENVIRONMENT_LIGHT, 1.0));
+    // A scene without extent still has its environment; if a power exceeds f32, both sides keep a share.
+    lit.scene.radius = 0.0;
+    assert_eq!(choice(&lit, &on), (ENVIRONMENT_LIGHT, 1.0));
+    lit.view.environment_color = [0.0; 3];
+    assert_eq!(choice(&lit, &on), (NONE, 0.0));
+    lit.view.environment_color = [1.0; 3];
+    lit.lights = vec![GpuLight::default()];
+    lit.set_powers(&[1.0]);
+    for (power, radius) in
+        [(1.0, 0.0), (f32::INFINITY, 1.0), (1.0, 1e30), (f32::MAX, 1e30), (1e-30, 1.0), (1e30, 1e-20)]
+    {
+        lit.scene.light_power = power;
+        lit.scene.radius = radius;
+        let found: Vec<_> = select(&lit, 1, 1 << 12, &on).iter().map(|c| (c[0], f32::from_bits(c[1]))).collect();
+        assert!(found.iter().all(|f| f.1 >= 0.04 && f.1 <= 0.96), "{power}, {radius}: {:?}", found[0]);
+        assert!(found.iter().any(|f| f.0 == 0) && found.iter().any(|f| f.0 == ENVIRONMENT_LIGHT));
+    }
+}
+
+#[test]
+fn a_textured_lamp_is_chosen_by_its_textured_power() {
+    let Some(mut rig) = Rig::new(32, 32) else { return };
+    rig.spawn(square(20.0), lambert(0.5), Transform::default());
+    // Two lamps of one square meter; the texture of one is half black.
+    let board = rig.add::<Image>(texture(8, 8, |x, y| if (x + y) % 2 == 0 { [255; 4] } else { [0, 0, 0, 255] }));
+    for (x, emissive_texture) in [(-2.0, None), (2.0, Some(board))] {
+        let lamp = StandardMaterial { emissive_texture, ..lamp(1.0, 1.0, 1.0) };
+        rig.spawn(square(1.0), lamp, Transform::from_xyz(x, 6.0, 4.0).looking_to(Vec3::Z, Vec3::Y));
+    }
+    let direct = Direct {
+        reuse: Reuse { temporal: false, spatial_samples: 0, ..Reuse::DIRECT },
+        candidates: 1,
+        bsdf_candidate: false,
+        ..default()
+    };
+    rig.set(|r| *r = Restir { technique: Technique::Di, direct, ..plain() });
+    let weights = rig.debug(DebugView::ReservoirWeights);
+    // A candidate's weight is 1 / pmf of its triangle.  The lamps are chosen with 2/3 and 1/3, each split over two triangles.
+    let near = |value: f32| weights.iter().filter(|(_, w)| (w.x / value - 1.0).abs() < 1e-3).count();
+    let (plain, textured) = (near(3.0), near(6.0));
+    let lit = weights.iter().filter(|(_, w)| w.x > 0.0).count();
+    println!("{plain} for the plain lamp, {textured} for the textured one, of {lit}");
+    assert!(plain > 400 && textured > 80 && plain + textured == lit, "{plain}, {textured} of {lit}");
+}
+
+#[test]
+fn alias_tables_hold_their_powers() {
+    assert!(alias_table(&[]).is_none());
+    assert!(alias_table(&[0.0, -1.0, f64::NAN, f64::INFINITY]).is_none());
+    assert_eq!(unusable_powers(&[0.0, -1.0, f64::NAN, f64::INFINITY, 1.0]), 3);
+    let hard: Vec<f64> = (0..100_000u32).map(|i| if i % 3 == 0 { 0.0 } else { f64::from(i).powi(9) }).collect();
+    for powers in [vec![1.0], vec![0.0, 1e308, 1e308, 1e-308], vec![0.1; 10], hard, vec![f64::MAX; 1000]] {
+        let table = alias_table(&powers).expect("some power is usable");
+        let max = powers.iter().copied().fold(0.0, f64::max);
+        let sum: f64 = powers.iter().map(|p| p / max).sum();
+        for (p, entry) in powers.iter().zip(&table) {
+            let pmf = p / max / sum;
+            assert!(
+                (f64::from(entry.pmf) - pmf).abs() <= 1e-5 * pmf + 1e-7 / powers.len() as f64,
+                "{entry:?} for {pmf}"
+            );
+            assert!(entry.pmf > 0.0 || *p < max * 1e-6, "{entry:?} for {p}");
+            assert!(*p > 0.0 || (entry.pmf == 0.0 && entry.probability == 0.0), "{entry:?} for a black light");
+            assert!((entry.alias as usize) < powers.len() && (0.0..=1.0).contains(&entry.probability));
+        }
+    }
+}

@@ -1,0 +1,143 @@
+//! Meshes that change faster than their trees are built, that lose and regain their triangles, and the warnings about them.
+
+use crate::support::{app::*, log};
+use bevy::{
+    asset::{RenderAssetUsages, uuid::Uuid},
+    mesh::PrimitiveTopology,
+    prelude::*,
+};
+use bevy_restir::DebugView;
+
+/// A square of 126 000 triangles that faces +Z: building its tree takes many frames.
+fn heavy(side: f32) -> Mesh {
+    Plane3d::new(Vec3::Z, Vec2::splat(0.5 * side)).mesh().subdivisions(250).build()
+}
+
+/// A camera that a square of side 2 fills, with albedo shown.
+fn rig() -> Option<Rig> {
+    let mut rig = Rig::new(32, 32)?;
+    rig.insert(rig.camera, orthographic(2.0, 2.0));
+    rig.set(|restir| restir.debug_view = DebugView::Albedo);
+    Some(rig)
+}
+
+fn covered(picture: &Picture) -> usize {
+    picture.iter().filter(|(_, color)| color.x > 0.0).count()
+}
+
+#[test]
+fn a_mesh_that_changes_in_every_frame_is_shown_while_it_changes() {
+    let Some(mut rig) = rig() else { return };
+    let mesh = rig.add::<Mesh>(heavy(0.2));
+    let material = rig.add::<StandardMaterial>(lambert(0.5));
+    let entity = rig.spawn_bundle((Mesh3d(mesh.clone()), MeshMaterial3d(material), Transform::default()));
+    let mut shapes = vec![0];
+    for i in 1..400 {
+        rig.edit(&mesh, |mesh| *mesh = heavy(0.2 + 0.004 * i as f32));
+        let Some(picture) = rig.next_if_any() else { continue };
+        let count = covered(&picture);
+        let last = *shapes.last().expect("there is one");
+        assert!(count >= last, "frame {i}: {count} pixels after {last}, but the mesh only grows");
+        if count > last {
+            shapes.push(count);
+        }
+        if shapes.len() > 4 {
+            break;
+        }
+    }
+    assert!(shapes.len() > 4, "only these sizes were seen: {shapes:?} pixels");
+    // The last of several edits in a row stays.
+    for side in [1.4, 0.3, 1.9, 1.0] {
+        rig.edit(&mesh, |mesh| *mesh = heavy(side));
+        rig.frame();
+    }
+    rig.until_ready();
+    let last = rig.next();
+    let fresh = rig.add::<Mesh>(heavy(1.0));
+    rig.insert(entity, Mesh3d(fresh));
+    rig.until_ready();
+    assert_eq!(covered(&last), 16 * 16);
+    assert_eq!(last.pixels, rig.next().pixels);
+    rig.assert_sound();
+}
+
+#[test]
+fn a_mesh_that_was_empty_does_not_show_its_old_shape_again() {
+    let Some(mut rig) = rig() else { return };
+    let mesh = rig.add::<Mesh>(square(1.0));
+    let material = rig.add::<StandardMaterial>(lambert(0.5));
+    rig.spawn_bundle((Mesh3d(mesh.clone()), MeshMaterial3d(material), Transform::default()));
+    rig.until_ready();
+    assert_eq!(covered(&rig.next()), 16 * 16);
+    rig.edit(&mesh, |mesh| *mesh = square(0.0));
+    rig.until_ready();
+    assert_eq!(covered(&rig.next()), 0, "the mesh has no triangles");
+    rig.edit(&mesh, |mesh| *mesh = heavy(2.0));
+    let seen = (0..2000).map(|_| covered(&rig.next())).find(|&count| count > 0);
+    assert_eq!(seen, Some(32 * 32), "something other than the new shape");
+    rig.until_ready();
+    assert_eq!(rig.report().triangles, 251 * 251 * 2);
+    rig.assert_sound();
+}
+
+/// Four triangles, `flat` of which have no area.
+fn partly_flat(flat: usize) -> Mesh {
+    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let points = (0..4).flat_map(|i| if i < flat { [corners[0]; 3] } else { corners });
+    with_positions(PrimitiveTopology::TriangleList, points.collect())
+}
+
+fn with_positions(topology: PrimitiveTopology, points: Vec<[f32; 3]>) -> Mesh {
+    Mesh::new(topology, RenderAssetUsages::all()).with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, points)
+}
+
+/// A mesh with an id of its own: tests run in parallel and share one log.
+fn add_named(rig: &mut Rig, name: u128, mesh: Mesh) -> Handle<Mesh> {
+    let handle = Handle::from(Uuid::from_u128(name));
+    rig.app.world_mut().resource_mut::<Assets<Mesh>>().insert(&handle, mesh).expect("it was never there");
+    handle
+}
+
+#[test]
+fn a_mesh_gets_one_warning_however_often_it_changes() {
+    let Some(mut rig) = rig() else { return };
+    log::listen();
+    let mesh = add_named(&mut rig, 0xf1a7_0001, partly_flat(1));
+    let material = rig.add::<StandardMaterial>(lambert(0.5));
+    let entity = rig.spawn_bundle((Mesh3d(mesh.clone()), MeshMaterial3d(material), Transform::default()));
+    for i in 0..10 {
+        rig.until_ready();
+        rig.edit(&mesh, |mesh| *mesh = partly_flat(1 + i % 4));
+    }
+    rig.until_ready();
+    let warning_count = |rig: &Rig, of: &Handle<Mesh>| {
+        assert!(rig.report().ready);
+        let lines = log::warnings(&of.id().to_string());
+        ["left out", "no usable triangle"].map(|text| lines.iter().filter(|line| line.contains(text)).count())
+    };
+    // A mesh without any sound triangle is rejected as a whole.
+    assert_eq!(warning_count(&rig, &mesh), [2, 1]);
+    // Another asset gets its own warning.
+    let other = add_named(&mut rig, 0xf1a7_0002, partly_flat(2));
+    rig.insert(entity, Mesh3d(other.clone()));
+    rig.until_ready();
+    assert_eq!((warning_count(&rig, &mesh), warning_count(&rig, &other)), ([2, 1], [1, 0]));
+}
+
+#[test]
+fn line_meshes_are_warned_about_only_with_a_standard_material() {
+    let Some(mut rig) = rig() else { return };
+    log::listen();
+    let lines = || with_positions(PrimitiveTopology::LineList, vec![[0.0; 3], [1.0, 0.0, 0.0]]);
+    let [elsewhere, ours] = [0x11e5_0001, 0x11e5_0002].map(|name| add_named(&mut rig, name, lines()));
+    let material = rig.add::<StandardMaterial>(lambert(0.5));
+    let entity = rig.spawn_bundle((Mesh3d(elsewhere.clone()), Transform::default()));
+    rig.until_ready();
+    let warning_count = |of: &Handle<Mesh>| log::warnings(&of.id().to_string()).len();
+    assert_eq!([&elsewhere, &ours].map(warning_count), [0, 0], "a line mesh without a standard material");
+    rig.insert(entity, (Mesh3d(ours.clone()), MeshMaterial3d(material)));
+    rig.frames(4);
+    rig.edit(&ours, |mesh| *mesh = lines());
+    rig.until_ready();
+    assert_eq!([&elsewhere, &ours].map(warning_count), [0, 1]);
+}

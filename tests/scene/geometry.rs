@@ -1,0 +1,239 @@
+//! Conversion of Bevy meshes to triangles, transforms and their inverses, and bounding boxes.
+
+use crate::support::scenes::{Random, random_rows};
+use bevy::{
+    asset::RenderAssetUsages,
+    math::{Affine3A, Vec3},
+    mesh::{Indices, Mesh, PrimitiveTopology, VertexAttributeValues as Values},
+};
+use bevy_restir::testing::{
+    accel::blas::build_blas,
+    accel::tlas::{build_tlas, inverse, rows, world_bounds},
+    geometry::triangulate::{Dropped, GeometryError, octahedral_encode, triangles_of},
+};
+
+const SQUARE: [[f32; 3]; 4] = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]];
+const CORNERS: [[f32; 2]; 4] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]];
+
+fn mesh(topology: PrimitiveTopology, positions: &[[f32; 3]]) -> Mesh {
+    Mesh::new(topology, RenderAssetUsages::default())
+        .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, positions.to_vec())
+}
+
+fn list(positions: &[[f32; 3]]) -> Mesh {
+    mesh(PrimitiveTopology::TriangleList, positions)
+}
+
+fn decode(word: u32) -> [f32; 3] {
+    let [x, y] = [word as u16, (word >> 16) as u16].map(|h| f32::from(h as i16) / 32767.0);
+    let z = 1.0 - x.abs() - y.abs();
+    let t = (-z).max(0.0);
+    let fold = |v: f32| if v >= 0.0 { v - t } else { v + t };
+    Vec3::new(fold(x), fold(y), z).normalize().to_array()
+}
+
+fn close(a: [f32; 3], b: [f32; 3]) -> bool {
+    (0..3).all(|k| (a[k] - b[k]).abs() < 2e-4)
+}
+
+#[test]
+fn indexed_and_unindexed_lists_and_strips_give_the_same_triangles() {
+    let expected = [[SQUARE[0], SQUARE[1], SQUARE[2]], [SQUARE[2], SQUARE[1], SQUARE[3]]];
+    let unindexed: Vec<[f32; 3]> = expected.iter().flatten().copied().collect();
+    let numbers = [0u16, 1, 2, 2, 1, 3];
+    let strip = || mesh(PrimitiveTopology::TriangleStrip, &SQUARE);
+    let restarted = vec![3u16, 2, u16::MAX, 0, 1, 2, 3, 3, 3];
+    for mesh in [
+        list(&unindexed),
+        list(&SQUARE).with_inserted_indices(Indices::U16(numbers.to_vec())),
+        list(&SQUARE).with_inserted_indices(Indices::U32(numbers.iter().map(|&i| i.into()).collect())),
+        strip(),
+        strip().with_inserted_indices(Indices::U32(vec![0, 1, 2, 3])),
+        strip().with_inserted_indices(Indices::U16(restarted)),
+    ] {
+        let geometry = triangles_of(&mesh).expect("the mesh is sound");
+        assert_eq!(geometry.positions, expected);
+        assert_eq!(geometry.dropped, Dropped::default());
+    }
+}
+
+#[test]
+fn unsupported_topologies_and_formats_are_named() {
+    for (topology, name) in [
+        (PrimitiveTopology::PointList, "PointList"),
+        (PrimitiveTopology::LineList, "LineList"),
+        (PrimitiveTopology::LineStrip, "LineStrip"),
+    ] {
+        assert_eq!(triangles_of(&mesh(topology, &SQUARE)), Err(GeometryError::Topology(name)));
+    }
+    let empty = Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default());
+    assert_eq!(triangles_of(&empty), Err(GeometryError::NoPositions));
+    let geometry = triangles_of(&list(&[])).expect("an empty mesh is no error");
+    assert!(geometry.positions.is_empty() && build_blas(&geometry).is_none());
+    assert_eq!(triangles_of(&list(&SQUARE[..2])).expect("an incomplete triangle is no error").positions.len(), 0);
+}
+
+#[test]
+fn bad_triangles_are_dropped_and_counted() {
+    let bad = |x: f32| [[x, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let positions: Vec<[f32; 3]> =
+        [bad(f32::NAN), bad(f32::INFINITY), bad(1e38), bad(1.0), bad(0.0)].into_iter().flatten().collect();
+    let mut numbers: Vec<u32> = (0..15).collect();
+    numbers.extend([0, 1, 99, u32::MAX, 12, 13, 12, 12, 13]);
+    let geometry =
+        triangles_of(&list(&positions).with_inserted_indices(Indices::U32(numbers))).expect("one triangle is left");
+    assert_eq!(geometry.positions, [bad(0.0)]);
+    assert_eq!(geometry.dropped, Dropped { out_of_range: 2, non_finite: 3, degenerate: 2 });
+    assert_eq!(geometry.dropped.total(), 7);
+    let blas = build_blas(&geometry).expect("there is one triangle");
+    assert_eq!((blas.nodes.len(), blas.depth, blas.bounds), (5, 1, ([0.0; 3], [1.0, 1.0, 0.0])));
+}
+
+#[test]
+fn missing_and_bad_attributes_are_filled() {
+    let triangle = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]];
+    let plain = triangles_of(&list(&triangle)).expect("sound");
+    assert!(!plain.has_normals && !plain.has_uvs && !plain.has_tangents);
+    let a = plain.attributes[0];
+    assert_eq!((a.uv_a, a.uv_b, a.uv_c), ([0.0; 2], [0.0; 2], [0.0; 2]));
+    assert!(a.normals.iter().all(|&n| close(decode(n), [0.0, 0.0, 1.0])));
+    let tangent = decode(a.tangent_a);
+    assert!(
+        tangent[2].abs() < 1e-3 && tangent.iter().all(|x| x.is_finite()),
+        "not perpendicular to the normal: {tangent:?}"
+    );
+
+    // One good normal that is not of unit length, one zero, one NaN; a short uv list with a NaN in it.
+    let bad = list(&triangle)
+        .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[0.0, 3.0, 0.0], [0.0; 3], [f32::NAN; 3]])
+        .with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, vec![[0.5, 0.25], [f32::NAN, 1.0]]);
+    let a = triangles_of(&bad).expect("sound").attributes[0];
+    assert!(close(decode(a.normals[0]), [0.0, 1.0, 0.0]));
+    assert!(close(decode(a.normals[1]), [0.0, 0.0, 1.0]) && close(decode(a.normals[2]), [0.0, 0.0, 1.0]));
+    assert_eq!((a.uv_a, a.uv_b, a.uv_c), ([0.5, 0.25], [0.0, 1.0], [0.0; 2]));
+}
+
+#[test]
+fn generated_tangents_equal_bevys() {
+    for uv in [CORNERS, CORNERS.map(|[u, v]| [1.0 - u, v]), CORNERS.map(|[u, v]| [v, u]), CORNERS.map(|[u, v]| [u, -v])]
+    {
+        let plain = list(&SQUARE)
+            .with_inserted_indices(Indices::U32(vec![0, 1, 2]))
+            .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![[0.0, 0.0, 1.0]; 4])
+            .with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, uv.to_vec());
+        let theirs = plain.clone().with_generated_tangents().expect("Bevy can generate tangents");
+        let (ours, theirs) = (triangles_of(&plain).expect("sound"), triangles_of(&theirs).expect("sound"));
+        assert!(theirs.has_tangents && !ours.has_tangents);
+        let (a, b) = (ours.attributes[0].tangent_a, theirs.attributes[0].tangent_a);
+        assert!(close(decode(a & !1), decode(b & !1)), "{uv:?}");
+        assert_eq!(a & 1, b & 1, "handedness, {uv:?}");
+    }
+}
+
+#[test]
+fn attributes_come_in_any_format() {
+    let integers: Vec<[i16; 4]> =
+        SQUARE.iter().map(|p| [p[0], p[1], p[2], 0.0].map(|x| (x * 32767.0) as i16)).collect();
+    let build = |values: Values| {
+        let mut mesh = Mesh::new(PrimitiveTopology::TriangleStrip, RenderAssetUsages::default());
+        let attribute = bevy::mesh::MeshVertexAttribute { format: (&values).into(), ..Mesh::ATTRIBUTE_POSITION };
+        mesh.insert_attribute(attribute, values);
+        triangles_of(&mesh)
+    };
+    let expected = triangles_of(&mesh(PrimitiveTopology::TriangleStrip, &SQUARE)).expect("sound").positions;
+    assert_eq!(build(Values::Snorm16x4(integers)).expect("read").positions, expected);
+    let wide: Vec<[f32; 4]> = SQUARE.iter().map(|p| [p[0], p[1], p[2], 1.0]).collect();
+    assert_eq!(build(Values::Float32x4(wide)).expect("read").positions, expected);
+    assert_eq!(build(Values::Float32x2(CORNERS.to_vec())), Err(GeometryError::PositionFormat("two floats")));
+    assert_eq!(build(Values::Uint32x3(vec![[0; 3]; 4])), Err(GeometryError::PositionFormat("integers")));
+}
+
+#[test]
+fn packed_normals_unpack_to_the_same_normal() {
+    let mut random = Random::new(20);
+    for _ in 0..10_000 {
+        let n = random.direction();
+        let error = Vec3::from(n).cross(decode(octahedral_encode(n)).into()).length();
+        assert!(error < 1e-4, "{n:?}: {error} rad");
+    }
+}
+
+#[test]
+fn transforms_are_inverted_or_rejected() {
+    let mut random = Random::new(21);
+    for scale in [1e-4, 1.0, 1e5] {
+        for _ in 0..100 {
+            let m = random_rows(&mut random, scale, 10.0 * scale);
+            let back = inverse(&m).expect("sound");
+            for (r, row) in back.iter().enumerate() {
+                for c in 0..3 {
+                    let one: f32 = m.iter().zip(row).map(|(m, b)| b * m[c]).sum();
+                    assert!((one - if r == c { 1.0 } else { 0.0 }).abs() < 1e-4);
+                }
+            }
+        }
+    }
+    let with = |f: fn(&mut [[f32; 4]; 3])| {
+        let mut m = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+        f(&mut m);
+        inverse(&m)
+    };
+    assert_eq!(with(|m| m[1][1] = 0.0), None);
+    assert_eq!(with(|m| m[2] = m[1]), None);
+    assert_eq!(with(|m| m[0][0] = f32::NAN), None);
+    assert_eq!(with(|m| m[0][3] = f32::INFINITY), None);
+    assert_eq!(with(|m| m.iter_mut().for_each(|r| r[..3].iter_mut().for_each(|x| *x *= 1e-39))), None);
+    assert!(with(|m| m[1][1] = -1e-6).is_some());
+    let affine = Affine3A::from_scale_rotation_translation(
+        Vec3::new(1.0, -2.0, 3.0),
+        bevy::math::Quat::from_rotation_y(0.7),
+        Vec3::new(4.0, 5.0, 6.0),
+    );
+    let p = Vec3::new(0.3, 0.2, 0.1);
+    let by_rows = rows(&affine).map(|r| r[0] * p.x + r[1] * p.y + r[2] * p.z + r[3]);
+    assert!((Vec3::from(by_rows) - affine.transform_point3(p)).length() < 1e-6);
+}
+
+#[test]
+fn world_bounding_boxes_contain_every_corner() {
+    let mut random = Random::new(22);
+    for scale in [1e-3, 1.0, 1e4] {
+        for _ in 0..100 {
+            let m = random_rows(&mut random, scale, 1e5);
+            let (p, q) = (random.point(2.0), random.point(2.0));
+            let bounds = (std::array::from_fn(|k| p[k].min(q[k])), std::array::from_fn(|k| p[k].max(q[k])));
+            let world = world_bounds(&m, &bounds).expect("finite");
+            for corner in 0..8 {
+                for (k, row) in m.iter().enumerate() {
+                    let x: f64 = (0..3)
+                        .map(|c| f64::from(row[c]) * f64::from(if corner >> c & 1 == 1 { p[c] } else { q[c] }))
+                        .sum::<f64>()
+                        + f64::from(row[3]);
+                    assert!(f64::from(world.0[k]) <= x && x <= f64::from(world.1[k]));
+                }
+            }
+        }
+    }
+    let huge = [[1e38, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+    assert_eq!(world_bounds(&huge, &([-9.0; 3], [9.0; 3])), None);
+}
+
+#[test]
+fn the_top_level_tree_contains_every_sound_instance_once() {
+    let mut random = Random::new(23);
+    for count in [0, 1, 2, 77, 5000] {
+        let mut boxes: Vec<_> = (0..count)
+            .map(|i| {
+                let p = random.point(10.0);
+                (3 * i, (p, p.map(|x| x + 1.0)))
+            })
+            .collect();
+        boxes.push((1, ([f32::NAN; 3], [1.0; 3])));
+        boxes.push((2, ([f32::NEG_INFINITY; 3], [1.0; 3])));
+        let tlas = build_tlas(&boxes);
+        let mut found: Vec<u32> = tlas.indices.iter().flatten().copied().take(count as usize).collect();
+        found.sort_unstable();
+        assert_eq!(found, (0..count).map(|i| 3 * i).collect::<Vec<_>>());
+        assert_eq!(tlas.nodes.is_empty(), count == 0);
+    }
+}

@@ -1,0 +1,268 @@
+//! Rust and WGSL agree on the layout of every shared struct and on the value of every shared constant.
+
+use crate::support::compose::{compose, composer};
+use bevy_restir::{testing::gpu_layout::*, testing::shader_library::MODULES};
+use core::mem::{offset_of, size_of};
+use naga::{Expression, Literal, TypeInner};
+
+fn module(path: &str) -> naga::Module {
+    let (_, text) = MODULES.iter().find(|(p, _)| *p == path).expect("the module is in the table");
+    // Compiled as a top-level shader, because naga_oil mangles the names of imported modules.
+    let text = text.replace("#define_import_path", "// ");
+    compose(&mut composer(), path, &text, &[])
+}
+
+/// Offsets and size of a WGSL struct.
+fn layout(module: &naga::Module, name: &str) -> (Vec<(String, usize)>, usize) {
+    let (_, ty) = module
+        .types
+        .iter()
+        .find(|(_, t)| t.name.as_deref().is_some_and(|n| n == name || n.starts_with(&format!("{name}X_naga_oil"))))
+        .unwrap_or_else(|| panic!("there is no struct {name}"));
+    let TypeInner::Struct { members, span } = &ty.inner else { panic!("{name} is not a struct") };
+    (members.iter().map(|m| (m.name.clone().expect("members have names"), m.offset as usize)).collect(), *span as usize)
+}
+
+macro_rules! same {
+    ($module:ident: $($name:ident),* $(,)?) => {
+        $(
+            let (_, constant) = $module.constants.iter()
+                .find(|(_, c)| c.name.as_deref() == Some(stringify!($name)))
+                .expect(stringify!($name));
+            let value = match $module.global_expressions[constant.init] {
+                Expression::Literal(Literal::U32(value)) => value,
+                ref other => panic!("{} is {other:?}", stringify!($name)),
+            };
+            assert_eq!(value, $name, stringify!($name));
+        )*
+    };
+}
+
+macro_rules! agrees {
+    ($module:expr, $wgsl:literal, $rust:ident { $($field:ident),* $(,)? }) => {{
+        let rust = vec![$((stringify!($field).to_string(), offset_of!($rust, $field))),*];
+        assert_eq!(layout(&$module, $wgsl), (rust, size_of::<$rust>()), "{}", $wgsl);
+    }};
+}
+
+#[test]
+fn scene_structs_are_the_same_in_rust_and_wgsl() {
+    let types = module("scene/types.wgsl");
+    agrees!(
+        types,
+        "SceneUniforms",
+        GpuSceneUniforms {
+            tlas_root,
+            tlas_indices,
+            previous_tlas_root,
+            previous_tlas_indices,
+            light_count,
+            instance_count,
+            light_power,
+            radius,
+            center,
+            previous_lights,
+            shapes_root,
+            shapes_indices,
+            sun_count,
+            pad,
+        }
+    );
+    agrees!(types, "Triangle", GpuTriangle { a, pad_a, b, pad_b, c, pad_c });
+    agrees!(
+        types,
+        "TriangleAttributes",
+        GpuTriangleAttributes { normals, tangent_a, tangent_b, tangent_c, uv_a, uv_b, uv_c }
+    );
+    agrees!(
+        types,
+        "Instance",
+        GpuInstance {
+            world_from_object,
+            object_from_world,
+            previous_world_from_object,
+            blas_root,
+            first_triangle,
+            triangle_count,
+            material,
+            first_light,
+            flags,
+            layers,
+            entity,
+        }
+    );
+    agrees!(
+        types,
+        "Material",
+        GpuMaterial {
+            base_color,
+            alpha,
+            emissive,
+            perceptual_roughness,
+            dielectric_reflectance,
+            metallic,
+            attenuation,
+            specular_transmission,
+            ior,
+            thickness,
+            alpha_cutoff,
+            flags,
+            textures,
+            texture_record,
+            anisotropy_direction,
+            anisotropy_strength,
+            diffuse_transmission,
+            clearcoat,
+            clearcoat_perceptual_roughness,
+        }
+    );
+    agrees!(
+        types,
+        "Light",
+        GpuLight { position, kind, emission, pmf, direction, alias_probability, alias_index, counterpart, data }
+    );
+}
+
+#[test]
+fn view_structs_are_the_same_in_rust_and_wgsl() {
+    let types = module("view/types.wgsl");
+    agrees!(types, "Camera", GpuCamera { clip_from_world, world_from_view, view_from_clip });
+    agrees!(
+        types,
+        "ViewUniforms",
+        GpuViewUniforms {
+            current,
+            previous,
+            environment_rotation,
+            environment_color,
+            exposure,
+            background,
+            debug_view,
+            size,
+            jitter,
+            previous_jitter,
+            frame,
+            seed,
+            bounces,
+            flags,
+            origin,
+            accumulated,
+            layers,
+            target_size,
+        }
+    );
+    let statistics = module("pass/statistics.wgsl");
+    agrees!(statistics, "Counters", GpuCounters { rays, non_finite_pixels, overflow_flags, pad });
+}
+
+#[test]
+fn resampling_structs_and_constants_are_the_same_in_rust_and_wgsl() {
+    let types = module("restir/types.wgsl");
+    agrees!(
+        types,
+        "ResampleSettings",
+        GpuResampleSettings {
+            candidates,
+            subset_count,
+            subset_size,
+            light_tile_size,
+            temporal_samples,
+            spatial_samples,
+            disocclusion_samples,
+            neighbor_attempts,
+            radius,
+            confidence_cap,
+            mis,
+            flags,
+            normal_threshold,
+            depth_threshold,
+            visibility_radius,
+            reservoir_layout,
+            iteration,
+            reconnection,
+            roughness,
+            separation,
+            jacobian_limit,
+        }
+    );
+    same!(
+        types:
+        RESAMPLE_BSDF_CANDIDATE,
+        RESAMPLE_CANDIDATE_RAYS,
+        RESAMPLE_TARGET_RAYS,
+        RESAMPLE_DISCARD_OCCLUDED,
+        RESAMPLE_MIS_RAYS,
+        RESAMPLE_SHADING_RAYS,
+        RESAMPLE_REUSE_VISIBILITY,
+        RESAMPLE_HEURISTICS,
+        RESAMPLE_SHADE_ALL,
+        RESAMPLE_FROM_PREVIOUS,
+        RESAMPLE_SHADE,
+        RESAMPLE_CANDIDATES_VISIBLE,
+        RESAMPLE_TARGET_WITHOUT_BSDF,
+        RESAMPLE_BILINEAR,
+        RESAMPLE_SAME_MATERIAL,
+        RESAMPLE_MOVED,
+        RESAMPLE_RETRACE_FORWARD,
+        RESAMPLE_RETRACE_BACKWARD,
+        RESAMPLE_DIFFUSE_SECONDARY,
+        RECONNECT_FOOTPRINTS,
+        RECONNECT_BLACK_BOX,
+        RECONNECT_DISTANCE,
+        RECONNECT_FIRST,
+        LAYOUT_ROWS,
+        LAYOUT_COLUMNS,
+    );
+    let presampled = layout(&module("light/presampled.wgsl"), "PresampledLight");
+    assert_eq!(presampled.1 as u64, PRESAMPLED_LIGHT_SIZE);
+    let mis = module("restir/mis.wgsl");
+    same!(mis: MIS_UNIFORM, MIS_ONE_OVER_Z, MIS_BALANCE, MIS_PAIRWISE, MIS_DEFENSIVE_PAIRWISE, MIS_DEFENSIVE_PAIRWISE_GRIS);
+}
+
+#[test]
+fn constants_are_the_same_in_rust_and_wgsl() {
+    let constants = module("common/constants.wgsl");
+    same!(
+        constants:
+        NONE,
+        LIGHT_TRIANGLE,
+        LIGHT_POINT,
+        LIGHT_SPOT,
+        LIGHT_DIRECTIONAL,
+        LIGHT_KIND_BITS,
+        LIGHT_HIDDEN_SHIFT,
+        LIGHT_SPHERE,
+        LIGHT_RECT,
+        LIGHT_SUN,
+        INSTANCE_MIRRORED,
+        INSTANCE_ALPHA,
+        INSTANCE_SECOND_UV,
+        MATERIAL_DOUBLE_SIDED,
+        MATERIAL_UNLIT,
+        MATERIAL_ALPHA_MASK,
+        MATERIAL_ALPHA_BLEND,
+        MATERIAL_FLIP_NORMAL_MAP_Y,
+        MATERIAL_CULL_BACK,
+        MATERIAL_CULL_FRONT,
+        SLOT_BASE_COLOR,
+        SLOT_METALLIC_ROUGHNESS,
+        SLOT_NORMAL,
+        SLOT_EMISSIVE,
+        SLOT_SPECULAR_TRANSMISSION,
+        SLOT_DIFFUSE_TRANSMISSION,
+        SLOT_THICKNESS,
+        SLOT_CLEARCOAT,
+        SLOT_CLEARCOAT_ROUGHNESS,
+        SLOT_CLEARCOAT_NORMAL,
+        SLOT_ANISOTROPY,
+        SLOT_SPECULAR,
+        SLOT_SPECULAR_TINT,
+        SLOT_TRANSFORM,
+        VIEW_ENVIRONMENT_IS_BACKDROP,
+        VIEW_ORTHOGRAPHIC,
+        VIEW_NO_BACKDROP,
+        OVERFLOW_STACK,
+        OVERFLOW_STEPS,
+        NON_FINITE,
+    );
+}

@@ -1,0 +1,5 @@
+//! The shaders compose, agree with Rust about layouts, and keep to the order of rooms.
+
+mod composition;
+mod layout;
+mod room_order;

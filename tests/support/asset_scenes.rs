@@ -1,0 +1,77 @@
+//! Loads scenes of `assets/scenes` into the app of the tests; one app serves many restarts.
+
+use super::{app::*, cli::asset};
+use bevy::{asset::LoadState, gltf::Gltf, prelude::*, world_serialization::WorldInstanceReady};
+use bevy_restir::RestirEnvironment;
+use serde_json::Value;
+
+/// The number of frames within which a file must be read and spawned.
+const PATIENCE: u32 = 2000;
+
+#[derive(Resource)]
+struct Spawned;
+
+impl Rig {
+    /// A scene of `assets/scenes` from its own camera, with the environment of `references.json`.
+    pub fn load(name: &str, size: u32) -> Option<Self> {
+        let mut rig = Self::new(size, size)?;
+        let file: Handle<Gltf> = rig.app.world().resource::<AssetServer>().load(format!("scenes/{name}.glb"));
+        rig.wait_for(name, |world| {
+            if let LoadState::Failed(error) = world.resource::<AssetServer>().load_state(&file) {
+                panic!("{name}: {error}");
+            }
+            world.resource::<Assets<Gltf>>().contains(&file)
+        });
+        let scene = rig.app.world().resource::<Assets<Gltf>>().get(&file).and_then(|gltf| gltf.default_scene.clone());
+        rig.app
+            .world_mut()
+            .spawn(WorldAssetRoot(scene.expect("the file has a scene")))
+            .observe(|_: On<WorldInstanceReady>, mut commands: Commands| commands.insert_resource(Spawned));
+        rig.wait_for(name, |world| world.contains_resource::<Spawned>());
+        // Transforms are propagated one frame later.
+        rig.frame();
+        rig.take_the_camera_of_the_file();
+        if let Some(environment) = environment_of(name) {
+            rig.insert(rig.camera, environment);
+        }
+        Some(rig)
+    }
+
+    fn wait_for(&mut self, name: &str, is_done: impl Fn(&World) -> bool) {
+        for _ in 0..PATIENCE {
+            if is_done(self.app.world()) {
+                return;
+            }
+            self.frame();
+        }
+        panic!("{name} is not loaded after {PATIENCE} frames");
+    }
+
+    fn take_the_camera_of_the_file(&mut self) {
+        let ours = self.camera;
+        let world = self.app.world_mut();
+        let (theirs, place, projection) = world
+            .query_filtered::<(Entity, &GlobalTransform, &Projection), With<Camera>>()
+            .iter(world)
+            .find(|found| found.0 != ours)
+            .map(|(entity, place, projection)| (entity, place.compute_transform(), projection.clone()))
+            .expect("the file has a camera");
+        // It would render to a window.
+        world.entity_mut(theirs).remove::<(Camera3d, Camera)>();
+        world.entity_mut(ours).insert((place.with_scale(Vec3::ONE), projection));
+    }
+
+    /// The entity with this name in the file.
+    pub fn named(&mut self, name: &str) -> Entity {
+        let world = self.app.world_mut();
+        let found = world.query::<(Entity, &Name)>().iter(world).find(|found| found.1.as_str() == name);
+        found.unwrap_or_else(|| panic!("{name} is in the scene")).0
+    }
+}
+
+fn environment_of(name: &str) -> Option<RestirEnvironment> {
+    let text = std::fs::read_to_string(asset("references.json")).expect("the references are there");
+    let all: Value = serde_json::from_str(&text).expect("the file is JSON");
+    let rgb: Vec<f32> = all[name]["env"].as_array()?.iter().filter_map(Value::as_f64).map(|c| c as f32).collect();
+    Some(RestirEnvironment { color: LinearRgba::rgb(rgb[0], rgb[1], rgb[2]), ..default() })
+}

@@ -1,0 +1,8 @@
+//! ReSTIR DI.
+
+mod asset_scenes;
+mod bias;
+mod matrix;
+mod motion;
+mod settings;
+mod small_scenes;

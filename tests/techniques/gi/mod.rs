@@ -1,0 +1,3 @@
+//! ReSTIR GI.
+
+mod small_scenes;

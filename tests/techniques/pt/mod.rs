@@ -1,0 +1,10 @@
+//! ReSTIR PT.
+
+mod asset_scenes;
+mod long_run;
+mod matrix;
+mod motion;
+mod packing_and_jacobian;
+mod shift_inverse;
+mod shift_measure;
+mod small_scenes;

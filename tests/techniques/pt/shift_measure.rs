@@ -1,0 +1,140 @@
+//! The shift of paths is a change of variables.  Pixels are paired; a set of paths shifted to the partner has, by the Jacobian, the same
+//! measure as the partner's own candidates that shift back.  Summed over all pixels, both sides are the same integral of any bounded
+//! function of the path.  Also: with footprints as the criterion, the Jacobian to a neighboring pixel stays near 1 (Lin et al. 2026,
+//! supplement, Eqs. 7 to 25).
+
+use crate::support::{
+    app::*,
+    proof::{Subject, emission},
+    small_scenes::*,
+    stats::{chi_squared_of_differences, mean_and_error},
+};
+use bevy::prelude::*;
+use bevy_restir::{
+    Paths, Reconnection, Reuse,
+    testing::{plant_shader_defs, replace_pass_shader},
+};
+
+const BOUNCES: u32 = 4;
+const SIZE: usize = 32;
+/// Pixels whose coordinates differ in these bits are partners (`PARTNER` in the shader).
+const PARTNER: (usize, usize) = (8, 4);
+
+fn alone(paths: Paths) -> Paths {
+    Paths { reuse: Reuse { temporal: false, spatial_samples: 0, ..paths.reuse.clone() }, ..paths }
+}
+
+/// Pictures of the candidates with these shader definitions, without the emission that the camera sees.
+fn pictures(rig: &mut Rig, defs: &[&'static str], paths: Paths, seeds: u32) -> Vec<Vec<Vec3>> {
+    let emitted = emission(rig);
+    replace_pass_shader(&mut rig.app, "pt_candidates", include_str!("../../support/kernels/path_shift.wgsl"));
+    plant_shader_defs(&mut rig.app, defs);
+    rig.set(|r| {
+        alone(paths).apply_to(r);
+        r.bounces = BOUNCES;
+    });
+    rig.until_ready();
+    let pictures = (0..seeds).map(|seed| {
+        rig.set(|r| r.seed = seed);
+        let picture = rig.next();
+        picture.iter().zip(emitted.iter()).map(|((_, c), (_, e))| c - e).collect()
+    });
+    let pictures = pictures.collect();
+    plant_shader_defs(&mut rig.app, &[]);
+    pictures
+}
+
+/// The relative difference of both sums with its standard error, and the p-value of both being equal in all tiles of 4 x 4 pixels.
+struct Measure {
+    difference: f64,
+    error: f64,
+    tiles: f64,
+}
+
+impl Measure {
+    fn of(rig: &mut Rig, plant: &[&'static str], paths: Paths, seeds: u32) -> Self {
+        let frames = pictures(rig, &[&["TEST_CENSUS", "TEST_PAIRED"], plant].concat(), paths, seeds);
+        let sum = |of: fn(&Vec3) -> f32| frames.iter().map(move |f| f.iter().map(|c| f64::from(of(c))).sum());
+        let (mean, _) = mean_and_error(sum(|c| 0.5 * (c.x + c.y)));
+        let (difference, error) = mean_and_error(sum(|c| c.x - c.y));
+        // The paths that leave a tile, and those that its partner receives.
+        let tile = |x: usize, y: usize, of: fn(&Vec3) -> f32| -> Vec<f64> {
+            let pixels = move |f: &Vec<Vec3>| (0..16).map(|i| f64::from(of(&f[(y + i / 4) * SIZE + x + i % 4]))).sum();
+            frames.iter().map(pixels).collect()
+        };
+        let tiles = (0..SIZE / 4).flat_map(|y| (0..SIZE / 4).map(move |x| (4 * x, 4 * y)));
+        let pairs = tiles.map(|(x, y)| (tile(x, y, |c| c.x), tile(x ^ PARTNER.0, y ^ PARTNER.1, |c| c.y)));
+        // Pixels without a surface take no part.
+        let pairs = pairs.filter(|(a, b)| [a, b].iter().all(|v| v.iter().filter(|s| **s > 0.0).count() > 20));
+        let rounding = 1e-4 * mean / (SIZE * SIZE / 16) as f64;
+        let tiles = chi_squared_of_differences(pairs, rounding);
+        Self { difference: difference / mean, error: error / mean, tiles }
+    }
+}
+
+impl core::fmt::Display for Measure {
+    fn fmt(&self, f: &mut core::fmt::Formatter) -> core::fmt::Result {
+        write!(f, "{:+.2} % ± {:.2}, tiles p = {:.1e}", 100.0 * self.difference, 100.0 * self.error, self.tiles)
+    }
+}
+
+fn kinds() -> [(&'static str, Paths); 5] {
+    [
+        ("footprints", Paths::default()),
+        ("half replayed", Paths { footprint: 0.5, ..Default::default() }),
+        ("black box", Paths { reconnection: Reconnection::BlackBox, roughness: 0.6, ..Default::default() }),
+        ("by distance", Paths { reconnection: Reconnection::Distance, distance: 0.5, ..Default::default() }),
+        ("Jacobians to 2", Paths { jacobian_limit: 2.0, ..Default::default() }),
+    ]
+}
+
+#[test]
+fn the_jacobian_is_the_change_of_measure_of_the_shift() {
+    for (name, make) in PATH_SCENES {
+        let Some(mut rig) = scene(SIZE as u32, make) else { return };
+        for (what, paths) in kinds() {
+            let measure = Measure::of(&mut rig, &[], paths, 60);
+            eprintln!("{name}, {what}: {measure}");
+            assert!(measure.error < 0.03 && measure.difference.abs() < 4.0 * measure.error, "{name}, {what}");
+            assert!(measure.tiles > 1e-4, "{name}, {what}");
+        }
+    }
+}
+
+/// The distribution has heavy tails here, so that with fewer frames the p-values of tiles are too small.
+#[test]
+fn the_jacobian_is_the_change_of_measure_over_every_lobe() {
+    let Some(mut rig) = scene(SIZE as u32, every_lobe) else { return };
+    let measure = Measure::of(&mut rig, &[], Paths::default(), 240);
+    eprintln!("{measure}");
+    assert!(measure.error < 0.03 && measure.difference.abs() < 4.0 * measure.error && measure.tiles > 1e-4);
+}
+
+#[test]
+fn a_shift_that_is_not_a_change_of_variables_is_found() {
+    let Some(mut rig) = scene(SIZE as u32, |rig| {
+        room(rig);
+    }) else {
+        return;
+    };
+    let measure = Measure::of(&mut rig, &["PLANT_NO_JACOBIAN"], Paths::default(), 100);
+    eprintln!("{measure}");
+    assert!(measure.tiles < 1e-9);
+}
+
+#[test]
+fn footprints_keep_the_jacobian_near_one() {
+    let Some(mut rig) = room_scene(128) else { return };
+    // Among paths that reconnect: the share whose Jacobian to the next pixel is above 1.5 or below 1 / 1.5.
+    let mut beyond = |footprint| {
+        let paths = Paths { footprint, jacobian_limit: f32::MAX, ..Default::default() };
+        let all = pictures(&mut rig, &["TEST_JACOBIAN", "TEST_PAIRED"], paths, 4);
+        let arrived = all.iter().flatten().filter(|c| c.x > 0.5 && c.z > 0.5);
+        let (count, beyond) = arrived.fold((0, 0), |(n, m), c| (n + 1, m + u32::from(c.y > 1.5f32.ln())));
+        assert!(count > 3_000, "{count}");
+        f64::from(beyond) / f64::from(count)
+    };
+    let shares = [0.0, 0.02, 0.2, 2.0].map(&mut beyond);
+    eprintln!("beyond 1.5: {shares:?}");
+    assert!(shares.windows(2).all(|pair| pair[1] < 0.8 * pair[0]), "{shares:?}");
+}

@@ -1,0 +1,208 @@
+//! Compares the reference tracer with pictures of an independent renderer (Mitsuba 3); the long form is in `docs/proof.md`.
+//!
+//! Two runs with different seeds give a picture and, by their difference, its noise.  Means of the image and of tiles must agree within a
+//! floor plus four (tiles: five) standard errors; a firefly raises both the mean and its standard error.  The floor of tiles also covers
+//! errors that the noise between pixels does not show: all pixels share the jitter of a frame, so that a silhouette is shifted everywhere
+//! at once.  The tests check their own power: a reference that is scaled by `planted`, or brighter by 40 % in one tile with little noise,
+//! must be rejected.
+
+use crate::support::cli::{Exr, Folder, asset};
+use serde_json::Value;
+
+/// A scene, and how closely it must agree.
+struct Case {
+    scene: &'static str,
+    /// The number of frames of each of the two runs.
+    frames: u32,
+    /// The relative difference of image means that is allowed beyond noise.
+    floor: f64,
+    /// The same for tiles.
+    tile_floor: f64,
+    /// A relative error of the whole image that must be found.
+    planted: f64,
+}
+
+const SIZE: usize = 128;
+const TILE: usize = 32;
+
+/// The mean of the channels of each pixel.
+fn values(exr: &Exr) -> Vec<f64> {
+    assert_eq!((exr.width, exr.height), (SIZE, SIZE));
+    exr.pixels.iter().map(|p| p.iter().map(|c| f64::from(*c)).sum::<f64>() / 3.0).collect()
+}
+
+/// Two independent estimates of every pixel, and the reference.
+struct Pictures {
+    halves: [Vec<f64>; 2],
+    reference: Vec<f64>,
+    reference_error: Vec<f64>,
+}
+
+impl Pictures {
+    /// The relative difference of the means over some pixels, with its standard error.
+    fn difference(&self, pixels: &[usize], reference_scale: impl Fn(usize) -> f64) -> (f64, f64) {
+        let [a, b] = &self.halves;
+        let reference: f64 = pixels.iter().map(|&i| self.reference[i] * reference_scale(i)).sum();
+        let mean: f64 = pixels.iter().map(|&i| 0.5 * (a[i] + b[i])).sum();
+        // Pixels are independent: the variance of a mean is the sum of theirs, (a - b)²/4 each, and that of the reference.
+        let variance: f64 =
+            pixels.iter().map(|&i| 0.25 * (a[i] - b[i]).powi(2) + self.reference_error[i].powi(2)).sum();
+        // Differences in dark tiles are relative to a tenth of the mean tile.
+        let average = self.reference.iter().sum::<f64>() / (SIZE * SIZE) as f64;
+        let scale = reference.max(0.1 * average * pixels.len() as f64);
+        ((mean - reference) / scale, variance.sqrt() / scale)
+    }
+
+    /// The reason why the picture disagrees with a scaled reference, if it does.
+    fn disagreement(&self, case: &Case, scale: impl Fn(usize) -> f64) -> Option<String> {
+        let all: Vec<usize> = (0..SIZE * SIZE).collect();
+        let (difference, error) = self.difference(&all, &scale);
+        if difference.abs() > case.floor + 4.0 * error {
+            return Some(format!("the image differs by {difference:.5}, standard error {error:.5}"));
+        }
+        tiles().find_map(|tile| {
+            let (difference, error) = self.difference(&tile, &scale);
+            (difference.abs() > case.tile_floor + 5.0 * error).then(|| {
+                format!("the tile from pixel {} differs by {difference:.4}, standard error {error:.4}", tile[0])
+            })
+        })
+    }
+}
+
+fn tiles() -> impl Iterator<Item = Vec<usize>> {
+    let across = SIZE / TILE;
+    (0..across * across).map(move |t| {
+        let (x0, y0) = (t % across * TILE, t / across * TILE);
+        (0..TILE * TILE).map(|i| (y0 + i / TILE) * SIZE + x0 + i % TILE).collect()
+    })
+}
+
+/// Renders a scene with the settings of `references.json`.
+fn render_once(folder: &Folder, scene: &str, frames: u32, seed: u32) -> Exr {
+    let text = std::fs::read_to_string(asset("references.json")).expect("the references are there");
+    let all: Value = serde_json::from_str(&text).expect("the file is JSON");
+    let (bounces, frames, seed) = (all[scene]["bounces"].to_string(), frames.to_string(), seed.to_string());
+    let env = all[scene]["env"].as_array().map(|e| e.iter().map(Value::to_string).collect::<Vec<_>>().join(","));
+    let mut arguments = [
+        ["--technique", "reference"],
+        ["--size", "128x128"],
+        ["--set", "energy_compensation=false"],
+        ["--bounces", &bounces],
+        ["--frames", &frames],
+        ["--seed", &seed],
+        ["--out", "out.exr"],
+    ]
+    .concat();
+    if let Some(env) = &env {
+        arguments.extend(["--env", env]);
+    }
+    folder.render(&asset(&format!("{scene}.glb")), &arguments).succeeded();
+    Exr::read(&folder.path("out.exr"))
+}
+
+fn render(case: &Case) -> Option<Pictures> {
+    let folder = Folder::new(case.scene)?;
+    let halves = [11, 12].map(|seed| values(&render_once(&folder, case.scene, case.frames, seed)));
+    let exr = |name: String| values(&Exr::read(&asset(&name)));
+    let (reference, reference_error) = (exr(format!("{}.exr", case.scene)), exr(format!("{}_se.exr", case.scene)));
+    Some(Pictures { halves, reference, reference_error })
+}
+
+fn check(case: Case) {
+    let Some(pictures) = render(&case) else { return };
+    let all: Vec<usize> = (0..SIZE * SIZE).collect();
+    let (difference, error) = pictures.difference(&all, |_| 1.0);
+    println!("{}: {difference:+.5}, standard error {error:.5}", case.scene);
+    if let Some(why) = pictures.disagreement(&case, |_| 1.0) {
+        panic!("{}: {why}", case.scene);
+    }
+    for scale in [1.0 + case.planted, 1.0 - case.planted] {
+        assert!(pictures.disagreement(&case, |_| scale).is_some(), "{}: {scale} of the reference passes", case.scene);
+    }
+    // Only tiles with little noise can show it.
+    let average = pictures.reference.iter().sum::<f64>() / (SIZE * SIZE) as f64;
+    let is_quiet = |tile: &Vec<usize>| {
+        let light = tile.iter().map(|&i| pictures.reference[i]).sum::<f64>() / tile.len() as f64;
+        light > 0.2 * average && case.tile_floor + 8.0 * pictures.difference(tile, |_| 1.0).1 < 0.28
+    };
+    let quiet: Vec<_> = tiles().filter(is_quiet).collect();
+    assert!(quiet.len() >= 2, "{}: only {} tiles have little enough noise", case.scene, quiet.len());
+    for tile in quiet {
+        let inside = |i: usize| if tile.contains(&i) { 1.4 } else { 1.0 };
+        assert!(pictures.disagreement(&case, inside).is_some(), "{}: a tile brighter by 40 % passes", case.scene);
+    }
+}
+
+macro_rules! scenes {
+    ($($name:ident: $scene:literal, $frames:literal, $floor:literal, $tile_floor:literal, $planted:literal;)*) => {
+        $(#[test]
+        fn $name() {
+            check(Case {
+                scene: $scene,
+                frames: $frames,
+                floor: $floor,
+                tile_floor: $tile_floor,
+                planted: $planted,
+            });
+        })*
+    };
+}
+
+scenes! {
+    cornell_is_what_an_independent_renderer_shows: "cornell", 16, 0.003, 0.02, 0.03;
+    glossy_is_what_an_independent_renderer_shows: "glossy", 16, 0.003, 0.02, 0.03;
+    blinds_is_what_an_independent_renderer_shows: "blinds", 16, 0.003, 0.02, 0.03;
+    punctual_is_what_an_independent_renderer_shows: "punctual", 64, 0.003, 0.04, 0.03;
+    furnace_is_what_an_independent_renderer_shows: "furnace", 12, 0.003, 0.02, 0.03;
+    ajar_is_what_an_independent_renderer_shows: "ajar", 48, 0.005, 0.03, 0.06;
+    many_lights_is_what_an_independent_renderer_shows: "many_lights", 24, 0.01, 0.03, 0.1;
+    glass_lamp_is_what_an_independent_renderer_shows: "glass_lamp", 32, 0.01, 0.03, 0.06;
+    caustic_egg_is_what_an_independent_renderer_shows: "caustic_egg", 16, 0.01, 0.03, 0.06;
+    mirror_room_is_what_an_independent_renderer_shows: "mirror_room", 32, 0.01, 0.03, 0.06;
+}
+
+/// The mean over 8 x 8-pixel tiles of the absolute relative difference of luminance; dark tiles count as at least 2 % of the mean.
+fn tile_difference(picture: &Exr, reference: &Exr) -> f64 {
+    let luminance = |p: &[f32; 3]| 0.2126 * f64::from(p[0]) + 0.7152 * f64::from(p[1]) + 0.0722 * f64::from(p[2]);
+    let tiles = |exr: &Exr| -> Vec<f64> {
+        let mut sums = vec![0.0; (SIZE / 8) * (SIZE / 8)];
+        for (i, pixel) in exr.pixels.iter().enumerate() {
+            sums[(i / SIZE / 8) * (SIZE / 8) + i % SIZE / 8] += luminance(pixel) / 64.0;
+        }
+        sums
+    };
+    let (a, b) = (tiles(picture), tiles(reference));
+    let mean = b.iter().sum::<f64>() / b.len() as f64;
+    a.iter().zip(&b).map(|(a, b)| (a - b).abs() / b.max(0.02 * mean)).sum::<f64>() / a.len() as f64
+}
+
+/// Prints the table of `docs/proof.md`.
+#[test]
+#[ignore = "half an hour: ./run test --full"]
+fn the_reference_tracer_meets_its_margins_at_full_length() {
+    let Some(folder) = Folder::new("full_length") else { return };
+    let mut failed = Vec::new();
+    for (scene, frames, mean_margin, tile_margin) in [
+        ("punctual", 512, 0.003, 0.01),
+        ("furnace", 256, 0.003, 0.01),
+        ("cornell", 640, 0.003, 0.01),
+        ("glossy", 3072, 0.003, 0.01),
+        ("blinds", 2048, 0.003, 0.01),
+        ("ajar", 6144, 0.005, 0.02),
+        ("many_lights", 1024, 0.01, 0.03),
+        ("glass_lamp", 2048, 0.01, 0.03),
+        ("caustic_egg", 512, 0.01, 0.03),
+        ("mirror_room", 1024, 0.01, 0.03),
+    ] {
+        let picture = render_once(&folder, scene, frames, 0);
+        let reference = Exr::read(&asset(&format!("{scene}.exr")));
+        let mean = |exr: &Exr| values(exr).iter().sum::<f64>() / (SIZE * SIZE) as f64;
+        let difference = (mean(&picture) - mean(&reference)) / mean(&reference);
+        let tiles = tile_difference(&picture, &reference);
+        println!("| {scene} | {frames} | {:+.3} % | {:.2} % |", 100.0 * difference, 100.0 * tiles);
+        if difference.abs() > mean_margin || tiles > tile_margin {
+            failed.push(scene);
+        }
+    }
+    assert!(failed.is_empty(), "{failed:?}");
+}

@@ -1,0 +1,4 @@
+//! The reference path tracer.
+
+mod closed_forms;
+mod mitsuba;

@@ -1,0 +1,158 @@
+//! `lab compare` as scripts call it: its figures, its files, and its exit codes.
+
+use crate::support::cli::Folder;
+use serde_json::Value;
+use std::fs;
+
+/// A picture without equal pixels, and far from black.
+fn plain(x: usize, y: usize) -> [f32; 3] {
+    let at = (x + 31 * y) as f32;
+    [0.5 + 0.3 * (0.7 * at).sin(), 2.0 + 0.01 * at, 1.0 + 0.5 * (0.3 * at).cos()]
+}
+
+fn write(folder: &Folder, name: &str, [width, height]: [usize; 2], pixel: impl Sync + Fn(usize, usize) -> [f32; 3]) {
+    let channels = |x, y| {
+        let [r, g, b] = pixel(x, y);
+        (r, g, b)
+    };
+    exr::prelude::write_rgb_file(folder.path(name), width, height, channels).expect("the folder can be written");
+}
+
+/// The comparison of two files: one line of JSON.
+fn compared(folder: &Folder, picture: &str, reference: &str, more: &[&str]) -> Value {
+    let run = folder.lab(&[&["compare", picture, reference, "--out", "tables"], more].concat());
+    run.succeeded();
+    assert_eq!(run.stdout.trim_end().lines().count(), 1, "{}", run.stdout);
+    assert!(run.stderr.is_empty(), "{}", run.stderr);
+    serde_json::from_str(&run.stdout).expect("the output is JSON")
+}
+
+fn is_near(value: &Value, wanted: f64) -> bool {
+    value.as_f64().is_some_and(|value| (value - wanted).abs() <= 1e-5)
+}
+
+#[test]
+fn equal_pictures_differ_by_nothing() {
+    let folder = Folder::without_gpu("compare_equal");
+    write(&folder, "a.exr", [21, 13], plain);
+    write(&folder, "b.exr", [21, 13], plain);
+    let nothing = serde_json::json!({
+        "rel_mean": 0.0,
+        "rel_mean_rgb": [0.0, 0.0, 0.0],
+        "tile_abs_mean": 0.0,
+        "tile_abs_p95": 0.0,
+        "tile_abs_max": 0.0,
+        "tile_bias": 0.0,
+        "rmse": 0.0,
+        "rel_mse": 0.0,
+        "mape": 0.0,
+        "non_finite": 0,
+    });
+    assert_eq!(compared(&folder, "a.exr", "b.exr", &[]), nothing);
+    assert_eq!(compared(&folder, "a.exr", "a.exr", &["--tile", "5"]), nothing);
+}
+
+#[test]
+fn a_brighter_picture_has_the_same_relative_difference_everywhere() {
+    let folder = Folder::without_gpu("compare_brighter");
+    write(&folder, "a.exr", [24, 16], |x, y| plain(x, y).map(|c| 1.01 * c));
+    write(&folder, "b.exr", [24, 16], plain);
+    let found = compared(&folder, "a.exr", "b.exr", &[]);
+    for key in ["rel_mean", "tile_abs_mean", "tile_abs_p95", "tile_abs_max", "tile_bias"] {
+        assert!(is_near(&found[key], 0.01), "{key}: {found}");
+    }
+    assert!((0..3).all(|i| is_near(&found["rel_mean_rgb"][i], 0.01)), "{found}");
+    assert_eq!(found["non_finite"], 0);
+    // With the arguments swapped, the picture is darker, relative to the brighter reference.
+    let found = compared(&folder, "b.exr", "a.exr", &[]);
+    assert!(is_near(&found["tile_bias"], -0.01 / 1.01) && is_near(&found["tile_abs_mean"], 0.01 / 1.01), "{found}");
+}
+
+#[test]
+fn figures_follow_their_definitions() {
+    let folder = Folder::without_gpu("compare_definitions");
+    // Two tiles, and a column and a row that belong to no tile.  The left tile is half as bright again.
+    write(&folder, "a.exr", [9, 5], |x, y| [if x < 4 && y < 4 { 1.5 } else { 1.0 }; 3]);
+    write(&folder, "b.exr", [9, 5], |_, _| [1.0; 3]);
+    let found = compared(&folder, "a.exr", "b.exr", &["--tile", "4"]);
+    let share: f64 = 16.0 / 45.0;
+    for (key, wanted) in [
+        ("rel_mean", 0.5 * share),
+        ("tile_abs_mean", 0.25),
+        ("tile_abs_p95", 0.475),
+        ("tile_abs_max", 0.5),
+        ("tile_bias", 0.25),
+        ("rmse", 0.5 * share.sqrt()),
+        ("rel_mse", 0.25 * share / 1.01),
+        ("mape", 0.5 * share / 1.01),
+    ] {
+        assert!(is_near(&found[key], wanted), "{key} is {wanted}: {found}");
+    }
+    // Without a complete tile, the figures of tiles are empty.
+    let found = compared(&folder, "a.exr", "b.exr", &[]);
+    assert!(found["tile_abs_max"].is_null() && is_near(&found["rel_mean"], 0.5 * share), "{found}");
+}
+
+#[test]
+fn pixels_that_are_not_finite_are_counted_and_taken_as_black() {
+    let folder = Folder::without_gpu("compare_nan");
+    let spot = |x: usize, y: usize, what: [f32; 3]| if (x, y) == (3, 2) { what } else { plain(x, y) };
+    write(&folder, "nan.exr", [16, 16], |x, y| spot(x, y, [1.0, f32::NAN, 1.0]));
+    write(&folder, "black.exr", [16, 16], |x, y| spot(x, y, [0.0; 3]));
+    write(&folder, "b.exr", [16, 16], plain);
+    let mut found = compared(&folder, "nan.exr", "b.exr", &[]);
+    assert_eq!(found["non_finite"], 1);
+    let black = compared(&folder, "black.exr", "b.exr", &[]);
+    assert_eq!(black["non_finite"], 0);
+    found["non_finite"] = 0.into();
+    assert_eq!(found, black);
+    // A reference must be finite.
+    let run = folder.lab(&["compare", "b.exr", "nan.exr"]);
+    run.failed(1, "a reference that is not finite");
+    assert!(run.stderr.contains("nan.exr"), "{}", run.stderr);
+}
+
+#[test]
+fn the_table_names_the_compared_files() {
+    let folder = Folder::without_gpu("compare_table");
+    write(&folder, "a.exr", [16, 8], |x, y| plain(x, y).map(|c| 2.0 * c));
+    write(&folder, "b.exr", [16, 8], plain);
+    let found = compared(&folder, "a.exr", "b.exr", &[]);
+    assert_eq!(folder.files(), ["a.exr", "b.exr", "tables"]);
+    let table = |name: &str| fs::read_to_string(folder.path("tables").join(name)).expect("the file was written");
+    let (csv, markdown) = (table("compare.csv"), table("compare.md"));
+    for text in [&csv, &markdown] {
+        assert!(text.contains("`cargo run --example lab -- compare a.exr b.exr --out tables`"), "{text}");
+        assert!(text.contains("16 x 8 pixels, tiles of 8 x 8"), "{text}");
+    }
+    for name in found.as_object().expect("an object").keys() {
+        assert!(csv.lines().any(|line| line.starts_with(&format!(",{name},"))), "{name}: {csv}");
+        assert!(markdown.contains(&format!("| {name} |")), "{name}: {markdown}");
+    }
+}
+
+#[test]
+fn pictures_that_cannot_be_compared_give_one_line_and_exit_code_1() {
+    let folder = Folder::without_gpu("compare_wrong");
+    write(&folder, "a.exr", [8, 8], plain);
+    write(&folder, "wide.exr", [16, 8], plain);
+    write(&folder, "high.exr", [8, 16], plain);
+    fs::write(folder.path("garbage.exr"), b"no exr").expect("the folder can be written");
+    let whole = fs::read(folder.path("a.exr")).expect("it was written");
+    fs::write(folder.path("cut.exr"), &whole[..whole.len() / 2]).expect("the folder can be written");
+    let before = folder.files();
+    for name in ["wide.exr", "high.exr", "missing.exr", "garbage.exr", "cut.exr", "."] {
+        for pair in [["a.exr", name], [name, "a.exr"]] {
+            let run = folder.lab(&["compare", pair[0], pair[1]]);
+            run.failed(1, name);
+            assert!(run.stderr.contains(name), "{pair:?}: the line names the file: {}", run.stderr);
+            assert!(run.stdout.is_empty(), "{pair:?}: {}", run.stdout);
+            assert_eq!(folder.files(), before, "{pair:?}");
+        }
+    }
+    let wrong: [&[&str]; 3] = [&["compare", "a.exr"], &["compare", "a.exr", "a.exr", "--tile", "0"], &["contrast"]];
+    for arguments in wrong {
+        folder.lab(arguments).failed(2, &format!("{arguments:?}"));
+        assert_eq!(folder.files(), before, "{arguments:?}");
+    }
+}

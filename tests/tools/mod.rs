@@ -1,0 +1,4 @@
+//! The example programs as scripts call them.
+
+mod lab_cli;
+mod render_cli;

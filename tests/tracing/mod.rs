@@ -1,0 +1,6 @@
+//! Rays and the visibility buffer find the right triangle.
+
+mod offset;
+mod ray_queries;
+mod traversal;
+mod visibility_buffer;
