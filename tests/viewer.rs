@@ -5,6 +5,7 @@ use bevy::{
     anti_alias::taa::TemporalAntiAliasing,
     input::{
         ButtonState,
+        keyboard::{Key, KeyboardInput},
         mouse::{MouseButtonInput, MouseScrollUnit, MouseWheel},
         touch::TouchPhase,
     },
@@ -14,11 +15,11 @@ use bevy::{
     render::camera::TemporalJitter,
     window::{CursorMoved, FileDragAndDrop, WindowEvent},
 };
-use bevy_egui::egui;
+use bevy_egui::{EguiContext, EguiGlobalSettings, EguiPrimaryContextPass, egui};
 use bevy_restir::{DebugView, Restir, RestirEnvironment, Technique};
 use bevy_restir_apps::{
     look::{self, Look, TooDark},
-    panel::{docs::Docs, form::Form},
+    panel::{self, AddSection, Panel, docs::Docs, form::Form},
     viewer::{
         animation::{self, Clips},
         camera,
@@ -114,6 +115,64 @@ fn every_setting_and_every_choice_has_a_tooltip() {
         }
     }
     walk(&Restir::default(), &Docs::default());
+}
+
+/// All text that egui has laid out.
+fn text_of(shapes: &[egui::epaint::ClippedShape]) -> String {
+    fn collect(shape: &egui::Shape, text: &mut String) {
+        match shape {
+            egui::Shape::Text(line) => *text += &format!("{}\n", line.galley.text()),
+            egui::Shape::Vec(shapes) => shapes.iter().for_each(|shape| collect(shape, text)),
+            _ => {}
+        }
+    }
+    let mut text = String::new();
+    shapes.iter().for_each(|clipped| collect(&clipped.shape, &mut text));
+    text
+}
+
+#[test]
+fn the_panel_shows_its_sections_and_its_keys_change_settings() {
+    let Some(mut rig) = Rig::new(16, 16) else { return };
+    rig.app.init_resource::<EguiGlobalSettings>().insert_resource(Panel::new("my own key"));
+    rig.app.add_section(|InMut(ui): InMut<egui::Ui>| _ = ui.label("my own section"));
+    panel::plugin(&mut rig.app);
+    rig.insert(rig.camera, look::look(None));
+    rig.frames(2);
+    let world = rig.app.world_mut();
+    let context = world.query::<&mut EguiContext>().single_mut(world).expect("the overlay has it").get_mut().clone();
+    let mut text = String::new();
+    for _ in 0..2 {
+        let screen = egui::Rect::from_min_size(egui::Pos2::ZERO, egui::vec2(800.0, 1200.0));
+        let input = egui::RawInput { screen_rect: Some(screen), ..default() };
+        let mut output = context.run_ui(input, |_| rig.app.world_mut().run_schedule(EguiPrimaryContextPass));
+        output.textures_delta.clear();
+        text = text_of(&output.shapes);
+    }
+    for part in
+        ["my own section", "Balanced", "EV100", "Settings", "Environment", "Cost", "rays per pixel", "my own key"]
+    {
+        assert!(text.contains(part), "{part} is missing in:\n{text}");
+    }
+
+    let mut press = |key_code, text: &str| {
+        rig.app.world_mut().write_message(KeyboardInput {
+            key_code,
+            logical_key: Key::Character(text.into()),
+            state: ButtonState::Pressed,
+            text: None,
+            repeat: false,
+            window: Entity::PLACEHOLDER,
+        });
+        rig.frames(1);
+        rig.get_mut::<Restir>(rig.camera).clone()
+    };
+    assert_eq!(press(KeyCode::KeyT, "t").technique, Technique::Di);
+    assert_eq!(press(KeyCode::KeyT, "T").technique, Technique::Reference, "shift steps back");
+    assert_eq!(press(KeyCode::ArrowUp, "").bounces, 2);
+    assert_ne!(press(KeyCode::KeyV, "v").debug_view, DebugView::Off);
+    press(KeyCode::KeyH, "h");
+    assert!(!rig.app.world().resource::<Panel>().visible);
 }
 
 /// An app with the parts of the viewer that load files.

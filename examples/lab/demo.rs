@@ -16,7 +16,7 @@ use crate::{
 };
 
 /// One picture per scene with three panels: the reference path tracer in the time of one frame of ReSTIR PT, that frame, and the
-/// converged picture.
+/// converged picture. The printed errors are medians over blocks of 8 x 8 pixels of the squared error, relative to the squared mean.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// glTF files; `references.json` beside a file may name its environment.
@@ -88,13 +88,13 @@ fn compare(args: &Args, scene: &Scene) -> Result<(), String> {
     let plural = if samples == 1 { "" } else { "s" };
     println!("{}", path.display());
     println!(
-        "  left:   reference path tracer, {samples} sample{plural} per pixel, {:.0} ms, relative squared error {:.2}",
+        "  left:   reference path tracer, {samples} sample{plural} per pixel, {:.0} ms, median block error {:.2}",
         sample_ms * f64::from(samples),
-        truth.error(&noisy).mean
+        truth.error(&noisy).median
     );
     println!(
-        "  middle: ReSTIR PT, one frame, {frame_ms:.0} ms, relative squared error {:.2}",
-        truth.error(&resampled).mean
+        "  middle: ReSTIR PT, one frame, {frame_ms:.0} ms, median block error {:.2}",
+        truth.error(&resampled).median
     );
     println!("  right:  {origin}");
     Ok(())
