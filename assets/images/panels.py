@@ -1,5 +1,7 @@
 #!/usr/bin/env python3
-"""Puts EXR pictures side by side with labels: panels.py OUT.png EXPOSURE LABEL=A.exr[,B.exr ...] ...   (the mean where there are several)"""
+"""Puts EXR pictures side by side with labels: panels.py OUT.png EXPOSURE LABEL=A.exr[,B.exr ...] ...
+
+Several files of one panel are averaged.  The picture has a palette of 256 colors, which keeps noise small on disk."""
 import sys
 import numpy as np, OpenEXR
 from PIL import Image, ImageDraw, ImageFont
@@ -24,6 +26,8 @@ def tonemap(x):
     return np.where(y <= 0.0031308, 12.92 * y, 1.055 * y ** (1 / 2.4) - 0.055)
 
 
+if len(sys.argv) < 4:
+    sys.exit(__doc__)
 out, exposure, *panels = sys.argv[1:]
 font = ImageFont.load_default(15)
 pictures = []
@@ -41,4 +45,4 @@ x = 0
 for p in pictures:
     sheet.paste(p, (x, 0))
     x += p.width + gap
-sheet.save(out, optimize=True)
+sheet.quantize(256, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.FLOYDSTEINBERG).save(out, optimize=True)
