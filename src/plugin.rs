@@ -15,10 +15,10 @@ use bevy::{
 };
 
 use crate::{
-    RayBackend, Restir, RestirEnvironment, device, frame,
+    device, frame,
     report::{self, RestirStatistics},
     scene,
-    settings::EmissiveLuminance,
+    settings::{EmissiveLuminance, RayBackend, Restir, RestirEnvironment},
     shader_library::ShaderLibrary,
     technique::shader_templates,
     view,

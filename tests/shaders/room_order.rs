@@ -9,9 +9,11 @@ type Table = &'static [(&'static str, &'static [&'static str])];
 
 /// First folder (or file) below `src/`.
 const RUST: Table = &[
+    ("device", &[]),
     ("gpu_layout", &[]),
     ("settings", &[]),
-    ("shader_library", &["gpu_layout", "settings"]),
+    ("system_sets", &[]),
+    ("shader_library", &["device", "gpu_layout", "settings", "system_sets"]),
     ("scene", &["shader_library"]),
     ("technique", &["scene"]),
     ("view", &["technique"]),
