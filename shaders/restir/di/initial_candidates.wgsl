@@ -89,7 +89,7 @@ fn trace_bsdf_ray(r: Receiver, rng: ptr<function, Rng>) -> BsdfRay {
 struct Candidates {
     stream: Stream,
     point: LightPoint,
-    target_value: f32,         // the value that the point was weighed by: its contribution weight is divided by the same
+    selected_target: f32,      // target of the point: its contribution weight is divided by it
 }
 
 fn add_light_candidates(c: ptr<function, Candidates>, r: Receiver, with_bsdf: bool, pixel: vec2<u32>, rng: ptr<function, Rng>) {
@@ -140,7 +140,7 @@ fn add_candidate(c: ptr<function, Candidates>, index: u32, point: LightPoint, va
     var stream = (*c).stream;
     if stream_add(&stream, index, weight, u) {
         (*c).point = point;
-        (*c).target_value = value;
+        (*c).selected_target = value;
     }
     (*c).stream = stream;
 }
@@ -161,7 +161,7 @@ fn sample_candidates(r: Receiver, pixel: vec2<u32>, rng: ptr<function, Rng>) -> 
     if c.point.light != NONE {
         let is_known = c.stream.selected >= settings.candidates || (settings.flags & RESAMPLE_CANDIDATE_RAYS) == 0u;
         if is_known || is_visible(r, evaluate(r, reservoir), rng_bits(rng).x) {
-            reservoir.ucw = stream_ucw(c.stream, c.target_value);
+            reservoir.ucw = stream_ucw(c.stream, c.selected_target);
         }
     }
     return SelectedCandidate(reservoir, unresampled);
