@@ -71,7 +71,7 @@ fn cube_texel(face: u32, p: vec2<i32>, n: i32) -> vec3<f32> {
     var point = CubePoint(face, vec2<f32>(0.0));
     var texel = p;
     if any(p < vec2<i32>(0)) || any(p >= vec2<i32>(n)) {
-        // A point just beyond the edge, beside the texel.  Beyond a corner there is no texel: one of those beyond an edge is used.
+        // A point just beyond the edge, next to the texel.  Beyond a corner there is no texel: one beyond an edge is used instead.
         let inner = 1.0 - 1.0 / f32(n);
         let outer = 1.0 + 0.25 / f32(n);
         var at = clamp((2.0 * vec2<f32>(p) + 1.0) / f32(n) - 1.0, vec2<f32>(-outer), vec2<f32>(outer));

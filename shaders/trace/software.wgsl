@@ -18,8 +18,8 @@ const STACK_SIZE: u32 = 40u;
 const MAX_STEPS: u32 = 8192u;
 
 // The closest hit, or any hit, now or (`previous`) in the last frame.  One function serves all, so that any-hit and closest-hit rays agree
-// bit by bit.  It is one long function on purpose: the stack must not be passed to another one, which some compilers would implement by a
-// copy of the array.
+// bit by bit.  It is one long function on purpose: the stack must not be passed to another one, because naga writes a pointer argument
+// for HLSL as `inout`, which copies the array.
 fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
     var hit = Hit(ray.t_max, NONE, NONE, vec2<f32>(0.0));
     let root = select(scene.tlas_root, scene.previous_tlas_root, previous);
