@@ -15,7 +15,7 @@
 
 // Relative distance by which a light may lie behind a surface without being occluded, so that a light in the plane of a ceiling is visible.
 const DISTANCE_TOLERANCE: f32 = 0x1p-16;
-// Most lights that one ray can hit.
+// Greatest number of lights that one ray can hit.
 const LIGHT_HITS_MAX: u32 = 64u;
 
 // A segment of a ray; `direction` is a unit vector, and `length` is FAR if the ray hits no surface.

@@ -23,7 +23,7 @@ struct PresampledLight {
     opacity: f32,              // probability that the alpha test keeps the surface at the point
 }
 
-// The record is incomplete: an analytic light, whose light depends on the receiver, is read from the table.
+// An analytic light, whose radiance depends on the receiver: the light is read from the table.
 const PRESAMPLED_TABLE: u32 = 0x80000000u;
 const PRESAMPLED_DOUBLE_SIDED: u32 = 0x40000000u;
 

@@ -27,7 +27,7 @@ const TEXTURE_TWO_COMPONENTS: u32 = 0x20000000u;
 // The image is bound directly: the low 16 bits are its index in `bound_textures` instead of a page.  Of other slots only NONE has this bit.
 const TEXTURE_BOUND: u32 = 0x80000000u;
 
-// Most samples along the long axis of a footprint.  A longer footprint is widened across.
+// Greatest number of samples along the long axis of a footprint.  A longer footprint is widened across.
 const MAX_SAMPLES: f32 = 4.0;
 
 // A footprint: a point in texture coordinates, and two conjugate diameters of an ellipse around it.  With diameters of 0 it is the point.

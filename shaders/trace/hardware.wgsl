@@ -34,7 +34,7 @@ const OPACITY: u32 = FORCE_OPAQUE;
 const INTERSECTION_NONE: u32 = 0u;
 const INTERSECTION_TRIANGLE: u32 = 1u;
 
-// Most candidates with alpha that a query tests, and most hits that a ray rejects because `intersect_triangle` gives another distance.
+// Greatest numbers of alpha tests in a query, and of hits of a ray that are rejected because `intersect_triangle` gives another distance.
 const MAX_CANDIDATES: u32 = 8192u;
 const MAX_ATTEMPTS: u32 = 8u;
 

@@ -21,7 +21,7 @@ struct ViewUniforms {
     previous_jitter: vec2<f32>,
     frame: u32,                         // index in the sequence of random numbers
     seed: u32,
-    bounces: u32,                       // most scattering events of a path
+    bounces: u32,                       // greatest number of scattering events of a path
     flags: u32,                         // VIEW_*
     origin: vec2<u32>,                  // corner of the viewport in the render target, pixels
     accumulated: u32,                   // frames that `radiance` sums up so far; 0 restarts the sum
