@@ -1,6 +1,6 @@
-// The material: the sum of its lobes, (eval, sample, pdf) over all of them and lobe by lobe.  After glTF 2.0 (Appendix B and the KHR
-// extensions): with one α for all microfacets of the body it is LOBE_DIFFUSE + LOBE_REFLECTION + LOBE_TRANSMISSION, all under LOBE_COAT.
-// Delta lobes are sampled, never evaluated.
+// The BSDF: value, sample and density, of the sum of all lobes and of single lobes.  The model is that of glTF 2.0 (Appendix B and the KHR
+// extensions): a base of LOBE_DIFFUSE + LOBE_REFLECTION + LOBE_TRANSMISSION, whose microfacets share one α, under LOBE_COAT.  Delta lobes
+// are sampled, but never evaluated.
 #define_import_path bevy_restir::bsdf::bsdf
 
 #import bevy_restir::bsdf::coat::{coat_draw, coat_eval, coat_is_chosen, coat_is_rough, coat_pdf, coat_share}
@@ -14,66 +14,66 @@
 #import bevy_restir::common::constants::ALPHA_DELTA
 #import bevy_restir::common::math::{is_finite, is_finite_3, max_component}
 
-// Largest f32 below 1: what is left of a random number stays one.
-const BELOW_ONE: f32 = 0.99999994;
+// Largest f32 below 1.  A random number that is scaled up for reuse is clamped to it.
+const ONE_MINUS_EPSILON: f32 = 0.99999994;
 
-// A pair of directions: in the world, and in the frame where the shading normal is z.
-struct Pair {
+// A pair of directions in world space, and in the local frame where the shading normal is z.
+struct Directions {
     wo: vec3<f32>,
     wi: vec3<f32>,
-    o: vec3<f32>,
-    i: vec3<f32>,
-    carries: bool,             // both directions are on one side of n and n_geo each; a coat has a normal of its own
+    local_wo: vec3<f32>,
+    local_wi: vec3<f32>,
+    same_side: bool,           // wo is above n and n_geo, and wi is on the same side of both; lobes of the base are 0 otherwise
 }
 
-// f·|n.wi| of all lobes but deltas
+// f·|n·wi| of all lobes except deltas.
 fn bsdf_eval(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> vec3<f32> {
-    return lobes_eval(b, pair_of(b, wo, wi));
+    return lobes_eval(b, directions_of(b, wo, wi));
 }
 
-fn lobes_eval(b: Bsdf, p: Pair) -> vec3<f32> {
+fn lobes_eval(b: Bsdf, p: Directions) -> vec3<f32> {
     var f = vec3<f32>(0.0);
-    if p.carries {
-        f = body_eval(b, p, LOBE_DIFFUSE) + body_eval(b, p, LOBE_REFLECTION) + body_eval(b, p, LOBE_TRANSMISSION);
+    if p.same_side {
+        f = base_eval(b, p, LOBE_DIFFUSE) + base_eval(b, p, LOBE_REFLECTION) + base_eval(b, p, LOBE_TRANSMISSION);
     }
     return (1.0 - coat_share(b, p.wo)) * f + lobe_eval(b, p, LOBE_COAT);
 }
 
-// Density of `bsdf_sample`, solid angle of wi, of all lobes but deltas
+// Marginal density of `bsdf_sample` over all lobes except deltas, solid angle of wi.
 fn bsdf_pdf(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> f32 {
-    return sum_of(lobe_pdfs(b, pair_of(b, wo, wi)));
+    return sum_of_lobes(lobe_pdfs(b, directions_of(b, wo, wi)));
 }
 
-// Lobe by lobe, in the order of LOBE_*.
-fn lobe_pdfs(b: Bsdf, p: Pair) -> vec4<f32> {
-    let choice = lobe_choice(b, p.wo, p.o.z);
+// Joint densities of direction and lobe, one component per lobe in the order of LOBE_*.
+fn lobe_pdfs(b: Bsdf, p: Directions) -> vec4<f32> {
+    let choice = lobe_choice(b, p.wo, p.local_wo.z);
     var pdf = vec3<f32>(0.0);
-    if p.carries {
+    if p.same_side {
         pdf = vec3<f32>(
-            body_pdf(b, p, LOBE_DIFFUSE, choice.specular),
-            body_pdf(b, p, LOBE_REFLECTION, choice.specular),
-            body_pdf(b, p, LOBE_TRANSMISSION, choice.specular),
+            base_pdf(b, p, LOBE_DIFFUSE, choice.specular),
+            base_pdf(b, p, LOBE_REFLECTION, choice.specular),
+            base_pdf(b, p, LOBE_TRANSMISSION, choice.specular),
         );
     }
     return vec4<f32>((1.0 - choice.coat) * pdf, select(0.0, choice.coat * coat_pdf(b, p.wo, p.wi), coat_is_rough(b)));
 }
 
-fn sum_of(pdf: vec4<f32>) -> f32 {
+fn sum_of_lobes(pdf: vec4<f32>) -> f32 {
     return pdf.x + pdf.y + pdf.z + pdf.w;
 }
 
-// Both at once.
+// `bsdf_eval` and `bsdf_pdf` at once.
 struct BsdfTerms {
     f: vec3<f32>,
     pdf: f32,
 }
 
 fn bsdf_terms(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> BsdfTerms {
-    let p = pair_of(b, wo, wi);
-    return BsdfTerms(lobes_eval(b, p), sum_of(lobe_pdfs(b, p)));
+    let p = directions_of(b, wo, wi);
+    return BsdfTerms(lobes_eval(b, p), sum_of_lobes(lobe_pdfs(b, p)));
 }
 
-// u.z chooses the lobe.  Every sample whose wi is on different sides of n and n_geo is lost, and `bsdf_pdf` is 0 there.
+// Samples a direction; u.z chooses the lobe.  A sample whose wi is on different sides of n and n_geo is invalid, and `bsdf_pdf` is 0 there.
 fn bsdf_sample(b: Bsdf, wo: vec3<f32>, u: vec3<f32>) -> BsdfSample {
     var s = bsdf_draw(b, wo, u);
     if s.valid == 0u {
@@ -91,7 +91,7 @@ fn bsdf_sample(b: Bsdf, wo: vec3<f32>, u: vec3<f32>) -> BsdfSample {
     return s;
 }
 
-// The same without weight and density, but for a delta's weight.
+// Samples direction and lobe; weight and density are left out, except the weight of a delta.
 fn bsdf_draw(b: Bsdf, wo: vec3<f32>, u: vec3<f32>) -> BsdfSample {
     let frame = frame_of(b);
     let o = wo * frame;
@@ -103,11 +103,11 @@ fn bsdf_draw(b: Bsdf, wo: vec3<f32>, u: vec3<f32>) -> BsdfSample {
         return no_bsdf_sample();
     }
     let rough = b.roughness >= ALPHA_DELTA;
-    let of_body = 1.0 - choice.coat;
+    let base_probability = 1.0 - choice.coat;
     let specular = choice.specular;
-    let v = min((u.z - choice.coat) / of_body, BELOW_ONE);
+    let v = min((u.z - choice.coat) / base_probability, ONE_MINUS_EPSILON);
 
-    // Choose diffuse or microfacets, then what the sampled microfacet does.
+    // Choose diffuse or microfacets; then the sampled microfacet reflects or transmits.
     var s = no_bsdf_sample();
     var i: vec3<f32>;
     var delta_weight = vec3<f32>(0.0);
@@ -134,25 +134,25 @@ fn bsdf_draw(b: Bsdf, wo: vec3<f32>, u: vec3<f32>) -> BsdfSample {
             }
         }
     } else {
-        i = diffuse_sample(b, o, vec3<f32>(u.xy, min((v - specular) / (1.0 - specular), BELOW_ONE)));
+        i = diffuse_sample(b, o, vec3<f32>(u.xy, min((v - specular) / (1.0 - specular), ONE_MINUS_EPSILON)));
         s.lobe = LOBE_DIFFUSE;
     }
 
-    // Reflections stay above n and n_geo, what goes through below both; the other side is another lobe's.
+    // Reflection must stay above n and n_geo, transmission below both: the other side belongs to another lobe.
     s.wi = normalize(frame * i);
     let below = s.lobe == LOBE_TRANSMISSION || (s.lobe == LOBE_DIFFUSE && i.z < 0.0);
     let side = select(1.0, -1.0, below);
     s.valid = u32(side * dot(s.wi, b.n) > 0.0 && side * dot(s.wi, b.n_geo) > 0.0);
-    s.weight = select(vec3<f32>(0.0), delta_weight * ((1.0 - coat_share(b, wo)) / of_body), s.delta != 0u);
+    s.weight = select(vec3<f32>(0.0), delta_weight * ((1.0 - coat_share(b, wo)) / base_probability), s.delta != 0u);
     return s;
 }
 
-// Whether every lobe that contributes is a delta: then no light can be aimed at.
+// Whether every lobe that contributes is a delta, so that NEE cannot contribute.
 fn bsdf_is_delta(b: Bsdf) -> bool {
     return b.roughness < ALPHA_DELTA && !(max_component(diffuse_albedo(b)) > 0.0) && !coat_is_rough(b);
 }
 
-// It scatters alike whatever the direction that light comes from, on either side.
+// Whether scattering does not depend on the direction that light comes from.
 fn bsdf_is_diffuse(b: Bsdf) -> bool {
     let f0 = max(b.dielectric_reflectance, b.metallic * b.base_color);
     return !(max(max_component(f0), b.transmission) > 0.0) && !(coat_share(b, b.n) > 0.0);
@@ -175,21 +175,21 @@ fn bsdf_lobe_is_delta(b: Bsdf, lobe: u32) -> bool {
     }
 }
 
-// f·|n.wi| of one lobe; 0 for a delta
+// f·|n·wi| of one lobe; 0 for a delta.
 fn bsdf_eval_lobe(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>, lobe: u32) -> vec3<f32> {
-    return lobe_eval(b, pair_of(b, wo, wi), lobe);
+    return lobe_eval(b, directions_of(b, wo, wi), lobe);
 }
 
-// Joint density of direction and lobe; 0 for a delta
+// Joint density of direction and lobe; 0 for a delta.
 fn bsdf_pdf_lobe(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>, lobe: u32) -> f32 {
-    return of_lobe(lobe_pdfs(b, pair_of(b, wo, wi)), lobe);
+    return pdf_of_lobe(lobe_pdfs(b, directions_of(b, wo, wi)), lobe);
 }
 
-fn of_lobe(pdf: vec4<f32>, lobe: u32) -> f32 {
+fn pdf_of_lobe(pdf: vec4<f32>, lobe: u32) -> f32 {
     return select(select(select(pdf.z, pdf.y, lobe == LOBE_REFLECTION), pdf.x, lobe == LOBE_DIFFUSE), pdf.w, lobe == LOBE_COAT);
 }
 
-// Both of one lobe, and the density of all.
+// Value and joint density of one lobe, and the marginal density over all lobes.
 struct LobeTerms {
     f: vec3<f32>,
     pdf_lobe: f32,
@@ -197,65 +197,66 @@ struct LobeTerms {
 }
 
 fn bsdf_lobe_terms(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>, lobe: u32) -> LobeTerms {
-    let p = pair_of(b, wo, wi);
+    let p = directions_of(b, wo, wi);
     let pdf = lobe_pdfs(b, p);
-    return LobeTerms(lobe_eval(b, p, lobe), of_lobe(pdf, lobe), sum_of(pdf));
+    return LobeTerms(lobe_eval(b, p, lobe), pdf_of_lobe(pdf, lobe), sum_of_lobes(pdf));
 }
 
-fn pair_of(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> Pair {
+fn directions_of(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> Directions {
     let frame = frame_of(b);
     let i = wi * frame;
     let o = wo * frame;
-    let carries = o.z > 0.0 && dot(wo, b.n_geo) > 0.0 && i.z * dot(wi, b.n_geo) > 0.0;
-    return Pair(wo, wi, o, i, carries);
+    let same_side = o.z > 0.0 && dot(wo, b.n_geo) > 0.0 && i.z * dot(wi, b.n_geo) > 0.0;
+    return Directions(wo, wi, o, i, same_side);
 }
 
-fn lobe_eval(b: Bsdf, p: Pair, lobe: u32) -> vec3<f32> {
+fn lobe_eval(b: Bsdf, p: Directions, lobe: u32) -> vec3<f32> {
     if lobe == LOBE_COAT {
         return vec3<f32>(select(0.0, coat_eval(b, p.wo, p.wi), coat_is_rough(b)));
     }
-    if !p.carries {
+    if !p.same_side {
         return vec3<f32>(0.0);
     }
-    return (1.0 - coat_share(b, p.wo)) * body_eval(b, p, lobe);
+    return (1.0 - coat_share(b, p.wo)) * base_eval(b, p, lobe);
 }
 
-// Of what is below the coat, as if there were none.
-fn body_eval(b: Bsdf, p: Pair, lobe: u32) -> vec3<f32> {
+// f·|n·wi| of one lobe of the base, without the coat.
+fn base_eval(b: Bsdf, p: Directions, lobe: u32) -> vec3<f32> {
     if bsdf_lobe_is_delta(b, lobe) {
         return vec3<f32>(0.0);
     }
     switch lobe {
         case LOBE_DIFFUSE: {
-            return diffuse_eval(b, p.o, p.i);
+            return diffuse_eval(b, p.local_wo, p.local_wi);
         }
         case LOBE_REFLECTION: {
-            return reflection_eval(b, p.o, p.i);
+            return reflection_eval(b, p.local_wo, p.local_wi);
         }
         default: {
-            return transmission_eval(b, p.o, p.i);
+            return transmission_eval(b, p.local_wo, p.local_wi);
         }
     }
 }
 
-fn body_pdf(b: Bsdf, p: Pair, lobe: u32, specular: f32) -> f32 {
+// Joint density of direction and lobe in the base; `specular` is the probability of choosing microfacets.
+fn base_pdf(b: Bsdf, p: Directions, lobe: u32, specular: f32) -> f32 {
     if bsdf_lobe_is_delta(b, lobe) {
         return 0.0;
     }
     switch lobe {
         case LOBE_DIFFUSE: {
-            return (1.0 - specular) * diffuse_pdf(b, p.o, p.i);
+            return (1.0 - specular) * diffuse_pdf(b, p.local_wo, p.local_wi);
         }
         case LOBE_REFLECTION: {
-            if !(p.i.z > 0.0) {
+            if !(p.local_wi.z > 0.0) {
                 return 0.0;
             }
-            let c = dot(p.o, normalize(p.o + p.i));
-            return specular * reflection_probability(b, c) * reflection_pdf(b, p.o, p.i);
+            let c = dot(p.local_wo, normalize(p.local_wo + p.local_wi));
+            return specular * reflection_probability(b, c) * reflection_pdf(b, p.local_wo, p.local_wi);
         }
         default: {
-            let c = transmission_cosine(b, p.o, p.i);
-            return specular * (1.0 - reflection_probability(b, c)) * transmission_pdf(b, p.o, p.i);
+            let c = transmission_cosine(b, p.local_wo, p.local_wi);
+            return specular * (1.0 - reflection_probability(b, c)) * transmission_pdf(b, p.local_wo, p.local_wi);
         }
     }
 }

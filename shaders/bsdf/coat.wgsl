@@ -1,6 +1,6 @@
-// LOBE_COAT: what a clearcoat reflects before anything below it does (KHR_materials_clearcoat), with a normal and a roughness of its own.
-// Its share of the light goes by Fresnel's at its normal, so that it is known from wo alone: not reciprocal.  World space, as the
-// material's frame is not the coat's.
+// LOBE_COAT: the reflection of a clearcoat over the base (KHR_materials_clearcoat), with its own normal and roughness.  The Fresnel term
+// is evaluated at the coat's normal, so that it depends on wo alone; the lobe is not reciprocal.  Directions are in world space, because
+// the base and the coat have different local frames.
 #define_import_path bevy_restir::bsdf::coat
 
 #import bevy_restir::bsdf::fresnel::schlick
@@ -10,21 +10,21 @@
 #import bevy_restir::common::math::orthonormal_basis
 
 #ifdef CLEARCOAT
-// Of varnish, index 1.5.
-const COAT_AT_NORMAL: f32 = 0.04;
+// Reflectance at normal incidence of varnish, index of refraction 1.5.
+const COAT_F0: f32 = 0.04;
 
-// Share of light that the coat keeps from what is below.
+// Share of light that the coat reflects, and that the base does not receive.
 fn coat_share(b: Bsdf, wo: vec3<f32>) -> f32 {
-    return b.coat * schlick(vec3<f32>(COAT_AT_NORMAL), abs(dot(wo, b.coat_normal))).x;
+    return b.coat * schlick(vec3<f32>(COAT_F0), abs(dot(wo, b.coat_normal))).x;
 }
 
-// Share that it reflects: more by what bounces between its microfacets.
+// The same with energy compensation: multiple scattering adds to the reflection and is not taken from the base.
 fn coat_reflectance(b: Bsdf, wo: vec3<f32>) -> f32 {
-    return coat_share(b, wo) * (1.0 + COAT_AT_NORMAL * b.coat_compensation);
+    return coat_share(b, wo) * (1.0 + COAT_F0 * b.coat_compensation);
 }
 
-// Where it reflects anything.
-fn coat_is_seen(b: Bsdf, wo: vec3<f32>) -> bool {
+// Whether the coat reflects light to wo.
+fn coat_reflects(b: Bsdf, wo: vec3<f32>) -> bool {
     return b.coat > 0.0 && dot(wo, b.coat_normal) > 0.0 && dot(wo, b.n_geo) > 0.0;
 }
 
@@ -32,29 +32,29 @@ fn coat_is_rough(b: Bsdf) -> bool {
     return b.coat > 0.0 && b.coat_roughness >= ALPHA_DELTA;
 }
 
-// f·|n.wi| of a rough coat; light that one of the coat's normal and n_geo has behind it is none.
+// f·|n·wi| of a rough coat; 0 unless wi is above the coat's normal and n_geo.
 fn coat_eval(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> f32 {
     let frame = orthonormal_basis(b.coat_normal);
     let o = wo * frame;
     let i = wi * frame;
-    if !coat_is_seen(b, wo) || !(i.z > 0.0) || !(dot(wi, b.n_geo) > 0.0) {
+    if !coat_reflects(b, wo) || !(i.z > 0.0) || !(dot(wi, b.n_geo) > 0.0) {
         return 0.0;
     }
     return coat_reflectance(b, wo) * ggx_reflection(o, i, normalize(o + i), vec2<f32>(b.coat_roughness));
 }
 
-// Solid angle, given the lobe.
+// Density of wi, solid angle, given the lobe.
 fn coat_pdf(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> f32 {
     let frame = orthonormal_basis(b.coat_normal);
     let o = wo * frame;
     let i = wi * frame;
-    if !coat_is_seen(b, wo) || !(i.z > 0.0) || !(dot(wi, b.n_geo) > 0.0) {
+    if !coat_reflects(b, wo) || !(i.z > 0.0) || !(dot(wi, b.n_geo) > 0.0) {
         return 0.0;
     }
     return ggx_reflection_pdf(o, normalize(o + i), vec2<f32>(b.coat_roughness));
 }
 
-// As `bsdf_draw` of a material: the lobe was chosen with probability `p`.
+// `bsdf_draw` of this lobe, which was chosen with probability `p`.
 fn coat_draw(b: Bsdf, wo: vec3<f32>, u: vec2<f32>, p: f32) -> BsdfSample {
     let frame = orthonormal_basis(b.coat_normal);
     let o = wo * frame;

@@ -1,7 +1,7 @@
-// Share of light that an interface reflects, at c = |wo.h|: Schlick's for coats and metals, the exact one between dielectrics.
+// Fresnel reflectance at c = |wo·h|: Schlick's approximation for coats, metals and opaque dielectrics, the exact equations for refraction.
 #define_import_path bevy_restir::bsdf::fresnel
 
-// F90 = 1, but 0 in a channel where F0 = 0, so that a black F0 switches the interface off.
+// Schlick's approximation with F90 = 1, or 0 in a channel where F0 = 0: a black F0 switches the interface off.
 fn schlick(f0: vec3<f32>, c: f32) -> vec3<f32> {
     let m = clamp(1.0 - c, 0.0, 1.0);
     let m2 = m * m;
@@ -9,11 +9,12 @@ fn schlick(f0: vec3<f32>, c: f32) -> vec3<f32> {
     return f0 + (f90 - f0) * (m2 * m2 * m);
 }
 
-// Squared cosine of refraction; not positive where all is reflected.  Written so that it is c² exactly for eta = 1.
+// Squared cosine of the refracted direction; zero or negative at total internal reflection.  It is exactly c² for eta = 1.
 fn refraction_cosine_squared(c: f32, eta: f32) -> f32 {
     return ((eta - 1.0) * (eta + 1.0) + c * c) / (eta * eta);
 }
 
+// Unpolarized reflectance between dielectrics.
 fn dielectric_fresnel(c: f32, eta: f32) -> f32 {
     if eta == 1.0 {
         return 0.0;

@@ -1,4 +1,5 @@
-// The frame of a material's microfacets and their α along its axes: the same along both without ANISOTROPY.
+// Local frame of the base's microfacets (x along the tangent, z the shading normal), and their α along x and y.  Without ANISOTROPY both
+// α are equal.
 #define_import_path bevy_restir::bsdf::roughness
 
 #import bevy_restir::bsdf::types::Bsdf

@@ -1,48 +1,48 @@
-// What a surface is to light, and what sampling it gives.  wo and wi are unit vectors in the world, away from the surface.
+// Parameters of a BSDF, and a sample of it.  wo and wi are unit vectors in world space that point away from the surface.
 #define_import_path bevy_restir::bsdf::types
 
-// Reservoirs keep a lobe in two bits.
-const LOBE_DIFFUSE: u32 = 0u;        // to wo's side and, where the material lets it, to the other
-const LOBE_REFLECTION: u32 = 1u;     // dielectric, metal and interface: they share the microfacets
+// Lobes.  Reservoirs store a lobe in two bits.
+const LOBE_DIFFUSE: u32 = 0u;        // reflects, and with diffuse transmission transmits
+const LOBE_REFLECTION: u32 = 1u;     // of dielectric, metal and interface, which share the microfacets
 const LOBE_TRANSMISSION: u32 = 2u;   // through the same microfacets
-const LOBE_COAT: u32 = 3u;           // the clearcoat's reflection
+const LOBE_COAT: u32 = 3u;           // reflection of the clearcoat
 const LOBE_COUNT: u32 = 4u;
 
 struct Bsdf {
     n: vec3<f32>,              // shading normal, on wo's side
     metallic: f32,
     n_geo: vec3<f32>,          // geometric normal, on wo's side
-    roughness: f32,            // GGX α, at least ALPHA_MIN; below ALPHA_DELTA a mirror
+    roughness: f32,            // GGX α, at least ALPHA_MIN; a delta below ALPHA_DELTA
     base_color: vec3<f32>,
-    transmission: f32,         // share of light that is offered to the interface
+    transmission: f32,         // specular transmission: share of the dielectric that is a transmissive interface
     dielectric_reflectance: vec3<f32>,
-    eta: f32,                  // index on the far side / index on wo's side; 1 for a thin wall
-    tangent: vec3<f32>,        // along which microfacets are roughest, perpendicular to n: read with ANISOTROPY only
-    roughness_along: f32,      // GGX α there, at least `roughness`: that one is across
-    coat_normal: vec3<f32>,    // of the clearcoat, on the side of n_geo that wo is on: this and what follows is read with CLEARCOAT only
-    coat: f32,
-    coat_roughness: f32,       // as `roughness`
-    coat_compensation: f32,    // as `compensation`
-    compensation: f32,         // light that bounces between microfacets / light reflected at once: 0 where it is not asked for
-    diffuse_transmission: f32, // share of diffuse light that leaves on the other side: read with DIFFUSE_TRANSMISSION only
-    thin: u32,                 // 1: a wall without an inside: read with THIN_WALL only
+    eta: f32,                  // index of refraction on the far side / on wo's side; 1 for a thin wall
+    tangent: vec3<f32>,        // direction of greatest roughness, perpendicular to n; with ANISOTROPY only
+    roughness_along: f32,      // GGX α along the tangent, at least `roughness`, which is across it
+    coat_normal: vec3<f32>,    // of the clearcoat, on wo's side of n_geo; all coat fields with CLEARCOAT only
+    coat: f32,                 // strength of the clearcoat
+    coat_roughness: f32,       // like `roughness`
+    coat_compensation: f32,    // like `compensation`
+    compensation: f32,         // (1 - E)/E for multiple scattering between microfacets; 0 without ENERGY_COMPENSATION
+    diffuse_transmission: f32, // share of diffuse light that is transmitted; with DIFFUSE_TRANSMISSION only
+    thin: u32,                 // 1: a thin wall, without a volume inside; with THIN_WALL only
 }
 
 struct BsdfSample {
     wi: vec3<f32>,
-    pdf: f32,                  // solid angle, of all lobes; 0 for a delta
-    weight: vec3<f32>,         // f·|cos|/pdf of all lobes; of a delta its own value / its probability
+    pdf: f32,                  // marginal density over all lobes, solid angle; 0 for a delta
+    weight: vec3<f32>,         // f·|cos|/pdf of all lobes; for a delta its own value / its probability
     lobe: u32,                 // LOBE_*
     delta: u32,
-    eta: f32,                  // index on wi's side / index on wo's side: 1 unless refracted
-    valid: u32,                // 0: nothing was sampled, the path ends
+    eta: f32,                  // index of refraction on wi's side / on wo's side; 1 unless refracted
+    valid: u32,                // 0: no direction was sampled, and the path ends
 }
 
 fn no_bsdf_sample() -> BsdfSample {
     return BsdfSample(vec3<f32>(0.0, 0.0, 1.0), 0.0, vec3<f32>(0.0), LOBE_DIFFUSE, 0u, 1.0, 0u);
 }
 
-// Nothing is bent by a thin wall, and no body is entered.
+// A thin wall does not refract, and has no volume inside.
 #ifdef THIN_WALL
 fn bsdf_is_thin(b: Bsdf) -> bool {
     return b.thin != 0u;

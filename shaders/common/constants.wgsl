@@ -1,4 +1,4 @@
-// Constants shared by every shader.  Those that Rust also knows are equal by test (tests/layout.rs) to `src/gpu_types.rs`.
+// Constants that all rooms share.  A test holds those that Rust also uses equal to `src/gpu_layout.rs`.
 #define_import_path bevy_restir::common::constants
 
 const PI: f32 = 3.14159265358979323846;
@@ -6,12 +6,13 @@ const INV_PI: f32 = 0.31830988618379067154;
 const TWO_PI: f32 = 6.28318530717958647692;
 const FOUR_PI: f32 = 12.5663706143591729539;
 
-// Larger than any distance in a scene; WGSL has no portable infinity.
+// Larger than any distance in a scene: WGSL has no portable infinity.
 const FAR: f32 = 3.0e38;
 
-// "No such thing" for every index.
+// Marks a missing index.
 const NONE: u32 = 0xffffffffu;
 
+// Kinds of lights.
 const LIGHT_TRIANGLE: u32 = 0u;
 const LIGHT_POINT: u32 = 1u;
 const LIGHT_SPOT: u32 = 2u;
@@ -19,14 +20,17 @@ const LIGHT_DIRECTIONAL: u32 = 3u;
 const LIGHT_SPHERE: u32 = 4u;
 const LIGHT_RECT: u32 = 5u;
 const LIGHT_SUN: u32 = 6u;
-// In `Light::kind`: the kind, and above it the sets of render layers whose cameras the light is hidden from.
+// `Light::kind` holds the kind in its low bits and, from LIGHT_HIDDEN_SHIFT on, a bit for each set of render layers whose cameras the
+// light is hidden from.
 const LIGHT_KIND_BITS: u32 = 0xffu;
 const LIGHT_HIDDEN_SHIFT: u32 = 8u;
 
+// Flags of an instance.
 const INSTANCE_MIRRORED: u32 = 1u;
 const INSTANCE_ALPHA: u32 = 2u;
 const INSTANCE_SECOND_UV: u32 = 4u;
 
+// Flags of a material.
 const MATERIAL_DOUBLE_SIDED: u32 = 1u;
 const MATERIAL_UNLIT: u32 = 2u;
 const MATERIAL_ALPHA_MASK: u32 = 4u;
@@ -35,7 +39,7 @@ const MATERIAL_FLIP_NORMAL_MAP_Y: u32 = 16u;
 const MATERIAL_CULL_BACK: u32 = 32u;
 const MATERIAL_CULL_FRONT: u32 = 64u;
 
-// Kinds of textures, in the order in which a material's slots lie in its record.
+// Kinds of textures.  The texture slots in the record of a material have this order.
 const SLOT_BASE_COLOR: u32 = 1u;
 const SLOT_METALLIC_ROUGHNESS: u32 = 2u;
 const SLOT_NORMAL: u32 = 4u;
@@ -49,20 +53,20 @@ const SLOT_CLEARCOAT_NORMAL: u32 = 512u;
 const SLOT_ANISOTROPY: u32 = 1024u;
 const SLOT_SPECULAR: u32 = 2048u;
 const SLOT_SPECULAR_TINT: u32 = 4096u;
-// Not a texture: the record begins with a transform of texture coordinates.
+// Not a texture: the record begins with a transform of the texture coordinates.
 const SLOT_TRANSFORM: u32 = 0x80000000u;
 
-// The environment is shown to the camera; otherwise it only lights.
+// Flags of a view.  The camera sees the environment; otherwise the environment only lights the scene.
 const VIEW_ENVIRONMENT_IS_BACKDROP: u32 = 1u;
 const VIEW_ORTHOGRAPHIC: u32 = 2u;
-// Where the camera sees no surface it leaves what is there.
+// Pixels without a surface keep the picture of an earlier camera.
 const VIEW_NO_BACKDROP: u32 = 4u;
 
-// Bits of `trace_flags`: what went wrong, read back and reported.
+// Bits of `trace_flags`: errors that are read back and reported.
 const OVERFLOW_STACK: u32 = 1u;
 const OVERFLOW_STEPS: u32 = 2u;
 const NON_FINITE: u32 = 4u;
 
-// Smallest roughness α, and the α below which a lobe is a delta.
+// Smallest GGX roughness α, and the α below which a lobe is a delta.
 const ALPHA_MIN: f32 = 1.0e-4;
 const ALPHA_DELTA: f32 = 1.0e-3;

@@ -1,4 +1,4 @@
-// Small functions of vectors and floats that every module may use.
+// Vectors, floats, and encodings of directions.
 #define_import_path bevy_restir::common::math
 
 // Rec. 709 luminance of a linear color.
@@ -10,7 +10,7 @@ fn max_component(v: vec3<f32>) -> f32 {
     return max(v.x, max(v.y, v.z));
 }
 
-// Finite by its bits: comparisons with NaN may be folded away by a driver's fast math.
+// Tests the bits, because the fast math of a driver may remove comparisons with NaN.
 fn is_finite(x: f32) -> bool {
     return (bitcast<u32>(x) & 0x7f800000u) != 0x7f800000u;
 }
@@ -19,7 +19,7 @@ fn is_finite_3(v: vec3<f32>) -> bool {
     return is_finite(v.x) && is_finite(v.y) && is_finite(v.z);
 }
 
-// Two unit vectors that complete `n` to a right-handed frame (t, b, n); continuous but for n.z = 0 (Duff et al. 2017).
+// Right-handed frame (t, b, n) of a unit vector `n`; continuous except at n.z = 0 (Duff et al. 2017).
 fn orthonormal_basis(n: vec3<f32>) -> mat3x3<f32> {
     let s = select(-1.0, 1.0, n.z >= 0.0);
     let a = -1.0 / (s + n.z);
@@ -31,7 +31,7 @@ fn orthonormal_basis(n: vec3<f32>) -> mat3x3<f32> {
     );
 }
 
-// Unit vector from two snorm16 on the octahedron, and back: error below 1e-4 rad.
+// Unit vector of two snorm16 on an octahedron (Cigolle et al. 2014), and the reverse; the error is below 1e-4 rad.
 fn octahedral_decode(word: u32) -> vec3<f32> {
     let e = unpack2x16snorm(word);
     var v = vec3<f32>(e, 1.0 - abs(e.x) - abs(e.y));
@@ -47,12 +47,12 @@ fn octahedral_encode(n: vec3<f32>) -> u32 {
     return pack2x16snorm(select(folded, p, n.z >= 0.0));
 }
 
-// A direction as `octahedral_encode` stores it.
+// Rounds a direction as `octahedral_encode` does.
 fn quantized_direction(d: vec3<f32>) -> vec3<f32> {
     return octahedral_decode(octahedral_encode(d));
 }
 
-// Direction of the texture coordinates of an equirectangular map: u = 0.5 + atan2(d.x, -d.z)/2π, v = acos(d.y)/π.
+// Direction of a point of an equirectangular map: u = 0.5 + atan2(d.x, -d.z)/2π, v = acos(d.y)/π.
 fn equirectangular_direction(uv: vec2<f32>) -> vec3<f32> {
     let phi = (uv.x - 0.5) * 6.28318530717958647692;
     let theta = uv.y * 3.14159265358979323846;
@@ -60,8 +60,8 @@ fn equirectangular_direction(uv: vec2<f32>) -> vec3<f32> {
     return vec3<f32>(s * sin(phi), cos(theta), -s * cos(phi));
 }
 
-// Angle of (x, y) from the x axis, in (-π, π], to about 3e-7.  WGSL lets atan2 be wrong by 4096 ulp, which would look a direction
-// up beside where it was sampled.  The polynomial is our own minimax fit up to tan(π/8).
+// Angle of (x, y) from the x axis, in (-π, π], with an error of about 3e-7.  WGSL allows atan2 an error of 4096 ulp: with it, a sampled
+// direction could be looked up in the wrong cell of the map.  The polynomial is our own minimax fit up to tan(π/8).
 fn precise_atan2(y: f32, x: f32) -> f32 {
     let big = max(abs(x), abs(y));
     if !(big > 0.0) {
@@ -78,10 +78,11 @@ fn precise_atan2(y: f32, x: f32) -> f32 {
     return select(a, -a, y < 0.0);
 }
 
+// Point of an equirectangular map in a direction.
 fn equirectangular_uv(d: vec3<f32>) -> vec2<f32> {
     return vec2<f32>(
         0.5 + precise_atan2(d.x, -d.z) / 6.28318530717958647692,
-        // acos(d.y), but exact near the poles.
+        // Like acos(d.y), but exact near the poles.
         precise_atan2(length(d.xz), d.y) / 3.14159265358979323846,
     );
 }

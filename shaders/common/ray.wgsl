@@ -1,7 +1,7 @@
-// A ray, what it hits, and the counters that every trace back end keeps.
+// Rays, hits, and the counters that both trace back ends update.
 #define_import_path bevy_restir::common::ray
 
-// `direction` need not be a unit vector; distances are in units of its length.  Only t in the open interval (t_min, t_max) counts.
+// `direction` need not be a unit vector; distances are in units of its length.  Only hits with t in (t_min, t_max) count.
 struct Ray {
     origin: vec3<f32>,
     t_min: f32,
@@ -9,8 +9,8 @@ struct Ray {
     t_max: f32,
 }
 
-// `instance` is NONE for a miss, and t is then the ray's t_max.  `triangle` indexes `triangles` and `attributes`;
-// `barycentrics` are the weights of its second and third corner.
+// For a miss, `instance` is NONE and t is the ray's t_max.  `triangle` indexes `triangles` and `attributes`; `barycentrics` are the
+// weights of its second and third corner.
 struct Hit {
     t: f32,
     instance: u32,
@@ -18,6 +18,6 @@ struct Hit {
     barycentrics: vec2<f32>,
 }
 
-// Rays that this invocation has traced, and the OVERFLOW_* bits of what went wrong on the way.
+// Number of rays that this invocation has traced, and the OVERFLOW_* bits of their errors.
 var<private> rays_traced: u32;
 var<private> trace_flags: u32;

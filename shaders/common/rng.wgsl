@@ -1,24 +1,25 @@
-// Counter-based random numbers on (pixel, frame, stream, dimension): no state but the counter, so that a path can be replayed and
-// no two passes of a frame share a stream.  The mixer is pcg4d (Jarzynski and Olano 2020, "Hash Functions for GPU Rendering").
+// Counter-based random numbers: pcg4d of (pixel, frame, stream, dimension) (Jarzynski and Olano 2020, "Hash Functions for GPU
+// Rendering").  There is no state but the counter, so that a path can be replayed, and each pass has a stream of its own.
 #define_import_path bevy_restir::common::rng
 
 struct Rng {
     pixel: u32,      // y << 16 | x
     frame: u32,
-    stream: u32,     // the pass, mixed with the user's seed: see `rng_new`
-    dimension: u32,
+    stream: u32,     // STREAM_*, mixed with the user's seed by `rng_new`
+    dimension: u32,  // of the next number
 }
 
-// One stream a pass.
+// Streams, one for each pass.
 const STREAM_ALPHA: u32 = 2u;
 const STREAM_REFERENCE: u32 = 3u;
 const STREAM_PRESAMPLE: u32 = 4u;
-const STREAM_CANDIDATES: u32 = 5u;
-// And one a round, five at most.
+const STREAM_DI_CANDIDATES: u32 = 5u;
+// Stream of the first iteration of reuse; the next iterations, at most four, use the next streams.
 const STREAM_REUSE: u32 = 6u;
-// Numbers that paths are replayed from; and those that only choose among them.
+// Numbers that generate paths, and replay them.
 const STREAM_PATH: u32 = 16u;
-const STREAM_TREE: u32 = 17u;
+// Numbers that select among the paths of a pixel.
+const STREAM_PATH_CANDIDATES: u32 = 17u;
 
 fn pcg4d(seed: vec4<u32>) -> vec4<u32> {
     var v = seed * 1664525u + 1013904223u;
@@ -38,12 +39,12 @@ fn rng_new(pixel: vec2<u32>, frame: u32, stream: u32, seed: u32) -> Rng {
     return Rng(pixel.y << 16u | pixel.x, frame, stream + seed * 0x9e3779b9u, 0u);
 }
 
-// Uniform in [0, 1): 24 bits, so that 1 is never reached.
+// Uniform in [0, 1), 24 bits.
 fn unit_float(bits: vec4<u32>) -> vec4<f32> {
     return vec4<f32>(bits >> vec4<u32>(8u)) * 0x1p-24;
 }
 
-// Each call takes one dimension, whatever its width.
+// Each call uses one dimension, however many components it returns.
 fn rng_bits(rng: ptr<function, Rng>) -> vec4<u32> {
     let bits = pcg4d(vec4<u32>((*rng).pixel, (*rng).frame, (*rng).stream, (*rng).dimension));
     (*rng).dimension += 1u;

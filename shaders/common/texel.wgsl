@@ -1,10 +1,9 @@
-// How colors are kept in eight bits a channel, and read again: as they are, by the sRGB curve, or as mantissas of an exponent that
-// takes the place of alpha.
+// Encodings of colors with eight bits per channel: linear, sRGB, or mantissas with a shared exponent in the alpha channel.
 #define_import_path bevy_restir::common::texel
 
 #import bevy_restir::common::math::is_finite_3
 
-// Equal to `Encoding` in src/scene/atlas.rs.
+// Equal to `Encoding` in src/scene/texture/atlas.rs.
 const ENCODING_LINEAR: u32 = 0u;
 const ENCODING_SRGB: u32 = 1u;
 const ENCODING_SHARED_EXPONENT: u32 = 2u;
@@ -19,7 +18,7 @@ fn linear_to_srgb(c: vec3<f32>) -> vec3<f32> {
     return select(curve, c * 12.92, c <= vec3<f32>(0.0031308));
 }
 
-// The exponent is kept as 128 more than it is.
+// The exponent has a bias of 128.
 fn shared_exponent_to_linear(c: vec4<f32>) -> vec3<f32> {
     return c.rgb * exp2(c.a * 255.0 - 128.0);
 }

@@ -1,4 +1,4 @@
-// What the camera sees where there is no surface.
+// The radiance that the camera sees where there is no surface.
 #define_import_path bevy_restir::light::backdrop
 
 #import bevy_restir::common::constants::VIEW_ENVIRONMENT_IS_BACKDROP

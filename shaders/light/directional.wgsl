@@ -1,4 +1,4 @@
-// Directional lights: deltas at infinity, of an illuminance at normal incidence.
+// Directional lights without a disk: deltas at infinity, with a given illuminance at normal incidence.
 #define_import_path bevy_restir::light::directional
 
 #import bevy_restir::light::types::{LightSample, no_light_sample}

@@ -1,6 +1,6 @@
-// The light at infinity: a color, times an equirectangular map or a cube.  Either is importance-sampled by descent of a chain of
-// sums over equirectangular cells (McCool and Harwood 1997); inside a cell of the finest level the density is constant in solid angle,
-// so the poles are ordinary.
+// The environment: a color, times an equirectangular map or a cube.  It is importance-sampled by descending a mip chain of sums over
+// equirectangular cells (McCool and Harwood 1997).  Within a cell of the finest level, the density is constant in solid angle, so that the
+// poles need no special treatment.
 #define_import_path bevy_restir::light::environment
 
 #import bevy_restir::common::constants::{FOUR_PI, PI, TWO_PI}
@@ -10,7 +10,7 @@
 
 struct EnvironmentSample {
     direction: vec3<f32>,      // in the world
-    pdf_solid_angle: f32,      // 0: nothing was sampled
+    pdf_solid_angle: f32,      // 0: no direction was sampled
 }
 
 #ifdef ENVIRONMENT
@@ -19,14 +19,14 @@ fn environment_radiance(direction: vec3<f32>) -> vec3<f32> {
     return view.environment_color * map_radiance(view.environment_rotation * direction);
 }
 
-// ∫ luminance dω
+// ∫ luminance dω, for the choice between the environment and the table of lights.
 fn environment_flux() -> f32 {
     return luminance(view.environment_color) * map_flux();
 }
 
 fn environment_sample(u: vec2<f32>) -> EnvironmentSample {
     let s = map_sample(u);
-    // The inverse of a rotation is its transposed.
+    // The inverse of a rotation is its transpose.
     return EnvironmentSample(normalize(s.direction * view.environment_rotation), s.pdf_solid_angle);
 }
 
@@ -57,14 +57,14 @@ fn map_flux() -> f32 {
 }
 
 fn map_sample(u: vec2<f32>) -> EnvironmentSample {
-    // Descend from the 1x1 level, row before column, using u up as we go.
+    // Descend from the 1x1 level; at each level, choose the row, then the column, and rescale u.
     let levels = textureNumLevels(environment_importance);
     let size = textureDimensions(environment_importance);
     var cell = vec2<u32>(0u);
     var rest = u;
     for (var k = 1u; k < levels; k++) {
         let level = levels - 1u - k;
-        // A side that is 1 already does not divide any more.
+        // A side of 1 cell is not divided further.
         let parent = max(size >> vec2<u32>(level + 1u), vec2<u32>(1u));
         let divided = vec2<u32>(max(size >> vec2<u32>(level), vec2<u32>(1u)) > parent);
         cell *= 1u + divided;
@@ -87,7 +87,7 @@ fn map_sample(u: vec2<f32>) -> EnvironmentSample {
     return EnvironmentSample(cell_direction(cell, size, rest), cell_pdf(cell, size));
 }
 
-// Which side of `share` u falls on, 0 or 1, and u stretched over that side.
+// (0 or 1: the side of `share` that u is on; u rescaled to [0, 1) on that side).
 fn split(u: f32, share: f32) -> vec2<f32> {
     if u < share {
         return vec2<f32>(0.0, min(u / share, 0.99999994));
@@ -95,10 +95,10 @@ fn split(u: f32, share: f32) -> vec2<f32> {
     return vec2<f32>(1.0, min((u - share) / (1.0 - share), 0.99999994));
 }
 
-// Uniform in the solid angle of a cell, in the map's frame.
+// Samples a direction uniformly in the solid angle of a cell, in the frame of the map.
 fn cell_direction(cell: vec2<u32>, size: vec2<u32>, u: vec2<f32>) -> vec3<f32> {
     let phi = TWO_PI * ((f32(cell.x) + u.x) / f32(size.x) - 0.5);
-    // s = sin²(θ/2) is linear in cosθ, and exact near the pole that it is measured from.
+    // s = sin²(θ/2) is linear in cosθ, and precise near the pole that θ is measured from.
     let south = 2u * cell.y >= size.y && size.y > 1u;
     let row = f32(select(cell.y, size.y - 1u - cell.y, south));
     let v = select(u.y, 1.0 - u.y, south);
@@ -151,7 +151,7 @@ fn map_pdf(d: vec3<f32>) -> f32 {
 }
 #endif
 
-// Solid angle of a cell of row y: 2π/width · (cosθ above - cosθ below), by the sine of the mean to keep small cells exact.
+// Solid angle of a cell of row y: 2π/width · (cosθ above - cosθ below), as a product of sines, which is precise for small cells.
 fn cell_solid_angle(y: u32, size: vec2<u32>) -> f32 {
     let half_height = 0.5 * PI / f32(size.y);
     return TWO_PI / f32(size.x) * 2.0 * sin((2.0 * f32(y) + 1.0) * half_height) * sin(half_height);
@@ -163,8 +163,8 @@ fn map_radiance(d: vec3<f32>) -> vec3<f32> {
     return cube_radiance(d);
 }
 
-// What level 0 of `environment_importance` holds in a cell: solid angle · mean luminance over a grid of directions, its rim among them,
-// as fine as the smallest texels, those in the corners of the faces, so that no texel falls through.
+// Value of a cell in level 0 of `environment_importance`: solid angle · mean luminance over a grid of directions, which includes the
+// border of the cell.  The grid is as fine as the smallest texels, in the corners of faces, so that no texel is missed.
 fn environment_cell_importance(cell: vec2<u32>, size: vec2<u32>) -> f32 {
     let n = u32(clamp(ceil(CELL_TEXELS * f32(cube_side()) / f32(size.x)), 2.0, CELL_SAMPLES_MAX));
     var sum = 0.0;
@@ -176,12 +176,12 @@ fn environment_cell_importance(cell: vec2<u32>, size: vec2<u32>) -> f32 {
     return sum / f32((n + 1u) * (n + 1u)) * cell_solid_angle(cell.y, size);
 }
 
-// 2π over the angle of a corner's texel, 2/3 of 1/side; of cubes beyond 3,400 texels a side some may be missed, and are then found
-// by the BSDF alone.
+// 2π over the angle of a texel in a corner, which is 2/3 of 1/side.  For cubes of more than 3,400 texels a side the grid is limited: it may
+// miss texels, which only BSDF sampling finds.
 const CELL_TEXELS: f32 = 9.425;
 const CELL_SAMPLES_MAX: f32 = 32.0;
 #else
-// Bilinear; round in u, ending at the poles in v.
+// Bilinear filtering; u wraps around, v is clamped at the poles.
 fn map_radiance(d: vec3<f32>) -> vec3<f32> {
     let size = vec2<i32>(textureDimensions(environment_map));
     let at = equirectangular_uv(d) * vec2<f32>(size) - 0.5;
@@ -198,12 +198,12 @@ fn map_radiance(d: vec3<f32>) -> vec3<f32> {
 
 fn map_texel(x: i32, y: i32, size: vec2<i32>) -> vec3<f32> {
     let wrapped = ((x % size.x) + size.x) % size.x;
-    // Negative texels would take light away, and non-finite ones spread: out they go.
+    // Drops negative and non-finite values.
     return clamp(textureLoad(environment_map, vec2<i32>(wrapped, clamp(y, 0, size.y - 1)), 0, 0).rgb, vec3<f32>(0.0), vec3<f32>(1.0e30));
 }
 
-// What level 0 of `environment_importance` holds in a cell: solid angle · mean luminance of the bilinear map over the cell, exact,
-// so that it is 0 only where the map is.  `size` is that of level 0; every next level is the 2x2 sum of the one before.
+// Value of a cell in level 0 of `environment_importance`: solid angle · mean luminance of the bilinear map over the cell.  The mean is
+// exact, so that it is 0 only where the map is 0.  `size` is that of level 0; each further level has the 2x2 sums of the one before.
 fn environment_cell_importance(cell: vec2<u32>, size: vec2<u32>) -> f32 {
     let map = vec2<i32>(textureDimensions(environment_map));
     let low = vec2<f32>(cell) / vec2<f32>(size) * vec2<f32>(map);
@@ -222,13 +222,13 @@ fn environment_cell_importance(cell: vec2<u32>, size: vec2<u32>) -> f32 {
     return mean * cell_solid_angle(cell.y, size);
 }
 
-// ∫ from a to b of the tent of width 2 about the center of texel i.
+// ∫ from a to b of the tent function of width 2 around the center of texel i.
 fn tent_integral(a: f32, b: f32, i: i32) -> f32 {
     let center = f32(i) + 0.5;
-    return tent_primitive(b - center) - tent_primitive(a - center);
+    return tent_antiderivative(b - center) - tent_antiderivative(a - center);
 }
 
-fn tent_primitive(t: f32) -> f32 {
+fn tent_antiderivative(t: f32) -> f32 {
     let x = clamp(t, -1.0, 1.0);
     return x - 0.5 * x * abs(x);
 }

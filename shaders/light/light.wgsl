@@ -1,4 +1,4 @@
-// The switch over the kinds of light.
+// Sampling of one light of any kind.
 #define_import_path bevy_restir::light::light
 
 #import bevy_restir::common::constants::{LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_RECT, LIGHT_SPHERE, LIGHT_SPOT, LIGHT_SUN, LIGHT_TRIANGLE}
@@ -6,14 +6,14 @@
 #import bevy_restir::light::environment::{environment_radiance, environment_sample}
 #import bevy_restir::light::point::point_light_sample
 #import bevy_restir::light::rect::rect_light_at
-#import bevy_restir::light::sphere::{sphere_light_aimed, sphere_light_at}
+#import bevy_restir::light::sphere::{sample_sphere_solid_angle, sphere_light_at}
 #import bevy_restir::light::sun::sun_light_at
 #import bevy_restir::light::triangle::triangle_light_sample
 #import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, no_light_sample}
 #import bevy_restir::scene::bindings::scene
-#import bevy_restir::view::render_layers::{light_kind, light_in_layers}
+#import bevy_restir::view::render_layers::{light_in_layers, light_kind}
 
-// A point or direction of a light, as seen from a point.  `light`: an index into the table, ENVIRONMENT_LIGHT or NONE.
+// Samples a light as seen from a point.  `light`: an index in the table, ENVIRONMENT_LIGHT or NONE.
 fn light_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> LightSample {
     if light == ENVIRONMENT_LIGHT {
         return environment_light_sample(u);
@@ -24,7 +24,7 @@ fn light_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> LightSample 
     return record_sample(light, from_point, u);
 }
 
-// The same of any record of the buffer, the last frame's among them.
+// The same for any record of `lights`, also of the last frame.
 fn record_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> LightSample {
     if !light_in_layers(light) {
         return no_light_sample();
@@ -40,7 +40,7 @@ fn record_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> LightSample
             return directional_light_sample(light);
         }
         case LIGHT_SPHERE: {
-            return sphere_light_at(light, sphere_light_aimed(light, from_point, u), from_point);
+            return sphere_light_at(light, sample_sphere_solid_angle(light, from_point, u), from_point);
         }
         case LIGHT_RECT: {
             return rect_light_at(light, u, from_point);

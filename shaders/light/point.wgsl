@@ -1,4 +1,5 @@
-// Point lights and spots: deltas of intensity/d².  A spot's cone is Bevy's: the square of a ramp of cosines from outer to inner.
+// Point lights and spots without a radius: deltas with irradiance intensity/d².  The falloff of a spot is Bevy's: the square of a linear
+// ramp between the cosines of the outer and the inner angle.
 #define_import_path bevy_restir::light::point
 
 #import bevy_restir::common::constants::LIGHT_SPOT
@@ -18,14 +19,14 @@ fn point_light_sample(light: u32, from_point: vec3<f32>) -> LightSample {
     s.light = light;
     s.wi = safe_normalize(d);
     s.distance = sqrt(d2);
-    s.radiance = lights[light].emission * (cone(light, s.wi) / d2);
+    s.radiance = lights[light].emission * (spot_falloff(light, s.wi) / d2);
     s.pdf_solid_angle = 1.0;
     s.position = lights[light].position;
     return s;
 }
 
-// Share of the intensity that leaves along -wi.
-fn cone(light: u32, wi: vec3<f32>) -> f32 {
+// Factor of the intensity in the direction -wi.
+fn spot_falloff(light: u32, wi: vec3<f32>) -> f32 {
     if light_kind(light) != LIGHT_SPOT {
         return 1.0;
     }

@@ -1,7 +1,7 @@
-// A point of an emitter, kept in eight bytes and independent of who looks at it: the sample that direct lighting resamples.  Its
-// measure is uniform on the light (area of a triangle, ball or rectangle, solid angle of a sun's disc, the sampling density of the
-// environment, a delta else), so that moving receivers and rigidly moving lights need no Jacobian.  Coordinates are used as they are
-// decoded, everywhere: what is weighed is the point that is kept.
+// A point of a light in eight bytes, independent of the receiver: the sample that ReSTIR DI resamples.  Its measure is uniform on the light
+// (area of a triangle, sphere or rectangle; solid angle of the disk of a sun; sampling density of the environment; a delta otherwise), so
+// that moving receivers and rigidly moving lights need no Jacobian.  Sampling rounds the coordinates at once, so that the point that is
+// weighted is the one that is stored.
 #define_import_path bevy_restir::light::point_on_light
 
 #import bevy_restir::common::constants::{LIGHT_RECT, LIGHT_SPHERE, LIGHT_SUN, LIGHT_TRIANGLE, NONE}
@@ -10,17 +10,16 @@
 #import bevy_restir::light::light::record_sample
 #import bevy_restir::light::rect::{rect_coordinates, rect_light_at, rect_uv}
 #import bevy_restir::light::remap::light_record
-#import bevy_restir::light::sphere::{sphere_coordinates, sphere_light_aimed, sphere_light_at, sphere_light_normal, sphere_normal}
+#import bevy_restir::light::sphere::{sample_sphere_area, sample_sphere_solid_angle, sphere_coordinates, sphere_light_at, sphere_normal}
 #import bevy_restir::light::sun::{sun_coordinates, sun_light_at, sun_uv}
 #import bevy_restir::light::triangle::{triangle_light_at, uniform_barycentrics}
 #import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, no_light_sample}
 #import bevy_restir::scene::bindings::scene
-#import bevy_restir::view::render_layers::{light_kind, light_in_layers}
+#import bevy_restir::view::render_layers::{light_in_layers, light_kind}
 
 struct LightPoint {
     light: u32,                // id in the table, ENVIRONMENT_LIGHT or NONE
-    coordinates: u32,          // 2 x unorm16: barycentrics of a triangle, place on a rectangle or a sun's disc; octahedral: normal of
-                               // a sphere, direction of the environment
+    coordinates: u32,          // triangle, rectangle, disk of a sun: 2 x unorm16; sphere (normal), environment (direction): octahedral
 }
 
 fn no_light_point() -> LightPoint {
@@ -35,7 +34,7 @@ fn environment_light_point(direction: vec3<f32>) -> LightPoint {
     return LightPoint(ENVIRONMENT_LIGHT, octahedral_encode(direction));
 }
 
-// Draws a point of a light from its measure.
+// Samples a point of a light with the density of its measure.
 fn light_point_sample(light: u32, u: vec2<f32>) -> LightPoint {
     if light == ENVIRONMENT_LIGHT {
         let e = environment_sample(u);
@@ -52,7 +51,7 @@ fn light_point_sample(light: u32, u: vec2<f32>) -> LightPoint {
             return triangle_light_point(light, uniform_barycentrics(u));
         }
         case LIGHT_SPHERE: {
-            return LightPoint(light, sphere_coordinates(sphere_light_normal(u)));
+            return LightPoint(light, sphere_coordinates(sample_sphere_area(u)));
         }
         case LIGHT_RECT: {
             return LightPoint(light, rect_coordinates(u));
@@ -66,21 +65,21 @@ fn light_point_sample(light: u32, u: vec2<f32>) -> LightPoint {
     }
 }
 
-// The point that a vertex at `from_point` aims at in place of one that was drawn for whoever looks: `LightSample::aim` times as often.
+// Replaces a point of a sphere by one that is sampled by solid angle at `from_point`; the ratio of densities is `LightSample::pdf_scale`.
 #ifdef LIGHT_SPHERES
-fn aimed_point(p: LightPoint, from_point: vec3<f32>, u: vec2<f32>) -> LightPoint {
+fn point_by_solid_angle(p: LightPoint, from_point: vec3<f32>, u: vec2<f32>) -> LightPoint {
     if p.light >= scene.light_count || light_kind(p.light) != LIGHT_SPHERE {
         return p;
     }
-    return LightPoint(p.light, sphere_coordinates(sphere_light_aimed(p.light, from_point, u)));
+    return LightPoint(p.light, sphere_coordinates(sample_sphere_solid_angle(p.light, from_point, u)));
 }
 #else
-fn aimed_point(p: LightPoint, from_point: vec3<f32>, u: vec2<f32>) -> LightPoint {
+fn point_by_solid_angle(p: LightPoint, from_point: vec3<f32>, u: vec2<f32>) -> LightPoint {
     return p;
 }
 #endif
 
-// The point as `from_point` sees it, or saw it in the last frame.
+// The light sample of a point at the receiver `from_point`, now or (`previous`) in the last frame.
 fn light_point_at(p: LightPoint, from_point: vec3<f32>, previous: bool) -> LightSample {
     if p.light == ENVIRONMENT_LIGHT {
         var s = no_light_sample();

@@ -1,29 +1,29 @@
-// Points of lights as a subset keeps them: all that a pixel needs to weigh one, so that however long the tables of lights, triangles
-// and materials are, a pixel's candidates read 48 bytes each that lie together (Wyman and Panteleev 2021, 5.2).
+// Presampled points of lights (Wyman and Panteleev 2021, 5.2).  A record of 48 bytes has all data that a pixel needs to weight a candidate,
+// so that it does not read the tables of lights, triangles and materials.
 #define_import_path bevy_restir::light::presampled
 
 #import bevy_restir::common::constants::{LIGHT_TRIANGLE, MATERIAL_DOUBLE_SIDED, NONE}
 #import bevy_restir::common::math::max_component
-#import bevy_restir::light::point_on_light::{LightPoint, light_point_at, light_point_sample}
+#import bevy_restir::light::point_on_light::{light_point_at, light_point_sample, LightPoint}
 #import bevy_restir::light::select::light_select
-#import bevy_restir::light::triangle::{triangle_light_color, triangle_light_presence}
+#import bevy_restir::light::triangle::{triangle_light_color, triangle_light_opacity}
 #import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, no_light_sample}
 #import bevy_restir::scene::bindings::{instances, lights, materials}
 #import bevy_restir::scene::triangle::{safe_normalize, world_triangle}
 #import bevy_restir::view::render_layers::light_kind
 
 struct PresampledLight {
-    position: vec3<f32>,       // of the environment its direction
+    position: vec3<f32>,       // on the light; direction of the environment
     light: u32,
-    normal: vec3<f32>,         // times the area of the triangle; of the environment: x is the density of the direction
+    normal: vec3<f32>,         // times the area of the triangle; environment: x is the density of the direction
     coordinates: u32,
-    brightest: f32,            // component of the radiance
-    color: u32,               // the components over the brightest, 3 x 10 bits; PRESAMPLED_*
-    pmf: f32,                  // of the light; 0: there is none
-    presence: f32,             // probability that a ray meets the point
+    radiance_scale: f32,       // largest component of the radiance
+    color: u32,                // components over the largest one, 3 x 10 bits; PRESAMPLED_*
+    pmf: f32,                  // probability of the light; 0: no sample
+    opacity: f32,              // probability that the alpha test keeps the surface at the point
 }
 
-// The table has to be asked: light that depends on who looks, or is no triangle.
+// An analytic light, whose radiance depends on the receiver: the light is read from the table.
 const PRESAMPLED_TABLE: u32 = 0x80000000u;
 const PRESAMPLED_DOUBLE_SIDED: u32 = 0x40000000u;
 
@@ -50,31 +50,32 @@ fn presample_light(u: vec4<f32>) -> PresampledLight {
     let t = world_triangle(instance, triangle, false);
     s.position = l.position;
     s.normal = t.normal * t.area;
-    s.presence = triangle_light_presence(p.light, l.barycentrics);
+    s.opacity = triangle_light_opacity(p.light, l.barycentrics);
     let is_double_sided = (materials[instances[instance].material].flags & MATERIAL_DOUBLE_SIDED) != 0u;
     return with_radiance(s, triangle_light_color(instance, triangle, l.barycentrics), select(0u, PRESAMPLED_DOUBLE_SIDED, is_double_sided));
 }
 
-// Ten bits are enough of what candidates are only chosen by, but what is there must stay above 0: surfaces may reflect that channel alone.
+// Stores radiance.  Candidates are only selected by it, so that 10 bits are enough; but a positive component must stay positive, because a
+// surface may reflect that channel alone.
 fn with_radiance(s: PresampledLight, radiance: vec3<f32>, flags: u32) -> PresampledLight {
-    var kept = s;
-    kept.brightest = max_component(radiance);
-    let shares = 1023.0 * clamp(radiance / max(kept.brightest, 1.0e-37), vec3<f32>(0.0), vec3<f32>(1.0));
+    var packed = s;
+    packed.radiance_scale = max_component(radiance);
+    let shares = 1023.0 * clamp(radiance / max(packed.radiance_scale, 1.0e-37), vec3<f32>(0.0), vec3<f32>(1.0));
     let share = select(vec3<u32>(shares + 0.5), vec3<u32>(1u), (radiance > vec3<f32>(0.0)) & (shares < vec3<f32>(1.0)));
-    kept.color = share.x | share.y << 10u | share.z << 20u | flags;
-    return kept;
+    packed.color = share.x | share.y << 10u | share.z << 20u | flags;
+    return packed;
 }
 
 fn presampled_radiance(s: PresampledLight) -> vec3<f32> {
     let share = vec3<u32>(s.color, s.color >> 10u, s.color >> 20u) & vec3<u32>(1023u);
-    return s.brightest * vec3<f32>(share) * (1.0 / 1023.0);
+    return s.radiance_scale * vec3<f32>(share) * (1.0 / 1023.0);
 }
 
 fn presampled_point(s: PresampledLight) -> LightPoint {
     return LightPoint(s.light, s.coordinates);
 }
 
-// As `from_point` sees it: `light_point_at` but for the last digits of its radiance.
+// `light_point_at` of the record's point, with less precise radiance.
 fn presampled_at(s: PresampledLight, from_point: vec3<f32>) -> LightSample {
     if (s.color & PRESAMPLED_TABLE) != 0u {
         return light_point_at(presampled_point(s), from_point, false);
@@ -93,13 +94,13 @@ fn presampled_at(s: PresampledLight, from_point: vec3<f32>) -> LightSample {
     let d2 = dot(d, d);
     l.wi = safe_normalize(d);
     l.distance = sqrt(d2);
-    // d²/(|cos| area), as `area_to_solid_angle` has it.
+    // d²/(|cos| area), as in `area_to_solid_angle`.
     let projected = abs(dot(s.normal, d));
     let cubed = d2 * l.distance;
     if projected > 0.0 && cubed < projected * 1.0e37 {
         l.pdf_solid_angle = cubed / projected;
-        let shines = (s.color & PRESAMPLED_DOUBLE_SIDED) != 0u || dot(l.wi, s.normal) < 0.0;
-        l.radiance = select(vec3<f32>(0.0), presampled_radiance(s), shines);
+        let is_facing = (s.color & PRESAMPLED_DOUBLE_SIDED) != 0u || dot(l.wi, s.normal) < 0.0;
+        l.radiance = select(vec3<f32>(0.0), presampled_radiance(s), is_facing);
     }
     return l;
 }

@@ -1,4 +1,4 @@
-// Rectangular lights: uniform radiance from their front, sampled uniformly in area.  Like balls they are made of nothing.
+// Rectangular lights: uniform radiance from the front side, sampled uniformly in area.  Rays pass through them.
 #define_import_path bevy_restir::light::rect
 
 #import bevy_restir::light::types::{LightSample, no_light_sample}
@@ -9,7 +9,7 @@
 struct Rect {
     x: vec3<f32>,              // unit vectors along width and height
     y: vec3<f32>,
-    normal: vec3<f32>,         // the way that it shines
+    normal: vec3<f32>,         // on the emitting side
     half_size: vec2<f32>,
 }
 
@@ -20,19 +20,20 @@ fn rect_of(light: u32) -> Rect {
     let q = vec4<f32>(2.0 * m, 1.0 - m2) / (1.0 + m2);
     let half_size = vec2<f32>(bitcast<f32>(lights[light].data.x), bitcast<f32>(lights[light].data.y));
     return Rect(
-        turned(q, vec3<f32>(1.0, 0.0, 0.0)),
-        turned(q, vec3<f32>(0.0, 1.0, 0.0)),
-        turned(q, vec3<f32>(0.0, 0.0, -1.0)),
+        rotate(q, vec3<f32>(1.0, 0.0, 0.0)),
+        rotate(q, vec3<f32>(0.0, 1.0, 0.0)),
+        rotate(q, vec3<f32>(0.0, 0.0, -1.0)),
         half_size,
     );
 }
 
-fn turned(q: vec4<f32>, v: vec3<f32>) -> vec3<f32> {
+// Rotates a vector by a unit quaternion.
+fn rotate(q: vec4<f32>, v: vec3<f32>) -> vec3<f32> {
     let t = 2.0 * cross(q.xyz, v);
     return v + q.w * t + cross(q.xyz, t);
 }
 
-// The point at `uv` (0 to 1 along width and height) as `from_point` sees it.
+// The light sample of the point at `uv` (0 to 1 along width and height) at the receiver `from_point`.
 fn rect_light_at(light: u32, uv: vec2<f32>, from_point: vec3<f32>) -> LightSample {
     let r = rect_of(light);
     let at = (2.0 * uv - 1.0) * r.half_size;
@@ -45,7 +46,7 @@ fn rect_light_at(light: u32, uv: vec2<f32>, from_point: vec3<f32>) -> LightSampl
     let d2 = dot(d, d);
     s.wi = safe_normalize(d);
     s.distance = sqrt(d2);
-    // d²/(|cos| area), as a triangle has it.
+    // d²/(|cos| area), as in `area_to_solid_angle`.
     let projected = abs(dot(r.normal, d)) * 4.0 * r.half_size.x * r.half_size.y;
     let cubed = d2 * s.distance;
     if projected > 0.0 && cubed < projected * 1.0e37 {
@@ -55,7 +56,7 @@ fn rect_light_at(light: u32, uv: vec2<f32>, from_point: vec3<f32>) -> LightSampl
     return s;
 }
 
-// A point as reservoirs keep it.
+// Coordinates of `LightPoint`.
 fn rect_coordinates(uv: vec2<f32>) -> u32 {
     return pack2x16unorm(uv);
 }
@@ -64,17 +65,17 @@ fn rect_uv(coordinates: u32) -> vec2<f32> {
     return unpack2x16unorm(coordinates);
 }
 
-// How far along a ray the front is met; negative where it is not.
+// Distance at which a ray hits the front side; negative without a hit.
 fn rect_distance(light: u32, origin: vec3<f32>, direction: vec3<f32>) -> f32 {
     let r = rect_of(light);
     let slope = dot(direction, r.normal);
     let t = dot(lights[light].position - origin, r.normal) / min(slope, -1.0e-30);
     let uv = rect_uv_at(light, origin + t * direction);
-    let instance_in_layers = slope < 0.0 && t > 0.0 && all(uv >= vec2<f32>(0.0)) && all(uv <= vec2<f32>(1.0));
-    return select(-1.0, t, instance_in_layers);
+    let is_hit = slope < 0.0 && t > 0.0 && all(uv >= vec2<f32>(0.0)) && all(uv <= vec2<f32>(1.0));
+    return select(-1.0, t, is_hit);
 }
 
-// Of a point in its plane.
+// `uv` of a point in the plane of the rectangle.
 fn rect_uv_at(light: u32, position: vec3<f32>) -> vec2<f32> {
     let r = rect_of(light);
     let d = position - lights[light].position;

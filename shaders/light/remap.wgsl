@@ -1,11 +1,11 @@
-// Lights in two frames: ids of this frame's table and of the last one's, where they differ.
+// Ids of lights in this frame's table and in the last frame's, which may differ.
 #define_import_path bevy_restir::light::remap
 
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::light::types::ENVIRONMENT_LIGHT
 #import bevy_restir::scene::bindings::{lights, scene}
 
-// The id that a light of the last frame has now; NONE where it is gone.
+// The id in this frame of a light of the last frame; NONE if it was removed.
 fn current_light_id(previous: u32) -> u32 {
     if scene.previous_lights == 0u || previous >= ENVIRONMENT_LIGHT {
         return previous;
@@ -17,7 +17,7 @@ fn current_light_id(previous: u32) -> u32 {
     return lights[record].counterpart;
 }
 
-// The record of a light of this frame, as it is or as it was in the last frame; NONE where it did not exist.
+// Index in `lights` of a light of this frame, as it is or (`previous`) as it was in the last frame; NONE if it did not exist.
 fn light_record(light: u32, previous: bool) -> u32 {
     if light >= scene.light_count {
         return NONE;

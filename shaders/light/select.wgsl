@@ -1,4 +1,4 @@
-// Chooses one light of all: the environment, or a light of the table by its alias (Vose 1991), both by power.
+// Choice of a light by power: the environment, or a light of the table by the alias method (Vose 1991).
 #define_import_path bevy_restir::light::select
 
 #import bevy_restir::common::constants::{NONE, PI}
@@ -7,11 +7,11 @@
 #import bevy_restir::light::types::ENVIRONMENT_LIGHT
 #import bevy_restir::scene::bindings::{lights, scene}
 
-// Power tells little of what reaches a point: neither side is starved where both exist.
-const SHARE_MIN: f32 = 0.05;
+// Least probability of the environment and of the table where both exist: power alone does not tell how much light reaches a point.
+const PROBABILITY_MIN: f32 = 0.05;
 
 struct LightChoice {
-    light: u32,            // index into the table, ENVIRONMENT_LIGHT, or NONE
+    light: u32,            // index in the table, ENVIRONMENT_LIGHT or NONE
     pmf: f32,              // 0: there is no light
 }
 
@@ -20,11 +20,11 @@ fn light_select(u: vec2<f32>) -> LightChoice {
     if u.y < environment {
         return LightChoice(ENVIRONMENT_LIGHT, environment);
     }
-    if !table_shines() {
+    if !table_has_power() {
         return LightChoice(NONE, 0.0);
     }
 
-    // 24 bits of u.x alone would favor lights of a long table by up to count/2^24; 8 more come from the low end of u.y.
+    // The 24 bits of u.x alone would bias the choice in a long table by up to count/2^24, so that the low 8 bits of u.y are added.
     let word = u32(u.x * 0x1p24) << 8u | (u32(u.y * 0x1p24) & 0xffu);
     let bin = min(multiply_high(word, scene.light_count), scene.light_count - 1u);
     let v = (u.y - environment) / (1.0 - environment);
@@ -32,35 +32,35 @@ fn light_select(u: vec2<f32>) -> LightChoice {
     return LightChoice(light, light_pmf(light));
 }
 
-// Probability that `light_select` gives a light.
+// Probability with which `light_select` chooses a light.
 fn light_pmf(light: u32) -> f32 {
     if light == ENVIRONMENT_LIGHT {
         return environment_pmf();
     }
-    if light >= scene.light_count || !table_shines() {
+    if light >= scene.light_count || !table_has_power() {
         return 0.0;
     }
     return lights[light].pmf * (1.0 - environment_pmf());
 }
 
-// Probability of the environment: its flux through the scene's disc, against the table's power.
+// Probability of the environment: its flux through a disk of the scene's radius, against the power of the table.
 fn environment_pmf() -> f32 {
     let flux = environment_flux();
     if !(flux > 0.0) {
         return 0.0;
     }
-    if !table_shines() {
+    if !table_has_power() {
         return 1.0;
     }
-    // Overflow of either shows as an infinity and is harmless: the clamp takes it.
+    // Overflow gives a ratio that is 0 or not finite; both end at a limit of the probability.
     let ratio = scene.light_power / (flux * PI * scene.radius * scene.radius);
     if !is_finite(ratio) {
-        return SHARE_MIN;
+        return PROBABILITY_MIN;
     }
-    return clamp(1.0 / (1.0 + ratio), SHARE_MIN, 1.0 - SHARE_MIN);
+    return clamp(1.0 / (1.0 + ratio), PROBABILITY_MIN, 1.0 - PROBABILITY_MIN);
 }
 
-fn table_shines() -> bool {
+fn table_has_power() -> bool {
     return scene.light_count > 0u && scene.light_power > 0.0;
 }
 

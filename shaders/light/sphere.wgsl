@@ -1,8 +1,8 @@
-// Point lights with a radius: balls of uniform radiance.  They are made of nothing: a ray that comes to one has its radiance once, where
-// it enters, or leaves from within, and goes on.
+// Spherical lights (point lights with a radius), of uniform radiance.  A ray passes through them: it receives the radiance once, where it
+// enters the sphere, or where it leaves the sphere if it starts inside.
 //
-// The measure of a point is area, uniform; a vertex aims by solid angle: uniform in the cone that the ball fills, or all round from
-// within (Shirley, Wang and Zimmerman 1996).  `LightSample::aim` is the ratio of the two densities.
+// The measure of a stored point is uniform in area.  Vertices sample by solid angle: uniformly in the cone that the sphere subtends, or
+// over all directions from inside (Shirley, Wang and Zimmerman 1996).  `LightSample::pdf_scale` is the ratio of the two densities.
 #define_import_path bevy_restir::light::sphere
 
 #import bevy_restir::common::constants::{FOUR_PI, TWO_PI}
@@ -16,7 +16,7 @@ fn sphere_radius(light: u32) -> f32 {
     return bitcast<f32>(lights[light].data.x);
 }
 
-// The point of a normal as `from_point` sees it.
+// The light sample of the point with this normal at the receiver `from_point`.
 fn sphere_light_at(light: u32, normal: vec3<f32>, from_point: vec3<f32>) -> LightSample {
     let radius = sphere_radius(light);
     var s = no_light_sample();
@@ -28,60 +28,60 @@ fn sphere_light_at(light: u32, normal: vec3<f32>, from_point: vec3<f32>) -> Ligh
     let d2 = dot(d, d);
     s.wi = safe_normalize(d);
     s.distance = sqrt(d2);
-    // d²/(|cos| area), as a triangle has it.
+    // d²/(|cos| area), as in `area_to_solid_angle`.
     let projected = abs(dot(normal, d)) * FOUR_PI * radius * radius;
     let cubed = d2 * s.distance;
     if !(projected > 0.0) || !(cubed < projected * 1.0e37) || !(cubed > 0.0) {
         return s;
     }
     s.pdf_solid_angle = cubed / projected;
-    s.aim = sphere_light_pdf(light, from_point) / s.pdf_solid_angle;
-    // From without the far side is behind the near one.
-    let instance_in_layers = is_within(light, from_point) || dot(normal, d) < 0.0;
-    s.radiance = select(vec3<f32>(0.0), lights[light].emission, instance_in_layers);
+    s.pdf_scale = sphere_solid_angle_pdf(light, from_point) / s.pdf_solid_angle;
+    // From outside, only the near side is visible.
+    let is_facing = is_inside(light, from_point) || dot(normal, d) < 0.0;
+    s.radiance = select(vec3<f32>(0.0), lights[light].emission, is_facing);
     return s;
 }
 
-// Density with which a vertex at `from_point` aims at any point that it sees, solid angle.
-fn sphere_light_pdf(light: u32, from_point: vec3<f32>) -> f32 {
-    return 1.0 / (TWO_PI * cone_of(light, from_point).x);
+// Density of `sample_sphere_solid_angle`, solid angle; the same for all visible points.
+fn sphere_solid_angle_pdf(light: u32, from_point: vec3<f32>) -> f32 {
+    return 1.0 / (TWO_PI * subtended_cone(light, from_point).x);
 }
 
-// (1 - cosine, squared sine) of the cone that the ball fills; within it that of all directions.
-fn cone_of(light: u32, from_point: vec3<f32>) -> vec2<f32> {
+// (1 - cosine, squared sine) of the angular radius of the sphere; inside, the first is 2, for all directions.
+fn subtended_cone(light: u32, from_point: vec3<f32>) -> vec2<f32> {
     let radius = sphere_radius(light);
     let d = lights[light].position - from_point;
     let sine2 = clamp(radius * radius / max(dot(d, d), 1.0e-37), 1.0e-30, 1.0);
-    if is_within(light, from_point) {
+    if is_inside(light, from_point) {
         return vec2<f32>(2.0, 1.0);
     }
-    // 1 - cos without a cancellation.
+    // 1 - cos without cancellation.
     return vec2<f32>(sine2 / (1.0 + sqrt(1.0 - sine2)), sine2);
 }
 
-fn is_within(light: u32, from_point: vec3<f32>) -> bool {
+fn is_inside(light: u32, from_point: vec3<f32>) -> bool {
     let d = lights[light].position - from_point;
     return dot(d, d) <= sphere_radius(light) * sphere_radius(light);
 }
 
-// The normal of a point that a vertex at `from_point` aims at.
-fn sphere_light_aimed(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> vec3<f32> {
+// Samples a visible point by solid angle at `from_point`; returns its normal.
+fn sample_sphere_solid_angle(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> vec3<f32> {
     let radius = sphere_radius(light);
     let to_center = lights[light].position - from_point;
-    let cone = cone_of(light, from_point);
-    let one_less_cosine = u.x * cone.x;
-    let cosine = 1.0 - one_less_cosine;
-    let sine2 = one_less_cosine * (2.0 - one_less_cosine);
+    let cone = subtended_cone(light, from_point);
+    let one_minus_cosine = u.x * cone.x;
+    let cosine = 1.0 - one_minus_cosine;
+    let sine2 = one_minus_cosine * (2.0 - one_minus_cosine);
     let phi = TWO_PI * u.y;
     let around = vec2<f32>(cos(phi), sin(phi));
-    if is_within(light, from_point) {
-        // Uniform all round: where that direction leaves the ball.
+    if is_inside(light, from_point) {
+        // Uniform over all directions; the point is where the direction leaves the sphere.
         let wi = vec3<f32>(sqrt(max(sine2, 0.0)) * around, cosine);
         let b = dot(to_center, wi);
         let t = b + sqrt(max(b * b + radius * radius - dot(to_center, to_center), 0.0));
         return safe_normalize(t * wi - to_center);
     }
-    // The angle at the center between the viewer and the point, by the law of sines.
+    // The angle at the center between `from_point` and the sampled point, by the law of sines.
     let ratio = min(sine2 / cone.y, 1.0);
     let central_sine = sqrt(sine2) * (cosine - sqrt(max((1.0 - ratio) * cone.y, 0.0))) / sqrt(cone.y);
     let central_cosine = (sine2 + cosine * sqrt(max((1.0 - ratio) * cone.y, 0.0))) / sqrt(cone.y);
@@ -89,7 +89,7 @@ fn sphere_light_aimed(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> vec3<f
     return normalize(frame * vec3<f32>(central_sine * around, central_cosine));
 }
 
-// A point as reservoirs keep it.
+// Coordinates of `LightPoint`.
 fn sphere_coordinates(normal: vec3<f32>) -> u32 {
     return octahedral_encode(normal);
 }
@@ -98,34 +98,34 @@ fn sphere_normal(coordinates: u32) -> vec3<f32> {
     return octahedral_decode(coordinates);
 }
 
-// Uniform on the whole of it.
-fn sphere_light_normal(u: vec2<f32>) -> vec3<f32> {
+// Samples a point uniformly in area; returns its normal.
+fn sample_sphere_area(u: vec2<f32>) -> vec3<f32> {
     let z = 1.0 - 2.0 * u.x;
     let r = 2.0 * sqrt(max(u.x * (1.0 - u.x), 0.0));
     return vec3<f32>(r * cos(TWO_PI * u.y), r * sin(TWO_PI * u.y), z);
 }
 
-// How far along a ray of unit direction the ball is met; negative where it is not.
+// Distance at which a ray with a unit direction hits the sphere; negative without a hit.
 fn sphere_distance(light: u32, origin: vec3<f32>, direction: vec3<f32>) -> f32 {
     let radius = sphere_radius(light);
     let to_center = lights[light].position - origin;
     let along = dot(to_center, direction);
-    // Of the ray from the center: not as a difference of squares, which far away have no digits left for the radius.
+    // Vector from the ray to the center.  A difference of squares instead would lose the radius at great distances.
     let aside = to_center - along * direction;
     let half2 = radius * radius - dot(aside, aside);
     if !(half2 > 0.0) {
         return -1.0;
     }
     let half = sqrt(half2);
-    // From within where it leaves.
-    return select(along - half, along + half, is_within(light, origin));
+    // From inside, the ray hits the sphere where it leaves.
+    return select(along - half, along + half, is_inside(light, origin));
 }
 #else
 fn sphere_light_at(light: u32, normal: vec3<f32>, from_point: vec3<f32>) -> LightSample {
     return no_light_sample();
 }
 
-fn sphere_light_aimed(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> vec3<f32> {
+fn sample_sphere_solid_angle(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> vec3<f32> {
     return vec3<f32>(0.0, 0.0, 1.0);
 }
 
@@ -137,7 +137,7 @@ fn sphere_normal(coordinates: u32) -> vec3<f32> {
     return vec3<f32>(0.0, 0.0, 1.0);
 }
 
-fn sphere_light_normal(u: vec2<f32>) -> vec3<f32> {
+fn sample_sphere_area(u: vec2<f32>) -> vec3<f32> {
     return vec3<f32>(0.0, 0.0, 1.0);
 }
 

@@ -1,5 +1,5 @@
-// Emissive triangles: sampled uniformly in area, densities in solid angle by the geometric normal.  One-sided along the front
-// face unless the material is double-sided; where alpha makes the surface absent it does not emit.
+// Emissive triangles, sampled uniformly in area.  They emit from the front face, or from both if the material is double-sided, and their
+// emission is multiplied by opacity.
 #define_import_path bevy_restir::light::triangle
 
 #import bevy_restir::common::constants::{MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK, MATERIAL_DOUBLE_SIDED}
@@ -15,7 +15,7 @@ fn triangle_light_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> Lig
     return triangle_light_at(light, uniform_barycentrics(u), from_point, false);
 }
 
-// A given point of the triangle, as `from_point` sees it, or saw it in the last frame.
+// The light sample of a point of the triangle at the receiver `from_point`, now or (`previous`) in the last frame.
 fn triangle_light_at(light: u32, barycentrics: vec2<f32>, from_point: vec3<f32>, previous: bool) -> LightSample {
     let instance = lights[light].data.x;
     let triangle = lights[light].data.y;
@@ -37,17 +37,17 @@ fn triangle_light_at(light: u32, barycentrics: vec2<f32>, from_point: vec3<f32>,
     return s;
 }
 
-// Density with which the sampler takes a point of the triangle; the sampler's own value, bit for bit, for its own point.
+// Density with which `triangle_light_sample` samples a point, solid angle; exactly the value that the sample has.
 fn triangle_light_pdf_solid_angle(instance: u32, triangle: u32, from_point: vec3<f32>, position: vec3<f32>, previous: bool) -> f32 {
     return area_to_solid_angle(world_triangle(instance, triangle, previous), from_point, position);
 }
 
-// Probability that a ray that comes to a point of the triangle meets it.
-fn triangle_light_presence(light: u32, barycentrics: vec2<f32>) -> f32 {
-    return presence(lights[light].data.x, lights[light].data.y, barycentrics);
+// Probability that the alpha test keeps the surface at a point.
+fn triangle_light_opacity(light: u32, barycentrics: vec2<f32>) -> f32 {
+    return opacity(lights[light].data.x, lights[light].data.y, barycentrics);
 }
 #else
-fn triangle_light_presence(light: u32, barycentrics: vec2<f32>) -> f32 {
+fn triangle_light_opacity(light: u32, barycentrics: vec2<f32>) -> f32 {
     return 1.0;
 }
 
@@ -64,7 +64,7 @@ fn triangle_light_pdf_solid_angle(instance: u32, triangle: u32, from_point: vec3
 }
 #endif
 
-// Radiance that the triangle sends along -wi; `normal` is its geometric one.
+// Radiance emitted along -wi; `normal` is the geometric normal.
 fn triangle_light_radiance(instance: u32, triangle: u32, normal: vec3<f32>, barycentrics: vec2<f32>, wi: vec3<f32>) -> vec3<f32> {
     let material = instances[instance].material;
     if (materials[material].flags & MATERIAL_DOUBLE_SIDED) == 0u && !(dot(wi, normal) < 0.0) {
@@ -73,20 +73,20 @@ fn triangle_light_radiance(instance: u32, triangle: u32, normal: vec3<f32>, bary
     return triangle_light_color(instance, triangle, barycentrics);
 }
 
-// The same towards the side that shines; nothing of what no ray meets.
+// The same for an emitting side; 0 for instances that rays cannot hit.
 fn triangle_light_color(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> vec3<f32> {
     if !instance_in_layers(instance) {
         return vec3<f32>(0.0);
     }
-    return emission_at(instance, triangle, barycentrics) * presence(instance, triangle, barycentrics);
+    return emission_at(instance, triangle, barycentrics) * opacity(instance, triangle, barycentrics);
 }
 
-// d² / (|cos| area); 0 where the triangle is seen edge-on or has no area.
+// Density in solid angle of a uniform point: d² / (|cos| area); 0 if the triangle is seen edge-on or has no area.
 fn area_to_solid_angle(t: WorldTriangle, from_point: vec3<f32>, position: vec3<f32>) -> f32 {
     let d = position - from_point;
     let d2 = dot(d, d);
     let projected = abs(dot(t.normal, d)) * t.area;
-    // d²·d/(|n.d| area): the cosine without a division.  Beyond 1e37 it is the same as never.
+    // d²·d/(|n·d| area), where the cosine needs no division.  A density above 1e37 counts as edge-on.
     let cubed = d2 * sqrt(d2);
     if !(projected > 0.0) || !(cubed < projected * 1.0e37) {
         return 0.0;
@@ -99,9 +99,9 @@ fn uniform_barycentrics(u: vec2<f32>) -> vec2<f32> {
     return vec2<f32>(r * (1.0 - u.y), r * u.y);
 }
 
-// Probability that alpha leaves the surface there: a shadow ray ends before it and cannot ask.
+// Probability that the alpha test keeps the surface.  Shadow rays end before the light and do not test it.
 #ifdef ALPHA
-fn presence(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
+fn opacity(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
     let material = instances[instance].material;
     let flags = materials[material].flags;
     if (flags & (MATERIAL_ALPHA_MASK | MATERIAL_ALPHA_BLEND)) == 0u {
@@ -114,7 +114,7 @@ fn presence(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
     return clamp(alpha, 0.0, 1.0);
 }
 #else
-fn presence(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
+fn opacity(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
     return 1.0;
 }
 #endif

@@ -1,22 +1,22 @@
-// What sampling a light gives, as seen from a point.
+// A sample of a light as seen from a receiver.
 #define_import_path bevy_restir::light::types
 
 #import bevy_restir::common::constants::{FAR, NONE}
 
-// Id of the environment where lights of the table have their index.
+// Id of the environment; other lights have their index in the table.
 const ENVIRONMENT_LIGHT: u32 = 0xfffffffeu;
 
 struct LightSample {
     wi: vec3<f32>,
-    distance: f32,             // FAR where infinite
-    radiance: vec3<f32>,       // area, environment: radiance towards the point; delta: irradiance at normal incidence
-    pdf_solid_angle: f32,      // of the light's own measure; 1 for a delta, 0: nothing was sampled
-    position: vec3<f32>,       // on the light; of an infinite one its direction
-    delta: u32,                // 1: no other technique finds this light
-    normal: vec3<f32>,         // the light's geometric; 0 for point, spot and infinite lights
+    distance: f32,             // to the light, m; FAR for lights at infinity
+    radiance: vec3<f32>,       // radiance towards the receiver; of a delta light the irradiance at normal incidence
+    pdf_solid_angle: f32,      // density of the light's own measure, as solid angle at the receiver; 1 for a delta; 0: no sample
+    position: vec3<f32>,       // on the light; for a light at infinity its direction
+    delta: u32,                // 1: a delta light, which BSDF sampling cannot hit
+    normal: vec3<f32>,         // geometric normal of the light; 0 for point lights, spots and lights at infinity
     light: u32,
-    barycentrics: vec2<f32>,   // of a triangle
-    aim: f32,                  // density, over `pdf_solid_angle`, with which a vertex there aims at the point: 1 but for spheres
+    barycentrics: vec2<f32>,   // of a point of a triangle
+    pdf_scale: f32,            // density of sampling at the receiver / `pdf_solid_angle`; 1 except for spheres
 }
 
 fn no_light_sample() -> LightSample {

@@ -1,16 +1,16 @@
-// Fills a rectangle of the texture atlas, from an image or from the level before it, each texel the mean of the area that it covers
-// of the source: in linear light, so that far away a texture has the color that it has near by.
+// Fills a rectangle of the texture atlas from an image or from the finer mip level.  Each texel is the mean of the source area that it
+// covers, in linear light, so that the mean color of a texture is the same at every distance.
 
 #import bevy_restir::common::texel::{decode_texel, encode_texel}
 
 struct Copy {
-    source_corner: vec2<u32>,
+    source_corner: vec2<u32>,  // texels
     source_size: vec2<u32>,
-    corner: vec2<u32>,
+    corner: vec2<u32>,         // in the page
     size: vec2<u32>,
-    layer: u32,
+    layer: u32,                // page of the atlas
     decode: u32,               // ENCODING_* of the source
-    encode: u32,
+    encode: u32,               // ENCODING_* of the target
     pad: u32,
 }
 
@@ -18,7 +18,7 @@ struct Copy {
 @group(0) @binding(1) var source: texture_2d<f32>;
 @group(0) @binding(2) var target_page: texture_storage_2d_array<rgba8unorm, write>;
 
-// What texel i of n covers of texel j of m, in units of 1/n of the latter.
+// How much texel i of n covers of texel j of m, in units of 1/n of the latter.
 fn overlap(i: u32, n: u32, j: u32, m: u32) -> f32 {
     return f32(min((i + 1u) * m, (j + 1u) * n) - max(i * m, j * n));
 }

@@ -1,11 +1,11 @@
-// What a camera knows of its pixels, in place of light: false colors of ids, by the rasterizer and by a traced ray; depth, motion,
-// normals, base color.  Values as they are, without exposure.
+// Debug views of the primary surfaces, without exposure: false colors of ids from the rasterizer or a traced ray, depth, motion, normals
+// and base color.
 
 #import bevy_restir::common::constants::NONE
+#import bevy_restir::common::ray::{rays_traced, trace_flags}
+#import bevy_restir::scene::offset::surface_point
 #import bevy_restir::scene::surface::surface_at
 #import bevy_restir::scene::triangle::world_triangle
-#import bevy_restir::scene::offset::surface_point
-#import bevy_restir::common::ray::{rays_traced, trace_flags}
 #import bevy_restir::trace::trace::trace_closest
 #import bevy_restir::view::alpha_seed::primary_alpha_seed
 #import bevy_restir::view::bindings::{ray_counts, view, visibility}
@@ -14,7 +14,7 @@
 
 @group(2) @binding(0) var<storage, read_write> radiance: array<vec4<f32>>;
 
-// Equal to the order of `DebugView` in src/settings.rs.
+// Equal to the order of `DebugView` in src/settings/debug_view.rs.
 const DEBUG_INSTANCES: u32 = 1u;
 const DEBUG_TRIANGLES: u32 = 2u;
 const DEBUG_TRACED_INSTANCES: u32 = 3u;

@@ -2,8 +2,8 @@
 
 #import technique::{evaluate, is_visible, jacobian_of, PackedReservoir, receiver_of, Reservoir, reservoir_unpack}
 #import bevy_restir::common::constants::NONE
-#import bevy_restir::restir::path_sample::{TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE}
 #import bevy_restir::restir::bindings::settings
+#import bevy_restir::restir::path_sample::{TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE}
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::restir::shift::hybrid::{SHIFT_OCCLUDED, SHIFT_OK}
 #import bevy_restir::view::bindings::{view, visibility}
@@ -12,7 +12,7 @@
 @group(2) @binding(1) var<storage, read> reservoirs: array<PackedReservoir>;
 @group(2) @binding(2) var<storage, read_write> radiance: array<vec4<f32>>;
 
-// Equal to the order of `DebugView` in src/settings.rs.
+// Equal to the order of `DebugView` in src/settings/debug_view.rs.
 const DEBUG_PATH_ENDS: u32 = 14u;
 const DEBUG_PATH_LENGTHS: u32 = 15u;
 const DEBUG_PATH_RECONNECTIONS: u32 = 16u;
@@ -21,7 +21,7 @@ const DEBUG_PATH_CONFIDENCE: u32 = 18u;
 const DEBUG_PATH_AGES: u32 = 19u;
 const DEBUG_PATH_SHIFTS: u32 = 20u;
 
-// Pixels to the right of which the shift of a path is shown.
+// The views show the shift of a path by this many pixels to the right.
 const SHIFT_DISTANCE: u32 = 8u;
 
 @compute @workgroup_size(8, 8)
@@ -63,7 +63,7 @@ fn path_view(r: Reservoir, pixel: vec2<u32>) -> vec3<f32> {
     }
 }
 
-// Why the path cannot be shifted to the other pixel, in false colors, white where it can; or the Jacobian.
+// The shift of the path to another pixel: its Jacobian; or white if it succeeds, and otherwise a false color for the reason.
 fn shift_view(r: Reservoir, pixel: vec2<u32>) -> vec3<f32> {
     let at = vec2<u32>(min(pixel.x + SHIFT_DISTANCE, view.size.x - 1u), pixel.y);
     let ids = textureLoad(visibility, at, 0).xy;

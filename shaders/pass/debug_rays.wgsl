@@ -1,4 +1,4 @@
-// Rays that the passes of this frame have traced for every pixel, in place of light.  Where frames are accumulated it joins their sum.
+// Debug view: number of rays that the passes of this frame traced for each pixel, summed up while frames are accumulated.
 
 #import bevy_restir::view::bindings::{ray_counts, view}
 

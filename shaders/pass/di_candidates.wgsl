@@ -3,7 +3,7 @@
 
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::ray::{rays_traced, trace_flags}
-#import bevy_restir::common::rng::{rng_new, STREAM_CANDIDATES}
+#import bevy_restir::common::rng::{rng_new, STREAM_DI_CANDIDATES}
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::di::domain::receiver_of
 #import bevy_restir::restir::di::initial_candidates::sample_candidates
@@ -27,7 +27,7 @@ fn di_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
         textureStore(unresampled, pixel, vec4<f32>(0.0));
         return;
     }
-    var rng = rng_new(pixel, view.frame, STREAM_CANDIDATES, view.seed);
+    var rng = rng_new(pixel, view.frame, STREAM_DI_CANDIDATES, view.seed);
     let selected = sample_candidates(receiver_of(ids, pixel, false), pixel, &rng);
     reservoirs[index] = reservoir_pack(selected.reservoir);
     textureStore(unresampled, pixel, vec4<f32>(selected.unresampled, 0.0));

@@ -1,5 +1,5 @@
-// The mip chain that an equirectangular map is importance-sampled by: level 0 from the map, every other level the 2x2 sums of the one
-// below (Wyman and Panteleev 2021, 5.3).
+// The mip chain for importance sampling of the environment map: level 0 from the map, each further level the 2x2 sums of the one before
+// (Wyman and Panteleev 2021, 5.3).
 
 #import bevy_restir::light::environment::environment_cell_importance
 
@@ -20,7 +20,7 @@ fn reduce(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(id.xy >= textureDimensions(level)) {
         return;
     }
-    // A side that is 1 already does not halve any more.
+    // A side of 1 cell is not halved further.
     let size = textureDimensions(source);
     let step = vec2<u32>(2u) - vec2<u32>(size < vec2<u32>(2u));
     var sum = 0.0;

@@ -3,7 +3,7 @@
 #import technique::{in_technique_measure, no_reservoir, PackedReservoir, receiver_of, Reservoir, reservoir_pack, SHORTEST_LENGTH}
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::ray::{rays_traced, trace_flags}
-#import bevy_restir::common::rng::{rng_new, STREAM_TREE}
+#import bevy_restir::common::rng::{rng_new, STREAM_PATH_CANDIDATES}
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::pt::initial_candidates::sample_candidates
 #import bevy_restir::restir::reservoir_layout::reservoir_index
@@ -27,7 +27,7 @@ fn path_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let r = receiver_of(ids, pixel, false);
-    var rng = rng_new(pixel, view.frame, STREAM_TREE, view.seed);
+    var rng = rng_new(pixel, view.frame, STREAM_PATH_CANDIDATES, view.seed);
     let selected = in_technique_measure(sample_candidates(r.first, pixel, SHORTEST_LENGTH, r.shift, &rng), r);
     reservoirs[index] = reservoir_pack(Reservoir(selected.path, selected.ucw, 1.0, true));
     textureStore(contribution, pixel, vec4<f32>(selected.f, 0.0));

@@ -1,5 +1,5 @@
-// Subsets of light points, drawn once a frame (Wyman and Panteleev 2021, 5): what a tile of pixels then picks from lies together in
-// memory, however many lights there are.  One table of all kinds is drawn from by power, so that the kinds are mixed as they come.
+// Presamples subsets of light points once per frame (Wyman and Panteleev 2021, 5).  A tile of pixels draws candidates from one subset,
+// which is contiguous in memory, however many lights there are.  Lights of all kinds are drawn from one table by power.
 
 #import bevy_restir::common::rng::{rng_4, rng_new, STREAM_PRESAMPLE}
 #import bevy_restir::light::presampled::{presample_light, PresampledLight}
@@ -8,7 +8,7 @@
 
 @group(2) @binding(1) var<storage, read_write> subsets: array<PresampledLight>;
 
-// x: in the subset; y: which one.
+// x: index in the subset; y: index of the subset.
 @compute @workgroup_size(64)
 fn presample(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= settings.subset_size {

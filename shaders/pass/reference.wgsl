@@ -1,18 +1,18 @@
-// The reference path tracer: one path a pixel and frame from the visibility buffer's surface, summed for as long as nothing that it
-// shows changes.  Debug views show what the path cost in place of its light.
+// The reference path tracer: one path per pixel and frame from the surface in the visibility buffer, summed up until the picture changes.
+// Debug views show the number of rays or bounces of the path instead of its radiance.
 
-#import bevy_restir::common::constants::{NONE, NON_FINITE}
+#import bevy_restir::common::constants::{NON_FINITE, NONE}
 #import bevy_restir::common::math::is_finite_3
-#import bevy_restir::common::rng::{rng_new, STREAM_REFERENCE}
-#import bevy_restir::path::reference_integrator::{bounces_taken, estimate_radiance}
-#import bevy_restir::scene::triangle::world_triangle
-#import bevy_restir::scene::offset::surface_point
 #import bevy_restir::common::ray::{Hit, rays_traced, trace_flags}
+#import bevy_restir::common::rng::{rng_new, STREAM_REFERENCE}
 #import bevy_restir::light::backdrop::backdrop
+#import bevy_restir::path::reference_integrator::{bounces_taken, estimate_radiance}
+#import bevy_restir::scene::offset::surface_point
+#import bevy_restir::scene::triangle::world_triangle
 #import bevy_restir::view::bindings::{ray_counts, view, visibility}
 #import bevy_restir::view::camera::{barycentrics_on_ray, primary_ray}
 
-// Sum of radiance, number of samples.
+// Sum of radiance (rgb), and number of samples (a).
 @group(2) @binding(0) var<storage, read_write> radiance: array<vec4<f32>>;
 
 @compute @workgroup_size(8, 8)
@@ -40,7 +40,7 @@ fn reference(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 
     let index = pixel.y * view.size.x + pixel.x;
-    var sum = vec4<f32>(shown(sample), 1.0);
+    var sum = vec4<f32>(displayed(sample), 1.0);
     if view.accumulated > 0u {
         sum += radiance[index];
     }
@@ -50,15 +50,15 @@ fn reference(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 
 #ifdef SHOWS_RAYS
-fn shown(light: vec3<f32>) -> vec3<f32> {
+fn displayed(light: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(f32(rays_traced));
 }
 #else ifdef SHOWS_BOUNCES
-fn shown(light: vec3<f32>) -> vec3<f32> {
+fn displayed(light: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(f32(bounces_taken));
 }
 #else
-fn shown(light: vec3<f32>) -> vec3<f32> {
+fn displayed(light: vec3<f32>) -> vec3<f32> {
     return light;
 }
 #endif

@@ -1,17 +1,17 @@
-// The picture of a frame from its parts: what the camera sees emit, and the light that was found.  Where frames are accumulated it
-// joins their sum.
+// Adds up the parts of a frame's picture: emission of the primary surfaces, and the light that the techniques found.  Sums up frames while
+// they are accumulated.
 
-#import bevy_restir::common::constants::{NONE, NON_FINITE}
+#import bevy_restir::common::constants::{NON_FINITE, NONE}
 #import bevy_restir::common::math::is_finite_3
 #import bevy_restir::light::backdrop::backdrop
 #import bevy_restir::view::bindings::{ray_counts, view, visibility}
 #import bevy_restir::view::camera::primary_ray
 #import bevy_restir::view::primary::primary_surface
 
-// What a technique does not find is one black texel.
+// A part that the technique does not compute is one black texel.
 @group(2) @binding(0) var unresampled: texture_2d<f32>;
-@group(2) @binding(1) var resampled: texture_2d<f32>;
-@group(2) @binding(2) var of_paths: texture_2d<f32>;
+@group(2) @binding(1) var resampled_lights: texture_2d<f32>;
+@group(2) @binding(2) var resampled_paths: texture_2d<f32>;
 @group(2) @binding(3) var<storage, read_write> radiance: array<vec4<f32>>;
 
 @compute @workgroup_size(8, 8)
@@ -26,8 +26,8 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
         light = backdrop(primary_ray(pixel).direction);
     } else {
         let s = primary_surface(ids, pixel, false).surface;
-        light = s.emission + s.unlit + textureLoad(unresampled, pixel, 0).rgb + textureLoad(resampled, pixel, 0).rgb
-            + textureLoad(of_paths, pixel, 0).rgb;
+        light = s.emission + s.unlit + textureLoad(unresampled, pixel, 0).rgb + textureLoad(resampled_lights, pixel, 0).rgb
+            + textureLoad(resampled_paths, pixel, 0).rgb;
     }
     if !is_finite_3(light) {
         light = vec3<f32>(0.0);

@@ -1,4 +1,4 @@
-// Adds up what the pixels counted, and clears it for the next frame.
+// Adds up the ray counts and errors of all pixels, and clears them for the next frame.
 
 #import bevy_restir::common::constants::NON_FINITE
 #import bevy_restir::view::bindings::{ray_counts, view}

@@ -1,10 +1,10 @@
-// The visibility buffer: every instance drawn by vertex pulling, three vertices a triangle, (instance, triangle) out.  No primitive
-// index is needed, and no mesh layout: what rays meet is what is drawn.
+// Rasterizes the visibility buffer, (instance, triangle) of each pixel, by vertex pulling with three vertices per triangle.  It draws the
+// same triangles that rays hit, and needs neither primitive indices nor vertex layouts.
 
 #import bevy_restir::common::constants::INSTANCE_MIRRORED
 #import bevy_restir::scene::bindings::{instances, triangles}
 #import bevy_restir::scene::triangle::transform_point
-#import bevy_restir::trace::alpha::alpha_passes
+#import bevy_restir::trace::alpha::passes_alpha_test
 #import bevy_restir::view::alpha_seed::primary_alpha_seed
 #import bevy_restir::view::bindings::view
 
@@ -17,7 +17,7 @@ struct Corner {
 @vertex
 fn vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance: u32) -> Corner {
     let triangle = instances[instance].first_triangle + vertex / 3u;
-    // A mirrored instance turns the winding round: its front face is the image of the object's.
+    // Mirroring reverses the winding; the front face stays the image of the front face in object space.
     let mirrored = (instances[instance].flags & INSTANCE_MIRRORED) != 0u;
     var corner = vertex % 3u;
     if mirrored && corner != 0u {
@@ -33,7 +33,7 @@ fn vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance:
         b = vec2<f32>(0.0, 1.0);
     }
     var clip = view.current.clip_from_world * vec4<f32>(transform_point(instances[instance].world_from_object, p), 1.0);
-    // The ray goes through center + jitter, so the image moves the other way.
+    // Primary rays go through center + jitter, so that the image moves in the opposite direction.
     clip.x -= 2.0 * view.jitter.x / f32(view.size.x) * clip.w;
     clip.y += 2.0 * view.jitter.y / f32(view.size.y) * clip.w;
     return Corner(clip, vec2<u32>(instance, triangle), b);
@@ -43,7 +43,7 @@ fn vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance:
 @fragment
 fn fragment(corner: Corner) -> @location(0) vec2<u32> {
     let pixel = vec2<u32>(corner.position.xy);
-    if !alpha_passes(corner.ids.x, corner.ids.y, corner.barycentrics, primary_alpha_seed(pixel)) {
+    if !passes_alpha_test(corner.ids.x, corner.ids.y, corner.barycentrics, primary_alpha_seed(pixel)) {
         discard;
     }
     return corner.ids;

@@ -1,10 +1,10 @@
-// Absorption within transmissive bodies (Beer-Lambert), where a scene has any.
+// Absorption inside of transmissive objects (Beer-Lambert law).  Without ATTENUATION no object absorbs.
 #define_import_path bevy_restir::path::medium
 
 #import bevy_restir::bsdf::types::bsdf_is_thin
 #import bevy_restir::scene::surface::Surface
 
-// Absorption of the body that a ray is in after leaving `s` towards `wi`, having arrived through `medium`.
+// Absorption coefficient (1/m) along a ray that leaves `s` towards `wi`, where `medium` is that of the ray that arrived.
 #ifdef ATTENUATION
 fn medium_towards(s: Surface, wi: vec3<f32>, medium: vec3<f32>) -> vec3<f32> {
     if dot(wi, s.bsdf.n_geo) >= 0.0 || bsdf_is_thin(s.bsdf) {

@@ -39,7 +39,7 @@ fn nee_contribution(v: Vertex, p: LightPoint, expected_count: f32, previous: boo
     }
     let bsdf = bsdf_terms(v.surface.bsdf, v.wo, l.wi);
     c.pdf_bsdf = bsdf.pdf;
-    let pdf = expected_count * l.pdf_solid_angle * l.aim;
+    let pdf = expected_count * l.pdf_solid_angle * l.pdf_scale;
     let weight = select(pdf / (pdf + c.pdf_bsdf), 1.0, l.delta != 0u);
     let carried = transmittance(step_medium(v, l.wi), l.distance);
     c.f = bsdf.f * l.radiance * carried * (weight / l.pdf_solid_angle);

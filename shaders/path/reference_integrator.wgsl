@@ -1,50 +1,50 @@
-// The reference estimator: one path of next-event estimation and BSDF sampling, joined by the balance heuristic (Veach 1997, 9.2),
-// with Russian roulette and no clamp.  Unbiased up to `view.bounces` scattering events.
+// The reference path tracer: next-event estimation (NEE) and BSDF sampling, combined by the balance heuristic (Veach 1997, 9.2), with
+// Russian roulette and without clamping.  It is unbiased for paths of up to `view.bounces` scattering events.
 #define_import_path bevy_restir::path::reference_integrator
 
 #import bevy_restir::bsdf::bsdf::{bsdf_eval, bsdf_is_delta, bsdf_pdf, bsdf_sample}
 #import bevy_restir::common::constants::{FAR, NONE}
 #import bevy_restir::common::math::max_component
+#import bevy_restir::common::ray::{Hit, Ray}
 #import bevy_restir::common::rng::{Rng, rng_1, rng_3, rng_4, rng_bits}
+#import bevy_restir::light::analytic_area_light::{light_hit_point, LIGHT_HITS_MAX, next_light_hit, RaySegment}
 #import bevy_restir::light::environment::{environment_pdf, environment_radiance}
 #import bevy_restir::light::light::light_sample
 #import bevy_restir::light::point_on_light::light_point_at
 #import bevy_restir::light::select::{environment_pmf, light_pmf, light_select}
-#import bevy_restir::light::analytic_area_light::{light_hit_point, LIGHT_HITS_MAX, next_light_hit, RaySegment}
 #import bevy_restir::path::medium::{medium_towards, transmittance}
 #import bevy_restir::path::nee::emitter_nee_pdf
 #import bevy_restir::path::shadow_ray::light_is_visible
 #import bevy_restir::scene::cone::{cone_after, cone_along}
-#import bevy_restir::scene::surface::{Surface, surface_at}
 #import bevy_restir::scene::offset::offset_point
-#import bevy_restir::common::ray::{Hit, Ray}
+#import bevy_restir::scene::surface::{Surface, surface_at}
 #import bevy_restir::trace::trace::trace_closest
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::camera::pixel_cone
 
-// Roulette starts where a path has scattered this often.
+// Russian roulette starts at this scattering event.
 const ROULETTE_FROM: u32 = 3u;
 
-// How often this invocation's path went on from a surface.
+// Number of bounces of this invocation's path, for a debug view.
 var<private> bounces_taken: u32;
 
-// Of next-event estimation beside BSDF sampling, by their densities of one direction.  TEST_*: either alone.
+// MIS weight of NEE against BSDF sampling, by their densities of one direction.  TEST_*: tests use one technique alone.
 #ifdef TEST_LIGHTS_ALONE
-fn share_of_lights(lights: f32, bsdf: f32) -> f32 {
+fn nee_mis_weight(lights: f32, bsdf: f32) -> f32 {
     return 1.0;
 }
 #else ifdef TEST_BSDF_ALONE
-fn share_of_lights(lights: f32, bsdf: f32) -> f32 {
+fn nee_mis_weight(lights: f32, bsdf: f32) -> f32 {
     return 0.0;
 }
 #else
-fn share_of_lights(lights: f32, bsdf: f32) -> f32 {
+fn nee_mis_weight(lights: f32, bsdf: f32) -> f32 {
     return lights / (lights + bsdf);
 }
 #endif
 
-// Light that one sampled emitter sends to `s` and on to wo: f·L·cos/pdf weighed against BSDF sampling; a shadow ray.
-fn next_event(s: Surface, wo: vec3<f32>, medium: vec3<f32>, rng: ptr<function, Rng>) -> vec3<f32> {
+// Radiance towards wo from one sampled light, times its MIS weight; traces a shadow ray.
+fn nee_radiance(s: Surface, wo: vec3<f32>, medium: vec3<f32>, rng: ptr<function, Rng>) -> vec3<f32> {
     let u = rng_4(rng);
     let alpha_seed = rng_bits(rng).x;
     let choice = light_select(u.xy);
@@ -52,7 +52,7 @@ fn next_event(s: Surface, wo: vec3<f32>, medium: vec3<f32>, rng: ptr<function, R
         return vec3<f32>(0.0);
     }
     let l = light_sample(choice.light, s.position, u.zw);
-    let pdf = choice.pmf * l.pdf_solid_angle * l.aim;
+    let pdf = choice.pmf * l.pdf_solid_angle * l.pdf_scale;
     if !(pdf > 0.0) || !(max_component(l.radiance) > 0.0) {
         return vec3<f32>(0.0);
     }
@@ -62,7 +62,7 @@ fn next_event(s: Surface, wo: vec3<f32>, medium: vec3<f32>, rng: ptr<function, R
     }
     var weight = 1.0;
     if l.delta == 0u {
-        weight = share_of_lights(pdf, bsdf_pdf(s.bsdf, wo, l.wi));
+        weight = nee_mis_weight(pdf, bsdf_pdf(s.bsdf, wo, l.wi));
     }
     if !light_is_visible(s, l, alpha_seed, false) {
         return vec3<f32>(0.0);
@@ -70,28 +70,28 @@ fn next_event(s: Surface, wo: vec3<f32>, medium: vec3<f32>, rng: ptr<function, R
     return f * l.radiance * transmittance(medium_towards(s, l.wi, medium), l.distance) * (weight / pdf);
 }
 
-// Radiance of the lights that a ray passes on its way, weighed against the next-event estimate at its origin.  `pdf` of its direction,
-// 0 where nothing else finds them.
-fn passed_lights(way: RaySegment, from_point: vec3<f32>, medium: vec3<f32>, pdf: f32) -> vec3<f32> {
+// Radiance of the analytic area lights that a segment hits, times their MIS weights against NEE at `from_point`.  `pdf`: density of the
+// direction; 0 if NEE cannot sample it.
+fn light_hit_radiance(segment: RaySegment, from_point: vec3<f32>, medium: vec3<f32>, pdf: f32) -> vec3<f32> {
     var radiance = vec3<f32>(0.0);
     var first = 0u;
     for (var i = 0u; i < LIGHT_HITS_MAX; i++) {
-        let light = next_light_hit(way, first);
+        let light = next_light_hit(segment, first);
         if light == NONE {
             break;
         }
         first = light + 1u;
-        let l = light_point_at(light_hit_point(light, light, way), from_point, false);
+        let l = light_point_at(light_hit_point(light, light, segment), from_point, false);
         var weight = 1.0;
         if pdf > 0.0 {
-            weight = 1.0 - share_of_lights(light_pmf(light) * l.pdf_solid_angle * l.aim, pdf);
+            weight = 1.0 - nee_mis_weight(light_pmf(light) * l.pdf_solid_angle * l.pdf_scale, pdf);
         }
         radiance += l.radiance * transmittance(medium, l.distance) * weight;
     }
     return radiance;
 }
 
-// Radiance along a camera ray whose first hit is known.  `bounces` as `view.bounces`.
+// Radiance along a camera ray with a known first hit.
 fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> vec3<f32> {
     var radiance = vec3<f32>(0.0);
     var throughput = vec3<f32>(1.0);
@@ -100,9 +100,9 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
     var ray = camera_ray;
     var cone = pixel_cone(view.current, camera_ray, first.t);
     var from_point = camera_ray.origin;
-    // Density of the direction that led here; 0 stands for directions that next-event estimation cannot take.
+    // Density of the last direction; 0 for directions that NEE cannot sample.
     var pdf = 0.0;
-    // Product of squared relative indices, so that roulette does not mistake the scaling of radiance in glass for absorption.
+    // Squared relative indices of refraction: roulette must not mistake the scaling of radiance in glass for absorption.
     var eta_scale = 1.0;
 
     for (var scattered = 0u; scattered <= view.bounces; scattered++) {
@@ -110,11 +110,11 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
         let s = surface_at(hit.instance, hit.triangle, hit.barycentrics, wo, cone, false);
         throughput *= transmittance(medium, hit.t);
 
-        // Add emission, weighed against the next-event estimate of the last vertex.
+        // Add emission, with its MIS weight against NEE at the last vertex.
         if max_component(s.emission) > 0.0 {
             var weight = 1.0;
             if pdf > 0.0 {
-                weight = 1.0 - share_of_lights(emitter_nee_pdf(s.light, light_pmf(s.light), hit.instance, hit.triangle, from_point, s.position, false), pdf);
+                weight = 1.0 - nee_mis_weight(emitter_nee_pdf(s.light, light_pmf(s.light), hit.instance, hit.triangle, from_point, s.position, false), pdf);
             }
             radiance += throughput * s.emission * weight;
         }
@@ -125,12 +125,12 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
             break;
         }
 
-        // Aim at a light.
+        // Sample a light.
         if !bsdf_is_delta(s.bsdf) {
-            radiance += throughput * next_event(s, wo, medium, rng);
+            radiance += throughput * nee_radiance(s, wo, medium, rng);
         }
 
-        // Go on in a direction of the BSDF.
+        // Sample the BSDF.
         let u = rng_3(rng);
         let b = bsdf_sample(s.bsdf, wo, u);
         if b.valid == 0u {
@@ -155,11 +155,11 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
         ray = Ray(offset_point(s.position, s.bsdf.n_geo, b.wi, s.offset), 0.0, b.wi, FAR);
         hit = trace_closest(ray, rng_bits(rng).x);
         cone = cone_along(cone_after(cone, b.delta != 0u), hit.t);
-        radiance += throughput * passed_lights(RaySegment(ray.origin, hit.t, ray.direction), from_point, medium, pdf);
+        radiance += throughput * light_hit_radiance(RaySegment(ray.origin, hit.t, ray.direction), from_point, medium, pdf);
         if hit.instance == NONE {
             var weight = 1.0;
             if pdf > 0.0 {
-                weight = 1.0 - share_of_lights(environment_pmf() * environment_pdf(ray.direction), pdf);
+                weight = 1.0 - nee_mis_weight(environment_pmf() * environment_pdf(ray.direction), pdf);
             }
             radiance += throughput * environment_radiance(ray.direction) * weight;
             break;

@@ -1,29 +1,29 @@
-// The rays along which points of lights and surfaces are seen: free of the triangles at both their ends.
+// Shadow rays to lights and between surfaces.  Both ends are offset, so that the ray does not hit the surfaces at its ends.
 #define_import_path bevy_restir::path::shadow_ray
 
 #import bevy_restir::common::constants::{FAR, LIGHT_TRIANGLE}
-#import bevy_restir::light::analytic_area_light::SLACK
+#import bevy_restir::common::ray::Ray
+#import bevy_restir::light::analytic_area_light::DISTANCE_TOLERANCE
 #import bevy_restir::light::types::LightSample
 #import bevy_restir::scene::bindings::lights
-#import bevy_restir::scene::surface::Surface
 #import bevy_restir::scene::offset::{offset_distance, offset_point}
-#import bevy_restir::common::ray::Ray
+#import bevy_restir::scene::surface::Surface
 #import bevy_restir::trace::trace::trace_any
 #import bevy_restir::view::render_layers::light_kind
 
-// The ray that a point of a light is seen along: from an offset point to one just short of the light's surface.
+// The shadow ray to a point of a light, from an offset point to an offset point before the light.
 fn ray_to_light(s: Surface, l: LightSample) -> Ray {
     let origin = offset_point(s.position, s.bsdf.n_geo, l.wi, s.offset);
     var ray = Ray(origin, 0.0, l.wi, FAR);
     if l.distance < FAR {
         let end = offset_point(l.position, l.normal, -l.wi, light_offset(l));
         ray.direction = end - origin;
-        ray.t_max = end_of_ray(l);
+        ray.t_max = shadow_ray_t_max(l);
     }
     return ray;
 }
 
-// The ray that one surface is seen along from another.
+// The shadow ray between two surfaces.
 fn ray_between(a: Surface, b: Surface) -> Ray {
     let direction = b.position - a.position;
     let origin = offset_point(a.position, a.bsdf.n_geo, direction, a.offset);
@@ -31,22 +31,23 @@ fn ray_between(a: Surface, b: Surface) -> Ray {
     return Ray(origin, 0.0, end - origin, 1.0);
 }
 
-// `previous`: whether it was seen in the last frame; surface and sample are of that frame.
+// Whether a surface sees a light sample; with `previous`, both belong to the last frame.
 fn light_is_visible(s: Surface, l: LightSample, alpha_seed: u32, previous: bool) -> bool {
     return !trace_any(ray_to_light(s, l), alpha_seed, previous);
 }
 
-// Short of a ball or rectangle by as much as it may lie behind a surface.
+// End of the ray.  Spherical and rectangular lights may lie a little behind a surface (DISTANCE_TOLERANCE).
 #ifdef LIGHT_SHAPES
-fn end_of_ray(l: LightSample) -> f32 {
-    return select(1.0 - SLACK, 1.0, l.delta != 0u || light_kind(l.light) == LIGHT_TRIANGLE);
+fn shadow_ray_t_max(l: LightSample) -> f32 {
+    return select(1.0 - DISTANCE_TOLERANCE, 1.0, l.delta != 0u || light_kind(l.light) == LIGHT_TRIANGLE);
 }
 #else
-fn end_of_ray(l: LightSample) -> f32 {
+fn shadow_ray_t_max(l: LightSample) -> f32 {
     return 1.0;
 }
 #endif
 
+// Offset of a point on a light, m.
 fn light_offset(l: LightSample) -> f32 {
     if light_kind(l.light) != LIGHT_TRIANGLE {
         return 0.0;

@@ -1,15 +1,15 @@
-// Weighted reservoir sampling (Wyman and Panteleev 2021, 3.2; Chao 1982): one of a stream of samples with probability proportional to
+// Weighted reservoir sampling (Chao 1982; Wyman and Panteleev 2021, 3.2): selects one sample of a stream with probability proportional to
 // its weight.
 #define_import_path bevy_restir::restir::reservoir_sampling
 
 #import bevy_restir::common::math::is_finite
 
 struct Stream {
-    sum: f32,
+    sum: f32,          // of weights
     selected: u32,     // index of the selected input
 }
 
-// Adds input `index`; true where it is selected.  Weights that are not positive or not finite are never taken, not even by u = 0.
+// Adds an input; true if it is selected.  A weight that is not positive and finite is never selected, not even with u = 0.
 fn stream_add(stream: ptr<function, Stream>, index: u32, weight: f32, u: f32) -> bool {
     if !(weight > 0.0) || !is_finite(weight) {
         return false;

@@ -1,11 +1,12 @@
-// What GGX microfacets lose to light that bounces between them: a table of the albedo E of a lobe with F = 1, over n.wo and roughness.
+// Energy that single scattering loses in a GGX lobe (Turquin 2019), from a table of the directional albedo E with F = 1, over n·wo and
+// roughness.
 #define_import_path bevy_restir::scene::directional_albedo
 
 #import bevy_restir::common::constants::ALPHA_DELTA
 #import bevy_restir::scene::bindings::specular_albedo
 
 #ifdef ENERGY_COMPENSATION
-// (1 - E)/E, bilinear in E; 0 for a mirror.
+// (1 - E)/E with bilinear interpolation of E; 0 for a delta.
 fn multiple_scattering(alpha: f32, cos_o: f32) -> f32 {
     if alpha < ALPHA_DELTA {
         return 0.0;

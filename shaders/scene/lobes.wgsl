@@ -1,5 +1,5 @@
-// The lobes of a material that few scenes have: coat, anisotropy, diffuse transmission, thin walls.  Each adds to a `Bsdf` what its feature
-// reads, and nothing without it.
+// Optional parts of a material: coat, anisotropy, diffuse transmission and thin walls.  Each has a shader definition; without it, the
+// fields of the `Bsdf` stay unset and nothing reads them.
 #define_import_path bevy_restir::scene::lobes
 
 #import bevy_restir::bsdf::types::Bsdf
@@ -8,14 +8,14 @@
 #import bevy_restir::scene::directional_albedo::multiple_scattering
 #import bevy_restir::scene::material::MaterialPoint
 
-// A surface's frame as far as lobes have one of their own.
+// Directions of a surface that optional lobes need.
 struct LobeFrame {
-    coat_normal: vec3<f32>,    // of the clearcoat, on wo's side
-    tangent: vec3<f32>,        // of the mesh, and its bitangent
+    coat_normal: vec3<f32>,    // normal of the clearcoat, on wo's side
+    tangent: vec3<f32>,        // tangent and bitangent of the mesh
     bitangent: vec3<f32>,
 }
 
-// All of them.  `b` has the rest of the material, `wo` is on the side of its normals.
+// Adds all of them to `b`.  `wo` is on the side of its normals.
 fn with_lobes(b: Bsdf, point: MaterialPoint, frame: LobeFrame, wo: vec3<f32>) -> Bsdf {
     let body = with_thin_wall(with_diffuse_transmission(with_anisotropy(b, point, frame, wo), point), point);
     return with_coat(body, point, frame.coat_normal, wo);
@@ -38,8 +38,8 @@ fn with_coat(b: Bsdf, point: MaterialPoint, normal: vec3<f32>, wo: vec3<f32>) ->
 #endif
 
 #ifdef ANISOTROPY
-// α along the tangent is mix(α, 1, strength²), across it α (KHR_materials_anisotropy).  The lobe is a delta where it is narrow both ways;
-// where it is wide one way only, f32 wants it no narrower than that the other way.
+// α along the tangent is mix(α, 1, strength²), and α across it (KHR_materials_anisotropy).  The lobe is a delta if both are below
+// ALPHA_DELTA; if only one is, it is raised to ALPHA_DELTA, as the precision of f32 demands.
 fn with_anisotropy(b: Bsdf, point: MaterialPoint, frame: LobeFrame, wo: vec3<f32>) -> Bsdf {
     let direction = point.anisotropy_direction;
     let strength = point.anisotropy_strength;
@@ -48,14 +48,15 @@ fn with_anisotropy(b: Bsdf, point: MaterialPoint, frame: LobeFrame, wo: vec3<f32
     a.roughness_along = mix(b.roughness, 1.0, strength * strength);
     if strength > 0.0 && a.roughness_along >= ALPHA_DELTA {
         a.roughness = max(b.roughness, ALPHA_DELTA);
-        // The table knows one α: the root of the mean square comes nearest, to a tenth of the albedo but across the grain at grazing angles.
+        // The table is for isotropic lobes.  The root mean square of both α comes nearest: the albedo is right to a tenth, except across
+        // the grain at grazing angles.
         let squares = a.roughness * a.roughness + a.roughness_along * a.roughness_along;
         a.compensation = multiple_scattering(sqrt(0.5 * squares), dot(wo, b.n));
     }
     return a;
 }
 
-// Perpendicular to n whatever the mesh and its normal map say.
+// Unit tangent perpendicular to n, whatever mesh and normal map contain.
 fn tangent_of(n: vec3<f32>, along: vec3<f32>) -> vec3<f32> {
     let t = along - dot(along, n) * n;
     let t2 = dot(t, t);
@@ -80,7 +81,7 @@ fn with_diffuse_transmission(b: Bsdf, point: MaterialPoint) -> Bsdf {
 #endif
 
 #ifdef THIN_WALL
-// It bends nothing.
+// A thin wall does not refract.
 fn with_thin_wall(b: Bsdf, point: MaterialPoint) -> Bsdf {
     var t = b;
     if !(point.thickness > 0.0) {

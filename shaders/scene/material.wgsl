@@ -1,5 +1,5 @@
-// Materials with their textures at a point of a triangle.  A material without textures holds none: those of the others lie in a table,
-// a record of slots each, and are sampled at one place, however many there are.
+// Materials at a point of a triangle: factors times textures.  The texture slots of a material are in `texture_table`; one loop samples all
+// of them, so that the sampling code is compiled once.
 #define_import_path bevy_restir::scene::material
 
 #import bevy_restir::common::constants::{INSTANCE_SECOND_UV, MATERIAL_FLIP_NORMAL_MAP_Y, SLOT_ANISOTROPY, SLOT_BASE_COLOR, SLOT_CLEARCOAT, SLOT_CLEARCOAT_NORMAL, SLOT_CLEARCOAT_ROUGHNESS, SLOT_DIFFUSE_TRANSMISSION, SLOT_EMISSIVE, SLOT_METALLIC_ROUGHNESS, SLOT_NORMAL, SLOT_SPECULAR, SLOT_SPECULAR_TINT, SLOT_SPECULAR_TRANSMISSION, SLOT_THICKNESS, SLOT_TRANSFORM}
@@ -16,9 +16,9 @@ struct MaterialPoint {
     perceptual_roughness: f32,
     dielectric_reflectance: vec3<f32>,
     specular_transmission: f32,
-    normal: vec3<f32>,         // in the frame of the tangent; (0, 0, 1) without a map
+    normal: vec3<f32>,         // in tangent space; (0, 0, 1) without a normal map
     diffuse_transmission: f32,
-    coat_normal: vec3<f32>,    // in the same frame
+    coat_normal: vec3<f32>,    // in tangent space
     thickness: f32,
     anisotropy_direction: vec2<f32>,
     anisotropy_strength: f32,
@@ -26,7 +26,7 @@ struct MaterialPoint {
     clearcoat_perceptual_roughness: f32,
 }
 
-// A material at a point of a triangle, its textures over what a cone covers there.
+// The material at a point of a triangle, with its textures filtered over the footprint of a ray cone.
 fn material_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, t: WorldTriangle, wo: vec3<f32>, cone: Cone) -> MaterialPoint {
     let material = instances[instance].material;
     let p = MaterialPoint(
@@ -45,7 +45,7 @@ fn material_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, t: WorldTr
         materials[material].clearcoat,
         materials[material].clearcoat_perceptual_roughness,
     );
-    return textured(p, instance, triangle, barycentrics, t, wo, cone);
+    return with_textures(p, instance, triangle, barycentrics, t, wo, cone);
 }
 
 // Texture coordinates of the corners of a triangle.
@@ -59,7 +59,8 @@ fn corner_uvs(triangle: u32) -> CornerUvs {
     return CornerUvs(attributes[triangle].uv_a, attributes[triangle].uv_b, attributes[triangle].uv_c);
 }
 
-fn normal_of(slot: vec4<u32>, texel: vec4<f32>, flags: u32) -> vec3<f32> {
+// Normal in tangent space from a texel of a normal map.
+fn decode_normal(slot: vec4<u32>, texel: vec4<f32>, flags: u32) -> vec3<f32> {
     var n = texel.xyz * 2.0 - 1.0;
     if (slot.x & TEXTURE_TWO_COMPONENTS) != 0u {
         n.z = sqrt(max(0.0, 1.0 - dot(n.xy, n.xy)));
@@ -71,15 +72,15 @@ fn normal_of(slot: vec4<u32>, texel: vec4<f32>, flags: u32) -> vec3<f32> {
 }
 
 #ifdef TEXTURES
-fn textured(factors: MaterialPoint, instance: u32, triangle: u32, barycentrics: vec2<f32>, t: WorldTriangle, wo: vec3<f32>, cone: Cone) -> MaterialPoint {
+fn with_textures(factors: MaterialPoint, instance: u32, triangle: u32, barycentrics: vec2<f32>, t: WorldTriangle, wo: vec3<f32>, cone: Cone) -> MaterialPoint {
     let material = instances[instance].material;
-    let covered = covered_by(cone, t, wo);
+    let footprint = cone_footprint(cone, t, wo);
     let first = corner_uvs(triangle);
     let second = second_corner_uvs(instance, triangle);
-    let transform = transform_of(material);
+    let transform = uv_transform_of(material);
     var at = first_slot(material);
     var p = factors;
-    // One call of what is long, not one a texture.
+    // A loop over kinds, because the sampling code is long: it is compiled once.
     for (var kinds = materials[material].textures & ~SLOT_TRANSFORM; kinds != 0u; kinds &= kinds - 1u) {
         let slot = table_entry(at);
         at += 1u;
@@ -88,18 +89,18 @@ fn textured(factors: MaterialPoint, instance: u32, triangle: u32, barycentrics: 
             uvs = second;
         }
         let area = TextureArea(
-            transformed(transform, at_barycentrics(uvs, barycentrics)),
-            turned(transform, along_barycentrics(uvs, covered.xy)),
-            turned(transform, along_barycentrics(uvs, covered.zw)),
+            transform_uv(transform, interpolate_uv(uvs, barycentrics)),
+            transform_uv_vector(transform, interpolate_uv_vector(uvs, footprint.xy)),
+            transform_uv_vector(transform, interpolate_uv_vector(uvs, footprint.zw)),
         );
         if has_texture(slot) {
-            p = times_texel(p, kinds & (0u - kinds), slot, sample_area(slot, area), materials[material].flags);
+            p = with_texel(p, kinds & (0u - kinds), slot, sample_area(slot, area), materials[material].flags);
         }
     }
     return p;
 }
 
-fn times_texel(factors: MaterialPoint, kind: u32, slot: vec4<u32>, texel: vec4<f32>, flags: u32) -> MaterialPoint {
+fn with_texel(factors: MaterialPoint, kind: u32, slot: vec4<u32>, texel: vec4<f32>, flags: u32) -> MaterialPoint {
     var p = factors;
     switch kind {
         case SLOT_BASE_COLOR: {
@@ -110,36 +111,36 @@ fn times_texel(factors: MaterialPoint, kind: u32, slot: vec4<u32>, texel: vec4<f
             p.perceptual_roughness *= texel.g;
         }
         case SLOT_NORMAL: {
-            p.normal = normal_of(slot, texel, flags);
+            p.normal = decode_normal(slot, texel, flags);
         }
         case SLOT_EMISSIVE: {
             p.emission *= texel.rgb;
         }
         default: {
-            p = times_layer_texel(p, kind, slot, texel, flags);
+            p = with_layer_texel(p, kind, slot, texel, flags);
         }
     }
     return p;
 }
 
-// What the cone's ellipse on the triangle is in barycentrics: its longer axis, along which the ray slants, and the other.
-fn covered_by(cone: Cone, t: WorldTriangle, wo: vec3<f32>) -> vec4<f32> {
+// The ellipse that a ray cone covers on the triangle, in barycentrics: its long axis (along the slant of the ray), and its short axis.
+fn cone_footprint(cone: Cone, t: WorldTriangle, wo: vec3<f32>) -> vec4<f32> {
     let cosine = dot(wo, t.normal);
     let slant = wo - cosine * t.normal;
     let along = safe_normalize(select(slant, t.edge_b, dot(slant, slant) < 1.0e-6));
     let long = along * (cone.width / max(abs(cosine), 1.0e-3));
     let short = cross(t.normal, along) * cone.width;
     let scale = 1.0 / max(2.0 * t.area, 1.0e-37);
-    let covered = scale * vec4<f32>(
+    let footprint = scale * vec4<f32>(
         dot(cross(long, t.edge_c), t.normal),
         dot(cross(t.edge_b, long), t.normal),
         dot(cross(short, t.edge_c), t.normal),
         dot(cross(t.edge_b, short), t.normal),
     );
-    return clamp(covered, vec4<f32>(-1.0e6), vec4<f32>(1.0e6));
+    return clamp(footprint, vec4<f32>(-1.0e6), vec4<f32>(1.0e6));
 }
 
-// The texture of a kind at a point, as it is.
+// A texture of the material at a point, without filtering over a footprint.
 fn texel_at(kind: u32, instance: u32, triangle: u32, barycentrics: vec2<f32>) -> vec4<f32> {
     let material = instances[instance].material;
     let kinds = materials[material].textures;
@@ -154,7 +155,7 @@ fn texel_at(kind: u32, instance: u32, triangle: u32, barycentrics: vec2<f32>) ->
     if (slot.x & TEXTURE_SECOND_UV) != 0u {
         uvs = second_corner_uvs(instance, triangle);
     }
-    return sample_texture(slot, transformed(transform_of(material), at_barycentrics(uvs, barycentrics)));
+    return sample_texture(slot, transform_uv(uv_transform_of(material), interpolate_uv(uvs, barycentrics)));
 }
 
 fn emission_at(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> vec3<f32> {
@@ -165,12 +166,12 @@ fn alpha_at(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
     return materials[instances[instance].material].alpha * texel_at(SLOT_BASE_COLOR, instance, triangle, barycentrics).a;
 }
 
-fn at_barycentrics(uvs: CornerUvs, b: vec2<f32>) -> vec2<f32> {
+fn interpolate_uv(uvs: CornerUvs, b: vec2<f32>) -> vec2<f32> {
     return (1.0 - b.x - b.y) * uvs.a + b.x * uvs.b + b.y * uvs.c;
 }
 
-// How they change along a direction in the triangle.
-fn along_barycentrics(uvs: CornerUvs, d: vec2<f32>) -> vec2<f32> {
+// Change of texture coordinates along a vector `d` in barycentrics.
+fn interpolate_uv_vector(uvs: CornerUvs, d: vec2<f32>) -> vec2<f32> {
     return d.x * (uvs.b - uvs.a) + d.y * (uvs.c - uvs.a);
 }
 
@@ -178,7 +179,7 @@ fn table_entry(index: u32) -> vec4<u32> {
     return textureLoad(texture_table, vec2<u32>(index % ELEMENTS_A_ROW, index / ELEMENTS_A_ROW), 0);
 }
 
-// A record begins with the transform of the coordinates, where it has one.
+// Index of the first texture slot of a record, which begins with the transform of the texture coordinates if there is one.
 fn first_slot(material: u32) -> u32 {
     return materials[material].texture_record + select(0u, 2u, (materials[material].textures & SLOT_TRANSFORM) != 0u);
 }
@@ -188,7 +189,7 @@ struct UvTransform {
     shift: vec2<f32>,
 }
 
-fn transform_of(material: u32) -> UvTransform {
+fn uv_transform_of(material: u32) -> UvTransform {
     if (materials[material].textures & SLOT_TRANSFORM) == 0u {
         return UvTransform(mat2x2<f32>(vec2<f32>(1.0, 0.0), vec2<f32>(0.0, 1.0)), vec2<f32>(0.0));
     }
@@ -197,15 +198,15 @@ fn transform_of(material: u32) -> UvTransform {
     return UvTransform(mat2x2<f32>(columns.xy, columns.zw), shift.xy);
 }
 
-fn transformed(t: UvTransform, uv: vec2<f32>) -> vec2<f32> {
+fn transform_uv(t: UvTransform, uv: vec2<f32>) -> vec2<f32> {
     return t.columns * uv + t.shift;
 }
 
-fn turned(t: UvTransform, d: vec2<f32>) -> vec2<f32> {
+fn transform_uv_vector(t: UvTransform, d: vec2<f32>) -> vec2<f32> {
     return t.columns * d;
 }
 #else
-fn textured(factors: MaterialPoint, instance: u32, triangle: u32, barycentrics: vec2<f32>, t: WorldTriangle, wo: vec3<f32>, cone: Cone) -> MaterialPoint {
+fn with_textures(factors: MaterialPoint, instance: u32, triangle: u32, barycentrics: vec2<f32>, t: WorldTriangle, wo: vec3<f32>, cone: Cone) -> MaterialPoint {
     return factors;
 }
 
@@ -218,13 +219,13 @@ fn alpha_at(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
 }
 #endif
 
-// Textures of what lies beyond base color, metal, normal and emission.
+// Textures other than base color, metallic-roughness, normal and emissive.
 #ifdef LAYER_TEXTURES
-fn times_layer_texel(factors: MaterialPoint, kind: u32, slot: vec4<u32>, texel: vec4<f32>, flags: u32) -> MaterialPoint {
+fn with_layer_texel(factors: MaterialPoint, kind: u32, slot: vec4<u32>, texel: vec4<f32>, flags: u32) -> MaterialPoint {
     var p = factors;
     switch kind {
         case SLOT_SPECULAR: {
-            // As Bevy: its alpha is a reflectance of up to a half, and reflectances are squared.
+            // As in Bevy: alpha scales a reflectance of one half, and reflectances are squared.
             p.dielectric_reflectance *= 0.25 * texel.a * texel.a;
         }
         case SLOT_SPECULAR_TINT: {
@@ -246,14 +247,14 @@ fn times_layer_texel(factors: MaterialPoint, kind: u32, slot: vec4<u32>, texel: 
             p.clearcoat_perceptual_roughness *= texel.g;
         }
         case SLOT_CLEARCOAT_NORMAL: {
-            p.coat_normal = normal_of(slot, texel, flags);
+            p.coat_normal = decode_normal(slot, texel, flags);
         }
         case SLOT_ANISOTROPY: {
-            // The material's own angle comes on top.
+            // The texture's angle is added to that of the material.
             let own = p.anisotropy_direction;
             let d = texel.rg * 2.0 - 1.0;
-            let turned = vec2<f32>(own.x * d.x - own.y * d.y, own.y * d.x + own.x * d.y);
-            p.anisotropy_direction = select(own, turned * inverseSqrt(max(dot(d, d), 1.0e-6)), dot(d, d) > 1.0e-6);
+            let transform_uv_vector = vec2<f32>(own.x * d.x - own.y * d.y, own.y * d.x + own.x * d.y);
+            p.anisotropy_direction = select(own, transform_uv_vector * inverseSqrt(max(dot(d, d), 1.0e-6)), dot(d, d) > 1.0e-6);
             p.anisotropy_strength *= texel.b;
         }
         default: {}
@@ -261,12 +262,12 @@ fn times_layer_texel(factors: MaterialPoint, kind: u32, slot: vec4<u32>, texel: 
     return p;
 }
 #else
-fn times_layer_texel(factors: MaterialPoint, kind: u32, slot: vec4<u32>, texel: vec4<f32>, flags: u32) -> MaterialPoint {
+fn with_layer_texel(factors: MaterialPoint, kind: u32, slot: vec4<u32>, texel: vec4<f32>, flags: u32) -> MaterialPoint {
     return factors;
 }
 #endif
 
-// The second texture coordinates; of a mesh that has none, the first.
+// The second texture coordinates; the first ones for a mesh without.
 #ifdef SECOND_UVS
 fn second_corner_uvs(instance: u32, triangle: u32) -> CornerUvs {
     if (instances[instance].flags & INSTANCE_SECOND_UV) == 0u {

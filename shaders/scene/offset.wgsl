@@ -1,22 +1,22 @@
-// Where a ray may start so that it does not meet the surface that it leaves: points rebuilt from barycentrics, and a bound
-// on how far rounding may have moved them (after Wächter and Binder 2019, "A Fast and Robust Method for Avoiding
-// Self-Intersection", with the error worked out from the numbers themselves instead of fixed constants).
+// Origins of rays that do not hit the surface that they leave: points from barycentrics, and a bound on their rounding error (after
+// Wächter and Binder 2019, "A Fast and Robust Method for Avoiding Self-Intersection", with the error derived from the coordinates instead
+// of fixed constants).
 #define_import_path bevy_restir::scene::offset
 
 #import bevy_restir::scene::bindings::{instances, triangles}
 #import bevy_restir::scene::triangle::instance_transform
 #import bevy_restir::scene::triangle::triangle_normal
 
-// Half an ulp of 1, times a factor for what the bound leaves out.
+// Half an ulp of 1, times a factor for errors that the bound neglects.
 const ROUNDING: f32 = 0x1p-24 * 2.0;
 
-// The point in world space.  `offset_distance` bounds the error of this very order of operations.
+// A point in world space.  `offset_distance` bounds the error of this order of operations.
 fn surface_point(instance: u32, triangle: u32, barycentrics: vec2<f32>, previous: bool) -> vec3<f32> {
     return vec4<f32>(object_point(triangle, barycentrics), 1.0) * instance_transform(instance, previous);
 }
 
-// Bound, along the geometric normal, on the distance between the plane of the triangle and where a ray that starts at
-// `surface_point` sees it.
+// Bound on the distance, along the geometric normal, between `surface_point` and the plane of the triangle as a ray that starts there
+// computes it; m.
 fn offset_distance(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
     let v0 = triangles[triangle].a;
     let v1 = triangles[triangle].b;
@@ -28,26 +28,26 @@ fn offset_distance(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> f32
     let linear_size = mat3x3<f32>(abs(linear[0]), abs(linear[1]), abs(linear[2]));
     let object_size = mat3x3<f32>(abs(object[0]), abs(object[1]), abs(object[2]));
 
-    // In object space: the point's own rounding, and the intersection's, which is relative to the triangle's extent.
+    // In object space: rounding of the point, and of the intersection, which is relative to the triangle's extent.
     let p = object_point(triangle, barycentrics);
     let extent = max(max(abs(v1 - v0), abs(v2 - v1)), abs(v0 - v2));
     let offset_from_center = p * linear;
     let back = abs(offset_from_center) * object_size;
     let in_object = 1.5 * abs(p) + 12.0 * extent + 5.0 * back;
-    // In world space: the way there, and the position that the ray starts from.
+    // In world space: rounding of the transform, and of the ray's origin.
     let position = abs(offset_from_center + vec3<f32>(world[0].w, world[1].w, world[2].w));
     let in_world = (in_object + 3.0 * abs(p)) * linear_size + 2.0 * position;
-    // Normals go by the inverse transpose.
+    // Normals are transformed by the inverse transpose.
     let n = object * triangle_normal_unit(v0, v1, v2);
     return ROUNDING * dot(abs(n), in_world) / max(length(n), 0x1p-120);
 }
 
-// Moves a point off its surface, to the side that `direction` leaves to.
+// Moves a point off its surface, to the side that `direction` points to.
 fn offset_point(position: vec3<f32>, n_geo: vec3<f32>, direction: vec3<f32>, distance: f32) -> vec3<f32> {
     return position + n_geo * select(-distance, distance, dot(direction, n_geo) >= 0.0);
 }
 
-// From the edges, not as a mean of three corners: far from the mesh's origin the edges keep their digits.
+// Interpolated by the edges, not by weights of three corners: far from the mesh's origin, edges are more precise.
 fn object_point(triangle: u32, barycentrics: vec2<f32>) -> vec3<f32> {
     let v0 = triangles[triangle].a;
     return v0 + (barycentrics.x * (triangles[triangle].b - v0) + barycentrics.y * (triangles[triangle].c - v0));

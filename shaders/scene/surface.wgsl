@@ -1,30 +1,31 @@
-// A point that a ray met, ready for shading: position, normals, material with its textures.
+// The surface at a hit point, for shading: position, normals, emission, and the BSDF of the textured material.
 #define_import_path bevy_restir::scene::surface
 
 #import bevy_restir::bsdf::types::Bsdf
 #import bevy_restir::common::constants::{ALPHA_MIN, INSTANCE_MIRRORED, MATERIAL_DOUBLE_SIDED, MATERIAL_UNLIT, NONE}
 #import bevy_restir::common::math::octahedral_decode
-#import bevy_restir::scene::directional_albedo::multiple_scattering
 #import bevy_restir::scene::bindings::{attributes, instances, materials}
 #import bevy_restir::scene::cone::Cone
+#import bevy_restir::scene::directional_albedo::multiple_scattering
 #import bevy_restir::scene::lobes::{LobeFrame, with_lobes}
 #import bevy_restir::scene::material::material_at
-#import bevy_restir::scene::triangle::{instance_transform, safe_normalize, transform_normal, transform_vector, world_triangle}
 #import bevy_restir::scene::offset::{offset_distance, surface_point}
+#import bevy_restir::scene::triangle::{instance_transform, safe_normalize, transform_normal, transform_vector, world_triangle}
 
 struct Surface {
     position: vec3<f32>,
-    offset: f32,              // how far along ±n_geo a ray starts, m
-    emission: vec3<f32>,      // towards the viewer, cd/m²; unlit color included only as `unlit`
+    offset: f32,              // distance along ±n_geo at which rays start, m
+    emission: vec3<f32>,      // towards wo, cd/m²
     front: u32,               // 1: seen from the front face
-    unlit: vec3<f32>,         // what the camera alone sees
+    unlit: vec3<f32>,         // color of an unlit material, which only the camera sees
     material: u32,
-    attenuation: vec3<f32>,   // of the inside, 1/m
+    attenuation: vec3<f32>,   // absorption coefficient of the volume inside, 1/m
     light: u32,               // id of this triangle in the light table, or NONE
     bsdf: Bsdf,
 }
 
-// Mikkelsen's frame: interpolated, the bitangent from both, not normalized between.  `n` is the interpolated normal.
+// Tangent space by MikkTSpace: the tangent is interpolated, and the bitangent is cross(n, t) without orthogonalization.  `n` is the
+// interpolated normal.
 fn tangent_frame(m: mat3x4<f32>, mirrored: bool, triangle: u32, barycentrics: vec2<f32>, n: vec3<f32>) -> LobeFrame {
     let a = attributes[triangle];
     let t_object = (1.0 - barycentrics.x - barycentrics.y) * octahedral_decode(a.tangent_a)
@@ -49,7 +50,7 @@ fn mapped_normal(mapped: vec3<f32>, m: mat3x4<f32>, mirrored: bool, triangle: u3
 }
 #endif
 
-// The coat's is the interpolated one but where it has a map of its own.
+// Normal of the coat: the interpolated normal, unless the coat has a normal map of its own.
 #ifdef LAYER_TEXTURES
 fn mapped_coat_normal(mapped: vec3<f32>, frame: LobeFrame) -> vec3<f32> {
     if all(mapped == vec3<f32>(0.0, 0.0, 1.0)) {
@@ -63,7 +64,7 @@ fn mapped_coat_normal(mapped: vec3<f32>, frame: LobeFrame) -> vec3<f32> {
 }
 #endif
 
-// Between the vertices' normals, on the front side like the geometric one whatever the file says.
+// Interpolated vertex normal, flipped to the side of the geometric normal.
 fn interpolated_normal(triangle: u32, barycentrics: vec2<f32>, m: mat3x4<f32>, mirrored: bool, n_geo: vec3<f32>) -> vec3<f32> {
     let a = attributes[triangle];
     let n_object = (1.0 - barycentrics.x - barycentrics.y) * octahedral_decode(a.normals.x)
@@ -73,7 +74,7 @@ fn interpolated_normal(triangle: u32, barycentrics: vec2<f32>, m: mat3x4<f32>, m
     return select(n, -n, dot(n, n_geo) < 0.0);
 }
 
-// The part of a surface that needs nothing of its material.
+// The geometric part of a surface, without its material.
 struct Shape {
     position: vec3<f32>,
     n: vec3<f32>,             // without a normal map
@@ -81,7 +82,7 @@ struct Shape {
     material: u32,
 }
 
-// `previous`: as it was in the last frame.
+// The surface as seen from `viewer`, now or (`previous`) in the last frame.
 fn shape_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, viewer: vec3<f32>, previous: bool) -> Shape {
     let t = world_triangle(instance, triangle, previous);
     let mirrored = (instances[instance].flags & INSTANCE_MIRRORED) != 0u;
@@ -90,7 +91,7 @@ fn shape_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, viewer: vec3<
     return Shape(surface_point(instance, triangle, barycentrics, previous), n * side, t.normal * side, instances[instance].material);
 }
 
-// `cone`: what a pixel covers there.  `previous`: as it was in the last frame.
+// `cone`: footprint of the pixel.  `previous`: as the surface was in the last frame.
 fn surface_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, wo: vec3<f32>, cone: Cone, previous: bool) -> Surface {
     let t = world_triangle(instance, triangle, previous);
     let m = instance_transform(instance, previous);
@@ -102,7 +103,7 @@ fn surface_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, wo: vec3<f3
     let smooth_n = interpolated_normal(triangle, barycentrics, m, mirrored, t.normal);
     let n = mapped_normal(point.normal, m, mirrored, triangle, barycentrics, smooth_n);
 
-    // Seen from behind, normals are flipped.
+    // Normals are flipped to wo's side.
     let front = dot(wo, t.normal) > 0.0;
     let side = select(-1.0, 1.0, front);
     let ior = materials[material].ior;
@@ -134,7 +135,7 @@ fn surface_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, wo: vec3<f3
     frame.coat_normal = side * mapped_coat_normal(point.coat_normal, frame);
     s.bsdf = with_lobes(s.bsdf, point, frame, wo);
     if (flags & MATERIAL_UNLIT) != 0u {
-        // Shown, but not lit: black to every ray.
+        // An unlit material reflects no light.
         s.bsdf.base_color = vec3<f32>(0.0);
         s.bsdf.dielectric_reflectance = vec3<f32>(0.0);
         s.bsdf.transmission = 0.0;

@@ -1,6 +1,6 @@
-// Textures: one array of pages in 8-bit RGBA with their levels of detail, each texture a rectangle of a page that halves from level to
-// level; and, where the device has arrays of textures, images as they are.  Both are read a texel at a time: wrap modes and weights are
-// computed here, so that every adapter filters alike and no sampler binding is needed.
+// Texture sampling.  Most textures are rectangles in the pages of an atlas, 8-bit RGBA with mip levels; where the device supports arrays of
+// textures, images may be bound directly.  Wrapping and filtering are computed here from single texels, so that all adapters give the same
+// result and no sampler is bound.
 #define_import_path bevy_restir::scene::texture
 
 #import bevy_restir::common::constants::NONE
@@ -11,7 +11,7 @@
 #import bevy_restir::scene::bindings::bound_textures
 #endif
 
-// Flags of a slot, from bit 16 of its x: two bits of wrap mode an axis, the filter, how texels are kept, the coordinates.
+// Flags of a texture slot, from bit 16 of its x: wrap mode of each axis, filter, encoding, and the set of texture coordinates.
 const TEXTURE_CLAMP_U: u32 = 0x10000u;
 const TEXTURE_MIRROR_U: u32 = 0x20000u;
 const TEXTURE_CLAMP_V: u32 = 0x40000u;
@@ -20,18 +20,17 @@ const TEXTURE_NEAREST: u32 = 0x100000u;
 const TEXTURE_SRGB: u32 = 0x200000u;
 const TEXTURE_SHARED_EXPONENT: u32 = 0x400000u;
 const TEXTURE_SECOND_UV: u32 = 0x800000u;
-// Then the number of levels, 5 bits.
+// Number of mip levels, 5 bits.
 const TEXTURE_LEVELS_SHIFT: u32 = 24u;
-// The image holds two components: the third of a normal is theirs to give.
+// The normal map has two components, from which the third is computed.
 const TEXTURE_TWO_COMPONENTS: u32 = 0x20000000u;
-// Bound as it is: the low 16 bits are its place in `bound_textures`, no longer a page.  The highest bit: in no other slot but NONE.
+// The image is bound directly: the low 16 bits are its index in `bound_textures` instead of a page.  Of other slots only NONE has this bit.
 const TEXTURE_BOUND: u32 = 0x80000000u;
 
-// Samples along the longer side of an area: one that is longer still is blurred across.
-const MAX_TAPS: f32 = 4.0;
+// Greatest number of samples along the long axis of a footprint.  A longer footprint is widened across.
+const MAX_SAMPLES: f32 = 4.0;
 
-// A point in texture coordinates and the ellipse round it that is seen: two diameters of it, each along the tangents at the other's ends.
-// Diameters of 0 are the point itself.
+// A footprint: a point in texture coordinates, and two conjugate diameters of an ellipse around it.  With diameters of 0 it is the point.
 struct TextureArea {
     uv: vec2<f32>,
     axis_a: vec2<f32>,
@@ -43,7 +42,7 @@ fn has_texture(slot: vec4<u32>) -> bool {
     return slot.x != NONE;
 }
 #else
-// While the pipelines that read bound textures are being compiled there are none.
+// Pipelines without bound textures, which render until those with them are compiled, ignore such slots.
 fn has_texture(slot: vec4<u32>) -> bool {
     return slot.x < TEXTURE_BOUND;
 }
@@ -83,7 +82,7 @@ fn stored_texel(slot: vec4<u32>, level: u32, at: vec2<i32>) -> vec4<f32> {
     if (slot.x & TEXTURE_BOUND) == 0u {
         return atlas_texel(slot, level, at);
     }
-    // Its format decodes it.  What the atlas could not hold is no color here either: floats that are none, and what is below 0.
+    // The format decodes texels.  Negative and non-finite values are dropped, as they are in the atlas.
     let c = textureLoad(bound_textures[slot.x & 0xffffu], at, i32(level));
     let color = select(vec3<f32>(0.0), clamp(c.rgb, vec3<f32>(0.0), vec3<f32>(1.0e30)), is_finite_3(c.rgb));
     return vec4<f32>(color, select(1.0, clamp(c.a, 0.0, 1.0), is_finite(c.a)));
@@ -94,10 +93,10 @@ fn stored_texel(slot: vec4<u32>, level: u32, at: vec2<i32>) -> vec4<f32> {
 }
 #endif
 
-// Bilinear within a level, linear values.  Nearest is a look at the texels themselves: where they are averaged there are none.
+// Bilinear filtering of linear values within a level.  Nearest filtering applies to level 0 only: coarser levels are averages.
 fn sample_level(slot: vec4<u32>, level: u32, uv: vec2<f32>) -> vec4<f32> {
     let size = level_size(slot, level);
-    // Far coordinates lose their fraction anyway; the clamp keeps the conversion to i32 defined, non-finite ones included.
+    // The clamp keeps the conversion to i32 defined, also for non-finite coordinates.
     let at = clamp(uv * vec2<f32>(size), vec2<f32>(-1.0e9), vec2<f32>(1.0e9));
     let nearest = (slot.x & TEXTURE_NEAREST) != 0u && level == 0u;
     let low = floor(select(at - 0.5, at, nearest));
@@ -111,14 +110,14 @@ fn sample_level(slot: vec4<u32>, level: u32, uv: vec2<f32>) -> vec4<f32> {
     );
 }
 
-// The texture as it is at a point.
+// The texture at a point, without a footprint.
 fn sample_texture(slot: vec4<u32>, uv: vec2<f32>) -> vec4<f32> {
     return sample_level(slot, 0u, uv);
 }
 
-// The axes of the ellipse of two such diameters, in texels: the direction of the longer one, its length, that of the shorter one.  They are
-// the eigenvectors of the sum of the diameters' squares, whichever the two are: neighbors with other triangles agree.
-fn axes_of(a: vec2<f32>, b: vec2<f32>) -> vec4<f32> {
+// Axes of the ellipse with two conjugate diameters, in texels: direction of the long axis, its length, length of the short axis.  They are
+// eigenvectors of the sum of the outer products of the diameters, and do not depend on the pair: adjacent triangles agree.
+fn ellipse_axes(a: vec2<f32>, b: vec2<f32>) -> vec4<f32> {
     let square = a * a + b * b;
     let mixed = a.x * a.y + b.x * b.y;
     let half = 0.5 * (square.x - square.y);
@@ -130,27 +129,27 @@ fn axes_of(a: vec2<f32>, b: vec2<f32>) -> vec4<f32> {
     return vec4<f32>(unit, long, abs(a.x * b.y - a.y * b.x) / max(long, 1.0e-30));
 }
 
-// The mean over an area: taps along its longer axis, of the two levels whose texels are as wide as it is across.
+// Mean over a footprint: samples along the long axis, each from the two mip levels around the length of the short axis.
 fn sample_area(slot: vec4<u32>, area: TextureArea) -> vec4<f32> {
     let size = vec2<f32>(level_size(slot, 0u));
-    let axes = axes_of(
+    let axes = ellipse_axes(
         clamp(area.axis_a * size, vec2<f32>(-1.0e8), vec2<f32>(1.0e8)),
         clamp(area.axis_b * size, vec2<f32>(-1.0e8), vec2<f32>(1.0e8)),
     );
     let along = axes.xy * axes.z / size;
-    let across = max(max(axes.w, axes.z / MAX_TAPS), 1.0);
+    let across = max(max(axes.w, axes.z / MAX_SAMPLES), 1.0);
     let last = f32(max((slot.x >> TEXTURE_LEVELS_SHIFT) & 31u, 1u) - 1u);
     let level = select(0.0, clamp(log2(across), 0.0, last), across > 1.0);
     let low = floor(level);
-    let taps = u32(clamp(ceil(axes.z / across - 0.01), 1.0, MAX_TAPS));
+    let samples = u32(clamp(ceil(axes.z / across - 0.01), 1.0, MAX_SAMPLES));
     let levels = select(1u, 2u, level > low);
 
     var sum = vec4<f32>(0.0);
-    for (var i = 0u; i < taps * levels; i++) {
+    for (var i = 0u; i < samples * levels; i++) {
         let above = i % levels;
-        let at = (f32(i / levels) + 0.5) / f32(taps) - 0.5;
+        let at = (f32(i / levels) + 0.5) / f32(samples) - 0.5;
         let share = select(1.0 - (level - low), level - low, above == 1u);
-        sum += share / f32(taps) * sample_level(slot, u32(low) + above, area.uv + at * along);
+        sum += share / f32(samples) * sample_level(slot, u32(low) + above, area.uv + at * along);
     }
     return sum;
 }

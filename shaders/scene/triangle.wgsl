@@ -1,4 +1,4 @@
-// A triangle in the world: what lights and surfaces need of (instance, triangle, barycentrics).
+// Triangles in world space, and transforms of points, vectors and normals.
 #define_import_path bevy_restir::scene::triangle
 
 #import bevy_restir::scene::bindings::{instances, triangles}
@@ -7,7 +7,7 @@ struct WorldTriangle {
     corner: vec3<f32>,
     edge_b: vec3<f32>,         // b - a
     edge_c: vec3<f32>,
-    normal: vec3<f32>,         // unit, out of the front face
+    normal: vec3<f32>,         // unit vector out of the front face
     area: f32,
 }
 
@@ -19,7 +19,7 @@ fn transform_vector(m: mat3x4<f32>, v: vec3<f32>) -> vec3<f32> {
     return vec4<f32>(v, 0.0) * m;
 }
 
-// Normals go by the inverse transposed, which is the matrix of cofactors but for a factor: its sign is the determinant's.
+// Normals are transformed by the inverse transpose: here by the cofactor matrix, which differs from it by the factor of the determinant.
 fn transform_normal(m: mat3x4<f32>, n: vec3<f32>, mirrored: bool) -> vec3<f32> {
     let v = vec3<f32>(
         dot(cross(m[1].xyz, m[2].xyz), n),
@@ -29,7 +29,7 @@ fn transform_normal(m: mat3x4<f32>, n: vec3<f32>, mirrored: bool) -> vec3<f32> {
     return select(v, -v, mirrored);
 }
 
-// Scales a vector by a power of two near its size before normalizing, so that 1e-30 and 1e30 do not under- or overflow.
+// Divides by the largest component before normalizing, so that lengths of 1e-30 or 1e30 do not under- or overflow.
 fn safe_normalize(v: vec3<f32>) -> vec3<f32> {
     let m = max(max(abs(v.x), abs(v.y)), abs(v.z));
     if !(m > 0.0) {
@@ -38,7 +38,7 @@ fn safe_normalize(v: vec3<f32>) -> vec3<f32> {
     return normalize(v / m);
 }
 
-// Where an instance is, or was in the last frame.
+// Transform of an instance, now or (`previous`) in the last frame.
 fn instance_transform(instance: u32, previous: bool) -> mat3x4<f32> {
     if previous {
         return instances[instance].previous_world_from_object;
@@ -46,7 +46,7 @@ fn instance_transform(instance: u32, previous: bool) -> mat3x4<f32> {
     return instances[instance].world_from_object;
 }
 
-// The front face of a mirrored instance is the image of the object's: its normal goes by the inverse transposed, not by winding.
+// The front face of a mirrored instance is the image of the front face in object space, although its winding is reversed.
 fn world_triangle(instance: u32, triangle: u32, previous: bool) -> WorldTriangle {
     let t = triangles[triangle];
     let m = instance_transform(instance, previous);
@@ -63,7 +63,7 @@ fn world_triangle(instance: u32, triangle: u32, previous: bool) -> WorldTriangle
     );
 }
 
-// Cross product of two edges, the longest left out: of a sliver, the other two choices keep no digit.
+// Normal, not normalized: the cross product of the two shorter edges.  For slivers, other pairs of edges lose all precision.
 fn triangle_normal(v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>) -> vec3<f32> {
     let e0 = v1 - v0;
     let e1 = v2 - v1;

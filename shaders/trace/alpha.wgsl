@@ -1,13 +1,13 @@
-// Whether a ray meets a triangle with an alpha: mask below its cutoff never, blend with the probability alpha.  One random number
-// a ray and triangle, a hash of both, so that closest-hit and any-hit rays of one seed agree.
+// Alpha tests of hits: a mask compares alpha with its cutoff; a blended surface is hit with the probability alpha.  The random number is a
+// hash of the seed and the triangle, so that closest-hit and any-hit rays with the same seed agree.
 #define_import_path bevy_restir::trace::alpha
 
-#import bevy_restir::common::constants::{INSTANCE_ALPHA, MATERIAL_ALPHA_MASK, MATERIAL_ALPHA_BLEND}
+#import bevy_restir::common::constants::{INSTANCE_ALPHA, MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK}
 #import bevy_restir::common::rng::{pcg4d, unit_float}
 #import bevy_restir::scene::bindings::{instances, materials}
 #import bevy_restir::scene::material::alpha_at
 
-fn alpha_passes(instance: u32, triangle: u32, barycentrics: vec2<f32>, alpha_seed: u32) -> bool {
+fn passes_alpha_test(instance: u32, triangle: u32, barycentrics: vec2<f32>, alpha_seed: u32) -> bool {
     let material = instances[instance].material;
     let flags = materials[material].flags;
     if (flags & (MATERIAL_ALPHA_MASK | MATERIAL_ALPHA_BLEND)) == 0u {
@@ -20,16 +20,16 @@ fn alpha_passes(instance: u32, triangle: u32, barycentrics: vec2<f32>, alpha_see
     return unit_float(pcg4d(vec4<u32>(alpha_seed, instance, triangle, 0x5eedu))).x < alpha;
 }
 
-// Whether a ray that meets a triangle is stopped by it.
+// Whether a ray that intersects a triangle hits it.
 #ifdef ALPHA
-fn accepts(instance: u32, triangle: u32, barycentrics: vec2<f32>, alpha_seed: u32) -> bool {
+fn accepts_hit(instance: u32, triangle: u32, barycentrics: vec2<f32>, alpha_seed: u32) -> bool {
     if (instances[instance].flags & INSTANCE_ALPHA) == 0u {
         return true;
     }
-    return alpha_passes(instance, triangle, barycentrics, alpha_seed);
+    return passes_alpha_test(instance, triangle, barycentrics, alpha_seed);
 }
 #else
-fn accepts(instance: u32, triangle: u32, barycentrics: vec2<f32>, alpha_seed: u32) -> bool {
+fn accepts_hit(instance: u32, triangle: u32, barycentrics: vec2<f32>, alpha_seed: u32) -> bool {
     return true;
 }
 #endif

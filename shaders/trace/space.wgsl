@@ -1,21 +1,21 @@
-// A ray in the space of an instance, now or in the last frame.
+// Transforms a ray to the object space of an instance, now or in the last frame.
 #define_import_path bevy_restir::trace::space
 
-#import bevy_restir::scene::bindings::instances
 #import bevy_restir::common::ray::Ray
+#import bevy_restir::scene::bindings::instances
 
 struct ObjectRay {
     origin: vec3<f32>,
     direction: vec3<f32>,
 }
 
-// The direction keeps its length, so that t means the same in every space.  The translation is taken off before the
-// rotation: far from the origin this loses nothing, where the affine inverse would lose all digits.
+// The direction is not normalized, so that t has the same meaning in both spaces.  The translation is subtracted before the rotation: far
+// from the origin this is exact, where the affine inverse would lose all precision.
 fn object_ray(ray: Ray, instance: u32, previous: bool) -> ObjectRay {
     if previous {
         let world = instances[instance].previous_world_from_object;
         let origin = ray.origin - vec3<f32>(world[0].w, world[1].w, world[2].w);
-        // The inverse by cofactors: the last frame's is not kept.
+        // The inverse by cofactors: that of the last frame is not stored.
         let x = cross(world[1].xyz, world[2].xyz);
         let y = cross(world[2].xyz, world[0].xyz);
         let z = cross(world[0].xyz, world[1].xyz);

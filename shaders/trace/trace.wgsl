@@ -1,30 +1,30 @@
-// Rays through the scene, by the back end that the pipelines are made for.  What traces imports this module and no back end.
+// Ray tracing through the scene, by the back end of the pipeline: ray queries or software.  Other modules import this one and no back end.
 #define_import_path bevy_restir::trace::trace
 
 #import bevy_restir::common::constants::NONE
-#import bevy_restir::common::ray::{Ray, Hit, rays_traced}
+#import bevy_restir::common::ray::{Hit, Ray, rays_traced}
 #ifdef RAY_QUERY
 #import bevy_restir::trace::hardware::traverse
 #else
 #import bevy_restir::trace::software::traverse
 #endif
 
-// The closest hit.
+// The closest hit in this frame.
 fn trace_closest(ray: Ray, alpha_seed: u32) -> Hit {
-    return counted(ray, alpha_seed, false, false);
+    return trace_counted(ray, alpha_seed, false, false);
 }
 
-// The closest hit, now or in the last frame.
+// The closest hit, now or (`previous`) in the last frame.
 fn trace_closest_of(ray: Ray, alpha_seed: u32, previous: bool) -> Hit {
-    return counted(ray, alpha_seed, false, previous);
+    return trace_counted(ray, alpha_seed, false, previous);
 }
 
-// Whether anything stops the ray, now or in the last frame.
+// Whether the ray hits anything, now or (`previous`) in the last frame.
 fn trace_any(ray: Ray, alpha_seed: u32, previous: bool) -> bool {
-    return counted(ray, alpha_seed, true, previous).instance != NONE;
+    return trace_counted(ray, alpha_seed, true, previous).instance != NONE;
 }
 
-fn counted(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
+fn trace_counted(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
     rays_traced += 1u;
     return traverse(ray, alpha_seed, any_hit, previous);
 }

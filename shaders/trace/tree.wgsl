@@ -1,33 +1,34 @@
-// One node of an 8-wide compressed tree (Ylitie, Karras and Laine 2017; node layout of obvhs 0.4), over triangles, instances or lights.
+// Nodes of an 8-wide compressed tree (CWBVH; Ylitie, Karras and Laine 2017; node layout of obvhs 0.4) over triangles, instances or lights.
 #define_import_path bevy_restir::trace::tree
 
 #import bevy_restir::scene::bindings::nodes
-#import bevy_restir::trace::triangle::{ShearedRay, sheared_ray}
+#import bevy_restir::trace::triangle::{sheared_ray, ShearedRay}
 
-// A group of children or primitives still to visit: x = index of the first, y = hit bits << 24 | inner mask for children,
-// up to 24 hit bits for primitives.  Children are told apart by their high bits.
-const HIGH_BITS: u32 = 0x01000000u;
+// A group is a vec2.  x: index of the first child node or primitive.  y: for nodes, hit bits << 24 | mask of inner children; for
+// primitives, up to 24 hit bits.  A value of y from this one on belongs to a group of nodes with a hit.
+const MIN_NODE_HITS: u32 = 0x01000000u;
 
-// The ray in the space of the tree that it is in.
+// A ray in the space of a tree.
 struct TreeRay {
     line: ShearedRay,
-    inverse: vec3<f32>,
-    octant: u32,
+    inverse: vec3<f32>,        // reciprocal of the direction
+    octant: u32,               // signs of the direction, 3 bits in each byte
 }
 
-// The nearest child of a group, and the group without it.
-struct Nearest {
+// The nearest child of a group of nodes, and the rest of the group.
+struct NearestChild {
     node: u32,
     others: vec2<u32>,
 }
 
-struct Visit {
+// Groups of the children and primitives of a node whose boxes a ray hits.
+struct NodeHits {
     children: vec2<u32>,
     primitives: vec2<u32>,
 }
 
 fn tree_ray(origin: vec3<f32>, direction: vec3<f32>) -> TreeRay {
-    // A component too small to matter gets a reciprocal that is large but finite.
+    // The reciprocal of a tiny component is clamped, so that it stays finite.
     let size = abs(direction);
     let tiny = max(size.x, max(size.y, size.z)) * 0x1p-60;
     let safe = select(direction, select(vec3<f32>(tiny), vec3<f32>(-tiny), direction < vec3<f32>(0.0)), size < vec3<f32>(tiny));
@@ -35,15 +36,15 @@ fn tree_ray(origin: vec3<f32>, direction: vec3<f32>) -> TreeRay {
     return TreeRay(sheared_ray(origin, direction), 1.0 / safe, (up.x | up.y | up.z) * 0x01010101u);
 }
 
-fn nearest_child(children: vec2<u32>, octant: u32) -> Nearest {
+fn nearest_child(children: vec2<u32>, octant: u32) -> NearestChild {
     let bit = firstLeadingBit(children.y);
     let slot = (bit - 24u) ^ (octant & 7u);
     let node = children.x + countOneBits(children.y & ~(0xffffffffu << slot) & 0xffu);
-    return Nearest(node, vec2<u32>(children.x, children.y & ~(1u << bit)));
+    return NearestChild(node, vec2<u32>(children.x, children.y & ~(1u << bit)));
 }
 
-// Tests the eight children of a node.
-fn visit_node(node: u32, ray: TreeRay, t_min: f32, t_max: f32) -> Visit {
+// Tests the boxes of the eight children of a node.
+fn intersect_node(node: u32, ray: TreeRay, t_min: f32, t_max: f32) -> NodeHits {
     let first = node * 5u;
     let n0 = nodes[first];
     let n1 = nodes[first + 1u];
@@ -51,8 +52,8 @@ fn visit_node(node: u32, ray: TreeRay, t_min: f32, t_max: f32) -> Visit {
     let n3 = nodes[first + 3u];
     let n4 = nodes[first + 4u];
 
-    // Planes are p + scale q.  What rounding may do to them, to the ray and in the builder is far below 2^-21 of their
-    // largest term; the boxes grow by that, so that no triangle that the intersection would accept is culled.
+    // Planes are p + scale·q.  Rounding of the planes, of the ray and in the builder is far below 2^-21 of the largest term.  The boxes
+    // grow by that, so that no triangle is culled that `intersect_triangle` would accept.
     let scale = bitcast<vec3<f32>>((vec3<u32>(n0.w, n0.w >> 8u, n0.w >> 16u) & vec3<u32>(255u)) << vec3<u32>(23u));
     let to_node = bitcast<vec3<f32>>(n0.xyz) - ray.line.origin;
     let slope = scale * ray.inverse;
@@ -72,29 +73,29 @@ fn visit_node(node: u32, ray: TreeRay, t_min: f32, t_max: f32) -> Visit {
     var bits = 0u;
     for (var half = 0u; half < 2u; half += 1u) {
         let near = max(
-            max(planes(pick(near_x, half), slope.x, base_near.x), planes(pick(near_y, half), slope.y, base_near.y)),
-            max(planes(pick(near_z, half), slope.z, base_near.z), vec4<f32>(t_min)),
+            max(plane_t(word(near_x, half), slope.x, base_near.x), plane_t(word(near_y, half), slope.y, base_near.y)),
+            max(plane_t(word(near_z, half), slope.z, base_near.z), vec4<f32>(t_min)),
         );
         let far = min(
-            min(planes(pick(far_x, half), slope.x, base_far.x), planes(pick(far_y, half), slope.y, base_far.y)),
-            min(planes(pick(far_z, half), slope.z, base_far.z), vec4<f32>(t_max)),
+            min(plane_t(word(far_x, half), slope.x, base_far.x), plane_t(word(far_y, half), slope.y, base_far.y)),
+            min(plane_t(word(far_z, half), slope.z, base_far.z), vec4<f32>(t_max)),
         );
-        // A byte of `meta`: high 3 bits what to set, low 5 where; inner children are reordered by the ray's octant.
-        let code = pick(n1.zw, half);
+        // A byte of `meta` has the bits to set (high 3) and their position (low 5); inner children are reordered by the ray's octant.
+        let code = word(n1.zw, half);
         let inner = ((code & (code << 1u) & 0x10101010u) >> 4u) * 255u;
         let shift = unpack4xU8((code ^ (ray.octant & inner)) & 0x1f1f1f1fu);
         let marks = unpack4xU8((code >> 5u) & 0x07070707u) << shift;
         let hits = select(vec4<u32>(0u), marks, near <= far);
         bits |= hits.x | hits.y | hits.z | hits.w;
     }
-    return Visit(vec2<u32>(n1.x, (bits & 0xff000000u) | (n0.w >> 24u)), vec2<u32>(n1.y, bits & 0x00ffffffu));
+    return NodeHits(vec2<u32>(n1.x, (bits & 0xff000000u) | (n0.w >> 24u)), vec2<u32>(n1.y, bits & 0x00ffffffu));
 }
 
-fn pick(words: vec2<u32>, half: u32) -> u32 {
+fn word(words: vec2<u32>, half: u32) -> u32 {
     return select(words.x, words.y, half == 1u);
 }
 
-// Bytes are below 256, so the cheaper conversion from signed integers serves.
-fn planes(bytes: u32, slope: f32, base: f32) -> vec4<f32> {
+// Ray distances of four planes.  Bytes are below 256, so that the cheaper conversion from signed integers is correct.
+fn plane_t(bytes: u32, slope: f32, base: f32) -> vec4<f32> {
     return vec4<f32>(bitcast<vec4<i32>>(unpack4xU8(bytes))) * slope + base;
 }

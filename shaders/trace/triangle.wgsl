@@ -1,12 +1,12 @@
-// The one ray-triangle intersection: watertight in the manner of Woop, Benthin and Wald 2013 ("Watertight Ray/Triangle
-// Intersection"), double-sided.  Every edge is evaluated from its lower to its higher end, so that two triangles that
-// share it see opposite values bit by bit, whatever multiplications the driver fuses.
+// Ray-triangle intersection, watertight after Woop, Benthin and Wald 2013 ("Watertight Ray/Triangle Intersection"), double-sided.  Each
+// edge is evaluated from its lower to its higher end, so that two triangles that share it get exactly opposite values, whichever
+// multiplications the driver fuses.
 #define_import_path bevy_restir::trace::triangle
 
 #import bevy_restir::scene::bindings::triangles
 #import bevy_restir::scene::triangle::triangle_normal
 
-// A ray in object space, and the shear that maps its direction to the unit of its longest axis.
+// A ray in object space, and the shear that maps its direction to its longest axis.
 struct ShearedRay {
     origin: vec3<f32>,
     direction: vec3<f32>,
@@ -28,7 +28,7 @@ fn sheared_ray(origin: vec3<f32>, direction: vec3<f32>) -> ShearedRay {
     return ShearedRay(origin, direction, axis, d.xy / d.z);
 }
 
-// Where the whole line meets the triangle; the caller compares t with its interval.
+// Intersects the whole line with a triangle; the caller compares t with its interval.
 fn intersect_triangle(ray: ShearedRay, index: u32) -> TriangleHit {
     let v0 = triangles[index].a;
     let v1 = triangles[index].b;
@@ -39,7 +39,7 @@ fn intersect_triangle(ray: ShearedRay, index: u32) -> TriangleHit {
     let x = vec3<f32>(a.x, b.x, c.x) - ray.shear.x * vec3<f32>(a.z, b.z, c.z);
     let y = vec3<f32>(a.y, b.y, c.y) - ray.shear.y * vec3<f32>(a.z, b.z, c.z);
 
-    // Edge opposite to each corner, as twice the area that it spans with the ray.
+    // For the edge opposite to each corner: twice the area that it spans with the ray.
     let flip = (x.yzx > x.zxy) | ((x.yzx == x.zxy) & (y.yzx > y.zxy));
     let low_x = select(x.yzx, x.zxy, flip);
     let low_y = select(y.yzx, y.zxy, flip);
@@ -60,7 +60,7 @@ fn intersect_triangle(ray: ShearedRay, index: u32) -> TriangleHit {
     return hit;
 }
 
-// Where a line meets the plane of a triangle; no distance of any interval where it runs along it.
+// Distance along a line to the plane of a triangle; -1 if the line is parallel to it.
 fn plane_distance(origin: vec3<f32>, direction: vec3<f32>, index: u32) -> f32 {
     let v0 = triangles[index].a;
     let n = triangle_normal(v0, triangles[index].b, triangles[index].c);
@@ -68,7 +68,7 @@ fn plane_distance(origin: vec3<f32>, direction: vec3<f32>, index: u32) -> f32 {
     return select(-1.0, dot(n, v0 - origin) / slope, slope != 0.0);
 }
 
-// Cyclic, so that handedness stays.
+// Cyclic permutation, which keeps the handedness.
 fn long_axis_last(v: vec3<f32>, axis: u32) -> vec3<f32> {
     return select(select(v, v.zxy, axis == 1u), v.yzx, axis == 0u);
 }

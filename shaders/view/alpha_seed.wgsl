@@ -1,4 +1,4 @@
-// The random number by which a pixel's primary ray meets blended surfaces: the same for the rasterizer and for rays.
+// The random number of a pixel for alpha tests of blended surfaces; rasterizer and primary rays share it.
 #define_import_path bevy_restir::view::alpha_seed
 
 #import bevy_restir::common::rng::{pcg4d, STREAM_ALPHA}

@@ -3,7 +3,7 @@
 
 #import bevy_restir::common::rng::{pcg4d, unit_float}
 
-// A color that tells ids apart.
+// A pseudorandom color for each pair of ids.
 fn false_color(ids: vec2<u32>) -> vec3<f32> {
     return unit_float(pcg4d(vec4<u32>(ids, 17u, 42u))).xyz;
 }

@@ -1,17 +1,17 @@
-// The surface that a pixel shows, of this frame or the last, from the visibility buffer.
+// The surface that a pixel shows, in this frame or the last, from its (instance, triangle) in the visibility buffer.
 #define_import_path bevy_restir::view::primary
 
 #import bevy_restir::scene::cone::Cone
+#import bevy_restir::scene::offset::surface_point
 #import bevy_restir::scene::surface::{Surface, surface_at}
 #import bevy_restir::scene::triangle::world_triangle
-#import bevy_restir::scene::offset::surface_point
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::camera::{barycentrics_on_ray, pixel_cone, previous_primary_ray, primary_ray}
 
 struct PrimarySurface {
     surface: Surface,
     wo: vec3<f32>,
-    cone: Cone,                // what the pixel covers there
+    cone: Cone,                // footprint of the pixel
 }
 
 fn primary_surface(ids: vec2<u32>, pixel: vec2<u32>, previous: bool) -> PrimarySurface {

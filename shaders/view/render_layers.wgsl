@@ -1,4 +1,4 @@
-// What a camera's rays pass through, and what does not light for it: render layers.  A scene that every camera sees all of asks nothing.
+// Render layers: which instances and lights exist for a camera.  Without RENDER_LAYERS, every camera sees the whole scene.
 #define_import_path bevy_restir::view::render_layers
 
 #import bevy_restir::common::constants::{LIGHT_HIDDEN_SHIFT, LIGHT_KIND_BITS}
@@ -10,17 +10,17 @@ fn light_kind(light: u32) -> u32 {
 }
 
 #ifdef RENDER_LAYERS
-// What the masks of instances are asked for, where the device tests them.
+// Mask for ray queries: the device compares it with the masks of instances.
 fn camera_mask() -> u32 {
     return view.layers;
 }
 
-// Whether rays meet an instance; one that they do not meet does not emit either.
+// Whether rays of the camera can hit an instance.  An instance that they cannot hit does not emit either.
 fn instance_in_layers(instance: u32) -> bool {
     return (instances[instance].layers & view.layers) != 0u;
 }
 
-// Whether an analytic light shines.
+// Whether an analytic light illuminates the scene of the camera.
 fn light_in_layers(light: u32) -> bool {
     return (~(lights[light].kind >> LIGHT_HIDDEN_SHIFT) & view.layers) != 0u;
 }

@@ -1,7 +1,7 @@
-// What a camera is to the shaders.  Equal by test to `GpuX` in `src/gpu_types.rs`.
+// Uniforms of a view.  A test holds each struct X equal to `GpuX` in `src/gpu_layout.rs`.
 #define_import_path bevy_restir::view::types
 
-// Projection without jitter; reverse z.
+// Matrices of a camera, without jitter; reverse z.
 struct Camera {
     clip_from_world: mat4x4<f32>,
     world_from_view: mat4x4<f32>,
@@ -11,20 +11,20 @@ struct Camera {
 struct ViewUniforms {
     current: Camera,
     previous: Camera,
-    environment_rotation: mat3x3<f32>,  // environment from world
-    environment_color: vec3<f32>,       // cd/m²; times the map where there is one
-    exposure: f32,                      // of debug views, which are no light, their scale
-    background: vec3<f32>,              // what the camera sees where it sees no environment, cd/m²
-    debug_view: u32,                    // DEBUG_* in pass/debug.wgsl
-    size: vec2<u32>,                    // pixels of the picture that is traced
-    jitter: vec2<f32>,                  // of this frame's primary rays, pixels, x right and y down, within half a pixel of 0
+    environment_rotation: mat3x3<f32>,  // from world to environment
+    environment_color: vec3<f32>,       // cd/m²; factor of the map if there is one
+    exposure: f32,                      // exposure of the camera; for debug views the scale of their values
+    background: vec3<f32>,              // radiance of pixels without a surface if the camera does not see the environment, cd/m²
+    debug_view: u32,                    // DEBUG_* of the debug passes
+    size: vec2<u32>,                    // of the traced picture, pixels
+    jitter: vec2<f32>,                  // of this frame's primary rays: offset from the pixel center, pixels, x right, y down
     previous_jitter: vec2<f32>,
-    frame: u32,                         // of the sequence of random numbers
+    frame: u32,                         // index in the sequence of random numbers
     seed: u32,
-    bounces: u32,                       // scattering events a path may have
+    bounces: u32,                       // greatest number of scattering events of a path
     flags: u32,                         // VIEW_*
-    origin: vec2<u32>,                  // of the viewport in its target, pixels
-    accumulated: u32,                   // frames that `radiance` holds already: 0 starts again
+    origin: vec2<u32>,                  // corner of the viewport in the render target, pixels
+    accumulated: u32,                   // frames that `radiance` sums up so far; 0 restarts the sum
     layers: u32,                        // bit of the camera's set of render layers
-    target_size: vec2<u32>,             // pixels of the viewport; `size`, or more
+    target_size: vec2<u32>,             // of the viewport, pixels; at least `size`
 }

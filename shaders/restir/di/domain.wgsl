@@ -62,12 +62,12 @@ fn target_value(e: Evaluated) -> f32 {
 }
 
 // Density, in the measure of the light, with which the receiver's BSDF samples the point.  A ray that reaches a point of a surface with
-// alpha is stopped there with the probability `presence`.
-fn bsdf_pdf_of(r: Receiver, l: LightSample, presence: f32) -> f32 {
+// alpha is stopped there with the probability `opacity`.
+fn bsdf_pdf_of(r: Receiver, l: LightSample, opacity: f32) -> f32 {
     if l.delta != 0u || !(l.pdf_solid_angle > 0.0) {
         return 0.0;
     }
-    return presence * bsdf_pdf(r.surface.bsdf, r.wo, l.wi) / l.pdf_solid_angle;
+    return opacity * bsdf_pdf(r.surface.bsdf, r.wo, l.wi) / l.pdf_solid_angle;
 }
 
 fn is_visible(r: Receiver, e: Evaluated, alpha_seed: u32) -> bool {

@@ -17,7 +17,7 @@
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::di::domain::{bsdf_pdf_of, evaluate, evaluate_arriving, evaluate_sample, is_visible, Receiver, target_value}
 #import bevy_restir::restir::di::reservoir::Reservoir
-#import bevy_restir::restir::light_candidates::{light_candidate, presence_of, subset_of}
+#import bevy_restir::restir::light_candidates::{light_candidate, opacity_of, subset_of}
 #import bevy_restir::restir::reservoir_sampling::{Stream, stream_add, stream_ucw}
 #import bevy_restir::restir::types::{RESAMPLE_BSDF_CANDIDATE, RESAMPLE_CANDIDATE_RAYS, RESAMPLE_TARGET_WITHOUT_BSDF}
 #import bevy_restir::scene::cone::{cone_after, cone_along}
@@ -89,7 +89,7 @@ fn trace_bsdf_ray(r: Receiver, rng: ptr<function, Rng>) -> BsdfRay {
 struct Candidates {
     stream: Stream,
     point: LightPoint,
-    selected_target: f32,      // the value that the point was weighted by: its contribution weight is divided by the same
+    selected_target: f32,      // target of the point: its contribution weight is divided by it
 }
 
 fn add_light_candidates(c: ptr<function, Candidates>, r: Receiver, with_bsdf: bool, pixel: vec2<u32>, rng: ptr<function, Rng>) {
@@ -100,7 +100,7 @@ fn add_light_candidates(c: ptr<function, Candidates>, r: Receiver, with_bsdf: bo
         let candidate = light_candidate(r.surface.position, subset, rng);
         let value = candidate_target(r, candidate.light);
         let u = rng_1(rng);
-        let bsdf = select(0.0, bsdf_pdf_of(r, candidate.light, candidate.presence), with_bsdf);
+        let bsdf = select(0.0, bsdf_pdf_of(r, candidate.light, candidate.opacity), with_bsdf);
         if candidate.pmf > 0.0 {
             add_candidate(c, i, candidate.point, value, value / both_densities(count * candidate.pmf, bsdf), u);
         }
@@ -121,12 +121,12 @@ fn add_bsdf_candidates(c: ptr<function, Candidates>, r: Receiver, ray: BsdfRay, 
                 unresampled += ray.weight * l.radiance * carried;
             } else {
                 let value = candidate_target(r, l);
-                let densities = both_densities(f32(settings.candidates) * pmf * l.aim, bsdf_pdf_of(r, l, presence_of(l)));
+                let densities = both_densities(f32(settings.candidates) * pmf * l.pdf_scale, bsdf_pdf_of(r, l, opacity_of(l)));
                 add_candidate(c, settings.candidates + i, point, value, value / densities, rng_1(rng));
             }
         }
         let light = next_light_hit(ray.segment, first);
-        if !(ray.segment.reach > 0.0) || light == NONE {
+        if !(ray.segment.length > 0.0) || light == NONE {
             break;
         }
         point = light_hit_point(light, light, ray.segment);

@@ -1,4 +1,4 @@
-// What a pixel of indirect light keeps: the end of a path from its first bounce on.  48 bytes.
+// The reservoir of ReSTIR GI: a path from its reconnection vertex on, its unbiased contribution weight and its confidence.  48 bytes.
 #define_import_path bevy_restir::restir::gi::reservoir
 
 #import bevy_restir::common::math::{is_finite, max_component}
@@ -6,12 +6,11 @@
 #import bevy_restir::restir::path_sample::TERMINATION_NEE
 #import bevy_restir::restir::stored_path::{confidence_pack, confidence_unpack, connection_pack, no_reservoir, path_unpack, Reservoir}
 
-// As it lies in memory.
+// The same in memory.
 struct PackedReservoir {
-    structure: vec4<u32>,      // end, length, reconnection, lobes and confidence; seed; W; density
-    connection: vec4<u32>,     // the vertex and where the path goes from there
-    light: vec4<u32>,          // the light that is aimed at, or the density of aiming at the one that is met, and its id; what the path
-                               // carries from there on
+    structure: vec4<u32>,      // termination, length, reconnection, lobes and confidence; seed; W; density
+    connection: vec4<u32>,     // reconnection vertex and the direction after it
+    light: vec4<u32>,          // NEE: point on the light; otherwise: density of NEE and id of the light; then the packed radiance
 }
 
 fn reservoir_pack(r: Reservoir) -> PackedReservoir {
@@ -27,7 +26,7 @@ fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     );
 }
 
-// A number that is not finite must not spread over the screen, and what it stood for does not count: the picture would be dark.
+// A reservoir with a value that is not finite is dropped with its confidence: kept confidence would make the picture dark.
 fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     let structure = p.structure.x;
     var s = path_unpack(structure, p.connection);
@@ -39,7 +38,7 @@ fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     if s.termination == TERMINATION_NEE {
         s.light = LightPoint(p.light.x, p.light.y);
     } else {
-        // Where on it matters only to paths that stay where they are.
+        // Paths that hit their light are shifted without its point, which is not stored.
         s.light_pdf = bitcast<f32>(p.light.x);
         s.light = LightPoint(p.light.y, 0u);
     }
@@ -52,13 +51,13 @@ fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     return Reservoir(s, ucw, confidence, true);
 }
 
-// 18 bits a channel and one exponent of 8: exact to 2^-18 of the greatest channel.
+// Three mantissas of 18 bits with a shared exponent of 8 bits; the error is below 2^-18 of the greatest channel.
 fn pack_radiance(c: vec3<f32>) -> vec2<u32> {
     let greatest = min(max_component(c), 1.0e38);
     if !(greatest > 1.0e-30) {
         return vec2<u32>(0u);
     }
-    // Biased, of the power of two above it; 2^(145 - exponent) makes 18 bits of what is below.
+    // The biased exponent of the next power of two; 2^(145 - exponent) scales smaller values to 18 bits.
     let exponent = (bitcast<u32>(greatest) >> 23u) + 1u;
     let scale = bitcast<f32>((272u - exponent) << 23u);
     let m = min(vec3<u32>(max(c, vec3<f32>(0.0)) * scale + 0.5), vec3<u32>(0x3ffffu));

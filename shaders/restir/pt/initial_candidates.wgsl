@@ -15,7 +15,7 @@
 #import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample}
 #import bevy_restir::path::medium::transmittance
 #import bevy_restir::path::nee::{bsdf_hit_weight, emitter_nee_pdf, expected_nee_candidates, nee_candidate_count, nee_contribution}
-#import bevy_restir::path::random::{OF_LIGHT_RAY, OF_RAY, path_alpha_seed, path_seed}
+#import bevy_restir::path::random::{DIMENSION_SHADOW_RAY, DIMENSION_RAY, path_alpha_seed, path_seed}
 #import bevy_restir::path::shadow_ray::light_is_visible
 #import bevy_restir::path::walk::{sampled_step, Step, step_cone, step_medium, Vertex}
 #import bevy_restir::restir::light_candidates::{light_candidate, subset_of}
@@ -148,7 +148,7 @@ fn sample_candidates(first: Vertex, pixel: vec2<u32>, shortest: u32, p: ShiftPar
         // Find the next vertex, and the lights on the way there.
         let medium = step_medium(v, step.wi);
         let origin = offset_point(v.surface.position, v.surface.bsdf.n_geo, step.wi, v.surface.offset);
-        let hit = trace_closest(Ray(origin, 0.0, step.wi, FAR), path_alpha_seed(seed, index, OF_RAY));
+        let hit = trace_closest(Ray(origin, 0.0, step.wi, FAR), path_alpha_seed(seed, index, DIMENSION_RAY));
         if c.prefix.length >= shortest {
             add_light_hits(&c, RaySegment(origin, hit.t, step.wi), v, before, step, medium, index, p, rng);
         }
@@ -178,7 +178,7 @@ fn add_nee(
         return;
     }
     let nee = nee_contribution(v, selected.point, expected_nee_candidates(selected.point.light, p.nee_candidates, index), false);
-    let alpha_seed = path_alpha_seed((*c).prefix.seed, index, OF_LIGHT_RAY);
+    let alpha_seed = path_alpha_seed((*c).prefix.seed, index, DIMENSION_SHADOW_RAY);
     if !(max_component(nee.f) > 0.0) || !light_is_visible(v.surface, nee.light, alpha_seed, false) {
         return;
     }
@@ -217,7 +217,7 @@ fn add_light_hits(
         from_light = light + 1u;
         let point = light_hit_point(light, light, segment);
         let l = light_point_at(point, v.surface.position, false);
-        let nee_pdf = expected_nee_candidates(light, p.nee_candidates, index) * l.pdf_solid_angle * l.aim;
+        let nee_pdf = expected_nee_candidates(light, p.nee_candidates, index) * l.pdf_solid_angle * l.pdf_scale;
         var path: PathSample;
         if l.distance >= FAR {
             path = ended_at_infinity((*c).prefix, before, step, index);

@@ -16,7 +16,7 @@
 #import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, no_light_sample}
 #import bevy_restir::path::medium::transmittance
 #import bevy_restir::path::nee::{bsdf_hit_weight, emitter_nee_pdf, expected_nee_candidates, nee_contribution}
-#import bevy_restir::path::random::{OF_LIGHT_RAY, OF_RAY, path_alpha_seed}
+#import bevy_restir::path::random::{DIMENSION_SHADOW_RAY, DIMENSION_RAY, path_alpha_seed}
 #import bevy_restir::path::shadow_ray::{ray_between, ray_to_light}
 #import bevy_restir::path::walk::{drawn_step, given_step, Step, step_cone, step_medium, Vertex, with_weight_and_densities}
 #import bevy_restir::restir::path_sample::{PathSample, ShiftResult, TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE, vertex_barycentrics}
@@ -163,7 +163,7 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: ShiftParameters, previous: boo
 
         // Find the next vertex.
         let ray = Ray(offset_point(at.position, at.bsdf.n_geo, step.wi, at.offset), 0.0, step.wi, FAR);
-        let alpha_seed = path_alpha_seed(s.seed, index, OF_RAY);
+        let alpha_seed = path_alpha_seed(s.seed, index, DIMENSION_RAY);
         if is_last && s.termination == TERMINATION_EMITTER && ends_on_analytic_light(s) {
             hit_analytic_light(w, s, index, step, ray, medium, reconnects, alpha_seed, c, previous);
             return;
@@ -348,7 +348,7 @@ fn hit_analytic_light(
     }
     require_same_end(w, s, is_connectable_end((*w).before, l.position, l.normal, c));
     add_shadow_ray(w, ray_to_light(at, l), alpha_seed);
-    let nee_pdf = expected_nee_candidates(s.light.light, c.nee_candidates, index) * l.pdf_solid_angle * l.aim;
+    let nee_pdf = expected_nee_candidates(s.light.light, c.nee_candidates, index) * l.pdf_solid_angle * l.pdf_scale;
     end_on_light(w, s, index, step, l.radiance * transmittance(medium, l.distance), nee_pdf);
 }
 
@@ -427,7 +427,7 @@ fn end_with_nee(w: ptr<function, Walk>, s: PathSample, index: u32, c: ShiftParam
     }
     // From the reconnection vertex on, visibility changes only where something moved.
     if index < s.reconnection || retrace {
-        add_shadow_ray(w, ray_to_light((*w).v.surface, nee.light), path_alpha_seed(s.seed, index, OF_LIGHT_RAY));
+        add_shadow_ray(w, ray_to_light((*w).v.surface, nee.light), path_alpha_seed(s.seed, index, DIMENSION_SHADOW_RAY));
     }
 }
 
