@@ -69,7 +69,7 @@ pub(crate) fn update_report(
     passes: Res<PassPipelines>,
 ) {
     let mut report = statistics.lock();
-    report.ready = scene.ready && environments.ready && views.views.values().all(|v| v.rendered && v.key_is_wanted);
+    report.ready = scene.ready && environments.ready && views.views.values().all(|v| v.rendered && v.key_is_requested);
     report.backend = if scene.features.contains(SceneFeatures::RAY_QUERY) { "hardware" } else { "software" };
     report.features = scene.features;
     report.uploaded_bytes = scene.uploaded_bytes;

@@ -30,7 +30,7 @@ use crate::{
         ViewPool,
         environment::EnvironmentPool,
         extract::{self, ExtractedViews},
-        selection::{CompositeKey, SelectedPipelines, Selection, wanted_key},
+        selection::{CompositeKey, SelectedPipelines, Selection, requested_key},
         view_layout,
     },
 };
@@ -123,12 +123,12 @@ pub(super) fn select_pipelines(
         let Some((_, target, prepass)) = cameras.get(entity).ok().filter(|c| extract::has_view(Some(c.0))) else {
             continue;
         };
-        let wanted = wanted_key(restir, &scene, &environments);
+        let requested = requested_key(restir, &scene, &environments);
         let last = views.views.get(&entity).and_then(|last| last.key);
-        let key = passes.choose(wanted, last, &pipelines);
+        let key = passes.choose(requested, last, &pipelines);
         let composite = target.map(|target| CompositeKey::of(target, prepass));
         let composite = composite.filter(|&key| passes.request_composite(key, &pipelines));
-        selected.0.insert(entity, Selection { wanted, key, composite });
+        selected.0.insert(entity, Selection { requested, key, composite });
     }
 }
 
@@ -141,14 +141,14 @@ impl PassPipelines {
         Self { shaders: Some(shaders), ray_queries, bound_textures, ..Default::default() }
     }
 
-    /// The pipelines to render with: the wanted ones once all of them are ready, until then those of the last frame.
+    /// The pipelines to render with: the requested ones once all of them are ready, until then those of the last frame.
     fn choose(
         &mut self,
-        wanted: PipelineKey,
+        requested: PipelineKey,
         last: Option<PipelineKey>,
         pipelines: &PipelineCache,
     ) -> Option<PipelineKey> {
-        if self.ready(wanted, pipelines) { Some(wanted) } else { last }
+        if self.ready(requested, pipelines) { Some(requested) } else { last }
     }
 
     /// Requests every pipeline of a frame; true once all of them are ready.

@@ -13,7 +13,7 @@ use crate::scene::{
     accel::ray_query::{self, AccelerationStructures},
     features::SceneFeatures,
     geometry::draw_list::Draw,
-    texture::bindless::BoundTextures,
+    texture::bindless::BindlessTextures,
 };
 
 /// The layout of group 0.
@@ -180,7 +180,7 @@ impl SceneBindings {
         &mut self,
         device: &RenderDevice,
         pipelines: &PipelineCache,
-        textures: &BoundTextures,
+        textures: &BindlessTextures,
         none: &TextureView,
     ) {
         if self.bound_textures_revision == textures.revision {

@@ -64,7 +64,7 @@ pub(crate) fn build(render_app: &mut SubApp, ray_queries: bool, bound_textures: 
         .add_systems(
             bevy::render::ExtractSchedule,
             (
-                (render_layers::extract_layers, extract::extract_scene, textures::extract_means).chain(),
+                (render_layers::extract_layers, extract::extract_scene, textures::extract_mean_colors).chain(),
                 unsupported::warn_of_ignored,
             ),
         )
@@ -171,7 +171,7 @@ fn mirror_scene(
     if let Some(structures) = &instances.structures {
         bindings.bind_structures(&device, &pipelines, structures);
     }
-    if let Some(bound) = &textures.bound {
+    if let Some(bound) = &textures.bindless {
         bindings.bind_textures(&device, &pipelines, bound, &no_texture.texel);
     }
 

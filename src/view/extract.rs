@@ -116,7 +116,7 @@ pub(crate) fn extract_views(
     mut views: ResMut<ExtractedViews>,
     cameras: Extract<Query<ViewData>>,
     clear_color: Extract<Res<ClearColor>>,
-    mut said: Local<HashSet<String>>,
+    mut warned: Local<HashSet<String>>,
     sets: Res<LayerSets>,
 ) {
     views.0.clear();
@@ -127,7 +127,7 @@ pub(crate) fn extract_views(
         let mut settings = restir.clone();
         let (environment, flaw) = ExtractedEnvironment::of(own, skybox, light);
         for warning in settings.validate().into_iter().chain(flaw) {
-            if said.insert(warning.clone()) {
+            if warned.insert(warning.clone()) {
                 warn!("restir: {warning}");
             }
         }

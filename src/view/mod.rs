@@ -93,7 +93,7 @@ pub(crate) struct RestirView {
     /// The pipelines of this frame.
     pub key: Option<PipelineKey>,
     /// They are those that the scene asks for.
-    pub key_is_wanted: bool,
+    pub key_is_requested: bool,
     /// What the last pass writes to.
     pub composite: Option<CompositeKey>,
     /// This frame's passes will run.
@@ -192,7 +192,7 @@ fn prepare_views(
             continue;
         };
         if let (Some(key), Some(last)) = (selection.key, pool.views.get(&entity))
-            && !key.serves_settings_of(selection.wanted)
+            && !key.serves_settings_of(selection.requested)
         {
             // The camera keeps its settings until the pipelines of the new ones are compiled.
             restir.settings = Restir { reset: restir.settings.reset, ..last.settings.clone() };
@@ -312,7 +312,7 @@ impl RestirView {
             moved: false,
             bound_environment: (environment_map.id(), environment_importance.id()),
             key: None,
-            key_is_wanted: false,
+            key_is_requested: false,
             composite: None,
             rendered: false,
             settings: Restir::default(),
@@ -324,7 +324,7 @@ impl RestirView {
         self.layers = restir.layers;
         self.settings = restir.settings.clone();
         self.key = selection.key;
-        self.key_is_wanted = selection.key == Some(selection.wanted);
+        self.key_is_requested = selection.key == Some(selection.requested);
         self.composite = selection.composite;
         self.rendered = self.composite.is_some() && self.key.is_some() && scene.bind_group.is_some();
         if !self.rendered {

@@ -34,8 +34,8 @@ impl CompositeKey {
 /// Pipelines of one camera.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Selection {
-    pub wanted: PipelineKey,
-    /// Pipelines that are ready: the wanted ones, or those of the last frame.
+    pub requested: PipelineKey,
+    /// Pipelines that are ready: the requested ones, or those of the last frame.
     pub key: Option<PipelineKey>,
     /// Pipeline of the composite pass, if it is ready.
     pub composite: Option<CompositeKey>,
@@ -46,7 +46,7 @@ pub(crate) struct Selection {
 pub(crate) struct SelectedPipelines(pub HashMap<Entity, Selection>);
 
 /// The pipelines that a camera asks for.
-pub(crate) fn wanted_key(
+pub(crate) fn requested_key(
     restir: &ExtractedRestir,
     scene: &SceneBindings,
     environments: &EnvironmentPool,

@@ -68,7 +68,7 @@ pub(crate) struct LightPool {
     /// Scene radius that the powers of directional lights were made with, a power of two.
     radius: f32,
     /// Warned about already.
-    reported: HashSet<MainEntity>,
+    warned: HashSet<MainEntity>,
     /// Emissive triangles and other lights that the table has no room for.
     left_out: [u64; 2],
     overflow: Overflow,
@@ -104,7 +104,7 @@ impl Default for LightPool {
             gpu: GpuArray::new("lights"),
             power: 0.0,
             radius: 0.0,
-            reported: HashSet::default(),
+            warned: HashSet::default(),
             left_out: [0; 2],
             overflow: Overflow::default(),
             features: SceneFeatures::empty(),
@@ -270,14 +270,14 @@ impl LightPool {
                 Source::Analytic(light) => {
                     let (mut gpu, power, feature) = analytic_light(light, self.radius);
                     if let Some(flaw) = flaw(light)
-                        && self.reported.insert(*entity)
+                        && self.warned.insert(*entity)
                     {
                         warn!("restir: light {} has {flaw}", **entity);
                     }
                     if !is_sound(&gpu, power) {
                         // Black lights are ordinary; infinite or negative ones are not.
                         let placed = is_placed(&gpu);
-                        if (power != 0.0 || !placed) && self.reported.insert(*entity) {
+                        if (power != 0.0 || !placed) && self.warned.insert(*entity) {
                             let at = if placed { "" } else { " and a transform that is not finite" };
                             warn!("restir: light {} has the power {power}{at}; it is left out", **entity);
                         }

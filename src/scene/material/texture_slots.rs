@@ -5,7 +5,7 @@ use bevy::{asset::Handle, image::Image, log::warn_once, math::Affine2, mesh::UvC
 use crate::gpu_layout::*;
 use crate::scene::{
     features::SceneFeatures,
-    texture::textures::{BOUND, SECOND_UV, TexturePool},
+    texture::textures::{BINDLESS, SECOND_UV, TexturePool},
 };
 
 /// A texture that a material uses: its kind, `SLOT_*`, and whether it goes by the second texture coordinates.
@@ -93,7 +93,7 @@ pub(crate) fn add_record(
             slot[0] |= SECOND_UV;
             features |= SceneFeatures::SECOND_UVS;
         }
-        if slot[0] & BOUND != 0 {
+        if slot[0] & BINDLESS != 0 {
             features |= SceneFeatures::BOUND_TEXTURES;
         }
         kinds |= texture.kind;

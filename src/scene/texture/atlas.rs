@@ -51,8 +51,8 @@ impl ShelfPacker {
     }
 
     /// A place in one of so many pages, where there is one.
-    pub(crate) fn place(&mut self, size: UVec2, most_pages: u32) -> Option<Placement> {
-        let place = self.place_on_shelf(size).or_else(|| self.place_on_new_shelf(size, most_pages))?;
+    pub(crate) fn place(&mut self, size: UVec2, max_pages: u32) -> Option<Placement> {
+        let place = self.place_on_shelf(size).or_else(|| self.place_on_new_shelf(size, max_pages))?;
         self.given += u64::from(size.x) * u64::from(size.y);
         Some(place)
     }
@@ -66,12 +66,12 @@ impl ShelfPacker {
         Some(Placement { layer: *page, corner, size })
     }
 
-    fn place_on_new_shelf(&mut self, size: UVec2, most_pages: u32) -> Option<Placement> {
+    fn place_on_new_shelf(&mut self, size: UVec2, max_pages: u32) -> Option<Placement> {
         if size.max_element() > self.page {
             return None;
         }
         let begun = (0..self.pages).find(|&p| self.free_row[p as usize] + size.y <= self.page);
-        if begun.is_none() && self.pages >= most_pages {
+        if begun.is_none() && self.pages >= max_pages {
             return None;
         }
         let page = begun.unwrap_or_else(|| {

@@ -14,7 +14,7 @@ use bevy::{
 use crate::scene::texture::atlas::{Placement, ShelfPacker};
 
 /// Smallest side of a page, texels.
-const SMALLEST_PAGE: u32 = 256;
+const MIN_PAGE: u32 = 256;
 /// Texels, all levels left out, below which an atlas is not worth making smaller.
 const SMALL: u64 = 1 << 22;
 
@@ -51,7 +51,7 @@ impl Packing {
     /// Packs images into the smallest pages that hold them all; `None` where none do.
     fn fresh(images: &[Item], limits: Limits) -> Option<Self> {
         let largest = images.iter().map(|(_, size)| size.max_element()).max().unwrap_or(1);
-        let mut page = largest.next_power_of_two().max(SMALLEST_PAGE).min(limits.page);
+        let mut page = largest.next_power_of_two().max(MIN_PAGE).min(limits.page);
         loop {
             let packing = Self::onto(ShelfPacker::of_page(page), images, limits.layers);
             if packing.left.is_empty() {
@@ -84,7 +84,7 @@ fn sort(images: &mut [Item]) {
 
 /// The places of images.
 #[derive(Default)]
-pub(crate) struct Places {
+pub(crate) struct AtlasAllocator {
     placed: HashMap<AssetId<Image>, Placement>,
     packer: ShelfPacker,
     /// Pages of the atlas: those that the packer began, and some to come.
@@ -93,7 +93,7 @@ pub(crate) struct Places {
     left_out: HashMap<AssetId<Image>, UVec2>,
 }
 
-impl Places {
+impl AtlasAllocator {
     pub(crate) fn get(&self, id: AssetId<Image>) -> Option<&Placement> {
         self.placed.get(&id)
     }
@@ -233,14 +233,14 @@ mod tests {
         AssetId::Uuid { uuid: Uuid::from_u128(number.into()) }
     }
 
-    /// Places images that all are wanted; true where all moved.
-    fn add(places: &mut Places, images: impl IntoIterator<Item = (u32, u32)>, limits: Limits) -> bool {
+    /// AtlasAllocator images that all are wanted; true where all moved.
+    fn add(places: &mut AtlasAllocator, images: impl IntoIterator<Item = (u32, u32)>, limits: Limits) -> bool {
         let new = images.into_iter().map(|(number, side)| (image(number), UVec2::splat(side))).collect();
         places.place(new, limits, |_| true)
     }
 
     /// All lie within the pages, and none on another.
-    fn check(places: &Places) {
+    fn check(places: &AtlasAllocator) {
         let [page, layers] = places.pages();
         let all: Vec<_> = places.placed.values().collect();
         for (i, a) in all.iter().enumerate() {
@@ -254,7 +254,7 @@ mod tests {
 
     #[test]
     fn replacing_images_many_times_does_not_grow_the_atlas() {
-        let mut places = Places::default();
+        let mut places = AtlasAllocator::default();
         let side = |i: u32| 40 + i * 7 % 60;
         add(&mut places, (0..40).map(|i| (i, side(i))), WIDE);
         let (mut moves, before) = (0, places.pages());
@@ -272,7 +272,7 @@ mod tests {
 
     #[test]
     fn images_that_nothing_wants_lose_their_places_where_others_need_them() {
-        let mut places = Places::default();
+        let mut places = AtlasAllocator::default();
         for i in 0..1000 {
             // None is dropped, and none is used for long.
             let new = vec![(image(i), UVec2::splat(100))];
@@ -285,20 +285,20 @@ mod tests {
 
     #[test]
     fn an_atlas_that_fills_grows_by_half() {
-        let mut places = Places::default();
+        let mut places = AtlasAllocator::default();
         let moves = (0..1000).filter(|i| add(&mut places, [(*i, 250)], WIDE)).count();
         check(&places);
         eprintln!("{moves} moves to {:?}", places.pages());
         assert!(moves <= 20 && (1000..=1500).contains(&places.pages()[1]), "{moves} {:?}", places.pages());
         // A fresh load takes what it needs.
-        let mut fresh = Places::default();
+        let mut fresh = AtlasAllocator::default();
         add(&mut fresh, (0..1000).map(|i| (i, 250)), WIDE);
         assert_eq!(fresh.pages(), [256, 1000]);
     }
 
     #[test]
     fn a_large_atlas_of_which_little_is_left_becomes_small() {
-        let mut places = Places::default();
+        let mut places = AtlasAllocator::default();
         add(&mut places, (0..200).map(|i| (i, 250)).chain([(200, 2000)]), WIDE);
         for i in 2..=200 {
             places.forget(image(i));
@@ -312,7 +312,7 @@ mod tests {
 
     #[test]
     fn pages_grow_where_there_cannot_be_more() {
-        let mut places = Places::default();
+        let mut places = AtlasAllocator::default();
         let limits = Limits { page: 1024, layers: 4 };
         for i in 0..50 {
             add(&mut places, [(i, 250)], limits);
@@ -324,7 +324,7 @@ mod tests {
 
     #[test]
     fn a_full_atlas_keeps_what_it_holds_and_takes_others_when_there_is_room() {
-        let mut places = Places::default();
+        let mut places = AtlasAllocator::default();
         let limits = Limits { page: 512, layers: 2 };
         // Four a page.
         add(&mut places, (0..6).map(|i| (i, 256)), limits);

@@ -13,7 +13,7 @@ use bevy::{
 use core::num::NonZeroU32;
 
 /// Most that are bound; every one costs each pass a little on the CPU.
-const MOST: u32 = 4096;
+const MAX_TEXTURES: u32 = 4096;
 
 /// How many images the device binds in an array that neighboring invocations index differently, in one more group than
 /// `bind_groups`; `None` where it has no such arrays.
@@ -25,7 +25,7 @@ pub(crate) fn max_textures(device: &RenderDevice, bind_groups: u32) -> Option<No
     if !device.features().contains(needed) || limits.max_bind_groups <= bind_groups {
         return None;
     }
-    NonZeroU32::new(limits.max_binding_array_elements_per_shader_stage.min(MOST))
+    NonZeroU32::new(limits.max_binding_array_elements_per_shader_stage.min(MAX_TEXTURES))
 }
 
 /// The layout of the group that holds so many.
@@ -38,13 +38,13 @@ pub(crate) fn layout(max_textures: NonZeroU32) -> BindGroupLayoutDescriptor {
 }
 
 /// One of them.
-pub(crate) struct BoundTexture {
+pub(crate) struct BindlessTexture {
     pub index: u32,
     texture: Texture,
     view: TextureView,
 }
 
-impl BoundTexture {
+impl BindlessTexture {
     pub(crate) fn size(&self) -> [u32; 2] {
         [self.texture.width(), self.texture.height()]
     }
@@ -55,19 +55,19 @@ impl BoundTexture {
 }
 
 /// The array.
-pub(crate) struct BoundTextures {
+pub(crate) struct BindlessTextures {
     pub max_textures: NonZeroU32,
-    images: HashMap<AssetId<Image>, BoundTexture>,
+    images: HashMap<AssetId<Image>, BindlessTexture>,
     /// Textures that Bevy wrote again in place: it writes the finest level only, the others are those of the old picture.
     rewritten: HashMap<AssetId<Image>, TextureId>,
-    /// Places below `end` that hold none.
+    /// AtlasAllocator below `end` that hold none.
     free: Vec<u32>,
     end: u32,
     /// Changes when the array does; 0 until it holds an image.
     pub revision: u64,
 }
 
-impl BoundTextures {
+impl BindlessTextures {
     pub(crate) fn new(max_textures: NonZeroU32) -> Self {
         Self {
             max_textures,
@@ -79,7 +79,7 @@ impl BoundTextures {
         }
     }
 
-    pub(crate) fn get(&self, id: AssetId<Image>) -> Option<&BoundTexture> {
+    pub(crate) fn get(&self, id: AssetId<Image>) -> Option<&BindlessTexture> {
         self.images.get(&id)
     }
 
@@ -122,7 +122,7 @@ impl BoundTextures {
             array_layer_count: Some(1),
             ..Default::default()
         });
-        self.images.insert(id, BoundTexture { index, texture: image.texture.clone(), view });
+        self.images.insert(id, BindlessTexture { index, texture: image.texture.clone(), view });
         self.revision += 1;
         true
     }

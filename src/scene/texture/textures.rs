@@ -37,8 +37,8 @@ use crate::scene::{
     extract::ExtractedScene,
     material::materials::MaterialPool,
     texture::atlas::{Atlas, Copier, Encoding},
-    texture::atlas_allocator::{Limits, Places},
-    texture::bindless::BoundTextures,
+    texture::atlas_allocator::{Limits, AtlasAllocator},
+    texture::bindless::BindlessTextures,
 };
 use crate::{gpu_layout::NO_TEXTURE, shader_library::ShaderLibrary};
 
@@ -56,7 +56,7 @@ pub(crate) const SECOND_UV: u32 = 0x800000;
 const LEVELS_SHIFT: u32 = 24;
 const TWO_COMPONENTS: u32 = 0x2000_0000;
 /// Bound as it is; the low 16 bits are its place in the array.
-pub(crate) const BOUND: u32 = 0x8000_0000;
+pub(crate) const BINDLESS: u32 = 0x8000_0000;
 
 /// What is known of an image without its pixels.
 #[derive(Clone, Copy)]
@@ -73,17 +73,17 @@ struct ImageInfo {
 #[derive(Resource)]
 pub(crate) struct TexturePool {
     info: HashMap<AssetId<Image>, ImageInfo>,
-    places: Places,
+    places: AtlasAllocator,
     /// Images that cannot be read, until they change.
     refused: HashSet<AssetId<Image>>,
     /// Images that a warning named: one is enough, however often they change.
-    told: HashSet<AssetId<Image>>,
+    warned: HashSet<AssetId<Image>>,
     /// A warning said that the atlas holds no more.
     is_full: bool,
     atlas: Option<Atlas>,
     copier: Copier,
     /// Where the device has arrays of textures.
-    pub bound: Option<BoundTextures>,
+    pub bindless: Option<BindlessTextures>,
     /// Images whose pixels changed since they were placed.
     changed: HashSet<AssetId<Image>>,
     /// Images that nobody loads and that are not there: nothing waits for them.
@@ -104,13 +104,13 @@ impl Default for TexturePool {
     fn default() -> Self {
         Self {
             info: HashMap::default(),
-            places: Places::default(),
+            places: AtlasAllocator::default(),
             refused: HashSet::default(),
-            told: HashSet::default(),
+            warned: HashSet::default(),
             is_full: false,
             atlas: None,
             copier: Copier::default(),
-            bound: None,
+            bindless: None,
             changed: HashSet::default(),
             absent: HashSet::default(),
             arrivals: Arrivals::default(),
@@ -153,7 +153,7 @@ pub(crate) fn note_images(
     }
     for id in &extracted.removed {
         pool.info.remove(id);
-        pool.told.remove(id);
+        pool.warned.remove(id);
         pool.refused.remove(id);
         let had_slot = pool.forget(*id);
         pool.lost |= had_slot;
@@ -161,7 +161,7 @@ pub(crate) fn note_images(
 }
 
 /// Takes the mean colors of images that are in use and that materials emit from now on.
-pub(crate) fn extract_means(
+pub(crate) fn extract_mean_colors(
     mut pool: ResMut<TexturePool>,
     scene: Res<ExtractedScene>,
     images: Extract<Option<Res<Assets<Image>>>>,
@@ -248,15 +248,15 @@ fn mean_color(image: &Image) -> LinearRgba {
 impl TexturePool {
     /// A pool of a device that binds so many textures in an array.
     pub(crate) fn binding(capacity: NonZeroU32) -> Self {
-        Self { bound: Some(BoundTextures::new(capacity)), ..Default::default() }
+        Self { bindless: Some(BindlessTextures::new(capacity)), ..Default::default() }
     }
 
     /// The slot that a material stores; [`NO_TEXTURE`] while the image is not there.
     pub(crate) fn slot(&self, id: AssetId<Image>) -> [u32; 4] {
         let Some(info) = self.info.get(&id) else { return NO_TEXTURE };
-        if let Some(bound) = self.bound.as_ref().and_then(|bound| bound.get(id)) {
+        if let Some(bound) = self.bindless.as_ref().and_then(|bound| bound.get(id)) {
             let [width, height] = bound.size();
-            return [BOUND | bound.index | info.flags | bound.levels() << LEVELS_SHIFT, 0, width | height << 16, 0];
+            return [BINDLESS | bound.index | info.flags | bound.levels() << LEVELS_SHIFT, 0, width | height << 16, 0];
         }
         let Some(p) = self.places.get(id) else { return NO_TEXTURE };
         let layer = p.layer | info.flags | p.levels() << LEVELS_SHIFT;
@@ -299,12 +299,12 @@ impl TexturePool {
 
     /// Whether the image is where shaders find it.
     fn has(&self, id: AssetId<Image>, image: &GpuImage) -> bool {
-        self.places.get(id).is_some() || self.bound.as_ref().is_some_and(|bound| bound.holds(id, &image.texture))
+        self.places.get(id).is_some() || self.bindless.as_ref().is_some_and(|bound| bound.holds(id, &image.texture))
     }
 
     /// Takes an image away from shaders; true where it was there.
     fn forget(&mut self, id: AssetId<Image>) -> bool {
-        let was_bound = self.bound.as_mut().is_some_and(|bound| bound.forget(id));
+        let was_bound = self.bindless.as_mut().is_some_and(|bound| bound.forget(id));
         self.places.forget(id) || was_bound
     }
 
@@ -388,7 +388,7 @@ impl TexturePool {
         };
         let mut moved = false;
         for id in new.extract_if(.., |id| !is_readable(id)) {
-            if self.told.insert(id) {
+            if self.warned.insert(id) {
                 warn!("restir: image {id} is no 2D color texture; it is left out");
             }
             self.refused.insert(id);
@@ -399,7 +399,7 @@ impl TexturePool {
 
     /// Binds those of some images that have levels of their own and takes them off the list.  True where a slot changed.
     fn bind(&mut self, new: &mut Vec<AssetId<Image>>, images: &RenderAssets<GpuImage>) -> bool {
-        let Some(bound) = &mut self.bound else { return false };
+        let Some(bound) = &mut self.bindless else { return false };
         let before = bound.revision;
         new.retain(|id| {
             let is_bound = images.get(*id).is_some_and(|image| bound.insert(*id, image));
@@ -427,7 +427,7 @@ impl TexturePool {
         for (id, image) in ready() {
             self.changed.remove(&id);
             warn_of_lost_bits(image.texture_descriptor.format);
-            if whole_size(image).max_element() > limits.page && self.places.get(id).is_none() && self.told.insert(id) {
+            if whole_size(image).max_element() > limits.page && self.places.get(id).is_none() && self.warned.insert(id) {
                 warn!("restir: image {id} is larger than {} pixels; it is scaled down", limits.page);
             }
         }
