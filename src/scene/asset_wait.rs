@@ -11,18 +11,18 @@ const FRAMES: u32 = 3;
 
 /// Loaded assets that are not here, and since which frame.
 #[derive(Default)]
-pub(crate) struct Arrivals {
+pub(crate) struct AssetWait {
     frame: u32,
     loaded: HashMap<UntypedAssetId, u32>,
 }
 
-impl Arrivals {
+impl AssetWait {
     pub(crate) fn begin_frame(&mut self) {
         self.frame = self.frame.wrapping_add(1);
     }
 
     /// Whether an asset that is not here is still to come.  One that failed to load, or that nobody loads, is not.
-    pub(crate) fn is_coming(&mut self, id: impl Into<UntypedAssetId>, assets: &AssetServer) -> bool {
+    pub(crate) fn is_pending(&mut self, id: impl Into<UntypedAssetId>, assets: &AssetServer) -> bool {
         let id = id.into();
         self.comes(id, &assets.load_state(id))
     }
@@ -44,13 +44,13 @@ mod tests {
 
     #[test]
     fn what_is_loaded_is_waited_for_a_little_and_what_is_not_is_not() {
-        let mut arrivals = Arrivals::default();
+        let mut wait = AssetWait::default();
         let id = AssetId::<Image>::default().untyped();
         let mut of_frames = |state: LoadState| {
             [(); 5].map(|()| {
-                arrivals.begin_frame();
+                wait.begin_frame();
                 // However often it is asked for.
-                let [a, b] = [(); 2].map(|()| arrivals.comes(id, &state));
+                let [a, b] = [(); 2].map(|()| wait.comes(id, &state));
                 assert_eq!(a, b);
                 a
             })

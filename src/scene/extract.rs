@@ -15,8 +15,8 @@ use bevy::{
 };
 
 use crate::scene::{
-    geometry::render_layers::{EVERYONE, LayerSets},
-    geometry::visibility_range::Ranges,
+    geometry::render_layers::{ALL_CAMERAS, LayerSets},
+    geometry::visibility_range::VisibilityRanges,
 };
 use crate::settings::{EmissiveLuminance, Restir};
 
@@ -28,7 +28,7 @@ pub(crate) struct ExtractedInstance {
     pub material: AssetId<StandardMaterial>,
     pub world_from_object: Affine3A,
     /// Bits of the cameras that see it ([`LayerSets`]).
-    pub seen_by: u32,
+    pub camera_mask: u32,
     /// Other rays than the camera's meet it.
     pub casts_shadows: bool,
     pub skinned: bool,
@@ -99,7 +99,7 @@ pub(crate) fn extract_scene(
     emissive_luminance: Extract<Res<EmissiveLuminance>>,
     layers: Extract<Query<&RenderLayers>>,
     sets: Res<LayerSets>,
-    ranges: Extract<Ranges>,
+    ranges: Extract<VisibilityRanges>,
     cameras: Extract<Query<&Restir>>,
 ) {
     let scene = &mut *scene;
@@ -113,13 +113,13 @@ pub(crate) fn extract_scene(
     scene.instances.clear();
     scene.instances.extend(instances.iter().filter(|row| row.4.get()).filter_map(
         |(entity, mesh, material, transform, _, layers, not_shadow_caster, skinned, morphed)| {
-            let seen_by = sets.seen_by(layers);
-            (seen_by != 0).then(|| ExtractedInstance {
+            let camera_mask = sets.camera_mask(layers);
+            (camera_mask != 0).then(|| ExtractedInstance {
                 entity: entity.into(),
                 mesh: mesh.id(),
                 material: material.id(),
                 world_from_object: transform.affine(),
-                seen_by,
+                camera_mask,
                 casts_shadows: !not_shadow_caster,
                 skinned,
                 morphed,
@@ -182,11 +182,11 @@ pub(crate) fn extract_scene(
     let hidden = &mut scene.hidden_lights;
     hidden.clear();
     scene.lights.retain(|(entity, _)| {
-        let seen_by = sets.seen_by(layers.get(**entity).ok());
-        if seen_by != EVERYONE {
-            hidden.insert(*entity, EVERYONE & !seen_by);
+        let camera_mask = sets.camera_mask(layers.get(**entity).ok());
+        if camera_mask != ALL_CAMERAS {
+            hidden.insert(*entity, ALL_CAMERAS & !camera_mask);
         }
-        seen_by != 0
+        camera_mask != 0
     });
 
     scene.materials.clear();

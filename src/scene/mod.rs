@@ -37,11 +37,11 @@ use geometry::{
     draw_list,
     instances::InstancePool,
     meshes::{self, MeshPool},
-    render_layers::{self, EVERYONE, LayerSets},
+    render_layers::{self, ALL_CAMERAS, LayerSets},
 };
 use light::lights::LightPool;
 use material::{directional_albedo, materials::MaterialPool};
-use storage::growable_buffer::GpuArray;
+use storage::growable_buffer::GrowableBuffer;
 use texture::textures::{self, TexturePool};
 
 /// Adds the mirror to the render world.
@@ -65,7 +65,7 @@ pub(crate) fn build(render_app: &mut SubApp, ray_queries: bool, bound_textures: 
             bevy::render::ExtractSchedule,
             (
                 (render_layers::extract_layers, extract::extract_scene, textures::extract_mean_colors).chain(),
-                unsupported::warn_of_ignored,
+                unsupported::warn_of_unsupported,
             ),
         )
         .add_systems(
@@ -100,13 +100,13 @@ fn mirror_scene(
     materials.make_room(&scene.instances, meshes.idle() && !instances.waiting);
     let moved = textures.update(materials.images(), &images, &pipelines, &shaders, &assets, &device, &queue);
     materials.pack(&textures, moved);
-    let mut most_instances = GpuArray::<GpuInstance>::limit(&device);
+    let mut most_instances = GrowableBuffer::<GpuInstance>::limit(&device);
     if instances.structures.is_some() {
         most_instances = most_instances.min(ray_query::MAX_SLOTS).min(device.limits().max_tlas_instance_count);
     }
     instances.update(&scene, &meshes, &mut materials, &assets, most_instances);
     // The last frame's table lies behind this frame's.
-    lights.update(&scene, &mut instances, &meshes, &materials, GpuArray::<GpuLight>::limit(&device) / 2);
+    lights.update(&scene, &mut instances, &meshes, &materials, GrowableBuffer::<GpuLight>::limit(&device) / 2);
     instances.build_top_level(&mut meshes, &device, &queue);
     let uploaded_shapes = lights.build_shapes(&mut meshes, &device, &queue);
 
@@ -202,7 +202,7 @@ fn mirror_scene(
     bindings.instances = instances.live.len() as u64;
     bindings.lights = lights.count() as u64;
     // What no ray meets is in no tree: nobody asks for it.
-    let met = instances.live.iter().filter(|live| live.met_by != 0).map(|live| EVERYONE & !live.met_by);
+    let met = instances.live.iter().filter(|live| live.ray_mask != 0).map(|live| ALL_CAMERAS & !live.ray_mask);
     bindings.hidden_from = met.chain(lights.hidden.values().copied()).fold(0, |all, bits| all | bits);
     let drawn = (bindings.edit_revision, instances.live.len());
     if bindings.drawn != drawn {

@@ -11,7 +11,7 @@ use bevy::{
 
 use crate::settings::Restir;
 
-pub(crate) fn warn_of_ignored(
+pub(crate) fn warn_of_unsupported(
     cameras: Extract<Query<(), With<Restir>>>,
     points: Extract<Query<Entity, (With<PointLight>, With<PointLightTexture>)>>,
     spots: Extract<Query<Entity, (With<SpotLight>, With<SpotLightTexture>)>>,

@@ -29,7 +29,7 @@ use bevy::{
 
 use crate::{
     gpu_layout::*,
-    scene::{bindings::SceneBindings, geometry::render_layers, geometry::render_layers::EVERYONE},
+    scene::{bindings::SceneBindings, geometry::render_layers, geometry::render_layers::ALL_CAMERAS},
     settings::{Direct, Restir},
     system_sets::RestirSystems,
     technique::frame::{Frame, PipelineKey},
@@ -278,7 +278,7 @@ impl RestirView {
             size,
             origin: UVec2::ZERO,
             target_size: size,
-            layers: EVERYONE,
+            layers: ALL_CAMERAS,
             depth: view(&texture("depth", DEPTH_FORMAT, target)),
             radiance: buffer("radiance", pixels(size) * 16, storage),
             counters: CounterReadback::new(device),

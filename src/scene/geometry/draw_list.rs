@@ -13,7 +13,7 @@ pub(crate) struct Draw {
     /// Of each of them.
     pub triangles: u32,
     /// Bits of the cameras that see them.
-    pub seen_by: u32,
+    pub camera_mask: u32,
     pub cull: Option<Face>,
 }
 
@@ -26,14 +26,14 @@ pub(crate) fn draws(instances: &InstancePool, materials: &MaterialPool) -> Vec<D
             let instance = instances.get(live.slot);
             let flags = materials.get(live.material).map_or(0, |m| m.flags);
             let cull = flags & (MATERIAL_CULL_BACK | MATERIAL_CULL_FRONT);
-            (cull, live.seen_by, instance.first_triangle, instance.triangle_count, live.slot)
+            (cull, live.camera_mask, instance.first_triangle, instance.triangle_count, live.slot)
         })
         .collect();
     keyed.sort_unstable();
     let mut draws: Vec<Draw> = Vec::new();
     let mut last = None;
-    for (flags, seen_by, first, triangles, slot) in keyed {
-        let kind = Some((flags, seen_by, first));
+    for (flags, camera_mask, first, triangles, slot) in keyed {
+        let kind = Some((flags, camera_mask, first));
         match draws.last_mut().filter(|draw| last == kind && draw.instances.end == slot) {
             Some(draw) => draw.instances.end += 1,
             None => {
@@ -42,7 +42,7 @@ pub(crate) fn draws(instances: &InstancePool, materials: &MaterialPool) -> Vec<D
                     MATERIAL_CULL_FRONT => Some(Face::Front),
                     _ => None,
                 };
-                draws.push(Draw { instances: slot..slot + 1, triangles, seen_by, cull });
+                draws.push(Draw { instances: slot..slot + 1, triangles, camera_mask, cull });
             }
         }
         last = kind;

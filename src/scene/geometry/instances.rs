@@ -18,13 +18,13 @@ use crate::scene::{
     accel::blas::Bounds,
     accel::ray_query::{AccelerationStructures, Placed},
     accel::tlas::{self, Tlas},
-    asset_wait::Arrivals,
+    asset_wait::AssetWait,
     extract::{ExtractedInstance, ExtractedScene},
     features::SceneFeatures,
     geometry::meshes::MeshPool,
-    geometry::render_layers::MOST_SETS,
+    geometry::render_layers::MAX_LAYER_SETS,
     material::materials::MaterialPool,
-    storage::growable_buffer::{GpuArray, Overflow, dirty_runs},
+    storage::{dirty_runs::dirty_runs, growable_buffer::GrowableBuffer, overflow_warning::OverflowWarning},
 };
 
 /// A top level on the GPU.
@@ -70,8 +70,8 @@ pub(crate) struct LiveInstance {
     pub mesh: bevy::asset::AssetId<bevy::mesh::Mesh>,
     pub material: u32,
     /// Bits of the cameras that see it, and of those whose other rays meet it.
-    pub seen_by: u32,
-    pub met_by: u32,
+    pub camera_mask: u32,
+    pub ray_mask: u32,
 }
 
 /// The instances of the scene.
@@ -86,7 +86,7 @@ pub(crate) struct InstancePool {
     /// As this frame has them.
     boxes_of_frame: Vec<(u32, Bounds)>,
     pub live: Vec<LiveInstance>,
-    pub gpu: GpuArray<GpuInstance>,
+    pub gpu: GrowableBuffer<GpuInstance>,
     current: GpuTlas,
     /// The last frame's, where it differs.
     previous: Option<GpuTlas>,
@@ -97,8 +97,8 @@ pub(crate) struct InstancePool {
     /// Warned about already.
     reported: HashSet<MainEntity>,
     absent: HashSet<MainEntity>,
-    arrivals: Arrivals,
-    overflow: Overflow,
+    arrivals: AssetWait,
+    overflow: OverflowWarning,
     pub features: SceneFeatures,
     /// An instance waits for its mesh or material.
     pub waiting: bool,
@@ -123,15 +123,15 @@ impl Default for InstancePool {
             boxes: Vec::new(),
             boxes_of_frame: Vec::new(),
             live: Vec::new(),
-            gpu: GpuArray::new("instances"),
+            gpu: GrowableBuffer::new("instances"),
             current: GpuTlas::default(),
             previous: None,
             structures: None,
             placed: Vec::new(),
             reported: HashSet::default(),
             absent: HashSet::default(),
-            arrivals: Arrivals::default(),
-            overflow: Overflow::default(),
+            arrivals: AssetWait::default(),
+            overflow: OverflowWarning::default(),
             features: SceneFeatures::empty(),
             waiting: true,
             center: [0.0; 3],
@@ -214,8 +214,8 @@ impl InstancePool {
             self.triangles += instance.triangle_count as u64;
             self.wanted[slot as usize] = instance;
             // What no ray meets is not in the tree; the camera sees it all the same.
-            let met_by = if extracted.casts_shadows { extracted.seen_by } else { 0 };
-            if met_by != 0 {
+            let ray_mask = if extracted.casts_shadows { extracted.camera_mask } else { 0 };
+            if ray_mask != 0 {
                 self.boxes_of_frame.push((slot, world_box));
             }
             self.live.push(LiveInstance {
@@ -223,8 +223,8 @@ impl InstancePool {
                 entity: extracted.entity,
                 mesh: extracted.mesh,
                 material: instance.material,
-                seen_by: extracted.seen_by,
-                met_by,
+                camera_mask: extracted.camera_mask,
+                ray_mask,
             });
         }
         let (wanted, free) = (&mut self.wanted, &mut self.free);
@@ -236,7 +236,7 @@ impl InstancePool {
             }
             present
         });
-        if self.overflow.is_news(left_out, meshes.idle() && !self.waiting) {
+        if self.overflow.should_warn(left_out, meshes.idle() && !self.waiting) {
             warn!("restir: {left_out} meshes are left out: this device binds {limit} at most");
         }
     }
@@ -273,10 +273,10 @@ impl InstancePool {
             // What nobody loads or builds never comes: the rest is shown without it.
             let mesh_comes = meshes.get(extracted.mesh).is_some()
                 || meshes.is_building(extracted.mesh)
-                || self.arrivals.is_coming(extracted.mesh, assets);
+                || self.arrivals.is_pending(extracted.mesh, assets);
             let coming = mesh_comes
                 && (materials.slot(extracted.material).is_some()
-                    || self.arrivals.is_coming(extracted.material, assets));
+                    || self.arrivals.is_pending(extracted.material, assets));
             self.waiting |= coming;
             if !coming && self.absent.insert(extracted.entity) {
                 warn!(
@@ -322,7 +322,8 @@ impl InstancePool {
             material,
             first_light: NONE,
             flags,
-            layers: if extracted.casts_shadows { extracted.seen_by } else { 0 } | extracted.seen_by << MOST_SETS,
+            layers: if extracted.casts_shadows { extracted.camera_mask } else { 0 }
+                | extracted.camera_mask << MAX_LAYER_SETS,
             entity: extracted.entity.index_u32(),
         };
         Some((instance, bounds))
@@ -370,7 +371,7 @@ impl InstancePool {
             self.measure();
         }
         self.placed.clear();
-        self.placed.extend(self.live.iter().filter(|live| live.met_by != 0).filter_map(|live| {
+        self.placed.extend(self.live.iter().filter(|live| live.ray_mask != 0).filter_map(|live| {
             let (mesh, instance) = (meshes.get(live.mesh)?, &self.wanted[live.slot as usize]);
             Some(Placed {
                 slot: live.slot,
@@ -378,7 +379,7 @@ impl InstancePool {
                 triangles: mesh.triangles.clone(),
                 world_from_object: instance.world_from_object,
                 opaque: instance.flags & INSTANCE_ALPHA == 0,
-                mask: live.met_by as u8,
+                mask: live.ray_mask as u8,
             })
         }));
         let Some(structures) = &mut self.structures else { return };

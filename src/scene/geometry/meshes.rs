@@ -25,8 +25,7 @@ use crate::scene::{
     accel::blas::{self, Blas, Bounds},
     extract::ExtractedInstance,
     geometry::triangulate::{self, Dropped, GeometryError},
-    storage::data_texture::DataTexture,
-    storage::growable_buffer::{GpuArray, RangeAllocator},
+    storage::{data_texture::DataTexture, growable_buffer::GrowableBuffer, range_allocator::RangeAllocator},
 };
 
 /// A mesh on the GPU.
@@ -82,9 +81,9 @@ pub(crate) struct MeshPool {
     unlit: HashMap<AssetId<Mesh>, String>,
     node_ranges: RangeAllocator,
     triangle_ranges: RangeAllocator,
-    pub nodes: GpuArray<[[u32; 4]; NODE_STRIDE as usize]>,
-    pub triangles: GpuArray<GpuTriangle>,
-    pub attributes: GpuArray<GpuTriangleAttributes>,
+    pub nodes: GrowableBuffer<[[u32; 4]; NODE_STRIDE as usize]>,
+    pub triangles: GrowableBuffer<GpuTriangle>,
+    pub attributes: GrowableBuffer<GpuTriangleAttributes>,
     /// Beside the triangles, in scenes where a texture goes by them.
     pub second_uvs: DataTexture<[[f32; 2]; 3]>,
     /// Versions of the meshes that are in there.
@@ -107,9 +106,9 @@ impl Default for MeshPool {
             unlit: HashMap::default(),
             node_ranges: RangeAllocator::default(),
             triangle_ranges: RangeAllocator::default(),
-            nodes: GpuArray::new("acceleration structures"),
-            triangles: GpuArray::new("triangles"),
-            attributes: GpuArray::new("triangle attributes"),
+            nodes: GrowableBuffer::new("acceleration structures"),
+            triangles: GrowableBuffer::new("triangles"),
+            attributes: GrowableBuffer::new("triangle attributes"),
             second_uvs: DataTexture::new("second texture coordinates", TextureFormat::Rg32Float, 3),
             second_uvs_of: HashMap::default(),
             versions: 0,

@@ -12,12 +12,12 @@ use crate::settings::Restir;
 
 /// The levels of detail of the main world, and who looks at them.
 #[derive(SystemParam)]
-pub(crate) struct Ranges<'w, 's> {
+pub(crate) struct VisibilityRanges<'w, 's> {
     ranges: Query<'w, 's, (&'static VisibilityRange, &'static GlobalTransform, Option<&'static Aabb>)>,
     cameras: Query<'w, 's, (Entity, &'static Camera, &'static GlobalTransform), With<Restir>>,
 }
 
-impl Ranges<'_, '_> {
+impl VisibilityRanges<'_, '_> {
     /// Where distances are measured from: the first `Restir` camera of those that are drawn; `None` where nothing asks.
     pub(crate) fn eye(&self) -> Option<Vec3A> {
         if self.ranges.is_empty() {

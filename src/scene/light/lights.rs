@@ -25,7 +25,7 @@ use crate::scene::{
     light::alias_table::alias_table,
     light::emissive::{Source, analytic_light, flaw, is_placed, is_sound, luminance, shape_bounds, world_area},
     material::materials::MaterialPool,
-    storage::growable_buffer::{GpuArray, Overflow, dirty_runs},
+    storage::{dirty_runs::dirty_runs, growable_buffer::GrowableBuffer, overflow_warning::OverflowWarning},
 };
 
 /// Who a light belongs to: a Bevy light, or the mesh of the same entity.
@@ -62,7 +62,7 @@ pub(crate) struct LightPool {
     groups: Vec<Group>,
     table: Vec<GpuLight>,
     uploaded: Vec<GpuLight>,
-    pub gpu: GpuArray<GpuLight>,
+    pub gpu: GrowableBuffer<GpuLight>,
     /// Sum of the powers of the table.
     pub power: f64,
     /// Scene radius that the powers of directional lights were made with, a power of two.
@@ -71,7 +71,7 @@ pub(crate) struct LightPool {
     warned: HashSet<MainEntity>,
     /// Emissive triangles and other lights that the table has no room for.
     left_out: [u64; 2],
-    overflow: Overflow,
+    overflow: OverflowWarning,
     pub features: SceneFeatures,
     /// The last frame's table lies behind this frame's, from here on; 0 where it is the same.
     pub(crate) previous_at: u32,
@@ -101,12 +101,12 @@ impl Default for LightPool {
             groups: Vec::new(),
             table: Vec::new(),
             uploaded: Vec::new(),
-            gpu: GpuArray::new("lights"),
+            gpu: GrowableBuffer::new("lights"),
             power: 0.0,
             radius: 0.0,
             warned: HashSet::default(),
             left_out: [0; 2],
-            overflow: Overflow::default(),
+            overflow: OverflowWarning::default(),
             features: SceneFeatures::empty(),
             previous_at: 0,
             previous: Vec::new(),
@@ -130,7 +130,7 @@ impl LightPool {
     ) {
         self.update_table(scene, instances, meshes, materials, limit);
         let [triangles, others] = self.left_out;
-        if self.overflow.is_news(triangles + others, meshes.idle() && !instances.waiting) {
+        if self.overflow.should_warn(triangles + others, meshes.idle() && !instances.waiting) {
             warn!(
                 "restir: this device binds {limit} lights at most: {triangles} emissive triangles are found by chance only (noisier, \
                  not darker), {others} other lights are left out (darker)"
@@ -232,7 +232,7 @@ impl LightPool {
             let emission = materials.mean_emission(live.material);
             let mesh = meshes.get(live.mesh)?;
             // What no ray meets lights nothing.
-            if luminance(emission) <= 0.0 || live.met_by == 0 {
+            if luminance(emission) <= 0.0 || live.ray_mask == 0 {
                 return None;
             }
             let m = instances.get(live.slot).world_from_object;

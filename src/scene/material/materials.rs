@@ -21,8 +21,10 @@ use crate::scene::{
     extract::{ExtractedInstance, ExtractedScene},
     features::SceneFeatures,
     material::texture_slots::{LAYER_SLOTS, add_record, textures_of},
-    storage::data_texture::DataTexture,
-    storage::growable_buffer::{GpuArray, Overflow, RangeAllocator, joined},
+    storage::{
+        data_texture::DataTexture, dirty_runs::joined_runs, growable_buffer::GrowableBuffer,
+        overflow_warning::OverflowWarning, range_allocator::RangeAllocator,
+    },
     texture::textures::TexturePool,
 };
 
@@ -47,7 +49,7 @@ pub(crate) struct MaterialPool {
     packed: Vec<GpuMaterial>,
     /// Slots whose record the GPU does not have.
     dirty: Vec<usize>,
-    pub gpu: GpuArray<GpuMaterial>,
+    pub gpu: GrowableBuffer<GpuMaterial>,
     /// Records of textures of the materials that have any.
     packed_table: Vec<[u32; 4]>,
     records: RangeAllocator,
@@ -55,7 +57,7 @@ pub(crate) struct MaterialPool {
     pub table: DataTexture<[u32; 4]>,
     /// Slots, and entries of the table, that the device can bind.
     limits: [u32; 2],
-    overflow: Overflow,
+    overflow: OverflowWarning,
     emissive_luminance: f32,
     /// Slots whose contents must be packed again.
     stale: Vec<u32>,
@@ -73,13 +75,13 @@ impl Default for MaterialPool {
             free: Vec::new(),
             packed: Vec::new(),
             dirty: Vec::new(),
-            gpu: GpuArray::new("materials"),
+            gpu: GrowableBuffer::new("materials"),
             packed_table: Vec::new(),
             records: RangeAllocator::default(),
             dirty_table: Vec::new(),
             table: DataTexture::new("texture table", TextureFormat::Rgba32Uint, 1),
             limits: [u32::MAX; 2],
-            overflow: Overflow::default(),
+            overflow: OverflowWarning::default(),
             emissive_luminance: 0.0,
             stale: Vec::new(),
             all_stale: false,
@@ -91,7 +93,7 @@ impl Default for MaterialPool {
 impl MaterialPool {
     /// Heeds what the device can bind.
     pub(crate) fn limit_to(&mut self, device: &RenderDevice) {
-        self.limits = [GpuArray::<GpuMaterial>::limit(device), DataTexture::<[u32; 4]>::limit(device)];
+        self.limits = [GrowableBuffer::<GpuMaterial>::limit(device), DataTexture::<[u32; 4]>::limit(device)];
     }
 
     /// Takes the materials that changed in the main world.  Without its source no instance shows a material in this frame, and none names
@@ -128,7 +130,7 @@ impl MaterialPool {
             unused.into_iter().for_each(|id| self.release(id));
             left_out = self.take_slots(instances);
         }
-        if self.overflow.is_news(left_out, settled) {
+        if self.overflow.should_warn(left_out, settled) {
             warn!("restir: {left_out} meshes are left out: this device binds {} materials at most", self.limits[0]);
         }
     }
@@ -229,7 +231,7 @@ impl MaterialPool {
         }
         self.revision += 1;
         self.dirty.sort_unstable();
-        let runs = joined(self.dirty.drain(..));
+        let runs = joined_runs(self.dirty.drain(..));
         bytes + runs.into_iter().map(|r| self.gpu.write(r.start as u32, &self.packed[r], queue)).sum::<u64>()
     }
 
@@ -242,7 +244,7 @@ impl MaterialPool {
             self.dirty_table = (0..self.packed_table.len()).collect();
         }
         self.dirty_table.sort_unstable();
-        let runs = joined(self.dirty_table.drain(..));
+        let runs = joined_runs(self.dirty_table.drain(..));
         runs.into_iter().map(|r| self.table.write(r.start as u32, &self.packed_table[r], queue)).sum()
     }
 
@@ -396,7 +398,7 @@ mod tests {
             mesh: AssetId::default(),
             material: id(material),
             world_from_object: Affine3A::IDENTITY,
-            seen_by: 1,
+            camera_mask: 1,
             casts_shadows: true,
             skinned: false,
             morphed: false,

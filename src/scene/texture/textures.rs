@@ -33,11 +33,11 @@ use bevy::{
 use core::num::NonZeroU32;
 
 use crate::scene::{
-    asset_wait::Arrivals,
+    asset_wait::AssetWait,
     extract::ExtractedScene,
     material::materials::MaterialPool,
     texture::atlas::{Atlas, Copier, Encoding},
-    texture::atlas_allocator::{Limits, AtlasAllocator},
+    texture::atlas_allocator::{AtlasAllocator, Limits},
     texture::bindless::BindlessTextures,
 };
 use crate::{gpu_layout::NO_TEXTURE, shader_library::ShaderLibrary};
@@ -88,7 +88,7 @@ pub(crate) struct TexturePool {
     changed: HashSet<AssetId<Image>>,
     /// Images that nobody loads and that are not there: nothing waits for them.
     absent: HashSet<AssetId<Image>>,
-    arrivals: Arrivals,
+    arrivals: AssetWait,
     versions: u64,
     /// An image was removed that had a slot.
     lost: bool,
@@ -113,7 +113,7 @@ impl Default for TexturePool {
             bindless: None,
             changed: HashSet::default(),
             absent: HashSet::default(),
-            arrivals: Arrivals::default(),
+            arrivals: AssetWait::default(),
             versions: 0,
             lost: false,
             complete: true,
@@ -275,7 +275,7 @@ impl TexturePool {
 
     /// Whether an image is still to come.  One that failed to load, or that nobody loads, is not; the first time, a warning says so.
     pub(crate) fn is_coming(&mut self, id: AssetId<Image>, assets: &AssetServer) -> bool {
-        let coming = self.info.contains_key(&id) || self.arrivals.is_coming(id, assets);
+        let coming = self.info.contains_key(&id) || self.arrivals.is_pending(id, assets);
         if coming {
             self.absent.remove(&id);
         } else if self.absent.insert(id) {
@@ -427,7 +427,8 @@ impl TexturePool {
         for (id, image) in ready() {
             self.changed.remove(&id);
             warn_of_lost_bits(image.texture_descriptor.format);
-            if whole_size(image).max_element() > limits.page && self.places.get(id).is_none() && self.warned.insert(id) {
+            if whole_size(image).max_element() > limits.page && self.places.get(id).is_none() && self.warned.insert(id)
+            {
                 warn!("restir: image {id} is larger than {} pixels; it is scaled down", limits.page);
             }
         }
