@@ -12,8 +12,7 @@ pub struct AliasEntry {
     pub pmf: f32,
 }
 
-/// Builds the table in O(n); `None` where no power is usable.  Powers that are zero, negative, NaN or infinite get pmf 0;
-/// [`unusable_powers`] counts those worth a warning.
+/// Builds the table in O(n); `None` where no power is usable.  Powers that are zero, negative, NaN or infinite get pmf 0.
 #[must_use]
 pub fn alias_table(powers: &[f64]) -> Option<Vec<AliasEntry>> {
     // Scale by the largest, so that the sum can neither overflow nor vanish.
@@ -54,10 +53,4 @@ pub fn alias_table(powers: &[f64]) -> Option<Vec<AliasEntry>> {
         entry.pmf = (pmf / powers.len() as f64) as f32;
     }
     Some(table)
-}
-
-/// How many powers are negative, NaN or infinite.
-#[must_use]
-pub fn unusable_powers(powers: &[f64]) -> usize {
-    powers.iter().filter(|p| !p.is_finite() || **p < 0.0).count()
 }
