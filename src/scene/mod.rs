@@ -64,7 +64,15 @@ pub(crate) fn build(render_app: &mut SubApp, ray_queries: bool, bound_textures: 
         .add_systems(
             bevy::render::ExtractSchedule,
             (
-                (render_layers::extract_layers, extract::extract_scene, textures::extract_mean_colors).chain(),
+                (
+                    render_layers::extract_layers,
+                    extract::extract_settings,
+                    extract::extract_instances,
+                    extract::extract_lights,
+                    extract::extract_materials,
+                    textures::extract_mean_colors,
+                )
+                    .chain(),
                 unsupported::warn_of_unsupported,
             ),
         )
@@ -95,7 +103,7 @@ fn mirror_scene(
     queue: Res<RenderQueue>,
 ) {
     materials.limit_to(&device);
-    meshes.tell_of_unlit(&scene.instances);
+    meshes.warn_of_lines_and_points(&scene.instances);
     materials.update_sources(&mut scene);
     materials.make_room(&scene.instances, meshes.idle() && !instances.waiting);
     let moved = textures.update(materials.images(), &images, &pipelines, &shaders, &assets, &device, &queue);

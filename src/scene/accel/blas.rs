@@ -1,9 +1,8 @@
-//! Builds a bottom-level tree from the triangles of a mesh: an 8-wide compressed tree (CWBVH; Ylitie, Karras and
-//! Laine 2017), and the triangles in the order of its
-//! leaves.
+//! Builds a bottom-level tree from the triangles of a mesh: an 8-wide compressed tree (CWBVH; Ylitie, Karras and Laine 2017), and the
+//! triangles in the order of its leaves.
 //!
-//! The crate obvhs builds a binary tree by PLOC, improves it by reinsertion, and converts it.  Only this file
-//! and `tlas.rs` use obvhs.  Their interfaces take and return plain arrays, because obvhs has its own version of glam.
+//! The crate obvhs builds a binary tree by PLOC, improves it by reinsertion, and converts it.  Only this file and `tlas.rs` use obvhs.
+//! Their interfaces take and return plain arrays, because obvhs has its own version of glam.
 
 use crate::gpu_layout::{GpuTriangle, GpuTriangleAttributes, NODE_STRIDE};
 use crate::scene::geometry::triangulate::Geometry;

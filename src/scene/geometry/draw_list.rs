@@ -1,4 +1,4 @@
-//! What the visibility pass draws: instances of one mesh whose slots lie side by side go into one call.
+//! Makes the draw calls of the visibility pass.  Instances of one mesh in adjacent slots share a call.
 
 use bevy::render::render_resource::Face;
 use std::ops::Range;
@@ -6,18 +6,18 @@ use std::ops::Range;
 use crate::gpu_layout::*;
 use crate::scene::{geometry::instances::InstancePool, material::materials::MaterialPool};
 
-/// One call.
+/// A draw call.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Draw {
     pub instances: Range<u32>,
-    /// Of each of them.
+    /// Triangles of each instance.
     pub triangles: u32,
-    /// Bits of the cameras that see them.
+    /// Bits of the cameras that see the instances.
     pub camera_mask: u32,
     pub cull: Option<Face>,
 }
 
-/// The calls for all instances, those of one culling together.
+/// The draw calls for all instances, sorted by culling mode so that the pass changes pipelines rarely.
 pub(crate) fn draws(instances: &InstancePool, materials: &MaterialPool) -> Vec<Draw> {
     let mut keyed: Vec<_> = instances
         .live

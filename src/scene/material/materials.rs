@@ -178,12 +178,6 @@ impl MaterialPool {
         materials.flat_map(textures_of).map(|texture| texture.image.id())
     }
 
-    /// Images that some material emits, also of those that changed in this frame.
-    pub(crate) fn emissive_images(&self, scene: &ExtractedScene) -> HashSet<AssetId<Image>> {
-        let materials = self.sources.values().chain(scene.materials.values());
-        materials.filter_map(|m| m.emissive_texture.as_ref()).map(|image| image.id()).collect()
-    }
-
     /// Packs again the slots whose source changed; all of them where a texture did.
     pub(crate) fn pack(&mut self, textures: &TexturePool, textures_changed: bool) {
         let mut stale = core::mem::take(&mut self.stale);

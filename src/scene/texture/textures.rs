@@ -35,7 +35,6 @@ use core::num::NonZeroU32;
 use crate::scene::{
     asset_wait::AssetWait,
     extract::ExtractedScene,
-    material::materials::MaterialPool,
     texture::atlas::{Atlas, Copier, Encoding},
     texture::atlas_allocator::{AtlasAllocator, Limits},
     texture::bindless::BindlessTextures,
@@ -126,11 +125,10 @@ impl Default for TexturePool {
 pub(crate) fn note_images(
     mut pool: ResMut<TexturePool>,
     extracted: Res<ExtractedAssets<GpuImage>>,
-    materials: Res<MaterialPool>,
     scene: Res<ExtractedScene>,
 ) {
     pool.arrivals.begin_frame();
-    let glowing = if extracted.extracted.is_empty() { HashSet::default() } else { materials.emissive_images(&scene) };
+    let glowing = if extracted.extracted.is_empty() { HashSet::default() } else { scene.emissive_images() };
     for (id, image) in &extracted.extracted {
         let descriptor = match &image.sampler {
             ImageSampler::Default => ImageSamplerDescriptor::linear(),
