@@ -107,7 +107,7 @@ pub(crate) struct ExtractedScene {
     pub materials: HashMap<AssetId<StandardMaterial>, StandardMaterial>,
     pub removed_materials: HashSet<AssetId<StandardMaterial>>,
     /// The image of each material that has an emissive texture.
-    emissive_images: HashMap<AssetId<StandardMaterial>, AssetId<Image>>,
+    pub emissive_image_of: HashMap<AssetId<StandardMaterial>, AssetId<Image>>,
     /// Luminance of an emissive value of 1, in cd/m².
     pub emissive_luminance: f32,
     /// Whether some camera uses energy compensation.
@@ -117,19 +117,19 @@ pub(crate) struct ExtractedScene {
 impl ExtractedScene {
     /// Images that a material uses as its emissive texture.
     pub(crate) fn emissive_images(&self) -> HashSet<AssetId<Image>> {
-        self.emissive_images.values().copied().collect()
+        self.emissive_image_of.values().copied().collect()
     }
 
     fn insert_material(&mut self, id: AssetId<StandardMaterial>, material: &StandardMaterial) {
         match &material.emissive_texture {
-            Some(image) => self.emissive_images.insert(id, image.id()),
-            None => self.emissive_images.remove(&id),
+            Some(image) => self.emissive_image_of.insert(id, image.id()),
+            None => self.emissive_image_of.remove(&id),
         };
         self.materials.insert(id, material.clone());
     }
 
     fn remove_material(&mut self, id: AssetId<StandardMaterial>) {
-        self.emissive_images.remove(&id);
+        self.emissive_image_of.remove(&id);
         self.materials.remove(&id);
         self.removed_materials.insert(id);
     }
