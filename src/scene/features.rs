@@ -46,7 +46,7 @@ features! {
     LIGHT_RECTS = 22, "LIGHT_RECTS", "Rectangular lights.";
     SUN_DISK = 28, "SUN_DISK", "Directional lights with a disk.";
     BOUND_TEXTURES = 30, "BOUND_TEXTURES", "Textures that are bound in an array without a copy, if the device supports it.";
-    LIGHT_SHAPES = 29, "LIGHT_SHAPES", "Point lights with a radius, rectangular lights or suns with a disk: lights that rays can hit without triangles.";
+    LIGHT_SHAPES = 29, "LIGHT_SHAPES", "Spheres, rectangles or suns with a disk: analytic lights that rays can hit.";
 }
 
 impl SceneFeatures {

@@ -8,7 +8,8 @@
 //! | `material`, `texture` | packed materials, the texture atlas and bindless textures |
 //! | `light` | the table of all emitters, from which shaders sample |
 //! | `prepare` | runs the pools of these modules in order, once a frame |
-//! | `bindings` | the bind groups |
+//! | `features`, `bindings` | features that shaders are specialized for, and the bind groups |
+//! | `asset_wait`, `unsupported` | assets that are still loading, and warnings about components of Bevy that have no effect here |
 //! | `storage` | growable buffers and their allocators |
 
 pub mod accel;

@@ -23,7 +23,7 @@ use crate::scene::{
     asset_wait::AssetWait,
     extract::{ExtractedInstance, ExtractedScene},
     features::SceneFeatures,
-    geometry::meshes::MeshPool,
+    geometry::meshes::{MeshEntry, MeshPool},
     geometry::render_layers::MAX_LAYER_SETS,
     material::materials::MaterialPool,
     storage::{dirty_runs::dirty_runs, growable_buffer::GrowableBuffer, overflow_warning::OverflowWarning},
@@ -182,6 +182,20 @@ fn without_placement(instance: &GpuInstance) -> GpuInstance {
     }
 }
 
+fn flags_of(extracted: &ExtractedInstance, mesh: &MeshEntry, material: &GpuMaterial) -> u32 {
+    let mut flags = 0;
+    if extracted.world_from_object.matrix3.determinant() < 0.0 {
+        flags |= INSTANCE_MIRRORED;
+    }
+    if material.flags & (MATERIAL_ALPHA_MASK | MATERIAL_ALPHA_BLEND) != 0 {
+        flags |= INSTANCE_ALPHA;
+    }
+    if !mesh.second_uvs.is_empty() {
+        flags |= INSTANCE_SECOND_UV;
+    }
+    flags
+}
+
 impl InstancePool {
     /// A pool that uses the device's own acceleration structures.
     pub(crate) fn for_ray_queries() -> Self {
@@ -224,7 +238,7 @@ impl InstancePool {
             self.features |= materials.features(instance.material);
             self.triangles += instance.triangle_count as u64;
             self.records[slot as usize] = instance;
-            // An instance without shadows is not in the tree.  The camera still sees it, because the visibility pass rasterizes it.
+            // A `NotShadowCaster` is not in the tree.  The camera still sees it, because the visibility pass rasterizes it.
             let ray_mask = if extracted.casts_shadows { extracted.camera_mask } else { 0 };
             if ray_mask != 0 {
                 self.new_bounds.push((slot, world_bounds));
@@ -281,20 +295,7 @@ impl InstancePool {
             return None;
         }
         let (Some(mesh), Some(material)) = (meshes.get(extracted.mesh), materials.slot(extracted.material)) else {
-            // The scene waits only for assets that are being loaded or built.
-            let mesh_is_pending = meshes.get(extracted.mesh).is_some()
-                || meshes.is_building(extracted.mesh)
-                || self.asset_wait.is_pending(extracted.mesh, assets);
-            let is_pending = mesh_is_pending
-                && (materials.slot(extracted.material).is_some()
-                    || self.asset_wait.is_pending(extracted.material, assets));
-            self.waiting |= is_pending;
-            if !is_pending && self.warned_missing.insert(extracted.entity) {
-                warn!(
-                    "restir: entity {} has a mesh or a material that does not exist; the entity is left out",
-                    *extracted.entity
-                );
-            }
+            self.wait_for_assets(extracted, meshes, materials, assets);
             return None;
         };
         let world_from_object = tlas::rows(&extracted.world_from_object);
@@ -315,17 +316,7 @@ impl InstancePool {
                 *extracted.entity
             );
         }
-        let packed = materials.get(material)?;
-        let mut flags = 0;
-        if extracted.world_from_object.matrix3.determinant() < 0.0 {
-            flags |= INSTANCE_MIRRORED;
-        }
-        if packed.flags & (MATERIAL_ALPHA_MASK | MATERIAL_ALPHA_BLEND) != 0 {
-            flags |= INSTANCE_ALPHA;
-        }
-        if !mesh.second_uvs.is_empty() {
-            flags |= INSTANCE_SECOND_UV;
-        }
+        let flags = flags_of(extracted, mesh, materials.get(material)?);
         let instance = GpuInstance {
             world_from_object,
             object_from_world,
@@ -341,6 +332,28 @@ impl InstancePool {
             entity: extracted.entity.index_u32(),
         };
         Some((instance, bounds))
+    }
+
+    /// Waits for the assets of an instance if they are being loaded or built; else warns once that one is missing.
+    fn wait_for_assets(
+        &mut self,
+        extracted: &ExtractedInstance,
+        meshes: &MeshPool,
+        materials: &mut MaterialPool,
+        assets: &AssetServer,
+    ) {
+        let mesh_will_exist = meshes.get(extracted.mesh).is_some()
+            || meshes.is_building(extracted.mesh)
+            || self.asset_wait.is_pending(extracted.mesh, assets);
+        let is_pending = mesh_will_exist
+            && (materials.slot(extracted.material).is_some() || self.asset_wait.is_pending(extracted.material, assets));
+        self.waiting |= is_pending;
+        if !is_pending && self.warned_missing.insert(extracted.entity) {
+            warn!(
+                "restir: entity {} has a mesh or a material that does not exist; the entity is left out",
+                *extracted.entity
+            );
+        }
     }
 
     /// Sets the light id of the first triangle in a slot; those of the other triangles follow it.

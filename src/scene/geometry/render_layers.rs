@@ -33,8 +33,8 @@ impl LayerSets {
         self.sets.append(&mut new);
         if self.sets.len() > MAX_LAYER_SETS && !core::mem::replace(&mut self.warned, true) {
             warn!(
-                "restir: cameras have {} different sets of render layers, but only {MAX_LAYER_SETS} are supported; the other cameras see all \
-                 that any camera sees",
+                "restir: cameras have {} different sets of render layers, but only {MAX_LAYER_SETS} are supported; the other \
+                 cameras see all that any camera sees",
                 self.sets.len()
             );
         }

@@ -1,5 +1,5 @@
-//! Arrays that shaders read as textures, because WebGPU guarantees only eight storage buffers a stage.  Elements lie side by side in rows of
-//! equal length.
+//! Arrays that shaders read as textures, because WebGPU guarantees only eight storage buffers per stage.  Elements lie side by side in
+//! rows of equal length.
 
 use bevy::render::{
     render_resource::*,
