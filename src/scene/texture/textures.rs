@@ -37,7 +37,7 @@ use crate::scene::{
     extract::ExtractedScene,
     material::materials::MaterialPool,
     texture::atlas::{Atlas, Copier, Encoding},
-    texture::atlas_allocator::{Limits, AtlasAllocator},
+    texture::atlas_allocator::{AtlasAllocator, Limits},
     texture::bindless::BindlessTextures,
 };
 use crate::{gpu_layout::NO_TEXTURE, shader_library::ShaderLibrary};
@@ -427,7 +427,8 @@ impl TexturePool {
         for (id, image) in ready() {
             self.changed.remove(&id);
             warn_of_lost_bits(image.texture_descriptor.format);
-            if whole_size(image).max_element() > limits.page && self.places.get(id).is_none() && self.warned.insert(id) {
+            if whole_size(image).max_element() > limits.page && self.places.get(id).is_none() && self.warned.insert(id)
+            {
                 warn!("restir: image {id} is larger than {} pixels; it is scaled down", limits.page);
             }
         }
