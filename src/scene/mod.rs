@@ -54,7 +54,7 @@ pub(crate) fn build(render_app: &mut SubApp, ray_queries: bool, max_textures: Op
         render_app.insert_resource(MeshPool::for_ray_queries()).insert_resource(InstancePool::for_ray_queries());
     }
     if let Some(capacity) = max_textures {
-        render_app.insert_resource(TexturePool::binding(capacity));
+        render_app.insert_resource(TexturePool::with_bindless(capacity));
     }
     render_app
         .init_resource::<ExtractedScene>()
@@ -84,7 +84,7 @@ pub(crate) fn build(render_app: &mut SubApp, ray_queries: bool, max_textures: Op
             Render,
             (
                 meshes::queue_meshes.before(prepare_assets::<RenderMesh>),
-                textures::note_images.before(prepare_assets::<GpuImage>),
+                textures::record_images.before(prepare_assets::<GpuImage>),
             )
                 .in_set(RenderSystems::PrepareAssets),
         )

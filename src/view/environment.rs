@@ -25,10 +25,7 @@ use super::{
     importance_map::{ImportanceMap, ImportancePasses, importance_bytes, texture},
 };
 use crate::{
-    scene::{
-        SceneFeatures,
-        texture::textures::{TexturePool, is_live},
-    },
+    scene::{SceneFeatures, texture::image_info::is_live, texture::textures::TexturePool},
     shader_library::ShaderLibrary,
 };
 

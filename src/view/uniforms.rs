@@ -127,7 +127,7 @@ impl RestirView {
             environment_revision: inputs.environments.revision(restir.environment.as_ref()),
             camera,
             size: self.size,
-            // Accumulation changes no single frame, and `debug_scale` is applied after it.
+            // `reset` and `accumulate` change no single frame, and `debug_scale` is applied to the accumulated result.
             settings: Restir { reset: false, accumulate: false, debug_scale: 1.0, ..restir.settings.clone() },
             environment: restir.environment,
             layers: restir.layers,
