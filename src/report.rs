@@ -51,7 +51,7 @@ pub struct RestirReport {
 pub struct RestirStatistics(Arc<Mutex<RestirReport>>);
 
 impl RestirStatistics {
-    /// A copy of the newest report; all zero before the first frame.
+    /// A copy of the newest report; the default before the first frame.
     pub fn report(&self) -> RestirReport {
         self.lock().clone()
     }

@@ -1,4 +1,4 @@
-//! Importance of an environment image: a mip chain by whose luminance shaders sample directions, and the passes that fill it
+//! Importance of an environment image: a mip chain by which shaders sample directions, and the passes that fill it
 //! (`shaders/pass/environment.wgsl`).
 
 use bevy::render::{

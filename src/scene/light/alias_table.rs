@@ -15,7 +15,7 @@ pub struct AliasEntry {
 /// Builds the table in O(n); `None` if no power is positive and finite.  Zero, negative, NaN and infinite powers get the pmf 0.
 #[must_use]
 pub fn alias_table(powers: &[f64]) -> Option<Vec<AliasEntry>> {
-    // Powers relative to the largest cannot overflow or underflow when summed.
+    // The sum of powers relative to the largest can neither overflow nor vanish.
     let max = powers.iter().copied().filter(|p| p.is_finite()).fold(0.0, f64::max);
     if max <= 0.0 {
         return None;

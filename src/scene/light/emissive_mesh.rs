@@ -43,7 +43,7 @@ impl EmissiveMesh {
         }
     }
 
-    /// Whether both have the same triangles with the same powers.  An instance that moves rigidly has.
+    /// Whether both have equal triangles with equal powers.  A rigid motion of the instance changes neither.
     pub(super) fn is_unchanged_from(&self, other: &Self) -> bool {
         let Self { slot, version, first_triangle, triangle_count, emission, double_sided, metric } = self;
         (*slot, *version, *first_triangle, *triangle_count, *double_sided)

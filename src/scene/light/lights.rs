@@ -125,7 +125,7 @@ impl Default for LightPool {
 }
 
 impl LightPool {
-    /// Updates the table from the scene and tells every emissive instance the id of its first light.  `limit`: number of lights that the
+    /// Updates the table from the scene, and sets the id of the first light of every emissive instance.  `limit`: number of lights that the
     /// device can bind.
     pub(crate) fn update(
         &mut self,
@@ -372,18 +372,18 @@ impl LightPool {
         if self.count() > 0 { self.shapes.root_and_indices() } else { [NONE, 0] }
     }
 
-    /// Analytic lights, the first of the table.
+    /// Number of analytic lights, which come first in the table.
     fn analytic_count(&self) -> usize {
         self.groups.iter().take_while(|group| group.owner.kind != LIGHT_TRIANGLE).count()
     }
 
-    /// Directional lights with a disk, the first of the analytic lights.
+    /// Number of directional lights with a disk, which come first among the analytic lights.
     pub(crate) fn sun_count(&self) -> u32 {
         let suns = self.table.iter().take_while(|light| light.kind & LIGHT_KIND_BITS == LIGHT_SUN).count();
         (suns as u32).min(self.count())
     }
 
-    /// Lights that can be selected from the table.
+    /// Number of lights that can be selected from the table.
     pub(crate) fn count(&self) -> u32 {
         if self.power > 0.0 { self.table.len() as u32 } else { 0 }
     }

@@ -18,7 +18,7 @@ pub fn directional_albedo(alpha: f64, cos_o: f64, n: usize) -> f64 {
     let sin_o = (1.0 - cos_o * cos_o).max(0.0).sqrt();
     let smith = |cos: f64, sin: f64| 0.5 * ((1.0 + (alpha * sin / cos).powi(2)).sqrt() - 1.0);
     let lambda_o = smith(cos_o, sin_o);
-    // Samples visible normals by spherical caps (Dupuy and Benyoub 2023).
+    // Maps each cell to a visible normal by spherical caps (Dupuy and Benyoub 2023).
     let length = ((alpha * sin_o).powi(2) + cos_o * cos_o).sqrt();
     let stretched = [alpha * sin_o / length, cos_o / length];
     let mut sum = 0.0;

@@ -290,7 +290,7 @@ fn pack(m: &StandardMaterial, emissive_luminance: f32) -> GpuMaterial {
     let unit_rgb = |c: [f32; 3]| c.map(unit);
     let base = m.base_color.to_linear();
     let tint = m.specular_tint.to_linear().to_f32_array_no_alpha();
-    // Bevy stores half of the factor in a specular texture, so the reflectance of such a material may be up to 2.
+    // Bevy halves the values of a specular texture, so the reflectance of such a material may be up to 2.
     let reflectance = finite(m.reflectance, 0.0).clamp(0.0, if has_specular_texture(m) { 2.0 } else { 1.0 });
 
     let mut flags = 0;

@@ -238,7 +238,7 @@ mod tests {
         AssetId::Uuid { uuid: Uuid::from_u128(number.into()) }
     }
 
-    /// AtlasAllocator images that all are wanted; true where all moved.
+    /// Places images that are all in use; true if all have moved.
     fn add(allocator: &mut AtlasAllocator, images: impl IntoIterator<Item = (u32, u32)>, limits: Limits) -> bool {
         let new = images.into_iter().map(|(number, side)| (image(number), UVec2::splat(side))).collect();
         allocator.place(new, limits, |_| true)

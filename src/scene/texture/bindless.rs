@@ -61,7 +61,7 @@ pub(crate) struct BindlessTextures {
     images: HashMap<AssetId<Image>, BindlessTexture>,
     /// Textures to which Bevy has uploaded an edited image.  It uploads only the finest level, so the other levels are outdated.
     rewritten: HashMap<AssetId<Image>, TextureId>,
-    /// AtlasAllocator below `end` that hold none.
+    /// Free indices below `end`.
     free: Vec<u32>,
     /// All indices in use are below this.
     end: u32,

@@ -20,7 +20,7 @@ const SRGB: u32 = 0x200000;
 const SHARED_EXPONENT: u32 = 0x400000;
 /// Set by the material: the texture uses the second texture coordinates.
 pub(crate) const SECOND_UV: u32 = 0x800000;
-/// Position of the number of mip levels.
+/// Bit position of the number of mip levels.
 pub(super) const LEVELS_SHIFT: u32 = 24;
 const TWO_COMPONENTS: u32 = 0x2000_0000;
 /// The texture is bindless; the low 16 bits are its index in the array.
