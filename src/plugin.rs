@@ -106,7 +106,7 @@ impl RestirPlugin {
         let pipelines = frame::pipelines::PassPipelines::new(library.clone(), ray_queries, bound_textures);
         render_app.insert_resource(pipelines).insert_resource(library).insert_resource(statistics).add_systems(
             Render,
-            report::update_report.in_set(RenderSystems::Cleanup).before(view::capture::capture_radiance),
+            report::update_report.in_set(RenderSystems::Cleanup).before(view::capture_readback::capture_radiance),
         );
         scene::build(render_app, ray_queries, bound_textures);
         view::build(render_app);

@@ -1,4 +1,4 @@
-//! What the plugin did and holds, for anyone to read: counted on the GPU where it happens there, never estimated.
+//! Statistics of the plugin for apps and tests.  Shaders count their own work; nothing is estimated.
 
 use bevy::{ecs::prelude::*, log::error_once};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -13,44 +13,45 @@ use crate::{
 /// The state of the plugin after the last frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RestirReport {
-    /// Everything that the scene asks for is loaded, built and compiled: pictures are final from now on.
+    /// All assets of the scene are loaded or have failed, acceleration structures are built and pipelines are compiled.  From now on frames
+    /// show the complete scene with the current settings.
     pub ready: bool,
-    /// `software`: rays are traced in compute shaders through a CWBVH; `hardware`: by the device's ray queries.
+    /// `software`: compute shaders trace rays through a CWBVH; `hardware`: the device's ray queries do.
     pub backend: &'static str,
-    /// What the scene contains.
+    /// Features of scene and cameras that shaders are specialized for.
     pub features: SceneFeatures,
-    /// Rays that all cameras traced in a frame a little while ago: counters take their time from the GPU.
+    /// Number of rays that all cameras traced in one frame.  The counters arrive from the GPU a few frames late.
     pub rays: u64,
-    /// Pixels of that frame whose radiance was not finite; they count as black.
+    /// Number of pixels of that frame whose radiance was not finite; they are treated as black.  0 unless there is a bug.
     pub non_finite_pixels: u64,
-    /// `OVERFLOW_*` bits of that frame: 0 unless a stack or a loop of a shader ended early.
+    /// Overflows of that frame, 0 unless rays missed geometry.  Bit 0: a traversal stack was full; bit 1: a traversal took too many steps.
     pub overflow_flags: u32,
-    /// Scene bytes sent to the GPU in the last frame; 0 while nothing changes.
+    /// Bytes of scene data uploaded in the last frame; 0 while nothing changes.
     pub uploaded_bytes: u64,
-    /// Buffers and textures with their bytes.
+    /// Names of GPU buffers and textures of this plugin with their sizes in bytes.
     pub memory: Vec<(&'static str, u64)>,
-    /// Bytes of reservoirs a pixel.
+    /// Bytes of reservoirs per traced pixel, over all domains and both frames; the largest of all cameras.
     pub reservoir_bytes_per_pixel: u64,
-    /// Pipelines that are ready.
+    /// Compiled pipelines.
     pub pipelines: Vec<PipelineReport>,
-    /// Triangles of all instances.
+    /// Number of triangles of all instances.
     pub triangles: u64,
-    /// Instances that rays can meet.
+    /// Number of rendered instances.
     pub instances: u64,
-    /// Lights that can be aimed at: emissive triangles and analytic lights, as many as the device can bind (1 048 576 where a binding
-    /// holds 128 MiB).  Triangles beyond are found by chance: noisier, not darker, but where [`Direct::bsdf_candidate`](crate::Direct)
-    /// is off.
+    /// Number of lights in the light table: emissive triangles and analytic lights, as many as the device can bind (1 048 576 where a binding
+    /// holds 128 MiB).  Only BSDF sampling finds emissive triangles beyond that: the image is noisier but not darker, unless
+    /// [`Direct::bsdf_candidate`](crate::Direct) is off.
     pub lights: u64,
-    /// Frames that the last camera has gathered since its history was reset.
+    /// Number of frames in the average of a camera since its accumulation restarted; with several cameras, of an arbitrary one.
     pub samples: u32,
 }
 
-/// The shared report; a resource of the main world.
+/// Gives the newest [`RestirReport`]; a resource of the main world.  Clones share the report.
 #[derive(Resource, Clone, Debug, Default)]
 pub struct RestirStatistics(Arc<Mutex<RestirReport>>);
 
 impl RestirStatistics {
-    /// A copy of the newest report.
+    /// A copy of the newest report; the default before the first frame.
     pub fn report(&self) -> RestirReport {
         self.lock().clone()
     }
@@ -60,7 +61,7 @@ impl RestirStatistics {
     }
 }
 
-/// After the frame was submitted: brings the report up to date.
+/// Updates the report after the frame was submitted.
 pub(crate) fn update_report(
     statistics: Res<RestirStatistics>,
     scene: Res<SceneBindings>,
@@ -69,7 +70,7 @@ pub(crate) fn update_report(
     passes: Res<PassPipelines>,
 ) {
     let mut report = statistics.lock();
-    report.ready = scene.ready && environments.ready && views.views.values().all(|v| v.rendered && v.key_is_wanted);
+    report.ready = scene.ready && environments.ready && views.views.values().all(|v| v.rendered && v.key_is_requested);
     report.backend = if scene.features.contains(SceneFeatures::RAY_QUERY) { "hardware" } else { "software" };
     report.features = scene.features;
     report.uploaded_bytes = scene.uploaded_bytes;
@@ -100,12 +101,19 @@ pub(crate) fn update_report(
     report.non_finite_pixels = counters.non_finite_pixels as u64;
     report.overflow_flags = counters.overflow_flags;
     if counters.overflow_flags & OVERFLOW_STACK != 0 {
-        error_once!("restir: a traversal stack overflowed; some rays missed what they should have met");
+        error_once!(
+            "restir: a traversal stack in a shader overflowed; some rays missed geometry that they should have hit"
+        );
     }
     if counters.overflow_flags & OVERFLOW_STEPS != 0 {
-        error_once!("restir: a traversal took more steps than allowed; some rays missed what they should have met");
+        error_once!(
+            "restir: a ray traversal took more steps than allowed; some rays missed geometry that they should have hit"
+        );
     }
     if counters.non_finite_pixels > 0 {
-        error_once!("restir: {} pixels were not finite; they count as black", counters.non_finite_pixels);
+        error_once!(
+            "restir: the radiance of {} pixels was not finite; these pixels are treated as black",
+            counters.non_finite_pixels
+        );
     }
 }

@@ -1,5 +1,5 @@
-//! The composite pass: writes radiance and depth to Bevy's view target, and, if the camera has a prepass, depth and motion to its textures
-//! (`shaders/pass/composite.wgsl`).
+//! The composite pass (`shaders/pass/composite.wgsl`): writes radiance and depth to Bevy's view target.  If the camera has a prepass, it
+//! also writes depth and motion vectors to the prepass textures, where Bevy's effects read them.
 
 use bevy::{
     asset::Handle,
@@ -43,7 +43,7 @@ pub(super) fn pipeline(shader: Handle<Shader>, key: CompositeKey) -> RenderPipel
         depth_stencil: Some(DepthStencilState {
             format: DEPTH_FORMAT,
             depth_write_enabled: Some(true),
-            // Surfaces in front, drawn by Bevy's prepass or another camera, stay.
+            // Keeps nearer surfaces that Bevy's prepass or an earlier camera has drawn.
             depth_compare: Some(CompareFunction::GreaterEqual),
             stencil: StencilState::default(),
             bias: DepthBiasState::default(),
@@ -74,8 +74,8 @@ pub(super) fn draw(
         let Some(motion) = prepass.and_then(|textures| textures.motion_vectors.as_ref()) else { return };
         attachments.push(Some(motion.get_attachment()));
     }
-    draw_over(view, pipeline, [scene_group, &group], &attachments, depth, context);
-    // Bevy's prepass made this copy before our depth was there.
+    draw_fullscreen(view, pipeline, [scene_group, &group], &attachments, depth, context);
+    // Bevy's prepass copied the depth texture before our depth was written.
     if let Some((textures, copy)) = prepass.and_then(|textures| Some((textures, textures.depth.as_ref()?)))
         && textures.deferred.is_none()
     {
@@ -84,7 +84,7 @@ pub(super) fn draw(
     }
 }
 
-fn draw_over(
+fn draw_fullscreen(
     view: &RestirView,
     pipeline: &RenderPipeline,
     [scene, own]: [&BindGroup; 2],

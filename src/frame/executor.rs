@@ -1,4 +1,4 @@
-//! Records the passes of a camera.
+//! Records the passes of a camera's frame in the order that its technique lists.
 
 use bevy::{
     core_pipeline::prepass::ViewPrepassTextures,
@@ -47,7 +47,7 @@ pub(super) fn run_passes(
     let encoder = context.command_encoder();
     encoder.clear_buffer(&state.counters.buffer, 0, None);
     if let Some(history) = &state.history {
-        // The visibility pass overwrites the visibility buffer of the last frame, which reuse still needs.
+        // Temporal reuse still needs the last visibility buffer, which the visibility pass overwrites.
         encoder.copy_texture_to_texture(
             state.visibility_texture.as_image_copy(),
             history.previous_visibility.as_image_copy(),

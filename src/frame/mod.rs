@@ -1,4 +1,5 @@
-//! Runs the frame of each camera: pipelines, resources, and the system that records its passes.
+//! Runs the frame of each camera: compiles and selects pipelines, binds the resources of passes, and records the passes into Bevy's 3D
+//! schedule before its opaque pass.
 
 pub(crate) mod composite;
 mod executor;

@@ -1,5 +1,5 @@
-//! Pipelines, specialized for the features of the scene.  When a scene gains a feature or a camera changes its technique, the camera keeps
-//! its pipelines until the new ones are ready.
+//! Compiles pipelines, specialized for the features of the scene.  When a scene gains a feature or a camera changes its technique, the camera
+//! keeps its old pipelines until the new ones are compiled, so that no frame is missing.
 
 #[cfg(feature = "testing")]
 use bevy::{app::App, asset::Assets, render::RenderApp};
@@ -30,19 +30,19 @@ use crate::{
         ViewPool,
         environment::EnvironmentPool,
         extract::{self, ExtractedViews},
-        selection::{CompositeKey, SelectedPipelines, Selection, wanted_key},
+        selection::{CompositeKey, SelectedPipelines, Selection, requested_key},
         view_layout,
     },
 };
 
-/// One pipeline, for the statistics.
+/// A compiled pipeline, as the report lists it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PipelineReport {
     /// Name of the pass.
     pub name: &'static str,
-    /// Shader definitions that it was compiled with.
+    /// Shader definitions that it was specialized with.
     pub defs: Vec<&'static str>,
-    /// Time from the request until it could be used, ms.  A driver may leave part of its work until the first use.
+    /// Time from the request until the pipeline was ready, ms.  A driver may defer part of its work to the first use.
     pub compile_ms: f64,
 }
 
@@ -52,7 +52,7 @@ enum PipelineId {
     Render(CachedRenderPipelineId),
 }
 
-struct Compiled {
+struct PipelineEntry {
     id: PipelineId,
     name: &'static str,
     features: SceneFeatures,
@@ -60,25 +60,25 @@ struct Compiled {
     compile_ms: Option<f64>,
 }
 
-/// All pipelines that were requested.
+/// All requested pipelines.
 #[derive(Resource, Default)]
 pub(crate) struct PassPipelines {
     compute: HashMap<(&'static str, SceneFeatures), usize>,
     visibility: HashMap<(Option<Face>, SceneFeatures), usize>,
     composite: HashMap<CompositeKey, usize>,
-    all: Vec<Compiled>,
+    all: Vec<PipelineEntry>,
     shaders: Option<ShaderLibrary>,
-    /// Whether group 3 holds the device's acceleration structures.
+    /// Rays are traced by ray queries, and group 3 holds acceleration structures.
     ray_queries: bool,
-    /// Number of textures in the last group.
-    bound_textures: Option<NonZeroU32>,
-    /// Shader definitions besides those of the features; for tests.
+    /// Size of the array of bindless textures in the last group, if the device has such arrays.
+    max_bindless_textures: Option<NonZeroU32>,
+    /// Additional shader definitions, set by tests.
     planted: Vec<&'static str>,
-    /// Shaders in place of those of passes; for tests.
+    /// Replacements for the shaders of passes, set by tests.
     replaced: HashMap<&'static str, Handle<Shader>>,
 }
 
-/// Compiles all compute passes again with these shader definitions added.  For tests, which plant errors that they must find.
+/// Recompiles all compute passes with additional shader definitions.  Tests plant errors in this way and check that they find them.
 #[cfg(feature = "testing")]
 pub fn plant_shader_defs(app: &mut App, defs: &[&'static str]) {
     if let Some(mut passes) =
@@ -89,8 +89,8 @@ pub fn plant_shader_defs(app: &mut App, defs: &[&'static str]) {
     }
 }
 
-/// Runs another shader in place of a compute pass.  It has the entry point, the bindings and the template of the pass.  For tests, which
-/// measure what passes do not write.
+/// Replaces the shader of a compute pass.  The new shader has the same entry point, bindings and template.  Tests measure quantities in this
+/// way that the passes do not write.
 #[cfg(feature = "testing")]
 pub fn replace_pass_shader(app: &mut App, pass_name: &'static str, wgsl: &str) {
     let domains = crate::technique::TECHNIQUES.iter().flat_map(|row| row.domains);
@@ -123,12 +123,12 @@ pub(super) fn select_pipelines(
         let Some((_, target, prepass)) = cameras.get(entity).ok().filter(|c| extract::has_view(Some(c.0))) else {
             continue;
         };
-        let wanted = wanted_key(restir, &scene, &environments);
+        let requested = requested_key(restir, &scene, &environments);
         let last = views.views.get(&entity).and_then(|last| last.key);
-        let key = passes.choose(wanted, last, &pipelines);
+        let key = passes.choose(requested, last, &pipelines);
         let composite = target.map(|target| CompositeKey::of(target, prepass));
         let composite = composite.filter(|&key| passes.request_composite(key, &pipelines));
-        selected.0.insert(entity, Selection { wanted, key, composite });
+        selected.0.insert(entity, Selection { requested, key, composite });
     }
 }
 
@@ -136,19 +136,19 @@ pub(super) fn select_pipelines(
 const CULLS: [Option<Face>; 3] = [None, Some(Face::Back), Some(Face::Front)];
 
 impl PassPipelines {
-    /// Pipelines of these shaders, with the bindings that the device has beyond the portable tier.
-    pub(crate) fn new(shaders: ShaderLibrary, ray_queries: bool, bound_textures: Option<NonZeroU32>) -> Self {
-        Self { shaders: Some(shaders), ray_queries, bound_textures, ..Default::default() }
+    /// `ray_queries` and `max_bindless_textures` add the bindings of optional device features.
+    pub(crate) fn new(shaders: ShaderLibrary, ray_queries: bool, max_bindless_textures: Option<NonZeroU32>) -> Self {
+        Self { shaders: Some(shaders), ray_queries, max_bindless_textures, ..Default::default() }
     }
 
-    /// The pipelines to render with: the wanted ones once all of them are ready, until then those of the last frame.
+    /// The pipelines to render with: the requested ones once all of them are compiled, and those of the last frame until then.
     fn choose(
         &mut self,
-        wanted: PipelineKey,
+        requested: PipelineKey,
         last: Option<PipelineKey>,
         pipelines: &PipelineCache,
     ) -> Option<PipelineKey> {
-        if self.ready(wanted, pipelines) { Some(wanted) } else { last }
+        if self.ready(requested, pipelines) { Some(requested) } else { last }
     }
 
     /// Requests every pipeline of a frame; true once all of them are ready.
@@ -166,7 +166,7 @@ impl PassPipelines {
                 Pass::Composite => {}
             }
         }
-        // All of them are queried, so that each records the time at which it became ready.
+        // Every pipeline is queried, without a short circuit, because `is_ready` records the compile time.
         let missing = indices.into_iter().filter(|&index| !self.is_ready(index, pipelines)).count();
         missing == 0
     }
@@ -184,7 +184,7 @@ impl PassPipelines {
     }
 
     fn push(&mut self, id: PipelineId, name: &'static str, features: SceneFeatures) -> usize {
-        self.all.push(Compiled { id, name, features, requested: Instant::now(), compile_ms: None });
+        self.all.push(PipelineEntry { id, name, features, requested: Instant::now(), compile_ms: None });
         self.all.len() - 1
     }
 
@@ -211,7 +211,7 @@ impl PassPipelines {
         if self.ray_queries {
             layout.push(ray_query::layout());
         }
-        layout.extend(self.bound_layout(features));
+        layout.extend(self.bindless_layout(features));
         let id = pipelines.queue_compute_pipeline(ComputePipelineDescriptor {
             label: Some(format!("restir {}", pass.name).into()),
             layout,
@@ -225,7 +225,7 @@ impl PassPipelines {
         index
     }
 
-    /// The features that the visibility pass is compiled for: alpha may come from a texture.
+    /// Features that the visibility pass is specialized for.  It only tests alpha, which may come from a texture.
     fn visibility_features(features: SceneFeatures) -> SceneFeatures {
         if !features.contains(SceneFeatures::ALPHA) {
             return SceneFeatures::empty();
@@ -239,7 +239,7 @@ impl PassPipelines {
             return index;
         }
         let shader = self.shader("pass/visibility.wgsl");
-        let descriptor = visibility::pipeline(shader, used.shader_defs(), cull, self.bound_layout(used));
+        let descriptor = visibility::pipeline(shader, used.shader_defs(), cull, self.bindless_layout(used));
         let id = pipelines.queue_render_pipeline(descriptor);
         let index = self.push(PipelineId::Render(id), "visibility", used & (features | SceneFeatures::TEXTURES));
         self.visibility.insert((cull, used), index);
@@ -247,8 +247,8 @@ impl PassPipelines {
     }
 
     /// Layout of the bindless textures, if shaders of these features read them.
-    fn bound_layout(&self, features: SceneFeatures) -> Option<BindGroupLayoutDescriptor> {
-        self.bound_textures.filter(|_| features.contains(SceneFeatures::BOUND_TEXTURES)).map(bindless::layout)
+    fn bindless_layout(&self, features: SceneFeatures) -> Option<BindGroupLayoutDescriptor> {
+        self.max_bindless_textures.filter(|_| features.contains(SceneFeatures::BOUND_TEXTURES)).map(bindless::layout)
     }
 
     /// The pipeline of a compute pass.
@@ -277,7 +277,7 @@ impl PassPipelines {
         }
     }
 
-    /// Requests the pipeline that writes to these targets; true once it is ready.
+    /// Requests the composite pipeline for these targets; true once it is compiled.
     pub(crate) fn request_composite(&mut self, key: CompositeKey, pipelines: &PipelineCache) -> bool {
         let index = match self.composite.get(&key) {
             Some(&index) => index,
@@ -292,7 +292,7 @@ impl PassPipelines {
         self.is_ready(index, pipelines)
     }
 
-    /// The pipeline that writes to these targets.
+    /// The composite pipeline for these targets.
     pub(crate) fn composite<'a>(&self, key: CompositeKey, pipelines: &'a PipelineCache) -> Option<&'a RenderPipeline> {
         match self.all[*self.composite.get(&key)?].id {
             PipelineId::Render(id) => pipelines.get_render_pipeline(id),
@@ -300,7 +300,7 @@ impl PassPipelines {
         }
     }
 
-    /// Every pipeline that is ready.
+    /// Every compiled pipeline.
     pub(crate) fn report(&self) -> Vec<PipelineReport> {
         self.all
             .iter()

@@ -1,4 +1,4 @@
-//! Group 2 of compute passes: layouts and bind groups from the list of a pass's resources.
+//! Group 2 of compute passes: creates layout and bind group from the list of resources that a pass declares.
 
 use bevy::render::{render_resource::*, renderer::RenderDevice};
 
@@ -95,7 +95,8 @@ fn binding_of<'a>(resource: R, step: &Step, state: &'a RestirView) -> Option<Bin
     })
 }
 
-/// Light of the domain that hands contributions on, or of the one that does not; black if the frame has no such domain.
+/// Light of the domain whose reservoirs carry their contributions, or of the one whose reservoirs do not; black if the frame has no such
+/// domain.
 fn light_of(history: &History, carries_contribution: bool, of: fn(&Reservoirs) -> &TextureView) -> &TextureView {
     let mut domains = history.reservoirs().iter();
     domains.find(|r| r.domain().carries_contribution == carries_contribution).map_or(&history.black, of)

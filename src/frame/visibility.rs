@@ -18,12 +18,12 @@ pub(super) fn pipeline(
     shader: Handle<Shader>,
     defs: Vec<ShaderDefVal>,
     cull: Option<Face>,
-    bound_textures: Option<BindGroupLayoutDescriptor>,
+    bindless_textures: Option<BindGroupLayoutDescriptor>,
 ) -> RenderPipelineDescriptor {
     let mut layout = vec![scene_layout(), raster_view_layout()];
-    if let Some(bound) = bound_textures {
-        // Group 2 belongs to compute passes.
-        layout.extend([BindGroupLayoutDescriptor::new("restir nothing", &[]), bound]);
+    if let Some(bindless) = bindless_textures {
+        // Shaders expect bindless textures in group 3.  Group 2 belongs to compute passes and is empty here.
+        layout.extend([BindGroupLayoutDescriptor::new("restir nothing", &[]), bindless]);
     }
     RenderPipelineDescriptor {
         label: Some("restir visibility".into()),
@@ -84,17 +84,17 @@ pub(super) fn draw(
     let span = diagnostics.as_deref().map(|d| d.time_span(&mut pass, format!("{SPAN_PREFIX}visibility")));
     pass.set_bind_group(0, &**scene_group, &[]);
     pass.set_bind_group(1, &*view.raster_bind_group, &[]);
-    if let Some(bound) = &scene.bound_textures {
-        pass.set_bind_group(3, &**bound, &[]);
+    if let Some(bindless) = &scene.bound_textures {
+        pass.set_bind_group(3, &**bindless, &[]);
     }
-    let mut bound = None;
-    for draw in scene.draws.iter().filter(|draw| draw.seen_by & view.layers != 0) {
-        if bound != Some(draw.cull) {
+    let mut current_cull = None;
+    for draw in scene.draws.iter().filter(|draw| draw.camera_mask & view.layers != 0) {
+        if current_cull != Some(draw.cull) {
             let Some(pipeline) = passes.visibility(draw.cull, key, pipelines) else {
                 continue;
             };
             pass.set_pipeline(pipeline);
-            bound = Some(draw.cull);
+            current_cull = Some(draw.cull);
         }
         pass.draw(0..draw.triangles * 3, draw.instances.clone());
     }

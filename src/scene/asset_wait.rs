@@ -1,36 +1,38 @@
-//! Which assets that are not here are still to come.
+//! Tracks assets that have not reached the render world yet, so that `RestirReport::ready` waits for those that are still loading.
 
 use bevy::{
     asset::{AssetServer, LoadState, UntypedAssetId},
     platform::collections::HashMap,
 };
 
-/// Frames in which what is loaded gets here.  The main world runs ahead of the render world, which may so hear of a load before it is
-/// given what was loaded.
-const FRAMES: u32 = 3;
+/// Frames that a loaded asset may take to reach the render world.  The asset server reports a load at once, but extraction brings the asset
+/// later, and the main world runs ahead of the render world.
+const MAX_DELAY: u32 = 3;
 
-/// Loaded assets that are not here, and since which frame.
+/// Assets that are loaded but have not reached the render world.
 #[derive(Default)]
-pub(crate) struct Arrivals {
+pub(crate) struct AssetWait {
     frame: u32,
+    /// The frame in which each was first seen as loaded.
     loaded: HashMap<UntypedAssetId, u32>,
 }
 
-impl Arrivals {
+impl AssetWait {
+    /// Starts a frame.
     pub(crate) fn begin_frame(&mut self) {
         self.frame = self.frame.wrapping_add(1);
     }
 
-    /// Whether an asset that is not here is still to come.  One that failed to load, or that nobody loads, is not.
-    pub(crate) fn is_coming(&mut self, id: impl Into<UntypedAssetId>, assets: &AssetServer) -> bool {
+    /// Whether a missing asset will still arrive.  An asset that failed to load, or that nothing loads, will not.
+    pub(crate) fn is_pending(&mut self, id: impl Into<UntypedAssetId>, assets: &AssetServer) -> bool {
         let id = id.into();
-        self.comes(id, &assets.load_state(id))
+        self.is_pending_in_state(id, &assets.load_state(id))
     }
 
-    fn comes(&mut self, id: UntypedAssetId, state: &LoadState) -> bool {
+    fn is_pending_in_state(&mut self, id: UntypedAssetId, state: &LoadState) -> bool {
         if state.is_loaded() {
             let since = *self.loaded.entry(id).or_insert(self.frame);
-            return self.frame.wrapping_sub(since) < FRAMES;
+            return self.frame.wrapping_sub(since) < MAX_DELAY;
         }
         self.loaded.remove(&id);
         state.is_loading()
@@ -43,21 +45,21 @@ mod tests {
     use bevy::{asset::AssetId, image::Image};
 
     #[test]
-    fn what_is_loaded_is_waited_for_a_little_and_what_is_not_is_not() {
-        let mut arrivals = Arrivals::default();
+    fn assets_are_pending_while_they_load_and_shortly_after() {
+        let mut wait = AssetWait::default();
         let id = AssetId::<Image>::default().untyped();
-        let mut of_frames = |state: LoadState| {
+        let mut in_five_frames = |state: LoadState| {
             [(); 5].map(|()| {
-                arrivals.begin_frame();
-                // However often it is asked for.
-                let [a, b] = [(); 2].map(|()| arrivals.comes(id, &state));
+                wait.begin_frame();
+                // Repeated queries in a frame agree.
+                let [a, b] = [(); 2].map(|()| wait.is_pending_in_state(id, &state));
                 assert_eq!(a, b);
                 a
             })
         };
-        assert_eq!(of_frames(LoadState::Loading), [true; 5]);
-        assert_eq!(of_frames(LoadState::Loaded), [true, true, true, false, false]);
-        assert_eq!(of_frames(LoadState::NotLoaded), [false; 5]);
-        assert_eq!(of_frames(LoadState::Loaded), [true, true, true, false, false], "it was loaded again");
+        assert_eq!(in_five_frames(LoadState::Loading), [true; 5]);
+        assert_eq!(in_five_frames(LoadState::Loaded), [true, true, true, false, false]);
+        assert_eq!(in_five_frames(LoadState::NotLoaded), [false; 5]);
+        assert_eq!(in_five_frames(LoadState::Loaded), [true, true, true, false, false], "loaded a second time");
     }
 }

@@ -1,4 +1,5 @@
-//! Group 0 of every pass: the scene (`shaders/scene/bindings.wgsl`), and what was uploaded to it.
+//! Bind groups of the scene for all passes (`shaders/scene/bindings.wgsl`), and the facts about the scene that views, frames and the report
+//! read.
 
 use bevy::{
     ecs::resource::Resource,
@@ -13,7 +14,7 @@ use crate::scene::{
     accel::ray_query::{self, AccelerationStructures},
     features::SceneFeatures,
     geometry::draw_list::Draw,
-    texture::bindless::BoundTextures,
+    texture::bindless::BindlessTextures,
 };
 
 /// The layout of group 0.
@@ -39,57 +40,62 @@ pub(crate) fn scene_layout() -> BindGroupLayoutDescriptor {
     )
 }
 
-/// The scene as passes take it.
+/// The bind groups of the scene, and a summary of its contents.
 #[derive(Resource, Default)]
 pub(crate) struct SceneBindings {
+    /// Group 0; `None` until the first buffers exist.
     pub bind_group: Option<BindGroup>,
-    /// Group 3, where rays are traced by ray queries.
+    /// Group 3 with ray queries: the acceleration structures.
     pub structures: Option<BindGroup>,
     structures_revision: u64,
-    /// The group behind those, where images are bound as they are.
+    /// The last group, on devices with arrays of textures: the images that are bound without a copy.
     pub bound_textures: Option<BindGroup>,
     bound_textures_revision: u64,
     pub uniforms: Option<Buffer>,
-    written: GpuSceneUniforms,
-    /// Buffers and views that the bind group was made of.
-    made_of: Vec<BufferId>,
-    made_with: [Option<TextureViewId>; 4],
-    pub no_texture: Option<NoTexture>,
-    /// What energy compensation reads, once a camera asks for it.
-    pub albedo: Option<TextureView>,
+    uploaded_uniforms: GpuSceneUniforms,
+    /// Buffers and views of `bind_group`.
+    bound_buffers: Vec<BufferId>,
+    bound_views: [Option<TextureViewId>; 4],
+    pub placeholders: Option<PlaceholderTextures>,
+    /// The table for energy compensation; `None` until a camera uses it.
+    pub specular_albedo: Option<TextureView>,
     pub features: SceneFeatures,
-    /// Counts moves of instances and changes of lights: temporal reuse knows both frames of them.
+    /// Counts motion of instances and changes of lights.  Temporal reuse tolerates them, because the scene of the last frame is kept.
     pub motion_revision: u64,
-    /// Counts every other change of anything that can be seen.
+    /// Counts all other visible changes, which reset histories.
     pub edit_revision: u64,
-    /// Nothing is still being loaded, built or copied.
+    /// Whether all assets of the scene are loaded, built and copied.
     pub ready: bool,
     /// Scene bytes sent in this frame.
     pub uploaded_bytes: u64,
+    /// Names and sizes in bytes, for the report.
     pub memory: Vec<(&'static str, u64)>,
     pub triangles: u64,
     pub instances: u64,
     pub lights: u64,
-    /// What to draw, and the `edit_revision` and number of instances that it was made for.
+    /// Draw calls of the visibility pass, and the `edit_revision` and number of instances that they are made for.
     pub draws: Vec<Draw>,
-    pub drawn: (u64, usize),
-    /// Bits of the cameras from which a thing or a light is hidden that others have.
+    pub draws_key: (u64, usize),
+    /// Bits of the cameras that do not see some instance or light which another camera sees.
     pub hidden_from: u32,
 }
 
-/// Bound where a scene has no texture: an array of one page, one texel, and one of integers.
+/// Textures of one texel, bound in place of missing ones.
 #[derive(Clone)]
-pub(crate) struct NoTexture {
+pub(crate) struct PlaceholderTextures {
+    /// Array of float textures.
     pub page: TextureView,
+    /// Float texture.
     pub texel: TextureView,
+    /// Integer texture.
     pub integers: TextureView,
 }
 
-impl NoTexture {
+impl PlaceholderTextures {
     pub(crate) fn new(device: &RenderDevice) -> Self {
         let view = |dimension, format| {
             let texture = device.create_texture(&TextureDescriptor {
-                label: Some("restir no texture"),
+                label: Some("restir placeholder texture"),
                 size: Extent3d { width: 1, height: 1, depth_or_array_layers: 1 },
                 mip_level_count: 1,
                 sample_count: 1,
@@ -109,14 +115,14 @@ impl NoTexture {
 }
 
 impl SceneBindings {
-    /// Sends the uniforms where they changed.  Returns the bytes sent.
+    /// Uploads the uniforms if they changed.  Returns the number of bytes sent.
     pub(crate) fn write_uniforms(
         &mut self,
         uniforms: &GpuSceneUniforms,
         device: &RenderDevice,
         queue: &RenderQueue,
     ) -> u64 {
-        if self.uniforms.is_some() && self.written == *uniforms {
+        if self.uniforms.is_some() && self.uploaded_uniforms == *uniforms {
             return 0;
         }
         let buffer = self.uniforms.get_or_insert_with(|| {
@@ -128,11 +134,11 @@ impl SceneBindings {
             })
         });
         queue.write_buffer(buffer, 0, bytemuck::bytes_of(uniforms));
-        self.written = *uniforms;
+        self.uploaded_uniforms = *uniforms;
         size_of::<GpuSceneUniforms>() as u64
     }
 
-    /// Makes the bind group again where a buffer or the atlas is another one.
+    /// Creates the bind group again if a buffer or a texture was replaced.
     pub(crate) fn bind(
         &mut self,
         device: &RenderDevice,
@@ -141,8 +147,8 @@ impl SceneBindings {
         textures: [&TextureView; 4],
     ) {
         let ids: Vec<_> = buffers.iter().map(|b| b.id()).collect();
-        let made_with = textures.map(|texture| Some(texture.id()));
-        if self.bind_group.is_some() && ids == self.made_of && made_with == self.made_with {
+        let views = textures.map(|texture| Some(texture.id()));
+        if self.bind_group.is_some() && ids == self.bound_buffers && views == self.bound_views {
             return;
         }
         let [a, b, c, d, e, f, g] = buffers.map(|b| b.as_entire_binding());
@@ -152,11 +158,11 @@ impl SceneBindings {
             &pipelines.get_bind_group_layout(&scene_layout()),
             &BindGroupEntries::sequential((a, b, c, d, e, f, g, atlas, albedo, table, second_uvs)),
         ));
-        self.made_of = ids;
-        self.made_with = made_with;
+        self.bound_buffers = ids;
+        self.bound_views = views;
     }
 
-    /// Makes group 3 again where a top level is another one.
+    /// Creates the group of acceleration structures again if a top level was replaced.
     pub(crate) fn bind_structures(
         &mut self,
         device: &RenderDevice,
@@ -175,12 +181,12 @@ impl SceneBindings {
         self.structures_revision = structures.revision;
     }
 
-    /// Makes the group of images that are bound as they are, once there is one, and again where they are others.
+    /// Creates the group of images without a copy again if they changed.
     pub(crate) fn bind_textures(
         &mut self,
         device: &RenderDevice,
         pipelines: &PipelineCache,
-        textures: &BoundTextures,
+        textures: &BindlessTextures,
         none: &TextureView,
     ) {
         if self.bound_textures_revision == textures.revision {

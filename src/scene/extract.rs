@@ -1,9 +1,12 @@
-//! From the main world: what is visible, lit and shaded, as plain lists.  Nothing is decided here but what exists.
+//! Copies the visible instances, the lights and the changed materials from the main world to the render world.
+//!
+//! The lists hold plain data and have a stable order.  What the device can show of them is decided later, by the pools that read them.
 
 use bevy::{
     asset::{AssetEvent, AssetId, Assets},
     camera::visibility::{InheritedVisibility, RenderLayers},
     ecs::prelude::*,
+    image::Image,
     light::{DirectionalLight, NotShadowCaster, PointLight, RectLight, SpotLight, SunDisk},
     log::warn_once,
     math::{Affine3A, Mat3, Quat, Vec2, Vec3},
@@ -13,14 +16,15 @@ use bevy::{
     render::{Extract, sync_world::MainEntity},
     transform::components::GlobalTransform,
 };
+use core::f32::consts::PI;
 
 use crate::scene::{
-    geometry::render_layers::{EVERYONE, LayerSets},
-    geometry::visibility_range::Ranges,
+    geometry::render_layers::{ALL_CAMERAS, LayerSets},
+    geometry::visibility_range::VisibilityRanges,
 };
 use crate::settings::{EmissiveLuminance, Restir};
 
-/// One drawn mesh.
+/// A mesh instance that at least one camera sees.
 #[derive(Clone, Debug)]
 pub(crate) struct ExtractedInstance {
     pub entity: MainEntity,
@@ -28,51 +32,121 @@ pub(crate) struct ExtractedInstance {
     pub material: AssetId<StandardMaterial>,
     pub world_from_object: Affine3A,
     /// Bits of the cameras that see it ([`LayerSets`]).
-    pub seen_by: u32,
-    /// Other rays than the camera's meet it.
+    pub camera_mask: u32,
+    /// Rays other than the camera's can hit it.
     pub casts_shadows: bool,
     pub skinned: bool,
     pub morphed: bool,
 }
 
-/// What a light that is not a mesh emits.
+/// A light component of Bevy.  A light whose transform has no direction has NaN in it, and the light table leaves it out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum AnalyticLight {
-    /// Intensity in candela (for Rec. 709 white: lm/4π); a ball where the radius is above 0.
+    /// Intensity in candela (lm/4π for white in Rec. 709).  A radius above 0 makes it a sphere.
     Point { position: Vec3, intensity: Vec3, radius: f32 },
-    /// As a point, within a cone; cosines of its inner and outer half angle.
+    /// A point light with a cone, given by the cosines of its inner and outer half angle.
     Spot { position: Vec3, intensity: Vec3, direction: Vec3, cos_inner: f32, cos_outer: f32 },
-    /// Illuminance in lux at normal incidence; a disc where its angular size (diameter, radians) is above 0.
+    /// Illuminance in lux at normal incidence.  An angular size (diameter in radians) above 0 makes it a disk.
     Directional { direction: Vec3, illuminance: Vec3, angular_size: f32 },
-    /// Luminous power in lumens, along -Z of the rotation from a rectangle of this size.
+    /// Luminous power in lumens, emitted along -Z of the rotation by a rectangle of this size.
     Rect { position: Vec3, rotation: Quat, power: Vec3, size: Vec2 },
 }
 
 impl AnalyticLight {
-    /// A sun with a disc.  These come first in the table, so that rays find them.
+    fn point(light: &PointLight, transform: &GlobalTransform) -> Self {
+        let intensity = rgb(light.color) * (light.intensity / (4.0 * PI));
+        Self::Point { position: transform.translation(), intensity, radius: light.radius }
+    }
+
+    fn spot(light: &SpotLight, transform: &GlobalTransform) -> Self {
+        Self::Spot {
+            position: transform.translation(),
+            intensity: rgb(light.color) * (light.intensity / (4.0 * PI)),
+            direction: forward(transform),
+            cos_inner: light.inner_angle.cos(),
+            cos_outer: light.outer_angle.cos(),
+        }
+    }
+
+    fn directional(light: &DirectionalLight, disk: Option<&SunDisk>, transform: &GlobalTransform) -> Self {
+        let illuminance = rgb(light.color) * light.illuminance;
+        // Bevy draws no disk where `SunDisk::intensity` is 0.  Other values only change how bright Bevy draws it, not the illuminance.
+        let angular_size = disk.map_or(0.0, |disk| if disk.intensity == 0.0 { 0.0 } else { disk.angular_size });
+        Self::Directional { direction: forward(transform), illuminance, angular_size }
+    }
+
+    fn rect(light: &RectLight, transform: &GlobalTransform) -> Self {
+        let (x, y, rotation) = rect_axes(transform);
+        Self::Rect {
+            position: transform.translation(),
+            rotation,
+            power: rgb(light.color) * light.intensity,
+            size: Vec2::new(light.width * x, light.height * y),
+        }
+    }
+
+    /// Whether it is a sun with a disk.  These come first in the light table, so that shaders can test a ray against all of them.
     pub(crate) fn is_sun(&self) -> bool {
         matches!(self, Self::Directional { angular_size, .. } if is_size(*angular_size))
     }
 }
 
-/// Something that has an extent.
+/// Whether a radius or length describes an extent: positive and finite.
 pub(crate) fn is_size(size: f32) -> bool {
     size > 0.0 && size.is_finite()
 }
 
-/// The scene of this frame as the main world has it.
+/// The scene of this frame, as the main world describes it.
 #[derive(Resource, Default)]
 pub(crate) struct ExtractedScene {
     pub instances: Vec<ExtractedInstance>,
     pub lights: Vec<(MainEntity, AnalyticLight)>,
-    /// Those that not every camera has on its render layers, with the bits of the cameras that have not.
+    /// Lights that some camera does not have on its render layers, with the bits of these cameras.
     pub hidden_lights: HashMap<MainEntity, u32>,
-    /// Materials that were added or changed.
+    /// Materials that were added or changed since the last frame.
     pub materials: HashMap<AssetId<StandardMaterial>, StandardMaterial>,
     pub removed_materials: HashSet<AssetId<StandardMaterial>>,
+    /// The image of each material that has an emissive texture.
+    pub emissive_image_of: HashMap<AssetId<StandardMaterial>, AssetId<Image>>,
+    /// Luminance of an emissive value of 1, in cd/m².
     pub emissive_luminance: f32,
-    /// Some camera wants energy compensation.
+    /// Whether some camera uses energy compensation.
     pub energy_compensation: bool,
+}
+
+impl ExtractedScene {
+    /// Images that a material uses as its emissive texture.
+    pub(crate) fn emissive_images(&self) -> HashSet<AssetId<Image>> {
+        self.emissive_image_of.values().copied().collect()
+    }
+
+    fn insert_material(&mut self, id: AssetId<StandardMaterial>, material: &StandardMaterial) {
+        match &material.emissive_texture {
+            Some(image) => self.emissive_image_of.insert(id, image.id()),
+            None => self.emissive_image_of.remove(&id),
+        };
+        self.materials.insert(id, material.clone());
+    }
+
+    fn remove_material(&mut self, id: AssetId<StandardMaterial>) {
+        self.emissive_image_of.remove(&id);
+        self.materials.remove(&id);
+        self.removed_materials.insert(id);
+    }
+}
+
+/// Extracts the settings that apply to the whole scene.
+pub(crate) fn extract_settings(
+    mut scene: ResMut<ExtractedScene>,
+    emissive_luminance: Extract<Res<EmissiveLuminance>>,
+    cameras: Extract<Query<&Restir>>,
+) {
+    scene.energy_compensation = cameras.iter().any(|restir| restir.energy_compensation);
+    scene.emissive_luminance = emissive_luminance.0;
+    if !(scene.emissive_luminance >= 0.0 && scene.emissive_luminance.is_finite()) {
+        warn_once!("restir: EmissiveLuminance is {}, which is not a luminance; 0 is used", scene.emissive_luminance);
+        scene.emissive_luminance = 0.0;
+    }
 }
 
 type InstanceData<'a> = (
@@ -87,135 +161,114 @@ type InstanceData<'a> = (
     Has<MeshMorphWeights>,
 );
 
-pub(crate) fn extract_scene(
+/// Extracts the mesh instances that at least one camera sees, in the order of their entities.
+pub(crate) fn extract_instances(
     mut scene: ResMut<ExtractedScene>,
     instances: Extract<Query<InstanceData>>,
-    points: Extract<Query<(Entity, &PointLight, &GlobalTransform, &InheritedVisibility)>>,
-    spots: Extract<Query<(Entity, &SpotLight, &GlobalTransform, &InheritedVisibility)>>,
-    suns: Extract<Query<(Entity, &DirectionalLight, Option<&SunDisk>, &GlobalTransform, &InheritedVisibility)>>,
-    rects: Extract<Query<(Entity, &RectLight, &GlobalTransform, &InheritedVisibility)>>,
-    mut events: Extract<MessageReader<AssetEvent<StandardMaterial>>>,
-    materials: Extract<Res<Assets<StandardMaterial>>>,
-    emissive_luminance: Extract<Res<EmissiveLuminance>>,
-    layers: Extract<Query<&RenderLayers>>,
     sets: Res<LayerSets>,
-    ranges: Extract<Ranges>,
-    cameras: Extract<Query<&Restir>>,
+    ranges: Extract<VisibilityRanges>,
 ) {
     let scene = &mut *scene;
-    scene.energy_compensation = cameras.iter().any(|restir| restir.energy_compensation);
-    scene.emissive_luminance = emissive_luminance.0;
-    if !(scene.emissive_luminance >= 0.0 && scene.emissive_luminance.is_finite()) {
-        warn_once!("restir: EmissiveLuminance is {}; 0 is used", scene.emissive_luminance);
-        scene.emissive_luminance = 0.0;
-    }
-
     scene.instances.clear();
     scene.instances.extend(instances.iter().filter(|row| row.4.get()).filter_map(
         |(entity, mesh, material, transform, _, layers, not_shadow_caster, skinned, morphed)| {
-            let seen_by = sets.seen_by(layers);
-            (seen_by != 0).then(|| ExtractedInstance {
+            let camera_mask = sets.camera_mask(layers);
+            (camera_mask != 0).then(|| ExtractedInstance {
                 entity: entity.into(),
                 mesh: mesh.id(),
                 material: material.id(),
                 world_from_object: transform.affine(),
-                seen_by,
+                camera_mask,
                 casts_shadows: !not_shadow_caster,
                 skinned,
                 morphed,
             })
         },
     ));
-    if let Some(eye) = ranges.eye() {
-        scene.instances.retain(|instance| !ranges.hides(*instance.entity, eye));
+    if let Some(viewpoint) = ranges.viewpoint() {
+        scene.instances.retain(|instance| !ranges.is_culled(*instance.entity, viewpoint));
     }
-    // A stable order keeps light ids and the top level the same from frame to frame.
+    // Queries have no fixed order.  Light ids and the top-level tree depend on the order, and must not change from frame to frame.
     scene.instances.sort_unstable_by_key(|i| *i.entity);
+}
 
-    scene.lights.clear();
-    for (entity, light, transform, visible) in &points {
-        if visible.get() {
-            let intensity = rgb(light.color) * (light.intensity / (4.0 * core::f32::consts::PI));
-            let (position, radius) = (transform.translation(), light.radius);
-            scene.lights.push((entity.into(), AnalyticLight::Point { position, intensity, radius }));
+type LightData<'a, L> = (Entity, &'a L, &'a GlobalTransform, &'a InheritedVisibility);
+type SunData<'a> = (Entity, &'a DirectionalLight, Option<&'a SunDisk>, &'a GlobalTransform, &'a InheritedVisibility);
+
+/// Extracts the lights that at least one camera sees: suns with a disk first, then in the order of their entities.
+pub(crate) fn extract_lights(
+    mut scene: ResMut<ExtractedScene>,
+    points: Extract<Query<LightData<PointLight>>>,
+    spots: Extract<Query<LightData<SpotLight>>>,
+    suns: Extract<Query<SunData>>,
+    rects: Extract<Query<LightData<RectLight>>>,
+    layers: Extract<Query<&RenderLayers>>,
+    sets: Res<LayerSets>,
+) {
+    let ExtractedScene { lights, hidden_lights, .. } = &mut *scene;
+    lights.clear();
+    for (entity, light, transform, visibility) in &points {
+        if visibility.get() {
+            lights.push((entity.into(), AnalyticLight::point(light, transform)));
         }
     }
-    for (entity, light, transform, visible) in &spots {
-        if visible.get() {
-            scene.lights.push((
-                entity.into(),
-                AnalyticLight::Spot {
-                    position: transform.translation(),
-                    intensity: rgb(light.color) * (light.intensity / (4.0 * core::f32::consts::PI)),
-                    direction: forward(transform),
-                    cos_inner: light.inner_angle.cos(),
-                    cos_outer: light.outer_angle.cos(),
-                },
-            ));
+    for (entity, light, transform, visibility) in &spots {
+        if visibility.get() {
+            lights.push((entity.into(), AnalyticLight::spot(light, transform)));
         }
     }
-    for (entity, light, disk, transform, visible) in &suns {
-        if visible.get() {
-            let illuminance = rgb(light.color) * light.illuminance;
-            let direction = forward(transform);
-            // A disc that is switched off leaves the light; how bright it looks does not change how much light it gives.
-            let angular_size = disk.map_or(0.0, |disk| if disk.intensity == 0.0 { 0.0 } else { disk.angular_size });
-            scene.lights.push((entity.into(), AnalyticLight::Directional { direction, illuminance, angular_size }));
+    for (entity, light, disk, transform, visibility) in &suns {
+        if visibility.get() {
+            lights.push((entity.into(), AnalyticLight::directional(light, disk, transform)));
         }
     }
-    for (entity, light, transform, visible) in &rects {
-        if visible.get() {
-            let (x, y, rotation) = rect_axes(transform);
-            scene.lights.push((
-                entity.into(),
-                AnalyticLight::Rect {
-                    position: transform.translation(),
-                    rotation,
-                    power: rgb(light.color) * light.intensity,
-                    size: Vec2::new(light.width * x, light.height * y),
-                },
-            ));
+    for (entity, light, transform, visibility) in &rects {
+        if visibility.get() {
+            lights.push((entity.into(), AnalyticLight::rect(light, transform)));
         }
     }
-    scene.lights.sort_unstable_by_key(|(entity, light)| (!light.is_sun(), **entity));
-    // Bevy's lights shine for the cameras that they share a layer with.
-    let hidden = &mut scene.hidden_lights;
-    hidden.clear();
-    scene.lights.retain(|(entity, _)| {
-        let seen_by = sets.seen_by(layers.get(**entity).ok());
-        if seen_by != EVERYONE {
-            hidden.insert(*entity, EVERYONE & !seen_by);
+    lights.sort_unstable_by_key(|(entity, light)| (!light.is_sun(), **entity));
+    // As in Bevy, a light illuminates what a camera sees only if it shares a render layer with the camera.
+    hidden_lights.clear();
+    lights.retain(|(entity, _)| {
+        let camera_mask = sets.camera_mask(layers.get(**entity).ok());
+        if camera_mask != ALL_CAMERAS {
+            hidden_lights.insert(*entity, ALL_CAMERAS & !camera_mask);
         }
-        seen_by != 0
+        camera_mask != 0
     });
+}
 
+/// Extracts the materials that were added, changed or removed.
+pub(crate) fn extract_materials(
+    mut scene: ResMut<ExtractedScene>,
+    mut events: Extract<MessageReader<AssetEvent<StandardMaterial>>>,
+    materials: Extract<Res<Assets<StandardMaterial>>>,
+) {
     scene.materials.clear();
     scene.removed_materials.clear();
     for event in events.read() {
         match event {
             AssetEvent::Added { id } | AssetEvent::Modified { id } => {
                 if let Some(material) = materials.get(*id) {
-                    scene.materials.insert(*id, material.clone());
+                    scene.insert_material(*id, material);
                 }
             }
-            AssetEvent::Removed { id } | AssetEvent::Unused { id } => {
-                scene.materials.remove(id);
-                scene.removed_materials.insert(*id);
-            }
+            AssetEvent::Removed { id } | AssetEvent::Unused { id } => scene.remove_material(*id),
             AssetEvent::LoadedWithDependencies { .. } => {}
         }
     }
 }
 
-/// The way a light shines; NaN where its transform has none, and the light is left out.
+/// The direction in which a light points; NaN if the transform is degenerate.
 fn forward(transform: &GlobalTransform) -> Vec3 {
     transform.affine().transform_vector3(Vec3::NEG_Z).try_normalize().unwrap_or(Vec3::NAN)
 }
 
-/// Scale along x and y, and the rotation; NaN where there is none.
+/// Scale along x and y, and the rotation, which has NaN if the transform is degenerate.
 fn rect_axes(transform: &GlobalTransform) -> (f32, f32, Quat) {
     let [x, y, z] = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| transform.affine().transform_vector3(axis));
-    // The way that it shines is kept, then its width; a mirrored rectangle is one.
+    // The rotation keeps the z axis, then as much of the x axis as possible.  A mirrored rectangle equals the rectangle.
     let z_axis = z.try_normalize().or_else(|| x.cross(y).try_normalize()).unwrap_or(Vec3::NAN);
     let x_axis = (x - x.dot(z_axis) * z_axis).try_normalize().unwrap_or(Vec3::NAN);
     let axes = Mat3::from_cols(x_axis, z_axis.cross(x_axis), z_axis);
@@ -224,8 +277,8 @@ fn rect_axes(transform: &GlobalTransform) -> (f32, f32, Quat) {
     (x.length(), y.length(), rotation)
 }
 
+/// The linear color without negative components, which would subtract light.  NaN is kept, so that the light table leaves the light out.
 fn rgb(color: bevy::color::Color) -> Vec3 {
     let c = color.to_linear();
-    // Below 0 a light would take light away; NaN stays, and the light is left out.
     [c.red, c.green, c.blue].map(|c| if c < 0.0 { 0.0 } else { c }).into()
 }

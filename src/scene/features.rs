@@ -1,11 +1,11 @@
-//! What a scene really contains: shaders are specialized by it, buffers and passes exist only for it.
+//! Features that the scene, the camera or the device has.  Shaders are specialized for them, and buffers and passes exist only for them.
 
 use bevy::shader::ShaderDefVal;
 
 macro_rules! features {
     ($($name:ident = $bit:literal, $def:literal, $doc:literal;)*) => {
         bitflags::bitflags! {
-            /// What a scene contains.
+            /// Features that shaders are specialized for: contents of the scene, settings of the camera and abilities of the device.
             #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
             pub struct SceneFeatures: u32 {
                 $(#[doc = $doc] const $name = 1 << $bit;)*
@@ -13,7 +13,7 @@ macro_rules! features {
         }
 
         impl SceneFeatures {
-            /// Every feature with its shader definition.
+            /// Each feature with its shader definition.
             pub const TABLE: &[(SceneFeatures, &str)] = &[$((SceneFeatures::$name, $def)),*];
         }
     };
@@ -23,34 +23,34 @@ features! {
     LIGHT_TRIANGLES = 0, "LIGHT_TRIANGLES", "Emissive meshes.";
     LIGHT_POINTS = 1, "LIGHT_POINTS", "Point or spot lights.";
     LIGHT_DIRECTIONAL = 2, "LIGHT_DIRECTIONAL", "Directional lights.";
-    ENVIRONMENT = 3, "ENVIRONMENT", "An environment that emits.";
-    ENVIRONMENT_MAP = 4, "ENVIRONMENT_MAP", "It has an image.";
+    ENVIRONMENT = 3, "ENVIRONMENT", "The camera has an environment that emits.";
+    ENVIRONMENT_MAP = 4, "ENVIRONMENT_MAP", "The environment has an image.";
     TEXTURES = 5, "TEXTURES", "Textures of any kind.";
     NORMAL_MAPS = 6, "NORMAL_MAPS", "Normal maps.";
     ALPHA = 7, "ALPHA", "Alpha mask or blending.";
     TRANSMISSION = 8, "TRANSMISSION", "Specular transmission.";
-    ATTENUATION = 9, "ATTENUATION", "Absorption within transmissive bodies.";
+    ATTENUATION = 9, "ATTENUATION", "Absorption inside transmissive bodies.";
     UNLIT = 10, "UNLIT", "Unlit materials.";
-    ENERGY_COMPENSATION = 11, "ENERGY_COMPENSATION", "Energy compensation is asked for by the camera.";
-    SECOND_UVS = 17, "SECOND_UVS", "Textures that go by the second texture coordinates.";
+    ENERGY_COMPENSATION = 11, "ENERGY_COMPENSATION", "The camera uses energy compensation.";
+    SECOND_UVS = 17, "SECOND_UVS", "Textures that use the second texture coordinates.";
     LAYER_TEXTURES = 18, "LAYER_TEXTURES", "Textures of transmission, specular reflection, clearcoat or anisotropy.";
-    RAY_QUERY = 23, "RAY_QUERY", "Rays by the device's ray queries: of the device, not of the scene.";
-    MANY_NEIGHBORS = 12, "MANY_NEIGHBORS", "More than two neighbors are asked for by the camera.";
-    RENDER_LAYERS = 20, "RENDER_LAYERS", "Things or lights on other render layers than a camera's that another camera sees.";
+    RAY_QUERY = 23, "RAY_QUERY", "Rays are traced by the ray queries of the device.";
+    MANY_NEIGHBORS = 12, "MANY_NEIGHBORS", "The camera's settings combine more than three reservoirs in one resampling pass.";
+    RENDER_LAYERS = 20, "RENDER_LAYERS", "Instances or lights that another camera sees and this camera does not, because of render layers.";
     CLEARCOAT = 24, "CLEARCOAT", "Clearcoats.";
     ANISOTROPY = 25, "ANISOTROPY", "Anisotropic microfacets.";
     DIFFUSE_TRANSMISSION = 26, "DIFFUSE_TRANSMISSION", "Diffuse transmission.";
-    THIN_WALL = 27, "THIN_WALL", "Walls without an inside that let light through.";
-    ENVIRONMENT_CUBE = 19, "ENVIRONMENT_CUBE", "The environment's image is a cube.";
+    THIN_WALL = 27, "THIN_WALL", "Transmissive surfaces without thickness.";
+    ENVIRONMENT_CUBE = 19, "ENVIRONMENT_CUBE", "The image of the environment is a cube map.";
     LIGHT_SPHERES = 21, "LIGHT_SPHERES", "Point lights with a radius.";
     LIGHT_RECTS = 22, "LIGHT_RECTS", "Rectangular lights.";
-    SUN_DISK = 28, "SUN_DISK", "Directional lights with a disc.";
-    BOUND_TEXTURES = 30, "BOUND_TEXTURES", "Textures that are bound as they are, where the device has arrays of them.";
-    LIGHT_SHAPES = 29, "LIGHT_SHAPES", "Point lights with a radius, rectangles or suns with a disc: lights that rays meet and that are no triangles.";
+    SUN_DISK = 28, "SUN_DISK", "Directional lights with a disk.";
+    BOUND_TEXTURES = 30, "BOUND_TEXTURES", "Textures that are bound in an array without a copy, if the device supports it.";
+    LIGHT_SHAPES = 29, "LIGHT_SHAPES", "Spheres, rectangles or suns with a disk: analytic lights that rays can hit.";
 }
 
 impl SceneFeatures {
-    /// The shader definitions that stand for these features.
+    /// The shader definitions of these features.
     pub fn shader_defs(self) -> Vec<ShaderDefVal> {
         self.names().into_iter().map(|def| ShaderDefVal::Bool(def.into(), true)).collect()
     }

@@ -1,4 +1,4 @@
-//! What Bevy's own lighting heeds and ours does not: one warning each, of the first entity that has it.
+//! Warns once about each lighting feature of Bevy that we do not support, and names the first entity that has it.
 
 use bevy::{
     ecs::prelude::*,
@@ -11,7 +11,8 @@ use bevy::{
 
 use crate::settings::Restir;
 
-pub(crate) fn warn_of_ignored(
+/// Warns about unsupported components, if there is a `Restir` camera.
+pub(crate) fn warn_of_unsupported(
     cameras: Extract<Query<(), With<Restir>>>,
     points: Extract<Query<Entity, (With<PointLight>, With<PointLightTexture>)>>,
     spots: Extract<Query<Entity, (With<SpotLight>, With<SpotLightTexture>)>>,
@@ -22,15 +23,19 @@ pub(crate) fn warn_of_ignored(
         return;
     }
     if let Some(entity) = points.iter().next() {
-        warn_once!("restir: PointLightTexture is not supported (light {entity}): the light shines the same all round");
+        warn_once!(
+            "restir: PointLightTexture of light {entity} is not supported; the light has the same intensity in all directions"
+        );
     }
     if let Some(entity) = spots.iter().next() {
-        warn_once!("restir: SpotLightTexture is not supported (light {entity}): its whole cone is lit");
+        warn_once!("restir: SpotLightTexture of light {entity} is not supported; the light fills its whole cone");
     }
     if let Some(entity) = suns.iter().next() {
-        warn_once!("restir: DirectionalLightTexture is not supported (light {entity}): it lights all alike");
+        warn_once!(
+            "restir: DirectionalLightTexture of light {entity} is not supported; the light has the same illuminance everywhere"
+        );
     }
     if let Some(entity) = lightmaps.iter().next() {
-        warn_once!("restir: lightmaps are not used (entity {entity}): the light that they hold is traced");
+        warn_once!("restir: lightmaps are not used, because paths are traced instead (entity {entity})");
     }
 }

@@ -1,4 +1,5 @@
-//! Who draws what the mirror shows: Bevy until the first picture of a camera is there, we from then on, never both.
+//! Hands a camera from Bevy's renderer to ours once our first frame of it is ready.  Meshes that our scene contains are removed from Bevy's
+//! lists of visible meshes from then on, so that they are never drawn twice.
 
 use bevy::{
     app::SubApp,
@@ -24,27 +25,27 @@ use crate::settings::Restir;
 
 type Mirrored = (With<Mesh3d>, With<MeshMaterial3d<StandardMaterial>>);
 
-/// Who lit the last picture of a camera.
+/// Renderer that lit the last frame of a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum LitBy {
     Bevy,
     Us,
 }
 
-/// Of which views Bevy leaves mirrored meshes to us.
+/// Views in which mirrored meshes are hidden from Bevy.
 #[derive(Resource, Debug, Default)]
 pub(crate) struct HiddenFromBevy {
-    /// Bevy's lighting does not bridge the time until our pipelines are compiled.
+    /// Meshes are hidden from a camera's first frame on: Bevy does not light it while our pipelines are compiled.
     at_once: bool,
     lit_by: HashMap<Entity, LitBy>,
     views: HashSet<Entity>,
-    /// Those of the last frame.
+    /// Views of the last frame.
     last_views: HashSet<Entity>,
-    /// Mirrored meshes that are culled on the GPU: no list of the main world has them.
+    /// Mirrored meshes that are culled on the GPU.  The main world's lists do not contain them.
     culled_on_gpu: HashSet<MainEntity>,
 }
 
-/// Adds what takes mirrored meshes off Bevy's lists.  `at_once`: from a camera's first frame on.
+/// Adds the systems that hide mirrored meshes from Bevy.  `at_once`: from a camera's first frame on.
 pub(crate) fn build(render_app: &mut SubApp, at_once: bool) {
     render_app
         .insert_resource(HiddenFromBevy { at_once, ..Default::default() })
@@ -55,7 +56,7 @@ pub(crate) fn build(render_app: &mut SubApp, at_once: bool) {
         );
 }
 
-/// Whether a camera's mirrored meshes are ours.  `rendered`: we drew its last frame; `None` where there was no view, as while a window is
+/// Whether we render a camera's mirrored meshes.  `rendered`: we rendered its last frame; `None` if it had no view, as while its window is
 /// minimized.
 fn is_ours(rendered: Option<bool>, lit_by: Option<LitBy>, at_once: bool) -> bool {
     match (rendered, lit_by) {
@@ -66,8 +67,8 @@ fn is_ours(rendered: Option<bool>, lit_by: Option<LitBy>, at_once: bool) -> bool
 }
 
 impl HiddenFromBevy {
-    /// Takes a camera; true where its mirrored meshes are ours in this frame.
-    fn take(&mut self, view: Entity, is_active: bool, has_restir: bool, rendered: Option<bool>) -> bool {
+    /// Decides about a camera; true if we render its mirrored meshes in this frame.
+    fn decide(&mut self, view: Entity, is_active: bool, has_restir: bool, rendered: Option<bool>) -> bool {
         let ours = has_restir && is_ours(rendered, self.lit_by.get(&view).copied(), self.at_once);
         if is_active {
             self.lit_by.insert(view, if ours { LitBy::Us } else { LitBy::Bevy });
@@ -79,7 +80,7 @@ impl HiddenFromBevy {
     }
 }
 
-/// Before Bevy takes the lists of its cameras over.
+/// Removes mirrored meshes from the main world's lists before Bevy extracts them.
 fn hide_mirrored_meshes(mut main_world: ResMut<MainWorld>, pool: Res<ViewPool>, mut hidden: ResMut<HiddenFromBevy>) {
     let hidden = &mut *hidden;
     core::mem::swap(&mut hidden.views, &mut hidden.last_views);
@@ -90,7 +91,7 @@ fn hide_mirrored_meshes(mut main_world: ResMut<MainWorld>, pool: Res<ViewPool>, 
     for (camera, view, settings, has_restir) in cameras.iter(&main_world) {
         seen.insert(view);
         let rendered = pool.views.get(&view).map(|state| state.rendered);
-        if hidden.take(view, settings.is_active, has_restir, rendered) {
+        if hidden.decide(view, settings.is_active, has_restir, rendered) {
             ours.push(camera);
         }
     }
@@ -114,7 +115,8 @@ fn hide_mirrored_meshes(mut main_world: ResMut<MainWorld>, pool: Res<ViewPool>, 
     hidden.culled_on_gpu.extend(culled_on_gpu.iter(&main_world).map(MainEntity::from));
 }
 
-/// The meshes that only the render world lists.  Bevy notes who comes and goes, and asks no further.
+/// Hides the meshes that only the render world lists.  Bevy updates these lists by additions and removals alone, so meshes must be added back
+/// when they are no longer hidden.
 fn hide_meshes_culled_on_gpu(
     hidden: Res<HiddenFromBevy>,
     culled: Option<Res<RenderGpuCulledEntities>>,
@@ -127,15 +129,15 @@ fn hide_meshes_culled_on_gpu(
         let list = lists.classes.entry(TypeId::of::<Mesh3d>()).or_default();
         for (&entity, own_layers) in &culled.entities {
             let on_layer = layers.is_none_or(|layers| layers.intersects(own_layers));
-            show(list, entity, on_layer && !(is_hidden && hidden.culled_on_gpu.contains(&entity)));
+            set_visible(list, entity, on_layer && !(is_hidden && hidden.culled_on_gpu.contains(&entity)));
         }
         list.sort_added_entities();
     }
 }
 
-/// Puts a mesh onto a list, or takes it off.
-fn show(list: &mut RenderVisibleEntitiesClass, entity: MainEntity, visible: bool) {
-    // Meshes have no entity of the render world.
+/// Adds a mesh to a list or removes it.
+fn set_visible(list: &mut RenderVisibleEntitiesClass, entity: MainEntity, visible: bool) {
+    // Meshes have no entity in the render world.
     let pair = (Entity::PLACEHOLDER, entity);
     match (list.entities_gpu_culling.contains_key(&entity), visible) {
         (true, false) => {
@@ -156,27 +158,27 @@ mod tests {
     use super::*;
 
     #[test]
-    fn bevy_lights_a_camera_until_we_have() {
+    fn bevy_lights_a_camera_until_our_first_frame() {
         let view = Entity::from_raw_u32(1).expect("a valid index");
         for at_once in [false, true] {
             let mut hidden = HiddenFromBevy { at_once, ..Default::default() };
-            let mut take = |restir, rendered| hidden.take(view, true, restir, rendered);
-            assert_eq!([take(true, None), take(true, Some(false))], [at_once; 2], "a new camera");
-            assert!(take(true, Some(true)), "our first picture is there");
-            assert!(take(true, None), "its window was minimized");
-            assert_eq!(take(true, Some(false)), at_once, "its target has a new format");
-            assert!(take(true, Some(true)));
-            assert!(!take(false, None), "no longer ours");
-            assert!(!take(true, None) && !take(true, Some(false)), "ours again: Bevy goes on");
-            assert!(take(true, Some(true)), "until we are there");
+            let mut ours = |restir, rendered| hidden.decide(view, true, restir, rendered);
+            assert_eq!([ours(true, None), ours(true, Some(false))], [at_once; 2], "a new camera");
+            assert!(ours(true, Some(true)), "our first frame is ready");
+            assert!(ours(true, None), "its window was minimized");
+            assert_eq!(ours(true, Some(false)), at_once, "its target has a new format");
+            assert!(ours(true, Some(true)));
+            assert!(!ours(false, None), "`Restir` was removed");
+            assert!(!ours(true, None) && !ours(true, Some(false)), "`Restir` is back, and Bevy continues");
+            assert!(ours(true, Some(true)), "until our frame is ready");
         }
     }
 
     #[test]
-    fn a_camera_that_is_switched_off_was_lit_by_nobody() {
+    fn an_inactive_camera_counts_as_a_new_one() {
         let view = Entity::from_raw_u32(1).expect("a valid index");
         let mut hidden = HiddenFromBevy { at_once: true, ..Default::default() };
-        assert!(!hidden.take(view, false, false, None));
-        assert!(hidden.take(view, true, true, None));
+        assert!(!hidden.decide(view, false, false, None));
+        assert!(hidden.decide(view, true, true, None));
     }
 }

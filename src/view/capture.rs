@@ -1,34 +1,25 @@
-//! Linear radiance back to the CPU, at full precision: what the view target has lost to half floats.
+//! The public handle of a radiance capture: hands the linear radiance of a frame to the app at full precision.  The view target cannot serve
+//! for that because it is half float and exposed.  `capture_readback` fills the handle.
 
-use bevy::{
-    ecs::prelude::*,
-    log::warn_once,
-    math::UVec2,
-    render::{
-        render_resource::{Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor, MapMode, PollType},
-        renderer::{RenderDevice, RenderQueue},
-    },
-};
-use std::sync::{Arc, Mutex, PoisonError};
+use bevy::{ecs::prelude::*, math::UVec2};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::{ViewPool, extract::ExtractedViews};
-
-/// A frame's radiance.
+/// Radiance of a captured frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CapturedRadiance {
-    /// Pixels of the viewport, or fewer where the device cannot bind as much.
+    /// Size in pixels: that of the viewport, or less where the device cannot bind buffers for the whole viewport.
     pub size: UVec2,
-    /// Sum of linear Rec. 709 radiance, cd/m², over the samples of a pixel, and their number; rows from the top.
+    /// For each pixel, in rows from the top: the sum of linear Rec. 709 radiance over all samples in cd/m², then the number of samples.
     pub pixels: Vec<[f32; 4]>,
 }
 
 impl CapturedRadiance {
-    /// Mean radiance of every pixel, cd/m².
+    /// Mean radiance of each pixel in linear Rec. 709, cd/m², in rows from the top.
     pub fn mean(&self) -> impl Iterator<Item = [f32; 3]> {
         self.pixels.iter().map(|&[r, g, b, n]| [r, g, b].map(|c| c / n.max(1.0)))
     }
 
-    /// Samples that a pixel holds.
+    /// Number of samples in each pixel; 0 for an empty capture.
     pub fn samples(&self) -> u32 {
         self.pixels.first().map_or(0, |p| p[3] as u32)
     }
@@ -36,90 +27,55 @@ impl CapturedRadiance {
 
 #[derive(Debug, Default)]
 struct State {
-    wanted: bool,
-    /// Counts requests: what comes late is no answer to the next one.
+    is_requested: bool,
+    /// Number of requests so far.  A readback that belongs to an earlier request is dropped.
     requests: u64,
     captured: Option<CapturedRadiance>,
 }
 
-/// On a [`Restir`](crate::Restir) camera: hands out the radiance of the next frame that is asked for.  A capture waits for the GPU; on the
-/// web, where nothing can, it comes some frames later.
+/// Captures the radiance of a [`Restir`](crate::Restir) camera.  Add it to the camera and keep a clone: call [`request`](Self::request),
+/// render a frame, then call [`take`](Self::take).
+///
+/// A capture blocks the render world until the GPU has finished the frame.  On the web nothing can block; there the capture arrives some
+/// frames later.  If the GPU cannot return the data, a warning is logged and nothing arrives.
 #[derive(Component, Clone, Debug, Default)]
 pub struct RadianceCapture(Arc<Mutex<State>>);
 
 impl RadianceCapture {
-    /// Asks for the next frame that is rendered.
+    /// Requests a capture of the next rendered frame, and drops a capture that has not been taken.
     pub fn request(&self) {
         let mut state = self.state();
-        state.wanted = true;
+        state.is_requested = true;
         state.requests += 1;
         state.captured = None;
     }
 
-    /// The frame that was asked for, once it is there.
+    /// Takes the requested frame; `None` until it has arrived, and after it was taken.
     pub fn take(&self) -> Option<CapturedRadiance> {
         self.state().captured.take()
     }
 
-    fn state(&self) -> std::sync::MutexGuard<'_, State> {
+    /// Whether a request waits for its frame.
+    pub(super) fn is_requested(&self) -> bool {
+        self.state().is_requested
+    }
+
+    /// Marks the request as served by this frame and returns its number, which [`deliver`](Self::deliver) needs.
+    pub(super) fn begin(&self) -> u64 {
+        let mut state = self.state();
+        state.is_requested = false;
+        state.requests
+    }
+
+    /// Hands the frame to the app, unless a newer request has been made meanwhile.
+    pub(super) fn deliver(&self, request: u64, captured: CapturedRadiance) {
+        let mut state = self.state();
+        if state.requests == request {
+            state.captured = Some(captured);
+        }
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
-}
-
-/// After the frame was submitted: answers requests.
-pub(crate) fn capture_radiance(
-    extracted: Res<ExtractedViews>,
-    pool: Res<ViewPool>,
-    device: Res<RenderDevice>,
-    queue: Res<RenderQueue>,
-) {
-    let mut reading = false;
-    for (entity, view) in &extracted.0 {
-        let Some(capture) = view.capture.as_ref().filter(|c| c.state().wanted) else {
-            continue;
-        };
-        let Some(view) = pool.views.get(entity).filter(|v| v.rendered) else {
-            continue;
-        };
-        capture.state().wanted = false;
-        read_radiance(capture, &view.radiance, view.size, &device, &queue);
-        reading = true;
-    }
-    // Browsers do not wait: they call back on their own.
-    if reading && let Err(error) = device.poll(PollType::wait_indefinitely()) {
-        warn_once!("restir: the GPU was not waited for: {error}");
-    }
-}
-
-/// Copies radiance back and hands it out as soon as it is there.
-fn read_radiance(
-    capture: &RadianceCapture,
-    radiance: &Buffer,
-    size: UVec2,
-    device: &RenderDevice,
-    queue: &RenderQueue,
-) {
-    let staging = device.create_buffer(&BufferDescriptor {
-        label: Some("restir capture"),
-        size: radiance.size(),
-        usage: BufferUsages::COPY_DST | BufferUsages::MAP_READ,
-        mapped_at_creation: false,
-    });
-    let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor { label: Some("restir capture") });
-    encoder.copy_buffer_to_buffer(radiance, 0, &staging, 0, radiance.size());
-    queue.submit([encoder.finish()]);
-    let (mapped, capture, request) = (staging.clone(), capture.clone(), capture.state().requests);
-    staging.slice(..).map_async(MapMode::Read, move |result| {
-        if let Err(error) = result {
-            warn_once!("restir: a capture does not come back: {error}");
-            return;
-        }
-        let mut pixels: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec::<u8, _>(&mapped.slice(..).get_mapped_range());
-        mapped.unmap();
-        pixels.truncate((size.x * size.y) as usize);
-        let mut state = capture.state();
-        if state.requests == request {
-            state.captured = Some(CapturedRadiance { size, pixels });
-        }
-    });
 }

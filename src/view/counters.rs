@@ -1,4 +1,4 @@
-//! Counters that the GPU keeps for each view, read back a few frames later.
+//! Counters that shaders keep for each view (rays, pixels that are not finite, overflows), read back a few frames later without blocking.
 
 use bevy::render::{
     render_resource::*,
@@ -11,7 +11,7 @@ use std::sync::{
 
 use crate::gpu_layout::GpuCounters;
 
-/// The counters of a view, and their copy for the CPU.
+/// Counters of a view on the GPU, and their newest values on the CPU.
 pub(crate) struct CounterReadback {
     pub buffer: Buffer,
     staging: Buffer,
@@ -35,7 +35,7 @@ impl CounterReadback {
         }
     }
 
-    /// Copies the counters, within the frame, unless the last copy is still being read.
+    /// Records a copy of the counters within the frame, unless the last copy is still being read.
     pub(crate) fn copy(&self, context: &mut RenderContext) {
         if self.in_flight.load(Ordering::Acquire) {
             return;
@@ -45,7 +45,7 @@ impl CounterReadback {
         self.copied.store(true, Ordering::Release);
     }
 
-    /// Maps the copy, after the frame was submitted; the counters arrive when the GPU has finished.
+    /// Maps the copy after the frame was submitted.  The counters arrive when the GPU has finished the frame.
     pub(crate) fn read(&self) {
         if !self.copied.swap(false, Ordering::AcqRel) {
             return;
@@ -62,6 +62,7 @@ impl CounterReadback {
         });
     }
 
+    /// Counters of the newest frame that was read back.
     pub(crate) fn newest(&self) -> GpuCounters {
         *self.newest.lock().unwrap_or_else(PoisonError::into_inner)
     }

@@ -1,4 +1,4 @@
-//! `Restir` cameras of the main world, as the render world takes them.
+//! Extracts `Restir` cameras: settings, environment, background and render layers.
 
 use bevy::{
     asset::AssetId,
@@ -19,79 +19,84 @@ use crate::{
     settings::{Restir, RestirEnvironment},
 };
 
-/// What a `Restir` camera shows.
+/// A `Restir` camera.
 #[derive(Clone, Debug)]
 pub(crate) struct ExtractedRestir {
     pub settings: Restir,
     pub environment: Option<ExtractedEnvironment>,
-    /// What the camera sees where there is no environment: the clear color, as the view target holds it.
+    /// The clear color, linear: visible where a ray misses everything and there is no environment.
     pub background: Vec3,
-    /// It has a clear color; otherwise what earlier cameras have drawn stays.
+    /// The camera has a clear color; otherwise the pixels of earlier cameras stay where its rays miss everything.
     pub has_backdrop: bool,
     pub capture: Option<RadianceCapture>,
-    /// Bit of its render layers.
+    /// Bit of its render layers ([`LayerSets`]).
     pub layers: u32,
 }
 
-/// Where an environment comes from.
+/// Component that an environment comes from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum EnvironmentKind {
-    Own,
+    RestirEnvironment,
     Skybox,
-    MapLight,
+    EnvironmentMapLight,
 }
 
-/// What is round the scene of a camera.
+/// Light from infinity around the scene, as one camera sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ExtractedEnvironment {
     pub kind: EnvironmentKind,
     pub color: Vec3,
     pub image: Option<AssetId<Image>>,
-    /// Environment from world.
+    /// Environment from world space.
     pub rotation: Mat3,
 }
 
 impl ExtractedEnvironment {
-    /// The camera's own environment, else its `Skybox`, else its `EnvironmentMapLight`; and what is wrong with it.
+    /// The camera's `RestirEnvironment`, else its `Skybox`, else its `EnvironmentMapLight`.  Returns a warning if its values are invalid.
     fn of(
         own: Option<&RestirEnvironment>,
         skybox: Option<&Skybox>,
         light: Option<&EnvironmentMapLight>,
     ) -> (Option<Self>, Option<String>) {
-        use EnvironmentKind::*;
+        use EnvironmentKind as K;
         let skybox = skybox.and_then(|s| Some((s, s.image.as_ref()?)));
         let (kind, color, scale, image, rotation) = match (own, skybox, light) {
-            (Some(e), ..) => (Own, e.color, e.intensity, e.image.as_ref(), e.rotation),
-            (None, Some((s, image)), _) => (Skybox, LinearRgba::WHITE, s.brightness, Some(image), s.rotation),
-            (None, None, Some(l)) => (MapLight, LinearRgba::WHITE, l.intensity, Some(&l.specular_map), l.rotation),
+            (Some(e), ..) => (K::RestirEnvironment, e.color, e.intensity, e.image.as_ref(), e.rotation),
+            (None, Some((s, image)), _) => (K::Skybox, LinearRgba::WHITE, s.brightness, Some(image), s.rotation),
+            (None, None, Some(l)) => {
+                (K::EnvironmentMapLight, LinearRgba::WHITE, l.intensity, Some(&l.specular_map), l.rotation)
+            }
             (None, None, None) => return (None, None),
         };
         let channel = |c: f32| if c.is_finite() { (c.max(0.0) * scale.max(0.0)).min(1e30) } else { 0.0 };
         let rotation = Mat3::from_quat(rotation.normalize().inverse());
         let name = match kind {
-            Own => "RestirEnvironment",
-            Skybox => "Skybox",
-            MapLight => "EnvironmentMapLight",
+            K::RestirEnvironment => "RestirEnvironment",
+            K::Skybox => "Skybox",
+            K::EnvironmentMapLight => "EnvironmentMapLight",
         };
         if !scale.is_finite() || !rotation.is_finite() {
-            let what = if scale.is_finite() { "a rotation" } else { "a brightness" };
-            return (None, Some(format!("a {name} has {what} that is no finite number; it is left out")));
+            let property = if scale.is_finite() { "rotation" } else { "brightness" };
+            return (
+                None,
+                Some(format!("the {property} of its {name} is not finite; this environment is not rendered")),
+            );
         }
         let color = Vec3::new(channel(color.red), channel(color.green), channel(color.blue));
         (Some(Self { kind, color, image: image.map(|image| image.id()), rotation }), None)
     }
 
-    /// The image is a cube.
+    /// Whether the image must be a cube map.
     pub(crate) fn is_cube(self) -> bool {
-        self.kind != EnvironmentKind::Own
+        self.kind != EnvironmentKind::RestirEnvironment
     }
 
-    /// The camera sees it.
+    /// Whether camera rays see it.
     pub(crate) fn is_backdrop(self) -> bool {
-        self.kind != EnvironmentKind::MapLight
+        self.kind != EnvironmentKind::EnvironmentMapLight
     }
 
-    /// The image that is asked for, and whether as a cube.
+    /// The image, and whether it must be a cube map.
     pub(crate) fn key(self) -> Option<(AssetId<Image>, bool)> {
         Some((self.image?, self.is_cube()))
     }
@@ -102,6 +107,7 @@ impl ExtractedEnvironment {
 pub(crate) struct ExtractedViews(pub HashMap<Entity, ExtractedRestir>);
 
 type ViewData<'a> = (
+    Entity,
     RenderEntity,
     &'a bevy::camera::Camera,
     &'a Restir,
@@ -116,18 +122,19 @@ pub(crate) fn extract_views(
     mut views: ResMut<ExtractedViews>,
     cameras: Extract<Query<ViewData>>,
     clear_color: Extract<Res<ClearColor>>,
-    mut said: Local<HashSet<String>>,
+    mut warned: Local<HashSet<String>>,
     sets: Res<LayerSets>,
 ) {
     views.0.clear();
-    for (entity, camera, restir, own, skybox, light, capture, layers) in &cameras {
+    for (camera_entity, entity, camera, restir, own, skybox, light, capture, layers) in &cameras {
         if !camera.is_active {
             continue;
         }
         let mut settings = restir.clone();
-        let (environment, flaw) = ExtractedEnvironment::of(own, skybox, light);
-        for warning in settings.validate().into_iter().chain(flaw) {
-            if said.insert(warning.clone()) {
+        let (environment, problem) = ExtractedEnvironment::of(own, skybox, light);
+        let problem = problem.map(|problem| format!("camera {}: {problem}", camera_entity));
+        for warning in settings.validate().into_iter().chain(problem) {
+            if warned.insert(warning.clone()) {
                 warn!("restir: {warning}");
             }
         }
@@ -150,7 +157,7 @@ pub(crate) fn extract_views(
     }
 }
 
-/// `Restir::reset` was taken: it clears itself here and nowhere else, so that it counts whenever it was set.
+/// Clears `Restir::reset` after every extraction, so that a reset takes effect whenever in the frame the app set it.
 pub(crate) fn clear_reset(mut main_world: ResMut<MainWorld>) {
     let mut cameras = main_world.query::<&mut Restir>();
     for mut restir in cameras.iter_mut(&mut main_world) {
@@ -160,7 +167,7 @@ pub(crate) fn clear_reset(mut main_world: ResMut<MainWorld>) {
     }
 }
 
-/// Cameras that Bevy stopped extracting are no views, whatever they carry.
+/// Whether a camera is rendered.  Bevy may have stopped extracting it while it still carries our components.
 pub(crate) fn has_view(camera: Option<&ExtractedCamera>) -> bool {
     camera.is_some_and(|c| c.physical_viewport_size.is_some_and(|s| s.x > 0 && s.y > 0))
 }

@@ -1,5 +1,5 @@
-//! The history of a view: reservoirs of this frame and of the last one, and the last visibility buffer.  It exists only while a camera runs
-//! a technique that resamples.
+//! The history of a view: reservoirs of this frame and the last one, light subsets, and the last visibility buffer.  It exists only while
+//! the camera runs a technique that resamples.
 
 use bevy::{
     math::UVec2,
@@ -19,18 +19,19 @@ use crate::{
     },
 };
 
-/// Format of textures of light.
+/// Format of the textures that hold light between passes.
 pub(crate) const LIGHT_FORMAT: TextureFormat = TextureFormat::Rgba32Float;
 /// Bytes from the uniforms of one iteration to those of the next: an alignment that every device accepts.
 const SETTINGS_STRIDE: u64 = 256;
 
 /// The history of a view.
 pub(crate) struct History {
+    /// Lights that the presampling pass selects.
     pub(crate) subsets: Buffer,
     subset_entries: u64,
     pub(crate) previous_visibility: Texture,
     pub(crate) previous_visibility_view: TextureView,
-    /// Stands for the light of a domain that the frame does not have.
+    /// Bound in place of the light of a domain that the frame does not have.
     pub(crate) black: TextureView,
     reservoirs: Vec<Reservoirs>,
     size: UVec2,
@@ -69,7 +70,7 @@ impl History {
                 .all(|r| r.schedule.reservoir_layout() == (r.domain.schedule)(settings).reservoir_layout())
     }
 
-    /// Begins a frame: the last frame's output becomes the history.  `moved`: something moved since then.
+    /// Begins a frame: the last frame's output becomes the input of temporal reuse.  `moved`: an instance has moved or a light has changed.
     pub(crate) fn begin(&mut self, settings: &Restir, has_history: bool, moved: bool, queue: &RenderQueue) {
         for reservoirs in &mut self.reservoirs {
             reservoirs.begin((reservoirs.domain.schedule)(settings), self.size.y, has_history, moved, queue);
@@ -113,14 +114,14 @@ pub(crate) struct Reservoirs {
     domain: &'static Domain,
     schedule: ReuseSchedule,
     settings: Buffer,
-    /// Of this frame and of the last one, in turns.
+    /// Hold this frame's reservoirs and the last frame's, in alternation.
     buffers: [Buffer; 2],
     bytes: u64,
-    /// Light of candidates, and of iterations of reuse.
+    /// Light of the candidates, and light after iterations of reuse.
     light: [TextureView; 2],
-    /// Index of the buffer for this frame's candidates.
+    /// Index of the buffer that holds this frame's candidates.
     first: usize,
-    /// Index of the buffer that a frame leaves to the next one.
+    /// Index of the buffer that the next frame reads.
     last: usize,
 }
 
@@ -173,7 +174,7 @@ impl Reservoirs {
         self.schedule.iterations.len()
     }
 
-    /// Iterations over this frame's neighbors write to the buffer that they do not read, in turns.
+    /// Index of the buffer that an iteration writes.  An iteration over this frame's neighbors must not write to the buffer that it reads.
     fn output_index(&self, iteration: usize) -> usize {
         let turns = self.schedule.iterations[..=iteration].iter().filter(|r| !r.from_previous).count();
         (self.first + turns) % 2
@@ -195,7 +196,7 @@ impl Reservoirs {
         &self.buffers[self.last]
     }
 
-    /// Light of the candidates: what only BSDF sampling finds, or the contributions of the selected candidates.
+    /// Light of the candidates: light that is not resampled, or the contributions of the selected candidates.
     pub(crate) fn light_of_candidates(&self) -> &TextureView {
         &self.light[0]
     }
@@ -227,7 +228,7 @@ pub(crate) fn reservoir_bytes(size: UVec2, domain: &Domain, settings: &Restir) -
     reservoir_count(size, (domain.schedule)(settings).reservoir_layout()) * domain.reservoir_bytes
 }
 
-/// Number of reservoirs of an image: tiles are not cut at its edge.
+/// Number of reservoirs of an image.  Tiles at its edge are complete.
 fn reservoir_count(size: UVec2, layout: u32) -> u64 {
     match layout {
         LAYOUT_ROWS | LAYOUT_COLUMNS => pixels(size),
@@ -238,7 +239,7 @@ fn reservoir_count(size: UVec2, layout: u32) -> u64 {
     }
 }
 
-/// Number of entries of the subsets; at least one, since a binding must not be empty.
+/// Number of entries of the subsets; at least one, because a binding must not be empty.
 fn subset_entries(direct: &Direct) -> u64 {
     (direct.subset_count as u64 * direct.subset_size as u64).max(1)
 }

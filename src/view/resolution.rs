@@ -1,4 +1,4 @@
-//! Reduces the traced resolution and the light subsets to what the device can bind; a limit is never an error.
+//! Reduces the traced resolution and the light subsets to what the device can bind, so that a small device limits quality instead of failing.
 
 use bevy::{math::UVec2, render::renderer::RenderDevice};
 
@@ -9,24 +9,24 @@ use crate::{
     technique::domain::Domain,
 };
 
-/// Greatest size of a binding of this device, bytes.
+/// Largest storage binding of this device, bytes.
 pub(crate) fn binding_limit(device: &RenderDevice) -> u64 {
     let limits = device.limits();
     limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
 }
 
-/// Size of the largest buffer of a view, bytes: its radiance, or the reservoirs of a domain.
+/// Size of the largest buffer of a view, bytes: its radiance or the reservoirs of a domain.
 fn largest_buffer(size: UVec2, domains: &[&Domain], settings: &Restir) -> u64 {
     let reservoirs = domains.iter().map(|domain| reservoir_bytes(size, domain, settings));
     reservoirs.fold(pixels(size) * 16, u64::max)
 }
 
-/// The resolution that is traced for a viewport: its own, or scaled down by one factor on both sides.
+/// Traced resolution of a viewport: its own, or the largest one of nearly the same aspect ratio that the device can bind.
 pub(crate) fn traced_size(viewport: UVec2, domains: &[&Domain], settings: &Restir, limit: u64) -> UVec2 {
     let mut size = viewport;
     let mut scale = 1.0f64;
     while size != UVec2::ONE && largest_buffer(size, domains, settings) > limit {
-        // Tiles are not cut at the edge of the image: the first guess may be slightly too large.
+        // Tiles at the edge of the image are complete, so the first guess may be slightly too large.
         let share = limit as f64 / largest_buffer(size, domains, settings) as f64;
         scale *= share.sqrt().min(0.999);
         size = (viewport.as_dvec2() * scale).as_uvec2().max(UVec2::ONE);
@@ -34,14 +34,14 @@ pub(crate) fn traced_size(viewport: UVec2, domains: &[&Domain], settings: &Resti
     size
 }
 
-/// Shrinks the light subsets to the limit.  Returns whether it changed them.
+/// Reduces number and size of the light subsets to the limit.  Returns whether they have changed.
 pub(crate) fn fit_subsets(direct: &mut Direct, limit: u64) -> bool {
-    let most = (limit / PRESAMPLED_LIGHT_SIZE).max(1);
-    if direct.subset_count as u64 * direct.subset_size as u64 <= most {
+    let max_entries = (limit / PRESAMPLED_LIGHT_SIZE).max(1);
+    if direct.subset_count as u64 * direct.subset_size as u64 <= max_entries {
         return false;
     }
-    direct.subset_count = (direct.subset_count as u64).min(most) as u32;
-    direct.subset_size = (most / direct.subset_count as u64) as u32;
+    direct.subset_count = (direct.subset_count as u64).min(max_entries) as u32;
+    direct.subset_size = (max_entries / direct.subset_count as u64) as u32;
     true
 }
 
@@ -68,7 +68,7 @@ mod tests {
     }
 
     #[test]
-    fn a_scaled_view_keeps_its_shape_and_wastes_little() {
+    fn a_scaled_view_keeps_its_aspect_ratio_and_wastes_little() {
         let settings = Restir::default();
         for (size, domains) in [
             (UVec2::new(3840, 2160), domains(Technique::Pt)),
@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn subsets_are_made_to_fit() {
+    fn subsets_are_reduced_to_the_limit() {
         for limit in [16, 48, 4096, 1 << 20, LIMIT] {
             let mut direct = Direct { subset_count: 128, subset_size: 16384, ..Direct::default() };
             let changed = fit_subsets(&mut direct, limit);

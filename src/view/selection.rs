@@ -1,4 +1,4 @@
-//! The pipelines that each camera asks for, and those that it renders with until they are ready.
+//! The pipelines that each camera requests, and those that it renders with until the requested ones are compiled.
 
 use bevy::{
     core_pipeline::prepass::ViewPrepassTextures,
@@ -34,10 +34,10 @@ impl CompositeKey {
 /// Pipelines of one camera.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Selection {
-    pub wanted: PipelineKey,
-    /// Pipelines that are ready: the wanted ones, or those of the last frame.
+    pub requested: PipelineKey,
+    /// Pipelines to render with: the requested ones, or those of the last frame until they are compiled.  `None` before the first ones are.
     pub key: Option<PipelineKey>,
-    /// Pipeline of the composite pass, if it is ready.
+    /// Pipeline of the composite pass, if it is compiled.
     pub composite: Option<CompositeKey>,
 }
 
@@ -45,8 +45,8 @@ pub(crate) struct Selection {
 #[derive(Resource, Default)]
 pub(crate) struct SelectedPipelines(pub HashMap<Entity, Selection>);
 
-/// The pipelines that a camera asks for.
-pub(crate) fn wanted_key(
+/// The pipelines that settings and scene request for a camera.
+pub(crate) fn requested_key(
     restir: &ExtractedRestir,
     scene: &SceneBindings,
     environments: &EnvironmentPool,

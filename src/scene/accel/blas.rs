@@ -1,5 +1,8 @@
-//! Bottom-level trees: triangles in, an 8-wide compressed tree (obvhs: PLOC, reinsertion, CWBVH) and the triangles in the
-//! order of its leaves out.  This file and `tlas.rs` alone know obvhs; only arrays cross its border, for its glam is not Bevy's.
+//! Builds a bottom-level tree from the triangles of a mesh: an 8-wide compressed tree (CWBVH; Ylitie, Karras and Laine 2017), and the
+//! triangles in the order of its leaves.
+//!
+//! The crate obvhs builds a binary tree by PLOC, improves it by reinsertion, and converts it.  Only this file and `tlas.rs` use obvhs.
+//! Their interfaces take and return plain arrays, because obvhs has its own version of glam.
 
 use crate::gpu_layout::{GpuTriangle, GpuTriangleAttributes, NODE_STRIDE};
 use crate::scene::geometry::triangulate::Geometry;
@@ -11,38 +14,44 @@ use obvhs::{
     ploc::PlocBuilder,
 };
 
-/// A box: least and greatest corner.
+/// An axis-aligned box: its minimum and maximum corner.
 pub type Bounds = ([f32; 3], [f32; 3]);
 
-/// Entries of the shader's traversal stack, equal to `STACK_SIZE` of `shaders/trace/software.wgsl`.  Each level of a tree
-/// takes at most one, entering an instance two.
+/// Entries of the traversal stack, equal to `STACK_SIZE` in `shaders/trace/software.wgsl`.  Each level of a tree takes at most one entry,
+/// and entering an instance takes two.
 pub const STACK_SIZE: u32 = 40;
-/// Levels of a bottom-level tree.
+/// Maximum number of levels of a bottom-level tree.
 pub const MAX_BLAS_DEPTH: u32 = 24;
-/// Levels of a top-level tree.
+/// Maximum number of levels of a top-level tree.
 pub const MAX_TLAS_DEPTH: u32 = STACK_SIZE - MAX_BLAS_DEPTH - 2;
 
-// A binary tree deeper than this is not even converted, for obvhs recurses.
+// A deeper binary tree is not converted, because the conversion of obvhs recurses and could overflow the stack.
 const MAX_BINARY_DEPTH: u32 = 160;
 
-/// A mesh's tree, its node and triangle numbers counted from 0 until [`bake`] moves them.
+/// The tree of a mesh.  Its node and triangle indices start at 0 until [`bake`] adds their offsets in the shared buffers.
 #[derive(Clone, Debug, Default)]
 pub struct Blas {
-    /// [`NODE_STRIDE`] a node.
+    /// [`NODE_STRIDE`] elements for each node.
     pub nodes: Vec<[u32; 4]>,
-    /// In the order of the leaves.
+    /// Triangles in the order of the leaves.
     pub triangles: Vec<GpuTriangle>,
-    /// In the order of `triangles`.
+    /// Attributes in the order of `triangles`.
     pub attributes: Vec<GpuTriangleAttributes>,
-    /// In the order of `triangles`; empty where the mesh has none.
+    /// Second texture coordinates in the order of `triangles`; empty if the mesh has none.
     pub second_uvs: Vec<[[f32; 2]; 3]>,
-    /// Of all triangles.
+    /// Bounds of all triangles.
     pub bounds: Bounds,
-    /// Levels, at most [`MAX_BLAS_DEPTH`].
-    pub depth: u32,
 }
 
-/// Builds the tree of a mesh; None without triangles.
+#[cfg(feature = "testing")]
+impl Blas {
+    /// Number of levels, at most [`MAX_BLAS_DEPTH`].
+    pub fn depth(&self) -> u32 {
+        wide_depth(&self.nodes)
+    }
+}
+
+/// Builds the tree of a mesh; `None` if it has no triangles.
 pub fn build_blas(geometry: &Geometry) -> Option<Blas> {
     let boxes: Vec<Bounds> = geometry.positions.iter().map(|p| bounds_of(p)).collect();
     let tree = build_tree(&boxes, BvhBuildParams::medium_build(), MAX_BLAS_DEPTH)?;
@@ -60,11 +69,10 @@ pub fn build_blas(geometry: &Geometry) -> Option<Blas> {
         second_uvs: tree.order.iter().filter_map(|&i| geometry.second_uvs.get(i as usize).copied()).collect(),
         nodes: tree.nodes,
         bounds: tree.bounds,
-        depth: tree.depth,
     })
 }
 
-/// Turns numbers counted from 0 into absolute ones: `node_base` in nodes, `primitive_base` in triangles.
+/// Adds the offsets of a tree in the shared buffers to its indices: `node_base` in nodes, `primitive_base` in triangles.
 pub fn bake(nodes: &mut [[u32; 4]], node_base: u32, primitive_base: u32) {
     for node in nodes.chunks_exact_mut(NODE_STRIDE as usize) {
         node[1][0] = node[1][0].wrapping_add(node_base);
@@ -72,19 +80,18 @@ pub fn bake(nodes: &mut [[u32; 4]], node_base: u32, primitive_base: u32) {
     }
 }
 
-/// Least box round some points.
+/// Bounds of the points.
 pub(crate) fn bounds_of(points: &[[f32; 3]]) -> Bounds {
     let fold =
         |f: fn(f32, f32) -> f32, from| points.iter().fold([from; 3], |a, p| std::array::from_fn(|k| f(a[k], p[k])));
     (fold(f32::min, f32::INFINITY), fold(f32::max, f32::NEG_INFINITY))
 }
 
-/// A tree over boxes: nodes, and the boxes' numbers in the order of its leaves.
+/// A tree over boxes: its nodes, and the indices of the boxes in the order of its leaves.
 pub(crate) struct Tree {
     pub(crate) nodes: Vec<[u32; 4]>,
     pub(crate) order: Vec<u32>,
     pub(crate) bounds: Bounds,
-    pub(crate) depth: u32,
 }
 
 struct Leaf(Aabb);
@@ -95,18 +102,18 @@ impl Boundable for Leaf {
     }
 }
 
-/// Boxes must be finite.  A tree that would be deeper than `max_depth` is built again, balanced.
+/// Builds a tree over finite boxes.  If it is deeper than `max_depth`, a balanced tree along a space-filling curve replaces it.
 pub(crate) fn build_tree(boxes: &[Bounds], parameters: BvhBuildParams, max_depth: u32) -> Option<Tree> {
     if boxes.is_empty() {
         return None;
     }
     let leaves: Vec<Leaf> = boxes.iter().map(|(min, max)| Leaf(Aabb::new((*min).into(), (*max).into()))).collect();
     if agglomeration_stalls(&leaves, &parameters) {
-        return convert(&balanced(&along_a_curve(boxes), &leaves), max_depth);
+        return convert(&balanced(&morton_order(boxes), &leaves), max_depth);
     }
     let mut binary = agglomerate(&leaves, &parameters);
     ReinsertionOptimizer::default().run(&mut binary, parameters.reinsertion_batch_ratio, None);
-    convert(&binary, max_depth).or_else(|| convert(&balanced(&along_a_curve(boxes), &leaves), max_depth))
+    convert(&binary, max_depth).or_else(|| convert(&balanced(&morton_order(boxes), &leaves), max_depth))
 }
 
 fn agglomerate(leaves: &[Leaf], parameters: &BvhBuildParams) -> Bvh2 {
@@ -119,7 +126,8 @@ fn agglomerate(leaves: &[Leaf], parameters: &BvhBuildParams) -> Bvh2 {
     )
 }
 
-// Boxes nested in each other merge one pair a round: the time is quadratic, minutes for 1e5 of them.  A sample shows it.
+// Of boxes nested in each other, PLOC merges one pair in each round.  Its time is then quadratic: minutes for 1e5 boxes.  A subset of the
+// boxes reveals such input by the depth of its tree.
 fn agglomeration_stalls(leaves: &[Leaf], parameters: &BvhBuildParams) -> bool {
     const SAMPLE: usize = 1024;
     if leaves.len() < 4 * SAMPLE {
@@ -129,8 +137,8 @@ fn agglomeration_stalls(leaves: &[Leaf], parameters: &BvhBuildParams) -> bool {
     binary_depth(&agglomerate(&sample, parameters)) > MAX_BINARY_DEPTH
 }
 
-// Numbers of boxes in the order of their centers on a Morton curve of 10 bits an axis.
-fn along_a_curve(boxes: &[Bounds]) -> Vec<u32> {
+// Indices of the boxes, sorted by the Morton code of their centers with 10 bits per axis.
+fn morton_order(boxes: &[Bounds]) -> Vec<u32> {
     let center = |(min, max): &Bounds| -> [f32; 3] { std::array::from_fn(|k| 0.5 * min[k] + 0.5 * max[k]) };
     let (low, high) = bounds_of(&boxes.iter().map(center).collect::<Vec<_>>());
     let code = |b: &Bounds| {
@@ -145,16 +153,15 @@ fn along_a_curve(boxes: &[Bounds]) -> Vec<u32> {
     order.into_iter().map(|(_, i)| i).collect()
 }
 
-// To the compressed form; None where that is too deep.
+// Converts a binary tree to a compressed 8-wide tree; `None` if either is too deep.
 fn convert(binary: &Bvh2, max_depth: u32) -> Option<Tree> {
     if binary_depth(binary) > MAX_BINARY_DEPTH {
         return None;
     }
     let wide = bvh2_to_cwbvh(binary, 3, true, false);
     let nodes: Vec<[u32; 4]> = bytemuck::pod_collect_to_vec(bytemuck::cast_slice::<_, u8>(&wide.nodes));
-    let depth = wide_depth(&nodes);
     let bounds = (wide.total_aabb.min.into(), wide.total_aabb.max.into());
-    (depth <= max_depth).then_some(Tree { nodes, order: wide.primitive_indices, bounds, depth })
+    (wide_depth(&nodes) <= max_depth).then_some(Tree { nodes, order: wide.primitive_indices, bounds })
 }
 
 fn binary_depth(tree: &Bvh2) -> u32 {
@@ -170,7 +177,7 @@ fn binary_depth(tree: &Bvh2) -> u32 {
     deepest
 }
 
-// Children come after their parent, so one pass does.
+// Children come after their parent, so one pass suffices.
 fn wide_depth(nodes: &[[u32; 4]]) -> u32 {
     let count = nodes.len() / NODE_STRIDE as usize;
     let mut depth = vec![1; count];
@@ -184,7 +191,7 @@ fn wide_depth(nodes: &[[u32; 4]]) -> u32 {
     depth.into_iter().max().unwrap_or(0)
 }
 
-// Halves the list again and again: as deep as its logarithm, whatever the boxes.
+// Halves the list recursively, so that the depth is logarithmic for any boxes.
 fn balanced(order: &[u32], leaves: &[Leaf]) -> Bvh2 {
     let mut tree = Bvh2 { nodes: vec![Bvh2Node::default()], primitive_indices: order.to_vec(), ..Default::default() };
     let mut stack = vec![(0, 0..order.len())];
@@ -200,7 +207,7 @@ fn balanced(order: &[u32], leaves: &[Leaf]) -> Bvh2 {
             stack.extend([(children, range.start..middle), (children + 1, middle..range.end)]);
         }
     }
-    // Children come after their parent: their boxes are ready when it is reached from the back.
+    // Children come after their parent, so this reverse pass computes the boxes of the children first.
     for index in (0..tree.nodes.len()).rev() {
         let node = tree.nodes[index];
         if !node.is_leaf() {

@@ -1,4 +1,4 @@
-//! Acceleration structures: bottom and top levels for rays traced in compute shaders, and the device's own for ray queries.
+//! Acceleration structures: bottom-level and top-level trees for tracing in compute shaders, and the device's own for ray queries.
 
 pub mod blas;
 pub mod ray_query;

@@ -1,5 +1,7 @@
-//! The device's own acceleration structures, where rays are traced by ray queries: a bottom level a mesh, built once over the triangles
-//! that shaders read; a top level over this frame's instances, and the last frame's beside it for as long as they differ.
+//! The device's own acceleration structures, for tracing by ray queries.
+//!
+//! Each mesh has a bottom level, which is built once over the triangles that shaders read.  There is a top level over the instances of this
+//! frame and, while it differs, one over those of the last frame, because temporal reuse traces rays through the previous scene.
 
 use bevy::{
     log::warn_once,
@@ -16,39 +18,39 @@ use crate::{
     settings::RayBackend,
 };
 
-/// Bytes that the CPU sends for an instance of a top level.
+/// Bytes that the CPU sends for each instance of a top level.
 pub const INSTANCE_SIZE: u64 = 64;
 
-/// Instances that a top level can name: its custom index has 24 bits.
+/// Maximum number of instance slots: the custom index of an instance has 24 bits.
 pub const MAX_SLOTS: u32 = 1 << 24;
 
-/// What a device lacks for ray queries; `None` where it has all.
+/// The first requirement of tracing by ray queries that the device does not meet; `None` if it meets all of them.
 pub fn missing(device: &RenderDevice) -> Option<&'static str> {
     let limits = device.limits();
     if !device.features().contains(WgpuFeatures::EXPERIMENTAL_RAY_QUERY) {
         return Some("no ray queries");
     }
     if limits.max_acceleration_structures_per_shader_stage < 2 {
-        return Some("room for less than two acceleration structures a shader stage");
+        return Some("fewer than two acceleration structures per shader stage");
     }
     if limits.max_bind_groups < 4 {
-        return Some("less than four bind groups");
+        return Some("fewer than four bind groups");
     }
     if limits.max_tlas_instance_count < 1 << 16 || limits.max_blas_primitive_count < 1 << 20 {
-        return Some("room for less than 65536 instances or 1048576 vertices in its acceleration structures");
+        return Some("acceleration structures with fewer than 65536 instances or 1048576 primitives");
     }
     None
 }
 
-/// Whether to trace by ray queries.  Warns where they are asked for and the device has none.
-pub(crate) fn is_chosen(wanted: RayBackend, device: &RenderDevice, adapter: &RenderAdapterInfo) -> bool {
-    match (wanted, missing(device)) {
+/// Whether to trace by ray queries.  Warns if the app requests them and the device does not support them.
+pub(crate) fn is_chosen(requested: RayBackend, device: &RenderDevice, adapter: &RenderAdapterInfo) -> bool {
+    match (requested, missing(device)) {
         (RayBackend::Software, _) | (RayBackend::Auto, Some(_)) => false,
-        // A CPU emulates ray queries in its driver: measured, six times slower than our own traversal there.
+        // A CPU driver emulates ray queries: six times slower than our own traversal, by measurement.
         (RayBackend::Auto, None) => adapter.device_type != wgpu_types::DeviceType::Cpu,
         (RayBackend::Hardware, None) => true,
         (RayBackend::Hardware, Some(missing)) => {
-            warn_once!("restir: this device has {missing}; rays are traced by the software back end");
+            warn_once!("restir: this device has {missing}; the software back end traces the rays instead");
             false
         }
     }
@@ -65,24 +67,24 @@ pub(crate) fn layout() -> BindGroupLayoutDescriptor {
     )
 }
 
-/// An instance as a top level holds it.
+/// An instance of a top level.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Placed {
-    /// Its place in the buffer of instances.
+    /// Index in the instance buffer.
     pub slot: u32,
-    /// Of its mesh; another number whenever the triangles are others.
+    /// Version of its mesh, which changes when the triangles do.
     pub mesh: u64,
-    /// Of its mesh, in the buffer of triangles; not empty.
+    /// Range of its mesh in the triangle buffer; not empty.
     pub triangles: Range<u32>,
-    /// Not singular.
+    /// Must be invertible.
     pub world_from_object: Rows,
-    /// Every ray that meets it is stopped.
+    /// Every hit stops the ray: no triangle needs an alpha test.
     pub opaque: bool,
-    /// Bits of the cameras whose rays meet it.
+    /// Bits of the cameras whose rays can hit it.
     pub mask: u8,
 }
 
-/// A top level and how many instances it holds.
+/// A top level and its number of instances.
 struct TopLevel {
     tlas: Tlas,
     capacity: u32,
@@ -92,19 +94,19 @@ struct TopLevel {
 /// All acceleration structures of a scene.
 #[derive(Default)]
 pub struct AccelerationStructures {
-    /// By mesh, and whether rays are stopped by all of it: that is a property of the geometry.
+    /// By the version and the opacity of the mesh; opacity is a flag of the geometry.
     bottom: HashMap<(u64, bool), Blas>,
     current: Option<TopLevel>,
-    /// The last frame's, where it differs.
+    /// The top level of the last frame; `None` if it equals the current one.
     previous: Option<TopLevel>,
     placed: Vec<Placed>,
-    /// Changes when another top level is to be bound.
+    /// Changes when the bind group of the top levels must be created again.
     pub(crate) revision: u64,
 }
 
 impl AccelerationStructures {
-    /// Makes the top level that of `placed`, with the bottom levels that it needs; what it was becomes the last frame's.  Returns the
-    /// bytes sent: none where nothing changed, and then the last frame's is this one's.
+    /// Builds the top level over `placed` and the missing bottom levels.  The old top level becomes that of the last frame.  Returns the
+    /// number of bytes sent; if no instance changed, it is 0 and both frames share one top level.
     pub fn update(&mut self, placed: &[Placed], triangles: &Buffer, device: &RenderDevice, queue: &RenderQueue) -> u64 {
         if self.current.is_some() && self.placed == placed {
             self.revision += u64::from(self.previous.take().is_some());
@@ -112,7 +114,7 @@ impl AccelerationStructures {
         }
         self.placed.clear();
         self.placed.extend_from_slice(placed);
-        // Where the last frame moved too, its own last one is taken up again.
+        // If instances moved in the last frame too, the top level before that is free to be reused.
         let spare = core::mem::replace(&mut self.previous, self.current.take());
         let count = placed.len() as u32;
         let mut top = match spare {
@@ -163,24 +165,24 @@ impl AccelerationStructures {
         u64::from(count) * INSTANCE_SIZE
     }
 
-    /// Lets go of the bottom levels of meshes that are gone.
-    pub fn retain(&mut self, mut lives: impl FnMut(u64) -> bool) {
-        self.bottom.retain(|(mesh, _), _| lives(*mesh));
+    /// Drops the bottom levels of removed meshes.
+    pub fn retain(&mut self, mut is_alive: impl FnMut(u64) -> bool) {
+        self.bottom.retain(|(mesh, _), _| is_alive(*mesh));
     }
 
-    /// This frame's top level and the last frame's.
+    /// The top levels of this frame and of the last frame.
     pub fn top_levels(&self) -> Option<[&Tlas; 2]> {
         let current = self.current.as_ref()?;
         Some([&current.tlas, &self.previous.as_ref().unwrap_or(current).tlas])
     }
 
-    /// What stands for the roots of both in the shaders: `NONE` where there is nothing to meet.
+    /// The root indices of both for the shaders: `NONE` for a top level without instances, else 0.
     pub(crate) fn roots(&self) -> [u32; 2] {
         let root = |top: Option<&TopLevel>| if top.is_some_and(|top| top.count > 0) { 0 } else { NONE };
         [root(self.current.as_ref()), root(self.previous.as_ref().or(self.current.as_ref()))]
     }
 
-    /// Bytes of the buffers of instances.  What the device makes of them wgpu does not tell.
+    /// Name and size in bytes of the instance data.  wgpu does not report the size of the structures themselves.
     pub(crate) fn memory(&self) -> (&'static str, u64) {
         let tops = [&self.current, &self.previous].into_iter().flatten();
         ("top-level instances", tops.map(|top| u64::from(top.capacity) * INSTANCE_SIZE).sum())

@@ -1,40 +1,39 @@
-//! The top-level tree over instances' world boxes, and the affine algebra that it needs: rows of a transform, its inverse,
-//! the box of a transformed box.  All of it in f64 and rounded outwards, so that nothing is lost far from the origin.
+//! Builds the top-level tree over the world bounds of instances, and has the affine algebra for it: the rows of a transform, its inverse
+//! and the bounds of a transformed box.
+//!
+//! Bounds and inverses are computed in f64, and bounds are rounded outward, so that rays do not miss instances far from the origin.
 
 use crate::gpu_layout::Rows;
 use crate::scene::accel::blas::{Bounds, MAX_TLAS_DEPTH, build_tree};
 use bevy::math::Affine3A;
 use obvhs::BvhBuildParams;
 
-/// The tree over instances, its node numbers counted from 0 until [`crate::scene::accel::blas::bake`] moves them (primitive base 0).
+/// The tree over instances.  Its node indices start at 0 until [`bake`](crate::scene::accel::blas::bake) adds their offset (with the
+/// primitive base 0).
 #[derive(Clone, Debug, Default)]
 pub struct Tlas {
-    /// [`crate::gpu_layout::NODE_STRIDE`] a node; none when there is nothing to hit.
+    /// [`NODE_STRIDE`](crate::gpu_layout::NODE_STRIDE) elements for each node; empty if there is no instance.
     pub nodes: Vec<[u32; 4]>,
-    /// Instance numbers in the order of the leaves, four to a word of `nodes`' buffer.
+    /// Instance indices in the order of the leaves, packed four to an element of the node buffer.
     pub indices: Vec<[u32; 4]>,
-    /// Of all instances.
-    pub bounds: Bounds,
-    /// Levels, at most [`MAX_TLAS_DEPTH`].
-    pub depth: u32,
 }
 
-/// Builds the tree over (instance number, world box).  Boxes that are not finite are left out.
+/// Builds the tree over pairs of an instance index and its world bounds.  Instances without finite bounds are skipped.
 pub fn build_tlas(instances: &[(u32, Bounds)]) -> Tlas {
-    let sound: Vec<&(u32, Bounds)> = instances.iter().filter(|(_, b)| is_sound(b)).collect();
-    let boxes: Vec<Bounds> = sound.iter().map(|(_, bounds)| *bounds).collect();
+    let valid: Vec<&(u32, Bounds)> = instances.iter().filter(|(_, b)| is_valid(b)).collect();
+    let boxes: Vec<Bounds> = valid.iter().map(|(_, bounds)| *bounds).collect();
     let Some(tree) = build_tree(&boxes, BvhBuildParams::very_fast_build(), MAX_TLAS_DEPTH) else {
         return Tlas::default();
     };
     let mut indices = vec![[0; 4]; tree.order.len().div_ceil(4)];
-    for (place, &i) in tree.order.iter().enumerate() {
-        indices[place / 4][place % 4] = sound[i as usize].0;
+    for (position, &i) in tree.order.iter().enumerate() {
+        indices[position / 4][position % 4] = valid[i as usize].0;
     }
-    Tlas { nodes: tree.nodes, indices, bounds: tree.bounds, depth: tree.depth }
+    Tlas { nodes: tree.nodes, indices }
 }
 
-fn is_sound((min, max): &Bounds) -> bool {
-    // Squares of extents must not overflow in the builder.
+fn is_valid((min, max): &Bounds) -> bool {
+    // The builder squares extents, which must not overflow.
     (0..3).all(|k| min[k] <= max[k] && min[k].abs() < 1.0e18 && max[k].abs() < 1.0e18)
 }
 
@@ -45,7 +44,7 @@ pub fn rows(affine: &Affine3A) -> Rows {
     std::array::from_fn(|k| [x[k], y[k], z[k], t[k]])
 }
 
-/// The box of a transformed box, rounded outwards; None if it is not finite.
+/// Bounds of a transformed box, rounded outward; `None` if they are not finite.
 pub fn world_bounds(rows: &Rows, (min, max): &Bounds) -> Option<Bounds> {
     let mut world = ([0.0; 3], [0.0; 3]);
     for (k, row) in rows.iter().enumerate() {
@@ -59,10 +58,10 @@ pub fn world_bounds(rows: &Rows, (min, max): &Bounds) -> Option<Bounds> {
         world.0[k] = (low as f32).next_down();
         world.1[k] = (high as f32).next_up();
     }
-    is_sound(&world).then_some(world)
+    is_valid(&world).then_some(world)
 }
 
-/// The inverse of an affine transform; None where it is singular, or where a number is not finite.
+/// The inverse of an affine transform; `None` if the transform is singular or not finite.
 pub fn inverse(rows: &Rows) -> Option<Rows> {
     let m: [[f64; 4]; 3] = rows.map(|row| row.map(f64::from));
     let cofactor = |r: usize, c: usize| {
@@ -71,7 +70,7 @@ pub fn inverse(rows: &Rows) -> Option<Rows> {
     };
     let terms: [f64; 3] = std::array::from_fn(|c| m[0][c] * cofactor(0, c));
     let determinant: f64 = terms.iter().sum();
-    // Against the product of the rows' lengths, the determinant is a pure number: 1 for orthogonal rows.
+    // Divided by the product of the row lengths, the determinant does not depend on scale: it is 1 for orthogonal rows.
     let volume: f64 = m.iter().map(|r| (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]).sqrt()).product();
     if !determinant.is_finite() || determinant.abs() <= volume * 1.0e-10 {
         return None;

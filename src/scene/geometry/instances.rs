@@ -1,5 +1,7 @@
-//! Drawn meshes → [`GpuInstance`] in stable slots, and the top level over them.  What moved keeps its last transform for one frame;
-//! the top level of the last frame stays beside the new one, so that temporal reuse can trace the past.
+//! Keeps a [`GpuInstance`] in a stable slot for each mesh instance of the scene, and builds the top-level tree over them.
+//!
+//! Each record has the transform of the last frame, and the top level of the last frame is kept beside the new one, because temporal reuse
+//! traces rays through the previous scene.
 
 use bevy::{
     asset::AssetServer,
@@ -18,25 +20,25 @@ use crate::scene::{
     accel::blas::Bounds,
     accel::ray_query::{AccelerationStructures, Placed},
     accel::tlas::{self, Tlas},
-    asset_wait::Arrivals,
+    asset_wait::AssetWait,
     extract::{ExtractedInstance, ExtractedScene},
     features::SceneFeatures,
-    geometry::meshes::MeshPool,
-    geometry::render_layers::MOST_SETS,
+    geometry::meshes::{MeshEntry, MeshPool},
+    geometry::render_layers::MAX_LAYER_SETS,
     material::materials::MaterialPool,
-    storage::growable_buffer::{GpuArray, Overflow, dirty_runs},
+    storage::{dirty_runs::dirty_runs, growable_buffer::GrowableBuffer, overflow_warning::OverflowWarning},
 };
 
-/// A top level on the GPU.
+/// A top-level tree in the node buffer.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct GpuTlas {
-    /// Nodes and, from `indices` on, the packed instance list.
+    /// Range of the nodes and of the packed instance indices behind them.
     pub range: Range<u32>,
     nodes: u32,
 }
 
 impl GpuTlas {
-    /// Beside the bottom levels, and the bytes sent; `None` where the device has no room.
+    /// Writes a tree to the node buffer and returns it with the number of bytes sent; `None` if the device has no room.
     pub(crate) fn write(
         tlas: &Tlas,
         meshes: &mut MeshPool,
@@ -53,25 +55,28 @@ impl GpuTlas {
         Some((Self { range, nodes }, bytes))
     }
 
+    /// Index of the root node, or `NONE` for an empty tree.
     pub(crate) fn root(&self) -> u32 {
         if self.nodes == 0 { NONE } else { self.range.start }
     }
 
+    /// Position of the instance indices in the node buffer, in elements of 16 bytes.
     pub(crate) fn indices(&self) -> u32 {
         (self.range.start + self.nodes) * NODE_STRIDE
     }
 }
 
-/// An instance that rays can meet.
+/// An instance that at least one camera sees.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LiveInstance {
     pub slot: u32,
     pub entity: MainEntity,
     pub mesh: bevy::asset::AssetId<bevy::mesh::Mesh>,
     pub material: u32,
-    /// Bits of the cameras that see it, and of those whose other rays meet it.
-    pub seen_by: u32,
-    pub met_by: u32,
+    /// Bits of the cameras that see it.
+    pub camera_mask: u32,
+    /// Bits of the cameras whose other rays can hit it: 0 for a `NotShadowCaster`.
+    pub ray_mask: u32,
 }
 
 /// The instances of the scene.
@@ -79,37 +84,42 @@ pub(crate) struct LiveInstance {
 pub(crate) struct InstancePool {
     slots: HashMap<MainEntity, u32>,
     free: Vec<u32>,
-    wanted: Vec<GpuInstance>,
+    /// By slot.
+    records: Vec<GpuInstance>,
+    /// The records that the GPU has.
     uploaded: Vec<GpuInstance>,
-    /// World boxes of the live slots, as the current top level has them.
-    boxes: Vec<(u32, Bounds)>,
-    /// As this frame has them.
-    boxes_of_frame: Vec<(u32, Bounds)>,
+    /// World bounds of the instances in the current top level, by slot.
+    bounds: Vec<(u32, Bounds)>,
+    /// World bounds of the instances of this frame that rays can hit.
+    new_bounds: Vec<(u32, Bounds)>,
     pub live: Vec<LiveInstance>,
-    pub gpu: GpuArray<GpuInstance>,
+    pub gpu: GrowableBuffer<GpuInstance>,
     current: GpuTlas,
-    /// The last frame's, where it differs.
+    /// The top level of the last frame; `None` if it equals the current one.
     previous: Option<GpuTlas>,
-    /// In place of both where rays are traced by ray queries.
+    /// Replaces both when rays are traced by ray queries.
     pub structures: Option<AccelerationStructures>,
-    /// What they are to hold.
+    /// The instances for `structures`.
     placed: Vec<Placed>,
-    /// Warned about already.
-    reported: HashSet<MainEntity>,
-    absent: HashSet<MainEntity>,
-    arrivals: Arrivals,
-    overflow: Overflow,
+    /// Entities with an unusable transform that a warning has named.
+    warned_transforms: HashSet<MainEntity>,
+    /// Entities with a missing mesh or material that a warning has named.
+    warned_missing: HashSet<MainEntity>,
+    asset_wait: AssetWait,
+    overflow: OverflowWarning,
     pub features: SceneFeatures,
-    /// An instance waits for its mesh or material.
+    /// Some instance waits for its mesh or material.
     pub waiting: bool,
+    /// Bounding sphere of all instances that rays can hit.
     pub center: [f32; 3],
     pub radius: f32,
+    /// Triangles of all instances.
     pub triangles: u64,
-    /// Counts moves.
+    /// Counts the frames in which instances moved.
     pub motion_revision: u64,
-    /// Counts every other change.
+    /// Counts all other changes.
     pub edit_revision: u64,
-    /// Bytes of nodes sent in this frame.
+    /// Bytes of the top level sent in this frame.
     pub uploaded_nodes: u64,
 }
 
@@ -118,20 +128,20 @@ impl Default for InstancePool {
         Self {
             slots: HashMap::default(),
             free: Vec::new(),
-            wanted: Vec::new(),
+            records: Vec::new(),
             uploaded: Vec::new(),
-            boxes: Vec::new(),
-            boxes_of_frame: Vec::new(),
+            bounds: Vec::new(),
+            new_bounds: Vec::new(),
             live: Vec::new(),
-            gpu: GpuArray::new("instances"),
+            gpu: GrowableBuffer::new("instances"),
             current: GpuTlas::default(),
             previous: None,
             structures: None,
             placed: Vec::new(),
-            reported: HashSet::default(),
-            absent: HashSet::default(),
-            arrivals: Arrivals::default(),
-            overflow: Overflow::default(),
+            warned_transforms: HashSet::default(),
+            warned_missing: HashSet::default(),
+            asset_wait: AssetWait::default(),
+            overflow: OverflowWarning::default(),
             features: SceneFeatures::empty(),
             waiting: true,
             center: [0.0; 3],
@@ -144,7 +154,8 @@ impl Default for InstancePool {
     }
 }
 
-const ABSENT: GpuInstance = GpuInstance {
+/// The record of a free slot.
+const EMPTY_SLOT: GpuInstance = GpuInstance {
     world_from_object: [[0.0; 4]; 3],
     object_from_world: [[0.0; 4]; 3],
     previous_world_from_object: [[0.0; 4]; 3],
@@ -158,27 +169,41 @@ const ABSENT: GpuInstance = GpuInstance {
     entity: 0,
 };
 
-/// An instance but for where it is, and where its lights are in the table, if they are: what a history holds of them is mapped from table
-/// to table.
-fn without_place(instance: &GpuInstance) -> GpuInstance {
-    let nowhere = Rows::default();
+/// The record without its transforms and the position of its lights in the light table.  A history stays valid when only those change:
+/// temporal reuse has the transforms of both frames, and maps light ids from one table to the other.
+fn without_placement(instance: &GpuInstance) -> GpuInstance {
+    let zero = Rows::default();
     GpuInstance {
-        world_from_object: nowhere,
-        object_from_world: nowhere,
-        previous_world_from_object: nowhere,
+        world_from_object: zero,
+        object_from_world: zero,
+        previous_world_from_object: zero,
         first_light: if instance.first_light == NONE { NONE } else { 0 },
         ..*instance
     }
 }
 
+fn flags_of(extracted: &ExtractedInstance, mesh: &MeshEntry, material: &GpuMaterial) -> u32 {
+    let mut flags = 0;
+    if extracted.world_from_object.matrix3.determinant() < 0.0 {
+        flags |= INSTANCE_MIRRORED;
+    }
+    if material.flags & (MATERIAL_ALPHA_MASK | MATERIAL_ALPHA_BLEND) != 0 {
+        flags |= INSTANCE_ALPHA;
+    }
+    if !mesh.second_uvs.is_empty() {
+        flags |= INSTANCE_SECOND_UV;
+    }
+    flags
+}
+
 impl InstancePool {
-    /// A pool whose top levels are the device's own acceleration structures.
+    /// A pool that uses the device's own acceleration structures.
     pub(crate) fn for_ray_queries() -> Self {
         Self { structures: Some(AccelerationStructures::default()), ..Default::default() }
     }
 
-    /// Brings the slots up to the extracted list, of which the device can bind `limit`.  The materials are packed already; lights are
-    /// filled in afterwards.
+    /// Updates the slots from the extracted instances, at most `limit` of them.  Materials are packed before this call, and light ids are
+    /// set after it.
     pub(crate) fn update(
         &mut self,
         scene: &ExtractedScene,
@@ -188,78 +213,78 @@ impl InstancePool {
         limit: u32,
     ) {
         self.waiting = false;
-        self.arrivals.begin_frame();
+        self.asset_wait.begin_frame();
         self.live.clear();
         self.features = SceneFeatures::empty();
         self.triangles = 0;
-        self.boxes_of_frame.clear();
-        let mut seen = vec![false; self.wanted.len()];
+        self.new_bounds.clear();
+        let mut is_used = vec![false; self.records.len()];
         let mut left_out = 0;
         for extracted in &scene.instances {
-            let Some((mut instance, world_box)) = self.instance_of(extracted, meshes, materials, assets) else {
+            let Some((mut instance, world_bounds)) = self.record_of(extracted, meshes, materials, assets) else {
                 continue;
             };
             let Some(slot) = self.slot_of(extracted.entity, limit) else {
                 left_out += 1;
                 continue;
             };
-            seen.resize(self.wanted.len(), false);
-            seen[slot as usize] = true;
-            let old = &self.wanted[slot as usize];
+            is_used.resize(self.records.len(), false);
+            is_used[slot as usize] = true;
+            let old = &self.records[slot as usize];
             if old.blas_root != NONE {
                 instance.previous_world_from_object = old.world_from_object;
             }
             instance.first_light = old.first_light;
             self.features |= materials.features(instance.material);
             self.triangles += instance.triangle_count as u64;
-            self.wanted[slot as usize] = instance;
-            // What no ray meets is not in the tree; the camera sees it all the same.
-            let met_by = if extracted.casts_shadows { extracted.seen_by } else { 0 };
-            if met_by != 0 {
-                self.boxes_of_frame.push((slot, world_box));
+            self.records[slot as usize] = instance;
+            // A `NotShadowCaster` is not in the tree.  The camera still sees it, because the visibility pass rasterizes it.
+            let ray_mask = if extracted.casts_shadows { extracted.camera_mask } else { 0 };
+            if ray_mask != 0 {
+                self.new_bounds.push((slot, world_bounds));
             }
             self.live.push(LiveInstance {
                 slot,
                 entity: extracted.entity,
                 mesh: extracted.mesh,
                 material: instance.material,
-                seen_by: extracted.seen_by,
-                met_by,
+                camera_mask: extracted.camera_mask,
+                ray_mask,
             });
         }
-        let (wanted, free) = (&mut self.wanted, &mut self.free);
+        let (records, free) = (&mut self.records, &mut self.free);
         self.slots.retain(|_, slot| {
-            let present = seen[*slot as usize];
-            if !present {
-                wanted[*slot as usize] = ABSENT;
+            let is_used = is_used[*slot as usize];
+            if !is_used {
+                records[*slot as usize] = EMPTY_SLOT;
                 free.push(*slot);
             }
-            present
+            is_used
         });
-        if self.overflow.is_news(left_out, meshes.idle() && !self.waiting) {
-            warn!("restir: {left_out} meshes are left out: this device binds {limit} at most");
+        if self.overflow.should_warn(left_out, meshes.idle() && !self.waiting) {
+            warn!("restir: {left_out} meshes are left out, because this device binds at most {limit} instances");
         }
     }
 
-    /// The slot of an entity; `None` where there are no more than `limit` and all are taken.
+    /// The slot of an entity; `None` if all `limit` slots are taken.
     fn slot_of(&mut self, entity: MainEntity, limit: u32) -> Option<u32> {
         if let Some(&slot) = self.slots.get(&entity) {
             return Some(slot);
         }
         let slot = match self.free.pop() {
             Some(slot) => slot,
-            None if self.wanted.len() as u32 >= limit => return None,
+            None if self.records.len() as u32 >= limit => return None,
             None => {
-                self.wanted.push(ABSENT);
-                self.wanted.len() as u32 - 1
+                self.records.push(EMPTY_SLOT);
+                self.records.len() as u32 - 1
             }
         };
         self.slots.insert(entity, slot);
         Some(slot)
     }
 
-    /// The record of an instance and its box; `None` while something is missing or where rays can never meet it.
-    fn instance_of(
+    /// The record of an instance and its world bounds; `None` if its mesh or material is missing, or if it cannot be shown.
+    fn record_of(
         &mut self,
         extracted: &ExtractedInstance,
         meshes: &MeshPool,
@@ -270,48 +295,28 @@ impl InstancePool {
             return None;
         }
         let (Some(mesh), Some(material)) = (meshes.get(extracted.mesh), materials.slot(extracted.material)) else {
-            // What nobody loads or builds never comes: the rest is shown without it.
-            let mesh_comes = meshes.get(extracted.mesh).is_some()
-                || meshes.is_building(extracted.mesh)
-                || self.arrivals.is_coming(extracted.mesh, assets);
-            let coming = mesh_comes
-                && (materials.slot(extracted.material).is_some()
-                    || self.arrivals.is_coming(extracted.material, assets));
-            self.waiting |= coming;
-            if !coming && self.absent.insert(extracted.entity) {
-                warn!(
-                    "restir: entity {} has a mesh or a material that does not exist; it is left out",
-                    *extracted.entity
-                );
-            }
+            self.wait_for_assets(extracted, meshes, materials, assets);
             return None;
         };
         let world_from_object = tlas::rows(&extracted.world_from_object);
         let inverse = tlas::inverse(&world_from_object);
         let bounds = tlas::world_bounds(&world_from_object, &mesh.bounds);
         let (Some(object_from_world), Some(bounds)) = (inverse, bounds) else {
-            if self.reported.insert(extracted.entity) {
+            if self.warned_transforms.insert(extracted.entity) {
                 warn!("restir: entity {} has a singular or non-finite transform; it is left out", *extracted.entity);
             }
             return None;
         };
         if extracted.skinned {
-            warn_once!("restir: skinned meshes are shown in their bind pose (entity {})", *extracted.entity);
+            warn_once!("restir: skinned meshes are rendered in their bind pose (entity {})", *extracted.entity);
         }
         if extracted.morphed {
-            warn_once!("restir: morphed meshes are shown as they are at rest (entity {})", *extracted.entity);
+            warn_once!(
+                "restir: morphed meshes are rendered without their morph targets (entity {})",
+                *extracted.entity
+            );
         }
-        let packed = materials.get(material)?;
-        let mut flags = 0;
-        if extracted.world_from_object.matrix3.determinant() < 0.0 {
-            flags |= INSTANCE_MIRRORED;
-        }
-        if packed.flags & (MATERIAL_ALPHA_MASK | MATERIAL_ALPHA_BLEND) != 0 {
-            flags |= INSTANCE_ALPHA;
-        }
-        if !mesh.second_uvs.is_empty() {
-            flags |= INSTANCE_SECOND_UV;
-        }
+        let flags = flags_of(extracted, mesh, materials.get(material)?);
         let instance = GpuInstance {
             world_from_object,
             object_from_world,
@@ -322,40 +327,64 @@ impl InstancePool {
             material,
             first_light: NONE,
             flags,
-            layers: if extracted.casts_shadows { extracted.seen_by } else { 0 } | extracted.seen_by << MOST_SETS,
+            layers: if extracted.casts_shadows { extracted.camera_mask } else { 0 }
+                | extracted.camera_mask << MAX_LAYER_SETS,
             entity: extracted.entity.index_u32(),
         };
         Some((instance, bounds))
     }
 
-    /// A light id for the first triangle of a slot; the others follow.
+    /// Waits for the assets of an instance if they are being loaded or built; else warns once that one is missing.
+    fn wait_for_assets(
+        &mut self,
+        extracted: &ExtractedInstance,
+        meshes: &MeshPool,
+        materials: &mut MaterialPool,
+        assets: &AssetServer,
+    ) {
+        let mesh_will_exist = meshes.get(extracted.mesh).is_some()
+            || meshes.is_building(extracted.mesh)
+            || self.asset_wait.is_pending(extracted.mesh, assets);
+        let is_pending = mesh_will_exist
+            && (materials.slot(extracted.material).is_some() || self.asset_wait.is_pending(extracted.material, assets));
+        self.waiting |= is_pending;
+        if !is_pending && self.warned_missing.insert(extracted.entity) {
+            warn!(
+                "restir: entity {} has a mesh or a material that does not exist; the entity is left out",
+                *extracted.entity
+            );
+        }
+    }
+
+    /// Sets the light id of the first triangle in a slot; those of the other triangles follow it.
     pub(crate) fn set_first_light(&mut self, slot: u32, light: u32) {
-        self.wanted[slot as usize].first_light = light;
+        self.records[slot as usize].first_light = light;
     }
 
     /// The record of a slot.
     pub(crate) fn get(&self, slot: u32) -> &GpuInstance {
-        &self.wanted[slot as usize]
+        &self.records[slot as usize]
     }
 
-    /// Rebuilds the top level where a box changed, and lets go of the last frame's where none did for a frame.
+    /// Rebuilds the top level if any bounds changed.  The top level of the last frame is released one frame later.
     pub(crate) fn build_top_level(&mut self, meshes: &mut MeshPool, device: &RenderDevice, queue: &RenderQueue) {
         self.uploaded_nodes = 0;
         if self.structures.is_some() {
-            self.place(meshes, device, queue);
+            self.update_structures(meshes, device, queue);
             return;
         }
         if let Some(old) = self.previous.take() {
             meshes.release_nodes(old.range);
         }
-        if self.boxes_of_frame == self.boxes {
+        if !self.update_bounds() {
             return;
         }
-        core::mem::swap(&mut self.boxes, &mut self.boxes_of_frame);
-        self.measure();
-        let tlas = tlas::build_tlas(&self.boxes);
+        let tlas = tlas::build_tlas(&self.bounds);
         let Some((fresh, bytes)) = GpuTlas::write(&tlas, meshes, device, queue) else {
-            warn_once!("restir: the top level over {} instances does not fit this device", self.boxes.len());
+            warn_once!(
+                "restir: the top-level tree over {} instances does not fit this device; rays use the last tree that fit",
+                self.bounds.len()
+            );
             return;
         };
         self.uploaded_nodes = bytes;
@@ -363,22 +392,19 @@ impl InstancePool {
         self.motion_revision += 1;
     }
 
-    /// The same for the device's own acceleration structures.
-    fn place(&mut self, meshes: &mut MeshPool, device: &RenderDevice, queue: &RenderQueue) {
-        if self.boxes_of_frame != self.boxes {
-            core::mem::swap(&mut self.boxes, &mut self.boxes_of_frame);
-            self.measure();
-        }
+    /// Rebuilds the device's own acceleration structures if an instance changed.
+    fn update_structures(&mut self, meshes: &mut MeshPool, device: &RenderDevice, queue: &RenderQueue) {
+        self.update_bounds();
         self.placed.clear();
-        self.placed.extend(self.live.iter().filter(|live| live.met_by != 0).filter_map(|live| {
-            let (mesh, instance) = (meshes.get(live.mesh)?, &self.wanted[live.slot as usize]);
+        self.placed.extend(self.live.iter().filter(|live| live.ray_mask != 0).filter_map(|live| {
+            let (mesh, instance) = (meshes.get(live.mesh)?, &self.records[live.slot as usize]);
             Some(Placed {
                 slot: live.slot,
                 mesh: mesh.version,
                 triangles: mesh.triangles.clone(),
                 world_from_object: instance.world_from_object,
                 opaque: instance.flags & INSTANCE_ALPHA == 0,
-                mask: live.met_by as u8,
+                mask: live.ray_mask as u8,
             })
         }));
         let Some(structures) = &mut self.structures else { return };
@@ -395,16 +421,25 @@ impl InstancePool {
         }
     }
 
-    /// Sphere round every box.
-    fn measure(&mut self) {
+    /// Takes over the bounds of this frame and returns whether any changed.
+    fn update_bounds(&mut self) -> bool {
+        let changed = self.new_bounds != self.bounds;
+        if changed {
+            core::mem::swap(&mut self.bounds, &mut self.new_bounds);
+            self.update_bounding_sphere();
+        }
+        changed
+    }
+
+    fn update_bounding_sphere(&mut self) {
         let (mut low, mut high) = ([f32::MAX; 3], [f32::MIN; 3]);
-        for (_, (a, b)) in &self.boxes {
+        for (_, (a, b)) in &self.bounds {
             for i in 0..3 {
                 low[i] = low[i].min(a[i]);
                 high[i] = high[i].max(b[i]);
             }
         }
-        if self.boxes.is_empty() {
+        if self.bounds.is_empty() {
             (self.center, self.radius) = ([0.0; 3], 0.0);
             return;
         }
@@ -413,28 +448,31 @@ impl InstancePool {
         self.radius = half.iter().map(|h| h * h).sum::<f64>().sqrt().min(1e18) as f32;
     }
 
-    /// Sends what changed.  Returns the bytes sent.
+    /// Uploads the records that changed.  Returns the number of bytes sent.
     pub(crate) fn upload(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {
-        let runs = dirty_runs(&self.uploaded, &self.wanted);
+        let runs = dirty_runs(&self.uploaded, &self.records);
         if runs.is_empty() {
             return 0;
         }
-        if !self.gpu.reserve(self.wanted.len() as u32, device, queue) {
-            warn_once!("restir: {} instances are more than this device can bind", self.wanted.len());
+        if !self.gpu.reserve(self.records.len() as u32, device, queue) {
+            warn_once!(
+                "restir: {} instances are more than this device can bind; the last upload stays in use",
+                self.records.len()
+            );
             return 0;
         }
         for i in runs.iter().flat_map(|r| r.clone()) {
-            let (old, new) = (self.uploaded.get(i), &self.wanted[i]);
-            // A change of the last frame's transform alone shows nothing new.
+            let (old, new) = (self.uploaded.get(i), &self.records[i]);
+            // A change of the previous transform alone is not visible: the instance has stopped.
             self.motion_revision += old.is_none_or(|old| old.world_from_object != new.world_from_object) as u64;
-            self.edit_revision += old.is_none_or(|old| without_place(old) != without_place(new)) as u64;
+            self.edit_revision += old.is_none_or(|old| without_placement(old) != without_placement(new)) as u64;
         }
-        let bytes = runs.into_iter().map(|r| self.gpu.write(r.start as u32, &self.wanted[r], queue)).sum();
-        self.uploaded.clone_from(&self.wanted);
+        let bytes = runs.into_iter().map(|r| self.gpu.write(r.start as u32, &self.records[r], queue)).sum();
+        self.uploaded.clone_from(&self.records);
         bytes
     }
 
-    /// Roots and instance lists of this frame's top level and of the last frame's.
+    /// Root and position of the instance indices for the top level of this frame, then for that of the last frame.
     pub(crate) fn top_levels(&self) -> [u32; 4] {
         if let Some([current, previous]) = self.structures.as_ref().map(AccelerationStructures::roots) {
             return [current, NONE, previous, NONE];
@@ -443,8 +481,8 @@ impl InstancePool {
         [self.current.root(), self.current.indices(), previous.root(), previous.indices()]
     }
 
-    /// Slots in use, holes included.
+    /// Number of slots, including free ones.
     pub(crate) fn len(&self) -> u32 {
-        self.wanted.len() as u32
+        self.records.len() as u32
     }
 }

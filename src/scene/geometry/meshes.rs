@@ -1,5 +1,7 @@
-//! Meshes as rays see them: geometry taken where Bevy hands it to the render world, bottom levels built in tasks, ranges of the
-//! shared buffers.  A mesh that changes keeps its old triangles until the new ones are ready.
+//! Keeps the triangles and the bottom-level tree of each mesh in shared buffers.
+//!
+//! Meshes are taken from Bevy's extraction, before Bevy moves their vertices to the GPU, and background tasks build the trees.  A changed
+//! mesh keeps its old triangles until the new tree is ready.
 
 use bevy::{
     asset::{AssetId, AssetServer},
@@ -25,8 +27,7 @@ use crate::scene::{
     accel::blas::{self, Blas, Bounds},
     extract::ExtractedInstance,
     geometry::triangulate::{self, Dropped, GeometryError},
-    storage::data_texture::DataTexture,
-    storage::growable_buffer::{GpuArray, RangeAllocator},
+    storage::{data_texture::DataTexture, growable_buffer::GrowableBuffer, range_allocator::RangeAllocator},
 };
 
 /// A mesh on the GPU.
@@ -34,16 +35,16 @@ pub(crate) struct MeshEntry {
     nodes: Range<u32>,
     pub triangles: Range<u32>,
     pub bounds: Bounds,
-    /// Object-space corners in leaf order, for the power of emissive triangles.
+    /// Object-space corners in the order of the leaves, for the power of emissive triangles.
     pub positions: Vec<[[f32; 3]; 3]>,
-    /// Second texture coordinates in the same order, kept until a material asks for them; empty where the mesh has none.
+    /// Second texture coordinates in the same order, for the time when a material uses them; empty if the mesh has none.
     pub second_uvs: Vec<[[f32; 2]; 3]>,
-    /// Changes when the triangles do.
+    /// Changes when the triangles change.
     pub version: u64,
 }
 
 impl MeshEntry {
-    /// Node index of the root; of its first triangle where the device keeps the tree.
+    /// Index of the root node; with ray queries, where we have no nodes, index of the first triangle.
     pub(crate) fn root(&self) -> u32 {
         if self.nodes.is_empty() { self.triangles.start } else { self.nodes.start }
     }
@@ -54,18 +55,18 @@ type Built = (Result<Option<Blas>, GeometryError>, Dropped);
 /// A mesh that is being built.
 struct Build {
     task: Task<Built>,
-    /// What it has become since: built next.
+    /// The newest version of the mesh, if it changed during the build; it is built next.
     newest: Option<Mesh>,
 }
 
-/// What can be wrong with a mesh.
+/// Reasons to warn about a mesh.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
-enum Flaw {
-    /// Some triangles are left out.
-    Partial,
+enum MeshProblem {
+    /// Some triangles are unusable and left out.
+    UnusableTriangles,
     TooLarge,
-    NoTriangle,
-    NotTriangles,
+    NoUsableTriangle,
+    LinesOrPoints,
     Unreadable,
 }
 
@@ -74,24 +75,25 @@ enum Flaw {
 pub(crate) struct MeshPool {
     entries: HashMap<AssetId<Mesh>, MeshEntry>,
     building: HashMap<AssetId<Mesh>, Build>,
-    /// Meshes without a single usable triangle: nothing waits for them.
+    /// Meshes without a usable triangle, which no instance waits for.
     empty: HashSet<AssetId<Mesh>>,
-    /// Warned of already.
-    told: HashSet<(AssetId<Mesh>, Flaw)>,
-    /// Lines and points, and what to say of them once a thing is made of them: whatever else draws them needs no triangles.
-    unlit: HashMap<AssetId<Mesh>, String>,
+    /// Problems that a warning has named.
+    warned: HashSet<(AssetId<Mesh>, MeshProblem)>,
+    /// Warnings about meshes of lines or points.  They are given when an instance with a `StandardMaterial` uses the mesh, because other
+    /// materials can draw lines and points.
+    lines_and_points: HashMap<AssetId<Mesh>, String>,
     node_ranges: RangeAllocator,
     triangle_ranges: RangeAllocator,
-    pub nodes: GpuArray<[[u32; 4]; NODE_STRIDE as usize]>,
-    pub triangles: GpuArray<GpuTriangle>,
-    pub attributes: GpuArray<GpuTriangleAttributes>,
-    /// Beside the triangles, in scenes where a texture goes by them.
+    pub nodes: GrowableBuffer<[[u32; 4]; NODE_STRIDE as usize]>,
+    pub triangles: GrowableBuffer<GpuTriangle>,
+    pub attributes: GrowableBuffer<GpuTriangleAttributes>,
+    /// Second texture coordinates of the triangles, in scenes with a texture that uses them.
     pub second_uvs: DataTexture<[[f32; 2]; 3]>,
-    /// Versions of the meshes that are in there.
-    second_uvs_of: HashMap<AssetId<Mesh>, u64>,
-    versions: u64,
-    /// Rays are traced by ray queries: the trees are the device's, and only the order of their leaves is ours, so that both back ends
-    /// number triangles alike.
+    /// Versions of the meshes whose coordinates are in `second_uvs`.
+    second_uvs_versions: HashMap<AssetId<Mesh>, u64>,
+    last_version: u64,
+    /// Rays are traced by ray queries.  The device then builds its own trees, and ours only order the triangles, so that both back ends
+    /// give a triangle the same index.
     ray_queries: bool,
     /// Bytes sent in this frame.
     pub uploaded: u64,
@@ -103,31 +105,31 @@ impl Default for MeshPool {
             entries: HashMap::default(),
             building: HashMap::default(),
             empty: HashSet::default(),
-            told: HashSet::default(),
-            unlit: HashMap::default(),
+            warned: HashSet::default(),
+            lines_and_points: HashMap::default(),
             node_ranges: RangeAllocator::default(),
             triangle_ranges: RangeAllocator::default(),
-            nodes: GpuArray::new("acceleration structures"),
-            triangles: GpuArray::new("triangles"),
-            attributes: GpuArray::new("triangle attributes"),
+            nodes: GrowableBuffer::new("acceleration structures"),
+            triangles: GrowableBuffer::new("triangles"),
+            attributes: GrowableBuffer::new("triangle attributes"),
             second_uvs: DataTexture::new("second texture coordinates", TextureFormat::Rg32Float, 3),
-            second_uvs_of: HashMap::default(),
-            versions: 0,
+            second_uvs_versions: HashMap::default(),
+            last_version: 0,
             ray_queries: false,
             uploaded: 0,
         }
     }
 }
 
-/// Starts a build for every mesh that was added or changed.  One that is being built is built to its end and shown: of a mesh that
-/// changes faster than it is built every shape is late, but it moves.
+/// Starts a build for each mesh that was added or changed.  A running build is finished and shown first, so that a mesh that changes faster
+/// than it is built still moves, although late.
 pub(crate) fn queue_meshes(mut pool: ResMut<MeshPool>, extracted: Res<ExtractedAssets<RenderMesh>>) {
     let pool = &mut *pool;
     for id in &extracted.removed {
         pool.building.remove(id);
         pool.empty.remove(id);
-        pool.unlit.remove(id);
-        pool.told.retain(|(told, _)| told != id);
+        pool.lines_and_points.remove(id);
+        pool.warned.retain(|(mesh, _)| mesh != id);
         pool.release(*id);
     }
     for (id, mesh) in &extracted.extracted {
@@ -148,7 +150,7 @@ fn build(mesh: Mesh) -> Task<Built> {
     })
 }
 
-/// Uploads what was built since the last frame.
+/// Uploads the meshes whose build has finished since the last frame.
 pub(crate) fn finish_meshes(
     mut pool: ResMut<MeshPool>,
     device: Res<RenderDevice>,
@@ -164,46 +166,47 @@ pub(crate) fn finish_meshes(
         let newest = running.newest.take().map(build);
         newest.map(|task| running.task = task).is_some()
     });
-    // The order in which tasks end must not decide where a mesh lies.
+    // Sorted, so that the layout of the buffers does not depend on the order in which tasks end.
     done.sort_unstable_by_key(|(id, _)| *id);
     for (id, (built, dropped)) in done {
         if dropped.total() > 0 {
             let Dropped { out_of_range, non_finite, degenerate } = dropped;
-            let left_out = format!(
-                ": left out {out_of_range} triangles with indices out of range, {non_finite} that are not finite, {degenerate} without \
-                 area"
+            let text = format!(
+                "has unusable triangles, which are left out: {out_of_range} with indices out of range, {non_finite} that are not finite, \
+                 {degenerate} without area"
             );
-            pool.tell(id, Flaw::Partial, &left_out, assets.as_deref());
+            pool.warn(id, MeshProblem::UnusableTriangles, &text, assets.as_deref());
         }
-        let (flaw, trouble) = match built {
+        let (problem, reason) = match built {
             Ok(Some(blas)) => {
                 if pool.insert(id, blas, &device, &queue) {
                     pool.empty.remove(&id);
-                    if pool.unlit.remove(&id).is_some() {
-                        pool.told.remove(&(id, Flaw::NotTriangles));
+                    if pool.lines_and_points.remove(&id).is_some() {
+                        pool.warned.remove(&(id, MeshProblem::LinesOrPoints));
                     }
                     continue;
                 }
-                (Flaw::TooLarge, " does not fit the buffers of this device".into())
+                (MeshProblem::TooLarge, "does not fit the buffers of this device".into())
             }
-            Ok(None) => (Flaw::NoTriangle, " has no usable triangle".into()),
-            Err(error @ GeometryError::Topology(_)) => (Flaw::NotTriangles, format!(": {error}")),
-            Err(error) => (Flaw::Unreadable, format!(": {error}")),
+            Ok(None) => (MeshProblem::NoUsableTriangle, "has no usable triangle".into()),
+            Err(error @ GeometryError::Topology(_)) => (MeshProblem::LinesOrPoints, error.to_string()),
+            Err(error) => (MeshProblem::Unreadable, error.to_string()),
         };
-        pool.tell(id, flaw, &format!("{trouble}; it is left out"), assets.as_deref());
+        pool.warn(id, problem, &format!("{reason}; it is left out"), assets.as_deref());
         pool.release(id);
         pool.empty.insert(id);
     }
 }
 
 impl MeshPool {
-    /// A pool whose triangles the device builds its acceleration structures from.
+    /// A pool for ray queries: the device builds its acceleration structures from our triangle buffer.
     pub(crate) fn for_ray_queries() -> Self {
         let mut pool = Self { ray_queries: true, ..Default::default() };
         pool.triangles.add_usage(BufferUsages::BLAS_INPUT);
         pool
     }
 
+    /// Uploads a mesh in place of its old version; false if it does not fit the device.
     fn insert(&mut self, id: AssetId<Mesh>, mut blas: Blas, device: &RenderDevice, queue: &RenderQueue) -> bool {
         if self.ray_queries {
             let vertices = 3 * blas.triangles.len() as u64;
@@ -227,14 +230,14 @@ impl MeshPool {
         self.uploaded += self.nodes.write(nodes.start, bytemuck::cast_slice(&blas.nodes), queue)
             + self.triangles.write(triangles.start, &blas.triangles, queue)
             + self.attributes.write(triangles.start, &blas.attributes, queue);
-        self.versions += 1;
+        self.last_version += 1;
         let entry = MeshEntry {
             nodes,
             triangles,
             bounds: blas.bounds,
             positions: blas.triangles.iter().map(|t| [t.a, t.b, t.c]).collect(),
             second_uvs: blas.second_uvs,
-            version: self.versions,
+            version: self.last_version,
         };
         if let Some(old) = self.entries.insert(id, entry) {
             self.node_ranges.release(old.nodes);
@@ -243,91 +246,92 @@ impl MeshPool {
         true
     }
 
-    /// Warns of a mesh, once for as long as it exists: it may be built in every frame.
-    fn tell(&mut self, id: AssetId<Mesh>, flaw: Flaw, text: &str, assets: Option<&AssetServer>) {
-        if !self.told.insert((id, flaw)) {
+    /// Warns about a mesh once while the asset exists, because it may be built again in every frame.
+    fn warn(&mut self, id: AssetId<Mesh>, problem: MeshProblem, text: &str, assets: Option<&AssetServer>) {
+        if !self.warned.insert((id, problem)) {
             return;
         }
         let name = assets.and_then(|a| a.get_path(id)).map_or_else(|| id.to_string(), |path| path.to_string());
-        match flaw {
-            Flaw::NotTriangles => _ = self.unlit.insert(id, format!("{name}{text}")),
-            _ => warn!("restir: mesh {name}{text}"),
+        let warning = format!("restir: mesh {name} {text}");
+        match problem {
+            MeshProblem::LinesOrPoints => _ = self.lines_and_points.insert(id, warning),
+            _ => warn!("{warning}"),
         }
     }
 
-    /// Warns of things that are made of lines or points.
-    pub(crate) fn tell_of_unlit(&mut self, instances: &[ExtractedInstance]) {
-        if self.unlit.is_empty() {
+    /// Warns about instances whose mesh consists of lines or points.
+    pub(crate) fn warn_of_lines_and_points(&mut self, instances: &[ExtractedInstance]) {
+        if self.lines_and_points.is_empty() {
             return;
         }
-        for text in instances.iter().filter_map(|instance| self.unlit.remove(&instance.mesh)) {
-            warn!("restir: mesh {text}");
+        for warning in instances.iter().filter_map(|instance| self.lines_and_points.remove(&instance.mesh)) {
+            warn!("{warning}");
         }
     }
 
-    /// Gives back what a mesh takes of the buffers.
+    /// Frees the ranges of a mesh in the buffers.
     fn release(&mut self, id: AssetId<Mesh>) {
-        self.second_uvs_of.remove(&id);
+        self.second_uvs_versions.remove(&id);
         if let Some(entry) = self.entries.remove(&id) {
             self.node_ranges.release(entry.nodes);
             self.triangle_ranges.release(entry.triangles);
         }
     }
 
-    /// The mesh, once it is on the GPU.
+    /// The mesh; `None` until it is on the GPU.
     pub(crate) fn get(&self, id: AssetId<Mesh>) -> Option<&MeshEntry> {
         self.entries.get(&id)
     }
 
-    /// Sends the second texture coordinates that are not there yet, or gives their memory back.  Returns the bytes sent.
-    pub(crate) fn update_second_uvs(&mut self, wanted: bool, device: &RenderDevice, queue: &RenderQueue) -> u64 {
+    /// If a texture needs second texture coordinates, uploads the missing ones; else frees their memory.  Returns the number of bytes sent.
+    pub(crate) fn update_second_uvs(&mut self, needed: bool, device: &RenderDevice, queue: &RenderQueue) -> u64 {
         let count = self.triangle_ranges.end();
-        if !wanted || count > DataTexture::<[[f32; 2]; 3]>::limit(device) {
-            if wanted {
+        if !needed || count > DataTexture::<[[f32; 2]; 3]>::limit(device) {
+            if needed {
                 warn_once!(
-                    "restir: second texture coordinates of {count} triangles do not fit this device; they are 0"
+                    "restir: the second texture coordinates of {count} triangles do not fit this device; shaders read 0 instead"
                 );
             }
             self.second_uvs.clear();
-            self.second_uvs_of.clear();
-            if wanted {
+            self.second_uvs_versions.clear();
+            if needed {
                 self.second_uvs.reserve(1, device);
             }
             return 0;
         }
         if self.second_uvs.reserve(count, device) {
-            self.second_uvs_of.clear();
+            self.second_uvs_versions.clear();
         }
         let mut bytes = 0;
         for (id, entry) in self.entries.iter().filter(|(_, entry)| !entry.second_uvs.is_empty()) {
-            if self.second_uvs_of.insert(*id, entry.version) != Some(entry.version) {
+            if self.second_uvs_versions.insert(*id, entry.version) != Some(entry.version) {
                 bytes += self.second_uvs.write(entry.triangles.start, &entry.second_uvs, queue);
             }
         }
         bytes
     }
 
-    /// Whether a mesh has these triangles still.
+    /// Versions of all meshes on the GPU.
     pub(crate) fn versions(&self) -> HashSet<u64> {
         self.entries.values().map(|entry| entry.version).collect()
     }
 
-    /// No build is under way.
+    /// Whether no mesh is being built.
     pub(crate) fn idle(&self) -> bool {
         self.building.is_empty()
     }
 
-    /// Its triangles are on their way.
+    /// Whether the mesh is being built.
     pub(crate) fn is_building(&self, id: AssetId<Mesh>) -> bool {
         self.building.contains_key(&id)
     }
 
-    /// Nothing will come of this mesh.
+    /// Whether the mesh has no usable triangle.
     pub(crate) fn is_empty(&self, id: AssetId<Mesh>) -> bool {
         self.empty.contains(&id)
     }
 
-    /// A range of nodes for a top level, beside the bottom levels.
+    /// Allocates nodes for a top-level tree in the buffer of the bottom levels; `None` if they do not fit the device.
     pub(crate) fn allocate_nodes(
         &mut self,
         count: u32,
@@ -342,7 +346,7 @@ impl MeshPool {
         None
     }
 
-    /// Gives such a range back.
+    /// Frees the nodes of a top-level tree.
     pub(crate) fn release_nodes(&mut self, range: Range<u32>) {
         self.node_ranges.release(range);
     }

@@ -1,4 +1,4 @@
-//! Meshes and their instances: triangulation, shared buffers, visibility, and the draw calls of the visibility pass.
+//! Meshes and their instances: triangulation, shared buffers, which cameras see what, and the draw calls of the visibility pass.
 
 pub(crate) mod draw_list;
 pub(crate) mod instances;

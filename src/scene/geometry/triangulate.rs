@@ -1,81 +1,85 @@
-//! Triangles out of a Bevy mesh: any attribute set, index width and triangle topology in; sound positions and packed
-//! attributes out, with what had to be dropped counted by kind.  Skinned and morphed meshes are taken at rest.
+//! Converts a Bevy mesh to triangles with valid positions and packed attributes.
+//!
+//! Any set of attributes, index width and triangle topology is accepted.  Unusable triangles are left out and counted by reason.  Skinned
+//! and morphed meshes are taken in their rest pose.
 
 use crate::gpu_layout::GpuTriangleAttributes;
 use bevy::mesh::{Indices, Mesh, MeshVertexAttribute, PrimitiveTopology, VertexAttributeValues};
 
 type V3 = [f32; 3];
 
-/// Coordinates beyond this, m, are dropped: products of three of them must stay below the largest float.
+/// Largest accepted coordinate, in meters: products of three coordinates must not overflow an f32.
 pub const MAX_COORDINATE: f32 = 1.0e12;
 
-/// Squared doubled area, m⁴, below which a triangle is no triangle: its edge functions would be subnormal.
-const MIN_AREA: f64 = 1.0e-36;
+/// Smallest accepted square of twice the area, in m⁴: below it, the edge functions of the intersection test would be subnormal.
+const MIN_SQUARED_DOUBLE_AREA: f64 = 1.0e-36;
 
-/// What a mesh holds for rays.
+/// The triangles of a mesh.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Geometry {
-    /// Corners of every triangle, object space.
+    /// Corners of each triangle in object space.
     pub positions: Vec<[V3; 3]>,
-    /// What the corners carry, in the same order.
+    /// Attributes of the corners, in the same order.
     pub attributes: Vec<GpuTriangleAttributes>,
-    /// Second texture coordinates of the corners, in the same order; empty where the mesh has none.
+    /// Second texture coordinates of the corners, in the same order; empty if the mesh has none.
     pub second_uvs: Vec<[[f32; 2]; 3]>,
-    /// Triangles left out, by reason.
+    /// Numbers of triangles that are left out.
     pub dropped: Dropped,
-    /// The mesh had normals; without them they are those of the flat triangles.
+    /// The mesh has normals.  Otherwise each triangle has its flat normal.
     pub has_normals: bool,
-    /// The mesh had texture coordinates; without them they are 0.
+    /// The mesh has texture coordinates.  Otherwise they are 0.
     pub has_uvs: bool,
-    /// The mesh had tangents; without them each triangle has its own.
+    /// The mesh has tangents.  Otherwise each triangle gets one from its texture coordinates.
     pub has_tangents: bool,
 }
 
-/// Triangles left out of a [`Geometry`].
+/// Numbers of triangles that are left out of a [`Geometry`], by reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Dropped {
-    /// An index beyond the last vertex.
+    /// An index is beyond the last vertex.
     pub out_of_range: usize,
-    /// A coordinate that is NaN, infinite or beyond [`MAX_COORDINATE`].
+    /// A coordinate is NaN, infinite or beyond [`MAX_COORDINATE`].
     pub non_finite: usize,
-    /// No area.
+    /// The triangle has no area.
     pub degenerate: usize,
 }
 
 impl Dropped {
-    /// All of them.
+    /// The sum over all reasons.
     pub fn total(&self) -> usize {
         self.out_of_range + self.non_finite + self.degenerate
     }
 }
 
-/// Why a mesh holds nothing for rays.
+/// Reasons why a mesh cannot be converted.  Each message continues a sentence that starts with the name of the mesh.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum GeometryError {
-    /// Bevy has moved the mesh's data elsewhere.
+    /// Bevy has already moved the vertices to the render world.
     Extracted,
-    /// No position attribute.
+    /// The mesh has no position attribute.
     NoPositions,
-    /// Positions in a format that is not three or four floats or normalized integers.
+    /// The positions have an unsupported format: not three or four floats or normalized integers.
     PositionFormat(&'static str),
-    /// Lines or points.
+    /// The mesh consists of lines or points.
     Topology(&'static str),
 }
 
 impl std::fmt::Display for GeometryError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::Extracted => write!(f, "its vertices were already moved to the render world"),
-            Self::NoPositions => write!(f, "it has no positions"),
-            Self::PositionFormat(format) => write!(f, "its positions are {format}; Float32x3 is expected"),
-            Self::Topology(topology) => write!(f, "its topology is {topology}; only triangles are traced"),
+            Self::Extracted => {
+                write!(f, "has no vertices in the main world, because they were moved to the render world")
+            }
+            Self::NoPositions => write!(f, "has no positions"),
+            Self::PositionFormat(format) => write!(f, "has positions of {format}, but Float32x3 is expected"),
+            Self::Topology(topology) => write!(f, "has the topology {topology}, but only triangles are supported"),
         }
     }
 }
 
 impl std::error::Error for GeometryError {}
 
-/// Takes a mesh apart.  Never panics; an empty mesh gives no triangles.
+/// Converts a mesh.  An empty mesh gives no triangles.  Never panics.
 pub fn triangles_of(mesh: &Mesh) -> Result<Geometry, GeometryError> {
     let strip = match mesh.primitive_topology() {
         PrimitiveTopology::TriangleList => false,
@@ -88,8 +92,8 @@ pub fn triangles_of(mesh: &Mesh) -> Result<Geometry, GeometryError> {
     if width(positions) < 3 {
         return Err(GeometryError::PositionFormat(format_name(positions)));
     }
-    // A format that cannot be read counts as missing.
-    let readable = |of, least| Ok(attribute(mesh, of)?.filter(|values| width(values) >= least));
+    // An attribute with an unsupported format counts as missing.
+    let readable = |kind, min_width| Ok(attribute(mesh, kind)?.filter(|values| width(values) >= min_width));
     let normals = readable(Mesh::ATTRIBUTE_NORMAL, 3)?;
     let uvs = readable(Mesh::ATTRIBUTE_UV_0, 2)?;
     let second_uvs = readable(Mesh::ATTRIBUTE_UV_1, 2)?;
@@ -151,7 +155,7 @@ pub fn triangles_of(mesh: &Mesh) -> Result<Geometry, GeometryError> {
     Ok(geometry)
 }
 
-/// A unit vector in two snorm16, as `octahedral_encode` of `shaders/common/math.wgsl`.
+/// Octahedral encoding of a unit vector in two snorm16, equal to `octahedral_encode` in `shaders/common/math.wgsl`.
 pub fn octahedral_encode(n: V3) -> u32 {
     let sum = n[0].abs() + n[1].abs() + n[2].abs();
     let (x, y) = (n[0] / sum, n[1] / sum);
@@ -161,16 +165,16 @@ pub fn octahedral_encode(n: V3) -> u32 {
     snorm(x) | snorm(y) << 16
 }
 
-/// A tangent with, in the lowest bit, whether the bitangent is flipped (Bevy's w < 0).
+/// Octahedral encoding of a tangent.  The lowest bit says whether the bitangent is flipped (w < 0 in Bevy's attribute).
 pub fn pack_tangent(tangent: V3, flipped: bool) -> u32 {
     octahedral_encode(tangent) & !1 | u32::from(flipped)
 }
 
-fn attribute(mesh: &Mesh, of: MeshVertexAttribute) -> Result<Option<&VertexAttributeValues>, GeometryError> {
-    mesh.try_attribute_option(of).map_err(|_| GeometryError::Extracted)
+fn attribute(mesh: &Mesh, kind: MeshVertexAttribute) -> Result<Option<&VertexAttributeValues>, GeometryError> {
+    mesh.try_attribute_option(kind).map_err(|_| GeometryError::Extracted)
 }
 
-// Vertex numbers of each triangle, in order.  What a strip repeats to join its pieces is no triangle at all.
+// Visits the vertex indices of each triangle, in order.  Triangles with equal indices, which join the parts of a strip, are skipped.
 fn for_each_triangle(strip: bool, vertices: usize, indices: Option<&Indices>, mut visit: impl FnMut([usize; 3])) {
     const RESTART: usize = usize::MAX;
     let numbers: Box<dyn Iterator<Item = usize>> = match indices {
@@ -194,7 +198,7 @@ fn for_each_triangle(strip: bool, vertices: usize, indices: Option<&Indices>, mu
         if strip && seen >= 3 {
             let [a, b, c] = last;
             if a != b && b != c && c != a {
-                // Every second triangle of a strip is wound the other way.
+                // Every second triangle of a strip has the opposite winding.
                 visit(if seen % 2 == 1 { last } else { [b, a, c] });
             }
         } else if !strip && seen == 3 {
@@ -204,7 +208,7 @@ fn for_each_triangle(strip: bool, vertices: usize, indices: Option<&Indices>, mu
     }
 }
 
-// Components that `read` can give; 0 where it cannot.
+// Number of components that `read` returns; 0 for an unsupported format.
 fn width(values: &VertexAttributeValues) -> usize {
     use VertexAttributeValues as V;
     match values {
@@ -217,7 +221,7 @@ fn width(values: &VertexAttributeValues) -> usize {
     }
 }
 
-// One vertex as floats, missing components 0; beyond the last vertex NaN, which every caller replaces.
+// The value of one vertex as floats; missing components are 0.  Beyond the last vertex it is NaN, which every caller replaces.
 fn read(values: &VertexAttributeValues, i: usize) -> [f32; 4] {
     fn get<T: Copy, const N: usize>(v: &[[T; N]], i: usize, float: impl Fn(T) -> f32) -> [f32; 4] {
         let Some(x) = v.get(i) else { return [f32::NAN; 4] };
@@ -259,14 +263,14 @@ fn format_name(values: &VertexAttributeValues) -> &'static str {
     }
 }
 
-// Unit normal of the plane; None without area.  In f64 the differences are exact enough and nothing overflows.
+// Unit normal of the triangle; `None` if it has no area.  f64 avoids overflow and the cancellation in the differences.
 fn flat_normal(p: &[V3; 3]) -> Option<V3> {
     let n = cross(subtract(p[1], p[0]), subtract(p[2], p[0]));
     let square = dot(n, n);
-    (square > MIN_AREA).then(|| n.map(|x| (x / square.sqrt()) as f32))
+    (square > MIN_SQUARED_DOUBLE_AREA).then(|| n.map(|x| (x / square.sqrt()) as f32))
 }
 
-// Directions in which u and v grow; None where the texture coordinates span no area.
+// Directions in which u and v grow; `None` if the texture coordinates span no area.
 fn triangle_tangent(p: &[V3; 3], uv: &[[f32; 2]; 3]) -> Option<(V3, [f64; 3])> {
     let (e1, e2) = (subtract(p[1], p[0]), subtract(p[2], p[0]));
     let d = |i: usize| [f64::from(uv[i][0]) - f64::from(uv[0][0]), f64::from(uv[i][1]) - f64::from(uv[0][1])];
@@ -280,12 +284,12 @@ fn triangle_tangent(p: &[V3; 3], uv: &[[f32; 2]; 3]) -> Option<(V3, [f64; 3])> {
     Some((unit_f64(tangent)?, bitangent))
 }
 
-// Bevy's bitangent, w cross(n, t), points against v: textures run downwards.
+// Whether w is negative.  Bevy's bitangent is w cross(n, t) and points against the direction of v, because v points down in an image.
 fn flips(n: V3, tangent: V3, bitangent: [f64; 3]) -> bool {
     dot(cross(n.map(f64::from), tangent.map(f64::from)), bitangent) > 0.0
 }
 
-// The part of `t` across `n`; any vector across `n` if there is none.
+// The normalized part of `t` perpendicular to `n`; any vector perpendicular to `n` if that part vanishes.
 fn perpendicular(t: V3, n: V3) -> V3 {
     let (t, n) = (t.map(f64::from), n.map(f64::from));
     let along = dot(t, n);

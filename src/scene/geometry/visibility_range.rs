@@ -1,5 +1,7 @@
-//! `VisibilityRange`: of an object's levels of detail one is there, for every ray.  Rays have no pixel to dither in: where Bevy fades one
-//! level into the next, the change is in the middle.
+//! Selects levels of detail by `VisibilityRange`: each object has one level for all rays.
+//!
+//! Bevy dithers two levels in screen space where their ranges overlap.  Rays have no screen space, so the level changes abruptly in the
+//! middle of the overlap.
 
 use bevy::{
     camera::{Camera, primitives::Aabb, visibility::VisibilityRange},
@@ -10,16 +12,17 @@ use bevy::{
 
 use crate::settings::Restir;
 
-/// The levels of detail of the main world, and who looks at them.
+/// Visibility ranges of the main world, and the cameras that they depend on.
 #[derive(SystemParam)]
-pub(crate) struct Ranges<'w, 's> {
+pub(crate) struct VisibilityRanges<'w, 's> {
     ranges: Query<'w, 's, (&'static VisibilityRange, &'static GlobalTransform, Option<&'static Aabb>)>,
     cameras: Query<'w, 's, (Entity, &'static Camera, &'static GlobalTransform), With<Restir>>,
 }
 
-impl Ranges<'_, '_> {
-    /// Where distances are measured from: the first `Restir` camera of those that are drawn; `None` where nothing asks.
-    pub(crate) fn eye(&self) -> Option<Vec3A> {
+impl VisibilityRanges<'_, '_> {
+    /// The position that distances are measured from: that of the first active `Restir` camera.  `None` if there is no such camera or no
+    /// range.
+    pub(crate) fn viewpoint(&self) -> Option<Vec3A> {
         if self.ranges.is_empty() {
             return None;
         }
@@ -28,18 +31,18 @@ impl Ranges<'_, '_> {
         Some(first.2.translation_vec3a())
     }
 
-    /// Whether an entity is a level that is out of range.
-    pub(crate) fn hides(&self, entity: Entity, eye: Vec3A) -> bool {
+    /// Whether an entity is outside its visibility range.
+    pub(crate) fn is_culled(&self, entity: Entity, viewpoint: Vec3A) -> bool {
         let Ok((range, transform, bounds)) = self.ranges.get(entity) else { return false };
-        let place = match bounds.filter(|_| range.use_aabb) {
+        let position = match bounds.filter(|_| range.use_aabb) {
             Some(bounds) => transform.affine().transform_point3a(bounds.center),
             None => transform.translation_vec3a(),
         };
-        abrupt(range).is_culled((eye - place).length())
+        abrupt(range).is_culled((viewpoint - position).length())
     }
 }
 
-/// The range without its fading.
+/// The range without margins: both ends lie in the middle of theirs.
 fn abrupt(range: &VisibilityRange) -> VisibilityRange {
     let middle = |margin: &core::ops::Range<f32>| 0.5 * margin.start + 0.5 * margin.end;
     VisibilityRange::abrupt(middle(&range.start_margin), middle(&range.end_margin))
@@ -50,15 +53,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn of_levels_that_fade_into_each_other_one_is_there() {
+    fn exactly_one_of_several_overlapping_levels_is_visible() {
         let level = |start: core::ops::Range<f32>, end| {
             abrupt(&VisibilityRange { start_margin: start, end_margin: end, use_aabb: false })
         };
         let levels =
             [level(0.0..0.0, 20.0..25.0), level(20.0..25.0, 70.0..75.0), level(70.0..75.0, f32::MAX..f32::MAX)];
         for distance in [0.0, 10.0, 20.0, 22.4, 22.5, 25.0, 60.0, 72.5, 74.0, 1e9] {
-            let there = levels.iter().filter(|level| level.is_visible_at_all(distance)).count();
-            assert_eq!(there, 1, "{distance}");
+            let visible = levels.iter().filter(|level| level.is_visible_at_all(distance)).count();
+            assert_eq!(visible, 1, "{distance}");
         }
     }
 }

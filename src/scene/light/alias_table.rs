@@ -1,22 +1,21 @@
-//! The alias table that picks a light in proportion to its power in constant time (Vose 1991, "A linear algorithm for generating
-//! random numbers with a given distribution").  `shaders/light/select.wgsl` reads it.
+//! The alias table selects a light in proportion to its power in constant time (Vose 1991, "A linear algorithm for generating random
+//! numbers with a given distribution").  `shaders/light/select.wgsl` reads it.
 
 /// One bin: its own index with `probability`, else `alias`.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AliasEntry {
-    /// Of keeping the bin's own index.
+    /// Probability of keeping the bin's own index.
     pub probability: f32,
-    /// The index that the rest of the bin belongs to.
+    /// Index that is selected otherwise.
     pub alias: u32,
-    /// Probability that the whole table gives this index.
+    /// Probability that the whole table selects the bin's own index.
     pub pmf: f32,
 }
 
-/// Builds the table in O(n); `None` where no power is usable.  Powers that are zero, negative, NaN or infinite get pmf 0;
-/// [`unusable_powers`] counts those worth a warning.
+/// Builds the table in O(n); `None` if no power is positive and finite.  Zero, negative, NaN and infinite powers get the pmf 0.
 #[must_use]
 pub fn alias_table(powers: &[f64]) -> Option<Vec<AliasEntry>> {
-    // Scale by the largest, so that the sum can neither overflow nor vanish.
+    // The sum of powers relative to the largest can neither overflow nor vanish.
     let max = powers.iter().copied().filter(|p| p.is_finite()).fold(0.0, f64::max);
     if max <= 0.0 {
         return None;
@@ -38,13 +37,13 @@ pub fn alias_table(powers: &[f64]) -> Option<Vec<AliasEntry>> {
             small.push(l);
         }
     }
-    // What is left holds 1 but for rounding; an unusable light must not gain by that.
+    // Each remaining bin holds 1 up to rounding.  Rounding must not make an unusable light selectable.
     for i in small.into_iter().chain(large) {
         let probability = if usable(powers[i as usize]) > 0.0 { 1.0 } else { 0.0 };
         table[i as usize] = AliasEntry { probability, alias: brightest, pmf: 0.0 };
     }
 
-    // The pmf of the rounded table, not of the powers: what the GPU divides by is what it samples.
+    // The pmf of the rounded table, not of the powers: the GPU must divide by the probabilities that it really samples with.
     let mut pmf = vec![0.0f64; powers.len()];
     for (i, entry) in table.iter().enumerate() {
         pmf[i] += f64::from(entry.probability);
@@ -54,10 +53,4 @@ pub fn alias_table(powers: &[f64]) -> Option<Vec<AliasEntry>> {
         entry.pmf = (pmf / powers.len() as f64) as f32;
     }
     Some(table)
-}
-
-/// How many powers are negative, NaN or infinite.
-#[must_use]
-pub fn unusable_powers(powers: &[f64]) -> usize {
-    powers.iter().filter(|p| !p.is_finite() || **p < 0.0).count()
 }

@@ -1,5 +1,18 @@
-//! Lights: what emits, the table that all lights share, and the alias table that chooses one by its power.
+//! Lights.  Analytic lights and the triangles of emissive meshes share one table; an alias table selects from it in proportion to power.
 
 pub mod alias_table;
-pub(crate) mod emissive;
+mod analytic;
+mod emissive_mesh;
+mod id_remap;
 pub(crate) mod lights;
+mod shape_tree;
+
+/// Luminance of a linear Rec. 709 color.
+fn luminance(c: [f32; 3]) -> f64 {
+    0.2126 * c[0] as f64 + 0.7152 * c[1] as f64 + 0.0722 * c[2] as f64
+}
+
+/// Whether numbers are equal.  NaN equals NaN here, so that a rejected light does not count as changed in every frame.
+fn equal_or_nan<const N: usize>(a: [f32; N], b: [f32; N]) -> bool {
+    a.iter().zip(&b).all(|(a, b)| a == b || (a.is_nan() && b.is_nan()))
+}

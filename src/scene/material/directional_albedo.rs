@@ -1,5 +1,5 @@
-//! The table that energy compensation reads: how much of the light GGX microfacets reflect at once (Turquin 2019; Lanz 2025, 2.1.3).
-//! The rest bounces between microfacets; a single-scattering lobe loses it.
+//! Table for energy compensation: the fraction of light that GGX microfacets reflect with a single bounce (Turquin 2019; Lanz 2025, 2.1.3).
+//! The rest bounces between microfacets, and a single-scattering lobe loses it.
 
 use bevy::render::{
     render_resource::{
@@ -9,15 +9,16 @@ use bevy::render::{
     renderer::{RenderDevice, RenderQueue},
 };
 
-/// Entries a side: the cosine of wo across, perceptual roughness down, both from 0 to 1.
+/// Entries per side.  Columns go by the cosine of wo and rows by perceptual roughness, both from 0 to 1.
 pub const SIZE: usize = 32;
 
-/// Directional albedo of GGX reflection with F = 1: the mean of G2/G1 over visible normals, by the midpoint rule on `n` x `n` cells.
+/// Directional albedo of GGX reflection with F = 1: the mean of G2/G1 over visible normals, integrated by the midpoint rule on `n` x `n`
+/// cells.
 pub fn directional_albedo(alpha: f64, cos_o: f64, n: usize) -> f64 {
     let sin_o = (1.0 - cos_o * cos_o).max(0.0).sqrt();
     let smith = |cos: f64, sin: f64| 0.5 * ((1.0 + (alpha * sin / cos).powi(2)).sqrt() - 1.0);
     let lambda_o = smith(cos_o, sin_o);
-    // Visible normals as spherical caps (Dupuy and Benyoub 2023).
+    // Maps each cell to a visible normal by spherical caps (Dupuy and Benyoub 2023).
     let length = ((alpha * sin_o).powi(2) + cos_o * cos_o).sqrt();
     let stretched = [alpha * sin_o / length, cos_o / length];
     let mut sum = 0.0;
@@ -46,7 +47,7 @@ pub fn table() -> Vec<f32> {
     let at = |i: usize| i as f64 / (SIZE - 1) as f64;
     (0..SIZE * SIZE)
         .map(|k| {
-            // A mirror loses nothing, and at cos = 0 the limit is taken a little beside it.
+            // A mirror loses nothing.  The albedo at cos = 0 is a limit, so it is evaluated slightly above 0.
             let (roughness, cos_o) = (at(k / SIZE), at(k % SIZE).max(1e-4));
             if roughness == 0.0 { 1.0 } else { directional_albedo(roughness * roughness, cos_o, 48) as f32 }
         })

@@ -1,4 +1,5 @@
-//! `StandardMaterial` → [`GpuMaterial`]: a slot for every material that an instance uses.
+//! Packs every `StandardMaterial` that an instance uses into a slot of the material buffer, and repacks it when the material or one of its
+//! textures changes.
 
 use bevy::{
     asset::AssetId,
@@ -21,8 +22,10 @@ use crate::scene::{
     extract::{ExtractedInstance, ExtractedScene},
     features::SceneFeatures,
     material::texture_slots::{LAYER_SLOTS, add_record, textures_of},
-    storage::data_texture::DataTexture,
-    storage::growable_buffer::{GpuArray, Overflow, RangeAllocator, joined},
+    storage::{
+        data_texture::DataTexture, dirty_runs::joined_runs, growable_buffer::GrowableBuffer,
+        overflow_warning::OverflowWarning, range_allocator::RangeAllocator,
+    },
     texture::textures::TexturePool,
 };
 
@@ -32,7 +35,7 @@ struct Slot {
     features: SceneFeatures,
     /// Mean radiance of its emission, cd/m², over its texture; 0 where it does not emit.
     mean_emission: [f32; 3],
-    /// Where the record of its textures is in the table.
+    /// Record of its textures in the texture table.
     record: Range<u32>,
 }
 
@@ -41,26 +44,26 @@ struct Slot {
 pub(crate) struct MaterialPool {
     sources: HashMap<AssetId<StandardMaterial>, StandardMaterial>,
     by_id: HashMap<AssetId<StandardMaterial>, u32>,
-    /// `None` where a material was that is no more.
+    /// `None`: the slot is free.
     slots: Vec<Option<Slot>>,
     free: Vec<u32>,
     packed: Vec<GpuMaterial>,
-    /// Slots whose record the GPU does not have.
+    /// Slots that have not been uploaded since they changed.
     dirty: Vec<usize>,
-    pub gpu: GpuArray<GpuMaterial>,
-    /// Records of textures of the materials that have any.
+    pub gpu: GrowableBuffer<GpuMaterial>,
+    /// Texture records of all materials that have textures.
     packed_table: Vec<[u32; 4]>,
     records: RangeAllocator,
     dirty_table: Vec<usize>,
     pub table: DataTexture<[u32; 4]>,
-    /// Slots, and entries of the table, that the device can bind.
+    /// Numbers of slots and of entries of the texture table that the device can bind.
     limits: [u32; 2],
-    overflow: Overflow,
+    overflow: OverflowWarning,
     emissive_luminance: f32,
-    /// Slots whose contents must be packed again.
+    /// Slots that must be packed again.
     stale: Vec<u32>,
     all_stale: bool,
-    /// Counts changes of anything that is shown.
+    /// Counts uploads.
     pub revision: u64,
 }
 
@@ -73,13 +76,13 @@ impl Default for MaterialPool {
             free: Vec::new(),
             packed: Vec::new(),
             dirty: Vec::new(),
-            gpu: GpuArray::new("materials"),
+            gpu: GrowableBuffer::new("materials"),
             packed_table: Vec::new(),
             records: RangeAllocator::default(),
             dirty_table: Vec::new(),
             table: DataTexture::new("texture table", TextureFormat::Rgba32Uint, 1),
             limits: [u32::MAX; 2],
-            overflow: Overflow::default(),
+            overflow: OverflowWarning::default(),
             emissive_luminance: 0.0,
             stale: Vec::new(),
             all_stale: false,
@@ -89,13 +92,13 @@ impl Default for MaterialPool {
 }
 
 impl MaterialPool {
-    /// Heeds what the device can bind.
+    /// Reads the limits of the device.
     pub(crate) fn limit_to(&mut self, device: &RenderDevice) {
-        self.limits = [GpuArray::<GpuMaterial>::limit(device), DataTexture::<[u32; 4]>::limit(device)];
+        self.limits = [GrowableBuffer::<GpuMaterial>::limit(device), DataTexture::<[u32; 4]>::limit(device)];
     }
 
-    /// Takes the materials that changed in the main world.  Without its source no instance shows a material in this frame, and none names
-    /// what was shown in the last one: its slot is free at once.
+    /// Takes the materials that have changed in the main world.  The slot of a removed material is free at once: no instance of this frame
+    /// uses it, and nothing refers to the materials of the last frame.
     pub(crate) fn update_sources(&mut self, scene: &mut ExtractedScene) {
         for id in scene.removed_materials.drain() {
             self.sources.remove(&id);
@@ -119,22 +122,26 @@ impl MaterialPool {
         self.free.push(slot);
     }
 
-    /// Gives a slot to the material of every instance.  `settled`: the scene is loaded, so that what is left out can be counted.
+    /// Assigns a slot to the material of every instance; frees slots of unused materials if there are too few.  `settled`: the scene is
+    /// loaded, so that the number of missing materials is final and a warning can name it.
     pub(crate) fn make_room(&mut self, instances: &[ExtractedInstance], settled: bool) {
-        let mut left_out = self.take_slots(instances);
+        let mut left_out = self.assign_slots(instances);
         if left_out > 0 {
-            let shown: HashSet<_> = instances.iter().map(|instance| instance.material).collect();
-            let unused: Vec<_> = self.by_id.keys().filter(|id| !shown.contains(*id)).copied().collect();
+            let used: HashSet<_> = instances.iter().map(|instance| instance.material).collect();
+            let unused: Vec<_> = self.by_id.keys().filter(|id| !used.contains(*id)).copied().collect();
             unused.into_iter().for_each(|id| self.release(id));
-            left_out = self.take_slots(instances);
+            left_out = self.assign_slots(instances);
         }
-        if self.overflow.is_news(left_out, settled) {
-            warn!("restir: {left_out} meshes are left out: this device binds {} materials at most", self.limits[0]);
+        if self.overflow.should_warn(left_out, settled) {
+            warn!(
+                "restir: {left_out} meshes are left out, because this device can bind {} materials at most",
+                self.limits[0]
+            );
         }
     }
 
-    /// The number of instances whose material finds no slot.
-    fn take_slots(&mut self, instances: &[ExtractedInstance]) -> u64 {
+    /// Returns the number of instances whose material gets no slot.
+    fn assign_slots(&mut self, instances: &[ExtractedInstance]) -> u64 {
         let mut left_out = 0;
         for instance in instances {
             left_out += u64::from(self.slot(instance.material).is_none() && self.is_left_out(instance.material));
@@ -142,12 +149,12 @@ impl MaterialPool {
         left_out
     }
 
-    /// A material that is there, but for which there is no room.
+    /// Whether a loaded material has no slot because the device cannot bind more.
     pub(crate) fn is_left_out(&self, id: AssetId<StandardMaterial>) -> bool {
         self.sources.contains_key(&id) && !self.by_id.contains_key(&id)
     }
 
-    /// The slot of a material, made on first use; `None` while the asset is not there, or where there is no room.
+    /// The slot of a material, assigned on first use; `None` if the asset is not loaded or the device cannot bind more materials.
     pub(crate) fn slot(&mut self, id: AssetId<StandardMaterial>) -> Option<u32> {
         if let Some(&slot) = self.by_id.get(&id) {
             return Some(slot);
@@ -176,13 +183,7 @@ impl MaterialPool {
         materials.flat_map(textures_of).map(|texture| texture.image.id())
     }
 
-    /// Images that some material emits, also of those that changed in this frame.
-    pub(crate) fn emissive_images(&self, scene: &ExtractedScene) -> HashSet<AssetId<Image>> {
-        let materials = self.sources.values().chain(scene.materials.values());
-        materials.filter_map(|m| m.emissive_texture.as_ref()).map(|image| image.id()).collect()
-    }
-
-    /// Packs again the slots whose source changed; all of them where a texture did.
+    /// Packs the slots whose material has changed, or all slots if a texture has changed.
     pub(crate) fn pack(&mut self, textures: &TexturePool, textures_changed: bool) {
         let mut stale = core::mem::take(&mut self.stale);
         if core::mem::take(&mut self.all_stale) || textures_changed {
@@ -206,7 +207,11 @@ impl MaterialPool {
             slot.record = self.records.allocate(record.len() as u32);
         }
         if slot.record.end > self.limits[1] {
-            warn_once!("restir: the textures of materials are more than this device can bind; some are left out");
+            warn_once!(
+                "restir: the texture slots of all materials exceed a table of {} entries, which is all that this device can bind; \
+                 some materials are rendered without textures",
+                self.limits[1]
+            );
             self.records.release(core::mem::take(&mut slot.record));
             (material.textures, features) = (0, SceneFeatures::empty());
             record.clear();
@@ -220,16 +225,16 @@ impl MaterialPool {
         }
     }
 
-    /// Sends what changed.  Returns the bytes sent.
+    /// Uploads changes.  Returns the number of bytes.
     pub(crate) fn upload(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {
         let bytes = self.upload_table(device, queue);
-        // There are no more slots than fit.
+        // `reserve` cannot fail here, because there are at most as many slots as the device can bind.
         if self.dirty.is_empty() || !self.gpu.reserve(self.packed.len() as u32, device, queue) {
             return bytes;
         }
         self.revision += 1;
         self.dirty.sort_unstable();
-        let runs = joined(self.dirty.drain(..));
+        let runs = joined_runs(self.dirty.drain(..));
         bytes + runs.into_iter().map(|r| self.gpu.write(r.start as u32, &self.packed[r], queue)).sum::<u64>()
     }
 
@@ -242,7 +247,7 @@ impl MaterialPool {
             self.dirty_table = (0..self.packed_table.len()).collect();
         }
         self.dirty_table.sort_unstable();
-        let runs = joined(self.dirty_table.drain(..));
+        let runs = joined_runs(self.dirty_table.drain(..));
         runs.into_iter().map(|r| self.table.write(r.start as u32, &self.packed_table[r], queue)).sum()
     }
 
@@ -251,7 +256,7 @@ impl MaterialPool {
         self.packed.get(slot as usize)
     }
 
-    /// What a slot asks of the shaders.
+    /// Features that shaders need for a slot.
     pub(crate) fn features(&self, slot: u32) -> SceneFeatures {
         self.in_use(slot).map_or(SceneFeatures::empty(), |s| s.features)
     }
@@ -266,7 +271,7 @@ impl MaterialPool {
     }
 }
 
-/// Writes an element, beyond the end too, and notes it where it is another one.
+/// Writes an element, extending the array if necessary, and marks it as dirty if it has changed.
 fn set<T: Copy + Default + PartialEq>(all: &mut Vec<T>, index: usize, element: T, dirty: &mut Vec<usize>) {
     let is_new = index >= all.len();
     if is_new {
@@ -278,14 +283,14 @@ fn set<T: Copy + Default + PartialEq>(all: &mut Vec<T>, index: usize, element: T
     }
 }
 
-/// What the shaders read.  Numbers out of range are brought into it: a material never makes a NaN.
+/// Packs a material for shaders.  Clamps numbers to their ranges and replaces those that are not finite, so that no material causes a NaN.
 fn pack(m: &StandardMaterial, emissive_luminance: f32) -> GpuMaterial {
     let finite = |x: f32, otherwise: f32| if x.is_finite() { x } else { otherwise };
     let unit = |x: f32| finite(x, 0.0).clamp(0.0, 1.0);
     let unit_rgb = |c: [f32; 3]| c.map(unit);
     let base = m.base_color.to_linear();
     let tint = m.specular_tint.to_linear().to_f32_array_no_alpha();
-    // Bevy halves what its specular texture gives, so that such a material may ask for twice as much.
+    // Bevy halves the values of a specular texture, so the reflectance of such a material may be up to 2.
     let reflectance = finite(m.reflectance, 0.0).clamp(0.0, if has_specular_texture(m) { 2.0 } else { 1.0 });
 
     let mut flags = 0;
@@ -305,17 +310,18 @@ fn pack(m: &StandardMaterial, emissive_luminance: f32) -> GpuMaterial {
         _ => set(true, MATERIAL_ALPHA_BLEND),
     }
 
-    // Absorption so that white light is `attenuation_color` after `attenuation_distance`; white or an infinite distance absorbs nothing.
+    // Absorption coefficient: white light has the color `attenuation_color` after `attenuation_distance`.  A white color or an infinite
+    // distance absorbs nothing.
     let distance = m.attenuation_distance;
     let thickness = finite(m.thickness, 0.0).max(0.0);
-    // A thin wall has no inside.
+    // A thin wall has no interior that could absorb.
     let attenuation = if distance.is_finite() && distance > 0.0 && thickness > 0.0 {
         m.attenuation_color.to_linear().to_f32_array_no_alpha().map(|c| -unit(c).max(1e-6).ln() / distance)
     } else {
         [0.0; 3]
     };
 
-    let turned = finite(m.anisotropy_rotation, 0.0);
+    let rotation = finite(m.anisotropy_rotation, 0.0);
     GpuMaterial {
         base_color: unit_rgb(base.to_f32_array_no_alpha()),
         alpha: unit(base.alpha),
@@ -329,10 +335,10 @@ fn pack(m: &StandardMaterial, emissive_luminance: f32) -> GpuMaterial {
         thickness,
         alpha_cutoff,
         flags,
-        anisotropy_direction: [turned.cos(), turned.sin()],
+        anisotropy_direction: [rotation.cos(), rotation.sin()],
         anisotropy_strength: unit(m.anisotropy_strength),
         diffuse_transmission: unit(m.diffuse_transmission),
-        // Unlit is black to light, its coat too.
+        // An unlit material reflects nothing, and neither does its coat.
         clearcoat: if m.unlit { 0.0 } else { unit(m.clearcoat) },
         clearcoat_perceptual_roughness: unit(m.clearcoat_perceptual_roughness),
         ..Default::default()
@@ -396,20 +402,20 @@ mod tests {
             mesh: AssetId::default(),
             material: id(material),
             world_from_object: Affine3A::IDENTITY,
-            seen_by: 1,
+            camera_mask: 1,
             casts_shadows: true,
             skinned: false,
             morphed: false,
         }
     }
 
-    /// A frame in which some materials come, some go and some are shown.
-    fn frame(pool: &mut MaterialPool, come: &[u32], go: &[u32], shown: &[u32]) {
+    /// A frame in which materials are added and removed, and some are used.
+    fn frame(pool: &mut MaterialPool, added: &[u32], removed: &[u32], used: &[u32]) {
         let mut scene = ExtractedScene { emissive_luminance: 1.0, ..Default::default() };
         let gray = |n: u32| StandardMaterial { metallic: n as f32 / 4096.0, ..Color::WHITE.into() };
-        scene.materials.extend(come.iter().map(|&n| (id(n), gray(n))));
-        scene.removed_materials.extend(go.iter().map(|&n| id(n)));
-        scene.instances.extend(shown.iter().map(|&n| instance(n)));
+        scene.materials.extend(added.iter().map(|&n| (id(n), gray(n))));
+        scene.removed_materials.extend(removed.iter().map(|&n| id(n)));
+        scene.instances.extend(used.iter().map(|&n| instance(n)));
         pool.dirty.clear();
         pool.update_sources(&mut scene);
         pool.make_room(&scene.instances, true);
@@ -422,7 +428,7 @@ mod tests {
     }
 
     #[test]
-    fn materials_one_after_another_take_a_few_slots_and_pack_only_themselves() {
+    fn replacing_materials_reuses_slots_and_packs_only_the_new_ones() {
         let mut pool = MaterialPool::default();
         frame(&mut pool, &[5000], &[], &[5000]);
         for n in 1..1000 {
@@ -434,14 +440,14 @@ mod tests {
     }
 
     #[test]
-    fn materials_beyond_the_limit_have_no_slot_until_another_goes() {
+    fn materials_beyond_the_limit_have_no_slot_until_one_is_free() {
         let mut pool = MaterialPool { limits: [2, 2], ..Default::default() };
         frame(&mut pool, &[1, 2, 3], &[], &[1, 2, 3]);
         assert_eq!([1, 2, 3].map(|n| shown(&mut pool, n).is_some()), [true, true, false]);
         assert!(pool.is_left_out(id(3)) && !pool.is_left_out(id(4)));
         frame(&mut pool, &[], &[1], &[2, 3]);
         assert_eq!(shown(&mut pool, 3), Some(3.0));
-        // What is there but not shown gives way.
+        // Material 3 is loaded but unused, so material 4 gets its slot.
         frame(&mut pool, &[4], &[], &[2, 4]);
         assert_eq!([2, 4].map(|n| shown(&mut pool, n)), [Some(2.0), Some(4.0)]);
         assert_eq!(pool.packed.len(), 2);

@@ -1,4 +1,4 @@
-//! Materials: `StandardMaterial` packed for shaders, its texture slots, and the table that energy compensation reads.
+//! Materials: packs `StandardMaterial`s and their texture slots for shaders, and computes the table for energy compensation.
 
 pub mod directional_albedo;
 pub(crate) mod materials;

@@ -1,37 +1,40 @@
-//! The textures of a `StandardMaterial`, and the record of them that shaders read (`shaders/scene/material.wgsl`).
+//! Texture slots: lists the textures of a `StandardMaterial` that affect its look, and writes the record by which shaders find them
+//! (`shaders/scene/material.wgsl`).
 
 use bevy::{asset::Handle, image::Image, log::warn_once, math::Affine2, mesh::UvChannel, pbr::StandardMaterial};
 
 use crate::gpu_layout::*;
 use crate::scene::{
     features::SceneFeatures,
-    texture::textures::{BOUND, SECOND_UV, TexturePool},
+    texture::image_info::{BINDLESS, SECOND_UV},
+    texture::textures::TexturePool,
 };
 
-/// A texture that a material uses: its kind, `SLOT_*`, and whether it goes by the second texture coordinates.
+/// A texture that a material uses: its kind, `SLOT_*`, and whether it uses the second texture coordinates.
 pub(crate) struct MaterialTexture<'a> {
     pub kind: u32,
     pub image: &'a Handle<Image>,
     pub second_uv: bool,
 }
 
-/// In the order of their kinds.  A texture that scales a factor of 0 is none.
+/// Textures of a material in the order of their kinds.  A texture that only scales a factor of 0 is omitted.
 pub(crate) fn textures_of(m: &StandardMaterial) -> impl Iterator<Item = MaterialTexture<'_>> {
-    let glows = m.emissive.red.max(m.emissive.green).max(m.emissive.blue) > 0.0 && !m.unlit;
+    let emits = m.emissive.red.max(m.emissive.green).max(m.emissive.blue) > 0.0 && !m.unlit;
     [
         (SLOT_BASE_COLOR, true, &m.base_color_texture, &m.base_color_channel),
         (SLOT_METALLIC_ROUGHNESS, true, &m.metallic_roughness_texture, &m.metallic_roughness_channel),
         (SLOT_NORMAL, true, &m.normal_map_texture, &m.normal_map_channel),
-        (SLOT_EMISSIVE, glows, &m.emissive_texture, &m.emissive_channel),
+        (SLOT_EMISSIVE, emits, &m.emissive_texture, &m.emissive_channel),
     ]
     .into_iter()
     .chain(layer_textures_of(m))
-    .filter_map(|(kind, shows, image, channel)| {
-        let image = image.as_ref().filter(|_| shows)?;
+    .filter_map(|(kind, is_visible, image, channel)| {
+        let image = image.as_ref().filter(|_| is_visible)?;
         Some(MaterialTexture { kind, image, second_uv: matches!(channel, UvChannel::Uv1) })
     })
 }
 
+/// Kind, whether the texture affects the material, image and texture coordinates.
 type Row<'a> = (u32, bool, &'a Option<Handle<Image>>, &'a UvChannel);
 
 #[cfg(feature = "material_textures")]
@@ -61,18 +64,18 @@ fn layer_textures_of(m: &StandardMaterial) -> impl Iterator<Item = Row<'_>> {
     .into_iter()
 }
 
-/// Without the feature a `StandardMaterial` has no more.
+/// Without the feature, Bevy's `StandardMaterial` has no such slots.
 #[cfg(not(feature = "material_textures"))]
 fn layer_textures_of(_: &StandardMaterial) -> impl Iterator<Item = Row<'_>> {
     core::iter::empty()
 }
 
-/// Kinds that are read where `SceneFeatures::LAYER_TEXTURES` is set.
+/// Kinds that shaders read only with `SceneFeatures::LAYER_TEXTURES`.
 pub(crate) const LAYER_SLOTS: u32 =
     !(SLOT_BASE_COLOR | SLOT_METALLIC_ROUGHNESS | SLOT_NORMAL | SLOT_EMISSIVE | SLOT_TRANSFORM);
 
-/// Appends the record of a material to the table.  Gives the kinds of its textures (0: none is there, and no record), and what their
-/// slots ask of the shaders.
+/// Appends the record of a material's textures to the table.  Returns the kinds of the textures that are loaded (0: there is no record) and
+/// the features that shaders need for them.
 pub(crate) fn add_record(
     m: &StandardMaterial,
     textures: &TexturePool,
@@ -93,7 +96,7 @@ pub(crate) fn add_record(
             slot[0] |= SECOND_UV;
             features |= SceneFeatures::SECOND_UVS;
         }
-        if slot[0] & BOUND != 0 {
+        if slot[0] & BINDLESS != 0 {
             features |= SceneFeatures::BOUND_TEXTURES;
         }
         kinds |= texture.kind;
@@ -106,7 +109,7 @@ pub(crate) fn add_record(
 fn transform_of(m: &StandardMaterial) -> [[u32; 4]; 2] {
     let mut transform = m.uv_transform;
     if !transform.is_finite() {
-        warn_once!("restir: a material has a uv_transform that is not finite; its textures are not transformed");
+        warn_once!("restir: the uv_transform of a StandardMaterial is not finite; its textures are not transformed");
         transform = Affine2::IDENTITY;
     }
     let [a, b, c, d] = transform.matrix2.to_cols_array().map(f32::to_bits);
@@ -119,7 +122,7 @@ mod tests {
     use super::*;
     use bevy::asset::uuid::Uuid;
 
-    /// A handle that says which it is.
+    /// A handle that a test can recognize.
     fn image(number: u128) -> Option<Handle<Image>> {
         Some(Handle::Uuid(Uuid::from_u128(number), core::marker::PhantomData))
     }
@@ -143,14 +146,14 @@ mod tests {
             ..Default::default()
         };
         let dark = [(SLOT_BASE_COLOR, 1, false), (SLOT_METALLIC_ROUGHNESS, 2, false), (SLOT_NORMAL, 3, true)];
-        assert_eq!(found(&m), dark, "what does not glow needs no texture for it");
+        assert_eq!(found(&m), dark, "a material without emission needs no emissive texture");
         let m = StandardMaterial { emissive: bevy::color::LinearRgba::WHITE, ..m };
         assert_eq!(found(&m).last(), Some(&(SLOT_EMISSIVE, 4, false)));
     }
 
     #[cfg(feature = "material_textures")]
     #[test]
-    fn textures_of_layers_are_found_where_their_factor_is_not_0() {
+    fn textures_of_layers_are_found_if_their_factors_are_not_0() {
         let m = StandardMaterial {
             specular_transmission_texture: image(5),
             specular_texture: image(12),
@@ -178,6 +181,6 @@ mod tests {
         };
         let all = found(&m);
         assert!(all.iter().zip(5..).all(|(t, number)| (t.0, t.1) == (1 << (number - 1), number as u128)), "{all:?}");
-        assert_eq!(all.iter().filter(|t| t.2).count(), 2, "of the second coordinates: {all:?}");
+        assert_eq!(all.iter().filter(|t| t.2).count(), 2, "two textures use the second coordinates: {all:?}");
     }
 }

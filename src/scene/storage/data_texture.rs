@@ -1,4 +1,5 @@
-//! Arrays that are read as textures, since a stage binds but eight storage buffers: elements lie along rows of equal length.
+//! Arrays that shaders read as textures, because WebGPU guarantees only eight storage buffers per stage.  Elements lie side by side in
+//! rows of equal length.
 
 use bevy::render::{
     render_resource::*,
@@ -7,10 +8,10 @@ use bevy::render::{
 use bytemuck::Pod;
 use std::marker::PhantomData;
 
-/// Elements a row: equal to `ELEMENTS_A_ROW` in `shaders/scene/bindings.wgsl`.
-const ROW: u32 = 1024;
+/// Elements of a row, equal to `ELEMENTS_A_ROW` in `shaders/scene/bindings.wgsl`.
+const ELEMENTS_PER_ROW: u32 = 1024;
 
-/// Elements of `T`, each some texels that lie side by side.
+/// An array of `T` in a texture; each element takes `texels` adjacent texels.
 pub(crate) struct DataTexture<T> {
     label: &'static str,
     format: TextureFormat,
@@ -21,26 +22,26 @@ pub(crate) struct DataTexture<T> {
 }
 
 impl<T: Pod> DataTexture<T> {
-    /// Nothing yet: `texels` of this format make an element.
+    /// An empty array whose elements take `texels` texels of this format.
     pub(crate) fn new(label: &'static str, format: TextureFormat, texels: u32) -> Self {
         Self { label, format, texels, texture: None, view: None, element: PhantomData }
     }
 
-    /// Elements that a texture of this device can hold.
+    /// The number of elements that a texture of this device can hold.
     pub(crate) fn limit(device: &RenderDevice) -> u32 {
-        ROW * device.limits().max_texture_dimension_2d
+        ELEMENTS_PER_ROW * device.limits().max_texture_dimension_2d
     }
 
-    /// Makes room for `count` elements.  True where what was there is lost.
+    /// Makes room for `count` elements.  Returns true if the texture was replaced, so that its contents are lost.
     pub(crate) fn reserve(&mut self, count: u32, device: &RenderDevice) -> bool {
-        let rows = count.div_ceil(ROW).max(1);
+        let rows = count.div_ceil(ELEMENTS_PER_ROW).max(1);
         if self.texture.as_ref().is_some_and(|t| t.height() >= rows) {
             return false;
         }
         let texture = device.create_texture(&TextureDescriptor {
             label: Some(self.label),
             size: Extent3d {
-                width: ROW * self.texels,
+                width: ELEMENTS_PER_ROW * self.texels,
                 height: rows.next_power_of_two().min(device.limits().max_texture_dimension_2d),
                 depth_or_array_layers: 1,
             },
@@ -56,19 +57,23 @@ impl<T: Pod> DataTexture<T> {
         true
     }
 
-    /// Uploads elements from `first` on, within what was reserved.  Returns the bytes sent.
+    /// Uploads `data` to the elements from `first` on, which must be reserved.  Returns the number of bytes sent.
     pub(crate) fn write(&self, first: u32, data: &[T], queue: &RenderQueue) -> u64 {
         let Some(texture) = &self.texture else { return 0 };
         let (mut at, mut rest) = (first, data);
-        while !rest.is_empty() && at / ROW < texture.height() {
-            // A part of a row, or as many whole rows as there are.
-            let column = at % ROW;
-            let whole = if column == 0 { rest.len() as u32 / ROW } else { 0 };
-            let (width, rows) = if whole > 0 { (ROW, whole) } else { ((ROW - column).min(rest.len() as u32), 1) };
+        while !rest.is_empty() && at / ELEMENTS_PER_ROW < texture.height() {
+            // Each copy covers part of one row, or as many whole rows as possible.
+            let column = at % ELEMENTS_PER_ROW;
+            let whole = if column == 0 { rest.len() as u32 / ELEMENTS_PER_ROW } else { 0 };
+            let (width, rows) = if whole > 0 {
+                (ELEMENTS_PER_ROW, whole)
+            } else {
+                ((ELEMENTS_PER_ROW - column).min(rest.len() as u32), 1)
+            };
             let (part, after) = rest.split_at((width * rows) as usize);
             queue.write_texture(
                 TexelCopyTextureInfo {
-                    origin: Origin3d { x: column * self.texels, y: at / ROW, z: 0 },
+                    origin: Origin3d { x: column * self.texels, y: at / ELEMENTS_PER_ROW, z: 0 },
                     ..texture.as_image_copy()
                 },
                 bytemuck::cast_slice(part),
@@ -85,19 +90,19 @@ impl<T: Pod> DataTexture<T> {
         size_of_val(data) as u64
     }
 
-    /// Gives the memory back.
+    /// Frees the texture.
     pub(crate) fn clear(&mut self) {
         (self.texture, self.view) = (None, None);
     }
 
-    /// To bind, once something was reserved.
+    /// The view to bind; `None` before the first [`Self::reserve`].
     pub(crate) fn view(&self) -> Option<&TextureView> {
         self.view.as_ref()
     }
 
-    /// Name and bytes, for the statistics.
+    /// Name and size in bytes, for the report.
     pub(crate) fn memory(&self) -> (&'static str, u64) {
-        let bytes = |t: &Texture| t.height() as u64 * ROW as u64 * size_of::<T>() as u64;
+        let bytes = |t: &Texture| t.height() as u64 * ELEMENTS_PER_ROW as u64 * size_of::<T>() as u64;
         (self.label, self.texture.as_ref().map_or(0, bytes))
     }
 }

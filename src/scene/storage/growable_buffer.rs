@@ -1,64 +1,15 @@
-//! Growable GPU arrays: ranges are handed out, only changed elements are uploaded, growth copies on the GPU.
+//! Storage buffers that grow: growth copies the contents on the GPU, and only written elements are uploaded.
 
 use bevy::render::{
     render_resource::{Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor},
     renderer::{RenderDevice, RenderQueue},
 };
 use bytemuck::Pod;
-use std::{marker::PhantomData, ops::Range};
-
-/// A free list of index ranges: first fit, neighbors merged.
-#[derive(Debug, Default)]
-pub struct RangeAllocator {
-    /// Free ranges below `end`, by start.
-    free: Vec<Range<u32>>,
-    end: u32,
-}
-
-impl RangeAllocator {
-    /// Takes `count` consecutive indices.
-    pub fn allocate(&mut self, count: u32) -> Range<u32> {
-        if let Some(i) = self.free.iter().position(|r| r.end - r.start >= count) {
-            let start = self.free[i].start;
-            self.free[i].start += count;
-            if self.free[i].is_empty() {
-                self.free.remove(i);
-            }
-            return start..start + count;
-        }
-        let start = self.end;
-        self.end += count;
-        start..self.end
-    }
-
-    /// Gives a range back.  What then lies free at the end is none of it any more, so that a request that did not fit the device leaves
-    /// no trace.
-    pub fn release(&mut self, range: Range<u32>) {
-        if range.is_empty() {
-            return;
-        }
-        let i = self.free.partition_point(|r| r.start < range.start);
-        self.free.insert(i, range);
-        if i + 1 < self.free.len() && self.free[i].end == self.free[i + 1].start {
-            self.free[i].end = self.free.remove(i + 1).end;
-        }
-        if i > 0 && self.free[i - 1].end == self.free[i].start {
-            self.free[i - 1].end = self.free.remove(i).end;
-        }
-        if let Some(last) = self.free.pop_if(|r| r.end == self.end) {
-            self.end = last.start;
-        }
-    }
-
-    /// One past the highest index in use.
-    pub fn end(&self) -> u32 {
-        self.end
-    }
-}
+use std::marker::PhantomData;
 
 /// A storage buffer of `T` that grows by doubling, up to the device's binding limit.
 #[derive(Debug)]
-pub struct GpuArray<T> {
+pub(crate) struct GrowableBuffer<T> {
     label: &'static str,
     buffer: Option<Buffer>,
     capacity: u32,
@@ -67,28 +18,28 @@ pub struct GpuArray<T> {
     element: PhantomData<T>,
 }
 
-impl<T: Pod> GpuArray<T> {
-    /// An array that does not exist on the GPU until something is written or bound.
-    pub fn new(label: &'static str) -> Self {
+impl<T: Pod> GrowableBuffer<T> {
+    /// An empty buffer; GPU memory is allocated by the first [`Self::reserve`].
+    pub(crate) fn new(label: &'static str) -> Self {
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
         Self { label, buffer: None, capacity: 0, limit: u32::MAX, usage, element: PhantomData }
     }
 
-    /// What else the buffer is for; before anything is reserved.
-    pub fn add_usage(&mut self, usage: BufferUsages) {
+    /// Adds a usage to storage and copies.  Call it before the first [`Self::reserve`].
+    pub(crate) fn add_usage(&mut self, usage: BufferUsages) {
         self.usage |= usage;
     }
 
-    /// Elements that one binding of this device can hold.
-    pub fn limit(device: &RenderDevice) -> u32 {
+    /// The number of elements that one binding of this device can hold.
+    pub(crate) fn limit(device: &RenderDevice) -> u32 {
         let limits = device.limits();
         let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
         (bytes / size_of::<T>() as u64).min(u32::MAX as u64) as u32
     }
 
-    /// Makes room for `count` elements and keeps what is there.  False where the device's limit forbids it.
+    /// Makes room for `count` elements and keeps the contents.  Returns false if the device's limit is lower.
     #[must_use]
-    pub fn reserve(&mut self, count: u32, device: &RenderDevice, queue: &RenderQueue) -> bool {
+    pub(crate) fn reserve(&mut self, count: u32, device: &RenderDevice, queue: &RenderQueue) -> bool {
         if count <= self.capacity && self.buffer.is_some() {
             return true;
         }
@@ -113,8 +64,8 @@ impl<T: Pod> GpuArray<T> {
         true
     }
 
-    /// Uploads `data` to the elements from `first` on, within what was reserved.  Returns the bytes sent.
-    pub fn write(&self, first: u32, data: &[T], queue: &RenderQueue) -> u64 {
+    /// Uploads `data` to the elements from `first` on, which must be reserved.  Returns the number of bytes sent.
+    pub(crate) fn write(&self, first: u32, data: &[T], queue: &RenderQueue) -> u64 {
         let Some(buffer) = &self.buffer else { return 0 };
         if data.is_empty() || first as usize + data.len() > self.capacity as usize {
             return 0;
@@ -124,90 +75,13 @@ impl<T: Pod> GpuArray<T> {
         bytes.len() as u64
     }
 
-    /// The buffer, once something was reserved.
-    pub fn buffer(&self) -> Option<&Buffer> {
+    /// The buffer; `None` before the first [`Self::reserve`].
+    pub(crate) fn buffer(&self) -> Option<&Buffer> {
         self.buffer.as_ref()
     }
 
-    /// Name and size in bytes, for the statistics.
-    pub fn memory(&self) -> (&'static str, u64) {
+    /// Name and size in bytes, for the report.
+    pub(crate) fn memory(&self) -> (&'static str, u64) {
         (self.label, self.buffer.as_ref().map_or(0, |buffer| buffer.size()))
-    }
-}
-
-/// Something that does not fit the device: news once for as long as it lasts.
-#[derive(Debug, Default)]
-pub(crate) struct Overflow {
-    told: bool,
-}
-
-impl Overflow {
-    /// Whether to warn of so many that are left out; not before the scene has `settled`, so that the number is that of the whole scene.
-    pub(crate) fn is_news(&mut self, left_out: u64, settled: bool) -> bool {
-        if left_out == 0 {
-            self.told = false;
-            return false;
-        }
-        settled && !core::mem::replace(&mut self.told, true)
-    }
-}
-
-/// Runs of elements that differ between what the GPU has and what it should have.
-pub fn dirty_runs<T: PartialEq>(old: &[T], new: &[T]) -> Vec<Range<usize>> {
-    joined((0..new.len()).filter(|&i| old.get(i) != Some(&new[i])))
-}
-
-/// Runs that hold some elements, which rise; runs closer than 16 elements are joined, since a transfer costs more than the bytes between.
-pub fn joined(elements: impl Iterator<Item = usize>) -> Vec<Range<usize>> {
-    let mut runs: Vec<Range<usize>> = Vec::new();
-    for i in elements {
-        match runs.last_mut() {
-            Some(last) if i < last.end + 16 => last.end = i + 1,
-            _ => runs.push(i..i + 1),
-        }
-    }
-    runs
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn released_ranges_merge_and_are_taken_again() {
-        let mut a = RangeAllocator::default();
-        let (x, y, z) = (a.allocate(4), a.allocate(8), a.allocate(4));
-        let _ = a.allocate(1);
-        a.release(x);
-        a.release(z);
-        a.release(y);
-        assert_eq!(a.free, vec![0..16]);
-        assert_eq!(a.allocate(16), 0..16);
-        assert_eq!(a.end(), 17);
-    }
-
-    #[test]
-    fn what_is_free_at_the_end_is_forgotten() {
-        let mut a = RangeAllocator::default();
-        let _ = a.allocate(4);
-        let (hole, too_large) = (a.allocate(4), a.allocate(1 << 30));
-        a.release(hole);
-        a.release(too_large);
-        assert_eq!(a.end(), 4);
-        assert_eq!(a.allocate(10), 4..14);
-        assert_eq!((a.free.len(), a.end()), (0, 14));
-    }
-
-    #[test]
-    fn only_what_differs_is_dirty() {
-        let old = vec![0; 100];
-        let mut new = old.clone();
-        assert!(dirty_runs(&old, &new).is_empty());
-        new[3] = 1;
-        new[10] = 1;
-        new[80] = 1;
-        assert_eq!(dirty_runs(&old, &new), vec![3..11, 80..81]);
-        new.push(0);
-        assert_eq!(dirty_runs(&old, &new).last(), Some(&(100..101)));
     }
 }

@@ -1,4 +1,7 @@
-//! GPU memory of the scene: growable buffers with a range allocator, and arrays that are read as textures.
+//! GPU memory of the scene: growable buffers, the allocator of ranges in them, and arrays that shaders read as textures.
 
 pub(crate) mod data_texture;
-pub mod growable_buffer;
+pub(crate) mod dirty_runs;
+pub(crate) mod growable_buffer;
+pub(crate) mod overflow_warning;
+pub(crate) mod range_allocator;

@@ -1,4 +1,5 @@
-//! The texture atlas: pages of 8-bit RGBA with their levels of detail, places in them, and the copies that fill them (`shaders/pass/atlas.wgsl`).
+//! The texture atlas on the GPU: pages of 8-bit RGBA with mip levels, a packer that places rectangles in them, and the copies that fill them
+//! (`shaders/pass/atlas.wgsl`).
 
 use bevy::{
     math::UVec2,
@@ -11,7 +12,7 @@ use bevy::{
 
 pub(crate) const FORMAT: TextureFormat = TextureFormat::Rgba8Unorm;
 
-/// Where a texture lies.
+/// Rectangle of a texture in the atlas.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Placement {
     pub layer: u32,
@@ -20,8 +21,8 @@ pub(crate) struct Placement {
 }
 
 impl Placement {
-    /// Levels that it has: down to one texel of its shorter side.  Halving a corner and a size, rounded down, never makes places overlap
-    /// that did not before.
+    /// Number of mip levels: the coarsest one has one texel on the shorter side.  Halving corners and sizes, rounded down, keeps disjoint
+    /// rectangles disjoint.
     pub(crate) fn levels(&self) -> u32 {
         self.size.min_element().max(1).ilog2() + 1
     }
@@ -32,13 +33,13 @@ impl Placement {
     }
 }
 
-/// Rows of rectangles of one height, in square pages.
+/// Packs rectangles into square pages, in shelves: rows of rectangles of similar height.  It cannot free a rectangle.
 #[derive(Clone, Default)]
 pub(crate) struct ShelfPacker {
     pub page: u32,
     pub pages: u32,
-    /// Texels of all places that were given.
-    pub given: u64,
+    /// Texels of all placed rectangles.
+    pub placed_texels: u64,
     /// (page, top, height, first free column)
     shelves: Vec<(u32, u32, u32, u32)>,
     /// First free row of every page.
@@ -46,15 +47,15 @@ pub(crate) struct ShelfPacker {
 }
 
 impl ShelfPacker {
-    pub(crate) fn of_page(page: u32) -> Self {
+    pub(crate) fn with_page_size(page: u32) -> Self {
         Self { page, ..Default::default() }
     }
 
-    /// A place in one of so many pages, where there is one.
-    pub(crate) fn place(&mut self, size: UVec2, most_pages: u32) -> Option<Placement> {
-        let place = self.place_on_shelf(size).or_else(|| self.place_on_new_shelf(size, most_pages))?;
-        self.given += u64::from(size.x) * u64::from(size.y);
-        Some(place)
+    /// Places a rectangle in one of `max_pages` pages; `None` if there is no space.
+    pub(crate) fn place(&mut self, size: UVec2, max_pages: u32) -> Option<Placement> {
+        let placement = self.place_on_shelf(size).or_else(|| self.place_on_new_shelf(size, max_pages))?;
+        self.placed_texels += u64::from(size.x) * u64::from(size.y);
+        Some(placement)
     }
 
     fn place_on_shelf(&mut self, size: UVec2) -> Option<Placement> {
@@ -66,15 +67,15 @@ impl ShelfPacker {
         Some(Placement { layer: *page, corner, size })
     }
 
-    fn place_on_new_shelf(&mut self, size: UVec2, most_pages: u32) -> Option<Placement> {
+    fn place_on_new_shelf(&mut self, size: UVec2, max_pages: u32) -> Option<Placement> {
         if size.max_element() > self.page {
             return None;
         }
-        let begun = (0..self.pages).find(|&p| self.free_row[p as usize] + size.y <= self.page);
-        if begun.is_none() && self.pages >= most_pages {
+        let open_page = (0..self.pages).find(|&p| self.free_row[p as usize] + size.y <= self.page);
+        if open_page.is_none() && self.pages >= max_pages {
             return None;
         }
-        let page = begun.unwrap_or_else(|| {
+        let page = open_page.unwrap_or_else(|| {
             self.pages += 1;
             self.free_row.push(0);
             self.pages - 1
@@ -86,16 +87,16 @@ impl ShelfPacker {
     }
 }
 
-/// How the color of a texel is kept in eight bits: `ENCODING_*` in `shaders/common/texel.wgsl`.
+/// Encoding of a texel's color in 8 bits per channel: `ENCODING_*` in `shaders/common/texel.wgsl`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Encoding {
     Linear = 0,
     Srgb = 1,
-    /// Three mantissas and, in place of alpha, their exponent: what goes beyond 1 keeps its range.
+    /// Three mantissas and, in place of alpha, their common exponent, for values above 1.
     SharedExponent = 2,
 }
 
-/// Where a copy goes: `Copy` in `shaders/pass/atlas.wgsl`.
+/// Source and target of a copy: `Copy` in `shaders/pass/atlas.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
 struct GpuCopy {
@@ -113,7 +114,7 @@ struct GpuCopy {
 pub(crate) struct Atlas {
     texture: Texture,
     view: TextureView,
-    /// One a level, to write to.
+    /// Write views of the mip levels.
     targets: Vec<TextureView>,
 }
 
@@ -145,7 +146,7 @@ impl Atlas {
         &self.view
     }
 
-    /// Side and number of its pages.
+    /// Side length and number of the pages.
     pub(crate) fn pages(&self) -> [u32; 2] {
         [self.texture.width(), self.texture.depth_or_array_layers()]
     }
@@ -200,7 +201,7 @@ impl Copier {
         pipelines.get_compute_pipeline(id)
     }
 
-    /// Fills the places, every level from the one before it.
+    /// Copies images to their rectangles, and fills each further mip level from the next finer one.
     pub(crate) fn copy<'a>(
         &self,
         images: impl Iterator<Item = (&'a GpuImage, Placement, Encoding)>,
@@ -212,17 +213,19 @@ impl Copier {
     ) {
         let layout = pipelines.get_bind_group_layout(&self.layout);
         let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor { label: Some("restir atlas") });
-        for (image, place, encoding) in images {
-            for level in 0..place.levels() {
-                let to = place.at_level(level);
+        for (image, placement, encoding) in images {
+            for level in 0..placement.levels() {
+                let to = placement.at_level(level);
                 let (texture, format, base_mip_level, base_array_layer, from, decode) = match level.checked_sub(1) {
                     None => {
                         let size = UVec2::new(image.texture.width(), image.texture.height());
                         let whole = Placement { layer: 0, corner: UVec2::ZERO, size };
-                        // A view of an sRGB format gives linear values.
+                        // A view of an sRGB format returns linear values.
                         (&image.texture, image.view_format(), 0, 0, whole, Encoding::Linear)
                     }
-                    Some(above) => (&atlas.texture, FORMAT, above, place.layer, place.at_level(above), encoding),
+                    Some(finer) => {
+                        (&atlas.texture, FORMAT, finer, placement.layer, placement.at_level(finer), encoding)
+                    }
                 };
                 let source = texture.create_view(&TextureViewDescriptor {
                     format: Some(format),
@@ -270,7 +273,7 @@ mod tests {
 
     #[test]
     fn placements_never_overlap_at_any_level() {
-        let mut packer = ShelfPacker::of_page(256);
+        let mut packer = ShelfPacker::with_page_size(256);
         let sizes = [64, 128, 17, 256, 30, 31, 200, 64, 100, 5];
         let all = sizes.iter().flat_map(|&w| sizes.iter().map(move |&h| UVec2::new(w, h)));
         let placed: Vec<_> = all.filter_map(|s| packer.place(s, 100)).collect();

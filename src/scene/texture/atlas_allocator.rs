@@ -1,8 +1,9 @@
-//! Where images lie in the atlas: pages of which size and how many, and which images find no place.  Nothing here touches the GPU.
+//! Allocates rectangles of the texture atlas: decides the size and number of its pages, the rectangle of each image, and which images are left
+//! out.  Nothing here touches the GPU.
 //!
-//! A packer takes nothing back.  Where an image finds no place in the pages that there are, all that are wanted are packed again: into
-//! the same pages where that frees enough of them, into half as many more otherwise, so that images are copied a few times each however they
-//! come and go.
+//! The packer cannot free rectangles.  If an image does not fit, all images in use are packed again: into the same pages if that frees enough
+//! of them, and otherwise into half as many pages more.  Each image is therefore copied only a few times, in whatever order images are added
+//! and removed.
 
 use bevy::{
     asset::AssetId,
@@ -13,12 +14,12 @@ use bevy::{
 
 use crate::scene::texture::atlas::{Placement, ShelfPacker};
 
-/// Smallest side of a page, texels.
-const SMALLEST_PAGE: u32 = 256;
-/// Texels, all levels left out, below which an atlas is not worth making smaller.
-const SMALL: u64 = 1 << 22;
+/// Smallest side length of a page, texels.
+const MIN_PAGE: u32 = 256;
+/// Texels of the finest level below which the atlas never shrinks.
+const MIN_SHRINK_TEXELS: u64 = 1 << 22;
 
-/// The largest pages and the most that a device has.
+/// Largest side length and number of pages on a device.
 #[derive(Clone, Copy)]
 pub(crate) struct Limits {
     pub page: u32,
@@ -28,33 +29,33 @@ pub(crate) struct Limits {
 /// An image and its size in the atlas.
 pub(crate) type Item = (AssetId<Image>, UVec2);
 
-/// A packer, and what it was given.
+/// A packer with the images that it has placed and those that did not fit.
 struct Packing {
     packer: ShelfPacker,
     placed: Vec<(AssetId<Image>, Placement)>,
-    left: Vec<Item>,
+    left_out: Vec<Item>,
 }
 
 impl Packing {
-    /// Adds images to what is packed, in pages up to so many.
+    /// Adds images to a packer with up to `pages` pages.
     fn onto(mut packer: ShelfPacker, images: &[Item], pages: u32) -> Self {
-        let (mut placed, mut left) = (Vec::new(), Vec::new());
+        let (mut placed, mut left_out) = (Vec::new(), Vec::new());
         for &(id, size) in images {
             match packer.place(size, pages) {
-                Some(place) => placed.push((id, place)),
-                None => left.push((id, size)),
+                Some(placement) => placed.push((id, placement)),
+                None => left_out.push((id, size)),
             }
         }
-        Self { packer, placed, left }
+        Self { packer, placed, left_out }
     }
 
-    /// Packs images into the smallest pages that hold them all; `None` where none do.
+    /// Packs images into the smallest pages that can hold all of them; `None` if even the largest pages cannot.
     fn fresh(images: &[Item], limits: Limits) -> Option<Self> {
         let largest = images.iter().map(|(_, size)| size.max_element()).max().unwrap_or(1);
-        let mut page = largest.next_power_of_two().max(SMALLEST_PAGE).min(limits.page);
+        let mut page = largest.next_power_of_two().max(MIN_PAGE).min(limits.page);
         loop {
-            let packing = Self::onto(ShelfPacker::of_page(page), images, limits.layers);
-            if packing.left.is_empty() {
+            let packing = Self::onto(ShelfPacker::with_page_size(page), images, limits.layers);
+            if packing.left_out.is_empty() {
                 return Some(packing);
             }
             if page == limits.page {
@@ -77,23 +78,23 @@ fn texels(images: &[Item]) -> u64 {
     images.iter().map(|(_, size)| u64::from(size.x) * u64::from(size.y)).sum()
 }
 
-/// In the order that fills shelves best; whatever order they come in, they end at the same places.
+/// Sorts images in the order that fills shelves best.  The result does not depend on the order in which images were added.
 fn sort(images: &mut [Item]) {
     images.sort_unstable_by_key(|&(id, size)| (core::cmp::Reverse((size.y, size.x)), id));
 }
 
-/// The places of images.
+/// Rectangles of the images in the atlas.
 #[derive(Default)]
-pub(crate) struct Places {
+pub(crate) struct AtlasAllocator {
     placed: HashMap<AssetId<Image>, Placement>,
     packer: ShelfPacker,
-    /// Pages of the atlas: those that the packer began, and some to come.
+    /// Number of pages of the atlas; the packer may not use all of them yet.
     layers: u32,
-    /// Images that found no place, as large as they were then.
+    /// Images that did not fit, with their sizes.
     left_out: HashMap<AssetId<Image>, UVec2>,
 }
 
-impl Places {
+impl AtlasAllocator {
     pub(crate) fn get(&self, id: AssetId<Image>) -> Option<&Placement> {
         self.placed.get(&id)
     }
@@ -102,69 +103,72 @@ impl Places {
         self.placed.keys().copied()
     }
 
-    /// Side and number of the pages that the atlas is to have.
+    /// Side length and number of the pages that the atlas needs.
     pub(crate) fn pages(&self) -> [u32; 2] {
         [self.packer.page, self.layers]
     }
 
-    /// Takes its place from an image that is no more; true where it had one.
-    pub(crate) fn forget(&mut self, id: AssetId<Image>) -> bool {
+    /// Releases the rectangle of a removed image; true if it had one.
+    pub(crate) fn release(&mut self, id: AssetId<Image>) -> bool {
         self.left_out.remove(&id);
-        let had_place = self.placed.remove(&id).is_some();
-        if had_place {
+        let was_placed = self.placed.remove(&id).is_some();
+        if was_placed {
+            // The others may fit now.
             self.left_out.clear();
         }
-        had_place
+        was_placed
     }
 
-    /// Whether an image found no place, and nothing gave it hope since.
+    /// Whether an image of this size did not fit, and no space has been freed since.
     pub(crate) fn is_left_out(&self, id: AssetId<Image>, size: UVec2) -> bool {
         self.left_out.get(&id) == Some(&size)
     }
 
+    /// Number of images that do not fit.
     pub(crate) fn left_out(&self) -> usize {
         self.left_out.len()
     }
 
-    /// Where some found no place, those make room that are not wanted any more.
-    pub(crate) fn make_room(&mut self, wanted: &HashSet<AssetId<Image>>) {
+    /// Releases unused images if some images did not fit.
+    pub(crate) fn make_room(&mut self, used: &HashSet<AssetId<Image>>) {
         if self.left_out.is_empty() {
             return;
         }
         let before = self.placed.len();
-        self.placed.retain(|id, _| wanted.contains(id));
+        self.placed.retain(|id, _| used.contains(id));
         if self.placed.len() < before {
             self.left_out.clear();
         }
     }
 
-    /// Gives places to images that have none of their size.  True where all places are others than before.
+    /// Places images, unless they already have a rectangle of their size.  True if the rectangles of all images have changed.
     pub(crate) fn place(
         &mut self,
         mut new: Vec<Item>,
         limits: Limits,
-        is_wanted: impl Fn(AssetId<Image>) -> bool,
+        is_used: impl Fn(AssetId<Image>) -> bool,
     ) -> bool {
-        new.retain(|(id, size)| self.placed.get(id).is_none_or(|place| place.size != *size));
+        new.retain(|(id, size)| self.placed.get(id).is_none_or(|placement| placement.size != *size));
         if new.is_empty() {
             return false;
         }
         for (id, _) in &new {
-            self.forget(*id);
+            self.release(*id);
         }
         sort(&mut new);
         let mut kept: Vec<Item> =
-            self.placed.iter().filter(|(id, _)| is_wanted(**id)).map(|(id, place)| (*id, place.size)).collect();
+            self.placed.iter().filter(|(id, _)| is_used(**id)).map(|(id, placement)| (*id, placement.size)).collect();
         let added = Packing::onto(self.packer.clone(), &new, self.layers);
-        let is_roomy = self.area() > SMALL && 4 * (texels(&kept) + texels(&new)) < self.area();
-        if added.left.is_empty() && !is_roomy {
+        let is_oversized = self.area() > MIN_SHRINK_TEXELS && 4 * (texels(&kept) + texels(&new)) < self.area();
+        if added.left_out.is_empty() && !is_oversized {
             return self.extend(added);
         }
-        let dead = self.packer.given.saturating_sub(texels(&kept));
+        // Texels of released and unused images, which only a new packing can free.
+        let dead = self.packer.placed_texels.saturating_sub(texels(&kept));
         let mut all = [kept.as_slice(), new.as_slice()].concat();
         sort(&mut all);
         match Packing::fresh(&all, limits) {
-            Some(fresh) if added.left.is_empty() && 2 * fresh.area() > self.area() => self.extend(added),
+            Some(fresh) if added.left_out.is_empty() && 2 * fresh.area() > self.area() => self.extend(added),
             Some(fresh) => {
                 let layers = self.layers_for(&fresh.packer, dead).min(limits.layers);
                 self.replace(fresh, layers)
@@ -176,12 +180,12 @@ impl Places {
         }
     }
 
-    /// Of an atlas that cannot hold all: those that have a place keep one.
+    /// Fills an atlas that cannot hold all images: images that have a rectangle keep one, though perhaps elsewhere.
     fn fill(&mut self, added: Packing, kept: &[Item], new: &[Item], limits: Limits) -> bool {
-        let first = Packing::onto(ShelfPacker::of_page(limits.page), kept, limits.layers);
-        if first.left.is_empty() {
+        let first = Packing::onto(ShelfPacker::with_page_size(limits.page), kept, limits.layers);
+        if first.left_out.is_empty() {
             let mut full = Packing::onto(first.packer, new, limits.layers);
-            if full.left.len() < added.left.len() {
+            if full.left_out.len() < added.left_out.len() {
                 full.placed.extend(first.placed);
                 return self.replace(full, limits.layers);
             }
@@ -189,7 +193,8 @@ impl Places {
         self.extend(added)
     }
 
-    /// How many pages are to hold what a packer holds.
+    /// Number of pages for a new packing: with reserve where the atlas grows, so that it is not replaced too often.  `dead`: texels that the
+    /// old packing wasted.
     fn layers_for(&self, packer: &ShelfPacker, dead: u64) -> u32 {
         let (now, needed) = (self.layers, packer.pages);
         if packer.page != self.packer.page {
@@ -210,7 +215,7 @@ impl Places {
     fn extend(&mut self, added: Packing) -> bool {
         self.packer = added.packer;
         self.placed.extend(added.placed);
-        self.left_out.extend(added.left);
+        self.left_out.extend(added.left_out);
         false
     }
 
@@ -233,16 +238,16 @@ mod tests {
         AssetId::Uuid { uuid: Uuid::from_u128(number.into()) }
     }
 
-    /// Places images that all are wanted; true where all moved.
-    fn add(places: &mut Places, images: impl IntoIterator<Item = (u32, u32)>, limits: Limits) -> bool {
+    /// Places images that are all in use; true if all have moved.
+    fn add(allocator: &mut AtlasAllocator, images: impl IntoIterator<Item = (u32, u32)>, limits: Limits) -> bool {
         let new = images.into_iter().map(|(number, side)| (image(number), UVec2::splat(side))).collect();
-        places.place(new, limits, |_| true)
+        allocator.place(new, limits, |_| true)
     }
 
-    /// All lie within the pages, and none on another.
-    fn check(places: &Places) {
-        let [page, layers] = places.pages();
-        let all: Vec<_> = places.placed.values().collect();
+    /// All rectangles lie within the pages and are disjoint.
+    fn check(allocator: &AtlasAllocator) {
+        let [page, layers] = allocator.pages();
+        let all: Vec<_> = allocator.placed.values().collect();
         for (i, a) in all.iter().enumerate() {
             assert!(a.layer < layers && (a.corner + a.size).max_element() <= page, "{a:?}");
             for b in &all[..i] {
@@ -254,100 +259,105 @@ mod tests {
 
     #[test]
     fn replacing_images_many_times_does_not_grow_the_atlas() {
-        let mut places = Places::default();
+        let mut allocator = AtlasAllocator::default();
         let side = |i: u32| 40 + i * 7 % 60;
-        add(&mut places, (0..40).map(|i| (i, side(i))), WIDE);
-        let (mut moves, before) = (0, places.pages());
+        add(&mut allocator, (0..40).map(|i| (i, side(i))), WIDE);
+        let (mut moves, before) = (0, allocator.pages());
         for i in 40..4000 {
-            assert!(places.forget(image(i - 40)));
-            moves += u32::from(add(&mut places, [(i, side(i))], WIDE));
-            assert_eq!(places.images().count(), 40);
+            assert!(allocator.release(image(i - 40)));
+            moves += u32::from(add(&mut allocator, [(i, side(i))], WIDE));
+            assert_eq!(allocator.images().count(), 40);
         }
-        check(&places);
-        eprintln!("{before:?} became {:?}, all moved {moves} times", places.pages());
-        assert!(places.pages()[0] == 256 && places.pages()[1] <= 2 * before[1], "{:?}", places.pages());
-        // Every time a quarter of the atlas was dead: some ten images.
+        check(&allocator);
+        eprintln!("{before:?} became {:?}, all moved {moves} times", allocator.pages());
+        assert!(allocator.pages()[0] == 256 && allocator.pages()[1] <= 2 * before[1], "{:?}", allocator.pages());
+        // Images move only after a quarter of the atlas, some ten images, has been released.
         assert!(moves < 3960 / 8, "{moves}");
     }
 
     #[test]
-    fn images_that_nothing_wants_lose_their_places_where_others_need_them() {
-        let mut places = Places::default();
+    fn unused_images_lose_their_space_when_others_need_it() {
+        let mut allocator = AtlasAllocator::default();
         for i in 0..1000 {
-            // None is dropped, and none is used for long.
+            // No image is removed, but each is used for a few frames only.
             let new = vec![(image(i), UVec2::splat(100))];
-            places.place(new, WIDE, |id| (i.saturating_sub(5)..=i).any(|i| id == image(i)));
-            assert!((i.saturating_sub(5)..=i).all(|i| places.get(image(i)).is_some()));
+            allocator.place(new, WIDE, |id| (i.saturating_sub(5)..=i).any(|i| id == image(i)));
+            assert!((i.saturating_sub(5)..=i).all(|i| allocator.get(image(i)).is_some()));
         }
-        check(&places);
-        assert!(places.pages()[1] <= 4, "{:?}", places.pages());
+        check(&allocator);
+        assert!(allocator.pages()[1] <= 4, "{:?}", allocator.pages());
     }
 
     #[test]
     fn an_atlas_that_fills_grows_by_half() {
-        let mut places = Places::default();
-        let moves = (0..1000).filter(|i| add(&mut places, [(*i, 250)], WIDE)).count();
-        check(&places);
-        eprintln!("{moves} moves to {:?}", places.pages());
-        assert!(moves <= 20 && (1000..=1500).contains(&places.pages()[1]), "{moves} {:?}", places.pages());
-        // A fresh load takes what it needs.
-        let mut fresh = Places::default();
+        let mut allocator = AtlasAllocator::default();
+        let moves = (0..1000).filter(|i| add(&mut allocator, [(*i, 250)], WIDE)).count();
+        check(&allocator);
+        eprintln!("{moves} moves to {:?}", allocator.pages());
+        assert!(moves <= 20 && (1000..=1500).contains(&allocator.pages()[1]), "{moves} {:?}", allocator.pages());
+        // A new scene gets no reserve.
+        let mut fresh = AtlasAllocator::default();
         add(&mut fresh, (0..1000).map(|i| (i, 250)), WIDE);
         assert_eq!(fresh.pages(), [256, 1000]);
     }
 
     #[test]
-    fn a_large_atlas_of_which_little_is_left_becomes_small() {
-        let mut places = Places::default();
-        add(&mut places, (0..200).map(|i| (i, 250)).chain([(200, 2000)]), WIDE);
+    fn a_large_atlas_shrinks_when_little_of_it_is_used() {
+        let mut allocator = AtlasAllocator::default();
+        add(&mut allocator, (0..200).map(|i| (i, 250)).chain([(200, 2000)]), WIDE);
         for i in 2..=200 {
-            places.forget(image(i));
+            allocator.release(image(i));
         }
-        assert_eq!(places.pages()[0], 2048);
-        add(&mut places, [(300, 250)], WIDE);
-        check(&places);
-        assert_eq!(places.pages(), [256, 3]);
-        assert_eq!(places.images().count(), 3);
+        assert_eq!(allocator.pages()[0], 2048);
+        add(&mut allocator, [(300, 250)], WIDE);
+        check(&allocator);
+        assert_eq!(allocator.pages(), [256, 3]);
+        assert_eq!(allocator.images().count(), 3);
     }
 
     #[test]
-    fn pages_grow_where_there_cannot_be_more() {
-        let mut places = Places::default();
+    fn pages_become_larger_when_their_number_is_at_the_limit() {
+        let mut allocator = AtlasAllocator::default();
         let limits = Limits { page: 1024, layers: 4 };
         for i in 0..50 {
-            add(&mut places, [(i, 250)], limits);
+            add(&mut allocator, [(i, 250)], limits);
         }
-        check(&places);
-        assert_eq!((places.left_out(), places.images().count()), (0, 50));
-        assert_eq!(places.pages()[0], 1024);
+        check(&allocator);
+        assert_eq!((allocator.left_out(), allocator.images().count()), (0, 50));
+        assert_eq!(allocator.pages()[0], 1024);
     }
 
     #[test]
-    fn a_full_atlas_keeps_what_it_holds_and_takes_others_when_there_is_room() {
-        let mut places = Places::default();
+    fn a_full_atlas_keeps_its_images_and_takes_others_when_space_is_freed() {
+        let mut allocator = AtlasAllocator::default();
         let limits = Limits { page: 512, layers: 2 };
-        // Four a page.
-        add(&mut places, (0..6).map(|i| (i, 256)), limits);
-        add(&mut places, (6..12).map(|i| (i, 256)), limits);
-        check(&places);
-        assert_eq!((places.left_out(), places.images().count()), (4, 8));
-        assert!((0..8).all(|i| places.get(image(i)).is_some()), "those that had places, and the first of the others");
-        // One that is edited is not asked for again, one that is smaller is.
-        assert!(places.is_left_out(image(9), UVec2::splat(256)) && !places.is_left_out(image(9), UVec2::splat(5)));
-        let before: Vec<_> = (0..8).map(|i| places.get(image(i)).copied()).collect();
-        assert!(!add(&mut places, (8..13).map(|i| (i, 256)), limits), "nothing is copied again for nothing");
-        assert_eq!(before, (0..8).map(|i| places.get(image(i)).copied()).collect::<Vec<_>>());
-        // One goes: they may try again.
-        places.forget(image(3));
-        assert_eq!(places.left_out(), 0);
-        add(&mut places, (8..12).map(|i| (i, 256)), limits);
-        check(&places);
-        assert!(places.get(image(8)).is_some() && places.left_out() == 3);
-        // Two are not wanted any more.
-        places.make_room(&(2..12).map(image).collect());
-        assert_eq!(places.left_out(), 0);
-        add(&mut places, (9..12).map(|i| (i, 256)), limits);
-        check(&places);
-        assert!(places.get(image(9)).is_some() && places.get(image(10)).is_some() && places.left_out() == 1);
+        // Four images fit on a page.
+        add(&mut allocator, (0..6).map(|i| (i, 256)), limits);
+        add(&mut allocator, (6..12).map(|i| (i, 256)), limits);
+        check(&allocator);
+        assert_eq!((allocator.left_out(), allocator.images().count()), (4, 8));
+        assert!(
+            (0..8).all(|i| allocator.get(image(i)).is_some()),
+            "the images that had a rectangle, and the first of the others"
+        );
+        // An edited image of the same size does not fit either; a smaller one may.
+        assert!(
+            allocator.is_left_out(image(9), UVec2::splat(256)) && !allocator.is_left_out(image(9), UVec2::splat(5))
+        );
+        let before: Vec<_> = (0..8).map(|i| allocator.get(image(i)).copied()).collect();
+        assert!(!add(&mut allocator, (8..13).map(|i| (i, 256)), limits), "no image moves in vain");
+        assert_eq!(before, (0..8).map(|i| allocator.get(image(i)).copied()).collect::<Vec<_>>());
+        // When one image is removed, the others may fit.
+        allocator.release(image(3));
+        assert_eq!(allocator.left_out(), 0);
+        add(&mut allocator, (8..12).map(|i| (i, 256)), limits);
+        check(&allocator);
+        assert!(allocator.get(image(8)).is_some() && allocator.left_out() == 3);
+        // Two images are no longer used.
+        allocator.make_room(&(2..12).map(image).collect());
+        assert_eq!(allocator.left_out(), 0);
+        add(&mut allocator, (9..12).map(|i| (i, 256)), limits);
+        check(&allocator);
+        assert!(allocator.get(image(9)).is_some() && allocator.get(image(10)).is_some() && allocator.left_out() == 1);
     }
 }

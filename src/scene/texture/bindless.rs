@@ -1,4 +1,5 @@
-//! Images that shaders read as they are, where the device binds arrays of textures (`bound_textures` in `shaders/scene/bindings.wgsl`).
+//! Bindless textures: one array of Bevy's own textures, if the device supports arrays of textures (`bound_textures` in
+//! `shaders/scene/bindings.wgsl`).
 
 use bevy::{
     asset::AssetId,
@@ -12,11 +13,11 @@ use bevy::{
 };
 use core::num::NonZeroU32;
 
-/// Most that are bound; every one costs each pass a little on the CPU.
-const MOST: u32 = 4096;
+/// Limit of the array: each texture in it costs a little CPU time in each pass.
+const MAX_TEXTURES: u32 = 4096;
 
-/// How many images the device binds in an array that neighboring invocations index differently, in one more group than
-/// `bind_groups`; `None` where it has no such arrays.
+/// Size of the array on this device; `None` if the device has no arrays of textures that neighboring invocations may index differently, or
+/// no bind group left.  `bind_groups`: number of groups that passes bind otherwise.
 pub(crate) fn max_textures(device: &RenderDevice, bind_groups: u32) -> Option<NonZeroU32> {
     let needed = WgpuFeatures::TEXTURE_BINDING_ARRAY
         | WgpuFeatures::SAMPLED_TEXTURE_AND_STORAGE_BUFFER_ARRAY_NON_UNIFORM_INDEXING
@@ -25,10 +26,10 @@ pub(crate) fn max_textures(device: &RenderDevice, bind_groups: u32) -> Option<No
     if !device.features().contains(needed) || limits.max_bind_groups <= bind_groups {
         return None;
     }
-    NonZeroU32::new(limits.max_binding_array_elements_per_shader_stage.min(MOST))
+    NonZeroU32::new(limits.max_binding_array_elements_per_shader_stage.min(MAX_TEXTURES))
 }
 
-/// The layout of the group that holds so many.
+/// Layout of the group with the array.
 pub(crate) fn layout(max_textures: NonZeroU32) -> BindGroupLayoutDescriptor {
     let images = texture_2d(TextureSampleType::Float { filterable: false }).count(max_textures);
     BindGroupLayoutDescriptor::new(
@@ -37,14 +38,14 @@ pub(crate) fn layout(max_textures: NonZeroU32) -> BindGroupLayoutDescriptor {
     )
 }
 
-/// One of them.
-pub(crate) struct BoundTexture {
+/// A texture in the array.
+pub(crate) struct BindlessTexture {
     pub index: u32,
     texture: Texture,
     view: TextureView,
 }
 
-impl BoundTexture {
+impl BindlessTexture {
     pub(crate) fn size(&self) -> [u32; 2] {
         [self.texture.width(), self.texture.height()]
     }
@@ -54,20 +55,21 @@ impl BoundTexture {
     }
 }
 
-/// The array.
-pub(crate) struct BoundTextures {
+/// The array of textures.
+pub(crate) struct BindlessTextures {
     pub max_textures: NonZeroU32,
-    images: HashMap<AssetId<Image>, BoundTexture>,
-    /// Textures that Bevy wrote again in place: it writes the finest level only, the others are those of the old picture.
+    images: HashMap<AssetId<Image>, BindlessTexture>,
+    /// Textures to which Bevy has uploaded an edited image.  It uploads only the finest level, so the other levels are outdated.
     rewritten: HashMap<AssetId<Image>, TextureId>,
-    /// Places below `end` that hold none.
+    /// Free indices below `end`.
     free: Vec<u32>,
+    /// All indices in use are below this.
     end: u32,
     /// Changes when the array does; 0 until it holds an image.
     pub revision: u64,
 }
 
-impl BoundTextures {
+impl BindlessTextures {
     pub(crate) fn new(max_textures: NonZeroU32) -> Self {
         Self {
             max_textures,
@@ -79,33 +81,33 @@ impl BoundTextures {
         }
     }
 
-    pub(crate) fn get(&self, id: AssetId<Image>) -> Option<&BoundTexture> {
+    pub(crate) fn get(&self, id: AssetId<Image>) -> Option<&BindlessTexture> {
         self.images.get(&id)
     }
 
-    /// Whether it holds an image as it is now.
+    /// Whether the array holds the current texture of an image.
     pub(crate) fn holds(&self, id: AssetId<Image>, texture: &Texture) -> bool {
-        self.images.get(&id).is_some_and(|bound| bound.texture.id() == texture.id())
+        self.images.get(&id).is_some_and(|stored| stored.texture.id() == texture.id())
     }
 
-    /// Takes an image that is new or changed, in the place that it had.  False where it has no levels of its own or there is no room; it
-    /// then has no place.
+    /// Adds an image that is new or changed; a changed image keeps its index.  Returns false, and removes the image, if it has no valid mip
+    /// levels of its own or if the array is full.
     pub(crate) fn insert(&mut self, id: AssetId<Image>, image: &GpuImage) -> bool {
         let texture = &image.texture;
         if self.holds(id, texture) {
             self.rewritten.insert(id, texture.id());
         }
         let has_levels = texture.mip_level_count() > 1 && self.rewritten.get(&id) != Some(&texture.id());
-        if has_levels && self.place(id, image) {
+        if has_levels && self.store(id, image) {
             return true;
         }
         self.remove(id);
         false
     }
 
-    fn place(&mut self, id: AssetId<Image>, image: &GpuImage) -> bool {
+    fn store(&mut self, id: AssetId<Image>, image: &GpuImage) -> bool {
         let index = match self.images.get(&id) {
-            Some(bound) => bound.index,
+            Some(stored) => stored.index,
             None => match self.free.pop() {
                 Some(index) => index,
                 None if self.end < self.max_textures.get() => {
@@ -122,30 +124,35 @@ impl BoundTextures {
             array_layer_count: Some(1),
             ..Default::default()
         });
-        self.images.insert(id, BoundTexture { index, texture: image.texture.clone(), view });
+        self.images.insert(id, BindlessTexture { index, texture: image.texture.clone(), view });
         self.revision += 1;
         true
     }
 
-    /// Lets go of an image that is no more.  True where it held it.
-    pub(crate) fn forget(&mut self, id: AssetId<Image>) -> bool {
+    /// Removes an image; true if the array held it.
+    pub(crate) fn release(&mut self, id: AssetId<Image>) -> bool {
         self.rewritten.remove(&id);
         self.remove(id)
     }
 
     fn remove(&mut self, id: AssetId<Image>) -> bool {
-        let Some(bound) = self.images.remove(&id) else { return false };
-        self.free.push(bound.index);
+        let Some(stored) = self.images.remove(&id) else { return false };
+        self.free.push(stored.index);
         self.revision += 1;
         true
     }
 
-    /// The group that holds them all, `none` in the places that hold no image.
-    pub(crate) fn bind_group(&self, none: &TextureView, device: &RenderDevice, pipelines: &PipelineCache) -> BindGroup {
-        // An array of nothing cannot be bound.
-        let mut views = vec![&**none; self.end.max(1) as usize];
-        for bound in self.images.values() {
-            views[bound.index as usize] = &bound.view;
+    /// Bind group of the array, with `placeholder` at the free indices.
+    pub(crate) fn bind_group(
+        &self,
+        placeholder: &TextureView,
+        device: &RenderDevice,
+        pipelines: &PipelineCache,
+    ) -> BindGroup {
+        // An empty array cannot be bound.
+        let mut views = vec![&**placeholder; self.end.max(1) as usize];
+        for stored in self.images.values() {
+            views[stored.index as usize] = &stored.view;
         }
         device.create_bind_group(
             "restir bound textures",

@@ -1,6 +1,7 @@
-//! Textures: an atlas that every device can bind, or the images themselves where the device has arrays of textures.
+//! Textures: bindless where the device has arrays of textures, and copied to an atlas otherwise.
 
 mod atlas;
 mod atlas_allocator;
 pub(crate) mod bindless;
+pub(crate) mod image_info;
 pub(crate) mod textures;

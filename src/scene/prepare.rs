@@ -1,0 +1,220 @@
+//! Updates the GPU scene once a frame: materials and textures first, then instances and lights, which need them, then uploads and bind
+//! groups.
+//!
+//! Every pool tracks its changes, so a scene that does not change uploads nothing.
+
+use bevy::{
+    asset::AssetServer,
+    ecs::{prelude::*, system::SystemParam},
+    render::{
+        render_asset::RenderAssets,
+        render_resource::PipelineCache,
+        renderer::{RenderDevice, RenderQueue},
+        texture::GpuImage,
+    },
+};
+
+use crate::{gpu_layout::*, shader_library::ShaderLibrary};
+
+use super::{
+    accel::ray_query::{self, AccelerationStructures},
+    bindings::{PlaceholderTextures, SceneBindings},
+    extract::ExtractedScene,
+    features::SceneFeatures,
+    geometry::{draw_list, instances::InstancePool, meshes::MeshPool, render_layers::ALL_CAMERAS},
+    light::lights::LightPool,
+    material::{directional_albedo, materials::MaterialPool},
+    storage::growable_buffer::GrowableBuffer,
+    texture::textures::TexturePool,
+};
+
+/// The GPU copies of all parts of the scene.
+#[derive(SystemParam)]
+pub(super) struct Pools<'w> {
+    meshes: ResMut<'w, MeshPool>,
+    textures: ResMut<'w, TexturePool>,
+    materials: ResMut<'w, MaterialPool>,
+    instances: ResMut<'w, InstancePool>,
+    lights: ResMut<'w, LightPool>,
+}
+
+/// The device, and Bevy's resources that the pools read.
+#[derive(SystemParam)]
+pub(super) struct Context<'w> {
+    images: Res<'w, RenderAssets<GpuImage>>,
+    assets: Res<'w, AssetServer>,
+    pipelines: Res<'w, PipelineCache>,
+    shaders: Res<'w, ShaderLibrary>,
+    device: Res<'w, RenderDevice>,
+    queue: Res<'w, RenderQueue>,
+}
+
+/// Brings the GPU scene up to date with the extracted scene.
+pub(super) fn prepare_scene(
+    mut scene: ResMut<ExtractedScene>,
+    mut pools: Pools,
+    mut bindings: ResMut<SceneBindings>,
+    context: Context,
+) {
+    update_materials(&mut scene, &mut pools, &context);
+    update_instances_and_lights(&scene, &mut pools, &context);
+    let mut uploaded = upload(&mut pools, &context);
+    if bindings.specular_albedo.is_none() && scene.energy_compensation {
+        bindings.specular_albedo = Some(directional_albedo::texture(&context.device, &context.queue));
+    }
+    uploaded += bindings.write_uniforms(&uniforms(&pools), &context.device, &context.queue);
+    update_bind_groups(&mut bindings, &mut pools, &context);
+    summarize(&mut bindings, &pools);
+    bindings.uploaded_bytes = uploaded;
+    update_draws(&mut bindings, &pools);
+}
+
+/// Gives slots to the materials in use, copies their textures and packs the materials that changed.
+fn update_materials(scene: &mut ExtractedScene, pools: &mut Pools, context: &Context) {
+    let Context { images, assets, pipelines, shaders, device, queue } = context;
+    let Pools { meshes, textures, materials, instances, .. } = pools;
+    materials.limit_to(device);
+    meshes.warn_of_lines_and_points(&scene.instances);
+    materials.update_sources(scene);
+    materials.make_room(&scene.instances, meshes.idle() && !instances.waiting);
+    let slots_changed = textures.update(materials.images(), images, pipelines, shaders, assets, device, queue);
+    materials.pack(textures, slots_changed);
+}
+
+/// Updates the records of instances and lights, and the trees over them.
+fn update_instances_and_lights(scene: &ExtractedScene, pools: &mut Pools, context: &Context) {
+    let Context { assets, device, .. } = context;
+    let Pools { meshes, materials, instances, lights, .. } = pools;
+    let mut max_instances = GrowableBuffer::<GpuInstance>::limit(device);
+    if instances.structures.is_some() {
+        max_instances = max_instances.min(ray_query::MAX_SLOTS).min(device.limits().max_tlas_instance_count);
+    }
+    instances.update(scene, meshes, materials, assets, max_instances);
+    // The buffer also holds the table of the last frame, so each table gets half of it.
+    let max_lights = GrowableBuffer::<GpuLight>::limit(device) / 2;
+    lights.update(scene, instances, meshes, materials, max_lights);
+}
+
+/// Builds the trees over instances and lights, and uploads everything that changed.  Returns the number of bytes sent.
+fn upload(pools: &mut Pools, context: &Context) -> u64 {
+    let Context { device, queue, .. } = context;
+    let Pools { meshes, materials, instances, lights, .. } = pools;
+    instances.build_top_level(meshes, device, queue);
+    let uploaded_shapes = lights.build_shapes(meshes, device, queue);
+    let needs_second_uvs = instances.features.contains(SceneFeatures::SECOND_UVS);
+    meshes.uploaded
+        + instances.uploaded_nodes
+        + uploaded_shapes
+        + materials.upload(device, queue)
+        + instances.upload(device, queue)
+        + lights.upload(device, queue)
+        + meshes.update_second_uvs(needs_second_uvs, device, queue)
+}
+
+fn uniforms(pools: &Pools) -> GpuSceneUniforms {
+    let Pools { instances, lights, .. } = pools;
+    let [tlas_root, tlas_indices, previous_tlas_root, previous_tlas_indices] = instances.top_levels();
+    let [shapes_root, shapes_indices] = lights.shapes();
+    GpuSceneUniforms {
+        tlas_root,
+        tlas_indices,
+        previous_tlas_root,
+        previous_tlas_indices,
+        light_count: lights.count(),
+        instance_count: instances.len(),
+        light_power: lights.power.min(1e30) as f32,
+        radius: instances.radius,
+        center: instances.center,
+        previous_lights: lights.previous_at,
+        shapes_root,
+        shapes_indices,
+        sun_count: lights.sun_count(),
+        pad: 0,
+    }
+}
+
+/// Creates bind groups again whose buffers or textures were replaced.
+fn update_bind_groups(bindings: &mut SceneBindings, pools: &mut Pools, context: &Context) {
+    let Context { pipelines, device, queue, .. } = context;
+    let Pools { meshes, textures, materials, instances, lights } = pools;
+    // A buffer cannot be bound before it exists, so that of a scene without lights or meshes holds one unused element.
+    let reserved = meshes.nodes.reserve(1, device, queue)
+        && meshes.triangles.reserve(1, device, queue)
+        && meshes.attributes.reserve(1, device, queue)
+        && instances.gpu.reserve(1, device, queue)
+        && materials.gpu.reserve(1, device, queue)
+        && lights.gpu.reserve(1, device, queue);
+    let placeholders = bindings.placeholders.get_or_insert_with(|| PlaceholderTextures::new(device)).clone();
+    if reserved
+        && let (Some(u), Some(n), Some(t), Some(a), Some(i), Some(m), Some(l)) = (
+            bindings.uniforms.clone(),
+            meshes.nodes.buffer(),
+            meshes.triangles.buffer(),
+            meshes.attributes.buffer(),
+            instances.gpu.buffer(),
+            materials.gpu.buffer(),
+            lights.gpu.buffer(),
+        )
+    {
+        let specular_albedo = bindings.specular_albedo.clone();
+        let views = [
+            textures.view().unwrap_or(&placeholders.page),
+            specular_albedo.as_ref().unwrap_or(&placeholders.texel),
+            materials.table.view().unwrap_or(&placeholders.integers),
+            meshes.second_uvs.view().unwrap_or(&placeholders.texel),
+        ];
+        bindings.bind(device, pipelines, [&u, n, t, a, i, m, l], views);
+    }
+    if let Some(structures) = &instances.structures {
+        bindings.bind_structures(device, pipelines, structures);
+    }
+    if let Some(bindless) = &textures.bindless {
+        bindings.bind_textures(device, pipelines, bindless, &placeholders.texel);
+    }
+}
+
+/// Records the facts about the scene that views, frames and the report read.
+fn summarize(bindings: &mut SceneBindings, pools: &Pools) {
+    let Pools { meshes, textures, materials, instances, lights } = pools;
+    bindings.features = instances.features | lights.features;
+    bindings.features.set(SceneFeatures::RAY_QUERY, instances.structures.is_some());
+    bindings.motion_revision = instances.motion_revision + lights.revision;
+    bindings.edit_revision = materials.revision + textures.revision + instances.edit_revision;
+    bindings.ready = meshes.idle() && !instances.waiting && textures.complete;
+    bindings.memory = memory(bindings, pools);
+    bindings.triangles = instances.triangles;
+    bindings.instances = instances.live.len() as u64;
+    bindings.lights = lights.count() as u64;
+    // Instances with `NotShadowCaster` are in no tree, so no ray tests their masks.
+    let masks = instances.live.iter().map(|live| live.ray_mask).filter(|mask| *mask != 0);
+    let hidden = masks.map(|mask| ALL_CAMERAS & !mask).chain(lights.hidden.values().copied());
+    bindings.hidden_from = hidden.fold(0, |all, bits| all | bits);
+}
+
+fn memory(bindings: &SceneBindings, pools: &Pools) -> Vec<(&'static str, u64)> {
+    let Pools { meshes, textures, materials, instances, lights } = pools;
+    let albedo_bytes = (directional_albedo::SIZE * directional_albedo::SIZE * 4) as u64;
+    vec![
+        meshes.nodes.memory(),
+        meshes.triangles.memory(),
+        meshes.attributes.memory(),
+        instances.gpu.memory(),
+        materials.gpu.memory(),
+        materials.table.memory(),
+        meshes.second_uvs.memory(),
+        lights.gpu.memory(),
+        textures.memory(),
+        instances.structures.as_ref().map_or(("", 0), AccelerationStructures::memory),
+        ("specular albedo", if bindings.specular_albedo.is_some() { albedo_bytes } else { 0 }),
+        ("scene uniforms", size_of::<GpuSceneUniforms>() as u64),
+    ]
+}
+
+/// Makes the draw calls of the visibility pass again if instances were added, removed or edited.
+fn update_draws(bindings: &mut SceneBindings, pools: &Pools) {
+    let key = (bindings.edit_revision, pools.instances.live.len());
+    if bindings.draws_key != key {
+        bindings.draws = draw_list::draws(&pools.instances, &pools.materials);
+        bindings.draws_key = key;
+    }
+}

@@ -1,0 +1,175 @@
+//! Importance of an environment image: a mip chain by which shaders sample directions, and the passes that fill it
+//! (`shaders/pass/environment.wgsl`).
+
+use bevy::render::{
+    render_resource::{binding_types::*, *},
+    renderer::{RenderDevice, RenderQueue},
+    texture::GpuImage,
+};
+
+use crate::{scene::SceneFeatures, shader_library::ShaderLibrary};
+
+/// Width of the finest level; the height is half of it.
+const WIDTH: u32 = 1024;
+const LEVELS: u32 = WIDTH.ilog2() + 1;
+
+/// An environment image and its mip chain of importance.
+pub(super) struct ImportanceMap {
+    /// Texture that the map views.
+    pub texture: TextureId,
+    pub map: TextureView,
+    pub importance: TextureView,
+    /// Group 1 of the passes.
+    map_group: BindGroup,
+    /// Group 2 for each level.
+    level_groups: Vec<BindGroup>,
+}
+
+impl ImportanceMap {
+    pub(super) fn new(image: &GpuImage, layouts: &[BindGroupLayout; 3], device: &RenderDevice) -> Self {
+        let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::STORAGE_BINDING;
+        let chain = texture(device, "environment importance", TextureFormat::R32Float, WIDTH, WIDTH / 2, LEVELS, usage);
+        let level = |mip| {
+            chain.create_view(&TextureViewDescriptor {
+                base_mip_level: mip,
+                mip_level_count: Some(1),
+                ..Default::default()
+            })
+        };
+        let map = image.texture.create_view(&TextureViewDescriptor {
+            format: Some(image.view_format()),
+            dimension: Some(TextureViewDimension::D2Array),
+            mip_level_count: Some(1),
+            ..Default::default()
+        });
+        let level_group = |mip| {
+            // The finest level reads only the map.  The binding of a finer level must not be empty, so it gets the coarsest level.
+            let (source, target) = (level(if mip == 0 { LEVELS - 1 } else { mip - 1 }), level(mip));
+            let views = BindGroupEntries::sequential((&source, &target));
+            device.create_bind_group("restir environment importance", &layouts[2], &views)
+        };
+        let maps = BindGroupEntries::with_indices(((2, &map),));
+        Self {
+            texture: image.texture.id(),
+            importance: chain.create_view(&TextureViewDescriptor::default()),
+            map_group: device.create_bind_group("restir environment map", &layouts[1], &maps),
+            level_groups: (0..LEVELS).map(level_group).collect(),
+            map,
+        }
+    }
+
+    /// Fills the mip chain: the finest level from the image, each other level from the next finer one.
+    pub(super) fn fill(
+        &self,
+        [importance, reduce]: [&ComputePipeline; 2],
+        layouts: &[BindGroupLayout; 3],
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) {
+        let nothing = device.create_bind_group("restir nothing", &layouts[0], &[]);
+        let mut encoder =
+            device.create_command_encoder(&CommandEncoderDescriptor { label: Some("restir environment importance") });
+        for (mip, level_group) in self.level_groups.iter().enumerate() {
+            let (width, height) = ((WIDTH >> mip).max(1), ((WIDTH / 2) >> mip).max(1));
+            let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
+            pass.set_pipeline(if mip == 0 { importance } else { reduce });
+            pass.set_bind_group(0, &nothing, &[]);
+            pass.set_bind_group(1, &self.map_group, &[]);
+            pass.set_bind_group(2, level_group, &[]);
+            pass.dispatch_workgroups(width.div_ceil(8), height.div_ceil(8), 1);
+        }
+        queue.submit([encoder.finish()]);
+    }
+}
+
+pub(super) fn texture(
+    device: &RenderDevice,
+    label: &'static str,
+    format: TextureFormat,
+    width: u32,
+    height: u32,
+    mip_level_count: u32,
+    usage: TextureUsages,
+) -> Texture {
+    device.create_texture(&TextureDescriptor {
+        label: Some(label),
+        size: Extent3d { width, height, depth_or_array_layers: 1 },
+        mip_level_count,
+        sample_count: 1,
+        dimension: TextureDimension::D2,
+        format,
+        usage,
+        view_formats: &[],
+    })
+}
+
+/// The passes that fill importance maps.
+pub(super) struct ImportancePasses {
+    /// For equirectangular images and for cubes: the pipeline of the finest level, and that of the other levels.
+    pipelines: [Option<[CachedComputePipelineId; 2]>; 2],
+    /// Groups 0 to 2: nothing, the map at the index that it has among the view's bindings, and the levels.
+    layouts: [BindGroupLayoutDescriptor; 3],
+}
+
+impl Default for ImportancePasses {
+    fn default() -> Self {
+        Self {
+            pipelines: [None; 2],
+            layouts: [
+                BindGroupLayoutDescriptor::new("restir nothing", &[]),
+                BindGroupLayoutDescriptor::new(
+                    "restir environment map",
+                    &BindGroupLayoutEntries::with_indices(
+                        ShaderStages::COMPUTE,
+                        ((2, texture_2d_array(TextureSampleType::Float { filterable: false })),),
+                    ),
+                ),
+                BindGroupLayoutDescriptor::new(
+                    "restir environment importance",
+                    &BindGroupLayoutEntries::sequential(
+                        ShaderStages::COMPUTE,
+                        (
+                            texture_2d(TextureSampleType::Float { filterable: false }),
+                            texture_storage_2d(TextureFormat::R32Float, StorageTextureAccess::WriteOnly),
+                        ),
+                    ),
+                ),
+            ],
+        }
+    }
+}
+
+impl ImportancePasses {
+    /// Requests the pipeline of the finest level and that of the other levels.
+    pub(super) fn pipelines(
+        &mut self,
+        is_cube: bool,
+        pipelines: &PipelineCache,
+        shaders: &ShaderLibrary,
+    ) -> [CachedComputePipelineId; 2] {
+        *self.pipelines[is_cube as usize].get_or_insert_with(|| {
+            let mut features = SceneFeatures::ENVIRONMENT | SceneFeatures::ENVIRONMENT_MAP;
+            features.set(SceneFeatures::ENVIRONMENT_CUBE, is_cube);
+            ["importance", "reduce"].map(|entry| {
+                pipelines.queue_compute_pipeline(ComputePipelineDescriptor {
+                    label: Some(format!("restir environment {entry}").into()),
+                    layout: self.layouts.to_vec(),
+                    shader: shaders.pass("pass/environment.wgsl", &[]),
+                    shader_defs: features.shader_defs(),
+                    entry_point: Some(entry.into()),
+                    ..Default::default()
+                })
+            })
+        })
+    }
+
+    pub(super) fn layouts(&self, pipelines: &PipelineCache) -> [BindGroupLayout; 3] {
+        self.layouts.each_ref().map(|layout| pipelines.get_bind_group_layout(layout))
+    }
+}
+
+/// Bytes of one mip chain.
+pub(super) fn importance_bytes() -> u64 {
+    let texels = |mip: u32| (WIDTH >> mip).max(1) * ((WIDTH / 2) >> mip).max(1);
+    (0..LEVELS).map(|mip| u64::from(texels(mip)) * 4).sum()
+}

@@ -1,0 +1,191 @@
+//! GPU resources and counters that one camera keeps between frames.
+
+use bevy::{
+    math::UVec2,
+    render::{
+        render_resource::*,
+        renderer::{RenderDevice, RenderQueue},
+    },
+};
+
+use super::{
+    DEPTH_FORMAT, VISIBILITY_FORMAT, buffer,
+    counters::CounterReadback,
+    extract::ExtractedRestir,
+    history::History,
+    image_state::ImageState,
+    pixels, raster_view_layout,
+    selection::{CompositeKey, Selection},
+    texture, view_layout,
+};
+use crate::{
+    gpu_layout::*,
+    scene::{bindings::SceneBindings, geometry::render_layers::ALL_CAMERAS},
+    settings::Restir,
+    technique::frame::PipelineKey,
+};
+
+/// The view of one `Restir` camera.
+pub(crate) struct RestirView {
+    /// Traced resolution.
+    pub size: UVec2,
+    pub origin: UVec2,
+    /// Resolution of Bevy's main pass: `size`, or more where the device cannot bind buffers for that many pixels.
+    pub target_size: UVec2,
+    /// Bit of the camera's render layers ([`LayerSets`](crate::scene::geometry::render_layers::LayerSets)).
+    pub layers: u32,
+    pub uniforms: Buffer,
+    pub visibility: TextureView,
+    pub visibility_texture: Texture,
+    pub history: Option<History>,
+    pub depth: TextureView,
+    pub radiance: Buffer,
+    pub counters: CounterReadback,
+    /// Group 1 of compute passes.
+    pub bind_group: BindGroup,
+    /// Group 1 of raster passes: the uniforms alone.
+    pub raster_bind_group: BindGroup,
+    /// Frames since the history was reset.
+    pub frame: u32,
+    /// Index of this frame in the random sequence: frames since an explicit reset or a change of settings.
+    pub(super) sequence: u32,
+    /// Frames in the radiance buffer before this one.
+    pub accumulated: u32,
+    /// This frame is added to the radiance buffer.
+    pub(super) accumulates: bool,
+    pub(super) previous_camera: Option<GpuCamera>,
+    pub(super) previous_jitter: [f32; 2],
+    /// State of the last rendered frame; `None` after a frame that was not rendered.
+    pub(super) image_state: Option<ImageState>,
+    /// An instance has moved or a light has changed since the last frame.
+    pub(super) moved: bool,
+    /// Views of the environment in `bind_group`.
+    pub(super) bound_environment: (TextureViewId, TextureViewId),
+    /// Pipelines of this frame.
+    pub key: Option<PipelineKey>,
+    /// `key` is the one that scene and settings request; otherwise that one is still being compiled.
+    pub key_is_requested: bool,
+    /// Targets of the composite pass.
+    pub composite: Option<CompositeKey>,
+    /// The passes of this frame run.
+    pub rendered: bool,
+    /// Settings of this frame.
+    pub settings: Restir,
+}
+
+impl RestirView {
+    pub(super) fn new(
+        size: UVec2,
+        device: &RenderDevice,
+        pipelines: &PipelineCache,
+        environment_map: &TextureView,
+        environment_importance: &TextureView,
+    ) -> Self {
+        let buffer = |label, size, usage| buffer(device, label, size, usage);
+        let texture = |label, format, usage| texture(device, label, size, format, usage);
+        let view = |texture: &Texture| texture.create_view(&TextureViewDescriptor::default());
+        let target = TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING;
+        let uniforms = buffer(
+            "view uniforms",
+            size_of::<GpuViewUniforms>() as u64,
+            BufferUsages::UNIFORM | BufferUsages::COPY_DST,
+        );
+        let visibility_texture = texture("visibility", VISIBILITY_FORMAT, target | TextureUsages::COPY_SRC);
+        let visibility = view(&visibility_texture);
+        let ray_counts = view(&texture("ray counts", TextureFormat::R32Uint, TextureUsages::STORAGE_BINDING));
+        let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
+        Self {
+            size,
+            origin: UVec2::ZERO,
+            target_size: size,
+            layers: ALL_CAMERAS,
+            depth: view(&texture("depth", DEPTH_FORMAT, target)),
+            radiance: buffer("radiance", pixels(size) * 16, storage),
+            counters: CounterReadback::new(device),
+            bind_group: device.create_bind_group(
+                "restir view",
+                &pipelines.get_bind_group_layout(&view_layout()),
+                &BindGroupEntries::sequential((
+                    uniforms.as_entire_binding(),
+                    &visibility,
+                    environment_map,
+                    environment_importance,
+                    &ray_counts,
+                )),
+            ),
+            raster_bind_group: device.create_bind_group(
+                "restir raster view",
+                &pipelines.get_bind_group_layout(&raster_view_layout()),
+                &BindGroupEntries::sequential((uniforms.as_entire_binding(),)),
+            ),
+            uniforms,
+            visibility,
+            visibility_texture,
+            history: None,
+            frame: 0,
+            sequence: 0,
+            accumulated: 0,
+            accumulates: false,
+            previous_camera: None,
+            previous_jitter: [0.0; 2],
+            image_state: None,
+            moved: false,
+            bound_environment: (environment_map.id(), environment_importance.id()),
+            key: None,
+            key_is_requested: false,
+            composite: None,
+            rendered: false,
+            settings: Restir::default(),
+        }
+    }
+
+    /// Takes settings and pipelines for this frame, and decides whether it is rendered.
+    pub(super) fn select(&mut self, restir: &ExtractedRestir, selection: &Selection, scene: &SceneBindings) {
+        self.layers = restir.layers;
+        self.settings = restir.settings.clone();
+        self.key = selection.key;
+        self.key_is_requested = selection.key == Some(selection.requested);
+        self.composite = selection.composite;
+        self.rendered = self.composite.is_some() && self.key.is_some() && scene.bind_group.is_some();
+        if !self.rendered {
+            // A frame that is not rendered is missing from the history.
+            self.image_state = None;
+        }
+    }
+
+    /// Creates, replaces or drops the history.
+    pub(super) fn update_history(&mut self, device: &RenderDevice, queue: &RenderQueue) {
+        let domains = self.key.map_or(&[][..], |key| key.frame.domains());
+        if domains.is_empty() {
+            self.history = None;
+            return;
+        }
+        let fits = self.history.as_ref().is_some_and(|history| history.fits(self.size, domains, &self.settings));
+        if !fits {
+            self.history = Some(History::new(self.size, domains, &self.settings, device));
+        }
+        if let Some(history) = &mut self.history {
+            history.begin(&self.settings, fits && self.frame > 0, self.moved, queue);
+        }
+    }
+
+    /// Names and bytes of the buffers and textures of this view.
+    pub(crate) fn memory(&self) -> Vec<(&'static str, u64)> {
+        let pixels = pixels(self.size);
+        let mut memory = vec![
+            ("view uniforms", size_of::<GpuViewUniforms>() as u64),
+            ("visibility", pixels * 8),
+            ("depth", pixels * 4),
+            ("ray counts", pixels * 4),
+            ("radiance", pixels * 16),
+            ("counters", 2 * size_of::<GpuCounters>() as u64),
+        ];
+        memory.extend(self.history.iter().flat_map(History::memory));
+        memory
+    }
+
+    /// Bytes of reservoirs per pixel.
+    pub(crate) fn reservoir_bytes_per_pixel(&self) -> u64 {
+        self.history.as_ref().map_or(0, History::reservoir_bytes_per_pixel)
+    }
+}
