@@ -339,13 +339,13 @@ fn a_cameras_environment_precedes_its_skybox_and_the_skybox_its_map_light() {
     let seen = shown(&mut rig);
     assert!(near(seen, (0.0, 0.0)), "not a cube: {seen:?}");
     rig.frames(3);
-    let warnings = log::warnings("is no colour cube");
+    let warnings = log::warnings("is not a color cube that shaders can read");
     assert_eq!(warnings.iter().filter(|line| line.contains(&name)).count(), 1, "{warnings:?}");
     rig.insert(rig.camera, EnvironmentMapLight { intensity: f32::NAN, ..map_light });
     rig.app.world_mut().entity_mut(rig.camera).remove::<Skybox>();
     let seen = shown(&mut rig);
     assert!(near(seen, (0.0, 0.0)), "no brightness: {seen:?}");
-    assert_eq!(log::warnings("a EnvironmentMapLight has a brightness").len(), 1);
+    assert_eq!(log::warnings("the brightness of its EnvironmentMapLight is not finite").len(), 1);
 }
 
 /// As in Bevy's examples: a column of six faces is loaded as a 2D image and reinterpreted as a cube frames later.
@@ -361,7 +361,7 @@ fn a_skybox_is_shown_once_its_image_becomes_a_cube() {
     let name = format!("{}", image.id());
     rig.insert(rig.camera, Skybox { image: Some(image.clone()), brightness: 1.0, ..default() });
     assert_eq!(rig.picture(1).center(), Vec3::ZERO);
-    let warning_count = || log::warnings("is no colour cube").iter().filter(|line| line.contains(&name)).count();
+    let warning_count = || log::warnings("is not a color cube that shaders can read").iter().filter(|line| line.contains(&name)).count();
     assert_eq!(warning_count(), 1);
     rig.edit(&image, |image| *image = cube);
     let got = rig.picture(1).center();

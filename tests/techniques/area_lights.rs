@@ -342,6 +342,6 @@ fn area_lights_without_extent_give_a_warning_and_the_other_lights_stay() {
         let picture = rig.picture(8);
         assert!((picture.mean() / lit - 1.0).abs() < 0.05 && picture.is_finite(), "a disk of {angular_size}");
     }
-    assert_eq!(log::warnings(&format!("light {light} has a disc")).len(), 1);
+    assert_eq!(log::warnings(&format!("light {light} has a disk")).len(), 1);
     rig.assert_sound();
 }
