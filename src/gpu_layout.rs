@@ -264,11 +264,11 @@ pub const LAYOUT_COLUMNS: u32 = u32::MAX;
 /// Bytes of a presampled point of a light.
 pub const PRESAMPLED_LIGHT_SIZE: u64 = 48;
 
-/// Bytes of a reservoir of direct light.
+/// Bytes of a reservoir of ReSTIR DI.
 pub const DIRECT_RESERVOIR_SIZE: u64 = 16;
-/// Bytes of a reservoir of indirect light.
-pub const INDIRECT_RESERVOIR_SIZE: u64 = 48;
-/// Bytes of a reservoir of whole paths.
+/// Bytes of a reservoir of ReSTIR GI.
+pub const INDIRECT_RESERVOIR_SIZE: u64 = 52;
+/// Bytes of a reservoir of ReSTIR PT.
 pub const PATH_RESERVOIR_SIZE: u64 = 64;
 
 #[repr(C)]

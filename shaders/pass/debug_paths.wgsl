@@ -55,7 +55,7 @@ fn path_view(r: Reservoir, pixel: vec2<u32>) -> vec3<f32> {
             return vec3<f32>(r.ucw);
         }
         case DEBUG_PATH_AGES: {
-            return vec3<f32>(f32(view.frame - r.path.born));
+            return vec3<f32>(f32((view.frame - r.path.born) & 0xffffu));
         }
         default: {
             return shift_view(r, pixel);

@@ -14,7 +14,7 @@ const TERMINATION_ENVIRONMENT: u32 = 3u;      // the last ray escaped: the envir
 
 struct PathSample {
     seed: u32,                // of the random numbers that replay uses
-    born: u32,                // frame that the path was sampled in
+    born: u32,                // frame that the path was sampled in, 16 bits
     termination: u32,         // TERMINATION_*
     length: u32,              // index of the vertex on the light, from 2
     reconnection: u32,        // index k of the reconnection vertex; 0: the whole path is replayed
@@ -63,11 +63,17 @@ fn vertex_barycentrics(b: vec2<f32>, may_reconnect: bool) -> vec2<f32> {
 }
 
 fn quantized_barycentrics(b: vec2<f32>) -> vec2<f32> {
-    return decode_barycentrics(pack2x16unorm(b));
+    return decode_barycentrics(encode_barycentrics(b));
 }
 
-fn decode_barycentrics(word: u32) -> vec2<f32> {
-    // Rounding may put a point beyond the diagonal.
-    let b = unpack2x16unorm(word);
-    return b / max(1.0, b.x + b.y);
+// Barycentrics are stored on a grid of 2^-24: 24 bits each.  The second is rounded so that the point stays within the triangle; encoding a
+// decoded point changes nothing.
+fn encode_barycentrics(b: vec2<f32>) -> vec2<u32> {
+    let x = u32(clamp(round(b.x * 0x1p24), 0.0, 16777215.0));
+    let y = u32(clamp(round(b.y * 0x1p24), 0.0, 16777215.0));
+    return vec2<u32>(x, min(y, 0x1000000u - x));
+}
+
+fn decode_barycentrics(bits: vec2<u32>) -> vec2<f32> {
+    return vec2<f32>(bits) * 0x1p-24;
 }

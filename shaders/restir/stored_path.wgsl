@@ -1,8 +1,9 @@
 // The reservoir of a path, and the packing that ReSTIR PT and GI share (`restir/pt/reservoir.wgsl`, `restir/gi/reservoir.wgsl`).
 #define_import_path bevy_restir::restir::stored_path
 
+#import bevy_restir::common::constants::NONE
 #import bevy_restir::common::math::{octahedral_decode, octahedral_encode}
-#import bevy_restir::restir::path_sample::{decode_barycentrics, no_path_sample, PathSample}
+#import bevy_restir::restir::path_sample::{decode_barycentrics, encode_barycentrics, no_path_sample, PathSample}
 
 struct Reservoir {
     path: PathSample,
@@ -11,6 +12,19 @@ struct Reservoir {
     seen: bool,            // always true: a path that is occluded is not stored
 }
 
+// Fields that both reservoirs store alike.
+struct PackedPath {
+    structure: u32,        // 3 bits of termination, 7 of length, 7 of reconnection, 3 of each lobe; 9 are free
+    birth: u32,            // 16 bits of the frame, the low 16 of the first barycentric
+    vertex: vec3<u32>,     // 24 bits of the instance and the high 8 of the first barycentric; 28 of the triangle and the high 4 of the
+                           // confidence; 24 of the second barycentric and the low 8 of the confidence
+    direction: u32,        // after the reconnection vertex, octahedral
+}
+
+// More instances and triangles than any device can bind.  A missing index has all bits set.
+const INSTANCE_BITS: u32 = 0xffffffu;
+const TRIANGLE_BITS: u32 = 0xfffffffu;
+
 // Confidence is stored in sixteenths, 12 bits.
 const CONFIDENCE_MAX: f32 = 255.0;
 
@@ -18,27 +32,39 @@ fn no_reservoir() -> Reservoir {
     return Reservoir(no_path_sample(), 0.0, 0.0, true);
 }
 
-fn confidence_pack(confidence: f32) -> u32 {
-    return u32(clamp(confidence, 0.0, CONFIDENCE_MAX) * 16.0 + 0.5);
+fn path_pack(r: Reservoir) -> PackedPath {
+    let s = r.path;
+    let confidence = u32(clamp(r.confidence, 0.0, CONFIDENCE_MAX) * 16.0 + 0.5);
+    let b = encode_barycentrics(s.barycentrics);
+    return PackedPath(
+        s.termination | s.length << 3u | s.reconnection << 10u | s.lobe_before << 17u | s.lobe_after << 20u,
+        (s.born & 0xffffu) | b.x << 16u,
+        vec3<u32>(
+            (s.instance & INSTANCE_BITS) | (b.x >> 16u) << 24u,
+            (s.triangle & TRIANGLE_BITS) | (confidence >> 8u) << 28u,
+            b.y | confidence << 24u,
+        ),
+        octahedral_encode(s.wi),
+    );
 }
 
-fn confidence_unpack(bits: u32) -> f32 {
-    return f32(bits) / 16.0;
-}
-
-// The reconnection vertex, and the direction after it.
-fn connection_pack(s: PathSample) -> vec4<u32> {
-    return vec4<u32>(s.instance, s.triangle, pack2x16unorm(s.barycentrics), octahedral_encode(s.wi));
-}
-
-// A path with its termination and length, which are the lowest bits of `structure`, and this connection.
-fn path_unpack(structure: u32, connection: vec4<u32>) -> PathSample {
+// The path and its confidence; the other fields of the reservoir are left to the caller.
+fn path_unpack(p: PackedPath) -> Reservoir {
     var s = no_path_sample();
-    s.termination = structure & 3u;
-    s.length = structure >> 2u & 127u;
-    s.instance = connection.x;
-    s.triangle = connection.y;
-    s.barycentrics = decode_barycentrics(connection.z);
-    s.wi = octahedral_decode(connection.w);
-    return s;
+    s.termination = p.structure & 7u;
+    s.length = p.structure >> 3u & 127u;
+    s.reconnection = p.structure >> 10u & 127u;
+    s.lobe_before = p.structure >> 17u & 7u;
+    s.lobe_after = p.structure >> 20u & 7u;
+    s.born = p.birth & 0xffffu;
+    s.instance = index_or_none(p.vertex.x & INSTANCE_BITS, INSTANCE_BITS);
+    s.triangle = index_or_none(p.vertex.y & TRIANGLE_BITS, TRIANGLE_BITS);
+    s.barycentrics = decode_barycentrics(vec2<u32>((p.birth >> 16u) | (p.vertex.x >> 24u) << 16u, p.vertex.z & 0xffffffu));
+    s.wi = octahedral_decode(p.direction);
+    let confidence = (p.vertex.z >> 24u) | (p.vertex.y >> 28u) << 8u;
+    return Reservoir(s, 0.0, f32(confidence) / 16.0, true);
+}
+
+fn index_or_none(index: u32, missing: u32) -> u32 {
+    return select(index, NONE, index == missing);
 }

@@ -361,7 +361,9 @@ fn a_skybox_is_shown_once_its_image_becomes_a_cube() {
     let name = format!("{}", image.id());
     rig.insert(rig.camera, Skybox { image: Some(image.clone()), brightness: 1.0, ..default() });
     assert_eq!(rig.picture(1).center(), Vec3::ZERO);
-    let warning_count = || log::warnings("is not a color cube that shaders can read").iter().filter(|line| line.contains(&name)).count();
+    let warning_count = || {
+        log::warnings("is not a color cube that shaders can read").iter().filter(|line| line.contains(&name)).count()
+    };
     assert_eq!(warning_count(), 1);
     rig.edit(&image, |image| *image = cube);
     let got = rig.picture(1).center();

@@ -1,63 +1,57 @@
-// The reservoir of ReSTIR GI: a path from its reconnection vertex on, its unbiased contribution weight and its confidence.  48 bytes.
+// The reservoir of ReSTIR GI: a path from its secondary vertex on, its unbiased contribution weight and its confidence.  52 bytes.
 #define_import_path bevy_restir::restir::gi::reservoir
 
 #import bevy_restir::common::math::{is_finite, max_component}
 #import bevy_restir::light::point_on_light::LightPoint
 #import bevy_restir::restir::path_sample::TERMINATION_NEE
-#import bevy_restir::restir::stored_path::{confidence_pack, confidence_unpack, connection_pack, no_reservoir, path_unpack, Reservoir}
+#import bevy_restir::restir::stored_path::{no_reservoir, PackedPath, path_pack, path_unpack, Reservoir}
 
-// The same in memory.
+// The same in memory: structure, seed, birth, W; vertex and direction; density; light; radiance.
 struct PackedReservoir {
-    structure: vec4<u32>,      // termination, length, reconnection, lobes and confidence; seed; W; density
-    connection: vec4<u32>,     // reconnection vertex and the direction after it
-    light: vec4<u32>,          // NEE: point on the light; otherwise: density of NEE and id of the light; then the packed radiance
+    words: array<u32, 13>,
 }
 
 fn reservoir_pack(r: Reservoir) -> PackedReservoir {
-    // 2 + 7 + 2 + 2 + 2 bits of structure, 12 of confidence.
     let s = r.path;
-    let reconnection = min(s.reconnection, 3u);
-    let structure = s.termination | s.length << 2u | reconnection << 9u | s.lobe_before << 11u | s.lobe_after << 13u | confidence_pack(r.confidence) << 20u;
-    let light = select(vec2<u32>(bitcast<u32>(s.light_pdf), s.light.light), vec2<u32>(s.light.light, s.light.coordinates), s.termination == TERMINATION_NEE);
-    return PackedReservoir(
-        vec4<u32>(structure, s.seed, bitcast<u32>(r.ucw), bitcast<u32>(s.density)),
-        connection_pack(s),
-        vec4<u32>(light, pack_radiance(s.radiance)),
-    );
+    let p = path_pack(r);
+    // The point on a light that the last ray hit matters only to paths that stay in their pixel: the density of NEE takes its place.
+    let of_hit = vec2<u32>(s.light.light, bitcast<u32>(s.light_pdf));
+    let light = select(of_hit, vec2<u32>(s.light.light, s.light.coordinates), s.termination == TERMINATION_NEE);
+    let radiance = pack_radiance(s.radiance);
+    return PackedReservoir(array<u32, 13>(
+        p.structure, s.seed, p.birth, bitcast<u32>(r.ucw),
+        p.vertex.x, p.vertex.y, p.vertex.z, p.direction,
+        bitcast<u32>(s.density), light.x, light.y, radiance.x, radiance.y,
+    ));
 }
 
 // A reservoir with a value that is not finite is dropped with its confidence: kept confidence would make the picture dark.
 fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
-    let structure = p.structure.x;
-    var s = path_unpack(structure, p.connection);
-    s.reconnection = structure >> 9u & 3u;
-    s.lobe_before = structure >> 11u & 3u;
-    s.lobe_after = structure >> 13u & 3u;
-    s.seed = p.structure.y;
-    s.density = bitcast<f32>(p.structure.w);
-    if s.termination == TERMINATION_NEE {
-        s.light = LightPoint(p.light.x, p.light.y);
+    let w = p.words;
+    var r = path_unpack(PackedPath(w[0], w[2], vec3<u32>(w[4], w[5], w[6]), w[7]));
+    r.path.seed = w[1];
+    r.ucw = bitcast<f32>(w[3]);
+    r.path.density = bitcast<f32>(w[8]);
+    if r.path.termination == TERMINATION_NEE {
+        r.path.light = LightPoint(w[9], w[10]);
     } else {
-        // Paths that hit their light are shifted without its point, which is not stored.
-        s.light_pdf = bitcast<f32>(p.light.x);
-        s.light = LightPoint(p.light.y, 0u);
+        r.path.light = LightPoint(w[9], 0u);
+        r.path.light_pdf = bitcast<f32>(w[10]);
     }
-    s.radiance = unpack_radiance(p.light.zw);
-    let confidence = confidence_unpack(structure >> 20u);
-    let ucw = bitcast<f32>(p.structure.z);
-    if !is_finite(ucw) || !is_finite(s.light_pdf) || !is_finite(s.density) || !(ucw >= 0.0) {
+    r.path.radiance = unpack_radiance(vec2<u32>(w[11], w[12]));
+    if !is_finite(r.ucw) || !is_finite(r.path.light_pdf) || !is_finite(r.path.density) || !(r.ucw >= 0.0) {
         return no_reservoir();
     }
-    return Reservoir(s, ucw, confidence, true);
+    return r;
 }
 
-// Three mantissas of 18 bits with a shared exponent of 8 bits; the error is below 2^-18 of the greatest channel.
+// 18 bits a channel and a shared exponent of 8: exact to 2^-18 of the greatest channel.
 fn pack_radiance(c: vec3<f32>) -> vec2<u32> {
     let greatest = min(max_component(c), 1.0e38);
     if !(greatest > 1.0e-30) {
         return vec2<u32>(0u);
     }
-    // The biased exponent of the next power of two; 2^(145 - exponent) scales smaller values to 18 bits.
+    // The biased exponent of the power of two above it; 2^(145 - exponent) scales smaller values to 18 bits.
     let exponent = (bitcast<u32>(greatest) >> 23u) + 1u;
     let scale = bitcast<f32>((272u - exponent) << 23u);
     let m = min(vec3<u32>(max(c, vec3<f32>(0.0)) * scale + 0.5), vec3<u32>(0x3ffffu));

@@ -104,14 +104,14 @@ fn shown(selected: SelectedPath, stored: Reservoir, r: Receiver, ids: vec2<u32>,
 }
 
 // Relative error that rounding may cause at the first vertex: a path is sampled in the direction of its hit, but goes to a point on a grid
-// of 1/65535 of the triangle's edges, which changes a cosine close to 0.
+// of 2^-24 of the triangle's edges, which changes a cosine close to 0.
 fn rounding_at_first(path: PathSample, first: Surface) -> f32 {
     if path.reconnection != 2u || path.instance == NONE {
         return 0.0;
     }
     let t = world_triangle(path.instance, path.triangle, false);
     let away = surface_point(path.instance, path.triangle, path.barycentrics, false) - first.position;
-    let rounded = (length(t.edge_b) + length(t.edge_c)) * 0.5 / 65535.0;
+    let rounded = (length(t.edge_b) + length(t.edge_c)) * 0.5 * 0x1p-24;
     return rounded / max(abs(dot(first.bsdf.n_geo, away)), 1.0e-30);
 }
 

@@ -72,19 +72,20 @@ where
     Some(gpu.read::<u32>(&output).chunks_exact(N).map(|c| c.try_into().expect("of N")).collect())
 }
 
-/// A valid structure word of a path.
-fn structure(random: &mut Random, index_bits: u32) -> u32 {
-    let bits = |random: &mut Random, count: u32| random.bits() & ((1 << count) - 1);
-    let (end, length, index) = (bits(random, 2), bits(random, 7), bits(random, index_bits));
-    let (before, after, confidence) = (bits(random, 2), bits(random, 2), bits(random, 12).min(255 * 16));
-    let lobes = before << (9 + index_bits) | after << (11 + index_bits);
-    end | length << 2 | index << 9 | lobes | confidence << 20
+fn bits(random: &mut Random, count: u32) -> u32 {
+    random.bits() & ((1 << count) - 1)
 }
 
-/// Barycentrics inside of their triangle, and a direction that packing keeps.
-fn connection(random: &mut Random) -> [u32; 4] {
-    let (b, c) = (random.bits() & 0x7fff, random.bits() & 0x7fff);
-    [random.bits(), random.bits(), c << 16 | b, 0x7fff_7fff & random.bits()]
+/// The words of a path that both reservoirs share: structure, birth, reconnection vertex and a direction that packing keeps.
+fn path_words(random: &mut Random) -> (u32, u32, [u32; 4]) {
+    let structure = bits(random, 23);
+    // Barycentrics inside of their triangle.
+    let (b, c) = (bits(random, 23), bits(random, 23));
+    let confidence = bits(random, 12).min(255 * 16);
+    let birth = bits(random, 16) | (b & 0xffff) << 16;
+    let instance = bits(random, 24) | b >> 16 << 24;
+    let triangle = bits(random, 28) | confidence >> 8 << 28;
+    (structure, birth, [instance, triangle, c | (confidence & 0xff) << 24, 0x7fff_7fff & random.bits()])
 }
 
 const NUMBERS: [f32; 8] = [0.0, 1.0, 1e-30, 3e38, 0.1, f32::NAN, f32::INFINITY, f32::NEG_INFINITY];
@@ -101,8 +102,9 @@ fn path_reservoirs_keep_their_content_in_64_bytes_and_drop_invalid_numbers() {
     let words: Vec<[u32; 16]> = (0..8192)
         .map(|_| {
             let mut w = [0; 16];
-            (w[0], w[1], w[2]) = (structure(&mut random, 7), random.bits(), random.bits());
-            w[4..8].copy_from_slice(&connection(&mut random));
+            let (structure, birth, vertex) = path_words(&mut random);
+            (w[0], w[1], w[2]) = (structure, random.bits(), birth);
+            w[4..8].copy_from_slice(&vertex);
             (w[12], w[13]) = (random.bits(), random.bits());
             for i in [3, 8, 9, 10, 11, 14, 15] {
                 w[i] = number(&mut random);
@@ -130,39 +132,40 @@ fn path_reservoirs_keep_their_content_in_64_bytes_and_drop_invalid_numbers() {
 }
 
 #[test]
-fn gi_reservoirs_keep_their_content_in_48_bytes_and_drop_invalid_numbers() {
+fn gi_reservoirs_keep_their_content_in_52_bytes_and_drop_invalid_numbers() {
     let mut random = Random::new(12);
-    let words: Vec<[u32; 12]> = (0..8192)
+    let words: Vec<[u32; 13]> = (0..8192)
         .map(|_| {
-            let mut w = [0; 12];
-            (w[0], w[1]) = (structure(&mut random, 2), random.bits());
-            for i in [2, 3] {
+            let mut w = [0; 13];
+            let (structure, birth, vertex) = path_words(&mut random);
+            (w[0], w[1], w[2]) = (structure, random.bits(), birth);
+            w[4..8].copy_from_slice(&vertex);
+            for i in [3, 8] {
                 w[i] = number(&mut random);
             }
-            w[4..8].copy_from_slice(&connection(&mut random));
-            (w[8], w[9]) = (random.bits(), random.bits());
-            // A sample that a BSDF ray hit has a density; a sample by NEE has a light id.
-            if w[0] & 3 != 1 {
-                (w[8], w[9]) = (number(&mut random), 0);
+            (w[9], w[10]) = (random.bits(), random.bits());
+            // A sample that a BSDF ray hit has a density in place of the point on its light.
+            if w[0] & 7 != 1 {
+                w[10] = number(&mut random);
             }
             // The largest channel uses all of its 18 bits.
             let exponent = 30 + random.bits() % 200;
-            (w[10], w[11]) = (random.bits() | 1 << 17, exponent << 22 | random.bits() & 0x3f_ffff);
+            (w[11], w[12]) = (random.bits() | 1 << 17, exponent << 22 | random.bits() & 0x3f_ffff);
             w
         })
         .collect();
     let kernel = include_str!("../../support/kernels/indirect_reservoir.wgsl");
     let Some(after) = repacked("indirect reservoir", kernel, &words) else { return };
     for (before, after) in words.iter().zip(after) {
-        let met = before[0] & 3 != 1;
-        let sound = [2, 3].iter().chain(met.then_some(&8)).all(|&i| f32::from_bits(before[i]).is_finite());
+        let hit = before[0] & 7 != 1;
+        let sound = [3, 8].iter().chain(hit.then_some(&10)).all(|&i| f32::from_bits(before[i]).is_finite());
         let near = |a: u32, b: u32| (a as i32 - b as i32).abs() <= 1;
         let directions = near(before[7] & 0xffff, after[7] & 0xffff) && near(before[7] >> 16, after[7] >> 16);
         if sound {
-            let same = (0..12).all(|i| i == 7 || before[i] == after[i]);
+            let same = (0..13).all(|i| i == 7 || before[i] == after[i]);
             assert!(same && directions, "{before:x?}\n{after:x?}");
         } else {
-            assert_eq!((after[0], after[2]), (0, 0), "an invalid sample and its weight are dropped");
+            assert_eq!((after[0], after[3]), (0, 0), "an invalid sample and its weight are dropped");
         }
     }
 }
