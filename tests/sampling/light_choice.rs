@@ -12,7 +12,7 @@ use bevy::prelude::*;
 use bevy_restir::{
     DebugView, Direct, Restir, Reuse, Technique,
     testing::gpu_layout::{GpuLight, NONE},
-    testing::light::alias_table::{alias_table, unusable_powers},
+    testing::light::alias_table::alias_table,
 };
 use std::f64::consts::PI;
 
@@ -136,7 +136,6 @@ fn a_textured_lamp_is_chosen_by_its_textured_power() {
 fn alias_tables_hold_their_powers() {
     assert!(alias_table(&[]).is_none());
     assert!(alias_table(&[0.0, -1.0, f64::NAN, f64::INFINITY]).is_none());
-    assert_eq!(unusable_powers(&[0.0, -1.0, f64::NAN, f64::INFINITY, 1.0]), 3);
     let hard: Vec<f64> = (0..100_000u32).map(|i| if i % 3 == 0 { 0.0 } else { f64::from(i).powi(9) }).collect();
     for powers in [vec![1.0], vec![0.0, 1e308, 1e308, 1e-308], vec![0.1; 10], hard, vec![f64::MAX; 1000]] {
         let table = alias_table(&powers).expect("some power is usable");

@@ -86,7 +86,7 @@ fn bad_triangles_are_dropped_and_counted() {
     assert_eq!(geometry.dropped, Dropped { out_of_range: 2, non_finite: 3, degenerate: 2 });
     assert_eq!(geometry.dropped.total(), 7);
     let blas = build_blas(&geometry).expect("there is one triangle");
-    assert_eq!((blas.nodes.len(), blas.depth, blas.bounds), (5, 1, ([0.0; 3], [1.0, 1.0, 0.0])));
+    assert_eq!((blas.nodes.len(), blas.depth(), blas.bounds), (5, 1, ([0.0; 3], [1.0, 1.0, 0.0])));
 }
 
 #[test]

@@ -2,7 +2,7 @@
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::rng::{Rng, rng_2, rng_new}
 #import bevy_restir::light::light::light_sample
-#import bevy_restir::light::point_on_light::{aimed_point, light_point_at, light_point_sample}
+#import bevy_restir::light::point_on_light::{point_by_solid_angle, light_point_at, light_point_sample}
 #import bevy_restir::light::analytic_area_light::{light_hit_point, LIGHT_HITS_MAX, next_light_hit, RaySegment}
 #import bevy_restir::light::types::LightSample
 
@@ -48,10 +48,10 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if q.mode == 0u {
         l = light_sample(q.light, q.point, u);
     } else if q.mode == 1u {
-        l = light_point_at(aimed_point(light_point_sample(q.light, u), q.point, u), q.point, false);
+        l = light_point_at(point_by_solid_angle(light_point_sample(q.light, u), q.point, u), q.point, false);
     } else if q.mode == 2u {
         l = light_point_at(light_point_sample(q.light, u), q.point, false);
-        l.aim = 1.0;
+        l.pdf_scale = 1.0;
     }
     var way = RaySegment(q.point, q.reach, l.wi);
     if q.mode == 3u {
@@ -72,7 +72,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         first = light + 1u;
     }
     samples[id.x] = Sample(
-        l.wi, l.distance, l.radiance, l.pdf_solid_angle * l.aim, l.position, p.light, l.normal, m.pdf_solid_angle * m.aim, m.position,
+        l.wi, l.distance, l.radiance, l.pdf_solid_angle * l.pdf_scale, l.position, p.light, l.normal, m.pdf_solid_angle * m.pdf_scale, m.position,
         m.distance, m.radiance, crossings, mask,
     );
 }

@@ -13,7 +13,7 @@
 #import bevy_restir::common::constants::{FAR, NONE}
 #import bevy_restir::common::math::luminance
 #import bevy_restir::common::ray::{Ray, rays_traced, trace_flags}
-#import bevy_restir::common::rng::{pcg4d, rng_new, STREAM_TREE}
+#import bevy_restir::common::rng::{pcg4d, rng_new, STREAM_PATH_CANDIDATES}
 #import bevy_restir::path::walk::Vertex
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::path_sample::{PathSample, with_shift_result}
@@ -44,7 +44,7 @@ fn path_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let r = receiver_of(ids, pixel, false);
-    var rng = rng_new(pixel, view.frame, STREAM_TREE, view.seed);
+    var rng = rng_new(pixel, view.frame, STREAM_PATH_CANDIDATES, view.seed);
     let selected = in_technique_measure(sample_candidates(r.first, pixel, SHORTEST_LENGTH, r.shift, &rng), r);
     let stored = Reservoir(selected.path, selected.ucw, 1.0, true);
     reservoirs[index] = reservoir_pack(stored);
