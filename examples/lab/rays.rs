@@ -211,8 +211,6 @@ fn rates(args: &Args, gpu: &Gpu, backend: &[Def], scene: &Scene) -> Vec<Row> {
 
 fn builds(args: &Args, gpu: &Gpu, hardware: bool, large: &Scene, small: &Scene) -> Vec<Row> {
     const SECTION: &str = "Builds and bytes";
-    let device = RenderDevice::new(WgpuWrapper::new(gpu.device.clone()));
-    let queue = RenderQueue(Arc::new(WgpuWrapper::new(gpu.queue.clone())));
     let mut blas = None;
     let ours = on_a_core(|| blas = build_blas(&large.mesh));
     let blas = blas.expect("it has triangles");
@@ -222,7 +220,7 @@ fn builds(args: &Args, gpu: &Gpu, hardware: bool, large: &Scene, small: &Scene) 
 
     // Every build gets new transforms of all instances.
     let mut random = Random::new(73);
-    let mut moved = || -> Vec<Rows> {
+    let moved = || -> Vec<Rows> {
         let one = |instance: &bevy_restir::testing::gpu_layout::GpuInstance| {
             let mut rows = instance.world_from_object;
             rows.iter_mut().for_each(|row| row[3] += random.range(-0.01, 0.01));
@@ -230,78 +228,107 @@ fn builds(args: &Args, gpu: &Gpu, hardware: bool, large: &Scene, small: &Scene) 
         };
         small.scene.instances.iter().map(one).collect()
     };
-    let (mut bottom, mut sent) = (f64::NAN, 0.0);
-    let (mut cpu, mut all) = (Vec::new(), Vec::new());
-    if hardware {
-        let vertices = |scene: &Scene| {
-            device.create_buffer_with_data(&wgpu::util::BufferInitDescriptor {
-                label: None,
-                contents: bytemuck::cast_slice(&scene.scene.triangles),
-                usage: BufferUsages::BLAS_INPUT,
-            })
-        };
-        let placed = |scene: &Scene, rows: &[Rows]| -> Vec<Placed> {
-            let one = |(slot, rows): (usize, &Rows)| Placed {
-                slot: slot as u32,
-                mesh: 1,
-                triangles: 0..scene.scene.triangles.len() as u32,
-                world_from_object: *rows,
-                opaque: true,
-                mask: 0xff,
-            };
-            rows.iter().enumerate().map(one).collect()
-        };
-        let (large_vertices, small_vertices) = (vertices(large), vertices(small));
-        let here = placed(large, &[large.scene.instances[0].world_from_object]);
-        bottom = seconds(1, gpu, || {
-            AccelerationStructures::default().update(&here, &large_vertices, &device, &queue);
-        });
-        let mut structures = AccelerationStructures::default();
-        for _ in 0..args.repeat + 2 {
-            let placed = placed(small, &moved());
-            wait(gpu);
-            let start = Instant::now();
-            cpu.push(on_a_core(|| sent = structures.update(&placed, &small_vertices, &device, &queue) as f64));
-            wait(gpu);
-            all.push(start.elapsed().as_secs_f64());
-        }
-        assert_eq!(sent, (args.instances as u64 * INSTANCE_SIZE) as f64);
-    } else {
-        let object: Bounds = build_blas(&small.mesh).expect("it has triangles").bounds;
-        for _ in 0..args.repeat + 2 {
-            let rows = moved();
-            let start = Instant::now();
-            let mut tlas = None;
-            cpu.push(on_a_core(|| {
-                let boxes: Vec<_> = rows
-                    .iter()
-                    .enumerate()
-                    .filter_map(|(i, rows)| Some((i as u32, world_bounds(rows, &object)?)))
-                    .collect();
-                tlas = Some(build_tlas(&boxes));
-            }));
-            all.push(start.elapsed().as_secs_f64());
-            let tlas = tlas.expect("it was built");
-            sent = ((tlas.nodes.len() + tlas.indices.len()) * 16).next_multiple_of(NODE_STRIDE as usize * 16) as f64;
-        }
-    }
+    let built =
+        if hardware { hardware_builds(args, gpu, large, small, moved) } else { software_builds(args, small, moved) };
     // The first two builds allocate what the others reuse.
     let ms = |all: &[f64]| median(&all[2..]) * 1e3;
     vec![
         Row::new(
             SECTION,
             format!("bottom level of {LARGE} triangles"),
-            &[("on a core", Unit::Ms, ours * 1e3), ("on the device", Unit::Ms, bottom * 1e3)],
+            &[("on a core", Unit::Ms, ours * 1e3), ("on the device", Unit::Ms, built.bottom * 1e3)],
         ),
         Row::new(
             SECTION,
             format!("top level of {} instances (demanded: at most 2.5 ms)", args.instances),
-            &[("on a core", Unit::Ms, ms(&cpu)), ("until the device has it", Unit::Ms, ms(&all))],
+            &[("on a core", Unit::Ms, ms(&built.cpu)), ("until the device has it", Unit::Ms, ms(&built.all))],
         ),
-        Row::new(SECTION, "of which is sent", &[("", Unit::Bytes, sent)]),
+        Row::new(SECTION, "of which is sent", &[("", Unit::Bytes, built.sent)]),
         Row::new(SECTION, "trees, where they are ours", &[("", Unit::BytesATriangle, per_triangle(nodes))]),
         Row::new(SECTION, "trees, corners and attributes", &[("", Unit::BytesATriangle, per_triangle(bytes))]),
     ]
+}
+
+/// Times of building a bottom level once, and a top level many times; seconds.
+struct Built {
+    bottom: f64,
+    /// Of the CPU, and until the device has it.
+    cpu: Vec<f64>,
+    all: Vec<f64>,
+    /// Bytes that are sent for a top level.
+    sent: f64,
+}
+
+/// Top levels of the software back end; the caller measures its bottom level.
+fn software_builds(args: &Args, small: &Scene, mut moved: impl FnMut() -> Vec<Rows>) -> Built {
+    let object: Bounds = build_blas(&small.mesh).expect("it has triangles").bounds;
+    let mut built = Built { bottom: f64::NAN, cpu: Vec::new(), all: Vec::new(), sent: 0.0 };
+    for _ in 0..args.repeat + 2 {
+        let rows = moved();
+        let start = Instant::now();
+        let mut tlas = None;
+        built.cpu.push(on_a_core(|| {
+            let boxes: Vec<_> = rows
+                .iter()
+                .enumerate()
+                .filter_map(|(i, rows)| Some((i as u32, world_bounds(rows, &object)?)))
+                .collect();
+            tlas = Some(build_tlas(&boxes));
+        }));
+        built.all.push(start.elapsed().as_secs_f64());
+        let tlas = tlas.expect("it was built");
+        built.sent = ((tlas.nodes.len() + tlas.indices.len()) * 16).next_multiple_of(NODE_STRIDE as usize * 16) as f64;
+    }
+    built
+}
+
+/// The device's own acceleration structures.
+fn hardware_builds(
+    args: &Args,
+    gpu: &Gpu,
+    large: &Scene,
+    small: &Scene,
+    mut moved: impl FnMut() -> Vec<Rows>,
+) -> Built {
+    let device = RenderDevice::new(WgpuWrapper::new(gpu.device.clone()));
+    let queue = RenderQueue(Arc::new(WgpuWrapper::new(gpu.queue.clone())));
+    let vertices = |scene: &Scene| {
+        device.create_buffer_with_data(&wgpu::util::BufferInitDescriptor {
+            label: None,
+            contents: bytemuck::cast_slice(&scene.scene.triangles),
+            usage: BufferUsages::BLAS_INPUT,
+        })
+    };
+    let placed = |scene: &Scene, rows: &[Rows]| -> Vec<Placed> {
+        let one = |(slot, rows): (usize, &Rows)| Placed {
+            slot: slot as u32,
+            mesh: 1,
+            triangles: 0..scene.scene.triangles.len() as u32,
+            world_from_object: *rows,
+            opaque: true,
+            mask: 0xff,
+        };
+        rows.iter().enumerate().map(one).collect()
+    };
+    let (large_vertices, small_vertices) = (vertices(large), vertices(small));
+    let here = placed(large, &[large.scene.instances[0].world_from_object]);
+    let bottom = seconds(1, gpu, || {
+        AccelerationStructures::default().update(&here, &large_vertices, &device, &queue);
+    });
+    let mut built = Built { bottom, cpu: Vec::new(), all: Vec::new(), sent: 0.0 };
+    let mut structures = AccelerationStructures::default();
+    for _ in 0..args.repeat + 2 {
+        let placed = placed(small, &moved());
+        wait(gpu);
+        let start = Instant::now();
+        let mut sent = 0.0;
+        built.cpu.push(on_a_core(|| sent = structures.update(&placed, &small_vertices, &device, &queue) as f64));
+        wait(gpu);
+        built.all.push(start.elapsed().as_secs_f64());
+        built.sent = sent;
+    }
+    assert_eq!(built.sent, (args.instances as u64 * INSTANCE_SIZE) as f64);
+    built
 }
 
 /// An instance that moves.
