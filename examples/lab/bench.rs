@@ -37,7 +37,7 @@ pub struct Cost {
 }
 
 impl Cost {
-    /// Cost of no passes at all.
+    /// A cost without any pass.
     pub const NONE: Self = Self { passes: Vec::new(), rays: 0.0 };
 
     fn sum(&self, counts: impl Fn(&str) -> bool) -> f64 {

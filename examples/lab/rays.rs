@@ -243,7 +243,7 @@ fn builds(args: &Args, gpu: &Gpu, hardware: bool, large: &Scene, small: &Scene) 
             format!("top level of {} instances (demanded: at most 2.5 ms)", args.instances),
             &[("on a core", Unit::Ms, ms(&built.cpu)), ("until the device has it", Unit::Ms, ms(&built.all))],
         ),
-        Row::new(SECTION, "of which is sent", &[("", Unit::Bytes, built.sent)]),
+        Row::new(SECTION, "sent to the device", &[("", Unit::Bytes, built.sent)]),
         Row::new(SECTION, "trees, where they are ours", &[("", Unit::BytesATriangle, per_triangle(nodes))]),
         Row::new(SECTION, "trees, corners and attributes", &[("", Unit::BytesATriangle, per_triangle(bytes))]),
     ]

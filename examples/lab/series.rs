@@ -128,7 +128,7 @@ pub fn entries() -> Vec<Entry> {
     let candidates = counts("", &[1, 8, 32], |d, n| d.candidates = n);
     add("Candidates", &[Candidates, Lighting, Error], candidates);
 
-    let targets = [("what is reflected", false), ("what arrives (9)", true)].map(|(label, target_without_bsdf)| {
+    let targets = [("reflected light", false), ("arriving light (9)", true)].map(|(label, target_without_bsdf)| {
         let research = Research { target_without_bsdf, ..Research::default() };
         (label.into(), Restir { research, ..default() })
     });

@@ -1,4 +1,4 @@
-//! What the programs with a window share: the window, the panel of settings with its keys, the look of the picture; and the parts of
+//! Parts that the programs with a window share: the window, the panel of settings with its keys, the look of the picture; and the parts of
 //! the viewer.
 
 pub mod look;

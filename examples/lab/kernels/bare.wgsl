@@ -1,5 +1,5 @@
-// The yardstick: closest hits in one compressed tree and nothing else.  No instances, no alpha, no watertight edges, no bound on
-// rounding, no counters, no limit of steps: what a traversal kernel costs that only traverses.
+// The baseline of `lab rays`: closest hits in one compressed tree and nothing else, to measure the cost of bare traversal.  It has no
+// instances, alpha tests, watertight edges, bounds on rounding, counters or limit of steps.
 #import bevy_restir::scene::bindings::{nodes, triangles}
 #import bevy_restir::common::ray::Ray
 

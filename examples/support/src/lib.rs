@@ -1,4 +1,4 @@
-//! What the examples, the measurements and the tests share: headless rendering of glTF scenes, command lines, settings by name,
+//! Code that the examples, the measurements and the tests share: headless rendering of glTF scenes, command lines, settings by name,
 //! environments, pictures as files, and bare compute kernels over the crate's own WGSL.
 
 pub mod arguments;

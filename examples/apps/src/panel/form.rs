@@ -193,7 +193,7 @@ fn explain(response: egui::Response, doc: Option<&str>, more: Option<&str>) {
     }
 }
 
-/// `spatial_taps` becomes `spatial taps`.
+/// `spatial_samples` becomes `spatial samples`.
 fn words(name: &str) -> String {
     name.replace('_', " ")
 }
