@@ -79,7 +79,7 @@ fn turn() -> DQuat {
     DQuat::from_rotation_y(2.5) * DQuat::from_rotation_x(0.8)
 }
 
-/// The parameters of a rotation as `emission.rs` packs them.
+/// The parameters of a rotation as `src/scene/light/analytic.rs` packs them.
 fn parameters(q: DQuat) -> [f32; 3] {
     let q = if q.w < 0.0 { -q } else { q };
     (DVec3::new(q.x, q.y, q.z) / (1.0 + q.w)).as_vec3().to_array()

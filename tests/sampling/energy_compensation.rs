@@ -1,4 +1,4 @@
-//! Energy compensation (Turquin 2019; Lanz 2025, 2.1.3) restores the energy that single scattering loses, and no more.
+//! Energy compensation (Turquin 2019; Lanz 2025, 2.1.3) restores the energy that single scattering loses, and adds none beyond it.
 
 use crate::support::{
     app::*,
@@ -92,7 +92,7 @@ fn a_rough_white_brushed_metal_gives_most_light_back() {
     }
 }
 
-/// The compensation of a coat restores a little of the energy that its microfacets lose, and no more.
+/// The compensation of a coat restores a little of the energy that its microfacets lose, and never adds energy.
 #[test]
 fn a_compensated_coat_over_white_gains_nothing() {
     let Some(gpu) = gpu() else { return };

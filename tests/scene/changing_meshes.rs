@@ -80,7 +80,7 @@ fn a_mesh_that_was_empty_does_not_show_its_old_shape_again() {
     rig.assert_sound();
 }
 
-/// Four triangles, `flat` of which have no area.
+/// Four triangles; the first `flat` of them have no area.
 fn partly_flat(flat: usize) -> Mesh {
     let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
     let points = (0..4).flat_map(|i| if i < flat { [corners[0]; 3] } else { corners });

@@ -11,7 +11,7 @@ use std::time::Instant;
 
 /// Settings that are compared with the reference.
 pub trait Subject {
-    /// Turns them on.
+    /// Writes them, and their technique, to the settings of the camera.
     fn apply_to(&self, settings: &mut Restir);
 }
 

@@ -227,7 +227,7 @@ fn the_contribution_weight_of_a_stream_integrates_without_bias() {
     assert_family([("∫x²".to_string(), Box::new(test) as Box<dyn Fn(u32) -> f64>)]);
 }
 
-/// `UNSEEN` of `shaders/restir/reservoir.wgsl`.
+/// `UNSEEN` of `shaders/restir/di/reservoir.wgsl`.
 const UNSEEN: u32 = 1 << 31;
 
 #[test]
