@@ -1,4 +1,4 @@
-//! Needs of the device: what is missing turns the plugin off, with a warning that names it.
+//! Requirements on the device.  If one is not met, the plugin warns, names it, and stays off.
 
 use bevy::{
     ecs::world::World,
@@ -10,14 +10,14 @@ use bevy::{
     },
 };
 
-/// The first need of the portable tier that the device does not meet.
+/// The first requirement of the portable tier that the device does not meet.
 pub(crate) fn missing_feature(render_world: &World) -> Option<&'static str> {
     let device = render_world.get_resource::<RenderDevice>()?;
     let adapter = render_world.get_resource::<RenderAdapter>()?;
     missing_of(&device.limits(), adapter.get_downlevel_capabilities().flags)
 }
 
-/// Least size of a storage binding, bytes.  Below WebGPU's 128 MiB large images are traced at a lower resolution, and scenes are cut, with
+/// Smallest accepted limit for a storage binding, bytes.  Below WebGPU's 128 MiB large images are traced at a lower resolution, and scenes are cut, with
 /// warnings.
 const MIN_BINDING: u64 = 1 << 20;
 

@@ -143,7 +143,7 @@ pub struct GpuMaterial {
 pub const NO_TEXTURE: [u32; 4] = [NONE, 0, 0, 0];
 
 impl Default for GpuMaterial {
-    /// White, rough, opaque, with the F0 of glass: `StandardMaterial::default()` but for its textures.
+    /// White, rough and opaque, with the F0 of glass, as `StandardMaterial::default()`; without textures.
     fn default() -> Self {
         Self {
             base_color: [1.0; 3],
@@ -215,7 +215,7 @@ pub struct GpuViewUniforms {
     pub target_size: [u32; 2],
 }
 
-/// What a frame counted: `Counters` in `shaders/pass/statistics.wgsl`.
+/// Counters of a frame, equal to `Counters` in `shaders/pass/statistics.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct GpuCounters {

@@ -82,7 +82,8 @@ impl Plugin for RestirPlugin {
         }
         let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
         let library = ShaderLibrary::new(&mut shaders, &shader_templates());
-        // Bevy lights a camera until our first frame is ready, unless its own pipelines would only be compiled for that, or could not be.
+        // Bevy lights a camera until our first frame is ready.  It does not where pipelines compile synchronously, because those of Bevy would
+        // be compiled for a single frame, or where the device cannot run Bevy's shaders.
         let bevy_lights_first = textures_warning.is_none() && !app.world().contains_resource::<CompilesAtOnce>();
         // After all systems of the app, before the extraction.
         app.add_systems(Last, require_single_sample);

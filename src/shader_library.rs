@@ -1,5 +1,5 @@
-//! The WGSL modules, and the templates among them.  A file `shaders/a/b.wgsl` is the module `bevy_restir::a::b`; files in `shaders/pass/`
-//! hold the entry points, and no others do.
+//! The WGSL modules, and the templates among them.  A file `shaders/a/b.wgsl` is the module `bevy_restir::a::b`; only files in
+//! `shaders/pass/` hold entry points.
 //!
 //! A pass that serves several techniques is a template: its line `#import technique::{a, b}` stands for imports from the rooms of one
 //! technique.  Each name comes from the first room that defines it, so that a room can extend another one.  Tests compose every module and
@@ -125,7 +125,7 @@ pub fn is_template(wgsl: &str) -> bool {
     wgsl.contains(TEMPLATE_IMPORT)
 }
 
-/// Puts the modules of a technique into a template.  `rooms`: folders of `shaders/`, the first of which that defines a name provides it.
+/// Puts the modules of a technique into a template.  `rooms`: folders of `shaders/`; the first one that defines a name provides it.
 ///
 /// # Panics
 ///

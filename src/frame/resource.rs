@@ -95,8 +95,7 @@ fn binding_of<'a>(resource: R, step: &Step, state: &'a RestirView) -> Option<Bin
     })
 }
 
-/// Light of the domain whose reservoirs carry their contributions, or of the one whose reservoirs do not; black if the frame has no such
-/// domain.
+/// Light of the frame's first domain with this value of `Domain::carries_contribution`; black if the frame has none.
 fn light_of(history: &History, carries_contribution: bool, of: fn(&Reservoirs) -> &TextureView) -> &TextureView {
     let mut domains = history.reservoirs().iter();
     domains.find(|r| r.domain().carries_contribution == carries_contribution).map_or(&history.black, of)

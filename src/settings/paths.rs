@@ -41,19 +41,19 @@ pub struct Paths {
     /// Light candidates at the first vertex of a path, 1 to 64; vertex B has 1/B² of them, at least one.  They come from the subsets of
     /// [`Direct`](super::Direct).  Less noise, higher cost, no bias.
     pub candidates: u32,
-    /// Reuse of paths.  Its MIS weights are those of spatial reuse: temporal reuse alone takes the balance heuristic.
+    /// Reuse of paths.  [`Reuse::mis`] applies to iterations with spatial reuse; purely temporal ones always use the balance heuristic.
     pub reuse: Reuse,
     /// Replay of the rest of a path where something moved.
     pub suffix_retrace: SuffixRetrace,
-    /// Takes the radiance at the secondary vertex for the same in all directions, as ReSTIR GI was published; for
+    /// Treats the secondary vertex as diffuse, as the paper of ReSTIR GI does: the same radiance leaves it in all directions.  For
     /// [`Technique::Gi`](super::Technique::Gi).  Faster.  Biased: reflections in glossy secondary surfaces are wrong, brighter or darker.
     pub assume_diffuse_secondary: bool,
     /// Choice of the reconnection vertex.  `Gi` always reconnects at the secondary vertex, unless a mirror comes first.
     pub reconnection: Reconnection,
     /// Least perceptual roughness of a lobe before a reconnection (Lin et al. 2022: 0.2).  No bias.
     pub roughness: f32,
-    /// c of the footprints (Lin et al. 2026, supplement: 0.02, in hundredths of the pixel's).  Larger values reconnect later: fewer bright
-    /// pixels, less reuse.  No bias.
+    /// Least footprint of both vertices of a reconnection, in percent of the pixel's own (c in Lin et al. 2026, supplement: 0.02).  Larger
+    /// values reconnect later: fewer bright pixels, less reuse.  No bias.
     pub footprint: f32,
     /// Least distance between reconnected vertices, m; for [`Reconnection::Distance`] and `Gi` (Lanz 2025, Eq. 30).  Larger values give
     /// fewer bright pixels in corners and less reuse.  No bias.

@@ -51,21 +51,21 @@ pub struct Reuse {
     /// Reuses the sample that the surface had in the last frame: much less noise, for one neighbor's cost.  Without it nothing outlives a
     /// frame.  No bias.
     pub temporal: bool,
-    /// Takes that sample from one of the four pixels around the last place of the surface, by bilinear chance (Wyman and Panteleev 2021,
-    /// 4.5), instead of the nearest: less correlated noise under motion.  No cost, no bias.
+    /// Takes that sample from one of the four pixels around the last place of the surface, by bilinear weights at random (Wyman and
+    /// Panteleev 2021, 4.5), instead of the nearest: less correlated noise under motion.  No cost, no bias.
     pub bilinear: bool,
     /// Neighbors whose samples are reused in an iteration, at most 5: less noise, more correlated; each costs a shift and its rays.  No bias.
     pub spatial_samples: u32,
-    /// The same where the surface was not visible in the last frame (Wyman and Panteleev 2021, 6.4), if that is more; at most 5.  Has an
-    /// effect only with [`ReuseOrder::Spatiotemporal`] and `temporal`.  No bias.
+    /// Number of neighbors where the surface was not visible in the last frame (Wyman and Panteleev 2021, 6.4), if it is larger than
+    /// [`Reuse::spatial_samples`]; at most 5: less noise in disocclusions.  Has an effect only with [`ReuseOrder::Spatiotemporal`] and `temporal`.  No bias.
     pub disocclusion_samples: u32,
     /// Iterations of spatial reuse, 1 to 4: each is a pass.  No bias.
     pub spatial_iterations: u32,
     /// Places that are tried for each neighbor until its geometry is similar, 1 to 8 (greedy neighbor search, Lanz 2025, 4.5.4): less noise
     /// at edges, for a few texture reads.  No bias.
     pub neighbor_attempts: u32,
-    /// Greatest distance of neighbors, in pixels of an image that is 1080 lines high, and at least 2 of its own: larger radii share rare
-    /// finds more widely, and find fewer similar neighbors.  No bias.
+    /// Greatest distance of neighbors, in pixels of an image that is 1080 lines high, and at least 2 pixels of the traced image: larger radii
+    /// share rare finds more widely, and find fewer similar neighbors.  No bias.
     pub radius: f32,
     /// Greatest confidence of a neighbor, in frames' worth of candidates: at most 60 in [`Direct`](super::Direct), 30 in
     /// [`Paths`](super::Paths).  Longer histories are smoother and more correlated.  No bias.

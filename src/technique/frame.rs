@@ -1,4 +1,4 @@
-//! The passes of a frame, as data: a technique, and what of it is shown.
+//! The passes of a frame, as data: those of its technique, and the one that shows light or a debug view.
 
 use super::{
     TechniqueRow,
@@ -136,7 +136,7 @@ pub(crate) struct PipelineKey {
 }
 
 impl PipelineKey {
-    /// Whether its shaders do what the settings behind another key ask for; the scene may differ.
+    /// Whether its pipelines can render the settings of another key; the features of the scene may differ.
     pub(crate) fn serves_settings_of(self, wanted: Self) -> bool {
         let of_settings = SceneFeatures::ENERGY_COMPENSATION | SceneFeatures::MANY_NEIGHBORS;
         self.frame == wanted.frame && !(self.features ^ wanted.features).intersects(of_settings)

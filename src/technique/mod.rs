@@ -1,5 +1,6 @@
-//! The table of techniques.  A technique is data: the domains that it resamples, with their passes, reservoirs and debug views.  Adding one
-//! takes a file here, a room in `shaders/restir/`, its settings in `src/settings/`, and a row in [`TECHNIQUES`].
+//! The table of techniques.  A technique is data: the domains that it resamples, with their passes, reservoirs and debug views.  A new
+//! one takes a file here, a room in `shaders/restir/`, its settings in `src/settings/`, and a row in [`TECHNIQUES`];
+//! `docs/architecture.md` lists all files.
 
 mod di;
 pub(crate) mod domain;
@@ -20,7 +21,7 @@ pub(crate) struct TechniqueRow {
     pub technique: Technique,
     /// Domains in the order of their passes; none for the reference tracer.
     pub domains: &'static [&'static Domain],
-    /// Passes of a technique without domains: light, and the rays that it took.
+    /// Passes of a technique without domains: one writes light, and one the number of rays per pixel for a debug view.
     pub light: Option<&'static ComputePass>,
     pub rays: Option<&'static ComputePass>,
 }

@@ -1,6 +1,7 @@
 //! Compute passes as data: shader, resources, number of workgroups.
 
-/// A resource that a compute pass binds in group 2, in the order of its bindings; that of the pass's domain, if domains have their own.
+/// A resource of group 2; a pass lists its resources in the order of their bindings.  Of a resource that each domain has, a pass binds the
+/// one of its domain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum PassResource {
     /// Sum of radiance and number of samples of every pixel, read and written.
@@ -17,7 +18,7 @@ pub(crate) enum PassResource {
     CandidateReservoirs,
     /// Reservoirs that an iteration of reuse takes neighbors from, read.
     NeighborReservoirs,
-    /// Reservoirs that an iteration of reuse leaves, read and written.
+    /// Reservoirs that an iteration of reuse reads and replaces.
     OutputReservoirs,
     /// Reservoirs that the frame leaves to the next one, read.
     FinalReservoirs,
@@ -27,7 +28,7 @@ pub(crate) enum PassResource {
     CandidateLight,
     /// Contributions of the samples before an iteration of reuse, read.
     LightBefore,
-    /// Light that an iteration of reuse leaves, written.
+    /// Light after an iteration of reuse, written.
     LightAfter,
     /// Direct light that only BSDF sampling finds, read.
     UnresampledLight,

@@ -12,13 +12,13 @@ use crate::{
 pub(crate) const FEW_INPUTS: u32 = 3;
 /// Least radius, pixels: in a smaller circle most neighbors would be the pixel itself.
 const MIN_RADIUS: f32 = 2.0;
-/// Greatest number of iterations in a frame: one of the last frame, and four of this one.
+/// Greatest number of iterations in a frame: one over the last frame, and four over this one.
 pub(crate) const MAX_ITERATIONS: usize = 5;
 
 /// An iteration of reuse.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Iteration {
-    /// Neighbors are taken from the last frame; otherwise from this frame's last iteration.
+    /// Neighbors are taken from the last frame; otherwise from the previous iteration of this frame.
     pub from_previous: bool,
     temporal_samples: u32,
     spatial_samples: u32,
@@ -64,7 +64,7 @@ pub(crate) struct ReuseSchedule {
 }
 
 impl ReuseSchedule {
-    /// For ReSTIR DI.
+    /// The schedule of ReSTIR DI.
     pub(crate) fn of_direct_light(settings: &Restir) -> Self {
         let direct = &settings.direct;
         let mis = mis_constant(direct.bias_correction, direct.reuse.mis);
@@ -85,7 +85,7 @@ impl ReuseSchedule {
         }
     }
 
-    /// For ReSTIR PT.
+    /// The schedule of ReSTIR PT.
     pub(crate) fn of_paths(settings: &Restir) -> Self {
         let paths = &settings.paths;
         let common = common_settings(&paths.reuse, &settings.direct, &settings.research);
@@ -109,7 +109,7 @@ impl ReuseSchedule {
         }
     }
 
-    /// For the indirect light of ReSTIR GI.
+    /// The schedule of the indirect light of ReSTIR GI.
     pub(crate) fn of_indirect_light(settings: &Restir) -> Self {
         let paths = &settings.paths;
         let schedule = Self::of_paths(settings);
@@ -210,7 +210,7 @@ fn reconnection_settings(paths: &Paths, common: GpuResampleSettings) -> GpuResam
     }
 }
 
-/// Rays (Wyman and Panteleev 2021, Fig. 15) and bias correction.
+/// Flags for visibility rays (Wyman and Panteleev 2021, Fig. 15) and for the bias correction.
 fn direct_flags(direct: &Direct, research: &Research) -> u32 {
     use VisibilityReuse::*;
     let kind = direct.visibility;

@@ -24,7 +24,7 @@ pub(crate) struct CompositeKey {
 }
 
 impl CompositeKey {
-    /// For a camera's textures.
+    /// The key for the textures of a camera.
     pub(crate) fn of(target: &ViewTarget, prepass: Option<&ViewPrepassTextures>) -> Self {
         let motion = prepass.is_some_and(|textures| textures.motion_vectors.is_some());
         Self { format: target.main_texture_format(), motion }
