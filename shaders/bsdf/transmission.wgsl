@@ -22,7 +22,7 @@ fn interface_fresnel(b: Bsdf, c: f32) -> vec3<f32> {
     return vec3<f32>(dielectric_fresnel(c, b.eta));
 }
 
-// The same at normal incidence.
+// Fresnel reflectance of the interface at normal incidence.
 fn interface_f0(b: Bsdf) -> vec3<f32> {
     if bsdf_is_thin(b) {
         return b.dielectric_reflectance;

@@ -1,7 +1,7 @@
 // Parameters of a BSDF, and a sample of it.  wo and wi are unit vectors in world space that point away from the surface.
 #define_import_path bevy_restir::bsdf::types
 
-// Lobes.  Reservoirs store a lobe in two bits.
+// Lobes.  Reservoirs of paths store a lobe in three bits.
 const LOBE_DIFFUSE: u32 = 0u;        // reflects, and with diffuse transmission transmits
 const LOBE_REFLECTION: u32 = 1u;     // of dielectric, metal and interface, which share the microfacets
 const LOBE_TRANSMISSION: u32 = 2u;   // through the same microfacets

@@ -24,7 +24,7 @@ fn light_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> LightSample 
     return record_sample(light, from_point, u);
 }
 
-// The same for any record of `lights`, also of the last frame.
+// Samples any record of `lights`, of this frame or the last.
 fn record_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> LightSample {
     if !light_in_layers(light) {
         return no_light_sample();

@@ -73,7 +73,7 @@ fn triangle_light_radiance(instance: u32, triangle: u32, normal: vec3<f32>, bary
     return triangle_light_color(instance, triangle, barycentrics);
 }
 
-// The same for an emitting side; 0 for instances that rays cannot hit.
+// Radiance emitted from a side that emits; 0 for instances that rays cannot hit.
 fn triangle_light_color(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> vec3<f32> {
     if !instance_in_layers(instance) {
         return vec3<f32>(0.0);

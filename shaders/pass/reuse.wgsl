@@ -19,7 +19,7 @@
 #import bevy_restir::restir::types::{RESAMPLE_CANDIDATES_VISIBLE, RESAMPLE_DISCARD_OCCLUDED, RESAMPLE_FROM_PREVIOUS, RESAMPLE_MIS_RAYS, RESAMPLE_REUSE_VISIBILITY, RESAMPLE_SHADE, RESAMPLE_SHADE_ALL, RESAMPLE_SHADING_RAYS, RESAMPLE_TARGET_RAYS}
 #import bevy_restir::view::bindings::{ray_counts, view, visibility}
 
-// Reservoirs of the last frame, or of this frame's last iteration.
+// Reservoirs of the last frame, or of the previous iteration of this frame.
 @group(2) @binding(1) var<storage, read> neighbors: array<PackedReservoir>;
 @group(2) @binding(2) var<storage, read_write> reservoirs: array<PackedReservoir>;
 // The contribution of the pixel's own sample, if the technique hands it on.
@@ -149,8 +149,8 @@ fn next_to_evaluate(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>
 // Evaluates the targets that the MIS weights need, and the visibility of the samples that are shaded; then selects an input.
 fn resample(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, r: Receiver, alpha_seed: u32, rng: ptr<function, Rng>) -> Stream {
     var stream = Stream(0.0, NONE);
-    // If only the selected sample is shaded, and its visibility is not known, the loop has one more turn: rays are traced at one place in
-    // the program.
+    // If only the selected sample is shaded, and its visibility is not known, the loop runs once more, so that only one place in the
+    // program traces rays.
     let traces_selected = has(RESAMPLE_SHADE) && has(RESAMPLE_SHADING_RAYS) && !has(RESAMPLE_SHADE_ALL);
     if carries_contribution() {
         (*mis).targets[0] = luminance((*inputs).contributions[0]);

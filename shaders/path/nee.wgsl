@@ -25,7 +25,7 @@ fn nee_candidate_count(first_count: u32, index: u32) -> u32 {
     return max(first_count / (index * index), 1u);
 }
 
-// Expected number of these candidates that are this light.
+// Expected number of these candidates that choose this light.
 fn expected_nee_candidates(light: u32, first_count: u32, index: u32) -> f32 {
     return f32(nee_candidate_count(first_count, index)) * light_pmf(light);
 }

@@ -60,7 +60,7 @@ fn step_towards(v: Vertex, wi: vec3<f32>, lobe: u32) -> Step {
     return with_weight_and_densities(v, given_step(wi, lobe));
 }
 
-// The same without weight and densities.
+// The step in a given direction by a given lobe, without weight and densities.
 fn given_step(wi: vec3<f32>, lobe: u32) -> Step {
     var s = no_step();
     s.wi = wi;

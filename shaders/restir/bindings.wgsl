@@ -1,5 +1,5 @@
-// Group 2 of the passes that resample: the settings of an iteration of reuse, and what its parts read.  Each pass binds only what it uses,
-// which is why some bindings share an index.
+// Group 2 of the passes that resample, as far as modules of this room read it.  Each pass binds only the resources that it uses, which is
+// why some bindings share an index.
 #define_import_path bevy_restir::restir::bindings
 
 #import bevy_restir::light::presampled::PresampledLight

@@ -15,7 +15,7 @@ fn has(flag: u32) -> bool {
     return (settings.flags & flag) != 0u;
 }
 
-// (instance, triangle) of a neighbor, in the last frame or in this one, wherever neighbors are.
+// (instance, triangle) of a neighbor, in the frame that neighbors are taken from.
 fn neighbor_ids(pixel: vec2<u32>) -> vec2<u32> {
     if has(RESAMPLE_FROM_PREVIOUS) {
         return textureLoad(previous_visibility, pixel, 0).xy;
@@ -57,7 +57,8 @@ fn find_neighbor(own: OwnPlace, is_own: bool, rng: ptr<function, Rng>) -> vec2<u
     return vec2<u32>(NONE);
 }
 
-// Offset of an attempt, pixels: uniform in a disk.  The surface itself is sought at the nearest pixel, or by bilinear chance at one of four.
+// Offset of an attempt, pixels: uniform in a disk.  The surface itself is sought at the nearest pixel, or at one of four that
+// is chosen at random by bilinear weights.
 fn neighbor_offset(is_own: bool, u: vec2<f32>) -> vec2<f32> {
     if is_own {
         return select(vec2<f32>(0.0), u - 0.5, has(RESAMPLE_BILINEAR));

@@ -8,7 +8,7 @@ struct ResampleSettings {
     light_tile_size: u32,      // pixels a side that share a subset
     temporal_samples: u32,     // 0 or 1: the place of the surface itself in the last frame
     spatial_samples: u32,      // neighbors around that place
-    disocclusion_samples: u32, // the same, where the surface was not visible in the last frame
+    disocclusion_samples: u32, // neighbors where the surface was not visible in the last frame
     neighbor_attempts: u32,    // places that are tried for each neighbor
     radius: f32,               // of the disk that neighbors are in, pixels
     confidence_cap: f32,       // greatest confidence of a neighbor, in frames' worth of candidates
@@ -43,7 +43,7 @@ const RESAMPLE_REUSE_VISIBILITY: u32 = 64u;
 const RESAMPLE_HEURISTICS: u32 = 128u;
 // All inputs are shaded by their shares, not only the selected one.
 const RESAMPLE_SHADE_ALL: u32 = 256u;
-// Neighbors are taken from the last frame; otherwise from this frame's last iteration.
+// Neighbors are taken from the last frame; otherwise from the previous iteration of this frame.
 const RESAMPLE_FROM_PREVIOUS: u32 = 512u;
 // This is the last iteration: it writes light.
 const RESAMPLE_SHADE: u32 = 1024u;

@@ -1,5 +1,5 @@
-// ReSTIR DI: the domain of points of lights, seen from a surface (Wyman and Panteleev 2021).  It answers the questions of the resampling
-// routine (`pass/reuse.wgsl`).
+// ReSTIR DI: the domain of points of lights, seen from a surface (Wyman and Panteleev 2021).  It defines the functions that the
+// resampling routine (`pass/reuse.wgsl`) calls.
 #define_import_path bevy_restir::restir::di::domain
 
 #import bevy_restir::bsdf::bsdf::{bsdf_eval, bsdf_pdf}

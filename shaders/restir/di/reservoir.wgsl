@@ -11,7 +11,7 @@ struct Reservoir {
     seen: bool,            // the sample was visible when it was shaded
 }
 
-// The same in memory.
+// The reservoir as it is stored.
 struct PackedReservoir {
     words: vec4<u32>,
 }

@@ -1,5 +1,6 @@
 // ReSTIR GI (Ouyang et al. 2021; Lanz 2025, 4.3): the domain of indirect light, paths of at least two scattering events that are
-// reconnected at the first vertex after the pixel's surface.  The rest it shares with whole paths (`restir/pt/domain.wgsl`).
+// reconnected at the first vertex after the pixel's surface.  Functions that are not defined here are those of whole paths
+// (`restir/pt/domain.wgsl`).
 //
 // The measure is that of the triangle at that vertex, and solid angle after it.  In this measure the shift has no Jacobian: the Jacobian
 // of Lanz 2025 (4.3.3), of solid angles, is contained in the geometry factor of the target.  Densities are stored for the Jacobian limit

@@ -6,7 +6,7 @@
 #import bevy_restir::restir::path_sample::TERMINATION_NEE
 #import bevy_restir::restir::stored_path::{no_reservoir, PackedPath, path_pack, path_unpack, Reservoir}
 
-// The same in memory: structure, seed, birth, W; vertex and direction; density; light; radiance.
+// The reservoir as it is stored: structure, seed, birth, W; vertex and direction; density; light; radiance.
 struct PackedReservoir {
     words: array<u32, 13>,
 }

@@ -1,5 +1,5 @@
-// ReSTIR PT: the domain of whole paths, which the hybrid shift takes from pixel to pixel (Lin et al. 2026).  It answers the questions of
-// the resampling routine (`pass/reuse.wgsl`).
+// ReSTIR PT: the domain of whole paths, which the hybrid shift takes from pixel to pixel (Lin et al. 2026).  It defines the
+// functions that the resampling routine (`pass/reuse.wgsl`) calls.
 #define_import_path bevy_restir::restir::pt::domain
 
 #import bevy_restir::common::constants::NONE

@@ -5,7 +5,7 @@
 #import bevy_restir::light::point_on_light::LightPoint
 #import bevy_restir::restir::stored_path::{no_reservoir, PackedPath, path_pack, path_unpack, Reservoir}
 
-// The same in memory.
+// The reservoir as it is stored.
 struct PackedReservoir {
     path: vec4<u32>,           // structure, seed, birth, W
     vertex: vec4<u32>,         // reconnection vertex and the direction after it

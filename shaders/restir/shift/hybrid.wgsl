@@ -36,7 +36,7 @@ const SHIFT_NO_CONTRIBUTION: u32 = 5u;
 const SHIFT_JACOBIAN_LIMIT: u32 = 6u;
 const SHIFT_OCCLUDED: u32 = 7u;               // `is_unoccluded` is false
 
-// A ray that nothing may stop.
+// A ray that must be unoccluded for the shift to succeed.
 struct ShadowRay {
     ray: Ray,
     alpha_seed: u32,
@@ -134,8 +134,8 @@ fn add_shadow_ray(w: ptr<function, Walk>, ray: Ray, alpha_seed: u32) {
     (*w).rays.count += 1u;
 }
 
-// Walks from vertex to vertex.  There is one step, one surface and one traversal in the loop, whatever a vertex is to the path: every
-// copy of them would be compiled and, on GPUs, waited for.
+// Walks from vertex to vertex.  The loop has a single call of the step, the surface and the traversal for all kinds of vertices: each
+// further copy would take compile time and make the threads of a GPU diverge.
 fn walk(w: ptr<function, Walk>, s: PathSample, c: ShiftParameters, previous: bool, retrace: bool) {
     let ends_with_nee = s.termination == TERMINATION_NEE;
     let rays = s.length - 1u - u32(ends_with_nee);

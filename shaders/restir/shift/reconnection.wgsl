@@ -103,7 +103,7 @@ fn is_connectable(a: PreviousVertex, s: Surface, pdf_after: f32, rough_after: bo
         && (bsdf_is_diffuse(s.bsdf) || is_apart(s.position, a.position, a.n_geo, pdf_after, c));
 }
 
-// The same for a last vertex, on a light: no lobe and no density follow.
+// Whether paths may reconnect between `a` and a last vertex on a light, after which there is no lobe and no density to test.
 fn is_connectable_end(a: PreviousVertex, position: vec3<f32>, n_geo: vec3<f32>, c: ShiftParameters) -> bool {
     return a.rough && is_apart(a.position, position, n_geo, a.pdf, c);
 }
