@@ -17,8 +17,8 @@ pub(crate) fn missing_feature(render_world: &World) -> Option<&'static str> {
     missing_of(&device.limits(), adapter.get_downlevel_capabilities().flags)
 }
 
-/// Smallest accepted limit for a storage binding, bytes.  Below WebGPU's 128 MiB large images are traced at a lower resolution, and scenes are cut, with
-/// warnings.
+/// Smallest accepted limit for a storage binding, bytes.  Below WebGPU's 128 MiB large images are traced at a lower resolution, and parts
+/// of large scenes are left out, with warnings.
 const MIN_BINDING: u64 = 1 << 20;
 
 fn missing_of(limits: &WgpuLimits, flags: DownlevelFlags) -> Option<&'static str> {

@@ -18,7 +18,8 @@ fn coat_share(b: Bsdf, wo: vec3<f32>) -> f32 {
     return b.coat * schlick(vec3<f32>(COAT_F0), abs(dot(wo, b.coat_normal))).x;
 }
 
-// Share of light that the coat reflects with energy compensation: multiple scattering adds to the reflection and is not taken from the base.
+// Share of light that the coat reflects with energy compensation.  Multiple scattering adds to the reflection and takes nothing from the
+// base.
 fn coat_reflectance(b: Bsdf, wo: vec3<f32>) -> f32 {
     return coat_share(b, wo) * (1.0 + COAT_F0 * b.coat_compensation);
 }

@@ -80,7 +80,8 @@ fn intersect_node(node: u32, ray: TreeRay, t_min: f32, t_max: f32) -> NodeHits {
             min(plane_t(word(far_x, half), slope.x, base_far.x), plane_t(word(far_y, half), slope.y, base_far.y)),
             min(plane_t(word(far_z, half), slope.z, base_far.z), vec4<f32>(t_max)),
         );
-        // A byte of the node's `meta` field (`code`) has the bits to set (high 3) and their position (low 5); inner children are reordered by the ray's octant.
+        // A byte of the node's field `meta` has the bits to set (high 3) and their position (low 5); inner children are reordered by the
+        // ray's octant.
         let code = word(n1.zw, half);
         let inner = ((code & (code << 1u) & 0x10101010u) >> 4u) * 255u;
         let shift = unpack4xU8((code ^ (ray.octant & inner)) & 0x1f1f1f1fu);

@@ -57,7 +57,8 @@ pub struct Reuse {
     /// Neighbors whose samples are reused in an iteration, at most 5: less noise, more correlated; each costs a shift and its rays.  No bias.
     pub spatial_samples: u32,
     /// Number of neighbors where the surface was not visible in the last frame (Wyman and Panteleev 2021, 6.4), if it is larger than
-    /// [`Reuse::spatial_samples`]; at most 5: less noise in disocclusions.  Has an effect only with [`ReuseOrder::Spatiotemporal`] and `temporal`.  No bias.
+    /// [`Reuse::spatial_samples`]; at most 5: less noise in disocclusions.  Has an effect only with [`ReuseOrder::Spatiotemporal`] and
+    /// `temporal`.  No bias.
     pub disocclusion_samples: u32,
     /// Iterations of spatial reuse, 1 to 4: each is a pass.  No bias.
     pub spatial_iterations: u32,

@@ -1,6 +1,6 @@
-// Initial candidates of a pixel: one random walk.  At each of its vertices NEE ends one path, and each hit of a light source ends one more.  All
-// of them are resampled into one (Lin et al. 2026, supplement, 1, 6 and 7); direct light is among them.  The resampling weight of a path is
-// its contribution in primary sample space over the probability that Russian roulette let it live.  The reconnection vertex is chosen
+// Initial candidates of a pixel: one random walk.  At each of its vertices NEE ends one path, and each hit of a light source ends one more.
+// All of them are resampled into one (Lin et al. 2026, supplement, 1, 6 and 7); direct light is among them.  The resampling weight of a path
+// is its contribution in primary sample space over the probability that Russian roulette let it live.  The reconnection vertex is chosen
 // as the path grows.
 #define_import_path bevy_restir::restir::pt::initial_candidates
 
