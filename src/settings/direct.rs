@@ -9,7 +9,7 @@ use super::{Reuse, validate::Ranges};
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum BiasCorrection {
-    /// None: every sample counts by its confidence (1/M, Eq. 6).  Biased: darker at edges of depth and normals and near shadows, where a
+    /// No correction: every sample counts by its confidence (1/M, Eq. 6).  Biased: darker at edges of depth and normals and near shadows, where a
     /// neighbor could not have found the pixel's samples.
     Off,
     /// Neighbors of dissimilar geometry are skipped (Eq. 24).  Biased: darker near shadows.

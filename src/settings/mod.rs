@@ -53,7 +53,7 @@ pub enum Technique {
 /// primary rays takes its place.
 ///
 /// The history of earlier frames survives motion of objects, lights and cameras, and lights that change, appear or vanish.  It restarts
-/// where an object appears or vanishes, or a mesh, a material, an image, the environment or one of these settings changes.
+/// when an object appears or vanishes, or a mesh, a material, an image, the environment or one of these settings changes.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -67,7 +67,7 @@ pub enum Technique {
 #[reflect(Component, Default)]
 #[require(Hdr)]
 pub struct Restir {
-    /// Algorithm.
+    /// Algorithm that computes the light of a pixel.
     pub technique: Technique,
     /// Scattering events of a path: 0 shows emission only, 1 adds direct light, more add bounced light; at most 64.  Cost grows with it.
     /// Light that needs more bounces is missing (darker).

@@ -114,7 +114,7 @@ pub(crate) struct Reservoirs {
     domain: &'static Domain,
     schedule: ReuseSchedule,
     settings: Buffer,
-    /// Hold this frame's reservoirs and the last frame's, in alternation.
+    /// Reservoirs of this frame and of the last one; the buffers change roles from frame to frame.
     buffers: [Buffer; 2],
     bytes: u64,
     /// Light of the candidates, and light after iterations of reuse.

@@ -99,7 +99,7 @@ fn fit_to_device(
     let size = resolution::traced_size(target_size, domains, &restir.settings, limit);
     if size != target_size && warned.insert((entity, "size")) {
         warn!(
-            "restir: camera {entity} traces {} x {} pixels for its {} x {}, because this device binds at most {limit} bytes",
+            "restir: camera {entity} traces {} x {} pixels for its {} x {} viewport, because this device binds at most {limit} bytes",
             size.x, size.y, target_size.x, target_size.y
         );
     }

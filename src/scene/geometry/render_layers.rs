@@ -34,7 +34,7 @@ impl LayerSets {
         if self.sets.len() > MAX_LAYER_SETS && !core::mem::replace(&mut self.warned, true) {
             warn!(
                 "restir: cameras have {} different sets of render layers, but only {MAX_LAYER_SETS} are supported; the other \
-                 cameras see all that any camera sees",
+                 cameras see every object that some camera sees",
                 self.sets.len()
             );
         }
