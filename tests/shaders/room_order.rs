@@ -153,14 +153,14 @@ fn rust_faults<'t>(files: impl IntoIterator<Item = (&'t str, &'t str)>) -> Vec<S
         }
         let text = without_comments(text);
         let text = text.split("#[cfg(test)]\nmod ").next().unwrap_or(&text);
-        // From a module this deep, so many `super::` lead to the root.
+        // One `super::` for each level of the module leads to the root.
         let to_root = "super::".repeat(modules.split('/').count());
         let mut imports = paths_after(text, "crate::");
         if room != "lib" {
             imports.extend(paths_after(text, &to_root));
         }
         for (at, segments) in imports {
-            // What begins with a capital letter is re-exported by the root.
+            // The root re-exports names that begin with a capital letter.
             let target = match segments[0] {
                 name if name.starts_with(char::is_uppercase) => Ok("lib"),
                 name => room_of(RUST, &[name]),

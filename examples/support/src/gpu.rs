@@ -12,7 +12,7 @@ pub struct Gpu {
     pub is_cpu: bool,
 }
 
-/// The adapter of this machine. Where there is none, it prints that the test is skipped; under `CI=true` it panics.
+/// The adapter of this machine. Without one it prints that the test is skipped; under `CI=true` it panics.
 pub fn gpu() -> Option<&'static Gpu> {
     static GPU: OnceLock<Option<Gpu>> = OnceLock::new();
     let gpu = GPU.get_or_init(|| pollster::block_on(open(wgpu::Features::empty()))).as_ref();
@@ -23,7 +23,7 @@ pub fn gpu() -> Option<&'static Gpu> {
     gpu
 }
 
-/// The same adapter with ray queries. Where it has none, it prints that the test is skipped; under `RAY_QUERIES=required` it panics.
+/// The adapter of this machine with ray queries. Without them it prints that the test is skipped; under `RAY_QUERIES=required` it panics.
 pub fn ray_gpu() -> Option<&'static Gpu> {
     static GPU: OnceLock<Option<Gpu>> = OnceLock::new();
     let gpu = GPU.get_or_init(|| pollster::block_on(open(wgpu::Features::EXPERIMENTAL_RAY_QUERY))).as_ref();

@@ -107,7 +107,8 @@ impl Row for DirectRow {
             reuse: Reuse { mis: MIS[mis], shade_all: shading == 0, radius, confidence_cap, ..Reuse::DIRECT },
             bias_correction: CORRECTIONS[correction],
             subset_count: if lights == 0 { 128 } else { 0 },
-            visibility: VISIBILITY[visibility], // A BSDF candidate is visible by construction, which is biased if the targets of the others ignore visibility.
+            visibility: VISIBILITY[visibility],
+            // A BSDF candidate is visible by construction: beside it, targets that ignore visibility are biased.
             bsdf_candidate: visibility == 0,
             ..Default::default()
         };

@@ -79,6 +79,6 @@ fn assuming_diffuse_secondary_surfaces_is_biased_as_documented() {
         ..paths::all_reuse()
     };
     assert!(!found(far.clone()).is_different());
-    // Too bright where the light is reused from other directions, too dark where it should be.
+    // The glossy floor then seems to reflect equally in all directions: too bright outside of its highlight, too dark within it.
     assert!(found(Paths { assume_diffuse_secondary: true, ..far }).tiles < 1e-6);
 }
