@@ -60,7 +60,7 @@ struct Measured {
     reference: Reference,
     /// Settings, their costs and their errors.
     results: Vec<(Restir, Cost, Option<f64>)>,
-    /// The default frame and the same without rays, at a quarter of the pixels and at four times as many.
+    /// The default frame with and without rays, at a quarter of the pixels and at four times as many.
     resolutions: Vec<[Cost; 2]>,
     reservoir_bytes: u64,
     /// Bytes of all buffers and textures: per pixel, and those that do not grow with the picture.

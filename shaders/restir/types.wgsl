@@ -31,7 +31,7 @@ const RESAMPLE_BSDF_CANDIDATE: u32 = 1u;
 const RESAMPLE_CANDIDATE_RAYS: u32 = 2u;
 // A neighbor's sample that is occluded here is dropped.
 const RESAMPLE_TARGET_RAYS: u32 = 4u;
-// Such a sample takes its neighbor's confidence with it.
+// The confidence of a neighbor whose sample is dropped is dropped, too.
 const RESAMPLE_DISCARD_OCCLUDED: u32 = 8u;
 // Targets of MIS weights include visibility.
 const RESAMPLE_MIS_RAYS: u32 = 16u;

@@ -56,10 +56,11 @@ pub enum VisibilityReuse {
     /// Rays decide which candidates are stored; the samples of neighbors are assumed to be visible (c).  Biased: brighter in shadows, darker
     /// beside them.
     Candidates,
-    /// Rays decide both, and an occluded sample takes its neighbor's confidence with it (d).  Biased: brighter, even with unbiased MIS
-    /// weights; darker with MIS weights without rays.
+    /// Rays test candidates and the samples of neighbors; an occluded sample is dropped with its neighbor's confidence (d).  Biased:
+    /// brighter, even with unbiased MIS weights; darker with MIS weights without rays.
     Discard,
-    /// Rays decide both (e).  Unbiased where [`BiasCorrection`] traces rays as well; otherwise darker near shadows.
+    /// Rays test candidates and the samples of neighbors; the confidence of neighbors is kept (e).  Unbiased where [`BiasCorrection`]
+    /// traces rays as well; otherwise darker near shadows.
     #[default]
     Resampled,
     /// Rays decide which candidates are stored and what is shaded (f, the pipeline of that paper).  The visibility of the surface's own

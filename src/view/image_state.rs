@@ -19,7 +19,7 @@ pub(super) struct ImageState {
     pub environment: Option<ExtractedEnvironment>,
     pub layers: u32,
     pub background: [f32; 3],
-    /// The camera of this frame and of the last one share one flag for their projection.
+    /// Whether the projection is orthographic.  Uniforms have one such flag for both this frame's and the last frame's camera.
     pub orthographic: bool,
     pub pipelines: PipelineKey,
 }

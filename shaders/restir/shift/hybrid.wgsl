@@ -273,7 +273,7 @@ fn reconnect(w: ptr<function, Walk>, s: PathSample, n: Surface, medium: vec3<f32
     (*w).density *= triangle_factor(at.position, n.position, s.instance, s.triangle, previous);
     add_shadow_ray(w, ray_between(at, n), alpha_seed);
     if c.diffuse_secondary {
-        // The next step would test the distance in both directions; here it is all that can fail.
+        // There is no next step, which would test both directions: only the direction into the vertex can fail.
         if !is_connectable_end((*w).before, n.position, n.bsdf.n_geo, c) {
             (*w).reason = SHIFT_NOT_CONNECTABLE;
         }
@@ -380,7 +380,7 @@ fn light_at_infinity(s: PathSample, wi: vec3<f32>, previous: bool) -> LightSampl
     return l;
 }
 
-// A path reconnects at the light that its last ray hits if, and only if, it can.
+// The shifted path must reconnect at its light exactly if the original path does; otherwise the shift would not be invertible.
 fn require_same_end(w: ptr<function, Walk>, s: PathSample, connectable: bool) {
     if s.reconnection == 0u && connectable {
         (*w).reason = SHIFT_EARLIER_CONNECTABLE;

@@ -16,7 +16,7 @@ struct Case {
     frames: u32,
     /// The relative difference of image means that is allowed beyond noise.
     floor: f64,
-    /// The same for tiles.
+    /// The relative difference of tile means that is allowed beyond noise.
     tile_floor: f64,
     /// A relative error of the whole image that must be found.
     planted: f64,
