@@ -215,6 +215,13 @@ fn resampling_structs_and_constants_are_the_same_in_rust_and_wgsl() {
     );
     let presampled = layout(&module("light/presampled.wgsl"), "PresampledLight");
     assert_eq!(presampled.1 as u64, PRESAMPLED_LIGHT_SIZE);
+    for (path, size) in [
+        ("restir/di/reservoir.wgsl", DIRECT_RESERVOIR_SIZE),
+        ("restir/gi/reservoir.wgsl", INDIRECT_RESERVOIR_SIZE),
+        ("restir/pt/reservoir.wgsl", PATH_RESERVOIR_SIZE),
+    ] {
+        assert_eq!(layout(&module(path), "PackedReservoir").1 as u64, size, "{path}");
+    }
     let mis = module("restir/mis.wgsl");
     same!(mis: MIS_UNIFORM, MIS_ONE_OVER_Z, MIS_BALANCE, MIS_PAIRWISE, MIS_DEFENSIVE_PAIRWISE, MIS_DEFENSIVE_PAIRWISE_GRIS);
 }
