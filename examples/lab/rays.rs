@@ -9,7 +9,7 @@ use bevy::{
     },
 };
 use bevy_restir::{
-    RayBackend, Restir, RestirStatistics,
+    RayBackend, Restir, RestirStatistics, Technique,
     testing::gpu_layout::{GpuTriangle, GpuTriangleAttributes, NODE_STRIDE, Rows},
     testing::{
         accel::blas::{Bounds, build_blas},
@@ -350,7 +350,7 @@ fn in_an_app(args: &Args, backend: RayBackend, adapter: &mut String) -> Result<V
     }
     world.spawn((DirectionalLight::default(), Transform::default().looking_to(Vec3::NEG_ONE, Vec3::Y)));
     let eye = Transform::from_xyz(0.0, 0.0, 4.0).looking_at(Vec3::ZERO, Vec3::Y);
-    let settings = Restir { bounces: 1, ..Default::default() };
+    let settings = Restir { technique: Technique::Reference, bounces: 1, ..Default::default() };
     let setup = CameraSetup { size: UVec2::splat(16), exposure: unit_exposure(), environment: None, settings };
     scene::spawn_camera(world, (eye, Projection::default()), setup);
     until_ready(&mut app)?;
