@@ -357,7 +357,7 @@ fn missing_ray_query_hardware_gives_a_warning() {
     };
     assert_eq!(run("software").0, "software");
     let (used, output) = run("hardware");
-    let warnings = output.lines().filter(|line| line.contains("rays are traced by the software back end")).count();
+    let warnings = output.lines().filter(|line| line.contains("the software back end traces the rays instead")).count();
     assert_eq!(
         (used.as_str(), warnings),
         if back_ends().len() > 1 { ("hardware", 0) } else { ("software", 1) },
