@@ -30,7 +30,7 @@ struct Weights {
 fn weights(gpu: &Gpu, cases: &[Case]) -> Vec<Weights> {
     let (input, output) = (gpu.storage(cases), gpu.zeroed::<Weights>(cases.len()));
     let bound = [(0, 0, Bound::Buffer(&input)), (0, 1, Bound::Buffer(&output))];
-    gpu.kernel("mis", include_str!("../support/kernels/mis.wgsl"), &[flag("MANY_TAPS")])
+    gpu.kernel("mis", include_str!("../support/kernels/mis.wgsl"), &[flag("MANY_NEIGHBORS")])
         .run([(cases.len() as u32).div_ceil(64), 1, 1], &bound);
     gpu.read(&output)
 }
