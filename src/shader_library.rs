@@ -47,6 +47,7 @@ pub const MODULES: &[(&str, &str)] = modules![
     "scene/surface.wgsl",
     "view/types.wgsl",
     "view/bindings.wgsl",
+    "view/ray_counter.wgsl",
     "view/alpha_seed.wgsl",
     "view/camera.wgsl",
     "view/false_color.wgsl",

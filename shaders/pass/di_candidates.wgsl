@@ -2,14 +2,14 @@
 // are not in the table) is not resampled, but written as light.
 
 #import bevy_restir::common::constants::NONE
-#import bevy_restir::common::ray::{rays_traced, trace_flags}
 #import bevy_restir::common::rng::{rng_new, STREAM_DI_CANDIDATES}
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::di::domain::receiver_of
 #import bevy_restir::restir::di::initial_candidates::sample_candidates
 #import bevy_restir::restir::di::reservoir::{no_reservoir, PackedReservoir, reservoir_pack}
 #import bevy_restir::restir::reservoir_layout::reservoir_index
-#import bevy_restir::view::bindings::{ray_counts, view, visibility}
+#import bevy_restir::view::bindings::{view, visibility}
+#import bevy_restir::view::ray_counter::count_rays
 
 @group(2) @binding(2) var<storage, read_write> reservoirs: array<PackedReservoir>;
 @group(2) @binding(3) var unresampled: texture_storage_2d<rgba32float, write>;
@@ -31,6 +31,5 @@ fn di_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
     let selected = sample_candidates(receiver_of(ids, pixel, false), pixel, &rng);
     reservoirs[index] = reservoir_pack(selected.reservoir);
     textureStore(unresampled, pixel, vec4<f32>(selected.unresampled, 0.0));
-    let counted = textureLoad(ray_counts, pixel).x;
-    textureStore(ray_counts, pixel, vec4<u32>((counted + rays_traced) | trace_flags << 24u));
+    count_rays(pixel);
 }

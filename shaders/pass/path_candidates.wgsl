@@ -2,12 +2,12 @@
 
 #import technique::{in_technique_measure, no_reservoir, PackedReservoir, receiver_of, Reservoir, reservoir_pack, SHORTEST_LENGTH}
 #import bevy_restir::common::constants::NONE
-#import bevy_restir::common::ray::{rays_traced, trace_flags}
 #import bevy_restir::common::rng::{rng_new, STREAM_PATH_CANDIDATES}
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::pt::initial_candidates::sample_candidates
 #import bevy_restir::restir::reservoir_layout::reservoir_index
-#import bevy_restir::view::bindings::{ray_counts, view, visibility}
+#import bevy_restir::view::bindings::{view, visibility}
+#import bevy_restir::view::ray_counter::count_rays
 
 @group(2) @binding(2) var<storage, read_write> reservoirs: array<PackedReservoir>;
 // The contribution of the selected path.
@@ -31,6 +31,5 @@ fn path_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
     let selected = in_technique_measure(sample_candidates(r.first, pixel, SHORTEST_LENGTH, r.shift, &rng), r);
     reservoirs[index] = reservoir_pack(Reservoir(selected.path, selected.ucw, 1.0, true));
     textureStore(contribution, pixel, vec4<f32>(selected.f, 0.0));
-    let counted = textureLoad(ray_counts, pixel).x;
-    textureStore(ray_counts, pixel, vec4<u32>((counted + rays_traced) | trace_flags << 24u));
+    count_rays(pixel);
 }

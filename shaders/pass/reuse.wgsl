@@ -9,7 +9,6 @@
 #import technique::{apply_shift, carries_contribution, evaluate, Evaluated, in_current_frame, is_visible, jacobian_of, no_reservoir, PackedReservoir, Receiver, receiver_of, Reservoir, reservoir_pack, reservoir_unpack, shift_result_of, ShiftResult, stored_target, stores_target, target_value}
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::math::luminance
-#import bevy_restir::common::ray::{rays_traced, trace_flags}
 #import bevy_restir::common::rng::{Rng, rng_1, rng_bits, rng_new, STREAM_REUSE}
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::mis::{MAX_INPUTS, mis_needs_target, mis_weight, MisInputs}
@@ -17,7 +16,8 @@
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::restir::reservoir_sampling::{Stream, stream_add, stream_ucw}
 #import bevy_restir::restir::types::{RESAMPLE_CANDIDATES_VISIBLE, RESAMPLE_DISCARD_OCCLUDED, RESAMPLE_FROM_PREVIOUS, RESAMPLE_MIS_RAYS, RESAMPLE_REUSE_VISIBILITY, RESAMPLE_SHADE, RESAMPLE_SHADE_ALL, RESAMPLE_SHADING_RAYS, RESAMPLE_TARGET_RAYS}
-#import bevy_restir::view::bindings::{ray_counts, view, visibility}
+#import bevy_restir::view::bindings::{view, visibility}
+#import bevy_restir::view::ray_counter::count_rays
 
 // Reservoirs of the last frame, or of the previous iteration of this frame.
 @group(2) @binding(1) var<storage, read> neighbors: array<PackedReservoir>;
@@ -257,8 +257,7 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
     } else if carries_contribution() {
         textureStore(resampled, pixel, vec4<f32>(contribution, 0.0));
     }
-    let counted = textureLoad(ray_counts, pixel).x;
-    textureStore(ray_counts, pixel, vec4<u32>((counted + rays_traced) | trace_flags << 24u));
+    count_rays(pixel);
 }
 
 // Confidence may depend on geometry, never on the sample: that would add bias.  PLANT_*: errors that only tests define, and must find.

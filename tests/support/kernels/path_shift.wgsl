@@ -12,7 +12,7 @@
 #import bevy_restir::bsdf::bsdf::bsdf_is_delta
 #import bevy_restir::common::constants::{FAR, NONE}
 #import bevy_restir::common::math::luminance
-#import bevy_restir::common::ray::{Ray, rays_traced, trace_flags}
+#import bevy_restir::common::ray::Ray
 #import bevy_restir::common::rng::{pcg4d, rng_new, STREAM_PATH_CANDIDATES}
 #import bevy_restir::path::walk::Vertex
 #import bevy_restir::restir::bindings::settings
@@ -24,8 +24,9 @@
 #import bevy_restir::scene::offset::surface_point
 #import bevy_restir::scene::surface::{Surface, surface_at}
 #import bevy_restir::scene::triangle::world_triangle
-#import bevy_restir::view::bindings::{ray_counts, view, visibility}
+#import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::camera::{barycentrics_on_ray, camera_position, pixel_cone, primary_ray}
+#import bevy_restir::view::ray_counter::count_rays
 
 @group(2) @binding(2) var<storage, read_write> reservoirs: array<PackedReservoir>;
 @group(2) @binding(3) var contribution: texture_storage_2d<rgba32float, write>;
@@ -49,8 +50,7 @@ fn path_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
     let stored = Reservoir(selected.path, selected.ucw, 1.0, true);
     reservoirs[index] = reservoir_pack(stored);
     textureStore(contribution, pixel, vec4<f32>(shown(selected, stored, r, ids, pixel), 0.0));
-    let counted = textureLoad(ray_counts, pixel).x;
-    textureStore(ray_counts, pixel, vec4<u32>((counted + rays_traced) | trace_flags << 24u));
+    count_rays(pixel);
 }
 
 #ifdef TEST_ROUND_TRIP
