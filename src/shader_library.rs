@@ -77,6 +77,7 @@ pub const MODULES: &[(&str, &str)] = modules![
     "light/select.wgsl",
     "light/presampled.wgsl",
     "path/medium.wgsl",
+    "path/bidirectional_mis.wgsl",
     "path/random.wgsl",
     "path/walk.wgsl",
     "path/nee.wgsl",

@@ -1,5 +1,6 @@
 //! The formulas of materials, environments, textures and MIS weights in f64, written independently of the WGSL that they check.
 
+pub mod bidirectional;
 pub mod bsdf;
 pub mod environment;
 pub mod mis;
