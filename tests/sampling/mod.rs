@@ -3,6 +3,7 @@
 mod analytic_area_lights;
 mod bidirectional_mis;
 mod bsdf;
+mod emission;
 mod energy_compensation;
 mod environment;
 mod light_choice;
