@@ -103,7 +103,7 @@ fn emission_density(l: LightSample) -> f32 {
     }
 }
 
-// Density with which next-event estimation at a point samples the origin of a ray that arrives there, over `pdf_point`.
+// Density with which next-event estimation at a point samples the origin of a ray that arrives there, over that of light paths.
 fn nee_pdf_scale(ray: EmittedRay, at: vec3<f32>) -> f32 {
     if ray.light != ENVIRONMENT_LIGHT && light_kind(ray.light) == LIGHT_SPHERE {
         return sphere_pdf_scale(ray, at);

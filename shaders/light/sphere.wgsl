@@ -58,8 +58,9 @@ fn sphere_emission_density(l: LightSample) -> f32 {
 // `LightSample::pdf_scale` where an emitted ray arrives.
 fn sphere_pdf_scale(ray: EmittedRay, at: vec3<f32>) -> f32 {
     let d = at - ray.origin;
-    let uniform_pdf = ray.pdf_point * dot(d, d) / max(dot(ray.normal, ray.direction), 1.0e-30);
-    return sphere_solid_angle_pdf(ray.light, at) / uniform_pdf;
+    let radius = sphere_radius(ray.light);
+    let projected = max(dot(ray.normal, ray.direction), 1.0e-30) * FOUR_PI * radius * radius;
+    return sphere_solid_angle_pdf(ray.light, at) * projected / dot(d, d);
 }
 
 // Density of `sample_sphere_solid_angle`, solid angle; the same for all visible points.

@@ -1,5 +1,5 @@
 // Rays that lights emit, and their densities as a point on the ray sees them.
-#import bevy_restir::common::rng::{Rng, rng_2, rng_4, rng_new}
+#import bevy_restir::common::rng::{rng_2, rng_4, rng_new}
 #import bevy_restir::light::emission::{emission_density, is_at_infinity, nee_pdf_scale, sample_emission}
 #import bevy_restir::light::types::no_light_sample
 #import bevy_restir::common::constants::NONE
