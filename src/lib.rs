@@ -44,7 +44,7 @@ pub use plugin::{RestirPlugin, RestirStatus};
 pub use report::{RestirReport, RestirStatistics};
 pub use scene::SceneFeatures;
 pub use settings::{
-    BiasCorrection, DebugView, Direct, EmissiveLuminance, Mis, Paths, Preset, RayBackend, Reconnection, Research,
+    Bdpt, BiasCorrection, DebugView, Direct, EmissiveLuminance, Mis, Paths, Preset, RayBackend, Reconnection, Research,
     ReservoirLayout, Restir, RestirEnvironment, Reuse, ReuseOrder, SuffixRetrace, Technique, VisibilityReuse,
 };
 pub use system_sets::RestirSystems;
@@ -54,8 +54,9 @@ pub use view::capture::{CapturedRadiance, RadianceCapture};
 /// Everything that an app needs.
 pub mod prelude {
     pub use crate::{
-        BiasCorrection, DebugView, Direct, EmissiveLuminance, Mis, Paths, Preset, RayBackend, Reconnection, Restir,
-        RestirEnvironment, RestirPlugin, RestirStatus, Reuse, ReuseOrder, SuffixRetrace, Technique, VisibilityReuse,
+        Bdpt, BiasCorrection, DebugView, Direct, EmissiveLuminance, Mis, Paths, Preset, RayBackend, Reconnection,
+        Restir, RestirEnvironment, RestirPlugin, RestirStatus, Reuse, ReuseOrder, SuffixRetrace, Technique,
+        VisibilityReuse,
     };
 }
 

@@ -26,9 +26,10 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
         light = backdrop(primary_ray(pixel).direction);
     } else {
         let s = primary_surface(ids, pixel, false).surface;
-        light = s.emission + s.unlit + textureLoad(unresampled, pixel, 0).rgb + textureLoad(resampled_lights, pixel, 0).rgb
-            + textureLoad(resampled_paths, pixel, 0).rgb;
+        light = s.emission + s.unlit + textureLoad(unresampled, pixel, 0).rgb + textureLoad(resampled_lights, pixel, 0).rgb;
     }
+    // Light paths may end anywhere in a pixel, beside a surface that this frame's ray has missed, too.
+    light += textureLoad(resampled_paths, pixel, 0).rgb;
     if !is_finite_3(light) {
         light = vec3<f32>(0.0);
         textureStore(ray_counts, pixel, textureLoad(ray_counts, pixel) | vec4<u32>(NON_FINITE << 24u));

@@ -16,9 +16,10 @@ const ROOMS: &[&str] = &["restir/di"];
 /// Direct light.
 pub(super) const DOMAIN: &Domain = &Domain {
     names: domain_names!("di"),
+    light_paths: None,
     candidates: domain::candidates("di_candidates", "di_candidates", &[]),
     reuse: domain::reuse("di_reuse", ROOMS),
-    debug: ComputePass { specialized: false, ..domain::debug("di_debug", "debug_di", &[]) },
+    debug: Some(ComputePass { specialized: false, ..domain::debug("di_debug", "debug_di", &[]) }),
     has_debug_view: DebugView::is_of_reservoirs,
     reservoir_bytes: DIRECT_RESERVOIR_SIZE,
     carries_contribution: false,

@@ -104,6 +104,7 @@ impl Frame {
             steps.push(compute(&PRESAMPLE, Some(first)));
         }
         for &domain in domains {
+            steps.extend(domain.light_paths.iter().map(|pass| compute(pass, Some(domain))));
             steps.push(compute(&domain.candidates, Some(domain)));
             for (iteration, name) in domain.names.reuse[..iterations(domain)].iter().enumerate() {
                 steps.push(Step { name, iteration, ..compute(&domain.reuse, Some(domain)) });
@@ -113,7 +114,7 @@ impl Frame {
             Show::Light => (self.row().light.unwrap_or(&RESOLVE), None),
             Show::Rays => (self.row().rays.unwrap_or(&DEBUG_RAYS), None),
             Show::Bounces => (&BOUNCES, None),
-            Show::Reservoirs(domain) => (&domain.debug, Some(domain)),
+            Show::Reservoirs(domain) => (domain.debug.as_ref().unwrap_or(&DEBUG_SURFACE), Some(domain)),
             Show::Surface => (&DEBUG_SURFACE, None),
         };
         steps.push(compute(last.0, last.1));

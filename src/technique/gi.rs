@@ -16,9 +16,10 @@ const ROOMS: &[&str] = &["restir/gi", "restir/pt", "restir"];
 /// Indirect light.
 const DOMAIN: &Domain = &Domain {
     names: domain_names!("gi"),
+    light_paths: None,
     candidates: domain::candidates("gi_candidates", "path_candidates", ROOMS),
     reuse: domain::reuse("gi_reuse", ROOMS),
-    debug: domain::debug("gi_debug", "debug_paths", ROOMS),
+    debug: Some(domain::debug("gi_debug", "debug_paths", ROOMS)),
     has_debug_view: DebugView::is_of_paths,
     reservoir_bytes: INDIRECT_RESERVOIR_SIZE,
     carries_contribution: true,

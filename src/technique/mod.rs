@@ -2,6 +2,7 @@
 //! one takes a file here, a room in `shaders/restir/`, its settings in `src/settings/`, and a row in [`TECHNIQUES`];
 //! `docs/architecture.md` lists all files.
 
+mod bdpt;
 mod di;
 pub(crate) mod domain;
 pub(crate) mod frame;
@@ -27,7 +28,7 @@ pub(crate) struct TechniqueRow {
 }
 
 /// All techniques.
-pub(crate) const TECHNIQUES: &[TechniqueRow] = &[reference::ROW, di::ROW, gi::ROW, pt::ROW];
+pub(crate) const TECHNIQUES: &[TechniqueRow] = &[reference::ROW, di::ROW, gi::ROW, pt::ROW, bdpt::ROW];
 
 /// The row of a technique.
 pub(crate) fn row(technique: Technique) -> &'static TechniqueRow {
@@ -44,7 +45,7 @@ pub fn pass_names(settings: &Restir) -> Vec<&'static str> {
 pub fn shader_templates() -> Vec<(&'static str, &'static [&'static str])> {
     let domains = TECHNIQUES.iter().flat_map(|row| row.domains);
     let mut templates: Vec<_> = domains
-        .flat_map(|domain| [&domain.candidates, &domain.reuse, &domain.debug])
+        .flat_map(|domain| domain.passes())
         .filter(|pass| !pass.technique_rooms.is_empty())
         .map(|pass| (pass.file, pass.technique_rooms))
         .collect();
@@ -60,7 +61,7 @@ mod tests {
 
     #[test]
     fn every_technique_has_one_row() {
-        for technique in [Technique::Reference, Technique::Di, Technique::Gi, Technique::Pt] {
+        for technique in [Technique::Reference, Technique::Di, Technique::Gi, Technique::Pt, Technique::Bdpt] {
             assert_eq!(TECHNIQUES.iter().filter(|row| row.technique == technique).count(), 1, "{technique:?}");
         }
     }
@@ -77,12 +78,9 @@ mod tests {
         let mut names: Vec<_> = TECHNIQUES
             .iter()
             .flat_map(|row| row.domains)
-            .map(|domain| (domain.names.domain, domain.candidates.name, domain.reuse.name, domain.debug.name))
+            .flat_map(|domain| domain.passes().map(|pass| (domain.names.domain, pass.name)))
             .collect();
-        names.sort();
-        names.dedup();
-        let mut domains: Vec<_> = names.iter().map(|name| name.0).collect();
-        domains.dedup();
-        assert_eq!(domains.len(), names.len());
+        names.sort_by_key(|(_, pass)| *pass);
+        assert!(names.windows(2).all(|pair| pair[0].1 != pair[1].1), "{names:?}");
     }
 }

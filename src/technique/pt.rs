@@ -15,9 +15,10 @@ const ROOMS: &[&str] = &["restir/pt", "restir"];
 /// Whole paths.
 const DOMAIN: &Domain = &Domain {
     names: domain_names!("pt"),
+    light_paths: None,
     candidates: domain::candidates("pt_candidates", "path_candidates", ROOMS),
     reuse: domain::reuse("pt_reuse", ROOMS),
-    debug: domain::debug("pt_debug", "debug_paths", ROOMS),
+    debug: Some(domain::debug("pt_debug", "debug_paths", ROOMS)),
     has_debug_view: DebugView::is_of_paths,
     reservoir_bytes: PATH_RESERVOIR_SIZE,
     carries_contribution: true,

@@ -12,6 +12,7 @@ pub(crate) mod extract;
 pub(crate) mod history;
 mod image_state;
 mod importance_map;
+pub(crate) mod light_paths;
 mod prepare;
 mod resolution;
 mod restir_view;

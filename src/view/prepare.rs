@@ -81,8 +81,36 @@ pub(super) fn prepare_views(
             let (scene, environments) = (&*scene, &*environments);
             let inputs = UniformInputs { restir, camera, view, bevy_jitter: jitter, scene, environments };
             state.update_uniforms(&inputs, &queue);
-            state.update_history(&device, &queue);
+            state.update_history(scene, limit, &device, &queue);
+            warn_of_light_paths(entity, state, scene, limit, &mut warned);
         }
+    }
+}
+
+/// Warns once for each camera about light sub-paths that its settings ask for and that are left out.
+fn warn_of_light_paths(
+    entity: Entity,
+    state: &RestirView,
+    scene: &SceneBindings,
+    limit: u64,
+    warned: &mut HashSet<(Entity, &'static str)>,
+) {
+    if !state.traces_light() {
+        return;
+    }
+    let counts = state.light_path_counts(scene, limit);
+    if counts.is_reduced(&state.settings.bdpt, state.size) && warned.insert((entity, "light paths")) {
+        warn!(
+            "restir: camera {entity} traces {} light paths and not bdpt.light_paths = {} for each pixel, because this device binds at most \
+             {limit} bytes",
+            counts.light_paths, state.settings.bdpt.light_paths
+        );
+    }
+    if scene.has_unshadowing && state.settings.bdpt.light_paths > 0.0 && warned.insert((entity, "unshadowing")) {
+        warn!(
+            "restir: camera {entity} finds caustics from the camera only (noisier, not darker), because an object of the scene has \
+             NotShadowCaster"
+        );
     }
 }
 

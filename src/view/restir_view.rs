@@ -12,8 +12,9 @@ use super::{
     DEPTH_FORMAT, VISIBILITY_FORMAT, buffer,
     counters::CounterReadback,
     extract::ExtractedRestir,
-    history::History,
+    history::{FrameInputs, History, traces_light},
     image_state::ImageState,
+    light_paths::LightPathCounts,
     pixels, raster_view_layout,
     selection::{CompositeKey, Selection},
     texture, view_layout,
@@ -153,20 +154,39 @@ impl RestirView {
         }
     }
 
-    /// Creates, replaces or drops the history.
-    pub(super) fn update_history(&mut self, device: &RenderDevice, queue: &RenderQueue) {
+    /// Creates, replaces or drops the history.  `limit`: bytes that the device can bind.
+    pub(super) fn update_history(
+        &mut self,
+        scene: &SceneBindings,
+        limit: u64,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) {
         let domains = self.key.map_or(&[][..], |key| key.frame.domains());
         if domains.is_empty() {
             self.history = None;
             return;
         }
-        let fits = self.history.as_ref().is_some_and(|history| history.fits(self.size, domains, &self.settings));
-        if !fits {
-            self.history = Some(History::new(self.size, domains, &self.settings, device));
+        let counts = self.light_path_counts(scene, limit);
+        let history = self.history.take().filter(|history| history.fits(self.size, domains, &self.settings, counts));
+        let inputs = FrameInputs { has_history: history.is_some() && self.frame > 0, moved: self.moved, counts };
+        let mut history = history.unwrap_or_else(|| History::new(self.size, domains, &self.settings, counts, device));
+        history.begin(&self.settings, inputs, queue);
+        self.history = Some(history);
+    }
+
+    /// Light sub-paths of this frame.  A light path never meets an object that casts no shadow, so that in a scene with such an object the
+    /// camera could not tell what hides a light vertex.
+    pub(super) fn light_path_counts(&self, scene: &SceneBindings, limit: u64) -> LightPathCounts {
+        if !self.traces_light() {
+            return LightPathCounts::default();
         }
-        if let Some(history) = &mut self.history {
-            history.begin(&self.settings, fits && self.frame > 0, self.moved, queue);
-        }
+        LightPathCounts::new(&self.settings.bdpt, self.size, limit, !scene.has_unshadowing)
+    }
+
+    /// Whether the passes of this frame trace light sub-paths.
+    pub(super) fn traces_light(&self) -> bool {
+        self.key.is_some_and(|key| traces_light(key.frame.domains()))
     }
 
     /// Names and bytes of the buffers and textures of this view.

@@ -232,7 +232,7 @@ fn lobes_with_extreme_parameters_render_without_errors() {
         let place = Transform::from_translation(at).with_scale(scale);
         rig.spawn_bundle((Mesh3d(ball.clone()), MeshMaterial3d(material), place));
     }
-    for technique in [Technique::Reference, Technique::Di, Technique::Gi, Technique::Pt] {
+    for technique in [Technique::Reference, Technique::Di, Technique::Gi, Technique::Pt, Technique::Bdpt] {
         rig.set(|r| (r.technique, r.bounces, r.jitter) = (technique, 6, true));
         rig.set(|r| r.energy_compensation = technique != Technique::Reference);
         let picture = rig.picture(6);

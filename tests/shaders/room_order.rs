@@ -37,7 +37,8 @@ const SHADERS: Table = &[
     ("restir/pt", &["restir/shift"]),
     ("restir/gi", &["restir/pt"]),
     ("restir/di", &["restir/pt"]),
-    ("pass", &["restir/gi", "restir/di"]),
+    ("restir/bdpt", &["restir/pt"]),
+    ("pass", &["restir/gi", "restir/di", "restir/bdpt"]),
 ];
 
 fn below(table: Table, room: &str) -> &'static [&'static str] {
