@@ -21,6 +21,7 @@ use bevy_restir::{
     DebugView, EmissiveLuminance, RadianceCapture, RayBackend, Restir, RestirEnvironment, RestirPlugin, RestirReport,
     RestirStatistics, Technique,
 };
+use bevy_restir_support::mutant::mutated;
 use std::time::Duration;
 
 pub use super::stats::mean_and_error;
@@ -58,6 +59,22 @@ impl Picture {
         self.iter().map(|(_, p)| f64::from(p.element_sum()) / 3.0).sum::<f64>() / self.pixels.len() as f64
     }
 
+    /// The mean of pictures, which count as one sample each.
+    pub fn mean_of(pictures: impl IntoIterator<Item = Self>) -> Self {
+        let mut pictures = pictures.into_iter();
+        let mut mean = pictures.next().expect("there is a picture");
+        mean.samples = 1;
+        for picture in pictures {
+            mean.pixels.iter_mut().zip(picture.pixels).for_each(|(sum, pixel)| {
+                *sum = (Vec3::from(*sum) + Vec3::from(pixel)).into();
+            });
+            mean.samples += 1;
+        }
+        let scale = 1.0 / mean.samples as f32;
+        mean.pixels.iter_mut().for_each(|pixel| *pixel = (Vec3::from(*pixel) * scale).into());
+        mean
+    }
+
     pub fn is_finite(&self) -> bool {
         self.iter().all(|(_, p)| p.is_finite())
     }
@@ -76,6 +93,8 @@ pub struct Rig {
     pub camera: Entity,
     pub target: Handle<Image>,
     pub capture: RadianceCapture,
+    /// The name of a scene whose references are shared by the tests of this process.
+    pub shared: Option<String>,
 }
 
 /// The settings of most tests: the reference, no jitter, direct light only, no energy compensation.
@@ -204,7 +223,24 @@ fn headless(
     }
     app.finish();
     app.cleanup();
+    mutate_shaders(&mut app);
     app
+}
+
+/// Makes the edit of the mutant that this process tests, if any.
+fn mutate_shaders(app: &mut App) {
+    let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
+    let ids: Vec<_> = shaders.ids().collect();
+    for id in ids {
+        let Some(shader) = shaders.get(id) else { continue };
+        let path = shader.path.strip_prefix("embedded://bevy_restir/").unwrap_or_default();
+        // Instances of a template have the name of a room behind the path.
+        let file = path.split_once(".wgsl").map(|(file, _)| format!("{file}.wgsl")).unwrap_or_default();
+        if let Some(text) = mutated(&file, shader.source.as_str()) {
+            let mutant = Shader::from_wgsl(text, shader.path.clone());
+            *shaders.get_mut(id).expect("it exists") = mutant;
+        }
+    }
 }
 
 /// The ray back end of tests that do not choose one.  `RAY_BACKEND=hardware` runs all of them with ray queries.
@@ -278,7 +314,7 @@ impl Rig {
                 capture.clone(),
             ))
             .id();
-        Some(Self { app, camera, target, capture })
+        Some(Self { app, camera, target, capture, shared: None })
     }
 
     pub fn add<A: Asset>(&mut self, asset: impl Into<A>) -> Handle<A> {
@@ -317,6 +353,12 @@ impl Rig {
     /// The material of an entity.
     pub fn material_of(&self, entity: Entity) -> Handle<StandardMaterial> {
         self.app.world().get::<MeshMaterial3d<StandardMaterial>>(entity).expect("the entity has a material").0.clone()
+    }
+
+    /// The width and height of the camera's target, in pixels.
+    pub fn size(&self) -> UVec2 {
+        let images = self.app.world().resource::<Assets<Image>>();
+        images.get(&self.target).expect("the target exists").size()
     }
 
     pub fn report(&self) -> RestirReport {

@@ -15,6 +15,7 @@ pub mod materials;
 pub mod matrix;
 pub mod oracle;
 pub mod proof;
+pub mod proof_rows;
 pub mod reuse_settings;
 pub mod small_scenes;
 pub mod stats;

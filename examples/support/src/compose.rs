@@ -1,5 +1,6 @@
 //! Composes WGSL with `naga_oil` exactly as Bevy does, without a GPU.
 
+use crate::mutant::mutated;
 use bevy_restir::testing::shader_library::MODULES;
 use naga::valid::Capabilities;
 use naga_oil::compose::{
@@ -31,7 +32,10 @@ pub fn module_name(path: &str) -> String {
 
 /// Paths and texts of the library modules, ordered so that imports come first.
 pub fn library() -> Vec<(&'static str, &'static str)> {
-    let mut rest: Vec<_> = MODULES.iter().copied().filter(|(path, _)| !path.starts_with("pass/")).collect();
+    let library = MODULES.iter().filter(|(path, _)| !path.starts_with("pass/"));
+    // A mutant lives as long as its process.
+    let mut rest: Vec<(&str, &str)> =
+        library.map(|&(path, text)| (path, mutated(path, text).map_or(text, |text| text.leak()))).collect();
     let known: HashSet<String> = rest.iter().map(|(path, _)| module_name(path)).collect();
     let mut done = HashSet::new();
     let mut ordered = Vec::new();

@@ -19,7 +19,7 @@ fn corrected(bias_correction: BiasCorrection, mis: Mis) -> Direct {
 
 #[test]
 fn each_biased_mode_is_biased_with_its_documented_sign() {
-    let Some(mut rig) = room_scene(32) else { return };
+    let Some(mut rig) = shared(64, "room") else { return };
     let reference = PROOF.truth(&mut rig, 1000);
     for (name, direct) in [
         ("off", corrected(BiasCorrection::Off, Mis::default())),
@@ -46,8 +46,9 @@ fn by_shadow(ours: &Restarts, truth: &Restarts, without_shadows: &Restarts) -> [
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn each_reuse_of_visibility_is_biased_with_its_documented_sign() {
-    let Some(mut rig) = room_scene(32) else { return };
+    let Some(mut rig) = shared(64, "room") else { return };
     let truth = PROOF.truth(&mut rig, 1000);
     let reusing = |visibility| Direct {
         reuse: Reuse { radius: pixels(10.0, 32), ..Reuse::DIRECT },
@@ -79,9 +80,10 @@ fn each_reuse_of_visibility_is_biased_with_its_documented_sign() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn shading_visibility_is_biased_only_with_a_bsdf_candidate() {
     // Few candidates and light from all directions give the BSDF candidate a large weight.
-    let Some(mut rig) = scene(32, |rig| surrounded(rig, false)) else { return };
+    let Some(mut rig) = scene(64, |rig| surrounded(rig, false)) else { return };
     let truth = PROOF.truth(&mut rig, 1000);
     for bsdf_candidate in [false, true] {
         let direct = Direct {
@@ -100,7 +102,7 @@ fn shading_visibility_is_biased_only_with_a_bsdf_candidate() {
 
 #[test]
 fn planted_errors_are_found() {
-    let Some(mut rig) = room_scene(32) else { return };
+    let Some(mut rig) = shared(64, "room") else { return };
     let reference = PROOF.truth(&mut rig, 1000);
     let planted = [
         ("PLANT_SCALED_UCW", di::candidates_only()),
@@ -114,7 +116,7 @@ fn planted_errors_are_found() {
 
 #[test]
 fn nan_stays_in_its_reservoir() {
-    let Some(mut rig) = room_scene(32) else { return };
+    let Some(mut rig) = shared(64, "room") else { return };
     PROOF.survives_nan(&mut rig, &[di::all_reuse()]);
 }
 

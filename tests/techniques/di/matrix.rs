@@ -1,5 +1,5 @@
 //! The long form of `asset_scenes`: ReSTIR DI equals the reference in every row of a pairwise covering set of scenes, reuse, MIS kinds,
-//! bias corrections, shading, light choice and visibility.  The results are a table of `docs/proof.md`.
+//! bias corrections, shading, light choice and visibility.  The results are a table of `docs/proof-matrix.md`.
 
 use crate::support::{
     matrix::{self, Choices, Row},
@@ -84,7 +84,7 @@ impl Row for DirectRow {
         ]
     }
 
-    /// Lengths that give most rows a power of at least 0.95 at their margin (the table of `docs/proof.md` lists each).  The margin is
+    /// Lengths that give most rows a power of at least 0.95 at their margin (the table of `docs/proof-matrix.md` lists each).  The margin is
     /// 0.2 % where that is affordable.
     fn proof(&self) -> Proof<'static> {
         let quiet = |margin| if self.is_noisy() { 0.01 } else { margin };
