@@ -127,8 +127,8 @@ pub struct Proof<'a> {
 impl Proof<'static> {
     /// For a small still scene without much noise.
     pub const DEFAULT: Self = Self {
-        ours: Length { restarts: 14, frames: 8 },
-        truth: Length { restarts: 14, frames: 64 },
+        ours: Length { restarts: 10, frames: 8 },
+        truth: Length { restarts: 12, frames: 64 },
         margin: 0.01,
         blended: false,
         bounces: 1,

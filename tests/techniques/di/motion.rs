@@ -8,8 +8,11 @@ use bevy_restir::{Direct, Mis, Reuse};
 fn check(name: &str, rig: &mut Rig, margin: f64, pose: impl Fn(&mut Rig, u32)) {
     // Disocclusions are frequent here: use as many neighbors as possible.
     let both = Direct { reuse: Reuse { disocclusion_samples: 5, ..di::all_reuse().reuse }, ..di::all_reuse() };
+    // At rest, without jitter, a place of the last frame is the middle of a pixel: bilinear weights have no effect there.
+    let bilinear = Direct { reuse: Reuse { bilinear: true, ..both.reuse.clone() }, ..both.clone() };
     let techniques = [
         ("both", both),
+        ("bilinear", bilinear),
         (
             "balance",
             Direct {

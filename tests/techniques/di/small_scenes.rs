@@ -19,7 +19,6 @@ fn direct_light_in_a_room_with_shadows_equals_the_reference() {
             ("spatial", with(di::spatial())),
             ("both", with(di::all_reuse())),
             ("target without BSDF", (di::all_reuse(), without_bsdf.clone())),
-            ("bilinear", with(Direct { reuse: Reuse { bilinear: true, ..di::temporal().reuse }, ..di::temporal() })),
             ("1/|Z|", with(di::across_edges(Mis::OneOverZ))),
             ("balance", with(di::across_edges(Mis::Balance))),
             ("pairwise", with(di::across_edges(Mis::Pairwise))),
