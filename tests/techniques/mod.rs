@@ -5,6 +5,7 @@ mod debug_views;
 mod di;
 mod extremes;
 mod gi;
+mod guards;
 mod pt;
 mod reference;
 mod resampling;
