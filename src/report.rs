@@ -29,10 +29,10 @@ pub struct RestirReport {
     pub non_finite_pixels: u64,
     /// Overflows of that frame, 0 unless rays missed geometry.  Bit 0: a traversal stack was full; bit 1: a traversal took too many steps.
     pub overflow_flags: u32,
-    /// Number of times that the shaders' checks met a number that should not exist, such as NaN or negative light, and stopped it: for each
-    /// check its name and, summed up over the whole run of the cameras that render now, the pixels in which it was met.  All 0 unless there
-    /// is a bug, except `float_overflow`: light beyond the range of f32 (about 1e38) is missing.  Such light is not in the picture, which is
-    /// finite.  The checks cost no time that we could measure.
+    /// How often the shaders met a number that should not exist, such as NaN or negative light, and stopped it: the name of each check, and
+    /// the number of pixels that failed it, summed up over all frames of the cameras that exist now.  All are 0 unless there is a bug, except
+    /// `float_overflow`: it counts light beyond the range of f32 (about 1e38), which is missing in the picture.  A check costs a few integer
+    /// comparisons.
     pub guards: Vec<(&'static str, u64)>,
     /// Bytes of scene data uploaded in the last frame; 0 while nothing changes.
     pub uploaded_bytes: u64,

@@ -4,8 +4,8 @@ use super::app::*;
 use bevy_restir::{Restir, Technique};
 
 /// Restarts and frames of each mean, and how many standard errors it may be off.
-const RESTARTS: u32 = 10;
-const FRAMES: u32 = 16;
+const RESTARTS: u32 = 8;
+const FRAMES: u32 = 6;
 const ERRORS: f64 = 4.5;
 
 /// Asserts that every technique has the mean of the reference, whose standard error must be below `precision` of it: DI that of direct

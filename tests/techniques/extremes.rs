@@ -168,12 +168,15 @@ fn glass_of_index_one_is_invisible() {
 
 #[test]
 fn techniques_agree_at_every_roughness() {
+    let Some(mut rig) = Rig::new(17, 31) else { return };
+    room(&mut rig, 1.0, Vec3::ZERO, 5.0);
+    let ball = rig.spawn(Sphere::new(0.9), StandardMaterial::default(), Transform::from_xyz(0.0, 0.2, 0.0));
+    let material = rig.material_of(ball);
     for roughness in [0.0, 0.01, 0.032, 0.5, 1.0] {
         for metallic in [0.0, 1.0] {
-            let Some(mut rig) = Rig::new(17, 31) else { return };
-            room(&mut rig, 1.0, Vec3::ZERO, 5.0);
-            let material = StandardMaterial { perceptual_roughness: roughness, metallic, ..Color::WHITE.into() };
-            rig.spawn(Sphere::new(0.9), material, Transform::from_xyz(0.0, 0.2, 0.0));
+            rig.edit(&material, |m| {
+                *m = StandardMaterial { perceptual_roughness: roughness, metallic, ..Color::WHITE.into() }
+            });
             assert_techniques_agree(&mut rig, &format!("roughness {roughness}, metallic {metallic}"), 0.05);
             rig.assert_sound();
         }
