@@ -73,6 +73,10 @@ pub mod testing {
         pub use crate::gpu_layout::*;
     }
 
+    pub mod guards {
+        pub use crate::view::guards::*;
+    }
+
     pub mod shader_library {
         pub use crate::shader_library::{MODULES, instantiate, is_template};
     }

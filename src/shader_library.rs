@@ -22,6 +22,7 @@ macro_rules! modules {
 pub const MODULES: &[(&str, &str)] = modules![
     "common/constants.wgsl",
     "common/math.wgsl",
+    "common/guard.wgsl",
     "common/ray.wgsl",
     "common/rng.wgsl",
     "common/texel.wgsl",
@@ -51,6 +52,7 @@ pub const MODULES: &[(&str, &str)] = modules![
     "view/alpha_seed.wgsl",
     "view/camera.wgsl",
     "view/false_color.wgsl",
+    "view/pixel_light.wgsl",
     "view/primary.wgsl",
     "view/render_layers.wgsl",
     "trace/alpha.wgsl",

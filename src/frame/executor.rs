@@ -13,6 +13,7 @@ use bevy::{
 
 use super::{SPAN_PREFIX, composite, pipelines::PassPipelines, resource, visibility};
 use crate::{
+    report::RestirStatistics,
     scene::{SceneFeatures, bindings::SceneBindings},
     technique::{
         domain::Domain,
@@ -30,6 +31,7 @@ pub(super) fn run_passes(
     views: Res<ViewPool>,
     scene: Res<SceneBindings>,
     passes: Res<PassPipelines>,
+    statistics: Res<RestirStatistics>,
     pipelines: Res<PipelineCache>,
     device: Res<RenderDevice>,
     mut context: RenderContext,
@@ -44,8 +46,8 @@ pub(super) fn run_passes(
     if key.features.contains(SceneFeatures::RAY_QUERY) && scene.structures.is_none() {
         return;
     }
+    state.counters.begin_frame(statistics.run(), &mut context);
     let encoder = context.command_encoder();
-    encoder.clear_buffer(&state.counters.buffer, 0, None);
     if let Some(history) = &state.history {
         // Temporal reuse still needs the last visibility buffer, which the visibility pass overwrites.
         encoder.copy_texture_to_texture(

@@ -68,6 +68,8 @@ pub(super) fn prepare_views(
         if state.size != size || state.bound_environment != (map.id(), importance.id()) {
             let new = RestirView::new(size, &device, &pipelines, map, importance);
             let old = core::mem::replace(state, new);
+            // Guards are counted over the whole run of a view.
+            state.counters = old.counters;
             if old.size == size {
                 // Only the environment image has changed, and motion vectors still need the last camera.
                 state.previous_camera = old.previous_camera;

@@ -82,7 +82,7 @@ impl RestirView {
         environment_importance: &TextureView,
     ) -> Self {
         let buffer = |label, size, usage| buffer(device, label, size, usage);
-        let texture = |label, format, usage| texture(device, label, size, format, usage);
+        let texture = |label, layers, format, usage| texture(device, label, size, layers, format, usage);
         let view = |texture: &Texture| texture.create_view(&TextureViewDescriptor::default());
         let target = TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING;
         let uniforms = buffer(
@@ -90,16 +90,16 @@ impl RestirView {
             size_of::<GpuViewUniforms>() as u64,
             BufferUsages::UNIFORM | BufferUsages::COPY_DST,
         );
-        let visibility_texture = texture("visibility", VISIBILITY_FORMAT, target | TextureUsages::COPY_SRC);
+        let visibility_texture = texture("visibility", 1, VISIBILITY_FORMAT, target | TextureUsages::COPY_SRC);
         let visibility = view(&visibility_texture);
-        let ray_counts = view(&texture("ray counts", TextureFormat::R32Uint, TextureUsages::STORAGE_BINDING));
+        let counts = view(&texture("counts of pixels", 2, TextureFormat::R32Uint, TextureUsages::STORAGE_BINDING));
         let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
         Self {
             size,
             origin: UVec2::ZERO,
             target_size: size,
             layers: ALL_CAMERAS,
-            depth: view(&texture("depth", DEPTH_FORMAT, target)),
+            depth: view(&texture("depth", 1, DEPTH_FORMAT, target)),
             radiance: buffer("radiance", pixels(size) * 16, storage),
             counters: CounterReadback::new(device),
             bind_group: device.create_bind_group(
@@ -110,7 +110,7 @@ impl RestirView {
                     &visibility,
                     environment_map,
                     environment_importance,
-                    &ray_counts,
+                    &counts,
                 )),
             ),
             raster_bind_group: device.create_bind_group(
@@ -176,7 +176,7 @@ impl RestirView {
             ("view uniforms", size_of::<GpuViewUniforms>() as u64),
             ("visibility", pixels * 8),
             ("depth", pixels * 4),
-            ("ray counts", pixels * 4),
+            ("counts of pixels", pixels * 8),
             ("radiance", pixels * 16),
             ("counters", 2 * size_of::<GpuCounters>() as u64),
         ];

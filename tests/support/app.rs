@@ -418,6 +418,18 @@ impl Rig {
         self.next()
     }
 
+    /// Mean and standard error of the means of pictures with these seeds, each of `frames` accumulated frames.
+    pub fn mean_over(&mut self, seeds: core::ops::Range<u32>, frames: u32) -> (f64, f64) {
+        self.set(|restir| restir.accumulate = true);
+        let means: Vec<f64> = seeds
+            .map(|seed| {
+                self.set(|restir| restir.seed = seed);
+                self.picture(frames).mean()
+            })
+            .collect();
+        mean_and_error(means)
+    }
+
     /// One frame of a debug view.
     pub fn debug(&mut self, view: DebugView) -> Picture {
         self.set(|restir| restir.debug_view = view);
@@ -426,12 +438,24 @@ impl Rig {
         picture
     }
 
-    /// Asserts that no errors were counted up to the last picture.
+    /// Asserts that no frame since the start of the camera, or since [`Self::reset_guards`], raised a guard.
     pub fn assert_sound(&mut self) {
+        self.assert_raised(&[]);
+    }
+
+    /// Asserts that the frames since the start of the camera, or since [`Self::reset_guards`], raised these guards and no others.
+    pub fn assert_raised(&mut self, names: &[&str]) {
         // Counters are read back one frame late.
         self.frames(2);
         let report = self.report();
-        assert_eq!((report.non_finite_pixels, report.overflow_flags), (0, 0), "{report:?}");
+        assert!(!report.guards.is_empty(), "no frame was counted");
+        let raised: Vec<&str> = report.raised_guards().iter().map(|(name, _)| *name).collect();
+        assert_eq!(raised, names, "{:?}", report.raised_guards());
+    }
+
+    /// Counts guards from the next frame on.
+    pub fn reset_guards(&mut self) {
+        self.app.world().resource::<RestirStatistics>().reset_guards();
     }
 
     /// The 8-bit pixels that Bevy wrote to the target of a camera.

@@ -1,6 +1,7 @@
 //! Code that the tests share: the app, the GPU harness, scenes, statistics, and the f64 oracle.
 #![allow(dead_code, reason = "not every test uses every helper")]
 
+pub mod agreement;
 pub mod app;
 pub mod asset_scenes;
 pub mod brute_force;

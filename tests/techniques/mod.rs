@@ -6,6 +6,7 @@ mod di;
 mod extremes;
 mod furnace;
 mod gi;
+mod guards;
 mod presets;
 mod pt;
 mod reference;

@@ -1,6 +1,7 @@
 //! The `render` program as scripts call it: its files, its messages, and its exit codes.
 
 use crate::support::{cli::*, gltf};
+use bevy_restir::testing::guards::GUARDS;
 use serde_json::Value;
 use std::{fs, path::PathBuf};
 
@@ -299,6 +300,9 @@ fn statistics_are_complete_and_correct() {
     );
     assert_eq!(stats["uploaded_bytes_last_frame"], 0, "a still scene");
     assert_eq!((&stats["non_finite_pixels"], &stats["overflow_flags"]), (&Value::from(0), &Value::from(0)));
+    let guards = stats["guards"].as_object().expect("an object");
+    assert_eq!(guards.len(), GUARDS.len());
+    assert!(GUARDS.iter().all(|guard| guards[guard.name] == 0), "{guards:?}");
     assert!(number(&stats["triangles"]) > 10.0 && number(&stats["instances"]) > 1.0 && number(&stats["lights"]) > 0.0);
     let known = [
         "adapter",
@@ -317,6 +321,7 @@ fn statistics_are_complete_and_correct() {
         "uploaded_bytes_last_frame",
         "non_finite_pixels",
         "overflow_flags",
+        "guards",
         "triangles",
         "instances",
         "lights",
