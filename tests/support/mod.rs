@@ -3,6 +3,7 @@
 
 pub mod app;
 pub mod asset_scenes;
+pub mod bad_numbers;
 pub mod brute_force;
 pub mod cli;
 pub mod closed_form_plane;
