@@ -38,6 +38,7 @@ mod shader_library;
 mod system_sets;
 mod technique;
 mod view;
+mod warned;
 
 pub use frame::{SPAN_PREFIX, pipelines::PipelineReport};
 pub use plugin::{RestirPlugin, RestirStatus};

@@ -3,7 +3,7 @@
 use bevy::{
     app::{App, Last, Plugin},
     asset::Assets,
-    ecs::prelude::*,
+    ecs::{entity::Entities, prelude::*},
     log::warn,
     reflect::Reflect,
     render::{
@@ -22,6 +22,7 @@ use crate::{
     shader_library::ShaderLibrary,
     technique::shader_templates,
     view,
+    warned::Warned,
 };
 
 /// Adds ReSTIR lighting to cameras that carry [`Restir`].
@@ -122,12 +123,18 @@ struct CompilesAtOnce;
 
 /// The visibility buffer has one sample a pixel, where Bevy's cameras have four by default.  Multisampling is turned off silently when
 /// `Restir` is added, and with a warning when an app turns it on later.
-fn require_single_sample(mut cameras: Query<(Entity, Ref<Restir>, &mut Msaa), Or<(Changed<Msaa>, Added<Restir>)>>) {
+fn require_single_sample(
+    mut cameras: Query<(Entity, Ref<Restir>, &mut Msaa), Or<(Changed<Msaa>, Added<Restir>)>>,
+    entities: &Entities,
+    mut warned: Local<Warned<Entity>>,
+) {
+    warned.begin_frame();
+    warned.retain(|camera| entities.contains(*camera));
     for (entity, restir, mut msaa) in &mut cameras {
         if *msaa == Msaa::Off {
             continue;
         }
-        if !restir.is_added() {
+        if !restir.is_added() && warned.is_due(entity) {
             warn!("restir: camera {entity} has {:?}; multisampling is turned off", *msaa);
         }
         *msaa = Msaa::Off;

@@ -20,7 +20,7 @@ use super::{
 };
 use crate::{
     gpu_layout::*,
-    scene::{bindings::SceneBindings, geometry::render_layers::ALL_CAMERAS},
+    scene::{bindings::SceneBindings, geometry::render_layers::ALL_CAMERAS, storage::allocation},
     settings::Restir,
     technique::frame::PipelineKey,
 };
@@ -153,20 +153,31 @@ impl RestirView {
         }
     }
 
-    /// Creates, replaces or drops the history.
-    pub(super) fn update_history(&mut self, device: &RenderDevice, queue: &RenderQueue) {
+    /// This view with the camera of the last frame, from which motion vectors start.
+    pub(super) fn after(self, last: Self) -> Self {
+        let Self { previous_camera, previous_jitter, counters, .. } = last;
+        Self { previous_camera, previous_jitter, counters, ..self }
+    }
+
+    /// Creates, replaces or drops the history.  If the device has no memory for it, the frame is not rendered.
+    pub(super) fn update_history(&mut self, device: &RenderDevice, queue: &RenderQueue) -> Result<(), String> {
         let domains = self.key.map_or(&[][..], |key| key.frame.domains());
         if domains.is_empty() {
             self.history = None;
-            return;
+            return Ok(());
         }
         let fits = self.history.as_ref().is_some_and(|history| history.fits(self.size, domains, &self.settings));
         if !fits {
-            self.history = Some(History::new(self.size, domains, &self.settings, device));
+            // The memory of the old history is free before the new one is created.
+            self.history = None;
+            let created = allocation::attempt(device, || History::new(self.size, domains, &self.settings, device));
+            let history = created.inspect_err(|_| (self.rendered, self.image_state) = (false, None))?;
+            self.history = Some(history);
         }
         if let Some(history) = &mut self.history {
             history.begin(&self.settings, fits && self.frame > 0, self.moved, queue);
         }
+        Ok(())
     }
 
     /// Names and bytes of the buffers and textures of this view.

@@ -4,6 +4,7 @@
 pub mod agreement;
 pub mod app;
 pub mod asset_scenes;
+pub mod bad_numbers;
 pub mod brute_force;
 pub mod cli;
 pub mod closed_form_plane;
