@@ -1,10 +1,13 @@
 //! The pictures of the techniques.  Modules in this folder hold for all techniques; subfolders are for one technique each.
 
 mod area_lights;
+mod confidence;
 mod debug_views;
 mod di;
 mod extremes;
 mod gi;
+mod mis_enumeration;
+mod previous_frame;
 mod pt;
 mod reference;
 mod resampling;
