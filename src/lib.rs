@@ -65,7 +65,7 @@ pub mod prelude {
 #[allow(missing_docs, reason = "not part of the public interface")]
 pub mod testing {
     pub use crate::{
-        frame::pipelines::{plant_shader_defs, replace_pass_shader},
+        frame::pipelines::{plant_shader_defs, plant_shader_edits, replace_pass_shader},
         scene::{accel, geometry, light, material, storage},
         technique::shader_templates,
     };
@@ -79,6 +79,6 @@ pub mod testing {
     }
 
     pub mod shader_library {
-        pub use crate::shader_library::{MODULES, instantiate, is_template};
+        pub use crate::shader_library::{MODULES, ShaderEdit, edited, instantiate, is_template};
     }
 }

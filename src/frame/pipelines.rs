@@ -76,6 +76,9 @@ pub(crate) struct PassPipelines {
     planted: Vec<ShaderDefVal>,
     /// Replacements for the shaders of passes, set by tests.
     replaced: HashMap<&'static str, Handle<Shader>>,
+    /// Passages of the shader library that tests replaced.
+    #[cfg(feature = "testing")]
+    edits: Vec<crate::shader_library::ShaderEdit>,
 }
 
 /// Recompiles all compute passes with additional shader definitions: `NAME`, or `NAME=VALUE` with an unsigned integer.  Tests plant errors in
@@ -94,6 +97,18 @@ pub fn plant_shader_defs(app: &mut App, defs: &[&str]) {
             .collect();
         passes.compute.clear();
     }
+}
+
+/// Replaces passages of the shader library; all others have their original text again.  Tests plant errors in this way that need no
+/// definition in a shader.
+#[cfg(feature = "testing")]
+pub fn plant_shader_edits(app: &mut App, edits: &[crate::shader_library::ShaderEdit]) {
+    let passes = app.get_sub_app_mut(RenderApp).and_then(|r| r.world_mut().get_resource_mut::<PassPipelines>());
+    let Some(mut passes) = passes else { return };
+    let before = core::mem::replace(&mut passes.edits, edits.to_vec());
+    let Some(library) = passes.shaders.clone() else { return };
+    let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
+    library.edit(&mut shaders, &crate::technique::shader_templates(), &before, edits);
 }
 
 /// Replaces the shader of a compute pass.  The new shader has the same entry point, bindings and template.  Tests measure quantities in this

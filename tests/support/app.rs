@@ -19,9 +19,9 @@ use bevy::{
 };
 use bevy_restir::{
     DebugView, EmissiveLuminance, RadianceCapture, RayBackend, Restir, RestirEnvironment, RestirPlugin, RestirReport,
-    RestirStatistics, Technique,
+    RestirStatistics, Technique, testing::plant_shader_edits,
 };
-use bevy_restir_support::mutant::mutated;
+use bevy_restir_support::mutant;
 use std::time::Duration;
 
 pub use super::stats::mean_and_error;
@@ -223,24 +223,10 @@ fn headless(
     }
     app.finish();
     app.cleanup();
-    mutate_shaders(&mut app);
-    app
-}
-
-/// Makes the edit of the mutant that this process tests, if any.
-fn mutate_shaders(app: &mut App) {
-    let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
-    let ids: Vec<_> = shaders.ids().collect();
-    for id in ids {
-        let Some(shader) = shaders.get(id) else { continue };
-        let path = shader.path.strip_prefix("embedded://bevy_restir/").unwrap_or_default();
-        // Instances of a template have the name of a room behind the path.
-        let file = path.split_once(".wgsl").map(|(file, _)| format!("{file}.wgsl")).unwrap_or_default();
-        if let Some(text) = mutated(&file, shader.source.as_str()) {
-            let mutant = Shader::from_wgsl(text, shader.path.clone());
-            *shaders.get_mut(id).expect("it exists") = mutant;
-        }
+    if !mutant::edits().is_empty() {
+        plant_shader_edits(&mut app, mutant::edits());
     }
+    app
 }
 
 /// The ray back end of tests that do not choose one.  `RAY_BACKEND=hardware` runs all of them with ray queries.

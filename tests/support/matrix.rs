@@ -48,10 +48,6 @@ pub trait Row: Copy {
     fn is_relevant(&self, choice: usize) -> bool;
     /// Whether the settings of the row are unbiased and can be measured.
     fn is_testable(&self) -> bool;
-    /// Whether the mean of a few restarts is not normally distributed, so that the row may fail.
-    fn has_heavy_tails(&self) -> bool {
-        false
-    }
     /// The names of the chosen values.
     fn names(&self) -> Vec<String>;
     fn proof(&self) -> Proof<'static>;
@@ -268,15 +264,11 @@ fn table<R: Row>(folder: &Path, rows: &[R], commit: &str, adapter: &str) -> (Str
         let Some(tries) = results(folder, row, false) else { continue };
         count += 1;
         let last = tries.last().expect("there is one");
-        if !(last.is_equal() && last.is_powerful()) && !row.has_heavy_tails() {
+        if !(last.is_equal() && last.is_powerful()) {
             faults.push(format!("{}: {tries:?}", name_of(row, false)));
         }
         let margin = 100.0 * row.proof().margin;
-        let again = match (row.has_heavy_tails() && !last.is_equal(), tries.len()) {
-            (true, _) => " (heavy tails: not shown)",
-            (_, 1) => "",
-            _ => " (four times the length)",
-        };
+        let again = if tries.len() == 1 { "" } else { " (four times the length)" };
         lines += &format!("| {} | {margin} % | {}{again} |\n", cells(row).join(" | "), figures(last));
     }
     let names: Vec<&str> = R::CHOICES.iter().map(|(name, _)| *name).collect();

@@ -1,7 +1,7 @@
 //! Composes WGSL with `naga_oil` exactly as Bevy does, without a GPU.
 
-use crate::mutant::mutated;
-use bevy_restir::testing::shader_library::MODULES;
+use crate::mutant;
+use bevy_restir::testing::shader_library::{MODULES, ShaderEdit, edited};
 use naga::valid::Capabilities;
 use naga_oil::compose::{
     ComposableModuleDescriptor, Composer, NagaModuleDescriptor, ShaderDefValue, ShaderLanguage, ShaderType,
@@ -32,10 +32,7 @@ pub fn module_name(path: &str) -> String {
 
 /// Paths and texts of the library modules, ordered so that imports come first.
 pub fn library() -> Vec<(&'static str, &'static str)> {
-    let library = MODULES.iter().filter(|(path, _)| !path.starts_with("pass/"));
-    // A mutant lives as long as its process.
-    let mut rest: Vec<(&str, &str)> =
-        library.map(|&(path, text)| (path, mutated(path, text).map_or(text, |text| text.leak()))).collect();
+    let mut rest: Vec<_> = MODULES.iter().copied().filter(|(path, _)| !path.starts_with("pass/")).collect();
     let known: HashSet<String> = rest.iter().map(|(path, _)| module_name(path)).collect();
     let mut done = HashSet::new();
     let mut ordered = Vec::new();
@@ -60,8 +57,14 @@ pub fn library() -> Vec<(&'static str, &'static str)> {
 
 /// A composer with the whole library.
 pub fn composer() -> Composer {
+    composer_with(&[])
+}
+
+/// A composer with the whole library, in which tests replace passages.
+pub fn composer_with(edits: &[ShaderEdit]) -> Composer {
     let mut composer = Composer::default().with_capabilities(CAPABILITIES);
     for (path, text) in library() {
+        let text = &edited(path, &edited(path, text, mutant::edits()), edits);
         composer
             .add_composable_module(ComposableModuleDescriptor {
                 source: text,
