@@ -203,7 +203,11 @@ fn the_table_of_a_cube_is_its_light_in_each_cell() {
         let of_table: f64 = table.iter().map(|&t| f64::from(t)).sum();
         let moved: f64 =
             table.iter().zip(&light).map(|(&t, l)| (f64::from(t) / of_table - l / total).abs()).sum::<f64>() / 2.0;
-        eprintln!("{name}: total off by {:+.2} %, {:.2} % in other cells", 100.0 * (of_table / total - 1.0), 100.0 * moved);
+        eprintln!(
+            "{name}: total off by {:+.2} %, {:.2} % in other cells",
+            100.0 * (of_table / total - 1.0),
+            100.0 * moved
+        );
         let limit = if name.starts_with("spike") { 0.2 } else { 0.02 };
         assert!(moved < limit && (of_table / total - 1.0).abs() < limit, "{name}: {moved} {of_table} {total}");
     }
