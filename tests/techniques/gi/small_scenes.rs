@@ -73,7 +73,8 @@ fn assuming_diffuse_secondary_surfaces_is_biased_as_documented() {
     let proof = Proof { bounces: 2, ..Proof::of((16, 16), (16, 64)) };
     let truth = proof.truth(&mut rig, 1000);
     let mut found = |paths: Paths| {
-        let found = proof.resampled(&mut rig, &with(paths), 5000).compare(&truth, 0.01);
+        // The standard error is 0.4 %, so that 2 % can be shown.
+        let found = proof.resampled(&mut rig, &with(paths), 5000).compare(&truth, 0.02);
         eprintln!("{found}");
         found
     };

@@ -134,7 +134,8 @@ fn planted_errors_of_paths_are_found() {
         reuse: Reuse { radius: pixels(20.0, 32), spatial_samples: 3, ..paths::spatial().reuse },
         ..paths::spatial()
     };
-    let right = proof.resampled(&mut rig, &far, 5000).compare(&reference, 0.01);
+    // The standard error is 0.5 %, so that 2.5 % can be shown; the planted errors are larger, or change the tiles.
+    let right = proof.resampled(&mut rig, &far, 5000).compare(&reference, 0.025);
     eprintln!("no error: {right}");
     assert!(right.is_equal(), "{right}");
     let planted = [
