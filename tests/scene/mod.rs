@@ -12,6 +12,7 @@ mod many_instances;
 mod material_edge_cases;
 mod material_lobes;
 mod mirror;
+mod subsurface;
 mod texture_levels;
 mod texture_sampling;
 mod texture_slots;

@@ -406,6 +406,7 @@ mod tests {
             casts_shadows: true,
             skinned: false,
             morphed: false,
+            subsurface: None,
         }
     }
 
