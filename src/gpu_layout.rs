@@ -19,6 +19,8 @@ pub const LIGHT_HIDDEN_SHIFT: u32 = 8;
 pub const INSTANCE_MIRRORED: u32 = 1;
 pub const INSTANCE_ALPHA: u32 = 2;
 pub const INSTANCE_SECOND_UV: u32 = 4;
+pub const INSTANCE_SUBSURFACE: u32 = 8;
+pub const INSTANCE_SUBSURFACE_SHIFT: u32 = 8;
 
 pub const MATERIAL_DOUBLE_SIDED: u32 = 1;
 pub const MATERIAL_UNLIT: u32 = 2;
@@ -50,6 +52,7 @@ pub const VIEW_NO_BACKDROP: u32 = 4;
 pub const OVERFLOW_STACK: u32 = 1;
 pub const OVERFLOW_STEPS: u32 = 2;
 pub const NON_FINITE: u32 = 4;
+pub const OVERFLOW_PROBE: u32 = 8;
 
 // Bits of guards, equal to those in `shaders/common/guard.wgsl`.
 pub const GUARD_FLOAT_OVERFLOW: u32 = 0x8;

@@ -18,7 +18,7 @@ use crate::{
     device, frame,
     report::{self, RestirStatistics},
     scene,
-    settings::{EmissiveLuminance, RayBackend, Restir, RestirEnvironment},
+    settings::{EmissiveLuminance, RayBackend, Restir, RestirEnvironment, Subsurface},
     shader_library::ShaderLibrary,
     technique::shader_templates,
     view,
@@ -53,6 +53,7 @@ impl Plugin for RestirPlugin {
     fn build(&self, app: &mut App) {
         app.register_type::<Restir>()
             .register_type::<RestirEnvironment>()
+            .register_type::<Subsurface>()
             .register_type::<EmissiveLuminance>()
             .register_type::<RestirStatus>()
             .init_resource::<EmissiveLuminance>()

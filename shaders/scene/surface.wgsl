@@ -11,6 +11,7 @@
 #import bevy_restir::scene::lobes::{LobeFrame, with_lobes}
 #import bevy_restir::scene::material::material_at
 #import bevy_restir::scene::offset::{offset_distance, surface_point}
+#import bevy_restir::scene::subsurface::subsurface_at
 #import bevy_restir::scene::triangle::{instance_transform, safe_normalize, transform_normal, transform_vector, world_triangle}
 
 struct Surface {
@@ -22,6 +23,9 @@ struct Surface {
     material: u32,
     attenuation: vec3<f32>,   // absorption coefficient of the volume inside, 1/m
     light: u32,               // id of this triangle in the light table, or NONE
+    radius: vec3<f32>,        // length d of the subsurface profile, m; 0 in channels that do not scatter below the surface
+    instance: u32,
+    smooth_n: vec3<f32>,      // normal without a normal map, on wo's side
     bsdf: Bsdf,
 }
 
@@ -135,6 +139,11 @@ fn surface_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, wo: vec3<f3
     var frame = tangent_frame(m, mirrored, triangle, barycentrics, smooth_n);
     frame.coat_normal = side * mapped_coat_normal(point.coat_normal, frame);
     s.bsdf = with_lobes(s.bsdf, point, frame, wo);
+    let below = subsurface_at(instance, point.base_color, front, cone.width, s.offset);
+    s.bsdf.subsurface = below.weight;
+    s.radius = below.radius;
+    s.instance = instance;
+    s.smooth_n = smooth_n * side;
     if (flags & MATERIAL_UNLIT) != 0u {
         // An unlit material reflects no light.
         s.bsdf = black(s.bsdf);

@@ -10,6 +10,16 @@
 #else
 #import bevy_restir::trace::software::traverse
 #endif
+#ifdef SUBSURFACE
+#import bevy_restir::trace::probe_hits::ProbeHits
+#import bevy_restir::trace::space::object_ray
+#import bevy_restir::trace::triangle::{intersect_triangle, sheared_ray}
+#ifdef RAY_QUERY
+#import bevy_restir::trace::hardware::traverse_instance
+#else
+#import bevy_restir::trace::software::traverse_instance
+#endif
+#endif
 
 // The closest hit in this frame.
 fn trace_closest(ray: Ray, alpha_seed: u32) -> Hit {
@@ -36,3 +46,17 @@ fn trace_counted(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hi
     }
     return hit;
 }
+
+#ifdef SUBSURFACE
+// All hits on one instance, now or (`previous`) in the last frame, sorted along the ray.  Counts as one ray.
+fn trace_probe(ray: Ray, instance: u32, alpha_seed: u32, previous: bool) -> ProbeHits {
+    rays_traced += 1u;
+    return traverse_instance(ray, instance, alpha_seed, previous);
+}
+
+// A hit of a probe with its barycentrics, which `ProbeHits` does not hold.
+fn probe_hit(ray: Ray, instance: u32, triangle: u32, t: f32, previous: bool) -> Hit {
+    let inside = object_ray(ray, instance, previous);
+    return Hit(t, instance, triangle, intersect_triangle(sheared_ray(inside.origin, inside.direction), triangle).barycentrics);
+}
+#endif

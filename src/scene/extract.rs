@@ -22,7 +22,7 @@ use crate::scene::{
     geometry::render_layers::{ALL_CAMERAS, LayerSets},
     geometry::visibility_range::VisibilityRanges,
 };
-use crate::settings::{EmissiveLuminance, Restir};
+use crate::settings::{EmissiveLuminance, Restir, Subsurface};
 
 /// A mesh instance that at least one camera sees.
 #[derive(Clone, Debug)]
@@ -37,6 +37,7 @@ pub(crate) struct ExtractedInstance {
     pub casts_shadows: bool,
     pub skinned: bool,
     pub morphed: bool,
+    pub subsurface: Option<Subsurface>,
 }
 
 /// A light component of Bevy.  A light whose transform has no direction has NaN in it, and the light table leaves it out.
@@ -179,6 +180,7 @@ type InstanceData<'a> = (
     Has<NotShadowCaster>,
     Has<SkinnedMesh>,
     Has<MeshMorphWeights>,
+    Option<&'a Subsurface>,
 );
 
 /// Extracts the mesh instances that at least one camera sees, in the order of their entities.
@@ -191,7 +193,7 @@ pub(crate) fn extract_instances(
     let scene = &mut *scene;
     scene.instances.clear();
     scene.instances.extend(instances.iter().filter(|row| row.4.get()).filter_map(
-        |(entity, mesh, material, transform, _, layers, not_shadow_caster, skinned, morphed)| {
+        |(entity, mesh, material, transform, _, layers, not_shadow_caster, skinned, morphed, subsurface)| {
             let camera_mask = sets.camera_mask(layers);
             (camera_mask != 0).then(|| ExtractedInstance {
                 entity: entity.into(),
@@ -202,6 +204,7 @@ pub(crate) fn extract_instances(
                 casts_shadows: !not_shadow_caster,
                 skinned,
                 morphed,
+                subsurface: subsurface.copied(),
             })
         },
     ));

@@ -45,7 +45,7 @@ use geometry::{
     render_layers::{self, LayerSets},
 };
 use light::lights::LightPool;
-use material::materials::MaterialPool;
+use material::{materials::MaterialPool, subsurface::SubsurfacePool};
 use texture::textures::{self, TexturePool};
 
 /// Adds the resources and systems of the scene to the render world.  `max_textures` is the length of texture arrays, if the device has
@@ -63,6 +63,7 @@ pub(crate) fn build(render_app: &mut SubApp, ray_queries: bool, max_textures: Op
         .init_resource::<MeshPool>()
         .init_resource::<TexturePool>()
         .init_resource::<MaterialPool>()
+        .init_resource::<SubsurfacePool>()
         .init_resource::<InstancePool>()
         .init_resource::<LightPool>()
         .init_resource::<SceneBindings>()

@@ -1,4 +1,5 @@
-//! Settings that users choose: [`Restir`] and [`RestirEnvironment`] on a camera, [`EmissiveLuminance`] for the whole app.
+//! Settings that users choose: [`Restir`] and [`RestirEnvironment`] on a camera, [`Subsurface`] on an object, [`EmissiveLuminance`] for the
+//! whole app.
 
 mod debug_view;
 mod direct;
@@ -7,6 +8,7 @@ mod paths;
 mod presets;
 mod research;
 mod reuse;
+mod subsurface;
 mod validate;
 
 pub use debug_view::DebugView;
@@ -16,6 +18,7 @@ pub use paths::{Paths, Reconnection, SuffixRetrace};
 pub use presets::Preset;
 pub use research::{Research, ReservoirLayout};
 pub use reuse::{Mis, Reuse, ReuseOrder};
+pub use subsurface::Subsurface;
 
 use bevy::{
     camera::Hdr,

@@ -4,8 +4,8 @@ use crate::support::{
     compose::flag,
     gpu::gpu,
     materials::{
-        Query, Sampler, at_angle, brushed, coated, evaluate, every_lobe, everything, glass, leaf, metal, mixture, pane,
-        plain, random_material, varnished,
+        Query, Sampler, at_angle, brushed, coated, entry, evaluate, every_lobe, everything, fleshy, glass, leaf, metal,
+        mixture, pane, plain, random_material, varnished,
     },
     oracle::{
         bsdf::{LOBES, Lobe, Material},
@@ -133,6 +133,8 @@ fn cases() -> Vec<(String, Material, DVec3, DVec3, f64)> {
         add("pane delta", pane(1e-4), degrees, Lobe::Transmission);
         add("leaf 0.4", leaf(0.4), degrees, Lobe::Reflection);
         add("leaf 1", leaf(1.0), degrees, Lobe::Reflection);
+        add("fleshy leaf", fleshy(0.4), degrees, Lobe::Reflection);
+        add("entry", entry(), degrees, Lobe::Diffuse);
         add("varnish 0.1 on lambert", varnished(plain(), 1.0, 0.1), degrees, Lobe::Coat);
         add("varnish 1 on metal", varnished(metal(0.3), 0.5, 1.0), degrees, Lobe::Reflection);
         add("varnish delta on a coat", varnished(coated(0.3), 1.0, 1e-4), degrees, Lobe::Reflection);

@@ -7,3 +7,4 @@ mod environment;
 mod light_choice;
 mod lights;
 mod rng;
+mod subsurface;

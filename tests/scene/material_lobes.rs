@@ -42,6 +42,8 @@ fn design(m: &StandardMaterial, turned: Quat, wo: Vec3) -> Material {
         coat_alpha: f64::from(m.clearcoat_perceptual_roughness).powi(2),
         coat_n: n,
         coat_compensation: 0.0,
+        subsurface: DVec3::ZERO,
+        entry_f0: DVec3::ZERO,
     }
 }
 

@@ -15,6 +15,7 @@ mod material_edge_cases;
 mod material_lobes;
 mod mirror;
 mod sizes_and_toggles;
+mod subsurface;
 mod texture_levels;
 mod texture_sampling;
 mod texture_slots;

@@ -244,6 +244,8 @@ fn constants_are_the_same_in_rust_and_wgsl() {
         INSTANCE_MIRRORED,
         INSTANCE_ALPHA,
         INSTANCE_SECOND_UV,
+        INSTANCE_SUBSURFACE,
+        INSTANCE_SUBSURFACE_SHIFT,
         MATERIAL_DOUBLE_SIDED,
         MATERIAL_UNLIT,
         MATERIAL_ALPHA_MASK,
@@ -271,6 +273,7 @@ fn constants_are_the_same_in_rust_and_wgsl() {
         OVERFLOW_STACK,
         OVERFLOW_STEPS,
         NON_FINITE,
+        OVERFLOW_PROBE,
     );
 }
 

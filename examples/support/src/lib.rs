@@ -17,4 +17,5 @@ pub mod progress;
 pub mod scene;
 pub mod scenes;
 pub mod sky;
+pub mod subsurface;
 pub mod times;

@@ -25,7 +25,7 @@ use crate::scene::{
     features::SceneFeatures,
     geometry::meshes::{MeshEntry, MeshPool},
     geometry::render_layers::MAX_LAYER_SETS,
-    material::materials::MaterialPool,
+    material::{materials::MaterialPool, subsurface::SubsurfacePool},
     storage::{dirty_runs::dirty_runs, growable_buffer::GrowableBuffer, overflow_warning::OverflowWarning},
 };
 use crate::warned::Warned;
@@ -214,6 +214,7 @@ impl InstancePool {
         scene: &ExtractedScene,
         meshes: &MeshPool,
         materials: &mut MaterialPool,
+        subsurface: &mut SubsurfacePool,
         assets: &AssetServer,
         limit: u32,
     ) {
@@ -241,6 +242,13 @@ impl InstancePool {
                 instance.previous_world_from_object = old.world_from_object;
             }
             instance.first_light = old.first_light;
+            // Probes do not find an instance that casts no shadows.
+            if let Some(component) = extracted.subsurface.filter(|_| extracted.casts_shadows) {
+                instance.flags |= subsurface.flags_of(extracted.entity, component);
+                if instance.flags & INSTANCE_SUBSURFACE != 0 {
+                    self.features |= SceneFeatures::SUBSURFACE;
+                }
+            }
             self.features |= materials.features(instance.material);
             self.triangles += instance.triangle_count as u64;
             self.records[slot as usize] = instance;

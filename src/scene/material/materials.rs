@@ -422,6 +422,7 @@ mod tests {
             casts_shadows: true,
             skinned: false,
             morphed: false,
+            subsurface: None,
         }
     }
 

@@ -1,4 +1,5 @@
-//! The formulas of materials, environments, textures, MIS weights and reconnections in f64, written independently of the WGSL that they check.
+//! The formulas of materials, subsurface scattering, environments, textures, MIS weights and reconnections in f64, written independently of
+//! the WGSL that they check.
 
 pub mod bsdf;
 pub mod enumeration;
@@ -7,4 +8,5 @@ pub mod mis;
 pub mod quadrature;
 pub mod reconnection;
 pub mod roulette;
+pub mod subsurface;
 pub mod texture;

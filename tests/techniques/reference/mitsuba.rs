@@ -159,6 +159,7 @@ scenes! {
     glass_lamp_is_what_an_independent_renderer_shows: "glass_lamp", 32, 0.01, 0.03, 0.06;
     caustic_egg_is_what_an_independent_renderer_shows: "caustic_egg", 16, 0.01, 0.03, 0.06;
     mirror_room_is_what_an_independent_renderer_shows: "mirror_room", 32, 0.01, 0.03, 0.06;
+    bodies_are_what_an_independent_integral_over_their_surfaces_shows: "bodies", 32, 0.004, 0.03, 0.03;
 }
 
 /// The mean over 8 x 8-pixel tiles of the absolute relative difference of luminance; dark tiles count as at least 2 % of the mean.
@@ -193,6 +194,7 @@ fn the_reference_tracer_meets_its_margins_at_full_length() {
         ("glass_lamp", 2048, 0.01, 0.03),
         ("caustic_egg", 512, 0.01, 0.03),
         ("mirror_room", 1024, 0.01, 0.03),
+        ("bodies", 2048, 0.004, 0.02),
     ] {
         let picture = render_once(&folder, scene, frames, 0);
         let reference = Exr::read(&asset(&format!("{scene}.exr")));
