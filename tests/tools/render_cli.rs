@@ -138,6 +138,7 @@ fn subtly_wrong() -> Vec<(&'static str, gltf::Scene)> {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn subtly_wrong_scenes_give_a_finite_picture_or_one_line_of_error() {
     let Some(folder) = Folder::new("subtle") else { return };
     for (name, scene) in subtly_wrong() {
