@@ -58,15 +58,15 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "the last input is preferred",
         "restir/reservoir_sampling.wgsl",
-        "if u * (*stream).sum < weight",
-        "if u * u * (*stream).sum < weight",
+        "if u * (*stream).sum < w {",
+        "if u * u * (*stream).sum < w {",
         &["resampling::", DI_ROOM],
     ),
     mutant(
         "the contribution weight lacks the Jacobian",
         "pass/reuse.wgsl",
-        "(*inputs).ucw[j] *= jacobian;",
-        "",
+        "guarded((*inputs).ucw[j] * jacobian, GUARD_CONTRIBUTION_WEIGHT)",
+        "guarded((*inputs).ucw[j], GUARD_CONTRIBUTION_WEIGHT)",
         &["planted_errors_of_paths", PT_ROOM],
     ),
     mutant(
@@ -304,7 +304,7 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "light that leaves a leaf behind keeps its side",
         "bsdf/diffuse.wgsl",
-        "return select(1.0, -1.0, u < b.diffuse_transmission);",
+        "return select(1.0, -1.0, u < diffuse_probability(b, -1.0));",
         "return 1.0;",
         &["sampling::bsdf"],
     ),
