@@ -1,10 +1,9 @@
-//! A diffuse plane under each kind of Bevy's lights has the brightness that Bevy's own renderer gives it: units, cones and colors of
+//! A diffuse plane under Bevy's lights has the brightness that Bevy's own renderer gives it: units, cones and colors of
 //! lights are read as Bevy means them.
 
 use crate::support::app::*;
 use bevy::{
     core_pipeline::tonemapping::{DebandDither, Tonemapping},
-    light::RectLight,
     prelude::*,
 };
 use bevy_restir::Restir;
@@ -19,8 +18,9 @@ fn linear(byte: u8) -> f64 {
 
 type Light = fn(&mut Rig) -> Entity;
 
-/// Lights near the axis of the plane: there the diffuse term of Bevy, Burley's, equals Lambert's.
-const LIGHTS: [(&str, Light); 6] = [
+/// Lights near the axis of the plane: there the diffuse term of Bevy, Burley's, equals Lambert's.  Rectangles are missing, because Bevy
+/// draws them only with its feature `area_light_luts`.
+const LIGHTS: [(&str, Light); 5] = [
     ("point", |rig| {
         let light = PointLight { intensity: 240.0, range: 1e4, color: Color::linear_rgb(1.0, 0.7, 0.4), ..default() };
         rig.spawn_bundle((light, Transform::from_xyz(0.4, 0.2, 4.0)))
@@ -41,14 +41,10 @@ const LIGHTS: [(&str, Light); 6] = [
         let light = DirectionalLight { illuminance: 3.0, color: Color::linear_rgb(0.4, 1.0, 0.7), ..default() };
         rig.spawn_bundle((light, Transform::default().looking_to(Vec3::new(0.3, -0.2, -1.0), Vec3::Y)))
     }),
-    ("rectangle", |rig| {
-        let light = RectLight { intensity: 200.0, range: 1e4, width: 1.0, height: 0.6, ..default() };
-        rig.spawn_bundle((light, Transform::from_xyz(0.2, 0.3, 5.0).looking_at(Vec3::ZERO, Vec3::Y)))
-    }),
 ];
 
 #[test]
-fn a_diffuse_plane_is_as_bright_as_bevy_draws_it_under_every_kind_of_light() {
+fn a_diffuse_plane_is_as_bright_as_bevy_draws_it_under_its_lights() {
     let Some(mut rig) = Rig::new(SIZE, SIZE) else { return };
     rig.app.insert_resource(GlobalAmbientLight { brightness: 0.0, ..default() });
     rig.insert(rig.camera, (orthographic(2.0, 2.0), Tonemapping::None, DebandDither::Disabled, Msaa::Off));

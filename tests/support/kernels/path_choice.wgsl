@@ -49,15 +49,15 @@ const PARTNER: vec2<u32> = vec2<u32>(2u, 4u);
 const BIAS: f32 = 64.0;
 const VERTICES: u32 = 5u;
 
-fn write(block: vec2<u32>, is_shifted: bool, channel: u32, value: vec3<f32>) {
+fn put(block: vec2<u32>, is_shifted: bool, channel: u32, value: vec3<f32>) {
     let at = vec2<u32>(channel & 3u, channel >> 2u) + select(vec2<u32>(0u), vec2<u32>(4u, 0u), is_shifted);
     textureStore(contribution, block * BLOCK + at, vec4<f32>(value, 0.0));
 }
 
 fn show(block: vec2<u32>) {
     for (var channel = 0u; channel < 16u; channel++) {
-        write(block, false, channel, vec3<f32>(0.0));
-        write(block, true, channel, vec3<f32>(0.0));
+        put(block, false, channel, vec3<f32>(0.0));
+        put(block, true, channel, vec3<f32>(0.0));
     }
     let at = block * BLOCK + MIDDLE;
     let partner = (block ^ PARTNER) * BLOCK + MIDDLE;
@@ -76,8 +76,8 @@ fn show(block: vec2<u32>) {
     }
     let header = vec3<f32>(f32(path.reconnection), f32(path.termination), f32(path.length));
     let reason = hybrid_shift(path, to.first, to.shift, false, false).reason;
-    write(block, false, 0u, header);
-    write(block, true, 0u, header + 1.0 + f32(reason));
+    put(block, false, 0u, header);
+    put(block, true, 0u, header + 1.0 + f32(reason));
     // One call for both, because each copy of the walk takes compile time.
     for (var side = 0u; side < 2u; side++) {
         var first = r.first;
@@ -109,9 +109,9 @@ fn show_vertices(path: PathSample, first: Vertex, block: vec2<u32>, is_shifted: 
             roughness = select(sqrt(alpha), 1.0, step.lobe == LOBE_DIFFUSE);
         }
         let flags = 1u | u32(step.delta) << 1u | u32(bsdf_is_diffuse(v.surface.bsdf)) << 2u;
-        write(block, is_shifted, 3u * index - 2u, v.surface.position + BIAS);
-        write(block, is_shifted, 3u * index - 1u, v.surface.bsdf.n_geo + 2.0);
-        write(block, is_shifted, 3u * index, vec3<f32>(pdf, roughness, f32(flags)));
+        put(block, is_shifted, 3u * index - 2u, v.surface.position + BIAS);
+        put(block, is_shifted, 3u * index - 1u, v.surface.bsdf.n_geo + 2.0);
+        put(block, is_shifted, 3u * index, vec3<f32>(pdf, roughness, f32(flags)));
         if is_last || (path.reconnection != 0u && index >= path.reconnection) {
             return;
         }
