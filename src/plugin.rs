@@ -107,10 +107,15 @@ impl RestirPlugin {
         let bound_textures =
             device.and_then(|device| scene::texture::bindless::max_textures(device, 3 + u32::from(ray_queries)));
         let pipelines = frame::pipelines::PassPipelines::new(library.clone(), ray_queries, bound_textures);
-        render_app.insert_resource(pipelines).insert_resource(library).insert_resource(statistics).add_systems(
-            Render,
-            report::update_report.in_set(RenderSystems::Cleanup).before(view::capture_readback::capture_radiance),
-        );
+        render_app
+            .insert_resource(pipelines)
+            .insert_resource(library)
+            .insert_resource(statistics.guard_run().clone())
+            .insert_resource(statistics)
+            .add_systems(
+                Render,
+                report::update_report.in_set(RenderSystems::Cleanup).before(view::capture_readback::capture_radiance),
+            );
         scene::build(render_app, ray_queries, bound_textures);
         view::build(render_app);
         view::bevy_handoff::build(render_app, !bevy_lights_first);

@@ -1,16 +1,13 @@
 //! Statistics of the plugin for apps and tests.  Shaders count their own work; nothing is estimated.
 
 use bevy::{ecs::prelude::*, log::error};
-use std::sync::{
-    Arc, Mutex, MutexGuard, PoisonError,
-    atomic::{AtomicU32, Ordering},
-};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::{
     frame::pipelines::{PassPipelines, PipelineReport},
     gpu_layout::GpuCounters,
     scene::{SceneFeatures, bindings::SceneBindings},
-    view::{ViewPool, environment::EnvironmentPool, guards::GUARDS},
+    view::{ViewPool, counters::GuardRun, environment::EnvironmentPool, guards::GUARDS},
 };
 
 /// The state of the plugin after the last frame.
@@ -68,8 +65,7 @@ pub struct RestirStatistics(Arc<Shared>);
 #[derive(Debug, Default)]
 struct Shared {
     report: Mutex<RestirReport>,
-    /// Number of calls of [`RestirStatistics::reset_guards`].
-    run: AtomicU32,
+    run: GuardRun,
 }
 
 impl RestirStatistics {
@@ -80,13 +76,13 @@ impl RestirStatistics {
 
     /// Starts a new run: [`RestirReport::guards`] count from the next frame on.
     pub fn reset_guards(&self) {
-        self.0.run.fetch_add(1, Ordering::AcqRel);
+        self.0.run.start_next();
         self.lock().guards.iter_mut().for_each(|(_, pixels)| *pixels = 0);
     }
 
     /// The run that guards are counted for.
-    pub(crate) fn run(&self) -> u32 {
-        self.0.run.load(Ordering::Acquire)
+    pub(crate) fn guard_run(&self) -> &GuardRun {
+        &self.0.run
     }
 
     fn lock(&self) -> MutexGuard<'_, RestirReport> {
@@ -103,7 +99,7 @@ pub(crate) fn update_report(
     passes: Res<PassPipelines>,
     mut reported: Local<Vec<&'static str>>,
 ) {
-    let run = statistics.run();
+    let run = statistics.guard_run().current();
     let mut report = statistics.lock();
     report.ready = scene.ready && environments.ready && views.views.values().all(|v| v.rendered && v.key_is_requested);
     report.backend = if scene.features.contains(SceneFeatures::RAY_QUERY) { "hardware" } else { "software" };

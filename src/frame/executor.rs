@@ -13,7 +13,6 @@ use bevy::{
 
 use super::{SPAN_PREFIX, composite, pipelines::PassPipelines, resource, visibility};
 use crate::{
-    report::RestirStatistics,
     scene::{SceneFeatures, bindings::SceneBindings},
     technique::{
         domain::Domain,
@@ -22,6 +21,7 @@ use crate::{
     },
     view::{
         RestirView, ViewPool,
+        counters::GuardRun,
         history::{Reservoirs, presample_workgroups},
     },
 };
@@ -31,7 +31,7 @@ pub(super) fn run_passes(
     views: Res<ViewPool>,
     scene: Res<SceneBindings>,
     passes: Res<PassPipelines>,
-    statistics: Res<RestirStatistics>,
+    run: Res<GuardRun>,
     pipelines: Res<PipelineCache>,
     device: Res<RenderDevice>,
     mut context: RenderContext,
@@ -46,7 +46,7 @@ pub(super) fn run_passes(
     if key.features.contains(SceneFeatures::RAY_QUERY) && scene.structures.is_none() {
         return;
     }
-    state.counters.begin_frame(statistics.run(), &mut context);
+    state.counters.begin_frame(run.current(), &mut context);
     let encoder = context.command_encoder();
     if let Some(history) = &state.history {
         // Temporal reuse still needs the last visibility buffer, which the visibility pass overwrites.

@@ -1,8 +1,11 @@
 //! Counters that shaders keep for each view (rays, overflows, raised guards), read back a few frames later without blocking.
 
-use bevy::render::{
-    render_resource::*,
-    renderer::{RenderContext, RenderDevice},
+use bevy::{
+    ecs::resource::Resource,
+    render::{
+        render_resource::*,
+        renderer::{RenderContext, RenderDevice},
+    },
 };
 use std::{
     mem::offset_of,
@@ -14,6 +17,20 @@ use std::{
 
 use crate::gpu_layout::GpuCounters;
 
+/// The run that guards are counted for: a number that grows when the app starts a new run.  Clones share it.
+#[derive(Resource, Clone, Debug, Default)]
+pub(crate) struct GuardRun(Arc<AtomicU32>);
+
+impl GuardRun {
+    pub(crate) fn start_next(&self) {
+        self.0.fetch_add(1, Ordering::AcqRel);
+    }
+
+    pub(crate) fn current(&self) -> u32 {
+        self.0.load(Ordering::Acquire)
+    }
+}
+
 /// Counters of a view on the GPU, and their newest values on the CPU.
 pub(crate) struct CounterReadback {
     pub buffer: Buffer,
@@ -21,7 +38,7 @@ pub(crate) struct CounterReadback {
     in_flight: Arc<AtomicBool>,
     newest: Arc<Mutex<Counted>>,
     copied: AtomicBool,
-    /// The run that the buffer counts: the number of restarts before it.
+    /// The run that the buffer counts.
     run: AtomicU32,
 }
 

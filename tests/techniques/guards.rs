@@ -65,13 +65,13 @@ type Plant = (&'static [&'static str], Technique, u32, &'static [&'static str]);
 /// Each guard with one technique.
 const QUICK: &[Plant] = {
     use Technique::{Di, Gi, Pt, Reference};
-    const PATHS: &[&str] = &["non_finite", "negative_pixel", "ray", "light_contribution", "bsdf_sample", "throughput"];
+    const PATHS: &[&str] = &["non_finite", "negative_pixel", "light_contribution", "bsdf_sample", "throughput"];
     const WEIGHTS: &[&str] = &["resampling_weight", "contribution_weight", "target", "mis_weight"];
     const SHIFTS: &[&str] = &["shift_contribution", "jacobian"];
     &[
         (PATHS, Reference, NAN, PATHS),
         (&["surface", "light_sample"], Reference, MINUS_ONE, &["surface", "light_sample"]),
-        (&["light_contribution"], Reference, INFINITY, &["float_overflow"]),
+        (&["ray", "light_contribution"], Reference, INFINITY, &["float_overflow", "ray"]),
         (WEIGHTS, Di, MINUS_ONE, WEIGHTS),
         (SHIFTS, Pt, NAN, SHIFTS),
         (&["gi_measure"], Gi, NAN, &["gi_measure"]),
