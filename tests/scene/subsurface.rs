@@ -86,7 +86,8 @@ fn values_out_of_range_give_one_warning_and_a_sound_picture() {
             assert!(picture.is_finite(), "{length}, {weight}");
             rig.assert_sound();
             // A path of a millimeter is below a hundredth of these pixels.
-            let is_diffuse = !(length > 2e-3) || !(weight > 0.0);
+            let scatters = length > 2e-3 && weight > 0.0;
+            let is_diffuse = !scatters;
             assert_eq!(picture == diffuse, is_diffuse, "{length} m with weight {weight}");
         }
         rig.insert(entity, Subsurface { mean_free_path: Vec3::new(0.1, length, 0.0), weight: 0.5 });

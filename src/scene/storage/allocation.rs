@@ -19,7 +19,7 @@ pub fn attempt<T>(device: &RenderDevice, create: impl FnOnce() -> T) -> Result<T
     let created = create();
     // Scopes form a stack: the last one is popped first.
     let errors = scopes.into_iter().rev().filter_map(|scope| now_or_never(scope.pop()).flatten());
-    errors.fold(Ok(created), |result, error| result.and(Err(error.to_string())))
+    errors.last().map_or(Ok(created), |error| Err(error.to_string()))
 }
 
 /// In a browser this only runs the function: errors arrive later, at Bevy's handler.
