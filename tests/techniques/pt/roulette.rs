@@ -17,7 +17,7 @@ const SIZE: u32 = 64;
 /// Paths hit the walls by BSDF samples only, without a weight against light samples.
 const BSDF_ALONE: ShaderEdit = ShaderEdit {
     module: "path/nee.wgsl",
-    from: "return select(step.pdf / (step.pdf + nee_pdf), 1.0, step.delta || !(nee_pdf > 0.0));",
+    from: "return select(step.pdf / (step.pdf + pdf), 1.0, step.delta || !(pdf > 0.0));",
     to: "return 1.0;",
 };
 
