@@ -8,8 +8,8 @@
 
 #import bevy_restir::common::math::{is_finite, is_finite_3}
 
-// Bits of `raised_guards`; 1, 2, 4 and 0x80000 belong to OVERFLOW_* and NON_FINITE (`common/constants.wgsl`), which are counted with them.  A test
-// holds these constants and their names equal to `GUARDS` in `src/view/guards.rs`, which says what each one means.
+// Bits of `raised_guards`.  The bits 1, 2, 4 and 0x80000 belong to OVERFLOW_* and NON_FINITE (`common/constants.wgsl`), which are counted
+// with them.  A test holds these constants and their names equal to `GUARDS` in `src/view/guards.rs`, which explains each of them.
 const GUARD_FLOAT_OVERFLOW: u32 = 0x8u;
 const GUARD_NEGATIVE_PIXEL: u32 = 0x10u;
 const GUARD_RAY: u32 = 0x20u;

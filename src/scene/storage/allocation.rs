@@ -4,8 +4,8 @@
 
 use bevy::render::renderer::RenderDevice;
 
-/// Runs a function that creates buffers, textures or bind groups.  Returns the device's error if there is one, for example that its memory
-/// is full; what was created is then invalid and dropped.
+/// Runs a function that creates buffers, textures or bind groups.  If the device reports an error, for example that its memory is full, the
+/// function's result is dropped and the error is returned.
 ///
 /// In a browser errors arrive later, so that they reach Bevy's handler as before.
 #[cfg(not(target_arch = "wasm32"))]
