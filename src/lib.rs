@@ -38,6 +38,7 @@ mod shader_library;
 mod system_sets;
 mod technique;
 mod view;
+mod warned;
 
 pub use frame::{SPAN_PREFIX, pipelines::PipelineReport};
 pub use plugin::{RestirPlugin, RestirStatus};
@@ -45,7 +46,8 @@ pub use report::{RestirReport, RestirStatistics};
 pub use scene::SceneFeatures;
 pub use settings::{
     Bdpt, BiasCorrection, DebugView, Direct, EmissiveLuminance, Mis, Paths, Preset, RayBackend, Reconnection, Research,
-    ReservoirLayout, Restir, RestirEnvironment, Reuse, ReuseOrder, SuffixRetrace, Technique, VisibilityReuse,
+    ReservoirLayout, Restir, RestirEnvironment, Reuse, ReuseOrder, Subsurface, SuffixRetrace, Technique,
+    VisibilityReuse,
 };
 pub use system_sets::RestirSystems;
 pub use technique::pass_names;
@@ -55,7 +57,7 @@ pub use view::capture::{CapturedRadiance, RadianceCapture};
 pub mod prelude {
     pub use crate::{
         Bdpt, BiasCorrection, DebugView, Direct, EmissiveLuminance, Mis, Paths, Preset, RayBackend, Reconnection,
-        Restir, RestirEnvironment, RestirPlugin, RestirStatus, Reuse, ReuseOrder, SuffixRetrace, Technique,
+        Restir, RestirEnvironment, RestirPlugin, RestirStatus, Reuse, ReuseOrder, Subsurface, SuffixRetrace, Technique,
         VisibilityReuse,
     };
 }
@@ -65,7 +67,7 @@ pub mod prelude {
 #[allow(missing_docs, reason = "not part of the public interface")]
 pub mod testing {
     pub use crate::{
-        frame::pipelines::{plant_shader_defs, replace_pass_shader},
+        frame::pipelines::{plant_shader_defs, plant_shader_edits, replace_pass_shader},
         scene::{accel, geometry, light, material, storage},
         technique::shader_templates,
     };
@@ -74,7 +76,11 @@ pub mod testing {
         pub use crate::gpu_layout::*;
     }
 
+    pub mod guards {
+        pub use crate::view::guards::*;
+    }
+
     pub mod shader_library {
-        pub use crate::shader_library::{MODULES, instantiate, is_template};
+        pub use crate::shader_library::{MODULES, ShaderEdit, edited, instantiate, is_template};
     }
 }

@@ -1,13 +1,14 @@
 // LOBE_DIFFUSE: Lambert under a dielectric interface, weighted by 1 - F(wo·h) (glTF 2.0 Appendix B).  With DIFFUSE_TRANSMISSION it
-// also transmits (KHR_materials_diffuse_transmission).  Directions are in the local frame, n = z.
+// also transmits (KHR_materials_diffuse_transmission).  With SUBSURFACE, light that scatters below the surface is taken from what it
+// reflects.  Directions are in the local frame, n = z.
 #define_import_path bevy_restir::bsdf::diffuse
 
 #import bevy_restir::bsdf::fresnel::schlick
 #import bevy_restir::bsdf::types::Bsdf
 #import bevy_restir::common::constants::{INV_PI, TWO_PI}
 
-// Albedo of reflection plus transmission, without the Fresnel weight.
-fn diffuse_albedo(b: Bsdf) -> vec3<f32> {
+// Albedo of everything diffuse, without the Fresnel weight: reflection, transmission, and scattering below the surface.
+fn diffuse_base(b: Bsdf) -> vec3<f32> {
     return (1.0 - b.metallic) * (1.0 - b.transmission) * b.base_color;
 }
 
@@ -18,12 +19,12 @@ fn diffuse_eval(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> vec3<f32> {
         return vec3<f32>(0.0);
     }
     let c = dot(wo, normalize(wo + vec3<f32>(wi.xy, abs(wi.z))));
-    return diffuse_albedo(b) * (1.0 - schlick(b.dielectric_reflectance, c)) * (share * abs(wi.z) * INV_PI);
+    return of_surface(b, wi.z, diffuse_base(b) * (1.0 - schlick(b.dielectric_reflectance, c)) * (share * abs(wi.z) * INV_PI));
 }
 
 // Density of wi, solid angle, given the lobe.
 fn diffuse_pdf(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> f32 {
-    return diffuse_share(b, wi.z) * abs(wi.z) * INV_PI;
+    return diffuse_probability(b, wi.z) * abs(wi.z) * INV_PI;
 }
 
 // Samples wi; u.z chooses the side.
@@ -40,7 +41,7 @@ fn diffuse_share(b: Bsdf, z: f32) -> f32 {
 }
 
 fn diffuse_side(b: Bsdf, u: f32) -> f32 {
-    return select(1.0, -1.0, u < b.diffuse_transmission);
+    return select(1.0, -1.0, u < diffuse_probability(b, -1.0));
 }
 #else
 fn diffuse_share(b: Bsdf, z: f32) -> f32 {
@@ -49,5 +50,37 @@ fn diffuse_share(b: Bsdf, z: f32) -> f32 {
 
 fn diffuse_side(b: Bsdf, u: f32) -> f32 {
     return 1.0;
+}
+#endif
+
+#ifdef SUBSURFACE
+// Albedo of reflection plus transmission, without the Fresnel weight.
+fn diffuse_albedo(b: Bsdf) -> vec3<f32> {
+    return diffuse_base(b) * (1.0 - diffuse_share(b, 1.0) * b.subsurface);
+}
+
+// The part of a diffuse value that stays at the surface.  Where light enters a body, it crosses an interface.
+fn of_surface(b: Bsdf, z: f32, value: vec3<f32>) -> vec3<f32> {
+    let stays = select(vec3<f32>(1.0), 1.0 - b.subsurface, z > 0.0);
+    return value * stays * (1.0 - schlick(b.entry_reflectance, abs(z)));
+}
+
+// Probability of the side of z.
+fn diffuse_probability(b: Bsdf, z: f32) -> f32 {
+    let above = diffuse_share(b, 1.0) * (1.0 - min(b.subsurface.x, min(b.subsurface.y, b.subsurface.z)));
+    let below = diffuse_share(b, -1.0);
+    return select(below, above, z > 0.0) / max(above + below, 1.0e-37);
+}
+#else
+fn diffuse_albedo(b: Bsdf) -> vec3<f32> {
+    return diffuse_base(b);
+}
+
+fn of_surface(b: Bsdf, z: f32, value: vec3<f32>) -> vec3<f32> {
+    return value;
+}
+
+fn diffuse_probability(b: Bsdf, z: f32) -> f32 {
+    return diffuse_share(b, z);
 }
 #endif

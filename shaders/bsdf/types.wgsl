@@ -26,6 +26,8 @@ struct Bsdf {
     compensation: f32,         // (1 - E)/E for multiple scattering between microfacets; 0 without ENERGY_COMPENSATION
     diffuse_transmission: f32, // share of diffuse light that is transmitted; with DIFFUSE_TRANSMISSION only
     thin: u32,                 // 1: a thin wall, without a volume inside; with THIN_WALL only
+    subsurface: vec3<f32>,     // share of reflected diffuse light that scatters below the surface; both fields with SUBSURFACE only
+    entry_reflectance: vec3<f32>, // F0 of the interface that light crosses where it enters a body; 0 for other surfaces
 }
 
 struct BsdfSample {

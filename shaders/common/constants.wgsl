@@ -29,6 +29,9 @@ const LIGHT_HIDDEN_SHIFT: u32 = 8u;
 const INSTANCE_MIRRORED: u32 = 1u;
 const INSTANCE_ALPHA: u32 = 2u;
 const INSTANCE_SECOND_UV: u32 = 4u;
+// Light scatters below the surface.  From INSTANCE_SUBSURFACE_SHIFT on, the flags then hold the index of a record in `subsurfaces`.
+const INSTANCE_SUBSURFACE: u32 = 8u;
+const INSTANCE_SUBSURFACE_SHIFT: u32 = 8u;
 
 // Flags of a material.
 const MATERIAL_DOUBLE_SIDED: u32 = 1u;
@@ -66,6 +69,7 @@ const VIEW_NO_BACKDROP: u32 = 4u;
 const OVERFLOW_STACK: u32 = 1u;
 const OVERFLOW_STEPS: u32 = 2u;
 const NON_FINITE: u32 = 4u;
+const OVERFLOW_PROBE: u32 = 0x80000u;
 
 // Smallest GGX roughness α, and the α below which a lobe is a delta.
 const ALPHA_MIN: f32 = 1.0e-4;

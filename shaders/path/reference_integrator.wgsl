@@ -1,12 +1,14 @@
 // The reference path tracer: next-event estimation (NEE) and BSDF sampling, combined by the balance heuristic (Veach 1997, 9.2), with
-// Russian roulette and without clamping.  It is unbiased for paths of up to `view.bounces` scattering events.
+// Russian roulette and without clamping.  It is unbiased for paths of up to `view.bounces` scattering events.  Light that scatters below a
+// surface enters where a probe finds the body: there, too, lights and directions are sampled.
 #define_import_path bevy_restir::path::reference_integrator
 
 #import bevy_restir::bsdf::bsdf::{bsdf_eval, bsdf_is_delta, bsdf_pdf, bsdf_sample}
 #import bevy_restir::common::constants::{FAR, NONE}
+#import bevy_restir::common::guard::{GUARD_LIGHT_CONTRIBUTION, GUARD_THROUGHPUT, guarded_3}
 #import bevy_restir::common::math::max_component
 #import bevy_restir::common::ray::{Hit, Ray}
-#import bevy_restir::common::rng::{Rng, rng_1, rng_3, rng_4, rng_bits}
+#import bevy_restir::common::rng::{Rng, rng_1, rng_3, rng_4, rng_bits, unit_float}
 #import bevy_restir::light::analytic_area_light::{light_hit_point, LIGHT_HITS_MAX, next_light_hit, RaySegment}
 #import bevy_restir::light::environment::{environment_pdf, environment_radiance}
 #import bevy_restir::light::light::light_sample
@@ -21,6 +23,9 @@
 #import bevy_restir::trace::trace::trace_closest
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::camera::pixel_cone
+#ifdef SUBSURFACE
+#import bevy_restir::subsurface::entry::{sample_entry, scatters_below, subsurface_probability}
+#endif
 
 // Russian roulette starts at this scattering event.
 const ROULETTE_FROM: u32 = 3u;
@@ -56,7 +61,7 @@ fn nee_radiance(s: Surface, wo: vec3<f32>, medium: vec3<f32>, rng: ptr<function,
     if !(pdf > 0.0) || !(max_component(l.radiance) > 0.0) {
         return vec3<f32>(0.0);
     }
-    let f = bsdf_eval(s.bsdf, wo, l.wi);
+    let f = guarded_3(bsdf_eval(s.bsdf, wo, l.wi), GUARD_LIGHT_CONTRIBUTION);
     if !(max_component(f) > 0.0) {
         return vec3<f32>(0.0);
     }
@@ -67,7 +72,8 @@ fn nee_radiance(s: Surface, wo: vec3<f32>, medium: vec3<f32>, rng: ptr<function,
     if !light_is_visible(s, l, alpha_seed, false) {
         return vec3<f32>(0.0);
     }
-    return f * l.radiance * transmittance(medium_towards(s, l.wi, medium), l.distance) * (weight / pdf);
+    let carried = transmittance(medium_towards(s, l.wi, medium), l.distance);
+    return guarded_3(f * l.radiance * carried * (weight / pdf), GUARD_LIGHT_CONTRIBUTION);
 }
 
 // Radiance of the analytic area lights that a segment hits, times their MIS weights against NEE at `from_point`.  `pdf`: density of the
@@ -91,6 +97,40 @@ fn light_hit_radiance(segment: RaySegment, from_point: vec3<f32>, medium: vec3<f
     return radiance;
 }
 
+// The surface that a path scatters from: the one that it hit, or one where light enters the same body.
+struct Scatterer {
+    surface: Surface,
+    wo: vec3<f32>,
+    weight: vec3<f32>,         // factor of light that it scatters, divided by the probability of choosing it
+    radiance: vec3<f32>,       // of a light that is sampled where light enters
+    valid: bool,               // whether light enters; true for the surface that was hit
+}
+
+#ifdef SUBSURFACE
+// Samples a light where it enters the body, then continues there or at the surface.
+fn next_scatterer(s: Surface, wo: vec3<f32>, medium: vec3<f32>, rng: ptr<function, Rng>) -> Scatterer {
+    if !scatters_below(s, wo) {
+        return Scatterer(s, wo, vec3<f32>(1.0), vec3<f32>(0.0), true);
+    }
+    let u = rng_4(rng);
+    let bits = rng_bits(rng);
+    let entry = sample_entry(s, wo, u, bits.x);
+    var radiance = vec3<f32>(0.0);
+    if entry.valid {
+        radiance = entry.weight * nee_radiance(entry.surface, entry.surface.bsdf.n, medium, rng);
+    }
+    let p = subsurface_probability(s, wo);
+    if unit_float(bits).y < p {
+        return Scatterer(entry.surface, entry.surface.bsdf.n, entry.weight / p, radiance, entry.valid);
+    }
+    return Scatterer(s, wo, vec3<f32>(1.0 / (1.0 - p)), radiance, true);
+}
+#else
+fn next_scatterer(s: Surface, wo: vec3<f32>, medium: vec3<f32>, rng: ptr<function, Rng>) -> Scatterer {
+    return Scatterer(s, wo, vec3<f32>(1.0), vec3<f32>(0.0), true);
+}
+#endif
+
 // Radiance along a camera ray with a known first hit.
 fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> vec3<f32> {
     var radiance = vec3<f32>(0.0);
@@ -107,7 +147,7 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
 
     for (var scattered = 0u; scattered <= view.bounces; scattered++) {
         let wo = -ray.direction;
-        let s = surface_at(hit.instance, hit.triangle, hit.barycentrics, wo, cone, false);
+        var s = surface_at(hit.instance, hit.triangle, hit.barycentrics, wo, cone, false);
         throughput *= transmittance(medium, hit.t);
 
         // Add emission, with its MIS weight against NEE at the last vertex.
@@ -130,13 +170,19 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
             radiance += throughput * nee_radiance(s, wo, medium, rng);
         }
 
-        // Sample the BSDF.
+        // Sample the BSDF, where the path hit the surface or where light enters the body below it.
+        let scatterer = next_scatterer(s, wo, medium, rng);
+        radiance += throughput * scatterer.radiance;
+        if !scatterer.valid {
+            break;
+        }
+        s = scatterer.surface;
         let u = rng_3(rng);
-        let b = bsdf_sample(s.bsdf, wo, u);
+        let b = bsdf_sample(s.bsdf, scatterer.wo, u);
         if b.valid == 0u {
             break;
         }
-        throughput *= b.weight;
+        throughput = guarded_3(throughput * scatterer.weight * b.weight, GUARD_THROUGHPUT);
         pdf = b.pdf;
         eta_scale *= b.eta * b.eta;
         medium = medium_towards(s, b.wi, medium);

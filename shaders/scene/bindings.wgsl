@@ -19,6 +19,8 @@
 // entries, if it has one, then its texture slots in the order of SLOT_*.  `second_uvs` has three texels per triangle.
 @group(0) @binding(9) var texture_table: texture_2d<u32>;
 @group(0) @binding(10) var second_uvs: texture_2d<f32>;
+// Subsurface scattering: mean free path of the three channels in meters (rgb), and weight (a).
+@group(0) @binding(11) var subsurfaces: texture_2d<f32>;
 // Elements per row, equal to `ELEMENTS_PER_ROW` in src/scene/storage/data_texture.rs.
 const ELEMENTS_A_ROW: u32 = 1024u;
 

@@ -3,13 +3,15 @@
 
 #import bevy_restir::bsdf::types::Bsdf
 #import bevy_restir::common::constants::{ALPHA_MIN, INSTANCE_MIRRORED, MATERIAL_DOUBLE_SIDED, MATERIAL_UNLIT, NONE}
-#import bevy_restir::common::math::octahedral_decode
+#import bevy_restir::common::guard::{GUARD_SURFACE, guard_holds, guarded_3}
+#import bevy_restir::common::math::{is_finite_3, octahedral_decode}
 #import bevy_restir::scene::bindings::{attributes, instances, materials}
 #import bevy_restir::scene::cone::Cone
 #import bevy_restir::scene::directional_albedo::multiple_scattering
 #import bevy_restir::scene::lobes::{LobeFrame, with_lobes}
 #import bevy_restir::scene::material::material_at
 #import bevy_restir::scene::offset::{offset_distance, surface_point}
+#import bevy_restir::scene::subsurface::subsurface_at
 #import bevy_restir::scene::triangle::{instance_transform, safe_normalize, transform_normal, transform_vector, world_triangle}
 
 struct Surface {
@@ -21,6 +23,9 @@ struct Surface {
     material: u32,
     attenuation: vec3<f32>,   // absorption coefficient of the volume inside, 1/m
     light: u32,               // id of this triangle in the light table, or NONE
+    radius: vec3<f32>,        // length d of the subsurface profile, m; 0 in channels that do not scatter below the surface
+    instance: u32,
+    smooth_n: vec3<f32>,      // normal without a normal map, on wo's side
     bsdf: Bsdf,
 }
 
@@ -120,8 +125,8 @@ fn surface_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, wo: vec3<f3
         s.light = instances[instance].first_light + triangle - instances[instance].first_triangle;
     }
     let emits = (flags & MATERIAL_UNLIT) == 0u && (front || (flags & MATERIAL_DOUBLE_SIDED) != 0u);
-    s.emission = select(vec3<f32>(0.0), point.emission, emits);
-    s.unlit = select(vec3<f32>(0.0), point.base_color, (flags & MATERIAL_UNLIT) != 0u);
+    s.emission = guarded_3(select(vec3<f32>(0.0), point.emission, emits), GUARD_SURFACE);
+    s.unlit = guarded_3(select(vec3<f32>(0.0), point.base_color, (flags & MATERIAL_UNLIT) != 0u), GUARD_SURFACE);
     s.bsdf.n = n * side;
     s.bsdf.n_geo = t.normal * side;
     s.bsdf.base_color = point.base_color;
@@ -134,11 +139,28 @@ fn surface_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, wo: vec3<f3
     var frame = tangent_frame(m, mirrored, triangle, barycentrics, smooth_n);
     frame.coat_normal = side * mapped_coat_normal(point.coat_normal, frame);
     s.bsdf = with_lobes(s.bsdf, point, frame, wo);
+    let below = subsurface_at(instance, point.base_color, front, cone.width, s.offset);
+    s.bsdf.subsurface = below.weight;
+    s.radius = below.radius;
+    s.instance = instance;
+    s.smooth_n = smooth_n * side;
     if (flags & MATERIAL_UNLIT) != 0u {
         // An unlit material reflects no light.
-        s.bsdf.base_color = vec3<f32>(0.0);
-        s.bsdf.dielectric_reflectance = vec3<f32>(0.0);
-        s.bsdf.transmission = 0.0;
+        s.bsdf = black(s.bsdf);
+    }
+    if !guard_holds(is_finite_3(s.position) && is_finite_3(s.bsdf.n) && is_finite_3(s.bsdf.n_geo), GUARD_SURFACE) {
+        s.emission = vec3<f32>(0.0);
+        s.unlit = vec3<f32>(0.0);
+        s.bsdf = black(s.bsdf);
     }
     return s;
+}
+
+// A base that reflects and transmits nothing; the coat stays.
+fn black(bsdf: Bsdf) -> Bsdf {
+    var b = bsdf;
+    b.base_color = vec3<f32>(0.0);
+    b.dielectric_reflectance = vec3<f32>(0.0);
+    b.transmission = 0.0;
+    return b;
 }

@@ -10,6 +10,9 @@ enable wgpu_ray_query;
 #import bevy_restir::common::ray::{Hit, Ray, trace_flags}
 #import bevy_restir::scene::bindings::{instances, scene}
 #import bevy_restir::trace::alpha::accepts_hit
+#ifdef SUBSURFACE
+#import bevy_restir::trace::probe_hits::{failed_probe, has_too_many, no_probe_hits, ProbeHits, with_probe_hit}
+#endif
 #import bevy_restir::trace::space::object_ray
 #import bevy_restir::trace::triangle::{intersect_triangle, plane_distance, sheared_ray}
 #import bevy_restir::view::render_layers::camera_mask
@@ -24,6 +27,7 @@ enable wgpu_ray_query;
 
 // Flags of a ray query, with the values of Vulkan and Direct3D.
 const FORCE_OPAQUE: u32 = 1u;
+const FORCE_NO_OPAQUE: u32 = 2u;
 const TERMINATE_ON_FIRST_HIT: u32 = 4u;
 #ifdef ALPHA
 const OPACITY: u32 = 0u;
@@ -111,3 +115,49 @@ fn is_valid_ray(ray: Ray) -> bool {
     return is_finite_3(ray.origin) && is_finite_3(ray.direction) && any(ray.direction != vec3<f32>(0.0))
         && ray.t_min >= 0.0 && ray.t_min < ray.t_max;
 }
+
+#ifdef SUBSURFACE
+// All hits on one instance, now or (`previous`) in the last frame.  The device offers every triangle on the ray as a candidate, because none
+// is opaque; those of other instances are passed over.
+fn traverse_instance(ray: Ray, instance: u32, alpha_seed: u32, previous: bool) -> ProbeHits {
+    var hits = no_probe_hits();
+    let root = select(scene.tlas_root, scene.previous_tlas_root, previous);
+    if root == NONE || !is_valid_ray(ray) || instances[instance].blas_root == NONE {
+        return hits;
+    }
+    let inside = object_ray(ray, instance, previous);
+    let line = sheared_ray(inside.origin, inside.direction);
+    let description = RayDesc(FORCE_NO_OPAQUE, camera_mask(), ray.t_min, ray.t_max, ray.origin, ray.direction);
+    var query: ray_query;
+    if previous {
+        rayQueryInitialize(&query, previous_top_level, description);
+    } else {
+        rayQueryInitialize(&query, top_level, description);
+    }
+    var candidates = 0u;
+    while rayQueryProceed(&query) {
+        candidates += 1u;
+        let candidate = rayQueryGetCandidateIntersection(&query);
+        if candidates > MAX_CANDIDATES || has_too_many(hits) {
+            rayQueryTerminate(&query);
+            break;
+        }
+        if candidate.kind != INTERSECTION_TRIANGLE || candidate.instance_custom_data != instance {
+            continue;
+        }
+        let triangle = instances[instance].first_triangle + min(candidate.primitive_index, instances[instance].triangle_count - 1u);
+        let hit = intersect_triangle(line, triangle);
+        if hit.inside && hit.t > ray.t_min && hit.t < ray.t_max && accepts_hit(instance, triangle, hit.barycentrics, alpha_seed) {
+            hits = with_probe_hit(hits, hit.t, triangle);
+        }
+    }
+    if candidates > MAX_CANDIDATES {
+        trace_flags |= OVERFLOW_STEPS;
+        return failed_probe();
+    }
+    if has_too_many(hits) {
+        return failed_probe();
+    }
+    return hits;
+}
+#endif

@@ -6,6 +6,9 @@
 #import bevy_restir::common::ray::{Hit, Ray, trace_flags}
 #import bevy_restir::scene::bindings::{instances, nodes, scene}
 #import bevy_restir::trace::alpha::accepts_hit
+#ifdef SUBSURFACE
+#import bevy_restir::trace::probe_hits::{failed_probe, has_too_many, no_probe_hits, ProbeHits, with_probe_hit}
+#endif
 #import bevy_restir::trace::space::object_ray
 #import bevy_restir::trace::tree::{intersect_node, MIN_NODE_HITS, nearest_child, tree_ray, TreeRay}
 #import bevy_restir::trace::triangle::intersect_triangle
@@ -135,3 +138,52 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
     }
     return hit;
 }
+
+#ifdef SUBSURFACE
+// All hits on one instance, now or (`previous`) in the last frame, by its bottom-level tree alone.  A ray that sorts hits culls no box by
+// the hits that it has found, so that it shares the nodes with `traverse` and not the loop.
+fn traverse_instance(ray: Ray, instance: u32, alpha_seed: u32, previous: bool) -> ProbeHits {
+    var hits = no_probe_hits();
+    let root = instances[instance].blas_root;
+    if root == NONE || !instance_in_layers(instance) {
+        return hits;
+    }
+    let inside = object_ray(ray, instance, previous);
+    let tree = tree_ray(inside.origin, inside.direction);
+    var stack: array<vec2<u32>, STACK_SIZE>;
+    var depth = 0u;
+    var children = vec2<u32>(root, 0x80000000u);
+    for (var steps = 0u; steps < MAX_STEPS; steps += 1u) {
+        let nearest = nearest_child(children, tree.octant);
+        if nearest.others.y >= MIN_NODE_HITS {
+            if depth == STACK_SIZE {
+                trace_flags |= OVERFLOW_STACK;
+                return failed_probe();
+            }
+            stack[depth] = nearest.others;
+            depth += 1u;
+        }
+        let found = intersect_node(nearest.node, tree, ray.t_min, ray.t_max);
+        children = found.children;
+        for (var bits = found.primitives.y; bits != 0u; bits &= bits - 1u) {
+            let triangle = found.primitives.x + firstTrailingBit(bits);
+            let hit = intersect_triangle(tree.line, triangle);
+            if hit.inside && hit.t > ray.t_min && hit.t < ray.t_max && accepts_hit(instance, triangle, hit.barycentrics, alpha_seed) {
+                hits = with_probe_hit(hits, hit.t, triangle);
+                if has_too_many(hits) {
+                    return failed_probe();
+                }
+            }
+        }
+        if children.y < MIN_NODE_HITS {
+            if depth == 0u {
+                return hits;
+            }
+            depth -= 1u;
+            children = stack[depth];
+        }
+    }
+    trace_flags |= OVERFLOW_STEPS;
+    return failed_probe();
+}
+#endif

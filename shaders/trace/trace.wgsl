@@ -2,11 +2,23 @@
 #define_import_path bevy_restir::trace::trace
 
 #import bevy_restir::common::constants::NONE
+#import bevy_restir::common::guard::{GUARD_RAY, guard_holds}
+#import bevy_restir::common::math::{is_finite, is_finite_3}
 #import bevy_restir::common::ray::{Hit, Ray, rays_traced}
 #ifdef RAY_QUERY
 #import bevy_restir::trace::hardware::traverse
 #else
 #import bevy_restir::trace::software::traverse
+#endif
+#ifdef SUBSURFACE
+#import bevy_restir::trace::probe_hits::ProbeHits
+#import bevy_restir::trace::space::object_ray
+#import bevy_restir::trace::triangle::{intersect_triangle, sheared_ray}
+#ifdef RAY_QUERY
+#import bevy_restir::trace::hardware::traverse_instance
+#else
+#import bevy_restir::trace::software::traverse_instance
+#endif
 #endif
 
 // The closest hit in this frame.
@@ -26,5 +38,25 @@ fn trace_any(ray: Ray, alpha_seed: u32, previous: bool) -> bool {
 
 fn trace_counted(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
     rays_traced += 1u;
-    return traverse(ray, alpha_seed, any_hit, previous);
+    var hit = Hit(ray.t_max, NONE, NONE, vec2<f32>(0.0));
+    if guard_holds(is_finite_3(ray.origin) && is_finite_3(ray.direction) && is_finite(ray.t_max), GUARD_RAY) {
+        hit = traverse(ray, alpha_seed, any_hit, previous);
+        // Barycentrics that are not finite would be hidden where a reservoir rounds them.
+        _ = guard_holds(is_finite(hit.t) && is_finite(hit.barycentrics.x) && is_finite(hit.barycentrics.y), GUARD_RAY);
+    }
+    return hit;
 }
+
+#ifdef SUBSURFACE
+// All hits on one instance, now or (`previous`) in the last frame, sorted along the ray.  Counts as one ray.
+fn trace_probe(ray: Ray, instance: u32, alpha_seed: u32, previous: bool) -> ProbeHits {
+    rays_traced += 1u;
+    return traverse_instance(ray, instance, alpha_seed, previous);
+}
+
+// A hit of a probe with its barycentrics, which `ProbeHits` does not hold.
+fn probe_hit(ray: Ray, instance: u32, triangle: u32, t: f32, previous: bool) -> Hit {
+    let inside = object_ray(ray, instance, previous);
+    return Hit(t, instance, triangle, intersect_triangle(sheared_ray(inside.origin, inside.direction), triangle).barycentrics);
+}
+#endif

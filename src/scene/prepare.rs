@@ -23,7 +23,7 @@ use super::{
     features::SceneFeatures,
     geometry::{draw_list, instances::InstancePool, meshes::MeshPool, render_layers::ALL_CAMERAS},
     light::lights::LightPool,
-    material::{directional_albedo, materials::MaterialPool},
+    material::{directional_albedo, materials::MaterialPool, subsurface::SubsurfacePool},
     storage::growable_buffer::GrowableBuffer,
     texture::textures::TexturePool,
 };
@@ -34,6 +34,7 @@ pub(super) struct Pools<'w> {
     meshes: ResMut<'w, MeshPool>,
     textures: ResMut<'w, TexturePool>,
     materials: ResMut<'w, MaterialPool>,
+    subsurface: ResMut<'w, SubsurfacePool>,
     instances: ResMut<'w, InstancePool>,
     lights: ResMut<'w, LightPool>,
 }
@@ -84,12 +85,13 @@ fn update_materials(scene: &mut ExtractedScene, pools: &mut Pools, context: &Con
 /// Updates the records of instances and lights, and the trees over them.
 fn update_instances_and_lights(scene: &ExtractedScene, pools: &mut Pools, context: &Context) {
     let Context { assets, device, .. } = context;
-    let Pools { meshes, materials, instances, lights, .. } = pools;
+    let Pools { meshes, materials, subsurface, instances, lights, .. } = pools;
     let mut max_instances = GrowableBuffer::<GpuInstance>::limit(device);
     if instances.structures.is_some() {
         max_instances = max_instances.min(ray_query::MAX_SLOTS).min(device.limits().max_tlas_instance_count);
     }
-    instances.update(scene, meshes, materials, assets, max_instances);
+    subsurface.begin_frame(device);
+    instances.update(scene, meshes, materials, subsurface, assets, max_instances);
     // The buffer also holds the table of the last frame, so each table gets half of it.
     let max_lights = GrowableBuffer::<GpuLight>::limit(device) / 2;
     lights.update(scene, instances, meshes, materials, max_lights);
@@ -98,7 +100,7 @@ fn update_instances_and_lights(scene: &ExtractedScene, pools: &mut Pools, contex
 /// Builds the trees over instances and lights, and uploads everything that changed.  Returns the number of bytes sent.
 fn upload(pools: &mut Pools, context: &Context) -> u64 {
     let Context { device, queue, .. } = context;
-    let Pools { meshes, materials, instances, lights, .. } = pools;
+    let Pools { meshes, materials, subsurface, instances, lights, .. } = pools;
     instances.build_top_level(meshes, device, queue);
     let uploaded_shapes = lights.build_shapes(meshes, device, queue);
     let needs_second_uvs = instances.features.contains(SceneFeatures::SECOND_UVS);
@@ -106,6 +108,7 @@ fn upload(pools: &mut Pools, context: &Context) -> u64 {
         + instances.uploaded_nodes
         + uploaded_shapes
         + materials.upload(device, queue)
+        + subsurface.upload(device, queue)
         + instances.upload(device, queue)
         + lights.upload(device, queue)
         + meshes.update_second_uvs(needs_second_uvs, device, queue)
@@ -136,7 +139,7 @@ fn uniforms(pools: &Pools) -> GpuSceneUniforms {
 /// Creates bind groups again whose buffers or textures were replaced.
 fn update_bind_groups(bindings: &mut SceneBindings, pools: &mut Pools, context: &Context) {
     let Context { pipelines, device, queue, .. } = context;
-    let Pools { meshes, textures, materials, instances, lights } = pools;
+    let Pools { meshes, textures, materials, subsurface, instances, lights } = pools;
     // A buffer cannot be bound before it exists, so that of a scene without lights or meshes holds one unused element.
     let reserved = meshes.nodes.reserve(1, device, queue)
         && meshes.triangles.reserve(1, device, queue)
@@ -162,6 +165,7 @@ fn update_bind_groups(bindings: &mut SceneBindings, pools: &mut Pools, context: 
             specular_albedo.as_ref().unwrap_or(&placeholders.texel),
             materials.table.view().unwrap_or(&placeholders.integers),
             meshes.second_uvs.view().unwrap_or(&placeholders.texel),
+            subsurface.gpu.view().unwrap_or(&placeholders.texel),
         ];
         bindings.bind(device, pipelines, [&u, n, t, a, i, m, l], views);
     }
@@ -175,11 +179,11 @@ fn update_bind_groups(bindings: &mut SceneBindings, pools: &mut Pools, context: 
 
 /// Records the facts about the scene that views, frames and the report read.
 fn summarize(bindings: &mut SceneBindings, pools: &Pools) {
-    let Pools { meshes, textures, materials, instances, lights } = pools;
+    let Pools { meshes, textures, materials, subsurface, instances, lights } = pools;
     bindings.features = instances.features | lights.features;
     bindings.features.set(SceneFeatures::RAY_QUERY, instances.structures.is_some());
     bindings.motion_revision = instances.motion_revision + lights.revision;
-    bindings.edit_revision = materials.revision + textures.revision + instances.edit_revision;
+    bindings.edit_revision = materials.revision + subsurface.revision + textures.revision + instances.edit_revision;
     bindings.ready = meshes.idle() && !instances.waiting && textures.complete;
     bindings.memory = memory(bindings, pools);
     bindings.triangles = instances.triangles;
@@ -193,7 +197,7 @@ fn summarize(bindings: &mut SceneBindings, pools: &Pools) {
 }
 
 fn memory(bindings: &SceneBindings, pools: &Pools) -> Vec<(&'static str, u64)> {
-    let Pools { meshes, textures, materials, instances, lights } = pools;
+    let Pools { meshes, textures, materials, subsurface, instances, lights } = pools;
     let albedo_bytes = (directional_albedo::SIZE * directional_albedo::SIZE * 4) as u64;
     vec![
         meshes.nodes.memory(),
@@ -202,6 +206,7 @@ fn memory(bindings: &SceneBindings, pools: &Pools) -> Vec<(&'static str, u64)> {
         instances.gpu.memory(),
         materials.gpu.memory(),
         materials.table.memory(),
+        subsurface.gpu.memory(),
         meshes.second_uvs.memory(),
         lights.gpu.memory(),
         textures.memory(),

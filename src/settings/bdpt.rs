@@ -2,7 +2,7 @@
 
 use bevy::reflect::Reflect;
 
-use super::validate::Ranges;
+use super::validate::{Problem, Ranges};
 
 /// Settings of [`Technique::Bdpt`](super::Technique::Bdpt).
 #[derive(Clone, Debug, PartialEq, Reflect)]
@@ -22,7 +22,7 @@ impl Default for Bdpt {
 
 impl Bdpt {
     /// Brings every field into its range.
-    pub(super) fn validate(&mut self, warnings: &mut Vec<String>) {
-        Ranges { path: "bdpt.", warnings }.number("light_paths", &mut self.light_paths, 0.0, 8.0);
+    pub(super) fn validate(&mut self, report: &mut dyn FnMut(Problem)) {
+        Ranges { path: "bdpt.", report }.number("light_paths", &mut self.light_paths, 0.0, 8.0);
     }
 }

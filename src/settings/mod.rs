@@ -1,4 +1,5 @@
-//! Settings that users choose: [`Restir`] and [`RestirEnvironment`] on a camera, [`EmissiveLuminance`] for the whole app.
+//! Settings that users choose: [`Restir`] and [`RestirEnvironment`] on a camera, [`Subsurface`] on an object, [`EmissiveLuminance`] for the
+//! whole app.
 
 mod bdpt;
 mod debug_view;
@@ -8,6 +9,7 @@ mod paths;
 mod presets;
 mod research;
 mod reuse;
+mod subsurface;
 mod validate;
 
 pub use bdpt::Bdpt;
@@ -18,6 +20,7 @@ pub use paths::{Paths, Reconnection, SuffixRetrace};
 pub use presets::Preset;
 pub use research::{Research, ReservoirLayout};
 pub use reuse::{Mis, Reuse, ReuseOrder};
+pub use subsurface::Subsurface;
 
 use bevy::{
     camera::Hdr,
@@ -28,7 +31,7 @@ use bevy::{
     },
     reflect::{Reflect, std_traits::ReflectDefault},
 };
-use validate::Ranges;
+use validate::{Problem, Ranges};
 
 /// Algorithm that computes the light of a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
@@ -136,23 +139,25 @@ impl Restir {
     /// Brings every field into its range.  Returns a warning for each field that it changed and each setting without effect.
     pub fn validate(&mut self) -> Vec<String> {
         let mut warnings = Vec::new();
-        Ranges { path: "", warnings: &mut warnings }.count("bounces", &mut self.bounces, 0, Self::MAX_BOUNCES);
-        self.direct.validate(&mut warnings);
-        self.paths.validate(&mut warnings);
-        self.bdpt.validate(&mut warnings);
-        self.research.validate(&mut warnings);
-        let scale = if self.debug_scale.is_nan() { 1.0 } else { self.debug_scale.clamp(0.0, 1e6) };
-        if scale != self.debug_scale {
-            warnings.push(format!("debug_scale = {} is out of range, {scale} is used", self.debug_scale));
-            self.debug_scale = scale;
-        }
-        if !self.debug_view.shows(self.technique) {
-            warnings.push(format!(
-                "debug_view = {:?} has nothing to show with technique {:?}",
-                self.debug_view, self.technique
-            ));
-        }
+        self.clamp(&mut |problem| warnings.push(problem.to_string()));
         warnings
+    }
+
+    /// Brings every field into its range, and reports each field that it changes and each setting without effect.
+    pub(crate) fn clamp(&mut self, report: &mut dyn FnMut(Problem)) {
+        let mut ranges = Ranges { path: "", report };
+        ranges.count("bounces", &mut self.bounces, 0, Self::MAX_BOUNCES);
+        if self.debug_scale.is_nan() {
+            ranges.number("debug_scale", &mut self.debug_scale, 1.0, 1.0);
+        }
+        ranges.number("debug_scale", &mut self.debug_scale, 0.0, 1e6);
+        self.direct.validate(report);
+        self.paths.validate(report);
+        self.bdpt.validate(report);
+        self.research.validate(report);
+        if !self.debug_view.shows(self.technique) {
+            report(Problem::NothingToShow(self.debug_view, self.technique));
+        }
     }
 }
 

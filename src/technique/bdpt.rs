@@ -34,4 +34,4 @@ const DOMAIN: &Domain = &Domain {
 };
 
 pub(super) const ROW: TechniqueRow =
-    TechniqueRow { technique: Technique::Bdpt, domains: &[DOMAIN], light: None, rays: None };
+    TechniqueRow { technique: Technique::Bdpt, domains: &[DOMAIN], light: None, rays: None, subsurface: false };

@@ -27,4 +27,4 @@ pub(super) const DOMAIN: &Domain = &Domain {
 };
 
 pub(super) const ROW: TechniqueRow =
-    TechniqueRow { technique: Technique::Di, domains: &[DOMAIN], light: None, rays: None };
+    TechniqueRow { technique: Technique::Di, domains: &[DOMAIN], light: None, rays: None, subsurface: false };

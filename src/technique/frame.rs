@@ -77,6 +77,11 @@ impl Frame {
         row(self.technique)
     }
 
+    /// Whether it renders `Subsurface`.
+    pub(crate) fn scatters_below_surfaces(self) -> bool {
+        self.row().subsurface
+    }
+
     /// Domains that it resamples, and keeps a history of.
     pub(crate) fn domains(self) -> &'static [&'static Domain] {
         let domains = self.row().domains;

@@ -26,5 +26,10 @@ const DOMAIN: &Domain = &Domain {
     schedule: ReuseSchedule::of_indirect_light,
 };
 
-pub(super) const ROW: TechniqueRow =
-    TechniqueRow { technique: Technique::Gi, domains: &[di::DOMAIN, DOMAIN], light: None, rays: None };
+pub(super) const ROW: TechniqueRow = TechniqueRow {
+    technique: Technique::Gi,
+    domains: &[di::DOMAIN, DOMAIN],
+    light: None,
+    rays: None,
+    subsurface: false,
+};

@@ -25,6 +25,8 @@ pub(crate) struct TechniqueRow {
     /// Passes of a technique without domains: one writes light, and one the number of rays per pixel for a debug view.
     pub light: Option<&'static ComputePass>,
     pub rays: Option<&'static ComputePass>,
+    /// Whether it renders `Subsurface`; otherwise these objects are diffuse.
+    pub subsurface: bool,
 }
 
 /// All techniques.

@@ -26,4 +26,4 @@ const DOMAIN: &Domain = &Domain {
 };
 
 pub(super) const ROW: TechniqueRow =
-    TechniqueRow { technique: Technique::Pt, domains: &[DOMAIN], light: None, rays: None };
+    TechniqueRow { technique: Technique::Pt, domains: &[DOMAIN], light: None, rays: None, subsurface: false };

@@ -12,5 +12,10 @@ const RAYS: ComputePass = ComputePass { name: "reference_rays", def: Some("SHOWS
 /// Scattering events of its paths, which every technique shows in [`DebugView::Bounces`](crate::DebugView::Bounces).
 pub(super) const BOUNCES: ComputePass = ComputePass { name: "reference_bounces", def: Some("SHOWS_BOUNCES"), ..LIGHT };
 
-pub(super) const ROW: TechniqueRow =
-    TechniqueRow { technique: Technique::Reference, domains: &[], light: Some(&LIGHT), rays: Some(&RAYS) };
+pub(super) const ROW: TechniqueRow = TechniqueRow {
+    technique: Technique::Reference,
+    domains: &[],
+    light: Some(&LIGHT),
+    rays: Some(&RAYS),
+    subsurface: true,
+};

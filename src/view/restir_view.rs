@@ -21,7 +21,7 @@ use super::{
 };
 use crate::{
     gpu_layout::*,
-    scene::{bindings::SceneBindings, geometry::render_layers::ALL_CAMERAS},
+    scene::{bindings::SceneBindings, geometry::render_layers::ALL_CAMERAS, storage::allocation},
     settings::Restir,
     technique::frame::PipelineKey,
 };
@@ -83,7 +83,7 @@ impl RestirView {
         environment_importance: &TextureView,
     ) -> Self {
         let buffer = |label, size, usage| buffer(device, label, size, usage);
-        let texture = |label, format, usage| texture(device, label, size, format, usage);
+        let texture = |label, layers, format, usage| texture(device, label, size, layers, format, usage);
         let view = |texture: &Texture| texture.create_view(&TextureViewDescriptor::default());
         let target = TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING;
         let uniforms = buffer(
@@ -91,16 +91,16 @@ impl RestirView {
             size_of::<GpuViewUniforms>() as u64,
             BufferUsages::UNIFORM | BufferUsages::COPY_DST,
         );
-        let visibility_texture = texture("visibility", VISIBILITY_FORMAT, target | TextureUsages::COPY_SRC);
+        let visibility_texture = texture("visibility", 1, VISIBILITY_FORMAT, target | TextureUsages::COPY_SRC);
         let visibility = view(&visibility_texture);
-        let ray_counts = view(&texture("ray counts", TextureFormat::R32Uint, TextureUsages::STORAGE_BINDING));
+        let counts = view(&texture("counts of pixels", 2, TextureFormat::R32Uint, TextureUsages::STORAGE_BINDING));
         let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
         Self {
             size,
             origin: UVec2::ZERO,
             target_size: size,
             layers: ALL_CAMERAS,
-            depth: view(&texture("depth", DEPTH_FORMAT, target)),
+            depth: view(&texture("depth", 1, DEPTH_FORMAT, target)),
             radiance: buffer("radiance", pixels(size) * 16, storage),
             counters: CounterReadback::new(device),
             bind_group: device.create_bind_group(
@@ -111,7 +111,7 @@ impl RestirView {
                     &visibility,
                     environment_map,
                     environment_importance,
-                    &ray_counts,
+                    &counts,
                 )),
             ),
             raster_bind_group: device.create_bind_group(
@@ -154,25 +154,42 @@ impl RestirView {
         }
     }
 
-    /// Creates, replaces or drops the history.  `limit`: bytes that the device can bind.
+    /// This view with the camera of the last frame, from which motion vectors start.
+    pub(super) fn after(self, last: Self) -> Self {
+        let Self { previous_camera, previous_jitter, counters, .. } = last;
+        Self { previous_camera, previous_jitter, counters, ..self }
+    }
+
+    /// Creates, replaces or drops the history.  `limit`: bytes that the device can bind.  If the device has no memory for it, the frame is
+    /// not rendered.
     pub(super) fn update_history(
         &mut self,
         scene: &SceneBindings,
         limit: u64,
         device: &RenderDevice,
         queue: &RenderQueue,
-    ) {
+    ) -> Result<(), String> {
         let domains = self.key.map_or(&[][..], |key| key.frame.domains());
         if domains.is_empty() {
             self.history = None;
-            return;
+            return Ok(());
         }
         let counts = self.light_path_counts(scene, limit);
-        let history = self.history.take().filter(|history| history.fits(self.size, domains, &self.settings, counts));
-        let inputs = FrameInputs { has_history: history.is_some() && self.frame > 0, moved: self.moved, counts };
-        let mut history = history.unwrap_or_else(|| History::new(self.size, domains, &self.settings, counts, device));
-        history.begin(&self.settings, inputs, queue);
-        self.history = Some(history);
+        let fits =
+            self.history.as_ref().is_some_and(|history| history.fits(self.size, domains, &self.settings, counts));
+        if !fits {
+            // The memory of the old history is free before the new one is created.
+            self.history = None;
+            let create = || History::new(self.size, domains, &self.settings, counts, device);
+            let created = allocation::attempt(device, create);
+            let history = created.inspect_err(|_| (self.rendered, self.image_state) = (false, None))?;
+            self.history = Some(history);
+        }
+        let inputs = FrameInputs { has_history: fits && self.frame > 0, moved: self.moved, counts };
+        if let Some(history) = &mut self.history {
+            history.begin(&self.settings, inputs, queue);
+        }
+        Ok(())
     }
 
     /// Light sub-paths of this frame.  A light path never meets an object that casts no shadow, so that in a scene with such an object the
@@ -196,7 +213,7 @@ impl RestirView {
             ("view uniforms", size_of::<GpuViewUniforms>() as u64),
             ("visibility", pixels * 8),
             ("depth", pixels * 4),
-            ("ray counts", pixels * 4),
+            ("counts of pixels", pixels * 8),
             ("radiance", pixels * 16),
             ("counters", 2 * size_of::<GpuCounters>() as u64),
         ];

@@ -3,6 +3,7 @@
 use bevy::{
     core_pipeline::prepass::ViewPrepassTextures,
     ecs::{entity::Entity, resource::Resource},
+    log::warn_once,
     platform::collections::HashMap,
     render::{render_resource::TextureFormat, view::ViewTarget},
 };
@@ -55,6 +56,13 @@ pub(crate) fn requested_key(
     let mut features = scene.features | environments.features(restir.environment.as_ref());
     features.set(SceneFeatures::RENDER_LAYERS, scene.hidden_from & restir.layers != 0);
     features.set(SceneFeatures::ENERGY_COMPENSATION, restir.settings.energy_compensation);
+    if features.contains(SceneFeatures::SUBSURFACE) && !frame.scatters_below_surfaces() {
+        features.remove(SceneFeatures::SUBSURFACE);
+        warn_once!(
+            "restir: Subsurface is rendered by Technique::Reference only; with Technique::{:?} these objects are diffuse",
+            restir.settings.technique
+        );
+    }
     let max_inputs = frame.domains().iter().map(|domain| (domain.schedule)(&restir.settings).max_inputs());
     features.set(SceneFeatures::MANY_NEIGHBORS, max_inputs.max().unwrap_or(0) > FEW_INPUTS);
     PipelineKey { frame, features }

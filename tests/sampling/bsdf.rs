@@ -4,8 +4,8 @@ use crate::support::{
     compose::flag,
     gpu::gpu,
     materials::{
-        Query, Sampler, at_angle, brushed, coated, evaluate, every_lobe, everything, glass, leaf, metal, mixture, pane,
-        plain, random_material, varnished,
+        Query, Sampler, at_angle, brushed, coated, entry, evaluate, every_lobe, everything, fleshy, glass, leaf, metal,
+        mixture, pane, plain, random_material, varnished,
     },
     oracle::{
         bsdf::{LOBES, Lobe, Material},
@@ -133,6 +133,8 @@ fn cases() -> Vec<(String, Material, DVec3, DVec3, f64)> {
         add("pane delta", pane(1e-4), degrees, Lobe::Transmission);
         add("leaf 0.4", leaf(0.4), degrees, Lobe::Reflection);
         add("leaf 1", leaf(1.0), degrees, Lobe::Reflection);
+        add("fleshy leaf", fleshy(0.4), degrees, Lobe::Reflection);
+        add("entry", entry(), degrees, Lobe::Diffuse);
         add("varnish 0.1 on lambert", varnished(plain(), 1.0, 0.1), degrees, Lobe::Coat);
         add("varnish 1 on metal", varnished(metal(0.3), 0.5, 1.0), degrees, Lobe::Reflection);
         add("varnish delta on a coat", varnished(coated(0.3), 1.0, 1e-4), degrees, Lobe::Reflection);
@@ -327,11 +329,14 @@ fn no_material_reflects_more_than_it_receives() {
 }
 
 /// f(wo, wi) = f(wi, wo) for each lobe; for refraction, f divided by the squared index on wo's side is symmetric.  The coat is excluded:
-/// its share depends on wo alone.
+/// its share depends on wo alone.  So is the interface that light crosses into a body: it belongs to a path below the surface.
 #[test]
 fn the_bsdf_is_reciprocal() {
     let Some(gpu) = gpu() else { return };
-    let bare = |q: Query| Query::new(&Material { coat: 0.0, ..q.material() }, q.wo(), q.wi(), 0);
+    let bare = |q: Query| {
+        let material = Material { coat: 0.0, entry_f0: DVec3::ZERO, ..q.material() };
+        Query::new(&material, q.wo(), q.wi(), 0)
+    };
     let forth: Vec<_> = random_queries(50_000).into_iter().map(bare).collect();
     let turned = |q: &Query| {
         let (mut m, wo, wi) = (q.material(), q.wo(), q.wi());
@@ -380,6 +385,8 @@ fn lobes_that_a_material_lacks_change_nothing() {
         diffuse_transmission: 0.0,
         coat: 0.0,
         alpha_along: m.alpha,
+        subsurface: DVec3::ZERO,
+        entry_f0: DVec3::ZERO,
         ..m
     };
     let queries: Vec<_> =

@@ -9,3 +9,4 @@ mod environment;
 mod light_choice;
 mod lights;
 mod rng;
+mod subsurface;

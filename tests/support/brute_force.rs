@@ -44,6 +44,11 @@ impl BruteForce {
         Self { triangles }
     }
 
+    /// Triangles of all instances, in their order.
+    pub fn triangles(&self) -> &[[V; 3]] {
+        &self.triangles
+    }
+
     /// `margin` is in barycentric units.
     pub fn closest(&self, ray: &Ray, margin: f64) -> Closest {
         let (o, d) = (ray.origin.map(f64::from), ray.direction.map(f64::from));

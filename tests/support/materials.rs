@@ -30,7 +30,11 @@ pub struct Query {
     compensation: f32,
     diffuse_transmission: f32,
     thin: u32,
-    pad_bsdf: [u32; 3],
+    pad_thin: [u32; 3],
+    subsurface: [f32; 3],
+    pad_subsurface: u32,
+    entry_reflectance: [f32; 3],
+    pad_bsdf: u32,
     wo: [f32; 3],
     seed: u32,
     wi: [f32; 3],
@@ -59,7 +63,11 @@ impl Query {
             compensation: m.compensation as f32,
             diffuse_transmission: m.diffuse_transmission as f32,
             thin: m.thin.into(),
-            pad_bsdf: [0; 3],
+            pad_thin: [0; 3],
+            subsurface: f(m.subsurface),
+            pad_subsurface: 0,
+            entry_reflectance: f(m.entry_f0),
+            pad_bsdf: 0,
             wo: f(wo),
             seed,
             wi: f(wi),
@@ -86,6 +94,8 @@ impl Query {
             coat_alpha: self.coat_roughness.into(),
             coat_n: wide(self.coat_normal).normalize(),
             coat_compensation: self.coat_compensation.into(),
+            subsurface: wide(self.subsurface),
+            entry_f0: wide(self.entry_reflectance),
         }
     }
 
@@ -138,7 +148,7 @@ impl Sample {
 
 /// Shader definitions of every lobe.
 pub fn every_lobe() -> Vec<Def> {
-    ["TRANSMISSION", "CLEARCOAT", "ANISOTROPY", "DIFFUSE_TRANSMISSION", "THIN_WALL"].map(flag).to_vec()
+    ["TRANSMISSION", "CLEARCOAT", "ANISOTROPY", "DIFFUSE_TRANSMISSION", "THIN_WALL", "SUBSURFACE"].map(flag).to_vec()
 }
 
 pub struct Sampler<'g> {
@@ -193,6 +203,8 @@ pub fn plain() -> Material {
         coat_alpha: 0.25,
         coat_n: DVec3::Z,
         coat_compensation: 0.0,
+        subsurface: DVec3::ZERO,
+        entry_f0: DVec3::ZERO,
     }
 }
 
@@ -242,6 +254,16 @@ pub fn pane(alpha: f64) -> Material {
 /// A leaf that transmits this share of its diffuse light.
 pub fn leaf(share: f64) -> Material {
     Material { diffuse_transmission: share, ..coated(0.3) }
+}
+
+/// A leaf with light below its surface.
+pub fn fleshy(share: f64) -> Material {
+    Material { subsurface: DVec3::new(0.9, 0.6, 0.3), ..leaf(share) }
+}
+
+/// A place where light enters a body.
+pub fn entry() -> Material {
+    Material { alpha: 1.0, alpha_along: 1.0, entry_f0: DVec3::splat(0.04), ..plain() }
 }
 
 /// The same material under a clear coat.
@@ -296,5 +318,7 @@ pub fn random_material(r: &mut Random) -> Material {
         coat_alpha: r.pick(&[1e-4, 9e-4, 1e-3, 1e-2, 0.1, 1.0, random.max(1e-4)]),
         coat_n: if r.unit() < 0.5 { n } else { bent(r) },
         coat_compensation: 0.0,
+        subsurface: if r.unit() < 0.5 { DVec3::ZERO } else { color(r) },
+        entry_f0: r.pick(&[DVec3::ZERO, DVec3::ZERO, DVec3::splat(0.04), DVec3::ONE]),
     }
 }

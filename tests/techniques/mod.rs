@@ -2,10 +2,16 @@
 
 mod area_lights;
 mod bdpt;
+mod confidence;
 mod debug_views;
 mod di;
 mod extremes;
+mod furnace;
 mod gi;
+mod guards;
+mod mis_enumeration;
+mod presets;
+mod previous_frame;
 mod pt;
 mod reference;
 mod resampling;

@@ -14,6 +14,7 @@ use std::path::Path;
 use crate::{
     framing,
     headless::{frame, until},
+    subsurface,
 };
 
 /// State of the loading.
@@ -40,7 +41,9 @@ pub struct View {
 /// Loads a glTF file from the app's folder and spawns its scene.
 pub fn load(app: &mut App, name: &str) -> Result<(), String> {
     let handle = app.world().resource::<AssetServer>().load(name.replace('#', "%23"));
-    app.insert_resource(SceneFile(handle)).init_resource::<Loading>().add_systems(Update, spawn_when_loaded);
+    app.insert_resource(SceneFile(handle))
+        .init_resource::<Loading>()
+        .add_systems(Update, (spawn_when_loaded, subsurface::read_extras));
     until(app, "it is not loaded", |app| {
         matches!(app.world().resource::<Loading>(), Loading::Done | Loading::Failed(_))
     })?;

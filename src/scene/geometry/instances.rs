@@ -7,64 +7,28 @@ use bevy::{
     asset::AssetServer,
     ecs::resource::Resource,
     log::{warn, warn_once},
-    platform::collections::{HashMap, HashSet},
+    platform::collections::HashMap,
     render::{
         renderer::{RenderDevice, RenderQueue},
         sync_world::MainEntity,
     },
 };
-use std::ops::Range;
 
 use crate::gpu_layout::*;
 use crate::scene::{
     accel::blas::Bounds,
     accel::ray_query::{AccelerationStructures, Placed},
-    accel::tlas::{self, Tlas},
+    accel::tlas,
     asset_wait::AssetWait,
     extract::{ExtractedInstance, ExtractedScene},
     features::SceneFeatures,
+    geometry::gpu_tlas::GpuTlas,
     geometry::meshes::{MeshEntry, MeshPool},
     geometry::render_layers::MAX_LAYER_SETS,
-    material::materials::MaterialPool,
+    material::{materials::MaterialPool, subsurface::SubsurfacePool},
     storage::{dirty_runs::dirty_runs, growable_buffer::GrowableBuffer, overflow_warning::OverflowWarning},
 };
-
-/// A top-level tree in the node buffer.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct GpuTlas {
-    /// Range of the nodes and of the packed instance indices behind them.
-    pub range: Range<u32>,
-    nodes: u32,
-}
-
-impl GpuTlas {
-    /// Writes a tree to the node buffer and returns it with the number of bytes sent; `None` if the device has no room.
-    pub(crate) fn write(
-        tlas: &Tlas,
-        meshes: &mut MeshPool,
-        device: &RenderDevice,
-        queue: &RenderQueue,
-    ) -> Option<(Self, u64)> {
-        let nodes = (tlas.nodes.len() / NODE_STRIDE as usize) as u32;
-        let mut words: Vec<[u32; 4]> = tlas.nodes.iter().chain(&tlas.indices).copied().collect();
-        let count = (words.len() as u32).div_ceil(NODE_STRIDE);
-        words.resize((count * NODE_STRIDE) as usize, [0; 4]);
-        let range = meshes.allocate_nodes(count, device, queue)?;
-        crate::scene::accel::blas::bake(&mut words[..(nodes * NODE_STRIDE) as usize], range.start, 0);
-        let bytes = meshes.nodes.write(range.start, bytemuck::cast_slice(&words), queue);
-        Some((Self { range, nodes }, bytes))
-    }
-
-    /// Index of the root node, or `NONE` for an empty tree.
-    pub(crate) fn root(&self) -> u32 {
-        if self.nodes == 0 { NONE } else { self.range.start }
-    }
-
-    /// Position of the instance indices in the node buffer, in elements of 16 bytes.
-    pub(crate) fn indices(&self) -> u32 {
-        (self.range.start + self.nodes) * NODE_STRIDE
-    }
-}
+use crate::warned::Warned;
 
 /// An instance that at least one camera sees.
 #[derive(Clone, Copy, Debug)]
@@ -77,6 +41,13 @@ pub(crate) struct LiveInstance {
     pub camera_mask: u32,
     /// Bits of the cameras whose other rays can hit it: 0 for a `NotShadowCaster`.
     pub ray_mask: u32,
+}
+
+/// Reasons to warn about an instance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+enum InstanceProblem {
+    UnusableTransform,
+    MissingAsset,
 }
 
 /// The instances of the scene.
@@ -101,10 +72,8 @@ pub(crate) struct InstancePool {
     pub structures: Option<AccelerationStructures>,
     /// The instances for `structures`.
     placed: Vec<Placed>,
-    /// Entities with an unusable transform that a warning has named.
-    warned_transforms: HashSet<MainEntity>,
-    /// Entities with a missing mesh or material that a warning has named.
-    warned_missing: HashSet<MainEntity>,
+    /// Entities that a warning has named.
+    warned: Warned<(MainEntity, InstanceProblem)>,
     asset_wait: AssetWait,
     overflow: OverflowWarning,
     pub features: SceneFeatures,
@@ -138,8 +107,7 @@ impl Default for InstancePool {
             previous: None,
             structures: None,
             placed: Vec::new(),
-            warned_transforms: HashSet::default(),
-            warned_missing: HashSet::default(),
+            warned: Warned::default(),
             asset_wait: AssetWait::default(),
             overflow: OverflowWarning::default(),
             features: SceneFeatures::empty(),
@@ -209,11 +177,13 @@ impl InstancePool {
         scene: &ExtractedScene,
         meshes: &MeshPool,
         materials: &mut MaterialPool,
+        subsurface: &mut SubsurfacePool,
         assets: &AssetServer,
         limit: u32,
     ) {
         self.waiting = false;
         self.asset_wait.begin_frame();
+        self.warned.begin_frame();
         self.live.clear();
         self.features = SceneFeatures::empty();
         self.triangles = 0;
@@ -235,6 +205,13 @@ impl InstancePool {
                 instance.previous_world_from_object = old.world_from_object;
             }
             instance.first_light = old.first_light;
+            // Probes do not find an instance that casts no shadows.
+            if let Some(component) = extracted.subsurface.filter(|_| extracted.casts_shadows) {
+                instance.flags |= subsurface.flags_of(extracted.entity, component);
+                if instance.flags & INSTANCE_SUBSURFACE != 0 {
+                    self.features |= SceneFeatures::SUBSURFACE;
+                }
+            }
             self.features |= materials.features(instance.material);
             self.triangles += instance.triangle_count as u64;
             self.records[slot as usize] = instance;
@@ -264,6 +241,11 @@ impl InstancePool {
         if self.overflow.should_warn(left_out, meshes.idle() && !self.waiting) {
             warn!("restir: {left_out} meshes are left out, because this device binds at most {limit} instances");
         }
+    }
+
+    /// Forgets the warnings about entities that are gone.
+    pub(crate) fn forget_warnings(&mut self, exists: impl Fn(MainEntity) -> bool) {
+        self.warned.retain(|(entity, _)| exists(*entity));
     }
 
     /// The slot of an entity; `None` if all `limit` slots are taken.
@@ -302,8 +284,12 @@ impl InstancePool {
         let inverse = tlas::inverse(&world_from_object);
         let bounds = tlas::world_bounds(&world_from_object, &mesh.bounds);
         let (Some(object_from_world), Some(bounds)) = (inverse, bounds) else {
-            if self.warned_transforms.insert(extracted.entity) {
-                warn!("restir: entity {} has a singular or non-finite transform; it is left out", *extracted.entity);
+            if self.warned.is_due((extracted.entity, InstanceProblem::UnusableTransform)) {
+                warn!(
+                    "restir: entity {} has a transform that is singular, not finite, or reaches beyond {} m; it is left out",
+                    *extracted.entity,
+                    tlas::MAX_COORDINATE
+                );
             }
             return None;
         };
@@ -348,7 +334,7 @@ impl InstancePool {
         let is_pending = mesh_will_exist
             && (materials.slot(extracted.material).is_some() || self.asset_wait.is_pending(extracted.material, assets));
         self.waiting |= is_pending;
-        if !is_pending && self.warned_missing.insert(extracted.entity) {
+        if !is_pending && self.warned.is_due((extracted.entity, InstanceProblem::MissingAsset)) {
             warn!(
                 "restir: entity {} has a mesh or a material that does not exist; the entity is left out",
                 *extracted.entity

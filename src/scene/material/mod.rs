@@ -1,5 +1,7 @@
-//! Materials: packs `StandardMaterial`s and their texture slots for shaders, and computes the table for energy compensation.
+//! Materials: packs `StandardMaterial`s, their texture slots and `Subsurface` components for shaders, and computes the table for energy
+//! compensation.
 
 pub mod directional_albedo;
 pub(crate) mod materials;
+pub(crate) mod subsurface;
 pub(crate) mod texture_slots;

@@ -31,6 +31,10 @@ pub struct Material {
     pub coat_alpha: f64,
     pub coat_n: DVec3,
     pub coat_compensation: f64,
+    /// The share of reflected diffuse light that scatters below the surface.
+    pub subsurface: DVec3,
+    /// The reflectance at normal incidence of the interface that light crosses to enter a body.
+    pub entry_f0: DVec3,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -211,11 +215,14 @@ impl Material {
         match (lobe, same) {
             (Lobe::Diffuse, _) => {
                 let (wi, share) = match same {
-                    true => (wi, 1.0 - self.diffuse_transmission),
-                    false => (mirrored(wi, self.n), self.diffuse_transmission),
+                    true => (wi, (1.0 - self.diffuse_transmission) * (DVec3::ONE - self.subsurface)),
+                    false => (mirrored(wi, self.n), DVec3::splat(self.diffuse_transmission)),
                 };
                 let f = schlick(self.f0_d, wo.dot((wo + wi).normalize()).abs());
-                (1.0 - self.metallic) * (1.0 - self.transmission) * (DVec3::ONE - f) * self.base / PI * share * n_i
+                let entry = DVec3::ONE - schlick(self.entry_f0, n_i);
+                (1.0 - self.metallic) * (1.0 - self.transmission) * (DVec3::ONE - f) * entry * self.base / PI
+                    * share
+                    * n_i
             }
             (Lobe::Reflection, true) => {
                 let h = (wo + wi).normalize();
@@ -243,9 +250,22 @@ impl Material {
         LOBES.iter().map(|&lobe| self.eval(wo, wi, lobe)).sum()
     }
 
+    /// Diffuse light that stays at the surface, on both sides.
+    fn diffuse_albedo(&self) -> DVec3 {
+        let stays = DVec3::ONE - (1.0 - self.diffuse_transmission) * self.subsurface;
+        (1.0 - self.metallic) * (1.0 - self.transmission) * self.base * stays
+    }
+
+    /// The probability that the diffuse lobe reflects.
+    fn p_same_side(&self) -> f64 {
+        let same = (1.0 - self.diffuse_transmission) * (1.0 - self.subsurface.min_element());
+        let both = same + self.diffuse_transmission;
+        if both > 0.0 { same / both } else { 0.0 }
+    }
+
     /// The probability to sample microfacets rather than the diffuse lobe.
     pub fn p_microfacet(&self, n_o: f64) -> f64 {
-        let albedo = (1.0 - self.metallic) * (1.0 - self.transmission) * self.base;
+        let albedo = self.diffuse_albedo();
         if albedo.max_element() <= 0.0 {
             return 1.0;
         }
@@ -269,7 +289,7 @@ impl Material {
             return 0.0;
         }
         let n_o = self.n.dot(wo);
-        let diffuse = (1.0 - self.metallic) * (1.0 - self.transmission) * self.base;
+        let diffuse = self.diffuse_albedo();
         let black = self.f0_d.max(self.metallic * self.base).max_element().max(self.transmission) <= 0.0
             && diffuse.max_element() <= 0.0;
         if n_o <= 0.0 || black {
@@ -299,8 +319,8 @@ impl Material {
         let visible = |h: DVec3| self.d(h) * wo.dot(h).max(0.0) / (1.0 + self.lambda(wo)) / n_o;
         let p = self.p_microfacet(n_o);
         let of_body = match (lobe, same) {
-            (Lobe::Diffuse, true) => (1.0 - p) * (1.0 - self.diffuse_transmission) * n_i / PI,
-            (Lobe::Diffuse, false) => (1.0 - p) * self.diffuse_transmission * n_i / PI,
+            (Lobe::Diffuse, true) => (1.0 - p) * self.p_same_side() * n_i / PI,
+            (Lobe::Diffuse, false) => (1.0 - p) * (1.0 - self.p_same_side()) * n_i / PI,
             (Lobe::Reflection, true) => {
                 let h = (wo + wi).normalize();
                 p * self.p_reflect(wo.dot(h)) * visible(h) / (4.0 * wo.dot(h))

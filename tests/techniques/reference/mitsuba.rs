@@ -162,6 +162,7 @@ scenes! {
     glass_lamp_is_what_an_independent_renderer_shows: "reference", "glass_lamp", 32, 0.01, 0.03, 0.06;
     caustic_egg_is_what_an_independent_renderer_shows: "reference", "caustic_egg", 16, 0.01, 0.03, 0.06;
     mirror_room_is_what_an_independent_renderer_shows: "reference", "mirror_room", 32, 0.01, 0.03, 0.06;
+    bodies_are_what_an_independent_integral_over_their_surfaces_shows: "reference", "bodies", 32, 0.004, 0.03, 0.03;
     bidirectional_cornell_is_what_an_independent_renderer_shows: "bdpt", "cornell", 12, 0.003, 0.02, 0.03;
     bidirectional_glossy_is_what_an_independent_renderer_shows: "bdpt", "glossy", 12, 0.003, 0.02, 0.03;
     bidirectional_punctual_is_what_an_independent_renderer_shows: "bdpt", "punctual", 32, 0.003, 0.04, 0.03;
@@ -203,6 +204,7 @@ fn the_reference_tracer_meets_its_margins_at_full_length() {
         ("glass_lamp", 2048, 0.01, 0.03),
         ("caustic_egg", 512, 0.01, 0.03),
         ("mirror_room", 1024, 0.01, 0.03),
+        ("bodies", 2048, 0.004, 0.02),
     ] {
         let picture = render_once(&folder, "reference", scene, frames, 0);
         let reference = Exr::read(&asset(&format!("{scene}.exr")));

@@ -9,7 +9,7 @@ use bevy::{
     world_serialization::WorldInstanceReady,
 };
 use bevy_restir::{Restir, RestirEnvironment};
-use bevy_restir_support::{environment, framing};
+use bevy_restir_support::{environment, framing, subsurface};
 use std::path::PathBuf;
 
 use crate::look::Look;
@@ -63,7 +63,7 @@ pub fn plugin(app: &mut App) {
     app.add_message::<Open>()
         .add_message::<Arrived>()
         .init_resource::<Stage>()
-        .add_systems(Update, (drop_files, open, spawn_when_loaded, measure).chain());
+        .add_systems(Update, ((drop_files, open, spawn_when_loaded, measure).chain(), subsurface::read_extras));
 }
 
 /// Opens files that are dropped on the window.

@@ -1,0 +1,133 @@
+// Where light enters a body that scatters it below the surface, and the light that reaches the point where it leaves (design: separable
+// BSSRDF with a diffusion profile).  A point of entry is a surface whose only lobe is diffuse, under the interface that light crosses, so
+// that light is sampled there as at any other vertex.
+#define_import_path bevy_restir::subsurface::entry
+
+#import bevy_restir::bsdf::coat::coat_share
+#import bevy_restir::bsdf::diffuse::diffuse_base
+#import bevy_restir::bsdf::fresnel::schlick
+#import bevy_restir::bsdf::lobe_choice::base_albedo
+#import bevy_restir::common::constants::{INSTANCE_MIRRORED, NONE}
+#import bevy_restir::common::math::{is_finite_3, luminance, max_component}
+#import bevy_restir::common::ray::Hit
+#import bevy_restir::scene::bindings::instances
+#import bevy_restir::scene::offset::{offset_distance, surface_point}
+#import bevy_restir::scene::surface::{interpolated_normal, Surface}
+#import bevy_restir::scene::triangle::{instance_transform, world_triangle}
+#import bevy_restir::subsurface::probe::{draw_probe, probe_frame, probe_pdf, probe_ray, reach_of}
+#import bevy_restir::subsurface::profile::profile
+#import bevy_restir::trace::trace::{probe_hit, trace_probe}
+
+// A point of entry with the light that reaches the point where it leaves, per light that enters, divided by the density of the point.
+struct Entry {
+    surface: Surface,
+    weight: vec3<f32>,
+    valid: bool,
+}
+
+fn no_entry() -> Entry {
+    var e: Entry;
+    e.valid = false;
+    return e;
+}
+
+// Whether light that scatters below the surface leaves towards wo.
+fn scatters_below(s: Surface, wo: vec3<f32>) -> bool {
+    return max_component(s.bsdf.subsurface) > 0.0 && dot(wo, s.bsdf.n) > 0.0 && dot(wo, s.bsdf.n_geo) > 0.0;
+}
+
+// Probability of continuing a path below the surface, by the estimated albedos of both.
+fn subsurface_probability(s: Surface, wo: vec3<f32>) -> f32 {
+    let below = luminance(exit_factor(s, wo));
+    let coat = coat_share(s.bsdf, wo);
+    let base = base_albedo(s.bsdf, dot(wo, s.bsdf.n));
+    let above = coat + (1.0 - coat) * (base.x + base.y);
+    if !(above > 0.0) {
+        return 1.0;
+    }
+    return clamp(below / (below + above), 0.05, 0.95);
+}
+
+// The factors of the BSSRDF at the point where light leaves: albedo, weight, interface and coat.
+fn exit_factor(s: Surface, wo: vec3<f32>) -> vec3<f32> {
+    let f0 = s.bsdf.dielectric_reflectance;
+    return (1.0 - coat_share(s.bsdf, wo)) * reflected_share(s) * s.bsdf.subsurface * diffuse_base(s.bsdf)
+        * (1.0 - schlick(f0, abs(dot(wo, s.bsdf.n))));
+}
+
+// The profile per area at a distance; 0 beyond the reach of all channels.
+fn profile_per_area(radius: vec3<f32>, r: f32) -> vec3<f32> {
+    var value = vec3<f32>(0.0);
+    if !(r <= reach_of(radius)) {
+        return value;
+    }
+    for (var channel = 0u; channel < 3u; channel += 1u) {
+        let d = radius[channel];
+        if d > 0.0 {
+            value[channel] = profile(r / d) / (d * d);
+        }
+    }
+    return value;
+}
+
+// The surface where light enters: the front side of a triangle, with its smooth normal.  `exit`: the surface where the light leaves, whose
+// interface it crosses.
+fn entry_surface(exit: Surface, hit: Hit, previous: bool) -> Surface {
+    let t = world_triangle(hit.instance, hit.triangle, previous);
+    let mirrored = (instances[hit.instance].flags & INSTANCE_MIRRORED) != 0u;
+    let transform = instance_transform(hit.instance, previous);
+    let f0 = exit.bsdf.dielectric_reflectance;
+    // Mean of 1 - F over the cosine-weighted hemisphere.
+    let f90 = schlick(f0, 0.0);
+    let through = 1.0 - f0 - (f90 - f0) / 21.0;
+    var s: Surface;
+    s.position = surface_point(hit.instance, hit.triangle, hit.barycentrics, previous);
+    s.offset = offset_distance(hit.instance, hit.triangle, hit.barycentrics);
+    s.front = 1u;
+    s.material = exit.material;
+    s.attenuation = exit.attenuation;
+    s.light = NONE;
+    s.instance = hit.instance;
+    s.bsdf.n = interpolated_normal(hit.triangle, hit.barycentrics, transform, mirrored, t.normal);
+    s.bsdf.n_geo = t.normal;
+    s.smooth_n = s.bsdf.n;
+    // The value of the lobe is (1 - F)/c · |cos|/π: all other factors belong to the weight.
+    s.bsdf.base_color = select(vec3<f32>(0.0), 1.0 / through, through > vec3<f32>(0.0));
+    s.bsdf.entry_reflectance = f0;
+    s.bsdf.roughness = 1.0;
+    s.bsdf.eta = 1.0;
+    return s;
+}
+
+// Samples a point of entry.  One of the probe's hits is chosen, all with the same probability.
+fn sample_entry(exit: Surface, wo: vec3<f32>, u: vec4<f32>, alpha_seed: u32) -> Entry {
+    var e = no_entry();
+    let frame = probe_frame(exit.smooth_n);
+    let line = probe_ray(draw_probe(exit.radius, u.xyz), exit.position, frame, exit.radius);
+    if !line.valid {
+        return e;
+    }
+    let hits = trace_probe(line.ray, exit.instance, alpha_seed, false);
+    if hits.count == 0u {
+        return e;
+    }
+    let chosen = min(u32(u.w * f32(hits.count)), hits.count - 1u);
+    let hit = probe_hit(line.ray, exit.instance, hits.triangles[chosen], hits.distances[chosen], false);
+    e.surface = entry_surface(exit, hit, false);
+    let offset = e.surface.position - exit.position;
+    let pdf = probe_pdf(offset, e.surface.bsdf.n_geo, frame, exit.radius);
+    e.weight = exit_factor(exit, wo) * profile_per_area(exit.radius, length(offset)) * (f32(hits.count) / pdf);
+    e.valid = pdf > 0.0 && is_finite_3(e.weight) && max_component(e.weight) > 0.0;
+    return e;
+}
+
+// Share of diffuse light that is reflected and not transmitted.
+#ifdef DIFFUSE_TRANSMISSION
+fn reflected_share(s: Surface) -> f32 {
+    return 1.0 - s.bsdf.diffuse_transmission;
+}
+#else
+fn reflected_share(s: Surface) -> f32 {
+    return 1.0;
+}
+#endif

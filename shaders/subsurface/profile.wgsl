@@ -1,0 +1,48 @@
+// The diffusion profile R_d(r) = (e^(-r/d) + e^(-r/3d)) / (8π d r) (Burley 2015), which integrates to 1 over a plane.  Radii are in units of
+// d here, and densities per area of d².  R_d diverges at 0; below RADIUS_MIN its value at RADIUS_MIN is used, in the integrand and in the
+// density of samples alike.
+#define_import_path bevy_restir::subsurface::profile
+
+#import bevy_restir::common::constants::PI
+
+const RADIUS_MIN: f32 = 1.0e-3;
+// No light scatters farther: the profile holds 99.9 % of its integral within.
+const REACH: f32 = 19.86;
+
+// Integral of the profile up to RADIUS_MIN: as it is, and with its constant value there; and of the whole bounded profile.
+const CORE_EXACT: f32 = 4.998333e-4;
+const CORE: f32 = 2.4983335e-4;
+const TOTAL: f32 = 0.99975;
+
+fn profile(r: f32) -> f32 {
+    let x = max(r, RADIUS_MIN);
+    let e = exp(-x / 3.0);
+    return (e * e * e + e) / (8.0 * PI * x);
+}
+
+// Density of a point at this radius, per area of d².
+fn profile_pdf(r: f32) -> f32 {
+    return profile(r) / TOTAL;
+}
+
+// Radius with the density of the bounded profile, which is the inverse of its distribution at `u`.  The tail beyond RADIUS_MIN is inverted
+// in closed form (Golubev 2019).
+fn profile_sample(u: f32) -> f32 {
+    let mass = u * TOTAL;
+    if mass < CORE {
+        return RADIUS_MIN * sqrt(mass / CORE);
+    }
+    let v = max(1.0 - CORE_EXACT + CORE - mass, 1.0e-9);
+    let g = 1.0 + 4.0 * v * (2.0 * v + sqrt(1.0 + 4.0 * v * v));
+    let root = pow(g, 1.0 / 3.0);
+    return 3.0 * log((1.0 + 1.0 / root + root) / (4.0 * v));
+}
+
+// Random number for which `profile_sample` gives a radius.
+fn profile_inverse(r: f32) -> f32 {
+    if r < RADIUS_MIN {
+        return CORE * (r / RADIUS_MIN) * (r / RADIUS_MIN) / TOTAL;
+    }
+    let e = exp(-r / 3.0);
+    return (1.0 - 0.25 * e * e * e - 0.75 * e - CORE_EXACT + CORE) / TOTAL;
+}

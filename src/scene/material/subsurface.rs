@@ -1,0 +1,95 @@
+//! Keeps a record for each [`Subsurface`] of the scene, in a texture that shaders read.  Equal components share a record.
+
+use bevy::{
+    ecs::resource::Resource,
+    log::{warn, warn_once},
+    platform::collections::{HashMap, HashSet},
+    render::{
+        render_resource::TextureFormat,
+        renderer::{RenderDevice, RenderQueue},
+        sync_world::MainEntity,
+    },
+};
+
+use crate::gpu_layout::*;
+use crate::scene::storage::data_texture::DataTexture;
+use crate::settings::Subsurface;
+
+/// The records of the scene, on the CPU and on the GPU.
+#[derive(Resource)]
+pub(crate) struct SubsurfacePool {
+    /// Mean free path and weight, in the order of their first use.
+    records: Vec<[f32; 4]>,
+    uploaded: Vec<[f32; 4]>,
+    by_value: HashMap<[u32; 4], u32>,
+    pub gpu: DataTexture<[f32; 4]>,
+    /// Entities with values out of range that a warning has named.
+    warned: HashSet<MainEntity>,
+    limit: u32,
+    /// Counts uploads.
+    pub revision: u64,
+}
+
+impl Default for SubsurfacePool {
+    fn default() -> Self {
+        Self {
+            records: Vec::new(),
+            uploaded: Vec::new(),
+            by_value: HashMap::default(),
+            gpu: DataTexture::new("subsurface", TextureFormat::Rgba32Float, 1),
+            warned: HashSet::default(),
+            limit: 0,
+            revision: 0,
+        }
+    }
+}
+
+impl SubsurfacePool {
+    /// Starts a frame without records.
+    pub(crate) fn begin_frame(&mut self, device: &RenderDevice) {
+        self.records.clear();
+        self.by_value.clear();
+        self.limit = DataTexture::<[f32; 4]>::limit(device).min(1 << (32 - INSTANCE_SUBSURFACE_SHIFT));
+    }
+
+    /// The flags of an instance with this component: none if no light scatters below its surface.
+    pub(crate) fn flags_of(&mut self, entity: MainEntity, subsurface: Subsurface) -> u32 {
+        let mut valid = subsurface;
+        let warnings = valid.validate();
+        if !warnings.is_empty() && self.warned.insert(entity) {
+            warn!("restir: entity {} has a Subsurface out of range: {}", *entity, warnings.join(", "));
+        }
+        if valid.weight == 0.0 || valid.mean_free_path.max_element() == 0.0 {
+            return 0;
+        }
+        let record = valid.mean_free_path.extend(valid.weight).to_array();
+        let next = self.records.len() as u32;
+        let index = *self.by_value.entry(record.map(f32::to_bits)).or_insert(next);
+        if index >= self.limit {
+            warn_once!(
+                "restir: only {} different Subsurface components fit this device; other objects are diffuse",
+                self.limit
+            );
+            return 0;
+        }
+        if index == next {
+            self.records.push(record);
+        }
+        INSTANCE_SUBSURFACE | index << INSTANCE_SUBSURFACE_SHIFT
+    }
+
+    /// Uploads the records if they changed, and frees the texture of a scene without any.  Returns the number of bytes.
+    pub(crate) fn upload(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {
+        if self.records == self.uploaded {
+            return 0;
+        }
+        self.uploaded.clone_from(&self.records);
+        self.revision += 1;
+        if self.records.is_empty() {
+            self.gpu.clear();
+            return 0;
+        }
+        self.gpu.reserve(self.records.len() as u32, device);
+        self.gpu.write(0, &self.records, queue)
+    }
+}

@@ -1,0 +1,206 @@
+//! The `Subsurface` component: its mirror on the GPU, values out of range, meshes of any kind, and materials of glTF files.
+
+use crate::support::{app::*, log};
+use bevy::{light::NotShadowCaster, prelude::*};
+use bevy_restir::{SceneFeatures, Subsurface, Technique};
+use bevy_restir_support::subsurface::from_extras;
+
+fn soft(length: f32) -> Subsurface {
+    Subsurface { mean_free_path: Vec3::splat(length), weight: 1.0 }
+}
+
+/// A lit ball.
+fn ball(rig: &mut Rig) -> Entity {
+    rig.spawn_bundle((PointLight { intensity: 100.0, ..default() }, Transform::from_xyz(1.0, 1.0, 3.0)));
+    rig.spawn(Sphere::new(1.0).mesh().ico(8).expect("few triangles"), lambert(0.8), Transform::default())
+}
+
+fn bytes_of_records(rig: &Rig) -> u64 {
+    rig.report().memory.iter().filter(|(name, _)| *name == "subsurface").map(|(_, bytes)| *bytes).sum()
+}
+
+#[test]
+fn scenes_without_subsurface_have_no_buffer_and_no_shader_code_for_it() {
+    let Some(mut rig) = Rig::new(16, 16) else { return };
+    let entity = ball(&mut rig);
+    let diffuse = rig.picture(1);
+    let code = |rig: &Rig| rig.report().pipelines.iter().any(|p| p.defs.contains(&"SUBSURFACE"));
+    assert!(!code(&rig) && bytes_of_records(&rig) == 0);
+    rig.insert(entity, soft(0.2));
+    let translucent = rig.picture(1);
+    assert!(code(&rig) && rig.report().features.contains(SceneFeatures::SUBSURFACE));
+    assert!(bytes_of_records(&rig) > 0 && translucent != diffuse);
+    // A still scene uploads nothing; a change is shown.
+    rig.frames(3);
+    assert_eq!(rig.report().uploaded_bytes, 0);
+    rig.insert(entity, soft(0.02));
+    assert!(rig.picture(1) != translucent, "another length");
+    rig.app.world_mut().entity_mut(entity).remove::<Subsurface>();
+    assert_eq!(rig.picture(1), diffuse, "without the component");
+    assert_eq!(bytes_of_records(&rig), 0);
+    rig.assert_sound();
+}
+
+#[test]
+fn objects_with_different_values_have_different_records() {
+    let Some(mut rig) = Rig::new(32, 16) else { return };
+    rig.insert(rig.camera, orthographic(4.0, 2.0));
+    rig.insert(rig.camera, sky(1.0));
+    for (x, length) in [(-1.0, 0.5), (1.0, 0.05)] {
+        let mesh = Sphere::new(0.8).mesh().ico(16).expect("few triangles");
+        let entity = rig.spawn(mesh, lambert(0.8), Transform::from_xyz(x, 0.0, 0.0));
+        rig.insert(entity, soft(length));
+    }
+    let picture = rig.picture(64);
+    let mean = |x: u32| (0..16).map(|i| picture.at(x + i % 4, 6 + i / 4).x).sum::<f32>() / 16.0;
+    let (long, short) = (mean(6), mean(22));
+    assert!(long < 0.7 && short > 0.74, "the long paths lose light: {long}, {short}");
+}
+
+#[test]
+fn techniques_that_resample_render_it_as_diffuse_and_say_so() {
+    log::listen();
+    let Some(mut rig) = Rig::new(16, 16) else { return };
+    let entity = ball(&mut rig);
+    for technique in [Technique::Di, Technique::Gi, Technique::Pt] {
+        rig.set(|restir| restir.technique = technique);
+        rig.app.world_mut().entity_mut(entity).remove::<Subsurface>();
+        let diffuse = rig.picture(4);
+        rig.insert(entity, soft(0.2));
+        assert_eq!(rig.picture(4), diffuse, "{technique:?}");
+    }
+    assert_eq!(log::warnings("Subsurface is rendered by Technique::Reference only").len(), 1);
+}
+
+#[test]
+fn values_out_of_range_give_one_warning_and_a_sound_picture() {
+    log::listen();
+    let Some(mut rig) = Rig::new(16, 16) else { return };
+    let entity = ball(&mut rig);
+    let diffuse = rig.picture(2);
+    let values = [0.0, -1.0, f32::NAN, f32::INFINITY, f32::MAX, 1e-30, 1e-9, 1e6, 1e-3];
+    for length in values {
+        for weight in [1.0, 0.0, -1.0, 2.0, f32::NAN, f32::INFINITY] {
+            rig.insert(entity, Subsurface { weight, ..soft(length) });
+            let picture = rig.picture(2);
+            assert!(picture.is_finite(), "{length}, {weight}");
+            rig.assert_sound();
+            // A path of a millimeter is below a hundredth of these pixels.
+            let scatters = length > 2e-3 && weight > 0.0;
+            let is_diffuse = !scatters;
+            assert_eq!(picture == diffuse, is_diffuse, "{length} m with weight {weight}");
+        }
+        rig.insert(entity, Subsurface { mean_free_path: Vec3::new(0.1, length, 0.0), weight: 0.5 });
+        assert!(rig.picture(2).is_finite(), "one channel of {length}");
+        rig.assert_sound();
+    }
+    // The log is that of the process, and an entity of another test may have the same id.
+    let named = log::warnings(&format!("entity {entity} has a Subsurface out of range"));
+    let first = named.iter().filter(|line| line.contains("its weight is -1")).count();
+    assert_eq!(first, 1, "{named:?}");
+}
+
+#[test]
+fn albedos_scales_and_materials_of_all_kinds_stay_finite() {
+    let Some(mut rig) = Rig::new(16, 16) else { return };
+    rig.insert(rig.camera, sky(1.0));
+    rig.set(|restir| restir.bounces = 4);
+    let entity = ball(&mut rig);
+    let kinds = [
+        lambert(0.0),
+        lambert(1.0),
+        StandardMaterial { reflectance: 1.0, clearcoat: 1.0, ..lambert(0.8) },
+        StandardMaterial { metallic: 1.0, ..lambert(0.8) },
+        StandardMaterial { metallic: 0.5, diffuse_transmission: 0.5, ..lambert(0.8) },
+        StandardMaterial { diffuse_transmission: 1.0, ..lambert(0.8) },
+        StandardMaterial { specular_transmission: 0.7, thickness: 1.0, ..lambert(0.8) },
+        StandardMaterial { unlit: true, ..lambert(0.8) },
+        StandardMaterial { cull_mode: None, double_sided: true, ..lambert(0.8) },
+        StandardMaterial { alpha_mode: AlphaMode::Mask(0.5), ..lambert(0.8) },
+        StandardMaterial { alpha_mode: AlphaMode::Blend, base_color: Color::srgba(0.5, 0.5, 0.5, 0.5), ..lambert(0.8) },
+    ];
+    rig.insert(entity, soft(0.1));
+    for material in kinds {
+        let material = rig.add::<StandardMaterial>(material);
+        rig.insert(entity, MeshMaterial3d(material.clone()));
+        let picture = rig.picture(8);
+        assert!(picture.is_finite() && picture.iter().all(|(_, c)| c.max_element() < 100.0), "{material:?}");
+        rig.assert_sound();
+    }
+    let plain = rig.add::<StandardMaterial>(lambert(0.8));
+    rig.insert(entity, MeshMaterial3d(plain));
+    for scale in [1e-4, 1e-2, 1e3, 1e5] {
+        for length in [1e-6, 0.1, 1e4] {
+            rig.insert(entity, (Transform::from_scale(Vec3::splat(scale)), soft(length * scale)));
+            rig.insert(
+                rig.camera,
+                (orthographic(3.0 * scale, 3.0 * scale), Transform::from_xyz(0.0, 0.0, 5.0 * scale)),
+            );
+            assert!(rig.picture(4).is_finite(), "scale {scale}, length {length}");
+            rig.assert_sound();
+        }
+    }
+}
+
+#[test]
+fn meshes_of_all_kinds_stay_finite() {
+    let Some(mut rig) = Rig::new(16, 16) else { return };
+    rig.insert(rig.camera, sky(1.0));
+    rig.set(|restir| restir.bounces = 3);
+    let ball = || Sphere::new(1.0).mesh().ico(6).expect("few triangles");
+    let mut without_normals = ball();
+    without_normals.remove_attribute(Mesh::ATTRIBUTE_NORMAL);
+    let inverted = ball().with_inverted_winding().expect("a triangle list");
+    let open = Mesh::from(Circle::new(1.0));
+    let meshes =
+        [square(2.0), open, inverted, without_normals, Triangle2d::default().into(), Capsule3d::new(0.3, 1.0).into()];
+    for (i, mesh) in meshes.into_iter().enumerate() {
+        for cull_mode in [None, Some(bevy::render::render_resource::Face::Back)] {
+            let material = StandardMaterial { cull_mode, ..lambert(0.8) };
+            let entity = rig.spawn(mesh.clone(), material, Transform::from_scale(Vec3::new(-1.0, 1.5, 0.7)));
+            rig.insert(entity, soft(0.2));
+            assert!(rig.picture(8).is_finite(), "mesh {i}");
+            rig.assert_sound();
+            rig.app.world_mut().despawn(entity);
+        }
+    }
+}
+
+#[test]
+fn an_object_that_rays_do_not_find_and_a_back_are_diffuse() {
+    let Some(mut rig) = Rig::new(16, 16) else { return };
+    let entity = ball(&mut rig);
+    rig.insert(entity, NotShadowCaster);
+    let diffuse = rig.picture(2);
+    rig.insert(entity, soft(0.2));
+    assert_eq!(rig.picture(2), diffuse, "without shadows");
+    rig.app.world_mut().despawn(entity);
+    let open = StandardMaterial { cull_mode: None, ..lambert(0.8) };
+    let back = rig.spawn(square(8.0), open, Transform::from_rotation(Quat::from_rotation_y(core::f32::consts::PI)));
+    let diffuse = rig.picture(2);
+    rig.insert(back, soft(0.2));
+    assert_eq!(rig.picture(2), diffuse, "from behind");
+}
+
+#[test]
+fn extras_of_a_material_describe_the_component() {
+    let full = r#"{"subsurface": {"mean_free_path": [0.1, 2, 3e-2], "weight": 0.5}, "other": [1]}"#;
+    let expected = Subsurface { mean_free_path: Vec3::new(0.1, 2.0, 0.03), weight: 0.5 };
+    assert_eq!(from_extras(full), Ok(Some(expected)));
+    let without_weight = from_extras(r#"{"subsurface": {"mean_free_path": [1, 1, 1]}}"#);
+    assert_eq!(without_weight, Ok(Some(Subsurface { mean_free_path: Vec3::ONE, weight: 1.0 })));
+    for none in ["{}", "[]", "1", r#"{"other": {}}"#] {
+        assert_eq!(from_extras(none), Ok(None), "{none}");
+    }
+    for bad in [
+        "",
+        "{",
+        r#"{"subsurface": 1}"#,
+        r#"{"subsurface": {}}"#,
+        r#"{"subsurface": {"mean_free_path": [1, 1]}}"#,
+        r#"{"subsurface": {"mean_free_path": [1, 1, "1"]}}"#,
+        r#"{"subsurface": {"mean_free_path": [1, 1, 1], "weight": "full"}}"#,
+    ] {
+        assert!(from_extras(bad).is_err(), "{bad}");
+    }
+}

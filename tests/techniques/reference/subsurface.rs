@@ -1,0 +1,226 @@
+//! Subsurface scattering by the reference tracer: closed forms, surface integrals in f64, and planted errors.
+
+use crate::support::{
+    app::*,
+    oracle::subsurface::{REACH, cdf, exact_cdf, length_of, mean_transmission, over_triangle, profile},
+};
+use bevy::{
+    light::SunDisk,
+    mesh::{Indices, VertexAttributeValues},
+    prelude::*,
+};
+use bevy_restir::{Subsurface, testing::plant_shader_defs};
+use core::f64::consts::PI;
+use glam::DVec3;
+
+const ALBEDO: f64 = 0.8;
+
+/// A component whose profile has these lengths for an albedo.
+fn of_lengths(d: DVec3, albedo: f64) -> Subsurface {
+    Subsurface { mean_free_path: (d / length_of(1.0, albedo)).as_vec3(), weight: 1.0 }
+}
+
+/// The camera looks down -Z at a window of this side, in meters.
+fn window(side: f32, pixels: u32) -> Option<Rig> {
+    let mut rig = Rig::new(pixels, pixels)?;
+    rig.insert(rig.camera, orthographic(side, side));
+    Some(rig)
+}
+
+fn ball(radius: f32) -> Mesh {
+    Sphere::new(radius).mesh().ico(40).expect("few enough triangles")
+}
+
+/// The mean of the picture and its standard error, by channel.
+fn means(rig: &mut Rig, frames: u32) -> [(f64, f64); 3] {
+    let picture = rig.picture(frames);
+    rig.assert_sound();
+    [0, 1, 2].map(|c| mean_and_error(picture.iter().map(|(_, color)| f64::from(color[c]))))
+}
+
+/// Asserts that all channels agree with the expectation, within 0.2 % and noise, which must be below 0.2 %.
+fn check(rig: &mut Rig, frames: u32, name: &str, expected: DVec3) {
+    for (c, (mean, error)) in means(rig, frames).into_iter().enumerate() {
+        let off = mean / expected[c] - 1.0;
+        println!("{name}, channel {c}: {mean:.5} +- {error:.5} for {:.5}: {off:+.5}", expected[c]);
+        assert!(error < 2e-3 * expected[c], "{name}: the test has no power: {error}");
+        assert!(off.abs() < 0.002 + 3.0 * error / expected[c], "{name}, channel {c}: {off:+.5}");
+    }
+}
+
+#[test]
+fn an_infinite_plane_under_uniform_light_is_as_bright_as_a_diffuse_one() {
+    let Some(mut rig) = window(0.5, 64) else { return };
+    rig.insert(rig.camera, sky(2.0));
+    let plane = rig.spawn(square(40.0), lambert(ALBEDO as f32), Transform::default());
+    rig.insert(plane, of_lengths(DVec3::new(0.05, 0.02, 0.004), ALBEDO));
+    check(&mut rig, 512, "without an interface", DVec3::splat(2.0 * ALBEDO));
+    // A disk of light and a point at infinity, at normal incidence: the irradiance is uniform, too.
+    rig.insert(rig.camera, sky(0.0));
+    let sun = DirectionalLight { illuminance: 3.0, ..default() };
+    let sun = rig.spawn_bundle((sun, Transform::default()));
+    check(&mut rig, 512, "sun", DVec3::splat(3.0 * ALBEDO / PI));
+    rig.insert(sun, SunDisk { angular_size: 0.05, intensity: 1.0 });
+    check(&mut rig, 512, "sun with a disk", DVec3::splat(3.0 * ALBEDO / PI));
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn the_interface_keeps_what_it_reflects_towards_the_viewer() {
+    let Some(mut rig) = window(0.1, 64) else { return };
+    rig.insert(rig.camera, sky(1.0));
+    let tilt = Transform::from_rotation(Quat::from_rotation_y(60f32.to_radians()));
+    let glossy = |albedo: f32| StandardMaterial { reflectance: 0.5, ..lambert(albedo) };
+    let plane = rig.spawn(square(40.0), glossy(ALBEDO as f32), tilt);
+    rig.insert(plane, of_lengths(DVec3::splat(0.02), ALBEDO));
+    let both = means(&mut rig, 512)[1];
+    let black = rig.add::<StandardMaterial>(glossy(0.0));
+    rig.insert(plane, MeshMaterial3d(black));
+    let reflected = means(&mut rig, 128)[1];
+    let below = both.0 - reflected.0;
+    let error = both.1.hypot(reflected.1);
+    let expected = ALBEDO * (1.0 - (0.04 + 0.96 * 0.5f64.powi(5)));
+    println!("{below:.5} +- {error:.5} for {expected:.5}; mean transmission {:.5}", mean_transmission(0.04));
+    assert!(
+        error < 2e-3 && (below - expected).abs() < 0.002 * expected + 3.0 * error,
+        "{below} +- {error}, not {expected}"
+    );
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn a_ball_under_uniform_light_has_its_closed_form() {
+    let Some(mut rig) = window(0.2, 64) else { return };
+    rig.insert(rig.camera, sky(1.0));
+    // A disk of chord r around a point of a sphere has the area πr².
+    let lengths = DVec3::new(0.8, 0.3, 0.05);
+    let expected = |radius: f64| {
+        DVec3::from_array(lengths.to_array().map(|d| ALBEDO * cdf((2.0 * radius / d).min(REACH * lengths.x / d))))
+    };
+    let unit = rig.spawn(ball(1.0), lambert(ALBEDO as f32), Transform::default());
+    rig.insert(unit, of_lengths(lengths, ALBEDO));
+    check(&mut rig, 512, "ball", expected(1.0));
+    // Lengths are those of the world, whatever scales and mirrors the mesh.
+    let half = rig.add::<Mesh>(ball(0.5));
+    rig.insert(unit, (Mesh3d(half), Transform::from_scale(Vec3::new(-2.0, 2.0, 2.0))));
+    check(&mut rig, 512, "scaled and mirrored", expected(1.0));
+    rig.insert(unit, Transform::from_scale(Vec3::splat(0.8)));
+    check(&mut rig, 512, "smaller", expected(0.4));
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn a_slab_gains_what_crosses_it() {
+    let Some(mut rig) = window(0.1, 64) else { return };
+    rig.insert(rig.camera, sky(1.0));
+    let d = 0.05;
+    for (h, frames) in [(0.3, 512), (1.0, 512), (5.0, 512)] {
+        let slab = Cuboid::new(10.0, 10.0, (h * d) as f32);
+        let slab = rig.spawn(slab, lambert(ALBEDO as f32), Transform::default());
+        rig.insert(slab, of_lengths(DVec3::splat(d), ALBEDO));
+        let expected = ALBEDO * (cdf(REACH) + exact_cdf(REACH) - exact_cdf(h));
+        check(&mut rig, frames, &format!("slab of {h} d"), DVec3::splat(expected));
+        rig.app.world_mut().despawn(slab);
+    }
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn a_closed_furnace_with_translucent_walls_has_its_closed_form() {
+    let Some(mut rig) = Rig::new(48, 48) else { return };
+    rig.set(|restir| restir.bounces = 48);
+    // A ball from inside, without normals, so that its faces are flat.
+    let mut inside = ball(2.0).with_inverted_winding().expect("a triangle list");
+    inside.remove_attribute(Mesh::ATTRIBUTE_NORMAL);
+    let walls = StandardMaterial { emissive: LinearRgba::rgb(0.5, 0.5, 0.5), ..lambert(0.6) };
+    let walls = rig.spawn(inside, walls, Transform::from_xyz(0.0, 0.0, 5.0));
+    let lengths = DVec3::new(1.0, 0.4, 0.1);
+    rig.insert(walls, of_lengths(lengths, 0.6));
+    let gain = DVec3::from_array(lengths.to_array().map(|d| 0.6 * cdf((4.0 / d).min(REACH * lengths.x / d))));
+    check(&mut rig, 400, "furnace", 0.5 / (DVec3::ONE - gain));
+}
+
+/// Triangles of a mesh in world space, with their geometric normals.
+fn triangles(mesh: &Mesh, place: &Transform) -> Vec<([DVec3; 3], DVec3)> {
+    let Some(VertexAttributeValues::Float32x3(positions)) = mesh.attribute(Mesh::ATTRIBUTE_POSITION) else {
+        panic!("a mesh has positions")
+    };
+    let Some(Indices::U32(indices)) = mesh.indices() else { panic!("a mesh has indices") };
+    let world = |i: &u32| place.transform_point(positions[*i as usize].into()).as_dvec3();
+    let of = |i: &[u32]| {
+        let corners = [world(&i[0]), world(&i[1]), world(&i[2])];
+        let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize();
+        (corners, normal)
+    };
+    indices.chunks_exact(3).map(of).collect()
+}
+
+/// The light of a point light at `light` (cd) that leaves a convex body at `exit`: the integral over its surface.
+fn surface_integral(
+    body: &[([DVec3; 3], DVec3)],
+    exit: DVec3,
+    light: (DVec3, f64),
+    d: f64,
+    albedo: f64,
+    reach: f64,
+) -> f64 {
+    let entering = |p: DVec3, n: DVec3| {
+        let to = light.0 - p;
+        let r = (p - exit).length();
+        if r > reach {
+            return 0.0;
+        }
+        profile(r / d) / (d * d) * n.dot(to).max(0.0) / to.length().powi(3)
+    };
+    body.iter().map(|(corners, n)| over_triangle(&|p| entering(p, *n), *corners, 1e-9, 14)).sum::<f64>()
+        * light.1
+        * albedo
+        / PI
+}
+
+/// A box that is scaled, turned and textured, seen through a small window: light enters it by a surface integral.
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn a_turned_scaled_and_textured_box_agrees_with_a_surface_integral() {
+    let Some(mut rig) = window(0.02, 32) else { return };
+    let place =
+        Transform::from_rotation(Quat::from_euler(EulerRot::XYZ, 0.5, 0.7, 0.2)).with_scale(Vec3::new(0.8, 0.5, 1.1));
+    let mesh = Mesh::from(Cuboid::from_length(1.0));
+    let body = triangles(&mesh, &place);
+    // The window shows one texel of the base color: all lengths belong to the point where light leaves.
+    let image = rig.add::<Image>(texture(1, 1, |_, _| [188, 188, 188, 255]));
+    let albedo = f64::from(Color::srgb_u8(188, 188, 188).to_linear().red);
+    let material = StandardMaterial { base_color_texture: Some(image), ..lambert(1.0) };
+    let entity = rig.spawn(mesh, material, place);
+    let lengths = DVec3::new(0.4, 0.15, 0.05);
+    rig.insert(entity, of_lengths(lengths, albedo));
+    let (light, power) = (Vec3::new(1.5, 1.0, 2.0), 100.0);
+    rig.spawn_bundle((PointLight { intensity: power, ..default() }, Transform::from_translation(light)));
+    let depth = body.iter().filter_map(|([a, b, c], n)| {
+        // The point of the triangle's plane on the axis of the camera.
+        let z = n.dot(*a) / n.z;
+        let p = DVec3::new(0.0, 0.0, z);
+        let inside = |a: DVec3, b: DVec3| (b - a).cross(p - a).dot(*n) >= 0.0;
+        (n.z > 0.0 && inside(*a, *b) && inside(*b, *c) && inside(*c, *a)).then_some(z)
+    });
+    let exit = DVec3::new(0.0, 0.0, depth.fold(f64::MIN, f64::max));
+    let light = (light.as_dvec3(), f64::from(power) / (4.0 * PI));
+    let expected = lengths.to_array().map(|d| surface_integral(&body, exit, light, d, albedo, REACH * lengths.x));
+    check(&mut rig, 2000, "box", DVec3::from_array(expected));
+}
+
+#[test]
+fn planted_errors_are_found() {
+    let Some(mut rig) = window(0.1, 64) else { return };
+    rig.insert(rig.camera, sky(1.0));
+    let entity = rig.spawn(ball(1.0), lambert(ALBEDO as f32), Transform::default());
+    rig.insert(entity, of_lengths(DVec3::new(0.05, 0.01, 0.005), ALBEDO));
+    let right = means(&mut rig, 256)[0];
+    for (planted, least) in [("TEST_NO_REACH", 0.01), ("TEST_ONE_AXIS", 0.1)] {
+        plant_shader_defs(&mut rig.app, &[planted]);
+        let wrong = means(&mut rig, 256)[0];
+        let lost = 1.0 - wrong.0 / right.0;
+        println!("{planted}: {lost:+.4}, errors {:.5} and {:.5}", right.1, wrong.1);
+        assert!(lost.abs() > least && lost.abs() > 6.0 * right.1.hypot(wrong.1), "{planted}: {lost}");
+    }
+}
