@@ -31,6 +31,7 @@ fn light_paths_in_a_room_equal_the_reference() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn light_paths_over_glossy_surfaces_equal_the_reference() {
     check("glossy", Proof { bounces: 2, margin: 0.05, ..PROOF }, glossy);
 }
@@ -41,16 +42,19 @@ fn light_paths_by_mirrors_equal_the_reference() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn light_paths_of_points_and_directional_lights_equal_the_reference() {
     check("punctual", PROOF, punctual);
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn light_paths_of_spheres_rectangles_and_suns_equal_the_reference() {
     check("shapes", Proof { margin: 0.05, ..PROOF }, shapes);
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn light_paths_of_environments_equal_the_reference() {
     for (name, with_map) in [("a uniform environment", false), ("an image", true)] {
         check(name, Proof { bounces: 3, ..PROOF }, |rig| surrounded(rig, with_map));
@@ -58,6 +62,7 @@ fn light_paths_of_environments_equal_the_reference() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn light_paths_over_every_lobe_equal_the_reference() {
     check("every lobe", Proof { bounces: 3, margin: 0.05, ..PROOF }, |rig| {
         every_lobe(rig);
@@ -67,11 +72,13 @@ fn light_paths_over_every_lobe_equal_the_reference() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn light_paths_in_textured_scenes_equal_the_reference() {
     check("textured", Proof { bounces: 3, margin: 0.05, ..PROOF }, textured);
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn light_paths_through_blended_panes_equal_the_reference() {
     check("blended", Proof { bounces: 2, margin: 0.05, ..PROOF }, blended);
 }
@@ -111,6 +118,7 @@ fn light_paths_from_inside_of_an_absorbing_body_equal_the_reference() {
 
 /// The back sides of walls between the camera and the room are not drawn, and still stop all other rays.
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn light_paths_behind_culled_walls_equal_the_reference() {
     check("culled walls", PROOF, |rig| {
         room(rig);

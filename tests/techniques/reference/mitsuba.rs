@@ -136,8 +136,9 @@ fn check(case: Case) {
 }
 
 macro_rules! scenes {
-    ($($name:ident: $technique:literal, $scene:literal, $frames:literal, $floor:literal, $tile_floor:literal, $planted:literal;)*) => {
+    ($($(#[$attribute:meta])* $name:ident: $technique:literal, $scene:literal, $frames:literal, $floor:literal, $tile_floor:literal, $planted:literal;)*) => {
         $(#[test]
+        $(#[$attribute])*
         fn $name() {
             check(Case {
                 technique: $technique,
@@ -163,10 +164,15 @@ scenes! {
     caustic_egg_is_what_an_independent_renderer_shows: "reference", "caustic_egg", 16, 0.01, 0.03, 0.06;
     mirror_room_is_what_an_independent_renderer_shows: "reference", "mirror_room", 32, 0.01, 0.03, 0.06;
     bodies_are_what_an_independent_integral_over_their_surfaces_shows: "reference", "bodies", 32, 0.004, 0.03, 0.03;
+    #[ignore = "second tier: ./run test --more"]
     bidirectional_cornell_is_what_an_independent_renderer_shows: "bdpt", "cornell", 12, 0.003, 0.02, 0.03;
+    #[ignore = "second tier: ./run test --more"]
     bidirectional_glossy_is_what_an_independent_renderer_shows: "bdpt", "glossy", 12, 0.003, 0.02, 0.03;
+    #[ignore = "second tier: ./run test --more"]
     bidirectional_punctual_is_what_an_independent_renderer_shows: "bdpt", "punctual", 32, 0.003, 0.04, 0.03;
+    #[ignore = "second tier: ./run test --more"]
     bidirectional_furnace_is_what_an_independent_renderer_shows: "bdpt", "furnace", 12, 0.003, 0.02, 0.03;
+    #[ignore = "second tier: ./run test --more"]
     bidirectional_ajar_is_what_an_independent_renderer_shows: "bdpt", "ajar", 16, 0.005, 0.03, 0.06;
     bidirectional_glass_lamp_is_what_an_independent_renderer_shows: "bdpt", "glass_lamp", 16, 0.01, 0.03, 0.06;
     bidirectional_caustic_egg_is_what_an_independent_renderer_shows: "bdpt", "caustic_egg", 8, 0.01, 0.03, 0.06;
