@@ -267,6 +267,7 @@ pub const RESAMPLE_MOVED: u32 = 32768;
 pub const RESAMPLE_RETRACE_FORWARD: u32 = 65536;
 pub const RESAMPLE_RETRACE_BACKWARD: u32 = 131072;
 pub const RESAMPLE_DIFFUSE_SECONDARY: u32 = 262_144;
+pub const RESAMPLE_CONNECTIONS: u32 = 524_288;
 
 pub const RECONNECT_FOOTPRINTS: u32 = 0;
 pub const RECONNECT_BLACK_BOX: u32 = 1;
@@ -293,6 +294,8 @@ pub const DIRECT_RESERVOIR_SIZE: u64 = 16;
 pub const INDIRECT_RESERVOIR_SIZE: u64 = 52;
 /// Bytes of a reservoir of ReSTIR PT.
 pub const PATH_RESERVOIR_SIZE: u64 = 64;
+/// Bytes of a reservoir of ReSTIR BDPT.
+pub const BIDIRECTIONAL_RESERVOIR_SIZE: u64 = 64;
 
 /// Bytes of an entry of the light vertex cache.
 pub const LIGHT_VERTEX_SIZE: u64 = 64;

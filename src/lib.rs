@@ -45,9 +45,9 @@ pub use plugin::{RestirPlugin, RestirStatus};
 pub use report::{RestirReport, RestirStatistics};
 pub use scene::SceneFeatures;
 pub use settings::{
-    Bdpt, BiasCorrection, DebugView, Direct, EmissiveLuminance, Mis, Paths, Preset, RayBackend, Reconnection, Research,
-    ReservoirLayout, Restir, RestirEnvironment, Reuse, ReuseOrder, Subsurface, SuffixRetrace, Technique,
-    VisibilityReuse,
+    Bdpt, BiasCorrection, DebugView, Direct, EmissiveLuminance, LightTechniques, Mis, Paths, Preset, RayBackend,
+    Reconnection, Research, ReservoirLayout, Restir, RestirEnvironment, Reuse, ReuseOrder, Subsurface, SuffixRetrace,
+    Technique, VisibilityReuse,
 };
 pub use system_sets::RestirSystems;
 pub use technique::pass_names;

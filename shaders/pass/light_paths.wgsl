@@ -10,6 +10,7 @@
 #import bevy_restir::restir::bdpt::light_vertex::{light_vertex_pack, LightVertex, offer_vertex, PackedLightVertex}
 #import bevy_restir::restir::bdpt::splat::{merged_splat, Splat, splat_of, SPLATS_OF_A_PATH}
 #import bevy_restir::restir::bindings::settings
+#import bevy_restir::restir::types::RESAMPLE_CONNECTIONS
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::ray_counter::count_rays
 
@@ -40,7 +41,7 @@ fn trace(path: u32) {
             break;
         }
         // A connection adds an event at the camera's end at least.
-        if event < view.bounces {
+        if event < view.bounces && connects() {
             kept = offer_vertex(kept, w, &rng);
         }
         let u = rng_1(&rng);
@@ -57,12 +58,20 @@ fn trace(path: u32) {
         }
         if event < view.bounces {
             w = advance_light_path(w, &rng);
+            // Without connections no technique joins the sub-paths behind the first vertex.
+            w.state.last = select(0.0, w.state.last, connects());
         }
     }
     if last.pixel != NONE {
         insert(path * SPLATS_OF_A_PATH + count, Splat(last.pixel, last.value * (last_sum / luminance(last.value))));
     }
-    light_vertices[path] = light_vertex_pack(kept);
+    if connects() {
+        light_vertices[path] = light_vertex_pack(kept);
+    }
+}
+
+fn connects() -> bool {
+    return (settings.flags & RESAMPLE_CONNECTIONS) != 0u;
 }
 
 // Adds an entry to the list of its pixel.

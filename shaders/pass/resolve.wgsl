@@ -13,7 +13,8 @@
 @group(2) @binding(0) var unresampled: texture_2d<f32>;
 @group(2) @binding(1) var resampled_lights: texture_2d<f32>;
 @group(2) @binding(2) var resampled_paths: texture_2d<f32>;
-@group(2) @binding(3) var<storage, read_write> radiance: array<vec4<f32>>;
+@group(2) @binding(3) var light_of_light_paths: texture_2d<f32>;
+@group(2) @binding(4) var<storage, read_write> radiance: array<vec4<f32>>;
 
 @compute @workgroup_size(8, 8)
 fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -27,10 +28,11 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
         light = backdrop(primary_ray(pixel).direction);
     } else {
         let s = primary_surface(ids, pixel, false).surface;
-        light = s.emission + s.unlit + textureLoad(unresampled, pixel, 0).rgb + textureLoad(resampled_lights, pixel, 0).rgb;
+        light = s.emission + s.unlit + textureLoad(unresampled, pixel, 0).rgb + textureLoad(resampled_lights, pixel, 0).rgb
+            + textureLoad(resampled_paths, pixel, 0).rgb;
     }
     // Light paths may end anywhere in a pixel, beside a surface that this frame's ray has missed, too.
-    light += textureLoad(resampled_paths, pixel, 0).rgb;
+    light += textureLoad(light_of_light_paths, pixel, 0).rgb;
     let index = pixel.y * view.size.x + pixel.x;
     var sum = vec4<f32>(guarded_pixel(light), 1.0);
     if view.accumulated > 0u {

@@ -1,4 +1,4 @@
-// Adds the splats of light sub-paths to the light of the camera's sub-paths.  `pass/light_paths.wgsl` describes the light map.
+// Light of a frame's light sub-paths: their splats and their connections.  `pass/light_paths.wgsl` describes the light map.
 
 #import bevy_restir::common::constants::OVERFLOW_STEPS
 #import bevy_restir::common::math::max_component
@@ -7,7 +7,7 @@
 #import bevy_restir::view::ray_counter::count_rays
 
 @group(2) @binding(1) var<storage, read> light_map: array<u32>;
-@group(2) @binding(2) var camera_light: texture_2d<f32>;
+@group(2) @binding(2) var connections: texture_2d<f32>;
 @group(2) @binding(3) var light: texture_storage_2d<rgba32float, write>;
 
 // Entries of a list that are read at most, so that no invocation takes seconds.  Further ones are left out, and reported as an overflow.
@@ -20,7 +20,7 @@ fn splats(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let sum = sum_of_list(light_map[pixel.y * view.size.x + pixel.x]);
-    textureStore(light, pixel, vec4<f32>(textureLoad(camera_light, pixel, 0).rgb + sum, 0.0));
+    textureStore(light, pixel, vec4<f32>(textureLoad(connections, pixel, 0).rgb + sum, 0.0));
     count_rays(pixel);
 }
 

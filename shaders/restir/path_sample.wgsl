@@ -24,8 +24,9 @@ struct PathSample {
     triangle: u32,
     barycentrics: vec2<f32>,
     wi: vec3<f32>,            // direction after vertex k; direction of the environment where the path ends there
-    radiance: vec3<f32>,      // arriving at vertex k from wi, divided by the densities of everything sampled after k
-    light_pdf: f32,           // density with which NEE at vertex k samples the light that its ray hit, solid angle; 0: it cannot
+    radiance: vec3<f32>,      // arriving at vertex k from wi, divided by the densities of everything sampled after k, and weighted so that
+                              // `stored_weight` is missing
+    rivals: vec2<f32>,        // techniques that compete for a path that goes on after k (`stored_weight`)
     light: LightPoint,        // of NEE, and of a sphere, rectangle or sun that was hit; NONE for triangles and the environment
     density: f32,             // of sampling vertex k from k - 1, in the measure of its triangle or light (uniform, total 1), times that
                               // of the direction after it, solid angle; denominator of the shift's Jacobian
@@ -34,7 +35,7 @@ struct PathSample {
 
 fn no_path_sample() -> PathSample {
     return PathSample(
-        0u, 0u, TERMINATION_NONE, 0u, 0u, 0u, 0u, NONE, NONE, vec2<f32>(0.0), vec3<f32>(0.0, 0.0, 1.0), vec3<f32>(0.0), 0.0,
+        0u, 0u, TERMINATION_NONE, 0u, 0u, 0u, 0u, NONE, NONE, vec2<f32>(0.0), vec3<f32>(0.0, 0.0, 1.0), vec3<f32>(0.0), vec2<f32>(0.0),
         no_light_point(), 0.0, 0.0,
     );
 }
@@ -42,7 +43,7 @@ fn no_path_sample() -> PathSample {
 // Path fields that a shift changes.
 struct ShiftResult {
     radiance: vec3<f32>,
-    light_pdf: f32,
+    rivals: vec2<f32>,
     density: f32,
     target_value: f32,
 }
@@ -50,7 +51,7 @@ struct ShiftResult {
 fn with_shift_result(s: PathSample, r: ShiftResult) -> PathSample {
     var p = s;
     p.radiance = r.radiance;
-    p.light_pdf = r.light_pdf;
+    p.rivals = r.rivals;
     p.density = r.density;
     p.target_value = r.target_value;
     return p;

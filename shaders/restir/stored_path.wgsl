@@ -1,9 +1,9 @@
-// The reservoir of a path, and the packing that ReSTIR PT and GI share (`restir/pt/reservoir.wgsl`, `restir/gi/reservoir.wgsl`).
+// The reservoir of a path, and the packing that ReSTIR PT, GI and BDPT share (`reservoir.wgsl` in their rooms).
 #define_import_path bevy_restir::restir::stored_path
 
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::guard::{GUARD_RESERVOIR, guard_holds, is_sound}
-#import bevy_restir::common::math::{octahedral_decode, octahedral_encode}
+#import bevy_restir::common::math::{max_component, octahedral_decode, octahedral_encode}
 #import bevy_restir::restir::path_sample::{decode_barycentrics, encode_barycentrics, no_path_sample, PathSample}
 
 struct Reservoir {
@@ -69,4 +69,27 @@ fn path_unpack(p: PackedPath) -> Reservoir {
 
 fn index_or_none(index: u32, missing: u32) -> u32 {
     return select(index, NONE, index == missing);
+}
+
+// 18 bits a channel and a shared exponent of 8: exact to 2^-18 of the greatest channel.  Radiance below 1e-30 is stored as black, and
+// above 1e38 as 1e38.
+fn pack_radiance(c: vec3<f32>) -> vec2<u32> {
+    let greatest = min(max_component(c), 1.0e38);
+    if !(greatest > 1.0e-30) {
+        return vec2<u32>(0u);
+    }
+    // The biased exponent of the power of two above it; 2^(145 - exponent) scales smaller values to 18 bits.
+    let exponent = (bitcast<u32>(greatest) >> 23u) + 1u;
+    let scale = bitcast<f32>((272u - exponent) << 23u);
+    let m = min(vec3<u32>(max(c, vec3<f32>(0.0)) * scale + 0.5), vec3<u32>(0x3ffffu));
+    return vec2<u32>(m.x | m.y << 18u, m.y >> 14u | m.z << 4u | exponent << 22u);
+}
+
+fn unpack_radiance(w: vec2<u32>) -> vec3<f32> {
+    let exponent = w.y >> 22u & 0xffu;
+    if exponent < 19u {
+        return vec3<f32>(0.0);
+    }
+    let m = vec3<u32>(w.x & 0x3ffffu, (w.x >> 18u | w.y << 14u) & 0x3ffffu, w.y >> 4u & 0x3ffffu);
+    return vec3<f32>(m) * bitcast<f32>((exponent - 18u) << 23u);
 }

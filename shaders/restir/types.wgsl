@@ -65,6 +65,8 @@ const RESAMPLE_RETRACE_FORWARD: u32 = 65536u;
 const RESAMPLE_RETRACE_BACKWARD: u32 = 131072u;
 // Radiance is taken to leave the reconnection vertex to all sides alike.
 const RESAMPLE_DIFFUSE_SECONDARY: u32 = 262144u;
+// Vertices of camera sub-paths are connected with vertices of light sub-paths.
+const RESAMPLE_CONNECTIONS: u32 = 524288u;
 
 // Reconnection by the footprints of the densities on both sides (Lin et al. 2026, supplement, 2); by a density in place of the roughness
 // (ibid., 4); by a distance.

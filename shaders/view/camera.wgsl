@@ -66,14 +66,15 @@ fn camera_point(camera: Camera, p: vec3<f32>) -> CameraPoint {
     return CameraPoint(at, inside, camera_ray(camera, at), (camera.world_from_view * vec4<f32>(near.xyz / near.w, 1.0)).xyz);
 }
 
-// Samples of one pixel at a distance along a ray, for each unit of area perpendicular to the ray, where the ray is uniform in the pixel.
-fn camera_density(camera: Camera, ray: Ray, distance: f32) -> f32 {
+// Samples of one pixel at a distance from the camera, for each unit of area perpendicular to its ray, which is uniform in the pixel.
+// `direction`: of the ray, to either end.
+fn camera_density(camera: Camera, direction: vec3<f32>, distance: f32) -> f32 {
     let half = abs(vec2<f32>(camera.view_from_clip[0].x, camera.view_from_clip[1].y));
     let pixel = 4.0 * half.x * half.y / (f32(view.size.x) * f32(view.size.y));
     if (view.flags & VIEW_ORTHOGRAPHIC) != 0u {
         return 1.0 / pixel;
     }
-    let cosine = abs(dot(ray.direction, normalize(camera.world_from_view[2].xyz)));
+    let cosine = abs(dot(direction, normalize(camera.world_from_view[2].xyz)));
     return 1.0 / (pixel * cosine * cosine * cosine * distance * distance);
 }
 

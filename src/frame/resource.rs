@@ -44,10 +44,13 @@ fn binding_type(resource: R) -> BindingType {
         R::LightVerticesRead | R::LightMapRead => storage(true),
         R::Settings => buffer(BufferBindingType::Uniform),
         R::PreviousVisibility => texture(TextureSampleType::Uint),
-        R::LightBefore | R::UnresampledLight | R::ResampledLight | R::PathLight => {
-            texture(TextureSampleType::Float { filterable: false })
-        }
-        R::CandidateLight | R::LightAfter => BindingType::StorageTexture {
+        R::LightBefore
+        | R::UnresampledLight
+        | R::ResampledLight
+        | R::PathLight
+        | R::ConnectionsRead
+        | R::LightPathLightRead => texture(TextureSampleType::Float { filterable: false }),
+        R::CandidateLight | R::LightAfter | R::Connections | R::LightPathLight => BindingType::StorageTexture {
             access: StorageTextureAccess::WriteOnly,
             format: LIGHT_FORMAT,
             view_dimension: TextureViewDimension::D2,
@@ -78,6 +81,7 @@ fn binding_of<'a>(resource: R, step: &Step, state: &'a RestirView) -> Option<Bin
     let history = state.history.as_ref();
     let own = || history?.of(step.domain?);
     let view = BindingResource::TextureView;
+    let light_paths = || history?.light_paths.as_ref();
     Some(match resource {
         R::Radiance => state.radiance.as_entire_binding(),
         R::Counters => state.counters.buffer.as_entire_binding(),
@@ -87,8 +91,12 @@ fn binding_of<'a>(resource: R, step: &Step, state: &'a RestirView) -> Option<Bin
         R::NeighborReservoirs => own()?.neighbors_of(step.iteration)?.as_entire_binding(),
         R::OutputReservoirs => own()?.output_of(step.iteration)?.as_entire_binding(),
         R::FinalReservoirs => own()?.last_output()?.as_entire_binding(),
-        R::LightVertices | R::LightVerticesRead => history?.light_paths.as_ref()?.vertices.as_entire_binding(),
-        R::LightMap | R::LightMapRead => history?.light_paths.as_ref()?.map.as_entire_binding(),
+        R::LightVertices | R::LightVerticesRead => light_paths()?.vertices.as_entire_binding(),
+        R::LightMap | R::LightMapRead => light_paths()?.map.as_entire_binding(),
+        R::Connections => view(light_paths()?.connections.as_ref()?),
+        R::ConnectionsRead => view(light_paths()?.connections.as_ref().unwrap_or(&history?.black)),
+        R::LightPathLight => view(&light_paths()?.light),
+        R::LightPathLightRead => view(light_paths().map_or(&history?.black, |paths| &paths.light)),
         R::PreviousVisibility => view(&history?.previous_visibility_view),
         R::CandidateLight => view(own()?.light_of_candidates()),
         R::LightBefore => view(own()?.light_before(step.iteration)),

@@ -1,26 +1,50 @@
 //! Bidirectional path tracing (Hedstrom et al. 2025).
 
-use bevy::reflect::Reflect;
+use bevy::reflect::{Reflect, std_traits::ReflectDefault};
 
 use super::validate::{Problem, Ranges};
+
+/// Techniques by which [`Technique::Bdpt`](super::Technique::Bdpt) finds light.  Hits of lights and next-event estimation are always among
+/// them, and resampled.  All choices are unbiased.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Default)]
+#[non_exhaustive]
+pub enum LightTechniques {
+    /// The camera also sees light paths, and camera paths are connected with light paths.  The connections take a second camera path for
+    /// each pixel.
+    Full,
+    /// The camera also sees light paths (ibid., "lightweight").
+    #[default]
+    Lightweight,
+    /// Camera paths are also connected with light paths, and the camera does not see these: no caustics on what it sees directly.
+    NoLightTracing,
+}
 
 /// Settings of [`Technique::Bdpt`](super::Technique::Bdpt).
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
 pub struct Bdpt {
     /// Light sub-paths of a frame for each pixel of the picture (`N_L`, ibid., 5.1), 0 to 8; at most 16,777,216 in all.  More make caustics
-    /// and hidden light less noisy.  Each costs as much as a path from the camera, and 112 bytes; a device that cannot bind that many traces
-    /// fewer, with a warning.  With 0, lights are found from the camera only.  No bias.
+    /// and hidden light less noisy.  Each costs as much as a path from the camera, and 48 bytes, or 112 with connections; a device that
+    /// cannot bind that many traces fewer, with a warning.  With 0, lights are found from the camera only.  No bias.
     pub light_paths: f32,
+    /// Techniques that light paths take part in.
+    pub techniques: LightTechniques,
 }
 
 impl Default for Bdpt {
     fn default() -> Self {
-        Self { light_paths: 1.0 }
+        Self { light_paths: 1.0, techniques: LightTechniques::default() }
     }
 }
 
 impl Bdpt {
+    /// Whether camera paths are connected with light paths.
+    pub(crate) fn connects(&self) -> bool {
+        self.techniques != LightTechniques::Lightweight
+    }
+
     /// Brings every field into its range.
     pub(super) fn validate(&mut self, report: &mut dyn FnMut(Problem)) {
         Ranges { path: "bdpt.", report }.number("light_paths", &mut self.light_paths, 0.0, 8.0);

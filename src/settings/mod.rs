@@ -12,7 +12,7 @@ mod reuse;
 mod subsurface;
 mod validate;
 
-pub use bdpt::Bdpt;
+pub use bdpt::{Bdpt, LightTechniques};
 pub use debug_view::DebugView;
 pub use direct::{BiasCorrection, Direct, VisibilityReuse};
 pub use environment::RestirEnvironment;

@@ -12,8 +12,8 @@ use crate::settings::{DebugView, Restir};
 pub(crate) struct Domain {
     /// Prefix of the names of its passes and buffers.
     pub names: DomainNames,
-    /// Pass that traces light sub-paths, before the candidates.
-    pub light_paths: Option<ComputePass>,
+    /// Passes of light sub-paths.
+    pub light_paths: Option<LightPathPasses>,
     /// Passes: candidates, reuse (once for each iteration), debug views.
     pub candidates: ComputePass,
     pub reuse: ComputePass,
@@ -26,6 +26,16 @@ pub(crate) struct Domain {
     pub carries_contribution: bool,
     /// Iterations of reuse for some settings.
     pub schedule: fn(&Restir) -> ReuseSchedule,
+}
+
+/// Passes of light sub-paths.
+pub(crate) struct LightPathPasses {
+    /// Traces them, before the candidates.
+    pub trace: ComputePass,
+    /// Connects camera sub-paths with them, if the settings ask for it.
+    pub connect: ComputePass,
+    /// Adds up their light.
+    pub gather: ComputePass,
 }
 
 /// Names that appear in statistics and time spans.
@@ -97,7 +107,8 @@ pub(crate) const fn debug(
 impl Domain {
     /// Its passes, each once.
     pub(crate) fn passes(&self) -> impl Iterator<Item = &ComputePass> {
-        self.light_paths.iter().chain([&self.candidates, &self.reuse]).chain(&self.debug)
+        let of_light_paths = self.light_paths.iter().flat_map(|p| [&p.trace, &p.connect, &p.gather]);
+        of_light_paths.chain([&self.candidates, &self.reuse]).chain(&self.debug)
     }
 }
 

@@ -18,8 +18,10 @@ const DEBUG_RAYS: ComputePass =
     ComputePass { name: "debug_rays", file: "debug_rays", specialized: false, ..RADIANCE_PASS };
 const RADIANCE_PASS: ComputePass = ComputePass::per_pixel("", &[R::Radiance]);
 /// Sums the light of all domains.
-const RESOLVE: ComputePass =
-    ComputePass::per_pixel("resolve", &[R::UnresampledLight, R::ResampledLight, R::PathLight, R::Radiance]);
+const RESOLVE: ComputePass = ComputePass::per_pixel(
+    "resolve",
+    &[R::UnresampledLight, R::ResampledLight, R::PathLight, R::LightPathLightRead, R::Radiance],
+);
 const STATISTICS: ComputePass =
     ComputePass { specialized: false, ..ComputePass::per_pixel("statistics", &[R::Counters]) };
 
@@ -43,6 +45,8 @@ enum Show {
 pub(crate) struct Frame {
     technique: Technique,
     show: Show,
+    /// Camera sub-paths are connected with light sub-paths.
+    connects: bool,
 }
 
 /// A step of a frame.
@@ -70,7 +74,7 @@ impl Frame {
                 domains.find(|domain| (domain.has_debug_view)(view)).map_or(Show::Surface, |d| Show::Reservoirs(d))
             }
         };
-        Self { technique: settings.technique, show }
+        Self { technique: settings.technique, show, connects: settings.bdpt.connects() }
     }
 
     fn row(self) -> &'static TechniqueRow {
@@ -109,11 +113,14 @@ impl Frame {
             steps.push(compute(&PRESAMPLE, Some(first)));
         }
         for &domain in domains {
-            steps.extend(domain.light_paths.iter().map(|pass| compute(pass, Some(domain))));
+            let light_paths = domain.light_paths.as_ref();
+            steps.extend(light_paths.map(|passes| compute(&passes.trace, Some(domain))));
             steps.push(compute(&domain.candidates, Some(domain)));
             for (iteration, name) in domain.names.reuse[..iterations(domain)].iter().enumerate() {
                 steps.push(Step { name, iteration, ..compute(&domain.reuse, Some(domain)) });
             }
+            steps.extend(light_paths.filter(|_| self.connects).map(|passes| compute(&passes.connect, Some(domain))));
+            steps.extend(light_paths.map(|passes| compute(&passes.gather, Some(domain))));
         }
         let last = match self.show {
             Show::Light => (self.row().light.unwrap_or(&RESOLVE), None),

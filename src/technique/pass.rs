@@ -44,6 +44,14 @@ pub(crate) enum PassResource {
     LightMap,
     /// The light map, read.
     LightMapRead,
+    /// Light of connections with light sub-paths, written.
+    Connections,
+    /// Light of connections with light sub-paths, read; black without them.
+    ConnectionsRead,
+    /// Light of light sub-paths, written.
+    LightPathLight,
+    /// Light of light sub-paths, read.
+    LightPathLightRead,
 }
 
 /// Number of workgroups of a pass.

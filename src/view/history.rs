@@ -182,7 +182,7 @@ impl Reservoirs {
         self.last = self.output_index(self.iterations() - 1);
         let mut bytes = vec![0u8; self.iterations() * SETTINGS_STRIDE as usize];
         for (iteration, slot) in bytes.chunks_exact_mut(SETTINGS_STRIDE as usize).enumerate() {
-            let LightPathCounts { light_paths, splats } = inputs.counts;
+            let LightPathCounts { light_paths, splats, .. } = inputs.counts;
             let settings = GpuResampleSettings {
                 light_paths,
                 splats,
@@ -265,7 +265,7 @@ pub(crate) fn traces_light(domains: &[&Domain]) -> bool {
 }
 
 /// A texture for light.
-fn light(device: &RenderDevice, label: &'static str, size: UVec2) -> TextureView {
+pub(super) fn light(device: &RenderDevice, label: &'static str, size: UVec2) -> TextureView {
     let usage = TextureUsages::STORAGE_BINDING | TextureUsages::TEXTURE_BINDING;
     texture(device, label, size, 1, LIGHT_FORMAT, usage).create_view(&TextureViewDescriptor::default())
 }

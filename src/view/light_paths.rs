@@ -4,15 +4,15 @@
 use bevy::{
     math::UVec2,
     render::{
-        render_resource::{Buffer, BufferUsages},
+        render_resource::{Buffer, BufferUsages, TextureView},
         renderer::RenderDevice,
     },
 };
 
-use super::{buffer, pixels};
+use super::{buffer, history::light, pixels};
 use crate::{
     gpu_layout::{LIGHT_VERTEX_SIZE, SPLAT_SIZE, SPLATS_OF_A_PATH},
-    settings::Bdpt,
+    settings::{Bdpt, LightTechniques},
 };
 
 /// Bytes of a light sub-path's entries in the light map.
@@ -24,19 +24,27 @@ pub(crate) struct LightPathCounts {
     pub light_paths: u32,
     /// The sub-paths whose vertices the camera sees: all of them or none.
     pub splats: u32,
+    /// Camera sub-paths are connected with them.
+    pub connects: bool,
 }
 
 impl LightPathCounts {
     /// The counts for a picture of this size, as far as the device can bind them.
     pub(crate) fn new(settings: &Bdpt, size: UVec2, limit: u64, camera_sees_them: bool) -> Self {
         let for_map = limit.saturating_sub(heads_bytes(size)) / SPLATS_SIZE;
-        let light_paths = wanted(settings, size).min(limit / LIGHT_VERTEX_SIZE).min(for_map) as u32;
-        Self { light_paths, splats: if camera_sees_them { light_paths } else { 0 } }
+        let is_seen = camera_sees_them && settings.techniques != LightTechniques::NoLightTracing;
+        let connects = settings.connects();
+        if !is_seen && !connects {
+            return Self::default();
+        }
+        let for_cache = if connects { limit / LIGHT_VERTEX_SIZE } else { u64::MAX };
+        let light_paths = wanted(settings, size).min(for_cache).min(for_map) as u32;
+        Self { light_paths, splats: if is_seen { light_paths } else { 0 }, connects }
     }
 
     /// Whether the device cannot bind as many as the settings ask for.
     pub(crate) fn is_reduced(&self, settings: &Bdpt, size: UVec2) -> bool {
-        u64::from(self.light_paths) < wanted(settings, size)
+        (self.splats > 0 || self.connects) && u64::from(self.light_paths) < wanted(settings, size)
     }
 }
 
@@ -57,7 +65,14 @@ pub(crate) struct LightPaths {
     pub(crate) map: Buffer,
     /// Bytes of the light map that are cleared before each frame.
     pub(crate) heads: u64,
+    /// Light of connections with light sub-paths, if there are any.
+    pub(crate) connections: Option<TextureView>,
+    /// Light of light sub-paths.
+    pub(crate) light: TextureView,
+    /// Sub-paths that the light map and the light vertex cache hold.
     capacity: u64,
+    cached: u64,
+    pixels: u64,
 }
 
 impl LightPaths {
@@ -65,23 +80,33 @@ impl LightPaths {
         let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
         // A binding must not be empty.
         let capacity = u64::from(counts.light_paths).max(1);
+        let cached = if counts.connects { capacity } else { 1 };
         let heads = heads_bytes(size);
         Self {
-            vertices: buffer(device, "light vertices", capacity * LIGHT_VERTEX_SIZE, storage),
+            connections: counts.connects.then(|| light(device, "light of connections", size)),
+            light: light(device, "light of light paths", size),
+            vertices: buffer(device, "light vertices", cached * LIGHT_VERTEX_SIZE, storage),
             map: buffer(device, "light map", heads + capacity * SPLATS_SIZE, storage),
             heads,
             capacity,
+            cached,
+            pixels: pixels(size),
         }
     }
 
     /// Whether the buffers have the right size for this number of sub-paths.
     pub(super) fn fits(&self, counts: LightPathCounts) -> bool {
-        self.capacity == u64::from(counts.light_paths).max(1)
+        self.capacity == u64::from(counts.light_paths).max(1) && self.connections.is_some() == counts.connects
     }
 
     /// Names and bytes.
-    pub(super) fn memory(&self) -> [(&'static str, u64); 2] {
-        [("light vertices", self.capacity * LIGHT_VERTEX_SIZE), ("light map", self.heads + self.capacity * SPLATS_SIZE)]
+    pub(super) fn memory(&self) -> [(&'static str, u64); 3] {
+        let textures = 1 + u64::from(self.connections.is_some());
+        [
+            ("light vertices", self.cached * LIGHT_VERTEX_SIZE),
+            ("light map", self.heads + self.capacity * SPLATS_SIZE),
+            ("light of light paths", textures * self.pixels * 16),
+        ]
     }
 }
 
@@ -92,7 +117,7 @@ mod tests {
     #[test]
     fn the_number_of_light_paths_fits_the_device() {
         let of = |light_paths, size, limit| {
-            let settings = Bdpt { light_paths };
+            let settings = Bdpt { light_paths, techniques: LightTechniques::Full };
             let counts = LightPathCounts::new(&settings, size, limit, true);
             (counts.light_paths, counts.is_reduced(&settings, size))
         };
@@ -106,8 +131,13 @@ mod tests {
     }
 
     #[test]
-    fn without_splats_the_sub_paths_remain() {
-        let counts = LightPathCounts::new(&Bdpt::default(), UVec2::new(10, 10), 1 << 20, false);
-        assert_eq!(counts, LightPathCounts { light_paths: 100, splats: 0 });
+    fn without_splats_only_connections_need_sub_paths() {
+        let counts = |techniques, is_seen| {
+            LightPathCounts::new(&Bdpt { techniques, ..Bdpt::default() }, UVec2::new(10, 10), 1 << 20, is_seen)
+        };
+        let connections = LightPathCounts { light_paths: 100, splats: 0, connects: true };
+        assert_eq!(counts(LightTechniques::Full, false), connections);
+        assert_eq!(counts(LightTechniques::NoLightTracing, true), connections);
+        assert_eq!(counts(LightTechniques::Lightweight, false), LightPathCounts::default());
     }
 }

@@ -237,9 +237,9 @@ pub const MUTANTS: &[Mutant] = &[
     ),
     mutant(
         "next-event estimation ignores BSDF sampling",
-        "path/nee.wgsl",
-        "let weight = select(pdf / (pdf + c.pdf_bsdf), 1.0, l.delta != 0u);",
-        "let weight = 1.0;",
+        "path/technique_weights.wgsl",
+        "let hit = select(pdf / nee, 0.0, l.delta != 0u);",
+        "let hit = 0.0;",
         &[PT_ROOM],
     ),
     mutant(

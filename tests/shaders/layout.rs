@@ -208,6 +208,7 @@ fn resampling_structs_and_constants_are_the_same_in_rust_and_wgsl() {
         RESAMPLE_RETRACE_FORWARD,
         RESAMPLE_RETRACE_BACKWARD,
         RESAMPLE_DIFFUSE_SECONDARY,
+        RESAMPLE_CONNECTIONS,
         RECONNECT_FOOTPRINTS,
         RECONNECT_BLACK_BOX,
         RECONNECT_DISTANCE,
@@ -221,6 +222,7 @@ fn resampling_structs_and_constants_are_the_same_in_rust_and_wgsl() {
         ("restir/di/reservoir.wgsl", DIRECT_RESERVOIR_SIZE),
         ("restir/gi/reservoir.wgsl", INDIRECT_RESERVOIR_SIZE),
         ("restir/pt/reservoir.wgsl", PATH_RESERVOIR_SIZE),
+        ("restir/bdpt/reservoir.wgsl", BIDIRECTIONAL_RESERVOIR_SIZE),
     ] {
         assert_eq!(layout(&module(path), "PackedReservoir").1 as u64, size, "{path}");
     }

@@ -7,7 +7,7 @@ use super::{
     reuse_settings::di,
     small_scenes::STEPS,
 };
-use bevy_restir::{Bdpt, Direct, Paths, Preset, Research, Restir, Technique, testing::plant_shader_defs};
+use bevy_restir::{Direct, LightTechniques, Paths, Preset, Research, Restir, Technique, testing::plant_shader_defs};
 use std::{
     collections::HashMap,
     sync::{Arc, LazyLock, Mutex, OnceLock, PoisonError},
@@ -54,9 +54,20 @@ impl Subject for Indirect {
     }
 }
 
-impl Subject for Bdpt {
+/// ReSTIR BDPT.
+pub struct Bidirectional(pub LightTechniques, pub Paths);
+
+impl Subject for Bidirectional {
     fn apply_to(&self, settings: &mut Restir) {
-        (settings.technique, settings.bdpt, settings.direct) = (Technique::Bdpt, self.clone(), di::all_reuse());
+        self.1.apply_to(settings);
+        (settings.technique, settings.bdpt.techniques) = (Technique::Bdpt, self.0);
+    }
+}
+
+impl Subject for (f32, Bidirectional) {
+    fn apply_to(&self, settings: &mut Restir) {
+        self.1.apply_to(settings);
+        settings.bdpt.light_paths = self.0;
     }
 }
 

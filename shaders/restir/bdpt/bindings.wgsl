@@ -4,4 +4,4 @@
 #import bevy_restir::restir::bdpt::light_vertex::PackedLightVertex
 
 // The light vertex cache: one vertex of each light sub-path.
-@group(2) @binding(2) var<storage, read> light_vertices: array<PackedLightVertex>;
+@group(2) @binding(1) var<storage, read> light_vertices: array<PackedLightVertex>;

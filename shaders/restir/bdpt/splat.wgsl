@@ -39,7 +39,7 @@ fn splat_of(w: LightWalk, alpha_seed: u32) -> Splat {
     let cone = pixel_cone(view.current, point.ray, depth);
     let s = surface_at(w.hit.instance, w.hit.triangle, w.hit.barycentrics, wo, cone, false);
     let cosine = abs(dot(s.bsdf.n_geo, wo));
-    let density = camera_density(view.current, point.ray, depth);
+    let density = camera_density(view.current, wo, depth);
     let weight = mis_splat_weight(density, f32(settings.splats), cosine, w.state, bsdf_pdf(s.bsdf, wo, w.towards_light));
     let value = w.throughput * scattered_value(s, wo, w.towards_light) * (technique_weight(weight, SPLATS) * cosine * density / f32(settings.splats));
     if !(luminance(value) > 0.0) || !is_finite_3(value) {

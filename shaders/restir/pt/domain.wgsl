@@ -5,6 +5,7 @@
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::math::luminance
 #import bevy_restir::light::remap::current_light_id
+#import bevy_restir::path::technique_weights::TechniqueCounts
 #import bevy_restir::path::walk::Vertex
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::path_sample::{PathSample, ShiftResult, TERMINATION_NEE, with_shift_result}
@@ -12,9 +13,9 @@
 #import bevy_restir::restir::shift::hybrid::{hybrid_shift, is_unoccluded, ShiftedPath}
 #import bevy_restir::restir::shift::reconnection::{separation_threshold, ShiftParameters}
 #import bevy_restir::restir::stored_path::Reservoir
-#import bevy_restir::restir::types::{RESAMPLE_DIFFUSE_SECONDARY, RESAMPLE_MOVED, RESAMPLE_RETRACE_BACKWARD, RESAMPLE_RETRACE_FORWARD}
-#import bevy_restir::scene::surface::Surface
-#import bevy_restir::view::camera::camera_position
+#import bevy_restir::restir::types::{RESAMPLE_CONNECTIONS, RESAMPLE_DIFFUSE_SECONDARY, RESAMPLE_MOVED, RESAMPLE_RETRACE_BACKWARD, RESAMPLE_RETRACE_FORWARD}
+#import bevy_restir::view::bindings::view
+#import bevy_restir::view::camera::{camera_density, camera_position}
 #import bevy_restir::view::primary::primary_surface
 
 // Paths of one scattering event, direct light, are among the candidates.
@@ -35,16 +36,18 @@ struct Evaluated {
 
 fn receiver_of(ids: vec2<u32>, pixel: vec2<u32>, previous: bool) -> Receiver {
     let s = primary_surface(ids, pixel, previous);
-    return Receiver(Vertex(s.surface, s.wo, vec3<f32>(0.0), s.cone), shift_parameters(camera_position(previous), s.surface), previous);
+    let v = Vertex(s.surface, s.wo, vec3<f32>(0.0), s.cone);
+    return Receiver(v, shift_parameters(camera_position(previous), v, previous), previous);
 }
 
-fn shift_parameters(eye: vec3<f32>, s: Surface) -> ShiftParameters {
+fn shift_parameters(eye: vec3<f32>, v: Vertex, previous: bool) -> ShiftParameters {
     return ShiftParameters(
         settings.reconnection,
-        separation_threshold(settings.reconnection, settings.separation, eye, s),
+        separation_threshold(settings.reconnection, settings.separation, eye, v.surface),
         settings.roughness,
         settings.jacobian_limit,
-        settings.candidates,
+        technique_counts(),
+        density_of_camera(v, previous),
         (settings.flags & RESAMPLE_DIFFUSE_SECONDARY) != 0u,
     );
 }
@@ -53,6 +56,26 @@ fn shift_parameters(eye: vec3<f32>, s: Surface) -> ShiftParameters {
 fn in_technique_measure(c: SelectedPath, r: Receiver) -> SelectedPath {
     return c;
 }
+
+// Numbers of samples that compete for the light of a path.
+fn technique_counts() -> TechniqueCounts {
+    let emits = f32(settings.light_paths > 0u);
+    return TechniqueCounts(settings.candidates, f32(settings.splats), emits, f32((settings.flags & RESAMPLE_CONNECTIONS) != 0u));
+}
+
+#ifdef LIGHT_PATHS
+fn density_of_camera(v: Vertex, previous: bool) -> f32 {
+    var camera = view.current;
+    if previous {
+        camera = view.previous;
+    }
+    return camera_density(camera, v.wo, distance(v.surface.position, camera.world_from_view[3].xyz));
+}
+#else
+fn density_of_camera(v: Vertex, previous: bool) -> f32 {
+    return 0.0;
+}
+#endif
 
 // Where something moved between the frames, the path after the reconnection vertex is replayed in this frame, in the last one, or both.
 fn shifted_to(r: Receiver, path: PathSample) -> ShiftedPath {

@@ -13,11 +13,12 @@
 #import bevy_restir::light::analytic_area_light::{light_hit_point, LIGHT_HITS_MAX, next_light_hit, RaySegment}
 #import bevy_restir::light::environment::{environment_pdf, environment_radiance}
 #import bevy_restir::light::point_on_light::{light_point_at, LightPoint, no_light_point}
-#import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample}
+#import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, no_light_sample}
 #import bevy_restir::path::medium::transmittance
-#import bevy_restir::path::nee::{bsdf_hit_weight, emitter_nee_pdf, expected_nee_candidates, nee_candidate_count, nee_contribution}
+#import bevy_restir::path::nee::{nee_candidate_count, nee_contribution}
 #import bevy_restir::path::random::{DIMENSION_SHADOW_RAY, DIMENSION_RAY, path_alpha_seed, path_seed}
 #import bevy_restir::path::shadow_ray::light_is_visible
+#import bevy_restir::path::technique_weights::{camera_state, CameraState, emitter_sample, left, reached, rivals_of_hit, rivals_of_nee, weight_of}
 #import bevy_restir::path::walk::{sampled_step, Step, step_cone, step_medium, Vertex}
 #import bevy_restir::restir::light_candidates::{light_candidate, subset_of}
 #import bevy_restir::restir::path_sample::{no_path_sample, PathSample, TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE, vertex_barycentrics}
@@ -39,6 +40,7 @@ struct Candidates {
     prefix: PathSample,       // fields that all paths share that end from here on
     throughput: vec3<f32>,    // of the prefix, up to the current vertex
     suffix: vec3<f32>,        // throughput since the reconnection vertex
+    state: CameraState,       // of the current vertex, and then of the ray that leaves it
     survival: f32,            // probability that Russian roulette let the prefix live
 }
 
@@ -78,11 +80,22 @@ fn select_light(v: Vertex, index: u32, nee_candidates: u32, pixel: vec2<u32>, rn
     return SelectedLight(selected, stream_ucw(stream, selected_target));
 }
 
-// TEST_NOT_AIMED: only paths that hit their light by BSDF sampling are selected; tests of shifts want many of them.
-#ifdef TEST_NOT_AIMED
+// TEST_*: tests use one technique.
+#ifdef TEST_HITS
 const NEE_SHARE: f32 = 0.0;
+const HIT_SHARE: f32 = 1.0;
+#else ifdef TEST_NEE
+const NEE_SHARE: f32 = 1.0;
+const HIT_SHARE: f32 = 0.0;
+#else ifdef TEST_CONNECTIONS
+const NEE_SHARE: f32 = 0.0;
+const HIT_SHARE: f32 = 0.0;
+#else ifdef TEST_SPLATS
+const NEE_SHARE: f32 = 0.0;
+const HIT_SHARE: f32 = 0.0;
 #else
 const NEE_SHARE: f32 = 1.0;
+const HIT_SHARE: f32 = 1.0;
 #endif
 
 // Adds a path with its contribution weight before Russian roulette.
@@ -111,6 +124,7 @@ fn sample_candidates(first: Vertex, pixel: vec2<u32>, shortest: u32, p: ShiftPar
     c.throughput = vec3<f32>(1.0);
     c.suffix = vec3<f32>(1.0);
     c.survival = 1.0;
+    c.state = camera_state(first, p.camera_density, p.counts);
     var v = first;
     var before: PreviousVertex;
     // Squared relative indices of refraction: roulette must not mistake the scaling of radiance in glass for absorption.
@@ -135,6 +149,7 @@ fn sample_candidates(first: Vertex, pixel: vec2<u32>, shortest: u32, p: ShiftPar
             c.prefix.wi = step.wi;
         }
         c.throughput = guarded_3(c.throughput * step.weight, GUARD_THROUGHPUT);
+        c.state = left(c.state, v, step, c.prefix.reconnection == index);
         eta_scale *= step.eta * step.eta;
         before = previous_vertex(v, step, index, p);
 
@@ -175,27 +190,30 @@ fn add_nee(
     p: ShiftParameters,
     rng: ptr<function, Rng>,
 ) {
-    let selected = select_light(v, index, p.nee_candidates, pixel, rng);
+    let selected = select_light(v, index, p.counts.nee_candidates, pixel, rng);
     if !(selected.ucw > 0.0) {
         return;
     }
-    let nee = nee_contribution(v, selected.point, expected_nee_candidates(selected.point.light, p.nee_candidates, index), false);
+    let nee = nee_contribution(v, selected.point, false);
     let alpha_seed = path_alpha_seed((*c).prefix.seed, index, DIMENSION_SHADOW_RAY);
     if !(max_component(nee.f) > 0.0) || !light_is_visible(v.surface, nee.light, alpha_seed, false) {
         return;
     }
+    let rivals = rivals_of_nee((*c).state, v, nee.light, nee.pdf_bsdf, index, p.counts);
+    let f = nee.f * weight_of(rivals, (*c).state);
     var path = (*c).prefix;
     path.termination = TERMINATION_NEE;
     path.light = selected.point;
     if path.reconnection != 0u {
-        path.radiance = (*c).suffix * nee.f;
+        path.radiance = (*c).suffix * nee.f / rivals.x;
+        path.rivals = rivals.yz / rivals.x;
     } else if index > 1u && is_connectable(before, v.surface, nee.pdf_bsdf, true, p) {
         path = reconnected(path, before, factor_at(path, before, v), index);
     } else {
         // The point on the light is kept as it is; no density depends on the vertex before it.
         path.reconnection = index + 1u;
     }
-    add_candidate(c, path, (*c).throughput * nee.f, selected.ucw * NEE_SHARE, rng_1(rng));
+    add_candidate(c, path, (*c).throughput * f, selected.ucw * NEE_SHARE, rng_1(rng));
 }
 
 // The paths that end on analytic area lights between this vertex and the next surface.
@@ -219,7 +237,6 @@ fn add_light_hits(
         from_light = light + 1u;
         let point = light_hit_point(light, light, segment);
         let l = light_point_at(point, v.surface.position, false);
-        let nee_pdf = expected_nee_candidates(light, p.nee_candidates, index) * l.pdf_solid_angle * l.pdf_scale;
         var path: PathSample;
         if l.distance >= FAR {
             path = ended_at_infinity((*c).prefix, before, step, index);
@@ -227,15 +244,18 @@ fn add_light_hits(
             path = ended_on_emitter((*c).prefix, before, l.position, l.normal, light_factor(l), index, p);
         }
         path.light = point;
-        add_bsdf_hit(c, path, l.radiance * transmittance(medium, l.distance), nee_pdf, step, index, rng_1(rng));
+        add_bsdf_hit(c, path, l.radiance * transmittance(medium, l.distance), l, index, p, rng_1(rng));
     }
 }
 
 // The path whose last ray escapes.
 fn add_environment(c: ptr<function, Candidates>, before: PreviousVertex, step: Step, index: u32, p: ShiftParameters, rng: ptr<function, Rng>) {
-    let nee_pdf = expected_nee_candidates(ENVIRONMENT_LIGHT, p.nee_candidates, index) * environment_pdf(step.wi);
+    var l = no_light_sample();
+    l.light = ENVIRONMENT_LIGHT;
+    l.wi = step.wi;
+    l.pdf_solid_angle = environment_pdf(step.wi);
     let path = ended_at_infinity((*c).prefix, before, step, index);
-    add_bsdf_hit(c, path, environment_radiance(step.wi), nee_pdf, step, index, rng_1(rng));
+    add_bsdf_hit(c, path, environment_radiance(step.wi), l, index, p, rng_1(rng));
 }
 
 // The next vertex; if it emits, a path ends there.
@@ -266,13 +286,13 @@ fn next_vertex(
         (*c).prefix.barycentrics = barycentrics;
     }
     if (*c).prefix.length >= shortest && max_component(s.emission) > 0.0 {
-        let expected = expected_nee_candidates(s.light, p.nee_candidates, index);
-        let nee_pdf = emitter_nee_pdf(s.light, expected, hit.instance, hit.triangle, v.surface.position, s.position, false);
+        let l = emitter_sample(s, step.wi, hit.instance, hit.triangle, v.surface.position, false);
         let factor = triangle_factor(before.position, s.position, hit.instance, hit.triangle, false);
         let path = ended_on_emitter((*c).prefix, before, s.position, s.bsdf.n_geo, factor, index, p);
         // Throughput and suffix include the absorption up to here.
-        add_bsdf_hit(c, path, s.emission, nee_pdf, step, index, rng_1(rng));
+        add_bsdf_hit(c, path, s.emission, l, index, p, rng_1(rng));
     }
+    (*c).state = reached((*c).state, s, step.wi, v.surface.position, p.counts);
     return Vertex(s, -step.wi, medium, cone);
 }
 
@@ -307,18 +327,15 @@ fn ended_at_infinity(prefix: PathSample, before: PreviousVertex, step: Step, ind
     return path;
 }
 
-// Adds a path whose last ray hit a light.  `radiance` arrives at the vertex of this index, where NEE samples the same direction with
-// density `nee_pdf`.
-fn add_bsdf_hit(c: ptr<function, Candidates>, ended: PathSample, radiance: vec3<f32>, nee_pdf: f32, step: Step, index: u32, u: f32) {
+// Adds a path whose last ray hit a light.  `radiance` arrives at the vertex of this index, from where NEE would have taken the sample `l`.
+fn add_bsdf_hit(c: ptr<function, Candidates>, ended: PathSample, radiance: vec3<f32>, l: LightSample, index: u32, p: ShiftParameters, u: f32) {
     var path = ended;
-    let weight = bsdf_hit_weight(step, nee_pdf);
-    if path.reconnection == index {
-        path.radiance = (*c).suffix * radiance;
-        path.light_pdf = nee_pdf;
-    } else if path.reconnection != 0u && path.reconnection < index {
-        path.radiance = (*c).suffix * radiance * weight;
+    let rivals = rivals_of_hit((*c).state, l, index, p.counts);
+    if path.reconnection != 0u && path.reconnection <= index {
+        path.radiance = (*c).suffix * radiance / rivals.x;
+        path.rivals = rivals.yz / rivals.x;
     }
-    add_candidate(c, path, (*c).throughput * radiance * weight, 1.0, u);
+    add_candidate(c, path, (*c).throughput * radiance * weight_of(rivals, (*c).state), HIT_SHARE, u);
 }
 
 // `triangle_factor` of the newest vertex of a prefix that has no reconnection vertex yet.

@@ -16,9 +16,10 @@
 #import bevy_restir::light::remap::light_record
 #import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, no_light_sample}
 #import bevy_restir::path::medium::transmittance
-#import bevy_restir::path::nee::{bsdf_hit_weight, emitter_nee_pdf, expected_nee_candidates, nee_contribution}
+#import bevy_restir::path::nee::nee_contribution
 #import bevy_restir::path::random::{DIMENSION_SHADOW_RAY, DIMENSION_RAY, path_alpha_seed}
 #import bevy_restir::path::shadow_ray::{ray_between, ray_to_light}
+#import bevy_restir::path::technique_weights::{camera_state, CameraState, emitter_sample, left, reached, rivals_of_hit, rivals_of_nee, stored_weight, weight_of}
 #import bevy_restir::path::walk::{drawn_step, given_step, Step, step_cone, step_medium, Vertex, with_weight_and_densities}
 #import bevy_restir::restir::path_sample::{PathSample, ShiftResult, TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE, vertex_barycentrics}
 #import bevy_restir::restir::shift::reconnection::{is_connectable, is_connectable_end, is_rough, light_factor, previous_vertex, PreviousVertex, ShiftParameters, triangle_factor}
@@ -69,8 +70,9 @@ struct Walk {
     rays: ShadowRays,
     reason: u32,
     f: vec3<f32>,
-    radiance: vec3<f32>,      // `PathSample::radiance` and `light_pdf`, where the rest of the path was replayed
-    light_pdf: f32,
+    radiance: vec3<f32>,      // `PathSample::radiance` and `rivals`, where the rest of the path was replayed
+    rivals: vec2<f32>,
+    state: CameraState,       // of the current vertex, and then of the ray that leaves it
 }
 
 // Shifts a path to the surface `first`.  `previous`: in the scene of the last frame.  `retrace`: the scene has changed between the frames,
@@ -85,7 +87,8 @@ fn hybrid_shift(s: PathSample, first: Vertex, c: ShiftParameters, previous: bool
     w.suffix = vec3<f32>(1.0);
     w.density = 1.0;
     w.radiance = s.radiance;
-    w.light_pdf = s.light_pdf;
+    w.rivals = s.rivals;
+    w.state = camera_state(first, c.camera_density, c.counts);
     walk(&w, s, c, previous, retrace);
     if w.reason != SHIFT_OK {
         return failed(w.reason);
@@ -101,7 +104,7 @@ fn hybrid_shift(s: PathSample, first: Vertex, c: ShiftParameters, previous: bool
     if is_infinite(jacobian) || max(jacobian, 1.0 / jacobian) > c.jacobian_limit {
         return failed(SHIFT_JACOBIAN_LIMIT);
     }
-    let result = ShiftResult(w.radiance, w.light_pdf, select(0.0, w.density, s.density > 0.0), luminance(w.f));
+    let result = ShiftResult(w.radiance, w.rivals, select(0.0, w.density, s.density > 0.0), luminance(w.f));
     return ShiftedPath(result, w.f, w.density, jacobian, SHIFT_OK, w.rays);
 }
 
@@ -157,7 +160,7 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: ShiftParameters, previous: boo
         let medium = step_medium((*w).v, step.wi);
         take_step(w, s, index, step, c);
         if index == s.reconnection && !retrace {
-            (*w).f = (*w).throughput * s.radiance * select(1.0, bsdf_hit_weight(step, s.light_pdf), is_last);
+            (*w).f = (*w).throughput * s.radiance * stored_weight(s.rivals, (*w).state);
             return;
         }
 
@@ -204,10 +207,9 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: ShiftParameters, previous: boo
         }
         arrive(w, s, index, step, n, medium, cone, c, previous);
         if is_last && (*w).reason == SHIFT_OK {
-            let expected = expected_nee_candidates(n.light, c.nee_candidates, index);
-            let nee_pdf = emitter_nee_pdf(n.light, expected, instance, triangle, at.position, n.position, previous);
-            end_on_light(w, s, index, step, n.emission, nee_pdf);
+            end_on_light(w, s, index, n.emission, emitter_sample(n, step.wi, instance, triangle, at.position, previous), c);
         }
+        (*w).state = reached((*w).state, n, step.wi, at.position, c.counts);
         if is_last || (*w).reason != SHIFT_OK {
             return;
         }
@@ -254,8 +256,9 @@ fn has_same_reconnection(w: ptr<function, Walk>, s: PathSample, index: u32, step
     return (*w).reason == SHIFT_OK;
 }
 
-// Updates throughput (before the reconnection), density (there) or suffix (after it).
+// Updates the state, and throughput (before the reconnection), density (there) or suffix (after it).
 fn take_step(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, c: ShiftParameters) {
+    (*w).state = left((*w).state, (*w).v, step, index == s.reconnection);
     if s.reconnection != 0u && index > s.reconnection {
         (*w).suffix *= step.weight;
         return;
@@ -348,8 +351,7 @@ fn hit_analytic_light(
     }
     require_same_end(w, s, is_connectable_end((*w).before, l.position, l.normal, c));
     add_shadow_ray(w, ray_to_light(at, l), alpha_seed);
-    let nee_pdf = expected_nee_candidates(s.light.light, c.nee_candidates, index) * l.pdf_solid_angle * l.pdf_scale;
-    end_on_light(w, s, index, step, l.radiance * transmittance(medium, l.distance), nee_pdf);
+    end_on_light(w, s, index, l.radiance * transmittance(medium, l.distance), l, c);
 }
 
 fn hit_point_of_light(s: PathSample, segment: RaySegment, previous: bool) -> LightPoint {
@@ -364,7 +366,7 @@ fn hit_point_of_light(s: PathSample, segment: RaySegment, previous: bool) -> Lig
 fn hit_environment(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, c: ShiftParameters, previous: bool) {
     require_same_end(w, s, (*w).before.rough);
     let l = light_at_infinity(s, step.wi, previous);
-    end_on_light(w, s, index, step, l.radiance, expected_nee_candidates(l.light, c.nee_candidates, index) * l.pdf_solid_angle);
+    end_on_light(w, s, index, l.radiance, l, c);
 }
 
 // The environment in a direction, or the sun that the path ends on.
@@ -375,6 +377,7 @@ fn light_at_infinity(s: PathSample, wi: vec3<f32>, previous: bool) -> LightSampl
     }
     var l = no_light_sample();
     l.light = ENVIRONMENT_LIGHT;
+    l.wi = wi;
     l.radiance = environment_radiance(wi);
     l.pdf_solid_angle = environment_pdf(wi);
     return l;
@@ -390,26 +393,21 @@ fn require_same_end(w: ptr<function, Walk>, s: PathSample, connectable: bool) {
     }
 }
 
-// Contribution of a path whose last ray hit a light.  NEE samples the same direction with density `nee_pdf`.
-fn end_on_light(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, radiance: vec3<f32>, nee_pdf: f32) {
-    let weight = bsdf_hit_weight(step, nee_pdf);
-    if s.reconnection == index {
-        (*w).radiance = (*w).suffix * radiance;
-        (*w).light_pdf = nee_pdf;
-        (*w).f = (*w).throughput * (*w).radiance * weight;
-        return;
-    }
-    if s.reconnection != 0u && index > s.reconnection {
-        (*w).radiance = (*w).suffix * radiance * weight;
-        (*w).f = (*w).throughput * (*w).radiance;
-        return;
-    }
-    (*w).f = (*w).throughput * radiance * weight;
+// Contribution of a path whose last ray hit a light, from where NEE would have taken the sample `l`.
+fn end_on_light(w: ptr<function, Walk>, s: PathSample, index: u32, radiance: vec3<f32>, l: LightSample, c: ShiftParameters) {
+    end_path(w, s, index, radiance, rivals_of_hit((*w).state, l, index, c.counts));
+}
+
+// Contribution of a path that ends with this radiance at the vertex of this index, or behind it.
+fn end_path(w: ptr<function, Walk>, s: PathSample, index: u32, radiance: vec3<f32>, rivals: vec3<f32>) {
+    (*w).f = (*w).throughput * (*w).suffix * radiance * weight_of(rivals, (*w).state);
+    (*w).radiance = (*w).suffix * radiance / rivals.x;
+    (*w).rivals = rivals.yz / rivals.x;
 }
 
 // Contribution of a path whose last vertex samples its light by NEE: the density is that of the light, whichever vertex samples it.
 fn end_with_nee(w: ptr<function, Walk>, s: PathSample, index: u32, c: ShiftParameters, previous: bool, retrace: bool) {
-    let nee = nee_contribution((*w).v, s.light, expected_nee_candidates(s.light.light, c.nee_candidates, index), previous);
+    let nee = nee_contribution((*w).v, s.light, previous);
     let connectable = index > 1u && is_connectable((*w).before, (*w).v.surface, nee.pdf_bsdf, true, c);
     if index < s.reconnection && connectable {
         (*w).reason = SHIFT_EARLIER_CONNECTABLE;
@@ -419,12 +417,7 @@ fn end_with_nee(w: ptr<function, Walk>, s: PathSample, index: u32, c: ShiftParam
         (*w).reason = SHIFT_NOT_CONNECTABLE;
         return;
     }
-    if index > s.reconnection {
-        (*w).radiance = (*w).suffix * nee.f;
-        (*w).f = (*w).throughput * (*w).radiance;
-    } else {
-        (*w).f = (*w).throughput * nee.f;
-    }
+    end_path(w, s, index, nee.f, rivals_of_nee((*w).state, (*w).v, nee.light, nee.pdf_bsdf, index, c.counts));
     // From the reconnection vertex on, visibility changes only where something moved.
     if index < s.reconnection || retrace {
         add_shadow_ray(w, ray_to_light((*w).v.surface, nee.light), path_alpha_seed(s.seed, index, DIMENSION_SHADOW_RAY));

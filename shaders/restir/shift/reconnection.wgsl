@@ -6,6 +6,7 @@
 #import bevy_restir::bsdf::types::{Bsdf, LOBE_COAT, LOBE_DIFFUSE}
 #import bevy_restir::common::constants::FOUR_PI
 #import bevy_restir::light::types::LightSample
+#import bevy_restir::path::technique_weights::TechniqueCounts
 #import bevy_restir::path::walk::{Step, Vertex}
 #import bevy_restir::restir::types::{RECONNECT_BLACK_BOX, RECONNECT_DISTANCE, RECONNECT_FIRST}
 #import bevy_restir::scene::surface::Surface
@@ -17,7 +18,8 @@ struct ShiftParameters {
     separation: f32,          // c/100 of the footprint of the pixel on its surface, m²; or least distance, m
     roughness: f32,           // least perceptual roughness of a lobe before the reconnection
     jacobian_limit: f32,      // greatest Jacobian, and reciprocal of the least
-    nee_candidates: u32,      // light candidates at the first vertex
+    counts: TechniqueCounts,
+    camera_density: f32,      // of the camera's rays at the first vertex, where light sub-paths are traced
     diffuse_secondary: bool,  // radiance is taken to leave the reconnection vertex to all sides alike
 }
 

@@ -2,7 +2,7 @@
 
 use crate::support::{app::*, log, small_scenes::*};
 use bevy::{light::NotShadowCaster, prelude::*};
-use bevy_restir::{Bdpt, Restir, Technique};
+use bevy_restir::{Bdpt, LightTechniques, Restir, Technique};
 
 fn bidirectional(bounces: u32) -> Restir {
     Restir { technique: Technique::Bdpt, bounces, jitter: true, ..plain() }
@@ -64,7 +64,7 @@ fn every_number_of_bounces_and_light_paths_gives_a_finite_picture() {
     let Some(mut rig) = rig(|rig| surrounded(rig, true)) else { return };
     for bounces in [0, 1, 2, 64] {
         for light_paths in [0.0, 0.001, 8.0] {
-            rig.set(|r| *r = Restir { bdpt: Bdpt { light_paths }, ..bidirectional(bounces) });
+            rig.set(|r| *r = Restir { bdpt: Bdpt { light_paths, ..Bdpt::default() }, ..bidirectional(bounces) });
             assert!(rig.picture(2).is_finite(), "{bounces} bounces, {light_paths} light paths");
         }
     }
@@ -110,7 +110,7 @@ fn small_devices_trace_fewer_light_paths() {
     // A binding holds 16,384 light vertices of 64 bytes.
     let Some(mut rig) = Rig::binding_at_most(1 << 20, 64, 64) else { return };
     room(&mut rig);
-    rig.set(|r| *r = Restir { bdpt: Bdpt { light_paths: 8.0 }, ..bidirectional(2) });
+    rig.set(|r| *r = Restir { bdpt: Bdpt { light_paths: 8.0, techniques: LightTechniques::Full }, ..bidirectional(2) });
     assert!(rig.picture(4).mean() > 0.01);
     assert!(!log::warnings("light paths and not bdpt.light_paths").is_empty());
     rig.assert_sound();

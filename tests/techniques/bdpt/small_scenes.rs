@@ -1,12 +1,18 @@
-//! Bidirectional path tracing equals the reference in small scenes of 32 x 32 pixels, with lights and materials of every kind.  Two
+//! ReSTIR BDPT equals the reference in small scenes of 32 x 32 pixels, with lights and materials of every kind.  Two
 //! one-sided tests at α = 0.01 compare the image mean, and chi-squared compares the 8 x 8 tiles.
 //!
 //! The camera jitters, as in every test of this technique, because light paths end anywhere in a pixel.  Each restart therefore has its own
 //! emission.
 
-use crate::support::{app::*, proof::Proof, small_scenes::*};
+use crate::support::{
+    app::*,
+    proof::{Bidirectional, Proof},
+    reuse_settings::paths,
+    small_scenes::*,
+};
+use LightTechniques::*;
 use bevy::prelude::*;
-use bevy_restir::Bdpt;
+use bevy_restir::LightTechniques;
 
 /// The margins of the image means, and the numbers of restarts and frames.
 const PROOF: Proof = Proof { bounces: 4, blended: true, margin: 0.02, ..Proof::of((24, 6), (24, 16)) };
@@ -14,7 +20,11 @@ const PROOF: Proof = Proof { bounces: 4, blended: true, margin: 0.02, ..Proof::o
 fn check(name: &str, proof: Proof, make: impl FnOnce(&mut Rig)) {
     let Some(mut rig) = scene(32, make) else { return };
     rig.set(|r| r.jitter = true);
-    proof.check(name, &mut rig, &[("bidirectional", Bdpt::default())]);
+    let all = [
+        ("candidates of all techniques", Bidirectional(Full, paths::candidates_only())),
+        ("both kinds of reuse, lightweight", Bidirectional(Lightweight, paths::all_reuse())),
+    ];
+    proof.check(name, &mut rig, &all);
 }
 
 #[test]
@@ -22,11 +32,24 @@ fn light_paths_in_a_room_equal_the_reference() {
     let Some(mut rig) = room_scene(32) else { return };
     rig.set(|r| r.jitter = true);
     let all = [
-        ("a path for each pixel", Bdpt::default()),
-        ("a path for every tenth pixel", Bdpt { light_paths: 0.1 }),
-        ("three paths for each pixel", Bdpt { light_paths: 3.0 }),
-        ("no light paths", Bdpt { light_paths: 0.0 }),
+        ("candidates", Bidirectional(Full, paths::candidates_only())),
+        ("lightweight candidates", Bidirectional(Lightweight, paths::candidates_only())),
+        ("temporal", Bidirectional(Lightweight, paths::temporal())),
+        ("spatial", Bidirectional(Lightweight, paths::spatial())),
+        ("both", Bidirectional(Lightweight, paths::all_reuse())),
+        ("both, all techniques", Bidirectional(Full, paths::all_reuse())),
+        ("both, no light tracing", Bidirectional(NoLightTracing, paths::all_reuse())),
     ];
+    PROOF.check("room", &mut rig, &all);
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn any_number_of_light_paths_gives_the_picture_of_the_reference() {
+    let Some(mut rig) = room_scene(32) else { return };
+    rig.set(|r| r.jitter = true);
+    let full = |count| (count, Bidirectional(Full, paths::all_reuse()));
+    let all = [("one for ten pixels", full(0.1)), ("three for each pixel", full(3.0)), ("none", full(0.0))];
     PROOF.check("room", &mut rig, &all);
 }
 

@@ -1,16 +1,27 @@
 //! The pictures of single techniques (s, t): with their MIS weights they sum to the reference; alone, each is the reference where it finds
 //! all light.
 
-use crate::support::{app::*, equivalence::Restarts, proof::Proof, small_scenes::*};
-use bevy_restir::{Bdpt, testing::plant_shader_defs};
+use crate::support::{
+    app::*,
+    equivalence::Restarts,
+    proof::{Bidirectional, Proof},
+    reuse_settings::paths,
+    small_scenes::*,
+};
+use bevy_restir::{LightTechniques, testing::plant_shader_defs};
 
 const PROOF: Proof = Proof { bounces: 3, blended: true, margin: 0.02, ..Proof::of((24, 8), (24, 16)) };
 /// Hits of lights (s = 0), next-event estimation (s = 1), connections (s, t >= 2), light vertices that the camera sees (t = 1).
 const TECHNIQUES: [&str; 4] = ["TEST_HITS", "TEST_NEE", "TEST_CONNECTIONS", "TEST_SPLATS"];
 
+/// All techniques without reuse.
+fn initial_samples() -> Bidirectional {
+    Bidirectional(LightTechniques::Full, paths::candidates_only())
+}
+
 fn with_defs(rig: &mut Rig, defs: &[&'static str], first_seed: u32) -> Restarts {
     plant_shader_defs(&mut rig.app, defs);
-    let found = PROOF.resampled(rig, &Bdpt::default(), first_seed);
+    let found = PROOF.resampled(rig, &initial_samples(), first_seed);
     plant_shader_defs(&mut rig.app, &[]);
     found
 }
@@ -61,7 +72,7 @@ fn each_technique_alone_finds_all_light_of_a_diffuse_room() {
     let truth = proof.truth(&mut rig, 1000);
     for def in ["TEST_NEE", "TEST_SPLATS"] {
         plant_shader_defs(&mut rig.app, &[def, "TEST_ALONE"]);
-        let found = proof.resampled(&mut rig, &Bdpt::default(), 2000).compare(&truth, 0.05);
+        let found = proof.resampled(&mut rig, &initial_samples(), 2000).compare(&truth, 0.05);
         eprintln!("{def}: {found}");
         assert!(found.is_equal(), "{def}: {found}");
     }
@@ -92,5 +103,5 @@ fn planted_errors_of_bidirectional_paths_are_found() {
         return;
     };
     let truth = PROOF.truth(&mut rig, 1000);
-    PROOF.finds(&mut rig, &truth, [("PLANT_MIS_ORDER", Bdpt::default())]);
+    PROOF.finds(&mut rig, &truth, [("PLANT_MIS_ORDER", initial_samples())]);
 }

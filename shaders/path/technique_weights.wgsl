@@ -1,0 +1,171 @@
+// MIS weights of the techniques that find a path from the camera: next-event estimation (NEE), and rays that hit a light.  They compete with
+// each other and, where light sub-paths are traced (LIGHT_PATHS), with the techniques of light sub-paths (`path/bidirectional_mis.wgsl`).
+//
+// A weight is the reciprocal of a sum of ratios of densities.  A shift replaces the part of a path before its reconnection vertex, and the sum
+// is affine in two numbers of that part: 1/p and S/p, where p is the density of the direction after the reconnection vertex, and S sums up
+// the techniques that join the sub-paths before (Hedstrom et al. 2025, 6.3, stores 84 bytes in place of the two coefficients).  The
+// recursion therefore carries its coefficients: of 1, 1/p and S/p.
+#define_import_path bevy_restir::path::technique_weights
+
+#import bevy_restir::bsdf::bsdf::bsdf_pdf
+#import bevy_restir::common::constants::NONE
+#import bevy_restir::common::guard::{GUARD_LIGHT_SAMPLE, guarded_or_infinite}
+#import bevy_restir::light::emission::emission_density
+#import bevy_restir::light::select::light_pmf
+#import bevy_restir::light::types::{LightSample, no_light_sample}
+#import bevy_restir::light::triangle::triangle_light_pdf_solid_angle
+#import bevy_restir::path::bidirectional_mis::{mis_arrive, mis_camera_start, MisState, mis_sum}
+#import bevy_restir::path::light_path::surface_towards
+#import bevy_restir::path::nee::expected_nee_candidates
+#import bevy_restir::path::walk::{Step, Vertex}
+#import bevy_restir::scene::surface::Surface
+
+// Numbers of samples of the techniques.
+struct TechniqueCounts {
+    nee_candidates: u32,       // light candidates at the first vertex
+    splats: f32,               // light sub-paths whose vertices the camera sees
+    emits: f32,                // 1 where light sub-paths are traced, otherwise 0
+    connects: f32,             // 1 where light sub-paths are connected to vertices of camera sub-paths, otherwise 0
+}
+
+// The newest vertex of a camera sub-path, or the ray that leaves it.
+struct CameraState {
+    last: vec3<f32>,           // coefficients of `MisState::last`
+    earlier: vec3<f32>,        // and of `MisState::earlier`
+    basis: vec3<f32>,          // (1, 1/p, S/p); (1, 0, 0) before the reconnection vertex
+}
+
+// The techniques that compete with one that found a light: 1/weight = dot(rivals, basis).
+fn weight_of(rivals: vec3<f32>, s: CameraState) -> f32 {
+    return 1.0 / dot(rivals, s.basis);
+}
+
+// Weight of a path whose coefficients are stored: `rivals` of 1/p and S/p, over that of 1, by which its radiance is divided.
+fn stored_weight(rivals: vec2<f32>, s: CameraState) -> f32 {
+    return 1.0 / (1.0 + dot(rivals, s.basis.yz));
+}
+
+// The state of a ray behind the vertex at `s`, if the vertex is the reconnection vertex.  `sum`: S.
+fn behind_reconnection(cos_out: f32, pdf: f32, sum: f32) -> CameraState {
+    return CameraState(vec3<f32>(0.0, 1.0, 0.0), vec3<f32>(0.0, 0.0, cos_out), vec3<f32>(1.0, 1.0, sum) / vec3<f32>(1.0, pdf, pdf));
+}
+
+// k v, where 0 stays 0: k may be infinite.
+fn scaled(k: f32, v: vec3<f32>) -> vec3<f32> {
+    return select(k * v, vec3<f32>(0.0), v == vec3<f32>(0.0));
+}
+
+// The light sample that NEE would have taken where a ray hits an emissive surface; `light` is NONE for one that is not in the table of lights.
+fn emitter_sample(n: Surface, wi: vec3<f32>, instance: u32, triangle: u32, from_point: vec3<f32>, previous: bool) -> LightSample {
+    var l = no_light_sample();
+    l.light = n.light;
+    l.wi = wi;
+    l.normal = n.bsdf.n_geo;
+    l.distance = distance(n.position, from_point);
+    if n.light != NONE {
+        l.pdf_solid_angle = triangle_light_pdf_solid_angle(instance, triangle, from_point, n.position, previous);
+    }
+    return l;
+}
+
+// Competitors of a ray that hits the light sample `l` after it has left the vertex of this index.
+fn rivals_of_hit(s: CameraState, l: LightSample, index: u32, counts: TechniqueCounts) -> vec3<f32> {
+    if l.light == NONE {
+        return vec3<f32>(1.0, 0.0, 0.0);
+    }
+    let nee = guarded_or_infinite(nee_density(l, index, counts), GUARD_LIGHT_SAMPLE);
+    return alone(vec3<f32>(1.0, 0.0, 0.0) + scaled(nee, s.last) + emitted_density(l, counts) * s.earlier);
+}
+
+// Competitors of NEE of the light sample `l` at the vertex `v` of this index, where the BSDF samples the direction with density `pdf`.
+fn rivals_of_nee(s: CameraState, v: Vertex, l: LightSample, pdf: f32, index: u32, counts: TechniqueCounts) -> vec3<f32> {
+    let nee = nee_density(l, index, counts);
+    let hit = select(pdf / nee, 0.0, l.delta != 0u);
+    return alone(vec3<f32>(1.0 + hit, 0.0, 0.0) + found_by_light_paths(s, v, l, nee, counts));
+}
+
+// TEST_ALONE: tests use techniques without their weights.
+#ifdef TEST_ALONE
+fn alone(rivals: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(1.0, 0.0, 0.0);
+}
+#else
+fn alone(rivals: vec3<f32>) -> vec3<f32> {
+    return rivals;
+}
+#endif
+
+#ifdef LIGHT_PATHS
+// The state at the first vertex.  `camera_density`: of the camera's rays there (`mis_camera_start`).
+fn camera_state(v: Vertex, camera_density: f32, counts: TechniqueCounts) -> CameraState {
+    let s = mis_arrive(mis_camera_start(counts.splats, camera_density), 1.0, abs(dot(v.surface.bsdf.n_geo, v.wo)));
+    return CameraState(vec3<f32>(s.last, 0.0, 0.0), vec3<f32>(s.earlier, 0.0, 0.0), vec3<f32>(1.0, 0.0, 0.0));
+}
+
+// The state of the ray that leaves the vertex `v`.
+fn left(s: CameraState, v: Vertex, step: Step, is_reconnection: bool) -> CameraState {
+    let cos_out = abs(dot(v.surface.bsdf.n_geo, step.wi));
+    if step.delta {
+        return CameraState(vec3<f32>(0.0), cos_out * s.earlier, s.basis);
+    }
+    let sum = s.last + s.earlier * reverse_pdf(v, step.wi);
+    if is_reconnection {
+        return behind_reconnection(cos_out, step.pdf, sum.x);
+    }
+    return CameraState(vec3<f32>(1.0 / step.pdf, 0.0, 0.0), cos_out / step.pdf * sum, s.basis);
+}
+
+// The state where the ray arrives at the surface `n`, from the position `from_point`.
+fn reached(s: CameraState, n: Surface, wi: vec3<f32>, from_point: vec3<f32>, counts: TechniqueCounts) -> CameraState {
+    let d = n.position - from_point;
+    let cos_in = abs(dot(n.bsdf.n_geo, wi));
+    return CameraState(s.last * (counts.connects * dot(d, d) / cos_in), s.earlier / cos_in, s.basis);
+}
+
+// Density with which a sub-path that arrives from `wi` would be scattered to where `v` was reached from.
+fn reverse_pdf(v: Vertex, wi: vec3<f32>) -> f32 {
+    return bsdf_pdf(surface_towards(v.surface, wi).bsdf, wi, v.wo);
+}
+
+// Light sub-paths cannot depend on the index of the vertex that NEE starts from: all vertices have one candidate, as far as weights know.
+fn nee_density(l: LightSample, index: u32, counts: TechniqueCounts) -> f32 {
+    return light_pmf(l.light) * l.pdf_solid_angle * l.pdf_scale;
+}
+
+// Density with which light sub-paths emit the ray of a light sample.
+fn emitted_density(l: LightSample, counts: TechniqueCounts) -> f32 {
+    return counts.emits * light_pmf(l.light) * l.pdf_solid_angle * emission_density(l);
+}
+
+fn found_by_light_paths(s: CameraState, v: Vertex, l: LightSample, nee: f32, counts: TechniqueCounts) -> vec3<f32> {
+    let cosine = abs(dot(v.surface.bsdf.n_geo, l.wi));
+    return emitted_density(l, counts) / nee * cosine * (s.last + s.earlier * reverse_pdf(v, l.wi));
+}
+#else
+fn camera_state(v: Vertex, camera_density: f32, counts: TechniqueCounts) -> CameraState {
+    return CameraState(vec3<f32>(0.0), vec3<f32>(0.0), vec3<f32>(1.0, 0.0, 0.0));
+}
+
+fn left(s: CameraState, v: Vertex, step: Step, is_reconnection: bool) -> CameraState {
+    if is_reconnection && !step.delta {
+        return behind_reconnection(0.0, step.pdf, 0.0);
+    }
+    return CameraState(vec3<f32>(select(1.0 / step.pdf, 0.0, step.delta), 0.0, 0.0), vec3<f32>(0.0), s.basis);
+}
+
+fn reached(s: CameraState, n: Surface, wi: vec3<f32>, from_point: vec3<f32>, counts: TechniqueCounts) -> CameraState {
+    return s;
+}
+
+fn nee_density(l: LightSample, index: u32, counts: TechniqueCounts) -> f32 {
+    return expected_nee_candidates(l.light, counts.nee_candidates, index) * l.pdf_solid_angle * l.pdf_scale;
+}
+
+fn emitted_density(l: LightSample, counts: TechniqueCounts) -> f32 {
+    return 0.0;
+}
+
+fn found_by_light_paths(s: CameraState, v: Vertex, l: LightSample, nee: f32, counts: TechniqueCounts) -> vec3<f32> {
+    return vec3<f32>(0.0);
+}
+#endif
