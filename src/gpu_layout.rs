@@ -329,4 +329,6 @@ pub struct GpuResampleSettings {
     pub jacobian_limit: f32,
     pub light_paths: u32,
     pub splats: u32,
+    pub diffuse_share: f32,
+    pub caustic_share: f32,
 }

@@ -6,6 +6,7 @@
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::math::luminance
 #import bevy_restir::common::rng::{rng_1, rng_bits, rng_new, STREAM_LIGHT_PATHS}
+#import bevy_restir::path::bidirectional_mis::MisState
 #import bevy_restir::path::light_path::{advance_light_path, begin_light_path}
 #import bevy_restir::restir::bdpt::light_vertex::{light_vertex_pack, LightVertex, offer_vertex, PackedLightVertex}
 #import bevy_restir::restir::bdpt::splat::{merged_splat, Splat, splat_of, SPLATS_OF_A_PATH}
@@ -36,6 +37,7 @@ fn trace(path: u32) {
     var last = Splat(NONE, vec3<f32>(0.0));
     var last_sum = 0.0;
     var w = begin_light_path(&rng);
+    w.state = over_share(w.state, settings.diffuse_share);
     for (var event = 1u; event <= view.bounces; event++) {
         if w.events == 0u {
             break;
@@ -58,6 +60,9 @@ fn trace(path: u32) {
         }
         if event < view.bounces {
             w = advance_light_path(w, &rng);
+            if event == 1u && w.by_delta {
+                w.state = over_share(w.state, settings.caustic_share / settings.diffuse_share);
+            }
             // Without connections no technique joins the sub-paths behind the first vertex.
             w.state.last = select(0.0, w.state.last, connects());
         }
@@ -68,6 +73,11 @@ fn trace(path: u32) {
     if connects() {
         light_vertices[path] = light_vertex_pack(kept);
     }
+}
+
+// The competitors at the start of a light sub-path find their light from the camera.
+fn over_share(s: MisState, share: f32) -> MisState {
+    return MisState(s.last / share, s.earlier / share);
 }
 
 fn connects() -> bool {

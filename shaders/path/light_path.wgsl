@@ -31,6 +31,7 @@ struct LightWalk {
     towards_light: vec3<f32>,  // direction to the vertex before
     throughput: vec3<f32>,     // power that arrives, over the density of the sub-path
     state: MisState,
+    by_delta: bool,            // the vertex before scattered by a delta lobe
     start_power: f32,          // largest component of the power that the light emitted
     medium: vec3<f32>,         // absorption of the body that the ray came through, 1/m
     open_distance: f32,        // length of the path in a body that no surface has identified yet, m
@@ -104,6 +105,7 @@ fn advance_light_path(walk: LightWalk, rng: ptr<function, Rng>) -> LightWalk {
     if b.valid == 0u {
         return w;
     }
+    w.by_delta = b.delta != 0u;
     let cos_out = abs(dot(s.bsdf.n_geo, b.wi));
     let out = surface_towards(s, b.wi);
     if b.delta != 0u {

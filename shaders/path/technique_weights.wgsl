@@ -20,12 +20,19 @@
 #import bevy_restir::path::walk::{Step, Vertex}
 #import bevy_restir::scene::surface::Surface
 
+// Factors that MIS weights give the techniques of light sub-paths: other techniques are resampled, and stand for more samples than one.
+// Any factors sum the weights to 1, as long as they depend on the whole path alone.  0: no light sub-paths are traced.
+struct LightShares {
+    diffuse: f32,              // where NEE can find the path
+    caustic: f32,              // where the light arrives at a delta lobe, so that only hits and light sub-paths can
+}
+
 // Numbers of samples of the techniques.
 struct TechniqueCounts {
     nee_candidates: u32,       // light candidates at the first vertex
     splats: f32,               // light sub-paths whose vertices the camera sees
-    emits: f32,                // 1 where light sub-paths are traced, otherwise 0
     connects: f32,             // 1 where light sub-paths are connected to vertices of camera sub-paths, otherwise 0
+    shares: LightShares,
 }
 
 // The newest vertex of a camera sub-path, or the ray that leaves it.
@@ -68,18 +75,21 @@ fn emitter_sample(n: Surface, wi: vec3<f32>, instance: u32, triangle: u32, from_
     return l;
 }
 
-// Competitors of a ray that hits the light sample `l` after it has left the vertex of this index.
-fn rivals_of_hit(s: CameraState, l: LightSample, index: u32, counts: TechniqueCounts) -> vec3<f32> {
+// Competitors of a ray that hits the light sample `l` after it has left the vertex of this index, by a delta lobe or another one.
+fn rivals_of_hit(s: CameraState, l: LightSample, by_delta: bool, index: u32, counts: TechniqueCounts) -> vec3<f32> {
     if l.light == NONE {
         return vec3<f32>(1.0, 0.0, 0.0);
     }
     let nee = guarded_or_infinite(nee_density(l, index, counts), GUARD_LIGHT_SAMPLE);
-    return alone(vec3<f32>(1.0, 0.0, 0.0) + scaled(nee, s.last) + emitted_density(l, counts) * s.earlier);
+    return alone(vec3<f32>(1.0, 0.0, 0.0) + scaled(nee, s.last) + emitted_density(l, select(counts.shares.diffuse, counts.shares.caustic, by_delta)) * s.earlier);
 }
 
 // Competitors of NEE of the light sample `l` at the vertex `v` of this index, where the BSDF samples the direction with density `pdf`.
 fn rivals_of_nee(s: CameraState, v: Vertex, l: LightSample, pdf: f32, index: u32, counts: TechniqueCounts) -> vec3<f32> {
     let nee = nee_density(l, index, counts);
+    if !(nee > 0.0) {
+        return vec3<f32>(1.0, 0.0, 0.0);
+    }
     let hit = select(pdf / nee, 0.0, l.delta != 0u);
     return alone(vec3<f32>(1.0 + hit, 0.0, 0.0) + found_by_light_paths(s, v, l, nee, counts));
 }
@@ -98,7 +108,7 @@ fn alone(rivals: vec3<f32>) -> vec3<f32> {
 #ifdef LIGHT_PATHS
 // The state at the first vertex.  `camera_density`: of the camera's rays there (`mis_camera_start`).
 fn camera_state(v: Vertex, camera_density: f32, counts: TechniqueCounts) -> CameraState {
-    let s = mis_arrive(mis_camera_start(counts.splats, camera_density), 1.0, abs(dot(v.surface.bsdf.n_geo, v.wo)));
+    let s = mis_arrive(mis_camera_start(counts.splats, camera_density), 1.0, cosine(v.surface, v.wo));
     return CameraState(vec3<f32>(s.last, 0.0, 0.0), vec3<f32>(s.earlier, 0.0, 0.0), vec3<f32>(1.0, 0.0, 0.0));
 }
 
@@ -118,8 +128,13 @@ fn left(s: CameraState, v: Vertex, step: Step, is_reconnection: bool) -> CameraS
 // The state where the ray arrives at the surface `n`, from the position `from_point`.
 fn reached(s: CameraState, n: Surface, wi: vec3<f32>, from_point: vec3<f32>, counts: TechniqueCounts) -> CameraState {
     let d = n.position - from_point;
-    let cos_in = abs(dot(n.bsdf.n_geo, wi));
+    let cos_in = cosine(n, wi);
     return CameraState(s.last * (counts.connects * dot(d, d) / cos_in), s.earlier / cos_in, s.basis);
+}
+
+// Where a ray arrives edge-on, the state must remain finite.
+fn cosine(s: Surface, direction: vec3<f32>) -> f32 {
+    return max(abs(dot(s.bsdf.n_geo, direction)), 1.0e-9);
 }
 
 // Density with which a sub-path that arrives from `wi` would be scattered to where `v` was reached from.
@@ -132,14 +147,14 @@ fn nee_density(l: LightSample, index: u32, counts: TechniqueCounts) -> f32 {
     return light_pmf(l.light) * l.pdf_solid_angle * l.pdf_scale;
 }
 
-// Density with which light sub-paths emit the ray of a light sample.
-fn emitted_density(l: LightSample, counts: TechniqueCounts) -> f32 {
-    return counts.emits * light_pmf(l.light) * l.pdf_solid_angle * emission_density(l);
+// Density with which light sub-paths emit the ray of a light sample, times their share.
+fn emitted_density(l: LightSample, share: f32) -> f32 {
+    return share * light_pmf(l.light) * l.pdf_solid_angle * emission_density(l);
 }
 
 fn found_by_light_paths(s: CameraState, v: Vertex, l: LightSample, nee: f32, counts: TechniqueCounts) -> vec3<f32> {
     let cosine = abs(dot(v.surface.bsdf.n_geo, l.wi));
-    return emitted_density(l, counts) / nee * cosine * (s.last + s.earlier * reverse_pdf(v, l.wi));
+    return emitted_density(l, counts.shares.diffuse) / nee * cosine * (s.last + s.earlier * reverse_pdf(v, l.wi));
 }
 #else
 fn camera_state(v: Vertex, camera_density: f32, counts: TechniqueCounts) -> CameraState {
@@ -161,7 +176,7 @@ fn nee_density(l: LightSample, index: u32, counts: TechniqueCounts) -> f32 {
     return expected_nee_candidates(l.light, counts.nee_candidates, index) * l.pdf_solid_angle * l.pdf_scale;
 }
 
-fn emitted_density(l: LightSample, counts: TechniqueCounts) -> f32 {
+fn emitted_density(l: LightSample, share: f32) -> f32 {
     return 0.0;
 }
 

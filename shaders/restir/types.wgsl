@@ -25,6 +25,8 @@ struct ResampleSettings {
     jacobian_limit: f32,       // greatest Jacobian of a shift, and reciprocal of the least
     light_paths: u32,          // light sub-paths of a frame
     splats: u32,               // `light_paths`, or 0: the camera does not see their vertices
+    diffuse_share: f32,        // `LightShares`
+    caustic_share: f32,
 }
 
 // BSDF sampling adds a candidate to those of the lights.

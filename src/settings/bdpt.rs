@@ -31,11 +31,16 @@ pub struct Bdpt {
     pub light_paths: f32,
     /// Techniques that light paths take part in.
     pub techniques: LightTechniques,
+    /// Number of samples that a resampled path stands for when it is weighted against light paths, which are not resampled; 1 to 1000.
+    /// Light that arrives through a mirror or through glass is left to light paths by the same factor.  Larger values give less noise in
+    /// light that resampling finds well, and more where light paths would have found it better.  Without reuse it has no effect.  No cost,
+    /// no bias.
+    pub reuse_gain: f32,
 }
 
 impl Default for Bdpt {
     fn default() -> Self {
-        Self { light_paths: 1.0, techniques: LightTechniques::default() }
+        Self { light_paths: 1.0, techniques: LightTechniques::default(), reuse_gain: 16.0 }
     }
 }
 
@@ -47,6 +52,8 @@ impl Bdpt {
 
     /// Brings every field into its range.
     pub(super) fn validate(&mut self, report: &mut dyn FnMut(Problem)) {
-        Ranges { path: "bdpt.", report }.number("light_paths", &mut self.light_paths, 0.0, 8.0);
+        let mut ranges = Ranges { path: "bdpt.", report };
+        ranges.number("light_paths", &mut self.light_paths, 0.0, 8.0);
+        ranges.number("reuse_gain", &mut self.reuse_gain, 1.0, 1000.0);
     }
 }

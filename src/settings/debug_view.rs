@@ -43,7 +43,7 @@ pub enum DebugView {
     /// Visibility of the stored sample when it was shaded: green, or red where it was occluded; black: no sample.
     ReservoirVisibility,
     /// Ends of the stored paths: next-event estimation in red, an emitter that was hit in green, the environment in blue.  This view and
-    /// the next seven need [`Technique::Pt`] or [`Technique::Gi`].
+    /// the next seven need [`Technique::Pt`], [`Technique::Gi`] or [`Technique::Bdpt`].
     PathEnds,
     /// Scattering events of the stored paths.
     PathLengths,
@@ -80,10 +80,10 @@ impl DebugView {
     /// Whether a technique has something to show.
     pub fn shows(self, technique: Technique) -> bool {
         match technique {
-            Technique::Reference | Technique::Bdpt => !self.is_of_reservoirs() && !self.is_of_paths(),
+            Technique::Reference => !self.is_of_reservoirs() && !self.is_of_paths(),
             Technique::Di => !self.is_of_paths(),
             Technique::Gi => true,
-            Technique::Pt => !self.is_of_reservoirs(),
+            Technique::Pt | Technique::Bdpt => !self.is_of_reservoirs(),
         }
     }
 }

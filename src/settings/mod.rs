@@ -52,12 +52,11 @@ pub enum Technique {
     /// them; glossy and mirrored light is reused, too.  Settings: [`Paths`].
     #[default]
     Pt,
-    /// Bidirectional path tracing (Veach 1997, 10; the initial samples of Hedstrom et al. 2025): paths from the camera are joined with
-    /// paths from the lights, of up to `bounces` scattering events in all.  For caustics and for lamps inside glass: the mean of twelve frames of
-    /// `glass_lamp` has a third of the noise of the reference and half of that of [`Technique::Pt`].  Nothing is reused between pixels or
-    /// frames, so that it is noisier than `Pt` elsewhere: use [`Restir::accumulate`] or a denoiser.  A frame costs two to four times as
-    /// many rays as one of the reference.  Unbiased with [`Restir::jitter`]; without it, or with Bevy's jitter, light that the camera sees
-    /// from light paths is still averaged over the whole pixel.  Settings: [`Bdpt`]; light candidates are those of [`Paths`].
+    /// ReSTIR BDPT, in part (Hedstrom et al. 2025): whole paths of up to `bounces` scattering events, resampled as in [`Technique::Pt`], and
+    /// light paths that start at the lamps and that the camera sees.  For caustics and for lamps inside glass, which `Pt` hardly finds.
+    /// Light paths are not resampled, so that caustics are new in each frame.  Costs one light path for each pixel more than `Pt`.  Unbiased
+    /// with [`Restir::jitter`]; without it, or with Bevy's jitter, light that the camera sees from light paths is still averaged over the
+    /// whole pixel.  Settings: [`Bdpt`] and [`Paths`].
     Bdpt,
 }
 
@@ -95,7 +94,7 @@ pub struct Restir {
     pub seed: u32,
     /// Direct light, for [`Technique::Di`] and [`Technique::Gi`]; its light subsets serve all techniques that resample.
     pub direct: Direct,
-    /// Paths, for [`Technique::Gi`] and [`Technique::Pt`].
+    /// Paths, for [`Technique::Gi`], [`Technique::Pt`] and [`Technique::Bdpt`].
     pub paths: Paths,
     /// Light sub-paths, for [`Technique::Bdpt`].
     pub bdpt: Bdpt,

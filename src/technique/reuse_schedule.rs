@@ -61,6 +61,8 @@ pub(crate) struct ReuseSchedule {
     moved_flags: u32,
     /// MIS weights of temporal reuse alone.
     temporal_mis: u32,
+    /// Samples that a resampled path stands for, in weights against light sub-paths.
+    pub reuse_gain: f32,
 }
 
 impl ReuseSchedule {
@@ -82,6 +84,7 @@ impl ReuseSchedule {
             first_flags: if candidates_visible { RESAMPLE_CANDIDATES_VISIBLE } else { 0 },
             moved_flags: 0,
             temporal_mis: mis,
+            reuse_gain: 1.0,
         }
     }
 
@@ -106,6 +109,7 @@ impl ReuseSchedule {
                     SuffixRetrace::Off => 0,
                 },
             temporal_mis: MIS_BALANCE,
+            reuse_gain: 1.0,
         }
     }
 
@@ -131,7 +135,11 @@ impl ReuseSchedule {
     pub(crate) fn of_bidirectional_paths(settings: &Restir) -> Self {
         let schedule = Self::of_paths(settings);
         let flags = flags_of([(settings.bdpt.connects(), RESAMPLE_CONNECTIONS)]);
-        Self { common: GpuResampleSettings { flags: schedule.common.flags | flags, ..schedule.common }, ..schedule }
+        Self {
+            common: GpuResampleSettings { flags: schedule.common.flags | flags, ..schedule.common },
+            reuse_gain: if schedule.max_inputs() > 1 { settings.bdpt.reuse_gain } else { 1.0 },
+            ..schedule
+        }
     }
 
     /// Greatest number of inputs of the resampling routine: the pixel's own sample and its neighbors.

@@ -186,6 +186,8 @@ impl Reservoirs {
             let settings = GpuResampleSettings {
                 light_paths,
                 splats,
+                diffuse_share: if light_paths > 0 { 1.0 / self.schedule.reuse_gain } else { 0.0 },
+                caustic_share: if light_paths > 0 { self.schedule.reuse_gain } else { 0.0 },
                 ..self.schedule.uniforms(iteration, height, inputs.has_history, inputs.moved)
             };
             slot[..size_of_val(&settings)].copy_from_slice(bytemuck::bytes_of(&settings));

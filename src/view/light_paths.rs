@@ -117,7 +117,7 @@ mod tests {
     #[test]
     fn the_number_of_light_paths_fits_the_device() {
         let of = |light_paths, size, limit| {
-            let settings = Bdpt { light_paths, techniques: LightTechniques::Full };
+            let settings = Bdpt { light_paths, techniques: LightTechniques::Full, ..Bdpt::default() };
             let counts = LightPathCounts::new(&settings, size, limit, true);
             (counts.light_paths, counts.is_reduced(&settings, size))
         };

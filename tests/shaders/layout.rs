@@ -185,6 +185,8 @@ fn resampling_structs_and_constants_are_the_same_in_rust_and_wgsl() {
             jacobian_limit,
             light_paths,
             splats,
+            diffuse_share,
+            caustic_share,
         }
     );
     same!(

@@ -5,7 +5,7 @@
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::math::luminance
 #import bevy_restir::light::remap::current_light_id
-#import bevy_restir::path::technique_weights::TechniqueCounts
+#import bevy_restir::path::technique_weights::{LightShares, TechniqueCounts}
 #import bevy_restir::path::walk::Vertex
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::path_sample::{PathSample, ShiftResult, TERMINATION_NEE, with_shift_result}
@@ -59,8 +59,9 @@ fn in_technique_measure(c: SelectedPath, r: Receiver) -> SelectedPath {
 
 // Numbers of samples that compete for the light of a path.
 fn technique_counts() -> TechniqueCounts {
-    let emits = f32(settings.light_paths > 0u);
-    return TechniqueCounts(settings.candidates, f32(settings.splats), emits, f32((settings.flags & RESAMPLE_CONNECTIONS) != 0u));
+    let connects = f32((settings.flags & RESAMPLE_CONNECTIONS) != 0u);
+    let shares = LightShares(settings.diffuse_share, settings.caustic_share);
+    return TechniqueCounts(settings.candidates, f32(settings.splats), connects, shares);
 }
 
 #ifdef LIGHT_PATHS

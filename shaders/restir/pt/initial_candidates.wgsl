@@ -244,7 +244,7 @@ fn add_light_hits(
             path = ended_on_emitter((*c).prefix, before, l.position, l.normal, light_factor(l), index, p);
         }
         path.light = point;
-        add_bsdf_hit(c, path, l.radiance * transmittance(medium, l.distance), l, index, p, rng_1(rng));
+        add_bsdf_hit(c, path, l.radiance * transmittance(medium, l.distance), l, step.delta, index, p, rng_1(rng));
     }
 }
 
@@ -255,7 +255,7 @@ fn add_environment(c: ptr<function, Candidates>, before: PreviousVertex, step: S
     l.wi = step.wi;
     l.pdf_solid_angle = environment_pdf(step.wi);
     let path = ended_at_infinity((*c).prefix, before, step, index);
-    add_bsdf_hit(c, path, environment_radiance(step.wi), l, index, p, rng_1(rng));
+    add_bsdf_hit(c, path, environment_radiance(step.wi), l, step.delta, index, p, rng_1(rng));
 }
 
 // The next vertex; if it emits, a path ends there.
@@ -290,7 +290,7 @@ fn next_vertex(
         let factor = triangle_factor(before.position, s.position, hit.instance, hit.triangle, false);
         let path = ended_on_emitter((*c).prefix, before, s.position, s.bsdf.n_geo, factor, index, p);
         // Throughput and suffix include the absorption up to here.
-        add_bsdf_hit(c, path, s.emission, l, index, p, rng_1(rng));
+        add_bsdf_hit(c, path, s.emission, l, step.delta, index, p, rng_1(rng));
     }
     (*c).state = reached((*c).state, s, step.wi, v.surface.position, p.counts);
     return Vertex(s, -step.wi, medium, cone);
@@ -328,9 +328,18 @@ fn ended_at_infinity(prefix: PathSample, before: PreviousVertex, step: Step, ind
 }
 
 // Adds a path whose last ray hit a light.  `radiance` arrives at the vertex of this index, from where NEE would have taken the sample `l`.
-fn add_bsdf_hit(c: ptr<function, Candidates>, ended: PathSample, radiance: vec3<f32>, l: LightSample, index: u32, p: ShiftParameters, u: f32) {
+fn add_bsdf_hit(
+    c: ptr<function, Candidates>,
+    ended: PathSample,
+    radiance: vec3<f32>,
+    l: LightSample,
+    by_delta: bool,
+    index: u32,
+    p: ShiftParameters,
+    u: f32,
+) {
     var path = ended;
-    let rivals = rivals_of_hit((*c).state, l, index, p.counts);
+    let rivals = rivals_of_hit((*c).state, l, by_delta, index, p.counts);
     if path.reconnection != 0u && path.reconnection <= index {
         path.radiance = (*c).suffix * radiance / rivals.x;
         path.rivals = rivals.yz / rivals.x;

@@ -207,7 +207,7 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: ShiftParameters, previous: boo
         }
         arrive(w, s, index, step, n, medium, cone, c, previous);
         if is_last && (*w).reason == SHIFT_OK {
-            end_on_light(w, s, index, n.emission, emitter_sample(n, step.wi, instance, triangle, at.position, previous), c);
+            end_on_light(w, s, index, step, n.emission, emitter_sample(n, step.wi, instance, triangle, at.position, previous), c);
         }
         (*w).state = reached((*w).state, n, step.wi, at.position, c.counts);
         if is_last || (*w).reason != SHIFT_OK {
@@ -351,7 +351,7 @@ fn hit_analytic_light(
     }
     require_same_end(w, s, is_connectable_end((*w).before, l.position, l.normal, c));
     add_shadow_ray(w, ray_to_light(at, l), alpha_seed);
-    end_on_light(w, s, index, l.radiance * transmittance(medium, l.distance), l, c);
+    end_on_light(w, s, index, step, l.radiance * transmittance(medium, l.distance), l, c);
 }
 
 fn hit_point_of_light(s: PathSample, segment: RaySegment, previous: bool) -> LightPoint {
@@ -366,7 +366,7 @@ fn hit_point_of_light(s: PathSample, segment: RaySegment, previous: bool) -> Lig
 fn hit_environment(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, c: ShiftParameters, previous: bool) {
     require_same_end(w, s, (*w).before.rough);
     let l = light_at_infinity(s, step.wi, previous);
-    end_on_light(w, s, index, l.radiance, l, c);
+    end_on_light(w, s, index, step, l.radiance, l, c);
 }
 
 // The environment in a direction, or the sun that the path ends on.
@@ -394,8 +394,8 @@ fn require_same_end(w: ptr<function, Walk>, s: PathSample, connectable: bool) {
 }
 
 // Contribution of a path whose last ray hit a light, from where NEE would have taken the sample `l`.
-fn end_on_light(w: ptr<function, Walk>, s: PathSample, index: u32, radiance: vec3<f32>, l: LightSample, c: ShiftParameters) {
-    end_path(w, s, index, radiance, rivals_of_hit((*w).state, l, index, c.counts));
+fn end_on_light(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, radiance: vec3<f32>, l: LightSample, c: ShiftParameters) {
+    end_path(w, s, index, radiance, rivals_of_hit((*w).state, l, step.delta, index, c.counts));
 }
 
 // Contribution of a path that ends with this radiance at the vertex of this index, or behind it.

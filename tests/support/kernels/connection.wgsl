@@ -1,6 +1,6 @@
 // The criteria of reconnections for random pairs of vertices.
 #import bevy_restir::bsdf::types::{Bsdf, LOBE_COAT, LOBE_DIFFUSE, LOBE_REFLECTION}
-#import bevy_restir::path::technique_weights::TechniqueCounts
+#import bevy_restir::path::technique_weights::{LightShares, TechniqueCounts}
 #import bevy_restir::path::walk::{Step, Vertex}
 #import bevy_restir::restir::shift::reconnection::{is_connectable, is_connectable_end, is_rough, previous_vertex, separation_threshold, ShiftParameters}
 #import bevy_restir::scene::surface::Surface
@@ -82,7 +82,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     first.position = p.first;
     first.bsdf.n_geo = p.first_normal;
     let threshold = separation_threshold(p.kind, p.separation, p.eye, first);
-    let c = ShiftParameters(p.kind, threshold, p.roughness, 10.0, TechniqueCounts(1u, 0.0, 0.0, 0.0), 0.0, false);
+    let c = ShiftParameters(p.kind, threshold, p.roughness, 10.0, TechniqueCounts(1u, 0.0, 0.0, LightShares(0.0, 0.0)), 0.0, false);
     let before = previous_vertex(vertex_of(p.from_side), step_of(p.from_side), p.index, c);
     let after = step_of(p.to_side);
     let v = vertex_of(p.to_side);

@@ -14,8 +14,8 @@ fn rig(make: impl FnOnce(&mut Rig)) -> Option<Rig> {
     Some(rig)
 }
 
-/// Buffers and passes of light paths exist only while the technique is used: 64 bytes a path for its vertex, 48 for its splats, and 4 bytes
-/// a pixel.  There are no reservoirs.
+/// Buffers and passes of light paths exist only while the technique is used: 48 bytes a path for its splats, 4 bytes a pixel, and with
+/// connections 64 bytes a path for its vertex.
 #[test]
 fn buffers_of_light_paths_exist_only_for_this_technique() {
     let Some(mut rig) = rig(|rig| {
@@ -25,14 +25,20 @@ fn buffers_of_light_paths_exist_only_for_this_technique() {
     };
     let bytes =
         |rig: &Rig, name: &str| rig.report().memory.iter().filter(|(item, _)| *item == name).map(|m| m.1).sum::<u64>();
-    for (technique, paths) in [(Technique::Pt, 0u64), (Technique::Bdpt, 32 * 32), (Technique::Reference, 0)] {
-        rig.set(|r| r.technique = technique);
+    let cases = [
+        (Technique::Pt, LightTechniques::Full, 0u64, 0u64),
+        (Technique::Bdpt, LightTechniques::Full, 32 * 32, 32 * 32),
+        (Technique::Bdpt, LightTechniques::Lightweight, 32 * 32, 1),
+        (Technique::Reference, LightTechniques::Full, 0, 0),
+    ];
+    for (technique, techniques, paths, vertices) in cases {
+        rig.set(|r| (r.technique, r.bdpt.techniques) = (technique, techniques));
         rig.picture(2);
         rig.frames(2);
         let heads = if paths > 0 { 4 * 32 * 32 } else { 0 };
-        assert_eq!(bytes(&rig, "light vertices"), 64 * paths, "{technique:?}");
+        assert_eq!(bytes(&rig, "light vertices"), 64 * vertices, "{technique:?}");
         assert_eq!(bytes(&rig, "light map"), 48 * paths + heads, "{technique:?}");
-        assert_eq!(bytes(&rig, "bdpt reservoirs"), 0);
+        assert_eq!(bytes(&rig, "bdpt reservoirs"), if paths > 0 { 2 * 64 * 32 * 32 } else { 0 });
     }
     let passes = bevy_restir::pass_names(&bidirectional(3));
     assert!(passes.contains(&"light_paths") && passes.contains(&"splats"), "{passes:?}");
@@ -110,7 +116,12 @@ fn small_devices_trace_fewer_light_paths() {
     // A binding holds 16,384 light vertices of 64 bytes.
     let Some(mut rig) = Rig::binding_at_most(1 << 20, 64, 64) else { return };
     room(&mut rig);
-    rig.set(|r| *r = Restir { bdpt: Bdpt { light_paths: 8.0, techniques: LightTechniques::Full }, ..bidirectional(2) });
+    rig.set(|r| {
+        *r = Restir {
+            bdpt: Bdpt { light_paths: 8.0, techniques: LightTechniques::Full, ..Bdpt::default() },
+            ..bidirectional(2)
+        }
+    });
     assert!(rig.picture(4).mean() > 0.01);
     assert!(!log::warnings("light paths and not bdpt.light_paths").is_empty());
     rig.assert_sound();
