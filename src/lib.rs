@@ -45,8 +45,8 @@ pub use report::{RestirReport, RestirStatistics};
 pub use scene::SceneFeatures;
 pub use settings::{
     BiasCorrection, DebugView, Direct, EmissiveLuminance, Mis, Paths, Preset, RayBackend, Reconnection, Research,
-    ReservoirLayout, Restir, RestirEnvironment, Reuse, ReuseOrder, Subsurface, SuffixRetrace, Technique,
-    VisibilityReuse,
+    ReservoirLayout, Restir, RestirEnvironment, Reuse, ReuseOrder, Subsurface, SubsurfaceSampling, SubsurfaceShift,
+    SuffixRetrace, Technique, VisibilityReuse,
 };
 pub use system_sets::RestirSystems;
 pub use technique::pass_names;
@@ -56,8 +56,8 @@ pub use view::capture::{CapturedRadiance, RadianceCapture};
 pub mod prelude {
     pub use crate::{
         BiasCorrection, DebugView, Direct, EmissiveLuminance, Mis, Paths, Preset, RayBackend, Reconnection, Restir,
-        RestirEnvironment, RestirPlugin, RestirStatus, Reuse, ReuseOrder, Subsurface, SuffixRetrace, Technique,
-        VisibilityReuse,
+        RestirEnvironment, RestirPlugin, RestirStatus, Reuse, ReuseOrder, Subsurface, SubsurfaceSampling,
+        SubsurfaceShift, SuffixRetrace, Technique, VisibilityReuse,
     };
 }
 

@@ -106,6 +106,9 @@ pub const MODULES: &[(&str, &str)] = modules![
     "restir/di/reservoir.wgsl",
     "restir/di/domain.wgsl",
     "restir/di/initial_candidates.wgsl",
+    "restir/sss/reservoir.wgsl",
+    "restir/sss/domain.wgsl",
+    "restir/sss/initial_candidates.wgsl",
     "pass/atlas.wgsl",
     "pass/composite.wgsl",
     "pass/debug.wgsl",
@@ -119,6 +122,7 @@ pub const MODULES: &[(&str, &str)] = modules![
     "pass/reference.wgsl",
     "pass/resolve.wgsl",
     "pass/reuse.wgsl",
+    "pass/sss_candidates.wgsl",
     "pass/statistics.wgsl",
     "pass/visibility.wgsl",
 ];

@@ -18,7 +18,7 @@ pub use paths::{Paths, Reconnection, SuffixRetrace};
 pub use presets::Preset;
 pub use research::{Research, ReservoirLayout};
 pub use reuse::{Mis, Reuse, ReuseOrder};
-pub use subsurface::Subsurface;
+pub use subsurface::{Subsurface, SubsurfaceSampling, SubsurfaceShift};
 
 use bevy::{
     camera::Hdr,
@@ -88,6 +88,8 @@ pub struct Restir {
     pub direct: Direct,
     /// Paths, for [`Technique::Gi`] and [`Technique::Pt`].
     pub paths: Paths,
+    /// Light that enters objects with [`Subsurface`], for [`Technique::Di`].
+    pub subsurface: SubsurfaceSampling,
     /// Variants for measurements.
     pub research: Research,
     /// Shows the mean of all frames for as long as the image does not change: for stills.  [`Technique::Reference`] always does so.
@@ -111,6 +113,7 @@ impl Default for Restir {
             seed: 0,
             direct: Direct::default(),
             paths: Paths::default(),
+            subsurface: SubsurfaceSampling::default(),
             research: Research::default(),
             accumulate: false,
             debug_view: DebugView::Off,
@@ -130,6 +133,7 @@ impl Restir {
         Ranges { path: "", warnings: &mut warnings }.count("bounces", &mut self.bounces, 0, Self::MAX_BOUNCES);
         self.direct.validate(&mut warnings);
         self.paths.validate(&mut warnings);
+        self.subsurface.validate(&mut warnings);
         self.research.validate(&mut warnings);
         let scale = if self.debug_scale.is_nan() { 1.0 } else { self.debug_scale.clamp(0.0, 1e6) };
         if scale != self.debug_scale {

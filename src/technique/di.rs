@@ -5,6 +5,7 @@ use super::{
     domain::{self, Domain, domain_names},
     pass::ComputePass,
     reuse_schedule::ReuseSchedule,
+    sss,
 };
 use crate::{
     gpu_layout::DIRECT_RESERVOIR_SIZE,
@@ -18,12 +19,17 @@ pub(super) const DOMAIN: &Domain = &Domain {
     names: domain_names!("di"),
     candidates: domain::candidates("di_candidates", "di_candidates", &[]),
     reuse: domain::reuse("di_reuse", ROOMS),
-    debug: ComputePass { specialized: false, ..domain::debug("di_debug", "debug_di", &[]) },
+    debug: Some(ComputePass { specialized: false, ..domain::debug("di_debug", "debug_di", &[]) }),
     has_debug_view: DebugView::is_of_reservoirs,
     reservoir_bytes: DIRECT_RESERVOIR_SIZE,
     carries_contribution: false,
     schedule: ReuseSchedule::of_direct_light,
 };
 
-pub(super) const ROW: TechniqueRow =
-    TechniqueRow { technique: Technique::Di, domains: &[DOMAIN], light: None, rays: None, subsurface: false };
+pub(super) const ROW: TechniqueRow = TechniqueRow {
+    technique: Technique::Di,
+    domains: &[DOMAIN],
+    light: None,
+    rays: None,
+    subsurface: Some(&[DOMAIN, sss::DOMAIN]),
+};

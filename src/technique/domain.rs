@@ -15,7 +15,7 @@ pub(crate) struct Domain {
     /// Passes: candidates, reuse (once for each iteration), debug views.
     pub candidates: ComputePass,
     pub reuse: ComputePass,
-    pub debug: ComputePass,
+    pub debug: Option<ComputePass>,
     /// Whether a debug view shows its reservoirs.
     pub has_debug_view: fn(DebugView) -> bool,
     /// Bytes of a reservoir.
@@ -90,6 +90,13 @@ pub(crate) const fn debug(
 ) -> ComputePass {
     let resources = &[R::Settings, R::FinalReservoirs, R::Radiance];
     ComputePass { file, technique_rooms, ..ComputePass::per_pixel(name, resources) }
+}
+
+impl Domain {
+    /// Its passes, each once.
+    pub(crate) fn passes(&self) -> impl Iterator<Item = &ComputePass> {
+        [&self.candidates, &self.reuse].into_iter().chain(&self.debug)
+    }
 }
 
 impl PartialEq for Domain {

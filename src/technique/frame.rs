@@ -43,6 +43,8 @@ enum Show {
 pub(crate) struct Frame {
     technique: Technique,
     show: Show,
+    /// The scene has `Subsurface`, and the technique renders it.
+    subsurface: bool,
 }
 
 /// A step of a frame.
@@ -70,7 +72,12 @@ impl Frame {
                 domains.find(|domain| (domain.has_debug_view)(view)).map_or(Show::Surface, |d| Show::Reservoirs(d))
             }
         };
-        Self { technique: settings.technique, show }
+        Self { technique: settings.technique, show, subsurface: false }
+    }
+
+    /// The frame of a scene that has `Subsurface`.
+    pub(crate) fn with_subsurface(self) -> Self {
+        Self { subsurface: self.row().subsurface.is_some(), ..self }
     }
 
     fn row(self) -> &'static TechniqueRow {
@@ -79,12 +86,13 @@ impl Frame {
 
     /// Whether it renders `Subsurface`.
     pub(crate) fn scatters_below_surfaces(self) -> bool {
-        self.row().subsurface
+        self.subsurface
     }
 
     /// Domains that it resamples, and keeps a history of.
     pub(crate) fn domains(self) -> &'static [&'static Domain] {
-        let domains = self.row().domains;
+        let row = self.row();
+        let domains = row.subsurface.filter(|_| self.subsurface).unwrap_or(row.domains);
         match self.show {
             Show::Light | Show::Rays => domains,
             Show::Bounces | Show::Surface => &[],
@@ -118,7 +126,7 @@ impl Frame {
             Show::Light => (self.row().light.unwrap_or(&RESOLVE), None),
             Show::Rays => (self.row().rays.unwrap_or(&DEBUG_RAYS), None),
             Show::Bounces => (&BOUNCES, None),
-            Show::Reservoirs(domain) => (&domain.debug, Some(domain)),
+            Show::Reservoirs(domain) => (domain.debug.as_ref().unwrap_or(&DEBUG_SURFACE), Some(domain)),
             Show::Surface => (&DEBUG_SURFACE, None),
         };
         steps.push(compute(last.0, last.1));

@@ -18,7 +18,7 @@ const DOMAIN: &Domain = &Domain {
     names: domain_names!("gi"),
     candidates: domain::candidates("gi_candidates", "path_candidates", ROOMS),
     reuse: domain::reuse("gi_reuse", ROOMS),
-    debug: domain::debug("gi_debug", "debug_paths", ROOMS),
+    debug: Some(domain::debug("gi_debug", "debug_paths", ROOMS)),
     has_debug_view: DebugView::is_of_paths,
     reservoir_bytes: INDIRECT_RESERVOIR_SIZE,
     carries_contribution: true,
@@ -30,5 +30,5 @@ pub(super) const ROW: TechniqueRow = TechniqueRow {
     domains: &[di::DOMAIN, DOMAIN],
     light: None,
     rays: None,
-    subsurface: false,
+    subsurface: None,
 };

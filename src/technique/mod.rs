@@ -10,6 +10,7 @@ pub(crate) mod pass;
 mod pt;
 mod reference;
 pub(crate) mod reuse_schedule;
+mod sss;
 
 use crate::settings::{Restir, Technique};
 use domain::Domain;
@@ -24,8 +25,8 @@ pub(crate) struct TechniqueRow {
     /// Passes of a technique without domains: one writes light, and one the number of rays per pixel for a debug view.
     pub light: Option<&'static ComputePass>,
     pub rays: Option<&'static ComputePass>,
-    /// Whether it renders `Subsurface`; otherwise these objects are diffuse.
-    pub subsurface: bool,
+    /// How it renders `Subsurface`: `None` as diffuse; otherwise with these domains in place of `domains`.
+    pub subsurface: Option<&'static [&'static Domain]>,
 }
 
 /// All techniques.
@@ -42,11 +43,16 @@ pub fn pass_names(settings: &Restir) -> Vec<&'static str> {
     Frame::of(settings).steps(iterations).into_iter().map(|step| step.name).collect()
 }
 
+/// The domains of all techniques.
+pub(crate) fn all_domains() -> impl Iterator<Item = &'static Domain> {
+    TECHNIQUES.iter().flat_map(|row| row.domains.iter().chain(row.subsurface.unwrap_or_default())).copied()
+}
+
 /// Every shader of a pass that is a template, with the rooms that are put in; for tests.
 pub fn shader_templates() -> Vec<(&'static str, &'static [&'static str])> {
-    let domains = TECHNIQUES.iter().flat_map(|row| row.domains);
+    let domains = all_domains();
     let mut templates: Vec<_> = domains
-        .flat_map(|domain| [&domain.candidates, &domain.reuse, &domain.debug])
+        .flat_map(Domain::passes)
         .filter(|pass| !pass.technique_rooms.is_empty())
         .map(|pass| (pass.file, pass.technique_rooms))
         .collect();
@@ -76,11 +82,8 @@ mod tests {
 
     #[test]
     fn passes_of_different_domains_have_different_names() {
-        let mut names: Vec<_> = TECHNIQUES
-            .iter()
-            .flat_map(|row| row.domains)
-            .map(|domain| (domain.names.domain, domain.candidates.name, domain.reuse.name, domain.debug.name))
-            .collect();
+        let passes = |domain: &'static Domain| domain.passes().map(|pass| pass.name).collect::<Vec<_>>();
+        let mut names: Vec<_> = all_domains().map(|domain| (domain.names.domain, passes(domain))).collect();
         names.sort();
         names.dedup();
         let mut domains: Vec<_> = names.iter().map(|name| name.0).collect();

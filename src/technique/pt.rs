@@ -17,7 +17,7 @@ const DOMAIN: &Domain = &Domain {
     names: domain_names!("pt"),
     candidates: domain::candidates("pt_candidates", "path_candidates", ROOMS),
     reuse: domain::reuse("pt_reuse", ROOMS),
-    debug: domain::debug("pt_debug", "debug_paths", ROOMS),
+    debug: Some(domain::debug("pt_debug", "debug_paths", ROOMS)),
     has_debug_view: DebugView::is_of_paths,
     reservoir_bytes: PATH_RESERVOIR_SIZE,
     carries_contribution: true,
@@ -25,4 +25,4 @@ const DOMAIN: &Domain = &Domain {
 };
 
 pub(super) const ROW: TechniqueRow =
-    TechniqueRow { technique: Technique::Pt, domains: &[DOMAIN], light: None, rays: None, subsurface: false };
+    TechniqueRow { technique: Technique::Pt, domains: &[DOMAIN], light: None, rays: None, subsurface: None };

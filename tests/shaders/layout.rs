@@ -183,6 +183,7 @@ fn resampling_structs_and_constants_are_the_same_in_rust_and_wgsl() {
             roughness,
             separation,
             jacobian_limit,
+            subsurface_shift,
         }
     );
     same!(
@@ -206,6 +207,10 @@ fn resampling_structs_and_constants_are_the_same_in_rust_and_wgsl() {
         RESAMPLE_RETRACE_FORWARD,
         RESAMPLE_RETRACE_BACKWARD,
         RESAMPLE_DIFFUSE_SECONDARY,
+        RESAMPLE_INVERT_PROBES,
+        SUBSURFACE_RECONNECTION,
+        SUBSURFACE_DELAYED,
+        SUBSURFACE_HYBRID,
         RECONNECT_FOOTPRINTS,
         RECONNECT_BLACK_BOX,
         RECONNECT_DISTANCE,
@@ -219,6 +224,7 @@ fn resampling_structs_and_constants_are_the_same_in_rust_and_wgsl() {
         ("restir/di/reservoir.wgsl", DIRECT_RESERVOIR_SIZE),
         ("restir/gi/reservoir.wgsl", INDIRECT_RESERVOIR_SIZE),
         ("restir/pt/reservoir.wgsl", PATH_RESERVOIR_SIZE),
+        ("restir/sss/reservoir.wgsl", SUBSURFACE_RESERVOIR_SIZE),
     ] {
         assert_eq!(layout(&module(path), "PackedReservoir").1 as u64, size, "{path}");
     }

@@ -38,7 +38,8 @@ const SHADERS: Table = &[
     ("restir/pt", &["restir/shift"]),
     ("restir/gi", &["restir/pt"]),
     ("restir/di", &["restir/pt"]),
-    ("pass", &["restir/gi", "restir/di"]),
+    ("restir/sss", &["restir"]),
+    ("pass", &["restir/gi", "restir/di", "restir/sss"]),
 ];
 
 fn below(table: Table, room: &str) -> &'static [&'static str] {

@@ -6,7 +6,7 @@ use super::{
     reuse_settings::di,
     small_scenes::STEPS,
 };
-use bevy_restir::{Direct, Paths, Research, Restir, Technique, testing::plant_shader_defs};
+use bevy_restir::{Direct, Paths, Research, Restir, SubsurfaceSampling, Technique, testing::plant_shader_defs};
 use std::time::Instant;
 
 /// Settings that are compared with the reference.
@@ -25,6 +25,13 @@ impl Subject for (Direct, Research) {
     fn apply_to(&self, settings: &mut Restir) {
         self.0.apply_to(settings);
         settings.research = self.1.clone();
+    }
+}
+
+impl Subject for (Direct, SubsurfaceSampling) {
+    fn apply_to(&self, settings: &mut Restir) {
+        self.0.apply_to(settings);
+        settings.subsurface = self.1.clone();
     }
 }
 

@@ -8,3 +8,4 @@ mod gi;
 mod pt;
 mod reference;
 mod resampling;
+mod sss;

@@ -1,0 +1,3 @@
+//! Subsurface scattering, resampled beside ReSTIR DI.
+
+mod small_scenes;

@@ -1,0 +1,94 @@
+//! ReSTIR DI with translucent bodies equals the reference at one bounce, with every shift, still and moving, and planted errors are found.
+
+use crate::support::{
+    app::*,
+    proof::Proof,
+    reuse_settings::{di, subsurface},
+    small_scenes::*,
+};
+use bevy::prelude::*;
+use bevy_restir::{Direct, Mis, Reuse, ReuseOrder, SubsurfaceSampling, SubsurfaceShift};
+
+const SHIFTS: [SubsurfaceShift; 4] =
+    [SubsurfaceShift::Reconnection, SubsurfaceShift::Delayed, SubsurfaceShift::Hybrid, SubsurfaceShift::Sequential];
+
+fn with(sampling: SubsurfaceSampling) -> (Direct, SubsurfaceSampling) {
+    (di::all_reuse(), sampling)
+}
+
+#[test]
+fn candidates_in_translucent_bodies_equal_the_reference() {
+    let Some(mut rig) = scene(32, |rig| _ = translucent(rig)) else { return };
+    let without_subsets = Direct { subset_count: 0, ..di::candidates_only() };
+    Proof::DEFAULT.check(
+        "bodies",
+        &mut rig,
+        &[
+            ("candidates", with(subsurface::candidates_only())),
+            ("not presampled", (without_subsets, subsurface::candidates_only())),
+        ],
+    );
+}
+
+#[test]
+fn every_shift_in_translucent_bodies_equals_the_reference() {
+    let Some(mut rig) = scene(32, |rig| _ = translucent(rig)) else { return };
+    let mut cases = Vec::new();
+    for shift in SHIFTS {
+        for (name, sampling) in [
+            ("temporal", subsurface::temporal()),
+            ("spatial", subsurface::spatial()),
+            ("both", subsurface::all_reuse()),
+        ] {
+            cases.push((format!("{shift:?}, {name}"), with(SubsurfaceSampling { shift, ..sampling })));
+        }
+    }
+    for (name, mis) in [("balance", Mis::Balance), ("1/|Z|", Mis::OneOverZ), ("spatiotemporal", Mis::Pairwise)] {
+        let order = if mis == Mis::Pairwise { ReuseOrder::Spatiotemporal } else { ReuseOrder::TemporalThenSpatial };
+        let reuse = Reuse { mis, order, ..subsurface::all_reuse().reuse };
+        cases.push((format!("Hybrid, {name}"), with(SubsurfaceSampling { reuse, ..subsurface::all_reuse() })));
+    }
+    let cases: Vec<_> = cases.iter().map(|(name, case)| (name.as_str(), case.clone())).collect();
+    Proof::DEFAULT.check("bodies", &mut rig, &cases);
+}
+
+#[test]
+fn every_shift_of_moving_bodies_and_lights_equals_the_reference() {
+    for shift in SHIFTS {
+        let mut moving = [Entity::PLACEHOLDER; 2];
+        let Some(mut rig) = scene(32, |rig| moving = translucent(rig)) else { return };
+        let pose = |rig: &mut Rig, step: u32| {
+            let step = step as f32;
+            let mut body = rig.get_mut::<Transform>(moving[0]);
+            body.rotation = Quat::from_rotation_y(0.2 * step);
+            body.scale = Vec3::new(1.0 + 0.05 * step, 1.0, 1.0);
+            rig.get_mut::<Transform>(moving[1]).translation.x = 0.6 - 0.1 * step;
+        };
+        let proof = Proof { margin: 0.015, pose: Some(&pose), ..Proof::of((120, 1), (40, 64)) };
+        proof.check(
+            "moving",
+            &mut rig,
+            &[(&*format!("{shift:?}"), with(SubsurfaceSampling { shift, ..subsurface::all_reuse() }))],
+        );
+    }
+}
+
+#[test]
+fn planted_errors_in_translucent_bodies_are_found() {
+    let Some(mut rig) = scene(32, |rig| _ = translucent(rig)) else { return };
+    let reference = Proof::DEFAULT.truth(&mut rig, 1000);
+    let of = |shift| with(SubsurfaceSampling { shift, ..subsurface::all_reuse() });
+    let planted = [
+        ("TEST_ONE_AXIS", with(subsurface::candidates_only())),
+        ("PLANT_NO_JACOBIAN", of(SubsurfaceShift::Delayed)),
+        ("PLANT_STALE_PROBE", of(SubsurfaceShift::Sequential)),
+        ("PLANT_SWAPPED_MIS", of(SubsurfaceShift::Hybrid)),
+    ];
+    Proof::DEFAULT.finds(&mut rig, &reference, planted);
+}
+
+#[test]
+fn nan_stays_in_its_reservoir_of_translucent_bodies() {
+    let Some(mut rig) = scene(32, |rig| _ = translucent(rig)) else { return };
+    Proof::DEFAULT.survives_nan(&mut rig, &[with(subsurface::all_reuse())]);
+}
