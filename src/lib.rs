@@ -38,6 +38,7 @@ mod shader_library;
 mod system_sets;
 mod technique;
 mod view;
+mod warned;
 
 pub use frame::{SPAN_PREFIX, pipelines::PipelineReport};
 pub use plugin::{RestirPlugin, RestirStatus};
@@ -66,7 +67,7 @@ pub mod prelude {
 #[allow(missing_docs, reason = "not part of the public interface")]
 pub mod testing {
     pub use crate::{
-        frame::pipelines::{plant_shader_defs, replace_pass_shader},
+        frame::pipelines::{plant_shader_defs, plant_shader_edits, replace_pass_shader},
         scene::{accel, geometry, light, material, storage},
         technique::shader_templates,
     };
@@ -75,7 +76,11 @@ pub mod testing {
         pub use crate::gpu_layout::*;
     }
 
+    pub mod guards {
+        pub use crate::view::guards::*;
+    }
+
     pub mod shader_library {
-        pub use crate::shader_library::{MODULES, instantiate, is_template};
+        pub use crate::shader_library::{MODULES, ShaderEdit, edited, instantiate, is_template};
     }
 }

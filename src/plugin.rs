@@ -3,7 +3,7 @@
 use bevy::{
     app::{App, Last, Plugin},
     asset::Assets,
-    ecs::prelude::*,
+    ecs::{entity::Entities, prelude::*},
     log::warn,
     reflect::Reflect,
     render::{
@@ -22,6 +22,7 @@ use crate::{
     shader_library::ShaderLibrary,
     technique::shader_templates,
     view,
+    warned::Warned,
 };
 
 /// Adds ReSTIR lighting to cameras that carry [`Restir`].
@@ -106,10 +107,15 @@ impl RestirPlugin {
         let bound_textures =
             device.and_then(|device| scene::texture::bindless::max_textures(device, 3 + u32::from(ray_queries)));
         let pipelines = frame::pipelines::PassPipelines::new(library.clone(), ray_queries, bound_textures);
-        render_app.insert_resource(pipelines).insert_resource(library).insert_resource(statistics).add_systems(
-            Render,
-            report::update_report.in_set(RenderSystems::Cleanup).before(view::capture_readback::capture_radiance),
-        );
+        render_app
+            .insert_resource(pipelines)
+            .insert_resource(library)
+            .insert_resource(statistics.guard_run().clone())
+            .insert_resource(statistics)
+            .add_systems(
+                Render,
+                report::update_report.in_set(RenderSystems::Cleanup).before(view::capture_readback::capture_radiance),
+            );
         scene::build(render_app, ray_queries, bound_textures);
         view::build(render_app);
         view::bevy_handoff::build(render_app, !bevy_lights_first);
@@ -123,12 +129,18 @@ struct CompilesAtOnce;
 
 /// The visibility buffer has one sample a pixel, where Bevy's cameras have four by default.  Multisampling is turned off silently when
 /// `Restir` is added, and with a warning when an app turns it on later.
-fn require_single_sample(mut cameras: Query<(Entity, Ref<Restir>, &mut Msaa), Or<(Changed<Msaa>, Added<Restir>)>>) {
+fn require_single_sample(
+    mut cameras: Query<(Entity, Ref<Restir>, &mut Msaa), Or<(Changed<Msaa>, Added<Restir>)>>,
+    entities: &Entities,
+    mut warned: Local<Warned<Entity>>,
+) {
+    warned.begin_frame();
+    warned.retain(|camera| entities.contains(*camera));
     for (entity, restir, mut msaa) in &mut cameras {
         if *msaa == Msaa::Off {
             continue;
         }
-        if !restir.is_added() {
+        if !restir.is_added() && warned.is_due(entity) {
             warn!("restir: camera {entity} has {:?}; multisampling is turned off", *msaa);
         }
         *msaa = Msaa::Off;

@@ -1,13 +1,13 @@
 //! Statistics of the plugin for apps and tests.  Shaders count their own work; nothing is estimated.
 
-use bevy::{ecs::prelude::*, log::error_once};
+use bevy::{ecs::prelude::*, log::error};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::{
     frame::pipelines::{PassPipelines, PipelineReport},
-    gpu_layout::{GpuCounters, OVERFLOW_STACK, OVERFLOW_STEPS},
+    gpu_layout::GpuCounters,
     scene::{SceneFeatures, bindings::SceneBindings},
-    view::{ViewPool, environment::EnvironmentPool},
+    view::{ViewPool, counters::GuardRun, environment::EnvironmentPool, guards::GUARDS},
 };
 
 /// The state of the plugin after the last frame.
@@ -26,6 +26,11 @@ pub struct RestirReport {
     pub non_finite_pixels: u64,
     /// Overflows of that frame, 0 unless rays missed geometry.  Bit 0: a traversal stack was full; bit 1: a traversal took too many steps.
     pub overflow_flags: u32,
+    /// How often the shaders met a number that should not exist, such as NaN or negative light, and stopped it: the name of each check, and
+    /// the number of pixels that failed it, summed up over all frames of the cameras that exist now.  All are 0 unless there is a bug, except
+    /// `float_overflow`: it counts light beyond the range of f32 (about 1e38), which is missing in the picture.  A check costs a few integer
+    /// comparisons.
+    pub guards: Vec<(&'static str, u64)>,
     /// Bytes of scene data uploaded in the last frame; 0 while nothing changes.
     pub uploaded_bytes: u64,
     /// Names of GPU buffers and textures of this plugin with their sizes in bytes.
@@ -46,9 +51,22 @@ pub struct RestirReport {
     pub samples: u32,
 }
 
+impl RestirReport {
+    /// The entries of [`guards`](Self::guards) that are not 0.
+    pub fn raised_guards(&self) -> Vec<(&'static str, u64)> {
+        self.guards.iter().copied().filter(|(_, pixels)| *pixels > 0).collect()
+    }
+}
+
 /// Gives the newest [`RestirReport`]; a resource of the main world.  Clones share the report.
 #[derive(Resource, Clone, Debug, Default)]
-pub struct RestirStatistics(Arc<Mutex<RestirReport>>);
+pub struct RestirStatistics(Arc<Shared>);
+
+#[derive(Debug, Default)]
+struct Shared {
+    report: Mutex<RestirReport>,
+    run: GuardRun,
+}
 
 impl RestirStatistics {
     /// A copy of the newest report; the default before the first frame.
@@ -56,8 +74,19 @@ impl RestirStatistics {
         self.lock().clone()
     }
 
+    /// Starts a new run: [`RestirReport::guards`] count from the next frame on.
+    pub fn reset_guards(&self) {
+        self.0.run.start_next();
+        self.lock().guards.iter_mut().for_each(|(_, pixels)| *pixels = 0);
+    }
+
+    /// The run that guards are counted for.
+    pub(crate) fn guard_run(&self) -> &GuardRun {
+        &self.0.run
+    }
+
     fn lock(&self) -> MutexGuard<'_, RestirReport> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.0.report.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -68,7 +97,9 @@ pub(crate) fn update_report(
     views: Res<ViewPool>,
     environments: Res<EnvironmentPool>,
     passes: Res<PassPipelines>,
+    mut reported: Local<Vec<&'static str>>,
 ) {
+    let run = statistics.guard_run().current();
     let mut report = statistics.lock();
     report.ready = scene.ready && environments.ready && views.views.values().all(|v| v.rendered && v.key_is_requested);
     report.backend = if scene.features.contains(SceneFeatures::RAY_QUERY) { "hardware" } else { "software" };
@@ -82,9 +113,16 @@ pub(crate) fn update_report(
     report.memory.push(environments.memory());
     report.reservoir_bytes_per_pixel = 0;
     let mut counters = GpuCounters::default();
-    for view in views.views.values().filter(|v| v.rendered) {
+    let mut guards: Vec<_> = GUARDS.iter().map(|guard| (guard.name, 0)).collect();
+    for view in views.views.values() {
         view.counters.read();
-        let newest = view.counters.newest();
+        let newest = view.counters.newest(run);
+        for ((_, pixels), guard) in guards.iter_mut().zip(GUARDS) {
+            *pixels += u64::from(newest.guards[guard.bit.trailing_zeros() as usize]);
+        }
+        if !view.rendered {
+            continue;
+        }
         counters.rays = counters.rays.saturating_add(newest.rays);
         counters.non_finite_pixels += newest.non_finite_pixels;
         counters.overflow_flags |= newest.overflow_flags;
@@ -100,20 +138,11 @@ pub(crate) fn update_report(
     report.rays = counters.rays as u64;
     report.non_finite_pixels = counters.non_finite_pixels as u64;
     report.overflow_flags = counters.overflow_flags;
-    if counters.overflow_flags & OVERFLOW_STACK != 0 {
-        error_once!(
-            "restir: a traversal stack in a shader overflowed; some rays missed geometry that they should have hit"
-        );
-    }
-    if counters.overflow_flags & OVERFLOW_STEPS != 0 {
-        error_once!(
-            "restir: a ray traversal took more steps than allowed; some rays missed geometry that they should have hit"
-        );
-    }
-    if counters.non_finite_pixels > 0 {
-        error_once!(
-            "restir: the radiance of {} pixels was not finite; these pixels are treated as black",
-            counters.non_finite_pixels
-        );
+    report.guards = guards;
+    for (guard, (name, pixels)) in GUARDS.iter().zip(&report.guards) {
+        if *pixels > 0 && !reported.contains(name) {
+            reported.push(name);
+            error!("restir: {} ({pixels} pixels so far; guard `{name}`)", guard.meaning);
+        }
     }
 }

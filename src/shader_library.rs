@@ -22,6 +22,7 @@ macro_rules! modules {
 pub const MODULES: &[(&str, &str)] = modules![
     "common/constants.wgsl",
     "common/math.wgsl",
+    "common/guard.wgsl",
     "common/ray.wgsl",
     "common/rng.wgsl",
     "common/texel.wgsl",
@@ -52,6 +53,7 @@ pub const MODULES: &[(&str, &str)] = modules![
     "view/alpha_seed.wgsl",
     "view/camera.wgsl",
     "view/false_color.wgsl",
+    "view/pixel_light.wgsl",
     "view/primary.wgsl",
     "view/render_layers.wgsl",
     "trace/alpha.wgsl",
@@ -161,6 +163,30 @@ fn module_that_defines(name: &str, room: &str) -> Option<&'static str> {
     MODULES.iter().find(|(path, text)| in_room(path) && defines(text)).map(|&(path, _)| path)
 }
 
+/// A passage of a module that a test replaces.
+#[cfg(feature = "testing")]
+#[derive(Clone, Copy, Debug)]
+pub struct ShaderEdit {
+    /// Path below `shaders/`.
+    pub module: &'static str,
+    /// The passage, which must occur exactly once.
+    pub from: &'static str,
+    pub to: &'static str,
+}
+
+/// The text of a module after the edits that concern it.
+///
+/// # Panics
+///
+/// If a passage does not occur exactly once: the test no longer plants its error.
+#[cfg(feature = "testing")]
+pub fn edited(path: &str, text: &str, edits: &[ShaderEdit]) -> String {
+    edits.iter().filter(|edit| edit.module == path).fold(text.to_string(), |text, edit| {
+        assert_eq!(text.matches(edit.from).count(), 1, "{path} holds this passage exactly once: {}", edit.from);
+        text.replacen(edit.from, edit.to, 1)
+    })
+}
+
 /// Handles that keep the modules alive, by path and by the first room of a template.
 #[derive(Resource, Clone)]
 pub(crate) struct ShaderLibrary(HashMap<(&'static str, Option<&'static str>), Handle<Shader>>);
@@ -170,18 +196,50 @@ impl ShaderLibrary {
     pub(crate) fn new(shaders: &mut Assets<Shader>, templates: &[(&'static str, &'static [&'static str])]) -> Self {
         let mut handles = HashMap::default();
         for &(path, text) in MODULES {
-            let name = format!("embedded://bevy_restir/{path}");
-            if !is_template(text) {
-                handles.insert((path, None), shaders.add(Shader::from_wgsl(text, name)));
-                continue;
-            }
-            for (_, rooms) in templates.iter().filter(|(file, _)| path == format!("pass/{file}.wgsl")) {
-                let name = format!("{name}/{}", rooms[0]);
-                let shader = Shader::from_wgsl(instantiate(text, rooms), name);
-                handles.insert((path, Some(rooms[0])), shaders.add(shader));
+            for (room, shader) in Self::shaders_of(path, text, templates) {
+                handles.insert((path, room), shaders.add(shader));
             }
         }
         Self(handles)
+    }
+
+    /// The shader of a module, or every instance of a template with the first room of its technique.
+    fn shaders_of(
+        path: &str,
+        text: &str,
+        templates: &[(&'static str, &'static [&'static str])],
+    ) -> Vec<(Option<&'static str>, Shader)> {
+        let name = format!("embedded://bevy_restir/{path}");
+        if !is_template(text) {
+            return vec![(None, Shader::from_wgsl(text.to_string(), name))];
+        }
+        let instances = templates.iter().filter(|(file, _)| path == format!("pass/{file}.wgsl"));
+        instances
+            .map(|(_, rooms)| {
+                let name = format!("{name}/{}", rooms[0]);
+                (Some(rooms[0]), Shader::from_wgsl(instantiate(text, rooms), name))
+            })
+            .collect()
+    }
+
+    /// Replaces the modules that `edits` concern, and restores those that only `before` concerns.
+    #[cfg(feature = "testing")]
+    pub(crate) fn edit(
+        &self,
+        shaders: &mut Assets<Shader>,
+        templates: &[(&'static str, &'static [&'static str])],
+        before: &[ShaderEdit],
+        edits: &[ShaderEdit],
+    ) {
+        for edit in before.iter().chain(edits) {
+            let module = MODULES.iter().find(|(path, _)| *path == edit.module);
+            let &(path, text) = module.unwrap_or_else(|| panic!("{} is not in the shader library", edit.module));
+            for (room, shader) in Self::shaders_of(path, &edited(path, text, edits), templates) {
+                if let Some(handle) = self.0.get(&(path, room)) {
+                    let _ = shaders.insert(handle.id(), shader);
+                }
+            }
+        }
     }
 
     /// The shader of a pass, `pass/NAME.wgsl`; `rooms` of its technique if it is a template.

@@ -6,7 +6,9 @@ use std::{
 };
 
 fn main() {
-    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../src");
+    // Read at run time: a target folder may outlive the checkout that compiled this program.
+    let package = PathBuf::from(env::var_os("CARGO_MANIFEST_DIR").expect("cargo sets it"));
+    let src = package.join("../../src");
     let mut files = vec![src.join("settings.rs")];
     collect(&src.join("settings"), &mut files);
     files.retain(|file| file.is_file());

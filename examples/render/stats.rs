@@ -4,6 +4,7 @@ use bevy::{prelude::*, render::renderer::RenderAdapterInfo};
 use bevy_restir::{Restir, RestirStatistics, pass_names};
 use bevy_restir_support::times::median;
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 
 use crate::{Frames, args::Args};
 
@@ -11,6 +12,7 @@ use crate::{Frames, args::Args};
 pub fn json(world: &World, args: &Args, settings: &Restir, frames: &Frames) -> Value {
     let non_finite = frames.pixels.iter().filter(|p| !p.iter().all(|c| c.is_finite())).count() as u64;
     let report = world.resource::<RestirStatistics>().report();
+    let guards: BTreeMap<_, _> = report.guards.iter().copied().collect();
     let passes: Vec<Value> = pass_names(settings)
         .into_iter()
         .map(|name| (name, frames.passes.of(name)))
@@ -46,8 +48,9 @@ pub fn json(world: &World, args: &Args, settings: &Restir, frames: &Frames) -> V
             "name": p.name, "defs": p.defs, "compile_ms": p.compile_ms,
         })).collect::<Vec<_>>(),
         "uploaded_bytes_last_frame": report.uploaded_bytes,
-        "non_finite_pixels": non_finite + report.non_finite_pixels,
+        "non_finite_pixels": non_finite + guards.get("non_finite").copied().unwrap_or_default(),
         "overflow_flags": report.overflow_flags,
+        "guards": guards,
         "triangles": report.triangles,
         "instances": report.instances,
         "lights": report.lights,

@@ -12,7 +12,8 @@
 #import bevy_restir::bsdf::transmission::{transmission_cosine, transmission_eval, transmission_is_delta, transmission_pdf, transmission_sample, transmittance}
 #import bevy_restir::bsdf::types::{Bsdf, BsdfSample, LOBE_COAT, LOBE_DIFFUSE, LOBE_REFLECTION, LOBE_TRANSMISSION, no_bsdf_sample}
 #import bevy_restir::common::constants::ALPHA_DELTA
-#import bevy_restir::common::math::{is_finite, is_finite_3, max_component}
+#import bevy_restir::common::guard::{GUARD_BSDF_SAMPLE, guard_holds, guarded, guarded_3}
+#import bevy_restir::common::math::{is_finite_3, max_component}
 
 // Largest f32 below 1.  A random number that is scaled up for reuse is clamped to it.
 const ONE_MINUS_EPSILON: f32 = 0.99999994;
@@ -81,11 +82,14 @@ fn bsdf_sample(b: Bsdf, wo: vec3<f32>, u: vec3<f32>) -> BsdfSample {
     }
     if s.delta == 0u {
         let terms = bsdf_terms(b, wo, s.wi);
-        s.pdf = terms.pdf;
-        s.weight = terms.f / max(s.pdf, 1.0e-37);
-        s.valid &= u32(s.pdf > 0.0 && is_finite(s.pdf));
+        s.pdf = guarded(terms.pdf, GUARD_BSDF_SAMPLE);
+        if !(s.pdf > 0.0) {
+            return no_bsdf_sample();
+        }
+        s.weight = terms.f / s.pdf;
     }
-    if s.valid == 0u || !is_finite_3(s.weight) || !(max_component(s.weight) > 0.0) {
+    s.weight = guarded_3(s.weight, GUARD_BSDF_SAMPLE);
+    if !(max_component(s.weight) > 0.0) {
         return no_bsdf_sample();
     }
     return s;
@@ -138,8 +142,9 @@ fn bsdf_draw(b: Bsdf, wo: vec3<f32>, u: vec3<f32>) -> BsdfSample {
         s.lobe = LOBE_DIFFUSE;
     }
 
-    // Reflection must stay above n and n_geo, transmission below both: the other side belongs to another lobe.
+    // Reflection must stay above n and n_geo, transmission below both: the other side belongs to another lobe.  NaN is on neither side.
     s.wi = normalize(frame * i);
+    _ = guard_holds(is_finite_3(s.wi), GUARD_BSDF_SAMPLE);
     let below = s.lobe == LOBE_TRANSMISSION || (s.lobe == LOBE_DIFFUSE && i.z < 0.0);
     let side = select(1.0, -1.0, below);
     s.valid = u32(side * dot(s.wi, b.n) > 0.0 && side * dot(s.wi, b.n_geo) > 0.0);

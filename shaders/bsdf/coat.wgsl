@@ -7,7 +7,8 @@
 #import bevy_restir::bsdf::ggx::{ggx_reflection, ggx_reflection_pdf, ggx_sample}
 #import bevy_restir::bsdf::types::{Bsdf, BsdfSample, LOBE_COAT, no_bsdf_sample}
 #import bevy_restir::common::constants::ALPHA_DELTA
-#import bevy_restir::common::math::orthonormal_basis
+#import bevy_restir::common::guard::{GUARD_BSDF_SAMPLE, guard_holds}
+#import bevy_restir::common::math::{is_finite_3, orthonormal_basis}
 
 #ifdef CLEARCOAT
 // Reflectance at normal incidence of varnish, index of refraction 1.5.
@@ -65,6 +66,7 @@ fn coat_draw(b: Bsdf, wo: vec3<f32>, u: vec2<f32>, p: f32) -> BsdfSample {
     }
     var s = no_bsdf_sample();
     s.wi = normalize(frame * (2.0 * dot(o, h) * h - o));
+    _ = guard_holds(is_finite_3(s.wi), GUARD_BSDF_SAMPLE);
     s.lobe = LOBE_COAT;
     s.delta = u32(!coat_is_rough(b));
     s.valid = u32(dot(s.wi, b.coat_normal) > 0.0 && dot(s.wi, b.n_geo) > 0.0);

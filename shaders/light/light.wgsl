@@ -9,19 +9,19 @@
 #import bevy_restir::light::sphere::{sample_sphere_solid_angle, sphere_light_at}
 #import bevy_restir::light::sun::sun_light_at
 #import bevy_restir::light::triangle::triangle_light_sample
-#import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, no_light_sample}
+#import bevy_restir::light::types::{ENVIRONMENT_LIGHT, guarded_light_sample, LightSample, no_light_sample}
 #import bevy_restir::scene::bindings::scene
 #import bevy_restir::view::render_layers::{light_in_layers, light_kind}
 
 // Samples a light as seen from a point.  `light`: an index in the table, ENVIRONMENT_LIGHT or NONE.
 fn light_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> LightSample {
     if light == ENVIRONMENT_LIGHT {
-        return environment_light_sample(u);
+        return guarded_light_sample(environment_light_sample(u));
     }
     if light >= scene.light_count {
         return no_light_sample();
     }
-    return record_sample(light, from_point, u);
+    return guarded_light_sample(record_sample(light, from_point, u));
 }
 
 // Samples any record of `lights`, of this frame or the last.

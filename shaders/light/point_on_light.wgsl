@@ -13,7 +13,7 @@
 #import bevy_restir::light::sphere::{sample_sphere_area, sample_sphere_solid_angle, sphere_coordinates, sphere_light_at, sphere_normal}
 #import bevy_restir::light::sun::{sun_coordinates, sun_light_at, sun_uv}
 #import bevy_restir::light::triangle::{triangle_light_at, uniform_barycentrics}
-#import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, no_light_sample}
+#import bevy_restir::light::types::{ENVIRONMENT_LIGHT, guarded_light_sample, LightSample, no_light_sample}
 #import bevy_restir::scene::bindings::scene
 #import bevy_restir::view::render_layers::{light_in_layers, light_kind}
 
@@ -81,6 +81,10 @@ fn point_by_solid_angle(p: LightPoint, from_point: vec3<f32>, u: vec2<f32>) -> L
 
 // The light sample of a point at the receiver `from_point`, now or (`previous`) in the last frame.
 fn light_point_at(p: LightPoint, from_point: vec3<f32>, previous: bool) -> LightSample {
+    return guarded_light_sample(sample_at_point(p, from_point, previous));
+}
+
+fn sample_at_point(p: LightPoint, from_point: vec3<f32>, previous: bool) -> LightSample {
     if p.light == ENVIRONMENT_LIGHT {
         var s = no_light_sample();
         s.light = ENVIRONMENT_LIGHT;

@@ -3,11 +3,12 @@
 #define_import_path bevy_restir::light::presampled
 
 #import bevy_restir::common::constants::{LIGHT_TRIANGLE, MATERIAL_DOUBLE_SIDED, NONE}
+#import bevy_restir::common::guard::{GUARD_LIGHT_SAMPLE, guarded, raise, raised_guards}
 #import bevy_restir::common::math::max_component
 #import bevy_restir::light::point_on_light::{light_point_at, light_point_sample, LightPoint}
 #import bevy_restir::light::select::light_select
 #import bevy_restir::light::triangle::{triangle_light_color, triangle_light_opacity}
-#import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, no_light_sample}
+#import bevy_restir::light::types::{ENVIRONMENT_LIGHT, guarded_light_sample, LightSample, no_light_sample}
 #import bevy_restir::scene::bindings::{instances, lights, materials}
 #import bevy_restir::scene::triangle::{safe_normalize, world_triangle}
 #import bevy_restir::view::render_layers::light_kind
@@ -19,15 +20,26 @@ struct PresampledLight {
     coordinates: u32,
     radiance_scale: f32,       // largest component of the radiance
     color: u32,                // components over the largest one, 3 x 10 bits; PRESAMPLED_*
-    pmf: f32,                  // probability of the light; 0: no sample
+    pmf: f32,                  // probability of the light; 0: no sample; STOPPED: by the guards in `coordinates`
     opacity: f32,              // probability that the alpha test keeps the surface at the point
 }
 
 // An analytic light, whose radiance depends on the receiver: the light is read from the table.
 const PRESAMPLED_TABLE: u32 = 0x80000000u;
 const PRESAMPLED_DOUBLE_SIDED: u32 = 0x40000000u;
+// Presampling belongs to no pixel, where a guard could be counted: the pixels that draw the record count it.
+const STOPPED: f32 = -1.0;
 
 fn presample_light(u: vec4<f32>) -> PresampledLight {
+    var s = presample_unguarded(u);
+    if raised_guards != 0u {
+        s.pmf = STOPPED;
+        s.coordinates = raised_guards;
+    }
+    return s;
+}
+
+fn presample_unguarded(u: vec4<f32>) -> PresampledLight {
     let choice = light_select(u.xy);
     let p = light_point_sample(choice.light, u.zw);
     var s = PresampledLight(vec3<f32>(0.0), p.light, vec3<f32>(0.0), p.coordinates, 0.0, PRESAMPLED_TABLE, choice.pmf, 1.0);
@@ -71,6 +83,15 @@ fn presampled_radiance(s: PresampledLight) -> vec3<f32> {
     return s.radiance_scale * vec3<f32>(share) * (1.0 / 1023.0);
 }
 
+// Probability of the light.
+fn presampled_pmf(s: PresampledLight) -> f32 {
+    if s.pmf == STOPPED {
+        raise(s.coordinates);
+        return 0.0;
+    }
+    return guarded(s.pmf, GUARD_LIGHT_SAMPLE);
+}
+
 fn presampled_point(s: PresampledLight) -> LightPoint {
     return LightPoint(s.light, s.coordinates);
 }
@@ -88,7 +109,7 @@ fn presampled_at(s: PresampledLight, from_point: vec3<f32>) -> LightSample {
         l.wi = s.position;
         l.radiance = presampled_radiance(s);
         l.pdf_solid_angle = s.normal.x;
-        return l;
+        return guarded_light_sample(l);
     }
     let d = s.position - from_point;
     let d2 = dot(d, d);
@@ -102,5 +123,5 @@ fn presampled_at(s: PresampledLight, from_point: vec3<f32>) -> LightSample {
         let is_facing = (s.color & PRESAMPLED_DOUBLE_SIDED) != 0u || dot(l.wi, s.normal) < 0.0;
         l.radiance = select(vec3<f32>(0.0), presampled_radiance(s), is_facing);
     }
-    return l;
+    return guarded_light_sample(l);
 }

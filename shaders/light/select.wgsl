@@ -2,6 +2,7 @@
 #define_import_path bevy_restir::light::select
 
 #import bevy_restir::common::constants::{NONE, PI}
+#import bevy_restir::common::guard::{GUARD_LIGHT_SAMPLE, guarded_or_infinite}
 #import bevy_restir::common::math::is_finite
 #import bevy_restir::light::environment::environment_flux
 #import bevy_restir::light::types::ENVIRONMENT_LIGHT
@@ -45,14 +46,14 @@ fn light_pmf(light: u32) -> f32 {
 
 // Probability of the environment: its flux through a disk of the scene's radius, against the power of the table.
 fn environment_pmf() -> f32 {
-    let flux = environment_flux();
+    let flux = guarded_or_infinite(environment_flux(), GUARD_LIGHT_SAMPLE);
     if !(flux > 0.0) {
         return 0.0;
     }
     if !table_has_power() {
         return 1.0;
     }
-    // Overflow gives a ratio that is 0 or not finite; both end at a limit of the probability.
+    // Overflow is legal here: it gives a ratio that is 0 or not finite, and both end at a limit of the probability.
     let ratio = scene.light_power / (flux * PI * scene.radius * scene.radius);
     if !is_finite(ratio) {
         return PROBABILITY_MIN;

@@ -2,6 +2,8 @@
 #define_import_path bevy_restir::light::types
 
 #import bevy_restir::common::constants::{FAR, NONE}
+#import bevy_restir::common::guard::{GUARD_LIGHT_SAMPLE, guard_holds, guarded, guarded_3}
+#import bevy_restir::common::math::is_finite_3
 
 // Id of the environment; other lights have their index in the table.
 const ENVIRONMENT_LIGHT: u32 = 0xfffffffeu;
@@ -23,4 +25,18 @@ fn no_light_sample() -> LightSample {
     return LightSample(
         vec3<f32>(0.0, 0.0, 1.0), FAR, vec3<f32>(0.0), 0.0, vec3<f32>(0.0), 1u, vec3<f32>(0.0), NONE, vec2<f32>(0.0), 1.0,
     );
+}
+
+// The sample with its guards: `light_sample`, `light_point_at` and `presampled_at` return no other.  A light that is seen edge-on, or from so
+// far or so near that f32 cannot hold its density, legally has the density 0.
+fn guarded_light_sample(sample: LightSample) -> LightSample {
+    var s = sample;
+    // Without this test, comparisons with NaN would make the light invisible.
+    if !guard_holds(is_finite_3(s.wi) && is_finite_3(s.position), GUARD_LIGHT_SAMPLE) {
+        return no_light_sample();
+    }
+    s.radiance = guarded_3(s.radiance, GUARD_LIGHT_SAMPLE);
+    s.pdf_solid_angle = guarded(s.pdf_solid_angle, GUARD_LIGHT_SAMPLE);
+    s.pdf_scale = guarded(s.pdf_scale, GUARD_LIGHT_SAMPLE);
+    return s;
 }

@@ -2,15 +2,15 @@
 // and base color.
 
 #import bevy_restir::common::constants::NONE
-#import bevy_restir::common::ray::{rays_traced, trace_flags}
 #import bevy_restir::scene::offset::surface_point
 #import bevy_restir::scene::surface::surface_at
 #import bevy_restir::scene::triangle::world_triangle
 #import bevy_restir::trace::trace::trace_closest
 #import bevy_restir::view::alpha_seed::primary_alpha_seed
-#import bevy_restir::view::bindings::{ray_counts, view, visibility}
+#import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::camera::{barycentrics_on_ray, motion_of_point, motion_of_sky, pixel_cone, primary_ray}
 #import bevy_restir::view::false_color::false_color
+#import bevy_restir::view::ray_counter::count_rays
 
 @group(2) @binding(0) var<storage, read_write> radiance: array<vec4<f32>>;
 
@@ -68,6 +68,5 @@ fn debug(@builtin(global_invocation_id) id: vec3<u32>) {
         color = vec3<f32>(motion_of_sky(ray.direction), 0.0);
     }
     radiance[pixel.y * view.size.x + pixel.x] = vec4<f32>(color, 1.0);
-    let counted = textureLoad(ray_counts, pixel).x;
-    textureStore(ray_counts, pixel, vec4<u32>((counted + rays_traced) | trace_flags << 24u));
+    count_rays(pixel);
 }

@@ -1,16 +1,17 @@
 // The reference path tracer: one path per pixel and frame from the surface in the visibility buffer, summed up until the picture changes.
 // Debug views show the number of rays or bounces of the path instead of its radiance.
 
-#import bevy_restir::common::constants::{NON_FINITE, NONE}
-#import bevy_restir::common::math::is_finite_3
-#import bevy_restir::common::ray::{Hit, rays_traced, trace_flags}
+#import bevy_restir::common::constants::NONE
+#import bevy_restir::common::ray::{Hit, rays_traced}
 #import bevy_restir::common::rng::{rng_new, STREAM_REFERENCE}
 #import bevy_restir::light::backdrop::backdrop
 #import bevy_restir::path::reference_integrator::{bounces_taken, estimate_radiance}
 #import bevy_restir::scene::offset::surface_point
 #import bevy_restir::scene::triangle::world_triangle
-#import bevy_restir::view::bindings::{ray_counts, view, visibility}
+#import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::camera::{barycentrics_on_ray, primary_ray}
+#import bevy_restir::view::pixel_light::guarded_pixel
+#import bevy_restir::view::ray_counter::count_rays
 
 // Sum of radiance (rgb), and number of samples (a).
 @group(2) @binding(0) var<storage, read_write> radiance: array<vec4<f32>>;
@@ -33,20 +34,14 @@ fn reference(@builtin(global_invocation_id) id: vec3<u32>) {
         let position = surface_point(ids.x, ids.y, barycentrics, false);
         sample = estimate_radiance(Hit(distance(ray.origin, position), ids.x, ids.y, barycentrics), ray, &rng);
     }
-    var flags = trace_flags;
-    if !is_finite_3(sample) {
-        sample = vec3<f32>(0.0);
-        flags |= NON_FINITE;
-    }
 
     let index = pixel.y * view.size.x + pixel.x;
-    var sum = vec4<f32>(displayed(sample), 1.0);
+    var sum = vec4<f32>(displayed(guarded_pixel(sample)), 1.0);
     if view.accumulated > 0u {
         sum += radiance[index];
     }
     radiance[index] = sum;
-    let counted = textureLoad(ray_counts, pixel).x;
-    textureStore(ray_counts, pixel, vec4<u32>((counted + min(rays_traced, 0xffffu)) | flags << 24u));
+    count_rays(pixel);
 }
 
 #ifdef SHOWS_RAYS

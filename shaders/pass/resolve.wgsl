@@ -1,12 +1,13 @@
 // Adds up the parts of a frame's picture: emission of the primary surfaces, and the light that the techniques found.  Sums up frames while
 // they are accumulated.
 
-#import bevy_restir::common::constants::{NON_FINITE, NONE}
-#import bevy_restir::common::math::is_finite_3
+#import bevy_restir::common::constants::NONE
 #import bevy_restir::light::backdrop::backdrop
-#import bevy_restir::view::bindings::{ray_counts, view, visibility}
+#import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::camera::primary_ray
+#import bevy_restir::view::pixel_light::guarded_pixel
 #import bevy_restir::view::primary::primary_surface
+#import bevy_restir::view::ray_counter::count_guards
 
 // A part that the technique does not compute is one black texel.
 @group(2) @binding(0) var unresampled: texture_2d<f32>;
@@ -29,14 +30,11 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
         light = s.emission + s.unlit + textureLoad(unresampled, pixel, 0).rgb + textureLoad(resampled_lights, pixel, 0).rgb
             + textureLoad(resampled_paths, pixel, 0).rgb;
     }
-    if !is_finite_3(light) {
-        light = vec3<f32>(0.0);
-        textureStore(ray_counts, pixel, textureLoad(ray_counts, pixel) | vec4<u32>(NON_FINITE << 24u));
-    }
     let index = pixel.y * view.size.x + pixel.x;
-    var sum = vec4<f32>(light, 1.0);
+    var sum = vec4<f32>(guarded_pixel(light), 1.0);
     if view.accumulated > 0u {
         sum += radiance[index];
     }
     radiance[index] = sum;
+    count_guards(pixel);
 }

@@ -8,6 +8,7 @@
 
 #import technique::{apply_shift, carries_contribution, completed, evaluate, Evaluated, in_current_frame, is_visible, jacobian_of, no_reservoir, PackedReservoir, Receiver, receiver_of, Reservoir, reservoir_pack, reservoir_unpack, shift_result_of, ShiftResult, stored_target, stores_target, target_value}
 #import bevy_restir::common::constants::NONE
+#import bevy_restir::common::guard::{GUARD_CONTRIBUTION_WEIGHT, GUARD_TARGET, guarded}
 #import bevy_restir::common::math::luminance
 #import bevy_restir::common::rng::{Rng, rng_1, rng_bits, rng_new, STREAM_REUSE}
 #import bevy_restir::restir::bindings::settings
@@ -130,9 +131,9 @@ fn accept_shift(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, j:
         (*inputs).ucw[j] = 0.0;
         return;
     }
-    (*mis).targets[j * MAX_INPUTS + j] = stored_target(s) / jacobian;
+    (*mis).targets[j * MAX_INPUTS + j] = guarded(stored_target(s) / jacobian, GUARD_TARGET);
     (*inputs).shift_results[j] = shift_result_of(e);
-    (*inputs).ucw[j] *= jacobian;
+    (*inputs).ucw[j] = guarded((*inputs).ucw[j] * jacobian, GUARD_CONTRIBUTION_WEIGHT);
 }
 
 // The next input, from `from_input` on, whose target in a domain is needed and not known yet.
@@ -153,7 +154,7 @@ fn resample(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, r: Rec
     // program traces rays.
     let traces_selected = has(RESAMPLE_SHADE) && has(RESAMPLE_SHADING_RAYS) && !has(RESAMPLE_SHADE_ALL);
     if carries_contribution() {
-        (*mis).targets[0] = luminance((*inputs).contributions[0]);
+        (*mis).targets[0] = guarded(luminance((*inputs).contributions[0]), GUARD_TARGET);
     }
     for (var turn = 0u; turn < (*mis).count + u32(traces_selected); turn++) {
         let is_last = turn == (*mis).count;
@@ -198,7 +199,7 @@ fn resample(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, r: Rec
             } else {
                 value *= jacobian_of(e);
             }
-            (*mis).targets[domain * MAX_INPUTS + j] = value;
+            (*mis).targets[domain * MAX_INPUTS + j] = guarded(value, GUARD_TARGET);
             j = next_to_evaluate(inputs, mis, domain, j + 1u);
         }
     }

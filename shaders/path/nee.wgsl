@@ -4,7 +4,7 @@
 
 #import bevy_restir::bsdf::bsdf::bsdf_terms
 #import bevy_restir::common::constants::NONE
-#import bevy_restir::common::math::is_finite_3
+#import bevy_restir::common::guard::{GUARD_LIGHT_CONTRIBUTION, GUARD_LIGHT_SAMPLE, guarded_3, guarded_or_infinite}
 #import bevy_restir::light::point_on_light::{light_point_at, LightPoint}
 #import bevy_restir::light::select::light_pmf
 #import bevy_restir::light::triangle::triangle_light_pdf_solid_angle
@@ -42,17 +42,15 @@ fn nee_contribution(v: Vertex, p: LightPoint, expected_count: f32, previous: boo
     let pdf = expected_count * l.pdf_solid_angle * l.pdf_scale;
     let weight = select(pdf / (pdf + c.pdf_bsdf), 1.0, l.delta != 0u);
     let carried = transmittance(step_medium(v, l.wi), l.distance);
-    c.f = bsdf.f * l.radiance * carried * (weight / l.pdf_solid_angle);
-    if !is_finite_3(c.f) {
-        c.f = vec3<f32>(0.0);
-    }
+    c.f = guarded_3(bsdf.f * l.radiance * carried * (weight / l.pdf_solid_angle), GUARD_LIGHT_CONTRIBUTION);
     return c;
 }
 
 // MIS weight of a path that found its light by BSDF sampling, where NEE would have sampled the same direction with density `nee_pdf`.
 // NEE never samples the direction of a delta lobe.
 fn bsdf_hit_weight(step: Step, nee_pdf: f32) -> f32 {
-    return select(step.pdf / (step.pdf + nee_pdf), 1.0, step.delta || !(nee_pdf > 0.0));
+    let pdf = guarded_or_infinite(nee_pdf, GUARD_LIGHT_SAMPLE);
+    return select(step.pdf / (step.pdf + pdf), 1.0, step.delta || !(pdf > 0.0));
 }
 
 // Density, solid angle at `from_point`, with which NEE samples a point of an emissive triangle; 0 for a triangle that is not in the table

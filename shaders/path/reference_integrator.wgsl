@@ -5,6 +5,7 @@
 
 #import bevy_restir::bsdf::bsdf::{bsdf_eval, bsdf_is_delta, bsdf_pdf, bsdf_sample}
 #import bevy_restir::common::constants::{FAR, NONE}
+#import bevy_restir::common::guard::{GUARD_LIGHT_CONTRIBUTION, GUARD_THROUGHPUT, guarded_3}
 #import bevy_restir::common::math::max_component
 #import bevy_restir::common::ray::{Hit, Ray}
 #import bevy_restir::common::rng::{Rng, rng_1, rng_3, rng_4, rng_bits, unit_float}
@@ -60,7 +61,7 @@ fn nee_radiance(s: Surface, wo: vec3<f32>, medium: vec3<f32>, rng: ptr<function,
     if !(pdf > 0.0) || !(max_component(l.radiance) > 0.0) {
         return vec3<f32>(0.0);
     }
-    let f = bsdf_eval(s.bsdf, wo, l.wi);
+    let f = guarded_3(bsdf_eval(s.bsdf, wo, l.wi), GUARD_LIGHT_CONTRIBUTION);
     if !(max_component(f) > 0.0) {
         return vec3<f32>(0.0);
     }
@@ -71,7 +72,8 @@ fn nee_radiance(s: Surface, wo: vec3<f32>, medium: vec3<f32>, rng: ptr<function,
     if !light_is_visible(s, l, alpha_seed, false) {
         return vec3<f32>(0.0);
     }
-    return f * l.radiance * transmittance(medium_towards(s, l.wi, medium), l.distance) * (weight / pdf);
+    let carried = transmittance(medium_towards(s, l.wi, medium), l.distance);
+    return guarded_3(f * l.radiance * carried * (weight / pdf), GUARD_LIGHT_CONTRIBUTION);
 }
 
 // Radiance of the analytic area lights that a segment hits, times their MIS weights against NEE at `from_point`.  `pdf`: density of the
@@ -180,7 +182,7 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
         if b.valid == 0u {
             break;
         }
-        throughput *= scatterer.weight * b.weight;
+        throughput = guarded_3(throughput * scatterer.weight * b.weight, GUARD_THROUGHPUT);
         pdf = b.pdf;
         eta_scale *= b.eta * b.eta;
         medium = medium_towards(s, b.wi, medium);

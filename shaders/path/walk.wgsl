@@ -3,7 +3,8 @@
 #define_import_path bevy_restir::path::walk
 
 #import bevy_restir::bsdf::bsdf::{bsdf_draw, bsdf_lobe_terms}
-#import bevy_restir::common::math::{is_finite_3, max_component, quantized_direction}
+#import bevy_restir::common::guard::{GUARD_BSDF_SAMPLE, guarded, guarded_3}
+#import bevy_restir::common::math::{max_component, quantized_direction}
 #import bevy_restir::path::medium::medium_towards
 #import bevy_restir::path::random::path_random
 #import bevy_restir::scene::cone::{Cone, cone_after, cone_along}
@@ -72,14 +73,17 @@ fn given_step(wi: vec3<f32>, lobe: u32) -> Step {
 // Adds weight and densities to a step whose direction and lobe are known.  Zero throughput makes a step invalid.
 fn with_weight_and_densities(v: Vertex, step: Step) -> Step {
     var s = step;
+    if !s.valid {
+        return s;
+    }
     if !s.delta {
         let terms = bsdf_lobe_terms(v.surface.bsdf, v.wo, s.wi, s.lobe);
-        s.pdf_lobe = terms.pdf_lobe;
-        s.pdf = terms.pdf;
-        s.weight = terms.f / max(terms.pdf_lobe, 1.0e-37);
-        s.valid = s.valid && s.pdf_lobe > 0.0;
+        s.pdf_lobe = guarded(terms.pdf_lobe, GUARD_BSDF_SAMPLE);
+        s.pdf = guarded(terms.pdf, GUARD_BSDF_SAMPLE);
+        s.weight = select(vec3<f32>(0.0), terms.f / s.pdf_lobe, s.pdf_lobe > 0.0);
     }
-    s.valid = s.valid && is_finite_3(s.weight) && max_component(s.weight) > 0.0;
+    s.weight = guarded_3(s.weight, GUARD_BSDF_SAMPLE);
+    s.valid = max_component(s.weight) > 0.0;
     return s;
 }
 

@@ -5,7 +5,7 @@
 #import bevy_restir::common::constants::LIGHT_TRIANGLE
 #import bevy_restir::common::rng::{pcg4d, Rng, rng_4}
 #import bevy_restir::light::point_on_light::{light_point_at, light_point_sample, LightPoint, point_by_solid_angle}
-#import bevy_restir::light::presampled::{presampled_at, presampled_point}
+#import bevy_restir::light::presampled::{presampled_at, presampled_pmf, presampled_point}
 #import bevy_restir::light::select::light_select
 #import bevy_restir::light::triangle::triangle_light_opacity
 #import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample}
@@ -37,7 +37,7 @@ fn light_candidate(position: vec3<f32>, subset: u32, rng: ptr<function, Rng>) ->
     var s = subsets[subset * settings.subset_size + min(u32(u.x * f32(settings.subset_size)), settings.subset_size - 1u)];
     s.coordinates = point_by_solid_angle(presampled_point(s), position, u.zw).coordinates;
     let l = presampled_at(s, position);
-    return Candidate(presampled_point(s), s.pmf * l.pdf_scale, l, s.opacity);
+    return Candidate(presampled_point(s), presampled_pmf(s) * l.pdf_scale, l, s.opacity);
 }
 
 // Probability that the alpha test keeps the surface at the point of a light.

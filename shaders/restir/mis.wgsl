@@ -5,6 +5,8 @@
 // of that shift; 0 if the shift is not defined.  Domain 0 and sample 0 are the canonical ones.
 #define_import_path bevy_restir::restir::mis
 
+#import bevy_restir::common::guard::{GUARD_MIS_WEIGHT, guard_holds, guarded}
+
 // One canonical sample and at most six neighbors.  With at most two neighbors, the arrays take a fifth of the memory.
 #ifdef MANY_NEIGHBORS
 const MAX_INPUTS: u32 = 7u;
@@ -50,6 +52,15 @@ fn mis_needs_target(kind: u32, domain: u32, sample: u32) -> bool {
 
 // The weight m_j of sample j.  The weights of all domains that can draw a sample sum to 1.
 fn mis_weight(inputs: ptr<function, MisInputs>, kind: u32, sample: u32) -> f32 {
+    let weight = guarded(unguarded_weight(inputs, kind, sample), GUARD_MIS_WEIGHT);
+    _ = guard_holds(weight <= 1.0 + WEIGHT_ROUNDING, GUARD_MIS_WEIGHT);
+    return weight;
+}
+
+// A weight may exceed 1 by rounding.
+const WEIGHT_ROUNDING: f32 = 1.0e-4;
+
+fn unguarded_weight(inputs: ptr<function, MisInputs>, kind: u32, sample: u32) -> f32 {
     switch kind {
         case MIS_UNIFORM: {
             return (*inputs).confidence[sample] / total_confidence(inputs);

@@ -2,20 +2,21 @@
 // its weight.
 #define_import_path bevy_restir::restir::reservoir_sampling
 
-#import bevy_restir::common::math::is_finite
+#import bevy_restir::common::guard::{GUARD_CONTRIBUTION_WEIGHT, GUARD_RESAMPLING_WEIGHT, guarded}
 
 struct Stream {
     sum: f32,          // of weights
     selected: u32,     // index of the selected input
 }
 
-// Adds an input; true if it is selected.  A weight that is not positive and finite is never selected, not even with u = 0.
+// Adds an input; true if it is selected.  An input with the weight 0 is never selected, not even with u = 0.
 fn stream_add(stream: ptr<function, Stream>, index: u32, weight: f32, u: f32) -> bool {
-    if !(weight > 0.0) || !is_finite(weight) {
+    let w = guarded(weight, GUARD_RESAMPLING_WEIGHT);
+    if !(w > 0.0) {
         return false;
     }
-    (*stream).sum += weight;
-    if u * (*stream).sum < weight {
+    (*stream).sum += w;
+    if u * (*stream).sum < w {
         (*stream).selected = index;
         return true;
     }
@@ -27,8 +28,7 @@ fn stream_ucw(stream: Stream, selected_target: f32) -> f32 {
     if !(selected_target > 0.0) || !(stream.sum > 0.0) {
         return 0.0;
     }
-    let ucw = sum_over_target(stream.sum, selected_target);
-    return select(0.0, ucw, is_finite(ucw));
+    return guarded(sum_over_target(stream.sum, selected_target), GUARD_CONTRIBUTION_WEIGHT);
 }
 
 // PLANT_*: errors that only tests define, and must find.

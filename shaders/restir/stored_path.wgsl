@@ -2,6 +2,7 @@
 #define_import_path bevy_restir::restir::stored_path
 
 #import bevy_restir::common::constants::NONE
+#import bevy_restir::common::guard::{GUARD_RESERVOIR, guard_holds, is_sound}
 #import bevy_restir::common::math::{octahedral_decode, octahedral_encode}
 #import bevy_restir::restir::path_sample::{decode_barycentrics, encode_barycentrics, no_path_sample, PathSample}
 
@@ -34,7 +35,8 @@ fn no_reservoir() -> Reservoir {
 
 fn path_pack(r: Reservoir) -> PackedPath {
     let s = r.path;
-    let confidence = u32(clamp(r.confidence, 0.0, CONFIDENCE_MAX) * 16.0 + 0.5);
+    let is_confidence = guard_holds(is_sound(r.confidence), GUARD_RESERVOIR);
+    let confidence = u32(select(0.0, min(r.confidence, CONFIDENCE_MAX), is_confidence) * 16.0 + 0.5);
     let b = encode_barycentrics(s.barycentrics);
     return PackedPath(
         s.termination | s.length << 3u | s.reconnection << 10u | s.lobe_before << 17u | s.lobe_after << 20u,

@@ -3,7 +3,8 @@
 
 #import bevy_restir::bsdf::types::Bsdf
 #import bevy_restir::common::constants::{ALPHA_MIN, INSTANCE_MIRRORED, MATERIAL_DOUBLE_SIDED, MATERIAL_UNLIT, NONE}
-#import bevy_restir::common::math::octahedral_decode
+#import bevy_restir::common::guard::{GUARD_SURFACE, guard_holds, guarded_3}
+#import bevy_restir::common::math::{is_finite_3, octahedral_decode}
 #import bevy_restir::scene::bindings::{attributes, instances, materials}
 #import bevy_restir::scene::cone::Cone
 #import bevy_restir::scene::directional_albedo::multiple_scattering
@@ -124,8 +125,8 @@ fn surface_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, wo: vec3<f3
         s.light = instances[instance].first_light + triangle - instances[instance].first_triangle;
     }
     let emits = (flags & MATERIAL_UNLIT) == 0u && (front || (flags & MATERIAL_DOUBLE_SIDED) != 0u);
-    s.emission = select(vec3<f32>(0.0), point.emission, emits);
-    s.unlit = select(vec3<f32>(0.0), point.base_color, (flags & MATERIAL_UNLIT) != 0u);
+    s.emission = guarded_3(select(vec3<f32>(0.0), point.emission, emits), GUARD_SURFACE);
+    s.unlit = guarded_3(select(vec3<f32>(0.0), point.base_color, (flags & MATERIAL_UNLIT) != 0u), GUARD_SURFACE);
     s.bsdf.n = n * side;
     s.bsdf.n_geo = t.normal * side;
     s.bsdf.base_color = point.base_color;
@@ -145,9 +146,21 @@ fn surface_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, wo: vec3<f3
     s.smooth_n = smooth_n * side;
     if (flags & MATERIAL_UNLIT) != 0u {
         // An unlit material reflects no light.
-        s.bsdf.base_color = vec3<f32>(0.0);
-        s.bsdf.dielectric_reflectance = vec3<f32>(0.0);
-        s.bsdf.transmission = 0.0;
+        s.bsdf = black(s.bsdf);
+    }
+    if !guard_holds(is_finite_3(s.position) && is_finite_3(s.bsdf.n) && is_finite_3(s.bsdf.n_geo), GUARD_SURFACE) {
+        s.emission = vec3<f32>(0.0);
+        s.unlit = vec3<f32>(0.0);
+        s.bsdf = black(s.bsdf);
     }
     return s;
+}
+
+// A base that reflects and transmits nothing; the coat stays.
+fn black(bsdf: Bsdf) -> Bsdf {
+    var b = bsdf;
+    b.base_color = vec3<f32>(0.0);
+    b.dielectric_reflectance = vec3<f32>(0.0);
+    b.transmission = 0.0;
+    return b;
 }

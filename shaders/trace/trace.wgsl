@@ -2,6 +2,8 @@
 #define_import_path bevy_restir::trace::trace
 
 #import bevy_restir::common::constants::NONE
+#import bevy_restir::common::guard::{GUARD_RAY, guard_holds}
+#import bevy_restir::common::math::{is_finite, is_finite_3}
 #import bevy_restir::common::ray::{Hit, Ray, rays_traced}
 #ifdef RAY_QUERY
 #import bevy_restir::trace::hardware::traverse
@@ -36,7 +38,13 @@ fn trace_any(ray: Ray, alpha_seed: u32, previous: bool) -> bool {
 
 fn trace_counted(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
     rays_traced += 1u;
-    return traverse(ray, alpha_seed, any_hit, previous);
+    var hit = Hit(ray.t_max, NONE, NONE, vec2<f32>(0.0));
+    if guard_holds(is_finite_3(ray.origin) && is_finite_3(ray.direction) && is_finite(ray.t_max), GUARD_RAY) {
+        hit = traverse(ray, alpha_seed, any_hit, previous);
+        // Barycentrics that are not finite would be hidden where a reservoir rounds them.
+        _ = guard_holds(is_finite(hit.t) && is_finite(hit.barycentrics.x) && is_finite(hit.barycentrics.y), GUARD_RAY);
+    }
+    return hit;
 }
 
 #ifdef SUBSURFACE

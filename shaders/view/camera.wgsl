@@ -2,6 +2,7 @@
 #define_import_path bevy_restir::view::camera
 
 #import bevy_restir::common::constants::{FAR, VIEW_ORTHOGRAPHIC}
+#import bevy_restir::common::guard::{GUARD_SURFACE, guard_holds, is_nan}
 #import bevy_restir::common::ray::Ray
 #import bevy_restir::scene::cone::{Cone, cone_along}
 #import bevy_restir::scene::triangle::WorldTriangle
@@ -67,6 +68,7 @@ fn barycentrics_on_ray(t: WorldTriangle, ray: Ray) -> vec2<f32> {
     let b = vec2<f32>(dot(s, p), dot(ray.direction, cross(s, t.edge_b))) / det;
     // The triangle is seen edge-on: use its center.
     if !(abs(det) > 0.0) || !(abs(b.x) < 1.0e6) || !(abs(b.y) < 1.0e6) {
+        _ = guard_holds(det == 0.0 || !(is_nan(b.x) || is_nan(b.y)), GUARD_SURFACE);
         return vec2<f32>(1.0 / 3.0);
     }
     let inside = max(b, vec2<f32>(0.0));

@@ -1,10 +1,19 @@
-// Adds the rays and flags of this invocation to the counters of its pixel.
+// Adds the rays and the raised guards of this invocation to the counts of its pixel.
 #define_import_path bevy_restir::view::ray_counter
 
+#import bevy_restir::common::guard::raised_guards
 #import bevy_restir::common::ray::{rays_traced, trace_flags}
-#import bevy_restir::view::bindings::ray_counts
+#import bevy_restir::view::bindings::{counts, LAYER_GUARDS, LAYER_RAYS}
 
 fn count_rays(pixel: vec2<u32>) {
-    let counted = textureLoad(ray_counts, pixel).x;
-    textureStore(ray_counts, pixel, vec4<u32>((counted + rays_traced) | trace_flags << 24u));
+    textureStore(counts, pixel, LAYER_RAYS, textureLoad(counts, pixel, LAYER_RAYS) + rays_traced);
+    count_guards(pixel);
+}
+
+// For passes that trace no rays.
+fn count_guards(pixel: vec2<u32>) {
+    let raised = trace_flags | raised_guards;
+    if raised != 0u {
+        textureStore(counts, pixel, LAYER_GUARDS, textureLoad(counts, pixel, LAYER_GUARDS) | vec4<u32>(raised));
+    }
 }

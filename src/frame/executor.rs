@@ -21,6 +21,7 @@ use crate::{
     },
     view::{
         RestirView, ViewPool,
+        counters::GuardRun,
         history::{Reservoirs, presample_workgroups},
     },
 };
@@ -30,6 +31,7 @@ pub(super) fn run_passes(
     views: Res<ViewPool>,
     scene: Res<SceneBindings>,
     passes: Res<PassPipelines>,
+    run: Res<GuardRun>,
     pipelines: Res<PipelineCache>,
     device: Res<RenderDevice>,
     mut context: RenderContext,
@@ -44,8 +46,8 @@ pub(super) fn run_passes(
     if key.features.contains(SceneFeatures::RAY_QUERY) && scene.structures.is_none() {
         return;
     }
+    state.counters.begin_frame(run.current(), &mut context);
     let encoder = context.command_encoder();
-    encoder.clear_buffer(&state.counters.buffer, 0, None);
     if let Some(history) = &state.history {
         // Temporal reuse still needs the last visibility buffer, which the visibility pass overwrites.
         encoder.copy_texture_to_texture(

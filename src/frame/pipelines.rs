@@ -74,20 +74,42 @@ pub(crate) struct PassPipelines {
     /// Size of the array of bindless textures in the last group, if the device has such arrays.
     max_bindless_textures: Option<NonZeroU32>,
     /// Additional shader definitions, set by tests.
-    planted: Vec<&'static str>,
+    planted: Vec<ShaderDefVal>,
     /// Replacements for the shaders of passes, set by tests.
     replaced: HashMap<&'static str, Handle<Shader>>,
+    /// Passages of the shader library that tests replaced.
+    #[cfg(feature = "testing")]
+    edits: Vec<crate::shader_library::ShaderEdit>,
 }
 
-/// Recompiles all compute passes with additional shader definitions.  Tests plant errors in this way and check that they find them.
+/// Recompiles all compute passes with additional shader definitions: `NAME`, or `NAME=VALUE` with an unsigned integer.  Tests plant errors in
+/// this way and check that they find them.
 #[cfg(feature = "testing")]
-pub fn plant_shader_defs(app: &mut App, defs: &[&'static str]) {
+pub fn plant_shader_defs(app: &mut App, defs: &[&str]) {
     if let Some(mut passes) =
         app.get_sub_app_mut(RenderApp).and_then(|r| r.world_mut().get_resource_mut::<PassPipelines>())
     {
-        passes.planted = defs.to_vec();
+        passes.planted = defs
+            .iter()
+            .map(|def| match def.split_once('=').map(|(name, value)| (name, value.parse())) {
+                Some((name, Ok(value))) => ShaderDefVal::UInt(name.into(), value),
+                _ => ShaderDefVal::Bool((*def).into(), true),
+            })
+            .collect();
         passes.compute.clear();
     }
+}
+
+/// Replaces passages of the shader library; all others have their original text again.  Tests plant errors in this way that need no
+/// definition in a shader.
+#[cfg(feature = "testing")]
+pub fn plant_shader_edits(app: &mut App, edits: &[crate::shader_library::ShaderEdit]) {
+    let passes = app.get_sub_app_mut(RenderApp).and_then(|r| r.world_mut().get_resource_mut::<PassPipelines>());
+    let Some(mut passes) = passes else { return };
+    let before = core::mem::replace(&mut passes.edits, edits.to_vec());
+    let Some(library) = passes.shaders.clone() else { return };
+    let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
+    library.edit(&mut shaders, &crate::technique::shader_templates(), &before, edits);
 }
 
 /// Replaces the shader of a compute pass.  The new shader has the same entry point, bindings and template.  Tests measure quantities in this
@@ -206,7 +228,7 @@ impl PassPipelines {
         }
         let mut shader_defs = features.shader_defs();
         shader_defs.extend(pass.def.map(|def| ShaderDefVal::Bool(def.into(), true)));
-        shader_defs.extend(self.planted.iter().map(|&def| ShaderDefVal::Bool(def.into(), true)));
+        shader_defs.extend(self.planted.iter().cloned());
         let mut layout = vec![scene_layout(), view_layout(), resource::layout(pass)];
         if self.ray_queries {
             layout.push(ray_query::layout());

@@ -13,14 +13,16 @@ const MAX_DELAY: u32 = 3;
 #[derive(Default)]
 pub(crate) struct AssetWait {
     frame: u32,
-    /// The frame in which each was first seen as loaded.
-    loaded: HashMap<UntypedAssetId, u32>,
+    /// The frames in which each was first seen as loaded, and in which something last waited for it.
+    loaded: HashMap<UntypedAssetId, (u32, u32)>,
 }
 
 impl AssetWait {
-    /// Starts a frame.
+    /// Starts a frame.  Forgets assets that have arrived, for which nothing waits.
     pub(crate) fn begin_frame(&mut self) {
-        self.frame = self.frame.wrapping_add(1);
+        let last = self.frame;
+        self.frame = last.wrapping_add(1);
+        self.loaded.retain(|_, (_, asked)| *asked == last);
     }
 
     /// Whether a missing asset will still arrive.  An asset that failed to load, or that nothing loads, will not.
@@ -31,8 +33,9 @@ impl AssetWait {
 
     fn is_pending_in_state(&mut self, id: UntypedAssetId, state: &LoadState) -> bool {
         if state.is_loaded() {
-            let since = *self.loaded.entry(id).or_insert(self.frame);
-            return self.frame.wrapping_sub(since) < MAX_DELAY;
+            let (since, asked) = self.loaded.entry(id).or_insert((self.frame, self.frame));
+            *asked = self.frame;
+            return self.frame.wrapping_sub(*since) < MAX_DELAY;
         }
         self.loaded.remove(&id);
         state.is_loading()
@@ -61,5 +64,8 @@ mod tests {
         assert_eq!(in_five_frames(LoadState::Loaded), [true, true, true, false, false]);
         assert_eq!(in_five_frames(LoadState::NotLoaded), [false; 5]);
         assert_eq!(in_five_frames(LoadState::Loaded), [true, true, true, false, false], "loaded a second time");
+        wait.begin_frame();
+        wait.begin_frame();
+        assert!(wait.loaded.is_empty(), "nothing waits for the asset");
     }
 }

@@ -55,14 +55,14 @@ pub(crate) enum AnalyticLight {
 
 impl AnalyticLight {
     fn point(light: &PointLight, transform: &GlobalTransform) -> Self {
-        let intensity = rgb(light.color) * (light.intensity / (4.0 * PI));
+        let intensity = bounded(rgb(light.color) * (light.intensity / (4.0 * PI)));
         Self::Point { position: transform.translation(), intensity, radius: light.radius }
     }
 
     fn spot(light: &SpotLight, transform: &GlobalTransform) -> Self {
         Self::Spot {
             position: transform.translation(),
-            intensity: rgb(light.color) * (light.intensity / (4.0 * PI)),
+            intensity: bounded(rgb(light.color) * (light.intensity / (4.0 * PI))),
             direction: forward(transform),
             cos_inner: light.inner_angle.cos(),
             cos_outer: light.outer_angle.cos(),
@@ -70,7 +70,7 @@ impl AnalyticLight {
     }
 
     fn directional(light: &DirectionalLight, disk: Option<&SunDisk>, transform: &GlobalTransform) -> Self {
-        let illuminance = rgb(light.color) * light.illuminance;
+        let illuminance = bounded(rgb(light.color) * light.illuminance);
         // Bevy draws no disk where `SunDisk::intensity` is 0.  Other values only change how bright Bevy draws it, not the illuminance.
         let angular_size = disk.map_or(0.0, |disk| if disk.intensity == 0.0 { 0.0 } else { disk.angular_size });
         Self::Directional { direction: forward(transform), illuminance, angular_size }
@@ -81,15 +81,35 @@ impl AnalyticLight {
         Self::Rect {
             position: transform.translation(),
             rotation,
-            power: rgb(light.color) * light.intensity,
+            power: bounded(rgb(light.color) * light.intensity),
             size: Vec2::new(light.width * x, light.height * y),
         }
     }
 
     /// Whether it is a sun with a disk.  These come first in the light table, so that shaders can test a ray against all of them.
     pub(crate) fn is_sun(&self) -> bool {
-        matches!(self, Self::Directional { angular_size, .. } if is_size(*angular_size))
+        matches!(self, Self::Directional { illuminance, angular_size, .. }
+            if is_size(*angular_size) && is_radiance(disk_radiance(*illuminance, *angular_size)))
     }
+}
+
+/// Greatest intensity, illuminance, power or radiance of a light.  Products of one of them and a few other numbers must not overflow.
+pub(crate) const MAX_LIGHT: f32 = 1e30;
+
+/// A light's brightness, at most [`MAX_LIGHT`].  Brightness that is not finite stays as it is, so that the light table leaves the light out.
+fn bounded(brightness: Vec3) -> Vec3 {
+    brightness.to_array().map(|c| if c.is_finite() { c.min(MAX_LIGHT) } else { c }).into()
+}
+
+/// Whether shaders can use a radiance.
+pub(crate) fn is_radiance(radiance: Vec3) -> bool {
+    radiance.to_array().iter().all(|c| *c <= MAX_LIGHT)
+}
+
+/// Radiance of a disk of this angular size (diameter in radians) with this illuminance at normal incidence: E/(π sin²).
+pub(crate) fn disk_radiance(illuminance: Vec3, angular_size: f32) -> Vec3 {
+    let sine = (0.5 * f64::from(angular_size).min(core::f64::consts::PI)).sin();
+    illuminance.to_array().map(|e| (f64::from(e) / (core::f64::consts::PI * sine * sine)) as f32).into()
 }
 
 /// Whether a radius or length describes an extent: positive and finite.

@@ -27,9 +27,10 @@ mod unsupported;
 
 use bevy::{
     app::SubApp,
-    ecs::prelude::*,
+    ecs::{entity::Entities, prelude::*},
     render::{
-        ExtractSchedule, Render, RenderSystems, mesh::RenderMesh, render_asset::prepare_assets, texture::GpuImage,
+        Extract, ExtractSchedule, Render, RenderSystems, mesh::RenderMesh, render_asset::prepare_assets,
+        texture::GpuImage,
     },
 };
 use core::num::NonZeroU32;
@@ -79,6 +80,7 @@ pub(crate) fn build(render_app: &mut SubApp, ray_queries: bool, max_textures: Op
                 )
                     .chain(),
                 unsupported::warn_of_unsupported,
+                forget_warnings,
             ),
         )
         .add_systems(
@@ -93,4 +95,10 @@ pub(crate) fn build(render_app: &mut SubApp, ray_queries: bool, max_textures: Op
             Render,
             (meshes::finish_meshes, prepare::prepare_scene).chain().in_set(RestirSystems::MirrorScene),
         );
+}
+
+/// Drops what the pools remember of entities that are gone.
+fn forget_warnings(mut instances: ResMut<InstancePool>, mut lights: ResMut<LightPool>, entities: Extract<&Entities>) {
+    instances.forget_warnings(|entity| entities.contains(*entity));
+    lights.forget_warnings(|entity| entities.contains(*entity));
 }

@@ -2,7 +2,10 @@
 
 use bevy::reflect::Reflect;
 
-use super::{Reuse, validate::Ranges};
+use super::{
+    Reuse,
+    validate::{Problem, Ranges},
+};
 
 /// Correction of the bias that the samples of other pixels bring (Wyman and Panteleev 2021, 4.6 and Fig. 6).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
@@ -118,13 +121,13 @@ impl Direct {
     const MAX_PRESAMPLED: u32 = 1 << 21;
 
     /// Brings every field into its range.
-    pub(super) fn validate(&mut self, warnings: &mut Vec<String>) {
-        let mut ranges = Ranges { path: "direct.", warnings };
+    pub(super) fn validate(&mut self, report: &mut dyn FnMut(Problem)) {
+        let mut ranges = Ranges { path: "direct.", report };
         ranges.count("candidates", &mut self.candidates, 1, 64);
         ranges.count("subset_count", &mut self.subset_count, 0, 4096);
         let max_size = Self::MAX_PRESAMPLED / self.subset_count.max(1);
         ranges.count("subset_size", &mut self.subset_size, 1, max_size.min(16384));
         ranges.number("visibility_radius", &mut self.visibility_radius, 0.0, 1e6);
-        self.reuse.validate("direct.reuse.", 60.0, warnings);
+        self.reuse.validate("direct.reuse.", 60.0, report);
     }
 }

@@ -29,7 +29,7 @@ use bevy::{
     },
     reflect::{Reflect, std_traits::ReflectDefault},
 };
-use validate::Ranges;
+use validate::{Problem, Ranges};
 
 /// Algorithm that computes the light of a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
@@ -130,23 +130,25 @@ impl Restir {
     /// Brings every field into its range.  Returns a warning for each field that it changed and each setting without effect.
     pub fn validate(&mut self) -> Vec<String> {
         let mut warnings = Vec::new();
-        Ranges { path: "", warnings: &mut warnings }.count("bounces", &mut self.bounces, 0, Self::MAX_BOUNCES);
-        self.direct.validate(&mut warnings);
-        self.paths.validate(&mut warnings);
-        self.subsurface.validate(&mut warnings);
-        self.research.validate(&mut warnings);
-        let scale = if self.debug_scale.is_nan() { 1.0 } else { self.debug_scale.clamp(0.0, 1e6) };
-        if scale != self.debug_scale {
-            warnings.push(format!("debug_scale = {} is out of range, {scale} is used", self.debug_scale));
-            self.debug_scale = scale;
-        }
-        if !self.debug_view.shows(self.technique) {
-            warnings.push(format!(
-                "debug_view = {:?} has nothing to show with technique {:?}",
-                self.debug_view, self.technique
-            ));
-        }
+        self.clamp(&mut |problem| warnings.push(problem.to_string()));
         warnings
+    }
+
+    /// Brings every field into its range, and reports each field that it changes and each setting without effect.
+    pub(crate) fn clamp(&mut self, report: &mut dyn FnMut(Problem)) {
+        let mut ranges = Ranges { path: "", report };
+        ranges.count("bounces", &mut self.bounces, 0, Self::MAX_BOUNCES);
+        if self.debug_scale.is_nan() {
+            ranges.number("debug_scale", &mut self.debug_scale, 1.0, 1.0);
+        }
+        ranges.number("debug_scale", &mut self.debug_scale, 0.0, 1e6);
+        self.direct.validate(report);
+        self.paths.validate(report);
+        self.subsurface.validate(report);
+        self.research.validate(report);
+        if !self.debug_view.shows(self.technique) {
+            report(Problem::NothingToShow(self.debug_view, self.technique));
+        }
     }
 }
 

@@ -2,7 +2,10 @@
 
 use bevy::reflect::Reflect;
 
-use super::{Reuse, validate::Ranges};
+use super::{
+    Reuse,
+    validate::{Problem, Ranges},
+};
 
 /// Choice of the vertex at which other pixels reconnect to a path; up to the vertex before it they replay the path's random numbers (Lin et
 /// al. 2026, supplement, 2-4).  No bias; noise and cost differ.
@@ -85,13 +88,13 @@ impl Default for Paths {
 
 impl Paths {
     /// Brings every field into its range.
-    pub(super) fn validate(&mut self, warnings: &mut Vec<String>) {
-        let mut ranges = Ranges { path: "paths.", warnings };
+    pub(super) fn validate(&mut self, report: &mut dyn FnMut(Problem)) {
+        let mut ranges = Ranges { path: "paths.", report };
         ranges.count("candidates", &mut self.candidates, 1, 64);
         ranges.number("roughness", &mut self.roughness, 0.0, 1.0);
         ranges.number("footprint", &mut self.footprint, 0.0, 1e6);
         ranges.number("distance", &mut self.distance, 0.0, 1e6);
         ranges.number("jacobian_limit", &mut self.jacobian_limit, 1.0, f32::MAX);
-        self.reuse.validate("paths.reuse.", 30.0, warnings);
+        self.reuse.validate("paths.reuse.", 30.0, report);
     }
 }

@@ -2,7 +2,7 @@
 
 use bevy::reflect::Reflect;
 
-use super::validate::Ranges;
+use super::validate::{Problem, Ranges};
 
 /// Order of reservoirs in memory (Lanz 2025, 4.5.3).  It changes the speed, never the image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
@@ -60,8 +60,8 @@ impl Default for Research {
 
 impl Research {
     /// Brings every field into its range.
-    pub(super) fn validate(&mut self, warnings: &mut Vec<String>) {
-        let mut ranges = Ranges { path: "research.", warnings };
+    pub(super) fn validate(&mut self, report: &mut dyn FnMut(Problem)) {
+        let mut ranges = Ranges { path: "research.", report };
         ranges.count("light_tile_size", &mut self.light_tile_size, 1, 16);
     }
 }

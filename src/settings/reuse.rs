@@ -2,7 +2,7 @@
 
 use bevy::reflect::Reflect;
 
-use super::validate::Ranges;
+use super::validate::{Problem, Ranges};
 
 /// When a pixel resamples the samples of its neighbors.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
@@ -125,8 +125,8 @@ impl Reuse {
     };
 
     /// Brings every field into its range.
-    pub(super) fn validate(&mut self, path: &'static str, confidence_max: f32, warnings: &mut Vec<String>) {
-        let mut ranges = Ranges { path, warnings };
+    pub(super) fn validate(&mut self, path: &'static str, confidence_max: f32, report: &mut dyn FnMut(Problem)) {
+        let mut ranges = Ranges { path, report };
         ranges.count("spatial_samples", &mut self.spatial_samples, 0, 5);
         ranges.count("disocclusion_samples", &mut self.disocclusion_samples, 0, 5);
         ranges.count("spatial_iterations", &mut self.spatial_iterations, 1, 4);

@@ -1,6 +1,9 @@
 //! Subsurface scattering of one object, and settings of its resampling.
 
-use super::{Mis, Reuse, ReuseOrder, validate::Ranges};
+use super::{
+    Mis, Reuse, ReuseOrder,
+    validate::{Problem, Ranges},
+};
 use bevy::{
     ecs::{component::Component, reflect::ReflectComponent},
     math::Vec3,
@@ -158,8 +161,8 @@ impl Default for SubsurfaceSampling {
 
 impl SubsurfaceSampling {
     /// Brings every field into its range.
-    pub(super) fn validate(&mut self, warnings: &mut Vec<String>) {
-        Ranges { path: "subsurface.", warnings }.count("candidates", &mut self.candidates, 1, 64);
-        self.reuse.validate("subsurface.reuse.", 30.0, warnings);
+    pub(super) fn validate(&mut self, report: &mut dyn FnMut(Problem)) {
+        Ranges { path: "subsurface.", report }.count("candidates", &mut self.candidates, 1, 64);
+        self.reuse.validate("subsurface.reuse.", 30.0, report);
     }
 }

@@ -1,27 +1,83 @@
 //! Brings settings into their ranges.
 
-/// Clamps fields and collects a warning for each field that it changes.
+use core::fmt;
+
+use super::{DebugView, Technique};
+
+/// A setting that was out of range, or that has no effect.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Problem {
+    /// The field `path` + `name` had the first number; the second one is used.
+    OutOfRange { path: &'static str, name: &'static str, numbers: [Number; 2] },
+    /// The debug view has nothing to show with the technique.
+    NothingToShow(DebugView, Technique),
+}
+
+impl Problem {
+    /// The field, without its value: two numbers out of range are one problem.
+    pub(crate) fn field(&self) -> [&'static str; 2] {
+        match *self {
+            Self::OutOfRange { path, name, .. } => [path, name],
+            Self::NothingToShow(..) => ["", "debug_view"],
+        }
+    }
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::OutOfRange { path, name, numbers: [value, used] } => {
+                write!(f, "{path}{name} = {value} is out of range, {used} is used")
+            }
+            Self::NothingToShow(view, technique) => {
+                write!(f, "debug_view = {view:?} has nothing to show with technique {technique:?}")
+            }
+        }
+    }
+}
+
+/// The value of a field.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Number {
+    Count(u32),
+    Real(f32),
+}
+
+impl fmt::Display for Number {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Count(n) => n.fmt(f),
+            Self::Real(x) => x.fmt(f),
+        }
+    }
+}
+
+/// Clamps fields and reports each field that it changes.
 pub(super) struct Ranges<'a> {
     /// Path of the struct whose fields are clamped, with a dot at its end.
     pub path: &'static str,
-    pub warnings: &'a mut Vec<String>,
+    pub report: &'a mut dyn FnMut(Problem),
 }
 
 impl Ranges<'_> {
-    pub(super) fn count(&mut self, name: &str, value: &mut u32, low: u32, high: u32) {
+    pub(super) fn count(&mut self, name: &'static str, value: &mut u32, low: u32, high: u32) {
         let clamped = (*value).clamp(low, high);
         if clamped != *value {
-            self.warnings.push(format!("{}{name} = {value} is out of range, {clamped} is used", self.path));
+            self.out_of_range(name, [*value, clamped].map(Number::Count));
             *value = clamped;
         }
     }
 
     /// NaN becomes the lowest value.
-    pub(super) fn number(&mut self, name: &str, value: &mut f32, low: f32, high: f32) {
+    pub(super) fn number(&mut self, name: &'static str, value: &mut f32, low: f32, high: f32) {
         let clamped = if value.is_nan() { low } else { value.clamp(low, high) };
         if clamped != *value {
-            self.warnings.push(format!("{}{name} = {value} is out of range, {clamped} is used", self.path));
+            self.out_of_range(name, [*value, clamped].map(Number::Real));
             *value = clamped;
         }
+    }
+
+    fn out_of_range(&mut self, name: &'static str, numbers: [Number; 2]) {
+        (self.report)(Problem::OutOfRange { path: self.path, name, numbers });
     }
 }

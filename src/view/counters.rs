@@ -1,23 +1,52 @@
-//! Counters that shaders keep for each view (rays, pixels that are not finite, overflows), read back a few frames later without blocking.
+//! Counters that shaders keep for each view (rays, overflows, raised guards), read back a few frames later without blocking.
 
-use bevy::render::{
-    render_resource::*,
-    renderer::{RenderContext, RenderDevice},
+use bevy::{
+    ecs::resource::Resource,
+    render::{
+        render_resource::*,
+        renderer::{RenderContext, RenderDevice},
+    },
 };
-use std::sync::{
-    Arc, Mutex, PoisonError,
-    atomic::{AtomicBool, Ordering},
+use std::{
+    mem::offset_of,
+    sync::{
+        Arc, Mutex, PoisonError,
+        atomic::{AtomicBool, AtomicU32, Ordering},
+    },
 };
 
 use crate::gpu_layout::GpuCounters;
+
+/// The run that guards are counted for: a number that grows when the app starts a new run.  Clones share it.
+#[derive(Resource, Clone, Debug, Default)]
+pub(crate) struct GuardRun(Arc<AtomicU32>);
+
+impl GuardRun {
+    pub(crate) fn start_next(&self) {
+        self.0.fetch_add(1, Ordering::AcqRel);
+    }
+
+    pub(crate) fn current(&self) -> u32 {
+        self.0.load(Ordering::Acquire)
+    }
+}
 
 /// Counters of a view on the GPU, and their newest values on the CPU.
 pub(crate) struct CounterReadback {
     pub buffer: Buffer,
     staging: Buffer,
     in_flight: Arc<AtomicBool>,
-    newest: Arc<Mutex<GpuCounters>>,
+    newest: Arc<Mutex<Counted>>,
     copied: AtomicBool,
+    /// The run that the buffer counts.
+    run: AtomicU32,
+}
+
+/// Counters that were read back.
+#[derive(Clone, Copy, Default)]
+struct Counted {
+    run: u32,
+    counters: GpuCounters,
 }
 
 impl CounterReadback {
@@ -32,7 +61,15 @@ impl CounterReadback {
             in_flight: Arc::default(),
             newest: Arc::default(),
             copied: AtomicBool::new(false),
+            run: AtomicU32::new(0),
         }
+    }
+
+    /// Records the clearing of the counters of the last frame; also of those of the whole run, if `run` differs from that of the last frame.
+    pub(crate) fn begin_frame(&self, run: u32, context: &mut RenderContext) {
+        let restarts = self.run.swap(run, Ordering::AcqRel) != run;
+        let of_frame = offset_of!(GpuCounters, guards) as u64;
+        context.command_encoder().clear_buffer(&self.buffer, 0, (!restarts).then_some(of_frame));
     }
 
     /// Records a copy of the counters within the frame, unless the last copy is still being read.
@@ -52,18 +89,21 @@ impl CounterReadback {
         }
         self.in_flight.store(true, Ordering::Release);
         let (staging, in_flight, newest) = (self.staging.clone(), self.in_flight.clone(), self.newest.clone());
+        let run = self.run.load(Ordering::Acquire);
         self.staging.slice(..).map_async(MapMode::Read, move |result| {
             if result.is_ok() {
                 let counters = *bytemuck::from_bytes::<GpuCounters>(&staging.slice(..).get_mapped_range());
-                *newest.lock().unwrap_or_else(PoisonError::into_inner) = counters;
+                *newest.lock().unwrap_or_else(PoisonError::into_inner) = Counted { run, counters };
                 staging.unmap();
             }
             in_flight.store(false, Ordering::Release);
         });
     }
 
-    /// Counters of the newest frame that was read back.
-    pub(crate) fn newest(&self) -> GpuCounters {
-        *self.newest.lock().unwrap_or_else(PoisonError::into_inner)
+    /// Counters of the newest frame that was read back.  Those of the whole run are 0 until a frame of this run was.
+    pub(crate) fn newest(&self, run: u32) -> GpuCounters {
+        let newest = *self.newest.lock().unwrap_or_else(PoisonError::into_inner);
+        let guards = if newest.run == run { newest.counters.guards } else { Default::default() };
+        GpuCounters { guards, ..newest.counters }
     }
 }

@@ -27,6 +27,7 @@ use super::{
 use crate::{
     scene::{SceneFeatures, texture::image_info::is_live, texture::textures::TexturePool},
     shader_library::ShaderLibrary,
+    warned::Warned,
 };
 
 struct Entry {
@@ -46,6 +47,8 @@ pub(crate) struct EnvironmentPool {
     entries: HashMap<ImageKey, Entry>,
     /// Versions of images that cannot serve as an environment.
     rejected: HashMap<ImageKey, u64>,
+    /// Images that a warning has named; each is named once, however often it changes.
+    warned: Warned<ImageKey>,
     /// One black texel for map and importance each, bound where there is no environment image.
     placeholders: Option<(TextureView, TextureView)>,
     passes: ImportancePasses,
@@ -60,6 +63,7 @@ impl Default for EnvironmentPool {
         Self {
             entries: HashMap::default(),
             rejected: HashMap::default(),
+            warned: Warned::default(),
             placeholders: None,
             passes: ImportancePasses::default(),
             revision: 0,
@@ -82,6 +86,10 @@ pub(crate) fn prepare_environments(
 ) {
     let pool = &mut *pool;
     pool.placeholders.get_or_insert_with(|| placeholders(&device));
+    pool.warned.begin_frame();
+    // The version of an image that is gone is 0.
+    pool.warned.retain(|(id, _)| textures.version(*id) > 0);
+    pool.rejected.retain(|(id, _), version| textures.version(*id) == *version);
     let is_rejected = |key: &ImageKey| pool.rejected.get(key) == Some(&textures.version(key.0));
     let used: HashSet<_> =
         views.0.values().filter_map(|v| v.environment?.key()).filter(|key| !is_rejected(key)).collect();
@@ -103,7 +111,9 @@ pub(crate) fn prepare_environments(
                 true => ("color cube", "this environment is not rendered"),
                 false => ("equirectangular color image", "only the color of this environment is used"),
             };
-            warn!("restir: environment image {id} is not a {needed} that shaders can read; {consequence}");
+            if pool.warned.is_due(key) {
+                warn!("restir: environment image {id} is not a {needed} that shaders can read; {consequence}");
+            }
             pool.rejected.insert(key, version);
             pool.entries.remove(&key);
             continue;

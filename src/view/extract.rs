@@ -4,12 +4,12 @@ use bevy::{
     asset::AssetId,
     camera::{ClearColor, visibility::RenderLayers},
     color::LinearRgba,
-    ecs::prelude::*,
+    ecs::{entity::Entities, prelude::*},
     image::Image,
     light::{EnvironmentMapLight, Skybox},
     log::warn,
     math::{Mat3, Vec3},
-    platform::collections::{HashMap, HashSet},
+    platform::collections::HashMap,
     render::{Extract, MainWorld, camera::ExtractedCamera, sync_world::RenderEntity},
 };
 
@@ -17,6 +17,7 @@ use super::capture::RadianceCapture;
 use crate::{
     scene::geometry::render_layers::LayerSets,
     settings::{Restir, RestirEnvironment},
+    warned::Warned,
 };
 
 /// A `Restir` camera.
@@ -41,6 +42,24 @@ pub(crate) enum EnvironmentKind {
     EnvironmentMapLight,
 }
 
+impl EnvironmentKind {
+    fn name(self) -> &'static str {
+        match self {
+            Self::RestirEnvironment => "RestirEnvironment",
+            Self::Skybox => "Skybox",
+            Self::EnvironmentMapLight => "EnvironmentMapLight",
+        }
+    }
+}
+
+/// An invalid value of an environment, and its consequence.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct EnvironmentProblem {
+    kind: EnvironmentKind,
+    property: &'static str,
+    consequence: &'static str,
+}
+
 /// Light from infinity around the scene, as one camera sees it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ExtractedEnvironment {
@@ -52,12 +71,12 @@ pub(crate) struct ExtractedEnvironment {
 }
 
 impl ExtractedEnvironment {
-    /// The camera's `RestirEnvironment`, else its `Skybox`, else its `EnvironmentMapLight`.  Returns a warning if its values are invalid.
+    /// The camera's `RestirEnvironment`, else its `Skybox`, else its `EnvironmentMapLight`; and the problem if a value is invalid.
     fn of(
         own: Option<&RestirEnvironment>,
         skybox: Option<&Skybox>,
         light: Option<&EnvironmentMapLight>,
-    ) -> (Option<Self>, Option<String>) {
+    ) -> (Option<Self>, Option<EnvironmentProblem>) {
         use EnvironmentKind as K;
         let skybox = skybox.and_then(|s| Some((s, s.image.as_ref()?)));
         let (kind, color, scale, image, rotation) = match (own, skybox, light) {
@@ -68,22 +87,24 @@ impl ExtractedEnvironment {
             }
             (None, None, None) => return (None, None),
         };
-        let channel = |c: f32| if c.is_finite() { (c.max(0.0) * scale.max(0.0)).min(1e30) } else { 0.0 };
-        let rotation = Mat3::from_quat(rotation.normalize().inverse());
-        let name = match kind {
-            K::RestirEnvironment => "RestirEnvironment",
-            K::Skybox => "Skybox",
-            K::EnvironmentMapLight => "EnvironmentMapLight",
-        };
-        if !scale.is_finite() || !rotation.is_finite() {
-            let property = if scale.is_finite() { "rotation" } else { "brightness" };
-            return (
-                None,
-                Some(format!("the {property} of its {name} is not finite; this environment is not rendered")),
-            );
+        let problem = |property, consequence| Some(EnvironmentProblem { kind, property, consequence });
+        let not_rendered = "this environment is not rendered";
+        if !scale.is_finite() {
+            return (None, problem("brightness", not_rendered));
         }
-        let color = Vec3::new(channel(color.red), channel(color.green), channel(color.blue));
-        (Some(Self { kind, color, image: image.map(|image| image.id()), rotation }), None)
+        let rotation = Mat3::from_quat(rotation.normalize().inverse());
+        if !rotation.is_finite() {
+            return (None, problem("rotation", not_rendered));
+        }
+        let color = [color.red, color.green, color.blue];
+        let color_problem = match color.iter().all(|c| c.is_finite()) {
+            true => None,
+            false => problem("color", "the channels that are not finite count as 0"),
+        };
+        let channel = |c: f32| if c.is_finite() { (c.max(0.0) * scale.max(0.0)).min(1e30) } else { 0.0 };
+        let environment =
+            Self { kind, color: color.map(channel).into(), image: image.map(|image| image.id()), rotation };
+        (Some(environment), color_problem)
     }
 
     /// Whether the image must be a cube map.
@@ -122,21 +143,28 @@ pub(crate) fn extract_views(
     mut views: ResMut<ExtractedViews>,
     cameras: Extract<Query<ViewData>>,
     clear_color: Extract<Res<ClearColor>>,
-    mut warned: Local<HashSet<String>>,
+    entities: Extract<&Entities>,
+    mut warned: Local<Warned<(Entity, [&'static str; 2])>>,
     sets: Res<LayerSets>,
 ) {
     views.0.clear();
+    warned.begin_frame();
+    warned.retain(|(camera, _)| entities.contains(*camera));
     for (camera_entity, entity, camera, restir, own, skybox, light, capture, layers) in &cameras {
         if !camera.is_active {
             continue;
         }
         let mut settings = restir.clone();
         let (environment, problem) = ExtractedEnvironment::of(own, skybox, light);
-        let problem = problem.map(|problem| format!("camera {}: {problem}", camera_entity));
-        for warning in settings.validate().into_iter().chain(problem) {
-            if warned.insert(warning.clone()) {
-                warn!("restir: {warning}");
+        settings.clamp(&mut |problem| {
+            if warned.is_due((camera_entity, problem.field())) {
+                warn!("restir: camera {camera_entity}: {problem}");
             }
+        });
+        if let Some(EnvironmentProblem { kind, property, consequence }) = problem
+            && warned.is_due((camera_entity, [kind.name(), property]))
+        {
+            warn!("restir: camera {camera_entity}: the {property} of its {} is not finite; {consequence}", kind.name());
         }
         let clear = match camera.clear_color {
             bevy::camera::ClearColorConfig::Default => clear_color.0.to_linear(),

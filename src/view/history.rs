@@ -44,6 +44,7 @@ impl History {
             device,
             "last visibility",
             size,
+            1,
             VISIBILITY_FORMAT,
             TextureUsages::COPY_DST | TextureUsages::TEXTURE_BINDING,
         );
@@ -220,7 +221,7 @@ impl Reservoirs {
 /// A texture for light.
 fn light(device: &RenderDevice, label: &'static str, size: UVec2) -> TextureView {
     let usage = TextureUsages::STORAGE_BINDING | TextureUsages::TEXTURE_BINDING;
-    texture(device, label, size, LIGHT_FORMAT, usage).create_view(&TextureViewDescriptor::default())
+    texture(device, label, size, 1, LIGHT_FORMAT, usage).create_view(&TextureViewDescriptor::default())
 }
 
 /// Bytes of a domain's reservoirs of one frame.

@@ -9,6 +9,7 @@ pub(crate) mod capture_readback;
 pub(crate) mod counters;
 pub(crate) mod environment;
 pub(crate) mod extract;
+pub(crate) mod guards;
 pub(crate) mod history;
 mod image_state;
 mod importance_map;
@@ -86,7 +87,7 @@ pub(crate) fn view_layout() -> BindGroupLayoutDescriptor {
                 texture_2d(TextureSampleType::Uint),
                 texture_2d_array(TextureSampleType::Float { filterable: false }),
                 texture_2d(TextureSampleType::Float { filterable: false }),
-                texture_storage_2d(TextureFormat::R32Uint, StorageTextureAccess::ReadWrite),
+                texture_storage_2d_array(TextureFormat::R32Uint, StorageTextureAccess::ReadWrite),
             ),
         ),
     )
@@ -114,12 +115,13 @@ fn texture(
     device: &RenderDevice,
     label: &'static str,
     size: UVec2,
+    layers: u32,
     format: TextureFormat,
     usage: TextureUsages,
 ) -> Texture {
     device.create_texture(&TextureDescriptor {
         label: Some(label),
-        size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
+        size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: layers },
         mip_level_count: 1,
         sample_count: 1,
         dimension: TextureDimension::D2,

@@ -5,11 +5,11 @@ use bevy::{
     ecs::prelude::*,
     log::warn,
     math::UVec2,
-    platform::collections::HashSet,
     render::{
         camera::{ExtractedCamera, TemporalJitter},
-        render_resource::PipelineCache,
+        render_resource::{PipelineCache, TextureView},
         renderer::{RenderDevice, RenderQueue},
+        sync_world::MainEntity,
         view::ExtractedView,
     },
 };
@@ -20,61 +20,82 @@ use super::{
     extract::{ExtractedRestir, ExtractedViews},
     resolution,
     selection::SelectedPipelines,
-    uniforms::UniformInputs,
+    uniforms::{UniformInputs, camera_of, is_finite},
 };
 use crate::{
-    scene::bindings::SceneBindings,
+    scene::{bindings::SceneBindings, storage::allocation},
     settings::{Direct, Restir},
     technique::frame::Frame,
+    warned::Warned,
 };
+
+type CameraData<'a> = (
+    &'a MainEntity,
+    &'a ExtractedCamera,
+    &'a ExtractedView,
+    Option<&'a TemporalJitter>,
+    Option<&'a MainPassResolutionOverride>,
+);
 
 pub(super) fn prepare_views(
     mut pool: ResMut<ViewPool>,
     mut extracted: ResMut<ExtractedViews>,
-    cameras: Query<(&ExtractedCamera, &ExtractedView, Option<&TemporalJitter>, Option<&MainPassResolutionOverride>)>,
+    cameras: Query<CameraData>,
     selected: Res<SelectedPipelines>,
     scene: Res<SceneBindings>,
     environments: Res<EnvironmentPool>,
     pipelines: Res<PipelineCache>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
-    mut warned: Local<HashSet<(Entity, &'static str)>>,
+    mut warned: Local<Warned<(Entity, &'static str)>>,
 ) {
     let limit = resolution::binding_limit(&device);
+    warned.begin_frame();
+    warned.retain(|(entity, _)| extracted.0.contains_key(entity));
     pool.views.retain(|entity, _| extracted.0.contains_key(entity));
     for (&entity, restir) in &mut extracted.0 {
-        let (Some((camera, view, jitter, resolution_override)), Some(&selection)) =
+        let (Some((name, camera, view, jitter, resolution_override)), Some(&selection)) =
             (cameras.get(entity).ok(), selected.0.get(&entity))
         else {
             // This camera renders nothing: an old frame of it must not be shown, captured or counted.
             pool.views.remove(&entity);
             continue;
         };
+        if !is_finite(&camera_of(view)) {
+            if warned.is_due((entity, "matrices")) {
+                warn!(
+                    "restir: camera {} has a transform or a projection that is not finite or has no inverse; it is not rendered",
+                    **name
+                );
+            }
+            pool.views.remove(&entity);
+            continue;
+        }
         if let (Some(key), Some(last)) = (selection.key, pool.views.get(&entity))
             && !key.serves_settings_of(selection.requested)
         {
             // The camera keeps its settings until the pipelines of the new ones are compiled.
             restir.settings = Restir { reset: restir.settings.reset, ..last.settings.clone() };
         }
+        let name = **name;
         let viewport = UVec2::new(view.viewport.z, view.viewport.w);
         // An upscaler, such as DLSS, enlarges an image that fills only the corner of the viewport.
         let target_size = resolution_override.map_or(viewport, |size| size.0.min(viewport)).max(UVec2::ONE);
         let frame = selection.key.unwrap_or(selection.requested).frame;
-        let size = fit_to_device(entity, restir, frame, target_size, limit, &mut warned);
+        let size = fit_to_device([entity, name], restir, frame, target_size, limit, &mut warned);
         let Some((map, importance)) = environments.views_of(restir.environment.as_ref()) else {
             continue;
         };
-        let state =
-            pool.views.entry(entity).or_insert_with(|| RestirView::new(size, &device, &pipelines, map, importance));
-        if state.size != size || state.bound_environment != (map.id(), importance.id()) {
-            let new = RestirView::new(size, &device, &pipelines, map, importance);
-            let old = core::mem::replace(state, new);
-            if old.size == size {
-                // Only the environment image has changed, and motion vectors still need the last camera.
-                state.previous_camera = old.previous_camera;
-                state.previous_jitter = old.previous_jitter;
+        let old = pool.views.remove(&entity);
+        let mut state = match view_of(old, size, [map, importance], &device, &pipelines) {
+            Ok(state) => state,
+            Err(error) => {
+                if warned.is_due((entity, "memory")) {
+                    warn!("restir: camera {name} is not rendered, because there is no memory for its view: {error}");
+                }
+                continue;
             }
-        }
+        };
         state.origin = UVec2::new(view.viewport.x, view.viewport.y);
         state.target_size = target_size;
         state.select(restir, &selection, &scene);
@@ -82,7 +103,37 @@ pub(super) fn prepare_views(
             let (scene, environments) = (&*scene, &*environments);
             let inputs = UniformInputs { restir, camera, view, bevy_jitter: jitter, scene, environments };
             state.update_uniforms(&inputs, &queue);
-            state.update_history(&device, &queue);
+            if let Err(error) = state.update_history(&device, &queue)
+                && warned.is_due((entity, "memory of the history"))
+            {
+                warn!("restir: camera {name} is not rendered, because there is no memory for its history: {error}");
+            }
+        }
+        pool.views.insert(entity, state);
+    }
+}
+
+/// The view of the last frame, or a new one if its size or its environment image has changed.
+fn view_of(
+    old: Option<RestirView>,
+    size: UVec2,
+    [map, importance]: [&TextureView; 2],
+    device: &RenderDevice,
+    pipelines: &PipelineCache,
+) -> Result<RestirView, String> {
+    let create = || RestirView::new(size, device, pipelines, map, importance);
+    match old {
+        Some(old) if old.size == size && old.bound_environment == (map.id(), importance.id()) => Ok(old),
+        // Only the environment image has changed, and motion vectors still need the last camera.
+        Some(old) if old.size == size => allocation::attempt(device, create).map(|new| new.after(old)),
+        // The memory of the old size is free before the new view is created.  Guards are counted over the whole run of a view.
+        old => {
+            let counters = old.map(|old| old.counters);
+            let new = allocation::attempt(device, create)?;
+            Ok(match counters {
+                Some(counters) => RestirView { counters, ..new },
+                None => new,
+            })
         }
     }
 }
@@ -90,28 +141,28 @@ pub(super) fn prepare_views(
 /// Reduces the traced resolution and the light subsets to what the device can bind, and warns once for each camera.  Returns the traced
 /// resolution.
 fn fit_to_device(
-    entity: Entity,
+    [entity, name]: [Entity; 2],
     restir: &mut ExtractedRestir,
     frame: Frame,
     target_size: UVec2,
     limit: u64,
-    warned: &mut HashSet<(Entity, &'static str)>,
+    warned: &mut Warned<(Entity, &'static str)>,
 ) -> UVec2 {
     let domains = frame.domains();
     let size = resolution::traced_size(target_size, domains, &restir.settings, limit);
-    if size != target_size && warned.insert((entity, "size")) {
+    if size != target_size && warned.is_due((entity, "size")) {
         warn!(
-            "restir: camera {entity} traces {} x {} pixels for its {} x {} viewport, because this device binds at most {limit} bytes",
+            "restir: camera {name} traces {} x {} pixels for its {} x {} viewport, because this device binds at most {limit} bytes",
             size.x, size.y, target_size.x, target_size.y
         );
     }
     if !domains.is_empty()
         && resolution::fit_subsets(&mut restir.settings.direct, limit)
-        && warned.insert((entity, "subsets"))
+        && warned.is_due((entity, "subsets"))
     {
         let Direct { subset_count, subset_size, .. } = restir.settings.direct;
         warn!(
-            "restir: camera {entity} uses {subset_count} subsets of {subset_size} lights, because this device binds at most {limit} bytes"
+            "restir: camera {name} uses {subset_count} subsets of {subset_size} lights, because this device binds at most {limit} bytes"
         );
     }
     size

@@ -20,7 +20,7 @@ use super::{
 };
 use crate::{
     gpu_layout::*,
-    scene::{bindings::SceneBindings, geometry::render_layers::ALL_CAMERAS},
+    scene::{bindings::SceneBindings, geometry::render_layers::ALL_CAMERAS, storage::allocation},
     settings::Restir,
     technique::frame::PipelineKey,
 };
@@ -82,7 +82,7 @@ impl RestirView {
         environment_importance: &TextureView,
     ) -> Self {
         let buffer = |label, size, usage| buffer(device, label, size, usage);
-        let texture = |label, format, usage| texture(device, label, size, format, usage);
+        let texture = |label, layers, format, usage| texture(device, label, size, layers, format, usage);
         let view = |texture: &Texture| texture.create_view(&TextureViewDescriptor::default());
         let target = TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING;
         let uniforms = buffer(
@@ -90,16 +90,16 @@ impl RestirView {
             size_of::<GpuViewUniforms>() as u64,
             BufferUsages::UNIFORM | BufferUsages::COPY_DST,
         );
-        let visibility_texture = texture("visibility", VISIBILITY_FORMAT, target | TextureUsages::COPY_SRC);
+        let visibility_texture = texture("visibility", 1, VISIBILITY_FORMAT, target | TextureUsages::COPY_SRC);
         let visibility = view(&visibility_texture);
-        let ray_counts = view(&texture("ray counts", TextureFormat::R32Uint, TextureUsages::STORAGE_BINDING));
+        let counts = view(&texture("counts of pixels", 2, TextureFormat::R32Uint, TextureUsages::STORAGE_BINDING));
         let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
         Self {
             size,
             origin: UVec2::ZERO,
             target_size: size,
             layers: ALL_CAMERAS,
-            depth: view(&texture("depth", DEPTH_FORMAT, target)),
+            depth: view(&texture("depth", 1, DEPTH_FORMAT, target)),
             radiance: buffer("radiance", pixels(size) * 16, storage),
             counters: CounterReadback::new(device),
             bind_group: device.create_bind_group(
@@ -110,7 +110,7 @@ impl RestirView {
                     &visibility,
                     environment_map,
                     environment_importance,
-                    &ray_counts,
+                    &counts,
                 )),
             ),
             raster_bind_group: device.create_bind_group(
@@ -153,20 +153,31 @@ impl RestirView {
         }
     }
 
-    /// Creates, replaces or drops the history.
-    pub(super) fn update_history(&mut self, device: &RenderDevice, queue: &RenderQueue) {
+    /// This view with the camera of the last frame, from which motion vectors start.
+    pub(super) fn after(self, last: Self) -> Self {
+        let Self { previous_camera, previous_jitter, counters, .. } = last;
+        Self { previous_camera, previous_jitter, counters, ..self }
+    }
+
+    /// Creates, replaces or drops the history.  If the device has no memory for it, the frame is not rendered.
+    pub(super) fn update_history(&mut self, device: &RenderDevice, queue: &RenderQueue) -> Result<(), String> {
         let domains = self.key.map_or(&[][..], |key| key.frame.domains());
         if domains.is_empty() {
             self.history = None;
-            return;
+            return Ok(());
         }
         let fits = self.history.as_ref().is_some_and(|history| history.fits(self.size, domains, &self.settings));
         if !fits {
-            self.history = Some(History::new(self.size, domains, &self.settings, device));
+            // The memory of the old history is free before the new one is created.
+            self.history = None;
+            let created = allocation::attempt(device, || History::new(self.size, domains, &self.settings, device));
+            let history = created.inspect_err(|_| (self.rendered, self.image_state) = (false, None))?;
+            self.history = Some(history);
         }
         if let Some(history) = &mut self.history {
             history.begin(&self.settings, fits && self.frame > 0, self.moved, queue);
         }
+        Ok(())
     }
 
     /// Names and bytes of the buffers and textures of this view.
@@ -176,7 +187,7 @@ impl RestirView {
             ("view uniforms", size_of::<GpuViewUniforms>() as u64),
             ("visibility", pixels * 8),
             ("depth", pixels * 4),
-            ("ray counts", pixels * 4),
+            ("counts of pixels", pixels * 8),
             ("radiance", pixels * 16),
             ("counters", 2 * size_of::<GpuCounters>() as u64),
         ];

@@ -1,7 +1,7 @@
 //! Uniforms of a view (`shaders/view/bindings.wgsl`) and its sub-pixel jitter.
 
 use bevy::{
-    math::{Mat4, Vec3},
+    math::Mat4,
     render::{
         camera::{ExtractedCamera, TemporalJitter},
         renderer::RenderQueue,
@@ -32,6 +32,22 @@ pub(crate) fn jitter_of(frame: u32, seed: u32) -> [f32; 2] {
     })
 }
 
+/// The matrices of a view.
+pub(super) fn camera_of(view: &ExtractedView) -> GpuCamera {
+    let world_from_view = view.world_from_view.to_matrix();
+    GpuCamera {
+        clip_from_world: (view.clip_from_view * world_from_view.inverse()).to_cols_array_2d(),
+        world_from_view: world_from_view.to_cols_array_2d(),
+        view_from_clip: view.clip_from_view.inverse().to_cols_array_2d(),
+    }
+}
+
+/// Whether all numbers of a camera are finite.
+pub(super) fn is_finite(camera: &GpuCamera) -> bool {
+    let GpuCamera { clip_from_world, world_from_view, view_from_clip } = camera;
+    [clip_from_world, world_from_view, view_from_clip].into_iter().flatten().flatten().all(|x| x.is_finite())
+}
+
 /// Inputs of a view's uniforms from the rest of the frame.
 pub(super) struct UniformInputs<'a> {
     pub restir: &'a ExtractedRestir,
@@ -43,16 +59,6 @@ pub(super) struct UniformInputs<'a> {
 }
 
 impl UniformInputs<'_> {
-    fn gpu_camera(&self) -> GpuCamera {
-        let world_from_view = self.view.world_from_view.to_matrix();
-        let clip_from_view = self.view.clip_from_view;
-        GpuCamera {
-            clip_from_world: (clip_from_view * world_from_view.inverse()).to_cols_array_2d(),
-            world_from_view: world_from_view.to_cols_array_2d(),
-            view_from_clip: clip_from_view.inverse().to_cols_array_2d(),
-        }
-    }
-
     fn exposure(&self) -> f32 {
         let exposure = self.camera.exposure;
         if exposure > 0.0 && exposure.is_finite() { exposure } else { 1.0 }
@@ -60,7 +66,7 @@ impl UniformInputs<'_> {
 
     /// Radiance of the clear color: the exposure turns it into the color again.
     fn background(&self) -> [f32; 3] {
-        (self.restir.background / self.exposure()).max(Vec3::ZERO).to_array()
+        (self.restir.background / self.exposure()).to_array().map(|c| if c > 0.0 { c.min(1e30) } else { 0.0 })
     }
 
     fn is_orthographic(&self) -> bool {
@@ -87,7 +93,7 @@ impl RestirView {
     /// Writes the uniforms of this frame, after advancing or restarting the frame counters in them.
     pub(super) fn update_uniforms(&mut self, inputs: &UniformInputs, queue: &RenderQueue) {
         let UniformInputs { restir, .. } = *inputs;
-        let current = inputs.gpu_camera();
+        let current = camera_of(inputs.view);
         self.advance(self.new_image_state(inputs, current), &restir.settings);
         let jitter = self.jitter(inputs);
         let rotation = restir.environment.map_or(bevy::math::Mat3::IDENTITY, |e| e.rotation);

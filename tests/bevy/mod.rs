@@ -4,4 +4,5 @@ mod accumulation;
 mod cameras;
 mod effects;
 mod interop;
+mod light_units;
 mod motion_vectors;

@@ -329,11 +329,14 @@ fn no_material_reflects_more_than_it_receives() {
 }
 
 /// f(wo, wi) = f(wi, wo) for each lobe; for refraction, f divided by the squared index on wo's side is symmetric.  The coat is excluded:
-/// its share depends on wo alone.
+/// its share depends on wo alone.  So is the interface that light crosses into a body: it belongs to a path below the surface.
 #[test]
 fn the_bsdf_is_reciprocal() {
     let Some(gpu) = gpu() else { return };
-    let bare = |q: Query| Query::new(&Material { coat: 0.0, ..q.material() }, q.wo(), q.wi(), 0);
+    let bare = |q: Query| {
+        let material = Material { coat: 0.0, entry_f0: DVec3::ZERO, ..q.material() };
+        Query::new(&material, q.wo(), q.wi(), 0)
+    };
     let forth: Vec<_> = random_queries(50_000).into_iter().map(bare).collect();
     let turned = |q: &Query| {
         let (mut m, wo, wi) = (q.material(), q.wo(), q.wi());
@@ -382,6 +385,8 @@ fn lobes_that_a_material_lacks_change_nothing() {
         diffuse_transmission: 0.0,
         coat: 0.0,
         alpha_along: m.alpha,
+        subsurface: DVec3::ZERO,
+        entry_f0: DVec3::ZERO,
         ..m
     };
     let queries: Vec<_> =

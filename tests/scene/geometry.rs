@@ -237,3 +237,21 @@ fn the_top_level_tree_contains_every_sound_instance_once() {
         assert_eq!(tlas.nodes.is_empty(), count == 0);
     }
 }
+
+#[test]
+fn trees_over_the_largest_boxes_contain_every_instance() {
+    // Many large boxes make the sums of areas overflow an f32, on which the builder would read beyond an array.
+    for (count, half_extent) in [(120, 9e17), (1_000, 3e17), (10_000, 1e17), (3_000, 1e15), (3_000, 1e-18)] {
+        let boxes: Vec<_> = (0..count)
+            .map(|i| {
+                // The boxes overlap, and differ a little.
+                let shift = 1e-3 * half_extent * i as f32 / count as f32;
+                (i, ([shift - 0.999 * half_extent; 3], [shift + 0.999 * half_extent; 3]))
+            })
+            .collect();
+        let tlas = build_tlas(&boxes);
+        let mut found: Vec<u32> = tlas.indices.iter().flatten().copied().take(count as usize).collect();
+        found.sort_unstable();
+        assert_eq!(found, (0..count).collect::<Vec<_>>(), "{count} boxes of half-extent {half_extent}");
+    }
+}

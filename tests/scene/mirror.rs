@@ -334,6 +334,7 @@ fn a_scene_that_gains_and_loses_features_is_never_black() {
         let picture = rig.next();
         assert!(picture.center().x > 0.05, "{what}: the square is black");
         assert!(picture.is_finite(), "{what}");
+        assert_eq!(rig.report().raised_guards(), [], "{what}");
     };
     for (name, features, add) in feature_steps() {
         let entity = add(&mut rig);

@@ -1,17 +1,20 @@
 //! The scene on the GPU equals the scene in the ECS.
 
 mod bad_input;
+mod bad_values;
 mod bindless_textures;
 mod changing_meshes;
 mod edits;
 mod environment_cubemaps;
 mod geometry;
+mod huge_scenes;
 mod light_counts;
 mod live_images;
 mod many_instances;
 mod material_edge_cases;
 mod material_lobes;
 mod mirror;
+mod sizes_and_toggles;
 mod subsurface;
 mod texture_levels;
 mod texture_sampling;

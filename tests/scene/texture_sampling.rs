@@ -128,6 +128,42 @@ fn textures_are_sampled_as_the_oracle_samples_them() {
     assert!(off[0] <= 10 && off[1] <= 20, "{off:?}");
 }
 
+/// The recipe for footprints, which shader and oracle share, blurs about as much as the mean over an ellipse of twice the footprint, as
+/// trilinear filters do.  Waves show it: a filter of another width or direction passes too much or too little of them.
+#[test]
+fn the_recipe_for_footprints_is_near_the_mean_over_an_ellipse() {
+    const SIDE: usize = 64;
+    let mut random = Random(8);
+    let (mut errors, mut mean) = ([0.0f64; 3], 0.0f64);
+    for _ in 0..10 {
+        // Whole waves across the texture, so that it repeats without a seam.
+        let wave = [0, 1].map(|_| (random.unit() * 11.0).floor() - 5.0);
+        let wave = if wave == [0.0; 2] { [3.0, 2.0] } else { wave };
+        let phase =
+            |x: usize, y: usize| std::f64::consts::TAU / SIDE as f64 * (wave[0] * x as f64 + wave[1] * y as f64);
+        let level = Level::new(SIDE, SIDE, |x, y| DVec4::splat(phase(x, y).cos()));
+        let texture = Texture::new(level, [Wrap::Repeat; 2], false);
+        for _ in 0..30 {
+            // An ellipse at most four times as long as wide, of 2 to 16 texels, and two of its conjugate diameters.
+            let long = (2.0 + 14.0 * random.unit()) / SIDE as f64;
+            let turn = DVec2::from_angle(6.3 * random.unit());
+            let short = turn.perp() * long * (0.25 + 0.75 * random.unit());
+            let (s, c) = (6.3 * random.unit()).sin_cos();
+            let axes = [c * turn * long + s * short, c * short - s * turn * long];
+            let uv = DVec2::new(random.unit(), random.unit());
+            let wanted = texture.mean_over_ellipse(uv, axes).x;
+            mean += wanted * wanted / 300.0;
+            for (i, scale) in [0.5, 1.0, 0.1].into_iter().enumerate() {
+                errors[i] += (texture.sample_area(uv, axes.map(|a| scale * a)).x - wanted).powi(2) / 300.0;
+            }
+        }
+    }
+    let [half, whole, narrow] = errors.map(f64::sqrt);
+    let mean = mean.sqrt();
+    eprintln!("errors: {half:.3} of {mean:.3}; of a footprint as large: {whole:.3}; of a tenth: {narrow:.3}");
+    assert!(half < 0.2 * mean && whole > 1.5 * half && narrow > 1.5 * half, "{half} {whole} {narrow}");
+}
+
 #[test]
 fn extreme_coordinates_and_footprints_give_finite_colors() {
     let Some(gpu) = gpu() else { return };

@@ -1,7 +1,7 @@
 //! Rust and WGSL agree on the layout of every shared struct and on the value of every shared constant.
 
 use crate::support::compose::{compose, composer};
-use bevy_restir::{testing::gpu_layout::*, testing::shader_library::MODULES};
+use bevy_restir::{testing::gpu_layout::*, testing::guards::GUARDS, testing::shader_library::MODULES};
 use core::mem::{offset_of, size_of};
 use naga::{Expression, Literal, TypeInner};
 
@@ -152,7 +152,7 @@ fn view_structs_are_the_same_in_rust_and_wgsl() {
         }
     );
     let statistics = module("pass/statistics.wgsl");
-    agrees!(statistics, "Counters", GpuCounters { rays, non_finite_pixels, overflow_flags, pad });
+    agrees!(statistics, "Counters", GpuCounters { rays, non_finite_pixels, overflow_flags, pad, guards });
 }
 
 #[test]
@@ -281,4 +281,28 @@ fn constants_are_the_same_in_rust_and_wgsl() {
         NON_FINITE,
         OVERFLOW_PROBE,
     );
+}
+
+/// Name and value of each `u32` constant of a module.
+fn constants(module: &naga::Module) -> Vec<(String, u32)> {
+    let value = |init| match module.global_expressions[init] {
+        Expression::Literal(Literal::U32(value)) => Some(value),
+        _ => None,
+    };
+    module.constants.iter().filter_map(|(_, c)| Some((c.name.clone()?, value(c.init)?))).collect()
+}
+
+#[test]
+fn every_guard_has_its_name_and_its_bit_in_rust_and_wgsl() {
+    let of_traces = constants(&module("common/constants.wgsl"));
+    let is_guard = |name: &str| name.starts_with("OVERFLOW_") || name == "NON_FINITE";
+    let of_traces = of_traces.into_iter().filter(|(name, _)| is_guard(name));
+    let own = constants(&module("common/guard.wgsl")).into_iter().filter(|(name, _)| name.starts_with("GUARD_"));
+    let wgsl: Vec<(String, u32)> =
+        of_traces.chain(own).map(|(name, bit)| (name.trim_start_matches("GUARD_").to_lowercase(), bit)).collect();
+    let rust: Vec<(String, u32)> = GUARDS.iter().map(|guard| (guard.name.to_string(), guard.bit)).collect();
+    assert_eq!(wgsl, rust);
+    for (i, (name, bit)) in rust.iter().enumerate() {
+        assert_eq!((bit.count_ones(), bit.trailing_zeros()), (1, i as u32), "{name}");
+    }
 }

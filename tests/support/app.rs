@@ -19,8 +19,9 @@ use bevy::{
 };
 use bevy_restir::{
     DebugView, EmissiveLuminance, RadianceCapture, RayBackend, Restir, RestirEnvironment, RestirPlugin, RestirReport,
-    RestirStatistics, Technique,
+    RestirStatistics, Technique, testing::plant_shader_edits,
 };
+use bevy_restir_support::mutant;
 use std::time::Duration;
 
 pub use super::stats::mean_and_error;
@@ -58,6 +59,22 @@ impl Picture {
         self.iter().map(|(_, p)| f64::from(p.element_sum()) / 3.0).sum::<f64>() / self.pixels.len() as f64
     }
 
+    /// The mean of pictures, which count as one sample each.
+    pub fn mean_of(pictures: impl IntoIterator<Item = Self>) -> Self {
+        let mut pictures = pictures.into_iter();
+        let mut mean = pictures.next().expect("there is a picture");
+        mean.samples = 1;
+        for picture in pictures {
+            mean.pixels.iter_mut().zip(picture.pixels).for_each(|(sum, pixel)| {
+                *sum = (Vec3::from(*sum) + Vec3::from(pixel)).into();
+            });
+            mean.samples += 1;
+        }
+        let scale = 1.0 / mean.samples as f32;
+        mean.pixels.iter_mut().for_each(|pixel| *pixel = (Vec3::from(*pixel) * scale).into());
+        mean
+    }
+
     pub fn is_finite(&self) -> bool {
         self.iter().all(|(_, p)| p.is_finite())
     }
@@ -76,6 +93,8 @@ pub struct Rig {
     pub camera: Entity,
     pub target: Handle<Image>,
     pub capture: RadianceCapture,
+    /// The name of a scene whose references are shared by the tests of this process.
+    pub shared: Option<String>,
 }
 
 /// The settings of most tests: the reference, no jitter, direct light only, no energy compensation.
@@ -204,6 +223,9 @@ fn headless(
     }
     app.finish();
     app.cleanup();
+    if !mutant::edits().is_empty() {
+        plant_shader_edits(&mut app, mutant::edits());
+    }
     app
 }
 
@@ -278,7 +300,7 @@ impl Rig {
                 capture.clone(),
             ))
             .id();
-        Some(Self { app, camera, target, capture })
+        Some(Self { app, camera, target, capture, shared: None })
     }
 
     pub fn add<A: Asset>(&mut self, asset: impl Into<A>) -> Handle<A> {
@@ -317,6 +339,12 @@ impl Rig {
     /// The material of an entity.
     pub fn material_of(&self, entity: Entity) -> Handle<StandardMaterial> {
         self.app.world().get::<MeshMaterial3d<StandardMaterial>>(entity).expect("the entity has a material").0.clone()
+    }
+
+    /// The width and height of the camera's target, in pixels.
+    pub fn size(&self) -> UVec2 {
+        let images = self.app.world().resource::<Assets<Image>>();
+        images.get(&self.target).expect("the target exists").size()
     }
 
     pub fn report(&self) -> RestirReport {
@@ -376,6 +404,18 @@ impl Rig {
         self.next()
     }
 
+    /// Mean and standard error of the means of pictures with these seeds, each of `frames` accumulated frames.
+    pub fn mean_over(&mut self, seeds: core::ops::Range<u32>, frames: u32) -> (f64, f64) {
+        self.set(|restir| restir.accumulate = true);
+        let means: Vec<f64> = seeds
+            .map(|seed| {
+                self.set(|restir| restir.seed = seed);
+                self.picture(frames).mean()
+            })
+            .collect();
+        mean_and_error(means)
+    }
+
     /// One frame of a debug view.
     pub fn debug(&mut self, view: DebugView) -> Picture {
         self.set(|restir| restir.debug_view = view);
@@ -384,12 +424,24 @@ impl Rig {
         picture
     }
 
-    /// Asserts that no errors were counted up to the last picture.
+    /// Asserts that no frame since the start of the camera, or since [`Self::reset_guards`], raised a guard.
     pub fn assert_sound(&mut self) {
+        self.assert_raised(&[]);
+    }
+
+    /// Asserts that the frames since the start of the camera, or since [`Self::reset_guards`], raised these guards and no others.
+    pub fn assert_raised(&mut self, names: &[&str]) {
         // Counters are read back one frame late.
         self.frames(2);
         let report = self.report();
-        assert_eq!((report.non_finite_pixels, report.overflow_flags), (0, 0), "{report:?}");
+        assert!(!report.guards.is_empty(), "no frame was counted");
+        let raised: Vec<&str> = report.raised_guards().iter().map(|(name, _)| *name).collect();
+        assert_eq!(raised, names, "{:?}", report.raised_guards());
+    }
+
+    /// Counts guards from the next frame on.
+    pub fn reset_guards(&mut self) {
+        self.app.world().resource::<RestirStatistics>().reset_guards();
     }
 
     /// The 8-bit pixels that Bevy wrote to the target of a camera.

@@ -12,7 +12,8 @@ const PATIENCE: u32 = 2000;
 struct Spawned;
 
 impl Rig {
-    /// A scene of `assets/scenes` from its own camera, with the environment of `references.json`.
+    /// A scene of `assets/scenes` from its own camera, with the environment of `references.json`.  Tests in one process render its
+    /// references once, so a test that compares with them must not change the scene.
     pub fn load(name: &str, size: u32) -> Option<Self> {
         let mut rig = Self::new(size, size)?;
         let file: Handle<Gltf> = rig.app.world().resource::<AssetServer>().load(format!("scenes/{name}.glb"));
@@ -34,6 +35,7 @@ impl Rig {
         if let Some(environment) = environment_of(name) {
             rig.insert(rig.camera, environment);
         }
+        rig.shared = Some(format!("{name}.glb"));
         Some(rig)
     }
 

@@ -14,6 +14,8 @@ const TILE: u32 = 8;
 const REGION: u32 = 32;
 /// The level of the two one-sided tests.
 pub const ALPHA: f64 = 0.01;
+/// The least power of a proof.  A proof with less could pass by chance only, so it fails and asks for more restarts.
+pub const POWER: f64 = 0.9;
 /// The smallest margin of regions; otherwise it is three times that of the image.
 const REGION_MARGIN: f64 = 0.03;
 
@@ -35,6 +37,14 @@ pub struct Restarts {
 }
 
 impl Restarts {
+    /// Adds the restarts of a further run with other seeds.
+    pub fn append(&mut self, further: Self) {
+        self.images.extend(further.images);
+        self.regions.extend(further.regions);
+        self.tiles.extend(further.tiles);
+        self.pixels.iter_mut().zip(further.pixels).for_each(|(sum, pixel)| *sum += pixel);
+    }
+
     /// Adds a restart; `emission` is the directly visible emission.
     pub fn add(&mut self, picture: &Picture, emission: &Picture) {
         self.images.push(picture.mean() - emission.mean());
@@ -111,6 +121,11 @@ impl Comparison {
 
     pub fn is_equal(&self) -> bool {
         self.tost < ALPHA && self.regions < ALPHA && self.tiles >= FAMILY_ALPHA
+    }
+
+    /// Whether the number of restarts suffices for the margin.
+    pub fn is_powerful(&self) -> bool {
+        self.power >= POWER
     }
 
     /// Whether a difference is significant, rather than the power too low.

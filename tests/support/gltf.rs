@@ -8,12 +8,23 @@ pub struct Scene {
     pub animated: bool,
     /// The file of the base color texture.
     pub texture: Option<String>,
+    /// Changes the binary buffer: positions, texture coordinates, indices, times, translations.
+    pub edit_bytes: fn(&mut [u8]),
+    /// Changes the file.
+    pub edit_json: fn(&mut serde_json::Value),
 }
 
 impl Default for Scene {
     fn default() -> Self {
         // KHR_materials_emissive_strength 4 · (0.25, 0.5, 0.75).
-        Self { camera: true, emissive: [0.25, 0.5, 0.75], animated: false, texture: None }
+        Self {
+            camera: true,
+            emissive: [0.25, 0.5, 0.75],
+            animated: false,
+            texture: None,
+            edit_bytes: |_| (),
+            edit_json: |_| (),
+        }
     }
 }
 
@@ -45,6 +56,7 @@ impl Scene {
         bytes.extend_from_slice(bytemuck::cast_slice(&indices));
         bytes.extend_from_slice(bytemuck::cast_slice(&times));
         bytes.extend_from_slice(bytemuck::cast_slice(&places));
+        (self.edit_bytes)(&mut bytes);
         let mut pbr = serde_json::json!({"baseColorFactor": [0.5, 0.5, 0.5, 1.0], "metallicFactor": 0.0});
         let mut file = serde_json::json!({
             "asset": {"version": "2.0"},
@@ -89,6 +101,7 @@ impl Scene {
                 "samplers": [{"input": 3, "output": 4, "interpolation": "LINEAR"}],
             }]);
         }
+        (self.edit_json)(&mut file);
         file.to_string()
     }
 }

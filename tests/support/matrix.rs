@@ -1,5 +1,5 @@
 //! Compares the rows of a pairwise covering set of settings with the reference.  This engine measures the long tables of
-//! `docs/proof.md`.
+//! `docs/proof-matrix.md`.
 //!
 //! Results are stored in the target folder, by commit, so that a run continues where the last one stopped.  With `MATRIX_MINUTES=6` no
 //! row starts after six minutes.  With `MATRIX_PART=0/2` a run measures every second row and leaves the others to a second process with
@@ -9,7 +9,7 @@ use super::{
     app::*,
     equivalence::{Comparison, Restarts},
     gpu::gpu,
-    proof::{Proof, Subject},
+    proof::{Growing, Proof, Subject, first_seed},
     small_scenes::*,
 };
 use bevy_restir::testing::plant_shader_defs;
@@ -48,10 +48,6 @@ pub trait Row: Copy {
     fn is_relevant(&self, choice: usize) -> bool;
     /// Whether the settings of the row are unbiased and can be measured.
     fn is_testable(&self) -> bool;
-    /// Whether the mean of a few restarts is not normally distributed, so that the row may fail.
-    fn has_heavy_tails(&self) -> bool {
-        false
-    }
     /// The names of the chosen values.
     fn names(&self) -> Vec<String>;
     fn proof(&self) -> Proof<'static>;
@@ -102,41 +98,41 @@ fn covering_set<R: Row>() -> Vec<R> {
     rows
 }
 
-/// A scene with its reference: once for the first seeds, once for the seeds of the second attempt.
+/// A scene with its reference.
 struct Stage {
     rig: Rig,
-    truths: [Option<Restarts>; 2],
+    truth: Option<Growing>,
 }
 
 impl Stage {
     fn new(scene: &str, size: u32) -> Option<Self> {
         let rig = if scene == "moving" { self::scene(size, moving) } else { Rig::load(scene, size) };
-        Some(Self { rig: rig?, truths: [None, None] })
+        Some(Self { rig: rig?, truth: None })
     }
 
     /// The reference, read from the folder or rendered.
-    fn truth(&mut self, folder: &Path, row: &impl Row, turn: usize) -> &Restarts {
-        if self.truths[turn].is_none() {
+    fn truth(&mut self, folder: &Path, row: &impl Row) -> &mut Growing {
+        let Self { rig, truth } = self;
+        truth.get_or_insert_with(|| {
             let scene = row.scene();
-            let path = folder.join(format!("reference {scene} {turn}.json"));
-            let truth = read(&path).map(|v| restarts_from(&v)).unwrap_or_else(|| {
+            let path = folder.join(format!("reference {scene}.json"));
+            Growing::new(read(&path).map(|v| restarts_from(&v)).unwrap_or_else(|| {
                 let start = Instant::now();
-                let truth = row.proof().truth(&mut self.rig, 1000 + 5000 * turn as u32);
+                let truth = row.proof().truth(rig, first_seed(1000));
                 eprintln!("{scene}, reference: {:.0} s", start.elapsed().as_secs_f64());
                 let Restarts { images, regions, tiles, .. } = &truth;
                 write(&path, &json!({ "images": images, "regions": regions, "tiles": tiles }));
                 truth
-            });
-            self.truths[turn] = Some(truth);
-        }
-        self.truths[turn].as_ref().expect("it was just made")
+            }))
+        })
     }
 
-    /// Each turn has its own seeds.
-    fn compare(&mut self, folder: &Path, row: &impl Row, turn: usize) -> Comparison {
-        let proof = row.proof();
-        let ours = proof.resampled(&mut self.rig, &row.subject(), 3000 + 5000 * turn as u32);
-        ours.compare(self.truth(folder, row, turn), proof.margin)
+    /// The comparison of a row that counts, and before it the failure at the first length, if there was one.
+    fn compare(&mut self, folder: &Path, row: &impl Row) -> Vec<Comparison> {
+        self.truth(folder, row);
+        let truth = self.truth.as_mut().expect("it was just made");
+        let (result, first) = row.proof().judge(&mut self.rig, &row.subject(), truth, |_| ());
+        first.into_iter().chain([result]).collect()
     }
 }
 
@@ -219,22 +215,18 @@ fn measure<R: Row>(folder: &Path, rows: &[R]) -> bool {
         }
         let scene = row.scene();
         let subject = subjects.entry(scene).or_insert_with(|| Stage::new(scene, R::SIZE).expect("there is an adapter"));
-        subject.truth(folder, row, 0);
+        subject.truth(folder, row);
         if is_over() {
             return false;
         }
         let start = Instant::now();
         let result = if i == 0 {
             plant_shader_defs(&mut subject.rig.app, &[R::PLANTED.0]);
-            let found = subject.compare(folder, row, 0);
+            let found = row.proof().resampled(&mut subject.rig, &row.subject(), first_seed(2000));
             plant_shader_defs(&mut subject.rig.app, &[]);
-            vec![found]
+            vec![found.compare(&subject.truth(folder, row).restarts, row.proof().margin)]
         } else {
-            let mut tries = vec![subject.compare(folder, row, 0)];
-            if !tries[0].is_equal() {
-                tries.push(subject.compare(folder, row, 1));
-            }
-            tries
+            subject.compare(folder, row)
         };
         subject.rig.assert_sound();
         let shown: Vec<String> = result.iter().map(Comparison::to_string).collect();
@@ -272,15 +264,11 @@ fn table<R: Row>(folder: &Path, rows: &[R], commit: &str, adapter: &str) -> (Str
         let Some(tries) = results(folder, row, false) else { continue };
         count += 1;
         let last = tries.last().expect("there is one");
-        if !last.is_equal() && !row.has_heavy_tails() {
+        if !(last.is_equal() && last.is_powerful()) {
             faults.push(format!("{}: {tries:?}", name_of(row, false)));
         }
         let margin = 100.0 * row.proof().margin;
-        let again = match (row.has_heavy_tails() && !last.is_equal(), tries.len()) {
-            (true, _) => " (heavy tails: not shown)",
-            (_, 1) => "",
-            _ => " (second run)",
-        };
+        let again = if tries.len() == 1 { "" } else { " (four times the length)" };
         lines += &format!("| {} | {margin} % | {}{again} |\n", cells(row).join(" | "), figures(last));
     }
     let names: Vec<&str> = R::CHOICES.iter().map(|(name, _)| *name).collect();
@@ -315,9 +303,9 @@ fn figures(c: &Comparison) -> String {
     )
 }
 
-/// Writes the table into `docs/proof.md`, between its marks.
+/// Writes the table into `docs/proof-matrix.md`, between its marks.
 fn publish(name: &str, table: &str) {
-    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/..")).join("docs/proof.md");
+    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/..")).join("docs/proof-matrix.md");
     let text = fs::read_to_string(&path).expect("the document is there");
     let (begin, end) = (format!("<!-- {name} -->\n"), format!("<!-- /{name} -->"));
     let (before, rest) = text.split_once(&begin).expect("the document has the begin mark");

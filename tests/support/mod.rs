@@ -1,8 +1,10 @@
 //! Code that the tests share: the app, the GPU harness, scenes, statistics, and the f64 oracle.
 #![allow(dead_code, reason = "not every test uses every helper")]
 
+pub mod agreement;
 pub mod app;
 pub mod asset_scenes;
+pub mod bad_numbers;
 pub mod brute_force;
 pub mod cli;
 pub mod closed_form_plane;
@@ -15,6 +17,7 @@ pub mod materials;
 pub mod matrix;
 pub mod oracle;
 pub mod proof;
+pub mod proof_rows;
 pub mod reuse_settings;
 pub mod small_scenes;
 pub mod stats;

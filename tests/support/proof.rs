@@ -2,12 +2,17 @@
 
 use super::{
     app::*,
-    equivalence::{Length, Restarts},
+    equivalence::{Comparison, Length, POWER, Restarts},
+    proof_rows::record,
     reuse_settings::di,
     small_scenes::STEPS,
 };
-use bevy_restir::{Direct, Paths, Research, Restir, SubsurfaceSampling, Technique, testing::plant_shader_defs};
-use std::time::Instant;
+use bevy_restir::{Direct, Paths, Preset, Research, Restir, SubsurfaceSampling, Technique, testing::plant_shader_defs};
+use std::{
+    collections::HashMap,
+    sync::{Arc, LazyLock, Mutex, OnceLock, PoisonError},
+    time::Instant,
+};
 
 /// Settings that are compared with the reference.
 pub trait Subject {
@@ -18,6 +23,12 @@ pub trait Subject {
 impl Subject for Direct {
     fn apply_to(&self, settings: &mut Restir) {
         (settings.technique, settings.direct) = (Technique::Di, self.clone());
+    }
+}
+
+impl<S: Subject> Subject for &S {
+    fn apply_to(&self, settings: &mut Restir) {
+        (*self).apply_to(settings);
     }
 }
 
@@ -50,6 +61,16 @@ impl Subject for Indirect {
     }
 }
 
+/// A technique with a preset as it comes: with jitter, energy compensation and the bounces of the preset.
+pub struct Shipped(pub Technique, pub Preset);
+
+impl Subject for Shipped {
+    fn apply_to(&self, settings: &mut Restir) {
+        let Restir { seed, accumulate, .. } = *settings;
+        *settings = Restir { technique: self.0, seed, accumulate, ..Restir::preset(self.1) };
+    }
+}
+
 /// Either of the two techniques that render a complete picture.
 pub enum AllLight {
     Pt(Paths),
@@ -65,6 +86,34 @@ impl Subject for AllLight {
     }
 }
 
+/// The restarts of a reference, which are continued once at most: when a technique fails.
+pub struct Growing {
+    pub restarts: Restarts,
+    has_grown: bool,
+}
+
+impl Growing {
+    pub fn new(restarts: Restarts) -> Self {
+        Self { restarts, has_grown: false }
+    }
+
+    fn grow(&mut self, further: impl FnOnce() -> Restarts) {
+        if !std::mem::replace(&mut self.has_grown, true) {
+            self.restarts.append(further());
+        }
+    }
+}
+
+/// References of shared scenes by everything that they depend on.  A test waits while another renders the one that it needs.
+static SHARED_TRUTHS: LazyLock<Mutex<HashMap<String, Arc<OnceLock<Restarts>>>>> = LazyLock::new(Mutex::default);
+
+/// The seed of a proof's first restart.  `PROOF_SEED` shifts the seeds of all proofs; `./run test --full` sets it to another number in
+/// each run.
+pub fn first_seed(seed: u32) -> u32 {
+    let offset = std::env::var("PROOF_SEED").ok().and_then(|text| text.parse::<u32>().ok()).unwrap_or(0);
+    seed.wrapping_add(offset.wrapping_mul(1_000_003))
+}
+
 /// How the techniques of a scene are compared with its reference.
 #[derive(Clone, Copy)]
 pub struct Proof<'a> {
@@ -76,18 +125,21 @@ pub struct Proof<'a> {
     pub blended: bool,
     /// The number of scattering events of a path.
     pub bounces: u32,
-    /// Poses the scene at a step of a motion.  A restart is then the last frame of the motion.
+    /// The number of frames that each restart of the technique renders before those that count.
+    pub warm_up: u32,
+    /// Poses the scene at a step of a motion.  A restart is then the last frame of the motion; a length of several frames repeats the motion.
     pub pose: Option<&'a dyn Fn(&mut Rig, u32)>,
 }
 
 impl Proof<'static> {
     /// For a small still scene without much noise.
     pub const DEFAULT: Self = Self {
-        ours: Length { restarts: 40, frames: 8 },
-        truth: Length { restarts: 40, frames: 64 },
+        ours: Length { restarts: 10, frames: 8 },
+        truth: Length { restarts: 12, frames: 64 },
         margin: 0.01,
         blended: false,
         bounces: 1,
+        warm_up: 0,
         pose: None,
     };
 
@@ -100,23 +152,49 @@ impl Proof<'static> {
 }
 
 impl Proof<'_> {
-    /// Asserts that techniques equal the reference.  One that fails is run once more with other seeds.
+    /// Asserts that techniques equal the reference.  A technique that fails goes on to four times the length: all of its restarts, and all
+    /// of those of the reference, are then judged once.  A proof without enough power fails, too.
     pub fn check(&self, name: &str, rig: &mut Rig, techniques: &[(&str, impl Subject)]) {
         let start = Instant::now();
-        let reference = self.truth(rig, 1000);
+        let mut reference = Growing::new(self.truth(rig, first_seed(1000)));
         eprintln!("{name}, reference: {:.1} s", start.elapsed().as_secs_f64());
         for (what, subject) in techniques {
             let start = Instant::now();
-            let first = self.resampled(rig, subject, 2000).compare(&reference, self.margin);
-            eprintln!("{name}, {what}: {first}, {:.1} s", start.elapsed().as_secs_f64());
-            if !first.is_equal() {
-                let again = self.truth(rig, 3000);
-                let second = self.resampled(rig, subject, 4000).compare(&again, self.margin);
-                eprintln!("{name}, {what}, again: {second}");
-                assert!(second.is_equal(), "{name}, {what}: {first}, then {second}");
-            }
+            let (result, first) = self.judge(rig, subject, &mut reference, |first| {
+                eprintln!("{name}, {what}: {first}: goes on to four times the length");
+            });
+            eprintln!("{name}, {what}: {result}, {:.1} s", start.elapsed().as_secs_f64());
+            record(name, what, self.margin, &result, first.as_ref());
+            assert!(result.is_equal(), "{name}, {what}: {result}");
+            assert!(result.is_powerful(), "{name}, {what}: the power is below {POWER}, add restarts: {result}");
         }
         rig.assert_sound();
+    }
+
+    /// Compares a technique with the reference.  Returns the comparison that counts and, if the first length failed, that failure.
+    pub fn judge(
+        &self,
+        rig: &mut Rig,
+        subject: &impl Subject,
+        reference: &mut Growing,
+        on_failure: impl FnOnce(&Comparison),
+    ) -> (Comparison, Option<Comparison>) {
+        let mut ours = self.resampled(rig, subject, first_seed(2000));
+        let first = ours.compare(&reference.restarts, self.margin);
+        if first.is_equal() {
+            return (first, None);
+        }
+        on_failure(&first);
+        let further = self.times(3);
+        reference.grow(|| further.truth(rig, first_seed(10_000)));
+        ours.append(further.resampled(rig, subject, first_seed(20_000)));
+        (ours.compare(&reference.restarts, self.margin), Some(first))
+    }
+
+    /// This proof with more restarts.
+    fn times(&self, factor: u32) -> Self {
+        let more = |length: Length| Length { restarts: factor * length.restarts, ..length };
+        Self { ours: more(self.ours), truth: more(self.truth), ..*self }
     }
 
     /// Asserts that each planted error makes its technique differ from the reference.
@@ -134,31 +212,50 @@ impl Proof<'_> {
         }
     }
 
-    /// Makes one in 25 reservoirs NaN in every frame, whatever its content.  Asserts that the picture is noisier and not darker, and that
-    /// no NaN is left in the history once the errors stop.
+    /// Makes one in 25 reservoirs NaN in every frame, whatever its content.  Asserts that the picture is noisier and not darker, that the
+    /// guard of reservoirs stops every NaN, and that no NaN is left in the history once the errors stop.
     pub fn survives_nan(&self, rig: &mut Rig, subjects: &[impl Subject]) {
         let reference = self.truth(rig, 1000);
+        rig.assert_sound();
         plant_shader_defs(&mut rig.app, &["PLANT_NAN"]);
         for subject in subjects {
             let found = self.resampled(rig, subject, 5000).compare(&reference, self.margin);
             eprintln!("NaN in reservoirs: {found}");
             assert!(found.tost < 0.01, "{found}");
-            rig.assert_sound();
+            rig.assert_raised(&["reservoir"]);
         }
         plant_shader_defs(&mut rig.app, &[]);
+        rig.until_ready();
         rig.frames(3);
+        rig.reset_guards();
         assert!(rig.next().is_finite());
         rig.assert_sound();
     }
 
-    /// Restarts of the reference.
+    /// Restarts of the reference; those of a shared scene are rendered once in a process.
     pub fn truth(&self, rig: &mut Rig, first_seed: u32) -> Restarts {
+        let Some(scene) = &rig.shared else { return self.render_truth(rig, first_seed) };
+        let settings = rig.app.world().get::<Restir>(rig.camera).expect("the camera has settings");
+        let (jitter, compensation) = (settings.jitter, settings.energy_compensation);
+        let size = rig.size();
+        let key = format!(
+            "{scene} {size} {} {:?} {first_seed} {} {} {jitter} {compensation}",
+            self.bounces,
+            self.truth,
+            self.blended,
+            self.pose.is_some()
+        );
+        let shared = SHARED_TRUTHS.lock().unwrap_or_else(PoisonError::into_inner).entry(key).or_default().clone();
+        shared.get_or_init(|| self.render_truth(rig, first_seed)).clone()
+    }
+
+    fn render_truth(&self, rig: &mut Rig, first_seed: u32) -> Restarts {
         if let Some(pose) = self.pose {
             pose(rig, STEPS);
         }
         let emissions = self.emissions(rig, first_seed, self.truth);
         rig.set(|r| (r.technique, r.bounces) = (Technique::Reference, self.bounces));
-        collect(emissions, pictures(rig, first_seed, self.truth))
+        collect(emissions, pictures(rig, first_seed, 0, self.truth))
     }
 
     /// Restarts of a technique: the mean of all frames from the reset on, or the last frame of the motion.
@@ -172,8 +269,8 @@ impl Proof<'_> {
             subject.apply_to(r);
         });
         match self.pose {
-            None => collect(emissions, pictures(rig, first_seed, self.ours)),
-            Some(pose) => collect(emissions, last_frames(rig, first_seed, self.ours.restarts, pose)),
+            None => collect(emissions, pictures(rig, first_seed, self.warm_up, self.ours)),
+            Some(pose) => collect(emissions, last_frames(rig, first_seed, self.warm_up, self.ours, pose)),
         }
     }
 
@@ -183,7 +280,7 @@ impl Proof<'_> {
             return vec![emission(rig)];
         }
         rig.set(|r| (r.technique, r.bounces) = (Technique::Reference, 0));
-        pictures(rig, first_seed, length).collect()
+        pictures(rig, first_seed, 0, length).collect()
     }
 }
 
@@ -195,13 +292,15 @@ fn collect(emissions: Vec<Picture>, pictures: impl Iterator<Item = Picture>) -> 
     restarts
 }
 
-/// One picture for each restart: the mean of its frames.
-fn pictures(rig: &mut Rig, first_seed: u32, length: Length) -> impl Iterator<Item = Picture> {
+/// One picture for each restart: the mean of its frames after those that warm up its history.
+fn pictures(rig: &mut Rig, first_seed: u32, warm_up: u32, length: Length) -> impl Iterator<Item = Picture> {
     rig.set(|r| r.accumulate = true);
     rig.until_ready();
     (0..length.restarts).map(move |i| {
-        // A change of the seed resets the history.
-        rig.set(|r| r.seed = first_seed + i);
+        // A change of the seed resets the history; a change of `accumulate` resets the mean only.
+        rig.set(|r| (r.seed, r.accumulate) = (first_seed + i, warm_up == 0));
+        rig.frames(warm_up);
+        rig.set(|r| r.accumulate = true);
         rig.frames(length.frames - 1);
         let picture = rig.next();
         assert_eq!(picture.samples, length.frames);
@@ -209,30 +308,39 @@ fn pictures(rig: &mut Rig, first_seed: u32, length: Length) -> impl Iterator<Ite
     })
 }
 
-/// One picture for each restart: the last frame of the motion.
+/// One picture for each restart: the last frame of the motion, or the mean of several last frames if the motion is repeated.
 fn last_frames(
     rig: &mut Rig,
     first_seed: u32,
-    restarts: u32,
+    warm_up: u32,
+    length: Length,
     pose: &dyn Fn(&mut Rig, u32),
 ) -> impl Iterator<Item = Picture> {
     rig.set(|r| r.accumulate = false);
     rig.until_ready();
-    (0..restarts).map(move |i| {
+    (0..length.restarts).map(move |i| {
         rig.set(|r| r.seed = first_seed + i);
-        for step in 0..STEPS {
-            pose(rig, step);
+        for frame in 0..warm_up {
+            pose(rig, frame % (STEPS + 1));
             rig.frame();
         }
-        pose(rig, STEPS);
-        rig.next()
+        let last = (0..length.frames).map(|_| {
+            for step in 0..STEPS {
+                pose(rig, step);
+                rig.frame();
+            }
+            pose(rig, STEPS);
+            rig.next()
+        });
+        Picture::mean_of(last)
     })
 }
 
 /// The emission that the camera sees directly.  It is the same in all techniques and would hide errors of the scattered light.
 pub fn emission(rig: &mut Rig) -> Picture {
     rig.set(|r| (r.technique, r.bounces, r.seed) = (Technique::Reference, 0, 1));
-    let picture = rig.picture(1);
+    let is_jittered = rig.get_mut::<Restir>(rig.camera).jitter;
+    let picture = rig.picture(if is_jittered { 64 } else { 1 });
     rig.set(|r| r.bounces = 1);
     picture
 }

@@ -345,3 +345,25 @@ pub fn room_scene(size: u32) -> Option<Rig> {
         room(rig);
     })
 }
+
+/// Scenes that several tests compare with one reference, by name.
+const SHARED: [(&str, fn(&mut Rig)); 7] = [
+    ("room", |rig| {
+        room(rig);
+    }),
+    ("glossy", glossy),
+    ("mirrors", mirrors),
+    ("punctual", punctual),
+    ("surrounded by an image", |rig| surrounded(rig, true)),
+    ("moving", moving),
+    ("passing", passing),
+];
+
+/// A scene of [`SHARED`].  Tests in one process render its references once, so a test must not change the scene, except by the pose that
+/// belongs to it.
+pub fn shared(size: u32, name: &'static str) -> Option<Rig> {
+    let (_, make) = SHARED.iter().find(|(shared, _)| *shared == name).expect("the scene is in the table");
+    let mut rig = scene(size, make)?;
+    rig.shared = Some(name.into());
+    Some(rig)
+}

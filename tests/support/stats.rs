@@ -1,6 +1,6 @@
 //! The statistics of the tests: chi-squared and z-tests, with a fixed false alarm rate over a family of tests.
 
-use statrs::distribution::{ChiSquared, ContinuousCDF, Normal, StudentsT};
+use statrs::distribution::{ChiSquared, ContinuousCDF, DiscreteCDF, Normal, Poisson, StudentsT};
 
 /// The probability that a family of tests raises a false alarm.
 pub const FAMILY_ALPHA: f64 = 1e-3;
@@ -10,33 +10,48 @@ pub fn sidak(tests: usize) -> f64 {
     1.0 - (1.0 - FAMILY_ALPHA).powf(1.0 / tests as f64)
 }
 
-/// The p-value of counts against expected counts.  Cells with an expectation below 5 are pooled; counts where (almost) nothing is
-/// expected are a failure by themselves.
+/// Cells that together are expected to hold fewer counts than this are empty: counts in them are a failure by themselves.
+const EMPTY: f64 = 1e-3;
+
+/// The p-value of counts against expected counts: the smaller of two, with Bonferroni's correction.  One is chi-squared over the cells,
+/// where those with an expectation below 5 are pooled.  The other is the probability of so many counts where almost none is expected;
+/// pooling would hide them.
 pub fn chi_squared(counts: &[f64], expected: &[f64]) -> f64 {
     assert_eq!(counts.len(), expected.len());
     let mut order: Vec<usize> = (0..expected.len()).collect();
     order.sort_by(|&a, &b| expected[a].total_cmp(&expected[b]));
+    let (mut in_empty, mut expected_in_empty, mut cells) = (0.0, 0.0, order.as_slice());
+    while let [first, rest @ ..] = cells
+        && expected_in_empty + expected[*first] < EMPTY
+    {
+        (in_empty, expected_in_empty, cells) = (in_empty + counts[*first], expected_in_empty + expected[*first], rest);
+    }
+    let empty = if in_empty == 0.0 {
+        1.0
+    } else if expected_in_empty == 0.0 {
+        0.0
+    } else {
+        Poisson::new(expected_in_empty).map_or(0.0, |d| d.sf(in_empty as u64 - 1))
+    };
+    (2.0 * empty.min(chi_squared_of_pooled(counts, expected, cells))).min(1.0)
+}
+
+/// Chi-squared over cells in ascending order of their expectation.
+fn chi_squared_of_pooled(counts: &[f64], expected: &[f64], order: &[usize]) -> f64 {
     let (mut statistic, mut cells) = (0.0, 0usize);
     let (mut pooled_count, mut pooled) = (0.0, 0.0);
-    let mut add = |count: f64, expected: f64| {
-        statistic += (count - expected).powi(2) / expected;
-        cells += 1;
-    };
-    for i in order {
-        if expected[i] < 5.0 {
-            pooled_count += counts[i];
-            pooled += expected[i];
-            if pooled >= 5.0 {
-                add(pooled_count, pooled);
-                (pooled_count, pooled) = (0.0, 0.0);
-            }
-        } else {
-            add(counts[i] + pooled_count, expected[i] + pooled);
+    for &i in order {
+        (pooled_count, pooled) = (pooled_count + counts[i], pooled + expected[i]);
+        if pooled >= 5.0 {
+            statistic += (pooled_count - pooled).powi(2) / pooled;
+            cells += 1;
             (pooled_count, pooled) = (0.0, 0.0);
         }
     }
     if pooled > 0.0 || pooled_count > 0.0 {
-        add(pooled_count, pooled.max(0.1));
+        let pooled = pooled.max(0.1);
+        statistic += (pooled_count - pooled).powi(2) / pooled;
+        cells += 1;
     }
     if cells < 2 {
         return if statistic < 25.0 { 1.0 } else { 0.0 };
@@ -65,14 +80,14 @@ pub fn mean_and_error(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
 /// A statistical test: its name, and its p-value as a function of a seed.
 pub type Statistical<'a> = (String, Box<dyn Fn(u32) -> f64 + 'a>);
 
-/// Runs statistical tests.  A failure is repeated once with another seed before it counts.
+/// Runs statistical tests.  A test that fails goes on to four runs with different seeds, which are judged together.
 #[track_caller]
 pub fn assert_family<'a>(tests: impl IntoIterator<Item = Statistical<'a>>) {
     let failures = failures_of_family(tests);
     assert!(failures.is_empty(), "{} failed:\n{}", failures.len(), failures.join("\n"));
 }
 
-/// The names and p-values of the tests that fail twice.
+/// The names and p-values of the tests that fail, over four runs, at the level of the family.
 pub fn failures_of_family<'a>(tests: impl IntoIterator<Item = Statistical<'a>>) -> Vec<String> {
     let tests: Vec<_> = tests.into_iter().collect();
     let level = sidak(tests.len());
@@ -83,10 +98,17 @@ pub fn failures_of_family<'a>(tests: impl IntoIterator<Item = Statistical<'a>>) 
             if first >= level {
                 return None;
             }
-            let second = p(2);
-            (second.is_nan() || second < level).then(|| format!("{name}: p = {first:e}, then {second:e}"))
+            let pooled = fisher(&[first, p(2), p(3), p(4)]);
+            eprintln!("{name}: p = {first:e}, over four runs {pooled:e}");
+            (pooled.is_nan() || pooled < level).then(|| format!("{name}: p = {first:e}, over four runs {pooled:e}"))
         })
         .collect()
+}
+
+/// The p-value of independent p-values together (Fisher 1925).
+pub fn fisher(p: &[f64]) -> f64 {
+    let statistic: f64 = p.iter().map(|p| -2.0 * p.ln()).sum();
+    ChiSquared::new(2.0 * p.len() as f64).map_or(0.0, |d| if statistic.is_finite() { d.sf(statistic) } else { 0.0 })
 }
 
 /// A small random number generator for test inputs (`SplitMix64`).

@@ -219,22 +219,24 @@ fn light_sampling_alone_and_bsdf_sampling_alone_give_the_same_mean_as_mis() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn resampled_direct_light_of_area_lights_equals_the_reference() {
-    let Some(mut rig) = scene(32, shapes) else { return };
-    Proof::of((24, 8), (24, 24)).check("shapes, direct", &mut rig, &[("both", di::all_reuse())]);
+    let Some(mut rig) = scene(64, shapes) else { return };
+    Proof::of((12, 8), (12, 24)).check("shapes, direct", &mut rig, &[("both", di::all_reuse())]);
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn resampled_paths_past_area_lights_equal_the_reference() {
-    let Some(mut rig) = scene(32, shapes) else { return };
-    let proof = Proof { bounces: 3, margin: 0.015, ..Proof::of((24, 8), (24, 24)) };
+    let Some(mut rig) = scene(64, shapes) else { return };
+    let proof = Proof { bounces: 3, margin: 0.015, ..Proof::of((12, 8), (12, 24)) };
     proof.check("shapes, paths", &mut rig, &[("both", paths::all_reuse())]);
 }
 
 #[test]
 #[ignore = "minutes: ./run test --full"]
 fn full_length_resampled_light_of_area_lights_equals_the_reference() {
-    let Some(mut rig) = scene(32, shapes) else { return };
+    let Some(mut rig) = scene(64, shapes) else { return };
     let candidates = di::candidates_only();
     let proof = Proof { margin: 0.005, ..Proof::of((64, 16), (64, 64)) };
     proof.check("shapes, direct", &mut rig, &[("candidates", candidates), ("both", di::all_reuse())]);
@@ -261,9 +263,10 @@ fn pose(rig: &mut Rig, step: u32) {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn moving_area_lights_light_from_their_current_position() {
-    let Some(mut rig) = scene(32, shapes) else { return };
-    let proof = Proof { margin: 0.015, pose: Some(&pose), ..Proof::of((80, 1), (24, 32)) };
+    let Some(mut rig) = scene(64, shapes) else { return };
+    let proof = Proof { margin: 0.015, pose: Some(&pose), ..Proof::of((32, 1), (12, 32)) };
     proof.check("moving shapes, direct", &mut rig, &[("both", di::all_reuse())]);
 }
 

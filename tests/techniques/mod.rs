@@ -1,10 +1,16 @@
 //! The pictures of the techniques.  Modules in this folder hold for all techniques; subfolders are for one technique each.
 
 mod area_lights;
+mod confidence;
 mod debug_views;
 mod di;
 mod extremes;
+mod furnace;
 mod gi;
+mod guards;
+mod mis_enumeration;
+mod presets;
+mod previous_frame;
 mod pt;
 mod reference;
 mod resampling;

@@ -13,21 +13,21 @@ use glam::DVec3;
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct Case {
-    kind: u32,
-    count: u32,
-    confidence: [f32; 7],
-    targets: [[f32; 7]; 7],
+pub(super) struct Case {
+    pub kind: u32,
+    pub count: u32,
+    pub confidence: [f32; 7],
+    pub targets: [[f32; 7]; 7],
 }
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-struct Weights {
-    all: [f32; 7],
+pub(super) struct Weights {
+    pub all: [f32; 7],
     asked: [f32; 7],
 }
 
-fn weights(gpu: &Gpu, cases: &[Case]) -> Vec<Weights> {
+pub(super) fn weights(gpu: &Gpu, cases: &[Case]) -> Vec<Weights> {
     let (input, output) = (gpu.storage(cases), gpu.zeroed::<Weights>(cases.len()));
     let bound = [(0, 0, Bound::Buffer(&input)), (0, 1, Bound::Buffer(&output))];
     gpu.kernel("mis", include_str!("../support/kernels/mis.wgsl"), &[flag("MANY_NEIGHBORS")])

@@ -1,6 +1,7 @@
 //! The `render` program as scripts call it: its files, its messages, and its exit codes.
 
 use crate::support::{cli::*, gltf};
+use bevy_restir::testing::guards::GUARDS;
 use serde_json::Value;
 use std::{fs, path::PathBuf};
 
@@ -70,6 +71,93 @@ fn broken_files_give_one_line_and_exit_code_1() {
     }
     let run = folder.render(&folder.path("."), &["--out", "out.exr"]);
     run.failed(1, "a folder");
+}
+
+/// Valid JSON that describes a subtly wrong scene: each row changes the buffer or the file.
+fn subtly_wrong() -> Vec<(&'static str, gltf::Scene)> {
+    fn float(bytes: &mut [u8], index: usize, value: f32) {
+        bytes[4 * index..4 * index + 4].copy_from_slice(&value.to_le_bytes());
+    }
+    fn index(bytes: &mut [u8], place: usize, value: u16) {
+        bytes[80 + 2 * place..82 + 2 * place].copy_from_slice(&value.to_le_bytes());
+    }
+    let bytes = |edit_bytes| gltf::Scene { edit_bytes, ..Default::default() };
+    let json = |edit_json| gltf::Scene { edit_json, ..Default::default() };
+    vec![
+        ("a position of NaN", bytes(|b| float(b, 0, f32::NAN))),
+        ("infinite positions", bytes(|b| (0..12).for_each(|i| float(b, i, f32::INFINITY)))),
+        ("positions of 1e38", bytes(|b| (0..12).for_each(|i| float(b, i, 1e38)))),
+        ("a texture coordinate of NaN", bytes(|b| float(b, 12, f32::NAN))),
+        ("an index out of range", bytes(|b| index(b, 5, 4))),
+        ("indices out of range", bytes(|b| (0..6).for_each(|i| index(b, i, u16::MAX - 1)))),
+        ("more positions than bytes", json(|f| f["accessors"][0]["count"] = 400.into())),
+        ("more indices than bytes", json(|f| f["accessors"][2]["count"] = 600.into())),
+        ("more positions than the view has", json(|f| f["accessors"][0]["count"] = 6.into())),
+        ("no positions", json(|f| f["accessors"][0]["count"] = 0.into())),
+        ("fewer positions than texture coordinates", json(|f| f["accessors"][0]["count"] = 3.into())),
+        ("fewer texture coordinates than positions", json(|f| f["accessors"][1]["count"] = 2.into())),
+        ("no indices", json(|f| f["accessors"][2]["count"] = 0.into())),
+        ("an incomplete triangle", json(|f| f["accessors"][2]["count"] = 5.into())),
+        ("positions of two numbers", json(|f| f["accessors"][0]["type"] = "VEC2".into())),
+        ("integer positions", json(|f| f["accessors"][0]["componentType"] = 5123.into())),
+        ("indices that are floats", json(|f| f["accessors"][2]["componentType"] = 5126.into())),
+        ("a missing accessor", json(|f| f["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = 9.into())),
+        (
+            "texture coordinates as normals",
+            json(|f| f["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = 1.into()),
+        ),
+        ("indices as positions", json(|f| f["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = 2.into())),
+        ("no attributes", json(|f| f["meshes"][0]["primitives"][0]["attributes"] = serde_json::json!({}))),
+        ("no primitives", json(|f| f["meshes"][0]["primitives"] = serde_json::json!([]))),
+        ("lines", json(|f| f["meshes"][0]["primitives"][0]["mode"] = 1.into())),
+        ("a missing material", json(|f| f["meshes"][0]["primitives"][0]["material"] = 7.into())),
+        ("a missing mesh", json(|f| f["nodes"][0]["mesh"] = 7.into())),
+        ("a missing node", json(|f| f["scenes"][0]["nodes"] = serde_json::json!([0, 1, 7]))),
+        ("a view beyond the buffer", json(|f| f["bufferViews"][0]["byteOffset"] = 1000.into())),
+        ("a view of no bytes", json(|f| f["bufferViews"][0]["byteLength"] = 0.into())),
+        ("a buffer that is too short", json(|f| f["buffers"][0]["byteLength"] = 1000.into())),
+        ("a scale of 0", json(|f| f["nodes"][0]["scale"] = serde_json::json!([0, 0, 0]))),
+        ("a scale of 1e38", json(|f| f["nodes"][0]["scale"] = serde_json::json!([1e38, 1e38, 1e38]))),
+        ("a translation beyond f32", json(|f| f["nodes"][0]["translation"] = serde_json::json!([1e60, 0, 0]))),
+        ("a rotation of 0", json(|f| f["nodes"][0]["rotation"] = serde_json::json!([0, 0, 0, 0]))),
+        (
+            "a singular matrix",
+            json(|f| f["nodes"][0]["matrix"] = serde_json::json!([0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1])),
+        ),
+        ("a negative emission", json(|f| f["materials"][0]["emissiveFactor"] = serde_json::json!([-1, -1, -1]))),
+        (
+            "a base color of 1e38",
+            json(|f| {
+                f["materials"][0]["pbrMetallicRoughness"]["baseColorFactor"] = serde_json::json!([1e38, 1e38, 1e38, -1])
+            }),
+        ),
+        ("a roughness of -1", json(|f| f["materials"][0]["pbrMetallicRoughness"]["roughnessFactor"] = (-1).into())),
+        ("a field of view of 0", json(|f| f["cameras"][0]["perspective"]["yfov"] = 0.0.into())),
+        ("a near plane of 0", json(|f| f["cameras"][0]["perspective"]["znear"] = 0.0.into())),
+    ]
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn subtly_wrong_scenes_give_a_finite_picture_or_one_line_of_error() {
+    let Some(folder) = Folder::new("subtle") else { return };
+    for (name, scene) in subtly_wrong() {
+        let path = folder.gltf("scene.gltf", &scene);
+        let run =
+            folder.render(&path, &["--size", "8x8", "--frames", "1", "--technique", "reference", "--out", "out.exr"]);
+        if run.code != 0 {
+            // Bevy's loader panics on some of them, and reports that as a failure to load.
+            assert_eq!(run.code, 1, "{name}: {}", run.stderr);
+            let last = run.stderr.trim_end().lines().last().unwrap_or_default();
+            assert!(last.starts_with("error: ") && last.contains("scene.gltf"), "{name}: {}", run.stderr);
+            assert_eq!(folder.files(), ["scene.gltf"], "{name}");
+            continue;
+        }
+        let pixels = Exr::read(&folder.path("out.exr")).pixels;
+        assert!(pixels.iter().flatten().all(|c| c.is_finite()), "{name}: {}", run.stderr);
+        assert!(!run.stderr.contains("panicked"), "{name}: {}", run.stderr);
+        fs::remove_file(folder.path("out.exr")).expect("the file exists");
+    }
 }
 
 #[test]
@@ -299,6 +387,9 @@ fn statistics_are_complete_and_correct() {
     );
     assert_eq!(stats["uploaded_bytes_last_frame"], 0, "a still scene");
     assert_eq!((&stats["non_finite_pixels"], &stats["overflow_flags"]), (&Value::from(0), &Value::from(0)));
+    let guards = stats["guards"].as_object().expect("an object");
+    assert_eq!(guards.len(), GUARDS.len());
+    assert!(GUARDS.iter().all(|guard| guards[guard.name] == 0), "{guards:?}");
     assert!(number(&stats["triangles"]) > 10.0 && number(&stats["instances"]) > 1.0 && number(&stats["lights"]) > 0.0);
     let known = [
         "adapter",
@@ -317,6 +408,7 @@ fn statistics_are_complete_and_correct() {
         "uploaded_bytes_last_frame",
         "non_finite_pixels",
         "overflow_flags",
+        "guards",
         "triangles",
         "instances",
         "lights",

@@ -226,8 +226,8 @@ fn layered(rig: &mut Rig) {
 
 /// CPU drivers take minutes to compile the path passes.
 #[test]
-#[ignore = "minutes"]
-fn full_length_pictures_of_paths_of_one_seed_are_the_same_by_ray_queries() {
+#[ignore = "second tier: ./run test --more"]
+fn pictures_of_paths_of_one_seed_are_the_same_by_ray_queries() {
     same_pictures(&[Technique::Gi, Technique::Pt]);
 }
 
@@ -257,8 +257,8 @@ fn same_pictures(techniques: &[Technique]) {
 }
 
 #[test]
-#[ignore = "minutes"]
-fn full_length_moving_pictures_of_paths_of_one_seed_are_the_same_by_ray_queries() {
+#[ignore = "second tier: ./run test --more"]
+fn moving_pictures_of_paths_of_one_seed_are_the_same_by_ray_queries() {
     same_moving_pictures(Technique::Pt);
 }
 

@@ -1,6 +1,7 @@
 //! Composes WGSL with `naga_oil` exactly as Bevy does, without a GPU.
 
-use bevy_restir::testing::shader_library::MODULES;
+use crate::mutant;
+use bevy_restir::testing::shader_library::{MODULES, ShaderEdit, edited};
 use naga::valid::Capabilities;
 use naga_oil::compose::{
     ComposableModuleDescriptor, Composer, NagaModuleDescriptor, ShaderDefValue, ShaderLanguage, ShaderType,
@@ -56,8 +57,14 @@ pub fn library() -> Vec<(&'static str, &'static str)> {
 
 /// A composer with the whole library.
 pub fn composer() -> Composer {
+    composer_with(&[])
+}
+
+/// A composer with the whole library, in which tests replace passages.
+pub fn composer_with(edits: &[ShaderEdit]) -> Composer {
     let mut composer = Composer::default().with_capabilities(CAPABILITIES);
     for (path, text) in library() {
+        let text = &edited(path, &edited(path, text, mutant::edits()), edits);
         composer
             .add_composable_module(ComposableModuleDescriptor {
                 source: text,

@@ -1,6 +1,7 @@
 //! Runs small compute kernels that import the crate's own WGSL, on any adapter.
 
 use crate::compose::{self, Def};
+use bevy_restir::testing::shader_library::ShaderEdit;
 use std::{collections::HashSet, sync::OnceLock};
 use wgpu::util::DeviceExt;
 
@@ -85,7 +86,12 @@ pub struct Kernel<'g> {
 impl Gpu {
     /// Composes and compiles a kernel.
     pub fn kernel(&self, name: &str, source: &str, defs: &[Def]) -> Kernel<'_> {
-        let module = compose::compose(&mut compose::composer(), name, source, defs);
+        self.kernel_with(name, source, defs, &[])
+    }
+
+    /// Composes and compiles a kernel with a library in which passages are replaced.
+    pub fn kernel_with(&self, name: &str, source: &str, defs: &[Def], edits: &[ShaderEdit]) -> Kernel<'_> {
+        let module = compose::compose(&mut compose::composer_with(edits), name, source, defs);
         // The derived layout contains only the bindings that the entry point uses.
         let info = naga::valid::Validator::new(naga::valid::ValidationFlags::all(), compose::CAPABILITIES)
             .validate(&module)

@@ -11,6 +11,7 @@ pub mod files;
 pub mod framing;
 pub mod gpu;
 pub mod headless;
+pub mod mutant;
 pub mod picture;
 pub mod progress;
 pub mod scene;

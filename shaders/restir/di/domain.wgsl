@@ -4,7 +4,8 @@
 
 #import bevy_restir::bsdf::bsdf::{bsdf_eval, bsdf_pdf}
 #import bevy_restir::common::constants::NONE
-#import bevy_restir::common::math::{is_finite_3, luminance}
+#import bevy_restir::common::guard::{GUARD_LIGHT_CONTRIBUTION, guarded_3}
+#import bevy_restir::common::math::luminance
 #import bevy_restir::light::point_on_light::light_point_at
 #import bevy_restir::light::remap::current_light_id
 #import bevy_restir::light::types::LightSample
@@ -44,7 +45,7 @@ fn evaluate_sample(r: Receiver, l: LightSample) -> Evaluated {
     }
     let carried = transmittance(medium_towards(r.surface, l.wi, vec3<f32>(0.0)), l.distance);
     let f = bsdf_eval(r.surface.bsdf, r.wo, l.wi) * l.radiance * carried / l.pdf_solid_angle;
-    return Evaluated(select(vec3<f32>(0.0), f, is_finite_3(f)), l);
+    return Evaluated(guarded_3(f, GUARD_LIGHT_CONTRIBUTION), l);
 }
 
 // Arriving light without the BSDF: positive wherever `evaluate_sample` is.
@@ -53,7 +54,7 @@ fn evaluate_arriving(r: Receiver, l: LightSample) -> Evaluated {
         return Evaluated(vec3<f32>(0.0), l);
     }
     let f = l.radiance * abs(dot(r.surface.bsdf.n, l.wi)) / l.pdf_solid_angle;
-    return Evaluated(select(vec3<f32>(0.0), f, is_finite_3(f)), l);
+    return Evaluated(guarded_3(f, GUARD_LIGHT_CONTRIBUTION), l);
 }
 
 // p̂: the resampling routine selects by it.

@@ -1,7 +1,7 @@
 // The reservoir of ReSTIR DI: a point of a light, its unbiased contribution weight, its confidence, and its visibility.  16 bytes.
 #define_import_path bevy_restir::restir::di::reservoir
 
-#import bevy_restir::common::math::is_finite
+#import bevy_restir::common::guard::{GUARD_RESERVOIR, guard_holds, is_sound}
 #import bevy_restir::light::point_on_light::{LightPoint, no_light_point}
 
 struct Reservoir {
@@ -25,15 +25,16 @@ fn no_reservoir() -> Reservoir {
 // Confidence is never negative: its sign bit stores the visibility.
 fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     let unseen = select(UNSEEN, 0u, r.seen);
-    return PackedReservoir(vec4<u32>(r.point.light, r.point.coordinates, bitcast<u32>(r.ucw), bitcast<u32>(abs(r.confidence)) | unseen));
+    let confidence = select(0.0, r.confidence, guard_holds(is_sound(r.confidence), GUARD_RESERVOIR));
+    return PackedReservoir(vec4<u32>(r.point.light, r.point.coordinates, bitcast<u32>(r.ucw), bitcast<u32>(confidence) | unseen));
 }
 
-// A value that is not finite is dropped, so that it cannot spread over the screen.
+// A reservoir with a value that is not finite or negative is dropped with its confidence, so that it cannot spread over the screen.
 fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     let words = p.words;
     let ucw = bitcast<f32>(words.z);
     let confidence = bitcast<f32>(words.w & ~UNSEEN);
-    if !is_finite(ucw) || !is_finite(confidence) || !(ucw >= 0.0) {
+    if !guard_holds(is_sound(ucw) && is_sound(confidence), GUARD_RESERVOIR) {
         return no_reservoir();
     }
     return Reservoir(LightPoint(words.x, words.y), ucw, confidence, (words.w & UNSEEN) == 0u);

@@ -7,7 +7,7 @@
 // only (4.5.5).
 #define_import_path bevy_restir::restir::gi::domain
 
-#import bevy_restir::common::math::{is_finite, is_finite_3}
+#import bevy_restir::common::guard::{GUARD_GI_MEASURE, guarded, guarded_3}
 #import bevy_restir::path::medium::transmittance
 #import bevy_restir::path::walk::{step_medium, step_towards}
 #import bevy_restir::restir::pt::domain::{Evaluated, Receiver, shifted_to}
@@ -38,12 +38,15 @@ fn in_technique_measure(c: SelectedPath, r: Receiver) -> SelectedPath {
         m.path.density = step.pdf_lobe * triangle_factor(first, point, c.path.instance, c.path.triangle, false);
         m.path.radiance = select(vec3<f32>(0.0), c.f / carried, carried > vec3<f32>(0.0));
     }
-    m.ucw = c.ucw / m.path.density;
-    m.f = c.f * m.path.density;
-    if !(m.path.density > 0.0) || !is_finite(m.ucw) || !is_finite_3(m.f) {
+    m.path.density = guarded(m.path.density, GUARD_GI_MEASURE);
+    if !(m.path.density > 0.0) {
+        // The secondary vertex is seen exactly edge-on.
         m.ucw = 0.0;
         m.f = vec3<f32>(0.0);
+        return m;
     }
+    m.ucw = guarded(c.ucw / m.path.density, GUARD_GI_MEASURE);
+    m.f = guarded_3(c.f * m.path.density, GUARD_GI_MEASURE);
     return m;
 }
 
@@ -55,7 +58,7 @@ fn evaluate(r: Receiver, s: Reservoir) -> Evaluated {
         return nothing;
     }
     let shifted = shifted_to(r, s.path);
-    return Evaluated(shifted.f * shifted.density, shifted);
+    return Evaluated(guarded_3(shifted.f * shifted.density, GUARD_GI_MEASURE), shifted);
 }
 
 fn jacobian_of(e: Evaluated) -> f32 {

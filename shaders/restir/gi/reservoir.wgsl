@@ -1,7 +1,8 @@
 // The reservoir of ReSTIR GI: a path from its secondary vertex on, its unbiased contribution weight and its confidence.  52 bytes.
 #define_import_path bevy_restir::restir::gi::reservoir
 
-#import bevy_restir::common::math::{is_finite, max_component}
+#import bevy_restir::common::guard::{GUARD_RESERVOIR, guard_holds, guarded_3, is_sound}
+#import bevy_restir::common::math::max_component
 #import bevy_restir::light::point_on_light::LightPoint
 #import bevy_restir::restir::path_sample::TERMINATION_NEE
 #import bevy_restir::restir::stored_path::{no_reservoir, PackedPath, path_pack, path_unpack, Reservoir}
@@ -17,7 +18,8 @@ fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     // The point on a light that the last ray hit matters only to paths that stay in their pixel: the density of NEE takes its place.
     let of_hit = vec2<u32>(s.light.light, bitcast<u32>(s.light_pdf));
     let light = select(of_hit, vec2<u32>(s.light.light, s.light.coordinates), s.termination == TERMINATION_NEE);
-    let radiance = pack_radiance(s.radiance);
+    // The format has no sign and no NaN: it would hide both.
+    let radiance = pack_radiance(guarded_3(s.radiance, GUARD_RESERVOIR));
     return PackedReservoir(array<u32, 13>(
         p.structure, s.seed, p.birth, bitcast<u32>(r.ucw),
         p.vertex.x, p.vertex.y, p.vertex.z, p.direction,
@@ -25,7 +27,7 @@ fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     ));
 }
 
-// A reservoir with a value that is not finite is dropped with its confidence: kept confidence would make the picture dark.
+// A reservoir with a value that is not finite or negative is dropped with its confidence: kept confidence would make the picture dark.
 fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     let w = p.words;
     var r = path_unpack(PackedPath(w[0], w[2], vec3<u32>(w[4], w[5], w[6]), w[7]));
@@ -39,13 +41,14 @@ fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
         r.path.light_pdf = bitcast<f32>(w[10]);
     }
     r.path.radiance = unpack_radiance(vec2<u32>(w[11], w[12]));
-    if !is_finite(r.ucw) || !is_finite(r.path.light_pdf) || !is_finite(r.path.density) || !(r.ucw >= 0.0) {
+    if !guard_holds(is_sound(r.ucw) && is_sound(r.path.light_pdf) && is_sound(r.path.density), GUARD_RESERVOIR) {
         return no_reservoir();
     }
     return r;
 }
 
-// 18 bits a channel and a shared exponent of 8: exact to 2^-18 of the greatest channel.
+// 18 bits a channel and a shared exponent of 8: exact to 2^-18 of the greatest channel.  Radiance below 1e-30 is stored as black, and
+// above 1e38 as 1e38.
 fn pack_radiance(c: vec3<f32>) -> vec2<u32> {
     let greatest = min(max_component(c), 1.0e38);
     if !(greatest > 1.0e-30) {

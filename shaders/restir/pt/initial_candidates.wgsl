@@ -6,6 +6,7 @@
 
 #import bevy_restir::bsdf::bsdf::{bsdf_eval, bsdf_is_delta}
 #import bevy_restir::common::constants::{FAR, NONE}
+#import bevy_restir::common::guard::{GUARD_LIGHT_CONTRIBUTION, GUARD_THROUGHPUT, guarded_3}
 #import bevy_restir::common::math::{luminance, max_component}
 #import bevy_restir::common::ray::{Hit, Ray}
 #import bevy_restir::common::rng::{Rng, rng_1}
@@ -67,7 +68,8 @@ fn select_light(v: Vertex, index: u32, nee_candidates: u32, pixel: vec2<u32>, rn
         if !(c.pmf > 0.0) || !(c.light.pdf_solid_angle > 0.0) {
             continue;
         }
-        let value = luminance(bsdf_eval(v.surface.bsdf, v.wo, c.light.wi) * c.light.radiance) / c.light.pdf_solid_angle;
+        let f = bsdf_eval(v.surface.bsdf, v.wo, c.light.wi) * c.light.radiance / c.light.pdf_solid_angle;
+        let value = luminance(guarded_3(f, GUARD_LIGHT_CONTRIBUTION));
         if stream_add(&stream, i, value / (f32(count) * c.pmf), u) {
             selected = c.point;
             selected_target = value;
@@ -125,14 +127,14 @@ fn sample_candidates(first: Vertex, pixel: vec2<u32>, shortest: u32, p: ShiftPar
             break;
         }
         if c.prefix.reconnection != 0u {
-            c.suffix *= step.weight;
+            c.suffix = guarded_3(c.suffix * step.weight, GUARD_THROUGHPUT);
         } else if index > 1u && !step.delta && is_connectable(before, v.surface, step.pdf, is_rough(v, step, p), p) {
             c.prefix = reconnected(c.prefix, before, factor_at(c.prefix, before, v), index);
             c.prefix.density *= step.pdf_lobe;
             c.prefix.lobe_after = step.lobe;
             c.prefix.wi = step.wi;
         }
-        c.throughput *= step.weight;
+        c.throughput = guarded_3(c.throughput * step.weight, GUARD_THROUGHPUT);
         eta_scale *= step.eta * step.eta;
         before = previous_vertex(v, step, index, p);
 

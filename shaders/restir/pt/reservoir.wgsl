@@ -1,7 +1,7 @@
 // The reservoir of ReSTIR PT: a path, its unbiased contribution weight and its confidence.  64 bytes (Lin et al. 2026, supplement, 8).
 #define_import_path bevy_restir::restir::pt::reservoir
 
-#import bevy_restir::common::math::{is_finite, is_finite_3}
+#import bevy_restir::common::guard::{GUARD_RESERVOIR, guard_holds, is_sound, is_sound_3}
 #import bevy_restir::light::point_on_light::LightPoint
 #import bevy_restir::restir::stored_path::{no_reservoir, PackedPath, path_pack, path_unpack, Reservoir}
 
@@ -24,7 +24,7 @@ fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     );
 }
 
-// A reservoir with a value that is not finite is dropped with its confidence: kept confidence would make the picture dark.
+// A reservoir with a value that is not finite or negative is dropped with its confidence: kept confidence would make the picture dark.
 fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     var r = path_unpack(PackedPath(p.path.x, p.path.z, p.vertex.xyz, p.vertex.w));
     r.path.seed = p.path.y;
@@ -35,8 +35,8 @@ fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     r.path.density = bitcast<f32>(p.light.z);
     r.path.target_value = bitcast<f32>(p.light.w);
     let s = r.path;
-    let sound = is_finite(r.ucw) && is_finite_3(s.radiance) && is_finite(s.light_pdf) && is_finite(s.density) && is_finite(s.target_value);
-    if !sound || !(r.ucw >= 0.0) {
+    let is_path_sound = is_sound_3(s.radiance) && is_sound(s.light_pdf) && is_sound(s.density) && is_sound(s.target_value);
+    if !guard_holds(is_sound(r.ucw) && is_path_sound, GUARD_RESERVOIR) {
         return no_reservoir();
     }
     return r;

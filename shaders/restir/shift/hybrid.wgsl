@@ -7,7 +7,8 @@
 #define_import_path bevy_restir::restir::shift::hybrid
 
 #import bevy_restir::common::constants::{FAR, NONE}
-#import bevy_restir::common::math::{is_finite, is_finite_3, luminance, max_component}
+#import bevy_restir::common::guard::{GUARD_JACOBIAN, GUARD_SHIFT_CONTRIBUTION, guarded_3, guarded_or_infinite, is_infinite}
+#import bevy_restir::common::math::{luminance, max_component}
 #import bevy_restir::common::ray::Ray
 #import bevy_restir::light::analytic_area_light::{light_hit_point, RaySegment}
 #import bevy_restir::light::environment::{environment_pdf, environment_radiance}
@@ -86,20 +87,19 @@ fn hybrid_shift(s: PathSample, first: Vertex, c: ShiftParameters, previous: bool
     w.radiance = s.radiance;
     w.light_pdf = s.light_pdf;
     walk(&w, s, c, previous, retrace);
-    if w.reason == SHIFT_OK && (!(max_component(w.f) > 0.0) || !is_finite_3(w.f)) {
-        w.reason = SHIFT_NO_CONTRIBUTION;
-    }
-    // A path without a reconnection vertex has no density: its shift has the Jacobian 1.
-    let jacobian = select(1.0, over(w.density, s.density), s.density > 0.0);
-    if w.reason == SHIFT_OK && (!(jacobian > 0.0) || !is_finite(jacobian)) {
-        w.reason = SHIFT_NO_CONTRIBUTION;
-    }
-    // The limit is symmetric, so that the shift stays its own inverse.
-    if w.reason == SHIFT_OK && max(jacobian, 1.0 / jacobian) > c.jacobian_limit {
-        w.reason = SHIFT_JACOBIAN_LIMIT;
-    }
     if w.reason != SHIFT_OK {
         return failed(w.reason);
+    }
+    w.f = guarded_3(w.f, GUARD_SHIFT_CONTRIBUTION);
+    // A path without a reconnection vertex has no density: its shift has the Jacobian 1.  The Jacobian is 0 where the reconnection vertex is
+    // seen edge-on, and may be infinite where the path itself sees it so.
+    let jacobian = guarded_or_infinite(select(1.0, over(w.density, s.density), s.density > 0.0), GUARD_JACOBIAN);
+    if !(max_component(w.f) > 0.0) || !(jacobian > 0.0) {
+        return failed(SHIFT_NO_CONTRIBUTION);
+    }
+    // The limit is symmetric, so that the shift stays its own inverse.
+    if is_infinite(jacobian) || max(jacobian, 1.0 / jacobian) > c.jacobian_limit {
+        return failed(SHIFT_JACOBIAN_LIMIT);
     }
     let result = ShiftResult(w.radiance, w.light_pdf, select(0.0, w.density, s.density > 0.0), luminance(w.f));
     return ShiftedPath(result, w.f, w.density, jacobian, SHIFT_OK, w.rays);

@@ -2,7 +2,7 @@
 #define_import_path bevy_restir::restir::sss::reservoir
 
 #import bevy_restir::common::constants::NONE
-#import bevy_restir::common::math::is_finite
+#import bevy_restir::common::guard::{GUARD_RESERVOIR, guard_holds, is_sound}
 #import bevy_restir::light::point_on_light::{LightPoint, no_light_point}
 #import bevy_restir::subsurface::probe::Probe
 
@@ -57,10 +57,10 @@ fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     );
 }
 
-// A value that is not finite is dropped, so that it cannot spread over the screen.
+// A reservoir with a value that is not finite or negative is dropped with its confidence: kept confidence would make the picture dark.
 fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
-    let is_sound = is_finite(p.ucw) && is_finite(p.confidence) && p.ucw >= 0.0 && p.confidence >= 0.0;
-    if !is_sound || !is_finite(p.density) || !is_finite(p.target_value) {
+    let is_reservoir_sound = is_sound(p.ucw) && is_sound(p.confidence) && is_sound(p.density) && is_sound(p.target_value);
+    if !guard_holds(is_reservoir_sound, GUARD_RESERVOIR) {
         return no_reservoir();
     }
     let probe = Probe(p.structure & 3u, min(p.structure >> 2u & 3u, 2u), p.u_radius, p.u_angle);

@@ -94,6 +94,25 @@ pub(crate) struct Tree {
     pub(crate) bounds: Bounds,
 }
 
+impl Tree {
+    /// The tree over boxes of twice the size, `times` times.  A power of two changes exponents only, so nothing is rounded.
+    fn doubled(mut self, times: i32) -> Self {
+        if times == 0 {
+            return self;
+        }
+        let scale = 2.0f32.powi(times);
+        for node in self.nodes.chunks_exact_mut(NODE_STRIDE as usize) {
+            // The first element has the origin of the grid of child boxes and, in three bytes, the exponents of its cells.
+            let [x, y, z, exponents] = node[0];
+            let [x, y, z] = [x, y, z].map(|bits| (f32::from_bits(bits) * scale).to_bits());
+            node[0] = [x, y, z, exponents + times as u32 * 0x01_01_01];
+        }
+        let (min, max) = self.bounds;
+        self.bounds = (min.map(|x| x * scale), max.map(|x| x * scale));
+        self
+    }
+}
+
 struct Leaf(Aabb);
 
 impl Boundable for Leaf {
@@ -102,18 +121,34 @@ impl Boundable for Leaf {
     }
 }
 
+/// Largest coordinate of the boxes that obvhs gets.  It adds up the areas of all nodes in f32: even 2^26 nodes of this size do not overflow.
+const MAX_BUILDER_COORDINATE: f32 = (1u64 << 40) as f32;
+
 /// Builds a tree over finite boxes.  If it is deeper than `max_depth`, a balanced tree along a space-filling curve replaces it.
 pub(crate) fn build_tree(boxes: &[Bounds], parameters: BvhBuildParams, max_depth: u32) -> Option<Tree> {
     if boxes.is_empty() {
         return None;
     }
-    let leaves: Vec<Leaf> = boxes.iter().map(|(min, max)| Leaf(Aabb::new((*min).into(), (*max).into()))).collect();
-    if agglomeration_stalls(&leaves, &parameters) {
-        return convert(&balanced(&morton_order(boxes), &leaves), max_depth);
-    }
-    let mut binary = agglomerate(&leaves, &parameters);
-    ReinsertionOptimizer::default().run(&mut binary, parameters.reinsertion_batch_ratio, None);
-    convert(&binary, max_depth).or_else(|| convert(&balanced(&morton_order(boxes), &leaves), max_depth))
+    let halvings = halvings_of(boxes);
+    let scale = 0.5f32.powi(halvings);
+    let corner = |corner: &[f32; 3]| corner.map(|x| x * scale).into();
+    let leaves: Vec<Leaf> = boxes.iter().map(|(min, max)| Leaf(Aabb::new(corner(min), corner(max)))).collect();
+    let balanced_tree = || convert(&balanced(&morton_order(boxes), &leaves), max_depth);
+    let tree = match agglomeration_stalls(&leaves, &parameters) {
+        true => balanced_tree(),
+        false => {
+            let mut binary = agglomerate(&leaves, &parameters);
+            ReinsertionOptimizer::default().run(&mut binary, parameters.reinsertion_batch_ratio, None);
+            convert(&binary, max_depth).or_else(balanced_tree)
+        }
+    };
+    tree.map(|tree| tree.doubled(halvings))
+}
+
+/// How often the boxes must be halved to fit [`MAX_BUILDER_COORDINATE`].
+fn halvings_of(boxes: &[Bounds]) -> i32 {
+    let largest = boxes.iter().flat_map(|(min, max)| min.iter().chain(max)).fold(0.0f32, |most, x| most.max(x.abs()));
+    (largest / MAX_BUILDER_COORDINATE).log2().ceil().max(0.0) as i32
 }
 
 fn agglomerate(leaves: &[Leaf], parameters: &BvhBuildParams) -> Bvh2 {

@@ -32,9 +32,11 @@ pub fn build_tlas(instances: &[(u32, Bounds)]) -> Tlas {
     Tlas { nodes: tree.nodes, indices }
 }
 
+/// Largest accepted coordinate of an instance in the world, in meters: shaders square distances, which must not overflow.
+pub const MAX_COORDINATE: f32 = 1.0e18;
+
 fn is_valid((min, max): &Bounds) -> bool {
-    // The builder squares extents, which must not overflow.
-    (0..3).all(|k| min[k] <= max[k] && min[k].abs() < 1.0e18 && max[k].abs() < 1.0e18)
+    (0..3).all(|k| min[k] <= max[k] && min[k].abs() < MAX_COORDINATE && max[k].abs() < MAX_COORDINATE)
 }
 
 /// The rows of an affine transform.
@@ -44,7 +46,7 @@ pub fn rows(affine: &Affine3A) -> Rows {
     std::array::from_fn(|k| [x[k], y[k], z[k], t[k]])
 }
 
-/// Bounds of a transformed box, rounded outward; `None` if they are not finite.
+/// Bounds of a transformed box, rounded outward; `None` if they are not finite or beyond [`MAX_COORDINATE`].
 pub fn world_bounds(rows: &Rows, (min, max): &Bounds) -> Option<Bounds> {
     let mut world = ([0.0; 3], [0.0; 3]);
     for (k, row) in rows.iter().enumerate() {

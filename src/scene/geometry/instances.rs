@@ -7,7 +7,7 @@ use bevy::{
     asset::AssetServer,
     ecs::resource::Resource,
     log::{warn, warn_once},
-    platform::collections::{HashMap, HashSet},
+    platform::collections::HashMap,
     render::{
         renderer::{RenderDevice, RenderQueue},
         sync_world::MainEntity,
@@ -28,6 +28,7 @@ use crate::scene::{
     material::{materials::MaterialPool, subsurface::SubsurfacePool},
     storage::{dirty_runs::dirty_runs, growable_buffer::GrowableBuffer, overflow_warning::OverflowWarning},
 };
+use crate::warned::Warned;
 
 /// A top-level tree in the node buffer.
 #[derive(Clone, Debug, Default)]
@@ -79,6 +80,13 @@ pub(crate) struct LiveInstance {
     pub ray_mask: u32,
 }
 
+/// Reasons to warn about an instance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+enum InstanceProblem {
+    UnusableTransform,
+    MissingAsset,
+}
+
 /// The instances of the scene.
 #[derive(Resource)]
 pub(crate) struct InstancePool {
@@ -101,10 +109,8 @@ pub(crate) struct InstancePool {
     pub structures: Option<AccelerationStructures>,
     /// The instances for `structures`.
     placed: Vec<Placed>,
-    /// Entities with an unusable transform that a warning has named.
-    warned_transforms: HashSet<MainEntity>,
-    /// Entities with a missing mesh or material that a warning has named.
-    warned_missing: HashSet<MainEntity>,
+    /// Entities that a warning has named.
+    warned: Warned<(MainEntity, InstanceProblem)>,
     asset_wait: AssetWait,
     overflow: OverflowWarning,
     pub features: SceneFeatures,
@@ -138,8 +144,7 @@ impl Default for InstancePool {
             previous: None,
             structures: None,
             placed: Vec::new(),
-            warned_transforms: HashSet::default(),
-            warned_missing: HashSet::default(),
+            warned: Warned::default(),
             asset_wait: AssetWait::default(),
             overflow: OverflowWarning::default(),
             features: SceneFeatures::empty(),
@@ -215,6 +220,7 @@ impl InstancePool {
     ) {
         self.waiting = false;
         self.asset_wait.begin_frame();
+        self.warned.begin_frame();
         self.live.clear();
         self.features = SceneFeatures::empty();
         self.triangles = 0;
@@ -274,6 +280,11 @@ impl InstancePool {
         }
     }
 
+    /// Forgets the warnings about entities that are gone.
+    pub(crate) fn forget_warnings(&mut self, exists: impl Fn(MainEntity) -> bool) {
+        self.warned.retain(|(entity, _)| exists(*entity));
+    }
+
     /// The slot of an entity; `None` if all `limit` slots are taken.
     fn slot_of(&mut self, entity: MainEntity, limit: u32) -> Option<u32> {
         if let Some(&slot) = self.slots.get(&entity) {
@@ -310,8 +321,12 @@ impl InstancePool {
         let inverse = tlas::inverse(&world_from_object);
         let bounds = tlas::world_bounds(&world_from_object, &mesh.bounds);
         let (Some(object_from_world), Some(bounds)) = (inverse, bounds) else {
-            if self.warned_transforms.insert(extracted.entity) {
-                warn!("restir: entity {} has a singular or non-finite transform; it is left out", *extracted.entity);
+            if self.warned.is_due((extracted.entity, InstanceProblem::UnusableTransform)) {
+                warn!(
+                    "restir: entity {} has a transform that is singular, not finite, or reaches beyond {} m; it is left out",
+                    *extracted.entity,
+                    tlas::MAX_COORDINATE
+                );
             }
             return None;
         };
@@ -356,7 +371,7 @@ impl InstancePool {
         let is_pending = mesh_will_exist
             && (materials.slot(extracted.material).is_some() || self.asset_wait.is_pending(extracted.material, assets));
         self.waiting |= is_pending;
-        if !is_pending && self.warned_missing.insert(extracted.entity) {
+        if !is_pending && self.warned.is_due((extracted.entity, InstanceProblem::MissingAsset)) {
             warn!(
                 "restir: entity {} has a mesh or a material that does not exist; the entity is left out",
                 *extracted.entity

@@ -29,6 +29,7 @@ use crate::scene::{
     geometry::triangulate::{self, Dropped, GeometryError},
     storage::{data_texture::DataTexture, growable_buffer::GrowableBuffer, range_allocator::RangeAllocator},
 };
+use crate::warned::Warned;
 
 /// A mesh on the GPU.
 pub(crate) struct MeshEntry {
@@ -50,7 +51,15 @@ impl MeshEntry {
     }
 }
 
-type Built = (Result<Option<Blas>, GeometryError>, Dropped);
+/// Result of a build: the tree, if there are triangles, and the triangles that are left out.
+type Built = (Result<Option<Blas>, BuildError>, Dropped);
+
+/// Reasons why a mesh has no tree.
+enum BuildError {
+    Geometry(GeometryError),
+    /// The builder panicked, with this message.
+    Panic(String),
+}
 
 /// A mesh that is being built.
 struct Build {
@@ -68,6 +77,7 @@ enum MeshProblem {
     NoUsableTriangle,
     LinesOrPoints,
     Unreadable,
+    BuildFailed,
 }
 
 /// The meshes of the scene.
@@ -78,7 +88,7 @@ pub(crate) struct MeshPool {
     /// Meshes without a usable triangle, which no instance waits for.
     empty: HashSet<AssetId<Mesh>>,
     /// Problems that a warning has named.
-    warned: HashSet<(AssetId<Mesh>, MeshProblem)>,
+    warned: Warned<(AssetId<Mesh>, MeshProblem)>,
     /// Warnings about meshes of lines or points.  They are given when an instance with a `StandardMaterial` uses the mesh, because other
     /// materials can draw lines and points.
     lines_and_points: HashMap<AssetId<Mesh>, String>,
@@ -105,7 +115,7 @@ impl Default for MeshPool {
             entries: HashMap::default(),
             building: HashMap::default(),
             empty: HashSet::default(),
-            warned: HashSet::default(),
+            warned: Warned::default(),
             lines_and_points: HashMap::default(),
             node_ranges: RangeAllocator::default(),
             triangle_ranges: RangeAllocator::default(),
@@ -143,10 +153,20 @@ pub(crate) fn queue_meshes(mut pool: ResMut<MeshPool>, extracted: Res<ExtractedA
 
 fn build(mesh: Mesh) -> Task<Built> {
     AsyncComputeTaskPool::get().spawn(async move {
-        match triangulate::triangles_of(&mesh) {
+        catching_panics(|| match triangulate::triangles_of(&mesh) {
             Ok(geometry) => (Ok(blas::build_blas(&geometry)), geometry.dropped),
-            Err(error) => (Err(error), Dropped::default()),
-        }
+            Err(error) => (Err(BuildError::Geometry(error)), Dropped::default()),
+        })
+    })
+}
+
+/// Runs a build.  A panic in it costs its mesh, not the app.
+fn catching_panics(build: impl FnOnce() -> Built) -> Built {
+    // A build that panicked leaves nothing behind that anyone reads.
+    std::panic::catch_unwind(std::panic::AssertUnwindSafe(build)).unwrap_or_else(|payload| {
+        let text = payload.downcast_ref::<&str>().map(|text| text.to_string());
+        let text = text.or_else(|| payload.downcast_ref::<String>().cloned()).unwrap_or_default();
+        (Err(BuildError::Panic(text)), Dropped::default())
     })
 }
 
@@ -159,6 +179,7 @@ pub(crate) fn finish_meshes(
 ) {
     let pool = &mut *pool;
     pool.uploaded = 0;
+    pool.warned.begin_frame();
     let mut done = Vec::new();
     pool.building.retain(|id, running| {
         let Some(built) = check_ready(&mut running.task) else { return true };
@@ -182,15 +203,18 @@ pub(crate) fn finish_meshes(
                 if pool.insert(id, blas, &device, &queue) {
                     pool.empty.remove(&id);
                     if pool.lines_and_points.remove(&id).is_some() {
-                        pool.warned.remove(&(id, MeshProblem::LinesOrPoints));
+                        pool.warned.forget(&(id, MeshProblem::LinesOrPoints));
                     }
                     continue;
                 }
                 (MeshProblem::TooLarge, "does not fit the buffers of this device".into())
             }
             Ok(None) => (MeshProblem::NoUsableTriangle, "has no usable triangle".into()),
-            Err(error @ GeometryError::Topology(_)) => (MeshProblem::LinesOrPoints, error.to_string()),
-            Err(error) => (MeshProblem::Unreadable, error.to_string()),
+            Err(BuildError::Geometry(error @ GeometryError::Topology(_))) => {
+                (MeshProblem::LinesOrPoints, error.to_string())
+            }
+            Err(BuildError::Geometry(error)) => (MeshProblem::Unreadable, error.to_string()),
+            Err(BuildError::Panic(text)) => (MeshProblem::BuildFailed, format!("could not be built ({text})")),
         };
         pool.warn(id, problem, &format!("{reason}; it is left out"), assets.as_deref());
         pool.release(id);
@@ -248,7 +272,7 @@ impl MeshPool {
 
     /// Warns about a mesh once while the asset exists, because it may be built again in every frame.
     fn warn(&mut self, id: AssetId<Mesh>, problem: MeshProblem, text: &str, assets: Option<&AssetServer>) {
-        if !self.warned.insert((id, problem)) {
+        if !self.warned.is_due((id, problem)) {
             return;
         }
         let name = assets.and_then(|a| a.get_path(id)).map_or_else(|| id.to_string(), |path| path.to_string());
@@ -349,5 +373,21 @@ impl MeshPool {
     /// Frees the nodes of a top-level tree.
     pub(crate) fn release_nodes(&mut self, range: Range<u32>) {
         self.node_ranges.release(range);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_build_that_panics_gives_an_error() {
+        let text = |build: fn() -> Built| match catching_panics(build) {
+            (Err(BuildError::Panic(text)), _) => text,
+            _ => "no panic".into(),
+        };
+        assert_eq!(text(|| panic!("index {} out of range", 7)), "index 7 out of range");
+        assert_eq!(text(|| panic!("no tree")), "no tree");
+        assert_eq!(text(|| (Ok(None), Dropped::default())), "no panic");
     }
 }

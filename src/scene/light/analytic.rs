@@ -10,7 +10,8 @@ use super::{equal_or_nan, luminance};
 use crate::gpu_layout::*;
 use crate::scene::{
     accel::blas::Bounds,
-    extract::{AnalyticLight, is_size},
+    accel::tlas::MAX_COORDINATE,
+    extract::{AnalyticLight, disk_radiance, is_radiance, is_size},
     features::SceneFeatures,
 };
 
@@ -49,8 +50,10 @@ impl AnalyticRecord {
         self.power.is_finite() && self.power > 0.0 && self.has_finite_transform()
     }
 
+    /// Whether the light is within [`MAX_COORDINATE`] of the origin and has a direction.
     pub(super) fn has_finite_transform(&self) -> bool {
-        self.light.position.iter().chain(&self.light.direction).all(|x| x.is_finite())
+        self.light.position.iter().all(|x| x.abs() < MAX_COORDINATE)
+            && self.light.direction.iter().all(|x| x.is_finite())
     }
 }
 
@@ -96,34 +99,39 @@ fn spot(position: Vec3, intensity: Vec3, direction: Vec3, [cos_inner, cos_outer]
     }
 }
 
-fn rect(position: Vec3, rotation: Quat, power: Vec3, size: Vec2) -> AnalyticRecord {
+/// Radiance of a rectangle of this size and power; `None` if rays cannot hit such a rectangle.
+fn rect_radiance(power: Vec3, size: Vec2) -> Option<Vec3> {
     let area = size.x as f64 * size.y as f64;
-    let radiance = power.to_array().map(|p| (p as f64 / (PI * area)) as f32);
-    let is_usable = is_size(size.x) && is_size(size.y) && radiance.iter().all(|r| r.is_finite());
+    let radiance = power.to_array().map(|p| (p as f64 / (PI * area)) as f32).into();
+    let has_extent = |side: f32| is_size(side) && side < MAX_COORDINATE;
+    (has_extent(size.x) && has_extent(size.y) && is_radiance(radiance)).then_some(radiance)
+}
+
+fn rect(position: Vec3, rotation: Quat, power: Vec3, size: Vec2) -> AnalyticRecord {
+    let radiance = rect_radiance(power, size);
     AnalyticRecord {
         light: GpuLight {
             kind: LIGHT_RECT,
             position: position.to_array(),
-            emission: radiance,
+            emission: radiance.unwrap_or_default().to_array(),
             direction: rotation_parameters(rotation).to_array(),
             data: [(0.5 * size.x).to_bits(), (0.5 * size.y).to_bits()],
             ..Default::default()
         },
-        power: if is_usable { luminance(power.to_array()) } else { 0.0 },
+        // A power that is not finite is kept, for the warning.
+        power: if radiance.is_some() || !power.is_finite() { luminance(power.to_array()) } else { 0.0 },
         features: SceneFeatures::LIGHT_RECTS | SceneFeatures::LIGHT_SHAPES,
     }
 }
 
 fn sun(direction: Vec3, illuminance: Vec3, angular_size: f32, scene_radius: f32) -> AnalyticRecord {
-    // The shader reads 1 - cos(half angle).  The irradiance of the disk is its radiance times π sin²(half angle).
-    let half_angle = 0.5 * (angular_size as f64).min(PI);
-    let one_minus_cos = 2.0 * (0.5 * half_angle).sin().powi(2);
-    let radiance = illuminance.to_array().map(|e| (e as f64 / (PI * half_angle.sin().powi(2))) as f32);
+    // The shader reads 1 - cos(half angle).
+    let one_minus_cos = 2.0 * (0.25 * (angular_size as f64).min(PI)).sin().powi(2);
     AnalyticRecord {
         light: GpuLight {
             kind: LIGHT_SUN,
             direction: direction.to_array(),
-            emission: radiance,
+            emission: disk_radiance(illuminance, angular_size).to_array(),
             data: [(one_minus_cos as f32).to_bits(), 0],
             ..Default::default()
         },
@@ -199,17 +207,19 @@ pub(super) fn invalid_extent(light: &AnalyticLight) -> Option<String> {
         AnalyticLight::Directional { angular_size, .. } if angular_size > core::f32::consts::PI * 1.000_001 => {
             Some(format!("a disk whose angular size is {angular_size}, more than half the sky; π is used"))
         }
-        AnalyticLight::Rect { size, .. } if !is_size(size.x) || !is_size(size.y) => Some(format!(
-            "the size {} x {}, which is not two positive finite numbers; it is not rendered",
-            size.x, size.y
-        )),
+        AnalyticLight::Rect { size, power, .. } if power.is_finite() && rect_radiance(power, size).is_none() => {
+            Some(format!(
+                "the size {} x {}, which is not two positive finite numbers or too small or large for its power; it is not rendered",
+                size.x, size.y
+            ))
+        }
         _ => None,
     }
 }
 
 /// Whether a point light is rendered as a sphere: f32 can tell its extent from a point and hold its radiance.
 fn is_sphere(intensity: Vec3, radius: f32) -> bool {
-    is_size(radius) && radius > 1e-9 && radius < 1e9 && sphere_radiance(intensity, radius).max_element() < 1e30
+    is_size(radius) && radius > 1e-9 && radius < 1e9 && is_radiance(sphere_radiance(intensity, radius))
 }
 
 /// Radiance of a sphere whose intensity is I in every direction: I/(πr²).

@@ -7,7 +7,7 @@
 use bevy::{
     ecs::resource::Resource,
     log::{warn, warn_once},
-    platform::collections::{HashMap, HashSet},
+    platform::collections::HashMap,
     render::{
         renderer::{RenderDevice, RenderQueue},
         sync_world::MainEntity,
@@ -32,6 +32,7 @@ use crate::scene::{
     material::materials::MaterialPool,
     storage::{dirty_runs::dirty_runs, growable_buffer::GrowableBuffer, overflow_warning::OverflowWarning},
 };
+use crate::warned::Warned;
 
 /// Input of the light table: everything that the lights of one entity depend on.
 #[derive(Clone, Debug)]
@@ -74,7 +75,7 @@ pub(crate) struct LightPool {
     /// Scene radius that the powers of directional lights were computed with, a power of two.
     radius: f32,
     /// Lights that a warning has named.
-    warned: HashSet<MainEntity>,
+    warned: Warned<MainEntity>,
     /// Number of emissive triangles and of other lights that do not fit into the table.
     left_out: [u64; 2],
     overflow: OverflowWarning,
@@ -110,7 +111,7 @@ impl Default for LightPool {
             gpu: GrowableBuffer::new("lights"),
             power: 0.0,
             radius: 0.0,
-            warned: HashSet::default(),
+            warned: Warned::default(),
             left_out: [0; 2],
             overflow: OverflowWarning::default(),
             features: SceneFeatures::empty(),
@@ -135,6 +136,7 @@ impl LightPool {
         materials: &MaterialPool,
         limit: u32,
     ) {
+        self.warned.begin_frame();
         self.update_table(scene, instances, meshes, materials, limit);
         let [triangles, others] = self.left_out;
         if self.overflow.should_warn(triangles + others, meshes.idle() && !instances.waiting) {
@@ -143,6 +145,11 @@ impl LightPool {
                  (noisier, not darker), {others} other lights are left out (darker)"
             );
         }
+    }
+
+    /// Forgets the warnings about lights that are gone.
+    pub(crate) fn forget_warnings(&mut self, exists: impl Fn(MainEntity) -> bool) {
+        self.warned.retain(|entity| exists(*entity));
     }
 
     fn update_table(
@@ -276,15 +283,15 @@ impl LightPool {
     fn add_analytic(&mut self, entity: MainEntity, light: &AnalyticLight, limit: u32) -> Option<(GpuLight, f64)> {
         let mut record = AnalyticRecord::new(light, self.radius);
         if let Some(problem) = invalid_extent(light)
-            && self.warned.insert(entity)
+            && self.warned.is_due(entity)
         {
             warn!("restir: light {} has {problem}", *entity);
         }
         if !record.can_be_sampled() {
             // A black light is ordinary; infinite and negative powers are errors of the app.
             let is_placed = record.has_finite_transform();
-            if (record.power != 0.0 || !is_placed) && self.warned.insert(entity) {
-                let transform = if is_placed { "" } else { " and a transform that is not finite" };
+            if (record.power != 0.0 || !is_placed) && self.warned.is_due(entity) {
+                let transform = if is_placed { "" } else { " and a transform that is not finite or too far away" };
                 warn!("restir: light {} has the power {}{transform}; it is not rendered", *entity, record.power);
             }
             return None;

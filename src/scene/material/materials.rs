@@ -15,7 +15,7 @@ use bevy::{
         renderer::{RenderDevice, RenderQueue},
     },
 };
-use std::ops::Range;
+use core::{cell::Cell, ops::Range};
 
 use crate::gpu_layout::*;
 use crate::scene::{
@@ -28,6 +28,7 @@ use crate::scene::{
     },
     texture::textures::TexturePool,
 };
+use crate::warned::Warned;
 
 /// A material in use.
 struct Slot {
@@ -59,6 +60,8 @@ pub(crate) struct MaterialPool {
     /// Numbers of slots and of entries of the texture table that the device can bind.
     limits: [u32; 2],
     overflow: OverflowWarning,
+    /// Materials that a warning has named.
+    warned: Warned<AssetId<StandardMaterial>>,
     emissive_luminance: f32,
     /// Slots that must be packed again.
     stale: Vec<u32>,
@@ -83,6 +86,7 @@ impl Default for MaterialPool {
             table: DataTexture::new("texture table", TextureFormat::Rgba32Uint, 1),
             limits: [u32::MAX; 2],
             overflow: OverflowWarning::default(),
+            warned: Warned::default(),
             emissive_luminance: 0.0,
             stale: Vec::new(),
             all_stale: false,
@@ -100,7 +104,9 @@ impl MaterialPool {
     /// Takes the materials that have changed in the main world.  The slot of a removed material is free at once: no instance of this frame
     /// uses it, and nothing refers to the materials of the last frame.
     pub(crate) fn update_sources(&mut self, scene: &mut ExtractedScene) {
+        self.warned.begin_frame();
         for id in scene.removed_materials.drain() {
+            self.warned.forget(&id);
             self.sources.remove(&id);
             self.release(id);
         }
@@ -198,7 +204,10 @@ impl MaterialPool {
     fn pack_slot(&mut self, index: usize, textures: &TexturePool) {
         let Some(slot) = &mut self.slots[index] else { return };
         let Some(source) = self.sources.get(&slot.id) else { return };
-        let mut material = pack(source, self.emissive_luminance);
+        let (mut material, has_replaced) = pack(source, self.emissive_luminance);
+        if has_replaced && self.warned.is_due(slot.id) {
+            warn!("restir: material {} has numbers that are not finite; most of them count as 0", slot.id);
+        }
         let mut record = Vec::new();
         let mut features;
         (material.textures, features) = add_record(source, textures, &mut record);
@@ -284,8 +293,14 @@ fn set<T: Copy + Default + PartialEq>(all: &mut Vec<T>, index: usize, element: T
 }
 
 /// Packs a material for shaders.  Clamps numbers to their ranges and replaces those that are not finite, so that no material causes a NaN.
-fn pack(m: &StandardMaterial, emissive_luminance: f32) -> GpuMaterial {
-    let finite = |x: f32, otherwise: f32| if x.is_finite() { x } else { otherwise };
+/// Returns whether there were such numbers.
+fn pack(m: &StandardMaterial, emissive_luminance: f32) -> (GpuMaterial, bool) {
+    // Infinity is a valid distance.
+    let has_replaced = Cell::new(m.attenuation_distance.is_nan());
+    let finite = |x: f32, otherwise: f32| {
+        has_replaced.set(has_replaced.get() || !x.is_finite());
+        if x.is_finite() { x } else { otherwise }
+    };
     let unit = |x: f32| finite(x, 0.0).clamp(0.0, 1.0);
     let unit_rgb = |c: [f32; 3]| c.map(unit);
     let base = m.base_color.to_linear();
@@ -322,7 +337,7 @@ fn pack(m: &StandardMaterial, emissive_luminance: f32) -> GpuMaterial {
     };
 
     let rotation = finite(m.anisotropy_rotation, 0.0);
-    GpuMaterial {
+    let packed = GpuMaterial {
         base_color: unit_rgb(base.to_f32_array_no_alpha()),
         alpha: unit(base.alpha),
         emissive: m.emissive.to_f32_array_no_alpha().map(|c| (finite(c, 0.0).max(0.0) * emissive_luminance).min(1e30)),
@@ -342,7 +357,8 @@ fn pack(m: &StandardMaterial, emissive_luminance: f32) -> GpuMaterial {
         clearcoat: if m.unlit { 0.0 } else { unit(m.clearcoat) },
         clearcoat_perceptual_roughness: unit(m.clearcoat_perceptual_roughness),
         ..Default::default()
-    }
+    };
+    (packed, has_replaced.get())
 }
 
 fn features_of(m: &GpuMaterial) -> SceneFeatures {

@@ -1,12 +1,17 @@
 //! Arrays that shaders read as textures, because WebGPU guarantees only eight storage buffers per stage.  Elements lie side by side in
 //! rows of equal length.
 
-use bevy::render::{
-    render_resource::*,
-    renderer::{RenderDevice, RenderQueue},
+use bevy::{
+    log::warn,
+    render::{
+        render_resource::*,
+        renderer::{RenderDevice, RenderQueue},
+    },
 };
 use bytemuck::Pod;
 use std::marker::PhantomData;
+
+use super::allocation;
 
 /// Elements of a row, equal to `ELEMENTS_A_ROW` in `shaders/scene/bindings.wgsl`.
 const ELEMENTS_PER_ROW: u32 = 1024;
@@ -18,13 +23,15 @@ pub(crate) struct DataTexture<T> {
     texels: u32,
     texture: Option<Texture>,
     view: Option<TextureView>,
+    /// A warning has said that the device has no memory for more elements.
+    warned: bool,
     element: PhantomData<T>,
 }
 
 impl<T: Pod> DataTexture<T> {
     /// An empty array whose elements take `texels` texels of this format.
     pub(crate) fn new(label: &'static str, format: TextureFormat, texels: u32) -> Self {
-        Self { label, format, texels, texture: None, view: None, element: PhantomData }
+        Self { label, format, texels, texture: None, view: None, warned: false, element: PhantomData }
     }
 
     /// The number of elements that a texture of this device can hold.
@@ -32,13 +39,30 @@ impl<T: Pod> DataTexture<T> {
         ELEMENTS_PER_ROW * device.limits().max_texture_dimension_2d
     }
 
-    /// Makes room for `count` elements.  Returns true if the texture was replaced, so that its contents are lost.
+    /// Makes room for `count` elements.  Returns true if the texture was replaced, so that its contents are lost.  If the device has no
+    /// memory, the elements beyond the old texture are not written, and shaders read 0 for them.
     pub(crate) fn reserve(&mut self, count: u32, device: &RenderDevice) -> bool {
         let rows = count.div_ceil(ELEMENTS_PER_ROW).max(1);
         if self.texture.as_ref().is_some_and(|t| t.height() >= rows) {
             return false;
         }
-        let texture = device.create_texture(&TextureDescriptor {
+        match allocation::attempt(device, || self.create(rows, device)) {
+            Ok(texture) => {
+                self.view = Some(texture.create_view(&TextureViewDescriptor::default()));
+                self.texture = Some(texture);
+                true
+            }
+            Err(error) => {
+                if !core::mem::replace(&mut self.warned, true) {
+                    warn!("restir: no memory for a texture of {count} elements ({}): {error}", self.label);
+                }
+                false
+            }
+        }
+    }
+
+    fn create(&self, rows: u32, device: &RenderDevice) -> Texture {
+        device.create_texture(&TextureDescriptor {
             label: Some(self.label),
             size: Extent3d {
                 width: ELEMENTS_PER_ROW * self.texels,
@@ -51,10 +75,7 @@ impl<T: Pod> DataTexture<T> {
             format: self.format,
             usage: TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_DST,
             view_formats: &[],
-        });
-        self.view = Some(texture.create_view(&TextureViewDescriptor::default()));
-        self.texture = Some(texture);
-        true
+        })
     }
 
     /// Uploads `data` to the elements from `first` on, which must be reserved.  Returns the number of bytes sent.

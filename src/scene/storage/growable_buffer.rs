@@ -1,11 +1,16 @@
 //! Storage buffers that grow: growth copies the contents on the GPU, and only written elements are uploaded.
 
-use bevy::render::{
-    render_resource::{Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor},
-    renderer::{RenderDevice, RenderQueue},
+use bevy::{
+    log::warn,
+    render::{
+        render_resource::{Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor},
+        renderer::{RenderDevice, RenderQueue},
+    },
 };
 use bytemuck::Pod;
 use std::marker::PhantomData;
+
+use super::allocation;
 
 /// A storage buffer of `T` that grows by doubling, up to the device's binding limit.
 #[derive(Debug)]
@@ -15,6 +20,8 @@ pub(crate) struct GrowableBuffer<T> {
     capacity: u32,
     limit: u32,
     usage: BufferUsages,
+    /// A warning has said that the device has no memory for more elements.
+    warned: bool,
     element: PhantomData<T>,
 }
 
@@ -22,7 +29,7 @@ impl<T: Pod> GrowableBuffer<T> {
     /// An empty buffer; GPU memory is allocated by the first [`Self::reserve`].
     pub(crate) fn new(label: &'static str) -> Self {
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
-        Self { label, buffer: None, capacity: 0, limit: u32::MAX, usage, element: PhantomData }
+        Self { label, buffer: None, capacity: 0, limit: u32::MAX, usage, warned: false, element: PhantomData }
     }
 
     /// Adds a usage to storage and copies.  Call it before the first [`Self::reserve`].
@@ -37,7 +44,7 @@ impl<T: Pod> GrowableBuffer<T> {
         (bytes / size_of::<T>() as u64).min(u32::MAX as u64) as u32
     }
 
-    /// Makes room for `count` elements and keeps the contents.  Returns false if the device's limit is lower.
+    /// Makes room for `count` elements and keeps the contents.  Returns false if the device's limit is lower or its memory is full.
     #[must_use]
     pub(crate) fn reserve(&mut self, count: u32, device: &RenderDevice, queue: &RenderQueue) -> bool {
         if count <= self.capacity && self.buffer.is_some() {
@@ -48,12 +55,15 @@ impl<T: Pod> GrowableBuffer<T> {
             return false;
         }
         let capacity = count.max(1).checked_next_power_of_two().unwrap_or(count).min(self.limit);
-        let buffer = device.create_buffer(&BufferDescriptor {
-            label: Some(self.label),
-            size: capacity as u64 * size_of::<T>() as u64,
-            usage: self.usage,
-            mapped_at_creation: false,
-        });
+        let buffer = match allocation::attempt(device, || self.create(capacity, device)) {
+            Ok(buffer) => buffer,
+            Err(error) => {
+                if !core::mem::replace(&mut self.warned, true) {
+                    warn!("restir: no memory for a buffer of {capacity} elements ({}): {error}", self.label);
+                }
+                return false;
+            }
+        };
         if let Some(old) = &self.buffer {
             let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor { label: Some(self.label) });
             encoder.copy_buffer_to_buffer(old, 0, &buffer, 0, old.size());
@@ -62,6 +72,15 @@ impl<T: Pod> GrowableBuffer<T> {
         self.buffer = Some(buffer);
         self.capacity = capacity;
         true
+    }
+
+    fn create(&self, capacity: u32, device: &RenderDevice) -> Buffer {
+        device.create_buffer(&BufferDescriptor {
+            label: Some(self.label),
+            size: capacity as u64 * size_of::<T>() as u64,
+            usage: self.usage,
+            mapped_at_creation: false,
+        })
     }
 
     /// Uploads `data` to the elements from `first` on, which must be reserved.  Returns the number of bytes sent.

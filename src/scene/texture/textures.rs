@@ -41,7 +41,7 @@ use crate::scene::{
     texture::bindless::BindlessTextures,
     texture::image_info::{BINDLESS, ImageInfo, LEVELS_SHIFT, is_live, mean_color, warn_of_lost_bits},
 };
-use crate::{gpu_layout::NO_TEXTURE, shader_library::ShaderLibrary};
+use crate::{gpu_layout::NO_TEXTURE, shader_library::ShaderLibrary, warned::Warned};
 
 /// The textures of the scene.
 #[derive(Resource)]
@@ -51,7 +51,7 @@ pub(crate) struct TexturePool {
     /// Images that shaders cannot read, until they change.
     rejected: HashSet<AssetId<Image>>,
     /// Images that a warning has named; each is named once, however often it changes.
-    warned: HashSet<AssetId<Image>>,
+    warned: Warned<AssetId<Image>>,
     /// A warning has said that the atlas is full.
     warned_full: bool,
     atlas: Option<Atlas>,
@@ -60,8 +60,8 @@ pub(crate) struct TexturePool {
     pub bindless: Option<BindlessTextures>,
     /// Images whose pixels have changed since they were bound or copied.
     changed: HashSet<AssetId<Image>>,
-    /// Images that failed to load or that do not exist: nothing waits for them.
-    absent: HashSet<AssetId<Image>>,
+    /// Images that failed to load or that do not exist, and that a warning has named.
+    absent: Warned<AssetId<Image>>,
     asset_wait: AssetWait,
     versions: u64,
     /// An image with a slot was removed.
@@ -81,13 +81,13 @@ impl Default for TexturePool {
             info: HashMap::default(),
             allocator: AtlasAllocator::default(),
             rejected: HashSet::default(),
-            warned: HashSet::default(),
+            warned: Warned::default(),
             warned_full: false,
             atlas: None,
             copier: Copier::default(),
             bindless: None,
             changed: HashSet::default(),
-            absent: HashSet::default(),
+            absent: Warned::default(),
             asset_wait: AssetWait::default(),
             versions: 0,
             lost_slot: false,
@@ -103,7 +103,10 @@ pub(crate) fn record_images(
     extracted: Res<ExtractedAssets<GpuImage>>,
     scene: Res<ExtractedScene>,
 ) {
+    let pool = &mut *pool;
     pool.asset_wait.begin_frame();
+    pool.warned.begin_frame();
+    pool.absent.begin_frame();
     let emissive = if extracted.extracted.is_empty() { HashSet::default() } else { scene.emissive_images() };
     for (id, image) in &extracted.extracted {
         pool.versions += 1;
@@ -116,8 +119,9 @@ pub(crate) fn record_images(
     }
     for id in &extracted.removed {
         pool.info.remove(id);
-        pool.warned.remove(id);
+        pool.warned.forget(id);
         pool.rejected.remove(id);
+        pool.changed.remove(id);
         let had_slot = pool.release(*id);
         pool.lost_slot |= had_slot;
     }
@@ -176,8 +180,8 @@ impl TexturePool {
     pub(crate) fn is_coming(&mut self, id: AssetId<Image>, assets: &AssetServer) -> bool {
         let coming = self.info.contains_key(&id) || self.asset_wait.is_pending(id, assets);
         if coming {
-            self.absent.remove(&id);
-        } else if self.absent.insert(id) {
+            self.absent.forget(&id);
+        } else if self.absent.is_due(id) {
             match assets.get_path(id) {
                 Some(path) => warn!(
                     "restir: image {path} could not be loaded; materials and environments are rendered without it"
@@ -290,7 +294,7 @@ impl TexturePool {
         };
         let mut moved = false;
         for id in new.extract_if(.., |id| !is_supported(id)) {
-            if self.warned.insert(id) {
+            if self.warned.is_due(id) {
                 warn!(
                     "restir: image {id} is not a 2D color texture that shaders can read; materials are rendered without it"
                 );
@@ -333,7 +337,7 @@ impl TexturePool {
             warn_of_lost_bits(image.texture_descriptor.format);
             if whole_size(image).max_element() > limits.page
                 && self.allocator.get(id).is_none()
-                && self.warned.insert(id)
+                && self.warned.is_due(id)
             {
                 warn!("restir: image {id} is larger than {} pixels on a side; it is scaled down", limits.page);
             }

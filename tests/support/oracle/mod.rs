@@ -1,8 +1,12 @@
-//! The formulas of materials, subsurface scattering, environments, textures and MIS weights in f64, written independently of the WGSL that they check.
+//! The formulas of materials, subsurface scattering, environments, textures, MIS weights and reconnections in f64, written independently of
+//! the WGSL that they check.
 
 pub mod bsdf;
+pub mod enumeration;
 pub mod environment;
 pub mod mis;
 pub mod quadrature;
+pub mod reconnection;
+pub mod roulette;
 pub mod subsurface;
 pub mod texture;

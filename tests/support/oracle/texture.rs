@@ -98,7 +98,23 @@ impl Texture {
         self.sample_level(low as usize, uv).lerp(above, level - low)
     }
 
-    /// Up to four samples along the longer axis of an ellipse with these diameters, from the level that suits the shorter axis.
+    /// The mean over an ellipse with these conjugate diameters, by brute force.
+    pub fn mean_over_ellipse(&self, uv: DVec2, axes: [DVec2; 2]) -> DVec4 {
+        const RINGS: u32 = 16;
+        const SPOKES: u32 = 32;
+        let mut sum = DVec4::ZERO;
+        for ring in 0..RINGS {
+            // Rings of equal area.
+            let r = 0.5 * ((f64::from(ring) + 0.5) / f64::from(RINGS)).sqrt();
+            for spoke in 0..SPOKES {
+                let (sin, cos) = (std::f64::consts::TAU * (f64::from(spoke) + 0.5) / f64::from(SPOKES)).sin_cos();
+                sum += self.sample_level(0, uv + r * (cos * axes[0] + sin * axes[1]));
+            }
+        }
+        sum / f64::from(RINGS * SPOKES)
+    }
+
+    /// The recipe of the shader: up to four samples along the longer axis of an ellipse with these diameters, from the level that suits the shorter axis.
     pub fn sample_area(&self, uv: DVec2, axes: [DVec2; 2]) -> DVec4 {
         let size = DVec2::new(self.levels[0].width as f64, self.levels[0].height as f64);
         // The singular values of the matrix of both diameters, and the direction of the larger one.

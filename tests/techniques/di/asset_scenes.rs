@@ -31,6 +31,7 @@ fn check(name: &str, proof: Proof) {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn direct_light_in_the_cornell_box_equals_the_reference_for_every_kind_of_reuse() {
     let Some(mut rig) = Rig::load("cornell", 64) else { return };
     let classic = Direct {
@@ -78,26 +79,31 @@ fn direct_light_in_the_cornell_box_equals_the_reference_for_every_kind_of_reuse(
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn direct_light_on_glossy_surfaces_equals_the_reference() {
     check("glossy", Proof::of((32, 12), (40, 20)));
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn direct_light_of_a_thousand_lights_equals_the_reference() {
     check("many_lights", Proof { margin: 0.02, ..Proof::of((32, 8), (40, 40)) });
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn direct_light_of_points_and_a_sun_equals_the_reference() {
     check("punctual", Proof::of((24, 8), (40, 40)));
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn direct_light_in_a_furnace_of_all_materials_equals_the_reference() {
     check("furnace", Proof::of((16, 8), (16, 16)));
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn direct_light_in_a_moving_frame_equals_that_of_the_still_scene() {
     let Some(mut rig) = scene(64, moving) else { return };
     let proof = Proof { pose: Some(&pose_moving), ..Proof::of((64, 1), (24, 16)) };

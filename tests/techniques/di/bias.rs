@@ -19,7 +19,7 @@ fn corrected(bias_correction: BiasCorrection, mis: Mis) -> Direct {
 
 #[test]
 fn each_biased_mode_is_biased_with_its_documented_sign() {
-    let Some(mut rig) = room_scene(32) else { return };
+    let Some(mut rig) = shared(64, "room") else { return };
     let reference = PROOF.truth(&mut rig, 1000);
     for (name, direct) in [
         ("off", corrected(BiasCorrection::Off, Mis::default())),
@@ -46,8 +46,9 @@ fn by_shadow(ours: &Restarts, truth: &Restarts, without_shadows: &Restarts) -> [
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn each_reuse_of_visibility_is_biased_with_its_documented_sign() {
-    let Some(mut rig) = room_scene(32) else { return };
+    let Some(mut rig) = shared(64, "room") else { return };
     let truth = PROOF.truth(&mut rig, 1000);
     let reusing = |visibility| Direct {
         reuse: Reuse { radius: pixels(10.0, 32), ..Reuse::DIRECT },
@@ -79,9 +80,10 @@ fn each_reuse_of_visibility_is_biased_with_its_documented_sign() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn shading_visibility_is_biased_only_with_a_bsdf_candidate() {
     // Few candidates and light from all directions give the BSDF candidate a large weight.
-    let Some(mut rig) = scene(32, |rig| surrounded(rig, false)) else { return };
+    let Some(mut rig) = scene(64, |rig| surrounded(rig, false)) else { return };
     let truth = PROOF.truth(&mut rig, 1000);
     for bsdf_candidate in [false, true] {
         let direct = Direct {
@@ -92,15 +94,21 @@ fn shading_visibility_is_biased_only_with_a_bsdf_candidate() {
             ..Direct::default()
         };
         let direct = Direct { visibility: VisibilityReuse::Shading, ..direct };
-        let found = PROOF.resampled(&mut rig, &direct, 5000).compare(&truth, 0.01);
+        // Without candidates that are known to be visible the picture is noisy: 2 % is what these lengths can show.
+        let margin = if bsdf_candidate { 0.01 } else { 0.02 };
+        let found = PROOF.resampled(&mut rig, &direct, 5000).compare(&truth, margin);
         eprintln!("shading, BSDF candidate {bsdf_candidate}: {found}");
-        assert_eq!(bsdf_candidate, found.is_different() && found.difference < 0.0, "{found}");
+        if bsdf_candidate {
+            assert!(found.is_different() && found.difference < 0.0, "{found}");
+        } else {
+            assert!(found.is_equal(), "{found}");
+        }
     }
 }
 
 #[test]
 fn planted_errors_are_found() {
-    let Some(mut rig) = room_scene(32) else { return };
+    let Some(mut rig) = shared(64, "room") else { return };
     let reference = PROOF.truth(&mut rig, 1000);
     let planted = [
         ("PLANT_SCALED_UCW", di::candidates_only()),
@@ -114,7 +122,7 @@ fn planted_errors_are_found() {
 
 #[test]
 fn nan_stays_in_its_reservoir() {
-    let Some(mut rig) = room_scene(32) else { return };
+    let Some(mut rig) = shared(64, "room") else { return };
     PROOF.survives_nan(&mut rig, &[di::all_reuse()]);
 }
 
@@ -177,8 +185,7 @@ fn two_hundred_frames_of_a_moving_camera_are_finite() {
             Transform::from_translation(place).looking_at(Vec3::new(0.0, -0.3, 0.0), Vec3::Y);
         if frame % 10 == 9 {
             assert!(rig.next().is_finite(), "frame {frame}");
-            let report = rig.report();
-            assert_eq!((report.non_finite_pixels, report.overflow_flags), (0, 0), "frame {frame}");
+            assert_eq!(rig.report().raised_guards(), [], "frame {frame}");
         } else {
             rig.frame();
         }

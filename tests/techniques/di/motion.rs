@@ -1,5 +1,5 @@
-//! A frame of a moving scene equals on average the reference of the still scene at that moment.  The mean is over 120 seeds of the last
-//! frame of a scripted motion of four, at 32 x 32 pixels; margin 1 % (1.5 % where noted) at α = 0.01, and chi-squared of the 8 x 8 tiles.
+//! A frame of a moving scene equals on average the reference of the still scene at that moment.  The mean is over 40 seeds of the last
+//! frame of a scripted motion of four, at 64 x 64 pixels; margin 1 % (1.5 % where noted) at α = 0.01, and chi-squared of the 8 x 8 tiles.
 
 use crate::support::{app::*, proof::Proof, reuse_settings::di, small_scenes::*};
 use bevy::prelude::*;
@@ -8,8 +8,11 @@ use bevy_restir::{Direct, Mis, Reuse};
 fn check(name: &str, rig: &mut Rig, margin: f64, pose: impl Fn(&mut Rig, u32)) {
     // Disocclusions are frequent here: use as many neighbors as possible.
     let both = Direct { reuse: Reuse { disocclusion_samples: 5, ..di::all_reuse().reuse }, ..di::all_reuse() };
+    // At rest, without jitter, a place of the last frame is the middle of a pixel: bilinear weights have no effect there.
+    let bilinear = Direct { reuse: Reuse { bilinear: true, ..both.reuse.clone() }, ..both.clone() };
     let techniques = [
         ("both", both),
+        ("bilinear", bilinear),
         (
             "balance",
             Direct {
@@ -18,22 +21,23 @@ fn check(name: &str, rig: &mut Rig, margin: f64, pose: impl Fn(&mut Rig, u32)) {
             },
         ),
     ];
-    Proof { margin, pose: Some(&pose), ..Proof::of((120, 1), (40, 64)) }.check(name, rig, &techniques);
+    Proof { margin, pose: Some(&pose), ..Proof::of((40, 1), (12, 64)) }.check(name, rig, &techniques);
 }
 
 #[test]
 fn a_moving_occluder_leaves_no_trail_of_light_or_shadow() {
     let mut block = Entity::PLACEHOLDER;
-    let Some(mut rig) = scene(32, |rig| block = room(rig)) else { return };
+    let Some(mut rig) = scene(64, |rig| block = room(rig)) else { return };
     check("occluder", &mut rig, 0.01, |rig, step| {
         rig.get_mut::<Transform>(block).translation = Vec3::new(0.9 - 0.3 * step as f32, 0.1, 0.0);
     });
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn a_moving_emitter_lights_from_its_current_position() {
     let mut lamps = Entity::PLACEHOLDER;
-    let Some(mut rig) = scene(32, |rig| {
+    let Some(mut rig) = scene(64, |rig| {
         room(rig);
         lamps = rig.spawn(Cuboid::new(0.3, 0.3, 0.3), lamp(4.0, 8.0, 8.0), Transform::default());
     }) else {
@@ -46,8 +50,9 @@ fn a_moving_emitter_lights_from_its_current_position() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn a_moving_camera_sees_the_same_as_one_at_rest() {
-    let Some(mut rig) = room_scene(32) else { return };
+    let Some(mut rig) = room_scene(64) else { return };
     check("camera", &mut rig, 0.01, |rig, step| {
         let place = Vec3::new(0.9 - 0.2 * step as f32, 0.2 + 0.1 * step as f32, 4.0 - 0.1 * step as f32);
         *rig.get_mut::<Transform>(rig.camera) =
@@ -58,7 +63,7 @@ fn a_moving_camera_sees_the_same_as_one_at_rest() {
 #[test]
 fn lights_that_move_change_come_and_go_have_their_current_effect() {
     let (mut moving, mut late, mut early) = (Entity::PLACEHOLDER, Entity::PLACEHOLDER, Entity::PLACEHOLDER);
-    let Some(mut rig) = scene(32, |rig| {
+    let Some(mut rig) = scene(64, |rig| {
         room(rig);
         let light = |intensity| PointLight { intensity, ..default() };
         // The first light of the table appears late, so that all other ids change in the last frame.
@@ -81,9 +86,10 @@ fn lights_that_move_change_come_and_go_have_their_current_effect() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn lights_that_only_move_light_from_their_current_position() {
     let mut moving = [Entity::PLACEHOLDER; 2];
-    let Some(mut rig) = scene(32, |rig| {
+    let Some(mut rig) = scene(64, |rig| {
         room(rig);
         let light = PointLight { intensity: 60.0, ..default() };
         rig.spawn_bundle((light, Transform::from_xyz(1.0, 0.2, 1.2)));
@@ -101,7 +107,8 @@ fn lights_that_only_move_light_from_their_current_position() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn lights_that_come_and_go_do_not_change_the_light_of_emitters() {
-    let Some(mut rig) = scene(32, passing) else { return };
+    let Some(mut rig) = scene(64, passing) else { return };
     check("passing lights", &mut rig, 0.015, pose_passing);
 }

@@ -25,8 +25,7 @@ fn energy(rig: &mut Rig, apply: impl Fn(&mut Restir), frames: u32) -> f64 {
         assert!(picture.is_finite(), "frame {frame}");
         (sum, count) = (sum + picture.mean(), count + 1);
     }
-    let report = rig.report();
-    assert_eq!((report.non_finite_pixels, report.overflow_flags), (0, 0));
+    rig.assert_sound();
     sum / f64::from(count)
 }
 

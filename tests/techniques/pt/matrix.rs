@@ -1,5 +1,5 @@
 //! The long form of `asset_scenes`: ReSTIR PT and GI equal the reference in every row of a pairwise covering set of scenes, techniques,
-//! reuse, MIS kinds, reconnection criteria, shading weights and neighbor heuristics.  The results are a table of `docs/proof.md`.
+//! reuse, MIS kinds, reconnection criteria, shading weights and neighbor heuristics.  The results are a table of `docs/proof-matrix.md`.
 
 use crate::support::{
     matrix::{self, Choices, Row},

@@ -12,10 +12,11 @@ use crate::support::{
 use bevy::prelude::*;
 use bevy_restir::{
     Paths, Reconnection, Reuse,
-    testing::{plant_shader_defs, replace_pass_shader},
+    testing::{plant_shader_defs, plant_shader_edits, replace_pass_shader, shader_library::ShaderEdit},
 };
 
 const BOUNCES: u32 = 4;
+const SEEDS: u32 = 160;
 const SIZE: usize = 32;
 /// Pixels whose coordinates differ in these bits are partners (`PARTNER` in the shader).
 const PARTNER: (usize, usize) = (8, 4);
@@ -44,6 +45,14 @@ fn pictures(rig: &mut Rig, defs: &[&'static str], paths: Paths, seeds: u32) -> V
     pictures
 }
 
+/// Paths are selected without regard to their light.  Their contribution weights are then bounded, and so is everything that is summed:
+/// bright paths do not decide the sums.
+const ANY_PATH: ShaderEdit = ShaderEdit {
+    module: "restir/pt/initial_candidates.wgsl",
+    from: "let value = luminance(f);",
+    to: "let value = f32(luminance(f) > 0.0);",
+};
+
 /// The relative difference of both sums with its standard error, and the p-value of both being equal in all tiles of 4 x 4 pixels.
 struct Measure {
     difference: f64,
@@ -53,6 +62,9 @@ struct Measure {
 
 impl Measure {
     fn of(rig: &mut Rig, plant: &[&'static str], paths: Paths, seeds: u32) -> Self {
+        plant_shader_edits(&mut rig.app, &[ANY_PATH]);
+        // One light candidate has a bounded weight, too.
+        let paths = Paths { candidates: 1, ..paths };
         let frames = pictures(rig, &[&["TEST_CENSUS", "TEST_PAIRED"], plant].concat(), paths, seeds);
         let sum = |of: fn(&Vec3) -> f32| frames.iter().map(move |f| f.iter().map(|c| f64::from(of(c))).sum());
         let (mean, _) = mean_and_error(sum(|c| 0.5 * (c.x + c.y)));
@@ -69,6 +81,11 @@ impl Measure {
         let rounding = 1e-4 * mean / (SIZE * SIZE / 16) as f64;
         let tiles = chi_squared_of_differences(pairs, rounding);
         Self { difference: difference / mean, error: error / mean, tiles }
+    }
+
+    /// Two one-sided tests at the level 0.01: the sums differ by less than this margin.
+    fn is_equal(&self, margin: f64) -> bool {
+        self.difference.abs() + 2.33 * self.error < margin && self.tiles > 1e-4
     }
 }
 
@@ -93,10 +110,15 @@ fn the_jacobian_is_the_change_of_measure_of_the_shift() {
     for (name, make) in PATH_SCENES {
         let Some(mut rig) = scene(SIZE as u32, make) else { return };
         for (what, paths) in kinds() {
-            let measure = Measure::of(&mut rig, &[], paths, 60);
+            // Where all surfaces are rough, the kinds choose the same vertices.
+            if !matches!(what, "footprints" | "Jacobians to 2") && name != "glossy" {
+                continue;
+            }
+            let measure = Measure::of(&mut rig, &[], paths, SEEDS);
             eprintln!("{name}, {what}: {measure}");
-            assert!(measure.error < 0.03 && measure.difference.abs() < 4.0 * measure.error, "{name}, {what}");
-            assert!(measure.tiles > 1e-4, "{name}, {what}");
+            // Glossy surfaces and mirrors have rare bright paths, which 1 % would need far more frames for.
+            let margin = if matches!(name, "glossy" | "mirrors") { 0.1 } else { 0.01 };
+            assert!(measure.is_equal(margin), "{name}, {what}: {measure}");
         }
     }
 }
@@ -107,7 +129,7 @@ fn the_jacobian_is_the_change_of_measure_over_every_lobe() {
     let Some(mut rig) = scene(SIZE as u32, every_lobe) else { return };
     let measure = Measure::of(&mut rig, &[], Paths::default(), 240);
     eprintln!("{measure}");
-    assert!(measure.error < 0.03 && measure.difference.abs() < 4.0 * measure.error && measure.tiles > 1e-4);
+    assert!(measure.is_equal(0.05), "{measure}");
 }
 
 #[test]

@@ -65,6 +65,7 @@ fn an_infinite_plane_under_uniform_light_is_as_bright_as_a_diffuse_one() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn the_interface_keeps_what_it_reflects_towards_the_viewer() {
     let Some(mut rig) = window(0.1, 64) else { return };
     rig.insert(rig.camera, sky(1.0));
@@ -87,6 +88,7 @@ fn the_interface_keeps_what_it_reflects_towards_the_viewer() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn a_ball_under_uniform_light_has_its_closed_form() {
     let Some(mut rig) = window(0.2, 64) else { return };
     rig.insert(rig.camera, sky(1.0));
@@ -107,6 +109,7 @@ fn a_ball_under_uniform_light_has_its_closed_form() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn a_slab_gains_what_crosses_it() {
     let Some(mut rig) = window(0.1, 64) else { return };
     rig.insert(rig.camera, sky(1.0));
@@ -122,6 +125,7 @@ fn a_slab_gains_what_crosses_it() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn a_closed_furnace_with_translucent_walls_has_its_closed_form() {
     let Some(mut rig) = Rig::new(48, 48) else { return };
     rig.set(|restir| restir.bounces = 48);
@@ -176,6 +180,7 @@ fn surface_integral(
 
 /// A box that is scaled, turned and textured, seen through a small window: light enters it by a surface integral.
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn a_turned_scaled_and_textured_box_agrees_with_a_surface_integral() {
     let Some(mut rig) = window(0.02, 32) else { return };
     let place =

@@ -1,0 +1,112 @@
+//! Pictures of one pixel, targets and viewports that change, and cameras that are switched off and on, for every technique: the picture is
+//! always that of a new camera.
+
+use crate::support::{
+    app::*,
+    bad_numbers::{assert_no_errors, fresh},
+    small_scenes::room,
+};
+use bevy::{
+    camera::{ImageRenderTarget, RenderTarget, Viewport},
+    prelude::*,
+};
+use bevy_restir::{Direct, Restir, Technique};
+
+const TECHNIQUES: [Technique; 4] = [Technique::Reference, Technique::Di, Technique::Gi, Technique::Pt];
+
+fn settings(technique: Technique) -> Restir {
+    // Few light subsets, because a CPU fills them slowly.
+    let direct = Direct { subset_count: 4, subset_size: 32, ..default() };
+    Restir { technique, bounces: 2, seed: 3, direct, ..default() }
+}
+
+/// A room, seen at a size.
+fn scene(size: UVec2) -> Option<Rig> {
+    let mut rig = Rig::new(size.x, size.y)?;
+    room(&mut rig);
+    rig.set(|restir| *restir = settings(Technique::Pt));
+    Some(rig)
+}
+
+/// The picture of a technique, when everything is ready.
+fn picture(rig: &mut Rig, technique: Technique) -> Picture {
+    rig.set(|restir| *restir = settings(technique));
+    rig.until_ready();
+    let picture = fresh(rig);
+    assert!(picture.is_finite() && picture.mean() > 0.0, "{technique:?}, {}", picture.size);
+    picture
+}
+
+/// Replaces the camera by a new one with a new target.
+fn replace_camera(rig: &mut Rig, size: UVec2) {
+    rig.app.world_mut().despawn(rig.camera);
+    rig.target = rig.add::<Image>(target_image(size));
+    let target = RenderTarget::Image(ImageRenderTarget::from(rig.target.clone()));
+    let capture = rig.capture.clone();
+    let place = Transform::from_xyz(0.0, 0.0, 5.0);
+    rig.camera = rig.spawn_bundle((Camera3d::default(), target, place, unit_exposure(), plain(), capture));
+}
+
+#[test]
+fn resized_pictures_equal_those_of_a_new_camera() {
+    let sizes = [UVec2::new(12, 8), UVec2::ONE, UVec2::new(5, 9), UVec2::new(12, 8)];
+    // The other app gets a new camera for each size, and keeps its pipelines.
+    let (Some(mut resized), Some(mut other)) = (scene(sizes[0]), scene(sizes[0])) else { return };
+    for size in sizes {
+        let target = resized.target.clone();
+        resized.edit(&target, |image| *image = target_image(size));
+        // Bevy reports the new size of a target to its camera in the next frame.
+        resized.frames(2);
+        replace_camera(&mut other, size);
+        for technique in TECHNIQUES {
+            let expected = picture(&mut other, technique);
+            assert_eq!(expected.size, size);
+            assert_eq!(picture(&mut resized, technique), expected, "{technique:?}, {size}");
+            assert_no_errors(&resized, "resized");
+        }
+    }
+}
+
+#[test]
+fn viewports_and_toggles_leave_no_trace() {
+    let size = UVec2::new(24, 16);
+    let Some(mut rig) = scene(size) else { return };
+    let camera = rig.camera;
+    let good = TECHNIQUES.map(|technique| picture(&mut rig, technique));
+    for (i, technique) in TECHNIQUES.into_iter().enumerate() {
+        assert_eq!(picture(&mut rig, technique), good[i], "{technique:?} after other techniques");
+        for part in [UVec2::ONE, UVec2::new(12, 16), UVec2::new(5, 3)] {
+            let viewport =
+                Viewport { physical_position: UVec2::new(2, 1).min(size - part), physical_size: part, ..default() };
+            rig.get_mut::<Camera>(camera).viewport = Some(viewport);
+            rig.frame();
+            assert_eq!(picture(&mut rig, technique).size, part);
+            assert_no_errors(&rig, "viewport");
+        }
+        rig.get_mut::<Camera>(camera).viewport = None;
+        rig.frame();
+        assert_eq!(picture(&mut rig, technique), good[i], "{technique:?} without a viewport again");
+
+        rig.app.world_mut().entity_mut(camera).remove::<Restir>();
+        rig.frames(2);
+        assert!(rig.next_if_any().is_none(), "without `Restir` there is no radiance");
+        rig.insert(camera, settings(technique));
+        rig.frame();
+        assert_eq!(picture(&mut rig, technique), good[i], "{technique:?} with `Restir` again");
+
+        rig.get_mut::<Camera>(camera).is_active = false;
+        rig.frames(2);
+        assert!(rig.next_if_any().is_none(), "an inactive camera");
+        rig.get_mut::<Camera>(camera).is_active = true;
+        rig.frame();
+        assert_eq!(picture(&mut rig, technique), good[i], "{technique:?}, active again");
+
+        // In every frame another technique, without waiting.
+        for other in TECHNIQUES {
+            rig.set(|restir| restir.technique = other);
+            assert!(rig.next_if_any().is_none_or(|picture| picture.is_finite()), "{technique:?}, then {other:?}");
+        }
+        assert_eq!(picture(&mut rig, technique), good[i], "{technique:?} after a switch in every frame");
+        assert_no_errors(&rig, "switched");
+    }
+}

@@ -1,0 +1,96 @@
+// What a pixel reads of this frame and of the last one.  Tests run it instead of `shaders/pass/reuse.wgsl`.
+//
+// A block of 2 x 8 pixels belongs to one place in the image.  Its left column shows what the place reads of this frame, its right column
+// what it reads of the last frame, one quantity a row: the right column must equal the left one of the frame before.
+
+#import technique::{PackedReservoir, receiver_of, reservoir_pack, reservoir_unpack}
+#import bevy_restir::common::constants::{FAR, NONE}
+#import bevy_restir::common::ray::Ray
+#import bevy_restir::light::point_on_light::{light_point_at, LightPoint}
+#import bevy_restir::light::types::LightSample
+#import bevy_restir::path::nee::emitter_nee_pdf
+#import bevy_restir::restir::bindings::{previous_visibility, settings}
+#import bevy_restir::restir::reservoir_layout::reservoir_index
+#import bevy_restir::restir::shift::reconnection::triangle_factor
+#import bevy_restir::scene::bindings::scene
+#import bevy_restir::trace::trace::trace_closest_of
+#import bevy_restir::view::bindings::{view, visibility}
+
+@group(2) @binding(1) var<storage, read> neighbors: array<PackedReservoir>;
+@group(2) @binding(2) var<storage, read_write> reservoirs: array<PackedReservoir>;
+@group(2) @binding(4) var own_contribution: texture_2d<f32>;
+@group(2) @binding(5) var resampled: texture_storage_2d<rgba32float, write>;
+
+@compute @workgroup_size(8, 8)
+fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
+    let pixel = id.xy;
+    if any(pixel >= view.size) {
+        return;
+    }
+    let index = reservoir_index(pixel, view.size, settings.reservoir_layout);
+    reservoirs[index] = reservoir_pack(reservoir_unpack(neighbors[index]));
+    let place = pixel / vec2<u32>(2u, 8u) * vec2<u32>(2u, 8u) + vec2<u32>(0u, 4u);
+    let previous = (pixel.x & 1u) != 0u;
+    var ids = textureLoad(visibility, place, 0).xy;
+    if previous {
+        ids = textureLoad(previous_visibility, place, 0).xy;
+    }
+    var value = textureLoad(own_contribution, pixel, 0).rgb * 0.0;
+    if ids.x != NONE && settings.temporal_samples > 0u {
+        value = quantity(ids, place, previous, pixel.y & 7u);
+    }
+    textureStore(resampled, pixel, vec4<f32>(value, 0.0));
+}
+
+fn quantity(ids: vec2<u32>, place: vec2<u32>, previous: bool, row: u32) -> vec3<f32> {
+    let r = receiver_of(ids, place, previous);
+    let s = r.first.surface;
+    // A direction of its own for each place.
+    let turn = vec3<f32>(sin(f32(place.x)), cos(f32(place.y)), sin(f32(place.x + 3u * place.y)));
+    let hit = trace_closest_of(Ray(s.position + 0.01 * s.bsdf.n_geo, 0.0, normalize(s.bsdf.n_geo + 0.6 * turn), FAR), 7u, previous);
+    switch row {
+        case 0u: {
+            return s.position;
+        }
+        case 1u: {
+            return s.bsdf.n_geo + 0.5 * s.bsdf.n + s.bsdf.base_color;
+        }
+        case 2u: {
+            return r.first.wo;
+        }
+        case 3u: {
+            return vec3<f32>(r.first.cone.width, r.shift.separation, f32(s.front));
+        }
+        case 4u: {
+            return vec3<f32>(min(hit.t, 100.0), f32(hit.instance & 0xffu), f32(hit.triangle & 0xffu));
+        }
+        case 5u: {
+            if hit.instance == NONE {
+                return vec3<f32>(0.0);
+            }
+            let factor = triangle_factor(s.position, s.position + vec3<f32>(0.3, 0.5, 0.7), hit.instance, hit.triangle, previous);
+            let pdf = emitter_nee_pdf(0u, 1.0, hit.instance, hit.triangle, s.position, s.position + vec3<f32>(0.7, 0.3, 0.5), previous);
+            return vec3<f32>(factor, min(pdf, 1.0e3), 0.0);
+        }
+        case 6u: {
+            return lights(s.position, previous, 0u);
+        }
+        default: {
+            return lights(s.position, previous, 1u);
+        }
+    }
+}
+
+// Sums over all lights, seen from a point.
+fn lights(from_point: vec3<f32>, previous: bool, which: u32) -> vec3<f32> {
+    var sum = vec3<f32>(0.0);
+    for (var light = 0u; light < scene.light_count; light++) {
+        let l = light_point_at(LightPoint(light, 0x50003000u), from_point, previous);
+        if which == 0u {
+            sum += l.radiance * (1.0 + abs(l.wi.x));
+        } else {
+            sum += vec3<f32>(min(l.pdf_solid_angle, 1.0e3), min(l.distance, 1.0e3), l.pdf_scale);
+        }
+    }
+    return sum;
+}

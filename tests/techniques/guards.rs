@@ -1,0 +1,178 @@
+//! The guards of the shaders: each stops the numbers that it is for, and no other guard meets them; legal numbers raise none.
+
+use crate::support::{
+    app::*,
+    gpu::{Bound, gpu},
+    small_scenes::room,
+};
+use bevy::prelude::*;
+use bevy_restir::{
+    Technique,
+    testing::{gpu_layout::*, guards::GUARDS, plant_shader_defs},
+};
+use std::collections::BTreeSet;
+
+const NAN: u32 = 0x7fc0_0000;
+const INFINITY: u32 = 0x7f80_0000;
+const MINUS_ONE: u32 = 0xbf80_0000;
+
+/// What the kernel `guard` writes for a number.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+struct Out {
+    number: u32,
+    raised: u32,
+    color: [u32; 2],
+    raised_by_color: u32,
+    with_infinity: u32,
+    raised_with_infinity: u32,
+    raised_by_condition: u32,
+}
+
+#[test]
+fn guards_let_pass_what_is_finite_and_not_negative() {
+    let Some(gpu) = gpu() else { return };
+    let one = 1f32.to_bits();
+    let legal = [0, one, 0x0080_0000, f32::MAX.to_bits(), 0x8000_0000];
+    let overflow = [INFINITY];
+    let illegal = [NAN, 0xffc0_0000, 0x7f80_0001, 0xff80_0000, MINUS_ONE, (-f32::MIN_POSITIVE).to_bits()];
+    let numbers: Vec<u32> = legal.iter().chain(&overflow).chain(&illegal).copied().collect();
+    let input = gpu.storage(&numbers);
+    let results = gpu.zeroed::<Out>(numbers.len());
+    let kernel = gpu.kernel("guard", include_str!("../support/kernels/guard.wgsl"), &[]);
+    kernel.run([numbers.len() as u32, 1, 1], &[(0, 0, Bound::Buffer(&input)), (0, 1, Bound::Buffer(&results))]);
+    for (bits, out) in numbers.iter().zip(gpu.read::<Out>(&results)) {
+        let is_legal = legal.contains(bits);
+        let guard = match bits {
+            _ if is_legal => 0,
+            &INFINITY => GUARD_FLOAT_OVERFLOW,
+            _ => GUARD_RAY,
+        };
+        // Numbers pass unchanged, except for the sign of zero.
+        let passed = |found: u32, number: u32| is_legal && f32::from_bits(found) == f32::from_bits(number);
+        assert!(if is_legal { passed(out.number, *bits) } else { out.number == 0 }, "{bits:#x}: {out:?}");
+        assert!(if is_legal { passed(out.color[1], one) } else { out.color == [0, 0] }, "{bits:#x}: {out:?}");
+        assert_eq!((out.raised, out.raised_by_color), (guard, guard), "{bits:#x}");
+        assert_eq!(out.with_infinity == INFINITY, *bits == INFINITY, "{bits:#x}");
+        assert_eq!(out.raised_with_infinity, guard & GUARD_RAY, "{bits:#x}");
+        assert_eq!(out.raised_by_condition, if is_legal { 0 } else { GUARD_RAY }, "{bits:#x}");
+    }
+}
+
+/// Guards that fail together, the technique, the bits that are planted there, and the guards that are raised.
+type Plant = (&'static [&'static str], Technique, u32, &'static [&'static str]);
+
+/// Each guard with one technique.
+const QUICK: &[Plant] = {
+    use Technique::{Di, Gi, Pt, Reference};
+    const PATHS: &[&str] = &["non_finite", "negative_pixel", "light_contribution", "bsdf_sample", "throughput"];
+    const WEIGHTS: &[&str] = &["resampling_weight", "contribution_weight", "target", "mis_weight"];
+    const SHIFTS: &[&str] = &["shift_contribution", "jacobian"];
+    &[
+        (PATHS, Reference, NAN, PATHS),
+        (&["surface", "light_sample"], Reference, MINUS_ONE, &["surface", "light_sample"]),
+        (&["ray", "light_contribution"], Reference, INFINITY, &["float_overflow", "ray"]),
+        (WEIGHTS, Di, MINUS_ONE, WEIGHTS),
+        (SHIFTS, Pt, NAN, SHIFTS),
+        (&["gi_measure"], Gi, NAN, &["gi_measure"]),
+        (&["reservoir"], Di, NAN, &["reservoir"]),
+    ]
+};
+
+/// Each guard alone with each technique that has numbers of its own for it.
+const FULL: &[Plant] = {
+    use Technique::{Di, Gi, Pt, Reference};
+    &[
+        (&["non_finite"], Reference, NAN, &["non_finite"]),
+        (&["non_finite"], Pt, INFINITY, &["non_finite"]),
+        (&["negative_pixel"], Reference, NAN, &["negative_pixel"]),
+        (&["ray"], Pt, NAN, &["ray"]),
+        (&["surface"], Reference, NAN, &["surface"]),
+        (&["light_sample"], Reference, NAN, &["light_sample"]),
+        (&["light_sample"], Di, MINUS_ONE, &["light_sample"]),
+        (&["light_contribution"], Reference, NAN, &["light_contribution"]),
+        (&["light_contribution"], Pt, INFINITY, &["float_overflow"]),
+        (&["bsdf_sample"], Reference, MINUS_ONE, &["bsdf_sample"]),
+        (&["bsdf_sample"], Pt, NAN, &["bsdf_sample"]),
+        (&["throughput"], Reference, NAN, &["throughput"]),
+        (&["throughput"], Gi, NAN, &["throughput"]),
+        (&["resampling_weight"], Di, NAN, &["resampling_weight"]),
+        (&["contribution_weight"], Di, MINUS_ONE, &["contribution_weight"]),
+        (&["target"], Pt, NAN, &["target"]),
+        (&["mis_weight"], Di, NAN, &["mis_weight"]),
+        (&["mis_weight"], Pt, NAN, &["mis_weight"]),
+        (&["shift_contribution"], Pt, NAN, &["shift_contribution"]),
+        (&["jacobian"], Pt, MINUS_ONE, &["jacobian"]),
+        (&["gi_measure"], Gi, NAN, &["gi_measure"]),
+        (&["reservoir"], Di, NAN, &["reservoir"]),
+        (&["reservoir"], Gi, NAN, &["reservoir"]),
+        (&["reservoir"], Pt, NAN, &["reservoir"]),
+    ]
+};
+
+/// Definitions that make guards fail.
+fn planted(rig: &mut Rig, guards: &[&str], bits: u32) {
+    let bit = |name: &&str| GUARDS.iter().find(|g| g.name == *name).expect("a guard has this name").bit;
+    let mask: u32 = guards.iter().map(bit).sum();
+    plant_shader_defs(&mut rig.app, &[&format!("PLANTED_GUARDS={mask}"), &format!("PLANTED_BITS={bits}")]);
+}
+
+/// Asserts that planted failures raise exactly the expected guards, and leave the picture finite.
+fn check(plants: &[Plant]) {
+    let Some(mut rig) = Rig::new(16, 16) else { return };
+    room(&mut rig);
+    rig.set(|r| r.bounces = 4);
+    let mut tested: BTreeSet<&str> = BTreeSet::new();
+    for &(guards, technique, bits, raised) in plants {
+        planted(&mut rig, guards, bits);
+        rig.set(|r| (r.technique, r.accumulate) = (technique, true));
+        rig.until_ready();
+        rig.reset_guards();
+        let picture = rig.picture(4);
+        assert!(picture.is_finite(), "{guards:?}, {technique:?}");
+        eprintln!("{guards:?}, {technique:?}: {:?}", rig.report().raised_guards());
+        rig.assert_raised(raised);
+        tested.extend(raised);
+    }
+    // Traversals overflow in `tracing::traversal`.
+    let others = GUARDS.iter().map(|guard| guard.name).filter(|name| !tested.contains(name));
+    assert_eq!(others.collect::<Vec<_>>(), ["overflow_stack", "overflow_steps"]);
+}
+
+#[test]
+fn every_guard_stops_its_numbers_and_is_raised() {
+    check(QUICK);
+}
+
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_each_guard_stops_its_number_and_is_raised_alone() {
+    check(FULL);
+}
+
+#[test]
+fn guards_are_counted_over_the_whole_run_and_a_new_size() {
+    let Some(mut rig) = Rig::new(12, 8) else { return };
+    room(&mut rig);
+    let count = |rig: &Rig| rig.report().raised_guards();
+    rig.until_ready();
+    rig.assert_sound();
+    planted(&mut rig, &["non_finite"], NAN);
+    rig.until_ready();
+    rig.frames(3);
+    plant_shader_defs(&mut rig.app, &[]);
+    rig.until_ready();
+    rig.frames(5);
+    let counted = count(&rig);
+    assert!(matches!(counted[..], [("non_finite", 1..)]), "{counted:?}");
+    assert_eq!(rig.report().non_finite_pixels, 0, "no pixel of the last frame");
+    // Another size gives the camera new buffers, but it stays the same run.
+    let target = rig.target.clone();
+    rig.edit(&target, |image| *image = target_image(UVec2::new(16, 8)));
+    rig.until_ready();
+    rig.frames(3);
+    assert_eq!(count(&rig), counted);
+    rig.reset_guards();
+    assert_eq!(count(&rig), []);
+    rig.assert_sound();
+}

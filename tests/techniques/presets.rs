@@ -1,0 +1,55 @@
+//! Presets as they come equal the reference with their settings: jitter, energy compensation and all bounces, after 60 frames of history.
+//! Two one-sided tests at α = 0.01 compare the image mean; chi-squared compares the tiles of 8 x 8 pixels.
+
+use crate::support::{
+    app::*,
+    proof::{Proof, Shipped},
+    small_scenes::*,
+};
+use bevy_restir::{Preset, Restir, Technique};
+
+/// Frames of history before the frames that count.
+const HISTORY: u32 = 60;
+const SIZE: u32 = 64;
+
+/// Compares techniques with the reference.  `ours` and `truth` are (restarts, frames); where things move, frames are repetitions of the
+/// motion.
+fn check(name: &str, preset: Preset, techniques: &[Technique], margin: f64, ours: (u32, u32), truth: (u32, u32)) {
+    let is_moving = name == "moving";
+    let Some(mut rig) = (if is_moving { scene(SIZE, moving) } else { Rig::load(name, SIZE) }) else { return };
+    let settings = Restir::preset(preset);
+    // ReSTIR DI renders direct light only.
+    let bounces = if techniques.contains(&Technique::Di) { 1 } else { settings.bounces };
+    rig.set(|r| *r = settings);
+    let proof = Proof { margin, bounces, warm_up: HISTORY, ..Proof::of(ours, truth) };
+    let proof = Proof { pose: if is_moving { Some(&pose_moving) } else { None }, ..proof };
+    let subjects: Vec<_> = techniques.iter().map(|&t| (format!("{t:?}, {preset:?}"), Shipped(t, preset))).collect();
+    let subjects: Vec<_> = subjects.iter().map(|(name, subject)| (name.as_str(), subject)).collect();
+    proof.check(name, &mut rig, &subjects);
+}
+
+macro_rules! rows {
+    ($($test:ident: $($row:expr),+;)+) => {
+        $(
+            #[test]
+            #[ignore = "second tier: ./run test --more"]
+            fn $test() {
+                $({
+                    let (name, preset, techniques, margin, ours, truth) = $row;
+                    check(name, preset, techniques, margin, ours, truth);
+                })+
+            }
+        )+
+    };
+}
+
+use Preset::*;
+use Technique::*;
+
+rows! {
+    balanced_in_the_cornell_box: ("cornell", Balanced, &[Pt, Gi], 0.01, (8, 100), (12, 60));
+    balanced_in_motion: ("moving", Balanced, &[Pt, Gi], 0.015, (12, 20), (12, 60));
+    unbiased_on_glossy_surfaces: ("glossy", Unbiased, &[Pt], 0.02, (8, 100), (12, 100));
+    unbiased_by_a_door_ajar: ("ajar", Unbiased, &[Pt], 0.03, (8, 100), (12, 150));
+    direct_light: ("cornell", Balanced, &[Di], 0.01, (8, 60), (12, 60));
+}
