@@ -29,8 +29,8 @@ pub struct RestirReport {
     pub overflow_flags: u32,
     /// How often the shaders met a number that should not exist, such as NaN or negative light, and stopped it: the name of each check, and
     /// the number of pixels that failed it, summed up over all frames of the cameras that exist now.  All are 0 unless there is a bug, except
-    /// `float_overflow`, which counts light beyond the range of f32 (about 1e38), and `overflow_probe`: both are missing in the picture.  A check costs a few integer
-    /// comparisons.
+    /// `float_overflow`, which counts light beyond the range of f32 (about 1e38), and `overflow_probe`: both are missing in the picture.
+    /// A check costs a few integer comparisons.
     pub guards: Vec<(&'static str, u64)>,
     /// Bytes of scene data uploaded in the last frame; 0 while nothing changes.
     pub uploaded_bytes: u64,
