@@ -52,7 +52,7 @@ pub const VIEW_NO_BACKDROP: u32 = 4;
 pub const OVERFLOW_STACK: u32 = 1;
 pub const OVERFLOW_STEPS: u32 = 2;
 pub const NON_FINITE: u32 = 4;
-pub const OVERFLOW_PROBE: u32 = 8;
+pub const OVERFLOW_PROBE: u32 = 0x8_0000;
 
 // Bits of guards, equal to those in `shaders/common/guard.wgsl`.
 pub const GUARD_FLOAT_OVERFLOW: u32 = 0x10;

@@ -69,7 +69,7 @@ const VIEW_NO_BACKDROP: u32 = 4u;
 const OVERFLOW_STACK: u32 = 1u;
 const OVERFLOW_STEPS: u32 = 2u;
 const NON_FINITE: u32 = 4u;
-const OVERFLOW_PROBE: u32 = 8u;
+const OVERFLOW_PROBE: u32 = 0x80000u;
 
 // Smallest GGX roughness α, and the α below which a lobe is a delta.
 const ALPHA_MIN: f32 = 1.0e-4;

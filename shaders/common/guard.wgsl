@@ -8,24 +8,24 @@
 
 #import bevy_restir::common::math::{is_finite, is_finite_3}
 
-// Bits of `raised_guards`; those below belong to OVERFLOW_* and NON_FINITE (`common/constants.wgsl`), which are counted with them.  A test
-// holds these constants and their names equal to `GUARDS` in `src/view/guards.rs`, which says what each one means.
-const GUARD_FLOAT_OVERFLOW: u32 = 0x10u;
-const GUARD_NEGATIVE_PIXEL: u32 = 0x20u;
-const GUARD_RAY: u32 = 0x40u;
-const GUARD_SURFACE: u32 = 0x80u;
-const GUARD_LIGHT_SAMPLE: u32 = 0x100u;
-const GUARD_LIGHT_CONTRIBUTION: u32 = 0x200u;
-const GUARD_BSDF_SAMPLE: u32 = 0x400u;
-const GUARD_THROUGHPUT: u32 = 0x800u;
-const GUARD_RESAMPLING_WEIGHT: u32 = 0x1000u;
-const GUARD_CONTRIBUTION_WEIGHT: u32 = 0x2000u;
-const GUARD_TARGET: u32 = 0x4000u;
-const GUARD_MIS_WEIGHT: u32 = 0x8000u;
-const GUARD_SHIFT_CONTRIBUTION: u32 = 0x10000u;
-const GUARD_JACOBIAN: u32 = 0x20000u;
-const GUARD_GI_MEASURE: u32 = 0x40000u;
-const GUARD_RESERVOIR: u32 = 0x80000u;
+// Bits of `raised_guards`.  The bits 1, 2, 4 and 0x80000 belong to OVERFLOW_* and NON_FINITE (`common/constants.wgsl`), which are counted
+// with them.  A test holds these constants and their names equal to `GUARDS` in `src/view/guards.rs`, which explains each of them.
+const GUARD_FLOAT_OVERFLOW: u32 = 0x8u;
+const GUARD_NEGATIVE_PIXEL: u32 = 0x10u;
+const GUARD_RAY: u32 = 0x20u;
+const GUARD_SURFACE: u32 = 0x40u;
+const GUARD_LIGHT_SAMPLE: u32 = 0x80u;
+const GUARD_LIGHT_CONTRIBUTION: u32 = 0x100u;
+const GUARD_BSDF_SAMPLE: u32 = 0x200u;
+const GUARD_THROUGHPUT: u32 = 0x400u;
+const GUARD_RESAMPLING_WEIGHT: u32 = 0x800u;
+const GUARD_CONTRIBUTION_WEIGHT: u32 = 0x1000u;
+const GUARD_TARGET: u32 = 0x2000u;
+const GUARD_MIS_WEIGHT: u32 = 0x4000u;
+const GUARD_SHIFT_CONTRIBUTION: u32 = 0x8000u;
+const GUARD_JACOBIAN: u32 = 0x10000u;
+const GUARD_GI_MEASURE: u32 = 0x20000u;
+const GUARD_RESERVOIR: u32 = 0x40000u;
 
 // Guards that this invocation has raised.
 var<private> raised_guards: u32;

@@ -66,4 +66,9 @@ pub const GUARDS: &[Guard] = &[
         "a path of ReSTIR GI was NaN or negative in the measure of the secondary vertex",
     ),
     guard("reservoir", GUARD_RESERVOIR, "a reservoir held a number that was not finite, or negative"),
+    guard(
+        "overflow_probe",
+        OVERFLOW_PROBE,
+        "a probe below the surface of a body met too many triangles, so that its light is missing",
+    ),
 ];

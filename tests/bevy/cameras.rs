@@ -238,6 +238,7 @@ fn a_camera_without_a_clear_color_draws_over_the_previous_camera() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn a_reset_after_a_cut_is_a_fresh_start() {
     let make = || {
         let mut rig = Rig::new(20, 16)?;

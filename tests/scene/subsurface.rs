@@ -86,15 +86,18 @@ fn values_out_of_range_give_one_warning_and_a_sound_picture() {
             assert!(picture.is_finite(), "{length}, {weight}");
             rig.assert_sound();
             // A path of a millimeter is below a hundredth of these pixels.
-            let is_diffuse = !(length > 2e-3) || !(weight > 0.0);
+            let scatters = length > 2e-3 && weight > 0.0;
+            let is_diffuse = !scatters;
             assert_eq!(picture == diffuse, is_diffuse, "{length} m with weight {weight}");
         }
         rig.insert(entity, Subsurface { mean_free_path: Vec3::new(0.1, length, 0.0), weight: 0.5 });
         assert!(rig.picture(2).is_finite(), "one channel of {length}");
         rig.assert_sound();
     }
+    // The log is that of the process, and an entity of another test may have the same id.
     let named = log::warnings(&format!("entity {entity} has a Subsurface out of range"));
-    assert_eq!(named.len(), 1, "{named:?}");
+    let first = named.iter().filter(|line| line.contains("its weight is -1")).count();
+    assert_eq!(first, 1, "{named:?}");
 }
 
 #[test]

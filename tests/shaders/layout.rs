@@ -298,8 +298,9 @@ fn every_guard_has_its_name_and_its_bit_in_rust_and_wgsl() {
     let is_guard = |name: &str| name.starts_with("OVERFLOW_") || name == "NON_FINITE";
     let of_traces = of_traces.into_iter().filter(|(name, _)| is_guard(name));
     let own = constants(&module("common/guard.wgsl")).into_iter().filter(|(name, _)| name.starts_with("GUARD_"));
-    let wgsl: Vec<(String, u32)> =
+    let mut wgsl: Vec<(String, u32)> =
         of_traces.chain(own).map(|(name, bit)| (name.trim_start_matches("GUARD_").to_lowercase(), bit)).collect();
+    wgsl.sort_by_key(|(_, bit)| *bit);
     let rust: Vec<(String, u32)> = GUARDS.iter().map(|guard| (guard.name.to_string(), guard.bit)).collect();
     assert_eq!(wgsl, rust);
     for (i, (name, bit)) in rust.iter().enumerate() {

@@ -123,6 +123,7 @@ const WRONG: [(&str, &str, &str, &str); 4] = [
 ];
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn wrong_confidence_is_found() {
     let Some(mut rig) = wall() else { return };
     let (_, reuse) = &reuses()[2];

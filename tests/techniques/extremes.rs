@@ -134,7 +134,7 @@ fn dim_and_bright_lamps_work_in_one_picture() {
     for technique in TECHNIQUES {
         let Some(picture) = room_of_two_lamps(technique, bright, dim) else { return };
         let darker = room_of_two_lamps(technique, 1.0, dim / bright).expect("there is an adapter");
-        // Nothing but its own light comes from the dim lamp.
+        // The dim lamp reflects nothing, so its pixels show its emission only.
         assert_eq!(picture.at(16, 13), Vec3::splat(dim), "{technique:?}");
         let share = share_of_different_pixels(&darker, &picture, bright);
         eprintln!("{technique:?}: {share} of the pixels differ, mean {}", picture.mean());
@@ -167,6 +167,7 @@ fn glass_of_index_one_is_invisible() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn techniques_agree_at_every_roughness() {
     let Some(mut rig) = Rig::new(17, 31) else { return };
     room(&mut rig, 1.0, Vec3::ZERO, 5.0);

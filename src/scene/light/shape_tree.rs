@@ -9,7 +9,7 @@ use super::analytic::shape_bounds;
 use crate::gpu_layout::GpuLight;
 use crate::scene::{
     accel::{blas::Bounds, tlas::build_tlas},
-    geometry::{instances::GpuTlas, meshes::MeshPool},
+    geometry::{gpu_tlas::GpuTlas, meshes::MeshPool},
 };
 
 /// The tree, and the boxes that it was built from.

@@ -4,8 +4,8 @@
 
 use bevy::render::renderer::RenderDevice;
 
-/// Runs a function that creates buffers, textures or bind groups.  Returns the device's error if there is one, for example that its memory
-/// is full; what was created is then invalid and dropped.
+/// Runs a function that creates buffers, textures or bind groups.  If the device reports an error, for example that its memory is full, the
+/// function's result is dropped and the error is returned.
 ///
 /// In a browser errors arrive later, so that they reach Bevy's handler as before.
 #[cfg(not(target_arch = "wasm32"))]
@@ -19,7 +19,7 @@ pub fn attempt<T>(device: &RenderDevice, create: impl FnOnce() -> T) -> Result<T
     let created = create();
     // Scopes form a stack: the last one is popped first.
     let errors = scopes.into_iter().rev().filter_map(|scope| now_or_never(scope.pop()).flatten());
-    errors.fold(Ok(created), |result, error| result.and(Err(error.to_string())))
+    errors.last().map_or(Ok(created), |error| Err(error.to_string()))
 }
 
 /// In a browser this only runs the function: errors arrive later, at Bevy's handler.

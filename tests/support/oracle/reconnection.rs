@@ -92,7 +92,7 @@ impl Pixel {
             Rule::Footprints(c) | Rule::BlackBox(c) => {
                 let least = self.least_footprint(c, first);
                 all.push(footprint(x.pdf, x, y) / least);
-                // The density after a diffuse vertex does not depend on the vertex before it, and after a light there is none.
+                // A diffuse vertex has the same density for every vertex before it, and a path does not leave a light.
                 if !y_is_end && !y.is_diffuse {
                     all.push(footprint(y.pdf, y, x) / least);
                 }
