@@ -55,22 +55,22 @@ pub const NON_FINITE: u32 = 4;
 pub const OVERFLOW_PROBE: u32 = 0x8_0000;
 
 // Bits of guards, equal to those in `shaders/common/guard.wgsl`.
-pub const GUARD_FLOAT_OVERFLOW: u32 = 0x10;
-pub const GUARD_NEGATIVE_PIXEL: u32 = 0x20;
-pub const GUARD_RAY: u32 = 0x40;
-pub const GUARD_SURFACE: u32 = 0x80;
-pub const GUARD_LIGHT_SAMPLE: u32 = 0x100;
-pub const GUARD_LIGHT_CONTRIBUTION: u32 = 0x200;
-pub const GUARD_BSDF_SAMPLE: u32 = 0x400;
-pub const GUARD_THROUGHPUT: u32 = 0x800;
-pub const GUARD_RESAMPLING_WEIGHT: u32 = 0x1000;
-pub const GUARD_CONTRIBUTION_WEIGHT: u32 = 0x2000;
-pub const GUARD_TARGET: u32 = 0x4000;
-pub const GUARD_MIS_WEIGHT: u32 = 0x8000;
-pub const GUARD_SHIFT_CONTRIBUTION: u32 = 0x10000;
-pub const GUARD_JACOBIAN: u32 = 0x20000;
-pub const GUARD_GI_MEASURE: u32 = 0x40000;
-pub const GUARD_RESERVOIR: u32 = 0x80000;
+pub const GUARD_FLOAT_OVERFLOW: u32 = 0x8;
+pub const GUARD_NEGATIVE_PIXEL: u32 = 0x10;
+pub const GUARD_RAY: u32 = 0x20;
+pub const GUARD_SURFACE: u32 = 0x40;
+pub const GUARD_LIGHT_SAMPLE: u32 = 0x80;
+pub const GUARD_LIGHT_CONTRIBUTION: u32 = 0x100;
+pub const GUARD_BSDF_SAMPLE: u32 = 0x200;
+pub const GUARD_THROUGHPUT: u32 = 0x400;
+pub const GUARD_RESAMPLING_WEIGHT: u32 = 0x800;
+pub const GUARD_CONTRIBUTION_WEIGHT: u32 = 0x1000;
+pub const GUARD_TARGET: u32 = 0x2000;
+pub const GUARD_MIS_WEIGHT: u32 = 0x4000;
+pub const GUARD_SHIFT_CONTRIBUTION: u32 = 0x8000;
+pub const GUARD_JACOBIAN: u32 = 0x10000;
+pub const GUARD_GI_MEASURE: u32 = 0x20000;
+pub const GUARD_RESERVOIR: u32 = 0x40000;
 
 /// Words of 16 bytes in a CWBVH node.
 pub const NODE_STRIDE: u32 = 5;

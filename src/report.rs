@@ -25,7 +25,7 @@ pub struct RestirReport {
     /// Number of pixels of that frame whose radiance was not finite; they are treated as black.  0 unless there is a bug.
     pub non_finite_pixels: u64,
     /// Overflows of that frame, 0 unless rays missed geometry.  Bit 0: a traversal stack was full; bit 1: a traversal took too many steps;
-    /// bit 3: a probe of [`Subsurface`](crate::Subsurface) had more than 8 hits.
+    /// bit 19: a probe of [`Subsurface`](crate::Subsurface) had more than 8 hits.
     pub overflow_flags: u32,
     /// How often the shaders met a number that should not exist, such as NaN or negative light, and stopped it: the name of each check, and
     /// the number of pixels that failed it, summed up over all frames of the cameras that exist now.  All are 0 unless there is a bug, except

@@ -158,7 +158,9 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
             }
             radiance += throughput * s.emission * weight;
         }
-        radiance += select(vec3<f32>(0.0), s.unlit, scattered == 0u);
+        if max_component(s.unlit) > 0.0 && scattered == 0u {
+            radiance += s.unlit;
+        }
         if scattered == view.bounces {
             break;
         }

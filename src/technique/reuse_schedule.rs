@@ -192,9 +192,10 @@ impl ReuseSchedule {
             (index == 0, self.first_flags),
             (iteration.from_previous && moved, self.moved_flags),
         ]);
-        // A sample that was drawn again has its probe.
-        let has_probe = iteration.subsurface_shift != SUBSURFACE_RECONNECTION;
-        let without = if has_probe { RESAMPLE_INVERT_PROBES } else { 0 };
+        // Probes are inverted once, before the iteration that draws them again.
+        let next = self.iterations.get(index + 1).map(|next| next.subsurface_shift);
+        let is_last_reconnection = iteration.subsurface_shift == SUBSURFACE_RECONNECTION && next == Some(SUBSURFACE_DELAYED);
+        let without = if is_last_reconnection { 0 } else { RESAMPLE_INVERT_PROBES };
         GpuResampleSettings {
             temporal_samples: available(iteration.temporal_samples),
             spatial_samples: available(iteration.spatial_samples),

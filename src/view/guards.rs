@@ -30,11 +30,6 @@ pub const GUARDS: &[Guard] = &[
     ),
     guard("non_finite", NON_FINITE, "the light of the pixel was not finite, and became black"),
     guard(
-        "overflow_probe",
-        OVERFLOW_PROBE,
-        "a probe through a translucent object had more than 8 hits and counts as empty, so that the object is too dark",
-    ),
-    guard(
         "float_overflow",
         GUARD_FLOAT_OVERFLOW,
         "a number was too large for f32: light brighter than about 1e38 is missing",

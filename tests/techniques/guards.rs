@@ -134,7 +134,7 @@ fn check(plants: &[Plant]) {
         rig.assert_raised(raised);
         tested.extend(raised);
     }
-    // Traversals overflow in `tracing::traversal`, and probes in `tracing::probes`.
+    // Traversals overflow in `tracing::traversal`.
     let others = GUARDS.iter().map(|guard| guard.name).filter(|name| !tested.contains(name));
     assert_eq!(others.collect::<Vec<_>>(), ["overflow_stack", "overflow_steps", "overflow_probe"]);
 }

@@ -17,7 +17,7 @@
 #import bevy_restir::path::shadow_ray::light_is_visible
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::sss::reservoir::{EntrySample, Reservoir}
-#import bevy_restir::restir::types::{RESAMPLE_INVERT_PROBES, SUBSURFACE_DELAYED, SUBSURFACE_HYBRID}
+#import bevy_restir::restir::types::{RESAMPLE_INVERT_PROBES, RESAMPLE_MOVED, SUBSURFACE_DELAYED, SUBSURFACE_HYBRID}
 #import bevy_restir::scene::surface::Surface
 #import bevy_restir::scene::triangle::world_triangle
 #import bevy_restir::subsurface::entry::{entry_surface, exit_factor, profile_per_area, scatters_below}
@@ -60,6 +60,7 @@ struct ShiftResult {
 struct Evaluated {
     f: vec3<f32>,              // contribution without visibility
     jacobian: f32,             // 0: the shift is not defined
+    is_lit: bool,              // the light edge is that of the stored sample, which is visible
     entry: Surface,
     light: LightSample,
     result: ShiftResult,
@@ -112,16 +113,11 @@ fn replayed_hit(r: Receiver, s: EntrySample) -> Hit {
     if !line.valid {
         return hit;
     }
-    let hits = trace_probe(line.ray, r.surface.instance, probe_alpha_seed(s.probe), r.previous);
+    let hits = trace_probe(line.ray, r.surface.instance, s.alpha_seed, r.previous);
     if s.hit < hits.count {
         hit = probe_hit(line.ray, r.surface.instance, hits.triangles[s.hit], hits.distances[s.hit], r.previous);
     }
     return hit;
-}
-
-// A probe sees blended surfaces by its own numbers, whichever pixel traces it.
-fn probe_alpha_seed(probe: Probe) -> u32 {
-    return bitcast<u32>(probe.u_radius) ^ (bitcast<u32>(probe.u_angle) << 1u);
 }
 
 fn no_shift() -> Evaluated {
@@ -152,7 +148,8 @@ fn evaluate(r: Receiver, reservoir: Reservoir) -> Evaluated {
     let light = light_point_at(s.light, p.surface.position, r.previous);
     let f = contribution_of(p, light);
     let result = ShiftResult(hit.triangle, hit.barycentrics, s.probe, s.hit, p.density, luminance(f));
-    return Evaluated(f, jacobian_of_shift(s.density, p.density, replays), p.surface, light, result);
+    let keeps_edge = !replays && (settings.flags & RESAMPLE_MOVED) == 0u;
+    return Evaluated(f, jacobian_of_shift(s.density, p.density, replays), keeps_edge, p.surface, light, result);
 }
 
 // p̂: the resampling routine selects by it.
@@ -164,9 +161,9 @@ fn jacobian_of(e: Evaluated) -> f32 {
     return e.jacobian;
 }
 
-// The light edge was not moved by a reconnection; all shifts test it, because the scene may have moved.
+// A reconnection keeps the edge to the light: it is tested again only where something moved.
 fn is_visible(r: Receiver, e: Evaluated, alpha_seed: u32) -> bool {
-    return light_is_visible(e.entry, e.light, alpha_seed, r.previous);
+    return e.is_lit || light_is_visible(e.entry, e.light, alpha_seed, r.previous);
 }
 
 fn shift_result_of(e: Evaluated) -> ShiftResult {
@@ -230,7 +227,7 @@ fn hit_of_triangle(r: Receiver, s: EntrySample) -> u32 {
     if !line.valid {
         return NO_HIT;
     }
-    let hits = trace_probe(line.ray, r.surface.instance, probe_alpha_seed(s.probe), r.previous);
+    let hits = trace_probe(line.ray, r.surface.instance, s.alpha_seed, r.previous);
     for (var i = 0u; i < hits.count; i++) {
         if hits.triangles[i] == s.triangle {
             return i;

@@ -10,7 +10,7 @@
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::light_candidates::{light_candidate, subset_of}
 #import bevy_restir::restir::reservoir_sampling::{Stream, stream_add, stream_ucw}
-#import bevy_restir::restir::sss::domain::{contribution_of, entry_point, probe_alpha_seed, Receiver, scatters}
+#import bevy_restir::restir::sss::domain::{contribution_of, entry_point, Receiver, scatters}
 #import bevy_restir::restir::sss::reservoir::{EntrySample, no_reservoir, Reservoir}
 #import bevy_restir::subsurface::probe::{channel_probability, draw_probe, probe_ray}
 #import bevy_restir::trace::trace::{probe_hit, trace_probe}
@@ -28,12 +28,13 @@ fn sample_candidates(r: Receiver, pixel: vec2<u32>, rng: ptr<function, Rng>) -> 
         return selected;
     }
     selected.reservoir.confidence = 1.0;
+    let alpha_seed = rng_bits(rng).x >> 16u;
     let probe = draw_probe(r.surface.radius, rng_3(rng));
     let line = probe_ray(probe, r.surface.position, r.frame, r.surface.radius);
     if !line.valid {
         return selected;
     }
-    let hits = trace_probe(line.ray, r.surface.instance, probe_alpha_seed(probe), false);
+    let hits = trace_probe(line.ray, r.surface.instance, alpha_seed, false);
     let subset = subset_of(pixel, 1u);
     let choice = channel_probability(r.surface.radius);
     var stream = Stream(0.0, NONE);
@@ -54,7 +55,7 @@ fn sample_candidates(r: Receiver, pixel: vec2<u32>, rng: ptr<function, Rng>) -> 
             if stream_add(&stream, h * settings.candidates + i, value / (f32(settings.candidates) * c.pmf * choice * p.density), u) {
                 selected.f = f;
                 selected.reservoir.sample = EntrySample(
-                    c.point, hit.instance, hit.triangle, hit.barycentrics, probe, h, p.is_far, p.density, value,
+                    c.point, hit.instance, hit.triangle, hit.barycentrics, probe, h, p.is_far, alpha_seed, p.density, value,
                 );
             }
         }

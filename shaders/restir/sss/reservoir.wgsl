@@ -16,6 +16,7 @@ struct EntrySample {
     probe: Probe,              // finds x2 from x1
     hit: u32,                  // index of x2 among the hits of the probe
     is_far: bool,              // x2 is far from x1, or faces another way: the hybrid shift reconnects
+    alpha_seed: u32,           // 16 bits, by which its probes see blended surfaces, in every pixel
     density: f32,              // of finding x2 from x1, in the measure of the triangle, over the probability of a channel
     target_value: f32,         // p̂ in the pixel that stores it
 }
@@ -36,7 +37,7 @@ struct PackedReservoir {
     barycentric_y: f32,
     u_radius: f32,
     u_angle: f32,
-    structure: u32,            // 2 bits of the axis, 2 of the channel, 4 of the hit, 1 of `is_far`
+    structure: u32,            // 2 bits of the axis, 2 of the channel, 4 of the hit, 1 of `is_far`, 16 of `alpha_seed`
     density: f32,
     target_value: f32,
     ucw: f32,
@@ -44,15 +45,16 @@ struct PackedReservoir {
 }
 
 fn no_reservoir() -> Reservoir {
-    let sample = EntrySample(no_light_point(), NONE, NONE, vec2<f32>(0.0), Probe(0u, 0u, 0.0, 0.0), 0u, false, 0.0, 0.0);
+    let sample = EntrySample(no_light_point(), NONE, NONE, vec2<f32>(0.0), Probe(0u, 0u, 0.0, 0.0), 0u, false, 0u, 0.0, 0.0);
     return Reservoir(sample, 0.0, 0.0, true);
 }
 
 fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     let s = r.sample;
+    let structure = s.probe.axis | s.probe.channel << 2u | s.hit << 4u | u32(s.is_far) << 8u | s.alpha_seed << 9u;
     return PackedReservoir(
         s.light.light, s.light.coordinates, s.instance, s.triangle, s.barycentrics.x, s.barycentrics.y,
-        s.probe.u_radius, s.probe.u_angle, s.probe.axis | s.probe.channel << 2u | s.hit << 4u | u32(s.is_far) << 8u,
+        s.probe.u_radius, s.probe.u_angle, structure,
         s.density, s.target_value, r.ucw, r.confidence,
     );
 }
@@ -66,7 +68,7 @@ fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     let probe = Probe(p.structure & 3u, min(p.structure >> 2u & 3u, 2u), p.u_radius, p.u_angle);
     let sample = EntrySample(
         LightPoint(p.light, p.coordinates), p.instance, p.triangle, vec2<f32>(p.barycentric_x, p.barycentric_y), probe,
-        p.structure >> 4u & 15u, (p.structure & 256u) != 0u, p.density, p.target_value,
+        p.structure >> 4u & 15u, (p.structure & 256u) != 0u, p.structure >> 9u & 0xffffu, p.density, p.target_value,
     );
     return Reservoir(sample, p.ucw, p.confidence, true);
 }
