@@ -194,7 +194,8 @@ impl ReuseSchedule {
         ]);
         // Probes are inverted once, before the iteration that draws them again.
         let next = self.iterations.get(index + 1).map(|next| next.subsurface_shift);
-        let is_last_reconnection = iteration.subsurface_shift == SUBSURFACE_RECONNECTION && next == Some(SUBSURFACE_DELAYED);
+        let is_last_reconnection =
+            iteration.subsurface_shift == SUBSURFACE_RECONNECTION && next == Some(SUBSURFACE_DELAYED);
         let without = if is_last_reconnection { 0 } else { RESAMPLE_INVERT_PROBES };
         GpuResampleSettings {
             temporal_samples: available(iteration.temporal_samples),

@@ -32,7 +32,6 @@ const FAR_COSINE: f32 = 0.5;
 // A pixel's surface, in this frame or the last.
 struct Receiver {
     surface: Surface,
-    wo: vec3<f32>,
     leaving: vec3<f32>,        // factors of the BSSRDF at x1; 0: no light scatters below this surface
     frame: mat3x3<f32>,        // of its probes
     previous: bool,
@@ -68,11 +67,15 @@ struct Evaluated {
 
 fn receiver_of(ids: vec2<u32>, pixel: vec2<u32>, previous: bool) -> Receiver {
     let s = primary_surface(ids, pixel, previous);
+    return receiver_at(s.surface, s.wo, previous);
+}
+
+fn receiver_at(s: Surface, wo: vec3<f32>, previous: bool) -> Receiver {
     var leaving = vec3<f32>(0.0);
-    if scatters_below(s.surface, s.wo) {
-        leaving = exit_factor(s.surface, s.wo);
+    if scatters_below(s, wo) {
+        leaving = exit_factor(s, wo);
     }
-    return Receiver(s.surface, s.wo, leaving, probe_frame(s.surface.smooth_n), previous);
+    return Receiver(s, leaving, probe_frame(s.smooth_n), previous);
 }
 
 fn scatters(r: Receiver) -> bool {

@@ -20,13 +20,7 @@ fn with(sampling: SubsurfaceSampling) -> (Direct, SubsurfaceSampling) {
 #[test]
 fn candidates_in_translucent_bodies_equal_the_reference() {
     let Some(mut rig) = scene(32, |rig| _ = translucent(rig)) else { return };
-    Proof::DEFAULT.check(
-        "bodies",
-        &mut rig,
-        &[
-            ("not presampled", with(subsurface::candidates_only())),
-        ],
-    );
+    Proof::DEFAULT.check("bodies", &mut rig, &[("not presampled", with(subsurface::candidates_only()))]);
 }
 
 #[test]
@@ -90,4 +84,59 @@ fn planted_errors_in_translucent_bodies_are_found() {
 fn nan_stays_in_its_reservoir_of_translucent_bodies() {
     let Some(mut rig) = scene(32, |rig| _ = translucent(rig)) else { return };
     Proof::DEFAULT.survives_nan(&mut rig, &[with(subsurface::all_reuse())]);
+}
+
+#[test]
+#[ignore = "scratch"]
+fn scratch_noise() {
+    let Some(mut rig) = scene(std::env::var("N").map_or(32, |n| n.parse().unwrap()), |rig| _ = translucent(rig)) else {
+        return;
+    };
+    let show = |name: &str, r: &crate::support::equivalence::Restarts, frames: u32| {
+        let n = r.tiles.len() as f64;
+        for t in 0..r.tiles[0].len() {
+            let m = r.tiles.iter().map(|x| x[t]).sum::<f64>() / n;
+            let v = r.tiles.iter().map(|x| (x[t] - m).powi(2)).sum::<f64>() / (n - 1.0);
+            print!("{m:.4}±{:.3} ", v.sqrt() * (frames as f64).sqrt());
+            if t % 4 == 3 && r.tiles[0].len() == 16 {
+                println!()
+            }
+        }
+        let m = r.mean();
+        let v = r.images.iter().map(|x| (x - m).powi(2)).sum::<f64>() / (n - 1.0);
+        println!("{name} {m:.5} rel sd per frame {:.4}", v.sqrt() / m * (frames as f64).sqrt());
+    };
+    let var = |name: &str, default: u32| std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default);
+    let frames = var("F", 16);
+    let proof = Proof::of((var("R", 20), frames), (var("TR", 20), 64));
+    let t = std::time::Instant::now();
+    let truth = proof.truth(&mut rig, 1000);
+    show("reference", &truth, 64);
+    println!("{:?}", t.elapsed());
+    let which = std::env::var("W").unwrap_or_default();
+    let plant = std::env::var("PLANT").unwrap_or_default();
+    if !plant.is_empty() {
+        bevy_restir::testing::plant_shader_defs(&mut rig.app, &[Box::leak(plant.into_boxed_str())]);
+    }
+    for (n, s) in [
+        ("candidates", subsurface::candidates_only()),
+        ("temporal", subsurface::temporal()),
+        ("spatial", subsurface::spatial()),
+        ("both", subsurface::all_reuse()),
+    ] {
+        for shift in SHIFTS {
+            let case = format!("{n} {shift:?}");
+            if !which.split(',').any(|w| case.starts_with(w)) {
+                continue;
+            }
+            let t = std::time::Instant::now();
+            let ours = proof.resampled(
+                &mut rig,
+                &with(SubsurfaceSampling { shift, candidates: var("C", 4), ..s.clone() }),
+                2000,
+            );
+            show(&case, &ours, frames);
+            println!("{} {:?}", ours.compare(&truth, 0.01), t.elapsed());
+        }
+    }
 }
