@@ -2,7 +2,7 @@
 
 use super::{
     TechniqueRow,
-    domain::{self, Domain, domain_names},
+    domain::{self, Domain, LightPart, domain_names},
     pass::ComputePass,
     reuse_schedule::ReuseSchedule,
     sss,
@@ -23,6 +23,7 @@ pub(super) const DOMAIN: &Domain = &Domain {
     has_debug_view: DebugView::is_of_reservoirs,
     reservoir_bytes: DIRECT_RESERVOIR_SIZE,
     carries_contribution: false,
+    part: LightPart::Direct,
     schedule: ReuseSchedule::of_direct_light,
 };
 

@@ -18,8 +18,10 @@ const DEBUG_RAYS: ComputePass =
     ComputePass { name: "debug_rays", file: "debug_rays", specialized: false, ..RADIANCE_PASS };
 const RADIANCE_PASS: ComputePass = ComputePass::per_pixel("", &[R::Radiance]);
 /// Sums the light of all domains.
-const RESOLVE: ComputePass =
-    ComputePass::per_pixel("resolve", &[R::UnresampledLight, R::ResampledLight, R::PathLight, R::Radiance]);
+const RESOLVE: ComputePass = ComputePass::per_pixel(
+    "resolve",
+    &[R::UnresampledLight, R::ResampledLight, R::PathLight, R::Radiance, R::SubsurfaceLight],
+);
 const STATISTICS: ComputePass =
     ComputePass { specialized: false, ..ComputePass::per_pixel("statistics", &[R::Counters]) };
 

@@ -1,7 +1,7 @@
 //! ReSTIR SSS: light that enters translucent objects, beside ReSTIR DI (`shaders/restir/sss`).
 
 use super::{
-    domain::{self, Domain, domain_names},
+    domain::{self, Domain, LightPart, domain_names},
     reuse_schedule::ReuseSchedule,
 };
 use crate::gpu_layout::SUBSURFACE_RESERVOIR_SIZE;
@@ -17,5 +17,6 @@ pub(super) const DOMAIN: &Domain = &Domain {
     has_debug_view: |_| false,
     reservoir_bytes: SUBSURFACE_RESERVOIR_SIZE,
     carries_contribution: true,
+    part: LightPart::Subsurface,
     schedule: ReuseSchedule::of_subsurface,
 };

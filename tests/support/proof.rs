@@ -39,7 +39,7 @@ impl Subject for (Direct, Research) {
     }
 }
 
-impl Subject for (Direct, SubsurfaceSampling) {
+impl<S: Subject> Subject for (S, SubsurfaceSampling) {
     fn apply_to(&self, settings: &mut Restir) {
         self.0.apply_to(settings);
         settings.subsurface = self.1.clone();

@@ -21,8 +21,8 @@ const SHIFTS: [SubsurfaceShift; 3] = [SubsurfaceShift::Reconnection, SubsurfaceS
 const ALONE: ShaderEdit = ShaderEdit {
     module: "pass/resolve.wgsl",
     from: "light = s.emission + s.unlit + textureLoad(unresampled, pixel, 0).rgb + textureLoad(resampled_lights, pixel, 0).rgb\n            \
-           + textureLoad",
-    to: "light = textureLoad",
+           + textureLoad(resampled_paths, pixel, 0).rgb + subsurface_light(pixel);",
+    to: "light = subsurface_light(pixel);",
 };
 
 /// Samples are selected without regard to their light, so that their contribution weights are bounded.
