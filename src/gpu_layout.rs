@@ -301,6 +301,12 @@ pub const SUBSURFACE_RESERVOIR_SIZE: u64 = 52;
 /// Bytes of a reservoir of ReSTIR PT.
 pub const PATH_RESERVOIR_SIZE: u64 = 64;
 
+/// Bytes of an entry of the light vertex cache.
+pub const LIGHT_VERTEX_SIZE: u64 = 64;
+/// Entries of a light sub-path in the light map, and bytes of an entry.
+pub const SPLATS_OF_A_PATH: u32 = 3;
+pub const SPLAT_SIZE: u64 = 16;
+
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct GpuResampleSettings {
@@ -325,5 +331,7 @@ pub struct GpuResampleSettings {
     pub roughness: f32,
     pub separation: f32,
     pub jacobian_limit: f32,
+    pub light_paths: u32,
+    pub splats: u32,
     pub subsurface_shift: u32,
 }

@@ -45,7 +45,7 @@ pub use plugin::{RestirPlugin, RestirStatus};
 pub use report::{RestirReport, RestirStatistics};
 pub use scene::SceneFeatures;
 pub use settings::{
-    BiasCorrection, DebugView, Direct, EmissiveLuminance, Mis, Paths, Preset, RayBackend, Reconnection, Research,
+    Bdpt, BiasCorrection, DebugView, Direct, EmissiveLuminance, Mis, Paths, Preset, RayBackend, Reconnection, Research,
     ReservoirLayout, Restir, RestirEnvironment, Reuse, ReuseOrder, Subsurface, SubsurfaceSampling, SubsurfaceShift,
     SuffixRetrace, Technique, VisibilityReuse,
 };
@@ -56,8 +56,8 @@ pub use view::capture::{CapturedRadiance, RadianceCapture};
 /// Everything that an app needs.
 pub mod prelude {
     pub use crate::{
-        BiasCorrection, DebugView, Direct, EmissiveLuminance, Mis, Paths, Preset, RayBackend, Reconnection, Restir,
-        RestirEnvironment, RestirPlugin, RestirStatus, Reuse, ReuseOrder, Subsurface, SubsurfaceSampling,
+        Bdpt, BiasCorrection, DebugView, Direct, EmissiveLuminance, Mis, Paths, Preset, RayBackend, Reconnection,
+        Restir, RestirEnvironment, RestirPlugin, RestirStatus, Reuse, ReuseOrder, Subsurface, SubsurfaceSampling,
         SubsurfaceShift, SuffixRetrace, Technique, VisibilityReuse,
     };
 }

@@ -300,7 +300,7 @@ fn history(settings: &Restir, counts: &Counts) -> u32 {
     let direct_reuses = direct.reuse.temporal || direct.reuse.spatial_samples + direct.reuse.disocclusion_samples > 0;
     let paths_reuse = paths.reuse.temporal || paths.reuse.spatial_samples > 0;
     let reuses = match settings.technique {
-        Technique::Reference => false,
+        Technique::Reference | Technique::Bdpt => false,
         Technique::Di => direct_reuses,
         Technique::Gi => direct_reuses || paths_reuse,
         _ => paths_reuse,

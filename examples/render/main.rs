@@ -152,7 +152,8 @@ fn accumulate(app: &mut App, args: &Args, settings: &Restir) -> Result<Frames, S
     // The GPU sums the frames of a still scene. Those of a moving one are summed here.
     let mean = settings.technique == Technique::Reference || args.output == Output::Mean;
     let gathers = mean && !args.animate;
-    let warmup = if settings.technique == Technique::Reference { 0 } else { args.warmup };
+    let keeps_no_history = matches!(settings.technique, Technique::Reference | Technique::Bdpt);
+    let warmup = if keeps_no_history { 0 } else { args.warmup };
     let progress = Progress::new(u64::from(warmup) + u64::from(args.frames));
     reset(app);
     for _ in 0..warmup {

@@ -20,7 +20,10 @@ const STREAM_REUSE: u32 = 6u;
 const STREAM_PATH: u32 = 16u;
 // Numbers that select among the paths of a pixel.
 const STREAM_PATH_CANDIDATES: u32 = 17u;
-const STREAM_SSS_CANDIDATES: u32 = 18u;
+// Light sub-paths.
+const STREAM_LIGHT_PATHS: u32 = 18u;
+// Probes through bodies, and the lights of their hits.
+const STREAM_SSS_CANDIDATES: u32 = 19u;
 
 fn pcg4d(seed: vec4<u32>) -> vec4<u32> {
     var v = seed * 1664525u + 1013904223u;

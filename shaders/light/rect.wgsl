@@ -1,6 +1,7 @@
 // Rectangular lights: uniform radiance from the front side, sampled uniformly in area.  Rays pass through them.
 #define_import_path bevy_restir::light::rect
 
+#import bevy_restir::light::emitted_ray::{area_emitted_ray, EmittedRay, no_emitted_ray}
 #import bevy_restir::light::types::{LightSample, no_light_sample}
 #import bevy_restir::scene::bindings::lights
 #import bevy_restir::scene::triangle::safe_normalize
@@ -56,6 +57,13 @@ fn rect_light_at(light: u32, uv: vec2<f32>, from_point: vec3<f32>) -> LightSampl
     return s;
 }
 
+fn rect_emitted_ray(light: u32, u_point: vec2<f32>, u_direction: vec2<f32>) -> EmittedRay {
+    let r = rect_of(light);
+    let at = (2.0 * u_point - 1.0) * r.half_size;
+    let position = lights[light].position + at.x * r.x + at.y * r.y;
+    return area_emitted_ray(light, position, r.normal, lights[light].emission, 0.25 / (r.half_size.x * r.half_size.y), u_direction);
+}
+
 // Coordinates of `LightPoint`.
 fn rect_coordinates(uv: vec2<f32>) -> u32 {
     return pack2x16unorm(uv);
@@ -82,6 +90,10 @@ fn rect_uv_at(light: u32, position: vec3<f32>) -> vec2<f32> {
     return 0.5 + 0.5 * vec2<f32>(dot(d, r.x), dot(d, r.y)) / r.half_size;
 }
 #else
+fn rect_emitted_ray(light: u32, u_point: vec2<f32>, u_direction: vec2<f32>) -> EmittedRay {
+    return no_emitted_ray();
+}
+
 fn rect_light_at(light: u32, uv: vec2<f32>, from_point: vec3<f32>) -> LightSample {
     return no_light_sample();
 }

@@ -7,6 +7,7 @@
 
 #import bevy_restir::common::constants::{FOUR_PI, TWO_PI}
 #import bevy_restir::common::math::{octahedral_decode, octahedral_encode, orthonormal_basis}
+#import bevy_restir::light::emitted_ray::{area_emission_density, area_emitted_ray, EmittedRay, no_emitted_ray}
 #import bevy_restir::light::types::{LightSample, no_light_sample}
 #import bevy_restir::scene::bindings::lights
 #import bevy_restir::scene::triangle::safe_normalize
@@ -40,6 +41,26 @@ fn sphere_light_at(light: u32, normal: vec3<f32>, from_point: vec3<f32>) -> Ligh
     let is_facing = is_inside(light, from_point) || dot(normal, d) < 0.0;
     s.radiance = select(vec3<f32>(0.0), lights[light].emission, is_facing);
     return s;
+}
+
+// A ray to the outside.  Surfaces inside of the sphere receive none: next-event estimation and BSDF sampling light them.
+fn sphere_emitted_ray(light: u32, u_point: vec2<f32>, u_direction: vec2<f32>) -> EmittedRay {
+    let normal = sample_sphere_area(u_point);
+    let radius = sphere_radius(light);
+    let position = lights[light].position + radius * normal;
+    return area_emitted_ray(light, position, normal, lights[light].emission, 1.0 / (FOUR_PI * radius * radius), u_direction);
+}
+
+fn sphere_emission_density(l: LightSample) -> f32 {
+    return select(0.0, area_emission_density(l), dot(l.normal, l.wi) < 0.0);
+}
+
+// `LightSample::pdf_scale` where an emitted ray arrives.
+fn sphere_pdf_scale(ray: EmittedRay, at: vec3<f32>) -> f32 {
+    let d = at - ray.origin;
+    let radius = sphere_radius(ray.light);
+    let projected = max(dot(ray.normal, ray.direction), 1.0e-30) * FOUR_PI * radius * radius;
+    return sphere_solid_angle_pdf(ray.light, at) * projected / dot(d, d);
 }
 
 // Density of `sample_sphere_solid_angle`, solid angle; the same for all visible points.
@@ -121,6 +142,18 @@ fn sphere_distance(light: u32, origin: vec3<f32>, direction: vec3<f32>) -> f32 {
     return select(along - half, along + half, is_inside(light, origin));
 }
 #else
+fn sphere_emitted_ray(light: u32, u_point: vec2<f32>, u_direction: vec2<f32>) -> EmittedRay {
+    return no_emitted_ray();
+}
+
+fn sphere_emission_density(l: LightSample) -> f32 {
+    return 0.0;
+}
+
+fn sphere_pdf_scale(ray: EmittedRay, at: vec3<f32>) -> f32 {
+    return 1.0;
+}
+
 fn sphere_light_at(light: u32, normal: vec3<f32>, from_point: vec3<f32>) -> LightSample {
     return no_light_sample();
 }

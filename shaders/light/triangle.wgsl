@@ -3,10 +3,11 @@
 #define_import_path bevy_restir::light::triangle
 
 #import bevy_restir::common::constants::{MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK, MATERIAL_DOUBLE_SIDED}
+#import bevy_restir::light::emitted_ray::{area_emission_density, area_emitted_ray, EmittedRay, no_emitted_ray}
 #import bevy_restir::light::types::{LightSample, no_light_sample}
 #import bevy_restir::scene::bindings::{instances, lights, materials}
 #import bevy_restir::scene::material::{alpha_at, emission_at}
-#import bevy_restir::scene::offset::surface_point
+#import bevy_restir::scene::offset::{offset_distance, offset_point, surface_point}
 #import bevy_restir::scene::triangle::{safe_normalize, world_triangle, WorldTriangle}
 #import bevy_restir::view::render_layers::instance_in_layers
 
@@ -42,11 +43,53 @@ fn triangle_light_pdf_solid_angle(instance: u32, triangle: u32, from_point: vec3
     return area_to_solid_angle(world_triangle(instance, triangle, previous), from_point, position);
 }
 
+// A ray that the triangle emits; a double-sided one emits from either side.
+fn triangle_emitted_ray(light: u32, u_point: vec2<f32>, u_direction: vec2<f32>) -> EmittedRay {
+    let instance = lights[light].data.x;
+    let triangle = lights[light].data.y;
+    let t = world_triangle(instance, triangle, false);
+    let barycentrics = uniform_barycentrics(u_point);
+    var normal = t.normal;
+    var u = u_direction;
+    let both_sides = is_double_sided(instance);
+    if both_sides {
+        normal *= select(1.0, -1.0, u.x < 0.5);
+        u.x = fract(2.0 * u.x);
+    }
+    if !(t.area > 0.0) {
+        return no_emitted_ray();
+    }
+    let position = surface_point(instance, triangle, barycentrics, false);
+    var ray = area_emitted_ray(light, position, normal, triangle_light_color(instance, triangle, barycentrics), 1.0 / t.area, u);
+    ray.origin = offset_point(position, normal, normal, offset_distance(instance, triangle, barycentrics));
+    if both_sides {
+        ray.pdf_direction *= 0.5;
+        ray.power *= 2.0;
+    }
+    return ray;
+}
+
+fn triangle_emission_density(l: LightSample) -> f32 {
+    return select(1.0, 0.5, is_double_sided(lights[l.light].data.x)) * area_emission_density(l);
+}
+
+fn is_double_sided(instance: u32) -> bool {
+    return (materials[instances[instance].material].flags & MATERIAL_DOUBLE_SIDED) != 0u;
+}
+
 // Probability that the alpha test keeps the surface at a point.
 fn triangle_light_opacity(light: u32, barycentrics: vec2<f32>) -> f32 {
     return opacity(lights[light].data.x, lights[light].data.y, barycentrics);
 }
 #else
+fn triangle_emitted_ray(light: u32, u_point: vec2<f32>, u_direction: vec2<f32>) -> EmittedRay {
+    return no_emitted_ray();
+}
+
+fn triangle_emission_density(l: LightSample) -> f32 {
+    return 0.0;
+}
+
 fn triangle_light_opacity(light: u32, barycentrics: vec2<f32>) -> f32 {
     return 1.0;
 }

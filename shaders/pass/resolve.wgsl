@@ -29,8 +29,10 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
     } else {
         let s = primary_surface(ids, pixel, false).surface;
         light = s.emission + s.unlit + textureLoad(unresampled, pixel, 0).rgb + textureLoad(resampled_lights, pixel, 0).rgb
-            + textureLoad(resampled_paths, pixel, 0).rgb + subsurface_light(pixel);
+            + subsurface_light(pixel);
     }
+    // Light paths may end anywhere in a pixel, beside a surface that this frame's ray has missed, too.
+    light += textureLoad(resampled_paths, pixel, 0).rgb;
     let index = pixel.y * view.size.x + pixel.x;
     var sum = vec4<f32>(guarded_pixel(light), 1.0);
     if view.accumulated > 0u {

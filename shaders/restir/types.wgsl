@@ -23,6 +23,8 @@ struct ResampleSettings {
     roughness: f32,            // least perceptual roughness of a lobe before a reconnection
     separation: f32,           // c of the footprints, or least distance, m
     jacobian_limit: f32,       // greatest Jacobian of a shift, and reciprocal of the least
+    light_paths: u32,          // light sub-paths of a frame
+    splats: u32,               // `light_paths`, or 0: the camera does not see their vertices
     subsurface_shift: u32,     // SUBSURFACE_*
 }
 

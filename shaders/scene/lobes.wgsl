@@ -21,17 +21,39 @@ fn with_lobes(b: Bsdf, point: MaterialPoint, frame: LobeFrame, wo: vec3<f32>) ->
     return with_coat(body, point, frame.coat_normal, wo);
 }
 
+// The lobes of a surface as `wo` sees them, which may be on the other side.
+fn lobes_towards(b: Bsdf, wo: vec3<f32>) -> Bsdf {
+    var s = b;
+    if dot(wo, b.n_geo) < 0.0 {
+        s.n = -b.n;
+        s.n_geo = -b.n_geo;
+        s.coat_normal = -b.coat_normal;
+        s.eta = 1.0 / b.eta;
+    }
+    s.compensation = multiple_scattering(mean_roughness(s), dot(wo, s.n));
+    return with_coat_compensation(s, wo);
+}
+
 #ifdef CLEARCOAT
+fn with_coat_compensation(b: Bsdf, wo: vec3<f32>) -> Bsdf {
+    var s = b;
+    s.coat_compensation = multiple_scattering(b.coat_roughness, dot(wo, b.coat_normal));
+    return s;
+}
+
 fn with_coat(b: Bsdf, point: MaterialPoint, normal: vec3<f32>, wo: vec3<f32>) -> Bsdf {
     let perceptual_roughness = point.clearcoat_perceptual_roughness;
     var c = b;
     c.coat = point.clearcoat;
     c.coat_normal = normal;
     c.coat_roughness = max(perceptual_roughness * perceptual_roughness, ALPHA_MIN);
-    c.coat_compensation = multiple_scattering(c.coat_roughness, dot(wo, normal));
-    return c;
+    return with_coat_compensation(c, wo);
 }
 #else
+fn with_coat_compensation(b: Bsdf, wo: vec3<f32>) -> Bsdf {
+    return b;
+}
+
 fn with_coat(b: Bsdf, point: MaterialPoint, normal: vec3<f32>, wo: vec3<f32>) -> Bsdf {
     return b;
 }
@@ -48,12 +70,15 @@ fn with_anisotropy(b: Bsdf, point: MaterialPoint, frame: LobeFrame, wo: vec3<f32
     a.roughness_along = mix(b.roughness, 1.0, strength * strength);
     if strength > 0.0 && a.roughness_along >= ALPHA_DELTA {
         a.roughness = max(b.roughness, ALPHA_DELTA);
-        // The table is for isotropic lobes.  The root mean square of both α comes nearest: the albedo is right to a tenth, except across
-        // the grain at grazing angles.
-        let squares = a.roughness * a.roughness + a.roughness_along * a.roughness_along;
-        a.compensation = multiple_scattering(sqrt(0.5 * squares), dot(wo, b.n));
+        a.compensation = multiple_scattering(mean_roughness(a), dot(wo, b.n));
     }
     return a;
+}
+
+// α for the table of energy compensation, which is for isotropic lobes.  The root mean square of both α comes nearest: the albedo is right
+// to a tenth, except across the grain at grazing angles.
+fn mean_roughness(b: Bsdf) -> f32 {
+    return sqrt(0.5 * (b.roughness * b.roughness + b.roughness_along * b.roughness_along));
 }
 
 // Unit tangent perpendicular to n, whatever mesh and normal map contain.
@@ -65,6 +90,10 @@ fn tangent_of(n: vec3<f32>, along: vec3<f32>) -> vec3<f32> {
 #else
 fn with_anisotropy(b: Bsdf, point: MaterialPoint, frame: LobeFrame, wo: vec3<f32>) -> Bsdf {
     return b;
+}
+
+fn mean_roughness(b: Bsdf) -> f32 {
+    return b.roughness;
 }
 #endif
 

@@ -49,6 +49,34 @@ fn previous_primary_ray(pixel: vec2<u32>) -> Ray {
     return camera_ray(view.previous, vec2<f32>(pixel) + 0.5 + view.previous_jitter);
 }
 
+// A point as the camera sees it.
+struct CameraPoint {
+    at: vec2<f32>,             // pixels, y down, without jitter
+    inside: bool,              // within the image, and between the near plane and the far one
+    ray: Ray,                  // of the camera, through the point
+    near: vec3<f32>,           // where the ray passes the near plane
+}
+
+fn camera_point(camera: Camera, p: vec3<f32>) -> CameraPoint {
+    let clip = camera.clip_from_world * vec4<f32>(p, 1.0);
+    let at = project(camera, p);
+    let inside = clip.w > 0.0 && clip.z >= 0.0 && clip.z <= clip.w && all(at >= vec2<f32>(0.0)) && all(at < vec2<f32>(view.size));
+    let uv = at / vec2<f32>(view.size);
+    let near = camera.view_from_clip * vec4<f32>(2.0 * uv.x - 1.0, 1.0 - 2.0 * uv.y, 1.0, 1.0);
+    return CameraPoint(at, inside, camera_ray(camera, at), (camera.world_from_view * vec4<f32>(near.xyz / near.w, 1.0)).xyz);
+}
+
+// Samples of one pixel at a distance along a ray, for each unit of area perpendicular to the ray, where the ray is uniform in the pixel.
+fn camera_density(camera: Camera, ray: Ray, distance: f32) -> f32 {
+    let half = abs(vec2<f32>(camera.view_from_clip[0].x, camera.view_from_clip[1].y));
+    let pixel = 4.0 * half.x * half.y / (f32(view.size.x) * f32(view.size.y));
+    if (view.flags & VIEW_ORTHOGRAPHIC) != 0u {
+        return 1.0 / pixel;
+    }
+    let cosine = abs(dot(ray.direction, normalize(camera.world_from_view[2].xyz)));
+    return 1.0 / (pixel * cosine * cosine * cosine * distance * distance);
+}
+
 // Projects a point to pixels, y down, without jitter.  Points behind the camera are far outside of the image.
 fn project(camera: Camera, p: vec3<f32>) -> vec2<f32> {
     let clip = camera.clip_from_world * vec4<f32>(p, 1.0);

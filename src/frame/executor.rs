@@ -48,6 +48,9 @@ pub(super) fn run_passes(
     }
     state.counters.begin_frame(run.current(), &mut context);
     let encoder = context.command_encoder();
+    if let Some(light_paths) = state.history.as_ref().and_then(|history| history.light_paths.as_ref()) {
+        encoder.clear_buffer(&light_paths.map, 0, Some(light_paths.heads));
+    }
     if let Some(history) = &state.history {
         // Temporal reuse still needs the last visibility buffer, which the visibility pass overwrites.
         encoder.copy_texture_to_texture(

@@ -40,7 +40,9 @@ fn binding_type(resource: R) -> BindingType {
     };
     match resource {
         R::Radiance | R::Counters | R::Subsets | R::CandidateReservoirs | R::OutputReservoirs => storage(false),
+        R::LightVertices | R::LightMap => storage(false),
         R::SubsetsRead | R::NeighborReservoirs | R::FinalReservoirs => storage(true),
+        R::LightVerticesRead | R::LightMapRead => storage(true),
         R::Settings => buffer(BufferBindingType::Uniform),
         R::PreviousVisibility => texture(TextureSampleType::Uint),
         R::LightBefore | R::UnresampledLight | R::ResampledLight | R::SubsurfaceLight | R::PathLight => {
@@ -82,10 +84,12 @@ fn binding_of<'a>(resource: R, step: &Step, state: &'a RestirView) -> Option<Bin
         R::Counters => state.counters.buffer.as_entire_binding(),
         R::Settings => own()?.settings_of(step.iteration),
         R::Subsets | R::SubsetsRead => history?.subsets.as_entire_binding(),
-        R::CandidateReservoirs => own()?.candidates().as_entire_binding(),
-        R::NeighborReservoirs => own()?.neighbors_of(step.iteration).as_entire_binding(),
-        R::OutputReservoirs => own()?.output_of(step.iteration).as_entire_binding(),
-        R::FinalReservoirs => own()?.last_output().as_entire_binding(),
+        R::CandidateReservoirs => own()?.candidates()?.as_entire_binding(),
+        R::NeighborReservoirs => own()?.neighbors_of(step.iteration)?.as_entire_binding(),
+        R::OutputReservoirs => own()?.output_of(step.iteration)?.as_entire_binding(),
+        R::FinalReservoirs => own()?.last_output()?.as_entire_binding(),
+        R::LightVertices | R::LightVerticesRead => history?.light_paths.as_ref()?.vertices.as_entire_binding(),
+        R::LightMap | R::LightMapRead => history?.light_paths.as_ref()?.map.as_entire_binding(),
         R::PreviousVisibility => view(&history?.previous_visibility_view),
         R::CandidateLight => view(own()?.light_of_candidates()),
         R::LightBefore => view(own()?.light_before(step.iteration)),

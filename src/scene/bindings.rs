@@ -79,6 +79,8 @@ pub(crate) struct SceneBindings {
     pub draws_key: (u64, usize),
     /// Bits of the cameras that do not see some instance or light which another camera sees.
     pub hidden_from: u32,
+    /// Whether there is an object that cameras see and no other ray hits (`NotShadowCaster`).
+    pub has_unshadowing: bool,
 }
 
 /// Textures of one texel, bound in place of missing ones.

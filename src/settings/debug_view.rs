@@ -80,7 +80,7 @@ impl DebugView {
     /// Whether a technique has something to show.
     pub fn shows(self, technique: Technique) -> bool {
         match technique {
-            Technique::Reference => !self.is_of_reservoirs() && !self.is_of_paths(),
+            Technique::Reference | Technique::Bdpt => !self.is_of_reservoirs() && !self.is_of_paths(),
             Technique::Di => !self.is_of_paths(),
             Technique::Gi => true,
             Technique::Pt => !self.is_of_reservoirs(),

@@ -18,8 +18,8 @@ use bevy::{
 /// a plane: thin parts gain light, and small bodies lose some.  Seen from behind, a surface is diffuse, so meshes must face outward; open
 /// meshes are allowed.  Objects with `NotShadowCaster` are diffuse, because rays do not find them.
 ///
-/// [`Technique::Reference`](crate::Technique::Reference) and [`Technique::Di`](crate::Technique::Di) render it; other techniques render the
-/// object as diffuse, with one warning.
+/// [`Technique::Reference`](crate::Technique::Reference) renders it for all light; [`Technique::Di`](crate::Technique::Di) and
+/// [`Technique::Gi`](crate::Technique::Gi) for direct light.  Other techniques render the object as diffuse, with one warning.
 /// It costs one ray per path and hit of such an object, and a shadow ray; scenes without it pay nothing.
 ///
 /// ```
@@ -131,7 +131,8 @@ pub enum SubsurfaceShift {
     Sequential,
 }
 
-/// Resampling of light that enters objects with [`Subsurface`], for [`Technique::Di`](super::Technique::Di).
+/// Resampling of light that enters objects with [`Subsurface`], for [`Technique::Di`](super::Technique::Di) and
+/// [`Technique::Gi`](super::Technique::Gi).
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
 pub struct SubsurfaceSampling {

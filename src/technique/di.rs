@@ -17,6 +17,7 @@ const ROOMS: &[&str] = &["restir/di"];
 /// Direct light.
 pub(super) const DOMAIN: &Domain = &Domain {
     names: domain_names!("di"),
+    light_paths: None,
     candidates: domain::candidates("di_candidates", "di_candidates", &[]),
     reuse: domain::reuse("di_reuse", ROOMS),
     debug: Some(ComputePass { specialized: false, ..domain::debug("di_debug", "debug_di", &[]) }),

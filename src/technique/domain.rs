@@ -12,13 +12,15 @@ use crate::settings::{DebugView, Restir};
 pub(crate) struct Domain {
     /// Prefix of the names of its passes and buffers.
     pub names: DomainNames,
+    /// Pass that traces light sub-paths, before the candidates.
+    pub light_paths: Option<ComputePass>,
     /// Passes: candidates, reuse (once for each iteration), debug views.
     pub candidates: ComputePass,
     pub reuse: ComputePass,
     pub debug: Option<ComputePass>,
     /// Whether a debug view shows its reservoirs.
     pub has_debug_view: fn(DebugView) -> bool,
-    /// Bytes of a reservoir.
+    /// Bytes of a reservoir; 0 if it has none.
     pub reservoir_bytes: u64,
     /// Whether passes hand on the contribution of each pixel's own sample (`carries_contribution` in its shaders).
     pub carries_contribution: bool,
@@ -107,7 +109,7 @@ pub(crate) const fn debug(
 impl Domain {
     /// Its passes, each once.
     pub(crate) fn passes(&self) -> impl Iterator<Item = &ComputePass> {
-        [&self.candidates, &self.reuse].into_iter().chain(&self.debug)
+        self.light_paths.iter().chain([&self.candidates, &self.reuse]).chain(&self.debug)
     }
 }
 

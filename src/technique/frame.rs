@@ -119,6 +119,7 @@ impl Frame {
             steps.push(compute(&PRESAMPLE, Some(first)));
         }
         for &domain in domains {
+            steps.extend(domain.light_paths.iter().map(|pass| compute(pass, Some(domain))));
             steps.push(compute(&domain.candidates, Some(domain)));
             for (iteration, name) in domain.names.reuse[..iterations(domain)].iter().enumerate() {
                 steps.push(Step { name, iteration, ..compute(&domain.reuse, Some(domain)) });

@@ -23,6 +23,7 @@ const fn diffuse(pass: ComputePass) -> ComputePass {
 /// Indirect light.
 const DOMAIN: &Domain = &Domain {
     names: domain_names!("gi"),
+    light_paths: None,
     candidates: diffuse(domain::candidates("gi_candidates", "path_candidates", ROOMS)),
     reuse: diffuse(domain::reuse("gi_reuse", ROOMS)),
     debug: Some(diffuse(domain::debug("gi_debug", "debug_paths", ROOMS))),

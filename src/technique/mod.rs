@@ -2,6 +2,7 @@
 //! one takes a file here, a room in `shaders/restir/`, its settings in `src/settings/`, and a row in [`TECHNIQUES`];
 //! `docs/architecture.md` lists all files.
 
+mod bdpt;
 mod di;
 pub(crate) mod domain;
 pub(crate) mod frame;
@@ -31,7 +32,7 @@ pub(crate) struct TechniqueRow {
 }
 
 /// All techniques.
-pub(crate) const TECHNIQUES: &[TechniqueRow] = &[reference::ROW, di::ROW, gi::ROW, pt::ROW];
+pub(crate) const TECHNIQUES: &[TechniqueRow] = &[reference::ROW, di::ROW, gi::ROW, pt::ROW, bdpt::ROW];
 
 /// The row of a technique.
 pub(crate) fn row(technique: Technique) -> &'static TechniqueRow {
@@ -69,7 +70,7 @@ mod tests {
 
     #[test]
     fn every_technique_has_one_row() {
-        for technique in [Technique::Reference, Technique::Di, Technique::Gi, Technique::Pt] {
+        for technique in [Technique::Reference, Technique::Di, Technique::Gi, Technique::Pt, Technique::Bdpt] {
             assert_eq!(TECHNIQUES.iter().filter(|row| row.technique == technique).count(), 1, "{technique:?}");
         }
     }
@@ -83,12 +84,12 @@ mod tests {
 
     #[test]
     fn passes_of_different_domains_have_different_names() {
-        let passes = |domain: &'static Domain| domain.passes().map(|pass| pass.name).collect::<Vec<_>>();
-        let mut names: Vec<_> = all_domains().map(|domain| (domain.names.domain, passes(domain))).collect();
-        names.sort();
-        names.dedup();
-        let mut domains: Vec<_> = names.iter().map(|name| name.0).collect();
+        let mut domains: Vec<_> = all_domains().collect();
+        domains.sort_by_key(|domain| domain.names.domain);
         domains.dedup();
-        assert_eq!(domains.len(), names.len());
+        let mut names: Vec<_> =
+            domains.iter().flat_map(|domain| domain.passes().map(|pass| (domain.names.domain, pass.name))).collect();
+        names.sort_by_key(|(_, pass)| *pass);
+        assert!(names.windows(2).all(|pair| pair[0].1 != pair[1].1), "{names:?}");
     }
 }

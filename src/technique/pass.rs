@@ -38,6 +38,14 @@ pub(crate) enum PassResource {
     SubsurfaceLight,
     /// Light of resampled paths, read.
     PathLight,
+    /// The light vertex cache, written.
+    LightVertices,
+    /// The light vertex cache, read.
+    LightVerticesRead,
+    /// The light map, written.
+    LightMap,
+    /// The light map, read.
+    LightMapRead,
 }
 
 /// Number of workgroups of a pass.

@@ -15,6 +15,7 @@ const ROOMS: &[&str] = &["restir/pt", "restir"];
 /// Whole paths.
 const DOMAIN: &Domain = &Domain {
     names: domain_names!("pt"),
+    light_paths: None,
     candidates: domain::candidates("pt_candidates", "path_candidates", ROOMS),
     reuse: domain::reuse("pt_reuse", ROOMS),
     debug: Some(domain::debug("pt_debug", "debug_paths", ROOMS)),

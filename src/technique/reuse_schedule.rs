@@ -168,6 +168,22 @@ impl ReuseSchedule {
         }
     }
 
+    /// The schedule of bidirectional path tracing, which reuses nothing: its one pass adds the splats of light sub-paths.
+    pub(crate) fn of_bidirectional_paths(settings: &Restir) -> Self {
+        let nothing = Reuse { temporal: false, spatial_samples: 0, disocclusion_samples: 0, ..Reuse::PATHS };
+        let candidates = settings.paths.candidates;
+        Self {
+            iterations: iterations(&nothing),
+            common: GpuResampleSettings {
+                candidates,
+                ..common_settings(&nothing, &settings.direct, &settings.research)
+            },
+            first_flags: 0,
+            moved_flags: 0,
+            temporal_mis: MIS_UNIFORM,
+        }
+    }
+
     /// Greatest number of inputs of the resampling routine: the pixel's own sample and its neighbors.
     pub(crate) fn max_inputs(&self) -> u32 {
         let neighbors = self.iterations.iter().map(|iteration| {

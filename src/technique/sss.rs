@@ -11,6 +11,7 @@ const ROOMS: &[&str] = &["restir/sss"];
 /// Direct light that scatters below the surface of a pixel.
 pub(super) const DOMAIN: &Domain = &Domain {
     names: domain_names!("sss"),
+    light_paths: None,
     candidates: domain::candidates("sss_candidates", "sss_candidates", &[]),
     reuse: domain::reuse("sss_reuse", ROOMS),
     debug: None,

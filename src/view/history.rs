@@ -9,7 +9,11 @@ use bevy::{
     },
 };
 
-use super::{VISIBILITY_FORMAT, buffer, pixels, texture};
+use super::{
+    VISIBILITY_FORMAT, buffer,
+    light_paths::{LightPathCounts, LightPaths},
+    pixels, texture,
+};
 use crate::{
     gpu_layout::*,
     settings::{Direct, Restir},
@@ -34,11 +38,28 @@ pub(crate) struct History {
     /// Bound in place of the light of a domain that the frame does not have.
     pub(crate) black: TextureView,
     reservoirs: Vec<Reservoirs>,
+    /// Light sub-paths, if a domain traces them.
+    pub(crate) light_paths: Option<LightPaths>,
     size: UVec2,
 }
 
+/// What a frame is based on, besides the settings.
+#[derive(Clone, Copy)]
+pub(crate) struct FrameInputs {
+    pub has_history: bool,
+    /// An instance has moved or a light has changed.
+    pub moved: bool,
+    pub counts: LightPathCounts,
+}
+
 impl History {
-    pub(crate) fn new(size: UVec2, domains: &[&'static Domain], settings: &Restir, device: &RenderDevice) -> Self {
+    pub(crate) fn new(
+        size: UVec2,
+        domains: &[&'static Domain],
+        settings: &Restir,
+        counts: LightPathCounts,
+        device: &RenderDevice,
+    ) -> Self {
         let entries = subset_entries(&settings.direct);
         let previous_visibility = texture(
             device,
@@ -56,13 +77,21 @@ impl History {
             previous_visibility,
             black: light(device, "no light", UVec2::ONE),
             reservoirs: domains.iter().map(|&domain| Reservoirs::new(size, domain, settings, device)).collect(),
+            light_paths: traces_light(domains).then(|| LightPaths::new(size, counts, device)),
             size,
         }
     }
 
     /// Whether its buffers fit these settings.
-    pub(crate) fn fits(&self, size: UVec2, domains: &[&'static Domain], settings: &Restir) -> bool {
+    pub(crate) fn fits(
+        &self,
+        size: UVec2,
+        domains: &[&'static Domain],
+        settings: &Restir,
+        counts: LightPathCounts,
+    ) -> bool {
         self.size == size
+            && self.light_paths.as_ref().is_none_or(|paths| paths.fits(counts))
             && self.subset_entries == subset_entries(&settings.direct)
             && self.reservoirs.iter().map(|r| r.domain).eq(domains.iter().copied())
             && self
@@ -71,10 +100,10 @@ impl History {
                 .all(|r| r.schedule.reservoir_layout() == (r.domain.schedule)(settings).reservoir_layout())
     }
 
-    /// Begins a frame: the last frame's output becomes the input of temporal reuse.  `moved`: an instance has moved or a light has changed.
-    pub(crate) fn begin(&mut self, settings: &Restir, has_history: bool, moved: bool, queue: &RenderQueue) {
+    /// Begins a frame: the last frame's output becomes the input of temporal reuse.
+    pub(crate) fn begin(&mut self, settings: &Restir, inputs: FrameInputs, queue: &RenderQueue) {
         for reservoirs in &mut self.reservoirs {
-            reservoirs.begin((reservoirs.domain.schedule)(settings), self.size.y, has_history, moved, queue);
+            reservoirs.begin((reservoirs.domain.schedule)(settings), self.size.y, inputs, queue);
         }
     }
 
@@ -101,6 +130,7 @@ impl History {
                 (names.light, 2 * pixels * 16),
             ]);
         }
+        memory.extend(self.light_paths.iter().flat_map(LightPaths::memory));
         memory
     }
 
@@ -116,7 +146,8 @@ pub(crate) struct Reservoirs {
     schedule: ReuseSchedule,
     settings: Buffer,
     /// Reservoirs of this frame and of the last one; the buffers change roles from frame to frame.
-    buffers: [Buffer; 2],
+    /// A domain may have none.
+    buffers: Option<[Buffer; 2]>,
     bytes: u64,
     /// Light of the candidates, and light after iterations of reuse.
     light: [TextureView; 2],
@@ -135,7 +166,8 @@ impl Reservoirs {
         Self {
             domain,
             settings: buffer(device, "resampling settings", MAX_ITERATIONS as u64 * SETTINGS_STRIDE, uniform),
-            buffers: ["reservoirs", "last reservoirs"].map(|label| buffer(device, label, bytes, storage)),
+            buffers: (bytes > 0)
+                .then(|| ["reservoirs", "last reservoirs"].map(|label| buffer(device, label, bytes, storage))),
             bytes,
             light: ["light of candidates", "resampled light"].map(|label| light(device, label, size)),
             schedule,
@@ -144,13 +176,18 @@ impl Reservoirs {
         }
     }
 
-    fn begin(&mut self, schedule: ReuseSchedule, height: u32, has_history: bool, moved: bool, queue: &RenderQueue) {
+    fn begin(&mut self, schedule: ReuseSchedule, height: u32, inputs: FrameInputs, queue: &RenderQueue) {
         self.schedule = schedule;
         self.first = 1 - self.last;
         self.last = self.output_index(self.iterations() - 1);
         let mut bytes = vec![0u8; self.iterations() * SETTINGS_STRIDE as usize];
         for (iteration, slot) in bytes.chunks_exact_mut(SETTINGS_STRIDE as usize).enumerate() {
-            let settings = self.schedule.uniforms(iteration, height, has_history, moved);
+            let LightPathCounts { light_paths, splats } = inputs.counts;
+            let settings = GpuResampleSettings {
+                light_paths,
+                splats,
+                ..self.schedule.uniforms(iteration, height, inputs.has_history, inputs.moved)
+            };
             slot[..size_of_val(&settings)].copy_from_slice(bytemuck::bytes_of(&settings));
         }
         queue.write_buffer(&self.settings, 0, &bytes);
@@ -181,20 +218,24 @@ impl Reservoirs {
         (self.first + turns) % 2
     }
 
-    pub(crate) fn candidates(&self) -> &Buffer {
-        &self.buffers[self.first]
+    pub(crate) fn candidates(&self) -> Option<&Buffer> {
+        self.buffer(self.first)
     }
 
-    pub(crate) fn neighbors_of(&self, iteration: usize) -> &Buffer {
-        &self.buffers[1 - self.output_index(iteration)]
+    pub(crate) fn neighbors_of(&self, iteration: usize) -> Option<&Buffer> {
+        self.buffer(1 - self.output_index(iteration))
     }
 
-    pub(crate) fn output_of(&self, iteration: usize) -> &Buffer {
-        &self.buffers[self.output_index(iteration)]
+    pub(crate) fn output_of(&self, iteration: usize) -> Option<&Buffer> {
+        self.buffer(self.output_index(iteration))
     }
 
-    pub(crate) fn last_output(&self) -> &Buffer {
-        &self.buffers[self.last]
+    pub(crate) fn last_output(&self) -> Option<&Buffer> {
+        self.buffer(self.last)
+    }
+
+    fn buffer(&self, index: usize) -> Option<&Buffer> {
+        self.buffers.as_ref().map(|buffers| &buffers[index])
     }
 
     /// Light of the candidates: light that is not resampled, or the contributions of the selected candidates.
@@ -216,6 +257,11 @@ impl Reservoirs {
     pub(crate) fn light_after(&self, iteration: usize) -> &TextureView {
         if self.domain.carries_contribution { &self.light[(iteration + 1) % 2] } else { &self.light[1] }
     }
+}
+
+/// Whether a domain traces light sub-paths.
+pub(crate) fn traces_light(domains: &[&Domain]) -> bool {
+    domains.iter().any(|domain| domain.light_paths.is_some())
 }
 
 /// A texture for light.

@@ -13,6 +13,7 @@ pub(crate) mod guards;
 pub(crate) mod history;
 mod image_state;
 mod importance_map;
+pub(crate) mod light_paths;
 mod prepare;
 mod resolution;
 mod restir_view;

@@ -103,11 +103,12 @@ pub(super) fn prepare_views(
             let (scene, environments) = (&*scene, &*environments);
             let inputs = UniformInputs { restir, camera, view, bevy_jitter: jitter, scene, environments };
             state.update_uniforms(&inputs, &queue);
-            if let Err(error) = state.update_history(&device, &queue)
+            if let Err(error) = state.update_history(scene, limit, &device, &queue)
                 && warned.is_due((entity, "memory of the history"))
             {
                 warn!("restir: camera {name} is not rendered, because there is no memory for its history: {error}");
             }
+            warn_of_light_paths([entity, name], &state, scene, limit, &mut warned);
         }
         pool.views.insert(entity, state);
     }
@@ -135,6 +136,33 @@ fn view_of(
                 None => new,
             })
         }
+    }
+}
+
+/// Warns once for each camera about light sub-paths that its settings ask for and that are left out.
+fn warn_of_light_paths(
+    [entity, name]: [Entity; 2],
+    state: &RestirView,
+    scene: &SceneBindings,
+    limit: u64,
+    warned: &mut Warned<(Entity, &'static str)>,
+) {
+    if !state.traces_light() {
+        return;
+    }
+    let counts = state.light_path_counts(scene, limit);
+    if counts.is_reduced(&state.settings.bdpt, state.size) && warned.is_due((entity, "light paths")) {
+        warn!(
+            "restir: camera {name} traces {} light paths and not bdpt.light_paths = {} for each pixel, because this device binds at most \
+             {limit} bytes",
+            counts.light_paths, state.settings.bdpt.light_paths
+        );
+    }
+    if scene.has_unshadowing && state.settings.bdpt.light_paths > 0.0 && warned.is_due((entity, "unshadowing")) {
+        warn!(
+            "restir: camera {name} finds caustics from the camera only (noisier, not darker), because an object of the scene has \
+             NotShadowCaster"
+        );
     }
 }
 

@@ -12,8 +12,9 @@ use super::{
     DEPTH_FORMAT, VISIBILITY_FORMAT, buffer,
     counters::CounterReadback,
     extract::ExtractedRestir,
-    history::History,
+    history::{FrameInputs, History, traces_light},
     image_state::ImageState,
+    light_paths::LightPathCounts,
     pixels, raster_view_layout,
     selection::{CompositeKey, Selection},
     texture, view_layout,
@@ -159,25 +160,50 @@ impl RestirView {
         Self { previous_camera, previous_jitter, counters, ..self }
     }
 
-    /// Creates, replaces or drops the history.  If the device has no memory for it, the frame is not rendered.
-    pub(super) fn update_history(&mut self, device: &RenderDevice, queue: &RenderQueue) -> Result<(), String> {
+    /// Creates, replaces or drops the history.  `limit`: bytes that the device can bind.  If the device has no memory for it, the frame is
+    /// not rendered.
+    pub(super) fn update_history(
+        &mut self,
+        scene: &SceneBindings,
+        limit: u64,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) -> Result<(), String> {
         let domains = self.key.map_or(&[][..], |key| key.frame.domains());
         if domains.is_empty() {
             self.history = None;
             return Ok(());
         }
-        let fits = self.history.as_ref().is_some_and(|history| history.fits(self.size, domains, &self.settings));
+        let counts = self.light_path_counts(scene, limit);
+        let fits =
+            self.history.as_ref().is_some_and(|history| history.fits(self.size, domains, &self.settings, counts));
         if !fits {
             // The memory of the old history is free before the new one is created.
             self.history = None;
-            let created = allocation::attempt(device, || History::new(self.size, domains, &self.settings, device));
+            let create = || History::new(self.size, domains, &self.settings, counts, device);
+            let created = allocation::attempt(device, create);
             let history = created.inspect_err(|_| (self.rendered, self.image_state) = (false, None))?;
             self.history = Some(history);
         }
+        let inputs = FrameInputs { has_history: fits && self.frame > 0, moved: self.moved, counts };
         if let Some(history) = &mut self.history {
-            history.begin(&self.settings, fits && self.frame > 0, self.moved, queue);
+            history.begin(&self.settings, inputs, queue);
         }
         Ok(())
+    }
+
+    /// Light sub-paths of this frame.  A light path never meets an object that casts no shadow, so that in a scene with such an object the
+    /// camera could not tell what hides a light vertex.
+    pub(super) fn light_path_counts(&self, scene: &SceneBindings, limit: u64) -> LightPathCounts {
+        if !self.traces_light() {
+            return LightPathCounts::default();
+        }
+        LightPathCounts::new(&self.settings.bdpt, self.size, limit, !scene.has_unshadowing)
+    }
+
+    /// Whether the passes of this frame trace light sub-paths.
+    pub(super) fn traces_light(&self) -> bool {
+        self.key.is_some_and(|key| traces_light(key.frame.domains()))
     }
 
     /// Names and bytes of the buffers and textures of this view.

@@ -67,15 +67,15 @@ fn sampled(lit: &LightScene, light: u32, point: DVec3, mode: u32, seed: u32) -> 
     run(lit, &[query], SAMPLES)
 }
 
-const CENTER: DVec3 = DVec3::new(1.0, 2.0, -0.5);
-const RADIUS: f64 = 0.25;
-const HALF: DVec2 = DVec2::new(0.75, 0.5);
+pub(super) const CENTER: DVec3 = DVec3::new(1.0, 2.0, -0.5);
+pub(super) const RADIUS: f64 = 0.25;
+pub(super) const HALF: DVec2 = DVec2::new(0.75, 0.5);
 /// 1 - cosine of the angular radius of a sun that is five degrees across.
-fn rim() -> f64 {
+pub(super) fn rim() -> f64 {
     2.0 * (2.5f64.to_radians() / 2.0).sin().powi(2)
 }
 
-fn turn() -> DQuat {
+pub(super) fn turn() -> DQuat {
     DQuat::from_rotation_y(2.5) * DQuat::from_rotation_x(0.8)
 }
 
@@ -89,7 +89,7 @@ fn sun_direction() -> DVec3 {
     DVec3::new(0.3, -0.9, 0.2).normalize()
 }
 
-fn sphere(center: DVec3, radius: f64) -> GpuLight {
+pub(super) fn sphere(center: DVec3, radius: f64) -> GpuLight {
     GpuLight {
         kind: LIGHT_SPHERE,
         position: center.as_vec3().to_array(),
@@ -99,7 +99,7 @@ fn sphere(center: DVec3, radius: f64) -> GpuLight {
     }
 }
 
-fn rect(center: DVec3, rotation: DQuat, half: DVec2) -> GpuLight {
+pub(super) fn rect(center: DVec3, rotation: DQuat, half: DVec2) -> GpuLight {
     GpuLight {
         kind: LIGHT_RECT,
         position: center.as_vec3().to_array(),
@@ -115,16 +115,19 @@ const SUN: u32 = 0;
 const BALL: u32 = 1;
 const RECT: u32 = 2;
 
-fn lights(gpu: &Gpu) -> LightScene<'_> {
-    let mut lit = LightScene::new(gpu);
-    let sun = GpuLight {
+pub(super) fn sun() -> GpuLight {
+    GpuLight {
         kind: LIGHT_SUN,
         emission: [1.0, 2.0, 3.0],
         direction: sun_direction().as_vec3().to_array(),
         data: [(rim() as f32).to_bits(), 0],
         ..Default::default()
-    };
-    lit.lights = vec![sun, sphere(CENTER, RADIUS), rect(CENTER, turn(), HALF)];
+    }
+}
+
+fn lights(gpu: &Gpu) -> LightScene<'_> {
+    let mut lit = LightScene::new(gpu);
+    lit.lights = vec![sun(), sphere(CENTER, RADIUS), rect(CENTER, turn(), HALF)];
     lit.set_powers(&[1.0; 3]);
     lit.scene.sun_count = 1;
     lit

@@ -43,10 +43,10 @@ fn sample(lit: &LightScene, light: u32, point: DVec3, seed: u32, count: usize, d
     lit.gpu.read(&samples)
 }
 
-const MIRRORED: Rows = [[-2.0, 0.3, 0.0, 0.5], [0.0, 1.5, 0.2, 3.0], [0.1, 0.0, 0.7, -1.0]];
+pub(super) const MIRRORED: Rows = [[-2.0, 0.3, 0.0, 0.5], [0.0, 1.5, 0.2, 3.0], [0.1, 0.0, 0.7, -1.0]];
 
 /// A scene of one emissive triangle with radiance (1, 2, 3).
-fn with_triangle(gpu: &Gpu, rows: Rows, flags: u32) -> LightScene<'_> {
+pub(super) fn with_triangle(gpu: &Gpu, rows: Rows, flags: u32) -> LightScene<'_> {
     let mut lit = LightScene::new(gpu);
     lit.triangles =
         vec![GpuTriangle { a: [0.0, 1.0, 0.0], b: [1.0, 1.2, 0.1], c: [0.2, 0.9, 1.3], ..Default::default() }];
@@ -65,7 +65,7 @@ fn with_triangle(gpu: &Gpu, rows: Rows, flags: u32) -> LightScene<'_> {
 }
 
 /// The corners and the front-facing normal in world space.
-fn corners(lit: &LightScene) -> ([DVec3; 3], DVec3) {
+pub(super) fn corners(lit: &LightScene) -> ([DVec3; 3], DVec3) {
     let (t, m) = (lit.triangles[0], lit.instances[0].world_from_object.map(|r| r.map(f64::from)));
     let linear = DMat3::from_cols_array_2d(&[
         [m[0][0], m[0][1], m[0][2]],

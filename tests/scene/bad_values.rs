@@ -15,7 +15,7 @@ use bevy::{
 };
 use bevy_restir::{Direct, EmissiveLuminance, Restir, RestirEnvironment, Technique};
 
-const TECHNIQUES: [Technique; 4] = [Technique::Reference, Technique::Di, Technique::Gi, Technique::Pt];
+const TECHNIQUES: [Technique; 5] = [Technique::Reference, Technique::Di, Technique::Gi, Technique::Pt, Technique::Bdpt];
 
 /// The app, and the objects whose fields become bad.  Beside each of them stands another one of its kind that stays good, so that the
 /// features of the scene stay, and no pipeline is compiled again.

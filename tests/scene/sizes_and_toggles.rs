@@ -12,7 +12,7 @@ use bevy::{
 };
 use bevy_restir::{Direct, Restir, Technique};
 
-const TECHNIQUES: [Technique; 4] = [Technique::Reference, Technique::Di, Technique::Gi, Technique::Pt];
+const TECHNIQUES: [Technique; 5] = [Technique::Reference, Technique::Di, Technique::Gi, Technique::Pt, Technique::Bdpt];
 
 fn settings(technique: Technique) -> Restir {
     // Few light subsets, because a CPU fills them slowly.

@@ -183,6 +183,8 @@ fn resampling_structs_and_constants_are_the_same_in_rust_and_wgsl() {
             roughness,
             separation,
             jacobian_limit,
+            light_paths,
+            splats,
             subsurface_shift,
         }
     );
@@ -228,6 +230,10 @@ fn resampling_structs_and_constants_are_the_same_in_rust_and_wgsl() {
     ] {
         assert_eq!(layout(&module(path), "PackedReservoir").1 as u64, size, "{path}");
     }
+    let vertex = layout(&module("restir/bdpt/light_vertex.wgsl"), "PackedLightVertex");
+    assert_eq!(vertex.1 as u64, LIGHT_VERTEX_SIZE);
+    let splat = module("restir/bdpt/splat.wgsl");
+    same!(splat: SPLATS_OF_A_PATH);
     let mis = module("restir/mis.wgsl");
     same!(mis: MIS_UNIFORM, MIS_ONE_OVER_Z, MIS_BALANCE, MIS_PAIRWISE, MIS_DEFENSIVE_PAIRWISE, MIS_DEFENSIVE_PAIRWISE_GRIS);
 }

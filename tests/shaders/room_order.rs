@@ -40,7 +40,8 @@ const SHADERS: Table = &[
     ("restir/gi", &["restir/pt"]),
     ("restir/di", &["restir/pt"]),
     ("restir/sss", &["restir"]),
-    ("pass", &["restir/gi", "restir/di", "restir/sss"]),
+    ("restir/bdpt", &["restir/pt"]),
+    ("pass", &["restir/gi", "restir/di", "restir/sss", "restir/bdpt"]),
 ];
 
 fn below(table: Table, room: &str) -> &'static [&'static str] {

@@ -7,7 +7,9 @@ use super::{
     reuse_settings::di,
     small_scenes::STEPS,
 };
-use bevy_restir::{Direct, Paths, Preset, Research, Restir, SubsurfaceSampling, Technique, testing::plant_shader_defs};
+use bevy_restir::{
+    Bdpt, Direct, Paths, Preset, Research, Restir, SubsurfaceSampling, Technique, testing::plant_shader_defs,
+};
 use std::{
     collections::HashMap,
     sync::{Arc, LazyLock, Mutex, OnceLock, PoisonError},
@@ -58,6 +60,12 @@ pub struct Indirect(pub Direct, pub Paths);
 impl Subject for Indirect {
     fn apply_to(&self, settings: &mut Restir) {
         (settings.technique, settings.direct, settings.paths) = (Technique::Gi, self.0.clone(), self.1.clone());
+    }
+}
+
+impl Subject for Bdpt {
+    fn apply_to(&self, settings: &mut Restir) {
+        (settings.technique, settings.bdpt, settings.direct) = (Technique::Bdpt, self.clone(), di::all_reuse());
     }
 }
 

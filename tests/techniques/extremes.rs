@@ -8,7 +8,7 @@ use crate::support::{
 use bevy::prelude::*;
 use bevy_restir::{Paths, Restir, Technique};
 
-const TECHNIQUES: [Technique; 4] = [Technique::Reference, Technique::Di, Technique::Gi, Technique::Pt];
+const TECHNIQUES: [Technique; 5] = [Technique::Reference, Technique::Di, Technique::Gi, Technique::Pt, Technique::Bdpt];
 
 /// A room with walls, a lamp, a rough metal ball and a glass ball, in front of a camera at (0, 0, 5); everything is scaled by `scale` and
 /// moved.

@@ -228,7 +228,7 @@ fn layered(rig: &mut Rig) {
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn pictures_of_paths_of_one_seed_are_the_same_by_ray_queries() {
-    same_pictures(&[Technique::Gi, Technique::Pt]);
+    same_pictures(&[Technique::Gi, Technique::Pt, Technique::Bdpt]);
 }
 
 #[test]

@@ -82,6 +82,7 @@ pub enum TechniqueName {
     Di,
     Gi,
     Pt,
+    Bdpt,
 }
 
 impl From<TechniqueName> for Technique {
@@ -91,6 +92,7 @@ impl From<TechniqueName> for Technique {
             TechniqueName::Di => Self::Di,
             TechniqueName::Gi => Self::Gi,
             TechniqueName::Pt => Self::Pt,
+            TechniqueName::Bdpt => Self::Bdpt,
         }
     }
 }

@@ -13,7 +13,6 @@ use bevy::{
         sync_world::MainEntity,
     },
 };
-use std::ops::Range;
 
 use crate::gpu_layout::*;
 use crate::scene::{

@@ -1,6 +1,7 @@
 //! The formulas of materials, subsurface scattering, environments, textures, MIS weights and reconnections in f64, written independently of
 //! the WGSL that they check.
 
+pub mod bidirectional;
 pub mod bsdf;
 pub mod enumeration;
 pub mod environment;

@@ -1,4 +1,5 @@
-//! Compares the reference tracer with pictures of an independent renderer (Mitsuba 3); the long form is in `docs/proof.md`.
+//! Compares the reference tracer and bidirectional path tracing with pictures of an independent renderer (Mitsuba 3); the long form is in
+//! `docs/proof.md`.
 //!
 //! Two runs with different seeds give a picture and, by their difference, its noise.  Means of the image and of tiles must agree within a
 //! floor plus four (tiles: five) standard errors; a firefly raises both the mean and its standard error.  The floor of tiles also covers
@@ -11,6 +12,7 @@ use serde_json::Value;
 
 /// A scene, and how closely it must agree.
 struct Case {
+    technique: &'static str,
     scene: &'static str,
     /// The number of frames of each of the two runs.
     frames: u32,
@@ -78,13 +80,13 @@ fn tiles() -> impl Iterator<Item = Vec<usize>> {
 }
 
 /// Renders a scene with the settings of `references.json`.
-fn render_once(folder: &Folder, scene: &str, frames: u32, seed: u32) -> Exr {
+fn render_once(folder: &Folder, technique: &str, scene: &str, frames: u32, seed: u32) -> Exr {
     let text = std::fs::read_to_string(asset("references.json")).expect("the references are there");
     let all: Value = serde_json::from_str(&text).expect("the file is JSON");
     let (bounces, frames, seed) = (all[scene]["bounces"].to_string(), frames.to_string(), seed.to_string());
     let env = all[scene]["env"].as_array().map(|e| e.iter().map(Value::to_string).collect::<Vec<_>>().join(","));
     let mut arguments = [
-        ["--technique", "reference"],
+        ["--technique", technique],
         ["--size", "128x128"],
         ["--set", "energy_compensation=false"],
         ["--bounces", &bounces],
@@ -101,8 +103,8 @@ fn render_once(folder: &Folder, scene: &str, frames: u32, seed: u32) -> Exr {
 }
 
 fn render(case: &Case) -> Option<Pictures> {
-    let folder = Folder::new(case.scene)?;
-    let halves = [11, 12].map(|seed| values(&render_once(&folder, case.scene, case.frames, seed)));
+    let folder = Folder::new(&format!("{}_{}", case.technique, case.scene))?;
+    let halves = [11, 12].map(|seed| values(&render_once(&folder, case.technique, case.scene, case.frames, seed)));
     let exr = |name: String| values(&Exr::read(&asset(&name)));
     let (reference, reference_error) = (exr(format!("{}.exr", case.scene)), exr(format!("{}_se.exr", case.scene)));
     Some(Pictures { halves, reference, reference_error })
@@ -112,7 +114,7 @@ fn check(case: Case) {
     let Some(pictures) = render(&case) else { return };
     let all: Vec<usize> = (0..SIZE * SIZE).collect();
     let (difference, error) = pictures.difference(&all, |_| 1.0);
-    println!("{}: {difference:+.5}, standard error {error:.5}", case.scene);
+    println!("{}, {}: {difference:+.5}, standard error {error:.5}", case.scene, case.technique);
     if let Some(why) = pictures.disagreement(&case, |_| 1.0) {
         panic!("{}: {why}", case.scene);
     }
@@ -134,10 +136,12 @@ fn check(case: Case) {
 }
 
 macro_rules! scenes {
-    ($($name:ident: $scene:literal, $frames:literal, $floor:literal, $tile_floor:literal, $planted:literal;)*) => {
+    ($($(#[$attribute:meta])* $name:ident: $technique:literal, $scene:literal, $frames:literal, $floor:literal, $tile_floor:literal, $planted:literal;)*) => {
         $(#[test]
+        $(#[$attribute])*
         fn $name() {
             check(Case {
+                technique: $technique,
                 scene: $scene,
                 frames: $frames,
                 floor: $floor,
@@ -149,17 +153,29 @@ macro_rules! scenes {
 }
 
 scenes! {
-    cornell_is_what_an_independent_renderer_shows: "cornell", 16, 0.003, 0.02, 0.03;
-    glossy_is_what_an_independent_renderer_shows: "glossy", 16, 0.003, 0.02, 0.03;
-    blinds_is_what_an_independent_renderer_shows: "blinds", 16, 0.003, 0.02, 0.03;
-    punctual_is_what_an_independent_renderer_shows: "punctual", 64, 0.003, 0.04, 0.03;
-    furnace_is_what_an_independent_renderer_shows: "furnace", 12, 0.003, 0.02, 0.03;
-    ajar_is_what_an_independent_renderer_shows: "ajar", 48, 0.005, 0.03, 0.06;
-    many_lights_is_what_an_independent_renderer_shows: "many_lights", 24, 0.01, 0.03, 0.1;
-    glass_lamp_is_what_an_independent_renderer_shows: "glass_lamp", 32, 0.01, 0.03, 0.06;
-    caustic_egg_is_what_an_independent_renderer_shows: "caustic_egg", 16, 0.01, 0.03, 0.06;
-    mirror_room_is_what_an_independent_renderer_shows: "mirror_room", 32, 0.01, 0.03, 0.06;
-    bodies_are_what_an_independent_integral_over_their_surfaces_shows: "bodies", 32, 0.004, 0.03, 0.03;
+    cornell_is_what_an_independent_renderer_shows: "reference", "cornell", 16, 0.003, 0.02, 0.03;
+    glossy_is_what_an_independent_renderer_shows: "reference", "glossy", 16, 0.003, 0.02, 0.03;
+    blinds_is_what_an_independent_renderer_shows: "reference", "blinds", 16, 0.003, 0.02, 0.03;
+    punctual_is_what_an_independent_renderer_shows: "reference", "punctual", 64, 0.003, 0.04, 0.03;
+    furnace_is_what_an_independent_renderer_shows: "reference", "furnace", 12, 0.003, 0.02, 0.03;
+    ajar_is_what_an_independent_renderer_shows: "reference", "ajar", 48, 0.005, 0.03, 0.06;
+    many_lights_is_what_an_independent_renderer_shows: "reference", "many_lights", 24, 0.01, 0.03, 0.1;
+    glass_lamp_is_what_an_independent_renderer_shows: "reference", "glass_lamp", 32, 0.01, 0.03, 0.06;
+    caustic_egg_is_what_an_independent_renderer_shows: "reference", "caustic_egg", 16, 0.01, 0.03, 0.06;
+    mirror_room_is_what_an_independent_renderer_shows: "reference", "mirror_room", 32, 0.01, 0.03, 0.06;
+    bodies_are_what_an_independent_integral_over_their_surfaces_shows: "reference", "bodies", 32, 0.004, 0.03, 0.03;
+    #[ignore = "second tier: ./run test --more"]
+    bidirectional_cornell_is_what_an_independent_renderer_shows: "bdpt", "cornell", 12, 0.003, 0.02, 0.03;
+    #[ignore = "second tier: ./run test --more"]
+    bidirectional_glossy_is_what_an_independent_renderer_shows: "bdpt", "glossy", 12, 0.003, 0.02, 0.03;
+    #[ignore = "second tier: ./run test --more"]
+    bidirectional_punctual_is_what_an_independent_renderer_shows: "bdpt", "punctual", 32, 0.003, 0.04, 0.03;
+    #[ignore = "second tier: ./run test --more"]
+    bidirectional_furnace_is_what_an_independent_renderer_shows: "bdpt", "furnace", 12, 0.003, 0.02, 0.03;
+    #[ignore = "second tier: ./run test --more"]
+    bidirectional_ajar_is_what_an_independent_renderer_shows: "bdpt", "ajar", 16, 0.005, 0.03, 0.06;
+    bidirectional_glass_lamp_is_what_an_independent_renderer_shows: "bdpt", "glass_lamp", 16, 0.01, 0.03, 0.06;
+    bidirectional_caustic_egg_is_what_an_independent_renderer_shows: "bdpt", "caustic_egg", 8, 0.01, 0.03, 0.06;
 }
 
 /// The mean over 8 x 8-pixel tiles of the absolute relative difference of luminance; dark tiles count as at least 2 % of the mean.
@@ -196,7 +212,7 @@ fn the_reference_tracer_meets_its_margins_at_full_length() {
         ("mirror_room", 1024, 0.01, 0.03),
         ("bodies", 2048, 0.004, 0.02),
     ] {
-        let picture = render_once(&folder, scene, frames, 0);
+        let picture = render_once(&folder, "reference", scene, frames, 0);
         let reference = Exr::read(&asset(&format!("{scene}.exr")));
         let mean = |exr: &Exr| values(exr).iter().sum::<f64>() / (SIZE * SIZE) as f64;
         let difference = (mean(&picture) - mean(&reference)) / mean(&reference);

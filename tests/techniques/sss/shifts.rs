@@ -21,7 +21,7 @@ const SHIFTS: [SubsurfaceShift; 3] = [SubsurfaceShift::Reconnection, SubsurfaceS
 const ALONE: ShaderEdit = ShaderEdit {
     module: "pass/resolve.wgsl",
     from: "light = s.emission + s.unlit + textureLoad(unresampled, pixel, 0).rgb + textureLoad(resampled_lights, pixel, 0).rgb\n            \
-           + textureLoad(resampled_paths, pixel, 0).rgb + subsurface_light(pixel);",
+           + subsurface_light(pixel);",
     to: "light = subsurface_light(pixel);",
 };
 

@@ -1,0 +1,112 @@
+// Emission of one ray by a light of any kind, for light sub-paths: a light by power, a point on it uniformly, and a direction by the cosine.
+// Lights at infinity sample a direction as next-event estimation does, and a point of a disk that is as wide as the scene.
+#define_import_path bevy_restir::light::emission
+
+#import bevy_restir::common::constants::{LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_RECT, LIGHT_SPHERE, LIGHT_SPOT, LIGHT_SUN, LIGHT_TRIANGLE, NONE}
+#import bevy_restir::common::math::{is_finite_3, max_component}
+#import bevy_restir::light::analytic_area_light::DISTANCE_TOLERANCE
+#import bevy_restir::light::emitted_ray::{area_emission_density, EmittedRay, infinite_emission_density, infinite_emitted_ray, no_emitted_ray}
+#import bevy_restir::light::light::{environment_light_sample, record_sample}
+#import bevy_restir::light::point::{point_emission_pdf, point_emitted_ray}
+#import bevy_restir::light::rect::rect_emitted_ray
+#import bevy_restir::light::select::light_select
+#import bevy_restir::light::sphere::{sphere_emission_density, sphere_emitted_ray, sphere_pdf_scale}
+#import bevy_restir::light::triangle::{triangle_emission_density, triangle_emitted_ray}
+#import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample}
+#import bevy_restir::scene::bindings::scene
+#import bevy_restir::view::render_layers::{light_in_layers, light_kind}
+
+// Samples a light and one of its rays.  The probability of the light is part of `power` and `pdf_point`.
+fn sample_emission(u_light: vec2<f32>, u_point: vec2<f32>, u_direction: vec2<f32>) -> EmittedRay {
+    let choice = light_select(u_light);
+    if !(choice.pmf > 0.0) {
+        return no_emitted_ray();
+    }
+    var ray = emitted_ray(choice.light, u_point, u_direction);
+    ray.power /= choice.pmf;
+    ray.pdf_point *= choice.pmf;
+    if !(max_component(ray.power) > 0.0) || !is_finite_3(ray.power) {
+        ray.light = NONE;
+    }
+    return ray;
+}
+
+fn emitted_ray(light: u32, u_point: vec2<f32>, u_direction: vec2<f32>) -> EmittedRay {
+    if light == ENVIRONMENT_LIGHT {
+        let l = environment_light_sample(u_direction);
+        return infinite_emitted_ray(light, l.wi, l.radiance, l.pdf_solid_angle, 0u, u_point);
+    }
+    if light >= scene.light_count || !light_in_layers(light) {
+        return no_emitted_ray();
+    }
+    switch light_kind(light) {
+        case LIGHT_TRIANGLE: {
+            return triangle_emitted_ray(light, u_point, u_direction);
+        }
+        case LIGHT_POINT, LIGHT_SPOT: {
+            return point_emitted_ray(light, u_direction);
+        }
+        case LIGHT_SPHERE: {
+            return past_tolerance(sphere_emitted_ray(light, u_point, u_direction));
+        }
+        case LIGHT_RECT: {
+            return past_tolerance(rect_emitted_ray(light, u_point, u_direction));
+        }
+        case LIGHT_DIRECTIONAL, LIGHT_SUN: {
+            // The receiver does not matter to a light at infinity.
+            let l = record_sample(light, scene.center, u_direction);
+            return infinite_emitted_ray(light, l.wi, l.radiance, l.pdf_solid_angle, l.delta, u_point);
+        }
+        default: {
+            return no_emitted_ray();
+        }
+    }
+}
+
+// The ray passes surfaces that the light lies a little behind, as shadow rays do.
+fn past_tolerance(ray: EmittedRay) -> EmittedRay {
+    var r = ray;
+    r.t_min = DISTANCE_TOLERANCE * scene.radius;
+    return r;
+}
+
+fn is_at_infinity(light: u32) -> bool {
+    if light == ENVIRONMENT_LIGHT {
+        return true;
+    }
+    let kind = light_kind(light);
+    return kind == LIGHT_DIRECTIONAL || kind == LIGHT_SUN;
+}
+
+// Density with which a light emits rays that arrive at the receiver of a light sample, given the point (or direction) on the light, for each
+// unit of area perpendicular to the ray.
+fn emission_density(l: LightSample) -> f32 {
+    if l.light == NONE {
+        return 0.0;
+    }
+    if is_at_infinity(l.light) {
+        return infinite_emission_density();
+    }
+    switch light_kind(l.light) {
+        case LIGHT_TRIANGLE: {
+            return triangle_emission_density(l);
+        }
+        case LIGHT_SPHERE: {
+            return sphere_emission_density(l);
+        }
+        case LIGHT_RECT: {
+            return area_emission_density(l);
+        }
+        default: {
+            return point_emission_pdf(l.light, l.wi) / (l.distance * l.distance);
+        }
+    }
+}
+
+// Density with which next-event estimation at a point samples the origin of a ray that arrives there, over that of light paths.
+fn nee_pdf_scale(ray: EmittedRay, at: vec3<f32>) -> f32 {
+    if ray.light != ENVIRONMENT_LIGHT && light_kind(ray.light) == LIGHT_SPHERE {
+        return sphere_pdf_scale(ray, at);
+    }
+    return 1.0;
+}

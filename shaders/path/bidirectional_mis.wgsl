@@ -1,0 +1,100 @@
+// MIS weights of bidirectional path tracing by the balance heuristic, accumulated along both sub-paths (Georgiev et al. 2012; Hedstrom et
+// al. 2025, 6, Eqs. 30-39).
+//
+// A path of k + 1 vertices x0 (the camera) to xk (on a light) can be found by every technique (s, t) with s + t = k + 1: its last s vertices
+// come from a light sub-path, its first t from a camera sub-path.  Technique (k, 1) has `splats` samples in an image, and the others have
+// one in a pixel.  All densities of directions are in solid angle, `*_forward` in the direction of the sub-path and `*_reverse` against it.
+// Russian roulette is not part of them: the weights of all techniques sum to one with any densities.  All terms have the unit m², so that
+// f32 holds them in scenes of any size.
+#define_import_path bevy_restir::path::bidirectional_mis
+
+// Ratios of the densities of other techniques to that of this sub-path.  On a ray they lack the factors of the vertex where it arrives.
+struct MisState {
+    last: f32,                 // the technique that joins the sub-paths at the last edge
+    earlier: f32,              // all techniques that join them before, over the density with which the path would be traced back
+}
+
+// The camera ray before it arrives at x1.  `camera_density`: samples of a pixel for each unit of area perpendicular to the ray, at x1.
+fn mis_camera_start(splats: f32, camera_density: f32) -> MisState {
+    return MisState(splats / camera_density, 0.0);
+}
+
+// The ray of a light sub-path before it arrives at y1, for y1 at the distance 1.  The densities are those of the light's point as y1 sees
+// it: `nee_density` and `light_density` with which next-event estimation and light sub-paths sample it, in solid angle; a delta light has
+// their ratio only.  `emission_density`: of rays of the light at y1, for each unit of perpendicular area.
+fn mis_light_start(nee_density: f32, light_density: f32, emission_density: f32, is_delta: bool) -> MisState {
+    return MisState(nee_density / (light_density * emission_density), select(1.0 / (light_density * emission_density), 0.0, is_delta));
+}
+
+// Arrival at a vertex.  `distance2`: 1 where the ray's state already holds for the vertex.
+fn mis_arrive(s: MisState, distance2: f32, cos_in: f32) -> MisState {
+    return MisState(s.last * distance2 / cos_in, s.earlier / cos_in);
+}
+
+// Scattering at a vertex that can be connected.
+fn mis_scatter(s: MisState, cos_out: f32, pdf_forward: f32, pdf_reverse: f32) -> MisState {
+    return MisState(1.0 / pdf_forward, cos_out / pdf_forward * joined(s, pdf_forward, pdf_reverse));
+}
+
+// Scattering by a delta lobe, which no technique connects.  It has the same probability in both directions as far as weights know.
+fn mis_scatter_delta(s: MisState, cos_out: f32) -> MisState {
+    return MisState(0.0, cos_out * s.earlier);
+}
+
+// All techniques that join the sub-paths at the last edge or before.
+fn mis_sum(s: MisState, pdf_reverse: f32) -> f32 {
+    return s.last + s.earlier * pdf_reverse;
+}
+
+// PLANT_*: errors that only tests define, and must find.
+#ifdef PLANT_MIS_ORDER
+// The state after scattering is used in place of the one before.
+fn joined(s: MisState, pdf_forward: f32, pdf_reverse: f32) -> f32 {
+    return mis_sum(MisState(1.0 / pdf_forward, s.earlier), pdf_reverse);
+}
+#else
+fn joined(s: MisState, pdf_forward: f32, pdf_reverse: f32) -> f32 {
+    return mis_sum(s, pdf_reverse);
+}
+#endif
+
+// Technique s = 0: the camera sub-path hits a light.  `ray`: its state before it arrives there.  The densities are those of
+// `mis_light_start`, in solid angle at the vertex before.
+fn mis_hit_weight(ray: MisState, nee_density: f32, light_density: f32, emission_density: f32) -> f32 {
+    return 1.0 / (1.0 + nee_density * ray.last + light_density * emission_density * ray.earlier);
+}
+
+// Technique s = 1: next-event estimation at the vertex z.  `pdf_forward`: of z's direction towards the light, 0 for a delta light.
+// `camera`: state at z, and `pdf_reverse` traces its sub-path back.  The densities are those of `mis_light_start`.
+fn mis_nee_weight(
+    pdf_forward: f32,
+    nee_density: f32,
+    light_density: f32,
+    emission_density: f32,
+    cos_z: f32,
+    camera: MisState,
+    pdf_reverse: f32,
+) -> f32 {
+    let found_by_light = light_density / nee_density * emission_density * cos_z * mis_sum(camera, pdf_reverse);
+    return 1.0 / (1.0 + pdf_forward / nee_density + found_by_light);
+}
+
+// One end of a connection.
+struct MisEnd {
+    state: MisState,
+    cosine: f32,               // of the connection with the geometric normal
+    pdf_forward: f32,          // towards the other end
+    pdf_reverse: f32,          // back along the sub-path, with light that comes from the other end
+}
+
+// Techniques s, t >= 2.
+fn mis_connection_weight(camera: MisEnd, light: MisEnd, distance2: f32) -> f32 {
+    let found_by_camera = camera.pdf_forward * light.cosine / distance2 * mis_sum(light.state, light.pdf_reverse);
+    let found_by_light = light.pdf_forward * camera.cosine / distance2 * mis_sum(camera.state, camera.pdf_reverse);
+    return 1.0 / (1.0 + found_by_camera + found_by_light);
+}
+
+// Technique t = 1: a vertex of a light sub-path that the camera sees.  `camera_density` and `splats` as in `mis_camera_start`.
+fn mis_splat_weight(camera_density: f32, splats: f32, cos_in: f32, light: MisState, pdf_reverse: f32) -> f32 {
+    return 1.0 / (1.0 + camera_density * cos_in / splats * mis_sum(light, pdf_reverse));
+}

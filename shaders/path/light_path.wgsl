@@ -1,0 +1,203 @@
+// Walks along light sub-paths (Veach 1997, 10): from a light towards the camera.  Surfaces scatter as in paths from the camera: values are
+// those of light that leaves towards the camera's side, so that radiance scales in glass as it does there, and shading normals are corrected
+// by Veach's factor (ibid., 5.3).
+#define_import_path bevy_restir::path::light_path
+
+#import bevy_restir::bsdf::bsdf::{bsdf_draw, bsdf_eval, bsdf_pdf}
+#import bevy_restir::bsdf::coat::coat_share
+#import bevy_restir::bsdf::types::{BsdfSample, bsdf_is_thin, LOBE_COAT}
+#import bevy_restir::common::constants::{FAR, NONE}
+#import bevy_restir::common::math::{is_finite_3, max_component}
+#import bevy_restir::common::ray::{Hit, Ray}
+#import bevy_restir::common::rng::{Rng, rng_1, rng_2, rng_3, rng_4, rng_bits}
+#import bevy_restir::light::emission::{is_at_infinity, nee_pdf_scale, sample_emission}
+#import bevy_restir::light::emitted_ray::EmittedRay
+#import bevy_restir::path::bidirectional_mis::{mis_arrive, mis_light_start, mis_scatter, mis_scatter_delta, MisState}
+#import bevy_restir::path::medium::{medium_towards, transmittance}
+#import bevy_restir::scene::cone::Cone
+#import bevy_restir::scene::lobes::lobes_towards
+#import bevy_restir::scene::offset::offset_point
+#import bevy_restir::scene::surface::{Surface, surface_at}
+#import bevy_restir::trace::trace::trace_closest
+
+// Russian roulette starts at this scattering event.
+const ROULETTE_FROM: u32 = 3u;
+
+// The newest vertex of a light sub-path.
+struct LightWalk {
+    surface: Surface,          // as the vertex before sees it
+    hit: Hit,
+    events: u32,               // scattering events up to this vertex, with it; 0: the sub-path has ended
+    towards_light: vec3<f32>,  // direction to the vertex before
+    throughput: vec3<f32>,     // power that arrives, over the density of the sub-path
+    state: MisState,
+    start_power: f32,          // largest component of the power that the light emitted
+    medium: vec3<f32>,         // absorption of the body that the ray came through, 1/m
+    open_distance: f32,        // length of the path in a body that no surface has identified yet, m
+}
+
+// Value of all lobes except deltas for light that arrives from `towards_light`, in path space: f times Veach's factor for shading normals.
+// `s` is the surface as `wo`, the camera's side, sees it.
+fn scattered_value(s: Surface, wo: vec3<f32>, towards_light: vec3<f32>) -> vec3<f32> {
+    return bsdf_eval(s.bsdf, wo, towards_light) / max(abs(dot(s.bsdf.n_geo, towards_light)), 1.0e-30);
+}
+
+// The surface as `wo` sees it, without its emission.
+fn surface_towards(s: Surface, wo: vec3<f32>) -> Surface {
+    var t = s;
+    t.bsdf = lobes_towards(s.bsdf, wo);
+    return t;
+}
+
+// The first vertex.
+fn begin_light_path(rng: ptr<function, Rng>) -> LightWalk {
+    let u = rng_4(rng);
+    let ray = sample_emission(u.xy, u.zw, rng_2(rng));
+    var w: LightWalk;
+    if ray.light == NONE {
+        return w;
+    }
+    w.hit = trace_closest(Ray(ray.origin, ray.t_min, ray.direction, FAR), rng_bits(rng).x);
+    if w.hit.instance == NONE {
+        return w;
+    }
+    w.events = 1u;
+    w.throughput = ray.power;
+    w.start_power = max_component(ray.power);
+    w.open_distance = w.hit.t;
+    w = arrived(w, ray.direction);
+    w.state = mis_arrive(first_state(ray, w.surface.position), 1.0, abs(dot(w.surface.bsdf.n_geo, ray.direction)));
+    return w;
+}
+
+// State of the first ray before it arrives at `at`.
+fn first_state(ray: EmittedRay, at: vec3<f32>) -> MisState {
+    let d = at - ray.origin;
+    let d2 = max(dot(d, d), 1.0e-37);
+    var light_density = ray.pdf_point;
+    var emission_density = ray.pdf_direction;
+    if !is_at_infinity(ray.light) {
+        emission_density /= d2;
+        if ray.delta == 0u {
+            light_density *= d2 / max(dot(ray.normal, ray.direction), 1.0e-30);
+        }
+    }
+    return mis_light_start(nee_pdf_scale(ray, at) * light_density, light_density, emission_density, ray.delta != 0u);
+}
+
+// The surface at the new hit of a walk, and the medium on the way there.
+fn arrived(walk: LightWalk, direction: vec3<f32>) -> LightWalk {
+    var w = walk;
+    w.towards_light = -direction;
+    w.surface = surface_at(w.hit.instance, w.hit.triangle, w.hit.barycentrics, -direction, Cone(0.0, 0.0), false);
+    return with_medium_seen_from_inside(w);
+}
+
+// Continues the sub-path to the next vertex; `events` is 0 if it ends.
+fn advance_light_path(walk: LightWalk, rng: ptr<function, Rng>) -> LightWalk {
+    var w = walk;
+    w.events = 0u;
+    let s = walk.surface;
+    let b = bsdf_draw(s.bsdf, walk.towards_light, rng_3(rng));
+    let alpha_seed = rng_bits(rng).x;
+    let u = rng_1(rng);
+    if b.valid == 0u {
+        return w;
+    }
+    let cos_out = abs(dot(s.bsdf.n_geo, b.wi));
+    let out = surface_towards(s, b.wi);
+    if b.delta != 0u {
+        w.throughput *= delta_value(s, out, walk.towards_light, b) * cos_out;
+        w.state = mis_scatter_delta(walk.state, cos_out);
+    } else {
+        let pdf = bsdf_pdf(s.bsdf, walk.towards_light, b.wi);
+        if !(pdf > 0.0) {
+            return w;
+        }
+        w.throughput *= scattered_value(out, b.wi, walk.towards_light) * (cos_out / pdf);
+        w.state = mis_scatter(walk.state, cos_out, pdf, bsdf_pdf(out.bsdf, b.wi, walk.towards_light));
+    }
+    if !(max_component(w.throughput) > 0.0) || !is_finite_3(w.throughput) {
+        return w;
+    }
+
+    // Russian roulette.
+    if walk.events >= ROULETTE_FROM {
+        let q = min(max_component(w.throughput) / walk.start_power, 0.95);
+        if !(u < q) {
+            return w;
+        }
+        w.throughput /= q;
+    }
+
+    w = with_medium_behind(w, b.wi);
+    w.hit = trace_closest(Ray(offset_point(s.position, s.bsdf.n_geo, b.wi, s.offset), 0.0, b.wi, FAR), alpha_seed);
+    if w.hit.instance == NONE {
+        return w;
+    }
+    w.events = walk.events + 1u;
+    w = through_medium(w);
+    w = arrived(w, b.wi);
+    w.state = mis_arrive(w.state, w.hit.t * w.hit.t, abs(dot(w.surface.bsdf.n_geo, b.wi)));
+    return w;
+}
+
+// Value of a delta lobe over its probability and the geometric cosine of the new direction.  The sample `b` was drawn from the light's side:
+// radiance is not scaled by the index of refraction, because power is not, and the coat's share is that of the camera's side.
+fn delta_value(s: Surface, out: Surface, towards_light: vec3<f32>, b: BsdfSample) -> vec3<f32> {
+    var n = s.bsdf.n;
+    var value = b.weight * (b.eta * b.eta);
+    if b.lobe == LOBE_COAT {
+        n = s.bsdf.coat_normal;
+    } else {
+        value *= (1.0 - coat_share(out.bsdf, b.wi)) / max(1.0 - coat_share(s.bsdf, towards_light), 1.0e-30);
+    }
+    let shading = abs(dot(n, towards_light)) / max(abs(dot(n, b.wi)), 1.0e-30);
+    return value * (shading / max(abs(dot(s.bsdf.n_geo, towards_light)), 1.0e-30));
+}
+
+// The body around a light is not known at first.  A surface that is seen from inside of an absorbing body identifies it; until then the
+// length of the path is kept in `open_distance`, and a connection to the camera's sub-path identifies it, too.
+#ifdef ATTENUATION
+fn with_medium_seen_from_inside(walk: LightWalk) -> LightWalk {
+    var w = walk;
+    if w.surface.front == 0u && !bsdf_is_thin(w.surface.bsdf) && max_component(w.surface.attenuation) > 0.0 {
+        w.medium = w.surface.attenuation;
+        w.throughput *= transmittance(w.medium, w.open_distance);
+        w.open_distance = 0.0;
+    }
+    return w;
+}
+
+// The medium of the next ray.  A path that enters a body was outside of any before.
+fn with_medium_behind(walk: LightWalk, wi: vec3<f32>) -> LightWalk {
+    var w = walk;
+    w.medium = medium_towards(w.surface, wi, w.medium);
+    if dot(wi, w.surface.bsdf.n_geo) < 0.0 && !bsdf_is_thin(w.surface.bsdf) {
+        w.open_distance = 0.0;
+    }
+    return w;
+}
+
+fn through_medium(walk: LightWalk) -> LightWalk {
+    var w = walk;
+    if max_component(w.medium) > 0.0 {
+        w.throughput *= transmittance(w.medium, w.hit.t);
+    } else {
+        w.open_distance += w.hit.t;
+    }
+    return w;
+}
+#else
+fn with_medium_seen_from_inside(walk: LightWalk) -> LightWalk {
+    return walk;
+}
+
+fn with_medium_behind(walk: LightWalk, wi: vec3<f32>) -> LightWalk {
+    return walk;
+}
+
+fn through_medium(walk: LightWalk) -> LightWalk {
+    return walk;
+}
+#endif

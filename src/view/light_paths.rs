@@ -1,0 +1,113 @@
+//! Buffers of the light sub-paths of a view: the light vertex cache and the light map.  They exist only while the camera runs a technique
+//! that traces light sub-paths.
+
+use bevy::{
+    math::UVec2,
+    render::{
+        render_resource::{Buffer, BufferUsages},
+        renderer::RenderDevice,
+    },
+};
+
+use super::{buffer, pixels};
+use crate::{
+    gpu_layout::{LIGHT_VERTEX_SIZE, SPLAT_SIZE, SPLATS_OF_A_PATH},
+    settings::Bdpt,
+};
+
+/// Bytes of a light sub-path's entries in the light map.
+const SPLATS_SIZE: u64 = SPLATS_OF_A_PATH as u64 * SPLAT_SIZE;
+
+/// Light sub-paths of a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct LightPathCounts {
+    pub light_paths: u32,
+    /// The sub-paths whose vertices the camera sees: all of them or none.
+    pub splats: u32,
+}
+
+impl LightPathCounts {
+    /// The counts for a picture of this size, as far as the device can bind them.
+    pub(crate) fn new(settings: &Bdpt, size: UVec2, limit: u64, camera_sees_them: bool) -> Self {
+        let for_map = limit.saturating_sub(heads_bytes(size)) / SPLATS_SIZE;
+        let light_paths = wanted(settings, size).min(limit / LIGHT_VERTEX_SIZE).min(for_map) as u32;
+        Self { light_paths, splats: if camera_sees_them { light_paths } else { 0 } }
+    }
+
+    /// Whether the device cannot bind as many as the settings ask for.
+    pub(crate) fn is_reduced(&self, settings: &Bdpt, size: UVec2) -> bool {
+        u64::from(self.light_paths) < wanted(settings, size)
+    }
+}
+
+/// Number of light sub-paths that the settings ask for.  The random number that chooses one of them has 24 bits.
+fn wanted(settings: &Bdpt, size: UVec2) -> u64 {
+    let count = (f64::from(settings.light_paths) * pixels(size) as f64).round() as u64;
+    count.min(1 << 24)
+}
+
+/// Bytes of the heads of lists, with which the light map begins.
+fn heads_bytes(size: UVec2) -> u64 {
+    pixels(size) * 4
+}
+
+/// Buffers of the light sub-paths.
+pub(crate) struct LightPaths {
+    pub(crate) vertices: Buffer,
+    pub(crate) map: Buffer,
+    /// Bytes of the light map that are cleared before each frame.
+    pub(crate) heads: u64,
+    capacity: u64,
+}
+
+impl LightPaths {
+    pub(super) fn new(size: UVec2, counts: LightPathCounts, device: &RenderDevice) -> Self {
+        let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
+        // A binding must not be empty.
+        let capacity = u64::from(counts.light_paths).max(1);
+        let heads = heads_bytes(size);
+        Self {
+            vertices: buffer(device, "light vertices", capacity * LIGHT_VERTEX_SIZE, storage),
+            map: buffer(device, "light map", heads + capacity * SPLATS_SIZE, storage),
+            heads,
+            capacity,
+        }
+    }
+
+    /// Whether the buffers have the right size for this number of sub-paths.
+    pub(super) fn fits(&self, counts: LightPathCounts) -> bool {
+        self.capacity == u64::from(counts.light_paths).max(1)
+    }
+
+    /// Names and bytes.
+    pub(super) fn memory(&self) -> [(&'static str, u64); 2] {
+        [("light vertices", self.capacity * LIGHT_VERTEX_SIZE), ("light map", self.heads + self.capacity * SPLATS_SIZE)]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_number_of_light_paths_fits_the_device() {
+        let of = |light_paths, size, limit| {
+            let settings = Bdpt { light_paths };
+            let counts = LightPathCounts::new(&settings, size, limit, true);
+            (counts.light_paths, counts.is_reduced(&settings, size))
+        };
+        let hd = UVec2::new(1920, 1080);
+        assert_eq!(of(1.0, hd, 128 << 20), (1920 * 1080, false));
+        assert_eq!(of(0.5, UVec2::new(3, 3), 128 << 20), (5, false));
+        assert_eq!(of(0.0, hd, 128 << 20), (0, false));
+        let (count, is_reduced) = of(8.0, hd, 128 << 20);
+        assert!(is_reduced && count > 2_000_000 && u64::from(count) * LIGHT_VERTEX_SIZE <= 128 << 20);
+        assert_eq!(of(1.0, hd, 1 << 20), (0, true));
+    }
+
+    #[test]
+    fn without_splats_the_sub_paths_remain() {
+        let counts = LightPathCounts::new(&Bdpt::default(), UVec2::new(10, 10), 1 << 20, false);
+        assert_eq!(counts, LightPathCounts { light_paths: 100, splats: 0 });
+    }
+}

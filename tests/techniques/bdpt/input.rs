@@ -1,0 +1,117 @@
+//! Bidirectional path tracing with unusual input: a finite picture, the right one, and a warning where something is left out.
+
+use crate::support::{app::*, log, small_scenes::*};
+use bevy::{light::NotShadowCaster, prelude::*};
+use bevy_restir::{Bdpt, Restir, Technique};
+
+fn bidirectional(bounces: u32) -> Restir {
+    Restir { technique: Technique::Bdpt, bounces, jitter: true, ..plain() }
+}
+
+fn rig(make: impl FnOnce(&mut Rig)) -> Option<Rig> {
+    let mut rig = scene(32, make)?;
+    rig.set(|r| *r = bidirectional(3));
+    Some(rig)
+}
+
+/// Buffers and passes of light paths exist only while the technique is used: 64 bytes a path for its vertex, 48 for its splats, and 4 bytes
+/// a pixel.  There are no reservoirs.
+#[test]
+fn buffers_of_light_paths_exist_only_for_this_technique() {
+    let Some(mut rig) = rig(|rig| {
+        room(rig);
+    }) else {
+        return;
+    };
+    let bytes =
+        |rig: &Rig, name: &str| rig.report().memory.iter().filter(|(item, _)| *item == name).map(|m| m.1).sum::<u64>();
+    for (technique, paths) in [(Technique::Pt, 0u64), (Technique::Bdpt, 32 * 32), (Technique::Reference, 0)] {
+        rig.set(|r| r.technique = technique);
+        rig.picture(2);
+        rig.frames(2);
+        let heads = if paths > 0 { 4 * 32 * 32 } else { 0 };
+        assert_eq!(bytes(&rig, "light vertices"), 64 * paths, "{technique:?}");
+        assert_eq!(bytes(&rig, "light map"), 48 * paths + heads, "{technique:?}");
+        assert_eq!(bytes(&rig, "bdpt reservoirs"), 0);
+    }
+    let passes = bevy_restir::pass_names(&bidirectional(3));
+    assert!(passes.contains(&"light_paths") && passes.contains(&"splats"), "{passes:?}");
+    assert!(!bevy_restir::pass_names(&plain()).contains(&"light_paths"));
+}
+
+#[test]
+fn the_same_seed_gives_the_same_picture() {
+    let Some(mut rig) = rig(mirrors) else { return };
+    rig.set(|r| r.accumulate = true);
+    let first = rig.picture(4);
+    assert!(first.mean() > 0.05);
+    assert_eq!(first, rig.picture(4));
+}
+
+#[test]
+fn scenes_without_light_are_black() {
+    let Some(mut rig) = rig(|rig| {
+        rig.spawn(square(2.0), lambert(0.5), Transform::default());
+    }) else {
+        return;
+    };
+    assert_eq!(rig.picture(2).mean(), 0.0);
+    rig.assert_sound();
+}
+
+#[test]
+fn every_number_of_bounces_and_light_paths_gives_a_finite_picture() {
+    let Some(mut rig) = rig(|rig| surrounded(rig, true)) else { return };
+    for bounces in [0, 1, 2, 64] {
+        for light_paths in [0.0, 0.001, 8.0] {
+            rig.set(|r| *r = Restir { bdpt: Bdpt { light_paths }, ..bidirectional(bounces) });
+            assert!(rig.picture(2).is_finite(), "{bounces} bounces, {light_paths} light paths");
+        }
+    }
+    rig.assert_sound();
+}
+
+#[test]
+fn light_behind_the_camera_arrives() {
+    let Some(mut rig) = rig(|rig| {
+        rig.spawn(square(2.0), lambert(0.5), Transform::default());
+        rig.spawn(square(2.0), lamp(5.0, 5.0, 5.0), Transform::from_xyz(0.0, 0.0, 8.0).looking_to(Vec3::Z, Vec3::Y));
+    }) else {
+        return;
+    };
+    assert!(rig.picture(8).mean() > 0.01);
+    rig.assert_sound();
+}
+
+/// Objects without shadows are not in the tree of objects: the camera's view of light vertices would be wrong, and is left out.
+#[test]
+fn objects_without_shadows_turn_the_cameras_view_of_light_paths_off() {
+    log::listen();
+    let Some(mut rig) = rig(|rig| {
+        room(rig);
+        let pane = rig.spawn(square(0.8), lambert(0.9), Transform::from_xyz(0.2, 0.0, 1.5));
+        rig.insert(pane, NotShadowCaster);
+    }) else {
+        return;
+    };
+    rig.set(|r| r.accumulate = true);
+    let ours = rig.picture(200).mean();
+    assert!(!log::warnings("caustics from the camera only").is_empty());
+    rig.set(|r| r.technique = Technique::Reference);
+    let truth = rig.picture(200).mean();
+    eprintln!("{ours} and {truth}");
+    assert!((ours / truth - 1.0).abs() < 0.02, "{ours} and not {truth}");
+    rig.assert_sound();
+}
+
+#[test]
+fn small_devices_trace_fewer_light_paths() {
+    log::listen();
+    // A binding holds 16,384 light vertices of 64 bytes.
+    let Some(mut rig) = Rig::binding_at_most(1 << 20, 64, 64) else { return };
+    room(&mut rig);
+    rig.set(|r| *r = Restir { bdpt: Bdpt { light_paths: 8.0 }, ..bidirectional(2) });
+    assert!(rig.picture(4).mean() > 0.01);
+    assert!(!log::warnings("light paths and not bdpt.light_paths").is_empty());
+    rig.assert_sound();
+}

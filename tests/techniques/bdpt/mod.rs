@@ -1,0 +1,5 @@
+//! Bidirectional path tracing.  `reference::mitsuba` compares it with an independent renderer.
+
+mod input;
+mod small_scenes;
+mod techniques;

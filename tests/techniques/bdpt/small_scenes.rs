@@ -1,0 +1,131 @@
+//! Bidirectional path tracing equals the reference in small scenes of 32 x 32 pixels, with lights and materials of every kind.  Two
+//! one-sided tests at α = 0.01 compare the image mean, and chi-squared compares the 8 x 8 tiles.
+//!
+//! The camera jitters, as in every test of this technique, because light paths end anywhere in a pixel.  Each restart therefore has its own
+//! emission.
+
+use crate::support::{app::*, proof::Proof, small_scenes::*};
+use bevy::prelude::*;
+use bevy_restir::Bdpt;
+
+/// The margins of the image means, and the numbers of restarts and frames.
+const PROOF: Proof = Proof { bounces: 4, blended: true, margin: 0.02, ..Proof::of((24, 6), (24, 16)) };
+
+fn check(name: &str, proof: Proof, make: impl FnOnce(&mut Rig)) {
+    let Some(mut rig) = scene(32, make) else { return };
+    rig.set(|r| r.jitter = true);
+    proof.check(name, &mut rig, &[("bidirectional", Bdpt::default())]);
+}
+
+#[test]
+fn light_paths_in_a_room_equal_the_reference() {
+    let Some(mut rig) = room_scene(32) else { return };
+    rig.set(|r| r.jitter = true);
+    let all = [
+        ("a path for each pixel", Bdpt::default()),
+        ("a path for every tenth pixel", Bdpt { light_paths: 0.1 }),
+        ("three paths for each pixel", Bdpt { light_paths: 3.0 }),
+        ("no light paths", Bdpt { light_paths: 0.0 }),
+    ];
+    PROOF.check("room", &mut rig, &all);
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn light_paths_over_glossy_surfaces_equal_the_reference() {
+    check("glossy", Proof { bounces: 2, margin: 0.05, ..PROOF }, glossy);
+}
+
+#[test]
+fn light_paths_by_mirrors_equal_the_reference() {
+    check("mirrors", Proof { bounces: 3, margin: 0.05, ..PROOF }, mirrors);
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn light_paths_of_points_and_directional_lights_equal_the_reference() {
+    check("punctual", PROOF, punctual);
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn light_paths_of_spheres_rectangles_and_suns_equal_the_reference() {
+    check("shapes", Proof { margin: 0.05, ..PROOF }, shapes);
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn light_paths_of_environments_equal_the_reference() {
+    for (name, with_map) in [("a uniform environment", false), ("an image", true)] {
+        check(name, Proof { bounces: 3, ..PROOF }, |rig| surrounded(rig, with_map));
+    }
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn light_paths_over_every_lobe_equal_the_reference() {
+    check("every lobe", Proof { bounces: 3, margin: 0.05, ..PROOF }, |rig| {
+        every_lobe(rig);
+        // Lobes that depend on the side that they are seen from must be those of the camera's side.
+        rig.set(|r| r.energy_compensation = true);
+    });
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn light_paths_in_textured_scenes_equal_the_reference() {
+    check("textured", Proof { bounces: 3, margin: 0.05, ..PROOF }, textured);
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn light_paths_through_blended_panes_equal_the_reference() {
+    check("blended", Proof { bounces: 2, margin: 0.05, ..PROOF }, blended);
+}
+
+#[test]
+fn an_orthographic_camera_sees_light_paths() {
+    check("orthographic", PROOF, |rig| {
+        room(rig);
+        rig.insert(rig.camera, orthographic(3.0, 3.0));
+    });
+}
+
+/// A closed box of tinted glass with a lamp inside, next to a wall: the light path starts in the absorbing body.
+fn lamp_in_glass(rig: &mut Rig) {
+    let floor = Transform::from_xyz(0.0, -1.2, 0.0).with_rotation(Quat::from_rotation_x(-core::f32::consts::FRAC_PI_2));
+    rig.spawn(square(4.0), lambert(0.7), floor);
+    rig.spawn(square(4.0), lambert(0.5), Transform::from_xyz(0.0, 0.0, -1.2));
+    let glass = StandardMaterial {
+        specular_transmission: 1.0,
+        thickness: 0.8,
+        ior: 1.4,
+        attenuation_color: Color::linear_rgb(0.8, 0.5, 0.3),
+        attenuation_distance: 0.4,
+        ..shiny(Color::WHITE, 0.0, 0.0)
+    };
+    let place = Transform::from_xyz(0.0, -0.3, 0.0).with_rotation(Quat::from_rotation_y(0.4));
+    rig.spawn(Cuboid::new(1.2, 1.0, 0.8), glass, place);
+    rig.spawn(Cuboid::new(0.5, 0.3, 0.3), lamp(9.0, 9.0, 9.0), place);
+    // An opaque block in the glass, which light paths and connections meet before the surface of the body.
+    rig.spawn(Cuboid::new(0.2, 0.8, 0.3), lambert(0.6), place * Transform::from_xyz(0.4, 0.0, 0.0));
+}
+
+#[test]
+fn light_paths_from_inside_of_an_absorbing_body_equal_the_reference() {
+    check("a lamp in glass", Proof { bounces: 4, margin: 0.05, ..PROOF }, lamp_in_glass);
+}
+
+/// The back sides of walls between the camera and the room are not drawn, and still stop all other rays.
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn light_paths_behind_culled_walls_equal_the_reference() {
+    check("culled walls", PROOF, |rig| {
+        room(rig);
+        rig.spawn(
+            square(6.0),
+            lambert(0.6),
+            Transform::from_xyz(0.0, 0.0, 2.5).with_rotation(Quat::from_rotation_y(core::f32::consts::PI)),
+        );
+    });
+}
