@@ -267,12 +267,17 @@ pub const RESAMPLE_MOVED: u32 = 32768;
 pub const RESAMPLE_RETRACE_FORWARD: u32 = 65536;
 pub const RESAMPLE_RETRACE_BACKWARD: u32 = 131072;
 pub const RESAMPLE_DIFFUSE_SECONDARY: u32 = 262_144;
-pub const RESAMPLE_CONNECTIONS: u32 = 524_288;
+pub const RESAMPLE_INVERT_PROBES: u32 = 524_288;
+pub const RESAMPLE_CONNECTIONS: u32 = 1_048_576;
 
 pub const RECONNECT_FOOTPRINTS: u32 = 0;
 pub const RECONNECT_BLACK_BOX: u32 = 1;
 pub const RECONNECT_DISTANCE: u32 = 2;
 pub const RECONNECT_FIRST: u32 = 3;
+
+pub const SUBSURFACE_RECONNECTION: u32 = 0;
+pub const SUBSURFACE_DELAYED: u32 = 1;
+pub const SUBSURFACE_HYBRID: u32 = 2;
 
 pub const MIS_UNIFORM: u32 = 0;
 pub const MIS_ONE_OVER_Z: u32 = 1;
@@ -292,6 +297,8 @@ pub const PRESAMPLED_LIGHT_SIZE: u64 = 48;
 pub const DIRECT_RESERVOIR_SIZE: u64 = 16;
 /// Bytes of a reservoir of ReSTIR GI.
 pub const INDIRECT_RESERVOIR_SIZE: u64 = 52;
+/// Bytes of a reservoir of ReSTIR SSS.
+pub const SUBSURFACE_RESERVOIR_SIZE: u64 = 52;
 /// Bytes of a reservoir of ReSTIR PT.
 pub const PATH_RESERVOIR_SIZE: u64 = 64;
 /// Bytes of a reservoir of ReSTIR BDPT.
@@ -331,4 +338,5 @@ pub struct GpuResampleSettings {
     pub splats: u32,
     pub diffuse_share: f32,
     pub caustic_share: f32,
+    pub subsurface_shift: u32,
 }

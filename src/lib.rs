@@ -46,8 +46,8 @@ pub use report::{RestirReport, RestirStatistics};
 pub use scene::SceneFeatures;
 pub use settings::{
     Bdpt, BiasCorrection, DebugView, Direct, EmissiveLuminance, LightTechniques, Mis, Paths, Preset, RayBackend,
-    Reconnection, Research, ReservoirLayout, Restir, RestirEnvironment, Reuse, ReuseOrder, Subsurface, SuffixRetrace,
-    Technique, VisibilityReuse,
+    Reconnection, Research, ReservoirLayout, Restir, RestirEnvironment, Reuse, ReuseOrder, Subsurface,
+    SubsurfaceSampling, SubsurfaceShift, SuffixRetrace, Technique, VisibilityReuse,
 };
 pub use system_sets::RestirSystems;
 pub use technique::pass_names;
@@ -57,8 +57,8 @@ pub use view::capture::{CapturedRadiance, RadianceCapture};
 pub mod prelude {
     pub use crate::{
         Bdpt, BiasCorrection, DebugView, Direct, EmissiveLuminance, Mis, Paths, Preset, RayBackend, Reconnection,
-        Restir, RestirEnvironment, RestirPlugin, RestirStatus, Reuse, ReuseOrder, Subsurface, SuffixRetrace, Technique,
-        VisibilityReuse,
+        Restir, RestirEnvironment, RestirPlugin, RestirStatus, Reuse, ReuseOrder, Subsurface, SubsurfaceSampling,
+        SubsurfaceShift, SuffixRetrace, Technique, VisibilityReuse,
     };
 }
 

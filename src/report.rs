@@ -24,12 +24,13 @@ pub struct RestirReport {
     pub rays: u64,
     /// Number of pixels of that frame whose radiance was not finite; they are treated as black.  0 unless there is a bug.
     pub non_finite_pixels: u64,
-    /// Overflows of that frame, 0 unless rays missed geometry.  Bit 0: a traversal stack was full; bit 1: a traversal took too many steps.
+    /// Overflows of that frame, 0 unless rays missed geometry.  Bit 0: a traversal stack was full; bit 1: a traversal took too many steps;
+    /// bit 19: a probe of [`Subsurface`](crate::Subsurface) had more than 8 hits.
     pub overflow_flags: u32,
     /// How often the shaders met a number that should not exist, such as NaN or negative light, and stopped it: the name of each check, and
     /// the number of pixels that failed it, summed up over all frames of the cameras that exist now.  All are 0 unless there is a bug, except
-    /// `float_overflow`: it counts light beyond the range of f32 (about 1e38), which is missing in the picture.  A check costs a few integer
-    /// comparisons.
+    /// `float_overflow`, which counts light beyond the range of f32 (about 1e38), and `overflow_probe`: both are missing in the picture.
+    /// A check costs a few integer comparisons.
     pub guards: Vec<(&'static str, u64)>,
     /// Bytes of scene data uploaded in the last frame; 0 while nothing changes.
     pub uploaded_bytes: u64,

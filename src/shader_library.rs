@@ -113,6 +113,9 @@ pub const MODULES: &[(&str, &str)] = modules![
     "restir/di/reservoir.wgsl",
     "restir/di/domain.wgsl",
     "restir/di/initial_candidates.wgsl",
+    "restir/sss/reservoir.wgsl",
+    "restir/sss/domain.wgsl",
+    "restir/sss/initial_candidates.wgsl",
     "restir/bdpt/light_vertex.wgsl",
     "restir/bdpt/bindings.wgsl",
     "restir/bdpt/techniques.wgsl",
@@ -135,6 +138,7 @@ pub const MODULES: &[(&str, &str)] = modules![
     "pass/resolve.wgsl",
     "pass/reuse.wgsl",
     "pass/splats.wgsl",
+    "pass/sss_candidates.wgsl",
     "pass/statistics.wgsl",
     "pass/visibility.wgsl",
 ];

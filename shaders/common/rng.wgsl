@@ -22,7 +22,9 @@ const STREAM_PATH: u32 = 16u;
 const STREAM_PATH_CANDIDATES: u32 = 17u;
 // Light sub-paths.
 const STREAM_LIGHT_PATHS: u32 = 18u;
-const STREAM_CONNECTIONS: u32 = 19u;
+const STREAM_CONNECTIONS: u32 = 20u;
+// Probes through bodies, and the lights of their hits.
+const STREAM_SSS_CANDIDATES: u32 = 19u;
 
 fn pcg4d(seed: vec4<u32>) -> vec4<u32> {
     var v = seed * 1664525u + 1013904223u;

@@ -15,6 +15,7 @@
 @group(2) @binding(2) var resampled_paths: texture_2d<f32>;
 @group(2) @binding(3) var light_of_light_paths: texture_2d<f32>;
 @group(2) @binding(4) var<storage, read_write> radiance: array<vec4<f32>>;
+@group(2) @binding(5) var resampled_subsurface: texture_2d<f32>;
 
 @compute @workgroup_size(8, 8)
 fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -29,7 +30,7 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
     } else {
         let s = primary_surface(ids, pixel, false).surface;
         light = s.emission + s.unlit + textureLoad(unresampled, pixel, 0).rgb + textureLoad(resampled_lights, pixel, 0).rgb
-            + textureLoad(resampled_paths, pixel, 0).rgb;
+            + textureLoad(resampled_paths, pixel, 0).rgb + subsurface_light(pixel);
     }
     // Light paths may end anywhere in a pixel, beside a surface that this frame's ray has missed, too.
     light += textureLoad(light_of_light_paths, pixel, 0).rgb;
@@ -41,3 +42,13 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
     radiance[index] = sum;
     count_guards(pixel);
 }
+
+#ifdef SUBSURFACE
+fn subsurface_light(pixel: vec2<u32>) -> vec3<f32> {
+    return textureLoad(resampled_subsurface, pixel, 0).rgb;
+}
+#else
+fn subsurface_light(pixel: vec2<u32>) -> vec3<f32> {
+    return vec3<f32>(0.0);
+}
+#endif

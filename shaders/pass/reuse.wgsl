@@ -6,7 +6,7 @@
 // `src/shader_library.rs` puts them in.  Resampling takes place in the domain of the pixel: a neighbor's sample is shifted there first, and
 // from there to every other domain that its MIS weight asks for.
 
-#import technique::{apply_shift, carries_contribution, evaluate, Evaluated, in_current_frame, is_visible, jacobian_of, no_reservoir, PackedReservoir, Receiver, receiver_of, Reservoir, reservoir_pack, reservoir_unpack, shift_result_of, ShiftResult, stored_target, stores_target, target_value}
+#import technique::{apply_shift, carries_contribution, completed, evaluate, Evaluated, in_current_frame, is_visible, jacobian_of, no_reservoir, PackedReservoir, Receiver, receiver_of, Reservoir, reservoir_pack, reservoir_unpack, shift_result_of, ShiftResult, stored_target, stores_target, target_value}
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::guard::{GUARD_CONTRIBUTION_WEIGHT, GUARD_TARGET, guarded}
 #import bevy_restir::common::math::luminance
@@ -252,6 +252,7 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
     if !has(RESAMPLE_SHADE_ALL) {
         light = select(0.0, output.ucw, output.seen) * contribution;
     }
+    output = completed(r, output, rng_bits(&rng).x);
     reservoirs[index] = stored(output, pixel);
     if has(RESAMPLE_SHADE) {
         textureStore(resampled, pixel, vec4<f32>(light, 0.0));

@@ -1,6 +1,6 @@
 // Adds up the rays and guards of all pixels, and clears them for the next frame.
 
-#import bevy_restir::common::constants::{NON_FINITE, OVERFLOW_STACK, OVERFLOW_STEPS}
+#import bevy_restir::common::constants::{NON_FINITE, OVERFLOW_PROBE, OVERFLOW_STACK, OVERFLOW_STEPS}
 #import bevy_restir::view::bindings::{counts, LAYER_GUARDS, LAYER_RAYS, view}
 
 struct Counters {
@@ -43,7 +43,7 @@ fn statistics(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invoc
 
 // Counts the guards of a pixel.  Almost no pixel raises one, so that its atomics cost nothing.
 fn count(raised: u32) {
-    atomicOr(&counters.overflow_flags, raised & (OVERFLOW_STACK | OVERFLOW_STEPS));
+    atomicOr(&counters.overflow_flags, raised & (OVERFLOW_STACK | OVERFLOW_STEPS | OVERFLOW_PROBE));
     if (raised & NON_FINITE) != 0u {
         atomicAdd(&counters.non_finite_pixels, 1u);
     }

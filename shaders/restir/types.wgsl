@@ -27,6 +27,7 @@ struct ResampleSettings {
     splats: u32,               // `light_paths`, or 0: the camera does not see their vertices
     diffuse_share: f32,        // `LightShares`
     caustic_share: f32,
+    subsurface_shift: u32,     // SUBSURFACE_*
 }
 
 // BSDF sampling adds a candidate to those of the lights.
@@ -68,7 +69,10 @@ const RESAMPLE_RETRACE_BACKWARD: u32 = 131072u;
 // Radiance is taken to leave the reconnection vertex to all sides alike.
 const RESAMPLE_DIFFUSE_SECONDARY: u32 = 262144u;
 // Vertices of camera sub-paths are connected with vertices of light sub-paths.
-const RESAMPLE_CONNECTIONS: u32 = 524288u;
+const RESAMPLE_CONNECTIONS: u32 = 1048576u;
+
+// Reconnected points of entry get probes that find them.
+const RESAMPLE_INVERT_PROBES: u32 = 524288u;
 
 // Reconnection by the footprints of the densities on both sides (Lin et al. 2026, supplement, 2); by a density in place of the roughness
 // (ibid., 4); by a distance.
@@ -77,6 +81,11 @@ const RECONNECT_BLACK_BOX: u32 = 1u;
 const RECONNECT_DISTANCE: u32 = 2u;
 // At the second vertex, beyond a distance.
 const RECONNECT_FIRST: u32 = 3u;
+
+// Shifts of light that enters a body (Werner et al. 2024): the point of entry is kept; its probe is drawn again; one or the other.
+const SUBSURFACE_RECONNECTION: u32 = 0u;
+const SUBSURFACE_DELAYED: u32 = 1u;
+const SUBSURFACE_HYBRID: u32 = 2u;
 
 const LAYOUT_ROWS: u32 = 0u;
 const LAYOUT_COLUMNS: u32 = 0xffffffffu;

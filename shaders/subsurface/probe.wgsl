@@ -4,10 +4,10 @@
 #define_import_path bevy_restir::subsurface::probe
 
 #import bevy_restir::common::constants::TWO_PI
-#import bevy_restir::common::math::max_component
+#import bevy_restir::common::math::{max_component, precise_atan2}
 #import bevy_restir::common::ray::Ray
 #import bevy_restir::scene::bindings::scene
-#import bevy_restir::subsurface::profile::{profile_pdf, profile_sample, REACH}
+#import bevy_restir::subsurface::profile::{profile_inverse, profile_pdf, profile_sample, REACH}
 
 // A technique with its random numbers.
 struct Probe {
@@ -90,13 +90,11 @@ fn probe_ray(probe: Probe, position: vec3<f32>, frame: mat3x3<f32>, radius: vec3
     let disk = disk_frame(frame, probe.axis);
     let phi = TWO_PI * probe.u_angle;
     let center = position + (x * d) * (cos(phi) * disk[0] + sin(phi) * disk[1]);
-    let half_length = d * sqrt(max(REACH * REACH - x * x, 0.0));
-    // Distances are counted from the scene's sphere where that is nearer: f32 has no precision at the end of an enormous line.
-    let to_scene = dot(scene.center - center, disk[2]);
-    let first = max(-half_length, to_scene - 1.01 * scene.radius);
-    let last = min(half_length, to_scene + 1.01 * scene.radius);
-    let ray = Ray(center + last * disk[2], 0.0, -disk[2], last - first);
-    return ProbeRay(ray, x < REACH && last > first);
+    // No body ends farther than the diameter of the scene, in this frame or the last.  At the end of an enormous line, f32 would have no
+    // precision.
+    let half_length = min(d * sqrt(max(REACH * REACH - x * x, 0.0)), 4.0 * scene.radius);
+    let ray = Ray(center + half_length * disk[2], 0.0, -disk[2], 2.0 * half_length);
+    return ProbeRay(ray, x < REACH && half_length > 0.0);
 }
 
 // Density of finding a point, per area: the marginal over all techniques.  `offset`: from the point where light leaves; `n_geo`: geometric
@@ -119,6 +117,33 @@ fn probe_pdf(offset: vec3<f32>, n_geo: vec3<f32>, frame: mat3x3<f32>, radius: ve
         sum += sum_of_axes(densities * cosines) / (d * d);
     }
     return sum * channel_probability(radius);
+}
+
+// A probe that finds a given point, drawn with the probability that each technique has of having found it; then with random numbers that
+// lead there (probabilistic inversion, Werner et al. 2024).
+fn inverse_probe(offset: vec3<f32>, n_geo: vec3<f32>, frame: mat3x3<f32>, radius: vec3<f32>, u: f32) -> Probe {
+    var probe = Probe(0u, 0u, 0.0, 0.0);
+    let total = probe_pdf(offset, n_geo, frame, radius) / channel_probability(radius);
+    let r = length(offset);
+    var sum = 0.0;
+    for (var technique = 0u; technique < 9u; technique += 1u) {
+        let axis = technique % 3u;
+        let d = radius[technique / 3u];
+        if !reaches(d, r) {
+            continue;
+        }
+        let disk = disk_frame(frame, axis);
+        let across = vec2<f32>(dot(offset, disk[0]), dot(offset, disk[1]));
+        let x = length(across) / d;
+        let p = axis_probability(axis) * profile_pdf(x) * abs(dot(n_geo, disk[2])) / (d * d);
+        // The last technique with a density is taken where rounding leaves none.
+        if p > 0.0 && sum <= u * total {
+            let angle = precise_atan2(across.y, across.x) / TWO_PI;
+            probe = Probe(axis, technique / 3u, profile_inverse(x), angle - floor(angle));
+        }
+        sum += p;
+    }
+    return probe;
 }
 
 // Whether the techniques of a channel can find a point.  TEST_*: errors that tests plant.

@@ -23,6 +23,7 @@ use crate::{
     },
     shader_library::ShaderLibrary,
     technique::{
+        domain::Domain,
         frame::PipelineKey,
         pass::{ComputePass, Pass},
     },
@@ -115,8 +116,7 @@ pub fn plant_shader_edits(app: &mut App, edits: &[crate::shader_library::ShaderE
 /// way that the passes do not write.
 #[cfg(feature = "testing")]
 pub fn replace_pass_shader(app: &mut App, pass_name: &'static str, wgsl: &str) {
-    let domains = crate::technique::TECHNIQUES.iter().flat_map(|row| row.domains);
-    let mut passes = domains.flat_map(|domain| domain.passes());
+    let mut passes = crate::technique::all_domains().flat_map(Domain::passes);
     let rooms = passes.find(|pass| pass.name == pass_name).map_or(&[][..], |pass| pass.technique_rooms);
     let text = crate::shader_library::instantiate(wgsl, rooms);
     let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
@@ -332,5 +332,8 @@ impl PassPipelines {
 }
 
 fn specialization(pass: &ComputePass, key: PipelineKey) -> SceneFeatures {
-    if pass.specialized { key.features } else { SceneFeatures::empty() }
+    if !pass.specialized {
+        return SceneFeatures::empty();
+    }
+    if pass.translucent { key.features } else { key.features.difference(SceneFeatures::SUBSURFACE) }
 }

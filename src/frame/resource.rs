@@ -4,6 +4,7 @@ use bevy::render::{render_resource::*, renderer::RenderDevice};
 
 use crate::{
     technique::{
+        domain::LightPart,
         frame::Step,
         pass::{ComputePass, PassResource as R},
     },
@@ -47,6 +48,7 @@ fn binding_type(resource: R) -> BindingType {
         R::LightBefore
         | R::UnresampledLight
         | R::ResampledLight
+        | R::SubsurfaceLight
         | R::PathLight
         | R::ConnectionsRead
         | R::LightPathLightRead => texture(TextureSampleType::Float { filterable: false }),
@@ -101,14 +103,15 @@ fn binding_of<'a>(resource: R, step: &Step, state: &'a RestirView) -> Option<Bin
         R::CandidateLight => view(own()?.light_of_candidates()),
         R::LightBefore => view(own()?.light_before(step.iteration)),
         R::LightAfter => view(own()?.light_after(step.iteration)),
-        R::UnresampledLight => view(light_of(history?, false, Reservoirs::light_of_candidates)),
-        R::ResampledLight => view(light_of(history?, false, Reservoirs::light_of_last_iteration)),
-        R::PathLight => view(light_of(history?, true, Reservoirs::light_of_last_iteration)),
+        R::UnresampledLight => view(light_of(history?, LightPart::Direct, Reservoirs::light_of_candidates)),
+        R::ResampledLight => view(light_of(history?, LightPart::Direct, Reservoirs::light_of_last_iteration)),
+        R::SubsurfaceLight => view(light_of(history?, LightPart::Subsurface, Reservoirs::light_of_last_iteration)),
+        R::PathLight => view(light_of(history?, LightPart::Paths, Reservoirs::light_of_last_iteration)),
     })
 }
 
-/// Light of the frame's first domain with this value of `Domain::carries_contribution`; black if the frame has none.
-fn light_of(history: &History, carries_contribution: bool, of: fn(&Reservoirs) -> &TextureView) -> &TextureView {
+/// Light of the frame's domain for this part; black if the frame has none.
+fn light_of(history: &History, part: LightPart, of: fn(&Reservoirs) -> &TextureView) -> &TextureView {
     let mut domains = history.reservoirs().iter();
-    domains.find(|r| r.domain().carries_contribution == carries_contribution).map_or(&history.black, of)
+    domains.find(|r| r.domain().part == part).map_or(&history.black, of)
 }

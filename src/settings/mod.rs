@@ -20,7 +20,7 @@ pub use paths::{Paths, Reconnection, SuffixRetrace};
 pub use presets::Preset;
 pub use research::{Research, ReservoirLayout};
 pub use reuse::{Mis, Reuse, ReuseOrder};
-pub use subsurface::Subsurface;
+pub use subsurface::{Subsurface, SubsurfaceSampling, SubsurfaceShift};
 
 use bevy::{
     camera::Hdr,
@@ -98,6 +98,8 @@ pub struct Restir {
     pub paths: Paths,
     /// Light sub-paths, for [`Technique::Bdpt`].
     pub bdpt: Bdpt,
+    /// Light that enters objects with [`Subsurface`], for [`Technique::Di`] and [`Technique::Gi`].
+    pub subsurface: SubsurfaceSampling,
     /// Variants for measurements.
     pub research: Research,
     /// Shows the mean of all frames for as long as the image does not change: for stills.  [`Technique::Reference`] always does so.
@@ -122,6 +124,7 @@ impl Default for Restir {
             direct: Direct::default(),
             paths: Paths::default(),
             bdpt: Bdpt::default(),
+            subsurface: SubsurfaceSampling::default(),
             research: Research::default(),
             accumulate: false,
             debug_view: DebugView::Off,
@@ -153,6 +156,7 @@ impl Restir {
         self.direct.validate(report);
         self.paths.validate(report);
         self.bdpt.validate(report);
+        self.subsurface.validate(report);
         self.research.validate(report);
         if !self.debug_view.shows(self.technique) {
             report(Problem::NothingToShow(self.debug_view, self.technique));

@@ -1,5 +1,9 @@
-//! Subsurface scattering of one object.
+//! Subsurface scattering of one object, and settings of its resampling.
 
+use super::{
+    Reuse, ReuseOrder,
+    validate::{Problem, Ranges},
+};
 use bevy::{
     ecs::{component::Component, reflect::ReflectComponent},
     math::Vec3,
@@ -14,7 +18,8 @@ use bevy::{
 /// a plane: thin parts gain light, and small bodies lose some.  Seen from behind, a surface is diffuse, so meshes must face outward; open
 /// meshes are allowed.  Objects with `NotShadowCaster` are diffuse, because rays do not find them.
 ///
-/// [`Technique::Reference`](crate::Technique::Reference) renders it; other techniques render the object as diffuse, with one warning.
+/// [`Technique::Reference`](crate::Technique::Reference) renders it for all light; [`Technique::Di`](crate::Technique::Di) and
+/// [`Technique::Gi`](crate::Technique::Gi) for direct light.  Other techniques render the object as diffuse, with one warning.
 /// It costs one ray per path and hit of such an object, and a shadow ray; scenes without it pay nothing.
 ///
 /// ```
@@ -65,9 +70,101 @@ impl Subsurface {
     }
 }
 
+/// Materials with measured coefficients, per millimeter: reduced scattering and absorption.
+macro_rules! measured {
+    ($($name:ident: $what:literal, $scattering:expr, $absorption:expr;)*) => {
+        /// Measured materials (Jensen et al. 2001, Fig. 5).  The lengths are 1/(σs' + σa); the base color that belongs to them stands in linear
+        /// Rec. 709.
+        impl Subsurface {
+            $(
+                #[doc = $what]
+                pub const $name: Self = Self::measured($scattering, $absorption);
+            )*
+        }
+    };
+}
+
+measured! {
+    APPLE: "Apple; base color 0.85, 0.84, 0.53.", [2.29, 2.39, 1.97], [0.003, 0.0034, 0.046];
+    CHICKEN: "Chicken; base color 0.31, 0.15, 0.10.", [0.15, 0.21, 0.38], [0.015, 0.077, 0.19];
+    CREAM: "Cream; base color 0.98, 0.90, 0.73.", [7.38, 5.47, 3.15], [0.0002, 0.0028, 0.0163];
+    KETCHUP: "Ketchup; base color 0.16, 0.01, 0.00.", [0.18, 0.07, 0.03], [0.061, 0.97, 1.45];
+    MARBLE: "Marble; base color 0.83, 0.79, 0.75.", [2.19, 2.62, 3.0], [0.0021, 0.0041, 0.0071];
+    POTATO: "Potato; base color 0.77, 0.62, 0.21.", [0.68, 0.7, 0.55], [0.0024, 0.009, 0.12];
+    SKIM_MILK: "Skim milk; base color 0.81, 0.81, 0.69.", [0.7, 1.22, 1.9], [0.0014, 0.0025, 0.0142];
+    SKIN: "Skin; base color 0.44, 0.22, 0.13.", [0.74, 0.88, 1.01], [0.032, 0.17, 0.48];
+    PALE_SKIN: "Pale skin; base color 0.63, 0.44, 0.34.", [1.09, 1.59, 1.79], [0.013, 0.07, 0.145];
+    WHOLE_MILK: "Whole milk; base color 0.91, 0.88, 0.76.", [2.55, 3.21, 3.77], [0.0011, 0.0024, 0.014];
+}
+
+impl Subsurface {
+    /// A material with these coefficients per millimeter.
+    const fn measured(scattering: [f32; 3], absorption: [f32; 3]) -> Self {
+        let [r, g, b] = scattering;
+        let [s, t, u] = absorption;
+        Self { mean_free_path: Vec3::new(0.001 / (r + s), 0.001 / (g + t), 0.001 / (b + u)), weight: 1.0 }
+    }
+}
+
 impl Default for Subsurface {
     /// A millimeter in all channels, with full weight.
     fn default() -> Self {
         Self { mean_free_path: Vec3::splat(0.001), weight: 1.0 }
+    }
+}
+
+/// How light that enters an object is taken from pixel to pixel (Werner et al. 2024).  No bias; noise and cost differ.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
+pub enum SubsurfaceShift {
+    /// The point where light enters is kept.  Cheapest.  Good where light crosses the object; blotches where its surface is lit, because
+    /// near points matter most there.
+    Reconnection,
+    /// The point is sampled again by the same random numbers, about the new pixel's surface.  One more ray a shift.  Good on lit surfaces.
+    Delayed,
+    /// One or the other, by distance and normals.
+    #[default]
+    Hybrid,
+    /// Reconnection in all iterations of reuse but the last, and delayed reconnection there, so that resampling chooses.  It needs at least
+    /// two iterations: with one it is [`Self::Delayed`].
+    Sequential,
+}
+
+/// Resampling of light that enters objects with [`Subsurface`], for [`Technique::Di`](super::Technique::Di) and
+/// [`Technique::Gi`](super::Technique::Gi).
+#[derive(Clone, Debug, PartialEq, Reflect)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
+pub struct SubsurfaceSampling {
+    /// Light candidates at each point where a pixel's probe finds the object, 1 to 64.  They come from the subsets of
+    /// [`Direct`](super::Direct).  Less noise, higher cost, no bias.
+    pub candidates: u32,
+    /// How samples are taken to other pixels.
+    pub shift: SubsurfaceShift,
+    /// Skips neighbors of dissimilar geometry: less noise at edges.  No bias.
+    pub heuristics: bool,
+    /// Reuse of samples.
+    pub reuse: Reuse,
+}
+
+impl Default for SubsurfaceSampling {
+    /// Temporal reuse, then two iterations of spatial reuse with one neighbor each, within 20 pixels of a picture of 1080 lines.
+    fn default() -> Self {
+        let reuse = Reuse {
+            order: ReuseOrder::TemporalThenSpatial,
+            spatial_iterations: 2,
+            bilinear: true,
+            radius: 20.0,
+            ..Reuse::PATHS
+        };
+        Self { candidates: 8, shift: SubsurfaceShift::default(), heuristics: true, reuse }
+    }
+}
+
+impl SubsurfaceSampling {
+    /// Brings every field into its range.
+    pub(super) fn validate(&mut self, report: &mut dyn FnMut(Problem)) {
+        Ranges { path: "subsurface.", report }.count("candidates", &mut self.candidates, 1, 64);
+        self.reuse.validate("subsurface.reuse.", 30.0, report);
     }
 }

@@ -3,7 +3,7 @@
 
 use super::{
     TechniqueRow,
-    domain::{self, Domain, LightPathPasses, domain_names},
+    domain::{self, Domain, LightPart, LightPathPasses, domain_names},
     pass::{ComputePass, PassResource as R},
     reuse_schedule::ReuseSchedule,
 };
@@ -33,8 +33,9 @@ const DOMAIN: &Domain = &Domain {
     has_debug_view: DebugView::is_of_paths,
     reservoir_bytes: BIDIRECTIONAL_RESERVOIR_SIZE,
     carries_contribution: true,
+    part: LightPart::Paths,
     schedule: ReuseSchedule::of_bidirectional_paths,
 };
 
 pub(super) const ROW: TechniqueRow =
-    TechniqueRow { technique: Technique::Bdpt, domains: &[DOMAIN], light: None, rays: None, subsurface: false };
+    TechniqueRow { technique: Technique::Bdpt, domains: &[DOMAIN], light: None, rays: None, subsurface: None };

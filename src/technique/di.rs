@@ -2,9 +2,10 @@
 
 use super::{
     TechniqueRow,
-    domain::{self, Domain, domain_names},
+    domain::{self, Domain, LightPart, domain_names},
     pass::ComputePass,
     reuse_schedule::ReuseSchedule,
+    sss,
 };
 use crate::{
     gpu_layout::DIRECT_RESERVOIR_SIZE,
@@ -23,8 +24,14 @@ pub(super) const DOMAIN: &Domain = &Domain {
     has_debug_view: DebugView::is_of_reservoirs,
     reservoir_bytes: DIRECT_RESERVOIR_SIZE,
     carries_contribution: false,
+    part: LightPart::Direct,
     schedule: ReuseSchedule::of_direct_light,
 };
 
-pub(super) const ROW: TechniqueRow =
-    TechniqueRow { technique: Technique::Di, domains: &[DOMAIN], light: None, rays: None, subsurface: false };
+pub(super) const ROW: TechniqueRow = TechniqueRow {
+    technique: Technique::Di,
+    domains: &[DOMAIN],
+    light: None,
+    rays: None,
+    subsurface: Some(&[DOMAIN, sss::DOMAIN]),
+};

@@ -24,6 +24,8 @@ pub(crate) struct Domain {
     pub reservoir_bytes: u64,
     /// Whether passes hand on the contribution of each pixel's own sample (`carries_contribution` in its shaders).
     pub carries_contribution: bool,
+    /// The part of a frame's light that it computes.
+    pub part: LightPart,
     /// Iterations of reuse for some settings.
     pub schedule: fn(&Restir) -> ReuseSchedule,
 }
@@ -36,6 +38,16 @@ pub(crate) struct LightPathPasses {
     pub connect: ComputePass,
     /// Adds up their light.
     pub gather: ComputePass,
+}
+
+/// Parts of the light of a frame, which `resolve` adds up; a frame has at most one domain for each.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum LightPart {
+    /// Direct light on surfaces.
+    Direct,
+    /// Direct light that enters translucent objects.
+    Subsurface,
+    Paths,
 }
 
 /// Names that appear in statistics and time spans.

@@ -20,7 +20,7 @@ const RADIANCE_PASS: ComputePass = ComputePass::per_pixel("", &[R::Radiance]);
 /// Sums the light of all domains.
 const RESOLVE: ComputePass = ComputePass::per_pixel(
     "resolve",
-    &[R::UnresampledLight, R::ResampledLight, R::PathLight, R::LightPathLightRead, R::Radiance],
+    &[R::UnresampledLight, R::ResampledLight, R::PathLight, R::LightPathLightRead, R::Radiance, R::SubsurfaceLight],
 );
 const STATISTICS: ComputePass =
     ComputePass { specialized: false, ..ComputePass::per_pixel("statistics", &[R::Counters]) };
@@ -47,6 +47,8 @@ pub(crate) struct Frame {
     show: Show,
     /// Camera sub-paths are connected with light sub-paths.
     connects: bool,
+    /// The scene has `Subsurface`, and the technique renders it.
+    subsurface: bool,
 }
 
 /// A step of a frame.
@@ -74,7 +76,12 @@ impl Frame {
                 domains.find(|domain| (domain.has_debug_view)(view)).map_or(Show::Surface, |d| Show::Reservoirs(d))
             }
         };
-        Self { technique: settings.technique, show, connects: settings.bdpt.connects() }
+        Self { technique: settings.technique, show, connects: settings.bdpt.connects(), subsurface: false }
+    }
+
+    /// The frame of a scene that has `Subsurface`.
+    pub(crate) fn with_subsurface(self) -> Self {
+        Self { subsurface: self.row().subsurface.is_some(), ..self }
     }
 
     fn row(self) -> &'static TechniqueRow {
@@ -83,12 +90,13 @@ impl Frame {
 
     /// Whether it renders `Subsurface`.
     pub(crate) fn scatters_below_surfaces(self) -> bool {
-        self.row().subsurface
+        self.subsurface
     }
 
     /// Domains that it resamples, and keeps a history of.
     pub(crate) fn domains(self) -> &'static [&'static Domain] {
-        let domains = self.row().domains;
+        let row = self.row();
+        let domains = row.subsurface.filter(|_| self.subsurface).unwrap_or(row.domains);
         match self.show {
             Show::Light | Show::Rays => domains,
             Show::Bounces | Show::Surface => &[],

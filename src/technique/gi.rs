@@ -3,8 +3,10 @@
 
 use super::{
     TechniqueRow, di,
-    domain::{self, Domain, domain_names},
+    domain::{self, Domain, LightPart, domain_names},
+    pass::ComputePass,
     reuse_schedule::ReuseSchedule,
+    sss,
 };
 use crate::{
     gpu_layout::INDIRECT_RESERVOIR_SIZE,
@@ -13,16 +15,22 @@ use crate::{
 
 const ROOMS: &[&str] = &["restir/gi", "restir/pt", "restir"];
 
+/// A pass for which translucent objects are diffuse: paths do not scatter below surfaces yet.
+const fn diffuse(pass: ComputePass) -> ComputePass {
+    ComputePass { translucent: false, ..pass }
+}
+
 /// Indirect light.
 const DOMAIN: &Domain = &Domain {
     names: domain_names!("gi"),
     light_paths: None,
-    candidates: domain::candidates("gi_candidates", "path_candidates", ROOMS),
-    reuse: domain::reuse("gi_reuse", ROOMS),
-    debug: Some(domain::debug("gi_debug", "debug_paths", ROOMS)),
+    candidates: diffuse(domain::candidates("gi_candidates", "path_candidates", ROOMS)),
+    reuse: diffuse(domain::reuse("gi_reuse", ROOMS)),
+    debug: Some(diffuse(domain::debug("gi_debug", "debug_paths", ROOMS))),
     has_debug_view: DebugView::is_of_paths,
     reservoir_bytes: INDIRECT_RESERVOIR_SIZE,
     carries_contribution: true,
+    part: LightPart::Paths,
     schedule: ReuseSchedule::of_indirect_light,
 };
 
@@ -31,5 +39,5 @@ pub(super) const ROW: TechniqueRow = TechniqueRow {
     domains: &[di::DOMAIN, DOMAIN],
     light: None,
     rays: None,
-    subsurface: false,
+    subsurface: Some(&[di::DOMAIN, sss::DOMAIN, DOMAIN]),
 };

@@ -11,6 +11,7 @@ pub(crate) mod pass;
 mod pt;
 mod reference;
 pub(crate) mod reuse_schedule;
+mod sss;
 
 use crate::settings::{Restir, Technique};
 use domain::Domain;
@@ -25,8 +26,9 @@ pub(crate) struct TechniqueRow {
     /// Passes of a technique without domains: one writes light, and one the number of rays per pixel for a debug view.
     pub light: Option<&'static ComputePass>,
     pub rays: Option<&'static ComputePass>,
-    /// Whether it renders `Subsurface`; otherwise these objects are diffuse.
-    pub subsurface: bool,
+    /// How it renders `Subsurface`: `None` as diffuse; otherwise with these domains in place of `domains`.  A pass that is not `translucent`
+    /// sees diffuse objects all the same.
+    pub subsurface: Option<&'static [&'static Domain]>,
 }
 
 /// All techniques.
@@ -43,11 +45,16 @@ pub fn pass_names(settings: &Restir) -> Vec<&'static str> {
     Frame::of(settings).steps(iterations).into_iter().map(|step| step.name).collect()
 }
 
+/// The domains of all techniques.
+pub(crate) fn all_domains() -> impl Iterator<Item = &'static Domain> {
+    TECHNIQUES.iter().flat_map(|row| row.domains.iter().chain(row.subsurface.unwrap_or_default())).copied()
+}
+
 /// Every shader of a pass that is a template, with the rooms that are put in; for tests.
 pub fn shader_templates() -> Vec<(&'static str, &'static [&'static str])> {
-    let domains = TECHNIQUES.iter().flat_map(|row| row.domains);
+    let domains = all_domains();
     let mut templates: Vec<_> = domains
-        .flat_map(|domain| domain.passes())
+        .flat_map(Domain::passes)
         .filter(|pass| !pass.technique_rooms.is_empty())
         .map(|pass| (pass.file, pass.technique_rooms))
         .collect();
@@ -77,11 +84,11 @@ mod tests {
 
     #[test]
     fn passes_of_different_domains_have_different_names() {
-        let mut names: Vec<_> = TECHNIQUES
-            .iter()
-            .flat_map(|row| row.domains)
-            .flat_map(|domain| domain.passes().map(|pass| (domain.names.domain, pass.name)))
-            .collect();
+        let mut domains: Vec<_> = all_domains().collect();
+        domains.sort_by_key(|domain| domain.names.domain);
+        domains.dedup();
+        let mut names: Vec<_> =
+            domains.iter().flat_map(|domain| domain.passes().map(|pass| (domain.names.domain, pass.name))).collect();
         names.sort_by_key(|(_, pass)| *pass);
         assert!(names.windows(2).all(|pair| pair[0].1 != pair[1].1), "{names:?}");
     }

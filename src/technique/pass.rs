@@ -34,6 +34,8 @@ pub(crate) enum PassResource {
     UnresampledLight,
     /// Resampled direct light, read.
     ResampledLight,
+    /// Resampled direct light that enters translucent objects, read.
+    SubsurfaceLight,
     /// Light of resampled paths, read.
     PathLight,
     /// The light vertex cache, written.
@@ -78,6 +80,8 @@ pub(crate) struct ComputePass {
     pub dispatch: Dispatch,
     /// Whether it is compiled for the features of the scene; otherwise one pipeline serves all scenes.
     pub specialized: bool,
+    /// Whether objects with `Subsurface` are translucent in it, and not diffuse.
+    pub translucent: bool,
 }
 
 impl ComputePass {
@@ -91,6 +95,7 @@ impl ComputePass {
             resources,
             dispatch: Dispatch::Pixels,
             specialized: true,
+            translucent: true,
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{
     TechniqueRow,
-    domain::{self, Domain, domain_names},
+    domain::{self, Domain, LightPart, domain_names},
     reuse_schedule::ReuseSchedule,
 };
 use crate::{
@@ -22,8 +22,9 @@ const DOMAIN: &Domain = &Domain {
     has_debug_view: DebugView::is_of_paths,
     reservoir_bytes: PATH_RESERVOIR_SIZE,
     carries_contribution: true,
+    part: LightPart::Paths,
     schedule: ReuseSchedule::of_paths,
 };
 
 pub(super) const ROW: TechniqueRow =
-    TechniqueRow { technique: Technique::Pt, domains: &[DOMAIN], light: None, rays: None, subsurface: false };
+    TechniqueRow { technique: Technique::Pt, domains: &[DOMAIN], light: None, rays: None, subsurface: None };

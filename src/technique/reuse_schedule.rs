@@ -3,8 +3,8 @@
 use crate::{
     gpu_layout::*,
     settings::{
-        BiasCorrection, Direct, Mis, Paths, Reconnection, Research, Restir, Reuse, ReuseOrder, SuffixRetrace,
-        VisibilityReuse,
+        BiasCorrection, Direct, Mis, Paths, Reconnection, Research, Restir, Reuse, ReuseOrder, SubsurfaceShift,
+        SuffixRetrace, VisibilityReuse,
     },
 };
 
@@ -22,13 +22,20 @@ pub(crate) struct Iteration {
     pub from_previous: bool,
     temporal_samples: u32,
     spatial_samples: u32,
+    /// `SUBSURFACE_*`, for the domain of light that enters objects.
+    subsurface_shift: u32,
 }
 
 /// The iterations of a frame, in order; at least one, which shades.
 fn iterations(reuse: &Reuse) -> Vec<Iteration> {
     let temporal_samples = u32::from(reuse.temporal);
     let spatial_iterations = if reuse.spatial_samples > 0 { reuse.spatial_iterations as usize } else { 0 };
-    let spatial = Iteration { from_previous: true, temporal_samples: 0, spatial_samples: reuse.spatial_samples };
+    let spatial = Iteration {
+        from_previous: true,
+        temporal_samples: 0,
+        spatial_samples: reuse.spatial_samples,
+        subsurface_shift: 0,
+    };
     match reuse.order {
         ReuseOrder::Spatiotemporal => {
             let mut iterations = vec![spatial; spatial_iterations.max(1)];
@@ -40,6 +47,7 @@ fn iterations(reuse: &Reuse) -> Vec<Iteration> {
                 from_previous: true,
                 temporal_samples,
                 spatial_samples: 0,
+                subsurface_shift: 0,
             });
             first
                 .into_iter()
@@ -131,6 +139,40 @@ impl ReuseSchedule {
         }
     }
 
+    /// The schedule of ReSTIR SSS.  Where shifts follow one another, a reconnected sample gets a probe for the delayed shift.
+    pub(crate) fn of_subsurface(settings: &Restir) -> Self {
+        let subsurface = &settings.subsurface;
+        let common = common_settings(&subsurface.reuse, &settings.direct, &settings.research);
+        let flags = [
+            (true, RESAMPLE_TARGET_RAYS | RESAMPLE_MIS_RAYS),
+            (subsurface.heuristics, RESAMPLE_HEURISTICS),
+            (subsurface.shift == SubsurfaceShift::Sequential, RESAMPLE_INVERT_PROBES),
+        ];
+        let mut iterations = iterations(&subsurface.reuse);
+        let last = iterations.len() - 1;
+        for (i, iteration) in iterations.iter_mut().enumerate() {
+            iteration.subsurface_shift = match subsurface.shift {
+                SubsurfaceShift::Reconnection => SUBSURFACE_RECONNECTION,
+                SubsurfaceShift::Sequential if i < last => SUBSURFACE_RECONNECTION,
+                SubsurfaceShift::Delayed | SubsurfaceShift::Sequential => SUBSURFACE_DELAYED,
+                SubsurfaceShift::Hybrid => SUBSURFACE_HYBRID,
+            };
+        }
+        Self {
+            iterations,
+            common: GpuResampleSettings {
+                candidates: subsurface.candidates,
+                mis: mis_constant(BiasCorrection::UnbiasedMis, subsurface.reuse.mis),
+                flags: common.flags | flags_of(flags),
+                ..common
+            },
+            first_flags: 0,
+            moved_flags: RESAMPLE_MOVED,
+            temporal_mis: MIS_BALANCE,
+            reuse_gain: 1.0,
+        }
+    }
+
     /// The schedule of ReSTIR BDPT.
     pub(crate) fn of_bidirectional_paths(settings: &Restir) -> Self {
         let schedule = Self::of_paths(settings);
@@ -166,12 +208,18 @@ impl ReuseSchedule {
             (index == 0, self.first_flags),
             (iteration.from_previous && moved, self.moved_flags),
         ]);
+        // Probes are inverted once, before the iteration that draws them again.
+        let next = self.iterations.get(index + 1).map(|next| next.subsurface_shift);
+        let is_last_reconnection =
+            iteration.subsurface_shift == SUBSURFACE_RECONNECTION && next == Some(SUBSURFACE_DELAYED);
+        let without = if is_last_reconnection { 0 } else { RESAMPLE_INVERT_PROBES };
         GpuResampleSettings {
             temporal_samples: available(iteration.temporal_samples),
             spatial_samples: available(iteration.spatial_samples),
             mis: if iteration.spatial_samples == 0 { self.temporal_mis } else { self.common.mis },
-            flags: self.common.flags | flags,
+            flags: (self.common.flags | flags) & !without,
             iteration: index as u32,
+            subsurface_shift: iteration.subsurface_shift,
             radius: scaled_radius(self.common.radius, height).max(MIN_RADIUS.min(self.common.radius)),
             visibility_radius: scaled_radius(self.common.visibility_radius, height),
             ..self.common

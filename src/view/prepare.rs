@@ -81,7 +81,8 @@ pub(super) fn prepare_views(
         let viewport = UVec2::new(view.viewport.z, view.viewport.w);
         // An upscaler, such as DLSS, enlarges an image that fills only the corner of the viewport.
         let target_size = resolution_override.map_or(viewport, |size| size.0.min(viewport)).max(UVec2::ONE);
-        let size = fit_to_device([entity, name], restir, target_size, limit, &mut warned);
+        let frame = selection.key.unwrap_or(selection.requested).frame;
+        let size = fit_to_device([entity, name], restir, frame, target_size, limit, &mut warned);
         let Some((map, importance)) = environments.views_of(restir.environment.as_ref()) else {
             continue;
         };
@@ -170,11 +171,12 @@ fn warn_of_light_paths(
 fn fit_to_device(
     [entity, name]: [Entity; 2],
     restir: &mut ExtractedRestir,
+    frame: Frame,
     target_size: UVec2,
     limit: u64,
     warned: &mut Warned<(Entity, &'static str)>,
 ) -> UVec2 {
-    let domains = Frame::of(&restir.settings).domains();
+    let domains = frame.domains();
     let size = resolution::traced_size(target_size, domains, &restir.settings, limit);
     if size != target_size && warned.is_due((entity, "size")) {
         warn!(

@@ -52,16 +52,19 @@ pub(crate) fn requested_key(
     scene: &SceneBindings,
     environments: &EnvironmentPool,
 ) -> PipelineKey {
-    let frame = Frame::of(&restir.settings);
+    let mut frame = Frame::of(&restir.settings);
     let mut features = scene.features | environments.features(restir.environment.as_ref());
     features.set(SceneFeatures::RENDER_LAYERS, scene.hidden_from & restir.layers != 0);
     features.set(SceneFeatures::ENERGY_COMPENSATION, restir.settings.energy_compensation);
-    if features.contains(SceneFeatures::SUBSURFACE) && !frame.scatters_below_surfaces() {
-        features.remove(SceneFeatures::SUBSURFACE);
-        warn_once!(
-            "restir: Subsurface is rendered by Technique::Reference only; with Technique::{:?} these objects are diffuse",
-            restir.settings.technique
-        );
+    if features.contains(SceneFeatures::SUBSURFACE) {
+        frame = frame.with_subsurface();
+        if !frame.scatters_below_surfaces() {
+            features.remove(SceneFeatures::SUBSURFACE);
+            warn_once!(
+                "restir: Subsurface is not rendered by Technique::{:?}; these objects are diffuse",
+                restir.settings.technique
+            );
+        }
     }
     let max_inputs = frame.domains().iter().map(|domain| (domain.schedule)(&restir.settings).max_inputs());
     features.set(SceneFeatures::MANY_NEIGHBORS, max_inputs.max().unwrap_or(0) > FEW_INPUTS);

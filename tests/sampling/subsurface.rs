@@ -316,6 +316,66 @@ fn the_density_of_a_hit_equals_the_oracle_on_both_back_ends() {
     }
 }
 
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+struct Inverse {
+    found: [f32; 3],
+    technique: u32,
+    normal: [f32; 3],
+    count: u32,
+    again: [f32; 3],
+    is_again: u32,
+}
+
+/// Inverted probes find their point again, and choose each technique with the probability that it had found the point.
+#[test]
+fn inverted_probes_find_their_point_with_the_techniques_of_the_density() {
+    let Some(gpu) = gpu() else { return };
+    let kernel = gpu.kernel("inverse", include_str!("../support/kernels/subsurface_inverse.wgsl"), &subsurface());
+    for b in bodies() {
+        let query = |index: u32| ProbeQuery {
+            position: b.origin.position.as_vec3().to_array(),
+            seed: 5,
+            normal: b.origin.frame[2].as_vec3().to_array(),
+            index,
+            radius: b.origin.d.as_vec3().to_array(),
+            pad: 0,
+        };
+        let queries: Vec<ProbeQuery> = (0..PROBES).map(query).collect();
+        let answers: Vec<Inverse> = b.scene.run(gpu, &kernel, &queries);
+        let (mut found, mut lost, mut far) = (0u32, 0u32, 0u32);
+        let (mut counts, mut expected, mut variance) = ([0.0; 9], [0.0; 9], [0.0; 9]);
+        for a in answers.iter().filter(|a| a.count > 0) {
+            found += 1;
+            lost += u32::from(a.is_again == 0);
+            let (position, normal) = (wide(a.found), wide(a.normal));
+            let r = (position - b.origin.position).length();
+            far += u32::from(a.is_again == 1 && (wide(a.again) - position).length() > 1e-4 * (1.0 + r));
+            counts[a.technique as usize] += 1.0;
+            let all = b.origin.density(position, normal);
+            for technique in 0..9 {
+                let p = b.origin.density_of_technique(technique % 3, technique / 3, position, normal) / all;
+                expected[technique] += p;
+                variance[technique] += p * (1.0 - p);
+            }
+        }
+        println!("{}: {found} hits, {lost} lost, {far} elsewhere", b.name);
+        assert!(
+            found > PROBES / 4 && lost * 1000 < found && far * 1000 < found,
+            "{}: {lost} lost, {far} elsewhere",
+            b.name
+        );
+        for technique in 0..9 {
+            let (off, error): (f64, f64) = (counts[technique] - expected[technique], variance[technique]);
+            assert!(
+                off.abs() < 4.5 * error.sqrt() + 3.0,
+                "{}, technique {technique}: {counts:?} for {expected:?}",
+                b.name
+            );
+        }
+    }
+}
+
 /// The mean of R/p over probes is the integral of the profile over the body: the marginal density is right, and a density without the
 /// reach of each technique, or of one axis alone, is not.
 #[test]

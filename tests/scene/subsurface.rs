@@ -58,18 +58,16 @@ fn objects_with_different_values_have_different_records() {
 }
 
 #[test]
-fn techniques_that_resample_render_it_as_diffuse_and_say_so() {
+fn restir_pt_renders_it_as_diffuse_and_say_so() {
     log::listen();
     let Some(mut rig) = Rig::new(16, 16) else { return };
     let entity = ball(&mut rig);
-    for technique in [Technique::Di, Technique::Gi, Technique::Pt] {
-        rig.set(|restir| restir.technique = technique);
-        rig.app.world_mut().entity_mut(entity).remove::<Subsurface>();
-        let diffuse = rig.picture(4);
-        rig.insert(entity, soft(0.2));
-        assert_eq!(rig.picture(4), diffuse, "{technique:?}");
-    }
-    assert_eq!(log::warnings("Subsurface is rendered by Technique::Reference only").len(), 1);
+    rig.set(|restir| restir.technique = Technique::Pt);
+    rig.app.world_mut().entity_mut(entity).remove::<Subsurface>();
+    let diffuse = rig.picture(4);
+    rig.insert(entity, soft(0.2));
+    assert_eq!(rig.picture(4), diffuse);
+    assert_eq!(log::warnings("Subsurface is not rendered by Technique::").len(), 1);
 }
 
 #[test]

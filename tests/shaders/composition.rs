@@ -24,6 +24,7 @@ fn defs(features: SceneFeatures) -> Vec<Def> {
 fn required(path: &str) -> SceneFeatures {
     match path {
         "pass/environment.wgsl" => SceneFeatures::ENVIRONMENT | SceneFeatures::ENVIRONMENT_MAP,
+        "pass/sss_candidates.wgsl" | "pass/reuse.wgsl for restir/sss" => SceneFeatures::SUBSURFACE,
         _ => SceneFeatures::empty(),
     }
 }

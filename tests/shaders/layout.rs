@@ -187,6 +187,7 @@ fn resampling_structs_and_constants_are_the_same_in_rust_and_wgsl() {
             splats,
             diffuse_share,
             caustic_share,
+            subsurface_shift,
         }
     );
     same!(
@@ -211,6 +212,10 @@ fn resampling_structs_and_constants_are_the_same_in_rust_and_wgsl() {
         RESAMPLE_RETRACE_BACKWARD,
         RESAMPLE_DIFFUSE_SECONDARY,
         RESAMPLE_CONNECTIONS,
+        RESAMPLE_INVERT_PROBES,
+        SUBSURFACE_RECONNECTION,
+        SUBSURFACE_DELAYED,
+        SUBSURFACE_HYBRID,
         RECONNECT_FOOTPRINTS,
         RECONNECT_BLACK_BOX,
         RECONNECT_DISTANCE,
@@ -225,6 +230,7 @@ fn resampling_structs_and_constants_are_the_same_in_rust_and_wgsl() {
         ("restir/gi/reservoir.wgsl", INDIRECT_RESERVOIR_SIZE),
         ("restir/pt/reservoir.wgsl", PATH_RESERVOIR_SIZE),
         ("restir/bdpt/reservoir.wgsl", BIDIRECTIONAL_RESERVOIR_SIZE),
+        ("restir/sss/reservoir.wgsl", SUBSURFACE_RESERVOIR_SIZE),
     ] {
         assert_eq!(layout(&module(path), "PackedReservoir").1 as u64, size, "{path}");
     }

@@ -39,8 +39,9 @@ const SHADERS: Table = &[
     ("restir/pt", &["restir/shift"]),
     ("restir/gi", &["restir/pt"]),
     ("restir/di", &["restir/pt"]),
+    ("restir/sss", &["restir"]),
     ("restir/bdpt", &["restir/pt"]),
-    ("pass", &["restir/gi", "restir/di", "restir/bdpt"]),
+    ("pass", &["restir/gi", "restir/di", "restir/sss", "restir/bdpt"]),
 ];
 
 fn below(table: Table, room: &str) -> &'static [&'static str] {

@@ -6,6 +6,7 @@ pub mod app;
 pub mod asset_scenes;
 pub mod bad_numbers;
 pub mod brute_force;
+pub mod change_of_measure;
 pub mod cli;
 pub mod closed_form_plane;
 pub mod equivalence;

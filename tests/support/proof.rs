@@ -7,7 +7,9 @@ use super::{
     reuse_settings::di,
     small_scenes::STEPS,
 };
-use bevy_restir::{Direct, LightTechniques, Paths, Preset, Research, Restir, Technique, testing::plant_shader_defs};
+use bevy_restir::{
+    Direct, LightTechniques, Paths, Preset, Research, Restir, SubsurfaceSampling, Technique, testing::plant_shader_defs,
+};
 use std::{
     collections::HashMap,
     sync::{Arc, LazyLock, Mutex, OnceLock, PoisonError},
@@ -36,6 +38,13 @@ impl Subject for (Direct, Research) {
     fn apply_to(&self, settings: &mut Restir) {
         self.0.apply_to(settings);
         settings.research = self.1.clone();
+    }
+}
+
+impl<S: Subject> Subject for (S, SubsurfaceSampling) {
+    fn apply_to(&self, settings: &mut Restir) {
+        self.0.apply_to(settings);
+        settings.subsurface = self.1.clone();
     }
 }
 

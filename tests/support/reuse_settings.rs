@@ -1,6 +1,6 @@
 //! Settings of direct light and of paths that the tests share.
 
-use bevy_restir::{BiasCorrection, Direct, Mis, Paths, Reuse};
+use bevy_restir::{BiasCorrection, Direct, Mis, Paths, Reuse, SubsurfaceSampling};
 
 /// A length of `count` pixels in a picture of this height, in the unit of the settings: pixels of a picture 1080 high.
 pub fn pixels(count: f32, height: u32) -> f32 {
@@ -48,6 +48,34 @@ pub mod di {
             bias_correction: BiasCorrection::UnbiasedMis,
             ..all_reuse()
         }
+    }
+}
+
+/// Settings of light that enters translucent bodies.
+pub mod subsurface {
+    use super::*;
+
+    /// Every kind of reuse, also across edges, and so few candidates that a wrong weight shows.
+    pub fn all_reuse() -> SubsurfaceSampling {
+        let default = SubsurfaceSampling::default();
+        SubsurfaceSampling {
+            reuse: Reuse { radius: pixels(6.0, 32), confidence_cap: 8.0, ..default.reuse },
+            candidates: 4,
+            heuristics: false,
+            ..default
+        }
+    }
+
+    pub fn candidates_only() -> SubsurfaceSampling {
+        SubsurfaceSampling { reuse: Reuse { temporal: false, spatial_samples: 0, ..all_reuse().reuse }, ..all_reuse() }
+    }
+
+    pub fn temporal() -> SubsurfaceSampling {
+        SubsurfaceSampling { reuse: Reuse { spatial_samples: 0, ..all_reuse().reuse }, ..all_reuse() }
+    }
+
+    pub fn spatial() -> SubsurfaceSampling {
+        SubsurfaceSampling { reuse: Reuse { temporal: false, ..all_reuse().reuse }, ..all_reuse() }
     }
 }
 

@@ -5,7 +5,7 @@ use bevy::{
     light::{RectLight, SunDisk},
     prelude::*,
 };
-use bevy_restir::RestirEnvironment;
+use bevy_restir::{RestirEnvironment, Subsurface};
 
 /// Scenes for tests of the shift: diffuse, glossy, with mirrors, in an environment, and with area lights.
 pub const PATH_SCENES: [(&str, fn(&mut Rig)); 5] = [
@@ -47,6 +47,29 @@ pub fn room(rig: &mut Rig) -> Entity {
         lambert(0.4),
         Transform::from_xyz(0.6, 0.1, 0.0).with_rotation(Quat::from_rotation_z(0.3)),
     )
+}
+
+/// Translucent bodies: a textured slab with the edge of a shadow, a polished ball, and a thin plate that is lit from behind.  Returns the
+/// ball and the lamp above.
+pub fn translucent(rig: &mut Rig) -> [Entity; 2] {
+    let body =
+        |reflectance| StandardMaterial { base_color: Color::linear_rgb(0.83, 0.79, 0.75), reflectance, ..lambert(0.8) };
+    let soft = |r: f32, g: f32, b: f32| Subsurface { mean_free_path: Vec3::new(r, g, b), weight: 1.0 };
+    // The base color decides how far light scatters.
+    let stained = texture(4, 4, |x, y| if (x + y) % 2 == 0 { [250, 220, 180, 255] } else { [150, 230, 255, 255] });
+    let stained = StandardMaterial { base_color_texture: Some(rig.add(stained)), ..body(0.0) };
+    let slab = rig.spawn(Cuboid::new(3.0, 0.5, 1.8), stained, Transform::from_xyz(0.0, -1.1, 0.2));
+    rig.insert(slab, soft(0.15, 0.06, 0.03));
+    rig.spawn(Cuboid::new(1.4, 0.05, 1.8), lambert(0.3), Transform::from_xyz(-0.8, -0.35, 0.2));
+    let ball = Sphere::new(0.55).mesh().ico(12).expect("few triangles");
+    let ball = rig.spawn(ball, body(0.5), Transform::from_xyz(0.75, 0.1, 0.2));
+    rig.insert(ball, Subsurface { weight: 0.7, ..soft(0.1, 0.05, 0.02) });
+    let plate = rig.spawn(Cuboid::new(1.2, 1.0, 0.06), body(0.0), Transform::from_xyz(-0.7, 0.6, -0.3));
+    rig.insert(plate, soft(0.06, 0.04, 0.02));
+    rig.spawn(square(1.0), lamp(4.0, 3.0, 2.0), facing(Vec3::new(-0.7, 0.6, -1.4), Vec3::new(-0.7, 0.6, 0.0)));
+    let above =
+        rig.spawn(square(1.0), lamp(8.0, 8.0, 8.0), facing(Vec3::new(0.5, 2.1, 0.9), Vec3::new(0.3, -1.0, 0.0)));
+    [ball, above]
 }
 
 /// A glossy floor with an emitter that almost touches it, a smooth ball and a rough one: BSDF samples find light that light samples miss.

@@ -15,3 +15,4 @@ mod previous_frame;
 mod pt;
 mod reference;
 mod resampling;
+mod sss;

@@ -107,6 +107,11 @@ fn carries_contribution() -> bool {
     return false;
 }
 
+// The sample that a pixel stores.
+fn completed(r: Receiver, s: Reservoir, bits: u32) -> Reservoir {
+    return s;
+}
+
 // A sample of the last frame, with the light ids of this frame.  A light that was removed has the weight 0 and keeps its confidence.
 fn in_current_frame(s: Reservoir) -> Reservoir {
     var r = s;

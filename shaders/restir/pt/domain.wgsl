@@ -126,6 +126,11 @@ fn is_visible(r: Receiver, e: Evaluated, alpha_seed: u32) -> bool {
     return is_unoccluded(e.shifted, r.previous);
 }
 
+// The sample that a pixel stores.
+fn completed(r: Receiver, s: Reservoir, bits: u32) -> Reservoir {
+    return s;
+}
+
 // A sample of the last frame, with the light ids of this frame.  A path to a light that was removed has the weight 0 and keeps its
 // confidence.
 fn in_current_frame(s: Reservoir) -> Reservoir {

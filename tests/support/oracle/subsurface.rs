@@ -69,28 +69,31 @@ pub struct Origin {
 }
 
 impl Origin {
-    /// The density of one axis, per area; `kept` tells by the cosine of a hit to the axis whether it counts.
-    fn density_of_axis(&self, axis: usize, point: DVec3, normal: DVec3, kept: &dyn Fn(f64) -> bool) -> f64 {
+    /// The joint density of a point and one technique, per area.
+    pub fn density_of_technique(&self, axis: usize, channel: usize, point: DVec3, normal: DVec3) -> f64 {
         let (a, p) = [(self.frame[2], 0.5), (self.frame[0], 0.25), (self.frame[1], 0.25)][axis];
         let offset = point - self.position;
         let (r, across) = (offset.length(), (offset - offset.dot(a) * a).length());
-        let cosine = normal.dot(a);
-        if !kept(cosine) {
+        let (d, channels) = (self.d[channel], self.d.to_array().into_iter().filter(|d| *d > 0.0).count());
+        if !(d > 0.0) || r > REACH * d {
             return 0.0;
         }
-        let channels: Vec<f64> = self.d.to_array().into_iter().filter(|d| *d > 0.0).collect();
-        let of_channel = |d: &f64| if r <= REACH * d { profile(across / d) / total() / (d * d) } else { 0.0 };
-        p * cosine.abs() * channels.iter().map(of_channel).sum::<f64>() / channels.len() as f64
+        p * normal.dot(a).abs() * profile(across / d) / total() / (d * d) / channels as f64
+    }
+
+    fn density_of_axis(&self, axis: usize, point: DVec3, normal: DVec3) -> f64 {
+        (0..3).map(|channel| self.density_of_technique(axis, channel, point, normal)).sum()
     }
 
     /// The marginal density of a point with this geometric normal over all techniques that can reach it.
     pub fn density(&self, point: DVec3, normal: DVec3) -> f64 {
-        (0..3).map(|axis| self.density_of_axis(axis, point, normal, &|_| true)).sum()
+        (0..3).map(|axis| self.density_of_axis(axis, point, normal)).sum()
     }
 
     /// The part of the density that belongs to one axis and to hits on one side: entering (cosine > 0) or leaving.
     pub fn density_of_side(&self, axis: usize, entering: bool, point: DVec3, normal: DVec3) -> f64 {
-        self.density_of_axis(axis, point, normal, &|cosine| (cosine > 0.0) == entering)
+        let a = [self.frame[2], self.frame[0], self.frame[1]][axis];
+        if (normal.dot(a) > 0.0) == entering { self.density_of_axis(axis, point, normal) } else { 0.0 }
     }
 }
 

@@ -5,9 +5,9 @@
 
 use crate::support::{
     app::*,
+    change_of_measure::{Measure, SIZE},
     proof::{Subject, emission},
     small_scenes::*,
-    stats::{chi_squared_of_differences, mean_and_error},
 };
 use bevy::prelude::*;
 use bevy_restir::{
@@ -17,9 +17,6 @@ use bevy_restir::{
 
 const BOUNCES: u32 = 4;
 const SEEDS: u32 = 160;
-const SIZE: usize = 32;
-/// Pixels whose coordinates differ in these bits are partners (`PARTNER` in the shader).
-const PARTNER: (usize, usize) = (8, 4);
 
 fn alone(paths: Paths) -> Paths {
     Paths { reuse: Reuse { temporal: false, spatial_samples: 0, ..paths.reuse.clone() }, ..paths }
@@ -53,46 +50,11 @@ const ANY_PATH: ShaderEdit = ShaderEdit {
     to: "let value = f32(luminance(f) > 0.0);",
 };
 
-/// The relative difference of both sums with its standard error, and the p-value of both being equal in all tiles of 4 x 4 pixels.
-struct Measure {
-    difference: f64,
-    error: f64,
-    tiles: f64,
-}
-
-impl Measure {
-    fn of(rig: &mut Rig, plant: &[&'static str], paths: Paths, seeds: u32) -> Self {
-        plant_shader_edits(&mut rig.app, &[ANY_PATH]);
-        // One light candidate has a bounded weight, too.
-        let paths = Paths { candidates: 1, ..paths };
-        let frames = pictures(rig, &[&["TEST_CENSUS", "TEST_PAIRED"], plant].concat(), paths, seeds);
-        let sum = |of: fn(&Vec3) -> f32| frames.iter().map(move |f| f.iter().map(|c| f64::from(of(c))).sum());
-        let (mean, _) = mean_and_error(sum(|c| 0.5 * (c.x + c.y)));
-        let (difference, error) = mean_and_error(sum(|c| c.x - c.y));
-        // The paths that leave a tile, and those that its partner receives.
-        let tile = |x: usize, y: usize, of: fn(&Vec3) -> f32| -> Vec<f64> {
-            let pixels = move |f: &Vec<Vec3>| (0..16).map(|i| f64::from(of(&f[(y + i / 4) * SIZE + x + i % 4]))).sum();
-            frames.iter().map(pixels).collect()
-        };
-        let tiles = (0..SIZE / 4).flat_map(|y| (0..SIZE / 4).map(move |x| (4 * x, 4 * y)));
-        let pairs = tiles.map(|(x, y)| (tile(x, y, |c| c.x), tile(x ^ PARTNER.0, y ^ PARTNER.1, |c| c.y)));
-        // Pixels without a surface take no part.
-        let pairs = pairs.filter(|(a, b)| [a, b].iter().all(|v| v.iter().filter(|s| **s > 0.0).count() > 20));
-        let rounding = 1e-4 * mean / (SIZE * SIZE / 16) as f64;
-        let tiles = chi_squared_of_differences(pairs, rounding);
-        Self { difference: difference / mean, error: error / mean, tiles }
-    }
-
-    /// Two one-sided tests at the level 0.01: the sums differ by less than this margin.
-    fn is_equal(&self, margin: f64) -> bool {
-        self.difference.abs() + 2.33 * self.error < margin && self.tiles > 1e-4
-    }
-}
-
-impl core::fmt::Display for Measure {
-    fn fmt(&self, f: &mut core::fmt::Formatter) -> core::fmt::Result {
-        write!(f, "{:+.2} % ± {:.2}, tiles p = {:.1e}", 100.0 * self.difference, 100.0 * self.error, self.tiles)
-    }
+fn measured(rig: &mut Rig, plant: &[&'static str], paths: Paths, seeds: u32) -> Measure {
+    plant_shader_edits(&mut rig.app, &[ANY_PATH]);
+    // One light candidate has a bounded weight, too.
+    let paths = Paths { candidates: 1, ..paths };
+    Measure::of(&pictures(rig, &[&["TEST_CENSUS", "TEST_PAIRED"], plant].concat(), paths, seeds))
 }
 
 fn kinds() -> [(&'static str, Paths); 5] {
@@ -124,7 +86,7 @@ fn check(scenes: &[&str]) {
             if !matches!(what, "footprints" | "Jacobians to 2") && *name != "glossy" {
                 continue;
             }
-            let measure = Measure::of(&mut rig, &[], paths, SEEDS);
+            let measure = measured(&mut rig, &[], paths, SEEDS);
             eprintln!("{name}, {what}: {measure}");
             // Glossy surfaces and mirrors have rare bright paths, which 1 % would need far more frames for.
             let margin = if matches!(*name, "glossy" | "mirrors") { 0.1 } else { 0.01 };
@@ -138,7 +100,7 @@ fn check(scenes: &[&str]) {
 #[ignore = "second tier: ./run test --more"]
 fn the_jacobian_is_the_change_of_measure_over_every_lobe() {
     let Some(mut rig) = scene(SIZE as u32, every_lobe) else { return };
-    let measure = Measure::of(&mut rig, &[], Paths::default(), 240);
+    let measure = measured(&mut rig, &[], Paths::default(), 240);
     eprintln!("{measure}");
     assert!(measure.is_equal(0.05), "{measure}");
 }
@@ -150,7 +112,7 @@ fn a_shift_that_is_not_a_change_of_variables_is_found() {
     }) else {
         return;
     };
-    let measure = Measure::of(&mut rig, &["PLANT_NO_JACOBIAN"], Paths::default(), 100);
+    let measure = measured(&mut rig, &["PLANT_NO_JACOBIAN"], Paths::default(), 100);
     eprintln!("{measure}");
     assert!(measure.tiles < 1e-9);
 }

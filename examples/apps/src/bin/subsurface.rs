@@ -1,0 +1,198 @@
+//! Translucent bodies under an orbiting lamp: a head of skin with thin ears, a slab of marble that is lit from behind, and balls of
+//! measured materials. Space moves the lamp.
+//!
+//! `cargo run -p bevy_restir_apps --bin subsurface`
+
+use bevy::{camera::Exposure, math::ops, prelude::*};
+use bevy_restir::{EmissiveLuminance, prelude::*};
+use bevy_restir_apps::{look::look, window};
+use bevy_restir_support::{
+    arguments::{self, TechniqueName},
+    headless,
+    picture::{screenshot, write_png},
+    scene::{self, CameraSetup},
+};
+use clap::Parser;
+use std::path::{Path, PathBuf};
+
+/// Translucent bodies under an orbiting lamp.
+#[derive(Parser, Clone, Debug)]
+struct Args {
+    /// The technique at the start; `pt` renders diffuse bodies.
+    #[arg(long, value_enum, default_value = "gi")]
+    technique: TechniqueName,
+    /// Writes the mean of `--frames` frames to this PNG file, without a window.
+    #[arg(long)]
+    picture: Option<PathBuf>,
+    #[arg(long, default_value_t = 64)]
+    frames: u32,
+    /// Size of the window or the picture in pixels.
+    #[arg(long, default_value = "640x360", value_parser = arguments::window_size)]
+    size: UVec2,
+    /// Place of the lamp on its orbit, in turns; 0.5 is behind the head.
+    #[arg(long, default_value_t = 0.6)]
+    turn: f32,
+}
+
+/// The exposure of a dim room.
+const EV100: f32 = 5.5;
+
+fn main() -> AppExit {
+    let args = Args::parse();
+    if let Some(path) = &args.picture {
+        return match render(&args, path) {
+            Ok(()) => AppExit::Success,
+            Err(error) => {
+                eprintln!("error: {error}");
+                AppExit::error()
+            }
+        };
+    }
+    let mut app = window::app("subsurface scattering", args.size, "Space (held): move the lamp", RayBackend::Auto);
+    let camera = (Camera3d::default(), eye(), settings(&args), surroundings(), look(Some(EV100)));
+    app.world_mut().spawn(camera);
+    populate(&mut app, args.turn);
+    app.add_systems(Update, orbit).run()
+}
+
+/// Renders without a window.
+fn render(args: &Args, path: &Path) -> Result<(), String> {
+    headless::quiet_drivers();
+    let mut app = headless::app(Path::new("."), RayBackend::Auto)?;
+    populate(&mut app, args.turn);
+    let setup = CameraSetup {
+        size: args.size,
+        exposure: Exposure { ev100: EV100 },
+        environment: Some(surroundings()),
+        settings: Restir { accumulate: true, ..settings(args) },
+    };
+    scene::spawn_camera(app.world_mut(), (eye(), Projection::default()), setup);
+    headless::until_ready(&mut app)?;
+    for _ in 0..args.frames {
+        headless::frame(&mut app);
+    }
+    write_png(path, screenshot(&mut app)?)
+}
+
+fn settings(args: &Args) -> Restir {
+    Restir { technique: args.technique.into(), ..default() }
+}
+
+fn surroundings() -> RestirEnvironment {
+    RestirEnvironment { color: LinearRgba::rgb(1.2, 1.4, 1.8), ..default() }
+}
+
+fn eye() -> Transform {
+    Transform::from_xyz(0.0, 0.13, 0.42).looking_at(Vec3::new(0.0, 0.075, 0.0), Vec3::Y)
+}
+
+/// A lamp that orbits the head.
+#[derive(Component)]
+struct Lamp;
+
+fn populate(app: &mut App, turn: f32) {
+    app.insert_resource(EmissiveLuminance(1000.0));
+    let world = app.world_mut();
+    let matte =
+        |color| StandardMaterial { base_color: color, perceptual_roughness: 0.9, reflectance: 0.1, ..default() };
+    let gray = matte(Color::linear_rgb(0.25, 0.25, 0.27));
+    let lamp = |strength: f32| StandardMaterial {
+        emissive: LinearRgba::rgb(strength, 0.9 * strength, 0.7 * strength),
+        ..default()
+    };
+    let floor = Plane3d::default().mesh().size(2.0, 2.0);
+    spawn(world, floor, gray.clone(), Transform::default());
+    spawn(world, Cylinder::new(0.035, 0.03), gray.clone(), Transform::from_xyz(0.0, 0.015, -0.02));
+    let body = |color: [f32; 3], roughness| StandardMaterial {
+        base_color: Color::linear_rgb(color[0], color[1], color[2]),
+        perceptual_roughness: roughness,
+        ..default()
+    };
+    let head = spawn(world, head(), body([0.63, 0.44, 0.34], 0.45), Transform::from_xyz(0.0, 0.085, -0.02));
+    world.entity_mut(head).insert(Subsurface::PALE_SKIN);
+    // A thin slab with a lamp behind it.
+    let slab = Cuboid::new(0.1, 0.09, 0.004);
+    let place = Transform::from_xyz(0.15, 0.046, -0.02).with_rotation(Quat::from_rotation_y(-0.3));
+    let slab = spawn(world, slab, body([0.83, 0.79, 0.75], 0.3), place);
+    world.entity_mut(slab).insert(Subsurface::MARBLE);
+    spawn(world, Sphere::new(0.008), lamp(30.0), Transform::from_xyz(0.16, 0.05, -0.06));
+    // A softer slab that a bar shades: the edge of the shadow bleeds.
+    let slab = spawn(
+        world,
+        Cuboid::new(0.1, 0.03, 0.08),
+        body([0.77, 0.62, 0.21], 0.5),
+        Transform::from_xyz(-0.15, 0.0151, -0.01).with_rotation(Quat::from_rotation_y(0.3)),
+    );
+    world.entity_mut(slab).insert(Subsurface::POTATO);
+    spawn(world, Cuboid::new(0.012, 0.004, 0.14), gray, Transform::from_xyz(-0.15, 0.06, -0.01));
+    let balls = [
+        (Subsurface::SKIN, [0.44, 0.22, 0.13]),
+        (Subsurface::WHOLE_MILK, [0.91, 0.88, 0.76]),
+        (Subsurface::MARBLE, [0.83, 0.79, 0.75]),
+        (Subsurface::SKIM_MILK, [0.81, 0.81, 0.69]),
+        (Subsurface::APPLE, [0.85, 0.84, 0.53]),
+        (Subsurface::KETCHUP, [0.16, 0.01, 0.003]),
+    ];
+    for (i, (material, color)) in balls.into_iter().enumerate() {
+        let place = Transform::from_xyz(-0.125 + 0.05 * i as f32, 0.015, 0.11);
+        let ball = spawn(world, Sphere::new(0.015).mesh().uv(64, 32), body(color, 0.3), place);
+        world.entity_mut(ball).insert(material);
+    }
+    let key = Transform::from_xyz(-0.25, 0.4, 0.3).looking_at(Vec3::ZERO, Vec3::Y);
+    spawn(world, Sphere::new(0.03), lamp(12.0), key);
+    let orbiting = spawn(world, Sphere::new(0.012), lamp(40.0), lamp_at(turn));
+    world.entity_mut(orbiting).insert(Lamp);
+}
+
+fn spawn(world: &mut World, mesh: impl Into<Mesh>, material: StandardMaterial, place: Transform) -> Entity {
+    let mesh = world.resource_mut::<Assets<Mesh>>().add(mesh);
+    let material = world.resource_mut::<Assets<StandardMaterial>>().add(material);
+    world.spawn((Mesh3d(mesh), MeshMaterial3d(material), place)).id()
+}
+
+/// A head with a nose and thin ears, 11 cm high: a ball whose radius depends on the direction. It faces +Z.
+fn head() -> Mesh {
+    let mut mesh = Sphere::new(1.0).mesh().ico(79).expect("few enough triangles");
+    let bump = |d: Vec3, at: Vec3, width: Vec3, height: f32| {
+        height * ops::exp(-((d - at.normalize()) / width).length_squared())
+    };
+    let shaped = |d: Vec3| {
+        let mut radius = 1.0 - 0.12 * d.x * d.x + 0.1 * d.y * d.y;
+        radius += bump(d, Vec3::new(0.0, -0.15, 1.0), Vec3::new(0.1, 0.22, 0.4), 0.28);
+        radius += bump(d, Vec3::new(0.0, -0.75, 0.9), Vec3::new(0.3, 0.15, 0.4), 0.1);
+        radius -= bump(d, Vec3::new(0.0, -0.48, 1.0), Vec3::new(0.25, 0.05, 0.4), 0.05);
+        for side in [-1.0, 1.0] {
+            radius -= bump(d, Vec3::new(0.38 * side, 0.1, 1.0), Vec3::new(0.15, 0.1, 0.4), 0.09);
+            radius += bump(d, Vec3::new(side, 0.0, -0.15), Vec3::new(0.5, 0.28, 0.055), 0.45);
+        }
+        0.05 * radius * d
+    };
+    if let Some(bevy::mesh::VertexAttributeValues::Float32x3(positions)) = mesh.attribute_mut(Mesh::ATTRIBUTE_POSITION)
+    {
+        for position in positions {
+            *position = shaped(Vec3::from(*position).normalize()).to_array();
+        }
+    }
+    mesh.compute_smooth_normals();
+    mesh
+}
+
+/// Places of the orbiting lamp. `turn`: 0 is before the head.
+fn lamp_at(turn: f32) -> Transform {
+    let (sin, cos) = ops::sin_cos(core::f32::consts::TAU * turn);
+    Transform::from_xyz(0.13 * sin, 0.12, 0.13 * cos - 0.02)
+}
+
+fn orbit(
+    time: Res<Time>,
+    keys: Res<ButtonInput<KeyCode>>,
+    mut passed: Local<f32>,
+    mut lamps: Query<&mut Transform, With<Lamp>>,
+) {
+    if keys.pressed(KeyCode::Space) {
+        *passed += 0.1 * time.delta_secs();
+        for mut lamp in &mut lamps {
+            *lamp = lamp_at(0.6 + *passed);
+        }
+    }
+}

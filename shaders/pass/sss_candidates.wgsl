@@ -1,0 +1,35 @@
+// Initial candidates of ReSTIR SSS (Werner et al. 2024).
+
+#import bevy_restir::common::constants::NONE
+#import bevy_restir::common::rng::{rng_new, STREAM_SSS_CANDIDATES}
+#import bevy_restir::restir::bindings::settings
+#import bevy_restir::restir::reservoir_layout::reservoir_index
+#import bevy_restir::restir::sss::domain::receiver_of
+#import bevy_restir::restir::sss::initial_candidates::sample_candidates
+#import bevy_restir::restir::sss::reservoir::{no_reservoir, PackedReservoir, reservoir_pack}
+#import bevy_restir::view::bindings::{view, visibility}
+#import bevy_restir::view::ray_counter::count_rays
+
+@group(2) @binding(2) var<storage, read_write> reservoirs: array<PackedReservoir>;
+// The contribution of the selected sample.
+@group(2) @binding(3) var contribution: texture_storage_2d<rgba32float, write>;
+
+@compute @workgroup_size(8, 8)
+fn sss_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
+    let pixel = id.xy;
+    if any(pixel >= view.size) {
+        return;
+    }
+    let index = reservoir_index(pixel, view.size, settings.reservoir_layout);
+    let ids = textureLoad(visibility, pixel, 0).xy;
+    if ids.x == NONE || view.bounces == 0u {
+        reservoirs[index] = reservoir_pack(no_reservoir());
+        textureStore(contribution, pixel, vec4<f32>(0.0));
+        return;
+    }
+    var rng = rng_new(pixel, view.frame, STREAM_SSS_CANDIDATES, view.seed);
+    let selected = sample_candidates(receiver_of(ids, pixel, false), pixel, &rng);
+    reservoirs[index] = reservoir_pack(selected.reservoir);
+    textureStore(contribution, pixel, vec4<f32>(selected.f, 0.0));
+    count_rays(pixel);
+}

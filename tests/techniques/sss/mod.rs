@@ -1,0 +1,4 @@
+//! Subsurface scattering, resampled beside ReSTIR DI.
+
+mod shifts;
+mod small_scenes;

@@ -1,0 +1,135 @@
+//! ReSTIR DI with translucent bodies equals the reference at one bounce, with every shift, still and moving, and planted errors are found.
+
+use super::shifts::turn;
+use crate::support::{
+    app::*,
+    equivalence::Restarts,
+    proof::{Indirect, Proof},
+    reuse_settings::{di, paths, subsurface},
+    small_scenes::*,
+};
+use bevy::prelude::*;
+use bevy_restir::{Direct, Mis, Reuse, ReuseOrder, Subsurface, SubsurfaceSampling, SubsurfaceShift};
+
+const SHIFTS: [SubsurfaceShift; 4] =
+    [SubsurfaceShift::Reconnection, SubsurfaceShift::Delayed, SubsurfaceShift::Hybrid, SubsurfaceShift::Sequential];
+
+fn with(sampling: SubsurfaceSampling) -> (Direct, SubsurfaceSampling) {
+    // Pixels of a tile share a subset of the lights, so that small pictures with subsets are noisy as a whole.
+    (Direct { subset_count: 0, ..di::all_reuse() }, sampling)
+}
+
+/// For pictures of 64 x 64 pixels.
+const PROOF: Proof = Proof { margin: 0.02, ..Proof::of((40, 16), (40, 64)) };
+
+fn bodies() -> Option<Rig> {
+    scene(64, |rig| _ = translucent(rig))
+}
+
+#[test]
+fn light_in_translucent_bodies_equals_the_reference() {
+    let Some(mut rig) = bodies() else { return };
+    let proof = Proof { margin: 0.03, ..Proof::of((48, 8), (10, 64)) };
+    let sampling = SubsurfaceSampling { shift: SubsurfaceShift::Sequential, ..subsurface::all_reuse() };
+    proof.check("bodies", &mut rig, &[("Sequential, both", with(sampling))]);
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn every_shift_in_translucent_bodies_equals_the_reference() {
+    let Some(mut rig) = bodies() else { return };
+    let mut cases = vec![("candidates".to_string(), with(subsurface::candidates_only()))];
+    // In a still scene all shifts between frames are the identity.
+    cases.push(("temporal".to_string(), with(subsurface::temporal())));
+    for shift in SHIFTS {
+        for (name, sampling) in [("spatial", subsurface::spatial()), ("both", subsurface::all_reuse())] {
+            cases.push((format!("{shift:?}, {name}"), with(SubsurfaceSampling { shift, ..sampling })));
+        }
+    }
+    for (name, mis) in [("balance", Mis::Balance), ("1/|Z|", Mis::OneOverZ), ("spatiotemporal", Mis::Pairwise)] {
+        let order = if mis == Mis::Pairwise { ReuseOrder::Spatiotemporal } else { ReuseOrder::TemporalThenSpatial };
+        let reuse = Reuse { mis, order, ..subsurface::all_reuse().reuse };
+        cases.push((format!("Hybrid, {name}"), with(SubsurfaceSampling { reuse, ..subsurface::all_reuse() })));
+    }
+    let cases: Vec<_> = cases.iter().map(|(name, case)| (name.as_str(), case.clone())).collect();
+    PROOF.check("bodies", &mut rig, &cases);
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn presampled_light_in_translucent_bodies_equals_the_reference() {
+    let Some(mut rig) = bodies() else { return };
+    let proof = Proof { margin: 0.03, ..PROOF };
+    proof.check("bodies", &mut rig, &[("subsets", (di::all_reuse(), subsurface::all_reuse()))]);
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn every_shift_of_moving_bodies_and_lights_equals_the_reference() {
+    for shift in SHIFTS {
+        let mut moving = [Entity::PLACEHOLDER; 2];
+        let Some(mut rig) = scene(64, |rig| moving = translucent(rig)) else { return };
+        let pose = |rig: &mut Rig, step: u32| turn(rig, moving, step as f32);
+        let proof = Proof { margin: 0.03, pose: Some(&pose), ..Proof::of((160, 1), (20, 64)) };
+        let sampling = SubsurfaceSampling { shift, ..subsurface::all_reuse() };
+        proof.check("moving", &mut rig, &[(&*format!("{shift:?}"), with(sampling))]);
+    }
+}
+
+/// The direct light of a picture with translucent bodies, and the indirect light of one with diffuse bodies.
+fn direct_translucent_and_indirect_diffuse(rig: &mut Rig, proof: &Proof) -> Restarts {
+    let mut truth = Proof { bounces: 1, ..*proof }.truth(rig, 1000);
+    let world = rig.app.world_mut();
+    for mut body in world.query::<&mut Subsurface>().iter_mut(world) {
+        body.weight *= -1.0;
+    }
+    let all = proof.truth(rig, 3000);
+    let direct = Proof { bounces: 1, ..*proof }.truth(rig, 5000);
+    let world = rig.app.world_mut();
+    for mut body in world.query::<&mut Subsurface>().iter_mut(world) {
+        body.weight *= -1.0;
+    }
+    let add = |to: &mut [f64], all: &[f64], direct: &[f64]| {
+        to.iter_mut().zip(all.iter().zip(direct)).for_each(|(to, (all, direct))| *to += all - direct);
+    };
+    add(&mut truth.images, &all.images, &direct.images);
+    add(&mut truth.pixels, &all.pixels, &direct.pixels);
+    for i in 0..truth.images.len() {
+        add(&mut truth.regions[i], &all.regions[i], &direct.regions[i]);
+        add(&mut truth.tiles[i], &all.tiles[i], &direct.tiles[i]);
+    }
+    truth
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn frames_of_restir_gi_have_translucent_bodies_under_direct_light() {
+    let Some(mut rig) = bodies() else { return };
+    let proof = Proof { bounces: 3, margin: 0.02, ..Proof::of((56, 8), (16, 64)) };
+    let truth = direct_translucent_and_indirect_diffuse(&mut rig, &proof);
+    let direct = Direct { subset_count: 0, ..di::all_reuse() };
+    let subject = (Indirect(direct, paths::all_reuse()), subsurface::all_reuse());
+    let result = proof.resampled(&mut rig, &subject, 7000).compare(&truth, proof.margin);
+    println!("{result}");
+    assert!(result.is_equal() && result.is_powerful(), "{result}");
+    rig.assert_sound();
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn planted_errors_in_translucent_bodies_are_found() {
+    let Some(mut rig) = bodies() else { return };
+    let proof = Proof::of((24, 8), (20, 64));
+    let reference = proof.truth(&mut rig, 1000);
+    // On flat bodies a missing Jacobian changes little; `shifts` finds it.
+    let planted = [("TEST_ONE_AXIS", with(subsurface::candidates_only()))];
+    proof.finds(&mut rig, &reference, planted);
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn nan_stays_in_its_reservoir_of_translucent_bodies() {
+    let Some(mut rig) = bodies() else { return };
+    let proof = Proof { margin: 0.03, ..Proof::of((48, 8), (20, 64)) };
+    proof.survives_nan(&mut rig, &[with(subsurface::all_reuse())]);
+}
