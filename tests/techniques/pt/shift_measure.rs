@@ -124,10 +124,15 @@ fn check(scenes: &[&str]) {
             if !matches!(what, "footprints" | "Jacobians to 2") && *name != "glossy" {
                 continue;
             }
-            let measure = Measure::of(&mut rig, &[], paths, SEEDS);
-            eprintln!("{name}, {what}: {measure}");
             // Glossy surfaces and mirrors have rare bright paths, which 1 % would need far more frames for.
             let margin = if matches!(*name, "glossy" | "mirrors") { 0.1 } else { 0.01 };
+            let mut measure = Measure::of(&mut rig, &[], paths.clone(), SEEDS);
+            eprintln!("{name}, {what}: {measure}");
+            if !measure.is_equal(margin) {
+                // Like a proof, it goes on to four times the length and is judged once.
+                measure = Measure::of(&mut rig, &[], paths, 4 * SEEDS);
+                eprintln!("{name}, {what}, four times the length: {measure}");
+            }
             assert!(measure.is_equal(margin), "{name}, {what}: {measure}");
         }
     }
