@@ -5,7 +5,7 @@ use super::Mutant;
 const DI_ROOM: &str = "direct_light_in_a_room_with_shadows";
 const PT_ROOM: &str = "paths_in_a_room_equal";
 const MOVING_PATHS: &str = "paths_in_a_moving_frame";
-const CRITERIA: &str = "reconnection";
+const CRITERIA: &str = "pt::connection";
 
 const fn mutant(
     name: &'static str,
