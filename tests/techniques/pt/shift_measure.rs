@@ -12,7 +12,7 @@ use crate::support::{
 use bevy::prelude::*;
 use bevy_restir::{
     Paths, Reconnection, Reuse,
-    testing::{plant_shader_defs, plant_shader_edits, replace_pass_shader, shader_library::ShaderEdit},
+    testing::{plant_shader_defs, replace_pass_shader, shader_library::ShaderEdit},
 };
 
 const BOUNCES: u32 = 4;
@@ -62,7 +62,7 @@ struct Measure {
 
 impl Measure {
     fn of(rig: &mut Rig, plant: &[&'static str], paths: Paths, seeds: u32) -> Self {
-        plant_shader_edits(&mut rig.app, &[ANY_PATH]);
+        plant_edits(&mut rig.app, &[ANY_PATH]);
         // One light candidate has a bounded weight, too.
         let paths = Paths { candidates: 1, ..paths };
         let frames = pictures(rig, &[&["TEST_CENSUS", "TEST_PAIRED"], plant].concat(), paths, seeds);
