@@ -5,7 +5,7 @@ use super::Mutant;
 const DI_ROOM: &str = "direct_light_in_a_room_with_shadows";
 const PT_ROOM: &str = "paths_in_a_room_equal";
 const MOVING_PATHS: &str = "paths_in_a_moving_frame";
-const CRITERIA: &str = "reconnection";
+const CRITERIA: &str = "connection_criteria_equal";
 
 const fn mutant(
     name: &'static str,
@@ -342,7 +342,7 @@ pub const MUTANTS: &[Mutant] = &[
         "path/medium.wgsl",
         "return exp(-min(medium * distance, vec3<f32>(200.0)));",
         "return max(1.0 - medium * distance, vec3<f32>(0.0));",
-        &["sampling::bsdf", "closed_forms", "material_edge_cases", "material_lobes"],
+        &["material_lobes"],
     ),
     mutant(
         "frames share their random numbers",

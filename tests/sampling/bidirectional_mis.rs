@@ -162,17 +162,18 @@ fn errors(gpu: &Gpu, light: Light, error: Error, defs: &[Def]) -> Errors {
     };
     for ((base, shifted), found) in base.iter().zip(&shifted).zip(weights(gpu, &base, &shifted, defs)) {
         let expected = base.weights();
-        for t in 0..VERTICES {
-            worst(&mut errors.recursive, found.recursive[t], expected[t]);
+        for (&found, &expected) in found.recursive.iter().zip(&expected) {
+            worst(&mut errors.recursive, found, expected);
         }
         if expected.iter().sum::<f64>() > 0.0 {
             let sum = found.recursive.iter().map(|&w| f64::from(w)).sum::<f64>();
             errors.sum = errors.sum.max((sum - 1.0).abs());
         }
         let expected = shifted.weights();
-        for t in base.reconnection as usize + 1..=base.k as usize + 1 {
-            if base.reconnection > 0 {
-                worst(&mut errors.cached, found.cached[t], expected[t]);
+        if base.reconnection > 0 {
+            let later = base.reconnection as usize + 1..=base.k as usize + 1;
+            for (&found, &expected) in found.cached[later.clone()].iter().zip(&expected[later]) {
+                worst(&mut errors.cached, found, expected);
             }
         }
     }

@@ -3,7 +3,7 @@
 
 use crate::support::{
     app::*,
-    bad_numbers::{Target, assert_no_errors, fresh, try_all},
+    bad_numbers::{BAD, Extent, Target, assert_no_errors, fresh, try_all},
     log,
 };
 use bevy::{
@@ -16,6 +16,11 @@ use bevy::{
 use bevy_restir::{Direct, EmissiveLuminance, Restir, RestirEnvironment, Technique};
 
 const TECHNIQUES: [Technique; 5] = [Technique::Reference, Technique::Di, Technique::Gi, Technique::Pt, Technique::Bdpt];
+
+/// A component or an asset is checked before any technique sees it, so that all values are tried with ReSTIR PT only.
+fn extent(technique: Technique) -> Extent {
+    if technique == Technique::Pt { Extent::Full } else { Extent::Sample }
+}
 
 /// The app, and the objects whose fields become bad.  Beside each of them stands another one of its kind that stays good, so that the
 /// features of the scene stay, and no pipeline is compiled again.
@@ -128,7 +133,7 @@ fn bad_numbers_in_objects_and_materials_leave_no_trace() {
         if technique == Technique::Reference {
             targets.push(Target::resource::<EmissiveLuminance>("EmissiveLuminance"));
         }
-        try_all(&mut scene.rig, &targets, good, &format!("{technique:?}"), |_, _, _| false);
+        try_all(&mut scene.rig, &targets, good, &format!("{technique:?}"), extent(technique), |_, _, _| false);
     });
 }
 
@@ -163,9 +168,9 @@ fn bad_numbers_in_lights_leave_no_trace() {
             Target::component::<Transform>("sun", sun),
         ];
         let title = format!("{technique:?}");
-        try_all(&mut scene.rig, &targets, good, &title, is_skipped);
+        try_all(&mut scene.rig, &targets, good, &title, extent(technique), is_skipped);
         // `SunDisk` has no reflection.
-        for bad in crate::support::bad_numbers::BAD {
+        for bad in BAD {
             for disk in [SunDisk { angular_size: bad, intensity: 1.0 }, SunDisk { angular_size: 0.3, intensity: bad }] {
                 scene.rig.insert(sun, disk);
                 assert!(scene.rig.next().is_finite(), "{title}: SunDisk of {bad}");
@@ -195,14 +200,14 @@ fn bad_numbers_in_cameras_and_settings_leave_no_trace() {
         if technique == Technique::Pt {
             targets.push(Target::component::<RestirEnvironment>("RestirEnvironment", camera));
         }
-        try_all(&mut scene.rig, &targets, good, &format!("{technique:?}"), is_skipped);
+        try_all(&mut scene.rig, &targets, good, &format!("{technique:?}"), extent(technique), is_skipped);
     });
     scene.rig.insert(camera, orthographic(4.0, 3.0));
     scene.rig.set(|restir| restir.technique = Technique::Pt);
     scene.rig.until_ready();
     let good = fresh(&mut scene.rig);
     let targets = [Target::component::<Projection>("Projection", camera)];
-    try_all(&mut scene.rig, &targets, &good, "orthographic", is_skipped);
+    try_all(&mut scene.rig, &targets, &good, "orthographic", Extent::Full, is_skipped);
     // One warning for each number that has a range, whatever its values were.
     for field in ["bounces", "direct.reuse.radius", "paths.reuse.confidence_cap", "paths.footprint", "debug_scale"] {
         let warnings = log::warnings(&format!("camera {camera}: {field} = "));
@@ -222,7 +227,7 @@ fn broken_meshes() -> Vec<(String, Mesh)> {
         Mesh::ATTRIBUTE_COLOR,
     ];
     for attribute in attributes {
-        for bad in crate::support::bad_numbers::BAD {
+        for bad in BAD {
             // In all vertices, and in one.
             for step in [1, usize::MAX] {
                 let mut mesh = victim();

@@ -19,7 +19,8 @@ use bevy::{
 };
 use bevy_restir::{
     DebugView, EmissiveLuminance, RadianceCapture, RayBackend, Restir, RestirEnvironment, RestirPlugin, RestirReport,
-    RestirStatistics, Technique, testing::plant_shader_edits,
+    RestirStatistics, Technique,
+    testing::{plant_shader_edits, shader_library::ShaderEdit},
 };
 use bevy_restir_support::mutant;
 use std::time::Duration;
@@ -227,6 +228,11 @@ fn headless(
         plant_shader_edits(&mut app, mutant::edits());
     }
     app
+}
+
+/// Plants edits of shaders in place of those of before.  The mutant of this process stays.
+pub fn plant_edits(app: &mut App, edits: &[ShaderEdit]) {
+    plant_shader_edits(app, &[mutant::edits(), edits].concat());
 }
 
 /// The ray back end of tests that do not choose one.  `RAY_BACKEND=hardware` runs all of them with ray queries.

@@ -128,6 +128,12 @@ impl Comparison {
         self.power >= POWER
     }
 
+    /// Whether four times the length could not change the judgment: a difference of eight standard errors, or a p-value of tiles below
+    /// 1e-12.
+    pub fn is_hopeless(&self) -> bool {
+        (self.tost >= ALPHA && self.sigma().abs() > 8.0) || self.tiles < 1e-12
+    }
+
     /// Whether a difference is significant, rather than the power too low.
     pub fn is_different(&self) -> bool {
         (self.tost >= ALPHA && self.sigma().abs() > 4.0) || self.tiles < FAMILY_ALPHA

@@ -266,7 +266,7 @@ fn pose(rig: &mut Rig, step: u32) {
 #[ignore = "second tier: ./run test --more"]
 fn moving_area_lights_light_from_their_current_position() {
     let Some(mut rig) = scene(64, shapes) else { return };
-    let proof = Proof { margin: 0.015, pose: Some(&pose), ..Proof::of((32, 1), (12, 32)) };
+    let proof = Proof { margin: 0.015, pose: Some(&pose), ..Proof::of((96, 1), (24, 32)) };
     proof.check("moving shapes, direct", &mut rig, &[("both", di::all_reuse())]);
 }
 

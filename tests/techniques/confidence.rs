@@ -5,7 +5,7 @@ use crate::support::{app::*, proof::AllLight, proof::Indirect, proof::Subject, r
 use bevy::prelude::*;
 use bevy_restir::{
     BiasCorrection, DebugView, Direct, Paths, Reuse, ReuseOrder,
-    testing::{plant_shader_defs, plant_shader_edits, shader_library::ShaderEdit},
+    testing::{plant_shader_defs, shader_library::ShaderEdit},
 };
 
 const SIZE: u32 = 32;
@@ -129,12 +129,12 @@ fn wrong_confidence_is_found() {
     let (_, reuse) = &reuses()[2];
     let found = |rig: &mut Rig| error(rig, &AllLight::Pt(of_paths(reuse)), DebugView::PathConfidence, reuse);
     for (name, module, from, to) in WRONG {
-        plant_shader_edits(&mut rig.app, &[ShaderEdit { module, from, to }]);
+        plant_edits(&mut rig.app, &[ShaderEdit { module, from, to }]);
         let error = found(&mut rig);
         eprintln!("{name}: off by {error}");
         assert!(error > 0.05, "{name} is not found: {error}");
     }
-    plant_shader_edits(&mut rig.app, &[]);
+    plant_edits(&mut rig.app, &[]);
     plant_shader_defs(&mut rig.app, &["PLANT_CONFIDENCE_OF_SUCCESS"]);
     let error = found(&mut rig);
     assert!(error > 0.05, "confidence of successful shifts only is not found: {error}");

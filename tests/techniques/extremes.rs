@@ -56,14 +56,21 @@ fn room(rig: &mut Rig, scale: f32, offset: Vec3, radiance: f32) {
     );
 }
 
-fn picture(technique: Technique, scale: f32, offset: Vec3, radiance: f32, frames: u32) -> Option<Picture> {
-    let mut rig = Rig::new(48, 48)?;
-    room(&mut rig, scale, offset, radiance);
+/// Removes the objects of the last picture, so that one app, with its pipelines, renders all pictures of a technique.
+fn clear(rig: &mut Rig) {
+    let world = rig.app.world_mut();
+    let objects: Vec<Entity> = world.query_filtered::<Entity, With<Mesh3d>>().iter(world).collect();
+    objects.into_iter().for_each(|object| assert!(world.despawn(object)));
+}
+
+fn picture(rig: &mut Rig, technique: Technique, scale: f32, offset: Vec3, radiance: f32, frames: u32) -> Picture {
+    clear(rig);
+    room(rig, scale, offset, radiance);
     rig.set(|restir| restir.technique = technique);
     let picture = rig.picture(frames);
     rig.assert_sound();
     assert!(picture.is_finite());
-    Some(picture)
+    picture
 }
 
 /// The share of pixels that differ by more than a thousandth.
@@ -76,10 +83,11 @@ fn share_of_different_pixels(a: &Picture, b: &Picture, gain: f32) -> f64 {
 #[test]
 fn a_scene_looks_the_same_at_every_scale() {
     for technique in TECHNIQUES {
-        let Some(one) = picture(technique, 1.0, Vec3::ZERO, 10.0, 8) else { return };
+        let Some(mut rig) = Rig::new(48, 48) else { return };
+        let one = picture(&mut rig, technique, 1.0, Vec3::ZERO, 10.0, 8);
         // Powers of two scale every float exactly, so that equal random numbers give the same paths: 1.2e-4 and 1.3e5.
         for exponent in [-13, 17] {
-            let scaled = picture(technique, 2f32.powi(exponent), Vec3::ZERO, 10.0, 8).expect("there is an adapter");
+            let scaled = picture(&mut rig, technique, 2f32.powi(exponent), Vec3::ZERO, 10.0, 8);
             let share = share_of_different_pixels(&one, &scaled, 1.0);
             eprintln!("{technique:?}, scale 2^{exponent}: {share} of the pixels differ");
             assert!(share < 0.01, "{technique:?}, scale 2^{exponent}: {share} of the pixels differ");
@@ -90,11 +98,12 @@ fn a_scene_looks_the_same_at_every_scale() {
 #[test]
 fn pictures_scale_with_radiances_from_1e_minus_6_to_1e10() {
     for technique in TECHNIQUES {
-        let Some(one) = picture(technique, 1.0, Vec3::ZERO, 1.0, 4) else { return };
+        let Some(mut rig) = Rig::new(48, 48) else { return };
+        let one = picture(&mut rig, technique, 1.0, Vec3::ZERO, 1.0, 4);
         // 1e-6 and 1e10.
         for exponent in [-20, 33] {
             let gain = 2f32.powi(exponent);
-            let bright = picture(technique, 1.0, Vec3::ZERO, gain, 4).expect("there is an adapter");
+            let bright = picture(&mut rig, technique, 1.0, Vec3::ZERO, gain, 4);
             let share = share_of_different_pixels(&one, &bright, gain);
             eprintln!("{technique:?}, radiance 2^{exponent}: {share} of the pixels differ");
             assert!(share < 0.001, "{technique:?}, radiance 2^{exponent}: {share} of the pixels differ");
@@ -107,8 +116,9 @@ fn far_from_the_origin_no_light_leaks() {
     // At 1e5 m, floats are 8 mm apart: a room of 64 m looks the same except for noise.
     let frames = 48;
     let reference = Technique::Reference;
-    let Some(here) = picture(reference, 16.0, Vec3::ZERO, 10.0, frames) else { return };
-    let there = picture(reference, 16.0, Vec3::new(1e5, -1e5, 1e5), 10.0, frames).expect("there is an adapter");
+    let Some(mut rig) = Rig::new(48, 48) else { return };
+    let here = picture(&mut rig, reference, 16.0, Vec3::ZERO, 10.0, frames);
+    let there = picture(&mut rig, reference, 16.0, Vec3::new(1e5, -1e5, 1e5), 10.0, frames);
     let difference = (there.mean() - here.mean()) / here.mean();
     assert!(difference.abs() < 0.03, "the mean is off by {difference}");
     // No wall pixel is black, as it would be if shadow rays hit their own surface.
@@ -117,14 +127,14 @@ fn far_from_the_origin_no_light_leaks() {
 }
 
 /// A room with a bright lamp, and a dim and black one on the wall that covers the pixel (16, 13).
-fn room_of_two_lamps(technique: Technique, bright: f32, dim: f32) -> Option<Picture> {
-    let mut rig = Rig::new(32, 32)?;
-    room(&mut rig, 1.0, Vec3::ZERO, bright);
+fn room_of_two_lamps(rig: &mut Rig, technique: Technique, bright: f32, dim: f32) -> Picture {
+    clear(rig);
+    room(rig, 1.0, Vec3::ZERO, bright);
     rig.spawn(square(0.5), lamp(dim, dim, dim), Transform::from_xyz(0.0, 0.5, -1.9));
     rig.set(|restir| restir.technique = technique);
     let picture = rig.picture(8);
     rig.assert_sound();
-    Some(picture)
+    picture
 }
 
 #[test]
@@ -132,8 +142,9 @@ fn dim_and_bright_lamps_work_in_one_picture() {
     // 8.6e9 and 9.5e-7, and the same scene 2^33 times darker.
     let (bright, dim) = (2f32.powi(33), 2f32.powi(-20));
     for technique in TECHNIQUES {
-        let Some(picture) = room_of_two_lamps(technique, bright, dim) else { return };
-        let darker = room_of_two_lamps(technique, 1.0, dim / bright).expect("there is an adapter");
+        let Some(mut rig) = Rig::new(32, 32) else { return };
+        let picture = room_of_two_lamps(&mut rig, technique, bright, dim);
+        let darker = room_of_two_lamps(&mut rig, technique, 1.0, dim / bright);
         // The dim lamp reflects nothing, so its pixels show its emission only.
         assert_eq!(picture.at(16, 13), Vec3::splat(dim), "{technique:?}");
         let share = share_of_different_pixels(&darker, &picture, bright);

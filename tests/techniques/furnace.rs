@@ -18,14 +18,16 @@ fn furnace() -> Option<Rig> {
         cull_mode: None,
         ..lambert(ALBEDO)
     };
+    // Flat normals: interpolated ones tilt the lobes by up to three degrees, and each event loses 0.015 % of its light behind the facet.
     let ball = Sphere::new(2.0).mesh().ico(12).expect("the number of triangles is legal");
+    let ball = ball.with_duplicated_vertices().with_computed_flat_normals();
     rig.spawn(ball, wall, Transform::from_xyz(0.3, 0.2, 4.6));
     Some(rig)
 }
 
-/// The mean radiance over eight restarts, each after a history of 30 frames, equals the closed form within 0.2 %.  The standard error must
-/// be small enough for that.
-fn check(technique: Technique, preset: Preset, frames: u32) {
+/// The mean radiance over eight restarts equals the closed form within 0.2 %.  The standard error must be small enough for that.  Each
+/// restart has `history` frames before the `frames` that count.
+fn check(technique: Technique, preset: Preset, history: u32, frames: u32) {
     let Some(mut rig) = furnace() else { return };
     rig.set(|r| *r = Restir { technique, ..Restir::preset(preset) });
     rig.until_ready();
@@ -33,7 +35,7 @@ fn check(technique: Technique, preset: Preset, frames: u32) {
     let expected: f64 = (0..=bounces).map(|k| f64::from(EMISSION) * f64::from(ALBEDO).powi(k as i32)).sum();
     let means = (0..8).map(|seed| {
         rig.set(|r| (r.seed, r.accumulate) = (seed, false));
-        rig.frames(30);
+        rig.frames(history);
         rig.set(|r| r.accumulate = true);
         rig.frames(frames - 1);
         rig.next().mean()
@@ -48,23 +50,29 @@ fn check(technique: Technique, preset: Preset, frames: u32) {
 
 #[test]
 fn a_closed_furnace_is_in_balance_with_direct_light() {
-    check(Technique::Di, Preset::Balanced, 30);
+    check(Technique::Di, Preset::Balanced, 15, 10);
 }
 
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn a_closed_furnace_is_in_balance_with_indirect_light() {
-    check(Technique::Gi, Preset::Quality, 30);
+    check(Technique::Gi, Preset::Quality, 20, 45);
 }
 
 #[test]
 fn a_closed_furnace_is_in_balance_with_paths() {
-    check(Technique::Pt, Preset::Balanced, 30);
+    check(Technique::Pt, Preset::Balanced, 20, 24);
 }
 
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn a_closed_furnace_is_in_balance_with_32_bounces() {
-    check(Technique::Reference, Preset::Unbiased, 30);
-    check(Technique::Pt, Preset::Unbiased, 30);
+    check(Technique::Reference, Preset::Unbiased, 0, 30);
+}
+
+/// Paths of 32 bounces are resampled from neighbors with other numbers of bounces, so that 0.2 % need four times the frames.
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_closed_furnace_is_in_balance_with_paths_of_32_bounces() {
+    check(Technique::Pt, Preset::Unbiased, 30, 120);
 }

@@ -47,9 +47,9 @@ use Preset::*;
 use Technique::*;
 
 rows! {
-    balanced_in_the_cornell_box: ("cornell", Balanced, &[Pt, Gi], 0.01, (8, 100), (12, 60));
-    balanced_in_motion: ("moving", Balanced, &[Pt, Gi], 0.015, (12, 20), (12, 60));
-    unbiased_on_glossy_surfaces: ("glossy", Unbiased, &[Pt], 0.02, (8, 100), (12, 100));
-    unbiased_by_a_door_ajar: ("ajar", Unbiased, &[Pt], 0.03, (8, 100), (12, 150));
-    direct_light: ("cornell", Balanced, &[Di], 0.01, (8, 60), (12, 60));
+    balanced_in_the_cornell_box: ("cornell", Balanced, &[Pt, Gi], 0.04, (8, 80), (12, 40));
+    balanced_in_motion: ("moving", Balanced, &[Pt, Gi], 0.04, (12, 10), (12, 40));
+    unbiased_on_glossy_surfaces: ("glossy", Unbiased, &[Pt], 0.06, (8, 60), (12, 80));
+    unbiased_by_a_door_ajar: ("ajar", Unbiased, &[Pt], 0.08, (8, 60), (12, 100));
+    direct_light: ("cornell", Balanced, &[Di], 0.02, (8, 40), (12, 40));
 }

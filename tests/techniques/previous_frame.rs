@@ -8,7 +8,7 @@ use bevy::{
 };
 use bevy_restir::{
     Paths, Restir, Reuse, ReuseOrder, Technique,
-    testing::{plant_shader_edits, replace_pass_shader, shader_library::ShaderEdit},
+    testing::{replace_pass_shader, shader_library::ShaderEdit},
 };
 
 const SIZE: u32 = 64;
@@ -152,7 +152,7 @@ const WRONG: [(&str, &str, &str, &str); 8] = [
 fn wrong_reads_of_the_last_frame_are_found() {
     let Some((mut rig, emitted)) = start() else { return };
     for (name, module, from, to) in WRONG {
-        plant_shader_edits(&mut rig.app, &[ShaderEdit { module, from, to }]);
+        plant_edits(&mut rig.app, &[ShaderEdit { module, from, to }]);
         let (different, all) = differences(&mut rig, &emitted);
         eprintln!("{name}: {different:?} of {all} each");
         assert!(different.iter().any(|count| *count > all / 100), "{name} is not found: {different:?}");

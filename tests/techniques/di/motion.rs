@@ -1,11 +1,11 @@
-//! A frame of a moving scene equals on average the reference of the still scene at that moment.  The mean is over 56 seeds of the last
+//! A frame of a moving scene equals on average the reference of the still scene at that moment.  The mean is over seeds of the last
 //! frame of a scripted motion of four, at 64 x 64 pixels; margin 1 % (1.5 % where noted) at α = 0.01, and chi-squared of the 8 x 8 tiles.
 
 use crate::support::{app::*, proof::Proof, reuse_settings::di, small_scenes::*};
 use bevy::prelude::*;
 use bevy_restir::{Direct, Mis, Reuse};
 
-fn check(name: &str, rig: &mut Rig, margin: f64, pose: impl Fn(&mut Rig, u32)) {
+fn check(name: &str, rig: &mut Rig, margin: f64, seeds: u32, pose: impl Fn(&mut Rig, u32)) {
     // Disocclusions are frequent here: use as many neighbors as possible.
     let both = Direct { reuse: Reuse { disocclusion_samples: 5, ..di::all_reuse().reuse }, ..di::all_reuse() };
     // At rest, without jitter, a place of the last frame is the middle of a pixel: bilinear weights have no effect there.
@@ -21,14 +21,14 @@ fn check(name: &str, rig: &mut Rig, margin: f64, pose: impl Fn(&mut Rig, u32)) {
             },
         ),
     ];
-    Proof { margin, pose: Some(&pose), ..Proof::of((56, 1), (14, 64)) }.check(name, rig, &techniques);
+    Proof { margin, pose: Some(&pose), ..Proof::of((seeds, 1), (14, 48)) }.check(name, rig, &techniques);
 }
 
 #[test]
 fn a_moving_occluder_leaves_no_trail_of_light_or_shadow() {
     let mut block = Entity::PLACEHOLDER;
     let Some(mut rig) = scene(64, |rig| block = room(rig)) else { return };
-    check("occluder", &mut rig, 0.01, |rig, step| {
+    check("occluder", &mut rig, 0.01, 36, |rig, step| {
         rig.get_mut::<Transform>(block).translation = Vec3::new(0.9 - 0.3 * step as f32, 0.1, 0.0);
     });
 }
@@ -43,7 +43,7 @@ fn a_moving_emitter_lights_from_its_current_position() {
     }) else {
         return;
     };
-    check("emitter", &mut rig, 0.01, |rig, step| {
+    check("emitter", &mut rig, 0.01, 40, |rig, step| {
         *rig.get_mut::<Transform>(lamps) = Transform::from_xyz(-0.9 + 0.3 * step as f32, 0.4, 0.5)
             .with_rotation(Quat::from_rotation_y(0.3 * step as f32));
     });
@@ -53,7 +53,7 @@ fn a_moving_emitter_lights_from_its_current_position() {
 #[ignore = "second tier: ./run test --more"]
 fn a_moving_camera_sees_the_same_as_one_at_rest() {
     let Some(mut rig) = room_scene(64) else { return };
-    check("camera", &mut rig, 0.01, |rig, step| {
+    check("camera", &mut rig, 0.01, 40, |rig, step| {
         let place = Vec3::new(0.9 - 0.2 * step as f32, 0.2 + 0.1 * step as f32, 4.0 - 0.1 * step as f32);
         *rig.get_mut::<Transform>(rig.camera) =
             Transform::from_translation(place).looking_at(Vec3::new(0.0, -0.2, 0.0), Vec3::Y);
@@ -74,7 +74,7 @@ fn lights_that_move_change_come_and_go_have_their_current_effect() {
         return;
     };
     // Lamps close to surfaces are noisier than the others, hence the margin of 1.5 %.
-    check("lights", &mut rig, 0.015, |rig, step| {
+    check("lights", &mut rig, 0.015, 56, |rig, step| {
         let step = step as f32;
         let shown = |yes| if yes { Visibility::Inherited } else { Visibility::Hidden };
         *rig.get_mut::<Visibility>(late) = shown(step >= STEPS as f32);
@@ -98,7 +98,7 @@ fn lights_that_only_move_light_from_their_current_position() {
     }) else {
         return;
     };
-    check("moving lights", &mut rig, 0.015, |rig, step| {
+    check("moving lights", &mut rig, 0.015, 56, |rig, step| {
         let step = step as f32;
         rig.get_mut::<Transform>(moving[0]).translation = Vec3::new(0.9 - 0.5 * step, 0.6, 0.8);
         let eye = Transform::from_xyz(-0.8 + 0.3 * step, 0.8, 1.5);
@@ -110,5 +110,5 @@ fn lights_that_only_move_light_from_their_current_position() {
 #[ignore = "second tier: ./run test --more"]
 fn lights_that_come_and_go_do_not_change_the_light_of_emitters() {
     let Some(mut rig) = scene(64, passing) else { return };
-    check("passing lights", &mut rig, 0.015, pose_passing);
+    check("passing lights", &mut rig, 0.015, 48, pose_passing);
 }

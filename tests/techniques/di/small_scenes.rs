@@ -9,7 +9,7 @@ fn direct_light_in_a_room_with_shadows_equals_the_reference() {
     let Some(mut rig) = shared(64, "room") else { return };
     let with = |direct| (direct, Research::default());
     let without_bsdf = Research { target_without_bsdf: true, ..Research::default() };
-    Proof::DEFAULT.check(
+    Proof::of((10, 8), (14, 36)).check(
         "room",
         &mut rig,
         &[
@@ -39,7 +39,7 @@ fn direct_light_of_points_spots_and_suns_equals_the_reference() {
 fn direct_light_of_an_environment_equals_the_reference() {
     for (name, map) in [("uniform", false), ("map", true)] {
         let Some(mut rig) = scene(64, |rig| surrounded(rig, map)) else { return };
-        Proof::DEFAULT.check(
+        Proof::of((26, 8), (14, 64)).check(
             name,
             &mut rig,
             &[
@@ -62,7 +62,7 @@ fn direct_light_on_mirrors_and_lacquer_equals_the_reference() {
 #[ignore = "second tier: ./run test --more"]
 fn direct_light_past_blended_panes_equals_the_reference() {
     let Some(mut rig) = scene(64, blended) else { return };
-    let proof = Proof { blended: true, ..Proof::of((24, 16), (32, 32)) };
+    let proof = Proof { blended: true, ..Proof::of((40, 16), (32, 32)) };
     let balance = Direct {
         reuse: Reuse { spatial_samples: 1, ..di::across_edges(Mis::Balance).reuse },
         ..di::across_edges(Mis::Balance)

@@ -27,6 +27,18 @@ fn indirect_light_in_a_room_equals_the_reference_for_every_kind_of_reuse() {
             ("temporal", with(paths::temporal())),
             ("spatial", with(paths::spatial())),
             ("both", with(paths::all_reuse())),
+        ],
+    );
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn indirect_light_in_a_room_equals_the_reference_with_further_limits() {
+    let Some(mut rig) = shared(64, "room") else { return };
+    PROOF.check(
+        "room",
+        &mut rig,
+        &[
             ("far apart", with(Paths { distance: 0.5, ..paths::all_reuse() })),
             ("Jacobians to 1.5", with(Paths { jacobian_limit: 1.5, ..paths::all_reuse() })),
         ],
@@ -46,7 +58,7 @@ fn indirect_light_of_an_environment_and_mirrors_equals_the_reference() {
 #[test]
 fn indirect_light_in_a_moving_frame_equals_that_of_the_still_scene() {
     let Some(mut rig) = shared(64, "moving") else { return };
-    let proof = Proof { bounces: 3, margin: 0.015, pose: Some(&pose_moving), ..Proof::of((80, 1), (16, 32)) };
+    let proof = Proof { bounces: 3, margin: 0.015, pose: Some(&pose_moving), ..Proof::of((60, 1), (12, 32)) };
     proof.check("moving", &mut rig, &[("both", with(paths::all_reuse()))]);
 }
 

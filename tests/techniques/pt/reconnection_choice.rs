@@ -11,7 +11,7 @@ use crate::support::{
 use bevy::prelude::*;
 use bevy_restir::{
     Paths, Reconnection, Reuse,
-    testing::{plant_shader_defs, plant_shader_edits, replace_pass_shader, shader_library::ShaderEdit},
+    testing::{plant_shader_defs, replace_pass_shader, shader_library::ShaderEdit},
 };
 use glam::DVec3;
 
@@ -207,7 +207,7 @@ fn untested_conditions_of_the_shift_are_found() {
     let Some((mut rig, emitted)) = start(shining) else { return };
     plant_shader_defs(&mut rig.app, &[]);
     for (name, module, from, to) in UNTESTED {
-        plant_shader_edits(&mut rig.app, &[ShaderEdit { module, from, to }]);
+        plant_edits(&mut rig.app, &[ShaderEdit { module, from, to }]);
         let found = agreement(&mut rig, &emitted, &often_replayed(), 24);
         eprintln!("{name}: {found:?}");
         // The shader as it is has none in this scene.

@@ -6,7 +6,7 @@ use crate::support::{app::*, oracle::roulette::furnace, proof::Subject, reuse_se
 use bevy::prelude::*;
 use bevy_restir::{
     Technique,
-    testing::{plant_shader_defs, plant_shader_edits, shader_library::ShaderEdit},
+    testing::{plant_shader_defs, shader_library::ShaderEdit},
 };
 use glam::DVec3;
 
@@ -79,7 +79,7 @@ const ALBEDOS: [Vec3; 2] = [Vec3::new(0.8, 0.5, 0.3), Vec3::new(0.6, 0.99, 0.9)]
 #[test]
 fn roulette_lets_paths_survive_with_the_probability_that_weights_them() {
     let Some((mut rig, walls)) = closed_room() else { return };
-    plant_shader_edits(&mut rig.app, &[BSDF_ALONE]);
+    plant_edits(&mut rig.app, &[BSDF_ALONE]);
     for technique in TECHNIQUES {
         choose(&mut rig, technique);
         for albedo in ALBEDOS {
@@ -131,7 +131,7 @@ fn wrong_probabilities_of_roulette_are_found() {
         if last.replace(technique) != Some(technique) {
             choose(&mut rig, technique);
         }
-        plant_shader_edits(&mut rig.app, &[BSDF_ALONE, ShaderEdit { module, from, to }]);
+        plant_edits(&mut rig.app, &[BSDF_ALONE, ShaderEdit { module, from, to }]);
         let (strange, p) = compare(&mut rig, albedo);
         eprintln!("{name}: {:.4} % strange, p = {p:.1e}", 100.0 * strange);
         assert!(strange > 0.01 || p < 1e-6, "{name} is not found: {strange}, p = {p}");

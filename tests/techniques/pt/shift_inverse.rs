@@ -1,5 +1,5 @@
 //! The shift of paths is its own inverse: a path that is shifted to another pixel, of this frame or the last, shifts back to the same
-//! path with the inverse Jacobian.  The suffix is traced again in both directions.  Each case counts some 100,000 paths.
+//! path with the inverse Jacobian.  The suffix is traced again in both directions.  Each case counts some 60,000 paths.
 
 use crate::support::{
     app::*,
@@ -105,12 +105,12 @@ fn a_shift_to_the_same_pixel_is_the_identity() {
     // The level of textures depends on the pixel, also in reflections.
     for (name, make) in PATH_SCENES.into_iter().chain([("textured", textured as fn(&mut Rig))]) {
         let Some(mut rig) = shift_scene(SIZE, make) else { return };
-        let round_trips = round_trips(&mut rig, &["TEST_ROUND_TRIP"], &alone(&Paths::default()), 16);
+        let round_trips = round_trips(&mut rig, &["TEST_ROUND_TRIP"], &alone(&Paths::default()), 8);
         let (back, away, lost, worst) = round_trips.sums();
         eprintln!(
             "{name}: {back} paths returned, {away} first shifts and {lost} shifts back failed, error at most {worst}"
         );
-        assert!(back > 100_000 && (away + lost) as f32 <= 1e-4 * back as f32, "{name}: {:?}", round_trips.0);
+        assert!(back > 50_000 && (away + lost) as f32 <= 1e-4 * back as f32, "{name}: {:?}", round_trips.0);
         round_trips.assert_fine(name);
     }
 }
@@ -140,12 +140,12 @@ fn cases_of(kind: u32) -> Vec<&'static str> {
 
 #[test]
 fn paths_return_unchanged_from_other_pixels() {
-    check_other_pixels(&PATH_SCENES, &[], 10, &NEE_CASES, 100_000);
+    check_other_pixels(&PATH_SCENES, &[], 6, &NEE_CASES, 60_000);
 }
 
 #[test]
 fn paths_that_hit_light_by_bsdf_samples_return_from_other_pixels() {
-    check_other_pixels(&BSDF_SCENES, &["TEST_NOT_AIMED"], 50, &BSDF_CASES, 100_000);
+    check_other_pixels(&BSDF_SCENES, &["TEST_NOT_AIMED"], 30, &BSDF_CASES, 60_000);
 }
 
 #[test]
@@ -195,7 +195,7 @@ fn check_other_pixels(scenes: &[(&str, fn(&mut Rig))], defs: &[&'static str], se
             // A footprint or a Jacobian just within its limit in one pixel may be just outside of it in the other, and a position in 16
             // bits may lie behind the edge that the ray passed.
             assert!(
-                back > 5000 * seeds && lost == flipped && flipped as f32 <= 1e-5 * back as f32,
+                back > 5000 * seeds && lost == flipped && flipped as f32 <= 1.0 + 1e-5 * back as f32,
                 "{:?}",
                 round_trips.0
             );
@@ -240,7 +240,7 @@ fn paths_over_every_lobe_return_unchanged() {
 
 #[test]
 fn paths_return_unchanged_from_the_previous_frame() {
-    check_previous_frame(12, 100_000);
+    check_previous_frame(8, 60_000);
 }
 
 #[test]

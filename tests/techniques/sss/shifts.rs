@@ -36,7 +36,7 @@ const ANY_SAMPLE: ShaderEdit = ShaderEdit {
 fn shift_scene(size: u32, edits: &[ShaderEdit], defs: &[&'static str], moving: &mut [Entity; 2]) -> Option<Rig> {
     let mut rig = scene(size, |rig| *moving = translucent(rig))?;
     replace_pass_shader(&mut rig.app, "sss_candidates", include_str!("../../support/kernels/subsurface_shift.wgsl"));
-    plant_shader_edits(&mut rig.app, &[&[ALONE], edits].concat());
+    plant_edits(&mut rig.app, &[&[ALONE], edits].concat());
     plant_shader_defs(&mut rig.app, defs);
     Some(rig)
 }
