@@ -75,7 +75,7 @@ impl Origin {
         let offset = point - self.position;
         let (r, across) = (offset.length(), (offset - offset.dot(a) * a).length());
         let (d, channels) = (self.d[channel], self.d.to_array().into_iter().filter(|d| *d > 0.0).count());
-        if !(d > 0.0) || r > REACH * d {
+        if d <= 0.0 || r > REACH * d {
             return 0.0;
         }
         p * normal.dot(a).abs() * profile(across / d) / total() / (d * d) / channels as f64

@@ -11,7 +11,7 @@ use crate::support::{
 use bevy::prelude::*;
 use bevy_restir::{
     Direct, SubsurfaceSampling, SubsurfaceShift,
-    testing::{plant_shader_defs, plant_shader_edits, replace_pass_shader, shader_library::ShaderEdit},
+    testing::{plant_shader_defs, replace_pass_shader, shader_library::ShaderEdit},
 };
 
 /// Sequential shifts are reconnection and delayed reconnection, one after the other.
