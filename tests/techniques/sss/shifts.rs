@@ -20,9 +20,8 @@ const SHIFTS: [SubsurfaceShift; 3] = [SubsurfaceShift::Reconnection, SubsurfaceS
 /// The picture has the light of this domain alone.
 const ALONE: ShaderEdit = ShaderEdit {
     module: "pass/resolve.wgsl",
-    from: "light = s.emission + s.unlit + textureLoad(unresampled, pixel, 0).rgb + textureLoad(resampled_lights, pixel, 0).rgb\n            \
-           + subsurface_light(pixel);",
-    to: "light = subsurface_light(pixel);",
+    from: "    let index = pixel.y * view.size.x + pixel.x;\n",
+    to: "    light = select(vec3<f32>(0.0), subsurface_light(pixel), ids.x != NONE);\n    let index = pixel.y * view.size.x + pixel.x;\n",
 };
 
 /// Samples are selected without regard to their light, so that their contribution weights are bounded.
