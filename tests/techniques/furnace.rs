@@ -61,7 +61,7 @@ fn a_closed_furnace_is_in_balance_with_indirect_light() {
 
 #[test]
 fn a_closed_furnace_is_in_balance_with_paths() {
-    check(Technique::Pt, Preset::Balanced, 20, 24);
+    check(Technique::Pt, Preset::Balanced, 20, 40);
 }
 
 #[test]

@@ -1,5 +1,5 @@
 // Packed radiance, and the factor between solid angle and area.
-#import bevy_restir::restir::gi::reservoir::{pack_radiance, unpack_radiance}
+#import bevy_restir::restir::stored_path::{pack_radiance, unpack_radiance}
 
 @group(0) @binding(0) var<storage, read> radiance: array<vec4<f32>>;
 @group(0) @binding(1) var<storage, read_write> kept: array<vec4<f32>>;

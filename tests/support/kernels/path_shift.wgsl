@@ -190,7 +190,8 @@ fn partner(r: Receiver, ids: vec2<u32>, pixel: vec2<u32>) -> Receiver {
     let wo = normalize(to_eye);
     let cone = pixel_cone(view.previous, Ray(camera_position(true), 0.0, -wo, FAR), length(to_eye));
     let s = surface_at(ids.x, ids.y, barycentrics, wo, cone, true);
-    return Receiver(Vertex(s, wo, vec3<f32>(0.0), cone), shift_parameters(camera_position(true), s), true);
+    let v = Vertex(s, wo, vec3<f32>(0.0), cone);
+    return Receiver(v, shift_parameters(camera_position(true), v, true), true);
 }
 #else
 // The pixel itself.

@@ -166,7 +166,7 @@ fn paths_and_shifted_paths_choose_the_reconnection_vertex_of_the_oracle() {
     for (name, make, defs) in [
         ("glossy", glossy as fn(&mut Rig), &[][..]),
         ("surrounded", |rig: &mut Rig| surrounded(rig, true), &[]),
-        ("shining", shining, &["TEST_NOT_AIMED"]),
+        ("shining", shining, &["TEST_HITS"]),
     ] {
         let Some((mut rig, emitted)) = start(make) else { return };
         plant_shader_defs(&mut rig.app, defs);

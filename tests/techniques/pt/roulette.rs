@@ -14,13 +14,6 @@ const EVENTS: i32 = 12;
 const FRAMES: u32 = 8;
 const SIZE: u32 = 64;
 
-/// Paths hit the walls by BSDF samples only, without a weight against light samples.
-const BSDF_ALONE: ShaderEdit = ShaderEdit {
-    module: "path/nee.wgsl",
-    from: "return select(step.pdf / (step.pdf + pdf), 1.0, step.delta || !(pdf > 0.0));",
-    to: "return 1.0;",
-};
-
 /// A closed room and the material of its walls.
 fn closed_room() -> Option<(Rig, Handle<StandardMaterial>)> {
     let mut rig = Rig::new(SIZE, SIZE)?;
@@ -40,7 +33,8 @@ fn choose(rig: &mut Rig, technique: Technique) {
         paths::candidates_only().apply_to(r);
         (r.technique, r.accumulate) = (technique, false);
     });
-    plant_shader_defs(&mut rig.app, &["TEST_NOT_AIMED", "TEST_BSDF_ALONE"]);
+    // Paths hit the walls by BSDF samples only, without a weight against light samples.
+    plant_shader_defs(&mut rig.app, &["TEST_HITS", "TEST_ALONE", "TEST_BSDF_ALONE"]);
 }
 
 fn luminance(c: DVec3) -> f64 {
@@ -79,7 +73,6 @@ const ALBEDOS: [Vec3; 2] = [Vec3::new(0.8, 0.5, 0.3), Vec3::new(0.6, 0.99, 0.9)]
 #[test]
 fn roulette_lets_paths_survive_with_the_probability_that_weights_them() {
     let Some((mut rig, walls)) = closed_room() else { return };
-    plant_edits(&mut rig.app, &[BSDF_ALONE]);
     for technique in TECHNIQUES {
         choose(&mut rig, technique);
         for albedo in ALBEDOS {
@@ -131,7 +124,7 @@ fn wrong_probabilities_of_roulette_are_found() {
         if last.replace(technique) != Some(technique) {
             choose(&mut rig, technique);
         }
-        plant_edits(&mut rig.app, &[BSDF_ALONE, ShaderEdit { module, from, to }]);
+        plant_edits(&mut rig.app, &[ShaderEdit { module, from, to }]);
         let (strange, p) = compare(&mut rig, albedo);
         eprintln!("{name}: {:.4} % strange, p = {p:.1e}", 100.0 * strange);
         assert!(strange > 0.01 || p < 1e-6, "{name} is not found: {strange}, p = {p}");

@@ -145,7 +145,7 @@ fn paths_return_unchanged_from_other_pixels() {
 
 #[test]
 fn paths_that_hit_light_by_bsdf_samples_return_from_other_pixels() {
-    check_other_pixels(&BSDF_SCENES, &["TEST_NOT_AIMED"], 30, &BSDF_CASES, 60_000);
+    check_other_pixels(&BSDF_SCENES, &["TEST_HITS"], 30, &BSDF_CASES, 60_000);
 }
 
 #[test]
@@ -157,10 +157,10 @@ fn full_length_millions_of_paths_return_from_other_pixels() {
 #[test]
 #[ignore = "minutes: ./run test --full"]
 fn full_length_millions_of_paths_that_hit_light_by_bsdf_samples_return() {
-    check_other_pixels(&BSDF_SCENES, &["TEST_NOT_AIMED"], 450, &BSDF_CASES, 1_000_000);
+    check_other_pixels(&BSDF_SCENES, &["TEST_HITS"], 450, &BSDF_CASES, 1_000_000);
 }
 
-/// Where NEE reaches the lights, it supplies most of the selected paths.  With `TEST_NOT_AIMED` all paths end by BSDF samples.
+/// Where NEE reaches the lights, it supplies most of the selected paths.  With `TEST_HITS` all paths end by BSDF samples.
 const BSDF_SCENES: [(&str, fn(&mut Rig)); 1] = [("BSDF samples", shining)];
 
 const NEE_CASES: [&str; 3] = ["NEE, reconnected at the light", "NEE after the reconnection", "hit the environment"];
