@@ -95,6 +95,8 @@ pub struct GpuSceneUniforms {
     pub shapes_indices: u32,
     pub sun_count: u32,
     pub pad: u32,
+    pub previous_center: [f32; 3],
+    pub previous_radius: f32,
 }
 
 #[repr(C)]
@@ -303,6 +305,8 @@ pub const SUBSURFACE_RESERVOIR_SIZE: u64 = 52;
 pub const PATH_RESERVOIR_SIZE: u64 = 64;
 /// Bytes of a reservoir of ReSTIR BDPT.
 pub const BIDIRECTIONAL_RESERVOIR_SIZE: u64 = 64;
+/// Bytes of a reservoir of light sub-paths that the camera sees.
+pub const SPLAT_RESERVOIR_SIZE: u64 = 40;
 
 /// Bytes of an entry of the light vertex cache.
 pub const LIGHT_VERTEX_SIZE: u64 = 64;

@@ -120,8 +120,12 @@ pub const MODULES: &[(&str, &str)] = modules![
     "restir/bdpt/bindings.wgsl",
     "restir/bdpt/techniques.wgsl",
     "restir/bdpt/splat.wgsl",
+    "restir/bdpt/light_map.wgsl",
+    "restir/bdpt/light_sub_path.wgsl",
     "restir/bdpt/connections.wgsl",
     "restir/bdpt/reservoir.wgsl",
+    "restir/splats/reservoir.wgsl",
+    "restir/splats/domain.wgsl",
     "pass/atlas.wgsl",
     "pass/composite.wgsl",
     "pass/connections.wgsl",
@@ -129,6 +133,7 @@ pub const MODULES: &[(&str, &str)] = modules![
     "pass/debug_di.wgsl",
     "pass/debug_paths.wgsl",
     "pass/debug_rays.wgsl",
+    "pass/debug_splats.wgsl",
     "pass/di_candidates.wgsl",
     "pass/environment.wgsl",
     "pass/light_paths.wgsl",
@@ -138,6 +143,8 @@ pub const MODULES: &[(&str, &str)] = modules![
     "pass/resolve.wgsl",
     "pass/reuse.wgsl",
     "pass/splats.wgsl",
+    "pass/splats_forward.wgsl",
+    "pass/splats_gather.wgsl",
     "pass/sss_candidates.wgsl",
     "pass/statistics.wgsl",
     "pass/visibility.wgsl",
@@ -151,7 +158,11 @@ pub fn is_template(wgsl: &str) -> bool {
     wgsl.contains(TEMPLATE_IMPORT)
 }
 
-/// Puts the modules of a technique into a template.  `rooms`: folders of `shaders/`; the first one that defines a name provides it.
+/// The room that every technique extends.
+const COMMON_ROOM: &str = "restir";
+
+/// Puts the modules of a technique into a template.  `rooms`: folders of `shaders/`; the first one that defines a name provides it, and
+/// `restir` if none of them does.
 ///
 /// # Panics
 ///
@@ -161,7 +172,7 @@ pub fn instantiate(wgsl: &str, rooms: &[&str]) -> String {
     let (names, after) = rest.split_once("}\n").unwrap_or_else(|| panic!("the import of a template has no end"));
     let mut imports = String::new();
     for name in names.split(", ") {
-        let module = rooms.iter().find_map(|room| module_that_defines(name, room));
+        let module = rooms.iter().chain([&COMMON_ROOM]).find_map(|room| module_that_defines(name, room));
         let module = module.unwrap_or_else(|| panic!("none of {rooms:?} defines {name}"));
         let module = module.trim_end_matches(".wgsl").replace('/', "::");
         imports += &format!("#import bevy_restir::{module}::{name}\n");
@@ -270,7 +281,7 @@ mod tests {
     #[test]
     fn a_template_takes_each_name_from_the_first_room_that_defines_it() {
         let template = "// Header.\n#import technique::{jacobian_of, receiver_of, no_reservoir}\nfn f() {}\n";
-        let rooms = ["restir/gi", "restir/pt", "restir"];
+        let rooms = ["restir/gi", "restir/pt"];
         let expected = "// Header.\n#import bevy_restir::restir::gi::domain::jacobian_of\n#import \
                         bevy_restir::restir::pt::domain::receiver_of\n#import \
                         bevy_restir::restir::stored_path::no_reservoir\nfn f() {}\n";

@@ -23,6 +23,8 @@ const STREAM_PATH_CANDIDATES: u32 = 17u;
 // Light sub-paths.
 const STREAM_LIGHT_PATHS: u32 = 18u;
 const STREAM_CONNECTIONS: u32 = 20u;
+// Choices among the vertices of light sub-paths, and among splats.
+const STREAM_SPLATS: u32 = 21u;
 // Probes through bodies, and the lights of their hits.
 const STREAM_SSS_CANDIDATES: u32 = 19u;
 

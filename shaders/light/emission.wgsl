@@ -5,11 +5,12 @@
 #import bevy_restir::common::constants::{LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_RECT, LIGHT_SPHERE, LIGHT_SPOT, LIGHT_SUN, LIGHT_TRIANGLE, NONE}
 #import bevy_restir::common::math::{is_finite_3, max_component}
 #import bevy_restir::light::analytic_area_light::DISTANCE_TOLERANCE
-#import bevy_restir::light::emitted_ray::{area_emission_density, EmittedRay, infinite_emission_density, infinite_emitted_ray, no_emitted_ray}
+#import bevy_restir::light::emitted_ray::{area_emission_density, EmittedRay, infinite_emission_density, infinite_emitted_ray, no_emitted_ray, scene_sphere}
 #import bevy_restir::light::light::{environment_light_sample, record_sample}
 #import bevy_restir::light::point::{point_emission_pdf, point_emitted_ray}
 #import bevy_restir::light::rect::rect_emitted_ray
-#import bevy_restir::light::select::light_select
+#import bevy_restir::light::remap::light_record
+#import bevy_restir::light::select::{light_pmf, light_select}
 #import bevy_restir::light::sphere::{sphere_emission_density, sphere_emitted_ray, sphere_pdf_scale}
 #import bevy_restir::light::triangle::{triangle_emission_density, triangle_emitted_ray}
 #import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample}
@@ -18,44 +19,52 @@
 
 // Samples a light and one of its rays.  The probability of the light is part of `power` and `pdf_point`.
 fn sample_emission(u_light: vec2<f32>, u_point: vec2<f32>, u_direction: vec2<f32>) -> EmittedRay {
-    let choice = light_select(u_light);
-    if !(choice.pmf > 0.0) {
+    return sample_emission_of(light_select(u_light).light, u_point, u_direction, false);
+}
+
+// Samples a ray of a light of this frame's table, now or (`previous`) as it was in the last frame.  The probability of the light is that of
+// this frame.
+fn sample_emission_of(light: u32, u_point: vec2<f32>, u_direction: vec2<f32>, previous: bool) -> EmittedRay {
+    let pmf = light_pmf(light);
+    if !(pmf > 0.0) {
         return no_emitted_ray();
     }
-    var ray = emitted_ray(choice.light, u_point, u_direction);
-    ray.power /= choice.pmf;
-    ray.pdf_point *= choice.pmf;
+    var ray = emitted_ray(light, u_point, u_direction, previous);
+    ray.power /= pmf;
+    ray.pdf_point *= pmf;
     if !(max_component(ray.power) > 0.0) || !is_finite_3(ray.power) {
         ray.light = NONE;
     }
     return ray;
 }
 
-fn emitted_ray(light: u32, u_point: vec2<f32>, u_direction: vec2<f32>) -> EmittedRay {
+// The light of the ray is its index in `lights`: that of the last frame's table with `previous`.
+fn emitted_ray(light: u32, u_point: vec2<f32>, u_direction: vec2<f32>, previous: bool) -> EmittedRay {
     if light == ENVIRONMENT_LIGHT {
         let l = environment_light_sample(u_direction);
-        return infinite_emitted_ray(light, l.wi, l.radiance, l.pdf_solid_angle, 0u, u_point);
+        return infinite_emitted_ray(light, l.wi, l.radiance, l.pdf_solid_angle, 0u, u_point, scene_sphere(previous));
     }
-    if light >= scene.light_count || !light_in_layers(light) {
+    let record = light_record(light, previous);
+    if record == NONE || !light_in_layers(record) {
         return no_emitted_ray();
     }
-    switch light_kind(light) {
+    switch light_kind(record) {
         case LIGHT_TRIANGLE: {
-            return triangle_emitted_ray(light, u_point, u_direction);
+            return triangle_emitted_ray(record, u_point, u_direction, previous);
         }
         case LIGHT_POINT, LIGHT_SPOT: {
-            return point_emitted_ray(light, u_direction);
+            return point_emitted_ray(record, u_direction);
         }
         case LIGHT_SPHERE: {
-            return past_tolerance(sphere_emitted_ray(light, u_point, u_direction));
+            return past_tolerance(sphere_emitted_ray(record, u_point, u_direction), previous);
         }
         case LIGHT_RECT: {
-            return past_tolerance(rect_emitted_ray(light, u_point, u_direction));
+            return past_tolerance(rect_emitted_ray(record, u_point, u_direction), previous);
         }
         case LIGHT_DIRECTIONAL, LIGHT_SUN: {
             // The receiver does not matter to a light at infinity.
-            let l = record_sample(light, scene.center, u_direction);
-            return infinite_emitted_ray(light, l.wi, l.radiance, l.pdf_solid_angle, l.delta, u_point);
+            let l = record_sample(record, scene.center, u_direction);
+            return infinite_emitted_ray(record, l.wi, l.radiance, l.pdf_solid_angle, l.delta, u_point, scene_sphere(previous));
         }
         default: {
             return no_emitted_ray();
@@ -64,9 +73,9 @@ fn emitted_ray(light: u32, u_point: vec2<f32>, u_direction: vec2<f32>) -> Emitte
 }
 
 // The ray passes surfaces that the light lies a little behind, as shadow rays do.
-fn past_tolerance(ray: EmittedRay) -> EmittedRay {
+fn past_tolerance(ray: EmittedRay, previous: bool) -> EmittedRay {
     var r = ray;
-    r.t_min = DISTANCE_TOLERANCE * scene.radius;
+    r.t_min = DISTANCE_TOLERANCE * scene_sphere(previous).radius;
     return r;
 }
 

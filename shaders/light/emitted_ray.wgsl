@@ -35,13 +35,35 @@ fn area_emission_density(l: LightSample) -> f32 {
     return abs(dot(l.normal, l.wi)) * INV_PI / (l.distance * l.distance);
 }
 
+// A sphere around the scene.
+struct SceneSphere {
+    center: vec3<f32>,
+    radius: f32,
+}
+
+// The sphere around the scene, now or (`previous`) in the last frame.
+fn scene_sphere(previous: bool) -> SceneSphere {
+    if previous {
+        return SceneSphere(scene.previous_center, scene.previous_radius);
+    }
+    return SceneSphere(scene.center, scene.radius);
+}
+
 // A ray that comes from the direction `wi`, through a disk that is as wide as the scene.
-fn infinite_emitted_ray(light: u32, wi: vec3<f32>, radiance: vec3<f32>, pdf_wi: f32, delta: u32, u: vec2<f32>) -> EmittedRay {
-    let r = scene.radius * sqrt(u.y);
+fn infinite_emitted_ray(
+    light: u32,
+    wi: vec3<f32>,
+    radiance: vec3<f32>,
+    pdf_wi: f32,
+    delta: u32,
+    u: vec2<f32>,
+    sphere: SceneSphere,
+) -> EmittedRay {
+    let r = sphere.radius * sqrt(u.y);
     let frame = orthonormal_basis(wi);
     // A little outside of the sphere around the scene.
-    let origin = scene.center + frame * vec3<f32>(r * cos(TWO_PI * u.x), r * sin(TWO_PI * u.x), 1.01 * scene.radius);
-    let density = infinite_emission_density();
+    let origin = sphere.center + frame * vec3<f32>(r * cos(TWO_PI * u.x), r * sin(TWO_PI * u.x), 1.01 * sphere.radius);
+    let density = INV_PI / (sphere.radius * sphere.radius);
     return EmittedRay(origin, 0.0, -wi, light, radiance / (pdf_wi * density), delta, vec3<f32>(0.0), pdf_wi, density);
 }
 

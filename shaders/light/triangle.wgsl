@@ -43,11 +43,11 @@ fn triangle_light_pdf_solid_angle(instance: u32, triangle: u32, from_point: vec3
     return area_to_solid_angle(world_triangle(instance, triangle, previous), from_point, position);
 }
 
-// A ray that the triangle emits; a double-sided one emits from either side.
-fn triangle_emitted_ray(light: u32, u_point: vec2<f32>, u_direction: vec2<f32>) -> EmittedRay {
+// A ray that the triangle emits, now or (`previous`) in the last frame; a double-sided one emits from either side.
+fn triangle_emitted_ray(light: u32, u_point: vec2<f32>, u_direction: vec2<f32>, previous: bool) -> EmittedRay {
     let instance = lights[light].data.x;
     let triangle = lights[light].data.y;
-    let t = world_triangle(instance, triangle, false);
+    let t = world_triangle(instance, triangle, previous);
     let barycentrics = uniform_barycentrics(u_point);
     var normal = t.normal;
     var u = u_direction;
@@ -59,7 +59,7 @@ fn triangle_emitted_ray(light: u32, u_point: vec2<f32>, u_direction: vec2<f32>) 
     if !(t.area > 0.0) {
         return no_emitted_ray();
     }
-    let position = surface_point(instance, triangle, barycentrics, false);
+    let position = surface_point(instance, triangle, barycentrics, previous);
     var ray = area_emitted_ray(light, position, normal, triangle_light_color(instance, triangle, barycentrics), 1.0 / t.area, u);
     ray.origin = offset_point(position, normal, normal, offset_distance(instance, triangle, barycentrics));
     if both_sides {
@@ -82,7 +82,7 @@ fn triangle_light_opacity(light: u32, barycentrics: vec2<f32>) -> f32 {
     return opacity(lights[light].data.x, lights[light].data.y, barycentrics);
 }
 #else
-fn triangle_emitted_ray(light: u32, u_point: vec2<f32>, u_direction: vec2<f32>) -> EmittedRay {
+fn triangle_emitted_ray(light: u32, u_point: vec2<f32>, u_direction: vec2<f32>, previous: bool) -> EmittedRay {
     return no_emitted_ray();
 }
 

@@ -1,4 +1,4 @@
-// Debug views of the reservoirs of ReSTIR PT and GI, without exposure.
+// Debug views of the reservoirs of paths, without exposure.
 
 #import technique::{evaluate, is_visible, jacobian_of, PackedReservoir, receiver_of, Reservoir, reservoir_unpack}
 #import bevy_restir::common::constants::NONE
@@ -20,6 +20,7 @@ const DEBUG_PATH_WEIGHTS: u32 = 17u;
 const DEBUG_PATH_CONFIDENCE: u32 = 18u;
 const DEBUG_PATH_AGES: u32 = 19u;
 const DEBUG_PATH_SHIFTS: u32 = 20u;
+const DEBUG_PATH_TECHNIQUES: u32 = 24u;
 
 // The views show the shift of a path by this many pixels to the right.
 const SHIFT_DISTANCE: u32 = 8u;
@@ -53,6 +54,11 @@ fn path_view(r: Reservoir, pixel: vec2<u32>) -> vec3<f32> {
         }
         case DEBUG_PATH_WEIGHTS: {
             return vec3<f32>(r.ucw);
+        }
+        case DEBUG_PATH_TECHNIQUES: {
+            // s + t vertices: that on the light has the index `length`.
+            let s = u32(r.path.termination == TERMINATION_NEE);
+            return vec3<f32>(f32(s), f32(r.path.length + 1u - s), 0.0);
         }
         case DEBUG_PATH_AGES: {
             return vec3<f32>(f32((view.frame - r.path.born) & 0xffffu));

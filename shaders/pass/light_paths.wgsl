@@ -1,17 +1,14 @@
 // Light sub-paths of a frame: each leaves a vertex in the light vertex cache, and its splats in the light map.
-//
-// The light map begins with the head of a list for each pixel: an entry's index plus 1, or 0.  Then come the entries, SPLATS_OF_A_PATH for
-// each sub-path, of four words: the next entry in the same form, and radiance.
 
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::math::luminance
-#import bevy_restir::common::rng::{rng_1, rng_bits, rng_new, STREAM_LIGHT_PATHS}
-#import bevy_restir::path::bidirectional_mis::MisState
-#import bevy_restir::path::light_path::{advance_light_path, begin_light_path}
+#import bevy_restir::common::rng::{rng_1, STREAM_LIGHT_PATHS, STREAM_SPLATS}
+#import bevy_restir::path::light_path::chosen_light
+#import bevy_restir::restir::bdpt::light_map::{entry_pack, MapEntry, SPLATS_OF_A_PATH, word_of}
+#import bevy_restir::restir::bdpt::light_sub_path::{begin_sub_path, connects, continue_sub_path, sub_path_rng}
 #import bevy_restir::restir::bdpt::light_vertex::{light_vertex_pack, LightVertex, offer_vertex, PackedLightVertex}
-#import bevy_restir::restir::bdpt::splat::{merged_splat, Splat, splat_of, SPLATS_OF_A_PATH}
+#import bevy_restir::restir::bdpt::splat::{no_splat, Splat, splat_of}
 #import bevy_restir::restir::bindings::settings
-#import bevy_restir::restir::types::RESAMPLE_CONNECTIONS
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::ray_counter::count_rays
 
@@ -30,65 +27,68 @@ fn light_paths(@builtin(global_invocation_id) id: vec3<u32>) {
     count_rays(id.xy);
 }
 
+// The splats of a sub-path beyond the first SPLATS_OF_A_PATH - 1, resampled into one in proportion to luminance.
+struct Rest {
+    splat: Splat,
+    events: u32,
+    sum: f32,
+}
+
 fn trace(path: u32) {
-    var rng = rng_new(vec2<u32>(path & 0xffffu, path >> 16u), view.frame, STREAM_LIGHT_PATHS, view.seed);
+    var rng = sub_path_rng(path, view.frame, STREAM_LIGHT_PATHS);
+    var choices = sub_path_rng(path, view.frame, STREAM_SPLATS);
     var kept: LightVertex;
     var count = 0u;
-    var last = Splat(NONE, vec3<f32>(0.0));
-    var last_sum = 0.0;
-    var w = begin_light_path(&rng);
-    w.state = over_share(w.state, settings.diffuse_share);
+    var rest = Rest(no_splat(), 1u, 0.0);
+    var p = begin_sub_path(chosen_light(rng), &rng, false);
     for (var event = 1u; event <= view.bounces; event++) {
-        if w.events == 0u {
+        if p.walk.events == 0u {
             break;
         }
         // A connection adds an event at the camera's end at least.
         if event < view.bounces && connects() {
-            kept = offer_vertex(kept, w, &rng);
+            kept = offer_vertex(kept, p.walk, &choices);
         }
-        let u = rng_1(&rng);
-        let alpha_seed = rng_bits(&rng).x;
-        if settings.splats > 0u {
-            let s = splat_of(w, alpha_seed);
-            if s.pixel != NONE && count + 1u < SPLATS_OF_A_PATH {
-                insert(path * SPLATS_OF_A_PATH + count, s);
+        let s = splat_of(p.walk, p.alpha_seed, false);
+        let u = rng_1(&choices);
+        if s.pixel != NONE {
+            if count + 1u < SPLATS_OF_A_PATH {
+                insert(path * SPLATS_OF_A_PATH + count, s, event, 1.0);
                 count += 1u;
-            } else if s.pixel != NONE {
-                last = merged_splat(last, last_sum, s, u);
-                last_sum += luminance(s.value);
+            } else {
+                rest = merged(rest, s, event, u);
             }
         }
         if event < view.bounces {
-            w = advance_light_path(w, &rng);
-            if event == 1u && w.by_delta {
-                w.state = over_share(w.state, settings.caustic_share / settings.diffuse_share);
-            }
-            // Without connections no technique joins the sub-paths behind the first vertex.
-            w.state.last = select(0.0, w.state.last, connects());
+            p = continue_sub_path(p.walk, &rng, false);
         }
     }
-    if last.pixel != NONE {
-        insert(path * SPLATS_OF_A_PATH + count, Splat(last.pixel, last.value * (last_sum / luminance(last.value))));
+    if rest.splat.pixel != NONE {
+        insert(path * SPLATS_OF_A_PATH + count, rest.splat, rest.events, rest.sum / luminance(rest.splat.value));
     }
     if connects() {
         light_vertices[path] = light_vertex_pack(kept);
     }
 }
 
-// The competitors at the start of a light sub-path find their light from the camera.
-fn over_share(s: MisState, share: f32) -> MisState {
-    return MisState(s.last / share, s.earlier / share);
-}
-
-fn connects() -> bool {
-    return (settings.flags & RESAMPLE_CONNECTIONS) != 0u;
+fn merged(rest: Rest, s: Splat, events: u32, u: f32) -> Rest {
+    let value = luminance(s.value);
+    var r = rest;
+    r.sum += value;
+    if u * r.sum < value {
+        r.splat = s;
+        r.events = events;
+    }
+    return r;
 }
 
 // Adds an entry to the list of its pixel.
-fn insert(entry: u32, s: Splat) {
-    let at = view.size.x * view.size.y + 4u * entry;
-    atomicStore(&light_map[at], atomicExchange(&light_map[s.pixel], entry + 1u));
-    atomicStore(&light_map[at + 1u], bitcast<u32>(s.value.x));
-    atomicStore(&light_map[at + 2u], bitcast<u32>(s.value.y));
-    atomicStore(&light_map[at + 3u], bitcast<u32>(s.value.z));
+fn insert(entry: u32, s: Splat, events: u32, multiplicity: f32) {
+    let next = atomicExchange(&light_map[s.pixel], entry + 1u);
+    let words = entry_pack(MapEntry(next, events, s.value * multiplicity, multiplicity));
+    let at = word_of(entry + 1u);
+    atomicStore(&light_map[at], words.x);
+    atomicStore(&light_map[at + 1u], words.y);
+    atomicStore(&light_map[at + 2u], words.z);
+    atomicStore(&light_map[at + 3u], words.w);
 }

@@ -13,9 +13,10 @@
 @group(2) @binding(0) var unresampled: texture_2d<f32>;
 @group(2) @binding(1) var resampled_lights: texture_2d<f32>;
 @group(2) @binding(2) var resampled_paths: texture_2d<f32>;
-@group(2) @binding(3) var light_of_light_paths: texture_2d<f32>;
+@group(2) @binding(3) var resampled_splats: texture_2d<f32>;
 @group(2) @binding(4) var<storage, read_write> radiance: array<vec4<f32>>;
 @group(2) @binding(5) var resampled_subsurface: texture_2d<f32>;
+@group(2) @binding(6) var connections: texture_2d<f32>;
 
 @compute @workgroup_size(8, 8)
 fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -30,10 +31,10 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
     } else {
         let s = primary_surface(ids, pixel, false).surface;
         light = s.emission + s.unlit + textureLoad(unresampled, pixel, 0).rgb + textureLoad(resampled_lights, pixel, 0).rgb
-            + textureLoad(resampled_paths, pixel, 0).rgb + subsurface_light(pixel);
+            + textureLoad(resampled_paths, pixel, 0).rgb + textureLoad(connections, pixel, 0).rgb + subsurface_light(pixel);
     }
     // Light paths may end anywhere in a pixel, beside a surface that this frame's ray has missed, too.
-    light += textureLoad(light_of_light_paths, pixel, 0).rgb;
+    light += textureLoad(resampled_splats, pixel, 0).rgb;
     let index = pixel.y * view.size.x + pixel.x;
     var sum = vec4<f32>(guarded_pixel(light), 1.0);
     if view.accumulated > 0u {

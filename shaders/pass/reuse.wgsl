@@ -6,14 +6,14 @@
 // `src/shader_library.rs` puts them in.  Resampling takes place in the domain of the pixel: a neighbor's sample is shifted there first, and
 // from there to every other domain that its MIS weight asks for.
 
-#import technique::{apply_shift, carries_contribution, completed, evaluate, Evaluated, in_current_frame, is_visible, jacobian_of, no_reservoir, PackedReservoir, Receiver, receiver_of, Reservoir, reservoir_pack, reservoir_unpack, shift_result_of, ShiftResult, stored_target, stores_target, target_value}
+#import technique::{apply_shift, carries_contribution, completed, evaluate, Evaluated, find_neighbor, in_current_frame, is_visible, jacobian_of, no_reservoir, own_place, PackedReservoir, Receiver, receiver_of, receives_light, Reservoir, reservoir_pack, reservoir_unpack, shift_result_of, ShiftResult, stored_target, stores_target, target_value}
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::guard::{GUARD_CONTRIBUTION_WEIGHT, GUARD_TARGET, guarded}
 #import bevy_restir::common::math::luminance
 #import bevy_restir::common::rng::{Rng, rng_1, rng_bits, rng_new, STREAM_REUSE}
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::mis::{MAX_INPUTS, mis_needs_target, mis_weight, MisInputs}
-#import bevy_restir::restir::neighbors::{find_neighbor, has, neighbor_ids, own_place, OwnPlace}
+#import bevy_restir::restir::neighbors::{has, neighbor_ids, OwnPlace}
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::restir::reservoir_sampling::{Stream, stream_add, stream_ucw}
 #import bevy_restir::restir::types::{RESAMPLE_CANDIDATES_VISIBLE, RESAMPLE_DISCARD_OCCLUDED, RESAMPLE_FROM_PREVIOUS, RESAMPLE_MIS_RAYS, RESAMPLE_REUSE_VISIBILITY, RESAMPLE_SHADE, RESAMPLE_SHADE_ALL, RESAMPLE_SHADING_RAYS, RESAMPLE_TARGET_RAYS}
@@ -218,7 +218,7 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let index = reservoir_index(pixel, view.size, settings.reservoir_layout);
     let ids = textureLoad(visibility, pixel, 0).xy;
-    if ids.x == NONE || view.bounces == 0u {
+    if !receives_light(ids) || view.bounces == 0u {
         reservoirs[index] = reservoir_pack(no_reservoir());
         textureStore(resampled, pixel, vec4<f32>(0.0));
         return;

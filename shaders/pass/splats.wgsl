@@ -1,17 +1,33 @@
-// Light of a frame's light sub-paths: their splats and their connections.  `pass/light_paths.wgsl` describes the light map.
+// Candidates of light sub-paths: one of the splats that land in a pixel, which stands for all of them.
 
 #import bevy_restir::common::constants::OVERFLOW_STEPS
-#import bevy_restir::common::math::max_component
+#import bevy_restir::common::guard::{GUARD_CONTRIBUTION_WEIGHT, guarded}
+#import bevy_restir::common::math::{is_finite_3, luminance, max_component}
 #import bevy_restir::common::ray::trace_flags
+#import bevy_restir::common::rng::{rng_bits, STREAM_LIGHT_PATHS, STREAM_SPLATS}
+#import bevy_restir::path::light_path::chosen_light
+#import bevy_restir::restir::bdpt::light_map::{entry_unpack, exact_add, exact_sum, exact_total, MapEntry, MAX_ENTRIES, Race, race_add, SPLATS_OF_A_PATH, word_of}
+#import bevy_restir::restir::bdpt::light_sub_path::sub_path_rng
+#import bevy_restir::restir::bdpt::splat::Splat
+#import bevy_restir::restir::bindings::settings
+#import bevy_restir::restir::reservoir_layout::reservoir_index
+#import bevy_restir::restir::splats::domain::contribution_of
+#import bevy_restir::restir::splats::reservoir::{no_reservoir, PackedReservoir, Reservoir, reservoir_pack}
 #import bevy_restir::view::bindings::view
-#import bevy_restir::view::ray_counter::count_rays
+#import bevy_restir::view::ray_counter::count_guards
 
 @group(2) @binding(1) var<storage, read> light_map: array<u32>;
-@group(2) @binding(2) var connections: texture_2d<f32>;
-@group(2) @binding(3) var light: texture_storage_2d<rgba32float, write>;
+@group(2) @binding(2) var<storage, read_write> reservoirs: array<PackedReservoir>;
+@group(2) @binding(3) var contributions: texture_storage_2d<rgba32float, write>;
 
-// Entries of a list that are read at most, so that no invocation takes seconds.  Further ones are left out, and reported as an overflow.
-const MAX_ENTRIES: u32 = 1u << 20u;
+// Dimension of random numbers behind those of the sub-path's choices.
+const DIMENSION_RACE: u32 = 1024u;
+
+// The splats of a pixel.
+struct Landed {
+    sum: vec3<f32>,
+    chosen: u32,               // link of the chosen entry, or 0
+}
 
 @compute @workgroup_size(8, 8)
 fn splats(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -19,43 +35,68 @@ fn splats(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(pixel >= view.size) {
         return;
     }
-    let sum = sum_of_list(light_map[pixel.y * view.size.x + pixel.x]);
-    textureStore(light, pixel, vec4<f32>(textureLoad(connections, pixel, 0).rgb + sum, 0.0));
-    count_rays(pixel);
+    let landed = landed_splats(light_map[pixel.y * view.size.x + pixel.x]);
+    var r = no_reservoir();
+    if landed.chosen != 0u {
+        r = sample_of(landed.chosen);
+        r.ucw = guarded(luminance(landed.sum) / max(luminance(r.f), 1.0e-37), GUARD_CONTRIBUTION_WEIGHT);
+    }
+    // The candidates of a pixel count as one sample, however many of them land in it.
+    r.confidence = 1.0;
+    // The color is that of all splats; its luminance is that of the chosen one.
+    let contribution = landed.sum / max(r.ucw, 1.0e-37);
+    reservoirs[reservoir_index(pixel, view.size, settings.reservoir_layout)] = reservoir_pack(r);
+    textureStore(contributions, pixel, vec4<f32>(select(vec3<f32>(0.0), contribution, r.ucw > 0.0 && is_finite_3(contribution)), 0.0));
+    count_guards(pixel);
 }
 
-// The order of a list depends on the order of execution, and a sum of floats would, too: entries are added as fixed-point numbers of 64 bits.
-fn sum_of_list(head: u32) -> vec3<f32> {
+fn entry_of(link: u32) -> MapEntry {
+    let word = word_of(link);
+    return entry_unpack(vec4<u32>(light_map[word], light_map[word + 1u], light_map[word + 2u], light_map[word + 3u]));
+}
+
+// Sums up a list and chooses one of its entries in proportion to luminance.
+fn landed_splats(head: u32) -> Landed {
     var largest = 0.0;
     var next = head;
     for (var i = 0u; next != 0u && i < MAX_ENTRIES; i++) {
-        largest = max(largest, max_component(radiance_of(next)));
-        next = light_map[word_of(next)];
+        let e = entry_of(next);
+        largest = max(largest, max_component(e.value));
+        next = e.next;
     }
-    // A power of two that takes the largest value to at least 2^30.
-    let exponent = bitcast<u32>(largest) >> 23u;
-    let scale = bitcast<f32>(clamp(284u - exponent, 1u, 254u) << 23u);
-    var low = vec3<u32>(0u);
-    var high = vec3<u32>(0u);
+    var sum = exact_sum(largest);
+    var race = Race(0u, 3.0e38);
     next = head;
     for (var i = 0u; next != 0u && i < MAX_ENTRIES; i++) {
-        let value = vec3<u32>(radiance_of(next) * scale);
-        low += value;
-        high += select(vec3<u32>(0u), vec3<u32>(1u), low < value);
-        next = light_map[word_of(next)];
+        let e = entry_of(next);
+        exact_add(&sum, e.value);
+        let weight = luminance(e.value) / max(largest, 1.0e-37);
+        if weight > 0.0 {
+            race_add(&race, next, weight, race_bits(next));
+        }
+        next = e.next;
     }
     if next != 0u {
         trace_flags |= OVERFLOW_STEPS;
     }
-    return (vec3<f32>(high) * 0x1p32 + vec3<f32>(low)) / scale;
+    return Landed(exact_total(sum), race.winner);
 }
 
-// First word of the entry that a link names.
-fn word_of(link: u32) -> u32 {
-    return view.size.x * view.size.y + 4u * (link - 1u);
+fn race_bits(link: u32) -> u32 {
+    let entry = link - 1u;
+    var rng = sub_path_rng(entry / SPLATS_OF_A_PATH, view.frame, STREAM_SPLATS);
+    rng.dimension = DIMENSION_RACE + entry % SPLATS_OF_A_PATH;
+    return rng_bits(&rng).x;
 }
 
-fn radiance_of(link: u32) -> vec3<f32> {
-    let word = word_of(link);
-    return bitcast<vec3<f32>>(vec3<u32>(light_map[word + 1u], light_map[word + 2u], light_map[word + 3u]));
+// The vertex of an entry, without its weight.
+fn sample_of(link: u32) -> Reservoir {
+    let e = entry_of(link);
+    var r = no_reservoir();
+    r.path = (link - 1u) / SPLATS_OF_A_PATH;
+    r.frame = view.frame;
+    r.events = e.events;
+    r.light = chosen_light(sub_path_rng(r.path, r.frame, STREAM_LIGHT_PATHS));
+    r.f = contribution_of(Splat(0u, e.value / e.multiplicity), r.light);
+    return r;
 }

@@ -10,15 +10,16 @@
 #import bevy_restir::common::math::{is_finite_3, max_component}
 #import bevy_restir::common::ray::{Hit, Ray}
 #import bevy_restir::common::rng::{Rng, rng_1, rng_2, rng_3, rng_4, rng_bits}
-#import bevy_restir::light::emission::{is_at_infinity, nee_pdf_scale, sample_emission}
+#import bevy_restir::light::emission::{is_at_infinity, nee_pdf_scale, sample_emission_of}
 #import bevy_restir::light::emitted_ray::EmittedRay
+#import bevy_restir::light::select::light_select
 #import bevy_restir::path::bidirectional_mis::{mis_arrive, mis_light_start, mis_scatter, mis_scatter_delta, MisState}
 #import bevy_restir::path::medium::{medium_towards, transmittance}
 #import bevy_restir::scene::cone::Cone
 #import bevy_restir::scene::lobes::lobes_towards
 #import bevy_restir::scene::offset::offset_point
 #import bevy_restir::scene::surface::{Surface, surface_at}
-#import bevy_restir::trace::trace::trace_closest
+#import bevy_restir::trace::trace::trace_closest_of
 
 // Russian roulette starts at this scattering event.
 const ROULETTE_FROM: u32 = 3u;
@@ -50,15 +51,23 @@ fn surface_towards(s: Surface, wo: vec3<f32>) -> Surface {
     return t;
 }
 
-// The first vertex.
-fn begin_light_path(rng: ptr<function, Rng>) -> LightWalk {
+// The light that a sub-path with these random numbers chooses; it does not advance them.
+fn chosen_light(rng: Rng) -> u32 {
+    var first = rng;
+    return light_select(rng_2(&first)).light;
+}
+
+// The first vertex of a sub-path from a light, now or (`previous`) in the last frame.  The numbers that choose the light are skipped, so
+// that a replayed sub-path has the same light, whatever the probabilities are now.
+fn begin_light_path(light: u32, rng: ptr<function, Rng>, previous: bool) -> LightWalk {
     let u = rng_4(rng);
-    let ray = sample_emission(u.xy, u.zw, rng_2(rng));
+    let ray = sample_emission_of(light, u.zw, rng_2(rng), previous);
+    let alpha_seed = rng_bits(rng).x;
     var w: LightWalk;
     if ray.light == NONE {
         return w;
     }
-    w.hit = trace_closest(Ray(ray.origin, ray.t_min, ray.direction, FAR), rng_bits(rng).x);
+    w.hit = trace_closest_of(Ray(ray.origin, ray.t_min, ray.direction, FAR), alpha_seed, previous);
     if w.hit.instance == NONE {
         return w;
     }
@@ -66,7 +75,7 @@ fn begin_light_path(rng: ptr<function, Rng>) -> LightWalk {
     w.throughput = ray.power;
     w.start_power = max_component(ray.power);
     w.open_distance = w.hit.t;
-    w = arrived(w, ray.direction);
+    w = arrived(w, ray.direction, previous);
     w.state = mis_arrive(first_state(ray, w.surface.position), 1.0, abs(dot(w.surface.bsdf.n_geo, ray.direction)));
     return w;
 }
@@ -87,15 +96,15 @@ fn first_state(ray: EmittedRay, at: vec3<f32>) -> MisState {
 }
 
 // The surface at the new hit of a walk, and the medium on the way there.
-fn arrived(walk: LightWalk, direction: vec3<f32>) -> LightWalk {
+fn arrived(walk: LightWalk, direction: vec3<f32>, previous: bool) -> LightWalk {
     var w = walk;
     w.towards_light = -direction;
-    w.surface = surface_at(w.hit.instance, w.hit.triangle, w.hit.barycentrics, -direction, Cone(0.0, 0.0), false);
+    w.surface = surface_at(w.hit.instance, w.hit.triangle, w.hit.barycentrics, -direction, Cone(0.0, 0.0), previous);
     return with_medium_seen_from_inside(w);
 }
 
 // Continues the sub-path to the next vertex; `events` is 0 if it ends.
-fn advance_light_path(walk: LightWalk, rng: ptr<function, Rng>) -> LightWalk {
+fn advance_light_path(walk: LightWalk, rng: ptr<function, Rng>, previous: bool) -> LightWalk {
     var w = walk;
     w.events = 0u;
     let s = walk.surface;
@@ -133,13 +142,13 @@ fn advance_light_path(walk: LightWalk, rng: ptr<function, Rng>) -> LightWalk {
     }
 
     w = with_medium_behind(w, b.wi);
-    w.hit = trace_closest(Ray(offset_point(s.position, s.bsdf.n_geo, b.wi, s.offset), 0.0, b.wi, FAR), alpha_seed);
+    w.hit = trace_closest_of(Ray(offset_point(s.position, s.bsdf.n_geo, b.wi, s.offset), 0.0, b.wi, FAR), alpha_seed, previous);
     if w.hit.instance == NONE {
         return w;
     }
     w.events = walk.events + 1u;
     w = through_medium(w);
-    w = arrived(w, b.wi);
+    w = arrived(w, b.wi, previous);
     w.state = mis_arrive(w.state, w.hit.t * w.hit.t, abs(dot(w.surface.bsdf.n_geo, b.wi)));
     return w;
 }

@@ -76,6 +76,11 @@ fn is_similar(own: Shape, ids: vec2<u32>, pixel: vec2<u32>) -> bool {
         && (own.material == other.material || !has(RESAMPLE_SAME_MATERIAL));
 }
 
+// Whether a pixel with these (instance, triangle) has samples.
+fn receives_light(ids: vec2<u32>) -> bool {
+    return ids.x != NONE;
+}
+
 // The surface that a pixel shows, or showed in the last frame.
 fn pixel_shape(ids: vec2<u32>, pixel: vec2<u32>, previous: bool) -> Shape {
     var ray = primary_ray(pixel);

@@ -17,6 +17,8 @@ struct SceneUniforms {
     shapes_indices: u32,       // like `tlas_indices`: the list of these lights
     sun_count: u32,            // number of suns with a disk, which are the first lights of the table
     pad: u32,
+    previous_center: vec3<f32>, // sphere around all instances in the last frame
+    previous_radius: f32,
 }
 
 // Positions of a triangle in object space.  Triangles have the order of the leaves of their bottom-level tree.

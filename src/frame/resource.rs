@@ -40,8 +40,8 @@ fn binding_type(resource: R) -> BindingType {
     };
     match resource {
         R::Radiance | R::Counters | R::Subsets | R::CandidateReservoirs | R::OutputReservoirs => storage(false),
-        R::LightVertices | R::LightMap => storage(false),
-        R::SubsetsRead | R::NeighborReservoirs | R::FinalReservoirs => storage(true),
+        R::LightVertices | R::LightMap | R::LastReservoirs | R::ForwardedReservoirs => storage(false),
+        R::SubsetsRead | R::NeighborReservoirs | R::FinalReservoirs | R::LastReservoirsRead => storage(true),
         R::LightVerticesRead | R::LightMapRead => storage(true),
         R::Settings => buffer(BufferBindingType::Uniform),
         R::PreviousVisibility => texture(TextureSampleType::Uint),
@@ -51,8 +51,8 @@ fn binding_type(resource: R) -> BindingType {
         | R::SubsurfaceLight
         | R::PathLight
         | R::ConnectionsRead
-        | R::LightPathLightRead => texture(TextureSampleType::Float { filterable: false }),
-        R::CandidateLight | R::LightAfter | R::Connections | R::LightPathLight => BindingType::StorageTexture {
+        | R::SplatLight => texture(TextureSampleType::Float { filterable: false }),
+        R::CandidateLight | R::LightAfter | R::Connections => BindingType::StorageTexture {
             access: StorageTextureAccess::WriteOnly,
             format: LIGHT_FORMAT,
             view_dimension: TextureViewDimension::D2,
@@ -92,13 +92,17 @@ fn binding_of<'a>(resource: R, step: &Step, state: &'a RestirView) -> Option<Bin
         R::CandidateReservoirs => own()?.candidates()?.as_entire_binding(),
         R::NeighborReservoirs => own()?.neighbors_of(step.iteration)?.as_entire_binding(),
         R::OutputReservoirs => own()?.output_of(step.iteration)?.as_entire_binding(),
+        R::LastReservoirs | R::LastReservoirsRead => own()?.last_frame()?.as_entire_binding(),
+        R::ForwardedReservoirs => own()?.forwarded()?.as_entire_binding(),
         R::FinalReservoirs => own()?.last_output()?.as_entire_binding(),
         R::LightVertices | R::LightVerticesRead => light_paths()?.vertices.as_entire_binding(),
         R::LightMap | R::LightMapRead => light_paths()?.map.as_entire_binding(),
         R::Connections => view(light_paths()?.connections.as_ref()?),
-        R::ConnectionsRead => view(light_paths()?.connections.as_ref().unwrap_or(&history?.black)),
-        R::LightPathLight => view(&light_paths()?.light),
-        R::LightPathLightRead => view(light_paths().map_or(&history?.black, |paths| &paths.light)),
+        R::ConnectionsRead => {
+            let connections = light_paths().and_then(|paths| paths.connections.as_ref());
+            view(connections.unwrap_or(&history?.black))
+        }
+        R::SplatLight => view(light_of(history?, LightPart::LightPaths, Reservoirs::light_of_last_iteration)),
         R::PreviousVisibility => view(&history?.previous_visibility_view),
         R::CandidateLight => view(own()?.light_of_candidates()),
         R::LightBefore => view(own()?.light_before(step.iteration)),

@@ -133,6 +133,8 @@ fn uniforms(pools: &Pools) -> GpuSceneUniforms {
         shapes_indices,
         sun_count: lights.sun_count(),
         pad: 0,
+        previous_center: instances.previous_sphere.0,
+        previous_radius: instances.previous_sphere.1,
     }
 }
 

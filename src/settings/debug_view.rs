@@ -64,6 +64,17 @@ pub enum DebugView {
     /// Scattering events of a path of the reference tracer after the first surface, whatever the technique: 0 where there is no surface or
     /// all light is absorbed, at most [`Restir::bounces`](super::Restir::bounces).  Russian roulette ends paths from the third event on.
     Bounces,
+    /// Techniques (s, t) that found the stored paths: s vertices from the light in red, t from the camera in green.  This view and the next
+    /// four need [`Technique::Bdpt`].
+    PathTechniques,
+    /// Scattering events of the stored light paths, which the camera sees (t = 1).
+    LightPathLengths,
+    /// Unbiased contribution weights of the stored light paths, in their own measure.
+    LightPathWeights,
+    /// Confidence of the reservoirs of light paths, in frames' worth of candidates.
+    LightPathConfidence,
+    /// Frames since the stored light paths were sampled.
+    LightPathAges,
 }
 
 impl DebugView {
@@ -74,11 +85,24 @@ impl DebugView {
 
     /// Whether it shows reservoirs of paths.
     pub fn is_of_paths(self) -> bool {
-        (Self::PathEnds as u32..=Self::PathJacobians as u32).contains(&(self as u32))
+        (Self::PathEnds as u32..=Self::PathJacobians as u32).contains(&(self as u32)) || self == Self::PathTechniques
+    }
+
+    /// Whether it shows reservoirs of light paths.
+    pub fn is_of_light_paths(self) -> bool {
+        (Self::LightPathLengths as u32..=Self::LightPathAges as u32).contains(&(self as u32))
+    }
+
+    /// Whether it shows something that only bidirectional techniques have.
+    fn is_bidirectional(self) -> bool {
+        self == Self::PathTechniques || self.is_of_light_paths()
     }
 
     /// Whether a technique has something to show.
     pub fn shows(self, technique: Technique) -> bool {
+        if self.is_bidirectional() && technique != Technique::Bdpt {
+            return false;
+        }
         match technique {
             Technique::Reference => !self.is_of_reservoirs() && !self.is_of_paths(),
             Technique::Di => !self.is_of_paths(),

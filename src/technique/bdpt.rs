@@ -1,5 +1,5 @@
-//! ReSTIR BDPT: whole paths as in ReSTIR PT, weighted against light sub-paths, which add their own light (`shaders/restir/bdpt`, which
-//! extends `shaders/restir/pt`).
+//! ReSTIR BDPT: whole paths as in ReSTIR PT, weighted against light sub-paths (`shaders/restir/bdpt`, which extends `shaders/restir/pt`);
+//! and light sub-paths that the camera sees (`shaders/restir/splats`).
 
 use super::{
     TechniqueRow,
@@ -8,11 +8,11 @@ use super::{
     reuse_schedule::ReuseSchedule,
 };
 use crate::{
-    gpu_layout::BIDIRECTIONAL_RESERVOIR_SIZE,
+    gpu_layout::{BIDIRECTIONAL_RESERVOIR_SIZE, SPLAT_RESERVOIR_SIZE},
     settings::{DebugView, Technique},
 };
 
-const ROOMS: &[&str] = &["restir/bdpt", "restir/pt", "restir"];
+const ROOMS: &[&str] = &["restir/bdpt", "restir/pt"];
 /// Weights take light sub-paths into account.
 const DEF: Option<&str> = Some("LIGHT_PATHS");
 
@@ -22,13 +22,10 @@ const DOMAIN: &Domain = &Domain {
     light_paths: Some(LightPathPasses {
         trace: ComputePass::per_pixel("light_paths", &[R::Settings, R::LightVertices, R::LightMap]),
         connect: ComputePass::per_pixel("connections", &[R::Settings, R::LightVerticesRead, R::Connections]),
-        gather: ComputePass {
-            specialized: false,
-            ..ComputePass::per_pixel("splats", &[R::Settings, R::LightMapRead, R::ConnectionsRead, R::LightPathLight])
-        },
     }),
     candidates: ComputePass { def: DEF, ..domain::candidates("bdpt_candidates", "path_candidates", ROOMS) },
     reuse: ComputePass { def: DEF, ..domain::reuse("bdpt_reuse", ROOMS) },
+    forward: &[],
     debug: Some(ComputePass { def: DEF, ..domain::debug("bdpt_debug", "debug_paths", ROOMS) }),
     has_debug_view: DebugView::is_of_paths,
     reservoir_bytes: BIDIRECTIONAL_RESERVOIR_SIZE,
@@ -37,5 +34,26 @@ const DOMAIN: &Domain = &Domain {
     schedule: ReuseSchedule::of_bidirectional_paths,
 };
 
+/// Light sub-paths that the camera sees.
+const SPLATS: &Domain = &Domain {
+    names: domain_names!("splats"),
+    light_paths: None,
+    candidates: ComputePass::per_pixel(
+        "splats",
+        &[R::Settings, R::LightMapRead, R::CandidateReservoirs, R::CandidateLight],
+    ),
+    reuse: domain::reuse("splats_reuse", &["restir/splats"]),
+    forward: &[
+        ComputePass::per_pixel("splats_forward", &[R::Settings, R::LastReservoirs]),
+        ComputePass::per_pixel("splats_gather", &[R::Settings, R::LastReservoirsRead, R::ForwardedReservoirs]),
+    ],
+    debug: Some(ComputePass { specialized: false, ..domain::debug("splats_debug", "debug_splats", &[]) }),
+    has_debug_view: DebugView::is_of_light_paths,
+    reservoir_bytes: SPLAT_RESERVOIR_SIZE,
+    carries_contribution: true,
+    part: LightPart::LightPaths,
+    schedule: ReuseSchedule::of_splats,
+};
+
 pub(super) const ROW: TechniqueRow =
-    TechniqueRow { technique: Technique::Bdpt, domains: &[DOMAIN], light: None, rays: None, subsurface: None };
+    TechniqueRow { technique: Technique::Bdpt, domains: &[DOMAIN, SPLATS], light: None, rays: None, subsurface: None };

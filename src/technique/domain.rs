@@ -17,6 +17,8 @@ pub(crate) struct Domain {
     /// Passes: candidates, reuse (once for each iteration), debug views.
     pub candidates: ComputePass,
     pub reuse: ComputePass,
+    /// Passes before reuse that move the samples of the last frame to the pixels that they land in, which makes them the neighbors.
+    pub forward: &'static [ComputePass],
     pub debug: Option<ComputePass>,
     /// Whether a debug view shows its reservoirs.
     pub has_debug_view: fn(DebugView) -> bool,
@@ -36,8 +38,6 @@ pub(crate) struct LightPathPasses {
     pub trace: ComputePass,
     /// Connects camera sub-paths with them, if the settings ask for it.
     pub connect: ComputePass,
-    /// Adds up their light.
-    pub gather: ComputePass,
 }
 
 /// Parts of the light of a frame, which `resolve` adds up; a frame has at most one domain for each.
@@ -48,6 +48,8 @@ pub(crate) enum LightPart {
     /// Direct light that enters translucent objects.
     Subsurface,
     Paths,
+    /// Light of light sub-paths that the camera sees.
+    LightPaths,
 }
 
 /// Names that appear in statistics and time spans.
@@ -119,8 +121,8 @@ pub(crate) const fn debug(
 impl Domain {
     /// Its passes, each once.
     pub(crate) fn passes(&self) -> impl Iterator<Item = &ComputePass> {
-        let of_light_paths = self.light_paths.iter().flat_map(|p| [&p.trace, &p.connect, &p.gather]);
-        of_light_paths.chain([&self.candidates, &self.reuse]).chain(&self.debug)
+        let of_light_paths = self.light_paths.iter().flat_map(|p| [&p.trace, &p.connect]);
+        of_light_paths.chain([&self.candidates, &self.reuse]).chain(self.forward).chain(&self.debug)
     }
 }
 

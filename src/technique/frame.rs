@@ -20,7 +20,15 @@ const RADIANCE_PASS: ComputePass = ComputePass::per_pixel("", &[R::Radiance]);
 /// Sums the light of all domains.
 const RESOLVE: ComputePass = ComputePass::per_pixel(
     "resolve",
-    &[R::UnresampledLight, R::ResampledLight, R::PathLight, R::LightPathLightRead, R::Radiance, R::SubsurfaceLight],
+    &[
+        R::UnresampledLight,
+        R::ResampledLight,
+        R::PathLight,
+        R::SplatLight,
+        R::Radiance,
+        R::SubsurfaceLight,
+        R::ConnectionsRead,
+    ],
 );
 const STATISTICS: ComputePass =
     ComputePass { specialized: false, ..ComputePass::per_pixel("statistics", &[R::Counters]) };
@@ -99,6 +107,8 @@ impl Frame {
         let domains = row.subsurface.filter(|_| self.subsurface).unwrap_or(row.domains);
         match self.show {
             Show::Light | Show::Rays => domains,
+            // Their weights depend on light sub-paths, which one of them traces.
+            Show::Reservoirs(_) if domains.iter().any(|domain| domain.light_paths.is_some()) => domains,
             Show::Bounces | Show::Surface => &[],
             Show::Reservoirs(shown) => {
                 let index = domains.iter().position(|&domain| domain == shown).unwrap_or(0);
@@ -124,11 +134,11 @@ impl Frame {
             let light_paths = domain.light_paths.as_ref();
             steps.extend(light_paths.map(|passes| compute(&passes.trace, Some(domain))));
             steps.push(compute(&domain.candidates, Some(domain)));
+            steps.extend(domain.forward.iter().map(|pass| compute(pass, Some(domain))));
             for (iteration, name) in domain.names.reuse[..iterations(domain)].iter().enumerate() {
                 steps.push(Step { name, iteration, ..compute(&domain.reuse, Some(domain)) });
             }
             steps.extend(light_paths.filter(|_| self.connects).map(|passes| compute(&passes.connect, Some(domain))));
-            steps.extend(light_paths.map(|passes| compute(&passes.gather, Some(domain))));
         }
         let last = match self.show {
             Show::Light => (self.row().light.unwrap_or(&RESOLVE), None),

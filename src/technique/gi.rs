@@ -13,7 +13,7 @@ use crate::{
     settings::{DebugView, Technique},
 };
 
-const ROOMS: &[&str] = &["restir/gi", "restir/pt", "restir"];
+const ROOMS: &[&str] = &["restir/gi", "restir/pt"];
 
 /// A pass for which translucent objects are diffuse: paths do not scatter below surfaces yet.
 const fn diffuse(pass: ComputePass) -> ComputePass {
@@ -26,6 +26,7 @@ const DOMAIN: &Domain = &Domain {
     light_paths: None,
     candidates: diffuse(domain::candidates("gi_candidates", "path_candidates", ROOMS)),
     reuse: diffuse(domain::reuse("gi_reuse", ROOMS)),
+    forward: &[],
     debug: Some(diffuse(domain::debug("gi_debug", "debug_paths", ROOMS))),
     has_debug_view: DebugView::is_of_paths,
     reservoir_bytes: INDIRECT_RESERVOIR_SIZE,

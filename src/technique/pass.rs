@@ -20,6 +20,12 @@ pub(crate) enum PassResource {
     NeighborReservoirs,
     /// Reservoirs that an iteration of reuse reads and replaces.
     OutputReservoirs,
+    /// Reservoirs of the last frame, read and written.
+    LastReservoirs,
+    /// Reservoirs of the last frame, read.
+    LastReservoirsRead,
+    /// Samples of the last frame in the pixels of this one, written; the neighbors of a domain that has them.
+    ForwardedReservoirs,
     /// Reservoirs that the frame leaves to the next one, read.
     FinalReservoirs,
     /// Visibility buffer of the last frame.
@@ -50,10 +56,8 @@ pub(crate) enum PassResource {
     Connections,
     /// Light of connections with light sub-paths, read; black without them.
     ConnectionsRead,
-    /// Light of light sub-paths, written.
-    LightPathLight,
-    /// Light of light sub-paths, read.
-    LightPathLightRead,
+    /// Resampled light of light sub-paths, read.
+    SplatLight,
 }
 
 /// Number of workgroups of a pass.

@@ -10,7 +10,7 @@ use crate::{
     settings::{DebugView, Technique},
 };
 
-const ROOMS: &[&str] = &["restir/pt", "restir"];
+const ROOMS: &[&str] = &["restir/pt"];
 
 /// Whole paths.
 const DOMAIN: &Domain = &Domain {
@@ -18,6 +18,7 @@ const DOMAIN: &Domain = &Domain {
     light_paths: None,
     candidates: domain::candidates("pt_candidates", "path_candidates", ROOMS),
     reuse: domain::reuse("pt_reuse", ROOMS),
+    forward: &[],
     debug: Some(domain::debug("pt_debug", "debug_paths", ROOMS)),
     has_debug_view: DebugView::is_of_paths,
     reservoir_bytes: PATH_RESERVOIR_SIZE,

@@ -184,6 +184,31 @@ impl ReuseSchedule {
         }
     }
 
+    /// The schedule of light sub-paths that the camera sees: they are reused from the last frame, in their own pixels.
+    pub(crate) fn of_splats(settings: &Restir) -> Self {
+        let reuse = &settings.paths.reuse;
+        let paths = Self::of_bidirectional_paths(settings);
+        let connections = paths.common.flags & RESAMPLE_CONNECTIONS;
+        Self {
+            iterations: vec![Iteration {
+                from_previous: true,
+                temporal_samples: u32::from(reuse.temporal),
+                spatial_samples: 0,
+                subsurface_shift: 0,
+            }],
+            common: GpuResampleSettings {
+                disocclusion_samples: 0,
+                // All inputs are shaded, because the color of the candidates is that of all splats.
+                flags: connections | RESAMPLE_SHADE_ALL,
+                ..paths.common
+            },
+            first_flags: 0,
+            moved_flags: RESAMPLE_MOVED,
+            temporal_mis: MIS_BALANCE,
+            reuse_gain: paths.reuse_gain,
+        }
+    }
+
     /// Greatest number of inputs of the resampling routine: the pixel's own sample and its neighbors.
     pub(crate) fn max_inputs(&self) -> u32 {
         let neighbors = self.iterations.iter().map(|iteration| {

@@ -14,6 +14,7 @@ pub(super) const DOMAIN: &Domain = &Domain {
     light_paths: None,
     candidates: domain::candidates("sss_candidates", "sss_candidates", &[]),
     reuse: domain::reuse("sss_reuse", ROOMS),
+    forward: &[],
     debug: None,
     has_debug_view: |_| false,
     reservoir_bytes: SUBSURFACE_RESERVOIR_SIZE,

@@ -126,7 +126,7 @@ impl History {
             let names = &r.domain.names;
             memory.extend([
                 (names.settings, MAX_ITERATIONS as u64 * SETTINGS_STRIDE),
-                (names.reservoirs, 2 * r.bytes),
+                (names.reservoirs, r.buffer_count() * r.bytes),
                 (names.light, 2 * pixels * 16),
             ]);
         }
@@ -136,7 +136,7 @@ impl History {
 
     /// Bytes of reservoirs per pixel.
     pub(crate) fn reservoir_bytes_per_pixel(&self) -> u64 {
-        self.reservoirs.iter().map(|r| 2 * r.domain.reservoir_bytes).sum()
+        self.reservoirs.iter().map(|r| r.buffer_count() * r.domain.reservoir_bytes).sum()
     }
 }
 
@@ -148,6 +148,8 @@ pub(crate) struct Reservoirs {
     /// Reservoirs of this frame and of the last one; the buffers change roles from frame to frame.
     /// A domain may have none.
     buffers: Option<[Buffer; 2]>,
+    /// Samples of the last frame in the pixels of this one, if the domain moves them there.
+    forwarded: Option<Buffer>,
     bytes: u64,
     /// Light of the candidates, and light after iterations of reuse.
     light: [TextureView; 2],
@@ -168,6 +170,7 @@ impl Reservoirs {
             settings: buffer(device, "resampling settings", MAX_ITERATIONS as u64 * SETTINGS_STRIDE, uniform),
             buffers: (bytes > 0)
                 .then(|| ["reservoirs", "last reservoirs"].map(|label| buffer(device, label, bytes, storage))),
+            forwarded: (!domain.forward.is_empty()).then(|| buffer(device, "forwarded reservoirs", bytes, storage)),
             bytes,
             light: ["light of candidates", "resampled light"].map(|label| light(device, label, size)),
             schedule,
@@ -193,6 +196,10 @@ impl Reservoirs {
             slot[..size_of_val(&settings)].copy_from_slice(bytemuck::bytes_of(&settings));
         }
         queue.write_buffer(&self.settings, 0, &bytes);
+    }
+
+    fn buffer_count(&self) -> u64 {
+        2 + u64::from(self.forwarded.is_some())
     }
 
     /// The domain whose samples they hold.
@@ -225,7 +232,16 @@ impl Reservoirs {
     }
 
     pub(crate) fn neighbors_of(&self, iteration: usize) -> Option<&Buffer> {
-        self.buffer(1 - self.output_index(iteration))
+        self.forwarded().or_else(|| self.buffer(1 - self.output_index(iteration)))
+    }
+
+    pub(crate) fn forwarded(&self) -> Option<&Buffer> {
+        self.forwarded.as_ref()
+    }
+
+    /// Reservoirs of the last frame.
+    pub(crate) fn last_frame(&self) -> Option<&Buffer> {
+        self.buffer(1 - self.first)
     }
 
     pub(crate) fn output_of(&self, iteration: usize) -> Option<&Buffer> {

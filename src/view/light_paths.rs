@@ -67,8 +67,6 @@ pub(crate) struct LightPaths {
     pub(crate) heads: u64,
     /// Light of connections with light sub-paths, if there are any.
     pub(crate) connections: Option<TextureView>,
-    /// Light of light sub-paths.
-    pub(crate) light: TextureView,
     /// Sub-paths that the light map and the light vertex cache hold.
     capacity: u64,
     cached: u64,
@@ -84,7 +82,6 @@ impl LightPaths {
         let heads = heads_bytes(size);
         Self {
             connections: counts.connects.then(|| light(device, "light of connections", size)),
-            light: light(device, "light of light paths", size),
             vertices: buffer(device, "light vertices", cached * LIGHT_VERTEX_SIZE, storage),
             map: buffer(device, "light map", heads + capacity * SPLATS_SIZE, storage),
             heads,
@@ -101,11 +98,11 @@ impl LightPaths {
 
     /// Names and bytes.
     pub(super) fn memory(&self) -> [(&'static str, u64); 3] {
-        let textures = 1 + u64::from(self.connections.is_some());
+        let textures = u64::from(self.connections.is_some());
         [
             ("light vertices", self.cached * LIGHT_VERTEX_SIZE),
             ("light map", self.heads + self.capacity * SPLATS_SIZE),
-            ("light of light paths", textures * self.pixels * 16),
+            ("light of connections", textures * self.pixels * 16),
         ]
     }
 }

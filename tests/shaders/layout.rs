@@ -66,6 +66,8 @@ fn scene_structs_are_the_same_in_rust_and_wgsl() {
             shapes_indices,
             sun_count,
             pad,
+            previous_center,
+            previous_radius,
         }
     );
     agrees!(types, "Triangle", GpuTriangle { a, pad_a, b, pad_b, c, pad_c });
@@ -231,13 +233,14 @@ fn resampling_structs_and_constants_are_the_same_in_rust_and_wgsl() {
         ("restir/pt/reservoir.wgsl", PATH_RESERVOIR_SIZE),
         ("restir/bdpt/reservoir.wgsl", BIDIRECTIONAL_RESERVOIR_SIZE),
         ("restir/sss/reservoir.wgsl", SUBSURFACE_RESERVOIR_SIZE),
+        ("restir/splats/reservoir.wgsl", SPLAT_RESERVOIR_SIZE),
     ] {
         assert_eq!(layout(&module(path), "PackedReservoir").1 as u64, size, "{path}");
     }
     let vertex = layout(&module("restir/bdpt/light_vertex.wgsl"), "PackedLightVertex");
     assert_eq!(vertex.1 as u64, LIGHT_VERTEX_SIZE);
-    let splat = module("restir/bdpt/splat.wgsl");
-    same!(splat: SPLATS_OF_A_PATH);
+    let light_map = module("restir/bdpt/light_map.wgsl");
+    same!(light_map: SPLATS_OF_A_PATH);
     let mis = module("restir/mis.wgsl");
     same!(mis: MIS_UNIFORM, MIS_ONE_OVER_Z, MIS_BALANCE, MIS_PAIRWISE, MIS_DEFENSIVE_PAIRWISE, MIS_DEFENSIVE_PAIRWISE_GRIS);
 }

@@ -41,7 +41,8 @@ const SHADERS: Table = &[
     ("restir/di", &["restir/pt"]),
     ("restir/sss", &["restir"]),
     ("restir/bdpt", &["restir/pt"]),
-    ("pass", &["restir/gi", "restir/di", "restir/sss", "restir/bdpt"]),
+    ("restir/splats", &["restir/bdpt"]),
+    ("pass", &["restir/gi", "restir/di", "restir/sss", "restir/splats"]),
 ];
 
 fn below(table: Table, room: &str) -> &'static [&'static str] {

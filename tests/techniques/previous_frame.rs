@@ -14,7 +14,7 @@ use bevy_restir::{
 const SIZE: u32 = 64;
 
 /// The moving room before a wall that fills the view, with a light of each kind; all of them change.
-fn changing(rig: &mut Rig) {
+pub fn changing(rig: &mut Rig) {
     moving(rig);
     let wall = rig.spawn(square(30.0), lambert(0.3), Transform::default());
     rig.insert(wall, Name::new("wall"));
@@ -29,7 +29,8 @@ fn changing(rig: &mut Rig) {
     rig.spawn_bundle((Name::new("spot"), spot, Transform::default()));
 }
 
-fn pose(rig: &mut Rig, step: u32) {
+/// Poses all of it at a step, 0 to [`STEPS`].
+pub fn pose(rig: &mut Rig, step: u32) {
     pose_moving(rig, step);
     let s = step as f32;
     let [wall, ball, rectangle, sun, spot] = ["wall", "ball", "rectangle", "sun", "spot"].map(|name| rig.named(name));

@@ -154,10 +154,13 @@ fn white_of(restir: &Restir, far: f32) -> f32 {
         (DebugView::Depth, _) => far,
         (DebugView::Motion, _) => 16.0,
         (DebugView::ReservoirConfidence, _) => 2.0 * restir.direct.reuse.confidence_cap.max(1.0),
-        (DebugView::PathConfidence, _) => 2.0 * restir.paths.reuse.confidence_cap.max(1.0),
-        (DebugView::PathLengths | DebugView::Bounces, _) => bounces,
+        (DebugView::PathConfidence | DebugView::LightPathConfidence, _) => {
+            2.0 * restir.paths.reuse.confidence_cap.max(1.0)
+        }
+        (DebugView::PathLengths | DebugView::LightPathLengths | DebugView::Bounces, _) => bounces,
         (DebugView::PathReconnections, _) => bounces + 1.0,
-        (DebugView::PathAges, _) => 32.0,
+        (DebugView::PathTechniques, _) => bounces + 2.0,
+        (DebugView::PathAges | DebugView::LightPathAges, _) => 32.0,
         (DebugView::PathJacobians, _) => 2.0,
         (DebugView::Rays, Technique::Di) => 16.0,
         (DebugView::Rays, Technique::Reference) => 2.0 * bounces,
@@ -172,10 +175,13 @@ pub fn legend(restir: &Restir) -> Option<String> {
         DebugView::Depth => "m",
         DebugView::Motion => "pixels",
         DebugView::ReservoirConfidence | DebugView::PathConfidence | DebugView::PathAges => "frames",
-        DebugView::PathLengths | DebugView::Bounces => "bounces",
+        DebugView::LightPathConfidence | DebugView::LightPathAges => "frames",
+        DebugView::PathLengths | DebugView::LightPathLengths | DebugView::Bounces => "bounces",
+        DebugView::PathTechniques => "vertices",
         DebugView::PathReconnections => "th vertex",
         DebugView::Rays => "rays",
-        DebugView::ReservoirWeights | DebugView::PathWeights | DebugView::PathJacobians => "",
+        DebugView::ReservoirWeights | DebugView::PathWeights | DebugView::LightPathWeights => "",
+        DebugView::PathJacobians => "",
         _ => return None,
     };
     (restir.debug_scale > 0.0).then(|| format!("white: {:.3} {unit}", 1.0 / restir.debug_scale))

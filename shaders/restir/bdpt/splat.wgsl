@@ -1,4 +1,5 @@
-// Technique t = 1: the camera sees a vertex of a light sub-path (Hedstrom et al. 2025, 5.1).  Its light lands anywhere in a pixel.
+// Technique t = 1: the camera sees a vertex of a light sub-path (Hedstrom et al. 2025, 5.1).  Its light lands anywhere in a pixel.  A splat
+// is a function of random numbers: the same numbers give it again, in this frame's scene or in the last one's.
 #define_import_path bevy_restir::restir::bdpt::splat
 
 #import bevy_restir::bsdf::bsdf::{bsdf_is_delta, bsdf_pdf}
@@ -13,12 +14,11 @@
 #import bevy_restir::scene::offset::offset_point
 #import bevy_restir::scene::surface::surface_at
 #import bevy_restir::scene::triangle::world_triangle
-#import bevy_restir::trace::trace::trace_closest
+#import bevy_restir::trace::trace::trace_closest_of
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::camera::{camera_density, camera_point, CameraPoint, pixel_cone}
+#import bevy_restir::view::types::Camera
 
-// Entries of one light sub-path in the light map.  A sub-path with more visible vertices resamples the last ones into one.
-const SPLATS_OF_A_PATH: u32 = 3u;
 // Surfaces that the camera does not draw, which a ray to the camera passes at most.
 const MAX_CULLED: u32 = 16u;
 
@@ -27,58 +27,64 @@ struct Splat {
     value: vec3<f32>,
 }
 
-fn splat_of(w: LightWalk, alpha_seed: u32) -> Splat {
-    let none = Splat(NONE, vec3<f32>(0.0));
-    let point = camera_point(view.current, w.surface.position);
+fn no_splat() -> Splat {
+    return Splat(NONE, vec3<f32>(0.0));
+}
+
+// The splat of the newest vertex, now or (`previous`) in the last frame; its pixel is NONE if the camera does not see the vertex.
+fn splat_of(w: LightWalk, alpha_seed: u32, previous: bool) -> Splat {
+    if settings.splats == 0u {
+        return no_splat();
+    }
+    let camera = camera_of(previous);
+    let point = camera_point(camera, w.surface.position);
     let wo = -point.ray.direction;
-    if !point.inside || bsdf_is_delta(w.surface.bsdf) || is_culled(w.hit.instance, w.hit.triangle, wo) {
-        return none;
+    if !point.inside || bsdf_is_delta(w.surface.bsdf) || is_culled(w.hit.instance, w.hit.triangle, wo, previous) {
+        return no_splat();
     }
     // The surface as a path from the camera would evaluate it.
     let depth = distance(point.ray.origin, w.surface.position);
-    let cone = pixel_cone(view.current, point.ray, depth);
-    let s = surface_at(w.hit.instance, w.hit.triangle, w.hit.barycentrics, wo, cone, false);
+    let cone = pixel_cone(camera, point.ray, depth);
+    let s = surface_at(w.hit.instance, w.hit.triangle, w.hit.barycentrics, wo, cone, previous);
     let cosine = abs(dot(s.bsdf.n_geo, wo));
-    let density = camera_density(view.current, wo, depth);
+    let density = camera_density(camera, wo, depth);
     let weight = mis_splat_weight(density, f32(settings.splats), cosine, w.state, bsdf_pdf(s.bsdf, wo, w.towards_light));
     let value = w.throughput * scattered_value(s, wo, w.towards_light) * (technique_weight(weight, SPLATS) * cosine * density / f32(settings.splats));
     if !(luminance(value) > 0.0) || !is_finite_3(value) {
-        return none;
+        return no_splat();
     }
-    if !is_visible_to_camera(point, offset_point(s.position, s.bsdf.n_geo, wo, s.offset), alpha_seed) {
-        return none;
+    if !is_visible_to_camera(point, offset_point(s.position, s.bsdf.n_geo, wo, s.offset), alpha_seed, previous) {
+        return no_splat();
     }
     let pixel = min(vec2<u32>(point.at), view.size - 1u);
     return Splat(pixel.y * view.size.x + pixel.x, value);
 }
 
-fn is_culled(instance: u32, triangle: u32, wo: vec3<f32>) -> bool {
+fn camera_of(previous: bool) -> Camera {
+    if previous {
+        return view.previous;
+    }
+    return view.current;
+}
+
+fn is_culled(instance: u32, triangle: u32, wo: vec3<f32>, previous: bool) -> bool {
     let flags = materials[instances[instance].material].flags;
-    let front = dot(wo, world_triangle(instance, triangle, false).normal) > 0.0;
+    let front = dot(wo, world_triangle(instance, triangle, previous).normal) > 0.0;
     return (flags & select(MATERIAL_CULL_BACK, MATERIAL_CULL_FRONT, front)) != 0u;
 }
 
 // Whether the camera sees a point.  Its rays begin at the near plane, and pass the sides of surfaces that it does not draw.
-fn is_visible_to_camera(point: CameraPoint, end: vec3<f32>, alpha_seed: u32) -> bool {
+fn is_visible_to_camera(point: CameraPoint, end: vec3<f32>, alpha_seed: u32, previous: bool) -> bool {
     var ray = Ray(point.near, 0.0, end - point.near, 1.0);
     for (var i = 0u; i < MAX_CULLED; i++) {
-        let hit = trace_closest(ray, alpha_seed);
+        let hit = trace_closest_of(ray, alpha_seed, previous);
         if hit.instance == NONE {
             return true;
         }
-        if !is_culled(hit.instance, hit.triangle, -ray.direction) {
+        if !is_culled(hit.instance, hit.triangle, -ray.direction, previous) {
             return false;
         }
         ray.t_min = hit.t * (1.0 + 0x1p-20);
     }
     return false;
-}
-
-// The splats of a sub-path beyond the first SPLATS_OF_A_PATH - 1, resampled into one in proportion to luminance.
-fn merged_splat(kept: Splat, kept_sum: f32, s: Splat, u: f32) -> Splat {
-    let value = luminance(s.value);
-    if u * (kept_sum + value) < value {
-        return s;
-    }
-    return kept;
 }

@@ -82,6 +82,8 @@ pub(crate) struct InstancePool {
     /// Bounding sphere of all instances that rays can hit.
     pub center: [f32; 3],
     pub radius: f32,
+    /// `center` and `radius` in the last frame.
+    pub previous_sphere: ([f32; 3], f32),
     /// Triangles of all instances.
     pub triangles: u64,
     /// Counts the frames in which instances moved.
@@ -114,6 +116,7 @@ impl Default for InstancePool {
             waiting: true,
             center: [0.0; 3],
             radius: 0.0,
+            previous_sphere: ([0.0; 3], 0.0),
             triangles: 0,
             motion_revision: 0,
             edit_revision: 0,
@@ -355,6 +358,7 @@ impl InstancePool {
     /// Rebuilds the top level if any bounds changed.  The top level of the last frame is released one frame later.
     pub(crate) fn build_top_level(&mut self, meshes: &mut MeshPool, device: &RenderDevice, queue: &RenderQueue) {
         self.uploaded_nodes = 0;
+        self.previous_sphere = (self.center, self.radius);
         if self.structures.is_some() {
             self.update_structures(meshes, device, queue);
             return;

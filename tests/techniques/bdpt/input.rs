@@ -39,6 +39,7 @@ fn buffers_of_light_paths_exist_only_for_this_technique() {
         assert_eq!(bytes(&rig, "light vertices"), 64 * vertices, "{technique:?}");
         assert_eq!(bytes(&rig, "light map"), 48 * paths + heads, "{technique:?}");
         assert_eq!(bytes(&rig, "bdpt reservoirs"), if paths > 0 { 2 * 64 * 32 * 32 } else { 0 });
+        assert_eq!(bytes(&rig, "splats reservoirs"), if paths > 0 { 3 * 40 * 32 * 32 } else { 0 });
     }
     let passes = bevy_restir::pass_names(&bidirectional(3));
     assert!(passes.contains(&"light_paths") && passes.contains(&"splats"), "{passes:?}");

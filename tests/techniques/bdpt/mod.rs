@@ -1,5 +1,6 @@
 //! Bidirectional path tracing.  `reference::mitsuba` compares it with an independent renderer.
 
 mod input;
+mod light_reuse;
 mod small_scenes;
 mod techniques;

@@ -1,0 +1,78 @@
+// The light map: lists of the splats that land in each pixel.  It begins with the head of each pixel's list: an entry's index plus 1, or 0.
+// Then come the entries, SPLATS_OF_A_PATH for each light sub-path, of four words.
+//
+// Lists have the order of execution.  Sums and choices must not depend on it, so that the same seed gives the same picture.
+#define_import_path bevy_restir::restir::bdpt::light_map
+
+#import bevy_restir::restir::stored_path::{pack_radiance, unpack_radiance}
+#import bevy_restir::view::bindings::view
+
+// Entries of one light sub-path.  A sub-path with more visible vertices resamples the last ones into one.
+const SPLATS_OF_A_PATH: u32 = 3u;
+// Entries of a list that are read at most, so that no invocation takes seconds.  Further ones are left out, and reported as an overflow.
+const MAX_ENTRIES: u32 = 1u << 20u;
+
+// Bits of a link to the next entry: there are at most 3 * 2^24.  The others hold the number of scattering events less 1.
+const LINK_BITS: u32 = 26u;
+const LINK_MASK: u32 = (1u << LINK_BITS) - 1u;
+
+struct MapEntry {
+    next: u32,                 // the next entry's index plus 1, or 0
+    events: u32,               // scattering events of the sub-path up to the vertex, 1 to 64
+    value: vec3<f32>,          // radiance
+    multiplicity: f32,         // radiance over that of the vertex alone: an entry may stand for others, too
+}
+
+fn entry_pack(e: MapEntry) -> vec4<u32> {
+    return vec4<u32>(e.next | (e.events - 1u) << LINK_BITS, pack_radiance(e.value), bitcast<u32>(e.multiplicity));
+}
+
+fn entry_unpack(words: vec4<u32>) -> MapEntry {
+    return MapEntry(
+        words.x & LINK_MASK, (words.x >> LINK_BITS) + 1u, unpack_radiance(words.yz), bitcast<f32>(words.w),
+    );
+}
+
+// First word of the entry that a link names.
+fn word_of(link: u32) -> u32 {
+    return view.size.x * view.size.y + 4u * (link - 1u);
+}
+
+// A sum of colors as fixed-point numbers of 64 bits.
+struct ExactSum {
+    low: vec3<u32>,
+    high: vec3<u32>,
+    scale: f32,
+}
+
+// `largest`: of the components that are added.
+fn exact_sum(largest: f32) -> ExactSum {
+    // A power of two that takes the largest value to at least 2^30.
+    let exponent = bitcast<u32>(largest) >> 23u;
+    return ExactSum(vec3<u32>(0u), vec3<u32>(0u), bitcast<f32>(clamp(284u - exponent, 1u, 254u) << 23u));
+}
+
+fn exact_add(s: ptr<function, ExactSum>, value: vec3<f32>) {
+    let v = vec3<u32>(value * (*s).scale);
+    (*s).low += v;
+    (*s).high += select(vec3<u32>(0u), vec3<u32>(1u), (*s).low < v);
+}
+
+fn exact_total(s: ExactSum) -> vec3<f32> {
+    return (vec3<f32>(s.high) * 0x1p32 + vec3<f32>(s.low)) / s.scale;
+}
+
+// A choice in proportion to weights: each input arrives after an exponential time with its weight as the rate, and the first one wins.
+struct Race {
+    winner: u32,
+    time: f32,
+}
+
+// `bits`: random ones of this input.  The weight is positive.
+fn race_add(race: ptr<function, Race>, index: u32, weight: f32, bits: u32) {
+    let time = -log((f32(bits >> 9u) + 0.5) * 0x1p-23) / weight;
+    if time < (*race).time || (time == (*race).time && index < (*race).winner) {
+        (*race).winner = index;
+        (*race).time = time;
+    }
+}

@@ -1,0 +1,60 @@
+// Light sub-paths of ReSTIR BDPT.  Their random numbers depend on their index and on the frame alone, so that each of them can be replayed.
+// Vertices have the states that MIS weights with shares (`LightShares`) need.
+#define_import_path bevy_restir::restir::bdpt::light_sub_path
+
+#import bevy_restir::common::rng::{Rng, rng_bits, rng_new, STREAM_LIGHT_PATHS}
+#import bevy_restir::path::bidirectional_mis::MisState
+#import bevy_restir::path::light_path::{advance_light_path, begin_light_path, LightWalk}
+#import bevy_restir::restir::bdpt::splat::{no_splat, Splat, splat_of}
+#import bevy_restir::restir::bindings::settings
+#import bevy_restir::restir::types::RESAMPLE_CONNECTIONS
+#import bevy_restir::view::bindings::view
+
+fn sub_path_rng(path: u32, frame: u32, stream: u32) -> Rng {
+    return rng_new(vec2<u32>(path & 0xffffu, path >> 16u), frame, stream, view.seed);
+}
+
+// The newest vertex of a sub-path.
+struct SubPath {
+    walk: LightWalk,
+    alpha_seed: u32,           // of the camera's view of it
+}
+
+// The first vertex of a sub-path from a light, now or (`previous`) in the last frame.
+fn begin_sub_path(light: u32, rng: ptr<function, Rng>, previous: bool) -> SubPath {
+    var w = begin_light_path(light, rng, previous);
+    w.state = over_share(w.state, settings.diffuse_share);
+    return SubPath(w, rng_bits(rng).x);
+}
+
+fn continue_sub_path(walk: LightWalk, rng: ptr<function, Rng>, previous: bool) -> SubPath {
+    var w = advance_light_path(walk, rng, previous);
+    if walk.events == 1u && w.by_delta {
+        w.state = over_share(w.state, settings.caustic_share / settings.diffuse_share);
+    }
+    // Without connections no technique joins the sub-paths behind the first vertex.
+    w.state.last = select(0.0, w.state.last, connects());
+    return SubPath(w, rng_bits(rng).x);
+}
+
+// The splat of a vertex, which has this number of scattering events, of a sub-path that is replayed from its light.
+fn replayed_splat(path: u32, frame: u32, light: u32, events: u32, previous: bool) -> Splat {
+    var rng = sub_path_rng(path, frame, STREAM_LIGHT_PATHS);
+    var p = begin_sub_path(light, &rng, previous);
+    for (var event = 1u; event < events && p.walk.events > 0u; event++) {
+        p = continue_sub_path(p.walk, &rng, previous);
+    }
+    if p.walk.events != events {
+        return no_splat();
+    }
+    return splat_of(p.walk, p.alpha_seed, previous);
+}
+
+// The competitors at the start of a light sub-path find their light from the camera.
+fn over_share(s: MisState, share: f32) -> MisState {
+    return MisState(s.last / share, s.earlier / share);
+}
+
+fn connects() -> bool {
+    return (settings.flags & RESAMPLE_CONNECTIONS) != 0u;
+}

@@ -1,0 +1,213 @@
+//! Reuse of light sub-paths between frames: a replayed sub-path is the one that was stored, and a frame of a moving scene equals on average
+//! the reference of the still scene at that moment.  The technique t = 1 is tested alone, too, because it finds all light of a diffuse room.
+
+use crate::{
+    support::{
+        app::*,
+        equivalence::Length,
+        proof::{Bidirectional, Proof, emission},
+        reuse_settings::paths,
+        small_scenes::*,
+    },
+    techniques::previous_frame::{changing, pose},
+};
+use LightTechniques::*;
+use bevy::prelude::*;
+use bevy_restir::{
+    Bdpt, LightTechniques, Restir, Technique,
+    testing::{plant_shader_defs, replace_pass_shader, shader_library::ShaderEdit},
+};
+
+const SIZE: u32 = 48;
+
+fn lightweight() -> Bidirectional {
+    Bidirectional(Lightweight, paths::temporal())
+}
+
+fn jittered(make: impl FnOnce(&mut Rig)) -> Option<Rig> {
+    let mut rig = scene(32, make)?;
+    rig.set(|r| r.jitter = true);
+    Some(rig)
+}
+
+/// Samples that were replayed in another pixel or with another contribution, and all samples.
+fn replayed(rig: &mut Rig, emitted: &[Picture]) -> (u32, u32) {
+    pose(rig, 0);
+    rig.until_ready();
+    rig.frames(2);
+    let (mut wrong, mut all) = (0, 0);
+    for step in 1..=STEPS {
+        pose(rig, step);
+        let now = rig.next();
+        for (at, value) in now.iter() {
+            let found = value - emitted[step as usize].at(at.x, at.y);
+            if (found.z - 1.0).abs() < 0.01 {
+                all += 1;
+                wrong += u32::from((found.x - 1.0).abs() > 0.01 || found.y > 2e-3);
+            }
+        }
+    }
+    (wrong, all)
+}
+
+fn replaying_rig() -> Option<(Rig, Vec<Picture>)> {
+    let mut rig = scene(SIZE, changing)?;
+    let emitted = (0..=STEPS)
+        .map(|step| {
+            pose(&mut rig, step);
+            emission(&mut rig)
+        })
+        .collect();
+    plant_shader_defs(&mut rig.app, &["TEST_SPLATS", "TEST_ALONE"]);
+    let kernels = [
+        ("splats_forward", include_str!("../../support/kernels/splat_forward_nothing.wgsl")),
+        ("splats_gather", include_str!("../../support/kernels/splat_replay.wgsl")),
+        ("splats_reuse", include_str!("../../support/kernels/splat_show.wgsl")),
+    ];
+    for (pass, text) in kernels {
+        replace_pass_shader(&mut rig.app, pass, text);
+    }
+    let bdpt = Bdpt { light_paths: 8.0, ..default() };
+    let paths = paths::temporal();
+    rig.set(|r| *r = Restir { technique: Technique::Bdpt, bdpt, paths, bounces: 3, ..plain() });
+    Some((rig, emitted))
+}
+
+#[test]
+fn light_paths_of_the_last_frame_are_replayed_as_they_were() {
+    let Some((mut rig, emitted)) = replaying_rig() else { return };
+    let (wrong, all) = replayed(&mut rig, &emitted);
+    eprintln!("{wrong} of {all}");
+    assert!(all > 500, "{all}");
+    // A ray may pass an edge on the other side where f32 inverts the transform of the last frame.
+    assert!(wrong <= all / 100, "{wrong} of {all}");
+}
+
+/// Reads of the last frame that read this one.
+const WRONG: [(&str, &str, &str, &str); 5] = [
+    ("camera", "restir/bdpt/splat.wgsl", "return view.previous;", "return view.current;"),
+    (
+        "first ray",
+        "path/light_path.wgsl",
+        "trace_closest_of(Ray(ray.origin, ray.t_min, ray.direction, FAR), alpha_seed, previous)",
+        "trace_closest_of(Ray(ray.origin, ray.t_min, ray.direction, FAR), alpha_seed, false)",
+    ),
+    ("light", "light/emission.wgsl", "light_record(light, previous)", "light_record(light, false)"),
+    ("sphere around the scene", "light/emitted_ray.wgsl", "scene.previous_center, scene", "scene.center, scene"),
+    ("surface", "path/light_path.wgsl", "-direction, Cone(0.0, 0.0), previous)", "-direction, Cone(0.0, 0.0), false)"),
+];
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn wrong_replays_of_light_paths_are_found() {
+    let Some((mut rig, emitted)) = replaying_rig() else { return };
+    for (name, module, from, to) in WRONG {
+        plant_edits(&mut rig.app, &[ShaderEdit { module, from, to }]);
+        let (wrong, all) = replayed(&mut rig, &emitted);
+        eprintln!("{name}: {wrong} of {all}");
+        assert!(wrong > all / 50, "{name} is not found: {wrong} of {all}");
+    }
+}
+
+/// A lamp that faces away from the camera lights a corner, also by a mirror and through a block of glass if `with_caustics`.  All of them
+/// move: [`pose_corner`].
+fn corner(rig: &mut Rig, with_caustics: bool) {
+    let floor = Transform::from_xyz(0.0, -1.2, 0.0).with_rotation(Quat::from_rotation_x(-core::f32::consts::FRAC_PI_2));
+    rig.spawn(square(6.0), lambert(0.7), floor);
+    rig.spawn(square(6.0), lambert(0.5), Transform::from_xyz(0.0, 0.0, -1.2));
+    let glass =
+        StandardMaterial { specular_transmission: 1.0, thickness: 0.5, ior: 1.4, ..shiny(Color::WHITE, 0.0, 0.0) };
+    let mirror = shiny(Color::linear_rgb(0.9, 0.9, 0.9), 0.0, 1.0);
+    let [mirror, glass] = if with_caustics { [mirror, glass] } else { [lambert(0.3), lambert(0.6)] };
+    for (name, material, size) in [("mirror", mirror, Vec3::new(0.9, 0.9, 0.02)), ("block", glass, Vec3::splat(0.5))] {
+        let body = rig.spawn(Cuboid::from_size(size), material, Transform::default());
+        rig.insert(body, Name::new(name));
+    }
+    let lamp = rig.spawn(square(0.5), lamp(9.0, 8.0, 7.0), Transform::default());
+    rig.insert(lamp, Name::new("lamp"));
+    pose_corner(rig, STEPS);
+}
+
+fn pose_corner(rig: &mut Rig, step: u32) {
+    let ago = (STEPS - step) as f32;
+    let turned = |x: f32, y: f32| Quat::from_euler(EulerRot::YXZ, y, x, 0.0);
+    let places = [
+        ("mirror", Transform::from_xyz(1.0, -0.6 + 0.05 * ago, -0.3).with_rotation(turned(-0.3, -0.7 + 0.06 * ago))),
+        ("block", Transform::from_xyz(-0.5 - 0.1 * ago, -0.8, 0.1).with_rotation(turned(0.2, 0.5 - 0.1 * ago))),
+        // A square faces +Z.
+        ("lamp", Transform::from_xyz(0.2 + 0.1 * ago, 0.5, 1.4).looking_to(Vec3::new(0.1, 0.5, 1.0), Vec3::Y)),
+    ];
+    for (name, place) in places {
+        let entity = rig.named(name);
+        *rig.get_mut::<Transform>(entity) = place;
+    }
+    *rig.get_mut::<Transform>(rig.camera) =
+        Transform::from_xyz(0.3 - 0.1 * ago, 0.2, 4.0).looking_at(Vec3::new(0.0, -0.2, 0.0), Vec3::Y);
+}
+
+const STILL: Proof = Proof { bounces: 4, margin: 0.03, warm_up: 6, ..Proof::of((12, 6), (12, 24)) };
+const MOVING: Proof =
+    Proof { warm_up: 0, pose: Some(&pose_corner), ..Proof { ours: Length { restarts: 16, frames: 3 }, ..STILL } };
+
+#[test]
+fn reused_caustics_equal_the_reference_in_still_scenes_and_in_moving_ones() {
+    let Some(mut rig) = jittered(|rig| corner(rig, true)) else { return };
+    STILL.check("a still corner", &mut rig, &[("temporal", lightweight())]);
+    MOVING.check("a moving corner", &mut rig, &[("temporal", lightweight())]);
+}
+
+#[test]
+fn reused_light_paths_alone_find_all_light_of_a_diffuse_corner() {
+    let Some(mut rig) = jittered(|rig| corner(rig, false)) else { return };
+    for (name, proof) in [("still", STILL), ("moving", MOVING)] {
+        let truth = proof.truth(&mut rig, 1000);
+        plant_shader_defs(&mut rig.app, &["TEST_SPLATS", "TEST_ALONE"]);
+        let found = proof.resampled(&mut rig, &lightweight(), 2000).compare(&truth, 0.03);
+        plant_shader_defs(&mut rig.app, &[]);
+        eprintln!("{name}: {found}");
+        assert!(found.is_equal(), "{name}: {found}");
+    }
+    rig.assert_sound();
+}
+
+/// Errors of the reuse of light sub-paths.
+const PLANTED: [(&str, &str, &str, &str); 4] = [
+    (
+        "confidence of a success",
+        "pass/splats_gather.wgsl",
+        "    r.confidence = proxy_confidence(pixel);",
+        "    r.confidence = proxy_confidence(pixel) * f32(r.ucw > 0.0);",
+    ),
+    (
+        "the scene of this frame in place of the last one",
+        "restir/splats/domain.wgsl",
+        "replayed_splat(s.path, s.frame, s.light, s.events, true)",
+        "replayed_splat(s.path, s.frame, s.light, s.events, false)",
+    ),
+    (
+        "the weight of one landed sample",
+        "pass/splats_gather.wgsl",
+        "guarded(exact_total(sum).x / luminance(r.f), GUARD_CONTRIBUTION_WEIGHT)",
+        "r.ucw",
+    ),
+    (
+        "samples that stay in their pixel",
+        "pass/splats_forward.wgsl",
+        "        to = reservoir_index(vec2<u32>(splat.pixel % view.size.x, splat.pixel / view.size.x), view.size, settings.reservoir_layout);\n",
+        "",
+    ),
+];
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn planted_errors_of_the_reuse_of_light_paths_are_found() {
+    let Some(mut rig) = jittered(|rig| corner(rig, false)) else { return };
+    let truth = MOVING.truth(&mut rig, 1000);
+    plant_shader_defs(&mut rig.app, &["TEST_SPLATS", "TEST_ALONE"]);
+    for (name, module, from, to) in PLANTED {
+        plant_edits(&mut rig.app, &[ShaderEdit { module, from, to }]);
+        let found = MOVING.resampled(&mut rig, &lightweight(), 5000).compare(&truth, 0.01);
+        eprintln!("{name}: {found}");
+        assert!(found.is_different(), "{name} is not found: {found}");
+    }
+}
