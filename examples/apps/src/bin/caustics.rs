@@ -102,7 +102,7 @@ fn populate(app: &mut App) {
     let matte =
         |color| StandardMaterial { base_color: color, perceptual_roughness: 0.9, reflectance: 0.1, ..default() };
     let wall = matte(Color::linear_rgb(0.6, 0.58, 0.55));
-    let floor = Plane3d::default().mesh().size(4.0, 4.0).build();
+    let floor: Mesh = Plane3d::default().mesh().size(4.0, 4.0).into();
     spawn(world, floor.clone(), matte(Color::linear_rgb(0.5, 0.42, 0.35)), Transform::default());
     let back = Transform::from_xyz(0.0, 2.0, -1.2).with_rotation(Quat::from_rotation_x(core::f32::consts::FRAC_PI_2));
     spawn(world, floor, wall.clone(), back);
@@ -111,7 +111,7 @@ fn populate(app: &mut App) {
     spawn(world, Cylinder::new(0.05, 0.3), wall.clone(), Transform::from_xyz(-0.9, 0.15, 0.0));
     let place = Transform::from_xyz(-0.9, 0.5, 0.0);
     spawn(world, Sphere::new(0.2).mesh().uv(64, 32), glass(), place);
-    spawn(world, inverted(Sphere::new(0.18).mesh().uv(64, 32).build()), glass(), place);
+    spawn(world, inverted(Sphere::new(0.18).mesh().uv(64, 32)), glass(), place);
     let filament = StandardMaterial { emissive: LinearRgba::rgb(900.0, 620.0, 380.0), ..default() };
     spawn(world, Cylinder::new(0.006, 0.1), filament, place.with_rotation(Quat::from_rotation_z(0.4)));
 
