@@ -27,7 +27,7 @@ const DOMAIN: &Domain = &Domain {
     reuse: ComputePass { def: DEF, ..domain::reuse("bdpt_reuse", ROOMS) },
     forward: &[],
     debug: Some(ComputePass { def: DEF, ..domain::debug("bdpt_debug", "debug_paths", ROOMS) }),
-    has_debug_view: DebugView::is_of_paths,
+    has_debug_view: DebugView::is_of_bidirectional_paths,
     reservoir_bytes: BIDIRECTIONAL_RESERVOIR_SIZE,
     carries_contribution: true,
     part: LightPart::Paths,
