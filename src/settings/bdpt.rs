@@ -31,7 +31,8 @@ pub struct Bdpt {
     pub light_paths: f32,
     /// Techniques that light paths take part in.
     pub techniques: LightTechniques,
-    /// Number of samples that a resampled path stands for when it is weighted against light paths, which are not resampled; 1 to 1000.
+    /// Number of samples that a resampled path stands for when it is weighted against light paths, which neighboring pixels do not share; 1
+    /// to 1000.
     /// Light that arrives through a mirror or through glass is left to light paths by the same factor.  Larger values give less noise in
     /// light that resampling finds well, and more where light paths would have found it better.  Without reuse it has no effect.  No cost,
     /// no bias.

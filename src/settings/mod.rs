@@ -54,8 +54,9 @@ pub enum Technique {
     Pt,
     /// ReSTIR BDPT, in part (Hedstrom et al. 2025): whole paths of up to `bounces` scattering events, resampled as in [`Technique::Pt`], and
     /// light paths that start at the lamps and that the camera sees.  For caustics and for lamps inside glass, which `Pt` hardly finds.
-    /// Light paths are not resampled, so that caustics are new in each frame.  Costs one light path for each pixel more than `Pt`.  Unbiased
-    /// with [`Restir::jitter`]; without it, or with Bevy's jitter, light that the camera sees from light paths is still averaged over the
+    /// Light paths are resampled over time, each in the pixel that it lands in: caustics are smooth in still scenes, and follow lamps and
+    /// objects that move.  What the camera sees in mirrors and through glass gains nothing from them.  Costs one light path for each pixel
+    /// more than `Pt`, and up to three more where the camera or something else moves.  Unbiased with [`Restir::jitter`]; without it, or with Bevy's jitter, light that the camera sees from light paths is still averaged over the
     /// whole pixel.  Settings: [`Bdpt`] and [`Paths`].
     Bdpt,
 }

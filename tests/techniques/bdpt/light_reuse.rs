@@ -14,7 +14,7 @@ use crate::{
 use LightTechniques::*;
 use bevy::prelude::*;
 use bevy_restir::{
-    Bdpt, LightTechniques, Restir, Technique,
+    Bdpt, DebugView, LightTechniques, Restir, Technique,
     testing::{plant_shader_defs, replace_pass_shader, shader_library::ShaderEdit},
 };
 
@@ -210,4 +210,31 @@ fn planted_errors_of_the_reuse_of_light_paths_are_found() {
         eprintln!("{name}: {found}");
         assert!(found.is_different(), "{name} is not found: {found}");
     }
+}
+
+#[test]
+fn debug_views_show_reservoirs_of_light_paths() {
+    let Some(mut rig) = room_scene(32) else { return };
+    rig.set(|r| *r = Restir { technique: Technique::Bdpt, paths: paths::temporal(), bounces: 3, ..plain() });
+    let mut view = |view, frames| {
+        rig.set(|r| r.debug_view = view);
+        rig.picture(frames)
+    };
+    for (frames, expected) in [(1, 1.0), (4, 4.0), (14, 9.0)] {
+        // The cap of the history is 8.
+        let confidence = view(DebugView::LightPathConfidence, frames);
+        assert!(confidence.iter().all(|(_, value)| value.x == expected), "{frames} frames: {:?}", confidence.center());
+    }
+    let lengths = view(DebugView::LightPathLengths, 4);
+    let lit = lengths.iter().filter(|(_, value)| value.x > 0.0).count();
+    assert!(lit > 300, "{lit} pixels have a sample");
+    assert!(lengths.iter().all(|(_, value)| [0.0, 1.0, 2.0, 3.0].contains(&value.x)));
+    let ages = view(DebugView::LightPathAges, 4);
+    assert!(ages.iter().all(|(_, value)| value.x < 4.0) && ages.iter().any(|(_, value)| value.x == 3.0));
+    let weights = view(DebugView::LightPathWeights, 4);
+    assert!(weights.is_finite() && weights.mean() > 0.0);
+    // The paths have s + t vertices, one more than the index of the light.
+    let techniques = view(DebugView::PathTechniques, 4);
+    assert!(techniques.iter().any(|(_, value)| value.x == 1.0 && value.y >= 2.0));
+    assert!(techniques.iter().all(|(_, value)| value.x <= 1.0 && value.x + value.y <= 5.0));
 }
