@@ -80,7 +80,7 @@ fn render(args: &Args, path: &Path) -> Result<(), String> {
 }
 
 fn settings(args: &Args) -> Restir {
-    Restir { technique: args.technique, bounces: 8, ..default() }
+    Restir { technique: args.technique, bdpt: Bdpt { light_paths: 4.0, ..default() }, bounces: 8, ..default() }
 }
 
 fn surroundings() -> RestirEnvironment {
@@ -118,8 +118,7 @@ fn populate(app: &mut App) {
     spawn(world, Cuboid::new(0.8, 0.3, 0.7), wall, Transform::from_xyz(0.05, 0.15, 0.0));
     let egg = Transform::from_xyz(0.0, 0.44, 0.0).with_scale(Vec3::new(0.14, 0.14, 0.2));
     spawn(world, Sphere::new(1.0).mesh().uv(96, 48), glass(), egg.with_rotation(Quat::from_rotation_y(0.5)));
-    let spot =
-        SpotLight { intensity: 120_000.0, outer_angle: 0.25, inner_angle: 0.1, color: Color::WHITE, ..default() };
+    let spot = SpotLight { intensity: 30_000.0, outer_angle: 0.25, inner_angle: 0.1, color: Color::WHITE, ..default() };
     world.spawn((spot, spot_at(0.0), Swinging));
 
     // A pane of colored glass in the sun.
