@@ -6,7 +6,7 @@
 // `src/shader_library.rs` puts them in.  Resampling takes place in the domain of the pixel: a neighbor's sample is shifted there first, and
 // from there to every other domain that its MIS weight asks for.
 
-#import technique::{apply_shift, carries_contribution, completed, evaluate, Evaluated, in_current_frame, is_visible, jacobian_of, no_reservoir, PackedReservoir, Receiver, receiver_of, Reservoir, reservoir_pack, reservoir_unpack, shift_result_of, ShiftResult, stored_target, stores_target, target_value}
+#import technique::{apply_shift, carries_contribution, completed, evaluate, Evaluated, in_current_frame, is_visible, jacobian_of, neighbor_radius, no_reservoir, PackedReservoir, Receiver, receiver_of, Reservoir, reservoir_pack, reservoir_unpack, shift_result_of, ShiftResult, stored_target, stores_target, target_value}
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::guard::{GUARD_CONTRIBUTION_WEIGHT, GUARD_TARGET, guarded}
 #import bevy_restir::common::math::luminance
@@ -228,7 +228,7 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
     let r = receiver_of(ids, pixel, false);
     var inputs: Inputs;
     var mis: MisInputs;
-    gather_inputs(&inputs, &mis, own_place(ids, pixel), pixel, &rng);
+    gather_inputs(&inputs, &mis, own_place(ids, pixel, neighbor_radius(r)), pixel, &rng);
     inputs.contributions[0] = textureLoad(own_contribution, pixel, 0).rgb;
     let stream = resample(&inputs, &mis, r, alpha_seed, &rng);
 
@@ -281,7 +281,7 @@ fn stored(r: Reservoir, pixel: vec2<u32>) -> PackedReservoir {
     var broken = r;
     broken.ucw = bitcast<f32>(bad[kind]);
     broken.confidence = bitcast<f32>(bad[3u - kind]);
-    if all(pixel % 5u == vec2<u32>(2u)) {
+    if is_planted_pass() && all(pixel % 5u == vec2<u32>(2u)) {
         return reservoir_pack(broken);
     }
     return reservoir_pack(r);
@@ -289,5 +289,17 @@ fn stored(r: Reservoir, pixel: vec2<u32>) -> PackedReservoir {
 #else
 fn stored(r: Reservoir, pixel: vec2<u32>) -> PackedReservoir {
     return reservoir_pack(r);
+}
+#endif
+
+// A pixel that loses its sample between two passes of a frame has no sample of its own to weigh its neighbors against: its light is that
+// which the neighbors find.  A sample of the last frame is one of several.
+#ifdef PLANT_BETWEEN_PASSES
+fn is_planted_pass() -> bool {
+    return !has(RESAMPLE_SHADE);
+}
+#else
+fn is_planted_pass() -> bool {
+    return has(RESAMPLE_SHADE);
 }
 #endif

@@ -126,6 +126,11 @@ fn is_visible(r: Receiver, e: Evaluated, alpha_seed: u32) -> bool {
     return is_unoccluded(e.shifted, r.previous);
 }
 
+// Radius of the disk that neighbors are in, pixels.
+fn neighbor_radius(r: Receiver) -> f32 {
+    return settings.radius;
+}
+
 // The sample that a pixel stores.
 fn completed(r: Receiver, s: Reservoir, bits: u32) -> Reservoir {
     return s;

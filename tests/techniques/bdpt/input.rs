@@ -40,9 +40,9 @@ fn buffers_of_light_paths_exist_only_for_this_technique() {
         assert_eq!(bytes(&rig, "light map"), 48 * paths + heads, "{technique:?}");
         assert_eq!(bytes(&rig, "bdpt reservoirs"), if paths > 0 { 2 * 64 * 32 * 32 } else { 0 });
     }
-    let passes = bevy_restir::pass_names(&bidirectional(3));
+    let passes = bevy_restir::pass_names(&bidirectional(3), default());
     assert!(passes.contains(&"light_paths") && passes.contains(&"splats"), "{passes:?}");
-    assert!(!bevy_restir::pass_names(&plain()).contains(&"light_paths"));
+    assert!(!bevy_restir::pass_names(&plain(), default()).contains(&"light_paths"));
 }
 
 #[test]

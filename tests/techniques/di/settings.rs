@@ -182,7 +182,7 @@ fn each_spatial_iteration_is_a_pass() {
             },
             ..Default::default()
         };
-        let all = pass_names(&Restir { technique: Technique::Di, direct, ..Default::default() });
+        let all = pass_names(&Restir { technique: Technique::Di, direct, ..default() }, default());
         all.iter().filter(|name| name.starts_with("di_reuse")).count()
     };
     let (joint, classic) = (ReuseOrder::Spatiotemporal, ReuseOrder::TemporalThenSpatial);

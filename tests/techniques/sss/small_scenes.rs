@@ -122,7 +122,14 @@ fn planted_errors_in_translucent_bodies_are_found() {
     let proof = Proof::of((24, 8), (20, 64));
     let reference = proof.truth(&mut rig, 1000);
     // On flat bodies a missing Jacobian changes little; `shifts` finds it.
-    let planted = [("TEST_ONE_AXIS", with(subsurface::candidates_only()))];
+    let planted = [
+        ("TEST_ONE_AXIS", with(subsurface::candidates_only())),
+        ("PLANT_SWAPPED_MIS", with(subsurface::spatial())),
+        (
+            "PLANT_STALE_PROBE",
+            with(SubsurfaceSampling { shift: SubsurfaceShift::Sequential, ..subsurface::all_reuse() }),
+        ),
+    ];
     proof.finds(&mut rig, &reference, planted);
 }
 
@@ -130,6 +137,6 @@ fn planted_errors_in_translucent_bodies_are_found() {
 #[ignore = "second tier: ./run test --more"]
 fn nan_stays_in_its_reservoir_of_translucent_bodies() {
     let Some(mut rig) = bodies() else { return };
-    let proof = Proof { margin: 0.03, ..Proof::of((48, 8), (20, 64)) };
+    let proof = Proof { margin: 0.01, ..Proof::of((96, 8), (40, 64)) };
     proof.survives_nan(&mut rig, &[with(subsurface::all_reuse())]);
 }
