@@ -6,7 +6,7 @@
 // `src/shader_library.rs` puts them in.  Resampling takes place in the domain of the pixel: a neighbor's sample is shifted there first, and
 // from there to every other domain that its MIS weight asks for.
 
-#import technique::{apply_shift, carries_contribution, completed, evaluate, Evaluated, in_current_frame, is_visible, jacobian_of, neighbor_radius, no_reservoir, PackedReservoir, Receiver, receiver_of, Reservoir, reservoir_pack, reservoir_unpack, shift_result_of, ShiftResult, stored_target, stores_target, target_value}
+#import technique::{apply_shift, carries_contribution, completed, evaluate, Evaluated, in_current_frame, is_visible, jacobian_of, neighbor_radius, no_reservoir, PackedReservoir, Receiver, receiver_of, Reservoir, reservoir_pack, reservoir_unpack, resamples, shift_result_of, ShiftResult, stored_target, stores_target, target_value}
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::guard::{GUARD_CONTRIBUTION_WEIGHT, GUARD_TARGET, guarded}
 #import bevy_restir::common::math::luminance
@@ -210,6 +210,11 @@ fn resample(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, r: Rec
     return stream;
 }
 
+fn store_nothing(pixel: vec2<u32>, index: u32) {
+    reservoirs[index] = reservoir_pack(no_reservoir());
+    textureStore(resampled, pixel, vec4<f32>(0.0));
+}
+
 @compute @workgroup_size(8, 8)
 fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
     let pixel = id.xy;
@@ -219,13 +224,16 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
     let index = reservoir_index(pixel, view.size, settings.reservoir_layout);
     let ids = textureLoad(visibility, pixel, 0).xy;
     if ids.x == NONE || view.bounces == 0u {
-        reservoirs[index] = reservoir_pack(no_reservoir());
-        textureStore(resampled, pixel, vec4<f32>(0.0));
+        store_nothing(pixel, index);
+        return;
+    }
+    let r = receiver_of(ids, pixel, false);
+    if !resamples(r) {
+        store_nothing(pixel, index);
         return;
     }
     var rng = rng_new(pixel, view.frame, STREAM_REUSE + settings.iteration, view.seed);
     let alpha_seed = rng_bits(&rng).x;
-    let r = receiver_of(ids, pixel, false);
     var inputs: Inputs;
     var mis: MisInputs;
     gather_inputs(&inputs, &mis, own_place(ids, pixel, neighbor_radius(r)), pixel, &rng);
@@ -292,8 +300,8 @@ fn stored(r: Reservoir, pixel: vec2<u32>) -> PackedReservoir {
 }
 #endif
 
-// A pixel that loses its sample between two passes of a frame has no sample of its own to weigh its neighbors against: its light is that
-// which the neighbors find.  A sample of the last frame is one of several.
+// A pixel that loses its sample between two passes of a frame has no sample of its own to weigh its neighbors against: the light that only
+// it can find is lost, and the weights of neighbors have no bound.  A sample of the last frame is one of several.
 #ifdef PLANT_BETWEEN_PASSES
 fn is_planted_pass() -> bool {
     return !has(RESAMPLE_SHADE);

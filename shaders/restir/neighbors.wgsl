@@ -33,7 +33,11 @@ struct OwnPlace {
 fn own_place(ids: vec2<u32>, pixel: vec2<u32>, radius: f32) -> OwnPlace {
     if has(RESAMPLE_FROM_PREVIOUS) {
         let shape = previous_pixel_shape(ids, pixel);
-        return OwnPlace(shape, project(view.previous, shape.position) - view.previous_jitter, radius);
+        // The nearest pixel is sought without the jitter of either frame: with it, the samples of a picture at rest would all move by one
+        // pixel in the frames where the jitter changes by more than half a pixel, and always the same way.  Bilinear places move to all
+        // sides alike.
+        let jitter = select(view.jitter, view.previous_jitter, has(RESAMPLE_BILINEAR));
+        return OwnPlace(shape, project(view.previous, shape.position) - jitter, radius);
     }
     return OwnPlace(pixel_shape(ids, pixel, false), vec2<f32>(pixel) + 0.5, radius);
 }

@@ -108,6 +108,11 @@ fn carries_contribution() -> bool {
     return false;
 }
 
+// Whether a pixel resamples; the reservoirs of others stay empty.
+fn resamples(r: Receiver) -> bool {
+    return true;
+}
+
 // Radius of the disk that neighbors are in, pixels.
 fn neighbor_radius(r: Receiver) -> f32 {
     return settings.radius;

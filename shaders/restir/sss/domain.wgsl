@@ -228,6 +228,11 @@ fn completed(r: Receiver, reservoir: Reservoir, bits: u32) -> Reservoir {
     return inverted;
 }
 
+// Whether a pixel resamples; the reservoirs of others stay empty.
+fn resamples(r: Receiver) -> bool {
+    return scatters(r);
+}
+
 // Radius of the disk that neighbors are in, pixels: the projected lengths of the profile.
 fn neighbor_radius(r: Receiver) -> f32 {
     let projected = NEIGHBOR_LENGTHS * max_component(r.surface.radius) / max(r.footprint, 1.0e-30);
