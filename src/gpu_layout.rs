@@ -321,6 +321,7 @@ pub struct GpuResampleSettings {
     pub spatial_samples: u32,
     pub disocclusion_samples: u32,
     pub neighbor_attempts: u32,
+    pub temporal_attempts: u32,
     pub radius: f32,
     pub confidence_cap: f32,
     pub mis: u32,

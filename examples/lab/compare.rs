@@ -72,6 +72,10 @@ struct Difference {
     rmse: f64,
     rel_mse: f64,
     mape: f64,
+    /// `rel_mse` without the worst hundredth of the pixels, which single bright pixels would decide.
+    rel_mse_trimmed: f64,
+    /// Share of pixels that are black although the reference has more than a twentieth of its mean there.
+    black: f64,
     /// Number of pixels with a channel that is not finite.
     non_finite: usize,
 }
@@ -89,6 +93,14 @@ impl Difference {
             let pairs = picture.iter().flatten().zip(reference.iter().flatten());
             pairs.map(|(&c, &r)| of(c, r)).sum::<f64>() / (3 * reference.len()) as f64
         };
+        // A hundredth of the mean keeps nearly black pixels from dominating.
+        let rel_square = |c: f64, r: f64| (c - r).powi(2) / (r * r + 1e-2 * scale * scale);
+        let both = || picture.iter().zip(reference);
+        let mut errors: Vec<f64> =
+            both().map(|(c, r)| average(&core::array::from_fn::<_, 3, _>(|i| rel_square(c[i], r[i])))).collect();
+        errors.sort_by(f64::total_cmp);
+        errors.truncate(errors.len() - errors.len() / 100);
+        let is_lost = |(c, r): &(&[f64; 3], &[f64; 3])| **c == [0.0; 3] && r.iter().sum::<f64>() / 3.0 > 0.05 * scale;
         Self {
             rel_mean: (mean(&picture, |c| c) - scale) / scale,
             rel_mean_rgb: core::array::from_fn(|i| (ours[i] - theirs[i]) / theirs[i].max(1e-9)),
@@ -97,9 +109,10 @@ impl Difference {
             tile_abs_max: quantile(&amounts, 1.0),
             tile_bias: average(&tiles),
             rmse: over_all(&|c, r| (c - r).powi(2)).sqrt(),
-            // A hundredth of the mean keeps nearly black pixels from dominating.
-            rel_mse: over_all(&|c, r| (c - r).powi(2) / (r * r + 1e-2 * scale * scale)),
+            rel_mse: over_all(&rel_square),
             mape: over_all(&|c, r| (c - r).abs() / (r + 0.01 * scale)),
+            rel_mse_trimmed: average(&errors),
+            black: both().filter(is_lost).count() as f64 / reference.len() as f64,
             non_finite,
         }
     }
@@ -115,6 +128,8 @@ impl Difference {
             "rmse": self.rmse,
             "rel_mse": self.rel_mse,
             "mape": self.mape,
+            "rel_mse_trimmed": self.rel_mse_trimmed,
+            "black": self.black,
             "non_finite": self.non_finite,
         })
     }
@@ -134,6 +149,8 @@ impl Difference {
             row("rmse", Unit::Stored, self.rmse),
             row("rel_mse", Unit::Relative, self.rel_mse),
             row("mape", Unit::Relative, self.mape),
+            row("rel_mse_trimmed", Unit::Relative, self.rel_mse_trimmed),
+            row("black", Unit::Relative, self.black),
             row("non_finite", Unit::Count, self.non_finite as f64),
         ]
     }

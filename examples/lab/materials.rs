@@ -1,9 +1,9 @@
 //! A grid of spheres: one row per feature of the material, with values that rise to the right.
 
 use bevy::{math::UVec2, prelude::*};
-use bevy_restir::{RayBackend, Restir, RestirEnvironment};
+use bevy_restir::{RayBackend, Restir, RestirEnvironment, Technique};
 use bevy_restir_support::{
-    arguments::{self, TechniqueName},
+    arguments,
     environment::equirectangular,
     exposure::unit_exposure,
     headless::{self, frame, until_ready},
@@ -24,8 +24,8 @@ pub struct Args {
     #[arg(long, default_value = "490x840", value_parser = arguments::size)]
     size: UVec2,
     /// Technique that lights the picture.
-    #[arg(long, value_enum, default_value = "reference")]
-    technique: TechniqueName,
+    #[arg(long, default_value = "reference", value_parser = arguments::choice::<Technique>())]
+    technique: Technique,
     /// Number of frames whose mean is the picture.
     #[arg(long, default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..))]
     frames: u32,
@@ -124,7 +124,7 @@ pub fn run(args: &Args) -> Result<(), String> {
     let place = spawn(app.world_mut(), &rows, args.size);
     let image = app.world_mut().resource_mut::<Assets<Image>>().add(studio());
     let environment = RestirEnvironment { image: Some(image), ..Default::default() };
-    let settings = Restir { technique: args.technique.into(), bounces: args.bounces, ..Restir::default() };
+    let settings = Restir { technique: args.technique, bounces: args.bounces, ..Restir::default() };
     let setup = CameraSetup { size: args.size, exposure: unit_exposure(), environment: Some(environment), settings };
     scene::spawn_camera(app.world_mut(), place, setup);
     let camera = app.world().resource::<View>().camera;

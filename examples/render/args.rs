@@ -1,9 +1,9 @@
 //! The command line.
 
 use bevy::{camera::Exposure, math::UVec2};
-use bevy_restir::Restir;
+use bevy_restir::{Preset, RayBackend, Restir, Technique};
 use bevy_restir_support::{
-    arguments::{self, Backend, ExposureChoice, PresetName, TechniqueName},
+    arguments::{self, ExposureChoice},
     environment::{self, Environment},
     exposure::unit_exposure,
     fields,
@@ -24,11 +24,11 @@ pub struct Args {
     #[arg(long, default_value = "1280x720", value_parser = arguments::size)]
     pub size: UVec2,
     /// Reference path tracer, ReSTIR DI (direct light only), ReSTIR DI with GI, or ReSTIR PT.
-    #[arg(long, value_enum, default_value = "pt")]
-    pub technique: TechniqueName,
+    #[arg(long, default_value = "pt", value_parser = arguments::choice::<Technique>())]
+    pub technique: Technique,
     /// Settings to start from.
-    #[arg(long, value_enum, default_value = "balanced")]
-    pub preset: PresetName,
+    #[arg(long, default_value = "balanced", value_parser = arguments::choice::<Preset>())]
+    pub preset: Preset,
     /// Maximum number of scattering events of a path; overrides the preset.
     #[arg(long)]
     pub bounces: Option<u32>,
@@ -57,8 +57,8 @@ pub struct Args {
     pub camera: Option<String>,
     /// How rays are traced: `hardware` by ray queries where the device has them, `software` never by ray queries, `auto` by ray queries
     /// except on a CPU.
-    #[arg(long, value_enum, default_value = "auto")]
-    pub backend: Backend,
+    #[arg(long, default_value = "auto", value_parser = arguments::choice::<RayBackend>())]
+    pub backend: RayBackend,
     /// Plays the first animation of the file, 1/60 s per frame.
     #[arg(long)]
     pub animate: bool,
@@ -87,8 +87,8 @@ fn output_path(text: &str) -> Result<PathBuf, String> {
 impl Args {
     /// The camera's settings. The error names the argument that is wrong.
     pub fn settings(&self) -> Result<Restir, String> {
-        let mut settings = Restir::preset(self.preset.into());
-        settings.technique = self.technique.into();
+        let mut settings = Restir::preset(self.preset);
+        settings.technique = self.technique;
         settings.seed = self.seed;
         if let Some(bounces) = self.bounces {
             settings.bounces = bounces;

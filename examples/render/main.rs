@@ -51,7 +51,7 @@ fn render(args: &Args, settings: Restir) -> Result<(), String> {
         return Err(format!("the folder of {} does not exist", args.out.display()));
     }
     let (folder, name) = scene::split(&path)?;
-    let mut app = headless::app(folder, args.backend.into())?;
+    let mut app = headless::app(folder, args.backend)?;
     if args.animate {
         app.add_systems(Update, play_animation);
     }

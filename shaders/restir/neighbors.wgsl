@@ -44,9 +44,9 @@ fn own_place(ids: vec2<u32>, pixel: vec2<u32>, radius: f32) -> OwnPlace {
 
 // A neighbor; NONE where none is found.  `is_own`: the place of the surface itself in the last frame.
 fn find_neighbor(own: OwnPlace, is_own: bool, rng: ptr<function, Rng>) -> vec2<u32> {
-    let attempts = select(settings.neighbor_attempts, 1u, is_own);
+    let attempts = select(settings.neighbor_attempts, settings.temporal_attempts, is_own);
     for (var t = 0u; t < attempts; t++) {
-        let at = own.place + neighbor_offset(is_own, own.radius, rng_2(rng));
+        let at = own.place + neighbor_offset(own, is_own, t, rng_2(rng));
         if any(at < vec2<f32>(0.0)) || any(at >= vec2<f32>(view.size)) {
             continue;
         }
@@ -62,13 +62,17 @@ fn find_neighbor(own: OwnPlace, is_own: bool, rng: ptr<function, Rng>) -> vec2<u
     return vec2<u32>(NONE);
 }
 
-// Offset of an attempt, pixels: uniform in a disk.  The surface itself is sought at the nearest pixel, or at one of four that
-// is chosen at random by bilinear weights.
-fn neighbor_offset(is_own: bool, radius: f32, u: vec2<f32>) -> vec2<f32> {
-    if is_own {
+// Along edges and at the border of the image, the jitter of the camera moves the nearest pixel to another surface.  The pixels next to it
+// then show the same surface.
+const OWN_RADIUS: f32 = 1.5;
+
+// Offset of an attempt, pixels: uniform in a disk.  The surface itself is sought first at the nearest pixel, or at one of four that is chosen
+// at random by bilinear weights.
+fn neighbor_offset(own: OwnPlace, is_own: bool, attempt: u32, u: vec2<f32>) -> vec2<f32> {
+    if is_own && attempt == 0u {
         return select(vec2<f32>(0.0), u - 0.5, has(RESAMPLE_BILINEAR));
     }
-    return radius * sqrt(u.x) * vec2<f32>(cos(6.2831853 * u.y), sin(6.2831853 * u.y));
+    return select(own.radius, OWN_RADIUS, is_own) * sqrt(u.x) * vec2<f32>(cos(6.2831853 * u.y), sin(6.2831853 * u.y));
 }
 
 // Whether a neighbor's surface is similar enough to share light (Wyman and Panteleev 2021, Eq. 24).

@@ -10,6 +10,7 @@ struct ResampleSettings {
     spatial_samples: u32,      // neighbors around that place
     disocclusion_samples: u32, // neighbors where the surface was not visible in the last frame
     neighbor_attempts: u32,    // places that are tried for each neighbor
+    temporal_attempts: u32,    // places that are tried for the surface itself in the last frame
     radius: f32,               // of the disk that neighbors are in, pixels
     confidence_cap: f32,       // greatest confidence of a neighbor, in frames' worth of candidates
     mis: u32,                  // MIS_*

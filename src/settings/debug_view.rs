@@ -2,8 +2,6 @@
 
 use bevy::reflect::Reflect;
 
-use super::Technique;
-
 /// Image of a camera instead of light.  [`RadianceCapture`](crate::RadianceCapture) receives the values as they are; the view target
 /// receives them times [`Restir::debug_scale`](super::Restir::debug_scale), without exposure.  Where frames are accumulated (`Rays` and
 /// `Bounces` of the reference tracer, and everything with [`Restir::accumulate`](super::Restir::accumulate)) values are means.
@@ -31,8 +29,8 @@ pub enum DebugView {
     Normals,
     /// Base color.
     Albedo,
-    /// Lights of the stored samples, in false colors; black: no sample.  This view and the next four need [`Technique::Di`] or
-    /// [`Technique::Gi`].
+    /// Lights of the stored samples, in false colors; black: no sample.  This view and the next four need
+    /// [`Technique::Di`](super::Technique::Di) or [`Technique::Gi`](super::Technique::Gi).
     ReservoirLights,
     /// Position of the stored sample on its light: two coordinates from 0 to 1, in red and green.
     ReservoirPoints,
@@ -43,7 +41,8 @@ pub enum DebugView {
     /// Visibility of the stored sample when it was shaded: green, or red where it was occluded; black: no sample.
     ReservoirVisibility,
     /// Ends of the stored paths: next-event estimation in red, an emitter that was hit in green, the environment in blue.  This view and
-    /// the next seven need [`Technique::Pt`], [`Technique::Gi`] or [`Technique::Bdpt`].
+    /// the next seven need [`Technique::Pt`](super::Technique::Pt), [`Technique::Gi`](super::Technique::Gi) or
+    /// [`Technique::Bdpt`](super::Technique::Bdpt).
     PathEnds,
     /// Scattering events of the stored paths.
     PathLengths,
@@ -75,15 +74,5 @@ impl DebugView {
     /// Whether it shows reservoirs of paths.
     pub fn is_of_paths(self) -> bool {
         (Self::PathEnds as u32..=Self::PathJacobians as u32).contains(&(self as u32))
-    }
-
-    /// Whether a technique has something to show.
-    pub fn shows(self, technique: Technique) -> bool {
-        match technique {
-            Technique::Reference => !self.is_of_reservoirs() && !self.is_of_paths(),
-            Technique::Di => !self.is_of_paths(),
-            Technique::Gi => true,
-            Technique::Pt | Technique::Bdpt => !self.is_of_reservoirs(),
-        }
     }
 }

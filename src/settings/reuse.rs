@@ -63,8 +63,12 @@ pub struct Reuse {
     /// Iterations of spatial reuse, 1 to 4: each is a pass.  No bias.
     pub spatial_iterations: u32,
     /// Places that are tried for each neighbor until its geometry is similar, 1 to 8 (greedy neighbor search, Lanz 2025, 4.5.4): less noise
-    /// at edges, for a few texture reads.  No bias.
+    /// at edges, for a few texture reads at each failure.  No bias.
     pub neighbor_attempts: u32,
+    /// Places that are tried for the surface itself in the last frame, 1 to 8: first the nearest pixel, then pixels within 1.5 pixels.  With 1,
+    /// the history is lost along edges and at the border of the image, where the jitter of the camera moves the nearest pixel to another
+    /// surface: these pixels are often black in a single frame.  A few texture reads, at such pixels alone.  No bias.
+    pub temporal_attempts: u32,
     /// Greatest distance of neighbors, in pixels of an image that is 1080 lines high, and at least 2 pixels of the traced image: larger radii
     /// share rare finds more widely, and find fewer similar neighbors.  No bias.
     pub radius: f32,
@@ -103,6 +107,7 @@ impl Reuse {
         disocclusion_samples: 2,
         spatial_iterations: 1,
         neighbor_attempts: 1,
+        temporal_attempts: 5,
         radius: 30.0,
         confidence_cap: 20.0,
         mis: Mis::Balance,
@@ -115,10 +120,11 @@ impl Reuse {
     /// The defaults of [`Paths`](super::Paths), as in Lin et al. 2022 and 2026: temporal reuse, then one iteration of spatial reuse, history
     /// capped at 20 frames.  The radius is 60 pixels where they have 20: where light is found rarely, a smaller circle shares each find
     /// among too few pixels, which shows as blotches.  One neighbor where they have three: it has less error at equal time
-    /// (`docs/performance.md`).
+    /// (`docs/performance.md`).  It is sought at five places, since pixels at edges whose neighbor differs are often black in a single frame.
     pub const PATHS: Self = Self {
         order: ReuseOrder::TemporalThenSpatial,
         disocclusion_samples: 0,
+        neighbor_attempts: 5,
         radius: 60.0,
         mis: Mis::DefensivePairwise,
         ..Self::DIRECT
@@ -131,6 +137,7 @@ impl Reuse {
         ranges.count("disocclusion_samples", &mut self.disocclusion_samples, 0, 5);
         ranges.count("spatial_iterations", &mut self.spatial_iterations, 1, 4);
         ranges.count("neighbor_attempts", &mut self.neighbor_attempts, 1, 8);
+        ranges.count("temporal_attempts", &mut self.temporal_attempts, 1, 8);
         ranges.number("radius", &mut self.radius, 0.0, 1e5);
         ranges.number("confidence_cap", &mut self.confidence_cap, 0.0, confidence_max);
         ranges.number("normal_threshold", &mut self.normal_threshold, -1.0, 1.0);

@@ -15,7 +15,7 @@ mod sss;
 
 use crate::{
     scene::SceneFeatures,
-    settings::{Restir, Technique},
+    settings::{DebugView, Restir, Technique},
 };
 use domain::Domain;
 use frame::Frame;
@@ -40,6 +40,14 @@ pub(crate) const TECHNIQUES: &[TechniqueRow] = &[reference::ROW, di::ROW, gi::RO
 /// The row of a technique.
 pub(crate) fn row(technique: Technique) -> &'static TechniqueRow {
     TECHNIQUES.iter().find(|row| row.technique == technique).unwrap_or(&TECHNIQUES[0])
+}
+
+impl DebugView {
+    /// Whether a technique has something to show.
+    pub fn shows(self, technique: Technique) -> bool {
+        let shows_it = |domain: &Domain| (domain.has_debug_view)(self);
+        row(technique).domains.iter().any(|domain| shows_it(domain)) || !all_domains().any(shows_it)
+    }
 }
 
 /// Names of the passes that a camera runs with these settings, as time spans have them.  `features`: those of the last frame
@@ -75,12 +83,13 @@ pub fn shader_templates() -> Vec<(&'static str, &'static [&'static str])> {
 mod tests {
     use super::*;
     use crate::shader_library::{MODULES, is_template};
+    use bevy::reflect::{TypeInfo, Typed};
 
     #[test]
     fn every_technique_has_one_row() {
-        for technique in [Technique::Reference, Technique::Di, Technique::Gi, Technique::Pt, Technique::Bdpt] {
-            assert_eq!(TECHNIQUES.iter().filter(|row| row.technique == technique).count(), 1, "{technique:?}");
-        }
+        let TypeInfo::Enum(info) = Technique::type_info() else { unreachable!() };
+        let rows: Vec<_> = TECHNIQUES.iter().map(|row| format!("{:?}", row.technique)).collect();
+        assert_eq!(rows, info.variant_names());
     }
 
     #[test]

@@ -244,6 +244,7 @@ fn common_settings(reuse: &Reuse, direct: &Direct, research: &Research) -> GpuRe
             ReuseOrder::TemporalThenSpatial => 0,
         },
         neighbor_attempts: reuse.neighbor_attempts,
+        temporal_attempts: reuse.temporal_attempts,
         radius: reuse.radius,
         confidence_cap: reuse.confidence_cap,
         flags: flags_of([

@@ -221,7 +221,7 @@ fn removed_materials_free_their_memory() {
     rig.until_ready();
     let bytes = |rig: &Rig| rig.report().memory.iter().filter(|(name, _)| name.contains("material")).map(|m| m.1).sum();
     let before: u64 = bytes(&rig);
-    for i in 0..1000 {
+    for i in 0..300 {
         let brightness = 1.0 + i as f32;
         let material = rig.add::<StandardMaterial>(lamp(brightness, 0.0, 0.5 * brightness));
         rig.insert(entity, MeshMaterial3d(material));

@@ -170,6 +170,7 @@ fn resampling_structs_and_constants_are_the_same_in_rust_and_wgsl() {
             spatial_samples,
             disocclusion_samples,
             neighbor_attempts,
+            temporal_attempts,
             radius,
             confidence_cap,
             mis,

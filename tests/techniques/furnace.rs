@@ -60,6 +60,7 @@ fn a_closed_furnace_is_in_balance_with_indirect_light() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn a_closed_furnace_is_in_balance_with_paths() {
     check(Technique::Pt, Preset::Balanced, 20, 40);
 }

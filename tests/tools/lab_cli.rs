@@ -46,6 +46,8 @@ fn equal_pictures_differ_by_nothing() {
         "rmse": 0.0,
         "rel_mse": 0.0,
         "mape": 0.0,
+        "rel_mse_trimmed": 0.0,
+        "black": 0.0,
         "non_finite": 0,
     });
     assert_eq!(compared(&folder, "a.exr", "b.exr", &[]), nothing);
@@ -87,6 +89,18 @@ fn figures_follow_their_definitions() {
         ("mape", 0.5 * share / 1.01),
     ] {
         assert!(is_near(&found[key], wanted), "{key} is {wanted}: {found}");
+    }
+    // One bright pixel of a hundred is left out of the trimmed error, and one black pixel is a hundredth of the picture.
+    let spots = |x: usize, y: usize| match (x, y) {
+        (3, 3) => [100.0; 3],
+        (5, 5) => [0.0; 3],
+        _ => [1.0; 3],
+    };
+    write(&folder, "spots.exr", [10, 10], spots);
+    write(&folder, "one.exr", [10, 10], |_, _| [1.0; 3]);
+    let spotted = compared(&folder, "spots.exr", "one.exr", &[]);
+    for (key, wanted) in [("rel_mse", 98.02 / 1.01), ("rel_mse_trimmed", 1.0 / 99.0 / 1.01), ("black", 0.01)] {
+        assert!(is_near(&spotted[key], wanted), "{key} is {wanted}: {spotted}");
     }
     // Without a complete tile, the figures of tiles are empty.
     let found = compared(&folder, "a.exr", "b.exr", &[]);

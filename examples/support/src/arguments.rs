@@ -1,8 +1,15 @@
 //! Command lines: how values are parsed, and the names of the crate's choices.
 
-use bevy::{camera::Exposure, math::UVec2};
-use bevy_restir::{Preset, RayBackend, Technique};
-use clap::{Parser, ValueEnum};
+use crate::fields;
+use bevy::{
+    camera::Exposure,
+    math::UVec2,
+    reflect::{FromReflect, Typed, enums::Enum},
+};
+use clap::{
+    Parser,
+    builder::{PossibleValuesParser, TypedValueParser},
+};
 use std::process::ExitCode;
 
 /// Parses the command line. Where it asks for help or is wrong, the error is the exit code of the program.
@@ -76,59 +83,12 @@ pub fn exposure(text: &str) -> Result<ExposureChoice, String> {
     number.map(ExposureChoice::Ev100).ok_or("expected a number from -60 to 60, or auto".into())
 }
 
-#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TechniqueName {
-    Reference,
-    Di,
-    Gi,
-    Pt,
-    Bdpt,
-}
-
-impl From<TechniqueName> for Technique {
-    fn from(name: TechniqueName) -> Self {
-        match name {
-            TechniqueName::Reference => Self::Reference,
-            TechniqueName::Di => Self::Di,
-            TechniqueName::Gi => Self::Gi,
-            TechniqueName::Pt => Self::Pt,
-            TechniqueName::Bdpt => Self::Bdpt,
-        }
-    }
-}
-
-#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PresetName {
-    Performance,
-    Balanced,
-    Quality,
-    Unbiased,
-}
-
-impl From<PresetName> for Preset {
-    fn from(name: PresetName) -> Self {
-        match name {
-            PresetName::Performance => Self::Performance,
-            PresetName::Balanced => Self::Balanced,
-            PresetName::Quality => Self::Quality,
-            PresetName::Unbiased => Self::Unbiased,
-        }
-    }
-}
-
-#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Backend {
-    Auto,
-    Software,
-    Hardware,
-}
-
-impl From<Backend> for RayBackend {
-    fn from(backend: Backend) -> Self {
-        match backend {
-            Backend::Auto => Self::Auto,
-            Backend::Software => Self::Software,
-            Backend::Hardware => Self::Hardware,
-        }
-    }
+/// Parses a value of an enum without data, such as `Technique`: the name of the variant in lower case.
+pub fn choice<E: FromReflect + Typed + Enum + Clone + Sync>() -> impl TypedValueParser<Value = E> {
+    let named = || fields::values::<E>().into_iter().map(|value| (value.variant_name().to_lowercase(), value));
+    let names: Vec<String> = named().map(|(name, _)| name).collect();
+    PossibleValuesParser::new(names).try_map(move |text| {
+        let value = named().find(|(name, _)| *name == text);
+        value.map(|(_, value)| value).ok_or("no variant has this name")
+    })
 }

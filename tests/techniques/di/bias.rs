@@ -11,7 +11,7 @@ use crate::support::{
 use bevy::prelude::*;
 use bevy_restir::{BiasCorrection, Direct, Mis, Restir, Reuse, Technique, VisibilityReuse};
 
-const PROOF: Proof = Proof::DEFAULT;
+const PROOF: Proof = Proof::of((8, 6), (10, 24));
 
 fn corrected(bias_correction: BiasCorrection, mis: Mis) -> Direct {
     Direct { bias_correction, ..di::across_edges(mis) }

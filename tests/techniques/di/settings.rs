@@ -267,6 +267,31 @@ fn more_neighbor_attempts_find_more_neighbors() {
 }
 
 #[test]
+fn more_temporal_attempts_keep_the_history_along_edges() {
+    // Bars that are a few pixels wide, in front of a wall.
+    let Some(mut rig) = Rig::new(48, 48) else { return };
+    rig.spawn(square(20.0), lambert(0.5), Transform::from_xyz(0.0, 0.0, -3.0));
+    for i in -6..6 {
+        rig.spawn(
+            square(0.15),
+            lambert(0.5),
+            Transform::from_xyz(0.3 * i as f32, 0.0, 0.0).with_scale(Vec3::new(1.0, 40.0, 1.0)),
+        );
+    }
+    rig.spawn_bundle((PointLight { intensity: 100.0, ..default() }, Transform::from_xyz(0.0, 0.0, 3.0)));
+    let mut pixels_without_history = |temporal_attempts| {
+        let reuse = Reuse { temporal_attempts, spatial_samples: 0, ..di::all_reuse().reuse };
+        direct(&mut rig, Direct { reuse, ..di::all_reuse() });
+        rig.set(|r| r.jitter = true);
+        let view = reservoirs(&mut rig, DebugView::ReservoirConfidence, 8);
+        view.iter().filter(|(_, c)| c.x == 1.0).count()
+    };
+    let (one, five) = (pixels_without_history(1), pixels_without_history(5));
+    eprintln!("{one} pixels without history, {five} with five places");
+    assert!(one > 100 && 4 * five < one, "{one} to {five}");
+}
+
+#[test]
 fn same_material_rejects_neighbors_of_other_materials() {
     let Some(mut rig) = Rig::new(40, 40) else { return };
     for (x, albedo) in [(-5.0, 0.3), (5.0, 0.6)] {

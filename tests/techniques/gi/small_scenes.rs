@@ -10,7 +10,7 @@ use crate::support::{
 use bevy::prelude::*;
 use bevy_restir::{Paths, Reuse};
 
-const PROOF: Proof = Proof { bounces: 4, ..Proof::of((12, 8), (16, 32)) };
+const PROOF: Proof = Proof { bounces: 4, ..Proof::of((8, 6), (10, 24)) };
 
 fn with(paths: Paths) -> Indirect {
     Indirect(di::all_reuse(), paths)
@@ -58,7 +58,7 @@ fn indirect_light_of_an_environment_and_mirrors_equals_the_reference() {
 #[test]
 fn indirect_light_in_a_moving_frame_equals_that_of_the_still_scene() {
     let Some(mut rig) = shared(64, "moving") else { return };
-    let proof = Proof { bounces: 3, margin: 0.015, pose: Some(&pose_moving), ..Proof::of((60, 1), (12, 32)) };
+    let proof = Proof { bounces: 3, margin: 0.015, pose: Some(&pose_moving), ..Proof::of((40, 1), (12, 32)) };
     proof.check("moving", &mut rig, &[("both", with(paths::all_reuse()))]);
 }
 

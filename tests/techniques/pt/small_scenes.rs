@@ -10,7 +10,7 @@ use crate::support::{
 use bevy::prelude::*;
 use bevy_restir::{DebugView, Mis, Paths, Reconnection, Reuse, ReuseOrder};
 
-const PROOF: Proof = Proof { bounces: 4, ..Proof::of((12, 8), (16, 32)) };
+const PROOF: Proof = Proof { bounces: 4, ..Proof::of((8, 6), (10, 24)) };
 
 #[test]
 fn paths_in_a_room_equal_the_reference_for_every_kind_of_reuse() {
@@ -23,14 +23,6 @@ fn paths_in_a_room_equal_the_reference_for_every_kind_of_reuse() {
             ("temporal", paths::temporal()),
             ("spatial", paths::spatial()),
             ("both", paths::all_reuse()),
-            ("balance", Paths { reuse: Reuse { mis: Mis::Balance, ..paths::spatial().reuse }, ..paths::spatial() }),
-            (
-                "spatiotemporal",
-                Paths {
-                    reuse: Reuse { order: ReuseOrder::Spatiotemporal, ..paths::all_reuse().reuse },
-                    ..paths::all_reuse()
-                },
-            ),
         ],
     );
 }
@@ -43,6 +35,14 @@ fn paths_in_a_room_equal_the_reference_with_further_settings() {
         "room",
         &mut rig,
         &[
+            ("balance", Paths { reuse: Reuse { mis: Mis::Balance, ..paths::spatial().reuse }, ..paths::spatial() }),
+            (
+                "spatiotemporal",
+                Paths {
+                    reuse: Reuse { order: ReuseOrder::Spatiotemporal, ..paths::all_reuse().reuse },
+                    ..paths::all_reuse()
+                },
+            ),
             ("pairwise", Paths { reuse: Reuse { mis: Mis::Pairwise, ..paths::spatial().reuse }, ..paths::spatial() }),
             (
                 "two rounds",
@@ -146,8 +146,8 @@ fn planted_errors_of_paths_are_found() {
         reuse: Reuse { radius: pixels(20.0, 32), spatial_samples: 3, ..paths::spatial().reuse },
         ..paths::spatial()
     };
-    // The standard error is 0.5 %, so that 2.5 % can be shown; the planted errors are larger, or change the tiles.
-    let right = proof.resampled(&mut rig, &far, 5000).compare(&reference, 0.025);
+    // The standard error is 0.7 %, so that 3 % can be shown; the planted errors are larger, or change the tiles.
+    let right = proof.resampled(&mut rig, &far, 5000).compare(&reference, 0.03);
     eprintln!("no error: {right}");
     assert!(right.is_equal(), "{right}");
     let planted = [

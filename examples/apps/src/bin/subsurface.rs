@@ -7,8 +7,7 @@ use bevy::{camera::Exposure, math::ops, prelude::*};
 use bevy_restir::{EmissiveLuminance, prelude::*};
 use bevy_restir_apps::{look::look, window};
 use bevy_restir_support::{
-    arguments::{self, TechniqueName},
-    bodies, headless,
+    arguments, bodies, headless,
     picture::{screenshot, write_png},
     scene::{self, CameraSetup},
 };
@@ -19,8 +18,8 @@ use std::path::{Path, PathBuf};
 #[derive(Parser, Clone, Debug)]
 struct Args {
     /// The technique at the start; `pt` renders diffuse bodies.
-    #[arg(long, value_enum, default_value = "gi")]
-    technique: TechniqueName,
+    #[arg(long, default_value = "gi", value_parser = arguments::choice::<Technique>())]
+    technique: Technique,
     /// Writes the mean of `--frames` frames to this PNG file, without a window.
     #[arg(long)]
     picture: Option<PathBuf>,
@@ -75,7 +74,7 @@ fn render(args: &Args, path: &Path) -> Result<(), String> {
 }
 
 fn settings(args: &Args) -> Restir {
-    Restir { technique: args.technique.into(), ..default() }
+    Restir { technique: args.technique, ..default() }
 }
 
 fn surroundings() -> RestirEnvironment {

@@ -6,7 +6,7 @@ use bevy::prelude::*;
 use bevy_restir::prelude::*;
 use bevy_restir_apps::{look, viewer, window};
 use bevy_restir_support::{
-    arguments::{self, Backend, ExposureChoice, PresetName, TechniqueName},
+    arguments::{self, ExposureChoice},
     environment::{self, Environment},
     fields,
 };
@@ -20,11 +20,11 @@ struct Args {
     /// A .glb or .gltf file; others can be dropped on the window.
     file: Option<PathBuf>,
     /// The technique at the start.
-    #[arg(long, value_enum, default_value = "pt")]
-    technique: TechniqueName,
+    #[arg(long, default_value = "pt", value_parser = arguments::choice::<Technique>())]
+    technique: Technique,
     /// The settings at the start.
-    #[arg(long, value_enum, default_value = "balanced")]
-    preset: PresetName,
+    #[arg(long, default_value = "balanced", value_parser = arguments::choice::<Preset>())]
+    preset: Preset,
     /// Sets a field of `Restir` by its reflection path; repeatable.
     #[arg(long = "set", value_name = "PATH=VALUE")]
     set: Vec<String>,
@@ -35,8 +35,8 @@ struct Args {
     #[arg(long, allow_negative_numbers = true, default_value = "auto", value_parser = arguments::exposure, value_name = "V|auto")]
     ev100: ExposureChoice,
     /// How rays are traced.
-    #[arg(long, value_enum, default_value = "auto")]
-    backend: Backend,
+    #[arg(long, default_value = "auto", value_parser = arguments::choice::<RayBackend>())]
+    backend: RayBackend,
     /// Size of the window in pixels.
     #[arg(long, default_value = "1280x720", value_parser = arguments::window_size)]
     size: UVec2,
@@ -44,8 +44,8 @@ struct Args {
 
 impl Args {
     fn settings(&self) -> Result<Restir, String> {
-        let mut settings = Restir::preset(self.preset.into());
-        settings.technique = self.technique.into();
+        let mut settings = Restir::preset(self.preset);
+        settings.technique = self.technique;
         for assignment in &self.set {
             fields::set(&mut settings, assignment).map_err(|e| format!("--set {e}"))?;
         }
@@ -62,7 +62,7 @@ fn main() -> AppExit {
             return AppExit::from_code(2);
         }
     };
-    let backend = RayBackend::from(args.backend);
+    let backend = args.backend;
     window::app("viewer", args.size, viewer::KEYS, backend)
         .add_plugins(viewer::plugin)
         .add_systems(Startup, move |world: &mut World| start(world, &args, &settings))

@@ -13,7 +13,7 @@ use bevy_restir_apps::{
     panel::{Panel, cost, keys::PressedKeys},
     window,
 };
-use bevy_restir_support::arguments::{self, TechniqueName};
+use bevy_restir_support::arguments;
 use clap::Parser;
 
 /// Thousands of moving lamps under ReSTIR DI.
@@ -29,8 +29,8 @@ struct Args {
     #[arg(long, default_value = "1280x720", value_parser = arguments::window_size)]
     size: UVec2,
     /// The technique at the start.
-    #[arg(long, value_enum, default_value = "di")]
-    technique: TechniqueName,
+    #[arg(long, default_value = "di", value_parser = arguments::choice::<Technique>())]
+    technique: Technique,
     /// Starts with all lamps at rest.
     #[arg(long)]
     paused: bool,
@@ -60,7 +60,7 @@ fn spawn_camera(mut commands: Commands, args: Res<Args>) {
             Camera3d::default(),
             look(Some(Exposure::default().ev100)),
             flight::Flight::default(),
-            Restir { technique: args.technique.into(), ..default() },
+            Restir { technique: args.technique, ..default() },
             RestirEnvironment { color: LinearRgba::rgb(16.0, 24.0, 44.0), ..default() },
         ))
         // A curve that keeps bright colors saturated.
