@@ -1,6 +1,9 @@
 //! Measures cost and error of one scene under many settings, in one app.
 
-use bevy::{app::App, math::UVec2, render::renderer::RenderAdapterInfo};
+use bevy::{
+    app::App, ecs::change_detection::DetectChangesMut, math::UVec2, render::renderer::RenderAdapterInfo,
+    transform::components::Transform,
+};
 use bevy_restir::{RayBackend, Restir, RestirEnvironment, RestirReport, RestirStatistics, Technique, pass_names};
 use bevy_restir_support::{
     exposure::unit_exposure,
@@ -88,6 +91,8 @@ pub struct Bench {
     size: UVec2,
     counts: Counts,
     times: Times,
+    /// Places of the camera in the frames that end with a picture; it rests where they are empty.
+    motion: Vec<Transform>,
 }
 
 /// Path and name of a scene file.
@@ -132,7 +137,12 @@ impl Bench {
     /// Takes an app with a camera and waits until it is ready.
     pub fn new(mut app: App, size: UVec2, counts: Counts) -> Result<Self, String> {
         until_ready(&mut app)?;
-        Ok(Self { app, size, counts, times: Times::default() })
+        Ok(Self { app, size, counts, times: Times::default(), motion: Vec::new() })
+    }
+
+    /// Moves the camera before each picture of a technique that reuses frames.  It rests at the last of these places for all else.
+    pub fn moving(self, motion: Vec<Transform>) -> Self {
+        Self { motion, ..self }
     }
 
     pub fn app(&mut self) -> &mut App {
@@ -200,7 +210,8 @@ impl Bench {
 
     /// Median times of the frames since the last [`Times::clear`].
     fn cost(&self, settings: &Restir, rays: f64) -> Cost {
-        let passes = pass_names(settings).into_iter().map(|name| (name, median(self.times.of(name)))).collect();
+        let names = pass_names(settings, self.report().features);
+        let passes = names.into_iter().map(|name| (name, median(self.times.of(name)))).collect();
         Cost { passes, rays }
     }
 
@@ -273,6 +284,17 @@ impl Bench {
         }
     }
 
+    /// Places the camera where it is `left` frames before a picture.
+    fn place_camera(&mut self, left: usize) {
+        let Some(last) = self.motion.len().checked_sub(1) else { return };
+        let camera = self.app.world().resource::<View>().camera;
+        let rests = self.app.world().get::<Restir>(camera).is_none_or(|r| r.technique == Technique::Reference);
+        let place = self.motion[if rests { last } else { last.saturating_sub(left) }];
+        if let Some(mut transform) = self.app.world_mut().get_mut::<Transform>(camera) {
+            transform.set_if_neq(place);
+        }
+    }
+
     fn step(&mut self, progress: &Progress) {
         frame(&mut self.app);
         progress.step();
@@ -280,9 +302,11 @@ impl Bench {
 
     /// Radiance of the frame after `before` others.
     fn picture(&mut self, before: u32, progress: &Progress) -> Result<Picture, String> {
-        for _ in 0..before {
+        for left in (1..=before as usize).rev() {
+            self.place_camera(left);
             self.step(progress);
         }
+        self.place_camera(0);
         self.app.world().resource::<View>().capture.request();
         self.step(progress);
         Ok(captured(&self.app)?.mean().map(|p| p.map(f64::from)).collect())

@@ -6,7 +6,7 @@ use bevy_restir_support::{arguments, fields, progress::Progress};
 use std::path::PathBuf;
 
 use crate::{
-    bench::{Bench, Cost, Counts, Errors, Scene, scenes},
+    bench::{Bench, Cost, Counts, Errors, scenes},
     error::{Error, Reference},
     output::{Output, header},
     series,
@@ -19,22 +19,29 @@ pub struct Args {
     /// glTF files; `references.json` beside a file may name its environment.
     #[arg(required = true)]
     scenes: Vec<PathBuf>,
-    #[command(flatten)]
-    output: Output,
-    /// Pixels.
-    #[arg(long, default_value = "128x128", value_parser = arguments::size)]
-    size: UVec2,
     /// Maximum number of scattering events of a path.
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=64))]
     bounces: u32,
     #[command(flatten)]
-    counts: Counts,
+    lengths: Lengths,
+}
+
+/// Picture and lengths of measurements at equal time.
+#[derive(clap::Args, Debug)]
+pub struct Lengths {
+    #[command(flatten)]
+    pub output: Output,
+    /// Pixels.
+    #[arg(long, default_value = "128x128", value_parser = arguments::size)]
+    pub size: UVec2,
+    #[command(flatten)]
+    pub counts: Counts,
     /// Number of independent frames over which errors are averaged.
     #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..))]
-    seeds: u32,
+    pub seeds: u32,
     /// Samples per pixel of the converged picture.
     #[arg(long, default_value_t = 4096, value_parser = clap::value_parser!(u32).range(2..))]
-    samples: u32,
+    pub samples: u32,
 }
 
 /// Cost by stage and error of ReSTIR PT by its settings: those steps of Table 1 of Lin et al. 2026, supplement, that are settings.
@@ -48,14 +55,14 @@ pub struct Steps {
 }
 
 /// Settings that are compared with the reference tracer.
-struct Rival {
-    name: String,
-    settings: Restir,
+pub struct Rival {
+    pub name: String,
+    pub settings: Restir,
 }
 
 /// How the cost of a frame is split into rows.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Detail {
+pub enum Detail {
     /// One row per pass.
     Passes,
     /// The columns of Table 1 of Lin et al. 2026, supplement.
@@ -100,44 +107,61 @@ impl Args {
 }
 
 fn table(name: &str, args: &Args, rivals: &[Rival], detail: Detail) -> Result<(), String> {
-    args.output.check(name)?;
+    let Lengths { output, size, counts, .. } = &args.lengths;
+    output.check(name)?;
     let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
+    let reference = args.settings(Technique::Reference);
     for scene in scenes(&args.scenes)? {
-        let (adapter, rows) = column(args, &scene, rivals, detail).map_err(|error| format!("{}: {error}", scene.1))?;
+        let bench = Bench::of_scene(&scene, *size, reference.clone(), counts);
+        let rows = bench.and_then(|mut bench| {
+            let rows = column(&args.lengths, &mut bench, &reference, rivals, detail)?;
+            args.lengths.describe(&mut table, &bench, args.bounces);
+            Ok(rows)
+        });
+        table.columns.push((scene.1.clone(), rows.map_err(|error| format!("{}: {error}", scene.1))?));
+    }
+    output.write(name, &table)
+}
+
+impl Lengths {
+    /// Writes the header of a table, if it has none.
+    pub fn describe(&self, table: &mut Table, bench: &Bench, bounces: u32) {
         if table.header.is_empty() {
-            let Args { counts: Counts { warmup, frames }, seeds, samples, bounces, .. } = args;
-            table.header = header(adapter, args.size);
+            let Self { counts: Counts { warmup, frames }, seeds, samples, .. } = self;
+            table.header = header(bench.adapter(), self.size);
             table.header.push(format!(
                 "{bounces} bounces; times: medians over {frames} frames after {warmup}; errors: means over {seeds} seeds after \
                  {warmup} frames, against {samples} samples a pixel"
             ));
         }
-        table.columns.push((scene.1, rows));
     }
-    args.output.write(name, &table)
 }
 
-/// The name of the adapter and the figures of a scene.
-fn column(args: &Args, scene: &Scene, rivals: &[Rival], detail: Detail) -> Result<(String, Vec<Row>), String> {
-    let reference = args.settings(Technique::Reference);
-    let planned = |settings| Bench::planned(&args.counts, settings, args.seeds);
-    let frames = u64::from(args.samples.next_multiple_of(2))
-        + planned(&reference)
+/// The figures of a scene.
+pub fn column(
+    lengths: &Lengths,
+    bench: &mut Bench,
+    reference: &Restir,
+    rivals: &[Rival],
+    detail: Detail,
+) -> Result<Vec<Row>, String> {
+    let planned = |settings| Bench::planned(&lengths.counts, settings, lengths.seeds);
+    let frames = u64::from(lengths.samples.next_multiple_of(2))
+        + planned(reference)
         + rivals.iter().map(|rival| planned(&rival.settings)).sum::<u64>();
     let progress = Progress::new(frames);
 
-    let mut bench = Bench::of_scene(scene, args.size, reference.clone(), &args.counts)?;
-    let truth = bench.reference(&reference, args.samples, &progress)?;
-    let errors = Errors { reference: &truth, seeds: args.seeds };
-    let (sample, one) = measured(&mut bench, &reference, &errors, &progress)?;
-    let mut rows = scene_rows(&bench, &truth, &sample, one);
+    let truth = bench.reference(reference, lengths.samples, &progress)?;
+    let errors = Errors { reference: &truth, seeds: lengths.seeds };
+    let (sample, one) = measured(bench, reference, &errors, &progress)?;
+    let mut rows = scene_rows(bench, &truth, &sample, one);
     for Rival { name, settings } in rivals {
-        let (cost, error) = measured(&mut bench, settings, &errors, &progress)?;
+        let (cost, error) = measured(bench, settings, &errors, &progress)?;
         let reservoirs = bench.report().reservoir_bytes_per_pixel;
         let samples = cost.lighting() / sample.lighting();
         let whole = match samples.round() as u32 {
             0 => Error { mean: f64::NAN, median: f64::NAN },
-            n => bench.error(&reference, &errors, n - 1, &progress)?,
+            n => bench.error(reference, &errors, n - 1, &progress)?,
         };
         let row = |label: &str, figures: &[_]| Row::new(name.clone(), label, figures);
         rows.extend(match detail {
@@ -162,7 +186,7 @@ fn column(args: &Args, scene: &Scene, rivals: &[Rival], detail: Detail) -> Resul
             ),
         ]);
     }
-    Ok((bench.adapter(), rows))
+    Ok(rows)
 }
 
 fn measured(

@@ -13,6 +13,7 @@ mod rays;
 mod scale;
 mod series;
 mod table;
+mod translucent;
 
 use bevy_restir_support::{arguments, headless};
 use clap::{Parser, Subcommand};
@@ -33,6 +34,7 @@ enum Command {
     Scale(scale::Args),
     EqualTime(equal_time::Args),
     Steps(equal_time::Steps),
+    Subsurface(translucent::Args),
     Materials(materials::Args),
     Compare(compare::Args),
     Demo(demo::Args),
@@ -50,6 +52,7 @@ fn main() -> ExitCode {
         Command::Scale(args) => scale::run(args),
         Command::EqualTime(args) => equal_time::run(args),
         Command::Steps(steps) => steps.run(),
+        Command::Subsurface(args) => translucent::run(args),
         Command::Materials(args) => materials::run(args),
         Command::Compare(args) => compare::run(args),
         Command::Demo(args) => demo::run(args),

@@ -13,7 +13,7 @@ pub fn json(world: &World, args: &Args, settings: &Restir, frames: &Frames) -> V
     let non_finite = frames.pixels.iter().filter(|p| !p.iter().all(|c| c.is_finite())).count() as u64;
     let report = world.resource::<RestirStatistics>().report();
     let guards: BTreeMap<_, _> = report.guards.iter().copied().collect();
-    let passes: Vec<Value> = pass_names(settings)
+    let passes: Vec<Value> = pass_names(settings, report.features)
         .into_iter()
         .map(|name| (name, frames.passes.of(name)))
         .filter(|(_, values)| !values.is_empty())

@@ -6,7 +6,7 @@
 // `src/shader_library.rs` puts them in.  Resampling takes place in the domain of the pixel: a neighbor's sample is shifted there first, and
 // from there to every other domain that its MIS weight asks for.
 
-#import technique::{apply_shift, carries_contribution, completed, evaluate, Evaluated, find_neighbor, in_current_frame, is_visible, jacobian_of, no_reservoir, own_place, PackedReservoir, Receiver, receiver_of, receives_light, Reservoir, reservoir_pack, reservoir_unpack, shift_result_of, ShiftResult, stored_target, stores_target, target_value}
+#import technique::{apply_shift, carries_contribution, completed, evaluate, Evaluated, find_neighbor, in_current_frame, is_visible, jacobian_of, neighbor_radius, no_reservoir, own_place, PackedReservoir, Receiver, receiver_of, receives_light, Reservoir, reservoir_pack, reservoir_unpack, resamples, shift_result_of, ShiftResult, stored_target, stores_target, target_value}
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::guard::{GUARD_CONTRIBUTION_WEIGHT, GUARD_TARGET, guarded}
 #import bevy_restir::common::math::luminance
@@ -210,6 +210,11 @@ fn resample(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, r: Rec
     return stream;
 }
 
+fn store_nothing(pixel: vec2<u32>, index: u32) {
+    reservoirs[index] = reservoir_pack(no_reservoir());
+    textureStore(resampled, pixel, vec4<f32>(0.0));
+}
+
 @compute @workgroup_size(8, 8)
 fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
     let pixel = id.xy;
@@ -219,16 +224,19 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
     let index = reservoir_index(pixel, view.size, settings.reservoir_layout);
     let ids = textureLoad(visibility, pixel, 0).xy;
     if !receives_light(ids) || view.bounces == 0u {
-        reservoirs[index] = reservoir_pack(no_reservoir());
-        textureStore(resampled, pixel, vec4<f32>(0.0));
+        store_nothing(pixel, index);
+        return;
+    }
+    let r = receiver_of(ids, pixel, false);
+    if !resamples(r) {
+        store_nothing(pixel, index);
         return;
     }
     var rng = rng_new(pixel, view.frame, STREAM_REUSE + settings.iteration, view.seed);
     let alpha_seed = rng_bits(&rng).x;
-    let r = receiver_of(ids, pixel, false);
     var inputs: Inputs;
     var mis: MisInputs;
-    gather_inputs(&inputs, &mis, own_place(ids, pixel), pixel, &rng);
+    gather_inputs(&inputs, &mis, own_place(ids, pixel, neighbor_radius(r)), pixel, &rng);
     inputs.contributions[0] = textureLoad(own_contribution, pixel, 0).rgb;
     let stream = resample(&inputs, &mis, r, alpha_seed, &rng);
 
@@ -281,7 +289,7 @@ fn stored(r: Reservoir, pixel: vec2<u32>) -> PackedReservoir {
     var broken = r;
     broken.ucw = bitcast<f32>(bad[kind]);
     broken.confidence = bitcast<f32>(bad[3u - kind]);
-    if all(pixel % 5u == vec2<u32>(2u)) {
+    if is_planted_pass() && all(pixel % 5u == vec2<u32>(2u)) {
         return reservoir_pack(broken);
     }
     return reservoir_pack(r);
@@ -289,5 +297,17 @@ fn stored(r: Reservoir, pixel: vec2<u32>) -> PackedReservoir {
 #else
 fn stored(r: Reservoir, pixel: vec2<u32>) -> PackedReservoir {
     return reservoir_pack(r);
+}
+#endif
+
+// A pixel that loses its sample between two passes of a frame has no sample of its own to weigh its neighbors against: the light that only
+// it can find is lost, and the weights of neighbors have no bound.  A sample of the last frame is one of several.
+#ifdef PLANT_BETWEEN_PASSES
+fn is_planted_pass() -> bool {
+    return !has(RESAMPLE_SHADE);
+}
+#else
+fn is_planted_pass() -> bool {
+    return has(RESAMPLE_SHADE);
 }
 #endif

@@ -27,21 +27,26 @@ fn neighbor_ids(pixel: vec2<u32>) -> vec2<u32> {
 struct OwnPlace {
     shape: Shape,
     place: vec2<f32>,
+    radius: f32,               // of the disk that its neighbors are in, pixels
 }
 
-fn own_place(ids: vec2<u32>, pixel: vec2<u32>) -> OwnPlace {
+fn own_place(ids: vec2<u32>, pixel: vec2<u32>, radius: f32) -> OwnPlace {
     if has(RESAMPLE_FROM_PREVIOUS) {
         let shape = previous_pixel_shape(ids, pixel);
-        return OwnPlace(shape, project(view.previous, shape.position) - view.previous_jitter);
+        // The nearest pixel is sought without the jitter of either frame: with it, the samples of a picture at rest would all move by one
+        // pixel in the frames where the jitter changes by more than half a pixel, and always the same way.  Bilinear places move to all
+        // sides alike.
+        let jitter = select(view.jitter, view.previous_jitter, has(RESAMPLE_BILINEAR));
+        return OwnPlace(shape, project(view.previous, shape.position) - jitter, radius);
     }
-    return OwnPlace(pixel_shape(ids, pixel, false), vec2<f32>(pixel) + 0.5);
+    return OwnPlace(pixel_shape(ids, pixel, false), vec2<f32>(pixel) + 0.5, radius);
 }
 
 // A neighbor; NONE where none is found.  `is_own`: the place of the surface itself in the last frame.
 fn find_neighbor(own: OwnPlace, is_own: bool, rng: ptr<function, Rng>) -> vec2<u32> {
     let attempts = select(settings.neighbor_attempts, settings.temporal_attempts, is_own);
     for (var t = 0u; t < attempts; t++) {
-        let at = own.place + neighbor_offset(is_own, t, rng_2(rng));
+        let at = own.place + neighbor_offset(own, is_own, t, rng_2(rng));
         if any(at < vec2<f32>(0.0)) || any(at >= vec2<f32>(view.size)) {
             continue;
         }
@@ -63,11 +68,11 @@ const OWN_RADIUS: f32 = 1.5;
 
 // Offset of an attempt, pixels: uniform in a disk.  The surface itself is sought first at the nearest pixel, or at one of four that is chosen
 // at random by bilinear weights.
-fn neighbor_offset(is_own: bool, attempt: u32, u: vec2<f32>) -> vec2<f32> {
+fn neighbor_offset(own: OwnPlace, is_own: bool, attempt: u32, u: vec2<f32>) -> vec2<f32> {
     if is_own && attempt == 0u {
         return select(vec2<f32>(0.0), u - 0.5, has(RESAMPLE_BILINEAR));
     }
-    return select(settings.radius, OWN_RADIUS, is_own) * sqrt(u.x) * vec2<f32>(cos(6.2831853 * u.y), sin(6.2831853 * u.y));
+    return select(own.radius, OWN_RADIUS, is_own) * sqrt(u.x) * vec2<f32>(cos(6.2831853 * u.y), sin(6.2831853 * u.y));
 }
 
 // Whether a neighbor's surface is similar enough to share light (Wyman and Panteleev 2021, Eq. 24).

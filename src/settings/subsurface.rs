@@ -143,18 +143,19 @@ pub struct SubsurfaceSampling {
     pub shift: SubsurfaceShift,
     /// Skips neighbors of dissimilar geometry: less noise at edges.  No bias.
     pub heuristics: bool,
-    /// Reuse of samples.
+    /// Reuse of samples.  Neighbors are within two lengths of the profile, as the camera sees them, but within [`Reuse::radius`] and at least
+    /// a sixth of it.
     pub reuse: Reuse,
 }
 
 impl Default for SubsurfaceSampling {
-    /// Temporal reuse, then two iterations of spatial reuse with one neighbor each, within 20 pixels of a picture of 1080 lines.
+    /// Temporal reuse, then two iterations of spatial reuse with one neighbor each, within 30 pixels of a picture of 1080 lines.
     fn default() -> Self {
         let reuse = Reuse {
             order: ReuseOrder::TemporalThenSpatial,
             spatial_iterations: 2,
             bilinear: true,
-            radius: 20.0,
+            radius: 30.0,
             ..Reuse::PATHS
         };
         Self { candidates: 8, shift: SubsurfaceShift::default(), heuristics: true, reuse }

@@ -13,7 +13,10 @@ mod reference;
 pub(crate) mod reuse_schedule;
 mod sss;
 
-use crate::settings::{DebugView, Restir, Technique};
+use crate::{
+    scene::SceneFeatures,
+    settings::{DebugView, Restir, Technique},
+};
 use domain::Domain;
 use frame::Frame;
 use pass::ComputePass;
@@ -47,10 +50,15 @@ impl DebugView {
     }
 }
 
-/// Names of the passes that a camera runs with these settings, as time spans have them.
-pub fn pass_names(settings: &Restir) -> Vec<&'static str> {
+/// Names of the passes that a camera runs with these settings, as time spans have them.  `features`: those of the last frame
+/// ([`RestirReport::features`](crate::RestirReport::features)); a scene with [`Subsurface`](crate::Subsurface) has passes of its own.
+pub fn pass_names(settings: &Restir, features: SceneFeatures) -> Vec<&'static str> {
     let iterations = |domain: &Domain| (domain.schedule)(settings).iterations.len();
-    Frame::of(settings).steps(iterations).into_iter().map(|step| step.name).collect()
+    let mut frame = Frame::of(settings);
+    if features.contains(SceneFeatures::SUBSURFACE) {
+        frame = frame.with_subsurface();
+    }
+    frame.steps(iterations).into_iter().map(|step| step.name).collect()
 }
 
 /// The domains of all techniques.

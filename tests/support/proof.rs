@@ -231,7 +231,7 @@ impl Proof<'_> {
         }
     }
 
-    /// Makes one in 25 reservoirs NaN in every frame, whatever its content.  Asserts that the picture is noisier and not darker, that the
+    /// Makes one in 25 reservoirs of the history NaN in every frame, whatever its content.  Asserts that the picture is noisier and not darker, that the
     /// guard of reservoirs stops every NaN, and that no NaN is left in the history once the errors stop.
     pub fn survives_nan(&self, rig: &mut Rig, subjects: &[impl Subject]) {
         let reference = self.truth(rig, 1000);

@@ -2,6 +2,7 @@
 //! environments, pictures as files, and bare compute kernels over the crate's own WGSL.
 
 pub mod arguments;
+pub mod bodies;
 pub mod compose;
 pub mod environment;
 pub mod exposure;

@@ -5,7 +5,7 @@ use bevy::{
     platform::{collections::HashMap, time::Instant},
     prelude::*,
 };
-use bevy_restir::{Restir, SPAN_PREFIX, pass_names};
+use bevy_restir::{Restir, RestirStatistics, SPAN_PREFIX, pass_names};
 
 /// Times in milliseconds.
 #[derive(Default)]
@@ -18,7 +18,8 @@ impl Times {
     /// Records the newest time of every pass unless it was recorded before: GPU times where the device has timestamps, else CPU times.
     pub fn sample(&mut self, world: &World, settings: &Restir) {
         let store = world.resource::<DiagnosticsStore>();
-        for name in pass_names(settings) {
+        let features = world.resource::<RestirStatistics>().report().features;
+        for name in pass_names(settings, features) {
             let newest: Option<&DiagnosticMeasurement> = ["elapsed_gpu", "elapsed_cpu"].iter().find_map(|kind| {
                 let path = DiagnosticPath::new(format!("render/{SPAN_PREFIX}{name}/{kind}"));
                 store.get(&path).and_then(|d| d.measurement())

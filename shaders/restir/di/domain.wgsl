@@ -11,6 +11,7 @@
 #import bevy_restir::light::types::LightSample
 #import bevy_restir::path::medium::{medium_towards, transmittance}
 #import bevy_restir::path::shadow_ray::light_is_visible
+#import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::di::reservoir::Reservoir
 #import bevy_restir::scene::cone::Cone
 #import bevy_restir::scene::surface::Surface
@@ -105,6 +106,16 @@ fn stored_target(s: Reservoir) -> f32 {
 // Whether passes hand the contribution of a pixel's own sample to one another.
 fn carries_contribution() -> bool {
     return false;
+}
+
+// Whether a pixel resamples; the reservoirs of others stay empty.
+fn resamples(r: Receiver) -> bool {
+    return true;
+}
+
+// Radius of the disk that neighbors are in, pixels.
+fn neighbor_radius(r: Receiver) -> f32 {
+    return settings.radius;
 }
 
 // The sample that a pixel stores.

@@ -126,6 +126,16 @@ fn is_visible(r: Receiver, e: Evaluated, alpha_seed: u32) -> bool {
     return is_unoccluded(e.shifted, r.previous);
 }
 
+// Whether a pixel resamples; the reservoirs of others stay empty.
+fn resamples(r: Receiver) -> bool {
+    return true;
+}
+
+// Radius of the disk that neighbors are in, pixels.
+fn neighbor_radius(r: Receiver) -> f32 {
+    return settings.radius;
+}
+
 // The sample that a pixel stores.
 fn completed(r: Receiver, s: Reservoir, bits: u32) -> Reservoir {
     return s;

@@ -54,7 +54,16 @@ fn receiver_of(ids: vec2<u32>, pixel: vec2<u32>, previous: bool) -> Receiver {
     return Receiver(previous);
 }
 
-fn own_place(ids: vec2<u32>, pixel: vec2<u32>) -> OwnPlace {
+fn resamples(r: Receiver) -> bool {
+    return true;
+}
+
+// Samples have no neighbors in other pixels.
+fn neighbor_radius(r: Receiver) -> f32 {
+    return 0.0;
+}
+
+fn own_place(ids: vec2<u32>, pixel: vec2<u32>, radius: f32) -> OwnPlace {
     var own: OwnPlace;
     own.place = vec2<f32>(pixel) + 0.5;
     return own;

@@ -28,12 +28,18 @@
 // x2 is far from x1 if their distance is at least this many lengths d, or the cosine between their normals is at most FAR_COSINE.
 const FAR_LENGTHS: f32 = 2.0;
 const FAR_COSINE: f32 = 0.5;
+// Neighbors are at most this many lengths d away (Werner et al. 2024): light that enters farther from a pixel matters little to it.
+const NEIGHBOR_LENGTHS: f32 = 2.0;
+// The least radius that they are in, as a share of the greatest one, and in pixels.
+const LEAST_SHARE: f32 = 1.0 / 6.0;
+const LEAST_PIXELS: f32 = 2.0;
 
 // A pixel's surface, in this frame or the last.
 struct Receiver {
     surface: Surface,
     leaving: vec3<f32>,        // factors of the BSSRDF at x1; 0: no light scatters below this surface
     frame: mat3x3<f32>,        // of its probes
+    footprint: f32,            // diameter of the pixel, m
     previous: bool,
 }
 
@@ -67,15 +73,15 @@ struct Evaluated {
 
 fn receiver_of(ids: vec2<u32>, pixel: vec2<u32>, previous: bool) -> Receiver {
     let s = primary_surface(ids, pixel, previous);
-    return receiver_at(s.surface, s.wo, previous);
+    return receiver_at(s.surface, s.wo, s.cone.width, previous);
 }
 
-fn receiver_at(s: Surface, wo: vec3<f32>, previous: bool) -> Receiver {
+fn receiver_at(s: Surface, wo: vec3<f32>, footprint: f32, previous: bool) -> Receiver {
     var leaving = vec3<f32>(0.0);
     if scatters_below(s, wo) {
         leaving = exit_factor(s, wo);
     }
-    return Receiver(s, leaving, probe_frame(s.smooth_n), previous);
+    return Receiver(s, leaving, probe_frame(s.smooth_n), footprint, previous);
 }
 
 fn scatters(r: Receiver) -> bool {
@@ -220,6 +226,17 @@ fn completed(r: Receiver, reservoir: Reservoir, bits: u32) -> Reservoir {
     );
     inverted.sample.hit = hit_of_triangle(r, inverted.sample);
     return inverted;
+}
+
+// Whether a pixel resamples; the reservoirs of others stay empty.
+fn resamples(r: Receiver) -> bool {
+    return scatters(r);
+}
+
+// Radius of the disk that neighbors are in, pixels: the projected lengths of the profile.
+fn neighbor_radius(r: Receiver) -> f32 {
+    let projected = NEIGHBOR_LENGTHS * max_component(r.surface.radius) / max(r.footprint, 1.0e-30);
+    return clamp(projected, max(LEAST_SHARE * settings.radius, min(LEAST_PIXELS, settings.radius)), settings.radius);
 }
 
 // Index of the sample's triangle among the hits of its probe; NO_HIT if rounding leads the probe beside it.

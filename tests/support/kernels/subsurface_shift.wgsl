@@ -1,12 +1,13 @@
 // ReSTIR SSS's initial candidates, with the result of a shift written in place of the contribution.  Tests run it instead of
-// `shaders/pass/sss_candidates.wgsl`.
+// `shaders/pass/sss_candidates.wgsl`, with a reuse pass that copies the result.
 //
 // TEST_ROUND_TRIP: the sample is packed and unpacked, shifted to a partner and back.  Writes (reason why it could not, 1: reconnected or 2:
-// drawn again, relative error of contribution and Jacobians).
+// drawn again, +2 if the partner is in the last frame, relative error of contribution and Jacobians).
 // TEST_CENSUS: writes the measure of the samples that the shift takes to the partner, and of those that the partner's shift takes here, of a
 // bounded function: over all pixels both sums are the same integral.
 // TEST_JACOBIAN: writes (ratio of the Jacobian to that of finite differences, 1, 0) for samples that are drawn again.
-// TEST_BESIDE, TEST_BEFORE: choose a partner near the pixel, or the same point in the last frame; without them pixels are paired.
+// TEST_BESIDE: the partner is near the pixel; for half of the pixels of a round trip it is the same point in the last frame.  Otherwise
+// pixels are paired.
 
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::math::luminance
@@ -61,7 +62,11 @@ fn is_reconnected(s: EntrySample) -> bool {
 
 #ifdef TEST_ROUND_TRIP
 fn shown(stored: Reservoir, f: vec3<f32>, r: Receiver, ids: vec2<u32>, pixel: vec2<u32>) -> vec3<f32> {
-    let to = partner(r, ids, pixel);
+    var to = partner(r, ids, pixel);
+    let before = (pixel.x + pixel.y) % 2u == 1u;
+    if before {
+        to = same_point_before(ids, pixel);
+    }
     let there = evaluate(to, stored);
     var reason = 0.0;
     var error = 0.0;
@@ -85,7 +90,15 @@ fn shown(stored: Reservoir, f: vec3<f32>, r: Receiver, ids: vec2<u32>, pixel: ve
             error = max(distance(back.f, f) / length(f), abs(there.jacobian * back.jacobian - 1.0));
         }
     }
-    return vec3<f32>(reason, select(2.0, 1.0, is_reconnected(stored.sample)), error) / stored.ucw;
+    return vec3<f32>(reason, select(2.0, 1.0, is_reconnected(stored.sample)) + select(0.0, 2.0, before), error);
+}
+
+fn same_point_before(ids: vec2<u32>, pixel: vec2<u32>) -> Receiver {
+    let barycentrics = barycentrics_on_ray(world_triangle(ids.x, ids.y, false), primary_ray(pixel));
+    let to_eye = camera_position(true) - surface_point(ids.x, ids.y, barycentrics, true);
+    let wo = normalize(to_eye);
+    let cone = pixel_cone(view.previous, Ray(camera_position(true), 0.0, -wo, FAR), length(to_eye));
+    return receiver_at(surface_at(ids.x, ids.y, barycentrics, wo, cone, true), wo, cone.width, true);
 }
 #else ifdef TEST_CENSUS
 fn shown(stored: Reservoir, f: vec3<f32>, r: Receiver, ids: vec2<u32>, pixel: vec2<u32>) -> vec3<f32> {
@@ -96,38 +109,48 @@ fn shown(stored: Reservoir, f: vec3<f32>, r: Receiver, ids: vec2<u32>, pixel: ve
     }
     let here = luminance(f);
     let there = luminance(e.f);
-    // J/(1 + J) bounds both sides: samples that are rare in one pixel and frequent in the other weigh little.  Only samples with light in
-    // both pixels are candidates in both.
-    return f32(there > 0.0) * e.jacobian / (1.0 + e.jacobian) * vec3<f32>(there / (1.0 + there), here / (1.0 + here), 0.0);
+    // J/(1 + J) and the lesser density bound both sides: samples that are rare in one pixel and frequent in the other, or rare in both,
+    // weigh little.  Only samples with light in both pixels are candidates in both.
+    let bound = min(stored.sample.density, e.result.density) * e.jacobian / (1.0 + e.jacobian);
+    let share = stored.ucw * f32(there > 0.0) * bound;
+    return share * vec3<f32>(there / (1.0 + there), here / (1.0 + here), 0.0);
 }
 #else ifdef TEST_JACOBIAN
 fn shown(stored: Reservoir, f: vec3<f32>, r: Receiver, ids: vec2<u32>, pixel: vec2<u32>) -> vec3<f32> {
     let to = partner(r, ids, pixel);
     let e = evaluate(to, stored);
-    let here = measure_of_probe(r, stored.sample);
-    let there = measure_of_probe(to, stored.sample);
-    if !(e.jacobian > 0.0) || !(here > 0.0) || !(there > 0.0) || is_reconnected(stored.sample) {
+    var measures = vec2<f32>(0.0);
+    for (var side = 0u; side < 2u; side += 1u) {
+        var at = r;
+        if side == 1u {
+            at = to;
+        }
+        measures[side] = measure_of_probe(at, stored.sample);
+    }
+    if !(e.jacobian > 0.0) || !all(measures > vec2<f32>(0.0)) || is_reconnected(stored.sample) {
         return vec3<f32>(0.0);
     }
-    return vec3<f32>(e.jacobian * here / there, 1.0, 0.0) / stored.ucw;
+    return vec3<f32>(e.jacobian * measures.x / measures.y, 1.0, 0.0);
 }
 
 // The change of the point, in the measure of its triangle, with the random numbers of its probe; times the probability that this technique
 // found the point.  0 if a finite difference leaves the triangle.
 fn measure_of_probe(r: Receiver, s: EntrySample) -> f32 {
     let step = 2.0e-3;
-    var by_radius = s;
-    by_radius.probe.u_radius += select(step, -step, s.probe.u_radius > 0.5);
-    var by_angle = s;
-    by_angle.probe.u_angle += select(step, -step, s.probe.u_angle > 0.5);
-    let hit = replayed_hit(r, s);
-    let hits = array<Hit, 2>(replayed_hit(r, by_radius), replayed_hit(r, by_angle));
-    if hit.instance == NONE || hits[0].triangle != hit.triangle || hits[1].triangle != hit.triangle {
+    var hits = array<Hit, 3>();
+    for (var i = 0u; i < 3u; i += 1u) {
+        var moved = s;
+        moved.probe.u_radius += select(0.0, select(step, -step, s.probe.u_radius > 0.5), i == 1u);
+        moved.probe.u_angle += select(0.0, select(step, -step, s.probe.u_angle > 0.5), i == 2u);
+        hits[i] = replayed_hit(r, moved);
+    }
+    let hit = hits[0];
+    if hit.instance == NONE || hits[1].triangle != hit.triangle || hits[2].triangle != hit.triangle {
         return 0.0;
     }
     let at = surface_point(hit.instance, hit.triangle, hit.barycentrics, r.previous);
-    let a = surface_point(hit.instance, hit.triangle, hits[0].barycentrics, r.previous) - at;
-    let b = surface_point(hit.instance, hit.triangle, hits[1].barycentrics, r.previous) - at;
+    let a = surface_point(hit.instance, hit.triangle, hits[1].barycentrics, r.previous) - at;
+    let b = surface_point(hit.instance, hit.triangle, hits[2].barycentrics, r.previous) - at;
     let p = entry_point(r, hit);
     let t = world_triangle(hit.instance, hit.triangle, r.previous);
     let d = r.surface.radius[s.probe.channel];
@@ -149,15 +172,7 @@ fn shown(stored: Reservoir, f: vec3<f32>, r: Receiver, ids: vec2<u32>, pixel: ve
 
 const PARTNER: vec2<u32> = vec2<u32>(8u, 4u);
 
-#ifdef TEST_BEFORE
-fn partner(r: Receiver, ids: vec2<u32>, pixel: vec2<u32>) -> Receiver {
-    let barycentrics = barycentrics_on_ray(world_triangle(ids.x, ids.y, false), primary_ray(pixel));
-    let to_eye = camera_position(true) - surface_point(ids.x, ids.y, barycentrics, true);
-    let wo = normalize(to_eye);
-    let cone = pixel_cone(view.previous, Ray(camera_position(true), 0.0, -wo, FAR), length(to_eye));
-    return receiver_at(surface_at(ids.x, ids.y, barycentrics, wo, cone, true), wo, true);
-}
-#else ifdef TEST_BESIDE
+#ifdef TEST_BESIDE
 fn partner(r: Receiver, ids: vec2<u32>, pixel: vec2<u32>) -> Receiver {
     let bits = pcg4d(vec4<u32>(pixel, view.frame, view.seed));
     let at = vec2<u32>(clamp(vec2<i32>(pixel) + vec2<i32>(bits.xy % 17u) - 8, vec2<i32>(0), vec2<i32>(view.size) - 1));

@@ -41,9 +41,9 @@ fn buffers_of_light_paths_exist_only_for_this_technique() {
         assert_eq!(bytes(&rig, "bdpt reservoirs"), if paths > 0 { 2 * 64 * 32 * 32 } else { 0 });
         assert_eq!(bytes(&rig, "splats reservoirs"), if paths > 0 { 3 * 40 * 32 * 32 } else { 0 });
     }
-    let passes = bevy_restir::pass_names(&bidirectional(3));
+    let passes = bevy_restir::pass_names(&bidirectional(3), default());
     assert!(passes.contains(&"light_paths") && passes.contains(&"splats"), "{passes:?}");
-    assert!(!bevy_restir::pass_names(&plain()).contains(&"light_paths"));
+    assert!(!bevy_restir::pass_names(&plain(), default()).contains(&"light_paths"));
 }
 
 #[test]

@@ -182,7 +182,7 @@ fn each_spatial_iteration_is_a_pass() {
             },
             ..Default::default()
         };
-        let all = pass_names(&Restir { technique: Technique::Di, direct, ..Default::default() });
+        let all = pass_names(&Restir { technique: Technique::Di, direct, ..default() }, default());
         all.iter().filter(|name| name.starts_with("di_reuse")).count()
     };
     let (joint, classic) = (ReuseOrder::Spatiotemporal, ReuseOrder::TemporalThenSpatial);
@@ -340,6 +340,22 @@ fn a_bilinear_history_comes_from_the_pixels_around_the_reprojected_position() {
     };
     let (nearest, bilinear) = (lost(false), lost(true));
     assert!(nearest == 0 && (2..=14).contains(&bilinear), "{nearest} and {bilinear} of 24");
+}
+
+/// Jitter must not move the history of a picture at rest: at a border it would leave the image.
+#[test]
+fn a_camera_at_rest_keeps_the_history_of_every_pixel_under_jitter() {
+    let Some(mut rig) = Rig::new(24, 24) else { return };
+    rig.spawn(square(40.0), lambert(0.5), Transform::default());
+    rig.spawn_bundle((PointLight { intensity: 100.0, ..default() }, Transform::from_xyz(0.0, 0.0, 3.0)));
+    rig.insert(rig.camera, orthographic(24.0, 24.0));
+    direct(&mut rig, di::temporal());
+    rig.set(|r| (r.debug_view, r.jitter) = (DebugView::ReservoirConfidence, true));
+    rig.until_ready();
+    rig.set(|r| r.reset = true);
+    rig.frame();
+    let lost: usize = (0..8).map(|_| rig.next().iter().filter(|(_, c)| c.x == 1.0).count()).sum();
+    assert_eq!(lost, 0, "pixels without a history in eight frames");
 }
 
 #[test]

@@ -7,7 +7,7 @@ use bevy::{camera::Exposure, math::ops, prelude::*};
 use bevy_restir::{EmissiveLuminance, prelude::*};
 use bevy_restir_apps::{look::look, window};
 use bevy_restir_support::{
-    arguments, headless,
+    arguments, bodies, headless,
     picture::{screenshot, write_png},
     scene::{self, CameraSetup},
 };
@@ -107,7 +107,7 @@ fn populate(app: &mut App, turn: f32) {
         perceptual_roughness: roughness,
         ..default()
     };
-    let head = spawn(world, head(), body([0.63, 0.44, 0.34], 0.45), Transform::from_xyz(0.0, 0.085, -0.02));
+    let head = spawn(world, bodies::head(), body([0.63, 0.44, 0.34], 0.45), Transform::from_xyz(0.0, 0.085, -0.02));
     world.entity_mut(head).insert(Subsurface::PALE_SKIN);
     // A thin slab with a lamp behind it.
     let slab = Cuboid::new(0.1, 0.09, 0.004);
@@ -147,33 +147,6 @@ fn spawn(world: &mut World, mesh: impl Into<Mesh>, material: StandardMaterial, p
     let mesh = world.resource_mut::<Assets<Mesh>>().add(mesh);
     let material = world.resource_mut::<Assets<StandardMaterial>>().add(material);
     world.spawn((Mesh3d(mesh), MeshMaterial3d(material), place)).id()
-}
-
-/// A head with a nose and thin ears, 11 cm high: a ball whose radius depends on the direction. It faces +Z.
-fn head() -> Mesh {
-    let mut mesh = Sphere::new(1.0).mesh().ico(79).expect("few enough triangles");
-    let bump = |d: Vec3, at: Vec3, width: Vec3, height: f32| {
-        height * ops::exp(-((d - at.normalize()) / width).length_squared())
-    };
-    let shaped = |d: Vec3| {
-        let mut radius = 1.0 - 0.12 * d.x * d.x + 0.1 * d.y * d.y;
-        radius += bump(d, Vec3::new(0.0, -0.15, 1.0), Vec3::new(0.1, 0.22, 0.4), 0.28);
-        radius += bump(d, Vec3::new(0.0, -0.75, 0.9), Vec3::new(0.3, 0.15, 0.4), 0.1);
-        radius -= bump(d, Vec3::new(0.0, -0.48, 1.0), Vec3::new(0.25, 0.05, 0.4), 0.05);
-        for side in [-1.0, 1.0] {
-            radius -= bump(d, Vec3::new(0.38 * side, 0.1, 1.0), Vec3::new(0.15, 0.1, 0.4), 0.09);
-            radius += bump(d, Vec3::new(side, 0.0, -0.15), Vec3::new(0.5, 0.28, 0.055), 0.45);
-        }
-        0.05 * radius * d
-    };
-    if let Some(bevy::mesh::VertexAttributeValues::Float32x3(positions)) = mesh.attribute_mut(Mesh::ATTRIBUTE_POSITION)
-    {
-        for position in positions {
-            *position = shaped(Vec3::from(*position).normalize()).to_array();
-        }
-    }
-    mesh.compute_smooth_normals();
-    mesh
 }
 
 /// Places of the orbiting lamp. `turn`: 0 is before the head.

@@ -58,7 +58,7 @@ fn figures(store: &DiagnosticsStore, settings: &Restir, report: &RestirReport, p
         ("picture".to_string(), format!("{} x {}", pixels.x, pixels.y)),
         ("frame".into(), format!("{frame:.1} ms, {fps:.1} fps")),
     ];
-    let passes = passes(store, settings).into_iter();
+    let passes = passes(store, settings, report).into_iter();
     figures.extend(passes.map(|(name, ms, unit)| (format!("    {name}"), format!("{ms:.2} {unit}"))));
     figures.extend([
         ("samples".into(), grouped(u64::from(report.samples))),
@@ -83,7 +83,11 @@ fn state(report: &RestirReport) -> String {
 }
 
 /// Names, times and units of the passes: GPU times where the device has timestamps, else CPU times.
-fn passes(store: &DiagnosticsStore, settings: &Restir) -> Vec<(&'static str, f64, &'static str)> {
+fn passes(
+    store: &DiagnosticsStore,
+    settings: &Restir,
+    report: &RestirReport,
+) -> Vec<(&'static str, f64, &'static str)> {
     let kinds = [("elapsed_gpu", "ms"), ("elapsed_cpu", "ms (CPU)")];
     let time = |name| {
         kinds.iter().find_map(|(kind, unit)| {
@@ -91,7 +95,7 @@ fn passes(store: &DiagnosticsStore, settings: &Restir) -> Vec<(&'static str, f64
             Some((name, store.get(&path)?.smoothed()?, *unit))
         })
     };
-    pass_names(settings).into_iter().filter_map(time).collect()
+    pass_names(settings, report.features).into_iter().filter_map(time).collect()
 }
 
 fn mib(bytes: u64) -> String {

@@ -1,0 +1,212 @@
+//! Cost and error of ReSTIR SSS by its shift, compared with the reference tracer at equal time: two bodies under a moving camera.
+
+use bevy::{camera::Projection, prelude::*};
+use bevy_restir::{DebugView, RayBackend, Restir, Reuse, Subsurface, SubsurfaceSampling, SubsurfaceShift, Technique};
+use bevy_restir_support::{
+    bodies, exposure::unit_exposure, fields, headless, progress::Progress, scene, scene::CameraSetup,
+};
+use std::path::Path;
+
+use crate::{
+    bench::Bench,
+    equal_time::{Detail, Lengths, Rival, column},
+    table::{Row, Table, Unit},
+};
+
+/// Cost and error of ReSTIR SSS by its shift: a slab with the edge of a shadow under one and under 64 lights, and a bust. Single
+/// bounces, 16 frames with a moving camera, as Werner et al. 2024 measure.
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    #[command(flatten)]
+    lengths: Lengths,
+    /// Scenes: slab, slab64, bust.
+    #[arg(long, value_delimiter = ',', default_value = "slab,slab64,bust")]
+    scenes: Vec<String>,
+    /// Fields of `Restir` as `"PATH=VALUE PATH=VALUE"`, measured instead of the shifts; repeatable.
+    #[arg(long)]
+    variant: Vec<String>,
+}
+
+/// Albedo of all bodies; everything else is gray.
+const ALBEDO: Vec3 = Vec3::new(0.83, 0.79, 0.75);
+/// Frames of a motion.
+const FRAMES: u32 = 16;
+
+/// A scene with its camera, which turns around a point.
+struct Place {
+    /// The last eye, and where it looks.
+    eye: Vec3,
+    target: Vec3,
+    /// Radians that the camera turns in a frame.
+    turn: f32,
+}
+
+impl Place {
+    /// The camera of each frame; the last one is that of the picture.
+    fn motion(&self) -> Vec<Transform> {
+        let at = |left: u32| {
+            let turned = Quat::from_rotation_y(self.turn * left as f32) * (self.eye - self.target);
+            Transform::from_translation(self.target + turned).looking_at(self.target, Vec3::Y)
+        };
+        (0..FRAMES).rev().map(at).collect()
+    }
+}
+
+pub fn run(args: &Args) -> Result<(), String> {
+    let Lengths { output, counts, .. } = &args.lengths;
+    output.check("subsurface")?;
+    let rivals = rivals(args)?;
+    let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
+    for name in &args.scenes {
+        let mut app = headless::app(Path::new("."), RayBackend::Auto)?;
+        let place = match name.as_str() {
+            "slab" => slab(app.world_mut(), 1),
+            "slab64" => slab(app.world_mut(), 8),
+            "bust" => bust(app.world_mut()),
+            other => return Err(format!("there is no scene `{other}`")),
+        };
+        let motion = place.motion();
+        let reference = settings(Technique::Reference);
+        let setup = CameraSetup {
+            size: args.lengths.size,
+            exposure: unit_exposure(),
+            environment: None,
+            settings: reference.clone(),
+        };
+        let camera = (motion[motion.len() - 1], Projection::default());
+        scene::spawn_camera(app.world_mut(), camera, setup);
+        let mut bench = Bench::new(app, args.lengths.size, counts.clone())?.moving(motion);
+        let share = translucent_share(&mut bench)?;
+        let mut rows = column(&args.lengths, &mut bench, &reference, &rivals, Detail::Passes)?;
+        rows.insert(0, Row::new("Scene", "pixels that show a translucent body", &[("", Unit::Ratio, share)]));
+        rows.extend(diffuse(args, &mut bench)?);
+        args.lengths.describe(&mut table, &bench, 1);
+        table.columns.push((name.clone(), rows));
+    }
+    output.write("subsurface", &table)
+}
+
+/// One bounce without jitter and energy compensation, so that all techniques converge to one picture.
+fn settings(technique: Technique) -> Restir {
+    Restir { technique, bounces: 1, jitter: false, energy_compensation: false, ..Restir::default() }
+}
+
+fn with(subsurface: SubsurfaceSampling) -> Restir {
+    Restir { subsurface, ..settings(Technique::Di) }
+}
+
+fn rivals(args: &Args) -> Result<Vec<Rival>, String> {
+    let default = SubsurfaceSampling::default();
+    if !args.variant.is_empty() {
+        let rival = |text: &String| {
+            let mut settings = with(default.clone());
+            for assignment in text.split_whitespace() {
+                fields::set(&mut settings, assignment).map_err(|error| format!("--variant {error}"))?;
+            }
+            Ok(Rival { name: text.clone(), settings })
+        };
+        return args.variant.iter().map(rival).collect();
+    }
+    let alone = Reuse { temporal: false, spatial_samples: 0, ..default.reuse.clone() };
+    let mut rivals = vec![Rival {
+        name: "Candidates without reuse".into(),
+        settings: with(SubsurfaceSampling { reuse: alone, ..default.clone() }),
+    }];
+    for (name, shift) in [
+        ("Reconnection", SubsurfaceShift::Reconnection),
+        ("Delayed reconnection", SubsurfaceShift::Delayed),
+        ("Hybrid", SubsurfaceShift::Hybrid),
+        ("Sequential", SubsurfaceShift::Sequential),
+    ] {
+        let settings = with(SubsurfaceSampling { shift, ..default.clone() });
+        rivals.push(Rival { name: name.into(), settings });
+    }
+    Ok(rivals)
+}
+
+/// Times of the frame with the default settings, and of that frame with diffuse bodies.
+fn diffuse(args: &Args, bench: &mut Bench) -> Result<Vec<Row>, String> {
+    let settings = settings(Technique::Di);
+    let progress = Progress::new(2 * Bench::planned(&args.lengths.counts, &settings, 0));
+    let (below, _) = bench.measure(&settings, None, &progress)?;
+    let world = bench.app().world_mut();
+    let bodies: Vec<Entity> = world.query_filtered::<Entity, With<Subsurface>>().iter(world).collect();
+    for body in bodies {
+        world.entity_mut(body).remove::<Subsurface>();
+    }
+    let (diffuse, _) = bench.measure(&settings, None, &progress)?;
+    const SECTION: &str = "Default settings and diffuse bodies";
+    let ratio = below.lighting() / diffuse.lighting();
+    Ok(vec![
+        Row::new(SECTION, "translucent", &[("", Unit::Ms, below.lighting()), ("", Unit::RaysAPixel, below.rays)]),
+        Row::new(SECTION, "diffuse", &[("", Unit::Ms, diffuse.lighting()), ("", Unit::RaysAPixel, diffuse.rays)]),
+        Row::new(SECTION, "translucent, relative to diffuse", &[("", Unit::Ratio, ratio)]),
+    ])
+}
+
+/// Share of the picture's pixels whose base color is that of the bodies.
+fn translucent_share(bench: &mut Bench) -> Result<f64, String> {
+    let albedo = Restir { debug_view: DebugView::Albedo, ..settings(Technique::Reference) };
+    let (picture, _) = bench.show(&albedo, 0, &Progress::hidden())?;
+    let bodies = picture.iter().filter(|pixel| pixel[0] > 1.05 * pixel[2]).count();
+    Ok(bodies as f64 / picture.len() as f64)
+}
+
+fn spawn(world: &mut World, mesh: impl Into<Mesh>, material: StandardMaterial, place: Transform) -> Entity {
+    let mesh = world.resource_mut::<Assets<Mesh>>().add(mesh);
+    let material = world.resource_mut::<Assets<StandardMaterial>>().add(material);
+    world.spawn((Mesh3d(mesh), MeshMaterial3d(material), place)).id()
+}
+
+fn matte(color: Vec3) -> StandardMaterial {
+    let color = Color::linear_rgb(color.x, color.y, color.z);
+    StandardMaterial { base_color: color, perceptual_roughness: 1.0, reflectance: 0.0, ..default() }
+}
+
+fn lamp(radiance: Vec3) -> StandardMaterial {
+    let emissive = LinearRgba::rgb(radiance.x, radiance.y, radiance.z);
+    StandardMaterial { emissive, ..matte(Vec3::ZERO) }
+}
+
+/// A body whose profile has these lengths d, in meters.
+fn of_lengths(d: Vec3) -> Subsurface {
+    let a = ALBEDO - 0.8;
+    Subsurface { mean_free_path: d * (1.9 - ALBEDO + 3.5 * a * a), weight: 1.0 }
+}
+
+/// A slab under the edge of a screen. Its light is cut into `cells` x `cells` lights, which have colors if there are several.
+fn slab(world: &mut World, cells: u32) -> Place {
+    let slab = spawn(world, Cuboid::new(4.0, 0.6, 4.0), matte(ALBEDO), Transform::from_xyz(0.0, -0.3, 0.0));
+    world.entity_mut(slab).insert(of_lengths(Vec3::new(0.3, 0.06, 0.03)));
+    spawn(world, Cuboid::new(2.4, 0.02, 4.8), matte(Vec3::splat(0.3)), Transform::from_xyz(-1.2, 0.4, 0.0));
+    let side = 1.0 / cells as f32;
+    for i in 0..cells * cells {
+        let hue = |k: u32| 0.5 + 0.5 * bevy::math::ops::sin((7 * i + 2 * k) as f32);
+        let color = if cells == 1 { Vec3::ONE } else { 2.0 * Vec3::new(hue(0), hue(1), hue(2)) };
+        let at = Vec2::new((i % cells) as f32 + 0.5, (i / cells) as f32 + 0.5) * side - 0.5;
+        let down = Quat::from_rotation_x(core::f32::consts::FRAC_PI_2);
+        let place = Transform::from_xyz(at.x, 3.0, at.y).with_rotation(down);
+        spawn(world, Rectangle::new(side, side), lamp(30.0 * color), place);
+    }
+    Place { eye: Vec3::new(3.2, 1.75, 0.0), target: Vec3::new(0.2, 0.0, 0.0), turn: 0.01 }
+}
+
+/// A head with thin ears on a plinth, under a light in front of it and one behind it.
+fn bust(world: &mut World) -> Place {
+    let gray = Vec3::splat(0.3);
+    spawn(world, Plane3d::default().mesh().size(4.0, 4.0), matte(gray), Transform::default());
+    spawn(world, Cylinder::new(0.035, 0.03), matte(gray), Transform::from_xyz(0.0, 0.015, 0.0));
+    let head = spawn(world, bodies::head(), matte(ALBEDO), Transform::from_xyz(0.0, 0.085, 0.0));
+    world.entity_mut(head).insert(of_lengths(Vec3::new(0.0022, 0.001, 0.0006)));
+    let mut light = |radius: f32, radiance: f32, at: Vec3| {
+        spawn(
+            world,
+            Sphere::new(radius).mesh().uv(12, 8),
+            lamp(Vec3::splat(radiance)),
+            Transform::from_translation(at),
+        );
+    };
+    light(0.02, 60.0, Vec3::new(-0.15, 0.3, 0.25));
+    light(0.01, 400.0, Vec3::new(0.12, 0.14, -0.15));
+    Place { eye: Vec3::new(0.08, 0.11, 0.17), target: Vec3::new(0.0, 0.08, 0.0), turn: 0.02 }
+}
