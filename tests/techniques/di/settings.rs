@@ -330,7 +330,8 @@ fn a_bilinear_history_comes_from_the_pixels_around_the_reprojected_position() {
     rig.insert(rig.camera, orthographic(24.0, 24.0));
     let mut lost = |bilinear| {
         rig.get_mut::<Transform>(rig.camera).translation.x = 0.0;
-        direct(&mut rig, Direct { reuse: Reuse { bilinear, ..di::temporal().reuse }, ..di::temporal() });
+        let reuse = Reuse { bilinear, temporal_attempts: 1, ..di::temporal().reuse };
+        direct(&mut rig, Direct { reuse, ..di::temporal() });
         rig.set(|r| r.debug_view = DebugView::ReservoirConfidence);
         rig.until_ready();
         rig.set(|r| r.reset = true);
@@ -349,7 +350,9 @@ fn a_camera_at_rest_keeps_the_history_of_every_pixel_under_jitter() {
     rig.spawn(square(40.0), lambert(0.5), Transform::default());
     rig.spawn_bundle((PointLight { intensity: 100.0, ..default() }, Transform::from_xyz(0.0, 0.0, 3.0)));
     rig.insert(rig.camera, orthographic(24.0, 24.0));
-    direct(&mut rig, di::temporal());
+    // Further attempts would find another history.
+    let reuse = Reuse { temporal_attempts: 1, ..di::temporal().reuse };
+    direct(&mut rig, Direct { reuse, ..di::temporal() });
     rig.set(|r| (r.debug_view, r.jitter) = (DebugView::ReservoirConfidence, true));
     rig.until_ready();
     rig.set(|r| r.reset = true);

@@ -31,7 +31,7 @@ fn bodies() -> Option<Rig> {
 #[test]
 fn light_in_translucent_bodies_equals_the_reference() {
     let Some(mut rig) = bodies() else { return };
-    let proof = Proof { margin: 0.03, ..Proof::of((20, 8), (8, 64)) };
+    let proof = Proof { margin: 0.03, ..Proof::of((28, 8), (10, 64)) };
     let sampling = SubsurfaceSampling { shift: SubsurfaceShift::Sequential, ..subsurface::all_reuse() };
     proof.check("bodies", &mut rig, &[("Sequential, both", with(sampling))]);
 }
