@@ -223,7 +223,7 @@ fn disocclusions_use_more_neighbors() {
     let (few, many) = (after_a_jump(1), after_a_jump(5));
     let pairs: Vec<(f32, f32)> = few.iter().zip(many.iter()).map(|((_, a), (_, b))| (a.x, b.x)).collect();
     let gained = pairs.iter().filter(|(few, many)| many > few).count();
-    assert!(gained > 60 && pairs.iter().all(|(few, many)| many >= few), "{gained} gained");
+    assert!(gained > 40 && pairs.iter().all(|(few, many)| many >= few), "{gained} gained");
     // Where both default neighbors are accepted, nothing is added.
     assert!(pairs.iter().filter(|(few, _)| *few == 41.0).all(|(few, many)| few == many));
 }

@@ -62,7 +62,7 @@ fn plane_under_a_sun(illuminance: f32) -> Option<(Rig, Entity)> {
 fn an_infinite_plane_under_uniform_light_is_as_bright_as_a_diffuse_one() {
     let Some((mut rig, _)) = plane_under_a_sun(3.0) else { return };
     rig.insert(rig.camera, sky(2.0));
-    check(&mut rig, 256, "sky and sun", DVec3::splat((2.0 + 3.0 / PI) * ALBEDO));
+    check(&mut rig, 384, "sky and sun", DVec3::splat((2.0 + 3.0 / PI) * ALBEDO));
 }
 
 #[test]
