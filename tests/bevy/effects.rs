@@ -150,6 +150,7 @@ fn linear(pixel: &[u8; 4]) -> f64 {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn temporal_anti_aliasing_smooths_edges_and_keeps_flat_areas() {
     let Some(mut stage) = Stage::new(true, [0.1; 3], 0.3) else { return };
     stage.0.insert(stage.0.camera, Tonemapping::None);

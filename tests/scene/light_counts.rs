@@ -92,6 +92,7 @@ fn listen() -> MutexGuard<'static, ()> {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn a_million_emissive_triangles_shine_as_one_lamp() {
     let Some(truth) = mean_of_one_lamp() else { return };
     for (name, n, tile) in [("one mesh", 1, sheet(1.0, 1000, 500)), ("a hundred instances", 10, sheet(1.0, 100, 50))] {

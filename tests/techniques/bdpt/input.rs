@@ -92,6 +92,7 @@ fn light_behind_the_camera_arrives() {
 
 /// Objects without shadows are not in the tree of objects: the camera's view of light vertices would be wrong, and is left out.
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn objects_without_shadows_turn_the_cameras_view_of_light_paths_off() {
     log::listen();
     let Some(mut rig) = rig(|rig| {

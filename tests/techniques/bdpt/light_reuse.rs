@@ -157,6 +157,7 @@ fn reused_caustics_equal_the_reference_in_still_scenes_and_in_moving_ones() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn reused_light_paths_alone_find_all_light_of_a_diffuse_corner() {
     let Some(mut rig) = jittered(|rig| corner(rig, false)) else { return };
     for (name, proof) in [("still", STILL), ("moving", MOVING)] {

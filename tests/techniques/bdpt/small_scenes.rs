@@ -33,11 +33,21 @@ fn light_paths_in_a_room_equal_the_reference() {
     rig.set(|r| r.jitter = true);
     let all = [
         ("candidates", Bidirectional(Full, paths::candidates_only())),
+        ("both, all techniques", Bidirectional(Full, paths::all_reuse())),
+    ];
+    PROOF.check("room", &mut rig, &all);
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn light_paths_in_a_room_equal_the_reference_for_every_kind_of_reuse() {
+    let Some(mut rig) = room_scene(32) else { return };
+    rig.set(|r| r.jitter = true);
+    let all = [
         ("lightweight candidates", Bidirectional(Lightweight, paths::candidates_only())),
         ("temporal", Bidirectional(Lightweight, paths::temporal())),
         ("spatial", Bidirectional(Lightweight, paths::spatial())),
         ("both", Bidirectional(Lightweight, paths::all_reuse())),
-        ("both, all techniques", Bidirectional(Full, paths::all_reuse())),
         ("both, no light tracing", Bidirectional(NoLightTracing, paths::all_reuse())),
     ];
     PROOF.check("room", &mut rig, &all);
@@ -60,6 +70,7 @@ fn light_paths_over_glossy_surfaces_equal_the_reference() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn light_paths_by_mirrors_equal_the_reference() {
     check("mirrors", Proof { bounces: 3, margin: 0.05, ..PROOF }, mirrors);
 }
@@ -107,6 +118,7 @@ fn light_paths_through_blended_panes_equal_the_reference() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn an_orthographic_camera_sees_light_paths() {
     check("orthographic", PROOF, |rig| {
         room(rig);
@@ -135,6 +147,7 @@ fn lamp_in_glass(rig: &mut Rig) {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn light_paths_from_inside_of_an_absorbing_body_equal_the_reference() {
     check("a lamp in glass", Proof { bounces: 4, margin: 0.05, ..PROOF }, lamp_in_glass);
 }

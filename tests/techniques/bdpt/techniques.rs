@@ -45,6 +45,7 @@ fn jittered(make: impl FnOnce(&mut Rig)) -> Option<Rig> {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn the_pictures_of_all_techniques_sum_to_the_reference() {
     let Some(mut rig) = jittered(mirrors) else { return };
     let truth = PROOF.truth(&mut rig, 1000);
@@ -61,6 +62,7 @@ fn the_pictures_of_all_techniques_sum_to_the_reference() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn each_technique_alone_finds_all_light_of_a_diffuse_room() {
     let Some(mut rig) = jittered(|rig| {
         room(rig);
@@ -86,6 +88,7 @@ fn each_technique_alone_finds_all_light_of_a_diffuse_room() {
 
 /// Rays hit the small lamp of the room too seldom, so that this test has an emissive ceiling.
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn hits_alone_find_all_light_of_a_large_lamp() {
     let Some(mut rig) = jittered(shining) else { return };
     let truth = PROOF.truth(&mut rig, 1000);

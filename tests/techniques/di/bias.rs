@@ -18,6 +18,7 @@ fn corrected(bias_correction: BiasCorrection, mis: Mis) -> Direct {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn each_biased_mode_is_biased_with_its_documented_sign() {
     let Some(mut rig) = shared(64, "room") else { return };
     let reference = PROOF.truth(&mut rig, 1000);

@@ -52,6 +52,7 @@ fn every_reservoir_layout_gives_the_same_picture() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn reused_visibility_saves_up_to_half_of_the_rays() {
     // Wyman and Panteleev 2021, 7.3: from two rays per pixel, without reuse, down to one.  The scene is a wall, so that every neighbor is
     // accepted.

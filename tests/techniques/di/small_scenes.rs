@@ -43,6 +43,7 @@ fn direct_light_in_a_room_with_shadows_equals_the_reference_with_further_setting
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn direct_light_of_points_spots_and_suns_equals_the_reference() {
     let Some(mut rig) = shared(64, "punctual") else { return };
     Proof::DEFAULT.check("punctual", &mut rig, &[("candidates", di::candidates_only()), ("both", di::all_reuse())]);

@@ -155,13 +155,19 @@ macro_rules! scenes {
 scenes! {
     cornell_is_what_an_independent_renderer_shows: "reference", "cornell", 16, 0.003, 0.02, 0.03;
     glossy_is_what_an_independent_renderer_shows: "reference", "glossy", 16, 0.003, 0.02, 0.03;
+    #[ignore = "second tier: ./run test --more"]
     blinds_is_what_an_independent_renderer_shows: "reference", "blinds", 16, 0.003, 0.02, 0.03;
     punctual_is_what_an_independent_renderer_shows: "reference", "punctual", 64, 0.003, 0.04, 0.03;
     furnace_is_what_an_independent_renderer_shows: "reference", "furnace", 12, 0.003, 0.02, 0.03;
+    #[ignore = "second tier: ./run test --more"]
     ajar_is_what_an_independent_renderer_shows: "reference", "ajar", 24, 0.005, 0.03, 0.06;
+    #[ignore = "second tier: ./run test --more"]
     many_lights_is_what_an_independent_renderer_shows: "reference", "many_lights", 24, 0.01, 0.03, 0.1;
+    #[ignore = "second tier: ./run test --more"]
     glass_lamp_is_what_an_independent_renderer_shows: "reference", "glass_lamp", 32, 0.01, 0.03, 0.06;
+    #[ignore = "second tier: ./run test --more"]
     caustic_egg_is_what_an_independent_renderer_shows: "reference", "caustic_egg", 16, 0.01, 0.03, 0.06;
+    #[ignore = "second tier: ./run test --more"]
     mirror_room_is_what_an_independent_renderer_shows: "reference", "mirror_room", 32, 0.01, 0.03, 0.06;
     bodies_are_what_an_independent_integral_over_their_surfaces_shows: "reference", "bodies", 32, 0.004, 0.03, 0.03;
     #[ignore = "second tier: ./run test --more"]
@@ -174,6 +180,7 @@ scenes! {
     bidirectional_furnace_is_what_an_independent_renderer_shows: "bdpt", "furnace", 12, 0.003, 0.02, 0.03;
     #[ignore = "second tier: ./run test --more"]
     bidirectional_ajar_is_what_an_independent_renderer_shows: "bdpt", "ajar", 16, 0.005, 0.03, 0.06;
+    #[ignore = "second tier: ./run test --more"]
     bidirectional_glass_lamp_is_what_an_independent_renderer_shows: "bdpt", "glass_lamp", 8, 0.01, 0.03, 0.06;
     #[ignore = "second tier: ./run test --more"]
     bidirectional_caustic_egg_is_what_an_independent_renderer_shows: "bdpt", "caustic_egg", 8, 0.01, 0.03, 0.06;
