@@ -20,6 +20,10 @@ pub const INSTANCE_MIRRORED: u32 = 1;
 pub const INSTANCE_ALPHA: u32 = 2;
 pub const INSTANCE_SECOND_UV: u32 = 4;
 pub const INSTANCE_SUBSURFACE: u32 = 8;
+/// The last frame did not have the instance.
+pub const INSTANCE_APPEARED: u32 = 16;
+/// Only the last frame had the instance.
+pub const INSTANCE_GONE: u32 = 32;
 pub const INSTANCE_SUBSURFACE_SHIFT: u32 = 8;
 
 pub const MATERIAL_DOUBLE_SIDED: u32 = 1;
@@ -221,8 +225,11 @@ pub struct GpuViewUniforms {
     pub previous: GpuCamera,
     /// Columns of a mat3x3, each padded to 16 bytes.
     pub environment_rotation: [[f32; 4]; 3],
+    pub previous_environment_rotation: [[f32; 4]; 3],
     pub environment_color: [f32; 3],
     pub exposure: f32,
+    pub previous_environment_color: [f32; 3],
+    pub pad: u32,
     pub background: [f32; 3],
     pub debug_view: u32,
     pub size: [u32; 2],

@@ -32,6 +32,10 @@ const INSTANCE_SECOND_UV: u32 = 4u;
 // Light scatters below the surface.  From INSTANCE_SUBSURFACE_SHIFT on, the flags then hold the index of a record in `subsurfaces`.
 const INSTANCE_SUBSURFACE: u32 = 8u;
 const INSTANCE_SUBSURFACE_SHIFT: u32 = 8u;
+// The last frame did not have the instance.
+const INSTANCE_APPEARED: u32 = 16u;
+// Only the last frame had the instance.
+const INSTANCE_GONE: u32 = 32u;
 
 // Flags of a material.
 const MATERIAL_DOUBLE_SIDED: u32 = 1u;

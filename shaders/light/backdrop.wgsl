@@ -7,7 +7,7 @@
 
 fn backdrop(direction: vec3<f32>) -> vec3<f32> {
     if (view.flags & VIEW_ENVIRONMENT_IS_BACKDROP) != 0u {
-        return environment_radiance(direction);
+        return environment_radiance(direction, false);
     }
     return view.background;
 }

@@ -41,7 +41,7 @@ fn sample_emission_of(light: u32, u_point: vec2<f32>, u_direction: vec2<f32>, pr
 // The light of the ray is its index in `lights`: that of the last frame's table with `previous`.
 fn emitted_ray(light: u32, u_point: vec2<f32>, u_direction: vec2<f32>, previous: bool) -> EmittedRay {
     if light == ENVIRONMENT_LIGHT {
-        let l = environment_light_sample(u_direction);
+        let l = environment_light_sample(u_direction, previous);
         return infinite_emitted_ray(light, l.wi, l.radiance, l.pdf_solid_angle, 0u, u_point, scene_sphere(previous));
     }
     let record = light_record(light, previous);

@@ -13,10 +13,30 @@ struct EnvironmentSample {
     pdf_solid_angle: f32,      // 0: no direction was sampled
 }
 
+// Directions in the world and in the frame of the environment, now or (`previous`) in the last frame.
+fn into_environment(direction: vec3<f32>, previous: bool) -> vec3<f32> {
+    if previous {
+        return view.previous_environment_rotation * direction;
+    }
+    return view.environment_rotation * direction;
+}
+
+// The inverse of a rotation is its transpose.
+fn out_of_environment(direction: vec3<f32>, previous: bool) -> vec3<f32> {
+    if previous {
+        return direction * view.previous_environment_rotation;
+    }
+    return direction * view.environment_rotation;
+}
+
 #ifdef ENVIRONMENT
-// Radiance from a direction in the world.
-fn environment_radiance(direction: vec3<f32>) -> vec3<f32> {
-    return view.environment_color * map_radiance(view.environment_rotation * direction);
+// Radiance from a direction in the world, now or (`previous`) in the last frame.
+fn environment_radiance(direction: vec3<f32>, previous: bool) -> vec3<f32> {
+    return color_of_environment(previous) * map_radiance(into_environment(direction, previous));
+}
+
+fn color_of_environment(previous: bool) -> vec3<f32> {
+    return select(view.environment_color, view.previous_environment_color, previous);
 }
 
 // ∫ luminance dω, for the choice between the environment and the table of lights.
@@ -24,17 +44,16 @@ fn environment_flux() -> f32 {
     return luminance(view.environment_color) * map_flux();
 }
 
-fn environment_sample(u: vec2<f32>) -> EnvironmentSample {
+fn environment_sample(u: vec2<f32>, previous: bool) -> EnvironmentSample {
     let s = map_sample(u);
-    // The inverse of a rotation is its transpose.
-    return EnvironmentSample(normalize(s.direction * view.environment_rotation), s.pdf_solid_angle);
+    return EnvironmentSample(normalize(out_of_environment(s.direction, previous)), s.pdf_solid_angle);
 }
 
-fn environment_pdf(direction: vec3<f32>) -> f32 {
-    return map_pdf(view.environment_rotation * direction);
+fn environment_pdf(direction: vec3<f32>, previous: bool) -> f32 {
+    return map_pdf(into_environment(direction, previous));
 }
 #else
-fn environment_radiance(direction: vec3<f32>) -> vec3<f32> {
+fn environment_radiance(direction: vec3<f32>, previous: bool) -> vec3<f32> {
     return vec3<f32>(0.0);
 }
 
@@ -42,11 +61,11 @@ fn environment_flux() -> f32 {
     return 0.0;
 }
 
-fn environment_sample(u: vec2<f32>) -> EnvironmentSample {
+fn environment_sample(u: vec2<f32>, previous: bool) -> EnvironmentSample {
     return EnvironmentSample(vec3<f32>(0.0, 1.0, 0.0), 0.0);
 }
 
-fn environment_pdf(direction: vec3<f32>) -> f32 {
+fn environment_pdf(direction: vec3<f32>, previous: bool) -> f32 {
     return 0.0;
 }
 #endif

@@ -16,7 +16,7 @@
 // Samples a light as seen from a point.  `light`: an index in the table, ENVIRONMENT_LIGHT or NONE.
 fn light_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> LightSample {
     if light == ENVIRONMENT_LIGHT {
-        return guarded_light_sample(environment_light_sample(u));
+        return guarded_light_sample(environment_light_sample(u, false));
     }
     if light >= scene.light_count {
         return no_light_sample();
@@ -54,8 +54,8 @@ fn record_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> LightSample
     }
 }
 
-fn environment_light_sample(u: vec2<f32>) -> LightSample {
-    let e = environment_sample(u);
+fn environment_light_sample(u: vec2<f32>, previous: bool) -> LightSample {
+    let e = environment_sample(u, previous);
     var s = no_light_sample();
     if !(e.pdf_solid_angle > 0.0) {
         return s;
@@ -64,7 +64,7 @@ fn environment_light_sample(u: vec2<f32>) -> LightSample {
     s.delta = 0u;
     s.wi = e.direction;
     s.position = e.direction;
-    s.radiance = environment_radiance(e.direction);
+    s.radiance = environment_radiance(e.direction, previous);
     s.pdf_solid_angle = e.pdf_solid_angle;
     return s;
 }

@@ -6,7 +6,7 @@
 
 #import bevy_restir::common::constants::{LIGHT_RECT, LIGHT_SPHERE, LIGHT_SUN, LIGHT_TRIANGLE, NONE}
 #import bevy_restir::common::math::{octahedral_decode, octahedral_encode}
-#import bevy_restir::light::environment::{environment_pdf, environment_radiance, environment_sample}
+#import bevy_restir::light::environment::{environment_pdf, environment_radiance, environment_sample, into_environment, out_of_environment}
 #import bevy_restir::light::light::record_sample
 #import bevy_restir::light::rect::{rect_coordinates, rect_light_at, rect_uv}
 #import bevy_restir::light::remap::light_record
@@ -19,7 +19,7 @@
 
 struct LightPoint {
     light: u32,                // id in the table, ENVIRONMENT_LIGHT or NONE
-    coordinates: u32,          // triangle, rectangle, disk of a sun: 2 x unorm16; sphere (normal), environment (direction): octahedral
+    coordinates: u32,          // triangle, rectangle, disk of a sun: 2 x unorm16; sphere (normal), environment (direction in its frame): octahedral
 }
 
 fn no_light_point() -> LightPoint {
@@ -30,14 +30,15 @@ fn triangle_light_point(light: u32, barycentrics: vec2<f32>) -> LightPoint {
     return LightPoint(light, pack2x16unorm(barycentrics));
 }
 
+// The point turns with the environment, as points of other lights move with their light: its density is that of the last frame.
 fn environment_light_point(direction: vec3<f32>) -> LightPoint {
-    return LightPoint(ENVIRONMENT_LIGHT, octahedral_encode(direction));
+    return LightPoint(ENVIRONMENT_LIGHT, octahedral_encode(into_environment(direction, false)));
 }
 
 // Samples a point of a light with the density of its measure.
 fn light_point_sample(light: u32, u: vec2<f32>) -> LightPoint {
     if light == ENVIRONMENT_LIGHT {
-        let e = environment_sample(u);
+        let e = environment_sample(u, false);
         if !(e.pdf_solid_angle > 0.0) {
             return no_light_point();
         }
@@ -89,10 +90,10 @@ fn sample_at_point(p: LightPoint, from_point: vec3<f32>, previous: bool) -> Ligh
         var s = no_light_sample();
         s.light = ENVIRONMENT_LIGHT;
         s.delta = 0u;
-        s.wi = octahedral_decode(p.coordinates);
+        s.wi = out_of_environment(octahedral_decode(p.coordinates), previous);
         s.position = s.wi;
-        s.radiance = environment_radiance(s.wi);
-        s.pdf_solid_angle = environment_pdf(s.wi);
+        s.radiance = environment_radiance(s.wi, previous);
+        s.pdf_solid_angle = environment_pdf(s.wi, previous);
         return s;
     }
     let record = light_record(p.light, previous);

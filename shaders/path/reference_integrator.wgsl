@@ -205,9 +205,9 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
         if hit.instance == NONE {
             var weight = 1.0;
             if pdf > 0.0 {
-                weight = 1.0 - nee_mis_weight(environment_pmf() * environment_pdf(ray.direction), pdf);
+                weight = 1.0 - nee_mis_weight(environment_pmf() * environment_pdf(ray.direction, false), pdf);
             }
-            radiance += throughput * environment_radiance(ray.direction) * weight;
+            radiance += throughput * environment_radiance(ray.direction, false) * weight;
             break;
         }
     }

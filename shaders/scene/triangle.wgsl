@@ -1,6 +1,7 @@
 // Triangles in world space, and transforms of points, vectors and normals.
 #define_import_path bevy_restir::scene::triangle
 
+#import bevy_restir::common::constants::{INSTANCE_APPEARED, INSTANCE_GONE, INSTANCE_MIRRORED}
 #import bevy_restir::scene::bindings::{instances, triangles}
 
 struct WorldTriangle {
@@ -38,6 +39,11 @@ fn safe_normalize(v: vec3<f32>) -> vec3<f32> {
     return normalize(v / m);
 }
 
+// Whether an instance is in the scene, now or (`previous`) in the last frame.
+fn instance_exists(instance: u32, previous: bool) -> bool {
+    return (instances[instance].flags & select(INSTANCE_GONE, INSTANCE_APPEARED, previous)) == 0u;
+}
+
 // Transform of an instance, now or (`previous`) in the last frame.
 fn instance_transform(instance: u32, previous: bool) -> mat3x4<f32> {
     if previous {
@@ -53,7 +59,7 @@ fn world_triangle(instance: u32, triangle: u32, previous: bool) -> WorldTriangle
     let edge_b = transform_vector(m, t.b - t.a);
     let edge_c = transform_vector(m, t.c - t.a);
     let c = cross(edge_b, edge_c);
-    let mirrored = (instances[instance].flags & 1u) != 0u;
+    let mirrored = (instances[instance].flags & INSTANCE_MIRRORED) != 0u;
     return WorldTriangle(
         transform_point(m, t.a),
         edge_b,

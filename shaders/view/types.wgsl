@@ -12,8 +12,11 @@ struct ViewUniforms {
     current: Camera,
     previous: Camera,
     environment_rotation: mat3x3<f32>,  // from world to environment
+    previous_environment_rotation: mat3x3<f32>,
     environment_color: vec3<f32>,       // cd/m²; factor of the map if there is one
     exposure: f32,                      // exposure of the camera; for debug views the scale of their values
+    previous_environment_color: vec3<f32>,
+    pad: u32,
     background: vec3<f32>,              // radiance of pixels without a surface if the camera does not see the environment, cd/m²
     debug_view: u32,                    // DEBUG_* of the debug passes
     size: vec2<u32>,                    // of the traced picture, pixels

@@ -12,7 +12,7 @@ use bevy::{
 use crate::gpu_layout::GpuSceneUniforms;
 use crate::scene::{
     accel::ray_query::{self, AccelerationStructures},
-    features::SceneFeatures,
+    features::{FeatureMemory, SceneFeatures},
     geometry::draw_list::Draw,
     texture::bindless::BindlessTextures,
 };
@@ -61,7 +61,9 @@ pub(crate) struct SceneBindings {
     /// The table for energy compensation; `None` until a camera uses it.
     pub specular_albedo: Option<TextureView>,
     pub features: SceneFeatures,
-    /// Counts motion of instances and changes of lights.  Temporal reuse tolerates them, because the scene of the last frame is kept.
+    pub(super) feature_memory: FeatureMemory,
+    /// Counts the frames in which instances moved, appeared, disappeared or were edited, and those in which lights changed.  Temporal reuse
+    /// tolerates all this, because the scene of the last frame is kept.
     pub motion_revision: u64,
     /// Counts all other visible changes, which reset histories.
     pub edit_revision: u64,
@@ -74,9 +76,9 @@ pub(crate) struct SceneBindings {
     pub triangles: u64,
     pub instances: u64,
     pub lights: u64,
-    /// Draw calls of the visibility pass, and the `edit_revision` and number of instances that they are made for.
+    /// Draw calls of the visibility pass, and the revisions of instances and materials that they are made for.
     pub draws: Vec<Draw>,
-    pub draws_key: (u64, usize),
+    pub draws_key: [u64; 2],
     /// Bits of the cameras that do not see some instance or light which another camera sees.
     pub hidden_from: u32,
     /// Whether there is an object that cameras see and no other ray hits (`NotShadowCaster`).

@@ -50,6 +50,31 @@ features! {
     LIGHT_SHAPES = 29, "LIGHT_SHAPES", "Spheres, rectangles or suns with a disk: analytic lights that rays can hit.";
 }
 
+/// Keeps features for a while after they have vanished.  Other pipelines reset the history of every camera, so that a lamp that is switched
+/// off and on must not change them each time.
+#[derive(Debug, Default)]
+pub(crate) struct FeatureMemory {
+    /// Features of the current period and of the one before.
+    recent: [SceneFeatures; 2],
+    frame: u32,
+}
+
+impl FeatureMemory {
+    /// Frames of a period.
+    const PERIOD: u32 = 600;
+
+    /// The features of this frame and those that have vanished less than a period ago.
+    pub(crate) fn update(&mut self, present: SceneFeatures) -> SceneFeatures {
+        self.frame += 1;
+        if self.frame >= Self::PERIOD {
+            *self = Self { recent: [SceneFeatures::empty(), self.recent[0]], frame: 0 };
+        }
+        self.recent[0] |= present;
+        // Bodies have buffers and passes of their own, which a scene without bodies should not pay for.
+        (self.recent[0] | self.recent[1]).difference(SceneFeatures::SUBSURFACE) | present
+    }
+}
+
 impl SceneFeatures {
     /// The shader definitions of these features.
     pub fn shader_defs(self) -> Vec<ShaderDefVal> {
@@ -59,5 +84,20 @@ impl SceneFeatures {
     /// The names of these features.
     pub fn names(self) -> Vec<&'static str> {
         Self::TABLE.iter().filter(|(feature, _)| self.contains(*feature)).map(|(_, def)| *def).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn features_are_remembered_for_at_least_a_period_and_less_than_two() {
+        let mut memory = FeatureMemory::default();
+        assert_eq!(memory.update(SceneFeatures::ALPHA), SceneFeatures::ALPHA);
+        let frames = (0..5000).take_while(|_| memory.update(SceneFeatures::empty()) == SceneFeatures::ALPHA).count();
+        assert!((FeatureMemory::PERIOD..2 * FeatureMemory::PERIOD).contains(&(frames as u32)), "{frames}");
+        memory.update(SceneFeatures::SUBSURFACE);
+        assert_eq!(memory.update(SceneFeatures::empty()), SceneFeatures::empty());
     }
 }

@@ -182,10 +182,11 @@ fn update_bind_groups(bindings: &mut SceneBindings, pools: &mut Pools, context: 
 /// Records the facts about the scene that views, frames and the report read.
 fn summarize(bindings: &mut SceneBindings, pools: &Pools) {
     let Pools { meshes, textures, materials, subsurface, instances, lights } = pools;
-    bindings.features = instances.features | lights.features;
+    bindings.features = bindings.feature_memory.update(instances.features | lights.features);
     bindings.features.set(SceneFeatures::RAY_QUERY, instances.structures.is_some());
     bindings.motion_revision = instances.motion_revision + lights.revision;
-    bindings.edit_revision = materials.revision + subsurface.revision + textures.revision + instances.edit_revision;
+    bindings.edit_revision =
+        materials.edit_revision + subsurface.edit_revision + textures.edit_revision + instances.edit_revision;
     bindings.ready = meshes.idle() && !instances.waiting && textures.complete;
     bindings.memory = memory(bindings, pools);
     bindings.triangles = instances.triangles;
@@ -220,7 +221,7 @@ fn memory(bindings: &SceneBindings, pools: &Pools) -> Vec<(&'static str, u64)> {
 
 /// Makes the draw calls of the visibility pass again if instances were added, removed or edited.
 fn update_draws(bindings: &mut SceneBindings, pools: &Pools) {
-    let key = (bindings.edit_revision, pools.instances.live.len());
+    let key = [pools.instances.membership_revision, bindings.edit_revision];
     if bindings.draws_key != key {
         bindings.draws = draw_list::draws(&pools.instances, &pools.materials);
         bindings.draws_key = key;

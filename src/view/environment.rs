@@ -176,8 +176,8 @@ impl EnvironmentPool {
     pub(crate) fn features(&self, environment: Option<&ExtractedEnvironment>) -> SceneFeatures {
         let has_map = self.entry(environment).is_some();
         match environment {
-            // A cube without its image emits nothing.
-            Some(e) if e.color.max_element() > 0.0 && (has_map || !e.is_cube()) => {
+            // A cube without its image emits nothing.  A black environment keeps its pipelines, because it may shine again.
+            Some(e) if has_map || !e.is_cube() => {
                 let mut features = SceneFeatures::ENVIRONMENT;
                 features.set(SceneFeatures::ENVIRONMENT_MAP, has_map);
                 features.set(SceneFeatures::ENVIRONMENT_CUBE, has_map && e.is_cube());

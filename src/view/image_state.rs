@@ -30,11 +30,20 @@ impl ImageState {
         self == last
     }
 
-    /// Whether temporal reuse may read the last frame's reservoirs.  It handles motion of instances, lights and the camera.  The background
-    /// may change because no path contains it.
+    /// Whether temporal reuse may read the last frame's reservoirs.  It handles changes of instances, lights, the camera, and the rotation and
+    /// color of the environment.  The background may change because no path contains it.
     fn can_reuse_history_of(&self, last: &Self) -> bool {
         let Self { motion_revision, camera, background, .. } = *self;
-        *self == Self { motion_revision, camera, background, ..last.clone() }
+        let environment = match (self.environment, last.environment) {
+            (Some(now), Some(last)) => Some(ExtractedEnvironment { rotation: now.rotation, color: now.color, ..last }),
+            _ => last.environment,
+        };
+        *self == Self { motion_revision, camera, background, environment, ..last.clone() }
+    }
+
+    /// Whether paths of the last frame may have another contribution now.
+    fn has_moved_since(&self, last: &Self) -> bool {
+        self.motion_revision != last.motion_revision || self.environment != last.environment
     }
 
     /// Whether the random sequence continues.  Changes of the scene and the camera must not restart it, because the noise would freeze while
@@ -55,7 +64,7 @@ impl RestirView {
         let keeps_history = if is_progressive { can_accumulate } else { can_reuse };
         let keeps_sequence = last.is_some_and(|last| state.continues_sequence_of(last));
         let accumulates = is_progressive || settings.accumulate;
-        self.moved = last.is_some_and(|last| last.motion_revision != state.motion_revision);
+        self.moved = last.is_some_and(|last| state.has_moved_since(last));
         self.frame = if keeps_history { self.frame.saturating_add(1) } else { 0 };
         self.sequence = if keeps_sequence { self.sequence.wrapping_add(1) } else { 0 };
         let has_sum = can_accumulate && accumulates && self.accumulates;

@@ -17,7 +17,9 @@ use super::{
     light_paths::LightPathCounts,
     pixels, raster_view_layout,
     selection::{CompositeKey, Selection},
-    texture, view_layout,
+    texture,
+    uniforms::EnvironmentPlacement,
+    view_layout,
 };
 use crate::{
     gpu_layout::*,
@@ -55,6 +57,7 @@ pub(crate) struct RestirView {
     /// This frame is added to the radiance buffer.
     pub(super) accumulates: bool,
     pub(super) previous_camera: Option<GpuCamera>,
+    pub(super) previous_environment: Option<EnvironmentPlacement>,
     pub(super) previous_jitter: [f32; 2],
     /// State of the last rendered frame; `None` after a frame that was not rendered.
     pub(super) image_state: Option<ImageState>,
@@ -128,6 +131,7 @@ impl RestirView {
             accumulated: 0,
             accumulates: false,
             previous_camera: None,
+            previous_environment: None,
             previous_jitter: [0.0; 2],
             image_state: None,
             moved: false,

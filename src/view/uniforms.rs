@@ -1,7 +1,7 @@
 //! Uniforms of a view (`shaders/view/bindings.wgsl`) and its sub-pixel jitter.
 
 use bevy::{
-    math::Mat4,
+    math::{Mat3, Mat4},
     render::{
         camera::{ExtractedCamera, TemporalJitter},
         renderer::RenderQueue,
@@ -9,7 +9,12 @@ use bevy::{
     },
 };
 
-use super::{RestirView, environment::EnvironmentPool, extract::ExtractedRestir, image_state::ImageState};
+use super::{
+    RestirView,
+    environment::EnvironmentPool,
+    extract::{ExtractedEnvironment, ExtractedRestir},
+    image_state::ImageState,
+};
 use crate::{
     gpu_layout::*,
     scene::bindings::SceneBindings,
@@ -96,12 +101,16 @@ impl RestirView {
         let current = camera_of(inputs.view);
         self.advance(self.new_image_state(inputs, current), &restir.settings);
         let jitter = self.jitter(inputs);
-        let rotation = restir.environment.map_or(bevy::math::Mat3::IDENTITY, |e| e.rotation);
+        let environment = placement_of(restir.environment);
+        let previous_environment = self.previous_environment.unwrap_or(environment);
         let uniforms = GpuViewUniforms {
             current,
             previous: self.previous_camera.unwrap_or(current),
-            environment_rotation: [rotation.x_axis, rotation.y_axis, rotation.z_axis].map(|c| c.extend(0.0).to_array()),
-            environment_color: restir.environment.map_or([0.0; 3], |e| e.color.to_array()),
+            environment_rotation: environment.rotation,
+            previous_environment_rotation: previous_environment.rotation,
+            environment_color: environment.color,
+            previous_environment_color: previous_environment.color,
+            pad: 0,
             exposure: match restir.settings.debug_view {
                 DebugView::Off => inputs.exposure(),
                 _ => restir.settings.debug_scale,
@@ -122,6 +131,7 @@ impl RestirView {
         };
         queue.write_buffer(&self.uniforms, 0, bytemuck::bytes_of(&uniforms));
         self.previous_camera = Some(current);
+        self.previous_environment = Some(environment);
         self.previous_jitter = jitter;
     }
 
@@ -151,6 +161,22 @@ impl RestirView {
             None if settings.jitter => jitter_of(self.sequence, settings.seed),
             None => [0.0; 2],
         }
+    }
+}
+
+/// Rotation and color of an environment.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct EnvironmentPlacement {
+    /// Columns of the rotation from world to environment, padded.
+    rotation: [[f32; 4]; 3],
+    color: [f32; 3],
+}
+
+fn placement_of(environment: Option<ExtractedEnvironment>) -> EnvironmentPlacement {
+    let rotation = environment.map_or(Mat3::IDENTITY, |e| e.rotation);
+    EnvironmentPlacement {
+        rotation: [rotation.x_axis, rotation.y_axis, rotation.z_axis].map(|c| c.extend(0.0).to_array()),
+        color: environment.map_or([0.0; 3], |e| e.color.to_array()),
     }
 }
 

@@ -23,7 +23,7 @@ pub fn shiny(color: Color, roughness: f32, metallic: f32) -> StandardMaterial {
     StandardMaterial { base_color: color, perceptual_roughness: roughness, metallic, ..default() }
 }
 
-fn facing(from: Vec3, to: Vec3) -> Transform {
+pub fn facing(from: Vec3, to: Vec3) -> Transform {
     // A square faces +Z.
     Transform::from_translation(from)
         .looking_to(from - to, if (to - from).normalize().y.abs() > 0.9 { Vec3::X } else { Vec3::Y })

@@ -5,6 +5,7 @@ mod bdpt;
 mod confidence;
 mod debug_views;
 mod di;
+mod edited_scenes;
 mod extremes;
 mod furnace;
 mod gi;

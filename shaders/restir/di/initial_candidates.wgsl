@@ -66,7 +66,7 @@ fn trace_bsdf_ray(r: Receiver, rng: ptr<function, Rng>) -> BsdfRay {
     let hit = trace_closest(Ray(origin, 0.0, b.wi, FAR), alpha_seed);
     let segment = RaySegment(origin, hit.t, b.wi);
     if hit.instance == NONE {
-        let radiance = environment_radiance(b.wi);
+        let radiance = environment_radiance(b.wi, false);
         if b.delta != 0u || !(environment_pmf() > 0.0) {
             return bsdf_ray_to(no_light_point(), b.weight * radiance, b, segment);
         }

@@ -253,9 +253,9 @@ fn add_environment(c: ptr<function, Candidates>, before: PreviousVertex, step: S
     var l = no_light_sample();
     l.light = ENVIRONMENT_LIGHT;
     l.wi = step.wi;
-    l.pdf_solid_angle = environment_pdf(step.wi);
+    l.pdf_solid_angle = environment_pdf(step.wi, false);
     let path = ended_at_infinity((*c).prefix, before, step, index);
-    add_bsdf_hit(c, path, environment_radiance(step.wi), l, step.delta, index, p, rng_1(rng));
+    add_bsdf_hit(c, path, environment_radiance(step.wi, false), l, step.delta, index, p, rng_1(rng));
 }
 
 // The next vertex; if it emits, a path ends there.

@@ -26,6 +26,7 @@
 #import bevy_restir::scene::cone::Cone
 #import bevy_restir::scene::offset::{offset_point, surface_point}
 #import bevy_restir::scene::surface::{Surface, surface_at}
+#import bevy_restir::scene::triangle::instance_exists
 #import bevy_restir::trace::trace::{trace_any, trace_closest_of}
 
 // Why a path cannot be shifted.
@@ -147,6 +148,11 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: ShiftParameters, previous: boo
         let reconnects = index + 1u == s.reconnection;
         let is_reconnection_point = reconnects && !(is_last && s.termination == TERMINATION_ENVIRONMENT);
 
+        if is_reconnection_point && !has_reconnection_vertex(s, previous) {
+            (*w).reason = SHIFT_REPLAY_ENDED;
+            return;
+        }
+
         // Leave the vertex.
         let step = step_of_shift(w, s, index, is_reconnection_point, previous);
         if !step.valid {
@@ -233,8 +239,17 @@ fn step_of_shift(w: ptr<function, Walk>, s: PathSample, index: u32, is_reconnect
     return with_weight_and_densities((*w).v, step);
 }
 
+// Whether the reconnection vertex is on a light, or on an object that is in the scene.
+fn has_reconnection_vertex(s: PathSample, previous: bool) -> bool {
+    return reconnects_on_analytic_light(s) || instance_exists(s.instance, previous);
+}
+
+fn reconnects_on_analytic_light(s: PathSample) -> bool {
+    return s.termination == TERMINATION_EMITTER && s.reconnection == s.length && ends_on_analytic_light(s);
+}
+
 fn reconnection_point(s: PathSample, from_point: vec3<f32>, previous: bool) -> vec3<f32> {
-    if s.termination == TERMINATION_EMITTER && s.reconnection == s.length && ends_on_analytic_light(s) {
+    if reconnects_on_analytic_light(s) {
         return light_point_at(s.light, from_point, previous).position;
     }
     return surface_point(s.instance, s.triangle, s.barycentrics, previous);
@@ -378,8 +393,8 @@ fn light_at_infinity(s: PathSample, wi: vec3<f32>, previous: bool) -> LightSampl
     var l = no_light_sample();
     l.light = ENVIRONMENT_LIGHT;
     l.wi = wi;
-    l.radiance = environment_radiance(wi);
-    l.pdf_solid_angle = environment_pdf(wi);
+    l.radiance = environment_radiance(wi, previous);
+    l.pdf_solid_angle = environment_pdf(wi, previous);
     return l;
 }
 

@@ -1,7 +1,9 @@
 //! Keeps a [`GpuInstance`] in a stable slot for each mesh instance of the scene, and builds the top-level tree over them.
 //!
-//! Each record has the transform of the last frame, and the top level of the last frame is kept beside the new one, because temporal reuse
-//! traces rays through the previous scene.
+//! Temporal reuse traces rays through the scene of the last frame.  So each record has the transform of the last frame, the top level of the
+//! last frame is kept beside the new one, and everything else about a slot never changes: an instance that is edited gets another slot.  The
+//! slot of an instance that has disappeared, or that was edited, keeps its record for one frame with the flag [`INSTANCE_GONE`], and a slot
+//! that the last frame did not have carries [`INSTANCE_APPEARED`].
 
 use bevy::{
     asset::AssetServer,
@@ -55,6 +57,8 @@ enum InstanceProblem {
 pub(crate) struct InstancePool {
     slots: HashMap<MainEntity, u32>,
     free: Vec<u32>,
+    /// Slots of instances that the last frame had and this one does not.
+    gone: Vec<u32>,
     /// By slot.
     records: Vec<GpuInstance>,
     /// The records that the GPU has.
@@ -86,9 +90,11 @@ pub(crate) struct InstancePool {
     pub previous_sphere: ([f32; 3], f32),
     /// Triangles of all instances.
     pub triangles: u64,
-    /// Counts the frames in which instances moved.
+    /// Counts the frames in which instances moved, appeared or disappeared.
     pub motion_revision: u64,
-    /// Counts all other changes.
+    /// Counts the frames in which instances appeared or disappeared, or were edited.
+    pub membership_revision: u64,
+    /// Counts edits of instances that got no other slot because the device binds no more.
     pub edit_revision: u64,
     /// Bytes of the top level sent in this frame.
     pub uploaded_nodes: u64,
@@ -99,6 +105,7 @@ impl Default for InstancePool {
         Self {
             slots: HashMap::default(),
             free: Vec::new(),
+            gone: Vec::new(),
             records: Vec::new(),
             uploaded: Vec::new(),
             bounds: Vec::new(),
@@ -119,6 +126,7 @@ impl Default for InstancePool {
             previous_sphere: ([0.0; 3], 0.0),
             triangles: 0,
             motion_revision: 0,
+            membership_revision: 0,
             edit_revision: 0,
             uploaded_nodes: 0,
         }
@@ -140,15 +148,16 @@ const EMPTY_SLOT: GpuInstance = GpuInstance {
     entity: 0,
 };
 
-/// The record without its transforms and the position of its lights in the light table.  A history stays valid when only those change:
-/// temporal reuse has the transforms of both frames, and maps light ids from one table to the other.
+/// The record without its transforms, its place in the table of lights, and whether the last frame had it.  The rest must not change: temporal
+/// reuse has the transforms of both frames and maps light ids from one table to the other, but it has one material and one mesh for a slot.
 fn without_placement(instance: &GpuInstance) -> GpuInstance {
     let zero = Rows::default();
     GpuInstance {
         world_from_object: zero,
         object_from_world: zero,
         previous_world_from_object: zero,
-        first_light: if instance.first_light == NONE { NONE } else { 0 },
+        first_light: NONE,
+        flags: instance.flags & !(INSTANCE_APPEARED | INSTANCE_GONE),
         ..*instance
     }
 }
@@ -191,23 +200,17 @@ impl InstancePool {
         self.features = SceneFeatures::empty();
         self.triangles = 0;
         self.new_bounds.clear();
+        for slot in self.gone.drain(..) {
+            self.records[slot as usize] = EMPTY_SLOT;
+            self.free.push(slot);
+        }
         let mut is_used = vec![false; self.records.len()];
         let mut left_out = 0;
+        let mut moved = false;
         for extracted in &scene.instances {
             let Some((mut instance, world_bounds)) = self.record_of(extracted, meshes, materials, assets) else {
                 continue;
             };
-            let Some(slot) = self.slot_of(extracted.entity, limit) else {
-                left_out += 1;
-                continue;
-            };
-            is_used.resize(self.records.len(), false);
-            is_used[slot as usize] = true;
-            let old = &self.records[slot as usize];
-            if old.blas_root != NONE {
-                instance.previous_world_from_object = old.world_from_object;
-            }
-            instance.first_light = old.first_light;
             // Probes do not find an instance that casts no shadows.
             if let Some(component) = extracted.subsurface.filter(|_| extracted.casts_shadows) {
                 instance.flags |= subsurface.flags_of(extracted.entity, component);
@@ -215,6 +218,13 @@ impl InstancePool {
                     self.features |= SceneFeatures::SUBSURFACE;
                 }
             }
+            let Some(slot) = self.slot_of(extracted.entity, &mut instance, limit) else {
+                left_out += 1;
+                continue;
+            };
+            is_used.resize(self.records.len(), false);
+            is_used[slot as usize] = true;
+            moved |= instance.world_from_object != instance.previous_world_from_object;
             self.features |= materials.features(instance.material);
             self.triangles += instance.triangle_count as u64;
             self.records[slot as usize] = instance;
@@ -232,15 +242,27 @@ impl InstancePool {
                 ray_mask,
             });
         }
-        let (records, free) = (&mut self.records, &mut self.free);
+        let gone = &mut self.gone;
         self.slots.retain(|_, slot| {
             let is_used = is_used[*slot as usize];
             if !is_used {
-                records[*slot as usize] = EMPTY_SLOT;
-                free.push(*slot);
+                gone.push(*slot);
             }
             is_used
         });
+        for &slot in &self.gone {
+            let record = &mut self.records[slot as usize];
+            *record = GpuInstance {
+                previous_world_from_object: record.world_from_object,
+                first_light: NONE,
+                flags: record.flags & !INSTANCE_APPEARED | INSTANCE_GONE,
+                ..*record
+            };
+        }
+        let appeared = self.live.iter().any(|live| self.records[live.slot as usize].flags & INSTANCE_APPEARED != 0);
+        let membership_changed = appeared || !self.gone.is_empty();
+        self.membership_revision += u64::from(membership_changed);
+        self.motion_revision += u64::from(moved || membership_changed);
         if self.overflow.should_warn(left_out, meshes.idle() && !self.waiting) {
             warn!("restir: {left_out} meshes are left out, because this device binds at most {limit} instances");
         }
@@ -251,20 +273,36 @@ impl InstancePool {
         self.warned.retain(|(entity, _)| exists(*entity));
     }
 
-    /// The slot of an entity; `None` if all `limit` slots are taken.
-    fn slot_of(&mut self, entity: MainEntity, limit: u32) -> Option<u32> {
-        if let Some(&slot) = self.slots.get(&entity) {
-            return Some(slot);
+    /// The slot of an entity: that of the last frame if the instance has at most moved, else another one.  `None` if it has none and all
+    /// `limit` slots are taken.  Completes its record from that of the last frame.
+    fn slot_of(&mut self, entity: MainEntity, instance: &mut GpuInstance, limit: u32) -> Option<u32> {
+        let last = self.slots.get(&entity).copied();
+        let mut is_edited = false;
+        if let Some(slot) = last {
+            let old = &self.records[slot as usize];
+            is_edited = without_placement(old) != without_placement(instance);
+            instance.previous_world_from_object = old.world_from_object;
+            instance.first_light = old.first_light;
+        }
+        if last.is_some() && !is_edited {
+            return last;
         }
         let slot = match self.free.pop() {
             Some(slot) => slot,
-            None if self.records.len() as u32 >= limit => return None,
+            None if self.records.len() as u32 >= limit => {
+                self.edit_revision += u64::from(last.is_some());
+                return last;
+            }
             None => {
                 self.records.push(EMPTY_SLOT);
                 self.records.len() as u32 - 1
             }
         };
         self.slots.insert(entity, slot);
+        self.gone.extend(last);
+        instance.previous_world_from_object = instance.world_from_object;
+        instance.first_light = NONE;
+        instance.flags |= INSTANCE_APPEARED;
         Some(slot)
     }
 
@@ -450,12 +488,6 @@ impl InstancePool {
                 self.records.len()
             );
             return 0;
-        }
-        for i in runs.iter().flat_map(|r| r.clone()) {
-            let (old, new) = (self.uploaded.get(i), &self.records[i]);
-            // A change of the previous transform alone is not visible: the instance has stopped.
-            self.motion_revision += old.is_none_or(|old| old.world_from_object != new.world_from_object) as u64;
-            self.edit_revision += old.is_none_or(|old| without_placement(old) != without_placement(new)) as u64;
         }
         let bytes = runs.into_iter().map(|r| self.gpu.write(r.start as u32, &self.records[r], queue)).sum();
         self.uploaded.clone_from(&self.records);

@@ -84,6 +84,8 @@ enum MeshProblem {
 #[derive(Resource)]
 pub(crate) struct MeshPool {
     entries: HashMap<AssetId<Mesh>, MeshEntry>,
+    /// Entries that were removed or replaced in this frame.  Temporal reuse still traces rays through them.
+    retired: Vec<MeshEntry>,
     building: HashMap<AssetId<Mesh>, Build>,
     /// Meshes without a usable triangle, which no instance waits for.
     empty: HashSet<AssetId<Mesh>>,
@@ -113,6 +115,7 @@ impl Default for MeshPool {
     fn default() -> Self {
         Self {
             entries: HashMap::default(),
+            retired: Vec::new(),
             building: HashMap::default(),
             empty: HashSet::default(),
             warned: Warned::default(),
@@ -135,6 +138,7 @@ impl Default for MeshPool {
 /// than it is built still moves, although late.
 pub(crate) fn queue_meshes(mut pool: ResMut<MeshPool>, extracted: Res<ExtractedAssets<RenderMesh>>) {
     let pool = &mut *pool;
+    pool.release_retired();
     for id in &extracted.removed {
         pool.building.remove(id);
         pool.empty.remove(id);
@@ -263,10 +267,7 @@ impl MeshPool {
             second_uvs: blas.second_uvs,
             version: self.last_version,
         };
-        if let Some(old) = self.entries.insert(id, entry) {
-            self.node_ranges.release(old.nodes);
-            self.triangle_ranges.release(old.triangles);
-        }
+        self.retired.extend(self.entries.insert(id, entry));
         true
     }
 
@@ -293,10 +294,15 @@ impl MeshPool {
         }
     }
 
-    /// Frees the ranges of a mesh in the buffers.
+    /// Removes a mesh; the next frame frees its ranges in the buffers.
     fn release(&mut self, id: AssetId<Mesh>) {
         self.second_uvs_versions.remove(&id);
-        if let Some(entry) = self.entries.remove(&id) {
+        self.retired.extend(self.entries.remove(&id));
+    }
+
+    /// Frees the ranges of meshes that the last frame was the last to use.
+    fn release_retired(&mut self) {
+        for entry in self.retired.drain(..) {
             self.node_ranges.release(entry.nodes);
             self.triangle_ranges.release(entry.triangles);
         }
@@ -327,6 +333,9 @@ impl MeshPool {
             self.second_uvs_versions.clear();
         }
         let mut bytes = 0;
+        for entry in self.retired.iter().filter(|entry| !entry.second_uvs.is_empty()) {
+            bytes += self.second_uvs.write(entry.triangles.start, &entry.second_uvs, queue);
+        }
         for (id, entry) in self.entries.iter().filter(|(_, entry)| !entry.second_uvs.is_empty()) {
             if self.second_uvs_versions.insert(*id, entry.version) != Some(entry.version) {
                 bytes += self.second_uvs.write(entry.triangles.start, &entry.second_uvs, queue);
@@ -337,7 +346,7 @@ impl MeshPool {
 
     /// Versions of all meshes on the GPU.
     pub(crate) fn versions(&self) -> HashSet<u64> {
-        self.entries.values().map(|entry| entry.version).collect()
+        self.entries.values().chain(&self.retired).map(|entry| entry.version).collect()
     }
 
     /// Whether no mesh is being built.

@@ -1,5 +1,7 @@
-//! Packs every `StandardMaterial` that an instance uses into a slot of the material buffer, and repacks it when the material or one of its
-//! textures changes.
+//! Packs every `StandardMaterial` that an instance uses into a slot of the material buffer.
+//!
+//! Temporal reuse also evaluates the materials of the last frame.  So a slot never changes: a material that is edited, or whose textures
+//! change, gets another slot, and the old one stays for one more frame.
 
 use bevy::{
     asset::AssetId,
@@ -38,6 +40,8 @@ struct Slot {
     mean_emission: [f32; 3],
     /// Record of its textures in the texture table.
     record: Range<u32>,
+    /// The slot has its contents.
+    is_packed: bool,
 }
 
 /// The materials of the scene, on the CPU and on the GPU.
@@ -48,6 +52,8 @@ pub(crate) struct MaterialPool {
     /// `None`: the slot is free.
     slots: Vec<Option<Slot>>,
     free: Vec<u32>,
+    /// Slots that only the last frame used.
+    retired: Vec<u32>,
     packed: Vec<GpuMaterial>,
     /// Slots that have not been uploaded since they changed.
     dirty: Vec<usize>,
@@ -66,8 +72,8 @@ pub(crate) struct MaterialPool {
     /// Slots that must be packed again.
     stale: Vec<u32>,
     all_stale: bool,
-    /// Counts uploads.
-    pub revision: u64,
+    /// Counts changes of slots that the last frame used, because the device binds no more slots.
+    pub edit_revision: u64,
 }
 
 impl Default for MaterialPool {
@@ -77,6 +83,7 @@ impl Default for MaterialPool {
             by_id: HashMap::default(),
             slots: Vec::new(),
             free: Vec::new(),
+            retired: Vec::new(),
             packed: Vec::new(),
             dirty: Vec::new(),
             gpu: GrowableBuffer::new("materials"),
@@ -90,7 +97,7 @@ impl Default for MaterialPool {
             emissive_luminance: 0.0,
             stale: Vec::new(),
             all_stale: false,
-            revision: 0,
+            edit_revision: 0,
         }
     }
 }
@@ -101,10 +108,10 @@ impl MaterialPool {
         self.limits = [GrowableBuffer::<GpuMaterial>::limit(device), DataTexture::<[u32; 4]>::limit(device)];
     }
 
-    /// Takes the materials that have changed in the main world.  The slot of a removed material is free at once: no instance of this frame
-    /// uses it, and nothing refers to the materials of the last frame.
+    /// Takes the materials that have changed in the main world.
     pub(crate) fn update_sources(&mut self, scene: &mut ExtractedScene) {
         self.warned.begin_frame();
+        self.release_retired();
         for id in scene.removed_materials.drain() {
             self.warned.forget(&id);
             self.sources.remove(&id);
@@ -120,12 +127,25 @@ impl MaterialPool {
         }
     }
 
+    /// Takes the slot of a material; the next frame frees it.
     fn release(&mut self, id: AssetId<StandardMaterial>) {
-        let Some(slot) = self.by_id.remove(&id) else { return };
-        if let Some(slot) = self.slots[slot as usize].take() {
-            self.records.release(slot.record);
+        self.retired.extend(self.by_id.remove(&id));
+    }
+
+    /// Frees the slots that the last frame was the last to use.
+    fn release_retired(&mut self) {
+        for slot in self.retired.drain(..) {
+            if let Some(slot) = self.slots[slot as usize].take() {
+                self.records.release(slot.record);
+            }
+            self.free.push(slot);
         }
-        self.free.push(slot);
+    }
+
+    /// Frees slots that temporal reuse may still read, so that all histories restart.
+    fn release_retired_early(&mut self) {
+        self.edit_revision += 1;
+        self.release_retired();
     }
 
     /// Assigns a slot to the material of every instance; frees slots of unused materials if there are too few.  `settled`: the scene is
@@ -168,18 +188,31 @@ impl MaterialPool {
         if !self.sources.contains_key(&id) {
             return None;
         }
+        if self.free.is_empty() && self.is_full() && !self.retired.is_empty() {
+            self.release_retired_early();
+        }
+        let slot = self.take_slot(id)?;
+        self.stale.push(slot);
+        Some(slot)
+    }
+
+    fn is_full(&self) -> bool {
+        self.slots.len() as u32 >= self.limits[0]
+    }
+
+    /// Gives a material a slot that no frame uses; `None` if the device cannot bind more.
+    fn take_slot(&mut self, id: AssetId<StandardMaterial>) -> Option<u32> {
         let slot = match self.free.pop() {
             Some(slot) => slot,
-            None if self.slots.len() as u32 >= self.limits[0] => return None,
+            None if self.is_full() => return None,
             None => {
                 self.slots.push(None);
                 self.slots.len() as u32 - 1
             }
         };
-        self.slots[slot as usize] =
-            Some(Slot { id, features: SceneFeatures::empty(), mean_emission: [0.0; 3], record: 0..0 });
+        let (features, mean_emission) = (SceneFeatures::empty(), [0.0; 3]);
+        self.slots[slot as usize] = Some(Slot { id, features, mean_emission, record: 0..0, is_packed: false });
         self.by_id.insert(id, slot);
-        self.stale.push(slot);
         Some(slot)
     }
 
@@ -189,7 +222,7 @@ impl MaterialPool {
         materials.flat_map(textures_of).map(|texture| texture.image.id())
     }
 
-    /// Packs the slots whose material has changed, or all slots if a texture has changed.
+    /// Packs the materials that have changed, or all of them if a texture has changed.
     pub(crate) fn pack(&mut self, textures: &TexturePool, textures_changed: bool) {
         let mut stale = core::mem::take(&mut self.stale);
         if core::mem::take(&mut self.all_stale) || textures_changed {
@@ -197,40 +230,76 @@ impl MaterialPool {
             stale.extend(0..self.slots.len() as u32);
         }
         for slot in stale {
-            self.pack_slot(slot as usize, textures);
+            let Some(id) = self.in_use(slot).map(|slot| slot.id) else { continue };
+            if self.by_id.get(&id) == Some(&slot) {
+                self.pack_material(id, slot, textures);
+            }
         }
     }
 
-    fn pack_slot(&mut self, index: usize, textures: &TexturePool) {
-        let Some(slot) = &mut self.slots[index] else { return };
-        let Some(source) = self.sources.get(&slot.id) else { return };
+    fn pack_material(&mut self, id: AssetId<StandardMaterial>, mut index: u32, textures: &TexturePool) {
+        let Some(source) = self.sources.get(&id) else { return };
         let (mut material, has_replaced) = pack(source, self.emissive_luminance);
-        if has_replaced && self.warned.is_due(slot.id) {
-            warn!("restir: material {} has numbers that are not finite; most of them count as 0", slot.id);
+        if has_replaced && self.warned.is_due(id) {
+            warn!("restir: material {id} has numbers that are not finite; most of them count as 0");
         }
         let mut record = Vec::new();
-        let mut features;
+        let features;
         (material.textures, features) = add_record(source, textures, &mut record);
-        if record.len() != slot.record.len() {
-            self.records.release(core::mem::take(&mut slot.record));
-            slot.record = self.records.allocate(record.len() as u32);
+        let mean_emission = mean_emission(source, &material, textures);
+        let is_edited = self.differs(index, &material, &record);
+        if is_edited {
+            match self.take_slot(id) {
+                Some(fresh) => self.retired.push(core::mem::replace(&mut index, fresh)),
+                None => self.edit_revision += 1,
+            }
         }
-        if slot.record.end > self.limits[1] {
+        if is_edited || self.in_use(index).is_some_and(|slot| !slot.is_packed) {
+            self.write_slot(index, material, features, record);
+        }
+        if let Some(slot) = &mut self.slots[index as usize] {
+            slot.mean_emission = mean_emission;
+        }
+    }
+
+    /// Whether a packed slot differs from a material and its texture record.
+    fn differs(&self, index: u32, material: &GpuMaterial, record: &[[u32; 4]]) -> bool {
+        let Some(slot) = self.in_use(index).filter(|slot| slot.is_packed) else { return false };
+        let last = &self.packed[index as usize];
+        let last_record = &self.packed_table[slot.record.start as usize..slot.record.end as usize];
+        GpuMaterial { texture_record: last.texture_record, ..*material } != *last || record != last_record
+    }
+
+    fn write_slot(
+        &mut self,
+        index: u32,
+        mut material: GpuMaterial,
+        mut texture_features: SceneFeatures,
+        mut record: Vec<[u32; 4]>,
+    ) {
+        let Some(old) = self.slots[index as usize].as_mut().map(|slot| core::mem::take(&mut slot.record)) else {
+            return;
+        };
+        self.records.release(old);
+        let mut place = self.records.allocate(record.len() as u32);
+        if place.end > self.limits[1] {
             warn_once!(
                 "restir: the texture slots of all materials exceed a table of {} entries, which is all that this device can bind; \
                  some materials are rendered without textures",
                 self.limits[1]
             );
-            self.records.release(core::mem::take(&mut slot.record));
-            (material.textures, features) = (0, SceneFeatures::empty());
+            self.records.release(core::mem::take(&mut place));
+            (material.textures, texture_features) = (0, SceneFeatures::empty());
             record.clear();
         }
-        material.texture_record = slot.record.start;
-        slot.features = features_of(&material) | features;
-        slot.mean_emission = mean_emission(source, &material, textures);
-        set(&mut self.packed, index, material, &mut self.dirty);
-        for (entry, at) in record.into_iter().zip(slot.record.start as usize..) {
+        material.texture_record = place.start;
+        for (entry, at) in record.into_iter().zip(place.start as usize..) {
             set(&mut self.packed_table, at, entry, &mut self.dirty_table);
+        }
+        set(&mut self.packed, index as usize, material, &mut self.dirty);
+        if let Some(slot) = &mut self.slots[index as usize] {
+            *slot =
+                Slot { features: features_of(&material) | texture_features, record: place, is_packed: true, ..*slot };
         }
     }
 
@@ -241,7 +310,6 @@ impl MaterialPool {
         if self.dirty.is_empty() || !self.gpu.reserve(self.packed.len() as u32, device, queue) {
             return bytes;
         }
-        self.revision += 1;
         self.dirty.sort_unstable();
         let runs = joined_runs(self.dirty.drain(..));
         bytes + runs.into_iter().map(|r| self.gpu.write(r.start as u32, &self.packed[r], queue)).sum::<u64>()
@@ -251,7 +319,6 @@ impl MaterialPool {
         if self.dirty_table.is_empty() {
             return 0;
         }
-        self.revision += 1;
         if self.table.reserve(self.packed_table.len() as u32, device) {
             self.dirty_table = (0..self.packed_table.len()).collect();
         }
@@ -453,7 +520,30 @@ mod tests {
             assert_eq!(shown(&mut pool, n), Some(n as f32));
             assert_eq!(pool.dirty.len(), 1, "{n}");
         }
-        assert_eq!((pool.slots.len(), pool.packed.len(), pool.by_id.len()), (2, 2, 2));
+        // The slot of the material before is free a frame later.
+        assert_eq!((pool.slots.len(), pool.packed.len(), pool.by_id.len()), (3, 3, 2));
+        assert_eq!(pool.edit_revision, 0);
+    }
+
+    #[test]
+    fn an_edited_material_gets_another_slot_and_an_equal_one_keeps_its_own() {
+        let mut pool = MaterialPool::default();
+        frame(&mut pool, &[7], &[], &[7]);
+        let first = pool.slot(id(7)).expect("there is room");
+        frame(&mut pool, &[7], &[], &[7]);
+        assert_eq!((pool.slot(id(7)), pool.dirty.len()), (Some(first), 0), "nothing has changed");
+        for n in 0..10 {
+            let last = pool.slot(id(7)).expect("there is room");
+            let mut scene = ExtractedScene { emissive_luminance: 1.0, ..Default::default() };
+            scene.materials.insert(id(7), StandardMaterial { metallic: n as f32 / 16.0, ..Default::default() });
+            pool.update_sources(&mut scene);
+            pool.pack(&TexturePool::default(), false);
+            let now = pool.slot(id(7)).expect("there is room");
+            assert_ne!(now, last);
+            assert_eq!(pool.get(now).map(|m| m.metallic), Some(n as f32 / 16.0));
+            assert!(pool.get(last).is_some_and(|m| m.metallic != n as f32 / 16.0), "the last frame's material is kept");
+        }
+        assert_eq!((pool.slots.len(), pool.edit_revision), (2, 0));
     }
 
     #[test]
@@ -467,6 +557,7 @@ mod tests {
         // Material 3 is loaded but unused, so material 4 gets its slot.
         frame(&mut pool, &[4], &[], &[2, 4]);
         assert_eq!([2, 4].map(|n| shown(&mut pool, n)), [Some(2.0), Some(4.0)]);
+        assert!(pool.edit_revision > 0, "slots of the last frame were overwritten");
         assert_eq!(pool.packed.len(), 2);
     }
 
@@ -476,6 +567,6 @@ mod tests {
         frame(&mut pool, &[7], &[], &[7]);
         frame(&mut pool, &[7, 8], &[7], &[7, 8]);
         assert_eq!([7, 8].map(|n| shown(&mut pool, n)), [Some(7.0), Some(8.0)]);
-        assert_eq!(pool.slots.len(), 2);
+        assert_eq!(pool.slots.len(), 3);
     }
 }

@@ -26,8 +26,8 @@ pub(crate) struct SubsurfacePool {
     /// Entities with values out of range that a warning has named.
     warned: HashSet<MainEntity>,
     limit: u32,
-    /// Counts uploads.
-    pub revision: u64,
+    /// Counts changes of records that the last frame used, other than the addition of new ones.
+    pub edit_revision: u64,
 }
 
 impl Default for SubsurfacePool {
@@ -39,7 +39,7 @@ impl Default for SubsurfacePool {
             gpu: DataTexture::new("subsurface", TextureFormat::Rgba32Float, 1),
             warned: HashSet::default(),
             limit: 0,
-            revision: 0,
+            edit_revision: 0,
         }
     }
 }
@@ -83,8 +83,9 @@ impl SubsurfacePool {
         if self.records == self.uploaded {
             return 0;
         }
+        let has_only_grown = self.records.starts_with(&self.uploaded);
+        self.edit_revision += u64::from(!has_only_grown);
         self.uploaded.clone_from(&self.records);
-        self.revision += 1;
         if self.records.is_empty() {
             self.gpu.clear();
             return 0;

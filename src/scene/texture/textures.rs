@@ -64,12 +64,14 @@ pub(crate) struct TexturePool {
     absent: Warned<AssetId<Image>>,
     asset_wait: AssetWait,
     versions: u64,
+    /// Images that were removed in this frame.  Temporal reuse still reads them.
+    retired: Vec<AssetId<Image>>,
     /// An image with a slot was removed.
     lost_slot: bool,
     /// Shaders can read every image in use, or none will become readable.
     pub complete: bool,
-    /// Counts changes of the readable images.
-    pub revision: u64,
+    /// Counts changes of images that the last frame could read, other than their removal.
+    pub edit_revision: u64,
 }
 
 /// Largest side of a page of the atlas, texels.
@@ -90,9 +92,10 @@ impl Default for TexturePool {
             absent: Warned::default(),
             asset_wait: AssetWait::default(),
             versions: 0,
+            retired: Vec::new(),
             lost_slot: false,
             complete: true,
-            revision: 0,
+            edit_revision: 0,
         }
     }
 }
@@ -107,6 +110,7 @@ pub(crate) fn record_images(
     pool.asset_wait.begin_frame();
     pool.warned.begin_frame();
     pool.absent.begin_frame();
+    pool.release_retired();
     let emissive = if extracted.extracted.is_empty() { HashSet::default() } else { scene.emissive_images() };
     for (id, image) in &extracted.extracted {
         pool.versions += 1;
@@ -122,8 +126,7 @@ pub(crate) fn record_images(
         pool.warned.forget(id);
         pool.rejected.remove(id);
         pool.changed.remove(id);
-        let had_slot = pool.release(*id);
-        pool.lost_slot |= had_slot;
+        pool.retired.push(*id);
     }
 }
 
@@ -208,13 +211,27 @@ impl TexturePool {
             || self.bindless.as_ref().is_some_and(|bindless| bindless.holds(id, &image.texture))
     }
 
+    /// Removes the images that the last frame was the last to use, unless they exist again.
+    fn release_retired(&mut self) {
+        for id in core::mem::take(&mut self.retired) {
+            if !self.info.contains_key(&id) {
+                let had_slot = self.release(id);
+                self.lost_slot |= had_slot;
+            }
+        }
+    }
+
+    fn has_slot(&self, id: AssetId<Image>) -> bool {
+        self.allocator.get(id).is_some() || self.bindless.as_ref().is_some_and(|bindless| bindless.get(id).is_some())
+    }
+
     /// Removes an image from atlas and array; true if it was in one of them.
     fn release(&mut self, id: AssetId<Image>) -> bool {
         let was_bound = self.bindless.as_mut().is_some_and(|bindless| bindless.release(id));
         self.allocator.release(id) || was_bound
     }
 
-    /// Binds the images that are used and loaded, or copies them to the atlas.  True if a slot has changed.
+    /// Binds the images that are used and loaded, or copies them to the atlas.  True if a slot was added, moved or lost.
     pub(crate) fn update(
         &mut self,
         used: impl Iterator<Item = AssetId<Image>>,
@@ -233,12 +250,13 @@ impl TexturePool {
         };
         let mut new: Vec<_> = used.iter().filter(|id| is_new(id)).copied().collect();
         new.sort_unstable();
+        self.edit_revision += u64::from(new.iter().any(|id| self.has_slot(*id)));
         moved |= self.reject_unsupported(&mut new, images, device);
         moved |= self.bind(&mut new, images);
         // Images that the GPU writes count as changed in every frame.
         let is_live = |id: &AssetId<Image>| images.get(*id).is_some_and(|i| is_live(i.texture_descriptor.usage));
         let live: Vec<_> = used.iter().filter(|id| is_live(id) && !self.rejected.contains(*id)).copied().collect();
-        self.revision += u64::from(!live.is_empty());
+        self.edit_revision += u64::from(!live.is_empty());
         let mut copied: HashSet<_> = live.into_iter().filter(|id| self.allocator.get(*id).is_some()).collect();
         if new.is_empty() && copied.is_empty() {
             return moved;
@@ -246,7 +264,6 @@ impl TexturePool {
         let Some(pipeline) = self.copier.pipeline(pipelines, shaders) else { return moved };
         if !new.is_empty() {
             copied.extend(self.place(&new, &used, images, device));
-            self.revision += 1;
             moved = true;
         }
         let Some(atlas) = &self.atlas else { return moved };
@@ -317,9 +334,7 @@ impl TexturePool {
             }
             !is_bound
         });
-        let changed = bindless.revision != before;
-        self.revision += u64::from(changed);
-        changed
+        bindless.revision != before
     }
 
     /// Places new and changed images in the atlas, which is replaced if its size must change.  Returns the images to copy.
@@ -357,6 +372,7 @@ impl TexturePool {
         if !fits && layers > 0 {
             self.atlas = Some(Atlas::new(page, layers, device));
         }
+        self.edit_revision += u64::from(all_moved);
         if all_moved { self.allocator.images().collect() } else { new.to_vec() }
     }
 }

@@ -22,9 +22,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var pdf = 0.0;
     if samples[id.x].pdf == 0.0 {
         var rng = rng_new(vec2<u32>(id.x & 0xffffu, id.x >> 16u), seed[0], 80u, 0u);
-        let s = environment_sample(rng_2(&rng));
+        let s = environment_sample(rng_2(&rng), false);
         direction = s.direction;
         pdf = s.pdf_solid_angle;
     }
-    samples[id.x] = Sample(direction, pdf, environment_radiance(direction), environment_pdf(direction));
+    samples[id.x] = Sample(direction, pdf, environment_radiance(direction, false), environment_pdf(direction, false));
 }

@@ -43,6 +43,6 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let b = light_point_at(p, q.point, false);
     samples[id.x][0] = Sample(a.wi, a.distance, a.radiance, a.pdf_solid_angle, a.position, a.delta, a.normal, a.light, a.barycentrics, 0.0, 0.0);
     samples[id.x][1] = Sample(
-        b.wi, b.distance, b.radiance, b.pdf_solid_angle, b.position, b.delta, b.normal, b.light, b.barycentrics, environment_pdf(b.wi), 0.0,
+        b.wi, b.distance, b.radiance, b.pdf_solid_angle, b.position, b.delta, b.normal, b.light, b.barycentrics, environment_pdf(b.wi, false), 0.0,
     );
 }

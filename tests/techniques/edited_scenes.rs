@@ -1,0 +1,187 @@
+//! Histories survive objects that appear, disappear or are edited, and the light stays right: a frame of a scene that changes equals on
+//! average the reference of the scene as it then is.  The mean is over seeds of the last frame of a script of four, at 64 x 64 pixels;
+//! margin 1.5 % at α = 0.01.
+
+use crate::support::{
+    app::*,
+    proof::{AllLight, Proof},
+    reuse_settings::{di, paths},
+    small_scenes::*,
+};
+use bevy::prelude::*;
+use bevy_restir::{DebugView, Direct, RestirEnvironment, Reuse, testing::shader_library::ShaderEdit};
+
+const CONFIDENCE_CAP: f32 = 20.0;
+
+/// A room in which diffuse and emissive objects appear and disappear, and in which materials and a mesh are edited: [`pose_edited`].
+fn edited(rig: &mut Rig) {
+    room(rig);
+    let mut named = |name: &'static str, mesh: Mesh, material: StandardMaterial, place: Transform| {
+        let entity = rig.spawn(mesh, material, place);
+        rig.insert(entity, Name::new(name));
+    };
+    let block = || Mesh::from(Cuboid::new(0.6, 0.6, 0.6));
+    let lid = facing(Vec3::new(-0.9, 0.9, 0.6), Vec3::new(0.2, -1.0, 0.0));
+    named("arriving", block(), lambert(0.9), Transform::from_xyz(1.1, -0.9, 0.5));
+    named("leaving", block(), lambert(0.9), Transform::from_xyz(0.3, -0.9, 0.8));
+    named("arriving lamp", square(0.4), lamp(3.0, 8.0, 8.0), lid);
+    named(
+        "leaving lamp",
+        square(0.5),
+        lamp(8.0, 3.0, 8.0),
+        facing(Vec3::new(1.3, 0.8, 0.8), Vec3::new(-0.5, -1.0, 0.0)),
+    );
+    named(
+        "pulsing lamp",
+        square(0.3),
+        lamp(4.0, 4.0, 4.0),
+        facing(Vec3::new(0.0, 1.2, 0.9), Vec3::new(0.0, -1.0, -0.2)),
+    );
+    named("painted", square(2.0), lambert(0.2), Transform::from_xyz(0.8, 0.2, -1.1));
+    named("swapped", Cuboid::new(0.5, 0.5, 0.5).into(), lambert(0.7), Transform::from_xyz(-1.1, -0.2, 0.4));
+    let shape = rig.add::<Mesh>(Sphere::new(0.35));
+    rig.spawn_bundle((Name::new("other shape"), Mesh3d(shape)));
+}
+
+/// Edits the room for a step, 0 to [`STEPS`].
+fn pose_edited(rig: &mut Rig, step: u32) {
+    let is_last = step >= STEPS;
+    for (name, there) in
+        [("arriving", is_last), ("arriving lamp", is_last), ("leaving", !is_last), ("leaving lamp", !is_last)]
+    {
+        let entity = rig.named(name);
+        *rig.get_mut::<Visibility>(entity) = if there { Visibility::Inherited } else { Visibility::Hidden };
+    }
+    let s = step as f32;
+    let painted = rig.named("painted");
+    let paint = rig.material_of(painted);
+    rig.edit(&paint, |m| m.base_color = Color::linear_rgb(0.2 + 0.2 * s, 0.8 - 0.2 * s, 0.5));
+    let pulsing = rig.named("pulsing lamp");
+    let glow = rig.material_of(pulsing);
+    rig.edit(&glow, |m| m.emissive = LinearRgba::rgb(4.0 + 3.0 * s, 4.0, 10.0 - 3.0 * s));
+    // Two entities exchange their meshes, so that both shapes stay loaded.
+    let [swapped, other] = ["swapped", "other shape"].map(|name| rig.named(name));
+    let is_swapped = rig.app.world().get::<IsSwapped>(swapped).is_some();
+    if is_last != is_swapped {
+        let [a, b] =
+            [swapped, other].map(|entity| rig.app.world().get::<Mesh3d>(entity).expect("it has a mesh").clone());
+        rig.insert(swapped, b);
+        rig.insert(other, a);
+        if is_last {
+            rig.insert(swapped, IsSwapped);
+        } else {
+            rig.app.world_mut().entity_mut(swapped).remove::<IsSwapped>();
+        }
+    }
+}
+
+#[derive(Component)]
+struct IsSwapped;
+
+fn proof(restarts: u32) -> Proof<'static> {
+    Proof { bounces: 3, margin: 0.015, pose: Some(&pose_edited), ..Proof::of((restarts, 1), (14, 32)) }
+}
+
+#[test]
+fn paths_in_an_edited_scene_equal_the_reference() {
+    let Some(mut rig) = scene(64, edited) else { return };
+    proof(60).check("edited", &mut rig, &[("both", paths::all_reuse())]);
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn paths_and_direct_light_in_an_edited_scene_equal_the_reference_for_each_kind_of_reuse() {
+    let Some(mut rig) = scene(64, edited) else { return };
+    let gi = |paths| AllLight::Gi(di::all_reuse(), paths);
+    let all = [
+        ("paths, temporal", AllLight::Pt(paths::temporal())),
+        ("indirect, temporal", gi(paths::temporal())),
+        ("indirect, both", gi(paths::all_reuse())),
+    ];
+    proof(60).check("edited", &mut rig, &all);
+    let direct = [("direct, temporal", di::temporal()), ("direct, both", di::all_reuse())];
+    Proof { bounces: 1, ..proof(60) }.check("edited", &mut rig, &direct);
+}
+
+/// Turns, dims and colors the sky of a step, 0 to [`STEPS`].
+fn pose_sky(rig: &mut Rig, step: u32) {
+    let s = step as f32;
+    let mut sky = rig.get_mut::<RestirEnvironment>(rig.camera);
+    sky.rotation = Quat::from_rotation_y(0.6 * s);
+    sky.intensity = 0.4 + 0.2 * s;
+    sky.color = LinearRgba::rgb(1.0, 0.4 + 0.2 * s, 1.0 - 0.2 * s);
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn paths_under_a_sky_that_turns_and_changes_its_color_equal_the_reference() {
+    let Some(mut rig) = scene(64, |rig| surrounded(rig, true)) else { return };
+    let proof = Proof { bounces: 3, margin: 0.015, pose: Some(&pose_sky), ..Proof::of((40, 1), (14, 32)) };
+    let gi = |paths| AllLight::Gi(di::all_reuse(), paths);
+    let all = [
+        ("paths, temporal", AllLight::Pt(paths::temporal())),
+        ("paths, both", AllLight::Pt(paths::all_reuse())),
+        ("indirect, both", gi(paths::all_reuse())),
+    ];
+    proof.check("sky", &mut rig, &all);
+}
+
+/// Objects count as present in both frames.
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn paths_over_objects_of_another_frame_are_found() {
+    let Some(mut rig) = scene(64, edited) else { return };
+    let proof = proof(60);
+    let reference = proof.truth(&mut rig, 1000);
+    let from = "    return (instances[instance].flags & select(INSTANCE_GONE, INSTANCE_APPEARED, previous)) == 0u;";
+    plant_edits(&mut rig.app, &[ShaderEdit { module: "scene/triangle.wgsl", from, to: "    return true;" }]);
+    let found = proof.resampled(&mut rig, &paths::temporal(), 5000).compare(&reference, 0.01);
+    eprintln!("{found}");
+    assert!(found.is_different(), "not found: {found}");
+}
+
+/// A frame in which objects come, go and change is one frame of history more for all surfaces that they do not hide.
+#[test]
+fn histories_outlive_objects_that_come_and_go_and_change() {
+    let Some(mut rig) = scene(32, edited) else { return };
+    let reuse = Reuse { confidence_cap: CONFIDENCE_CAP, ..di::temporal().reuse };
+    let direct = Direct { reuse, ..di::temporal() };
+    rig.set(|r| {
+        r.technique = bevy_restir::Technique::Di;
+        r.direct = direct;
+        r.debug_view = DebugView::ReservoirConfidence;
+    });
+    pose_edited(&mut rig, 0);
+    rig.until_ready();
+    pose_edited(&mut rig, STEPS);
+    rig.until_ready();
+    rig.set(|r| r.reset = true);
+    rig.frame();
+    for frame in 2..12u32 {
+        pose_edited(&mut rig, if frame % 2 == 0 { 0 } else { STEPS });
+        let view = rig.next();
+        let shown = view.iter().filter(|(_, c)| c.x > 0.0).count();
+        let kept = view.iter().filter(|(_, c)| c.x == frame as f32).count();
+        assert!(4 * kept > 3 * shown && shown > 300, "frame {frame}: {kept} of {shown} pixels kept their history");
+    }
+    // The sky turns and dims.
+    rig.insert(rig.camera, sky(0.3));
+    rig.until_ready();
+    rig.set(|r| r.reset = true);
+    rig.frames(3);
+    for frame in 4..8u32 {
+        let mut sky = rig.get_mut::<RestirEnvironment>(rig.camera);
+        sky.rotation = Quat::from_rotation_y(frame as f32);
+        sky.intensity = (frame % 2) as f32;
+        let view = rig.next();
+        let kept = view.iter().filter(|(_, c)| c.x == frame as f32).count();
+        assert!(kept > 500, "frame {frame} of a sky: {kept} pixels kept their history");
+    }
+    // A material and a mesh of its own, loaded while others are shown.
+    let block = rig.spawn(Cuboid::new(0.2, 0.2, 0.2), lambert(0.5), Transform::from_xyz(0.0, 0.0, 1.0));
+    rig.until_ready();
+    rig.app.world_mut().despawn(block);
+    let view = rig.next();
+    let kept = view.iter().filter(|(_, c)| c.x >= 8.0).count();
+    assert!(kept > 500, "{kept} pixels kept their history");
+}
