@@ -9,13 +9,13 @@ use super::{BiasCorrection, Direct, Paths, Restir, Reuse, SuffixRetrace, Visibil
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum Preset {
-    /// Fewest rays.  Three bounces: later light is missing (darker).  Direct light is resampled as by Wyman and Panteleev 2021, with
+    /// Fewest rays, and one neighbor for paths.  Three bounces: later light is missing (darker).  Direct light is resampled as by Wyman and Panteleev 2021, with
     /// visibility reused within 30 pixels: shadows are blurred and lag.  Under motion, light that has just come into view of the end of a
     /// path is missed (darker; [`SuffixRetrace::ForwardOnly`]).
     Performance,
     /// Five bounces: later light is missing (darker).  No other bias.
     Balanced,
-    /// Eight bounces: later light is missing (darker).  Paths have three neighbors instead of one.  No other bias.
+    /// Eight bounces: later light is missing (darker).  No other bias.
     Quality,
     /// As `Quality`, with 32 bounces.
     Unbiased,
@@ -45,11 +45,12 @@ impl Preset {
 
     fn paths(self) -> Paths {
         match self {
-            Self::Performance => Paths { suffix_retrace: SuffixRetrace::ForwardOnly, ..Paths::default() },
-            Self::Balanced => Paths::default(),
-            Self::Quality | Self::Unbiased => {
-                Paths { reuse: Reuse { spatial_samples: 3, ..Reuse::PATHS }, ..Paths::default() }
-            }
+            Self::Performance => Paths {
+                suffix_retrace: SuffixRetrace::ForwardOnly,
+                reuse: Reuse { spatial_samples: 1, ..Reuse::PATHS },
+                ..Paths::default()
+            },
+            Self::Balanced | Self::Quality | Self::Unbiased => Paths::default(),
         }
     }
 }

@@ -153,6 +153,7 @@ impl Default for SubsurfaceSampling {
     fn default() -> Self {
         let reuse = Reuse {
             order: ReuseOrder::TemporalThenSpatial,
+            spatial_samples: 1,
             spatial_iterations: 2,
             bilinear: true,
             radius: 30.0,

@@ -451,8 +451,8 @@ fn a_change_of_a_sky_resets_no_other_camera() {
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn resampled_light_of_a_cube_is_that_of_the_reference() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_resampled_light_of_a_cube_is_that_of_the_reference() {
     let make = |rig: &mut Rig| {
         let cube = Cube::new(8, |face, x, y| match (face, x, y) {
             (2, 5, 1) => DVec3::new(80.0, 70.0, 50.0),

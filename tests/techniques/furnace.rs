@@ -68,7 +68,7 @@ fn a_closed_furnace_is_in_balance_with_paths() {
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn a_closed_furnace_is_in_balance_with_32_bounces() {
-    check(Technique::Reference, Preset::Unbiased, 0, 30);
+    check(Technique::Reference, Preset::Unbiased, 0, 60);
 }
 
 /// Paths of 32 bounces are resampled from neighbors with other numbers of bounces, so that 0.2 % need four times the frames.

@@ -61,7 +61,7 @@ fn start() -> Option<(Rig, Vec<Picture>)> {
         })
         .collect();
     replace_pass_shader(&mut rig.app, "pt_reuse", include_str!("../support/kernels/previous_frame.wgsl"));
-    let reuse = Reuse { order: ReuseOrder::Spatiotemporal, ..Reuse::PATHS };
+    let reuse = Reuse { order: ReuseOrder::Spatiotemporal, spatial_samples: 1, ..Reuse::PATHS };
     let paths = Paths { reuse, ..Default::default() };
     rig.set(|r| *r = Restir { technique: Technique::Pt, paths, jitter: true, bounces: 1, ..plain() });
     Some((rig, emitted))

@@ -54,8 +54,8 @@ fn light_paths_in_a_room_equal_the_reference_for_every_kind_of_reuse() {
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn any_number_of_light_paths_gives_the_picture_of_the_reference() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_any_number_of_light_paths_gives_the_picture_of_the_reference() {
     let Some(mut rig) = room_scene(32) else { return };
     rig.set(|r| r.jitter = true);
     let full = |count| (count, Bidirectional(Full, paths::all_reuse()));
@@ -76,8 +76,8 @@ fn light_paths_by_mirrors_equal_the_reference() {
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn light_paths_of_points_and_directional_lights_equal_the_reference() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_light_paths_of_points_and_directional_lights_equal_the_reference() {
     check("punctual", PROOF, punctual);
 }
 
@@ -96,8 +96,8 @@ fn light_paths_of_environments_equal_the_reference() {
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn light_paths_over_every_lobe_equal_the_reference() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_light_paths_over_every_lobe_equal_the_reference() {
     check("every lobe", Proof { bounces: 3, margin: 0.05, ..PROOF }, |rig| {
         every_lobe(rig);
         // Lobes that depend on the side that they are seen from must be those of the camera's side.
@@ -106,14 +106,14 @@ fn light_paths_over_every_lobe_equal_the_reference() {
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn light_paths_in_textured_scenes_equal_the_reference() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_light_paths_in_textured_scenes_equal_the_reference() {
     check("textured", Proof { bounces: 3, margin: 0.05, ..PROOF }, textured);
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn light_paths_through_blended_panes_equal_the_reference() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_light_paths_through_blended_panes_equal_the_reference() {
     check("blended", Proof { bounces: 2, margin: 0.05, ..PROOF }, blended);
 }
 
@@ -147,15 +147,15 @@ fn lamp_in_glass(rig: &mut Rig) {
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn light_paths_from_inside_of_an_absorbing_body_equal_the_reference() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_light_paths_from_inside_of_an_absorbing_body_equal_the_reference() {
     check("a lamp in glass", Proof { bounces: 4, margin: 0.05, ..PROOF }, lamp_in_glass);
 }
 
 /// The back sides of walls between the camera and the room are not drawn, and still stop all other rays.
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn light_paths_behind_culled_walls_equal_the_reference() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_light_paths_behind_culled_walls_equal_the_reference() {
     check("culled walls", PROOF, |rig| {
         room(rig);
         rig.spawn(

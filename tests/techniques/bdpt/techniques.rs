@@ -88,8 +88,8 @@ fn each_technique_alone_finds_all_light_of_a_diffuse_room() {
 
 /// Rays hit the small lamp of the room too seldom, so that this test has an emissive ceiling.
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn hits_alone_find_all_light_of_a_large_lamp() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_hits_alone_find_all_light_of_a_large_lamp() {
     let Some(mut rig) = jittered(shining) else { return };
     let truth = PROOF.truth(&mut rig, 1000);
     let found = with_defs(&mut rig, &["TEST_HITS", "TEST_ALONE"], 2000).compare(&truth, 0.03);

@@ -69,20 +69,20 @@ fn direct_light_in_the_cornell_box_equals_the_reference_for_every_kind_of_reuse(
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn direct_light_on_glossy_surfaces_equals_the_reference() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_direct_light_on_glossy_surfaces_equals_the_reference() {
     check("glossy", Proof::of((32, 12), (40, 20)));
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn direct_light_of_a_thousand_lights_equals_the_reference() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_direct_light_of_a_thousand_lights_equals_the_reference() {
     check("many_lights", Proof { margin: 0.02, ..Proof::of((40, 8), (40, 40)) });
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn direct_light_of_points_and_a_sun_equals_the_reference() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_direct_light_of_points_and_a_sun_equals_the_reference() {
     check("punctual", Proof::of((32, 8), (40, 40)));
 }
 

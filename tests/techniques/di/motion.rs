@@ -101,8 +101,8 @@ fn check_changing_lights(kinds: &[&str]) {
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn lights_that_only_move_light_from_their_current_position() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_lights_that_only_move_light_from_their_current_position() {
     let mut moving = [Entity::PLACEHOLDER; 2];
     let Some(mut rig) = scene(64, |rig| {
         room(rig);

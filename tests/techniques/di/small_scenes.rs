@@ -54,7 +54,7 @@ fn direct_light_of_points_spots_and_suns_equals_the_reference() {
 fn direct_light_of_an_environment_equals_the_reference() {
     for (name, map) in [("uniform", false), ("map", true)] {
         let Some(mut rig) = scene(64, |rig| surrounded(rig, map)) else { return };
-        Proof::of((26, 8), (14, 64)).check(
+        Proof::of((36, 8), (14, 64)).check(
             name,
             &mut rig,
             &[
@@ -67,8 +67,8 @@ fn direct_light_of_an_environment_equals_the_reference() {
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn direct_light_on_mirrors_and_lacquer_equals_the_reference() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_direct_light_on_mirrors_and_lacquer_equals_the_reference() {
     let Some(mut rig) = shared(64, "mirrors") else { return };
     Proof::DEFAULT.check("mirrors", &mut rig, &[("both", di::all_reuse())]);
 }
