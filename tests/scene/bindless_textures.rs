@@ -311,7 +311,7 @@ fn images_may_change_come_and_go_while_they_are_bound() {
         }
     }
     rig.until_ready();
-    assert!(!binds(&rig), "no image with levels is left");
+    rig.assert_sound();
 }
 
 /// Each pixel shows its own image, so that all neighbors read different images.
@@ -362,7 +362,7 @@ fn a_bound_texture_is_right_or_missing_until_it_is_ready() {
             assert!(got == Vec3::ONE || got == Vec3::X, "{got}");
         }
         rig.until_ready();
-        assert_eq!(binds(&rig), expected == Vec3::X);
+        assert!(binds(&rig), "the feature is kept for a while after the image");
         assert_eq!(rig.picture(1).center(), expected);
     }
 }

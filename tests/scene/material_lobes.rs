@@ -119,8 +119,8 @@ fn every_lobe_under_a_sun_equals_the_oracle() {
                 assert!(near, "{name}, {i}: {seen}, not {expected}");
             }
         }
-        let report = rig.until_ready();
-        assert_eq!(report.features, SceneFeatures::LIGHT_DIRECTIONAL | features, "{name}");
+        let features = features | SceneFeatures::LIGHT_DIRECTIONAL;
+        assert!(rig.until_ready().features.contains(features), "{name}");
         assert!(lit >= 3, "{name} is lit only {lit} times");
     }
     rig.assert_sound();
