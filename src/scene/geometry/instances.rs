@@ -242,6 +242,18 @@ impl InstancePool {
                 ray_mask,
             });
         }
+        self.retire_slots_but(&is_used);
+        let appeared = self.live.iter().any(|live| self.records[live.slot as usize].flags & INSTANCE_APPEARED != 0);
+        let membership_changed = appeared || !self.gone.is_empty();
+        self.membership_revision += u64::from(membership_changed);
+        self.motion_revision += u64::from(moved || membership_changed);
+        if self.overflow.should_warn(left_out, meshes.idle() && !self.waiting) {
+            warn!("restir: {left_out} meshes are left out, because this device binds at most {limit} instances");
+        }
+    }
+
+    /// Marks the slots of instances that have disappeared, and those that edited instances had.
+    fn retire_slots_but(&mut self, is_used: &[bool]) {
         let gone = &mut self.gone;
         self.slots.retain(|_, slot| {
             let is_used = is_used[*slot as usize];
@@ -258,13 +270,6 @@ impl InstancePool {
                 flags: record.flags & !INSTANCE_APPEARED | INSTANCE_GONE,
                 ..*record
             };
-        }
-        let appeared = self.live.iter().any(|live| self.records[live.slot as usize].flags & INSTANCE_APPEARED != 0);
-        let membership_changed = appeared || !self.gone.is_empty();
-        self.membership_revision += u64::from(membership_changed);
-        self.motion_revision += u64::from(moved || membership_changed);
-        if self.overflow.should_warn(left_out, meshes.idle() && !self.waiting) {
-            warn!("restir: {left_out} meshes are left out, because this device binds at most {limit} instances");
         }
     }
 
