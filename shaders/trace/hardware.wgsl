@@ -121,8 +121,9 @@ fn is_valid_ray(ray: Ray) -> bool {
 // is opaque; those of other instances are passed over.
 fn traverse_instance(ray: Ray, instance: u32, alpha_seed: u32, previous: bool) -> ProbeHits {
     var hits = no_probe_hits();
-    let root = select(scene.tlas_root, scene.previous_tlas_root, previous);
-    if root == NONE || !is_valid_ray(ray) || instances[instance].blas_root == NONE {
+    // An empty top level has no candidates.  It is not tested by its root: Mesa 25.0 compiles a loop over candidates wrongly, such that it
+    // ends at once, if the kernel also reads `scene`.
+    if !is_valid_ray(ray) || instances[instance].blas_root == NONE {
         return hits;
     }
     let inside = object_ray(ray, instance, previous);

@@ -159,8 +159,8 @@ fn is_skipped(target: &str, path: &str, value: f64) -> bool {
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn bad_numbers_in_lights_leave_no_trace() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_bad_numbers_in_lights_leave_no_trace() {
     let Some(mut scene) = scene() else { return };
     scene.with_every_technique(|scene, technique, good| {
         let [point, spot, sun, rect] = scene.lights;
@@ -191,8 +191,8 @@ fn bad_numbers_in_lights_leave_no_trace() {
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn bad_numbers_in_cameras_and_settings_leave_no_trace() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_bad_numbers_in_cameras_and_settings_leave_no_trace() {
     log::listen();
     let Some(mut scene) = scene() else { return };
     let camera = scene.rig.camera;

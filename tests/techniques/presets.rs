@@ -29,10 +29,10 @@ fn check(name: &str, preset: Preset, techniques: &[Technique], margin: f64, ours
 }
 
 macro_rules! rows {
-    ($($test:ident: $($row:expr),+;)+) => {
+    ($tier:literal: $($test:ident: $($row:expr),+;)+) => {
         $(
             #[test]
-            #[ignore = "second tier: ./run test --more"]
+            #[ignore = $tier]
             fn $test() {
                 $({
                     let (name, preset, techniques, margin, ours, truth) = $row;
@@ -47,9 +47,14 @@ use Preset::*;
 use Technique::*;
 
 rows! {
+    "second tier: ./run test --more":
     balanced_in_the_cornell_box: ("cornell", Balanced, &[Pt, Gi], 0.04, (8, 80), (12, 40));
-    balanced_in_motion: ("moving", Balanced, &[Pt, Gi], 0.04, (12, 10), (12, 40));
-    unbiased_on_glossy_surfaces: ("glossy", Unbiased, &[Pt], 0.06, (8, 60), (12, 80));
-    unbiased_by_a_door_ajar: ("ajar", Unbiased, &[Pt], 0.08, (8, 60), (12, 100));
-    direct_light: ("cornell", Balanced, &[Di], 0.02, (8, 40), (12, 40));
+}
+
+rows! {
+    "minutes: ./run test --full":
+    full_length_balanced_in_motion: ("moving", Balanced, &[Pt, Gi], 0.04, (24, 10), (12, 40));
+    full_length_unbiased_on_glossy_surfaces: ("glossy", Unbiased, &[Pt], 0.06, (8, 60), (12, 80));
+    full_length_unbiased_by_a_door_ajar: ("ajar", Unbiased, &[Pt], 0.08, (8, 60), (12, 100));
+    full_length_direct_light: ("cornell", Balanced, &[Di], 0.02, (56, 40), (24, 40));
 }

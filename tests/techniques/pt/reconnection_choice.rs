@@ -202,8 +202,8 @@ const UNTESTED: [(&str, &str, &str, &str); 8] = [
 ];
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn untested_conditions_of_the_shift_are_found() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_untested_conditions_of_the_shift_are_found() {
     let Some((mut rig, emitted)) = start(shining) else { return };
     plant_shader_defs(&mut rig.app, &[]);
     for (name, module, from, to) in UNTESTED {

@@ -73,8 +73,8 @@ fn the_jacobian_is_the_change_of_measure_of_the_shift() {
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn the_jacobian_is_the_change_of_measure_in_every_scene() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_the_jacobian_is_the_change_of_measure_in_every_scene() {
     check(&["glossy", "mirrors", "surrounded", "shapes"]);
 }
 

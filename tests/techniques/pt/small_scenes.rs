@@ -110,7 +110,8 @@ fn paths_to_points_and_suns_equal_the_reference() {
 #[ignore = "second tier: ./run test --more"]
 fn paths_to_an_environment_equal_the_reference() {
     let Some(mut rig) = shared(64, "surrounded by an image") else { return };
-    PROOF.check("surrounded", &mut rig, &[("candidates", paths::candidates_only()), ("both", paths::all_reuse())]);
+    let proof = Proof { bounces: PROOF.bounces, ..Proof::of((32, 6), (40, 24)) };
+    proof.check("surrounded", &mut rig, &[("candidates", paths::candidates_only()), ("both", paths::all_reuse())]);
 }
 
 /// A corner of a room that is lit only by light from the ceiling.

@@ -161,8 +161,8 @@ fn measured(plants: &[&'static str], shift: SubsurfaceShift, seeds: u32) -> Opti
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn the_jacobian_is_the_change_of_measure_of_every_shift_in_bodies() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_the_jacobian_is_the_change_of_measure_of_every_shift_in_bodies() {
     for shift in SHIFTS {
         let Some(measure) = measured(&[], shift, 1600) else { return };
         assert!(measure.is_equal(0.02), "{shift:?}: {measure}");

@@ -37,8 +37,8 @@ fn light_in_translucent_bodies_equals_the_reference() {
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn every_shift_in_translucent_bodies_equals_the_reference() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_every_shift_in_translucent_bodies_equals_the_reference() {
     let Some(mut rig) = bodies() else { return };
     let mut cases = vec![("candidates".to_string(), with(subsurface::candidates_only()))];
     // In a still scene all shifts between frames are the identity.
@@ -54,20 +54,23 @@ fn every_shift_in_translucent_bodies_equals_the_reference() {
         cases.push((format!("Hybrid, {name}"), with(SubsurfaceSampling { reuse, ..subsurface::all_reuse() })));
     }
     let cases: Vec<_> = cases.iter().map(|(name, case)| (name.as_str(), case.clone())).collect();
+    // 1/|Z| is noisier than the other weights.
+    let (noisy, cases): (Vec<_>, Vec<_>) = cases.into_iter().partition(|(name, _)| name.ends_with("1/|Z|"));
     PROOF.check("bodies", &mut rig, &cases);
+    Proof { margin: 0.03, ..Proof::of((80, 16), (40, 64)) }.check("bodies", &mut rig, &noisy);
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn presampled_light_in_translucent_bodies_equals_the_reference() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_presampled_light_in_translucent_bodies_equals_the_reference() {
     let Some(mut rig) = bodies() else { return };
     let proof = Proof { margin: 0.03, ..PROOF };
     proof.check("bodies", &mut rig, &[("subsets", (di::all_reuse(), subsurface::all_reuse()))]);
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn every_shift_of_moving_bodies_and_lights_equals_the_reference() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_every_shift_of_moving_bodies_and_lights_equals_the_reference() {
     for shift in SHIFTS {
         let mut moving = [Entity::PLACEHOLDER; 2];
         let Some(mut rig) = scene(64, |rig| moving = translucent(rig)) else { return };
@@ -104,8 +107,8 @@ fn direct_translucent_and_indirect_diffuse(rig: &mut Rig, proof: &Proof) -> Rest
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn frames_of_restir_gi_have_translucent_bodies_under_direct_light() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_frames_of_restir_gi_have_translucent_bodies_under_direct_light() {
     let Some(mut rig) = bodies() else { return };
     let proof = Proof { bounces: 3, margin: 0.02, ..Proof::of((56, 8), (16, 64)) };
     let truth = direct_translucent_and_indirect_diffuse(&mut rig, &proof);
@@ -124,20 +127,27 @@ fn planted_errors_in_translucent_bodies_are_found() {
     let proof = Proof::of((24, 8), (20, 64));
     let reference = proof.truth(&mut rig, 1000);
     // On flat bodies a missing Jacobian changes little; `shifts` finds it.
-    let planted = [
-        ("TEST_ONE_AXIS", with(subsurface::candidates_only())),
-        ("PLANT_SWAPPED_MIS", with(subsurface::spatial())),
-        (
-            "PLANT_STALE_PROBE",
-            with(SubsurfaceSampling { shift: SubsurfaceShift::Sequential, ..subsurface::all_reuse() }),
-        ),
-    ];
+    let planted =
+        [("TEST_ONE_AXIS", with(subsurface::candidates_only())), ("PLANT_SWAPPED_MIS", with(subsurface::spatial()))];
     proof.finds(&mut rig, &reference, planted);
 }
 
+/// A probe that is not traced again is wrong where bodies turn.
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn nan_stays_in_its_reservoir_of_translucent_bodies() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_stale_probes_are_found_where_bodies_move() {
+    let mut moving = [Entity::PLACEHOLDER; 2];
+    let Some(mut rig) = scene(64, |rig| moving = translucent(rig)) else { return };
+    let pose = |rig: &mut Rig, step: u32| turn(rig, moving, step as f32);
+    let proof = Proof { pose: Some(&pose), ..Proof::of((160, 1), (20, 64)) };
+    let reference = proof.truth(&mut rig, 1000);
+    let sampling = SubsurfaceSampling { shift: SubsurfaceShift::Sequential, ..subsurface::all_reuse() };
+    proof.finds(&mut rig, &reference, [("PLANT_STALE_PROBE", with(sampling))]);
+}
+
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_nan_stays_in_its_reservoir_of_translucent_bodies() {
     let Some(mut rig) = bodies() else { return };
     let proof = Proof { margin: 0.01, ..Proof::of((120, 16), (80, 64)) };
     proof.survives_nan(&mut rig, &[with(subsurface::all_reuse())]);
