@@ -16,6 +16,7 @@
 #import bevy_restir::scene::triangle::{instance_transform, world_triangle}
 #import bevy_restir::subsurface::probe::{draw_probe, probe_frame, probe_pdf, probe_ray, reach_of}
 #import bevy_restir::subsurface::profile::profile
+#import bevy_restir::trace::probe_hits::{probe_distance, probe_triangle}
 #import bevy_restir::trace::trace::{probe_hit, trace_probe}
 
 // A point of entry with the light that reaches the point where it leaves, per light that enters, divided by the density of the point.
@@ -112,7 +113,7 @@ fn sample_entry(exit: Surface, wo: vec3<f32>, u: vec4<f32>, alpha_seed: u32) -> 
         return e;
     }
     let chosen = min(u32(u.w * f32(hits.count)), hits.count - 1u);
-    let hit = probe_hit(line.ray, exit.instance, hits.triangles[chosen], hits.distances[chosen], false);
+    let hit = probe_hit(line.ray, exit.instance, probe_triangle(hits, chosen), probe_distance(hits, chosen), false);
     e.surface = entry_surface(exit, hit, false);
     let offset = e.surface.position - exit.position;
     let pdf = probe_pdf(offset, e.surface.bsdf.n_geo, frame, exit.radius);

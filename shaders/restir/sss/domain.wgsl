@@ -22,6 +22,7 @@
 #import bevy_restir::scene::triangle::world_triangle
 #import bevy_restir::subsurface::entry::{entry_surface, exit_factor, profile_per_area, scatters_below}
 #import bevy_restir::subsurface::probe::{channel_probability, inverse_probe, probe_frame, Probe, probe_pdf, probe_ray}
+#import bevy_restir::trace::probe_hits::{probe_distance, probe_triangle}
 #import bevy_restir::trace::trace::{probe_hit, trace_probe}
 #import bevy_restir::view::primary::primary_surface
 
@@ -124,7 +125,7 @@ fn replayed_hit(r: Receiver, s: EntrySample) -> Hit {
     }
     let hits = trace_probe(line.ray, r.surface.instance, s.alpha_seed, r.previous);
     if s.hit < hits.count {
-        hit = probe_hit(line.ray, r.surface.instance, hits.triangles[s.hit], hits.distances[s.hit], r.previous);
+        hit = probe_hit(line.ray, r.surface.instance, probe_triangle(hits, s.hit), probe_distance(hits, s.hit), r.previous);
     }
     return hit;
 }
@@ -249,7 +250,7 @@ fn hit_of_triangle(r: Receiver, s: EntrySample) -> u32 {
     }
     let hits = trace_probe(line.ray, r.surface.instance, s.alpha_seed, r.previous);
     for (var i = 0u; i < hits.count; i++) {
-        if hits.triangles[i] == s.triangle {
+        if probe_triangle(hits, i) == s.triangle {
             return i;
         }
     }

@@ -13,6 +13,7 @@
 #import bevy_restir::restir::sss::domain::{contribution_of, entry_point, Receiver, scatters}
 #import bevy_restir::restir::sss::reservoir::{EntrySample, no_reservoir, Reservoir}
 #import bevy_restir::subsurface::probe::{channel_probability, draw_probe, probe_ray}
+#import bevy_restir::trace::probe_hits::{probe_distance, probe_triangle}
 #import bevy_restir::trace::trace::{probe_hit, trace_probe}
 
 struct SelectedEntry {
@@ -39,7 +40,7 @@ fn sample_candidates(r: Receiver, pixel: vec2<u32>, rng: ptr<function, Rng>) -> 
     let choice = channel_probability(r.surface.radius);
     var stream = Stream(0.0, NONE);
     for (var h = 0u; h < hits.count; h++) {
-        let hit = probe_hit(line.ray, r.surface.instance, hits.triangles[h], hits.distances[h], false);
+        let hit = probe_hit(line.ray, r.surface.instance, probe_triangle(hits, h), probe_distance(hits, h), false);
         let p = entry_point(r, hit);
         if !(p.density > 0.0) {
             continue;

@@ -3,6 +3,7 @@
 #import bevy_restir::scene::offset::surface_point
 #import bevy_restir::scene::triangle::world_triangle
 #import bevy_restir::subsurface::probe::{draw_probe, inverse_probe, probe_frame, probe_ray}
+#import bevy_restir::trace::probe_hits::{probe_distance, probe_triangle}
 #import bevy_restir::trace::trace::{probe_hit, trace_probe}
 
 struct Query {
@@ -40,7 +41,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let hits = trace_probe(line.ray, 0u, 7u, false);
         answer.count = hits.count;
         if hits.count > 0u {
-            let hit = probe_hit(line.ray, 0u, hits.triangles[0], hits.distances[0], false);
+            let hit = probe_hit(line.ray, 0u, probe_triangle(hits, 0u), probe_distance(hits, 0u), false);
             answer.found = surface_point(0u, hit.triangle, hit.barycentrics, false);
             answer.normal = world_triangle(0u, hit.triangle, false).normal;
             let probe = inverse_probe(answer.found - q.position, answer.normal, frame, q.radius, rng_1(&rng));
@@ -48,8 +49,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
             let back = probe_ray(probe, q.position, frame, q.radius);
             let hits_again = trace_probe(back.ray, 0u, 7u, false);
             for (var i = 0u; i < hits_again.count; i += 1u) {
-                if back.valid && hits_again.triangles[i] == hit.triangle {
-                    let same = probe_hit(back.ray, 0u, hit.triangle, hits_again.distances[i], false);
+                if back.valid && probe_triangle(hits_again, i) == hit.triangle {
+                    let same = probe_hit(back.ray, 0u, hit.triangle, probe_distance(hits_again, i), false);
                     answer.again = surface_point(0u, hit.triangle, same.barycentrics, false);
                     answer.is_again = 1u;
                 }

@@ -4,6 +4,7 @@
 #import bevy_restir::scene::offset::surface_point
 #import bevy_restir::scene::triangle::world_triangle
 #import bevy_restir::subsurface::probe::{draw_probe, probe_frame, probe_pdf, probe_ray}
+#import bevy_restir::trace::probe_hits::{probe_distance, probe_triangle}
 #import bevy_restir::trace::trace::{probe_hit, trace_probe}
 
 struct Query {
@@ -44,7 +45,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         let hits = trace_probe(line.ray, 0u, 7u, false);
         answer.count = hits.count;
         for (var i = 0u; i < hits.count; i += 1u) {
-            let hit = probe_hit(line.ray, 0u, hits.triangles[i], hits.distances[i], false);
+            let hit = probe_hit(line.ray, 0u, probe_triangle(hits, i), probe_distance(hits, i), false);
             let point = surface_point(0u, hit.triangle, hit.barycentrics, false);
             let pdf = probe_pdf(point - q.position, world_triangle(0u, hit.triangle, false).normal, frame, q.radius);
             answer.triangles[i] = hit.triangle;

@@ -1,5 +1,6 @@
 // All hits of every ray on instance 0.
 #import bevy_restir::common::ray::{Ray, rays_traced, trace_flags}
+#import bevy_restir::trace::probe_hits::{PROBE_HITS_MAX, probe_distance, probe_triangle}
 #import bevy_restir::trace::trace::trace_probe
 
 struct Answer {
@@ -30,7 +31,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     answer.count = hits.count;
     answer.flags = trace_flags;
     answer.rays = rays_traced;
-    answer.distances = hits.distances;
-    answer.triangles = hits.triangles;
+    for (var i = 0u; i < min(hits.count, PROBE_HITS_MAX); i += 1u) {
+        answer.distances[i] = probe_distance(hits, i);
+        answer.triangles[i] = probe_triangle(hits, i);
+    }
     answers[id.x] = answer;
 }
