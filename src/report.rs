@@ -7,7 +7,7 @@ use crate::{
     frame::pipelines::{PassPipelines, PipelineReport},
     gpu_layout::GpuCounters,
     scene::{SceneFeatures, bindings::SceneBindings},
-    view::{ViewPool, counters::GuardRun, environment::EnvironmentPool, guards::GUARDS},
+    view::{ViewPool, counters::GuardRun, environment::EnvironmentPool, guards::GUARDS, image_state::ResetCounts},
 };
 
 /// The state of the plugin after the last frame.
@@ -32,6 +32,12 @@ pub struct RestirReport {
     /// `float_overflow`, which counts light beyond the range of f32 (about 1e38), and `overflow_probe`: both are missing in the picture.
     /// A check costs a few integer comparisons.
     pub guards: Vec<(&'static str, u64)>,
+    /// How often the histories of the cameras that exist now began anew, and why.  `start`: the first frame, or the frame before was not
+    /// rendered; `requested`: [`Restir::reset`](crate::Restir::reset); `scene`: an edit that histories do not survive; `environment`: another
+    /// image, or the first or last environment; `size`; `settings`; `render_layers`; `projection`: perspective or orthographic; `pipelines`:
+    /// another technique, or a feature of the scene that appeared.  One frame may count for several reasons.  Techniques without a history
+    /// count nothing.
+    pub history_resets: Vec<(&'static str, u64)>,
     /// Bytes of scene data uploaded in the last frame; 0 while nothing changes.
     pub uploaded_bytes: u64,
     /// Names of GPU buffers and textures of this plugin with their sizes in bytes.
@@ -113,9 +119,11 @@ pub(crate) fn update_report(
     report.memory = scene.memory.clone();
     report.memory.push(environments.memory());
     report.reservoir_bytes_per_pixel = 0;
+    let mut resets = ResetCounts::default();
     let mut counters = GpuCounters::default();
     let mut guards: Vec<_> = GUARDS.iter().map(|guard| (guard.name, 0)).collect();
     for view in views.views.values() {
+        resets.add(&view.resets);
         view.counters.read();
         let newest = view.counters.newest(run);
         for ((_, pixels), guard) in guards.iter_mut().zip(GUARDS) {
@@ -139,6 +147,7 @@ pub(crate) fn update_report(
     report.rays = counters.rays as u64;
     report.non_finite_pixels = counters.non_finite_pixels as u64;
     report.overflow_flags = counters.overflow_flags;
+    report.history_resets = resets.named().collect();
     report.guards = guards;
     for (guard, (name, pixels)) in GUARDS.iter().zip(&report.guards) {
         if *pixels > 0 && !reported.contains(name) {

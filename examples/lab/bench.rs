@@ -108,13 +108,19 @@ pub fn scenes(paths: &[PathBuf]) -> Result<Vec<Scene>, String> {
     paths.iter().map(find).collect()
 }
 
+/// The entry of a scene in `references.json` beside it, or null.
+pub fn reference_entry(folder: &Path, name: &str) -> Result<Value, String> {
+    let path = folder.join("references.json");
+    let Ok(text) = std::fs::read_to_string(&path) else { return Ok(Value::Null) };
+    let all: Value = serde_json::from_str(&text).map_err(|e| format!("{}: {e}", path.display()))?;
+    Ok(all[name].clone())
+}
+
 /// The environment of a scene in `references.json` beside it.
 fn environment(folder: &Path, name: &str) -> Result<Option<RestirEnvironment>, String> {
-    let path = folder.join("references.json");
-    let Ok(text) = std::fs::read_to_string(&path) else { return Ok(None) };
-    let all: Value = serde_json::from_str(&text).map_err(|e| format!("{}: {e}", path.display()))?;
+    let entry = reference_entry(folder, name)?;
     let channels: Vec<f32> =
-        all[name]["env"].as_array().into_iter().flatten().filter_map(|c| Some(c.as_f64()? as f32)).collect();
+        entry["env"].as_array().into_iter().flatten().filter_map(|c| Some(c.as_f64()? as f32)).collect();
     Ok(match channels[..] {
         [r, g, b] => Some(RestirEnvironment { color: bevy::color::LinearRgba::rgb(r, g, b), ..Default::default() }),
         _ => None,
@@ -224,15 +230,29 @@ impl Bench {
         before: u32,
         progress: &Progress,
     ) -> Result<Error, String> {
-        self.set(settings)?;
         let mut sum = Error::default();
-        for seed in 1..=errors.seeds {
-            self.restart(seed);
-            let error = errors.reference.error(&self.picture(before, progress)?);
+        for picture in self.pictures(settings, errors.seeds, before, progress)? {
+            let error = errors.reference.error(&picture);
             sum = Error { mean: sum.mean + error.mean, median: sum.median + error.median };
         }
         let seeds = f64::from(errors.seeds);
         Ok(Error { mean: sum.mean / seeds, median: sum.median / seeds })
+    }
+
+    /// Radiance of the frame after `before` others, of each of the seeds 1 to `seeds`.
+    pub fn pictures(
+        &mut self,
+        settings: &Restir,
+        seeds: u32,
+        before: u32,
+        progress: &Progress,
+    ) -> Result<Vec<Picture>, String> {
+        self.set(settings)?;
+        let mut picture = |seed| {
+            self.restart(seed);
+            self.picture(before, progress)
+        };
+        (1..=seeds).map(&mut picture).collect()
     }
 
     /// Renders the converged picture in two independent halves.

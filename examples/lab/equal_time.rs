@@ -1,4 +1,4 @@
-//! Cost and error of ReSTIR PT and of ReSTIR DI + GI, compared with the reference tracer at equal time.
+//! Cost and error of the techniques with all bounces, compared with the reference tracer at equal time.
 
 use bevy::math::UVec2;
 use bevy_restir::{Restir, Technique};
@@ -69,10 +69,14 @@ pub enum Detail {
     Stages,
 }
 
-/// Compares the two techniques.
+/// Compares the techniques.
 pub fn run(args: &Args) -> Result<(), String> {
     let rival = |name: &str, technique| Rival { name: name.into(), settings: args.settings(technique) };
-    let rivals = [rival("ReSTIR PT", Technique::Pt), rival("ReSTIR DI + GI", Technique::Gi)];
+    let rivals = [
+        rival("ReSTIR PT", Technique::Pt),
+        rival("ReSTIR BDPT", Technique::Bdpt),
+        rival("ReSTIR DI + GI", Technique::Gi),
+    ];
     table("equal-time", args, &rivals, Detail::Passes)
 }
 

@@ -4,8 +4,10 @@ mod ablate;
 mod bench;
 mod compare;
 mod demo;
+mod difference;
 mod equal_time;
 mod error;
+mod frames;
 mod lights;
 mod materials;
 mod output;
@@ -36,6 +38,7 @@ enum Command {
     Steps(equal_time::Steps),
     Subsurface(translucent::Args),
     Materials(materials::Args),
+    Frames(frames::Args),
     Compare(compare::Args),
     Demo(demo::Args),
 }
@@ -54,6 +57,7 @@ fn main() -> ExitCode {
         Command::Steps(steps) => steps.run(),
         Command::Subsurface(args) => translucent::run(args),
         Command::Materials(args) => materials::run(args),
+        Command::Frames(args) => frames::run(args),
         Command::Compare(args) => compare::run(args),
         Command::Demo(args) => demo::run(args),
     };

@@ -51,6 +51,7 @@ pub fn json(world: &World, args: &Args, settings: &Restir, frames: &Frames) -> V
         "non_finite_pixels": non_finite + guards.get("non_finite").copied().unwrap_or_default(),
         "overflow_flags": report.overflow_flags,
         "guards": guards,
+        "history_resets": report.history_resets.iter().copied().collect::<BTreeMap<_, _>>(),
         "triangles": report.triangles,
         "instances": report.instances,
         "lights": report.lights,

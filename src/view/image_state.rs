@@ -24,21 +24,78 @@ pub(super) struct ImageState {
     pub pipelines: PipelineKey,
 }
 
+/// Why the history of a view began anew.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Reset {
+    /// The first frame, or the frame before was not rendered.
+    Start,
+    /// `Restir::reset`.
+    Requested,
+    /// An edit of the scene that histories do not survive.
+    Scene,
+    /// Another image or kind of environment.
+    Environment,
+    Size,
+    Settings,
+    RenderLayers,
+    /// From perspective to orthographic, or back.
+    Projection,
+    /// Other shaders: another technique, or a feature of the scene that appeared.
+    Pipelines,
+}
+
+impl Reset {
+    /// All reasons, in the order of the enum, with their names in the report.
+    const NAMES: [&str; 9] =
+        ["start", "requested", "scene", "environment", "size", "settings", "render_layers", "projection", "pipelines"];
+}
+
+/// How often the history of a view began anew, by reason.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct ResetCounts([u64; Reset::NAMES.len()]);
+
+impl ResetCounts {
+    fn count(&mut self, reset: Reset) {
+        self.0[reset as usize] += 1;
+    }
+
+    pub(crate) fn add(&mut self, other: &Self) {
+        self.0.iter_mut().zip(other.0).for_each(|(sum, count)| *sum += count);
+    }
+
+    /// Names and numbers of all reasons.
+    pub(crate) fn named(&self) -> impl Iterator<Item = (&'static str, u64)> {
+        Reset::NAMES.into_iter().zip(self.0)
+    }
+}
+
 impl ImageState {
     /// Whether a frame may be averaged with the frames before it: the expected image must be identical.
     fn can_accumulate_onto(&self, last: &Self) -> bool {
         self == last
     }
 
-    /// Whether temporal reuse may read the last frame's reservoirs.  It handles changes of instances, lights, the camera, and the rotation and
-    /// color of the environment.  The background may change because no path contains it.
-    fn can_reuse_history_of(&self, last: &Self) -> bool {
-        let Self { motion_revision, camera, background, .. } = *self;
-        let environment = match (self.environment, last.environment) {
-            (Some(now), Some(last)) => Some(ExtractedEnvironment { rotation: now.rotation, color: now.color, ..last }),
-            _ => last.environment,
+    /// The changes after which temporal reuse must not read the last frame's reservoirs.  It handles changes of instances, lights, the camera,
+    /// and the rotation and color of the environment.  The background may change because no path contains it.
+    fn resets_since<'a>(&'a self, last: &'a Self) -> impl Iterator<Item = Reset> + 'a {
+        let turned_and_colored = |environment: &ExtractedEnvironment, as_in: &ExtractedEnvironment| {
+            ExtractedEnvironment { rotation: as_in.rotation, color: as_in.color, ..*environment }
         };
-        *self == Self { motion_revision, camera, background, environment, ..last.clone() }
+        let same_environment = match (&self.environment, &last.environment) {
+            (Some(now), Some(before)) => turned_and_colored(now, before) == *before,
+            (now, before) => now.is_none() && before.is_none(),
+        };
+        [
+            (Reset::Scene, self.edit_revision != last.edit_revision),
+            (Reset::Environment, self.environment_revision != last.environment_revision || !same_environment),
+            (Reset::Size, self.size != last.size),
+            (Reset::Settings, self.settings != last.settings),
+            (Reset::RenderLayers, self.layers != last.layers),
+            (Reset::Projection, self.orthographic != last.orthographic),
+            (Reset::Pipelines, self.pipelines != last.pipelines),
+        ]
+        .into_iter()
+        .filter_map(|(reset, changed)| changed.then_some(reset))
     }
 
     /// Whether paths of the last frame may have another contribution now.
@@ -60,11 +117,20 @@ impl RestirView {
         let is_progressive = self.key.is_none_or(|key| key.frame.domains().is_empty());
         let last = self.image_state.as_ref().filter(|_| !settings.reset);
         let can_accumulate = last.is_some_and(|last| state.can_accumulate_onto(last));
-        let can_reuse = last.is_some_and(|last| state.can_reuse_history_of(last));
+        let mut resets = ResetCounts::default();
+        match (last, settings.reset) {
+            (_, true) => resets.count(Reset::Requested),
+            (None, false) => resets.count(Reset::Start),
+            (Some(last), false) => state.resets_since(last).for_each(|reset| resets.count(reset)),
+        }
+        let can_reuse = resets.named().all(|(_, count)| count == 0);
         let keeps_history = if is_progressive { can_accumulate } else { can_reuse };
         let keeps_sequence = last.is_some_and(|last| state.continues_sequence_of(last));
         let accumulates = is_progressive || settings.accumulate;
         self.moved = last.is_some_and(|last| state.has_moved_since(last));
+        if !is_progressive {
+            self.resets.add(&resets);
+        }
         self.frame = if keeps_history { self.frame.saturating_add(1) } else { 0 };
         self.sequence = if keeps_sequence { self.sequence.wrapping_add(1) } else { 0 };
         let has_sum = can_accumulate && accumulates && self.accumulates;

@@ -11,7 +11,7 @@ pub(crate) mod environment;
 pub(crate) mod extract;
 pub(crate) mod guards;
 pub(crate) mod history;
-mod image_state;
+pub(crate) mod image_state;
 mod importance_map;
 pub(crate) mod light_paths;
 mod prepare;

@@ -13,7 +13,7 @@ use super::{
     counters::CounterReadback,
     extract::ExtractedRestir,
     history::{FrameInputs, History, traces_light},
-    image_state::ImageState,
+    image_state::{ImageState, ResetCounts},
     light_paths::LightPathCounts,
     pixels, raster_view_layout,
     selection::{CompositeKey, Selection},
@@ -50,6 +50,8 @@ pub(crate) struct RestirView {
     pub raster_bind_group: BindGroup,
     /// Frames since the history was reset.
     pub frame: u32,
+    /// Beginnings of the history, by reason.
+    pub resets: ResetCounts,
     /// Index of this frame in the random sequence: frames since an explicit reset or a change of settings.
     pub(super) sequence: u32,
     /// Frames in the radiance buffer before this one.
@@ -126,6 +128,7 @@ impl RestirView {
             visibility,
             visibility_texture,
             history: None,
+            resets: ResetCounts::default(),
             frame: 0,
             sequence: 0,
             accumulated: 0,

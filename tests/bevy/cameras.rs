@@ -237,6 +237,43 @@ fn a_camera_without_a_clear_color_draws_over_the_previous_camera() {
     assert_eq!([drawn[16 * 8 + 2][0], drawn[16 * 8 + 12][0]], [0, 255]);
 }
 
+/// What begins a history anew, and what does not.
+#[test]
+fn beginnings_of_a_history_are_counted_by_reason() {
+    let Some(mut rig) = Rig::new(20, 16) else { return };
+    crowd(&mut rig);
+    rig.insert(rig.camera, sky(0.3));
+    rig.set(|restir| *restir = Restir { technique: Technique::Pt, bounces: 2, ..plain() });
+    rig.until_ready();
+    rig.frames(2);
+    let mut before = rig.report().history_resets;
+    let mut begun = |rig: &mut Rig| {
+        rig.until_ready();
+        rig.frames(2);
+        let now = rig.report().history_resets;
+        let new = now.iter().zip(&before).filter(|(now, before)| now.1 > before.1);
+        let reasons: Vec<_> = new.map(|(&(name, now), &(_, before))| (name, now - before)).collect();
+        before = now;
+        reasons
+    };
+    assert_eq!(begun(&mut rig), [], "a still scene");
+    rig.insert(rig.camera, sky(0.1));
+    rig.insert(rig.camera, Transform::from_xyz(0.1, 0.0, 5.0));
+    let cube = rig.spawn(Cuboid::from_length(0.3), lambert(0.6), Transform::default());
+    assert_eq!(begun(&mut rig), [], "a dimmed sky, a moved camera, a new object");
+    rig.app.world_mut().despawn(cube);
+    assert_eq!(begun(&mut rig), [], "an object that is gone");
+    rig.set(|restir| restir.reset = true);
+    assert_eq!(begun(&mut rig), [("requested", 1)]);
+    rig.set(|restir| restir.paths.candidates = 4);
+    assert_eq!(begun(&mut rig), [("settings", 1)]);
+    rig.insert(rig.camera, orthographic(4.0, 3.2));
+    assert_eq!(begun(&mut rig), [("projection", 1)]);
+    // Techniques without a history count nothing.
+    rig.set(|restir| restir.technique = Technique::Reference);
+    assert_eq!(begun(&mut rig), []);
+}
+
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn a_reset_after_a_cut_is_a_fresh_start() {

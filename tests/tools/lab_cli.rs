@@ -48,6 +48,7 @@ fn equal_pictures_differ_by_nothing() {
         "mape": 0.0,
         "rel_mse_trimmed": 0.0,
         "black": 0.0,
+        "flip": 0.0,
         "non_finite": 0,
     });
     assert_eq!(compared(&folder, "a.exr", "b.exr", &[]), nothing);
@@ -87,6 +88,8 @@ fn figures_follow_their_definitions() {
         ("rmse", 0.5 * share.sqrt()),
         ("rel_mse", 0.25 * share / 1.01),
         ("mape", 0.5 * share / 1.01),
+        // By the authors' implementation, of the same tone-mapped bytes.
+        ("flip", 0.143_933),
     ] {
         assert!(is_near(&found[key], wanted), "{key} is {wanted}: {found}");
     }
@@ -99,9 +102,14 @@ fn figures_follow_their_definitions() {
     write(&folder, "spots.exr", [10, 10], spots);
     write(&folder, "one.exr", [10, 10], |_, _| [1.0; 3]);
     let spotted = compared(&folder, "spots.exr", "one.exr", &[]);
-    for (key, wanted) in [("rel_mse", 98.02 / 1.01), ("rel_mse_trimmed", 1.0 / 99.0 / 1.01), ("black", 0.01)] {
+    for (key, wanted) in
+        [("rel_mse", 98.02 / 1.01), ("rel_mse_trimmed", 1.0 / 99.0 / 1.01), ("black", 0.01), ("flip", 0.041_985)]
+    {
         assert!(is_near(&spotted[key], wanted), "{key} is {wanted}: {spotted}");
     }
+    // Next to a dark pixel of the reference, a black pixel may be what lies behind an edge.
+    write(&folder, "edge.exr", [10, 10], |x, y| [if (x, y) == (6, 6) { 0.01 } else { 1.0 }; 3]);
+    assert_eq!(compared(&folder, "spots.exr", "edge.exr", &[])["black"], 0.0);
     // Without a complete tile, the figures of tiles are empty.
     let found = compared(&folder, "a.exr", "b.exr", &[]);
     assert!(found["tile_abs_max"].is_null() && is_near(&found["rel_mean"], 0.5 * share), "{found}");
@@ -169,4 +177,28 @@ fn pictures_that_cannot_be_compared_give_one_line_and_exit_code_1() {
         folder.lab(arguments).failed(2, &format!("{arguments:?}"));
         assert_eq!(folder.files(), before, "{arguments:?}");
     }
+}
+
+/// A row for each figure, of the preset and of a variant.
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn frames_have_a_row_for_each_figure() {
+    let Some(folder) = Folder::new("frames") else { return };
+    let scene = crate::support::cli::asset("cornell.glb").display().to_string();
+    let short = ["--seeds", "1", "--warmup", "1", "--frames", "1", "--out", "tables"];
+    folder.lab(&[&["frames", &scene, "--variant", "bounces=1"], &short[..]].concat()).succeeded();
+    let table = fs::read_to_string(folder.path("tables/frames.csv")).expect("the table was written");
+    let value = |section: &str, row: &str| {
+        let line = table.lines().find(|line| line.starts_with(&format!("{section},{row},")));
+        let field = line.and_then(|line| line.rsplit(',').next()).unwrap_or_default();
+        field.parse::<f64>().unwrap_or_else(|_| panic!("{section}, {row}: {table}"))
+    };
+    for section in ["Balanced", "bounces=1"] {
+        for row in ["relMSE without the worst percent", "relMSE", "MAPE", "FLIP", "lighting"] {
+            assert!(value(section, row) > 0.0, "{section}, {row}: {table}");
+        }
+    }
+    // The light of later bounces is missing.
+    assert!(value("bounces=1", "energy") < value("Balanced", "energy") - 0.1, "{table}");
+    folder.lab(&["frames", "missing.glb"]).failed(1, "a scene that is missing");
 }

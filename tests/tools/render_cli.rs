@@ -409,6 +409,7 @@ fn statistics_are_complete_and_correct() {
         "non_finite_pixels",
         "overflow_flags",
         "guards",
+        "history_resets",
         "triangles",
         "instances",
         "lights",

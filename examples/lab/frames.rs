@@ -1,0 +1,114 @@
+//! Errors of single late frames, which is what a user sees.
+
+use bevy::math::UVec2;
+use bevy_restir::{Preset, Restir, Technique};
+use bevy_restir_support::{arguments, fields, progress::Progress};
+use std::path::PathBuf;
+
+use crate::{
+    bench::{Bench, Counts, Scene, reference_entry, scenes},
+    compare,
+    difference::Difference,
+    output::{Output, header},
+    table::{Row, Table, Unit},
+};
+
+/// Errors of single frames of a preset as it comes, against the references beside the scenes, and the time of a frame.
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    /// glTF files; beside each lie its reference NAME.exr and `references.json` with the number of bounces.
+    #[arg(required = true)]
+    scenes: Vec<PathBuf>,
+    #[arg(long, default_value = "balanced", value_parser = arguments::choice::<Preset>())]
+    preset: Preset,
+    #[arg(long, default_value = "pt", value_parser = arguments::choice::<Technique>())]
+    technique: Technique,
+    /// Fields of `Restir` as `"PATH=VALUE PATH=VALUE"`, measured beside the preset; repeatable.
+    #[arg(long)]
+    variant: Vec<String>,
+    /// Number of independent frames over which figures are averaged.
+    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..))]
+    seeds: u32,
+    #[command(flatten)]
+    counts: Counts,
+    #[command(flatten)]
+    output: Output,
+}
+
+/// The table's name.
+const NAME: &str = "frames";
+/// Side of a tile in pixels; no figure of this table depends on it.
+const TILE: usize = 8;
+
+pub fn run(args: &Args) -> Result<(), String> {
+    let Counts { warmup, frames } = args.counts;
+    args.output.check(NAME)?;
+    let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
+    for scene in scenes(&args.scenes)? {
+        let measured = args.column(&scene).map_err(|error| format!("{}: {error}", scene.1))?;
+        if table.header.is_empty() {
+            table.header = header(measured.adapter, measured.size);
+            table.header.push(format!(
+                "{:?}, {:?}: frame {warmup}, means over {} seeds; times: medians over {frames} frames after {warmup}",
+                args.technique, args.preset, args.seeds
+            ));
+        }
+        table.columns.push((scene.1, measured.rows));
+    }
+    args.output.write(NAME, &table)
+}
+
+/// The figures of a scene.
+struct Measured {
+    adapter: String,
+    size: UVec2,
+    rows: Vec<Row>,
+}
+
+impl Args {
+    fn column(&self, scene: &Scene) -> Result<Measured, String> {
+        let (size, reference) = compare::read(&scene.0.with_extension("exr"))?;
+        let settings = self.settings(scene)?;
+        let mut bench = Bench::of_scene(scene, size, settings[0].1.clone(), &self.counts)?;
+        let each = u64::from(self.counts.warmup);
+        let planned = |_: &_| u64::from(self.seeds) * (each + 1) + each + u64::from(self.counts.frames);
+        let frames = settings.iter().map(planned).sum();
+        let progress = Progress::new(frames);
+        let mut rows = Vec::new();
+        for (name, settings) in &settings {
+            let pictures = bench.pictures(settings, self.seeds, self.counts.warmup, &progress)?;
+            let figures: Vec<Difference> =
+                pictures.into_iter().map(|picture| Difference::new(picture, &reference, size, TILE)).collect();
+            let (cost, _) = bench.measure(settings, None, &progress)?;
+            let mean = |of: fn(&Difference) -> f64| figures.iter().map(of).sum::<f64>() / figures.len() as f64;
+            let row = |label: &str, figures: &[_]| Row::new(name.clone(), label, figures);
+            rows.extend([
+                row("relMSE without the worst percent", &[("", Unit::Relative, mean(|d| d.rel_mse_trimmed))]),
+                row("relMSE", &[("", Unit::Relative, mean(|d| d.rel_mse))]),
+                row("MAPE", &[("", Unit::Relative, mean(|d| d.mape))]),
+                row("FLIP", &[("", Unit::Stored, mean(|d| d.flip))]),
+                row("black pixels", &[("", Unit::Relative, mean(|d| d.black))]),
+                row("energy", &[("", Unit::Relative, mean(|d| d.rel_mean))]),
+                row("lighting", &[("", Unit::Ms, cost.lighting())]),
+            ]);
+        }
+        Ok(Measured { adapter: bench.adapter(), size, rows })
+    }
+
+    /// The preset with the number of bounces of the reference, and the variants.  The references know no energy compensation.
+    fn settings(&self, (scene, name): &Scene) -> Result<Vec<(String, Restir)>, String> {
+        let entry = reference_entry(scene.parent().unwrap_or(scene), name)?;
+        let bounces = entry["bounces"].as_u64().ok_or("references.json beside it does not name its bounces")? as u32;
+        let plain =
+            Restir { technique: self.technique, bounces, energy_compensation: false, ..Restir::preset(self.preset) };
+        let mut all = vec![(format!("{:?}", self.preset), plain.clone())];
+        for text in &self.variant {
+            let mut settings = plain.clone();
+            for assignment in text.split_whitespace() {
+                fields::set(&mut settings, assignment).map_err(|error| format!("--variant {error}"))?;
+            }
+            all.push((text.clone(), settings));
+        }
+        Ok(all)
+    }
+}
