@@ -151,6 +151,11 @@ pub fn file_camera(world: &mut World, name: Option<&str>) -> Result<(Transform, 
     };
     if let Some((_, _, mut transform, projection)) = found {
         transform.scale = Vec3::ONE;
+        let clip_from_view = projection.get_clip_from_view();
+        let matrices = [clip_from_view, clip_from_view.inverse(), transform.to_matrix()];
+        if !matrices.iter().all(Mat4::is_finite) {
+            return Err("the transform or the projection of its camera is not finite or has no inverse".into());
+        }
         return Ok((transform, projection));
     }
     warn!("restir: the file has no camera; one is placed in front of the scene");

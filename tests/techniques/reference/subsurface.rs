@@ -149,7 +149,7 @@ fn a_closed_furnace_with_translucent_walls_has_its_closed_form() {
     let walls = StandardMaterial { emissive: LinearRgba::rgb(0.5, 0.5, 0.5), ..lambert(0.6) };
     let walls = rig.spawn(inside, walls, Transform::from_xyz(0.0, 0.0, 5.0));
     // A channel with a much shorter length would be noisier.
-    let lengths = DVec3::new(1.0, 0.6, 0.4);
+    let lengths = DVec3::new(1.0, 0.75, 0.6);
     rig.insert(walls, of_lengths(lengths, 0.6));
     let gain = DVec3::from_array(lengths.to_array().map(|d| 0.6 * cdf((4.0 / d).min(REACH * lengths.x / d))));
     check(&mut rig, 1200, "furnace", 0.5 / (DVec3::ONE - gain));
