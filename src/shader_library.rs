@@ -89,6 +89,7 @@ pub const MODULES: &[(&str, &str)] = modules![
     "path/bidirectional_mis.wgsl",
     "path/random.wgsl",
     "path/walk.wgsl",
+    "path/scattering.wgsl",
     "path/nee.wgsl",
     "path/shadow_ray.wgsl",
     "path/light_path.wgsl",

@@ -27,6 +27,7 @@ pub struct Args {
 
 /// The table's name.
 const NAME: &str = "compare";
+
 pub fn run(args: &Args) -> Result<(), String> {
     let (size, picture) = read(&args.picture)?;
     let (wanted, reference) = read(&args.reference)?;

@@ -70,10 +70,9 @@ impl Args {
         let (size, reference) = compare::read(&scene.0.with_extension("exr"))?;
         let settings = self.settings(scene)?;
         let mut bench = Bench::of_scene(scene, size, settings[0].1.clone(), &self.counts)?;
-        let each = u64::from(self.counts.warmup);
-        let planned = |_: &_| u64::from(self.seeds) * (each + 1) + each + u64::from(self.counts.frames);
-        let frames = settings.iter().map(planned).sum();
-        let progress = Progress::new(frames);
+        let Counts { warmup, frames } = self.counts;
+        let frames_each = self.seeds * (warmup + 1) + warmup + frames;
+        let progress = Progress::new(settings.len() as u64 * u64::from(frames_each));
         let mut rows = Vec::new();
         for (name, settings) in &settings {
             let pictures = bench.pictures(settings, self.seeds, self.counts.warmup, &progress)?;

@@ -28,6 +28,9 @@ const STREAM_SPLATS: u32 = 21u;
 // Probes through bodies, and the lights of their hits.
 const STREAM_SSS_CANDIDATES: u32 = 19u;
 
+// Probes of paths, and whether a path takes one.
+const STREAM_PATH_PROBES: u32 = 22u;
+
 fn pcg4d(seed: vec4<u32>) -> vec4<u32> {
     var v = seed * 1664525u + 1013904223u;
     v.x += v.y * v.w;

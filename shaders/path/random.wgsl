@@ -1,7 +1,7 @@
 // Random numbers of a path.  Each vertex has its own block of dimensions, so that replay can start at any vertex.
 #define_import_path bevy_restir::path::random
 
-#import bevy_restir::common::rng::{pcg4d, Rng, rng_3, rng_bits, rng_new, STREAM_PATH}
+#import bevy_restir::common::rng::{pcg4d, Rng, rng_3, rng_4, rng_bits, rng_new, STREAM_PATH, STREAM_PATH_PROBES, unit_float}
 #import bevy_restir::view::bindings::view
 
 const DIMENSIONS_PER_VERTEX: u32 = 3u;
@@ -28,4 +28,20 @@ fn path_random(seed: u32, vertex: u32) -> vec3<f32> {
 fn path_alpha_seed(seed: u32, vertex: u32, dimension: u32) -> u32 {
     var rng = path_rng(seed, vertex, dimension);
     return rng_bits(&rng).x;
+}
+
+const PROBE_DIMENSIONS_PER_VERTEX: u32 = 2u;
+
+// Random numbers of the probe at a vertex.
+struct ProbeNumbers {
+    choice: f32,               // between the surface and the body below it
+    alpha_seed: u32,
+    probe: vec4<f32>,
+}
+
+fn path_probe_numbers(seed: u32, vertex: u32) -> ProbeNumbers {
+    var rng = rng_new(vec2<u32>(seed & 0xffffu, seed >> 16u), 0u, STREAM_PATH_PROBES, view.seed);
+    rng.dimension = vertex * PROBE_DIMENSIONS_PER_VERTEX;
+    let bits = rng_bits(&rng);
+    return ProbeNumbers(unit_float(bits).x, bits.y, rng_4(&rng));
 }

@@ -24,7 +24,7 @@
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::camera::pixel_cone
 #ifdef SUBSURFACE
-#import bevy_restir::subsurface::entry::{sample_entry, scatters_below, subsurface_probability}
+#import bevy_restir::subsurface::entry::{exit_factor, sample_entry, scatters_below, subsurface_probability}
 #endif
 
 // Russian roulette starts at this scattering event.
@@ -114,14 +114,15 @@ fn next_scatterer(s: Surface, wo: vec3<f32>, medium: vec3<f32>, rng: ptr<functio
     }
     let u = rng_4(rng);
     let bits = rng_bits(rng);
-    let entry = sample_entry(s, wo, u, bits.x);
+    let entry = sample_entry(s, u, bits.x, false);
+    let weight = exit_factor(s, wo) * entry.weight;
     var radiance = vec3<f32>(0.0);
     if entry.valid {
-        radiance = entry.weight * nee_radiance(entry.surface, entry.surface.bsdf.n, medium, rng);
+        radiance = weight * nee_radiance(entry.surface, entry.surface.bsdf.n, medium, rng);
     }
     let p = subsurface_probability(s, wo);
     if unit_float(bits).y < p {
-        return Scatterer(entry.surface, entry.surface.bsdf.n, entry.weight / p, radiance, entry.valid);
+        return Scatterer(entry.surface, entry.surface.bsdf.n, weight / p, radiance, entry.valid);
     }
     return Scatterer(s, wo, vec3<f32>(1.0 / (1.0 - p)), radiance, true);
 }

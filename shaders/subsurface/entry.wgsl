@@ -19,10 +19,9 @@
 #import bevy_restir::trace::probe_hits::{probe_distance, probe_triangle}
 #import bevy_restir::trace::trace::{probe_hit, trace_probe}
 
-// A point of entry with the light that reaches the point where it leaves, per light that enters, divided by the density of the point.
 struct Entry {
     surface: Surface,
-    weight: vec3<f32>,
+    weight: vec3<f32>,         // the profile over the density of the point; `exit_factor` is missing
     valid: bool,
 }
 
@@ -101,23 +100,23 @@ fn entry_surface(exit: Surface, hit: Hit, previous: bool) -> Surface {
 }
 
 // Samples a point of entry.  One of the probe's hits is chosen, all with the same probability.
-fn sample_entry(exit: Surface, wo: vec3<f32>, u: vec4<f32>, alpha_seed: u32) -> Entry {
+fn sample_entry(exit: Surface, u: vec4<f32>, alpha_seed: u32, previous: bool) -> Entry {
     var e = no_entry();
     let frame = probe_frame(exit.smooth_n);
     let line = probe_ray(draw_probe(exit.radius, u.xyz), exit.position, frame, exit.radius);
     if !line.valid {
         return e;
     }
-    let hits = trace_probe(line.ray, exit.instance, alpha_seed, false);
+    let hits = trace_probe(line.ray, exit.instance, alpha_seed, previous);
     if hits.count == 0u {
         return e;
     }
     let chosen = min(u32(u.w * f32(hits.count)), hits.count - 1u);
-    let hit = probe_hit(line.ray, exit.instance, probe_triangle(hits, chosen), probe_distance(hits, chosen), false);
-    e.surface = entry_surface(exit, hit, false);
+    let hit = probe_hit(line.ray, exit.instance, probe_triangle(hits, chosen), probe_distance(hits, chosen), previous);
+    e.surface = entry_surface(exit, hit, previous);
     let offset = e.surface.position - exit.position;
     let pdf = probe_pdf(offset, e.surface.bsdf.n_geo, frame, exit.radius);
-    e.weight = exit_factor(exit, wo) * profile_per_area(exit.radius, length(offset)) * (f32(hits.count) / pdf);
+    e.weight = profile_per_area(exit.radius, length(offset)) * (f32(hits.count) / pdf);
     e.valid = pdf > 0.0 && is_finite_3(e.weight) && max_component(e.weight) > 0.0;
     return e;
 }

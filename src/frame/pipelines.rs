@@ -332,8 +332,5 @@ impl PassPipelines {
 }
 
 fn specialization(pass: &ComputePass, key: PipelineKey) -> SceneFeatures {
-    if !pass.specialized {
-        return SceneFeatures::empty();
-    }
-    if pass.translucent { key.features } else { key.features.difference(SceneFeatures::SUBSURFACE) }
+    if pass.specialized { key.features } else { SceneFeatures::empty() }
 }

@@ -119,8 +119,8 @@ impl Reuse {
 
     /// The defaults of [`Paths`](super::Paths), as in Lin et al. 2022 and 2026: temporal reuse, then one iteration of spatial reuse, history
     /// capped at 20 frames.  The radius is 60 pixels where they have 20: where light is found rarely, a smaller circle shares each find
-    /// among too few pixels, which shows as blotches.  Each of the three neighbors is sought at five places, since pixels at edges
-    /// whose neighbor differs are often black in a single frame (`docs/performance.md`, "One frame").
+    /// among too few pixels, which shows as blotches.  Each of the three neighbors is sought at five places, since a pixel
+    /// without a neighbor has only its own candidates, which leave it noisy or black (`docs/performance.md`, "One frame").
     pub const PATHS: Self = Self {
         order: ReuseOrder::TemporalThenSpatial,
         spatial_samples: 3,

@@ -4,7 +4,6 @@
 use super::{
     TechniqueRow, di,
     domain::{self, Domain, LightPart, domain_names},
-    pass::ComputePass,
     reuse_schedule::ReuseSchedule,
     sss,
 };
@@ -15,19 +14,14 @@ use crate::{
 
 const ROOMS: &[&str] = &["restir/gi", "restir/pt"];
 
-/// A pass for which translucent objects are diffuse: paths do not scatter below surfaces yet.
-const fn diffuse(pass: ComputePass) -> ComputePass {
-    ComputePass { translucent: false, ..pass }
-}
-
 /// Indirect light.
 const DOMAIN: &Domain = &Domain {
     names: domain_names!("gi"),
     light_paths: None,
-    candidates: diffuse(domain::candidates("gi_candidates", "path_candidates", ROOMS)),
-    reuse: diffuse(domain::reuse("gi_reuse", ROOMS)),
+    candidates: domain::candidates("gi_candidates", "path_candidates", ROOMS),
+    reuse: domain::reuse("gi_reuse", ROOMS),
     forward: &[],
-    debug: Some(diffuse(domain::debug("gi_debug", "debug_paths", ROOMS))),
+    debug: Some(domain::debug("gi_debug", "debug_paths", ROOMS)),
     has_debug_view: DebugView::is_of_paths,
     reservoir_bytes: INDIRECT_RESERVOIR_SIZE,
     carries_contribution: true,

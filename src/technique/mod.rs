@@ -29,8 +29,7 @@ pub(crate) struct TechniqueRow {
     /// Passes of a technique without domains: one writes light, and one the number of rays per pixel for a debug view.
     pub light: Option<&'static ComputePass>,
     pub rays: Option<&'static ComputePass>,
-    /// How it renders `Subsurface`: `None` as diffuse; otherwise with these domains in place of `domains`.  A pass that is not `translucent`
-    /// sees diffuse objects all the same.
+    /// How it renders `Subsurface`: `None` as diffuse; otherwise with these domains in place of `domains`.
     pub subsurface: Option<&'static [&'static Domain]>,
 }
 

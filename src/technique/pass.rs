@@ -84,8 +84,6 @@ pub(crate) struct ComputePass {
     pub dispatch: Dispatch,
     /// Whether it is compiled for the features of the scene; otherwise one pipeline serves all scenes.
     pub specialized: bool,
-    /// Whether objects with `Subsurface` are translucent in it, and not diffuse.
-    pub translucent: bool,
 }
 
 impl ComputePass {
@@ -99,7 +97,6 @@ impl ComputePass {
             resources,
             dispatch: Dispatch::Pixels,
             specialized: true,
-            translucent: true,
         }
     }
 }

@@ -28,4 +28,4 @@ const DOMAIN: &Domain = &Domain {
 };
 
 pub(super) const ROW: TechniqueRow =
-    TechniqueRow { technique: Technique::Pt, domains: &[DOMAIN], light: None, rays: None, subsurface: None };
+    TechniqueRow { technique: Technique::Pt, domains: &[DOMAIN], light: None, rays: None, subsurface: Some(&[DOMAIN]) };

@@ -45,18 +45,28 @@ pub(crate) enum Reset {
 }
 
 impl Reset {
-    /// All reasons, in the order of the enum, with their names in the report.
-    const NAMES: [&str; 9] =
-        ["start", "requested", "scene", "environment", "size", "settings", "render_layers", "projection", "pipelines"];
+    /// All reasons with their names in the report.
+    const ALL: [(Self, &str); 9] = [
+        (Self::Start, "start"),
+        (Self::Requested, "requested"),
+        (Self::Scene, "scene"),
+        (Self::Environment, "environment"),
+        (Self::Size, "size"),
+        (Self::Settings, "settings"),
+        (Self::RenderLayers, "render_layers"),
+        (Self::Projection, "projection"),
+        (Self::Pipelines, "pipelines"),
+    ];
 }
 
 /// How often the history of a view began anew, by reason.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct ResetCounts([u64; Reset::NAMES.len()]);
+pub(crate) struct ResetCounts([u64; Reset::ALL.len()]);
 
 impl ResetCounts {
     fn count(&mut self, reset: Reset) {
-        self.0[reset as usize] += 1;
+        let counts = Reset::ALL.iter().zip(&mut self.0);
+        counts.filter(|((of, _), _)| *of == reset).for_each(|(_, count)| *count += 1);
     }
 
     pub(crate) fn add(&mut self, other: &Self) {
@@ -65,7 +75,7 @@ impl ResetCounts {
 
     /// Names and numbers of all reasons.
     pub(crate) fn named(&self) -> impl Iterator<Item = (&'static str, u64)> {
-        Reset::NAMES.into_iter().zip(self.0)
+        Reset::ALL.into_iter().zip(self.0).map(|((_, name), count)| (name, count))
     }
 }
 
@@ -77,22 +87,35 @@ impl ImageState {
 
     /// The changes after which temporal reuse must not read the last frame's reservoirs.  It handles changes of instances, lights, the camera,
     /// and the rotation and color of the environment.  The background may change because no path contains it.
-    fn resets_since<'a>(&'a self, last: &'a Self) -> impl Iterator<Item = Reset> + 'a {
-        let turned_and_colored = |environment: &ExtractedEnvironment, as_in: &ExtractedEnvironment| {
-            ExtractedEnvironment { rotation: as_in.rotation, color: as_in.color, ..*environment }
-        };
-        let same_environment = match (&self.environment, &last.environment) {
-            (Some(now), Some(before)) => turned_and_colored(now, before) == *before,
+    fn resets_since(&self, last: &Self) -> impl Iterator<Item = Reset> {
+        // All fields are named, so that a new one cannot be forgotten.
+        let Self {
+            motion_revision: _,
+            edit_revision,
+            environment_revision,
+            camera: _,
+            size,
+            settings,
+            environment,
+            layers,
+            background: _,
+            orthographic,
+            pipelines,
+        } = self;
+        let same_environment = match (environment, &last.environment) {
+            (Some(now), Some(before)) => {
+                ExtractedEnvironment { rotation: before.rotation, color: before.color, ..*now } == *before
+            }
             (now, before) => now.is_none() && before.is_none(),
         };
         [
-            (Reset::Scene, self.edit_revision != last.edit_revision),
-            (Reset::Environment, self.environment_revision != last.environment_revision || !same_environment),
-            (Reset::Size, self.size != last.size),
-            (Reset::Settings, self.settings != last.settings),
-            (Reset::RenderLayers, self.layers != last.layers),
-            (Reset::Projection, self.orthographic != last.orthographic),
-            (Reset::Pipelines, self.pipelines != last.pipelines),
+            (Reset::Scene, *edit_revision != last.edit_revision),
+            (Reset::Environment, *environment_revision != last.environment_revision || !same_environment),
+            (Reset::Size, *size != last.size),
+            (Reset::Settings, *settings != last.settings),
+            (Reset::RenderLayers, *layers != last.layers),
+            (Reset::Projection, *orthographic != last.orthographic),
+            (Reset::Pipelines, *pipelines != last.pipelines),
         ]
         .into_iter()
         .filter_map(|(reset, changed)| changed.then_some(reset))
@@ -120,9 +143,10 @@ impl RestirView {
         let mut resets = ResetCounts::default();
         match (last, settings.reset) {
             (_, true) => resets.count(Reset::Requested),
-            (None, false) => resets.count(Reset::Start),
+            (None, false) => resets.count(self.beginning),
             (Some(last), false) => state.resets_since(last).for_each(|reset| resets.count(reset)),
         }
+        self.beginning = Reset::Start;
         let can_reuse = resets.named().all(|(_, count)| count == 0);
         let keeps_history = if is_progressive { can_accumulate } else { can_reuse };
         let keeps_sequence = last.is_some_and(|last| state.continues_sequence_of(last));

@@ -18,6 +18,7 @@ use super::{
     RestirView, ViewPool,
     environment::EnvironmentPool,
     extract::{ExtractedRestir, ExtractedViews},
+    image_state::Reset,
     resolution,
     selection::SelectedPipelines,
     uniforms::{UniformInputs, camera_of, is_finite},
@@ -127,12 +128,12 @@ fn view_of(
         Some(old) if old.size == size && old.bound_environment == (map.id(), importance.id()) => Ok(old),
         // Only the environment image has changed, and motion vectors still need the last camera.
         Some(old) if old.size == size => allocation::attempt(device, create).map(|new| new.after(old)),
-        // The memory of the old size is free before the new view is created.  Guards are counted over the whole run of a view.
+        // The memory of the old size is free before the new view is created.  Guards and resets are counted over the whole run of a view.
         old => {
-            let counters = old.map(|old| old.counters);
+            let counts = old.map(|old| (old.counters, old.resets));
             let new = allocation::attempt(device, create)?;
-            Ok(match counters {
-                Some(counters) => RestirView { counters, ..new },
+            Ok(match counts {
+                Some((counters, resets)) => RestirView { counters, resets, beginning: Reset::Size, ..new },
                 None => new,
             })
         }

@@ -13,7 +13,7 @@ use super::{
     counters::CounterReadback,
     extract::ExtractedRestir,
     history::{FrameInputs, History, traces_light},
-    image_state::{ImageState, ResetCounts},
+    image_state::{ImageState, Reset, ResetCounts},
     light_paths::LightPathCounts,
     pixels, raster_view_layout,
     selection::{CompositeKey, Selection},
@@ -52,6 +52,8 @@ pub(crate) struct RestirView {
     pub frame: u32,
     /// Beginnings of the history, by reason.
     pub resets: ResetCounts,
+    /// Why a history without a last frame begins.
+    pub(super) beginning: Reset,
     /// Index of this frame in the random sequence: frames since an explicit reset or a change of settings.
     pub(super) sequence: u32,
     /// Frames in the radiance buffer before this one.
@@ -129,6 +131,7 @@ impl RestirView {
             visibility_texture,
             history: None,
             resets: ResetCounts::default(),
+            beginning: Reset::Start,
             frame: 0,
             sequence: 0,
             accumulated: 0,
@@ -161,10 +164,10 @@ impl RestirView {
         }
     }
 
-    /// This view with the camera of the last frame, from which motion vectors start.
+    /// This view of another environment image, with the camera of the last frame, from which motion vectors start.
     pub(super) fn after(self, last: Self) -> Self {
-        let Self { previous_camera, previous_jitter, counters, .. } = last;
-        Self { previous_camera, previous_jitter, counters, ..self }
+        let Self { previous_camera, previous_jitter, counters, resets, .. } = last;
+        Self { previous_camera, previous_jitter, counters, resets, beginning: Reset::Environment, ..self }
     }
 
     /// Creates, replaces or drops the history.  `limit`: bytes that the device can bind.  If the device has no memory for it, the frame is

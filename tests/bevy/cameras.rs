@@ -13,7 +13,7 @@ use bevy::{
     render::settings::WgpuLimits,
     window::{WindowRef, WindowResolution},
 };
-use bevy_restir::{DebugView, RadianceCapture, Restir, Technique};
+use bevy_restir::{DebugView, RadianceCapture, Restir, RestirEnvironment, Technique};
 use core::f32::consts::PI;
 
 /// The number of cuts after which a first frame is compared.
@@ -242,7 +242,9 @@ fn a_camera_without_a_clear_color_draws_over_the_previous_camera() {
 fn beginnings_of_a_history_are_counted_by_reason() {
     let Some(mut rig) = Rig::new(20, 16) else { return };
     crowd(&mut rig);
-    rig.insert(rig.camera, sky(0.3));
+    let map = |value| texture(4, 2, |_, _| [value, value, value, 255]);
+    let image = rig.add(map(60));
+    rig.insert(rig.camera, RestirEnvironment { image: Some(image.clone()), ..sky(0.3) });
     rig.set(|restir| *restir = Restir { technique: Technique::Pt, bounces: 2, ..plain() });
     rig.until_ready();
     rig.frames(2);
@@ -257,7 +259,7 @@ fn beginnings_of_a_history_are_counted_by_reason() {
         reasons
     };
     assert_eq!(begun(&mut rig), [], "a still scene");
-    rig.insert(rig.camera, sky(0.1));
+    rig.insert(rig.camera, RestirEnvironment { image: Some(image), ..sky(0.1) });
     rig.insert(rig.camera, Transform::from_xyz(0.1, 0.0, 5.0));
     let cube = rig.spawn(Cuboid::from_length(0.3), lambert(0.6), Transform::default());
     assert_eq!(begun(&mut rig), [], "a dimmed sky, a moved camera, a new object");
@@ -269,6 +271,14 @@ fn beginnings_of_a_history_are_counted_by_reason() {
     assert_eq!(begun(&mut rig), [("settings", 1)]);
     rig.insert(rig.camera, orthographic(4.0, 3.2));
     assert_eq!(begun(&mut rig), [("projection", 1)]);
+    let target = rig.target.clone();
+    rig.edit(&target, |image| *image = target_image(UVec2::new(24, 18)));
+    // Bevy reports the new size of a target to its camera in the next frame.
+    rig.frames(2);
+    assert_eq!(begun(&mut rig), [("size", 1)]);
+    let image = rig.add(map(90));
+    rig.insert(rig.camera, RestirEnvironment { image: Some(image), ..sky(0.1) });
+    assert_eq!(begun(&mut rig), [("environment", 1)]);
     // Techniques without a history count nothing.
     rig.set(|restir| restir.technique = Technique::Reference);
     assert_eq!(begun(&mut rig), []);

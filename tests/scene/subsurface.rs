@@ -58,11 +58,11 @@ fn objects_with_different_values_have_different_records() {
 }
 
 #[test]
-fn restir_pt_renders_it_as_diffuse_and_say_so() {
+fn restir_bdpt_renders_it_as_diffuse_and_says_so() {
     log::listen();
     let Some(mut rig) = Rig::new(16, 16) else { return };
     let entity = ball(&mut rig);
-    rig.set(|restir| restir.technique = Technique::Pt);
+    rig.set(|restir| restir.technique = Technique::Bdpt);
     rig.app.world_mut().entity_mut(entity).remove::<Subsurface>();
     let diffuse = rig.picture(4);
     rig.insert(entity, soft(0.2));

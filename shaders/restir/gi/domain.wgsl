@@ -9,6 +9,7 @@
 
 #import bevy_restir::common::guard::{GUARD_GI_MEASURE, guarded, guarded_3}
 #import bevy_restir::path::medium::transmittance
+#import bevy_restir::path::scattering::scattering_vertex
 #import bevy_restir::path::walk::{step_medium, step_towards}
 #import bevy_restir::restir::pt::domain::{Evaluated, Receiver, shifted_to}
 #import bevy_restir::restir::pt::initial_candidates::SelectedPath
@@ -31,10 +32,12 @@ fn in_technique_measure(c: SelectedPath, r: Receiver) -> SelectedPath {
         return m;
     }
     if r.shift.diffuse_secondary {
-        let first = r.first.surface.position;
+        let from_vertex = scattering_vertex(r.first, c.path.seed, 1u);
+        let first = from_vertex.vertex.surface.position;
         let point = surface_point(c.path.instance, c.path.triangle, c.path.barycentrics, false);
-        let step = step_towards(r.first, normalize(point - first), c.path.lobe_before);
-        let carried = step.weight * transmittance(step_medium(r.first, step.wi), distance(point, first));
+        let step = step_towards(from_vertex.vertex, normalize(point - first), c.path.lobe_before);
+        let carried = from_vertex.weight * step.weight
+            * transmittance(step_medium(from_vertex.vertex, step.wi), distance(point, first));
         m.path.density = step.pdf_lobe * triangle_factor(first, point, c.path.instance, c.path.triangle, false);
         m.path.radiance = select(vec3<f32>(0.0), c.f / carried, carried > vec3<f32>(0.0));
     }

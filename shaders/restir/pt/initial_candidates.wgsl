@@ -5,6 +5,7 @@
 #define_import_path bevy_restir::restir::pt::initial_candidates
 
 #import bevy_restir::bsdf::bsdf::{bsdf_eval, bsdf_is_delta}
+#import bevy_restir::bsdf::types::LOBE_BELOW
 #import bevy_restir::common::constants::{FAR, NONE}
 #import bevy_restir::common::guard::{GUARD_LIGHT_CONTRIBUTION, GUARD_THROUGHPUT, guarded_3}
 #import bevy_restir::common::math::{luminance, max_component}
@@ -17,6 +18,7 @@
 #import bevy_restir::path::medium::transmittance
 #import bevy_restir::path::nee::{nee_candidate_count, nee_contribution}
 #import bevy_restir::path::random::{DIMENSION_SHADOW_RAY, DIMENSION_RAY, path_alpha_seed, path_seed}
+#import bevy_restir::path::scattering::{drawn_choice, entry_vertex}
 #import bevy_restir::path::shadow_ray::light_is_visible
 #import bevy_restir::path::technique_weights::{camera_state, CameraState, emitter_sample, left, reached, rivals_of_hit, rivals_of_nee, weight_of}
 #import bevy_restir::path::walk::{sampled_step, Step, step_cone, step_medium, Vertex}
@@ -42,6 +44,8 @@ struct Candidates {
     suffix: vec3<f32>,        // throughput since the reconnection vertex
     state: CameraState,       // of the current vertex, and then of the ray that leaves it
     survival: f32,            // probability that Russian roulette let the prefix live
+    below: bool,              // the current vertex is a point where light enters a body
+    choice: f32,              // probability of the choice between the surface of the current vertex and the body below it
 }
 
 // The selected path.
@@ -131,6 +135,9 @@ fn sample_candidates(first: Vertex, pixel: vec2<u32>, shortest: u32, p: ShiftPar
     var eta_scale = 1.0;
     for (var index = 1u; index <= view.bounces; index++) {
         c.prefix.length = index + 1u;
+        if !scatter(&c, &v, before, index, p) {
+            break;
+        }
         if c.prefix.length >= shortest && !bsdf_is_delta(v.surface.bsdf) {
             add_nee(&c, v, before, index, pixel, p, rng);
         }
@@ -142,14 +149,14 @@ fn sample_candidates(first: Vertex, pixel: vec2<u32>, shortest: u32, p: ShiftPar
         }
         if c.prefix.reconnection != 0u {
             c.suffix = guarded_3(c.suffix * step.weight, GUARD_THROUGHPUT);
-        } else if index > 1u && !step.delta && is_connectable(before, v.surface, step.pdf, is_rough(v, step, p), p) {
-            c.prefix = reconnected(c.prefix, before, factor_at(c.prefix, before, v), index);
+        } else if index > 1u && !c.below && !step.delta && is_connectable(before, v.surface, step.pdf, is_rough(v, step, p), p) {
+            c.prefix = reconnected(c.prefix, before, factor_at(c.prefix, before, v) * c.choice, index);
             c.prefix.density *= step.pdf_lobe;
             c.prefix.lobe_after = step.lobe;
             c.prefix.wi = step.wi;
         }
         c.throughput = guarded_3(c.throughput * step.weight, GUARD_THROUGHPUT);
-        c.state = left(c.state, v, step, c.prefix.reconnection == index);
+        c.state = left(c.state, v, step, c.prefix.reconnection == index && !c.below);
         eta_scale *= step.eta * step.eta;
         before = previous_vertex(v, step, index, p);
 
@@ -180,6 +187,36 @@ fn sample_candidates(first: Vertex, pixel: vec2<u32>, shortest: u32, p: ShiftPar
     return SelectedPath(c.selected, stream_ucw(c.stream, c.selected.target_value), c.f);
 }
 
+// Goes on from the surface of the vertex of this index, or from a point where light enters the body below it.  Returns false where no
+// light enters.  A vertex above such a point may become the reconnection vertex, because the point does not depend on the path before.
+fn scatter(c: ptr<function, Candidates>, v: ptr<function, Vertex>, before: PreviousVertex, index: u32, p: ShiftParameters) -> bool {
+    let choice = drawn_choice(*v, (*c).prefix.seed, index);
+    (*c).below = choice.below;
+    (*c).choice = choice.probability;
+    (*c).throughput *= choice.carried;
+    if (*c).prefix.reconnection != 0u {
+        (*c).suffix *= choice.carried;
+    }
+    if !choice.below {
+        return true;
+    }
+    let at = (*v).surface;
+    if (*c).prefix.reconnection == 0u && index > 1u && is_connectable_end(before, at.position, at.bsdf.n_geo, p) {
+        (*c).prefix = reconnected((*c).prefix, before, factor_at((*c).prefix, before, *v) * choice.probability, index);
+        (*c).prefix.lobe_after = LOBE_BELOW;
+    }
+    let entry = entry_vertex(*v, (*c).prefix.seed, index, false);
+    if !entry.valid {
+        return false;
+    }
+    (*c).throughput = guarded_3((*c).throughput * entry.weight, GUARD_THROUGHPUT);
+    if (*c).prefix.reconnection != 0u {
+        (*c).suffix = guarded_3((*c).suffix * entry.weight, GUARD_THROUGHPUT);
+    }
+    *v = entry.vertex;
+    return true;
+}
+
 // The path that NEE ends at the vertex of this index.
 fn add_nee(
     c: ptr<function, Candidates>,
@@ -207,8 +244,8 @@ fn add_nee(
     if path.reconnection != 0u {
         path.radiance = (*c).suffix * nee.f / rivals.x;
         path.rivals = rivals.yz / rivals.x;
-    } else if index > 1u && is_connectable(before, v.surface, nee.pdf_bsdf, true, p) {
-        path = reconnected(path, before, factor_at(path, before, v), index);
+    } else if index > 1u && !(*c).below && is_connectable(before, v.surface, nee.pdf_bsdf, true, p) {
+        path = reconnected(path, before, factor_at(path, before, v) * (*c).choice, index);
     } else {
         // The point on the light is kept as it is; no density depends on the vertex before it.
         path.reconnection = index + 1u;

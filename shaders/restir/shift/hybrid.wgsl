@@ -6,6 +6,7 @@
 // the path is replayed as well (`retrace`).
 #define_import_path bevy_restir::restir::shift::hybrid
 
+#import bevy_restir::bsdf::types::LOBE_BELOW
 #import bevy_restir::common::constants::{FAR, NONE}
 #import bevy_restir::common::guard::{GUARD_JACOBIAN, GUARD_SHIFT_CONTRIBUTION, guarded_3, guarded_or_infinite, is_infinite}
 #import bevy_restir::common::math::{luminance, max_component}
@@ -18,6 +19,7 @@
 #import bevy_restir::path::medium::transmittance
 #import bevy_restir::path::nee::nee_contribution
 #import bevy_restir::path::random::{DIMENSION_SHADOW_RAY, DIMENSION_RAY, path_alpha_seed}
+#import bevy_restir::path::scattering::{drawn_choice, entry_vertex, given_choice}
 #import bevy_restir::path::shadow_ray::{ray_between, ray_to_light}
 #import bevy_restir::path::technique_weights::{camera_state, CameraState, emitter_sample, left, reached, rivals_of_hit, rivals_of_nee, stored_weight, weight_of}
 #import bevy_restir::path::walk::{drawn_step, given_step, Step, step_cone, step_medium, Vertex, with_weight_and_densities}
@@ -74,6 +76,7 @@ struct Walk {
     radiance: vec3<f32>,      // `PathSample::radiance` and `rivals`, where the rest of the path was replayed
     rivals: vec2<f32>,
     state: CameraState,       // of the current vertex, and then of the ray that leaves it
+    below: bool,              // the current vertex is a point where light enters a body
 }
 
 // Shifts a path to the surface `first`.  `previous`: in the scene of the last frame.  `retrace`: the scene has changed between the frames,
@@ -141,10 +144,15 @@ fn add_shadow_ray(w: ptr<function, Walk>, ray: Ray, alpha_seed: u32) {
 // Walks from vertex to vertex.  The loop has a single call of the step, the surface and the traversal for all kinds of vertices: each
 // further copy would take compile time and make the threads of a GPU diverge.
 fn walk(w: ptr<function, Walk>, s: PathSample, c: ShiftParameters, previous: bool, retrace: bool) {
-    let ends_with_nee = s.termination == TERMINATION_NEE;
-    let rays = s.length - 1u - u32(ends_with_nee);
-    for (var index = 1u; index <= rays; index++) {
+    for (var index = 1u; index < s.length; index++) {
         let is_last = index + 1u == s.length;
+        if !scatter(w, s, index, c, previous, retrace) {
+            return;
+        }
+        if is_last && s.termination == TERMINATION_NEE {
+            end_with_nee(w, s, index, c, previous, retrace);
+            return;
+        }
         let reconnects = index + 1u == s.reconnection;
         let is_reconnection_point = reconnects && !(is_last && s.termination == TERMINATION_ENVIRONMENT);
 
@@ -220,9 +228,52 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: ShiftParameters, previous: boo
             return;
         }
     }
-    if ends_with_nee {
-        end_with_nee(w, s, s.length - 1u, c, previous, retrace);
+}
+
+// Goes on from the surface of the vertex of this index, or from a point where light enters the body below it.  Returns false where the shift
+// is complete or not defined.
+fn scatter(w: ptr<function, Walk>, s: PathSample, index: u32, c: ShiftParameters, previous: bool, retrace: bool) -> bool {
+    let v = (*w).v;
+    let is_reconnection = index == s.reconnection;
+    var choice = given_choice(v, s.lobe_after == LOBE_BELOW);
+    if is_reconnection {
+        (*w).density *= choice.probability;
+    } else {
+        choice = drawn_choice(v, s.seed, index);
     }
+    (*w).below = choice.below;
+    if s.reconnection != 0u && index > s.reconnection {
+        (*w).suffix *= choice.carried;
+    } else {
+        (*w).throughput *= choice.carried;
+    }
+    if !choice.below {
+        return true;
+    }
+    if index > 1u && (s.reconnection == 0u || index <= s.reconnection) {
+        let connectable = is_connectable_end((*w).before, v.surface.position, v.surface.bsdf.n_geo, c);
+        if connectable != is_reconnection {
+            (*w).reason = select(SHIFT_NOT_CONNECTABLE, SHIFT_EARLIER_CONNECTABLE, connectable);
+            return false;
+        }
+    }
+    if is_reconnection && !retrace {
+        // The point of entry does not depend on the path before: the stored radiance contains all that follows.
+        (*w).f = (*w).throughput * s.radiance * stored_weight(s.rivals, (*w).state);
+        return false;
+    }
+    let entry = entry_vertex(v, s.seed, index, previous);
+    if !entry.valid {
+        (*w).reason = SHIFT_REPLAY_ENDED;
+        return false;
+    }
+    if s.reconnection != 0u && index >= s.reconnection {
+        (*w).suffix *= entry.weight;
+    } else {
+        (*w).throughput *= entry.weight;
+    }
+    (*w).v = entry.vertex;
+    return true;
 }
 
 // The step from the vertex of this index: to the reconnection vertex, as the path left the reconnection vertex, or by its random numbers.
@@ -231,7 +282,7 @@ fn step_of_shift(w: ptr<function, Walk>, s: PathSample, index: u32, is_reconnect
     var step = given_step(s.wi, s.lobe_before);
     if is_reconnection_point {
         step.wi = normalize(reconnection_point(s, (*w).v.surface.position, previous) - (*w).v.surface.position);
-    } else if index == s.reconnection {
+    } else if index == s.reconnection && !(*w).below {
         step.lobe = s.lobe_after;
     } else if !reconnects {
         step = drawn_step((*w).v, s.seed, index);
@@ -258,7 +309,7 @@ fn reconnection_point(s: PathSample, from_point: vec3<f32>, previous: bool) -> v
 // Whether the shifted path may reconnect where the path does, and nowhere before.
 fn has_same_reconnection(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, c: ShiftParameters) -> bool {
     let is_before = s.reconnection == 0u || index < s.reconnection;
-    if index <= 1u || !(is_before || index == s.reconnection) {
+    if index <= 1u || (*w).below || !(is_before || index == s.reconnection) {
         return true;
     }
     let connectable = !step.delta && is_connectable((*w).before, (*w).v.surface, step.pdf, is_rough((*w).v, step, c), c);
@@ -273,8 +324,9 @@ fn has_same_reconnection(w: ptr<function, Walk>, s: PathSample, index: u32, step
 
 // Updates the state, and throughput (before the reconnection), density (there) or suffix (after it).
 fn take_step(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, c: ShiftParameters) {
-    (*w).state = left((*w).state, (*w).v, step, index == s.reconnection);
-    if s.reconnection != 0u && index > s.reconnection {
+    let is_after = s.reconnection != 0u && (index > s.reconnection || (index == s.reconnection && (*w).below));
+    (*w).state = left((*w).state, (*w).v, step, index == s.reconnection && !(*w).below);
+    if is_after {
         (*w).suffix *= step.weight;
         return;
     }
@@ -423,12 +475,12 @@ fn end_path(w: ptr<function, Walk>, s: PathSample, index: u32, radiance: vec3<f3
 // Contribution of a path whose last vertex samples its light by NEE: the density is that of the light, whichever vertex samples it.
 fn end_with_nee(w: ptr<function, Walk>, s: PathSample, index: u32, c: ShiftParameters, previous: bool, retrace: bool) {
     let nee = nee_contribution((*w).v, s.light, previous);
-    let connectable = index > 1u && is_connectable((*w).before, (*w).v.surface, nee.pdf_bsdf, true, c);
+    let connectable = index > 1u && !(*w).below && is_connectable((*w).before, (*w).v.surface, nee.pdf_bsdf, true, c);
     if index < s.reconnection && connectable {
         (*w).reason = SHIFT_EARLIER_CONNECTABLE;
         return;
     }
-    if index == s.reconnection && !connectable {
+    if index == s.reconnection && !(*w).below && !connectable {
         (*w).reason = SHIFT_NOT_CONNECTABLE;
         return;
     }

@@ -95,9 +95,9 @@ fn shown(selected: SelectedPath, stored: Reservoir, r: Receiver, ids: vec2<u32>,
         }
     }
     let error = max(distance(f, selected.f) / max(length(selected.f), 1.0e-30), abs(jacobian - 1.0));
-    // 13 bits: exact in a float after the multiplication with the weight.
+    // 14 bits: exact in a float after the multiplication with the weight.
     let p = selected.path;
-    let lobes = p.lobe_before | p.lobe_after << 2u | u32(bsdf_is_delta(r.first.surface.bsdf)) << 4u;
+    let lobes = p.lobe_before | p.lobe_after << 2u | u32(bsdf_is_delta(r.first.surface.bsdf)) << 5u;
     let kind = f32(p.termination | p.length << 2u | p.reconnection << 5u | lobes << 8u);
     let result = vec3<f32>(f32(reason), kind, max(error - rounding_at_first(selected.path, r.first.surface), 0.0));
     return result / max(selected.ucw, 1.0e-30);

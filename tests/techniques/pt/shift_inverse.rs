@@ -23,6 +23,8 @@ const AT_THRESHOLD: u32 = 40;
 const EARLIER: u32 = 3;
 const UNCONNECTABLE: u32 = 4;
 const HIDDEN: u32 = 7;
+/// `shaders/bsdf/types.wgsl`.
+const LOBE_BELOW: u32 = 4;
 
 /// The number of paths and their largest relative error after both shifts, by (kind of path, reason of failure).  Then the number of
 /// paths with an error above [`COARSE`]: first those that reconnect at the first vertex, then those that reconnect later.
@@ -119,7 +121,7 @@ fn a_shift_to_the_same_pixel_is_the_identity() {
 fn cases_of(kind: u32) -> Vec<&'static str> {
     let bits = |from: u32, count: u32| kind >> from & ((1 << count) - 1);
     let (end, length, reconnection) = (bits(0, 2), bits(2, 3), reconnection_of(kind));
-    let (lobe_before, lobe_after, is_in_mirror) = (bits(8, 2), bits(10, 2), bits(12, 1) == 1);
+    let (lobe_before, lobe_after, is_in_mirror) = (bits(8, 2), bits(10, 3), bits(13, 1) == 1);
     let mut cases = vec![match (end, reconnection) {
         (1, k) if k == length => "NEE, reconnected at the light",
         (1, _) => "NEE after the reconnection",
@@ -129,6 +131,10 @@ fn cases_of(kind: u32) -> Vec<&'static str> {
     }];
     if is_in_mirror {
         cases.push("first surface is a mirror");
+    }
+    if reconnection != 0 && lobe_after == LOBE_BELOW {
+        cases.push("reconnected above a point of entry");
+        return cases;
     }
     // Light samples (NEE) are weighed against all lobes.
     let last = if end == 1 { length - 1 } else { length };
@@ -155,6 +161,17 @@ fn paths_that_hit_light_by_bsdf_samples_return_from_other_pixels() {
 }
 
 #[test]
+fn paths_through_translucent_bodies_return_from_other_pixels() {
+    check_other_pixels(&BODIES, &["footprints"], &[], 4, &BODY_CASES, 3_000);
+}
+
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_millions_of_paths_through_translucent_bodies_return() {
+    check_other_pixels(&BODIES, &ALL, &[], 100, &BODY_CASES, 100_000);
+}
+
+#[test]
 #[ignore = "minutes: ./run test --full"]
 fn full_length_millions_of_paths_return_from_other_pixels() {
     check_other_pixels(&PATH_SCENES, &ALL, &[], 100, &NEE_CASES, 1_000_000);
@@ -169,12 +186,17 @@ fn full_length_millions_of_paths_that_hit_light_by_bsdf_samples_return() {
 /// Where NEE reaches the lights, it supplies most of the selected paths.  With `TEST_HITS` all paths end by BSDF samples.
 const BSDF_SCENES: [(&str, fn(&mut Rig)); 1] = [("BSDF samples", shining)];
 
+const BODIES: [(&str, fn(&mut Rig)); 1] = [("bodies", |rig| {
+    translucent(rig);
+})];
+
 /// Criteria of reconnection.
 const QUICK: [&str; 2] = ["footprints", "often replayed"];
 const FURTHER: [&str; 2] = ["black box", "by distance"];
 const ALL: [&str; 4] = [QUICK[0], QUICK[1], FURTHER[0], FURTHER[1]];
 
 const NEE_CASES: [&str; 3] = ["NEE, reconnected at the light", "NEE after the reconnection", "hit the environment"];
+const BODY_CASES: [&str; 3] = [NEE_CASES[0], NEE_CASES[1], "reconnected above a point of entry"];
 const BSDF_CASES: [&str; 4] =
     ["hit an emitter", "replayed entirely", "first surface is a mirror", "reconnected between different lobes"];
 

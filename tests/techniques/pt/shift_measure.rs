@@ -73,6 +73,19 @@ fn the_jacobian_is_the_change_of_measure_of_the_shift() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
+fn the_jacobian_is_the_change_of_measure_through_translucent_bodies() {
+    let Some(mut rig) = scene(SIZE as u32, |rig| {
+        translucent(rig);
+    }) else {
+        return;
+    };
+    let measure = measured(&mut rig, &[], Paths::default(), SEEDS);
+    eprintln!("{measure}");
+    assert!(measure.is_equal(0.02), "{measure}");
+}
+
+#[test]
 #[ignore = "minutes: ./run test --full"]
 fn full_length_the_jacobian_is_the_change_of_measure_in_every_scene() {
     check(&["glossy", "mirrors", "surrounded", "shapes"]);

@@ -3,14 +3,13 @@
 use super::shifts::turn;
 use crate::support::{
     app::*,
-    equivalence::Restarts,
-    proof::{Indirect, Proof, Subject},
-    reuse_settings::{di, paths, subsurface},
+    proof::{Proof, Subject},
+    reuse_settings::{di, subsurface},
     small_scenes::*,
 };
 use bevy::prelude::*;
 use bevy_restir::{
-    Direct, Mis, Reuse, ReuseOrder, Subsurface, SubsurfaceSampling, SubsurfaceShift, testing::plant_shader_defs,
+    Direct, Mis, Reuse, ReuseOrder, SubsurfaceSampling, SubsurfaceShift, testing::plant_shader_defs,
 };
 
 const SHIFTS: [SubsurfaceShift; 4] =
@@ -79,45 +78,6 @@ fn full_length_every_shift_of_moving_bodies_and_lights_equals_the_reference() {
         let sampling = SubsurfaceSampling { shift, ..subsurface::all_reuse() };
         proof.check("moving", &mut rig, &[(&*format!("{shift:?}"), with(sampling))]);
     }
-}
-
-/// The direct light of a picture with translucent bodies, and the indirect light of one with diffuse bodies.
-fn direct_translucent_and_indirect_diffuse(rig: &mut Rig, proof: &Proof) -> Restarts {
-    let mut truth = Proof { bounces: 1, ..*proof }.truth(rig, 1000);
-    let world = rig.app.world_mut();
-    for mut body in world.query::<&mut Subsurface>().iter_mut(world) {
-        body.weight *= -1.0;
-    }
-    let all = proof.truth(rig, 3000);
-    let direct = Proof { bounces: 1, ..*proof }.truth(rig, 5000);
-    let world = rig.app.world_mut();
-    for mut body in world.query::<&mut Subsurface>().iter_mut(world) {
-        body.weight *= -1.0;
-    }
-    let add = |to: &mut [f64], all: &[f64], direct: &[f64]| {
-        to.iter_mut().zip(all.iter().zip(direct)).for_each(|(to, (all, direct))| *to += all - direct);
-    };
-    add(&mut truth.images, &all.images, &direct.images);
-    add(&mut truth.pixels, &all.pixels, &direct.pixels);
-    for i in 0..truth.images.len() {
-        add(&mut truth.regions[i], &all.regions[i], &direct.regions[i]);
-        add(&mut truth.tiles[i], &all.tiles[i], &direct.tiles[i]);
-    }
-    truth
-}
-
-#[test]
-#[ignore = "minutes: ./run test --full"]
-fn full_length_frames_of_restir_gi_have_translucent_bodies_under_direct_light() {
-    let Some(mut rig) = bodies() else { return };
-    let proof = Proof { bounces: 3, margin: 0.02, ..Proof::of((56, 8), (16, 64)) };
-    let truth = direct_translucent_and_indirect_diffuse(&mut rig, &proof);
-    let direct = Direct { subset_count: 0, ..di::all_reuse() };
-    let subject = (Indirect(direct, paths::all_reuse()), subsurface::all_reuse());
-    let result = proof.resampled(&mut rig, &subject, 7000).compare(&truth, proof.margin);
-    println!("{result}");
-    assert!(result.is_equal() && result.is_powerful(), "{result}");
-    rig.assert_sound();
 }
 
 #[test]

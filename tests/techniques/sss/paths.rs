@@ -1,0 +1,107 @@
+//! Paths of ReSTIR PT and GI that go through translucent bodies equal the reference, still and moving, and planted errors are found.
+
+use super::shifts::turn;
+use crate::support::{
+    app::*,
+    proof::{Indirect, Proof},
+    reuse_settings::{di, paths, subsurface},
+    small_scenes::*,
+};
+use bevy::prelude::*;
+use bevy_restir::{Direct, Paths, Reconnection, SubsurfaceSampling, testing::shader_library::ShaderEdit};
+
+const BOUNCES: u32 = 3;
+/// For pictures of 64 x 64 pixels.
+const PROOF: Proof = Proof { bounces: BOUNCES, margin: 0.015, ..Proof::of((24, 16), (24, 64)) };
+
+fn bodies() -> Option<Rig> {
+    scene(64, |rig| _ = translucent(rig))
+}
+
+/// Direct and indirect light of ReSTIR GI, which resamples them apart.
+fn indirect(paths: Paths) -> (Indirect, SubsurfaceSampling) {
+    (Indirect(Direct { subset_count: 0, ..di::all_reuse() }, paths), subsurface::all_reuse())
+}
+
+#[test]
+fn paths_through_translucent_bodies_equal_the_reference() {
+    let Some(mut rig) = bodies() else { return };
+    PROOF.check("bodies", &mut rig, &[("PT, both", paths::all_reuse())]);
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn paths_through_translucent_bodies_equal_the_reference_for_every_kind_of_reuse() {
+    let Some(mut rig) = bodies() else { return };
+    let by_distance = Paths { reconnection: Reconnection::Distance, distance: 0.3, ..paths::all_reuse() };
+    PROOF.check(
+        "bodies",
+        &mut rig,
+        &[
+            ("PT, candidates", paths::candidates_only()),
+            ("PT, temporal", paths::temporal()),
+            ("PT, spatial", paths::spatial()),
+            ("PT, by distance", by_distance),
+        ],
+    );
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn indirect_light_in_translucent_bodies_equals_the_reference() {
+    let Some(mut rig) = bodies() else { return };
+    PROOF.check("bodies", &mut rig, &[("GI, both", indirect(paths::all_reuse()))]);
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn paths_through_moving_bodies_equal_the_reference() {
+    let mut moving = [Entity::PLACEHOLDER; 2];
+    let Some(mut rig) = scene(64, |rig| moving = translucent(rig)) else { return };
+    let pose = |rig: &mut Rig, step: u32| turn(rig, moving, step as f32);
+    let proof = Proof { bounces: BOUNCES, margin: 0.02, pose: Some(&pose), ..Proof::of((160, 1), (20, 64)) };
+    proof.check("moving bodies", &mut rig, &[("PT, both", paths::all_reuse())]);
+}
+
+/// Each error is one line of a shader.
+const PLANTED: [(&str, ShaderEdit); 3] = [
+    (
+        "probability of the choice",
+        ShaderEdit {
+            module: "path/scattering.wgsl",
+            from: "return ScatteringChoice(true, p, exit_factor(v.surface, v.wo) / p);",
+            to: "return ScatteringChoice(true, p, exit_factor(v.surface, v.wo));",
+        },
+    ),
+    (
+        "NEE at a point of entry reconnects there",
+        ShaderEdit {
+            module: "restir/pt/initial_candidates.wgsl",
+            from: "} else if index > 1u && !(*c).below && is_connectable(before, v.surface, nee.pdf_bsdf, true, p) {",
+            to: "} else if index > 1u && is_connectable(before, v.surface, nee.pdf_bsdf, true, p) {",
+        },
+    ),
+    (
+        "the probe is not replayed",
+        ShaderEdit {
+            module: "restir/shift/hybrid.wgsl",
+            from: "let entry = entry_vertex(v, s.seed, index, previous);",
+            to: "let entry = entry_vertex(v, s.seed + 1u, index, previous);",
+        },
+    ),
+];
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn planted_errors_in_paths_through_bodies_are_found() {
+    let Some(mut rig) = bodies() else { return };
+    let proof = Proof { bounces: BOUNCES, ..Proof::of((16, 16), (16, 64)) };
+    let truth = proof.truth(&mut rig, 1000);
+    for (name, edit) in PLANTED {
+        plant_edits(&mut rig.app, &[edit]);
+        let result = proof.resampled(&mut rig, &paths::all_reuse(), 7000).compare(&truth, 0.01);
+        println!("{name}: {result}");
+        assert!(result.is_different(), "{name}: {result}");
+    }
+    plant_edits(&mut rig.app, &[]);
+}
