@@ -109,6 +109,7 @@ pub const MODULES: &[(&str, &str)] = modules![
     "restir/pt/initial_candidates.wgsl",
     "restir/pt/domain.wgsl",
     "restir/pt/reservoir.wgsl",
+    "restir/pt_indirect/domain.wgsl",
     "restir/gi/domain.wgsl",
     "restir/gi/reservoir.wgsl",
     "restir/di/reservoir.wgsl",

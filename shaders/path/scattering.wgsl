@@ -14,20 +14,23 @@ struct ScatteringChoice {
     carried: vec3<f32>,        // factors of the BSSRDF where the light leaves the body, over the probability
 }
 
-struct EntryVertex {
+// The vertex from which a path goes on.
+struct ScatteringVertex {
     vertex: Vertex,
-    weight: vec3<f32>,         // light that reaches the point where it leaves per light that enters, over the density of the point
+    weight: vec3<f32>,         // light that leaves per light that enters, over the probabilities of choice and point
+    below: bool,
     valid: bool,
 }
 
-// The vertex from which the path goes on by its own random numbers; the weight contains that of the choice.
-fn scattering_vertex(v: Vertex, seed: u32, index: u32) -> EntryVertex {
+// The vertex from which a path goes on by its own random numbers.
+fn scattering_vertex(v: Vertex, seed: u32, index: u32) -> ScatteringVertex {
     let choice = drawn_choice(v, seed, index);
     if !choice.below {
-        return EntryVertex(v, choice.carried, true);
+        return ScatteringVertex(v, choice.carried, false, true);
     }
-    let entry = entry_vertex(v, seed, index, false);
-    return EntryVertex(entry.vertex, choice.carried * entry.weight, entry.valid);
+    var entry = entry_vertex(v, seed, index, false);
+    entry.weight *= choice.carried;
+    return entry;
 }
 
 #ifdef SUBSURFACE
@@ -54,11 +57,12 @@ fn probability_below(v: Vertex) -> f32 {
     return subsurface_probability(v.surface, v.wo);
 }
 
-// The point of entry that the probe of the path's own random numbers finds.  It depends on the vertex, but not on where the path came from.
-fn entry_vertex(v: Vertex, seed: u32, index: u32, previous: bool) -> EntryVertex {
+// The point of entry that the probe of the path's own random numbers finds, without the weight of the choice.  It depends on the vertex, but
+// not on where the path came from.
+fn entry_vertex(v: Vertex, seed: u32, index: u32, previous: bool) -> ScatteringVertex {
     let numbers = path_probe_numbers(seed, index);
     let entry = sample_entry(v.surface, numbers.probe, numbers.alpha_seed, previous);
-    return EntryVertex(Vertex(entry.surface, entry.surface.bsdf.n, v.medium, v.cone), entry.weight, entry.valid);
+    return ScatteringVertex(Vertex(entry.surface, entry.surface.bsdf.n, v.medium, v.cone), entry.weight, true, entry.valid);
 }
 #else
 fn drawn_choice(v: Vertex, seed: u32, index: u32) -> ScatteringChoice {
@@ -69,7 +73,7 @@ fn given_choice(v: Vertex, below: bool) -> ScatteringChoice {
     return ScatteringChoice(false, 1.0, vec3<f32>(1.0));
 }
 
-fn entry_vertex(v: Vertex, seed: u32, index: u32, previous: bool) -> EntryVertex {
-    return EntryVertex(v, vec3<f32>(0.0), false);
+fn entry_vertex(v: Vertex, seed: u32, index: u32, previous: bool) -> ScatteringVertex {
+    return ScatteringVertex(v, vec3<f32>(0.0), true, false);
 }
 #endif

@@ -57,6 +57,11 @@ fn behind_reconnection(cos_out: f32, pdf: f32, sum: f32) -> CameraState {
     return CameraState(vec3<f32>(0.0, 1.0, 0.0), vec3<f32>(0.0, 0.0, cos_out), vec3<f32>(1.0, 1.0, sum) / vec3<f32>(1.0, pdf, pdf));
 }
 
+// The state of a point where light enters a body.  No light sub-path leaves a body, so that no technique joins the sub-paths before.
+fn below_surface(s: CameraState) -> CameraState {
+    return CameraState(vec3<f32>(0.0), vec3<f32>(0.0), s.basis);
+}
+
 // k v, where 0 stays 0: k may be infinite.
 fn scaled(k: f32, v: vec3<f32>) -> vec3<f32> {
     return select(k * v, vec3<f32>(0.0), v == vec3<f32>(0.0));

@@ -44,6 +44,10 @@ pub struct Paths {
     /// Light candidates at the first vertex of a path, 1 to 64; vertex B has 1/B² of them, at least one.  They come from the subsets of
     /// [`Direct`](super::Direct).  Less noise, higher cost, no bias.
     pub candidates: u32,
+    /// Gives direct light reservoirs of its own in [`Technique::Pt`](super::Technique::Pt), by [`Restir::direct`](super::Restir::direct) and,
+    /// for translucent objects, [`Restir::subsurface`](super::Restir::subsurface): less noise where direct and bounced light meet, one
+    /// more kind of reservoirs and its passes.  No bias.  Lin et al. 2026 begin their comparison there.
+    pub separate_direct_light: bool,
     /// Reuse of paths.  [`Reuse::mis`] applies to iterations with spatial reuse; purely temporal ones always use the balance heuristic.
     pub reuse: Reuse,
     /// Replay of the rest of a path where something moved.
@@ -73,6 +77,7 @@ impl Default for Paths {
     fn default() -> Self {
         Self {
             candidates: 16,
+            separate_direct_light: false,
             reuse: Reuse::PATHS,
             suffix_retrace: SuffixRetrace::default(),
             assume_diffuse_secondary: false,

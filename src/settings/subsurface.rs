@@ -18,8 +18,9 @@ use bevy::{
 /// a plane: thin parts gain light, and small bodies lose some.  Seen from behind, a surface is diffuse, so meshes must face outward; open
 /// meshes are allowed.  Objects with `NotShadowCaster` are diffuse, because rays do not find them.
 ///
-/// [`Technique::Reference`](crate::Technique::Reference) renders it for all light; [`Technique::Di`](crate::Technique::Di) and
-/// [`Technique::Gi`](crate::Technique::Gi) for direct light.  Other techniques render the object as diffuse, with one warning.
+/// Every technique renders it.  A path that hits such an object chooses between the surface and the body below it.
+/// [`Technique::Di`](crate::Technique::Di) and [`Technique::Gi`](crate::Technique::Gi) resample the direct light of bodies apart, by the
+/// settings of [`SubsurfaceSampling`]; light sub-paths of [`Technique::Bdpt`](crate::Technique::Bdpt) end at bodies.
 /// It costs one ray per path and hit of such an object, and a shadow ray; scenes without it pay nothing.
 ///
 /// ```

@@ -55,5 +55,10 @@ const SPLATS: &Domain = &Domain {
     schedule: ReuseSchedule::of_splats,
 };
 
-pub(super) const ROW: TechniqueRow =
-    TechniqueRow { technique: Technique::Bdpt, domains: &[DOMAIN, SPLATS], light: None, rays: None, subsurface: None };
+pub(super) const ROW: TechniqueRow = TechniqueRow {
+    technique: Technique::Bdpt,
+    domains: &[DOMAIN, SPLATS],
+    light: None,
+    rays: None,
+    subsurface: &[DOMAIN, SPLATS],
+};

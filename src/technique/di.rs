@@ -34,5 +34,5 @@ pub(super) const ROW: TechniqueRow = TechniqueRow {
     domains: &[DOMAIN],
     light: None,
     rays: None,
-    subsurface: Some(&[DOMAIN, sss::DOMAIN]),
+    subsurface: &[DOMAIN, sss::DOMAIN],
 };

@@ -52,10 +52,12 @@ enum Show {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub(crate) struct Frame {
     technique: Technique,
+    /// Direct light has reservoirs of its own, where the technique leaves the choice.
+    separate: bool,
     show: Show,
     /// Camera sub-paths are connected with light sub-paths.
     connects: bool,
-    /// The scene has `Subsurface`, and the technique renders it.
+    /// The scene has `Subsurface`.
     subsurface: bool,
 }
 
@@ -74,37 +76,33 @@ pub(crate) struct Step {
 impl Frame {
     /// The frame of some settings.
     pub(crate) fn of(settings: &Restir) -> Self {
-        let view = settings.debug_view;
+        let (view, separate) = (settings.debug_view, settings.paths.separate_direct_light);
         let show = match view {
             DebugView::Off => Show::Light,
             DebugView::Rays => Show::Rays,
             DebugView::Bounces => Show::Bounces,
             _ => {
-                let mut domains = row(settings.technique).domains.iter();
+                let mut domains = row(settings.technique, separate).domains.iter();
                 domains.find(|domain| (domain.has_debug_view)(view)).map_or(Show::Surface, |d| Show::Reservoirs(d))
             }
         };
-        Self { technique: settings.technique, show, connects: settings.bdpt.connects(), subsurface: false }
+        let (technique, connects) = (settings.technique, settings.bdpt.connects());
+        Self { technique, separate, show, connects, subsurface: false }
     }
 
     /// The frame of a scene that has `Subsurface`.
     pub(crate) fn with_subsurface(self) -> Self {
-        Self { subsurface: self.row().subsurface.is_some(), ..self }
+        Self { subsurface: true, ..self }
     }
 
     fn row(self) -> &'static TechniqueRow {
-        row(self.technique)
-    }
-
-    /// Whether it renders `Subsurface`.
-    pub(crate) fn scatters_below_surfaces(self) -> bool {
-        self.subsurface
+        row(self.technique, self.separate)
     }
 
     /// Domains that it resamples, and keeps a history of.
     pub(crate) fn domains(self) -> &'static [&'static Domain] {
         let row = self.row();
-        let domains = row.subsurface.filter(|_| self.subsurface).unwrap_or(row.domains);
+        let domains = if self.subsurface { row.subsurface } else { row.domains };
         match self.show {
             Show::Light | Show::Rays => domains,
             // Their weights depend on light sub-paths, which one of them traces.

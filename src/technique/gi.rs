@@ -34,5 +34,5 @@ pub(super) const ROW: TechniqueRow = TechniqueRow {
     domains: &[di::DOMAIN, DOMAIN],
     light: None,
     rays: None,
-    subsurface: Some(&[di::DOMAIN, sss::DOMAIN, DOMAIN]),
+    subsurface: &[di::DOMAIN, sss::DOMAIN, DOMAIN],
 };

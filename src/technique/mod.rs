@@ -29,15 +29,18 @@ pub(crate) struct TechniqueRow {
     /// Passes of a technique without domains: one writes light, and one the number of rays per pixel for a debug view.
     pub light: Option<&'static ComputePass>,
     pub rays: Option<&'static ComputePass>,
-    /// How it renders `Subsurface`: `None` as diffuse; otherwise with these domains in place of `domains`.
-    pub subsurface: Option<&'static [&'static Domain]>,
+    /// Domains in a scene that has `Subsurface`, in place of `domains`.
+    pub subsurface: &'static [&'static Domain],
 }
 
 /// All techniques.
 pub(crate) const TECHNIQUES: &[TechniqueRow] = &[reference::ROW, di::ROW, gi::ROW, pt::ROW, bdpt::ROW];
 
-/// The row of a technique.
-pub(crate) fn row(technique: Technique) -> &'static TechniqueRow {
+/// The row of a technique.  `separate`: direct light has reservoirs of its own, where the technique leaves the choice.
+pub(crate) fn row(technique: Technique, separate: bool) -> &'static TechniqueRow {
+    if separate && technique == Technique::Pt {
+        return &pt::SEPARATE;
+    }
     TECHNIQUES.iter().find(|row| row.technique == technique).unwrap_or(&TECHNIQUES[0])
 }
 
@@ -45,7 +48,7 @@ impl DebugView {
     /// Whether a technique has something to show.
     pub fn shows(self, technique: Technique) -> bool {
         let shows_it = |domain: &Domain| (domain.has_debug_view)(self);
-        row(technique).domains.iter().any(|domain| shows_it(domain)) || !all_domains().any(shows_it)
+        row(technique, false).domains.iter().any(|domain| shows_it(domain)) || !all_domains().any(shows_it)
     }
 }
 
@@ -62,7 +65,7 @@ pub fn pass_names(settings: &Restir, features: SceneFeatures) -> Vec<&'static st
 
 /// The domains of all techniques.
 pub(crate) fn all_domains() -> impl Iterator<Item = &'static Domain> {
-    TECHNIQUES.iter().flat_map(|row| row.domains.iter().chain(row.subsurface.unwrap_or_default())).copied()
+    TECHNIQUES.iter().chain([&pt::SEPARATE]).flat_map(|row| row.domains.iter().chain(row.subsurface)).copied()
 }
 
 /// Every shader of a pass that is a template, with the rooms that are put in; for tests.

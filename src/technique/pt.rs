@@ -1,9 +1,11 @@
-//! ReSTIR PT: whole paths, direct light among them (`shaders/restir/pt`).
+//! ReSTIR PT: whole paths (`shaders/restir/pt`).  Direct light is among them, or has reservoirs of its own (`shaders/restir/pt_indirect`).
 
 use super::{
-    TechniqueRow,
-    domain::{self, Domain, LightPart, domain_names},
+    TechniqueRow, di,
+    domain::{self, Domain, DomainNames, LightPart, domain_names},
+    pass::ComputePass,
     reuse_schedule::ReuseSchedule,
+    sss,
 };
 use crate::{
     gpu_layout::PATH_RESERVOIR_SIZE,
@@ -11,21 +13,43 @@ use crate::{
 };
 
 const ROOMS: &[&str] = &["restir/pt"];
+const INDIRECT_ROOMS: &[&str] = &["restir/pt_indirect", "restir/pt"];
 
 /// Whole paths.
-const DOMAIN: &Domain = &Domain {
-    names: domain_names!("pt"),
-    light_paths: None,
-    candidates: domain::candidates("pt_candidates", "path_candidates", ROOMS),
-    reuse: domain::reuse("pt_reuse", ROOMS),
-    forward: &[],
-    debug: Some(domain::debug("pt_debug", "debug_paths", ROOMS)),
-    has_debug_view: DebugView::is_of_paths,
-    reservoir_bytes: PATH_RESERVOIR_SIZE,
-    carries_contribution: true,
-    part: LightPart::Paths,
-    schedule: ReuseSchedule::of_paths,
-};
+const DOMAIN: &Domain = &domain(
+    domain_names!("pt"),
+    domain::candidates("pt_candidates", "path_candidates", ROOMS),
+    domain::reuse("pt_reuse", ROOMS),
+    domain::debug("pt_debug", "debug_paths", ROOMS),
+);
+
+/// Paths of at least two scattering events.
+const INDIRECT: &Domain = &domain(
+    domain_names!("pt_indirect"),
+    domain::candidates("pt_indirect_candidates", "path_candidates", INDIRECT_ROOMS),
+    domain::reuse("pt_indirect_reuse", INDIRECT_ROOMS),
+    domain::debug("pt_indirect_debug", "debug_paths", INDIRECT_ROOMS),
+);
+
+const fn domain(names: DomainNames, candidates: ComputePass, reuse: ComputePass, debug: ComputePass) -> Domain {
+    Domain {
+        names,
+        light_paths: None,
+        candidates,
+        reuse,
+        forward: &[],
+        debug: Some(debug),
+        has_debug_view: DebugView::is_of_paths,
+        reservoir_bytes: PATH_RESERVOIR_SIZE,
+        carries_contribution: true,
+        part: LightPart::Paths,
+        schedule: ReuseSchedule::of_paths,
+    }
+}
 
 pub(super) const ROW: TechniqueRow =
-    TechniqueRow { technique: Technique::Pt, domains: &[DOMAIN], light: None, rays: None, subsurface: Some(&[DOMAIN]) };
+    TechniqueRow { technique: Technique::Pt, domains: &[DOMAIN], light: None, rays: None, subsurface: &[DOMAIN] };
+
+/// With `Paths::separate_direct_light`.
+pub(super) const SEPARATE: TechniqueRow =
+    TechniqueRow { domains: &[di::DOMAIN, INDIRECT], subsurface: &[di::DOMAIN, sss::DOMAIN, INDIRECT], ..ROW };

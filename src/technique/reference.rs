@@ -17,5 +17,5 @@ pub(super) const ROW: TechniqueRow = TechniqueRow {
     domains: &[],
     light: Some(&LIGHT),
     rays: Some(&RAYS),
-    subsurface: Some(&[]),
+    subsurface: &[],
 };

@@ -51,7 +51,7 @@ mod tests {
     use crate::{settings::Technique, technique::row};
 
     fn domains(technique: Technique) -> &'static [&'static Domain] {
-        row(technique).domains
+        row(technique, false).domains
     }
 
     const LIMIT: u64 = 128 << 20;

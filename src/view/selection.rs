@@ -3,7 +3,6 @@
 use bevy::{
     core_pipeline::prepass::ViewPrepassTextures,
     ecs::{entity::Entity, resource::Resource},
-    log::warn_once,
     platform::collections::HashMap,
     render::{render_resource::TextureFormat, view::ViewTarget},
 };
@@ -58,13 +57,6 @@ pub(crate) fn requested_key(
     features.set(SceneFeatures::ENERGY_COMPENSATION, restir.settings.energy_compensation);
     if features.contains(SceneFeatures::SUBSURFACE) {
         frame = frame.with_subsurface();
-        if !frame.scatters_below_surfaces() {
-            features.remove(SceneFeatures::SUBSURFACE);
-            warn_once!(
-                "restir: Subsurface is not rendered by Technique::{:?}; these objects are diffuse",
-                restir.settings.technique
-            );
-        }
     }
     let max_inputs = frame.domains().iter().map(|domain| (domain.schedule)(&restir.settings).max_inputs());
     features.set(SceneFeatures::MANY_NEIGHBORS, max_inputs.max().unwrap_or(0) > FEW_INPUTS);

@@ -2,7 +2,7 @@
 
 use crate::support::{app::*, log};
 use bevy::{light::NotShadowCaster, prelude::*};
-use bevy_restir::{SceneFeatures, Subsurface, Technique};
+use bevy_restir::{SceneFeatures, Subsurface};
 use bevy_restir_support::subsurface::from_extras;
 
 fn soft(length: f32) -> Subsurface {
@@ -55,19 +55,6 @@ fn objects_with_different_values_have_different_records() {
     let mean = |x: u32| (0..16).map(|i| picture.at(x + i % 4, 6 + i / 4).x).sum::<f32>() / 16.0;
     let (long, short) = (mean(6), mean(22));
     assert!(long < 0.7 && short > 0.74, "the long paths lose light: {long}, {short}");
-}
-
-#[test]
-fn restir_bdpt_renders_it_as_diffuse_and_says_so() {
-    log::listen();
-    let Some(mut rig) = Rig::new(16, 16) else { return };
-    let entity = ball(&mut rig);
-    rig.set(|restir| restir.technique = Technique::Bdpt);
-    rig.app.world_mut().entity_mut(entity).remove::<Subsurface>();
-    let diffuse = rig.picture(4);
-    rig.insert(entity, soft(0.2));
-    assert_eq!(rig.picture(4), diffuse);
-    assert_eq!(log::warnings("Subsurface is not rendered by Technique::").len(), 1);
 }
 
 #[test]

@@ -37,6 +37,7 @@ const SHADERS: Table = &[
     ("restir", &["path"]),
     ("restir/shift", &["restir"]),
     ("restir/pt", &["restir/shift"]),
+    ("restir/pt_indirect", &["restir/pt"]),
     ("restir/gi", &["restir/pt"]),
     ("restir/di", &["restir/pt"]),
     ("restir/sss", &["restir"]),

@@ -72,6 +72,16 @@ pub fn translucent(rig: &mut Rig) -> [Entity; 2] {
     [ball, above]
 }
 
+/// A room whose walls and objects are translucent, so that paths go below several surfaces.
+pub fn translucent_room(rig: &mut Rig) {
+    room(rig);
+    let world = rig.app.world_mut();
+    let bodies: Vec<Entity> = world.query_filtered::<Entity, With<Mesh3d>>().iter(world).collect();
+    for body in bodies {
+        rig.insert(body, Subsurface { mean_free_path: Vec3::new(0.2, 0.1, 0.05), weight: 0.8 });
+    }
+}
+
 /// A glossy floor with an emitter that almost touches it, a smooth ball and a rough one: BSDF samples find light that light samples miss.
 pub fn glossy(rig: &mut Rig) {
     let floor = Transform::from_xyz(0.0, -1.0, 0.0).with_rotation(Quat::from_rotation_x(-core::f32::consts::FRAC_PI_2));

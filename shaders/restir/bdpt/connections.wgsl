@@ -11,6 +11,7 @@
 #import bevy_restir::path::bidirectional_mis::{mis_arrive, mis_camera_start, mis_connection_weight, mis_scatter, mis_scatter_delta, MisEnd, MisState}
 #import bevy_restir::path::light_path::{scattered_value, surface_towards}
 #import bevy_restir::path::medium::transmittance
+#import bevy_restir::path::scattering::{scattering_vertex, ScatteringVertex}
 #import bevy_restir::path::shadow_ray::ray_between
 #import bevy_restir::path::walk::{step_medium, Vertex}
 #import bevy_restir::restir::bdpt::bindings::light_vertices
@@ -41,8 +42,14 @@ fn sample_connections(first: Vertex, camera_density: f32, rng: ptr<function, Rng
     let arrived = mis_arrive(start, 1.0, abs(dot(first.surface.bsdf.n_geo, first.wo)));
     var w = CameraWalk(first, arrived, vec3<f32>(1.0), 1u, 1.0);
     var light = vec3<f32>(0.0);
+    let probe_seed = rng_bits(rng).x;
     // A connection has a scattering event at both of its ends.
     for (var index = 1u; index < view.bounces; index++) {
+        let from_vertex = scattering_vertex(w.v, probe_seed, index);
+        if !from_vertex.valid {
+            break;
+        }
+        w = leaving(w, from_vertex);
         if !bsdf_is_delta(w.v.surface.bsdf) {
             light += finite(w.throughput * connection_light(w, rng));
         }
@@ -75,6 +82,18 @@ fn sample_connections(first: Vertex, camera_density: f32, rng: ptr<function, Rng
         w.index = index + 1u;
     }
     return light;
+}
+
+// The walk at the vertex from which it goes on.  No light sub-path leaves a body, so that no technique joins the sub-paths before a point
+// where light enters one.
+fn leaving(walk: CameraWalk, from_vertex: ScatteringVertex) -> CameraWalk {
+    var w = walk;
+    w.v = from_vertex.vertex;
+    w.throughput *= from_vertex.weight;
+    if from_vertex.below {
+        w.state = MisState(0.0, 0.0);
+    }
+    return w;
 }
 
 // A value that overflows counts as black.

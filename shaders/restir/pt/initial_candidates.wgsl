@@ -20,7 +20,7 @@
 #import bevy_restir::path::random::{DIMENSION_SHADOW_RAY, DIMENSION_RAY, path_alpha_seed, path_seed}
 #import bevy_restir::path::scattering::{drawn_choice, entry_vertex}
 #import bevy_restir::path::shadow_ray::light_is_visible
-#import bevy_restir::path::technique_weights::{camera_state, CameraState, emitter_sample, left, reached, rivals_of_hit, rivals_of_nee, weight_of}
+#import bevy_restir::path::technique_weights::{below_surface, camera_state, CameraState, emitter_sample, left, reached, rivals_of_hit, rivals_of_nee, weight_of}
 #import bevy_restir::path::walk::{sampled_step, Step, step_cone, step_medium, Vertex}
 #import bevy_restir::restir::light_candidates::{light_candidate, subset_of}
 #import bevy_restir::restir::path_sample::{no_path_sample, PathSample, TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE, vertex_barycentrics}
@@ -213,6 +213,7 @@ fn scatter(c: ptr<function, Candidates>, v: ptr<function, Vertex>, before: Previ
     if (*c).prefix.reconnection != 0u {
         (*c).suffix = guarded_3((*c).suffix * entry.weight, GUARD_THROUGHPUT);
     }
+    (*c).state = below_surface((*c).state);
     *v = entry.vertex;
     return true;
 }

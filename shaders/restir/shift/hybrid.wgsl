@@ -21,7 +21,7 @@
 #import bevy_restir::path::random::{DIMENSION_SHADOW_RAY, DIMENSION_RAY, path_alpha_seed}
 #import bevy_restir::path::scattering::{drawn_choice, entry_vertex, given_choice}
 #import bevy_restir::path::shadow_ray::{ray_between, ray_to_light}
-#import bevy_restir::path::technique_weights::{camera_state, CameraState, emitter_sample, left, reached, rivals_of_hit, rivals_of_nee, stored_weight, weight_of}
+#import bevy_restir::path::technique_weights::{below_surface, camera_state, CameraState, emitter_sample, left, reached, rivals_of_hit, rivals_of_nee, stored_weight, weight_of}
 #import bevy_restir::path::walk::{drawn_step, given_step, Step, step_cone, step_medium, Vertex, with_weight_and_densities}
 #import bevy_restir::restir::path_sample::{PathSample, ShiftResult, TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE, vertex_barycentrics}
 #import bevy_restir::restir::shift::reconnection::{is_connectable, is_connectable_end, is_rough, light_factor, previous_vertex, PreviousVertex, ShiftParameters, triangle_factor}
@@ -272,6 +272,7 @@ fn scatter(w: ptr<function, Walk>, s: PathSample, index: u32, c: ShiftParameters
     } else {
         (*w).throughput *= entry.weight;
     }
+    (*w).state = below_surface((*w).state);
     (*w).v = entry.vertex;
     return true;
 }

@@ -162,7 +162,7 @@ fn paths_that_hit_light_by_bsdf_samples_return_from_other_pixels() {
 
 #[test]
 fn paths_through_translucent_bodies_return_from_other_pixels() {
-    check_other_pixels(&BODIES, &["footprints"], &[], 4, &BODY_CASES, 3_000);
+    check_other_pixels(&BODIES, &QUICK, &[], 4, &BODY_CASES, 2_000);
 }
 
 #[test]
@@ -186,9 +186,7 @@ fn full_length_millions_of_paths_that_hit_light_by_bsdf_samples_return() {
 /// Where NEE reaches the lights, it supplies most of the selected paths.  With `TEST_HITS` all paths end by BSDF samples.
 const BSDF_SCENES: [(&str, fn(&mut Rig)); 1] = [("BSDF samples", shining)];
 
-const BODIES: [(&str, fn(&mut Rig)); 1] = [("bodies", |rig| {
-    translucent(rig);
-})];
+const BODIES: [(&str, fn(&mut Rig)); 1] = [("bodies", translucent_room)];
 
 /// Criteria of reconnection.
 const QUICK: [&str; 2] = ["footprints", "often replayed"];

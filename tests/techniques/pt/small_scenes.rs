@@ -52,6 +52,7 @@ fn paths_in_a_room_equal_the_reference_with_further_settings() {
                 "no vector weights",
                 Paths { reuse: Reuse { shade_all: false, ..paths::all_reuse().reuse }, ..paths::all_reuse() },
             ),
+            ("direct light apart", Paths { separate_direct_light: true, ..paths::all_reuse() }),
             ("by distance", Paths { reconnection: Reconnection::Distance, distance: 0.3, ..paths::all_reuse() }),
         ],
     );

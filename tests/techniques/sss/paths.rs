@@ -3,12 +3,14 @@
 use super::shifts::turn;
 use crate::support::{
     app::*,
-    proof::{Indirect, Proof},
+    proof::{Bidirectional, Indirect, Proof},
     reuse_settings::{di, paths, subsurface},
     small_scenes::*,
 };
 use bevy::prelude::*;
-use bevy_restir::{Direct, Paths, Reconnection, SubsurfaceSampling, testing::shader_library::ShaderEdit};
+use bevy_restir::{
+    Direct, LightTechniques, Paths, Reconnection, SubsurfaceSampling, testing::shader_library::ShaderEdit,
+};
 
 const BOUNCES: u32 = 3;
 /// For pictures of 64 x 64 pixels.
@@ -24,38 +26,73 @@ fn indirect(paths: Paths) -> (Indirect, SubsurfaceSampling) {
 }
 
 #[test]
-fn paths_through_translucent_bodies_equal_the_reference() {
-    let Some(mut rig) = bodies() else { return };
-    PROOF.check("bodies", &mut rig, &[("PT, both", paths::all_reuse())]);
+fn paths_between_translucent_bodies_equal_the_reference() {
+    let Some(mut rig) = scene(64, translucent_room) else { return };
+    let proof = Proof { bounces: BOUNCES, margin: 0.03, ..Proof::of((12, 8), (12, 24)) };
+    proof.check("translucent room", &mut rig, &[("PT, both", paths::all_reuse())]);
 }
 
 #[test]
 #[ignore = "second tier: ./run test --more"]
-fn paths_through_translucent_bodies_equal_the_reference_for_every_kind_of_reuse() {
+fn paths_through_translucent_bodies_equal_the_reference() {
     let Some(mut rig) = bodies() else { return };
-    let by_distance = Paths { reconnection: Reconnection::Distance, distance: 0.3, ..paths::all_reuse() };
-    PROOF.check(
-        "bodies",
-        &mut rig,
-        &[
-            ("PT, candidates", paths::candidates_only()),
-            ("PT, temporal", paths::temporal()),
-            ("PT, spatial", paths::spatial()),
-            ("PT, by distance", by_distance),
-        ],
-    );
+    let proof = Proof { bounces: BOUNCES, margin: 0.03, ..Proof::of((20, 12), (16, 32)) };
+    proof.check("bodies", &mut rig, &[("PT, both", paths::all_reuse())]);
 }
 
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn indirect_light_in_translucent_bodies_equals_the_reference() {
     let Some(mut rig) = bodies() else { return };
-    PROOF.check("bodies", &mut rig, &[("GI, both", indirect(paths::all_reuse()))]);
+    let proof = Proof { bounces: BOUNCES, margin: 0.03, ..Proof::of((20, 12), (16, 32)) };
+    proof.check("bodies", &mut rig, &[("GI, both", indirect(paths::all_reuse()))]);
 }
 
 #[test]
 #[ignore = "second tier: ./run test --more"]
-fn paths_through_moving_bodies_equal_the_reference() {
+fn light_paths_between_translucent_bodies_equal_the_reference() {
+    check_light_paths(0.03, &[("BDPT, both", paths::all_reuse())]);
+}
+
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_light_paths_between_translucent_bodies_equal_the_reference() {
+    check_light_paths(0.01, &[("BDPT, candidates", paths::candidates_only()), ("BDPT, both", paths::all_reuse())]);
+}
+
+fn check_light_paths(margin: f64, cases: &[(&str, Paths)]) {
+    let Some(mut rig) = scene(32, translucent_room) else { return };
+    rig.set(|r| r.jitter = true);
+    let proof = Proof { bounces: BOUNCES, blended: true, margin, ..Proof::of((24, 6), (24, 16)) };
+    let cases: Vec<_> =
+        cases.iter().map(|(name, paths)| (*name, Bidirectional(LightTechniques::Full, paths.clone()))).collect();
+    proof.check("translucent room", &mut rig, &cases);
+}
+
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_every_kind_of_reuse_in_translucent_bodies_equals_the_reference() {
+    let by_distance = Paths { reconnection: Reconnection::Distance, distance: 0.3, ..paths::all_reuse() };
+    let separate = Paths { separate_direct_light: true, ..paths::all_reuse() };
+    let cases = [
+        ("PT, candidates", paths::candidates_only()),
+        ("PT, temporal", paths::temporal()),
+        ("PT, spatial", paths::spatial()),
+        ("PT, both", paths::all_reuse()),
+        ("PT, by distance", by_distance),
+        ("PT, direct light apart", separate),
+    ];
+    let Some(mut rig) = bodies() else { return };
+    PROOF.check("bodies", &mut rig, &cases);
+    PROOF.check("bodies", &mut rig, &[("GI, both", indirect(paths::all_reuse()))]);
+    let Some(mut rig) = scene(64, translucent_room) else { return };
+    let proof = Proof { margin: 0.01, ..PROOF };
+    proof.check("translucent room", &mut rig, &cases);
+}
+
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_paths_through_moving_bodies_equal_the_reference() {
     let mut moving = [Entity::PLACEHOLDER; 2];
     let Some(mut rig) = scene(64, |rig| moving = translucent(rig)) else { return };
     let pose = |rig: &mut Rig, step: u32| turn(rig, moving, step as f32);
@@ -92,9 +129,9 @@ const PLANTED: [(&str, ShaderEdit); 3] = [
 ];
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn planted_errors_in_paths_through_bodies_are_found() {
-    let Some(mut rig) = bodies() else { return };
+#[ignore = "minutes: ./run test --full"]
+fn full_length_planted_errors_in_paths_through_bodies_are_found() {
+    let Some(mut rig) = scene(64, translucent_room) else { return };
     let proof = Proof { bounces: BOUNCES, ..Proof::of((16, 16), (16, 64)) };
     let truth = proof.truth(&mut rig, 1000);
     for (name, edit) in PLANTED {

@@ -8,9 +8,7 @@ use crate::support::{
     small_scenes::*,
 };
 use bevy::prelude::*;
-use bevy_restir::{
-    Direct, Mis, Reuse, ReuseOrder, SubsurfaceSampling, SubsurfaceShift, testing::plant_shader_defs,
-};
+use bevy_restir::{Direct, Mis, Reuse, ReuseOrder, SubsurfaceSampling, SubsurfaceShift, testing::plant_shader_defs};
 
 const SHIFTS: [SubsurfaceShift; 4] =
     [SubsurfaceShift::Reconnection, SubsurfaceShift::Delayed, SubsurfaceShift::Hybrid, SubsurfaceShift::Sequential];
