@@ -224,7 +224,7 @@ pub fn steps(default: &Restir) -> Vec<(&'static str, Restir)> {
     };
     vec![
         ("default", default.clone()),
-        ("direct light apart (DI + GI)", with(|r| r.technique = Technique::Gi)),
+        ("direct light in reservoirs of its own", with(|r| r.paths.separate_direct_light = true)),
         ("thresholds of Lin et al. 2022", with(|r| r.paths.reconnection = Reconnection::Distance)),
         ("black-box thresholds", with(|r| r.paths.reconnection = Reconnection::BlackBox)),
         ("light of the kept path only", with(|r| r.paths.reuse.shade_all = false)),
