@@ -321,6 +321,7 @@ fn feature_steps() -> [Step; 14] {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn a_scene_that_gains_and_loses_features_is_never_black() {
     // Pipelines compile in the background, so those of new features become ready frames later.
     let Some(mut rig) = Rig::compiling_in_background(16, 16) else {

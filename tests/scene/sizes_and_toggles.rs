@@ -12,7 +12,9 @@ use bevy::{
 };
 use bevy_restir::{Direct, Restir, Technique};
 
-const TECHNIQUES: [Technique; 5] = [Technique::Reference, Technique::Di, Technique::Gi, Technique::Pt, Technique::Bdpt];
+/// The compilation of a technique's pipelines takes most of the time of these tests.
+const TWO: &[Technique] = &[Technique::Di, Technique::Pt];
+const ALL: &[Technique] = &[Technique::Reference, Technique::Di, Technique::Gi, Technique::Pt, Technique::Bdpt];
 
 fn settings(technique: Technique) -> Restir {
     // Few light subsets, because a CPU fills them slowly.
@@ -49,6 +51,16 @@ fn replace_camera(rig: &mut Rig, size: UVec2) {
 
 #[test]
 fn resized_pictures_equal_those_of_a_new_camera() {
+    check_sizes(TWO);
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn resized_pictures_of_all_techniques_equal_those_of_a_new_camera() {
+    check_sizes(ALL);
+}
+
+fn check_sizes(techniques: &[Technique]) {
     let sizes = [UVec2::new(12, 8), UVec2::ONE, UVec2::new(5, 9), UVec2::new(12, 8)];
     // The other app gets a new camera for each size, and keeps its pipelines.
     let (Some(mut resized), Some(mut other)) = (scene(sizes[0]), scene(sizes[0])) else { return };
@@ -58,7 +70,7 @@ fn resized_pictures_equal_those_of_a_new_camera() {
         // Bevy reports the new size of a target to its camera in the next frame.
         resized.frames(2);
         replace_camera(&mut other, size);
-        for technique in TECHNIQUES {
+        for &technique in techniques {
             let expected = picture(&mut other, technique);
             assert_eq!(expected.size, size);
             assert_eq!(picture(&mut resized, technique), expected, "{technique:?}, {size}");
@@ -69,11 +81,21 @@ fn resized_pictures_equal_those_of_a_new_camera() {
 
 #[test]
 fn viewports_and_toggles_leave_no_trace() {
+    check_toggles(TWO);
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn viewports_and_toggles_of_all_techniques_leave_no_trace() {
+    check_toggles(ALL);
+}
+
+fn check_toggles(techniques: &[Technique]) {
     let size = UVec2::new(24, 16);
     let Some(mut rig) = scene(size) else { return };
     let camera = rig.camera;
-    let good = TECHNIQUES.map(|technique| picture(&mut rig, technique));
-    for (i, technique) in TECHNIQUES.into_iter().enumerate() {
+    let good: Vec<_> = techniques.iter().map(|&technique| picture(&mut rig, technique)).collect();
+    for (i, &technique) in techniques.iter().enumerate() {
         assert_eq!(picture(&mut rig, technique), good[i], "{technique:?} after other techniques");
         for part in [UVec2::ONE, UVec2::new(12, 16), UVec2::new(5, 3)] {
             let viewport =
@@ -102,7 +124,7 @@ fn viewports_and_toggles_leave_no_trace() {
         assert_eq!(picture(&mut rig, technique), good[i], "{technique:?}, active again");
 
         // In every frame another technique, without waiting.
-        for other in TECHNIQUES {
+        for &other in techniques {
             rig.set(|restir| restir.technique = other);
             assert!(rig.next_if_any().is_none_or(|picture| picture.is_finite()), "{technique:?}, then {other:?}");
         }

@@ -17,6 +17,7 @@ fn rig(make: impl FnOnce(&mut Rig)) -> Option<Rig> {
 /// Buffers and passes of light paths exist only while the technique is used: 48 bytes a path for its splats, 4 bytes a pixel, and with
 /// connections 64 bytes a path for its vertex.
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn buffers_of_light_paths_exist_only_for_this_technique() {
     let Some(mut rig) = rig(|rig| {
         room(rig);
@@ -67,6 +68,7 @@ fn scenes_without_light_are_black() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn every_number_of_bounces_and_light_paths_gives_a_finite_picture() {
     let Some(mut rig) = rig(|rig| surrounded(rig, true)) else { return };
     for bounces in [0, 1, 2, 64] {
