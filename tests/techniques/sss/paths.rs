@@ -28,7 +28,7 @@ fn indirect(paths: Paths) -> (Indirect, SubsurfaceSampling) {
 #[test]
 fn paths_between_translucent_bodies_equal_the_reference() {
     let Some(mut rig) = scene(64, translucent_room) else { return };
-    let proof = Proof { bounces: BOUNCES, margin: 0.03, ..Proof::of((12, 8), (12, 24)) };
+    let proof = Proof { bounces: BOUNCES, margin: 0.03, ..Proof::of((20, 8), (16, 24)) };
     proof.check("translucent room", &mut rig, &[("PT, both", paths::all_reuse())]);
 }
 
@@ -44,7 +44,7 @@ fn paths_through_translucent_bodies_equal_the_reference() {
 #[ignore = "second tier: ./run test --more"]
 fn indirect_light_in_translucent_bodies_equals_the_reference() {
     let Some(mut rig) = bodies() else { return };
-    let proof = Proof { bounces: BOUNCES, margin: 0.03, ..Proof::of((20, 12), (16, 32)) };
+    let proof = Proof { bounces: BOUNCES, margin: 0.03, ..Proof::of((36, 12), (16, 32)) };
     proof.check("bodies", &mut rig, &[("GI, both", indirect(paths::all_reuse()))]);
 }
 
