@@ -6,6 +6,7 @@ use bevy::{
 };
 use bevy_restir::{RayBackend, Restir, RestirEnvironment, RestirReport, RestirStatistics, Technique, pass_names};
 use bevy_restir_support::{
+    environment::{self, Environment},
     exposure::unit_exposure,
     headless::{self, captured, frame, until_ready},
     progress::Progress,
@@ -117,7 +118,7 @@ pub fn reference_entry(folder: &Path, name: &str) -> Result<Value, String> {
 }
 
 /// The environment of a scene in `references.json` beside it.
-fn environment(folder: &Path, name: &str) -> Result<Option<RestirEnvironment>, String> {
+fn environment_of(folder: &Path, name: &str) -> Result<Option<RestirEnvironment>, String> {
     let entry = reference_entry(folder, name)?;
     let channels: Vec<f32> =
         entry["env"].as_array().into_iter().flatten().filter_map(|c| Some(c.as_f64()? as f32)).collect();
@@ -131,7 +132,7 @@ impl Bench {
     /// Loads a scene and places its camera.
     pub fn of_scene((scene, name): &Scene, size: UVec2, settings: Restir, counts: &Counts) -> Result<Self, String> {
         let (folder, file) = scene::split(scene)?;
-        let environment = environment(folder, name)?;
+        let environment = environment_of(folder, name)?;
         let mut app = headless::app(folder, RayBackend::Auto)?;
         scene::load(&mut app, file)?;
         let place = scene::file_camera(app.world_mut(), None)?;
@@ -149,6 +150,25 @@ impl Bench {
     /// Moves the camera before each picture of a technique that reuses frames.  It rests at the last of these places for all else.
     pub fn moving(self, motion: Vec<Transform>) -> Self {
         Self { motion, ..self }
+    }
+
+    /// Changes the places of the camera; without any it rests where it is.
+    pub fn set_motion(&mut self, motion: Vec<Transform>) {
+        self.motion = motion;
+    }
+
+    /// Lights the scene by an environment.
+    pub fn set_environment(&mut self, wanted: &Environment) -> Result<(), String> {
+        let environment = environment::load(self.app.world_mut(), wanted)?;
+        let camera = self.app.world().resource::<View>().camera;
+        self.app.world_mut().entity_mut(camera).insert(environment);
+        Ok(())
+    }
+
+    /// The camera's place.
+    pub fn place(&self) -> Transform {
+        let camera = self.app.world().resource::<View>().camera;
+        self.app.world().get::<Transform>(camera).copied().unwrap_or_default()
     }
 
     pub fn app(&mut self) -> &mut App {
@@ -255,6 +275,44 @@ impl Bench {
         (1..=seeds).map(&mut picture).collect()
     }
 
+    /// Radiance of some frames, ascending, of each of the seeds 1 to `seeds`, and the cost of a frame in the second half of these runs.
+    pub fn runs(
+        &mut self,
+        settings: &Restir,
+        seeds: u32,
+        frames: &[u32],
+        progress: &Progress,
+    ) -> Result<(Vec<Vec<Picture>>, Cost), String> {
+        self.set(settings)?;
+        self.times.sample(self.app.world(), settings);
+        self.times.clear();
+        let last = frames.last().copied().unwrap_or(0);
+        let (mut rays, mut timed) = (0.0, 0);
+        let mut runs = Vec::new();
+        for seed in 1..=seeds {
+            self.restart(seed);
+            let mut run = Vec::new();
+            for frame in 0..=last {
+                self.place_camera((last - frame) as usize);
+                let is_wanted = frames.contains(&frame);
+                if is_wanted {
+                    self.app.world().resource::<View>().capture.request();
+                }
+                self.step(progress);
+                if is_wanted {
+                    run.push(self.captured()?);
+                }
+                if 2 * frame >= last {
+                    self.times.sample(self.app.world(), settings);
+                    rays += self.report().rays as f64;
+                    timed += 1;
+                }
+            }
+            runs.push(run);
+        }
+        Ok((runs, self.cost(settings, rays / f64::from(timed) / pixels(self.size))))
+    }
+
     /// Renders the converged picture in two independent halves.
     pub fn reference(&mut self, settings: &Restir, samples: u32, progress: &Progress) -> Result<Reference, String> {
         self.set(settings)?;
@@ -329,6 +387,11 @@ impl Bench {
         self.place_camera(0);
         self.app.world().resource::<View>().capture.request();
         self.step(progress);
+        self.captured()
+    }
+
+    /// Radiance of the last frame, which must have been requested, or the mean of all frames where the technique accumulates.
+    fn captured(&self) -> Result<Picture, String> {
         Ok(captured(&self.app)?.mean().map(|p| p.map(f64::from)).collect())
     }
 }

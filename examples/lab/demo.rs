@@ -1,18 +1,14 @@
 //! Pictures that show what ReSTIR is for: the reference path tracer, ReSTIR PT in the same time, and the converged picture.
 
-use bevy::{
-    asset::RenderAssetUsages,
-    image::Image,
-    math::UVec2,
-    render::render_resource::{Extent3d, TextureDimension, TextureFormat},
-};
+use bevy::math::UVec2;
 use bevy_restir::{Restir, Technique};
-use bevy_restir_support::{arguments, exposure::measure, exr_file, picture::write_png, progress::Progress};
+use bevy_restir_support::{arguments, exr_file, picture::write_png, progress::Progress};
 use std::path::PathBuf;
 
 use crate::{
     bench::{Bench, Counts, Scene, scenes},
     error::{Picture, Reference},
+    panels,
 };
 
 /// One picture per scene with three panels: the reference path tracer in the time of one frame of ReSTIR PT, that frame, and the
@@ -42,10 +38,8 @@ const HISTORY: u32 = 16;
 const TIMED: u32 = 4;
 /// Size of a panel where no file gives it.
 const SIZE: UVec2 = UVec2::splat(288);
-/// Least width of the whole picture in pixels: small panels are enlarged without smoothing.
+/// Least width of the whole picture in pixels.
 const LEAST_WIDTH: usize = 800;
-/// Width of the lines between the panels in pixels.
-const LINE: usize = 4;
 
 pub fn run(args: &Args) -> Result<(), String> {
     std::fs::create_dir_all(&args.out).map_err(|e| format!("{}: {e}", args.out.display()))?;
@@ -83,7 +77,8 @@ fn compare(args: &Args, scene: &Scene) -> Result<(), String> {
     };
 
     let path = args.out.join(format!("{}.png", scene.1));
-    write_png(&path, side_by_side(size, [&noisy, &resampled, truth.pixels()]))?;
+    let all = [&noisy, &resampled, truth.pixels()];
+    write_png(&path, panels::side_by_side(size, all, panels::exposure_for(size, truth.pixels()), LEAST_WIDTH))?;
     let path = path.canonicalize().unwrap_or(path);
     let plural = if samples == 1 { "" } else { "s" };
     println!("{}", path.display());
@@ -98,31 +93,4 @@ fn compare(args: &Args, scene: &Scene) -> Result<(), String> {
     );
     println!("  right:  {origin}");
     Ok(())
-}
-
-/// Panels from left to right, exposed for the last one.
-fn side_by_side(size: UVec2, panels: [&Picture; 3]) -> Image {
-    let (width, height) = (size.x as usize, size.y as usize);
-    let last = panels[2].iter().map(|p| p.map(|c| c as f32));
-    let exposure = measure(size, last).luminance.map_or(1.0, |luminance| 0.18 / f64::from(luminance));
-    let zoom = LEAST_WIDTH.div_ceil(3 * width);
-    let (panel, rows) = (zoom * width, zoom * height);
-    let whole = 3 * panel + 2 * LINE;
-    let mut bytes = vec![255u8; 4 * whole * rows];
-    for (i, pixels) in panels.into_iter().enumerate() {
-        for (x, y) in (0..rows).flat_map(|y| (0..panel).map(move |x| (x, y))) {
-            let pixel = pixels[y / zoom * width + x / zoom];
-            let first = 4 * (y * whole + i * (panel + LINE) + x);
-            bytes[first..first + 3].copy_from_slice(&pixel.map(|c| tonemapped(c * exposure)));
-        }
-    }
-    let extent = Extent3d { width: whole as u32, height: rows as u32, depth_or_array_layers: 1 };
-    Image::new(extent, TextureDimension::D2, bytes, TextureFormat::Rgba8UnormSrgb, RenderAssetUsages::MAIN_WORLD)
-}
-
-/// A channel of a pixel on an sRGB screen: linear in the dark, saturating smoothly.
-fn tonemapped(channel: f64) -> u8 {
-    let linear = 1.0 - (-1.2 * channel.max(0.0)).exp();
-    let encoded = if linear <= 0.0031308 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 };
-    (255.0 * encoded).round() as u8
 }

@@ -55,8 +55,7 @@ impl Difference {
             let pairs = picture.iter().flatten().zip(reference.iter().flatten());
             pairs.map(|(&c, &r)| of(c, r)).sum::<f64>() / (3 * reference.len()) as f64
         };
-        // A hundredth of the mean keeps nearly black pixels from dominating.
-        let rel_square = |c: f64, r: f64| (c - r).powi(2) / (r * r + 1e-2 * scale * scale);
+        let rel_square = |c: f64, r: f64| (c - r).powi(2) * relative_weight(r, scale);
         let both = || picture.iter().zip(reference);
         let mut errors: Vec<f64> =
             both().map(|(c, r)| average(&core::array::from_fn::<_, 3, _>(|i| rel_square(c[i], r[i])))).collect();
@@ -119,6 +118,11 @@ impl Difference {
             row("non_finite", Unit::Count, self.non_finite as f64),
         ]
     }
+}
+
+/// The factor of a squared error relative to the reference.  A hundredth of the mean's square keeps nearly black pixels from dominating.
+pub fn relative_weight(reference: f64, mean: f64) -> f64 {
+    (reference * reference + 1e-2 * mean * mean).recip()
 }
 
 /// Mean FLIP of the pictures as a screen would show them: exposed by the reference, then tone-mapped by x / (1 + x).

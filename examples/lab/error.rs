@@ -20,6 +20,8 @@ pub struct Error {
 /// A converged picture.
 pub struct Reference {
     pixels: Picture,
+    /// Variances of these pixels, estimated from two halves of the samples.
+    variances: Picture,
     width: usize,
     /// Squared mean over pixels and channels. Errors are relative to it, so that scenes can be compared.
     scale: f64,
@@ -35,13 +37,19 @@ impl Reference {
         };
         let pixels = both(|a, b| 0.5 * (a + b));
         let scale = mean(&pixels, |c| c).powi(2).max(f64::MIN_POSITIVE);
-        let noise = mean(&both(|a, b| 0.5 * (a - b)), |c| c * c) / scale;
-        Self { pixels, width: size.x as usize, scale, noise }
+        let variances = both(|a, b| (0.5 * (a - b)).powi(2));
+        let noise = mean(&variances, |c| c) / scale;
+        Self { pixels, variances, width: size.x as usize, scale, noise }
     }
 
     /// The converged radiance.
     pub fn pixels(&self) -> &Picture {
         &self.pixels
+    }
+
+    /// Estimated variances of the converged radiance, each from two values: only their means are precise.
+    pub fn variances(&self) -> &Picture {
+        &self.variances
     }
 
     /// The error of a picture.

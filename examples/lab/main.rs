@@ -11,9 +11,11 @@ mod frames;
 mod lights;
 mod materials;
 mod output;
+mod panels;
 mod rays;
 mod scale;
 mod series;
+mod sweep;
 mod table;
 mod translucent;
 
@@ -39,6 +41,7 @@ enum Command {
     Subsurface(translucent::Args),
     Materials(materials::Args),
     Frames(frames::Args),
+    Sweep(sweep::Args),
     Compare(compare::Args),
     Demo(demo::Args),
 }
@@ -58,6 +61,7 @@ fn main() -> ExitCode {
         Command::Subsurface(args) => translucent::run(args),
         Command::Materials(args) => materials::run(args),
         Command::Frames(args) => frames::run(args),
+        Command::Sweep(args) => sweep::run(args),
         Command::Compare(args) => compare::run(args),
         Command::Demo(args) => demo::run(args),
     };

@@ -25,10 +25,7 @@ impl Output {
     /// Fails before anything is measured if the table could not be written.
     pub fn check(&self, name: &str) -> Result<(), String> {
         fs::create_dir_all(&self.out).map_err(|e| format!("{}: {e}", self.out.display()))?;
-        match &self.into {
-            Some(path) => replaced(path, name, "").map(|_| ()),
-            None => Ok(()),
-        }
+        check_into(self.into.as_deref(), name)
     }
 
     /// Writes the table, each file complete or not at all.
@@ -36,11 +33,18 @@ impl Output {
         let markdown = table.markdown();
         write_text(&self.out.join(format!("{name}.csv")), &table.csv())?;
         write_text(&self.out.join(format!("{name}.md")), &markdown)?;
-        match &self.into {
-            Some(path) => write_text(path, &replaced(path, name, &markdown)?),
-            None => Ok(()),
-        }
+        write_into(self.into.as_deref(), name, &markdown)
     }
+}
+
+/// Fails where a markdown file lacks the marks of a table.
+pub fn check_into(into: Option<&Path>, name: &str) -> Result<(), String> {
+    into.map_or(Ok(()), |path| replaced(path, name, "").map(|_| ()))
+}
+
+/// Replaces the text between the marks of a table in a markdown file.
+pub fn write_into(into: Option<&Path>, name: &str, markdown: &str) -> Result<(), String> {
+    into.map_or(Ok(()), |path| write_text(path, &replaced(path, name, markdown)?))
 }
 
 /// The text of a file with `text` between the marks.
@@ -64,10 +68,15 @@ pub fn provenance(adapter: Option<String>) -> Vec<String> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let mut lines = vec![format!("`cargo run --example lab -- {}`", arguments.join(" "))];
     lines.extend(adapter);
-    let git = Command::new("git").args(["-C", env!("CARGO_MANIFEST_DIR"), "rev-parse", "--short", "HEAD"]).output();
-    let git = git.ok().filter(|o| o.status.success());
-    if let Some(output) = git {
-        lines.push(format!("commit {}", String::from_utf8_lossy(&output.stdout).trim()));
+    if let Some(commit) = commit() {
+        lines.push(format!("commit {commit}"));
     }
     lines
+}
+
+/// The commit of the sources, where git knows it.
+pub fn commit() -> Option<String> {
+    let git = Command::new("git").args(["-C", env!("CARGO_MANIFEST_DIR"), "rev-parse", "--short", "HEAD"]).output();
+    let output = git.ok().filter(|o| o.status.success())?;
+    Some(String::from_utf8_lossy(&output.stdout).trim().into())
 }

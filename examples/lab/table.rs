@@ -148,10 +148,9 @@ impl Table {
         for line in self.header.iter().chain(&self.notes) {
             let _ = writeln!(text, "# {line}");
         }
-        let line = |fields: Vec<String>| fields.iter().map(|f| quoted(f)).collect::<Vec<_>>().join(",") + "\n";
         let mut head: Vec<String> = ["section", "row", "quantity", "unit"].map(String::from).into();
         head.extend(self.columns.iter().map(|c| c.0.clone()));
-        text += &line(head);
+        text += &csv_line(&head);
         for (row, cells) in self.rows() {
             for (i, (name, unit)) in row.quantities.iter().enumerate() {
                 let mut fields =
@@ -160,11 +159,16 @@ impl Table {
                     let value = cell.values[i];
                     if value.is_finite() { value.to_string() } else { String::new() }
                 }));
-                text += &line(fields);
+                text += &csv_line(&fields);
             }
         }
         text
     }
+}
+
+/// A line of csv.
+pub fn csv_line(fields: &[impl AsRef<str>]) -> String {
+    fields.iter().map(|field| quoted(field.as_ref())).collect::<Vec<_>>().join(",") + "\n"
 }
 
 fn quoted(field: &str) -> String {

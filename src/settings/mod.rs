@@ -56,16 +56,18 @@ pub enum Technique {
     /// light paths that start at the lamps and that the camera sees.  For caustics and for lamps inside glass, which `Pt` hardly finds.
     /// Light paths are resampled over time, each in the pixel that it lands in: caustics are smooth in still scenes, and follow lamps and
     /// objects that move.  What the camera sees in mirrors and through glass gains nothing from them.  Costs one light path for each pixel
-    /// more than `Pt`, and up to three more where the camera or something else moves.  Unbiased with [`Restir::jitter`]; without it, or with Bevy's jitter, light that the camera sees from light paths is still averaged over the
-    /// whole pixel.  Settings: [`Bdpt`] and [`Paths`].
+    /// more than `Pt`, and up to three more where the camera or something else moves.  Unbiased with [`Restir::jitter`]; without it, or with
+    /// Bevy's jitter, light that the camera sees from light paths is still averaged over the whole pixel.  Settings: [`Bdpt`] and [`Paths`].
     Bdpt,
 }
 
 /// Lights the image of this camera by path tracing, in place of Bevy's own lighting.  Multisampling (`Msaa`) is turned off: the jitter of the
 /// primary rays takes its place.
 ///
-/// The history of earlier frames survives motion of objects, lights and cameras, and lights that change, appear or vanish.  It restarts
-/// when an object appears or vanishes, or a mesh, a material, an image, the environment or one of these settings changes.
+/// The history of earlier frames survives motion of objects, lights and cameras, objects and lights that appear, vanish or change, and a sky
+/// that turns or changes its color.  It restarts when the pixels of an image change, when the scene gets its first object of a kind (textured,
+/// of glass, translucent), or when the size of the image or one of these settings changes;
+/// [`RestirReport::history_resets`](crate::RestirReport::history_resets) counts the restarts by reason.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -99,7 +101,8 @@ pub struct Restir {
     pub paths: Paths,
     /// Light sub-paths, for [`Technique::Bdpt`].
     pub bdpt: Bdpt,
-    /// Light that enters objects with [`Subsurface`], for [`Technique::Di`] and [`Technique::Gi`].
+    /// Direct light that enters objects with [`Subsurface`], for [`Technique::Di`], [`Technique::Gi`], and [`Technique::Pt`] with
+    /// [`Paths::separate_direct_light`]; in paths it is a lobe like any other.
     pub subsurface: SubsurfaceSampling,
     /// Variants for measurements.
     pub research: Research,

@@ -9,9 +9,9 @@ use super::{BiasCorrection, Direct, Paths, Restir, Reuse, SuffixRetrace, Visibil
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum Preset {
-    /// Fewest rays, and one neighbor for paths.  Three bounces: later light is missing (darker).  Direct light is resampled as by Wyman and Panteleev 2021, with
-    /// visibility reused within 30 pixels: shadows are blurred and lag.  Under motion, light that has just come into view of the end of a
-    /// path is missed (darker; [`SuffixRetrace::ForwardOnly`]).
+    /// Fewest rays, and one neighbor for paths.  Three bounces: later light is missing (darker).  Direct light is resampled as by Wyman and
+    /// Panteleev 2021, with visibility reused within 30 pixels: shadows are blurred and lag.  Under motion, light that has just come into view
+    /// of the end of a path is missed (darker; [`SuffixRetrace::ForwardOnly`]).
     Performance,
     /// Five bounces: later light is missing (darker).  No other bias.
     Balanced,

@@ -2,3 +2,4 @@
 
 mod lab_cli;
 mod render_cli;
+mod sweep;

@@ -30,6 +30,15 @@ pub fn shown(settings: &Restir, path: &str) -> String {
     settings.reflect_path(path).map_or_else(|error| error.to_string(), |field| format!("{field:?}"))
 }
 
+/// The value at a path as an expression of Rust.
+pub fn expression(settings: &Restir, path: &str) -> String {
+    let Ok(field) = settings.reflect_path(path) else { return String::new() };
+    match field.get_represented_type_info() {
+        Some(TypeInfo::Enum(info)) => format!("{}::{field:?}", info.type_path_table().short_path()),
+        _ => format!("{field:?}"),
+    }
+}
+
 /// Steps a field up or down and clamps it to its valid range.
 pub fn change(settings: &mut Restir, path: &str, up: bool) {
     if let Ok(field) = settings.reflect_path_mut(path) {

@@ -10,6 +10,7 @@ pub mod exr_file;
 pub mod fields;
 pub mod files;
 pub mod framing;
+pub mod front;
 pub mod gpu;
 pub mod headless;
 pub mod mutant;

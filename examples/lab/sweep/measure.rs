@@ -1,0 +1,334 @@
+//! Measures one configuration.
+
+use bevy::{
+    math::{UVec2, Vec3},
+    transform::components::Transform,
+};
+use bevy_restir::{DebugView, Preset, Restir};
+use bevy_restir_support::progress::Progress;
+use serde::{Deserialize, Serialize};
+
+use super::plan::{self, Configuration};
+use crate::{
+    bench::Bench,
+    difference::{Difference, relative_weight},
+    error::{Picture, Reference, mean},
+};
+
+/// Side of a block in pixels, over which the bias is averaged.
+const BLOCK: usize = 8;
+/// Frames that measure the speed of the machine.
+const YARDSTICK: u32 = 16;
+/// Sideways motion of the camera in a frame, relative to the median depth of the picture.
+const STEP: f32 = 0.004;
+
+/// Errors of a picture, means over the runs.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub struct Errors {
+    /// Mean squared error relative to the squared mean of the reference.
+    pub mse: f64,
+    pub rel_mse: f64,
+    pub rel_mse_trimmed: f64,
+    pub mape: f64,
+    pub flip: f64,
+    pub black: f64,
+}
+
+/// Figures under a moving camera.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub struct Moving {
+    pub errors: Errors,
+    pub flicker: f64,
+}
+
+/// What was measured.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Record {
+    /// Names of lighting passes and their milliseconds.
+    pub passes: Vec<(String, f64)>,
+    /// Milliseconds of a sample of the reference tracer just before, by which the speed of the machine is known.
+    pub yardstick: f64,
+    pub rays_a_pixel: f64,
+    pub reservoir_bytes_a_pixel: u64,
+    /// All buffers and textures.
+    pub bytes: u64,
+    /// Numbers of captured frames, counted from 0, and their errors.
+    pub frames: Vec<(u32, Errors)>,
+    /// Relative difference of the mean, and its standard error over the runs.
+    pub bias: f64,
+    pub bias_error: f64,
+    /// Root mean square of the bias of blocks, relative to the reference, without the part that the variance of the runs explains.
+    pub block_bias: f64,
+    /// Variance between the runs, relative to the reference as relMSE is.
+    pub variance: f64,
+    /// Mean squared change of the error from one frame to the next, relative to the reference as relMSE is.
+    pub flicker: f64,
+    pub moving: Option<Moving>,
+}
+
+impl Record {
+    /// Scales all times.
+    pub fn scale_times(&mut self, factor: f64) {
+        self.passes.iter_mut().for_each(|pass| pass.1 *= factor);
+        self.yardstick *= factor;
+    }
+
+    /// Milliseconds of all lighting passes.
+    pub fn lighting(&self) -> f64 {
+        self.passes.iter().map(|p| p.1).sum()
+    }
+
+    /// Errors of the frame after the history, which is the last one but one that was captured.
+    pub fn late(&self) -> Errors {
+        let last = self.frames.len().saturating_sub(2);
+        self.frames.get(last).map(|f| f.1).unwrap_or_default()
+    }
+}
+
+/// The converged pictures that all configurations are compared with.
+pub struct Truth {
+    pub still: Picture,
+    /// From the last place but one of the moving camera.
+    pub before: Picture,
+    pub figures: TruthFigures,
+    /// The camera's place.
+    place: Transform,
+}
+
+/// What is known about a converged picture.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub struct TruthFigures {
+    /// Relative squared error of the picture itself.
+    pub noise: f64,
+    /// Samples a pixel.
+    pub samples: u32,
+    /// Motion of the camera in a frame, m.
+    step: [f32; 3],
+}
+
+impl Truth {
+    /// A picture from a file, for a camera that rests.
+    pub fn given(bench: &Bench, still: Picture) -> Self {
+        Self::kept(bench, still, Vec::new(), TruthFigures::default())
+    }
+
+    /// Pictures that were rendered before, for this camera.
+    pub fn kept(bench: &Bench, still: Picture, before: Picture, figures: TruthFigures) -> Self {
+        Self { still, before, figures, place: bench.place() }
+    }
+
+    /// Places of a camera that moves sideways and ends where it stands.
+    fn motion(&self, frames: u32) -> Vec<Transform> {
+        let step = Vec3::from(self.figures.step);
+        let at = |left: u32| self.place.with_translation(self.place.translation - step * left as f32);
+        (0..frames).rev().map(at).collect()
+    }
+}
+
+/// Frames, seeds and size of the runs.
+pub struct Measurement<'a> {
+    pub truth: &'a Truth,
+    pub size: UVec2,
+    pub seeds: u32,
+    /// Number of frames before the one whose error counts.
+    pub history: u32,
+}
+
+impl Measurement<'_> {
+    /// The captured frames: 0, 1, 2, 4 ..., the last one and one more.
+    fn captured(&self) -> Vec<u32> {
+        let powers = core::iter::successors(Some(1), |n| Some(2 * n)).take_while(|n| *n < self.history);
+        core::iter::once(0).chain(powers).chain([self.history, self.history + 1]).collect()
+    }
+
+    /// Number of frames that a configuration takes.
+    pub fn planned(&self, configuration: &Configuration) -> u64 {
+        let runs = if configuration.moves { 2 } else { 1 };
+        runs * u64::from(self.seeds) * u64::from(self.history + 2) + u64::from(YARDSTICK + 1)
+    }
+
+    /// Measures a configuration.  Also returns the late picture of the first run.
+    pub fn run(
+        &self,
+        bench: &mut Bench,
+        configuration: &Configuration,
+        shared: &[String],
+        progress: &Progress,
+    ) -> Result<(Record, Picture), String> {
+        let settings = configuration.settings(shared)?;
+        let captured = self.captured();
+        let (_, yardstick) = bench.show(&plan::reference(Preset::Balanced).settings(shared)?, YARDSTICK, progress)?;
+        let (runs, cost) = bench.runs(&settings, self.seeds, &captured, progress)?;
+        let reservoir_bytes_a_pixel = bench.report().reservoir_bytes_per_pixel;
+        let bytes = bench.bytes();
+        let still = &self.truth.still;
+        let frames: Vec<(u32, Errors)> = captured
+            .iter()
+            .enumerate()
+            .map(|(i, &frame)| (frame, self.errors(runs.iter().map(|run| &run[i]))))
+            .collect();
+        let late: Vec<&Picture> = runs.iter().map(|run| &run[captured.len() - 2]).collect();
+        let spread = Spread::new(&late, still, self.size);
+        let flicker = flicker(&runs, [still, still]);
+        let moving = configuration.moves.then(|| self.moving(bench, &settings, progress)).transpose()?;
+        let record = Record {
+            passes: cost.of_passes().map(|(name, ms)| (name.into(), ms)).collect(),
+            yardstick,
+            rays_a_pixel: cost.rays,
+            reservoir_bytes_a_pixel,
+            bytes,
+            frames,
+            bias: spread.bias,
+            bias_error: spread.bias_error,
+            block_bias: spread.block_bias,
+            variance: spread.variance,
+            flicker,
+            moving,
+        };
+        Ok((record, late[0].clone()))
+    }
+
+    fn moving(&self, bench: &mut Bench, settings: &Restir, progress: &Progress) -> Result<Moving, String> {
+        let last = self.history + 1;
+        bench.set_motion(self.truth.motion(last + 1));
+        let runs = bench.runs(settings, self.seeds, &[last - 1, last], progress);
+        bench.set_motion(self.truth.motion(1));
+        let (runs, _) = runs?;
+        let errors = self.errors(runs.iter().map(|run| &run[1]));
+        Ok(Moving { errors, flicker: flicker(&runs, [&self.truth.before, &self.truth.still]) })
+    }
+
+    fn errors<'p>(&self, pictures: impl Iterator<Item = &'p Picture>) -> Errors {
+        let still = &self.truth.still;
+        let scale = mean(still, |c| c).powi(2).max(f64::MIN_POSITIVE);
+        let mut sum = Errors::default();
+        for picture in pictures {
+            let d = Difference::new(picture.clone(), still, self.size, BLOCK);
+            sum.mse += d.rmse.powi(2) / scale;
+            sum.rel_mse += d.rel_mse;
+            sum.rel_mse_trimmed += d.rel_mse_trimmed;
+            sum.mape += d.mape;
+            sum.flip += d.flip;
+            sum.black += d.black;
+        }
+        let n = f64::from(self.seeds);
+        let Errors { mse, rel_mse, rel_mse_trimmed, mape, flip, black } = sum;
+        Errors {
+            mse: mse / n,
+            rel_mse: rel_mse / n,
+            rel_mse_trimmed: rel_mse_trimmed / n,
+            mape: mape / n,
+            flip: flip / n,
+            black: black / n,
+        }
+    }
+}
+
+/// Renders the converged picture, with as many samples as `error` demands and at most `most`, and that of the place before.
+pub fn truth(bench: &mut Bench, shared: &[String], error: f64, most: u32) -> Result<Truth, String> {
+    /// Samples from which the necessary number is estimated.
+    const PILOT: u32 = 64;
+    let settings = plan::reference(Preset::Unbiased).settings(shared)?;
+    let step = bench.place().right() * (STEP * depth(bench, &settings)?);
+    let pilot = bench.reference(&settings, PILOT.min(most), &Progress::hidden())?;
+    if mean(pilot.pixels(), |c| c) <= 0.0 {
+        return Err("its picture is black: it has no light, which --env can add".into());
+    }
+    let needed = f64::from(PILOT) * relative_noise(&pilot) / error;
+    let samples = (needed.ceil() as u32).clamp(PILOT.min(most), most).next_multiple_of(2);
+    let progress = Progress::new(2 * u64::from(samples));
+    let still = bench.reference(&settings, samples, &progress)?;
+    let figures = TruthFigures { noise: relative_noise(&still), samples, step: step.into() };
+    let mut truth = Truth::kept(bench, still.pixels().clone(), Vec::new(), figures);
+    bench.set_motion(truth.motion(2)[..1].into());
+    truth.before = bench.reference(&settings, samples, &progress)?.pixels().clone();
+    bench.set_motion(truth.motion(1));
+    Ok(truth)
+}
+
+/// Median distance of what the camera sees, m.
+fn depth(bench: &mut Bench, settings: &Restir) -> Result<f32, String> {
+    let view = Restir { debug_view: DebugView::Depth, ..settings.clone() };
+    let (picture, _) = bench.show(&view, 0, &Progress::hidden())?;
+    let mut depths: Vec<f64> = picture.iter().map(|pixel| pixel[0]).filter(|d| *d > 0.0 && d.is_finite()).collect();
+    depths.sort_by(f64::total_cmp);
+    Ok(depths.get(depths.len() / 2).map_or(1.0, |d| *d as f32))
+}
+
+/// The squared error of a reference itself, relative to its pixels.
+fn relative_noise(reference: &Reference) -> f64 {
+    let pixels = reference.pixels();
+    let average = mean(pixels, |c| c);
+    let terms = pixels.iter().flatten().zip(reference.variances().iter().flatten());
+    terms.map(|(r, variance)| variance * relative_weight(*r, average)).sum::<f64>() / (3 * pixels.len()) as f64
+}
+
+/// Mean squared change of the error between the last two pictures of each run.
+fn flicker(runs: &[Vec<Picture>], truths: [&Picture; 2]) -> f64 {
+    let scale = mean(truths[1], |c| c);
+    let mut sum = 0.0;
+    for run in runs {
+        let [a, b] = [&run[run.len() - 2], &run[run.len() - 1]];
+        let errors = a.iter().zip(truths[0]).zip(b.iter().zip(truths[1]));
+        for ((a, r), (b, s)) in errors {
+            sum += (0..3).map(|i| ((b[i] - s[i]) - (a[i] - r[i])).powi(2) * relative_weight(s[i], scale)).sum::<f64>();
+        }
+    }
+    sum / (3 * runs.len() * truths[1].len()) as f64
+}
+
+/// Bias and variance, apart.
+struct Spread {
+    bias: f64,
+    bias_error: f64,
+    block_bias: f64,
+    variance: f64,
+}
+
+impl Spread {
+    fn new(pictures: &[&Picture], truth: &Picture, size: UVec2) -> Self {
+        let scale = mean(truth, |c| c);
+        let means: Vec<f64> = pictures.iter().map(|p| mean(p, |c| c) / scale - 1.0).collect();
+        let (bias, bias_variance) = moments(&means);
+        let mut variance = 0.0;
+        for (pixel, r) in truth.iter().enumerate() {
+            for channel in 0..3 {
+                let values: Vec<f64> = pictures.iter().map(|p| p[pixel][channel]).collect();
+                variance += moments(&values).1 * relative_weight(r[channel], scale);
+            }
+        }
+        let of_blocks: Vec<Vec<f64>> = pictures.iter().map(|p| blocks(p, size)).collect();
+        let truths = blocks(truth, size);
+        let mut squares = 0.0;
+        for (i, r) in truths.iter().enumerate() {
+            let values: Vec<f64> = of_blocks.iter().map(|b| b[i]).collect();
+            let (average, spread) = moments(&values);
+            squares += ((average - r).powi(2) - spread / values.len() as f64) * relative_weight(*r, scale);
+        }
+        Self {
+            bias,
+            bias_error: (bias_variance / means.len() as f64).sqrt(),
+            block_bias: (squares / truths.len() as f64).max(0.0).sqrt(),
+            variance: variance / (3 * truth.len()) as f64,
+        }
+    }
+}
+
+/// Mean, and variance of one value.
+fn moments(values: &[f64]) -> (f64, f64) {
+    let n = values.len() as f64;
+    let average = values.iter().sum::<f64>() / n;
+    (average, values.iter().map(|v| (v - average).powi(2)).sum::<f64>() / (n - 1.0))
+}
+
+/// Means of the blocks over all channels.
+fn blocks(picture: &Picture, size: UVec2) -> Vec<f64> {
+    let width = size.x as usize;
+    let across = width.div_ceil(BLOCK);
+    let mut sums = vec![(0.0, 0.0); across * (size.y as usize).div_ceil(BLOCK)];
+    for (i, pixel) in picture.iter().enumerate() {
+        let block = &mut sums[i / width / BLOCK * across + i % width / BLOCK];
+        *block = (block.0 + pixel.iter().sum::<f64>() / 3.0, block.1 + 1.0);
+    }
+    sums.into_iter().map(|(sum, count)| sum / count).collect()
+}

@@ -1,0 +1,368 @@
+//! The trade of speed for accuracy on one scene: time and error of every technique, preset and setting that matters, and advice.
+
+mod measure;
+mod page;
+mod plan;
+mod plots;
+mod report;
+
+use bevy::math::UVec2;
+use bevy_restir::Restir;
+use bevy_restir_support::{
+    arguments,
+    environment::{self, Environment},
+    exr_file, fields,
+    files::write_text,
+    front::Point,
+    picture::write_png,
+    progress::Progress,
+    times::median,
+};
+use serde_json::{Value, json};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use crate::{
+    bench::{Bench, Counts, Scene, scenes},
+    compare,
+    error::Picture,
+    output, panels,
+};
+use measure::{Errors, Measurement, Record, Truth};
+use plan::{Configuration, Extent};
+
+/// Time, error, bias, flicker and memory of every technique and preset and of the settings that matter, on one scene.  Writes plots,
+/// pictures, tables and advice as report.html and report.md, and all figures as csv.  About 40 configurations; a sweep that was
+/// interrupted continues.
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    /// A glTF file; `references.json` beside it may name its environment.
+    scene: PathBuf,
+    /// The environment instead: radiance R,G,B or an equirectangular .hdr or .exr file.
+    #[arg(long, value_parser = environment::parse)]
+    env: Option<Environment>,
+    /// Folder of the report.
+    #[arg(long, default_value = "target/lab/sweep")]
+    out: PathBuf,
+    /// Pixels.
+    #[arg(long, default_value = "64x64", value_parser = arguments::size)]
+    size: UVec2,
+    /// Number of independent runs of each configuration.
+    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(2..=1024))]
+    seeds: u32,
+    /// Frames of history before the frame whose error counts.
+    #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(2..=4096))]
+    history: u32,
+    /// Measures combinations of settings, too, and everything under a moving camera.
+    #[arg(long)]
+    full: bool,
+    /// Measures the presets only.
+    #[arg(long, conflicts_with = "full")]
+    presets: bool,
+    /// Measures only configurations whose section and label contain this text, besides the reference tracer.
+    #[arg(long)]
+    only: Option<String>,
+    /// The converged picture, a linear .exr file of the size of the sweep, instead of one that is rendered.  Nothing moves then.
+    #[arg(long)]
+    reference: Option<PathBuf>,
+    /// Relative squared error that the converged picture may have.
+    #[arg(long, default_value_t = 1e-3, value_parser = positive)]
+    reference_error: f64,
+    /// Most samples a pixel of the converged picture.
+    #[arg(long, default_value_t = 4096, value_parser = clap::value_parser!(u32).range(2..))]
+    samples: u32,
+    /// A field of `Restir` that all configurations have, as `PATH=VALUE`; repeatable.  Unless a reference is given, they have no jitter, so
+    /// that errors are those of the light and not of edges.
+    #[arg(long, value_parser = assignment)]
+    set: Vec<String>,
+    /// The error by which the report judges.
+    #[arg(long, value_enum, default_value = "trimmed")]
+    by: Measure,
+    /// A markdown file.  The advice and the table of presets replace its text between `<!-- lab sweep SCENE -->` and
+    /// `<!-- /lab sweep SCENE -->`.
+    #[arg(long)]
+    into: Option<PathBuf>,
+}
+
+/// Measures of error.
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+enum Measure {
+    /// relMSE without the worst percent of the pixels.
+    Trimmed,
+    RelMse,
+    Mape,
+    Flip,
+    /// Mean squared error, relative to the squared mean.
+    Mse,
+}
+
+impl Measure {
+    fn of(self, errors: &Errors) -> f64 {
+        match self {
+            Self::Trimmed => errors.rel_mse_trimmed,
+            Self::RelMse => errors.rel_mse,
+            Self::Mape => errors.mape,
+            Self::Flip => errors.flip,
+            Self::Mse => errors.mse,
+        }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Trimmed => "relMSE without the worst percent",
+            Self::RelMse => "relMSE",
+            Self::Mape => "MAPE",
+            Self::Flip => "FLIP",
+            Self::Mse => "MSE",
+        }
+    }
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|x: &f64| *x > 0.0 && x.is_finite()).ok_or("expected a positive number".into())
+}
+
+/// Checks that an assignment can be made.
+fn assignment(text: &str) -> Result<String, String> {
+    fields::set(&mut Restir::default(), text).map(|()| text.into())
+}
+
+/// A configuration with its figures.
+struct Measured {
+    configuration: Configuration,
+    record: Record,
+}
+
+/// A whole sweep.
+struct Sweep {
+    scene: String,
+    /// The command, the adapter, the commit, seeds and lengths.
+    header: Vec<String>,
+    /// Changes that the user asked for in all configurations.
+    shared: Vec<String>,
+    by: Measure,
+    /// In the order of the plan.
+    all: Vec<Measured>,
+}
+
+impl Measured {
+    fn point(&self, by: Measure) -> Point {
+        Point { time: self.record.lighting(), error: by.of(&self.record.late()) }
+    }
+
+    fn is_reference(&self) -> bool {
+        self.configuration.section == plan::REFERENCE
+    }
+}
+
+impl Sweep {
+    /// The configurations that reuse samples or could.
+    fn rivals(&self) -> impl Iterator<Item = &Measured> {
+        self.all.iter().filter(|m| !m.is_reference())
+    }
+
+    /// Times and errors of the reference tracer with more and more samples, with the bounces of `Unbiased`.
+    fn reference_curve(&self) -> Vec<Point> {
+        let found = self.all.iter().rfind(|m| m.is_reference());
+        let frames = found.iter().flat_map(|m| m.record.frames.iter().map(|f| (m.record.lighting(), f)));
+        frames.map(|(ms, (n, errors))| Point { time: ms * f64::from(n + 1), error: self.by.of(errors) }).collect()
+    }
+}
+
+pub fn run(args: &Args) -> Result<(), String> {
+    let scene = scenes(core::slice::from_ref(&args.scene))?.remove(0);
+    measured(args, &scene).map_err(|error| format!("{}: {error}", scene.1))
+}
+
+fn measured(args: &Args, scene: &Scene) -> Result<(), String> {
+    let extent = match (args.presets, args.full) {
+        (true, _) => Extent::Presets,
+        (_, true) => Extent::Full,
+        _ => Extent::Settings,
+    };
+    let mut plan = plan::configurations(extent);
+    if let Some(text) = &args.only {
+        plan.retain(|c| c.section == plan::REFERENCE || c.name().contains(text));
+    }
+    for configuration in &mut plan {
+        configuration.moves &= args.reference.is_none();
+    }
+    let name = format!("sweep {}", scene.1);
+    output::check_into(args.into.as_deref(), &name)?;
+    let given = args.reference.as_ref().map(|path| compare::read(path)).transpose()?;
+    if let Some((size, _)) = given.as_ref().filter(|given| given.0 != args.size) {
+        return Err(format!("the reference has {} x {} pixels; --size {}x{} fits it", size.x, size.y, size.x, size.y));
+    }
+
+    let shared = args.shared();
+    let counts = Counts { warmup: args.history, frames: 1 };
+    let mut bench = Bench::of_scene(scene, args.size, plan[0].settings(&shared)?, &counts)?;
+    if let Some(wanted) = &args.env {
+        bench.set_environment(wanted)?;
+    }
+    // The commit is that of the beginning.
+    let header = output::header(bench.adapter(), args.size);
+    let folder = Folder::open(&args.out, &args.identity(scene, &bench))?;
+    let truth = match given {
+        Some((_, picture)) => Truth::given(&bench, picture),
+        None => folder.truth(args, &shared, &mut bench)?,
+    };
+    let measurement = Measurement { truth: &truth, size: args.size, seeds: args.seeds, history: args.history };
+    let missing = |c: &&Configuration| folder.record(c).is_none();
+    let progress = Progress::new(plan.iter().filter(missing).map(|c| measurement.planned(c)).sum());
+    let mut all = Vec::new();
+    for configuration in plan {
+        let record = match folder.record(&configuration) {
+            Some(record) => record,
+            None => {
+                let (record, picture) = measurement.run(&mut bench, &configuration, &shared, &progress)?;
+                folder.keep(&configuration, &record, &picture, &truth.still, args.size)?;
+                record
+            }
+        };
+        all.push(Measured { configuration, record });
+    }
+    let spread = same_speed(&mut all);
+    let header = args.header(header, &truth, spread);
+    let sweep = Sweep { scene: scene.1.clone(), header, shared: args.set.clone(), by: args.by, all };
+    report::write(&sweep, &args.out)?;
+    page::write(&sweep, &args.out)?;
+    output::write_into(args.into.as_deref(), &name, &report::short(&sweep))?;
+    println!("{}", args.out.join("report.html").display());
+    Ok(())
+}
+
+/// Scales all times to the median speed of the machine during the sweep.  Returns the greatest and the least speed, relative to it.
+fn same_speed(all: &mut [Measured]) -> [f64; 2] {
+    let yardsticks: Vec<f64> = all.iter().map(|m| m.record.yardstick).collect();
+    let middle = median(&yardsticks);
+    let mut range = [1.0f64; 2];
+    for Measured { record, .. } in all {
+        let speed = middle / record.yardstick;
+        range = [range[0].max(speed), range[1].min(speed)];
+        record.scale_times(speed);
+    }
+    range
+}
+
+impl Args {
+    /// Changes that all configurations have.
+    fn shared(&self) -> Vec<String> {
+        let jitter = self.reference.is_none().then(|| "jitter=false".into());
+        jitter.into_iter().chain(self.set.iter().cloned()).collect()
+    }
+
+    /// What two sweeps must have in common to be one.
+    fn identity(&self, scene: &Scene, bench: &Bench) -> Value {
+        json!({
+            "scene": scene.0,
+            "size": [self.size.x, self.size.y],
+            "seeds": self.seeds,
+            "history": self.history,
+            "reference": self.reference,
+            "reference_error": self.reference_error,
+            "samples": self.samples,
+            "set": self.set,
+            "env": self.env.as_ref().map(|env| format!("{env:?}")),
+            "adapter": bench.adapter(),
+            "commit": output::commit(),
+        })
+    }
+
+    fn header(&self, mut header: Vec<String>, truth: &Truth, [fastest, slowest]: [f64; 2]) -> Vec<String> {
+        header.push(format!(
+            "errors of the frame after {} others, means over the seeds 1 to {}; times: medians of all lighting passes",
+            self.history, self.seeds
+        ));
+        header.push(format!(
+            "times are scaled to equal speed of the machine, which varied from {slowest:.2} to {fastest:.2} of its median"
+        ));
+        header.push(match &self.reference {
+            Some(path) => format!("compared with {}", path.display()),
+            None => format!(
+                "compared with {} samples a pixel of the reference tracer, whose own relMSE is {:.1e}",
+                truth.figures.samples, truth.figures.noise
+            ),
+        });
+        header
+    }
+}
+
+/// The folder of a sweep.
+struct Folder<'a>(&'a Path);
+
+impl<'a> Folder<'a> {
+    /// Creates the folder, or continues the sweep in it if that is the same.
+    fn open(path: &'a Path, identity: &Value) -> Result<Self, String> {
+        let file = path.join("sweep.json");
+        if let Ok(text) = fs::read_to_string(&file) {
+            let found: Value = serde_json::from_str(&text).map_err(|e| format!("{}: {e}", file.display()))?;
+            let differs = |key: &&String| found[*key] != identity[*key];
+            if let Some(key) = identity.as_object().and_then(|all| all.keys().find(differs)) {
+                return Err(format!(
+                    "{}: it holds a sweep with another {key} ({} instead of {}); remove it or choose another --out",
+                    path.display(),
+                    found[key],
+                    identity[key]
+                ));
+            }
+        }
+        for folder in ["runs", "pictures"] {
+            let folder = path.join(folder);
+            fs::create_dir_all(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+        }
+        write_text(&file, &identity.to_string())?;
+        Ok(Self(path))
+    }
+
+    fn run(&self, configuration: &Configuration) -> PathBuf {
+        self.0.join("runs").join(configuration.id()).with_extension("json")
+    }
+
+    /// The figures of a configuration, where they were measured.
+    fn record(&self, configuration: &Configuration) -> Option<Record> {
+        let text = fs::read_to_string(self.run(configuration)).ok()?;
+        let record: Record = serde_json::from_str(&text).ok()?;
+        (record.moving.is_some() || !configuration.moves).then_some(record)
+    }
+
+    /// Keeps the figures, and a picture beside four times its error.
+    fn keep(
+        &self,
+        configuration: &Configuration,
+        record: &Record,
+        picture: &Picture,
+        truth: &Picture,
+        size: UVec2,
+    ) -> Result<(), String> {
+        let error: Picture =
+            picture.iter().zip(truth).map(|(p, t)| core::array::from_fn(|i| 4.0 * (p[i] - t[i]).abs())).collect();
+        let image = panels::side_by_side(size, [picture, &error], panels::exposure_for(size, truth), 1);
+        write_png(&self.0.join(report::picture(configuration)), image)?;
+        let text = serde_json::to_string(record).map_err(|e| e.to_string())?;
+        write_text(&self.run(configuration), &text)
+    }
+
+    /// The converged pictures, rendered unless they lie here.
+    fn truth(&self, args: &Args, shared: &[String], bench: &mut Bench) -> Result<Truth, String> {
+        let files = ["reference.exr", "reference-before.exr"].map(|name| self.0.join(name));
+        let about = self.0.join("reference.json");
+        if let Some(text) = fs::read_to_string(&about).ok().filter(|_| files.iter().all(|f| f.is_file())) {
+            let figures: measure::TruthFigures =
+                serde_json::from_str(&text).map_err(|e| format!("{}: {e}", about.display()))?;
+            let [still, before] = [compare::read(&files[0])?.1, compare::read(&files[1])?.1];
+            return Ok(Truth::kept(bench, still, before, figures));
+        }
+        let truth = measure::truth(bench, shared, args.reference_error, args.samples)?;
+        for (file, picture) in files.iter().zip([&truth.still, &truth.before]) {
+            let pixels: Vec<[f32; 3]> = picture.iter().map(|p| p.map(|c| c as f32)).collect();
+            exr_file::write(file, args.size, &pixels)?;
+        }
+        write_text(&about, &serde_json::to_string(&truth.figures).map_err(|e| e.to_string())?)?;
+        let image = panels::side_by_side(args.size, [&truth.still], panels::exposure_for(args.size, &truth.still), 1);
+        write_png(&self.0.join("pictures/reference.png"), image)?;
+        Ok(truth)
+    }
+}

@@ -1,0 +1,172 @@
+//! The configurations of a sweep, as data.
+
+use bevy_restir::{Preset, Restir, Technique};
+use bevy_restir_support::fields;
+
+/// Settings to measure: a preset, a technique and changes.
+#[derive(Clone, Debug)]
+pub struct Configuration {
+    pub section: &'static str,
+    pub label: String,
+    pub technique: Technique,
+    pub preset: Preset,
+    /// Fields of `Restir` as `PATH=VALUE`.
+    pub changes: Vec<String>,
+    /// Whether it is also measured under a moving camera.
+    pub moves: bool,
+}
+
+/// The section of the reference tracer.
+pub const REFERENCE: &str = "Reference tracer";
+/// The section of the presets as they come.
+pub const PRESETS: &str = "Presets";
+
+const TECHNIQUES: [Technique; 4] = [Technique::Di, Technique::Gi, Technique::Pt, Technique::Bdpt];
+const ALL_PRESETS: [Preset; 4] = [Preset::Performance, Preset::Balanced, Preset::Quality, Preset::Unbiased];
+
+/// Which configurations are measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Extent {
+    Presets,
+    Settings,
+    Full,
+}
+
+/// The reference tracer with the bounces of a preset.
+pub fn reference(preset: Preset) -> Configuration {
+    let (label, changes) = (format!("{preset:?}"), Vec::new());
+    Configuration { section: REFERENCE, label, technique: Technique::Reference, preset, changes, moves: false }
+}
+
+/// All configurations, the reference tracer first.
+pub fn configurations(extent: Extent) -> Vec<Configuration> {
+    let mut all = vec![reference(Preset::Balanced), reference(Preset::Unbiased)];
+    for technique in TECHNIQUES {
+        all.extend(ALL_PRESETS.map(|preset| Configuration {
+            section: PRESETS,
+            label: format!("{technique:?} {preset:?}"),
+            technique,
+            preset,
+            changes: Vec::new(),
+            moves: true,
+        }));
+    }
+    if extent == Extent::Presets {
+        return all;
+    }
+    let mut add = |section, technique, rows: &[(&str, &str)]| {
+        all.extend(rows.iter().map(|(label, changes)| Configuration {
+            section,
+            label: (*label).into(),
+            technique,
+            preset: Preset::Balanced,
+            changes: changes.split_whitespace().map(String::from).collect(),
+            moves: extent == Extent::Full,
+        }));
+    };
+    add("ReSTIR PT, Balanced with a change", Technique::Pt, &PATHS);
+    add("ReSTIR BDPT, Balanced with a change", Technique::Bdpt, &LIGHT_PATHS);
+    add("ReSTIR GI, Balanced with a change", Technique::Gi, &INDIRECT);
+    add("ReSTIR DI, Balanced with a change", Technique::Di, &DIRECT);
+    if extent == Extent::Full {
+        let grid: Vec<(String, String)> = grid().collect();
+        let rows: Vec<(&str, &str)> = grid.iter().map(|(label, changes)| (label.as_str(), changes.as_str())).collect();
+        add("ReSTIR PT, combinations", Technique::Pt, &rows);
+    }
+    all
+}
+
+/// Neighbors, confidence and radius together.
+fn grid() -> impl Iterator<Item = (String, String)> {
+    let counts = [(1, 3), (2, 3), (3, 5), (5, 5)].into_iter();
+    counts.flat_map(|(neighbors, attempts)| {
+        let caps = [5, 10, 20, 30].into_iter();
+        caps.flat_map(move |cap| {
+            [20, 60, 120].map(|radius| {
+                (
+                    format!("{neighbors} neighbors within {radius} pixels, confidence {cap}"),
+                    format!(
+                        "paths.reuse.spatial_samples={neighbors} paths.reuse.neighbor_attempts={attempts} \
+                         paths.reuse.confidence_cap={cap} paths.reuse.radius={radius}"
+                    ),
+                )
+            })
+        })
+    })
+}
+
+const PATHS: [(&str, &str); 19] = [
+    ("no reuse", "paths.reuse.temporal=false paths.reuse.spatial_samples=0"),
+    ("temporal reuse only", "paths.reuse.spatial_samples=0"),
+    ("spatial reuse only", "paths.reuse.temporal=false"),
+    ("1 neighbor", "paths.reuse.spatial_samples=1"),
+    ("2 neighbors", "paths.reuse.spatial_samples=2"),
+    ("5 neighbors", "paths.reuse.spatial_samples=5"),
+    ("2 spatial iterations of 1 neighbor", "paths.reuse.spatial_samples=1 paths.reuse.spatial_iterations=2"),
+    ("radius 20", "paths.reuse.radius=20"),
+    ("radius 120", "paths.reuse.radius=120"),
+    ("confidence 5", "paths.reuse.confidence_cap=5"),
+    ("confidence 10", "paths.reuse.confidence_cap=10"),
+    ("confidence 30", "paths.reuse.confidence_cap=30"),
+    ("4 light candidates", "paths.candidates=4"),
+    ("32 light candidates", "paths.candidates=32"),
+    ("direct light in reservoirs of its own", "paths.separate_direct_light=true"),
+    ("only the kept path is shaded", "paths.reuse.shade_all=false"),
+    ("thresholds of Lin et al. 2022", "paths.reconnection=Distance"),
+    ("2 bounces", "bounces=2"),
+    ("3 bounces", "bounces=3"),
+];
+
+const LIGHT_PATHS: [(&str, &str); 4] = [
+    ("no reuse", "paths.reuse.temporal=false paths.reuse.spatial_samples=0"),
+    ("1 neighbor", "paths.reuse.spatial_samples=1"),
+    ("a quarter of the light paths", "bdpt.light_paths=0.25"),
+    ("all techniques of light paths", "bdpt.techniques=Full"),
+];
+
+const INDIRECT: [(&str, &str); 2] = [
+    ("1 neighbor", "paths.reuse.spatial_samples=1"),
+    ("diffuse secondary vertex", "paths.assume_diffuse_secondary=true"),
+];
+
+const DIRECT: [(&str, &str); 2] = [
+    ("no reuse", "direct.reuse.temporal=false direct.reuse.spatial_samples=0 direct.reuse.disocclusion_samples=0"),
+    ("8 candidates", "direct.candidates=8"),
+];
+
+impl Configuration {
+    /// The settings; `shared` changes come before those of the configuration.
+    pub fn settings(&self, shared: &[String]) -> Result<Restir, String> {
+        let mut settings = Restir { technique: self.technique, ..Restir::preset(self.preset) };
+        for assignment in shared.iter().chain(&self.changes) {
+            fields::set(&mut settings, assignment)?;
+        }
+        Ok(settings)
+    }
+
+    /// Lines of Rust that make these settings.
+    pub fn code(&self, shared: &[String]) -> Result<String, String> {
+        let settings = self.settings(shared)?;
+        let mut code = format!(
+            "let mut restir = Restir::preset(Preset::{:?});\nrestir.technique = Technique::{:?};\n",
+            self.preset, self.technique
+        );
+        for assignment in shared.iter().chain(&self.changes) {
+            let path = assignment.split_once('=').map_or(assignment.as_str(), |(path, _)| path);
+            code += &format!("restir.{path} = {};\n", fields::expression(&settings, path));
+        }
+        Ok(code)
+    }
+
+    /// The section and the label.
+    pub fn name(&self) -> String {
+        format!("{}: {}", self.section, self.label)
+    }
+
+    /// A name for files.
+    pub fn id(&self) -> String {
+        let name = self.name().to_lowercase();
+        let words = name.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
+        words.collect::<Vec<_>>().join("-")
+    }
+}

@@ -1,0 +1,62 @@
+//! The trade of time for error: which of many measured settings are worth choosing.
+
+/// Time and error of something that was measured.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    /// Milliseconds.
+    pub time: f64,
+    pub error: f64,
+}
+
+impl Point {
+    fn is_finite(self) -> bool {
+        self.time.is_finite() && self.error.is_finite()
+    }
+}
+
+/// Indices of the points that no other point beats in both time and error, by time (the Pareto front).
+pub fn front(points: &[Point]) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..points.len()).filter(|&i| points[i].is_finite()).collect();
+    order.sort_by(|&a, &b| points[a].time.total_cmp(&points[b].time).then(points[a].error.total_cmp(&points[b].error)));
+    let mut least = f64::INFINITY;
+    order.retain(|&i| {
+        let better = points[i].error < least;
+        least = least.min(points[i].error);
+        better
+    });
+    order
+}
+
+/// The fastest point whose error is at most `budget`.
+pub fn fastest_within(points: &[Point], budget: f64) -> Option<usize> {
+    front(points).into_iter().find(|&i| points[i].error <= budget)
+}
+
+/// The most accurate point whose time is at most `budget`.
+pub fn best_within(points: &[Point], budget: f64) -> Option<usize> {
+    front(points).into_iter().rev().find(|&i| points[i].time <= budget)
+}
+
+/// Three values that divide the range from `least` to `greatest` evenly on a logarithmic scale, rounded up to two digits.
+pub fn budgets(least: f64, greatest: f64) -> [f64; 3] {
+    let least = least.max(f64::MIN_POSITIVE);
+    [0.25, 0.5, 0.75].map(|share| round_up(least * (greatest / least).max(1.0).powf(share)))
+}
+
+/// The least number of two digits that is not below a positive one.
+fn round_up(value: f64) -> f64 {
+    let unit = 10f64.powf(value.log10().floor() - 1.0);
+    // A number that has two digits already must stay, in spite of rounding.
+    (value / unit - 1e-9).ceil() * unit
+}
+
+/// The error of a curve of points at a time: a power law between neighboring points and beyond the ends.  `None` of fewer than two points.
+pub fn at_time(curve: &[Point], time: f64) -> Option<f64> {
+    let mut points: Vec<Point> =
+        curve.iter().copied().filter(|p| p.is_finite() && p.time > 0.0 && p.error > 0.0).collect();
+    points.sort_by(|a, b| a.time.total_cmp(&b.time));
+    let after = points.iter().position(|p| p.time >= time).unwrap_or(points.len()).clamp(1, points.len().max(2) - 1);
+    let [a, b] = [points.get(after - 1)?, points.get(after)?];
+    let slope = (b.error / a.error).ln() / (b.time / a.time).ln();
+    Some(a.error * (time / a.time).powf(slope))
+}
