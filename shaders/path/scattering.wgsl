@@ -41,11 +41,12 @@ fn drawn_choice(v: Vertex, seed: u32, index: u32) -> ScatteringChoice {
 
 fn given_choice(v: Vertex, below: bool) -> ScatteringChoice {
     let p = probability_below(v);
-    if !below {
-        return ScatteringChoice(false, 1.0 - p, vec3<f32>(1.0 / (1.0 - p)));
+    let chosen = select(1.0 - p, p, below);
+    if !(chosen > 0.0) {
+        return ScatteringChoice(below, 0.0, vec3<f32>(0.0));
     }
-    if !(p > 0.0) {
-        return ScatteringChoice(true, 0.0, vec3<f32>(0.0));
+    if !below {
+        return ScatteringChoice(false, chosen, vec3<f32>(1.0 / chosen));
     }
     return ScatteringChoice(true, p, exit_factor(v.surface, v.wo) / p);
 }

@@ -112,6 +112,7 @@ fn apart(a: &[u8; 4], b: &[u8; 4]) -> u8 {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn effects_change_our_picture_as_they_change_bevys() {
     let stage = |restir| Stage::new(restir, [0.05, 0.06, 0.08], 30.0);
     let (Some(mut ours), Some(mut bevys)) = (stage(true), stage(false)) else { return };

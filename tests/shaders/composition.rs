@@ -1,5 +1,5 @@
-//! Every shader composes, validates, translates to SPIR-V, MSL and HLSL, and stays within WebGPU's limits, for a pairwise covering set of
-//! scene features.  No GPU is needed.
+//! Every shader composes, validates, translates to SPIR-V, MSL and HLSL, and stays within WebGPU's limits, for sets of scene features
+//! in which every pair of features occurs in all combinations.  No GPU is needed.
 
 use crate::support::compose::{Def, TEXTURE_ARRAYS, compose, composer, flag, library, module_name};
 use bevy_restir::{
@@ -83,12 +83,23 @@ fn passes() -> Vec<(String, String)> {
     passes
 }
 
+/// No feature, all, and two sets of about half of them.
 #[test]
+fn every_pass_composes_validates_and_translates() {
+    check(&covering_set()[..4]);
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
 fn every_pass_composes_validates_and_translates_in_every_pair_of_features() {
+    check(&covering_set()[4..]);
+}
+
+fn check(sets: &[SceneFeatures]) {
     let mut composer = composer();
     for (path, text) in passes() {
         let mut seen = HashSet::new();
-        for features in covering_set() {
+        for &features in sets {
             let features = features | required(&path);
             if !seen.insert(features) {
                 continue;

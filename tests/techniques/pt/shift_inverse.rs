@@ -157,6 +157,7 @@ fn paths_return_unchanged_from_other_pixels_under_further_criteria() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn paths_that_hit_light_by_bsdf_samples_return_from_other_pixels() {
     check_other_pixels(&BSDF_SCENES, &QUICK, &["TEST_HITS"], 20, &BSDF_CASES, 10_000);
 }
