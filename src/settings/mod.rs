@@ -66,7 +66,8 @@ pub enum Technique {
 ///
 /// The history of earlier frames survives motion of objects, lights and cameras, objects and lights that appear, vanish or change, and a sky
 /// that turns or changes its color.  It restarts when the pixels of an image change, when the scene gets its first object of a kind (textured,
-/// of glass, translucent), or when the size of the image or one of these settings changes;
+/// of glass, translucent), or when the size of the image or one of these settings changes, except for numbers and weights of samples
+/// (`candidates`, and [`Reuse`] without `order` and `temporal`);
 /// [`RestirReport::history_resets`](crate::RestirReport::history_resets) counts the restarts by reason.
 ///
 /// ```
@@ -150,6 +151,19 @@ impl Restir {
     }
 
     /// Brings every field into its range, and reports each field that it changes and each setting without effect.
+    /// These settings without those that only choose how many samples a frame takes and how it weights them: reservoirs of the last frame keep
+    /// their meaning if nothing else has changed.
+    pub(crate) fn of_history(&self) -> Self {
+        let mut settings = self.clone();
+        settings.direct.candidates = 1;
+        settings.paths.candidates = 1;
+        settings.subsurface.candidates = 1;
+        for reuse in [&mut settings.direct.reuse, &mut settings.paths.reuse, &mut settings.subsurface.reuse] {
+            *reuse = reuse.of_history();
+        }
+        settings
+    }
+
     pub(crate) fn clamp(&mut self, report: &mut dyn FnMut(Problem)) {
         let mut ranges = Ranges { path: "", report };
         ranges.count("bounces", &mut self.bounces, 0, Self::MAX_BOUNCES);

@@ -132,6 +132,29 @@ impl Reuse {
     };
 
     /// Brings every field into its range.
+    /// The settings that reservoirs of a history depend on; the others are as in [`Self::PATHS`].
+    pub(super) fn of_history(&self) -> Self {
+        // All fields are named, so that a new one cannot be forgotten.
+        let &Self {
+            order,
+            temporal,
+            bilinear: _,
+            spatial_samples: _,
+            disocclusion_samples: _,
+            spatial_iterations: _,
+            neighbor_attempts: _,
+            temporal_attempts: _,
+            radius: _,
+            confidence_cap: _,
+            mis: _,
+            shade_all: _,
+            normal_threshold: _,
+            depth_threshold: _,
+            same_material: _,
+        } = self;
+        Self { order, temporal, ..Self::PATHS }
+    }
+
     pub(super) fn validate(&mut self, path: &'static str, confidence_max: f32, report: &mut dyn FnMut(Problem)) {
         let mut ranges = Ranges { path, report };
         ranges.count("spatial_samples", &mut self.spatial_samples, 0, 5);

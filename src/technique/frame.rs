@@ -170,4 +170,10 @@ impl PipelineKey {
         let of_settings = SceneFeatures::ENERGY_COMPENSATION | SceneFeatures::MANY_NEIGHBORS;
         self.frame == wanted.frame && !(self.features ^ wanted.features).intersects(of_settings)
     }
+
+    /// Whether reservoirs that the pipelines of another key have written mean the same for these.
+    pub(crate) fn keeps_histories_of(self, last: Self) -> bool {
+        let changed = self.features ^ last.features;
+        self.frame == last.frame && SceneFeatures::MANY_NEIGHBORS.contains(changed)
+    }
 }

@@ -86,7 +86,7 @@ impl ImageState {
     }
 
     /// The changes after which temporal reuse must not read the last frame's reservoirs.  It handles changes of instances, lights, the camera,
-    /// and the rotation and color of the environment.  The background may change because no path contains it.
+    /// the rotation and color of the environment, and the number of samples.  The background may change because no path contains it.
     fn resets_since(&self, last: &Self) -> impl Iterator<Item = Reset> {
         // All fields are named, so that a new one cannot be forgotten.
         let Self {
@@ -112,10 +112,10 @@ impl ImageState {
             (Reset::Scene, *edit_revision != last.edit_revision),
             (Reset::Environment, *environment_revision != last.environment_revision || !same_environment),
             (Reset::Size, *size != last.size),
-            (Reset::Settings, *settings != last.settings),
+            (Reset::Settings, settings.of_history() != last.settings.of_history()),
             (Reset::RenderLayers, *layers != last.layers),
             (Reset::Projection, *orthographic != last.orthographic),
-            (Reset::Pipelines, *pipelines != last.pipelines),
+            (Reset::Pipelines, !pipelines.keeps_histories_of(last.pipelines)),
         ]
         .into_iter()
         .filter_map(|(reset, changed)| changed.then_some(reset))
@@ -126,10 +126,10 @@ impl ImageState {
         self.motion_revision != last.motion_revision || self.environment != last.environment
     }
 
-    /// Whether the random sequence continues.  Changes of the scene and the camera must not restart it, because the noise would freeze while
-    /// they last.
+    /// Whether the random sequence continues.  Changes of the scene, the camera and the number of samples must not restart it, because the
+    /// noise would freeze while they last.
     fn continues_sequence_of(&self, last: &Self) -> bool {
-        self.settings == last.settings && self.pipelines == last.pipelines
+        self.settings.of_history() == last.settings.of_history() && self.pipelines.keeps_histories_of(last.pipelines)
     }
 }
 

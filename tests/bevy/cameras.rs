@@ -13,7 +13,7 @@ use bevy::{
     render::settings::WgpuLimits,
     window::{WindowRef, WindowResolution},
 };
-use bevy_restir::{DebugView, RadianceCapture, Restir, RestirEnvironment, Technique};
+use bevy_restir::{DebugView, Mis, RadianceCapture, Restir, RestirEnvironment, Technique};
 use core::f32::consts::PI;
 
 /// The number of cuts after which a first frame is compared.
@@ -267,7 +267,17 @@ fn beginnings_of_a_history_are_counted_by_reason() {
     assert_eq!(begun(&mut rig), [], "an object that is gone");
     rig.set(|restir| restir.reset = true);
     assert_eq!(begun(&mut rig), [("requested", 1)]);
-    rig.set(|restir| restir.paths.candidates = 4);
+    for samples in [1, 5, 0, 3] {
+        rig.set(|restir| {
+            restir.paths.candidates = 4 + samples;
+            let reuse = &mut restir.paths.reuse;
+            (reuse.spatial_samples, reuse.spatial_iterations) = (samples, 1 + samples % 2);
+            (reuse.confidence_cap, reuse.mis) =
+                (10.0 + samples as f32, [Mis::Pairwise, Mis::DefensivePairwise][samples as usize % 2]);
+        });
+        assert_eq!(begun(&mut rig), [], "{samples} neighbors");
+    }
+    rig.set(|restir| restir.paths.footprint = 0.1);
     assert_eq!(begun(&mut rig), [("settings", 1)]);
     rig.insert(rig.camera, orthographic(4.0, 3.2));
     assert_eq!(begun(&mut rig), [("projection", 1)]);

@@ -9,7 +9,7 @@ use crate::support::{
     small_scenes::*,
 };
 use bevy::prelude::*;
-use bevy_restir::{DebugView, Direct, RestirEnvironment, Reuse, testing::shader_library::ShaderEdit};
+use bevy_restir::{DebugView, Direct, Mis, RestirEnvironment, Reuse, testing::shader_library::ShaderEdit};
 
 const CONFIDENCE_CAP: f32 = 20.0;
 
@@ -124,6 +124,37 @@ fn paths_under_a_sky_that_turns_and_changes_its_color_equal_the_reference() {
         ("indirect, both", gi(paths::all_reuse())),
     ];
     proof.check("sky", &mut rig, &all);
+}
+
+/// Other numbers and weights of samples in each step, 0 to [`STEPS`].
+fn pose_settings(rig: &mut Rig, step: u32) {
+    let spatial_samples = [5, 0, 1, 3][step as usize % 4];
+    rig.set(|r| {
+        (r.paths.candidates, r.direct.candidates) = (1 + 3 * step, 1 + 5 * step);
+        for reuse in [&mut r.paths.reuse, &mut r.direct.reuse] {
+            *reuse = Reuse {
+                spatial_samples,
+                spatial_iterations: 1 + step % 2,
+                radius: 3.0 + 2.0 * step as f32,
+                confidence_cap: 4.0 + 3.0 * step as f32,
+                mis: [Mis::Balance, Mis::DefensivePairwise][step as usize % 2],
+                normal_threshold: 0.5 + 0.1 * step as f32,
+                ..reuse.clone()
+            };
+        }
+    });
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn paths_whose_numbers_of_samples_change_in_every_frame_equal_the_reference() {
+    let Some(mut rig) = shared(64, "room") else { return };
+    let proof = Proof { bounces: 3, margin: 0.01, pose: Some(&pose_settings), ..Proof::of((60, 1), (14, 32)) };
+    let all = [
+        ("paths", AllLight::Pt(paths::all_reuse())),
+        ("direct and indirect", AllLight::Gi(di::all_reuse(), paths::all_reuse())),
+    ];
+    proof.check("other settings", &mut rig, &all);
 }
 
 /// Objects count as present in both frames.
