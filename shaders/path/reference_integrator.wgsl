@@ -132,6 +132,11 @@ fn next_scatterer(s: Surface, wo: vec3<f32>, medium: vec3<f32>, rng: ptr<functio
 }
 #endif
 
+// Weight of light that a BSDF sample has found.  `pdf`: its density; 0 for directions that NEE cannot sample.
+fn bsdf_mis_weight(pdf: f32, nee_pdf: f32) -> f32 {
+    return select(1.0, 1.0 - nee_mis_weight(nee_pdf, pdf), pdf > 0.0);
+}
+
 // Radiance along a camera ray with a known first hit.
 fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> vec3<f32> {
     var radiance = vec3<f32>(0.0);
@@ -153,11 +158,8 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
 
         // Add emission, with its MIS weight against NEE at the last vertex.
         if max_component(s.emission) > 0.0 {
-            var weight = 1.0;
-            if pdf > 0.0 {
-                weight = 1.0 - nee_mis_weight(emitter_nee_pdf(s.light, light_pmf(s.light), hit.instance, hit.triangle, from_point, s.position, false), pdf);
-            }
-            radiance += throughput * s.emission * weight;
+            let nee_pdf = emitter_nee_pdf(s.light, light_pmf(s.light), hit.instance, hit.triangle, from_point, s.position, false);
+            radiance += throughput * s.emission * bsdf_mis_weight(pdf, nee_pdf);
         }
         if max_component(s.unlit) > 0.0 && scattered == 0u {
             radiance += s.unlit;
@@ -204,10 +206,7 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
         cone = cone_along(cone_after(cone, b.delta != 0u), hit.t);
         radiance += throughput * light_hit_radiance(RaySegment(ray.origin, hit.t, ray.direction), from_point, medium, pdf);
         if hit.instance == NONE {
-            var weight = 1.0;
-            if pdf > 0.0 {
-                weight = 1.0 - nee_mis_weight(environment_pmf() * environment_pdf(ray.direction, false), pdf);
-            }
+            let weight = bsdf_mis_weight(pdf, environment_pmf() * environment_pdf(ray.direction, false));
             radiance += throughput * environment_radiance(ray.direction, false) * weight;
             break;
         }

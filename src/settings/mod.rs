@@ -67,7 +67,7 @@ pub enum Technique {
 /// The history of earlier frames survives motion of objects, lights and cameras, objects and lights that appear, vanish or change, and a sky
 /// that turns or changes its color.  It restarts when the pixels of an image change, when the scene gets its first object of a kind (textured,
 /// of glass, translucent), or when the size of the image or one of these settings changes, except for numbers and weights of samples
-/// (`candidates`, and [`Reuse`] without `order` and `temporal`);
+/// ([`Direct::candidates`], and [`Reuse`] without `order` and `temporal`);
 /// [`RestirReport::history_resets`](crate::RestirReport::history_resets) counts the restarts by reason.
 ///
 /// ```
@@ -155,9 +155,8 @@ impl Restir {
     /// their meaning if nothing else has changed.
     pub(crate) fn of_history(&self) -> Self {
         let mut settings = self.clone();
+        // Those of paths are part of the MIS weights that reservoirs of paths store.
         settings.direct.candidates = 1;
-        settings.paths.candidates = 1;
-        settings.subsurface.candidates = 1;
         for reuse in [&mut settings.direct.reuse, &mut settings.paths.reuse, &mut settings.subsurface.reuse] {
             *reuse = reuse.of_history();
         }

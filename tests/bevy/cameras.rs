@@ -269,7 +269,6 @@ fn beginnings_of_a_history_are_counted_by_reason() {
     assert_eq!(begun(&mut rig), [("requested", 1)]);
     for samples in [1, 5, 0, 3] {
         rig.set(|restir| {
-            restir.paths.candidates = 4 + samples;
             let reuse = &mut restir.paths.reuse;
             (reuse.spatial_samples, reuse.spatial_iterations) = (samples, 1 + samples % 2);
             (reuse.confidence_cap, reuse.mis) =
@@ -277,7 +276,7 @@ fn beginnings_of_a_history_are_counted_by_reason() {
         });
         assert_eq!(begun(&mut rig), [], "{samples} neighbors");
     }
-    rig.set(|restir| restir.paths.footprint = 0.1);
+    rig.set(|restir| restir.paths.candidates = 4);
     assert_eq!(begun(&mut rig), [("settings", 1)]);
     rig.insert(rig.camera, orthographic(4.0, 3.2));
     assert_eq!(begun(&mut rig), [("projection", 1)]);

@@ -1,7 +1,7 @@
 //! Pictures as .exr files.
 
 use bevy::math::UVec2;
-use exr::prelude::{read_first_rgba_layer_from_file, write_rgb_file};
+use exr::prelude::{Image, SpecificChannels, Vec2, WritableImage, read_first_rgba_layer_from_file};
 use std::path::Path;
 
 use crate::files::complete;
@@ -23,10 +23,12 @@ pub fn read(path: &Path) -> Result<(UVec2, Vec<[f32; 4]>), String> {
 pub fn write(path: &Path, size: UVec2, pixels: &[[f32; 3]]) -> Result<(), String> {
     let (width, height) = (size.x as usize, size.y as usize);
     complete(path, |part| {
-        write_rgb_file(part, width, height, |x, y| {
+        let channels = SpecificChannels::rgb(|Vec2(x, y)| {
             let [r, g, b] = pixels[y * width + x];
             (r, g, b)
-        })
-        .map_err(|e| e.to_string())
+        });
+        // Parallel compression writes the tiles in any order, but equal pictures must be equal files.
+        let image = Image::from_channels((width, height), channels);
+        image.write().non_parallel().to_file(part).map_err(|e| e.to_string())
     })
 }

@@ -156,18 +156,9 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: ShiftParameters, previous: boo
         let reconnects = index + 1u == s.reconnection;
         let is_reconnection_point = reconnects && !(is_last && s.termination == TERMINATION_ENVIRONMENT);
 
-        if is_reconnection_point && !has_reconnection_vertex(s, previous) {
-            (*w).reason = SHIFT_REPLAY_ENDED;
-            return;
-        }
-
         // Leave the vertex.
         let step = step_of_shift(w, s, index, is_reconnection_point, previous);
-        if !step.valid {
-            (*w).reason = SHIFT_REPLAY_ENDED;
-            return;
-        }
-        if !has_same_reconnection(w, s, index, step, c) {
+        if !step.valid || !has_same_reconnection(w, s, index, step, c) {
             return;
         }
         let at = (*w).v.surface;
@@ -278,17 +269,33 @@ fn scatter(w: ptr<function, Walk>, s: PathSample, index: u32, c: ShiftParameters
 }
 
 // The step from the vertex of this index: to the reconnection vertex, as the path left the reconnection vertex, or by its random numbers.
+// Not valid where the shift is not defined.
 fn step_of_shift(w: ptr<function, Walk>, s: PathSample, index: u32, is_reconnection_point: bool, previous: bool) -> Step {
     let reconnects = index + 1u == s.reconnection;
     var step = given_step(s.wi, s.lobe_before);
     if is_reconnection_point {
+        if !has_reconnection_vertex(s, previous) {
+            return ended(w, step);
+        }
         step.wi = normalize(reconnection_point(s, (*w).v.surface.position, previous) - (*w).v.surface.position);
     } else if index == s.reconnection && !(*w).below {
         step.lobe = s.lobe_after;
     } else if !reconnects {
         step = drawn_step((*w).v, s.seed, index);
     }
-    return with_weight_and_densities((*w).v, step);
+    step = with_weight_and_densities((*w).v, step);
+    if !step.valid {
+        return ended(w, step);
+    }
+    return step;
+}
+
+// The shift is not defined, because there is no such step.
+fn ended(w: ptr<function, Walk>, step: Step) -> Step {
+    (*w).reason = SHIFT_REPLAY_ENDED;
+    var none = step;
+    none.valid = false;
+    return none;
 }
 
 // Whether the reconnection vertex is on a light, or on an object that is in the scene.
