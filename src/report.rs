@@ -35,8 +35,8 @@ pub struct RestirReport {
     /// How often the histories of the cameras that exist now began anew, and why.  `start`: the first frame, or the frame before was not
     /// rendered; `requested`: [`Restir::reset`](crate::Restir::reset); `scene`: an edit that histories do not survive; `environment`: another
     /// image, or the first or last environment; `size`; `settings`; `render_layers`; `projection`: perspective or orthographic; `pipelines`:
-    /// another technique, or a feature of the scene that appeared.  One frame may count for several reasons.  Techniques without a history
-    /// count nothing.
+    /// another technique or debug view, or the first translucent object.  One frame may count for several reasons.  Techniques without a
+    /// history count nothing.
     pub history_resets: Vec<(&'static str, u64)>,
     /// Bytes of scene data uploaded in the last frame; 0 while nothing changes.
     pub uploaded_bytes: u64,

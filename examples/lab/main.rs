@@ -8,6 +8,7 @@ mod difference;
 mod equal_time;
 mod error;
 mod frames;
+mod fuzz;
 mod lights;
 mod materials;
 mod output;
@@ -41,8 +42,10 @@ enum Command {
     Subsurface(translucent::Args),
     Materials(materials::Args),
     Frames(frames::Args),
-    Sweep(sweep::Args),
+    Sweep(sweep::SweepArgs),
+    Presets(sweep::Args),
     Compare(compare::Args),
+    Fuzz(fuzz::Args),
     Demo(demo::Args),
 }
 
@@ -62,7 +65,9 @@ fn main() -> ExitCode {
         Command::Materials(args) => materials::run(args),
         Command::Frames(args) => frames::run(args),
         Command::Sweep(args) => sweep::run(args),
+        Command::Presets(args) => sweep::run_presets(args),
         Command::Compare(args) => compare::run(args),
+        Command::Fuzz(args) => fuzz::run(args),
         Command::Demo(args) => demo::run(args),
     };
     match result {

@@ -75,6 +75,14 @@ fn with_anisotropy(b: Bsdf, point: MaterialPoint, frame: LobeFrame, wo: vec3<f32
     return a;
 }
 
+// Microfacets without a direction of their own.
+fn isotropic(b: Bsdf) -> Bsdf {
+    var a = b;
+    a.tangent = orthonormal_basis(b.n)[0];
+    a.roughness_along = b.roughness;
+    return a;
+}
+
 // α for the table of energy compensation, which is for isotropic lobes.  The root mean square of both α comes nearest: the albedo is right
 // to a tenth, except across the grain at grazing angles.
 fn mean_roughness(b: Bsdf) -> f32 {
@@ -89,6 +97,10 @@ fn tangent_of(n: vec3<f32>, along: vec3<f32>) -> vec3<f32> {
 }
 #else
 fn with_anisotropy(b: Bsdf, point: MaterialPoint, frame: LobeFrame, wo: vec3<f32>) -> Bsdf {
+    return b;
+}
+
+fn isotropic(b: Bsdf) -> Bsdf {
     return b;
 }
 

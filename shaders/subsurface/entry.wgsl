@@ -11,6 +11,7 @@
 #import bevy_restir::common::math::{is_finite_3, luminance, max_component}
 #import bevy_restir::common::ray::Hit
 #import bevy_restir::scene::bindings::instances
+#import bevy_restir::scene::lobes::isotropic
 #import bevy_restir::scene::offset::{offset_distance, surface_point}
 #import bevy_restir::scene::surface::{interpolated_normal, Surface}
 #import bevy_restir::scene::triangle::{instance_transform, world_triangle}
@@ -96,6 +97,7 @@ fn entry_surface(exit: Surface, hit: Hit, previous: bool) -> Surface {
     s.bsdf.entry_reflectance = f0;
     s.bsdf.roughness = 1.0;
     s.bsdf.eta = 1.0;
+    s.bsdf = isotropic(s.bsdf);
     return s;
 }
 

@@ -50,7 +50,7 @@ features! {
     LIGHT_SHAPES = 29, "LIGHT_SHAPES", "Spheres, rectangles or suns with a disk: analytic lights that rays can hit.";
 }
 
-/// Keeps features for a while after they have vanished.  Other pipelines reset the history of every camera, so that a lamp that is switched
+/// Keeps features for a while after they have vanished: other features need pipelines that take time to compile, so a lamp that is switched
 /// off and on must not change them each time.
 #[derive(Debug, Default)]
 pub(crate) struct FeatureMemory {

@@ -65,10 +65,10 @@ pub enum Technique {
 /// primary rays takes its place.
 ///
 /// The history of earlier frames survives motion of objects, lights and cameras, objects and lights that appear, vanish or change, and a sky
-/// that turns or changes its color.  It restarts when the pixels of an image change, when the scene gets its first object of a kind (textured,
-/// of glass, translucent), or when the size of the image or one of these settings changes, except for numbers and weights of samples
-/// ([`Direct::candidates`], and [`Reuse`] without `order` and `temporal`);
-/// [`RestirReport::history_resets`](crate::RestirReport::history_resets) counts the restarts by reason.
+/// that turns or changes its color.  It restarts when the pixels of an image change, when the scene gets its first translucent object, or
+/// when the size of the image or one of these settings changes, except for numbers and weights of samples ([`Direct::candidates`], and
+/// [`Reuse`] without `order` and `temporal`).  [`RestirReport::history_resets`](crate::RestirReport::history_resets) counts the restarts by
+/// reason.
 ///
 /// ```
 /// # use bevy::prelude::*;

@@ -171,9 +171,9 @@ impl PipelineKey {
         self.frame == wanted.frame && !(self.features ^ wanted.features).intersects(of_settings)
     }
 
-    /// Whether reservoirs that the pipelines of another key have written mean the same for these.
+    /// Whether reservoirs that the pipelines of another key have written mean the same for these.  Features add code for what they name and
+    /// leave the rest as it is, random numbers included.
     pub(crate) fn keeps_histories_of(self, last: Self) -> bool {
-        let changed = self.features ^ last.features;
-        self.frame == last.frame && SceneFeatures::MANY_NEIGHBORS.contains(changed)
+        self.frame == last.frame
     }
 }

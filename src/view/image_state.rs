@@ -40,7 +40,7 @@ pub(crate) enum Reset {
     RenderLayers,
     /// From perspective to orthographic, or back.
     Projection,
-    /// Other shaders: another technique, or a feature of the scene that appeared.
+    /// Another technique or debug view, or the first translucent object.
     Pipelines,
 }
 

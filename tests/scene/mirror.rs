@@ -1,6 +1,9 @@
 //! Our copy of the scene follows the ECS: every change is shown, and only changes are uploaded.
 
-use crate::support::app::*;
+use crate::support::{
+    app::*,
+    expected_radiance::{both_sides, open},
+};
 use bevy::{
     asset::RenderAssetUsages,
     camera::{ImageRenderTarget, RenderTarget},
@@ -318,6 +321,47 @@ fn feature_steps() -> [Step; 14] {
             None
         }),
     ]
+}
+
+/// The first object of a kind adds code to the shaders.  These objects stand outside of a closed room.
+#[test]
+fn histories_outlive_the_first_objects_of_a_kind() {
+    let add_outside = |rig: &mut Rig| {
+        for (name, _, add) in feature_steps() {
+            if ["texture", "mask", "varnish"].contains(&name) {
+                let object = add(rig).expect("it spawns an object");
+                rig.insert(object, Transform::from_xyz(50.0, 0.0, 0.0));
+            }
+        }
+    };
+    let closed_room = |seed| {
+        let mut rig = Rig::new(32, 24)?;
+        rig.spawn(Cuboid::from_length(14.0), open(lambert(0.7)), Transform::default());
+        rig.spawn(Cuboid::from_length(1.0), lambert(0.5), Transform::from_xyz(0.5, -0.3, 0.0));
+        rig.spawn(square(1.0), both_sides(20.0), Transform::from_xyz(-1.0, 1.5, 1.0));
+        rig.set(|restir| *restir = Restir { technique: Technique::Pt, bounces: 3, seed, ..plain() });
+        Some(rig)
+    };
+    let (Some(a), Some(b)) = (closed_room(1), closed_room(2)) else { return };
+    let mut rigs = [a, b];
+    let late = rigs.each_mut().map(|rig| {
+        let before = rig.until_ready();
+        rig.frames(6);
+        let resets = rig.report().history_resets;
+        add_outside(rig);
+        let after = rig.until_ready();
+        assert!(after.features != before.features);
+        let picture = rig.next();
+        assert_eq!(rig.report().history_resets, resets);
+        picture
+    });
+    let early = rigs.each_mut().map(|rig| {
+        rig.set(|restir| restir.reset = true);
+        rig.next()
+    });
+    let [late, early] = [late, early]
+        .map(|[a, b]| a.iter().zip(b.iter()).map(|((_, a), (_, b))| f64::from(a.distance_squared(b))).sum::<f64>());
+    assert!(late < 0.5 * early, "noise {late}, and {early} after a restart");
 }
 
 #[test]

@@ -61,7 +61,7 @@ fn wrong_arguments_of_a_sweep_give_one_line() {
         &["sweep", &scene, "--seeds", "1"],
         &["sweep", &scene, "--reference-error", "0"],
         &["sweep", &scene, "--by", "eye"],
-        &["sweep", &scene, "--presets", "--full"],
+        &["presets", &scene, "--full"],
         &["sweep", &scene, "--set", "bounces"],
         &["sweep", &scene, "--set", "paths.reuse.color=1"],
     ];
@@ -87,9 +87,8 @@ fn a_sweep_reports_every_preset_and_continues() {
     let scene = asset("cornell.glb").display().to_string();
     fs::write(folder.path("trade.md"), "a\n<!-- lab sweep cornell --><!-- /lab sweep cornell -->\nb\n")
         .expect("it can be written");
-    let short =
-        ["--presets", "--size", "16x16", "--seeds", "2", "--history", "2", "--samples", "64", "--out", "report"];
-    let arguments = [&["sweep", &scene, "--into", "trade.md"], &short[..]].concat();
+    let short = ["--size", "16x16", "--seeds", "2", "--history", "2", "--samples", "64", "--out", "report"];
+    let arguments = [&["presets", &scene, "--into", "trade.md"], &short[..]].concat();
     folder.lab(&arguments).succeeded();
     let read =
         |name: &str| fs::read_to_string(folder.path("report").join(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
@@ -130,7 +129,7 @@ fn a_sweep_reports_every_preset_and_continues() {
     // Without a light there is nothing to measure.
     let dark = folder.gltf("dark.gltf", &Scene { emissive: [0.0; 3], ..Scene::default() });
     let dark = dark.display().to_string();
-    let failed = folder.lab(&[&["sweep", &dark], &short[..9], &["--out", "dark"]].concat());
+    let failed = folder.lab(&[&["presets", &dark], &short[..8], &["--out", "dark"]].concat());
     failed.failed(1, "a scene without light");
     assert!(failed.stderr.contains("--env"), "{}", failed.stderr);
     // Another sweep needs another folder.

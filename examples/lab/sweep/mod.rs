@@ -37,6 +37,16 @@ use plan::{Configuration, Extent};
 /// pictures, tables and advice as report.html and report.md, and all figures as csv.  About 40 configurations; a sweep that was
 /// interrupted continues.
 #[derive(clap::Args, Debug)]
+pub struct SweepArgs {
+    #[command(flatten)]
+    common: Args,
+    /// Measures combinations of settings, too, and everything under a moving camera.
+    #[arg(long)]
+    full: bool,
+}
+
+/// A sweep of the presets alone.
+#[derive(clap::Args, Debug)]
 pub struct Args {
     /// A glTF file; `references.json` beside it may name its environment.
     scene: PathBuf,
@@ -55,12 +65,6 @@ pub struct Args {
     /// Frames of history before the frame whose error counts.
     #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(2..=4096))]
     history: u32,
-    /// Measures combinations of settings, too, and everything under a moving camera.
-    #[arg(long)]
-    full: bool,
-    /// Measures the presets only.
-    #[arg(long, conflicts_with = "full")]
-    presets: bool,
     /// Measures only configurations whose section and label contain this text, besides the reference tracer.
     #[arg(long)]
     only: Option<String>,
@@ -171,17 +175,20 @@ impl Sweep {
     }
 }
 
-pub fn run(args: &Args) -> Result<(), String> {
-    let scene = scenes(core::slice::from_ref(&args.scene))?.remove(0);
-    measured(args, &scene).map_err(|error| format!("{}: {error}", scene.1))
+pub fn run(args: &SweepArgs) -> Result<(), String> {
+    sweep(&args.common, if args.full { Extent::Full } else { Extent::Settings })
 }
 
-fn measured(args: &Args, scene: &Scene) -> Result<(), String> {
-    let extent = match (args.presets, args.full) {
-        (true, _) => Extent::Presets,
-        (_, true) => Extent::Full,
-        _ => Extent::Settings,
-    };
+pub fn run_presets(args: &Args) -> Result<(), String> {
+    sweep(args, Extent::Presets)
+}
+
+fn sweep(args: &Args, extent: Extent) -> Result<(), String> {
+    let scene = scenes(core::slice::from_ref(&args.scene))?.remove(0);
+    measured(args, extent, &scene).map_err(|error| format!("{}: {error}", scene.1))
+}
+
+fn measured(args: &Args, extent: Extent, scene: &Scene) -> Result<(), String> {
     let mut plan = plan::configurations(extent);
     if let Some(text) = &args.only {
         plan.retain(|c| c.section == plan::REFERENCE || c.name().contains(text));

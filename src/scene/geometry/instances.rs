@@ -176,6 +176,17 @@ fn flags_of(extracted: &ExtractedInstance, mesh: &MeshEntry, material: &GpuMater
     flags
 }
 
+/// Center and radius of a sphere around boxes.
+fn bounding_sphere<'a>(boxes: impl Iterator<Item = &'a Bounds>) -> ([f32; 3], f32) {
+    let all = boxes
+        .copied()
+        .reduce(|a, b| (core::array::from_fn(|i| a.0[i].min(b.0[i])), core::array::from_fn(|i| a.1[i].max(b.1[i]))));
+    let Some((low, high)) = all else { return ([0.0; 3], 0.0) };
+    let half: [f64; 3] = core::array::from_fn(|i| 0.5 * (high[i] as f64 - low[i] as f64));
+    let radius = half.iter().map(|h| h * h).sum::<f64>().sqrt().min(1e18) as f32;
+    (core::array::from_fn(|i| 0.5 * low[i] + 0.5 * high[i]), radius)
+}
+
 impl InstancePool {
     /// A pool that uses the device's own acceleration structures.
     pub(crate) fn for_ray_queries() -> Self {
@@ -459,26 +470,9 @@ impl InstancePool {
         let changed = self.new_bounds != self.bounds;
         if changed {
             core::mem::swap(&mut self.bounds, &mut self.new_bounds);
-            self.update_bounding_sphere();
+            (self.center, self.radius) = bounding_sphere(self.bounds.iter().map(|(_, bounds)| bounds));
         }
         changed
-    }
-
-    fn update_bounding_sphere(&mut self) {
-        let (mut low, mut high) = ([f32::MAX; 3], [f32::MIN; 3]);
-        for (_, (a, b)) in &self.bounds {
-            for i in 0..3 {
-                low[i] = low[i].min(a[i]);
-                high[i] = high[i].max(b[i]);
-            }
-        }
-        if self.bounds.is_empty() {
-            (self.center, self.radius) = ([0.0; 3], 0.0);
-            return;
-        }
-        self.center = core::array::from_fn(|i| 0.5 * low[i] + 0.5 * high[i]);
-        let half: [f64; 3] = core::array::from_fn(|i| 0.5 * (high[i] as f64 - low[i] as f64));
-        self.radius = half.iter().map(|h| h * h).sum::<f64>().sqrt().min(1e18) as f32;
     }
 
     /// Uploads the records that changed.  Returns the number of bytes sent.

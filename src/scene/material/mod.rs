@@ -3,5 +3,6 @@
 
 pub mod directional_albedo;
 pub(crate) mod materials;
+mod pack;
 pub(crate) mod subsurface;
 pub(crate) mod texture_slots;

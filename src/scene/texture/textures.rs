@@ -359,6 +359,7 @@ impl TexturePool {
         }
         let sized = ready().map(|(id, image)| (id, size_in_atlas(image, limits.page))).collect();
         let is_used = |id| used.contains(&id) && images.get(id).is_some();
+        let had_images = self.allocator.images().next().is_some();
         let all_moved = self.allocator.place(sized, limits, is_used);
         let left_out = self.allocator.left_out();
         if left_out > 0 && !self.warned_full {
@@ -372,7 +373,7 @@ impl TexturePool {
         if !fits && layers > 0 {
             self.atlas = Some(Atlas::new(page, layers, device));
         }
-        self.edit_revision += u64::from(all_moved);
+        self.edit_revision += u64::from(all_moved && had_images);
         if all_moved { self.allocator.images().collect() } else { new.to_vec() }
     }
 }

@@ -62,6 +62,9 @@ fn plane_under_a_sun(illuminance: f32) -> Option<(Rig, Entity)> {
 fn an_infinite_plane_under_uniform_light_is_as_bright_as_a_diffuse_one() {
     let Some((mut rig, _)) = plane_under_a_sun(3.0) else { return };
     rig.insert(rig.camera, sky(2.0));
+    // Out of sight.  Where light enters the plane, no lobe is anisotropic.
+    let brushed = StandardMaterial { anisotropy_strength: 0.5, ..lambert(ALBEDO as f32) };
+    rig.spawn(square(1.0), brushed, Transform::from_xyz(0.0, 0.0, -10.0));
     check(&mut rig, 384, "sky and sun", DVec3::splat((2.0 + 3.0 / PI) * ALBEDO));
 }
 

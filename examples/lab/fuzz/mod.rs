@@ -1,0 +1,116 @@
+//! Random scenes, settings and edits, in search of panics, errors of the renderer, hangs, and numbers that should not exist.
+
+mod case;
+mod stage;
+
+use bevy::math::UVec2;
+use bevy_restir_support::{arguments, files::write_text, progress::Progress};
+use std::{
+    fs,
+    panic::{self, AssertUnwindSafe},
+    path::PathBuf,
+    sync::{Mutex, PoisonError},
+};
+
+use case::Case;
+use stage::Stage;
+
+/// Attempts to make a failing case smaller.
+const SHRINKING: u32 = 200;
+
+/// Renders random scenes with random settings and edits.  A case fails by a panic, an error of the renderer, a hang, a pixel that is not
+/// finite, or a number that the shaders should never meet.  Each failure is made smaller and written to the folder.
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    /// Number of cases.
+    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..))]
+    count: u32,
+    /// The first case; the others follow it.  `--count 1` repeats one.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Pixels.
+    #[arg(long, default_value = "24x16", value_parser = arguments::size)]
+    size: UVec2,
+    /// Compiles shaders for the features of each scene, in an app of its own, instead of once for all features.
+    #[arg(long)]
+    specialized: bool,
+    /// Folder of the cases that fail.
+    #[arg(long, default_value = "target/lab/fuzz")]
+    out: PathBuf,
+}
+
+/// Runs cases in one app until one of them breaks it.
+struct Runner<'a> {
+    args: &'a Args,
+    stage: Option<Stage>,
+}
+
+/// The message of the last panic.
+static PANIC: Mutex<String> = Mutex::new(String::new());
+
+impl Runner<'_> {
+    /// Why the case fails; an error where no app can be made.
+    fn failure(&mut self, case: &Case) -> Result<Option<String>, String> {
+        let mut stage = match self.stage.take() {
+            Some(stage) => stage,
+            None => Stage::new(self.args.size, !self.args.specialized)?,
+        };
+        let run = AssertUnwindSafe(|| {
+            let result = stage.run(case);
+            (stage, result)
+        });
+        Ok(match panic::catch_unwind(run) {
+            Ok((stage, result)) => {
+                // An app whose renderer failed cannot go on.
+                self.stage = (!self.args.specialized && !stage.has_failed()).then_some(stage);
+                result.err()
+            }
+            Err(_) => Some(format!("panic: {}", PANIC.lock().unwrap_or_else(PoisonError::into_inner))),
+        })
+    }
+
+    /// A case that fails as well and has as few parts as could be found.
+    fn smallest(&mut self, case: Case) -> Result<Case, String> {
+        let mut smallest = case;
+        let mut attempts = 0;
+        'smaller: loop {
+            for smaller in smallest.smaller() {
+                attempts += 1;
+                if attempts > SHRINKING {
+                    return Ok(smallest);
+                }
+                if self.failure(&smaller)?.is_some() {
+                    smallest = smaller;
+                    continue 'smaller;
+                }
+            }
+            return Ok(smallest);
+        }
+    }
+}
+
+pub fn run(args: &Args) -> Result<(), String> {
+    fs::create_dir_all(&args.out).map_err(|e| format!("{}: {e}", args.out.display()))?;
+    panic::set_hook(Box::new(|info| {
+        *PANIC.lock().unwrap_or_else(PoisonError::into_inner) = info.to_string().replace('\n', " ");
+    }));
+    let mut runner = Runner { args, stage: None };
+    let progress = Progress::new(args.count.into());
+    let mut failed = 0;
+    for seed in (args.seed..).take(args.count as usize) {
+        let case = Case::new(seed);
+        if let Some(reason) = runner.failure(&case)? {
+            failed += 1;
+            println!("case {seed}: {reason}; it is repeated by: lab fuzz --count 1 --seed {seed}");
+            let smallest = runner.smallest(case)?;
+            write_text(&args.out.join(format!("case-{seed}.txt")), &format!("{reason}\n\n{smallest:#?}\n"))?;
+        }
+        progress.step();
+    }
+    let _ = panic::take_hook();
+    if failed > 0 {
+        return Err(format!("{failed} of {} cases fail; {} has their smallest forms", args.count, args.out.display()));
+    }
+    println!("{} cases, none fails", args.count);
+    Ok(())
+}
