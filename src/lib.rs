@@ -26,6 +26,7 @@
 #![cfg_attr(not(feature = "testing"), warn(missing_docs))]
 #![cfg_attr(feature = "testing", warn(unreachable_pub))]
 
+mod budget;
 mod device;
 mod frame;
 #[cfg_attr(not(feature = "testing"), allow(dead_code, reason = "tests compare every constant of the shaders"))]
@@ -46,7 +47,7 @@ pub use report::{RestirReport, RestirStatistics};
 pub use scene::SceneFeatures;
 pub use settings::{
     Bdpt, BiasCorrection, DebugView, Direct, EmissiveLuminance, LightTechniques, Mis, Paths, Preset, RayBackend,
-    Reconnection, Research, ReservoirLayout, Restir, RestirEnvironment, Reuse, ReuseOrder, Subsurface,
+    Reconnection, Research, ReservoirLayout, Restir, RestirBudget, RestirEnvironment, Reuse, ReuseOrder, Subsurface,
     SubsurfaceSampling, SubsurfaceShift, SuffixRetrace, Technique, VisibilityReuse,
 };
 pub use system_sets::RestirSystems;
@@ -57,8 +58,8 @@ pub use view::capture::{CapturedRadiance, RadianceCapture};
 pub mod prelude {
     pub use crate::{
         Bdpt, BiasCorrection, DebugView, Direct, EmissiveLuminance, Mis, Paths, Preset, RayBackend, Reconnection,
-        Restir, RestirEnvironment, RestirPlugin, RestirStatus, Reuse, ReuseOrder, Subsurface, SubsurfaceSampling,
-        SubsurfaceShift, SuffixRetrace, Technique, VisibilityReuse,
+        Restir, RestirBudget, RestirEnvironment, RestirPlugin, RestirStatus, Reuse, ReuseOrder, Subsurface,
+        SubsurfaceSampling, SubsurfaceShift, SuffixRetrace, Technique, VisibilityReuse,
     };
 }
 

@@ -15,10 +15,10 @@ use bevy::{
 };
 
 use crate::{
-    device, frame,
+    budget, device, frame,
     report::{self, RestirStatistics},
     scene,
-    settings::{EmissiveLuminance, RayBackend, Restir, RestirEnvironment, Subsurface},
+    settings::{BudgetStep, EmissiveLuminance, RayBackend, Restir, RestirBudget, RestirEnvironment, Subsurface},
     shader_library::ShaderLibrary,
     technique::shader_templates,
     view,
@@ -52,10 +52,12 @@ pub enum RestirStatus {
 impl Plugin for RestirPlugin {
     fn build(&self, app: &mut App) {
         app.register_type::<Restir>()
+            .register_type::<RestirBudget>()
             .register_type::<RestirEnvironment>()
             .register_type::<Subsurface>()
             .register_type::<EmissiveLuminance>()
             .register_type::<RestirStatus>()
+            .init_resource::<BudgetStep>()
             .init_resource::<EmissiveLuminance>()
             .init_resource::<RestirStatus>()
             .init_resource::<RestirStatistics>();
@@ -88,7 +90,7 @@ impl Plugin for RestirPlugin {
         // be compiled for a single frame, or where the device cannot run Bevy's shaders.
         let bevy_lights_first = textures_warning.is_none() && !app.world().contains_resource::<CompilesAtOnce>();
         // After all systems of the app, before the extraction.
-        app.add_systems(Last, require_single_sample);
+        app.add_systems(Last, (require_single_sample, budget::keep_budget));
         app.insert_resource(RestirStatus::On);
         self.build_render_app(app, library, bevy_lights_first);
     }

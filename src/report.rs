@@ -38,6 +38,9 @@ pub struct RestirReport {
     /// another technique or debug view, or the first translucent object.  One frame may count for several reasons.  Techniques without a
     /// history count nothing.
     pub history_resets: Vec<(&'static str, u64)>,
+    /// How far [`RestirBudget`](crate::RestirBudget) reduces the settings of all cameras: the argument of
+    /// [`Restir::reduced`](crate::Restir::reduced).
+    pub budget_step: u32,
     /// Bytes of scene data uploaded in the last frame; 0 while nothing changes.
     pub uploaded_bytes: u64,
     /// Names of GPU buffers and textures of this plugin with their sizes in bytes.
@@ -85,6 +88,10 @@ impl RestirStatistics {
     pub fn reset_guards(&self) {
         self.0.run.start_next();
         self.lock().guards.iter_mut().for_each(|(_, pixels)| *pixels = 0);
+    }
+
+    pub(crate) fn set_budget_step(&self, step: u32) {
+        self.lock().budget_step = step;
     }
 
     /// The run that guards are counted for.

@@ -2,6 +2,7 @@
 
 mod ablate;
 mod bench;
+mod budget;
 mod compare;
 mod demo;
 mod difference;
@@ -42,6 +43,7 @@ enum Command {
     Subsurface(translucent::Args),
     Materials(materials::Args),
     Frames(frames::Args),
+    Budget(budget::Args),
     Sweep(sweep::SweepArgs),
     Presets(sweep::Args),
     Compare(compare::Args),
@@ -64,6 +66,7 @@ fn main() -> ExitCode {
         Command::Subsurface(args) => translucent::run(args),
         Command::Materials(args) => materials::run(args),
         Command::Frames(args) => frames::run(args),
+        Command::Budget(args) => budget::run(args),
         Command::Sweep(args) => sweep::run(args),
         Command::Presets(args) => sweep::run_presets(args),
         Command::Compare(args) => compare::run(args),

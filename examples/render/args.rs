@@ -1,7 +1,7 @@
 //! The command line.
 
 use bevy::{camera::Exposure, math::UVec2};
-use bevy_restir::{Preset, RayBackend, Restir, Technique};
+use bevy_restir::{DebugView, Preset, RayBackend, Restir, Technique};
 use bevy_restir_support::{
     arguments::{self, ExposureChoice},
     environment::{self, Environment},
@@ -65,6 +65,14 @@ pub struct Args {
     /// Sets a field of `Restir` by its reflection path, for instance direct.candidates=16; repeatable.
     #[arg(long = "set", value_name = "PATH=VALUE")]
     pub set: Vec<String>,
+    /// GPU time of a frame, ms. Before the warm-up, samples are taken away from the settings until frames fit.
+    #[arg(long, value_name = "MS", value_parser = positive)]
+    pub time_budget: Option<f32>,
+    /// Writes what the first surface of each pixel is like in the frame after the picture, to a second .exr file; repeatable. NAME: albedo;
+    /// normal (world space, 0 without a surface); depth (distance from the camera, m; 0 without a surface); motion (pixels to the surface
+    /// in the frame before).
+    #[arg(long = "aov", value_name = "NAME=FILE.exr", value_parser = aov)]
+    pub aovs: Vec<Aov>,
     /// Writes times, memory and counters as JSON.
     #[arg(long)]
     pub stats: Option<PathBuf>,
@@ -74,6 +82,37 @@ pub struct Args {
 pub enum Output {
     Mean,
     Last,
+}
+
+/// A property of surfaces, and the file for it.
+#[derive(Clone, Debug)]
+pub struct Aov {
+    pub view: DebugView,
+    pub path: PathBuf,
+}
+
+fn aov(text: &str) -> Result<Aov, String> {
+    let (name, path) = text.split_once('=').ok_or("expected NAME=FILE.exr")?;
+    let view = match name {
+        "albedo" => DebugView::Albedo,
+        "normal" => DebugView::Normals,
+        "depth" => DebugView::Depth,
+        "motion" => DebugView::Motion,
+        "diffuse" | "specular" => return Err("diffuse and specular light are not available apart yet".into()),
+        _ => return Err("expected albedo, normal, depth or motion".into()),
+    };
+    let path = PathBuf::from(path);
+    match path.extension().is_some_and(|e| e == "exr") {
+        true => Ok(Aov { view, path }),
+        false => Err("expected a name that ends in .exr".into()),
+    }
+}
+
+fn positive(text: &str) -> Result<f32, String> {
+    match text.parse() {
+        Ok(ms) if ms > 0.0 && f32::is_finite(ms) => Ok(ms),
+        _ => Err("expected a number above 0".into()),
+    }
 }
 
 fn output_path(text: &str) -> Result<PathBuf, String> {

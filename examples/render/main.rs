@@ -3,9 +3,9 @@
 mod args;
 mod stats;
 
-use args::{Args, Output};
+use args::{Aov, Args, Output};
 use bevy::{camera::Exposure, gltf::Gltf, prelude::*};
-use bevy_restir::{CapturedRadiance, Restir, RestirEnvironment, Technique};
+use bevy_restir::{CapturedRadiance, DebugView, Restir, RestirBudget, RestirEnvironment, RestirStatistics, Technique};
 use bevy_restir_support::{
     arguments::{self, ExposureChoice},
     environment,
@@ -61,6 +61,10 @@ fn render(args: &Args, settings: Restir) -> Result<(), String> {
     let setup = CameraSetup { size: args.size, exposure: args.exposure(), environment, settings: settings.clone() };
     scene::spawn_camera(app.world_mut(), place, setup);
     headless::until_ready(&mut app)?;
+    let (settings, step) = match args.time_budget {
+        Some(gpu_ms) => within_budget(&mut app, gpu_ms, settings)?,
+        None => (settings, 0),
+    };
 
     let frames = accumulate(&mut app, args, &settings)?;
     let exposure = final_exposure(args, &frames);
@@ -75,15 +79,72 @@ fn render(args: &Args, settings: Restir) -> Result<(), String> {
         let image = screenshot(&mut app)?;
         write_png(&args.out, image)?;
     }
-    if let Some(path) = &args.stats {
-        let json = stats::json(app.world(), args, &settings, &frames);
-        let text = serde_json::to_string_pretty(&json).map_err(|e| e.to_string())? + "\n";
-        if let Err(error) = write_text(path, &text) {
-            let _ = std::fs::remove_file(&args.out);
-            return Err(error);
+    // The frames of other files must not count.
+    let stats = stats::json(app.world(), args, (&settings, step), &frames);
+    let written = write_aovs(&mut app, args).and_then(|()| match &args.stats {
+        None => Ok(()),
+        Some(path) => {
+            let text = serde_json::to_string_pretty(&stats).map_err(|e| e.to_string())? + "\n";
+            write_text(path, &text)
         }
+    });
+    written.inspect_err(|_| {
+        for path in args.aovs.iter().map(|aov| &aov.path).chain([&args.out]) {
+            let _ = std::fs::remove_file(path);
+        }
+    })
+}
+
+/// Renders and writes the files of `--aov`.
+fn write_aovs(app: &mut App, args: &Args) -> Result<(), String> {
+    let camera = app.world().resource::<View>().camera;
+    for Aov { view, path } in &args.aovs {
+        if let Some(mut restir) = app.world_mut().get_mut::<Restir>(camera) {
+            (restir.debug_view, restir.accumulate) = (*view, false);
+        }
+        headless::until_ready(app)?;
+        app.world().resource::<View>().capture.request();
+        frame(app);
+        let values = captured(app)?;
+        let pixels: Vec<[f32; 3]> = values.mean().map(|value| of_aov(*view, value)).collect();
+        exr_file::write(path, values.size, &pixels)?;
     }
     Ok(())
+}
+
+/// The value of a file from that of its debug view.
+fn of_aov(view: DebugView, value: [f32; 3]) -> [f32; 3] {
+    match view {
+        // Normals lie between 0 and 1 in their view, and pixels without a surface are 0.
+        DebugView::Normals if value != [0.0; 3] => value.map(|c| 2.0 * c - 1.0),
+        _ => value,
+    }
+}
+
+/// The settings with as many samples as fit into the GPU time, which the camera has from then on, and the step of [`Restir::reduced`].
+fn within_budget(app: &mut App, gpu_ms: f32, settings: Restir) -> Result<(Restir, u32), String> {
+    /// Frames without a change after which the number of samples is final.
+    const STEADY: u32 = 40;
+    /// Frames after which it is final in any case.
+    const MOST: u32 = 600;
+    let step_of = |app: &App| app.world().resource::<RestirStatistics>().report().budget_step;
+    app.insert_resource(RestirBudget { gpu_ms });
+    let (mut step, mut steady) = (0, 0);
+    for _ in 0..MOST {
+        frame(app);
+        let now = step_of(app);
+        steady = if now == step { steady + 1 } else { 0 };
+        step = now;
+        if steady == STEADY {
+            break;
+        }
+    }
+    app.world_mut().remove_resource::<RestirBudget>();
+    let settings = settings.reduced(step);
+    let camera = app.world().resource::<View>().camera;
+    app.world_mut().entity_mut(camera).insert(settings.clone());
+    headless::until_ready(app)?;
+    Ok((settings, step))
 }
 
 /// The environment of the command line, or a studio for a scene that has no light of its own.

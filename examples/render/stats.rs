@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 use crate::{Frames, args::Args};
 
 /// The contents of the file.
-pub fn json(world: &World, args: &Args, settings: &Restir, frames: &Frames) -> Value {
+pub fn json(world: &World, args: &Args, (settings, budget_step): (&Restir, u32), frames: &Frames) -> Value {
     let non_finite = frames.pixels.iter().filter(|p| !p.iter().all(|c| c.is_finite())).count() as u64;
     let report = world.resource::<RestirStatistics>().report();
     let guards: BTreeMap<_, _> = report.guards.iter().copied().collect();
@@ -51,7 +51,8 @@ pub fn json(world: &World, args: &Args, settings: &Restir, frames: &Frames) -> V
         "non_finite_pixels": non_finite + guards.get("non_finite").copied().unwrap_or_default(),
         "overflow_flags": report.overflow_flags,
         "guards": guards,
-        "history_resets": report.history_resets.iter().copied().collect::<BTreeMap<_, _>>(),
+        "resets": report.history_resets.iter().copied().collect::<BTreeMap<_, _>>(),
+        "budget_step": budget_step,
         "triangles": report.triangles,
         "instances": report.instances,
         "lights": report.lights,

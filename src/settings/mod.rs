@@ -2,6 +2,7 @@
 //! whole app.
 
 mod bdpt;
+mod budget;
 mod debug_view;
 mod direct;
 mod environment;
@@ -13,6 +14,8 @@ mod subsurface;
 mod validate;
 
 pub use bdpt::{Bdpt, LightTechniques};
+pub(crate) use budget::BudgetStep;
+pub use budget::RestirBudget;
 pub use debug_view::DebugView;
 pub use direct::{BiasCorrection, Direct, VisibilityReuse};
 pub use environment::RestirEnvironment;
@@ -150,7 +153,6 @@ impl Restir {
         warnings
     }
 
-    /// Brings every field into its range, and reports each field that it changes and each setting without effect.
     /// These settings without those that only choose how many samples a frame takes and how it weights them: reservoirs of the last frame keep
     /// their meaning if nothing else has changed.
     pub(crate) fn of_history(&self) -> Self {
@@ -163,6 +165,7 @@ impl Restir {
         settings
     }
 
+    /// Brings every field into its range, and reports each field that it changes and each setting without effect.
     pub(crate) fn clamp(&mut self, report: &mut dyn FnMut(Problem)) {
         let mut ranges = Ranges { path: "", report };
         ranges.count("bounces", &mut self.bounces, 0, Self::MAX_BOUNCES);

@@ -131,7 +131,6 @@ impl Reuse {
         ..Self::DIRECT
     };
 
-    /// Brings every field into its range.
     /// The settings that reservoirs of a history depend on; the others are as in [`Self::PATHS`].
     pub(super) fn of_history(&self) -> Self {
         // All fields are named, so that a new one cannot be forgotten.
@@ -155,6 +154,7 @@ impl Reuse {
         Self { order, temporal, ..Self::PATHS }
     }
 
+    /// Brings every field into its range.
     pub(super) fn validate(&mut self, path: &'static str, confidence_max: f32, report: &mut dyn FnMut(Problem)) {
         let mut ranges = Ranges { path, report };
         ranges.count("spatial_samples", &mut self.spatial_samples, 0, 5);

@@ -16,7 +16,7 @@ use bevy::{
 use super::capture::RadianceCapture;
 use crate::{
     scene::geometry::render_layers::LayerSets,
-    settings::{Restir, RestirEnvironment},
+    settings::{BudgetStep, Restir, RestirEnvironment},
     warned::Warned,
 };
 
@@ -143,6 +143,7 @@ pub(crate) fn extract_views(
     mut views: ResMut<ExtractedViews>,
     cameras: Extract<Query<ViewData>>,
     clear_color: Extract<Res<ClearColor>>,
+    budget: Extract<Res<BudgetStep>>,
     entities: Extract<&Entities>,
     mut warned: Local<Warned<(Entity, [&'static str; 2])>>,
     sets: Res<LayerSets>,
@@ -161,6 +162,7 @@ pub(crate) fn extract_views(
                 warn!("restir: camera {camera_entity}: {problem}");
             }
         });
+        settings = settings.reduced(budget.0);
         if let Some(EnvironmentProblem { kind, property, consequence }) = problem
             && warned.is_due((camera_entity, [kind.name(), property]))
         {

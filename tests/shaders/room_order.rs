@@ -20,7 +20,8 @@ const RUST: Table = &[
     ("view", &["technique"]),
     ("frame", &["view"]),
     ("report", &["frame"]),
-    ("plugin", &["report"]),
+    ("budget", &["report"]),
+    ("plugin", &["budget"]),
     ("lib", &["plugin"]),
 ];
 

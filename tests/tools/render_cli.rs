@@ -179,7 +179,7 @@ fn a_missing_texture_gives_a_warning_and_a_picture_of_the_rest() {
 fn wrong_arguments_give_exit_code_2_and_write_nothing() {
     let Some(folder) = Folder::new("arguments") else { return };
     let scene = folder.gltf("scene.gltf", &gltf::Scene::default());
-    let wrong: [&[&str]; 20] = [
+    let wrong: [&[&str]; 25] = [
         &["--size", "0x10"],
         &["--size", "10"],
         &["--size", "10x-3"],
@@ -194,6 +194,11 @@ fn wrong_arguments_give_exit_code_2_and_write_nothing() {
         &["--env", "-1,0,0"],
         &["--env", "sky.txt"],
         &["--ev100", "nan"],
+        &["--aov", "depth"],
+        &["--aov", "depth=d.png"],
+        &["--aov", "beauty=d.exr"],
+        &["--time-budget", "0"],
+        &["--time-budget", "nan"],
         &["--out", "picture.gif"],
         &["--set", "no.such.field=1"],
         &["--set", "bounces=several"],
@@ -223,13 +228,14 @@ fn late_failures_give_exit_code_1_and_leave_no_files() {
     fs::write(folder.path("broken.exr"), b"no exr").expect("the folder can be written");
     fs::write(folder.path("broken.hdr"), b"no hdr").expect("the folder can be written");
     let before = folder.files();
-    let cases: [(&str, &[&str]); 7] = [
+    let cases: [(&str, &[&str]); 8] = [
         ("camera", &["--camera", "nobody", "--out", "out.exr"]),
         ("no folder", &["--out", "no/such/folder/out.exr"]),
         ("a folder of that name", &["--out", "folder.exr"]),
         ("no environment", &["--env", "absent.hdr", "--out", "out.exr"]),
         ("broken exr", &["--env", "broken.exr", "--out", "out.exr"]),
         ("broken hdr", &["--env", "broken.hdr", "--out", "out.exr"]),
+        ("aov", &["--aov", "depth=d.exr", "--aov", "albedo=no/such/folder/a.exr", "--out", "out.exr"]),
         ("stats", &["--stats", "no/such/folder/stats.json", "--out", "out.exr"]),
     ];
     for (name, arguments) in cases {
@@ -289,6 +295,49 @@ fn equal_commands_give_equal_bytes_and_options_have_their_effect() {
 }
 
 #[test]
+fn aovs_hold_the_first_surface_of_each_pixel() {
+    let Some(folder) = Folder::new("aov") else { return };
+    // A wall of 2 m by 2 m, 3 m in front of a camera that sees more than it.
+    let scene = folder.gltf("scene.gltf", &gltf::Scene::default());
+    let names = ["albedo", "normal", "depth", "motion"];
+    let files: Vec<String> = names.iter().map(|name| format!("{name}={name}.exr")).collect();
+    let plain = ["--technique", "reference", "--size", "9x9", "--frames", "2", "--env", "1,1,1", "--out", "out.exr"];
+    let all: Vec<&str> = files.iter().flat_map(|file| ["--aov", file]).chain(plain).collect();
+    folder.render(&scene, &plain).succeeded();
+    let picture = fs::read(folder.path("out.exr")).expect("the file was written");
+    folder.render(&scene, &all).succeeded();
+    assert!(fs::read(folder.path("out.exr")).expect("the file was written") == picture, "the picture stays as it is");
+    let center = names.map(|name| Exr::read(&folder.path(&format!("{name}.exr"))).at(4, 4));
+    println!("{center:?}");
+    let [albedo, normal, depth, motion] = center;
+    assert!(albedo.iter().all(|c| (0.0..=1.0).contains(c)) && albedo != [0.0; 3], "{albedo:?}");
+    let length = normal.iter().map(|c| c * c).sum::<f32>().sqrt();
+    assert!((length - 1.0).abs() < 1e-3, "{normal:?}");
+    assert!(depth[0] > 0.0 && depth[0] == depth[1], "{depth:?}");
+    assert!(motion.iter().all(|c| c.abs() < 1e-3), "a still scene: {motion:?}");
+}
+
+#[test]
+fn a_time_budget_takes_samples_away_where_frames_take_longer() {
+    let Some(folder) = Folder::new("budget") else { return };
+    let render = |out: &str, more: &[&str]| {
+        let fixed = ["--technique", "di", "--size", "16x16", "--frames", "2", "--warmup", "2", "--out", out];
+        let run = folder.render(&asset("cornell.glb"), &[&fixed[..], &["--stats", "stats.json"], more].concat());
+        run.succeeded();
+        assert!(run.stderr.is_empty(), "{}", run.stderr);
+        let stats = fs::read_to_string(folder.path("stats.json")).expect("the file was written");
+        let stats: Value = serde_json::from_str(&stats).expect("the file is JSON");
+        (fs::read(folder.path(out)).expect("the file was written"), stats["budget_step"].as_u64())
+    };
+    let free = render("a.exr", &[]);
+    assert_eq!(render("b.exr", &["--time-budget", "1e6"]), free, "all samples fit");
+    // One spatial neighbor, those of disocclusions, and candidates from 32 to 4.
+    let (picture, step) = render("c.exr", &["--time-budget", "1e-4"]);
+    assert_eq!((free.1, step), (Some(0), Some(5)));
+    assert!(picture != free.0);
+}
+
+#[test]
 fn environments_light_by_color_and_by_file() {
     let Some(folder) = Folder::new("environment") else {
         return;
@@ -336,7 +385,7 @@ fn animate_plays_the_first_animation() {
 }
 
 /// Fields of the file of `--stats` (design 9).
-const STATISTICS: [&str; 21] = [
+const STATISTICS: [&str; 22] = [
     "adapter",
     "backend",
     "technique",
@@ -354,7 +403,8 @@ const STATISTICS: [&str; 21] = [
     "non_finite_pixels",
     "overflow_flags",
     "guards",
-    "history_resets",
+    "resets",
+    "budget_step",
     "triangles",
     "instances",
     "lights",
@@ -444,6 +494,8 @@ fn the_help_names_every_option_of_the_contract() {
         "--animate",
         "--set",
         "--stats",
+        "--aov",
+        "--time-budget",
         "--camera",
     ] {
         assert!(run.stdout.contains(option), "{option}");

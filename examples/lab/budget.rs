@@ -1,0 +1,143 @@
+//! A flight through a scene under `RestirBudget`.
+
+use bevy::{
+    math::{Quat, UVec2},
+    transform::components::Transform,
+};
+use bevy_restir::{Preset, Restir, RestirBudget, Technique, pass_names};
+use bevy_restir_support::{
+    arguments,
+    headless::frame,
+    progress::Progress,
+    scene::View,
+    times::{Times, median},
+};
+use std::{f32::consts::TAU, path::PathBuf};
+
+use crate::{
+    bench::{Bench, Counts, scenes},
+    output::{Output, header},
+    table::{Row, Table, Unit},
+};
+
+/// Times of a flight through a scene with and without a budget.  The camera turns from side to side, so that costs rise and fall.
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    /// glTF files.
+    #[arg(required = true)]
+    scenes: Vec<PathBuf>,
+    #[arg(long, default_value = "balanced", value_parser = arguments::choice::<Preset>())]
+    preset: Preset,
+    #[arg(long, default_value = "pt", value_parser = arguments::choice::<Technique>())]
+    technique: Technique,
+    #[arg(long, default_value = "128x128", value_parser = arguments::size)]
+    size: UVec2,
+    #[command(flatten)]
+    counts: Counts,
+    #[command(flatten)]
+    output: Output,
+}
+
+/// The table's name.
+const NAME: &str = "budget";
+/// Limits, as shares of the greatest median time without a budget.
+const LIMITS: [f64; 4] = [0.9, 0.8, 0.7, 0.6];
+/// Turn of the camera to each side, radians.
+const TURN: f32 = 0.6;
+/// A median over this many frames is the time without outliers.
+const SMOOTH: usize = 9;
+
+pub fn run(args: &Args) -> Result<(), String> {
+    args.output.check(NAME)?;
+    let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
+    for scene in scenes(&args.scenes)? {
+        let settings = Restir { technique: args.technique, ..Restir::preset(args.preset) };
+        let mut bench = Bench::of_scene(&scene, args.size, settings.clone(), &args.counts)?;
+        let progress = Progress::new((1 + LIMITS.len() as u64) * u64::from(args.counts.warmup + args.counts.frames));
+        if table.header.is_empty() {
+            table.header = header(bench.adapter(), args.size);
+            table.header.push(format!(
+                "{:?}, {:?}: {} frames of a flight after {} at its start; medians of {SMOOTH} successive times",
+                args.technique, args.preset, args.counts.frames, args.counts.warmup
+            ));
+        }
+        let free = fly(&mut bench, &settings, &args.counts, None, &progress);
+        let most = free.smooth().fold(0.0, f64::max);
+        let row = |section: &str, label: &str, unit, figure| Row::new(section.to_owned(), label, &[("", unit, figure)]);
+        let mut rows = vec![
+            row("without a budget", "median time", Unit::Ms, median(&free.times)),
+            row("without a budget", "greatest time", Unit::Ms, most),
+        ];
+        for share in LIMITS {
+            let limit = share * most;
+            let flight = fly(&mut bench, &settings, &args.counts, Some(limit as f32), &progress);
+            let greatest = flight.smooth().fold(0.0, f64::max);
+            let section = format!("limit: {share} of the greatest time");
+            rows.extend([
+                row(&section, "limit", Unit::Ms, limit),
+                row(&section, "median time", Unit::Ms, median(&flight.times)),
+                row(&section, "greatest time over the limit", Unit::Ratio, greatest / limit),
+                row(&section, "frames above 1.1 times the limit", Unit::Relative, flight.share_above(1.1 * limit)),
+                row(&section, "mean step", Unit::Stored, flight.mean_step()),
+                row(&section, "changes of the step", Unit::Count, flight.changes() as f64),
+            ]);
+        }
+        table.columns.push((scene.1, rows));
+    }
+    args.output.write(NAME, &table)
+}
+
+/// GPU time, ms, and step of each frame.
+struct Flight {
+    times: Vec<f64>,
+    steps: Vec<u32>,
+}
+
+impl Flight {
+    fn smooth(&self) -> impl Iterator<Item = f64> + '_ {
+        self.times.windows(SMOOTH).map(median)
+    }
+
+    fn share_above(&self, ms: f64) -> f64 {
+        let above = self.smooth().filter(|time| *time > ms).count();
+        above as f64 / self.smooth().count().max(1) as f64
+    }
+
+    fn mean_step(&self) -> f64 {
+        self.steps.iter().map(|step| f64::from(*step)).sum::<f64>() / self.steps.len().max(1) as f64
+    }
+
+    fn changes(&self) -> usize {
+        self.steps.windows(2).filter(|pair| pair[0] != pair[1]).count()
+    }
+}
+
+fn fly(bench: &mut Bench, settings: &Restir, counts: &Counts, limit: Option<f32>, progress: &Progress) -> Flight {
+    let start = bench.place();
+    if let Some(gpu_ms) = limit {
+        bench.app().insert_resource(RestirBudget { gpu_ms });
+    }
+    let mut passes = Times::default();
+    let mut flight = Flight { times: Vec::new(), steps: Vec::new() };
+    for i in 0..counts.warmup + counts.frames {
+        let along = i.saturating_sub(counts.warmup) as f32 / counts.frames as f32;
+        let turn = Quat::from_rotation_y(TURN * (TAU * along).sin());
+        let camera = bench.app().world().resource::<View>().camera;
+        let place = Transform { rotation: turn * start.rotation, ..start };
+        bench.app().world_mut().entity_mut(camera).insert(place);
+        frame(bench.app());
+        progress.step();
+        passes.clear();
+        passes.sample(bench.app().world(), settings);
+        let names = pass_names(settings, bench.report().features);
+        let time: f64 = names.iter().flat_map(|name| passes.of(name)).sum();
+        if i >= counts.warmup && time > 0.0 {
+            flight.times.push(time);
+            flight.steps.push(bench.report().budget_step);
+        }
+    }
+    bench.app().world_mut().remove_resource::<RestirBudget>();
+    let camera = bench.app().world().resource::<View>().camera;
+    bench.app().world_mut().entity_mut(camera).insert(start);
+    flight
+}

@@ -1,0 +1,254 @@
+//! Chooses how far the settings of cameras are reduced, so that the GPU time of lighting stays within [`RestirBudget`].
+
+use bevy::{
+    diagnostic::{Diagnostic, DiagnosticsStore},
+    ecs::prelude::*,
+    log::warn_once,
+    platform::time::Instant,
+};
+
+use crate::{
+    frame::SPAN_PREFIX,
+    report::RestirStatistics,
+    settings::{BudgetStep, Restir, RestirBudget},
+};
+
+/// Measurements after a change of the step that may still be those of the step before.
+const DELAY: u32 = 6;
+/// Measurements that a decision needs.  Their median counts.
+const WINDOW: usize = 7;
+/// Share of the limit below which the predicted time of a better step must lie.  The rest keeps the step from going up and down in turn.
+const UP: f32 = 0.92;
+/// Share of the limit that a worse step is chosen for.
+const DOWN: f32 = 0.97;
+/// Time of a step over that of the step before, where it is not known yet.
+const TYPICAL_RATIO: f32 = 0.85;
+/// Frames without a GPU time before a warning.
+const PATIENCE: u32 = 120;
+
+/// Finds the step from the times of frames.
+#[derive(Debug, Default)]
+pub(crate) struct Controller {
+    step: u32,
+    /// Measurements to leave out.
+    ignored: u32,
+    times: Vec<f32>,
+    /// Time of each step, ms, as the scene is now: measured, and scaled by how the times of other steps have changed since; 0 if unknown.
+    known: Vec<f32>,
+}
+
+impl Controller {
+    /// Takes the GPU time of a frame, ms.  `limit`: ms; `last`: the step that reduces most.
+    fn observe(&mut self, time: f32, limit: f32, last: u32) {
+        if self.ignored > 0 {
+            self.ignored -= 1;
+            return;
+        }
+        self.times.push(time);
+        if self.times.len() < WINDOW {
+            return;
+        }
+        self.times.sort_by(f32::total_cmp);
+        let median = self.times[WINDOW / 2];
+        self.times.clear();
+        self.learn(median, last);
+        let chosen = self.choose(limit, last);
+        if chosen != self.step {
+            self.go_to(chosen);
+        }
+    }
+
+    /// Forgets measurements of which some may belong to other settings.
+    fn interrupt(&mut self) {
+        self.times.clear();
+        self.ignored = DELAY;
+    }
+
+    fn go_to(&mut self, step: u32) {
+        self.step = step;
+        self.interrupt();
+    }
+
+    /// Takes the time of the step as it is now.
+    fn learn(&mut self, time: f32, last: u32) {
+        self.known.resize(last as usize + 1, 0.0);
+        let known = self.known[self.step as usize];
+        if known > 0.0 {
+            self.known.iter_mut().for_each(|other| *other *= time / known);
+        }
+        self.known[self.step as usize] = time;
+    }
+
+    /// Predicted time of a step, ms.
+    fn predicted(&self, step: u32) -> f32 {
+        let known = self.known[step as usize];
+        if known > 0.0 {
+            return known;
+        }
+        self.known[self.step as usize] * TYPICAL_RATIO.powi(step as i32 - self.step as i32)
+    }
+
+    /// The least reduced step that fits.
+    fn choose(&self, limit: f32, last: u32) -> u32 {
+        if self.known[self.step as usize] > limit {
+            return (self.step + 1..=last).find(|step| self.predicted(*step) <= DOWN * limit).unwrap_or(last);
+        }
+        (0..self.step).find(|step| self.predicted(*step) <= UP * limit).unwrap_or(self.step)
+    }
+}
+
+/// Reads the times of the last frame whose times have arrived, and chooses the step.
+pub(crate) fn keep_budget(
+    budget: Option<Res<RestirBudget>>,
+    cameras: Query<&Restir>,
+    diagnostics: Option<Res<DiagnosticsStore>>,
+    statistics: Res<RestirStatistics>,
+    mut step: ResMut<BudgetStep>,
+    mut controller: Local<Controller>,
+    mut settings: Local<Vec<Restir>>,
+    mut newest: Local<Option<Instant>>,
+    mut frames_without_time: Local<u32>,
+) {
+    let limit = budget.map_or(0.0, |budget| budget.gpu_ms);
+    if limit <= 0.0 || limit.is_nan() {
+        *controller = Controller::default();
+        statistics.set_budget_step(0);
+        step.set_if_neq(BudgetStep(0));
+        return;
+    }
+    let now: Vec<Restir> = cameras.iter().map(|camera| Restir { reset: false, ..camera.clone() }.valid()).collect();
+    let last = now.iter().map(Restir::reducible_steps).max().unwrap_or(0);
+    if *settings != now {
+        // Times of other settings say nothing about these.
+        controller.known.clear();
+        controller.step = controller.step.min(last);
+        controller.interrupt();
+        *settings = now;
+    }
+    match diagnostics.and_then(|store| frame_time(&store, SPAN_PREFIX)) {
+        Some((time, ms)) if *newest != Some(time) => {
+            *newest = Some(time);
+            *frames_without_time = 0;
+            // While pipelines compile, cameras keep the settings of earlier frames.
+            match statistics.report().ready {
+                true => controller.observe(ms, limit, last),
+                false => controller.interrupt(),
+            }
+        }
+        _ => *frames_without_time += 1,
+    }
+    if *frames_without_time > PATIENCE && newest.is_none() && !settings.is_empty() {
+        warn_once!(
+            "restir: RestirBudget has no effect, because no GPU times arrive: it needs RenderDiagnosticsPlugin and a device with timestamps"
+        );
+    }
+    statistics.set_budget_step(controller.step);
+    step.set_if_neq(BudgetStep(controller.step));
+}
+
+/// When the newest GPU times of our passes arrived, and their sum in ms, over all cameras.
+fn frame_time(store: &DiagnosticsStore, prefix: &str) -> Option<(Instant, f32)> {
+    let prefix = format!("render/{prefix}");
+    let ours = |diagnostic: &&Diagnostic| {
+        let path = diagnostic.path().as_str();
+        path.starts_with(&prefix) && path.ends_with("/elapsed_gpu")
+    };
+    let newest = store.iter().filter(ours).filter_map(|d| Some(d.measurement()?.time)).max()?;
+    let of_frame = store.iter().filter(ours).flat_map(|diagnostic| {
+        // A pass has one measurement for each camera.
+        diagnostic.measurements().filter(|measurement| measurement.time == newest).map(|measurement| measurement.value)
+    });
+    Some((newest, of_frame.sum::<f64>() as f32))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LAST: u32 = 5;
+    /// Times arrive this many frames after their frame.
+    const LATE: usize = 3;
+
+    /// Runs a flight through a scene: `cost` is the time of a frame at step 0, and `ratios` are the times of all steps over it.  Returns the
+    /// step and the time of each frame.
+    fn fly(frames: usize, limit: f32, ratios: &[f32], cost: impl Fn(usize) -> f32) -> Vec<(u32, f32)> {
+        let mut controller = Controller::default();
+        let mut all: Vec<(u32, f32)> = Vec::new();
+        for frame in 0..frames {
+            // Uneven times, of which some are far off.
+            let noise = 1.0 + 0.02 * ((frame * 37 % 11) as f32 / 5.0 - 1.0) + if frame % 23 == 7 { 0.6 } else { 0.0 };
+            all.push((controller.step, cost(frame) * ratios[controller.step as usize]));
+            if let Some(late) = frame.checked_sub(LATE) {
+                controller.observe(all[late].1 * noise, limit, LAST);
+            }
+        }
+        all
+    }
+
+    const RATIOS: [f32; LAST as usize + 1] = [1.0, 0.86, 0.72, 0.58, 0.5, 0.45];
+
+    /// How often the step changes.
+    fn changes(frames: &[(u32, f32)]) -> usize {
+        frames.windows(2).filter(|pair| pair[0].0 != pair[1].0).count()
+    }
+
+    #[test]
+    fn a_constant_scene_gets_the_best_step_that_fits_and_keeps_it() {
+        for (cost, limit) in [(10.0, 12.0), (10.0, 9.0), (10.0, 7.5), (10.0, 5.2), (20.0, 9.3)] {
+            let frames = fly(400, limit, &RATIOS, |_| cost);
+            let (step, time) = frames[399];
+            assert!(time <= 1.02 * limit, "{time} ms for {limit}");
+            let best = RATIOS.iter().position(|ratio| cost * ratio <= 0.9 * limit).unwrap_or(LAST as usize);
+            assert!(step as usize <= best, "step {step}, where {best} would fit");
+            assert_eq!(changes(&frames[100..]), 0, "{cost} ms at {limit}");
+        }
+    }
+
+    #[test]
+    fn a_flight_stays_within_its_budget_and_does_not_oscillate() {
+        // Twice as expensive in the middle, by and by.
+        let cost = |frame: usize| 10.0 * (1.0 + (frame as f32 / 600.0 * core::f32::consts::PI).sin());
+        for limit in [9.0, 10.5, 13.0, 16.0] {
+            let frames = fly(600, limit, &RATIOS, cost);
+            let over = frames.iter().skip(30).filter(|(_, time)| *time > 1.1 * limit).count();
+            let fits = frames.iter().skip(30).enumerate().filter(|(i, _)| cost(i + 30) * RATIOS[5] <= limit).count();
+            let bound = frames.len() - 30 - fits;
+            assert!(over <= bound + 12, "{over} of {} frames take too long at {limit} ms", frames.len());
+            assert!(changes(&frames) <= 12, "{} changes at {limit} ms", changes(&frames));
+            let steady = fly(200, limit, &RATIOS, |_| cost(599))[199].0;
+            assert!(frames[599].0 <= steady + 1, "step {} at the end, and {steady} without a flight", frames[599].0);
+        }
+    }
+
+    #[test]
+    fn a_cut_to_a_heavy_scene_is_followed_at_once() {
+        let frames = fly(200, 10.0, &RATIOS, |frame| if frame < 100 { 8.0 } else { 16.0 });
+        let late = frames.iter().skip(100).filter(|(_, time)| *time > 11.0).count();
+        assert!(late <= 2 * (WINDOW + DELAY as usize + LATE), "{late} frames take too long after the cut");
+        assert!(frames[199].1 <= 10.2);
+    }
+
+    #[test]
+    fn only_times_that_arrived_together_are_added() {
+        use bevy::diagnostic::{DiagnosticMeasurement, DiagnosticPath};
+        let mut store = DiagnosticsStore::default();
+        let earlier = Instant::now();
+        let later = earlier + core::time::Duration::from_millis(5);
+        for (path, times) in [
+            ("render/restir/a/elapsed_gpu", vec![(earlier, 1.0), (later, 2.0), (later, 3.0)]),
+            ("render/restir/b/elapsed_gpu", vec![(later, 4.0)]),
+            ("render/restir/c/elapsed_gpu", vec![(earlier, 8.0)]),
+            ("render/restir/a/elapsed_cpu", vec![(later, 16.0)]),
+            ("render/other/elapsed_gpu", vec![(later, 32.0)]),
+        ] {
+            let path = DiagnosticPath::new(path);
+            let mut diagnostic = Diagnostic::new(path);
+            for (time, value) in times {
+                diagnostic.add_measurement(DiagnosticMeasurement { time, value });
+            }
+            store.add(diagnostic);
+        }
+        assert_eq!(frame_time(&store, "restir/"), Some((later, 9.0)));
+        assert_eq!(frame_time(&DiagnosticsStore::default(), "restir/"), None);
+    }
+}

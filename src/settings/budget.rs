@@ -1,0 +1,136 @@
+//! [`RestirBudget`], and the settings that a frame may use instead of those of the camera to take less time.
+
+use bevy::{
+    ecs::{reflect::ReflectResource, resource::Resource},
+    reflect::Reflect,
+};
+
+use super::{Restir, Reuse, Technique};
+
+/// Keeps the GPU time of lighting below a limit: where a camera's [`Restir`] would take longer, it takes fewer samples ([`Restir::reduced`]),
+/// and as many as fit again when the scene gets cheaper.  Noise grows; means stay, and histories go on.
+///
+/// The limit is kept on average over some frames, and as far as fewer samples can keep it: bounces, technique and resolution are yours to
+/// choose.  [`RestirReport::budget_step`](crate::RestirReport::budget_step) says how far the settings are reduced.
+///
+/// Needs Bevy's `RenderDiagnosticsPlugin` and a device that measures GPU times (Vulkan or DirectX 12).  Without them there is one warning,
+/// and cameras use their settings as they are.
+///
+/// ```
+/// # use bevy::prelude::*;
+/// # use bevy_restir::prelude::*;
+/// # fn build(app: &mut App) {
+/// app.insert_resource(RestirBudget { gpu_ms: 8.0 });
+/// # }
+/// ```
+#[derive(Resource, Clone, Copy, Debug, PartialEq, Reflect)]
+#[reflect(Resource)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct RestirBudget {
+    /// GPU time of all lighting passes of all cameras in a frame, ms.  Without effect unless it is above 0.
+    pub gpu_ms: f32,
+}
+
+/// The step that cameras use now: the argument of [`Restir::reduced`].
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct BudgetStep(pub u32);
+
+impl Restir {
+    /// These settings with fewer samples, as [`RestirBudget`] uses them: at step 0 as they are, and one measure less at each step.  Neighbors
+    /// go first, in paths before direct light, because they cost most; then candidates for direct light are halved.  Steps after the last one
+    /// change nothing.  Fields out of their range are brought into it, except at step 0.
+    #[must_use]
+    pub fn reduced(&self, step: u32) -> Self {
+        if step == 0 {
+            return self.clone();
+        }
+        let mut settings = self.clone().valid();
+        for _ in 0..step {
+            if !settings.reduce() {
+                break;
+            }
+        }
+        settings
+    }
+
+    /// These settings with every field in its range.
+    pub(crate) fn valid(mut self) -> Self {
+        self.clamp(&mut |_| {});
+        self
+    }
+
+    /// Number of steps after which nothing can be reduced.
+    pub(crate) fn reducible_steps(&self) -> u32 {
+        let mut settings = self.clone().valid();
+        let mut steps = 0;
+        while settings.reduce() {
+            steps += 1;
+        }
+        steps
+    }
+
+    /// Takes one measure; false where none is left.
+    fn reduce(&mut self) -> bool {
+        const LEAST_CANDIDATES: u32 = 4;
+        let (direct, paths) = match self.technique {
+            Technique::Reference => return false,
+            Technique::Di => (true, false),
+            Technique::Gi => (true, true),
+            Technique::Pt => (self.paths.separate_direct_light, true),
+            Technique::Bdpt => (false, true),
+        };
+        if paths && take_neighbor(&mut self.paths.reuse) || direct && take_neighbor(&mut self.direct.reuse) {
+            return true;
+        }
+        let candidates = &mut self.direct.candidates;
+        let halves = direct && *candidates > LEAST_CANDIDATES;
+        if halves {
+            *candidates = (*candidates / 2).max(LEAST_CANDIDATES);
+        }
+        halves
+    }
+}
+
+/// One iteration, or else one neighbor, less.
+fn take_neighbor(reuse: &mut Reuse) -> bool {
+    if reuse.spatial_iterations > 1 && reuse.spatial_samples > 0 {
+        reuse.spatial_iterations -= 1;
+        return true;
+    }
+    if reuse.spatial_samples.max(reuse.disocclusion_samples) == 0 {
+        return false;
+    }
+    // Disocclusions are a small part of a picture; they lose their neighbors last.
+    if reuse.spatial_samples > 0 {
+        reuse.spatial_samples -= 1;
+    } else {
+        reuse.disocclusion_samples = 0;
+    }
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::settings::Preset;
+
+    #[test]
+    fn each_step_changes_numbers_of_samples_only() {
+        for technique in [Technique::Reference, Technique::Di, Technique::Gi, Technique::Pt, Technique::Bdpt] {
+            for preset in [Preset::Performance, Preset::Balanced, Preset::Quality, Preset::Unbiased] {
+                let settings = Restir { technique, ..Restir::preset(preset) };
+                let steps = settings.reducible_steps();
+                assert_eq!(steps == 0, technique == Technique::Reference);
+                for step in 0..steps {
+                    assert!(settings.reduced(step) != settings.reduced(step + 1), "{technique:?}, step {step}");
+                }
+                assert_eq!(settings.reduced(steps), settings.reduced(steps + 1));
+                assert_eq!(settings.reduced(steps).of_history(), settings.of_history());
+                assert!(settings.reduced(steps).validate().is_empty());
+                let mut wild = settings.clone();
+                (wild.paths.reuse.spatial_iterations, wild.direct.candidates) = (u32::MAX, u32::MAX);
+                assert_eq!(wild.reduced(u32::MAX).of_history(), wild.reduced(1).of_history());
+            }
+        }
+    }
+}
