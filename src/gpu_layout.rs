@@ -24,6 +24,8 @@ pub const INSTANCE_SUBSURFACE: u32 = 8;
 pub const INSTANCE_APPEARED: u32 = 16;
 /// Only the last frame had the instance.
 pub const INSTANCE_GONE: u32 = 32;
+/// Skinned or morphed: the buffers hold its triangles a second time, as they were in the last frame.
+pub const INSTANCE_DEFORMED: u32 = 64;
 pub const INSTANCE_SUBSURFACE_SHIFT: u32 = 8;
 
 pub const MATERIAL_DOUBLE_SIDED: u32 = 1;
@@ -140,6 +142,32 @@ pub struct GpuInstance {
     pub flags: u32,
     pub layers: u32,
     pub entity: u32,
+}
+
+pub const BODY_APPEARED: u32 = 1;
+pub const BODY_FLAT: u32 = 2;
+
+/// A skinned or morphed instance (`shaders/deformation/types.wgsl`).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct GpuBody {
+    pub rest_triangle: u32,
+    pub triangle: u32,
+    pub triangle_count: u32,
+    pub rest_node: u32,
+    pub node: u32,
+    pub first_box: u32,
+    pub corners: u32,
+    pub vertex_count: u32,
+    pub influences: u32,
+    pub targets: u32,
+    pub levels: u32,
+    pub level_count: u32,
+    pub joints: u32,
+    pub joint_count: u32,
+    pub weights: u32,
+    pub weight_count: u32,
+    pub flags: u32,
 }
 
 #[repr(C)]

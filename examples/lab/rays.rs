@@ -302,7 +302,8 @@ fn hardware_builds(
     let placed = |scene: &Scene, rows: &[Rows]| -> Vec<Placed> {
         let one = |(slot, rows): (usize, &Rows)| Placed {
             slot: slot as u32,
-            mesh: 1,
+            version: 1,
+            rebuild: false,
             triangles: 0..scene.scene.triangles.len() as u32,
             world_from_object: *rows,
             opaque: true,

@@ -36,6 +36,8 @@ const INSTANCE_SUBSURFACE_SHIFT: u32 = 8u;
 const INSTANCE_APPEARED: u32 = 16u;
 // Only the last frame had the instance.
 const INSTANCE_GONE: u32 = 32u;
+// Skinned or morphed: behind its triangles follow the same number of triangles as they were in the last frame.
+const INSTANCE_DEFORMED: u32 = 64u;
 
 // Flags of a material.
 const MATERIAL_DOUBLE_SIDED: u32 = 1u;

@@ -4,15 +4,15 @@
 #define_import_path bevy_restir::scene::offset
 
 #import bevy_restir::scene::bindings::{instances, triangles}
-#import bevy_restir::scene::triangle::instance_transform
-#import bevy_restir::scene::triangle::triangle_normal
+#import bevy_restir::scene::triangle::{instance_transform, stored_triangle, triangle_normal}
 
 // Half an ulp of 1, times a factor for errors that the bound neglects.
 const ROUNDING: f32 = 0x1p-24 * 2.0;
 
 // A point in world space.  `offset_distance` bounds the error of this order of operations.
 fn surface_point(instance: u32, triangle: u32, barycentrics: vec2<f32>, previous: bool) -> vec3<f32> {
-    return vec4<f32>(object_point(triangle, barycentrics), 1.0) * instance_transform(instance, previous);
+    let stored = stored_triangle(instance, triangle, previous);
+    return vec4<f32>(object_point(stored, barycentrics), 1.0) * instance_transform(instance, previous);
 }
 
 // Bound on the distance, along the geometric normal, between `surface_point` and the plane of the triangle as a ray that starts there

@@ -12,7 +12,7 @@
 #import bevy_restir::scene::material::material_at
 #import bevy_restir::scene::offset::{offset_distance, surface_point}
 #import bevy_restir::scene::subsurface::subsurface_at
-#import bevy_restir::scene::triangle::{instance_transform, safe_normalize, transform_normal, transform_vector, world_triangle}
+#import bevy_restir::scene::triangle::{instance_transform, safe_normalize, stored_triangle, transform_normal, transform_vector, world_triangle}
 
 struct Surface {
     position: vec3<f32>,
@@ -30,9 +30,9 @@ struct Surface {
 }
 
 // Tangent space by MikkTSpace: the tangent is interpolated, and the bitangent is cross(n, t) without orthogonalization.  `n` is the
-// interpolated normal.
-fn tangent_frame(m: mat3x4<f32>, mirrored: bool, triangle: u32, barycentrics: vec2<f32>, n: vec3<f32>) -> LobeFrame {
-    let a = attributes[triangle];
+// interpolated normal, and `stored` the place of the triangle (`stored_triangle`).
+fn tangent_frame(m: mat3x4<f32>, mirrored: bool, stored: u32, barycentrics: vec2<f32>, n: vec3<f32>) -> LobeFrame {
+    let a = attributes[stored];
     let t_object = (1.0 - barycentrics.x - barycentrics.y) * octahedral_decode(a.tangent_a)
         + barycentrics.x * octahedral_decode(a.tangent_b)
         + barycentrics.y * octahedral_decode(a.tangent_c);
@@ -42,15 +42,15 @@ fn tangent_frame(m: mat3x4<f32>, mirrored: bool, triangle: u32, barycentrics: ve
 }
 
 #ifdef NORMAL_MAPS
-fn mapped_normal(mapped: vec3<f32>, m: mat3x4<f32>, mirrored: bool, triangle: u32, barycentrics: vec2<f32>, n: vec3<f32>) -> vec3<f32> {
+fn mapped_normal(mapped: vec3<f32>, m: mat3x4<f32>, mirrored: bool, stored: u32, barycentrics: vec2<f32>, n: vec3<f32>) -> vec3<f32> {
     if all(mapped == vec3<f32>(0.0, 0.0, 1.0)) {
         return n;
     }
-    let frame = tangent_frame(m, mirrored, triangle, barycentrics, n);
+    let frame = tangent_frame(m, mirrored, stored, barycentrics, n);
     return safe_normalize(mapped.x * frame.tangent + mapped.y * frame.bitangent + mapped.z * n);
 }
 #else
-fn mapped_normal(mapped: vec3<f32>, m: mat3x4<f32>, mirrored: bool, triangle: u32, barycentrics: vec2<f32>, n: vec3<f32>) -> vec3<f32> {
+fn mapped_normal(mapped: vec3<f32>, m: mat3x4<f32>, mirrored: bool, stored: u32, barycentrics: vec2<f32>, n: vec3<f32>) -> vec3<f32> {
     return n;
 }
 #endif
@@ -69,9 +69,9 @@ fn mapped_coat_normal(mapped: vec3<f32>, frame: LobeFrame) -> vec3<f32> {
 }
 #endif
 
-// Interpolated vertex normal, flipped to the side of the geometric normal.
-fn interpolated_normal(triangle: u32, barycentrics: vec2<f32>, m: mat3x4<f32>, mirrored: bool, n_geo: vec3<f32>) -> vec3<f32> {
-    let a = attributes[triangle];
+// Interpolated vertex normal, flipped to the side of the geometric normal.  `stored`: the place of the triangle (`stored_triangle`).
+fn interpolated_normal(stored: u32, barycentrics: vec2<f32>, m: mat3x4<f32>, mirrored: bool, n_geo: vec3<f32>) -> vec3<f32> {
+    let a = attributes[stored];
     let n_object = (1.0 - barycentrics.x - barycentrics.y) * octahedral_decode(a.normals.x)
         + barycentrics.x * octahedral_decode(a.normals.y)
         + barycentrics.y * octahedral_decode(a.normals.z);
@@ -91,7 +91,8 @@ struct Shape {
 fn shape_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, viewer: vec3<f32>, previous: bool) -> Shape {
     let t = world_triangle(instance, triangle, previous);
     let mirrored = (instances[instance].flags & INSTANCE_MIRRORED) != 0u;
-    let n = interpolated_normal(triangle, barycentrics, instance_transform(instance, previous), mirrored, t.normal);
+    let stored = stored_triangle(instance, triangle, previous);
+    let n = interpolated_normal(stored, barycentrics, instance_transform(instance, previous), mirrored, t.normal);
     let side = select(-1.0, 1.0, dot(viewer - t.corner, t.normal) > 0.0);
     return Shape(surface_point(instance, triangle, barycentrics, previous), n * side, t.normal * side, instances[instance].material);
 }
@@ -105,8 +106,9 @@ fn surface_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, wo: vec3<f3
     let flags = materials[material].flags;
     let point = material_at(instance, triangle, barycentrics, t, wo, cone);
 
-    let smooth_n = interpolated_normal(triangle, barycentrics, m, mirrored, t.normal);
-    let n = mapped_normal(point.normal, m, mirrored, triangle, barycentrics, smooth_n);
+    let stored = stored_triangle(instance, triangle, previous);
+    let smooth_n = interpolated_normal(stored, barycentrics, m, mirrored, t.normal);
+    let n = mapped_normal(point.normal, m, mirrored, stored, barycentrics, smooth_n);
 
     // Normals are flipped to wo's side.
     let front = dot(wo, t.normal) > 0.0;
@@ -136,7 +138,7 @@ fn surface_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, wo: vec3<f3
     s.bsdf.transmission = point.specular_transmission;
     s.bsdf.eta = select(1.0 / ior, ior, front);
     s.bsdf.compensation = multiple_scattering(alpha, dot(wo, s.bsdf.n));
-    var frame = tangent_frame(m, mirrored, triangle, barycentrics, smooth_n);
+    var frame = tangent_frame(m, mirrored, stored, barycentrics, smooth_n);
     frame.coat_normal = side * mapped_coat_normal(point.coat_normal, frame);
     s.bsdf = with_lobes(s.bsdf, point, frame, wo);
     let below = subsurface_at(instance, point.base_color, front, cone.width, s.offset);

@@ -1,7 +1,7 @@
-// Triangles in world space, and transforms of points, vectors and normals.
+// Triangles in world space, now and in the last frame, and transforms of points, vectors and normals.
 #define_import_path bevy_restir::scene::triangle
 
-#import bevy_restir::common::constants::{INSTANCE_APPEARED, INSTANCE_GONE, INSTANCE_MIRRORED}
+#import bevy_restir::common::constants::{INSTANCE_APPEARED, INSTANCE_DEFORMED, INSTANCE_GONE, INSTANCE_MIRRORED}
 #import bevy_restir::scene::bindings::{instances, triangles}
 
 struct WorldTriangle {
@@ -52,9 +52,22 @@ fn instance_transform(instance: u32, previous: bool) -> mat3x4<f32> {
     return instances[instance].world_from_object;
 }
 
+// Where the corners of a triangle are stored, now or (`previous`) in the last frame.  A mesh that bends has its triangles twice: those of the
+// last frame lie behind those of this one.
+#ifdef DEFORMATION
+fn stored_triangle(instance: u32, triangle: u32, previous: bool) -> u32 {
+    let is_second = previous && (instances[instance].flags & INSTANCE_DEFORMED) != 0u;
+    return triangle + select(0u, instances[instance].triangle_count, is_second);
+}
+#else
+fn stored_triangle(instance: u32, triangle: u32, previous: bool) -> u32 {
+    return triangle;
+}
+#endif
+
 // The front face of a mirrored instance is the image of the front face in object space, although its winding is reversed.
 fn world_triangle(instance: u32, triangle: u32, previous: bool) -> WorldTriangle {
-    let t = triangles[triangle];
+    let t = triangles[stored_triangle(instance, triangle, previous)];
     let m = instance_transform(instance, previous);
     let edge_b = transform_vector(m, t.b - t.a);
     let edge_c = transform_vector(m, t.c - t.a);

@@ -14,7 +14,7 @@
 #import bevy_restir::scene::lobes::isotropic
 #import bevy_restir::scene::offset::{offset_distance, surface_point}
 #import bevy_restir::scene::surface::{interpolated_normal, Surface}
-#import bevy_restir::scene::triangle::{instance_transform, world_triangle}
+#import bevy_restir::scene::triangle::{instance_transform, stored_triangle, world_triangle}
 #import bevy_restir::subsurface::probe::{draw_probe, probe_frame, probe_pdf, probe_ray, reach_of}
 #import bevy_restir::subsurface::profile::profile
 #import bevy_restir::trace::probe_hits::{probe_distance, probe_triangle}
@@ -89,7 +89,8 @@ fn entry_surface(exit: Surface, hit: Hit, previous: bool) -> Surface {
     s.attenuation = exit.attenuation;
     s.light = NONE;
     s.instance = hit.instance;
-    s.bsdf.n = interpolated_normal(hit.triangle, hit.barycentrics, transform, mirrored, t.normal);
+    let stored = stored_triangle(hit.instance, hit.triangle, previous);
+    s.bsdf.n = interpolated_normal(stored, hit.barycentrics, transform, mirrored, t.normal);
     s.bsdf.n_geo = t.normal;
     s.smooth_n = s.bsdf.n;
     // The value of the lobe is (1 - F)/c · |cos|/π: all other factors belong to the weight.

@@ -9,6 +9,7 @@ enable wgpu_ray_query;
 #import bevy_restir::common::math::is_finite_3
 #import bevy_restir::common::ray::{Hit, Ray, trace_flags}
 #import bevy_restir::scene::bindings::{instances, scene}
+#import bevy_restir::scene::triangle::stored_triangle
 #import bevy_restir::trace::alpha::accepts_hit
 #ifdef SUBSURFACE
 #import bevy_restir::trace::probe_hits::{failed_probe, has_too_many, no_probe_hits, ProbeHits, with_probe_hit}
@@ -92,10 +93,11 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
         }
         let triangle = instances[instance].first_triangle + min(committed.primitive_index, instances[instance].triangle_count - 1u);
         let inside = object_ray(ray, instance, previous);
-        var found = intersect_triangle(sheared_ray(inside.origin, inside.direction), triangle);
+        let stored = stored_triangle(instance, triangle, previous);
+        var found = intersect_triangle(sheared_ray(inside.origin, inside.direction), stored);
         if !found.inside {
             // Rounding at an edge: the two intersection tests disagree.
-            found.t = plane_distance(inside.origin, inside.direction, triangle);
+            found.t = plane_distance(inside.origin, inside.direction, stored);
             found.barycentrics = committed.barycentrics;
         }
         if found.t > ray.t_min && found.t < ray.t_max {
@@ -147,7 +149,7 @@ fn traverse_instance(ray: Ray, instance: u32, alpha_seed: u32, previous: bool) -
             continue;
         }
         let triangle = instances[instance].first_triangle + min(candidate.primitive_index, instances[instance].triangle_count - 1u);
-        let hit = intersect_triangle(line, triangle);
+        let hit = intersect_triangle(line, stored_triangle(instance, triangle, previous));
         if hit.inside && hit.t > ray.t_min && hit.t < ray.t_max && accepts_hit(instance, triangle, hit.barycentrics, alpha_seed) {
             hits = with_probe_hit(hits, hit.t, triangle);
         }

@@ -5,6 +5,7 @@
 #import bevy_restir::common::constants::{NONE, OVERFLOW_STACK, OVERFLOW_STEPS}
 #import bevy_restir::common::ray::{Hit, Ray, trace_flags}
 #import bevy_restir::scene::bindings::{instances, nodes, scene}
+#import bevy_restir::scene::triangle::stored_triangle
 #import bevy_restir::trace::alpha::accepts_hit
 #ifdef SUBSURFACE
 #import bevy_restir::trace::probe_hits::{failed_probe, has_too_many, no_probe_hits, ProbeHits, with_probe_hit}
@@ -69,7 +70,7 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
                 let bit = firstLeadingBit(primitives.y);
                 primitives.y &= ~(1u << bit);
                 let triangle = primitives.x + bit;
-                let found = intersect_triangle(tree.line, triangle);
+                let found = intersect_triangle(tree.line, stored_triangle(instance, triangle, previous));
                 if found.inside && found.t > ray.t_min && found.t < hit.t
                     && accepts_hit(instance, triangle, found.barycentrics, alpha_seed) {
                     hit = Hit(found.t, instance, triangle, found.barycentrics);
@@ -167,7 +168,7 @@ fn traverse_instance(ray: Ray, instance: u32, alpha_seed: u32, previous: bool) -
         children = found.children;
         for (var bits = found.primitives.y; bits != 0u; bits &= bits - 1u) {
             let triangle = found.primitives.x + firstTrailingBit(bits);
-            let hit = intersect_triangle(tree.line, triangle);
+            let hit = intersect_triangle(tree.line, stored_triangle(instance, triangle, previous));
             if hit.inside && hit.t > ray.t_min && hit.t < ray.t_max && accepts_hit(instance, triangle, hit.barycentrics, alpha_seed) {
                 hits = with_probe_hit(hits, hit.t, triangle);
                 if has_too_many(hits) {

@@ -11,6 +11,7 @@
 #import bevy_restir::trace::software::traverse
 #endif
 #ifdef SUBSURFACE
+#import bevy_restir::scene::triangle::stored_triangle
 #import bevy_restir::trace::probe_hits::ProbeHits
 #import bevy_restir::trace::space::object_ray
 #import bevy_restir::trace::triangle::{intersect_triangle, sheared_ray}
@@ -57,6 +58,7 @@ fn trace_probe(ray: Ray, instance: u32, alpha_seed: u32, previous: bool) -> Prob
 // A hit of a probe with its barycentrics, which `ProbeHits` does not hold.
 fn probe_hit(ray: Ray, instance: u32, triangle: u32, t: f32, previous: bool) -> Hit {
     let inside = object_ray(ray, instance, previous);
-    return Hit(t, instance, triangle, intersect_triangle(sheared_ray(inside.origin, inside.direction), triangle).barycentrics);
+    let stored = stored_triangle(instance, triangle, previous);
+    return Hit(t, instance, triangle, intersect_triangle(sheared_ray(inside.origin, inside.direction), stored).barycentrics);
 }
 #endif

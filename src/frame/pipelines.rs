@@ -23,7 +23,6 @@ use crate::{
     },
     shader_library::ShaderLibrary,
     technique::{
-        domain::Domain,
         frame::PipelineKey,
         pass::{ComputePass, Pass},
     },
@@ -116,7 +115,7 @@ pub fn plant_shader_edits(app: &mut App, edits: &[crate::shader_library::ShaderE
 /// way that the passes do not write.
 #[cfg(feature = "testing")]
 pub fn replace_pass_shader(app: &mut App, pass_name: &'static str, wgsl: &str) {
-    let mut passes = crate::technique::all_domains().flat_map(Domain::passes);
+    let mut passes = crate::technique::all_domains().flat_map(crate::technique::domain::Domain::passes);
     let rooms = passes.find(|pass| pass.name == pass_name).map_or(&[][..], |pass| pass.technique_rooms);
     let text = crate::shader_library::instantiate(wgsl, rooms);
     let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();

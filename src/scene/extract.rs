@@ -5,12 +5,16 @@
 use bevy::{
     asset::{AssetEvent, AssetId, Assets},
     camera::visibility::{InheritedVisibility, RenderLayers},
-    ecs::prelude::*,
+    ecs::{prelude::*, system::SystemParam},
     image::Image,
     light::{DirectionalLight, NotShadowCaster, PointLight, RectLight, SpotLight, SunDisk},
     log::warn_once,
     math::{Affine3A, Mat3, Quat, Vec2, Vec3},
-    mesh::{Mesh, Mesh3d, morph::MeshMorphWeights, skinning::SkinnedMesh},
+    mesh::{
+        Mesh, Mesh3d,
+        morph::{MeshMorphWeights, MorphWeights},
+        skinning::{SkinnedMesh, SkinnedMeshInverseBindposes},
+    },
     pbr::{MeshMaterial3d, StandardMaterial},
     platform::collections::{HashMap, HashSet},
     render::{Extract, sync_world::MainEntity},
@@ -20,6 +24,7 @@ use core::f32::consts::PI;
 
 use crate::scene::{
     geometry::render_layers::{ALL_CAMERAS, LayerSets},
+    geometry::rig::Pose,
     geometry::visibility_range::VisibilityRanges,
 };
 use crate::settings::{EmissiveLuminance, Restir, Subsurface};
@@ -35,8 +40,8 @@ pub(crate) struct ExtractedInstance {
     pub camera_mask: u32,
     /// Rays other than the camera's can hit it.
     pub casts_shadows: bool,
-    pub skinned: bool,
-    pub morphed: bool,
+    /// `None` if it has neither a skin nor morph targets.
+    pub pose: Option<Pose>,
     pub subsurface: Option<Subsurface>,
 }
 
@@ -178,10 +183,46 @@ type InstanceData<'a> = (
     &'a InheritedVisibility,
     Option<&'a RenderLayers>,
     Has<NotShadowCaster>,
-    Has<SkinnedMesh>,
-    Has<MeshMorphWeights>,
+    Option<&'a SkinnedMesh>,
+    Option<&'a MeshMorphWeights>,
     Option<&'a Subsurface>,
 );
+
+/// What poses depend on besides the components of an instance.
+#[derive(SystemParam)]
+pub(crate) struct PoseSources<'w, 's> {
+    inverse_bindposes: Option<Res<'w, Assets<SkinnedMeshInverseBindposes>>>,
+    joints: Query<'w, 's, &'static GlobalTransform>,
+    weights: Query<'w, 's, &'static MorphWeights>,
+}
+
+impl PoseSources<'_, '_> {
+    /// The pose of an instance; `None` if nothing bends it.
+    fn pose(&self, skin: Option<&SkinnedMesh>, morph: Option<&MeshMorphWeights>) -> Option<Pose> {
+        if skin.is_none() && morph.is_none() {
+            return None;
+        }
+        let weights = morph.map(|morph| match morph {
+            MeshMorphWeights::Value { weights } => weights.clone(),
+            MeshMorphWeights::Reference(entity) => {
+                self.weights.get(*entity).map_or(Vec::new(), |weights| weights.weights().to_vec())
+            }
+        });
+        let joints = skin.and_then(|skin| self.joints(skin)).unwrap_or_default();
+        Some(Pose::new(joints, weights.unwrap_or_default()))
+    }
+
+    /// For each joint the transform from the mesh at rest to the world; `None` while the skin is not loaded.  A joint that does not exist
+    /// counts as one without a transform.
+    fn joints(&self, skin: &SkinnedMesh) -> Option<Vec<Affine3A>> {
+        let bindposes = self.inverse_bindposes.as_ref()?.get(&skin.inverse_bindposes)?;
+        let joints = skin.joints.iter().zip(bindposes.iter()).map(|(&joint, bindpose)| {
+            let world_from_joint = self.joints.get(joint).map_or(Affine3A::IDENTITY, GlobalTransform::affine);
+            world_from_joint * Affine3A::from_mat4(*bindpose)
+        });
+        Some(joints.collect())
+    }
+}
 
 /// Extracts the mesh instances that at least one camera sees, in the order of their entities.
 pub(crate) fn extract_instances(
@@ -189,11 +230,12 @@ pub(crate) fn extract_instances(
     instances: Extract<Query<InstanceData>>,
     sets: Res<LayerSets>,
     ranges: Extract<VisibilityRanges>,
+    poses: Extract<PoseSources>,
 ) {
     let scene = &mut *scene;
     scene.instances.clear();
     scene.instances.extend(instances.iter().filter(|row| row.4.get()).filter_map(
-        |(entity, mesh, material, transform, _, layers, not_shadow_caster, skinned, morphed, subsurface)| {
+        |(entity, mesh, material, transform, _, layers, not_shadow_caster, skin, morph, subsurface)| {
             let camera_mask = sets.camera_mask(layers);
             (camera_mask != 0).then(|| ExtractedInstance {
                 entity: entity.into(),
@@ -202,8 +244,7 @@ pub(crate) fn extract_instances(
                 world_from_object: transform.affine(),
                 camera_mask,
                 casts_shadows: !not_shadow_caster,
-                skinned,
-                morphed,
+                pose: poses.pose(skin, morph),
                 subsurface: subsurface.copied(),
             })
         },

@@ -46,6 +46,7 @@ features! {
     LIGHT_RECTS = 22, "LIGHT_RECTS", "Rectangular lights.";
     SUN_DISK = 28, "SUN_DISK", "Directional lights with a disk.";
     BOUND_TEXTURES = 30, "BOUND_TEXTURES", "Textures that are bound in an array without a copy, if the device supports it.";
+    DEFORMATION = 14, "DEFORMATION", "Skinned or morphed meshes.";
     SUBSURFACE = 13, "SUBSURFACE", "Subsurface scattering, if the technique of the camera renders it.";
     LIGHT_SHAPES = 29, "LIGHT_SHAPES", "Spheres, rectangles or suns with a disk: analytic lights that rays can hit.";
 }

@@ -40,6 +40,7 @@ use bindings::SceneBindings;
 use extract::ExtractedScene;
 pub use features::SceneFeatures;
 use geometry::{
+    bodies::BodyPool,
     instances::InstancePool,
     meshes::{self, MeshPool},
     render_layers::{self, LayerSets},
@@ -61,6 +62,7 @@ pub(crate) fn build(render_app: &mut SubApp, ray_queries: bool, max_textures: Op
         .init_resource::<ExtractedScene>()
         .init_resource::<LayerSets>()
         .init_resource::<MeshPool>()
+        .init_resource::<BodyPool>()
         .init_resource::<TexturePool>()
         .init_resource::<MaterialPool>()
         .init_resource::<SubsurfacePool>()

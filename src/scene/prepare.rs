@@ -21,7 +21,7 @@ use super::{
     bindings::{PlaceholderTextures, SceneBindings},
     extract::ExtractedScene,
     features::SceneFeatures,
-    geometry::{draw_list, instances::InstancePool, meshes::MeshPool, render_layers::ALL_CAMERAS},
+    geometry::{bodies::BodyPool, draw_list, instances::InstancePool, meshes::MeshPool, render_layers::ALL_CAMERAS},
     light::lights::LightPool,
     material::{directional_albedo, materials::MaterialPool, subsurface::SubsurfacePool},
     storage::growable_buffer::GrowableBuffer,
@@ -32,6 +32,7 @@ use super::{
 #[derive(SystemParam)]
 pub(super) struct Pools<'w> {
     meshes: ResMut<'w, MeshPool>,
+    bodies: ResMut<'w, BodyPool>,
     textures: ResMut<'w, TexturePool>,
     materials: ResMut<'w, MaterialPool>,
     subsurface: ResMut<'w, SubsurfacePool>,
@@ -84,14 +85,16 @@ fn update_materials(scene: &mut ExtractedScene, pools: &mut Pools, context: &Con
 
 /// Updates the records of instances and lights, and the trees over them.
 fn update_instances_and_lights(scene: &ExtractedScene, pools: &mut Pools, context: &Context) {
-    let Context { assets, device, .. } = context;
-    let Pools { meshes, materials, subsurface, instances, lights, .. } = pools;
+    let Context { assets, pipelines, shaders, device, queue, .. } = context;
+    let Pools { meshes, bodies, materials, subsurface, instances, lights, .. } = pools;
+    bodies.update(scene, meshes, device, queue);
+    bodies.prepare_pipelines(pipelines, shaders);
     let mut max_instances = GrowableBuffer::<GpuInstance>::limit(device);
     if instances.structures.is_some() {
         max_instances = max_instances.min(ray_query::MAX_SLOTS).min(device.limits().max_tlas_instance_count);
     }
     subsurface.begin_frame(device);
-    instances.update(scene, meshes, materials, subsurface, assets, max_instances);
+    instances.update(scene, meshes, bodies, materials, subsurface, assets, max_instances);
     // The buffer also holds the table of the last frame, so each table gets half of it.
     let max_lights = GrowableBuffer::<GpuLight>::limit(device) / 2;
     lights.update(scene, instances, meshes, materials, max_lights);
@@ -99,19 +102,22 @@ fn update_instances_and_lights(scene: &ExtractedScene, pools: &mut Pools, contex
 
 /// Builds the trees over instances and lights, and uploads everything that changed.  Returns the number of bytes sent.
 fn upload(pools: &mut Pools, context: &Context) -> u64 {
-    let Context { device, queue, .. } = context;
-    let Pools { meshes, materials, subsurface, instances, lights, .. } = pools;
-    instances.build_top_level(meshes, device, queue);
+    let Context { pipelines, device, queue, .. } = context;
+    let Pools { meshes, bodies, materials, subsurface, instances, lights, .. } = pools;
+    // The device's own trees are built from posed triangles.
+    let uploaded_poses = bodies.deform(meshes, pipelines, device, queue);
+    instances.build_top_level(meshes, bodies, device, queue);
     let uploaded_shapes = lights.build_shapes(meshes, device, queue);
     let needs_second_uvs = instances.features.contains(SceneFeatures::SECOND_UVS);
     meshes.uploaded
+        + uploaded_poses
         + instances.uploaded_nodes
         + uploaded_shapes
         + materials.upload(device, queue)
         + subsurface.upload(device, queue)
         + instances.upload(device, queue)
         + lights.upload(device, queue)
-        + meshes.update_second_uvs(needs_second_uvs, device, queue)
+        + meshes.update_second_uvs(needs_second_uvs, bodies.sources(), device, queue)
 }
 
 fn uniforms(pools: &Pools) -> GpuSceneUniforms {
@@ -141,7 +147,7 @@ fn uniforms(pools: &Pools) -> GpuSceneUniforms {
 /// Creates bind groups again whose buffers or textures were replaced.
 fn update_bind_groups(bindings: &mut SceneBindings, pools: &mut Pools, context: &Context) {
     let Context { pipelines, device, queue, .. } = context;
-    let Pools { meshes, textures, materials, subsurface, instances, lights } = pools;
+    let Pools { meshes, textures, materials, subsurface, instances, lights, .. } = pools;
     // A buffer cannot be bound before it exists, so that of a scene without lights or meshes holds one unused element.
     let reserved = meshes.nodes.reserve(1, device, queue)
         && meshes.triangles.reserve(1, device, queue)
@@ -181,7 +187,7 @@ fn update_bind_groups(bindings: &mut SceneBindings, pools: &mut Pools, context: 
 
 /// Records the facts about the scene that views, frames and the report read.
 fn summarize(bindings: &mut SceneBindings, pools: &Pools) {
-    let Pools { meshes, textures, materials, subsurface, instances, lights } = pools;
+    let Pools { meshes, textures, materials, subsurface, instances, lights, .. } = pools;
     bindings.features = bindings.feature_memory.update(instances.features | lights.features);
     bindings.features.set(SceneFeatures::RAY_QUERY, instances.structures.is_some());
     bindings.motion_revision = instances.motion_revision + lights.revision;
@@ -200,12 +206,17 @@ fn summarize(bindings: &mut SceneBindings, pools: &Pools) {
 }
 
 fn memory(bindings: &SceneBindings, pools: &Pools) -> Vec<(&'static str, u64)> {
-    let Pools { meshes, textures, materials, subsurface, instances, lights } = pools;
+    let Pools { meshes, bodies, textures, materials, subsurface, instances, lights } = pools;
+    let [body_records, poses, boxes] = bodies.memory();
     let albedo_bytes = (directional_albedo::SIZE * directional_albedo::SIZE * 4) as u64;
     vec![
         meshes.nodes.memory(),
         meshes.triangles.memory(),
         meshes.attributes.memory(),
+        meshes.rigs.memory(),
+        body_records,
+        poses,
+        boxes,
         instances.gpu.memory(),
         materials.gpu.memory(),
         materials.table.memory(),

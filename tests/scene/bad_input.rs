@@ -5,7 +5,7 @@ use bevy::{
     asset::{Asset, RenderAssetUsages},
     camera::{Viewport, primitives::CubemapLayout},
     light::{DirectionalLightTexture, PointLightTexture, SpotLightTexture},
-    mesh::{Indices, PrimitiveTopology, morph::MeshMorphWeights},
+    mesh::{Indices, PrimitiveTopology},
     pbr::Lightmap,
     prelude::*,
 };
@@ -328,18 +328,6 @@ fn a_camera_at_nan_shows_a_finite_picture() {
             assert!(picture.is_finite(), "{transform:?}");
         }
     }
-}
-
-#[test]
-fn morphed_meshes_are_shown_at_rest_with_a_warning() {
-    log::listen();
-    let Some(mut scene) = scene() else { return };
-    let before = log::warnings("morphed").len();
-    let morphed = scene.rig.spawn(square(0.5), lambert(0.5), right());
-    scene.rig.insert(morphed, MeshMorphWeights::Value { weights: vec![0.5] });
-    scene.check("morphed");
-    scene.check("morphed, again");
-    assert_eq!(log::warnings("morphed").len(), before + 1);
 }
 
 #[test]

@@ -3,6 +3,7 @@
 mod bad_input;
 mod bad_values;
 mod bindless_textures;
+mod bodies;
 mod changing_meshes;
 mod edits;
 mod environment_cubemaps;

@@ -126,6 +126,35 @@ fn scene_structs_are_the_same_in_rust_and_wgsl() {
 }
 
 #[test]
+fn the_body_is_the_same_in_rust_and_wgsl() {
+    let body = module("deformation/types.wgsl");
+    agrees!(
+        body,
+        "Body",
+        GpuBody {
+            rest_triangle,
+            triangle,
+            triangle_count,
+            rest_node,
+            node,
+            first_box,
+            corners,
+            vertex_count,
+            influences,
+            targets,
+            levels,
+            level_count,
+            joints,
+            joint_count,
+            weights,
+            weight_count,
+            flags,
+        }
+    );
+    same!(body: BODY_APPEARED, BODY_FLAT);
+}
+
+#[test]
 fn view_structs_are_the_same_in_rust_and_wgsl() {
     let types = module("view/types.wgsl");
     agrees!(types, "Camera", GpuCamera { clip_from_world, world_from_view, view_from_clip });
@@ -270,6 +299,7 @@ fn constants_are_the_same_in_rust_and_wgsl() {
         INSTANCE_SUBSURFACE,
         INSTANCE_APPEARED,
         INSTANCE_GONE,
+        INSTANCE_DEFORMED,
         INSTANCE_SUBSURFACE_SHIFT,
         MATERIAL_DOUBLE_SIDED,
         MATERIAL_UNLIT,

@@ -30,6 +30,7 @@ const SHADERS: Table = &[
     ("common", &[]),
     ("bsdf", &["common"]),
     ("scene", &["bsdf"]),
+    ("deformation", &["scene"]),
     ("view", &["scene"]),
     ("trace", &["view"]),
     ("subsurface", &["trace"]),
@@ -44,7 +45,7 @@ const SHADERS: Table = &[
     ("restir/sss", &["restir"]),
     ("restir/bdpt", &["restir/pt"]),
     ("restir/splats", &["restir/bdpt"]),
-    ("pass", &["restir/gi", "restir/di", "restir/sss", "restir/splats"]),
+    ("pass", &["deformation", "restir/gi", "restir/di", "restir/sss", "restir/splats"]),
 ];
 
 fn below(table: Table, room: &str) -> &'static [&'static str] {

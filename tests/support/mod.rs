@@ -5,6 +5,7 @@ pub mod agreement;
 pub mod app;
 pub mod asset_scenes;
 pub mod bad_numbers;
+pub mod bodies;
 pub mod brute_force;
 pub mod change_of_measure;
 pub mod cli;

@@ -2,6 +2,7 @@
 
 mod area_lights;
 mod bdpt;
+mod bending;
 mod confidence;
 mod debug_views;
 mod di;

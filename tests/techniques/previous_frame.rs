@@ -1,7 +1,7 @@
 //! What shaders read of the last frame equals what they read of that frame when it was the present one: camera and jitter, transforms,
 //! surfaces, the top-level tree, and lights with their densities.  No statistics: each number is compared with itself a frame earlier.
 
-use crate::support::{app::*, proof::emission, small_scenes::*};
+use crate::support::{app::*, bodies::*, proof::emission, small_scenes::*};
 use bevy::{
     light::{RectLight, SunDisk},
     prelude::*,
@@ -13,11 +13,12 @@ use bevy_restir::{
 
 const SIZE: u32 = 64;
 
-/// The moving room before a wall that fills the view, with a light of each kind; all of them change.
+/// The moving room before a wall that fills the view, with a light of each kind, and a body that bends; all of them change.
 pub fn changing(rig: &mut Rig) {
     moving(rig);
     let wall = rig.spawn(square(30.0), lambert(0.3), Transform::default());
     rig.insert(wall, Name::new("wall"));
+    spawn_skinned(rig, "body", tube(), lambert(0.6));
     let ball = PointLight { intensity: 25.0, radius: 0.25, ..default() };
     rig.spawn_bundle((Name::new("ball"), ball, Transform::default()));
     let rect = RectLight { intensity: 20.0, width: 0.9, height: 0.5, ..default() };
@@ -33,6 +34,8 @@ pub fn changing(rig: &mut Rig) {
 pub fn pose(rig: &mut Rig, step: u32) {
     pose_moving(rig, step);
     let s = step as f32;
+    let body = rig.named("body");
+    set_joints(rig, body, &swaying(Transform::from_xyz(-0.2, -1.1, 0.9), 0.5 * s, 1.0));
     let [wall, ball, rectangle, sun, spot] = ["wall", "ball", "rectangle", "sun", "spot"].map(|name| rig.named(name));
     *rig.get_mut::<Transform>(wall) = Transform::from_xyz(0.1 * s, 0.0, -1.0 + 0.03 * s)
         .with_rotation(Quat::from_rotation_y(0.05 * s))
@@ -112,7 +115,7 @@ fn the_last_frame_reads_as_it_was() {
 }
 
 /// Reads of the last frame that read this one.
-const WRONG: [(&str, &str, &str, &str); 8] = [
+const WRONG: [(&str, &str, &str, &str); 9] = [
     (
         "transform",
         "scene/triangle.wgsl",
@@ -124,6 +127,12 @@ const WRONG: [(&str, &str, &str, &str); 8] = [
         "view/camera.wgsl",
         "return camera_ray(view.previous, vec2",
         "return camera_ray(view.current, vec2",
+    ),
+    (
+        "triangle of a body",
+        "scene/triangle.wgsl",
+        "let is_second = previous && (instances",
+        "let is_second = false && (instances",
     ),
     ("jitter", "view/camera.wgsl", "+ 0.5 + view.previous_jitter);", "+ 0.5 + view.jitter);"),
     (

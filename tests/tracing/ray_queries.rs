@@ -4,6 +4,7 @@
 
 use crate::support::{
     app::*,
+    bodies::{bending, pose_bending},
     brute_force::BruteForce,
     cli::{Folder, asset},
     compose::{Def, flag},
@@ -259,28 +260,31 @@ fn same_pictures(techniques: &[Technique]) {
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn moving_pictures_of_paths_of_one_seed_are_the_same_by_ray_queries() {
-    same_moving_pictures(Technique::Pt);
+    same_moving_pictures(Technique::Pt, moving, pose_moving);
+    same_moving_pictures(Technique::Pt, bending, pose_bending);
 }
 
 #[test]
 fn moving_pictures_of_one_seed_are_the_same_by_ray_queries() {
-    same_moving_pictures(Technique::Di);
+    same_moving_pictures(Technique::Di, moving, pose_moving);
+    same_moving_pictures(Technique::Di, bending, pose_bending);
 }
 
-fn same_moving_pictures(technique: Technique) {
+fn same_moving_pictures(technique: Technique, make: fn(&mut Rig), pose: fn(&mut Rig, u32)) {
     let Some(mut twins) = Twins::new(32) else { return };
-    twins.both(moving);
+    twins.both(make);
+    twins.both(camera);
     let settings = Restir { technique, bounces: 3, ..plain() };
     twins.both(|rig| rig.set(|restir| *restir = settings.clone()));
     let (far, difference, mean) = twins.differences(|rig| {
-        pose_moving(rig, 0);
+        pose(rig, 0);
         rig.until_ready();
         rig.set(|restir| restir.reset = true);
         for step in 0..STEPS {
-            pose_moving(rig, step);
+            pose(rig, step);
             rig.frame();
         }
-        pose_moving(rig, STEPS);
+        pose(rig, STEPS);
         rig.next()
     });
     eprintln!("moving {technique:?}: {far} of 1024 pixels differ, means by {difference:.2e}");

@@ -254,7 +254,8 @@ impl TestScene {
             let placed: Vec<Placed> = placed
                 .map(|(slot, instance)| Placed {
                     slot: slot as u32,
-                    mesh: u64::from(instance.first_triangle),
+                    version: u64::from(instance.first_triangle),
+                    rebuild: false,
                     triangles: instance.first_triangle..instance.first_triangle + instance.triangle_count,
                     world_from_object: place(instance),
                     opaque: instance.flags & INSTANCE_ALPHA == 0,

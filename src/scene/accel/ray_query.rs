@@ -72,8 +72,10 @@ pub(crate) fn layout() -> BindGroupLayoutDescriptor {
 pub struct Placed {
     /// Index in the instance buffer.
     pub slot: u32,
-    /// Version of its mesh, which changes when the triangles do.
-    pub mesh: u64,
+    /// Version of its geometry, which changes when the triangles do.
+    pub version: u64,
+    /// Its triangles are other ones than when a tree of this version was last built.
+    pub rebuild: bool,
     /// Range of its mesh in the triangle buffer; not empty.
     pub triangles: Range<u32>,
     /// Must be invertible.
@@ -94,7 +96,7 @@ struct TopLevel {
 /// All acceleration structures of a scene.
 #[derive(Default)]
 pub struct AccelerationStructures {
-    /// By the version and the opacity of the mesh; opacity is a flag of the geometry.
+    /// By the version and the opacity of the geometry.
     bottom: HashMap<(u64, bool), Blas>,
     current: Option<TopLevel>,
     /// The top level of the last frame; `None` if it equals the current one.
@@ -124,13 +126,13 @@ impl AccelerationStructures {
 
         let mut built = Vec::new();
         for (i, instance) in placed.iter().enumerate() {
-            let key = (instance.mesh, instance.opaque);
-            let blas = self.bottom.entry(key).or_insert_with(|| {
-                let size = size_of_geometry(instance);
-                let blas = create_bottom_level(&size, device);
+            let key = (instance.version, instance.opaque);
+            let is_missing = !self.bottom.contains_key(&key);
+            let size = size_of_geometry(instance);
+            let blas = self.bottom.entry(key).or_insert_with(|| create_bottom_level(&size, device));
+            if is_missing || instance.rebuild {
                 built.push((blas.clone(), size, instance.triangles.start));
-                blas
-            });
+            }
             let rows = &instance.world_from_object;
             let transform = core::array::from_fn(|k| rows[k / 4][k % 4]);
             top.tlas[i] = Some(TlasInstance::new(blas, transform, instance.slot, instance.mask));
@@ -165,9 +167,9 @@ impl AccelerationStructures {
         u64::from(count) * INSTANCE_SIZE
     }
 
-    /// Drops the bottom levels of removed meshes.
+    /// Drops the bottom levels of removed geometry.
     pub fn retain(&mut self, mut is_alive: impl FnMut(u64) -> bool) {
-        self.bottom.retain(|(mesh, _), _| is_alive(*mesh));
+        self.bottom.retain(|(version, _), _| is_alive(*version));
     }
 
     /// The top levels of this frame and of the last frame.

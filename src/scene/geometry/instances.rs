@@ -9,7 +9,8 @@ use bevy::{
     asset::AssetServer,
     ecs::resource::Resource,
     log::{warn, warn_once},
-    platform::collections::HashMap,
+    math::Affine3A,
+    platform::collections::{HashMap, HashSet},
     render::{
         renderer::{RenderDevice, RenderQueue},
         sync_world::MainEntity,
@@ -24,6 +25,7 @@ use crate::scene::{
     asset_wait::AssetWait,
     extract::{ExtractedInstance, ExtractedScene},
     features::SceneFeatures,
+    geometry::bodies::{Body, BodyPool},
     geometry::gpu_tlas::GpuTlas,
     geometry::meshes::{MeshEntry, MeshPool},
     geometry::render_layers::MAX_LAYER_SETS,
@@ -162,9 +164,9 @@ fn without_placement(instance: &GpuInstance) -> GpuInstance {
     }
 }
 
-fn flags_of(extracted: &ExtractedInstance, mesh: &MeshEntry, material: &GpuMaterial) -> u32 {
+fn flags_of(world_from_object: &Affine3A, mesh: &MeshEntry, material: &GpuMaterial) -> u32 {
     let mut flags = 0;
-    if extracted.world_from_object.matrix3.determinant() < 0.0 {
+    if world_from_object.matrix3.determinant() < 0.0 {
         flags |= INSTANCE_MIRRORED;
     }
     if material.flags & (MATERIAL_ALPHA_MASK | MATERIAL_ALPHA_BLEND) != 0 {
@@ -199,6 +201,7 @@ impl InstancePool {
         &mut self,
         scene: &ExtractedScene,
         meshes: &MeshPool,
+        bodies: &BodyPool,
         materials: &mut MaterialPool,
         subsurface: &mut SubsurfacePool,
         assets: &AssetServer,
@@ -219,7 +222,8 @@ impl InstancePool {
         let mut left_out = 0;
         let mut moved = false;
         for extracted in &scene.instances {
-            let Some((mut instance, world_bounds)) = self.record_of(extracted, meshes, materials, assets) else {
+            let Some((mut instance, world_bounds)) = self.record_of(extracted, meshes, bodies, materials, assets)
+            else {
                 continue;
             };
             // Probes do not find an instance that casts no shadows.
@@ -236,6 +240,10 @@ impl InstancePool {
             is_used.resize(self.records.len(), false);
             is_used[slot as usize] = true;
             moved |= instance.world_from_object != instance.previous_world_from_object;
+            if instance.flags & INSTANCE_DEFORMED != 0 {
+                self.features |= SceneFeatures::DEFORMATION;
+                moved |= bodies.get(extracted.entity).is_some_and(|body| body.moved);
+            }
             self.features |= materials.features(instance.material);
             self.triangles += instance.triangle_count as u64;
             self.records[slot as usize] = instance;
@@ -275,10 +283,11 @@ impl InstancePool {
         });
         for &slot in &self.gone {
             let record = &mut self.records[slot as usize];
+            // A body that is gone is not posed, so that its triangles are still those of the last frame.
             *record = GpuInstance {
                 previous_world_from_object: record.world_from_object,
                 first_light: NONE,
-                flags: record.flags & !INSTANCE_APPEARED | INSTANCE_GONE,
+                flags: record.flags & !(INSTANCE_APPEARED | INSTANCE_DEFORMED) | INSTANCE_GONE,
                 ..*record
             };
         }
@@ -327,6 +336,7 @@ impl InstancePool {
         &mut self,
         extracted: &ExtractedInstance,
         meshes: &MeshPool,
+        bodies: &BodyPool,
         materials: &mut MaterialPool,
         assets: &AssetServer,
     ) -> Option<(GpuInstance, Bounds)> {
@@ -337,9 +347,19 @@ impl InstancePool {
             self.wait_for_assets(extracted, meshes, materials, assets);
             return None;
         };
-        let world_from_object = tlas::rows(&extracted.world_from_object);
+        let body = bodies.get(extracted.entity);
+        if body.is_some() && !bodies.is_ready() {
+            self.waiting = true;
+            return None;
+        }
+        let (root, triangles, bounds) = match body {
+            Some(body) => (body.root(), body.triangles(), body.bounds),
+            None => (mesh.root(), mesh.triangles.clone(), mesh.bounds),
+        };
+        let placed = body.and_then(Body::place).unwrap_or(&extracted.world_from_object);
+        let world_from_object = tlas::rows(placed);
         let inverse = tlas::inverse(&world_from_object);
-        let bounds = tlas::world_bounds(&world_from_object, &mesh.bounds);
+        let bounds = tlas::world_bounds(&world_from_object, &bounds);
         let (Some(object_from_world), Some(bounds)) = (inverse, bounds) else {
             if self.warned.is_due((extracted.entity, InstanceProblem::UnusableTransform)) {
                 warn!(
@@ -350,23 +370,17 @@ impl InstancePool {
             }
             return None;
         };
-        if extracted.skinned {
-            warn_once!("restir: skinned meshes are rendered in their bind pose (entity {})", *extracted.entity);
+        let mut flags = flags_of(placed, mesh, materials.get(material)?);
+        if body.is_some() {
+            flags |= INSTANCE_DEFORMED;
         }
-        if extracted.morphed {
-            warn_once!(
-                "restir: morphed meshes are rendered without their morph targets (entity {})",
-                *extracted.entity
-            );
-        }
-        let flags = flags_of(extracted, mesh, materials.get(material)?);
         let instance = GpuInstance {
             world_from_object,
             object_from_world,
             previous_world_from_object: world_from_object,
-            blas_root: mesh.root(),
-            first_triangle: mesh.triangles.start,
-            triangle_count: mesh.triangles.end - mesh.triangles.start,
+            blas_root: root,
+            first_triangle: triangles.start,
+            triangle_count: triangles.end - triangles.start,
             material,
             first_light: NONE,
             flags,
@@ -410,11 +424,17 @@ impl InstancePool {
     }
 
     /// Rebuilds the top level if any bounds changed.  The top level of the last frame is released one frame later.
-    pub(crate) fn build_top_level(&mut self, meshes: &mut MeshPool, device: &RenderDevice, queue: &RenderQueue) {
+    pub(crate) fn build_top_level(
+        &mut self,
+        meshes: &mut MeshPool,
+        bodies: &BodyPool,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) {
         self.uploaded_nodes = 0;
         self.previous_sphere = (self.center, self.radius);
         if self.structures.is_some() {
-            self.update_structures(meshes, device, queue);
+            self.update_structures(meshes, bodies, device, queue);
             return;
         }
         if let Some(old) = self.previous.take() {
@@ -437,15 +457,23 @@ impl InstancePool {
     }
 
     /// Rebuilds the device's own acceleration structures if an instance changed.
-    fn update_structures(&mut self, meshes: &mut MeshPool, device: &RenderDevice, queue: &RenderQueue) {
+    fn update_structures(
+        &mut self,
+        meshes: &mut MeshPool,
+        bodies: &BodyPool,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) {
         self.update_bounds();
         self.placed.clear();
         self.placed.extend(self.live.iter().filter(|live| live.ray_mask != 0).filter_map(|live| {
             let (mesh, instance) = (meshes.get(live.mesh)?, &self.records[live.slot as usize]);
+            let body = bodies.get(live.entity);
             Some(Placed {
                 slot: live.slot,
-                mesh: mesh.version,
-                triangles: mesh.triangles.clone(),
+                version: body.map_or(mesh.version, |body| body.version()),
+                rebuild: body.is_some_and(|body| body.moved),
+                triangles: instance.first_triangle..instance.first_triangle + instance.triangle_count,
                 world_from_object: instance.world_from_object,
                 opaque: instance.flags & INSTANCE_ALPHA == 0,
                 mask: live.ray_mask as u8,
@@ -460,7 +488,7 @@ impl InstancePool {
         self.uploaded_nodes = structures.update(&self.placed, triangles, device, queue);
         if structures.revision != before {
             self.motion_revision += u64::from(self.uploaded_nodes > 0);
-            let versions = meshes.versions();
+            let versions = meshes.versions().into_iter().chain(bodies.versions()).collect::<HashSet<_>>();
             structures.retain(|mesh| versions.contains(&mesh));
         }
     }

@@ -26,20 +26,33 @@ use crate::gpu_layout::*;
 use crate::scene::{
     accel::blas::{self, Blas, Bounds},
     extract::ExtractedInstance,
+    geometry::rig::{Rig, RigBounds, RigTables},
     geometry::triangulate::{self, Dropped, GeometryError},
     storage::{data_texture::DataTexture, growable_buffer::GrowableBuffer, range_allocator::RangeAllocator},
 };
 use crate::warned::Warned;
 
+/// What a mesh that bends has besides its triangles at rest.
+pub(crate) struct MeshRig {
+    /// Range of its tables in the buffer of rigs.
+    pub words: Range<u32>,
+    pub tables: RigTables,
+    pub bounds: RigBounds,
+    /// The mesh has no normals of its own.
+    pub flat: bool,
+}
+
 /// A mesh on the GPU.
 pub(crate) struct MeshEntry {
-    nodes: Range<u32>,
+    pub nodes: Range<u32>,
     pub triangles: Range<u32>,
     pub bounds: Bounds,
     /// Object-space corners in the order of the leaves, for the power of emissive triangles.
     pub positions: Vec<[[f32; 3]; 3]>,
     /// Second texture coordinates in the same order, for the time when a material uses them; empty if the mesh has none.
     pub second_uvs: Vec<[[f32; 2]; 3]>,
+    /// `None` for a mesh that does not bend, or whose tables do not fit the device.
+    pub rig: Option<MeshRig>,
     /// Changes when the triangles change.
     pub version: u64,
 }
@@ -74,6 +87,7 @@ enum MeshProblem {
     /// Some triangles are unusable and left out.
     UnusableTriangles,
     TooLarge,
+    RigTooLarge,
     NoUsableTriangle,
     LinesOrPoints,
     Unreadable,
@@ -96,13 +110,16 @@ pub(crate) struct MeshPool {
     lines_and_points: HashMap<AssetId<Mesh>, String>,
     node_ranges: RangeAllocator,
     triangle_ranges: RangeAllocator,
+    rig_ranges: RangeAllocator,
     pub nodes: GrowableBuffer<[[u32; 4]; NODE_STRIDE as usize]>,
     pub triangles: GrowableBuffer<GpuTriangle>,
     pub attributes: GrowableBuffer<GpuTriangleAttributes>,
+    /// Tables of the meshes that bend.
+    pub rigs: GrowableBuffer<u32>,
     /// Second texture coordinates of the triangles, in scenes with a texture that uses them.
     pub second_uvs: DataTexture<[[f32; 2]; 3]>,
-    /// Versions of the meshes whose coordinates are in `second_uvs`.
-    second_uvs_versions: HashMap<AssetId<Mesh>, u64>,
+    /// Versions of the meshes and bodies whose coordinates are in `second_uvs`.
+    second_uvs_versions: HashSet<u64>,
     last_version: u64,
     /// Rays are traced by ray queries.  The device then builds its own trees, and ours only order the triangles, so that both back ends
     /// give a triangle the same index.
@@ -122,11 +139,13 @@ impl Default for MeshPool {
             lines_and_points: HashMap::default(),
             node_ranges: RangeAllocator::default(),
             triangle_ranges: RangeAllocator::default(),
+            rig_ranges: RangeAllocator::default(),
             nodes: GrowableBuffer::new("acceleration structures"),
             triangles: GrowableBuffer::new("triangles"),
             attributes: GrowableBuffer::new("triangle attributes"),
+            rigs: GrowableBuffer::new("rigs"),
             second_uvs: DataTexture::new("second texture coordinates", TextureFormat::Rg32Float, 3),
-            second_uvs_versions: HashMap::default(),
+            second_uvs_versions: HashSet::default(),
             last_version: 0,
             ray_queries: false,
             uploaded: 0,
@@ -258,17 +277,47 @@ impl MeshPool {
         self.uploaded += self.nodes.write(nodes.start, bytemuck::cast_slice(&blas.nodes), queue)
             + self.triangles.write(triangles.start, &blas.triangles, queue)
             + self.attributes.write(triangles.start, &blas.attributes, queue);
-        self.last_version += 1;
+        let rig = blas.rig.and_then(|rig| self.insert_rig(id, rig, device, queue));
         let entry = MeshEntry {
             nodes,
             triangles,
             bounds: blas.bounds,
             positions: blas.triangles.iter().map(|t| [t.a, t.b, t.c]).collect(),
             second_uvs: blas.second_uvs,
-            version: self.last_version,
+            rig,
+            version: self.next_version(),
         };
         self.retired.extend(self.entries.insert(id, entry));
         true
+    }
+
+    /// Uploads the tables of a mesh that bends; `None` with a warning if they do not fit the device.
+    fn insert_rig(
+        &mut self,
+        id: AssetId<Mesh>,
+        rig: Rig,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) -> Option<MeshRig> {
+        let words = self.rig_ranges.allocate(rig.words.len() as u32);
+        if !self.rigs.reserve(self.rig_ranges.end(), device, queue) {
+            self.rig_ranges.release(words);
+            self.warn(
+                id,
+                MeshProblem::RigTooLarge,
+                "has more joints or morph targets than this device can bind; it keeps its rest pose",
+                None,
+            );
+            return None;
+        }
+        self.uploaded += self.rigs.write(words.start, &rig.words, queue);
+        Some(MeshRig { words, tables: rig.tables, bounds: rig.bounds, flat: rig.flat })
+    }
+
+    /// A number that no mesh or body has had.
+    pub(crate) fn next_version(&mut self) -> u64 {
+        self.last_version += 1;
+        self.last_version
     }
 
     /// Warns about a mesh once while the asset exists, because it may be built again in every frame.
@@ -296,16 +345,42 @@ impl MeshPool {
 
     /// Removes a mesh; the next frame frees its ranges in the buffers.
     fn release(&mut self, id: AssetId<Mesh>) {
-        self.second_uvs_versions.remove(&id);
         self.retired.extend(self.entries.remove(&id));
     }
 
     /// Frees the ranges of meshes that the last frame was the last to use.
     fn release_retired(&mut self) {
         for entry in self.retired.drain(..) {
+            self.second_uvs_versions.remove(&entry.version);
             self.node_ranges.release(entry.nodes);
             self.triangle_ranges.release(entry.triangles);
+            self.rig_ranges.release(entry.rig.map_or(0..0, |rig| rig.words));
         }
+    }
+
+    /// Allocates triangles and nodes for a body of a mesh that bends; `None` if they do not fit the device.
+    pub(crate) fn allocate_body(
+        &mut self,
+        triangles: u32,
+        nodes: u32,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) -> Option<(Range<u32>, Range<u32>)> {
+        let (triangles, nodes) = (self.triangle_ranges.allocate(triangles), self.node_ranges.allocate(nodes));
+        let fits = self.nodes.reserve(self.node_ranges.end(), device, queue)
+            && self.triangles.reserve(self.triangle_ranges.end(), device, queue)
+            && self.attributes.reserve(self.triangle_ranges.end(), device, queue);
+        if fits {
+            return Some((triangles, nodes));
+        }
+        self.release_body(triangles, nodes);
+        None
+    }
+
+    /// Frees the ranges of a body.
+    pub(crate) fn release_body(&mut self, triangles: Range<u32>, nodes: Range<u32>) {
+        self.triangle_ranges.release(triangles);
+        self.node_ranges.release(nodes);
     }
 
     /// The mesh; `None` until it is on the GPU.
@@ -313,8 +388,15 @@ impl MeshPool {
         self.entries.get(&id)
     }
 
-    /// If a texture needs second texture coordinates, uploads the missing ones; else frees their memory.  Returns the number of bytes sent.
-    pub(crate) fn update_second_uvs(&mut self, needed: bool, device: &RenderDevice, queue: &RenderQueue) -> u64 {
+    /// If a texture needs second texture coordinates, uploads the missing ones; else frees their memory.  `bodies`: version, first triangle
+    /// and mesh.  Returns the number of bytes sent.
+    pub(crate) fn update_second_uvs(
+        &mut self,
+        needed: bool,
+        bodies: impl Iterator<Item = (u64, u32, AssetId<Mesh>)>,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) -> u64 {
         let count = self.triangle_ranges.end();
         if !needed || count > DataTexture::<[[f32; 2]; 3]>::limit(device) {
             if needed {
@@ -332,16 +414,21 @@ impl MeshPool {
         if self.second_uvs.reserve(count, device) {
             self.second_uvs_versions.clear();
         }
+        let meshes =
+            self.entries.values().chain(&self.retired).map(|entry| (entry.version, entry.triangles.start, entry));
+        let bodies = bodies.filter_map(|(version, first, mesh)| Some((version, first, self.entries.get(&mesh)?)));
         let mut bytes = 0;
-        for entry in self.retired.iter().filter(|entry| !entry.second_uvs.is_empty()) {
-            bytes += self.second_uvs.write(entry.triangles.start, &entry.second_uvs, queue);
-        }
-        for (id, entry) in self.entries.iter().filter(|(_, entry)| !entry.second_uvs.is_empty()) {
-            if self.second_uvs_versions.insert(*id, entry.version) != Some(entry.version) {
-                bytes += self.second_uvs.write(entry.triangles.start, &entry.second_uvs, queue);
+        for (version, first, entry) in meshes.chain(bodies).filter(|(.., entry)| !entry.second_uvs.is_empty()) {
+            if self.second_uvs_versions.insert(version) {
+                bytes += self.second_uvs.write(first, &entry.second_uvs, queue);
             }
         }
         bytes
+    }
+
+    /// Forgets which coordinates a body has in `second_uvs`.
+    pub(crate) fn forget_second_uvs(&mut self, version: u64) {
+        self.second_uvs_versions.remove(&version);
     }
 
     /// Versions of all meshes on the GPU.

@@ -1,8 +1,9 @@
 //! Converts a Bevy mesh to triangles with valid positions and packed attributes.
 //!
-//! Any set of attributes, index width and triangle topology is accepted.  Unusable triangles are left out and counted by reason.  Skinned
-//! and morphed meshes are taken in their rest pose.
+//! Any set of attributes, index width and triangle topology is accepted.  Unusable triangles are left out and counted by reason.  Of skinned
+//! and morphed meshes this is the rest pose.
 
+use super::rig::RigVertices;
 use crate::gpu_layout::GpuTriangleAttributes;
 use bevy::mesh::{Indices, Mesh, MeshVertexAttribute, PrimitiveTopology, VertexAttributeValues};
 
@@ -23,6 +24,10 @@ pub struct Geometry {
     pub attributes: Vec<GpuTriangleAttributes>,
     /// Second texture coordinates of the corners, in the same order; empty if the mesh has none.
     pub second_uvs: Vec<[[f32; 2]; 3]>,
+    /// The vertex of each corner, in the same order; empty if the mesh does not bend.
+    pub corners: Vec<[u32; 3]>,
+    /// Joints and morph targets of the vertices.
+    pub rig: Option<RigVertices>,
     /// Numbers of triangles that are left out.
     pub dropped: Dropped,
     /// The mesh has normals.  Otherwise each triangle has its flat normal.
@@ -107,6 +112,7 @@ pub fn triangles_of(mesh: &Mesh) -> Result<Geometry, GeometryError> {
         ..Default::default()
     };
     let vertices = positions.len();
+    geometry.rig = RigVertices::of(mesh, vertices);
     for_each_triangle(strip, vertices, indices, |corners| {
         if corners.iter().any(|&c| c >= vertices) {
             geometry.dropped.out_of_range += 1;
@@ -117,10 +123,15 @@ pub fn triangles_of(mesh: &Mesh) -> Result<Geometry, GeometryError> {
             geometry.dropped.non_finite += 1;
             return;
         }
-        let Some(flat) = flat_normal(&p) else {
+        // A triangle that bends may have an area in another pose, such as that of a closed eyelid.
+        let rest_normal = geometry.rig.as_ref().map(|_| [0.0, 0.0, 1.0]);
+        let Some(flat) = flat_normal(&p).or(rest_normal) else {
             geometry.dropped.degenerate += 1;
             return;
         };
+        if geometry.rig.is_some() {
+            geometry.corners.push(corners.map(|corner| corner as u32));
+        }
         let n = corners.map(|c| normals.and_then(|v| unit(first_three(read(v, c)))).unwrap_or(flat));
         let corner_uvs = |values: Option<&VertexAttributeValues>| {
             corners.map(|c| {

@@ -11,7 +11,7 @@ pub(super) struct EmissiveMesh {
     pub slot: u32,
     /// Version of the mesh.
     pub version: u64,
-    /// First triangle of the mesh in the triangle buffer.
+    /// First triangle of the instance in the triangle buffer.
     pub first_triangle: u32,
     pub triangle_count: u32,
     /// Mean radiance of the material.
@@ -21,22 +21,15 @@ pub(super) struct EmissiveMesh {
 }
 
 impl EmissiveMesh {
-    /// `transform`: world from object.
-    pub(super) fn new(
-        slot: u32,
-        version: u64,
-        triangles: &core::ops::Range<u32>,
-        emission: [f32; 3],
-        double_sided: bool,
-        transform: &Rows,
-    ) -> Self {
-        let m = transform;
+    /// `version`: that of the mesh.
+    pub(super) fn new(slot: u32, version: u64, instance: &GpuInstance, emission: [f32; 3], double_sided: bool) -> Self {
+        let m = &instance.world_from_object;
         let column = |i: usize| Vec3::new(m[0][i], m[1][i], m[2][i]);
         Self {
             slot,
             version,
-            first_triangle: triangles.start,
-            triangle_count: triangles.end - triangles.start,
+            first_triangle: instance.first_triangle,
+            triangle_count: instance.triangle_count,
             emission,
             double_sided,
             metric: metric([column(0), column(1), column(2)]),
@@ -52,7 +45,8 @@ impl EmissiveMesh {
             && has_same_metric(metric, &other.metric)
     }
 
-    /// Lights of these triangles with their powers.
+    /// Lights of these triangles with their powers.  A mesh that bends has those of its rest pose: its lights are then chosen a little less
+    /// well, which only noise shows.
     pub(super) fn lights<'a>(
         &'a self,
         positions: &'a [[[f32; 3]; 3]],

@@ -412,8 +412,7 @@ fn gather(
             return None;
         }
         let double_sided = materials.get(live.material)?.flags & MATERIAL_DOUBLE_SIDED != 0;
-        let transform = &instances.get(live.slot).world_from_object;
-        let mesh = EmissiveMesh::new(live.slot, mesh.version, &mesh.triangles, emission, double_sided, transform);
+        let mesh = EmissiveMesh::new(live.slot, mesh.version, instances.get(live.slot), emission, double_sided);
         Some((live.entity, Emitter::Mesh(mesh)))
     });
     analytic.chain(emissive).collect()

@@ -1,0 +1,83 @@
+//! Light on and from bodies that bend: a frame of a scene in which skinned and morphed bodies move equals on average the reference of that
+//! frame, and histories outlive the motion.  The mean is over seeds of the last frame of a script of four, at 64 x 64 pixels; margin 1.5 %
+//! at α = 0.01.
+
+use crate::support::{
+    app::*,
+    bodies::*,
+    proof::{AllLight, Proof},
+    reuse_settings::{di, paths},
+    small_scenes::*,
+};
+use bevy::prelude::*;
+use bevy_restir::{DebugView, Direct, Reuse, Technique, testing::shader_library::ShaderEdit};
+
+fn proof(restarts: u32) -> Proof<'static> {
+    Proof { bounces: 3, margin: 0.015, pose: Some(&pose_bending), ..Proof::of((restarts, 1), (14, 32)) }
+}
+
+#[test]
+fn direct_light_among_bodies_that_bend_equals_the_reference() {
+    let Some(mut rig) = scene(64, bending) else { return };
+    let all = [("direct, temporal", di::temporal()), ("direct, both", di::all_reuse())];
+    Proof { bounces: 1, ..proof(140) }.check("bending", &mut rig, &all);
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn paths_among_bodies_that_bend_equal_the_reference() {
+    let Some(mut rig) = scene(64, bending) else { return };
+    let all = [
+        ("paths, temporal", AllLight::Pt(paths::temporal())),
+        ("paths, both", AllLight::Pt(paths::all_reuse())),
+        ("indirect, both", AllLight::Gi(di::all_reuse(), paths::all_reuse())),
+    ];
+    proof(130).check("bending", &mut rig, &all);
+}
+
+/// Temporal reuse that takes the bodies of this frame for those of the last one.
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn a_last_frame_without_its_own_shapes_is_found() {
+    let Some(mut rig) = scene(64, bending) else { return };
+    let proof = Proof { bounces: 1, ..proof(60) };
+    let reference = proof.truth(&mut rig, 1000);
+    let (from, to) = ("let is_second = previous && (instances", "let is_second = false && (instances");
+    plant_edits(&mut rig.app, &[ShaderEdit { module: "scene/triangle.wgsl", from, to }]);
+    let found = proof.resampled(&mut rig, &di::temporal(), 5000).compare(&reference, 0.01);
+    eprintln!("{found}");
+    assert!(found.is_different(), "not found: {found}");
+}
+
+/// Each frame of a motion is one frame of history more for the surfaces that stay visible, those of bodies among them.
+#[test]
+fn histories_follow_bodies_that_bend() {
+    let Some(mut rig) = scene(64, |rig| {
+        // The body fills most of the view.
+        spawn_skinned(rig, "body", tube(), lambert(0.7));
+        rig.spawn(square(0.8), lamp(6.0, 6.0, 6.0), facing(Vec3::new(0.5, 1.5, 2.0), Vec3::ZERO));
+    }) else {
+        return;
+    };
+    let body = rig.named("body");
+    let pose = |rig: &mut Rig, frame: u32| {
+        let foot = Transform::from_xyz(-0.2, -1.5, 0.5).with_scale(Vec3::new(4.0, 1.7, 1.0));
+        set_joints(rig, body, &swaying(foot, 0.02 * frame as f32, 0.5));
+    };
+    rig.set(|r| {
+        r.technique = Technique::Di;
+        r.direct = Direct { reuse: Reuse { confidence_cap: 30.0, ..di::temporal().reuse }, ..di::temporal() };
+        r.debug_view = DebugView::ReservoirConfidence;
+    });
+    pose(&mut rig, 0);
+    rig.until_ready();
+    rig.set(|r| r.reset = true);
+    rig.frame();
+    for frame in 2..12u32 {
+        pose(&mut rig, frame);
+        let view = rig.next();
+        let shown = view.iter().filter(|(_, c)| c.x > 0.0).count();
+        let kept = view.iter().filter(|(_, c)| c.x == frame as f32).count();
+        assert!(4 * kept > 3 * shown && shown > 600, "frame {frame}: {kept} of {shown} pixels kept their history");
+    }
+}
