@@ -47,8 +47,8 @@ pub use report::{RestirReport, RestirStatistics};
 pub use scene::SceneFeatures;
 pub use settings::{
     Bdpt, BiasCorrection, DebugView, Direct, EmissiveLuminance, LightTechniques, Mis, Paths, Preset, RayBackend,
-    Reconnection, Research, ReservoirLayout, Restir, RestirBudget, RestirEnvironment, Reuse, ReuseOrder, Subsurface,
-    SubsurfaceSampling, SubsurfaceShift, SuffixRetrace, Technique, VisibilityReuse,
+    Reconnection, Research, ReservoirLayout, Restir, RestirBudget, RestirEnvironment, RestirIgnore, RestirMaterial,
+    Reuse, ReuseOrder, Subsurface, SubsurfaceSampling, SubsurfaceShift, SuffixRetrace, Technique, VisibilityReuse,
 };
 pub use system_sets::RestirSystems;
 pub use technique::pass_names;
@@ -58,8 +58,8 @@ pub use view::capture::{CapturedRadiance, RadianceCapture};
 pub mod prelude {
     pub use crate::{
         Bdpt, BiasCorrection, DebugView, Direct, EmissiveLuminance, Mis, Paths, Preset, RayBackend, Reconnection,
-        Restir, RestirBudget, RestirEnvironment, RestirPlugin, RestirStatus, Reuse, ReuseOrder, Subsurface,
-        SubsurfaceSampling, SubsurfaceShift, SuffixRetrace, Technique, VisibilityReuse,
+        Restir, RestirBudget, RestirEnvironment, RestirIgnore, RestirMaterial, RestirPlugin, RestirStatus, Reuse,
+        ReuseOrder, Subsurface, SubsurfaceSampling, SubsurfaceShift, SuffixRetrace, Technique, VisibilityReuse,
     };
 }
 

@@ -18,7 +18,10 @@ use crate::{
     budget, device, frame,
     report::{self, RestirStatistics},
     scene,
-    settings::{BudgetStep, EmissiveLuminance, RayBackend, Restir, RestirBudget, RestirEnvironment, Subsurface},
+    settings::{
+        BudgetStep, EmissiveLuminance, RayBackend, Restir, RestirBudget, RestirEnvironment, RestirIgnore,
+        RestirMaterial, Subsurface,
+    },
     shader_library::ShaderLibrary,
     technique::shader_templates,
     view,
@@ -54,6 +57,8 @@ impl Plugin for RestirPlugin {
         app.register_type::<Restir>()
             .register_type::<RestirBudget>()
             .register_type::<RestirEnvironment>()
+            .register_type::<RestirIgnore>()
+            .register_type::<RestirMaterial>()
             .register_type::<Subsurface>()
             .register_type::<EmissiveLuminance>()
             .register_type::<RestirStatus>()

@@ -128,6 +128,13 @@ fn environment_of(folder: &Path, name: &str) -> Result<Option<RestirEnvironment>
     })
 }
 
+/// Name and driver of the adapter.
+pub fn adapter_of(app: &App) -> String {
+    let info = app.world().resource::<RenderAdapterInfo>();
+    let driver = format!("{} {}", info.driver, info.driver_info);
+    format!("{} ({:?}), driver {}", info.name, info.backend, driver.trim())
+}
+
 impl Bench {
     /// Loads a scene and places its camera.
     pub fn of_scene((scene, name): &Scene, size: UVec2, settings: Restir, counts: &Counts) -> Result<Self, String> {
@@ -187,9 +194,7 @@ impl Bench {
 
     /// Name and driver of the adapter.
     pub fn adapter(&self) -> String {
-        let info = self.app.world().resource::<RenderAdapterInfo>();
-        let driver = format!("{} {}", info.driver, info.driver_info);
-        format!("{} ({:?}), driver {}", info.name, info.backend, driver.trim())
+        adapter_of(&self.app)
     }
 
     /// Number of frames of a measurement.

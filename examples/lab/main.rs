@@ -3,6 +3,7 @@
 mod ablate;
 mod bench;
 mod budget;
+mod characters;
 mod compare;
 mod demo;
 mod difference;
@@ -44,6 +45,7 @@ enum Command {
     Materials(materials::Args),
     Frames(frames::Args),
     Budget(budget::Args),
+    Characters(characters::Args),
     Sweep(sweep::SweepArgs),
     Presets(sweep::Args),
     Compare(compare::Args),
@@ -67,6 +69,7 @@ fn main() -> ExitCode {
         Command::Materials(args) => materials::run(args),
         Command::Frames(args) => frames::run(args),
         Command::Budget(args) => budget::run(args),
+        Command::Characters(args) => characters::run(args),
         Command::Sweep(args) => sweep::run(args),
         Command::Presets(args) => sweep::run_presets(args),
         Command::Compare(args) => compare::run(args),

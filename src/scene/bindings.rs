@@ -81,8 +81,8 @@ pub(crate) struct SceneBindings {
     pub draws_key: [u64; 2],
     /// Bits of the cameras that do not see some instance or light which another camera sees.
     pub hidden_from: u32,
-    /// Whether there is an object that cameras see and no other ray hits (`NotShadowCaster`).
-    pub has_unshadowing: bool,
+    /// Whether there is an object that cameras see and no other ray hits (`NotShadowCaster`), or the reverse (`RestirMaterial`).
+    pub has_half_seen: bool,
 }
 
 /// Textures of one texel, bound in place of missing ones.

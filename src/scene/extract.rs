@@ -27,7 +27,7 @@ use crate::scene::{
     geometry::rig::Pose,
     geometry::visibility_range::VisibilityRanges,
 };
-use crate::settings::{EmissiveLuminance, Restir, Subsurface};
+use crate::settings::{EmissiveLuminance, Restir, RestirIgnore, RestirMaterial, Subsurface};
 
 /// A mesh instance that at least one camera sees.
 #[derive(Clone, Debug)]
@@ -40,6 +40,8 @@ pub(crate) struct ExtractedInstance {
     pub camera_mask: u32,
     /// Rays other than the camera's can hit it.
     pub casts_shadows: bool,
+    /// Bevy draws it, so that the camera's rays pass it.
+    pub is_stand_in: bool,
     /// `None` if it has neither a skin nor morph targets.
     pub pose: Option<Pose>,
     pub subsurface: Option<Subsurface>,
@@ -178,7 +180,7 @@ pub(crate) fn extract_settings(
 type InstanceData<'a> = (
     Entity,
     &'a Mesh3d,
-    &'a MeshMaterial3d<StandardMaterial>,
+    AnyOf<(&'static MeshMaterial3d<StandardMaterial>, &'static RestirMaterial)>,
     &'a GlobalTransform,
     &'a InheritedVisibility,
     Option<&'a RenderLayers>,
@@ -227,7 +229,7 @@ impl PoseSources<'_, '_> {
 /// Extracts the mesh instances that at least one camera sees, in the order of their entities.
 pub(crate) fn extract_instances(
     mut scene: ResMut<ExtractedScene>,
-    instances: Extract<Query<InstanceData>>,
+    instances: Extract<Query<InstanceData, Without<RestirIgnore>>>,
     sets: Res<LayerSets>,
     ranges: Extract<VisibilityRanges>,
     poses: Extract<PoseSources>,
@@ -235,15 +237,18 @@ pub(crate) fn extract_instances(
     let scene = &mut *scene;
     scene.instances.clear();
     scene.instances.extend(instances.iter().filter(|row| row.4.get()).filter_map(
-        |(entity, mesh, material, transform, _, layers, not_shadow_caster, skin, morph, subsurface)| {
+        |(entity, mesh, materials, transform, _, layers, not_shadow_caster, skin, morph, subsurface)| {
             let camera_mask = sets.camera_mask(layers);
+            let (own, stand_in) = materials;
+            let material = stand_in.map(|material| material.0.id()).or(own.map(|material| material.id()))?;
             (camera_mask != 0).then(|| ExtractedInstance {
                 entity: entity.into(),
                 mesh: mesh.id(),
-                material: material.id(),
+                material,
                 world_from_object: transform.affine(),
                 camera_mask,
                 casts_shadows: !not_shadow_caster,
+                is_stand_in: stand_in.is_some(),
                 pose: poses.pose(skin, morph),
                 subsurface: subsurface.copied(),
             })

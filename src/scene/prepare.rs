@@ -198,7 +198,7 @@ fn summarize(bindings: &mut SceneBindings, pools: &Pools) {
     bindings.triangles = instances.triangles;
     bindings.instances = instances.live.len() as u64;
     bindings.lights = lights.count() as u64;
-    bindings.has_unshadowing = instances.live.iter().any(|live| live.ray_mask == 0 && live.camera_mask != 0);
+    bindings.has_half_seen = instances.live.iter().any(|live| (live.ray_mask == 0) != (live.camera_mask == 0));
     // Instances with `NotShadowCaster` are in no tree, so no ray tests their masks.
     let masks = instances.live.iter().map(|live| live.ray_mask).filter(|mask| *mask != 0);
     let hidden = masks.map(|mask| ALL_CAMERAS & !mask).chain(lights.hidden.values().copied());

@@ -1,5 +1,5 @@
-//! Settings that users choose: [`Restir`] and [`RestirEnvironment`] on a camera, [`Subsurface`] on an object, [`EmissiveLuminance`] for the
-//! whole app.
+//! Settings that users choose: [`Restir`] and [`RestirEnvironment`] on a camera, [`Subsurface`], [`RestirMaterial`] and [`RestirIgnore`] on
+//! an object, [`EmissiveLuminance`] for the whole app.
 
 mod bdpt;
 mod budget;
@@ -10,6 +10,7 @@ mod paths;
 mod presets;
 mod research;
 mod reuse;
+mod stand_in;
 mod subsurface;
 mod validate;
 
@@ -23,6 +24,7 @@ pub use paths::{Paths, Reconnection, SuffixRetrace};
 pub use presets::Preset;
 pub use research::{Research, ReservoirLayout};
 pub use reuse::{Mis, Reuse, ReuseOrder};
+pub use stand_in::{RestirIgnore, RestirMaterial};
 pub use subsurface::{Subsurface, SubsurfaceSampling, SubsurfaceShift};
 
 use bevy::{

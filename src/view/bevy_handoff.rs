@@ -21,9 +21,10 @@ use bevy::{
 use core::any::TypeId;
 
 use super::ViewPool;
-use crate::settings::Restir;
+use crate::settings::{Restir, RestirIgnore, RestirMaterial};
 
-type Mirrored = (With<Mesh3d>, With<MeshMaterial3d<StandardMaterial>>);
+/// Objects that we draw.
+type Mirrored = (With<Mesh3d>, With<MeshMaterial3d<StandardMaterial>>, Without<RestirMaterial>, Without<RestirIgnore>);
 
 /// Renderer that lit the last frame of a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -159,10 +159,10 @@ fn warn_of_light_paths(
             counts.light_paths, state.settings.bdpt.light_paths
         );
     }
-    if scene.has_unshadowing && state.settings.bdpt.light_paths > 0.0 && warned.is_due((entity, "unshadowing")) {
+    if scene.has_half_seen && state.settings.bdpt.light_paths > 0.0 && warned.is_due((entity, "half seen")) {
         warn!(
             "restir: camera {name} finds caustics from the camera only (noisier, not darker), because an object of the scene has \
-             NotShadowCaster"
+             NotShadowCaster or RestirMaterial"
         );
     }
 }

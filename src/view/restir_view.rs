@@ -208,7 +208,7 @@ impl RestirView {
         if !self.traces_light() {
             return LightPathCounts::default();
         }
-        LightPathCounts::new(&self.settings.bdpt, self.size, limit, !scene.has_unshadowing)
+        LightPathCounts::new(&self.settings.bdpt, self.size, limit, !scene.has_half_seen)
     }
 
     /// Whether the passes of this frame trace light sub-paths.

@@ -3,6 +3,7 @@
 
 use crate::support::{
     app::*,
+    bodies::*,
     gpu::{Bound, Gpu},
 };
 use bevy::{
@@ -21,7 +22,7 @@ use bevy::{
         renderer::{RenderDevice, RenderQueue},
     },
 };
-use bevy_restir::Restir;
+use bevy_restir::{Restir, RestirIgnore, RestirMaterial};
 
 /// (motion, depth) of every pixel, as other passes of Bevy read them after the frame.
 fn prepass(rig: &mut Rig) -> Vec<[f32; 4]> {
@@ -69,6 +70,7 @@ fn moving(restir: bool, looks: &Looks) -> Option<Vec<[f32; 4]>> {
     rig.spawn(square(30.0), open(0.5), Transform::from_xyz(0.0, 0.0, -3.0));
     let ball = rig.spawn(Sphere::new(0.7).mesh().uv(18, 12), open(0.5), Transform::from_xyz(-0.8, 0.3, 0.0));
     let board = rig.spawn(square(1.2), open(0.5), Transform::from_xyz(1.0, -0.4, 0.5));
+    let bending = spawn_skinned(&mut rig, "body", tube(), open(0.5));
     let camera = rig.camera;
     let jitter = TemporalJitter { offset: looks.jitter };
     rig.insert(camera, (DepthPrepass, MotionVectorPrepass, jitter, looks.projection.clone()));
@@ -82,6 +84,8 @@ fn moving(restir: bool, looks: &Looks) -> Option<Vec<[f32; 4]>> {
     }
     for i in 0..2 {
         rig.insert(ball, Transform::from_xyz(-0.8 + 0.2 * i as f32, 0.3, 0.0));
+        let foot = Transform::from_xyz(0.1, -1.3, 0.8).with_scale(Vec3::new(1.3, 1.0, 0.8));
+        set_joints(&mut rig, bending, &swaying(foot, 0.5 + 0.3 * i as f32, 1.0));
         let turn = Quat::from_rotation_z(0.2 * i as f32);
         rig.insert(board, Transform::from_xyz(1.0, -0.4, 0.5 - 0.3 * i as f32).with_rotation(turn));
         rig.insert(
@@ -153,10 +157,21 @@ fn meshes_that_bevy_draws_are_depth_sorted_with_ours() {
     rig.spawn(square(4.0), lamp(0.0, 1.0, 0.0), Transform::from_xyz(2.0, 0.0, 2.0));
     let mesh = rig.add::<Mesh>(Rectangle::new(4.0, 1.0));
     let target = rig.target.clone();
-    for (mode, kind) in [(0, "opaque"), (1, "transparent")] {
-        let material = rig.add::<Foreign>(Foreign { mode });
-        let theirs =
-            rig.spawn_bundle((Mesh3d(mesh.clone()), MeshMaterial3d(material), Transform::from_xyz(0.0, 0.0, 1.0)));
+    for (mode, kind) in [(0, "opaque"), (1, "transparent"), (0, "with a stand-in"), (0, "ignored")] {
+        let place = Transform::from_xyz(0.0, 0.0, 1.0);
+        let theirs = rig.spawn_bundle((Mesh3d(mesh.clone()), place));
+        if kind == "ignored" {
+            let pink = StandardMaterial { unlit: true, ..Color::linear_rgb(1.0, 0.0, 1.0).into() };
+            let pink = rig.add::<StandardMaterial>(pink);
+            rig.insert(theirs, (MeshMaterial3d(pink), RestirIgnore));
+        } else {
+            let material = rig.add::<Foreign>(Foreign { mode });
+            rig.insert(theirs, MeshMaterial3d(material));
+        }
+        if kind == "with a stand-in" {
+            let blue = rig.add::<StandardMaterial>(lamp(0.0, 0.0, 1.0));
+            rig.insert(theirs, RestirMaterial(blue));
+        }
         for with_prepass in [false, true] {
             if with_prepass {
                 rig.insert(rig.camera, (DepthPrepass, MotionVectorPrepass));

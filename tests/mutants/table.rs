@@ -351,4 +351,26 @@ pub const MUTANTS: &[Mutant] = &[
         "return Rng(pixel.y << 16u | pixel.x, 0u, stream + seed * 0x9e3779b9u, 0u);",
         &["sampling::rng", "closed_forms"],
     ),
+    // Bodies that bend.
+    mutant(
+        "a body of this frame in the last one",
+        "scene/triangle.wgsl",
+        "let is_second = previous && (instances",
+        "let is_second = false && (instances",
+        &["the_last_frame_reads"],
+    ),
+    mutant(
+        "boxes of a body without the last frame",
+        "deformation/refit.wgsl",
+        "let both = joined(box_of(triangles[triangle]), box_of(triangles[triangle + body.triangle_count]));",
+        "let both = box_of(triangles[triangle]);",
+        &["the_last_frame_reads"],
+    ),
+    mutant(
+        "normals of a body turned as vectors",
+        "deformation/pose.wgsl",
+        "v.normal = transform_normal(m, v.normal, mirrors);",
+        "v.normal = transform_vector(m, v.normal);",
+        &["a_skinned_body_equals_the_oracle"],
+    ),
 ];

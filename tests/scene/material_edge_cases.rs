@@ -10,6 +10,7 @@ use bevy::{
     prelude::*,
     render::render_resource::Face,
 };
+use bevy_restir::{RestirIgnore, RestirMaterial};
 
 #[test]
 fn faces_are_seen_lit_and_culled_as_designed() {
@@ -352,6 +353,72 @@ fn objects_without_shadows_are_visible_to_the_camera_alone() {
                 rig.insert(square, NotShadowCaster);
             },
             1.0,
+            EXACT,
+        ),
+    ]);
+}
+
+#[test]
+fn rays_alone_see_stand_ins_and_nothing_sees_ignored_objects() {
+    fn stand_in(rig: &mut Rig, entity: Entity) {
+        let material = rig.material_of(entity);
+        rig.insert(entity, RestirMaterial(material));
+        rig.app.world_mut().entity_mut(entity).remove::<MeshMaterial3d<StandardMaterial>>();
+    }
+    check(&[
+        (
+            "the shadow of a stand-in",
+            |rig| {
+                slanting_sun(rig);
+                floor(rig, 0.5);
+                let square = rig.spawn(square(0.5), open(lambert(0.0)), blind());
+                stand_in(rig, square);
+            },
+            0.0,
+            EXACT,
+        ),
+        (
+            "the appearance of a stand-in",
+            |rig| {
+                sun(rig);
+                let square = rig.spawn(square(4.0), lamp(3.0, 3.0, 3.0), Transform::default());
+                stand_in(rig, square);
+            },
+            0.0,
+            EXACT,
+        ),
+        (
+            "the light that a stand-in emits, in the place of its own material",
+            |rig| {
+                floor(rig, 0.5);
+                let inside = Sphere::new(20.0).mesh().uv(16, 8);
+                let sphere = rig.spawn(inside, both_sides(3.0), Transform::default());
+                let material = rig.material_of(sphere);
+                let other = rig.add::<StandardMaterial>(lambert(0.0));
+                rig.insert(sphere, (RestirMaterial(material), MeshMaterial3d(other)));
+            },
+            1.5,
+            NOISY,
+        ),
+        (
+            "the shadow of an ignored object",
+            |rig| {
+                slanting_sun(rig);
+                floor(rig, 0.5);
+                let square = rig.spawn(square(0.5), open(lambert(0.0)), blind());
+                rig.insert(square, RestirIgnore);
+            },
+            1.0,
+            EXACT,
+        ),
+        (
+            "the appearance of an ignored object",
+            |rig| {
+                sun(rig);
+                let square = rig.spawn(square(4.0), lamp(3.0, 3.0, 3.0), Transform::default());
+                rig.insert(square, RestirIgnore);
+            },
+            0.0,
             EXACT,
         ),
     ]);

@@ -6,57 +6,17 @@ use bevy::{
     asset::RenderAssetUsages,
     math::{DAffine3, DMat3, DVec3},
     mesh::{
-        Indices, PrimitiveTopology, VertexAttributeValues,
+        PrimitiveTopology, VertexAttributeValues,
         morph::{MeshMorphWeights, MorphAttributes},
-        skinning::{SkinnedMesh, SkinnedMeshInverseBindposes},
     },
     prelude::*,
 };
+use bevy_restir_support::skinned;
+pub use bevy_restir_support::skinned::{JOINTS, rest_joint, swaying};
 
-pub const JOINTS: usize = 4;
-const RINGS: usize = 13;
-const SIDES: usize = 10;
-const HEIGHT: f32 = 1.8;
-
-/// The joints of a body.
-#[derive(Component, Clone)]
-pub struct Bones(pub Vec<Entity>);
-
-fn rest_joint(joint: usize) -> Vec3 {
-    Vec3::new(0.1 * joint as f32, HEIGHT * joint as f32 / (JOINTS - 1) as f32, 0.0)
-}
-
-/// A standing tube that gets thinner, closed above.  Each vertex follows up to two joints.
+/// A tube of 240 triangles.
 pub fn tube() -> Mesh {
-    let (mut positions, mut normals, mut uvs, mut joints, mut weights) =
-        (Vec::new(), Vec::new(), Vec::new(), Vec::new(), Vec::new());
-    for ring in 0..RINGS {
-        let along = ring as f32 / (RINGS - 1) as f32;
-        let at = along * (JOINTS - 1) as f32;
-        let lower = (at.floor() as usize).min(JOINTS - 2);
-        let share = at - lower as f32;
-        for side in 0..=SIDES {
-            let turn = side as f32 / SIDES as f32;
-            let (sin, cos) = (core::f32::consts::TAU * turn).sin_cos();
-            let radius = 0.32 - 0.15 * along;
-            let radius = if ring + 1 == RINGS { 0.0 } else { radius };
-            positions.push([radius * cos + 0.1 * at, HEIGHT * along, radius * sin]);
-            normals.push(Vec3::new(cos, 0.1, sin).normalize().to_array());
-            uvs.push([turn, along]);
-            joints.push([lower as u16, lower as u16 + 1, 0, 0]);
-            weights.push([1.0 - share, share, 0.0, 0.0]);
-        }
-    }
-    let row = SIDES as u32 + 1;
-    let quads = (0..RINGS as u32 - 1).flat_map(|ring| (0..SIDES as u32).map(move |side| ring * row + side));
-    let indices = quads.flat_map(|a| [a, a + row, a + 1, a + 1, a + row, a + row + 1]).collect();
-    Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::all())
-        .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, positions)
-        .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, normals)
-        .with_inserted_attribute(Mesh::ATTRIBUTE_UV_0, uvs)
-        .with_inserted_attribute(Mesh::ATTRIBUTE_JOINT_INDEX, VertexAttributeValues::Uint16x4(joints))
-        .with_inserted_attribute(Mesh::ATTRIBUTE_JOINT_WEIGHT, weights)
-        .with_inserted_indices(Indices::U32(indices))
+    skinned::tube(12, 10)
 }
 
 /// A flat sheet of 9 x 9 vertices with two morph targets: a bulge and a wave.
@@ -82,47 +42,17 @@ pub fn sheet() -> Mesh {
     mesh
 }
 
-/// Spawns a body of a mesh with [`JOINTS`] joints.  The joints are named after the body.
+/// Spawns a body with a skin.
 pub fn spawn_skinned(rig: &mut Rig, name: &'static str, mesh: Mesh, material: StandardMaterial) -> Entity {
-    let inverse = (0..JOINTS).map(|joint| Mat4::from_translation(-rest_joint(joint))).collect::<Vec<_>>();
-    let inverse_bindposes = rig.add::<SkinnedMeshInverseBindposes>(inverse);
-    let joints: Vec<Entity> =
-        (0..JOINTS).map(|joint| rig.spawn_bundle(Transform::from_translation(rest_joint(joint)))).collect();
+    let skin = skinned::skin(rig.app.world_mut());
     let body = rig.spawn(mesh, material, Transform::default());
-    rig.insert(body, (Name::new(name), Bones(joints.clone()), SkinnedMesh { inverse_bindposes, joints }));
+    rig.insert(body, (Name::new(name), skin));
     body
-}
-
-/// The world transforms of the joints of a tube that stands at `foot` and sways; `wild` is the amplitude of its bends.
-pub fn swaying(foot: Transform, time: f32, wild: f32) -> Vec<Transform> {
-    let mut at = foot;
-    (0..JOINTS)
-        .map(|joint| {
-            if joint > 0 {
-                let step = rest_joint(joint) - rest_joint(joint - 1);
-                at.translation += at.rotation * (at.scale * step);
-            }
-            let phase = time + 0.9 * joint as f32;
-            let bend = Quat::from_euler(
-                EulerRot::XYZ,
-                0.4 * phase.sin(),
-                0.5 * (0.7 * phase).cos(),
-                0.6 * (1.3 * phase).sin(),
-            );
-            at.rotation *=
-                Quat::IDENTITY.slerp(bend, wild.min(1.0)) * Quat::from_rotation_y((wild - 1.0).max(0.0) * phase);
-            at.scale = foot.scale * (1.0 + 0.2 * wild * (2.0 * phase).sin());
-            at
-        })
-        .collect()
 }
 
 /// Moves the joints of a body.
 pub fn set_joints(rig: &mut Rig, body: Entity, joints: &[Transform]) {
-    let bones = rig.app.world().get::<Bones>(body).expect("it has joints").clone();
-    for (&entity, joint) in bones.0.iter().zip(joints) {
-        *rig.get_mut::<Transform>(entity) = *joint;
-    }
+    skinned::set_joints(rig.app.world_mut(), body, joints);
 }
 
 /// Sets the weights of the morph targets of a body.

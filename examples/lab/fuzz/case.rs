@@ -1,11 +1,17 @@
 //! A random scene, camera and settings, with random edits, as data: a case that fails can be repeated and made smaller.
 
-use bevy::{camera::ScalingMode, mesh::PrimitiveTopology, prelude::*, render::render_resource::Face};
+use bevy::{
+    camera::ScalingMode,
+    math::Vec3Swizzles,
+    mesh::{PrimitiveTopology, morph::MorphAttributes},
+    prelude::*,
+    render::render_resource::Face,
+};
 use bevy_restir::{
     Direct, LightTechniques, Mis, Preset, Reconnection, Restir, RestirEnvironment, Reuse, ReuseOrder, Subsurface,
     SubsurfaceShift, SuffixRetrace, Technique,
 };
-use bevy_restir_support::scenes::Random;
+use bevy_restir_support::{scenes::Random, skinned};
 
 /// Numbers at the edges of what an app may write.
 const EDGES: [f32; 14] = [
@@ -61,6 +67,10 @@ pub enum Shape {
     Square,
     /// Triangles without any order, each corner on its own.
     Soup(Vec<[f32; 3]>),
+    /// A tube with a skin, whose joints stand here.
+    Tube(Vec<Transform>),
+    /// A square with two morph targets, and their weights.
+    Sheet([f32; 2]),
 }
 
 #[derive(Clone, Debug)]
@@ -68,6 +78,8 @@ pub enum Edit {
     Move(usize, Transform),
     Despawn(usize),
     Paint(usize, Box<StandardMaterial>),
+    /// Joints of a tube or weights of a sheet.
+    Pose(usize, Vec<Transform>, [f32; 2]),
     MoveCamera(Transform),
     Environment(RestirEnvironment),
     Settings(Box<Restir>),
@@ -79,6 +91,17 @@ impl Shape {
             Self::Cube => Cuboid::from_length(1.0).into(),
             Self::Ball => Sphere::new(0.5).mesh().uv(12, 8),
             Self::Square => Rectangle::from_length(1.0).into(),
+            Self::Tube(_) => skinned::tube(6, 5),
+            Self::Sheet(_) => {
+                let mesh: Mesh = Rectangle::from_length(1.0).into();
+                let target = |by: Vec3| vec![MorphAttributes::new(by, by.yzx(), Vec3::ZERO); mesh.count_vertices()];
+                let mut bump = target(Vec3::Z);
+                bump[0].position = Vec3::new(-1.0, 0.5, 0.0);
+                let targets = bump.into_iter().chain(target(Vec3::new(0.3, 0.0, -0.5))).collect();
+                let mut mesh = mesh;
+                mesh.set_morph_targets(targets);
+                mesh
+            }
             Self::Soup(corners) => Mesh::new(PrimitiveTopology::TriangleList, default())
                 .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, corners.clone()),
         }
@@ -110,8 +133,7 @@ impl Case {
         for i in 0..self.things.len() {
             let mut things = self.things.clone();
             things.remove(i);
-            let touches =
-                |edit: &Edit| matches!(edit, Edit::Move(t, _) | Edit::Despawn(t) | Edit::Paint(t, _) if *t >= i);
+            let touches = |edit: &Edit| matches!(edit, Edit::Move(t, _) | Edit::Despawn(t) | Edit::Paint(t, _) | Edit::Pose(t, ..) if *t >= i);
             if !self.edits.iter().any(|(_, edit)| touches(edit)) {
                 all.push(Self { things, ..self.clone() });
             }
@@ -161,7 +183,9 @@ impl Thing {
                 all.push(object(&Shape::Soup(corners[..corners.len() / 6 * 3].to_vec()), material(), *subsurface, *at));
                 all.push(object(&Shape::Cube, material(), *subsurface, *at));
             }
-            Shape::Ball => all.push(object(&Shape::Cube, material(), *subsurface, *at)),
+            Shape::Ball | Shape::Tube(_) | Shape::Sheet(_) => {
+                all.push(object(&Shape::Cube, material(), *subsurface, *at));
+            }
             _ => {}
         }
         if at.scale != Vec3::ONE {
@@ -354,8 +378,22 @@ impl Source {
         }
     }
 
+    fn joints(&mut self) -> Vec<Transform> {
+        if self.chance(0.1) {
+            return (0..skinned::JOINTS).map(|_| self.place()).collect();
+        }
+        let (foot, time) = (self.place(), self.random.range(0.0, 9.0));
+        skinned::swaying(foot, time, self.random.range(0.0, 3.0))
+    }
+
+    fn weights(&mut self) -> [f32; 2] {
+        [self.number(-1.0, 1.0), self.number(-1.0, 1.0)]
+    }
+
     fn shape(&mut self) -> Shape {
-        match self.random.below(5) {
+        match self.random.below(7) {
+            5 => Shape::Tube(self.joints()),
+            6 => Shape::Sheet(self.weights()),
             0 => Shape::Square,
             1 => Shape::Cube,
             2 => {
@@ -429,7 +467,8 @@ impl Source {
 
     fn edit(&mut self, things: usize, settings: &Restir) -> Edit {
         let thing = self.random.below(things);
-        match self.random.below(7) {
+        match self.random.below(9) {
+            7 | 8 => Edit::Pose(thing, self.joints(), self.weights()),
             0 | 1 => Edit::Move(thing, self.place()),
             2 => Edit::Despawn(thing),
             3 => Edit::Paint(thing, self.material()),

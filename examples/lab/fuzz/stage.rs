@@ -1,11 +1,15 @@
 //! An app that renders cases, one after the other.
 
-use bevy::{asset::RenderAssetUsages, light::SunDisk, prelude::*, render::render_resource::TextureFormat};
+use bevy::{
+    asset::RenderAssetUsages, light::SunDisk, mesh::morph::MeshMorphWeights, prelude::*,
+    render::render_resource::TextureFormat,
+};
 use bevy_restir::{RayBackend, Restir, RestirEnvironment, RestirStatistics, Subsurface};
 use bevy_restir_support::{
     exposure::unit_exposure,
     headless::{self, captured, frame},
     scene::{self, CameraSetup, View},
+    skinned,
 };
 use std::path::Path;
 
@@ -140,6 +144,13 @@ impl Stage {
                     thing.despawn();
                 }
             }
+            Edit::Pose(thing, joints, weights) => {
+                let body = self.spawned[*thing];
+                skinned::set_joints(world, body, joints);
+                if let Some(mut morph) = world.get_mut::<MeshMorphWeights>(body) {
+                    *morph = MeshMorphWeights::Value { weights: weights.to_vec() };
+                }
+            }
             Edit::Paint(thing, material) => {
                 let entity = self.spawned[*thing];
                 let painted = world.get::<MeshMaterial3d<StandardMaterial>>(entity).map(|painted| painted.id());
@@ -178,7 +189,19 @@ fn spawn(world: &mut World, thing: &Thing) -> Entity {
 fn spawn_object(world: &mut World, shape: &Shape, material: StandardMaterial, at: Transform) -> Entity {
     let mesh = world.resource_mut::<Assets<Mesh>>().add(shape.mesh());
     let material = world.resource_mut::<Assets<StandardMaterial>>().add(material);
-    world.spawn((Mesh3d(mesh), MeshMaterial3d(material), at)).id()
+    let object = world.spawn((Mesh3d(mesh), MeshMaterial3d(material), at)).id();
+    match shape {
+        Shape::Tube(joints) => {
+            let skin = skinned::skin(world);
+            world.entity_mut(object).insert(skin);
+            skinned::set_joints(world, object, joints);
+        }
+        Shape::Sheet(weights) => {
+            world.entity_mut(object).insert(MeshMorphWeights::Value { weights: weights.to_vec() });
+        }
+        _ => {}
+    }
+    object
 }
 
 /// Small objects and faint lights with all features, far away.
@@ -216,6 +239,8 @@ fn spawn_everything(world: &mut World) {
             world.entity_mut(object).insert(Subsurface::default());
         }
     }
+    let joints = skinned::swaying(place(4), 0.0, 1.0);
+    spawn_object(world, &Shape::Tube(joints), StandardMaterial::default(), place(4));
     world.spawn((PointLight { intensity: 0.01, radius: 0.0, ..default() }, place(5)));
     world.spawn((PointLight { intensity: 0.01, radius: 0.1, ..default() }, place(6)));
     world.spawn((RectLight { intensity: 0.01, ..default() }, place(7)));

@@ -18,6 +18,7 @@ pub mod picture;
 pub mod progress;
 pub mod scene;
 pub mod scenes;
+pub mod skinned;
 pub mod sky;
 pub mod subsurface;
 pub mod times;

@@ -41,7 +41,7 @@ pub(crate) struct LiveInstance {
     pub entity: MainEntity,
     pub mesh: bevy::asset::AssetId<bevy::mesh::Mesh>,
     pub material: u32,
-    /// Bits of the cameras that see it.
+    /// Bits of the cameras that see it directly: 0 for a `RestirMaterial`.
     pub camera_mask: u32,
     /// Bits of the cameras whose other rays can hit it: 0 for a `NotShadowCaster`.
     pub ray_mask: u32,
@@ -178,6 +178,11 @@ fn flags_of(world_from_object: &Affine3A, mesh: &MeshEntry, material: &GpuMateri
     flags
 }
 
+/// Bits of the cameras that see an instance directly.
+fn seen_by(extracted: &ExtractedInstance) -> u32 {
+    if extracted.is_stand_in { 0 } else { extracted.camera_mask }
+}
+
 /// Center and radius of a sphere around boxes.
 fn bounding_sphere<'a>(boxes: impl Iterator<Item = &'a Bounds>) -> ([f32; 3], f32) {
     let all = boxes
@@ -257,7 +262,7 @@ impl InstancePool {
                 entity: extracted.entity,
                 mesh: extracted.mesh,
                 material: instance.material,
-                camera_mask: extracted.camera_mask,
+                camera_mask: seen_by(extracted),
                 ray_mask,
             });
         }
@@ -385,7 +390,7 @@ impl InstancePool {
             first_light: NONE,
             flags,
             layers: if extracted.casts_shadows { extracted.camera_mask } else { 0 }
-                | extracted.camera_mask << MAX_LAYER_SETS,
+                | seen_by(extracted) << MAX_LAYER_SETS,
             entity: extracted.entity.index_u32(),
         };
         Some((instance, bounds))

@@ -377,6 +377,7 @@ mod tests {
             world_from_object: Affine3A::IDENTITY,
             camera_mask: 1,
             casts_shadows: true,
+            is_stand_in: false,
             pose: None,
             subsurface: None,
         }

@@ -1,0 +1,33 @@
+//! Objects that Bevy draws and that our rays see otherwise, or not at all.
+
+use bevy::{
+    asset::Handle,
+    ecs::{component::Component, reflect::ReflectComponent},
+    pbr::StandardMaterial,
+    reflect::{Reflect, std_traits::ReflectDefault},
+};
+
+/// Gives an object that Bevy draws, such as one with a custom material, a stand-in for rays: it casts shadows, and mirrors and light that
+/// bounces see it with this `StandardMaterial`.
+///
+/// It stands beside the mesh.  The camera sees what Bevy draws, lit by Bevy's lights.  An object with a `MeshMaterial3d<StandardMaterial>`,
+/// too, is drawn by Bevy.  Costs what any other object costs.  With [`Technique::Bdpt`](crate::Technique::Bdpt), caustics are found from the
+/// camera only (noisier, not darker), with a warning.
+///
+/// ```
+/// # use bevy::prelude::*;
+/// # use bevy_restir::prelude::*;
+/// # fn setup(mut commands: Commands, mesh: Handle<Mesh>, mut materials: ResMut<Assets<StandardMaterial>>) {
+/// let bark = materials.add(Color::srgb(0.3, 0.2, 0.1));
+/// // Beside `MeshMaterial3d<SwayingTree>`, or any other material of the app.
+/// commands.spawn((Mesh3d(mesh), RestirMaterial(bark)));
+/// # }
+/// ```
+#[derive(Component, Clone, Debug, Default, PartialEq, Eq, Reflect)]
+#[reflect(Component, Default)]
+pub struct RestirMaterial(pub Handle<StandardMaterial>);
+
+/// Leaves an object out of our picture: Bevy draws and lights it, and rays pass through it.  For gizmos, ghosts and interfaces in the scene.
+#[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
+#[reflect(Component, Default)]
+pub struct RestirIgnore;
