@@ -257,7 +257,7 @@ pub struct GpuViewUniforms {
     pub environment_color: [f32; 3],
     pub exposure: f32,
     pub previous_environment_color: [f32; 3],
-    pub pad: u32,
+    pub firefly_limit: f32,
     pub background: [f32; 3],
     pub debug_view: u32,
     pub size: [u32; 2],

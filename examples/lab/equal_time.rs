@@ -106,7 +106,14 @@ impl Steps {
 impl Args {
     /// Without jitter and energy compensation, so that all techniques converge to one picture.
     fn settings(&self, technique: Technique) -> Restir {
-        Restir { technique, bounces: self.bounces, jitter: false, energy_compensation: false, ..Restir::default() }
+        Restir {
+            technique,
+            bounces: self.bounces,
+            jitter: false,
+            energy_compensation: false,
+            firefly_limit: 0.0,
+            ..Restir::default()
+        }
     }
 }
 

@@ -26,7 +26,15 @@ pub struct Entry {
 
 /// One bounce without jitter and energy compensation, so that all techniques converge to one picture.
 fn plain(technique: Technique, direct: Direct) -> Restir {
-    Restir { technique, bounces: 1, jitter: false, energy_compensation: false, direct, ..Restir::default() }
+    Restir {
+        technique,
+        bounces: 1,
+        jitter: false,
+        energy_compensation: false,
+        firefly_limit: 0.0,
+        direct,
+        ..Restir::default()
+    }
 }
 
 /// The default settings.

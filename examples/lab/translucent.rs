@@ -88,7 +88,7 @@ pub fn run(args: &Args) -> Result<(), String> {
 
 /// One bounce without jitter and energy compensation, so that all techniques converge to one picture.
 fn settings(technique: Technique) -> Restir {
-    Restir { technique, bounces: 1, jitter: false, energy_compensation: false, ..Restir::default() }
+    Restir { technique, bounces: 1, jitter: false, energy_compensation: false, firefly_limit: 0.0, ..Restir::default() }
 }
 
 fn with(subsurface: SubsurfaceSampling) -> Restir {

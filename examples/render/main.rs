@@ -223,6 +223,10 @@ fn accumulate(app: &mut App, args: &Args, settings: &Restir) -> Result<Frames, S
     }
     if let Some(mut restir) = app.world_mut().get_mut::<Restir>(camera) {
         restir.accumulate = gathers;
+        if mean {
+            // The limit of bright pixels is for single frames; it would stay in the mean as a bias.
+            restir.firefly_limit = 0.0;
+        }
     }
     let mut sum: Vec<[f64; 3]> = Vec::new();
     let mut passes = Times::default();

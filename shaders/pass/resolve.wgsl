@@ -1,7 +1,8 @@
-// Adds up the parts of a frame's picture: emission of the primary surfaces, and the light that the techniques found.  Sums up frames while
-// they are accumulated.
+// Adds up the parts of a frame's picture: emission of the primary surfaces, and the light that the techniques found.  Limits that light to a
+// multiple of what the pixels around have, and sums up frames while they are accumulated.
 
 #import bevy_restir::common::constants::NONE
+#import bevy_restir::common::math::luminance
 #import bevy_restir::light::backdrop::backdrop
 #import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::camera::primary_ray
@@ -30,11 +31,9 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
         light = backdrop(primary_ray(pixel).direction);
     } else {
         let s = primary_surface(ids, pixel, false).surface;
-        light = s.emission + s.unlit + textureLoad(unresampled, pixel, 0).rgb + textureLoad(resampled_lights, pixel, 0).rgb
-            + textureLoad(resampled_paths, pixel, 0).rgb + textureLoad(connections, pixel, 0).rgb + subsurface_light(pixel);
+        light = s.emission + s.unlit;
     }
-    // Light paths may end anywhere in a pixel, beside a surface that this frame's ray has missed, too.
-    light += textureLoad(resampled_splats, pixel, 0).rgb;
+    light += limited(scattered_light(pixel), pixel);
     let index = pixel.y * view.size.x + pixel.x;
     var sum = vec4<f32>(guarded_pixel(light), 1.0);
     if view.accumulated > 0u {
@@ -42,6 +41,30 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     radiance[index] = sum;
     count_guards(pixel);
+}
+
+// The light of all domains.  It is black where the pixel has no surface, except for light paths: they may end anywhere in a pixel, beside a
+// surface that this frame's ray has missed, too.
+fn scattered_light(pixel: vec2<u32>) -> vec3<f32> {
+    return textureLoad(unresampled, pixel, 0).rgb + textureLoad(resampled_lights, pixel, 0).rgb
+        + textureLoad(resampled_paths, pixel, 0).rgb + textureLoad(connections, pixel, 0).rgb + subsurface_light(pixel)
+        + textureLoad(resampled_splats, pixel, 0).rgb;
+}
+
+// Light that is not much brighter than that of the brightest of the eight pixels around.
+fn limited(light: vec3<f32>, pixel: vec2<u32>) -> vec3<f32> {
+    if !(view.firefly_limit > 0.0) {
+        return light;
+    }
+    var brightest = 0.0;
+    for (var i = 0u; i < 9u; i++) {
+        // A pixel beyond the border wraps around to a number above the size.
+        let neighbor = pixel + vec2<u32>(i % 3u, i / 3u) - 1u;
+        if i != 4u && all(neighbor < view.size) {
+            brightest = max(brightest, luminance(scattered_light(neighbor)));
+        }
+    }
+    return light * min(view.firefly_limit * brightest / max(luminance(light), 1.0e-30), 1.0);
 }
 
 #ifdef SUBSURFACE

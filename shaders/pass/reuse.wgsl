@@ -74,7 +74,8 @@ fn sample_of(inputs: ptr<function, Inputs>, j: u32, shifted: bool) -> Reservoir 
     return s;
 }
 
-// Collects the inputs.  Where the surface was not visible in the last frame more neighbors are sought (Wyman and Panteleev 2021, 6.4).
+// Collects the inputs.  Where the surface was not visible in the last frame, more neighbors are sought (Wyman and Panteleev 2021, 6.4): an
+// iteration over the last frame does not find it there, and a later one meets a confidence of one frame.
 fn gather_inputs(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, own: OwnPlace, pixel: vec2<u32>, rng: ptr<function, Rng>) {
     let canonical = own_sample(pixel);
     (*inputs).pixels[0] = pixel;
@@ -84,6 +85,9 @@ fn gather_inputs(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, o
     (*mis).confidence[0] = canonical.confidence;
     var count = 1u;
     var wanted = settings.temporal_samples + settings.spatial_samples;
+    if !has(RESAMPLE_FROM_PREVIOUS) && canonical.confidence <= 1.0 {
+        wanted = max(wanted, settings.disocclusion_samples);
+    }
     for (var i = 0u; i < wanted && count < MAX_INPUTS; i++) {
         let is_own = i < settings.temporal_samples;
         let at = find_neighbor(own, is_own, rng);

@@ -16,7 +16,7 @@ struct ViewUniforms {
     environment_color: vec3<f32>,       // cd/m²; factor of the map if there is one
     exposure: f32,                      // exposure of the camera; for debug views the scale of their values
     previous_environment_color: vec3<f32>,
-    pad: u32,
+    firefly_limit: f32,                 // greatest luminance of a pixel's scattered light, relative to the pixels around; 0: none
     background: vec3<f32>,              // radiance of pixels without a surface if the camera does not see the environment, cd/m²
     debug_view: u32,                    // DEBUG_* of the debug passes
     size: vec2<u32>,                    // of the traced picture, pixels

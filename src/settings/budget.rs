@@ -5,7 +5,7 @@ use bevy::{
     reflect::Reflect,
 };
 
-use super::{Restir, Reuse, Technique};
+use super::{Restir, Reuse, ReuseOrder, Technique};
 
 /// Keeps the GPU time of lighting below a limit: where a camera's [`Restir`] would take longer, it takes fewer samples ([`Restir::reduced`]),
 /// and as many as fit again when the scene gets cheaper.  Noise grows; means stay, and histories go on.
@@ -97,16 +97,16 @@ fn take_neighbor(reuse: &mut Reuse) -> bool {
         reuse.spatial_iterations -= 1;
         return true;
     }
-    if reuse.spatial_samples.max(reuse.disocclusion_samples) == 0 {
-        return false;
-    }
     // Disocclusions are a small part of a picture; they lose their neighbors last.
     if reuse.spatial_samples > 0 {
         reuse.spatial_samples -= 1;
-    } else {
+        return true;
+    }
+    let has_more = reuse.order == ReuseOrder::Spatiotemporal && reuse.temporal && reuse.disocclusion_samples > 0;
+    if has_more {
         reuse.disocclusion_samples = 0;
     }
-    true
+    has_more
 }
 
 #[cfg(test)]

@@ -99,6 +99,11 @@ pub struct Restir {
     /// Adds the light that bounces more than once within a rough surface to specular lobes of reflection (Turquin 2019, as in Lanz 2025,
     /// 2.1.3): rough metals keep their brightness.  One texture read.  Without it they are too dark.
     pub energy_compensation: bool,
+    /// Greatest luminance of the light that a pixel's surface scatters, relative to the brightest of the eight pixels around it; 0: no
+    /// limit, at most 1e6.  Removes single very bright pixels (fireflies) from each frame; histories keep them.  No effect on
+    /// [`Technique::Reference`] and with [`Restir::accumulate`].  Cost: eight texture reads a pixel and domain.  Biased: darker, by the light
+    /// of such pixels; glints that are smaller than a pixel dim.
+    pub firefly_limit: f32,
     /// Selects one of 2^32 independent sequences of random numbers.
     pub seed: u32,
     /// Direct light, for [`Technique::Di`] and [`Technique::Gi`]; its light subsets serve all techniques that resample.
@@ -130,6 +135,7 @@ impl Default for Restir {
             bounces: 5,
             jitter: true,
             energy_compensation: true,
+            firefly_limit: 2.0,
             seed: 0,
             direct: Direct::default(),
             paths: Paths::default(),
@@ -155,12 +161,13 @@ impl Restir {
         warnings
     }
 
-    /// These settings without those that only choose how many samples a frame takes and how it weights them: reservoirs of the last frame keep
-    /// their meaning if nothing else has changed.
+    /// These settings without those that only choose how many samples a frame takes, how it weights them and how it shows them: reservoirs of
+    /// the last frame keep their meaning if nothing else has changed.
     pub(crate) fn of_history(&self) -> Self {
         let mut settings = self.clone();
         // Those of paths are part of the MIS weights that reservoirs of paths store.
         settings.direct.candidates = 1;
+        settings.firefly_limit = 0.0;
         for reuse in [&mut settings.direct.reuse, &mut settings.paths.reuse, &mut settings.subsurface.reuse] {
             *reuse = reuse.of_history();
         }
@@ -175,6 +182,7 @@ impl Restir {
             ranges.number("debug_scale", &mut self.debug_scale, 1.0, 1.0);
         }
         ranges.number("debug_scale", &mut self.debug_scale, 0.0, 1e6);
+        ranges.number("firefly_limit", &mut self.firefly_limit, 0.0, 1e6);
         self.direct.validate(report);
         self.paths.validate(report);
         self.bdpt.validate(report);

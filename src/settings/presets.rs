@@ -11,9 +11,10 @@ use super::{BiasCorrection, Direct, Paths, Restir, Reuse, SuffixRetrace, Visibil
 pub enum Preset {
     /// Fewest rays, and one neighbor for paths.  Three bounces: later light is missing (darker).  Direct light is resampled as by Wyman and
     /// Panteleev 2021, with visibility reused within 30 pixels: shadows are blurred and lag.  Under motion, light that has just come into view
-    /// of the end of a path is missed (darker; [`SuffixRetrace::ForwardOnly`]).
+    /// of the end of a path is missed (darker; [`SuffixRetrace::ForwardOnly`]).  Single bright pixels are limited (darker;
+    /// [`Restir::firefly_limit`]).
     Performance,
-    /// Five bounces: later light is missing (darker).  No other bias.
+    /// Five bounces: later light is missing (darker).  Single bright pixels are limited (darker; [`Restir::firefly_limit`]).  No other bias.
     Balanced,
     /// Eight bounces: later light is missing (darker).  No other bias.
     Quality,
@@ -28,6 +29,13 @@ impl Preset {
             Self::Balanced => 5,
             Self::Quality => 8,
             Self::Unbiased => 32,
+        }
+    }
+
+    fn firefly_limit(self) -> f32 {
+        match self {
+            Self::Performance | Self::Balanced => 2.0,
+            Self::Quality | Self::Unbiased => 0.0,
         }
     }
 
@@ -47,7 +55,7 @@ impl Preset {
         match self {
             Self::Performance => Paths {
                 suffix_retrace: SuffixRetrace::ForwardOnly,
-                reuse: Reuse { spatial_samples: 1, ..Reuse::PATHS },
+                reuse: Reuse { spatial_samples: 1, disocclusion_samples: 2, ..Reuse::PATHS },
                 ..Paths::default()
             },
             Self::Balanced | Self::Quality | Self::Unbiased => Paths::default(),
@@ -61,10 +69,16 @@ impl Restir {
         Self::default().with_preset(preset)
     }
 
-    /// These settings with the bounces, the direct light and the paths of a preset.  Everything else stays: technique, seed, jitter, energy
-    /// compensation, accumulation and debug views.
+    /// These settings with the bounces, the limit of fireflies, the direct light and the paths of a preset.  Everything else stays: technique,
+    /// seed, jitter, energy compensation, accumulation and debug views.
     #[must_use]
     pub fn with_preset(self, preset: Preset) -> Self {
-        Self { bounces: preset.bounces(), direct: preset.direct(), paths: preset.paths(), ..self }
+        Self {
+            bounces: preset.bounces(),
+            firefly_limit: preset.firefly_limit(),
+            direct: preset.direct(),
+            paths: preset.paths(),
+            ..self
+        }
     }
 }

@@ -57,8 +57,8 @@ pub struct Reuse {
     /// Neighbors whose samples are reused in an iteration, at most 5: less noise, more correlated; each costs a shift and its rays.  No bias.
     pub spatial_samples: u32,
     /// Number of neighbors where the surface was not visible in the last frame (Wyman and Panteleev 2021, 6.4), if it is larger than
-    /// [`Reuse::spatial_samples`]; at most 5: less noise in disocclusions.  Has an effect only with [`ReuseOrder::Spatiotemporal`] and
-    /// `temporal`.  No bias.
+    /// [`Reuse::spatial_samples`]; at most 5: less noise in disocclusions and after a cut, at the cost of these neighbors in such pixels
+    /// alone.  Has an effect only with `temporal` and, in [`ReuseOrder::TemporalThenSpatial`], with `spatial_samples`.  No bias.
     pub disocclusion_samples: u32,
     /// Iterations of spatial reuse, 1 to 4: each is a pass.  No bias.
     pub spatial_iterations: u32,
@@ -119,12 +119,13 @@ impl Reuse {
 
     /// The defaults of [`Paths`](super::Paths), as in Lin et al. 2022 and 2026: temporal reuse, then one iteration of spatial reuse, history
     /// capped at 20 frames.  The radius is 60 pixels where they have 20: where light is found rarely, a smaller circle shares each find
-    /// among too few pixels, which shows as blotches.  Each of the three neighbors is sought at five places, since a pixel
-    /// without a neighbor has only its own candidates, which leave it noisy or black (`docs/performance.md`, "One frame").
+    /// among too few pixels, which shows as blotches.  Each of the three neighbors, or five where the surface has just come into view, is
+    /// sought at five places, since a pixel without a neighbor has only its own candidates, which leave it noisy or black
+    /// (`docs/performance.md`, "One frame").
     pub const PATHS: Self = Self {
         order: ReuseOrder::TemporalThenSpatial,
         spatial_samples: 3,
-        disocclusion_samples: 0,
+        disocclusion_samples: 5,
         neighbor_attempts: 5,
         radius: 60.0,
         mis: Mis::DefensivePairwise,

@@ -155,6 +155,7 @@ impl Default for SubsurfaceSampling {
         let reuse = Reuse {
             order: ReuseOrder::TemporalThenSpatial,
             spatial_samples: 1,
+            disocclusion_samples: 2,
             spatial_iterations: 2,
             bilinear: true,
             radius: 30.0,

@@ -22,6 +22,8 @@ pub(crate) struct Iteration {
     pub from_previous: bool,
     temporal_samples: u32,
     spatial_samples: u32,
+    /// More neighbors are sought where the surface was not visible in the last frame.
+    seeks_more: bool,
     /// `SUBSURFACE_*`, for the domain of light that enters objects.
     subsurface_shift: u32,
 }
@@ -34,6 +36,7 @@ fn iterations(reuse: &Reuse) -> Vec<Iteration> {
         from_previous: true,
         temporal_samples: 0,
         spatial_samples: reuse.spatial_samples,
+        seeks_more: true,
         subsurface_shift: 0,
     };
     match reuse.order {
@@ -47,6 +50,8 @@ fn iterations(reuse: &Reuse) -> Vec<Iteration> {
                 from_previous: true,
                 temporal_samples,
                 spatial_samples: 0,
+                // The next iteration does, among samples of this frame.
+                seeks_more: false,
                 subsurface_shift: 0,
             });
             first
@@ -194,10 +199,10 @@ impl ReuseSchedule {
                 from_previous: true,
                 temporal_samples: u32::from(reuse.temporal),
                 spatial_samples: 0,
+                seeks_more: false,
                 subsurface_shift: 0,
             }],
             common: GpuResampleSettings {
-                disocclusion_samples: 0,
                 // All inputs are shaded, because the color of the candidates is that of all splats.
                 flags: connections | RESAMPLE_SHADE_ALL,
                 ..paths.common
@@ -212,7 +217,7 @@ impl ReuseSchedule {
     /// Greatest number of inputs of the resampling routine: the pixel's own sample and its neighbors.
     pub(crate) fn max_inputs(&self) -> u32 {
         let neighbors = self.iterations.iter().map(|iteration| {
-            let disocclusion = if iteration.temporal_samples > 0 { self.common.disocclusion_samples } else { 0 };
+            let disocclusion = if iteration.seeks_more { self.common.disocclusion_samples } else { 0 };
             (iteration.temporal_samples + iteration.spatial_samples).max(disocclusion)
         });
         1 + neighbors.max().unwrap_or(0)
@@ -241,6 +246,7 @@ impl ReuseSchedule {
         GpuResampleSettings {
             temporal_samples: available(iteration.temporal_samples),
             spatial_samples: available(iteration.spatial_samples),
+            disocclusion_samples: if iteration.seeks_more { self.common.disocclusion_samples } else { 0 },
             mis: if iteration.spatial_samples == 0 { self.temporal_mis } else { self.common.mis },
             flags: (self.common.flags | flags) & !without,
             iteration: index as u32,
@@ -264,10 +270,8 @@ fn common_settings(reuse: &Reuse, direct: &Direct, research: &Research) -> GpuRe
         subset_count: direct.subset_count,
         subset_size: direct.subset_size,
         light_tile_size: research.light_tile_size,
-        disocclusion_samples: match reuse.order {
-            ReuseOrder::Spatiotemporal => reuse.disocclusion_samples,
-            ReuseOrder::TemporalThenSpatial => 0,
-        },
+        // Without temporal reuse, every surface would count as new.
+        disocclusion_samples: if reuse.temporal { reuse.disocclusion_samples } else { 0 },
         neighbor_attempts: reuse.neighbor_attempts,
         temporal_attempts: reuse.temporal_attempts,
         radius: reuse.radius,

@@ -110,7 +110,8 @@ impl RestirView {
             previous_environment_rotation: previous_environment.rotation,
             environment_color: environment.color,
             previous_environment_color: previous_environment.color,
-            pad: 0,
+            // A mean of frames has no need of the limit, and would keep its bias.
+            firefly_limit: if restir.settings.accumulate { 0.0 } else { restir.settings.firefly_limit },
             exposure: match restir.settings.debug_view {
                 DebugView::Off => inputs.exposure(),
                 _ => restir.settings.debug_scale,

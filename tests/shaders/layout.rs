@@ -169,7 +169,7 @@ fn view_structs_are_the_same_in_rust_and_wgsl() {
             environment_color,
             exposure,
             previous_environment_color,
-            pad,
+            firefly_limit,
             background,
             debug_view,
             size,

@@ -98,10 +98,17 @@ pub struct Rig {
     pub shared: Option<String>,
 }
 
-/// The settings of most tests: the reference, no jitter, direct light only, no energy compensation.
+/// The settings of most tests: the reference, no jitter, direct light only, no energy compensation, no limit of bright pixels.
 pub fn plain() -> Restir {
     let technique = Technique::Reference;
-    Restir { technique, jitter: false, bounces: 1, energy_compensation: false, ..Default::default() }
+    Restir {
+        technique,
+        jitter: false,
+        bounces: 1,
+        energy_compensation: false,
+        firefly_limit: 0.0,
+        ..Default::default()
+    }
 }
 
 /// An opaque diffuse material.

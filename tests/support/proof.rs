@@ -80,13 +80,14 @@ impl Subject for (f32, Bidirectional) {
     }
 }
 
-/// A technique with a preset as it comes: with jitter, energy compensation and the bounces of the preset.
+/// A technique with a preset as it comes: with jitter, energy compensation and the bounces of the preset.  Single frames, which proofs in
+/// motion compare, are not limited: that bias is known (`techniques::fireflies`).
 pub struct Shipped(pub Technique, pub Preset);
 
 impl Subject for Shipped {
     fn apply_to(&self, settings: &mut Restir) {
         let Restir { seed, accumulate, .. } = *settings;
-        *settings = Restir { technique: self.0, seed, accumulate, ..Restir::preset(self.1) };
+        *settings = Restir { technique: self.0, seed, accumulate, firefly_limit: 0.0, ..Restir::preset(self.1) };
     }
 }
 

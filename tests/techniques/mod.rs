@@ -8,6 +8,7 @@ mod debug_views;
 mod di;
 mod edited_scenes;
 mod extremes;
+mod fireflies;
 mod furnace;
 mod gi;
 mod guards;

@@ -95,7 +95,7 @@ fn grid() -> impl Iterator<Item = (String, String)> {
     })
 }
 
-const PATHS: [(&str, &str); 19] = [
+const PATHS: [(&str, &str); 20] = [
     ("no reuse", "paths.reuse.temporal=false paths.reuse.spatial_samples=0"),
     ("temporal reuse only", "paths.reuse.spatial_samples=0"),
     ("spatial reuse only", "paths.reuse.temporal=false"),
@@ -112,6 +112,7 @@ const PATHS: [(&str, &str); 19] = [
     ("32 light candidates", "paths.candidates=32"),
     ("direct light in reservoirs of its own", "paths.separate_direct_light=true"),
     ("only the kept path is shaded", "paths.reuse.shade_all=false"),
+    ("bright pixels without a limit", "firefly_limit=0"),
     ("thresholds of Lin et al. 2022", "paths.reconnection=Distance"),
     ("2 bounces", "bounces=2"),
     ("3 bounces", "bounces=3"),

@@ -195,13 +195,15 @@ fn each_spatial_iteration_is_a_pass() {
 #[test]
 fn disocclusions_use_more_neighbors() {
     let Some(mut rig) = lit_room(48, 48) else { return };
-    let mut after_a_jump = |disocclusion_taps| {
+    let mut after_a_jump = |order, disocclusion_samples| {
         direct(
             &mut rig,
             Direct {
                 reuse: Reuse {
-                    disocclusion_samples: disocclusion_taps,
+                    order,
+                    disocclusion_samples,
                     spatial_samples: 1,
+                    spatial_iterations: 1,
                     radius: pixels(12.0, 48),
                     ..di::all_reuse().reuse
                 },
@@ -221,12 +223,14 @@ fn disocclusions_use_more_neighbors() {
         place(&mut rig, 0.8);
         rig.next()
     };
-    let (few, many) = (after_a_jump(1), after_a_jump(5));
-    let pairs: Vec<(f32, f32)> = few.iter().zip(many.iter()).map(|((_, a), (_, b))| (a.x, b.x)).collect();
-    let gained = pairs.iter().filter(|(few, many)| many > few).count();
-    assert!(gained > 40 && pairs.iter().all(|(few, many)| many >= few), "{gained} gained");
-    // Where both default neighbors are accepted, nothing is added.
-    assert!(pairs.iter().filter(|(few, _)| *few == 41.0).all(|(few, many)| few == many));
+    for order in [ReuseOrder::Spatiotemporal, ReuseOrder::TemporalThenSpatial] {
+        let (few, many) = (after_a_jump(order, 1), after_a_jump(order, 5));
+        let pairs: Vec<(f32, f32)> = few.iter().zip(many.iter()).map(|((_, a), (_, b))| (a.x, b.x)).collect();
+        let gained = pairs.iter().filter(|(few, many)| many > few).count();
+        assert!(gained > 40 && pairs.iter().all(|(few, many)| many >= few), "{order:?}: {gained} gained");
+        // Where both default neighbors are accepted, nothing is added.
+        assert!(pairs.iter().filter(|(few, _)| *few == 41.0).all(|(few, many)| few == many), "{order:?}");
+    }
 }
 
 /// A change of exposure affects no path.  Another projection shows other surfaces.
