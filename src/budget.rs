@@ -13,32 +13,33 @@ use crate::{
     settings::{BudgetStep, Restir, RestirBudget},
 };
 
-/// Measurements after a change of the step that may still be those of the step before.
+/// Number of measurements to ignore after a change of the step, because they may still belong to the step before.
 const DELAY: u32 = 6;
-/// Measurements that a decision needs.  Their median counts.
+/// Number of measurements that a decision needs.  Their median counts.
 const WINDOW: usize = 7;
-/// Share of the limit below which the predicted time of a better step must lie.  The rest keeps the step from going up and down in turn.
+/// A step with more samples is chosen if its predicted time is below this share of the limit.  The margin keeps the step from oscillating.
 const UP: f32 = 0.92;
-/// Share of the limit that a worse step is chosen for.
+/// Where the limit is exceeded, a step is chosen whose predicted time is below this share of it.
 const DOWN: f32 = 0.97;
-/// Time of a step over that of the step before, where it is not known yet.
+/// Assumed ratio of the time of a step to that of the step before, until it is measured.
 const TYPICAL_RATIO: f32 = 0.85;
-/// Frames without a GPU time before a warning.
+/// Number of frames without a GPU time before a warning.
 const PATIENCE: u32 = 120;
 
 /// Finds the step from the times of frames.
 #[derive(Debug, Default)]
 pub(crate) struct Controller {
     step: u32,
-    /// Measurements to leave out.
+    /// Number of measurements that are still to be ignored.
     ignored: u32,
     times: Vec<f32>,
-    /// Time of each step, ms, as the scene is now: measured, and scaled by how the times of other steps have changed since; 0 if unknown.
+    /// Estimated time of each step in the present scene, ms; 0 if unknown.  It is the last measured one, scaled as the times of other steps
+    /// have changed since.
     known: Vec<f32>,
 }
 
 impl Controller {
-    /// Takes the GPU time of a frame, ms.  `limit`: ms; `last`: the step that reduces most.
+    /// Takes the GPU time of a frame, ms, and chooses the step once there are enough.  `limit`: ms; `last`: the step that reduces most.
     fn observe(&mut self, time: f32, limit: f32, last: u32) {
         if self.ignored > 0 {
             self.ignored -= 1;
@@ -58,7 +59,7 @@ impl Controller {
         }
     }
 
-    /// Forgets measurements of which some may belong to other settings.
+    /// Drops the measurements so far and ignores the next ones, because some of them may belong to other settings.
     fn interrupt(&mut self) {
         self.times.clear();
         self.ignored = DELAY;
@@ -69,7 +70,7 @@ impl Controller {
         self.interrupt();
     }
 
-    /// Takes the time of the step as it is now.
+    /// Takes the measured time of the present step, and scales the times of all other steps by the same factor.
     fn learn(&mut self, time: f32, last: u32) {
         self.known.resize(last as usize + 1, 0.0);
         let known = self.known[self.step as usize];
@@ -88,7 +89,7 @@ impl Controller {
         self.known[self.step as usize] * TYPICAL_RATIO.powi(step as i32 - self.step as i32)
     }
 
-    /// The least reduced step that fits.
+    /// The step with the most samples whose predicted time fits.
     fn choose(&self, limit: f32, last: u32) -> u32 {
         if self.known[self.step as usize] > limit {
             return (self.step + 1..=last).find(|step| self.predicted(*step) <= DOWN * limit).unwrap_or(last);
@@ -119,7 +120,7 @@ pub(crate) fn keep_budget(
     let now: Vec<Restir> = cameras.iter().map(|camera| Restir { reset: false, ..camera.clone() }.valid()).collect();
     let last = now.iter().map(Restir::reducible_steps).max().unwrap_or(0);
     if *settings != now {
-        // Times of other settings say nothing about these.
+        // Times that were measured with other settings do not hold for these.
         controller.known.clear();
         controller.step = controller.step.min(last);
         controller.interrupt();
@@ -166,7 +167,7 @@ mod tests {
     use super::*;
 
     const LAST: u32 = 5;
-    /// Times arrive this many frames after their frame.
+    /// The time of a frame arrives this many frames later.
     const LATE: usize = 3;
 
     /// Runs a flight through a scene: `cost` is the time of a frame at step 0, and `ratios` are the times of all steps over it.  Returns the
@@ -175,7 +176,7 @@ mod tests {
         let mut controller = Controller::default();
         let mut all: Vec<(u32, f32)> = Vec::new();
         for frame in 0..frames {
-            // Uneven times, of which some are far off.
+            // Measured times have noise, and a few of them are much too long.
             let noise = 1.0 + 0.02 * ((frame * 37 % 11) as f32 / 5.0 - 1.0) + if frame % 23 == 7 { 0.6 } else { 0.0 };
             all.push((controller.step, cost(frame) * ratios[controller.step as usize]));
             if let Some(late) = frame.checked_sub(LATE) {
@@ -206,7 +207,7 @@ mod tests {
 
     #[test]
     fn a_flight_stays_within_its_budget_and_does_not_oscillate() {
-        // Twice as expensive in the middle, by and by.
+        // The cost rises slowly to twice its value in the middle, and falls again.
         let cost = |frame: usize| 10.0 * (1.0 + (frame as f32 / 600.0 * core::f32::consts::PI).sin());
         for limit in [9.0, 10.5, 13.0, 16.0] {
             let frames = fly(600, limit, &RATIOS, cost);

@@ -26,13 +26,13 @@ fn missing_of(limits: &WgpuLimits, flags: DownlevelFlags) -> Option<&'static str
         return Some("compute shaders and storage buffers in vertex shaders");
     }
     if limits.max_storage_buffers_per_shader_stage < 8 {
-        return Some("eight storage buffers a shader stage");
+        return Some("eight storage buffers per shader stage");
     }
     if limits.max_compute_invocations_per_workgroup < 64 {
-        return Some("64 compute invocations a workgroup");
+        return Some("64 compute invocations per workgroup");
     }
     if limits.max_storage_buffer_binding_size.min(limits.max_buffer_size) < MIN_BINDING {
-        return Some("storage bindings of a MiB");
+        return Some("storage bindings of 1 MiB");
     }
     None
 }
@@ -51,7 +51,7 @@ fn too_few_textures(limits: &WgpuLimits) -> Option<String> {
     let (textures, samplers) = (limits.max_sampled_textures_per_shader_stage, limits.max_samplers_per_shader_stage);
     (textures.min(samplers) < BEVY_TEXTURES).then(|| {
         format!(
-            "this device binds {textures} textures and {samplers} samplers a shader stage; with the feature `material_textures` Bevy's \
+            "this device binds {textures} textures and {samplers} samplers per shader stage; with the feature `material_textures` Bevy's \
              own shaders need {BEVY_TEXTURES} of each, and Bevy quits where a camera without `Restir` sees a `StandardMaterial`"
         )
     })

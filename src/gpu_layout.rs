@@ -1,5 +1,5 @@
-//! Rust mirrors of the structs and constants in `types.wgsl` of `shaders/scene`, `shaders/view` and `shaders/restir`, and in
-//! `shaders/common/constants.wgsl`.  A test compares every offset and size with naga's.
+//! Rust mirrors of the structs and constants in `types.wgsl` of `shaders/scene`, `shaders/deformation`, `shaders/view` and
+//! `shaders/restir`, and in `shaders/common/constants.wgsl`.  A test compares every offset and size with naga's.
 
 use bytemuck::{Pod, Zeroable};
 

@@ -24,19 +24,19 @@ pub struct RestirReport {
     pub rays: u64,
     /// Number of pixels of that frame whose radiance was not finite; they are treated as black.  0 unless there is a bug.
     pub non_finite_pixels: u64,
-    /// Overflows of that frame, 0 unless rays missed geometry.  Bit 0: a traversal stack was full; bit 1: a traversal took too many steps;
-    /// bit 19: a probe of [`Subsurface`](crate::Subsurface) had more than 8 hits.
+    /// Overflows of that frame; 0 unless light may be missing.  Bit 0: a traversal stack was full; bit 1: a traversal took too many steps, or
+    /// too many light paths landed in a pixel; bit 19: a probe ray of [`Subsurface`](crate::Subsurface) had more than 8 hits.
     pub overflow_flags: u32,
-    /// How often the shaders met a number that should not exist, such as NaN or negative light, and stopped it: the name of each check, and
-    /// the number of pixels that failed it, summed up over all frames of the cameras that exist now.  All are 0 unless there is a bug, except
-    /// `float_overflow`, which counts light beyond the range of f32 (about 1e38), and `overflow_probe`: both are missing in the picture.
-    /// A check costs a few integer comparisons.
+    /// How often the shaders met an illegal number, such as NaN or negative light, and replaced it by 0: the name of each check, and the
+    /// number of pixels that failed it, summed up over all frames of the cameras that exist now.  All are 0 unless there is a bug, except
+    /// `float_overflow`, which counts light beyond the range of f32 (about 1e38), and `overflow_probe`; the light that these two count is
+    /// missing in the picture.  A check costs a few integer comparisons.
     pub guards: Vec<(&'static str, u64)>,
-    /// How often the histories of the cameras that exist now began anew, and why.  `start`: the first frame, or the frame before was not
-    /// rendered; `requested`: [`Restir::reset`](crate::Restir::reset); `scene`: an edit that histories do not survive; `environment`: another
-    /// image, or the first or last environment; `size`; `settings`; `render_layers`; `projection`: perspective or orthographic; `pipelines`:
-    /// another technique or debug view, or the first translucent object.  One frame may count for several reasons.  Techniques without a
-    /// history count nothing.
+    /// How often the histories of the cameras that exist now restarted, and why.  `start`: the first frame, or the frame before was not
+    /// rendered; `requested`: [`Restir::reset`](crate::Restir::reset); `scene`: an edit that histories do not survive; `environment`: its image
+    /// changed, or it appeared or disappeared; `size`; `settings`; `render_layers`; `projection`: from perspective to orthographic or back;
+    /// `pipelines`: the technique or the debug view changed, the first translucent object appeared or the last one disappeared.  One frame may
+    /// count for several reasons.  Techniques without a history count nothing.
     pub history_resets: Vec<(&'static str, u64)>,
     /// How far [`RestirBudget`](crate::RestirBudget) reduces the settings of all cameras: the argument of
     /// [`Restir::reduced`](crate::Restir::reduced).

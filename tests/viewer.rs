@@ -1,4 +1,4 @@
-//! The parts of the viewer: widgets for every setting, files, the lent sky, animations and the camera.
+//! The parts of the viewer: widgets for every setting, files, the viewer's own sky, animations and the camera.
 
 use crate::support::{app::*, cli::Folder, gltf::Scene};
 use bevy::{

@@ -58,7 +58,7 @@ impl Cost {
         self.sum(|name| name.ends_with("_candidates"))
     }
 
-    /// Milliseconds of reuse over all rounds.
+    /// Milliseconds of reuse over all iterations.
     pub fn reuse(&self) -> f64 {
         self.sum(|name| name.contains("_reuse"))
     }

@@ -30,10 +30,10 @@ pub struct Args {
     /// Numbers of characters.
     #[arg(long, value_delimiter = ',', default_value = "1,10,100")]
     characters: Vec<u32>,
-    /// Triangles of a character, about.
+    /// Approximate number of triangles of a character.
     #[arg(long, default_value_t = 10_000)]
     triangles: u32,
-    /// Frames that are timed, each way.
+    /// Number of frames that are timed at rest, and again in motion.
     #[arg(long, default_value_t = 32)]
     frames: u32,
 }

@@ -176,7 +176,7 @@ fn spawn(world: &mut World, rows: &[usize], size: UVec2) -> (Transform, Projecti
     let lamp = StandardMaterial { emissive: LinearRgba::rgb(7.0, 7.0, 7.0), ..of(0.0, 0.0, 0.0) };
     let lamp = world.resource_mut::<Assets<StandardMaterial>>().add(lamp);
     world.spawn((Mesh3d(panel), MeshMaterial3d(lamp), Transform::from_translation(eye).looking_to(eye, Vec3::Y)));
-    // From far away, so that the perspective of all spheres is alike.
+    // From far away, so that all spheres have nearly the same perspective.
     let fov = 0.16f32;
     let aspect = size.x as f32 / size.y as f32;
     let distance = 0.5 * height.max(width / aspect) * 1.02 / (0.5 * fov).tan();

@@ -23,7 +23,7 @@ pub struct Args {
     /// Size in pixels; the camera keeps its vertical field of view.
     #[arg(long, default_value = "1280x720", value_parser = arguments::size)]
     pub size: UVec2,
-    /// Reference path tracer, ReSTIR DI (direct light only), ReSTIR DI with GI, or ReSTIR PT.
+    /// Reference path tracer, ReSTIR DI (direct light only), ReSTIR DI with GI, ReSTIR PT, or ReSTIR BDPT.
     #[arg(long, default_value = "pt", value_parser = arguments::choice::<Technique>())]
     pub technique: Technique,
     /// Settings to start from.

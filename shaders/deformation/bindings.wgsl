@@ -5,10 +5,10 @@
 #import bevy_restir::scene::types::{Triangle, TriangleAttributes}
 
 @group(0) @binding(0) var<storage, read> bodies: array<Body>;
-// What never changes: tables of all meshes.
+// Tables of all meshes, which never change.
 @group(0) @binding(1) var<storage, read> rigs: array<u32>;
-// What changes in each frame: for each joint the rows of the transform from the mesh at rest to the instance; for each active morph target
-// its weight and its index.
+// The poses of this frame: for each joint the rows of the transform from the mesh at rest to the instance; for each active morph target its
+// weight and its index.
 @group(0) @binding(2) var<storage, read> poses: array<vec4<f32>>;
 @group(0) @binding(3) var<storage, read_write> triangles: array<Triangle>;
 @group(0) @binding(4) var<storage, read_write> attributes: array<TriangleAttributes>;

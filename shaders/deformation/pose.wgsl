@@ -63,7 +63,7 @@ fn posed(body: Body, vertex: u32, at_rest: Vertex) -> Vertex {
     return v;
 }
 
-// Any unit vector perpendicular to n where the tangent is parallel to n.
+// The tangent, made perpendicular to n and normalized; an arbitrary perpendicular unit vector if the two are parallel.
 fn perpendicular(tangent: vec3<f32>, n: vec3<f32>) -> vec3<f32> {
     let t = safe_normalize(tangent);
     let across = t - dot(t, n) * n;
@@ -81,7 +81,7 @@ fn vertex_at_rest(position: vec3<f32>, normal: u32, tangent: u32) -> Vertex {
     return Vertex(position, octahedral_decode(normal), octahedral_decode(tangent), (tangent & 1u) != 0u);
 }
 
-// Writes a triangle as it is now, and keeps it as it was.
+// Writes a triangle in the pose of this frame, and moves that of the last frame behind it.
 fn pose_triangle(body: Body, index: u32) {
     let rest = triangles[body.rest_triangle + index];
     var packed = attributes[body.rest_triangle + index];

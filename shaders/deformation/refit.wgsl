@@ -1,5 +1,5 @@
-// Refits the tree of a body: the tree keeps the shape that it has at rest, and its boxes follow the triangles.  A box holds its triangles of
-// this frame and of the last, so that one tree serves rays through both.
+// Refits the tree of a body: the tree keeps its topology from the rest pose, and its boxes follow the triangles.  A box encloses its triangles
+// of this frame and of the last one, so that one tree serves rays through both.
 #define_import_path bevy_restir::deformation::refit
 
 #import bevy_restir::deformation::bindings::{boxes, nodes, rigs, triangles}
@@ -19,8 +19,8 @@ fn box_of(t: Triangle) -> Box {
     return Box(min(t.a, min(t.b, t.c)), max(t.a, max(t.b, t.c)));
 }
 
-// Indices in `rigs` where the nodes of a level begin and end.  The table `levels` has these places, counted from its own beginning, and then
-// the nodes.  Level 0 is the deepest.
+// Indices in `rigs` where the nodes of a level begin and end.  The table `levels` holds these indices for all levels, relative to its own
+// start, followed by the nodes.  Level 0 is the deepest.
 fn nodes_of_level(body: Body, level: u32) -> vec2<u32> {
     return vec2<u32>(body.levels + rigs[body.levels + level], body.levels + rigs[body.levels + level + 1u]);
 }

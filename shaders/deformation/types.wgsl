@@ -1,5 +1,5 @@
-// Bodies: instances of skinned or morphed meshes.  Each has triangles and a tree of its own in the buffers of the scene.  Its triangles lie
-// there twice: as they are now, and behind them as they were in the last frame.
+// Bodies: instances of skinned or morphed meshes.  Each has triangles and a tree of its own in the buffers of the scene.  Its triangles are
+// stored twice: those of this frame, followed by those of the last frame.
 #define_import_path bevy_restir::deformation::types
 
 // Tables of `rigs` are given by the index of their first word.
@@ -23,7 +23,7 @@ struct Body {
     flags: u32,                // BODY_*
 }
 
-// The body is new: it has no last frame.
+// The body is new: it has no triangles of the last frame.
 const BODY_APPEARED: u32 = 1u;
 // The mesh has no normals: each triangle has that of its plane.
 const BODY_FLAT: u32 = 2u;

@@ -1,4 +1,4 @@
-// Poses the bodies that bend, and refits their trees.  The scene runs it once a frame for the bodies whose pose changed, before all views.
+// Poses deforming bodies, and refits their trees.  The scene runs it once a frame for the bodies whose pose changed, before all views.
 
 #import bevy_restir::deformation::bindings::bodies
 #import bevy_restir::deformation::pose::pose_triangle

@@ -45,7 +45,7 @@ fn trace(path: u32) {
         if p.walk.events == 0u {
             break;
         }
-        // A connection adds an event at the camera's end at least.
+        // A connection adds at least one event, at its camera end.
         if event < view.bounces && connects() {
             kept = offer_vertex(kept, p.walk, &choices);
         }

@@ -1,5 +1,5 @@
-// Gives each pixel one of the samples of the last frame that land in it.  They come from different pixels, and so from disjoint sets of
-// sub-paths: each sample has the whole weight of its own (Hedstrom et al. 2025, A).
+// Gives each pixel one of the samples of the last frame that land in it, in proportion to their weights.  These samples come from different
+// pixels, and so from disjoint sets of sub-paths: each one counts in full, with a MIS weight of 1 (Hedstrom et al. 2025, A).
 
 #import bevy_restir::common::constants::{NONE, OVERFLOW_STEPS}
 #import bevy_restir::common::guard::{GUARD_CONTRIBUTION_WEIGHT, GUARD_RESAMPLING_WEIGHT, guarded}
@@ -31,7 +31,8 @@ fn splats_gather(@builtin(global_invocation_id) id: vec3<u32>) {
     count_guards(pixel);
 }
 
-// Confidence must not depend on the samples that land: it is that of the place of the surface in the last frame (ibid., Eq. 27).
+// Confidence must not depend on the samples that land in the pixel, so it is that of the pixel where its surface was in the last frame
+// (ibid., Eq. 27).
 fn proxy_confidence(pixel: vec2<u32>) -> f32 {
     let ids = textureLoad(visibility, pixel, 0).xy;
     var at = vec2<f32>(pixel) + 0.5;

@@ -10,8 +10,8 @@
 
 // Ratios of the densities of other techniques to that of this sub-path.  On a ray they lack the factors of the vertex where it arrives.
 struct MisState {
-    last: f32,                 // the technique that joins the sub-paths at the last edge
-    earlier: f32,              // all techniques that join them before, over the density with which the path would be traced back
+    last: f32,                 // of the technique that joins the sub-paths at the last edge
+    earlier: f32,              // sum over the techniques that join them at earlier edges, over the density of the reverse direction here
 }
 
 // The camera ray before it arrives at x1.  `camera_density`: samples of a pixel for each unit of area perpendicular to the ray, at x1.
@@ -36,12 +36,12 @@ fn mis_scatter(s: MisState, cos_out: f32, pdf_forward: f32, pdf_reverse: f32) ->
     return MisState(1.0 / pdf_forward, cos_out / pdf_forward * joined(s, pdf_forward, pdf_reverse));
 }
 
-// Scattering by a delta lobe, which no technique connects.  It has the same probability in both directions as far as weights know.
+// Scattering by a delta lobe, which no technique connects.  Weights assume that it has the same probability in both directions.
 fn mis_scatter_delta(s: MisState, cos_out: f32) -> MisState {
     return MisState(0.0, cos_out * s.earlier);
 }
 
-// All techniques that join the sub-paths at the last edge or before.
+// Sum over all techniques that join the sub-paths at the last edge or at an earlier one.
 fn mis_sum(s: MisState, pdf_reverse: f32) -> f32 {
     return s.last + s.earlier * pdf_reverse;
 }

@@ -1,6 +1,6 @@
-// Walks along light sub-paths (Veach 1997, 10): from a light towards the camera.  Surfaces scatter as in paths from the camera: values are
-// those of light that leaves towards the camera's side, so that radiance scales in glass as it does there, and shading normals are corrected
-// by Veach's factor (ibid., 5.3).
+// Walks along light sub-paths (Veach 1997, 10): from a light towards the camera.  A vertex has the same BSDF value as in a path from the
+// camera, for light that arrives from the light's side and leaves to the camera's side.  So radiance scales in glass as it does in camera
+// paths, and shading normals need Veach's factor (ibid., 5.3).
 #define_import_path bevy_restir::path::light_path
 
 #import bevy_restir::bsdf::bsdf::{bsdf_draw, bsdf_eval, bsdf_pdf}
@@ -26,7 +26,7 @@ const ROULETTE_FROM: u32 = 3u;
 
 // The newest vertex of a light sub-path.
 struct LightWalk {
-    surface: Surface,          // as the vertex before sees it
+    surface: Surface,          // seen from the vertex before
     hit: Hit,
     events: u32,               // scattering events up to this vertex, with it; 0: the sub-path has ended
     towards_light: vec3<f32>,  // direction to the vertex before
@@ -34,8 +34,8 @@ struct LightWalk {
     state: MisState,
     by_delta: bool,            // the vertex before scattered by a delta lobe
     start_power: f32,          // largest component of the power that the light emitted
-    medium: vec3<f32>,         // absorption of the body that the ray came through, 1/m
-    open_distance: f32,        // length of the path in a body that no surface has identified yet, m
+    medium: vec3<f32>,         // absorption of the medium that the last ray crossed, 1/m
+    open_distance: f32,        // length of the path in a medium that no surface has identified yet, m
 }
 
 // Value of all lobes except deltas for light that arrives from `towards_light`, in path space: f times Veach's factor for shading normals.
@@ -153,8 +153,9 @@ fn advance_light_path(walk: LightWalk, rng: ptr<function, Rng>, previous: bool) 
     return w;
 }
 
-// Value of a delta lobe over its probability and the geometric cosine of the new direction.  The sample `b` was drawn from the light's side:
-// radiance is not scaled by the index of refraction, because power is not, and the coat's share is that of the camera's side.
+// Value of a delta lobe over its probability and the geometric cosine of the new direction.  The sample `b` was drawn from the light's side,
+// so two of its factors are corrected: the scaling of radiance by the index of refraction is undone, because a light sub-path carries power,
+// and the share of the coat is that of the camera's side.
 fn delta_value(s: Surface, out: Surface, towards_light: vec3<f32>, b: BsdfSample) -> vec3<f32> {
     var n = s.bsdf.n;
     var value = b.weight * (b.eta * b.eta);
@@ -167,8 +168,8 @@ fn delta_value(s: Surface, out: Surface, towards_light: vec3<f32>, b: BsdfSample
     return value * (shading / max(abs(dot(s.bsdf.n_geo, towards_light)), 1.0e-30));
 }
 
-// The body around a light is not known at first.  A surface that is seen from inside of an absorbing body identifies it; until then the
-// length of the path is kept in `open_distance`, and a connection to the camera's sub-path identifies it, too.
+// The medium around a light is not known at first.  It is identified by the first surface that the path meets from inside of an absorbing
+// object, or by a connection to a camera sub-path.  Until then `open_distance` holds the length of the path.
 #ifdef ATTENUATION
 fn with_medium_seen_from_inside(walk: LightWalk) -> LightWalk {
     var w = walk;
@@ -180,7 +181,7 @@ fn with_medium_seen_from_inside(walk: LightWalk) -> LightWalk {
     return w;
 }
 
-// The medium of the next ray.  A path that enters a body was outside of any before.
+// The medium of the next ray.  A path that enters an object comes from free space, so that its length so far needs no absorption.
 fn with_medium_behind(walk: LightWalk, wi: vec3<f32>) -> LightWalk {
     var w = walk;
     w.medium = medium_towards(w.surface, wi, w.medium);

@@ -1,6 +1,6 @@
 // The reference path tracer: next-event estimation (NEE) and BSDF sampling, combined by the balance heuristic (Veach 1997, 9.2), with
 // Russian roulette and without clamping.  It is unbiased for paths of up to `view.bounces` scattering events.  Light that scatters below a
-// surface enters where a probe finds the body: there, too, lights and directions are sampled.
+// surface enters where a probe finds the object: lights and directions are sampled there as at any other vertex.
 #define_import_path bevy_restir::path::reference_integrator
 
 #import bevy_restir::bsdf::bsdf::{bsdf_eval, bsdf_is_delta, bsdf_pdf, bsdf_sample}

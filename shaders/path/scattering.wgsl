@@ -1,5 +1,5 @@
-// Where a path goes on from a vertex: from the surface that it hit, or from a point where light enters the body below that surface.  The point
-// of entry then takes the place of the vertex.
+// Where a path goes on from a vertex: from the surface that it hit, or from a point where light enters the object below that surface.  The
+// point of entry then replaces the vertex.
 #define_import_path bevy_restir::path::scattering
 
 #import bevy_restir::path::walk::Vertex

@@ -20,11 +20,12 @@
 #import bevy_restir::path::walk::{Step, Vertex}
 #import bevy_restir::scene::surface::Surface
 
-// Factors that MIS weights give the techniques of light sub-paths: other techniques are resampled, and stand for more samples than one.
-// Any factors sum the weights to 1, as long as they depend on the whole path alone.  0: no light sub-paths are traced.
+// Factors by which MIS weights multiply the densities of light sub-paths.  A camera path is resampled and stands for `reuse_gain` samples,
+// so that light sub-paths count less where camera paths find the light well, and more where they hardly find it.  The weights sum to 1 with
+// any factors that depend on the whole path only.  0: no light sub-paths are traced.
 struct LightShares {
-    diffuse: f32,              // where NEE can find the path
-    caustic: f32,              // where the light arrives at a delta lobe, so that only hits and light sub-paths can
+    diffuse: f32,              // where NEE can find the path: 1/`reuse_gain`
+    caustic: f32,              // where light arrives at a delta lobe, so that only hits and light sub-paths find it: `reuse_gain`
 }
 
 // Numbers of samples of the techniques.
@@ -42,12 +43,13 @@ struct CameraState {
     basis: vec3<f32>,          // (1, 1/p, S/p); (1, 0, 0) before the reconnection vertex
 }
 
-// The techniques that compete with one that found a light: 1/weight = dot(rivals, basis).
+// MIS weight of a technique with these coefficients of the sum over all competing techniques (`rivals_of_*`).
 fn weight_of(rivals: vec3<f32>, s: CameraState) -> f32 {
     return 1.0 / dot(rivals, s.basis);
 }
 
-// Weight of a path whose coefficients are stored: `rivals` of 1/p and S/p, over that of 1, by which its radiance is divided.
+// MIS weight of a path whose coefficients are stored: `rivals` are those of 1/p and S/p, divided by the coefficient of 1.  The stored radiance
+// is divided by that one, too.
 fn stored_weight(rivals: vec2<f32>, s: CameraState) -> f32 {
     return 1.0 / (1.0 + dot(rivals, s.basis.yz));
 }
@@ -57,7 +59,8 @@ fn behind_reconnection(cos_out: f32, pdf: f32, sum: f32) -> CameraState {
     return CameraState(vec3<f32>(0.0, 1.0, 0.0), vec3<f32>(0.0, 0.0, cos_out), vec3<f32>(1.0, 1.0, sum) / vec3<f32>(1.0, pdf, pdf));
 }
 
-// The state of a point where light enters a body.  No light sub-path leaves a body, so that no technique joins the sub-paths before.
+// The state of a point where light enters a translucent object.  Light sub-paths end there, so that no technique joins the sub-paths at an
+// earlier edge.
 fn below_surface(s: CameraState) -> CameraState {
     return CameraState(vec3<f32>(0.0), vec3<f32>(0.0), s.basis);
 }
@@ -147,7 +150,7 @@ fn reverse_pdf(v: Vertex, wi: vec3<f32>) -> f32 {
     return bsdf_pdf(surface_towards(v.surface, wi).bsdf, wi, v.wo);
 }
 
-// Light sub-paths cannot depend on the index of the vertex that NEE starts from: all vertices have one candidate, as far as weights know.
+// A light sub-path does not know the index of the vertex that NEE starts from, so that weights assume one light candidate at every vertex.
 fn nee_density(l: LightSample, index: u32, counts: TechniqueCounts) -> f32 {
     return light_pmf(l.light) * l.pdf_solid_angle * l.pdf_scale;
 }

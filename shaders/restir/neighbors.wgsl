@@ -34,8 +34,8 @@ fn own_place(ids: vec2<u32>, pixel: vec2<u32>, radius: f32) -> OwnPlace {
     if has(RESAMPLE_FROM_PREVIOUS) {
         let shape = previous_pixel_shape(ids, pixel);
         // The nearest pixel is sought without the jitter of either frame: with it, the samples of a picture at rest would all move by one
-        // pixel in the frames where the jitter changes by more than half a pixel, and always the same way.  Bilinear places move to all
-        // sides alike.
+        // pixel in the frames where the jitter changes by more than half a pixel, and always the same way.  Bilinear places have no such
+        // drift: they move in all directions with the same probability.
         let jitter = select(view.jitter, view.previous_jitter, has(RESAMPLE_BILINEAR));
         return OwnPlace(shape, project(view.previous, shape.position) - jitter, radius);
     }

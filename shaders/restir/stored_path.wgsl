@@ -13,7 +13,7 @@ struct Reservoir {
     seen: bool,            // always true: a path that is occluded is not stored
 }
 
-// Fields that both reservoirs store alike.
+// The fields that reservoirs of PT, GI and BDPT pack in the same way.
 struct PackedPath {
     structure: u32,        // 3 bits of termination, 7 of length, 7 of reconnection, 3 of each lobe; 9 are free
     birth: u32,            // 16 bits of the frame, the low 16 of the first barycentric

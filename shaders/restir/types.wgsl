@@ -63,11 +63,11 @@ const RESAMPLE_BILINEAR: u32 = 8192u;
 const RESAMPLE_SAME_MATERIAL: u32 = 16384u;
 // Something moved, or a light changed, since the last frame.
 const RESAMPLE_MOVED: u32 = 32768u;
-// Paths of the last frame are replayed in this frame after their reconnection vertex,
+// Paths of the last frame are replayed in this frame after their reconnection vertex.
 const RESAMPLE_RETRACE_FORWARD: u32 = 65536u;
-// and paths of this frame in the last one, for MIS weights.
+// Paths of this frame are replayed in the last frame after their reconnection vertex, for MIS weights.
 const RESAMPLE_RETRACE_BACKWARD: u32 = 131072u;
-// Radiance is taken to leave the reconnection vertex to all sides alike.
+// The reconnection vertex is treated as diffuse: the same radiance leaves it in all directions.
 const RESAMPLE_DIFFUSE_SECONDARY: u32 = 262144u;
 // Vertices of camera sub-paths are connected with vertices of light sub-paths.
 const RESAMPLE_CONNECTIONS: u32 = 1048576u;

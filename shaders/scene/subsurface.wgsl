@@ -15,7 +15,7 @@ struct SubsurfacePoint {
 const PIXEL_SHARE: f32 = 0.01;
 const OFFSET_FACTOR: f32 = 16.0;
 
-// `footprint`: diameter of the pixel, or 0 where the path has lost it; `offset`: rounding error of the position, both in m.
+// `footprint`: diameter of the pixel, or 0 where the path does not track it; `offset`: rounding error of the position, both in m.
 fn subsurface_at(instance: u32, base_color: vec3<f32>, front: bool, footprint: f32, offset: f32) -> SubsurfacePoint {
     let flags = instances[instance].flags;
     if (flags & INSTANCE_SUBSURFACE) == 0u || !front {

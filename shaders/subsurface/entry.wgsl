@@ -1,6 +1,6 @@
-// Where light enters a body that scatters it below the surface, and the light that reaches the point where it leaves (design: separable
-// BSSRDF with a diffusion profile).  A point of entry is a surface whose only lobe is diffuse, under the interface that light crosses, so
-// that light is sampled there as at any other vertex.
+// Points where light enters a translucent object, and the share of it that reaches the point where it leaves: a separable BSSRDF with a
+// diffusion profile.  A point of entry is a surface whose only lobe is diffuse, under the interface that light crosses, so that light is
+// sampled there as at any other vertex.
 #define_import_path bevy_restir::subsurface::entry
 
 #import bevy_restir::bsdf::coat::coat_share
@@ -37,7 +37,7 @@ fn scatters_below(s: Surface, wo: vec3<f32>) -> bool {
     return max_component(s.bsdf.subsurface) > 0.0 && dot(wo, s.bsdf.n) > 0.0 && dot(wo, s.bsdf.n_geo) > 0.0;
 }
 
-// Probability of continuing a path below the surface, by the estimated albedos of both.
+// Probability of continuing a path below the surface, from the estimated albedos of the surface and of the scattering below it.
 fn subsurface_probability(s: Surface, wo: vec3<f32>) -> f32 {
     let below = luminance(exit_factor(s, wo));
     let coat = coat_share(s.bsdf, wo);
@@ -56,7 +56,7 @@ fn exit_factor(s: Surface, wo: vec3<f32>) -> vec3<f32> {
         * (1.0 - schlick(f0, abs(dot(wo, s.bsdf.n))));
 }
 
-// The profile per area at a distance; 0 beyond the reach of all channels.
+// Value of the profile at a distance, per area; 0 beyond the reach of all channels.
 fn profile_per_area(radius: vec3<f32>, r: f32) -> vec3<f32> {
     var value = vec3<f32>(0.0);
     if !(r <= reach_of(radius)) {

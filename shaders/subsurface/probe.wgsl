@@ -17,7 +17,7 @@ struct Probe {
     u_angle: f32,
 }
 
-// A line from end to end of the sphere that the technique reaches.
+// The part of the probe's line inside the sphere that the technique reaches.
 struct ProbeRay {
     ray: Ray,
     valid: bool,
@@ -37,8 +37,8 @@ fn reach_of(radius: vec3<f32>) -> f32 {
     return REACH * max_component(radius);
 }
 
-// Right-handed frame (t, b, n) about a smooth normal.  It jumps only where the normal points almost straight down, so that neighbors may
-// share the angle of a probe.
+// Right-handed frame (t, b, n) about a smooth normal.  It is continuous except where the normal points almost straight down, so that neighbors
+// can share the angle of a probe.
 fn probe_frame(n: vec3<f32>) -> mat3x3<f32> {
     let s = select(-1.0, 1.0, n.y > -0.9);
     let a = -1.0 / (s + n.y);
@@ -119,8 +119,8 @@ fn probe_pdf(offset: vec3<f32>, n_geo: vec3<f32>, frame: mat3x3<f32>, radius: ve
     return sum * channel_probability(radius);
 }
 
-// A probe that finds a given point, drawn with the probability that each technique has of having found it; then with random numbers that
-// lead there (probabilistic inversion, Werner et al. 2024).
+// A probe that finds a given point (probabilistic inversion, Werner et al. 2024).  The technique is drawn in proportion to its density at the
+// point, and gets the random numbers that lead there.
 fn inverse_probe(offset: vec3<f32>, n_geo: vec3<f32>, frame: mat3x3<f32>, radius: vec3<f32>, u: f32) -> Probe {
     var probe = Probe(0u, 0u, 0.0, 0.0);
     let total = probe_pdf(offset, n_geo, frame, radius) / channel_probability(radius);
@@ -136,7 +136,7 @@ fn inverse_probe(offset: vec3<f32>, n_geo: vec3<f32>, frame: mat3x3<f32>, radius
         let across = vec2<f32>(dot(offset, disk[0]), dot(offset, disk[1]));
         let x = length(across) / d;
         let p = axis_probability(axis) * profile_pdf(x) * abs(dot(n_geo, disk[2])) / (d * d);
-        // The last technique with a density is taken where rounding leaves none.
+        // Where rounding keeps `sum` below the threshold, the last technique with a density is taken.
         if p > 0.0 && sum <= u * total {
             let angle = precise_atan2(across.y, across.x) / TWO_PI;
             probe = Probe(axis, technique / 3u, profile_inverse(x), angle - floor(angle));

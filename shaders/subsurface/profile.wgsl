@@ -1,17 +1,19 @@
 // The diffusion profile R_d(r) = (e^(-r/d) + e^(-r/3d)) / (8π d r) (Burley 2015), which integrates to 1 over a plane.  Radii are in units of
-// d here, and densities per area of d².  R_d diverges at 0; below RADIUS_MIN its value at RADIUS_MIN is used, in the integrand and in the
-// density of samples alike.
+// d here, and densities per area of d².  R_d diverges at 0; below RADIUS_MIN its value at RADIUS_MIN is used, both in the integrand
+// and in the density of samples.
 #define_import_path bevy_restir::subsurface::profile
 
 #import bevy_restir::common::constants::PI
 
 const RADIUS_MIN: f32 = 1.0e-3;
-// No light scatters farther: the profile holds 99.9 % of its integral within.
+// Radius where the profile is cut off: it holds 99.9 % of the integral.
 const REACH: f32 = 19.86;
 
-// Integral of the profile up to RADIUS_MIN: as it is, and with its constant value there; and of the whole bounded profile.
+// Integral of the profile up to RADIUS_MIN.
 const CORE_EXACT: f32 = 4.998333e-4;
+// Integral of the bounded profile, which is constant there, up to RADIUS_MIN.
 const CORE: f32 = 2.4983335e-4;
+// Integral of the bounded profile over the plane: 1 - CORE_EXACT + CORE.
 const TOTAL: f32 = 0.99975;
 
 fn profile(r: f32) -> f32 {

@@ -29,14 +29,14 @@ features! {
     NORMAL_MAPS = 6, "NORMAL_MAPS", "Normal maps.";
     ALPHA = 7, "ALPHA", "Alpha mask or blending.";
     TRANSMISSION = 8, "TRANSMISSION", "Specular transmission.";
-    ATTENUATION = 9, "ATTENUATION", "Absorption inside transmissive bodies.";
+    ATTENUATION = 9, "ATTENUATION", "Absorption inside transmissive objects.";
     UNLIT = 10, "UNLIT", "Unlit materials.";
     ENERGY_COMPENSATION = 11, "ENERGY_COMPENSATION", "The camera uses energy compensation.";
     SECOND_UVS = 17, "SECOND_UVS", "Textures that use the second texture coordinates.";
     LAYER_TEXTURES = 18, "LAYER_TEXTURES", "Textures of transmission, specular reflection, clearcoat or anisotropy.";
     RAY_QUERY = 23, "RAY_QUERY", "Rays are traced by the ray queries of the device.";
     MANY_NEIGHBORS = 12, "MANY_NEIGHBORS", "The camera's settings combine more than three reservoirs in one resampling pass.";
-    RENDER_LAYERS = 20, "RENDER_LAYERS", "Instances or lights that another camera sees and this camera does not, because of render layers.";
+    RENDER_LAYERS = 20, "RENDER_LAYERS", "Instances or lights that render layers hide from this camera.";
     CLEARCOAT = 24, "CLEARCOAT", "Clearcoats.";
     ANISOTROPY = 25, "ANISOTROPY", "Anisotropic microfacets.";
     DIFFUSE_TRANSMISSION = 26, "DIFFUSE_TRANSMISSION", "Diffuse transmission.";
@@ -47,12 +47,12 @@ features! {
     SUN_DISK = 28, "SUN_DISK", "Directional lights with a disk.";
     BOUND_TEXTURES = 30, "BOUND_TEXTURES", "Textures that are bound in an array without a copy, if the device supports it.";
     DEFORMATION = 14, "DEFORMATION", "Skinned or morphed meshes.";
-    SUBSURFACE = 13, "SUBSURFACE", "Subsurface scattering, if the technique of the camera renders it.";
+    SUBSURFACE = 13, "SUBSURFACE", "Subsurface scattering.";
     LIGHT_SHAPES = 29, "LIGHT_SHAPES", "Spheres, rectangles or suns with a disk: analytic lights that rays can hit.";
 }
 
-/// Keeps features for a while after they have vanished: other features need pipelines that take time to compile, so a lamp that is switched
-/// off and on must not change them each time.
+/// Keeps features for a while after they have vanished: each set of features has pipelines of its own, which take time to compile, so a lamp
+/// that is switched off and on must not change the set each time.
 #[derive(Debug, Default)]
 pub(crate) struct FeatureMemory {
     /// Features of the current period and of the one before.
@@ -71,7 +71,7 @@ impl FeatureMemory {
             *self = Self { recent: [SceneFeatures::empty(), self.recent[0]], frame: 0 };
         }
         self.recent[0] |= present;
-        // Bodies have buffers and passes of their own, which a scene without bodies should not pay for.
+        // Translucent objects need buffers and passes of their own, which a scene without such objects should not pay for.
         (self.recent[0] | self.recent[1]).difference(SceneFeatures::SUBSURFACE) | present
     }
 }

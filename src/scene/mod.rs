@@ -3,7 +3,7 @@
 //! | module | task |
 //! |---|---|
 //! | `extract` | copies instances, lights and materials from the main world |
-//! | `geometry` | meshes, instances, render layers, visibility ranges and draw calls |
+//! | `geometry` | meshes, instances, deforming bodies, render layers, visibility ranges and draw calls |
 //! | `accel` | bottom-level and top-level trees |
 //! | `material`, `texture` | packed materials, the texture atlas and bindless textures |
 //! | `light` | the table of all emitters, from which shaders sample |

@@ -1,23 +1,23 @@
-//! Bidirectional path tracing (Hedstrom et al. 2025).
+//! ReSTIR BDPT (Hedstrom et al. 2025).
 
 use bevy::reflect::{Reflect, std_traits::ReflectDefault};
 
 use super::validate::{Problem, Ranges};
 
-/// Techniques by which [`Technique::Bdpt`](super::Technique::Bdpt) finds light.  Hits of lights and next-event estimation are always among
-/// them, and resampled.  All choices are unbiased.
+/// What light paths are used for in [`Technique::Bdpt`](super::Technique::Bdpt).  Camera paths always find light by hits of lights and by
+/// next-event estimation, and are resampled.  All choices are unbiased; noise and cost differ.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Default)]
 #[non_exhaustive]
 pub enum LightTechniques {
-    /// The camera also sees light paths, and camera paths are connected with light paths.  The connections take a second camera path for
-    /// each pixel.
+    /// The camera sees light paths, and camera paths are connected with them.  The connections take a second camera path for each pixel.
     Full,
-    /// The camera also sees light paths (ibid., "lightweight").
+    /// The camera sees light paths; there are no connections (ibid., "lightweight").
     #[default]
     Lightweight,
-    /// Camera paths are also connected with light paths, and the camera does not see these: no caustics on what it sees directly.
+    /// Camera paths are connected with light paths, which the camera does not see: caustics on what it sees directly are found by camera
+    /// paths only, with more noise.
     NoLightTracing,
 }
 
@@ -25,17 +25,17 @@ pub enum LightTechniques {
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
 pub struct Bdpt {
-    /// Light sub-paths of a frame for each pixel of the picture (`N_L`, ibid., 5.1), 0 to 8; at most 16,777,216 in all.  More make caustics
-    /// and hidden light less noisy.  Each costs as much as a path from the camera, and 48 bytes, or 112 with connections; a device that
-    /// cannot bind that many traces fewer, with a warning.  With 0, lights are found from the camera only.  No bias.
+    /// Light paths of a frame for each pixel of the picture (`N_L`, Hedstrom et al. 2025, 5.1): more make caustics and hidden light less
+    /// noisy.  Each costs as much as a path from the camera, and 48 bytes, or 112 with connections; a device that cannot bind that many
+    /// traces fewer, with a warning.  With 0, lights are found from the camera only.  No bias.  0 to 8, and at most 16,777,216 in all;
+    /// default 1.
     pub light_paths: f32,
-    /// Techniques that light paths take part in.
+    /// What light paths are used for.
     pub techniques: LightTechniques,
-    /// Number of samples that a resampled path stands for when it is weighted against light paths, which neighboring pixels do not share; 1
-    /// to 1000.
+    /// Number of samples that a resampled path stands for when it is weighted against light paths, which neighboring pixels do not share.
     /// Light that arrives through a mirror or through glass is left to light paths by the same factor.  Larger values give less noise in
     /// light that resampling finds well, and more where light paths would have found it better.  Without reuse it has no effect.  No cost,
-    /// no bias.
+    /// no bias.  1 to 1000; default 16.
     pub reuse_gain: f32,
 }
 

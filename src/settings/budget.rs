@@ -7,11 +7,12 @@ use bevy::{
 
 use super::{Restir, Reuse, ReuseOrder, Technique};
 
-/// Keeps the GPU time of lighting below a limit: where a camera's [`Restir`] would take longer, it takes fewer samples ([`Restir::reduced`]),
-/// and as many as fit again when the scene gets cheaper.  Noise grows; means stay, and histories go on.
+/// Keeps the GPU time of lighting below a limit: where a camera's [`Restir`] would take longer, its number of samples is reduced
+/// ([`Restir::reduced`]), and it is raised again when the scene gets cheaper.  Fewer samples give more noise; they add no bias, and the
+/// history of earlier frames stays.
 ///
-/// The limit is kept on average over some frames, and as far as fewer samples can keep it: bounces, technique and resolution are yours to
-/// choose.  [`RestirReport::budget_step`](crate::RestirReport::budget_step) says how far the settings are reduced.
+/// The limit is kept on average over some frames, and only as far as the number of samples can keep it: bounces, technique and resolution
+/// are never changed.  [`RestirReport::budget_step`](crate::RestirReport::budget_step) says how far the settings are reduced.
 ///
 /// Needs Bevy's `RenderDiagnosticsPlugin` and a device that measures GPU times (Vulkan or DirectX 12).  Without them there is one warning,
 /// and cameras use their settings as they are.
@@ -36,9 +37,10 @@ pub struct RestirBudget {
 pub(crate) struct BudgetStep(pub u32);
 
 impl Restir {
-    /// These settings with fewer samples, as [`RestirBudget`] uses them: at step 0 as they are, and one measure less at each step.  Neighbors
-    /// go first, in paths before direct light, because they cost most; then candidates for direct light are halved.  Steps after the last one
-    /// change nothing.  Fields out of their range are brought into it, except at step 0.
+    /// These settings with fewer samples, as [`RestirBudget`] uses them.  At step 0 they are unchanged; each further step takes away one
+    /// thing.  Paths come first, then direct light, each in this order: iterations of spatial reuse down to one, then neighbors one by one,
+    /// then all extra neighbors of disocclusions.  After that the light candidates of direct light are halved, down to 4.  Steps after the
+    /// last one change nothing.  Fields out of their range are brought into it, except at step 0.
     #[must_use]
     pub fn reduced(&self, step: u32) -> Self {
         if step == 0 {
@@ -69,7 +71,7 @@ impl Restir {
         steps
     }
 
-    /// Takes one measure; false where none is left.
+    /// Takes one step; false where nothing is left to reduce.
     fn reduce(&mut self) -> bool {
         const LEAST_CANDIDATES: u32 = 4;
         let (direct, paths) = match self.technique {
@@ -91,7 +93,7 @@ impl Restir {
     }
 }
 
-/// One iteration, or else one neighbor, less.
+/// Takes away one iteration, or else one neighbor; false where neither is left.
 fn take_neighbor(reuse: &mut Reuse) -> bool {
     if reuse.spatial_iterations > 1 && reuse.spatial_samples > 0 {
         reuse.spatial_iterations -= 1;

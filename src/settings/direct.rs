@@ -72,7 +72,8 @@ pub enum VisibilityReuse {
     Decoupled,
 }
 
-/// Resampled direct light, for [`Technique::Di`](super::Technique::Di) and [`Technique::Gi`](super::Technique::Gi).  All techniques that
+/// Resampled direct light, for [`Technique::Di`](super::Technique::Di), [`Technique::Gi`](super::Technique::Gi), and
+/// [`Technique::Pt`](super::Technique::Pt) with [`Paths::separate_direct_light`](super::Paths::separate_direct_light).  All techniques that
 /// resample take their light candidates from its subsets.
 ///
 /// With the defaults a pixel traces at most eight rays: one for its BSDF candidate, one for the selected candidate, and three for each of
@@ -80,23 +81,25 @@ pub enum VisibilityReuse {
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
 pub struct Direct {
-    /// Light candidates of a pixel, 1 to 64: less noise, higher cost.  No bias.
+    /// Light candidates of a pixel: more give less noise at higher cost.  No bias.  1 to 64; default 32.
     pub candidates: u32,
     /// Adds a candidate of BSDF sampling, joined with the light candidates by MIS: sharp reflections of lights, for one ray.  Without it
-    /// lights in mirrors, and lights beyond the table, are missing (darker).
+    /// lights in mirrors, and lights beyond the table, are missing (darker).  Default: on.
     pub bsdf_candidate: bool,
-    /// Presampled subsets of lights, at most 4096; 0: every pixel draws from all lights, which is slower if there are many.  Pixels of a tile
-    /// share a subset: correlated noise, no bias.
+    /// Presampled subsets of lights.  The pixels of a tile share a subset, so their noise is correlated; without subsets (0) every pixel
+    /// draws from all lights, which is slower if there are many.  No bias.  0 to 4096; default 128.
     pub subset_count: u32,
-    /// Points of lights in a subset, 1 to 16384, and at most 2^21 in all subsets (96 MiB).
+    /// Points of lights in a subset: more give less correlated noise, for 48 bytes each.  No bias.  1 to 16384, and at most 2^21 in all
+    /// subsets (96 MiB); default 1024.
     pub subset_size: u32,
-    /// Reuse of samples.
+    /// Reuse of samples; default [`Reuse::DIRECT`].
     pub reuse: Reuse,
-    /// Bias correction.
+    /// Correction of the bias of reused samples.
     pub bias_correction: BiasCorrection,
-    /// Use of rays.
+    /// Use of the rays to lights.
     pub visibility: VisibilityReuse,
-    /// Distance within which visibility is reused, in pixels of an image that is 1080 lines high; for [`VisibilityReuse::Decoupled`].
+    /// Distance within which visibility is reused, in pixels of an image that is 1080 lines high; for [`VisibilityReuse::Decoupled`].  Larger
+    /// values save rays and blur shadows.  Biased, as described there.  0 to 1e6; default 0 (only the surface's own visibility is reused).
     pub visibility_radius: f32,
 }
 

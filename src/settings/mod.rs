@@ -70,10 +70,10 @@ pub enum Technique {
 /// primary rays takes its place.
 ///
 /// The history of earlier frames survives motion of objects, lights and cameras, objects and lights that appear, vanish or change, and a sky
-/// that turns or changes its color.  It restarts when the pixels of an image change, when the scene gets its first translucent object, or
-/// when the size of the image or one of these settings changes, except for numbers and weights of samples ([`Direct::candidates`], and
-/// [`Reuse`] without `order` and `temporal`).  [`RestirReport::history_resets`](crate::RestirReport::history_resets) counts the restarts by
-/// reason.
+/// that turns or changes its color.  It restarts when the pixels of an image change, when the first translucent object appears or the last
+/// one disappears, or when the size of the image or one of these settings changes, except for numbers and weights of samples
+/// ([`Direct::candidates`], and [`Reuse`] without `order` and `temporal`).
+/// [`RestirReport::history_resets`](crate::RestirReport::history_resets) counts the restarts by reason.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -89,39 +89,41 @@ pub enum Technique {
 pub struct Restir {
     /// Algorithm that computes the light of a pixel.
     pub technique: Technique,
-    /// Scattering events of a path: 0 shows emission only, 1 adds direct light, more add bounced light; at most 64.  Cost grows with it.
-    /// Light that needs more bounces is missing (darker).
+    /// Scattering events of a path: 0 shows emission only, 1 adds direct light, more add bounced light.  Cost grows with it.  Light that needs
+    /// more events is missing (darker).  0 to 64; default 5.
     pub bounces: u32,
     /// Moves the primary rays within the pixel from frame to frame (box filter), so that accumulation and TAA smooth edges.  Without it all
     /// frames look through the centers of pixels, and edges alias.  On a camera with Bevy's `TemporalJitter`, which
-    /// `TemporalAntiAliasing` brings, that jitter is used instead.
+    /// `TemporalAntiAliasing` brings, that jitter is used instead.  Default: on.
     pub jitter: bool,
     /// Adds the light that bounces more than once within a rough surface to specular lobes of reflection (Turquin 2019, as in Lanz 2025,
-    /// 2.1.3): rough metals keep their brightness.  One texture read.  Without it they are too dark.
+    /// 2.1.3): rough metals keep their brightness.  One texture read.  Without it they are too dark.  Default: on.
     pub energy_compensation: bool,
     /// Greatest luminance of the light that a pixel's surface scatters, relative to the brightest of the eight pixels around it; 0: no
     /// limit, at most 1e6.  Removes single very bright pixels (fireflies) from each frame; histories keep them.  No effect on
     /// [`Technique::Reference`] and with [`Restir::accumulate`].  Cost: eight texture reads a pixel and domain.  Biased: darker, by the light
     /// of such pixels; glints that are smaller than a pixel dim.
     pub firefly_limit: f32,
-    /// Selects one of 2^32 independent sequences of random numbers.
+    /// Selects one of 2^32 independent sequences of random numbers.  Default 0.
     pub seed: u32,
-    /// Direct light, for [`Technique::Di`] and [`Technique::Gi`]; its light subsets serve all techniques that resample.
+    /// Direct light, for [`Technique::Di`], [`Technique::Gi`], and [`Technique::Pt`] with [`Paths::separate_direct_light`]; its light subsets
+    /// serve all techniques that resample.
     pub direct: Direct,
     /// Paths, for [`Technique::Gi`], [`Technique::Pt`] and [`Technique::Bdpt`].
     pub paths: Paths,
-    /// Light sub-paths, for [`Technique::Bdpt`].
+    /// Light paths, for [`Technique::Bdpt`].
     pub bdpt: Bdpt,
     /// Direct light that enters objects with [`Subsurface`], for [`Technique::Di`], [`Technique::Gi`], and [`Technique::Pt`] with
-    /// [`Paths::separate_direct_light`]; in paths it is a lobe like any other.
+    /// [`Paths::separate_direct_light`].  Elsewhere such light is part of the paths, by [`Restir::paths`].
     pub subsurface: SubsurfaceSampling,
     /// Variants for measurements.
     pub research: Research,
     /// Shows the mean of all frames for as long as the image does not change: for stills.  [`Technique::Reference`] always does so.
+    /// Default: off.
     pub accumulate: bool,
     /// Shows a debug view instead of light.
     pub debug_view: DebugView,
-    /// Multiplies debug views, so that meters and counts fit between 0 and 1; from 0 to 1e6.
+    /// Multiplies debug views, so that meters and counts fit between 0 and 1.  0 to 1e6; default 1.
     pub debug_scale: f32,
     /// Drops the history of earlier frames and restarts the sequence of random numbers; clears itself.
     pub reset: bool,

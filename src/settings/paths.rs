@@ -42,33 +42,36 @@ pub enum SuffixRetrace {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
 pub struct Paths {
     /// Light candidates at the first vertex of a path, 1 to 64; vertex B has 1/B² of them, at least one.  They come from the subsets of
-    /// [`Direct`](super::Direct).  Less noise, higher cost, no bias.
+    /// [`Direct`](super::Direct).  More give less noise at higher cost.  No bias.  Default 16.
     pub candidates: u32,
-    /// Gives direct light reservoirs of its own in [`Technique::Pt`](super::Technique::Pt), by [`Restir::direct`](super::Restir::direct) and,
-    /// for translucent objects, [`Restir::subsurface`](super::Restir::subsurface): less noise where direct and bounced light meet, one
-    /// more kind of reservoirs and its passes.  No bias.  Lin et al. 2026 begin their comparison there.
+    /// Resamples direct light apart from paths in [`Technique::Pt`](super::Technique::Pt), by [`Restir::direct`](super::Restir::direct) and,
+    /// for translucent objects, [`Restir::subsurface`](super::Restir::subsurface): less noise where direct and bounced light meet, for another
+    /// kind of reservoirs and its passes.  No bias.  It is the starting point of the comparison in Lin et al. 2026.  Default: off.
     pub separate_direct_light: bool,
-    /// Reuse of paths.  [`Reuse::mis`] applies to iterations with spatial reuse; purely temporal ones always use the balance heuristic.
+    /// Reuse of paths; default [`Reuse::PATHS`].  [`Reuse::mis`] applies to iterations with spatial reuse; purely temporal ones always use the
+    /// balance heuristic.
     pub reuse: Reuse,
-    /// Replay of the rest of a path where something moved.
+    /// Replay of the rest of a path, after its reconnection vertex, where something moved.
     pub suffix_retrace: SuffixRetrace,
     /// Treats the secondary vertex as diffuse, as the paper of ReSTIR GI does: the same radiance leaves it in all directions.  For
     /// [`Technique::Gi`](super::Technique::Gi).  Faster.  Biased: reflections in glossy secondary surfaces are wrong, brighter or darker.
+    /// Default: off.
     pub assume_diffuse_secondary: bool,
     /// Choice of the reconnection vertex.  `Gi` always reconnects at the secondary vertex, unless a mirror comes first.
     pub reconnection: Reconnection,
-    /// Least perceptual roughness of a lobe before a reconnection (Lin et al. 2022: 0.2).  No bias.
+    /// Least perceptual roughness of a lobe before a reconnection (Lin et al. 2022).  Larger values reconnect later: fewer bright pixels, less
+    /// reuse.  No bias.  0 to 1; default 0.2.
     pub roughness: f32,
-    /// Least footprint of both vertices of a reconnection, in percent of the pixel's own (c in Lin et al. 2026, supplement: 0.02).  Larger
-    /// values reconnect later: fewer bright pixels, less reuse.  No bias.
+    /// Least footprint of both vertices of a reconnection, in percent of the pixel's own (c in Lin et al. 2026, supplement).  Larger values
+    /// reconnect later: fewer bright pixels, less reuse.  No bias.  0 to 1e6; default 0.02.
     pub footprint: f32,
     /// Least distance between reconnected vertices, m; for [`Reconnection::Distance`] and `Gi` (Lanz 2025, Eq. 30).  Larger values give
-    /// fewer bright pixels in corners and less reuse.  No bias.
+    /// fewer bright pixels in corners and less reuse.  No bias.  0 to 1e6; default 0.01.
     pub distance: f32,
     /// Greatest Jacobian of a shift, and reciprocal of the least (Lanz 2025, 4.5.5, in both directions, of the densities at both ends of the
-    /// reconnection).  Smaller values give fewer bright pixels where geometry differs, and less reuse.  No bias.
+    /// reconnection).  Smaller values give fewer bright pixels where geometry differs, and less reuse.  No bias.  From 1; default 10.
     pub jacobian_limit: f32,
-    /// Skips neighbors of dissimilar geometry: less noise at edges.  No bias.
+    /// Skips neighbors of dissimilar geometry: less noise at edges.  No bias.  Default: on.
     pub heuristics: bool,
 }
 

@@ -25,7 +25,7 @@ pub enum ReservoirLayout {
 }
 
 impl ReservoirLayout {
-    /// Pixels a side of a tile; 0: rows, `u32::MAX`: columns.
+    /// Width of a tile in pixels; 0: rows, `u32::MAX`: columns.
     pub(crate) fn tile(self) -> u32 {
         match self {
             Self::Rows => 0,
@@ -44,11 +44,11 @@ impl ReservoirLayout {
 pub struct Research {
     /// Order of reservoirs in memory.
     pub reservoir_layout: ReservoirLayout,
-    /// Pixels a side of the tiles whose pixels share a light subset, 1 to 16 (Wyman and Panteleev 2021, 5).  Larger tiles read memory more
-    /// coherently; their noise is more correlated.  No bias.
+    /// Width in pixels of the square tiles whose pixels share a light subset (Wyman and Panteleev 2021, 5).  Larger tiles read memory more
+    /// coherently; their noise is more correlated.  No bias.  1 to 16; default 8.
     pub light_tile_size: u32,
     /// Selects the light candidates of ReSTIR DI by arriving light, without the BSDF (Wyman and Panteleev 2021, 9 and 3.3): faster
-    /// candidates, more noise on glossy surfaces.  No bias.
+    /// candidates, more noise on glossy surfaces.  No bias.  Default: off.
     pub target_without_bsdf: bool,
 }
 

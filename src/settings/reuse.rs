@@ -42,50 +42,56 @@ pub enum Mis {
     DefensivePairwiseGris,
 }
 
-/// Reuse of samples across frames and pixels.  [`Direct`](super::Direct) and [`Paths`](super::Paths) have one each.
+/// Reuse of samples across frames and pixels, for [`Direct`](super::Direct), [`Paths`](super::Paths) and
+/// [`SubsurfaceSampling`](super::SubsurfaceSampling).  Where one default is given, all three share it.
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
 pub struct Reuse {
-    /// When neighbors are resampled.
+    /// When neighbors are resampled.  Default for direct light: spatiotemporal; otherwise temporal, then spatial.
     pub order: ReuseOrder,
-    /// Reuses the sample that the surface had in the last frame: much less noise, for one neighbor's cost.  Without it nothing outlives a
-    /// frame.  No bias.
+    /// Reuses the sample that the surface had in the last frame: much less noise, for one neighbor's cost.  Without it a frame uses its own
+    /// samples only.  No bias.  Default: on.
     pub temporal: bool,
-    /// Takes that sample from one of the four pixels around the last place of the surface, by bilinear weights at random (Wyman and
-    /// Panteleev 2021, 4.5), instead of the nearest: less correlated noise under motion.  No cost, no bias.
+    /// Takes that sample from one of the four pixels around the last place of the surface, at random with bilinear weights (Wyman and
+    /// Panteleev 2021, 4.5), instead of the nearest: less correlated noise under motion.  No cost, no bias.  Default: on for light that
+    /// enters objects, otherwise off.
     pub bilinear: bool,
-    /// Neighbors whose samples are reused in an iteration, at most 5: less noise, more correlated; each costs a shift and its rays.  No bias.
+    /// Neighbors whose samples are reused in an iteration: more give less noise, which is more correlated.  Each costs a shift and its rays.
+    /// No bias.  0 to 5; default 3 for paths, otherwise 1.
     pub spatial_samples: u32,
     /// Number of neighbors where the surface was not visible in the last frame (Wyman and Panteleev 2021, 6.4), if it is larger than
-    /// [`Reuse::spatial_samples`]; at most 5: less noise in disocclusions and after a cut, at the cost of these neighbors in such pixels
-    /// alone.  Has an effect only with `temporal` and, in [`ReuseOrder::TemporalThenSpatial`], with `spatial_samples`.  No bias.
+    /// [`Reuse::spatial_samples`]: less noise in disocclusions and after a cut, at the cost of these neighbors in such pixels alone.  Has an
+    /// effect only with `temporal` and, in [`ReuseOrder::TemporalThenSpatial`], with `spatial_samples`.  No bias.  0 to 5; default 5 for
+    /// paths, otherwise 2.
     pub disocclusion_samples: u32,
-    /// Iterations of spatial reuse, 1 to 4: each is a pass.  No bias.
+    /// Iterations of spatial reuse: more give less noise, which is more correlated.  Each is a pass.  No bias.  1 to 4; default 2 for light
+    /// that enters objects, otherwise 1.
     pub spatial_iterations: u32,
-    /// Places that are tried for each neighbor until its geometry is similar, 1 to 8 (greedy neighbor search, Lanz 2025, 4.5.4): less noise
-    /// at edges, for a few texture reads at each failure.  No bias.
+    /// Places that are tried for each neighbor until its geometry is similar (greedy neighbor search, Lanz 2025, 4.5.4): less noise at edges,
+    /// for a few texture reads at each failure.  No bias.  1 to 8; default 1 for direct light, otherwise 5.
     pub neighbor_attempts: u32,
-    /// Places that are tried for the surface itself in the last frame, 1 to 8: first the nearest pixel, then pixels within 1.5 pixels.  With 1,
-    /// the history is lost along edges and at the border of the image, where the jitter of the camera moves the nearest pixel to another
-    /// surface: these pixels are often black in a single frame.  A few texture reads, at such pixels alone.  No bias.
+    /// Places that are tried for the surface itself in the last frame: first the nearest pixel, then pixels within 1.5 pixels.  With 1, the
+    /// history is lost along edges and at the border of the image, where the jitter of the camera moves the nearest pixel to another
+    /// surface: these pixels are often black in a single frame.  A few texture reads, at such pixels only.  No bias.  1 to 8; default 5.
     pub temporal_attempts: u32,
     /// Greatest distance of neighbors, in pixels of an image that is 1080 lines high, and at least 2 pixels of the traced image: larger radii
-    /// share rare finds more widely, and find fewer similar neighbors.  No bias.
+    /// share rarely found light among more pixels, and find fewer similar neighbors.  No bias.  0 to 1e5; default 60 for paths, otherwise 30.
     pub radius: f32,
-    /// Greatest confidence of a neighbor, in frames' worth of candidates: at most 60 in [`Direct`](super::Direct), 30 in
-    /// [`Paths`](super::Paths).  Longer histories are smoother and more correlated.  No bias.
+    /// Greatest confidence of a neighbor, in frames' worth of candidates: longer histories are smoother and more correlated.  No cost, no
+    /// bias.  0 to 60 for direct light, otherwise 0 to 30; default 20.
     pub confidence_cap: f32,
-    /// MIS weights.
+    /// MIS weights.  Default for direct light: balance; otherwise defensive pairwise.
     pub mis: Mis,
     /// Shades all samples that are resampled, each by its share, not only the selected one (decoupled shading, Wyman and Panteleev 2021, 7.1;
-    /// vector weights, Lin et al. 2026, supplement, 7): less noise, above all of color, for little cost.  No bias.
+    /// vector weights, Lin et al. 2026, supplement, 7): less noise, above all of color, for little cost.  No bias.  Default: on.
     pub shade_all: bool,
-    /// Least cosine between the normals of a pixel and its neighbor; a test of the geometry heuristics.  No bias.
+    /// Least cosine between the normals of a pixel and its neighbor; a test of the geometry heuristics.  Larger values accept fewer
+    /// neighbors.  No bias.  -1 to 1; default 0.9.
     pub normal_threshold: f32,
     /// Greatest distance of a neighbor's surface from the tangent plane, relative to the distance from the camera; a test of the geometry
-    /// heuristics.  No bias.
+    /// heuristics.  Larger values accept more neighbors.  No bias.  0 to 1e6; default 0.02.
     pub depth_threshold: f32,
-    /// Neighbors must have the same material; a test of the geometry heuristics.  No bias.
+    /// Neighbors must have the same material; a test of the geometry heuristics.  No bias.  Default: off.
     pub same_material: bool,
 }
 

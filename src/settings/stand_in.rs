@@ -1,4 +1,4 @@
-//! Objects that Bevy draws and that our rays see otherwise, or not at all.
+//! Objects that Bevy draws, with another material for rays or without any.
 
 use bevy::{
     asset::Handle,
@@ -10,9 +10,9 @@ use bevy::{
 /// Gives an object that Bevy draws, such as one with a custom material, a stand-in for rays: it casts shadows, and mirrors and light that
 /// bounces see it with this `StandardMaterial`.
 ///
-/// It stands beside the mesh.  The camera sees what Bevy draws, lit by Bevy's lights.  An object with a `MeshMaterial3d<StandardMaterial>`,
-/// too, is drawn by Bevy.  Costs what any other object costs.  With [`Technique::Bdpt`](crate::Technique::Bdpt), caustics are found from the
-/// camera only (noisier, not darker), with a warning.
+/// Put it on the entity of the mesh.  The camera sees what Bevy draws, lit by Bevy's lights; this also holds if the entity has a
+/// `MeshMaterial3d<StandardMaterial>` of its own.  It costs as much as any other object.  With
+/// [`Technique::Bdpt`](crate::Technique::Bdpt), caustics are found from the camera only (noisier, not darker), with a warning.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -27,7 +27,8 @@ use bevy::{
 #[reflect(Component, Default)]
 pub struct RestirMaterial(pub Handle<StandardMaterial>);
 
-/// Leaves an object out of our picture: Bevy draws and lights it, and rays pass through it.  For gizmos, ghosts and interfaces in the scene.
+/// Excludes an object from path tracing: Bevy draws and lights it, and rays pass through it, so that it casts no shadow and no mirror shows
+/// it.  For gizmos, ghosts and interfaces in the scene.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Component, Default)]
 pub struct RestirIgnore;

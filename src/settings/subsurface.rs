@@ -10,18 +10,19 @@ use bevy::{
     reflect::{Reflect, std_traits::ReflectDefault},
 };
 
-/// Lets light that enters an object with a `StandardMaterial` leave it elsewhere: skin, wax, marble, milk.  It stands beside the mesh and
-/// takes a share of the diffuse reflection; specular reflection, clearcoat and transmission stay as they are.
+/// Lets light that enters an object with a `StandardMaterial` leave it elsewhere: skin, wax, marble, milk.  Put it on the entity of the mesh.
+/// It replaces a share of the diffuse reflection; specular reflection, clearcoat and transmission stay as they are.
 ///
 /// Light spreads by the diffusion profile of Burley (2015), with the lengths of Christensen and Burley (2015) for the base color of the point
 /// where it leaves, and only within one object.  Lengths are meters in world space, whatever the scale of the object.  The profile is that of
-/// a plane: thin parts gain light, and small bodies lose some.  Seen from behind, a surface is diffuse, so meshes must face outward; open
+/// a plane: thin parts are too bright, and small objects too dark.  Seen from behind, a surface is diffuse, so meshes must face outward; open
 /// meshes are allowed.  Objects with `NotShadowCaster` are diffuse, because rays do not find them.
 ///
-/// Every technique renders it.  A path that hits such an object chooses between the surface and the body below it.
-/// [`Technique::Di`](crate::Technique::Di) and [`Technique::Gi`](crate::Technique::Gi) resample the direct light of bodies apart, by the
-/// settings of [`SubsurfaceSampling`]; light sub-paths of [`Technique::Bdpt`](crate::Technique::Bdpt) end at bodies.
-/// It costs one ray per path and hit of such an object, and a shadow ray; scenes without it pay nothing.
+/// Every technique renders it.  A path that hits such an object chooses at random between the surface and the scattering below it.
+/// [`Technique::Di`](crate::Technique::Di), [`Technique::Gi`](crate::Technique::Gi), and [`Technique::Pt`](crate::Technique::Pt) with
+/// [`Paths::separate_direct_light`](crate::Paths::separate_direct_light) resample direct light that enters objects apart from other light,
+/// by the settings of [`SubsurfaceSampling`].  Light paths of [`Technique::Bdpt`](crate::Technique::Bdpt) end where they enter an object.
+/// It costs one ray per path and hit of such an object, and a shadow ray; scenes without such objects pay nothing.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -35,10 +36,10 @@ use bevy::{
 #[reflect(Component, Default)]
 pub struct Subsurface {
     /// Mean free path of light in the red, green and blue channel, meters: the longer, the softer.  A channel with 0, and one whose path is
-    /// below about a hundredth of a pixel, is diffuse.  At most [`Self::MAX_MEAN_FREE_PATH`]; where it exceeds the size of the object, most
-    /// light is lost.
+    /// below about a hundredth of a pixel, is diffuse.  Where it exceeds the size of the object, most light is lost.  0 to
+    /// [`Self::MAX_MEAN_FREE_PATH`]; default 0.001 in all channels.
     pub mean_free_path: Vec3,
-    /// Share of diffuse reflection that scatters below the surface, from 0 to 1.
+    /// Share of diffuse reflection that scatters below the surface.  0 to 1; default 1.
     pub weight: f32,
 }
 
@@ -114,7 +115,7 @@ impl Default for Subsurface {
     }
 }
 
-/// How light that enters an object is taken from pixel to pixel (Werner et al. 2024).  No bias; noise and cost differ.
+/// Shift mapping that takes a sample of light that enters an object from pixel to pixel (Werner et al. 2024).  No bias; noise and cost differ.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
@@ -122,30 +123,32 @@ pub enum SubsurfaceShift {
     /// The point where light enters is kept.  Cheapest.  Good where light crosses the object; blotches where its surface is lit, because
     /// near points matter most there.
     Reconnection,
-    /// The point is sampled again by the same random numbers, about the new pixel's surface.  One more ray a shift.  Good on lit surfaces.
+    /// Delayed reconnection: the point is sampled again around the new pixel's surface, with the same random numbers.  One more ray for each
+    /// shift.  Good on lit surfaces.
     Delayed,
-    /// One or the other, by distance and normals.
+    /// One of the two, chosen for each sample by distance and normals.
     #[default]
     Hybrid,
-    /// Reconnection in all iterations of reuse but the last, and delayed reconnection there, so that resampling chooses.  It needs at least
-    /// two iterations: with one it is [`Self::Delayed`].
+    /// Reconnection in all iterations of reuse but the last, and delayed reconnection in that one.  It needs at least two iterations: with
+    /// one it is [`Self::Delayed`].
     Sequential,
 }
 
-/// Resampling of light that enters objects with [`Subsurface`], for [`Technique::Di`](super::Technique::Di) and
-/// [`Technique::Gi`](super::Technique::Gi).
+/// Resampling of direct light that enters objects with [`Subsurface`], for [`Technique::Di`](super::Technique::Di),
+/// [`Technique::Gi`](super::Technique::Gi), and [`Technique::Pt`](super::Technique::Pt) with
+/// [`Paths::separate_direct_light`](super::Paths::separate_direct_light).
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
 pub struct SubsurfaceSampling {
-    /// Light candidates at each point where a pixel's probe finds the object, 1 to 64.  They come from the subsets of
-    /// [`Direct`](super::Direct).  Less noise, higher cost, no bias.
+    /// Light candidates at each point where a pixel's probe ray finds the object.  They come from the subsets of
+    /// [`Direct`](super::Direct).  More give less noise at higher cost.  No bias.  1 to 64; default 8.
     pub candidates: u32,
-    /// How samples are taken to other pixels.
+    /// Shift mapping that takes samples to other pixels.
     pub shift: SubsurfaceShift,
-    /// Skips neighbors of dissimilar geometry: less noise at edges.  No bias.
+    /// Skips neighbors of dissimilar geometry: less noise at edges.  No bias.  Default: on.
     pub heuristics: bool,
-    /// Reuse of samples.  Neighbors are within two lengths of the profile, as the camera sees them, but within [`Reuse::radius`] and at least
-    /// a sixth of it.
+    /// Reuse of samples.  The radius of a pixel's neighbors is two lengths of the profile, projected into the image, at most
+    /// [`Reuse::radius`] and at least a sixth of it.
     pub reuse: Reuse,
 }
 

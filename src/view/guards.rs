@@ -26,7 +26,7 @@ pub const GUARDS: &[Guard] = &[
     guard(
         "overflow_steps",
         OVERFLOW_STEPS,
-        "a traversal took too many steps, so that the ray may have missed geometry",
+        "a traversal took too many steps, so that the ray may have missed geometry, or too many light paths landed in a pixel",
     ),
     guard("non_finite", NON_FINITE, "the light of the pixel was not finite, and became black"),
     guard(
@@ -64,6 +64,6 @@ pub const GUARDS: &[Guard] = &[
     guard(
         "overflow_probe",
         OVERFLOW_PROBE,
-        "a probe below the surface of a body met too many triangles, so that its light is missing",
+        "a probe ray of a translucent object met too many triangles, so that its light is missing",
     ),
 ];

@@ -25,7 +25,7 @@ use crate::{
 
 /// Format of the textures that hold light between passes.
 pub(crate) const LIGHT_FORMAT: TextureFormat = TextureFormat::Rgba32Float;
-/// Bytes from the uniforms of one iteration to those of the next: an alignment that every device accepts.
+/// Stride between the uniforms of iterations, bytes: an alignment that every device accepts.
 const SETTINGS_STRIDE: u64 = 256;
 
 /// The history of a view.

@@ -24,7 +24,7 @@ pub(super) struct ImageState {
     pub pipelines: PipelineKey,
 }
 
-/// Why the history of a view began anew.
+/// Why the history of a view restarted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Reset {
     /// The first frame, or the frame before was not rendered.
@@ -33,14 +33,14 @@ pub(crate) enum Reset {
     Requested,
     /// An edit of the scene that histories do not survive.
     Scene,
-    /// Another image or kind of environment.
+    /// The image of the environment changed, or the environment appeared or disappeared.
     Environment,
     Size,
     Settings,
     RenderLayers,
     /// From perspective to orthographic, or back.
     Projection,
-    /// Another technique or debug view, or the first translucent object.
+    /// The technique or the debug view changed, the first translucent object appeared or the last one disappeared.
     Pipelines,
 }
 
@@ -59,7 +59,7 @@ impl Reset {
     ];
 }
 
-/// How often the history of a view began anew, by reason.
+/// How often the history of a view restarted, by reason.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct ResetCounts([u64; Reset::ALL.len()]);
 

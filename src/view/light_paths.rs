@@ -22,7 +22,7 @@ const SPLATS_SIZE: u64 = SPLATS_OF_A_PATH as u64 * SPLAT_SIZE;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct LightPathCounts {
     pub light_paths: u32,
-    /// The sub-paths whose vertices the camera sees: all of them or none.
+    /// Number of sub-paths whose vertices the camera sees: all of them, or 0.
     pub splats: u32,
     /// Camera sub-paths are connected with them.
     pub connects: bool,

@@ -50,9 +50,9 @@ pub(crate) struct RestirView {
     pub raster_bind_group: BindGroup,
     /// Frames since the history was reset.
     pub frame: u32,
-    /// Beginnings of the history, by reason.
+    /// Number of restarts of the history, by reason.
     pub resets: ResetCounts,
-    /// Why a history without a last frame begins.
+    /// Reason to count when the history starts without a last frame.
     pub(super) beginning: Reset,
     /// Index of this frame in the random sequence: frames since an explicit reset or a change of settings.
     pub(super) sequence: u32,
@@ -202,8 +202,9 @@ impl RestirView {
         Ok(())
     }
 
-    /// Light sub-paths of this frame.  A light path never meets an object that casts no shadow, so that in a scene with such an object the
-    /// camera could not tell what hides a light vertex.
+    /// Numbers of light sub-paths of this frame.  They are not connected with the camera in a scene with objects that only the camera sees
+    /// (`NotShadowCaster`) or that only other rays see (`RestirMaterial`), because shadow rays there do not tell whether the camera sees a
+    /// vertex.
     pub(super) fn light_path_counts(&self, scene: &SceneBindings, limit: u64) -> LightPathCounts {
         if !self.traces_light() {
             return LightPathCounts::default();

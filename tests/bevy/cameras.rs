@@ -237,9 +237,9 @@ fn a_camera_without_a_clear_color_draws_over_the_previous_camera() {
     assert_eq!([drawn[16 * 8 + 2][0], drawn[16 * 8 + 12][0]], [0, 255]);
 }
 
-/// What begins a history anew, and what does not.
+/// Changes that restart a history, and changes that do not.
 #[test]
-fn beginnings_of_a_history_are_counted_by_reason() {
+fn restarts_of_a_history_are_counted_by_reason() {
     let Some(mut rig) = Rig::new(20, 16) else { return };
     crowd(&mut rig);
     let map = |value| texture(4, 2, |_, _| [value, value, value, 255]);
@@ -377,7 +377,7 @@ fn on_a_device_below_the_limits_the_plugin_warns_and_bevy_lights_the_scene() {
     let target = rig.target.clone();
     assert!(rig.drawn(&target)[8 * 16 + 8][0] > 100, "Bevy lights the scene");
     assert!(rig.next_if_any().is_none(), "the plugin is off");
-    let warnings = log::warnings("bindings of a MiB");
+    let warnings = log::warnings("bindings of 1 MiB");
     assert_eq!(warnings.len(), 1, "{warnings:?}");
     assert!(warnings[0].contains("stays on"), "{warnings:?}");
 }

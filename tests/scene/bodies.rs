@@ -139,7 +139,7 @@ fn full_length_trees_hold_their_triangles_after_ten_thousand_poses() {
     assert_trees_hold_their_triangles(10_000);
 }
 
-/// A body that holds still sends nothing and keeps its place.
+/// A body uploads data only in frames where its pose changes.
 #[test]
 fn a_still_body_costs_no_upload() {
     let Some(mut rig) = stage() else { return };

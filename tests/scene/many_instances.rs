@@ -9,7 +9,7 @@ use std::time::Instant;
 
 const COUNT: usize = 10_000;
 
-/// Boxes that share this number of meshes in turn.
+/// Boxes that take turns in using this number of meshes.
 fn crowd(meshes: usize, visible: bool) -> Option<(Rig, Vec<Entity>)> {
     let mut rig = Rig::new(16, 16)?;
     rig.spawn_bundle((DirectionalLight::default(), Transform::default()));

@@ -9,7 +9,7 @@ use glam::DVec3;
 const LUX: f32 = 10.0;
 
 /// The oracle's parameters of a material on a plane with tangent, bitangent and normal along the axes of `turned`, seen along wo.
-fn design(m: &StandardMaterial, turned: Quat, wo: Vec3) -> Material {
+fn expected_material(m: &StandardMaterial, turned: Quat, wo: Vec3) -> Material {
     let wide = |v: Vec3| v.as_dvec3().normalize();
     let linear = |c: Color| Vec3::from(c.to_linear().to_f32_array_no_alpha()).as_dvec3();
     let (front, r) = (wo.dot(turned * Vec3::Z) > 0.0, f64::from(m.perceptual_roughness));
@@ -111,7 +111,7 @@ fn every_lobe_under_a_sun_equals_the_oracle() {
             rig.insert(plane, Transform::from_rotation(turned));
             rig.insert(sun, Transform::default().looking_to(-wi, if wi.y.abs() > 0.9 { Vec3::X } else { Vec3::Y }));
             let seen = rig.picture(1).center().as_dvec3();
-            let m = design(&material, turned, wo);
+            let m = expected_material(&material, turned, wo);
             let expected = f64::from(LUX) * m.eval_all(wo.as_dvec3(), wi.as_dvec3().normalize());
             lit += u32::from(expected.max_element() > 1e-3);
             if [m.n.dot(DVec3::Z), m.n.dot(wi.as_dvec3())].iter().all(|c| c.abs() > 0.05) {

@@ -384,7 +384,7 @@ fn a_scene_that_gains_and_loses_features_is_never_black() {
     };
     let mut remembered = SceneFeatures::ENVIRONMENT;
     for (name, features, add) in feature_steps() {
-        // The environment belongs to the camera, which forgets its features at once.
+        // The environment belongs to the camera, whose features are not remembered.
         remembered |= features;
         let entity = add(&mut rig);
         for _ in 0..4 {

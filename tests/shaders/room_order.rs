@@ -4,7 +4,7 @@
 
 use std::{fs, path::Path};
 
-/// The rooms of one tree, each with the rooms directly below it.  A room may import these, and all rooms below them in turn.
+/// The rooms of one tree, each with the rooms directly below it.  A room may import these and all rooms below them.
 type Table = &'static [(&'static str, &'static [&'static str])];
 
 /// First folder (or file) below `src/`.

@@ -384,7 +384,7 @@ fn animate_plays_the_first_animation() {
     assert_eq!(Exr::read(&folder.path("out.exr")).at(4, 4), [1.0, 2.0, 3.0]);
 }
 
-/// Fields of the file of `--stats` (design 9).
+/// Fields of the file of `--stats`.
 const STATISTICS: [&str; 22] = [
     "adapter",
     "backend",

@@ -122,7 +122,7 @@ impl Case {
         Self { things, camera, environment, settings, edits }
     }
 
-    /// Cases that lack one thing or one edit, or that have something simpler instead of it.
+    /// Smaller cases: each lacks one thing or one edit of this case, or has a simpler one in its place.
     pub fn smaller(&self) -> Vec<Self> {
         let mut all = Vec::new();
         for i in 0..self.edits.len() {
@@ -160,7 +160,7 @@ impl Case {
 }
 
 impl Thing {
-    /// Objects without a property of this one.
+    /// Variants of this object, each with one property less.
     fn simpler(&self) -> Vec<Self> {
         let Self::Object { shape, material, subsurface, at } = self else { return Vec::new() };
         let object = |shape: &Shape, material: StandardMaterial, subsurface, at| Self::Object {
@@ -272,7 +272,7 @@ impl Source {
     }
 
     fn eye(&mut self) -> Transform {
-        // A camera that cannot render is another subject.
+        // The position is always legal: cameras that cannot render are not tested here.
         let [x, y, z] = self.random.point(3.0);
         Transform::from_xyz(x, y.abs() + 0.2, z + 4.0).looking_at(Vec3::ZERO, Vec3::Y)
     }

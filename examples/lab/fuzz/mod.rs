@@ -1,4 +1,4 @@
-//! Random scenes, settings and edits, in search of panics, errors of the renderer, hangs, and numbers that should not exist.
+//! Random scenes, settings and edits, in search of panics, errors of the renderer, hangs and illegal numbers.
 
 mod case;
 mod stage;
@@ -15,11 +15,11 @@ use std::{
 use case::Case;
 use stage::Stage;
 
-/// Attempts to make a failing case smaller.
+/// Greatest number of attempts to make a failing case smaller.
 const SHRINKING: u32 = 200;
 
 /// Renders random scenes with random settings and edits.  A case fails by a panic, an error of the renderer, a hang, a pixel that is not
-/// finite, or a number that the shaders should never meet.  Each failure is made smaller and written to the folder.
+/// finite, or a raised guard.  Each failing case is made smaller and written to the folder.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// Number of cases.
@@ -28,7 +28,7 @@ pub struct Args {
     /// The first case; the others follow it.  `--count 1` repeats one.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Pixels.
+    /// Size of the picture in pixels.
     #[arg(long, default_value = "24x16", value_parser = arguments::size)]
     size: UVec2,
     /// Compiles shaders for the features of each scene, in an app of its own, instead of once for all features.
@@ -49,7 +49,7 @@ struct Runner<'a> {
 static PANIC: Mutex<String> = Mutex::new(String::new());
 
 impl Runner<'_> {
-    /// Why the case fails; an error where no app can be made.
+    /// Runs a case and returns the reason why it fails, or `None` if it passes; an error if no app can be created.
     fn failure(&mut self, case: &Case) -> Result<Option<String>, String> {
         let mut stage = match self.stage.take() {
             Some(stage) => stage,
@@ -69,7 +69,7 @@ impl Runner<'_> {
         })
     }
 
-    /// A case that fails as well and has as few parts as could be found.
+    /// The smallest case found that still fails.
     fn smallest(&mut self, case: Case) -> Result<Case, String> {
         let mut smallest = case;
         let mut attempts = 0;

@@ -87,7 +87,7 @@ impl Record {
         self.passes.iter().map(|p| p.1).sum()
     }
 
-    /// Errors of the frame after the history, which is the last one but one that was captured.
+    /// Errors of the frame after the history, which is the second-to-last captured frame.
     pub fn late(&self) -> Errors {
         let last = self.frames.len().saturating_sub(2);
         self.frames.get(last).map(|f| f.1).unwrap_or_default()
@@ -97,10 +97,10 @@ impl Record {
 /// The converged pictures that all configurations are compared with.
 pub struct Truth {
     pub still: Picture,
-    /// From the last place but one of the moving camera.
+    /// From the second-to-last position of the moving camera.
     pub before: Picture,
     pub figures: TruthFigures,
-    /// The camera's place.
+    /// Transform of the camera.
     place: Transform,
 }
 
@@ -189,7 +189,7 @@ impl Measurement<'_> {
         Ok(())
     }
 
-    /// Measures a configuration.  Also returns the late picture of the first run.
+    /// Measures a configuration.  Also returns the picture after the history, of the first run.
     pub fn run(
         &self,
         bench: &mut Bench,

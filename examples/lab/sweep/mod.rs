@@ -34,8 +34,8 @@ use measure::{Errors, Measurement, Record, Truth};
 use plan::{Configuration, Extent};
 
 /// Time, error, bias, flicker and memory of every technique and preset and of the settings that matter, on one scene.  Writes plots,
-/// pictures, tables and advice as report.html and report.md, and all figures as csv.  About 40 configurations; a sweep that was
-/// interrupted continues.
+/// pictures, tables and advice as report.html and report.md, and all figures as csv.  About 45 configurations; a sweep that was
+/// interrupted continues when it is run again.
 #[derive(clap::Args, Debug)]
 pub struct SweepArgs {
     #[command(flatten)]
@@ -50,7 +50,7 @@ pub struct SweepArgs {
 pub struct Args {
     /// A glTF file; `references.json` beside it may name its environment.
     scene: PathBuf,
-    /// The environment instead: radiance R,G,B or an equirectangular .hdr or .exr file.
+    /// Replaces the environment: radiance R,G,B or an equirectangular .hdr or .exr file.
     #[arg(long, value_parser = environment::parse)]
     env: Option<Environment>,
     /// Folder of the report.
@@ -74,7 +74,7 @@ pub struct Args {
     /// Relative squared error that the converged picture may have.
     #[arg(long, default_value_t = 1e-3, value_parser = positive)]
     reference_error: f64,
-    /// Most samples a pixel of the converged picture.
+    /// Greatest number of samples per pixel of the converged picture.
     #[arg(long, default_value_t = 4096, value_parser = clap::value_parser!(u32).range(2..))]
     samples: u32,
     /// A field of `Restir` that all configurations have, as `PATH=VALUE`; repeatable.  Unless a reference is given, they have no jitter, so
@@ -162,7 +162,7 @@ impl Measured {
 }
 
 impl Sweep {
-    /// The configurations that reuse samples or could.
+    /// All configurations but those of the reference tracer.
     fn rivals(&self) -> impl Iterator<Item = &Measured> {
         self.all.iter().filter(|m| !m.is_reference())
     }

@@ -12,7 +12,7 @@ use clap::{
 };
 use std::process::ExitCode;
 
-/// Parses the command line. Where it asks for help or is wrong, the error is the exit code of the program.
+/// Parses the command line. If it requests help or is wrong, the error is the exit code of the program.
 pub fn parse<T: Parser>() -> Result<T, ExitCode> {
     match T::try_parse() {
         Ok(arguments) => Ok(arguments),

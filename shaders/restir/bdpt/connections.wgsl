@@ -1,5 +1,5 @@
 // Connections (s, t >= 2): each vertex of a camera sub-path is joined with one vertex of the light vertex cache (Hedstrom et al. 2025, 5.1).
-// The sub-path is not the one that next-event estimation and hits of lights resample, so that their passes bind no light vertices.
+// The camera sub-path is traced separately from that of the resampled candidates, so that the passes of candidates bind no light vertices.
 #define_import_path bevy_restir::restir::bdpt::connections
 
 #import bevy_restir::bsdf::bsdf::{bsdf_is_delta, bsdf_pdf, bsdf_sample, bsdf_terms}
@@ -33,7 +33,7 @@ struct CameraWalk {
     state: MisState,
     throughput: vec3<f32>,
     index: u32,                // of the vertex, from 1; 0: the sub-path has ended
-    eta_scale: f32,            // squared relative indices of refraction: roulette must not mistake the scaling of radiance for absorption
+    eta_scale: f32,            // squared relative indices of refraction, so that roulette does not count the scaling of radiance as absorption
 }
 
 // Radiance towards the camera from the surface of a pixel.  `camera_density`: of the camera's rays at the surface.
@@ -84,8 +84,8 @@ fn sample_connections(first: Vertex, camera_density: f32, rng: ptr<function, Rng
     return light;
 }
 
-// The walk at the vertex from which it goes on.  No light sub-path leaves a body, so that no technique joins the sub-paths before a point
-// where light enters one.
+// The walk at the vertex from which it goes on: the surface, or the point where light enters a translucent object.  Light sub-paths end at
+// such a point, so that no technique joins the sub-paths at an edge before it.
 fn leaving(walk: CameraWalk, from_vertex: ScatteringVertex) -> CameraWalk {
     var w = walk;
     w.v = from_vertex.vertex;
@@ -130,7 +130,7 @@ fn connection_light(w: CameraWalk, rng: ptr<function, Rng>) -> vec3<f32> {
         return vec3<f32>(0.0);
     }
     let x = w.v.surface;
-    // The direction decides only which side of the surface is seen.
+    // The direction only determines which side of the surface is seen.
     let y = surface_of(p, x.position);
     let d = y.position - x.position;
     let d2 = dot(d, d);
@@ -157,7 +157,7 @@ fn surface_of(p: LightVertex, from_point: vec3<f32>) -> Surface {
     return surface_towards(s, normalize(from_point - s.position));
 }
 
-// Length of the light sub-path in the medium of the connection: 0 if the connection leaves on the other side.
+// Length of the light sub-path in the medium of the connection; 0 if the connection leaves to the other side of the surface.
 fn open_distance(p: LightVertex, y: Surface) -> f32 {
     return select(0.0, p.open_distance, dot(p.towards_light, y.bsdf.n_geo) > 0.0 || bsdf_is_thin(y.bsdf));
 }

@@ -9,7 +9,8 @@
 
 // Entries of one light sub-path.  A sub-path with more visible vertices resamples the last ones into one.
 const SPLATS_OF_A_PATH: u32 = 3u;
-// Entries of a list that are read at most, so that no invocation takes seconds.  Further ones are left out, and reported as an overflow.
+// Greatest number of entries of a list that are read, so that no invocation takes seconds.  More entries are ignored, and reported as an
+// overflow.
 const MAX_ENTRIES: u32 = 1u << 20u;
 
 // Bits of a link to the next entry: there are at most 3 * 2^24.  The others hold the number of scattering events less 1.
@@ -20,7 +21,7 @@ struct MapEntry {
     next: u32,                 // the next entry's index plus 1, or 0
     events: u32,               // scattering events of the sub-path up to the vertex, 1 to 64
     value: vec3<f32>,          // radiance
-    multiplicity: f32,         // radiance over that of the vertex alone: an entry may stand for others, too
+    multiplicity: f32,         // radiance over that of the vertex alone: above 1 if the entry also represents other vertices
 }
 
 fn entry_pack(e: MapEntry) -> vec4<u32> {
@@ -62,7 +63,8 @@ fn exact_total(s: ExactSum) -> vec3<f32> {
     return (vec3<f32>(s.high) * 0x1p32 + vec3<f32>(s.low)) / s.scale;
 }
 
-// A choice in proportion to weights: each input arrives after an exponential time with its weight as the rate, and the first one wins.
+// A random choice in proportion to weights: each input gets an exponentially distributed time with its weight as the rate, and the least time
+// wins.
 struct Race {
     winner: u32,
     time: f32,

@@ -17,7 +17,7 @@ fn sub_path_rng(path: u32, frame: u32, stream: u32) -> Rng {
 // The newest vertex of a sub-path.
 struct SubPath {
     walk: LightWalk,
-    alpha_seed: u32,           // of the camera's view of it
+    alpha_seed: u32,           // for the shadow ray to the camera
 }
 
 // The first vertex of a sub-path from a light, now or (`previous`) in the last frame.
@@ -32,7 +32,7 @@ fn continue_sub_path(walk: LightWalk, rng: ptr<function, Rng>, previous: bool) -
     if walk.events == 1u && w.by_delta {
         w.state = over_share(w.state, settings.caustic_share / settings.diffuse_share);
     }
-    // Without connections no technique joins the sub-paths behind the first vertex.
+    // Without connections no technique joins the sub-paths at an edge after the first vertex.
     w.state.last = select(0.0, w.state.last, connects());
     return SubPath(w, rng_bits(rng).x);
 }
@@ -50,7 +50,8 @@ fn replayed_splat(path: u32, frame: u32, light: u32, events: u32, previous: bool
     return splat_of(p.walk, p.alpha_seed, previous);
 }
 
-// The competitors at the start of a light sub-path find their light from the camera.
+// The state is a ratio of other techniques' densities to that of the light sub-path, which MIS weights multiply by this share
+// (`LightShares`).
 fn over_share(s: MisState, share: f32) -> MisState {
     return MisState(s.last / share, s.earlier / share);
 }

@@ -16,7 +16,7 @@ struct PackedReservoir {
 fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     let s = r.path;
     let p = path_pack(r);
-    // The format has no sign and no NaN: it would hide both.
+    // The format has no sign and no NaN, so both are detected before.
     let radiance = pack_radiance(guarded_3(s.radiance, GUARD_RESERVOIR));
     return PackedReservoir(
         vec4<u32>(p.structure, s.seed, p.birth, bitcast<u32>(r.ucw)),
@@ -26,7 +26,7 @@ fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     );
 }
 
-// A reservoir with a value that is not finite or negative is dropped with its confidence: kept confidence would make the picture dark.
+// A reservoir with a value that is negative or not finite is dropped with its confidence: kept confidence would make the picture dark.
 fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     var r = path_unpack(PackedPath(p.path.x, p.path.z, p.vertex.xyz, p.vertex.w));
     r.path.seed = p.path.y;

@@ -1,5 +1,5 @@
 // Technique t = 1: the camera sees a vertex of a light sub-path (Hedstrom et al. 2025, 5.1).  Its light lands anywhere in a pixel.  A splat
-// is a function of random numbers: the same numbers give it again, in this frame's scene or in the last one's.
+// is a function of random numbers: it can be replayed with the same numbers, in the scene of this frame or of the last one.
 #define_import_path bevy_restir::restir::bdpt::splat
 
 #import bevy_restir::bsdf::bsdf::{bsdf_is_delta, bsdf_pdf}
@@ -19,7 +19,7 @@
 #import bevy_restir::view::camera::{camera_density, camera_point, CameraPoint, pixel_cone}
 #import bevy_restir::view::types::Camera
 
-// Surfaces that the camera does not draw, which a ray to the camera passes at most.
+// Greatest number of culled surfaces, which the camera does not draw, that a ray between the camera and a vertex passes.
 const MAX_CULLED: u32 = 16u;
 
 struct Splat {
@@ -73,7 +73,7 @@ fn is_culled(instance: u32, triangle: u32, wo: vec3<f32>, previous: bool) -> boo
     return (flags & select(MATERIAL_CULL_BACK, MATERIAL_CULL_FRONT, front)) != 0u;
 }
 
-// Whether the camera sees a point.  Its rays begin at the near plane, and pass the sides of surfaces that it does not draw.
+// Whether the camera sees a point.  Its rays begin at the near plane, and pass culled sides of surfaces.
 fn is_visible_to_camera(point: CameraPoint, end: vec3<f32>, alpha_seed: u32, previous: bool) -> bool {
     var ray = Ray(point.near, 0.0, end - point.near, 1.0);
     for (var i = 0u; i < MAX_CULLED; i++) {

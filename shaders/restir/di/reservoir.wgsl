@@ -29,7 +29,7 @@ fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     return PackedReservoir(vec4<u32>(r.point.light, r.point.coordinates, bitcast<u32>(r.ucw), bitcast<u32>(confidence) | unseen));
 }
 
-// A reservoir with a value that is not finite or negative is dropped with its confidence, so that it cannot spread over the screen.
+// A reservoir with a value that is negative or not finite is dropped with its confidence, so that it cannot spread over the screen.
 fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     let words = p.words;
     let ucw = bitcast<f32>(words.z);

@@ -17,7 +17,7 @@ fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     // The point on a light that the last ray hit matters only to paths that stay in their pixel: `rivals` takes its place.
     let of_hit = vec2<u32>(s.light.light, bitcast<u32>(s.rivals.x));
     let light = select(of_hit, vec2<u32>(s.light.light, s.light.coordinates), s.termination == TERMINATION_NEE);
-    // The format has no sign and no NaN: it would hide both.
+    // The format has no sign and no NaN, so both are detected before.
     let radiance = pack_radiance(guarded_3(s.radiance, GUARD_RESERVOIR));
     return PackedReservoir(array<u32, 13>(
         p.structure, s.seed, p.birth, bitcast<u32>(r.ucw),
@@ -26,7 +26,7 @@ fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     ));
 }
 
-// A reservoir with a value that is not finite or negative is dropped with its confidence: kept confidence would make the picture dark.
+// A reservoir with a value that is negative or not finite is dropped with its confidence: kept confidence would make the picture dark.
 fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     let w = p.words;
     var r = path_unpack(PackedPath(w[0], w[2], vec3<u32>(w[4], w[5], w[6]), w[7]));

@@ -1,6 +1,6 @@
 // Initial candidates of a pixel: one random walk.  At each of its vertices NEE ends one path, and each hit of a light source ends one more.
 // All of them are resampled into one (Lin et al. 2026, supplement, 1, 6 and 7); direct light is among them.  The resampling weight of a path
-// is its contribution in primary sample space over the probability that Russian roulette let it live.  The reconnection vertex is chosen
+// is its contribution in primary sample space over the probability that Russian roulette continued it.  The reconnection vertex is chosen
 // as the path grows.
 #define_import_path bevy_restir::restir::pt::initial_candidates
 
@@ -43,7 +43,7 @@ struct Candidates {
     throughput: vec3<f32>,    // of the prefix, up to the current vertex
     suffix: vec3<f32>,        // throughput since the reconnection vertex
     state: CameraState,       // of the current vertex, and then of the ray that leaves it
-    survival: f32,            // probability that Russian roulette let the prefix live
+    survival: f32,            // probability that Russian roulette continued the prefix
     below: bool,              // the current vertex is a point where light enters a body
     choice: f32,              // probability of the choice between the surface of the current vertex and the body below it
 }

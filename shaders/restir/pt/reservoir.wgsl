@@ -24,7 +24,7 @@ fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     );
 }
 
-// A reservoir with a value that is not finite or negative is dropped with its confidence: kept confidence would make the picture dark.
+// A reservoir with a value that is negative or not finite is dropped with its confidence: kept confidence would make the picture dark.
 fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     var r = path_unpack(PackedPath(p.path.x, p.path.z, p.vertex.xyz, p.vertex.w));
     r.path.seed = p.path.y;

@@ -20,7 +20,7 @@ struct ShiftParameters {
     jacobian_limit: f32,      // greatest Jacobian, and reciprocal of the least
     counts: TechniqueCounts,
     camera_density: f32,      // of the camera's rays at the first vertex, where light sub-paths are traced
-    diffuse_secondary: bool,  // radiance is taken to leave the reconnection vertex to all sides alike
+    diffuse_secondary: bool,  // the reconnection vertex is treated as diffuse: the same radiance leaves it in all directions
 }
 
 // The vertex before the newest one, as a possible start of a reconnection.

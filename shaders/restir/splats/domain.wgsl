@@ -18,7 +18,7 @@
 #import bevy_restir::restir::types::RESAMPLE_MOVED
 #import bevy_restir::view::bindings::view
 
-// All pixels of this frame, or of the last one.
+// Receiver of a sample: any pixel of this frame, or of the last one, since a replayed sub-path chooses its pixel.
 struct Receiver {
     previous: bool,
 }
@@ -45,7 +45,7 @@ fn contribution_of(s: Splat, light: u32) -> vec3<f32> {
     return s.value * (f32(settings.splats) * light_pmf(light));
 }
 
-// Light paths land beside surfaces that this frame's ray has missed, too.
+// Every pixel: light paths land anywhere in it, also where its camera ray misses all surfaces.
 fn receives_light(ids: vec2<u32>) -> bool {
     return true;
 }

@@ -51,7 +51,7 @@ fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     return PackedReservoir(r.path | r.events << 24u, r.frame, r.light, r.ucw, f.x, f.y, f.z, r.confidence, 0u, 0u);
 }
 
-// A reservoir with a value that is not finite or negative is dropped with its confidence: kept confidence would make the picture dark.
+// A reservoir with a value that is negative or not finite is dropped with its confidence: kept confidence would make the picture dark.
 fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     let f = vec3<f32>(p.red, p.green, p.blue);
     if !guard_holds(is_sound(p.ucw) && is_sound(p.confidence) && is_sound(f.x) && is_sound(f.y) && is_sound(f.z), GUARD_RESERVOIR) {

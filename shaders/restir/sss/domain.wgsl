@@ -31,7 +31,7 @@ const FAR_LENGTHS: f32 = 2.0;
 const FAR_COSINE: f32 = 0.5;
 // Neighbors are at most this many lengths d away (Werner et al. 2024): light that enters farther from a pixel matters little to it.
 const NEIGHBOR_LENGTHS: f32 = 2.0;
-// The least radius that they are in, as a share of the greatest one, and in pixels.
+// Least radius of the disk of neighbors, as a share of the greatest radius, and in pixels.
 const LEAST_SHARE: f32 = 1.0 / 6.0;
 const LEAST_PIXELS: f32 = 2.0;
 
@@ -151,7 +151,7 @@ fn evaluate(r: Receiver, reservoir: Reservoir) -> Evaluated {
         }
     }
     let p = entry_point(r, hit);
-    // The way back must choose the same shift.
+    // The inverse shift must make the same choice.
     if !(p.density > 0.0) || !is_finite(p.density) || (is_hybrid && p.is_far != s.is_far) {
         return no_shift();
     }
@@ -205,7 +205,7 @@ fn carries_contribution() -> bool {
     return true;
 }
 
-// A sample of the last frame, with the light ids of this frame.  A light that was removed has the weight 0 and keeps its confidence.
+// A sample of the last frame, with the light ids of this frame.  A sample of a removed light gets the weight 0 and keeps its confidence.
 fn in_current_frame(r: Reservoir) -> Reservoir {
     var current = r;
     current.sample.light.light = current_light_id(r.sample.light.light);
@@ -240,7 +240,7 @@ fn neighbor_radius(r: Receiver) -> f32 {
     return clamp(projected, max(LEAST_SHARE * settings.radius, min(LEAST_PIXELS, settings.radius)), settings.radius);
 }
 
-// Index of the sample's triangle among the hits of its probe; NO_HIT if rounding leads the probe beside it.
+// Index of the sample's triangle among the hits of its probe; NO_HIT if the probe misses it because of rounding.
 const NO_HIT: u32 = 15u;
 
 fn hit_of_triangle(r: Receiver, s: EntrySample) -> u32 {

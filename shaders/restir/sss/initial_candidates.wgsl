@@ -24,7 +24,7 @@ struct SelectedEntry {
 // Every hit is a candidate with the density of its point: no division by the number of hits.
 fn sample_candidates(r: Receiver, pixel: vec2<u32>, rng: ptr<function, Rng>) -> SelectedEntry {
     var selected = SelectedEntry(no_reservoir(), vec3<f32>(0.0));
-    // Pixels without subsurface scattering have no confidence: no other pixel asks them for a sample.
+    // Pixels without subsurface scattering have no confidence, so that no other pixel takes a sample from them.
     if !scatters(r) {
         return selected;
     }

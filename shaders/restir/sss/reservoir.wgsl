@@ -59,7 +59,7 @@ fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     );
 }
 
-// A reservoir with a value that is not finite or negative is dropped with its confidence: kept confidence would make the picture dark.
+// A reservoir with a value that is negative or not finite is dropped with its confidence: kept confidence would make the picture dark.
 fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     let is_reservoir_sound = is_sound(p.ucw) && is_sound(p.confidence) && is_sound(p.density) && is_sound(p.target_value);
     if !guard_holds(is_reservoir_sound, GUARD_RESERVOIR) {

@@ -74,7 +74,7 @@ pub struct Placed {
     pub slot: u32,
     /// Version of its geometry, which changes when the triangles do.
     pub version: u64,
-    /// Its triangles are other ones than when a tree of this version was last built.
+    /// Its triangles have changed since a tree of this version was last built.
     pub rebuild: bool,
     /// Range of its mesh in the triangle buffer; not empty.
     pub triangles: Range<u32>,
@@ -116,7 +116,7 @@ impl AccelerationStructures {
         }
         self.placed.clear();
         self.placed.extend_from_slice(placed);
-        // If instances moved in the last frame too, the top level before that is free to be reused.
+        // If instances also moved in the last frame, the top level of the frame before it can be reused.
         let spare = core::mem::replace(&mut self.previous, self.current.take());
         let count = placed.len() as u32;
         let mut top = match spare {

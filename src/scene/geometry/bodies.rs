@@ -1,7 +1,7 @@
 //! Keeps the bodies: instances of skinned and morphed meshes, each with triangles and a tree of its own.
 //!
 //! A compute pass poses the triangles of the bodies whose pose has changed, and refits their trees (`shaders/deformation/`).  Triangles keep
-//! their indices, so that samples of the last frame still name them.  A body that holds still costs nothing.
+//! their indices, so that samples of the last frame refer to the right ones.  A body whose pose does not change costs nothing.
 
 use bevy::{
     asset::AssetId,
@@ -36,7 +36,7 @@ pub(crate) struct Body {
     mesh: AssetId<Mesh>,
     /// Version of its mesh.
     mesh_version: u64,
-    /// Triangles as they are, and behind them as they were in the last frame.
+    /// Triangles of this frame, followed by those of the last frame.
     all_triangles: Range<u32>,
     /// Empty with ray queries.
     nodes: Range<u32>,
@@ -44,17 +44,20 @@ pub(crate) struct Body {
     pose: Pose,
     /// Bounds in the space of the instance.
     pub bounds: Bounds,
-    /// Versions of its geometry for the device's own trees.  They take turns, so that the tree of the last frame stays as it was.
+    /// Versions of its geometry for the device's own trees, of this frame and of the last one.  They alternate, so that the tree of the last
+    /// frame remains.
     versions: [u64; 2],
     /// Its shape differs from that of the last frame.
     pub moved: bool,
-    /// Its triangles must be posed in this frame: it has moved in this frame or in the last one, whose triangles are then to be replaced.
+    /// Its triangles must be posed in this frame, because its pose changed in this frame, or in the last one: then the triangles of the last
+    /// frame must become those of its new pose.
     is_due: bool,
+    /// Its triangles were never posed, so that it has none of the last frame.
     appeared: bool,
 }
 
 impl Body {
-    /// Its triangles as they are.
+    /// Its triangles of this frame.
     pub(crate) fn triangles(&self) -> Range<u32> {
         let Range { start, end } = self.all_triangles;
         start..start + (end - start) / 2
@@ -83,10 +86,10 @@ enum BodyProblem {
     TooLarge,
 }
 
-/// Bodies that one dispatch can hold.
+/// Greatest number of bodies: that of workgroups in a dimension of a dispatch.
 const MAX_BODIES: usize = 65535;
 
-/// Triangles of a workgroup, equal to `WORKGROUP` in `shaders/pass/deform.wgsl`.
+/// Number of triangles that a workgroup poses, equal to `WORKGROUP` in `shaders/pass/deform.wgsl`.
 const WORKGROUP: u32 = 64;
 
 /// The bodies of the scene.
@@ -101,7 +104,7 @@ pub(crate) struct BodyPool {
     records: GrowableBuffer<GpuBody>,
     poses: GrowableBuffer<[f32; 4]>,
     layout: BindGroupLayoutDescriptor,
-    /// Those of `pose` and `refit`, once there is a body.
+    /// The pipelines of `pose` and `refit`; `None` until there is a body.
     pipelines: Option<[CachedComputePipelineId; 2]>,
     warned: Warned<(MainEntity, BodyProblem)>,
     /// The pipelines are compiled.

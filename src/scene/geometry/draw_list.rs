@@ -10,7 +10,7 @@ use crate::scene::{geometry::instances::InstancePool, material::materials::Mater
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Draw {
     pub instances: Range<u32>,
-    /// Triangles of each instance.
+    /// Number of triangles of each instance.
     pub triangles: u32,
     /// Bits of the cameras that see the instances.
     pub camera_mask: u32,

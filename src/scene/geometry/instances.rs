@@ -78,7 +78,7 @@ pub(crate) struct InstancePool {
     pub structures: Option<AccelerationStructures>,
     /// The instances for `structures`.
     placed: Vec<Placed>,
-    /// Entities that a warning has named.
+    /// Entities that were warned about.
     warned: Warned<(MainEntity, InstanceProblem)>,
     asset_wait: AssetWait,
     overflow: OverflowWarning,
@@ -96,7 +96,7 @@ pub(crate) struct InstancePool {
     pub motion_revision: u64,
     /// Counts the frames in which instances appeared or disappeared, or were edited.
     pub membership_revision: u64,
-    /// Counts edits of instances that got no other slot because the device binds no more.
+    /// Counts edits of instances that had to keep their slot, because the device binds no more slots.
     pub edit_revision: u64,
     /// Bytes of the top level sent in this frame.
     pub uploaded_nodes: u64,
@@ -288,7 +288,7 @@ impl InstancePool {
         });
         for &slot in &self.gone {
             let record = &mut self.records[slot as usize];
-            // A body that is gone is not posed, so that its triangles are still those of the last frame.
+            // A body that has disappeared is not posed, so that its triangles are still those of the last frame.
             *record = GpuInstance {
                 previous_world_from_object: record.world_from_object,
                 first_light: NONE,
@@ -498,7 +498,7 @@ impl InstancePool {
         }
     }
 
-    /// Takes over the bounds of this frame and returns whether any changed.
+    /// Stores the bounds of this frame and returns whether any changed.
     fn update_bounds(&mut self) -> bool {
         let changed = self.new_bounds != self.bounds;
         if changed {

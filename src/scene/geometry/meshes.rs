@@ -32,7 +32,7 @@ use crate::scene::{
 };
 use crate::warned::Warned;
 
-/// What a mesh that bends has besides its triangles at rest.
+/// The rig of a mesh that bends.
 pub(crate) struct MeshRig {
     /// Range of its tables in the buffer of rigs.
     pub words: Range<u32>,
@@ -103,7 +103,7 @@ pub(crate) struct MeshPool {
     building: HashMap<AssetId<Mesh>, Build>,
     /// Meshes without a usable triangle, which no instance waits for.
     empty: HashSet<AssetId<Mesh>>,
-    /// Problems that a warning has named.
+    /// Problems that were warned about.
     warned: Warned<(AssetId<Mesh>, MeshProblem)>,
     /// Warnings about meshes of lines or points.  They are given when an instance with a `StandardMaterial` uses the mesh, because other
     /// materials can draw lines and points.
@@ -183,9 +183,9 @@ fn build(mesh: Mesh) -> Task<Built> {
     })
 }
 
-/// Runs a build.  A panic in it costs its mesh, not the app.
+/// Runs a build.  After a panic in it the mesh is missing, and the app goes on.
 fn catching_panics(build: impl FnOnce() -> Built) -> Built {
-    // A build that panicked leaves nothing behind that anyone reads.
+    // Nothing reads the state of a build that panicked.
     std::panic::catch_unwind(std::panic::AssertUnwindSafe(build)).unwrap_or_else(|payload| {
         let text = payload.downcast_ref::<&str>().map(|text| text.to_string());
         let text = text.or_else(|| payload.downcast_ref::<String>().cloned()).unwrap_or_default();

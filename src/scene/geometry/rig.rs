@@ -1,5 +1,5 @@
-//! What a skinned or morphed mesh needs in order to bend: for each vertex its joints and the displacements of its morph targets, packed for
-//! `shaders/deformation/`, and boxes from which the bounds of any pose follow.
+//! Rigs: the data that deform a skinned or morphed mesh.  For each vertex these are its joints and the displacements of its morph targets,
+//! packed for `shaders/deformation/`; boxes of joints and targets give the bounds of any pose.
 
 use bevy::mesh::{Mesh, VertexAttributeValues, morph::MorphAttributes};
 
@@ -8,7 +8,7 @@ use crate::gpu_layout::{NODE_STRIDE, NONE};
 use crate::scene::accel::{blas::Bounds, tlas::rows};
 use bevy::math::{Affine3A, Mat3A, Vec3};
 
-/// Where the tables of a rig begin, in words (`Body` in `shaders/deformation/types.wgsl`).
+/// Offsets of the tables of a rig, in words (`Body` in `shaders/deformation/types.wgsl`), and their lengths.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct RigTables {
     pub corners: u32,
@@ -21,7 +21,7 @@ pub struct RigTables {
     pub level_count: u32,
 }
 
-/// A rig without its tables, which only shaders read.
+/// The part of a rig that the CPU keeps, for the bounds of poses; only shaders read the tables.
 #[derive(Clone, Debug, Default)]
 pub struct RigBounds {
     /// The box at rest of the vertices that a joint moves; a mesh without a skin has one entry.  Its minimum is above its maximum if there
@@ -51,13 +51,13 @@ pub struct Rig {
     pub flat: bool,
 }
 
-/// How a body bends.
+/// The pose of a body.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Pose {
-    /// World from object, if there is a skin: where its first joint takes the origin of the mesh.  A skin ignores the transform of its
-    /// entity.
+    /// World from object, if there is a skin, which ignores the transform of its entity.  Its origin is the point to which the first joint
+    /// moves the origin of the mesh.
     pub place: Option<Affine3A>,
-    /// For each joint the transform from the mesh at rest to the object; empty without a skin.
+    /// Transform of each joint, from the mesh at rest to object space; empty without a skin.
     pub joints: Vec<Affine3A>,
     /// Weights of the morph targets.
     pub weights: Vec<f32>,

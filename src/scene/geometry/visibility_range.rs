@@ -42,7 +42,7 @@ impl VisibilityRanges<'_, '_> {
     }
 }
 
-/// The range without margins: both ends lie in the middle of theirs.
+/// The range without margins: each end is the middle of its margin.
 fn abrupt(range: &VisibilityRange) -> VisibilityRange {
     let middle = |margin: &core::ops::Range<f32>| 0.5 * margin.start + 0.5 * margin.end;
     VisibilityRange::abrupt(middle(&range.start_margin), middle(&range.end_margin))

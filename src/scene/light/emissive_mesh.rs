@@ -45,8 +45,8 @@ impl EmissiveMesh {
             && has_same_metric(metric, &other.metric)
     }
 
-    /// Lights of these triangles with their powers.  A mesh that bends has those of its rest pose: its lights are then chosen a little less
-    /// well, which only noise shows.
+    /// Lights of these triangles with their powers.  Deforming meshes use the areas of the rest pose, so that their lights are chosen by
+    /// slightly wrong powers: noise, no bias.
     pub(super) fn lights<'a>(
         &'a self,
         positions: &'a [[[f32; 3]; 3]],

@@ -23,7 +23,7 @@ pub(crate) struct SubsurfacePool {
     uploaded: Vec<[f32; 4]>,
     by_value: HashMap<[u32; 4], u32>,
     pub gpu: DataTexture<[f32; 4]>,
-    /// Entities with values out of range that a warning has named.
+    /// Entities with values out of range, for which there was a warning.
     warned: HashSet<MainEntity>,
     limit: u32,
     /// Counts changes of records that the last frame used, other than the addition of new ones.
@@ -52,7 +52,7 @@ impl SubsurfacePool {
         self.limit = DataTexture::<[f32; 4]>::limit(device).min(1 << (32 - INSTANCE_SUBSURFACE_SHIFT));
     }
 
-    /// The flags of an instance with this component: none if no light scatters below its surface.
+    /// The flags of an instance with this component; no flags if no light scatters below its surface.
     pub(crate) fn flags_of(&mut self, entity: MainEntity, subsurface: Subsurface) -> u32 {
         let mut valid = subsurface;
         let warnings = valid.validate();

@@ -1,4 +1,4 @@
-//! Subsurface scattering, resampled: of direct light beside ReSTIR DI, and of all light in the paths of ReSTIR GI and PT.
+//! Resampling of subsurface scattering: of direct light in ReSTIR SSS, and of all light in the paths of ReSTIR GI, PT and BDPT.
 
 mod paths;
 mod shifts;

@@ -1,4 +1,4 @@
-//! Translucent bodies under an orbiting lamp: a head of skin with thin ears, a slab of marble that is lit from behind, and balls of
+//! Translucent objects under an orbiting lamp: a head of skin with thin ears, a slab of marble that is lit from behind, and balls of
 //! measured materials. Space moves the lamp.
 //!
 //! `cargo run -p bevy_restir_apps --bin subsurface`
@@ -14,10 +14,10 @@ use bevy_restir_support::{
 use clap::Parser;
 use std::path::{Path, PathBuf};
 
-/// Translucent bodies under an orbiting lamp.
+/// Translucent objects under an orbiting lamp.
 #[derive(Parser, Clone, Debug)]
 struct Args {
-    /// The technique at the start; `pt` renders diffuse bodies.
+    /// The technique at the start.
     #[arg(long, default_value = "gi", value_parser = arguments::choice::<Technique>())]
     technique: Technique,
     /// Writes the mean of `--frames` frames to this PNG file, without a window.

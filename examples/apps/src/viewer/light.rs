@@ -7,7 +7,7 @@ use bevy_restir_support::sky::{self, Emitters};
 use super::load::{Arrived, Stage};
 use crate::look::TooDark;
 
-/// Marks a camera whose environment the viewer has lent.
+/// Marks a camera whose environment comes from the viewer, because the scene has none.
 #[derive(Component)]
 pub struct LentSky;
 
