@@ -116,7 +116,7 @@ pub struct Restir {
     pub accumulate: bool,
     /// Shows a debug view instead of light.
     pub debug_view: DebugView,
-    /// Multiplies debug views, so that meters and counts fit between 0 and 1; from 0 to 1e6.
+    /// Multiplies debug views, so that meters and counts fit between 0 and 1; from 0 to 1e6.  Parts of the light are exposed instead.
     pub debug_scale: f32,
     /// Drops the history of earlier frames and restarts the sequence of random numbers; clears itself.
     pub reset: bool,

@@ -15,11 +15,7 @@ use super::{
     extract::{ExtractedEnvironment, ExtractedRestir},
     image_state::ImageState,
 };
-use crate::{
-    gpu_layout::*,
-    scene::bindings::SceneBindings,
-    settings::{DebugView, Restir},
-};
+use crate::{gpu_layout::*, scene::bindings::SceneBindings, settings::Restir};
 
 /// Sub-pixel offset of a frame, uniform in the pixel: the R2 sequence (Roberts 2018) in 32-bit fixed point, shifted by the seed.
 pub(crate) fn jitter_of(frame: u32, seed: u32) -> [f32; 2] {
@@ -111,9 +107,10 @@ impl RestirView {
             environment_color: environment.color,
             previous_environment_color: previous_environment.color,
             pad: 0,
-            exposure: match restir.settings.debug_view {
-                DebugView::Off => inputs.exposure(),
-                _ => restir.settings.debug_scale,
+            exposure: if restir.settings.debug_view.shows_light() {
+                inputs.exposure()
+            } else {
+                restir.settings.debug_scale
             },
             background: inputs.background(),
             debug_view: restir.settings.debug_view as u32,

@@ -11,6 +11,7 @@ mod extremes;
 mod furnace;
 mod gi;
 mod guards;
+mod light_parts;
 mod mis_enumeration;
 mod presets;
 mod previous_frame;
