@@ -57,6 +57,7 @@ pub const MODULES: &[(&str, &str)] = modules![
     "view/alpha_seed.wgsl",
     "view/camera.wgsl",
     "view/false_color.wgsl",
+    "view/light_part.wgsl",
     "view/pixel_light.wgsl",
     "view/primary.wgsl",
     "view/render_layers.wgsl",

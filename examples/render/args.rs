@@ -68,9 +68,10 @@ pub struct Args {
     /// GPU time of a frame, ms. Before the warm-up, samples are taken away from the settings until frames fit.
     #[arg(long, value_name = "MS", value_parser = positive)]
     pub time_budget: Option<f32>,
-    /// Writes what the first surface of each pixel is like in the frame after the picture, to a second .exr file; repeatable. NAME: albedo;
-    /// normal (world space, 0 without a surface); depth (distance from the camera, m; 0 without a surface); motion (pixels to the surface
-    /// in the frame before).
+    /// Writes a second .exr file; repeatable. NAME says what: the first surface of each pixel in the frame after the picture, as albedo,
+    /// normal (world space, 0 without a surface), depth (distance from the camera, m; 0 without a surface) or motion (pixels to the surface
+    /// in the frame before); or a part of the light in the picture, as diffuse (with light out of translucent bodies) or specular. The
+    /// parts take as many frames as the picture and sum to it, except for what emits by itself.
     #[arg(long = "aov", value_name = "NAME=FILE.exr", value_parser = aov)]
     pub aovs: Vec<Aov>,
     /// Writes times, memory and counters as JSON.
@@ -84,7 +85,7 @@ pub enum Output {
     Last,
 }
 
-/// A property of surfaces, and the file for it.
+/// A property of surfaces or a part of the light, and the file for it.
 #[derive(Clone, Debug)]
 pub struct Aov {
     pub view: DebugView,
@@ -98,8 +99,9 @@ fn aov(text: &str) -> Result<Aov, String> {
         "normal" => DebugView::Normals,
         "depth" => DebugView::Depth,
         "motion" => DebugView::Motion,
-        "diffuse" | "specular" => return Err("diffuse and specular light are not available apart yet".into()),
-        _ => return Err("expected albedo, normal, depth or motion".into()),
+        "diffuse" => DebugView::DiffuseLight,
+        "specular" => DebugView::SpecularLight,
+        _ => return Err("expected albedo, normal, depth, motion, diffuse or specular".into()),
     };
     let path = PathBuf::from(path);
     match path.extension().is_some_and(|e| e == "exr") {

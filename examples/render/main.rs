@@ -1,11 +1,13 @@
 //! Renders a glTF scene without a window: `cargo run --example render -- SCENE.glb --out picture.png`.
 
+mod aovs;
 mod args;
 mod stats;
 
-use args::{Aov, Args, Output};
+use aovs::AnimationTimes;
+use args::{Args, Output};
 use bevy::{camera::Exposure, gltf::Gltf, prelude::*};
-use bevy_restir::{CapturedRadiance, DebugView, Restir, RestirBudget, RestirEnvironment, RestirStatistics, Technique};
+use bevy_restir::{CapturedRadiance, Restir, RestirBudget, RestirEnvironment, RestirStatistics, Technique};
 use bevy_restir_support::{
     arguments::{self, ExposureChoice},
     environment,
@@ -66,13 +68,13 @@ fn render(args: &Args, settings: Restir) -> Result<(), String> {
         None => (settings, 0),
     };
 
+    let start = AnimationTimes::of(app.world_mut());
     let frames = accumulate(&mut app, args, &settings)?;
     let exposure = final_exposure(args, &frames);
+    // Without an exposure value the file holds the exact radiance.
+    let scale = f64::from(args.ev100.map_or(1.0, |_| exposure.exposure()));
     if args.out.extension().is_some_and(|e| e == "exr") {
-        // Without an exposure value the file holds the exact radiance.
-        let scale = f64::from(args.ev100.map_or(1.0, |_| exposure.exposure()));
-        let pixels: Vec<[f32; 3]> = frames.pixels.iter().map(|p| p.map(|c| (c * scale) as f32)).collect();
-        exr_file::write(&args.out, args.size, &pixels)?;
+        exr_file::write(&args.out, args.size, &frames.scaled(scale))?;
     } else {
         let camera = app.world().resource::<View>().camera;
         app.world_mut().entity_mut(camera).insert(exposure);
@@ -81,7 +83,7 @@ fn render(args: &Args, settings: Restir) -> Result<(), String> {
     }
     // The frames of other files must not count.
     let stats = stats::json(app.world(), args, (&settings, step), &frames);
-    let written = write_aovs(&mut app, args).and_then(|()| match &args.stats {
+    let written = aovs::write(&mut app, args, &settings, scale, &start).and_then(|()| match &args.stats {
         None => Ok(()),
         Some(path) => {
             let text = serde_json::to_string_pretty(&stats).map_err(|e| e.to_string())? + "\n";
@@ -93,32 +95,6 @@ fn render(args: &Args, settings: Restir) -> Result<(), String> {
             let _ = std::fs::remove_file(path);
         }
     })
-}
-
-/// Renders and writes the files of `--aov`.
-fn write_aovs(app: &mut App, args: &Args) -> Result<(), String> {
-    let camera = app.world().resource::<View>().camera;
-    for Aov { view, path } in &args.aovs {
-        if let Some(mut restir) = app.world_mut().get_mut::<Restir>(camera) {
-            (restir.debug_view, restir.accumulate) = (*view, false);
-        }
-        headless::until_ready(app)?;
-        app.world().resource::<View>().capture.request();
-        frame(app);
-        let values = captured(app)?;
-        let pixels: Vec<[f32; 3]> = values.mean().map(|value| of_aov(*view, value)).collect();
-        exr_file::write(path, values.size, &pixels)?;
-    }
-    Ok(())
-}
-
-/// The value of a file from that of its debug view.
-fn of_aov(view: DebugView, value: [f32; 3]) -> [f32; 3] {
-    match view {
-        // Normals lie between 0 and 1 in their view, and pixels without a surface are 0.
-        DebugView::Normals if value != [0.0; 3] => value.map(|c| 2.0 * c - 1.0),
-        _ => value,
-    }
 }
 
 /// The settings with as many samples as fit into the GPU time, which the camera has from then on, and the step of [`Restir::reduced`].
@@ -203,6 +179,14 @@ struct Frames {
     cpu_ms: Vec<f64>,
 }
 
+impl Frames {
+    /// The pixels of a file.
+    fn scaled(&self, scale: f64) -> Vec<[f32; 3]> {
+        self.pixels.iter().map(|p| p.map(|c| (c * scale) as f32)).collect()
+    }
+}
+
+/// Renders the warm-up and the frames of the picture, from a reset on.
 fn accumulate(app: &mut App, args: &Args, settings: &Restir) -> Result<Frames, String> {
     let camera = app.world().resource::<View>().camera;
     let reset = |app: &mut App| {

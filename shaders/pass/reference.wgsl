@@ -10,6 +10,7 @@
 #import bevy_restir::scene::triangle::world_triangle
 #import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::camera::{barycentrics_on_ray, primary_ray}
+#import bevy_restir::view::light_part::shown_emission
 #import bevy_restir::view::pixel_light::guarded_pixel
 #import bevy_restir::view::ray_counter::count_rays
 
@@ -27,7 +28,7 @@ fn reference(@builtin(global_invocation_id) id: vec3<u32>) {
     let ids = textureLoad(visibility, pixel, 0).xy;
     var sample = vec3<f32>(0.0);
     if ids.x == NONE {
-        sample = backdrop(ray.direction);
+        sample = shown_emission(backdrop(ray.direction));
     } else {
         let t = world_triangle(ids.x, ids.y, false);
         let barycentrics = barycentrics_on_ray(t, ray);

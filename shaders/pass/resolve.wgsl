@@ -6,6 +6,7 @@
 #import bevy_restir::light::backdrop::backdrop
 #import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::camera::primary_ray
+#import bevy_restir::view::light_part::shown_emission
 #import bevy_restir::view::pixel_light::guarded_pixel
 #import bevy_restir::view::primary::primary_surface
 #import bevy_restir::view::ray_counter::count_guards
@@ -28,10 +29,10 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
     let ids = textureLoad(visibility, pixel, 0).xy;
     var light: vec3<f32>;
     if ids.x == NONE {
-        light = backdrop(primary_ray(pixel).direction);
+        light = shown_emission(backdrop(primary_ray(pixel).direction));
     } else {
         let s = primary_surface(ids, pixel, false).surface;
-        light = s.emission + s.unlit;
+        light = shown_emission(s.emission + s.unlit);
     }
     light += limited(scattered_light(pixel), pixel);
     let index = pixel.y * view.size.x + pixel.x;

@@ -6,7 +6,7 @@
 // `src/shader_library.rs` puts them in.  Resampling takes place in the domain of the pixel: a neighbor's sample is shifted there first, and
 // from there to every other domain that its MIS weight asks for.
 
-#import technique::{apply_shift, carries_contribution, completed, evaluate, Evaluated, find_neighbor, in_current_frame, is_visible, jacobian_of, neighbor_radius, no_reservoir, own_place, PackedReservoir, Receiver, receiver_of, receives_light, Reservoir, reservoir_pack, reservoir_unpack, resamples, shift_result_of, ShiftResult, stored_target, stores_target, target_value}
+#import technique::{apply_shift, carries_contribution, completed, diffuse_share, evaluate, Evaluated, find_neighbor, in_current_frame, is_visible, jacobian_of, neighbor_radius, no_reservoir, own_place, PackedReservoir, Receiver, receiver_of, receives_light, Reservoir, reservoir_pack, reservoir_unpack, resamples, shift_result_of, ShiftResult, stored_target, stores_target, target_value}
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::guard::{GUARD_CONTRIBUTION_WEIGHT, GUARD_TARGET, guarded}
 #import bevy_restir::common::math::luminance
@@ -18,6 +18,7 @@
 #import bevy_restir::restir::reservoir_sampling::{Stream, stream_add, stream_ucw}
 #import bevy_restir::restir::types::{RESAMPLE_CANDIDATES_VISIBLE, RESAMPLE_DISCARD_OCCLUDED, RESAMPLE_FROM_PREVIOUS, RESAMPLE_MIS_RAYS, RESAMPLE_REUSE_VISIBILITY, RESAMPLE_SHADE, RESAMPLE_SHADE_ALL, RESAMPLE_SHADING_RAYS, RESAMPLE_TARGET_RAYS}
 #import bevy_restir::view::bindings::{view, visibility}
+#import bevy_restir::view::light_part::shown_share
 #import bevy_restir::view::ray_counter::count_rays
 
 // Reservoirs of the last frame, or of the previous iteration of this frame.
@@ -249,10 +250,11 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
     var light = vec3<f32>(0.0);
     for (var j = 0u; j < mis.count; j++) {
         output.confidence += mis.confidence[j];
-        light += select(0.0, inputs.shares[j], inputs.visible[j]) * inputs.contributions[j];
+        light += select(0.0, inputs.shares[j], inputs.visible[j]) * shown_contribution(&inputs, j, r);
     }
     // Store the selected one.
     var contribution = vec3<f32>(0.0);
+    var shown = vec3<f32>(0.0);
     if stream.selected != NONE {
         let confidence = output.confidence;
         output = sample_of(&inputs, stream.selected, true);
@@ -260,9 +262,10 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
         output.ucw = stream_ucw(stream, mis.targets[stream.selected]);
         output.seen = inputs.visible[stream.selected];
         contribution = inputs.contributions[stream.selected];
+        shown = shown_contribution(&inputs, stream.selected, r);
     }
     if !has(RESAMPLE_SHADE_ALL) {
-        light = select(0.0, output.ucw, output.seen) * contribution;
+        light = select(0.0, output.ucw, output.seen) * shown;
     }
     output = completed(r, output, rng_bits(&rng).x);
     reservoirs[index] = stored(output, pixel);
@@ -273,6 +276,22 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     count_rays(pixel);
 }
+
+// The part of an input's contribution that is shown (`view/light_part.wgsl`).
+#ifdef SPLIT_LIGHT
+fn shown_contribution(inputs: ptr<function, Inputs>, j: u32, r: Receiver) -> vec3<f32> {
+    let contribution = (*inputs).contributions[j];
+    if !has(RESAMPLE_SHADE) || !any(contribution > vec3<f32>(0.0)) {
+        return vec3<f32>(0.0);
+    }
+    let handed_on = textureLoad(own_contribution, (*inputs).pixels[0], 0).a;
+    return shown_share(diffuse_share(r, sample_of(inputs, j, true), handed_on)) * contribution;
+}
+#else
+fn shown_contribution(inputs: ptr<function, Inputs>, j: u32, r: Receiver) -> vec3<f32> {
+    return (*inputs).contributions[j];
+}
+#endif
 
 // Confidence may depend on geometry, never on the sample: that would add bias.  PLANT_*: errors that only tests define, and must find.
 #ifdef PLANT_CONFIDENCE_OF_SUCCESS

@@ -15,6 +15,10 @@
 #import bevy_restir::restir::splats::reservoir::{no_reservoir, PackedReservoir, Reservoir, reservoir_pack}
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::ray_counter::count_guards
+#ifdef SPLIT_LIGHT
+#import bevy_restir::restir::bdpt::light_map::pack_share
+#import bevy_restir::restir::bdpt::light_sub_path::replayed_diffuse_share
+#endif
 
 @group(2) @binding(1) var<storage, read> light_map: array<u32>;
 @group(2) @binding(2) var<storage, read_write> reservoirs: array<PackedReservoir>;
@@ -35,7 +39,8 @@ fn splats(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(pixel >= view.size) {
         return;
     }
-    let landed = landed_splats(light_map[pixel.y * view.size.x + pixel.x]);
+    let head = light_map[pixel.y * view.size.x + pixel.x];
+    let landed = landed_splats(head);
     var r = no_reservoir();
     if landed.chosen != 0u {
         r = sample_of(landed.chosen);
@@ -44,9 +49,10 @@ fn splats(@builtin(global_invocation_id) id: vec3<u32>) {
     // The candidates of a pixel count as one sample, however many of them land in it.
     r.confidence = 1.0;
     // The color is that of all splats; its luminance is that of the chosen one.
-    let contribution = landed.sum / max(r.ucw, 1.0e-37);
+    let color = landed.sum / max(r.ucw, 1.0e-37);
+    let contribution = select(vec3<f32>(0.0), color, r.ucw > 0.0 && is_finite_3(color));
     reservoirs[reservoir_index(pixel, view.size, settings.reservoir_layout)] = reservoir_pack(r);
-    textureStore(contributions, pixel, vec4<f32>(select(vec3<f32>(0.0), contribution, r.ucw > 0.0 && is_finite_3(contribution)), 0.0));
+    textureStore(contributions, pixel, vec4<f32>(contribution, packed_diffuse_share(head, landed.sum)));
     count_guards(pixel);
 }
 
@@ -81,6 +87,25 @@ fn landed_splats(head: u32) -> Landed {
     }
     return Landed(exact_total(sum), race.winner);
 }
+
+// Share of the light of a list that the surfaces of its vertices scatter diffusely.  `sum`: of the light.
+#ifdef SPLIT_LIGHT
+fn packed_diffuse_share(head: u32, sum: vec3<f32>) -> f32 {
+    var diffuse = exact_sum(max_component(sum));
+    var next = head;
+    for (var i = 0u; next != 0u && i < MAX_ENTRIES; i++) {
+        let e = entry_of(next);
+        let s = sample_of(next);
+        exact_add(&diffuse, e.value * replayed_diffuse_share(s.path, s.frame, s.light, s.events));
+        next = e.next;
+    }
+    return pack_share(select(vec3<f32>(0.0), exact_total(diffuse) / sum, sum > vec3<f32>(0.0)));
+}
+#else
+fn packed_diffuse_share(head: u32, sum: vec3<f32>) -> f32 {
+    return 0.0;
+}
+#endif
 
 fn race_bits(link: u32) -> u32 {
     let entry = link - 1u;

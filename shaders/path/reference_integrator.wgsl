@@ -4,6 +4,7 @@
 #define_import_path bevy_restir::path::reference_integrator
 
 #import bevy_restir::bsdf::bsdf::{bsdf_eval, bsdf_is_delta, bsdf_pdf, bsdf_sample}
+#import bevy_restir::bsdf::types::BsdfSample
 #import bevy_restir::common::constants::{FAR, NONE}
 #import bevy_restir::common::guard::{GUARD_LIGHT_CONTRIBUTION, GUARD_THROUGHPUT, guarded_3}
 #import bevy_restir::common::math::max_component
@@ -23,6 +24,7 @@
 #import bevy_restir::trace::trace::trace_closest
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::camera::pixel_cone
+#import bevy_restir::view::light_part::{shown_by_lobes, shown_by_sample, shown_emission, shown_share}
 #ifdef SUBSURFACE
 #import bevy_restir::subsurface::entry::{exit_factor, sample_entry, scatters_below, subsurface_probability}
 #endif
@@ -48,32 +50,42 @@ fn nee_mis_weight(lights: f32, bsdf: f32) -> f32 {
 }
 #endif
 
+// Light from a direction.
+struct SampledLight {
+    radiance: vec3<f32>,
+    wi: vec3<f32>,
+}
+
+fn no_sampled_light() -> SampledLight {
+    return SampledLight(vec3<f32>(0.0), vec3<f32>(0.0, 0.0, 1.0));
+}
+
 // Radiance towards wo from one sampled light, times its MIS weight; traces a shadow ray.
-fn nee_radiance(s: Surface, wo: vec3<f32>, medium: vec3<f32>, rng: ptr<function, Rng>) -> vec3<f32> {
+fn nee_radiance(s: Surface, wo: vec3<f32>, medium: vec3<f32>, rng: ptr<function, Rng>) -> SampledLight {
     let u = rng_4(rng);
     let alpha_seed = rng_bits(rng).x;
     let choice = light_select(u.xy);
     if !(choice.pmf > 0.0) {
-        return vec3<f32>(0.0);
+        return no_sampled_light();
     }
     let l = light_sample(choice.light, s.position, u.zw);
     let pdf = choice.pmf * l.pdf_solid_angle * l.pdf_scale;
     if !(pdf > 0.0) || !(max_component(l.radiance) > 0.0) {
-        return vec3<f32>(0.0);
+        return no_sampled_light();
     }
     let f = guarded_3(bsdf_eval(s.bsdf, wo, l.wi), GUARD_LIGHT_CONTRIBUTION);
     if !(max_component(f) > 0.0) {
-        return vec3<f32>(0.0);
+        return no_sampled_light();
     }
     var weight = 1.0;
     if l.delta == 0u {
         weight = nee_mis_weight(pdf, bsdf_pdf(s.bsdf, wo, l.wi));
     }
     if !light_is_visible(s, l, alpha_seed, false) {
-        return vec3<f32>(0.0);
+        return no_sampled_light();
     }
     let carried = transmittance(medium_towards(s, l.wi, medium), l.distance);
-    return guarded_3(f * l.radiance * carried * (weight / pdf), GUARD_LIGHT_CONTRIBUTION);
+    return SampledLight(guarded_3(f * l.radiance * carried * (weight / pdf), GUARD_LIGHT_CONTRIBUTION), l.wi);
 }
 
 // Radiance of the analytic area lights that a segment hits, times their MIS weights against NEE at `from_point`.  `pdf`: density of the
@@ -103,6 +115,7 @@ struct Scatterer {
     wo: vec3<f32>,
     weight: vec3<f32>,         // factor of light that it scatters, divided by the probability of choosing it
     radiance: vec3<f32>,       // of a light that is sampled where light enters
+    below: bool,               // light enters here
     valid: bool,               // whether light enters; true for the surface that was hit
 }
 
@@ -110,7 +123,7 @@ struct Scatterer {
 // Samples a light where it enters the body, then continues there or at the surface.
 fn next_scatterer(s: Surface, wo: vec3<f32>, medium: vec3<f32>, rng: ptr<function, Rng>) -> Scatterer {
     if !scatters_below(s, wo) {
-        return Scatterer(s, wo, vec3<f32>(1.0), vec3<f32>(0.0), true);
+        return Scatterer(s, wo, vec3<f32>(1.0), vec3<f32>(0.0), false, true);
     }
     let u = rng_4(rng);
     let bits = rng_bits(rng);
@@ -118,17 +131,17 @@ fn next_scatterer(s: Surface, wo: vec3<f32>, medium: vec3<f32>, rng: ptr<functio
     let weight = exit_factor(s, wo) * entry.weight;
     var radiance = vec3<f32>(0.0);
     if entry.valid {
-        radiance = weight * nee_radiance(entry.surface, entry.surface.bsdf.n, medium, rng);
+        radiance = weight * nee_radiance(entry.surface, entry.surface.bsdf.n, medium, rng).radiance;
     }
     let p = subsurface_probability(s, wo);
     if unit_float(bits).y < p {
-        return Scatterer(entry.surface, entry.surface.bsdf.n, weight / p, radiance, entry.valid);
+        return Scatterer(entry.surface, entry.surface.bsdf.n, weight / p, radiance, true, entry.valid);
     }
-    return Scatterer(s, wo, vec3<f32>(1.0 / (1.0 - p)), radiance, true);
+    return Scatterer(s, wo, vec3<f32>(1.0 / (1.0 - p)), radiance, false, true);
 }
 #else
 fn next_scatterer(s: Surface, wo: vec3<f32>, medium: vec3<f32>, rng: ptr<function, Rng>) -> Scatterer {
-    return Scatterer(s, wo, vec3<f32>(1.0), vec3<f32>(0.0), true);
+    return Scatterer(s, wo, vec3<f32>(1.0), vec3<f32>(0.0), false, true);
 }
 #endif
 
@@ -137,10 +150,20 @@ fn bsdf_mis_weight(pdf: f32, nee_pdf: f32) -> f32 {
     return select(1.0, 1.0 - nee_mis_weight(nee_pdf, pdf), pdf > 0.0);
 }
 
+// Shown share of the light that a path finds behind a scatterer in the direction of a sample, if the scatterer is the first one.
+fn shown_behind(s: Scatterer, b: BsdfSample) -> vec3<f32> {
+    if s.below {
+        return shown_share(vec3<f32>(1.0));
+    }
+    return shown_by_sample(s.surface.bsdf, s.wo, b);
+}
+
 // Radiance along a camera ray with a known first hit.
 fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> vec3<f32> {
     var radiance = vec3<f32>(0.0);
     var throughput = vec3<f32>(1.0);
+    // Shown share of the light that the path finds: that of the first surface's own light, and then of what it scatters.
+    var shown = shown_emission(vec3<f32>(1.0));
     var medium = vec3<f32>(0.0);
     var hit = first;
     var ray = camera_ray;
@@ -159,10 +182,10 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
         // Add emission, with its MIS weight against NEE at the last vertex.
         if max_component(s.emission) > 0.0 {
             let nee_pdf = emitter_nee_pdf(s.light, light_pmf(s.light), hit.instance, hit.triangle, from_point, s.position, false);
-            radiance += throughput * s.emission * bsdf_mis_weight(pdf, nee_pdf);
+            radiance += shown * throughput * s.emission * bsdf_mis_weight(pdf, nee_pdf);
         }
         if max_component(s.unlit) > 0.0 && scattered == 0u {
-            radiance += s.unlit;
+            radiance += shown * s.unlit;
         }
         if scattered == view.bounces {
             break;
@@ -170,12 +193,19 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
 
         // Sample a light.
         if !bsdf_is_delta(s.bsdf) {
-            radiance += throughput * nee_radiance(s, wo, medium, rng);
+            let nee = nee_radiance(s, wo, medium, rng);
+            if scattered == 0u {
+                shown = shown_by_lobes(s.bsdf, wo, nee.wi);
+            }
+            radiance += shown * throughput * nee.radiance;
         }
 
         // Sample the BSDF, where the path hit the surface or where light enters the body below it.
         let scatterer = next_scatterer(s, wo, medium, rng);
-        radiance += throughput * scatterer.radiance;
+        if scattered == 0u {
+            shown = shown_share(vec3<f32>(1.0));
+        }
+        radiance += shown * throughput * scatterer.radiance;
         if !scatterer.valid {
             break;
         }
@@ -184,6 +214,9 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
         let b = bsdf_sample(s.bsdf, scatterer.wo, u);
         if b.valid == 0u {
             break;
+        }
+        if scattered == 0u {
+            shown = shown_behind(scatterer, b);
         }
         throughput = guarded_3(throughput * scatterer.weight * b.weight, GUARD_THROUGHPUT);
         pdf = b.pdf;
@@ -204,10 +237,10 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
         ray = Ray(offset_point(s.position, s.bsdf.n_geo, b.wi, s.offset), 0.0, b.wi, FAR);
         hit = trace_closest(ray, rng_bits(rng).x);
         cone = cone_along(cone_after(cone, b.delta != 0u), hit.t);
-        radiance += throughput * light_hit_radiance(RaySegment(ray.origin, hit.t, ray.direction), from_point, medium, pdf);
+        radiance += shown * throughput * light_hit_radiance(RaySegment(ray.origin, hit.t, ray.direction), from_point, medium, pdf);
         if hit.instance == NONE {
             let weight = bsdf_mis_weight(pdf, environment_pmf() * environment_pdf(ray.direction, false));
-            radiance += throughput * environment_radiance(ray.direction, false) * weight;
+            radiance += shown * throughput * environment_radiance(ray.direction, false) * weight;
             break;
         }
     }

@@ -3,7 +3,7 @@
 use bevy::reflect::Reflect;
 
 /// Image of a camera instead of light.  [`RadianceCapture`](crate::RadianceCapture) receives the values as they are; the view target
-/// receives them times [`Restir::debug_scale`](super::Restir::debug_scale), without exposure.  Where frames are accumulated (`Rays` and
+/// receives them times [`Restir::debug_scale`](super::Restir::debug_scale), without exposure, except for parts of the light.  Where frames are accumulated (`Rays` and
 /// `Bounces` of the reference tracer, and everything with [`Restir::accumulate`](super::Restir::accumulate)) values are means.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -74,9 +74,28 @@ pub enum DebugView {
     LightPathConfidence,
     /// Frames since the stored light paths were sampled.
     LightPathAges,
+    /// The diffuse part of the light, cd/m²: what the surface of a pixel reflects or transmits diffusely, and light that leaves a body with
+    /// [`Subsurface`](crate::Subsurface).  This view and the next one run whole frames of the technique, with its history, and are exposed as
+    /// light is.  With the same seed, settings and number of frames since a reset, the two and the light that surfaces and the sky send to
+    /// the camera by themselves sum to the picture; neither has a bias of its own.  They cost no memory, and one more evaluation of the
+    /// surface's lobes for each sample that is shaded; with [`Technique::Bdpt`](super::Technique::Bdpt) light paths that the camera sees are
+    /// traced again.
+    DiffuseLight,
+    /// The specular part of the light, cd/m²: all other light that the surface of a pixel reflects or transmits, by clearcoats, too.
+    SpecularLight,
 }
 
 impl DebugView {
+    /// Whether it shows light, all or a part, which is exposed.
+    pub fn shows_light(self) -> bool {
+        self == Self::Off || self.is_part_of_light()
+    }
+
+    /// Whether it shows a part of the light.
+    pub fn is_part_of_light(self) -> bool {
+        matches!(self, Self::DiffuseLight | Self::SpecularLight)
+    }
+
     /// Whether it shows reservoirs of direct light.
     pub fn is_of_reservoirs(self) -> bool {
         (Self::ReservoirLights as u32..=Self::ReservoirVisibility as u32).contains(&(self as u32))

@@ -123,7 +123,8 @@ pub struct Restir {
     pub accumulate: bool,
     /// Shows a debug view instead of light.
     pub debug_view: DebugView,
-    /// Multiplies debug views, so that meters and counts fit between 0 and 1.  0 to 1e6; default 1.
+    /// Multiplies debug views, so that meters and counts fit between 0 and 1.  Parts of the light have the exposure of the camera instead.
+    /// 0 to 1e6; default 1.
     pub debug_scale: f32,
     /// Drops the history of earlier frames and restarts the sequence of random numbers; clears itself.
     pub reset: bool,

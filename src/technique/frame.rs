@@ -78,7 +78,7 @@ impl Frame {
     pub(crate) fn of(settings: &Restir) -> Self {
         let (view, separate) = (settings.debug_view, settings.paths.separate_direct_light);
         let show = match view {
-            DebugView::Off => Show::Light,
+            DebugView::Off | DebugView::DiffuseLight | DebugView::SpecularLight => Show::Light,
             DebugView::Rays => Show::Rays,
             DebugView::Bounces => Show::Bounces,
             _ => {
@@ -167,7 +167,8 @@ pub(crate) struct PipelineKey {
 impl PipelineKey {
     /// Whether its pipelines can render the settings of another key; the features of the scene may differ.
     pub(crate) fn serves_settings_of(self, wanted: Self) -> bool {
-        let of_settings = SceneFeatures::ENERGY_COMPENSATION | SceneFeatures::MANY_NEIGHBORS;
+        let of_settings =
+            SceneFeatures::ENERGY_COMPENSATION | SceneFeatures::MANY_NEIGHBORS | SceneFeatures::SPLIT_LIGHT;
         self.frame == wanted.frame && !(self.features ^ wanted.features).intersects(of_settings)
     }
 

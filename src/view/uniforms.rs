@@ -15,11 +15,7 @@ use super::{
     extract::{ExtractedEnvironment, ExtractedRestir},
     image_state::ImageState,
 };
-use crate::{
-    gpu_layout::*,
-    scene::bindings::SceneBindings,
-    settings::{DebugView, Restir},
-};
+use crate::{gpu_layout::*, scene::bindings::SceneBindings, settings::Restir};
 
 /// Sub-pixel offset of a frame, uniform in the pixel: the R2 sequence (Roberts 2018) in 32-bit fixed point, shifted by the seed.
 pub(crate) fn jitter_of(frame: u32, seed: u32) -> [f32; 2] {
@@ -51,6 +47,13 @@ pub(super) fn camera_of(view: &ExtractedView) -> GpuCamera {
 pub(super) fn is_finite(camera: &GpuCamera) -> bool {
     let GpuCamera { clip_from_world, world_from_view, view_from_clip } = camera;
     [clip_from_world, world_from_view, view_from_clip].into_iter().flatten().flatten().all(|x| x.is_finite())
+}
+
+/// The limit of bright pixels.  A mean of frames has no need of it and would keep its bias; parts of the light add up to the picture without
+/// it.
+fn firefly_limit(settings: &Restir) -> f32 {
+    let is_limited = !settings.accumulate && settings.debug_view == DebugView::Off;
+    if is_limited { settings.firefly_limit } else { 0.0 }
 }
 
 /// Inputs of a view's uniforms from the rest of the frame.
@@ -110,11 +113,11 @@ impl RestirView {
             previous_environment_rotation: previous_environment.rotation,
             environment_color: environment.color,
             previous_environment_color: previous_environment.color,
-            // A mean of frames has no need of the limit, and would keep its bias.
-            firefly_limit: if restir.settings.accumulate { 0.0 } else { restir.settings.firefly_limit },
-            exposure: match restir.settings.debug_view {
-                DebugView::Off => inputs.exposure(),
-                _ => restir.settings.debug_scale,
+            firefly_limit: firefly_limit(&restir.settings),
+            exposure: if restir.settings.debug_view.shows_light() {
+                inputs.exposure()
+            } else {
+                restir.settings.debug_scale
             },
             background: inputs.background(),
             debug_view: restir.settings.debug_view as u32,

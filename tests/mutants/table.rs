@@ -6,6 +6,7 @@ const DI_ROOM: &str = "direct_light_in_a_room_with_shadows";
 const PT_ROOM: &str = "paths_in_a_room_equal";
 const MOVING_PATHS: &str = "paths_in_a_moving_frame";
 const CRITERIA: &str = "connection_criteria_equal";
+const LIGHT_PARTS: &[&str] = &["sum_to_the_light_of_a_frame"];
 
 const fn mutant(
     name: &'static str,
@@ -87,7 +88,7 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "visible samples are shaded as hidden ones",
         "pass/reuse.wgsl",
-        "light += select(0.0, inputs.shares[j], inputs.visible[j]) * inputs.contributions[j];",
+        "light += select(0.0, inputs.shares[j], inputs.visible[j]) * shown_contribution(&inputs, j, r);",
         "light += inputs.shares[j] * inputs.contributions[j];",
         &["di::settings", DI_ROOM],
     ),
@@ -372,5 +373,34 @@ pub const MUTANTS: &[Mutant] = &[
         "v.normal = transform_normal(m, v.normal, mirrors);",
         "v.normal = transform_vector(m, v.normal);",
         &["a_skinned_body_equals_the_oracle"],
+    ),
+    // Diffuse and specular light apart.
+    mutant(
+        "all lobes that NEE samples are diffuse",
+        "restir/pt/domain.wgsl",
+        "if path.termination == TERMINATION_NEE && path.length == 2u {",
+        "if path.termination == TERMINATION_NEE && path.length == 2u { return vec3<f32>(1.0);",
+        LIGHT_PARTS,
+    ),
+    mutant(
+        "the lobe at the reconnection vertex in place of the first",
+        "restir/pt/domain.wgsl",
+        "var lobe = path.lobe_before;",
+        "var lobe = path.lobe_after;",
+        LIGHT_PARTS,
+    ),
+    mutant(
+        "light of a surface counts as diffuse",
+        "view/light_part.wgsl",
+        "fn shown_emission(light: vec3<f32>) -> vec3<f32> {\n    return vec3<f32>(0.0);",
+        "fn shown_emission(light: vec3<f32>) -> vec3<f32> {\n    return light;",
+        LIGHT_PARTS,
+    ),
+    mutant(
+        "samples of a coat are diffuse",
+        "view/light_part.wgsl",
+        "return shown_by_lobes(b, wo, s.wi);",
+        "return shown_share(vec3<f32>(1.0));",
+        LIGHT_PARTS,
     ),
 ];

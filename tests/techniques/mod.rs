@@ -12,6 +12,7 @@ mod fireflies;
 mod furnace;
 mod gi;
 mod guards;
+mod light_parts;
 mod mis_enumeration;
 mod presets;
 mod previous_frame;

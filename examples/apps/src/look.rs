@@ -108,7 +108,7 @@ fn expose(
 /// Shows debug views without a curve and with a scale that fits their usual values.
 fn show_views(mut cameras: Query<(&mut Look, &mut Restir, &mut Tonemapping, &Transform)>) {
     for (mut look, mut restir, mut tonemapping, place) in &mut cameras {
-        let wanted = if restir.debug_view == DebugView::Off { look.tonemapping } else { Tonemapping::None };
+        let wanted = if restir.debug_view.shows_light() { look.tonemapping } else { Tonemapping::None };
         tonemapping.set_if_neq(wanted);
         let shown = Some((restir.debug_view, restir.technique));
         if look.scaled_for == shown {
@@ -129,7 +129,7 @@ pub fn add_effects(
     cameras: Query<(Entity, &Look, &Restir, Has<Bloom>, Has<TemporalAntiAliasing>)>,
 ) {
     for (camera, look, restir, glows, smooths) in &cameras {
-        let is_light = restir.debug_view == DebugView::Off;
+        let is_light = restir.debug_view.shows_light();
         let mut camera = commands.entity(camera);
         match (look.glows && is_light, glows) {
             (true, false) => _ = camera.insert(Bloom::NATURAL),

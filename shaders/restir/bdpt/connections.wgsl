@@ -23,6 +23,7 @@
 #import bevy_restir::scene::surface::{Surface, surface_at}
 #import bevy_restir::trace::trace::{trace_any, trace_closest}
 #import bevy_restir::view::bindings::view
+#import bevy_restir::view::light_part::{shown_by_lobes, shown_by_sample, shown_share}
 
 // Russian roulette starts at this vertex.
 const ROULETTE_FROM: u32 = 3u;
@@ -33,6 +34,8 @@ struct CameraWalk {
     state: MisState,
     throughput: vec3<f32>,
     index: u32,                // of the vertex, from 1; 0: the sub-path has ended
+    shown: vec3<f32>,          // shown share of the light that arrives, behind the first surface
+    splits: bool,              // the vertex is the first surface, whose lobes decide which share is shown
     eta_scale: f32,            // squared relative indices of refraction, so that roulette does not count the scaling of radiance as absorption
 }
 
@@ -40,7 +43,7 @@ struct CameraWalk {
 fn sample_connections(first: Vertex, camera_density: f32, rng: ptr<function, Rng>) -> vec3<f32> {
     let start = mis_camera_start(f32(settings.splats), camera_density);
     let arrived = mis_arrive(start, 1.0, abs(dot(first.surface.bsdf.n_geo, first.wo)));
-    var w = CameraWalk(first, arrived, vec3<f32>(1.0), 1u, 1.0);
+    var w = CameraWalk(first, arrived, vec3<f32>(1.0), 1u, vec3<f32>(1.0), true, 1.0);
     var light = vec3<f32>(0.0);
     let probe_seed = rng_bits(rng).x;
     // A connection has a scattering event at both of its ends.
@@ -92,6 +95,10 @@ fn leaving(walk: CameraWalk, from_vertex: ScatteringVertex) -> CameraWalk {
     w.throughput *= from_vertex.weight;
     if from_vertex.below {
         w.state = MisState(0.0, 0.0);
+        if w.splits {
+            w.shown = shown_share(vec3<f32>(1.0));
+            w.splits = false;
+        }
     }
     return w;
 }
@@ -106,6 +113,10 @@ fn scattered(walk: CameraWalk, b: BsdfSample) -> CameraWalk {
     var w = walk;
     let s = w.v.surface;
     let cos_out = abs(dot(s.bsdf.n_geo, b.wi));
+    if w.splits {
+        w.shown = shown_by_sample(s.bsdf, w.v.wo, b);
+        w.splits = false;
+    }
     w.throughput *= b.weight;
     w.eta_scale *= b.eta * b.eta;
     if b.delta != 0u {
@@ -148,7 +159,11 @@ fn connection_light(w: CameraWalk, rng: ptr<function, Rng>) -> vec3<f32> {
         d2,
     );
     let carried = transmittance(step_medium(w.v, wi), sqrt(d2) + open_distance(p, y));
-    return value * carried * technique_weight(weight, CONNECTIONS);
+    var shown = w.shown;
+    if w.splits {
+        shown = shown_by_lobes(x.bsdf, w.v.wo, wi);
+    }
+    return shown * value * carried * technique_weight(weight, CONNECTIONS);
 }
 
 // The surface of a light vertex as a point sees it.

@@ -63,6 +63,20 @@ fn exact_total(s: ExactSum) -> vec3<f32> {
     return (vec3<f32>(s.high) * 0x1p32 + vec3<f32>(s.low)) / s.scale;
 }
 
+// Shares from 0 to 1 in a channel of a texture: 10 bits each, exact to 0.0005, and exact for 0 and 1.  A bit of the exponent is set and another
+// one is not, so that the number is neither subnormal nor NaN, which textures do not keep.
+fn pack_share(share: vec3<f32>) -> f32 {
+    let v = vec3<u32>(clamp(share, vec3<f32>(0.0), vec3<f32>(1.0)) * 1023.0 + 0.5);
+    let bits = v.x | v.y << 10u | v.z << 20u;
+    return bitcast<f32>((bits & 0x7fffffu) | (bits >> 23u & 63u) << 24u | 0x40000000u | (bits >> 29u) << 31u);
+}
+
+fn unpack_share(word: f32) -> vec3<f32> {
+    let w = bitcast<u32>(word);
+    let bits = (w & 0x7fffffu) | (w >> 24u & 63u) << 23u | (w >> 31u) << 29u;
+    return vec3<f32>(vec3<u32>(bits, bits >> 10u, bits >> 20u) & vec3<u32>(1023u)) / 1023.0;
+}
+
 // A random choice in proportion to weights: each input gets an exponentially distributed time with its weight as the rate, and the least time
 // wins.
 struct Race {

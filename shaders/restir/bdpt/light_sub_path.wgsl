@@ -9,6 +9,9 @@
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::types::RESAMPLE_CONNECTIONS
 #import bevy_restir::view::bindings::view
+#ifdef SPLIT_LIGHT
+#import bevy_restir::restir::bdpt::splat::splat_diffuse_share
+#endif
 
 fn sub_path_rng(path: u32, frame: u32, stream: u32) -> Rng {
     return rng_new(vec2<u32>(path & 0xffffu, path >> 16u), frame, stream, view.seed);
@@ -37,18 +40,35 @@ fn continue_sub_path(walk: LightWalk, rng: ptr<function, Rng>, previous: bool) -
     return SubPath(w, rng_bits(rng).x);
 }
 
-// The splat of a vertex, which has this number of scattering events, of a sub-path that is replayed from its light.
-fn replayed_splat(path: u32, frame: u32, light: u32, events: u32, previous: bool) -> Splat {
+// A sub-path that is replayed from its light up to the vertex with this number of scattering events; it may end before.
+fn replayed_sub_path(path: u32, frame: u32, light: u32, events: u32, previous: bool) -> SubPath {
     var rng = sub_path_rng(path, frame, STREAM_LIGHT_PATHS);
     var p = begin_sub_path(light, &rng, previous);
     for (var event = 1u; event < events && p.walk.events > 0u; event++) {
         p = continue_sub_path(p.walk, &rng, previous);
     }
+    return p;
+}
+
+// The splat of a vertex of a replayed sub-path.
+fn replayed_splat(path: u32, frame: u32, light: u32, events: u32, previous: bool) -> Splat {
+    let p = replayed_sub_path(path, frame, light, events, previous);
     if p.walk.events != events {
         return no_splat();
     }
     return splat_of(p.walk, p.alpha_seed, previous);
 }
+
+// Share of a replayed splat in this frame that its surface scatters diffusely.
+#ifdef SPLIT_LIGHT
+fn replayed_diffuse_share(path: u32, frame: u32, light: u32, events: u32) -> vec3<f32> {
+    let p = replayed_sub_path(path, frame, light, events, false);
+    if p.walk.events != events {
+        return vec3<f32>(0.0);
+    }
+    return splat_diffuse_share(p.walk);
+}
+#endif
 
 // The state is a ratio of other techniques' densities to that of the light sub-path, which MIS weights multiply by this share
 // (`LightShares`).

@@ -12,12 +12,15 @@
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::scene::bindings::{instances, materials}
 #import bevy_restir::scene::offset::offset_point
-#import bevy_restir::scene::surface::surface_at
+#import bevy_restir::scene::surface::{Surface, surface_at}
 #import bevy_restir::scene::triangle::world_triangle
 #import bevy_restir::trace::trace::trace_closest_of
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::camera::{camera_density, camera_point, CameraPoint, pixel_cone}
 #import bevy_restir::view::types::Camera
+#ifdef SPLIT_LIGHT
+#import bevy_restir::view::light_part::bsdf_diffuse_share
+#endif
 
 // Greatest number of culled surfaces, which the camera does not draw, that a ray between the camera and a vertex passes.
 const MAX_CULLED: u32 = 16u;
@@ -42,10 +45,8 @@ fn splat_of(w: LightWalk, alpha_seed: u32, previous: bool) -> Splat {
     if !point.inside || bsdf_is_delta(w.surface.bsdf) || is_culled(w.hit.instance, w.hit.triangle, wo, previous) {
         return no_splat();
     }
-    // The surface as a path from the camera would evaluate it.
     let depth = distance(point.ray.origin, w.surface.position);
-    let cone = pixel_cone(camera, point.ray, depth);
-    let s = surface_at(w.hit.instance, w.hit.triangle, w.hit.barycentrics, wo, cone, previous);
+    let s = seen_surface(w, camera, point, previous);
     let cosine = abs(dot(s.bsdf.n_geo, wo));
     let density = camera_density(camera, wo, depth);
     let weight = mis_splat_weight(density, f32(settings.splats), cosine, w.state, bsdf_pdf(s.bsdf, wo, w.towards_light));
@@ -59,6 +60,21 @@ fn splat_of(w: LightWalk, alpha_seed: u32, previous: bool) -> Splat {
     let pixel = min(vec2<u32>(point.at), view.size - 1u);
     return Splat(pixel.y * view.size.x + pixel.x, value);
 }
+
+// The surface of the newest vertex as a path from the camera would evaluate it.
+fn seen_surface(w: LightWalk, camera: Camera, point: CameraPoint, previous: bool) -> Surface {
+    let cone = pixel_cone(camera, point.ray, distance(point.ray.origin, w.surface.position));
+    return surface_at(w.hit.instance, w.hit.triangle, w.hit.barycentrics, -point.ray.direction, cone, previous);
+}
+
+// Share of a splat in this frame that the surface scatters diffusely.
+#ifdef SPLIT_LIGHT
+fn splat_diffuse_share(w: LightWalk) -> vec3<f32> {
+    let point = camera_point(view.current, w.surface.position);
+    let s = seen_surface(w, view.current, point, false);
+    return bsdf_diffuse_share(s.bsdf, -point.ray.direction, w.towards_light);
+}
+#endif
 
 fn camera_of(previous: bool) -> Camera {
     if previous {

@@ -16,6 +16,9 @@
 #import bevy_restir::scene::cone::Cone
 #import bevy_restir::scene::surface::Surface
 #import bevy_restir::view::primary::primary_surface
+#ifdef SPLIT_LIGHT
+#import bevy_restir::view::light_part::bsdf_diffuse_share
+#endif
 
 // A pixel's surface, in this frame or the last.
 struct Receiver {
@@ -57,6 +60,13 @@ fn evaluate_arriving(r: Receiver, l: LightSample) -> Evaluated {
     let f = l.radiance * abs(dot(r.surface.bsdf.n, l.wi)) / l.pdf_solid_angle;
     return Evaluated(guarded_3(f, GUARD_LIGHT_CONTRIBUTION), l);
 }
+
+// Share of a sample's light that the receiver scatters diffusely.
+#ifdef SPLIT_LIGHT
+fn diffuse_share(r: Receiver, s: Reservoir, handed_on: f32) -> vec3<f32> {
+    return bsdf_diffuse_share(r.surface.bsdf, r.wo, light_point_at(s.point, r.surface.position, r.previous).wi);
+}
+#endif
 
 // p̂: the resampling routine selects by it.
 fn target_value(e: Evaluated) -> f32 {

@@ -24,6 +24,7 @@
 #import bevy_restir::scene::offset::offset_point
 #import bevy_restir::scene::surface::surface_at
 #import bevy_restir::trace::trace::trace_closest
+#import bevy_restir::view::light_part::shown_by_sample
 
 struct SelectedCandidate {
     reservoir: Reservoir,
@@ -58,10 +59,12 @@ fn no_bsdf_ray() -> BsdfRay {
 fn trace_bsdf_ray(r: Receiver, rng: ptr<function, Rng>) -> BsdfRay {
     let u = rng_3(rng);
     let alpha_seed = rng_bits(rng).x;
-    let b = bsdf_sample(r.surface.bsdf, r.wo, u);
+    var b = bsdf_sample(r.surface.bsdf, r.wo, u);
     if b.valid == 0u {
         return no_bsdf_ray();
     }
+    // The weight applies to light that is not resampled.
+    b.weight *= shown_by_sample(r.surface.bsdf, r.wo, b);
     let origin = offset_point(r.surface.position, r.surface.bsdf.n_geo, b.wi, r.surface.offset);
     let hit = trace_closest(Ray(origin, 0.0, b.wi, FAR), alpha_seed);
     let segment = RaySegment(origin, hit.t, b.wi);

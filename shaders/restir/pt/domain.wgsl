@@ -17,6 +17,13 @@
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::camera::{camera_density, camera_position}
 #import bevy_restir::view::primary::primary_surface
+#ifdef SPLIT_LIGHT
+#import bevy_restir::bsdf::types::LOBE_DIFFUSE
+#import bevy_restir::light::point_on_light::light_point_at
+#import bevy_restir::path::scattering::drawn_choice
+#import bevy_restir::path::walk::drawn_step
+#import bevy_restir::view::light_part::bsdf_diffuse_share
+#endif
 
 // Paths of one scattering event, direct light, are among the candidates.
 const SHORTEST_LENGTH: u32 = 2u;
@@ -89,6 +96,25 @@ fn evaluate(r: Receiver, s: Reservoir) -> Evaluated {
     let shifted = shifted_to(r, s.path);
     return Evaluated(shifted.f, shifted);
 }
+
+// Share of a path's light that the receiver scatters diffusely.  A path goes on by one lobe; NEE samples all of them at once.
+#ifdef SPLIT_LIGHT
+fn diffuse_share(r: Receiver, s: Reservoir, handed_on: f32) -> vec3<f32> {
+    let v = r.first;
+    let path = s.path;
+    if drawn_choice(v, path.seed, 1u).below {
+        return vec3<f32>(1.0);
+    }
+    if path.termination == TERMINATION_NEE && path.length == 2u {
+        return bsdf_diffuse_share(v.surface.bsdf, v.wo, light_point_at(path.light, v.surface.position, r.previous).wi);
+    }
+    var lobe = path.lobe_before;
+    if path.reconnection != 2u {
+        lobe = drawn_step(v, path.seed, 1u).lobe;
+    }
+    return vec3<f32>(f32(lobe == LOBE_DIFFUSE));
+}
+#endif
 
 // p̂: the resampling routine selects by it.
 fn target_value(e: Evaluated) -> f32 {

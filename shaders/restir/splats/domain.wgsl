@@ -17,6 +17,10 @@
 #import bevy_restir::restir::splats::reservoir::Reservoir
 #import bevy_restir::restir::types::RESAMPLE_MOVED
 #import bevy_restir::view::bindings::view
+#ifdef SPLIT_LIGHT
+#import bevy_restir::restir::bdpt::light_map::unpack_share
+#import bevy_restir::restir::bdpt::light_sub_path::replayed_diffuse_share
+#endif
 
 // Receiver of a sample: any pixel of this frame, or of the last one, since a replayed sub-path chooses its pixel.
 struct Receiver {
@@ -81,6 +85,16 @@ fn evaluate(r: Receiver, s: Reservoir) -> Evaluated {
     let splat = replayed_splat(s.path, s.frame, s.light, s.events, true);
     return Evaluated(select(contribution_of(splat, s.light), vec3<f32>(0.0), splat.pixel == NONE));
 }
+
+// Share of a sample's light that the surface of its vertex scatters diffusely.  The color of the pixel's own sample is that of all its splats.
+#ifdef SPLIT_LIGHT
+fn diffuse_share(r: Receiver, s: Reservoir, handed_on: f32) -> vec3<f32> {
+    if s.frame == view.frame {
+        return unpack_share(handed_on);
+    }
+    return replayed_diffuse_share(s.path, s.frame, s.light, s.events);
+}
+#endif
 
 // p̂: the resampling routine selects by it.
 fn target_value(e: Evaluated) -> f32 {

@@ -162,6 +162,13 @@ fn evaluate(r: Receiver, reservoir: Reservoir) -> Evaluated {
     return Evaluated(f, jacobian_of_shift(s.density, p.density, replays), keeps_edge, p.surface, light, result);
 }
 
+// Share of a sample's light that the receiver scatters diffusely: all that leaves a body.
+#ifdef SPLIT_LIGHT
+fn diffuse_share(r: Receiver, s: Reservoir, handed_on: f32) -> vec3<f32> {
+    return vec3<f32>(1.0);
+}
+#endif
+
 // p̂: the resampling routine selects by it.
 fn target_value(e: Evaluated) -> f32 {
     return luminance(e.f);
