@@ -57,9 +57,10 @@ pub use view::capture::{CapturedRadiance, RadianceCapture};
 /// Everything that an app needs.
 pub mod prelude {
     pub use crate::{
-        Bdpt, BiasCorrection, DebugView, Direct, EmissiveLuminance, Mis, Paths, Preset, RayBackend, Reconnection,
-        Restir, RestirBudget, RestirEnvironment, RestirIgnore, RestirMaterial, RestirPlugin, RestirStatus, Reuse,
-        ReuseOrder, Subsurface, SubsurfaceSampling, SubsurfaceShift, SuffixRetrace, Technique, VisibilityReuse,
+        Bdpt, BiasCorrection, DebugView, Direct, EmissiveLuminance, LightTechniques, Mis, Paths, Preset, RayBackend,
+        Reconnection, Restir, RestirBudget, RestirEnvironment, RestirIgnore, RestirMaterial, RestirPlugin,
+        RestirStatus, Reuse, ReuseOrder, Subsurface, SubsurfaceSampling, SubsurfaceShift, SuffixRetrace, Technique,
+        VisibilityReuse,
     };
 }
 

@@ -34,7 +34,7 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
         let s = primary_surface(ids, pixel, false).surface;
         light = shown_emission(s.emission + s.unlit);
     }
-    light += limited(scattered_light(pixel), pixel);
+    light += limited(scattered_light(pixel), pixel, ids.x);
     let index = pixel.y * view.size.x + pixel.x;
     var sum = vec4<f32>(guarded_pixel(light), 1.0);
     if view.accumulated > 0u {
@@ -52,18 +52,26 @@ fn scattered_light(pixel: vec2<u32>) -> vec3<f32> {
         + textureLoad(resampled_splats, pixel, 0).rgb;
 }
 
-// Light that is not much brighter than that of the brightest of the eight pixels around.
-fn limited(light: vec3<f32>, pixel: vec2<u32>) -> vec3<f32> {
+// Least number of pixels that a limit is taken from: of fewer ones, all may be dark by chance, and a thin object has none.
+const FEWEST_NEIGHBORS: u32 = 3u;
+
+// Light that is not much brighter than that of the brightest of the eight pixels around, as far as they show the same object.
+fn limited(light: vec3<f32>, pixel: vec2<u32>, instance: u32) -> vec3<f32> {
     if !(view.firefly_limit > 0.0) {
         return light;
     }
     var brightest = 0.0;
+    var neighbors = 0u;
     for (var i = 0u; i < 9u; i++) {
         // A pixel beyond the border wraps around to a number above the size.
         let neighbor = pixel + vec2<u32>(i % 3u, i / 3u) - 1u;
-        if i != 4u && all(neighbor < view.size) {
+        if i != 4u && all(neighbor < view.size) && textureLoad(visibility, neighbor, 0).x == instance {
             brightest = max(brightest, luminance(scattered_light(neighbor)));
+            neighbors += 1u;
         }
+    }
+    if neighbors < FEWEST_NEIGHBORS {
+        return light;
     }
     return light * min(view.firefly_limit * brightest / max(luminance(light), 1.0e-30), 1.0);
 }

@@ -15,7 +15,7 @@ use bevy::{
 
 use super::{SPAN_PREFIX, pipelines::PassPipelines};
 use crate::{
-    scene::bindings::scene_layout,
+    scene::{SceneFeatures, bindings::scene_layout},
     view::{DEPTH_FORMAT, RestirView, raster_view_layout, selection::CompositeKey},
 };
 
@@ -32,7 +32,10 @@ fn layout() -> BindGroupLayoutDescriptor {
 pub(super) fn pipeline(shader: Handle<Shader>, key: CompositeKey) -> RenderPipelineDescriptor {
     let mut targets = vec![Some(key.format.into())];
     let mut entry_point = "fragment";
+    let mut shader_defs = Vec::new();
     if key.motion {
+        // Motion vectors follow meshes that bend.  The definition costs a test of a flag where there are none.
+        shader_defs = SceneFeatures::DEFORMATION.shader_defs();
         targets.push(Some(MOTION_VECTOR_PREPASS_FORMAT.into()));
         entry_point = "fragment_with_motion";
     }
@@ -48,7 +51,7 @@ pub(super) fn pipeline(shader: Handle<Shader>, key: CompositeKey) -> RenderPipel
             stencil: StencilState::default(),
             bias: DepthBiasState::default(),
         }),
-        fragment: Some(FragmentState { shader, entry_point: Some(entry_point.into()), targets, ..Default::default() }),
+        fragment: Some(FragmentState { shader, shader_defs, entry_point: Some(entry_point.into()), targets }),
         ..Default::default()
     }
 }

@@ -99,10 +99,11 @@ pub struct Restir {
     /// Adds the light that bounces more than once within a rough surface to specular lobes of reflection (Turquin 2019, as in Lanz 2025,
     /// 2.1.3): rough metals keep their brightness.  One texture read.  Without it they are too dark.  Default: on.
     pub energy_compensation: bool,
-    /// Greatest luminance of the light that a pixel's surface scatters, relative to the brightest of the eight pixels around it; 0: no
-    /// limit, at most 1e6.  Removes single very bright pixels (fireflies) from each frame; histories keep them.  No effect on
-    /// [`Technique::Reference`] and with [`Restir::accumulate`].  Cost: eight texture reads a pixel and domain.  Biased: darker, by the light
-    /// of such pixels; glints that are smaller than a pixel dim.
+    /// Removes single very bright pixels (fireflies) from each frame; histories keep them.  The light that a pixel's surface scatters is at
+    /// most this number times that of the brightest of the eight pixels around it.  Only those that show the same object count, and the limit
+    /// applies where they are at least three.  No effect on [`Technique::Reference`], with [`Restir::accumulate`] and on debug views.  Cost:
+    /// eight texture reads a pixel and domain.  Biased: darker, by the light of such pixels; glints and texture details that are smaller than a
+    /// pixel dim.  0: no limit; otherwise 1 to 1e6; default 2.
     pub firefly_limit: f32,
     /// Selects one of 2^32 independent sequences of random numbers.  Default 0.
     pub seed: u32,
@@ -185,13 +186,14 @@ impl Restir {
             ranges.number("debug_scale", &mut self.debug_scale, 1.0, 1.0);
         }
         ranges.number("debug_scale", &mut self.debug_scale, 0.0, 1e6);
-        ranges.number("firefly_limit", &mut self.firefly_limit, 0.0, 1e6);
+        let least_limit = if self.firefly_limit > 0.0 { 1.0 } else { 0.0 };
+        ranges.number("firefly_limit", &mut self.firefly_limit, least_limit, 1e6);
         self.direct.validate(report);
         self.paths.validate(report);
         self.bdpt.validate(report);
         self.subsurface.validate(report);
         self.research.validate(report);
-        if !self.debug_view.shows(self.technique) {
+        if !self.debug_view.shows(self) {
             report(Problem::NothingToShow(self.debug_view, self.technique));
         }
     }

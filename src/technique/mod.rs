@@ -45,10 +45,11 @@ pub(crate) fn row(technique: Technique, separate: bool) -> &'static TechniqueRow
 }
 
 impl DebugView {
-    /// Whether a technique has something to show.
-    pub fn shows(self, technique: Technique) -> bool {
+    /// Whether the technique of some settings has something to show.
+    pub fn shows(self, settings: &Restir) -> bool {
         let shows_it = |domain: &Domain| (domain.has_debug_view)(self);
-        row(technique, false).domains.iter().any(|domain| shows_it(domain)) || !all_domains().any(shows_it)
+        row(settings.technique, settings.paths.separate_direct_light).domains.iter().any(|domain| shows_it(domain))
+            || !all_domains().any(shows_it)
     }
 }
 

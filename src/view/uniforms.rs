@@ -15,7 +15,11 @@ use super::{
     extract::{ExtractedEnvironment, ExtractedRestir},
     image_state::ImageState,
 };
-use crate::{gpu_layout::*, scene::bindings::SceneBindings, settings::Restir};
+use crate::{
+    gpu_layout::*,
+    scene::bindings::SceneBindings,
+    settings::{DebugView, Restir},
+};
 
 /// Sub-pixel offset of a frame, uniform in the pixel: the R2 sequence (Roberts 2018) in 32-bit fixed point, shifted by the seed.
 pub(crate) fn jitter_of(frame: u32, seed: u32) -> [f32; 2] {

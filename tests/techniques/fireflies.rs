@@ -7,7 +7,7 @@ use crate::support::{
     small_scenes::*,
 };
 use bevy::{math::DVec3, prelude::*};
-use bevy_restir::Restir;
+use bevy_restir::{DebugView, Restir};
 
 const SIZE: u32 = 48;
 const LIMIT: f32 = 1.5;
@@ -23,15 +23,19 @@ fn luminance(light: DVec3) -> f64 {
     light.dot(DVec3::new(0.2126, 0.7152, 0.0722))
 }
 
-/// The light of a pixel, limited by the pixels around it.
-fn limited(light: &[DVec3], at: UVec2) -> DVec3 {
-    let of = |x: i32, y: i32| light[(y * SIZE as i32 + x) as usize];
-    let (x, y) = (at.x as i32, at.y as i32);
-    let inside = |&(x, y): &(i32, i32)| x >= 0 && y >= 0 && x < SIZE as i32 && y < SIZE as i32;
-    let around = (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (x + dx, y + dy)));
-    let around = around.filter(|p| *p != (x, y)).filter(inside);
-    let brightest = around.map(|(x, y)| luminance(of(x, y))).fold(0.0, f64::max);
-    let own = of(x, y);
+/// The light of a pixel, limited by the pixels around it that show the same object.
+fn limited(light: &[DVec3], objects: &Picture, at: UVec2) -> DVec3 {
+    let index = |at: IVec2| (at.y * SIZE as i32 + at.x) as usize;
+    let at = at.as_ivec2();
+    let inside = |p: &IVec2| p.min_element() >= 0 && p.max_element() < SIZE as i32;
+    let around = (-1..=1).flat_map(|y| (-1..=1).map(move |x| at + IVec2::new(x, y)));
+    let around = around.filter(|p| *p != at && inside(p) && objects.pixels[index(*p)] == objects.pixels[index(at)]);
+    let around: Vec<f64> = around.map(|p| luminance(light[index(p)])).collect();
+    let own = light[index(at)];
+    if around.len() < 3 {
+        return own;
+    }
+    let brightest = around.into_iter().fold(0.0, f64::max);
     own * (f64::from(LIMIT) * brightest / luminance(own).max(1e-30)).min(1.0)
 }
 
@@ -48,10 +52,14 @@ fn light_is_limited_to_a_multiple_of_that_of_the_pixels_around() {
         room(0.0)(settings);
         settings.bounces = 0;
     });
+    let objects = show(&|settings| {
+        room(0.0)(settings);
+        settings.debug_view = DebugView::Instances;
+    });
     let scattered: Vec<DVec3> = free.iter().zip(emitted.iter()).map(|((_, a), (_, b))| (a - b).as_dvec3()).collect();
     let mut changed = 0;
     for (((at, shown), (_, free)), (_, emitted)) in shown.iter().zip(free.iter()).zip(emitted.iter()) {
-        let expected = limited(&scattered, at) + emitted.as_dvec3();
+        let expected = limited(&scattered, &objects, at) + emitted.as_dvec3();
         let error = (shown.as_dvec3() - expected).abs().max_element();
         assert!(error <= 1e-5 * (1.0 + free.max_element() as f64), "{at}: {shown}, expected {expected}");
         changed += usize::from(shown != free);

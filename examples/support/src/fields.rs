@@ -51,7 +51,7 @@ pub fn change(settings: &mut Restir, path: &str, up: bool) {
 pub fn next_view(settings: &mut Restir, up: bool) {
     loop {
         step(&mut settings.debug_view, up);
-        if settings.debug_view.shows(settings.technique) {
+        if settings.debug_view.shows(settings) {
             return;
         }
     }
@@ -60,7 +60,7 @@ pub fn next_view(settings: &mut Restir, up: bool) {
 /// Steps the technique up or down, and leaves a debug view that the new technique does not support.
 pub fn next_technique(settings: &mut Restir, up: bool) {
     step(&mut settings.technique, up);
-    if !settings.debug_view.shows(settings.technique) {
+    if !settings.debug_view.shows(settings) {
         settings.debug_view = DebugView::Off;
     }
 }

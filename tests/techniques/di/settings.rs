@@ -386,7 +386,7 @@ fn debug_views_show_the_content_of_reservoirs() {
 }
 
 #[test]
-fn reservoirs_take_at_most_48_bytes_per_pixel() {
+fn reservoirs_take_32_bytes_per_pixel() {
     let Some(mut rig) = lit_room(40, 40) else { return };
     direct(&mut rig, di::all_reuse());
     rig.set(|r| r.research.reservoir_layout = ReservoirLayout::Tiles4);

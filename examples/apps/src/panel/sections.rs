@@ -72,12 +72,13 @@ fn shown(ui: &mut egui::Ui, restir: &mut Mut<Restir>) {
                 ui.selectable_value(&mut wanted.technique, choice, format!("{choice:?}"));
             }
         });
+        let before = wanted.clone();
         list("view", 150.0).selected_text(name_of(wanted.debug_view)).show_ui(ui, |ui| {
-            for choice in fields::values::<DebugView>().into_iter().filter(|view| view.shows(wanted.technique)) {
+            for choice in fields::values::<DebugView>().into_iter().filter(|view| view.shows(&before)) {
                 ui.selectable_value(&mut wanted.debug_view, choice, name_of(choice));
             }
         });
-        if !wanted.debug_view.shows(wanted.technique) {
+        if !wanted.debug_view.shows(&wanted) {
             wanted.debug_view = DebugView::Off;
         }
         restir.set_if_neq(wanted);
