@@ -103,7 +103,7 @@ pub struct Restir {
     /// most this number times that of the brightest of the eight pixels around it.  Only those that show the same object count, and the limit
     /// applies where they are at least three.  No effect on [`Technique::Reference`], with [`Restir::accumulate`] and on debug views.  Cost:
     /// eight texture reads a pixel and domain.  Biased: darker, by the light of such pixels; glints and texture details that are smaller than a
-    /// pixel dim.  0: no limit; otherwise 1 to 1e6; default 2.
+    /// pixel dim.  0: no limit; otherwise 1 to 1e6; default 2.5.
     pub firefly_limit: f32,
     /// Selects one of 2^32 independent sequences of random numbers.  Default 0.
     pub seed: u32,
@@ -139,7 +139,7 @@ impl Default for Restir {
             bounces: 5,
             jitter: true,
             energy_compensation: true,
-            firefly_limit: 2.0,
+            firefly_limit: 2.5,
             seed: 0,
             direct: Direct::default(),
             paths: Paths::default(),

@@ -34,7 +34,7 @@ impl Preset {
 
     fn firefly_limit(self) -> f32 {
         match self {
-            Self::Performance | Self::Balanced => 2.0,
+            Self::Performance | Self::Balanced => 2.5,
             Self::Quality | Self::Unbiased => 0.0,
         }
     }
