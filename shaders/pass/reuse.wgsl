@@ -254,7 +254,6 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     // Store the selected one.
     var contribution = vec3<f32>(0.0);
-    var shown = vec3<f32>(0.0);
     if stream.selected != NONE {
         let confidence = output.confidence;
         output = sample_of(&inputs, stream.selected, true);
@@ -262,10 +261,12 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
         output.ucw = stream_ucw(stream, mis.targets[stream.selected]);
         output.seen = inputs.visible[stream.selected];
         contribution = inputs.contributions[stream.selected];
-        shown = shown_contribution(&inputs, stream.selected, r);
     }
     if !has(RESAMPLE_SHADE_ALL) {
-        light = select(0.0, output.ucw, output.seen) * shown;
+        light = vec3<f32>(0.0);
+        if stream.selected != NONE {
+            light = select(0.0, output.ucw, output.seen) * shown_contribution(&inputs, stream.selected, r);
+        }
     }
     output = completed(r, output, rng_bits(&rng).x);
     reservoirs[index] = stored(output, pixel);

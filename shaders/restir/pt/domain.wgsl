@@ -106,7 +106,7 @@ fn diffuse_share(r: Receiver, s: Reservoir, handed_on: f32) -> vec3<f32> {
         return vec3<f32>(1.0);
     }
     if path.termination == TERMINATION_NEE && path.length == 2u {
-        return bsdf_diffuse_share(v.surface.bsdf, v.wo, light_point_at(path.light, v.surface.position, r.previous).wi);
+        return bsdf_diffuse_share(v.surface.bsdf, v.wo, light_point_at(path.light, v.surface.position, false).wi);
     }
     var lobe = path.lobe_before;
     if path.reconnection != 2u {
