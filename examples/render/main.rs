@@ -13,6 +13,7 @@ use bevy_restir_support::{
     exr_file,
     files::write_text,
     headless::{self, captured, frame},
+    panics,
     picture::{screenshot, write_png},
     progress::Progress,
     scene::{self, CameraSetup, SceneFile, View},
@@ -34,7 +35,8 @@ fn main() -> ExitCode {
             return ExitCode::from(2);
         }
     };
-    match render(&args, settings) {
+    panics::record();
+    match panics::caught(|| render(&args, settings)).and_then(|result| result) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {}: {}", args.scene.display(), error.lines().next().unwrap_or_default());

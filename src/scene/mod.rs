@@ -10,6 +10,7 @@
 //! | `prepare` | runs the pools of these modules in order, once a frame |
 //! | `features`, `bindings` | features that shaders are specialized for, and the bind groups |
 //! | `asset_wait`, `unsupported` | assets that are still loading, and warnings about components of Bevy that have no effect here |
+//! | `lengths` | lengths of the tables, for tests |
 //! | `storage` | growable buffers and their allocators |
 
 pub mod accel;
@@ -18,6 +19,8 @@ pub(crate) mod bindings;
 pub(crate) mod extract;
 mod features;
 pub mod geometry;
+#[cfg(feature = "testing")]
+pub mod lengths;
 pub mod light;
 pub mod material;
 mod prepare;

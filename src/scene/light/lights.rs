@@ -126,6 +126,17 @@ impl Default for LightPool {
 }
 
 impl LightPool {
+    /// Lengths of the pool's tables.
+    #[cfg(feature = "testing")]
+    pub(crate) fn lengths(&self) -> Vec<(&'static str, usize)> {
+        vec![
+            ("emitters", self.emitters.len()),
+            ("lights", self.table.len()),
+            ("hidden lights", self.hidden.len()),
+            ("warnings of lights", self.warned.len()),
+        ]
+    }
+
     /// Updates the table from the scene, and sets the id of the first light of every emissive instance.  `limit`: number of lights that the
     /// device can bind.
     pub(crate) fn update(

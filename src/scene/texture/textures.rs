@@ -147,6 +147,17 @@ pub(crate) fn extract_mean_colors(
 }
 
 impl TexturePool {
+    /// Lengths of the pool's tables.
+    #[cfg(feature = "testing")]
+    pub(crate) fn lengths(&self) -> Vec<(&'static str, usize)> {
+        vec![
+            ("images", self.info.len()),
+            ("rejected images", self.rejected.len()),
+            ("changed images", self.changed.len()),
+            ("warnings of images", self.warned.len() + self.absent.len()),
+        ]
+    }
+
     /// A pool that binds up to `max_textures` bindless textures.
     pub(crate) fn with_bindless(max_textures: NonZeroU32) -> Self {
         Self { bindless: Some(BindlessTextures::new(max_textures)), ..Default::default() }
