@@ -363,11 +363,13 @@ impl LightPool {
 
     fn upload_everything(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {
         let mut both = self.table.clone();
-        both.resize(self.previous_at as usize, GpuLight::default());
+        both.resize(both.len().max(self.previous_at as usize), GpuLight::default());
         both.append(&mut self.previous);
         if !self.gpu.reserve(both.len() as u32, device, queue) {
             warn_once!("restir: the table of {} lights is larger than this device can bind", self.table.len());
             self.previous_matches = false;
+            // The next frame tries again: memory may have become free.
+            self.pending = Upload::Everything;
             return 0;
         }
         let runs = dirty_runs(&self.uploaded, &both);

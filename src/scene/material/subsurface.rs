@@ -51,6 +51,11 @@ impl SubsurfacePool {
         vec![("records of subsurface", self.records.len()), ("warnings of subsurface", self.warned.len())]
     }
 
+    /// Forgets warnings of entities that are gone.
+    pub(crate) fn forget_warnings(&mut self, exists: impl Fn(MainEntity) -> bool) {
+        self.warned.retain(|entity| exists(*entity));
+    }
+
     /// Starts a frame without records.
     pub(crate) fn begin_frame(&mut self, device: &RenderDevice) {
         self.records.clear();
