@@ -7,7 +7,7 @@ use bevy::{
     log::warn,
     reflect::Reflect,
     render::{
-        Render, RenderApp, RenderPlugin, RenderSystems,
+        Render, RenderApp, RenderPlugin, RenderStartup, RenderSystems,
         renderer::{RenderAdapterInfo, RenderDevice},
         view::Msaa,
     },
@@ -105,28 +105,51 @@ impl RestirPlugin {
     fn build_render_app(&self, app: &mut App, library: ShaderLibrary, bevy_lights_first: bool) {
         let statistics = app.world().resource::<RestirStatistics>().clone();
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
-        let world = render_app.world();
-        let device = world.get_resource::<RenderDevice>();
-        let ray_queries = match (device, world.get_resource::<RenderAdapterInfo>()) {
-            (Some(device), Some(adapter)) => scene::accel::ray_query::is_chosen(self.backend, device, adapter),
-            _ => false,
-        };
-        let bound_textures =
-            device.and_then(|device| scene::texture::bindless::max_textures(device, 3 + u32::from(ray_queries)));
-        let pipelines = frame::pipelines::PassPipelines::new(library.clone(), ray_queries, bound_textures);
         render_app
-            .insert_resource(pipelines)
             .insert_resource(library)
             .insert_resource(statistics.guard_run().clone())
             .insert_resource(statistics)
+            .insert_resource(Backend(self.backend))
+            .add_systems(RenderStartup, renew)
             .add_systems(
                 Render,
                 report::update_report.in_set(RenderSystems::Cleanup).before(view::capture_readback::capture_radiance),
             );
-        scene::build(render_app, ray_queries, bound_textures);
+        insert_resources(render_app.world_mut());
+        scene::build(render_app);
         view::build(render_app);
         view::bevy_handoff::build(render_app, !bevy_lights_first);
         frame::build(render_app);
+    }
+}
+
+/// How the app wants rays to be traced.
+#[derive(Resource, Clone, Copy)]
+struct Backend(RayBackend);
+
+/// Inserts everything that belongs to a device: pipelines, and the mirror of the scene and of the cameras without any contents.
+fn insert_resources(world: &mut World) {
+    let device = world.get_resource::<RenderDevice>();
+    let backend = world.resource::<Backend>().0;
+    let ray_queries = match (device, world.get_resource::<RenderAdapterInfo>()) {
+        (Some(device), Some(adapter)) => scene::accel::ray_query::is_chosen(backend, device, adapter),
+        _ => false,
+    };
+    let bound_textures =
+        device.and_then(|device| scene::texture::bindless::max_textures(device, 3 + u32::from(ray_queries)));
+    let library = world.resource::<ShaderLibrary>().clone();
+    world.insert_resource(frame::pipelines::PassPipelines::new(library, ray_queries, bound_textures));
+    scene::insert_resources(world, ray_queries, bound_textures);
+    view::insert_resources(world);
+}
+
+/// Bevy has another device, because the last one was lost: everything that lived there is made again.  Bevy extracts meshes and images again.
+fn renew(world: &mut World, mut is_renewal: Local<bool>) {
+    // The first device is that of `Plugin::finish`.
+    if core::mem::replace(&mut *is_renewal, true) {
+        warn!("restir: there is a new device; the scene is mirrored again");
+        insert_resources(world);
+        view::bevy_handoff::begin_anew(world);
     }
 }
 

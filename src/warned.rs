@@ -80,6 +80,12 @@ impl<K: Eq + Hash> Warned<K> {
         allowed
     }
 
+    /// Number of problems that are kept in memory.
+    #[cfg(feature = "testing")]
+    pub(crate) fn len(&self) -> usize {
+        self.named.len()
+    }
+
     /// Forgets a problem, so that it is named again when it comes back.
     pub(crate) fn forget(&mut self, problem: &K) {
         self.named.remove(problem);

@@ -2,6 +2,7 @@
 
 mod ablate;
 mod bench;
+mod broken_files;
 mod budget;
 mod characters;
 mod compare;
@@ -18,8 +19,11 @@ mod panels;
 mod rays;
 mod scale;
 mod series;
+mod soak;
+mod soundness;
 mod sweep;
 mod table;
+mod things;
 mod translucent;
 
 use bevy_restir_support::{arguments, headless};
@@ -50,6 +54,8 @@ enum Command {
     Presets(sweep::Args),
     Compare(compare::Args),
     Fuzz(fuzz::Args),
+    Soak(soak::Args),
+    BrokenFiles(broken_files::Args),
     Demo(demo::Args),
 }
 
@@ -74,6 +80,8 @@ fn main() -> ExitCode {
         Command::Presets(args) => sweep::run_presets(args),
         Command::Compare(args) => compare::run(args),
         Command::Fuzz(args) => fuzz::run(args),
+        Command::Soak(args) => soak::run(args),
+        Command::BrokenFiles(args) => broken_files::run(args),
         Command::Demo(args) => demo::run(args),
     };
     match result {

@@ -15,6 +15,7 @@ use bevy_restir_support::{
     exr_file,
     files::write_text,
     headless::{self, captured, frame},
+    panics,
     picture::{screenshot, write_png},
     progress::Progress,
     scene::{self, CameraSetup, SceneFile, View},
@@ -36,7 +37,8 @@ fn main() -> ExitCode {
             return ExitCode::from(2);
         }
     };
-    match render(&args, settings) {
+    panics::record();
+    match panics::caught(|| render(&args, settings)).and_then(|result| result) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {}: {}", args.scene.display(), error.lines().next().unwrap_or_default());

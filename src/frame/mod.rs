@@ -18,7 +18,6 @@ use bevy::{
 };
 
 use crate::system_sets::RestirSystems;
-use pipelines::PassPipelines;
 
 /// Prefix of the time spans of passes in Bevy's diagnostics.
 pub const SPAN_PREFIX: &str = "restir/";
@@ -26,7 +25,6 @@ pub const SPAN_PREFIX: &str = "restir/";
 /// Adds the passes to the render world.
 pub(crate) fn build(render_app: &mut SubApp) {
     render_app
-        .init_resource::<PassPipelines>()
         .add_systems(
             Render,
             pipelines::select_pipelines.in_set(RestirSystems::SelectPipelines).in_set(RenderSystems::PrepareResources),

@@ -69,6 +69,8 @@ pub(crate) struct SceneBindings {
     pub edit_revision: u64,
     /// Whether all assets of the scene are loaded, built and copied.
     pub ready: bool,
+    /// The device has no memory for the buffers of any scene.
+    pub lacks_memory: bool,
     /// Scene bytes sent in this frame.
     pub uploaded_bytes: u64,
     /// Names and sizes in bytes, for the report.

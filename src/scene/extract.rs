@@ -140,6 +140,8 @@ pub(crate) struct ExtractedScene {
     pub emissive_luminance: f32,
     /// Whether some camera uses energy compensation.
     pub energy_compensation: bool,
+    /// The materials are extracted whether they changed or not, because a new device has none.
+    pub forgets_materials: bool,
 }
 
 impl ExtractedScene {
@@ -316,6 +318,9 @@ pub(crate) fn extract_materials(
 ) {
     scene.materials.clear();
     scene.removed_materials.clear();
+    if core::mem::take(&mut scene.forgets_materials) {
+        materials.iter().for_each(|(id, material)| scene.insert_material(id, material));
+    }
     for event in events.read() {
         match event {
             AssetEvent::Added { id } | AssetEvent::Modified { id } => {

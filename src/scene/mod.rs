@@ -10,6 +10,7 @@
 //! | `prepare` | runs the pools of these modules in order, once a frame |
 //! | `features`, `bindings` | features that shaders are specialized for, and the bind groups |
 //! | `asset_wait`, `unsupported` | assets that are still loading, and warnings about components of Bevy that have no effect here |
+//! | `lengths` | lengths of the tables, for tests |
 //! | `storage` | growable buffers and their allocators |
 
 pub mod accel;
@@ -18,6 +19,8 @@ pub(crate) mod bindings;
 pub(crate) mod extract;
 mod features;
 pub mod geometry;
+#[cfg(feature = "testing")]
+pub mod lengths;
 pub mod light;
 pub mod material;
 mod prepare;
@@ -49,26 +52,27 @@ use light::lights::LightPool;
 use material::{materials::MaterialPool, subsurface::SubsurfacePool};
 use texture::textures::{self, TexturePool};
 
-/// Adds the resources and systems of the scene to the render world.  `max_textures` is the length of texture arrays, if the device has
-/// them.
-pub(crate) fn build(render_app: &mut SubApp, ray_queries: bool, max_textures: Option<NonZeroU32>) {
-    if ray_queries {
-        render_app.insert_resource(MeshPool::for_ray_queries()).insert_resource(InstancePool::for_ray_queries());
-    }
-    if let Some(capacity) = max_textures {
-        render_app.insert_resource(TexturePool::with_bindless(capacity));
-    }
+/// Inserts the resources of the scene, without any contents.  `max_textures` is the length of texture arrays, if the device has them.
+pub(crate) fn insert_resources(world: &mut World, ray_queries: bool, max_textures: Option<NonZeroU32>) {
+    let (meshes, instances) = match ray_queries {
+        true => (MeshPool::for_ray_queries(), InstancePool::for_ray_queries()),
+        false => Default::default(),
+    };
+    world.insert_resource(meshes);
+    world.insert_resource(instances);
+    world.insert_resource(max_textures.map(TexturePool::with_bindless).unwrap_or_default());
+    world.insert_resource(ExtractedScene { forgets_materials: true, ..Default::default() });
+    world.insert_resource(LayerSets::default());
+    world.insert_resource(BodyPool::default());
+    world.insert_resource(MaterialPool::default());
+    world.insert_resource(SubsurfacePool::default());
+    world.insert_resource(LightPool::default());
+    world.insert_resource(SceneBindings::default());
+}
+
+/// Adds the systems of the scene to the render world.
+pub(crate) fn build(render_app: &mut SubApp) {
     render_app
-        .init_resource::<ExtractedScene>()
-        .init_resource::<LayerSets>()
-        .init_resource::<MeshPool>()
-        .init_resource::<BodyPool>()
-        .init_resource::<TexturePool>()
-        .init_resource::<MaterialPool>()
-        .init_resource::<SubsurfacePool>()
-        .init_resource::<InstancePool>()
-        .init_resource::<LightPool>()
-        .init_resource::<SceneBindings>()
         .add_systems(
             ExtractSchedule,
             (
@@ -100,7 +104,13 @@ pub(crate) fn build(render_app: &mut SubApp, ray_queries: bool, max_textures: Op
 }
 
 /// Drops what the pools remember of entities that are gone.
-fn forget_warnings(mut instances: ResMut<InstancePool>, mut lights: ResMut<LightPool>, entities: Extract<&Entities>) {
+fn forget_warnings(
+    mut instances: ResMut<InstancePool>,
+    mut lights: ResMut<LightPool>,
+    mut subsurface: ResMut<SubsurfacePool>,
+    entities: Extract<&Entities>,
+) {
     instances.forget_warnings(|entity| entities.contains(*entity));
     lights.forget_warnings(|entity| entities.contains(*entity));
+    subsurface.forget_warnings(|entity| entities.contains(*entity));
 }

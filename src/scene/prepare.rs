@@ -155,6 +155,7 @@ fn update_bind_groups(bindings: &mut SceneBindings, pools: &mut Pools, context: 
         && instances.gpu.reserve(1, device, queue)
         && materials.gpu.reserve(1, device, queue)
         && lights.gpu.reserve(1, device, queue);
+    bindings.lacks_memory = !reserved;
     let placeholders = bindings.placeholders.get_or_insert_with(|| PlaceholderTextures::new(device)).clone();
     if reserved
         && let (Some(u), Some(n), Some(t), Some(a), Some(i), Some(m), Some(l)) = (

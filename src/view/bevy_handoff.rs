@@ -57,6 +57,13 @@ pub(crate) fn build(render_app: &mut SubApp, at_once: bool) {
         );
 }
 
+/// Treats all cameras as new ones, because what we had for them is gone.
+pub(crate) fn begin_anew(world: &mut World) {
+    if let Some(mut hidden) = world.get_resource_mut::<HiddenFromBevy>() {
+        hidden.lit_by.clear();
+    }
+}
+
 /// Whether we render a camera's mirrored meshes.  `rendered`: we rendered its last frame; `None` if it had no view, as while its window is
 /// minimized.
 fn is_ours(rendered: Option<bool>, lit_by: Option<LitBy>, at_once: bool) -> bool {
@@ -92,6 +99,9 @@ fn hide_mirrored_meshes(mut main_world: ResMut<MainWorld>, pool: Res<ViewPool>, 
     for (camera, view, settings, has_restir) in cameras.iter(&main_world) {
         seen.insert(view);
         let rendered = pool.views.get(&view).map(|state| state.rendered);
+        if pool.without_memory.contains(&view) {
+            hidden.lit_by.insert(view, LitBy::Bevy);
+        }
         if hidden.decide(view, settings.is_active, has_restir, rendered) {
             ours.push(camera);
         }

@@ -10,6 +10,8 @@ use bevy::{
     },
 };
 
+use crate::scene::storage::allocation;
+
 use super::{
     ViewPool,
     capture::{CapturedRadiance, RadianceCapture},
@@ -49,12 +51,21 @@ fn read_radiance(
     device: &RenderDevice,
     queue: &RenderQueue,
 ) {
-    let staging = device.create_buffer(&BufferDescriptor {
-        label: Some("restir capture"),
-        size: radiance.size(),
-        usage: BufferUsages::COPY_DST | BufferUsages::MAP_READ,
-        mapped_at_creation: false,
-    });
+    let create = || {
+        device.create_buffer(&BufferDescriptor {
+            label: Some("restir capture"),
+            size: radiance.size(),
+            usage: BufferUsages::COPY_DST | BufferUsages::MAP_READ,
+            mapped_at_creation: false,
+        })
+    };
+    let staging = match allocation::attempt(device, "capture", create) {
+        Ok(staging) => staging,
+        Err(error) => {
+            warn_once!("restir: no memory to read back the radiance of a capture: {error}");
+            return;
+        }
+    };
     let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor { label: Some("restir capture") });
     encoder.copy_buffer_to_buffer(radiance, 0, &staging, 0, radiance.size());
     queue.submit([encoder.finish()]);

@@ -25,7 +25,7 @@ use bevy::{
     core_pipeline::core_3d::prepare_prepass_textures,
     ecs::prelude::*,
     math::UVec2,
-    platform::collections::HashMap,
+    platform::collections::{HashMap, HashSet},
     render::{
         Render, RenderSystems,
         render_resource::{binding_types::*, *},
@@ -43,15 +43,21 @@ use selection::SelectedPipelines;
 #[derive(Resource, Default)]
 pub(crate) struct ViewPool {
     pub views: HashMap<Entity, RestirView>,
+    /// Cameras that the device had no memory for in the last frame.
+    pub without_memory: HashSet<Entity>,
 }
 
-/// Adds the views to the render world.
+/// Inserts the resources of the views, without any view.
+pub(crate) fn insert_resources(world: &mut World) {
+    world.insert_resource(ExtractedViews::default());
+    world.insert_resource(ViewPool::default());
+    world.insert_resource(EnvironmentPool::default());
+    world.insert_resource(SelectedPipelines::default());
+}
+
+/// Adds the systems of the views to the render world.
 pub(crate) fn build(render_app: &mut SubApp) {
     render_app
-        .init_resource::<ExtractedViews>()
-        .init_resource::<ViewPool>()
-        .init_resource::<EnvironmentPool>()
-        .init_resource::<SelectedPipelines>()
         .add_systems(
             bevy::render::ExtractSchedule,
             (extract::extract_views.after(render_layers::extract_layers), extract::clear_reset).chain(),

@@ -54,6 +54,7 @@ pub(super) fn prepare_views(
     warned.begin_frame();
     warned.retain(|(entity, _)| extracted.0.contains_key(entity));
     pool.views.retain(|entity, _| extracted.0.contains_key(entity));
+    pool.without_memory.clear();
     for (&entity, restir) in &mut extracted.0 {
         let (Some((name, camera, view, jitter, resolution_override)), Some(&selection)) =
             (cameras.get(entity).ok(), selected.0.get(&entity))
@@ -92,22 +93,27 @@ pub(super) fn prepare_views(
             Ok(state) => state,
             Err(error) => {
                 if warned.is_due((entity, "memory")) {
-                    warn!("restir: camera {name} is not rendered, because there is no memory for its view: {error}");
+                    warn!("restir: Bevy lights camera {name}, because there is no memory for its view: {error}");
                 }
+                pool.without_memory.insert(entity);
                 continue;
             }
         };
         state.origin = UVec2::new(view.viewport.x, view.viewport.y);
         state.target_size = target_size;
         state.select(restir, &selection, &scene);
+        if scene.lacks_memory {
+            pool.without_memory.insert(entity);
+        }
         if state.rendered {
             let (scene, environments) = (&*scene, &*environments);
             let inputs = UniformInputs { restir, camera, view, bevy_jitter: jitter, scene, environments };
             state.update_uniforms(&inputs, &queue);
-            if let Err(error) = state.update_history(scene, limit, &device, &queue)
-                && warned.is_due((entity, "memory of the history"))
-            {
-                warn!("restir: camera {name} is not rendered, because there is no memory for its history: {error}");
+            if let Err(error) = state.update_history(scene, limit, &device, &queue) {
+                if warned.is_due((entity, "memory of the history")) {
+                    warn!("restir: Bevy lights camera {name}, because there is no memory for its history: {error}");
+                }
+                pool.without_memory.insert(entity);
             }
             warn_of_light_paths([entity, name], &state, scene, limit, &mut warned);
         }
@@ -127,11 +133,11 @@ fn view_of(
     match old {
         Some(old) if old.size == size && old.bound_environment == (map.id(), importance.id()) => Ok(old),
         // Only the environment image has changed, and motion vectors still need the last camera.
-        Some(old) if old.size == size => allocation::attempt(device, create).map(|new| new.after(old)),
+        Some(old) if old.size == size => allocation::attempt(device, "view", create).map(|new| new.after(old)),
         // The memory of the old size is free before the new view is created.  Guards and resets are counted over the whole run of a view.
         old => {
             let counts = old.map(|old| (old.counters, old.resets));
-            let new = allocation::attempt(device, create)?;
+            let new = allocation::attempt(device, "view", create)?;
             Ok(match counts {
                 Some((counters, resets)) => RestirView { counters, resets, beginning: Reset::Size, ..new },
                 None => new,

@@ -191,7 +191,7 @@ impl RestirView {
             // The memory of the old history is free before the new one is created.
             self.history = None;
             let create = || History::new(self.size, domains, &self.settings, counts, device);
-            let created = allocation::attempt(device, create);
+            let created = allocation::attempt(device, "history", create);
             let history = created.inspect_err(|_| (self.rendered, self.image_state) = (false, None))?;
             self.history = Some(history);
         }

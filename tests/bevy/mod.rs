@@ -5,4 +5,5 @@ mod cameras;
 mod effects;
 mod interop;
 mod light_units;
+mod lost_devices;
 mod motion_vectors;

@@ -2,7 +2,7 @@
 
 use crate::support::{app::*, log};
 use bevy::{light::NotShadowCaster, prelude::*};
-use bevy_restir::{SceneFeatures, Subsurface};
+use bevy_restir::{SceneFeatures, Subsurface, testing::lengths::table_lengths};
 use bevy_restir_support::subsurface::from_extras;
 
 fn soft(length: f32) -> Subsurface {
@@ -39,6 +39,30 @@ fn scenes_without_subsurface_have_no_buffer_and_no_shader_code_for_it() {
     assert_eq!(rig.picture(1), diffuse, "without the component");
     assert_eq!(bytes_of_records(&rig), 0);
     rig.assert_sound();
+}
+
+/// Objects with values out of range come and go for as long as an app runs.
+#[test]
+fn warnings_of_objects_that_are_gone_are_forgotten() {
+    let Some(mut rig) = Rig::new(4, 4) else { return };
+    // Without a camera nothing is compiled.
+    rig.app.world_mut().despawn(rig.camera);
+    let remembered = |rig: &Rig| {
+        let lengths = table_lengths(&rig.app);
+        lengths.iter().find(|(name, _)| *name == "warnings of subsurface").map(|(_, length)| *length)
+    };
+    for _ in 0..2 {
+        let entity = ball(&mut rig);
+        rig.insert(entity, Subsurface { weight: 5.0, ..soft(0.2) });
+        let warned = (0..500).any(|_| {
+            rig.frame();
+            remembered(&rig) == Some(1)
+        });
+        assert!(warned, "{:?}", remembered(&rig));
+        rig.app.world_mut().despawn(entity);
+        rig.frames(3);
+        assert_eq!(remembered(&rig), Some(0));
+    }
 }
 
 #[test]

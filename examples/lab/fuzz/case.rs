@@ -1,17 +1,13 @@
 //! A random scene, camera and settings, with random edits, as data: a case that fails can be repeated and made smaller.
 
-use bevy::{
-    camera::ScalingMode,
-    math::Vec3Swizzles,
-    mesh::{PrimitiveTopology, morph::MorphAttributes},
-    prelude::*,
-    render::render_resource::Face,
-};
+use bevy::{camera::ScalingMode, prelude::*, render::render_resource::Face};
 use bevy_restir::{
     Direct, LightTechniques, Mis, Preset, Reconnection, Restir, RestirEnvironment, Reuse, ReuseOrder, Subsurface,
     SubsurfaceShift, SuffixRetrace, Technique,
 };
 use bevy_restir_support::{scenes::Random, skinned};
+
+use crate::things::{Shape, Thing};
 
 /// Numbers at the edges of what an app may write.
 const EDGES: [f32; 14] = [
@@ -44,35 +40,6 @@ pub struct Case {
     pub edits: Vec<(u32, Edit)>,
 }
 
-/// Something that is spawned.
-#[derive(Clone, Debug)]
-pub enum Thing {
-    Object {
-        shape: Shape,
-        material: Box<StandardMaterial>,
-        subsurface: Option<Subsurface>,
-        at: Transform,
-    },
-    Point(PointLight, Transform),
-    Spot(SpotLight, Transform),
-    Rect(RectLight, Transform),
-    /// With the angular size of its disk, if it has one.
-    Sun(DirectionalLight, Option<f32>, Transform),
-}
-
-#[derive(Clone, Debug)]
-pub enum Shape {
-    Cube,
-    Ball,
-    Square,
-    /// Triangles without any order, each corner on its own.
-    Soup(Vec<[f32; 3]>),
-    /// A tube with a skin, whose joints stand here.
-    Tube(Vec<Transform>),
-    /// A square with two morph targets, and their weights.
-    Sheet([f32; 2]),
-}
-
 #[derive(Clone, Debug)]
 pub enum Edit {
     Move(usize, Transform),
@@ -83,29 +50,6 @@ pub enum Edit {
     MoveCamera(Transform),
     Environment(RestirEnvironment),
     Settings(Box<Restir>),
-}
-
-impl Shape {
-    pub fn mesh(&self) -> Mesh {
-        match self {
-            Self::Cube => Cuboid::from_length(1.0).into(),
-            Self::Ball => Sphere::new(0.5).mesh().uv(12, 8),
-            Self::Square => Rectangle::from_length(1.0).into(),
-            Self::Tube(_) => skinned::tube(6, 5),
-            Self::Sheet(_) => {
-                let mesh: Mesh = Rectangle::from_length(1.0).into();
-                let target = |by: Vec3| vec![MorphAttributes::new(by, by.yzx(), Vec3::ZERO); mesh.count_vertices()];
-                let mut bump = target(Vec3::Z);
-                bump[0].position = Vec3::new(-1.0, 0.5, 0.0);
-                let targets = bump.into_iter().chain(target(Vec3::new(0.3, 0.0, -0.5))).collect();
-                let mut mesh = mesh;
-                mesh.set_morph_targets(targets);
-                mesh
-            }
-            Self::Soup(corners) => Mesh::new(PrimitiveTopology::TriangleList, default())
-                .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, corners.clone()),
-        }
-    }
 }
 
 impl Case {

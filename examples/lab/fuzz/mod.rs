@@ -4,14 +4,10 @@ mod case;
 mod stage;
 
 use bevy::math::UVec2;
-use bevy_restir_support::{arguments, files::write_text, progress::Progress};
-use std::{
-    fs,
-    panic::{self, AssertUnwindSafe},
-    path::PathBuf,
-    sync::{Mutex, PoisonError},
-};
+use bevy_restir_support::{arguments, files::write_text, panics, progress::Progress};
+use std::{fs, path::PathBuf};
 
+use crate::soundness::Watchdog;
 use case::Case;
 use stage::Stage;
 
@@ -43,29 +39,28 @@ pub struct Args {
 struct Runner<'a> {
     args: &'a Args,
     stage: Option<Stage>,
+    watchdog: Watchdog,
 }
-
-/// The message of the last panic.
-static PANIC: Mutex<String> = Mutex::new(String::new());
 
 impl Runner<'_> {
     /// Runs a case and returns the reason why it fails, or `None` if it passes; an error if no app can be created.
     fn failure(&mut self, case: &Case) -> Result<Option<String>, String> {
+        self.watchdog.beat();
         let mut stage = match self.stage.take() {
             Some(stage) => stage,
             None => Stage::new(self.args.size, !self.args.specialized)?,
         };
-        let run = AssertUnwindSafe(|| {
+        let run = || {
             let result = stage.run(case);
             (stage, result)
-        });
-        Ok(match panic::catch_unwind(run) {
+        };
+        Ok(match panics::caught(run) {
             Ok((stage, result)) => {
                 // An app whose renderer failed cannot go on.
                 self.stage = (!self.args.specialized && !stage.has_failed()).then_some(stage);
                 result.err()
             }
-            Err(_) => Some(format!("panic: {}", PANIC.lock().unwrap_or_else(PoisonError::into_inner))),
+            Err(panic) => Some(panic),
         })
     }
 
@@ -91,13 +86,12 @@ impl Runner<'_> {
 
 pub fn run(args: &Args) -> Result<(), String> {
     fs::create_dir_all(&args.out).map_err(|e| format!("{}: {e}", args.out.display()))?;
-    panic::set_hook(Box::new(|info| {
-        *PANIC.lock().unwrap_or_else(PoisonError::into_inner) = info.to_string().replace('\n', " ");
-    }));
-    let mut runner = Runner { args, stage: None };
+    panics::record();
+    let mut runner = Runner { args, stage: None, watchdog: Watchdog::new() };
     let progress = Progress::new(args.count.into());
     let mut failed = 0;
     for seed in (args.seed..).take(args.count as usize) {
+        runner.watchdog.watch(format!("case {seed}"));
         let case = Case::new(seed);
         if let Some(reason) = runner.failure(&case)? {
             failed += 1;
@@ -107,7 +101,6 @@ pub fn run(args: &Args) -> Result<(), String> {
         }
         progress.step();
     }
-    let _ = panic::take_hook();
     if failed > 0 {
         return Err(format!("{failed} of {} cases fail; {} has their smallest forms", args.count, args.out.display()));
     }

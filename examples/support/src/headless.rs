@@ -21,7 +21,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use crate::scene::View;
+use crate::{panics, scene::View};
 
 /// Loading and compiling may take this long before the program gives up.
 const PATIENCE: Duration = Duration::from_secs(300);
@@ -90,6 +90,10 @@ pub fn until(app: &mut App, otherwise: &str, mut done: impl FnMut(&App) -> bool)
         frame(app);
         if done(app) {
             return Ok(());
+        }
+        // What a task would have done never happens: a loader that panics loads nothing.
+        if let Some(panic) = panics::take() {
+            return Err(panic);
         }
         // Bevy quits where wgpu reports an error.
         if app.should_exit().is_some() {

@@ -14,6 +14,7 @@ pub mod front;
 pub mod gpu;
 pub mod headless;
 pub mod mutant;
+pub mod panics;
 pub mod picture;
 pub mod progress;
 pub mod scene;

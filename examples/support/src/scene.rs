@@ -31,6 +31,10 @@ enum Loading {
 #[derive(Resource)]
 pub struct SceneFile(pub Handle<Gltf>);
 
+/// The root of the spawned scene.
+#[derive(Resource)]
+struct Root(Entity);
+
 /// The camera that renders.
 #[derive(Resource)]
 pub struct View {
@@ -38,12 +42,14 @@ pub struct View {
     pub capture: RadianceCapture,
 }
 
-/// Loads a glTF file from the app's folder and spawns its scene.
+/// Loads a glTF file from the app's folder and spawns its scene in place of the last one.
 pub fn load(app: &mut App, name: &str) -> Result<(), String> {
+    unload(app.world_mut());
+    if !app.world().contains_resource::<Loading>() {
+        app.add_systems(Update, (spawn_when_loaded, subsurface::read_extras));
+    }
     let handle = app.world().resource::<AssetServer>().load(name.replace('#', "%23"));
-    app.insert_resource(SceneFile(handle))
-        .init_resource::<Loading>()
-        .add_systems(Update, (spawn_when_loaded, subsurface::read_extras));
+    app.insert_resource(SceneFile(handle)).insert_resource(Loading::File);
     until(app, "it is not loaded", |app| {
         matches!(app.world().resource::<Loading>(), Loading::Done | Loading::Failed(_))
     })?;
@@ -54,6 +60,14 @@ pub fn load(app: &mut App, name: &str) -> Result<(), String> {
             frame(app);
             Ok(())
         }
+    }
+}
+
+/// Removes the scene and its file.
+pub fn unload(world: &mut World) {
+    world.remove_resource::<SceneFile>();
+    if let Some(Root(root)) = world.remove_resource::<Root>() {
+        world.despawn(root);
     }
 }
 
@@ -69,13 +83,11 @@ pub fn split(path: &Path) -> Result<(&Path, &str), String> {
 fn spawn_when_loaded(
     mut commands: Commands,
     mut loading: ResMut<Loading>,
-    file: Res<SceneFile>,
+    file: Option<Res<SceneFile>>,
     assets: Res<AssetServer>,
     gltfs: Res<Assets<Gltf>>,
 ) {
-    if *loading != Loading::File {
-        return;
-    }
+    let Some(file) = file.filter(|_| *loading == Loading::File) else { return };
     if let LoadState::Failed(error) = assets.load_state(&file.0) {
         *loading = Loading::Failed(error.to_string());
         return;
@@ -87,9 +99,10 @@ fn spawn_when_loaded(
         return;
     };
     *loading = Loading::Instance;
-    commands.spawn(WorldAssetRoot(scene)).observe(|_: On<WorldInstanceReady>, mut loading: ResMut<Loading>| {
-        *loading = Loading::Done;
-    });
+    let mut root = commands.spawn(WorldAssetRoot(scene));
+    root.observe(|_: On<WorldInstanceReady>, mut loading: ResMut<Loading>| *loading = Loading::Done);
+    let root = root.id();
+    commands.insert_resource(Root(root));
 }
 
 /// Components of the camera besides its transform and projection.
@@ -102,11 +115,7 @@ pub struct CameraSetup {
 
 /// Spawns the camera that renders and inserts the resource [`View`].
 pub fn spawn_camera(world: &mut World, (transform, projection): (Transform, Projection), setup: CameraSetup) {
-    // The file's cameras would draw to a window.
-    let others: Vec<Entity> = world.query_filtered::<Entity, With<Camera>>().iter(world).collect();
-    for camera in others {
-        world.entity_mut(camera).remove::<(Camera3d, Camera)>();
-    }
+    remove_file_cameras(world);
     let mut image = Image::new_target_texture(setup.size.x, setup.size.y, TextureFormat::Rgba8UnormSrgb, None);
     image.texture_descriptor.usage |= TextureUsages::COPY_SRC;
     image.asset_usage = RenderAssetUsages::all();
@@ -130,12 +139,20 @@ pub fn spawn_camera(world: &mut World, (transform, projection): (Transform, Proj
     world.insert_resource(View { camera, capture });
 }
 
+/// The file's cameras would draw to a window.
+pub fn remove_file_cameras(world: &mut World) {
+    let others = world.query_filtered::<Entity, (With<Camera>, Without<Restir>)>().iter(world).collect::<Vec<_>>();
+    for camera in others {
+        world.entity_mut(camera).remove::<(Camera3d, Camera)>();
+    }
+}
+
 /// The camera of the file with this name, or its first one; a camera in front of the scene where the file has none.
 pub fn file_camera(world: &mut World, name: Option<&str>) -> Result<(Transform, Projection), String> {
     let mut cameras: Vec<(Entity, Option<String>, Transform, Projection)> = world
-        .query::<(Entity, Option<&Name>, &GlobalTransform, &Projection, &Camera)>()
+        .query_filtered::<(Entity, Option<&Name>, &GlobalTransform, &Projection), (With<Camera>, Without<Restir>)>()
         .iter(world)
-        .map(|(entity, name, transform, projection, _)| {
+        .map(|(entity, name, transform, projection)| {
             (entity, name.map(|n| n.to_string()), transform.compute_transform(), projection.clone())
         })
         .collect();

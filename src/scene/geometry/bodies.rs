@@ -135,6 +135,17 @@ impl Default for BodyPool {
 }
 
 impl BodyPool {
+    /// Lengths of the pool's tables.
+    #[cfg(feature = "testing")]
+    pub(crate) fn lengths(&self) -> Vec<(&'static str, usize)> {
+        vec![
+            ("bodies", self.bodies.len()),
+            ("retired bodies", self.retired.len()),
+            ("boxes", self.box_ranges.end() as usize),
+            ("warnings of bodies", self.warned.len()),
+        ]
+    }
+
     /// Makes a body for each posed instance of a mesh that bends, and takes over the poses.
     pub(crate) fn update(
         &mut self,

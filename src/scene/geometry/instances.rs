@@ -195,6 +195,16 @@ fn bounding_sphere<'a>(boxes: impl Iterator<Item = &'a Bounds>) -> ([f32; 3], f3
 }
 
 impl InstancePool {
+    /// Lengths of the pool's tables.
+    #[cfg(feature = "testing")]
+    pub(crate) fn lengths(&self) -> Vec<(&'static str, usize)> {
+        vec![
+            ("instances", self.slots.len()),
+            ("slots of instances", self.records.len()),
+            ("warnings of instances", self.warned.len()),
+        ]
+    }
+
     /// A pool that uses the device's own acceleration structures.
     pub(crate) fn for_ray_queries() -> Self {
         Self { structures: Some(AccelerationStructures::default()), ..Default::default() }

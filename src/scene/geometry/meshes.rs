@@ -246,6 +246,23 @@ pub(crate) fn finish_meshes(
 }
 
 impl MeshPool {
+    /// Lengths of the pool's tables.
+    #[cfg(feature = "testing")]
+    pub(crate) fn lengths(&self) -> Vec<(&'static str, usize)> {
+        vec![
+            ("meshes", self.entries.len()),
+            ("retired meshes", self.retired.len()),
+            ("meshes that are built", self.building.len()),
+            ("empty meshes", self.empty.len()),
+            ("meshes of lines and points", self.lines_and_points.len()),
+            ("warnings of meshes", self.warned.len()),
+            ("nodes", self.node_ranges.end() as usize),
+            ("triangles", self.triangle_ranges.end() as usize),
+            ("rigs", self.rig_ranges.end() as usize),
+            ("meshes with second coordinates", self.second_uvs_versions.len()),
+        ]
+    }
+
     /// A pool for ray queries: the device builds its acceleration structures from our triangle buffer.
     pub(crate) fn for_ray_queries() -> Self {
         let mut pool = Self { ray_queries: true, ..Default::default() };

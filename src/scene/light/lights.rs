@@ -126,6 +126,17 @@ impl Default for LightPool {
 }
 
 impl LightPool {
+    /// Lengths of the pool's tables.
+    #[cfg(feature = "testing")]
+    pub(crate) fn lengths(&self) -> Vec<(&'static str, usize)> {
+        vec![
+            ("emitters", self.emitters.len()),
+            ("lights", self.table.len()),
+            ("hidden lights", self.hidden.len()),
+            ("warnings of lights", self.warned.len()),
+        ]
+    }
+
     /// Updates the table from the scene, and sets the id of the first light of every emissive instance.  `limit`: number of lights that the
     /// device can bind.
     pub(crate) fn update(
@@ -352,11 +363,13 @@ impl LightPool {
 
     fn upload_everything(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {
         let mut both = self.table.clone();
-        both.resize(self.previous_at as usize, GpuLight::default());
+        both.resize(both.len().max(self.previous_at as usize), GpuLight::default());
         both.append(&mut self.previous);
         if !self.gpu.reserve(both.len() as u32, device, queue) {
             warn_once!("restir: the table of {} lights is larger than this device can bind", self.table.len());
             self.previous_matches = false;
+            // The next frame tries again: memory may have become free.
+            self.pending = Upload::Everything;
             return 0;
         }
         let runs = dirty_runs(&self.uploaded, &both);

@@ -104,6 +104,18 @@ impl Default for MaterialPool {
 }
 
 impl MaterialPool {
+    /// Lengths of the pool's tables.
+    #[cfg(feature = "testing")]
+    pub(crate) fn lengths(&self) -> Vec<(&'static str, usize)> {
+        vec![
+            ("sources of materials", self.sources.len()),
+            ("materials", self.by_id.len()),
+            ("slots of materials", self.slots.len()),
+            ("records of textures", self.records.end() as usize),
+            ("warnings of materials", self.warned.len()),
+        ]
+    }
+
     /// Reads the limits of the device.
     pub(crate) fn limit_to(&mut self, device: &RenderDevice) {
         self.limits = [GrowableBuffer::<GpuMaterial>::limit(device), DataTexture::<[u32; 4]>::limit(device)];

@@ -45,6 +45,17 @@ impl Default for SubsurfacePool {
 }
 
 impl SubsurfacePool {
+    /// Lengths of the pool's tables.
+    #[cfg(feature = "testing")]
+    pub(crate) fn lengths(&self) -> Vec<(&'static str, usize)> {
+        vec![("records of subsurface", self.records.len()), ("warnings of subsurface", self.warned.len())]
+    }
+
+    /// Forgets warnings of entities that are gone.
+    pub(crate) fn forget_warnings(&mut self, exists: impl Fn(MainEntity) -> bool) {
+        self.warned.retain(|entity| exists(*entity));
+    }
+
     /// Starts a frame without records.
     pub(crate) fn begin_frame(&mut self, device: &RenderDevice) {
         self.records.clear();

@@ -4,15 +4,20 @@
 
 use bevy::render::renderer::RenderDevice;
 
-/// Runs a function that creates buffers, textures or bind groups.  If the device reports an error, for example that its memory is full, the
-/// function's result is dropped and the error is returned.
+/// Runs a function that creates buffers, textures or bind groups for something.  If the device reports an error, for example that its memory
+/// is full, the function's result is dropped and the error is returned.
 ///
 /// In a browser errors arrive later, so that they reach Bevy's handler as before.
 #[cfg(not(target_arch = "wasm32"))]
-pub fn attempt<T>(device: &RenderDevice, create: impl FnOnce() -> T) -> Result<T, String> {
+#[cfg_attr(not(feature = "testing"), allow(unused_variables, reason = "tests name allocations that fail"))]
+pub fn attempt<T>(device: &RenderDevice, what: &str, create: impl FnOnce() -> T) -> Result<T, String> {
     use bevy::tasks::futures::now_or_never;
     use wgpu::ErrorFilter;
 
+    #[cfg(feature = "testing")]
+    if planted::fails(device, what) {
+        return Err("planted".into());
+    }
     let device = device.wgpu_device();
     let scopes = [ErrorFilter::Validation, ErrorFilter::Internal, ErrorFilter::OutOfMemory]
         .map(|filter| device.push_error_scope(filter));
@@ -24,6 +29,31 @@ pub fn attempt<T>(device: &RenderDevice, create: impl FnOnce() -> T) -> Result<T
 
 /// In a browser this only runs the function: errors arrive later, at Bevy's handler.
 #[cfg(target_arch = "wasm32")]
-pub fn attempt<T>(_: &RenderDevice, create: impl FnOnce() -> T) -> Result<T, String> {
+pub fn attempt<T>(_: &RenderDevice, _: &str, create: impl FnOnce() -> T) -> Result<T, String> {
     Ok(create())
 }
+
+/// Failures that tests plant.
+#[cfg(all(feature = "testing", not(target_arch = "wasm32")))]
+mod planted {
+    use bevy::{app::App, render::renderer::RenderDevice};
+    use std::sync::{Mutex, PoisonError};
+
+    /// Devices with the names of the allocations that fail there.
+    static FAILING: Mutex<Vec<(wgpu::Device, &'static str)>> = Mutex::new(Vec::new());
+
+    /// Lets allocations with these names fail on the device of an app, and no others.
+    pub fn plant_failed_allocations(app: &App, names: &[&'static str]) {
+        let Some(device) = app.world().get_resource::<RenderDevice>() else { return };
+        let mut failing = FAILING.lock().unwrap_or_else(PoisonError::into_inner);
+        failing.retain(|(other, _)| other != device.wgpu_device());
+        failing.extend(names.iter().map(|name| (device.wgpu_device().clone(), *name)));
+    }
+
+    pub(super) fn fails(device: &RenderDevice, what: &str) -> bool {
+        let failing = FAILING.lock().unwrap_or_else(PoisonError::into_inner);
+        failing.iter().any(|(other, name)| other == device.wgpu_device() && *name == what)
+    }
+}
+#[cfg(all(feature = "testing", not(target_arch = "wasm32")))]
+pub use planted::plant_failed_allocations;

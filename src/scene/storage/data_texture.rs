@@ -46,7 +46,7 @@ impl<T: Pod> DataTexture<T> {
         if self.texture.as_ref().is_some_and(|t| t.height() >= rows) {
             return false;
         }
-        match allocation::attempt(device, || self.create(rows, device)) {
+        match allocation::attempt(device, self.label, || self.create(rows, device)) {
             Ok(texture) => {
                 self.view = Some(texture.create_view(&TextureViewDescriptor::default()));
                 self.texture = Some(texture);

@@ -55,7 +55,7 @@ impl<T: Pod> GrowableBuffer<T> {
             return false;
         }
         let capacity = count.max(1).checked_next_power_of_two().unwrap_or(count).min(self.limit);
-        let buffer = match allocation::attempt(device, || self.create(capacity, device)) {
+        let buffer = match allocation::attempt(device, self.label, || self.create(capacity, device)) {
             Ok(buffer) => buffer,
             Err(error) => {
                 if !core::mem::replace(&mut self.warned, true) {

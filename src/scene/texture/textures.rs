@@ -36,6 +36,7 @@ use core::num::NonZeroU32;
 use crate::scene::{
     asset_wait::AssetWait,
     extract::ExtractedScene,
+    storage::allocation,
     texture::atlas::{Atlas, Copier},
     texture::atlas_allocator::{AtlasAllocator, Limits},
     texture::bindless::BindlessTextures,
@@ -147,6 +148,17 @@ pub(crate) fn extract_mean_colors(
 }
 
 impl TexturePool {
+    /// Lengths of the pool's tables.
+    #[cfg(feature = "testing")]
+    pub(crate) fn lengths(&self) -> Vec<(&'static str, usize)> {
+        vec![
+            ("images", self.info.len()),
+            ("rejected images", self.rejected.len()),
+            ("changed images", self.changed.len()),
+            ("warnings of images", self.warned.len() + self.absent.len()),
+        ]
+    }
+
     /// A pool that binds up to `max_textures` bindless textures.
     pub(crate) fn with_bindless(max_textures: NonZeroU32) -> Self {
         Self { bindless: Some(BindlessTextures::new(max_textures)), ..Default::default() }
@@ -371,10 +383,32 @@ impl TexturePool {
         let [page, layers] = self.allocator.pages();
         let fits = self.atlas.as_ref().is_some_and(|atlas| atlas.pages() == [page, layers]);
         if !fits && layers > 0 {
-            self.atlas = Some(Atlas::new(page, layers, device));
+            // The old atlas is free before the new one is created.
+            self.atlas = None;
+            match allocation::attempt(device, "texture atlas", || Atlas::new(page, layers, device)) {
+                Ok(atlas) => self.atlas = Some(atlas),
+                Err(error) => {
+                    self.reject_all(&error);
+                    return Vec::new();
+                }
+            }
         }
         self.edit_revision += u64::from(all_moved && had_images);
         if all_moved { self.allocator.images().collect() } else { new.to_vec() }
+    }
+
+    /// Renders materials without the images of the atlas, because the device has no memory for it.
+    fn reject_all(&mut self, error: &str) {
+        let images: Vec<_> = self.allocator.images().collect();
+        warn!(
+            "restir: no memory for the texture atlas; materials are rendered without {} textures: {error}",
+            images.len()
+        );
+        for id in images {
+            self.allocator.release(id);
+            self.rejected.insert(id);
+        }
+        self.edit_revision += 1;
     }
 }
 

@@ -1,0 +1,213 @@
+//! Broken copies of glTF files: each must give an error or a picture.
+
+mod glb;
+mod mutation;
+
+use bevy::prelude::*;
+use bevy_restir::{Preset, RayBackend, Restir, RestirEnvironment, RestirStatistics, Technique};
+use bevy_restir_support::{
+    arguments,
+    exposure::unit_exposure,
+    headless::{self, captured, frame},
+    panics,
+    progress::Progress,
+    scene::{self, CameraSetup, View},
+    scenes::Random,
+};
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use crate::{
+    soundness::{self, Watchdog},
+    things::spawn_everything,
+};
+use glb::Glb;
+
+/// Frames in which a file must be loaded, built and shown.
+const PATIENCE: u32 = 300;
+
+/// Loads broken copies of glTF files: bits that flip, ends that are cut off, and changes of the JSON, such as accessors beyond their data,
+/// cyclic nodes, unknown extensions, numbers without a meaning. Each must give an error or a finite picture; a panic, an error of the
+/// renderer, a hang or a number that the shaders should never meet fails. Copies that fail are kept in the folder.
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    /// Binary glTF files; without any, the scenes of the project and a small file with a bit of everything.
+    files: Vec<PathBuf>,
+    /// Number of copies.
+    #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..))]
+    count: u32,
+    /// The first copy; the others follow it. `--count 1` repeats one.
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    #[arg(long, default_value = "reference", value_parser = arguments::choice::<Technique>())]
+    technique: Technique,
+    /// Pixels.
+    #[arg(long, default_value = "16x16", value_parser = arguments::size)]
+    size: UVec2,
+    /// Folder of the copies that fail.
+    #[arg(long, default_value = "target/lab/broken-files")]
+    out: PathBuf,
+    /// Keeps all copies, for other programs.
+    #[arg(long)]
+    keep: bool,
+    /// Prints a line for each copy.
+    #[arg(long)]
+    list: bool,
+}
+
+pub fn run(args: &Args) -> Result<(), String> {
+    let files = sources(args)?;
+    fs::create_dir_all(&args.out).map_err(|e| format!("{}: {e}", args.out.display()))?;
+    let folder = args.out.canonicalize().map_err(|e| format!("{}: {e}", args.out.display()))?;
+    panics::record();
+    let watchdog = Watchdog::new();
+    let progress = Progress::new(args.count.into());
+    let (mut app, mut failed, mut shown) = (None, 0, 0);
+    for seed in (args.seed..).take(args.count as usize) {
+        let mut random = Random::new(seed);
+        let (name, sound) = &files[random.below(files.len())];
+        let (told, bytes) = mutation::mutant(sound, &mut random);
+        let path = folder.join(format!("broken-{seed}.glb"));
+        fs::write(&path, bytes).map_err(|e| format!("{}: {e}", path.display()))?;
+        watchdog.watch(path.display().to_string());
+        let mut current = match app.take() {
+            Some(app) => app,
+            None => stage(&folder, args)?,
+        };
+        let tried = panics::caught(|| (outcome(&mut current, &path), current));
+        let result = tried.map(|(outcome, current)| {
+            // An app whose renderer failed cannot go on.
+            app = current.should_exit().is_none().then_some(current);
+            outcome
+        });
+        match result {
+            Ok(Outcome::Picture) => {
+                shown += 1;
+                if args.list {
+                    println!("copy {seed} of {name} ({told}): a picture");
+                }
+            }
+            Ok(Outcome::Error(error)) => {
+                if args.list {
+                    println!("copy {seed} of {name} ({told}): {}", error.lines().next().unwrap_or_default());
+                }
+            }
+            Ok(Outcome::Fault(fault)) | Err(fault) => {
+                failed += 1;
+                println!(
+                    "copy {seed} of {name} ({told}): {fault}; it is repeated by: lab broken-files --count 1 --seed {seed}"
+                );
+                progress.step();
+                continue;
+            }
+        }
+        if !args.keep {
+            let _ = fs::remove_file(&path);
+        }
+        progress.step();
+    }
+    if failed > 0 {
+        return Err(format!("{failed} of {} copies fail; {} has them", args.count, args.out.display()));
+    }
+    println!("{} copies, none fails: {shown} pictures, {} errors", args.count, args.count - shown);
+    Ok(())
+}
+
+/// The sound files.
+fn sources(args: &Args) -> Result<Vec<(String, Glb)>, String> {
+    let mut paths = args.files.clone();
+    if paths.is_empty() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/scenes");
+        let entries = fs::read_dir(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+        paths.extend(
+            entries.flatten().map(|entry| entry.path()).filter(|path| path.extension().is_some_and(|e| e == "glb")),
+        );
+        paths.sort();
+    }
+    let read = |path: &PathBuf| {
+        let told = |error: String| format!("{}: {error}", path.display());
+        let bytes = fs::read(path).map_err(|error| told(error.to_string()))?;
+        Ok((path.display().to_string(), Glb::read(&bytes).map_err(told)?))
+    };
+    let mut files = paths.iter().map(read).collect::<Result<Vec<_>, String>>()?;
+    if args.files.is_empty() {
+        // It is small and breaks in more ways, so it is chosen as often as all others.
+        let rich = ("a small file".to_owned(), glb::rich());
+        files.extend(core::iter::repeat_n(rich, files.len()));
+    }
+    Ok(files)
+}
+
+/// An app with a camera that stays while files come and go.
+fn stage(folder: &Path, args: &Args) -> Result<App, String> {
+    let mut app = headless::app(folder, RayBackend::Auto)?;
+    let environment = Some(RestirEnvironment { color: LinearRgba::rgb(0.3, 0.3, 0.3), ..default() });
+    let settings = Restir { technique: args.technique, bounces: 3, ..Restir::preset(Preset::Performance) };
+    let setup = CameraSetup { size: args.size, exposure: unit_exposure(), environment, settings };
+    scene::spawn_camera(app.world_mut(), (Transform::default(), Projection::default()), setup);
+    spawn_everything(app.world_mut());
+    Ok(app)
+}
+
+enum Outcome {
+    Picture,
+    Error(String),
+    Fault(String),
+}
+
+/// Loads a file and renders it.
+fn outcome(app: &mut App, path: &Path) -> Outcome {
+    let result = shown(app, path);
+    let failed = app.should_exit().is_some();
+    let result = if failed { Outcome::Fault("the renderer failed".into()) } else { result };
+    scene::unload(app.world_mut());
+    if !failed {
+        // What the file has left is gone before the next one.
+        (0..3).for_each(|_| _ = frame(app));
+    }
+    result
+}
+
+fn shown(app: &mut App, path: &Path) -> Outcome {
+    app.world().resource::<RestirStatistics>().reset_guards();
+    let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    // A panic of a loader is an error of the file, as in `render`.
+    let place = scene::load(app, &name).and_then(|()| scene::file_camera(app.world_mut(), None));
+    let (transform, projection) = match place {
+        Ok(place) => place,
+        Err(error) => return Outcome::Error(error),
+    };
+    scene::remove_file_cameras(app.world_mut());
+    let camera = app.world().resource::<View>().camera;
+    let mut settings = app.world().get::<Restir>(camera).cloned().unwrap_or_default();
+    settings.reset = true;
+    app.world_mut().entity_mut(camera).insert((transform, projection, settings));
+    frame(app);
+    for waited in 0.. {
+        frame(app);
+        let report = app.world().resource::<RestirStatistics>().report();
+        if report.ready && report.samples > 0 {
+            break;
+        }
+        if waited > PATIENCE {
+            return Outcome::Fault(format!("the file is not shown after {PATIENCE} frames"));
+        }
+    }
+    frame(app);
+    app.world().resource::<View>().capture.request();
+    frame(app);
+    let picture = match captured(app) {
+        Ok(picture) => picture,
+        Err(error) => return Outcome::Fault(error),
+    };
+    if let Some(pixel) = picture.mean().flatten().find(|c| !c.is_finite() || *c < 0.0) {
+        return Outcome::Fault(format!("a pixel is {pixel}"));
+    }
+    (0..2).for_each(|_| _ = frame(app));
+    if let Some(panic) = panics::take() {
+        return Outcome::Fault(panic);
+    }
+    soundness::fault(&app.world().resource::<RestirStatistics>().report()).map_or(Outcome::Picture, Outcome::Fault)
+}

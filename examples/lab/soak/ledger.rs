@@ -1,0 +1,147 @@
+//! What a soak records in each round, and what it compares: the second half of the rounds with the first.
+
+use bevy::render::{RenderApp, renderer::RenderInstance};
+use bevy::{image::Image, mesh::Mesh, mesh::skinning::SkinnedMeshInverseBindposes, pbr::StandardMaterial, prelude::*};
+use bevy_restir::{RestirReport, testing::lengths::table_lengths};
+use std::collections::BTreeMap;
+
+/// Share by which memory may grow.
+const GROWTH: f64 = 0.02;
+/// Bytes by which the process may grow besides.
+const SLACK: f64 = (4 << 20) as f64;
+/// Standard errors between the means of both halves, with many rounds. A run compares some twenty means, and few rounds estimate their
+/// errors badly: [`limit`].
+const ERRORS: f64 = 5.0;
+
+/// Figures of one round.
+#[derive(Default)]
+pub struct Round {
+    /// Mean radiance of each frame.
+    pub light: Vec<f64>,
+    /// The most bytes of the plugin's buffers and textures.
+    pub device_bytes: f64,
+    /// Bytes of the process, where the system tells.
+    pub resident_bytes: Option<f64>,
+    /// Numbers of things that are alive at the end, by name.
+    pub alive: BTreeMap<String, f64>,
+    pub milliseconds: f64,
+}
+
+impl Round {
+    /// Records the end of a round, where nothing but the scene that stays is left.
+    pub fn end(&mut self, app: &App, report: &RestirReport) {
+        self.resident_bytes = resident_bytes();
+        let world = app.world();
+        let mut count = |name: &str, number: usize| _ = self.alive.insert(name.into(), number as f64);
+        count("entities", world.entity_count() as usize);
+        count("meshes of the app", world.resource::<Assets<Mesh>>().len());
+        count("materials of the app", world.resource::<Assets<StandardMaterial>>().len());
+        count("images of the app", world.resource::<Assets<Image>>().len());
+        count("skins of the app", world.resource::<Assets<SkinnedMeshInverseBindposes>>().len());
+        count("pipelines", report.pipelines.len());
+        for (name, number) in table_lengths(app) {
+            count(&format!("table: {name}"), number);
+        }
+        let Some(render_app) = app.get_sub_app(RenderApp) else { return };
+        count("entities of the renderer", render_app.world().entity_count() as usize);
+        let instance = render_app.world().get_resource::<RenderInstance>();
+        if let Some(report) = instance.and_then(|instance| instance.generate_report()) {
+            count("buffers", report.hub.buffers.num_kept_from_user);
+            count("textures", report.hub.textures.num_kept_from_user);
+            count("texture views", report.hub.texture_views.num_kept_from_user);
+            count("bind groups", report.hub.bind_groups.num_kept_from_user);
+            count("shader modules", report.hub.shader_modules.num_kept_from_user);
+        }
+    }
+}
+
+/// Memory of this process that is in use.
+fn resident_bytes() -> Option<f64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
+    let kilobytes: f64 = line.trim().split(' ').next()?.parse().ok()?;
+    Some(1024.0 * kilobytes)
+}
+
+/// The rounds after the warm-up, in two halves.
+pub struct Halves<'a>(pub &'a [Round], pub &'a [Round]);
+
+/// Rounds in which capacities settle: one in eight, and at least two.
+pub fn warm_up(rounds: usize) -> usize {
+    (rounds / 8).max(2)
+}
+
+impl<'a> Halves<'a> {
+    pub fn of(rounds: &'a [Round]) -> Self {
+        let rest = &rounds[warm_up(rounds.len()).min(rounds.len())..];
+        let (first, second) = rest.split_at(rest.len() / 2);
+        Self(first, second)
+    }
+
+    /// The greatest values of both halves.
+    pub fn most(&self, of: impl Fn(&Round) -> f64) -> [f64; 2] {
+        [self.0, self.1].map(|half| half.iter().map(&of).fold(0.0, f64::max))
+    }
+
+    /// The medians of both halves; `None` where the system does not tell.
+    pub fn resident(&self) -> Option<[f64; 2]> {
+        let median = |half: &[Round]| {
+            let mut bytes: Vec<f64> = half.iter().filter_map(|round| round.resident_bytes).collect();
+            bytes.sort_by(f64::total_cmp);
+            bytes.get(bytes.len() / 2).copied()
+        };
+        Some([median(self.0)?, median(self.1)?])
+    }
+
+    /// What has grown, one line each.
+    pub fn growth(&self) -> Vec<String> {
+        let mut grown = Vec::new();
+        let [before, after] = self.most(|round| round.device_bytes);
+        if after > before * (1.0 + GROWTH) {
+            grown.push(format!("memory of the device grows from {before} to {after} bytes"));
+        }
+        if let Some([before, after]) = self.resident()
+            && after > before * (1.0 + GROWTH) + SLACK
+        {
+            grown.push(format!("memory of the process grows from {before} to {after} bytes"));
+        }
+        for name in self.1.first().into_iter().flat_map(|round| round.alive.keys()) {
+            let [before, after] = self.most(|round| round.alive.get(name).copied().unwrap_or_default());
+            if after > before {
+                grown.push(format!("{name}: {before} become {after}"));
+            }
+        }
+        grown
+    }
+
+    /// The difference of the light of each frame of the round, and of their mean, in standard errors of this run, and their limit.
+    pub fn light(&self) -> (Vec<f64>, f64) {
+        let frames = self.0.first().map_or(0, |round| round.light.len());
+        let of_round = |round: &Round| round.light.iter().sum::<f64>() / frames as f64;
+        let values = |half: &[Round], frame: usize| -> Vec<f64> {
+            half.iter().map(|round| round.light.get(frame).copied().unwrap_or_else(|| of_round(round))).collect()
+        };
+        let errors = (0..=frames).map(|frame| difference(&values(self.0, frame), &values(self.1, frame))).collect();
+        (errors, limit(self.0.len() + self.1.len()))
+    }
+}
+
+/// Difference of two means in standard errors.
+fn difference(before: &[f64], after: &[f64]) -> f64 {
+    let moments = |values: &[f64]| {
+        let n = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / n;
+        (mean, values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (n * (n - 1.0)))
+    };
+    let ((before, of_before), (after, of_after)) = (moments(before), moments(after));
+    if before == after { 0.0 } else { (after - before) / (of_before + of_after).sqrt() }
+}
+
+/// [`ERRORS`] as a quantile of Student's distribution, by the expansion of Cornish and Fisher.
+fn limit(rounds: usize) -> f64 {
+    let (z, freedom) = (ERRORS, (rounds as f64 - 2.0).max(1.0));
+    let first = (z.powi(3) + z) / 4.0;
+    let second = (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / 96.0;
+    let third = (3.0 * z.powi(7) + 19.0 * z.powi(5) + 17.0 * z.powi(3) - 15.0 * z) / 384.0;
+    z + first / freedom + second / freedom.powi(2) + third / freedom.powi(3)
+}
