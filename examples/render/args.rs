@@ -71,7 +71,8 @@ pub struct Args {
     /// Writes a second .exr file; repeatable. NAME says what: the first surface of each pixel in the frame after the picture, as albedo,
     /// normal (world space, 0 without a surface), depth (distance from the camera, m; 0 without a surface) or motion (pixels to the surface
     /// in the frame before); or a part of the light in the picture, as diffuse (with light out of translucent bodies) or specular. The
-    /// parts take as many frames as the picture and sum to it, except for what emits by itself.
+    /// parts take as many frames as the picture and sum to it, except for what emits by itself; with `--output last`, bright pixels are
+    /// limited in the picture alone (`--set firefly_limit=0` turns that off).
     #[arg(long = "aov", value_name = "NAME=FILE.exr", value_parser = aov)]
     pub aovs: Vec<Aov>,
     /// Writes times, memory and counters as JSON.
