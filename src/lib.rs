@@ -27,6 +27,7 @@
 #![cfg_attr(feature = "testing", warn(unreachable_pub))]
 
 mod budget;
+mod cpu_times;
 mod device;
 mod frame;
 #[cfg_attr(not(feature = "testing"), allow(dead_code, reason = "tests compare every constant of the shaders"))]

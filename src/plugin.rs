@@ -15,7 +15,9 @@ use bevy::{
 };
 
 use crate::{
-    budget, device, frame,
+    budget,
+    cpu_times::CpuTimes,
+    device, frame,
     report::{self, RestirStatistics},
     scene,
     settings::{
@@ -119,6 +121,7 @@ impl RestirPlugin {
             .insert_resource(library)
             .insert_resource(statistics.guard_run().clone())
             .insert_resource(statistics)
+            .init_resource::<CpuTimes>()
             .add_systems(
                 Render,
                 report::update_report.in_set(RenderSystems::Cleanup).before(view::capture_readback::capture_radiance),

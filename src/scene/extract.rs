@@ -22,6 +22,7 @@ use bevy::{
 };
 use core::f32::consts::PI;
 
+use crate::cpu_times::{CpuTimes, Stage};
 use crate::scene::{
     geometry::render_layers::{ALL_CAMERAS, LayerSets},
     geometry::rig::Pose,
@@ -233,7 +234,9 @@ pub(crate) fn extract_instances(
     sets: Res<LayerSets>,
     ranges: Extract<VisibilityRanges>,
     poses: Extract<PoseSources>,
+    times: Res<CpuTimes>,
 ) {
+    let _running = times.measure(Stage::ExtractInstances);
     let scene = &mut *scene;
     scene.instances.clear();
     scene.instances.extend(instances.iter().filter(|row| row.4.get()).filter_map(
@@ -273,7 +276,9 @@ pub(crate) fn extract_lights(
     rects: Extract<Query<LightData<RectLight>>>,
     layers: Extract<Query<&RenderLayers>>,
     sets: Res<LayerSets>,
+    times: Res<CpuTimes>,
 ) {
+    let _running = times.measure(Stage::ExtractLights);
     let ExtractedScene { lights, hidden_lights, .. } = &mut *scene;
     lights.clear();
     for (entity, light, transform, visibility) in &points {
@@ -313,7 +318,9 @@ pub(crate) fn extract_materials(
     mut scene: ResMut<ExtractedScene>,
     mut events: Extract<MessageReader<AssetEvent<StandardMaterial>>>,
     materials: Extract<Res<Assets<StandardMaterial>>>,
+    times: Res<CpuTimes>,
 ) {
+    let _running = times.measure(Stage::ExtractMaterials);
     scene.materials.clear();
     scene.removed_materials.clear();
     for event in events.read() {

@@ -14,7 +14,11 @@ use bevy::{
     },
 };
 
-use crate::{gpu_layout::*, shader_library::ShaderLibrary};
+use crate::{
+    cpu_times::{CpuTimes, Stage},
+    gpu_layout::*,
+    shader_library::ShaderLibrary,
+};
 
 use super::{
     accel::ray_query::{self, AccelerationStructures},
@@ -47,6 +51,7 @@ pub(super) struct Context<'w> {
     assets: Res<'w, AssetServer>,
     pipelines: Res<'w, PipelineCache>,
     shaders: Res<'w, ShaderLibrary>,
+    times: Res<'w, CpuTimes>,
     device: Res<'w, RenderDevice>,
     queue: Res<'w, RenderQueue>,
 }
@@ -64,8 +69,11 @@ pub(super) fn prepare_scene(
     if bindings.specular_albedo.is_none() && scene.energy_compensation {
         bindings.specular_albedo = Some(directional_albedo::texture(&context.device, &context.queue));
     }
+    let running = context.times.measure(Stage::Bindings);
     uploaded += bindings.write_uniforms(&uniforms(&pools), &context.device, &context.queue);
     update_bind_groups(&mut bindings, &mut pools, &context);
+    drop(running);
+    let _running = context.times.measure(Stage::Summary);
     summarize(&mut bindings, &pools);
     bindings.uploaded_bytes = uploaded;
     update_draws(&mut bindings, &pools);
@@ -73,28 +81,38 @@ pub(super) fn prepare_scene(
 
 /// Gives slots to the materials in use, copies their textures and packs the materials that changed.
 fn update_materials(scene: &mut ExtractedScene, pools: &mut Pools, context: &Context) {
-    let Context { images, assets, pipelines, shaders, device, queue } = context;
+    let Context { images, assets, pipelines, shaders, times, device, queue } = context;
     let Pools { meshes, textures, materials, instances, .. } = pools;
+    let running = times.measure(Stage::Materials);
     materials.limit_to(device);
     meshes.warn_of_lines_and_points(&scene.instances);
     materials.update_sources(scene);
     materials.make_room(&scene.instances, meshes.idle() && !instances.waiting);
+    drop(running);
+    let running = times.measure(Stage::Textures);
     let slots_changed = textures.update(materials.images(), images, pipelines, shaders, assets, device, queue);
+    drop(running);
+    let _running = times.measure(Stage::Materials);
     materials.pack(textures, slots_changed);
 }
 
 /// Updates the records of instances and lights, and the trees over them.
 fn update_instances_and_lights(scene: &ExtractedScene, pools: &mut Pools, context: &Context) {
-    let Context { assets, pipelines, shaders, device, queue, .. } = context;
+    let Context { assets, pipelines, shaders, times, device, queue, .. } = context;
     let Pools { meshes, bodies, materials, subsurface, instances, lights, .. } = pools;
+    let running = times.measure(Stage::Bodies);
     bodies.update(scene, meshes, device, queue);
     bodies.prepare_pipelines(pipelines, shaders);
+    drop(running);
+    let running = times.measure(Stage::Instances);
     let mut max_instances = GrowableBuffer::<GpuInstance>::limit(device);
     if instances.structures.is_some() {
         max_instances = max_instances.min(ray_query::MAX_SLOTS).min(device.limits().max_tlas_instance_count);
     }
     subsurface.begin_frame(device);
     instances.update(scene, meshes, bodies, materials, subsurface, assets, max_instances);
+    drop(running);
+    let _running = times.measure(Stage::Lights);
     // The buffer also holds the table of the last frame, so each table gets half of it.
     let max_lights = GrowableBuffer::<GpuLight>::limit(device) / 2;
     lights.update(scene, instances, meshes, materials, max_lights);
@@ -102,12 +120,19 @@ fn update_instances_and_lights(scene: &ExtractedScene, pools: &mut Pools, contex
 
 /// Builds the trees over instances and lights, and uploads everything that changed.  Returns the number of bytes sent.
 fn upload(pools: &mut Pools, context: &Context) -> u64 {
-    let Context { pipelines, device, queue, .. } = context;
+    let Context { pipelines, times, device, queue, .. } = context;
     let Pools { meshes, bodies, materials, subsurface, instances, lights, .. } = pools;
     // The device's own trees are built from posed triangles.
+    let running = times.measure(Stage::Bodies);
     let uploaded_poses = bodies.deform(meshes, pipelines, device, queue);
+    drop(running);
+    let running = times.measure(Stage::TopLevel);
     instances.build_top_level(meshes, bodies, device, queue);
+    drop(running);
+    let running = times.measure(Stage::Lights);
     let uploaded_shapes = lights.build_shapes(meshes, device, queue);
+    drop(running);
+    let _running = times.measure(Stage::Upload);
     let needs_second_uvs = instances.features.contains(SceneFeatures::SECOND_UVS);
     meshes.uploaded
         + uploaded_poses

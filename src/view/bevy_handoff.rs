@@ -21,6 +21,7 @@ use bevy::{
 use core::any::TypeId;
 
 use super::ViewPool;
+use crate::cpu_times::{CpuTimes, Stage};
 use crate::settings::{Restir, RestirIgnore, RestirMaterial};
 
 /// Objects that we draw.
@@ -82,7 +83,13 @@ impl HiddenFromBevy {
 }
 
 /// Removes mirrored meshes from the main world's lists before Bevy extracts them.
-fn hide_mirrored_meshes(mut main_world: ResMut<MainWorld>, pool: Res<ViewPool>, mut hidden: ResMut<HiddenFromBevy>) {
+fn hide_mirrored_meshes(
+    mut main_world: ResMut<MainWorld>,
+    pool: Res<ViewPool>,
+    mut hidden: ResMut<HiddenFromBevy>,
+    times: Res<CpuTimes>,
+) {
+    let _running = times.measure(Stage::Handoff);
     let hidden = &mut *hidden;
     core::mem::swap(&mut hidden.views, &mut hidden.last_views);
     hidden.views.clear();
@@ -122,7 +129,9 @@ fn hide_meshes_culled_on_gpu(
     hidden: Res<HiddenFromBevy>,
     culled: Option<Res<RenderGpuCulledEntities>>,
     mut views: Query<(Option<&RenderLayers>, &mut RenderVisibleEntities)>,
+    times: Res<CpuTimes>,
 ) {
+    let _running = times.measure(Stage::Handoff);
     let Some(culled) = culled.filter(|culled| !culled.entities.is_empty()) else { return };
     for &view in hidden.views.union(&hidden.last_views) {
         let Ok((layers, mut lists)) = views.get_mut(view) else { continue };

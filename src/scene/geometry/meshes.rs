@@ -22,6 +22,7 @@ use bevy::{
 };
 use std::ops::Range;
 
+use crate::cpu_times::{CpuTimes, Stage};
 use crate::gpu_layout::*;
 use crate::scene::{
     accel::blas::{self, Blas, Bounds},
@@ -155,7 +156,12 @@ impl Default for MeshPool {
 
 /// Starts a build for each mesh that was added or changed.  A running build is finished and shown first, so that a mesh that changes faster
 /// than it is built still moves, although late.
-pub(crate) fn queue_meshes(mut pool: ResMut<MeshPool>, extracted: Res<ExtractedAssets<RenderMesh>>) {
+pub(crate) fn queue_meshes(
+    mut pool: ResMut<MeshPool>,
+    extracted: Res<ExtractedAssets<RenderMesh>>,
+    times: Res<CpuTimes>,
+) {
+    let _running = times.measure(Stage::Meshes);
     let pool = &mut *pool;
     pool.release_retired();
     for id in &extracted.removed {
@@ -199,7 +205,9 @@ pub(crate) fn finish_meshes(
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
     assets: Option<Res<AssetServer>>,
+    times: Res<CpuTimes>,
 ) {
+    let _running = times.measure(Stage::Meshes);
     let pool = &mut *pool;
     pool.uploaded = 0;
     pool.warned.begin_frame();

@@ -41,7 +41,12 @@ use crate::scene::{
     texture::bindless::BindlessTextures,
     texture::image_info::{BINDLESS, ImageInfo, LEVELS_SHIFT, is_live, mean_color, warn_of_lost_bits},
 };
-use crate::{gpu_layout::NO_TEXTURE, shader_library::ShaderLibrary, warned::Warned};
+use crate::{
+    cpu_times::{CpuTimes, Stage},
+    gpu_layout::NO_TEXTURE,
+    shader_library::ShaderLibrary,
+    warned::Warned,
+};
 
 /// The textures of the scene.
 #[derive(Resource)]
@@ -105,7 +110,9 @@ pub(crate) fn record_images(
     mut pool: ResMut<TexturePool>,
     extracted: Res<ExtractedAssets<GpuImage>>,
     scene: Res<ExtractedScene>,
+    times: Res<CpuTimes>,
 ) {
+    let _running = times.measure(Stage::Textures);
     let pool = &mut *pool;
     pool.asset_wait.begin_frame();
     pool.warned.begin_frame();
