@@ -70,7 +70,7 @@ pub mod prelude {
 pub mod testing {
     pub use crate::{
         frame::pipelines::{plant_shader_defs, plant_shader_edits, replace_pass_shader},
-        scene::{accel, geometry, light, material, storage},
+        scene::{accel, check_mirror, geometry, light, material, storage},
         technique::shader_templates,
     };
 

@@ -45,6 +45,9 @@ pub struct RestirReport {
     /// CPU time of each stage of the last frame, ms: the plugin's own work, without what Bevy and the driver do later.  Stages run one after
     /// another, so that their sum is the time of all.
     pub cpu_ms: Vec<(&'static str, f32)>,
+    /// How many elements of the scene the plugin looked at in the last frame, by kind.  All are 0 while nothing changes, apart from skinned
+    /// and morphed instances and images that the GPU writes.
+    pub visited: Vec<(&'static str, u64)>,
     /// Bytes of scene data uploaded in the last frame; 0 while nothing changes.
     pub uploaded_bytes: u64,
     /// Names of GPU buffers and textures of this plugin with their sizes in bytes.
@@ -128,6 +131,7 @@ pub(crate) fn update_report(
     report.backend = if scene.features.contains(SceneFeatures::RAY_QUERY) { "hardware" } else { "software" };
     report.features = scene.features;
     report.uploaded_bytes = scene.uploaded_bytes;
+    report.visited.clone_from(&scene.visited);
     report.pipelines = passes.report();
     report.triangles = scene.triangles;
     report.instances = scene.instances;
