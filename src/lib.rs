@@ -27,6 +27,7 @@
 #![cfg_attr(feature = "testing", warn(unreachable_pub))]
 
 mod budget;
+mod cpu_times;
 mod device;
 mod frame;
 #[cfg_attr(not(feature = "testing"), allow(dead_code, reason = "tests compare every constant of the shaders"))]
@@ -70,7 +71,7 @@ pub mod prelude {
 pub mod testing {
     pub use crate::{
         frame::pipelines::{plant_shader_defs, plant_shader_edits, replace_pass_shader},
-        scene::{accel, geometry, lengths, light, material, storage},
+        scene::{accel, check_mirror, geometry, lengths, light, material, storage},
         technique::shader_templates,
     };
 

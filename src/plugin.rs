@@ -15,7 +15,9 @@ use bevy::{
 };
 
 use crate::{
-    budget, device, frame,
+    budget,
+    cpu_times::CpuTimes,
+    device, frame,
     report::{self, RestirStatistics},
     scene,
     settings::{
@@ -110,6 +112,7 @@ impl RestirPlugin {
             .insert_resource(statistics.guard_run().clone())
             .insert_resource(statistics)
             .insert_resource(Backend(self.backend))
+            .init_resource::<CpuTimes>()
             .add_systems(RenderStartup, renew)
             .add_systems(
                 Render,

@@ -4,6 +4,7 @@ use bevy::{ecs::prelude::*, log::error};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::{
+    cpu_times::{CpuTimes, Stage},
     frame::pipelines::{PassPipelines, PipelineReport},
     gpu_layout::GpuCounters,
     scene::{SceneFeatures, bindings::SceneBindings},
@@ -41,6 +42,12 @@ pub struct RestirReport {
     /// How far [`RestirBudget`](crate::RestirBudget) reduces the settings of all cameras: the argument of
     /// [`Restir::reduced`](crate::Restir::reduced).
     pub budget_step: u32,
+    /// CPU time of each stage of the last frame, ms: the plugin's own work, without what Bevy and the driver do later.  Stages run one after
+    /// another, so that their sum is the time of all.
+    pub cpu_ms: Vec<(&'static str, f32)>,
+    /// How many elements of the scene the plugin looked at in the last frame, by kind.  All are 0 while nothing changes, apart from skinned
+    /// and morphed instances and images that the GPU writes.
+    pub visited: Vec<(&'static str, u64)>,
     /// Bytes of scene data uploaded in the last frame; 0 while nothing changes.
     pub uploaded_bytes: u64,
     /// Names of GPU buffers and textures of this plugin with their sizes in bytes.
@@ -111,14 +118,20 @@ pub(crate) fn update_report(
     views: Res<ViewPool>,
     environments: Res<EnvironmentPool>,
     passes: Res<PassPipelines>,
+    times: Res<CpuTimes>,
     mut reported: Local<Vec<&'static str>>,
 ) {
+    // This stage is reported in the next frame.
+    let cpu_ms = times.take();
+    let _running = times.measure(Stage::Report);
     let run = statistics.guard_run().current();
     let mut report = statistics.lock();
+    report.cpu_ms = cpu_ms;
     report.ready = scene.ready && environments.ready && views.views.values().all(|v| v.rendered && v.key_is_requested);
     report.backend = if scene.features.contains(SceneFeatures::RAY_QUERY) { "hardware" } else { "software" };
     report.features = scene.features;
     report.uploaded_bytes = scene.uploaded_bytes;
+    report.visited.clone_from(&scene.visited);
     report.pipelines = passes.report();
     report.triangles = scene.triangles;
     report.instances = scene.instances;

@@ -12,6 +12,7 @@ mod equal_time;
 mod error;
 mod frames;
 mod fuzz;
+mod instances;
 mod lights;
 mod materials;
 mod output;
@@ -50,6 +51,7 @@ enum Command {
     Frames(frames::Args),
     Budget(budget::Args),
     Characters(characters::Args),
+    Instances(instances::Args),
     Sweep(sweep::SweepArgs),
     Presets(sweep::Args),
     Compare(compare::Args),
@@ -76,6 +78,7 @@ fn main() -> ExitCode {
         Command::Frames(args) => frames::run(args),
         Command::Budget(args) => budget::run(args),
         Command::Characters(args) => characters::run(args),
+        Command::Instances(args) => instances::run(args),
         Command::Sweep(args) => sweep::run(args),
         Command::Presets(args) => sweep::run_presets(args),
         Command::Compare(args) => compare::run(args),

@@ -38,6 +38,7 @@ pub fn json(world: &World, args: &Args, (settings, budget_step): (&Restir, u32),
         "passes": passes,
         "frame_ms_median": median(&frames.all_ms),
         "cpu_ms_median": median(&frames.cpu_ms),
+        "cpu_stages": report.cpu_ms.iter().map(|(name, ms)| json!({"name": name, "ms_last_frame": ms})).collect::<Vec<_>>(),
         "rays_per_frame": report.rays,
         "memory": {
             "total_bytes": total,

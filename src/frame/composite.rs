@@ -16,7 +16,7 @@ use bevy::{
 use super::{SPAN_PREFIX, pipelines::PassPipelines};
 use crate::{
     scene::{SceneFeatures, bindings::scene_layout},
-    view::{DEPTH_FORMAT, RestirView, raster_view_layout, selection::CompositeKey},
+    view::{DEPTH_FORMAT, RestirView, bind_groups::Bound, raster_view_layout, selection::CompositeKey},
 };
 
 fn layout() -> BindGroupLayoutDescriptor {
@@ -67,11 +67,15 @@ pub(super) fn draw(
 ) {
     let Some(key) = view.composite else { return };
     let Some(pipeline) = passes.composite(key, pipelines) else { return };
-    let group = device.create_bind_group(
-        "restir composite",
-        &pipelines.get_bind_group_layout(&layout()),
-        &BindGroupEntries::sequential((view.radiance.as_entire_binding(), &view.depth, &view.visibility)),
-    );
+    let bound = [Bound::Buffer(&view.radiance), Bound::View(&view.depth), Bound::View(&view.visibility)];
+    let group = view.bind_groups.get("composite", &bound, || {
+        let [radiance, depth, visibility] = bound.map(Bound::resource);
+        device.create_bind_group(
+            "restir composite",
+            &pipelines.get_bind_group_layout(&layout()),
+            &BindGroupEntries::sequential((radiance, depth, visibility)),
+        )
+    });
     let mut attachments = vec![Some(target.get_color_attachment())];
     if key.motion {
         let Some(motion) = prepass.and_then(|textures| textures.motion_vectors.as_ref()) else { return };

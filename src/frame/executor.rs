@@ -13,6 +13,7 @@ use bevy::{
 
 use super::{SPAN_PREFIX, composite, pipelines::PassPipelines, resource, visibility};
 use crate::{
+    cpu_times::{CpuTimes, Stage},
     scene::{SceneFeatures, bindings::SceneBindings},
     technique::{
         domain::Domain,
@@ -34,8 +35,10 @@ pub(super) fn run_passes(
     run: Res<GuardRun>,
     pipelines: Res<PipelineCache>,
     device: Res<RenderDevice>,
+    times: Res<CpuTimes>,
     mut context: RenderContext,
 ) {
+    let _running = times.measure(Stage::Passes);
     let Some(state) = views.views.get(&view.entity()).filter(|v| v.rendered) else {
         return;
     };

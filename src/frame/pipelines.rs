@@ -15,6 +15,7 @@ use core::num::NonZeroU32;
 
 use super::{composite, resource, visibility};
 use crate::{
+    cpu_times::{CpuTimes, Stage},
     scene::{
         SceneFeatures,
         accel::ray_query,
@@ -138,7 +139,9 @@ pub(super) fn select_pipelines(
     scene: Res<SceneBindings>,
     environments: Res<EnvironmentPool>,
     pipelines: Res<PipelineCache>,
+    times: Res<CpuTimes>,
 ) {
+    let _running = times.measure(Stage::Pipelines);
     selected.0.clear();
     for (&entity, restir) in &extracted.0 {
         let Some((_, target, prepass)) = cameras.get(entity).ok().filter(|c| extract::has_view(Some(c.0))) else {

@@ -10,6 +10,7 @@ use crate::{
     },
     view::{
         RestirView,
+        bind_groups::Bound,
         history::{History, LIGHT_FORMAT, Reservoirs},
     },
 };
@@ -68,35 +69,34 @@ pub(super) fn bind_group(
     device: &RenderDevice,
     pipelines: &PipelineCache,
 ) -> Option<BindGroup> {
-    let entries = pass
-        .resources
-        .iter()
-        .enumerate()
-        .map(|(binding, &resource)| {
-            Some(BindGroupEntry { binding: binding as u32, resource: binding_of(resource, step, state)? })
-        })
-        .collect::<Option<Vec<_>>>()?;
-    Some(device.create_bind_group(pass.name, &pipelines.get_bind_group_layout(&layout(pass)), &entries))
+    let bound: Vec<Bound> =
+        pass.resources.iter().map(|&resource| binding_of(resource, step, state)).collect::<Option<_>>()?;
+    Some(state.bind_groups.get(pass.name, &bound, || {
+        let entries = bound.iter().zip(0..);
+        let entries: Vec<_> =
+            entries.map(|(bound, binding)| BindGroupEntry { binding, resource: bound.resource() }).collect();
+        device.create_bind_group(pass.name, &pipelines.get_bind_group_layout(&layout(pass)), &entries)
+    }))
 }
 
-fn binding_of<'a>(resource: R, step: &Step, state: &'a RestirView) -> Option<BindingResource<'a>> {
+fn binding_of<'a>(resource: R, step: &Step, state: &'a RestirView) -> Option<Bound<'a>> {
     let history = state.history.as_ref();
     let own = || history?.of(step.domain?);
-    let view = BindingResource::TextureView;
+    let (view, buffer) = (Bound::View, Bound::Buffer);
     let light_paths = || history?.light_paths.as_ref();
     Some(match resource {
-        R::Radiance => state.radiance.as_entire_binding(),
-        R::Counters => state.counters.buffer.as_entire_binding(),
-        R::Settings => own()?.settings_of(step.iteration),
-        R::Subsets | R::SubsetsRead => history?.subsets.as_entire_binding(),
-        R::CandidateReservoirs => own()?.candidates()?.as_entire_binding(),
-        R::NeighborReservoirs => own()?.neighbors_of(step.iteration)?.as_entire_binding(),
-        R::OutputReservoirs => own()?.output_of(step.iteration)?.as_entire_binding(),
-        R::LastReservoirs | R::LastReservoirsRead => own()?.last_frame()?.as_entire_binding(),
-        R::ForwardedReservoirs => own()?.forwarded()?.as_entire_binding(),
-        R::FinalReservoirs => own()?.last_output()?.as_entire_binding(),
-        R::LightVertices | R::LightVerticesRead => light_paths()?.vertices.as_entire_binding(),
-        R::LightMap | R::LightMapRead => light_paths()?.map.as_entire_binding(),
+        R::Radiance => buffer(&state.radiance),
+        R::Counters => buffer(&state.counters.buffer),
+        R::Settings => own()?.settings_of(step.iteration)?,
+        R::Subsets | R::SubsetsRead => buffer(&history?.subsets),
+        R::CandidateReservoirs => buffer(own()?.candidates()?),
+        R::NeighborReservoirs => buffer(own()?.neighbors_of(step.iteration)?),
+        R::OutputReservoirs => buffer(own()?.output_of(step.iteration)?),
+        R::LastReservoirs | R::LastReservoirsRead => buffer(own()?.last_frame()?),
+        R::ForwardedReservoirs => buffer(own()?.forwarded()?),
+        R::FinalReservoirs => buffer(own()?.last_output()?),
+        R::LightVertices | R::LightVerticesRead => buffer(&light_paths()?.vertices),
+        R::LightMap | R::LightMapRead => buffer(&light_paths()?.map),
         R::Connections => view(light_paths()?.connections.as_ref()?),
         R::ConnectionsRead => {
             let connections = light_paths().and_then(|paths| paths.connections.as_ref());

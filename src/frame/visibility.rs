@@ -88,7 +88,7 @@ pub(super) fn draw(
         pass.set_bind_group(3, &**bindless, &[]);
     }
     let mut current_cull = None;
-    for draw in scene.draws.iter().filter(|draw| draw.camera_mask & view.layers != 0) {
+    for draw in scene.draw_list.draws.iter().filter(|draw| draw.camera_mask & view.layers != 0) {
         if current_cull != Some(draw.cull) {
             let Some(pipeline) = passes.visibility(draw.cull, key, pipelines) else {
                 continue;

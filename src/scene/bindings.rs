@@ -13,7 +13,7 @@ use crate::gpu_layout::GpuSceneUniforms;
 use crate::scene::{
     accel::ray_query::{self, AccelerationStructures},
     features::{FeatureMemory, SceneFeatures},
-    geometry::draw_list::Draw,
+    geometry::draw_list::DrawList,
     texture::bindless::BindlessTextures,
 };
 
@@ -75,11 +75,13 @@ pub(crate) struct SceneBindings {
     pub uploaded_bytes: u64,
     /// Names and sizes in bytes, for the report.
     pub memory: Vec<(&'static str, u64)>,
+    /// Numbers of elements that the pools looked at in this frame, for the report.
+    pub visited: Vec<(&'static str, u64)>,
     pub triangles: u64,
     pub instances: u64,
     pub lights: u64,
     /// Draw calls of the visibility pass, and the revisions of instances and materials that they are made for.
-    pub draws: Vec<Draw>,
+    pub draw_list: DrawList,
     pub draws_key: [u64; 2],
     /// Bits of the cameras that do not see some instance or light which another camera sees.
     pub hidden_from: u32,

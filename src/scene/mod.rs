@@ -61,7 +61,7 @@ pub(crate) fn insert_resources(world: &mut World, ray_queries: bool, max_texture
     world.insert_resource(meshes);
     world.insert_resource(instances);
     world.insert_resource(max_textures.map(TexturePool::with_bindless).unwrap_or_default());
-    world.insert_resource(ExtractedScene { forgets_materials: true, ..Default::default() });
+    world.insert_resource(ExtractedScene { is_new: true, ..Default::default() });
     world.insert_resource(LayerSets::default());
     world.insert_resource(BodyPool::default());
     world.insert_resource(MaterialPool::default());
@@ -79,8 +79,8 @@ pub(crate) fn build(render_app: &mut SubApp) {
                 (
                     render_layers::extract_layers,
                     extract::extract_settings,
-                    extract::extract_instances,
-                    extract::extract_lights,
+                    extract::instances::extract_instances,
+                    extract::lights::extract_lights,
                     extract::extract_materials,
                     textures::extract_mean_colors,
                 )
@@ -101,6 +101,24 @@ pub(crate) fn build(render_app: &mut SubApp) {
             Render,
             (meshes::finish_meshes, prepare::prepare_scene).chain().in_set(RestirSystems::MirrorScene),
         );
+    #[cfg(feature = "testing")]
+    render_app.add_systems(
+        ExtractSchedule,
+        (
+            extract::instances::check_instances.after(extract::instances::extract_instances),
+            extract::lights::check_lights.after(extract::lights::extract_lights),
+        ),
+    );
+}
+
+/// Compares the mirror of instances and lights with the main world in each frame from now on, and panics where they differ; or ends that.
+#[cfg(feature = "testing")]
+pub fn check_mirror(app: &mut bevy::app::App, wanted: bool) {
+    let Some(render_app) = app.get_sub_app_mut(bevy::render::RenderApp) else { return };
+    match wanted {
+        true => _ = render_app.insert_resource(extract::instances::CheckMirror),
+        false => _ = render_app.world_mut().remove_resource::<extract::instances::CheckMirror>(),
+    }
 }
 
 /// Drops what the pools remember of entities that are gone.

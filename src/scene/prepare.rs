@@ -10,18 +10,30 @@ use bevy::{
         render_asset::RenderAssets,
         render_resource::PipelineCache,
         renderer::{RenderDevice, RenderQueue},
+        sync_world::MainEntity,
         texture::GpuImage,
     },
 };
 
-use crate::{gpu_layout::*, shader_library::ShaderLibrary};
+use crate::{
+    cpu_times::{CpuTimes, Stage},
+    gpu_layout::*,
+    shader_library::ShaderLibrary,
+};
 
 use super::{
     accel::ray_query::{self, AccelerationStructures},
     bindings::{PlaceholderTextures, SceneBindings},
-    extract::ExtractedScene,
+    extract::{
+        ExtractedScene,
+        instances::{InstanceList, sorted},
+    },
     features::SceneFeatures,
-    geometry::{bodies::BodyPool, draw_list, instances::InstancePool, meshes::MeshPool, render_layers::ALL_CAMERAS},
+    geometry::{
+        bodies::BodyPool,
+        instances::{InstancePool, InstanceSources},
+        meshes::MeshPool,
+    },
     light::lights::LightPool,
     material::{directional_albedo, materials::MaterialPool, subsurface::SubsurfacePool},
     storage::growable_buffer::GrowableBuffer,
@@ -47,6 +59,9 @@ pub(super) struct Context<'w> {
     assets: Res<'w, AssetServer>,
     pipelines: Res<'w, PipelineCache>,
     shaders: Res<'w, ShaderLibrary>,
+    times: Res<'w, CpuTimes>,
+    #[cfg(feature = "testing")]
+    check: Option<Res<'w, super::extract::instances::CheckMirror>>,
     device: Res<'w, RenderDevice>,
     queue: Res<'w, RenderQueue>,
 }
@@ -58,60 +73,119 @@ pub(super) fn prepare_scene(
     mut bindings: ResMut<SceneBindings>,
     context: Context,
 ) {
+    let changed = scene.instances.take_changed();
     update_materials(&mut scene, &mut pools, &context);
-    update_instances_and_lights(&scene, &mut pools, &context);
+    update_instances_and_lights(&mut scene, changed, &mut pools, &context);
     let mut uploaded = upload(&mut pools, &context);
     if bindings.specular_albedo.is_none() && scene.energy_compensation {
         bindings.specular_albedo = Some(directional_albedo::texture(&context.device, &context.queue));
     }
+    let running = context.times.measure(Stage::Bindings);
     uploaded += bindings.write_uniforms(&uniforms(&pools), &context.device, &context.queue);
     update_bind_groups(&mut bindings, &mut pools, &context);
+    drop(running);
+    let _running = context.times.measure(Stage::Summary);
     summarize(&mut bindings, &pools);
+    bindings.visited = visited(&mut scene, &pools);
     bindings.uploaded_bytes = uploaded;
     update_draws(&mut bindings, &pools);
 }
 
 /// Gives slots to the materials in use, copies their textures and packs the materials that changed.
 fn update_materials(scene: &mut ExtractedScene, pools: &mut Pools, context: &Context) {
-    let Context { images, assets, pipelines, shaders, device, queue } = context;
+    let Context { images, assets, pipelines, shaders, times, device, queue, .. } = context;
     let Pools { meshes, textures, materials, instances, .. } = pools;
+    let running = times.measure(Stage::Materials);
     materials.limit_to(device);
     meshes.warn_of_lines_and_points(&scene.instances);
     materials.update_sources(scene);
-    materials.make_room(&scene.instances, meshes.idle() && !instances.waiting);
-    let slots_changed = textures.update(materials.images(), images, pipelines, shaders, assets, device, queue);
+    materials.make_room(&mut scene.instances, meshes.idle() && !instances.waiting);
+    drop(running);
+    let running = times.measure(Stage::Textures);
+    let used_changed = materials.has_changed();
+    let slots_changed =
+        textures.update(used_changed, materials.images(), images, pipelines, shaders, assets, device, queue);
+    drop(running);
+    let _running = times.measure(Stage::Materials);
     materials.pack(textures, slots_changed);
 }
 
 /// Updates the records of instances and lights, and the trees over them.
-fn update_instances_and_lights(scene: &ExtractedScene, pools: &mut Pools, context: &Context) {
-    let Context { assets, pipelines, shaders, device, queue, .. } = context;
-    let Pools { meshes, bodies, materials, subsurface, instances, lights, .. } = pools;
+fn update_instances_and_lights(
+    scene: &mut ExtractedScene,
+    changed: Vec<MainEntity>,
+    pools: &mut Pools,
+    context: &Context,
+) {
+    let Context { assets, pipelines, shaders, times, device, queue, .. } = context;
+    let running = times.measure(Stage::Bodies);
+    let Pools { meshes, bodies, .. } = pools;
     bodies.update(scene, meshes, device, queue);
     bodies.prepare_pipelines(pipelines, shaders);
-    let mut max_instances = GrowableBuffer::<GpuInstance>::limit(device);
-    if instances.structures.is_some() {
-        max_instances = max_instances.min(ray_query::MAX_SLOTS).min(device.limits().max_tlas_instance_count);
+    drop(running);
+    let running = times.measure(Stage::Instances);
+    let due = due_instances(changed, &scene.instances, pools, device);
+    let Pools { meshes, bodies, materials, subsurface, instances, lights, .. } = pools;
+    let mut limit = GrowableBuffer::<GpuInstance>::limit(device);
+    if instances.top.structures.is_some() {
+        limit = limit.min(ray_query::MAX_SLOTS).min(device.limits().max_tlas_instance_count);
     }
-    subsurface.begin_frame(device);
-    instances.update(scene, meshes, bodies, materials, subsurface, assets, max_instances);
+    let mut sources = InstanceSources { meshes, bodies, materials, subsurface, assets, limit };
+    instances.update(&due, scene, &mut sources);
+    #[cfg(feature = "testing")]
+    if context.check.is_some() {
+        instances.check(&scene.instances, &mut sources);
+    }
+    drop(running);
+    let _running = times.measure(Stage::Lights);
     // The buffer also holds the table of the last frame, so each table gets half of it.
     let max_lights = GrowableBuffer::<GpuLight>::limit(device) / 2;
     lights.update(scene, instances, meshes, materials, max_lights);
 }
 
+/// The instances to visit: those that have changed, those whose mesh or material has, and those that are posed or unsettled.
+fn due_instances(
+    changed: Vec<MainEntity>,
+    list: &InstanceList,
+    pools: &mut Pools,
+    device: &RenderDevice,
+) -> Vec<MainEntity> {
+    let Pools { meshes, materials, subsurface, instances, .. } = pools;
+    let mut due = changed;
+    due.extend(instances.take_unsettled());
+    due.extend(meshes.take_changed().into_iter().flat_map(|id| list.users_of_mesh(id)));
+    due.extend(materials.take_changed().into_iter().flat_map(|id| list.users_of_material(id)));
+    due.extend(list.posed());
+    let mut due = sorted(due);
+    // Records of `Subsurface` are numbered in the order of their first use, so that one change may change all numbers.
+    let is_translucent = |entity: &MainEntity| list.translucent().contains(entity) || instances.is_translucent(*entity);
+    if due.iter().any(is_translucent) {
+        subsurface.restart(device);
+        due.extend(list.translucent());
+        due = sorted(due);
+    }
+    due
+}
+
 /// Builds the trees over instances and lights, and uploads everything that changed.  Returns the number of bytes sent.
 fn upload(pools: &mut Pools, context: &Context) -> u64 {
-    let Context { pipelines, device, queue, .. } = context;
+    let Context { pipelines, times, device, queue, .. } = context;
     let Pools { meshes, bodies, materials, subsurface, instances, lights, .. } = pools;
     // The device's own trees are built from posed triangles.
+    let running = times.measure(Stage::Bodies);
     let uploaded_poses = bodies.deform(meshes, pipelines, device, queue);
+    drop(running);
+    let running = times.measure(Stage::TopLevel);
     instances.build_top_level(meshes, bodies, device, queue);
+    drop(running);
+    let running = times.measure(Stage::Lights);
     let uploaded_shapes = lights.build_shapes(meshes, device, queue);
-    let needs_second_uvs = instances.features.contains(SceneFeatures::SECOND_UVS);
+    drop(running);
+    let _running = times.measure(Stage::Upload);
+    let needs_second_uvs = instances.totals.features().contains(SceneFeatures::SECOND_UVS);
     meshes.uploaded
         + uploaded_poses
-        + instances.uploaded_nodes
+        + instances.top.uploaded_nodes
         + uploaded_shapes
         + materials.upload(device, queue)
         + subsurface.upload(device, queue)
@@ -122,7 +196,7 @@ fn upload(pools: &mut Pools, context: &Context) -> u64 {
 
 fn uniforms(pools: &Pools) -> GpuSceneUniforms {
     let Pools { instances, lights, .. } = pools;
-    let [tlas_root, tlas_indices, previous_tlas_root, previous_tlas_indices] = instances.top_levels();
+    let [tlas_root, tlas_indices, previous_tlas_root, previous_tlas_indices] = instances.top.top_levels();
     let [shapes_root, shapes_indices] = lights.shapes();
     GpuSceneUniforms {
         tlas_root,
@@ -132,15 +206,15 @@ fn uniforms(pools: &Pools) -> GpuSceneUniforms {
         light_count: lights.count(),
         instance_count: instances.len(),
         light_power: lights.power.min(1e30) as f32,
-        radius: instances.radius,
-        center: instances.center,
+        radius: instances.top.radius,
+        center: instances.top.center,
         previous_lights: lights.previous_at,
         shapes_root,
         shapes_indices,
         sun_count: lights.sun_count(),
         pad: 0,
-        previous_center: instances.previous_sphere.0,
-        previous_radius: instances.previous_sphere.1,
+        previous_center: instances.top.previous_sphere.0,
+        previous_radius: instances.top.previous_sphere.1,
     }
 }
 
@@ -178,7 +252,7 @@ fn update_bind_groups(bindings: &mut SceneBindings, pools: &mut Pools, context: 
         ];
         bindings.bind(device, pipelines, [&u, n, t, a, i, m, l], views);
     }
-    if let Some(structures) = &instances.structures {
+    if let Some(structures) = &instances.top.structures {
         bindings.bind_structures(device, pipelines, structures);
     }
     if let Some(bindless) = &textures.bindless {
@@ -189,21 +263,30 @@ fn update_bind_groups(bindings: &mut SceneBindings, pools: &mut Pools, context: 
 /// Records the facts about the scene that views, frames and the report read.
 fn summarize(bindings: &mut SceneBindings, pools: &Pools) {
     let Pools { meshes, textures, materials, subsurface, instances, lights, .. } = pools;
-    bindings.features = bindings.feature_memory.update(instances.features | lights.features);
-    bindings.features.set(SceneFeatures::RAY_QUERY, instances.structures.is_some());
+    bindings.features = bindings.feature_memory.update(instances.totals.features() | lights.features);
+    bindings.features.set(SceneFeatures::RAY_QUERY, instances.top.structures.is_some());
     bindings.motion_revision = instances.motion_revision + lights.revision;
     bindings.edit_revision =
         materials.edit_revision + subsurface.edit_revision + textures.edit_revision + instances.edit_revision;
     bindings.ready = meshes.idle() && !instances.waiting && textures.complete;
     bindings.memory = memory(bindings, pools);
-    bindings.triangles = instances.triangles;
-    bindings.instances = instances.live.len() as u64;
+    bindings.triangles = instances.totals.triangles;
+    bindings.instances = instances.totals.instances;
     bindings.lights = lights.count() as u64;
-    bindings.has_half_seen = instances.live.iter().any(|live| (live.ray_mask == 0) != (live.camera_mask == 0));
-    // Instances with `NotShadowCaster` are in no tree, so no ray tests their masks.
-    let masks = instances.live.iter().map(|live| live.ray_mask).filter(|mask| *mask != 0);
-    let hidden = masks.map(|mask| ALL_CAMERAS & !mask).chain(lights.hidden.values().copied());
-    bindings.hidden_from = hidden.fold(0, |all, bits| all | bits);
+    bindings.has_half_seen = instances.totals.has_half_seen();
+    bindings.hidden_from = instances.totals.hidden_from() | lights.hidden_from;
+}
+
+/// Numbers of elements that were looked at in this frame.  All are 0 where nothing has changed.
+fn visited(scene: &mut ExtractedScene, pools: &Pools) -> Vec<(&'static str, u64)> {
+    let Pools { textures, materials, instances, lights, .. } = pools;
+    vec![
+        ("extracted_instances", scene.instances.take_visited()),
+        ("materials", materials.visited),
+        ("images", textures.visited),
+        ("instances", instances.visited),
+        ("emitters", lights.visited),
+    ]
 }
 
 fn memory(bindings: &SceneBindings, pools: &Pools) -> Vec<(&'static str, u64)> {
@@ -225,7 +308,7 @@ fn memory(bindings: &SceneBindings, pools: &Pools) -> Vec<(&'static str, u64)> {
         meshes.second_uvs.memory(),
         lights.gpu.memory(),
         textures.memory(),
-        instances.structures.as_ref().map_or(("", 0), AccelerationStructures::memory),
+        instances.top.structures.as_ref().map_or(("", 0), AccelerationStructures::memory),
         ("specular albedo", if bindings.specular_albedo.is_some() { albedo_bytes } else { 0 }),
         ("scene uniforms", size_of::<GpuSceneUniforms>() as u64),
     ]
@@ -235,7 +318,7 @@ fn memory(bindings: &SceneBindings, pools: &Pools) -> Vec<(&'static str, u64)> {
 fn update_draws(bindings: &mut SceneBindings, pools: &Pools) {
     let key = [pools.instances.membership_revision, bindings.edit_revision];
     if bindings.draws_key != key {
-        bindings.draws = draw_list::draws(&pools.instances, &pools.materials);
+        bindings.draw_list.update(&pools.instances, &pools.materials);
         bindings.draws_key = key;
     }
 }

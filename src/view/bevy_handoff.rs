@@ -5,7 +5,7 @@ use bevy::{
     app::SubApp,
     camera::{
         Camera,
-        visibility::{NoCpuCulling, RenderLayers, VisibleEntities},
+        visibility::{NoCpuCulling, RenderLayers, VisibilityClass, VisibleEntities},
     },
     ecs::prelude::*,
     mesh::Mesh3d,
@@ -21,10 +21,14 @@ use bevy::{
 use core::any::TypeId;
 
 use super::ViewPool;
+use crate::cpu_times::{CpuTimes, Stage};
 use crate::settings::{Restir, RestirIgnore, RestirMaterial};
 
 /// Objects that we draw.
 type Mirrored = (With<Mesh3d>, With<MeshMaterial3d<StandardMaterial>>, Without<RestirMaterial>, Without<RestirIgnore>);
+
+/// All other meshes.
+type Others = (With<Mesh3d>, Or<(Without<MeshMaterial3d<StandardMaterial>>, With<RestirMaterial>, With<RestirIgnore>)>);
 
 /// Renderer that lit the last frame of a camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,14 +92,43 @@ impl HiddenFromBevy {
     }
 }
 
+/// Queries of the main world.
+pub(crate) struct Queries {
+    cameras: QueryState<(Entity, RenderEntity, &'static Camera, Has<Restir>)>,
+    mirrored: QueryState<(), Mirrored>,
+    others: QueryState<(), Others>,
+    without_mesh: QueryState<&'static VisibilityClass, Without<Mesh3d>>,
+    culled_on_gpu: QueryState<Entity, (Mirrored, With<NoCpuCulling>)>,
+}
+
+impl FromWorld for Queries {
+    fn from_world(world: &mut World) -> Self {
+        let mut main_world = world.resource_mut::<MainWorld>();
+        Self {
+            cameras: main_world.query(),
+            mirrored: main_world.query_filtered(),
+            others: main_world.query_filtered(),
+            without_mesh: main_world.query_filtered(),
+            culled_on_gpu: main_world.query_filtered(),
+        }
+    }
+}
+
 /// Removes mirrored meshes from the main world's lists before Bevy extracts them.
-fn hide_mirrored_meshes(mut main_world: ResMut<MainWorld>, pool: Res<ViewPool>, mut hidden: ResMut<HiddenFromBevy>) {
+fn hide_mirrored_meshes(
+    mut main_world: ResMut<MainWorld>,
+    pool: Res<ViewPool>,
+    mut hidden: ResMut<HiddenFromBevy>,
+    mut queries: Local<Queries>,
+    times: Res<CpuTimes>,
+) {
+    let _running = times.measure(Stage::Handoff);
+    let Queries { cameras, mirrored, others, without_mesh, culled_on_gpu } = &mut *queries;
     let hidden = &mut *hidden;
     core::mem::swap(&mut hidden.views, &mut hidden.last_views);
     hidden.views.clear();
     let mut seen = HashSet::new();
     let mut ours = Vec::new();
-    let mut cameras = main_world.query::<(Entity, RenderEntity, &Camera, Has<Restir>)>();
     for (camera, view, settings, has_restir) in cameras.iter(&main_world) {
         seen.insert(view);
         let rendered = pool.views.get(&view).map(|state| state.rendered);
@@ -111,18 +144,23 @@ fn hide_mirrored_meshes(mut main_world: ResMut<MainWorld>, pool: Res<ViewPool>, 
     if ours.is_empty() {
         return;
     }
-    let mut mirrored = main_world.query_filtered::<(), Mirrored>();
+    let mesh = TypeId::of::<Mesh3d>();
+    // Apps may list other things among the meshes.
+    let only_mirrored =
+        others.iter(&main_world).next().is_none() && without_mesh.iter(&main_world).all(|class| !class.contains(&mesh));
     for camera in ours {
         let lists = main_world.get_mut::<VisibleEntities>(camera);
         let Some(mut list) = lists.map(|mut lists| core::mem::take(lists.get_mut(TypeId::of::<Mesh3d>()))) else {
             continue;
         };
-        list.retain(|entity| mirrored.get(&main_world, *entity).is_err());
+        match only_mirrored {
+            true => list.clear(),
+            false => list.retain(|entity| mirrored.get(&main_world, *entity).is_err()),
+        }
         if let Some(mut lists) = main_world.get_mut::<VisibleEntities>(camera) {
             *lists.get_mut(TypeId::of::<Mesh3d>()) = list;
         }
     }
-    let mut culled_on_gpu = main_world.query_filtered::<Entity, (Mirrored, With<NoCpuCulling>)>();
     hidden.culled_on_gpu.extend(culled_on_gpu.iter(&main_world).map(MainEntity::from));
 }
 
@@ -132,7 +170,9 @@ fn hide_meshes_culled_on_gpu(
     hidden: Res<HiddenFromBevy>,
     culled: Option<Res<RenderGpuCulledEntities>>,
     mut views: Query<(Option<&RenderLayers>, &mut RenderVisibleEntities)>,
+    times: Res<CpuTimes>,
 ) {
+    let _running = times.measure(Stage::Handoff);
     let Some(culled) = culled.filter(|culled| !culled.entities.is_empty()) else { return };
     for &view in hidden.views.union(&hidden.last_views) {
         let Ok((layers, mut lists)) = views.get_mut(view) else { continue };

@@ -25,6 +25,7 @@ use super::{
     importance_map::{ImportanceMap, ImportancePasses, importance_bytes, texture},
 };
 use crate::{
+    cpu_times::{CpuTimes, Stage},
     scene::{SceneFeatures, texture::image_info::is_live, texture::textures::TexturePool},
     shader_library::ShaderLibrary,
     warned::Warned,
@@ -83,7 +84,9 @@ pub(crate) fn prepare_environments(
     shaders: Res<ShaderLibrary>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
+    times: Res<CpuTimes>,
 ) {
+    let _running = times.measure(Stage::Environments);
     let pool = &mut *pool;
     pool.placeholders.get_or_insert_with(|| placeholders(&device));
     pool.warned.begin_frame();

@@ -15,6 +15,7 @@ use bevy::{
 
 use super::capture::RadianceCapture;
 use crate::{
+    cpu_times::{CpuTimes, Stage},
     scene::geometry::render_layers::LayerSets,
     settings::{BudgetStep, Restir, RestirEnvironment},
     warned::Warned,
@@ -147,7 +148,9 @@ pub(crate) fn extract_views(
     entities: Extract<&Entities>,
     mut warned: Local<Warned<(Entity, [&'static str; 2])>>,
     sets: Res<LayerSets>,
+    times: Res<CpuTimes>,
 ) {
+    let _running = times.measure(Stage::ExtractViews);
     views.0.clear();
     warned.begin_frame();
     warned.retain(|(camera, _)| entities.contains(*camera));

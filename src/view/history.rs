@@ -10,7 +10,9 @@ use bevy::{
 };
 
 use super::{
-    VISIBILITY_FORMAT, buffer,
+    VISIBILITY_FORMAT,
+    bind_groups::Bound,
+    buffer,
     light_paths::{LightPathCounts, LightPaths},
     pixels, texture,
 };
@@ -208,12 +210,9 @@ impl Reservoirs {
     }
 
     /// Uniforms of an iteration.
-    pub(crate) fn settings_of(&self, iteration: usize) -> BindingResource<'_> {
-        BindingResource::Buffer(BufferBinding {
-            buffer: &self.settings,
-            offset: iteration as u64 * SETTINGS_STRIDE,
-            size: core::num::NonZero::new(size_of::<GpuResampleSettings>() as u64),
-        })
+    pub(crate) fn settings_of(&self, iteration: usize) -> Option<Bound<'_>> {
+        let size = BufferSize::new(size_of::<GpuResampleSettings>() as u64)?;
+        Some(Bound::Part(&self.settings, iteration as u64 * SETTINGS_STRIDE, size))
     }
 
     /// Number of iterations in this frame.

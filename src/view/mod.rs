@@ -4,6 +4,7 @@
 //! whether accumulation and history continue or restart.
 
 pub(crate) mod bevy_handoff;
+pub(crate) mod bind_groups;
 pub(crate) mod capture;
 pub(crate) mod capture_readback;
 pub(crate) mod counters;

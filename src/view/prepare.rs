@@ -24,6 +24,7 @@ use super::{
     uniforms::{UniformInputs, camera_of, is_finite},
 };
 use crate::{
+    cpu_times::{CpuTimes, Stage},
     scene::{bindings::SceneBindings, storage::allocation},
     settings::{Direct, Restir},
     technique::frame::Frame,
@@ -48,8 +49,10 @@ pub(super) fn prepare_views(
     pipelines: Res<PipelineCache>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
+    times: Res<CpuTimes>,
     mut warned: Local<Warned<(Entity, &'static str)>>,
 ) {
+    let _running = times.measure(Stage::Views);
     let limit = resolution::binding_limit(&device);
     warned.begin_frame();
     warned.retain(|(entity, _)| extracted.0.contains_key(entity));

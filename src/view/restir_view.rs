@@ -9,7 +9,9 @@ use bevy::{
 };
 
 use super::{
-    DEPTH_FORMAT, VISIBILITY_FORMAT, buffer,
+    DEPTH_FORMAT, VISIBILITY_FORMAT,
+    bind_groups::BindGroups,
+    buffer,
     counters::CounterReadback,
     extract::ExtractedRestir,
     history::{FrameInputs, History, traces_light},
@@ -48,6 +50,8 @@ pub(crate) struct RestirView {
     pub bind_group: BindGroup,
     /// Group 1 of raster passes: the uniforms alone.
     pub raster_bind_group: BindGroup,
+    /// Group 2 of all passes.
+    pub bind_groups: BindGroups,
     /// Frames since the history was reset.
     pub frame: u32,
     /// Number of restarts of the history, by reason.
@@ -126,6 +130,7 @@ impl RestirView {
                 &pipelines.get_bind_group_layout(&raster_view_layout()),
                 &BindGroupEntries::sequential((uniforms.as_entire_binding(),)),
             ),
+            bind_groups: BindGroups::default(),
             uniforms,
             visibility,
             visibility_texture,
@@ -181,7 +186,7 @@ impl RestirView {
     ) -> Result<(), String> {
         let domains = self.key.map_or(&[][..], |key| key.frame.domains());
         if domains.is_empty() {
-            self.history = None;
+            self.drop_history();
             return Ok(());
         }
         let counts = self.light_path_counts(scene, limit);
@@ -189,7 +194,7 @@ impl RestirView {
             self.history.as_ref().is_some_and(|history| history.fits(self.size, domains, &self.settings, counts));
         if !fits {
             // The memory of the old history is free before the new one is created.
-            self.history = None;
+            self.drop_history();
             let create = || History::new(self.size, domains, &self.settings, counts, device);
             let created = allocation::attempt(device, "history", create);
             let history = created.inspect_err(|_| (self.rendered, self.image_state) = (false, None))?;
@@ -200,6 +205,12 @@ impl RestirView {
             history.begin(&self.settings, inputs, queue);
         }
         Ok(())
+    }
+
+    fn drop_history(&mut self) {
+        if self.history.take().is_some() {
+            self.bind_groups.clear();
+        }
     }
 
     /// Numbers of light sub-paths of this frame.  They are not connected with the camera in a scene with objects that only the camera sees

@@ -5,6 +5,7 @@ use bevy::{
     prelude::*,
     render::{render_resource::PollType, renderer::RenderDevice},
 };
+use bevy_restir::testing::check_mirror;
 use std::time::Instant;
 
 const COUNT: usize = 10_000;
@@ -12,6 +13,8 @@ const COUNT: usize = 10_000;
 /// Boxes that take turns in using this number of meshes.
 fn crowd(meshes: usize, visible: bool) -> Option<(Rig, Vec<Entity>)> {
     let mut rig = Rig::new(16, 16)?;
+    // The comparison costs more than the rest.
+    check_mirror(&mut rig.app, false);
     rig.spawn_bundle((DirectionalLight::default(), Transform::default()));
     let material = rig.add::<StandardMaterial>(lambert(0.5));
     let meshes: Vec<_> = (0..meshes).map(|i| rig.add::<Mesh>(Cuboid::from_length(0.2 + 0.001 * i as f32))).collect();

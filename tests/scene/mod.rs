@@ -4,6 +4,7 @@ mod bad_input;
 mod bad_values;
 mod bindless_textures;
 mod bodies;
+mod changes;
 mod changing_meshes;
 mod edits;
 mod environment_cubemaps;

@@ -9,12 +9,13 @@ type Table = &'static [(&'static str, &'static [&'static str])];
 
 /// First folder (or file) below `src/`.
 const RUST: Table = &[
+    ("cpu_times", &[]),
     ("device", &[]),
     ("gpu_layout", &[]),
     ("settings", &[]),
     ("system_sets", &[]),
     ("warned", &[]),
-    ("shader_library", &["device", "gpu_layout", "settings", "system_sets", "warned"]),
+    ("shader_library", &["cpu_times", "device", "gpu_layout", "settings", "system_sets", "warned"]),
     ("scene", &["shader_library"]),
     ("technique", &["scene"]),
     ("view", &["technique"]),

@@ -20,7 +20,7 @@ use bevy::{
 use bevy_restir::{
     DebugView, EmissiveLuminance, RadianceCapture, RayBackend, Restir, RestirEnvironment, RestirPlugin, RestirReport,
     RestirStatistics, Technique,
-    testing::{plant_shader_edits, shader_library::ShaderEdit},
+    testing::{check_mirror, plant_shader_edits, shader_library::ShaderEdit},
 };
 use bevy_restir_support::mutant;
 use std::time::Duration;
@@ -231,6 +231,7 @@ fn headless(
     }
     app.finish();
     app.cleanup();
+    check_mirror(&mut app, true);
     if !mutant::edits().is_empty() {
         plant_shader_edits(&mut app, mutant::edits());
     }

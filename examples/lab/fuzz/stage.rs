@@ -1,7 +1,7 @@
 //! An app that renders cases, one after the other.
 
 use bevy::{mesh::morph::MeshMorphWeights, prelude::*};
-use bevy_restir::{RayBackend, Restir, RestirEnvironment, RestirStatistics};
+use bevy_restir::{RayBackend, Restir, RestirEnvironment, RestirStatistics, testing::check_mirror};
 use bevy_restir_support::{
     exposure::unit_exposure,
     headless::{self, captured, frame},
@@ -31,6 +31,7 @@ impl Stage {
     /// `everything`: the scene always has an object or a light with each feature, so that shaders are compiled once.
     pub fn new(size: UVec2, everything: bool) -> Result<Self, String> {
         let mut app = headless::app(Path::new("."), RayBackend::Auto)?;
+        check_mirror(&mut app, true);
         let setup = CameraSetup { size, exposure: unit_exposure(), environment: None, settings: Restir::default() };
         let place = (Transform::default(), Projection::default());
         scene::spawn_camera(app.world_mut(), place, setup);

@@ -21,7 +21,7 @@ use std::ops::Range;
 use crate::gpu_layout::*;
 use crate::scene::{
     accel::{blas::Bounds, tlas::rows},
-    extract::ExtractedScene,
+    extract::{ExtractedScene, instances::sorted},
     geometry::{
         meshes::{MeshEntry, MeshPool},
         rig::Pose,
@@ -161,8 +161,9 @@ impl BodyPool {
             self.box_ranges.release(body.boxes);
         }
         let mut last = core::mem::take(&mut self.bodies);
-        for extracted in &scene.instances {
-            let Some(pose) = &extracted.pose else { continue };
+        let posed = sorted(scene.instances.posed().iter().copied().collect());
+        for extracted in posed.into_iter().filter_map(|entity| scene.instances.get(entity)) {
+            let Some(pose) = extracted.pose.as_deref() else { continue };
             let Some(mesh) = meshes.get(extracted.mesh).filter(|mesh| mesh.rig.is_some()) else { continue };
             let old = last.remove(&extracted.entity);
             let (old, replaced) = match old {

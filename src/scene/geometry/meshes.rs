@@ -22,10 +22,11 @@ use bevy::{
 };
 use std::ops::Range;
 
+use crate::cpu_times::{CpuTimes, Stage};
 use crate::gpu_layout::*;
 use crate::scene::{
     accel::blas::{self, Blas, Bounds},
-    extract::ExtractedInstance,
+    extract::instances::InstanceList,
     geometry::rig::{Rig, RigBounds, RigTables},
     geometry::triangulate::{self, Dropped, GeometryError},
     storage::{data_texture::DataTexture, growable_buffer::GrowableBuffer, range_allocator::RangeAllocator},
@@ -120,7 +121,11 @@ pub(crate) struct MeshPool {
     pub second_uvs: DataTexture<[[f32; 2]; 3]>,
     /// Versions of the meshes and bodies whose coordinates are in `second_uvs`.
     second_uvs_versions: HashSet<u64>,
+    /// What `second_uvs` was last updated for: the newest version and the number of triangles.
+    second_uvs_state: Option<(u64, u32)>,
     last_version: u64,
+    /// Meshes that have come, changed or gone since [`Self::take_changed`]; some more than once.
+    changed: Vec<AssetId<Mesh>>,
     /// Rays are traced by ray queries.  The device then builds its own trees, and ours only order the triangles, so that both back ends
     /// give a triangle the same index.
     ray_queries: bool,
@@ -146,7 +151,9 @@ impl Default for MeshPool {
             rigs: GrowableBuffer::new("rigs"),
             second_uvs: DataTexture::new("second texture coordinates", TextureFormat::Rg32Float, 3),
             second_uvs_versions: HashSet::default(),
+            second_uvs_state: None,
             last_version: 0,
+            changed: Vec::new(),
             ray_queries: false,
             uploaded: 0,
         }
@@ -155,12 +162,19 @@ impl Default for MeshPool {
 
 /// Starts a build for each mesh that was added or changed.  A running build is finished and shown first, so that a mesh that changes faster
 /// than it is built still moves, although late.
-pub(crate) fn queue_meshes(mut pool: ResMut<MeshPool>, extracted: Res<ExtractedAssets<RenderMesh>>) {
+pub(crate) fn queue_meshes(
+    mut pool: ResMut<MeshPool>,
+    extracted: Res<ExtractedAssets<RenderMesh>>,
+    times: Res<CpuTimes>,
+) {
+    let _running = times.measure(Stage::Meshes);
     let pool = &mut *pool;
     pool.release_retired();
     for id in &extracted.removed {
         pool.building.remove(id);
-        pool.empty.remove(id);
+        if pool.empty.remove(id) {
+            pool.changed.push(*id);
+        }
         pool.lines_and_points.remove(id);
         pool.warned.retain(|(mesh, _)| mesh != id);
         pool.release(*id);
@@ -199,7 +213,9 @@ pub(crate) fn finish_meshes(
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
     assets: Option<Res<AssetServer>>,
+    times: Res<CpuTimes>,
 ) {
+    let _running = times.measure(Stage::Meshes);
     let pool = &mut *pool;
     pool.uploaded = 0;
     pool.warned.begin_frame();
@@ -242,6 +258,7 @@ pub(crate) fn finish_meshes(
         pool.warn(id, problem, &format!("{reason}; it is left out"), assets.as_deref());
         pool.release(id);
         pool.empty.insert(id);
+        pool.changed.push(id);
     }
 }
 
@@ -305,6 +322,7 @@ impl MeshPool {
             version: self.next_version(),
         };
         self.retired.extend(self.entries.insert(id, entry));
+        self.changed.push(id);
         true
     }
 
@@ -351,18 +369,24 @@ impl MeshPool {
     }
 
     /// Warns about instances whose mesh consists of lines or points.
-    pub(crate) fn warn_of_lines_and_points(&mut self, instances: &[ExtractedInstance]) {
-        if self.lines_and_points.is_empty() {
-            return;
-        }
-        for warning in instances.iter().filter_map(|instance| self.lines_and_points.remove(&instance.mesh)) {
+    pub(crate) fn warn_of_lines_and_points(&mut self, instances: &InstanceList) {
+        let is_used = |id: &AssetId<Mesh>| instances.users_of_mesh(*id).next().is_some();
+        for (_, warning) in self.lines_and_points.extract_if(|id, _| is_used(id)) {
             warn!("{warning}");
         }
     }
 
     /// Removes a mesh; the next frame frees its ranges in the buffers.
     fn release(&mut self, id: AssetId<Mesh>) {
-        self.retired.extend(self.entries.remove(&id));
+        if let Some(entry) = self.entries.remove(&id) {
+            self.retired.push(entry);
+            self.changed.push(id);
+        }
+    }
+
+    /// Takes the meshes that have come, changed or gone since the last call; some more than once.
+    pub(crate) fn take_changed(&mut self) -> Vec<AssetId<Mesh>> {
+        core::mem::take(&mut self.changed)
     }
 
     /// Frees the ranges of meshes that the last frame was the last to use.
@@ -421,11 +445,16 @@ impl MeshPool {
                     "restir: the second texture coordinates of {count} triangles do not fit this device; shaders read 0 instead"
                 );
             }
+            self.second_uvs_state = None;
             self.second_uvs.clear();
             self.second_uvs_versions.clear();
             if needed {
                 self.second_uvs.reserve(1, device);
             }
+            return 0;
+        }
+        let state = Some((self.last_version, count));
+        if core::mem::replace(&mut self.second_uvs_state, state) == state {
             return 0;
         }
         if self.second_uvs.reserve(count, device) {

@@ -8,5 +8,7 @@ pub(crate) mod instances;
 pub(crate) mod meshes;
 pub(crate) mod render_layers;
 pub mod rig;
+pub(crate) mod top_level;
+pub(crate) mod totals;
 pub mod triangulate;
 pub(crate) mod visibility_range;

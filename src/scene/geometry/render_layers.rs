@@ -17,6 +17,8 @@ pub(crate) const ALL_CAMERAS: u32 = (1 << MAX_LAYER_SETS) - 1;
 pub(crate) struct LayerSets {
     sets: Vec<RenderLayers>,
     warned: bool,
+    /// Counts changes of the sets.
+    pub revision: u64,
 }
 
 impl LayerSets {
@@ -28,6 +30,7 @@ impl LayerSets {
                 new.push(layers.clone());
             }
         }
+        let last = self.sets.clone();
         self.sets.retain(|set| new.contains(set));
         new.retain(|set| !self.sets.contains(set));
         self.sets.append(&mut new);
@@ -39,6 +42,7 @@ impl LayerSets {
             );
         }
         self.sets.truncate(MAX_LAYER_SETS);
+        self.revision += u64::from(self.sets != last);
     }
 
     /// The bit of a camera.  A camera whose set has no bit gets all bits, so it sees all that any camera sees.

@@ -11,7 +11,7 @@ use crate::gpu_layout::*;
 use crate::scene::{
     accel::blas::Bounds,
     accel::tlas::MAX_COORDINATE,
-    extract::{AnalyticLight, disk_radiance, is_radiance, is_size},
+    extract::lights::{AnalyticLight, disk_radiance, is_radiance, is_size},
     features::SceneFeatures,
 };
 

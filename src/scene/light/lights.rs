@@ -25,7 +25,7 @@ use super::{
 };
 use crate::gpu_layout::*;
 use crate::scene::{
-    extract::{AnalyticLight, ExtractedScene},
+    extract::{ExtractedScene, lights::AnalyticLight},
     features::SceneFeatures,
     geometry::instances::InstancePool,
     geometry::meshes::MeshPool,
@@ -65,7 +65,9 @@ impl Emitter {
 pub(crate) struct LightPool {
     emitters: Vec<(MainEntity, Emitter)>,
     /// Lights that some cameras do not see, as in [`ExtractedScene`].
-    pub(crate) hidden: HashMap<MainEntity, u32>,
+    hidden: HashMap<MainEntity, u32>,
+    /// Bits of the cameras that do not see some light that another camera sees.
+    pub(crate) hidden_from: u32,
     groups: Vec<Group>,
     table: Vec<GpuLight>,
     uploaded: Vec<GpuLight>,
@@ -88,6 +90,10 @@ pub(crate) struct LightPool {
     previous_matches: bool,
     pub revision: u64,
     shapes: ShapeTree,
+    /// Slots of the instances whose triangles are in the table.
+    slots: Vec<u32>,
+    /// Emitters that were looked at in this frame.
+    pub visited: u64,
 }
 
 /// Parts of the table that the GPU does not have yet.
@@ -105,6 +111,7 @@ impl Default for LightPool {
         Self {
             emitters: Vec::new(),
             hidden: HashMap::default(),
+            hidden_from: 0,
             groups: Vec::new(),
             table: Vec::new(),
             uploaded: Vec::new(),
@@ -121,6 +128,8 @@ impl Default for LightPool {
             previous_matches: false,
             revision: 0,
             shapes: ShapeTree::default(),
+            slots: Vec::new(),
+            visited: 0,
         }
     }
 }
@@ -141,7 +150,7 @@ impl LightPool {
     /// device can bind.
     pub(crate) fn update(
         &mut self,
-        scene: &ExtractedScene,
+        scene: &mut ExtractedScene,
         instances: &mut InstancePool,
         meshes: &MeshPool,
         materials: &MaterialPool,
@@ -165,16 +174,21 @@ impl LightPool {
 
     fn update_table(
         &mut self,
-        scene: &ExtractedScene,
+        scene: &mut ExtractedScene,
         instances: &mut InstancePool,
         meshes: &MeshPool,
         materials: &MaterialPool,
         limit: u32,
     ) {
-        self.previous_at = 0;
-        let emitters = gather(scene, instances, meshes, materials);
-        let radius = (instances.radius.max(1e-3).log2().ceil()).exp2();
+        (self.previous_at, self.visited) = (0, 0);
+        let has_new_emitters = core::mem::take(&mut scene.lights_changed) | instances.take_emitters_changed();
+        let radius = (instances.top.radius.max(1e-3).log2().ceil()).exp2();
         let has_directional = self.features.intersects(SceneFeatures::LIGHT_DIRECTIONAL | SceneFeatures::SUN_DISK);
+        if !has_new_emitters && (radius == self.radius || !has_directional) {
+            return;
+        }
+        let emitters = gather(scene, instances, meshes, materials);
+        self.visited = emitters.len() as u64;
         let is_comparable = emitters.len() == self.emitters.len()
             && (radius == self.radius || !has_directional)
             && self.hidden == scene.hidden_lights;
@@ -192,6 +206,7 @@ impl LightPool {
         self.previous = core::mem::take(&mut self.table);
         self.emitters = emitters;
         self.hidden.clone_from(&scene.hidden_lights);
+        self.hidden_from = self.hidden.values().fold(0, |all, bits| all | bits);
         self.radius = radius;
         self.rebuild(instances, meshes, limit);
         // Temporal reuse looks lights up in both frames.
@@ -248,11 +263,8 @@ impl LightPool {
     fn rebuild(&mut self, instances: &mut InstancePool, meshes: &MeshPool, limit: u32) {
         self.table.clear();
         self.features = SceneFeatures::empty();
-        let slots: Vec<u32> = instances.live.iter().map(|live| live.slot).collect();
-        for slot in slots {
-            instances.set_first_light(slot, NONE);
-        }
-        let mesh_of_slot: HashMap<u32, _> = instances.live.iter().map(|live| (live.slot, live.mesh)).collect();
+        // A slot that has changed its owner since then has no light yet.
+        self.slots.drain(..).for_each(|slot| instances.set_first_light(slot, NONE));
         let mut powers = Vec::new();
         self.left_out = [0; 2];
         let emitters = core::mem::take(&mut self.emitters);
@@ -270,7 +282,7 @@ impl LightPool {
                         self.left_out[0] += emissive.triangle_count as u64;
                         continue;
                     }
-                    let Some(mesh) = mesh_of_slot.get(&emissive.slot).and_then(|id| meshes.get(*id)) else {
+                    let Some(mesh) = instances.live_in(emissive.slot).and_then(|live| meshes.get(live.mesh)) else {
                         continue;
                     };
                     let transform = instances.get(emissive.slot).world_from_object;
@@ -280,6 +292,7 @@ impl LightPool {
                     }
                     self.features |= SceneFeatures::LIGHT_TRIANGLES;
                     instances.set_first_light(emissive.slot, first);
+                    self.slots.push(emissive.slot);
                     LIGHT_TRIANGLE
                 }
             };
@@ -417,15 +430,14 @@ fn gather(
     materials: &MaterialPool,
 ) -> Vec<(MainEntity, Emitter)> {
     let analytic = scene.lights.iter().map(|(entity, light)| (*entity, Emitter::Analytic(*light)));
-    let emissive = instances.live.iter().filter_map(|live| {
+    let emissive = instances.emitters().into_iter().filter_map(|(slot, live)| {
         let emission = materials.mean_emission(live.material);
         let mesh = meshes.get(live.mesh)?;
-        // An instance that no ray can hit lights nothing.
-        if luminance(emission) <= 0.0 || live.ray_mask == 0 {
+        if luminance(emission) <= 0.0 {
             return None;
         }
         let double_sided = materials.get(live.material)?.flags & MATERIAL_DOUBLE_SIDED != 0;
-        let mesh = EmissiveMesh::new(live.slot, mesh.version, instances.get(live.slot), emission, double_sided);
+        let mesh = EmissiveMesh::new(slot, mesh.version, instances.get(slot), emission, double_sided);
         Some((live.entity, Emitter::Mesh(mesh)))
     });
     analytic.chain(emissive).collect()

@@ -13,13 +13,14 @@ use bevy::{
     render::{
         render_resource::TextureFormat,
         renderer::{RenderDevice, RenderQueue},
+        sync_world::MainEntityHashSet,
     },
 };
 use core::ops::Range;
 
 use crate::gpu_layout::*;
 use crate::scene::{
-    extract::{ExtractedInstance, ExtractedScene},
+    extract::{ExtractedScene, instances::InstanceList},
     features::SceneFeatures,
     material::{
         pack::{features_of, mean_emission, pack},
@@ -67,6 +68,14 @@ pub(crate) struct MaterialPool {
     /// Numbers of slots and of entries of the texture table that the device can bind.
     limits: [u32; 2],
     overflow: OverflowWarning,
+    /// Materials that have come since slots were last assigned.
+    arrived: Vec<AssetId<StandardMaterial>>,
+    /// A material in use has no slot.
+    is_short: bool,
+    /// Materials whose slots or contents have changed since [`Self::take_changed`]; some more than once.
+    changed: Vec<AssetId<StandardMaterial>>,
+    /// Materials that were looked at in this frame.
+    pub visited: u64,
     /// Materials that a warning has named.
     warned: Warned<AssetId<StandardMaterial>>,
     emissive_luminance: f32,
@@ -94,6 +103,10 @@ impl Default for MaterialPool {
             table: DataTexture::new("texture table", TextureFormat::Rgba32Uint, 1),
             limits: [u32::MAX; 2],
             overflow: OverflowWarning::default(),
+            arrived: Vec::new(),
+            is_short: false,
+            changed: Vec::new(),
+            visited: 0,
             warned: Warned::default(),
             emissive_luminance: 0.0,
             stale: Vec::new(),
@@ -124,6 +137,7 @@ impl MaterialPool {
     /// Takes the materials that have changed in the main world.
     pub(crate) fn update_sources(&mut self, scene: &mut ExtractedScene) {
         self.warned.begin_frame();
+        self.visited = 0;
         self.release_retired();
         for id in scene.removed_materials.drain() {
             self.warned.forget(&id);
@@ -132,6 +146,7 @@ impl MaterialPool {
         }
         for (id, material) in scene.materials.drain() {
             self.stale.extend(self.by_id.get(&id));
+            self.arrived.push(id);
             self.sources.insert(id, material);
         }
         if self.emissive_luminance != scene.emissive_luminance {
@@ -143,6 +158,17 @@ impl MaterialPool {
     /// Takes the slot of a material; the next frame frees it.
     fn release(&mut self, id: AssetId<StandardMaterial>) {
         self.retired.extend(self.by_id.remove(&id));
+        self.changed.push(id);
+    }
+
+    /// Whether a slot was taken or released, or must be packed.
+    pub(crate) fn has_changed(&self) -> bool {
+        self.all_stale || !self.stale.is_empty() || !self.changed.is_empty()
+    }
+
+    /// Takes the materials whose slots or contents have changed since the last call; some more than once.
+    pub(crate) fn take_changed(&mut self) -> Vec<AssetId<StandardMaterial>> {
+        core::mem::take(&mut self.changed)
     }
 
     /// Frees the slots that the last frame was the last to use.
@@ -161,15 +187,28 @@ impl MaterialPool {
         self.release_retired();
     }
 
-    /// Assigns a slot to the material of every instance; frees slots of unused materials if there are too few.  `settled`: the scene is
-    /// loaded, so that the number of missing materials is final and a warning can name it.
-    pub(crate) fn make_room(&mut self, instances: &[ExtractedInstance], settled: bool) {
-        let mut left_out = self.assign_slots(instances);
-        if left_out > 0 {
-            let used: HashSet<_> = instances.iter().map(|instance| instance.material).collect();
-            let unused: Vec<_> = self.by_id.keys().filter(|id| !used.contains(*id)).copied().collect();
-            unused.into_iter().for_each(|id| self.release(id));
+    /// Assigns slots to the materials of instances that have another one, and to materials that have come.  If there are too few, frees those of
+    /// unused materials.  `settled`: the scene is loaded, so that the number of missing materials is final and a warning can name it.
+    pub(crate) fn make_room(&mut self, instances: &mut InstanceList, settled: bool) {
+        let mut arrived = core::mem::take(&mut self.arrived);
+        arrived.sort_unstable();
+        arrived.retain(|id| instances.users_of_material(*id).next().is_some());
+        let repainted = instances.take_repainted();
+        let used = repainted.into_iter().filter_map(|entity| Some(instances.get(entity)?.material));
+        for id in used.chain(arrived) {
+            self.visited += 1;
+            self.is_short |= self.slot(id).is_none() && self.is_left_out(id);
+        }
+        let mut left_out = 0;
+        if self.is_short {
             left_out = self.assign_slots(instances);
+            if left_out > 0 {
+                let used: HashSet<_> = instances.materials().map(|(id, _)| id).collect();
+                let unused: Vec<_> = self.by_id.keys().filter(|id| !used.contains(*id)).copied().collect();
+                unused.into_iter().for_each(|id| self.release(id));
+                left_out = self.assign_slots(instances);
+            }
+            self.is_short = left_out > 0;
         }
         if self.overflow.should_warn(left_out, settled) {
             warn!(
@@ -179,11 +218,18 @@ impl MaterialPool {
         }
     }
 
-    /// Returns the number of instances whose material gets no slot.
-    fn assign_slots(&mut self, instances: &[ExtractedInstance]) -> u64 {
+    /// Assigns slots to all materials in use, in the order of their first instances.  Returns the number of instances whose material gets
+    /// none.
+    fn assign_slots(&mut self, instances: &InstanceList) -> u64 {
+        let first = |users: &MainEntityHashSet| users.iter().copied().min();
+        let mut all: Vec<_> = instances.materials().map(|(id, users)| (first(users), id, users.len())).collect();
+        all.sort_unstable();
         let mut left_out = 0;
-        for instance in instances {
-            left_out += u64::from(self.slot(instance.material).is_none() && self.is_left_out(instance.material));
+        for (_, id, users) in all {
+            self.visited += 1;
+            if self.slot(id).is_none() && self.is_left_out(id) {
+                left_out += users as u64;
+            }
         }
         left_out
     }
@@ -226,6 +272,7 @@ impl MaterialPool {
         let (features, mean_emission) = (SceneFeatures::empty(), [0.0; 3]);
         self.slots[slot as usize] = Some(Slot { id, features, mean_emission, record: 0..0, is_packed: false });
         self.by_id.insert(id, slot);
+        self.changed.push(id);
         Some(slot)
     }
 
@@ -252,6 +299,7 @@ impl MaterialPool {
 
     fn pack_material(&mut self, id: AssetId<StandardMaterial>, mut index: u32, textures: &TexturePool) {
         let Some(source) = self.sources.get(&id) else { return };
+        self.visited += 1;
         let (mut material, has_replaced) = pack(source, self.emissive_luminance);
         if has_replaced && self.warned.is_due(id) {
             warn!("restir: material {id} has numbers that are not finite; most of them count as 0");
@@ -264,14 +312,20 @@ impl MaterialPool {
         if is_edited {
             match self.take_slot(id) {
                 Some(fresh) => self.retired.push(core::mem::replace(&mut index, fresh)),
-                None => self.edit_revision += 1,
+                None => {
+                    self.edit_revision += 1;
+                    self.changed.push(id);
+                }
             }
         }
         if is_edited || self.in_use(index).is_some_and(|slot| !slot.is_packed) {
             self.write_slot(index, material, features, record);
         }
-        if let Some(slot) = &mut self.slots[index as usize] {
+        if let Some(slot) = &mut self.slots[index as usize]
+            && slot.mean_emission != mean_emission
+        {
             slot.mean_emission = mean_emission;
+            self.changed.push(id);
         }
     }
 
@@ -345,6 +399,11 @@ impl MaterialPool {
         self.packed.get(slot as usize)
     }
 
+    /// The slot of a material, if it has one.
+    pub(crate) fn find(&self, id: AssetId<StandardMaterial>) -> Option<u32> {
+        self.by_id.get(&id).copied()
+    }
+
     /// Features that shaders need for a slot.
     pub(crate) fn features(&self, slot: u32) -> SceneFeatures {
         self.in_use(slot).map_or(SceneFeatures::empty(), |s| s.features)
@@ -353,6 +412,11 @@ impl MaterialPool {
     /// Mean radiance of a slot's emission, cd/m².
     pub(crate) fn mean_emission(&self, slot: u32) -> [f32; 3] {
         self.in_use(slot).map_or([0.0; 3], |s| s.mean_emission)
+    }
+
+    /// Whether the triangles of an instance with this slot are lights.
+    pub(crate) fn emits(&self, slot: u32) -> bool {
+        self.mean_emission(slot) != [0.0; 3]
     }
 
     fn in_use(&self, slot: u32) -> Option<&Slot> {
@@ -375,6 +439,7 @@ fn set<T: Copy + Default + PartialEq>(all: &mut Vec<T>, index: usize, element: T
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::extract::instances::ExtractedInstance;
     use bevy::{asset::uuid::Uuid, color::Color, ecs::entity::Entity, math::Affine3A};
 
     fn id(number: u32) -> AssetId<StandardMaterial> {
@@ -383,7 +448,7 @@ mod tests {
 
     fn instance(material: u32) -> ExtractedInstance {
         ExtractedInstance {
-            entity: Entity::PLACEHOLDER.into(),
+            entity: Entity::from_raw_u32(material).expect("a valid index").into(),
             mesh: AssetId::default(),
             material: id(material),
             world_from_object: Affine3A::IDENTITY,
@@ -401,10 +466,12 @@ mod tests {
         let gray = |n: u32| StandardMaterial { metallic: n as f32 / 4096.0, ..Color::WHITE.into() };
         scene.materials.extend(added.iter().map(|&n| (id(n), gray(n))));
         scene.removed_materials.extend(removed.iter().map(|&n| id(n)));
-        scene.instances.extend(used.iter().map(|&n| instance(n)));
+        for instance in used.iter().map(|&n| instance(n)) {
+            scene.instances.set(instance.entity, Some(Some(instance)));
+        }
         pool.dirty.clear();
         pool.update_sources(&mut scene);
-        pool.make_room(&scene.instances, true);
+        pool.make_room(&mut scene.instances, true);
         pool.pack(&TexturePool::default(), false);
     }
 

@@ -56,8 +56,8 @@ impl SubsurfacePool {
         self.warned.retain(|entity| exists(*entity));
     }
 
-    /// Starts a frame without records.
-    pub(crate) fn begin_frame(&mut self, device: &RenderDevice) {
+    /// Forgets all records, before all instances with a [`Subsurface`] are visited.
+    pub(crate) fn restart(&mut self, device: &RenderDevice) {
         self.records.clear();
         self.by_value.clear();
         self.limit = DataTexture::<[f32; 4]>::limit(device).min(1 << (32 - INSTANCE_SUBSURFACE_SHIFT));

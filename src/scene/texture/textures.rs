@@ -24,7 +24,7 @@ use bevy::{
     platform::collections::{HashMap, HashSet},
     render::{
         Extract,
-        render_asset::{ExtractedAssets, RenderAssets},
+        render_asset::{ExtractedAssets, RenderAssetBytesPerFrameLimiter, RenderAssets},
         render_resource::*,
         renderer::{RenderDevice, RenderQueue},
         texture::GpuImage,
@@ -42,7 +42,12 @@ use crate::scene::{
     texture::bindless::BindlessTextures,
     texture::image_info::{BINDLESS, ImageInfo, LEVELS_SHIFT, is_live, mean_color, warn_of_lost_bits},
 };
-use crate::{gpu_layout::NO_TEXTURE, shader_library::ShaderLibrary, warned::Warned};
+use crate::{
+    cpu_times::{CpuTimes, Stage},
+    gpu_layout::NO_TEXTURE,
+    shader_library::ShaderLibrary,
+    warned::Warned,
+};
 
 /// The textures of the scene.
 #[derive(Resource)]
@@ -69,6 +74,10 @@ pub(crate) struct TexturePool {
     retired: Vec<AssetId<Image>>,
     /// An image with a slot was removed.
     lost_slot: bool,
+    /// The next update must look at all images in use, although no material has changed.
+    due: bool,
+    /// Images that were looked at in this frame.
+    pub visited: u64,
     /// Shaders can read every image in use, or none will become readable.
     pub complete: bool,
     /// Counts changes of images that the last frame could read, other than their removal.
@@ -95,6 +104,8 @@ impl Default for TexturePool {
             versions: 0,
             retired: Vec::new(),
             lost_slot: false,
+            due: true,
+            visited: 0,
             complete: true,
             edit_revision: 0,
         }
@@ -105,12 +116,18 @@ impl Default for TexturePool {
 pub(crate) fn record_images(
     mut pool: ResMut<TexturePool>,
     extracted: Res<ExtractedAssets<GpuImage>>,
+    limiter: Option<Res<RenderAssetBytesPerFrameLimiter>>,
     scene: Res<ExtractedScene>,
+    times: Res<CpuTimes>,
 ) {
+    let _running = times.measure(Stage::Textures);
     let pool = &mut *pool;
     pool.asset_wait.begin_frame();
     pool.warned.begin_frame();
     pool.absent.begin_frame();
+    // Where Bevy limits the bytes of a frame, an image may arrive on the GPU long after this.
+    pool.due |= limiter.is_some_and(|limiter| limiter.max_bytes.is_some());
+    pool.due |= !(extracted.extracted.is_empty() && extracted.removed.is_empty() && pool.retired.is_empty());
     pool.release_retired();
     let emissive = if extracted.extracted.is_empty() { HashSet::default() } else { scene.emissive_images() };
     for (id, image) in &extracted.extracted {
@@ -243,9 +260,11 @@ impl TexturePool {
         self.allocator.release(id) || was_bound
     }
 
-    /// Binds the images that are used and loaded, or copies them to the atlas.  True if a slot was added, moved or lost.
+    /// Binds the images that are used and loaded, or copies them to the atlas, unless neither `used` nor an image can have changed.  True if a
+    /// slot was added, moved or lost.
     pub(crate) fn update(
         &mut self,
+        used_changed: bool,
         used: impl Iterator<Item = AssetId<Image>>,
         images: &RenderAssets<GpuImage>,
         pipelines: &PipelineCache,
@@ -254,7 +273,14 @@ impl TexturePool {
         device: &RenderDevice,
         queue: &RenderQueue,
     ) -> bool {
-        let used = self.usable(used, images, assets, device);
+        self.visited = 0;
+        if !self.due && !used_changed {
+            return false;
+        }
+        // Until the end of this function proves that nothing is left to do.
+        self.due = true;
+        let (used, all_usable) = self.usable(used, images, assets, device);
+        self.visited = used.len() as u64;
         let mut moved = core::mem::take(&mut self.lost_slot);
         self.complete = used.iter().all(|id| images.get(*id).is_some_and(|image| self.is_readable(*id, image)));
         let is_new = |id: &AssetId<Image>| {
@@ -269,6 +295,8 @@ impl TexturePool {
         let is_live = |id: &AssetId<Image>| images.get(*id).is_some_and(|i| is_live(i.texture_descriptor.usage));
         let live: Vec<_> = used.iter().filter(|id| is_live(id) && !self.rejected.contains(*id)).copied().collect();
         self.edit_revision += u64::from(!live.is_empty());
+        self.due =
+            !(self.complete && all_usable && new.is_empty() && live.is_empty() && self.allocator.left_out() == 0);
         let mut copied: HashSet<_> = live.into_iter().filter(|id| self.allocator.get(*id).is_some()).collect();
         if new.is_empty() && copied.is_empty() {
             return moved;
@@ -286,22 +314,25 @@ impl TexturePool {
         moved
     }
 
-    /// Filters images: keeps those that are loaded or will be, that shaders can read, and that may fit into the atlas.
+    /// Filters images: keeps those that are loaded or will be, that shaders can read, and that may fit into the atlas.  Returns them, and
+    /// whether they are all but those that shaders cannot read.
     fn usable(
         &mut self,
         used: impl Iterator<Item = AssetId<Image>>,
         images: &RenderAssets<GpuImage>,
         assets: &AssetServer,
         device: &RenderDevice,
-    ) -> HashSet<AssetId<Image>> {
+    ) -> (HashSet<AssetId<Image>>, bool) {
         let mut used: HashSet<_> = used.filter(|id| !self.rejected.contains(id)).collect();
         self.allocator.make_room(&used);
         let limit = limits(device).page;
+        let count = used.len();
         used.retain(|id| match images.get(*id) {
             Some(image) => !self.allocator.is_left_out(*id, size_in_atlas(image, limit)),
             None => self.is_coming(*id, assets),
         });
-        used
+        let all_usable = used.len() == count;
+        (used, all_usable)
     }
 
     /// Removes images from the list that cannot be bound as 2D float textures.  True if one of them had a slot.

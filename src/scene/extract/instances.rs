@@ -1,0 +1,461 @@
+//! Extracts mesh instances: those that have changed since the last frame, into a list that stays.
+
+use bevy::{
+    asset::{AssetId, Assets},
+    camera::{
+        primitives::Aabb,
+        visibility::{InheritedVisibility, RenderLayers, VisibilityRange},
+    },
+    ecs::{entity::EntityHash, prelude::*, query::ROQueryItem, system::SystemParam},
+    light::NotShadowCaster,
+    math::{Affine3A, Vec3A},
+    mesh::{
+        Mesh, Mesh3d,
+        morph::{MeshMorphWeights, MorphWeights},
+        skinning::{SkinnedMesh, SkinnedMeshInverseBindposes},
+    },
+    pbr::{MeshMaterial3d, StandardMaterial},
+    platform::collections::HashMap,
+    render::{
+        Extract,
+        sync_world::{MainEntity, MainEntityHashSet},
+    },
+    transform::components::GlobalTransform,
+};
+use core::hash::Hash;
+
+use super::ExtractedScene;
+use crate::cpu_times::{CpuTimes, Stage};
+use crate::scene::{
+    geometry::render_layers::LayerSets, geometry::rig::Pose, geometry::visibility_range::VisibilityRanges,
+};
+use crate::settings::{RestirIgnore, RestirMaterial, Subsurface};
+
+/// A mesh instance that at least one camera sees.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct ExtractedInstance {
+    pub entity: MainEntity,
+    pub mesh: AssetId<Mesh>,
+    pub material: AssetId<StandardMaterial>,
+    pub world_from_object: Affine3A,
+    /// Bits of the cameras that see it ([`LayerSets`]).
+    pub camera_mask: u32,
+    /// Rays other than the camera's can hit it.
+    pub casts_shadows: bool,
+    /// Bevy draws it, so that the camera's rays pass it.
+    pub is_stand_in: bool,
+    /// `None` if it has neither a skin nor morph targets.
+    pub pose: Option<Box<Pose>>,
+    pub subsurface: Option<Subsurface>,
+}
+
+/// The mesh instances of the main world, and which of them have changed.
+///
+/// Every frame looks at what has changed alone; [`Self::touch_all`] looks at everything.  Both leave the same list.
+#[derive(Debug, Default)]
+pub(crate) struct InstanceList {
+    /// All entities with a mesh and a material; `None` for those that no camera sees.
+    all: HashMap<MainEntity, Option<ExtractedInstance>, EntityHash>,
+    /// Instances that have appeared, disappeared or changed since the last [`Self::take_changed`]; some more than once.
+    changed: Vec<MainEntity>,
+    /// Instances that have another material than at the last [`Self::take_repainted`]; some more than once.
+    repainted: Vec<MainEntity>,
+    mesh_users: Users<AssetId<Mesh>>,
+    material_users: Users<AssetId<StandardMaterial>>,
+    /// Instances with a pose.
+    posed: MainEntityHashSet,
+    /// Instances with a [`Subsurface`].
+    translucent: MainEntityHashSet,
+    /// Entities that extractions have looked at since the last [`Self::take_visited`].
+    visited: u64,
+}
+
+impl InstanceList {
+    /// The instance of an entity, if a camera sees it.
+    pub(crate) fn get(&self, entity: MainEntity) -> Option<&ExtractedInstance> {
+        self.all.get(&entity)?.as_ref()
+    }
+
+    /// All instances, in no particular order.
+    #[cfg(feature = "testing")]
+    pub(crate) fn visible(&self) -> impl Iterator<Item = &ExtractedInstance> {
+        self.all.values().flatten()
+    }
+
+    /// Takes the entities whose instances have changed since the last call.
+    pub(crate) fn take_changed(&mut self) -> Vec<MainEntity> {
+        sorted(core::mem::take(&mut self.changed))
+    }
+
+    /// Number of entities that extractions have looked at since the last call.
+    pub(crate) fn take_visited(&mut self) -> u64 {
+        core::mem::take(&mut self.visited)
+    }
+
+    /// Takes the entities whose instances have another material than at the last call.
+    pub(crate) fn take_repainted(&mut self) -> Vec<MainEntity> {
+        sorted(core::mem::take(&mut self.repainted))
+    }
+
+    /// Instances of a mesh, in no particular order.
+    pub(crate) fn users_of_mesh(&self, mesh: AssetId<Mesh>) -> impl Iterator<Item = MainEntity> {
+        self.mesh_users.of(mesh)
+    }
+
+    /// The materials of all instances, each with its instances.
+    pub(crate) fn materials(&self) -> impl Iterator<Item = (AssetId<StandardMaterial>, &MainEntityHashSet)> {
+        self.material_users.0.iter().map(|(id, users)| (*id, users))
+    }
+
+    /// Instances of a material, in no particular order.
+    pub(crate) fn users_of_material(&self, material: AssetId<StandardMaterial>) -> impl Iterator<Item = MainEntity> {
+        self.material_users.of(material)
+    }
+
+    /// Instances with a pose, in no particular order.
+    pub(crate) fn posed(&self) -> &MainEntityHashSet {
+        &self.posed
+    }
+
+    /// Instances with a [`Subsurface`], in no particular order.
+    pub(crate) fn translucent(&self) -> &MainEntityHashSet {
+        &self.translucent
+    }
+
+    /// Takes over the state of an entity: an instance, `Some(None)` if no camera sees it, or `None` if it is no mesh with a material.
+    pub(crate) fn set(&mut self, entity: MainEntity, state: Option<Option<ExtractedInstance>>) {
+        let [before, after] = match state {
+            Some(new) => {
+                let listed = self.all.entry(entity).or_default();
+                if *listed == new {
+                    return;
+                }
+                let after = Traits::of(new.as_ref());
+                [Traits::of(core::mem::replace(listed, new).as_ref()), after]
+            }
+            None => {
+                let Some(old) = self.all.remove(&entity).flatten() else { return };
+                [Traits::of(Some(&old)), Traits::default()]
+            }
+        };
+        self.changed.push(entity);
+        if before == after {
+            return;
+        }
+        if before.material != after.material {
+            self.repainted.push(entity);
+        }
+        self.mesh_users.change(entity, before.mesh, after.mesh);
+        self.material_users.change(entity, before.material, after.material);
+        set_member(&mut self.posed, entity, after.is_posed);
+        set_member(&mut self.translucent, entity, after.is_translucent);
+    }
+}
+
+/// What the list sorts instances by.
+#[derive(Default, PartialEq)]
+struct Traits {
+    mesh: Option<AssetId<Mesh>>,
+    material: Option<AssetId<StandardMaterial>>,
+    is_posed: bool,
+    is_translucent: bool,
+}
+
+impl Traits {
+    fn of(instance: Option<&ExtractedInstance>) -> Self {
+        Self {
+            mesh: instance.map(|i| i.mesh),
+            material: instance.map(|i| i.material),
+            is_posed: instance.is_some_and(|i| i.pose.is_some()),
+            is_translucent: instance.is_some_and(|i| i.subsurface.is_some()),
+        }
+    }
+}
+
+fn set_member(set: &mut MainEntityHashSet, entity: MainEntity, is_member: bool) {
+    if is_member {
+        set.insert(entity);
+    } else if !set.is_empty() {
+        set.remove(&entity);
+    }
+}
+
+/// Entities in ascending order, each once.
+pub(crate) fn sorted(mut entities: Vec<MainEntity>) -> Vec<MainEntity> {
+    // Most lists consist of a few sorted parts, which this sort merges.
+    entities.sort();
+    entities.dedup();
+    entities
+}
+
+/// The instances that use each asset.
+#[derive(Debug)]
+struct Users<K>(HashMap<K, MainEntityHashSet>);
+
+impl<K> Default for Users<K> {
+    fn default() -> Self {
+        Self(HashMap::default())
+    }
+}
+
+impl<K: Copy + Eq + Hash> Users<K> {
+    fn change(&mut self, entity: MainEntity, old: Option<K>, new: Option<K>) {
+        if old == new {
+            return;
+        }
+        if let Some(id) = old
+            && let Some(users) = self.0.get_mut(&id)
+        {
+            users.remove(&entity);
+            if users.is_empty() {
+                self.0.remove(&id);
+            }
+        }
+        if let Some(id) = new {
+            self.0.entry(id).or_default().insert(entity);
+        }
+    }
+
+    fn of(&self, id: K) -> impl Iterator<Item = MainEntity> {
+        self.0.get(&id).into_iter().flatten().copied()
+    }
+}
+
+type InstanceData<'a> = (
+    Entity,
+    &'a Mesh3d,
+    AnyOf<(&'static MeshMaterial3d<StandardMaterial>, &'static RestirMaterial)>,
+    &'a GlobalTransform,
+    &'a InheritedVisibility,
+    Option<&'a RenderLayers>,
+    Has<NotShadowCaster>,
+    Option<&'a SkinnedMesh>,
+    Option<&'a MeshMorphWeights>,
+    Option<&'a Subsurface>,
+);
+
+/// What poses depend on besides the components of an instance.
+#[derive(SystemParam)]
+pub(crate) struct PoseSources<'w, 's> {
+    inverse_bindposes: Option<Res<'w, Assets<SkinnedMeshInverseBindposes>>>,
+    joints: Query<'w, 's, &'static GlobalTransform>,
+    weights: Query<'w, 's, &'static MorphWeights>,
+}
+
+impl PoseSources<'_, '_> {
+    /// The pose of an instance; `None` if nothing bends it.
+    fn pose(&self, skin: Option<&SkinnedMesh>, morph: Option<&MeshMorphWeights>) -> Option<Box<Pose>> {
+        if skin.is_none() && morph.is_none() {
+            return None;
+        }
+        let weights = morph.map(|morph| match morph {
+            MeshMorphWeights::Value { weights } => weights.clone(),
+            MeshMorphWeights::Reference(entity) => {
+                self.weights.get(*entity).map_or(Vec::new(), |weights| weights.weights().to_vec())
+            }
+        });
+        let joints = skin.and_then(|skin| self.joints(skin)).unwrap_or_default();
+        Some(Box::new(Pose::new(joints, weights.unwrap_or_default())))
+    }
+
+    /// For each joint the transform from the mesh at rest to the world; `None` while the skin is not loaded.  A joint that does not exist
+    /// counts as one without a transform.
+    fn joints(&self, skin: &SkinnedMesh) -> Option<Vec<Affine3A>> {
+        let bindposes = self.inverse_bindposes.as_ref()?.get(&skin.inverse_bindposes)?;
+        let joints = skin.joints.iter().zip(bindposes.iter()).map(|(&joint, bindpose)| {
+            let world_from_joint = self.joints.get(joint).map_or(Affine3A::IDENTITY, GlobalTransform::affine);
+            world_from_joint * Affine3A::from_mat4(*bindpose)
+        });
+        Some(joints.collect())
+    }
+}
+
+/// The mesh instances of the main world.
+#[derive(SystemParam)]
+pub(crate) struct Instances<'w, 's> {
+    all: Query<'w, 's, InstanceData<'static>, Without<RestirIgnore>>,
+    ranges: VisibilityRanges<'w, 's>,
+    poses: PoseSources<'w, 's>,
+}
+
+impl Instances<'_, '_> {
+    /// The instance of a row; `None` if no camera sees it.
+    fn instance(
+        &self,
+        row: ROQueryItem<InstanceData<'static>>,
+        sets: &LayerSets,
+        viewpoint: Option<Vec3A>,
+    ) -> Option<ExtractedInstance> {
+        let (entity, mesh, materials, transform, visibility, layers, not_shadow_caster, skin, morph, subsurface) = row;
+        let camera_mask = sets.camera_mask(layers);
+        let (own, stand_in) = materials;
+        let material = stand_in.map(|material| material.0.id()).or(own.map(|material| material.id()))?;
+        let is_seen = visibility.get()
+            && camera_mask != 0
+            && !viewpoint.is_some_and(|viewpoint| self.ranges.is_culled(entity, viewpoint));
+        is_seen.then(|| ExtractedInstance {
+            entity: entity.into(),
+            mesh: mesh.id(),
+            material,
+            world_from_object: transform.affine(),
+            camera_mask,
+            casts_shadows: !not_shadow_caster,
+            is_stand_in: stand_in.is_some(),
+            pose: self.poses.pose(skin, morph),
+            subsurface: subsurface.copied(),
+        })
+    }
+}
+
+/// A component of the row has changed.
+type Touched = Or<(
+    Changed<Mesh3d>,
+    Changed<MeshMaterial3d<StandardMaterial>>,
+    Changed<RestirMaterial>,
+    Changed<GlobalTransform>,
+    Changed<InheritedVisibility>,
+    Changed<RenderLayers>,
+    Changed<NotShadowCaster>,
+    Changed<SkinnedMesh>,
+    Changed<MeshMorphWeights>,
+    Changed<Subsurface>,
+)>;
+
+/// What has changed in the main world since the last frame.
+#[derive(SystemParam)]
+pub(crate) struct InstanceChanges<'w, 's> {
+    rows: Query<'w, 's, InstanceData<'static>, (Without<RestirIgnore>, Touched)>,
+    ignored: Query<'w, 's, Entity, (With<Mesh3d>, Added<RestirIgnore>)>,
+    posed: Query<'w, 's, Entity, (With<Mesh3d>, Or<(With<SkinnedMesh>, With<MeshMorphWeights>)>)>,
+    ranged: Query<'w, 's, Entity, (With<Mesh3d>, With<VisibilityRange>)>,
+    new_ranges: Query<'w, 's, Entity, (With<Mesh3d>, With<VisibilityRange>, NewRange)>,
+    removed: RemovedParts<'w, 's>,
+}
+
+type NewRange = Or<(Changed<VisibilityRange>, Changed<Aabb>)>;
+
+/// Components whose removal changes an instance or ends it.  A despawned entity loses all of them.
+#[derive(SystemParam)]
+pub(crate) struct RemovedParts<'w, 's> {
+    meshes: RemovedComponents<'w, 's, Mesh3d>,
+    materials: RemovedComponents<'w, 's, MeshMaterial3d<StandardMaterial>>,
+    stand_ins: RemovedComponents<'w, 's, RestirMaterial>,
+    ignored: RemovedComponents<'w, 's, RestirIgnore>,
+    layers: RemovedComponents<'w, 's, RenderLayers>,
+    not_shadow_casters: RemovedComponents<'w, 's, NotShadowCaster>,
+    skins: RemovedComponents<'w, 's, SkinnedMesh>,
+    morphs: RemovedComponents<'w, 's, MeshMorphWeights>,
+    subsurface: RemovedComponents<'w, 's, Subsurface>,
+    ranges: RemovedComponents<'w, 's, VisibilityRange>,
+    boxes: RemovedComponents<'w, 's, Aabb>,
+}
+
+impl RemovedParts<'_, '_> {
+    /// The entities that have lost a part since the last call; some more than once.
+    fn read(&mut self) -> impl Iterator<Item = Entity> {
+        let Self { meshes, materials, stand_ins, ignored, layers, not_shadow_casters, skins, morphs, .. } = self;
+        let shown = meshes.read().chain(materials.read()).chain(stand_ins.read()).chain(ignored.read());
+        let looks = layers.read().chain(not_shadow_casters.read()).chain(skins.read()).chain(morphs.read());
+        shown.chain(looks).chain(self.subsurface.read()).chain(self.ranges.read()).chain(self.boxes.read())
+    }
+}
+
+impl InstanceChanges<'_, '_> {
+    /// Entities to look at besides the rows that have changed.  A skin and a level of detail depend on other entities.
+    fn others(&mut self, has_new_viewpoint: bool) -> Vec<MainEntity> {
+        let ranged = self.ranged.iter().filter(|_| has_new_viewpoint);
+        let others = self.ignored.iter().chain(&self.posed).chain(ranged).chain(&self.new_ranges);
+        let others: Vec<_> = others.map(MainEntity::from).collect();
+        sorted(others.into_iter().chain(self.removed.read().map(MainEntity::from)).collect())
+    }
+}
+
+/// What all instances were last extracted with.
+#[derive(Default)]
+pub(crate) struct LastExtraction {
+    layers: u64,
+    viewpoint: Option<Vec3A>,
+}
+
+/// Extracts the mesh instances that have changed.
+pub(crate) fn extract_instances(
+    mut scene: ResMut<ExtractedScene>,
+    instances: Extract<Instances>,
+    mut changes: Extract<InstanceChanges>,
+    sets: Res<LayerSets>,
+    mut last: Local<LastExtraction>,
+    times: Res<CpuTimes>,
+) {
+    let _running = times.measure(Stage::ExtractInstances);
+    let is_new = scene.is_new;
+    let list = &mut scene.instances;
+    let viewpoint = instances.ranges.viewpoint();
+    let others = changes.others(viewpoint != last.viewpoint);
+    let has_new_layers = sets.revision != last.layers;
+    *last = LastExtraction { layers: sets.revision, viewpoint };
+    if is_new || has_new_layers {
+        list.touch_all(&instances, &sets, viewpoint);
+        return;
+    }
+    for row in &changes.rows {
+        list.visited += 1;
+        list.set(row.0.into(), Some(instances.instance(row, &sets, viewpoint)));
+    }
+    for entity in others {
+        list.touch(entity, &instances, &sets, viewpoint);
+    }
+    // The main world keeps removals for two of its frames.  If a removal is missing here, the extraction was late.
+    if list.all.len() != instances.all.iter().len() {
+        list.touch_all(&instances, &sets, viewpoint);
+    }
+}
+
+impl InstanceList {
+    /// Looks at an entity.
+    fn touch(&mut self, entity: MainEntity, instances: &Instances, sets: &LayerSets, viewpoint: Option<Vec3A>) {
+        self.visited += 1;
+        let row = instances.all.get(*entity).ok();
+        self.set(entity, row.map(|row| instances.instance(row, sets, viewpoint)));
+    }
+
+    /// Looks at every entity.
+    fn touch_all(&mut self, instances: &Instances, sets: &LayerSets, viewpoint: Option<Vec3A>) {
+        let known = self.all.keys().copied();
+        for entity in sorted(known.chain(instances.all.iter().map(|row| row.0.into())).collect()) {
+            self.touch(entity, instances, sets, viewpoint);
+        }
+    }
+}
+
+/// Compares instances and lights in each frame with those that are extracted from scratch.
+#[cfg(feature = "testing")]
+#[derive(Resource)]
+pub(crate) struct CheckMirror;
+
+/// Panics if an instance differs from what the main world has.
+#[cfg(feature = "testing")]
+pub(crate) fn check_instances(
+    scene: Res<ExtractedScene>,
+    instances: Extract<Instances>,
+    sets: Res<LayerSets>,
+    wanted: Option<Res<CheckMirror>>,
+) {
+    if wanted.is_none() {
+        return;
+    }
+    let viewpoint = instances.ranges.viewpoint();
+    let mut seen = 0;
+    for row in &instances.all {
+        let entity = MainEntity::from(row.0);
+        let expected = instances.instance(row, &sets, viewpoint);
+        seen += usize::from(expected.is_some());
+        // NaN differs from itself, but not from its text.
+        let [expected, listed] = [expected.as_ref(), scene.instances.get(entity)].map(|i| format!("{i:?}"));
+        assert_eq!(listed, expected, "entity {}", *entity);
+    }
+    let list = &scene.instances;
+    assert_eq!(list.all.values().flatten().count(), seen, "instances that no entity has");
+    let users = |users: &mut dyn Iterator<Item = &MainEntityHashSet>| users.map(|set| set.len()).sum::<usize>();
+    assert_eq!(users(&mut list.mesh_users.0.values()), seen, "users of meshes");
+    assert_eq!(users(&mut list.material_users.0.values()), seen, "users of materials");
+}

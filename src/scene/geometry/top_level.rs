@@ -1,0 +1,169 @@
+//! The top-level tree over the instances that rays can hit, of this frame and of the last one.
+
+use bevy::{
+    log::warn_once,
+    platform::collections::HashSet,
+    render::renderer::{RenderDevice, RenderQueue},
+};
+
+use crate::gpu_layout::{INSTANCE_ALPHA, NONE};
+use crate::scene::{
+    accel::blas::Bounds,
+    accel::ray_query::{AccelerationStructures, Placed},
+    accel::tlas,
+    geometry::bodies::BodyPool,
+    geometry::gpu_tlas::GpuTlas,
+    geometry::instances::{InstancePool, LiveInstance},
+    geometry::meshes::MeshPool,
+};
+
+/// The top level.
+#[derive(Default)]
+pub(crate) struct TopLevel {
+    /// The bounds of some instance have changed since the tree was built.
+    pub(super) changed: bool,
+    /// World bounds of the instances in the tree, by slot, in the order of their entities.
+    bounds: Vec<(u32, Bounds)>,
+    /// Memory for the bounds of the next tree.
+    new_bounds: Vec<(u32, Bounds)>,
+    current: GpuTlas,
+    /// The top level of the last frame; `None` if it equals the current one.
+    previous: Option<GpuTlas>,
+    /// Replaces both when rays are traced by ray queries.
+    pub structures: Option<AccelerationStructures>,
+    /// The instances for `structures`.
+    placed: Vec<Placed>,
+    /// Bounding sphere of all instances that rays can hit.
+    pub center: [f32; 3],
+    pub radius: f32,
+    /// `center` and `radius` in the last frame.
+    pub previous_sphere: ([f32; 3], f32),
+    /// Bytes of the top level sent in this frame.
+    pub uploaded_nodes: u64,
+}
+
+/// Center and radius of a sphere around boxes.
+fn bounding_sphere<'a>(boxes: impl Iterator<Item = &'a Bounds>) -> ([f32; 3], f32) {
+    let all = boxes
+        .copied()
+        .reduce(|a, b| (core::array::from_fn(|i| a.0[i].min(b.0[i])), core::array::from_fn(|i| a.1[i].max(b.1[i]))));
+    let Some((low, high)) = all else { return ([0.0; 3], 0.0) };
+    let half: [f64; 3] = core::array::from_fn(|i| 0.5 * (high[i] as f64 - low[i] as f64));
+    let radius = half.iter().map(|h| h * h).sum::<f64>().sqrt().min(1e18) as f32;
+    (core::array::from_fn(|i| 0.5 * low[i] + 0.5 * high[i]), radius)
+}
+
+/// An instance as the device's own acceleration structures have it.
+fn placed(
+    slot: u32,
+    live: &LiveInstance,
+    instances: &InstancePool,
+    meshes: &MeshPool,
+    bodies: &BodyPool,
+) -> Option<Placed> {
+    let (mesh, instance) = (meshes.get(live.mesh)?, instances.get(slot));
+    let body = bodies.get(live.entity);
+    Some(Placed {
+        slot,
+        version: body.map_or(mesh.version, |body| body.version()),
+        rebuild: body.is_some_and(|body| body.moved),
+        triangles: instance.first_triangle..instance.first_triangle + instance.triangle_count,
+        world_from_object: instance.world_from_object,
+        opaque: instance.flags & INSTANCE_ALPHA == 0,
+        mask: live.ray_mask as u8,
+    })
+}
+
+impl TopLevel {
+    /// A top level that the device builds.
+    pub(super) fn for_ray_queries() -> Self {
+        Self { structures: Some(AccelerationStructures::default()), ..Default::default() }
+    }
+
+    pub(super) fn begin_frame(&mut self) {
+        self.uploaded_nodes = 0;
+        self.previous_sphere = (self.center, self.radius);
+    }
+
+    /// Rebuilds the tree if any bounds changed, and returns whether it did.  The tree of the last frame is released one frame later.
+    pub(super) fn rebuild(
+        &mut self,
+        instances: &InstancePool,
+        meshes: &mut MeshPool,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) -> bool {
+        if let Some(old) = self.previous.take() {
+            meshes.release_nodes(old.range);
+        }
+        if !self.update_bounds(instances) {
+            return false;
+        }
+        let tlas = tlas::build_tlas(&self.bounds);
+        let Some((fresh, bytes)) = GpuTlas::write(&tlas, meshes, device, queue) else {
+            warn_once!(
+                "restir: the top-level tree over {} instances does not fit this device; rays use the last tree that fit",
+                self.bounds.len()
+            );
+            return false;
+        };
+        self.uploaded_nodes = bytes;
+        self.previous = Some(core::mem::replace(&mut self.current, fresh));
+        true
+    }
+
+    /// Rebuilds the device's own acceleration structures if an instance changed, and returns whether it did.
+    pub(super) fn update_structures(
+        &mut self,
+        instances: &InstancePool,
+        meshes: &mut MeshPool,
+        bodies: &BodyPool,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) -> bool {
+        self.update_bounds(instances);
+        if instances.visited > 0 {
+            self.placed.clear();
+            let traced = instances.in_order().filter(|(_, live)| live.ray_mask != 0);
+            self.placed.extend(traced.filter_map(|(slot, live)| placed(slot, live, instances, meshes, bodies)));
+        }
+        let Some(structures) = &mut self.structures else { return false };
+        if !meshes.triangles.reserve(1, device, queue) {
+            return false;
+        }
+        let Some(triangles) = meshes.triangles.buffer() else { return false };
+        let before = structures.revision;
+        self.uploaded_nodes = structures.update(&self.placed, triangles, device, queue);
+        if structures.revision == before {
+            return false;
+        }
+        let versions = meshes.versions().into_iter().chain(bodies.versions()).collect::<HashSet<_>>();
+        structures.retain(|mesh| versions.contains(&mesh));
+        self.uploaded_nodes > 0
+    }
+
+    /// Takes over the bounds of this frame and returns whether any changed.
+    fn update_bounds(&mut self, instances: &InstancePool) -> bool {
+        if !core::mem::take(&mut self.changed) {
+            return false;
+        }
+        self.new_bounds.clear();
+        let traced = instances.in_order().filter_map(|(slot, live)| Some((slot, live.traced_bounds()?)));
+        self.new_bounds.extend(traced);
+        let changed = self.new_bounds != self.bounds;
+        if changed {
+            core::mem::swap(&mut self.bounds, &mut self.new_bounds);
+            (self.center, self.radius) = bounding_sphere(self.bounds.iter().map(|(_, bounds)| bounds));
+        }
+        changed
+    }
+
+    /// Root and position of the instance indices for the top level of this frame, then for that of the last frame.
+    pub(crate) fn top_levels(&self) -> [u32; 4] {
+        if let Some([current, previous]) = self.structures.as_ref().map(AccelerationStructures::roots) {
+            return [current, NONE, previous, NONE];
+        }
+        let previous = self.previous.as_ref().unwrap_or(&self.current);
+        [self.current.root(), self.current.indices(), previous.root(), previous.indices()]
+    }
+}
