@@ -2,4 +2,5 @@
 
 mod lab_cli;
 mod render_cli;
+mod robustness;
 mod sweep;
