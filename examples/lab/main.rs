@@ -20,6 +20,7 @@ mod panels;
 mod rays;
 mod scale;
 mod series;
+mod significance;
 mod soak;
 mod soundness;
 mod sweep;

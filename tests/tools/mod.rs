@@ -3,4 +3,5 @@
 mod lab_cli;
 mod render_aovs;
 mod render_cli;
+mod robustness;
 mod sweep;

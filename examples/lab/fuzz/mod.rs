@@ -30,6 +30,10 @@ pub struct Args {
     /// Compiles shaders for the features of each scene, in an app of its own, instead of once for all features.
     #[arg(long)]
     specialized: bool,
+    /// Also compares the mean of the picture that is left in the end with that of the reference tracer, with unbiased settings of the case's
+    /// technique. A case fails if they differ by 5 standard errors.
+    #[arg(long)]
+    against_reference: bool,
     /// Folder of the cases that fail.
     #[arg(long, default_value = "target/lab/fuzz")]
     out: PathBuf,
@@ -51,7 +55,10 @@ impl Runner<'_> {
             None => Stage::new(self.args.size, !self.args.specialized)?,
         };
         let run = || {
-            let result = stage.run(case);
+            let mut result = stage.run(case);
+            if self.args.against_reference && result.is_ok() {
+                result = stage.compare(case);
+            }
             (stage, result)
         };
         Ok(match panics::caught(run) {

@@ -1,7 +1,7 @@
 //! An app that renders cases, one after the other.
 
 use bevy::{mesh::morph::MeshMorphWeights, prelude::*};
-use bevy_restir::{RayBackend, Restir, RestirEnvironment, RestirStatistics, testing::check_mirror};
+use bevy_restir::{Preset, RayBackend, Restir, RestirEnvironment, RestirStatistics, Technique, testing::check_mirror};
 use bevy_restir_support::{
     exposure::unit_exposure,
     headless::{self, captured, frame},
@@ -12,12 +12,16 @@ use std::path::Path;
 
 use super::case::{Case, Edit, LAST_FRAME};
 use crate::{
-    soundness,
+    significance, soundness,
     things::{despawn, spawn, spawn_everything},
 };
 
 /// Frames in which a scene must be loaded, built and compiled.
 const PATIENCE: u32 = 200;
+/// Restarts of each of the two techniques that are compared.
+const RESTARTS: u32 = 16;
+/// Bounces of techniques that are compared: more only make paths longer.
+const MOST_BOUNCES: u32 = 3;
 /// Frames until the counters of a frame have arrived from the GPU.
 const LATE: u32 = 3;
 
@@ -43,21 +47,7 @@ impl Stage {
 
     pub fn run(&mut self, case: &Case) -> Result<(), String> {
         self.set_up(case);
-        let ready = |app: &App| {
-            let report = app.world().resource::<RestirStatistics>().report();
-            report.ready && report.samples > 0
-        };
-        // A change is extracted in the first frame and reported in the second.
-        self.frame()?;
-        for waited in 0.. {
-            self.frame()?;
-            if ready(&self.app) {
-                break;
-            }
-            if waited > PATIENCE {
-                return Err(format!("the scene is not ready after {PATIENCE} frames"));
-            }
-        }
+        self.until_ready()?;
         for number in 1..=LAST_FRAME {
             for (_, edit) in case.edits.iter().filter(|(frame, _)| *frame == number) {
                 self.edit(edit);
@@ -77,6 +67,60 @@ impl Stage {
             Some(fault) => Err(fault),
             None => Ok(()),
         }
+    }
+
+    /// Compares the scene that the case has left with the reference tracer.
+    pub fn compare(&mut self, case: &Case) -> Result<(), String> {
+        let technique = case.settings.technique;
+        // `Di` is direct light only.
+        let most = if technique == Technique::Di { 1 } else { MOST_BOUNCES };
+        let settings =
+            Restir { technique, bounces: case.settings.bounces.min(most), ..Restir::preset(Preset::Unbiased) };
+        let ours = self.means(&settings)?;
+        let reference = self.means(&Restir { technique: Technique::Reference, ..settings })?;
+        let (errors, limit) = (significance::difference(&reference, &ours), significance::limit(2 * RESTARTS as usize));
+        match errors.abs() > limit {
+            true => Err(format!(
+                "{technique:?} differs from the reference by {errors:+.1} standard errors of at most {limit:.1}: {ours:?}, {reference:?}"
+            )),
+            false => Ok(()),
+        }
+    }
+
+    /// Mean radiance of some frames after each of some restarts.
+    fn means(&mut self, settings: &Restir) -> Result<Vec<f64>, String> {
+        let camera = self.app.world().resource::<View>().camera;
+        let mut means = Vec::new();
+        for seed in 0..RESTARTS {
+            let settings = Restir { seed, accumulate: true, reset: true, ..settings.clone() };
+            self.app.world_mut().entity_mut(camera).insert(settings);
+            if seed == 0 {
+                self.until_ready()?;
+                self.app.world_mut().get_mut::<Restir>(camera).ok_or("the camera is gone")?.reset = true;
+            }
+            for _ in 1..LAST_FRAME {
+                self.frame()?;
+            }
+            self.app.world().resource::<View>().capture.request();
+            self.frame()?;
+            let picture = captured(&self.app)?;
+            let sum: f64 = picture.mean().flatten().map(f64::from).sum();
+            means.push(sum / f64::from(3 * picture.size.x * picture.size.y));
+        }
+        Ok(means)
+    }
+
+    fn until_ready(&mut self) -> Result<(), String> {
+        // A change is extracted in the first frame and reported in the second.
+        self.frame()?;
+        for _ in 0..PATIENCE {
+            self.frame()?;
+            let report = self.app.world().resource::<RestirStatistics>().report();
+            if report.ready && report.samples > 0 {
+                return Ok(());
+            }
+        }
+        Err(format!("the scene is not ready after {PATIENCE} frames"))
     }
 
     pub fn has_failed(&self) -> bool {

@@ -5,14 +5,12 @@ use bevy::{image::Image, mesh::Mesh, mesh::skinning::SkinnedMeshInverseBindposes
 use bevy_restir::{RestirReport, testing::lengths::table_lengths};
 use std::collections::BTreeMap;
 
+use crate::significance;
+
 /// Share by which memory may grow.
 const GROWTH: f64 = 0.02;
 /// Bytes by which the process may grow besides.
 const SLACK: f64 = (4 << 20) as f64;
-/// Standard errors between the means of both halves, with many rounds. A run compares some twenty means, and few rounds estimate their
-/// errors badly: [`limit`].
-const ERRORS: f64 = 5.0;
-
 /// Figures of one round.
 #[derive(Default)]
 pub struct Round {
@@ -114,34 +112,20 @@ impl<'a> Halves<'a> {
         grown
     }
 
-    /// The difference of the light of each frame of the round, and of their mean, in standard errors of this run, and their limit.
+    /// How the light of each frame of the round, and their mean, drifts from round to round, in standard errors of this run, and the limit.
     pub fn light(&self) -> (Vec<f64>, f64) {
         let frames = self.0.first().map_or(0, |round| round.light.len());
         let of_round = |round: &Round| round.light.iter().sum::<f64>() / frames as f64;
         let values = |half: &[Round], frame: usize| -> Vec<f64> {
             half.iter().map(|round| round.light.get(frame).copied().unwrap_or_else(|| of_round(round))).collect()
         };
-        let errors = (0..=frames).map(|frame| difference(&values(self.0, frame), &values(self.1, frame))).collect();
-        (errors, limit(self.0.len() + self.1.len()))
+        let drift = |frame: usize| {
+            let (before, after) = (values(self.0, frame), values(self.1, frame));
+            // A step is a difference of the halves, and a steady change is a slope.
+            let (step, slope) =
+                (significance::difference(&before, &after), significance::slope(&[before, after].concat()));
+            if slope.abs() > step.abs() { slope } else { step }
+        };
+        ((0..=frames).map(drift).collect(), significance::limit(self.0.len() + self.1.len()))
     }
-}
-
-/// Difference of two means in standard errors.
-fn difference(before: &[f64], after: &[f64]) -> f64 {
-    let moments = |values: &[f64]| {
-        let n = values.len() as f64;
-        let mean = values.iter().sum::<f64>() / n;
-        (mean, values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (n * (n - 1.0)))
-    };
-    let ((before, of_before), (after, of_after)) = (moments(before), moments(after));
-    if before == after { 0.0 } else { (after - before) / (of_before + of_after).sqrt() }
-}
-
-/// [`ERRORS`] as a quantile of Student's distribution, by the expansion of Cornish and Fisher.
-fn limit(rounds: usize) -> f64 {
-    let (z, freedom) = (ERRORS, (rounds as f64 - 2.0).max(1.0));
-    let first = (z.powi(3) + z) / 4.0;
-    let second = (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / 96.0;
-    let third = (3.0 * z.powi(7) + 19.0 * z.powi(5) + 17.0 * z.powi(3) - 15.0 * z) / 384.0;
-    z + first / freedom + second / freedom.powi(2) + third / freedom.powi(3)
 }
