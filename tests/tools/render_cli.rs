@@ -363,7 +363,7 @@ fn animate_plays_the_first_animation() {
 }
 
 /// Fields of the file of `--stats`.
-const STATISTICS: [&str; 22] = [
+const STATISTICS: [&str; 23] = [
     "adapter",
     "backend",
     "technique",
@@ -374,6 +374,7 @@ const STATISTICS: [&str; 22] = [
     "passes",
     "frame_ms_median",
     "cpu_ms_median",
+    "cpu_stages",
     "rays_per_frame",
     "memory",
     "pipelines",

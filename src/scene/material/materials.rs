@@ -446,9 +446,10 @@ mod tests {
         AssetId::Uuid { uuid: Uuid::from_u128(number.into()) }
     }
 
+    /// An instance with a material.  The order of entities is against that of their indices.
     fn instance(material: u32) -> ExtractedInstance {
         ExtractedInstance {
-            entity: Entity::from_raw_u32(material).expect("a valid index").into(),
+            entity: Entity::from_raw_u32(u32::MAX - 1 - material).expect("a valid index").into(),
             mesh: AssetId::default(),
             material: id(material),
             world_from_object: Affine3A::IDENTITY,
