@@ -26,7 +26,7 @@ pub struct Round {
 }
 
 impl Round {
-    /// Records the end of a round, where nothing but the scene that stays is left.
+    /// Records the end of a round, when only the permanent scene is left.
     pub fn end(&mut self, app: &App, report: &RestirReport) {
         self.resident_bytes = resident_bytes();
         let world = app.world();

@@ -157,7 +157,7 @@ impl Soak {
         if let Some(fault) = soundness::fault(&report) {
             self.fault(at, &fault);
         }
-        // Each fault is told once.
+        // Each fault is reported once.
         show.app.world().resource::<RestirStatistics>().reset_guards();
         Ok(report)
     }
