@@ -352,6 +352,28 @@ pub const MUTANTS: &[Mutant] = &[
         "return Rng(pixel.y << 16u | pixel.x, 0u, stream + seed * 0x9e3779b9u, 0u);",
         &["sampling::rng", "closed_forms"],
     ),
+    // The limit of bright pixels, and neighbors of new surfaces.
+    mutant(
+        "a limit from fewer pixels than three",
+        "pass/resolve.wgsl",
+        "if neighbors < FEWEST_NEIGHBORS {",
+        "if neighbors < 1u {",
+        &["light_is_limited"],
+    ),
+    mutant(
+        "a limit from pixels of other objects",
+        "pass/resolve.wgsl",
+        "textureLoad(visibility, neighbor, 0).x == instance",
+        "instance == instance",
+        &["light_is_limited"],
+    ),
+    mutant(
+        "no more neighbors for new surfaces",
+        "pass/reuse.wgsl",
+        "canonical.confidence <= 1.0",
+        "canonical.confidence < 0.0",
+        &["disocclusions_use_more_neighbors"],
+    ),
     // Bodies that bend.
     mutant(
         "a body of this frame in the last one",

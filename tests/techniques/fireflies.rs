@@ -42,6 +42,11 @@ fn limited(light: &[DVec3], objects: &Picture, at: UVec2) -> DVec3 {
 #[test]
 fn light_is_limited_to_a_multiple_of_that_of_the_pixels_around() {
     let Some(mut rig) = room_scene(SIZE) else { return };
+    // Objects of one to four pixels, of which some have too few neighbors for a limit.
+    for i in 0..36 {
+        let at = Vec3::new(0.3 * (i % 6) as f32 - 0.7, 0.3 * (i / 6) as f32 - 0.9, 0.8);
+        rig.spawn(square(0.09), lambert(0.8), Transform::from_translation(at));
+    }
     let mut show = |change: &dyn Fn(&mut Restir)| {
         rig.set(|settings| change(settings));
         rig.picture(4)

@@ -168,7 +168,7 @@ fn anywhere(json: &mut Value, random: &mut Random) -> String {
     format!("{path} is {}", shown(value))
 }
 
-/// A member of one of the file's lists; makes the list where there is none.
+/// A member of one of the file's lists.  A missing list is created.
 fn member<'a>(json: &'a mut Value, list: &str, random: &mut Random) -> Option<&'a mut Value> {
     if !json.get(list).is_some_and(Value::is_array) {
         json.as_object_mut()?.insert(list.into(), json!([{}]));

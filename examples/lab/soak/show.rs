@@ -84,7 +84,7 @@ impl Show {
         })
     }
 
-    /// Makes the changes before a frame.  Half of them are undone in the second half of the round, and nothing but motion is left in its
+    /// Makes the changes before a frame.  Half of them are undone in the second half of the round, and only motion is left in its
     /// last frames.
     pub fn change(&mut self, frame: u32) {
         let phase = frame % ROUND;
