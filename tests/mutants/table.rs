@@ -419,7 +419,7 @@ pub const MUTANTS: &[Mutant] = &[
         LIGHT_PARTS,
     ),
     mutant(
-        "samples of a coat are diffuse",
+        "light by samples of the BSDF counts as diffuse",
         "view/light_part.wgsl",
         "return shown_by_lobes(b, wo, s.wi);",
         "return shown_share(vec3<f32>(1.0));",
