@@ -306,6 +306,7 @@ pub const RESAMPLE_RETRACE_BACKWARD: u32 = 131072;
 pub const RESAMPLE_DIFFUSE_SECONDARY: u32 = 262_144;
 pub const RESAMPLE_INVERT_PROBES: u32 = 524_288;
 pub const RESAMPLE_CONNECTIONS: u32 = 1_048_576;
+pub const RESAMPLE_DUAL_MOTION: u32 = 2_097_152;
 
 pub const RECONNECT_FOOTPRINTS: u32 = 0;
 pub const RECONNECT_BLACK_BOX: u32 = 1;
@@ -363,6 +364,7 @@ pub struct GpuResampleSettings {
     pub temporal_attempts: u32,
     pub radius: f32,
     pub confidence_cap: f32,
+    pub decorrelation: f32,
     pub mis: u32,
     pub flags: u32,
     pub normal_threshold: f32,

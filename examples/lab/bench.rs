@@ -1,8 +1,8 @@
 //! Measures cost and error of one scene under many settings, in one app.
 
 use bevy::{
-    app::App, ecs::change_detection::DetectChangesMut, math::UVec2, render::renderer::RenderAdapterInfo,
-    transform::components::Transform,
+    app::App, ecs::change_detection::DetectChangesMut, ecs::entity::Entity, math::UVec2,
+    render::renderer::RenderAdapterInfo, transform::components::Transform,
 };
 use bevy_restir::{RayBackend, Restir, RestirEnvironment, RestirReport, RestirStatistics, Technique, pass_names};
 use bevy_restir_support::{
@@ -92,8 +92,9 @@ pub struct Bench {
     size: UVec2,
     counts: Counts,
     times: Times,
-    /// Places of the camera in the frames that end with a picture; it rests where they are empty.
+    /// Places of the camera, or of `mover`, in the frames that end with a picture; it rests where they are empty.
     motion: Vec<Transform>,
+    mover: Option<Entity>,
 }
 
 /// Path and name of a scene file.
@@ -151,7 +152,7 @@ impl Bench {
     /// Takes an app with a camera and waits until it is ready.
     pub fn new(mut app: App, size: UVec2, counts: Counts) -> Result<Self, String> {
         until_ready(&mut app)?;
-        Ok(Self { app, size, counts, times: Times::default(), motion: Vec::new() })
+        Ok(Self { app, size, counts, times: Times::default(), motion: Vec::new(), mover: None })
     }
 
     /// Moves the camera before each picture of a technique that reuses frames.  It rests at the last of these places for all else.
@@ -162,6 +163,11 @@ impl Bench {
     /// Changes the places of the camera; without any it rests where it is.
     pub fn set_motion(&mut self, motion: Vec<Transform>) {
         self.motion = motion;
+    }
+
+    /// Moves an object in place of the camera.
+    pub fn set_mover(&mut self, mover: Option<Entity>) {
+        self.mover = mover;
     }
 
     /// Lights the scene by an environment.
@@ -298,7 +304,7 @@ impl Bench {
             self.restart(seed);
             let mut run = Vec::new();
             for frame in 0..=last {
-                self.place_camera((last - frame) as usize);
+                self.place_mover((last - frame) as usize);
                 let is_wanted = frames.contains(&frame);
                 if is_wanted {
                     self.app.world().resource::<View>().capture.request();
@@ -367,13 +373,14 @@ impl Bench {
         }
     }
 
-    /// Places the camera where it is `left` frames before a picture.
-    fn place_camera(&mut self, left: usize) {
+    /// Places the camera, or the object that moves, where it is `left` frames before a picture.
+    fn place_mover(&mut self, left: usize) {
         let Some(last) = self.motion.len().checked_sub(1) else { return };
         let camera = self.app.world().resource::<View>().camera;
         let rests = self.app.world().get::<Restir>(camera).is_none_or(|r| r.technique == Technique::Reference);
         let place = self.motion[if rests { last } else { last.saturating_sub(left) }];
-        if let Some(mut transform) = self.app.world_mut().get_mut::<Transform>(camera) {
+        let mover = self.mover.unwrap_or(camera);
+        if let Some(mut transform) = self.app.world_mut().get_mut::<Transform>(mover) {
             transform.set_if_neq(place);
         }
     }
@@ -386,10 +393,10 @@ impl Bench {
     /// Radiance of the frame after `before` others.
     fn picture(&mut self, before: u32, progress: &Progress) -> Result<Picture, String> {
         for left in (1..=before as usize).rev() {
-            self.place_camera(left);
+            self.place_mover(left);
             self.step(progress);
         }
-        self.place_camera(0);
+        self.place_mover(0);
         self.app.world().resource::<View>().capture.request();
         self.step(progress);
         self.captured()

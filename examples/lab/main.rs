@@ -15,6 +15,7 @@ mod fuzz;
 mod instances;
 mod lights;
 mod materials;
+mod motion;
 mod output;
 mod panels;
 mod rays;
@@ -50,6 +51,7 @@ enum Command {
     Subsurface(translucent::Args),
     Materials(materials::Args),
     Frames(frames::Args),
+    Motion(motion::Args),
     Budget(budget::Args),
     Characters(characters::Args),
     Instances(instances::Args),
@@ -77,6 +79,7 @@ fn main() -> ExitCode {
         Command::Subsurface(args) => translucent::run(args),
         Command::Materials(args) => materials::run(args),
         Command::Frames(args) => frames::run(args),
+        Command::Motion(args) => motion::run(args),
         Command::Budget(args) => budget::run(args),
         Command::Characters(args) => characters::run(args),
         Command::Instances(args) => instances::run(args),

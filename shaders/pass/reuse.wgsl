@@ -6,14 +6,14 @@
 // `src/shader_library.rs` puts them in.  Resampling takes place in the domain of the pixel: a neighbor's sample is shifted there first, and
 // from there to every other domain that its MIS weight asks for.
 
-#import technique::{apply_shift, carries_contribution, completed, diffuse_share, evaluate, Evaluated, find_neighbor, in_current_frame, is_visible, jacobian_of, neighbor_radius, no_reservoir, own_place, PackedReservoir, Receiver, receiver_of, receives_light, Reservoir, reservoir_pack, reservoir_unpack, resamples, shift_result_of, ShiftResult, stored_target, stores_target, target_value}
+#import technique::{apply_shift, carries_contribution, completed, diffuse_share, evaluate, Evaluated, find_neighbor, identity_of, in_current_frame, is_visible, jacobian_of, neighbor_radius, no_reservoir, own_place, PackedReservoir, Receiver, receiver_of, receives_light, Reservoir, reservoir_pack, reservoir_unpack, resamples, shift_result_of, ShiftResult, stored_target, stores_target, target_value}
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::guard::{GUARD_CONTRIBUTION_WEIGHT, GUARD_TARGET, guarded}
 #import bevy_restir::common::math::luminance
-#import bevy_restir::common::rng::{Rng, rng_1, rng_bits, rng_new, STREAM_REUSE}
+#import bevy_restir::common::rng::{Rng, rng_1, rng_2, rng_bits, rng_new, STREAM_REUSE}
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::mis::{MAX_INPUTS, mis_needs_target, mis_weight, MisInputs}
-#import bevy_restir::restir::neighbors::{has, neighbor_ids, OwnPlace}
+#import bevy_restir::restir::neighbors::{has, neighbor_ids, OwnPlace, ring_offset}
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::restir::reservoir_sampling::{Stream, stream_add, stream_ucw}
 #import bevy_restir::restir::types::{RESAMPLE_CANDIDATES_VISIBLE, RESAMPLE_DISCARD_OCCLUDED, RESAMPLE_FROM_PREVIOUS, RESAMPLE_MIS_RAYS, RESAMPLE_REUSE_VISIBILITY, RESAMPLE_SHADE, RESAMPLE_SHADE_ALL, RESAMPLE_SHADING_RAYS, RESAMPLE_TARGET_RAYS}
@@ -104,10 +104,30 @@ fn gather_inputs(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, o
         (*inputs).ucw[count] = s.ucw;
         (*inputs).needs_ray[count] = has(RESAMPLE_SHADING_RAYS) && !reuses_visibility;
         (*inputs).visible[count] = s.seen || !reuses_visibility;
-        (*mis).confidence[count] = s.confidence;
+        (*mis).confidence[count] = s.confidence * (1.0 - settings.decorrelation * share_of_copies(s, at, rng));
         count += 1u;
     }
     (*mis).count = count;
+}
+
+// Pixels that are compared with a neighbor.  They are at least 1 pixel from it, and at most a quarter of the radius of the disk of neighbors.
+const COMPARED_PIXELS: u32 = 8u;
+const COMPARED_RADIUS: f32 = 0.25;
+
+// Share of the pixels around a neighbor in the last frame that hold the same sample as the neighbor.
+fn share_of_copies(s: Reservoir, at: vec2<u32>, rng: ptr<function, Rng>) -> f32 {
+    if settings.decorrelation == 0.0 || s.ucw == 0.0 {
+        return 0.0;
+    }
+    let identity = identity_of(neighbors[reservoir_index(at, view.size, settings.reservoir_layout)]);
+    var copies = 0u;
+    for (var i = 0u; i < COMPARED_PIXELS; i++) {
+        let offset = ring_offset(rng_2(rng), 1.0, max(COMPARED_RADIUS * settings.radius, 2.0));
+        let place = vec2<u32>(clamp(vec2<f32>(at) + 0.5 + offset, vec2<f32>(0.0), vec2<f32>(view.size - 1u)));
+        let other = identity_of(neighbors[reservoir_index(place, view.size, settings.reservoir_layout)]);
+        copies += u32(all(other == identity));
+    }
+    return f32(copies) / f32(COMPARED_PIXELS);
 }
 
 // Selects one of the inputs, and computes the share of each.

@@ -5,9 +5,10 @@
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::rng::{Rng, rng_2}
 #import bevy_restir::restir::bindings::{previous_visibility, settings}
-#import bevy_restir::restir::types::{RESAMPLE_BILINEAR, RESAMPLE_FROM_PREVIOUS, RESAMPLE_HEURISTICS, RESAMPLE_SAME_MATERIAL}
+#import bevy_restir::restir::types::{RESAMPLE_BILINEAR, RESAMPLE_DUAL_MOTION, RESAMPLE_FROM_PREVIOUS, RESAMPLE_HEURISTICS, RESAMPLE_SAME_MATERIAL}
+#import bevy_restir::scene::offset::surface_point
 #import bevy_restir::scene::surface::{Shape, shape_at}
-#import bevy_restir::scene::triangle::world_triangle
+#import bevy_restir::scene::triangle::{instance_exists, world_triangle}
 #import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::camera::{barycentrics_on_ray, camera_position, previous_primary_ray, primary_ray, project}
 
@@ -27,39 +28,65 @@ fn neighbor_ids(pixel: vec2<u32>) -> vec2<u32> {
 struct OwnPlace {
     shape: Shape,
     place: vec2<f32>,
+    pixel: vec2<f32>,          // center of the pixel, in this frame
     radius: f32,               // of the disk that its neighbors are in, pixels
 }
 
 fn own_place(ids: vec2<u32>, pixel: vec2<u32>, radius: f32) -> OwnPlace {
+    let center = vec2<f32>(pixel) + 0.5;
     if has(RESAMPLE_FROM_PREVIOUS) {
         let shape = previous_pixel_shape(ids, pixel);
         // The nearest pixel is sought without the jitter of either frame: with it, the samples of a picture at rest would all move by one
         // pixel in the frames where the jitter changes by more than half a pixel, and always the same way.  Bilinear places have no such
         // drift: they move in all directions with the same probability.
         let jitter = select(view.jitter, view.previous_jitter, has(RESAMPLE_BILINEAR));
-        return OwnPlace(shape, project(view.previous, shape.position) - jitter, radius);
+        return OwnPlace(shape, project(view.previous, shape.position) - jitter, center, radius);
     }
-    return OwnPlace(pixel_shape(ids, pixel, false), vec2<f32>(pixel) + 0.5, radius);
+    return OwnPlace(pixel_shape(ids, pixel, false), center, center, radius);
 }
 
 // A neighbor; NONE where none is found.  `is_own`: the place of the surface itself in the last frame.
 fn find_neighbor(own: OwnPlace, is_own: bool, rng: ptr<function, Rng>) -> vec2<u32> {
     let attempts = select(settings.neighbor_attempts, settings.temporal_attempts, is_own);
     for (var t = 0u; t < attempts; t++) {
-        let at = own.place + neighbor_offset(own, is_own, t, rng_2(rng));
-        if any(at < vec2<f32>(0.0)) || any(at >= vec2<f32>(view.size)) {
-            continue;
-        }
-        let pixel = min(vec2<u32>(at), view.size - 1u);
-        let ids = neighbor_ids(pixel);
-        if ids.x == NONE {
-            continue;
-        }
-        if !has(RESAMPLE_HEURISTICS) || is_similar(own.shape, ids, pixel) {
+        let pixel = similar_pixel(own.shape, own.place + neighbor_offset(own, is_own, t, rng_2(rng)));
+        if pixel.x != NONE {
             return pixel;
         }
     }
+    if is_own && has(RESAMPLE_DUAL_MOTION) {
+        return similar_pixel(own.shape, place_beside_occluder(own));
+    }
     return vec2<u32>(NONE);
+}
+
+// The pixel at a place, in the frame that neighbors are taken from; NONE if its surface is not similar.
+fn similar_pixel(own: Shape, at: vec2<f32>) -> vec2<u32> {
+    if !(all(at >= vec2<f32>(0.0)) && all(at < vec2<f32>(view.size))) {
+        return vec2<u32>(NONE);
+    }
+    let pixel = min(vec2<u32>(at), view.size - 1u);
+    let ids = neighbor_ids(pixel);
+    if ids.x == NONE || (has(RESAMPLE_HEURISTICS) && !is_similar(own, ids, pixel)) {
+        return vec2<u32>(NONE);
+    }
+    return pixel;
+}
+
+// Where the surface was hidden in the last frame: the place that lies beside the object that hid it as the surface does now, so that it shows
+// similar surfaces behind the object (dual motion vectors, Zeng et al. 2021; Lin et al. 2026, supplement, 7).
+fn place_beside_occluder(own: OwnPlace) -> vec2<f32> {
+    if !(all(own.place >= vec2<f32>(0.0)) && all(own.place < vec2<f32>(view.size))) {
+        return vec2<f32>(-1.0);
+    }
+    let pixel = min(vec2<u32>(own.place), view.size - 1u);
+    let ids = neighbor_ids(pixel);
+    if ids.x == NONE || !instance_exists(ids.x, false) {
+        return vec2<f32>(-1.0);
+    }
+    let barycentrics = barycentrics_on_ray(world_triangle(ids.x, ids.y, true), previous_primary_ray(pixel));
+    let occluder = surface_point(ids.x, ids.y, barycentrics, false);
+    return own.place + own.pixel - project(view.current, occluder);
 }
 
 // Along edges and at the border of the image, the jitter of the camera moves the nearest pixel to another surface.  The pixels next to it
@@ -72,7 +99,12 @@ fn neighbor_offset(own: OwnPlace, is_own: bool, attempt: u32, u: vec2<f32>) -> v
     if is_own && attempt == 0u {
         return select(vec2<f32>(0.0), u - 0.5, has(RESAMPLE_BILINEAR));
     }
-    return select(own.radius, OWN_RADIUS, is_own) * sqrt(u.x) * vec2<f32>(cos(6.2831853 * u.y), sin(6.2831853 * u.y));
+    return ring_offset(u, 0.0, select(own.radius, OWN_RADIUS, is_own));
+}
+
+// Uniform between two circles.
+fn ring_offset(u: vec2<f32>, inner: f32, outer: f32) -> vec2<f32> {
+    return sqrt(mix(inner * inner, outer * outer, u.x)) * vec2<f32>(cos(6.2831853 * u.y), sin(6.2831853 * u.y));
 }
 
 // Whether a neighbor's surface is similar enough to share light (Wyman and Panteleev 2021, Eq. 24).

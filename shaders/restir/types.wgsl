@@ -13,6 +13,7 @@ struct ResampleSettings {
     temporal_attempts: u32,    // places that are tried for the surface itself in the last frame
     radius: f32,               // of the disk that neighbors are in, pixels
     confidence_cap: f32,       // greatest confidence of a neighbor, in frames' worth of candidates
+    decorrelation: f32,        // share of the confidence that a sample loses if all pixels around it hold it, too
     mis: u32,                  // MIS_*
     flags: u32,                // RESAMPLE_*
     normal_threshold: f32,     // least cosine between the normals of similar surfaces
@@ -71,7 +72,8 @@ const RESAMPLE_RETRACE_BACKWARD: u32 = 131072u;
 const RESAMPLE_DIFFUSE_SECONDARY: u32 = 262144u;
 // Vertices of camera sub-paths are connected with vertices of light sub-paths.
 const RESAMPLE_CONNECTIONS: u32 = 1048576u;
-
+// Where the surface was hidden in the last frame, a place beside the object that hid it is tried.
+const RESAMPLE_DUAL_MOTION: u32 = 2097152u;
 // Reconnected points of entry get probes that find them.
 const RESAMPLE_INVERT_PROBES: u32 = 524288u;
 

@@ -37,7 +37,7 @@ pub enum SuffixRetrace {
 }
 
 /// Resampled paths, for [`Technique::Pt`](super::Technique::Pt) and, after the first vertex, [`Technique::Gi`](super::Technique::Gi).
-/// Unbiased except for two settings of [`SuffixRetrace`] and [`Paths::assume_diffuse_secondary`].
+/// Unbiased except for two settings of [`SuffixRetrace`], [`Paths::assume_diffuse_secondary`] and [`Paths::decorrelation`].
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
 pub struct Paths {
@@ -71,6 +71,11 @@ pub struct Paths {
     /// Greatest Jacobian of a shift, and reciprocal of the least (Lanz 2025, 4.5.5, in both directions, of the densities at both ends of the
     /// reconnection).  Smaller values give fewer bright pixels where geometry differs, and less reuse.  No bias.  From 1; default 10.
     pub jacobian_limit: f32,
+    /// Trusts a sample of the last frame less where the pixels around it hold the same sample, too: it then makes room for new ones sooner, so
+    /// that a rare bright path does not spread into a blotch that stays for many frames (duplication map, Lin et al. 2026).  The value is the
+    /// share of its confidence that a sample loses if all of them hold it.  Eight words are read at each pixel.  Biased: slightly darker,
+    /// because bright samples are copied most (`docs/performance.md`).  0 to 1; default 0, which is off and unbiased.
+    pub decorrelation: f32,
     /// Skips neighbors of dissimilar geometry: less noise at edges.  No bias.  Default: on.
     pub heuristics: bool,
 }
@@ -89,6 +94,7 @@ impl Default for Paths {
             footprint: 0.02,
             distance: 0.01,
             jacobian_limit: 10.0,
+            decorrelation: 0.0,
             heuristics: true,
         }
     }
@@ -103,6 +109,7 @@ impl Paths {
         ranges.number("footprint", &mut self.footprint, 0.0, 1e6);
         ranges.number("distance", &mut self.distance, 0.0, 1e6);
         ranges.number("jacobian_limit", &mut self.jacobian_limit, 1.0, f32::MAX);
+        ranges.number("decorrelation", &mut self.decorrelation, 0.0, 1.0);
         self.reuse.validate("paths.reuse.", 30.0, report);
     }
 }

@@ -74,6 +74,10 @@ pub struct Reuse {
     /// history is lost along edges and at the border of the image, where the jitter of the camera moves the nearest pixel to another
     /// surface: these pixels are often black in a single frame.  A few texture reads, at such pixels only.  No bias.  1 to 8; default 5.
     pub temporal_attempts: u32,
+    /// Where the surface was hidden in the last frame, takes the sample of the place that lay beside the object that hid it as the surface does
+    /// now (dual motion vectors, Zeng et al. 2021; Lin et al. 2026, supplement, 7): less noise behind moving objects, somewhat correlated.  A
+    /// texture read and a projection, at such pixels only.  Has an effect with `temporal`.  No bias.  Default: on.
+    pub dual_motion: bool,
     /// Greatest distance of neighbors, in pixels of an image that is 1080 lines high, and at least 2 pixels of the traced image: larger radii
     /// share rarely found light among more pixels, and find fewer similar neighbors.  No bias.  0 to 1e5; default 60 for paths, otherwise 30.
     pub radius: f32,
@@ -114,6 +118,7 @@ impl Reuse {
         spatial_iterations: 1,
         neighbor_attempts: 1,
         temporal_attempts: 5,
+        dual_motion: true,
         radius: 30.0,
         confidence_cap: 20.0,
         mis: Mis::Balance,
@@ -150,6 +155,7 @@ impl Reuse {
             spatial_iterations: _,
             neighbor_attempts: _,
             temporal_attempts: _,
+            dual_motion: _,
             radius: _,
             confidence_cap: _,
             mis: _,

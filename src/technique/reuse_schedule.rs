@@ -110,6 +110,7 @@ impl ReuseSchedule {
             iterations: iterations(&paths.reuse),
             common: GpuResampleSettings {
                 candidates: paths.candidates,
+                decorrelation: paths.decorrelation,
                 mis: mis_constant(BiasCorrection::UnbiasedMis, paths.reuse.mis),
                 flags: common.flags | flags_of(flags),
                 ..reconnection_settings(paths, common)
@@ -205,6 +206,7 @@ impl ReuseSchedule {
             common: GpuResampleSettings {
                 // All inputs are shaded, because the color of the candidates is that of all splats.
                 flags: connections | RESAMPLE_SHADE_ALL,
+                decorrelation: 0.0,
                 ..paths.common
             },
             first_flags: 0,
@@ -246,6 +248,7 @@ impl ReuseSchedule {
         GpuResampleSettings {
             temporal_samples: available(iteration.temporal_samples),
             spatial_samples: available(iteration.spatial_samples),
+            decorrelation: if iteration.from_previous { self.common.decorrelation } else { 0.0 },
             disocclusion_samples: if iteration.seeks_more { self.common.disocclusion_samples } else { 0 },
             mis: if iteration.spatial_samples == 0 { self.temporal_mis } else { self.common.mis },
             flags: (self.common.flags | flags) & !without,
@@ -280,6 +283,7 @@ fn common_settings(reuse: &Reuse, direct: &Direct, research: &Research) -> GpuRe
             (reuse.shade_all, RESAMPLE_SHADE_ALL),
             (reuse.bilinear, RESAMPLE_BILINEAR),
             (reuse.same_material, RESAMPLE_SAME_MATERIAL),
+            (reuse.dual_motion, RESAMPLE_DUAL_MOTION),
         ]),
         normal_threshold: reuse.normal_threshold,
         depth_threshold: reuse.depth_threshold,

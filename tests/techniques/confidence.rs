@@ -22,14 +22,14 @@ fn wall() -> Option<Rig> {
     Some(rig)
 }
 
-/// The confidence after each frame in the interior of the image.
-fn expected(reuse: &Reuse) -> Vec<f64> {
+/// The confidence after each frame in the interior of the image, where samples of the last frame lose a share of theirs.
+fn expected(reuse: &Reuse, loss: f64) -> Vec<f64> {
     let (cap, neighbors) = (f64::from(reuse.confidence_cap), f64::from(reuse.spatial_samples));
     let temporal = f64::from(u8::from(reuse.temporal));
     let mut last: Option<f64> = None;
     (0..FRAMES)
         .map(|_| {
-            let history = last.map_or(0.0, |c| c.min(cap));
+            let history = last.map_or(0.0, |c| c.min(cap) * (1.0 - loss));
             let now = match reuse.order {
                 // All inputs are those of the last frame.
                 ReuseOrder::Spatiotemporal => 1.0 + (temporal + neighbors) * history,
@@ -47,6 +47,10 @@ fn expected(reuse: &Reuse) -> Vec<f64> {
 
 /// The greatest relative error of the confidence in any frame, in any pixel of the interior.
 fn error(rig: &mut Rig, subject: &impl Subject, view: DebugView, reuse: &Reuse) -> f64 {
+    error_with_loss(rig, subject, view, reuse, 0.0)
+}
+
+fn error_with_loss(rig: &mut Rig, subject: &impl Subject, view: DebugView, reuse: &Reuse, loss: f64) -> f64 {
     rig.set(|r| {
         subject.apply_to(r);
         (r.debug_view, r.bounces) = (view, 2);
@@ -55,7 +59,7 @@ fn error(rig: &mut Rig, subject: &impl Subject, view: DebugView, reuse: &Reuse) 
     // A change of the seed restarts the history.
     rig.set(|r| r.seed += 1);
     let mut worst = 0.0f64;
-    for wanted in expected(reuse) {
+    for wanted in expected(reuse, loss) {
         let picture = rig.next();
         let inside = |at: &UVec2| at.min_element() >= EDGE && at.max_element() < SIZE - EDGE;
         for (_, c) in picture.iter().filter(|(at, _)| inside(at)) {
@@ -99,10 +103,51 @@ fn confidence_follows_its_recursion_whatever_the_samples_are() {
             error(&mut rig, &AllLight::Pt(of_paths(&reuse)), DebugView::PathConfidence, &reuse),
             error(&mut rig, &Indirect(direct(&reuse), of_paths(&reuse)), DebugView::PathConfidence, &reuse),
         ];
-        eprintln!("{name}: {:?}, errors {errors:?}", expected(&reuse));
+        eprintln!("{name}: {:?}, errors {errors:?}", expected(&reuse, 0.0));
         assert!(errors.iter().all(|e| *e < 1e-6), "{name}: {errors:?}");
     }
     rig.assert_sound();
+}
+
+/// Samples that fill the pixels around them lose the share of their confidence that `Paths::decorrelation` states; samples that have no copies
+/// lose nothing.
+#[test]
+fn copies_of_a_sample_lower_its_confidence() {
+    let Some(mut rig) = wall() else { return };
+    let reuse = &reuses()[0].1;
+    let paths = Paths { decorrelation: 0.75, ..of_paths(reuse) };
+    let off = |rig: &mut Rig, loss| {
+        error_with_loss(rig, &AllLight::Pt(paths.clone()), DebugView::PathConfidence, reuse, loss)
+    };
+    // Without spatial reuse, no pixel has the sample of another one; pixels without light have no sample.
+    let alone = off(&mut rig, 0.0);
+    assert!(alone < 1e-6, "samples without copies: {alone}");
+    let all_equal = ShaderEdit {
+        module: "restir/pt/reservoir.wgsl",
+        from: "return vec2<u32>(p.path.y, p.path.z & 0xffffu);",
+        to: "return vec2<u32>(7u);",
+    };
+    plant_edits(&mut rig.app, &[all_equal]);
+    rig.spawn_bundle((PointLight { intensity: 100.0, ..default() }, Transform::from_xyz(0.0, 0.0, 3.0)));
+    let copied = off(&mut rig, 0.75);
+    assert!(copied < 1e-6, "samples that are copied everywhere: {copied}");
+    rig.assert_sound();
+}
+
+/// Spatial reuse copies samples: the mean confidence falls.
+#[test]
+fn spatial_reuse_makes_copies() {
+    let Some(mut rig) = wall() else { return };
+    let reuse = Reuse { radius: pixels(8.0, SIZE), confidence_cap: 20.0, ..reuses()[2].1.clone() };
+    let mut mean = |decorrelation| {
+        rig.set(|r| {
+            AllLight::Pt(Paths { decorrelation, ..of_paths(&reuse) }).apply_to(r);
+            (r.debug_view, r.bounces, r.reset) = (DebugView::PathConfidence, 2, true);
+        });
+        rig.picture(24).mean()
+    };
+    let (free, decorrelated) = (mean(0.0), mean(1.0));
+    assert!(decorrelated < 0.9 * free && decorrelated > 0.1 * free, "{free} to {decorrelated}");
 }
 
 const WRONG: [(&str, &str, &str, &str); 4] = [
@@ -110,8 +155,8 @@ const WRONG: [(&str, &str, &str, &str); 4] = [
     (
         "half of a neighbor's",
         "pass/reuse.wgsl",
-        "(*mis).confidence[count] = s.confidence;",
-        "(*mis).confidence[count] = 0.5 * s.confidence;",
+        "(*mis).confidence[count] = s.confidence *",
+        "(*mis).confidence[count] = 0.5 * s.confidence *",
     ),
     (
         "the last input only",

@@ -6,6 +6,7 @@ mod bending;
 mod confidence;
 mod debug_views;
 mod di;
+mod disocclusion;
 mod edited_scenes;
 mod extremes;
 mod fireflies;

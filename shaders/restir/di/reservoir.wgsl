@@ -29,6 +29,11 @@ fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     return PackedReservoir(vec4<u32>(r.point.light, r.point.coordinates, bitcast<u32>(r.ucw), bitcast<u32>(confidence) | unseen));
 }
 
+// Reservoirs that hold the same candidate have the same identity, wherever it was shifted.
+fn identity_of(p: PackedReservoir) -> vec2<u32> {
+    return p.words.xy;
+}
+
 // A reservoir with a value that is negative or not finite is dropped with its confidence, so that it cannot spread over the screen.
 fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     let words = p.words;

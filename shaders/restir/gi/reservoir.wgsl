@@ -26,6 +26,11 @@ fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     ));
 }
 
+// Reservoirs that hold the same candidate have the same identity, wherever it was shifted.
+fn identity_of(p: PackedReservoir) -> vec2<u32> {
+    return vec2<u32>(p.words[1], p.words[2] & 0xffffu);
+}
+
 // A reservoir with a value that is negative or not finite is dropped with its confidence: kept confidence would make the picture dark.
 fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     let w = p.words;

@@ -51,6 +51,11 @@ fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     return PackedReservoir(r.path | r.events << 24u, r.frame, r.light, r.ucw, f.x, f.y, f.z, r.confidence, 0u, 0u);
 }
 
+// Reservoirs that hold the same candidate have the same identity, wherever it was shifted.
+fn identity_of(p: PackedReservoir) -> vec2<u32> {
+    return vec2<u32>(p.vertex, p.frame);
+}
+
 // A reservoir with a value that is negative or not finite is dropped with its confidence: kept confidence would make the picture dark.
 fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     let f = vec3<f32>(p.red, p.green, p.blue);

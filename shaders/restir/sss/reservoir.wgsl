@@ -59,6 +59,11 @@ fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     );
 }
 
+// Reservoirs that hold the same candidate have the same identity, wherever it was shifted.
+fn identity_of(p: PackedReservoir) -> vec2<u32> {
+    return vec2<u32>(p.light, p.coordinates);
+}
+
 // A reservoir with a value that is negative or not finite is dropped with its confidence: kept confidence would make the picture dark.
 fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     let is_reservoir_sound = is_sound(p.ucw) && is_sound(p.confidence) && is_sound(p.density) && is_sound(p.target_value);

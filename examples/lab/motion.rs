@@ -1,0 +1,206 @@
+//! Errors where surfaces come into view.
+
+use bevy::{math::UVec2, prelude::*};
+use bevy_restir::{DebugView, Preset, Restir, Reuse, Technique};
+use bevy_restir_support::{arguments, fields, progress::Progress};
+use std::path::PathBuf;
+
+use crate::{
+    bench::{Bench, Counts, scenes},
+    difference::relative_weight,
+    error::{Picture, mean},
+    output::{Output, header},
+    table::{Row, Table, Unit},
+};
+
+/// Errors of pixels by the number of frames for which their surface has been in view, while the camera turns or steps aside, or an object
+/// passes.
+#[derive(clap::Args, Debug)]
+pub struct Args {
+    /// glTF files.
+    #[arg(required = true)]
+    scenes: Vec<PathBuf>,
+    #[arg(long, default_value = "balanced", value_parser = arguments::choice::<Preset>())]
+    preset: Preset,
+    #[arg(long, default_value = "pt", value_parser = arguments::choice::<Technique>())]
+    technique: Technique,
+    /// Fields of `Restir` as `"PATH=VALUE PATH=VALUE"`, measured beside the preset; repeatable.
+    #[arg(long)]
+    variant: Vec<String>,
+    #[arg(long, default_value = "128x128", value_parser = arguments::size)]
+    size: UVec2,
+    /// Number of independent runs over which errors are averaged.
+    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..))]
+    seeds: u32,
+    /// Samples per pixel of the converged pictures.
+    #[arg(long, default_value_t = 1024, value_parser = clap::value_parser!(u32).range(2..))]
+    samples: u32,
+    /// Distance of the object that passes, m; it and the steps of the camera are a share of it.
+    #[arg(long, default_value_t = 1.0)]
+    distance: f32,
+    #[command(flatten)]
+    output: Output,
+}
+
+/// The table's name.
+const NAME: &str = "motion";
+/// Frames of motion; the last is measured.
+const FRAMES: u32 = 16;
+/// Frames at rest before them.
+const REST: u32 = 8;
+/// Turn of the camera in a frame, radians.
+const TURN: f32 = 0.035;
+/// Step of the camera in a frame, and of the object that passes, relative to the object's distance.
+const STEP: f32 = 0.02;
+const PASS: f32 = 0.06;
+/// Side of the object that passes, and where it is in the last frame, right of the middle, relative to its distance.
+const SIDE: f32 = 0.25;
+const END: f32 = 0.1;
+/// Ages up to this one have rows of their own, frames.
+const LAST_AGE: usize = 10;
+
+/// What moves.
+#[derive(Clone, Copy, Debug)]
+enum Motion {
+    Turn,
+    Sidestep,
+    Pass,
+}
+
+impl Motion {
+    const ALL: [Self; 3] = [Self::Turn, Self::Sidestep, Self::Pass];
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Turn => "the camera turns by 2 degrees a frame",
+            Self::Sidestep => "the camera steps aside",
+            Self::Pass => "an object passes",
+        }
+    }
+
+    /// Places of the camera or the object, of which the last is measured.
+    fn places(self, camera: Transform, distance: f32) -> Vec<Transform> {
+        let place = |left: f32| match self {
+            Self::Turn => Transform { rotation: Quat::from_rotation_y(TURN * left) * camera.rotation, ..camera },
+            Self::Sidestep => camera.with_translation(camera.translation - left * STEP * distance * camera.right()),
+            Self::Pass => {
+                let aside = (END - left * PASS) * distance * camera.right();
+                let at = camera.translation + aside + distance * camera.forward();
+                camera.with_translation(at).with_scale(Vec3::splat(SIDE * distance))
+            }
+        };
+        (0..=FRAMES).rev().map(|left| place(left as f32)).collect()
+    }
+}
+
+pub fn run(args: &Args) -> Result<(), String> {
+    args.output.check(NAME)?;
+    let variants = args.variants()?;
+    let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
+    for scene in scenes(&args.scenes)? {
+        let counts = Counts { warmup: 0, frames: 1 };
+        let mut bench = Bench::of_scene(&scene, args.size, variants[0].1.clone(), &counts)?;
+        if table.header.is_empty() {
+            table.header = header(bench.adapter(), args.size);
+            table.header.push(format!(
+                "{:?}, {:?}: relMSE without the worst percent of the pixels of each age, means over {} runs of {FRAMES} frames",
+                args.technique, args.preset, args.seeds
+            ));
+        }
+        let rows = args.column(&mut bench, &variants).map_err(|error| format!("{}: {error}", scene.1))?;
+        table.columns.push((scene.1, rows));
+    }
+    args.output.write(NAME, &table)
+}
+
+impl Args {
+    fn variants(&self) -> Result<Vec<(String, Restir)>, String> {
+        let plain = Restir { technique: self.technique, ..Restir::preset(self.preset) };
+        let mut all = vec![(format!("{:?}", self.preset), plain.clone())];
+        for text in &self.variant {
+            let mut settings = plain.clone();
+            for assignment in text.split_whitespace() {
+                fields::set(&mut settings, assignment).map_err(|error| format!("--variant {error}"))?;
+            }
+            all.push((text.clone(), settings));
+        }
+        Ok(all)
+    }
+
+    fn column(&self, bench: &mut Bench, variants: &[(String, Restir)]) -> Result<Vec<Row>, String> {
+        let each = self.samples + (FRAMES + REST) * (1 + self.seeds * variants.len() as u32);
+        let progress = Progress::new(Motion::ALL.len() as u64 * u64::from(each));
+        let camera = bench.place();
+        let mut rows = Vec::new();
+        for motion in Motion::ALL {
+            let object = matches!(motion, Motion::Pass).then(|| spawn_object(bench));
+            bench.set_mover(object);
+            bench.set_motion(motion.places(camera, self.distance));
+            let plain = Restir { technique: Technique::Reference, ..variants[0].1.clone() };
+            let reference = bench.reference(&plain, self.samples, &progress)?;
+            let ages = ages(bench, &variants[0].1, &progress)?;
+            let count = |age| ages.iter().filter(|a| **a == age).count() as f64 / ages.len() as f64;
+            let section = motion.name();
+            let shares = (0..=LAST_AGE + 1)
+                .map(|age| Row::new(section, label(age), &[("of all pixels", Unit::Relative, count(age))]));
+            rows.extend(shares);
+            for (name, settings) in variants {
+                let pictures = bench.pictures(settings, self.seeds, FRAMES + REST, &progress)?;
+                for age in 0..=LAST_AGE + 1 {
+                    let errors = pictures.iter().map(|picture| error(picture, reference.pixels(), &ages, age));
+                    let error = errors.sum::<f64>() / pictures.len() as f64;
+                    rows.push(Row::new(format!("{section}: {name}"), label(age), &[("", Unit::Relative, error)]));
+                }
+            }
+        }
+        Ok(rows)
+    }
+}
+
+fn label(age: usize) -> String {
+    if age > LAST_AGE { "longer".to_owned() } else { format!("in view for {age} frames") }
+}
+
+/// A gray cube.
+fn spawn_object(bench: &mut Bench) -> Entity {
+    let world = bench.app().world_mut();
+    let mesh = world.resource_mut::<Assets<Mesh>>().add(Cuboid::from_length(1.0));
+    let gray =
+        StandardMaterial { base_color: Color::linear_rgb(0.5, 0.5, 0.5), perceptual_roughness: 1.0, ..default() };
+    let material = world.resource_mut::<Assets<StandardMaterial>>().add(gray);
+    world.spawn((Mesh3d(mesh), MeshMaterial3d(material), Transform::default())).id()
+}
+
+/// For how many frames before the last one the surface of each pixel has been in view; `LAST_AGE + 1` for longer.  It is read from the
+/// confidence of direct light that is reused from the last frame alone.
+fn ages(bench: &mut Bench, settings: &Restir, progress: &Progress) -> Result<Vec<usize>, String> {
+    let mut counting = Restir {
+        technique: Technique::Di,
+        jitter: false,
+        debug_view: DebugView::ReservoirConfidence,
+        ..settings.clone()
+    };
+    let reuse = &mut counting.direct.reuse;
+    *reuse = Reuse {
+        spatial_samples: 0,
+        disocclusion_samples: 0,
+        dual_motion: false,
+        confidence_cap: 30.0,
+        ..reuse.clone()
+    };
+    let confidence = bench.pictures(&counting, 1, FRAMES + REST, progress)?.swap_remove(0);
+    Ok(confidence.iter().map(|c| ((c[0] - 1.0).max(0.0) as usize).min(LAST_AGE + 1)).collect())
+}
+
+/// Relative squared error of the pixels of an age, without the worst hundredth of them.
+fn error(picture: &Picture, reference: &Picture, ages: &[usize], age: usize) -> f64 {
+    let scale = mean(reference, |c| c);
+    let of_pixel = |(c, r): (&[f64; 3], &[f64; 3])| {
+        (0..3).map(|i| (c[i] - r[i]).powi(2) * relative_weight(r[i], scale)).sum::<f64>() / 3.0
+    };
+    let pixels = picture.iter().zip(reference).zip(ages);
+    let mut errors: Vec<f64> = pixels.filter(|(_, a)| **a == age).map(|(pair, _)| of_pixel(pair)).collect();
+    errors.sort_by(f64::total_cmp);
+    errors.truncate(errors.len() - errors.len() / 100);
+    errors.iter().sum::<f64>() / errors.len() as f64
+}

@@ -1,0 +1,51 @@
+//! Where a surface comes into view from behind an object that moves.
+
+use crate::support::{app::*, proof::Subject, reuse_settings::*};
+use bevy::prelude::*;
+use bevy_restir::{DebugView, Direct, Reuse};
+
+const SIZE: u32 = 48;
+
+/// Pixels of a wall without a history, over six frames in which a bar passes in front of it or the camera moves past the bar.
+fn pixels_without_history(rig: &mut Rig, bar: Entity, dual_motion: bool, camera_moves: bool) -> usize {
+    let reuse = Reuse { dual_motion, spatial_samples: 0, disocclusion_samples: 0, ..Reuse::DIRECT };
+    rig.set(|r| {
+        Direct { reuse, ..di::all_reuse() }.apply_to(r);
+        (r.debug_view, r.jitter) = (DebugView::ReservoirConfidence, false);
+    });
+    let camera = rig.camera;
+    let place = |rig: &mut Rig, x: f32| {
+        let (eye, at) = if camera_moves { (-x, 0.0) } else { (0.0, x) };
+        *rig.get_mut::<Transform>(camera) = Transform::from_xyz(eye, 0.0, 4.0);
+        rig.get_mut::<Transform>(bar).translation.x = at;
+    };
+    place(rig, -0.6);
+    rig.until_ready();
+    rig.set(|r| r.reset = true);
+    rig.frames(4);
+    let mut found = 0;
+    for i in 0..6 {
+        place(rig, -0.6 + 0.2 * (i + 1) as f32);
+        // The border of the image shows what was outside of it.
+        let inside = |at: &UVec2| (8..SIZE - 8).contains(&at.x);
+        found += rig.next().iter().filter(|(at, c)| inside(at) && c.x == 1.0).count();
+    }
+    found
+}
+
+/// A place beside the bar showed the same wall in the last frame.
+#[test]
+fn surfaces_behind_moving_objects_have_the_history_of_the_surface_beside_them() {
+    let Some(mut rig) = Rig::new(SIZE, SIZE) else { return };
+    rig.spawn(square(20.0), lambert(0.5), Transform::from_xyz(0.0, 0.0, -2.0));
+    let bar = Transform::from_xyz(0.0, 0.0, 0.0).with_scale(Vec3::new(1.0, 20.0, 1.0));
+    let bar = rig.spawn(square(0.5), lambert(0.5), bar);
+    rig.spawn_bundle((PointLight { intensity: 100.0, ..default() }, Transform::from_xyz(0.0, 0.0, 3.0)));
+    for camera_moves in [false, true] {
+        let without = pixels_without_history(&mut rig, bar, false, camera_moves);
+        let with = pixels_without_history(&mut rig, bar, true, camera_moves);
+        eprintln!("camera moves: {camera_moves}: {without} pixels without history, {with} with dual motion vectors");
+        assert!(without > 50 && 10 * with < without, "camera moves: {camera_moves}: {without} to {with}");
+    }
+    rig.assert_sound();
+}
