@@ -29,11 +29,7 @@ use super::{
         instances::{InstanceList, sorted},
     },
     features::SceneFeatures,
-    geometry::{
-        bodies::BodyPool,
-        instances::{InstancePool, InstanceSources},
-        meshes::MeshPool,
-    },
+    geometry::{bodies::BodyPool, instance_record::InstanceSources, instances::InstancePool, meshes::MeshPool},
     light::lights::LightPool,
     material::{directional_albedo, materials::MaterialPool, subsurface::SubsurfacePool},
     storage::growable_buffer::GrowableBuffer,

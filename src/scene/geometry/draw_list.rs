@@ -5,7 +5,7 @@ use std::ops::Range;
 
 use crate::gpu_layout::*;
 use crate::scene::{
-    geometry::instances::{InstancePool, LiveInstance},
+    geometry::{instance_record::LiveInstance, instances::InstancePool},
     material::materials::MaterialPool,
 };
 

@@ -8,12 +8,12 @@
 //! A frame visits the instances that are due: those that have changed, those whose mesh or material has, and those that the last frame left
 //! unsettled, because they moved, appeared or wait for something.
 
+#[cfg(feature = "testing")]
+mod check;
+
 use bevy::{
-    asset::{AssetId, AssetServer},
     ecs::resource::Resource,
     log::{warn, warn_once},
-    math::Affine3A,
-    mesh::Mesh,
     render::{
         renderer::{RenderDevice, RenderQueue},
         sync_world::{MainEntity, MainEntityHashMap, MainEntityHashSet},
@@ -25,46 +25,18 @@ use crate::scene::{
     accel::blas::Bounds,
     accel::tlas,
     asset_wait::AssetWait,
-    extract::{
-        ExtractedScene,
-        instances::{ExtractedInstance, InstanceList},
-    },
+    extract::{ExtractedScene, instances::ExtractedInstance},
     features::SceneFeatures,
-    geometry::bodies::{Body, BodyPool},
-    geometry::meshes::{MeshEntry, MeshPool},
-    geometry::render_layers::MAX_LAYER_SETS,
+    geometry::bodies::BodyPool,
+    geometry::instance_record::{
+        Absence, EMPTY_SLOT, InstanceSources, LiveInstance, new_record, seen_by, without_placement,
+    },
+    geometry::meshes::MeshPool,
     geometry::top_level::TopLevel,
     geometry::totals::Totals,
-    material::{materials::MaterialPool, subsurface::SubsurfacePool},
     storage::{dirty_runs::joined_runs, growable_buffer::GrowableBuffer, overflow_warning::OverflowWarning},
 };
 use crate::warned::Warned;
-
-/// An instance that at least one camera sees.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct LiveInstance {
-    pub entity: MainEntity,
-    pub mesh: AssetId<Mesh>,
-    pub material: u32,
-    /// Bits of the cameras that see it directly: 0 for a `RestirMaterial`.
-    pub camera_mask: u32,
-    /// Bits of the cameras whose other rays can hit it: 0 for a `NotShadowCaster`.
-    pub ray_mask: u32,
-    pub triangles: u32,
-    /// Features that shaders need for it.
-    pub features: SceneFeatures,
-    /// Its triangles are lights.
-    pub emits: bool,
-    /// World bounds.
-    pub bounds: Bounds,
-}
-
-impl LiveInstance {
-    /// Its bounds in the top level, if rays can hit it.
-    pub(super) fn traced_bounds(&self) -> Option<Bounds> {
-        (self.ray_mask != 0).then_some(self.bounds)
-    }
-}
 
 /// Reasons to warn about an instance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -152,65 +124,6 @@ impl Default for InstancePool {
             edit_revision: 0,
         }
     }
-}
-
-/// What the records of instances depend on.
-pub(crate) struct InstanceSources<'a> {
-    pub meshes: &'a MeshPool,
-    pub bodies: &'a BodyPool,
-    pub materials: &'a mut MaterialPool,
-    pub subsurface: &'a mut SubsurfacePool,
-    pub assets: &'a AssetServer,
-    /// Number of instances that the device can bind.
-    pub limit: u32,
-}
-
-/// The record of a free slot.
-const EMPTY_SLOT: GpuInstance = GpuInstance {
-    world_from_object: [[0.0; 4]; 3],
-    object_from_world: [[0.0; 4]; 3],
-    previous_world_from_object: [[0.0; 4]; 3],
-    blas_root: NONE,
-    first_triangle: 0,
-    triangle_count: 0,
-    material: 0,
-    first_light: NONE,
-    flags: 0,
-    layers: 0,
-    entity: 0,
-};
-
-/// The record without its transforms, its place in the table of lights, and whether the last frame had it.  The rest must not change: temporal
-/// reuse has the transforms of both frames and maps light ids from one table to the other, but it has one material and one mesh for a slot.
-fn without_placement(instance: &GpuInstance) -> GpuInstance {
-    let zero = Rows::default();
-    GpuInstance {
-        world_from_object: zero,
-        object_from_world: zero,
-        previous_world_from_object: zero,
-        first_light: NONE,
-        flags: instance.flags & !(INSTANCE_APPEARED | INSTANCE_GONE),
-        ..*instance
-    }
-}
-
-fn flags_of(world_from_object: &Affine3A, mesh: &MeshEntry, material: &GpuMaterial) -> u32 {
-    let mut flags = 0;
-    if world_from_object.matrix3.determinant() < 0.0 {
-        flags |= INSTANCE_MIRRORED;
-    }
-    if material.flags & (MATERIAL_ALPHA_MASK | MATERIAL_ALPHA_BLEND) != 0 {
-        flags |= INSTANCE_ALPHA;
-    }
-    if !mesh.second_uvs.is_empty() {
-        flags |= INSTANCE_SECOND_UV;
-    }
-    flags
-}
-
-/// Bits of the cameras that see an instance directly.
-fn seen_by(extracted: &ExtractedInstance) -> u32 {
-    if extracted.is_stand_in { 0 } else { extracted.camera_mask }
 }
 
 impl InstancePool {
@@ -560,92 +473,3 @@ impl InstancePool {
         self.records.len() as u32
     }
 }
-
-/// Why an instance has no record.
-enum Absence {
-    /// Its mesh has no triangles, or the device cannot bind its material.
-    LeftOut,
-    /// Its mesh or its material is missing.
-    Asset,
-    /// The shaders that pose bodies are not compiled yet.
-    Shaders,
-    /// Its transform cannot be used.
-    Transform,
-}
-
-/// The record of an instance in its first frame, and its world bounds.
-fn new_record(extracted: &ExtractedInstance, sources: &mut InstanceSources) -> Result<(GpuInstance, Bounds), Absence> {
-    let InstanceSources { meshes, bodies, materials, .. } = sources;
-    let (Some(mesh), Some(material)) = (meshes.get(extracted.mesh), materials.find(extracted.material)) else {
-        let is_left_out = meshes.is_empty(extracted.mesh) || materials.is_left_out(extracted.material);
-        return Err(if is_left_out { Absence::LeftOut } else { Absence::Asset });
-    };
-    let body = bodies.get(extracted.entity);
-    if body.is_some() && !bodies.is_ready() {
-        return Err(Absence::Shaders);
-    }
-    let (root, triangles, bounds) = match body {
-        Some(body) => (body.root(), body.triangles(), body.bounds),
-        None => (mesh.root(), mesh.triangles.clone(), mesh.bounds),
-    };
-    let placed = body.and_then(Body::place).unwrap_or(&extracted.world_from_object);
-    let world_from_object = tlas::rows(placed);
-    let object_from_world = tlas::inverse(&world_from_object).ok_or(Absence::Transform)?;
-    let bounds = tlas::world_bounds(&world_from_object, &bounds).ok_or(Absence::Transform)?;
-    let mut flags = flags_of(placed, mesh, materials.get(material).ok_or(Absence::LeftOut)?);
-    if body.is_some() {
-        flags |= INSTANCE_DEFORMED;
-    }
-    let instance = GpuInstance {
-        world_from_object,
-        object_from_world,
-        previous_world_from_object: world_from_object,
-        blas_root: root,
-        first_triangle: triangles.start,
-        triangle_count: triangles.end - triangles.start,
-        material,
-        first_light: NONE,
-        flags,
-        layers: if extracted.casts_shadows { extracted.camera_mask } else { 0 } | seen_by(extracted) << MAX_LAYER_SETS,
-        entity: extracted.entity.index_u32(),
-    };
-    Ok((instance, bounds))
-}
-
-#[cfg(feature = "testing")]
-impl InstancePool {
-    /// Panics if a visit of all instances would change anything.
-    pub(crate) fn check(&mut self, list: &InstanceList, sources: &mut InstanceSources) {
-        let mut shown = 0;
-        for extracted in list.visible() {
-            let slot = self.slots.get(&extracted.entity).copied();
-            let Ok((record, bounds)) = new_record(extracted, sources) else {
-                assert_eq!(slot, None, "entity {} cannot be shown", *extracted.entity);
-                continue;
-            };
-            let Some(slot) = slot else {
-                assert!(self.left_out > 0, "entity {} is missing", *extracted.entity);
-                continue;
-            };
-            shown += 1;
-            let known = GpuInstance { flags: self.get(slot).flags & SUBSURFACE_FLAGS | record.flags, ..record };
-            assert_eq!(without_placement(self.get(slot)), without_placement(&known), "entity {}", *extracted.entity);
-            assert_eq!(self.get(slot).world_from_object, record.world_from_object);
-            let live = self.live_in(slot).expect("the slot is in use");
-            assert_eq!((live.entity, live.bounds), (extracted.entity, bounds));
-            let emits = live.ray_mask != 0 && sources.materials.emits(live.material);
-            assert_eq!((live.emits, self.emitters.contains(&live.entity)), (emits, emits));
-        }
-        assert_eq!(self.slots.len(), shown, "instances that the scene does not have");
-        let mut totals = Totals::default();
-        self.live().for_each(|(_, live)| totals.add(live));
-        assert_eq!(self.totals, totals);
-        self.sort();
-        let order: Vec<_> = self.in_order().map(|(_, live)| live.entity).collect();
-        assert!(order.len() == shown && order.is_sorted());
-    }
-}
-
-/// The bits of a record that depend on other instances.
-#[cfg(feature = "testing")]
-const SUBSURFACE_FLAGS: u32 = INSTANCE_SUBSURFACE | u32::MAX << INSTANCE_SUBSURFACE_SHIFT;

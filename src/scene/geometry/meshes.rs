@@ -18,7 +18,7 @@ use bevy::{
         render_resource::{BufferUsages, TextureFormat},
         renderer::{RenderDevice, RenderQueue},
     },
-    tasks::{AsyncComputeTaskPool, Task, futures::check_ready},
+    tasks::{Task, futures::check_ready},
 };
 use std::ops::Range;
 
@@ -27,8 +27,9 @@ use crate::gpu_layout::*;
 use crate::scene::{
     accel::blas::{self, Blas, Bounds},
     extract::instances::InstanceList,
+    geometry::mesh_build::{BuildError, Built, build},
     geometry::rig::{Rig, RigBounds, RigTables},
-    geometry::triangulate::{self, Dropped, GeometryError},
+    geometry::triangulate::{Dropped, GeometryError},
     storage::{data_texture::DataTexture, growable_buffer::GrowableBuffer, range_allocator::RangeAllocator},
 };
 use crate::warned::Warned;
@@ -63,16 +64,6 @@ impl MeshEntry {
     pub(crate) fn root(&self) -> u32 {
         if self.nodes.is_empty() { self.triangles.start } else { self.nodes.start }
     }
-}
-
-/// Result of a build: the tree, if there are triangles, and the triangles that are left out.
-type Built = (Result<Option<Blas>, BuildError>, Dropped);
-
-/// Reasons why a mesh has no tree.
-enum BuildError {
-    Geometry(GeometryError),
-    /// The builder panicked, with this message.
-    Panic(String),
 }
 
 /// A mesh that is being built.
@@ -186,25 +177,6 @@ pub(crate) fn queue_meshes(
             None => _ = pool.building.insert(*id, Build { task: build(mesh), newest: None }),
         }
     }
-}
-
-fn build(mesh: Mesh) -> Task<Built> {
-    AsyncComputeTaskPool::get().spawn(async move {
-        catching_panics(|| match triangulate::triangles_of(&mesh) {
-            Ok(geometry) => (Ok(blas::build_blas(&geometry)), geometry.dropped),
-            Err(error) => (Err(BuildError::Geometry(error)), Dropped::default()),
-        })
-    })
-}
-
-/// Runs a build.  After a panic in it the mesh is missing, and the app goes on.
-fn catching_panics(build: impl FnOnce() -> Built) -> Built {
-    // Nothing reads the state of a build that panicked.
-    std::panic::catch_unwind(std::panic::AssertUnwindSafe(build)).unwrap_or_else(|payload| {
-        let text = payload.downcast_ref::<&str>().map(|text| text.to_string());
-        let text = text.or_else(|| payload.downcast_ref::<String>().cloned()).unwrap_or_default();
-        (Err(BuildError::Panic(text)), Dropped::default())
-    })
 }
 
 /// Uploads the meshes whose build has finished since the last frame.
@@ -515,21 +487,5 @@ impl MeshPool {
     /// Frees the nodes of a top-level tree.
     pub(crate) fn release_nodes(&mut self, range: Range<u32>) {
         self.node_ranges.release(range);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_build_that_panics_gives_an_error() {
-        let text = |build: fn() -> Built| match catching_panics(build) {
-            (Err(BuildError::Panic(text)), _) => text,
-            _ => "no panic".into(),
-        };
-        assert_eq!(text(|| panic!("index {} out of range", 7)), "index 7 out of range");
-        assert_eq!(text(|| panic!("no tree")), "no tree");
-        assert_eq!(text(|| (Ok(None), Dropped::default())), "no panic");
     }
 }

@@ -4,7 +4,9 @@
 pub(crate) mod bodies;
 pub(crate) mod draw_list;
 pub(crate) mod gpu_tlas;
+pub(crate) mod instance_record;
 pub(crate) mod instances;
+pub(crate) mod mesh_build;
 pub(crate) mod meshes;
 pub(crate) mod render_layers;
 pub mod rig;

@@ -13,8 +13,8 @@ use crate::scene::{
     accel::tlas,
     geometry::bodies::BodyPool,
     geometry::gpu_tlas::GpuTlas,
-    geometry::instances::{InstancePool, LiveInstance},
     geometry::meshes::MeshPool,
+    geometry::{instance_record::LiveInstance, instances::InstancePool},
 };
 
 /// The top level.

@@ -1,6 +1,6 @@
 //! Sums over all live instances, kept up to date as instances come and go.
 
-use super::instances::LiveInstance;
+use super::instance_record::LiveInstance;
 use super::render_layers::{ALL_CAMERAS, MAX_LAYER_SETS};
 use crate::scene::features::SceneFeatures;
 

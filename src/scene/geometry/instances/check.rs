@@ -1,0 +1,47 @@
+//! Compares the pool with a visit of all instances, for tests.
+
+use super::InstancePool;
+use crate::gpu_layout::{GpuInstance, INSTANCE_SUBSURFACE, INSTANCE_SUBSURFACE_SHIFT};
+use crate::scene::{
+    extract::instances::InstanceList,
+    geometry::{
+        instance_record::{InstanceSources, new_record, without_placement},
+        totals::Totals,
+    },
+};
+
+impl InstancePool {
+    /// Panics if a visit of all instances would change anything.
+    pub(crate) fn check(&mut self, list: &InstanceList, sources: &mut InstanceSources) {
+        let mut shown = 0;
+        for extracted in list.visible() {
+            let slot = self.slots.get(&extracted.entity).copied();
+            let Ok((record, bounds)) = new_record(extracted, sources) else {
+                assert_eq!(slot, None, "entity {} cannot be shown", *extracted.entity);
+                continue;
+            };
+            let Some(slot) = slot else {
+                assert!(self.left_out > 0, "entity {} is missing", *extracted.entity);
+                continue;
+            };
+            shown += 1;
+            let known = GpuInstance { flags: self.get(slot).flags & SUBSURFACE_FLAGS | record.flags, ..record };
+            assert_eq!(without_placement(self.get(slot)), without_placement(&known), "entity {}", *extracted.entity);
+            assert_eq!(self.get(slot).world_from_object, record.world_from_object);
+            let live = self.live_in(slot).expect("the slot is in use");
+            assert_eq!((live.entity, live.bounds), (extracted.entity, bounds));
+            let emits = live.ray_mask != 0 && sources.materials.emits(live.material);
+            assert_eq!((live.emits, self.emitters.contains(&live.entity)), (emits, emits));
+        }
+        assert_eq!(self.slots.len(), shown, "instances that the scene does not have");
+        let mut totals = Totals::default();
+        self.live().for_each(|(_, live)| totals.add(live));
+        assert_eq!(self.totals, totals);
+        self.sort();
+        let order: Vec<_> = self.in_order().map(|(_, live)| live.entity).collect();
+        assert!(order.len() == shown && order.is_sorted());
+    }
+}
+
+/// The bits of a record that depend on other instances.
+const SUBSURFACE_FLAGS: u32 = INSTANCE_SUBSURFACE | u32::MAX << INSTANCE_SUBSURFACE_SHIFT;
