@@ -2,4 +2,5 @@
 
 pub mod blas;
 pub mod ray_query;
+pub(crate) mod refit;
 pub mod tlas;

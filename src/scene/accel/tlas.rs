@@ -16,6 +16,8 @@ pub struct Tlas {
     pub nodes: Vec<[u32; 4]>,
     /// Instance indices in the order of the leaves, packed four to an element of the node buffer.
     pub indices: Vec<[u32; 4]>,
+    /// The place of each leaf's instance in the list that the tree was built from, if no instance was skipped; otherwise empty.
+    pub order: Vec<u32>,
 }
 
 /// Builds the tree over pairs of an instance index and its world bounds.  Instances without finite bounds are skipped.
@@ -29,7 +31,8 @@ pub fn build_tlas(instances: &[(u32, Bounds)]) -> Tlas {
     for (position, &i) in tree.order.iter().enumerate() {
         indices[position / 4][position % 4] = valid[i as usize].0;
     }
-    Tlas { nodes: tree.nodes, indices }
+    let order = if valid.len() == instances.len() { tree.order } else { Vec::new() };
+    Tlas { nodes: tree.nodes, indices, order }
 }
 
 /// Largest accepted coordinate of an instance in the world, in meters: shaders square distances, which must not overflow.

@@ -10,12 +10,16 @@ use crate::gpu_layout::{INSTANCE_ALPHA, NONE};
 use crate::scene::{
     accel::blas::Bounds,
     accel::ray_query::{AccelerationStructures, Placed},
-    accel::tlas,
+    accel::refit,
+    accel::tlas::{self, Tlas},
     geometry::bodies::BodyPool,
     geometry::gpu_tlas::GpuTlas,
     geometry::meshes::MeshPool,
     geometry::{instance_record::LiveInstance, instances::InstancePool},
 };
+
+/// Cost of a tree that is refitted, relative to its cost when it was built, beyond which it is built again.
+const MAX_COST: f64 = 1.2;
 
 /// The top level.
 #[derive(Default)]
@@ -26,6 +30,9 @@ pub(crate) struct TopLevel {
     bounds: Vec<(u32, Bounds)>,
     /// Memory for the bounds of the next tree.
     new_bounds: Vec<(u32, Bounds)>,
+    /// The tree, and its cost when it was built.
+    tree: Tlas,
+    built_cost: f64,
     current: GpuTlas,
     /// The top level of the last frame; `None` if it equals the current one.
     previous: Option<GpuTlas>,
@@ -85,7 +92,7 @@ impl TopLevel {
         self.previous_sphere = (self.center, self.radius);
     }
 
-    /// Rebuilds the tree if any bounds changed, and returns whether it did.  The tree of the last frame is released one frame later.
+    /// Refits or rebuilds the tree if any bounds changed, and returns whether it did.  The tree of the last frame is released one frame later.
     pub(super) fn rebuild(
         &mut self,
         instances: &InstancePool,
@@ -99,8 +106,11 @@ impl TopLevel {
         if !self.update_bounds(instances) {
             return false;
         }
-        let tlas = tlas::build_tlas(&self.bounds);
-        let Some((fresh, bytes)) = GpuTlas::write(&tlas, meshes, device, queue) else {
+        if !self.refit() {
+            self.tree = tlas::build_tlas(&self.bounds);
+            self.built_cost = refit::cost(&self.tree.nodes);
+        }
+        let Some((fresh, bytes)) = GpuTlas::write(&self.tree, meshes, device, queue) else {
             warn_once!(
                 "restir: the top-level tree over {} instances does not fit this device; rays use the last tree that fit",
                 self.bounds.len()
@@ -110,6 +120,19 @@ impl TopLevel {
         self.uploaded_nodes = bytes;
         self.previous = Some(core::mem::replace(&mut self.current, fresh));
         true
+    }
+
+    /// Fits the tree to instances that have only moved, and returns whether it is still good.
+    fn refit(&mut self) -> bool {
+        // `new_bounds` has the bounds of the last frame.
+        let pairs = || self.bounds.iter().zip(&self.new_bounds);
+        let is_same_list = self.tree.order.len() == self.bounds.len() && self.bounds.len() == self.new_bounds.len();
+        if !is_same_list || pairs().any(|((slot, _), (before, _))| slot != before) {
+            return false;
+        }
+        let Tlas { nodes, order, .. } = &mut self.tree;
+        refit::refit(nodes, |position| self.bounds[order[position] as usize].1);
+        refit::cost(nodes) <= MAX_COST * self.built_cost
     }
 
     /// Rebuilds the device's own acceleration structures if an instance changed, and returns whether it did.
