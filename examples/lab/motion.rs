@@ -139,18 +139,20 @@ impl Args {
             let plain = Restir { technique: Technique::Reference, ..variants[0].1.clone() };
             let reference = bench.reference(&plain, self.samples, &progress)?;
             let ages = ages(bench, &variants[0].1, &progress)?;
-            let count = |age| ages.iter().filter(|a| **a == age).count() as f64 / ages.len() as f64;
-            let section = motion.name();
-            let shares = (0..=LAST_AGE + 1)
-                .map(|age| Row::new(section, label(age), &[("of all pixels", Unit::Relative, count(age))]));
-            rows.extend(shares);
-            for (name, settings) in variants {
-                let pictures = bench.pictures(settings, self.seeds, FRAMES + REST, &progress)?;
-                for age in 0..=LAST_AGE + 1 {
+            let mut runs = Vec::new();
+            for (_, settings) in variants {
+                runs.push(bench.pictures(settings, self.seeds, FRAMES + REST, &progress)?);
+            }
+            let names: Vec<&str> = variants.iter().map(|(name, _)| name.as_str()).collect();
+            let section = format!("{}: share of the pixels; errors with {}", motion.name(), names.join("; "));
+            for age in 0..=LAST_AGE + 1 {
+                let share = ages.iter().filter(|a| **a == age).count() as f64 / ages.len() as f64;
+                let errors = runs.iter().map(|pictures| {
                     let errors = pictures.iter().map(|picture| error(picture, reference.pixels(), &ages, age));
-                    let error = errors.sum::<f64>() / pictures.len() as f64;
-                    rows.push(Row::new(format!("{section}: {name}"), label(age), &[("", Unit::Relative, error)]));
-                }
+                    ("", Unit::Stored, errors.sum::<f64>() / pictures.len() as f64)
+                });
+                let figures: Vec<_> = core::iter::once(("", Unit::Stored, share)).chain(errors).collect();
+                rows.push(Row::new(section.clone(), label(age), &figures));
             }
         }
         Ok(rows)

@@ -93,7 +93,9 @@ impl Row {
         if self.quantities.iter().all(|q| q.1.name() == unit && !q.0.is_empty()) {
             return format!("{}: {unit}", join(&|q| q.0.into()));
         }
-        join(&|q| format!("{} {}", q.0, q.1.name()).trim().into())
+        let all = join(&|q| format!("{} {}", q.0, q.1.name()).trim().into());
+        // Figures without names and units.
+        all.trim_matches([' ', '/']).into()
     }
 }
 
