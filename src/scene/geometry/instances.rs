@@ -228,6 +228,10 @@ impl InstancePool {
         let old = self.live[slot as usize].replace(live);
         self.top.changed |= old.and_then(|old| old.traced_bounds()) != live.traced_bounds();
         self.emitters_changed |= live.emits || old.is_some_and(|old| old.emits);
+        // Most visits are to instances that have only moved.
+        if old.is_some_and(|old| LiveInstance { bounds: live.bounds, ..old } == live) {
+            return;
+        }
         if live.emits != old.is_some_and(|old| old.emits) {
             match live.emits {
                 true => _ = self.emitters.insert(live.entity),
