@@ -24,7 +24,7 @@ const BIAS: f64 = 64.0;
 /// Positions have an error of 4e-6 m, because `BIAS` is added; decisions nearer to their limit than this are left out.
 const ROUNDING: f64 = 2e-3;
 
-/// `SHIFT_*` of `shaders/restir/shift/hybrid.wgsl`.
+/// `SHIFT_*` of `shaders/restir/shift/shifted_path.wgsl`.
 const OK: u32 = 0;
 const EARLIER: u32 = 3;
 const UNCONNECTABLE: u32 = 4;

@@ -19,7 +19,7 @@ const SIZE: u32 = 128;
 const NOT_THERE: u32 = 50;
 /// The reason of a path whose shift back would succeed if the limits of footprint, roughness or Jacobian were 1 % lower or higher.
 const AT_THRESHOLD: u32 = 40;
-/// Reasons for a failure: `SHIFT_*` of `shaders/restir/shift/hybrid.wgsl`.
+/// Reasons for a failure: `SHIFT_*` of `shaders/restir/shift/shifted_path.wgsl`.
 const EARLIER: u32 = 3;
 const UNCONNECTABLE: u32 = 4;
 const HIDDEN: u32 = 7;
