@@ -24,7 +24,7 @@
 #import bevy_restir::path::technique_weights::{below_surface, camera_state, CameraState, emitter_sample, left, reached, rivals_of_hit, rivals_of_nee, stored_weight, weight_of}
 #import bevy_restir::path::walk::{drawn_step, given_step, Step, step_cone, step_medium, Vertex, with_weight_and_densities}
 #import bevy_restir::restir::path_sample::{PathSample, ShiftResult, TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE, vertex_barycentrics}
-#import bevy_restir::restir::shift::reconnection::{is_connectable, is_connectable_end, is_rough, light_factor, previous_vertex, PreviousVertex, ShiftParameters, triangle_factor}
+#import bevy_restir::restir::shift::reconnection::{is_connectable, is_connectable_by, is_connectable_end, light_factor, previous_vertex, PreviousVertex, ShiftParameters, triangle_factor}
 #import bevy_restir::restir::shift::shifted_path::{failed, SHIFT_EARLIER_CONNECTABLE, SHIFT_JACOBIAN_LIMIT, SHIFT_NO_CONTRIBUTION, SHIFT_NO_PATH, SHIFT_NOT_CONNECTABLE, SHIFT_OK, SHIFT_REPLAY_ENDED, ShadowRays, ShiftedPath, with_shadow_ray}
 #import bevy_restir::scene::cone::Cone
 #import bevy_restir::scene::offset::{offset_point, surface_point}
@@ -260,7 +260,7 @@ fn has_same_reconnection(w: ptr<function, Walk>, s: PathSample, index: u32, step
     if index <= 1u || (*w).below || !(is_before || index == s.reconnection) {
         return true;
     }
-    let connectable = !step.delta && is_connectable((*w).before, (*w).v.surface, step.pdf, is_rough((*w).v, step, c), c);
+    let connectable = is_connectable_by((*w).before, (*w).v, step, c);
     if is_before && connectable {
         (*w).reason = SHIFT_EARLIER_CONNECTABLE;
     }
@@ -282,7 +282,7 @@ fn take_step(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, c: S
     if index + 1u == s.reconnection || index == s.reconnection {
         (*w).density *= step.pdf_lobe;
     }
-    (*w).before = previous_vertex((*w).v, step, index, c);
+    (*w).before = previous_vertex((*w).before, (*w).v, step, index, c);
 }
 
 // Connects the current vertex with the reconnection vertex `n`.
