@@ -104,17 +104,14 @@ impl Steps {
 }
 
 impl Args {
-    /// Without jitter and energy compensation, so that all techniques converge to one picture.
     fn settings(&self, technique: Technique) -> Restir {
-        Restir {
-            technique,
-            bounces: self.bounces,
-            jitter: false,
-            energy_compensation: false,
-            firefly_limit: 0.0,
-            ..Restir::default()
-        }
+        plain(technique, self.bounces)
     }
+}
+
+/// Without jitter and energy compensation, so that all techniques converge to one picture.
+pub fn plain(technique: Technique, bounces: u32) -> Restir {
+    Restir { technique, bounces, jitter: false, energy_compensation: false, firefly_limit: 0.0, ..Restir::default() }
 }
 
 fn table(name: &str, args: &Args, rivals: &[Rival], detail: Detail) -> Result<(), String> {
@@ -171,7 +168,7 @@ pub fn column(
         let reservoirs = bench.report().reservoir_bytes_per_pixel;
         let samples = cost.lighting() / sample.lighting();
         let whole = match samples.round() as u32 {
-            0 => Error { mean: f64::NAN, median: f64::NAN },
+            0 => Error::UNKNOWN,
             n => bench.error(reference, &errors, n - 1, &progress)?,
         };
         let row = |label: &str, figures: &[_]| Row::new(name.clone(), label, figures);
@@ -183,6 +180,14 @@ pub fn column(
             row("rays", &[("", Unit::RaysAPixel, cost.rays)]),
             row("reservoirs", &[("", Unit::BytesAPixel, reservoirs as f64)]),
             row("error", &[("", Unit::Mse, error.mean), ("median of blocks", Unit::Mse, error.median)]),
+            row(
+                "relative error",
+                &[
+                    ("all", Unit::RelMse, error.rel_mse),
+                    ("without the worst 1 %", Unit::RelMse, error.rel_mse_trimmed),
+                    ("", Unit::Flip, error.flip),
+                ],
+            ),
             row("the reference tracer in equal time", &[("", Unit::Samples, samples)]),
             row(
                 "its error, relative: scaled from one sample",
