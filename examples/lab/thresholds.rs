@@ -8,6 +8,7 @@ use crate::{
     bench::{Bench, Errors, Scene, scenes},
     equal_time::{Lengths, plain},
     error::Error,
+    output::header,
     series,
     table::{Row, Table, Unit},
 };
@@ -46,12 +47,15 @@ fn column(args: &Args, scene: &Scene, table: &mut Table) -> Result<Vec<Row>, Str
     let progress = Progress::new(u64::from(samples.next_multiple_of(2)) + frames);
     let truth = bench.reference(&reference, *samples, &progress)?;
     let errors = Errors { reference: &truth, seeds: *seeds };
-    let mut measure = |settings: &Restir, progress: &Progress| bench.errors(settings, &errors, counts.warmup, progress);
-    let mut all: Vec<Vec<Error>> = Vec::new();
-    for (.., settings) in &rows {
-        all.push(measure(settings, &progress)?);
+    let mut measure = |settings: &Restir| bench.errors(settings, &errors, counts.warmup, &progress);
+    let all = rows.iter().map(|(.., settings)| measure(settings)).collect::<Result<Vec<_>, _>>()?;
+    if table.header.is_empty() {
+        table.header = header(bench.adapter(), *size);
+        table.header.push(format!(
+            "{} bounces; errors: means over {seeds} seeds after {} frames, against {samples} samples a pixel; ±: standard error of the ratio",
+            args.bounces, counts.warmup
+        ));
     }
-    args.lengths.describe(table, &bench, args.bounces);
     Ok(rows.iter().zip(&all).map(|((section, label, _), errors)| row(section, label, errors, &all[0])).collect())
 }
 
