@@ -234,17 +234,21 @@ fn passes(name: &str, cost: &Cost) -> Vec<Row> {
     all.chain(cost.of_passes()).map(|(pass, ms)| Row::new(name.to_owned(), pass, &[("", Unit::Ms, ms)])).collect()
 }
 
+/// Whether a pass resamples paths; direct light may have passes of its own.
+fn is_of_paths(pass: &str) -> bool {
+    pass.starts_with("pt_") || pass.starts_with("gi_")
+}
+
 /// The columns of Table 1 of Lin et al. 2026, supplement: a frame, initial candidates, temporal and spatial reuse, direct light and
 /// the rest.
 fn stages(name: &str, cost: &Cost) -> Row {
     let of = |counts: fn(&str) -> bool| -> f64 { cost.of_passes().filter(|(n, _)| counts(n)).map(|(_, ms)| ms).sum() };
-    let is_path = |name: &str| name.starts_with("pt_") || name.starts_with("gi_");
     let figures = [
         ("frame", cost.lighting()),
-        ("initial", of(|name| name == "pt_candidates" || name == "gi_candidates")),
-        ("temporal", of(|name| name == "pt_reuse" || name == "gi_reuse")),
+        ("initial", of(|name| is_of_paths(name) && name.ends_with("_candidates"))),
+        ("temporal", of(|name| is_of_paths(name) && name.ends_with("_reuse"))),
         ("spatial", of(|name| name.contains("_reuse_") && !name.starts_with("di_"))),
-        ("DI + other", cost.of_passes().filter(|(name, _)| !is_path(name)).map(|(_, ms)| ms).sum()),
+        ("DI + other", cost.of_passes().filter(|(name, _)| !is_of_paths(name)).map(|(_, ms)| ms).sum()),
     ];
     Row::new(name.to_owned(), "", &figures.map(|(name, ms)| (name, Unit::Ms, ms)))
 }
