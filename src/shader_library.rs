@@ -110,6 +110,7 @@ pub const MODULES: &[(&str, &str)] = modules![
     "restir/reservoir_sampling.wgsl",
     "restir/stored_path.wgsl",
     "restir/shift/reconnection.wgsl",
+    "restir/shift/shifted_path.wgsl",
     "restir/shift/hybrid.wgsl",
     "restir/pt/initial_candidates.wgsl",
     "restir/pt/domain.wgsl",

@@ -261,13 +261,19 @@ impl Bench {
         before: u32,
         progress: &Progress,
     ) -> Result<Error, String> {
-        let mut sum = Error::default();
-        for picture in self.pictures(settings, errors.seeds, before, progress)? {
-            let error = errors.reference.error(&picture);
-            sum = Error { mean: sum.mean + error.mean, median: sum.median + error.median };
-        }
-        let seeds = f64::from(errors.seeds);
-        Ok(Error { mean: sum.mean / seeds, median: sum.median / seeds })
+        Ok(Error::average(&self.errors(settings, errors, before, progress)?))
+    }
+
+    /// The error of each seed.
+    pub fn errors(
+        &mut self,
+        settings: &Restir,
+        errors: &Errors,
+        before: u32,
+        progress: &Progress,
+    ) -> Result<Vec<Error>, String> {
+        let pictures = self.pictures(settings, errors.seeds, before, progress)?;
+        Ok(pictures.iter().map(|picture| errors.reference.error(picture)).collect())
     }
 
     /// Radiance of the frame after `before` others, of each of the seeds 1 to `seeds`.

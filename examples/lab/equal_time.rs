@@ -104,17 +104,14 @@ impl Steps {
 }
 
 impl Args {
-    /// Without jitter and energy compensation, so that all techniques converge to one picture.
     fn settings(&self, technique: Technique) -> Restir {
-        Restir {
-            technique,
-            bounces: self.bounces,
-            jitter: false,
-            energy_compensation: false,
-            firefly_limit: 0.0,
-            ..Restir::default()
-        }
+        plain(technique, self.bounces)
     }
+}
+
+/// Without jitter and energy compensation, so that all techniques converge to one picture.
+pub fn plain(technique: Technique, bounces: u32) -> Restir {
+    Restir { technique, bounces, jitter: false, energy_compensation: false, firefly_limit: 0.0, ..Restir::default() }
 }
 
 fn table(name: &str, args: &Args, rivals: &[Rival], detail: Detail) -> Result<(), String> {
@@ -171,7 +168,7 @@ pub fn column(
         let reservoirs = bench.report().reservoir_bytes_per_pixel;
         let samples = cost.lighting() / sample.lighting();
         let whole = match samples.round() as u32 {
-            0 => Error { mean: f64::NAN, median: f64::NAN },
+            0 => Error::UNKNOWN,
             n => bench.error(reference, &errors, n - 1, &progress)?,
         };
         let row = |label: &str, figures: &[_]| Row::new(name.clone(), label, figures);
@@ -183,6 +180,14 @@ pub fn column(
             row("rays", &[("", Unit::RaysAPixel, cost.rays)]),
             row("reservoirs", &[("", Unit::BytesAPixel, reservoirs as f64)]),
             row("error", &[("", Unit::Mse, error.mean), ("median of blocks", Unit::Mse, error.median)]),
+            row(
+                "relative error",
+                &[
+                    ("all", Unit::RelMse, error.rel_mse),
+                    ("without the worst 1 %", Unit::RelMse, error.rel_mse_trimmed),
+                    ("", Unit::Flip, error.flip),
+                ],
+            ),
             row("the reference tracer in equal time", &[("", Unit::Samples, samples)]),
             row(
                 "its error, relative: scaled from one sample",
@@ -229,17 +234,21 @@ fn passes(name: &str, cost: &Cost) -> Vec<Row> {
     all.chain(cost.of_passes()).map(|(pass, ms)| Row::new(name.to_owned(), pass, &[("", Unit::Ms, ms)])).collect()
 }
 
+/// Whether a pass resamples paths; direct light may have passes of its own.
+fn is_of_paths(pass: &str) -> bool {
+    pass.starts_with("pt_") || pass.starts_with("gi_")
+}
+
 /// The columns of Table 1 of Lin et al. 2026, supplement: a frame, initial candidates, temporal and spatial reuse, direct light and
 /// the rest.
 fn stages(name: &str, cost: &Cost) -> Row {
     let of = |counts: fn(&str) -> bool| -> f64 { cost.of_passes().filter(|(n, _)| counts(n)).map(|(_, ms)| ms).sum() };
-    let is_path = |name: &str| name.starts_with("pt_") || name.starts_with("gi_");
     let figures = [
         ("frame", cost.lighting()),
-        ("initial", of(|name| name == "pt_candidates" || name == "gi_candidates")),
-        ("temporal", of(|name| name == "pt_reuse" || name == "gi_reuse")),
+        ("initial", of(|name| is_of_paths(name) && name.ends_with("_candidates"))),
+        ("temporal", of(|name| is_of_paths(name) && name.ends_with("_reuse"))),
         ("spatial", of(|name| name.contains("_reuse_") && !name.starts_with("di_"))),
-        ("DI + other", cost.of_passes().filter(|(name, _)| !is_path(name)).map(|(_, ms)| ms).sum()),
+        ("DI + other", cost.of_passes().filter(|(name, _)| !is_of_paths(name)).map(|(_, ms)| ms).sum()),
     ];
     Row::new(name.to_owned(), "", &figures.map(|(name, ms)| (name, Unit::Ms, ms)))
 }

@@ -2,19 +2,43 @@
 
 use bevy::math::UVec2;
 
+use crate::difference::Difference;
+
 /// Linear radiance, rows from the top.
 pub type Picture = Vec<[f64; 3]>;
 
 /// Side of a block in pixels.
 const BLOCK: usize = 8;
 
-/// Squared error, relative to the squared mean of the converged picture.
+/// Errors of a picture.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Error {
-    /// Of the whole picture.
+    /// Squared error of the whole picture, relative to the squared mean of the converged one.
     pub mean: f64,
-    /// The median over blocks, which single fireflies hardly change.
+    /// The median of that over blocks, which single fireflies hardly change.
     pub median: f64,
+    /// `rel_mse`, `rel_mse_trimmed` and `flip` of [`Difference`].
+    pub rel_mse: f64,
+    pub rel_mse_trimmed: f64,
+    pub flip: f64,
+}
+
+impl Error {
+    /// Errors that are not known.
+    pub const UNKNOWN: Self =
+        Self { mean: f64::NAN, median: f64::NAN, rel_mse: f64::NAN, rel_mse_trimmed: f64::NAN, flip: f64::NAN };
+
+    /// The mean of some errors.
+    pub fn average(all: &[Self]) -> Self {
+        let mean = |of: fn(&Self) -> f64| all.iter().map(of).sum::<f64>() / all.len() as f64;
+        Self {
+            mean: mean(|e| e.mean),
+            median: mean(|e| e.median),
+            rel_mse: mean(|e| e.rel_mse),
+            rel_mse_trimmed: mean(|e| e.rel_mse_trimmed),
+            flip: mean(|e| e.flip),
+        }
+    }
 }
 
 /// A converged picture.
@@ -67,7 +91,15 @@ impl Reference {
         }
         let mut blocks: Vec<f64> = blocks.into_iter().map(|(sum, count)| sum / count).collect();
         blocks.sort_by(f64::total_cmp);
-        Error { mean: squares.iter().sum::<f64>() / squares.len() as f64, median: blocks[blocks.len() / 2] }
+        let size = UVec2::new(self.width as u32, (self.pixels.len() / self.width) as u32);
+        let difference = Difference::new(picture.clone(), &self.pixels, size, BLOCK);
+        Error {
+            mean: squares.iter().sum::<f64>() / squares.len() as f64,
+            median: blocks[blocks.len() / 2],
+            rel_mse: difference.rel_mse,
+            rel_mse_trimmed: difference.rel_mse_trimmed,
+            flip: difference.flip,
+        }
     }
 }
 

@@ -19,6 +19,7 @@ mod motion;
 mod output;
 mod panels;
 mod rays;
+mod resolutions;
 mod scale;
 mod series;
 mod significance;
@@ -27,6 +28,7 @@ mod soundness;
 mod sweep;
 mod table;
 mod things;
+mod thresholds;
 mod translucent;
 
 use bevy_restir_support::{arguments, headless};
@@ -48,6 +50,8 @@ enum Command {
     Scale(scale::Args),
     EqualTime(equal_time::Args),
     Steps(equal_time::Steps),
+    Thresholds(thresholds::Args),
+    Resolutions(resolutions::Args),
     Subsurface(translucent::Args),
     Materials(materials::Args),
     Frames(frames::Args),
@@ -76,6 +80,8 @@ fn main() -> ExitCode {
         Command::Scale(args) => scale::run(args),
         Command::EqualTime(args) => equal_time::run(args),
         Command::Steps(steps) => steps.run(),
+        Command::Thresholds(args) => thresholds::run(args),
+        Command::Resolutions(args) => resolutions::run(args),
         Command::Subsurface(args) => translucent::run(args),
         Command::Materials(args) => materials::run(args),
         Command::Frames(args) => frames::run(args),

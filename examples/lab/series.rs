@@ -233,8 +233,13 @@ pub fn steps(default: &Restir) -> Vec<(&'static str, Restir)> {
     vec![
         ("default", default.clone()),
         ("direct light in reservoirs of its own", with(|r| r.paths.separate_direct_light = true)),
+        ("lights drawn one by one, not from tiles", with(|r| r.direct.subset_count = 0)),
+        ("no Russian roulette", with(|r| r.research.russian_roulette = false)),
         ("thresholds of Lin et al. 2022", with(|r| r.paths.reconnection = Reconnection::Distance)),
+        ("bounded Jacobian (11)", with(|r| r.paths.reconnection = Reconnection::JacobianBound)),
+        ("footprint of the path (11)", with(|r| r.paths.reconnection = Reconnection::PathFootprint)),
         ("black-box thresholds", with(|r| r.paths.reconnection = Reconnection::BlackBox)),
+        ("black-box thresholds as printed", with(|r| r.paths.reconnection = Reconnection::BlackBoxPrinted)),
         ("light of the kept path only", with(|r| r.paths.reuse.shade_all = false)),
         (
             "no reuse",
@@ -244,4 +249,27 @@ pub fn steps(default: &Restir) -> Vec<(&'static str, Restir)> {
             }),
         ),
     ]
+}
+
+/// Criteria of reconnection and their constants, in sections: the sweep of c of Lin et al. 2026, supplement, 10, and the criteria that it is
+/// compared with (11).  The first row of all is the default.
+pub fn thresholds(default: &Restir) -> Vec<(&'static str, String, Restir)> {
+    let of = |reconnection, footprint| {
+        let mut settings = default.clone();
+        (settings.paths.reconnection, settings.paths.footprint) = (reconnection, footprint);
+        settings
+    };
+    let row = |section, kind, c: f32| (section, format!("c = {c}"), of(kind, c));
+    let mut rows = vec![("Default", "c = 0.02".to_owned(), default.clone())];
+    let swept = [0.0, 0.005, 0.01, 0.04, 0.08, 0.16, 0.32, 0.64, 20.0];
+    rows.extend(swept.map(|c| row("Both footprints (Eq. 5)", Reconnection::Footprints, c)));
+    rows.extend([0.0002, 0.02].map(|c| row("Bounded Jacobian (Eq. 27)", Reconnection::JacobianBound, c)));
+    rows.extend([0.02, 2.0].map(|c| row("Footprint of the path (11)", Reconnection::PathFootprint, c)));
+    const OTHERS: &str = "Others";
+    rows.extend([
+        (OTHERS, "black box".into(), of(Reconnection::BlackBox, 0.02)),
+        (OTHERS, "black box as printed".into(), of(Reconnection::BlackBoxPrinted, 0.02)),
+        (OTHERS, "0.01 m and roughness (Lin et al. 2022)".into(), of(Reconnection::Distance, 0.02)),
+    ]);
+    rows
 }

@@ -11,7 +11,13 @@ pub enum Unit {
     Ms,
     /// Mean squared error, relative to the squared mean of the reference.
     Mse,
+    /// Mean squared error, each pixel's relative to the reference there.
+    RelMse,
+    /// Mean FLIP.
+    Flip,
     RaysAPixel,
+    /// Microseconds a pixel.
+    UsAPixel,
     Samples,
     Ratio,
     /// A difference relative to the reference.
@@ -33,7 +39,10 @@ impl Unit {
             Self::Radiance => "cd/m²",
             Self::Ms => "ms",
             Self::Mse => "MSE",
+            Self::RelMse => "relMSE",
+            Self::Flip => "FLIP",
             Self::RaysAPixel => "rays a pixel",
+            Self::UsAPixel => "µs a pixel",
             Self::Samples => "samples",
             Self::Ratio => "x",
             Self::Relative => "relative",

@@ -5,7 +5,7 @@
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::path_sample::{TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE}
 #import bevy_restir::restir::reservoir_layout::reservoir_index
-#import bevy_restir::restir::shift::hybrid::{SHIFT_OCCLUDED, SHIFT_OK}
+#import bevy_restir::restir::shift::shifted_path::{SHIFT_OCCLUDED, SHIFT_OK}
 #import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::false_color::false_color
 

@@ -74,16 +74,23 @@ const RESAMPLE_DIFFUSE_SECONDARY: u32 = 262144u;
 const RESAMPLE_CONNECTIONS: u32 = 1048576u;
 // Where the surface was hidden in the last frame, a place beside the object that hid it is tried.
 const RESAMPLE_DUAL_MOTION: u32 = 2097152u;
+// Russian roulette ends no path.
+const RESAMPLE_NO_ROULETTE: u32 = 4194304u;
+
 // Reconnected points of entry get probes that find them.
 const RESAMPLE_INVERT_PROBES: u32 = 524288u;
 
 // Reconnection by the footprints of the densities on both sides (Lin et al. 2026, supplement, 2); by a density in place of the roughness
-// (ibid., 4); by a distance.
+// (ibid., 4), in the unit of a roughness or as printed; by a bound of the Jacobian or the footprint of the path (ibid., 11).
 const RECONNECT_FOOTPRINTS: u32 = 0u;
 const RECONNECT_BLACK_BOX: u32 = 1u;
-const RECONNECT_DISTANCE: u32 = 2u;
+const RECONNECT_BLACK_BOX_PRINTED: u32 = 2u;
+const RECONNECT_JACOBIAN_BOUND: u32 = 3u;
+const RECONNECT_PATH_FOOTPRINT: u32 = 4u;
+// By a distance, as all kinds from here on.
+const RECONNECT_DISTANCE: u32 = 5u;
 // At the second vertex, beyond a distance.
-const RECONNECT_FIRST: u32 = 3u;
+const RECONNECT_FIRST: u32 = 6u;
 
 // Shifts of light that enters a body (Werner et al. 2024): the point of entry is kept; its probe is drawn again; one or the other.
 const SUBSURFACE_RECONNECTION: u32 = 0u;

@@ -16,8 +16,19 @@ pub enum Reconnection {
     /// After a rough lobe, where the footprints of the densities on both sides are large compared with the pixel's (Eqs. 5 and 6).
     #[default]
     Footprints,
-    /// The same for materials whose lobes are unknown: a density stands for the roughness (Eq. 26, as p <= 1/roughness²).
+    /// The same for materials whose lobes are unknown: a density stands for the roughness (Eq. 26, as p <= 1/roughness²: a GGX lobe of
+    /// width α peaks near 1/α²).
     BlackBox,
+    /// [`Reconnection::BlackBox`] with Eq. 26 as it is printed: p <= 1/√roughness.  At the default roughness of 0.2 that is p <= 2.2 instead
+    /// of p <= 25: glossy lobes reconnect later.
+    BlackBoxPrinted,
+    /// After a rough lobe, where the product of both densities is small enough (Eq. 27).  It seldom reconnects between two glossy surfaces:
+    /// more noise in glossy reflections.  For comparison.
+    JacobianBound,
+    /// After a rough lobe, where the path has spread beyond the pixel's footprint (Müller et al. 2021, as ibid., 11).  It does not look at
+    /// the surface that it reconnects to, so that paths through glass and mirrors are not reused: caustics and reflections have more noise.
+    /// [`Paths::footprint`] from 2 on helps them, with less reuse on diffuse surfaces.  For comparison.
+    PathFootprint,
     /// Between rough lobes that are a distance apart (Lin et al. 2022).  The distance must suit the scene.
     Distance,
 }
@@ -62,8 +73,9 @@ pub struct Paths {
     /// Least perceptual roughness of a lobe before a reconnection (Lin et al. 2022).  Larger values reconnect later: fewer bright pixels, less
     /// reuse.  No bias.  0 to 1; default 0.2.
     pub roughness: f32,
-    /// Least footprint of both vertices of a reconnection, in percent of the pixel's own (c in Lin et al. 2026, supplement).  Larger values
-    /// reconnect later: fewer bright pixels, less reuse.  No bias.  0 to 1e6; default 0.02.
+    /// Least footprint of both vertices of a reconnection, in percent of the pixel's own (c in Lin et al. 2026, supplement), for all kinds
+    /// of [`Reconnection`] but [`Reconnection::Distance`].  Larger values reconnect later: fewer bright pixels, less reuse.  No bias.
+    /// 0 to 1e6; default 0.02.
     pub footprint: f32,
     /// Least distance between reconnected vertices, m; for [`Reconnection::Distance`] and `Gi` (Lanz 2025, Eq. 30).  Larger values give
     /// fewer bright pixels in corners and less reuse.  No bias.  0 to 1e6; default 0.01.

@@ -50,11 +50,20 @@ pub struct Research {
     /// Selects the light candidates of ReSTIR DI by arriving light, without the BSDF (Wyman and Panteleev 2021, 9 and 3.3): faster
     /// candidates, more noise on glossy surfaces.  No bias.  Default: off.
     pub target_without_bsdf: bool,
+    /// Ends dark paths at random, from their third scattering event on, in [`Technique::Pt`](super::Technique::Pt) and the paths of `Gi` and
+    /// `Bdpt` (Lin et al. 2026, supplement, 6).  Without it all paths go on to [`Restir::bounces`](super::Restir::bounces): a little less
+    /// noise for many more rays.  No bias.  Default: on.
+    pub russian_roulette: bool,
 }
 
 impl Default for Research {
     fn default() -> Self {
-        Self { reservoir_layout: ReservoirLayout::default(), light_tile_size: 8, target_without_bsdf: false }
+        Self {
+            reservoir_layout: ReservoirLayout::default(),
+            light_tile_size: 8,
+            target_without_bsdf: false,
+            russian_roulette: true,
+        }
     }
 }
 

@@ -105,7 +105,11 @@ impl ReuseSchedule {
     pub(crate) fn of_paths(settings: &Restir) -> Self {
         let paths = &settings.paths;
         let common = common_settings(&paths.reuse, &settings.direct, &settings.research);
-        let flags = [(true, RESAMPLE_TARGET_RAYS | RESAMPLE_MIS_RAYS), (paths.heuristics, RESAMPLE_HEURISTICS)];
+        let flags = [
+            (true, RESAMPLE_TARGET_RAYS | RESAMPLE_MIS_RAYS),
+            (paths.heuristics, RESAMPLE_HEURISTICS),
+            (!settings.research.russian_roulette, RESAMPLE_NO_ROULETTE),
+        ];
         Self {
             iterations: iterations(&paths.reuse),
             common: GpuResampleSettings {
@@ -296,6 +300,9 @@ fn reconnection_settings(paths: &Paths, common: GpuResampleSettings) -> GpuResam
     let (reconnection, separation) = match paths.reconnection {
         Reconnection::Footprints => (RECONNECT_FOOTPRINTS, paths.footprint),
         Reconnection::BlackBox => (RECONNECT_BLACK_BOX, paths.footprint),
+        Reconnection::BlackBoxPrinted => (RECONNECT_BLACK_BOX_PRINTED, paths.footprint),
+        Reconnection::JacobianBound => (RECONNECT_JACOBIAN_BOUND, paths.footprint),
+        Reconnection::PathFootprint => (RECONNECT_PATH_FOOTPRINT, paths.footprint),
         Reconnection::Distance => (RECONNECT_DISTANCE, paths.distance),
     };
     GpuResampleSettings {

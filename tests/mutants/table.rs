@@ -178,6 +178,27 @@ pub const MUTANTS: &[Mutant] = &[
         ";",
         &[CRITERIA],
     ),
+    mutant(
+        "the bound of the Jacobian lacks its factor",
+        "restir/shift/reconnection.wgsl",
+        "select(1.0, TWO_PI, kind == RECONNECT_JACOBIAN_BOUND)",
+        "1.0",
+        &[CRITERIA],
+    ),
+    mutant(
+        "the footprint of a path is that of its last ray",
+        "restir/shift/reconnection.wgsl",
+        "return a.spread + inverseSqrt(",
+        "return inverseSqrt(",
+        &[CRITERIA],
+    ),
+    mutant(
+        "black boxes are compared by 1/p",
+        "restir/shift/reconnection.wgsl",
+        "step.pdf * step.pdf * c.roughness <= 1.0",
+        "step.pdf * c.roughness <= 1.0",
+        &[CRITERIA],
+    ),
     // The hybrid shift.
     mutant(
         "earlier reconnections are not looked for",

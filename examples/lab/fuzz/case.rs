@@ -369,8 +369,14 @@ impl Source {
         settings.direct.candidates = 1 + self.random.below(16) as u32;
         settings.paths.candidates = 1 + self.random.below(16) as u32;
         settings.paths.separate_direct_light = self.chance(0.2);
-        settings.paths.reconnection =
-            [Reconnection::Footprints, Reconnection::BlackBox, Reconnection::Distance][self.random.below(3)];
+        settings.paths.reconnection = [
+            Reconnection::Footprints,
+            Reconnection::BlackBox,
+            Reconnection::BlackBoxPrinted,
+            Reconnection::JacobianBound,
+            Reconnection::PathFootprint,
+            Reconnection::Distance,
+        ][self.random.below(6)];
         settings.paths.suffix_retrace =
             [SuffixRetrace::BothWays, SuffixRetrace::ForwardOnly, SuffixRetrace::Off][self.random.below(3)];
         settings.paths.jacobian_limit = self.number(1.0, 20.0);

@@ -13,7 +13,7 @@
 #import bevy_restir::path::walk::{step_medium, step_towards}
 #import bevy_restir::restir::pt::domain::{Evaluated, Receiver, shifted_to}
 #import bevy_restir::restir::pt::initial_candidates::SelectedPath
-#import bevy_restir::restir::shift::hybrid::SHIFT_NO_PATH
+#import bevy_restir::restir::shift::shifted_path::SHIFT_NO_PATH
 #import bevy_restir::restir::shift::reconnection::triangle_factor
 #import bevy_restir::restir::stored_path::Reservoir
 #import bevy_restir::scene::offset::surface_point

@@ -10,8 +10,9 @@
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::path_sample::{PathSample, ShiftResult, TERMINATION_NEE, with_shift_result}
 #import bevy_restir::restir::pt::initial_candidates::SelectedPath
-#import bevy_restir::restir::shift::hybrid::{hybrid_shift, is_unoccluded, ShiftedPath}
+#import bevy_restir::restir::shift::hybrid::hybrid_shift
 #import bevy_restir::restir::shift::reconnection::{separation_threshold, ShiftParameters}
+#import bevy_restir::restir::shift::shifted_path::{is_unoccluded, ShiftedPath}
 #import bevy_restir::restir::stored_path::Reservoir
 #import bevy_restir::restir::types::{RESAMPLE_CONNECTIONS, RESAMPLE_DIFFUSE_SECONDARY, RESAMPLE_MOVED, RESAMPLE_RETRACE_BACKWARD, RESAMPLE_RETRACE_FORWARD}
 #import bevy_restir::view::bindings::view

@@ -22,10 +22,12 @@
 #import bevy_restir::path::shadow_ray::light_is_visible
 #import bevy_restir::path::technique_weights::{below_surface, camera_state, CameraState, emitter_sample, left, reached, rivals_of_hit, rivals_of_nee, weight_of}
 #import bevy_restir::path::walk::{sampled_step, Step, step_cone, step_medium, Vertex}
+#import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::light_candidates::{light_candidate, subset_of}
 #import bevy_restir::restir::path_sample::{no_path_sample, PathSample, TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE, vertex_barycentrics}
 #import bevy_restir::restir::reservoir_sampling::{Stream, stream_add, stream_ucw}
-#import bevy_restir::restir::shift::reconnection::{is_connectable, is_connectable_end, is_rough, light_factor, previous_vertex, PreviousVertex, ShiftParameters, triangle_factor}
+#import bevy_restir::restir::shift::reconnection::{is_connectable, is_connectable_by, is_connectable_end, light_factor, previous_vertex, PreviousVertex, ShiftParameters, triangle_factor}
+#import bevy_restir::restir::types::RESAMPLE_NO_ROULETTE
 #import bevy_restir::scene::offset::offset_point
 #import bevy_restir::scene::surface::surface_at
 #import bevy_restir::trace::trace::trace_closest
@@ -149,7 +151,7 @@ fn sample_candidates(first: Vertex, pixel: vec2<u32>, shortest: u32, p: ShiftPar
         }
         if c.prefix.reconnection != 0u {
             c.suffix = guarded_3(c.suffix * step.weight, GUARD_THROUGHPUT);
-        } else if index > 1u && !c.below && !step.delta && is_connectable(before, v.surface, step.pdf, is_rough(v, step, p), p) {
+        } else if index > 1u && !c.below && is_connectable_by(before, v, step, p) {
             c.prefix = reconnected(c.prefix, before, factor_at(c.prefix, before, v) * c.choice, index);
             c.prefix.density *= step.pdf_lobe;
             c.prefix.lobe_after = step.lobe;
@@ -158,10 +160,10 @@ fn sample_candidates(first: Vertex, pixel: vec2<u32>, shortest: u32, p: ShiftPar
         c.throughput = guarded_3(c.throughput * step.weight, GUARD_THROUGHPUT);
         c.state = left(c.state, v, step, c.prefix.reconnection == index && !c.below);
         eta_scale *= step.eta * step.eta;
-        before = previous_vertex(v, step, index, p);
+        before = previous_vertex(before, v, step, index, p);
 
         // Russian roulette changes the probability of a path, never its contribution.
-        if index >= ROULETTE_FROM {
+        if index >= ROULETTE_FROM && (settings.flags & RESAMPLE_NO_ROULETTE) == 0u {
             let q = min(max_component(c.throughput) * eta_scale / c.survival, 0.95);
             if !(rng_1(rng) < q) {
                 break;

@@ -24,44 +24,13 @@
 #import bevy_restir::path::technique_weights::{below_surface, camera_state, CameraState, emitter_sample, left, reached, rivals_of_hit, rivals_of_nee, stored_weight, weight_of}
 #import bevy_restir::path::walk::{drawn_step, given_step, Step, step_cone, step_medium, Vertex, with_weight_and_densities}
 #import bevy_restir::restir::path_sample::{PathSample, ShiftResult, TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE, vertex_barycentrics}
-#import bevy_restir::restir::shift::reconnection::{is_connectable, is_connectable_end, is_rough, light_factor, previous_vertex, PreviousVertex, ShiftParameters, triangle_factor}
+#import bevy_restir::restir::shift::reconnection::{is_connectable, is_connectable_by, is_connectable_end, light_factor, previous_vertex, PreviousVertex, ShiftParameters, triangle_factor}
+#import bevy_restir::restir::shift::shifted_path::{failed, SHIFT_EARLIER_CONNECTABLE, SHIFT_JACOBIAN_LIMIT, SHIFT_NO_CONTRIBUTION, SHIFT_NO_PATH, SHIFT_NOT_CONNECTABLE, SHIFT_OK, SHIFT_REPLAY_ENDED, ShadowRays, ShiftedPath, with_shadow_ray}
 #import bevy_restir::scene::cone::Cone
 #import bevy_restir::scene::offset::{offset_point, surface_point}
 #import bevy_restir::scene::surface::{Surface, surface_at}
 #import bevy_restir::scene::triangle::instance_exists
-#import bevy_restir::trace::trace::{trace_any, trace_closest_of}
-
-// Why a path cannot be shifted.
-const SHIFT_OK: u32 = 0u;
-const SHIFT_NO_PATH: u32 = 1u;
-const SHIFT_REPLAY_ENDED: u32 = 2u;           // the replay ended, or hit a light, where the path does not
-const SHIFT_EARLIER_CONNECTABLE: u32 = 3u;    // the shifted path would reconnect earlier
-const SHIFT_NOT_CONNECTABLE: u32 = 4u;        // the shifted path could not reconnect there
-const SHIFT_NO_CONTRIBUTION: u32 = 5u;
-const SHIFT_JACOBIAN_LIMIT: u32 = 6u;
-const SHIFT_OCCLUDED: u32 = 7u;               // `is_unoccluded` is false
-
-// A ray that must be unoccluded for the shift to succeed.
-struct ShadowRay {
-    ray: Ray,
-    alpha_seed: u32,
-}
-
-struct ShiftedPath {
-    result: ShiftResult,
-    f: vec3<f32>,             // contribution at the receiver, without the visibility that `rays` ask for
-    density: f32,             // `PathSample::density` at the receiver
-    jacobian: f32,            // 0 where the shift is not defined
-    reason: u32,              // SHIFT_*
-    rays: ShadowRays,
-}
-
-// At most two.  An array would lie in memory instead of registers.
-struct ShadowRays {
-    count: u32,
-    first: ShadowRay,
-    second: ShadowRay,
-}
+#import bevy_restir::trace::trace::trace_closest_of
 
 // State of a shift, up to the current vertex.
 struct Walk {
@@ -112,35 +81,6 @@ fn hybrid_shift(s: PathSample, first: Vertex, c: ShiftParameters, previous: bool
     return ShiftedPath(result, w.f, w.density, jacobian, SHIFT_OK, w.rays);
 }
 
-fn failed(reason: u32) -> ShiftedPath {
-    var none: ShiftedPath;
-    none.reason = reason;
-    return none;
-}
-
-// Whether the shadow rays of a shifted path are free.
-fn is_unoccluded(s: ShiftedPath, previous: bool) -> bool {
-    for (var i = 0u; i < s.rays.count; i++) {
-        var shadow = s.rays.first;
-        if i > 0u {
-            shadow = s.rays.second;
-        }
-        if trace_any(shadow.ray, shadow.alpha_seed, previous) {
-            return false;
-        }
-    }
-    return true;
-}
-
-fn add_shadow_ray(w: ptr<function, Walk>, ray: Ray, alpha_seed: u32) {
-    if (*w).rays.count == 0u {
-        (*w).rays.first = ShadowRay(ray, alpha_seed);
-    } else {
-        (*w).rays.second = ShadowRay(ray, alpha_seed);
-    }
-    (*w).rays.count += 1u;
-}
-
 // Walks from vertex to vertex.  The loop has a single call of the step, the surface and the traversal for all kinds of vertices: each
 // further copy would take compile time and make the threads of a GPU diverge.
 fn walk(w: ptr<function, Walk>, s: PathSample, c: ShiftParameters, previous: bool, retrace: bool) {
@@ -189,7 +129,7 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: ShiftParameters, previous: boo
             barycentrics = vertex_barycentrics(hit.barycentrics, may_reconnect);
             hit_distance = hit.t;
         } else if !is_reconnection_point {
-            add_shadow_ray(w, ray, alpha_seed);
+            (*w).rays = with_shadow_ray((*w).rays, ray, alpha_seed);
             instance = NONE;
         }
         if instance == NONE {
@@ -320,7 +260,7 @@ fn has_same_reconnection(w: ptr<function, Walk>, s: PathSample, index: u32, step
     if index <= 1u || (*w).below || !(is_before || index == s.reconnection) {
         return true;
     }
-    let connectable = !step.delta && is_connectable((*w).before, (*w).v.surface, step.pdf, is_rough((*w).v, step, c), c);
+    let connectable = is_connectable_by((*w).before, (*w).v, step, c);
     if is_before && connectable {
         (*w).reason = SHIFT_EARLIER_CONNECTABLE;
     }
@@ -342,14 +282,14 @@ fn take_step(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, c: S
     if index + 1u == s.reconnection || index == s.reconnection {
         (*w).density *= step.pdf_lobe;
     }
-    (*w).before = previous_vertex((*w).v, step, index, c);
+    (*w).before = previous_vertex((*w).before, (*w).v, step, index, c);
 }
 
 // Connects the current vertex with the reconnection vertex `n`.
 fn reconnect(w: ptr<function, Walk>, s: PathSample, n: Surface, medium: vec3<f32>, alpha_seed: u32, c: ShiftParameters, previous: bool) {
     let at = (*w).v.surface;
     (*w).density *= triangle_factor(at.position, n.position, s.instance, s.triangle, previous);
-    add_shadow_ray(w, ray_between(at, n), alpha_seed);
+    (*w).rays = with_shadow_ray((*w).rays, ray_between(at, n), alpha_seed);
     if c.diffuse_secondary {
         // There is no next step, which would test both directions: only the direction into the vertex can fail.
         if !is_connectable_end((*w).before, n.position, n.bsdf.n_geo, c) {
@@ -425,7 +365,7 @@ fn hit_analytic_light(
         (*w).density *= light_factor(l);
     }
     require_same_end(w, s, is_connectable_end((*w).before, l.position, l.normal, c));
-    add_shadow_ray(w, ray_to_light(at, l), alpha_seed);
+    (*w).rays = with_shadow_ray((*w).rays, ray_to_light(at, l), alpha_seed);
     end_on_light(w, s, index, step, l.radiance * transmittance(medium, l.distance), l, c);
 }
 
@@ -495,7 +435,7 @@ fn end_with_nee(w: ptr<function, Walk>, s: PathSample, index: u32, c: ShiftParam
     end_path(w, s, index, nee.f, rivals_of_nee((*w).state, (*w).v, nee.light, nee.pdf_bsdf, index, c.counts));
     // From the reconnection vertex on, visibility changes only where something moved.
     if index < s.reconnection || retrace {
-        add_shadow_ray(w, ray_to_light((*w).v.surface, nee.light), path_alpha_seed(s.seed, index, DIMENSION_SHADOW_RAY));
+        (*w).rays = with_shadow_ray((*w).rays, ray_to_light((*w).v.surface, nee.light), path_alpha_seed(s.seed, index, DIMENSION_SHADOW_RAY));
     }
 }
 

@@ -2,7 +2,7 @@
 #import bevy_restir::bsdf::types::{Bsdf, LOBE_COAT, LOBE_DIFFUSE, LOBE_REFLECTION}
 #import bevy_restir::path::technique_weights::{LightShares, TechniqueCounts}
 #import bevy_restir::path::walk::{Step, Vertex}
-#import bevy_restir::restir::shift::reconnection::{is_connectable, is_connectable_end, is_rough, previous_vertex, separation_threshold, ShiftParameters}
+#import bevy_restir::restir::shift::reconnection::{is_connectable_by, is_connectable_end, PreviousVertex, previous_vertex, separation_threshold, ShiftParameters}
 #import bevy_restir::scene::surface::Surface
 
 struct Side {
@@ -27,6 +27,7 @@ struct Pair {
     pad_a: u32,
     pad_b: u32,
     pad_c: u32,
+    earlier_side: Side,    // the vertex before `from_side`, where that is not the first
     from_side: Side,
     to_side: Side,
 }
@@ -83,14 +84,16 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     first.bsdf.n_geo = p.first_normal;
     let threshold = separation_threshold(p.kind, p.separation, p.eye, first);
     let c = ShiftParameters(p.kind, threshold, p.roughness, 10.0, TechniqueCounts(1u, 0.0, 0.0, LightShares(0.0, 0.0)), 0.0, false);
-    let before = previous_vertex(vertex_of(p.from_side), step_of(p.from_side), p.index, c);
-    let after = step_of(p.to_side);
+    var earlier: PreviousVertex;
+    if p.index > 1u {
+        earlier = previous_vertex(earlier, vertex_of(p.earlier_side), step_of(p.earlier_side), 1u, c);
+    }
+    let before = previous_vertex(earlier, vertex_of(p.from_side), step_of(p.from_side), p.index, c);
     let v = vertex_of(p.to_side);
-    let rough_after = is_rough(v, after, c);
     answers[id.x] = Answer(
         threshold,
         u32(before.rough),
-        u32(!after.delta && is_connectable(before, v.surface, after.pdf, rough_after, c)),
+        u32(is_connectable_by(before, v, step_of(p.to_side), c)),
         u32(is_connectable_end(before, v.surface.position, v.surface.bsdf.n_geo, c)),
     );
 }

@@ -19,8 +19,9 @@
 #import bevy_restir::restir::path_sample::{PathSample, with_shift_result}
 #import bevy_restir::restir::pt::initial_candidates::{sample_candidates, SelectedPath}
 #import bevy_restir::restir::reservoir_layout::reservoir_index
-#import bevy_restir::restir::shift::hybrid::{hybrid_shift, is_unoccluded, SHIFT_EARLIER_CONNECTABLE, SHIFT_JACOBIAN_LIMIT, SHIFT_NOT_CONNECTABLE, SHIFT_OCCLUDED}
+#import bevy_restir::restir::shift::hybrid::hybrid_shift
 #import bevy_restir::restir::shift::reconnection::ShiftParameters
+#import bevy_restir::restir::shift::shifted_path::{is_unoccluded, SHIFT_EARLIER_CONNECTABLE, SHIFT_JACOBIAN_LIMIT, SHIFT_NOT_CONNECTABLE, SHIFT_OCCLUDED}
 #import bevy_restir::scene::offset::surface_point
 #import bevy_restir::scene::surface::{Surface, surface_at}
 #import bevy_restir::scene::triangle::world_triangle

@@ -1,6 +1,6 @@
 //! Where a path may be reconnected, in f64: the dual footprint threshold (Lin et al. 2026, supplement, Eqs. 5 and 6), the threshold on
-//! the density of black-box materials (ibid., Eq. 26) and the thresholds on distance and roughness of Lin et al. 2022.  Also the choice of
-//! the reconnection vertex of a whole path.
+//! the density of black-box materials (ibid., Eq. 26), the bound of the Jacobian and the footprint of the path (ibid., 11), and the
+//! thresholds on distance and roughness of Lin et al. 2022.  Also the choice of the reconnection vertex of a whole path.
 
 use glam::DVec3;
 use std::f64::consts::PI;
@@ -27,6 +27,12 @@ pub enum Rule {
     Footprints(f64),
     /// The same, with a density in place of the roughness.
     BlackBox(f64),
+    /// The same, with Eq. 26 as it is printed.
+    BlackBoxPrinted(f64),
+    /// The product of both densities (Eq. 27), with the constant c.
+    JacobianBound(f64),
+    /// The footprint of the path (Müller et al. 2021), with the constant c.
+    PathFootprint(f64),
     /// A distance in meters, and the roughness of both vertices (Lin et al. 2022).
     Distance(f64),
     /// A distance in meters, at the second vertex only (Ouyang et al. 2021; Lanz 2025, Eq. 30).
@@ -62,6 +68,14 @@ fn footprint(pdf: f64, x: &Vertex, y: &Vertex) -> f64 {
     1.0 / (pdf * geometry(x, y))
 }
 
+/// The footprint of a path at the last of these vertices: the squared sum of the roots of the footprints of its rays after the camera's
+/// (Müller et al. 2021).  The density of a delta is infinite.
+pub fn path_footprint(vertices: &[Vertex]) -> f64 {
+    let spread =
+        |pair: &[Vertex]| if pair[0].is_delta { 0.0 } else { footprint(pair[0].pdf, &pair[0], &pair[1]).sqrt() };
+    vertices.windows(2).map(spread).sum::<f64>().powi(2)
+}
+
 impl Pixel {
     /// The right side of Eq. 5.
     fn least_footprint(&self, c: f64, first: &Vertex) -> f64 {
@@ -77,25 +91,36 @@ impl Pixel {
             // Eq. 26 compares 1/p² with a roughness.  A GGX lobe of width α peaks near 1/α², so that 1/√p is the quantity with the unit
             // of α; this is the reading that the project documents.
             Rule::BlackBox(_) => 1.0 / v.pdf.sqrt() / self.roughness,
+            Rule::BlackBoxPrinted(_) => v.pdf.powi(-2) / self.roughness,
             _ => v.roughness / self.roughness,
         }
     }
 
-    /// The conditions for a reconnection between `x`, the vertex of index `index`, and the next vertex `y`; all must be at least 1.
-    /// `y_is_end`: y lies on a light, after which there is no direction.
-    pub fn ratios(&self, first: &Vertex, x: &Vertex, index: usize, y: &Vertex, y_is_end: bool) -> Vec<Ratio> {
+    /// The conditions for a reconnection between `x`, the last of the vertices `before`, whose index is `index`, and the next vertex `y`;
+    /// all must be at least 1.  `y_is_end`: y lies on a light, after which there is no direction.
+    pub fn ratios(&self, first: &Vertex, before: &[Vertex], index: usize, y: &Vertex, y_is_end: bool) -> Vec<Ratio> {
+        let x = &before[before.len() - 1];
         let mut all = vec![self.roughness_ratio(x)];
-        if !y_is_end && y.is_delta {
+        if !y_is_end && y.is_delta && !matches!(self.rule, Rule::PathFootprint(_)) {
             all.push(0.0);
         }
         match self.rule {
-            Rule::Footprints(c) | Rule::BlackBox(c) => {
+            Rule::Footprints(c) | Rule::BlackBox(c) | Rule::BlackBoxPrinted(c) => {
                 let least = self.least_footprint(c, first);
                 all.push(footprint(x.pdf, x, y) / least);
                 // A diffuse vertex has the same density for every vertex before it, and a path does not leave a light.
                 if !y_is_end && !y.is_diffuse {
                     all.push(footprint(y.pdf, y, x) / least);
                 }
+            }
+            Rule::JacobianBound(c) => {
+                let hemisphere = 1.0 / (2.0 * PI);
+                let pdf_after = if y_is_end { hemisphere } else { y.pdf };
+                all.push(footprint(x.pdf, x, y) / pdf_after / (self.least_footprint(c, first) / hemisphere));
+            }
+            Rule::PathFootprint(c) => {
+                let vertices = [before, &[*y]].concat();
+                all.push((path_footprint(&vertices) / self.least_footprint(c, first)).sqrt());
             }
             Rule::Distance(least) => {
                 all.push((x.position - y.position).length() / least);
@@ -136,13 +161,14 @@ pub fn choice(pixel: &Pixel, vertices: &[Vertex], end: Option<End>) -> (usize, f
     let mut margin = f64::INFINITY;
     for index in 2..=vertices.len() {
         let is_last = index == vertices.len();
-        let (x, mut y) = (vertices[index - 2], vertices[index - 1]);
+        let mut y = vertices[index - 1];
         if is_last && end == Some(End::LightSample) {
             // No lobe is chosen where a light sample leaves: all of them count, and a delta cannot.
             (y.roughness, y.is_delta) = (f64::INFINITY, false);
         }
         let is_end = is_last && end == Some(End::Hit);
-        let (connectable, distance) = decide(&pixel.ratios(&vertices[0], &x, index - 1, &y, is_end));
+        let before = &vertices[..index - 1];
+        let (connectable, distance) = decide(&pixel.ratios(&vertices[0], before, index - 1, &y, is_end));
         margin = margin.min(distance);
         if connectable {
             return (index, margin);

@@ -1,5 +1,5 @@
 //! The criteria of reconnections equal the f64 oracle: the footprints of both vertices with their factors 4π and 1/100, the density of
-//! black-box materials, distances, and roughness.  Any criterion that is consistent with itself is unbiased, so no picture shows a wrong
+//! black-box materials, the bound of the Jacobian, the footprint of the path, distances, and roughness.  Any criterion that is consistent with itself is unbiased, so no picture shows a wrong
 //! one.
 
 use crate::support::{
@@ -10,6 +10,7 @@ use crate::support::{
 use bevy_restir::testing::{gpu_layout::*, shader_library::ShaderEdit};
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
+use std::f64::consts::PI;
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, Pod, Zeroable)]
@@ -35,6 +36,7 @@ struct Pair {
     roughness: f32,
     index: u32,
     pad: [u32; 3],
+    earlier: Side,
     from: Side,
     to: Side,
 }
@@ -72,12 +74,23 @@ fn side(random: &mut Random, size: f64) -> Side {
     }
 }
 
+/// All kinds, in the order of their numbers.
+const KINDS: [u32; 7] = [
+    RECONNECT_FOOTPRINTS,
+    RECONNECT_BLACK_BOX,
+    RECONNECT_BLACK_BOX_PRINTED,
+    RECONNECT_JACOBIAN_BOUND,
+    RECONNECT_PATH_FOOTPRINT,
+    RECONNECT_DISTANCE,
+    RECONNECT_FIRST,
+];
+
 /// Pairs of every kind whose ratios to the limits spread around 1.
 fn random_pairs(count: usize) -> Vec<Pair> {
     let mut random = Random(31);
     (0..count)
         .map(|i| {
-            let kind = [RECONNECT_FOOTPRINTS, RECONNECT_BLACK_BOX, RECONNECT_DISTANCE, RECONNECT_FIRST][i % 4];
+            let kind = KINDS[i % KINDS.len()];
             let size = 10f64.powf(4.0 * random.unit() - 2.0);
             let mut pair = Pair {
                 eye: (random.direction() * size).as_vec3().to_array(),
@@ -86,6 +99,7 @@ fn random_pairs(count: usize) -> Vec<Pair> {
                 first_normal: random.direction().as_vec3().to_array(),
                 roughness: (0.1 + 0.8 * random.unit()) as f32,
                 index: random.pick(&[1, 1, 2, 3]),
+                earlier: side(&mut random, size),
                 from: side(&mut random, size),
                 to: side(&mut random, size),
                 ..Default::default()
@@ -96,8 +110,10 @@ fn random_pairs(count: usize) -> Vec<Pair> {
                 10f64.powf(4.0 * random.unit() - 3.0) as f32
             };
             // Narrow lobes would fail every other threshold.
-            if kind == RECONNECT_BLACK_BOX && random.unit() < 0.8 {
-                pair.from.pdf = (random.unit() * 2.0 / f64::from(pair.roughness).powi(2)) as f32;
+            let roughness = f64::from(pair.roughness);
+            let limit = if kind == RECONNECT_BLACK_BOX { roughness.powi(-2) } else { roughness.powf(-0.5) };
+            if matches!(kind, RECONNECT_BLACK_BOX | RECONNECT_BLACK_BOX_PRINTED) && random.unit() < 0.8 {
+                pair.from.pdf = (random.unit() * 2.0 * limit) as f32;
             }
             pair
         })
@@ -130,6 +146,9 @@ fn rule(pair: &Pair) -> Rule {
     match pair.kind {
         RECONNECT_FOOTPRINTS => Rule::Footprints(value),
         RECONNECT_BLACK_BOX => Rule::BlackBox(value),
+        RECONNECT_BLACK_BOX_PRINTED => Rule::BlackBoxPrinted(value),
+        RECONNECT_JACOBIAN_BOUND => Rule::JacobianBound(value),
+        RECONNECT_PATH_FOOTPRINT => Rule::PathFootprint(value),
         RECONNECT_DISTANCE => Rule::Distance(value),
         _ => Rule::First(value),
     }
@@ -145,7 +164,7 @@ struct Differences {
     rough: usize,
     connectable: usize,
     ends: usize,
-    decided: [[usize; 2]; 4],
+    decided: [[usize; 2]; KINDS.len()],
 }
 
 impl Differences {
@@ -160,7 +179,10 @@ fn differences(pairs: &[Pair], answers: &[Answer]) -> Differences {
         let pixel = Pixel { eye: wide(pair.eye), rule: rule(pair), roughness: pair.roughness.into() };
         let first = Vertex { position: wide(pair.first), n_geo: wide(pair.first_normal), ..Default::default() };
         let threshold = match pixel.rule {
-            Rule::Footprints(c) | Rule::BlackBox(c) => c / 100.0 * primary_footprint(pixel.eye, &first),
+            Rule::Footprints(c) | Rule::BlackBox(c) | Rule::BlackBoxPrinted(c) | Rule::PathFootprint(c) => {
+                c / 100.0 * primary_footprint(pixel.eye, &first)
+            }
+            Rule::JacobianBound(c) => 2.0 * PI * c / 100.0 * primary_footprint(pixel.eye, &first),
             Rule::Distance(d) | Rule::First(d) => d,
         };
         let cosine = first.n_geo.dot((pixel.eye - first.position).normalize()).abs();
@@ -170,6 +192,7 @@ fn differences(pairs: &[Pair], answers: &[Answer]) -> Differences {
         }
         found.thresholds += usize::from((f64::from(answer.threshold) / threshold - 1.0).abs() > 1e-4 / cosine.min(1.0));
         let (x, y) = (vertex(&pair.from), vertex(&pair.to));
+        let before = if pair.index > 1 { vec![vertex(&pair.earlier), x] } else { vec![x] };
         let of = |ratios: &[f64], answer: u32, count: &mut usize| {
             let (expected, margin) = decide(ratios);
             *count += usize::from(expected != (answer != 0) && margin > ROUNDING / cosine);
@@ -180,10 +203,10 @@ fn differences(pairs: &[Pair], answers: &[Answer]) -> Differences {
             ratio.push(0.0);
         }
         of(&ratio, answer.rough, &mut found.rough);
-        let both = pixel.ratios(&first, &x, pair.index as usize, &y, false);
+        let both = pixel.ratios(&first, &before, pair.index as usize, &y, false);
         let yes = of(&both, answer.connectable, &mut found.connectable);
         found.decided[pair.kind as usize][usize::from(yes)] += 1;
-        let end = pixel.ratios(&first, &x, pair.index as usize, &y, true);
+        let end = pixel.ratios(&first, &before, pair.index as usize, &y, true);
         of(&end, answer.connectable_end, &mut found.ends);
     }
     found
@@ -192,7 +215,7 @@ fn differences(pairs: &[Pair], answers: &[Answer]) -> Differences {
 #[test]
 fn connection_criteria_equal_those_of_the_paper() {
     let Some(gpu) = gpu() else { return };
-    let pairs = random_pairs(80_000);
+    let pairs = random_pairs(140_000);
     let found = differences(&pairs, &answers(gpu, &pairs, &[]));
     eprintln!("{found:?}");
     assert_eq!(found.total(), 0, "{found:?}");
@@ -202,7 +225,7 @@ fn connection_criteria_equal_those_of_the_paper() {
 const CRITERIA: &str = "restir/shift/reconnection.wgsl";
 
 /// Errors of the criteria.  Each is consistent with itself, so that no picture is biased.
-const WRONG: [(&str, &str, &str); 11] = [
+const WRONG: [(&str, &str, &str); 17] = [
     ("no 4π", "separation * FOUR_PI * d2", "separation * d2"),
     ("no 1/100", "return 0.01 * separation", "return separation"),
     ("no cosine of the pixel", "d2 / max(cosine, 1.0e-6)", "d2"),
@@ -225,13 +248,19 @@ const WRONG: [(&str, &str, &str); 11] = [
     ("α for the perceptual roughness", "select(sqrt(select(b.roughness,", "select((select(b.roughness,"),
     ("roughness of the base for the coat", "b.coat_roughness, lobe == LOBE_COAT", "b.coat_roughness, false"),
     ("1/p for 1/√p", "step.pdf * c.roughness * c.roughness <= 1.0", "step.pdf * c.roughness <= 1.0"),
+    ("1/p for 1/p²", "step.pdf * step.pdf * c.roughness <= 1.0", "step.pdf * c.roughness <= 1.0"),
+    ("no 2π in the bound of the Jacobian", "select(1.0, TWO_PI, kind", "select(1.0, 1.0, kind"),
+    ("the Jacobian lacks the density after", "n_geo_b) * pdf_after * c.separation", "n_geo_b) * c.separation"),
+    ("the spread of the path is forgotten", "return a.spread + inverseSqrt(", "return inverseSqrt("),
+    ("footprints are added in place of their roots", "a.spread + inverseSqrt(max(", "a.spread + 1.0 / (max("),
+    ("a delta after a path is spread", "step.delta && c.kind != RECONNECT_PATH_FOOTPRINT", "step.delta"),
     ("roughness before a distance only", "c.kind == RECONNECT_DISTANCE && !rough_after", "false"),
 ];
 
 #[test]
 fn wrong_connection_criteria_are_found() {
     let Some(gpu) = gpu() else { return };
-    let pairs = random_pairs(8_000);
+    let pairs = random_pairs(14_000);
     for (name, from, to) in WRONG {
         let edit = ShaderEdit { module: CRITERIA, from, to };
         let found = differences(&pairs, &answers(gpu, &pairs, &[edit])).total();

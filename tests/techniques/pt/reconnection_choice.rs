@@ -24,7 +24,7 @@ const BIAS: f64 = 64.0;
 /// Positions have an error of 4e-6 m, because `BIAS` is added; decisions nearer to their limit than this are left out.
 const ROUNDING: f64 = 2e-3;
 
-/// `SHIFT_*` of `shaders/restir/shift/hybrid.wgsl`.
+/// `SHIFT_*` of `shaders/restir/shift/shifted_path.wgsl`.
 const OK: u32 = 0;
 const EARLIER: u32 = 3;
 const UNCONNECTABLE: u32 = 4;
@@ -116,6 +116,9 @@ fn rule(paths: &Paths) -> Rule {
     match paths.reconnection {
         Reconnection::Distance => Rule::Distance(paths.distance.into()),
         Reconnection::BlackBox => Rule::BlackBox(paths.footprint.into()),
+        Reconnection::BlackBoxPrinted => Rule::BlackBoxPrinted(paths.footprint.into()),
+        Reconnection::JacobianBound => Rule::JacobianBound(paths.footprint.into()),
+        Reconnection::PathFootprint => Rule::PathFootprint(paths.footprint.into()),
         _ => Rule::Footprints(paths.footprint.into()),
     }
 }
@@ -160,8 +163,7 @@ fn often_replayed() -> Paths {
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn paths_and_shifted_paths_choose_the_reconnection_vertex_of_the_oracle() {
-    let black_box =
-        Paths { reconnection: Reconnection::BlackBox, footprint: 2.0, roughness: 0.6, ..Default::default() };
+    let kind = |reconnection, footprint| Paths { reconnection, footprint, roughness: 0.6, ..Default::default() };
     let by_distance = Paths { reconnection: Reconnection::Distance, distance: 0.8, ..Default::default() };
     for (name, make, defs) in [
         ("glossy", glossy as fn(&mut Rig), &[][..]),
@@ -170,9 +172,14 @@ fn paths_and_shifted_paths_choose_the_reconnection_vertex_of_the_oracle() {
     ] {
         let Some((mut rig, emitted)) = start(make) else { return };
         plant_shader_defs(&mut rig.app, defs);
-        for (what, paths) in
-            [("footprints", often_replayed()), ("black box", black_box.clone()), ("by distance", by_distance.clone())]
-        {
+        for (what, paths) in [
+            ("footprints", often_replayed()),
+            ("black box", kind(Reconnection::BlackBox, 2.0)),
+            ("black box as printed", kind(Reconnection::BlackBoxPrinted, 2.0)),
+            ("bounded Jacobian", kind(Reconnection::JacobianBound, 2.0)),
+            ("footprint of the path", kind(Reconnection::PathFootprint, 20.0)),
+            ("by distance", by_distance.clone()),
+        ] {
             let found = agreement(&mut rig, &emitted, &paths, 12);
             eprintln!("{name}, {what}: {found:?}");
             assert_eq!(found.contradictions(), 0, "{name}, {what}: {found:?}");
@@ -196,8 +203,8 @@ const UNTESTED: [(&str, &str, &str, &str); 8] = [
     (
         "the density of the lobe",
         CANDIDATES,
-        "is_connectable(before, v.surface, step.pdf, is_rough",
-        "is_connectable(before, v.surface, step.pdf_lobe, is_rough",
+        "is_connectable_by(before, v, step, p)",
+        "!step.delta && is_connectable(before, v.surface, step.pdf_lobe, true, p)",
     ),
 ];
 

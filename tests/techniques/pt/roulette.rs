@@ -85,6 +85,22 @@ fn roulette_lets_paths_survive_with_the_probability_that_weights_them() {
     rig.assert_sound();
 }
 
+#[test]
+fn without_roulette_every_path_survives_all_events() {
+    let Some((mut rig, walls)) = closed_room() else { return };
+    choose(&mut rig, Technique::Pt);
+    let albedo = ALBEDOS[0];
+    paint(&mut rig, &walls, albedo);
+    rig.set(|r| r.research.russian_roulette = false);
+    rig.until_ready();
+    let all: f64 = (1..=EVENTS).map(|n| luminance(albedo.as_dvec3().powf(f64::from(n)))).sum();
+    for (_, seen) in rig.next().iter() {
+        let light = luminance(seen.as_dvec3() - 1.0);
+        assert!((light / all - 1.0).abs() < 1e-4, "{light} instead of {all}");
+    }
+    rig.assert_sound();
+}
+
 const CANDIDATES: &str = "restir/pt/initial_candidates.wgsl";
 const REFERENCE: &str = "path/reference_integrator.wgsl";
 

@@ -57,12 +57,16 @@ fn measured(rig: &mut Rig, plant: &[&'static str], paths: Paths, seeds: u32) -> 
     Measure::of(&pictures(rig, &[&["TEST_CENSUS", "TEST_PAIRED"], plant].concat(), paths, seeds))
 }
 
-fn kinds() -> [(&'static str, Paths); 5] {
+fn kinds() -> [(&'static str, Paths); 8] {
+    let kind = |reconnection| Paths { reconnection, ..Default::default() };
     [
         ("footprints", Paths::default()),
         ("half replayed", Paths { footprint: 0.5, ..Default::default() }),
-        ("black box", Paths { reconnection: Reconnection::BlackBox, roughness: 0.6, ..Default::default() }),
-        ("by distance", Paths { reconnection: Reconnection::Distance, distance: 0.5, ..Default::default() }),
+        ("black box", Paths { roughness: 0.6, ..kind(Reconnection::BlackBox) }),
+        ("black box as printed", kind(Reconnection::BlackBoxPrinted)),
+        ("bounded Jacobian", Paths { footprint: 2.0, ..kind(Reconnection::JacobianBound) }),
+        ("footprint of the path", Paths { footprint: 2.0, ..kind(Reconnection::PathFootprint) }),
+        ("by distance", Paths { distance: 0.5, ..kind(Reconnection::Distance) }),
         ("Jacobians to 2", Paths { jacobian_limit: 2.0, ..Default::default() }),
     ]
 }

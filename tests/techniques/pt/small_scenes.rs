@@ -72,6 +72,31 @@ fn paths_over_glossy_surfaces_equal_the_reference() {
     );
 }
 
+/// The criteria that the paper compares with, and constants with which they reconnect at other vertices than the default.
+fn other_criteria(footprint: f32) -> [(&'static str, Paths); 3] {
+    let kind = |reconnection| Paths { reconnection, footprint, ..paths::all_reuse() };
+    [
+        ("black box as printed", Paths { roughness: 0.9, ..kind(Reconnection::BlackBoxPrinted) }),
+        ("bounded Jacobian", kind(Reconnection::JacobianBound)),
+        ("footprint of the path", kind(Reconnection::PathFootprint)),
+    ]
+}
+
+#[test]
+fn paths_reconnected_by_other_criteria_equal_the_reference() {
+    let Some(mut rig) = shared(64, "room") else { return };
+    PROOF.check("room", &mut rig, &other_criteria(20.0));
+}
+
+/// The footprint of the path reconnects to mirrors in vain.
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn paths_by_mirrors_reconnected_by_other_criteria_equal_the_reference() {
+    let Some(mut rig) = shared(64, "mirrors") else { return };
+    let proof = Proof { bounces: 3, margin: 0.02, ..Proof::of((16, 16), (16, 48)) };
+    proof.check("mirrors", &mut rig, &other_criteria(0.02));
+}
+
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn paths_by_mirrors_equal_the_reference() {
