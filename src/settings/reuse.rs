@@ -42,6 +42,16 @@ pub enum Mis {
     DefensivePairwiseGris,
 }
 
+impl Mis {
+    /// Whether each neighbor is weighted against the pixel's own sample alone.
+    pub(crate) fn is_pairwise(self) -> bool {
+        match self {
+            Self::Pairwise | Self::DefensivePairwise | Self::DefensivePairwiseGris => true,
+            Self::OneOverZ | Self::Balance => false,
+        }
+    }
+}
+
 /// Reuse of samples across frames and pixels, for [`Direct`](super::Direct), [`Paths`](super::Paths) and
 /// [`SubsurfaceSampling`](super::SubsurfaceSampling).  Where one default is given, all three share it.
 #[derive(Clone, Debug, PartialEq, Reflect)]
@@ -64,6 +74,12 @@ pub struct Reuse {
     /// effect only with `temporal` and, in [`ReuseOrder::TemporalThenSpatial`], with `spatial_samples`.  No bias.  0 to 5; default 5 for
     /// paths, otherwise 2.
     pub disocclusion_samples: u32,
+    /// Pairs pixels for spatial reuse: if a pixel reuses the sample of another, that one reuses the pixel's, so that one shift with its rays
+    /// serves both.  Halves the shifts and the rays of spatial reuse; partners are chosen with less freedom than neighbors.  No bias.  Applies
+    /// to iterations over samples of the same frame with a pairwise kind of [`Reuse::mis`], in [`Paths`](super::Paths) only.  Memory: 16 bytes
+    /// a pixel for each of up to six shifts, two more than `spatial_samples`, and 4 bytes.  Default: off.  Lin et al. 2026, supplement,
+    /// Table 1.
+    pub paired: bool,
     /// Iterations of spatial reuse: more give less noise, which is more correlated.  Each is a pass.  No bias.  1 to 4; default 2 for light
     /// that enters objects, otherwise 1.
     pub spatial_iterations: u32,
@@ -115,6 +131,7 @@ impl Reuse {
         bilinear: false,
         spatial_samples: 1,
         disocclusion_samples: 2,
+        paired: false,
         spatial_iterations: 1,
         neighbor_attempts: 1,
         temporal_attempts: 5,
@@ -152,6 +169,7 @@ impl Reuse {
             bilinear: _,
             spatial_samples: _,
             disocclusion_samples: _,
+            paired: _,
             spatial_iterations: _,
             neighbor_attempts: _,
             temporal_attempts: _,

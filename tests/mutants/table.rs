@@ -73,8 +73,8 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "a neighbor's target lacks the Jacobian",
         "pass/reuse.wgsl",
-        "stored_target(s) / jacobian",
-        "stored_target(s)",
+        "known_target(inputs, j, s) / jacobian",
+        "known_target(inputs, j, s)",
         &["planted_errors_of_paths", PT_ROOM],
     ),
     mutant(
