@@ -6,6 +6,7 @@ const DI_ROOM: &str = "direct_light_in_a_room_with_shadows";
 const PT_ROOM: &str = "paths_in_a_room_equal";
 const MOVING_PATHS: &str = "paths_in_a_moving_frame";
 const CRITERIA: &str = "connection_criteria_equal";
+const PAIRS: &[&str] = &["paths_in_pairs_equal_the_reference"];
 const LIGHT_PARTS: &[&str] = &["sum_to_the_light_of_a_frame"];
 
 const fn mutant(
@@ -54,6 +55,49 @@ pub const MUTANTS: &[Mutant] = &[
         "sum += select(0.0, canonical_confidence / total, kind == MIS_DEFENSIVE_PAIRWISE);",
         "",
         &["resampling::", DI_ROOM],
+    ),
+    // Pairs.
+    mutant(
+        "a pixel of a pair decides alone",
+        "restir/pairs.wgsl",
+        "if own_rank < wanted_pairs(own) || other_rank < wanted_pairs(other) {",
+        "if own_rank < wanted_pairs(own) {",
+        PAIRS,
+    ),
+    mutant(
+        "the partner's layer has the rank of the pixel",
+        "restir/pairs.wgsl",
+        "pair = Pair(partner, own_rank, other_rank);",
+        "pair = Pair(partner, own_rank, own_rank);",
+        PAIRS,
+    ),
+    mutant(
+        "both shifts of a pair are the pixel's",
+        "pass/reuse.wgsl",
+        "select(layers[domain].y, layers[j].x, domain == 0u)",
+        "select(layers[domain].x, layers[j].x, domain == 0u)",
+        PAIRS,
+    ),
+    mutant(
+        "a pair's shift keeps the density",
+        "restir/pt/domain.wgsl",
+        "shifted.density = kept.a * s.path.density;",
+        "shifted.density = s.path.density;",
+        PAIRS,
+    ),
+    mutant(
+        "a pair ignores visibility",
+        "pass/pair_shifts.wgsl",
+        "target_value(e) > 0.0 && is_visible(r, e, NO_ALPHA_SEED)",
+        "target_value(e) > 0.0",
+        PAIRS,
+    ),
+    mutant(
+        "pairs in one direction",
+        "restir/pairing.wgsl",
+        "keys[2u - i]",
+        "keys[i]",
+        &["the_partner_of_a_partner_is_the_pixel"],
     ),
     // The resampling routine.
     mutant(
