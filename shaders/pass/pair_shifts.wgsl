@@ -4,7 +4,7 @@
 #import technique::{evaluate, is_visible, kept_shift, PackedReservoir, receiver_of, receives_light, reservoir_unpack, target_value}
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::restir::bindings::settings
-#import bevy_restir::restir::pairs::{PAIR_SLOTS, pair_in_slot}
+#import bevy_restir::restir::pairs::next_pair
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::ray_counter::count_rays
@@ -28,10 +28,11 @@ fn pair_shifts(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let r = receiver_of(ids, pixel, false);
-    for (var slot = 0u; slot < PAIR_SLOTS; slot++) {
-        let pair = pair_in_slot(pixel, slot);
+    var slot = 0u;
+    loop {
+        let pair = next_pair(pixel, &slot);
         if pair.partner.x == NONE {
-            continue;
+            break;
         }
         let s = reservoir_unpack(samples[reservoir_index(pair.partner, view.size, settings.reservoir_layout)]);
         var shift = vec4<f32>(0.0);

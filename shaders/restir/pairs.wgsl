@@ -48,6 +48,17 @@ fn pair_in_slot(pixel: vec2<u32>, slot: u32) -> Pair {
     return pair;
 }
 
+// The next pair of a pixel from a slot on, and the slot after it.  Threads that run together go through their slots here, and not with the work
+// on a pair: each would wait for the slots of all others.
+fn next_pair(pixel: vec2<u32>, slot: ptr<function, u32>) -> Pair {
+    var pair = Pair(vec2<u32>(NONE), 0u, 0u);
+    while *slot < PAIR_SLOTS && pair.partner.x == NONE {
+        pair = pair_in_slot(pixel, *slot);
+        *slot += 1u;
+    }
+    return pair;
+}
+
 fn has_slot(mask: u32, slot: u32) -> bool {
     return (mask >> slot & 1u) != 0u;
 }

@@ -77,7 +77,7 @@ pub struct Reuse {
     /// Pairs pixels for spatial reuse: if a pixel reuses the sample of another, that one reuses the pixel's, so that one shift with its rays
     /// serves both.  Halves the shifts and the rays of spatial reuse; partners are chosen with less freedom than neighbors.  No bias.  Applies
     /// to iterations over samples of the same frame with a pairwise kind of [`Reuse::mis`], in [`Paths`](super::Paths) only.  Memory: 16 bytes
-    /// a pixel for each of up to six shifts, two more than `spatial_samples`, and 4 bytes.  Default: off.  Lin et al. 2026, supplement,
+    /// a pixel for each of `spatial_samples` + 1 or `disocclusion_samples` shifts, whichever is more, and 4 bytes.  Default: off.  Lin et al. 2026, supplement,
     /// Table 1.
     pub paired: bool,
     /// Iterations of spatial reuse: more give less noise, which is more correlated.  Each is a pass.  No bias.  1 to 4; default 2 for light

@@ -15,8 +15,8 @@ const MIN_RADIUS: f32 = 2.0;
 /// Sides of the tiles that hold partners, in radii: partners in a square tile are as far apart on average as the pixel and a neighbor in
 /// the disk of the radius.
 const PAIR_TILE: f32 = 1.28;
-/// Layers of shifts besides those that a pixel wants: with them it serves partners that have few others.
-const SPARE_PAIR_LAYERS: u32 = 2;
+/// Layers of shifts besides those that a pixel wants: with it the pixel serves partners that have few others.
+const SPARE_PAIR_LAYERS: u32 = 1;
 /// Greatest number of layers: inputs of the resampling routine with `MANY_NEIGHBORS`, besides the pixel's own.
 const MAX_PAIR_LAYERS: u32 = 6;
 /// Greatest number of iterations in a frame: one over the last frame, and four over this one.
