@@ -238,7 +238,7 @@ fn stages(name: &str, cost: &Cost) -> Row {
         ("frame", cost.lighting()),
         ("initial", of(|name| name == "pt_candidates" || name == "gi_candidates")),
         ("temporal", of(|name| name == "pt_reuse" || name == "gi_reuse")),
-        ("spatial", of(|name| name.contains("_reuse_") && !name.starts_with("di_"))),
+        ("spatial", of(|name| (name.contains("_reuse_") || name.contains("_pair_")) && !name.starts_with("di_"))),
         ("DI + other", cost.of_passes().filter(|(name, _)| !is_path(name)).map(|(_, ms)| ms).sum()),
     ];
     Row::new(name.to_owned(), "", &figures.map(|(name, ms)| (name, Unit::Ms, ms)))

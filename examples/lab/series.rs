@@ -235,7 +235,7 @@ pub fn steps(default: &Restir) -> Vec<(&'static str, Restir)> {
         ("direct light in reservoirs of its own", with(|r| r.paths.separate_direct_light = true)),
         ("thresholds of Lin et al. 2022", with(|r| r.paths.reconnection = Reconnection::Distance)),
         ("black-box thresholds", with(|r| r.paths.reconnection = Reconnection::BlackBox)),
-        ("spatial reuse in pairs", with(|r| r.paths.reuse.paired = true)),
+        ("spatial reuse without pairs", with(|r| r.paths.reuse.paired = false)),
         ("light of the kept path only", with(|r| r.paths.reuse.shade_all = false)),
         (
             "no reuse",
