@@ -385,4 +385,6 @@ pub struct GpuResampleSettings {
     pub diffuse_share: f32,
     pub caustic_share: f32,
     pub subsurface_shift: u32,
+    pub pair_layers: u32,
+    pub pair_tile_bits: u32,
 }

@@ -105,6 +105,8 @@ pub const MODULES: &[(&str, &str)] = modules![
     "restir/light_candidates.wgsl",
     "restir/mis.wgsl",
     "restir/neighbors.wgsl",
+    "restir/pairing.wgsl",
+    "restir/pairs.wgsl",
     "restir/path_sample.wgsl",
     "restir/reservoir_layout.wgsl",
     "restir/reservoir_sampling.wgsl",
@@ -146,6 +148,8 @@ pub const MODULES: &[(&str, &str)] = modules![
     "pass/di_candidates.wgsl",
     "pass/environment.wgsl",
     "pass/light_paths.wgsl",
+    "pass/pair_neighbors.wgsl",
+    "pass/pair_shifts.wgsl",
     "pass/path_candidates.wgsl",
     "pass/presample.wgsl",
     "pass/reference.wgsl",
@@ -171,22 +175,26 @@ pub fn is_template(wgsl: &str) -> bool {
 const COMMON_ROOM: &str = "restir";
 
 /// Puts the modules of a technique into a template.  `rooms`: folders of `shaders/`; the first one that defines a name provides it, and
-/// `restir` if none of them does.
+/// `restir` if none of them does.  A further import in a template is for some techniques only, behind a shader definition that the others
+/// do not have: what they lack of it is left out.
 ///
 /// # Panics
 ///
 /// If no room defines a name: a mistake in this crate, which its tests find.
 pub fn instantiate(wgsl: &str, rooms: &[&str]) -> String {
-    let Some((before, rest)) = wgsl.split_once(TEMPLATE_IMPORT) else { return wgsl.to_string() };
-    let (names, after) = rest.split_once("}\n").unwrap_or_else(|| panic!("the import of a template has no end"));
-    let mut imports = String::new();
-    for name in names.split(", ") {
-        let module = rooms.iter().chain([&COMMON_ROOM]).find_map(|room| module_that_defines(name, room));
-        let module = module.unwrap_or_else(|| panic!("none of {rooms:?} defines {name}"));
-        let module = module.trim_end_matches(".wgsl").replace('/', "::");
-        imports += &format!("#import bevy_restir::{module}::{name}\n");
+    let mut parts = wgsl.split(TEMPLATE_IMPORT);
+    let mut instance = parts.next().unwrap_or_default().to_string();
+    for (i, part) in parts.enumerate() {
+        let (names, after) = part.split_once("}\n").unwrap_or_else(|| panic!("the import of a template has no end"));
+        for name in names.split(", ") {
+            let module = rooms.iter().chain([&COMMON_ROOM]).find_map(|room| module_that_defines(name, room));
+            assert!(module.is_some() || i > 0, "none of {rooms:?} defines {name}");
+            let module = module.map(|module| module.trim_end_matches(".wgsl").replace('/', "::"));
+            instance.extend(module.map(|module| format!("#import bevy_restir::{module}::{name}\n")));
+        }
+        instance += after;
     }
-    format!("{before}{imports}{after}")
+    instance
 }
 
 /// The module of a room, without its subfolders, that defines a function, struct or constant.

@@ -60,7 +60,7 @@ impl Cost {
 
     /// Milliseconds of reuse over all iterations.
     pub fn reuse(&self) -> f64 {
-        self.sum(|name| name.contains("_reuse"))
+        self.sum(|name| name.contains("_reuse") || name.contains("_pair_"))
     }
 
     /// Name and milliseconds of every lighting pass.

@@ -247,7 +247,7 @@ fn stages(name: &str, cost: &Cost) -> Row {
         ("frame", cost.lighting()),
         ("initial", of(|name| is_of_paths(name) && name.ends_with("_candidates"))),
         ("temporal", of(|name| is_of_paths(name) && name.ends_with("_reuse"))),
-        ("spatial", of(|name| name.contains("_reuse_") && !name.starts_with("di_"))),
+        ("spatial", of(|name| (name.contains("_reuse_") || name.contains("_pair_")) && !name.starts_with("di_"))),
         ("DI + other", cost.of_passes().filter(|(name, _)| !is_of_paths(name)).map(|(_, ms)| ms).sum()),
     ];
     Row::new(name.to_owned(), "", &figures.map(|(name, ms)| (name, Unit::Ms, ms)))

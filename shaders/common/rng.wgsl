@@ -30,6 +30,8 @@ const STREAM_SSS_CANDIDATES: u32 = 19u;
 
 // Probes of paths, and whether a path takes one.
 const STREAM_PATH_PROBES: u32 = 22u;
+// Pairs of the first iteration of reuse; the next iterations, at most four, use the next streams.
+const STREAM_PAIRS: u32 = 23u;
 
 fn pcg4d(seed: vec4<u32>) -> vec4<u32> {
     var v = seed * 1664525u + 1013904223u;

@@ -7,6 +7,10 @@
 // from there to every other domain that its MIS weight asks for.
 
 #import technique::{apply_shift, carries_contribution, completed, diffuse_share, evaluate, Evaluated, find_neighbor, identity_of, in_current_frame, is_visible, jacobian_of, neighbor_radius, no_reservoir, own_place, PackedReservoir, Receiver, receiver_of, receives_light, Reservoir, reservoir_pack, reservoir_unpack, resamples, shift_result_of, ShiftResult, stored_target, stores_target, target_value}
+#ifdef PAIRED
+#import technique::{shift_from}
+#import bevy_restir::restir::pairs::{PAIR_SLOTS, pair_in_slot}
+#endif
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::guard::{GUARD_CONTRIBUTION_WEIGHT, GUARD_TARGET, guarded}
 #import bevy_restir::common::math::luminance
@@ -58,10 +62,6 @@ fn neighbor_sample(pixel: vec2<u32>) -> Reservoir {
     return s;
 }
 
-fn neighbor_receiver(pixel: vec2<u32>) -> Receiver {
-    return receiver_of(neighbor_ids(pixel), pixel, has(RESAMPLE_FROM_PREVIOUS));
-}
-
 // The sample of an input, in the domain of its own pixel or shifted to this one.
 fn sample_of(inputs: ptr<function, Inputs>, j: u32, shifted: bool) -> Reservoir {
     if j == 0u {
@@ -75,8 +75,69 @@ fn sample_of(inputs: ptr<function, Inputs>, j: u32, shifted: bool) -> Reservoir 
     return s;
 }
 
-// Collects the inputs.  Where the surface was not visible in the last frame, more neighbors are sought (Wyman and Panteleev 2021, 6.4): an
-// iteration over the last frame does not find it there, and a later one meets a confidence of one frame.
+// Where neighbors and shifts come from: a search and evaluation, or the pairs whose shifts `pass/pair_shifts.wgsl` has stored.  In pairs, the
+// visibility of a shifted sample is part of the stored contribution.
+#ifdef PAIRED
+@group(2) @binding(6) var shifts: texture_2d_array<f32>;
+
+// Layers of the shifts between the pixel and each input: of the input's sample to the pixel, and of the pixel's sample to the input.
+var<private> layers: array<vec2<u32>, MAX_INPUTS>;
+
+fn wanted_neighbors(canonical: Reservoir) -> u32 {
+    return PAIR_SLOTS;
+}
+
+fn next_neighbor(own: OwnPlace, pixel: vec2<u32>, i: u32, count: u32, rng: ptr<function, Rng>) -> vec2<u32> {
+    let pair = pair_in_slot(pixel, i);
+    layers[count] = vec2<u32>(pair.own_layer, pair.partner_layer);
+    return pair.partner;
+}
+
+fn receiver_in(inputs: ptr<function, Inputs>, domain: u32, r: Receiver) -> Receiver {
+    return r;
+}
+
+fn shifted_to(inputs: ptr<function, Inputs>, domain: u32, r: Receiver, j: u32, s: Reservoir) -> Evaluated {
+    let layer = select(layers[domain].y, layers[j].x, domain == 0u);
+    return shift_from(s, textureLoad(shifts, (*inputs).pixels[domain], layer, 0));
+}
+
+fn sees(r: Receiver, e: Evaluated, alpha_seed: u32) -> bool {
+    return true;
+}
+#else
+// Where the surface was not visible in the last frame, more neighbors are sought (Wyman and Panteleev 2021, 6.4): an iteration over the last
+// frame does not find it there, and a later one meets a confidence of one frame.
+fn wanted_neighbors(canonical: Reservoir) -> u32 {
+    let wanted = settings.temporal_samples + settings.spatial_samples;
+    if !has(RESAMPLE_FROM_PREVIOUS) && canonical.confidence <= 1.0 {
+        return max(wanted, settings.disocclusion_samples);
+    }
+    return wanted;
+}
+
+fn next_neighbor(own: OwnPlace, pixel: vec2<u32>, i: u32, count: u32, rng: ptr<function, Rng>) -> vec2<u32> {
+    return find_neighbor(own, i < settings.temporal_samples, rng);
+}
+
+fn receiver_in(inputs: ptr<function, Inputs>, domain: u32, r: Receiver) -> Receiver {
+    if domain == 0u {
+        return r;
+    }
+    let pixel = (*inputs).pixels[domain];
+    return receiver_of(neighbor_ids(pixel), pixel, has(RESAMPLE_FROM_PREVIOUS));
+}
+
+fn shifted_to(inputs: ptr<function, Inputs>, domain: u32, r: Receiver, j: u32, s: Reservoir) -> Evaluated {
+    return evaluate(r, s);
+}
+
+fn sees(r: Receiver, e: Evaluated, alpha_seed: u32) -> bool {
+    return is_visible(r, e, alpha_seed);
+}
+#endif
+
+// Collects the inputs.
 fn gather_inputs(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, own: OwnPlace, pixel: vec2<u32>, rng: ptr<function, Rng>) {
     let canonical = own_sample(pixel);
     (*inputs).pixels[0] = pixel;
@@ -85,13 +146,10 @@ fn gather_inputs(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, o
     (*inputs).visible[0] = true;
     (*mis).confidence[0] = canonical.confidence;
     var count = 1u;
-    var wanted = settings.temporal_samples + settings.spatial_samples;
-    if !has(RESAMPLE_FROM_PREVIOUS) && canonical.confidence <= 1.0 {
-        wanted = max(wanted, settings.disocclusion_samples);
-    }
+    var wanted = wanted_neighbors(canonical);
     for (var i = 0u; i < wanted && count < MAX_INPUTS; i++) {
         let is_own = i < settings.temporal_samples;
-        let at = find_neighbor(own, is_own, rng);
+        let at = next_neighbor(own, pixel, i, count, rng);
         if at.x == NONE {
             wanted = max(wanted, select(0u, settings.temporal_samples + settings.disocclusion_samples, is_own));
             continue;
@@ -156,15 +214,27 @@ fn accept_shift(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, j:
         (*inputs).ucw[j] = 0.0;
         return;
     }
-    (*mis).targets[j * MAX_INPUTS + j] = guarded(stored_target(s) / jacobian, GUARD_TARGET);
+    (*mis).targets[j * MAX_INPUTS + j] = guarded(known_target(inputs, j, s) / jacobian, GUARD_TARGET);
     (*inputs).shift_results[j] = shift_result_of(e);
     (*inputs).ucw[j] = guarded((*inputs).ucw[j] * jacobian, GUARD_CONTRIBUTION_WEIGHT);
+}
+
+// Whether p̂ of a neighbor's sample in its own pixel is known.
+fn knows_targets() -> bool {
+    return stores_target() || (carries_contribution() && !has(RESAMPLE_FROM_PREVIOUS));
+}
+
+fn known_target(inputs: ptr<function, Inputs>, j: u32, s: Reservoir) -> f32 {
+    if stores_target() {
+        return stored_target(s);
+    }
+    return luminance(textureLoad(own_contribution, (*inputs).pixels[j], 0).rgb);
 }
 
 // The next input, from `from_input` on, whose target in a domain is needed and not known yet.
 fn next_to_evaluate(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, domain: u32, from_input: u32) -> u32 {
     for (var j = from_input; j < (*mis).count; j++) {
-        let is_known = domain == j && select(stores_target(), carries_contribution(), j == 0u);
+        let is_known = domain == j && select(knows_targets(), carries_contribution(), j == 0u);
         if !is_known && (*inputs).ucw[j] > 0.0 && mis_needs_target(settings.mis, domain, j) {
             return j;
         }
@@ -192,20 +262,17 @@ fn resample(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, r: Rec
         } else {
             j = next_to_evaluate(inputs, mis, domain, 0u);
         }
-        var receiver = r;
-        if domain > 0u {
-            receiver = neighbor_receiver((*inputs).pixels[domain]);
-        }
+        let receiver = receiver_in(inputs, domain, r);
         while j < (*mis).count {
             let s = sample_of(inputs, j, domain > 0u || is_last);
-            let e = evaluate(receiver, s);
+            let e = shifted_to(inputs, domain, receiver, j, s);
             var value = target_value(e);
             // A sample is visible from the pixel that stores it; elsewhere a ray decides.
             let for_target = !is_last && domain != j && has(select(RESAMPLE_MIS_RAYS, RESAMPLE_TARGET_RAYS, domain == 0u));
             let for_shading = domain == 0u && (*inputs).needs_ray[j] && has(RESAMPLE_SHADE) && is_last == traces_selected;
             if value > 0.0 && (for_target || for_shading) {
                 // Each domain sees blended surfaces by random numbers of its own: with joint ones the MIS weights would not sum to 1.
-                let visible = is_visible(receiver, e, alpha_seed + domain);
+                let visible = sees(receiver, e, alpha_seed + domain);
                 if for_shading {
                     (*inputs).visible[j] = visible;
                 } else {

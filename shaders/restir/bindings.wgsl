@@ -10,3 +10,5 @@
 @group(2) @binding(1) var<storage, read> subsets: array<PresampledLight>;
 // The visibility buffer of the last frame, in passes that reuse.
 @group(2) @binding(3) var previous_visibility: texture_2d<u32>;
+// Masks of similar partners, in passes of paired reuse.
+@group(2) @binding(3) var pair_masks: texture_2d<u32>;

@@ -110,8 +110,12 @@ fn ring_offset(u: vec2<f32>, inner: f32, outer: f32) -> vec2<f32> {
 // Whether a neighbor's surface is similar enough to share light (Wyman and Panteleev 2021, Eq. 24).
 fn is_similar(own: Shape, ids: vec2<u32>, pixel: vec2<u32>) -> bool {
     let from_previous = has(RESAMPLE_FROM_PREVIOUS);
-    let other = pixel_shape(ids, pixel, from_previous);
-    let view_distance = max(distance(own.position, camera_position(from_previous)), 1.0e-20);
+    return are_similar(own, pixel_shape(ids, pixel, from_previous), from_previous);
+}
+
+// `previous`: both in the last frame.
+fn are_similar(own: Shape, other: Shape, previous: bool) -> bool {
+    let view_distance = max(distance(own.position, camera_position(previous)), 1.0e-20);
     return dot(own.n, other.n) >= settings.normal_threshold
         && abs(dot(other.position - own.position, own.n_geo)) <= settings.depth_threshold * view_distance
         && (own.material == other.material || !has(RESAMPLE_SAME_MATERIAL));

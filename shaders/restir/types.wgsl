@@ -30,6 +30,8 @@ struct ResampleSettings {
     diffuse_share: f32,        // `LightShares`
     caustic_share: f32,
     subsurface_shift: u32,     // SUBSURFACE_*
+    pair_layers: u32,          // shifts that a pixel keeps in paired reuse
+    pair_tile_bits: u32,       // tiles of paired reuse have 2^pair_tile_bits pixels a side
 }
 
 // BSDF sampling adds a candidate to those of the lights.

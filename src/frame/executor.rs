@@ -20,11 +20,7 @@ use crate::{
         frame::Step,
         pass::{ComputePass, Dispatch, Pass},
     },
-    view::{
-        RestirView, ViewPool,
-        counters::GuardRun,
-        history::{Reservoirs, presample_workgroups},
-    },
+    view::{RestirView, ViewPool, counters::GuardRun, history::presample_workgroups},
 };
 
 pub(super) fn run_passes(
@@ -62,8 +58,10 @@ pub(super) fn run_passes(
             state.visibility_texture.size(),
         );
     }
-    let iterations =
-        |domain: &Domain| state.history.as_ref().and_then(|h| h.of(domain)).map_or(1, Reservoirs::iterations);
+    let iterations = |domain: &Domain| {
+        let reservoirs = state.history.as_ref().and_then(|h| h.of(domain));
+        reservoirs.map_or(vec![false], |reservoirs| reservoirs.schedule().paired_iterations())
+    };
     for step in key.frame.steps(iterations) {
         match step.pass {
             Pass::Visibility => visibility::draw(state, key, &scene, scene_group, &passes, &pipelines, &mut context),

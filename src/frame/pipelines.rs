@@ -229,7 +229,7 @@ impl PassPipelines {
             return index;
         }
         let mut shader_defs = features.shader_defs();
-        shader_defs.extend(pass.def.map(|def| ShaderDefVal::Bool(def.into(), true)));
+        shader_defs.extend(pass.defs.iter().map(|&def| ShaderDefVal::Bool(def.into(), true)));
         shader_defs.extend(self.planted.iter().cloned());
         let mut layout = vec![scene_layout(), view_layout(), resource::layout(pass)];
         if self.ray_queries {

@@ -12,6 +12,7 @@ use crate::{
         RestirView,
         bind_groups::Bound,
         history::{History, LIGHT_FORMAT, Reservoirs},
+        pairs::PAIR_MASK_FORMAT,
     },
 };
 
@@ -39,13 +40,18 @@ fn binding_type(resource: R) -> BindingType {
         view_dimension: TextureViewDimension::D2,
         multisampled: false,
     };
+    let written = |format, view_dimension| BindingType::StorageTexture {
+        access: StorageTextureAccess::WriteOnly,
+        format,
+        view_dimension,
+    };
     match resource {
         R::Radiance | R::Counters | R::Subsets | R::CandidateReservoirs | R::OutputReservoirs => storage(false),
         R::LightVertices | R::LightMap | R::LastReservoirs | R::ForwardedReservoirs => storage(false),
         R::SubsetsRead | R::NeighborReservoirs | R::FinalReservoirs | R::LastReservoirsRead => storage(true),
         R::LightVerticesRead | R::LightMapRead => storage(true),
         R::Settings => buffer(BufferBindingType::Uniform),
-        R::PreviousVisibility => texture(TextureSampleType::Uint),
+        R::PreviousVisibility | R::PairMasksRead => texture(TextureSampleType::Uint),
         R::LightBefore
         | R::UnresampledLight
         | R::ResampledLight
@@ -53,11 +59,14 @@ fn binding_type(resource: R) -> BindingType {
         | R::PathLight
         | R::ConnectionsRead
         | R::SplatLight => texture(TextureSampleType::Float { filterable: false }),
-        R::CandidateLight | R::LightAfter | R::Connections => BindingType::StorageTexture {
-            access: StorageTextureAccess::WriteOnly,
-            format: LIGHT_FORMAT,
-            view_dimension: TextureViewDimension::D2,
+        R::PairShiftsRead => BindingType::Texture {
+            sample_type: TextureSampleType::Float { filterable: false },
+            view_dimension: TextureViewDimension::D2Array,
+            multisampled: false,
         },
+        R::CandidateLight | R::LightAfter | R::Connections => written(LIGHT_FORMAT, TextureViewDimension::D2),
+        R::PairMasks => written(PAIR_MASK_FORMAT, TextureViewDimension::D2),
+        R::PairShifts => written(LIGHT_FORMAT, TextureViewDimension::D2Array),
     }
 }
 
@@ -103,6 +112,8 @@ fn binding_of<'a>(resource: R, step: &Step, state: &'a RestirView) -> Option<Bou
             view(connections.unwrap_or(&history?.black))
         }
         R::SplatLight => view(light_of(history?, LightPart::LightPaths, Reservoirs::light_of_last_iteration)),
+        R::PairMasks | R::PairMasksRead => view(&history?.pairs.as_ref()?.masks),
+        R::PairShifts | R::PairShiftsRead => view(&history?.pairs.as_ref()?.shifts),
         R::PreviousVisibility => view(&history?.previous_visibility_view),
         R::CandidateLight => view(own()?.light_of_candidates()),
         R::LightBefore => view(own()?.light_before(step.iteration)),

@@ -42,6 +42,16 @@ pub enum Mis {
     DefensivePairwiseGris,
 }
 
+impl Mis {
+    /// Whether each neighbor is weighted against the pixel's own sample alone.
+    pub(crate) fn is_pairwise(self) -> bool {
+        match self {
+            Self::Pairwise | Self::DefensivePairwise | Self::DefensivePairwiseGris => true,
+            Self::OneOverZ | Self::Balance => false,
+        }
+    }
+}
+
 /// Reuse of samples across frames and pixels, for [`Direct`](super::Direct), [`Paths`](super::Paths) and
 /// [`SubsurfaceSampling`](super::SubsurfaceSampling).  Where one default is given, all three share it.
 #[derive(Clone, Debug, PartialEq, Reflect)]
@@ -64,6 +74,13 @@ pub struct Reuse {
     /// effect only with `temporal` and, in [`ReuseOrder::TemporalThenSpatial`], with `spatial_samples`.  No bias.  0 to 5; default 5 for
     /// paths, otherwise 2.
     pub disocclusion_samples: u32,
+    /// Pairs pixels for spatial reuse: if a pixel reuses the sample of another, that one reuses the pixel's, and one shift with its rays serves
+    /// both.  This halves the shifts and the rays of spatial reuse, for the same noise.  Partners are sought within squares, in place of the
+    /// disk of [`Reuse::radius`] and [`Reuse::neighbor_attempts`].  No bias.  Applies to [`Paths`](super::Paths) alone, to iterations over
+    /// samples of the same frame ([`ReuseOrder::TemporalThenSpatial`]) with a pairwise kind of [`Reuse::mis`].  Memory: 4 bytes a pixel, and 16
+    /// for each of `spatial_samples` + 1 or `disocclusion_samples` shifts, whichever is more.  Default: on for paths.  (Paired spatial reuse:
+    /// Lin et al. 2026, supplement, Table 1.)
+    pub paired: bool,
     /// Iterations of spatial reuse: more give less noise, which is more correlated.  Each is a pass.  No bias.  1 to 4; default 2 for light
     /// that enters objects, otherwise 1.
     pub spatial_iterations: u32,
@@ -115,6 +132,7 @@ impl Reuse {
         bilinear: false,
         spatial_samples: 1,
         disocclusion_samples: 2,
+        paired: false,
         spatial_iterations: 1,
         neighbor_attempts: 1,
         temporal_attempts: 5,
@@ -130,13 +148,14 @@ impl Reuse {
 
     /// The defaults of [`Paths`](super::Paths), as in Lin et al. 2022 and 2026: temporal reuse, then one iteration of spatial reuse, history
     /// capped at 20 frames.  The radius is 60 pixels where they have 20: where light is found rarely, a smaller circle shares each find
-    /// among too few pixels, which shows as blotches.  Each of the three neighbors, or five where the surface has just come into view, is
-    /// sought at five places, since a pixel without a neighbor has only its own candidates, which leave it noisy or black
-    /// (`docs/performance.md`, "One frame").
+    /// among too few pixels, which shows as blotches.  Pixels have three neighbors, or five where the surface has just come into view, in
+    /// pairs; without pairs each is sought at five places, since a pixel without a neighbor has only its own candidates, which leave it
+    /// noisy or black (`docs/performance.md`, "One frame").
     pub const PATHS: Self = Self {
         order: ReuseOrder::TemporalThenSpatial,
         spatial_samples: 3,
         disocclusion_samples: 5,
+        paired: true,
         neighbor_attempts: 5,
         radius: 60.0,
         mis: Mis::DefensivePairwise,
@@ -152,6 +171,7 @@ impl Reuse {
             bilinear: _,
             spatial_samples: _,
             disocclusion_samples: _,
+            paired: _,
             spatial_iterations: _,
             neighbor_attempts: _,
             temporal_attempts: _,

@@ -160,6 +160,7 @@ impl Default for SubsurfaceSampling {
             spatial_samples: 1,
             disocclusion_samples: 2,
             spatial_iterations: 2,
+            paired: false,
             bilinear: true,
             radius: 30.0,
             ..Reuse::PATHS

@@ -14,7 +14,7 @@ use crate::{
 
 const ROOMS: &[&str] = &["restir/bdpt", "restir/pt"];
 /// Weights take light sub-paths into account.
-const DEF: Option<&str> = Some("LIGHT_PATHS");
+const DEFS: &[&str] = &["LIGHT_PATHS"];
 
 /// Whole paths.
 const DOMAIN: &Domain = &Domain {
@@ -23,10 +23,15 @@ const DOMAIN: &Domain = &Domain {
         trace: ComputePass::per_pixel("light_paths", &[R::Settings, R::LightVertices, R::LightMap]),
         connect: ComputePass::per_pixel("connections", &[R::Settings, R::LightVerticesRead, R::Connections]),
     }),
-    candidates: ComputePass { def: DEF, ..domain::candidates("bdpt_candidates", "path_candidates", ROOMS) },
-    reuse: ComputePass { def: DEF, ..domain::reuse("bdpt_reuse", ROOMS) },
+    candidates: ComputePass { defs: DEFS, ..domain::candidates("bdpt_candidates", "path_candidates", ROOMS) },
+    reuse: ComputePass { defs: DEFS, ..domain::reuse("bdpt_reuse", ROOMS) },
+    pairs: Some(domain::pairs(
+        ["bdpt_pair_neighbors", "bdpt_pair_shifts", "bdpt_paired_reuse"],
+        ROOMS,
+        &["LIGHT_PATHS", "PAIRED"],
+    )),
     forward: &[],
-    debug: Some(ComputePass { def: DEF, ..domain::debug("bdpt_debug", "debug_paths", ROOMS) }),
+    debug: Some(ComputePass { defs: DEFS, ..domain::debug("bdpt_debug", "debug_paths", ROOMS) }),
     has_debug_view: DebugView::is_of_bidirectional_paths,
     reservoir_bytes: BIDIRECTIONAL_RESERVOIR_SIZE,
     carries_contribution: true,
@@ -43,6 +48,7 @@ const SPLATS: &Domain = &Domain {
         &[R::Settings, R::LightMapRead, R::CandidateReservoirs, R::CandidateLight],
     ),
     reuse: domain::reuse("splats_reuse", &["restir/splats"]),
+    pairs: None,
     forward: &[
         ComputePass::per_pixel("splats_forward", &[R::Settings, R::LastReservoirs]),
         ComputePass::per_pixel("splats_gather", &[R::Settings, R::LastReservoirsRead, R::ForwardedReservoirs]),

@@ -20,6 +20,7 @@ pub(super) const DOMAIN: &Domain = &Domain {
     light_paths: None,
     candidates: domain::candidates("di_candidates", "di_candidates", &[]),
     reuse: domain::reuse("di_reuse", ROOMS),
+    pairs: None,
     forward: &[],
     debug: Some(ComputePass { specialized: false, ..domain::debug("di_debug", "debug_di", &[]) }),
     has_debug_view: DebugView::is_of_reservoirs,

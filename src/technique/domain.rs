@@ -17,6 +17,8 @@ pub(crate) struct Domain {
     /// Passes: candidates, reuse (once for each iteration), debug views.
     pub candidates: ComputePass,
     pub reuse: ComputePass,
+    /// Passes of paired spatial reuse, if the domain has it.
+    pub pairs: Option<PairPasses>,
     /// Passes before reuse that move the samples of the last frame to the pixels that they land in, which makes them the neighbors.
     pub forward: &'static [ComputePass],
     pub debug: Option<ComputePass>,
@@ -40,6 +42,16 @@ pub(crate) struct LightPathPasses {
     pub connect: ComputePass,
 }
 
+/// Passes of an iteration of paired spatial reuse, in order.
+pub(crate) struct PairPasses {
+    /// Finds similar partners of each pixel.
+    pub neighbors: ComputePass,
+    /// Shifts the samples of partners to each pixel.
+    pub shifts: ComputePass,
+    /// Resamples by these shifts.
+    pub reuse: ComputePass,
+}
+
 /// Parts of the light of a frame, which `resolve` adds up; a frame has at most one domain for each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum LightPart {
@@ -56,23 +68,35 @@ pub(crate) enum LightPart {
 pub(crate) struct DomainNames {
     pub domain: &'static str,
     pub reuse: [&'static str; MAX_ITERATIONS],
+    pub pair_neighbors: [&'static str; MAX_ITERATIONS],
+    pub pair_shifts: [&'static str; MAX_ITERATIONS],
     pub settings: &'static str,
     pub reservoirs: &'static str,
     pub light: &'static str,
 }
+
+/// The names of a pass in every iteration of reuse.
+macro_rules! iteration_names {
+    ($name:literal, $pass:literal) => {
+        [
+            concat!($name, $pass),
+            concat!($name, $pass, "_2"),
+            concat!($name, $pass, "_3"),
+            concat!($name, $pass, "_4"),
+            concat!($name, $pass, "_5"),
+        ]
+    };
+}
+pub(crate) use iteration_names;
 
 /// The names of a domain, all with its own name as their prefix.
 macro_rules! domain_names {
     ($name:literal) => {
         $crate::technique::domain::DomainNames {
             domain: $name,
-            reuse: [
-                concat!($name, "_reuse"),
-                concat!($name, "_reuse_2"),
-                concat!($name, "_reuse_3"),
-                concat!($name, "_reuse_4"),
-                concat!($name, "_reuse_5"),
-            ],
+            reuse: $crate::technique::domain::iteration_names!($name, "_reuse"),
+            pair_neighbors: $crate::technique::domain::iteration_names!($name, "_pair_neighbors"),
+            pair_shifts: $crate::technique::domain::iteration_names!($name, "_pair_shifts"),
             settings: concat!($name, " settings"),
             reservoirs: concat!($name, " reservoirs"),
             light: concat!($name, " light"),
@@ -108,6 +132,35 @@ pub(crate) const fn reuse(name: &'static str, technique_rooms: &'static [&'stati
     ComputePass { file: "reuse", technique_rooms, ..ComputePass::per_pixel(name, resources) }
 }
 
+/// Paired spatial reuse in a domain.  `names`: of the passes.  `defs`: `PAIRED`, and what the domain needs.
+pub(crate) const fn pairs(
+    names: [&'static str; 3],
+    technique_rooms: &'static [&'static str],
+    defs: &'static [&'static str],
+) -> PairPasses {
+    let neighbors = &[R::Settings, R::NeighborReservoirs, R::PairMasks];
+    let shifts = &[R::Settings, R::NeighborReservoirs, R::PairShifts, R::PairMasksRead];
+    let reuse = &[
+        R::Settings,
+        R::NeighborReservoirs,
+        R::OutputReservoirs,
+        R::PairMasksRead,
+        R::LightBefore,
+        R::LightAfter,
+        R::PairShiftsRead,
+    ];
+    PairPasses {
+        neighbors: ComputePass {
+            file: "pair_neighbors",
+            technique_rooms,
+            defs,
+            ..ComputePass::per_pixel(names[0], neighbors)
+        },
+        shifts: ComputePass { file: "pair_shifts", technique_rooms, defs, ..ComputePass::per_pixel(names[1], shifts) },
+        reuse: ComputePass { file: "reuse", technique_rooms, defs, ..ComputePass::per_pixel(names[2], reuse) },
+    }
+}
+
 /// Debug views of a domain.
 pub(crate) const fn debug(
     name: &'static str,
@@ -122,7 +175,8 @@ impl Domain {
     /// Its passes, each once.
     pub(crate) fn passes(&self) -> impl Iterator<Item = &ComputePass> {
         let of_light_paths = self.light_paths.iter().flat_map(|p| [&p.trace, &p.connect]);
-        of_light_paths.chain([&self.candidates, &self.reuse]).chain(self.forward).chain(&self.debug)
+        let of_pairs = self.pairs.iter().flat_map(|p| [&p.neighbors, &p.shifts, &p.reuse]);
+        of_light_paths.chain([&self.candidates, &self.reuse]).chain(of_pairs).chain(self.forward).chain(&self.debug)
     }
 }
 

@@ -5,6 +5,7 @@ use super::{
     domain::{Domain, PRESAMPLE},
     pass::{ComputePass, Pass, PassResource as R},
     reference::BOUNCES,
+    reuse_schedule::ReuseSchedule,
     row,
 };
 use crate::{
@@ -48,6 +49,37 @@ enum Show {
     Surface,
 }
 
+/// Kinds of reuse that the iterations of domains with pairs have.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+enum Pairing {
+    /// No pairs.
+    #[default]
+    Never,
+    /// Pairs in some iterations.
+    Sometimes,
+    Always,
+}
+
+impl Pairing {
+    fn of(settings: &Restir) -> Self {
+        let iterations = ReuseSchedule::of_paths(settings).iterations;
+        match (iterations.iter().any(|i| i.paired), iterations.iter().all(|i| i.paired)) {
+            (false, _) => Self::Never,
+            (true, false) => Self::Sometimes,
+            (true, true) => Self::Always,
+        }
+    }
+
+    /// An iteration of each kind: whether it makes pairs.
+    fn kinds(self) -> &'static [bool] {
+        match self {
+            Self::Never => &[false],
+            Self::Sometimes => &[false, true],
+            Self::Always => &[true],
+        }
+    }
+}
+
 /// The frame that a camera runs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub(crate) struct Frame {
@@ -59,6 +91,7 @@ pub(crate) struct Frame {
     connects: bool,
     /// The scene has `Subsurface`.
     subsurface: bool,
+    pairing: Pairing,
 }
 
 /// A step of a frame.
@@ -87,7 +120,7 @@ impl Frame {
             }
         };
         let (technique, connects) = (settings.technique, settings.bdpt.connects());
-        Self { technique, separate, show, connects, subsurface: false }
+        Self { technique, separate, show, connects, subsurface: false, pairing: Pairing::of(settings) }
     }
 
     /// The frame of a scene that has `Subsurface`.
@@ -115,8 +148,8 @@ impl Frame {
         }
     }
 
-    /// Its steps in order.  `iterations`: of reuse in a domain.
-    pub(crate) fn steps(self, iterations: impl Fn(&Domain) -> usize) -> Vec<Step> {
+    /// Its steps in order.  `iterations`: of reuse in a domain, and whether each makes pairs.
+    pub(crate) fn steps(self, iterations: impl Fn(&Domain) -> Vec<bool>) -> Vec<Step> {
         let mut steps = vec![Step { pass: Pass::Visibility, name: "visibility", domain: None, iteration: 0 }];
         let compute = |pass: &'static ComputePass, domain| Step {
             pass: Pass::Compute(pass),
@@ -133,8 +166,15 @@ impl Frame {
             steps.extend(light_paths.map(|passes| compute(&passes.trace, Some(domain))));
             steps.push(compute(&domain.candidates, Some(domain)));
             steps.extend(domain.forward.iter().map(|pass| compute(pass, Some(domain))));
-            for (iteration, name) in domain.names.reuse[..iterations(domain)].iter().enumerate() {
-                steps.push(Step { name, iteration, ..compute(&domain.reuse, Some(domain)) });
+            for (iteration, is_paired) in iterations(domain).into_iter().enumerate() {
+                let names = &domain.names;
+                let step = |pass, name| Step { name, iteration, ..compute(pass, Some(domain)) };
+                let pairs = domain.pairs.as_ref().filter(|_| is_paired);
+                if let Some(pairs) = pairs {
+                    steps.push(step(&pairs.neighbors, names.pair_neighbors[iteration]));
+                    steps.push(step(&pairs.shifts, names.pair_shifts[iteration]));
+                }
+                steps.push(step(pairs.map_or(&domain.reuse, |pairs| &pairs.reuse), names.reuse[iteration]));
             }
             steps.extend(light_paths.filter(|_| self.connects).map(|passes| compute(&passes.connect, Some(domain))));
         }
@@ -153,7 +193,8 @@ impl Frame {
 
     /// Its passes, each once.
     pub(crate) fn passes(self) -> impl Iterator<Item = Pass> {
-        self.steps(|_| 1).into_iter().map(|step| step.pass)
+        let kinds = |domain: &Domain| domain.pairs.as_ref().map_or(Pairing::Never, |_| self.pairing).kinds().to_vec();
+        self.steps(kinds).into_iter().map(|step| step.pass)
     }
 }
 
@@ -173,8 +214,9 @@ impl PipelineKey {
     }
 
     /// Whether reservoirs that the pipelines of another key have written mean the same for these.  Features add code for what they name and
-    /// leave the rest as it is, random numbers included.
+    /// leave the rest as it is, random numbers included.  Pairs exist within an iteration only.
     pub(crate) fn keeps_histories_of(self, last: Self) -> bool {
-        self.frame == last.frame
+        let unpaired = |frame| Frame { pairing: Pairing::Never, ..frame };
+        unpaired(self.frame) == unpaired(last.frame)
     }
 }

@@ -56,7 +56,7 @@ impl DebugView {
 /// Names of the passes that a camera runs with these settings, as time spans have them.  `features`: those of the last frame
 /// ([`RestirReport::features`](crate::RestirReport::features)); a scene with [`Subsurface`](crate::Subsurface) has passes of its own.
 pub fn pass_names(settings: &Restir, features: SceneFeatures) -> Vec<&'static str> {
-    let iterations = |domain: &Domain| (domain.schedule)(settings).iterations.len();
+    let iterations = |domain: &Domain| (domain.schedule)(settings).paired_iterations();
     let mut frame = Frame::of(settings);
     if features.contains(SceneFeatures::SUBSURFACE) {
         frame = frame.with_subsurface();

@@ -58,6 +58,14 @@ pub(crate) enum PassResource {
     ConnectionsRead,
     /// Resampled light of light sub-paths, read.
     SplatLight,
+    /// Masks of the similar partners of pixels, written.
+    PairMasks,
+    /// Masks of the similar partners of pixels, read.
+    PairMasksRead,
+    /// Shifts between the pixels of pairs, written.
+    PairShifts,
+    /// Shifts between the pixels of pairs, read.
+    PairShiftsRead,
 }
 
 /// Number of workgroups of a pass.
@@ -78,8 +86,8 @@ pub(crate) struct ComputePass {
     pub file: &'static str,
     /// Rooms of `shaders/` that `#import technique::{...}` stands for, the nearest first; empty where the shader has no such line.
     pub technique_rooms: &'static [&'static str],
-    /// Shader definition besides those of the scene's features.
-    pub def: Option<&'static str>,
+    /// Shader definitions besides those of the scene's features.
+    pub defs: &'static [&'static str],
     pub resources: &'static [PassResource],
     pub dispatch: Dispatch,
     /// Whether it is compiled for the features of the scene; otherwise one pipeline serves all scenes.
@@ -93,7 +101,7 @@ impl ComputePass {
             name,
             file: name,
             technique_rooms: &[],
-            def: None,
+            defs: &[],
             resources,
             dispatch: Dispatch::Pixels,
             specialized: true,

@@ -2,7 +2,7 @@
 
 use super::{
     TechniqueRow, di,
-    domain::{self, Domain, DomainNames, LightPart, domain_names},
+    domain::{self, Domain, DomainNames, LightPart, PairPasses, domain_names},
     pass::ComputePass,
     reuse_schedule::ReuseSchedule,
     sss,
@@ -15,11 +15,14 @@ use crate::{
 const ROOMS: &[&str] = &["restir/pt"];
 const INDIRECT_ROOMS: &[&str] = &["restir/pt_indirect", "restir/pt"];
 
+const PAIRED: &[&str] = &["PAIRED"];
+
 /// Whole paths.
 const DOMAIN: &Domain = &domain(
     domain_names!("pt"),
     domain::candidates("pt_candidates", "path_candidates", ROOMS),
     domain::reuse("pt_reuse", ROOMS),
+    domain::pairs(["pt_pair_neighbors", "pt_pair_shifts", "pt_paired_reuse"], ROOMS, PAIRED),
     domain::debug("pt_debug", "debug_paths", ROOMS),
 );
 
@@ -28,15 +31,27 @@ const INDIRECT: &Domain = &domain(
     domain_names!("pt_indirect"),
     domain::candidates("pt_indirect_candidates", "path_candidates", INDIRECT_ROOMS),
     domain::reuse("pt_indirect_reuse", INDIRECT_ROOMS),
+    domain::pairs(
+        ["pt_indirect_pair_neighbors", "pt_indirect_pair_shifts", "pt_indirect_paired_reuse"],
+        INDIRECT_ROOMS,
+        PAIRED,
+    ),
     domain::debug("pt_indirect_debug", "debug_paths", INDIRECT_ROOMS),
 );
 
-const fn domain(names: DomainNames, candidates: ComputePass, reuse: ComputePass, debug: ComputePass) -> Domain {
+const fn domain(
+    names: DomainNames,
+    candidates: ComputePass,
+    reuse: ComputePass,
+    pairs: PairPasses,
+    debug: ComputePass,
+) -> Domain {
     Domain {
         names,
         light_paths: None,
         candidates,
         reuse,
+        pairs: Some(pairs),
         forward: &[],
         debug: Some(debug),
         has_debug_view: DebugView::is_of_paths,

@@ -7,10 +7,10 @@ use super::{
 use crate::settings::Technique;
 
 const LIGHT: ComputePass = ComputePass::per_pixel("reference", &[R::Radiance]);
-const RAYS: ComputePass = ComputePass { name: "reference_rays", def: Some("SHOWS_RAYS"), ..LIGHT };
+const RAYS: ComputePass = ComputePass { name: "reference_rays", defs: &["SHOWS_RAYS"], ..LIGHT };
 
 /// Scattering events of its paths, which every technique shows in [`DebugView::Bounces`](crate::DebugView::Bounces).
-pub(super) const BOUNCES: ComputePass = ComputePass { name: "reference_bounces", def: Some("SHOWS_BOUNCES"), ..LIGHT };
+pub(super) const BOUNCES: ComputePass = ComputePass { name: "reference_bounces", defs: &["SHOWS_BOUNCES"], ..LIGHT };
 
 pub(super) const ROW: TechniqueRow = TechniqueRow {
     technique: Technique::Reference,

@@ -12,6 +12,13 @@ use crate::{
 pub(crate) const FEW_INPUTS: u32 = 3;
 /// Least radius, pixels: in a smaller circle most neighbors would be the pixel itself.
 const MIN_RADIUS: f32 = 2.0;
+/// Sides of the tiles that hold partners, in radii: partners in a square tile are as far apart on average as the pixel and a neighbor in
+/// the disk of the radius.
+const PAIR_TILE: f32 = 1.28;
+/// Layers of shifts besides those that a pixel wants: with it the pixel serves partners that have few others.
+const SPARE_PAIR_LAYERS: u32 = 1;
+/// Greatest number of layers: inputs of the resampling routine with `MANY_NEIGHBORS`, besides the pixel's own.
+const MAX_PAIR_LAYERS: u32 = 6;
 /// Greatest number of iterations in a frame: one over the last frame, and four over this one.
 pub(crate) const MAX_ITERATIONS: usize = 5;
 
@@ -24,6 +31,8 @@ pub(crate) struct Iteration {
     spatial_samples: u32,
     /// More neighbors are sought where the surface was not visible in the last frame.
     seeks_more: bool,
+    /// Neighbors are partners, and each shift serves both of them.
+    pub paired: bool,
     /// `SUBSURFACE_*`, for the domain of light that enters objects.
     subsurface_shift: u32,
 }
@@ -37,6 +46,7 @@ fn iterations(reuse: &Reuse) -> Vec<Iteration> {
         temporal_samples: 0,
         spatial_samples: reuse.spatial_samples,
         seeks_more: true,
+        paired: false,
         subsurface_shift: 0,
     };
     match reuse.order {
@@ -52,6 +62,7 @@ fn iterations(reuse: &Reuse) -> Vec<Iteration> {
                 spatial_samples: 0,
                 // The next iteration does, among samples of this frame.
                 seeks_more: false,
+                paired: false,
                 subsurface_shift: 0,
             });
             first
@@ -60,6 +71,16 @@ fn iterations(reuse: &Reuse) -> Vec<Iteration> {
                 .collect()
         }
     }
+}
+
+/// The iterations of a frame of a domain that pairs pixels where the settings ask for it.
+fn iterations_with_pairs(reuse: &Reuse) -> Vec<Iteration> {
+    let mut iterations = iterations(reuse);
+    for iteration in &mut iterations {
+        // A pair has no weights but those of the two pixels, and a sample of the last frame has no way back.
+        iteration.paired = reuse.paired && reuse.mis.is_pairwise() && !iteration.from_previous;
+    }
+    iterations
 }
 
 /// The iterations of reuse of a domain.
@@ -111,7 +132,7 @@ impl ReuseSchedule {
             (!settings.research.russian_roulette, RESAMPLE_NO_ROULETTE),
         ];
         Self {
-            iterations: iterations(&paths.reuse),
+            iterations: iterations_with_pairs(&paths.reuse),
             common: GpuResampleSettings {
                 candidates: paths.candidates,
                 decorrelation: paths.decorrelation,
@@ -205,6 +226,7 @@ impl ReuseSchedule {
                 temporal_samples: u32::from(reuse.temporal),
                 spatial_samples: 0,
                 seeks_more: false,
+                paired: false,
                 subsurface_shift: 0,
             }],
             common: GpuResampleSettings {
@@ -220,9 +242,24 @@ impl ReuseSchedule {
         }
     }
 
+    /// Whether each iteration makes pairs.
+    pub(crate) fn paired_iterations(&self) -> Vec<bool> {
+        self.iterations.iter().map(|iteration| iteration.paired).collect()
+    }
+
+    /// Greatest number of shifts of a pixel that an iteration with pairs keeps; 0 if there is none.
+    pub(crate) fn pair_layers(&self) -> u32 {
+        let wanted = self.iterations.iter().filter(|iteration| iteration.paired).map(|i| i.spatial_samples).max();
+        let layers = |wanted: u32| (wanted + SPARE_PAIR_LAYERS).max(self.common.disocclusion_samples);
+        wanted.map_or(0, |wanted| layers(wanted).min(MAX_PAIR_LAYERS))
+    }
+
     /// Greatest number of inputs of the resampling routine: the pixel's own sample and its neighbors.
     pub(crate) fn max_inputs(&self) -> u32 {
         let neighbors = self.iterations.iter().map(|iteration| {
+            if iteration.paired {
+                return self.pair_layers();
+            }
             let disocclusion = if iteration.seeks_more { self.common.disocclusion_samples } else { 0 };
             (iteration.temporal_samples + iteration.spatial_samples).max(disocclusion)
         });
@@ -249,6 +286,7 @@ impl ReuseSchedule {
         let is_last_reconnection =
             iteration.subsurface_shift == SUBSURFACE_RECONNECTION && next == Some(SUBSURFACE_DELAYED);
         let without = if is_last_reconnection { 0 } else { RESAMPLE_INVERT_PROBES };
+        let radius = scaled_radius(self.common.radius, height).max(MIN_RADIUS.min(self.common.radius));
         GpuResampleSettings {
             temporal_samples: available(iteration.temporal_samples),
             spatial_samples: available(iteration.spatial_samples),
@@ -258,7 +296,9 @@ impl ReuseSchedule {
             flags: (self.common.flags | flags) & !without,
             iteration: index as u32,
             subsurface_shift: iteration.subsurface_shift,
-            radius: scaled_radius(self.common.radius, height).max(MIN_RADIUS.min(self.common.radius)),
+            radius,
+            pair_layers: self.pair_layers(),
+            pair_tile_bits: pair_tile_bits(radius, height),
             visibility_radius: scaled_radius(self.common.visibility_radius, height),
             ..self.common
         }
@@ -269,6 +309,12 @@ impl ReuseSchedule {
 /// surfaces, and so on a share of the image.
 fn scaled_radius(radius: f32, height: u32) -> f32 {
     radius * height as f32 / 1080.0
+}
+
+/// Logarithm of the side of the tiles that hold partners, pixels; at least 4 pixels, and about the height of the image at most.
+fn pair_tile_bits(radius: f32, height: u32) -> u32 {
+    let greatest = height.max(4).next_power_of_two().ilog2();
+    ((PAIR_TILE * radius).max(1.0).log2().round() as u32).clamp(2, greatest)
 }
 
 /// Uniforms that every domain takes from the same settings.

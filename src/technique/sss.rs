@@ -14,6 +14,7 @@ pub(super) const DOMAIN: &Domain = &Domain {
     light_paths: None,
     candidates: domain::candidates("sss_candidates", "sss_candidates", &[]),
     reuse: domain::reuse("sss_reuse", ROOMS),
+    pairs: None,
     forward: &[],
     debug: None,
     has_debug_view: |_| false,

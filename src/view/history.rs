@@ -14,6 +14,7 @@ use super::{
     bind_groups::Bound,
     buffer,
     light_paths::{LightPathCounts, LightPaths},
+    pairs::Pairs,
     pixels, texture,
 };
 use crate::{
@@ -42,6 +43,8 @@ pub(crate) struct History {
     reservoirs: Vec<Reservoirs>,
     /// Light sub-paths, if a domain traces them.
     pub(crate) light_paths: Option<LightPaths>,
+    /// What the pixels of pairs exchange, if a domain makes pairs.
+    pub(crate) pairs: Option<Pairs>,
     size: UVec2,
 }
 
@@ -80,6 +83,7 @@ impl History {
             black: light(device, "no light", UVec2::ONE),
             reservoirs: domains.iter().map(|&domain| Reservoirs::new(size, domain, settings, device)).collect(),
             light_paths: traces_light(domains).then(|| LightPaths::new(size, counts, device)),
+            pairs: Pairs::new(size, pair_layers(domains, settings), device),
             size,
         }
     }
@@ -100,6 +104,22 @@ impl History {
                 .reservoirs
                 .iter()
                 .all(|r| r.schedule.reservoir_layout() == (r.domain.schedule)(settings).reservoir_layout())
+    }
+
+    /// Whether its textures of pairs fit these settings.  They hold nothing between frames, so that new ones replace them without a reset.
+    pub(crate) fn fits_pairs(&self, settings: &Restir) -> bool {
+        Pairs::layers_of(self.pairs.as_ref()) == self.pair_layers(settings)
+    }
+
+    pub(crate) fn replace_pairs(&mut self, settings: &Restir, device: &RenderDevice) {
+        // The memory of the old ones is free before the new ones are created.
+        self.pairs = None;
+        self.pairs = Pairs::new(self.size, self.pair_layers(settings), device);
+    }
+
+    fn pair_layers(&self, settings: &Restir) -> u32 {
+        let domains: Vec<_> = self.reservoirs.iter().map(|r| r.domain).collect();
+        pair_layers(&domains, settings)
     }
 
     /// Begins a frame: the last frame's output becomes the input of temporal reuse.
@@ -133,6 +153,7 @@ impl History {
             ]);
         }
         memory.extend(self.light_paths.iter().flat_map(LightPaths::memory));
+        memory.extend(self.pairs.iter().flat_map(|pairs| pairs.memory(pixels)));
         memory
     }
 
@@ -220,6 +241,11 @@ impl Reservoirs {
         self.schedule.iterations.len()
     }
 
+    /// The iterations of this frame.
+    pub(crate) fn schedule(&self) -> &ReuseSchedule {
+        &self.schedule
+    }
+
     /// Index of the buffer that an iteration writes.  An iteration over this frame's neighbors must not write to the buffer that it reads.
     fn output_index(&self, iteration: usize) -> usize {
         let turns = self.schedule.iterations[..=iteration].iter().filter(|r| !r.from_previous).count();
@@ -274,6 +300,11 @@ impl Reservoirs {
     pub(crate) fn light_after(&self, iteration: usize) -> &TextureView {
         if self.domain.carries_contribution { &self.light[(iteration + 1) % 2] } else { &self.light[1] }
     }
+}
+
+/// Shifts that a pixel keeps in iterations with pairs; the domains of a frame run one after the other, and share them.
+fn pair_layers(domains: &[&Domain], settings: &Restir) -> u32 {
+    domains.iter().map(|domain| (domain.schedule)(settings).pair_layers()).max().unwrap_or(0)
 }
 
 /// Whether a domain traces light sub-paths.

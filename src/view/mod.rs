@@ -15,6 +15,7 @@ pub(crate) mod history;
 pub(crate) mod image_state;
 mod importance_map;
 pub(crate) mod light_paths;
+pub(crate) mod pairs;
 mod prepare;
 mod resolution;
 mod restir_view;

@@ -200,6 +200,12 @@ impl RestirView {
             let history = created.inspect_err(|_| (self.rendered, self.image_state) = (false, None))?;
             self.history = Some(history);
         }
+        if let Some(history) = self.history.as_mut().filter(|history| !history.fits_pairs(&self.settings)) {
+            // They keep the old textures alive.
+            self.bind_groups.clear();
+            allocation::attempt(device, "pairs", || history.replace_pairs(&self.settings, device))
+                .inspect_err(|_| (self.rendered, self.image_state) = (false, None))?;
+        }
         let inputs = FrameInputs { has_history: fits && self.frame > 0, moved: self.moved, counts };
         if let Some(history) = &mut self.history {
             history.begin(&self.settings, inputs, queue);

@@ -271,6 +271,7 @@ fn restarts_of_a_history_are_counted_by_reason() {
         rig.set(|restir| {
             let reuse = &mut restir.paths.reuse;
             (reuse.spatial_samples, reuse.spatial_iterations) = (samples, 1 + samples % 2);
+            reuse.paired = samples > 3;
             (reuse.confidence_cap, reuse.mis) =
                 (10.0 + samples as f32, [Mis::Pairwise, Mis::DefensivePairwise][samples as usize % 2]);
         });

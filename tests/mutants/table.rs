@@ -6,6 +6,7 @@ const DI_ROOM: &str = "direct_light_in_a_room_with_shadows";
 const PT_ROOM: &str = "paths_in_a_room_equal";
 const MOVING_PATHS: &str = "paths_in_a_moving_frame";
 const CRITERIA: &str = "connection_criteria_equal";
+const PAIRS: &[&str] = &["paths_in_pairs_equal_the_reference"];
 const LIGHT_PARTS: &[&str] = &["sum_to_the_light_of_a_frame"];
 
 const fn mutant(
@@ -55,6 +56,64 @@ pub const MUTANTS: &[Mutant] = &[
         "",
         &["resampling::", DI_ROOM],
     ),
+    // Neighbors.
+    mutant(
+        "the place beside an object lies on its other side",
+        "restir/neighbors.wgsl",
+        "return own.place + own.pixel - project(view.current, occluder);",
+        "return own.place - own.pixel + project(view.current, occluder);",
+        &["surfaces_behind_moving_objects"],
+    ),
+    mutant(
+        "every sample counts as a copy",
+        "pass/reuse.wgsl",
+        "copies += u32(all(other == identity));",
+        "copies += 1u;",
+        &["copies_of_a_sample_lower"],
+    ),
+    // Pairs.
+    mutant(
+        "a pixel of a pair decides alone",
+        "restir/pairs.wgsl",
+        "if own_rank < wanted_pairs(own) || other_rank < wanted_pairs(other) {",
+        "if own_rank < wanted_pairs(own) {",
+        PAIRS,
+    ),
+    mutant(
+        "the partner's layer has the rank of the pixel",
+        "restir/pairs.wgsl",
+        "pair = Pair(partner, own_rank, other_rank);",
+        "pair = Pair(partner, own_rank, own_rank);",
+        PAIRS,
+    ),
+    mutant(
+        "both shifts of a pair are the pixel's",
+        "pass/reuse.wgsl",
+        "select(layers[domain].y, layers[j].x, domain == 0u)",
+        "select(layers[domain].x, layers[j].x, domain == 0u)",
+        PAIRS,
+    ),
+    mutant(
+        "a pair's shift keeps the density",
+        "restir/pt/domain.wgsl",
+        "shifted.density = kept.a * s.path.density;",
+        "shifted.density = s.path.density;",
+        PAIRS,
+    ),
+    mutant(
+        "a pair ignores visibility",
+        "pass/pair_shifts.wgsl",
+        "target_value(e) > 0.0 && is_visible(r, e, NO_ALPHA_SEED)",
+        "target_value(e) > 0.0",
+        PAIRS,
+    ),
+    mutant(
+        "pairs in one direction",
+        "restir/pairing.wgsl",
+        "keys[2u - i]",
+        "keys[i]",
+        &["the_partner_of_a_partner_is_the_pixel"],
+    ),
     // The resampling routine.
     mutant(
         "the last input is preferred",
@@ -73,8 +132,8 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "a neighbor's target lacks the Jacobian",
         "pass/reuse.wgsl",
-        "stored_target(s) / jacobian",
-        "stored_target(s)",
+        "known_target(inputs, j, s) / jacobian",
+        "known_target(inputs, j, s)",
         &["planted_errors_of_paths", PT_ROOM],
     ),
     mutant(

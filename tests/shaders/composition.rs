@@ -33,6 +33,7 @@ fn required(path: &str) -> SceneFeatures {
 fn variants(path: &str) -> &'static [Option<&'static str>] {
     match path {
         "pass/reference.wgsl" => &[None, Some("SHOWS_RAYS"), Some("SHOWS_BOUNCES")],
+        "pass/reuse.wgsl for restir/pt" | "pass/reuse.wgsl for restir/gi" => &[None, Some("PAIRED")],
         _ => &[None],
     }
 }

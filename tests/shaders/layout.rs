@@ -224,6 +224,8 @@ fn resampling_structs_and_constants_are_the_same_in_rust_and_wgsl() {
             diffuse_share,
             caustic_share,
             subsurface_shift,
+            pair_layers,
+            pair_tile_bits,
         }
     );
     same!(

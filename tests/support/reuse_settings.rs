@@ -86,7 +86,14 @@ pub mod paths {
     /// Every kind of reuse, also across edges, and so few candidates that a wrong weight shows.
     pub fn all_reuse() -> Paths {
         Paths {
-            reuse: Reuse { radius: pixels(6.0, 32), spatial_samples: 2, confidence_cap: 8.0, ..Reuse::PATHS },
+            // `techniques::pairs` tests pairs.
+            reuse: Reuse {
+                radius: pixels(6.0, 32),
+                spatial_samples: 2,
+                paired: false,
+                confidence_cap: 8.0,
+                ..Reuse::PATHS
+            },
             candidates: 4,
             heuristics: false,
             ..Default::default()

@@ -4,7 +4,7 @@
 use crate::support::{app::*, proof::AllLight, proof::Indirect, proof::Subject, reuse_settings::*};
 use bevy::prelude::*;
 use bevy_restir::{
-    BiasCorrection, DebugView, Direct, Paths, Reuse, ReuseOrder,
+    BiasCorrection, DebugView, Direct, Mis, Paths, Reuse, ReuseOrder,
     testing::{plant_shader_defs, shader_library::ShaderEdit},
 };
 
@@ -69,7 +69,7 @@ fn error_with_loss(rig: &mut Rig, subject: &impl Subject, view: DebugView, reuse
     worst
 }
 
-fn reuses() -> [(&'static str, Reuse); 4] {
+fn reuses() -> [(&'static str, Reuse); 5] {
     let base = Reuse {
         radius: pixels(2.0, SIZE),
         spatial_samples: 2,
@@ -82,6 +82,7 @@ fn reuses() -> [(&'static str, Reuse); 4] {
         ("temporal", Reuse { spatial_samples: 0, ..base.clone() }),
         ("spatiotemporal", Reuse { confidence_cap: 20.0, ..base.clone() }),
         ("temporal, then spatial", Reuse { order: separate, ..base.clone() }),
+        ("pairs", Reuse { order: separate, paired: true, mis: Mis::DefensivePairwise, ..base.clone() }),
         ("spatial", Reuse { order: separate, temporal: false, ..base }),
     ]
 }

@@ -135,6 +135,7 @@ fn pose_settings(rig: &mut Rig, step: u32) {
             *reuse = Reuse {
                 spatial_samples,
                 spatial_iterations: 1 + step % 2,
+                paired: step % 3 == 1,
                 radius: 3.0 + 2.0 * step as f32,
                 confidence_cap: 4.0 + 3.0 * step as f32,
                 mis: [Mis::Balance, Mis::DefensivePairwise][step as usize % 2],

@@ -15,6 +15,7 @@ mod gi;
 mod guards;
 mod light_parts;
 mod mis_enumeration;
+mod pairs;
 mod presets;
 mod previous_frame;
 mod pt;

@@ -405,6 +405,7 @@ impl Source {
             bilinear: self.chance(0.3),
             spatial_samples: self.random.below(6) as u32,
             spatial_iterations: 1 + self.random.below(3) as u32,
+            paired: self.chance(0.5),
             radius: self.number(0.0, 400.0),
             confidence_cap: self.number(0.0, 30.0),
             mis: [Mis::OneOverZ, Mis::Balance, Mis::Pairwise, Mis::DefensivePairwise, Mis::DefensivePairwiseGris]

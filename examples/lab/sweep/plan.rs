@@ -95,7 +95,7 @@ fn grid() -> impl Iterator<Item = (String, String)> {
     })
 }
 
-const PATHS: [(&str, &str); 20] = [
+const PATHS: [(&str, &str); 22] = [
     ("no reuse", "paths.reuse.temporal=false paths.reuse.spatial_samples=0"),
     ("temporal reuse only", "paths.reuse.spatial_samples=0"),
     ("spatial reuse only", "paths.reuse.temporal=false"),
@@ -103,6 +103,8 @@ const PATHS: [(&str, &str); 20] = [
     ("2 neighbors", "paths.reuse.spatial_samples=2"),
     ("5 neighbors", "paths.reuse.spatial_samples=5"),
     ("2 spatial iterations of 1 neighbor", "paths.reuse.spatial_samples=1 paths.reuse.spatial_iterations=2"),
+    ("4 neighbors", "paths.reuse.spatial_samples=4"),
+    ("neighbors without pairs", "paths.reuse.paired=false"),
     ("radius 20", "paths.reuse.radius=20"),
     ("radius 120", "paths.reuse.radius=120"),
     ("confidence 5", "paths.reuse.confidence_cap=5"),

@@ -130,6 +130,21 @@ fn shift_result_of(e: Evaluated) -> ShiftResult {
     return e.shifted.result;
 }
 
+// What paired reuse keeps of a shift to a visible path, and the shift of the same path from it.  Within a frame the light after the
+// reconnection vertex and its rivals stay as they are.
+fn kept_shift(e: Evaluated) -> vec4<f32> {
+    return vec4<f32>(e.f, e.shifted.jacobian);
+}
+
+fn shift_from(s: Reservoir, kept: vec4<f32>) -> Evaluated {
+    var shifted: ShiftedPath;
+    shifted.f = kept.rgb;
+    shifted.jacobian = kept.a;
+    shifted.density = kept.a * s.path.density;
+    shifted.result = ShiftResult(s.path.radiance, s.path.rivals, shifted.density, luminance(kept.rgb));
+    return Evaluated(kept.rgb, shifted);
+}
+
 fn apply_shift(s: Reservoir, r: ShiftResult) -> Reservoir {
     return Reservoir(with_shift_result(s.path, r), s.ucw, s.confidence, s.seen);
 }

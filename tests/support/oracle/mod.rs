@@ -6,6 +6,7 @@ pub mod bsdf;
 pub mod enumeration;
 pub mod environment;
 pub mod mis;
+pub mod pairs;
 pub mod quadrature;
 pub mod reconnection;
 pub mod roulette;

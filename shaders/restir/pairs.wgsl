@@ -1,0 +1,74 @@
+// The pairs of a pixel that exchange their samples in paired spatial reuse.  Both pixels of a pair come to the same decision, from the masks of
+// similar partners that `pass/pair_neighbors.wgsl` writes: by geometry and random numbers alone, never by a sample.
+#define_import_path bevy_restir::restir::pairs
+
+#import bevy_restir::common::constants::NONE
+#import bevy_restir::common::rng::STREAM_PAIRS
+#import bevy_restir::restir::bindings::{pair_masks, settings}
+#import bevy_restir::restir::pairing::{pair_key, partner_of}
+#import bevy_restir::view::bindings::view
+
+// Number of involutions of an iteration: a pixel has a partner in each.
+const PAIR_SLOTS: u32 = 16u;
+// Bit of a mask after those of the slots: the surface has just come into view.
+const PAIR_IS_NEW: u32 = 0x10000u;
+
+// A pair that is used.
+struct Pair {
+    partner: vec2<u32>,        // NONE: the slot is not used
+    own_layer: u32,            // of the shift of the partner's sample to the pixel
+    partner_layer: u32,        // of the shift of the pixel's sample to the partner
+}
+
+// The partner of a pixel in a slot; it may lie outside of the image.
+fn partner_in_slot(pixel: vec2<u32>, slot: u32) -> vec2<u32> {
+    let stream = STREAM_PAIRS + settings.iteration + view.seed * 0x9e3779b9u;
+    return partner_of(pixel, settings.pair_tile_bits, pair_key(view.frame, stream, slot));
+}
+
+// The pair of a pixel in a slot.  A mask has at most as many slots as there are layers.  A pixel wants the first ones of its slots; it also
+// serves partners that want it, so that pixels at edges, which have few similar partners, keep those that they have.
+fn pair_in_slot(pixel: vec2<u32>, slot: u32) -> Pair {
+    var pair = Pair(vec2<u32>(NONE), 0u, 0u);
+    let own = textureLoad(pair_masks, pixel, 0).x;
+    if !has_slot(own, slot) {
+        return pair;
+    }
+    let partner = partner_in_slot(pixel, slot);
+    let other = textureLoad(pair_masks, partner, 0).x;
+    // Rounding may make a surface similar to another that is not similar to it; and the partner may have found enough others before.
+    if !has_slot(other, slot) {
+        return pair;
+    }
+    let own_rank = rank_of(own, slot);
+    let other_rank = rank_of(other, slot);
+    if own_rank < wanted_pairs(own) || other_rank < wanted_pairs(other) {
+        pair = Pair(partner, own_rank, other_rank);
+    }
+    return pair;
+}
+
+// The next pair of a pixel from a slot on, and the slot after it.  Threads that run together go through their slots here, and not with the work
+// on a pair: each would wait for the slots of all others.
+fn next_pair(pixel: vec2<u32>, slot: ptr<function, u32>) -> Pair {
+    var pair = Pair(vec2<u32>(NONE), 0u, 0u);
+    while *slot < PAIR_SLOTS && pair.partner.x == NONE {
+        pair = pair_in_slot(pixel, *slot);
+        *slot += 1u;
+    }
+    return pair;
+}
+
+fn has_slot(mask: u32, slot: u32) -> bool {
+    return (mask >> slot & 1u) != 0u;
+}
+
+// Number of a mask's slots before this one.
+fn rank_of(mask: u32, slot: u32) -> u32 {
+    return countOneBits(mask & ((1u << slot) - 1u));
+}
+
+fn wanted_pairs(mask: u32) -> u32 {
+    let is_new = (mask & PAIR_IS_NEW) != 0u;
+    return select(settings.spatial_samples, max(settings.spatial_samples, settings.disocclusion_samples), is_new);
+}
