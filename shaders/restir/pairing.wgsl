@@ -1,6 +1,6 @@
 // Pairs of pixels for paired spatial reuse (Lin et al. 2026, supplement, Table 1): a random involution of the plane.  The plane is cut into
-// square tiles at a random place.  In each tile a random permutation numbers the pixels, and partners have numbers that differ by a random mask.
-// The mask alone makes every other pixel of the tile equally likely; the permutation makes the pairs of a tile differ from one another.
+// square tiles at a random place.  In each tile a random permutation numbers the pixels, and partners have numbers that differ by a random
+// mask.  The mask alone makes every other pixel of the tile equally likely; the permutation makes the pairs of a tile unlike each other.
 #define_import_path bevy_restir::restir::pairing
 
 #import bevy_restir::common::rng::pcg4d

@@ -1,5 +1,5 @@
-// The pairs of a pixel that exchange their samples in paired spatial reuse.  Both pixels of a pair come to the same decision, from the masks of
-// similar partners that `pass/pair_neighbors.wgsl` writes: by geometry and random numbers alone, never by a sample.
+// The pairs of a pixel that exchange their samples in paired spatial reuse.  Both pixels of a pair come to the same decision, from the
+// masks of similar partners that `pass/pair_neighbors.wgsl` writes: by geometry and random numbers alone, never by a sample.
 #define_import_path bevy_restir::restir::pairs
 
 #import bevy_restir::common::constants::NONE

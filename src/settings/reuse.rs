@@ -74,12 +74,12 @@ pub struct Reuse {
     /// effect only with `temporal` and, in [`ReuseOrder::TemporalThenSpatial`], with `spatial_samples`.  No bias.  0 to 5; default 5 for
     /// paths, otherwise 2.
     pub disocclusion_samples: u32,
-    /// Pairs pixels for spatial reuse: if a pixel reuses the sample of another, that one reuses the pixel's, and one shift with its rays serves
-    /// both.  This halves the shifts and the rays of spatial reuse, for the same noise.  Partners are sought within squares, in place of the
-    /// disk of [`Reuse::radius`] and [`Reuse::neighbor_attempts`].  No bias.  Applies to [`Paths`](super::Paths) alone, to iterations over
-    /// samples of the same frame ([`ReuseOrder::TemporalThenSpatial`]) with a pairwise kind of [`Reuse::mis`].  Memory: 4 bytes a pixel, and 16
-    /// for each of `spatial_samples` + 1 or `disocclusion_samples` shifts, whichever is more.  Default: on for paths.  (Paired spatial reuse:
-    /// Lin et al. 2026, supplement, Table 1.)
+    /// Pairs pixels for spatial reuse: if a pixel reuses the sample of another, that one reuses the pixel's, and one shift with its rays
+    /// serves both.  This halves the shifts and the rays of spatial reuse, for the same noise.  Partners are sought in squares whose sides
+    /// are 0.9 to 1.8 times [`Reuse::radius`], and [`Reuse::neighbor_attempts`] has no effect.  No bias.  Applies to
+    /// [`Paths`](super::Paths) alone, to iterations over samples of the same frame ([`ReuseOrder::TemporalThenSpatial`]) with a pairwise
+    /// kind of [`Reuse::mis`].  Memory: 4 bytes a pixel, and 16 for each of `spatial_samples` + 1 or `disocclusion_samples` shifts,
+    /// whichever is more.  Default: on for paths.  (Paired spatial reuse: Lin et al. 2026, supplement, Table 1.)
     pub paired: bool,
     /// Iterations of spatial reuse: more give less noise, which is more correlated.  Each is a pass.  No bias.  1 to 4; default 2 for light
     /// that enters objects, otherwise 1.
