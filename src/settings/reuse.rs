@@ -67,7 +67,7 @@ pub struct Reuse {
     /// enters objects, otherwise off.
     pub bilinear: bool,
     /// Neighbors whose samples are reused in an iteration: more give less noise, which is more correlated.  Each costs a shift and its rays.
-    /// No bias.  0 to 5; default 3 for paths, otherwise 1.
+    /// No bias.  0 to 5; default 4 for paths, otherwise 1.
     pub spatial_samples: u32,
     /// Number of neighbors where the surface was not visible in the last frame (Wyman and Panteleev 2021, 6.4), if it is larger than
     /// [`Reuse::spatial_samples`]: less noise in disocclusions and after a cut, at the cost of these neighbors in such pixels alone.  Has an
@@ -148,12 +148,12 @@ impl Reuse {
 
     /// The defaults of [`Paths`](super::Paths), as in Lin et al. 2022 and 2026: temporal reuse, then one iteration of spatial reuse, history
     /// capped at 20 frames.  The radius is 60 pixels where they have 20: where light is found rarely, a smaller circle shares each find
-    /// among too few pixels, which shows as blotches.  Pixels have three neighbors, or five where the surface has just come into view, in
+    /// among too few pixels, which shows as blotches.  Pixels have four neighbors, or five where the surface has just come into view, in
     /// pairs; without pairs each is sought at five places, since a pixel without a neighbor has only its own candidates, which leave it
     /// noisy or black (`docs/performance.md`, "One frame").
     pub const PATHS: Self = Self {
         order: ReuseOrder::TemporalThenSpatial,
-        spatial_samples: 3,
+        spatial_samples: 4,
         disocclusion_samples: 5,
         paired: true,
         neighbor_attempts: 5,
