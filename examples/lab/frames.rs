@@ -100,14 +100,19 @@ impl Args {
         let bounces = entry["bounces"].as_u64().ok_or("references.json beside it does not name its bounces")? as u32;
         let plain =
             Restir { technique: self.technique, bounces, energy_compensation: false, ..Restir::preset(self.preset) };
-        let mut all = vec![(format!("{:?}", self.preset), plain.clone())];
-        for text in &self.variant {
-            let mut settings = plain.clone();
-            for assignment in text.split_whitespace() {
-                fields::set(&mut settings, assignment).map_err(|error| format!("--variant {error}"))?;
-            }
-            all.push((text.clone(), settings));
-        }
-        Ok(all)
+        with_variants(self.preset, plain, &self.variant)
     }
+}
+
+/// The settings of a preset, and their variants, each with its name.  `variants`: assignments to fields of `Restir`, separated by spaces.
+pub fn with_variants(preset: Preset, plain: Restir, variants: &[String]) -> Result<Vec<(String, Restir)>, String> {
+    let mut all = vec![(format!("{preset:?}"), plain.clone())];
+    for text in variants {
+        let mut settings = plain.clone();
+        for assignment in text.split_whitespace() {
+            fields::set(&mut settings, assignment).map_err(|error| format!("--variant {error}"))?;
+        }
+        all.push((text.clone(), settings));
+    }
+    Ok(all)
 }

@@ -2,13 +2,14 @@
 
 use bevy::{math::UVec2, prelude::*};
 use bevy_restir::{DebugView, Preset, Restir, Reuse, Technique};
-use bevy_restir_support::{arguments, fields, progress::Progress};
+use bevy_restir_support::{arguments, progress::Progress};
 use std::path::PathBuf;
 
 use crate::{
     bench::{Bench, Counts, scenes},
     difference::relative_weight,
     error::{Picture, mean},
+    frames::with_variants,
     output::{Output, header},
     table::{Row, Table, Unit},
 };
@@ -95,7 +96,8 @@ impl Motion {
 
 pub fn run(args: &Args) -> Result<(), String> {
     args.output.check(NAME)?;
-    let variants = args.variants()?;
+    let plain = Restir { technique: args.technique, ..Restir::preset(args.preset) };
+    let variants = with_variants(args.preset, plain, &args.variant)?;
     let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
     for scene in scenes(&args.scenes)? {
         let counts = Counts { warmup: 0, frames: 1 };
@@ -114,19 +116,6 @@ pub fn run(args: &Args) -> Result<(), String> {
 }
 
 impl Args {
-    fn variants(&self) -> Result<Vec<(String, Restir)>, String> {
-        let plain = Restir { technique: self.technique, ..Restir::preset(self.preset) };
-        let mut all = vec![(format!("{:?}", self.preset), plain.clone())];
-        for text in &self.variant {
-            let mut settings = plain.clone();
-            for assignment in text.split_whitespace() {
-                fields::set(&mut settings, assignment).map_err(|error| format!("--variant {error}"))?;
-            }
-            all.push((text.clone(), settings));
-        }
-        Ok(all)
-    }
-
     fn column(&self, bench: &mut Bench, variants: &[(String, Restir)]) -> Result<Vec<Row>, String> {
         let each = self.samples + (FRAMES + REST) * (1 + self.seeds * variants.len() as u32);
         let progress = Progress::new(Motion::ALL.len() as u64 * u64::from(each));

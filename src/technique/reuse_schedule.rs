@@ -247,7 +247,7 @@ impl ReuseSchedule {
         self.iterations.iter().map(|iteration| iteration.paired).collect()
     }
 
-    /// Greatest number of shifts of a pixel that an iteration with pairs keeps; 0 if there is none.
+    /// How many shifts a pixel stores, at most, in an iteration with pairs; 0 if no iteration makes pairs.
     pub(crate) fn pair_layers(&self) -> u32 {
         let wanted = self.iterations.iter().filter(|iteration| iteration.paired).map(|i| i.spatial_samples).max();
         let layers = |wanted: u32| (wanted + SPARE_PAIR_LAYERS).max(self.common.disocclusion_samples);
