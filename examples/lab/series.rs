@@ -240,6 +240,7 @@ pub fn steps(default: &Restir) -> Vec<(&'static str, Restir)> {
         ("footprint of the path (11)", with(|r| r.paths.reconnection = Reconnection::PathFootprint)),
         ("black-box thresholds", with(|r| r.paths.reconnection = Reconnection::BlackBox)),
         ("black-box thresholds as printed", with(|r| r.paths.reconnection = Reconnection::BlackBoxPrinted)),
+        ("pairs without replay compaction", with(|r| r.research.replay_compaction = false)),
         ("spatial reuse without pairs", with(|r| r.paths.reuse.paired = false)),
         ("light of the kept path only", with(|r| r.paths.reuse.shade_all = false)),
         (

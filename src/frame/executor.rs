@@ -18,9 +18,9 @@ use crate::{
     technique::{
         domain::Domain,
         frame::Step,
-        pass::{ComputePass, Dispatch, Pass},
+        pass::{ComputePass, Dispatch, Pass, PassResource},
     },
-    view::{RestirView, ViewPool, counters::GuardRun, history::presample_workgroups},
+    view::{RestirView, ViewPool, counters::GuardRun, history::presample_workgroups, pairs::ReplayQueue},
 };
 
 pub(super) fn run_passes(
@@ -89,10 +89,11 @@ struct Compute<'a> {
 
 impl Compute<'_> {
     fn record(&self, pipeline: &ComputePipeline, resources: &BindGroup, context: &mut RenderContext) {
-        let [x, y] = self.workgroups();
-        if x == 0 || y == 0 {
+        let workgroups = self.workgroups();
+        if matches!(workgroups, Workgroups::Direct([0, _] | [_, 0])) {
             return;
         }
+        self.prepare_queue(context);
         let name = self.step.name;
         let diagnostics = context.diagnostic_recorder();
         let mut encoder = context
@@ -107,16 +108,44 @@ impl Compute<'_> {
         for (group, index) in optional_groups.zip(3..) {
             encoder.set_bind_group(index, group, &[]);
         }
-        encoder.dispatch_workgroups(x, y, 1);
+        match workgroups {
+            Workgroups::Direct([x, y]) => encoder.dispatch_workgroups(x, y, 1),
+            Workgroups::Indirect(arguments) => encoder.dispatch_workgroups_indirect(arguments, 0),
+        }
         if let Some(span) = span {
             span.end(&mut encoder);
         }
     }
 
-    fn workgroups(&self) -> [u32; 2] {
-        match self.pass.dispatch {
-            Dispatch::Pixels => [self.state.size.x.div_ceil(8), self.state.size.y.div_ceil(8)],
-            Dispatch::Subsets => presample_workgroups(&self.state.settings.direct),
+    fn queue(&self) -> Option<&ReplayQueue> {
+        self.state.history.as_ref()?.pairs.as_ref()?.queue.as_ref()
+    }
+
+    /// Empties the replay queue before the pass that fills it, and copies its number of workgroups before the pass that works it off.
+    fn prepare_queue(&self, context: &mut RenderContext) {
+        let Some(queue) = self.queue() else { return };
+        let encoder = context.command_encoder();
+        if self.pass.resources.contains(&PassResource::ReplayQueue) {
+            encoder.clear_buffer(&queue.entries, 0, Some(ReplayQueue::HEADER));
+        }
+        if self.pass.dispatch == Dispatch::ReplayQueue {
+            encoder.copy_buffer_to_buffer(&queue.entries, 0, &queue.workgroups, 0, ReplayQueue::ARGUMENTS);
         }
     }
+
+    fn workgroups(&self) -> Workgroups<'_> {
+        let nothing = Workgroups::Direct([0, 0]);
+        match self.pass.dispatch {
+            Dispatch::Pixels => Workgroups::Direct([self.state.size.x.div_ceil(8), self.state.size.y.div_ceil(8)]),
+            Dispatch::Subsets => Workgroups::Direct(presample_workgroups(&self.state.settings.direct)),
+            Dispatch::ReplayQueue => self.queue().map_or(nothing, |queue| Workgroups::Indirect(&queue.workgroups)),
+        }
+    }
+}
+
+/// Number of workgroups of a dispatch.
+enum Workgroups<'a> {
+    Direct([u32; 2]),
+    /// A buffer holds it.
+    Indirect(&'a Buffer),
 }

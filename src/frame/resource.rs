@@ -47,9 +47,9 @@ fn binding_type(resource: R) -> BindingType {
     };
     match resource {
         R::Radiance | R::Counters | R::Subsets | R::CandidateReservoirs | R::OutputReservoirs => storage(false),
-        R::LightVertices | R::LightMap | R::LastReservoirs | R::ForwardedReservoirs => storage(false),
+        R::LightVertices | R::LightMap | R::LastReservoirs | R::ForwardedReservoirs | R::ReplayQueue => storage(false),
         R::SubsetsRead | R::NeighborReservoirs | R::FinalReservoirs | R::LastReservoirsRead => storage(true),
-        R::LightVerticesRead | R::LightMapRead => storage(true),
+        R::LightVerticesRead | R::LightMapRead | R::ReplayQueueRead => storage(true),
         R::Settings => buffer(BufferBindingType::Uniform),
         R::PreviousVisibility | R::PairMasksRead => texture(TextureSampleType::Uint),
         R::LightBefore
@@ -114,6 +114,7 @@ fn binding_of<'a>(resource: R, step: &Step, state: &'a RestirView) -> Option<Bou
         R::SplatLight => view(light_of(history?, LightPart::LightPaths, Reservoirs::light_of_last_iteration)),
         R::PairMasks | R::PairMasksRead => view(&history?.pairs.as_ref()?.masks),
         R::PairShifts | R::PairShiftsRead => view(&history?.pairs.as_ref()?.shifts),
+        R::ReplayQueue | R::ReplayQueueRead => buffer(&history?.pairs.as_ref()?.queue.as_ref()?.entries),
         R::PreviousVisibility => view(&history?.previous_visibility_view),
         R::CandidateLight => view(own()?.light_of_candidates()),
         R::LightBefore => view(own()?.light_before(step.iteration)),

@@ -172,6 +172,7 @@ impl Restir {
         // Those of paths are part of the MIS weights that reservoirs of paths store.
         settings.direct.candidates = 1;
         settings.firefly_limit = 0.0;
+        settings.research.replay_compaction = true;
         for reuse in [&mut settings.direct.reuse, &mut settings.paths.reuse, &mut settings.subsurface.reuse] {
             *reuse = reuse.of_history();
         }

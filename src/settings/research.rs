@@ -54,6 +54,10 @@ pub struct Research {
     /// `Bdpt` (Lin et al. 2026, supplement, 6).  Without it all paths go on to [`Restir::bounces`](super::Restir::bounces): a little less
     /// noise for many more rays.  No bias.  Default: on.
     pub russian_roulette: bool,
+    /// Where pixels are paired ([`Reuse::paired`](super::Reuse::paired)), shifts that replay paths run in a pass of their own, over a queue
+    /// of the pixels that have some (replay compaction, Lin et al. 2026, supplement, Table 1): threads that need no replay do not wait for
+    /// those that do.  It changes the speed, never the image.  Memory: 8 bytes a pixel.  Default: on.
+    pub replay_compaction: bool,
 }
 
 impl Default for Research {
@@ -63,6 +67,7 @@ impl Default for Research {
             light_tile_size: 8,
             target_without_bsdf: false,
             russian_roulette: true,
+            replay_compaction: true,
         }
     }
 }

@@ -3,7 +3,7 @@
 
 use super::{
     TechniqueRow,
-    domain::{self, Domain, LightPart, LightPathPasses, domain_names},
+    domain::{self, Domain, LightPart, LightPathPasses, domain_names, pair_passes},
     pass::{ComputePass, PassResource as R},
     reuse_schedule::ReuseSchedule,
 };
@@ -25,11 +25,7 @@ const DOMAIN: &Domain = &Domain {
     }),
     candidates: ComputePass { defs: DEFS, ..domain::candidates("bdpt_candidates", "path_candidates", ROOMS) },
     reuse: ComputePass { defs: DEFS, ..domain::reuse("bdpt_reuse", ROOMS) },
-    pairs: Some(domain::pairs(
-        ["bdpt_pair_neighbors", "bdpt_pair_shifts", "bdpt_paired_reuse"],
-        ROOMS,
-        &["LIGHT_PATHS", "PAIRED"],
-    )),
+    pairs: Some(pair_passes!("bdpt", ROOMS, "LIGHT_PATHS")),
     forward: &[],
     debug: Some(ComputePass { defs: DEFS, ..domain::debug("bdpt_debug", "debug_paths", ROOMS) }),
     has_debug_view: DebugView::is_of_bidirectional_paths,

@@ -46,8 +46,10 @@ pub(crate) struct LightPathPasses {
 pub(crate) struct PairPasses {
     /// Finds similar partners of each pixel.
     pub neighbors: ComputePass,
-    /// Shifts the samples of partners to each pixel.
+    /// Shifts the samples of partners to each pixel: all of them, or those that need no replay, and then the others.
     pub shifts: ComputePass,
+    pub short_shifts: ComputePass,
+    pub replays: ComputePass,
     /// Resamples by these shifts.
     pub reuse: ComputePass,
 }
@@ -70,6 +72,7 @@ pub(crate) struct DomainNames {
     pub reuse: [&'static str; MAX_ITERATIONS],
     pub pair_neighbors: [&'static str; MAX_ITERATIONS],
     pub pair_shifts: [&'static str; MAX_ITERATIONS],
+    pub pair_replays: [&'static str; MAX_ITERATIONS],
     pub settings: &'static str,
     pub reservoirs: &'static str,
     pub light: &'static str,
@@ -97,6 +100,7 @@ macro_rules! domain_names {
             reuse: $crate::technique::domain::iteration_names!($name, "_reuse"),
             pair_neighbors: $crate::technique::domain::iteration_names!($name, "_pair_neighbors"),
             pair_shifts: $crate::technique::domain::iteration_names!($name, "_pair_shifts"),
+            pair_replays: $crate::technique::domain::iteration_names!($name, "_pair_replays"),
             settings: concat!($name, " settings"),
             reservoirs: concat!($name, " reservoirs"),
             light: concat!($name, " light"),
@@ -132,34 +136,51 @@ pub(crate) const fn reuse(name: &'static str, technique_rooms: &'static [&'stati
     ComputePass { file: "reuse", technique_rooms, ..ComputePass::per_pixel(name, resources) }
 }
 
-/// Paired spatial reuse in a domain.  `names`: of the passes.  `defs`: `PAIRED`, and what the domain needs.
-pub(crate) const fn pairs(
-    names: [&'static str; 3],
+/// A pass of paired spatial reuse.
+pub(crate) const fn pair_pass(
+    name: &'static str,
+    file: &'static str,
     technique_rooms: &'static [&'static str],
     defs: &'static [&'static str],
-) -> PairPasses {
-    let neighbors = &[R::Settings, R::NeighborReservoirs, R::PairMasks];
-    let shifts = &[R::Settings, R::NeighborReservoirs, R::PairShifts, R::PairMasksRead];
-    let reuse = &[
-        R::Settings,
-        R::NeighborReservoirs,
-        R::OutputReservoirs,
-        R::PairMasksRead,
-        R::LightBefore,
-        R::LightAfter,
-        R::PairShiftsRead,
-    ];
-    PairPasses {
-        neighbors: ComputePass {
-            file: "pair_neighbors",
-            technique_rooms,
-            defs,
-            ..ComputePass::per_pixel(names[0], neighbors)
-        },
-        shifts: ComputePass { file: "pair_shifts", technique_rooms, defs, ..ComputePass::per_pixel(names[1], shifts) },
-        reuse: ComputePass { file: "reuse", technique_rooms, defs, ..ComputePass::per_pixel(names[2], reuse) },
-    }
+    resources: &'static [R],
+) -> ComputePass {
+    ComputePass { file, technique_rooms, defs, ..ComputePass::per_pixel(name, resources) }
 }
+
+/// Paired spatial reuse in a domain: the prefix of the names of its passes, the rooms of its technique, and its shader definitions.
+macro_rules! pair_passes {
+    ($name:literal, $rooms:expr $(, $def:literal)*) => {{
+        use $crate::technique::{
+            domain::{PairPasses, pair_pass},
+            pass::{ComputePass, Dispatch, PassResource as R},
+        };
+        const SHIFTS: &[R] = &[R::Settings, R::NeighborReservoirs, R::PairShifts, R::PairMasksRead];
+        const SHORT: &[R] = &[SHIFTS[0], SHIFTS[1], SHIFTS[2], SHIFTS[3], R::ReplayQueue];
+        const REPLAYS: &[R] = &[SHIFTS[0], SHIFTS[1], SHIFTS[2], SHIFTS[3], R::ReplayQueueRead];
+        const NEIGHBORS: &[R] = &[R::Settings, R::NeighborReservoirs, R::PairMasks];
+        const REUSE: &[R] = &[
+            R::Settings,
+            R::NeighborReservoirs,
+            R::OutputReservoirs,
+            R::PairMasksRead,
+            R::LightBefore,
+            R::LightAfter,
+            R::PairShiftsRead,
+        ];
+        let (defers, from_queue) = (&["DEFERS_REPLAYS" $(, $def)*], &["FROM_QUEUE" $(, $def)*]);
+        PairPasses {
+            neighbors: pair_pass(concat!($name, "_pair_neighbors"), "pair_neighbors", $rooms, &[$($def)*], NEIGHBORS),
+            shifts: pair_pass(concat!($name, "_pair_shifts"), "pair_shifts", $rooms, &[$($def)*], SHIFTS),
+            short_shifts: pair_pass(concat!($name, "_pair_short_shifts"), "pair_shifts", $rooms, defers, SHORT),
+            replays: ComputePass {
+                dispatch: Dispatch::ReplayQueue,
+                ..pair_pass(concat!($name, "_pair_replays"), "pair_shifts", $rooms, from_queue, REPLAYS)
+            },
+            reuse: pair_pass(concat!($name, "_paired_reuse"), "reuse", $rooms, &["PAIRED" $(, $def)*], REUSE),
+        }
+    }};
+}
+pub(crate) use pair_passes;
 
 /// Debug views of a domain.
 pub(crate) const fn debug(
@@ -175,7 +196,7 @@ impl Domain {
     /// Its passes, each once.
     pub(crate) fn passes(&self) -> impl Iterator<Item = &ComputePass> {
         let of_light_paths = self.light_paths.iter().flat_map(|p| [&p.trace, &p.connect]);
-        let of_pairs = self.pairs.iter().flat_map(|p| [&p.neighbors, &p.shifts, &p.reuse]);
+        let of_pairs = self.pairs.iter().flat_map(|p| [&p.neighbors, &p.shifts, &p.short_shifts, &p.replays, &p.reuse]);
         of_light_paths.chain([&self.candidates, &self.reuse]).chain(of_pairs).chain(self.forward).chain(&self.debug)
     }
 }

@@ -92,6 +92,8 @@ pub(crate) struct Frame {
     /// The scene has `Subsurface`.
     subsurface: bool,
     pairing: Pairing,
+    /// Pairs replay paths in a pass of their own.
+    compacts: bool,
 }
 
 /// A step of a frame.
@@ -120,7 +122,8 @@ impl Frame {
             }
         };
         let (technique, connects) = (settings.technique, settings.bdpt.connects());
-        Self { technique, separate, show, connects, subsurface: false, pairing: Pairing::of(settings) }
+        let compacts = settings.research.replay_compaction;
+        Self { technique, separate, show, connects, subsurface: false, pairing: Pairing::of(settings), compacts }
     }
 
     /// The frame of a scene that has `Subsurface`.
@@ -172,7 +175,11 @@ impl Frame {
                 let pairs = domain.pairs.as_ref().filter(|_| is_paired);
                 if let Some(pairs) = pairs {
                     steps.push(step(&pairs.neighbors, names.pair_neighbors[iteration]));
-                    steps.push(step(&pairs.shifts, names.pair_shifts[iteration]));
+                    let shifts = if self.compacts { &pairs.short_shifts } else { &pairs.shifts };
+                    steps.push(step(shifts, names.pair_shifts[iteration]));
+                    if self.compacts {
+                        steps.push(step(&pairs.replays, names.pair_replays[iteration]));
+                    }
                 }
                 steps.push(step(pairs.map_or(&domain.reuse, |pairs| &pairs.reuse), names.reuse[iteration]));
             }
@@ -216,7 +223,7 @@ impl PipelineKey {
     /// Whether reservoirs that the pipelines of another key have written mean the same for these.  Features add code for what they name and
     /// leave the rest as it is, random numbers included.  Pairs exist within an iteration only.
     pub(crate) fn keeps_histories_of(self, last: Self) -> bool {
-        let unpaired = |frame| Frame { pairing: Pairing::Never, ..frame };
+        let unpaired = |frame| Frame { pairing: Pairing::Never, compacts: false, ..frame };
         unpaired(self.frame) == unpaired(last.frame)
     }
 }

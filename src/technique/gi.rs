@@ -3,7 +3,7 @@
 
 use super::{
     TechniqueRow, di,
-    domain::{self, Domain, LightPart, domain_names},
+    domain::{self, Domain, LightPart, domain_names, pair_passes},
     reuse_schedule::ReuseSchedule,
     sss,
 };
@@ -20,7 +20,7 @@ const DOMAIN: &Domain = &Domain {
     light_paths: None,
     candidates: domain::candidates("gi_candidates", "path_candidates", ROOMS),
     reuse: domain::reuse("gi_reuse", ROOMS),
-    pairs: Some(domain::pairs(["gi_pair_neighbors", "gi_pair_shifts", "gi_paired_reuse"], ROOMS, &["PAIRED"])),
+    pairs: Some(pair_passes!("gi", ROOMS)),
     forward: &[],
     debug: Some(domain::debug("gi_debug", "debug_paths", ROOMS)),
     has_debug_view: DebugView::is_of_paths,

@@ -66,6 +66,10 @@ pub(crate) enum PassResource {
     PairShifts,
     /// Shifts between the pixels of pairs, read.
     PairShiftsRead,
+    /// Queue of the pixels whose shifts replay paths, written.
+    ReplayQueue,
+    /// Queue of the pixels whose shifts replay paths, read.
+    ReplayQueueRead,
 }
 
 /// Number of workgroups of a pass.
@@ -75,6 +79,8 @@ pub(crate) enum Dispatch {
     Pixels,
     /// One invocation for each entry of the light subsets: workgroups of 64 along x, a subset along y.
     Subsets,
+    /// As many as the replay queue of the last pass asks for.
+    ReplayQueue,
 }
 
 /// A compute pass.

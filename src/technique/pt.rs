@@ -2,7 +2,7 @@
 
 use super::{
     TechniqueRow, di,
-    domain::{self, Domain, DomainNames, LightPart, PairPasses, domain_names},
+    domain::{self, Domain, DomainNames, LightPart, PairPasses, domain_names, pair_passes},
     pass::ComputePass,
     reuse_schedule::ReuseSchedule,
     sss,
@@ -15,14 +15,12 @@ use crate::{
 const ROOMS: &[&str] = &["restir/pt"];
 const INDIRECT_ROOMS: &[&str] = &["restir/pt_indirect", "restir/pt"];
 
-const PAIRED: &[&str] = &["PAIRED"];
-
 /// Whole paths.
 const DOMAIN: &Domain = &domain(
     domain_names!("pt"),
     domain::candidates("pt_candidates", "path_candidates", ROOMS),
     domain::reuse("pt_reuse", ROOMS),
-    domain::pairs(["pt_pair_neighbors", "pt_pair_shifts", "pt_paired_reuse"], ROOMS, PAIRED),
+    pair_passes!("pt", ROOMS),
     domain::debug("pt_debug", "debug_paths", ROOMS),
 );
 
@@ -31,11 +29,7 @@ const INDIRECT: &Domain = &domain(
     domain_names!("pt_indirect"),
     domain::candidates("pt_indirect_candidates", "path_candidates", INDIRECT_ROOMS),
     domain::reuse("pt_indirect_reuse", INDIRECT_ROOMS),
-    domain::pairs(
-        ["pt_indirect_pair_neighbors", "pt_indirect_pair_shifts", "pt_indirect_paired_reuse"],
-        INDIRECT_ROOMS,
-        PAIRED,
-    ),
+    pair_passes!("pt_indirect", INDIRECT_ROOMS),
     domain::debug("pt_indirect_debug", "debug_paths", INDIRECT_ROOMS),
 );
 

@@ -14,7 +14,7 @@ use super::{
     bind_groups::Bound,
     buffer,
     light_paths::{LightPathCounts, LightPaths},
-    pairs::Pairs,
+    pairs::{PairKind, Pairs},
     pixels, texture,
 };
 use crate::{
@@ -83,7 +83,7 @@ impl History {
             black: light(device, "no light", UVec2::ONE),
             reservoirs: domains.iter().map(|&domain| Reservoirs::new(size, domain, settings, device)).collect(),
             light_paths: traces_light(domains).then(|| LightPaths::new(size, counts, device)),
-            pairs: Pairs::new(size, pair_layers(domains, settings), device),
+            pairs: Pairs::new(size, pair_kind(domains, settings), device),
             size,
         }
     }
@@ -106,20 +106,20 @@ impl History {
                 .all(|r| r.schedule.reservoir_layout() == (r.domain.schedule)(settings).reservoir_layout())
     }
 
-    /// Whether its textures of pairs fit these settings.  They hold nothing between frames, so that new ones replace them without a reset.
+    /// Whether its resources of pairs fit these settings.  They hold nothing between frames, so that new ones replace them without a reset.
     pub(crate) fn fits_pairs(&self, settings: &Restir) -> bool {
-        Pairs::layers_of(self.pairs.as_ref()) == self.pair_layers(settings)
+        Pairs::kind_of(self.pairs.as_ref()) == self.pair_kind(settings)
     }
 
     pub(crate) fn replace_pairs(&mut self, settings: &Restir, device: &RenderDevice) {
         // The memory of the old ones is free before the new ones are created.
         self.pairs = None;
-        self.pairs = Pairs::new(self.size, self.pair_layers(settings), device);
+        self.pairs = Pairs::new(self.size, self.pair_kind(settings), device);
     }
 
-    fn pair_layers(&self, settings: &Restir) -> u32 {
+    fn pair_kind(&self, settings: &Restir) -> PairKind {
         let domains: Vec<_> = self.reservoirs.iter().map(|r| r.domain).collect();
-        pair_layers(&domains, settings)
+        pair_kind(&domains, settings)
     }
 
     /// Begins a frame: the last frame's output becomes the input of temporal reuse.
@@ -302,9 +302,10 @@ impl Reservoirs {
     }
 }
 
-/// Shifts that a pixel keeps in iterations with pairs; the domains of a frame run one after the other, and share them.
-fn pair_layers(domains: &[&Domain], settings: &Restir) -> u32 {
-    domains.iter().map(|domain| (domain.schedule)(settings).pair_layers()).max().unwrap_or(0)
+/// Resources for iterations with pairs; the domains of a frame run one after the other, and share them.
+fn pair_kind(domains: &[&Domain], settings: &Restir) -> PairKind {
+    let layers = domains.iter().map(|domain| (domain.schedule)(settings).pair_layers()).max().unwrap_or(0);
+    PairKind { layers, has_queue: layers > 0 && settings.research.replay_compaction }
 }
 
 /// Whether a domain traces light sub-paths.

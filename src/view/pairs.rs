@@ -1,11 +1,11 @@
-//! Textures of paired spatial reuse: what the pixels of pairs exchange within an iteration.  They exist only while the settings ask for pairs.
+//! Textures and buffers of paired spatial reuse: what the pixels of pairs exchange within an iteration.  They exist only while the settings ask for pairs.
 
 use bevy::{
     math::UVec2,
     render::{render_resource::*, renderer::RenderDevice},
 };
 
-use super::{history::LIGHT_FORMAT, texture};
+use super::{buffer, history::LIGHT_FORMAT, pixels, texture};
 
 /// Format of the masks of similar partners.
 pub(crate) const PAIR_MASK_FORMAT: TextureFormat = TextureFormat::R32Uint;
@@ -16,12 +16,49 @@ pub(crate) struct Pairs {
     pub(crate) masks: TextureView,
     /// Shifts of partners' samples, one in each layer.
     pub(crate) shifts: TextureView,
-    layers: u32,
+    /// Pixels whose shifts replay paths, if a pass of their own does it.
+    pub(crate) queue: Option<ReplayQueue>,
+    kind: PairKind,
+}
+
+/// A queue of pixels, each an entry of 8 bytes (`shaders/pass/pair_shifts.wgsl`).
+pub(crate) struct ReplayQueue {
+    pub(crate) entries: Buffer,
+    /// A copy of the number of workgroups, which the entries follow: a buffer cannot be bound and be the argument of the same dispatch.
+    pub(crate) workgroups: Buffer,
+}
+
+/// What the resources of pairs depend on, besides the size of the image.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct PairKind {
+    pub layers: u32,
+    pub has_queue: bool,
+}
+
+impl ReplayQueue {
+    /// Numbers of workgroups and of entries, at the beginning of `entries`, bytes.
+    pub(crate) const HEADER: u64 = 16;
+    /// Numbers of workgroups, bytes.
+    pub(crate) const ARGUMENTS: u64 = 12;
+
+    fn new(size: UVec2, device: &RenderDevice) -> Self {
+        let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
+        let arguments = BufferUsages::INDIRECT | BufferUsages::COPY_DST;
+        Self {
+            entries: buffer(device, "replay queue", Self::bytes(pixels(size)), storage),
+            workgroups: buffer(device, "workgroups of the replay queue", Self::ARGUMENTS, arguments),
+        }
+    }
+
+    fn bytes(pixels: u64) -> u64 {
+        Self::HEADER + 8 * pixels
+    }
 }
 
 impl Pairs {
     /// `None` without layers.
-    pub(super) fn new(size: UVec2, layers: u32, device: &RenderDevice) -> Option<Self> {
+    pub(super) fn new(size: UVec2, kind: PairKind, device: &RenderDevice) -> Option<Self> {
+        let layers = kind.layers;
         let usage = TextureUsages::STORAGE_BINDING | TextureUsages::TEXTURE_BINDING;
         let view = |label, layers, format, dimension| {
             let descriptor = TextureViewDescriptor { dimension: Some(dimension), ..Default::default() };
@@ -30,16 +67,20 @@ impl Pairs {
         (layers > 0).then(|| Self {
             masks: view("pair masks", 1, PAIR_MASK_FORMAT, TextureViewDimension::D2),
             shifts: view("pair shifts", layers, LIGHT_FORMAT, TextureViewDimension::D2Array),
-            layers,
+            queue: kind.has_queue.then(|| ReplayQueue::new(size, device)),
+            kind,
         })
     }
 
-    pub(super) fn layers_of(pairs: Option<&Self>) -> u32 {
-        pairs.map_or(0, |pairs| pairs.layers)
+    pub(super) fn kind_of(pairs: Option<&Self>) -> PairKind {
+        pairs.map(|pairs| pairs.kind).unwrap_or_default()
     }
 
     /// Names and bytes.
-    pub(super) fn memory(&self, pixels: u64) -> [(&'static str, u64); 2] {
-        [("pair masks", pixels * 4), ("pair shifts", pixels * 16 * u64::from(self.layers))]
+    pub(super) fn memory(&self, pixels: u64) -> impl Iterator<Item = (&'static str, u64)> {
+        let queue = self.queue.as_ref().map(|_| ("replay queue", ReplayQueue::bytes(pixels) + ReplayQueue::ARGUMENTS));
+        [("pair masks", pixels * 4), ("pair shifts", pixels * 16 * u64::from(self.kind.layers))]
+            .into_iter()
+            .chain(queue)
     }
 }

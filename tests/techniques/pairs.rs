@@ -2,6 +2,7 @@
 //! of the reference for half the rays.
 
 use crate::support::{
+    app::{Rig, plant_edits},
     gpu::{Bound, Gpu, gpu},
     oracle::pairs::partner,
     proof::{AllLight, Bidirectional, Indirect, Proof, Subject},
@@ -10,7 +11,7 @@ use crate::support::{
     stats::{Random, assert_family, chi_squared},
 };
 use bevy::prelude::*;
-use bevy_restir::{LightTechniques, Paths, Reuse};
+use bevy_restir::{LightTechniques, Paths, Reuse, testing::shader_library::ShaderEdit};
 
 /// Pixel, logarithm of the tiles' side, frame, stream, slot.
 type Case = [u32; 6];
@@ -195,7 +196,48 @@ fn pairs_halve_the_rays_of_spatial_reuse() {
         eprintln!("rays without spatial reuse {without}, with neighbors {neighbors}, with pairs {pairs}: {share}");
         assert!((0.42..0.62).contains(&share), "{share}");
         assert_eq!(resets, resets_after);
-        assert_eq!(bytes_of_pairs - bytes, 48 * 48 * (4 + 4 * 16));
+        assert_eq!(bytes_of_pairs - bytes, 48 * 48 * (4 + 4 * 16 + 8) + 16 + 12, "masks, shifts, replay queue");
     }
     rig.assert_sound();
+}
+
+/// Replay compaction changes no pixel and no count of rays: on mirrors, where paths replay rays, and below translucent surfaces, where they
+/// replay probes.
+#[test]
+fn replay_compaction_changes_no_pixel() {
+    let paths = || paired(paths::all_reuse());
+    let subjects = [AllLight::Gi(di::all_reuse(), paths()), AllLight::Pt(paths())];
+    let few_workgroups = ShaderEdit {
+        module: "pass/pair_shifts.wgsl",
+        from: "MAX_WORKGROUPS: u32 = 65535u",
+        to: "MAX_WORKGROUPS: u32 = 1u",
+    };
+    // Edits of `replays` that take shifts with rays for shifts without.
+    let no_paths = ("return !(s.reconnection == 2u || ends_at_first) || drawn_choice", "return drawn_choice");
+    let no_probes = ("ends_at_first) || drawn_choice(first, s.seed, 1u).below;", "ends_at_first);");
+    for (make, planted) in [(mirrors as fn(&mut Rig), no_paths), (translucent_room, no_probes)] {
+        let Some(mut rig) = scene(40, make) else { return };
+        let mut picture = |subject: &AllLight, is_compacted, edits: &[ShaderEdit]| {
+            plant_edits(&mut rig.app, edits);
+            rig.set(|r| {
+                subject.apply_to(r);
+                (r.bounces, r.accumulate, r.seed) = (4, false, 1);
+                r.research.replay_compaction = is_compacted;
+            });
+            let pixels = rig.picture(4).pixels;
+            // Counters come back some frames late.
+            rig.set(|r| r.reset = true);
+            rig.frames(6);
+            (pixels, rig.report().rays)
+        };
+        let [gi, pt] = &subjects;
+        assert_eq!(picture(gi, true, &[]), picture(gi, false, &[]));
+        let together = picture(pt, false, &[]);
+        assert_eq!(picture(pt, true, &[]), together);
+        // A queue that is longer than its workgroups are at once.
+        assert_eq!(picture(pt, true, &[few_workgroups]), together);
+        let planted = ShaderEdit { module: "restir/shift/hybrid.wgsl", from: planted.0, to: planted.1 };
+        assert_ne!(picture(pt, true, &[planted]).0, picture(pt, false, &[planted]).0);
+        rig.assert_sound();
+    }
 }

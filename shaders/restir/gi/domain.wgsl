@@ -13,6 +13,7 @@
 #import bevy_restir::path::walk::{step_medium, step_towards}
 #import bevy_restir::restir::pt::domain::{Evaluated, Receiver, shifted_to}
 #import bevy_restir::restir::pt::initial_candidates::SelectedPath
+#import bevy_restir::restir::shift::hybrid::replays
 #import bevy_restir::restir::shift::shifted_path::SHIFT_NO_PATH
 #import bevy_restir::restir::shift::reconnection::triangle_factor
 #import bevy_restir::restir::stored_path::Reservoir
@@ -62,6 +63,10 @@ fn evaluate(r: Receiver, s: Reservoir) -> Evaluated {
     }
     let shifted = shifted_to(r, s.path);
     return Evaluated(guarded_3(shifted.f * shifted.density, GUARD_GI_MEASURE), shifted);
+}
+
+fn needs_replay(r: Receiver, s: Reservoir) -> bool {
+    return s.path.reconnection == SECONDARY_VERTEX && replays(s.path, r.first);
 }
 
 fn jacobian_of(e: Evaluated) -> f32 {

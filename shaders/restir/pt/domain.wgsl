@@ -10,7 +10,7 @@
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::path_sample::{PathSample, ShiftResult, TERMINATION_NEE, with_shift_result}
 #import bevy_restir::restir::pt::initial_candidates::SelectedPath
-#import bevy_restir::restir::shift::hybrid::hybrid_shift
+#import bevy_restir::restir::shift::hybrid::{hybrid_shift, replays}
 #import bevy_restir::restir::shift::reconnection::{separation_threshold, ShiftParameters}
 #import bevy_restir::restir::shift::shifted_path::{is_unoccluded, ShiftedPath}
 #import bevy_restir::restir::stored_path::Reservoir
@@ -96,6 +96,11 @@ fn shifted_to(r: Receiver, path: PathSample) -> ShiftedPath {
 fn evaluate(r: Receiver, s: Reservoir) -> Evaluated {
     let shifted = shifted_to(r, s.path);
     return Evaluated(shifted.f, shifted);
+}
+
+// Whether `evaluate` finds vertices by rays, for a sample of this frame.
+fn needs_replay(r: Receiver, s: Reservoir) -> bool {
+    return replays(s.path, r.first);
 }
 
 // Share of a path's light that the receiver scatters diffusely.  A path goes on by one lobe; NEE samples all of them at once.

@@ -10,7 +10,7 @@
 #import bevy_restir::common::constants::{FAR, NONE}
 #import bevy_restir::common::guard::{GUARD_JACOBIAN, GUARD_SHIFT_CONTRIBUTION, guarded_3, guarded_or_infinite, is_infinite}
 #import bevy_restir::common::math::{luminance, max_component}
-#import bevy_restir::common::ray::Ray
+#import bevy_restir::common::ray::{Hit, Ray}
 #import bevy_restir::light::analytic_area_light::{light_hit_point, RaySegment}
 #import bevy_restir::light::environment::{environment_pdf, environment_radiance}
 #import bevy_restir::light::point_on_light::{light_point_at, LightPoint}
@@ -19,7 +19,7 @@
 #import bevy_restir::path::medium::transmittance
 #import bevy_restir::path::nee::nee_contribution
 #import bevy_restir::path::random::{DIMENSION_SHADOW_RAY, DIMENSION_RAY, path_alpha_seed}
-#import bevy_restir::path::scattering::{drawn_choice, entry_vertex, given_choice}
+#import bevy_restir::path::scattering::{drawn_choice, entry_vertex, given_choice, ScatteringVertex}
 #import bevy_restir::path::shadow_ray::{ray_between, ray_to_light}
 #import bevy_restir::path::technique_weights::{below_surface, camera_state, CameraState, emitter_sample, left, reached, rivals_of_hit, rivals_of_nee, stored_weight, weight_of}
 #import bevy_restir::path::walk::{drawn_step, given_step, Step, step_cone, step_medium, Vertex, with_weight_and_densities}
@@ -122,7 +122,7 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: ShiftParameters, previous: boo
         // The lobe before the reconnection is rough, so no ray cone is propagated across it.
         var hit_distance = 0.0;
         if !reconnects {
-            let hit = trace_closest_of(ray, alpha_seed, previous);
+            let hit = replayed_hit(ray, alpha_seed, previous);
             instance = hit.instance;
             triangle = hit.triangle;
             let may_reconnect = (s.reconnection == 0u || index < s.reconnection) && (*w).before.rough;
@@ -193,7 +193,7 @@ fn scatter(w: ptr<function, Walk>, s: PathSample, index: u32, c: ShiftParameters
         (*w).f = (*w).throughput * s.radiance * stored_weight(s.rivals, (*w).state);
         return false;
     }
-    let entry = entry_vertex(v, s.seed, index, previous);
+    let entry = replayed_entry(v, s.seed, index, previous);
     if !entry.valid {
         (*w).reason = SHIFT_REPLAY_ENDED;
         return false;
@@ -438,6 +438,32 @@ fn end_with_nee(w: ptr<function, Walk>, s: PathSample, index: u32, c: ShiftParam
         (*w).rays = with_shadow_ray((*w).rays, ray_to_light((*w).v.surface, nee.light), path_alpha_seed(s.seed, index, DIMENSION_SHADOW_RAY));
     }
 }
+
+// Whether a shift within a frame finds vertices by rays: those between the first vertex and the reconnection vertex, and points where light
+// enters a body.
+fn replays(s: PathSample, first: Vertex) -> bool {
+    let ends_at_first = s.length == 2u && s.termination == TERMINATION_NEE;
+    return !(s.reconnection == 2u || ends_at_first) || drawn_choice(first, s.seed, 1u).below;
+}
+
+// A pass that defers such shifts to another one has no code for them.
+#ifdef DEFERS_REPLAYS
+fn replayed_hit(ray: Ray, alpha_seed: u32, previous: bool) -> Hit {
+    return Hit(0.0, NONE, NONE, vec2<f32>(0.0));
+}
+
+fn replayed_entry(v: Vertex, seed: u32, index: u32, previous: bool) -> ScatteringVertex {
+    return ScatteringVertex(v, vec3<f32>(0.0), true, false);
+}
+#else
+fn replayed_hit(ray: Ray, alpha_seed: u32, previous: bool) -> Hit {
+    return trace_closest_of(ray, alpha_seed, previous);
+}
+
+fn replayed_entry(v: Vertex, seed: u32, index: u32, previous: bool) -> ScatteringVertex {
+    return entry_vertex(v, seed, index, previous);
+}
+#endif
 
 // PLANT_*: errors that only tests define, and must find.
 #ifdef PLANT_NO_JACOBIAN
