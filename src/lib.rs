@@ -47,9 +47,10 @@ pub use plugin::{RestirPlugin, RestirStatus};
 pub use report::{RestirReport, RestirStatistics};
 pub use scene::SceneFeatures;
 pub use settings::{
-    Bdpt, BiasCorrection, DebugView, Direct, EmissiveLuminance, LightTechniques, Mis, Paths, Preset, RayBackend,
-    Reconnection, Research, ReservoirLayout, Restir, RestirBudget, RestirEnvironment, RestirIgnore, RestirMaterial,
-    Reuse, ReuseOrder, Subsurface, SubsurfaceSampling, SubsurfaceShift, SuffixRetrace, Technique, VisibilityReuse,
+    Bdpt, BiasCorrection, DebugView, Direct, EmissiveLuminance, Jitter, LightTechniques, Mis, Paths, Preset,
+    RayBackend, Reconnection, Research, ReservoirLayout, Restir, RestirBudget, RestirEnvironment, RestirIgnore,
+    RestirMaterial, Reuse, ReuseOrder, Subsurface, SubsurfaceSampling, SubsurfaceShift, SuffixRetrace, Technique,
+    VisibilityReuse,
 };
 pub use system_sets::RestirSystems;
 pub use technique::pass_names;
@@ -58,8 +59,8 @@ pub use view::capture::{CapturedRadiance, RadianceCapture};
 /// Everything that an app needs.
 pub mod prelude {
     pub use crate::{
-        Bdpt, BiasCorrection, DebugView, Direct, EmissiveLuminance, LightTechniques, Mis, Paths, Preset, RayBackend,
-        Reconnection, Restir, RestirBudget, RestirEnvironment, RestirIgnore, RestirMaterial, RestirPlugin,
+        Bdpt, BiasCorrection, DebugView, Direct, EmissiveLuminance, Jitter, LightTechniques, Mis, Paths, Preset,
+        RayBackend, Reconnection, Restir, RestirBudget, RestirEnvironment, RestirIgnore, RestirMaterial, RestirPlugin,
         RestirStatus, Reuse, ReuseOrder, Subsurface, SubsurfaceSampling, SubsurfaceShift, SuffixRetrace, Technique,
         VisibilityReuse,
     };

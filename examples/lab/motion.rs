@@ -1,7 +1,7 @@
 //! Errors where surfaces come into view.
 
 use bevy::{math::UVec2, prelude::*};
-use bevy_restir::{DebugView, Preset, Restir, Reuse, Technique};
+use bevy_restir::{DebugView, Jitter, Preset, Restir, Reuse, Technique};
 use bevy_restir_support::{arguments, progress::Progress};
 use std::path::PathBuf;
 
@@ -167,7 +167,7 @@ fn spawn_object(bench: &mut Bench) -> Entity {
 fn ages(bench: &mut Bench, settings: &Restir, progress: &Progress) -> Result<Vec<usize>, String> {
     let mut counting = Restir {
         technique: Technique::Di,
-        jitter: false,
+        jitter: Jitter::Never,
         debug_view: DebugView::ReservoirConfidence,
         ..settings.clone()
     };

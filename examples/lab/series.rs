@@ -1,8 +1,8 @@
 //! The compared settings, as data.
 
 use bevy_restir::{
-    BiasCorrection, Direct, Mis, Preset, Reconnection, Research, ReservoirLayout, Restir, ReuseOrder, Technique,
-    VisibilityReuse,
+    BiasCorrection, Direct, Jitter, Mis, Preset, Reconnection, Research, ReservoirLayout, Restir, ReuseOrder,
+    Technique, VisibilityReuse,
 };
 
 /// Figures of a row.
@@ -29,7 +29,7 @@ fn plain(technique: Technique, direct: Direct) -> Restir {
     Restir {
         technique,
         bounces: 1,
-        jitter: false,
+        jitter: Jitter::Never,
         energy_compensation: false,
         firefly_limit: 0.0,
         direct,

@@ -1,7 +1,9 @@
 //! Cost and error of ReSTIR SSS by its shift, compared with the reference tracer at equal time: two bodies under a moving camera.
 
 use bevy::{camera::Projection, prelude::*};
-use bevy_restir::{DebugView, RayBackend, Restir, Reuse, Subsurface, SubsurfaceSampling, SubsurfaceShift, Technique};
+use bevy_restir::{
+    DebugView, Jitter, RayBackend, Restir, Reuse, Subsurface, SubsurfaceSampling, SubsurfaceShift, Technique,
+};
 use bevy_restir_support::{
     bodies, exposure::unit_exposure, fields, headless, progress::Progress, scene, scene::CameraSetup,
 };
@@ -88,7 +90,14 @@ pub fn run(args: &Args) -> Result<(), String> {
 
 /// One bounce without jitter and energy compensation, so that all techniques converge to one picture.
 fn settings(technique: Technique) -> Restir {
-    Restir { technique, bounces: 1, jitter: false, energy_compensation: false, firefly_limit: 0.0, ..Restir::default() }
+    Restir {
+        technique,
+        bounces: 1,
+        jitter: Jitter::Never,
+        energy_compensation: false,
+        firefly_limit: 0.0,
+        ..Restir::default()
+    }
 }
 
 fn with(subsurface: SubsurfaceSampling) -> Restir {

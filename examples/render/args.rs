@@ -1,7 +1,7 @@
 //! The command line.
 
 use bevy::{camera::Exposure, math::UVec2};
-use bevy_restir::{DebugView, Preset, RayBackend, Restir, Technique};
+use bevy_restir::{DebugView, Jitter, Preset, RayBackend, Restir, Technique};
 use bevy_restir_support::{
     arguments::{self, ExposureChoice},
     environment::{self, Environment},
@@ -132,6 +132,8 @@ impl Args {
         let mut settings = Restir::preset(self.preset);
         settings.technique = self.technique;
         settings.seed = self.seed;
+        // Pictures are compared with references that average over pixels.
+        settings.jitter = Jitter::Always;
         if let Some(bounces) = self.bounces {
             settings.bounces = bounces;
         }

@@ -150,6 +150,27 @@ fn bsdf_mis_weight(pdf: f32, nee_pdf: f32) -> f32 {
     return select(1.0, 1.0 - nee_mis_weight(nee_pdf, pdf), pdf > 0.0);
 }
 
+// The same for the emission of a surface that was hit.
+fn emission_weight(s: Surface, hit: Hit, from_point: vec3<f32>, pdf: f32) -> f32 {
+    let nee_pdf = emitter_nee_pdf(s.light, light_pmf(s.light), hit.instance, hit.triangle, from_point, s.position, false);
+    return bsdf_mis_weight(pdf, nee_pdf);
+}
+
+// The same for the environment.
+fn environment_weight(direction: vec3<f32>, pdf: f32) -> f32 {
+    return bsdf_mis_weight(pdf, environment_pmf() * environment_pdf(direction, false));
+}
+
+// Russian roulette.
+fn survives_roulette(throughput: ptr<function, vec3<f32>>, eta_scale: f32, rng: ptr<function, Rng>) -> bool {
+    let q = min(max_component(*throughput) * eta_scale, 0.95);
+    if !(rng_1(rng) < q) {
+        return false;
+    }
+    *throughput /= q;
+    return true;
+}
+
 // Shown share of the light that a path finds behind a scatterer in the direction of a sample, if the scatterer is the first one.
 fn shown_behind(s: Scatterer, b: BsdfSample) -> vec3<f32> {
     if s.below {
@@ -181,8 +202,7 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
 
         // Add emission, with its MIS weight against NEE at the last vertex.
         if max_component(s.emission) > 0.0 {
-            let nee_pdf = emitter_nee_pdf(s.light, light_pmf(s.light), hit.instance, hit.triangle, from_point, s.position, false);
-            radiance += shown * throughput * s.emission * bsdf_mis_weight(pdf, nee_pdf);
+            radiance += shown * throughput * s.emission * emission_weight(s, hit, from_point, pdf);
         }
         if max_component(s.unlit) > 0.0 && scattered == 0u {
             radiance += shown * s.unlit;
@@ -210,8 +230,7 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
             break;
         }
         s = scatterer.surface;
-        let u = rng_3(rng);
-        let b = bsdf_sample(s.bsdf, scatterer.wo, u);
+        let b = bsdf_sample(s.bsdf, scatterer.wo, rng_3(rng));
         if b.valid == 0u {
             break;
         }
@@ -223,13 +242,8 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
         eta_scale *= b.eta * b.eta;
         medium = medium_towards(s, b.wi, medium);
 
-        // Russian roulette.
-        if scattered + 1u >= ROULETTE_FROM {
-            let q = min(max_component(throughput) * eta_scale, 0.95);
-            if !(rng_1(rng) < q) {
-                break;
-            }
-            throughput /= q;
+        if scattered + 1u >= ROULETTE_FROM && !survives_roulette(&throughput, eta_scale, rng) {
+            break;
         }
 
         bounces_taken = scattered + 1u;
@@ -239,8 +253,7 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
         cone = cone_along(cone_after(cone, b.delta != 0u), hit.t);
         radiance += shown * throughput * light_hit_radiance(RaySegment(ray.origin, hit.t, ray.direction), from_point, medium, pdf);
         if hit.instance == NONE {
-            let weight = bsdf_mis_weight(pdf, environment_pmf() * environment_pdf(ray.direction, false));
-            radiance += shown * throughput * environment_radiance(ray.direction, false) * weight;
+            radiance += shown * throughput * environment_radiance(ray.direction, false) * environment_weight(ray.direction, pdf);
             break;
         }
     }

@@ -21,23 +21,98 @@ const STACK_SIZE: u32 = 40u;
 // llvmpipe silently ends the loops of a shader after 65,535 iterations in total, so the limit must stay well below that.
 const MAX_STEPS: u32 = 8192u;
 
+// Groups of nodes and primitives that wait, of both levels.  It belongs to the module: as a variable of a function it would be filled with
+// zeros for every ray, and as an argument it would be copied in HLSL, where naga writes a pointer as `inout`.
+var<private> stack: array<vec2<u32>, STACK_SIZE>;
+var<private> depth: u32;
+
+// The groups that a ray visits next.
+struct Groups {
+    children: vec2<u32>,       // nodes
+    primitives: vec2<u32>,     // triangles, or instances in the top level
+}
+
+fn push(group: vec2<u32>) {
+    if depth == STACK_SIZE {
+        trace_flags |= OVERFLOW_STACK;
+        return;
+    }
+    stack[depth] = group;
+    depth += 1u;
+}
+
+fn pop() -> Groups {
+    depth -= 1u;
+    let group = stack[depth];
+    let is_inner = group.y >= MIN_NODE_HITS;
+    return Groups(select(vec2<u32>(0u), group, is_inner), select(group, vec2<u32>(0u), is_inner));
+}
+
+fn root_group(root: u32, exists: bool) -> Groups {
+    return Groups(select(vec2<u32>(0u), vec2<u32>(root, 0x80000000u), exists), vec2<u32>(0u));
+}
+
+// Visits the nearest child of the group of nodes, if there is one; the others wait.
+fn visit_nearest(groups: Groups, tree: TreeRay, t_min: f32, t_max: f32) -> Groups {
+    if groups.children.y < MIN_NODE_HITS {
+        return groups;
+    }
+    let nearest = nearest_child(groups.children, tree.octant);
+    if nearest.others.y >= MIN_NODE_HITS {
+        push(nearest.others);
+    }
+    let hits = intersect_node(nearest.node, tree, t_min, t_max);
+    return Groups(hits.children, hits.primitives);
+}
+
+// The closest of the accepted hits on a group of triangles and `last`; the first one, if any hit will do.
+fn closest_of_group(
+    triangles: vec2<u32>,
+    last: Hit,
+    instance: u32,
+    tree: TreeRay,
+    t_min: f32,
+    alpha_seed: u32,
+    any_hit: bool,
+    previous: bool,
+) -> Hit {
+    var hit = last;
+    var bits = triangles.y;
+    while bits != 0u {
+        let bit = firstLeadingBit(bits);
+        bits &= ~(1u << bit);
+        let triangle = triangles.x + bit;
+        let found = intersect_triangle(tree.line, stored_triangle(instance, triangle, previous));
+        if found.inside && found.t > t_min && found.t < hit.t && accepts_hit(instance, triangle, found.barycentrics, alpha_seed) {
+            hit = Hit(found.t, instance, triangle, found.barycentrics);
+            if any_hit {
+                break;
+            }
+        }
+    }
+    return hit;
+}
+
+// The instance of a bit of a group of the top level.
+fn instance_of(group: vec2<u32>, bit: u32, previous: bool) -> u32 {
+    let indices = select(scene.tlas_indices, scene.previous_tlas_indices, previous);
+    let entry = group.x + bit;
+    return nodes[indices + (entry >> 2u)][entry & 3u];
+}
+
 // The closest hit, or any hit, now or (`previous`) in the last frame.  One function serves all, so that any-hit and closest-hit rays agree
-// bit by bit.  It is one long function on purpose: the stack must not be passed to another one, because naga writes a pointer argument
-// for HLSL as `inout`, which copies the array.
+// bit by bit.
 fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
     var hit = Hit(ray.t_max, NONE, NONE, vec2<f32>(0.0));
     let root = select(scene.tlas_root, scene.previous_tlas_root, previous);
-    let indices = select(scene.tlas_indices, scene.previous_tlas_indices, previous);
     if root == NONE {
         return hit;
     }
-    var stack: array<vec2<u32>, STACK_SIZE>;
-    var depth = 0u;
+    depth = 0u;
     var instance = NONE;       // NONE in the top level
     var instance_depth = 0u;   // depth of the stack when the ray entered it
     var tree = tree_ray(ray.origin, ray.direction);
-    var children = vec2<u32>(root, 0x80000000u);
-    var primitives = vec2<u32>(0u);
+    var groups = root_group(root, true);
 
     // The inner loop stays within one tree, so that the lanes of a subgroup change trees together.
     var steps = 0u;
@@ -45,97 +120,57 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
         loop {
             steps += 1u;
             if steps > MAX_STEPS {
-                break;
+                trace_flags |= OVERFLOW_STEPS;
+                return hit;
             }
-            // Visit the nearest child of the group, and push the others.
-            if children.y >= MIN_NODE_HITS {
-                let nearest = nearest_child(children, tree.octant);
-                children = nearest.others;
-                if children.y >= MIN_NODE_HITS {
-                    if depth < STACK_SIZE {
-                        stack[depth] = children;
-                        depth += 1u;
-                    } else {
-                        trace_flags |= OVERFLOW_STACK;
-                    }
+            groups = visit_nearest(groups, tree, ray.t_min, hit.t);
+            if groups.primitives.y != 0u {
+                if instance == NONE {
+                    break;
                 }
-                let hits = intersect_node(nearest.node, tree, ray.t_min, hit.t);
-                children = hits.children;
-                primitives = hits.primitives;
-            }
-            if instance == NONE && primitives.y != 0u {
-                break;
-            }
-            while primitives.y != 0u {
-                let bit = firstLeadingBit(primitives.y);
-                primitives.y &= ~(1u << bit);
-                let triangle = primitives.x + bit;
-                let found = intersect_triangle(tree.line, stored_triangle(instance, triangle, previous));
-                if found.inside && found.t > ray.t_min && found.t < hit.t
-                    && accepts_hit(instance, triangle, found.barycentrics, alpha_seed) {
-                    hit = Hit(found.t, instance, triangle, found.barycentrics);
-                    if any_hit {
-                        return hit;
-                    }
+                hit = closest_of_group(groups.primitives, hit, instance, tree, ray.t_min, alpha_seed, any_hit, previous);
+                if any_hit && hit.instance != NONE {
+                    return hit;
                 }
+                groups.primitives.y = 0u;
             }
-            if children.y < MIN_NODE_HITS {
+            if groups.children.y < MIN_NODE_HITS {
                 if depth == instance_depth {
                     break;
                 }
-                depth -= 1u;
-                let group = stack[depth];
-                let inner = group.y >= MIN_NODE_HITS;
-                children = select(vec2<u32>(0u), group, inner);
-                primitives = select(group, vec2<u32>(0u), inner);
+                groups = pop();
             }
         }
 
-        if steps > MAX_STEPS {
-            trace_flags |= OVERFLOW_STEPS;
-            return hit;
-        }
-        if primitives.y == 0u {
+        if groups.primitives.y == 0u {
             // This tree is done: return to the top level.
             if depth == 0u {
                 return hit;
             }
             instance = NONE;
             instance_depth = 0u;
-            depth -= 1u;
-            let group = stack[depth];
-            let inner = group.y >= MIN_NODE_HITS;
-            children = select(vec2<u32>(0u), group, inner);
-            primitives = select(group, vec2<u32>(0u), inner);
+            groups = pop();
         }
-        if primitives.y != 0u {
-            // Enter an instance; the rest of the top level waits on the stack.
-            let bit = firstLeadingBit(primitives.y);
-            primitives.y &= ~(1u << bit);
-            if depth + 2u <= STACK_SIZE {
-                if children.y >= MIN_NODE_HITS {
-                    stack[depth] = children;
-                    depth += 1u;
-                }
-                if primitives.y != 0u {
-                    stack[depth] = primitives;
-                    depth += 1u;
-                }
-            } else {
-                trace_flags |= OVERFLOW_STACK;
-            }
-            let entry = primitives.x + bit;
-            instance = nodes[indices + (entry >> 2u)][entry & 3u];
-            instance_depth = depth;
-            let inside = object_ray(ray, instance, previous);
-            tree = tree_ray(inside.origin, inside.direction);
-            // A removed instance may remain in the top level of the last frame.
-            let blas = instances[instance].blas_root;
-            children = select(vec2<u32>(blas, 0x80000000u), vec2<u32>(0u), blas == NONE || !instance_in_layers(instance));
-            primitives = vec2<u32>(0u);
-        } else {
+        if groups.primitives.y == 0u {
             tree = tree_ray(ray.origin, ray.direction);
+            continue;
         }
+        // Enter an instance; the rest of the top level waits.
+        let bit = firstLeadingBit(groups.primitives.y);
+        instance = instance_of(groups.primitives, bit, previous);
+        groups.primitives.y &= ~(1u << bit);
+        if groups.children.y >= MIN_NODE_HITS {
+            push(groups.children);
+        }
+        if groups.primitives.y != 0u {
+            push(groups.primitives);
+        }
+        instance_depth = depth;
+        let inside = object_ray(ray, instance, previous);
+        tree = tree_ray(inside.origin, inside.direction);
+        // A removed instance may remain in the top level of the last frame.
+        let blas = instances[instance].blas_root;
+        groups = root_group(blas, blas != NONE && instance_in_layers(instance));
     }
     return hit;
 }
@@ -151,8 +186,7 @@ fn traverse_instance(ray: Ray, instance: u32, alpha_seed: u32, previous: bool) -
     }
     let inside = object_ray(ray, instance, previous);
     let tree = tree_ray(inside.origin, inside.direction);
-    var stack: array<vec2<u32>, STACK_SIZE>;
-    var depth = 0u;
+    depth = 0u;
     var children = vec2<u32>(root, 0x80000000u);
     for (var steps = 0u; steps < MAX_STEPS; steps += 1u) {
         let nearest = nearest_child(children, tree.octant);

@@ -6,6 +6,7 @@ mod budget;
 mod debug_view;
 mod direct;
 mod environment;
+mod jitter;
 mod paths;
 mod presets;
 mod research;
@@ -20,6 +21,7 @@ pub use budget::RestirBudget;
 pub use debug_view::DebugView;
 pub use direct::{BiasCorrection, Direct, VisibilityReuse};
 pub use environment::RestirEnvironment;
+pub use jitter::Jitter;
 pub use paths::{Paths, Reconnection, SuffixRetrace};
 pub use presets::Preset;
 pub use research::{Research, ReservoirLayout};
@@ -61,13 +63,13 @@ pub enum Technique {
     /// light paths that start at the lamps and that the camera sees.  For caustics and for lamps inside glass, which `Pt` hardly finds.
     /// Light paths are resampled over time, each in the pixel that it lands in: caustics are smooth in still scenes, and follow lamps and
     /// objects that move.  What the camera sees in mirrors and through glass gains nothing from them.  Costs one light path for each pixel
-    /// more than `Pt`, and up to three more where the camera or something else moves.  Unbiased with [`Restir::jitter`]; without it, or with
+    /// more than `Pt`, and up to three more where the camera or something else moves.  Unbiased with [`Jitter::Always`]; without jitter, or with
     /// Bevy's jitter, light that the camera sees from light paths is still averaged over the whole pixel.  Settings: [`Bdpt`] and [`Paths`].
     Bdpt,
 }
 
-/// Lights the image of this camera by path tracing, in place of Bevy's own lighting.  Multisampling (`Msaa`) is turned off: the jitter of the
-/// primary rays takes its place.
+/// Lights the image of this camera by path tracing, in place of Bevy's own lighting.  Multisampling (`Msaa`) is turned off;
+/// `TemporalAntiAliasing` smooths edges in its place.
 ///
 /// The history of earlier frames survives motion of objects, lights and cameras, objects and lights that appear, vanish or change, and a sky
 /// that turns or changes its color.  It restarts when the pixels of an image change, when the first translucent object appears or the last
@@ -92,10 +94,8 @@ pub struct Restir {
     /// Scattering events of a path: 0 shows emission only, 1 adds direct light, more add bounced light.  Cost grows with it.  Light that needs
     /// more events is missing (darker).  0 to 64; default 5.
     pub bounces: u32,
-    /// Moves the primary rays within the pixel from frame to frame (box filter), so that accumulation and TAA smooth edges.  Without it all
-    /// frames look through the centers of pixels, and edges alias.  On a camera with Bevy's `TemporalJitter`, which
-    /// `TemporalAntiAliasing` brings, that jitter is used instead.  Default: on.
-    pub jitter: bool,
+    /// When primary rays move within the pixel, which smooths edges in means of frames.  No cost.
+    pub jitter: Jitter,
     /// Adds the light that bounces more than once within a rough surface to specular lobes of reflection (Turquin 2019, as in Lanz 2025,
     /// 2.1.3): rough metals keep their brightness.  One texture read.  Without it they are too dark.  Default: on.
     pub energy_compensation: bool,
@@ -137,7 +137,7 @@ impl Default for Restir {
         Self {
             technique: Technique::Pt,
             bounces: 5,
-            jitter: true,
+            jitter: Jitter::Auto,
             energy_compensation: true,
             firefly_limit: 2.5,
             seed: 0,
@@ -157,6 +157,15 @@ impl Default for Restir {
 impl Restir {
     /// Greatest value of [`Restir::bounces`].
     pub const MAX_BOUNCES: u32 = 64;
+
+    /// Whether frames without Bevy's jitter are jittered.
+    pub(crate) fn jitters(&self) -> bool {
+        match self.jitter {
+            Jitter::Auto => self.accumulate || self.technique == Technique::Reference,
+            Jitter::Always => true,
+            Jitter::Never => false,
+        }
+    }
 
     /// Brings every field into its range.  Returns a warning for each field that it changed and each setting without effect.
     pub fn validate(&mut self) -> Vec<String> {

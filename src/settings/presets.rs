@@ -16,7 +16,8 @@ pub enum Preset {
     Performance,
     /// Five bounces: later light is missing (darker).  Single bright pixels are limited (darker; [`Restir::firefly_limit`]).  No other bias.
     Balanced,
-    /// Eight bounces: later light is missing (darker).  No other bias.
+    /// Eight bounces: later light is missing (darker).  No other bias.  In [`Technique::Pt`](super::Technique::Pt) direct light has reservoirs
+    /// of its own ([`Paths::separate_direct_light`]): less noise, for a quarter to two fifths more time.
     Quality,
     /// As `Quality`, with 32 bounces.
     Unbiased,
@@ -58,7 +59,8 @@ impl Preset {
                 reuse: Reuse { spatial_samples: 1, disocclusion_samples: 2, ..Reuse::PATHS },
                 ..Paths::default()
             },
-            Self::Balanced | Self::Quality | Self::Unbiased => Paths::default(),
+            Self::Balanced => Paths::default(),
+            Self::Quality | Self::Unbiased => Paths { separate_direct_light: true, ..Paths::default() },
         }
     }
 }

@@ -92,15 +92,11 @@ pub(super) fn prepare_views(
             continue;
         };
         let old = pool.views.remove(&entity);
-        let mut state = match view_of(old, size, [map, importance], &device, &pipelines) {
-            Ok(state) => state,
-            Err(error) => {
-                if warned.is_due((entity, "memory")) {
-                    warn!("restir: Bevy lights camera {name}, because there is no memory for its view: {error}");
-                }
-                pool.without_memory.insert(entity);
-                continue;
-            }
+        let created = view_of(old, size, [map, importance], &device, &pipelines);
+        let created = created.inspect_err(|error| warn_of_memory([entity, name], "view", error, &mut warned));
+        let Ok(mut state) = created else {
+            pool.without_memory.insert(entity);
+            continue;
         };
         state.origin = UVec2::new(view.viewport.x, view.viewport.y);
         state.target_size = target_size;
@@ -113,14 +109,24 @@ pub(super) fn prepare_views(
             let inputs = UniformInputs { restir, camera, view, bevy_jitter: jitter, scene, environments };
             state.update_uniforms(&inputs, &queue);
             if let Err(error) = state.update_history(scene, limit, &device, &queue) {
-                if warned.is_due((entity, "memory of the history")) {
-                    warn!("restir: Bevy lights camera {name}, because there is no memory for its history: {error}");
-                }
+                warn_of_memory([entity, name], "history", &error, &mut warned);
                 pool.without_memory.insert(entity);
             }
             warn_of_light_paths([entity, name], &state, scene, limit, &mut warned);
         }
         pool.views.insert(entity, state);
+    }
+}
+
+/// Warns that there is no memory for a resource of a camera.
+fn warn_of_memory(
+    [entity, name]: [Entity; 2],
+    resource: &'static str,
+    error: &impl core::fmt::Display,
+    warned: &mut Warned<(Entity, &'static str)>,
+) {
+    if warned.is_due((entity, resource)) {
+        warn!("restir: Bevy lights camera {name}, because there is no memory for its {resource}: {error}");
     }
 }
 

@@ -151,7 +151,7 @@ impl RestirView {
             environment_revision: inputs.environments.revision(restir.environment.as_ref()),
             camera,
             size: self.size,
-            // `reset` and `accumulate` change no single frame, and `debug_scale` is applied to the accumulated result.
+            // `reset` and `accumulate` leave the light of an image as it is, and `debug_scale` is applied to the accumulated result.
             settings: Restir { reset: false, accumulate: false, debug_scale: 1.0, ..restir.settings.clone() },
             environment: restir.environment,
             layers: restir.layers,
@@ -166,7 +166,7 @@ impl RestirView {
         let settings = &inputs.restir.settings;
         match inputs.bevy_jitter {
             Some(j) => (j.offset * self.size.as_vec2() / self.target_size.as_vec2()).to_array(),
-            None if settings.jitter => jitter_of(self.sequence, settings.seed),
+            None if settings.jitters() => jitter_of(self.sequence, settings.seed),
             None => [0.0; 2],
         }
     }

@@ -2,7 +2,7 @@
 
 use crate::support::app::*;
 use bevy::{light::RectLight, prelude::*, render::render_resource::TextureFormat};
-use bevy_restir::{EmissiveLuminance, RestirEnvironment, Technique};
+use bevy_restir::{EmissiveLuminance, Jitter, RestirEnvironment, Technique};
 
 /// A lit plane with a texture, and handles to what the tests change.
 struct Scene {
@@ -33,7 +33,7 @@ fn scene() -> Option<Scene> {
     let environment = rig.add::<Image>(uniform_map(100));
     let map = RestirEnvironment { image: Some(environment.clone()), ..sky(0.5) };
     rig.insert(rig.camera, map);
-    rig.set(|restir| (restir.bounces, restir.jitter) = (2, true));
+    rig.set(|restir| (restir.bounces, restir.jitter) = (2, Jitter::Always));
     Some(Scene { rig, plane, light, texture, environment })
 }
 

@@ -13,7 +13,7 @@ use bevy::{
     render::settings::WgpuLimits,
     window::{WindowRef, WindowResolution},
 };
-use bevy_restir::{DebugView, Mis, RadianceCapture, Restir, RestirEnvironment, Technique};
+use bevy_restir::{DebugView, Jitter, Mis, RadianceCapture, Restir, RestirEnvironment, Technique};
 use core::f32::consts::PI;
 
 /// The number of cuts after which a first frame is compared.
@@ -44,7 +44,7 @@ struct Eye {
 }
 
 fn eyes() -> [Eye; 2] {
-    let settings = Restir { bounces: 3, jitter: true, energy_compensation: true, ..plain() };
+    let settings = Restir { bounces: 3, jitter: Jitter::Always, energy_compensation: true, ..plain() };
     [
         Eye {
             transform: Transform::from_xyz(0.0, 0.0, 5.0),

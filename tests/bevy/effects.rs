@@ -19,7 +19,7 @@ use bevy::{
     prelude::*,
     render::camera::{MipBias, TemporalJitter},
 };
-use bevy_restir::{Restir, Technique};
+use bevy_restir::{Jitter, Restir, Technique};
 
 /// An effect with its name; `false` removes it.
 type Effect = (&'static str, Box<dyn Fn(&mut EntityWorldMut, bool)>);
@@ -159,7 +159,7 @@ fn temporal_anti_aliasing_smooths_edges_and_keeps_flat_areas() {
     let aliased = stage.picture(&none, 1, false);
     let smoothed = stage.picture(&temporal(), 64, false);
     // The expected value is the mean over whole pixels.
-    stage.0.set(|restir| (restir.technique, restir.jitter) = (Technique::Reference, true));
+    stage.0.set(|restir| (restir.technique, restir.jitter) = (Technique::Reference, Jitter::Always));
     stage.0.until_ready();
     let truth = stage.picture(&none, 256, false);
     let error = |picture: &[[u8; 4]]| {

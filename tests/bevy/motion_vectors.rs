@@ -5,7 +5,7 @@ use bevy::{
     math::{DMat4, DVec2, DVec3},
     prelude::*,
 };
-use bevy_restir::DebugView;
+use bevy_restir::{DebugView, Jitter};
 
 const SIZE: (u32, u32) = (48, 32);
 const SIDE: f32 = 2.0;
@@ -140,7 +140,7 @@ fn jitter_does_not_change_motion_vectors() {
     };
     // The square moves parallel to the image: all its points have the same motion, wherever the ray passes within the pixel.
     let object = rig.spawn(square(8.0), lambert(0.5), Transform::default());
-    rig.set(|restir| (restir.jitter, restir.debug_view) = (true, DebugView::Motion));
+    rig.set(|restir| (restir.jitter, restir.debug_view) = (Jitter::Always, DebugView::Motion));
     rig.until_ready();
     for _ in 0..4 {
         let still = rig.next();

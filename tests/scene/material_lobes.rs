@@ -3,7 +3,7 @@
 
 use crate::support::{agreement::assert_techniques_agree, app::*, oracle::bsdf::Material, stats::Random};
 use bevy::prelude::*;
-use bevy_restir::SceneFeatures;
+use bevy_restir::{Jitter, SceneFeatures};
 use glam::DVec3;
 
 const LUX: f32 = 10.0;
@@ -194,7 +194,7 @@ fn a_thin_wall_does_not_change_the_medium() {
 #[test]
 fn white_lobes_are_invisible_in_a_white_environment() {
     let Some(mut rig) = Rig::new(12, 12) else { return };
-    rig.set(|restir| (restir.bounces, restir.jitter) = (40, true));
+    rig.set(|restir| (restir.bounces, restir.jitter) = (40, Jitter::Always));
     rig.insert(rig.camera, sky(1.0));
     let smooth = 0.0;
     let things = [
@@ -245,7 +245,7 @@ fn techniques_agree_on_lobes_with_extreme_parameters() {
         let place = Transform::from_translation(at).with_scale(scale);
         rig.spawn_bundle((Mesh3d(ball.clone()), MeshMaterial3d(material), place));
     }
-    rig.set(|r| (r.bounces, r.jitter, r.energy_compensation) = (6, true, true));
+    rig.set(|r| (r.bounces, r.jitter, r.energy_compensation) = (6, Jitter::Always, true));
     assert_techniques_agree(&mut rig, "extreme lobes", 0.05);
     rig.assert_sound();
 }

@@ -13,7 +13,7 @@ use bevy::{
     prelude::*,
     render::render_resource::TextureFormat,
 };
-use bevy_restir::{DebugView, Direct, Paths};
+use bevy_restir::{DebugView, Direct, Jitter, Paths};
 
 /// A square of side 1 in the middle of the image, in pixels of this width.
 pub fn seen(rig: &mut Rig, material: StandardMaterial, pixel: f32) -> Picture {
@@ -113,7 +113,7 @@ fn rows(pictures: &[Picture]) -> Vec<[f32; 3]> {
 
 /// Frames with different jitter.
 fn frames(rig: &mut Rig, count: u32) -> Vec<Picture> {
-    rig.set(|restir| restir.jitter = true);
+    rig.set(|restir| restir.jitter = Jitter::Always);
     (0..count)
         .map(|seed| {
             rig.set(|restir| restir.seed = seed);

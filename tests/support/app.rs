@@ -18,8 +18,8 @@ use bevy::{
     winit::WinitPlugin,
 };
 use bevy_restir::{
-    DebugView, EmissiveLuminance, RadianceCapture, RayBackend, Restir, RestirEnvironment, RestirPlugin, RestirReport,
-    RestirStatistics, Technique,
+    DebugView, EmissiveLuminance, Jitter, RadianceCapture, RayBackend, Restir, RestirEnvironment, RestirPlugin,
+    RestirReport, RestirStatistics, Technique,
     testing::{check_mirror, plant_shader_edits, shader_library::ShaderEdit},
 };
 use bevy_restir_support::mutant;
@@ -103,7 +103,7 @@ pub fn plain() -> Restir {
     let technique = Technique::Reference;
     Restir {
         technique,
-        jitter: false,
+        jitter: Jitter::Never,
         bounces: 1,
         energy_compensation: false,
         firefly_limit: 0.0,

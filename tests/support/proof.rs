@@ -8,7 +8,8 @@ use super::{
     small_scenes::STEPS,
 };
 use bevy_restir::{
-    Direct, LightTechniques, Paths, Preset, Research, Restir, SubsurfaceSampling, Technique, testing::plant_shader_defs,
+    Direct, Jitter, LightTechniques, Paths, Preset, Research, Restir, SubsurfaceSampling, Technique,
+    testing::plant_shader_defs,
 };
 use std::{
     collections::HashMap,
@@ -87,7 +88,10 @@ pub struct Shipped(pub Technique, pub Preset);
 impl Subject for Shipped {
     fn apply_to(&self, settings: &mut Restir) {
         let Restir { seed, accumulate, .. } = *settings;
-        *settings = Restir { technique: self.0, seed, accumulate, firefly_limit: 0.0, ..Restir::preset(self.1) };
+        // Single frames, too, have the jitter that the reference has.
+        let jitter = Jitter::Always;
+        *settings =
+            Restir { technique: self.0, seed, accumulate, jitter, firefly_limit: 0.0, ..Restir::preset(self.1) };
     }
 }
 
@@ -259,7 +263,7 @@ impl Proof<'_> {
         let (jitter, compensation) = (settings.jitter, settings.energy_compensation);
         let size = rig.size();
         let key = format!(
-            "{scene} {size} {} {:?} {first_seed} {} {} {jitter} {compensation}",
+            "{scene} {size} {} {:?} {first_seed} {} {} {jitter:?} {compensation}",
             self.bounces,
             self.truth,
             self.blended,
@@ -359,7 +363,7 @@ fn last_frames(
 /// The emission that the camera sees directly.  It is the same in all techniques and would hide errors of the scattered light.
 pub fn emission(rig: &mut Rig) -> Picture {
     rig.set(|r| (r.technique, r.bounces, r.seed) = (Technique::Reference, 0, 1));
-    let is_jittered = rig.get_mut::<Restir>(rig.camera).jitter;
+    let is_jittered = rig.get_mut::<Restir>(rig.camera).jitter != Jitter::Never;
     let picture = rig.picture(if is_jittered { 64 } else { 1 });
     rig.set(|r| r.bounces = 1);
     picture

@@ -13,6 +13,7 @@ use bevy::{
     light::{RectLight, SunDisk},
     prelude::*,
 };
+use bevy_restir::Jitter;
 use bevy_restir::testing::plant_shader_defs;
 use core::f64::consts::{FRAC_1_PI, PI};
 
@@ -175,7 +176,7 @@ fn a_rectangle_light_in_the_plane_of_a_ceiling_shines() {
 #[test]
 fn white_objects_inside_a_sphere_light_are_invisible() {
     let Some(mut rig) = Rig::new(16, 16) else { return };
-    rig.set(|r| (r.bounces, r.jitter) = (32, true));
+    rig.set(|r| (r.bounces, r.jitter) = (32, Jitter::Always));
     // Radiance 1 from all directions.
     rig.spawn_bundle((ball((4.0 * PI * PI) as f32 * 400.0, 20.0), Transform::default()));
     let thing = rig.spawn(Cuboid::from_length(9.0), lambert(1.0), Transform::from_xyz(0.0, 0.0, -4.0));

@@ -2,7 +2,7 @@
 
 use crate::support::{app::*, proof::Subject, reuse_settings::*};
 use bevy::prelude::*;
-use bevy_restir::{DebugView, Direct, Reuse};
+use bevy_restir::{DebugView, Direct, Jitter, Reuse};
 
 const SIZE: u32 = 48;
 
@@ -11,7 +11,7 @@ fn pixels_without_history(rig: &mut Rig, bar: Entity, dual_motion: bool, camera_
     let reuse = Reuse { dual_motion, spatial_samples: 0, disocclusion_samples: 0, ..Reuse::DIRECT };
     rig.set(|r| {
         Direct { reuse, ..di::all_reuse() }.apply_to(r);
-        (r.debug_view, r.jitter) = (DebugView::ReservoirConfidence, false);
+        (r.debug_view, r.jitter) = (DebugView::ReservoirConfidence, Jitter::Never);
     });
     let camera = rig.camera;
     let place = |rig: &mut Rig, x: f32| {

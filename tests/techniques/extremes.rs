@@ -6,7 +6,7 @@ use crate::support::{
     app::{Picture, Rig, lambert, lamp, plain, square},
 };
 use bevy::prelude::*;
-use bevy_restir::{Paths, Restir, Technique};
+use bevy_restir::{Jitter, Paths, Restir, Technique};
 
 const TECHNIQUES: [Technique; 5] = [Technique::Reference, Technique::Di, Technique::Gi, Technique::Pt, Technique::Bdpt];
 
@@ -47,7 +47,7 @@ fn room(rig: &mut Rig, scale: f32, offset: Vec3, radiance: f32) {
             Projection::Perspective(PerspectiveProjection { near: 0.1 * scale, ..Default::default() }),
             Restir {
                 bounces: 6,
-                jitter: true,
+                jitter: Jitter::Always,
                 // Lengths scale with the scene.
                 paths: Paths { distance: 0.01 * scale, ..Default::default() },
                 ..plain()

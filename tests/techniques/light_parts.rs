@@ -8,7 +8,7 @@ use crate::support::{
     stats::{chi_squared_of_differences, sidak},
 };
 use bevy::prelude::*;
-use bevy_restir::{Bdpt, DebugView, LightTechniques, Paths, Restir, Reuse, Subsurface, Technique};
+use bevy_restir::{Bdpt, DebugView, Jitter, LightTechniques, Paths, Restir, Reuse, Subsurface, Technique};
 use std::collections::BTreeMap;
 
 const SIZE: u32 = 32;
@@ -68,7 +68,7 @@ fn paths() -> Paths {
 fn techniques() -> [(&'static str, Restir); 7] {
     let of = |technique| Restir {
         technique,
-        jitter: true,
+        jitter: Jitter::Always,
         energy_compensation: true,
         bounces: if technique == Technique::Di { 1 } else { 4 },
         direct: di::all_reuse(),

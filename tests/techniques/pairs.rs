@@ -11,7 +11,7 @@ use crate::support::{
     stats::{Random, assert_family, chi_squared},
 };
 use bevy::prelude::*;
-use bevy_restir::{LightTechniques, Paths, Reuse, testing::shader_library::ShaderEdit};
+use bevy_restir::{Jitter, LightTechniques, Paths, Reuse, testing::shader_library::ShaderEdit};
 
 /// Pixel, logarithm of the tiles' side, frame, stream, slot.
 type Case = [u32; 6];
@@ -161,7 +161,7 @@ fn indirect_light_in_pairs_equals_the_reference() {
 #[ignore = "second tier: ./run test --more"]
 fn bidirectional_paths_in_pairs_equal_the_reference() {
     let Some(mut rig) = room_scene(32) else { return };
-    rig.set(|r| r.jitter = true);
+    rig.set(|r| r.jitter = Jitter::Always);
     let proof = Proof { bounces: 4, blended: true, margin: 0.02, ..Proof::of((24, 6), (24, 16)) };
     let pairs = Bidirectional(LightTechniques::Full, paired(paths::all_reuse()));
     proof.check("room", &mut rig, &[("pairs", pairs)]);

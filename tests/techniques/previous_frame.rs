@@ -7,7 +7,7 @@ use bevy::{
     prelude::*,
 };
 use bevy_restir::{
-    Paths, Restir, Reuse, ReuseOrder, Technique,
+    Jitter, Paths, Restir, Reuse, ReuseOrder, Technique,
     testing::{replace_pass_shader, shader_library::ShaderEdit},
 };
 
@@ -66,7 +66,7 @@ fn start() -> Option<(Rig, Vec<Picture>)> {
     replace_pass_shader(&mut rig.app, "pt_reuse", include_str!("../support/kernels/previous_frame.wgsl"));
     let reuse = Reuse { order: ReuseOrder::Spatiotemporal, spatial_samples: 1, ..Reuse::PATHS };
     let paths = Paths { reuse, ..Default::default() };
-    rig.set(|r| *r = Restir { technique: Technique::Pt, paths, jitter: true, bounces: 1, ..plain() });
+    rig.set(|r| *r = Restir { technique: Technique::Pt, paths, jitter: Jitter::Always, bounces: 1, ..plain() });
     Some((rig, emitted))
 }
 

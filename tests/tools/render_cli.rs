@@ -256,7 +256,7 @@ fn values_out_of_range_are_clamped_with_a_warning() {
     assert!(run.stderr.contains("bounces = 1000"), "{}", run.stderr);
     assert_eq!(run.stderr.trim_end().lines().count(), 1, "once: {}", run.stderr);
     let run =
-        folder.render(&scene, &[&small[..], &["--set", "energy_compensation=false", "--set", "jitter=false"]].concat());
+        folder.render(&scene, &[&small[..], &["--set", "energy_compensation=false", "--set", "jitter=Never"]].concat());
     run.succeeded();
     assert!(run.stderr.is_empty(), "{}", run.stderr);
     // Without a camera, one is placed in front of the scene.

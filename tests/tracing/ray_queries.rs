@@ -13,7 +13,7 @@ use crate::support::{
     small_scenes::*,
 };
 use bevy::{camera::visibility::RenderLayers, prelude::*};
-use bevy_restir::{Restir, Technique, testing::gpu_layout::*};
+use bevy_restir::{Jitter, Restir, Technique, testing::gpu_layout::*};
 
 const TRACE: &str = include_str!("../support/kernels/trace.wgsl");
 
@@ -246,7 +246,7 @@ fn same_pictures(techniques: &[Technique]) {
         twins.both(camera);
         assert_eq!(twins.0.each_mut().map(|rig| rig.until_ready().backend), ["software", "hardware"]);
         for &technique in techniques {
-            let settings = Restir { technique, bounces: 3, jitter: true, ..plain() };
+            let settings = Restir { technique, bounces: 3, jitter: Jitter::Always, ..plain() };
             twins.both(|rig| rig.set(|restir| *restir = settings.clone()));
             let (far, difference, mean) = twins.differences(third_frame);
             eprintln!("{name} {technique:?}: {far} of 1024 pixels differ, means by {difference:.2e}");

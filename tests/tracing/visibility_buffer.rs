@@ -2,7 +2,7 @@
 
 use crate::support::app::*;
 use bevy::{mesh::PlaneMeshBuilder, prelude::*, render::render_resource::Face};
-use bevy_restir::DebugView;
+use bevy_restir::{DebugView, Jitter};
 
 /// The share of pixels away from silhouettes that may hold another triangle than the ray's.  Rasterizers snap corners to 1/256 pixel, so
 /// a pixel center that close to an edge may fall to the neighbor.  These meshes have about one pixel of edge per pixel.
@@ -49,14 +49,14 @@ fn the_visibility_buffer_equals_the_hits_of_primary_rays() {
     for (width, height) in [(96, 64), (61, 47), (1, 1)] {
         let Some(mut rig) = Rig::new(width, height) else { return };
         crowd(&mut rig);
-        for jitter in [false, true] {
+        for jitter in [Jitter::Never, Jitter::Always] {
             rig.set(|restir| restir.jitter = jitter);
             let drawn = rig.debug(DebugView::Instances);
             let traced = rig.debug(DebugView::TracedInstances);
             let (mut compared, mut seen) = (Vec::new(), Vec::new());
             for (at, color) in drawn.iter() {
                 if drawn.is_flat_around(at) && traced.is_flat_around(at) {
-                    assert_eq!(color, traced.at(at.x, at.y), "instance at {at}, {width} x {height}, jitter {jitter}");
+                    assert_eq!(color, traced.at(at.x, at.y), "instance at {at}, {width} x {height}, jitter {jitter:?}");
                     compared.push(at);
                     if !seen.contains(&color) {
                         seen.push(color);
@@ -72,7 +72,7 @@ fn the_visibility_buffer_equals_the_hits_of_primary_rays() {
             let other = compared.iter().filter(|at| drawn.at(at.x, at.y) != traced.at(at.x, at.y)).count();
             assert!(
                 other as f64 <= TRIANGLE_SHARE * compared.len() as f64,
-                "{other} of {} pixels hold another triangle, {width} x {height}, jitter {jitter}",
+                "{other} of {} pixels hold another triangle, {width} x {height}, jitter {jitter:?}",
                 compared.len()
             );
         }

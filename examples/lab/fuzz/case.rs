@@ -2,8 +2,8 @@
 
 use bevy::{camera::ScalingMode, prelude::*, render::render_resource::Face};
 use bevy_restir::{
-    Direct, LightTechniques, Mis, Preset, Reconnection, Restir, RestirEnvironment, Reuse, ReuseOrder, Subsurface,
-    SubsurfaceShift, SuffixRetrace, Technique,
+    Direct, Jitter, LightTechniques, Mis, Preset, Reconnection, Restir, RestirEnvironment, Reuse, ReuseOrder,
+    Subsurface, SubsurfaceShift, SuffixRetrace, Technique,
 };
 use bevy_restir_support::{scenes::Random, skinned};
 
@@ -364,7 +364,7 @@ impl Source {
             Restir { technique: technique[self.random.below(5)], ..Restir::preset(presets[self.random.below(4)]) };
         settings.bounces = self.random.below(9) as u32;
         settings.seed = self.random.bits();
-        settings.jitter = self.chance(0.8);
+        settings.jitter = [Jitter::Auto, Jitter::Always, Jitter::Never][self.random.below(3)];
         settings.energy_compensation = self.chance(0.8);
         settings.direct.candidates = 1 + self.random.below(16) as u32;
         settings.paths.candidates = 1 + self.random.below(16) as u32;

@@ -266,7 +266,7 @@ fn same_speed(all: &mut [Measured]) -> [f64; 2] {
 impl Args {
     /// Changes that all configurations have.
     fn shared(&self) -> Vec<String> {
-        let jitter = self.reference.is_none().then(|| "jitter=false".into());
+        let jitter = self.reference.is_none().then(|| "jitter=Never".into());
         jitter.into_iter().chain(self.set.iter().cloned()).collect()
     }
 

@@ -2,10 +2,10 @@
 
 use crate::support::{app::*, log, small_scenes::*};
 use bevy::{light::NotShadowCaster, prelude::*};
-use bevy_restir::{Bdpt, LightTechniques, Restir, Technique};
+use bevy_restir::{Bdpt, Jitter, LightTechniques, Restir, Technique};
 
 fn bidirectional(bounces: u32) -> Restir {
-    Restir { technique: Technique::Bdpt, bounces, jitter: true, ..plain() }
+    Restir { technique: Technique::Bdpt, bounces, jitter: Jitter::Always, ..plain() }
 }
 
 fn rig(make: impl FnOnce(&mut Rig)) -> Option<Rig> {

@@ -14,7 +14,7 @@ use crate::{
 use LightTechniques::*;
 use bevy::prelude::*;
 use bevy_restir::{
-    Bdpt, DebugView, LightTechniques, Restir, Technique,
+    Bdpt, DebugView, Jitter, LightTechniques, Restir, Technique,
     testing::{plant_shader_defs, replace_pass_shader, shader_library::ShaderEdit},
 };
 
@@ -26,7 +26,7 @@ fn lightweight() -> Bidirectional {
 
 fn jittered(make: impl FnOnce(&mut Rig)) -> Option<Rig> {
     let mut rig = scene(32, make)?;
-    rig.set(|r| r.jitter = true);
+    rig.set(|r| r.jitter = Jitter::Always);
     Some(rig)
 }
 

@@ -12,14 +12,14 @@ use crate::support::{
 };
 use LightTechniques::*;
 use bevy::prelude::*;
-use bevy_restir::LightTechniques;
+use bevy_restir::{Jitter, LightTechniques};
 
 /// The margins of the image means, and the numbers of restarts and frames.
 const PROOF: Proof = Proof { bounces: 4, blended: true, margin: 0.02, ..Proof::of((24, 6), (24, 16)) };
 
 fn check(name: &str, proof: Proof, make: impl FnOnce(&mut Rig)) {
     let Some(mut rig) = scene(32, make) else { return };
-    rig.set(|r| r.jitter = true);
+    rig.set(|r| r.jitter = Jitter::Always);
     let all = [
         ("candidates of all techniques", Bidirectional(Full, paths::candidates_only())),
         ("both kinds of reuse, lightweight", Bidirectional(Lightweight, paths::all_reuse())),
@@ -30,7 +30,7 @@ fn check(name: &str, proof: Proof, make: impl FnOnce(&mut Rig)) {
 #[test]
 fn light_paths_in_a_room_equal_the_reference() {
     let Some(mut rig) = room_scene(32) else { return };
-    rig.set(|r| r.jitter = true);
+    rig.set(|r| r.jitter = Jitter::Always);
     let all = [
         ("candidates", Bidirectional(Full, paths::candidates_only())),
         ("both, all techniques", Bidirectional(Full, paths::all_reuse())),
@@ -42,7 +42,7 @@ fn light_paths_in_a_room_equal_the_reference() {
 #[ignore = "second tier: ./run test --more"]
 fn light_paths_in_a_room_equal_the_reference_for_every_kind_of_reuse() {
     let Some(mut rig) = room_scene(32) else { return };
-    rig.set(|r| r.jitter = true);
+    rig.set(|r| r.jitter = Jitter::Always);
     let all = [
         ("lightweight candidates", Bidirectional(Lightweight, paths::candidates_only())),
         ("temporal", Bidirectional(Lightweight, paths::temporal())),
@@ -57,7 +57,7 @@ fn light_paths_in_a_room_equal_the_reference_for_every_kind_of_reuse() {
 #[ignore = "minutes: ./run test --full"]
 fn full_length_any_number_of_light_paths_gives_the_picture_of_the_reference() {
     let Some(mut rig) = room_scene(32) else { return };
-    rig.set(|r| r.jitter = true);
+    rig.set(|r| r.jitter = Jitter::Always);
     let full = |count| (count, Bidirectional(Full, paths::all_reuse()));
     let all = [("one for ten pixels", full(0.1)), ("three for each pixel", full(3.0)), ("none", full(0.0))];
     PROOF.check("room", &mut rig, &all);

@@ -8,7 +8,7 @@ use crate::support::{
     reuse_settings::paths,
     small_scenes::*,
 };
-use bevy_restir::{LightTechniques, testing::plant_shader_defs};
+use bevy_restir::{Jitter, LightTechniques, testing::plant_shader_defs};
 
 const PROOF: Proof = Proof { bounces: 3, blended: true, margin: 0.02, ..Proof::of((24, 8), (24, 16)) };
 /// Hits of lights (s = 0), next-event estimation (s = 1), connections (s, t >= 2), light vertices that the camera sees (t = 1).
@@ -40,7 +40,7 @@ fn sum(all: Vec<Restarts>) -> Restarts {
 
 fn jittered(make: impl FnOnce(&mut Rig)) -> Option<Rig> {
     let mut rig = scene(32, make)?;
-    rig.set(|r| r.jitter = true);
+    rig.set(|r| r.jitter = Jitter::Always);
     Some(rig)
 }
 

@@ -9,7 +9,7 @@ use crate::support::{
     small_scenes::*,
 };
 use bevy::prelude::*;
-use bevy_restir::{BiasCorrection, Direct, Mis, Restir, Reuse, Technique, VisibilityReuse};
+use bevy_restir::{BiasCorrection, Direct, Jitter, Mis, Restir, Reuse, Technique, VisibilityReuse};
 
 const PROOF: Proof = Proof::of((8, 6), (10, 24));
 
@@ -176,7 +176,7 @@ fn any_number_and_power_of_lights_gives_a_finite_picture() {
 fn two_hundred_frames_of_a_moving_camera_are_finite() {
     let Some(mut rig) = scene(24, blended) else { return };
     direct(&mut rig);
-    rig.set(|r| r.jitter = true);
+    rig.set(|r| r.jitter = Jitter::Always);
     let bytes = rig.until_ready().reservoir_bytes_per_pixel;
     assert!((1..=48).contains(&bytes), "{bytes}");
     for frame in 0..200 {

@@ -7,7 +7,7 @@ use crate::support::{
 };
 use bevy::prelude::*;
 use bevy_restir::{
-    BiasCorrection, DebugView, Direct, ReservoirLayout, Restir, Reuse, ReuseOrder, Technique, VisibilityReuse,
+    BiasCorrection, DebugView, Direct, Jitter, ReservoirLayout, Restir, Reuse, ReuseOrder, Technique, VisibilityReuse,
     pass_names,
 };
 
@@ -287,7 +287,7 @@ fn more_temporal_attempts_keep_the_history_along_edges() {
     let mut pixels_without_history = |temporal_attempts| {
         let reuse = Reuse { temporal_attempts, spatial_samples: 0, ..di::all_reuse().reuse };
         direct(&mut rig, Direct { reuse, ..di::all_reuse() });
-        rig.set(|r| r.jitter = true);
+        rig.set(|r| r.jitter = Jitter::Always);
         let view = reservoirs(&mut rig, DebugView::ReservoirConfidence, 8);
         view.iter().filter(|(_, c)| c.x == 1.0).count()
     };
@@ -358,7 +358,7 @@ fn a_camera_at_rest_keeps_the_history_of_every_pixel_under_jitter() {
     // Further attempts would find another history.
     let reuse = Reuse { temporal_attempts: 1, ..di::temporal().reuse };
     direct(&mut rig, Direct { reuse, ..di::temporal() });
-    rig.set(|r| (r.debug_view, r.jitter) = (DebugView::ReservoirConfidence, true));
+    rig.set(|r| (r.debug_view, r.jitter) = (DebugView::ReservoirConfidence, Jitter::Always));
     rig.until_ready();
     rig.set(|r| r.reset = true);
     rig.frame();

@@ -1,14 +1,14 @@
 //! ReSTIR PT over hundreds of frames with moving objects and a moving camera: all pixels are finite, and no light is gained or lost.
 
 use crate::support::{app::*, proof::Subject, small_scenes::*, stats};
-use bevy_restir::{Paths, Restir, Technique};
+use bevy_restir::{Jitter, Paths, Restir, Technique};
 
 /// The mean over frames of the picture's mean, along a scripted motion of the camera and the objects.  The reference restarts in every
 /// frame, with different random numbers.
 fn energy(rig: &mut Rig, apply: impl Fn(&mut Restir), frames: u32) -> f64 {
     rig.set(|r| {
         apply(r);
-        (r.bounces, r.jitter, r.accumulate) = (3, true, false);
+        (r.bounces, r.jitter, r.accumulate) = (3, Jitter::Always, false);
     });
     rig.until_ready();
     let (mut sum, mut count) = (0.0, 0);

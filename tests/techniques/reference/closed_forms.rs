@@ -2,6 +2,7 @@
 
 use crate::support::{app::*, closed_form_plane::*};
 use bevy::prelude::*;
+use bevy_restir::Jitter;
 use core::f64::consts::{FRAC_1_PI, PI};
 
 /// A light that is sampled without a random choice has no noise: compares every pixel with the formula.
@@ -154,7 +155,7 @@ fn an_environment_gives_albedo_times_radiance_to_a_plane() {
 #[test]
 fn a_closed_furnace_gives_emission_over_one_minus_albedo() {
     let Some(mut rig) = Rig::new(16, 16) else { return };
-    rig.set(|restir| (restir.bounces, restir.jitter) = (64, true));
+    rig.set(|restir| (restir.bounces, restir.jitter) = (64, Jitter::Always));
     let walls = |albedo: f32| StandardMaterial {
         emissive: LinearRgba::rgb(0.25, 0.25, 0.25),
         double_sided: true,
@@ -176,7 +177,7 @@ fn a_closed_furnace_gives_emission_over_one_minus_albedo() {
 #[test]
 fn white_objects_are_invisible_in_a_white_environment() {
     let Some(mut rig) = Rig::new(16, 16) else { return };
-    rig.set(|restir| (restir.bounces, restir.jitter) = (32, true));
+    rig.set(|restir| (restir.bounces, restir.jitter) = (32, Jitter::Always));
     rig.insert(rig.camera, sky(1.0));
     let metal = |roughness| StandardMaterial { metallic: 1.0, perceptual_roughness: roughness, ..Color::WHITE.into() };
     let ball = rig.spawn(Sphere::new(1.6), metal(0.0), Transform::default());

@@ -9,7 +9,7 @@ use crate::support::{
 };
 use bevy::prelude::*;
 use bevy_restir::{
-    Direct, LightTechniques, Paths, Reconnection, SubsurfaceSampling, testing::shader_library::ShaderEdit,
+    Direct, Jitter, LightTechniques, Paths, Reconnection, SubsurfaceSampling, testing::shader_library::ShaderEdit,
 };
 
 const BOUNCES: u32 = 3;
@@ -63,7 +63,7 @@ fn full_length_light_paths_between_translucent_bodies_equal_the_reference() {
 
 fn check_light_paths(margin: f64, restarts: u32, cases: &[(&str, Paths)]) {
     let Some(mut rig) = scene(32, translucent_room) else { return };
-    rig.set(|r| r.jitter = true);
+    rig.set(|r| r.jitter = Jitter::Always);
     let proof =
         Proof { bounces: BOUNCES, blended: true, margin, ..Proof::of((restarts, 6), (24.max(restarts / 4), 16)) };
     let cases: Vec<_> =
@@ -116,8 +116,8 @@ const PLANTED: [(&str, ShaderEdit); 2] = [
         "the probe is not replayed",
         ShaderEdit {
             module: "restir/shift/hybrid.wgsl",
-            from: "let entry = entry_vertex(v, s.seed, index, previous);",
-            to: "let entry = entry_vertex(v, s.seed + 1u, index, previous);",
+            from: "let entry = replayed_entry(v, s.seed, index, previous);",
+            to: "let entry = replayed_entry(v, s.seed + 1u, index, previous);",
         },
     ),
 ];

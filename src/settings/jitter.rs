@@ -1,0 +1,22 @@
+//! Choice of the frames whose primary rays are jittered.
+
+use bevy::reflect::Reflect;
+
+/// When primary rays move within the pixel from frame to frame (box filter), so that means of frames have smooth edges.  Without jitter all
+/// rays pass through the centers of pixels: edges alias, but keep their histories, so that single frames have less noise there.
+///
+/// On a camera with Bevy's `TemporalJitter`, which `TemporalAntiAliasing` and upscalers bring, that jitter is used instead.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
+pub enum Jitter {
+    /// Where frames are averaged: with [`Restir::accumulate`](super::Restir::accumulate), and by
+    /// [`Technique::Reference`](super::Technique::Reference).
+    #[default]
+    Auto,
+    /// In every frame.  For apps that average frames themselves.  Single frames have up to 40 % more error (`docs/performance.md`, "One
+    /// frame").
+    Always,
+    /// In no frame.
+    Never,
+}
