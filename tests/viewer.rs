@@ -75,7 +75,7 @@ fn every_field_of_restir_has_a_widget() {
 fn a_click_on_a_widget_changes_its_field_and_no_other() {
     let context = egui::Context::default();
     let mut settings = Restir::default();
-    for path in ["jitter", "direct.reuse.temporal", "paths.reuse.shade_all"] {
+    for path in ["energy_compensation", "direct.reuse.temporal", "paths.reuse.shade_all"] {
         let before = settings.clone();
         click(&context, &mut settings, path);
         let changed: Vec<String> =

@@ -17,7 +17,7 @@ pub const EXACT: f64 = 2e-3;
 /// Tolerance of scenes with random choices in every pixel of every frame.
 pub const NOISY: f64 = 0.03;
 
-const FRAMES: u32 = 24;
+const FRAMES: u32 = 48;
 
 /// Renders all rows in one app, so that remains of one scene would show in the next.
 pub fn check(rows: &[Row]) {
