@@ -1,7 +1,7 @@
 //! Cost and error of the techniques with all bounces, compared with the reference tracer at equal time.
 
 use bevy::math::UVec2;
-use bevy_restir::{Jitter, Restir, Technique};
+use bevy_restir::{Restir, Technique};
 use bevy_restir_support::{arguments, fields, progress::Progress};
 use std::path::PathBuf;
 
@@ -105,19 +105,7 @@ impl Steps {
 
 impl Args {
     fn settings(&self, technique: Technique) -> Restir {
-        plain(technique, self.bounces)
-    }
-}
-
-/// Without jitter and energy compensation, so that all techniques converge to one picture.
-pub fn plain(technique: Technique, bounces: u32) -> Restir {
-    Restir {
-        technique,
-        bounces,
-        jitter: Jitter::Never,
-        energy_compensation: false,
-        firefly_limit: 0.0,
-        ..Restir::default()
+        crate::series::plain(technique, self.bounces)
     }
 }
 

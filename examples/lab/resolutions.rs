@@ -7,8 +7,8 @@ use std::path::PathBuf;
 
 use crate::{
     bench::{Bench, Counts, pixels, scenes},
-    equal_time::plain,
     output::{Output, provenance},
+    series::plain,
     table::{Row, Table, Unit},
 };
 

@@ -24,15 +24,14 @@ pub struct Entry {
     pub shown: &'static [Shown],
 }
 
-/// One bounce without jitter and energy compensation, so that all techniques converge to one picture.
-fn plain(technique: Technique, direct: Direct) -> Restir {
+/// Without jitter and energy compensation, so that all techniques converge to one picture.
+pub fn plain(technique: Technique, bounces: u32) -> Restir {
     Restir {
         technique,
-        bounces: 1,
+        bounces,
         jitter: Jitter::Never,
         energy_compensation: false,
         firefly_limit: 0.0,
-        direct,
         ..Restir::default()
     }
 }
@@ -46,12 +45,12 @@ pub fn default() -> Restir {
 pub fn with(change: impl FnOnce(&mut Direct)) -> Restir {
     let mut direct = Direct::default();
     change(&mut direct);
-    plain(Technique::Di, direct)
+    Restir { direct, ..plain(Technique::Di, 1) }
 }
 
 /// The reference tracer.
 pub fn reference() -> Restir {
-    plain(Technique::Reference, Direct::default())
+    plain(Technique::Reference, 1)
 }
 
 /// The final pipeline of Wyman and Panteleev 2021.
@@ -71,7 +70,7 @@ fn paper_within(radius: f32) -> Restir {
 
 /// Direct light of the cheapest preset.
 pub fn performance() -> Restir {
-    plain(Technique::Di, Restir::preset(Preset::Performance).direct)
+    Restir { direct: Restir::preset(Preset::Performance).direct, ..plain(Technique::Di, 1) }
 }
 
 /// Candidates without any reuse.

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use crate::{
     bench::{Bench, Errors, Scene, scenes},
-    equal_time::{Lengths, plain},
+    equal_time::Lengths,
     error::Error,
     output::header,
     series,
@@ -40,8 +40,8 @@ pub fn run(args: &Args) -> Result<(), String> {
 /// The figures of a scene.
 fn column(args: &Args, scene: &Scene, table: &mut Table) -> Result<Vec<Row>, String> {
     let Lengths { size, counts, seeds, samples, .. } = &args.lengths;
-    let reference = plain(Technique::Reference, args.bounces);
-    let rows = series::thresholds(&plain(Technique::Pt, args.bounces));
+    let reference = series::plain(Technique::Reference, args.bounces);
+    let rows = series::thresholds(&series::plain(Technique::Pt, args.bounces));
     let mut bench = Bench::of_scene(scene, *size, reference.clone(), counts)?;
     let frames = u64::from(*seeds) * u64::from(counts.warmup + 1) * rows.len() as u64;
     let progress = Progress::new(u64::from(samples.next_multiple_of(2)) + frames);

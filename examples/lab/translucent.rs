@@ -1,9 +1,7 @@
 //! Cost and error of ReSTIR SSS by its shift, compared with the reference tracer at equal time: two bodies under a moving camera.
 
 use bevy::{camera::Projection, prelude::*};
-use bevy_restir::{
-    DebugView, Jitter, RayBackend, Restir, Reuse, Subsurface, SubsurfaceSampling, SubsurfaceShift, Technique,
-};
+use bevy_restir::{DebugView, RayBackend, Restir, Reuse, Subsurface, SubsurfaceSampling, SubsurfaceShift, Technique};
 use bevy_restir_support::{
     bodies, exposure::unit_exposure, fields, headless, progress::Progress, scene, scene::CameraSetup,
 };
@@ -12,6 +10,7 @@ use std::path::Path;
 use crate::{
     bench::Bench,
     equal_time::{Detail, Lengths, Rival, column},
+    series::plain,
     table::{Row, Table, Unit},
 };
 
@@ -68,7 +67,7 @@ pub fn run(args: &Args) -> Result<(), String> {
             other => return Err(format!("there is no scene `{other}`")),
         };
         let motion = place.motion();
-        let reference = settings(Technique::Reference);
+        let reference = plain(Technique::Reference, 1);
         let setup = CameraSetup {
             size: args.lengths.size,
             exposure: unit_exposure(),
@@ -88,20 +87,8 @@ pub fn run(args: &Args) -> Result<(), String> {
     output.write("subsurface", &table)
 }
 
-/// One bounce without jitter and energy compensation, so that all techniques converge to one picture.
-fn settings(technique: Technique) -> Restir {
-    Restir {
-        technique,
-        bounces: 1,
-        jitter: Jitter::Never,
-        energy_compensation: false,
-        firefly_limit: 0.0,
-        ..Restir::default()
-    }
-}
-
 fn with(subsurface: SubsurfaceSampling) -> Restir {
-    Restir { subsurface, ..settings(Technique::Di) }
+    Restir { subsurface, ..plain(Technique::Di, 1) }
 }
 
 fn rivals(args: &Args) -> Result<Vec<Rival>, String> {
@@ -135,7 +122,7 @@ fn rivals(args: &Args) -> Result<Vec<Rival>, String> {
 
 /// Times of the frame with the default settings, and of that frame with diffuse bodies.
 fn diffuse(args: &Args, bench: &mut Bench) -> Result<Vec<Row>, String> {
-    let settings = settings(Technique::Di);
+    let settings = plain(Technique::Di, 1);
     let progress = Progress::new(2 * Bench::planned(&args.lengths.counts, &settings, 0));
     let (below, _) = bench.measure(&settings, None, &progress)?;
     let world = bench.app().world_mut();
@@ -155,7 +142,7 @@ fn diffuse(args: &Args, bench: &mut Bench) -> Result<Vec<Row>, String> {
 
 /// Share of the picture's pixels whose base color is that of the bodies.
 fn translucent_share(bench: &mut Bench) -> Result<f64, String> {
-    let albedo = Restir { debug_view: DebugView::Albedo, ..settings(Technique::Reference) };
+    let albedo = Restir { debug_view: DebugView::Albedo, ..plain(Technique::Reference, 1) };
     let (picture, _) = bench.show(&albedo, 0, &Progress::hidden())?;
     let bodies = picture.iter().filter(|pixel| pixel[0] > 1.05 * pixel[2]).count();
     Ok(bodies as f64 / picture.len() as f64)

@@ -2,17 +2,16 @@
 // needs it for the MIS weight of its own sample.  Without pairs every pixel would do both shifts.
 //
 // With DEFERS_REPLAYS a first pass shifts the samples whose shifts find no vertices by rays; it has no code for the others, and puts pixels
-// that have some into a queue.  A second pass, with FROM_QUEUE, works the queue off, so that threads that run together all replay paths
+// that have some into a queue.  A second pass, with FROM_QUEUE, does the shifts of the queue, so that threads that run together all replay paths
 // (replay compaction, Lin et al. 2026, supplement, Table 1).
 
 #import technique::{evaluate, is_visible, kept_shift, needs_replay, PackedReservoir, Receiver, receiver_of, receives_light, Reservoir, reservoir_unpack, target_value}
 #import bevy_restir::common::constants::NONE
-#import bevy_restir::common::ray::rays_traced
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::pairs::{next_pair, Pair, pair_in_slot}
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::view::bindings::{view, visibility}
-#import bevy_restir::view::ray_counter::count_rays
+#import bevy_restir::view::ray_counter::{count_rays, reset_counts}
 
 // Only domains of paths make pairs, and a path has an alpha seed of its own.
 const NO_ALPHA_SEED: u32 = 0u;
@@ -61,7 +60,7 @@ fn pair_shifts(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgr
             store_shift(pixel, r, pair, sample_in(pair.partner));
         }
         count_rays(pixel);
-        rays_traced = 0u;
+        reset_counts();
     }
 }
 #else

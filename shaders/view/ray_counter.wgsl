@@ -10,6 +10,13 @@ fn count_rays(pixel: vec2<u32>) {
     count_guards(pixel);
 }
 
+// For invocations that work on one pixel after another.
+fn reset_counts() {
+    rays_traced = 0u;
+    trace_flags = 0u;
+    raised_guards = 0u;
+}
+
 // For passes that trace no rays.
 fn count_guards(pixel: vec2<u32>) {
     let raised = trace_flags | raised_guards;

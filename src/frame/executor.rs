@@ -93,7 +93,7 @@ impl Compute<'_> {
         if matches!(workgroups, Workgroups::Direct([0, _] | [_, 0])) {
             return;
         }
-        self.prepare_queue(context);
+        self.empty_queue(context);
         let name = self.step.name;
         let diagnostics = context.diagnostic_recorder();
         let mut encoder = context
@@ -121,15 +121,10 @@ impl Compute<'_> {
         self.state.history.as_ref()?.pairs.as_ref()?.queue.as_ref()
     }
 
-    /// Empties the replay queue before the pass that fills it, and copies its number of workgroups before the pass that works it off.
-    fn prepare_queue(&self, context: &mut RenderContext) {
-        let Some(queue) = self.queue() else { return };
-        let encoder = context.command_encoder();
-        if self.pass.resources.contains(&PassResource::ReplayQueue) {
-            encoder.clear_buffer(&queue.entries, 0, Some(ReplayQueue::HEADER));
-        }
-        if self.pass.dispatch == Dispatch::ReplayQueue {
-            encoder.copy_buffer_to_buffer(&queue.entries, 0, &queue.workgroups, 0, ReplayQueue::ARGUMENTS);
+    /// Empties the replay queue before the pass that fills it.
+    fn empty_queue(&self, context: &mut RenderContext) {
+        if let Some(queue) = self.queue().filter(|_| self.pass.resources.contains(&PassResource::ReplayQueue)) {
+            context.command_encoder().clear_buffer(&queue.0, 0, Some(ReplayQueue::HEADER));
         }
     }
 
@@ -138,7 +133,7 @@ impl Compute<'_> {
         match self.pass.dispatch {
             Dispatch::Pixels => Workgroups::Direct([self.state.size.x.div_ceil(8), self.state.size.y.div_ceil(8)]),
             Dispatch::Subsets => Workgroups::Direct(presample_workgroups(&self.state.settings.direct)),
-            Dispatch::ReplayQueue => self.queue().map_or(nothing, |queue| Workgroups::Indirect(&queue.workgroups)),
+            Dispatch::ReplayQueue => self.queue().map_or(nothing, |queue| Workgroups::Indirect(&queue.0)),
         }
     }
 }

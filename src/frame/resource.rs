@@ -114,7 +114,7 @@ fn binding_of<'a>(resource: R, step: &Step, state: &'a RestirView) -> Option<Bou
         R::SplatLight => view(light_of(history?, LightPart::LightPaths, Reservoirs::light_of_last_iteration)),
         R::PairMasks | R::PairMasksRead => view(&history?.pairs.as_ref()?.masks),
         R::PairShifts | R::PairShiftsRead => view(&history?.pairs.as_ref()?.shifts),
-        R::ReplayQueue | R::ReplayQueueRead => buffer(&history?.pairs.as_ref()?.queue.as_ref()?.entries),
+        R::ReplayQueue | R::ReplayQueueRead => buffer(&history?.pairs.as_ref()?.queue.as_ref()?.0),
         R::PreviousVisibility => view(&history?.previous_visibility_view),
         R::CandidateLight => view(own()?.light_of_candidates()),
         R::LightBefore => view(own()?.light_before(step.iteration)),

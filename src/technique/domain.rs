@@ -136,6 +136,23 @@ pub(crate) const fn reuse(name: &'static str, technique_rooms: &'static [&'stati
     ComputePass { file: "reuse", technique_rooms, ..ComputePass::per_pixel(name, resources) }
 }
 
+/// The resources of the passes of paired spatial reuse.
+pub(crate) const PAIR_NEIGHBORS: &[R] = &[R::Settings, R::NeighborReservoirs, R::PairMasks];
+pub(crate) const PAIR_SHIFTS: &[R] = &[R::Settings, R::NeighborReservoirs, R::PairShifts, R::PairMasksRead];
+pub(crate) const PAIR_SHORT_SHIFTS: &[R] =
+    &[R::Settings, R::NeighborReservoirs, R::PairShifts, R::PairMasksRead, R::ReplayQueue];
+pub(crate) const PAIR_REPLAYS: &[R] =
+    &[R::Settings, R::NeighborReservoirs, R::PairShifts, R::PairMasksRead, R::ReplayQueueRead];
+pub(crate) const PAIRED_REUSE: &[R] = &[
+    R::Settings,
+    R::NeighborReservoirs,
+    R::OutputReservoirs,
+    R::PairMasksRead,
+    R::LightBefore,
+    R::LightAfter,
+    R::PairShiftsRead,
+];
+
 /// A pass of paired spatial reuse.
 pub(crate) const fn pair_pass(
     name: &'static str,
@@ -150,33 +167,18 @@ pub(crate) const fn pair_pass(
 /// Paired spatial reuse in a domain: the prefix of the names of its passes, the rooms of its technique, and its shader definitions.
 macro_rules! pair_passes {
     ($name:literal, $rooms:expr $(, $def:literal)*) => {{
-        use $crate::technique::{
-            domain::{PairPasses, pair_pass},
-            pass::{ComputePass, Dispatch, PassResource as R},
-        };
-        const SHIFTS: &[R] = &[R::Settings, R::NeighborReservoirs, R::PairShifts, R::PairMasksRead];
-        const SHORT: &[R] = &[SHIFTS[0], SHIFTS[1], SHIFTS[2], SHIFTS[3], R::ReplayQueue];
-        const REPLAYS: &[R] = &[SHIFTS[0], SHIFTS[1], SHIFTS[2], SHIFTS[3], R::ReplayQueueRead];
-        const NEIGHBORS: &[R] = &[R::Settings, R::NeighborReservoirs, R::PairMasks];
-        const REUSE: &[R] = &[
-            R::Settings,
-            R::NeighborReservoirs,
-            R::OutputReservoirs,
-            R::PairMasksRead,
-            R::LightBefore,
-            R::LightAfter,
-            R::PairShiftsRead,
-        ];
+        use $crate::technique::{domain::*, pass::{ComputePass, Dispatch}};
         let (defers, from_queue) = (&["DEFERS_REPLAYS" $(, $def)*], &["FROM_QUEUE" $(, $def)*]);
+        let shifts = "pair_shifts";
         PairPasses {
-            neighbors: pair_pass(concat!($name, "_pair_neighbors"), "pair_neighbors", $rooms, &[$($def)*], NEIGHBORS),
-            shifts: pair_pass(concat!($name, "_pair_shifts"), "pair_shifts", $rooms, &[$($def)*], SHIFTS),
-            short_shifts: pair_pass(concat!($name, "_pair_short_shifts"), "pair_shifts", $rooms, defers, SHORT),
+            neighbors: pair_pass(concat!($name, "_pair_neighbors"), "pair_neighbors", $rooms, &[$($def)*], PAIR_NEIGHBORS),
+            shifts: pair_pass(concat!($name, "_pair_shifts"), shifts, $rooms, &[$($def)*], PAIR_SHIFTS),
+            short_shifts: pair_pass(concat!($name, "_pair_short_shifts"), shifts, $rooms, defers, PAIR_SHORT_SHIFTS),
             replays: ComputePass {
                 dispatch: Dispatch::ReplayQueue,
-                ..pair_pass(concat!($name, "_pair_replays"), "pair_shifts", $rooms, from_queue, REPLAYS)
+                ..pair_pass(concat!($name, "_pair_replays"), shifts, $rooms, from_queue, PAIR_REPLAYS)
             },
-            reuse: pair_pass(concat!($name, "_paired_reuse"), "reuse", $rooms, &["PAIRED" $(, $def)*], REUSE),
+            reuse: pair_pass(concat!($name, "_paired_reuse"), "reuse", $rooms, &["PAIRED" $(, $def)*], PAIRED_REUSE),
         }
     }};
 }

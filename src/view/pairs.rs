@@ -1,4 +1,5 @@
-//! Textures and buffers of paired spatial reuse: what the pixels of pairs exchange within an iteration.  They exist only while the settings ask for pairs.
+//! Textures and buffers of paired spatial reuse: what the pixels of pairs exchange within an iteration.  They exist only while the settings
+//! ask for pairs.
 
 use bevy::{
     math::UVec2,
@@ -21,12 +22,8 @@ pub(crate) struct Pairs {
     kind: PairKind,
 }
 
-/// A queue of pixels, each an entry of 8 bytes (`shaders/pass/pair_shifts.wgsl`).
-pub(crate) struct ReplayQueue {
-    pub(crate) entries: Buffer,
-    /// A copy of the number of workgroups, which the entries follow: a buffer cannot be bound and be the argument of the same dispatch.
-    pub(crate) workgroups: Buffer,
-}
+/// A queue of pixels, each an entry of 8 bytes, after the arguments of the dispatch that does its shifts (`shaders/pass/pair_shifts.wgsl`).
+pub(crate) struct ReplayQueue(pub(crate) Buffer);
 
 /// What the resources of pairs depend on, besides the size of the image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -36,18 +33,12 @@ pub(super) struct PairKind {
 }
 
 impl ReplayQueue {
-    /// Numbers of workgroups and of entries, at the beginning of `entries`, bytes.
+    /// Numbers of workgroups and of entries, at the beginning, bytes.
     pub(crate) const HEADER: u64 = 16;
-    /// Numbers of workgroups, bytes.
-    pub(crate) const ARGUMENTS: u64 = 12;
 
     fn new(size: UVec2, device: &RenderDevice) -> Self {
-        let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
-        let arguments = BufferUsages::INDIRECT | BufferUsages::COPY_DST;
-        Self {
-            entries: buffer(device, "replay queue", Self::bytes(pixels(size)), storage),
-            workgroups: buffer(device, "workgroups of the replay queue", Self::ARGUMENTS, arguments),
-        }
+        let usage = BufferUsages::STORAGE | BufferUsages::INDIRECT | BufferUsages::COPY_DST;
+        Self(buffer(device, "replay queue", Self::bytes(pixels(size)), usage))
     }
 
     fn bytes(pixels: u64) -> u64 {
@@ -78,7 +69,7 @@ impl Pairs {
 
     /// Names and bytes.
     pub(super) fn memory(&self, pixels: u64) -> impl Iterator<Item = (&'static str, u64)> {
-        let queue = self.queue.as_ref().map(|_| ("replay queue", ReplayQueue::bytes(pixels) + ReplayQueue::ARGUMENTS));
+        let queue = self.queue.as_ref().map(|_| ("replay queue", ReplayQueue::bytes(pixels)));
         [("pair masks", pixels * 4), ("pair shifts", pixels * 16 * u64::from(self.kind.layers))]
             .into_iter()
             .chain(queue)

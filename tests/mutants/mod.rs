@@ -3,11 +3,11 @@
 //! A mutant runs in a process of its own: this test program again, with the tests that should find it.  The process makes the edit
 //! where it loads shaders (`bevy_restir_support::mutant`).
 
-mod table;
+mod resampling;
+mod scene;
 
 use bevy_restir::testing::shader_library::MODULES;
 use std::process::{Command, Stdio};
-use table::MUTANTS;
 
 /// A wrong edit of a shader.
 struct Mutant {
@@ -21,9 +21,24 @@ struct Mutant {
     tests: &'static [&'static str],
 }
 
+const fn mutant(
+    name: &'static str,
+    file: &'static str,
+    old: &'static str,
+    new: &'static str,
+    tests: &'static [&'static str],
+) -> Mutant {
+    Mutant { name, file, old, new, tests }
+}
+
+/// All of them: one for each formula family, criterion, MIS kind, read of the last frame, and packing.
+fn all() -> impl Iterator<Item = &'static Mutant> {
+    resampling::MUTANTS.iter().chain(scene::MUTANTS)
+}
+
 #[test]
 fn every_mutant_edits_one_place() {
-    for mutant in MUTANTS {
+    for mutant in all() {
         let (_, text) = MODULES.iter().find(|(path, _)| *path == mutant.file).expect(mutant.file);
         assert_eq!(text.matches(mutant.old).count(), 1, "{}: {}", mutant.name, mutant.old);
         assert_ne!(mutant.old, mutant.new, "{}", mutant.name);
@@ -36,7 +51,7 @@ fn every_mutant_edits_one_place() {
 fn full_length_tests_find_every_mutant() {
     let only = std::env::var("MUTANT").ok();
     let mut missed = Vec::new();
-    for mutant in MUTANTS.iter().filter(|mutant| only.as_ref().is_none_or(|name| name == mutant.name)) {
+    for mutant in all().filter(|mutant| only.as_ref().is_none_or(|name| name == mutant.name)) {
         let start = std::time::Instant::now();
         let found = mutant.tests.iter().find(|test| !passes(mutant, test));
         let seconds = start.elapsed().as_secs_f64();

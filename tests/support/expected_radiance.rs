@@ -14,8 +14,9 @@ pub type Row = (&'static str, Build, f64, f64);
 
 /// Tolerance of scenes without random choices: rounding only.
 pub const EXACT: f64 = 2e-3;
-/// Tolerance of scenes with random choices in every pixel of every frame.
-pub const NOISY: f64 = 0.03;
+/// Tolerance of scenes with random choices in every pixel of every frame: four standard errors of the noisiest row.  Random numbers depend
+/// on the ids of objects, which may differ from run to run.
+pub const NOISY: f64 = 0.05;
 
 const FRAMES: u32 = 48;
 

@@ -2,7 +2,7 @@
 
 use crate::support::app::*;
 use bevy::{mesh::PlaneMeshBuilder, prelude::*, render::render_resource::Face};
-use bevy_restir::{DebugView, Jitter};
+use bevy_restir::{DebugView, Jitter, Restir, Technique};
 
 /// The share of pixels away from silhouettes that may hold another triangle than the ray's.  Rasterizers snap corners to 1/256 pixel, so
 /// a pixel center that close to an edge may fall to the neighbor.  These meshes have about one pixel of edge per pixel.
@@ -196,4 +196,25 @@ fn debug_views_ignore_exposure() {
     }
     // 0.5, sRGB-encoded.
     assert!(shown.iter().all(|p| p[0].abs_diff(188) <= 1), "{shown:?}");
+}
+
+/// Whether primary rays of successive frames meet other points.
+fn moves(rig: &mut Rig, technique: Technique, jitter: Jitter, accumulate: bool) -> bool {
+    rig.set(|r| *r = Restir { technique, jitter, accumulate, debug_view: DebugView::Depth, ..plain() });
+    let first = rig.picture(1);
+    (0..3).any(|_| rig.next().pixels != first.pixels)
+}
+
+#[test]
+fn only_frames_that_are_averaged_are_jittered_by_default() {
+    let Some(mut rig) = Rig::new(32, 32) else { return };
+    crowd(&mut rig);
+    for technique in [Technique::Reference, Technique::Di, Technique::Pt] {
+        for accumulate in [false, true] {
+            let averages = accumulate || technique == Technique::Reference;
+            assert_eq!(moves(&mut rig, technique, Jitter::Auto, accumulate), averages, "{technique:?}, {accumulate}");
+            assert!(moves(&mut rig, technique, Jitter::Always, accumulate), "{technique:?}, {accumulate}");
+            assert!(!moves(&mut rig, technique, Jitter::Never, accumulate), "{technique:?}, {accumulate}");
+        }
+    }
 }
