@@ -26,6 +26,8 @@ pub const INSTANCE_APPEARED: u32 = 16;
 pub const INSTANCE_GONE: u32 = 32;
 /// Skinned or morphed: the buffers hold its triangles a second time, as they were in the last frame.
 pub const INSTANCE_DEFORMED: u32 = 64;
+/// The mesh has vertex colors.
+pub const INSTANCE_VERTEX_COLORS: u32 = 128;
 pub const INSTANCE_SUBSURFACE_SHIFT: u32 = 8;
 
 pub const MATERIAL_DOUBLE_SIDED: u32 = 1;
@@ -271,6 +273,8 @@ pub struct GpuViewUniforms {
     pub accumulated: u32,
     pub layers: u32,
     pub target_size: [u32; 2],
+    pub background_alpha: f32,
+    pub pad: [u32; 3],
 }
 
 /// Counters of a view, equal to `Counters` in `shaders/pass/statistics.wgsl`.
@@ -382,7 +386,7 @@ pub struct GpuResampleSettings {
     pub jacobian_limit: f32,
     pub light_paths: u32,
     pub splats: u32,
-    pub diffuse_share: f32,
+    pub nee_share: f32,
     pub caustic_share: f32,
     pub subsurface_shift: u32,
     pub pair_layers: u32,

@@ -32,8 +32,9 @@ use crate::{
 
 /// Adds ReSTIR lighting to cameras that carry [`Restir`].
 ///
-/// If the device lacks compute shaders or eight storage buffers a stage, the plugin warns once and stays off, and Bevy's own lighting stays
-/// on: [`RestirStatus`] says so.
+/// The device needs compute shaders, storage buffers in vertex shaders, eight storage buffers per shader stage, 64 invocations per
+/// workgroup and storage bindings of 1 MiB.  If one of these is missing, the plugin warns once and stays off, and Bevy's own lighting stays
+/// on; [`RestirStatus`] has the reason.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RestirPlugin {
     /// How rays are traced.
@@ -174,7 +175,10 @@ fn require_single_sample(
             continue;
         }
         if !restir.is_added() && warned.is_due(entity) {
-            warn!("restir: camera {entity} has {:?}; multisampling is turned off", *msaa);
+            warn!(
+                "restir: camera {entity} has Msaa::{:?}, which Restir does not support; it is set to Msaa::Off",
+                *msaa
+            );
         }
         *msaa = Msaa::Off;
     }

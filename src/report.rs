@@ -172,7 +172,11 @@ pub(crate) fn update_report(
     for (guard, (name, pixels)) in GUARDS.iter().zip(&report.guards) {
         if *pixels > 0 && !reported.contains(name) {
             reported.push(name);
-            error!("restir: {} ({pixels} pixels so far; guard `{name}`)", guard.meaning);
+            error!(
+                "restir: guard `{name}` was raised by {pixels} pixels so far: {}.  Unless it is `float_overflow` or `overflow_probe`, this is a \
+                 bug of bevy_restir; please report it",
+                guard.meaning
+            );
         }
     }
 }

@@ -175,8 +175,8 @@ pub fn is_template(wgsl: &str) -> bool {
 const COMMON_ROOM: &str = "restir";
 
 /// Puts the modules of a technique into a template.  `rooms`: folders of `shaders/`; the first one that defines a name provides it, and
-/// `restir` if none of them does.  A further import in a template is for some techniques only, behind a shader definition that the others
-/// do not have: what they lack of it is left out.
+/// `restir` if none of them does.  Further imports of a template are behind shader definitions that only some techniques set; names that
+/// the rooms of a technique do not define are left out of them.
 ///
 /// # Panics
 ///

@@ -61,7 +61,10 @@ impl<K: Eq + Hash> Warned<K> {
     pub(crate) fn begin_frame(&mut self) {
         self.rate.begin_frame();
         if self.withheld > 0 && self.rate.allows() {
-            warn!("restir: {} more warnings of this kind are left out", self.withheld);
+            warn!(
+                "restir: {} further warnings were not logged, because too many similar ones came at once",
+                self.withheld
+            );
             self.withheld = 0;
         }
     }

@@ -21,7 +21,7 @@ pub struct Args {
     scenes: Vec<PathBuf>,
     #[command(flatten)]
     output: Output,
-    /// Pixels.
+    /// Size of the picture in pixels.
     #[arg(long, default_value = "128x128", value_parser = arguments::size)]
     size: UVec2,
     #[command(flatten)]

@@ -26,10 +26,13 @@ pub struct Args {
     /// glTF files.
     #[arg(required = true)]
     scenes: Vec<PathBuf>,
+    /// Settings to start from.
     #[arg(long, default_value = "balanced", value_parser = arguments::choice::<Preset>())]
     preset: Preset,
+    /// The technique to measure.
     #[arg(long, default_value = "pt", value_parser = arguments::choice::<Technique>())]
     technique: Technique,
+    /// Size of the picture in pixels.
     #[arg(long, default_value = "128x128", value_parser = arguments::size)]
     size: UVec2,
     #[command(flatten)]

@@ -31,7 +31,7 @@ pub struct Args {
 pub struct Lengths {
     #[command(flatten)]
     pub output: Output,
-    /// Pixels.
+    /// Size of the picture in pixels.
     #[arg(long, default_value = "128x128", value_parser = arguments::size)]
     pub size: UVec2,
     #[command(flatten)]

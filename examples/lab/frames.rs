@@ -13,14 +13,16 @@ use crate::{
     table::{Row, Table, Unit},
 };
 
-/// Errors of single frames of a preset as it comes, against the references beside the scenes, and the time of a frame.
+/// Errors of single frames of an unchanged preset, against the references beside the scenes, and the time of a frame.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// glTF files; beside each lie its reference NAME.exr and `references.json` with the number of bounces.
     #[arg(required = true)]
     scenes: Vec<PathBuf>,
+    /// Settings to start from.
     #[arg(long, default_value = "balanced", value_parser = arguments::choice::<Preset>())]
     preset: Preset,
+    /// The technique to measure.
     #[arg(long, default_value = "pt", value_parser = arguments::choice::<Technique>())]
     technique: Technique,
     /// Fields of `Restir` as `"PATH=VALUE PATH=VALUE"`, measured beside the preset; repeatable.

@@ -28,7 +28,7 @@ pub struct Args {
     /// Frames of each case.
     #[arg(long, default_value_t = 24, value_parser = clap::value_parser!(u32).range(4..))]
     frames: u32,
-    /// Pixels.
+    /// Size of the picture in pixels.
     #[arg(long, default_value = "16x16", value_parser = arguments::size)]
     size: UVec2,
     #[command(flatten)]

@@ -35,7 +35,7 @@ use bevy_restir_support::{arguments, headless};
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
-/// Measures cost and error of the techniques.
+/// Measures the techniques, makes the tables and pictures of the documentation, and searches for failures (fuzz, soak, broken-files).
 #[derive(Parser, Debug)]
 #[command(name = "lab", version)]
 struct Args {

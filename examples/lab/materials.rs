@@ -20,7 +20,7 @@ pub struct Args {
     /// Folder for the picture `materials.png`.
     #[arg(long, default_value = "target/lab")]
     out: PathBuf,
-    /// Pixels.
+    /// Size of the picture in pixels.
     #[arg(long, default_value = "490x840", value_parser = arguments::size)]
     size: UVec2,
     /// Technique that lights the picture.

@@ -21,13 +21,16 @@ pub struct Args {
     /// glTF files.
     #[arg(required = true)]
     scenes: Vec<PathBuf>,
+    /// Settings to start from.
     #[arg(long, default_value = "balanced", value_parser = arguments::choice::<Preset>())]
     preset: Preset,
+    /// The technique to measure.
     #[arg(long, default_value = "pt", value_parser = arguments::choice::<Technique>())]
     technique: Technique,
     /// Fields of `Restir` as `"PATH=VALUE PATH=VALUE"`, measured beside the preset; repeatable.
     #[arg(long)]
     variant: Vec<String>,
+    /// Size of the picture in pixels.
     #[arg(long, default_value = "128x128", value_parser = arguments::size)]
     size: UVec2,
     /// Number of independent runs over which errors are averaged.
@@ -36,7 +39,7 @@ pub struct Args {
     /// Samples per pixel of the converged pictures.
     #[arg(long, default_value_t = 1024, value_parser = clap::value_parser!(u32).range(2..))]
     samples: u32,
-    /// Distance of the object that passes, m; it and the steps of the camera are a share of it.
+    /// Distance of the passing object from the camera, m.  The size and speed of the object and the steps of the camera scale with it.
     #[arg(long, default_value_t = 1.0)]
     distance: f32,
     #[command(flatten)]

@@ -41,7 +41,7 @@ const BARE: &str = include_str!("kernels/bare.wgsl");
 const LARGE: usize = 512_000;
 const SMALL: usize = 200;
 
-/// Rates of rays, times of builds, bytes.
+/// Rays per second, build times and memory of the acceleration structures, for both ray back ends.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     #[command(flatten)]

@@ -20,7 +20,7 @@ pub struct Args {
     scenes: Vec<PathBuf>,
     #[command(flatten)]
     output: Output,
-    /// Pixels of each column.
+    /// Sizes of the picture in pixels, one column each.
     #[arg(long, value_delimiter = ',', default_value = "128x72,256x144,512x288", value_parser = arguments::size)]
     sizes: Vec<UVec2>,
     #[command(flatten)]

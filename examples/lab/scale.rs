@@ -24,7 +24,7 @@ use crate::{
 pub struct Args {
     #[command(flatten)]
     output: Output,
-    /// Pixels.
+    /// Size of the picture in pixels.
     #[arg(long, default_value = "128x128", value_parser = arguments::size)]
     size: UVec2,
     #[command(flatten)]

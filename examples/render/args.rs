@@ -29,10 +29,10 @@ pub struct Args {
     /// Settings to start from.
     #[arg(long, default_value = "balanced", value_parser = arguments::choice::<Preset>())]
     pub preset: Preset,
-    /// Maximum number of scattering events of a path; overrides the preset.
+    /// Maximum number of scattering events of a path, 0 to 64; overrides the preset.
     #[arg(long)]
     pub bounces: Option<u32>,
-    /// Samples per pixel of the reference; of other techniques frames after the warm-up.
+    /// With the reference: samples per pixel. With other techniques: frames after the warm-up.
     #[arg(long, default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=16_000_000))]
     pub frames: u32,
     /// Frames that build up history and are not part of the picture; the reference skips them.
@@ -65,17 +65,17 @@ pub struct Args {
     /// Sets a field of `Restir` by its reflection path, for instance direct.candidates=16; repeatable.
     #[arg(long = "set", value_name = "PATH=VALUE")]
     pub set: Vec<String>,
-    /// GPU time of a frame, ms. Before the warm-up, samples are taken away from the settings until frames fit.
+    /// Limit for the GPU time of a frame, ms. Before the warm-up, the number of samples is reduced until frames take no longer.
     #[arg(long, value_name = "MS", value_parser = positive)]
     pub time_budget: Option<f32>,
-    /// Writes a second .exr file; repeatable. NAME says what: the first surface of each pixel in the frame after the picture, as albedo,
+    /// Writes another .exr file; repeatable. NAME is one of: the first surface of each pixel in the frame after the picture, as albedo,
     /// normal (world space, 0 without a surface), depth (distance from the camera, m; 0 without a surface) or motion (pixels to the surface
     /// in the frame before); or a part of the light in the picture, as diffuse (with light out of translucent bodies) or specular. The
     /// parts take as many frames as the picture and sum to it, except for what emits by itself; with `--output last`, bright pixels are
     /// limited in the picture alone (`--set firefly_limit=0` turns that off).
     #[arg(long = "aov", value_name = "NAME=FILE.exr", value_parser = aov)]
     pub aovs: Vec<Aov>,
-    /// Writes times, memory and counters as JSON.
+    /// Writes times, memory and counters to this file as JSON.
     #[arg(long)]
     pub stats: Option<PathBuf>,
 }
@@ -141,6 +141,11 @@ impl Args {
             fields::set(&mut settings, assignment).map_err(|error| format!("--set {error}"))?;
         }
         Ok(settings)
+    }
+
+    /// Whether the picture is an .exr file.
+    pub fn writes_exr(&self) -> bool {
+        self.out.extension().is_some_and(|e| e == "exr")
     }
 
     /// The camera's exposure; 1 until the picture is measured where that is asked for.

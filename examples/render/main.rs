@@ -75,7 +75,7 @@ fn render(args: &Args, settings: Restir) -> Result<(), String> {
     let exposure = final_exposure(args, &frames);
     // Without an exposure value the file holds the exact radiance.
     let scale = f64::from(args.ev100.map_or(1.0, |_| exposure.exposure()));
-    if args.out.extension().is_some_and(|e| e == "exr") {
+    if args.writes_exr() {
         exr_file::write(&args.out, args.size, &frames.scaled(scale))?;
     } else {
         let camera = app.world().resource::<View>().camera;
@@ -197,7 +197,11 @@ fn accumulate(app: &mut App, args: &Args, settings: &Restir) -> Result<Frames, S
         }
     };
     // The GPU sums the frames of a still scene. Those of a moving one are summed here.
-    let mean = settings.technique == Technique::Reference || args.output == Output::Mean;
+    let wants_mean = settings.technique == Technique::Reference || args.output == Output::Mean;
+    let mean = wants_mean && (args.writes_exr() || !args.animate);
+    if wants_mean && !mean {
+        warn!("restir: a .png of an animation shows its last frame; an .exr has the mean of all frames");
+    }
     let gathers = mean && !args.animate;
     let keeps_no_history = settings.technique == Technique::Reference;
     let warmup = if keeps_no_history { 0 } else { args.warmup };
@@ -233,7 +237,10 @@ fn accumulate(app: &mut App, args: &Args, settings: &Restir) -> Result<Frames, S
             let captured = captured(app)?;
             if captured.size != args.size {
                 let (wanted, most) = (args.size, captured.size);
-                return Err(format!("{wanted} pixels do not fit this device with these settings; {most} would"));
+                return Err(format!(
+                    "a picture of {} x {} pixels does not fit this device with these settings; the largest is {} x {}",
+                    wanted.x, wanted.y, most.x, most.y
+                ));
             }
             add(&mut sum, &captured);
         }

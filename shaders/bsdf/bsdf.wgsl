@@ -6,17 +6,14 @@
 #import bevy_restir::bsdf::coat::{coat_draw, coat_eval, coat_is_chosen, coat_is_rough, coat_pdf, coat_share}
 #import bevy_restir::bsdf::diffuse::{diffuse_albedo, diffuse_eval, diffuse_pdf, diffuse_sample}
 #import bevy_restir::bsdf::ggx::{ggx_masking_ratio, ggx_sample}
-#import bevy_restir::bsdf::lobe_choice::{lobe_choice, reflection_probability}
+#import bevy_restir::bsdf::lobe_choice::{is_specular, lobe_choice, reflection_probability}
 #import bevy_restir::bsdf::reflection::{reflectance, reflection_eval, reflection_pdf, reflection_sample}
 #import bevy_restir::bsdf::roughness::{alpha_of, frame_of}
-#import bevy_restir::bsdf::transmission::{transmission_cosine, transmission_eval, transmission_is_delta, transmission_pdf, transmission_sample, transmittance}
+#import bevy_restir::bsdf::transmission::{transmission_cosine, transmission_eval, transmission_is_delta, transmission_pdf, transmission_sample, transmitted_share}
 #import bevy_restir::bsdf::types::{Bsdf, BsdfSample, LOBE_COAT, LOBE_DIFFUSE, LOBE_REFLECTION, LOBE_TRANSMISSION, no_bsdf_sample}
-#import bevy_restir::common::constants::ALPHA_DELTA
+#import bevy_restir::common::constants::{ALPHA_DELTA, ONE_MINUS_EPSILON}
 #import bevy_restir::common::guard::{GUARD_BSDF_SAMPLE, guard_holds, guarded, guarded_3}
 #import bevy_restir::common::math::{is_finite_3, max_component}
-
-// Largest f32 below 1.  A random number that is scaled up for reuse is clamped to it.
-const ONE_MINUS_EPSILON: f32 = 0.99999994;
 
 // A pair of directions in world space, and in the local frame where the shading normal is z.
 struct Directions {
@@ -132,7 +129,7 @@ fn bsdf_draw(b: Bsdf, wo: vec3<f32>, u: vec3<f32>) -> BsdfSample {
             s.lobe = LOBE_TRANSMISSION;
             s.delta = u32(transmission_is_delta(b));
             s.eta = b.eta;
-            delta_weight = transmittance(b, c) / (specular * (1.0 - reflect_probability) * b.eta * b.eta);
+            delta_weight = transmitted_share(b, c) / (specular * (1.0 - reflect_probability) * b.eta * b.eta);
             if rough {
                 delta_weight *= ggx_masking_ratio(o, i, alpha_of(b));
             }
@@ -159,8 +156,7 @@ fn bsdf_is_delta(b: Bsdf) -> bool {
 
 // Whether scattering does not depend on the direction that light comes from.
 fn bsdf_is_diffuse(b: Bsdf) -> bool {
-    let f0 = max(b.dielectric_reflectance, b.metallic * b.base_color);
-    return !(max(max_component(f0), b.transmission) > 0.0) && !(coat_share(b, b.n) > 0.0);
+    return !is_specular(b) && !(coat_share(b, b.n) > 0.0);
 }
 
 fn bsdf_lobe_is_delta(b: Bsdf, lobe: u32) -> bool {

@@ -4,7 +4,7 @@
 #import bevy_restir::bsdf::diffuse::diffuse_albedo
 #import bevy_restir::bsdf::fresnel::schlick
 #import bevy_restir::bsdf::reflection::reflectance
-#import bevy_restir::bsdf::transmission::transmittance
+#import bevy_restir::bsdf::transmission::transmitted_share
 #import bevy_restir::bsdf::types::Bsdf
 #import bevy_restir::common::math::{luminance, max_component}
 #ifdef CLEARCOAT
@@ -28,7 +28,7 @@ fn lobe_choice(b: Bsdf, wo: vec3<f32>, cos_o: f32) -> LobeChoice {
 fn base_albedo(b: Bsdf, cos_o: f32) -> vec2<f32> {
     return vec2<f32>(
         luminance(diffuse_albedo(b) * (1.0 - schlick(b.dielectric_reflectance, cos_o))),
-        luminance(reflectance(b, cos_o) + transmittance(b, cos_o)),
+        luminance(reflectance(b, cos_o) + transmitted_share(b, cos_o)),
     );
 }
 
@@ -75,7 +75,7 @@ fn coat_probability(b: Bsdf, wo: vec3<f32>, cos_o: f32) -> f32 {
 // Probability of reflection against transmission at a microfacet, c = wo·h: proportional to the light that each of them carries.
 fn reflection_probability(b: Bsdf, c: f32) -> f32 {
     let r = luminance(reflectance(b, c));
-    let t = luminance(transmittance(b, c));
+    let t = luminance(transmitted_share(b, c));
     if !(t > 0.0) {
         return 1.0;
     }

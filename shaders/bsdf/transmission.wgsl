@@ -37,7 +37,7 @@ fn interface_reflectance(b: Bsdf, c: f32) -> vec3<f32> {
 }
 
 // Share of light that a microfacet transmits, c = wo·h.
-fn transmittance(b: Bsdf, c: f32) -> vec3<f32> {
+fn transmitted_share(b: Bsdf, c: f32) -> vec3<f32> {
     return (1.0 - b.metallic) * b.transmission * (1.0 - interface_fresnel(b, c)) * b.base_color;
 }
 
@@ -78,7 +78,7 @@ fn transmission_eval(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> vec3<f32> {
     }
     let alpha = alpha_of(b);
     let d_g2 = ggx_d(h, alpha) * ggx_g2_over_cos_cos(wo, wi, alpha) * -wi.z;
-    return transmittance(b, wo_h) * (d_g2 * wo_h * wi_h / v2);
+    return transmitted_share(b, wo_h) * (d_g2 * wo_h * wi_h / v2);
 }
 
 // Direction that the normal h transmits wo to; z >= 0 at total internal reflection.
@@ -124,7 +124,7 @@ fn interface_reflectance(b: Bsdf, c: f32) -> vec3<f32> {
     return vec3<f32>(0.0);
 }
 
-fn transmittance(b: Bsdf, c: f32) -> vec3<f32> {
+fn transmitted_share(b: Bsdf, c: f32) -> vec3<f32> {
     return vec3<f32>(0.0);
 }
 

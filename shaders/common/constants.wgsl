@@ -6,6 +6,9 @@ const INV_PI: f32 = 0.31830988618379067154;
 const TWO_PI: f32 = 6.28318530717958647692;
 const FOUR_PI: f32 = 12.5663706143591729539;
 
+// Largest f32 below 1: the bound of a random number that is scaled up for reuse.
+const ONE_MINUS_EPSILON: f32 = 0.99999994;
+
 // Larger than any distance in a scene: WGSL has no portable infinity.
 const FAR: f32 = 3.0e38;
 
@@ -38,6 +41,8 @@ const INSTANCE_APPEARED: u32 = 16u;
 const INSTANCE_GONE: u32 = 32u;
 // Skinned or morphed: behind its triangles follow the same number of triangles as they were in the last frame.
 const INSTANCE_DEFORMED: u32 = 64u;
+// The mesh has vertex colors.
+const INSTANCE_VERTEX_COLORS: u32 = 128u;
 
 // Flags of a material.
 const MATERIAL_DOUBLE_SIDED: u32 = 1u;
@@ -71,7 +76,8 @@ const VIEW_ORTHOGRAPHIC: u32 = 2u;
 // Pixels without a surface keep the picture of an earlier camera.
 const VIEW_NO_BACKDROP: u32 = 4u;
 
-// Bits of `trace_flags`: errors that are read back and reported.
+// Errors that are read back and reported: bits of `trace_flags` (OVERFLOW_*) and of `raised_guards` (NON_FINITE).  The other guards are in
+// `common/guard.wgsl`.
 const OVERFLOW_STACK: u32 = 1u;
 const OVERFLOW_STEPS: u32 = 2u;
 const NON_FINITE: u32 = 4u;

@@ -1,6 +1,8 @@
 // Vectors, floats, and encodings of directions.
 #define_import_path bevy_restir::common::math
 
+#import bevy_restir::common::constants::{PI, TWO_PI}
+
 // Rec. 709 luminance of a linear color.
 fn luminance(c: vec3<f32>) -> f32 {
     return dot(c, vec3<f32>(0.2126, 0.7152, 0.0722));
@@ -54,8 +56,8 @@ fn quantized_direction(d: vec3<f32>) -> vec3<f32> {
 
 // Direction of a point of an equirectangular map: u = 0.5 + atan2(d.x, -d.z)/2π, v = acos(d.y)/π.
 fn equirectangular_direction(uv: vec2<f32>) -> vec3<f32> {
-    let phi = (uv.x - 0.5) * 6.28318530717958647692;
-    let theta = uv.y * 3.14159265358979323846;
+    let phi = (uv.x - 0.5) * TWO_PI;
+    let theta = uv.y * PI;
     let s = sin(theta);
     return vec3<f32>(s * sin(phi), cos(theta), -s * cos(phi));
 }
@@ -68,6 +70,7 @@ fn precise_atan2(y: f32, x: f32) -> f32 {
         return 0.0;
     }
     let ratio = min(abs(x), abs(y)) / big;
+    // Above tan(π/8), the angle is π/4 plus that of a smaller ratio.
     let upper = ratio > 0.41421356;
     let t = select(ratio, (ratio - 1.0) / (ratio + 1.0), upper);
     let s = t * t;
@@ -81,8 +84,8 @@ fn precise_atan2(y: f32, x: f32) -> f32 {
 // Point of an equirectangular map in a direction.
 fn equirectangular_uv(d: vec3<f32>) -> vec2<f32> {
     return vec2<f32>(
-        0.5 + precise_atan2(d.x, -d.z) / 6.28318530717958647692,
+        0.5 + precise_atan2(d.x, -d.z) / TWO_PI,
         // Like acos(d.y), but exact near the poles.
-        precise_atan2(length(d.xz), d.y) / 3.14159265358979323846,
+        precise_atan2(length(d.xz), d.y) / PI,
     );
 }

@@ -18,6 +18,6 @@ struct Hit {
     barycentrics: vec2<f32>,
 }
 
-// Number of rays that this invocation has traced, and the OVERFLOW_* bits of their errors.
+// Number of rays that this invocation has traced, and the OVERFLOW_* bits of their errors and of lists that are too long.
 var<private> rays_traced: u32;
 var<private> trace_flags: u32;

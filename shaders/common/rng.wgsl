@@ -9,7 +9,7 @@ struct Rng {
     dimension: u32,  // of the next number
 }
 
-// Streams, one for each pass.
+// Streams: no two uses of random numbers share one.
 const STREAM_ALPHA: u32 = 2u;
 const STREAM_REFERENCE: u32 = 3u;
 const STREAM_PRESAMPLE: u32 = 4u;
@@ -22,12 +22,11 @@ const STREAM_PATH: u32 = 16u;
 const STREAM_PATH_CANDIDATES: u32 = 17u;
 // Light sub-paths.
 const STREAM_LIGHT_PATHS: u32 = 18u;
+// Probes through bodies, and the lights of their hits.
+const STREAM_SSS_CANDIDATES: u32 = 19u;
 const STREAM_CONNECTIONS: u32 = 20u;
 // Choices among the vertices of light sub-paths, and among splats.
 const STREAM_SPLATS: u32 = 21u;
-// Probes through bodies, and the lights of their hits.
-const STREAM_SSS_CANDIDATES: u32 = 19u;
-
 // Probes of paths, and whether a path takes one.
 const STREAM_PATH_PROBES: u32 = 22u;
 // Pairs of the first iteration of reuse; the next iterations, at most four, use the next streams.

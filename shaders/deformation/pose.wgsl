@@ -6,7 +6,7 @@
 #import bevy_restir::deformation::bindings::{attributes, poses, rigs, triangles}
 #import bevy_restir::deformation::types::{Body, BODY_APPEARED, BODY_FLAT}
 #import bevy_restir::scene::triangle::{safe_normalize, transform_normal, transform_point, transform_vector}
-#import bevy_restir::scene::types::{Triangle, TriangleAttributes}
+#import bevy_restir::scene::types::Triangle
 
 // Words of a vertex in the table of influences (four joints of 16 bits, four weights), and of a displacement (position, normal, tangent).
 const INFLUENCE_WORDS: u32 = 6u;

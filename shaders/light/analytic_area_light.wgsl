@@ -10,7 +10,7 @@
 #import bevy_restir::light::sun::{sun_coordinates, sun_is_hit, sun_uv_of_direction}
 #import bevy_restir::scene::bindings::{lights, nodes, scene}
 #import bevy_restir::scene::triangle::safe_normalize
-#import bevy_restir::trace::tree::{intersect_node, MIN_NODE_HITS, nearest_child, tree_ray}
+#import bevy_restir::trace::tree::{intersect_node, MIN_NODE_HITS, nearest_child, ROOT_HIT, tree_ray}
 #import bevy_restir::view::render_layers::light_kind
 
 // Relative distance by which a light may lie behind a surface without being occluded, so that a light in the plane of a ceiling is visible.
@@ -47,10 +47,10 @@ fn next_light_hit(segment: RaySegment, first: u32) -> u32 {
         return found;
     }
     let tree = tree_ray(segment.origin, segment.direction);
-    let max_distance = min(segment.length, FAR * 0.5) * (1.0 + DISTANCE_TOLERANCE);
+    let max_distance = segment.length * (1.0 + DISTANCE_TOLERANCE);
     var stack: array<vec2<u32>, STACK_SIZE>;
     var depth = 0u;
-    var children = vec2<u32>(scene.shapes_root, 0x80000000u);
+    var children = vec2<u32>(scene.shapes_root, ROOT_HIT);
     var primitives = vec2<u32>(0u);
     for (var steps = 0u; steps < MAX_STEPS; steps++) {
         // Visit the nearest child of the group, and push the others.

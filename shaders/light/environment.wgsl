@@ -3,7 +3,7 @@
 // poles need no special treatment.
 #define_import_path bevy_restir::light::environment
 
-#import bevy_restir::common::constants::{FOUR_PI, PI, TWO_PI}
+#import bevy_restir::common::constants::{FOUR_PI, ONE_MINUS_EPSILON, PI, TWO_PI}
 #import bevy_restir::common::math::{equirectangular_uv, luminance}
 #import bevy_restir::light::cube::{cube_radiance, cube_side}
 #import bevy_restir::view::bindings::{environment_importance, environment_map, view}
@@ -106,12 +106,12 @@ fn map_sample(u: vec2<f32>) -> EnvironmentSample {
     return EnvironmentSample(cell_direction(cell, size, rest), cell_pdf(cell, size));
 }
 
-// (0 or 1: the side of `share` that u is on; u rescaled to [0, 1) on that side).
+// Chooses one of two parts: (0, rescaled u) with the probability `share`, otherwise (1, rescaled u).  The rescaled u is uniform in [0, 1).
 fn split(u: f32, share: f32) -> vec2<f32> {
     if u < share {
-        return vec2<f32>(0.0, min(u / share, 0.99999994));
+        return vec2<f32>(0.0, min(u / share, ONE_MINUS_EPSILON));
     }
-    return vec2<f32>(1.0, min((u - share) / (1.0 - share), 0.99999994));
+    return vec2<f32>(1.0, min((u - share) / (1.0 - share), ONE_MINUS_EPSILON));
 }
 
 // Samples a direction uniformly in the solid angle of a cell, in the frame of the map.

@@ -8,7 +8,7 @@
 #import bevy_restir::light::point_on_light::{light_point_at, light_point_sample, LightPoint}
 #import bevy_restir::light::select::light_select
 #import bevy_restir::light::triangle::{triangle_light_color, triangle_light_opacity}
-#import bevy_restir::light::types::{ENVIRONMENT_LIGHT, guarded_light_sample, LightSample, no_light_sample}
+#import bevy_restir::light::types::{area_density, ENVIRONMENT_LIGHT, guarded_light_sample, LightSample, no_light_sample}
 #import bevy_restir::scene::bindings::{instances, lights, materials}
 #import bevy_restir::scene::triangle::{safe_normalize, world_triangle}
 #import bevy_restir::view::render_layers::light_kind
@@ -115,11 +115,8 @@ fn presampled_at(s: PresampledLight, from_point: vec3<f32>) -> LightSample {
     let d2 = dot(d, d);
     l.wi = safe_normalize(d);
     l.distance = sqrt(d2);
-    // d²/(|cos| area), as in `area_to_solid_angle`.
-    let projected = abs(dot(s.normal, d));
-    let cubed = d2 * l.distance;
-    if projected > 0.0 && cubed < projected * 1.0e37 {
-        l.pdf_solid_angle = cubed / projected;
+    l.pdf_solid_angle = area_density(d2, abs(dot(s.normal, d)));
+    if l.pdf_solid_angle > 0.0 {
         let is_facing = (s.color & PRESAMPLED_DOUBLE_SIDED) != 0u || dot(l.wi, s.normal) < 0.0;
         l.radiance = select(vec3<f32>(0.0), presampled_radiance(s), is_facing);
     }

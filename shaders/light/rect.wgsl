@@ -2,7 +2,7 @@
 #define_import_path bevy_restir::light::rect
 
 #import bevy_restir::light::emitted_ray::{area_emitted_ray, EmittedRay, no_emitted_ray}
-#import bevy_restir::light::types::{LightSample, no_light_sample}
+#import bevy_restir::light::types::{area_density, LightSample, no_light_sample}
 #import bevy_restir::scene::bindings::lights
 #import bevy_restir::scene::triangle::safe_normalize
 
@@ -47,11 +47,8 @@ fn rect_light_at(light: u32, uv: vec2<f32>, from_point: vec3<f32>) -> LightSampl
     let d2 = dot(d, d);
     s.wi = safe_normalize(d);
     s.distance = sqrt(d2);
-    // d²/(|cos| area), as in `area_to_solid_angle`.
-    let projected = abs(dot(r.normal, d)) * 4.0 * r.half_size.x * r.half_size.y;
-    let cubed = d2 * s.distance;
-    if projected > 0.0 && cubed < projected * 1.0e37 {
-        s.pdf_solid_angle = cubed / projected;
+    s.pdf_solid_angle = area_density(d2, abs(dot(r.normal, d)) * 4.0 * r.half_size.x * r.half_size.y);
+    if s.pdf_solid_angle > 0.0 {
         s.radiance = select(vec3<f32>(0.0), lights[light].emission, dot(s.wi, r.normal) < 0.0);
     }
     return s;

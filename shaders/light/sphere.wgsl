@@ -8,7 +8,7 @@
 #import bevy_restir::common::constants::{FOUR_PI, TWO_PI}
 #import bevy_restir::common::math::{octahedral_decode, octahedral_encode, orthonormal_basis}
 #import bevy_restir::light::emitted_ray::{area_emission_density, area_emitted_ray, EmittedRay, no_emitted_ray}
-#import bevy_restir::light::types::{LightSample, no_light_sample}
+#import bevy_restir::light::types::{area_density, LightSample, no_light_sample}
 #import bevy_restir::scene::bindings::lights
 #import bevy_restir::scene::triangle::safe_normalize
 
@@ -29,13 +29,10 @@ fn sphere_light_at(light: u32, normal: vec3<f32>, from_point: vec3<f32>) -> Ligh
     let d2 = dot(d, d);
     s.wi = safe_normalize(d);
     s.distance = sqrt(d2);
-    // d²/(|cos| area), as in `area_to_solid_angle`.
-    let projected = abs(dot(normal, d)) * FOUR_PI * radius * radius;
-    let cubed = d2 * s.distance;
-    if !(projected > 0.0) || !(cubed < projected * 1.0e37) || !(cubed > 0.0) {
+    s.pdf_solid_angle = area_density(d2, abs(dot(normal, d)) * FOUR_PI * radius * radius);
+    if !(s.pdf_solid_angle > 0.0) {
         return s;
     }
-    s.pdf_solid_angle = cubed / projected;
     s.pdf_scale = sphere_solid_angle_pdf(light, from_point) / s.pdf_solid_angle;
     // From outside, only the near side is visible.
     let is_facing = is_inside(light, from_point) || dot(normal, d) < 0.0;

@@ -4,7 +4,7 @@
 
 #import bevy_restir::common::constants::{MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK, MATERIAL_DOUBLE_SIDED}
 #import bevy_restir::light::emitted_ray::{area_emission_density, area_emitted_ray, EmittedRay, no_emitted_ray}
-#import bevy_restir::light::types::{LightSample, no_light_sample}
+#import bevy_restir::light::types::{area_density, LightSample, no_light_sample}
 #import bevy_restir::scene::bindings::{instances, lights, materials}
 #import bevy_restir::scene::material::{alpha_at, emission_at}
 #import bevy_restir::scene::offset::{offset_distance, offset_point, surface_point}
@@ -124,17 +124,10 @@ fn triangle_light_color(instance: u32, triangle: u32, barycentrics: vec2<f32>) -
     return emission_at(instance, triangle, barycentrics) * opacity(instance, triangle, barycentrics);
 }
 
-// Density in solid angle of a uniform point: d² / (|cos| area); 0 if the triangle is seen edge-on or has no area.
+// Density in solid angle of a uniform point of a triangle; 0 if the triangle is seen edge-on or has no area.
 fn area_to_solid_angle(t: WorldTriangle, from_point: vec3<f32>, position: vec3<f32>) -> f32 {
     let d = position - from_point;
-    let d2 = dot(d, d);
-    let projected = abs(dot(t.normal, d)) * t.area;
-    // d²·d/(|n·d| area), where the cosine needs no division.  A density above 1e37 counts as edge-on.
-    let cubed = d2 * sqrt(d2);
-    if !(projected > 0.0) || !(cubed < projected * 1.0e37) {
-        return 0.0;
-    }
-    return cubed / projected;
+    return area_density(dot(d, d), abs(dot(t.normal, d)) * t.area);
 }
 
 fn uniform_barycentrics(u: vec2<f32>) -> vec2<f32> {

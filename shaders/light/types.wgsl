@@ -27,6 +27,16 @@ fn no_light_sample() -> LightSample {
     );
 }
 
+// Density, solid angle, of a point that is sampled uniformly in area: d²/(|cos| area).  `projected` is |n·d| times the area, so that no cosine
+// is computed.  0 where the point is seen edge-on; a density above 1e37 counts as edge-on, because products with it would overflow.
+fn area_density(d2: f32, projected: f32) -> f32 {
+    let cubed = d2 * sqrt(d2);
+    if !(projected > 0.0) || !(cubed < projected * 1.0e37) {
+        return 0.0;
+    }
+    return cubed / projected;
+}
+
 // The sample with its guards: `light_sample`, `light_point_at` and `presampled_at` return no other.  A light that is seen edge-on, or from so
 // far or so near that f32 cannot hold its density, legally has the density 0.
 fn guarded_light_sample(sample: LightSample) -> LightSample {

@@ -1,7 +1,7 @@
 // Writes radiance times exposure to Bevy's view target, and the depth and motion of the visibility buffer to Bevy's prepass textures, so
 // that gizmos, transparent objects of other materials and post-processing work as usual.
 
-#import bevy_restir::common::constants::{NONE, VIEW_NO_BACKDROP}
+#import bevy_restir::common::constants::{NONE, VIEW_ENVIRONMENT_IS_BACKDROP, VIEW_NO_BACKDROP}
 #import bevy_restir::scene::offset::surface_point
 #import bevy_restir::scene::triangle::world_triangle
 #import bevy_restir::view::bindings::view
@@ -36,7 +36,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Output {
     if keeps_earlier_picture(d) {
         discard;
     }
-    return Output(vec4<f32>(exposed_radiance(pixel), 1.0), d);
+    return Output(color_at(pixel, d), d);
 }
 
 @fragment
@@ -46,7 +46,7 @@ fn fragment_with_motion(@builtin(position) position: vec4<f32>) -> OutputWithMot
     if keeps_earlier_picture(d) {
         discard;
     }
-    return OutputWithMotion(vec4<f32>(exposed_radiance(pixel), 1.0), -motion_at(pixel) / vec2<f32>(view.size), d);
+    return OutputWithMotion(color_at(pixel, d), -motion_at(pixel) / vec2<f32>(view.size), d);
 }
 
 // The traced picture may be smaller than the viewport.
@@ -60,10 +60,13 @@ fn keeps_earlier_picture(d: f32) -> bool {
     return d == 0.0 && (view.flags & VIEW_NO_BACKDROP) != 0u;
 }
 
-fn exposed_radiance(pixel: vec2<u32>) -> vec3<f32> {
+// Radiance times exposure.  Where only the clear color is seen, its alpha is kept, for windows and images that show something behind.
+fn color_at(pixel: vec2<u32>, d: f32) -> vec4<f32> {
     let sum = radiance[pixel.y * view.size.x + pixel.x];
-    // The greatest half float is 65504.
-    return min(sum.rgb / max(sum.a, 1.0) * view.exposure, vec3<f32>(6.0e4));
+    // The greatest half float is 65504; later passes may add to it.
+    let color = min(sum.rgb / max(sum.a, 1.0) * view.exposure, vec3<f32>(6.0e4));
+    let shows_clear_color = d == 0.0 && (view.flags & VIEW_ENVIRONMENT_IS_BACKDROP) == 0u;
+    return vec4<f32>(color, select(1.0, view.background_alpha, shows_clear_color));
 }
 
 // Offset to the position in the last frame, pixels.

@@ -49,8 +49,10 @@ fn store_shift(pixel: vec2<u32>, r: Receiver, pair: Pair, s: Reservoir) {
 @group(2) @binding(4) var<storage, read> queue: array<u32>;
 
 @compute @workgroup_size(64)
-fn pair_shifts(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) workgroups: vec3<u32>) {
-    for (var entry = id.x; entry < queue[QUEUE_COUNT]; entry += workgroups.x * QUEUE_THREADS) {
+fn pair_shifts(@builtin(global_invocation_id) id: vec3<u32>) {
+    // `num_workgroups` is 0 in indirect dispatches of some Direct3D devices.
+    let stride = queue[0u] * QUEUE_THREADS;
+    for (var entry = id.x; entry < queue[QUEUE_COUNT]; entry += stride) {
         let coordinates = queue[QUEUE_HEADER + 2u * entry];
         let pixel = vec2<u32>(coordinates & ((1u << COORDINATE_BITS) - 1u), coordinates >> COORDINATE_BITS);
         let r = receiver_of(textureLoad(visibility, pixel, 0).xy, pixel, false);

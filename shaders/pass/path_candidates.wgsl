@@ -1,4 +1,5 @@
-// Initial candidates of ReSTIR PT and GI (Lin et al. 2026; Lanz 2025, 4.3.2): the paths of one random walk a pixel, resampled into one.
+// Initial candidates of ReSTIR PT, GI and BDPT (Lin et al. 2026; Lanz 2025, 4.3.2): the paths of one random walk for each pixel, resampled
+// into one.
 
 #import technique::{in_technique_measure, no_reservoir, PackedReservoir, receiver_of, Reservoir, reservoir_pack, SHORTEST_LENGTH}
 #import bevy_restir::common::constants::NONE

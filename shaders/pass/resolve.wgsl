@@ -1,5 +1,5 @@
-// Adds up the parts of a frame's picture: emission of the primary surfaces, and the light that the techniques found.  Limits that light to a
-// multiple of what the pixels around have, and sums up frames while they are accumulated.
+// Adds up the parts of a frame's picture: emission of the primary surfaces, and the light of all domains.  Limits the light of the domains to
+// a multiple of that of the pixels around (`limited`), and sums up frames while they are accumulated.
 
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::math::luminance
@@ -11,7 +11,7 @@
 #import bevy_restir::view::primary::primary_surface
 #import bevy_restir::view::ray_counter::count_guards
 
-// A part that the technique does not compute is one black texel.
+// The texture of a part that the technique does not compute has one black texel: reads outside of it are black, too.
 @group(2) @binding(0) var unresampled: texture_2d<f32>;
 @group(2) @binding(1) var resampled_lights: texture_2d<f32>;
 @group(2) @binding(2) var resampled_paths: texture_2d<f32>;
@@ -52,10 +52,11 @@ fn scattered_light(pixel: vec2<u32>) -> vec3<f32> {
         + textureLoad(resampled_splats, pixel, 0).rgb;
 }
 
-// Least number of pixels that a limit is taken from: of fewer ones, all may be dark by chance, and a thin object has none.
+// Least number of pixels that a limit is taken from.  Fewer pixels may all be dark by chance, and a pixel of a thin object may have none
+// around it that shows the same object.
 const FEWEST_NEIGHBORS: u32 = 3u;
 
-// Light that is not much brighter than that of the brightest of the eight pixels around, as far as they show the same object.
+// Limits the light of a pixel to a multiple of that of the brightest of the eight pixels around it that show the same object.
 fn limited(light: vec3<f32>, pixel: vec2<u32>, instance: u32) -> vec3<f32> {
     if !(view.firefly_limit > 0.0) {
         return light;

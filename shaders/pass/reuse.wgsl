@@ -1,10 +1,13 @@
-// The resampling routine: one iteration of reuse for one technique.  A pixel's sample and those of its neighbors, of the last frame
-// (Wyman and Panteleev 2021, 6) or of this one, are resampled into one.  With RESAMPLE_SHADE_ALL all of them are shaded by their shares
-// (decoupled shading, ibid., 7; vector weights, Lin et al. 2026, supplement, 7).
+// The resampling routine: one iteration of reuse.  A pixel's sample and those of its neighbors, of the last frame (Wyman and Panteleev 2021,
+// 6) or of this one, are resampled into one.  With RESAMPLE_SHADE_ALL all of them are shaded by their shares (decoupled shading, ibid., 7;
+// vector weights, Lin et al. 2026, supplement, 7).
 //
-// The samples themselves, their targets and their shifts belong to the technique: `technique` stands for its modules, and
-// `src/shader_library.rs` puts them in.  Resampling takes place in the domain of the pixel: a neighbor's sample is shifted there first, and
-// from there to every other domain that its MIS weight asks for.
+// The kind of samples, their targets and their shifts are those of di, gi, pt or another room: `technique` stands for its modules, and
+// `src/shader_library.rs` puts them in.
+//
+// In this file and in `restir/mis.wgsl`, the domain of an input is the domain of integration of its pixel, as in the papers; domain 0 is that
+// of the pixel itself.  (Elsewhere a domain is a kind of samples, such as di or gi.)  A neighbor's sample is shifted to domain 0 first, and
+// from there to every other domain in which its MIS weight needs the target.
 
 #import technique::{apply_shift, carries_contribution, completed, diffuse_share, evaluate, Evaluated, find_neighbor, identity_of, in_current_frame, is_visible, jacobian_of, neighbor_radius, no_reservoir, own_place, PackedReservoir, Receiver, receiver_of, receives_light, Reservoir, reservoir_pack, reservoir_unpack, resamples, shift_result_of, ShiftResult, stored_target, stores_target, target_value}
 #ifdef PAIRED
@@ -97,7 +100,7 @@ fn receiver_in(inputs: ptr<function, Inputs>, domain: u32, r: Receiver) -> Recei
     return r;
 }
 
-fn shifted_to(inputs: ptr<function, Inputs>, domain: u32, r: Receiver, j: u32, s: Reservoir) -> Evaluated {
+fn evaluated_in(inputs: ptr<function, Inputs>, domain: u32, r: Receiver, j: u32, s: Reservoir) -> Evaluated {
     let layer = select(layers[domain].y, layers[j].x, domain == 0u);
     return shift_from(s, textureLoad(shifts, (*inputs).pixels[domain], layer, 0));
 }
@@ -128,7 +131,7 @@ fn receiver_in(inputs: ptr<function, Inputs>, domain: u32, r: Receiver) -> Recei
     return receiver_of(neighbor_ids(pixel), pixel, has(RESAMPLE_FROM_PREVIOUS));
 }
 
-fn shifted_to(inputs: ptr<function, Inputs>, domain: u32, r: Receiver, j: u32, s: Reservoir) -> Evaluated {
+fn evaluated_in(inputs: ptr<function, Inputs>, domain: u32, r: Receiver, j: u32, s: Reservoir) -> Evaluated {
     return evaluate(r, s);
 }
 
@@ -168,7 +171,8 @@ fn gather_inputs(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, o
     (*mis).count = count;
 }
 
-// Pixels that are compared with a neighbor.  They are at least 1 pixel from it, and at most a quarter of the radius of the disk of neighbors.
+// Number of pixels that are compared with a neighbor.  They are at least 1 pixel from it, and at most a quarter of the radius of the disk of
+// neighbors, or 2 pixels where that is more.
 const COMPARED_PIXELS: u32 = 8u;
 const COMPARED_RADIUS: f32 = 0.25;
 
@@ -265,7 +269,7 @@ fn resample(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, r: Rec
         let receiver = receiver_in(inputs, domain, r);
         while j < (*mis).count {
             let s = sample_of(inputs, j, domain > 0u || is_last);
-            let e = shifted_to(inputs, domain, receiver, j, s);
+            let e = evaluated_in(inputs, domain, receiver, j, s);
             var value = target_value(e);
             // A sample is visible from the pixel that stores it; elsewhere a ray decides.
             let for_target = !is_last && domain != j && has(select(RESAMPLE_MIS_RAYS, RESAMPLE_TARGET_RAYS, domain == 0u));

@@ -24,7 +24,7 @@
 @group(2) @binding(2) var<storage, read_write> reservoirs: array<PackedReservoir>;
 @group(2) @binding(3) var contributions: texture_storage_2d<rgba32float, write>;
 
-// Dimension of random numbers behind those of the sub-path's choices.
+// First dimension of the races.  `pass/light_paths.wgsl` takes two numbers of the same stream for each vertex of a sub-path, at most 128.
 const DIMENSION_RACE: u32 = 1024u;
 
 // The splats of a pixel.

@@ -89,5 +89,5 @@ fn race_bits(link: u32) -> u32 {
     return rng_bits(&rng).x;
 }
 
-// Behind those that splats of this frame use.
+// `pass/splats.wgsl` and `pass/light_paths.wgsl` use smaller dimensions of the same stream.
 const DIMENSION_RACE: u32 = 2048u;

@@ -1,5 +1,5 @@
-// Next-event estimation (NEE) at a vertex of a path, which draws several light candidates and keeps one (Lin et al. 2026, supplement, 5).
-// `path/technique_weights.wgsl` weighs it against the other techniques.
+// Next-event estimation (NEE) at a vertex of a path: the number of light candidates, of which one is kept (Lin et al. 2026, supplement, 5),
+// and the contribution of a point of a light.  `path/technique_weights.wgsl` has its MIS weights.
 #define_import_path bevy_restir::path::nee
 
 #import bevy_restir::bsdf::bsdf::bsdf_terms

@@ -1,10 +1,11 @@
 // MIS weights of the techniques that find a path from the camera: next-event estimation (NEE), and rays that hit a light.  They compete with
 // each other and, where light sub-paths are traced (LIGHT_PATHS), with the techniques of light sub-paths (`path/bidirectional_mis.wgsl`).
 //
-// A weight is the reciprocal of a sum of ratios of densities.  A shift replaces the part of a path before its reconnection vertex, and the sum
-// is affine in two numbers of that part: 1/p and S/p, where p is the density of the direction after the reconnection vertex, and S sums up
-// the techniques that join the sub-paths before (Hedstrom et al. 2025, 6.3, stores 84 bytes in place of the two coefficients).  The
-// recursion therefore carries its coefficients: of 1, 1/p and S/p.
+// A weight is the reciprocal of a sum of ratios of densities, one for each competing technique.  A shift changes the part of a path before its
+// reconnection vertex.  The sum depends on that part only by 1/p and S/p: p is the density of the direction after the reconnection vertex, and
+// S is the sum over the techniques that join the sub-paths before it.  The sum has the form a + b/p + c S/p, where a, b and c do not change in
+// a shift.  A vec3 of this module holds such coefficients (of 1, 1/p and S/p), and a reservoir stores b/a and c/a (Hedstrom et al. 2025, 6.3,
+// stores 84 bytes instead).
 #define_import_path bevy_restir::path::technique_weights
 
 #import bevy_restir::bsdf::bsdf::bsdf_pdf
@@ -14,7 +15,7 @@
 #import bevy_restir::light::select::light_pmf
 #import bevy_restir::light::types::{LightSample, no_light_sample}
 #import bevy_restir::light::triangle::triangle_light_pdf_solid_angle
-#import bevy_restir::path::bidirectional_mis::{mis_arrive, mis_camera_start, MisState, mis_sum}
+#import bevy_restir::path::bidirectional_mis::{mis_arrive, mis_camera_start}
 #import bevy_restir::path::light_path::surface_towards
 #import bevy_restir::path::nee::expected_nee_candidates
 #import bevy_restir::path::walk::{Step, Vertex}
@@ -24,7 +25,7 @@
 // so that light sub-paths count less where camera paths find the light well, and more where they hardly find it.  The weights sum to 1 with
 // any factors that depend on the whole path only.  0: no light sub-paths are traced.
 struct LightShares {
-    diffuse: f32,              // where NEE can find the path: 1/`reuse_gain`
+    nee: f32,                  // where NEE can find the path: 1/`reuse_gain`
     caustic: f32,              // where light arrives at a delta lobe, so that only hits and light sub-paths find it: `reuse_gain`
 }
 
@@ -49,7 +50,7 @@ fn weight_of(rivals: vec3<f32>, s: CameraState) -> f32 {
 }
 
 // MIS weight of a path whose coefficients are stored: `rivals` are those of 1/p and S/p, divided by the coefficient of 1.  The stored radiance
-// is divided by that one, too.
+// is divided by the coefficient of 1, too.
 fn stored_weight(rivals: vec2<f32>, s: CameraState) -> f32 {
     return 1.0 / (1.0 + dot(rivals, s.basis.yz));
 }
@@ -83,16 +84,18 @@ fn emitter_sample(n: Surface, wi: vec3<f32>, instance: u32, triangle: u32, from_
     return l;
 }
 
-// Competitors of a ray that hits the light sample `l` after it has left the vertex of this index, by a delta lobe or another one.
+// Coefficients of the competitors of a ray that hits the light sample `l`.  The ray left the vertex of this index by a delta lobe
+// (`by_delta`) or by another one.
 fn rivals_of_hit(s: CameraState, l: LightSample, by_delta: bool, index: u32, counts: TechniqueCounts) -> vec3<f32> {
     if l.light == NONE {
         return vec3<f32>(1.0, 0.0, 0.0);
     }
     let nee = guarded_or_infinite(nee_density(l, index, counts), GUARD_LIGHT_SAMPLE);
-    return alone(vec3<f32>(1.0, 0.0, 0.0) + scaled(nee, s.last) + emitted_density(l, select(counts.shares.diffuse, counts.shares.caustic, by_delta)) * s.earlier);
+    return alone(vec3<f32>(1.0, 0.0, 0.0) + scaled(nee, s.last) + emitted_density(l, select(counts.shares.nee, counts.shares.caustic, by_delta)) * s.earlier);
 }
 
-// Competitors of NEE of the light sample `l` at the vertex `v` of this index, where the BSDF samples the direction with density `pdf`.
+// Coefficients of the competitors of NEE of the light sample `l` at the vertex `v` of this index, where the BSDF samples the direction with
+// density `pdf`.
 fn rivals_of_nee(s: CameraState, v: Vertex, l: LightSample, pdf: f32, index: u32, counts: TechniqueCounts) -> vec3<f32> {
     let nee = nee_density(l, index, counts);
     if !(nee > 0.0) {
@@ -121,7 +124,7 @@ fn camera_state(v: Vertex, camera_density: f32, counts: TechniqueCounts) -> Came
 }
 
 // The state of the ray that leaves the vertex `v`.
-fn left(s: CameraState, v: Vertex, step: Step, is_reconnection: bool) -> CameraState {
+fn state_of_ray(s: CameraState, v: Vertex, step: Step, is_reconnection: bool) -> CameraState {
     let cos_out = abs(dot(v.surface.bsdf.n_geo, step.wi));
     if step.delta {
         return CameraState(vec3<f32>(0.0), cos_out * s.earlier, s.basis);
@@ -134,7 +137,7 @@ fn left(s: CameraState, v: Vertex, step: Step, is_reconnection: bool) -> CameraS
 }
 
 // The state where the ray arrives at the surface `n`, from the position `from_point`.
-fn reached(s: CameraState, n: Surface, wi: vec3<f32>, from_point: vec3<f32>, counts: TechniqueCounts) -> CameraState {
+fn state_at(s: CameraState, n: Surface, wi: vec3<f32>, from_point: vec3<f32>, counts: TechniqueCounts) -> CameraState {
     let d = n.position - from_point;
     let cos_in = cosine(n, wi);
     return CameraState(s.last * (counts.connects * dot(d, d) / cos_in), s.earlier / cos_in, s.basis);
@@ -162,21 +165,21 @@ fn emitted_density(l: LightSample, share: f32) -> f32 {
 
 fn found_by_light_paths(s: CameraState, v: Vertex, l: LightSample, nee: f32, counts: TechniqueCounts) -> vec3<f32> {
     let cosine = abs(dot(v.surface.bsdf.n_geo, l.wi));
-    return emitted_density(l, counts.shares.diffuse) / nee * cosine * (s.last + s.earlier * reverse_pdf(v, l.wi));
+    return emitted_density(l, counts.shares.nee) / nee * cosine * (s.last + s.earlier * reverse_pdf(v, l.wi));
 }
 #else
 fn camera_state(v: Vertex, camera_density: f32, counts: TechniqueCounts) -> CameraState {
     return CameraState(vec3<f32>(0.0), vec3<f32>(0.0), vec3<f32>(1.0, 0.0, 0.0));
 }
 
-fn left(s: CameraState, v: Vertex, step: Step, is_reconnection: bool) -> CameraState {
+fn state_of_ray(s: CameraState, v: Vertex, step: Step, is_reconnection: bool) -> CameraState {
     if is_reconnection && !step.delta {
         return behind_reconnection(0.0, step.pdf, 0.0);
     }
     return CameraState(vec3<f32>(select(1.0 / step.pdf, 0.0, step.delta), 0.0, 0.0), vec3<f32>(0.0), s.basis);
 }
 
-fn reached(s: CameraState, n: Surface, wi: vec3<f32>, from_point: vec3<f32>, counts: TechniqueCounts) -> CameraState {
+fn state_at(s: CameraState, n: Surface, wi: vec3<f32>, from_point: vec3<f32>, counts: TechniqueCounts) -> CameraState {
     return s;
 }
 

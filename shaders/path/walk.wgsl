@@ -1,5 +1,5 @@
-// Steps along a path, shared by paths that are sampled and paths that are replayed.  A step samples one lobe, and is divided by the joint
-// density of direction and lobe (Lin et al. 2026, supplement, 1).
+// Steps along a path, shared by paths that are sampled and paths that are replayed.  A step samples one lobe; its weight is the value of that
+// lobe over the joint density of direction and lobe (Lin et al. 2026, supplement, 1).
 #define_import_path bevy_restir::path::walk
 
 #import bevy_restir::bsdf::bsdf::{bsdf_draw, bsdf_lobe_terms}

@@ -20,7 +20,7 @@ struct Candidate {
     opacity: f32,              // probability that the alpha test keeps the surface at the point
 }
 
-// Index of the subset for a pixel, at a vertex of its path.
+// Index of the subset for a pixel, at a vertex of its path.  The constant keeps these random numbers apart from those of other hashes.
 fn subset_of(pixel: vec2<u32>, vertex: u32) -> u32 {
     let tile = pixel / settings.light_tile_size;
     return pcg4d(vec4<u32>(tile, view.frame, view.seed ^ 0x711e5u ^ (vertex << 24u))).x % max(settings.subset_count, 1u);

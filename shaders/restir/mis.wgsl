@@ -1,8 +1,9 @@
 // Resampling MIS weights (Lin et al. 2022; Lanz 2025, Eqs. 26-29; Wyman and Panteleev 2021, 4.4) of a canonical sample and its neighbors,
 // from their targets and confidences.  All techniques use them.
 //
-// `targets` has, for domain i and sample j, the target of domain i at sample j, shifted there from the canonical domain, times the Jacobian
-// of that shift; 0 if the shift is not defined.  Domain 0 and sample 0 are the canonical ones.
+// Domain i is the domain of integration of the pixel of input i.  `targets` has, for domain i and sample j, the target of domain i at sample
+// j, shifted there from the canonical domain, times the Jacobian of that shift; 0 if the shift is not defined.  Domain 0 and sample 0 are the
+// canonical ones.
 #define_import_path bevy_restir::restir::mis
 
 #import bevy_restir::common::guard::{GUARD_MIS_WEIGHT, guard_holds, guarded}

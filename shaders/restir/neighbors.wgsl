@@ -2,7 +2,7 @@
 // add bias.
 #define_import_path bevy_restir::restir::neighbors
 
-#import bevy_restir::common::constants::NONE
+#import bevy_restir::common::constants::{NONE, TWO_PI}
 #import bevy_restir::common::rng::{Rng, rng_2}
 #import bevy_restir::restir::bindings::{previous_visibility, settings}
 #import bevy_restir::restir::types::{RESAMPLE_BILINEAR, RESAMPLE_DUAL_MOTION, RESAMPLE_FROM_PREVIOUS, RESAMPLE_HEURISTICS, RESAMPLE_SAME_MATERIAL}
@@ -10,7 +10,7 @@
 #import bevy_restir::scene::surface::{Shape, shape_at}
 #import bevy_restir::scene::triangle::{instance_exists, world_triangle}
 #import bevy_restir::view::bindings::{view, visibility}
-#import bevy_restir::view::camera::{barycentrics_on_ray, camera_position, previous_primary_ray, primary_ray, project}
+#import bevy_restir::view::camera::{barycentrics_on_ray, eye_of, previous_primary_ray, primary_ray, project}
 
 fn has(flag: u32) -> bool {
     return (settings.flags & flag) != 0u;
@@ -36,9 +36,10 @@ fn own_place(ids: vec2<u32>, pixel: vec2<u32>, radius: f32) -> OwnPlace {
     let center = vec2<f32>(pixel) + 0.5;
     if has(RESAMPLE_FROM_PREVIOUS) {
         let shape = previous_pixel_shape(ids, pixel);
-        // The nearest pixel is sought without the jitter of either frame: with it, the samples of a picture at rest would all move by one
-        // pixel in the frames where the jitter changes by more than half a pixel, and always the same way.  Bilinear places have no such
-        // drift: they move in all directions with the same probability.
+        // The surface was found by a ray with the jitter of this frame, and the pixels of the last frame show surfaces with its jitter.  The
+        // nearest pixel is sought as if both were 0: otherwise all samples of a picture at rest would move by one pixel, in one direction,
+        // whenever the jitter changes by more than half a pixel.  Bilinear places take both into account: they move in all directions with
+        // the same probability.
         let jitter = select(view.jitter, view.previous_jitter, has(RESAMPLE_BILINEAR));
         return OwnPlace(shape, project(view.previous, shape.position) - jitter, center, radius);
     }
@@ -73,8 +74,9 @@ fn similar_pixel(own: Shape, at: vec2<f32>) -> vec2<u32> {
     return pixel;
 }
 
-// Where the surface was hidden in the last frame: the place that lies beside the object that hid it as the surface does now, so that it shows
-// similar surfaces behind the object (dual motion vectors, Zeng et al. 2021; Lin et al. 2026, supplement, 7).
+// A place for a surface that an object hid in the last frame (dual motion vectors, Zeng et al. 2021; Lin et al. 2026, supplement, 7): the
+// offset from the object to the surface in this frame is added to the object's place in the last frame.  The background there is often
+// similar to the surface.
 fn place_beside_occluder(own: OwnPlace) -> vec2<f32> {
     if !(all(own.place >= vec2<f32>(0.0)) && all(own.place < vec2<f32>(view.size))) {
         return vec2<f32>(-1.0);
@@ -104,7 +106,7 @@ fn neighbor_offset(own: OwnPlace, is_own: bool, attempt: u32, u: vec2<f32>) -> v
 
 // Uniform between two circles.
 fn ring_offset(u: vec2<f32>, inner: f32, outer: f32) -> vec2<f32> {
-    return sqrt(mix(inner * inner, outer * outer, u.x)) * vec2<f32>(cos(6.2831853 * u.y), sin(6.2831853 * u.y));
+    return sqrt(mix(inner * inner, outer * outer, u.x)) * vec2<f32>(cos(TWO_PI * u.y), sin(TWO_PI * u.y));
 }
 
 // Whether a neighbor's surface is similar enough to share light (Wyman and Panteleev 2021, Eq. 24).
@@ -115,7 +117,7 @@ fn is_similar(own: Shape, ids: vec2<u32>, pixel: vec2<u32>) -> bool {
 
 // `previous`: both in the last frame.
 fn are_similar(own: Shape, other: Shape, previous: bool) -> bool {
-    let view_distance = max(distance(own.position, camera_position(previous)), 1.0e-20);
+    let view_distance = max(distance(own.position, eye_of(own.position, previous)), 1.0e-20);
     return dot(own.n, other.n) >= settings.normal_threshold
         && abs(dot(other.position - own.position, own.n_geo)) <= settings.depth_threshold * view_distance
         && (own.material == other.material || !has(RESAMPLE_SAME_MATERIAL));
@@ -132,12 +134,12 @@ fn pixel_shape(ids: vec2<u32>, pixel: vec2<u32>, previous: bool) -> Shape {
     if previous {
         ray = previous_primary_ray(pixel);
     }
-    let barycentrics = barycentrics_on_ray(world_triangle(ids.x, ids.y, previous), ray);
-    return shape_at(ids.x, ids.y, barycentrics, camera_position(previous), previous);
+    let t = world_triangle(ids.x, ids.y, previous);
+    return shape_at(ids.x, ids.y, barycentrics_on_ray(t, ray), eye_of(t.corner, previous), previous);
 }
 
 // The surface that a pixel shows, where it was in the last frame.
 fn previous_pixel_shape(ids: vec2<u32>, pixel: vec2<u32>) -> Shape {
     let barycentrics = barycentrics_on_ray(world_triangle(ids.x, ids.y, false), primary_ray(pixel));
-    return shape_at(ids.x, ids.y, barycentrics, camera_position(true), true);
+    return shape_at(ids.x, ids.y, barycentrics, eye_of(world_triangle(ids.x, ids.y, true).corner, true), true);
 }

@@ -27,7 +27,7 @@ fn partner_of(pixel: vec2<u32>, tile_bits: u32, key: PairKey) -> vec2<u32> {
     // Not 0: no pixel is its own partner.
     let difference = 1u + tile_key.w % ((1u << (2u * tile_bits)) - 1u);
     let number = permuted(shifted & vec2<u32>(mask), tile_bits, tile_key.xyz);
-    let partner = original(number ^ vec2<u32>(difference & mask, difference >> tile_bits), tile_bits, tile_key.xyz);
+    let partner = unpermuted(number ^ vec2<u32>(difference & mask, difference >> tile_bits), tile_bits, tile_key.xyz);
     return (shifted & vec2<u32>(~mask)) + partner - offset;
 }
 
@@ -42,7 +42,7 @@ fn permuted(place: vec2<u32>, bits: u32, round_keys: vec3<u32>) -> vec2<u32> {
 }
 
 // The inverse of `permuted`.
-fn original(number: vec2<u32>, bits: u32, round_keys: vec3<u32>) -> vec2<u32> {
+fn unpermuted(number: vec2<u32>, bits: u32, round_keys: vec3<u32>) -> vec2<u32> {
     var keys = round_keys;
     var v = number;
     for (var i = 0u; i < 3u; i++) {

@@ -26,8 +26,9 @@ fn partner_in_slot(pixel: vec2<u32>, slot: u32) -> vec2<u32> {
     return partner_of(pixel, settings.pair_tile_bits, pair_key(view.frame, stream, slot));
 }
 
-// The pair of a pixel in a slot.  A mask has at most as many slots as there are layers.  A pixel wants the first ones of its slots; it also
-// serves partners that want it, so that pixels at edges, which have few similar partners, keep those that they have.
+// The pair of a pixel in a slot.  A mask has at most as many slots as there are layers.  A pixel wants as many neighbors as its settings ask
+// for, and takes the first ones of its slots.  A pair is used if one of its pixels wants the other: so pixels at edges, which have few similar
+// partners, keep those that they have.
 fn pair_in_slot(pixel: vec2<u32>, slot: u32) -> Pair {
     var pair = Pair(vec2<u32>(NONE), 0u, 0u);
     let own = textureLoad(pair_masks, pixel, 0).x;
@@ -48,8 +49,8 @@ fn pair_in_slot(pixel: vec2<u32>, slot: u32) -> Pair {
     return pair;
 }
 
-// The next pair of a pixel from a slot on, and the slot after it.  Threads that run together go through their slots here, and not with the work
-// on a pair: each would wait for the slots of all others.
+// The next pair of a pixel from a slot on; `slot` becomes the slot after it.  The search is a loop of its own, so that threads that run
+// together find their next pairs first and then do the work on them together, although these pairs are in different slots.
 fn next_pair(pixel: vec2<u32>, slot: ptr<function, u32>) -> Pair {
     var pair = Pair(vec2<u32>(NONE), 0u, 0u);
     while *slot < PAIR_SLOTS && pair.partner.x == NONE {

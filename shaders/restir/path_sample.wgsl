@@ -24,9 +24,9 @@ struct PathSample {
     triangle: u32,
     barycentrics: vec2<f32>,
     wi: vec3<f32>,            // direction after vertex k; direction of the environment where the path ends there
-    radiance: vec3<f32>,      // arriving at vertex k from wi, divided by the densities of everything sampled after k, and weighted so that
-                              // `stored_weight` is missing
-    rivals: vec2<f32>,        // techniques that compete for a path that goes on after k (`stored_weight`)
+    radiance: vec3<f32>,      // arriving at vertex k from wi, divided by the densities of everything sampled after k, and by the
+                              // coefficient of 1 (`path/technique_weights.wgsl`); its missing factor is `stored_weight`
+    rivals: vec2<f32>,        // the coefficients of 1/p and S/p, divided by that of 1 (`stored_weight`)
     light: LightPoint,        // of NEE, and of a sphere, rectangle or sun that was hit; NONE for triangles and the environment
     density: f32,             // of sampling vertex k from k - 1, in the measure of its triangle or light (uniform, total 1), times that
                               // of the direction after it, solid angle; denominator of the shift's Jacobian

@@ -2,7 +2,7 @@
 #define_import_path bevy_restir::restir::types
 
 struct ResampleSettings {
-    candidates: u32,           // light candidates of a pixel
+    candidates: u32,           // light candidates: of a pixel (di), of each hit of a probe (sss), of the first vertex of a path
     subset_count: u32,         // presampled light subsets; 0: every pixel draws from the whole table of lights
     subset_size: u32,
     light_tile_size: u32,      // pixels a side that share a subset
@@ -17,17 +17,17 @@ struct ResampleSettings {
     mis: u32,                  // MIS_*
     flags: u32,                // RESAMPLE_*
     normal_threshold: f32,     // least cosine between the normals of similar surfaces
-    depth_threshold: f32,      // greatest relative distance of one from the tangent plane of the other
+    depth_threshold: f32,      // greatest distance of a similar surface from the tangent plane, over the distance to the camera
     visibility_radius: f32,    // within which visibility is reused, pixels
     reservoir_layout: u32,     // LAYOUT_*, or pixels a side of a tile
     iteration: u32,            // of reuse, from 0
     reconnection: u32,         // RECONNECT_*
     roughness: f32,            // least perceptual roughness of a lobe before a reconnection
-    separation: f32,           // c of the footprints, or least distance, m
+    separation: f32,           // the constant c of footprints (Lin et al. 2026, supplement, Eq. 6), or the least distance, m
     jacobian_limit: f32,       // greatest Jacobian of a shift, and reciprocal of the least
     light_paths: u32,          // light sub-paths of a frame
     splats: u32,               // `light_paths`, or 0: the camera does not see their vertices
-    diffuse_share: f32,        // `LightShares`
+    nee_share: f32,            // `LightShares`
     caustic_share: f32,
     subsurface_shift: u32,     // SUBSURFACE_*
     pair_layers: u32,          // shifts that a pixel keeps in paired reuse
@@ -72,15 +72,14 @@ const RESAMPLE_RETRACE_FORWARD: u32 = 65536u;
 const RESAMPLE_RETRACE_BACKWARD: u32 = 131072u;
 // The reconnection vertex is treated as diffuse: the same radiance leaves it in all directions.
 const RESAMPLE_DIFFUSE_SECONDARY: u32 = 262144u;
+// A reconnected sample gets a probe that finds its point of entry.
+const RESAMPLE_INVERT_PROBES: u32 = 524288u;
 // Vertices of camera sub-paths are connected with vertices of light sub-paths.
 const RESAMPLE_CONNECTIONS: u32 = 1048576u;
 // Where the surface was hidden in the last frame, a place beside the object that hid it is tried.
 const RESAMPLE_DUAL_MOTION: u32 = 2097152u;
 // Russian roulette ends no path.
 const RESAMPLE_NO_ROULETTE: u32 = 4194304u;
-
-// Reconnected points of entry get probes that find them.
-const RESAMPLE_INVERT_PROBES: u32 = 524288u;
 
 // Reconnection by the footprints of the densities on both sides (Lin et al. 2026, supplement, 2); by a density in place of the roughness
 // (ibid., 4), in the unit of a roughness or as printed; by a bound of the Jacobian or the footprint of the path (ibid., 11).

@@ -21,6 +21,8 @@
 @group(0) @binding(10) var second_uvs: texture_2d<f32>;
 // Subsurface scattering: mean free path of the three channels in meters (rgb), and weight (a).
 @group(0) @binding(11) var subsurfaces: texture_2d<f32>;
+// Vertex colors: three texels per triangle.
+@group(0) @binding(12) var vertex_colors: texture_2d<f32>;
 // Elements per row, equal to `ELEMENTS_PER_ROW` in src/scene/storage/data_texture.rs.
 const ELEMENTS_A_ROW: u32 = 1024u;
 

@@ -15,10 +15,10 @@ struct LobeFrame {
     bitangent: vec3<f32>,
 }
 
-// Adds all of them to `b`.  `wo` is on the side of its normals.
+// Adds all optional parts to `b`.  `wo` is on the side of its normals.
 fn with_lobes(b: Bsdf, point: MaterialPoint, frame: LobeFrame, wo: vec3<f32>) -> Bsdf {
-    let body = with_thin_wall(with_diffuse_transmission(with_anisotropy(b, point, frame, wo), point), point);
-    return with_coat(body, point, frame.coat_normal, wo);
+    let base = with_thin_wall(with_diffuse_transmission(with_anisotropy(b, point, frame, wo), point), point);
+    return with_coat(base, point, frame.coat_normal, wo);
 }
 
 // The lobes of a surface as `wo` sees them, which may be on the other side.

@@ -2,8 +2,8 @@
 // of them, so that the sampling code is compiled once.
 #define_import_path bevy_restir::scene::material
 
-#import bevy_restir::common::constants::{INSTANCE_SECOND_UV, MATERIAL_FLIP_NORMAL_MAP_Y, SLOT_ANISOTROPY, SLOT_BASE_COLOR, SLOT_CLEARCOAT, SLOT_CLEARCOAT_NORMAL, SLOT_CLEARCOAT_ROUGHNESS, SLOT_DIFFUSE_TRANSMISSION, SLOT_EMISSIVE, SLOT_METALLIC_ROUGHNESS, SLOT_NORMAL, SLOT_SPECULAR, SLOT_SPECULAR_TINT, SLOT_SPECULAR_TRANSMISSION, SLOT_THICKNESS, SLOT_TRANSFORM}
-#import bevy_restir::scene::bindings::{attributes, ELEMENTS_A_ROW, instances, materials, second_uvs, texture_table}
+#import bevy_restir::common::constants::{INSTANCE_SECOND_UV, INSTANCE_VERTEX_COLORS, MATERIAL_FLIP_NORMAL_MAP_Y, SLOT_ANISOTROPY, SLOT_BASE_COLOR, SLOT_CLEARCOAT, SLOT_CLEARCOAT_NORMAL, SLOT_CLEARCOAT_ROUGHNESS, SLOT_DIFFUSE_TRANSMISSION, SLOT_EMISSIVE, SLOT_METALLIC_ROUGHNESS, SLOT_NORMAL, SLOT_SPECULAR, SLOT_SPECULAR_TINT, SLOT_SPECULAR_TRANSMISSION, SLOT_THICKNESS, SLOT_TRANSFORM}
+#import bevy_restir::scene::bindings::{attributes, ELEMENTS_A_ROW, instances, materials, second_uvs, texture_table, vertex_colors}
 #import bevy_restir::scene::cone::Cone
 #import bevy_restir::scene::texture::{has_texture, sample_area, sample_texture, TEXTURE_SECOND_UV, TEXTURE_TWO_COMPONENTS, TextureArea}
 #import bevy_restir::scene::triangle::{safe_normalize, WorldTriangle}
@@ -26,11 +26,11 @@ struct MaterialPoint {
     clearcoat_perceptual_roughness: f32,
 }
 
-// The material at a point of a triangle, with its textures filtered over the footprint of a ray cone.
+// The material at a point of a triangle, with the mesh's vertex colors, and its textures filtered over the footprint of a ray cone.
 fn material_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, t: WorldTriangle, wo: vec3<f32>, cone: Cone) -> MaterialPoint {
     let material = instances[instance].material;
     let p = MaterialPoint(
-        materials[material].base_color,
+        materials[material].base_color * vertex_color_at(instance, triangle, barycentrics).rgb,
         materials[material].metallic,
         materials[material].emissive,
         materials[material].perceptual_roughness,
@@ -80,7 +80,6 @@ fn with_textures(factors: MaterialPoint, instance: u32, triangle: u32, barycentr
     let transform = uv_transform_of(material);
     var at = first_slot(material);
     var p = factors;
-    // A loop over kinds, because the sampling code is long: it is compiled once.
     for (var kinds = materials[material].textures & ~SLOT_TRANSFORM; kinds != 0u; kinds &= kinds - 1u) {
         let slot = table_entry(at);
         at += 1u;
@@ -163,7 +162,8 @@ fn emission_at(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> vec3<f3
 }
 
 fn alpha_at(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
-    return materials[instances[instance].material].alpha * texel_at(SLOT_BASE_COLOR, instance, triangle, barycentrics).a;
+    let alpha = materials[instances[instance].material].alpha * vertex_color_at(instance, triangle, barycentrics).a;
+    return alpha * texel_at(SLOT_BASE_COLOR, instance, triangle, barycentrics).a;
 }
 
 fn interpolate_uv(uvs: CornerUvs, b: vec2<f32>) -> vec2<f32> {
@@ -215,7 +215,7 @@ fn emission_at(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> vec3<f3
 }
 
 fn alpha_at(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
-    return materials[instances[instance].material].alpha;
+    return materials[instances[instance].material].alpha * vertex_color_at(instance, triangle, barycentrics).a;
 }
 #endif
 
@@ -253,8 +253,8 @@ fn with_layer_texel(factors: MaterialPoint, kind: u32, slot: vec4<u32>, texel: v
             // The texture's angle is added to that of the material.
             let own = p.anisotropy_direction;
             let d = texel.rg * 2.0 - 1.0;
-            let transform_uv_vector = vec2<f32>(own.x * d.x - own.y * d.y, own.y * d.x + own.x * d.y);
-            p.anisotropy_direction = select(own, transform_uv_vector * inverseSqrt(max(dot(d, d), 1.0e-6)), dot(d, d) > 1.0e-6);
+            let turned = vec2<f32>(own.x * d.x - own.y * d.y, own.y * d.x + own.x * d.y);
+            p.anisotropy_direction = select(own, turned * inverseSqrt(max(dot(d, d), 1.0e-6)), dot(d, d) > 1.0e-6);
             p.anisotropy_strength *= texel.b;
         }
         default: {}
@@ -283,5 +283,21 @@ fn second_corner_uvs(instance: u32, triangle: u32) -> CornerUvs {
 #else
 fn second_corner_uvs(instance: u32, triangle: u32) -> CornerUvs {
     return corner_uvs(triangle);
+}
+#endif
+
+// The vertex color at a point, linear; white for a mesh without.
+#ifdef VERTEX_COLORS
+fn vertex_color_at(instance: u32, triangle: u32, b: vec2<f32>) -> vec4<f32> {
+    if (instances[instance].flags & INSTANCE_VERTEX_COLORS) == 0u {
+        return vec4<f32>(1.0);
+    }
+    let at = vec2<u32>(3u * (triangle % ELEMENTS_A_ROW), triangle / ELEMENTS_A_ROW);
+    return (1.0 - b.x - b.y) * textureLoad(vertex_colors, at, 0) + b.x * textureLoad(vertex_colors, at + vec2<u32>(1u, 0u), 0)
+        + b.y * textureLoad(vertex_colors, at + vec2<u32>(2u, 0u), 0);
+}
+#else
+fn vertex_color_at(instance: u32, triangle: u32, b: vec2<f32>) -> vec4<f32> {
+    return vec4<f32>(1.0);
 }
 #endif

@@ -19,7 +19,7 @@ struct Surface {
     offset: f32,              // distance along ±n_geo at which rays start, m
     emission: vec3<f32>,      // towards wo, cd/m²
     front: u32,               // 1: seen from the front face
-    unlit: vec3<f32>,         // color of an unlit material, which only the camera sees
+    unlit: vec3<f32>,         // radiance of an unlit material, which only the camera sees
     material: u32,
     attenuation: vec3<f32>,   // absorption coefficient of the volume inside, 1/m
     light: u32,               // id of this triangle in the light table, or NONE
@@ -128,7 +128,8 @@ fn surface_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, wo: vec3<f3
     }
     let emits = (flags & MATERIAL_UNLIT) == 0u && (front || (flags & MATERIAL_DOUBLE_SIDED) != 0u);
     s.emission = guarded_3(select(vec3<f32>(0.0), point.emission, emits), GUARD_SURFACE);
-    s.unlit = guarded_3(select(vec3<f32>(0.0), point.base_color, (flags & MATERIAL_UNLIT) != 0u), GUARD_SURFACE);
+    let unlit = point.base_color * point.emission;
+    s.unlit = guarded_3(select(vec3<f32>(0.0), unlit, (flags & MATERIAL_UNLIT) != 0u), GUARD_SURFACE);
     s.bsdf.n = n * side;
     s.bsdf.n_geo = t.normal * side;
     s.bsdf.base_color = point.base_color;

@@ -141,6 +141,7 @@ fn sample_area(slot: vec4<u32>, area: TextureArea) -> vec4<f32> {
     let last = f32(max((slot.x >> TEXTURE_LEVELS_SHIFT) & 31u, 1u) - 1u);
     let level = select(0.0, clamp(log2(across), 0.0, last), across > 1.0);
     let low = floor(level);
+    // A footprint that is too long for some number of samples by less than 1 % takes no further sample.
     let samples = u32(clamp(ceil(axes.z / across - 0.01), 1.0, MAX_SAMPLES));
     let levels = select(1u, 2u, level > low);
 

@@ -9,7 +9,7 @@ struct SceneUniforms {
     previous_tlas_indices: u32,
     light_count: u32,          // number of lights in the alias table
     instance_count: u32,
-    light_power: f32,          // luminance-weighted power of all lights of the table, W per unit of luminous emission
+    light_power: f32,          // power of all lights of the table, by luminance, lm
     radius: f32,               // radius of a sphere around all instances, m
     center: vec3<f32>,         // center of that sphere
     previous_lights: u32,      // index in `lights` of the last frame's table; 0 if it equals this frame's

@@ -6,7 +6,7 @@
 #import bevy_restir::bsdf::coat::coat_share
 #import bevy_restir::bsdf::diffuse::diffuse_base
 #import bevy_restir::bsdf::fresnel::schlick
-#import bevy_restir::bsdf::lobe_choice::base_albedo
+#import bevy_restir::bsdf::lobe_choice::{base_albedo, LOBE_PROBABILITY_MIN}
 #import bevy_restir::common::constants::{INSTANCE_MIRRORED, NONE}
 #import bevy_restir::common::math::{is_finite_3, luminance, max_component}
 #import bevy_restir::common::ray::Hit
@@ -46,7 +46,7 @@ fn subsurface_probability(s: Surface, wo: vec3<f32>) -> f32 {
     if !(above > 0.0) {
         return 1.0;
     }
-    return clamp(below / (below + above), 0.05, 0.95);
+    return clamp(below / (below + above), LOBE_PROBABILITY_MIN, 1.0 - LOBE_PROBABILITY_MIN);
 }
 
 // The factors of the BSSRDF at the point where light leaves: albedo, weight, interface and coat.
@@ -93,7 +93,7 @@ fn entry_surface(exit: Surface, hit: Hit, previous: bool) -> Surface {
     s.bsdf.n = interpolated_normal(stored, hit.barycentrics, transform, mirrored, t.normal);
     s.bsdf.n_geo = t.normal;
     s.smooth_n = s.bsdf.n;
-    // The value of the lobe is (1 - F)/c · |cos|/π: all other factors belong to the weight.
+    // The value of the lobe is (1 - F)/`through` · |cos|/π: all other factors belong to the weight.
     s.bsdf.base_color = select(vec3<f32>(0.0), 1.0 / through, through > vec3<f32>(0.0));
     s.bsdf.entry_reflectance = f0;
     s.bsdf.roughness = 1.0;

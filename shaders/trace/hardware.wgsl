@@ -54,7 +54,7 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
     var t_min = ray.t_min;
     var candidates = 0u;
     for (var attempt = 0u; attempt < MAX_ATTEMPTS; attempt += 1u) {
-        // After a rejected hit the closest hit behind it is needed, also where any hit would do.
+        // After a rejected hit the closest hit is needed, also where any hit would do.
         let first = any_hit && attempt == 0u;
         let description = RayDesc(
             OPACITY | select(0u, TERMINATE_ON_FIRST_HIT, first),
@@ -103,7 +103,11 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
         if found.t > ray.t_min && found.t < ray.t_max {
             return Hit(found.t, instance, triangle, found.barycentrics);
         }
-        // Outside of the interval by the exact distance: the surface that the ray starts from or ends on.  Continue behind it.
+        // Outside of the interval by the exact distance: the surface that the ray starts from or ends on.  A query for any hit may have
+        // passed over nearer surfaces, so that it starts again as a query for the closest hit; that one continues behind the surface.
+        if first {
+            continue;
+        }
         t_min = bitcast<f32>(bitcast<u32>(max(committed.t, t_min)) + 1u);
         if t_min >= ray.t_max {
             return miss;

@@ -11,7 +11,7 @@
 #import bevy_restir::trace::probe_hits::{failed_probe, has_too_many, no_probe_hits, ProbeHits, with_probe_hit}
 #endif
 #import bevy_restir::trace::space::object_ray
-#import bevy_restir::trace::tree::{intersect_node, MIN_NODE_HITS, nearest_child, tree_ray, TreeRay}
+#import bevy_restir::trace::tree::{intersect_node, MIN_NODE_HITS, nearest_child, ROOT_HIT, tree_ray, TreeRay}
 #import bevy_restir::trace::triangle::intersect_triangle
 #import bevy_restir::view::render_layers::instance_in_layers
 
@@ -49,7 +49,7 @@ fn pop() -> Groups {
 }
 
 fn root_group(root: u32, exists: bool) -> Groups {
-    return Groups(select(vec2<u32>(0u), vec2<u32>(root, 0x80000000u), exists), vec2<u32>(0u));
+    return Groups(select(vec2<u32>(0u), vec2<u32>(root, ROOT_HIT), exists), vec2<u32>(0u));
 }
 
 // Visits the nearest child of the group of nodes, if there is one; the others wait.
@@ -187,7 +187,7 @@ fn traverse_instance(ray: Ray, instance: u32, alpha_seed: u32, previous: bool) -
     let inside = object_ray(ray, instance, previous);
     let tree = tree_ray(inside.origin, inside.direction);
     depth = 0u;
-    var children = vec2<u32>(root, 0x80000000u);
+    var children = vec2<u32>(root, ROOT_HIT);
     for (var steps = 0u; steps < MAX_STEPS; steps += 1u) {
         let nearest = nearest_child(children, tree.octant);
         if nearest.others.y >= MIN_NODE_HITS {

@@ -5,8 +5,10 @@
 #import bevy_restir::trace::triangle::{sheared_ray, ShearedRay}
 
 // A group is a vec2.  x: index of the first child node or primitive.  y: for nodes, hit bits << 24 | mask of inner children; for
-// primitives, up to 24 hit bits.  A value of y from this one on belongs to a group of nodes with a hit.
+// primitives, up to 24 hit bits.  So y is at least MIN_NODE_HITS exactly if the group holds a node that the ray hits.
 const MIN_NODE_HITS: u32 = 0x01000000u;
+// y of the group in which a traversal starts: it holds the root alone.
+const ROOT_HIT: u32 = 0x80000000u;
 
 // A ray in the space of a tree.
 struct TreeRay {

@@ -39,6 +39,20 @@ fn camera_position(previous: bool) -> vec3<f32> {
     return select(view.current.world_from_view[3].xyz, view.previous.world_from_view[3].xyz, previous);
 }
 
+// 1/(2 tan(fov/2)) for Bevy's default field of view, 45 degrees.
+const DISTANCE_FOR_HEIGHT: f32 = 1.2071068;
+
+// Where a point is seen from.  An orthographic camera sees it from afar; for lengths that are relative to the distance, it is as far away as
+// a perspective camera for which the image has the same height.
+fn eye_of(point: vec3<f32>, previous: bool) -> vec3<f32> {
+    if (view.flags & VIEW_ORTHOGRAPHIC) == 0u {
+        return camera_position(previous);
+    }
+    let back = select(view.current.world_from_view[2].xyz, view.previous.world_from_view[2].xyz, previous);
+    let half_height = select(view.current.view_from_clip[1].y, view.previous.view_from_clip[1].y, previous);
+    return point + normalize(back) * (2.0 * abs(half_height) * DISTANCE_FOR_HEIGHT);
+}
+
 // The ray whose hit the visibility buffer stores.
 fn primary_ray(pixel: vec2<u32>) -> Ray {
     return camera_ray(view.current, vec2<f32>(pixel) + 0.5 + view.jitter);

@@ -30,4 +30,5 @@ struct ViewUniforms {
     accumulated: u32,                   // frames that `radiance` sums up so far; 0 restarts the sum
     layers: u32,                        // bit of the camera's set of render layers
     target_size: vec2<u32>,             // of the viewport, pixels; at least `size`
+    background_alpha: f32,              // of pixels without a surface if the camera does not see the environment
 }

@@ -249,12 +249,13 @@ impl PassPipelines {
         index
     }
 
-    /// Features that the visibility pass is specialized for.  It only tests alpha, which may come from a texture.
+    /// Features that the visibility pass is specialized for.  It only tests alpha, which may come from a texture and from vertex colors.
     fn visibility_features(features: SceneFeatures) -> SceneFeatures {
         if !features.contains(SceneFeatures::ALPHA) {
             return SceneFeatures::empty();
         }
-        features & SceneFeatures::BOUND_TEXTURES | SceneFeatures::ALPHA | SceneFeatures::TEXTURES
+        let sources = SceneFeatures::BOUND_TEXTURES | SceneFeatures::SECOND_UVS | SceneFeatures::VERTEX_COLORS;
+        features & sources | SceneFeatures::ALPHA | SceneFeatures::TEXTURES
     }
 
     fn request_visibility(&mut self, cull: Option<Face>, features: SceneFeatures, pipelines: &PipelineCache) -> usize {

@@ -89,16 +89,24 @@ pub(super) fn draw(
     }
     let mut current_cull = None;
     for draw in scene.draw_list.draws.iter().filter(|draw| draw.camera_mask & view.layers != 0) {
-        if current_cull != Some(draw.cull) {
-            let Some(pipeline) = passes.visibility(draw.cull, key, pipelines) else {
+        let cull = if view.inverts_culling { draw.cull.map(opposite) } else { draw.cull };
+        if current_cull != Some(cull) {
+            let Some(pipeline) = passes.visibility(cull, key, pipelines) else {
                 continue;
             };
             pass.set_pipeline(pipeline);
-            current_cull = Some(draw.cull);
+            current_cull = Some(cull);
         }
         pass.draw(0..draw.triangles * 3, draw.instances.clone());
     }
     if let Some(span) = span {
         span.end(&mut pass);
+    }
+}
+
+fn opposite(face: Face) -> Face {
+    match face {
+        Face::Front => Face::Back,
+        Face::Back => Face::Front,
     }
 }

@@ -36,6 +36,7 @@ pub(crate) fn scene_layout() -> BindGroupLayoutDescriptor {
                 texture_2d(TextureSampleType::Uint),
                 texture_2d(TextureSampleType::Float { filterable: false }),
                 texture_2d(TextureSampleType::Float { filterable: false }),
+                texture_2d(TextureSampleType::Float { filterable: false }),
             ),
         ),
     )
@@ -56,7 +57,7 @@ pub(crate) struct SceneBindings {
     uploaded_uniforms: GpuSceneUniforms,
     /// Buffers and views of `bind_group`.
     bound_buffers: Vec<BufferId>,
-    bound_views: [Option<TextureViewId>; 5],
+    bound_views: [Option<TextureViewId>; 6],
     pub placeholders: Option<PlaceholderTextures>,
     /// The table for energy compensation; `None` until a camera uses it.
     pub specular_albedo: Option<TextureView>,
@@ -153,7 +154,7 @@ impl SceneBindings {
         device: &RenderDevice,
         pipelines: &PipelineCache,
         buffers: [&Buffer; 7],
-        textures: [&TextureView; 5],
+        textures: [&TextureView; 6],
     ) {
         let ids: Vec<_> = buffers.iter().map(|b| b.id()).collect();
         let views = textures.map(|texture| Some(texture.id()));
@@ -161,11 +162,11 @@ impl SceneBindings {
             return;
         }
         let [a, b, c, d, e, f, g] = buffers.map(|b| b.as_entire_binding());
-        let [atlas, albedo, table, second_uvs, subsurface] = textures;
+        let [atlas, albedo, table, second_uvs, subsurface, colors] = textures;
         self.bind_group = Some(device.create_bind_group(
             "restir scene",
             &pipelines.get_bind_group_layout(&scene_layout()),
-            &BindGroupEntries::sequential((a, b, c, d, e, f, g, atlas, albedo, table, second_uvs, subsurface)),
+            &BindGroupEntries::sequential((a, b, c, d, e, f, g, atlas, albedo, table, second_uvs, subsurface, colors)),
         ));
         self.bound_buffers = ids;
         self.bound_views = views;

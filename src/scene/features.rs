@@ -30,7 +30,7 @@ features! {
     ALPHA = 7, "ALPHA", "Alpha mask or blending.";
     TRANSMISSION = 8, "TRANSMISSION", "Specular transmission.";
     ATTENUATION = 9, "ATTENUATION", "Absorption inside transmissive objects.";
-    UNLIT = 10, "UNLIT", "Unlit materials.";
+    VERTEX_COLORS = 10, "VERTEX_COLORS", "Meshes with vertex colors.";
     ENERGY_COMPENSATION = 11, "ENERGY_COMPENSATION", "The camera uses energy compensation.";
     SECOND_UVS = 17, "SECOND_UVS", "Textures that use the second texture coordinates.";
     LAYER_TEXTURES = 18, "LAYER_TEXTURES", "Textures of transmission, specular reflection, clearcoat or anisotropy.";

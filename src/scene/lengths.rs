@@ -1,4 +1,4 @@
-//! Lengths of the tables of the scene, for tests: what leaks grows.
+//! Lengths of the tables of the scene, for tests, which find leaks by their growth.
 
 use bevy::{app::App, render::RenderApp};
 

@@ -111,7 +111,8 @@ pub(crate) fn build(render_app: &mut SubApp) {
     );
 }
 
-/// Compares the mirror of instances and lights with the main world in each frame from now on, and panics where they differ; or ends that.
+/// Compares the mirror of instances and lights with the main world in each frame from now on, and panics where they differ, if `wanted`;
+/// otherwise stops comparing.
 #[cfg(feature = "testing")]
 pub fn check_mirror(app: &mut bevy::app::App, wanted: bool) {
     let Some(render_app) = app.get_sub_app_mut(bevy::render::RenderApp) else { return };

@@ -178,7 +178,6 @@ fn upload(pools: &mut Pools, context: &Context) -> u64 {
     let uploaded_shapes = lights.build_shapes(meshes, device, queue);
     drop(running);
     let _running = times.measure(Stage::Upload);
-    let needs_second_uvs = instances.totals.features().contains(SceneFeatures::SECOND_UVS);
     meshes.uploaded
         + uploaded_poses
         + instances.top.uploaded_nodes
@@ -187,7 +186,7 @@ fn upload(pools: &mut Pools, context: &Context) -> u64 {
         + subsurface.upload(device, queue)
         + instances.upload(device, queue)
         + lights.upload(device, queue)
-        + meshes.update_second_uvs(needs_second_uvs, bodies.sources(), device, queue)
+        + meshes.update_corner_textures(instances.totals.features(), bodies.sources(), device, queue)
 }
 
 fn uniforms(pools: &Pools) -> GpuSceneUniforms {
@@ -245,6 +244,7 @@ fn update_bind_groups(bindings: &mut SceneBindings, pools: &mut Pools, context: 
             materials.table.view().unwrap_or(&placeholders.integers),
             meshes.second_uvs.view().unwrap_or(&placeholders.texel),
             subsurface.gpu.view().unwrap_or(&placeholders.texel),
+            meshes.colors.view().unwrap_or(&placeholders.texel),
         ];
         bindings.bind(device, pipelines, [&u, n, t, a, i, m, l], views);
     }
@@ -302,6 +302,7 @@ fn memory(bindings: &SceneBindings, pools: &Pools) -> Vec<(&'static str, u64)> {
         materials.table.memory(),
         subsurface.gpu.memory(),
         meshes.second_uvs.memory(),
+        meshes.colors.memory(),
         lights.gpu.memory(),
         textures.memory(),
         instances.top.structures.as_ref().map_or(("", 0), AccelerationStructures::memory),

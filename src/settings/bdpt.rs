@@ -30,7 +30,7 @@ pub struct Bdpt {
     /// traces fewer, with a warning.  With 0, lights are found from the camera only.  No bias.  0 to 8, and at most 16,777,216 in all;
     /// default 1.
     pub light_paths: f32,
-    /// What light paths are used for.
+    /// What light paths are used for.  Default: [`LightTechniques::Lightweight`].
     pub techniques: LightTechniques,
     /// Number of samples that a resampled path stands for when it is weighted against light paths, which neighboring pixels do not share.
     /// Light that arrives through a mirror or through glass is left to light paths by the same factor.  Larger values give less noise in

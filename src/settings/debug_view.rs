@@ -30,7 +30,8 @@ pub enum DebugView {
     /// Base color.
     Albedo,
     /// Lights of the stored samples, in false colors; black: no sample.  This view and the next four need
-    /// [`Technique::Di`](super::Technique::Di) or [`Technique::Gi`](super::Technique::Gi).
+    /// [`Technique::Di`](super::Technique::Di), [`Technique::Gi`](super::Technique::Gi), or [`Technique::Pt`](super::Technique::Pt) with
+    /// [`Paths::separate_direct_light`](super::Paths::separate_direct_light).
     ReservoirLights,
     /// Position of the stored sample on its light: two coordinates from 0 to 1, in red and green.
     ReservoirPoints,
@@ -52,7 +53,7 @@ pub enum DebugView {
     PathWeights,
     /// Confidence of the reservoirs, in frames' worth of candidates.
     PathConfidence,
-    /// Frames since the stored paths were sampled; for `Pt`.
+    /// Frames since the stored paths were sampled.
     PathAges,
     /// Reason why a stored path cannot be shifted 8 pixels to the right, in false colors; white: it can.
     PathShifts,
@@ -75,11 +76,12 @@ pub enum DebugView {
     /// Frames since the stored light paths were sampled.
     LightPathAges,
     /// The diffuse part of the light, cd/m²: what the surface of a pixel reflects or transmits diffusely, and light that leaves a body with
-    /// [`Subsurface`](crate::Subsurface).  This view and the next one run whole frames of the technique, with its history, and are exposed as
-    /// light is.  With the same seed, settings and number of frames since a reset, the two and the light that surfaces and the sky send to
-    /// the camera by themselves sum to the picture; neither has a bias of its own.  They cost no memory, and one more evaluation of the
-    /// surface's lobes for each sample that is shaded; with [`Technique::Bdpt`](super::Technique::Bdpt) light paths that the camera sees are
-    /// traced again.
+    /// [`Subsurface`](crate::Subsurface).  This view and the next one run whole frames of the technique, with its history, and have the
+    /// camera's exposure.  Both views plus the light that surfaces and the sky emit towards the camera sum to the picture, if seed,
+    /// settings and number of frames since a reset are the same and the picture has no
+    /// [`Restir::firefly_limit`](super::Restir::firefly_limit), which these views ignore.  They add no bias.  They cost no memory, and one
+    /// more evaluation of the surface's lobes for each sample that is shaded; with [`Technique::Bdpt`](super::Technique::Bdpt) light paths
+    /// that the camera sees are traced again.
     DiffuseLight,
     /// The specular part of the light, cd/m²: all other light that the surface of a pixel reflects or transmits, by clearcoats, too.
     SpecularLight,

@@ -94,9 +94,9 @@ pub struct Direct {
     pub subset_size: u32,
     /// Reuse of samples; default [`Reuse::DIRECT`].
     pub reuse: Reuse,
-    /// Correction of the bias of reused samples.
+    /// Correction of the bias of reused samples.  Default: [`BiasCorrection::HeuristicsAndUnbiasedMis`].
     pub bias_correction: BiasCorrection,
-    /// Use of the rays to lights.
+    /// Use of the rays to lights.  Default: [`VisibilityReuse::Resampled`].
     pub visibility: VisibilityReuse,
     /// Distance within which visibility is reused, in pixels of an image that is 1080 lines high; for [`VisibilityReuse::Decoupled`].  Larger
     /// values save rays and blur shadows.  Biased, as described there.  0 to 1e6; default 0 (only the surface's own visibility is reused).

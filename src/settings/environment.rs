@@ -16,13 +16,14 @@ use bevy::{
 #[derive(Component, Clone, Debug, PartialEq, Reflect)]
 #[reflect(Component, Default)]
 pub struct RestirEnvironment {
-    /// Uniform radiance, cd/m²; multiplies the image if there is one.
+    /// Uniform radiance, cd/m²; multiplies the image if there is one.  Negative channels count as 0.  Default: white, 1 cd/m², which is
+    /// nearly black at the exposure of Bevy's default camera.
     pub color: LinearRgba,
     /// Equirectangular radiance: u = 0.5 + atan2(d.x, -d.z)/2π, v = acos(d.y)/π.
     pub image: Option<Handle<Image>>,
-    /// Multiplies color and image.
+    /// Multiplies color and image.  Negative values count as 0.  Default 1.
     pub intensity: f32,
-    /// Rotation, world from environment.
+    /// Rotates the environment: takes its directions to world space.  Changing it keeps the history.  Default: identity.
     pub rotation: Quat,
 }
 

@@ -14,7 +14,7 @@ pub enum Jitter {
     /// [`Technique::Reference`](super::Technique::Reference).
     #[default]
     Auto,
-    /// In every frame.  For apps that average frames themselves.  Single frames have more error at edges (`docs/performance.md`, "One frame").
+    /// In every frame.  For apps that average frames themselves.  Single frames have more error at edges (`docs/experiments.md`).
     Always,
     /// In no frame.
     Never,

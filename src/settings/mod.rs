@@ -59,22 +59,23 @@ pub enum Technique {
     /// them; glossy and mirrored light is reused, too.  Settings: [`Paths`].
     #[default]
     Pt,
-    /// ReSTIR BDPT, in part (Hedstrom et al. 2025): whole paths of up to `bounces` scattering events, resampled as in [`Technique::Pt`], and
-    /// light paths that start at the lamps and that the camera sees.  For caustics and for lamps inside glass, which `Pt` hardly finds.
+    /// ReSTIR BDPT, in part (Hedstrom et al. 2025): whole paths of up to `bounces` scattering events, resampled as in [`Technique::Pt`],
+    /// and light paths that start at the lamps and that the camera sees.  For caustics and for lamps inside glass, which `Pt` hardly finds.
     /// Light paths are resampled over time, each in the pixel that it lands in: caustics are smooth in still scenes, and follow lamps and
-    /// objects that move.  What the camera sees in mirrors and through glass gains nothing from them.  Costs one light path for each pixel
-    /// more than `Pt`, and up to three more where the camera or something else moves.  Unbiased with [`Jitter::Always`]; without jitter, or with
-    /// Bevy's jitter, light that the camera sees from light paths is still averaged over the whole pixel.  Settings: [`Bdpt`] and [`Paths`].
+    /// objects that move.  What the camera sees in mirrors and through glass gains nothing from them.  In addition to the cost of `Pt`,
+    /// each pixel traces one light path, and up to three more while the camera or something else moves.  Unbiased with [`Jitter::Always`];
+    /// without jitter, or with Bevy's jitter, light that the camera sees from light paths is still averaged over the whole pixel.
+    /// Settings: [`Bdpt`] and [`Paths`].
     Bdpt,
 }
 
 /// Lights the image of this camera by path tracing, in place of Bevy's own lighting.  Multisampling (`Msaa`) is turned off;
 /// `TemporalAntiAliasing` smooths edges in its place.
 ///
-/// The history of earlier frames survives motion of objects, lights and cameras, objects and lights that appear, vanish or change, and a sky
-/// that turns or changes its color.  It restarts when the pixels of an image change, when the first translucent object appears or the last
-/// one disappears, or when the size of the image or one of these settings changes, except for numbers and weights of samples
-/// ([`Direct::candidates`], and [`Reuse`] without `order` and `temporal`).
+/// The history of earlier frames survives motion of objects, lights and cameras, objects and lights that appear, vanish or change, and a
+/// sky that turns or changes its color.  It restarts when the pixels of an image change, when the first translucent object appears or the
+/// last one disappears, when the size of the image, the render layers or the kind of projection changes, or when one of these settings
+/// changes.  [`Direct::candidates`], `firefly_limit`, and all of [`Reuse`] except `order` and `temporal` do not restart it.
 /// [`RestirReport::history_resets`](crate::RestirReport::history_resets) counts the restarts by reason.
 ///
 /// ```
@@ -94,16 +95,17 @@ pub struct Restir {
     /// Scattering events of a path: 0 shows emission only, 1 adds direct light, more add bounced light.  Cost grows with it.  Light that needs
     /// more events is missing (darker).  0 to 64; default 5.
     pub bounces: u32,
-    /// When primary rays move within the pixel, which smooths edges in means of frames.  No cost.
+    /// Frames in which primary rays are jittered within the pixel, which smooths edges in means of frames.  No cost.  No bias, except for
+    /// [`Technique::Bdpt`] (see there).  Default: [`Jitter::Auto`].
     pub jitter: Jitter,
     /// Adds the light that bounces more than once within a rough surface to specular lobes of reflection (Turquin 2019, as in Lanz 2025,
     /// 2.1.3): rough metals keep their brightness.  One texture read.  Without it they are too dark.  Default: on.
     pub energy_compensation: bool,
-    /// Removes single very bright pixels (fireflies) from each frame; histories keep them.  The light that a pixel's surface scatters is at
-    /// most this number times that of the brightest of the eight pixels around it.  Only those that show the same object count, and the limit
-    /// applies where they are at least three.  No effect on [`Technique::Reference`], with [`Restir::accumulate`] and on debug views.  Cost:
-    /// eight texture reads a pixel and domain.  Biased: darker, by the light of such pixels; glints and texture details that are smaller than a
-    /// pixel dim.  0: no limit; otherwise 1 to 1e6; default 2.5.
+    /// Removes single very bright pixels (fireflies) from each frame; histories keep them.  The light that a pixel's surface scatters is
+    /// limited to this number times that of the brightest of the eight pixels around it.  Only neighbors that show the same object count,
+    /// and a pixel with fewer than three of them is not limited.  No effect on [`Technique::Reference`], with [`Restir::accumulate`] and on
+    /// debug views.  Cost: eight neighboring pixels are read for each pixel and domain.  Biased: darker, by the light of such pixels;
+    /// glints and texture details that are smaller than a pixel dim.  0: no limit; otherwise 1 to 1e6; default 2.5.
     pub firefly_limit: f32,
     /// Selects one of 2^32 independent sequences of random numbers.  Default 0.
     pub seed: u32,
@@ -119,15 +121,15 @@ pub struct Restir {
     pub subsurface: SubsurfaceSampling,
     /// Variants for measurements.
     pub research: Research,
-    /// Shows the mean of all frames for as long as the image does not change: for stills.  [`Technique::Reference`] always does so.
-    /// Default: off.
+    /// Shows the mean of all frames for as long as the image does not change: for stills.  [`Technique::Reference`] always does so.  It
+    /// turns [`Restir::firefly_limit`] off, and [`Jitter::Auto`] jitters.  No cost; no bias.  Default: off.
     pub accumulate: bool,
     /// Shows a debug view instead of light.
     pub debug_view: DebugView,
-    /// Multiplies debug views, so that meters and counts fit between 0 and 1.  Parts of the light have the exposure of the camera instead.
-    /// 0 to 1e6; default 1.
+    /// Multiplies debug views, so that meters and counts fit between 0 and 1.  [`DebugView::DiffuseLight`] and [`DebugView::SpecularLight`]
+    /// have the camera's exposure instead.  0 to 1e6; default 1.
     pub debug_scale: f32,
-    /// Drops the history of earlier frames and restarts the sequence of random numbers; clears itself.
+    /// Drops the history of earlier frames and restarts the sequence of random numbers.  The plugin sets it back to `false`.
     pub reset: bool,
 }
 
@@ -192,10 +194,7 @@ impl Restir {
     pub(crate) fn clamp(&mut self, report: &mut dyn FnMut(Problem)) {
         let mut ranges = Ranges { path: "", report };
         ranges.count("bounces", &mut self.bounces, 0, Self::MAX_BOUNCES);
-        if self.debug_scale.is_nan() {
-            ranges.number("debug_scale", &mut self.debug_scale, 1.0, 1.0);
-        }
-        ranges.number("debug_scale", &mut self.debug_scale, 0.0, 1e6);
+        ranges.number_or("debug_scale", &mut self.debug_scale, 0.0, 1e6, 1.0);
         let least_limit = if self.firefly_limit > 0.0 { 1.0 } else { 0.0 };
         ranges.number("firefly_limit", &mut self.firefly_limit, least_limit, 1e6);
         self.direct.validate(report);
@@ -209,7 +208,7 @@ impl Restir {
     }
 }
 
-/// Luminance of `StandardMaterial::emissive` = 1, cd/m², for the whole app.
+/// Luminance of `StandardMaterial::emissive` = 1, cd/m², for the whole app.  At least 0 and finite; default about 998.
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Resource, Default)]
 pub struct EmissiveLuminance(pub f32);

@@ -55,20 +55,21 @@ pub struct Paths {
     /// Light candidates at the first vertex of a path, 1 to 64; vertex B has 1/B² of them, at least one.  They come from the subsets of
     /// [`Direct`](super::Direct).  More give less noise at higher cost.  No bias.  Default 16.
     pub candidates: u32,
-    /// Resamples direct light apart from paths in [`Technique::Pt`](super::Technique::Pt), by [`Restir::direct`](super::Restir::direct) and,
-    /// for translucent objects, [`Restir::subsurface`](super::Restir::subsurface): less noise where direct and bounced light meet, for another
-    /// kind of reservoirs and its passes.  No bias.  It is the starting point of the comparison in Lin et al. 2026.  Default: off.
+    /// Resamples direct light apart from paths in [`Technique::Pt`](super::Technique::Pt), by [`Restir::direct`](super::Restir::direct)
+    /// and, for translucent objects, [`Restir::subsurface`](super::Restir::subsurface): less noise where direct and bounced light meet, for
+    /// 22 to 39 % more time (`docs/performance.md`, "One frame").  No bias.  Default: off; on in `Quality` and `Unbiased`.
     pub separate_direct_light: bool,
     /// Reuse of paths; default [`Reuse::PATHS`].  [`Reuse::mis`] applies to iterations with spatial reuse; purely temporal ones always use the
     /// balance heuristic.
     pub reuse: Reuse,
-    /// Replay of the rest of a path, after its reconnection vertex, where something moved.
+    /// Replay of the rest of a path, after its reconnection vertex, where something moved.  Default: [`SuffixRetrace::BothWays`].
     pub suffix_retrace: SuffixRetrace,
     /// Treats the secondary vertex as diffuse, as the paper of ReSTIR GI does: the same radiance leaves it in all directions.  For
     /// [`Technique::Gi`](super::Technique::Gi).  Faster.  Biased: reflections in glossy secondary surfaces are wrong, brighter or darker.
     /// Default: off.
     pub assume_diffuse_secondary: bool,
-    /// Choice of the reconnection vertex.  `Gi` always reconnects at the secondary vertex, unless a mirror comes first.
+    /// Choice of the reconnection vertex.  `Gi` always reconnects at the secondary vertex, unless a mirror comes first.  Default:
+    /// [`Reconnection::Footprints`].
     pub reconnection: Reconnection,
     /// Least perceptual roughness of a lobe before a reconnection (Lin et al. 2022).  Larger values reconnect later: fewer bright pixels, less
     /// reuse.  No bias.  0 to 1; default 0.2.
@@ -80,20 +81,21 @@ pub struct Paths {
     /// Least distance between reconnected vertices, m; for [`Reconnection::Distance`] and `Gi` (Lanz 2025, Eq. 30).  Larger values give
     /// fewer bright pixels in corners and less reuse.  No bias.  0 to 1e6; default 0.01.
     pub distance: f32,
-    /// Greatest Jacobian of a shift, and reciprocal of the least (Lanz 2025, 4.5.5, in both directions, of the densities at both ends of the
-    /// reconnection).  Smaller values give fewer bright pixels where geometry differs, and less reuse.  No bias.  From 1; default 10.
+    /// A shift fails if its Jacobian is above this value or below its reciprocal (Lanz 2025, 4.5.5, here in both directions, with the
+    /// densities at both ends of the reconnection).  Smaller values give fewer bright pixels where geometry differs, and less reuse.  No
+    /// bias.  From 1; default 10.
     pub jacobian_limit: f32,
     /// Trusts a sample of the last frame less where the pixels around it hold the same sample, too: it then makes room for new ones sooner, so
     /// that a rare bright path does not spread into a blotch that stays for many frames (duplication map, Lin et al. 2026).  The value is the
     /// share of its confidence that a sample loses if all of them hold it.  Eight words are read at each pixel.  Biased: slightly darker,
-    /// because bright samples are copied most (`docs/performance.md`).  0 to 1; default 0, which is off and unbiased.
+    /// because bright samples are copied most (`docs/experiments.md`).  0 to 1; default 0, which is off and unbiased.
     pub decorrelation: f32,
     /// Skips neighbors of dissimilar geometry: less noise at edges.  No bias.  Default: on.
     pub heuristics: bool,
 }
 
 impl Default for Paths {
-    /// 16 light candidates where Lin et al. 2026 have 32: they have less error at equal time (`docs/performance.md`).
+    /// 16 light candidates where Lin et al. 2026 have 32: they have less error at equal time (`docs/experiments.md`).
     fn default() -> Self {
         Self {
             candidates: 16,

@@ -10,16 +10,16 @@ use super::{BiasCorrection, Direct, Paths, Restir, Reuse, SuffixRetrace, Visibil
 #[non_exhaustive]
 pub enum Preset {
     /// Fewest rays, and one neighbor for paths.  Three bounces: later light is missing (darker).  Direct light is resampled as by Wyman and
-    /// Panteleev 2021, with visibility reused within 30 pixels: shadows are blurred and lag.  Under motion, light that has just come into view
-    /// of the end of a path is missed (darker; [`SuffixRetrace::ForwardOnly`]).  Single bright pixels are limited (darker;
-    /// [`Restir::firefly_limit`]).
+    /// Panteleev 2021, with visibility reused within 30 pixels: shadows are blurred and lag.  Under motion, paths miss light that was
+    /// hidden from their later vertices in the last frame (darker; [`SuffixRetrace::ForwardOnly`]).  Single bright pixels are limited
+    /// (darker; [`Restir::firefly_limit`]).
     Performance,
     /// Five bounces: later light is missing (darker).  Single bright pixels are limited (darker; [`Restir::firefly_limit`]).  No other bias.
     Balanced,
     /// Eight bounces: later light is missing (darker).  No other bias.  In [`Technique::Pt`](super::Technique::Pt) direct light has reservoirs
     /// of its own ([`Paths::separate_direct_light`]): less noise, for a quarter to two fifths more time.
     Quality,
-    /// As `Quality`, with 32 bounces.
+    /// As `Quality`, with 32 bounces; only later light is missing (darker).
     Unbiased,
 }
 
@@ -71,8 +71,8 @@ impl Restir {
         Self::default().with_preset(preset)
     }
 
-    /// These settings with the bounces, the limit of fireflies, the direct light and the paths of a preset.  Everything else stays: technique,
-    /// seed, jitter, energy compensation, accumulation and debug views.
+    /// These settings with the bounces, the limit of fireflies, the direct light and the paths of a preset.  All other fields stay as they
+    /// are.
     #[must_use]
     pub fn with_preset(self, preset: Preset) -> Self {
         Self {

@@ -29,7 +29,7 @@ pub enum Mis {
     /// neighbors.
     OneOverZ,
     /// Generalized balance heuristic (Wyman and Panteleev 2021, Eq. 30).  Least noise in two of three measured scenes, and close to it in the
-    /// third (`docs/performance.md`).  k² + k target evaluations with their rays; for the two neighbors of `Direct`'s defaults these are two
+    /// third (`docs/experiments.md`).  k² + k target evaluations with their rays; for the two neighbors of `Direct`'s defaults these are two
     /// more than for the pairwise kinds.
     #[default]
     Balance,
@@ -74,12 +74,12 @@ pub struct Reuse {
     /// effect only with `temporal` and, in [`ReuseOrder::TemporalThenSpatial`], with `spatial_samples`.  No bias.  0 to 5; default 5 for
     /// paths, otherwise 2.
     pub disocclusion_samples: u32,
-    /// Pairs pixels for spatial reuse: if a pixel reuses the sample of another, that one reuses the pixel's, and one shift with its rays
-    /// serves both.  This halves the shifts and the rays of spatial reuse, for the same noise.  Partners are sought in squares whose sides
-    /// are 0.9 to 1.8 times [`Reuse::radius`], and [`Reuse::neighbor_attempts`] has no effect.  No bias.  Applies to
-    /// [`Paths`](super::Paths) alone, to iterations over samples of the same frame ([`ReuseOrder::TemporalThenSpatial`]) with a pairwise
-    /// kind of [`Reuse::mis`].  Memory: 4 bytes a pixel, and 16 for each of `spatial_samples` + 1 or `disocclusion_samples` shifts,
-    /// whichever is more.  Default: on for paths.  (Paired spatial reuse: Lin et al. 2026, supplement, Table 1.)
+    /// Pairs pixels for spatial reuse: two pixels that reuse each other's samples share the shifts between them, with their rays.  This
+    /// halves the shifts and the rays of spatial reuse, for the same noise.  Partners are sought in squares whose sides are 0.9 to 1.8
+    /// times [`Reuse::radius`], and [`Reuse::neighbor_attempts`] has no effect.  No bias.  Applies to [`Paths`](super::Paths) alone, to
+    /// iterations over samples of the same frame ([`ReuseOrder::TemporalThenSpatial`]) with a pairwise kind of [`Reuse::mis`].  Memory: 4
+    /// bytes a pixel, and 16 for each of `spatial_samples` + 1 or `disocclusion_samples` shifts, whichever is more.  Default: on for paths.
+    /// (Paired spatial reuse: Lin et al. 2026, supplement, Table 1.)
     pub paired: bool,
     /// Iterations of spatial reuse: more give less noise, which is more correlated.  Each is a pass.  No bias.  1 to 4; default 2 for light
     /// that enters objects, otherwise 1.
@@ -91,9 +91,10 @@ pub struct Reuse {
     /// history is lost along edges and at the border of the image, where the jitter of the camera moves the nearest pixel to another
     /// surface: these pixels are often black in a single frame.  A few texture reads, at such pixels only.  No bias.  1 to 8; default 5.
     pub temporal_attempts: u32,
-    /// Where the surface was hidden in the last frame, takes the sample of the place that lay beside the object that hid it as the surface does
-    /// now (dual motion vectors, Zeng et al. 2021; Lin et al. 2026, supplement, 7): less noise behind moving objects, somewhat correlated.  A
-    /// texture read and a projection, at such pixels only.  Has an effect with `temporal`.  No bias.  Default: on.
+    /// Where another object hid the surface in the last frame, takes the sample of the place that then had the same position relative to
+    /// that object as the surface has now (dual motion vectors, Zeng et al. 2021; Lin et al. 2026, supplement, 7): less noise behind moving
+    /// objects, somewhat correlated.  A texture read and a projection, at such pixels only.  Has an effect with `temporal`.  No bias.
+    /// Default: on.
     pub dual_motion: bool,
     /// Greatest distance of neighbors, in pixels of an image that is 1080 lines high, and at least 2 pixels of the traced image: larger radii
     /// share rarely found light among more pixels, and find fewer similar neighbors.  No bias.  0 to 1e5; default 60 for paths, otherwise 30.
@@ -112,7 +113,7 @@ pub struct Reuse {
     /// Greatest distance of a neighbor's surface from the tangent plane, relative to the distance from the camera; a test of the geometry
     /// heuristics.  Larger values accept more neighbors.  No bias.  0 to 1e6; default 0.02.
     pub depth_threshold: f32,
-    /// Neighbors must have the same material; a test of the geometry heuristics.  No bias.  Default: off.
+    /// Skips neighbors with another material, as one of the geometry heuristics: fewer neighbors are accepted.  No bias.  Default: off.
     pub same_material: bool,
 }
 
@@ -150,7 +151,7 @@ impl Reuse {
     /// capped at 20 frames.  The radius is 60 pixels where they have 20: where light is found rarely, a smaller circle shares each find
     /// among too few pixels, which shows as blotches.  Pixels have four neighbors, or five where the surface has just come into view, in
     /// pairs; without pairs each is sought at five places, since a pixel without a neighbor has only its own candidates, which leave it
-    /// noisy or black (`docs/performance.md`, "One frame").
+    /// noisy or black (`docs/experiments.md`).
     pub const PATHS: Self = Self {
         order: ReuseOrder::TemporalThenSpatial,
         spatial_samples: 4,

@@ -75,8 +75,8 @@ impl Subsurface {
 /// Materials with measured coefficients, per millimeter: reduced scattering and absorption.
 macro_rules! measured {
     ($($name:ident: $what:literal, $scattering:expr, $absorption:expr;)*) => {
-        /// Measured materials (Jensen et al. 2001, Fig. 5).  The lengths are 1/(σs' + σa); the base color that belongs to them stands in linear
-        /// Rec. 709.
+        /// Measured materials (Jensen et al. 2001, Fig. 5).  The lengths are 1/(σs' + σa); each constant names the base color that was
+        /// measured with them, in linear Rec. 709.
         impl Subsurface {
             $(
                 #[doc = $what]
@@ -143,7 +143,7 @@ pub struct SubsurfaceSampling {
     /// Light candidates at each point where a pixel's probe ray finds the object.  They come from the subsets of
     /// [`Direct`](super::Direct).  More give less noise at higher cost.  No bias.  1 to 64; default 8.
     pub candidates: u32,
-    /// Shift mapping that takes samples to other pixels.
+    /// Shift mapping that takes samples to other pixels.  Default: [`SubsurfaceShift::Hybrid`].
     pub shift: SubsurfaceShift,
     /// Skips neighbors of dissimilar geometry: less noise at edges.  No bias.  Default: on.
     pub heuristics: bool,

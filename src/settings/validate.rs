@@ -7,8 +7,8 @@ use super::{DebugView, Technique};
 /// A setting that was out of range, or that has no effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Problem {
-    /// The field `path` + `name` had the first number; the second one is used.
-    OutOfRange { path: &'static str, name: &'static str, numbers: [Number; 2] },
+    /// The field `path` + `name` had a value outside of its range (lowest and highest value); another value is used.
+    OutOfRange { path: &'static str, name: &'static str, value: Number, used: Number, range: [Number; 2] },
     /// The debug view has nothing to show with the technique.
     NothingToShow(DebugView, Technique),
 }
@@ -26,8 +26,8 @@ impl Problem {
 impl fmt::Display for Problem {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::OutOfRange { path, name, numbers: [value, used] } => {
-                write!(f, "{path}{name} = {value} is out of range, {used} is used")
+            Self::OutOfRange { path, name, value, used, range: [low, high] } => {
+                write!(f, "{path}{name} = {value} is out of range ({low} to {high}); {used} is used")
             }
             Self::NothingToShow(view, technique) => {
                 write!(f, "debug_view = {view:?} has nothing to show with technique {technique:?}")
@@ -47,6 +47,7 @@ impl fmt::Display for Number {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Count(n) => n.fmt(f),
+            Self::Real(x) if x.abs() >= 1e7 => write!(f, "{x:e}"),
             Self::Real(x) => x.fmt(f),
         }
     }
@@ -63,21 +64,26 @@ impl Ranges<'_> {
     pub(super) fn count(&mut self, name: &'static str, value: &mut u32, low: u32, high: u32) {
         let clamped = (*value).clamp(low, high);
         if clamped != *value {
-            self.out_of_range(name, [*value, clamped].map(Number::Count));
+            self.out_of_range(name, [*value, clamped, low, high].map(Number::Count));
             *value = clamped;
         }
     }
 
     /// NaN becomes the lowest value.
     pub(super) fn number(&mut self, name: &'static str, value: &mut f32, low: f32, high: f32) {
-        let clamped = if value.is_nan() { low } else { value.clamp(low, high) };
+        self.number_or(name, value, low, high, low);
+    }
+
+    /// Like [`Ranges::number`], with another value in place of NaN.
+    pub(super) fn number_or(&mut self, name: &'static str, value: &mut f32, low: f32, high: f32, nan: f32) {
+        let clamped = if value.is_nan() { nan } else { value.clamp(low, high) };
         if clamped != *value {
-            self.out_of_range(name, [*value, clamped].map(Number::Real));
+            self.out_of_range(name, [*value, clamped, low, high].map(Number::Real));
             *value = clamped;
         }
     }
 
-    fn out_of_range(&mut self, name: &'static str, numbers: [Number; 2]) {
-        (self.report)(Problem::OutOfRange { path: self.path, name, numbers });
+    fn out_of_range(&mut self, name: &'static str, [value, used, low, high]: [Number; 4]) {
+        (self.report)(Problem::OutOfRange { path: self.path, name, value, used, range: [low, high] });
     }
 }

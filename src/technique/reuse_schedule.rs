@@ -12,10 +12,10 @@ use crate::{
 pub(crate) const FEW_INPUTS: u32 = 3;
 /// Least radius, pixels: in a smaller circle most neighbors would be the pixel itself.
 const MIN_RADIUS: f32 = 2.0;
-/// Sides of the tiles that hold partners, in radii: partners in a square tile are as far apart on average as the pixel and a neighbor in
-/// the disk of the radius.
+/// Side of a tile of partners, in radii.  With it, two random pixels of a tile are as far apart on average as a pixel and a random neighbor
+/// within the radius.
 const PAIR_TILE: f32 = 1.28;
-/// Layers of shifts besides those that a pixel wants: with it the pixel serves partners that have few others.
+/// Layers of shifts beyond the neighbors that a pixel asks for, so that it can also serve partners that found few others.
 const SPARE_PAIR_LAYERS: u32 = 1;
 /// Greatest number of layers: inputs of the resampling routine with `MANY_NEIGHBORS`, besides the pixel's own.
 const MAX_PAIR_LAYERS: u32 = 6;
@@ -77,7 +77,8 @@ fn iterations(reuse: &Reuse) -> Vec<Iteration> {
 fn iterations_with_pairs(reuse: &Reuse) -> Vec<Iteration> {
     let mut iterations = iterations(reuse);
     for iteration in &mut iterations {
-        // A pair has no weights but those of the two pixels, and a sample of the last frame has no way back.
+        // A pair knows only the shifts between its two pixels, which is enough for pairwise MIS alone; and a pixel of the last frame cannot
+        // reuse a sample of this one.
         iteration.paired = reuse.paired && reuse.mis.is_pairwise() && !iteration.from_previous;
     }
     iterations

@@ -17,7 +17,7 @@ pub(crate) enum Bound<'a> {
     View(&'a TextureView),
 }
 
-/// What tells a binding from others.
+/// Identity of a binding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum BoundId {
     Buffer(BufferId, u64),

@@ -46,6 +46,8 @@ type ImageKey = (AssetId<Image>, bool);
 #[derive(Resource)]
 pub(crate) struct EnvironmentPool {
     entries: HashMap<ImageKey, Entry>,
+    /// Images that are being loaded.
+    pending: HashSet<ImageKey>,
     /// Versions of images that cannot serve as an environment.
     rejected: HashMap<ImageKey, u64>,
     /// Images that a warning has named; each is named once, however often it changes.
@@ -63,6 +65,7 @@ impl Default for EnvironmentPool {
     fn default() -> Self {
         Self {
             entries: HashMap::default(),
+            pending: HashSet::default(),
             rejected: HashMap::default(),
             warned: Warned::default(),
             placeholders: None,
@@ -97,10 +100,12 @@ pub(crate) fn prepare_environments(
     let used: HashSet<_> =
         views.0.values().filter_map(|v| v.environment?.key()).filter(|key| !is_rejected(key)).collect();
     pool.entries.retain(|key, _| used.contains(key));
-    pool.ready = true;
+    pool.pending.clear();
     for key @ (id, is_cube) in used {
         let Some(image) = images.get(id) else {
-            pool.ready &= !textures.is_coming(id, &assets);
+            if textures.is_coming(id, &assets) {
+                pool.pending.insert(key);
+            }
             continue;
         };
         // Bevy may write new pixels to the old texture, and GPU passes may write to it without notice.
@@ -123,7 +128,7 @@ pub(crate) fn prepare_environments(
         }
         let ids = pool.passes.pipelines(is_cube, &pipelines, &shaders);
         let [Some(finest), Some(reduce)] = ids.map(|id| pipelines.get_compute_pipeline(id)) else {
-            pool.ready = false;
+            pool.pending.insert(key);
             continue;
         };
         let layouts = pool.passes.layouts(&pipelines);
@@ -133,6 +138,7 @@ pub(crate) fn prepare_environments(
         pool.revision += 1;
         pool.entries.insert(key, Entry { importance, version, revision: pool.revision });
     }
+    pool.ready = pool.pending.is_empty();
 }
 
 fn placeholders(device: &RenderDevice) -> (TextureView, TextureView) {
@@ -179,8 +185,9 @@ impl EnvironmentPool {
     pub(crate) fn features(&self, environment: Option<&ExtractedEnvironment>) -> SceneFeatures {
         let has_map = self.entry(environment).is_some();
         match environment {
-            // A cube without its image emits nothing.  A black environment keeps its pipelines, because it may shine again.
-            Some(e) if has_map || !e.is_cube() => {
+            // A cube without its image emits nothing, and neither does an image that is being loaded.  A black environment keeps its pipelines,
+            // because it may shine again.
+            Some(e) if has_map || !(e.is_cube() || e.key().is_some_and(|key| self.pending.contains(&key))) => {
                 let mut features = SceneFeatures::ENVIRONMENT;
                 features.set(SceneFeatures::ENVIRONMENT_MAP, has_map);
                 features.set(SceneFeatures::ENVIRONMENT_CUBE, has_map && e.is_cube());

@@ -28,6 +28,8 @@ pub(crate) struct ExtractedRestir {
     pub environment: Option<ExtractedEnvironment>,
     /// The clear color, linear: visible where a ray misses everything and there is no environment.
     pub background: Vec3,
+    /// Alpha of the clear color.
+    pub background_alpha: f32,
     /// The camera has a clear color; otherwise the pixels of earlier cameras stay where its rays miss everything.
     pub has_backdrop: bool,
     pub capture: Option<RadianceCapture>,
@@ -183,6 +185,7 @@ pub(crate) fn extract_views(
                 environment,
                 has_backdrop: !matches!(camera.clear_color, bevy::camera::ClearColorConfig::None),
                 background: Vec3::new(clear.red, clear.green, clear.blue),
+                background_alpha: if clear.alpha.is_finite() { clear.alpha.clamp(0.0, 1.0) } else { 1.0 },
                 capture: capture.cloned(),
                 layers: sets.bit_of(layers),
             },

@@ -8,7 +8,7 @@ pub struct Guard {
     pub name: &'static str,
     /// Its bit in the shaders.
     pub bit: u32,
-    /// What a pixel that raised it met.
+    /// What went wrong in a pixel that raised it.
     pub meaning: &'static str,
 }
 

@@ -112,7 +112,7 @@ impl History {
     }
 
     pub(crate) fn replace_pairs(&mut self, settings: &Restir, device: &RenderDevice) {
-        // The memory of the old ones is free before the new ones are created.
+        // Drops the old textures first, because the memory may not hold both.
         self.pairs = None;
         self.pairs = Pairs::new(self.size, self.pair_kind(settings), device);
     }
@@ -212,7 +212,7 @@ impl Reservoirs {
             let settings = GpuResampleSettings {
                 light_paths,
                 splats,
-                diffuse_share: if light_paths > 0 { 1.0 / self.schedule.reuse_gain } else { 0.0 },
+                nee_share: if light_paths > 0 { 1.0 / self.schedule.reuse_gain } else { 0.0 },
                 caustic_share: if light_paths > 0 { self.schedule.reuse_gain } else { 0.0 },
                 ..self.schedule.uniforms(iteration, height, inputs.has_history, inputs.moved)
             };

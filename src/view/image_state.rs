@@ -156,7 +156,12 @@ impl RestirView {
             self.resets.add(&resets);
         }
         self.frame = if keeps_history { self.frame.saturating_add(1) } else { 0 };
-        self.sequence = if keeps_sequence { self.sequence.wrapping_add(1) } else { 0 };
+        let first_sequence = core::mem::take(&mut self.first_sequence);
+        self.sequence = match keeps_sequence {
+            true => self.sequence.wrapping_add(1),
+            false if settings.reset => 0,
+            false => first_sequence,
+        };
         let has_sum = can_accumulate && accumulates && self.accumulates;
         self.accumulated = if has_sum { self.accumulated.saturating_add(1) } else { 0 };
         self.accumulates = accumulates;

@@ -20,6 +20,7 @@ mod prepare;
 mod resolution;
 mod restir_view;
 pub(crate) mod selection;
+mod skybox;
 mod uniforms;
 
 use bevy::{
@@ -45,8 +46,19 @@ use selection::SelectedPipelines;
 #[derive(Resource, Default)]
 pub(crate) struct ViewPool {
     pub views: HashMap<Entity, RestirView>,
+    /// Where the random sequences of cameras continue that are not rendered at present.
+    paused: HashMap<Entity, u32>,
     /// Cameras that the device had no memory for in the last frame.
     pub without_memory: HashSet<Entity>,
+}
+
+impl ViewPool {
+    /// Drops the view of a camera that is not rendered.
+    fn pause(&mut self, camera: Entity) {
+        if let Some(view) = self.views.remove(&camera) {
+            self.paused.insert(camera, view.sequence.wrapping_add(1));
+        }
+    }
 }
 
 /// Inserts the resources of the views, without any view.
@@ -80,6 +92,7 @@ pub(crate) fn build(render_app: &mut SubApp) {
             (
                 environment::prepare_environments.in_set(RestirSystems::PrepareEnvironments),
                 prepare::prepare_views.in_set(RestirSystems::PrepareViews),
+                skybox::hide_skyboxes.after(RenderSystems::PrepareBindGroups).before(RenderSystems::Render),
                 capture_readback::capture_radiance.in_set(RenderSystems::Cleanup),
             ),
         );

@@ -2,7 +2,7 @@
 
 use bevy::{
     camera::MainPassResolutionOverride,
-    ecs::prelude::*,
+    ecs::{entity::Entities, prelude::*},
     log::warn,
     math::UVec2,
     render::{
@@ -43,6 +43,7 @@ pub(super) fn prepare_views(
     mut pool: ResMut<ViewPool>,
     mut extracted: ResMut<ExtractedViews>,
     cameras: Query<CameraData>,
+    entities: &Entities,
     selected: Res<SelectedPipelines>,
     scene: Res<SceneBindings>,
     environments: Res<EnvironmentPool>,
@@ -56,14 +57,18 @@ pub(super) fn prepare_views(
     let limit = resolution::binding_limit(&device);
     warned.begin_frame();
     warned.retain(|(entity, _)| extracted.0.contains_key(entity));
-    pool.views.retain(|entity, _| extracted.0.contains_key(entity));
-    pool.without_memory.clear();
+    let ViewPool { views, paused, without_memory } = &mut *pool;
+    for (entity, view) in views.extract_if(|entity, _| !extracted.0.contains_key(entity)) {
+        paused.insert(entity, view.sequence.wrapping_add(1));
+    }
+    paused.retain(|entity, _| entities.contains(*entity));
+    without_memory.clear();
     for (&entity, restir) in &mut extracted.0 {
         let (Some((name, camera, view, jitter, resolution_override)), Some(&selection)) =
             (cameras.get(entity).ok(), selected.0.get(&entity))
         else {
             // This camera renders nothing: an old frame of it must not be shown, captured or counted.
-            pool.views.remove(&entity);
+            pool.pause(entity);
             continue;
         };
         if !is_finite(&camera_of(view)) {
@@ -73,7 +78,7 @@ pub(super) fn prepare_views(
                     **name
                 );
             }
-            pool.views.remove(&entity);
+            pool.pause(entity);
             continue;
         }
         if let (Some(key), Some(last)) = (selection.key, pool.views.get(&entity))
@@ -92,14 +97,19 @@ pub(super) fn prepare_views(
             continue;
         };
         let old = pool.views.remove(&entity);
+        let is_new = old.is_none();
         let created = view_of(old, size, [map, importance], &device, &pipelines);
         let created = created.inspect_err(|error| warn_of_memory([entity, name], "view", error, &mut warned));
         let Ok(mut state) = created else {
             pool.without_memory.insert(entity);
             continue;
         };
+        if is_new {
+            state.first_sequence = pool.paused.remove(&entity).unwrap_or(0);
+        }
         state.origin = UVec2::new(view.viewport.x, view.viewport.y);
         state.target_size = target_size;
+        state.inverts_culling = view.invert_culling;
         state.select(restir, &selection, &scene);
         if scene.lacks_memory {
             pool.without_memory.insert(entity);
@@ -143,12 +153,15 @@ fn view_of(
         Some(old) if old.size == size && old.bound_environment == (map.id(), importance.id()) => Ok(old),
         // Only the environment image has changed, and motion vectors still need the last camera.
         Some(old) if old.size == size => allocation::attempt(device, "view", create).map(|new| new.after(old)),
-        // The memory of the old size is free before the new view is created.  Guards and resets are counted over the whole run of a view.
+        // Drops the view of the old size first, because the memory may not hold both.  Guards and resets are counted over the whole run of
+        // a view.
         old => {
-            let counts = old.map(|old| (old.counters, old.resets));
+            let kept = old.map(|old| (old.counters, old.resets, old.sequence.wrapping_add(1)));
             let new = allocation::attempt(device, "view", create)?;
-            Ok(match counts {
-                Some((counters, resets)) => RestirView { counters, resets, beginning: Reset::Size, ..new },
+            Ok(match kept {
+                Some((counters, resets, first_sequence)) => {
+                    RestirView { counters, resets, first_sequence, beginning: Reset::Size, ..new }
+                }
                 None => new,
             })
         }
@@ -169,8 +182,8 @@ fn warn_of_light_paths(
     let counts = state.light_path_counts(scene, limit);
     if counts.is_reduced(&state.settings.bdpt, state.size) && warned.is_due((entity, "light paths")) {
         warn!(
-            "restir: camera {name} traces {} light paths and not bdpt.light_paths = {} for each pixel, because this device binds at most \
-             {limit} bytes",
+            "restir: camera {name} traces {} light paths instead of bdpt.light_paths = {} for each pixel, because a storage \
+             binding of this device holds at most {limit} bytes",
             counts.light_paths, state.settings.bdpt.light_paths
         );
     }
@@ -196,7 +209,8 @@ fn fit_to_device(
     let size = resolution::traced_size(target_size, domains, &restir.settings, limit);
     if size != target_size && warned.is_due((entity, "size")) {
         warn!(
-            "restir: camera {name} traces {} x {} pixels for its {} x {} viewport, because this device binds at most {limit} bytes",
+            "restir: camera {name} traces {} x {} pixels for its {} x {} viewport, because a storage binding of this \
+             device holds at most {limit} bytes",
             size.x, size.y, target_size.x, target_size.y
         );
     }
@@ -206,7 +220,8 @@ fn fit_to_device(
     {
         let Direct { subset_count, subset_size, .. } = restir.settings.direct;
         warn!(
-            "restir: camera {name} uses {subset_count} subsets of {subset_size} lights, because this device binds at most {limit} bytes"
+            "restir: camera {name} uses {subset_count} subsets of {subset_size} lights, because a storage binding of this device \
+             holds at most {limit} bytes"
         );
     }
     size

@@ -37,6 +37,8 @@ pub(crate) struct RestirView {
     pub origin: UVec2,
     /// Resolution of Bevy's main pass: `size`, or more where the device cannot bind buffers for that many pixels.
     pub target_size: UVec2,
+    /// Front faces are seen as back faces, by a camera that mirrors (`Camera::invert_culling`).
+    pub inverts_culling: bool,
     /// Bit of the camera's render layers ([`LayerSets`](crate::scene::geometry::render_layers::LayerSets)).
     pub layers: u32,
     pub uniforms: Buffer,
@@ -60,6 +62,8 @@ pub(crate) struct RestirView {
     pub(super) beginning: Reset,
     /// Index of this frame in the random sequence: frames since an explicit reset or a change of settings.
     pub(super) sequence: u32,
+    /// Index of the view's first frame: a view that replaces another one continues its sequence, since its noise would be the same otherwise.
+    pub(super) first_sequence: u32,
     /// Frames in the radiance buffer before this one.
     pub accumulated: u32,
     /// This frame is added to the radiance buffer.
@@ -110,6 +114,7 @@ impl RestirView {
             size,
             origin: UVec2::ZERO,
             target_size: size,
+            inverts_culling: false,
             layers: ALL_CAMERAS,
             depth: view(&texture("depth", 1, DEPTH_FORMAT, target)),
             radiance: buffer("radiance", pixels(size) * 16, storage),
@@ -139,6 +144,7 @@ impl RestirView {
             beginning: Reset::Start,
             frame: 0,
             sequence: 0,
+            first_sequence: 0,
             accumulated: 0,
             accumulates: false,
             previous_camera: None,
@@ -171,8 +177,10 @@ impl RestirView {
 
     /// This view of another environment image, with the camera of the last frame, from which motion vectors start.
     pub(super) fn after(self, last: Self) -> Self {
+        let first_sequence = last.sequence.wrapping_add(1);
         let Self { previous_camera, previous_jitter, counters, resets, .. } = last;
-        Self { previous_camera, previous_jitter, counters, resets, beginning: Reset::Environment, ..self }
+        let beginning = Reset::Environment;
+        Self { previous_camera, previous_jitter, counters, resets, first_sequence, beginning, ..self }
     }
 
     /// Creates, replaces or drops the history.  `limit`: bytes that the device can bind.  If the device has no memory for it, the frame is
@@ -193,7 +201,7 @@ impl RestirView {
         let fits =
             self.history.as_ref().is_some_and(|history| history.fits(self.size, domains, &self.settings, counts));
         if !fits {
-            // The memory of the old history is free before the new one is created.
+            // Drops the old history first, because the memory may not hold both.
             self.drop_history();
             let create = || History::new(self.size, domains, &self.settings, counts, device);
             let created = allocation::attempt(device, "history", create);
@@ -201,7 +209,7 @@ impl RestirView {
             self.history = Some(history);
         }
         if let Some(history) = self.history.as_mut().filter(|history| !history.fits_pairs(&self.settings)) {
-            // They keep the old textures alive.
+            // Bind groups would keep the old textures alive.
             self.bind_groups.clear();
             allocation::attempt(device, "pairs", || history.replace_pairs(&self.settings, device))
                 .inspect_err(|_| (self.rendered, self.image_state) = (false, None))?;

@@ -53,8 +53,8 @@ pub(super) fn is_finite(camera: &GpuCamera) -> bool {
     [clip_from_world, world_from_view, view_from_clip].into_iter().flatten().flatten().all(|x| x.is_finite())
 }
 
-/// The limit of bright pixels.  A mean of frames has no need of it and would keep its bias; parts of the light add up to the picture without
-/// it.
+/// The firefly limit of this frame; 0: none.  Means of frames do not use it, because its bias would stay in the mean.  Debug views do not
+/// use it, because the parts of the light must add up.
 fn firefly_limit(settings: &Restir) -> f32 {
     let is_limited = !settings.accumulate && settings.debug_view == DebugView::Off;
     if is_limited { settings.firefly_limit } else { 0.0 }
@@ -90,8 +90,7 @@ impl UniformInputs<'_> {
         let mut flags = 0;
         if environment.is_some_and(|e| e.is_backdrop()) {
             flags |= VIEW_ENVIRONMENT_IS_BACKDROP;
-        }
-        if environment.is_none() && !self.restir.has_backdrop {
+        } else if !self.restir.has_backdrop {
             flags |= VIEW_NO_BACKDROP;
         }
         if self.is_orthographic() {
@@ -136,6 +135,8 @@ impl RestirView {
             accumulated: self.accumulated,
             layers: restir.layers,
             target_size: self.target_size.to_array(),
+            background_alpha: restir.background_alpha,
+            pad: [0; 3],
         };
         queue.write_buffer(&self.uniforms, 0, bytemuck::bytes_of(&uniforms));
         self.previous_camera = Some(current);

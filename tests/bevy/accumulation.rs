@@ -194,6 +194,33 @@ fn scene_changes_keep_the_random_sequence_and_a_reset_restarts_it() {
     assert_eq!(rig.next(), first, "after a change of the seed and back");
 }
 
+/// A camera that renders every second frame, or whose target gets another size in each frame, has new noise in each of its pictures.
+#[test]
+fn a_camera_that_pauses_or_is_resized_does_not_repeat_its_noise() {
+    let Some(Scene { mut rig, .. }) = scene() else { return };
+    rig.until_ready();
+    let mut seen = vec![rig.next()];
+    for i in 0..3 {
+        rig.get_mut::<Camera>(rig.camera).is_active = false;
+        rig.frames(2);
+        rig.get_mut::<Camera>(rig.camera).is_active = true;
+        let next = rig.next();
+        assert_eq!(next.samples, 1, "the history restarts");
+        assert!(seen.iter().all(|before| *before != next), "pause {i} repeats the noise of an earlier frame");
+        seen.push(next);
+    }
+    let target = rig.target.clone();
+    for i in 0..2 {
+        for size in [UVec2::new(23, 16), UVec2::new(24, 16)] {
+            rig.edit(&target, |image| *image = target_image(size));
+            rig.frames(2);
+        }
+        let next = rig.next();
+        assert!(seen.iter().all(|before| *before != next), "resize {i} repeats the noise of an earlier frame");
+        seen.push(next);
+    }
+}
+
 #[test]
 fn a_resize_restarts_the_history() {
     let Some(Scene { mut rig, .. }) = scene() else { return };

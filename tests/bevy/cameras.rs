@@ -6,11 +6,14 @@ use crate::support::{
     stats::{tost, welch},
 };
 use bevy::{
-    camera::{ImageRenderTarget, RenderTarget, Viewport, visibility::RenderLayers},
+    camera::{ImageRenderTarget, RenderTarget, ScalingMode, Viewport, visibility::RenderLayers},
     core_pipeline::tonemapping::{DebandDither, Tonemapping},
     light::GlobalAmbientLight,
     prelude::*,
-    render::settings::WgpuLimits,
+    render::{
+        render_resource::{TextureViewDescriptor, TextureViewDimension},
+        settings::WgpuLimits,
+    },
     window::{WindowRef, WindowResolution},
 };
 use bevy_restir::{DebugView, Jitter, Mis, RadianceCapture, Restir, RestirEnvironment, Technique};
@@ -230,11 +233,47 @@ fn a_camera_without_a_clear_color_draws_over_the_previous_camera() {
     assert!(at(2, 8).abs_diff(137) <= 2, "the world: {}", at(2, 8));
     assert_eq!(at(12, 8), 255, "the tool");
     assert!(at(12, 1).abs_diff(137) <= 2, "the world above the tool: {}", at(12, 1));
+    // A light from all around that is no backdrop.
+    let mut cube = texture(2, 12, |_, _| [255; 4]);
+    cube.reinterpret_stacked_2d_as_array(6).expect("six faces");
+    cube.texture_view_descriptor =
+        Some(TextureViewDescriptor { dimension: Some(TextureViewDimension::Cube), ..default() });
+    let map = rig.add::<Image>(cube);
+    rig.insert(over.0, EnvironmentMapLight { diffuse_map: map.clone(), specular_map: map, ..default() });
+    rig.until_ready();
+    let drawn = rig.drawn(&target);
+    let beside = drawn[16 * 8 + 2][0];
+    assert!(beside.abs_diff(137) <= 2, "the world, beside a tool that a map lights: {beside}");
+    rig.app.world_mut().entity_mut(over.0).remove::<EnvironmentMapLight>();
     // With a clear color the camera replaces the whole picture.
     rig.get_mut::<Camera>(over.0).clear_color = ClearColorConfig::Custom(Color::BLACK);
     rig.until_ready();
     let drawn = rig.drawn(&target);
     assert_eq!([drawn[16 * 8 + 2][0], drawn[16 * 8 + 12][0]], [0, 255]);
+}
+
+/// The picture of an orthographic camera does not depend on how far away it is, and neither do the places where paths reconnect and the
+/// neighbors that pixels accept.
+#[test]
+fn the_distance_of_an_orthographic_camera_changes_no_samples() {
+    let mut rays = Vec::new();
+    for distance in [5.0, 640.0] {
+        let Some(mut rig) = Rig::new(32, 32) else { return };
+        crowd(&mut rig);
+        let place = Transform::from_xyz(0.0, 0.0, distance);
+        let projection = Projection::Orthographic(OrthographicProjection {
+            near: distance - 5.0,
+            far: distance + 5.0,
+            scaling_mode: ScalingMode::Fixed { width: 4.0, height: 4.0 },
+            ..OrthographicProjection::default_3d()
+        });
+        rig.insert(rig.camera, (place, projection, sky(0.3)));
+        rig.set(|restir| *restir = Restir { technique: Technique::Pt, bounces: 3, ..plain() });
+        rig.picture(6);
+        rays.push(rig.report().rays as f64);
+    }
+    // Rounding decides a few of them.
+    assert!((rays[1] / rays[0] - 1.0).abs() < 0.002, "{rays:?}");
 }
 
 /// Changes that restart a history, and changes that do not.

@@ -7,3 +7,4 @@ mod interop;
 mod light_units;
 mod lost_devices;
 mod motion_vectors;
+mod parity;

@@ -113,7 +113,7 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "the queue ends with its first workgroups",
         "pass/pair_shifts.wgsl",
-        "entry += workgroups.x * QUEUE_THREADS",
+        "entry += stride",
         "entry = 0xffffffffu",
         &["replay_compaction_changes_no_pixel"],
     ),

@@ -19,7 +19,7 @@ use bevy::{
     prelude::*,
     render::render_resource::{Extent3d, TextureDimension, TextureFormat, TextureViewDescriptor, TextureViewDimension},
 };
-use bevy_restir::{Direct, Paths, Restir};
+use bevy_restir::{Direct, Paths, Restir, RestirEnvironment};
 use glam::DVec3;
 
 /// The faces in world space, seen from inside: center, right and down.
@@ -382,7 +382,7 @@ fn a_cameras_environment_precedes_its_skybox_and_the_skybox_its_map_light() {
     rig.insert(rig.camera, sky(0.125));
     let seen = shown(&mut rig);
     assert!(near(seen, (0.125, 0.125)), "the camera's own environment: {seen:?}");
-    rig.app.world_mut().entity_mut(rig.camera).remove::<bevy_restir::RestirEnvironment>();
+    rig.app.world_mut().entity_mut(rig.camera).remove::<RestirEnvironment>();
     rig.insert(rig.camera, Skybox { image: None, brightness: 2.0, ..default() });
     let seen = shown(&mut rig);
     assert!(near(seen, (1.5, 0.0)), "without an image there is no skybox: {seen:?}");
@@ -400,6 +400,24 @@ fn a_cameras_environment_precedes_its_skybox_and_the_skybox_its_map_light() {
     let seen = shown(&mut rig);
     assert!(near(seen, (0.0, 0.0)), "no brightness: {seen:?}");
     assert_eq!(log::warnings("the brightness of its EnvironmentMapLight is not finite").len(), 1);
+}
+
+#[test]
+fn an_environment_image_that_is_being_loaded_emits_nothing() {
+    let Some(mut rig) = Rig::new(8, 8) else { return };
+    rig.spawn(square(1.0), lambert(1.0), Transform::default());
+    let (arrive, arrival) = std::sync::mpsc::channel();
+    let server = rig.app.world().resource::<AssetServer>().clone();
+    let image = server.add_async(async move { arrival.recv().map(|()| texture(4, 2, |_, _| [255; 4])) });
+    rig.insert(rig.camera, RestirEnvironment { image: Some(image), ..sky(2.0) });
+    rig.frames(4);
+    let picture = rig.next();
+    assert!(picture.iter().all(|(_, color)| color == Vec3::ZERO), "{}", picture.center());
+    arrive.send(()).expect("the task waits");
+    let picture = rig.picture(32);
+    assert_eq!(picture.at(0, 0), Vec3::splat(2.0));
+    assert!((picture.center() - 2.0).abs().max_element() < 0.4, "{}", picture.center());
+    rig.assert_sound();
 }
 
 /// As in Bevy's examples: a column of six faces is loaded as a 2D image and reinterpreted as a cube frames later.

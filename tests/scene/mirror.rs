@@ -270,7 +270,7 @@ fn bevy_draws_our_meshes_for_every_camera_but_ours() {
 type Step = (&'static str, SceneFeatures, fn(&mut Rig) -> Option<Entity>);
 
 /// Objects that each need a feature that the scene does not have yet.
-fn feature_steps() -> [Step; 14] {
+fn feature_steps() -> [Step; 13] {
     fn aside(rig: &mut Rig, material: StandardMaterial) -> Option<Entity> {
         Some(rig.spawn(square(0.5), material, Transform::from_xyz(1.5, 0.0, 0.0)))
     }
@@ -314,7 +314,6 @@ fn feature_steps() -> [Step; 14] {
         ("brushed metal", SceneFeatures::ANISOTROPY, |rig| {
             aside(rig, StandardMaterial { anisotropy_strength: 0.5, ..lambert(1.0) })
         }),
-        ("unlit", SceneFeatures::UNLIT, |rig| aside(rig, StandardMaterial { unlit: true, ..lambert(1.0) })),
         ("environment map", SceneFeatures::ENVIRONMENT_MAP, |rig| {
             let image = Some(rig.add::<Image>(texture(4, 2, |_, _| [255; 4])));
             rig.get_mut::<RestirEnvironment>(rig.camera).image = image;

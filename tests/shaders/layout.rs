@@ -183,6 +183,7 @@ fn view_structs_are_the_same_in_rust_and_wgsl() {
             accumulated,
             layers,
             target_size,
+            background_alpha,
         }
     );
     let statistics = module("pass/statistics.wgsl");
@@ -221,7 +222,7 @@ fn resampling_structs_and_constants_are_the_same_in_rust_and_wgsl() {
             jacobian_limit,
             light_paths,
             splats,
-            diffuse_share,
+            nee_share,
             caustic_share,
             subsurface_shift,
             pair_layers,
@@ -308,6 +309,7 @@ fn constants_are_the_same_in_rust_and_wgsl() {
         INSTANCE_APPEARED,
         INSTANCE_GONE,
         INSTANCE_DEFORMED,
+        INSTANCE_VERTEX_COLORS,
         INSTANCE_SUBSURFACE_SHIFT,
         MATERIAL_DOUBLE_SIDED,
         MATERIAL_UNLIT,

@@ -42,7 +42,7 @@ const SHADERS: Table = &[
     ("restir/pt", &["restir/shift"]),
     ("restir/pt_indirect", &["restir/pt"]),
     ("restir/gi", &["restir/pt"]),
-    ("restir/di", &["restir/pt"]),
+    ("restir/di", &["restir"]),
     ("restir/sss", &["restir"]),
     ("restir/bdpt", &["restir/pt"]),
     ("restir/splats", &["restir/bdpt"]),

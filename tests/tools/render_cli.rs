@@ -356,6 +356,9 @@ fn animate_plays_the_first_animation() {
     };
     assert_eq!(picture(&[]), [1.0, 2.0, 3.0], "still");
     assert_eq!(picture(&["--animate"]), [0.0; 3], "moving");
+    let run = folder.render(&scene, &["--animate", "--size", "9x9", "--frames", "4", "--out", "out.png"]);
+    run.succeeded();
+    assert!(run.stderr.contains("shows its last frame"), "{}", run.stderr);
     // A file without an animation stays still.
     let still = folder.gltf("still.gltf", &gltf::Scene::default());
     folder.render(&still, &["--animate", "--size", "9x9", "--frames", "4", "--out", "out.exr"]).succeeded();

@@ -38,12 +38,13 @@ pub struct Args {
     /// Number of copies.
     #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..))]
     count: u32,
-    /// The first copy; the others follow it. `--count 1` repeats one.
+    /// Number of the first copy; the others follow it.  `--seed N --count 1` repeats copy N.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// The technique that renders.
     #[arg(long, default_value = "reference", value_parser = arguments::choice::<Technique>())]
     technique: Technique,
-    /// Pixels.
+    /// Size of the picture in pixels.
     #[arg(long, default_value = "16x16", value_parser = arguments::size)]
     size: UVec2,
     /// Folder of the copies that fail.

@@ -21,7 +21,7 @@ pub struct Args {
     /// Number of cases.
     #[arg(long, default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..))]
     count: u32,
-    /// The first case; the others follow it.  `--count 1` repeats one.
+    /// Number of the first case; the others follow it.  `--seed N --count 1` repeats case N.
     #[arg(long, default_value_t = 1)]
     seed: u64,
     /// Size of the picture in pixels.

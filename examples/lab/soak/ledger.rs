@@ -18,7 +18,7 @@ pub struct Round {
     pub light: Vec<f64>,
     /// The most bytes of the plugin's buffers and textures.
     pub device_bytes: f64,
-    /// Bytes of the process, where the system tells.
+    /// Bytes of the process, where the system reports them.
     pub resident_bytes: Option<f64>,
     /// Numbers of things that are alive at the end, by name.
     pub alive: BTreeMap<String, f64>,

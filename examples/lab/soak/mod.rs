@@ -34,16 +34,16 @@ const MIB: f64 = (1 << 20) as f64;
 /// all, and the light of each frame of a round by 5 standard errors. Guards, overflows and pixels that are not finite must not occur.
 #[derive(clap::Args, Debug)]
 pub struct Args {
-    /// Frames of each technique, rounded up to rounds.
+    /// Frames of each technique, rounded up to whole rounds of 24.
     #[arg(long, default_value_t = 2400, value_parser = clap::value_parser!(u32).range(i64::from(FEWEST * ROUND)..))]
     frames: u32,
     /// A technique, or all of them.
     #[arg(long, default_value = "pt", value_parser = techniques)]
     technique: Techniques,
-    /// Pixels.
+    /// Size of the picture in pixels.
     #[arg(long, default_value = "24x16", value_parser = arguments::size)]
     size: UVec2,
-    /// Chooses what comes and goes.
+    /// Seed of the random edits.
     #[arg(long, default_value_t = 1)]
     seed: u64,
     #[command(flatten)]

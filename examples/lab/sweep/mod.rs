@@ -45,7 +45,7 @@ pub struct SweepArgs {
     full: bool,
 }
 
-/// A sweep of the presets alone.
+/// Time, error and bias of the presets alone, on one scene.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// A glTF file; `references.json` beside it may name its environment.
@@ -56,7 +56,7 @@ pub struct Args {
     /// Folder of the report.
     #[arg(long, default_value = "target/lab/sweep")]
     out: PathBuf,
-    /// Pixels.
+    /// Size of the picture in pixels.
     #[arg(long, default_value = "64x64", value_parser = arguments::size)]
     size: UVec2,
     /// Number of independent runs of each configuration.
@@ -95,8 +95,11 @@ pub struct Args {
 enum Measure {
     /// relMSE without the worst percent of the pixels.
     Trimmed,
+    /// Mean of the squared errors, each relative to the squared reference.
     RelMse,
+    /// Mean of the absolute errors, each relative to the reference.
     Mape,
+    /// Difference as a viewer sees it (Andersson et al. 2020).
     Flip,
     /// Mean squared error, relative to the squared mean.
     Mse,

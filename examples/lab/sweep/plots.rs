@@ -54,7 +54,9 @@ fn color(technique: Technique) -> RGBColor {
         Technique::Di => RGBColor(0, 114, 178),
         Technique::Gi => RGBColor(0, 158, 115),
         Technique::Pt => RGBColor(213, 94, 0),
-        _ => RGBColor(160, 60, 160),
+        Technique::Bdpt => RGBColor(160, 60, 160),
+        // `Technique` is not exhaustive: a new one is black until it has a color here.
+        _ => RGBColor(0, 0, 0),
     }
 }
 

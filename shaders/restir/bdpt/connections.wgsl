@@ -168,7 +168,7 @@ fn connection_light(w: CameraWalk, rng: ptr<function, Rng>) -> vec3<f32> {
 
 // The surface of a light vertex as a point sees it.
 fn surface_of(p: LightVertex, from_point: vec3<f32>) -> Surface {
-    var s = surface_at(p.instance, p.triangle, p.barycentrics, p.towards_light, Cone(0.0, 0.0), false);
+    let s = surface_at(p.instance, p.triangle, p.barycentrics, p.towards_light, Cone(0.0, 0.0), false);
     return surface_towards(s, normalize(from_point - s.position));
 }
 

@@ -63,8 +63,8 @@ fn exact_total(s: ExactSum) -> vec3<f32> {
     return (vec3<f32>(s.high) * 0x1p32 + vec3<f32>(s.low)) / s.scale;
 }
 
-// Shares from 0 to 1 in a channel of a texture: 10 bits each, exact to 0.0005, and exact for 0 and 1.  A bit of the exponent is set and another
-// one is not, so that the number is neither subnormal nor NaN, which textures do not keep.
+// Three shares from 0 to 1 in a channel of a texture: 10 bits each, exact to 0.0005, and exact for 0 and 1.  In the exponent of the float, bit
+// 30 is always set and bit 23 never: it is then neither subnormal nor NaN, which textures do not keep.
 fn pack_share(share: vec3<f32>) -> f32 {
     let v = vec3<u32>(clamp(share, vec3<f32>(0.0), vec3<f32>(1.0)) * 1023.0 + 0.5);
     let bits = v.x | v.y << 10u | v.z << 20u;

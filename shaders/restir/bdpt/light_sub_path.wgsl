@@ -26,14 +26,14 @@ struct SubPath {
 // The first vertex of a sub-path from a light, now or (`previous`) in the last frame.
 fn begin_sub_path(light: u32, rng: ptr<function, Rng>, previous: bool) -> SubPath {
     var w = begin_light_path(light, rng, previous);
-    w.state = over_share(w.state, settings.diffuse_share);
+    w.state = over_share(w.state, settings.nee_share);
     return SubPath(w, rng_bits(rng).x);
 }
 
 fn continue_sub_path(walk: LightWalk, rng: ptr<function, Rng>, previous: bool) -> SubPath {
     var w = advance_light_path(walk, rng, previous);
     if walk.events == 1u && w.by_delta {
-        w.state = over_share(w.state, settings.caustic_share / settings.diffuse_share);
+        w.state = over_share(w.state, settings.caustic_share / settings.nee_share);
     }
     // Without connections no technique joins the sub-paths at an edge after the first vertex.
     w.state.last = select(0.0, w.state.last, connects());

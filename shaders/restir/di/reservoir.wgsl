@@ -34,7 +34,8 @@ fn identity_of(p: PackedReservoir) -> vec2<u32> {
     return p.words.xy;
 }
 
-// A reservoir with a value that is negative or not finite is dropped with its confidence, so that it cannot spread over the screen.
+// A reservoir with a value that is negative or not finite is dropped, so that it cannot spread over the screen.  Its confidence is dropped,
+// too: kept confidence would make the picture dark.
 fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     let words = p.words;
     let ucw = bitcast<f32>(words.z);

@@ -16,7 +16,7 @@
 #import bevy_restir::restir::stored_path::Reservoir
 #import bevy_restir::restir::types::{RESAMPLE_CONNECTIONS, RESAMPLE_DIFFUSE_SECONDARY, RESAMPLE_MOVED, RESAMPLE_RETRACE_BACKWARD, RESAMPLE_RETRACE_FORWARD}
 #import bevy_restir::view::bindings::view
-#import bevy_restir::view::camera::{camera_density, camera_position}
+#import bevy_restir::view::camera::{camera_density, eye_of}
 #import bevy_restir::view::primary::primary_surface
 #ifdef SPLIT_LIGHT
 #import bevy_restir::bsdf::types::LOBE_DIFFUSE
@@ -45,7 +45,7 @@ struct Evaluated {
 fn receiver_of(ids: vec2<u32>, pixel: vec2<u32>, previous: bool) -> Receiver {
     let s = primary_surface(ids, pixel, previous);
     let v = Vertex(s.surface, s.wo, vec3<f32>(0.0), s.cone);
-    return Receiver(v, shift_parameters(camera_position(previous), v, previous), previous);
+    return Receiver(v, shift_parameters(eye_of(s.surface.position, previous), v, previous), previous);
 }
 
 fn shift_parameters(eye: vec3<f32>, v: Vertex, previous: bool) -> ShiftParameters {
@@ -68,7 +68,7 @@ fn in_technique_measure(c: SelectedPath, r: Receiver) -> SelectedPath {
 // Numbers of samples that compete for the light of a path.
 fn technique_counts() -> TechniqueCounts {
     let connects = f32((settings.flags & RESAMPLE_CONNECTIONS) != 0u);
-    let shares = LightShares(settings.diffuse_share, settings.caustic_share);
+    let shares = LightShares(settings.nee_share, settings.caustic_share);
     return TechniqueCounts(settings.candidates, f32(settings.splats), connects, shares);
 }
 

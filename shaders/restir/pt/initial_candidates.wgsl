@@ -20,7 +20,7 @@
 #import bevy_restir::path::random::{DIMENSION_SHADOW_RAY, DIMENSION_RAY, path_alpha_seed, path_seed}
 #import bevy_restir::path::scattering::{drawn_choice, entry_vertex}
 #import bevy_restir::path::shadow_ray::light_is_visible
-#import bevy_restir::path::technique_weights::{below_surface, camera_state, CameraState, emitter_sample, left, reached, rivals_of_hit, rivals_of_nee, weight_of}
+#import bevy_restir::path::technique_weights::{below_surface, camera_state, CameraState, emitter_sample, rivals_of_hit, rivals_of_nee, state_at, state_of_ray, weight_of}
 #import bevy_restir::path::walk::{sampled_step, Step, step_cone, step_medium, Vertex}
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::light_candidates::{light_candidate, subset_of}
@@ -158,7 +158,7 @@ fn sample_candidates(first: Vertex, pixel: vec2<u32>, shortest: u32, p: ShiftPar
             c.prefix.wi = step.wi;
         }
         c.throughput = guarded_3(c.throughput * step.weight, GUARD_THROUGHPUT);
-        c.state = left(c.state, v, step, c.prefix.reconnection == index && !c.below);
+        c.state = state_of_ray(c.state, v, step, c.prefix.reconnection == index && !c.below);
         eta_scale *= step.eta * step.eta;
         before = previous_vertex(before, v, step, index, p);
 
@@ -332,7 +332,7 @@ fn next_vertex(
         // Throughput and suffix include the absorption up to here.
         add_bsdf_hit(c, path, s.emission, l, step.delta, index, p, rng_1(rng));
     }
-    (*c).state = reached((*c).state, s, step.wi, v.surface.position, p.counts);
+    (*c).state = state_at((*c).state, s, step.wi, v.surface.position, p.counts);
     return Vertex(s, -step.wi, medium, cone);
 }
 

@@ -21,7 +21,7 @@
 #import bevy_restir::path::random::{DIMENSION_SHADOW_RAY, DIMENSION_RAY, path_alpha_seed}
 #import bevy_restir::path::scattering::{drawn_choice, entry_vertex, given_choice, ScatteringVertex}
 #import bevy_restir::path::shadow_ray::{ray_between, ray_to_light}
-#import bevy_restir::path::technique_weights::{below_surface, camera_state, CameraState, emitter_sample, left, reached, rivals_of_hit, rivals_of_nee, stored_weight, weight_of}
+#import bevy_restir::path::technique_weights::{below_surface, camera_state, CameraState, emitter_sample, rivals_of_hit, rivals_of_nee, state_at, state_of_ray, stored_weight, weight_of}
 #import bevy_restir::path::walk::{drawn_step, given_step, Step, step_cone, step_medium, Vertex, with_weight_and_densities}
 #import bevy_restir::restir::path_sample::{PathSample, ShiftResult, TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE, vertex_barycentrics}
 #import bevy_restir::restir::shift::reconnection::{is_connectable, is_connectable_by, is_connectable_end, light_factor, previous_vertex, PreviousVertex, ShiftParameters, triangle_factor}
@@ -36,9 +36,9 @@
 struct Walk {
     v: Vertex,
     before: PreviousVertex,   // the vertex before `v`, from the second vertex on
-    throughput: vec3<f32>,    // up to the reconnection vertex, and on to the vertex after it
-    suffix: vec3<f32>,        // throughput after that
-    density: f32,
+    throughput: vec3<f32>,    // up to and including the step from the reconnection vertex
+    suffix: vec3<f32>,        // throughput after that step
+    density: f32,             // `PathSample::density` of the shifted path
     rays: ShadowRays,
     reason: u32,
     f: vec3<f32>,
@@ -69,7 +69,7 @@ fn hybrid_shift(s: PathSample, first: Vertex, c: ShiftParameters, previous: bool
     w.f = guarded_3(w.f, GUARD_SHIFT_CONTRIBUTION);
     // A path without a reconnection vertex has no density: its shift has the Jacobian 1.  The Jacobian is 0 where the reconnection vertex is
     // seen edge-on, and may be infinite where the path itself sees it so.
-    let jacobian = guarded_or_infinite(select(1.0, over(w.density, s.density), s.density > 0.0), GUARD_JACOBIAN);
+    let jacobian = guarded_or_infinite(select(1.0, density_ratio(w.density, s.density), s.density > 0.0), GUARD_JACOBIAN);
     if !(max_component(w.f) > 0.0) || !(jacobian > 0.0) {
         return failed(SHIFT_NO_CONTRIBUTION);
     }
@@ -150,11 +150,11 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: ShiftParameters, previous: boo
                 return;
             }
         }
-        arrive(w, s, index, step, n, medium, cone, c, previous);
+        arrive(w, s, index, step, n, medium, cone, c);
         if is_last && (*w).reason == SHIFT_OK {
             end_on_light(w, s, index, step, n.emission, emitter_sample(n, step.wi, instance, triangle, at.position, previous), c);
         }
-        (*w).state = reached((*w).state, n, step.wi, at.position, c.counts);
+        (*w).state = state_at((*w).state, n, step.wi, at.position, c.counts);
         if is_last || (*w).reason != SHIFT_OK {
             return;
         }
@@ -270,10 +270,10 @@ fn has_same_reconnection(w: ptr<function, Walk>, s: PathSample, index: u32, step
     return (*w).reason == SHIFT_OK;
 }
 
-// Updates the state, and throughput (before the reconnection), density (there) or suffix (after it).
+// Updates the state and the throughput, or the suffix after the reconnection vertex; and the density by the steps to that vertex and from it.
 fn take_step(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, c: ShiftParameters) {
     let is_after = s.reconnection != 0u && (index > s.reconnection || (index == s.reconnection && (*w).below));
-    (*w).state = left((*w).state, (*w).v, step, index == s.reconnection && !(*w).below);
+    (*w).state = state_of_ray((*w).state, (*w).v, step, index == s.reconnection && !(*w).below);
     if is_after {
         (*w).suffix *= step.weight;
         return;
@@ -309,7 +309,6 @@ fn arrive(
     medium: vec3<f32>,
     cone: Cone,
     c: ShiftParameters,
-    previous: bool,
 ) {
     let carried = transmittance(medium, distance(n.position, (*w).v.surface.position));
     if s.reconnection != 0u && index >= s.reconnection {
@@ -467,11 +466,11 @@ fn replayed_entry(v: Vertex, seed: u32, index: u32, previous: bool) -> Scatterin
 
 // PLANT_*: errors that only tests define, and must find.
 #ifdef PLANT_NO_JACOBIAN
-fn over(there: f32, here: f32) -> f32 {
+fn density_ratio(there: f32, here: f32) -> f32 {
     return 1.0;
 }
 #else
-fn over(there: f32, here: f32) -> f32 {
+fn density_ratio(there: f32, here: f32) -> f32 {
     return there / here;
 }
 #endif

@@ -38,8 +38,8 @@ fn uses_distance(c: ShiftParameters) -> bool {
     return c.kind >= RECONNECT_DISTANCE;
 }
 
-// Threshold of `ShiftParameters::separation` for the surface that a pixel sees: the footprint of the pixel there, 4π d²/|cos| (Eq. 6), times
-// c/100, m².  The bound of the Jacobian has 2π times that (Eq. 27), m²/sr.  A distance is taken as it is, m.
+// `ShiftParameters::separation` for the surface that a pixel sees.  For footprints: c/100 times the footprint of the pixel there, 4π d²/|cos|
+// (Eq. 6), m².  For the bound of the Jacobian: 2π times that (Eq. 27), m²/sr.  For a distance: the setting itself, m.
 fn separation_threshold(kind: u32, separation: f32, eye: vec3<f32>, s: Surface) -> f32 {
     if kind >= RECONNECT_DISTANCE {
         return separation;
@@ -56,8 +56,8 @@ fn lobe_roughness(b: Bsdf, lobe: u32) -> f32 {
     return select(sqrt(select(b.roughness, b.coat_roughness, lobe == LOBE_COAT)), 1.0, lobe == LOBE_DIFFUSE);
 }
 
-// Whether the lobe of a step is rough enough.  With RECONNECT_BLACK_BOX the density stands for the roughness: a GGX lobe of width α peaks
-// near 1/α² (Eq. 26, as 1/√p >= α).  RECONNECT_BLACK_BOX_PRINTED compares 1/p² with it, as the equation is printed.
+// Whether the lobe of a step is rough enough.  RECONNECT_BLACK_BOX compares 1/√p with the threshold, where p is the density of the step: a GGX
+// lobe of width α has densities up to about 1/α² (Eq. 26).  RECONNECT_BLACK_BOX_PRINTED compares 1/p² with it, as the equation is printed.
 fn is_rough(v: Vertex, step: Step, c: ShiftParameters) -> bool {
     if c.kind == RECONNECT_BLACK_BOX {
         return !step.delta && step.pdf * c.roughness * c.roughness <= 1.0;

@@ -1,8 +1,9 @@
-// ReSTIR SSS: the domain of light that enters the body of a pixel and leaves it there (Werner et al. 2024).  It defines the functions that
-// the resampling routine (`pass/reuse.wgsl`) calls.
+// ReSTIR SSS: the domain of light that enters a body at a point x2 and leaves it at x1, the surface of a pixel (Werner et al. 2024).  It
+// defines the functions that the resampling routine (`pass/reuse.wgsl`) calls.
 //
 // Three shifts take a sample to another pixel.  Reconnection keeps x2.  Delayed reconnection draws the probe of the sample again at the new
-// pixel, and keeps the light: near x1 the profile is sharp, and x2 must follow.  The hybrid shift reconnects if x2 is far from x1.
+// pixel, which gives another x2, and keeps the point of the light: it is for an x2 near x1, where the profile is steep.  The hybrid shift
+// reconnects if x2 is far from x1, and otherwise draws the probe again.
 #define_import_path bevy_restir::restir::sss::domain
 
 #import bevy_restir::bsdf::bsdf::bsdf_eval

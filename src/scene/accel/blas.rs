@@ -5,7 +5,10 @@
 //! Their interfaces take and return plain arrays, because obvhs has its own version of glam.
 
 use crate::gpu_layout::{GpuTriangle, GpuTriangleAttributes, NODE_STRIDE};
-use crate::scene::geometry::{rig::Rig, triangulate::Geometry};
+use crate::scene::geometry::{
+    rig::Rig,
+    triangulate::{Geometry, HalfColor},
+};
 use obvhs::{
     Boundable, BvhBuildParams,
     aabb::Aabb,
@@ -39,6 +42,8 @@ pub struct Blas {
     pub attributes: Vec<GpuTriangleAttributes>,
     /// Second texture coordinates in the order of `triangles`; empty if the mesh has none.
     pub second_uvs: Vec<[[f32; 2]; 3]>,
+    /// Vertex colors in the order of `triangles`; empty if the mesh has none.
+    pub colors: Vec<[HalfColor; 3]>,
     /// Joints and morph targets of a mesh that bends.
     pub rig: Option<Rig>,
     /// Bounds of all triangles.
@@ -69,6 +74,7 @@ pub fn build_blas(geometry: &Geometry) -> Option<Blas> {
             .map(|&i| geometry.attributes.get(i as usize).copied().unwrap_or_default())
             .collect(),
         second_uvs: tree.order.iter().filter_map(|&i| geometry.second_uvs.get(i as usize).copied()).collect(),
+        colors: tree.order.iter().filter_map(|&i| geometry.colors.get(i as usize).copied()).collect(),
         rig: geometry.rig.as_ref().map(|vertices| vertices.pack(geometry, &tree.order, &tree.nodes)),
         nodes: tree.nodes,
         bounds: tree.bounds,

@@ -1,6 +1,6 @@
 //! Fits the boxes of a top-level tree to instances that have moved, which takes a tenth of the time of a new tree.
 //!
-//! The tree keeps its topology, so that it gets slower to trace as instances move away from their neighbors: [`cost`] tells by how much.
+//! The tree keeps its topology, so that it gets slower to trace as instances move away from their neighbors: [`cost`] measures by how much.
 
 use crate::gpu_layout::NODE_STRIDE;
 use crate::scene::accel::blas::Bounds;

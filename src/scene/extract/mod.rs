@@ -86,7 +86,7 @@ pub(crate) fn extract_materials(
     times: Res<CpuTimes>,
 ) {
     let _running = times.measure(Stage::ExtractMaterials);
-    // The last list that is filled.
+    // Materials are extracted last, so that all lists have seen `is_new`.
     if core::mem::take(&mut scene.is_new) {
         materials.iter().for_each(|(id, material)| scene.insert_material(id, material));
     }

@@ -23,6 +23,7 @@ use crate::scene::{
     accel::{blas::Bounds, tlas::rows},
     extract::{ExtractedScene, instances::sorted},
     geometry::{
+        corner_texture::BodySource,
         meshes::{MeshEntry, MeshPool},
         rig::Pose,
     },
@@ -49,8 +50,8 @@ pub(crate) struct Body {
     versions: [u64; 2],
     /// Its shape differs from that of the last frame.
     pub moved: bool,
-    /// Its triangles must be posed in this frame, because its pose changed in this frame, or in the last one: then the triangles of the last
-    /// frame must become those of its new pose.
+    /// Its triangles must be posed in this frame, because its pose changed in this frame or in the last one.  After a change in the last
+    /// one, only the copy for the last frame is out of date.
     is_due: bool,
     /// Its triangles were never posed, so that it has none of the last frame.
     appeared: bool,
@@ -156,7 +157,7 @@ impl BodyPool {
     ) {
         self.warned.begin_frame();
         for body in self.retired.drain(..) {
-            body.versions.into_iter().for_each(|version| meshes.forget_second_uvs(version));
+            body.versions.into_iter().for_each(|version| meshes.forget_corners(version));
             meshes.release_body(body.all_triangles, body.nodes);
             self.box_ranges.release(body.boxes);
         }
@@ -337,8 +338,8 @@ impl BodyPool {
     }
 
     /// Version, first triangle and mesh of each body, for its second texture coordinates.
-    pub(crate) fn sources(&self) -> impl Iterator<Item = (u64, u32, AssetId<Mesh>)> {
-        // The lower version does not change when the two take turns.
+    pub(crate) fn sources(&self) -> impl Iterator<Item = BodySource> + Clone {
+        // The two versions swap places in every frame, so the lower one identifies the body.
         self.bodies.values().map(|b| (b.versions[0].min(b.versions[1]), b.all_triangles.start, b.mesh))
     }
 

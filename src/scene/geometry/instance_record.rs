@@ -96,6 +96,9 @@ fn flags_of(world_from_object: &Affine3A, mesh: &MeshEntry, material: &GpuMateri
     if !mesh.second_uvs.is_empty() {
         flags |= INSTANCE_SECOND_UV;
     }
+    if !mesh.colors.is_empty() {
+        flags |= INSTANCE_VERTEX_COLORS;
+    }
     flags
 }
 

@@ -185,6 +185,7 @@ impl InstancePool {
         let entity = extracted.entity;
         let (mut instance, bounds) = self.record_of(extracted, sources)?;
         let mut features = sources.materials.features(instance.material);
+        features.set(SceneFeatures::VERTEX_COLORS, instance.flags & INSTANCE_VERTEX_COLORS != 0);
         // Probes do not find an instance that casts no shadows.
         if let Some(component) = extracted.subsurface.filter(|_| extracted.casts_shadows) {
             instance.flags |= sources.subsurface.flags_of(entity, component);
@@ -355,12 +356,13 @@ impl InstancePool {
         let is_pending = mesh_will_exist
             && (materials.slot(extracted.material).is_some() || self.asset_wait.is_pending(extracted.material, assets));
         self.waiting |= is_pending;
-        // Nothing tells when an asset begins to load.
+        // Bevy sends no event when an asset begins to load, so the instance is visited again.
         self.unsettled.push(extracted.entity);
         if !is_pending && self.warned.is_due((extracted.entity, InstanceProblem::MissingAsset)) {
             warn!(
-                "restir: entity {} has a mesh or a material that does not exist; the entity is left out",
-                *extracted.entity
+                "restir: entity {} is left out, because its {} does not exist or failed to load",
+                *extracted.entity,
+                if mesh_will_exist { "material" } else { "mesh" }
             );
         }
     }
@@ -457,7 +459,7 @@ impl InstancePool {
         let runs = joined_runs(self.dirty.iter().map(|slot| *slot as usize).filter(differs));
         if !runs.is_empty() && !self.gpu.reserve(self.records.len() as u32, device, queue) {
             warn_once!(
-                "restir: {} instances are more than this device can bind; the last upload stays in use",
+                "restir: the records of {} instances do not fit this device or its memory; instances stay as they last fitted",
                 self.records.len()
             );
             return 0;

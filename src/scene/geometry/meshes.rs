@@ -9,7 +9,7 @@ use bevy::{
         resource::Resource,
         system::{Res, ResMut},
     },
-    log::{warn, warn_once},
+    log::warn,
     mesh::Mesh,
     platform::collections::{HashMap, HashSet},
     render::{
@@ -27,10 +27,12 @@ use crate::gpu_layout::*;
 use crate::scene::{
     accel::blas::{self, Blas, Bounds},
     extract::instances::InstanceList,
+    features::SceneFeatures,
+    geometry::corner_texture::{BodySource, CornerTexture},
     geometry::mesh_build::{BuildError, Built, build},
     geometry::rig::{Rig, RigBounds, RigTables},
-    geometry::triangulate::{Dropped, GeometryError},
-    storage::{data_texture::DataTexture, growable_buffer::GrowableBuffer, range_allocator::RangeAllocator},
+    geometry::triangulate::{Dropped, GeometryError, HalfColor},
+    storage::{growable_buffer::GrowableBuffer, range_allocator::RangeAllocator},
 };
 use crate::warned::Warned;
 
@@ -53,6 +55,8 @@ pub(crate) struct MeshEntry {
     pub positions: Vec<[[f32; 3]; 3]>,
     /// Second texture coordinates in the same order, for the time when a material uses them; empty if the mesh has none.
     pub second_uvs: Vec<[[f32; 2]; 3]>,
+    /// Vertex colors in the same order; empty if the mesh has none.
+    pub colors: Vec<[HalfColor; 3]>,
     /// `None` for a mesh that does not bend, or whose tables do not fit the device.
     pub rig: Option<MeshRig>,
     /// Changes when the triangles change.
@@ -109,11 +113,9 @@ pub(crate) struct MeshPool {
     /// Tables of the meshes that bend.
     pub rigs: GrowableBuffer<u32>,
     /// Second texture coordinates of the triangles, in scenes with a texture that uses them.
-    pub second_uvs: DataTexture<[[f32; 2]; 3]>,
-    /// Versions of the meshes and bodies whose coordinates are in `second_uvs`.
-    second_uvs_versions: HashSet<u64>,
-    /// What `second_uvs` was last updated for: the newest version and the number of triangles.
-    second_uvs_state: Option<(u64, u32)>,
+    pub second_uvs: CornerTexture<[f32; 2]>,
+    /// Vertex colors of the triangles, in scenes with such a mesh.
+    pub colors: CornerTexture<HalfColor>,
     last_version: u64,
     /// Meshes that have come, changed or gone since [`Self::take_changed`]; some more than once.
     changed: Vec<AssetId<Mesh>>,
@@ -140,9 +142,8 @@ impl Default for MeshPool {
             triangles: GrowableBuffer::new("triangles"),
             attributes: GrowableBuffer::new("triangle attributes"),
             rigs: GrowableBuffer::new("rigs"),
-            second_uvs: DataTexture::new("second texture coordinates", TextureFormat::Rg32Float, 3),
-            second_uvs_versions: HashSet::default(),
-            second_uvs_state: None,
+            second_uvs: CornerTexture::new("second texture coordinates", "0", TextureFormat::Rg32Float),
+            colors: CornerTexture::new("vertex colors", "black", TextureFormat::Rgba16Float),
             last_version: 0,
             changed: Vec::new(),
             ray_queries: false,
@@ -248,7 +249,8 @@ impl MeshPool {
             ("nodes", self.node_ranges.end() as usize),
             ("triangles", self.triangle_ranges.end() as usize),
             ("rigs", self.rig_ranges.end() as usize),
-            ("meshes with second coordinates", self.second_uvs_versions.len()),
+            ("meshes with second coordinates", self.second_uvs.len()),
+            ("meshes with vertex colors", self.colors.len()),
         ]
     }
 
@@ -290,6 +292,7 @@ impl MeshPool {
             bounds: blas.bounds,
             positions: blas.triangles.iter().map(|t| [t.a, t.b, t.c]).collect(),
             second_uvs: blas.second_uvs,
+            colors: blas.colors,
             rig,
             version: self.next_version(),
         };
@@ -364,7 +367,8 @@ impl MeshPool {
     /// Frees the ranges of meshes that the last frame was the last to use.
     fn release_retired(&mut self) {
         for entry in self.retired.drain(..) {
-            self.second_uvs_versions.remove(&entry.version);
+            self.second_uvs.forget(entry.version);
+            self.colors.forget(entry.version);
             self.node_ranges.release(entry.nodes);
             self.triangle_ranges.release(entry.triangles);
             self.rig_ranges.release(entry.rig.map_or(0..0, |rig| rig.words));
@@ -401,52 +405,32 @@ impl MeshPool {
         self.entries.get(&id)
     }
 
-    /// If a texture needs second texture coordinates, uploads the missing ones; else frees their memory.  `bodies`: version, first triangle
-    /// and mesh.  Returns the number of bytes sent.
-    pub(crate) fn update_second_uvs(
+    /// Uploads the second texture coordinates and the vertex colors that are missing if the scene needs them; else frees their memory.
+    /// Returns the number of bytes sent.
+    pub(crate) fn update_corner_textures(
         &mut self,
-        needed: bool,
-        bodies: impl Iterator<Item = (u64, u32, AssetId<Mesh>)>,
+        features: SceneFeatures,
+        bodies: impl Iterator<Item = BodySource> + Clone,
         device: &RenderDevice,
         queue: &RenderQueue,
     ) -> u64 {
-        let count = self.triangle_ranges.end();
-        if !needed || count > DataTexture::<[[f32; 2]; 3]>::limit(device) {
-            if needed {
-                warn_once!(
-                    "restir: the second texture coordinates of {count} triangles do not fit this device; shaders read 0 instead"
-                );
-            }
-            self.second_uvs_state = None;
-            self.second_uvs.clear();
-            self.second_uvs_versions.clear();
-            if needed {
-                self.second_uvs.reserve(1, device);
-            }
-            return 0;
-        }
-        let state = Some((self.last_version, count));
-        if core::mem::replace(&mut self.second_uvs_state, state) == state {
-            return 0;
-        }
-        if self.second_uvs.reserve(count, device) {
-            self.second_uvs_versions.clear();
-        }
-        let meshes =
-            self.entries.values().chain(&self.retired).map(|entry| (entry.version, entry.triangles.start, entry));
-        let bodies = bodies.filter_map(|(version, first, mesh)| Some((version, first, self.entries.get(&mesh)?)));
-        let mut bytes = 0;
-        for (version, first, entry) in meshes.chain(bodies).filter(|(.., entry)| !entry.second_uvs.is_empty()) {
-            if self.second_uvs_versions.insert(version) {
-                bytes += self.second_uvs.write(first, &entry.second_uvs, queue);
-            }
-        }
-        bytes
+        let newest = (self.last_version, self.triangle_ranges.end());
+        let Self { entries, retired, second_uvs, colors, .. } = self;
+        let meshes = entries.values().chain(&*retired).map(|entry| (entry.version, entry.triangles.start, entry));
+        let bodies = bodies.filter_map(|(version, first, mesh)| Some((version, first, entries.get(&mesh)?)));
+        let all = meshes.chain(bodies);
+        let needed = features.contains(SceneFeatures::SECOND_UVS);
+        let sources = all.clone().map(|(version, first, entry)| (version, first, &*entry.second_uvs));
+        let sent = second_uvs.update(needed, newest, sources, device, queue);
+        let needed = features.contains(SceneFeatures::VERTEX_COLORS);
+        let sources = all.map(|(version, first, entry)| (version, first, &*entry.colors));
+        sent + colors.update(needed, newest, sources, device, queue)
     }
 
-    /// Forgets which coordinates a body has in `second_uvs`.
-    pub(crate) fn forget_second_uvs(&mut self, version: u64) {
-        self.second_uvs_versions.remove(&version);
+    /// Forgets that the values of a body are in the textures of corners.
+    pub(crate) fn forget_corners(&mut self, version: u64) {
+        self.second_uvs.forget(version);
+        self.colors.forget(version);
     }
 
     /// Versions of all meshes on the GPU.

@@ -2,6 +2,7 @@
 //! pass.
 
 pub(crate) mod bodies;
+pub(crate) mod corner_texture;
 pub(crate) mod draw_list;
 pub(crate) mod gpu_tlas;
 pub(crate) mod instance_record;

@@ -6,8 +6,14 @@
 use super::rig::RigVertices;
 use crate::gpu_layout::GpuTriangleAttributes;
 use bevy::mesh::{Indices, Mesh, MeshVertexAttribute, PrimitiveTopology, VertexAttributeValues};
+use half::f16;
 
 type V3 = [f32; 3];
+
+/// A linear color with alpha, as the bits of half floats.
+pub type HalfColor = [u16; 4];
+
+const WHITE: HalfColor = [f16::ONE.to_bits(); 4];
 
 /// Largest accepted coordinate, in meters: products of three coordinates must not overflow an f32.
 pub const MAX_COORDINATE: f32 = 1.0e12;
@@ -24,6 +30,8 @@ pub struct Geometry {
     pub attributes: Vec<GpuTriangleAttributes>,
     /// Second texture coordinates of the corners, in the same order; empty if the mesh has none.
     pub second_uvs: Vec<[[f32; 2]; 3]>,
+    /// Vertex colors of the corners, in the same order; empty if the mesh has none, or if all of them are white.
+    pub colors: Vec<[HalfColor; 3]>,
     /// The vertex of each corner, in the same order; empty if the mesh does not bend.
     pub corners: Vec<[u32; 3]>,
     /// Joints and morph targets of the vertices.
@@ -102,6 +110,7 @@ pub fn triangles_of(mesh: &Mesh) -> Result<Geometry, GeometryError> {
     let normals = readable(Mesh::ATTRIBUTE_NORMAL, 3)?;
     let uvs = readable(Mesh::ATTRIBUTE_UV_0, 2)?;
     let second_uvs = readable(Mesh::ATTRIBUTE_UV_1, 2)?;
+    let colors = readable(Mesh::ATTRIBUTE_COLOR, 4)?;
     let tangents = readable(Mesh::ATTRIBUTE_TANGENT, 4)?;
     let indices = mesh.try_indices_option().map_err(|_| GeometryError::Extracted)?;
 
@@ -143,6 +152,9 @@ pub fn triangles_of(mesh: &Mesh) -> Result<Geometry, GeometryError> {
         if second_uvs.is_some() {
             geometry.second_uvs.push(corner_uvs(second_uvs));
         }
+        if let Some(colors) = colors {
+            geometry.colors.push(corners.map(|c| half_color(read(colors, c))));
+        }
         let generated = triangle_tangent(&p, &uv);
         let t: [u32; 3] = std::array::from_fn(|i| {
             let given = tangents.map(|v| read(v, corners[i]));
@@ -163,7 +175,15 @@ pub fn triangles_of(mesh: &Mesh) -> Result<Geometry, GeometryError> {
             uv_c: uv[2],
         });
     });
+    if geometry.colors.as_flattened().iter().all(|color| *color == WHITE) {
+        geometry.colors.clear();
+    }
     Ok(geometry)
+}
+
+// Channels from 0 to 1, like the factors that they multiply.
+fn half_color(color: [f32; 4]) -> HalfColor {
+    color.map(|c| f16::from_f32(finite_or_zero(c).clamp(0.0, 1.0)).to_bits())
 }
 
 /// Octahedral encoding of a unit vector in two snorm16, equal to `octahedral_encode` in `shaders/common/math.wgsl`.

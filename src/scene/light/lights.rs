@@ -315,8 +315,14 @@ impl LightPool {
             // A black light is ordinary; infinite and negative powers are errors of the app.
             let is_placed = record.has_finite_transform();
             if (record.power != 0.0 || !is_placed) && self.warned.is_due(entity) {
-                let transform = if is_placed { "" } else { " and a transform that is not finite or too far away" };
-                warn!("restir: light {} has the power {}{transform}; it is not rendered", *entity, record.power);
+                if is_placed {
+                    warn!("restir: light {} has the invalid power {}; it is not rendered", *entity, record.power);
+                } else {
+                    warn!(
+                        "restir: light {} has a transform that is not finite or too far away; it is not rendered",
+                        *entity
+                    );
+                }
             }
             return None;
         }
@@ -379,7 +385,10 @@ impl LightPool {
         both.resize(both.len().max(self.previous_at as usize), GpuLight::default());
         both.append(&mut self.previous);
         if !self.gpu.reserve(both.len() as u32, device, queue) {
-            warn_once!("restir: the table of {} lights is larger than this device can bind", self.table.len());
+            warn_once!(
+                "restir: the table of {} lights does not fit this device or its memory; it is not updated until it fits",
+                self.table.len()
+            );
             self.previous_matches = false;
             // The next frame tries again: memory may have become free.
             self.pending = Upload::Everything;

@@ -302,7 +302,7 @@ impl MaterialPool {
         self.visited += 1;
         let (mut material, has_replaced) = pack(source, self.emissive_luminance);
         if has_replaced && self.warned.is_due(id) {
-            warn!("restir: material {id} has numbers that are not finite; most of them count as 0");
+            warn!("restir: material {id} has values that are NaN or infinite; they are replaced");
         }
         let mut record = Vec::new();
         let features;

@@ -58,11 +58,19 @@ pub(super) fn pack(m: &StandardMaterial, emissive_luminance: f32) -> (GpuMateria
         [0.0; 3]
     };
 
+    let emissive = if m.unlit {
+        // The shaders multiply it by the base color: the camera sees an unlit material as a lamp of its color, which lights nothing.
+        [emissive_luminance; 3]
+    } else {
+        // With a weight of 1, `emissive` is in cd/m².
+        let unit_luminance = emissive_luminance + (1.0 - emissive_luminance) * unit(m.emissive_exposure_weight);
+        m.emissive.to_f32_array_no_alpha().map(|c| (finite(c, 0.0).max(0.0) * unit_luminance).min(1e30))
+    };
     let rotation = finite(m.anisotropy_rotation, 0.0);
     let packed = GpuMaterial {
         base_color: unit_rgb(base.to_f32_array_no_alpha()),
         alpha: unit(base.alpha),
-        emissive: m.emissive.to_f32_array_no_alpha().map(|c| (finite(c, 0.0).max(0.0) * emissive_luminance).min(1e30)),
+        emissive,
         perceptual_roughness: unit(m.perceptual_roughness),
         dielectric_reflectance: tint.map(|t| 0.16 * (reflectance * unit(t)).powi(2)),
         metallic: unit(m.metallic),
@@ -103,7 +111,6 @@ pub(super) fn features_of(m: &GpuMaterial) -> SceneFeatures {
     features.set(SceneFeatures::ATTENUATION, (specular || diffuse) && m.attenuation != [0.0; 3]);
     features.set(SceneFeatures::CLEARCOAT, m.clearcoat > 0.0);
     features.set(SceneFeatures::ANISOTROPY, m.anisotropy_strength > 0.0 && m.flags & MATERIAL_UNLIT == 0);
-    features.set(SceneFeatures::UNLIT, m.flags & MATERIAL_UNLIT != 0);
     features
 }
 

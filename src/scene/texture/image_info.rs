@@ -39,16 +39,17 @@ pub(super) struct ImageInfo {
 }
 
 impl ImageInfo {
-    pub(super) fn new(image: &Image, has_mean: bool, version: u64) -> Self {
+    /// `default_sampler`: that of the app's `ImagePlugin`.
+    pub(super) fn new(image: &Image, default_sampler: &ImageSamplerDescriptor, has_mean: bool, version: u64) -> Self {
         let sampler = match &image.sampler {
-            ImageSampler::Default => ImageSamplerDescriptor::linear(),
-            ImageSampler::Descriptor(descriptor) => descriptor.clone(),
+            ImageSampler::Default => default_sampler,
+            ImageSampler::Descriptor(descriptor) => descriptor,
         };
         // The format in which Bevy's materials read it.
         let view_format = image.texture_view_descriptor.as_ref().and_then(|view| view.format);
         let format = view_format.unwrap_or(image.texture_descriptor.format);
         let encoding = encoding_of(format);
-        let flags = flags_of(&sampler, format, encoding);
+        let flags = flags_of(sampler, format, encoding);
         Self { flags, encoding, mean: has_mean.then(|| mean_color(image)), version }
     }
 }
@@ -121,4 +122,24 @@ pub(super) fn mean_color(image: &Image) -> LinearRgba {
     }
     let [r, g, b] = sum.map(|s| (s / count.max(1) as f64).max(1e-4) as f32);
     LinearRgba::rgb(r, g, b)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bevy::asset::RenderAssetUsages;
+
+    #[test]
+    fn an_image_without_a_sampler_has_that_of_the_app() {
+        let size = Extent3d { width: 1, height: 1, depth_or_array_layers: 1 };
+        let usages = RenderAssetUsages::all();
+        let image = Image::new_fill(size, TextureDimension::D2, &[0; 4], TextureFormat::Rgba8Unorm, usages);
+        let flags = |image: &Image, default: &ImageSamplerDescriptor| ImageInfo::new(image, default, false, 1).flags;
+        let mut repeated = ImageSamplerDescriptor::nearest();
+        repeated.set_address_mode(ImageAddressMode::Repeat);
+        assert_eq!(flags(&image, &ImageSamplerDescriptor::linear()), CLAMP_U | CLAMP_V);
+        assert_eq!(flags(&image, &repeated), NEAREST);
+        let own = Image { sampler: ImageSampler::Descriptor(ImageSamplerDescriptor::linear()), ..image };
+        assert_eq!(flags(&own, &repeated), CLAMP_U | CLAMP_V);
+    }
 }

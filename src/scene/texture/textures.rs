@@ -9,10 +9,10 @@
 //! texels, which is 5.3 bytes per texel of the image with all levels.  Images of float formats are stored with a shared exponent in place
 //! of alpha.  Their own mip levels are ignored.
 //!
-//! **Images that the GPU writes** (`RENDER_ATTACHMENT` or `STORAGE_BINDING` among their usages: targets of cameras and compute passes) count
-//! as changed in every frame in which a material uses them, because nothing tells when they are written.  The atlas copies them before the
-//! cameras of the frame draw, so they appear one frame late; the copy costs one dispatch per level and 5.3 bytes per texel in each frame.
-//! Meanwhile frames are not accumulated and no history is kept, as for images that the app edits in every frame.
+//! **Images that the GPU writes** (`RENDER_ATTACHMENT` or `STORAGE_BINDING` among their usages: targets of cameras and compute passes)
+//! count as changed in every frame in which a material uses them, because Bevy does not report when they are written.  The atlas copies
+//! them before the cameras of the frame draw, so they appear one frame late; the copy costs one dispatch per level and 5.3 bytes per texel
+//! in each frame.  Meanwhile frames are not accumulated and no history is kept, as for images that the app edits in every frame.
 
 use bevy::{
     asset::{AssetId, AssetServer, Assets, RenderAssetUsages},
@@ -116,6 +116,7 @@ impl Default for TexturePool {
 pub(crate) fn record_images(
     mut pool: ResMut<TexturePool>,
     extracted: Res<ExtractedAssets<GpuImage>>,
+    default_sampler: Res<DefaultImageSamplerDescriptor>,
     limiter: Option<Res<RenderAssetBytesPerFrameLimiter>>,
     scene: Res<ExtractedScene>,
     times: Res<CpuTimes>,
@@ -134,7 +135,7 @@ pub(crate) fn record_images(
         pool.versions += 1;
         // The mean color is expensive.  If the main world keeps the pixels, it can wait until a material emits the image.
         let needs_mean = emissive.contains(id) || !image.asset_usage.contains(RenderAssetUsages::MAIN_WORLD);
-        let info = ImageInfo::new(image, needs_mean, pool.versions);
+        let info = ImageInfo::new(image, &default_sampler.0, needs_mean, pool.versions);
         pool.info.insert(*id, info);
         pool.changed.insert(*id);
         pool.rejected.remove(id);
@@ -414,7 +415,7 @@ impl TexturePool {
         let [page, layers] = self.allocator.pages();
         let fits = self.atlas.as_ref().is_some_and(|atlas| atlas.pages() == [page, layers]);
         if !fits && layers > 0 {
-            // The old atlas is free before the new one is created.
+            // Drops the old atlas first, because the memory may not hold both.
             self.atlas = None;
             match allocation::attempt(device, "texture atlas", || Atlas::new(page, layers, device)) {
                 Ok(atlas) => self.atlas = Some(atlas),

@@ -1,4 +1,4 @@
-// Packed radiance, and the factor between solid angle and area.
+// Packs radiance and unpacks it again.
 #import bevy_restir::restir::stored_path::{pack_radiance, unpack_radiance}
 
 @group(0) @binding(0) var<storage, read> radiance: array<vec4<f32>>;

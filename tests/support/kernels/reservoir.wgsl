@@ -1,4 +1,4 @@
-// Unpacks reservoirs and packs them again.
+// Unpacks reservoirs of direct light and packs them again.
 #import bevy_restir::restir::di::reservoir::{PackedReservoir, reservoir_pack, reservoir_unpack}
 
 @group(0) @binding(0) var<storage, read> words: array<PackedReservoir>;

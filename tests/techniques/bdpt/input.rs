@@ -129,6 +129,6 @@ fn small_devices_trace_fewer_light_paths() {
         }
     });
     assert!(rig.picture(4).mean() > 0.01);
-    assert!(!log::warnings("light paths and not bdpt.light_paths").is_empty());
+    assert!(!log::warnings("light paths instead of bdpt.light_paths").is_empty());
     rig.assert_sound();
 }

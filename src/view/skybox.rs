@@ -1,0 +1,25 @@
+//! Keeps Bevy from drawing a camera's `Skybox` where our picture shows something else behind all objects.
+
+use bevy::{core_pipeline::skybox::SkyboxBindGroup, ecs::prelude::*};
+
+use super::{
+    ViewPool,
+    extract::{EnvironmentKind, ExtractedViews},
+};
+use crate::settings::DebugView;
+
+/// Bevy draws the skybox after our picture, wherever that shows no object.  With a `RestirEnvironment` or a debug view, another backdrop
+/// belongs there.  Bevy makes the bind group again in each frame.
+pub(super) fn hide_skyboxes(pool: Res<ViewPool>, extracted: Res<ExtractedViews>, mut commands: Commands) {
+    for (entity, restir) in &extracted.0 {
+        let rendered = pool.views.get(entity).filter(|view| view.rendered);
+        let has_other_backdrop = rendered.is_some_and(|view| view.settings.debug_view != DebugView::Off)
+            || restir.environment.is_some_and(|e| e.kind == EnvironmentKind::RestirEnvironment);
+        if rendered.is_some()
+            && has_other_backdrop
+            && let Ok(mut view) = commands.get_entity(*entity)
+        {
+            view.remove::<SkyboxBindGroup>();
+        }
+    }
+}
