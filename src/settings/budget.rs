@@ -118,7 +118,7 @@ mod tests {
 
     #[test]
     fn each_step_changes_numbers_of_samples_only() {
-        for technique in [Technique::Reference, Technique::Di, Technique::Gi, Technique::Pt, Technique::Bdpt] {
+        for technique in Technique::ALL {
             for preset in [Preset::Performance, Preset::Balanced, Preset::Quality, Preset::Unbiased] {
                 let settings = Restir { technique, ..Restir::preset(preset) };
                 let steps = settings.reducible_steps();

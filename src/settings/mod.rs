@@ -69,6 +69,16 @@ pub enum Technique {
     Bdpt,
 }
 
+impl Technique {
+    /// All techniques.
+    pub const ALL: [Self; 5] = [Self::Reference, Self::Di, Self::Gi, Self::Pt, Self::Bdpt];
+
+    /// Whether it computes light that bounces; [`Technique::Di`] alone does not.
+    pub fn has_indirect_light(self) -> bool {
+        self != Self::Di
+    }
+}
+
 /// Lights the image of this camera by path tracing, in place of Bevy's own lighting.  Multisampling (`Msaa`) is turned off;
 /// `TemporalAntiAliasing` smooths edges in its place.
 ///

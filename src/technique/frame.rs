@@ -5,7 +5,6 @@ use super::{
     domain::{Domain, PRESAMPLE},
     pass::{ComputePass, Pass, PassResource as R},
     reference::BOUNCES,
-    reuse_schedule::ReuseSchedule,
     row,
 };
 use crate::{
@@ -61,9 +60,10 @@ enum Pairing {
 }
 
 impl Pairing {
-    fn of(settings: &Restir) -> Self {
-        let iterations = ReuseSchedule::of_paths(settings).iterations;
-        match (iterations.iter().any(|i| i.paired), iterations.iter().all(|i| i.paired)) {
+    fn of(settings: &Restir, domains: &[&Domain]) -> Self {
+        let with_pairs = domains.iter().filter(|domain| domain.pairs.is_some());
+        let paired: Vec<_> = with_pairs.flat_map(|domain| (domain.schedule)(settings).paired_iterations()).collect();
+        match (paired.contains(&true), !paired.contains(&false)) {
             (false, _) => Self::Never,
             (true, false) => Self::Sometimes,
             (true, true) => Self::Always,
@@ -112,18 +112,19 @@ impl Frame {
     /// The frame of some settings.
     pub(crate) fn of(settings: &Restir) -> Self {
         let (view, separate) = (settings.debug_view, settings.paths.separate_direct_light);
+        let domains = row(settings.technique, separate).domains;
         let show = match view {
             DebugView::Off | DebugView::DiffuseLight | DebugView::SpecularLight => Show::Light,
             DebugView::Rays => Show::Rays,
             DebugView::Bounces => Show::Bounces,
             _ => {
-                let mut domains = row(settings.technique, separate).domains.iter();
-                domains.find(|domain| (domain.has_debug_view)(view)).map_or(Show::Surface, |d| Show::Reservoirs(d))
+                let shown = domains.iter().find(|domain| (domain.has_debug_view)(view));
+                shown.map_or(Show::Surface, |domain| Show::Reservoirs(domain))
             }
         };
         let (technique, connects) = (settings.technique, settings.bdpt.connects());
-        let compacts = settings.research.replay_compaction;
-        Self { technique, separate, show, connects, subsurface: false, pairing: Pairing::of(settings), compacts }
+        let (pairing, compacts) = (Pairing::of(settings, domains), settings.research.replay_compaction);
+        Self { technique, separate, show, connects, subsurface: false, pairing, compacts }
     }
 
     /// The frame of a scene that has `Subsurface`.

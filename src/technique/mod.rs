@@ -93,6 +93,7 @@ mod tests {
         let TypeInfo::Enum(info) = Technique::type_info() else { unreachable!() };
         let rows: Vec<_> = TECHNIQUES.iter().map(|row| format!("{:?}", row.technique)).collect();
         assert_eq!(rows, info.variant_names());
+        assert!(TECHNIQUES.iter().map(|row| row.technique).eq(Technique::ALL));
     }
 
     #[test]

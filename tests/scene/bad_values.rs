@@ -15,8 +15,6 @@ use bevy::{
 };
 use bevy_restir::{Direct, EmissiveLuminance, Restir, RestirEnvironment, Technique};
 
-const TECHNIQUES: [Technique; 5] = [Technique::Reference, Technique::Di, Technique::Gi, Technique::Pt, Technique::Bdpt];
-
 /// A component or an asset is checked before any technique sees it, so that all values are tried with one technique only.
 fn extent(technique: Technique, whole: Technique) -> Extent {
     if technique == whole { Extent::Full } else { Extent::Sample }
@@ -109,7 +107,7 @@ fn victim() -> Mesh {
 impl Scene {
     /// Runs a check for every technique, with the picture of the good scene.
     fn with_every_technique(&mut self, mut check: impl FnMut(&mut Self, Technique, &Picture)) {
-        for technique in TECHNIQUES {
+        for technique in Technique::ALL {
             self.rig.set(|restir| restir.technique = technique);
             self.rig.until_ready();
             let good = fresh(&mut self.rig);

@@ -14,7 +14,7 @@ use bevy_restir::{Direct, Restir, Technique};
 
 /// The compilation of a technique's pipelines takes most of the time of these tests.
 const TWO: &[Technique] = &[Technique::Di, Technique::Pt];
-const ALL: &[Technique] = &[Technique::Reference, Technique::Di, Technique::Gi, Technique::Pt, Technique::Bdpt];
+const ALL: &[Technique] = &Technique::ALL;
 
 fn settings(technique: Technique) -> Restir {
     // Few light subsets, because a CPU fills them slowly.

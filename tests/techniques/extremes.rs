@@ -8,8 +8,6 @@ use crate::support::{
 use bevy::prelude::*;
 use bevy_restir::{Jitter, Paths, Restir, Technique};
 
-const TECHNIQUES: [Technique; 5] = [Technique::Reference, Technique::Di, Technique::Gi, Technique::Pt, Technique::Bdpt];
-
 /// A room with walls, a lamp, a rough metal ball and a glass ball, in front of a camera at (0, 0, 5); everything is scaled by `scale` and
 /// moved.
 fn room(rig: &mut Rig, scale: f32, offset: Vec3, radiance: f32) {
@@ -83,7 +81,7 @@ fn share_of_different_pixels(a: &Picture, b: &Picture, gain: f32) -> f64 {
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn a_scene_looks_the_same_at_every_scale() {
-    for technique in TECHNIQUES {
+    for technique in Technique::ALL {
         let Some(mut rig) = Rig::new(48, 48) else { return };
         let one = picture(&mut rig, technique, 1.0, Vec3::ZERO, 10.0, 8);
         // Powers of two scale every float exactly, so that equal random numbers give the same paths: 1.2e-4 and 1.3e5.
@@ -99,7 +97,7 @@ fn a_scene_looks_the_same_at_every_scale() {
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn pictures_scale_with_radiances_from_1e_minus_6_to_1e10() {
-    for technique in TECHNIQUES {
+    for technique in Technique::ALL {
         let Some(mut rig) = Rig::new(48, 48) else { return };
         let one = picture(&mut rig, technique, 1.0, Vec3::ZERO, 1.0, 4);
         // 1e-6 and 1e10.
@@ -144,7 +142,7 @@ fn room_of_two_lamps(rig: &mut Rig, technique: Technique, bright: f32, dim: f32)
 fn dim_and_bright_lamps_work_in_one_picture() {
     // 8.6e9 and 9.5e-7, and the same scene 2^33 times darker.
     let (bright, dim) = (2f32.powi(33), 2f32.powi(-20));
-    for technique in TECHNIQUES {
+    for technique in Technique::ALL {
         let Some(mut rig) = Rig::new(32, 32) else { return };
         let picture = room_of_two_lamps(&mut rig, technique, bright, dim);
         let darker = room_of_two_lamps(&mut rig, technique, 1.0, dim / bright);

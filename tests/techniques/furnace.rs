@@ -31,7 +31,7 @@ fn check(technique: Technique, preset: Preset, history: u32, frames: u32) {
     let Some(mut rig) = furnace() else { return };
     rig.set(|r| *r = Restir { technique, ..Restir::preset(preset) });
     rig.until_ready();
-    let bounces = if technique == Technique::Di { 1 } else { Restir::preset(preset).bounces };
+    let bounces = if technique.has_indirect_light() { Restir::preset(preset).bounces } else { 1 };
     let expected: f64 = (0..=bounces).map(|k| f64::from(EMISSION) * f64::from(ALBEDO).powi(k as i32)).sum();
     let means = (0..8).map(|seed| {
         rig.set(|r| (r.seed, r.accumulate) = (seed, false));

@@ -70,7 +70,7 @@ fn techniques() -> [(&'static str, Restir); 7] {
         technique,
         jitter: Jitter::Always,
         energy_compensation: true,
-        bounces: if technique == Technique::Di { 1 } else { 4 },
+        bounces: if technique.has_indirect_light() { 4 } else { 1 },
         direct: di::all_reuse(),
         subsurface: subsurface::all_reuse(),
         paths: paths(),

@@ -18,8 +18,7 @@ fn check(name: &str, preset: Preset, techniques: &[Technique], margin: f64, ours
     let is_moving = name == "moving";
     let Some(mut rig) = (if is_moving { scene(SIZE, moving) } else { Rig::load(name, SIZE) }) else { return };
     let settings = Restir::preset(preset);
-    // ReSTIR DI renders direct light only.
-    let bounces = if techniques.contains(&Technique::Di) { 1 } else { settings.bounces };
+    let bounces = if techniques.iter().all(|t| t.has_indirect_light()) { settings.bounces } else { 1 };
     rig.set(|r| *r = settings);
     let proof = Proof { margin, bounces, warm_up: HISTORY, ..Proof::of(ours, truth) };
     let proof = Proof { pose: if is_moving { Some(&pose_moving) } else { None }, ..proof };

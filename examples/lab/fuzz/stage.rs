@@ -72,8 +72,7 @@ impl Stage {
     /// Compares the scene that the case has left with the reference tracer.
     pub fn compare(&mut self, case: &Case) -> Result<(), String> {
         let technique = case.settings.technique;
-        // `Di` is direct light only.
-        let most = if technique == Technique::Di { 1 } else { MOST_BOUNCES };
+        let most = if technique.has_indirect_light() { MOST_BOUNCES } else { 1 };
         let settings =
             Restir { technique, bounces: case.settings.bounces.min(most), ..Restir::preset(Preset::Unbiased) };
         let ours = self.means(&settings)?;

@@ -21,7 +21,6 @@ pub const REFERENCE: &str = "Reference tracer";
 /// The section of the presets as they come.
 pub const PRESETS: &str = "Presets";
 
-const TECHNIQUES: [Technique; 4] = [Technique::Di, Technique::Gi, Technique::Pt, Technique::Bdpt];
 const ALL_PRESETS: [Preset; 4] = [Preset::Performance, Preset::Balanced, Preset::Quality, Preset::Unbiased];
 
 /// Which configurations are measured.
@@ -41,7 +40,7 @@ pub fn reference(preset: Preset) -> Configuration {
 /// All configurations, the reference tracer first.
 pub fn configurations(extent: Extent) -> Vec<Configuration> {
     let mut all = vec![reference(Preset::Balanced), reference(Preset::Unbiased)];
-    for technique in TECHNIQUES {
+    for technique in Technique::ALL.into_iter().filter(|t| *t != Technique::Reference) {
         all.extend(ALL_PRESETS.map(|preset| Configuration {
             section: PRESETS,
             label: format!("{technique:?} {preset:?}"),
