@@ -131,7 +131,7 @@ pub(crate) fn keep_budget(
             *newest = Some(time);
             *frames_without_time = 0;
             // While pipelines compile, cameras keep the settings of earlier frames.
-            match statistics.report().ready {
+            match statistics.is_ready() {
                 true => controller.observe(ms, limit, last),
                 false => controller.interrupt(),
             }

@@ -46,7 +46,7 @@ pub struct RestirReport {
     /// another, so that their sum is the time of all.
     pub cpu_ms: Vec<(&'static str, f32)>,
     /// How many elements of the scene the plugin looked at in the last frame, by kind.  All are 0 while nothing changes, apart from skinned
-    /// and morphed instances and images that the GPU writes.
+    /// and morphed instances, images that the GPU writes, and elements that wait for a missing asset or do not fit the device.
     pub visited: Vec<(&'static str, u64)>,
     /// Bytes of scene data uploaded in the last frame; 0 while nothing changes.
     pub uploaded_bytes: u64,
@@ -89,6 +89,11 @@ impl RestirStatistics {
     /// A copy of the newest report; the default before the first frame.
     pub fn report(&self) -> RestirReport {
         self.lock().clone()
+    }
+
+    /// [`RestirReport::ready`], without a copy of the whole report.
+    pub(crate) fn is_ready(&self) -> bool {
+        self.lock().ready
     }
 
     /// Starts a new run: [`RestirReport::guards`] count from the next frame on.

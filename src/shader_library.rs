@@ -142,7 +142,7 @@ pub const MODULES: &[(&str, &str)] = modules![
     "pass/debug.wgsl",
     "pass/debug_di.wgsl",
     "pass/debug_paths.wgsl",
-    "pass/debug_rays.wgsl",
+    "pass/debug_counts.wgsl",
     "pass/debug_splats.wgsl",
     "pass/deform.wgsl",
     "pass/di_candidates.wgsl",

@@ -4,7 +4,7 @@ use bevy::{
     math::{Quat, UVec2},
     transform::components::Transform,
 };
-use bevy_restir::{Preset, Restir, RestirBudget, Technique, pass_names};
+use bevy_restir::{Restir, RestirBudget, pass_names};
 use bevy_restir_support::{
     arguments,
     headless::frame,
@@ -12,26 +12,20 @@ use bevy_restir_support::{
     scene::View,
     times::{Times, median},
 };
-use std::{f32::consts::TAU, path::PathBuf};
+use std::f32::consts::TAU;
 
 use crate::{
     bench::{Bench, Counts, scenes},
     output::{Output, header},
+    subject::Subject,
     table::{Row, Table, Unit},
 };
 
 /// Times of a flight through a scene with and without a budget.  The camera turns from side to side, so that costs rise and fall.
 #[derive(clap::Args, Debug)]
 pub struct Args {
-    /// glTF files.
-    #[arg(required = true)]
-    scenes: Vec<PathBuf>,
-    /// Settings to start from.
-    #[arg(long, default_value = "balanced", value_parser = arguments::choice::<Preset>())]
-    preset: Preset,
-    /// The technique to measure.
-    #[arg(long, default_value = "pt", value_parser = arguments::choice::<Technique>())]
-    technique: Technique,
+    #[command(flatten)]
+    subject: Subject,
     /// Size of the picture in pixels.
     #[arg(long, default_value = "128x128", value_parser = arguments::size)]
     size: UVec2,
@@ -47,21 +41,21 @@ const NAME: &str = "budget";
 const LIMITS: [f64; 4] = [0.9, 0.8, 0.7, 0.6];
 /// Turn of the camera to each side, radians.
 const TURN: f32 = 0.6;
-/// A median over this many frames is the time without outliers.
+/// Number of successive times whose median counts, so that outliers do not.
 const SMOOTH: usize = 9;
 
 pub fn run(args: &Args) -> Result<(), String> {
     args.output.check(NAME)?;
     let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
-    for scene in scenes(&args.scenes)? {
-        let settings = Restir { technique: args.technique, ..Restir::preset(args.preset) };
+    for scene in scenes(&args.subject.scenes)? {
+        let settings = args.subject.settings();
         let mut bench = Bench::of_scene(&scene, args.size, settings.clone(), &args.counts)?;
         let progress = Progress::new((1 + LIMITS.len() as u64) * u64::from(args.counts.warmup + args.counts.frames));
         if table.header.is_empty() {
             table.header = header(bench.adapter(), args.size);
             table.header.push(format!(
                 "{:?}, {:?}: {} frames of a flight after {} at its start; medians of {SMOOTH} successive times",
-                args.technique, args.preset, args.counts.frames, args.counts.warmup
+                args.subject.technique, args.subject.preset, args.counts.frames, args.counts.warmup
             ));
         }
         let free = fly(&mut bench, &settings, &args.counts, None, &progress);

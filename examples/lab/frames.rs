@@ -1,30 +1,24 @@
 //! Errors of single late frames, which is what a user sees.
 
 use bevy::math::UVec2;
-use bevy_restir::{Preset, Restir, Technique};
-use bevy_restir_support::{arguments, fields, progress::Progress};
-use std::path::PathBuf;
+use bevy_restir::{Preset, Restir};
+use bevy_restir_support::{fields, progress::Progress};
 
 use crate::{
     bench::{Bench, Counts, Scene, reference_entry, scenes},
     compare,
     difference::Difference,
     output::{Output, header},
+    subject::Subject,
     table::{Row, Table, Unit},
 };
 
-/// Errors of single frames of an unchanged preset, against the references beside the scenes, and the time of a frame.
+/// Errors of single frames of an unchanged preset, and the time of a frame.  Beside each scene must be its reference NAME.exr, and
+/// `references.json` with its number of bounces.
 #[derive(clap::Args, Debug)]
 pub struct Args {
-    /// glTF files; beside each lie its reference NAME.exr and `references.json` with the number of bounces.
-    #[arg(required = true)]
-    scenes: Vec<PathBuf>,
-    /// Settings to start from.
-    #[arg(long, default_value = "balanced", value_parser = arguments::choice::<Preset>())]
-    preset: Preset,
-    /// The technique to measure.
-    #[arg(long, default_value = "pt", value_parser = arguments::choice::<Technique>())]
-    technique: Technique,
+    #[command(flatten)]
+    subject: Subject,
     /// Fields of `Restir` as `"PATH=VALUE PATH=VALUE"`, measured beside the preset; repeatable.
     #[arg(long)]
     variant: Vec<String>,
@@ -46,13 +40,13 @@ pub fn run(args: &Args) -> Result<(), String> {
     let Counts { warmup, frames } = args.counts;
     args.output.check(NAME)?;
     let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
-    for scene in scenes(&args.scenes)? {
+    for scene in scenes(&args.subject.scenes)? {
         let measured = args.column(&scene).map_err(|error| format!("{}: {error}", scene.1))?;
         if table.header.is_empty() {
             table.header = header(measured.adapter, measured.size);
             table.header.push(format!(
                 "{:?}, {:?}: frame {warmup}, means over {} seeds; times: medians over {frames} frames after {warmup}",
-                args.technique, args.preset, args.seeds
+                args.subject.technique, args.subject.preset, args.seeds
             ));
         }
         table.columns.push((scene.1, measured.rows));
@@ -100,9 +94,8 @@ impl Args {
     fn settings(&self, (scene, name): &Scene) -> Result<Vec<(String, Restir)>, String> {
         let entry = reference_entry(scene.parent().unwrap_or(scene), name)?;
         let bounces = entry["bounces"].as_u64().ok_or("references.json beside it does not name its bounces")? as u32;
-        let plain =
-            Restir { technique: self.technique, bounces, energy_compensation: false, ..Restir::preset(self.preset) };
-        with_variants(self.preset, plain, &self.variant)
+        let plain = Restir { bounces, energy_compensation: false, ..self.subject.settings() };
+        with_variants(self.subject.preset, plain, &self.variant)
     }
 }
 

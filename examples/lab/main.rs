@@ -25,6 +25,7 @@ mod series;
 mod significance;
 mod soak;
 mod soundness;
+mod subject;
 mod sweep;
 mod table;
 mod things;

@@ -1,9 +1,8 @@
 //! Errors where surfaces come into view.
 
 use bevy::{math::UVec2, prelude::*};
-use bevy_restir::{DebugView, Jitter, Preset, Restir, Reuse, Technique};
+use bevy_restir::{DebugView, Jitter, Restir, Reuse, Technique};
 use bevy_restir_support::{arguments, progress::Progress};
-use std::path::PathBuf;
 
 use crate::{
     bench::{Bench, Counts, scenes},
@@ -11,6 +10,7 @@ use crate::{
     error::{Picture, mean},
     frames::with_variants,
     output::{Output, header},
+    subject::Subject,
     table::{Row, Table, Unit},
 };
 
@@ -18,15 +18,8 @@ use crate::{
 /// passes.
 #[derive(clap::Args, Debug)]
 pub struct Args {
-    /// glTF files.
-    #[arg(required = true)]
-    scenes: Vec<PathBuf>,
-    /// Settings to start from.
-    #[arg(long, default_value = "balanced", value_parser = arguments::choice::<Preset>())]
-    preset: Preset,
-    /// The technique to measure.
-    #[arg(long, default_value = "pt", value_parser = arguments::choice::<Technique>())]
-    technique: Technique,
+    #[command(flatten)]
+    subject: Subject,
     /// Fields of `Restir` as `"PATH=VALUE PATH=VALUE"`, measured beside the preset; repeatable.
     #[arg(long)]
     variant: Vec<String>,
@@ -99,17 +92,17 @@ impl Motion {
 
 pub fn run(args: &Args) -> Result<(), String> {
     args.output.check(NAME)?;
-    let plain = Restir { technique: args.technique, ..Restir::preset(args.preset) };
-    let variants = with_variants(args.preset, plain, &args.variant)?;
+    let plain = args.subject.settings();
+    let variants = with_variants(args.subject.preset, plain, &args.variant)?;
     let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
-    for scene in scenes(&args.scenes)? {
+    for scene in scenes(&args.subject.scenes)? {
         let counts = Counts { warmup: 0, frames: 1 };
         let mut bench = Bench::of_scene(&scene, args.size, variants[0].1.clone(), &counts)?;
         if table.header.is_empty() {
             table.header = header(bench.adapter(), args.size);
             table.header.push(format!(
                 "{:?}, {:?}: relMSE without the worst percent of the pixels of each age, means over {} runs of {FRAMES} frames",
-                args.technique, args.preset, args.seeds
+                args.subject.technique, args.subject.preset, args.seeds
             ));
         }
         let rows = args.column(&mut bench, &variants).map_err(|error| format!("{}: {error}", scene.1))?;

@@ -1,4 +1,4 @@
-//! What commands that try to break the renderer check: panics, hangs, and numbers that should not exist.
+//! The checks of commands that try to break the renderer: for hangs, raised guards, overflows, and pixels that are not finite.
 
 use bevy_restir::RestirReport;
 use std::{

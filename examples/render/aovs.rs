@@ -9,7 +9,7 @@ use bevy_restir_support::{
     scene::View,
 };
 
-/// Where all animations are.
+/// The positions of all animations, in seconds.
 pub struct AnimationTimes(Vec<(Entity, AnimationNodeIndex, f32)>);
 
 impl AnimationTimes {

@@ -58,26 +58,7 @@ fn joined(s: MisState, pdf_forward: f32, pdf_reverse: f32) -> f32 {
 }
 #endif
 
-// Technique s = 0: the camera sub-path hits a light.  `ray`: its state before it arrives there.  The densities are those of
-// `mis_light_start`, in solid angle at the vertex before.
-fn mis_hit_weight(ray: MisState, nee_density: f32, light_density: f32, emission_density: f32) -> f32 {
-    return 1.0 / (1.0 + nee_density * ray.last + light_density * emission_density * ray.earlier);
-}
-
-// Technique s = 1: next-event estimation at the vertex z.  `pdf_forward`: of z's direction towards the light, 0 for a delta light.
-// `camera`: state at z, and `pdf_reverse` traces its sub-path back.  The densities are those of `mis_light_start`.
-fn mis_nee_weight(
-    pdf_forward: f32,
-    nee_density: f32,
-    light_density: f32,
-    emission_density: f32,
-    cos_z: f32,
-    camera: MisState,
-    pdf_reverse: f32,
-) -> f32 {
-    let found_by_light = light_density / nee_density * emission_density * cos_z * mis_sum(camera, pdf_reverse);
-    return 1.0 / (1.0 + pdf_forward / nee_density + found_by_light);
-}
+// `path/technique_weights.wgsl` has the weights of s = 0 and s = 1.
 
 // One end of a connection.
 struct MisEnd {

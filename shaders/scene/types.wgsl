@@ -8,7 +8,7 @@ struct SceneUniforms {
     previous_tlas_root: u32,
     previous_tlas_indices: u32,
     light_count: u32,          // number of lights in the alias table
-    instance_count: u32,
+    instance_count: u32,       // number of slots of `instances`; no shader reads it
     light_power: f32,          // power of all lights of the table, by luminance, lm
     radius: f32,               // radius of a sphere around all instances, m
     center: vec3<f32>,         // center of that sphere
@@ -55,7 +55,7 @@ struct Instance {
     first_light: u32,          // light of the first triangle, with the others behind it; NONE if the material does not emit
     flags: u32,                // INSTANCE_*
     layers: u32,               // sets of render layers: bits 0 to 7, of cameras whose rays hit it; 8 to 15, of cameras that see it directly
-    entity: u32,               // index of the Bevy entity, for debug views
+    entity: u32,               // index of the Bevy entity; no shader reads it, it names the instance in a GPU debugger
 }
 
 // A texture slot is a vec4: x = page of the atlas | flags of scene/texture.wgsl, y = left | top << 16, z = width | height << 16, w = 0.

@@ -141,6 +141,6 @@ impl Compute<'_> {
 /// Number of workgroups of a dispatch.
 enum Workgroups<'a> {
     Direct([u32; 2]),
-    /// A buffer holds it.
+    /// A buffer holds the number.
     Indirect(&'a Buffer),
 }

@@ -1,4 +1,4 @@
-//! The visibility pass: rasterizes every instance by vertex pulling (`shaders/pass/visibility.wgsl`).
+//! The visibility pass: rasterizes every instance that the camera sees, by vertex pulling (`shaders/pass/visibility.wgsl`).
 
 use bevy::{
     asset::Handle,

@@ -50,7 +50,7 @@ pub(crate) struct SceneBindings {
     /// Group 3 with ray queries: the acceleration structures.
     pub structures: Option<BindGroup>,
     structures_revision: u64,
-    /// The last group, on devices with arrays of textures: the images that are bound without a copy.
+    /// The last group, on devices with arrays of textures: the bindless textures.
     pub bound_textures: Option<BindGroup>,
     bound_textures_revision: u64,
     pub uniforms: Option<Buffer>,
@@ -70,7 +70,7 @@ pub(crate) struct SceneBindings {
     pub edit_revision: u64,
     /// Whether all assets of the scene are loaded, built and copied.
     pub ready: bool,
-    /// The device has no memory for the buffers of any scene.
+    /// The device has no memory even for buffers of one element each.
     pub lacks_memory: bool,
     /// Scene bytes sent in this frame.
     pub uploaded_bytes: u64,
@@ -191,7 +191,7 @@ impl SceneBindings {
         self.structures_revision = structures.revision;
     }
 
-    /// Creates the group of images without a copy again if they changed.
+    /// Creates the group of bindless textures again if their array changed.
     pub(crate) fn bind_textures(
         &mut self,
         device: &RenderDevice,

@@ -122,7 +122,7 @@ pub fn check_mirror(app: &mut bevy::app::App, wanted: bool) {
     }
 }
 
-/// Drops what the pools remember of entities that are gone.
+/// Drops the pools' records of warnings about entities that are gone.
 fn forget_warnings(
     mut instances: ResMut<InstancePool>,
     mut lights: ResMut<LightPool>,

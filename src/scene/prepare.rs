@@ -147,6 +147,7 @@ fn due_instances(
     device: &RenderDevice,
 ) -> Vec<MainEntity> {
     let Pools { meshes, materials, subsurface, instances, .. } = pools;
+    subsurface.begin_frame();
     let mut due = changed;
     due.extend(instances.take_unsettled());
     due.extend(meshes.take_changed().into_iter().flat_map(|id| list.users_of_mesh(id)));

@@ -85,6 +85,9 @@ pub enum DebugView {
     DiffuseLight,
     /// The specular part of the light, cd/m²: all other light that the surface of a pixel reflects or transmits, by clearcoats, too.
     SpecularLight,
+    /// Pixels that raised a guard in this frame alone, in false colors by the set of guards; black: none, as everywhere if all is well.
+    /// [`RestirReport::guards`](crate::RestirReport::guards) has the names.
+    Guards,
 }
 
 impl DebugView {

@@ -14,13 +14,15 @@ pub(crate) struct Domain {
     pub names: DomainNames,
     /// Passes of light sub-paths.
     pub light_paths: Option<LightPathPasses>,
-    /// Passes: candidates, reuse (once for each iteration), debug views.
+    /// The pass of the initial candidates.
     pub candidates: ComputePass,
+    /// The pass of reuse, which runs once for each iteration.
     pub reuse: ComputePass,
     /// Passes of paired spatial reuse, if the domain has it.
     pub pairs: Option<PairPasses>,
     /// Passes before reuse that move the samples of the last frame to the pixels that they land in, which makes them the neighbors.
     pub forward: &'static [ComputePass],
+    /// The pass of its debug views.
     pub debug: Option<ComputePass>,
     /// Whether a debug view shows its reservoirs.
     pub has_debug_view: fn(DebugView) -> bool,
@@ -46,9 +48,11 @@ pub(crate) struct LightPathPasses {
 pub(crate) struct PairPasses {
     /// Finds similar partners of each pixel.
     pub neighbors: ComputePass,
-    /// Shifts the samples of partners to each pixel: all of them, or those that need no replay, and then the others.
+    /// Shifts the samples of partners to each pixel; with replay compaction, `short_shifts` and `replays` take its place.
     pub shifts: ComputePass,
+    /// Does the shifts that need no replay, and puts the pixels of the others into the replay queue.
     pub short_shifts: ComputePass,
+    /// Does the shifts of the replay queue.
     pub replays: ComputePass,
     /// Resamples by these shifts.
     pub reuse: ComputePass,

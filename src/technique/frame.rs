@@ -15,7 +15,8 @@ use crate::{
 /// Debug views of the visibility buffer.
 const DEBUG_SURFACE: ComputePass = ComputePass { name: "debug", file: "debug", ..RADIANCE_PASS };
 const DEBUG_RAYS: ComputePass =
-    ComputePass { name: "debug_rays", file: "debug_rays", specialized: false, ..RADIANCE_PASS };
+    ComputePass { name: "debug_rays", file: "debug_counts", specialized: false, ..RADIANCE_PASS };
+const DEBUG_GUARDS: ComputePass = ComputePass { name: "debug_guards", defs: &["SHOWS_GUARDS"], ..DEBUG_RAYS };
 const RADIANCE_PASS: ComputePass = ComputePass::per_pixel("", &[R::Radiance]);
 /// Sums the light of all domains.
 const RESOLVE: ComputePass = ComputePass::per_pixel(
@@ -33,13 +34,15 @@ const RESOLVE: ComputePass = ComputePass::per_pixel(
 const STATISTICS: ComputePass =
     ComputePass { specialized: false, ..ComputePass::per_pixel("statistics", &[R::Counters]) };
 
-/// What a frame shows.
+/// The content of a frame's picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 enum Show {
     #[default]
     Light,
     /// Rays that the technique traced.
     Rays,
+    /// Guards that the technique raised.
+    Guards,
     /// Scattering events of the reference tracer's paths.
     Bounces,
     /// Reservoirs of a domain.
@@ -116,6 +119,7 @@ impl Frame {
         let show = match view {
             DebugView::Off | DebugView::DiffuseLight | DebugView::SpecularLight => Show::Light,
             DebugView::Rays => Show::Rays,
+            DebugView::Guards => Show::Guards,
             DebugView::Bounces => Show::Bounces,
             _ => {
                 let shown = domains.iter().find(|domain| (domain.has_debug_view)(view));
@@ -141,7 +145,7 @@ impl Frame {
         let row = self.row();
         let domains = if self.subsurface { row.subsurface } else { row.domains };
         match self.show {
-            Show::Light | Show::Rays => domains,
+            Show::Light | Show::Rays | Show::Guards => domains,
             // Their weights depend on light sub-paths, which one of them traces.
             Show::Reservoirs(_) if domains.iter().any(|domain| domain.light_paths.is_some()) => domains,
             Show::Bounces | Show::Surface => &[],
@@ -186,8 +190,14 @@ impl Frame {
             }
             steps.extend(light_paths.filter(|_| self.connects).map(|passes| compute(&passes.connect, Some(domain))));
         }
+        let light = self.row().light.unwrap_or(&RESOLVE);
+        if self.show == Show::Guards {
+            // The pass that sums the light may raise guards, too.
+            steps.push(compute(light, None));
+        }
         let last = match self.show {
-            Show::Light => (self.row().light.unwrap_or(&RESOLVE), None),
+            Show::Light => (light, None),
+            Show::Guards => (&DEBUG_GUARDS, None),
             Show::Rays => (self.row().rays.unwrap_or(&DEBUG_RAYS), None),
             Show::Bounces => (&BOUNCES, None),
             Show::Reservoirs(domain) => (domain.debug.as_ref().unwrap_or(&DEBUG_SURFACE), Some(domain)),

@@ -64,12 +64,12 @@ pub fn pass_names(settings: &Restir, features: SceneFeatures) -> Vec<&'static st
     frame.steps(iterations).into_iter().map(|step| step.name).collect()
 }
 
-/// The domains of all techniques.
+/// The domains of all techniques; those that techniques share come more than once.
 pub(crate) fn all_domains() -> impl Iterator<Item = &'static Domain> {
     TECHNIQUES.iter().chain([&pt::SEPARATE]).flat_map(|row| row.domains.iter().chain(row.subsurface)).copied()
 }
 
-/// Every shader of a pass that is a template, with the rooms that are put in; for tests.
+/// Every shader of a pass that is a template, with the rooms (folders of `shaders/`) whose modules are put in.
 pub fn shader_templates() -> Vec<(&'static str, &'static [&'static str])> {
     let domains = all_domains();
     let mut templates: Vec<_> = domains

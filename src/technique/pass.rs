@@ -1,7 +1,7 @@
 //! Compute passes as data: shader, resources, number of workgroups.
 
-/// A resource of group 2; a pass lists its resources in the order of their bindings.  Of a resource that each domain has, a pass binds the
-/// one of its domain.
+/// A resource of group 2; a pass lists its resources in the order of their bindings.  Where each domain has such a resource, a pass binds
+/// that of its own domain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum PassResource {
     /// Sum of radiance and number of samples of every pixel, read and written.

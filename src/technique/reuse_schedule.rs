@@ -60,7 +60,7 @@ fn iterations(reuse: &Reuse) -> Vec<Iteration> {
                 from_previous: true,
                 temporal_samples,
                 spatial_samples: 0,
-                // The next iteration does, among samples of this frame.
+                // The next iteration seeks more neighbors, among samples of this frame.
                 seeks_more: false,
                 paired: false,
                 subsurface_shift: 0,
@@ -306,8 +306,8 @@ impl ReuseSchedule {
     }
 }
 
-/// Pixels of an image that is `height` lines high, for a radius in pixels of one of 1080 lines: how far samples are similar depends on the
-/// surfaces, and so on a share of the image.
+/// Converts a radius in pixels of an image 1080 pixels high to pixels of an image `height` pixels high.  The distance over which samples
+/// are similar depends on the surfaces, so it is a share of the image and not a number of pixels.
 fn scaled_radius(radius: f32, height: u32) -> f32 {
     radius * height as f32 / 1080.0
 }

@@ -1,15 +1,18 @@
 //! Hands a camera from Bevy's renderer to ours once our first frame of it is ready.  Meshes that our scene contains are removed from Bevy's
-//! lists of visible meshes from then on, so that they are never drawn twice.
+//! lists of visible meshes from then on, so that they are never drawn twice.  Where Bevy lights no mesh at all, it draws no shadow maps.
 
 use bevy::{
     app::SubApp,
     camera::{
-        Camera,
+        Camera, Camera3d,
         visibility::{NoCpuCulling, RenderLayers, VisibilityClass, VisibleEntities},
     },
     ecs::prelude::*,
     mesh::Mesh3d,
-    pbr::{MeshMaterial3d, RenderGpuCulledEntities, StandardMaterial, collect_gpu_culled_meshes},
+    pbr::{
+        ExtractedDirectionalLight, ExtractedPointLight, MeshMaterial3d, RenderGpuCulledEntities, StandardMaterial,
+        collect_gpu_culled_meshes,
+    },
     platform::collections::{HashMap, HashSet},
     render::{
         ExtractSchedule, MainWorld, Render, RenderSystems,
@@ -48,6 +51,8 @@ pub(crate) struct HiddenFromBevy {
     last_views: HashSet<Entity>,
     /// Mirrored meshes that are culled on the GPU.  The main world's lists do not contain them.
     culled_on_gpu: HashSet<MainEntity>,
+    /// No active camera shows a mesh that Bevy lights.
+    bevy_lights_nothing: bool,
 }
 
 /// Adds the systems that hide mirrored meshes from Bevy.  `at_once`: from a camera's first frame on.
@@ -57,7 +62,10 @@ pub(crate) fn build(render_app: &mut SubApp, at_once: bool) {
         .add_systems(ExtractSchedule, hide_mirrored_meshes.before(extract_cameras))
         .add_systems(
             Render,
-            hide_meshes_culled_on_gpu.after(collect_gpu_culled_meshes).in_set(RenderSystems::PrepareMeshes),
+            (
+                hide_meshes_culled_on_gpu.after(collect_gpu_culled_meshes).in_set(RenderSystems::PrepareMeshes),
+                skip_shadow_maps.after(RenderSystems::ExtractCommands).before(RenderSystems::CreateViews),
+            ),
         );
 }
 
@@ -94,7 +102,7 @@ impl HiddenFromBevy {
 
 /// Queries of the main world.
 pub(crate) struct Queries {
-    cameras: QueryState<(Entity, RenderEntity, &'static Camera, Has<Restir>)>,
+    cameras: QueryState<(Entity, RenderEntity, &'static Camera, Has<Restir>, Has<Camera3d>)>,
     mirrored: QueryState<(), Mirrored>,
     others: QueryState<(), Others>,
     without_mesh: QueryState<&'static VisibilityClass, Without<Mesh3d>>,
@@ -129,7 +137,8 @@ fn hide_mirrored_meshes(
     hidden.views.clear();
     let mut seen = HashSet::new();
     let mut ours = Vec::new();
-    for (camera, view, settings, has_restir) in cameras.iter(&main_world) {
+    let mut all_are_ours = true;
+    for (camera, view, settings, has_restir, is_3d) in cameras.iter(&main_world) {
         seen.insert(view);
         let rendered = pool.views.get(&view).map(|state| state.rendered);
         if pool.without_memory.contains(&view) {
@@ -137,8 +146,11 @@ fn hide_mirrored_meshes(
         }
         if hidden.decide(view, settings.is_active, has_restir, rendered) {
             ours.push(camera);
+        } else {
+            all_are_ours &= !(is_3d && settings.is_active);
         }
     }
+    hidden.bevy_lights_nothing = false;
     hidden.lit_by.retain(|view, _| seen.contains(view));
     hidden.culled_on_gpu.clear();
     if ours.is_empty() {
@@ -148,6 +160,7 @@ fn hide_mirrored_meshes(
     // Apps may list other things among the meshes.
     let only_mirrored =
         others.iter(&main_world).next().is_none() && without_mesh.iter(&main_world).all(|class| !class.contains(&mesh));
+    hidden.bevy_lights_nothing = all_are_ours && only_mirrored;
     for camera in ours {
         let lists = main_world.get_mut::<VisibleEntities>(camera);
         let Some(mut list) = lists.map(|mut lists| core::mem::take(lists.get_mut(TypeId::of::<Mesh3d>()))) else {
@@ -183,6 +196,24 @@ fn hide_meshes_culled_on_gpu(
             set_visible(list, entity, on_layer && !(is_hidden && hidden.culled_on_gpu.contains(&entity)));
         }
         list.sort_added_entities();
+    }
+}
+
+/// Keeps Bevy from drawing shadow maps that no mesh would read.  Volumetric fog reads those of volumetric lights.  Nothing
+/// resets the flags, because Bevy extracts visible lights with shadow maps again in each frame.
+fn skip_shadow_maps(
+    hidden: Res<HiddenFromBevy>,
+    mut points: Query<&mut ExtractedPointLight>,
+    mut suns: Query<&mut ExtractedDirectionalLight>,
+) {
+    if !hidden.bevy_lights_nothing {
+        return;
+    }
+    for mut light in &mut points {
+        light.shadow_maps_enabled &= light.volumetric;
+    }
+    for mut light in &mut suns {
+        light.shadow_maps_enabled &= light.volumetric;
     }
 }
 

@@ -26,7 +26,7 @@ use crate::{
 pub(crate) struct ExtractedRestir {
     pub settings: Restir,
     pub environment: Option<ExtractedEnvironment>,
-    /// The clear color, linear: visible where a ray misses everything and there is no environment.
+    /// The clear color, linear: visible where a camera ray misses everything and no environment is a backdrop.
     pub background: Vec3,
     /// Alpha of the clear color.
     pub background_alpha: f32,

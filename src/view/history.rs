@@ -43,12 +43,12 @@ pub(crate) struct History {
     reservoirs: Vec<Reservoirs>,
     /// Light sub-paths, if a domain traces them.
     pub(crate) light_paths: Option<LightPaths>,
-    /// What the pixels of pairs exchange, if a domain makes pairs.
+    /// The resources of paired spatial reuse, if a domain makes pairs.
     pub(crate) pairs: Option<Pairs>,
     size: UVec2,
 }
 
-/// What a frame is based on, besides the settings.
+/// The inputs of a frame, apart from the settings.
 #[derive(Clone, Copy)]
 pub(crate) struct FrameInputs {
     pub has_history: bool,
@@ -273,6 +273,7 @@ impl Reservoirs {
         self.buffer(self.output_index(iteration))
     }
 
+    /// Reservoirs that this frame leaves to the next one.
     pub(crate) fn last_output(&self) -> Option<&Buffer> {
         self.buffer(self.last)
     }

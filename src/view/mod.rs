@@ -1,4 +1,4 @@
-//! Cameras: what the render world keeps of each `Restir` camera between frames, and the inputs of its passes.
+//! Cameras: the state of each `Restir` camera that the render world keeps between frames, and the inputs of its passes.
 //!
 //! Each frame extracts the cameras, prepares environment images, selects pipelines and then prepares the views: resolution, uniforms, and
 //! whether accumulation and history continue or restart.
@@ -46,7 +46,7 @@ use selection::SelectedPipelines;
 #[derive(Resource, Default)]
 pub(crate) struct ViewPool {
     pub views: HashMap<Entity, RestirView>,
-    /// Where the random sequences of cameras continue that are not rendered at present.
+    /// For cameras that are not rendered at present: the index at which their random sequence continues.
     paused: HashMap<Entity, u32>,
     /// Cameras that the device had no memory for in the last frame.
     pub without_memory: HashSet<Entity>,

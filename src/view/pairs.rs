@@ -1,5 +1,5 @@
-//! Textures and buffers of paired spatial reuse: what the pixels of pairs exchange within an iteration.  They exist only while the settings
-//! ask for pairs.
+//! Textures and buffers of paired spatial reuse, through which the two pixels of a pair exchange shifts within an iteration.  They exist
+//! only while the settings ask for pairs.
 
 use bevy::{
     math::UVec2,
@@ -11,7 +11,7 @@ use super::{buffer, history::LIGHT_FORMAT, pixels, texture};
 /// Format of the masks of similar partners.
 pub(crate) const PAIR_MASK_FORMAT: TextureFormat = TextureFormat::R32Uint;
 
-/// What the pixels of pairs exchange.
+/// The resources through which the two pixels of a pair exchange shifts.
 pub(crate) struct Pairs {
     /// Masks of similar partners.
     pub(crate) masks: TextureView,
@@ -22,10 +22,11 @@ pub(crate) struct Pairs {
     kind: PairKind,
 }
 
-/// A queue of pixels, each an entry of 8 bytes, after the arguments of the dispatch that does its shifts (`shaders/pass/pair_shifts.wgsl`).
+/// A queue of pixels whose shifts replay paths: a header with the arguments of the indirect dispatch, then 8 bytes for each pixel
+/// (`shaders/pass/pair_shifts.wgsl`).
 pub(crate) struct ReplayQueue(pub(crate) Buffer);
 
-/// What the resources of pairs depend on, besides the size of the image.
+/// The parameters of these resources, apart from the size of the image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct PairKind {
     pub layers: u32,
@@ -33,7 +34,7 @@ pub(super) struct PairKind {
 }
 
 impl ReplayQueue {
-    /// Numbers of workgroups and of entries, at the beginning, bytes.
+    /// Size of the header, bytes: the number of workgroups in each dimension, and the number of entries.
     pub(crate) const HEADER: u64 = 16;
 
     fn new(size: UVec2, device: &RenderDevice) -> Self {

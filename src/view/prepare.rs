@@ -20,7 +20,7 @@ use super::{
     extract::{ExtractedRestir, ExtractedViews},
     image_state::Reset,
     resolution,
-    selection::SelectedPipelines,
+    selection::{SelectedPipelines, Selection},
     uniforms::{UniformInputs, camera_of, is_finite},
 };
 use crate::{
@@ -71,23 +71,13 @@ pub(super) fn prepare_views(
             pool.pause(entity);
             continue;
         };
+        let name = **name;
         if !is_finite(&camera_of(view)) {
-            if warned.is_due((entity, "matrices")) {
-                warn!(
-                    "restir: camera {} has a transform or a projection that is not finite or has no inverse; it is not rendered",
-                    **name
-                );
-            }
+            warn_of_matrices([entity, name], &mut warned);
             pool.pause(entity);
             continue;
         }
-        if let (Some(key), Some(last)) = (selection.key, pool.views.get(&entity))
-            && !key.serves_settings_of(selection.requested)
-        {
-            // The camera keeps its settings until the pipelines of the new ones are compiled.
-            restir.settings = Restir { reset: restir.settings.reset, ..last.settings.clone() };
-        }
-        let name = **name;
+        keep_settings(restir, selection, pool.views.get(&entity));
         let viewport = UVec2::new(view.viewport.z, view.viewport.w);
         // An upscaler, such as DLSS, enlarges an image that fills only the corner of the viewport.
         let target_size = resolution_override.map_or(viewport, |size| size.0.min(viewport)).max(UVec2::ONE);
@@ -125,6 +115,23 @@ pub(super) fn prepare_views(
             warn_of_light_paths([entity, name], &state, scene, limit, &mut warned);
         }
         pool.views.insert(entity, state);
+    }
+}
+
+/// A camera keeps its settings until the pipelines of the new ones are compiled.
+fn keep_settings(restir: &mut ExtractedRestir, selection: Selection, last: Option<&RestirView>) {
+    if let (Some(key), Some(last)) = (selection.key, last)
+        && !key.serves_settings_of(selection.requested)
+    {
+        restir.settings = Restir { reset: restir.settings.reset, ..last.settings.clone() };
+    }
+}
+
+fn warn_of_matrices([entity, name]: [Entity; 2], warned: &mut Warned<(Entity, &'static str)>) {
+    if warned.is_due((entity, "matrices")) {
+        warn!(
+            "restir: camera {name} has a transform or a projection that is not finite or has no inverse; it is not rendered"
+        );
     }
 }
 

@@ -62,7 +62,7 @@ pub(crate) struct RestirView {
     pub(super) beginning: Reset,
     /// Index of this frame in the random sequence: frames since an explicit reset or a change of settings.
     pub(super) sequence: u32,
-    /// Index of the view's first frame: a view that replaces another one continues its sequence, since its noise would be the same otherwise.
+    /// Index of the view's first frame.  A view that replaces another one continues its sequence, or it would repeat the same noise.
     pub(super) first_sequence: u32,
     /// Frames in the radiance buffer before this one.
     pub accumulated: u32,

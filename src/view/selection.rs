@@ -35,7 +35,8 @@ impl CompositeKey {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Selection {
     pub requested: PipelineKey,
-    /// Pipelines to render with: the requested ones, or those of the last frame until they are compiled.  `None` before the first ones are.
+    /// Pipelines to render with: the requested ones, or those of the last frame until they are compiled.  `None` until the first ones are
+    /// compiled.
     pub key: Option<PipelineKey>,
     /// Pipeline of the composite pass, if it is compiled.
     pub composite: Option<CompositeKey>,

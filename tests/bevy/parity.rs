@@ -6,10 +6,14 @@ use bevy::{
     core_pipeline::tonemapping::{DebandDither, Tonemapping},
     light::{Skybox, cluster::ClusterConfig},
     mesh::{UvChannel, VertexAttributeValues},
+    pbr::ShadowView,
     prelude::*,
-    render::render_resource::{TextureViewDescriptor, TextureViewDimension},
+    render::{
+        RenderApp,
+        render_resource::{TextureViewDescriptor, TextureViewDimension},
+    },
 };
-use bevy_restir::{DebugView, EmissiveLuminance, Restir, RestirEnvironment, Technique};
+use bevy_restir::{DebugView, EmissiveLuminance, Restir, RestirEnvironment, RestirIgnore, Technique};
 
 /// A camera whose target holds exposed radiance without further effects, at Bevy's default exposure, and the defaults of the plugin.
 fn rig() -> Option<Rig> {
@@ -147,4 +151,35 @@ fn the_cameras_environment_and_debug_views_cover_its_skybox() {
     assert!((10..skybox - 20).contains(&own), "the camera's environment: {own}");
     rig.app.world_mut().entity_mut(rig.camera).remove::<RestirEnvironment>();
     assert_eq!(shown(&mut rig), skybox, "the skybox again");
+}
+
+/// Bevy's shadow maps cost time and memory, and only meshes that Bevy lights read them.
+#[test]
+fn bevy_draws_shadow_maps_only_for_meshes_that_it_lights() {
+    let Some(mut rig) = rig() else { return };
+    rig.spawn(square(3.0), lambert(0.5), Transform::default());
+    let front = Transform::from_xyz(0.0, 0.0, 3.0);
+    rig.spawn_bundle((PointLight { shadow_maps_enabled: true, ..default() }, front));
+    rig.spawn_bundle((SpotLight { shadow_maps_enabled: true, ..default() }, front.looking_at(Vec3::ZERO, Vec3::Y)));
+    rig.spawn_bundle((DirectionalLight { shadow_maps_enabled: true, ..default() }, front));
+    let maps = |rig: &mut Rig| {
+        rig.until_ready();
+        rig.frames(3);
+        let world = rig.app.sub_app_mut(RenderApp).world_mut();
+        world.query::<&ShadowView>().iter(world).count()
+    };
+    assert_eq!(maps(&mut rig), 0);
+    // Six sides of a cube, one map, and four cascades.
+    let custom = rig.spawn(square(0.5), lambert(0.5), Transform::from_xyz(0.0, 0.0, 0.5));
+    rig.insert(custom, RestirIgnore);
+    assert_eq!(maps(&mut rig), 11, "beside a mesh that Bevy draws");
+    rig.app.world_mut().despawn(custom);
+    assert_eq!(maps(&mut rig), 0, "without it");
+    let settings = rig.app.world_mut().entity_mut(rig.camera).take::<Restir>().expect("it has some");
+    rig.frames(4);
+    let world = rig.app.sub_app_mut(RenderApp).world_mut();
+    assert_eq!(world.query::<&ShadowView>().iter(world).count(), 11, "without Restir");
+    rig.insert(rig.camera, settings);
+    assert_eq!(maps(&mut rig), 0, "with Restir again");
+    rig.assert_sound();
 }

@@ -177,7 +177,7 @@ fn instances_beyond_the_limit_are_dropped() {
     assert!(picture.is_finite() && picture.mean() > 0.1, "{}", picture.mean());
     assert_eq!(rig.report().instances, limit);
     rig.assert_sound();
-    assert_eq!(log::warnings("50 meshes are left out").len(), 1);
+    assert_eq!(log::warnings("50 objects are left out").len(), 1);
     // Removing other instances makes room for them.
     for entity in &all[..100] {
         rig.app.world_mut().despawn(*entity);

@@ -270,7 +270,7 @@ fn bevy_draws_our_meshes_for_every_camera_but_ours() {
 type Step = (&'static str, SceneFeatures, fn(&mut Rig) -> Option<Entity>);
 
 /// Objects that each need a feature that the scene does not have yet.
-fn feature_steps() -> [Step; 13] {
+fn feature_steps() -> [Step; 14] {
     fn aside(rig: &mut Rig, material: StandardMaterial) -> Option<Entity> {
         Some(rig.spawn(square(0.5), material, Transform::from_xyz(1.5, 0.0, 0.0)))
     }
@@ -295,6 +295,11 @@ fn feature_steps() -> [Step; 13] {
             let image = dots(rig);
             let alpha_mode = AlphaMode::Mask(0.5);
             aside(rig, StandardMaterial { base_color_texture: image, alpha_mode, ..lambert(1.0) })
+        }),
+        ("vertex colors", SceneFeatures::VERTEX_COLORS, |rig| {
+            let colors = vec![[1.0, 0.5, 0.25, 1.0]; 4];
+            let mesh = square(0.5).with_inserted_attribute(Mesh::ATTRIBUTE_COLOR, colors);
+            Some(rig.spawn(mesh, lambert(1.0), Transform::from_xyz(1.5, 0.0, 0.0)))
         }),
         ("glass", SceneFeatures::TRANSMISSION, |rig| {
             aside(rig, StandardMaterial { specular_transmission: 1.0, thickness: 1.0, ..lambert(1.0) })

@@ -33,6 +33,7 @@ fn required(path: &str) -> SceneFeatures {
 fn variants(path: &str) -> &'static [Option<&'static str>] {
     match path {
         "pass/reference.wgsl" => &[None, Some("SHOWS_RAYS"), Some("SHOWS_BOUNCES")],
+        "pass/debug_counts.wgsl" => &[None, Some("SHOWS_GUARDS")],
         "pass/reuse.wgsl for restir/pt" | "pass/reuse.wgsl for restir/gi" => &[None, Some("PAIRED")],
         _ if path.starts_with("pass/pair_shifts.wgsl for ") => &[None, Some("DEFERS_REPLAYS"), Some("FROM_QUEUE")],
         _ => &[None],

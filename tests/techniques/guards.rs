@@ -7,7 +7,7 @@ use crate::support::{
 };
 use bevy::prelude::*;
 use bevy_restir::{
-    Technique,
+    DebugView, Technique,
     testing::{gpu_layout::*, guards::GUARDS, plant_shader_defs},
 };
 use std::collections::BTreeSet;
@@ -115,6 +115,23 @@ fn planted(rig: &mut Rig, guards: &[&str], bits: u32) {
     let bit = |name: &&str| GUARDS.iter().find(|g| g.name == *name).expect("a guard has this name").bit;
     let mask: u32 = guards.iter().map(bit).sum();
     plant_shader_defs(&mut rig.app, &[&format!("PLANTED_GUARDS={mask}"), &format!("PLANTED_BITS={bits}")]);
+}
+
+#[test]
+fn the_debug_view_of_guards_shows_the_pixels_that_raised_one() {
+    let Some(mut rig) = Rig::new(16, 16) else { return };
+    room(&mut rig);
+    let is_black = |picture: &Picture| picture.iter().map(|(_, color)| color == Vec3::ZERO).collect::<Vec<_>>();
+    for technique in [Technique::Reference, Technique::Pt] {
+        rig.set(|r| (r.technique, r.bounces, r.debug_view) = (technique, 4, DebugView::Guards));
+        plant_shader_defs(&mut rig.app, &[]);
+        assert!(is_black(&rig.picture(2)).iter().all(|black| *black), "{technique:?}");
+        planted(&mut rig, &["bsdf_sample"], NAN);
+        let shown = is_black(&rig.picture(2)).iter().filter(|black| !**black).count();
+        assert!(shown > 64, "{technique:?}: {shown} of 256 pixels");
+        rig.assert_raised(&["bsdf_sample"]);
+        rig.reset_guards();
+    }
 }
 
 /// Asserts that planted failures raise exactly the expected guards, and leave the picture finite.

@@ -13,7 +13,7 @@ const JSON: u32 = 0x4e4f_534a;
 const BIN: u32 = 0x004e_4942;
 
 impl Glb {
-    /// Reads a sound file.
+    /// Reads a valid file.
     pub fn read(file: &[u8]) -> Result<Self, String> {
         let word = |at: usize| file.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize);
         let (mut at, mut chunks) = (12, Vec::new());

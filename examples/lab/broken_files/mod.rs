@@ -116,7 +116,7 @@ pub fn run(args: &Args) -> Result<(), String> {
     Ok(())
 }
 
-/// The sound files.
+/// The valid files, of which broken copies are made.
 fn sources(args: &Args) -> Result<Vec<(String, Glb)>, String> {
     let mut paths = args.files.clone();
     if paths.is_empty() {

@@ -1,4 +1,4 @@
-//! What a soak records in each round, and what it compares: the second half of the rounds with the first.
+//! The figures that a soak records in each round, and the comparison of the second half of the rounds with the first.
 
 use bevy::render::{RenderApp, renderer::RenderInstance};
 use bevy::{image::Image, mesh::Mesh, mesh::skinning::SkinnedMeshInverseBindposes, pbr::StandardMaterial, prelude::*};

@@ -273,7 +273,7 @@ impl Args {
         jitter.into_iter().chain(self.set.iter().cloned()).collect()
     }
 
-    /// What two sweeps must have in common to be one.
+    /// The inputs of a sweep.  A sweep continues an interrupted one only if all of them are equal.
     fn identity(&self, scene: &Scene, bench: &Bench) -> Value {
         json!({
             "scene": scene.0,

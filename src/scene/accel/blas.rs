@@ -104,7 +104,7 @@ pub(crate) struct Tree {
 }
 
 impl Tree {
-    /// The tree over boxes of twice the size, `times` times.  A power of two changes exponents only, so nothing is rounded.
+    /// The tree scaled by 2^`times`.  A power of two changes exponents only, so nothing is rounded.
     fn doubled(mut self, times: i32) -> Self {
         if times == 0 {
             return self;

@@ -121,7 +121,7 @@ impl AccelerationStructures {
         let count = placed.len() as u32;
         let mut top = match spare {
             Some(top) if top.capacity >= count => top,
-            _ => TopLevel::new(count.next_power_of_two().max(64), device),
+            _ => TopLevel::new(count.next_power_of_two().max(64).min(device.limits().max_tlas_instance_count), device),
         };
 
         let mut built = Vec::new();

@@ -1,4 +1,4 @@
-//! Extracts mesh instances: those that have changed since the last frame, into a list that stays.
+//! Extracts mesh instances: a list persists between frames, and each frame updates the instances that have changed.
 
 use bevy::{
     asset::{AssetId, Assets},
@@ -42,7 +42,7 @@ pub(crate) struct ExtractedInstance {
     pub camera_mask: u32,
     /// Rays other than the camera's can hit it.
     pub casts_shadows: bool,
-    /// Bevy draws it, so that the camera's rays pass it.
+    /// It stands in for an object that Bevy draws (`RestirMaterial`), so camera rays do not see it.
     pub is_stand_in: bool,
     /// `None` if it has neither a skin nor morph targets.
     pub pose: Option<Box<Pose>>,
@@ -51,14 +51,14 @@ pub(crate) struct ExtractedInstance {
 
 /// The mesh instances of the main world, and which of them have changed.
 ///
-/// Every frame looks at what has changed alone; [`Self::touch_all`] looks at everything.  Both leave the same list.
+/// Most frames look only at the entities that have changed; [`Self::touch_all`] looks at all of them.  Both give the same list.
 #[derive(Debug, Default)]
 pub(crate) struct InstanceList {
     /// All entities with a mesh and a material; `None` for those that no camera sees.
     all: HashMap<MainEntity, Option<ExtractedInstance>, EntityHash>,
     /// Instances that have appeared, disappeared or changed since the last [`Self::take_changed`]; some more than once.
     changed: Vec<MainEntity>,
-    /// Instances that have another material than at the last [`Self::take_repainted`]; some more than once.
+    /// Instances whose material has been replaced by another one since the last [`Self::take_repainted`]; some more than once.
     repainted: Vec<MainEntity>,
     mesh_users: Users<AssetId<Mesh>>,
     material_users: Users<AssetId<StandardMaterial>>,
@@ -92,7 +92,7 @@ impl InstanceList {
         core::mem::take(&mut self.visited)
     }
 
-    /// Takes the entities whose instances have another material than at the last call.
+    /// Takes the entities whose instances have got another material since the last call.
     pub(crate) fn take_repainted(&mut self) -> Vec<MainEntity> {
         sorted(core::mem::take(&mut self.repainted))
     }
@@ -152,7 +152,7 @@ impl InstanceList {
     }
 }
 
-/// What the list sorts instances by.
+/// The properties by which the list finds instances.
 #[derive(Default, PartialEq)]
 struct Traits {
     mesh: Option<AssetId<Mesh>>,
@@ -234,7 +234,7 @@ type InstanceData<'a> = (
     Option<&'a Subsurface>,
 );
 
-/// What poses depend on besides the components of an instance.
+/// The data that poses depend on, apart from the components of an instance.
 #[derive(SystemParam)]
 pub(crate) struct PoseSources<'w, 's> {
     inverse_bindposes: Option<Res<'w, Assets<SkinnedMeshInverseBindposes>>>,
@@ -321,7 +321,7 @@ type Touched = Or<(
     Changed<Subsurface>,
 )>;
 
-/// What has changed in the main world since the last frame.
+/// The changes in the main world since the last frame.
 #[derive(SystemParam)]
 pub(crate) struct InstanceChanges<'w, 's> {
     rows: Query<'w, 's, InstanceData<'static>, (Without<RestirIgnore>, Touched)>,
@@ -370,7 +370,7 @@ impl InstanceChanges<'_, '_> {
     }
 }
 
-/// What all instances were last extracted with.
+/// The inputs of the last extraction that all instances depend on.
 #[derive(Default)]
 pub(crate) struct LastExtraction {
     layers: u64,
@@ -404,7 +404,7 @@ pub(crate) fn extract_instances(
     for entity in others {
         list.touch(entity, &instances, &sets, viewpoint);
     }
-    // The main world keeps removals for two of its frames.  If a removal is missing here, the extraction was late.
+    // The main world keeps removals for two of its frames.  A late extraction misses some, and then the numbers differ.
     if list.all.len() != instances.all.iter().len() {
         list.touch_all(&instances, &sets, viewpoint);
     }

@@ -141,7 +141,7 @@ impl Lights<'_, '_> {
 
 type Touched<L> = Or<(Changed<L>, Changed<GlobalTransform>, Changed<InheritedVisibility>, Changed<RenderLayers>)>;
 
-/// What the light of an entity depends on has changed.
+/// The changes of components that lights depend on.
 #[derive(SystemParam)]
 pub(crate) struct LightChanges<'w, 's> {
     points: Query<'w, 's, (), (With<PointLight>, Touched<PointLight>)>,
@@ -155,7 +155,7 @@ pub(crate) struct LightChanges<'w, 's> {
 impl LightChanges<'_, '_> {
     /// Whether some light has changed since the last call.
     fn any(&mut self) -> bool {
-        // Both must be read in each frame.
+        // Both must be read in each frame, or a later frame would see old removals.
         let removed = self.removed_disks.read().count() + self.removed_layers.read().count() > 0;
         removed || has_any(&self.points) || has_any(&self.spots) || has_any(&self.suns) || has_any(&self.rects)
     }
@@ -165,7 +165,7 @@ fn has_any<F: QueryFilter>(changed: &Query<(), F>) -> bool {
     changed.iter().next().is_some()
 }
 
-/// What the list of lights was made from.
+/// The inputs of the list of lights, apart from the components.
 #[derive(Default, PartialEq)]
 pub(crate) struct LightSources {
     counts: [usize; 4],

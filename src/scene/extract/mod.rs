@@ -1,6 +1,6 @@
-//! Copies what has changed of instances, lights and materials from the main world to the render world.
+//! Copies instances, lights and materials that have changed from the main world to the render world.
 //!
-//! The lists hold plain data.  What the device can show of them is decided later, by the pools that read them.
+//! The lists hold plain data.  The pools that read them decide later which elements fit the device.
 
 pub(crate) mod instances;
 pub(crate) mod lights;

@@ -1,7 +1,8 @@
 //! Keeps the bodies: instances of skinned and morphed meshes, each with triangles and a tree of its own.
 //!
 //! A compute pass poses the triangles of the bodies whose pose has changed, and refits their trees (`shaders/deformation/`).  Triangles keep
-//! their indices, so that samples of the last frame refer to the right ones.  A body whose pose does not change costs nothing.
+//! their indices, so that samples of the last frame refer to the right ones.  A body whose pose does not change costs no GPU time;
+//! each frame extracts its pose and compares it on the CPU.
 
 use bevy::{
     asset::AssetId,
@@ -88,7 +89,7 @@ enum BodyProblem {
 }
 
 /// Greatest number of bodies: that of workgroups in a dimension of a dispatch.
-const MAX_BODIES: usize = 65535;
+const MAX_WORKGROUPS: usize = 65535;
 
 /// Number of triangles that a workgroup poses, equal to `WORKGROUP` in `shaders/pass/deform.wgsl`.
 const WORKGROUP: u32 = 64;
@@ -212,7 +213,7 @@ impl BodyPool {
         let (mesh_version, nodes) = (mesh.version, mesh.nodes.len() as u32);
         let bounds = mesh.rig.as_ref()?.bounds.in_pose(pose);
         let triangles = (mesh.triangles.len() as u32).checked_mul(2)?;
-        if self.bodies.len() >= MAX_BODIES {
+        if self.bodies.len() >= MAX_WORKGROUPS || mesh.triangles.len() > MAX_WORKGROUPS * WORKGROUP as usize {
             return None;
         }
         let boxes = self.box_ranges.allocate(nodes);
@@ -337,7 +338,7 @@ impl BodyPool {
         self.bodies.values().chain(&self.retired).flat_map(|body| body.versions)
     }
 
-    /// Version, first triangle and mesh of each body, for its second texture coordinates.
+    /// Version, first triangle and mesh of each body, for the textures of its corners.
     pub(crate) fn sources(&self) -> impl Iterator<Item = BodySource> + Clone {
         // The two versions swap places in every frame, so the lower one identifies the body.
         self.bodies.values().map(|b| (b.versions[0].min(b.versions[1]), b.all_triangles.start, b.mesh))

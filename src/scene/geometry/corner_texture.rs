@@ -22,7 +22,7 @@ pub(crate) struct CornerTexture<T> {
     texture: DataTexture<[T; 3]>,
     /// Versions of the meshes and bodies whose values are in the texture.
     versions: HashSet<u64>,
-    /// What the texture was last updated for: the newest version and the number of triangles.
+    /// The inputs of the last update: the newest version and the number of triangles.
     state: Option<(u64, u32)>,
 }
 

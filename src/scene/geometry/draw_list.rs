@@ -1,4 +1,4 @@
-//! Makes the draw calls of the visibility pass.  Instances of one mesh in adjacent slots share a call.
+//! Makes the draw calls of the visibility pass.  Instances in adjacent slots share a call if mesh, culling mode and cameras are the same.
 
 use bevy::render::render_resource::Face;
 use std::ops::Range;

@@ -45,7 +45,7 @@ impl LiveInstance {
     }
 }
 
-/// What the records of instances depend on.
+/// The pools and limits that the records of instances depend on.
 pub(crate) struct InstanceSources<'a> {
     pub meshes: &'a MeshPool,
     pub bodies: &'a BodyPool,
@@ -71,8 +71,9 @@ pub(super) const EMPTY_SLOT: GpuInstance = GpuInstance {
     entity: 0,
 };
 
-/// The record without its transforms, its place in the table of lights, and whether the last frame had it.  The rest must not change: temporal
-/// reuse has the transforms of both frames and maps light ids from one table to the other, but it has one material and one mesh for a slot.
+/// The record without its transforms, its place in the table of lights, and whether the last frame had it.  The rest must not change:
+/// temporal reuse has the transforms of both frames and maps light ids from one table to the other, but it has one material and one mesh
+/// for a slot.
 pub(super) fn without_placement(instance: &GpuInstance) -> GpuInstance {
     let zero = Rows::default();
     GpuInstance {
@@ -109,7 +110,7 @@ pub(super) fn seen_by(extracted: &ExtractedInstance) -> u32 {
 
 /// Why an instance has no record.
 pub(super) enum Absence {
-    /// Its mesh has no triangles, or the device cannot bind its material.
+    /// Its mesh is left out, or the device cannot bind its material.
     LeftOut,
     /// Its mesh or its material is missing.
     Asset,

@@ -50,7 +50,7 @@ enum InstanceProblem {
 pub(crate) struct InstancePool {
     slots: MainEntityHashMap<u32>,
     free: Vec<u32>,
-    /// Slots of instances that the last frame had and this one does not.
+    /// Slots that the last frame used and this one does not: those of instances that have disappeared or were edited.
     gone: Vec<u32>,
     /// By slot.
     records: Vec<GpuInstance>,
@@ -73,9 +73,11 @@ pub(crate) struct InstancePool {
     emitters_changed: bool,
     /// Instances that were visited in this frame.
     pub visited: u64,
-    /// An instance has moved, appeared or disappeared in this frame.
+    /// An instance has moved in this frame.
     moved: bool,
+    /// An instance has got a new slot in this frame, because it appeared or was edited.
     appeared: bool,
+    /// Instances of this frame for which the device has no slot.
     left_out: u64,
     pub gpu: GrowableBuffer<GpuInstance>,
     pub top: TopLevel,
@@ -165,7 +167,7 @@ impl InstancePool {
         self.motion_revision += u64::from(self.moved || membership_changed);
         if self.overflow.should_warn(self.left_out, sources.meshes.idle() && !self.waiting) {
             let (left_out, limit) = (self.left_out, sources.limit);
-            warn!("restir: {left_out} meshes are left out, because this device binds at most {limit} instances");
+            warn!("restir: {left_out} objects are left out, because this device binds at most {limit} instances");
         }
     }
 

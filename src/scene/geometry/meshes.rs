@@ -97,7 +97,7 @@ pub(crate) struct MeshPool {
     /// Entries that were removed or replaced in this frame.  Temporal reuse still traces rays through them.
     retired: Vec<MeshEntry>,
     building: HashMap<AssetId<Mesh>, Build>,
-    /// Meshes without a usable triangle, which no instance waits for.
+    /// Meshes that are left out, so that no instance waits for them: without a usable triangle, too large, unreadable, or failed to build.
     empty: HashSet<AssetId<Mesh>>,
     /// Problems that were warned about.
     warned: Warned<(AssetId<Mesh>, MeshProblem)>,
@@ -264,6 +264,7 @@ impl MeshPool {
     /// Uploads a mesh in place of its old version; false if it does not fit the device.
     fn insert(&mut self, id: AssetId<Mesh>, mut blas: Blas, device: &RenderDevice, queue: &RenderQueue) -> bool {
         if self.ray_queries {
+            // wgpu compares the number of vertices, not that of triangles, with the limit of primitives.
             let vertices = 3 * blas.triangles.len() as u64;
             if vertices > u64::from(device.limits().max_blas_primitive_count) {
                 return false;
@@ -448,7 +449,7 @@ impl MeshPool {
         self.building.contains_key(&id)
     }
 
-    /// Whether the mesh has no usable triangle.
+    /// Whether the mesh is left out: it has no usable triangle, is too large or unreadable, or could not be built.
     pub(crate) fn is_empty(&self, id: AssetId<Mesh>) -> bool {
         self.empty.contains(&id)
     }

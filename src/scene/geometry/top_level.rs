@@ -124,7 +124,7 @@ impl TopLevel {
 
     /// Fits the tree to instances that have only moved, and returns whether it is still good.
     fn refit(&mut self) -> bool {
-        // `new_bounds` has the bounds of the last frame.
+        // `update_bounds` has swapped the lists, so `new_bounds` holds the bounds of the last tree.
         let pairs = || self.bounds.iter().zip(&self.new_bounds);
         let is_same_list = self.tree.order.len() == self.bounds.len() && self.bounds.len() == self.new_bounds.len();
         if !is_same_list || pairs().any(|((slot, _), (before, _))| slot != before) {

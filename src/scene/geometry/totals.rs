@@ -9,11 +9,11 @@ use crate::scene::features::SceneFeatures;
 pub(crate) struct Totals {
     pub instances: u64,
     pub triangles: u64,
-    /// Instances that need each feature.
+    /// Number of instances that need each feature, by the feature's bit.
     features: [u32; u32::BITS as usize],
     /// Instances that cameras see and no other ray hits, or the reverse.
     half_seen: u32,
-    /// Instances that rays of some camera hit and those of this one do not.
+    /// For each camera bit, the number of instances that rays of another camera hit and those of this one do not.
     hidden: [u32; MAX_LAYER_SETS],
 }
 
@@ -78,7 +78,7 @@ mod tests {
     use bevy::{asset::AssetId, ecs::entity::Entity};
 
     #[test]
-    fn what_leaves_takes_all_of_it_along() {
+    fn an_instance_that_leaves_is_no_longer_counted() {
         let live = |features, camera_mask, ray_mask| LiveInstance {
             entity: Entity::PLACEHOLDER.into(),
             mesh: AssetId::default(),

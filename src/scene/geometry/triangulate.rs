@@ -141,44 +141,55 @@ pub fn triangles_of(mesh: &Mesh) -> Result<Geometry, GeometryError> {
         if geometry.rig.is_some() {
             geometry.corners.push(corners.map(|corner| corner as u32));
         }
-        let n = corners.map(|c| normals.and_then(|v| unit(first_three(read(v, c)))).unwrap_or(flat));
-        let corner_uvs = |values: Option<&VertexAttributeValues>| {
-            corners.map(|c| {
-                let [u, v, ..] = values.map_or([0.0; 4], |values| read(values, c));
-                [finite_or_zero(u), finite_or_zero(v)]
-            })
-        };
-        let uv = corner_uvs(uvs);
         if second_uvs.is_some() {
-            geometry.second_uvs.push(corner_uvs(second_uvs));
+            geometry.second_uvs.push(corner_uvs(second_uvs, corners));
         }
         if let Some(colors) = colors {
             geometry.colors.push(corners.map(|c| half_color(read(colors, c))));
         }
-        let generated = triangle_tangent(&p, &uv);
-        let t: [u32; 3] = std::array::from_fn(|i| {
-            let given = tangents.map(|v| read(v, corners[i]));
-            let given = given.and_then(|t| Some((unit(first_three(t))?, t[3] < 0.0)));
-            let (tangent, flipped) = given
-                .or_else(|| generated.map(|(tangent, bitangent)| (tangent, flips(n[i], tangent, bitangent))))
-                .unwrap_or((n[i], false));
-            pack_tangent(perpendicular(tangent, n[i]), flipped)
-        });
         geometry.positions.push(p);
-        geometry.attributes.push(GpuTriangleAttributes {
-            normals: n.map(octahedral_encode),
-            tangent_a: t[0],
-            tangent_b: t[1],
-            tangent_c: t[2],
-            uv_a: uv[0],
-            uv_b: uv[1],
-            uv_c: uv[2],
-        });
+        geometry.attributes.push(attributes_of(corners, &p, flat, [normals, uvs, tangents]));
     });
     if geometry.colors.as_flattened().iter().all(|color| *color == WHITE) {
         geometry.colors.clear();
     }
     Ok(geometry)
+}
+
+// Normals, texture coordinates and tangents of the corners.  `flat`: normal of the triangle, where the mesh has none.
+fn attributes_of(
+    corners: [usize; 3],
+    p: &[V3; 3],
+    flat: V3,
+    [normals, uvs, tangents]: [Option<&VertexAttributeValues>; 3],
+) -> GpuTriangleAttributes {
+    let n = corners.map(|c| normals.and_then(|v| unit(first_three(read(v, c)))).unwrap_or(flat));
+    let uv = corner_uvs(uvs, corners);
+    let generated = triangle_tangent(p, &uv);
+    let t: [u32; 3] = std::array::from_fn(|i| {
+        let given = tangents.map(|v| read(v, corners[i]));
+        let given = given.and_then(|t| Some((unit(first_three(t))?, t[3] < 0.0)));
+        let (tangent, flipped) = given
+            .or_else(|| generated.map(|(tangent, bitangent)| (tangent, flips(n[i], tangent, bitangent))))
+            .unwrap_or((n[i], false));
+        pack_tangent(perpendicular(tangent, n[i]), flipped)
+    });
+    GpuTriangleAttributes {
+        normals: n.map(octahedral_encode),
+        tangent_a: t[0],
+        tangent_b: t[1],
+        tangent_c: t[2],
+        uv_a: uv[0],
+        uv_b: uv[1],
+        uv_c: uv[2],
+    }
+}
+
+fn corner_uvs(values: Option<&VertexAttributeValues>, corners: [usize; 3]) -> [[f32; 2]; 3] {
+    corners.map(|c| {
+        let [u, v, ..] = values.map_or([0.0; 4], |values| read(values, c));
+        [finite_or_zero(u), finite_or_zero(v)]
+    })
 }
 
 // Channels from 0 to 1, like the factors that they multiply.

@@ -409,7 +409,7 @@ impl LightPool {
         self.shapes.update(&self.table[..analytic], meshes, device, queue)
     }
 
-    /// Root node of that tree, and the start of its list of light ids.
+    /// Root node of the tree over spheres and rectangles, and the start of its list of light ids; no root if nothing emits.
     pub(crate) fn shapes(&self) -> [u32; 2] {
         if self.count() > 0 { self.shapes.root_and_indices() } else { [NONE, 0] }
     }

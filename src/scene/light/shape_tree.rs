@@ -48,7 +48,7 @@ impl ShapeTree {
         bytes
     }
 
-    /// Root node and start of the list of light ids, as in [`InstancePool::top_levels`](crate::scene::geometry::instances::InstancePool).
+    /// Root node and start of the list of light ids, as `TopLevel::top_levels` gives them for instances.
     pub(super) fn root_and_indices(&self) -> [u32; 2] {
         [self.nodes.root(), self.nodes.indices()]
     }

@@ -82,7 +82,7 @@ pub(crate) struct MaterialPool {
     /// Slots that must be packed again.
     stale: Vec<u32>,
     all_stale: bool,
-    /// Counts changes of slots that the last frame used, because the device binds no more slots.
+    /// Counts the overwriting of slots that the last frame used, where the device binds no more slots.
     pub edit_revision: u64,
 }
 
@@ -155,13 +155,13 @@ impl MaterialPool {
         }
     }
 
-    /// Takes the slot of a material; the next frame frees it.
+    /// Gives up the slot of a material; the next frame frees it.
     fn release(&mut self, id: AssetId<StandardMaterial>) {
         self.retired.extend(self.by_id.remove(&id));
         self.changed.push(id);
     }
 
-    /// Whether a slot was taken or released, or must be packed.
+    /// Whether a slot was assigned or given up, or must be packed.
     pub(crate) fn has_changed(&self) -> bool {
         self.all_stale || !self.stale.is_empty() || !self.changed.is_empty()
     }
@@ -187,8 +187,9 @@ impl MaterialPool {
         self.release_retired();
     }
 
-    /// Assigns slots to the materials of instances that have another one, and to materials that have come.  If there are too few, frees those of
-    /// unused materials.  `settled`: the scene is loaded, so that the number of missing materials is final and a warning can name it.
+    /// Assigns slots to materials that have arrived, and to those of instances whose material was replaced.  If there are too few slots,
+    /// frees those of unused materials.  `settled`: the scene is loaded, so that the number of missing materials is final and a warning can
+    /// name it.
     pub(crate) fn make_room(&mut self, instances: &mut InstanceList, settled: bool) {
         let mut arrived = core::mem::take(&mut self.arrived);
         arrived.sort_unstable();
@@ -212,7 +213,7 @@ impl MaterialPool {
         }
         if self.overflow.should_warn(left_out, settled) {
             warn!(
-                "restir: {left_out} meshes are left out, because this device can bind {} materials at most",
+                "restir: {left_out} objects are left out, because this device can bind {} materials at most",
                 self.limits[0]
             );
         }
@@ -373,7 +374,7 @@ impl MaterialPool {
     /// Uploads changes.  Returns the number of bytes.
     pub(crate) fn upload(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {
         let bytes = self.upload_table(device, queue);
-        // `reserve` cannot fail here, because there are at most as many slots as the device can bind.
+        // The slots fit a binding, but the device's memory may be full; then the slots stay dirty, and the next frame tries again.
         if self.dirty.is_empty() || !self.gpu.reserve(self.packed.len() as u32, device, queue) {
             return bytes;
         }

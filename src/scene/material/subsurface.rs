@@ -3,7 +3,7 @@
 use bevy::{
     ecs::resource::Resource,
     log::{warn, warn_once},
-    platform::collections::{HashMap, HashSet},
+    platform::collections::HashMap,
     render::{
         render_resource::TextureFormat,
         renderer::{RenderDevice, RenderQueue},
@@ -14,6 +14,7 @@ use bevy::{
 use crate::gpu_layout::*;
 use crate::scene::storage::data_texture::DataTexture;
 use crate::settings::Subsurface;
+use crate::warned::Warned;
 
 /// The records of the scene, on the CPU and on the GPU.
 #[derive(Resource)]
@@ -24,7 +25,7 @@ pub(crate) struct SubsurfacePool {
     by_value: HashMap<[u32; 4], u32>,
     pub gpu: DataTexture<[f32; 4]>,
     /// Entities with values out of range, for which there was a warning.
-    warned: HashSet<MainEntity>,
+    warned: Warned<MainEntity>,
     limit: u32,
     /// Counts changes of records that the last frame used, other than the addition of new ones.
     pub edit_revision: u64,
@@ -37,7 +38,7 @@ impl Default for SubsurfacePool {
             uploaded: Vec::new(),
             by_value: HashMap::default(),
             gpu: DataTexture::new("subsurface", TextureFormat::Rgba32Float, 1),
-            warned: HashSet::default(),
+            warned: Warned::default(),
             limit: 0,
             edit_revision: 0,
         }
@@ -49,6 +50,10 @@ impl SubsurfacePool {
     #[cfg(feature = "testing")]
     pub(crate) fn lengths(&self) -> Vec<(&'static str, usize)> {
         vec![("records of subsurface", self.records.len()), ("warnings of subsurface", self.warned.len())]
+    }
+
+    pub(crate) fn begin_frame(&mut self) {
+        self.warned.begin_frame();
     }
 
     /// Forgets warnings of entities that are gone.
@@ -67,7 +72,7 @@ impl SubsurfacePool {
     pub(crate) fn flags_of(&mut self, entity: MainEntity, subsurface: Subsurface) -> u32 {
         let mut valid = subsurface;
         let warnings = valid.validate();
-        if !warnings.is_empty() && self.warned.insert(entity) {
+        if !warnings.is_empty() && self.warned.is_due(entity) {
             warn!("restir: entity {} has a Subsurface out of range: {}", *entity, warnings.join(", "));
         }
         if valid.weight == 0.0 || valid.mean_free_path.max_element() == 0.0 {

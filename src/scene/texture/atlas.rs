@@ -36,7 +36,9 @@ impl Placement {
 /// Packs rectangles into square pages, in shelves: rows of rectangles of similar height.  It cannot free a rectangle.
 #[derive(Clone, Default)]
 pub(crate) struct ShelfPacker {
+    /// Side length of a page, texels.
     pub page: u32,
+    /// Number of pages in use.
     pub pages: u32,
     /// Texels of all placed rectangles.
     pub placed_texels: u64,

@@ -1,9 +1,9 @@
 //! Allocates rectangles of the texture atlas: decides the size and number of its pages, the rectangle of each image, and which images are left
 //! out.  Nothing here touches the GPU.
 //!
-//! The packer cannot free rectangles.  If an image does not fit, all images in use are packed again: into the same pages if that frees enough
-//! of them, and otherwise into half as many pages more.  Each image is therefore copied only a few times, in whatever order images are added
-//! and removed.
+//! The packer cannot free rectangles.  If an image does not fit, all images in use are packed again: into the same pages if that frees
+//! enough of them, and otherwise into 1.5 times as many pages.  Each image is therefore copied only a few times, in whatever order images
+//! are added and removed.
 
 use bevy::{
     asset::AssetId,

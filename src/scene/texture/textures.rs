@@ -235,7 +235,7 @@ impl TexturePool {
         ("texture atlas", self.atlas.as_ref().map_or(0, Atlas::bytes))
     }
 
-    /// Whether shaders can read this version of an image.
+    /// Whether shaders can read an image: its current texture is in the array, or some version of it is in the atlas.
     fn is_readable(&self, id: AssetId<Image>, image: &GpuImage) -> bool {
         self.allocator.get(id).is_some()
             || self.bindless.as_ref().is_some_and(|bindless| bindless.holds(id, &image.texture))
@@ -261,8 +261,8 @@ impl TexturePool {
         self.allocator.release(id) || was_bound
     }
 
-    /// Binds the images that are used and loaded, or copies them to the atlas, unless neither `used` nor an image can have changed.  True if a
-    /// slot was added, moved or lost.
+    /// Binds the images that are used and loaded, or copies them to the atlas.  Does nothing where neither the used images nor their pixels
+    /// can have changed.  True if a slot was added, moved or lost.
     pub(crate) fn update(
         &mut self,
         used_changed: bool,
@@ -278,8 +278,6 @@ impl TexturePool {
         if !self.due && !used_changed {
             return false;
         }
-        // Until the end of this function proves that nothing is left to do.
-        self.due = true;
         let (used, all_usable) = self.usable(used, images, assets, device);
         self.visited = used.len() as u64;
         let mut moved = core::mem::take(&mut self.lost_slot);
@@ -316,7 +314,7 @@ impl TexturePool {
     }
 
     /// Filters images: keeps those that are loaded or will be, that shaders can read, and that may fit into the atlas.  Returns them, and
-    /// whether they are all but those that shaders cannot read.
+    /// whether all images that shaders can read are among them.
     fn usable(
         &mut self,
         used: impl Iterator<Item = AssetId<Image>>,

@@ -1,6 +1,6 @@
 // MIS weights of all techniques of a path, by recursion, and after a reconnection of the camera sub-path from three stored floats
 // (Hedstrom et al. 2025, 6, reduced).
-#import bevy_restir::path::bidirectional_mis::{mis_arrive, mis_camera_start, mis_connection_weight, mis_hit_weight, mis_light_start, mis_nee_weight, mis_scatter, mis_scatter_delta, mis_splat_weight, mis_sum, MisEnd, MisState}
+#import bevy_restir::path::bidirectional_mis::{mis_arrive, mis_camera_start, mis_connection_weight, mis_light_start, mis_scatter, mis_scatter_delta, mis_splat_weight, mis_sum, MisEnd, MisState}
 
 // The path x0 to xk.  Index i: at the vertex xi.
 struct Path {
@@ -90,6 +90,29 @@ fn exists(t: u32) -> bool {
         return t >= 2u && is_connectable(t - 1u);
     }
     return is_connectable(t) && (t == 1u || is_connectable(t - 1u));
+}
+
+// The sums of `rivals_of_hit` and `rivals_of_nee` (`path/technique_weights.wgsl`), of numbers in place of coefficients.
+//
+// Technique s = 0: the camera sub-path hits a light.  `ray`: its state before it arrives there.  The densities are those of
+// `mis_light_start`, in solid angle at the vertex before.
+fn mis_hit_weight(ray: MisState, nee_density: f32, light_density: f32, emission_density: f32) -> f32 {
+    return 1.0 / (1.0 + nee_density * ray.last + light_density * emission_density * ray.earlier);
+}
+
+// Technique s = 1: next-event estimation at the vertex z.  `pdf_forward`: of z's direction towards the light, 0 for a delta light.
+// `camera`: state at z, and `pdf_reverse` traces its sub-path back.  The densities are those of `mis_light_start`.
+fn mis_nee_weight(
+    pdf_forward: f32,
+    nee_density: f32,
+    light_density: f32,
+    emission_density: f32,
+    cos_z: f32,
+    camera: MisState,
+    pdf_reverse: f32,
+) -> f32 {
+    let found_by_light = light_density / nee_density * emission_density * cos_z * mis_sum(camera, pdf_reverse);
+    return 1.0 / (1.0 + pdf_forward / nee_density + found_by_light);
 }
 
 fn weight(t: u32) -> f32 {
