@@ -359,8 +359,10 @@ impl Source {
 
     fn settings(&mut self) -> Restir {
         let presets = [Preset::Performance, Preset::Balanced, Preset::Quality, Preset::Unbiased];
-        let mut settings =
-            Restir { technique: Technique::ALL[self.random.below(5)], ..Restir::preset(presets[self.random.below(4)]) };
+        let mut settings = Restir {
+            technique: Technique::ALL[self.random.below(Technique::ALL.len())],
+            ..Restir::preset(presets[self.random.below(4)])
+        };
         settings.bounces = self.random.below(9) as u32;
         settings.seed = self.random.bits();
         settings.jitter = [Jitter::Auto, Jitter::Always, Jitter::Never][self.random.below(3)];
