@@ -12,14 +12,12 @@ use crate::settings::DebugView;
 /// belongs there.  Bevy makes the bind group again in each frame.
 pub(super) fn hide_skyboxes(pool: Res<ViewPool>, extracted: Res<ExtractedViews>, mut commands: Commands) {
     for (entity, restir) in &extracted.0 {
-        let rendered = pool.views.get(entity).filter(|view| view.rendered);
-        let has_other_backdrop = rendered.is_some_and(|view| view.settings.debug_view != DebugView::Off)
-            || restir.environment.is_some_and(|e| e.kind == EnvironmentKind::RestirEnvironment);
-        if rendered.is_some()
-            && has_other_backdrop
-            && let Ok(mut view) = commands.get_entity(*entity)
+        let Some(view) = pool.views.get(entity).filter(|view| view.rendered) else { continue };
+        let has_own = restir.environment.is_some_and(|e| e.kind == EnvironmentKind::RestirEnvironment);
+        if (has_own || view.settings.debug_view != DebugView::Off)
+            && let Ok(mut camera) = commands.get_entity(*entity)
         {
-            view.remove::<SkyboxBindGroup>();
+            camera.remove::<SkyboxBindGroup>();
         }
     }
 }

@@ -64,7 +64,7 @@ fn paths_over_glossy_surfaces_equal_the_reference() {
     let Some(mut rig) = shared(64, "glossy") else { return };
     let often_replayed = Paths { footprint: 20.0, ..paths::all_reuse() };
     let black_box = Paths { reconnection: Reconnection::BlackBox, roughness: 0.6, ..paths::all_reuse() };
-    let proof = Proof { bounces: 2, margin: 0.02, ..Proof::of((16, 16), (16, 64)) };
+    let proof = Proof { bounces: 2, margin: 0.02, ..Proof::of((24, 16), (24, 64)) };
     proof.check(
         "glossy",
         &mut rig,
