@@ -286,13 +286,16 @@ fn second_corner_uvs(instance: u32, triangle: u32) -> CornerUvs {
 }
 #endif
 
-// The vertex color at a point, linear; white for a mesh without.
+// The vertex color at a point, linear; white for a mesh without, and where the colors do not fit the device.
 #ifdef VERTEX_COLORS
 fn vertex_color_at(instance: u32, triangle: u32, b: vec2<f32>) -> vec4<f32> {
     if (instances[instance].flags & INSTANCE_VERTEX_COLORS) == 0u {
         return vec4<f32>(1.0);
     }
     let at = vec2<u32>(3u * (triangle % ELEMENTS_A_ROW), triangle / ELEMENTS_A_ROW);
+    if any(at + vec2<u32>(2u, 0u) >= textureDimensions(vertex_colors)) {
+        return vec4<f32>(1.0);
+    }
     return (1.0 - b.x - b.y) * textureLoad(vertex_colors, at, 0) + b.x * textureLoad(vertex_colors, at + vec2<u32>(1u, 0u), 0)
         + b.y * textureLoad(vertex_colors, at + vec2<u32>(2u, 0u), 0);
 }

@@ -10,10 +10,7 @@ use bevy::{
     core_pipeline::tonemapping::{DebandDither, Tonemapping},
     light::GlobalAmbientLight,
     prelude::*,
-    render::{
-        render_resource::{TextureViewDescriptor, TextureViewDimension},
-        settings::WgpuLimits,
-    },
+    render::settings::WgpuLimits,
     window::{WindowRef, WindowResolution},
 };
 use bevy_restir::{DebugView, Jitter, Mis, RadianceCapture, Restir, RestirEnvironment, Technique};
@@ -234,11 +231,7 @@ fn a_camera_without_a_clear_color_draws_over_the_previous_camera() {
     assert_eq!(at(12, 8), 255, "the tool");
     assert!(at(12, 1).abs_diff(137) <= 2, "the world above the tool: {}", at(12, 1));
     // A light from all around that is no backdrop.
-    let mut cube = texture(2, 12, |_, _| [255; 4]);
-    cube.reinterpret_stacked_2d_as_array(6).expect("six faces");
-    cube.texture_view_descriptor =
-        Some(TextureViewDescriptor { dimension: Some(TextureViewDimension::Cube), ..default() });
-    let map = rig.add::<Image>(cube);
+    let map = rig.add::<Image>(cube_texture(255));
     rig.insert(over.0, EnvironmentMapLight { diffuse_map: map.clone(), specular_map: map, ..default() });
     rig.until_ready();
     let drawn = rig.drawn(&target);

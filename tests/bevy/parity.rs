@@ -1,6 +1,6 @@
 //! Pictures beside those of Bevy's rasterizer, where both should show the same.
 
-use crate::support::app::{Rig, lambert, lamp, orthographic, plain, sky, square, texture};
+use crate::support::app::{Rig, cube_texture, lambert, lamp, orthographic, plain, sky, square, texture};
 use bevy::{
     camera::Exposure,
     core_pipeline::tonemapping::{DebandDither, Tonemapping},
@@ -8,10 +8,7 @@ use bevy::{
     mesh::{UvChannel, VertexAttributeValues},
     pbr::ShadowView,
     prelude::*,
-    render::{
-        RenderApp,
-        render_resource::{TextureViewDescriptor, TextureViewDimension},
-    },
+    render::RenderApp,
 };
 use bevy_restir::{DebugView, EmissiveLuminance, Restir, RestirEnvironment, RestirIgnore, Technique};
 
@@ -26,13 +23,7 @@ fn rig() -> Option<Rig> {
 
 /// Numbers of the pixels whose colors or alpha differ by more than 2/255 from those of Bevy, and the range of all values.
 fn compare(rig: &mut Rig) -> (usize, u8) {
-    let target = rig.target.clone();
-    rig.picture(1);
-    let ours = rig.drawn(&target);
-    let settings = rig.app.world_mut().entity_mut(rig.camera).take::<Restir>().expect("it has some");
-    rig.frames(4);
-    let bevys = rig.drawn(&target);
-    rig.insert(rig.camera, settings);
+    let [ours, bevys] = rig.beside_bevy();
     let differ = |(a, b): &(&[u8; 4], &[u8; 4])| (0..4).any(|i| a[i].abs_diff(b[i]) > 2);
     let values = || bevys.iter().flatten();
     let range = values().max().zip(values().min()).map_or(0, |(high, low)| high - low);
@@ -127,14 +118,7 @@ fn a_camera_that_inverts_culling_sees_the_back_faces() {
 #[test]
 fn the_cameras_environment_and_debug_views_cover_its_skybox() {
     let Some(mut rig) = rig() else { return };
-    let cube = |value: u8| {
-        let mut image = texture(2, 12, |_, _| [value, value, value, 255]);
-        image.reinterpret_stacked_2d_as_array(6).expect("six faces");
-        image.texture_view_descriptor =
-            Some(TextureViewDescriptor { dimension: Some(TextureViewDimension::Cube), ..default() });
-        image
-    };
-    let image = rig.add::<Image>(cube(255));
+    let image = rig.add::<Image>(cube_texture(255));
     rig.insert(rig.camera, Skybox { image: Some(image), brightness: 1000.0, ..default() });
     let target = rig.target.clone();
     let shown = |rig: &mut Rig| {

@@ -297,15 +297,9 @@ fn the_backdrop_is_the_skybox_that_bevy_draws() {
     let skybox = sky_of(&mut rig, &marked(), 1.5, rotation);
     rig.insert(rig.camera, (skybox, bevy::core_pipeline::tonemapping::Tonemapping::None, Msaa::Off));
     let looks = [Vec3::NEG_Z, Vec3::Z, Vec3::X, Vec3::new(-1.0, 1.0, 0.3), Vec3::new(0.3, -1.0, 0.2)];
-    let target = rig.target.clone();
     for look in looks {
         *rig.get_mut::<Transform>(rig.camera) = Transform::from_xyz(3.0, 1.0, 2.0).looking_to(look, Vec3::Y);
-        rig.picture(1);
-        let ours = rig.drawn(&target);
-        let settings = rig.app.world_mut().entity_mut(rig.camera).take::<Restir>().expect("it has some");
-        rig.frames(3);
-        let bevys = rig.drawn(&target);
-        rig.insert(rig.camera, settings);
+        let [ours, bevys] = rig.beside_bevy();
         let far = |(a, b): &(&[u8; 4], &[u8; 4])| (0..3).any(|i| a[i].abs_diff(b[i]) > 2);
         let off = ours.iter().zip(&bevys).filter(far).count();
         let range = ours.iter().map(|c| c[0]).max().zip(ours.iter().map(|c| c[0]).min());

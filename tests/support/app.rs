@@ -9,7 +9,10 @@ use bevy::{
     render::{
         RenderPlugin,
         pipelined_rendering::PipelinedRenderingPlugin,
-        render_resource::{Extent3d, PollType, TextureDimension, TextureFormat, TextureUsages},
+        render_resource::{
+            Extent3d, PollType, TextureDimension, TextureFormat, TextureUsages, TextureViewDescriptor,
+            TextureViewDimension,
+        },
         renderer::RenderDevice,
         settings::{Backends, WgpuFeatures, WgpuLimits, WgpuSettings},
     },
@@ -150,6 +153,15 @@ pub fn texture(width: u32, height: u32, texel: impl Fn(u32, u32) -> [u8; 4]) -> 
         RenderAssetUsages::all(),
     );
     image.sampler = bevy::image::ImageSampler::nearest();
+    image
+}
+
+/// A cube map of one gray value.
+pub fn cube_texture(value: u8) -> Image {
+    let mut image = texture(2, 12, |_, _| [value, value, value, 255]);
+    image.reinterpret_stacked_2d_as_array(6).expect("six faces");
+    image.texture_view_descriptor =
+        Some(TextureViewDescriptor { dimension: Some(TextureViewDimension::Cube), ..default() });
     image
 }
 
@@ -467,6 +479,18 @@ impl Rig {
     /// Counts guards from the next frame on.
     pub fn reset_guards(&mut self) {
         self.app.world().resource::<RestirStatistics>().reset_guards();
+    }
+
+    /// The 8-bit pixels of the camera's target, with `Restir` and by Bevy's own renderer.
+    pub fn beside_bevy(&mut self) -> [Vec<[u8; 4]>; 2] {
+        let target = self.target.clone();
+        self.picture(1);
+        let ours = self.drawn(&target);
+        let settings = self.app.world_mut().entity_mut(self.camera).take::<Restir>().expect("it has some");
+        self.frames(4);
+        let bevys = self.drawn(&target);
+        self.insert(self.camera, settings);
+        [ours, bevys]
     }
 
     /// The 8-bit pixels that Bevy wrote to the target of a camera.

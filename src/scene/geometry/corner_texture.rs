@@ -58,9 +58,6 @@ impl<T: Pod> CornerTexture<T> {
             self.state = None;
             self.texture.clear();
             self.versions.clear();
-            if needed {
-                self.texture.reserve(1, device);
-            }
             return 0;
         }
         if self.state.replace(newest) == Some(newest) {

@@ -143,7 +143,7 @@ impl Default for MeshPool {
             attributes: GrowableBuffer::new("triangle attributes"),
             rigs: GrowableBuffer::new("rigs"),
             second_uvs: CornerTexture::new("second texture coordinates", "0", TextureFormat::Rg32Float),
-            colors: CornerTexture::new("vertex colors", "black", TextureFormat::Rgba16Float),
+            colors: CornerTexture::new("vertex colors", "white", TextureFormat::Rgba16Float),
             last_version: 0,
             changed: Vec::new(),
             ray_queries: false,
