@@ -19,7 +19,7 @@ use bevy::{
     prelude::*,
     render::render_resource::{Extent3d, TextureDimension, TextureFormat, TextureViewDescriptor, TextureViewDimension},
 };
-use bevy_restir::{Direct, Paths, Restir, RestirEnvironment};
+use bevy_restir::{Direct, Paths, RestirEnvironment};
 use glam::DVec3;
 
 /// The faces in world space, seen from inside: center, right and down.
