@@ -15,6 +15,7 @@ pub mod expected_radiance;
 pub mod gltf;
 pub mod light_scene;
 pub mod log;
+pub mod long_run;
 pub mod materials;
 pub mod matrix;
 pub mod oracle;

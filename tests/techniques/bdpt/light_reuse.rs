@@ -111,7 +111,7 @@ fn wrong_replays_of_light_paths_are_found() {
 
 /// A lamp that faces away from the camera lights a corner, also by a mirror and through a block of glass if `with_caustics`.  All of them
 /// move: [`pose_corner`].
-fn corner(rig: &mut Rig, with_caustics: bool) {
+pub fn corner(rig: &mut Rig, with_caustics: bool) {
     let floor = Transform::from_xyz(0.0, -1.2, 0.0).with_rotation(Quat::from_rotation_x(-core::f32::consts::FRAC_PI_2));
     rig.spawn(square(6.0), lambert(0.7), floor);
     rig.spawn(square(6.0), lambert(0.5), Transform::from_xyz(0.0, 0.0, -1.2));
@@ -129,7 +129,12 @@ fn corner(rig: &mut Rig, with_caustics: bool) {
 }
 
 fn pose_corner(rig: &mut Rig, step: u32) {
-    let ago = (STEPS - step) as f32;
+    pose_corner_at(rig, step as f32);
+}
+
+/// Poses the corner between steps.
+pub fn pose_corner_at(rig: &mut Rig, step: f32) {
+    let ago = STEPS as f32 - step;
     let turned = |x: f32, y: f32| Quat::from_euler(EulerRot::YXZ, y, x, 0.0);
     let places = [
         ("mirror", Transform::from_xyz(1.0, -0.6 + 0.05 * ago, -0.3).with_rotation(turned(-0.3, -0.7 + 0.06 * ago))),

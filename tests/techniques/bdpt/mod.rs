@@ -2,5 +2,6 @@
 
 mod input;
 mod light_reuse;
+mod long_run;
 mod small_scenes;
 mod techniques;
