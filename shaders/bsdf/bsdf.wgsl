@@ -21,7 +21,7 @@ struct Directions {
     wi: vec3<f32>,
     local_wo: vec3<f32>,
     local_wi: vec3<f32>,
-    same_side: bool,           // wo is above n and n_geo, and wi is on the same side of both; lobes of the base are 0 otherwise
+    same_side: bool,           // wo is above n and n_geo, and wi is above both or below both; lobes of the base are 0 otherwise
 }
 
 // f·|n·wi| of all lobes except deltas.

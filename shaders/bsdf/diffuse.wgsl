@@ -1,6 +1,6 @@
 // LOBE_DIFFUSE: Lambert under a dielectric interface, weighted by 1 - F(wo·h) (glTF 2.0 Appendix B).  With DIFFUSE_TRANSMISSION it
-// also transmits (KHR_materials_diffuse_transmission).  With SUBSURFACE, light that scatters below the surface is taken from what it
-// reflects.  Directions are in the local frame, n = z.
+// also transmits (KHR_materials_diffuse_transmission).  With SUBSURFACE, light that scatters below the surface is subtracted from
+// the reflected light.  Directions are in the local frame, n = z.
 #define_import_path bevy_restir::bsdf::diffuse
 
 #import bevy_restir::bsdf::fresnel::schlick
@@ -59,7 +59,8 @@ fn diffuse_albedo(b: Bsdf) -> vec3<f32> {
     return diffuse_base(b) * (1.0 - diffuse_share(b, 1.0) * b.subsurface);
 }
 
-// The part of a diffuse value that stays at the surface.  Where light enters a body, it crosses an interface.
+// The part of a diffuse value that does not scatter below the surface.  At a point where light enters a body, it crosses the interface of
+// the body; on all other surfaces `entry_reflectance` is 0.
 fn of_surface(b: Bsdf, z: f32, value: vec3<f32>) -> vec3<f32> {
     let stays = select(vec3<f32>(1.0), 1.0 - b.subsurface, z > 0.0);
     return value * stays * (1.0 - schlick(b.entry_reflectance, abs(z)));

@@ -1,4 +1,5 @@
-// Fresnel reflectance at c = |wo·h|: Schlick's approximation for coats, metals and opaque dielectrics, the exact equations for refraction.
+// Fresnel reflectance at c = |wo·h|: Schlick's approximation for coats, metals, opaque dielectrics and thin walls; the exact equations for
+// refraction.
 #define_import_path bevy_restir::bsdf::fresnel
 
 // Schlick's approximation with F90 = 1, or 0 in a channel where F0 = 0: a black F0 switches the interface off.

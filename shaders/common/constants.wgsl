@@ -1,4 +1,4 @@
-// Constants that all rooms share.  A test holds those that Rust also uses equal to `src/gpu_layout.rs`.
+// Constants that all rooms (folders of modules) share.  A test holds those that Rust also uses equal to `src/gpu_layout.rs`.
 #define_import_path bevy_restir::common::constants
 
 const PI: f32 = 3.14159265358979323846;
@@ -83,6 +83,6 @@ const OVERFLOW_STEPS: u32 = 2u;
 const NON_FINITE: u32 = 4u;
 const OVERFLOW_PROBE: u32 = 0x80000u;
 
-// Smallest GGX roughness α, and the α below which a lobe is a delta.
+// Smallest GGX roughness α, and the α below which a lobe is a delta: f32 is not precise enough for narrower lobes.
 const ALPHA_MIN: f32 = 1.0e-4;
 const ALPHA_DELTA: f32 = 1.0e-3;

@@ -61,7 +61,8 @@ fn guard_holds(condition: bool, guard: u32) -> bool {
     return holds;
 }
 
-// A number that is never NaN or negative.  If it is, or if it is too large for f32, the result is 0.
+// Returns `x`, or 0 if it is NaN, negative or too large for f32.  The first two are errors and raise the guard; the last one is legal, and
+// raises GUARD_FLOAT_OVERFLOW instead.
 fn guarded(x: f32, guard: u32) -> f32 {
     let y = as_planted(x, guard);
     if is_sound(y) {
@@ -79,7 +80,7 @@ fn guarded_or_infinite(x: f32, guard: u32) -> f32 {
     return guarded(x, guard);
 }
 
-// A color or direction-dependent weight, no component of which is ever NaN or negative.
+// Like `guarded`, for three channels: all of them become 0 if one is not sound.
 fn guarded_3(v: vec3<f32>, guard: u32) -> vec3<f32> {
     let w = vec3<f32>(as_planted(v.x, guard), v.yz);
     if is_sound_3(w) {
@@ -90,14 +91,14 @@ fn guarded_3(v: vec3<f32>, guard: u32) -> vec3<f32> {
     return vec3<f32>(0.0);
 }
 
-// PLANTED_*: tests make the conditions of some guards fail, and replace about one in eight of the numbers that these guard.
+// PLANTED_*: tests make the conditions of some guards fail, and replace about one in eight of the numbers that those guards check.
 #ifdef PLANTED_GUARDS
 fn fails_as_planted(guard: u32) -> bool {
     return (guard & #{PLANTED_GUARDS}u) != 0u;
 }
 
 fn as_planted(x: f32, guard: u32) -> f32 {
-    // Not a constant: WGSL has none that is not finite.
+    // A variable, because WGSL rejects a constant that is not finite.
     var bits = #{PLANTED_BITS}u;
     let is_chosen = (bitcast<u32>(x) * 0x9e3779b1u) >> 29u == 0u;
     return select(x, bitcast<f32>(bits), is_chosen && fails_as_planted(guard));

@@ -26,12 +26,13 @@ struct RaySegment {
 }
 
 #ifdef LIGHT_SHAPES
-// Levels of the tree over lights, at most `blas::MAX_TLAS_DEPTH`.
+// At least the depth of the tree over lights, which is at most `blas::MAX_TLAS_DEPTH`, 14.
 const STACK_SIZE: u32 = 16u;
+// A bound on the loop, for the same reason as in `trace/software.wgsl`.
 const MAX_STEPS: u32 = 2048u;
 
 // Least id, from `first` on, of a light that the segment hits; NONE if there is no further one.  The traversal is not shared with
-// `trace/software.wgsl`: it has one level, and hits do not shorten the segment.  WGSL has no function values, so that sharing would add a
+// `trace/software.wgsl`: it has one level, and hits do not shorten the segment.  WGSL has no function pointers: sharing would add a
 // branch at each leaf to the loop of all rays.
 fn next_light_hit(segment: RaySegment, first: u32) -> u32 {
     // Suns are the first lights of the table.

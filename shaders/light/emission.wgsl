@@ -3,7 +3,8 @@
 #define_import_path bevy_restir::light::emission
 
 #import bevy_restir::common::constants::{LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_RECT, LIGHT_SPHERE, LIGHT_SPOT, LIGHT_SUN, LIGHT_TRIANGLE, NONE}
-#import bevy_restir::common::math::{is_finite_3, max_component}
+#import bevy_restir::common::guard::{GUARD_LIGHT_SAMPLE, guarded_3}
+#import bevy_restir::common::math::max_component
 #import bevy_restir::light::analytic_area_light::DISTANCE_TOLERANCE
 #import bevy_restir::light::emitted_ray::{area_emission_density, EmittedRay, infinite_emission_density, infinite_emitted_ray, no_emitted_ray, scene_sphere}
 #import bevy_restir::light::light::{environment_light_sample, record_sample}
@@ -14,8 +15,11 @@
 #import bevy_restir::light::sphere::{sphere_emission_density, sphere_emitted_ray, sphere_pdf_scale}
 #import bevy_restir::light::triangle::{triangle_emission_density, triangle_emitted_ray}
 #import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample}
-#import bevy_restir::scene::bindings::scene
+#import bevy_restir::scene::bindings::{lights, scene}
 #import bevy_restir::view::render_layers::{light_in_layers, light_kind}
+
+// Greatest start of a ray, relative to the size of the light.
+const EXTENT_TOLERANCE: f32 = 0x1p-8;
 
 // Samples a light and one of its rays.  The probability of the light is part of `power` and `pdf_point`.
 fn sample_emission(u_light: vec2<f32>, u_point: vec2<f32>, u_direction: vec2<f32>) -> EmittedRay {
@@ -30,15 +34,15 @@ fn sample_emission_of(light: u32, u_point: vec2<f32>, u_direction: vec2<f32>, pr
         return no_emitted_ray();
     }
     var ray = emitted_ray(light, u_point, u_direction, previous);
-    ray.power /= pmf;
+    ray.power = guarded_3(ray.power / pmf, GUARD_LIGHT_SAMPLE);
     ray.pdf_point *= pmf;
-    if !(max_component(ray.power) > 0.0) || !is_finite_3(ray.power) {
+    if !(max_component(ray.power) > 0.0) {
         ray.light = NONE;
     }
     return ray;
 }
 
-// The light of the ray is its index in `lights`: that of the last frame's table with `previous`.
+// `EmittedRay::light` of the result is an index in `lights`; with `previous`, it is that of the record in the last frame's table.
 fn emitted_ray(light: u32, u_point: vec2<f32>, u_direction: vec2<f32>, previous: bool) -> EmittedRay {
     if light == ENVIRONMENT_LIGHT {
         let l = environment_light_sample(u_direction, previous);
@@ -72,11 +76,19 @@ fn emitted_ray(light: u32, u_point: vec2<f32>, u_direction: vec2<f32>, previous:
     }
 }
 
-// The ray passes surfaces that the light lies a little behind, as shadow rays do.
+// Lets the ray pass a surface if the light lies only a little behind it, as shadow rays do (DISTANCE_TOLERANCE).
 fn past_tolerance(ray: EmittedRay, previous: bool) -> EmittedRay {
     var r = ray;
-    r.t_min = DISTANCE_TOLERANCE * scene_sphere(previous).radius;
+    r.t_min = start_of_rays(ray.light, scene_sphere(previous).radius);
     return r;
+}
+
+// Distance at which rays of a sphere or a rectangle start.  In a large scene the size of the light limits it, so that rays do not leave its
+// housing.
+fn start_of_rays(light: u32, scene_radius: f32) -> f32 {
+    // The radius of a sphere, or half the width of a rectangle.
+    let extent = bitcast<f32>(lights[light].data.x);
+    return min(DISTANCE_TOLERANCE * scene_radius, EXTENT_TOLERANCE * extent);
 }
 
 fn is_at_infinity(light: u32) -> bool {
@@ -101,10 +113,10 @@ fn emission_density(l: LightSample) -> f32 {
             return triangle_emission_density(l);
         }
         case LIGHT_SPHERE: {
-            return sphere_emission_density(l);
+            return select(0.0, sphere_emission_density(l), l.distance > start_of_rays(l.light, scene.radius));
         }
         case LIGHT_RECT: {
-            return area_emission_density(l);
+            return select(0.0, area_emission_density(l), l.distance > start_of_rays(l.light, scene.radius));
         }
         default: {
             return point_emission_pdf(l.light, l.wi) / (l.distance * l.distance);

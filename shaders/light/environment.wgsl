@@ -13,7 +13,7 @@ struct EnvironmentSample {
     pdf_solid_angle: f32,      // 0: no direction was sampled
 }
 
-// Directions in the world and in the frame of the environment, now or (`previous`) in the last frame.
+// Rotates a direction from the world into the frame of the environment, now or (`previous`) in the last frame.
 fn into_environment(direction: vec3<f32>, previous: bool) -> vec3<f32> {
     if previous {
         return view.previous_environment_rotation * direction;
@@ -21,7 +21,7 @@ fn into_environment(direction: vec3<f32>, previous: bool) -> vec3<f32> {
     return view.environment_rotation * direction;
 }
 
-// The inverse of a rotation is its transpose.
+// Rotates a direction back into the world: the inverse of a rotation is its transpose.
 fn out_of_environment(direction: vec3<f32>, previous: bool) -> vec3<f32> {
     if previous {
         return direction * view.previous_environment_rotation;
@@ -195,8 +195,8 @@ fn environment_cell_importance(cell: vec2<u32>, size: vec2<u32>) -> f32 {
     return sum / f32((n + 1u) * (n + 1u)) * cell_solid_angle(cell.y, size);
 }
 
-// 2π over the angle of a texel in a corner, which is 2/3 of 1/side.  For cubes of more than 3,400 texels a side the grid is limited: it may
-// miss texels, which only BSDF sampling finds.
+// 2π over the angle of a texel in a corner, which is 2/3 of 1/side.  With a table 1024 cells wide, the grid is limited for cubes of more
+// than 3,476 texels a side: it may miss texels, which only BSDF sampling finds.
 const CELL_TEXELS: f32 = 9.425;
 const CELL_SAMPLES_MAX: f32 = 32.0;
 #else

@@ -84,7 +84,8 @@ fn emission_solid_angle(light: u32) -> f32 {
     return TWO_PI * (spot_ramp_share(spot_cone(light)) + spot_full_share(spot_cone(light)));
 }
 
-// Integrals of the falloff over the cosine: of the ramp, and of the part within.  A ramp may end beyond the axis.
+// Integrals of the falloff over the cosine: over the ramp, and over the cone inside of it, where the falloff is 1.  The axis may cut off
+// the ramp.
 fn spot_ramp_share(cone: SpotCone) -> f32 {
     let end = min((1.0 - cone.outer) / cone.width, 1.0);
     return cone.width * end * end * end / 3.0;

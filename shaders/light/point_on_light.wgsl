@@ -30,7 +30,7 @@ fn triangle_light_point(light: u32, barycentrics: vec2<f32>) -> LightPoint {
     return LightPoint(light, pack2x16unorm(barycentrics));
 }
 
-// The point turns with the environment, as points of other lights move with their light: its density is that of the last frame.
+// The point turns with the environment, as points of other lights move with their light, so that its density stays the same.
 fn environment_light_point(direction: vec3<f32>) -> LightPoint {
     return LightPoint(ENVIRONMENT_LIGHT, octahedral_encode(into_environment(direction, false)));
 }

@@ -16,7 +16,7 @@ fn debug_counts(@builtin(global_invocation_id) id: vec3<u32>) {
     radiance[index] = shown(pixel, radiance[index]);
 }
 
-// `sum`: what the buffer holds.
+// `sum`: the value of the buffer so far.
 #ifdef SHOWS_GUARDS
 // The buffer holds light, because the pass that writes it may raise guards, too.
 fn shown(pixel: vec2<u32>, sum: vec4<f32>) -> vec4<f32> {

@@ -3,7 +3,7 @@
 //
 // With DEFERS_REPLAYS a first pass shifts the samples whose shifts find no vertices by rays; it has no code for the others, and puts pixels
 // that have some into a queue.  A second pass, with FROM_QUEUE, does the shifts of the queue, so that threads that run together all replay paths
-// (replay compaction, Lin et al. 2026, supplement, Table 1).
+// (replay compaction, Lin et al. 2026; Table 1 of its supplement has the cost).
 
 #import technique::{evaluate, is_visible, kept_shift, needs_replay, PackedReservoir, Receiver, receiver_of, receives_light, Reservoir, reservoir_unpack, target_value}
 #import bevy_restir::common::constants::NONE
@@ -27,7 +27,7 @@ const COORDINATE_BITS: u32 = 16u;
 
 // The samples that the iteration resamples.
 @group(2) @binding(1) var<storage, read> samples: array<PackedReservoir>;
-// A layer for each shift of a pixel: what `kept_shift` keeps of it; 0 where it is not defined or the sample is occluded.
+// A layer for each shift of a pixel, as `kept_shift` returns it; 0 where the shift is not defined or the sample is occluded.
 @group(2) @binding(2) var shifts: texture_storage_2d_array<rgba32float, write>;
 
 fn sample_in(pixel: vec2<u32>) -> Reservoir {
@@ -112,7 +112,7 @@ fn is_deferred(r: Receiver, s: Reservoir) -> bool {
 
 // Workgroups reserve their entries together, so that the counter of the queue is no bottleneck.
 fn enqueue(pixel: vec2<u32>, deferred: u32, thread: u32) {
-    // Bevy leaves the memory of workgroups as it is.
+    // Bevy turns off the zero-initialization of workgroup memory.
     if thread == 0u {
         atomicStore(&count, 0u);
     }

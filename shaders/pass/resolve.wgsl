@@ -64,7 +64,7 @@ fn limited(light: vec3<f32>, pixel: vec2<u32>, instance: u32) -> vec3<f32> {
     var brightest = 0.0;
     var neighbors = 0u;
     for (var i = 0u; i < 9u; i++) {
-        // A pixel beyond the border wraps around to a number above the size.
+        // Coordinates left of or above the image wrap around to numbers above the size.
         let neighbor = pixel + vec2<u32>(i % 3u, i / 3u) - 1u;
         if i != 4u && all(neighbor < view.size) && textureLoad(visibility, neighbor, 0).x == instance {
             brightest = max(brightest, luminance(scattered_light(neighbor)));

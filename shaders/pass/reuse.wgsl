@@ -415,8 +415,9 @@ fn stored(r: Reservoir, pixel: vec2<u32>) -> PackedReservoir {
 }
 #endif
 
-// A pixel that loses its sample between two passes of a frame has no sample of its own to weigh its neighbors against: the light that only
-// it can find is lost, and the weights of neighbors have no bound.  A sample of the last frame is one of several.
+// Whether PLANT_NAN breaks the reservoirs of this pass.  It breaks those of the last pass of a frame, which the next frame reads as one
+// input of several.  With PLANT_BETWEEN_PASSES it breaks those that a later pass of the same frame reads as the pixel's own sample: the
+// light that only this sample finds is lost, and the weights of neighbors have no bound.
 #ifdef PLANT_BETWEEN_PASSES
 fn is_planted_pass() -> bool {
     return !has(RESAMPLE_SHADE);

@@ -11,7 +11,7 @@
 #import bevy_restir::restir::bdpt::splat::Splat
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::reservoir_layout::reservoir_index
-#import bevy_restir::restir::splats::domain::contribution_of
+#import bevy_restir::restir::splats::domain::{contribution_of, has_changed}
 #import bevy_restir::restir::splats::reservoir::{no_reservoir, PackedReservoir, Reservoir, reservoir_pack}
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::ray_counter::count_guards
@@ -48,8 +48,9 @@ fn splats(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     // The candidates of a pixel count as one sample, however many of them land in it.
     r.confidence = 1.0;
-    // The color is that of all splats; its luminance is that of the chosen one.
-    let color = landed.sum / max(r.ucw, 1.0e-37);
+    // The color is that of all splats; its luminance is that of the chosen one.  Where something changed, MIS weights differ between the
+    // splats of a pixel, and a weight holds for the color of its own splat only.
+    let color = select(landed.sum / max(r.ucw, 1.0e-37), r.f, has_changed());
     let contribution = select(vec3<f32>(0.0), color, r.ucw > 0.0 && is_finite_3(color));
     reservoirs[reservoir_index(pixel, view.size, settings.reservoir_layout)] = reservoir_pack(r);
     textureStore(contributions, pixel, vec4<f32>(contribution, packed_diffuse_share(head, landed.sum)));

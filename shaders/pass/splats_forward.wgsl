@@ -2,7 +2,8 @@
 // 2025, 5 and A).  Where nothing changed it lands where it was, with the same contribution.
 
 #import bevy_restir::common::constants::NONE
-#import bevy_restir::common::math::{is_finite_3, luminance}
+#import bevy_restir::common::guard::{GUARD_SHIFT_CONTRIBUTION, guarded_3}
+#import bevy_restir::common::math::luminance
 #import bevy_restir::light::remap::current_light_id
 #import bevy_restir::restir::bdpt::light_sub_path::replayed_splat
 #import bevy_restir::restir::bindings::settings
@@ -57,10 +58,10 @@ fn forward(r: Reservoir, index: u32, pixel: vec2<u32>) {
         if splat.pixel == NONE {
             return;
         }
-        f = contribution_of(splat, light);
+        f = guarded_3(contribution_of(splat, light), GUARD_SHIFT_CONTRIBUTION);
         to = reservoir_index(vec2<u32>(splat.pixel % view.size.x, splat.pixel / view.size.x), view.size, settings.reservoir_layout);
     }
-    if !(luminance(f) > 0.0) || !is_finite_3(f) {
+    if !(luminance(f) > 0.0) {
         return;
     }
     let at = index * WORDS;

@@ -1,5 +1,6 @@
 // MIS weights of bidirectional path tracing by the balance heuristic, accumulated along both sub-paths (Georgiev et al. 2012; Hedstrom et
-// al. 2025, 6, Eqs. 30-39).
+// al. 2025, 6.1, Eqs. 30-35, 40 and 41).  `MisState` holds their d^p and d^VC.  Eq. 40 is printed with a wrong index: the factor of d^VC is
+// p_(s-2), as in Eq. 34.
 //
 // A path of k + 1 vertices x0 (the camera) to xk (on a light) can be found by every technique (s, t) with s + t = k + 1: its last s vertices
 // come from a light sub-path, its first t from a camera sub-path.  Technique (k, 1) has `splats` samples in an image, and the others have
@@ -31,7 +32,7 @@ fn mis_arrive(s: MisState, distance2: f32, cos_in: f32) -> MisState {
     return MisState(s.last * distance2 / cos_in, s.earlier / cos_in);
 }
 
-// Scattering at a vertex that can be connected.
+// Scattering at a vertex that can be connected: Eqs. 31 and 32, together with `mis_arrive` at the next vertex.
 fn mis_scatter(s: MisState, cos_out: f32, pdf_forward: f32, pdf_reverse: f32) -> MisState {
     return MisState(1.0 / pdf_forward, cos_out / pdf_forward * joined(s, pdf_forward, pdf_reverse));
 }
@@ -58,7 +59,7 @@ fn joined(s: MisState, pdf_forward: f32, pdf_reverse: f32) -> f32 {
 }
 #endif
 
-// `path/technique_weights.wgsl` has the weights of s = 0 and s = 1.
+// `path/technique_weights.wgsl` has the weights of s = 0 and s = 1 (Eqs. 36-39).
 
 // One end of a connection.
 struct MisEnd {
@@ -68,7 +69,7 @@ struct MisEnd {
     pdf_reverse: f32,          // back along the sub-path, with light that comes from the other end
 }
 
-// Techniques s, t >= 2.
+// Techniques s, t >= 2 (Eqs. 33-35).
 fn mis_connection_weight(camera: MisEnd, light: MisEnd, distance2: f32) -> f32 {
     let found_by_camera = camera.pdf_forward * light.cosine / distance2 * mis_sum(light.state, light.pdf_reverse);
     let found_by_light = light.pdf_forward * camera.cosine / distance2 * mis_sum(camera.state, camera.pdf_reverse);

@@ -7,7 +7,8 @@
 #import bevy_restir::bsdf::coat::coat_share
 #import bevy_restir::bsdf::types::{BsdfSample, bsdf_is_thin, LOBE_COAT}
 #import bevy_restir::common::constants::{FAR, NONE}
-#import bevy_restir::common::math::{is_finite_3, max_component}
+#import bevy_restir::common::guard::{GUARD_THROUGHPUT, guarded_3}
+#import bevy_restir::common::math::max_component
 #import bevy_restir::common::ray::{Hit, Ray}
 #import bevy_restir::common::rng::{Rng, rng_1, rng_2, rng_3, rng_4, rng_bits}
 #import bevy_restir::light::emission::{is_at_infinity, nee_pdf_scale, sample_emission_of}
@@ -18,6 +19,7 @@
 #import bevy_restir::scene::cone::Cone
 #import bevy_restir::scene::lobes::lobes_towards
 #import bevy_restir::scene::offset::offset_point
+#import bevy_restir::scene::subsurface::subsurface_at
 #import bevy_restir::scene::surface::{Surface, surface_at}
 #import bevy_restir::trace::trace::trace_closest_of
 
@@ -41,14 +43,23 @@ struct LightWalk {
 // Value of all lobes except deltas for light that arrives from `towards_light`, in path space: f times Veach's factor for shading normals.
 // `s` is the surface as `wo`, the camera's side, sees it.
 fn scattered_value(s: Surface, wo: vec3<f32>, towards_light: vec3<f32>) -> vec3<f32> {
-    return bsdf_eval(s.bsdf, wo, towards_light) / max(abs(dot(s.bsdf.n_geo, towards_light)), 1.0e-30);
+    return bsdf_eval(s.bsdf, wo, towards_light) / arrival_cosine(s, towards_light);
 }
 
-// The surface as `wo` sees it, without its emission.
+// The surface as `wo` sees it, without its emission.  Light scatters below the front side only.
 fn surface_towards(s: Surface, wo: vec3<f32>) -> Surface {
     var t = s;
     t.bsdf = lobes_towards(s.bsdf, wo);
+    if dot(wo, s.bsdf.n_geo) < 0.0 {
+        t.front = 1u - s.front;
+        t.bsdf.subsurface = subsurface_at(s.instance, s.bsdf.base_color, t.front != 0u, 0.0, s.offset).weight;
+    }
     return t;
+}
+
+// Cosine at which a ray arrives.  Values and MIS states are divided by it, so it is not 0 where the ray arrives edge-on.
+fn arrival_cosine(s: Surface, direction: vec3<f32>) -> f32 {
+    return max(abs(dot(s.bsdf.n_geo, direction)), 1.0e-9);
 }
 
 // The light that a sub-path with these random numbers chooses; it does not advance them.
@@ -76,7 +87,7 @@ fn begin_light_path(light: u32, rng: ptr<function, Rng>, previous: bool) -> Ligh
     w.start_power = max_component(ray.power);
     w.open_distance = w.hit.t;
     w = arrived(w, ray.direction, previous);
-    w.state = mis_arrive(first_state(ray, w.surface.position), 1.0, abs(dot(w.surface.bsdf.n_geo, ray.direction)));
+    w.state = mis_arrive(first_state(ray, w.surface.position), 1.0, arrival_cosine(w.surface, ray.direction));
     return w;
 }
 
@@ -128,7 +139,8 @@ fn advance_light_path(walk: LightWalk, rng: ptr<function, Rng>, previous: bool) 
         w.throughput *= scattered_value(out, b.wi, walk.towards_light) * (cos_out / pdf);
         w.state = mis_scatter(walk.state, cos_out, pdf, bsdf_pdf(out.bsdf, b.wi, walk.towards_light));
     }
-    if !(max_component(w.throughput) > 0.0) || !is_finite_3(w.throughput) {
+    w.throughput = guarded_3(w.throughput, GUARD_THROUGHPUT);
+    if !(max_component(w.throughput) > 0.0) {
         return w;
     }
 
@@ -149,7 +161,7 @@ fn advance_light_path(walk: LightWalk, rng: ptr<function, Rng>, previous: bool) 
     w.events = walk.events + 1u;
     w = through_medium(w);
     w = arrived(w, b.wi, previous);
-    w.state = mis_arrive(w.state, w.hit.t * w.hit.t, abs(dot(w.surface.bsdf.n_geo, b.wi)));
+    w.state = mis_arrive(w.state, w.hit.t * w.hit.t, arrival_cosine(w.surface, b.wi));
     return w;
 }
 
@@ -165,7 +177,7 @@ fn delta_value(s: Surface, out: Surface, towards_light: vec3<f32>, b: BsdfSample
         value *= (1.0 - coat_share(out.bsdf, b.wi)) / max(1.0 - coat_share(s.bsdf, towards_light), 1.0e-30);
     }
     let shading = abs(dot(n, towards_light)) / max(abs(dot(n, b.wi)), 1.0e-30);
-    return value * (shading / max(abs(dot(s.bsdf.n_geo, towards_light)), 1.0e-30));
+    return value * (shading / arrival_cosine(s, towards_light));
 }
 
 // The medium around a light is not known at first.  It is identified by the first surface that the path meets from inside of an absorbing

@@ -14,7 +14,7 @@ fn medium_towards(s: Surface, wi: vec3<f32>, medium: vec3<f32>) -> vec3<f32> {
 }
 
 fn transmittance(medium: vec3<f32>, distance: f32) -> vec3<f32> {
-    // Drivers return NaN for exponents near the limit of f32, as of rays to the environment; exp(-200) is 0.
+    // Drivers return NaN for huge exponents, such as those of rays to the environment, whose distance is FAR; exp(-200) is 0 in f32.
     return exp(-min(medium * distance, vec3<f32>(200.0)));
 }
 #else

@@ -19,8 +19,8 @@ struct NeeContribution {
     pdf_bsdf: f32,            // marginal density with which the BSDF samples this direction, solid angle
 }
 
-// Number of light candidates at the vertex of this index, where the first vertex draws `first_count`: later vertices draw fewer
-// (Lin et al. 2026, supplement, Fig. 4).
+// Number of light candidates at the vertex of this index, where the first vertex draws `first_count`.  Later vertices draw
+// fewer; the supplement of Lin et al. 2026 (section 5) has only one number of candidates, M.
 fn nee_candidate_count(first_count: u32, index: u32) -> u32 {
     return max(first_count / (index * index), 1u);
 }

@@ -183,7 +183,7 @@ fn shown_behind(s: Scatterer, b: BsdfSample) -> vec3<f32> {
 fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> vec3<f32> {
     var radiance = vec3<f32>(0.0);
     var throughput = vec3<f32>(1.0);
-    // Shown share of the light that the path finds: that of the first surface's own light, and then of what it scatters.
+    // Shown share of the light that the path finds: at first of the light that the first surface emits, then of the light that it scatters.
     var shown = shown_emission(vec3<f32>(1.0));
     var medium = vec3<f32>(0.0);
     var hit = first;

@@ -1,11 +1,11 @@
 // MIS weights of the techniques that find a path from the camera: next-event estimation (NEE), and rays that hit a light.  They compete with
 // each other and, where light sub-paths are traced (LIGHT_PATHS), with the techniques of light sub-paths (`path/bidirectional_mis.wgsl`).
 //
-// A weight is the reciprocal of a sum of ratios of densities, one for each competing technique.  A shift changes the part of a path before its
-// reconnection vertex.  The sum depends on that part only by 1/p and S/p: p is the density of the direction after the reconnection vertex, and
-// S is the sum over the techniques that join the sub-paths before it.  The sum has the form a + b/p + c S/p, where a, b and c do not change in
-// a shift.  A vec3 of this module holds such coefficients (of 1, 1/p and S/p), and a reservoir stores b/a and c/a (Hedstrom et al. 2025, 6.3,
-// stores 84 bytes instead).
+// A weight is the reciprocal of a sum of ratios of densities, one for each competing technique.  A shift changes the part of a path before
+// its reconnection vertex.  The sum depends on that part only through 1/p and S/p: p is the density of the direction after the reconnection
+// vertex, and S is the sum over the techniques that join the sub-paths before it.  The sum has the form a + b/p + c S/p, where a, b and c
+// do not change in a shift.  A vec3 of this module holds such coefficients (of 1, 1/p and S/p), and a reservoir stores b/a and c/a
+// (Hedstrom et al. 2025, 6.2 and 6.3, store 84 bytes instead: the difference of 244 and 160 bytes in section 8).
 #define_import_path bevy_restir::path::technique_weights
 
 #import bevy_restir::bsdf::bsdf::bsdf_pdf
@@ -16,7 +16,7 @@
 #import bevy_restir::light::types::{LightSample, no_light_sample}
 #import bevy_restir::light::triangle::triangle_light_pdf_solid_angle
 #import bevy_restir::path::bidirectional_mis::{mis_arrive, mis_camera_start}
-#import bevy_restir::path::light_path::surface_towards
+#import bevy_restir::path::light_path::{arrival_cosine, surface_towards}
 #import bevy_restir::path::nee::expected_nee_candidates
 #import bevy_restir::path::walk::{Step, Vertex}
 #import bevy_restir::scene::surface::Surface
@@ -55,7 +55,7 @@ fn stored_weight(rivals: vec2<f32>, s: CameraState) -> f32 {
     return 1.0 / (1.0 + dot(rivals, s.basis.yz));
 }
 
-// The state of a ray behind the vertex at `s`, if the vertex is the reconnection vertex.  `sum`: S.
+// The state of the ray that leaves the reconnection vertex in a direction of this density.  `sum`: S.
 fn behind_reconnection(cos_out: f32, pdf: f32, sum: f32) -> CameraState {
     return CameraState(vec3<f32>(0.0, 1.0, 0.0), vec3<f32>(0.0, 0.0, cos_out), vec3<f32>(1.0, 1.0, sum) / vec3<f32>(1.0, pdf, pdf));
 }
@@ -119,7 +119,7 @@ fn alone(rivals: vec3<f32>) -> vec3<f32> {
 #ifdef LIGHT_PATHS
 // The state at the first vertex.  `camera_density`: of the camera's rays there (`mis_camera_start`).
 fn camera_state(v: Vertex, camera_density: f32, counts: TechniqueCounts) -> CameraState {
-    let s = mis_arrive(mis_camera_start(counts.splats, camera_density), 1.0, cosine(v.surface, v.wo));
+    let s = mis_arrive(mis_camera_start(counts.splats, camera_density), 1.0, arrival_cosine(v.surface, v.wo));
     return CameraState(vec3<f32>(s.last, 0.0, 0.0), vec3<f32>(s.earlier, 0.0, 0.0), vec3<f32>(1.0, 0.0, 0.0));
 }
 
@@ -139,13 +139,8 @@ fn state_of_ray(s: CameraState, v: Vertex, step: Step, is_reconnection: bool) ->
 // The state where the ray arrives at the surface `n`, from the position `from_point`.
 fn state_at(s: CameraState, n: Surface, wi: vec3<f32>, from_point: vec3<f32>, counts: TechniqueCounts) -> CameraState {
     let d = n.position - from_point;
-    let cos_in = cosine(n, wi);
+    let cos_in = arrival_cosine(n, wi);
     return CameraState(s.last * (counts.connects * dot(d, d) / cos_in), s.earlier / cos_in, s.basis);
-}
-
-// Where a ray arrives edge-on, the state must remain finite.
-fn cosine(s: Surface, direction: vec3<f32>) -> f32 {
-    return max(abs(dot(s.bsdf.n_geo, direction)), 1.0e-9);
 }
 
 // Density with which a sub-path that arrives from `wi` would be scattered to where `v` was reached from.

@@ -1,4 +1,4 @@
-// Resampling MIS weights (Lin et al. 2022; Lanz 2025, Eqs. 26-29; Wyman and Panteleev 2021, 4.4) of a canonical sample and its neighbors,
+// Resampling MIS weights (Lin et al. 2022; Lanz 2025, Eqs. 25-29; Wyman and Panteleev 2021, 4.4) of a canonical sample and its neighbors,
 // from their targets and confidences.  All techniques use them.
 //
 // Domain i is the domain of integration of the pixel of input i.  `targets` has, for domain i and sample j, the target of domain i at sample

@@ -1,11 +1,12 @@
-// Pairs of pixels for paired spatial reuse (Lin et al. 2026, supplement, Table 1): a random involution of the plane.  The plane is cut into
-// square tiles at a random place.  In each tile a random permutation numbers the pixels, and partners have numbers that differ by a random
-// mask.  The mask alone makes every other pixel of the tile equally likely; the permutation makes the pairs of a tile unlike each other.
+// Pairs of pixels for paired spatial reuse (Lin et al. 2026; Table 1 of its supplement has the cost): a random involution of the plane.
+// The plane is cut into square tiles at a random place.  In each tile a random permutation numbers the pixels, and partners have numbers
+// that differ by a random mask.  The mask alone makes every other pixel of the tile equally likely; the permutation makes the pairs of a
+// tile unlike each other.
 #define_import_path bevy_restir::restir::pairing
 
 #import bevy_restir::common::rng::pcg4d
 
-// The random numbers of an involution: place of the tiles, and what the permutations of all tiles have in common.
+// The random numbers of an involution: the offset of the tiles, and a salt for the keys of their permutations.
 struct PairKey {
     offset: vec2<u32>,
     salt: vec2<u32>,

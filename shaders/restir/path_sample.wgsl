@@ -29,7 +29,8 @@ struct PathSample {
     rivals: vec2<f32>,        // the coefficients of 1/p and S/p, divided by that of 1 (`stored_weight`)
     light: LightPoint,        // of NEE, and of a sphere, rectangle or sun that was hit; NONE for triangles and the environment
     density: f32,             // of sampling vertex k from k - 1, in the measure of its triangle or light (uniform, total 1), times that
-                              // of the direction after it, solid angle; denominator of the shift's Jacobian
+                              // of the direction after it, solid angle; denominator of the shift's Jacobian (Lin et al. 2026,
+                              // supplement, Eq. 4)
     target_value: f32,        // p̂ in the pixel that stores it
 }
 
@@ -67,7 +68,7 @@ fn quantized_barycentrics(b: vec2<f32>) -> vec2<f32> {
     return decode_barycentrics(encode_barycentrics(b));
 }
 
-// Barycentrics are stored on a grid of 2^-24: 24 bits each.  The second is rounded so that the point stays within the triangle; encoding a
+// Barycentrics are stored on a grid of 2^-24: 24 bits each.  The second is limited so that the point stays within the triangle; encoding a
 // decoded point changes nothing.
 fn encode_barycentrics(b: vec2<f32>) -> vec2<u32> {
     let x = u32(clamp(round(b.x * 0x1p24), 0.0, 16777215.0));

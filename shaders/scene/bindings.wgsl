@@ -1,11 +1,12 @@
-// Group 0: the scene.  If the device supports arrays of textures, the last group holds textures of the scene.  No other module binds these
-// groups.
+// Group 0: the scene, in all passes that only read it; the passes that pose bodies have another group 0 (`deformation/bindings.wgsl`).  If
+// the device supports arrays of textures, the last group holds textures of the scene.
 #define_import_path bevy_restir::scene::bindings
 
 #import bevy_restir::scene::types::{Instance, Light, Material, SceneUniforms, Triangle, TriangleAttributes}
 
 @group(0) @binding(0) var<uniform> scene: SceneUniforms;
-// Bottom-level trees, and the top-level trees of this frame and the last: CWBVH nodes of obvhs, 5 vec4 each.
+// CWBVH nodes of obvhs, 5 vec4 each: bottom-level trees, the top-level trees of this frame and the last, and the tree over lights.
+// Also the lists of instances and lights that the leaves of the last three refer to (`tlas_indices`, `shapes_indices`).
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
 @group(0) @binding(2) var<storage, read> triangles: array<Triangle>;
 @group(0) @binding(3) var<storage, read> attributes: array<TriangleAttributes>;

@@ -21,7 +21,7 @@ fn with_lobes(b: Bsdf, point: MaterialPoint, frame: LobeFrame, wo: vec3<f32>) ->
     return with_coat(base, point, frame.coat_normal, wo);
 }
 
-// The lobes of a surface as `wo` sees them, which may be on the other side.
+// The lobes of a surface as seen from `wo`, which may lie on the side opposite to the normals of `b`.
 fn lobes_towards(b: Bsdf, wo: vec3<f32>) -> Bsdf {
     var s = b;
     if dot(wo, b.n_geo) < 0.0 {
@@ -75,7 +75,7 @@ fn with_anisotropy(b: Bsdf, point: MaterialPoint, frame: LobeFrame, wo: vec3<f32
     return a;
 }
 
-// Microfacets without a direction of their own.
+// The BSDF with isotropic microfacets: an arbitrary tangent, and one α for both axes.
 fn isotropic(b: Bsdf) -> Bsdf {
     var a = b;
     a.tangent = orthonormal_basis(b.n)[0];

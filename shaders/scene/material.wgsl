@@ -225,7 +225,7 @@ fn with_layer_texel(factors: MaterialPoint, kind: u32, slot: vec4<u32>, texel: v
     var p = factors;
     switch kind {
         case SLOT_SPECULAR: {
-            // As in Bevy: alpha scales a reflectance of one half, and reflectances are squared.
+            // Bevy multiplies the reflectance by alpha / 2; `dielectric_reflectance` holds the square of the reflectance.
             p.dielectric_reflectance *= 0.25 * texel.a * texel.a;
         }
         case SLOT_SPECULAR_TINT: {
@@ -267,7 +267,7 @@ fn with_layer_texel(factors: MaterialPoint, kind: u32, slot: vec4<u32>, texel: v
 }
 #endif
 
-// The second texture coordinates; the first ones for a mesh without.
+// The second texture coordinates; the first ones if the mesh has no second ones.
 #ifdef SECOND_UVS
 fn second_corner_uvs(instance: u32, triangle: u32) -> CornerUvs {
     if (instances[instance].flags & INSTANCE_SECOND_UV) == 0u {
@@ -286,7 +286,7 @@ fn second_corner_uvs(instance: u32, triangle: u32) -> CornerUvs {
 }
 #endif
 
-// The vertex color at a point, linear; white for a mesh without, and where the colors do not fit the device.
+// The vertex color at a point, linear; white if the mesh has none, and where the colors do not fit the device.
 #ifdef VERTEX_COLORS
 fn vertex_color_at(instance: u32, triangle: u32, b: vec2<f32>) -> vec4<f32> {
     if (instances[instance].flags & INSTANCE_VERTEX_COLORS) == 0u {

@@ -128,6 +128,7 @@ fn surface_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, wo: vec3<f3
     }
     let emits = (flags & MATERIAL_UNLIT) == 0u && (front || (flags & MATERIAL_DOUBLE_SIDED) != 0u);
     s.emission = guarded_3(select(vec3<f32>(0.0), point.emission, emits), GUARD_SURFACE);
+    // The emission of an unlit material is the radiance of base color 1.
     let unlit = point.base_color * point.emission;
     s.unlit = guarded_3(select(vec3<f32>(0.0), unlit, (flags & MATERIAL_UNLIT) != 0u), GUARD_SURFACE);
     s.bsdf.n = n * side;

@@ -8,7 +8,8 @@
 #import bevy_restir::bsdf::fresnel::schlick
 #import bevy_restir::bsdf::lobe_choice::{base_albedo, LOBE_PROBABILITY_MIN}
 #import bevy_restir::common::constants::{INSTANCE_MIRRORED, NONE}
-#import bevy_restir::common::math::{is_finite_3, luminance, max_component}
+#import bevy_restir::common::guard::{GUARD_THROUGHPUT, guarded_3}
+#import bevy_restir::common::math::{luminance, max_component}
 #import bevy_restir::common::ray::Hit
 #import bevy_restir::scene::bindings::instances
 #import bevy_restir::scene::lobes::isotropic
@@ -119,8 +120,10 @@ fn sample_entry(exit: Surface, u: vec4<f32>, alpha_seed: u32, previous: bool) ->
     e.surface = entry_surface(exit, hit, previous);
     let offset = e.surface.position - exit.position;
     let pdf = probe_pdf(offset, e.surface.bsdf.n_geo, frame, exit.radius);
-    e.weight = profile_per_area(exit.radius, length(offset)) * (f32(hits.count) / pdf);
-    e.valid = pdf > 0.0 && is_finite_3(e.weight) && max_component(e.weight) > 0.0;
+    if pdf > 0.0 {
+        e.weight = guarded_3(profile_per_area(exit.radius, length(offset)) * (f32(hits.count) / pdf), GUARD_THROUGHPUT);
+    }
+    e.valid = max_component(e.weight) > 0.0;
     return e;
 }
 

@@ -1,6 +1,7 @@
-// Probes: lines through a body that find where light enters it (King et al. 2013, "BSSRDF Importance Sampling").  A probe is drawn from nine
-// techniques: three axes about the normal, and the profiles of three channels.  Its density is the marginal over those techniques that can
-// reach the point, which corrects the published one (Werner et al. 2024): a technique whose sphere ends before the point does not count.
+// Probes: lines through a body that find where light enters it (King et al. 2013, "BSSRDF Importance Sampling").  A probe is drawn from
+// nine techniques: three axes (the normal and two tangents) times the profiles of three channels.  Its density is the marginal over those
+// techniques that can reach the point, which corrects the published one (Werner et al. 2024): a technique whose sphere ends before the
+// point does not count.
 #define_import_path bevy_restir::subsurface::probe
 
 #import bevy_restir::common::constants::TWO_PI

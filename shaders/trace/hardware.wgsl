@@ -127,8 +127,8 @@ fn is_valid_ray(ray: Ray) -> bool {
 // is opaque; those of other instances are passed over.
 fn traverse_instance(ray: Ray, instance: u32, alpha_seed: u32, previous: bool) -> ProbeHits {
     var hits = no_probe_hits();
-    // An empty top level has no candidates, so its root is not tested: with every kernel that reads `scene`, Mesa 25.0 offers no candidates
-    // here (docs/limits.md).
+    // The root is not tested as in `traverse`: an empty top level has no candidates anyway, and in a shader that reads `scene` Mesa 25.0
+    // finds no candidates here (docs/limits.md).
     if !is_valid_ray(ray) || instances[instance].blas_root == NONE {
         return hits;
     }

@@ -5,7 +5,7 @@
 #import bevy_restir::common::constants::{NONE, OVERFLOW_PROBE}
 #import bevy_restir::common::ray::trace_flags
 
-// Greatest number of hits.  A probe with more hits has none, in both directions of a shift, and OVERFLOW_PROBE is reported.
+// Greatest number of hits.  A probe with more hits counts as one without hits, in both directions of a shift, and reports OVERFLOW_PROBE.
 const PROBE_HITS_MAX: u32 = 8u;
 
 // Distance in a slot without a hit, beyond every ray.

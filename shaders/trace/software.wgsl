@@ -21,8 +21,8 @@ const STACK_SIZE: u32 = 40u;
 // llvmpipe silently ends the loops of a shader after 65,535 iterations in total, so the limit must stay well below that.
 const MAX_STEPS: u32 = 8192u;
 
-// Groups of nodes and primitives that wait, of both levels.  It belongs to the module: as a variable of a function it would be filled with
-// zeros for every ray, and as an argument it would be copied in HLSL, where naga writes a pointer as `inout`.
+// The stack holds the groups of nodes and primitives of both levels that wait.  It is a variable of the module: a variable of a function
+// would be filled with zeros for every ray, and an argument would be copied in HLSL, where naga writes a pointer as `inout`.
 var<private> stack: array<vec2<u32>, STACK_SIZE>;
 var<private> depth: u32;
 
@@ -176,8 +176,8 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
 }
 
 #ifdef SUBSURFACE
-// All hits on one instance, now or (`previous`) in the last frame, by its bottom-level tree alone.  A ray that sorts hits culls no box by
-// the hits that it has found, so that it shares the nodes with `traverse` and not the loop.
+// All hits on one instance, now or (`previous`) in the last frame, by its bottom-level tree alone.  Every hit is wanted,
+// so that hits do not shorten the ray: this function shares the tests of nodes with `traverse`, but not its loop.
 fn traverse_instance(ray: Ray, instance: u32, alpha_seed: u32, previous: bool) -> ProbeHits {
     var hits = no_probe_hits();
     let root = instances[instance].blas_root;

@@ -38,6 +38,8 @@ fn tree_ray(origin: vec3<f32>, direction: vec3<f32>) -> TreeRay {
     return TreeRay(sheared_ray(origin, direction), 1.0 / safe, (up.x | up.y | up.z) * 0x01010101u);
 }
 
+// `intersect_node` orders the hit bits by the ray's octant, with the nearest child highest; the exclusive or undoes this order.  Child
+// nodes are stored in the order of their slots, without gaps.
 fn nearest_child(children: vec2<u32>, octant: u32) -> NearestChild {
     let bit = firstLeadingBit(children.y);
     let slot = (bit - 24u) ^ (octant & 7u);

@@ -80,7 +80,7 @@ fn camera_point(camera: Camera, p: vec3<f32>) -> CameraPoint {
     return CameraPoint(at, inside, camera_ray(camera, at), (camera.world_from_view * vec4<f32>(near.xyz / near.w, 1.0)).xyz);
 }
 
-// Samples of one pixel at a distance from the camera, for each unit of area perpendicular to its ray, which is uniform in the pixel.
+// Density of a camera ray that is uniform in its pixel, at a distance: samples per unit of area perpendicular to the ray, 1/m².
 // `direction`: of the ray, to either end.
 fn camera_density(camera: Camera, direction: vec3<f32>, distance: f32) -> f32 {
     let half = abs(vec2<f32>(camera.view_from_clip[0].x, camera.view_from_clip[1].y));

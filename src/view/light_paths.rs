@@ -67,6 +67,8 @@ pub(crate) struct LightPaths {
     pub(crate) heads: u64,
     /// Light of connections with light sub-paths, if there are any.
     pub(crate) connections: Option<TextureView>,
+    /// The counts that the buffers are made for.
+    counts: LightPathCounts,
     /// Sub-paths that the light map and the light vertex cache hold.
     capacity: u64,
     cached: u64,
@@ -85,15 +87,17 @@ impl LightPaths {
             vertices: buffer(device, "light vertices", cached * LIGHT_VERTEX_SIZE, storage),
             map: buffer(device, "light map", heads + capacity * SPLATS_SIZE, storage),
             heads,
+            counts,
             capacity,
             cached,
             pixels: pixels(size),
         }
     }
 
-    /// Whether the buffers have the right size for this number of sub-paths.
+    /// Whether the buffers and the history of splats are those of these counts.  Splats are part of the counts: a history without splats
+    /// would otherwise weigh on those of later frames.
     pub(super) fn fits(&self, counts: LightPathCounts) -> bool {
-        self.capacity == u64::from(counts.light_paths).max(1) && self.connections.is_some() == counts.connects
+        self.counts == counts
     }
 
     /// Names and bytes.

@@ -79,7 +79,7 @@ fn is_alone(test: &str) -> bool {
     false
 }
 
-/// Bevy learns of the loss before its next frame, as of that of a real device, which it waits for.
+/// Destroys the device, and waits until Bevy has been notified, as it is of the loss of a real device before its next frame.
 fn destroy_device(rig: &Rig) {
     let device = rig.app.world().resource::<RenderDevice>();
     device.wgpu_device().destroy();

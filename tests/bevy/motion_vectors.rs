@@ -2,6 +2,7 @@
 
 use crate::support::app::*;
 use bevy::{
+    camera::visibility::RenderLayers,
     math::{DMat4, DVec2, DVec3},
     prelude::*,
 };
@@ -58,6 +59,16 @@ impl Camera {
 
 /// Moves the square and the camera between two frames, and compares every pixel of the second frame with the projections.
 fn check(case: &str, square_moves: [Transform; 2], camera_moves: [Transform; 2]) {
+    check_edited(case, square_moves, camera_moves, |_, _| ());
+}
+
+/// Like [`check`], where the square is also edited in the frame of its motion.
+fn check_edited(
+    case: &str,
+    square_moves: [Transform; 2],
+    camera_moves: [Transform; 2],
+    edit: impl FnOnce(&mut Rig, Entity),
+) {
     let Some(mut rig) = Rig::new(SIZE.0, SIZE.1) else {
         return;
     };
@@ -67,6 +78,7 @@ fn check(case: &str, square_moves: [Transform; 2], camera_moves: [Transform; 2])
     rig.until_ready();
     rig.insert(object, square_moves[1]);
     rig.insert(rig.camera, camera_moves[1]);
+    edit(&mut rig, object);
     let moved = rig.next();
     let still = rig.next();
 
@@ -108,6 +120,18 @@ fn a_moving_object_has_the_motion_of_its_projection() {
     let from = Transform::from_xyz(0.1, -0.2, 0.0);
     check("along x and y", [from, Transform::from_xyz(0.35, 0.1, 0.0)], [eye(); 2]);
     check("toward the camera", [from, Transform::from_xyz(0.1, -0.2, 0.8)], [eye(); 2]);
+}
+
+#[test]
+fn an_object_that_changes_while_it_moves_has_the_motion_of_its_projection() {
+    let moves = [Transform::from_xyz(0.1, -0.2, 0.0), Transform::from_xyz(0.35, 0.1, 0.4)];
+    check_edited("another color", moves, [eye(); 2], |rig, object| {
+        let paint = rig.material_of(object);
+        rig.edit(&paint, |material| material.base_color = Color::linear_rgb(0.9, 0.1, 0.1));
+    });
+    check_edited("other layers", moves, [eye(); 2], |rig, object| {
+        rig.insert(object, RenderLayers::from_layers(&[0, 1]))
+    });
 }
 
 #[test]

@@ -63,7 +63,7 @@ fn turn_around(axis: DVec3, d: DVec3) -> f64 {
     (d.dot(axis.cross(x)).atan2(d.dot(x)) / TAU).rem_euclid(1.0)
 }
 
-/// A direction by the cosine: its squared cosine and its azimuth.
+/// The two uniform numbers of a cosine-distributed direction: its squared cosine and its azimuth.
 fn by_cosine(ray: &Ray) -> [f64; 2] {
     let (n, d) = (wide(ray.normal), wide(ray.direction));
     [n.dot(d).powi(2), turn_around(n, d)]

@@ -100,7 +100,7 @@ fn the_profile_and_its_inverse_equal_the_oracle() {
         close(a.profile, profile(r), 1e-5, 1e-12);
         close(a.pdf, profile(r) / total(), 1e-5, 1e-12);
         close(a.inverse, cdf(r) / total(), 1e-6, 3e-7);
-        // The density falls quickly: rounding of u shifts a great radius, and near the core a small one.
+        // Rounding of u shifts the radius by the error of u over the radial density 2πr p, which is small at great radii and near the core.
         let slack = 4e-7 / (TAU * inverse(u).max(1e-6) * profile(inverse(u)));
         close(a.radius, inverse(u), 1e-4, 1e-6 + slack);
         let [t, b, n] = [a.tangent, a.bitangent, q.normal].map(wide);

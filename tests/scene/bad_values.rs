@@ -1,5 +1,5 @@
-//! Bad numbers in every field, and bad meshes, while an app runs, for every technique: the app survives, the picture stays finite, and with
-//! the good value it is the picture of before, bit for bit.
+//! Bad numbers in every field, and bad meshes, while an app runs, for every technique: the app survives, the picture stays finite, and
+//! with the good value restored it equals the earlier picture bit for bit.
 
 use crate::support::{
     app::*,
@@ -275,7 +275,7 @@ fn broken_meshes_leave_no_trace() {
     // Bevy computes the box of a mesh once.
     scene.rig.insert(scene.object, Aabb::default());
     scene.with_every_technique(|scene, technique, good| {
-        // What becomes of a mesh does not depend on the technique, so that all meshes are tried with one.
+        // The handling of a mesh does not depend on the technique, so that all meshes are tried with one technique only.
         let step = if technique == Technique::Pt { 1 } else { 7 };
         for (name, mesh) in broken_meshes().into_iter().step_by(step) {
             let name = format!("{technique:?}: {name}");

@@ -1,4 +1,4 @@
-//! Instances that reach 1e18 m: the trees over them are built, and what lies beyond is left out with one warning.
+//! Instances that reach 1e18 m: the trees over them are built, and an instance beyond that is left out with one warning.
 
 use crate::support::{app::*, bad_numbers::assert_no_errors, log};
 use bevy::prelude::*;

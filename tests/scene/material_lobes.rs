@@ -169,7 +169,8 @@ fn a_thin_wall_does_not_change_the_medium() {
     let expected = 4.0 * Vec3::new(0.64, 0.25, 0.09);
     let seen = rig.picture(1).center();
     assert!((seen - expected).abs().max_element() < 1e-3, "{seen}, not {expected}");
-    // With the pane there is a third event.  Roulette lets 0.64 of the paths survive it, its greatest throughput, and weights them by 1/0.64.
+    // With the pane there is a third event.  Roulette lets a path survive it with the probability of its greatest throughput, 0.64, and
+    // divides its light by that.
     let (survival, survivor) = (0.64, expected / 0.64);
     for turned in [0.0, core::f32::consts::PI] {
         let pane =

@@ -12,7 +12,7 @@ use bevy::{
 };
 use bevy_restir::{Direct, Restir, Technique};
 
-/// The compilation of a technique's pipelines takes most of the time of these tests.
+/// The techniques of the first tier: the compilation of a technique's pipelines takes most of the time of these tests.
 const TWO: &[Technique] = &[Technique::Di, Technique::Pt];
 const ALL: &[Technique] = &Technique::ALL;
 

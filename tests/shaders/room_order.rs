@@ -1,6 +1,6 @@
 //! The rooms (folders) of `src/` and `shaders/` import one another in one direction only.
 //!
-//! To allow a new edge, edit a table below.  The tables must stay free of circles.
+//! To allow a new edge, edit a table below.  The tables must stay free of cycles.
 
 use std::{fs, path::Path};
 

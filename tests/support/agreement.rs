@@ -8,8 +8,8 @@ const RESTARTS: u32 = 8;
 const FRAMES: u32 = 6;
 const ERRORS: f64 = 4.5;
 
-/// Asserts that every technique has the mean of the reference, whose standard error must be below `precision` of it: DI that of direct
-/// light, the others that of all light.
+/// Asserts that every technique has the mean of the reference: DI at one bounce, the others at the bounces of the camera.  The relative
+/// standard error must be below `precision`; otherwise the test has no power.
 pub fn assert_techniques_agree(rig: &mut Rig, what: &str, precision: f64) {
     let bounces = rig.get_mut::<Restir>(rig.camera).bounces;
     for (bounces, techniques) in [(1, &[Technique::Di][..]), (bounces, &[Technique::Gi, Technique::Pt])] {

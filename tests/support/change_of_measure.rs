@@ -17,12 +17,12 @@ pub struct Measure {
 }
 
 impl Measure {
-    /// From the pixels of independent pictures: x is what leaves, and y what arrives.
+    /// From the pixels of independent pictures: x is the measure of the samples that leave, and y of those that arrive.
     pub fn of(frames: &[Vec<Vec3>]) -> Self {
         let sum = |of: fn(&Vec3) -> f32| frames.iter().map(move |f| f.iter().map(|c| f64::from(of(c))).sum());
         let (mean, _) = mean_and_error(sum(|c| 0.5 * (c.x + c.y)));
         let (difference, error) = mean_and_error(sum(|c| c.x - c.y));
-        // What leaves a tile, and what its partner receives.
+        // The measure that leaves a tile is compared with the measure that arrives at the partner of the tile.
         let tile = |x: usize, y: usize, of: fn(&Vec3) -> f32| -> Vec<f64> {
             let pixels = move |f: &Vec<Vec3>| (0..16).map(|i| f64::from(of(&f[(y + i / 4) * SIZE + x + i % 4]))).sum();
             frames.iter().map(pixels).collect()

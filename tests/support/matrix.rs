@@ -127,7 +127,7 @@ impl Stage {
         })
     }
 
-    /// The comparison of a row that counts, and before it the failure at the first length, if there was one.
+    /// The comparison that counts for a row; before it, if the row failed at the first length, that failure.
     fn compare(&mut self, folder: &Path, row: &impl Row) -> Vec<Comparison> {
         self.truth(folder, row);
         let truth = self.truth.as_mut().expect("it was just made");

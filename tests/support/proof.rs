@@ -110,7 +110,7 @@ impl Subject for AllLight {
     }
 }
 
-/// The restarts of a reference, which are continued once at most: when a technique fails.
+/// The restarts of a reference.  When a technique fails, more of them are rendered, but only once.
 pub struct Growing {
     pub restarts: Restarts,
     has_grown: bool,
@@ -236,8 +236,8 @@ impl Proof<'_> {
         }
     }
 
-    /// Makes one in 25 reservoirs of the history NaN in every frame, whatever its content.  Asserts that the picture is noisier and not darker, that the
-    /// guard of reservoirs stops every NaN, and that no NaN is left in the history once the errors stop.
+    /// Breaks one in 25 reservoirs of the history in every frame by NaN, infinities and -1.  Asserts that the mean of the picture stays,
+    /// that the guard of reservoirs and no other one is raised, and that all numbers are sound again once the errors stop.
     pub fn survives_nan(&self, rig: &mut Rig, subjects: &[impl Subject]) {
         let reference = self.truth(rig, 1000);
         rig.assert_sound();

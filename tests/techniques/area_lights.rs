@@ -40,7 +40,7 @@ fn a_sphere_light_lights_a_plane_like_a_point_at_its_center() {
     };
     let light = rig.spawn_bundle((ball(1000.0, 0.9), at(1.5).with_scale(Vec3::splat(7.0))));
     check_mean(&mut rig, 64, "ball", expected(1.5));
-    // The sphere surrounds the camera, whose rays ignore it; and the sphere is as small as it can be seen.
+    // First a sphere around the camera, whose rays ignore it; then a tiny one.
     *rig.get_mut::<PointLight>(light) = ball(1000.0, 2.0);
     rig.insert(light, at(5.2));
     check_mean(&mut rig, 64, "around the camera", expected(5.2));

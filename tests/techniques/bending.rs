@@ -81,3 +81,42 @@ fn histories_follow_bodies_that_bend() {
         assert!(4 * kept > 3 * shown && shown > 600, "frame {frame}: {kept} of {shown} pixels kept their history");
     }
 }
+
+/// In a frame in which a body is edited and bends, the receivers of the last frame are where it was then.
+#[test]
+fn histories_follow_bodies_that_change_their_color_while_they_bend() {
+    let kept = |is_painted: bool| {
+        let mut rig = scene(64, |rig| {
+            spawn_skinned(rig, "body", tube(), lambert(0.7));
+            rig.spawn(square(0.8), lamp(6.0, 6.0, 6.0), facing(Vec3::new(0.5, 1.5, 2.0), Vec3::ZERO));
+        })?;
+        let body = rig.named("body");
+        let paint = rig.material_of(body);
+        // It turns by a quarter of a circle from frame to frame.
+        let pose = |rig: &mut Rig, frame: u32| {
+            let foot = Transform::from_xyz(-0.2, -1.5, 0.5).with_scale(Vec3::new(4.0, 1.7, 1.0));
+            set_joints(rig, body, &swaying(foot, 0.4 * frame as f32, 2.0));
+        };
+        rig.set(|r| {
+            r.technique = Technique::Di;
+            r.direct = Direct { reuse: Reuse { confidence_cap: 30.0, ..di::temporal().reuse }, ..di::temporal() };
+            r.debug_view = DebugView::ReservoirConfidence;
+        });
+        pose(&mut rig, 0);
+        rig.until_ready();
+        rig.set(|r| r.reset = true);
+        rig.frame();
+        let mut kept = 0;
+        for frame in 1..8 {
+            pose(&mut rig, frame);
+            if is_painted {
+                rig.edit(&paint, |m| m.base_color = Color::linear_rgb(0.7, 0.1 * frame as f32, 0.5));
+            }
+            kept += rig.next().iter().filter(|(_, c)| c.x > 1.0).count();
+        }
+        Some(kept)
+    };
+    let (Some(plain), Some(painted)) = (kept(false), kept(true)) else { return };
+    eprintln!("{plain} pixels kept their history; {painted} of a body that changed its color");
+    assert!(plain > 2000 && 50 * plain.abs_diff(painted) < plain, "{plain} and {painted}");
+}

@@ -22,7 +22,7 @@ fn wall() -> Option<Rig> {
     Some(rig)
 }
 
-/// The confidence after each frame in the interior of the image, where samples of the last frame lose a share of theirs.
+/// The confidence after each frame in the interior of the image, where samples of the last frame lose the share `loss` of their confidence.
 fn expected(reuse: &Reuse, loss: f64) -> Vec<f64> {
     let (cap, neighbors) = (f64::from(reuse.confidence_cap), f64::from(reuse.spatial_samples));
     let temporal = f64::from(u8::from(reuse.temporal));
@@ -33,7 +33,7 @@ fn expected(reuse: &Reuse, loss: f64) -> Vec<f64> {
             let now = match reuse.order {
                 // All inputs are those of the last frame.
                 ReuseOrder::Spatiotemporal => 1.0 + (temporal + neighbors) * history,
-                // First the history, then neighbors that have had theirs.
+                // Each pixel resamples its history first, and then neighbors that have done the same.
                 _ => {
                     let own = 1.0 + temporal * history;
                     own + neighbors * own.min(cap)

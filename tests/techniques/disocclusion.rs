@@ -1,4 +1,4 @@
-//! Where a surface comes into view from behind an object that moves.
+//! Surfaces that come into view from behind a moving object: with dual motion vectors they take the history of the surface beside it.
 
 use crate::support::{app::*, proof::Subject, reuse_settings::*};
 use bevy::prelude::*;
@@ -26,7 +26,7 @@ fn pixels_without_history(rig: &mut Rig, bar: Entity, dual_motion: bool, camera_
     let mut found = 0;
     for i in 0..6 {
         place(rig, -0.6 + 0.2 * (i + 1) as f32);
-        // The border of the image shows what was outside of it.
+        // Surfaces at the border of the image were outside of it in the last frame.
         let inside = |at: &UVec2| (8..SIZE - 8).contains(&at.x);
         found += rig.next().iter().filter(|(at, c)| inside(at) && c.x == 1.0).count();
     }

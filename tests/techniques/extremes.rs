@@ -1,5 +1,5 @@
-//! Pictures do not depend on the scale, position or brightness of the scene, except for rounding.  Pictures of ReSTIR are of the last
-//! frame, with its history.
+//! Pictures do not depend on the scale, position or brightness of the scene, except for rounding.  For ReSTIR, the last of several
+//! frames is compared, so that its history takes part.
 
 use crate::support::{
     agreement::assert_techniques_agree,

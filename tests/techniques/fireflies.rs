@@ -1,4 +1,4 @@
-//! The limit of bright pixels, against the same limit in f64, and what it must not touch.
+//! The limit of bright pixels equals the same limit in f64, and leaves histories and means of frames untouched.
 
 use crate::support::{
     app::*,

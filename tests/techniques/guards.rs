@@ -16,7 +16,7 @@ const NAN: u32 = 0x7fc0_0000;
 const INFINITY: u32 = 0x7f80_0000;
 const MINUS_ONE: u32 = 0xbf80_0000;
 
-/// What the kernel `guard` writes for a number.
+/// The output of the kernel `guard` for one number.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 struct Out {

@@ -12,7 +12,7 @@ use bevy_restir::{Bdpt, DebugView, Jitter, LightTechniques, Paths, Restir, Reuse
 use std::collections::BTreeMap;
 
 const SIZE: u32 = 32;
-/// Pixels of a meter.
+/// Pixels per meter.
 const SCALE: f32 = 8.0;
 
 /// A sphere and the center of its pixels.

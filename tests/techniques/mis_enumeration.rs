@@ -63,9 +63,9 @@ fn bias_of_one_pass(d: &[Domain; 2], c: [f64; 2], rays: Rays, weigh: Weigh, orde
     relative(expected, d[0].integral())
 }
 
-/// The bias of a second iteration, in which each pixel resamples what both selected in the first one.
+/// The bias of a second iteration, in which each pixel resamples the samples that both pixels selected in the first one.
 fn bias_of_two_passes(d: &[Domain; 2], c: [f64; 2], rays: Rays, weigh: Weigh) -> [f64; 2] {
-    // Seen from the second pixel, the second pixel is the first one, and shifts fail at the same points.
+    // The two pixels with exchanged roles; shifts fail at the same points as before.
     let mut back = [d[1].clone(), d[0].clone()];
     back[1].shiftable.clone_from(&d[1].shiftable);
     let inputs = [0, 1].map(|i| with_confidence(candidates(&d[i], 1, rays), c[i]));

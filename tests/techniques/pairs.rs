@@ -1,5 +1,5 @@
-//! Paired spatial reuse: partners are a random involution of the pixels, pixels of pairs agree on the pairs that they use, and the picture is that
-//! of the reference for half the rays.
+//! Paired spatial reuse: partners are a random involution of the pixels, both pixels of a pair agree whether they use it, and the picture
+//! is that of the reference for half the rays.
 
 use crate::support::{
     app::{Rig, plant_edits},
@@ -33,7 +33,7 @@ fn case(random: &mut Random, bits: u32) -> Case {
 fn the_partner_of_a_partner_is_the_pixel() {
     let Some(gpu) = gpu() else { return };
     let mut random = Random(7);
-    // Beyond the first tile, so that partners have coordinates, too.
+    // Far from the left and the upper border, so that no partner has a negative coordinate.
     let cases: Vec<Case> = (0..40_000)
         .map(|i| {
             let [x, y, rest @ ..] = case(&mut random, 2 + i % 9);
@@ -212,7 +212,7 @@ fn replay_compaction_changes_no_pixel() {
         from: "MAX_WORKGROUPS: u32 = 65535u",
         to: "MAX_WORKGROUPS: u32 = 1u",
     };
-    // Edits of `replays` that take shifts with rays for shifts without.
+    // Edits of `replays` by which shifts that trace rays count as shifts that trace none.
     let no_paths = ("return !(s.reconnection == 2u || ends_at_first) || drawn_choice", "return drawn_choice");
     let no_probes = ("ends_at_first) || drawn_choice(first, s.seed, 1u).below;", "ends_at_first);");
     for (make, planted) in [(mirrors as fn(&mut Rig), no_paths), (translucent_room, no_probes)] {
@@ -234,7 +234,7 @@ fn replay_compaction_changes_no_pixel() {
         assert_eq!(picture(gi, true, &[]), picture(gi, false, &[]));
         let together = picture(pt, false, &[]);
         assert_eq!(picture(pt, true, &[]), together);
-        // A queue that is longer than its workgroups are at once.
+        // One workgroup for the whole queue, so that each of its threads takes several entries.
         assert_eq!(picture(pt, true, &[few_workgroups]), together);
         let planted = ShaderEdit { module: "restir/shift/hybrid.wgsl", from: planted.0, to: planted.1 };
         assert_ne!(picture(pt, true, &[planted]).0, picture(pt, false, &[planted]).0);

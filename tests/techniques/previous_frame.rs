@@ -70,7 +70,8 @@ fn start() -> Option<(Rig, Vec<Picture>)> {
     Some((rig, emitted))
 }
 
-/// For each quantity of the kernel, the number of places where the last frame reads differently than it was, and the number of places.
+/// For each quantity of the kernel, the number of places where a frame reads the last frame differently than that frame read itself; and
+/// the number of all places.
 fn differences(rig: &mut Rig, emitted: &[Picture]) -> ([u32; 8], u32) {
     pose(rig, 0);
     rig.until_ready();
@@ -82,7 +83,7 @@ fn differences(rig: &mut Rig, emitted: &[Picture]) -> ([u32; 8], u32) {
         let now = rig.next();
         let dark = [step as usize - 1, step as usize].map(|step| &emitted[step]);
         for (at, _) in now.iter().filter(|(at, _)| at.x % 2 == 0) {
-            // Jitter moves edges by a pixel: emission may be near.
+            // Places beside a visible emitter are left out, because jitter moves edges by a pixel.
             let near = |p: &&Picture| {
                 (0..3).all(|d| p.at((at.x + d).saturating_sub(1).min(SIZE - 1), at.y) == Vec3::ZERO)
                     && (0..3).all(|d| p.at(at.x + 1, (at.y + d).saturating_sub(1).min(SIZE - 1)) == Vec3::ZERO)
@@ -107,14 +108,14 @@ fn the_last_frame_reads_as_it_was() {
     let (different, all) = differences(&mut rig, &emitted);
     eprintln!("{different:?} of {all} each");
     assert!(all > 500, "{all}");
-    // A traced ray may pass an edge on the other side where f32 inverts the transform of the last frame.
+    // The inverse of the last frame's transform is rounded to f32, which may move a traced ray to the other side of an edge.
     assert!(
         (0..8).all(|row| different[row] <= if matches!(row, 4 | 5) { all / 100 } else { 0 }),
         "{different:?} of {all}"
     );
 }
 
-/// Reads of the last frame that read this one.
+/// Edits that make a read of the last frame read this frame.
 const WRONG: [(&str, &str, &str, &str); 9] = [
     (
         "transform",

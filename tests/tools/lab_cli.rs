@@ -107,7 +107,7 @@ fn figures_follow_their_definitions() {
     {
         assert!(is_near(&spotted[key], wanted), "{key} is {wanted}: {spotted}");
     }
-    // Next to a dark pixel of the reference, a black pixel may be what lies behind an edge.
+    // A black pixel beside a dark pixel of the reference is not counted: it may show the dark surface at a silhouette.
     write(&folder, "edge.exr", [10, 10], |x, y| [if (x, y) == (6, 6) { 0.01 } else { 1.0 }; 3]);
     assert_eq!(compared(&folder, "spots.exr", "edge.exr", &[])["black"], 0.0);
     // Without a complete tile, the figures of tiles are empty.

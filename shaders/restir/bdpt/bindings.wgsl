@@ -1,4 +1,4 @@
-// Group 2 of the pass that joins sub-paths, besides what `restir::bindings` binds.
+// Group 2 of the pass that joins sub-paths, in addition to `restir::bindings`.
 #define_import_path bevy_restir::restir::bdpt::bindings
 
 #import bevy_restir::restir::bdpt::light_vertex::PackedLightVertex

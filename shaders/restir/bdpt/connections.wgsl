@@ -5,11 +5,12 @@
 #import bevy_restir::bsdf::bsdf::{bsdf_is_delta, bsdf_pdf, bsdf_sample, bsdf_terms}
 #import bevy_restir::bsdf::types::{bsdf_is_thin, BsdfSample}
 #import bevy_restir::common::constants::{FAR, NONE}
-#import bevy_restir::common::math::{is_finite_3, max_component}
+#import bevy_restir::common::guard::{GUARD_LIGHT_CONTRIBUTION, guarded_3}
+#import bevy_restir::common::math::max_component
 #import bevy_restir::common::ray::Ray
 #import bevy_restir::common::rng::{Rng, rng_1, rng_3, rng_bits}
 #import bevy_restir::path::bidirectional_mis::{mis_arrive, mis_camera_start, mis_connection_weight, mis_scatter, mis_scatter_delta, MisEnd, MisState}
-#import bevy_restir::path::light_path::{scattered_value, surface_towards}
+#import bevy_restir::path::light_path::{arrival_cosine, scattered_value, surface_towards}
 #import bevy_restir::path::medium::transmittance
 #import bevy_restir::path::scattering::{scattering_vertex, ScatteringVertex}
 #import bevy_restir::path::shadow_ray::ray_between
@@ -42,7 +43,7 @@ struct CameraWalk {
 // Radiance towards the camera from the surface of a pixel.  `camera_density`: of the camera's rays at the surface.
 fn sample_connections(first: Vertex, camera_density: f32, rng: ptr<function, Rng>) -> vec3<f32> {
     let start = mis_camera_start(f32(settings.splats), camera_density);
-    let arrived = mis_arrive(start, 1.0, abs(dot(first.surface.bsdf.n_geo, first.wo)));
+    let arrived = mis_arrive(start, 1.0, arrival_cosine(first.surface, first.wo));
     var w = CameraWalk(first, arrived, vec3<f32>(1.0), 1u, vec3<f32>(1.0), true, 1.0);
     var light = vec3<f32>(0.0);
     let probe_seed = rng_bits(rng).x;
@@ -54,7 +55,7 @@ fn sample_connections(first: Vertex, camera_density: f32, rng: ptr<function, Rng
         }
         w = leaving(w, from_vertex);
         if !bsdf_is_delta(w.v.surface.bsdf) {
-            light += finite(w.throughput * connection_light(w, rng));
+            light += guarded_3(w.throughput * connection_light(w, rng), GUARD_LIGHT_CONTRIBUTION);
         }
         let b = bsdf_sample(w.v.surface.bsdf, w.v.wo, rng_3(rng));
         if b.valid == 0u {
@@ -80,7 +81,7 @@ fn sample_connections(first: Vertex, camera_density: f32, rng: ptr<function, Rng
         let cone = cone_along(cone_after(w.v.cone, b.delta != 0u), hit.t);
         let next = surface_at(hit.instance, hit.triangle, hit.barycentrics, -b.wi, cone, false);
         w.throughput *= transmittance(medium, hit.t);
-        w.state = mis_arrive(w.state, hit.t * hit.t, abs(dot(next.bsdf.n_geo, b.wi)));
+        w.state = mis_arrive(w.state, hit.t * hit.t, arrival_cosine(next, b.wi));
         w.v = Vertex(next, -b.wi, medium, cone);
         w.index = index + 1u;
     }
@@ -101,11 +102,6 @@ fn leaving(walk: CameraWalk, from_vertex: ScatteringVertex) -> CameraWalk {
         }
     }
     return w;
-}
-
-// A value that overflows counts as black.
-fn finite(v: vec3<f32>) -> vec3<f32> {
-    return select(vec3<f32>(0.0), v, is_finite_3(v));
 }
 
 // Throughput and state after scattering; the state does not yet hold for the next vertex.
@@ -148,8 +144,12 @@ fn connection_light(w: CameraWalk, rng: ptr<function, Rng>) -> vec3<f32> {
     let wi = d * inverseSqrt(max(d2, 1.0e-37));
     let terms = bsdf_terms(x.bsdf, w.v.wo, wi);
     let cos_y = abs(dot(y.bsdf.n_geo, wi));
-    let value = terms.f * scattered_value(y, -wi, p.towards_light) * p.throughput * (cos_y / d2 * f32(p.count));
-    if !(max_component(value) > 0.0) || !is_finite_3(value) || trace_any(ray_between(x, y), alpha_seed, false) {
+    if !(d2 > 0.0) {
+        return vec3<f32>(0.0);
+    }
+    let scattered = terms.f * scattered_value(y, -wi, p.towards_light);
+    let value = guarded_3(scattered * p.throughput * (cos_y / d2 * f32(p.count)), GUARD_LIGHT_CONTRIBUTION);
+    if !(max_component(value) > 0.0) || trace_any(ray_between(x, y), alpha_seed, false) {
         return vec3<f32>(0.0);
     }
     let from_light = surface_towards(y, p.towards_light);

@@ -70,8 +70,8 @@ fn replayed_diffuse_share(path: u32, frame: u32, light: u32, events: u32) -> vec
 }
 #endif
 
-// The state is a ratio of other techniques' densities to that of the light sub-path, which MIS weights multiply by this share
-// (`LightShares`).
+// The state holds ratios of the densities of other techniques to that of the light sub-path.  MIS weights multiply the latter by this share
+// (`LightShares`), so that the ratios are divided by it.
 fn over_share(s: MisState, share: f32) -> MisState {
     return MisState(s.last / share, s.earlier / share);
 }

@@ -3,9 +3,10 @@
 #define_import_path bevy_restir::restir::bdpt::splat
 
 #import bevy_restir::bsdf::bsdf::{bsdf_is_delta, bsdf_pdf}
-#import bevy_restir::common::constants::{MATERIAL_CULL_BACK, MATERIAL_CULL_FRONT, NONE}
-#import bevy_restir::common::math::{is_finite_3, luminance}
-#import bevy_restir::common::ray::Ray
+#import bevy_restir::common::constants::{MATERIAL_CULL_BACK, MATERIAL_CULL_FRONT, NONE, OVERFLOW_STEPS}
+#import bevy_restir::common::guard::{GUARD_LIGHT_CONTRIBUTION, guarded_3}
+#import bevy_restir::common::math::luminance
+#import bevy_restir::common::ray::{Ray, trace_flags}
 #import bevy_restir::path::bidirectional_mis::mis_splat_weight
 #import bevy_restir::path::light_path::{LightWalk, scattered_value}
 #import bevy_restir::restir::bdpt::techniques::{SPLATS, technique_weight}
@@ -50,8 +51,9 @@ fn splat_of(w: LightWalk, alpha_seed: u32, previous: bool) -> Splat {
     let cosine = abs(dot(s.bsdf.n_geo, wo));
     let density = camera_density(camera, wo, depth);
     let weight = mis_splat_weight(density, f32(settings.splats), cosine, w.state, bsdf_pdf(s.bsdf, wo, w.towards_light));
-    let value = w.throughput * scattered_value(s, wo, w.towards_light) * (technique_weight(weight, SPLATS) * cosine * density / f32(settings.splats));
-    if !(luminance(value) > 0.0) || !is_finite_3(value) {
+    let scale = technique_weight(weight, SPLATS) * cosine * density / f32(settings.splats);
+    let value = guarded_3(w.throughput * scattered_value(s, wo, w.towards_light) * scale, GUARD_LIGHT_CONTRIBUTION);
+    if !(luminance(value) > 0.0) {
         return no_splat();
     }
     if !is_visible_to_camera(point, offset_point(s.position, s.bsdf.n_geo, wo, s.offset), alpha_seed, previous) {
@@ -102,5 +104,6 @@ fn is_visible_to_camera(point: CameraPoint, end: vec3<f32>, alpha_seed: u32, pre
         }
         ray.t_min = hit.t * (1.0 + 0x1p-20);
     }
+    trace_flags |= OVERFLOW_STEPS;
     return false;
 }

@@ -135,8 +135,8 @@ fn shift_result_of(e: Evaluated) -> ShiftResult {
     return e.shifted.result;
 }
 
-// What paired reuse keeps of a shift to a visible path, and the shift of the same path from it.  Within a frame the light after the
-// reconnection vertex and its rivals stay as they are.
+// Paired reuse keeps the contribution and the Jacobian of a shift to a visible path (`kept_shift`), and restores the shift from them
+// (`shift_from`).  Within a frame the light after the reconnection vertex and its rivals stay as they are.
 fn kept_shift(e: Evaluated) -> vec4<f32> {
     return vec4<f32>(e.f, e.shifted.jacobian);
 }

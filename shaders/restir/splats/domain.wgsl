@@ -1,9 +1,9 @@
 // The domain of splats: light sub-paths whose end the camera sees.  Samples are reused from the last frame only, by random replay (Hedstrom
 // et al. 2025, 5 and A).  It defines the functions that the resampling routine (`pass/reuse.wgsl`) calls.
 //
-// The measure is the count of lights times primary sample space, so that the Jacobian of the shift is 1.  A replayed sub-path lands in a
-// pixel of its own choice.  Two passes before the routine (`pass/splats_forward.wgsl`, `pass/splats_gather.wgsl`) replay the samples of the
-// last frame in this one and give each pixel one of those that land in it, which is its only neighbor.
+// The measure is the counting measure of lights times primary sample space, so that the Jacobian of the shift is 1.  A replayed sub-path
+// lands in a pixel of its own choice.  Two passes before the routine (`pass/splats_forward.wgsl`, `pass/splats_gather.wgsl`) replay the
+// samples of the last frame in this one and give each pixel one of those that land in it, which is its only neighbor.
 #define_import_path bevy_restir::restir::splats::domain
 
 #import bevy_restir::common::constants::NONE
@@ -86,7 +86,8 @@ fn evaluate(r: Receiver, s: Reservoir) -> Evaluated {
     return Evaluated(select(contribution_of(splat, s.light), vec3<f32>(0.0), splat.pixel == NONE));
 }
 
-// Share of a sample's light that the surface of its vertex scatters diffusely.  The color of the pixel's own sample is that of all its splats.
+// Share of a sample's light that the surface of its vertex scatters diffusely.  The pixel's own sample stands for all splats of this
+// frame with their color (`pass/splats.wgsl`), and `handed_on` holds the share of all of them.
 #ifdef SPLIT_LIGHT
 fn diffuse_share(r: Receiver, s: Reservoir, handed_on: f32) -> vec3<f32> {
     if s.frame == view.frame {

@@ -8,7 +8,8 @@
 
 #import bevy_restir::bsdf::bsdf::bsdf_eval
 #import bevy_restir::common::constants::NONE
-#import bevy_restir::common::math::{is_finite, is_finite_3, luminance, max_component}
+#import bevy_restir::common::guard::{GUARD_LIGHT_CONTRIBUTION, guarded_3}
+#import bevy_restir::common::math::{is_finite, luminance, max_component}
 #import bevy_restir::common::ray::Hit
 #import bevy_restir::common::rng::unit_float
 #import bevy_restir::light::point_on_light::light_point_at
@@ -111,7 +112,7 @@ fn contribution_of(p: EntryPoint, l: LightSample) -> vec3<f32> {
     }
     let medium = transmittance(medium_towards(p.surface, l.wi, vec3<f32>(0.0)), l.distance);
     let f = p.carried * bsdf_eval(p.surface.bsdf, p.surface.bsdf.n, l.wi) * l.radiance * medium / l.pdf_solid_angle;
-    return select(vec3<f32>(0.0), f, is_finite_3(f));
+    return guarded_3(f, GUARD_LIGHT_CONTRIBUTION);
 }
 
 // The hit of a sample's probe about a receiver; NONE if there are fewer hits.
@@ -199,7 +200,7 @@ fn apply_shift(r: Reservoir, a: ShiftResult) -> Reservoir {
     return shifted;
 }
 
-// The p̂ that a pixel stored is that of its own frame, which is the last frame for temporal reuse.
+// The reservoir stores p̂ as of the frame that wrote it.  Temporal reuse needs it as of that frame, so that it holds even where things moved.
 fn stores_target() -> bool {
     return true;
 }

@@ -50,8 +50,8 @@ enum InstanceProblem {
 pub(crate) struct InstancePool {
     slots: MainEntityHashMap<u32>,
     free: Vec<u32>,
-    /// Slots that the last frame used and this one does not: those of instances that have disappeared or were edited.
-    gone: Vec<u32>,
+    /// Slots that the last frame used and this one does not, with their entities: those of instances that have disappeared or were edited.
+    gone: Vec<(u32, MainEntity)>,
     /// By slot.
     records: Vec<GpuInstance>,
     /// By slot; `None` for free slots and those of instances that are gone.
@@ -161,7 +161,7 @@ impl InstancePool {
                 None => self.leave(entity),
             }
         }
-        self.retire();
+        self.retire(sources.bodies);
         let membership_changed = self.appeared || !self.gone.is_empty();
         self.membership_revision += u64::from(membership_changed);
         self.motion_revision += u64::from(self.moved || membership_changed);
@@ -175,7 +175,7 @@ impl InstancePool {
         (self.waiting, self.moved, self.appeared, self.left_out) = (false, false, false, 0);
         self.asset_wait.begin_frame();
         self.warned.begin_frame();
-        for slot in self.gone.drain(..) {
+        for (slot, _) in self.gone.drain(..) {
             self.records[slot as usize] = EMPTY_SLOT;
             self.dirty.push(slot);
             self.free.push(slot);
@@ -251,13 +251,13 @@ impl InstancePool {
     /// Gives up an instance that is not shown.
     fn leave(&mut self, entity: MainEntity) {
         if let Some(slot) = self.slots.remove(&entity) {
-            self.give_up(slot);
+            self.give_up(slot, entity);
         }
     }
 
-    /// Gives up a slot.  It keeps its record until the next frame.
-    fn give_up(&mut self, slot: u32) {
-        self.gone.push(slot);
+    /// Gives up a slot of an entity.  It keeps its record until the next frame.
+    fn give_up(&mut self, slot: u32, entity: MainEntity) {
+        self.gone.push((slot, entity));
         let Some(old) = self.live[slot as usize].take() else { return };
         self.top.changed |= old.ray_mask != 0;
         self.emitters_changed |= old.emits;
@@ -266,14 +266,17 @@ impl InstancePool {
     }
 
     /// Marks the slots of instances that have disappeared, and those that edited instances had.
-    fn retire(&mut self) {
-        for &slot in &self.gone {
+    fn retire(&mut self, bodies: &BodyPool) {
+        for &(slot, entity) in &self.gone {
             let record = &mut self.records[slot as usize];
-            // A body that has disappeared is not posed, so that its triangles are still those of the last frame.
+            // The body of an edited instance is posed in this frame, and its triangles of the last frame lie behind the new ones.  A body that
+            // has disappeared is not posed, so that its first triangles are still those of the last frame.
+            let is_posed = bodies.get(entity).is_some_and(|body| body.triangles().start == record.first_triangle);
+            let outdated = if is_posed { INSTANCE_APPEARED } else { INSTANCE_APPEARED | INSTANCE_DEFORMED };
             *record = GpuInstance {
                 previous_world_from_object: record.world_from_object,
                 first_light: NONE,
-                flags: record.flags & !(INSTANCE_APPEARED | INSTANCE_DEFORMED) | INSTANCE_GONE,
+                flags: record.flags & !outdated | INSTANCE_GONE,
                 ..*record
             };
             self.dirty.push(slot);
@@ -312,10 +315,15 @@ impl InstancePool {
             }
         };
         self.slots.insert(entity, slot);
+        let mut keeps_triangles = false;
         if let Some(last) = last {
-            self.give_up(last);
+            keeps_triangles = self.records[last as usize].first_triangle == instance.first_triangle;
+            self.give_up(last, entity);
         }
-        instance.previous_world_from_object = instance.world_from_object;
+        // Points on an edited instance were on the same triangles in the last frame, so that their motion has a meaning.
+        if !keeps_triangles {
+            instance.previous_world_from_object = instance.world_from_object;
+        }
         instance.first_light = NONE;
         instance.flags |= INSTANCE_APPEARED;
         self.appeared = true;

@@ -1,4 +1,4 @@
-// What the guards make of given bits, and which of them they raise.
+// The results of the guard functions for given bits, and the guards that they raise.
 #import bevy_restir::common::guard::{GUARD_RAY, guard_holds, guarded, guarded_3, guarded_or_infinite, is_sound, raised_guards}
 
 struct Out {

@@ -42,7 +42,7 @@ fn path_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 
 const BLOCK: vec2<u32> = vec2<u32>(8u, 4u);
-// The pixel of a block, and the blocks that are partners.
+// The pixel of a block whose path is shown; and the bits in which the coordinates of partner blocks differ.
 const MIDDLE: vec2<u32> = vec2<u32>(3u, 1u);
 const PARTNER: vec2<u32> = vec2<u32>(2u, 4u);
 // Added to values that may be negative.
@@ -125,7 +125,7 @@ fn show_vertices(path: PathSample, first: Vertex, block: vec2<u32>, is_shifted: 
     }
 }
 
-// To the vertex that the path keeps, as the path left it, or by the path's random numbers.
+// The step from the vertex of this index: to the reconnection vertex, in the stored direction after it, or by the path's random numbers.
 fn step_from(path: PathSample, v: Vertex, index: u32) -> Step {
     if index + 1u == path.reconnection {
         if path.termination == TERMINATION_ENVIRONMENT && path.reconnection == path.length {

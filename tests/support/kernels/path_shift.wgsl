@@ -127,7 +127,7 @@ fn scaled_thresholds(c: ShiftParameters, by: f32) -> ShiftParameters {
     return scaled;
 }
 
-// Relative change that rounding to 16 bits may cause in a footprint, a density or a Jacobian.
+// Relative change that the rounding of stored directions and positions may cause in a footprint, a density or a Jacobian.
 const NEAR: f32 = 0.01;
 const AT_THRESHOLD: u32 = 40u;
 const NOT_THERE: u32 = 50u;

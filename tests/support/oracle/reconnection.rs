@@ -20,7 +20,7 @@ pub struct Vertex {
     pub is_diffuse: bool,
 }
 
-/// What decides where a path may be reconnected.
+/// A criterion of where a path may be reconnected.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Rule {
     /// The footprints of both vertices, with the constant c.

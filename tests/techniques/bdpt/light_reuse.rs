@@ -79,11 +79,11 @@ fn light_paths_of_the_last_frame_are_replayed_as_they_were() {
     let (wrong, all) = replayed(&mut rig, &emitted);
     eprintln!("{wrong} of {all}");
     assert!(all > 500, "{all}");
-    // A ray may pass an edge on the other side where f32 inverts the transform of the last frame.
+    // The inverse of the last frame's transform is rounded to f32, which may move a ray to the other side of an edge.
     assert!(wrong <= all / 100, "{wrong} of {all}");
 }
 
-/// Reads of the last frame that read this one.
+/// Edits that make a read of the last frame read this frame.
 const WRONG: [(&str, &str, &str, &str); 5] = [
     ("camera", "restir/bdpt/splat.wgsl", "return view.previous;", "return view.current;"),
     (

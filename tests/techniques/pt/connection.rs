@@ -1,6 +1,6 @@
 //! The criteria of reconnections equal the f64 oracle: the footprints of both vertices with their factors 4π and 1/100, the density of
-//! black-box materials, the bound of the Jacobian, the footprint of the path, distances, and roughness.  Any criterion that is consistent with itself is unbiased, so no picture shows a wrong
-//! one.
+//! black-box materials, the bound of the Jacobian, the footprint of the path, distances, and roughness (Lin et al. 2026, supplement, 2-4
+//! and 11).  Any criterion that is consistent with itself is unbiased, so no picture shows a wrong one.
 
 use crate::support::{
     gpu::{Bound, Gpu, gpu},
@@ -157,7 +157,7 @@ fn rule(pair: &Pair) -> Rule {
 /// Decisions nearer to their limit than this may differ by rounding.
 const ROUNDING: f64 = 1e-4;
 
-/// What the shader and the oracle decide differently, by kind; and how often each decision of the oracle was yes and no.
+/// The numbers of answers in which the shader and the oracle differ; and, by kind of criterion, how often the oracle decided no and yes.
 #[derive(Default, Debug)]
 struct Differences {
     thresholds: usize,

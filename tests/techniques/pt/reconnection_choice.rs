@@ -1,6 +1,6 @@
 //! The reconnection vertex of a path, and the shift's three conditions, equal the f64 oracle: a path chooses the first vertex that may
 //! be reconnected, and the shift is defined only where the shifted path would choose the same vertex by itself.  That is: no earlier
-//! pair of its vertices may be connected (O1), this pair may be (O2), and none where the path has no such vertex (O3).
+//! pair of its vertices may be connected (O1), this pair may be (O2), and no pair at all if the path has no reconnection vertex (O3).
 
 use crate::support::{
     app::*,

@@ -41,7 +41,7 @@ fn luminance(c: DVec3) -> f64 {
     c.dot(DVec3::new(0.2126, 0.7152, 0.0722))
 }
 
-/// The share of pixels whose light is that of no number of events, and the p-value of the numbers of events.
+/// The share of pixels whose light matches no number of events, and the p-value of the counts of paths by their number of events.
 fn compare(rig: &mut Rig, albedo: Vec3) -> (f64, f64) {
     let expected = furnace(albedo.as_dvec3(), EVENTS);
     rig.until_ready();

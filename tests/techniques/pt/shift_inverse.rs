@@ -31,7 +31,7 @@ const LOBE_BELOW: u32 = 4;
 #[derive(Default)]
 struct RoundTrips(BTreeMap<(u32, u32), (u32, f32)>, [u32; 2]);
 
-/// A relative error above this is due to rounding: directions and positions are stored in 16 bits.
+/// A relative error above this is due to rounding: directions are stored in 16 bits per coordinate, and barycentrics in 24.
 const COARSE: f32 = 0.05;
 
 impl RoundTrips {
@@ -239,8 +239,8 @@ fn check_other_pixels(
                  edge, {} otherwise, error at most {worst}",
                 lost - flipped
             );
-            // A footprint or a Jacobian just within its limit in one pixel may be just outside of it in the other, and a position in 16
-            // bits may lie behind the edge that the ray passed.
+            // A footprint or a Jacobian just within its limit in one pixel may be just outside of it in the other, and a rounded
+            // position may lie behind the edge that the ray passed.
             assert!(
                 back > 5000 * seeds && lost == flipped && flipped as f32 <= 1.0 + 1e-5 * back as f32,
                 "{:?}",

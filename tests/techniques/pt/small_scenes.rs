@@ -88,7 +88,7 @@ fn paths_reconnected_by_other_criteria_equal_the_reference() {
     PROOF.check("room", &mut rig, &other_criteria(20.0));
 }
 
-/// The footprint of the path reconnects to mirrors in vain.
+/// The criterion by the footprint of the path lets paths reconnect at mirrors, where every shift then fails.
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn paths_by_mirrors_reconnected_by_other_criteria_equal_the_reference() {
