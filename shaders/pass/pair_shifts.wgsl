@@ -8,7 +8,7 @@
 #import technique::{evaluate, is_visible, kept_shift, needs_replay, PackedReservoir, Receiver, receiver_of, receives_light, Reservoir, reservoir_unpack, target_value}
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::restir::bindings::settings
-#import bevy_restir::restir::pairs::{next_pair, Pair, pair_in_slot}
+#import bevy_restir::restir::pairs::{next_pair, Pair, pair_in_slot, pair_mask, slots_of}
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::ray_counter::{count_rays, reset_counts}
@@ -56,10 +56,16 @@ fn pair_shifts(@builtin(global_invocation_id) id: vec3<u32>) {
         let coordinates = queue[QUEUE_HEADER + 2u * entry];
         let pixel = vec2<u32>(coordinates & ((1u << COORDINATE_BITS) - 1u), coordinates >> COORDINATE_BITS);
         let r = receiver_of(textureLoad(visibility, pixel, 0).xy, pixel, false);
-        // A thread does all shifts to a pixel, because it alone may count the rays of the pixel.
-        for (var slots = queue[QUEUE_HEADER + 2u * entry + 1u]; slots != 0u; slots &= slots - 1u) {
-            let pair = pair_in_slot(pixel, firstTrailingBit(slots));
+        let own = pair_mask(pixel);
+        // An entry has at least one slot.  A thread does all shifts to a pixel, because it alone may count the rays of the pixel.
+        var slots = queue[QUEUE_HEADER + 2u * entry + 1u];
+        loop {
+            let pair = pair_in_slot(pixel, own, firstTrailingBit(slots));
             store_shift(pixel, r, pair, sample_in(pair.partner));
+            slots &= slots - 1u;
+            if slots == 0u {
+                break;
+            }
         }
         count_rays(pixel);
         reset_counts();
@@ -83,17 +89,22 @@ fn pair_shifts(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invo
 // Returns the slots whose samples are left to the queue.
 fn shift_partners(pixel: vec2<u32>, r: Receiver) -> u32 {
     var deferred = 0u;
-    var slot = 0u;
+    let own = pair_mask(pixel);
+    var slots = slots_of(own);
+    var pair = next_pair(pixel, own, &slots);
+    if pair.partner.x == NONE {
+        return deferred;
+    }
     loop {
-        let pair = next_pair(pixel, &slot);
-        if pair.partner.x == NONE {
-            break;
-        }
         let s = sample_in(pair.partner);
         if is_deferred(r, s) {
-            deferred |= 1u << (slot - 1u);
+            deferred |= 1u << pair.slot;
         } else {
             store_shift(pixel, r, pair, s);
+        }
+        pair = next_pair(pixel, own, &slots);
+        if pair.partner.x == NONE {
+            break;
         }
     }
     return deferred;

@@ -12,7 +12,7 @@
 #import technique::{apply_shift, carries_contribution, completed, diffuse_share, evaluate, Evaluated, find_neighbor, identity_of, in_current_frame, is_visible, jacobian_of, neighbor_radius, no_reservoir, own_place, PackedReservoir, Receiver, receiver_of, receives_light, Reservoir, reservoir_pack, reservoir_unpack, resamples, shift_result_of, ShiftResult, stored_target, stores_target, target_value}
 #ifdef PAIRED
 #import technique::{shift_from}
-#import bevy_restir::restir::pairs::{PAIR_SLOTS, pair_in_slot}
+#import bevy_restir::restir::pairs::{pair_in_slot, pair_mask, slots_of}
 #endif
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::guard::{GUARD_CONTRIBUTION_WEIGHT, GUARD_TARGET, guarded}
@@ -85,13 +85,23 @@ fn sample_of(inputs: ptr<function, Inputs>, j: u32, shifted: bool) -> Reservoir 
 
 // Layers of the shifts between the pixel and each input: of the input's sample to the pixel, and of the pixel's sample to the input.
 var<private> layers: array<vec2<u32>, MAX_INPUTS>;
+// Mask of the pixel's similar partners, and its slots that are left.
+var<private> own_mask: u32;
+var<private> slots: u32;
 
-fn wanted_neighbors(canonical: Reservoir) -> u32 {
-    return PAIR_SLOTS;
+fn wanted_neighbors(pixel: vec2<u32>, canonical: Reservoir) -> u32 {
+    own_mask = pair_mask(pixel);
+    slots = slots_of(own_mask);
+    return countOneBits(slots);
+}
+
+fn wanted_after_failure(wanted: u32, is_own: bool) -> u32 {
+    return wanted;
 }
 
 fn next_neighbor(own: OwnPlace, pixel: vec2<u32>, i: u32, count: u32, rng: ptr<function, Rng>) -> vec2<u32> {
-    let pair = pair_in_slot(pixel, i);
+    let pair = pair_in_slot(pixel, own_mask, firstTrailingBit(slots));
+    slots &= slots - 1u;
     layers[count] = vec2<u32>(pair.own_layer, pair.partner_layer);
     return pair.partner;
 }
@@ -111,12 +121,16 @@ fn sees(r: Receiver, e: Evaluated, alpha_seed: u32) -> bool {
 #else
 // Where the surface was not visible in the last frame, more neighbors are sought (Wyman and Panteleev 2021, 6.4): an iteration over the last
 // frame does not find it there, and a later one meets a confidence of one frame.
-fn wanted_neighbors(canonical: Reservoir) -> u32 {
+fn wanted_neighbors(pixel: vec2<u32>, canonical: Reservoir) -> u32 {
     let wanted = settings.temporal_samples + settings.spatial_samples;
     if !has(RESAMPLE_FROM_PREVIOUS) && canonical.confidence <= 1.0 {
         return max(wanted, settings.disocclusion_samples);
     }
     return wanted;
+}
+
+fn wanted_after_failure(wanted: u32, is_own: bool) -> u32 {
+    return max(wanted, select(0u, settings.temporal_samples + settings.disocclusion_samples, is_own));
 }
 
 fn next_neighbor(own: OwnPlace, pixel: vec2<u32>, i: u32, count: u32, rng: ptr<function, Rng>) -> vec2<u32> {
@@ -149,12 +163,12 @@ fn gather_inputs(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, o
     (*inputs).visible[0] = true;
     (*mis).confidence[0] = canonical.confidence;
     var count = 1u;
-    var wanted = wanted_neighbors(canonical);
+    var wanted = wanted_neighbors(pixel, canonical);
     for (var i = 0u; i < wanted && count < MAX_INPUTS; i++) {
         let is_own = i < settings.temporal_samples;
         let at = next_neighbor(own, pixel, i, count, rng);
         if at.x == NONE {
-            wanted = max(wanted, select(0u, settings.temporal_samples + settings.disocclusion_samples, is_own));
+            wanted = wanted_after_failure(wanted, is_own);
             continue;
         }
         let s = neighbor_sample(at);
@@ -176,7 +190,12 @@ fn gather_inputs(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, o
 const COMPARED_PIXELS: u32 = 8u;
 const COMPARED_RADIUS: f32 = 0.25;
 
-// Share of the pixels around a neighbor in the last frame that hold the same sample as the neighbor.
+// Share of the pixels around a neighbor in the last frame that hold the same sample as the neighbor.  Pairs are of one frame.
+#ifdef PAIRED
+fn share_of_copies(s: Reservoir, at: vec2<u32>, rng: ptr<function, Rng>) -> f32 {
+    return 0.0;
+}
+#else
 fn share_of_copies(s: Reservoir, at: vec2<u32>, rng: ptr<function, Rng>) -> f32 {
     if settings.decorrelation == 0.0 || s.ucw == 0.0 {
         return 0.0;
@@ -191,6 +210,7 @@ fn share_of_copies(s: Reservoir, at: vec2<u32>, rng: ptr<function, Rng>) -> f32 
     }
     return f32(copies) / f32(COMPARED_PIXELS);
 }
+#endif
 
 // Selects one of the inputs, and computes the share of each.
 fn select_input(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, rng: ptr<function, Rng>) -> Stream {
@@ -255,7 +275,10 @@ fn resample(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, r: Rec
     if carries_contribution() {
         (*mis).targets[0] = guarded(luminance((*inputs).contributions[0]), GUARD_TARGET);
     }
-    for (var turn = 0u; turn < (*mis).count + u32(traces_selected); turn++) {
+    // Both loops end with their tests, for drivers that mask lanes.
+    let turns = (*mis).count + u32(traces_selected);
+    var turn = 0u;
+    loop {
         let is_last = turn == (*mis).count;
         let domain = select(turn, 0u, is_last);
         var j = 0u;
@@ -266,37 +289,46 @@ fn resample(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, r: Rec
         } else {
             j = next_to_evaluate(inputs, mis, domain, 0u);
         }
-        let receiver = receiver_in(inputs, domain, r);
-        while j < (*mis).count {
-            let s = sample_of(inputs, j, domain > 0u || is_last);
-            let e = evaluated_in(inputs, domain, receiver, j, s);
-            var value = target_value(e);
-            // A sample is visible from the pixel that stores it; elsewhere a ray decides.
-            let for_target = !is_last && domain != j && has(select(RESAMPLE_MIS_RAYS, RESAMPLE_TARGET_RAYS, domain == 0u));
-            let for_shading = domain == 0u && (*inputs).needs_ray[j] && has(RESAMPLE_SHADE) && is_last == traces_selected;
-            if value > 0.0 && (for_target || for_shading) {
-                // Each domain sees blended surfaces by random numbers of its own: with joint ones the MIS weights would not sum to 1.
-                let visible = sees(receiver, e, alpha_seed + domain);
-                if for_shading {
-                    (*inputs).visible[j] = visible;
-                } else {
-                    value = select(0.0, value, visible);
-                    if domain == 0u && !visible && has(RESAMPLE_DISCARD_OCCLUDED) {
-                        (*mis).confidence[j] = 0.0;
-                        (*inputs).ucw[j] = 0.0;
+        if j < (*mis).count {
+            let receiver = receiver_in(inputs, domain, r);
+            loop {
+                let s = sample_of(inputs, j, domain > 0u || is_last);
+                let e = evaluated_in(inputs, domain, receiver, j, s);
+                var value = target_value(e);
+                // A sample is visible from the pixel that stores it; elsewhere a ray decides.
+                let for_target = !is_last && domain != j && has(select(RESAMPLE_MIS_RAYS, RESAMPLE_TARGET_RAYS, domain == 0u));
+                let for_shading = domain == 0u && (*inputs).needs_ray[j] && has(RESAMPLE_SHADE) && is_last == traces_selected;
+                if value > 0.0 && (for_target || for_shading) {
+                    // Each domain sees blended surfaces by random numbers of its own: with joint ones the MIS weights would not sum to 1.
+                    let visible = sees(receiver, e, alpha_seed + domain);
+                    if for_shading {
+                        (*inputs).visible[j] = visible;
+                    } else {
+                        value = select(0.0, value, visible);
+                        if domain == 0u && !visible && has(RESAMPLE_DISCARD_OCCLUDED) {
+                            (*mis).confidence[j] = 0.0;
+                            (*inputs).ucw[j] = 0.0;
+                        }
                     }
                 }
+                if is_last {
+                    break;
+                }
+                if domain == 0u {
+                    accept_shift(inputs, mis, j, s, e, value);
+                } else {
+                    value *= jacobian_of(e);
+                }
+                (*mis).targets[domain * MAX_INPUTS + j] = guarded(value, GUARD_TARGET);
+                j = next_to_evaluate(inputs, mis, domain, j + 1u);
+                if j >= (*mis).count {
+                    break;
+                }
             }
-            if is_last {
-                break;
-            }
-            if domain == 0u {
-                accept_shift(inputs, mis, j, s, e, value);
-            } else {
-                value *= jacobian_of(e);
-            }
-            (*mis).targets[domain * MAX_INPUTS + j] = guarded(value, GUARD_TARGET);
-            j = next_to_evaluate(inputs, mis, domain, j + 1u);
+        }
+        turn += 1u;
+        if turn >= turns {
+            break;
         }
     }
     if !traces_selected {

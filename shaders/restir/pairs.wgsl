@@ -18,6 +18,17 @@ struct Pair {
     partner: vec2<u32>,        // NONE: the slot is not used
     own_layer: u32,            // of the shift of the partner's sample to the pixel
     partner_layer: u32,        // of the shift of the pixel's sample to the partner
+    slot: u32,
+}
+
+// The mask of similar partners of a pixel.
+fn pair_mask(pixel: vec2<u32>) -> u32 {
+    return textureLoad(pair_masks, pixel, 0).x;
+}
+
+// The slots of a mask, as bits.
+fn slots_of(mask: u32) -> u32 {
+    return mask & (PAIR_IS_NEW - 1u);
 }
 
 // The partner of a pixel in a slot; it may lie outside of the image.
@@ -26,15 +37,11 @@ fn partner_in_slot(pixel: vec2<u32>, slot: u32) -> vec2<u32> {
     return partner_of(pixel, settings.pair_tile_bits, pair_key(view.frame, stream, slot));
 }
 
-// The pair of a pixel in a slot.  A mask has at most as many slots as there are layers.  A pixel wants as many neighbors as its settings ask
+// The pair of a pixel in a slot of its mask, `own`.  A mask has at most as many slots as there are layers.  A pixel wants as many neighbors as its settings ask
 // for, and takes the first ones of its slots.  A pair is used if one of its pixels wants the other: so pixels at edges, which have few similar
 // partners, keep those that they have.
-fn pair_in_slot(pixel: vec2<u32>, slot: u32) -> Pair {
-    var pair = Pair(vec2<u32>(NONE), 0u, 0u);
-    let own = textureLoad(pair_masks, pixel, 0).x;
-    if !has_slot(own, slot) {
-        return pair;
-    }
+fn pair_in_slot(pixel: vec2<u32>, own: u32, slot: u32) -> Pair {
+    var pair = Pair(vec2<u32>(NONE), 0u, 0u, slot);
     let partner = partner_in_slot(pixel, slot);
     let other = textureLoad(pair_masks, partner, 0).x;
     // Rounding may make a surface similar to another that is not similar to it; and the partner may have found enough others before.
@@ -44,18 +51,24 @@ fn pair_in_slot(pixel: vec2<u32>, slot: u32) -> Pair {
     let own_rank = rank_of(own, slot);
     let other_rank = rank_of(other, slot);
     if own_rank < wanted_pairs(own) || other_rank < wanted_pairs(other) {
-        pair = Pair(partner, own_rank, other_rank);
+        pair = Pair(partner, own_rank, other_rank, slot);
     }
     return pair;
 }
 
-// The next pair of a pixel from a slot on; `slot` becomes the slot after it.  The search is a loop of its own, so that threads that run
-// together find their next pairs first and then do the work on them together, although these pairs are in different slots.
-fn next_pair(pixel: vec2<u32>, slot: ptr<function, u32>) -> Pair {
-    var pair = Pair(vec2<u32>(NONE), 0u, 0u);
-    while *slot < PAIR_SLOTS && pair.partner.x == NONE {
-        pair = pair_in_slot(pixel, *slot);
-        *slot += 1u;
+// The next pair of a pixel, whose mask is `own`; `slots` are the slots that are left, and lose those up to the pair's.  The search is a loop
+// of its own, so that threads that run together find their next pairs first and then do the work on them together, although these pairs are
+// in different slots.
+fn next_pair(pixel: vec2<u32>, own: u32, slots: ptr<function, u32>) -> Pair {
+    var pair = Pair(vec2<u32>(NONE), 0u, 0u, 0u);
+    loop {
+        if *slots != 0u {
+            pair = pair_in_slot(pixel, own, firstTrailingBit(*slots));
+            *slots &= *slots - 1u;
+        }
+        if *slots == 0u || pair.partner.x != NONE {
+            break;
+        }
     }
     return pair;
 }

@@ -78,16 +78,19 @@ fn closest_of_group(
 ) -> Hit {
     var hit = last;
     var bits = triangles.y;
-    while bits != 0u {
+    // The group has a triangle.  The loop ends with its test, as all costly loops do: a driver that masks lanes instead of jumping runs the
+    // body of a loop that begins with its test once more than needed.
+    loop {
         let bit = firstLeadingBit(bits);
         bits &= ~(1u << bit);
         let triangle = triangles.x + bit;
         let found = intersect_triangle(tree.line, stored_triangle(instance, triangle, previous));
         if found.inside && found.t > t_min && found.t < hit.t && accepts_hit(instance, triangle, found.barycentrics, alpha_seed) {
             hit = Hit(found.t, instance, triangle, found.barycentrics);
-            if any_hit {
-                break;
-            }
+            bits = select(bits, 0u, any_hit);
+        }
+        if bits == 0u {
+            break;
         }
     }
     return hit;

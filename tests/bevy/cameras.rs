@@ -44,7 +44,7 @@ struct Eye {
 }
 
 fn eyes() -> [Eye; 2] {
-    let settings = Restir { bounces: 3, jitter: Jitter::Always, energy_compensation: true, ..plain() };
+    let settings = Restir { bounces: 3, jitter: Jitter::Always, ..plain() };
     [
         Eye {
             transform: Transform::from_xyz(0.0, 0.0, 5.0),
@@ -156,10 +156,10 @@ fn share_of_square(side: f64, distance: f64) -> f64 {
 
 #[test]
 fn cameras_see_and_are_lit_by_objects_on_their_own_layers() {
-    let Some(mut rig) = Rig::new(24, 24) else { return };
+    let Some(mut rig) = Rig::new(48, 48) else { return };
     let looks = |technique| Restir { technique, bounces: 2, accumulate: true, ..plain() };
     rig.insert(rig.camera, orthographic(0.1, 0.1));
-    let target = rig.add::<Image>(target_image(UVec2::splat(24)));
+    let target = rig.add::<Image>(target_image(UVec2::splat(48)));
     let bundle = (Transform::from_xyz(0.0, 0.0, 5.0), orthographic(0.1, 0.1), RenderLayers::layer(1), plain());
     let other = second(&mut rig, 1, &target, bundle);
     let cameras = [(rig.camera, rig.capture.clone()), other];
@@ -182,7 +182,7 @@ fn cameras_see_and_are_lit_by_objects_on_their_own_layers() {
             rig.insert(*camera, looks(technique));
         }
         let check = |rig: &mut Rig, what: &str, expected: [f64; 2]| {
-            let means: Vec<f64> = pictures(rig, &cameras, 24).iter().map(Picture::mean).collect();
+            let means: Vec<f64> = pictures(rig, &cameras, 6).iter().map(Picture::mean).collect();
             println!("{technique:?}, {what}: {means:?} for {expected:?}");
             for (mean, expected) in means.iter().zip(expected) {
                 assert!((mean - expected).abs() <= 0.06 * expected, "{technique:?}, {what}: {means:?}, not {expected}");
@@ -299,7 +299,7 @@ fn restarts_of_a_history_are_counted_by_reason() {
     assert_eq!(begun(&mut rig), [], "an object that is gone");
     rig.set(|restir| restir.reset = true);
     assert_eq!(begun(&mut rig), [("requested", 1)]);
-    for samples in [1, 5, 0, 3] {
+    for samples in [5, 0] {
         rig.set(|restir| {
             let reuse = &mut restir.paths.reuse;
             (reuse.spatial_samples, reuse.spatial_iterations) = (samples, 1 + samples % 2);

@@ -28,8 +28,7 @@ use bevy_restir::{Restir, RestirIgnore, RestirMaterial};
 fn prepass(rig: &mut Rig) -> Vec<[f32; 4]> {
     let world = rig.app.sub_app_mut(RenderApp).world_mut();
     let (device, queue) = (world.resource::<RenderDevice>(), world.resource::<RenderQueue>());
-    let gpu =
-        Gpu { device: device.wgpu_device().clone(), queue: (****queue).clone(), name: String::new(), is_cpu: false };
+    let gpu = Gpu::new(device.wgpu_device().clone(), (****queue).clone(), String::new(), false);
     let mut views = world.query::<&ViewPrepassTextures>();
     let textures = views.single(world).expect("the camera has prepass textures");
     let size = textures.size;

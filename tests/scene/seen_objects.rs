@@ -10,285 +10,299 @@ use bevy::{
     light::NotShadowCaster,
     prelude::*,
 };
-use bevy_restir::{RestirIgnore, RestirMaterial};
+use bevy_restir::{RestirIgnore, RestirMaterial, Technique};
 
 #[test]
 fn hidden_objects_are_absent_for_all_rays() {
-    check(&[
-        (
-            "a hidden lamp",
-            |rig| {
-                floor(rig, 0.5);
-                let lamp = rig.spawn(square(2.0), both_sides(100.0), at(2.0, 0.0, 2.0));
-                rig.insert(lamp, Visibility::Hidden);
-            },
-            0.0,
-            EXACT,
-        ),
-        (
-            "a hidden blind",
-            |rig| {
-                slanting_sun(rig);
-                floor(rig, 0.5);
-                let blind = rig.spawn(square(0.5), open(lambert(0.0)), blind());
-                rig.insert(blind, Visibility::Hidden);
-            },
-            1.0,
-            EXACT,
-        ),
-        (
-            "a child of a hidden entity",
-            |rig| {
-                slanting_sun(rig);
-                floor(rig, 0.5);
-                let child = rig.spawn(square(0.5), open(lambert(0.0)), blind());
-                let parent = rig.spawn_bundle((Transform::default(), Visibility::Hidden));
-                rig.app.world_mut().entity_mut(parent).add_child(child);
-            },
-            1.0,
-            EXACT,
-        ),
-        (
-            "a hidden sun",
-            |rig| {
-                let sun = sun(rig);
-                floor(rig, 0.5);
-                rig.insert(sun, Visibility::Hidden);
-            },
-            0.0,
-            EXACT,
-        ),
-        (
-            "a blind on another layer",
-            |rig| {
-                slanting_sun(rig);
-                floor(rig, 0.5);
-                let blind = rig.spawn(square(0.5), open(lambert(0.0)), blind());
-                rig.insert(blind, RenderLayers::layer(1));
-            },
-            1.0,
-            EXACT,
-        ),
-        (
-            "a lamp on another layer, and beyond the first 64",
-            |rig| {
-                floor(rig, 0.5);
-                let lamp = rig.spawn(square(2.0), both_sides(100.0), at(2.0, 0.0, 2.0));
-                rig.insert(lamp, RenderLayers::from_layers(&[77]));
-            },
-            0.0,
-            EXACT,
-        ),
-        (
-            "a sun on another layer",
-            |rig| {
-                let sun = sun(rig);
-                floor(rig, 0.5);
-                rig.insert(sun, RenderLayers::layer(1));
-            },
-            0.0,
-            EXACT,
-        ),
-        (
-            "everything on one of the camera's layers",
-            |rig| {
-                let entities =
-                    [slanting_sun(rig), floor(rig, 0.5), rig.spawn(square(0.5), open(lambert(0.0)), blind())];
-                for entity in entities {
-                    rig.insert(entity, RenderLayers::from_layers(&[3, 70]));
-                }
-                rig.insert(rig.camera, RenderLayers::from_layers(&[2, 70]));
-            },
-            0.0,
-            EXACT,
-        ),
-        (
-            "objects on the default layer, which the camera lacks",
-            |rig| {
-                slanting_sun(rig);
-                floor(rig, 0.5);
-                rig.insert(rig.camera, RenderLayers::layer(1));
-                rig.app.insert_resource(ClearColor(Color::linear_rgb(0.3, 0.3, 0.3)));
-            },
-            0.3,
-            EXACT,
-        ),
-    ]);
+    check(HIDDEN);
 }
+
+const HIDDEN: &[Row] = &[
+    (
+        "a hidden lamp",
+        |rig| {
+            floor(rig, 0.5);
+            let lamp = rig.spawn(square(2.0), both_sides(100.0), at(2.0, 0.0, 2.0));
+            rig.insert(lamp, Visibility::Hidden);
+        },
+        0.0,
+        EXACT,
+    ),
+    (
+        "a hidden blind",
+        |rig| {
+            slanting_sun(rig);
+            floor(rig, 0.5);
+            let blind = rig.spawn(square(0.5), open(lambert(0.0)), blind());
+            rig.insert(blind, Visibility::Hidden);
+        },
+        1.0,
+        EXACT,
+    ),
+    (
+        "a child of a hidden entity",
+        |rig| {
+            slanting_sun(rig);
+            floor(rig, 0.5);
+            let child = rig.spawn(square(0.5), open(lambert(0.0)), blind());
+            let parent = rig.spawn_bundle((Transform::default(), Visibility::Hidden));
+            rig.app.world_mut().entity_mut(parent).add_child(child);
+        },
+        1.0,
+        EXACT,
+    ),
+    (
+        "a hidden sun",
+        |rig| {
+            let sun = sun(rig);
+            floor(rig, 0.5);
+            rig.insert(sun, Visibility::Hidden);
+        },
+        0.0,
+        EXACT,
+    ),
+    (
+        "a blind on another layer",
+        |rig| {
+            slanting_sun(rig);
+            floor(rig, 0.5);
+            let blind = rig.spawn(square(0.5), open(lambert(0.0)), blind());
+            rig.insert(blind, RenderLayers::layer(1));
+        },
+        1.0,
+        EXACT,
+    ),
+    (
+        "a lamp on another layer, and beyond the first 64",
+        |rig| {
+            floor(rig, 0.5);
+            let lamp = rig.spawn(square(2.0), both_sides(100.0), at(2.0, 0.0, 2.0));
+            rig.insert(lamp, RenderLayers::from_layers(&[77]));
+        },
+        0.0,
+        EXACT,
+    ),
+    (
+        "a sun on another layer",
+        |rig| {
+            let sun = sun(rig);
+            floor(rig, 0.5);
+            rig.insert(sun, RenderLayers::layer(1));
+        },
+        0.0,
+        EXACT,
+    ),
+    (
+        "everything on one of the camera's layers",
+        |rig| {
+            let entities = [slanting_sun(rig), floor(rig, 0.5), rig.spawn(square(0.5), open(lambert(0.0)), blind())];
+            for entity in entities {
+                rig.insert(entity, RenderLayers::from_layers(&[3, 70]));
+            }
+            rig.insert(rig.camera, RenderLayers::from_layers(&[2, 70]));
+        },
+        0.0,
+        EXACT,
+    ),
+    (
+        "objects on the default layer, which the camera lacks",
+        |rig| {
+            slanting_sun(rig);
+            floor(rig, 0.5);
+            rig.insert(rig.camera, RenderLayers::layer(1));
+            rig.app.insert_resource(ClearColor(Color::linear_rgb(0.3, 0.3, 0.3)));
+        },
+        0.3,
+        EXACT,
+    ),
+];
 
 #[test]
 fn objects_without_shadows_are_visible_to_the_camera_alone() {
-    check(&[
-        (
-            "its shadow",
-            |rig| {
-                slanting_sun(rig);
-                floor(rig, 0.5);
-                let blind = rig.spawn(square(0.5), open(lambert(0.0)), blind());
-                rig.insert(blind, NotShadowCaster);
-            },
-            1.0,
-            EXACT,
-        ),
-        (
-            "its light",
-            |rig| {
-                floor(rig, 0.5);
-                let lamp = rig.spawn(square(2.0), both_sides(100.0), at(2.0, 0.0, 2.0));
-                rig.insert(lamp, NotShadowCaster);
-            },
-            0.0,
-            EXACT,
-        ),
-        (
-            "its appearance",
-            |rig| {
-                let lamp = rig.spawn(square(4.0), lamp(3.0, 3.0, 3.0), at(0.0, 0.0, 1.0));
-                rig.insert(lamp, NotShadowCaster);
-                sun(rig);
-            },
-            3.0,
-            EXACT,
-        ),
-        (
-            "the light that it reflects",
-            |rig| {
-                sun(rig);
-                let square = rig.spawn(square(4.0), lambert(0.5), Transform::default());
-                rig.insert(square, NotShadowCaster);
-            },
-            1.0,
-            EXACT,
-        ),
-    ]);
+    check(WITHOUT_SHADOWS);
 }
+
+const WITHOUT_SHADOWS: &[Row] = &[
+    (
+        "its shadow",
+        |rig| {
+            slanting_sun(rig);
+            floor(rig, 0.5);
+            let blind = rig.spawn(square(0.5), open(lambert(0.0)), blind());
+            rig.insert(blind, NotShadowCaster);
+        },
+        1.0,
+        EXACT,
+    ),
+    (
+        "its light",
+        |rig| {
+            floor(rig, 0.5);
+            let lamp = rig.spawn(square(2.0), both_sides(100.0), at(2.0, 0.0, 2.0));
+            rig.insert(lamp, NotShadowCaster);
+        },
+        0.0,
+        EXACT,
+    ),
+    (
+        "its appearance",
+        |rig| {
+            let lamp = rig.spawn(square(4.0), lamp(3.0, 3.0, 3.0), at(0.0, 0.0, 1.0));
+            rig.insert(lamp, NotShadowCaster);
+            sun(rig);
+        },
+        3.0,
+        EXACT,
+    ),
+    (
+        "the light that it reflects",
+        |rig| {
+            sun(rig);
+            let square = rig.spawn(square(4.0), lambert(0.5), Transform::default());
+            rig.insert(square, NotShadowCaster);
+        },
+        1.0,
+        EXACT,
+    ),
+];
 
 #[test]
 fn rays_alone_see_stand_ins_and_nothing_sees_ignored_objects() {
-    fn stand_in(rig: &mut Rig, entity: Entity) {
-        let material = rig.material_of(entity);
-        rig.insert(entity, RestirMaterial(material));
-        rig.app.world_mut().entity_mut(entity).remove::<MeshMaterial3d<StandardMaterial>>();
-    }
-    check(&[
-        (
-            "the shadow of a stand-in",
-            |rig| {
-                slanting_sun(rig);
-                floor(rig, 0.5);
-                let square = rig.spawn(square(0.5), open(lambert(0.0)), blind());
-                stand_in(rig, square);
-            },
-            0.0,
-            EXACT,
-        ),
-        (
-            "the appearance of a stand-in",
-            |rig| {
-                sun(rig);
-                let square = rig.spawn(square(4.0), lamp(3.0, 3.0, 3.0), Transform::default());
-                stand_in(rig, square);
-            },
-            0.0,
-            EXACT,
-        ),
-        (
-            "the light that a stand-in emits, in the place of its own material",
-            |rig| {
-                floor(rig, 0.5);
-                let inside = Sphere::new(20.0).mesh().uv(16, 8);
-                let sphere = rig.spawn(inside, both_sides(3.0), Transform::default());
-                let material = rig.material_of(sphere);
-                let other = rig.add::<StandardMaterial>(lambert(0.0));
-                rig.insert(sphere, (RestirMaterial(material), MeshMaterial3d(other)));
-            },
-            1.5,
-            NOISY,
-        ),
-        (
-            "the shadow of an ignored object",
-            |rig| {
-                slanting_sun(rig);
-                floor(rig, 0.5);
-                let square = rig.spawn(square(0.5), open(lambert(0.0)), blind());
-                rig.insert(square, RestirIgnore);
-            },
-            1.0,
-            EXACT,
-        ),
-        (
-            "the appearance of an ignored object",
-            |rig| {
-                sun(rig);
-                let square = rig.spawn(square(4.0), lamp(3.0, 3.0, 3.0), Transform::default());
-                rig.insert(square, RestirIgnore);
-            },
-            0.0,
-            EXACT,
-        ),
-    ]);
+    check(STAND_INS);
 }
+
+fn stand_in(rig: &mut Rig, entity: Entity) {
+    let material = rig.material_of(entity);
+    rig.insert(entity, RestirMaterial(material));
+    rig.app.world_mut().entity_mut(entity).remove::<MeshMaterial3d<StandardMaterial>>();
+}
+
+const STAND_INS: &[Row] = &[
+    (
+        "the shadow of a stand-in",
+        |rig| {
+            slanting_sun(rig);
+            floor(rig, 0.5);
+            let square = rig.spawn(square(0.5), open(lambert(0.0)), blind());
+            stand_in(rig, square);
+        },
+        0.0,
+        EXACT,
+    ),
+    (
+        "the appearance of a stand-in",
+        |rig| {
+            sun(rig);
+            let square = rig.spawn(square(4.0), lamp(3.0, 3.0, 3.0), Transform::default());
+            stand_in(rig, square);
+        },
+        0.0,
+        EXACT,
+    ),
+    (
+        "the light that a stand-in emits, in the place of its own material",
+        |rig| {
+            floor(rig, 0.5);
+            let inside = Sphere::new(20.0).mesh().uv(16, 8);
+            let sphere = rig.spawn(inside, both_sides(3.0), Transform::default());
+            let material = rig.material_of(sphere);
+            let other = rig.add::<StandardMaterial>(lambert(0.0));
+            rig.insert(sphere, (RestirMaterial(material), MeshMaterial3d(other)));
+        },
+        1.5,
+        NOISY,
+    ),
+    (
+        "the shadow of an ignored object",
+        |rig| {
+            slanting_sun(rig);
+            floor(rig, 0.5);
+            let square = rig.spawn(square(0.5), open(lambert(0.0)), blind());
+            rig.insert(square, RestirIgnore);
+        },
+        1.0,
+        EXACT,
+    ),
+    (
+        "the appearance of an ignored object",
+        |rig| {
+            sun(rig);
+            let square = rig.spawn(square(4.0), lamp(3.0, 3.0, 3.0), Transform::default());
+            rig.insert(square, RestirIgnore);
+        },
+        0.0,
+        EXACT,
+    ),
+];
 
 #[test]
 fn camera_rays_that_miss_see_the_backdrop_and_other_rays_the_environment() {
-    check(&[
-        (
-            "camera rays: the clear color",
-            |rig| {
-                rig.app.insert_resource(ClearColor(Color::linear_rgb(0.3, 0.3, 0.3)));
-                sun(rig);
-            },
-            0.3,
-            EXACT,
-        ),
-        (
-            "others: nothing",
-            |rig| {
-                rig.app.insert_resource(ClearColor(Color::WHITE));
-                floor(rig, 0.5);
-            },
-            0.0,
-            EXACT,
-        ),
-        (
-            "camera rays: the camera's own clear color",
-            |rig| {
-                let color = Color::linear_rgb(0.6, 0.6, 0.6);
-                rig.get_mut::<Camera>(rig.camera).clear_color = ClearColorConfig::Custom(color);
-            },
-            0.6,
-            EXACT,
-        ),
-        (
-            "camera rays: the environment",
-            |rig| {
-                rig.app.insert_resource(ClearColor(Color::WHITE));
-                rig.insert(rig.camera, sky(0.8));
-            },
-            0.8,
-            EXACT,
-        ),
-        (
-            "other rays: the environment",
-            |rig| {
-                rig.insert(rig.camera, sky(0.8));
-                floor(rig, 0.5);
-            },
-            0.4,
-            NOISY,
-        ),
-        (
-            "rays through glass of index 1: the environment",
-            |rig| {
-                rig.app.insert_resource(ClearColor(Color::WHITE));
-                rig.insert(rig.camera, sky(0.8));
-                let clear = StandardMaterial { reflectance: 0.0, ..glass(1.0) };
-                rig.spawn(square(4.0), clear, Transform::default());
-            },
-            0.8,
-            NOISY,
-        ),
-    ]);
+    check(BACKDROP);
+}
+
+const BACKDROP: &[Row] = &[
+    (
+        "camera rays: the clear color",
+        |rig| {
+            rig.app.insert_resource(ClearColor(Color::linear_rgb(0.3, 0.3, 0.3)));
+            sun(rig);
+        },
+        0.3,
+        EXACT,
+    ),
+    (
+        "others: nothing",
+        |rig| {
+            rig.app.insert_resource(ClearColor(Color::WHITE));
+            floor(rig, 0.5);
+        },
+        0.0,
+        EXACT,
+    ),
+    (
+        "camera rays: the camera's own clear color",
+        |rig| {
+            let color = Color::linear_rgb(0.6, 0.6, 0.6);
+            rig.get_mut::<Camera>(rig.camera).clear_color = ClearColorConfig::Custom(color);
+        },
+        0.6,
+        EXACT,
+    ),
+    (
+        "camera rays: the environment",
+        |rig| {
+            rig.app.insert_resource(ClearColor(Color::WHITE));
+            rig.insert(rig.camera, sky(0.8));
+        },
+        0.8,
+        EXACT,
+    ),
+    (
+        "other rays: the environment",
+        |rig| {
+            rig.insert(rig.camera, sky(0.8));
+            floor(rig, 0.5);
+        },
+        0.4,
+        NOISY,
+    ),
+    (
+        "rays through glass of index 1: the environment",
+        |rig| {
+            rig.app.insert_resource(ClearColor(Color::WHITE));
+            rig.insert(rig.camera, sky(0.8));
+            let clear = StandardMaterial { reflectance: 0.0, ..glass(1.0) };
+            rig.spawn(square(4.0), clear, Transform::default());
+        },
+        0.8,
+        NOISY,
+    ),
+];
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn resampled_paths_see_the_same_objects() {
+    check_with(Technique::Pt, &[HIDDEN, WITHOUT_SHADOWS, STAND_INS, BACKDROP]);
 }
 
 #[test]

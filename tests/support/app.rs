@@ -3,11 +3,14 @@
 use bevy::{
     asset::{RenderAssetUsages, UnapprovedPathMode},
     camera::{Exposure, ImageRenderTarget, RenderTarget},
-    ecs::component::Mutable,
+    ecs::{
+        component::Mutable,
+        schedule::{ScheduleLabel, Schedules, SingleThreadedExecutor},
+    },
     log::LogPlugin,
     prelude::*,
     render::{
-        RenderPlugin,
+        ExtractSchedule, RenderPlugin,
         pipelined_rendering::PipelinedRenderingPlugin,
         render_resource::{
             Extent3d, PollType, TextureDimension, TextureFormat, TextureUsages, TextureViewDescriptor,
@@ -211,14 +214,50 @@ fn return_freed_memory() {
     }
 }
 
-fn headless(
-    synchronous: bool,
-    limits: Option<WgpuLimits>,
-    lacks: WgpuFeatures,
-    backend: RayBackend,
-    more: impl FnOnce(&mut App),
-) -> App {
+/// Runs the systems of an app in the thread of its test.  Bevy's pool has one thread on two cores and belongs to the process: a test that
+/// compiles pipelines would stop the frames of all others.  Apps that compile in the background keep Bevy's executor, as users have it.
+fn run_systems_in_this_thread(app: &mut App) {
+    for sub_app in app.sub_apps_mut().iter_mut() {
+        let Some(mut schedules) = sub_app.world_mut().get_resource_mut::<Schedules>() else { continue };
+        for (_, schedule) in schedules.iter_mut() {
+            // The render world applies the commands of the extraction.
+            let applies_commands = schedule.label() != ExtractSchedule.intern();
+            schedule.set_executor(SingleThreadedExecutor::new()).set_apply_final_deferred(applies_commands);
+        }
+    }
+}
+
+/// How an app starts.
+pub struct Start {
+    /// Pipelines are ready one frame after their request, instead of compiling in the background.
+    pub synchronous: bool,
+    /// The limits of the device; `None`: those of the adapter.
+    pub limits: Option<WgpuLimits>,
+    /// Features that the device must not have.
+    pub lacks: WgpuFeatures,
+    pub backend: RayBackend,
+    /// `RestirPlugin` is added before Bevy's plugins.
+    pub before_bevy: bool,
+}
+
+impl Default for Start {
+    fn default() -> Self {
+        Self {
+            synchronous: true,
+            limits: None,
+            lacks: WgpuFeatures::empty(),
+            backend: usual_back_end(),
+            before_bevy: false,
+        }
+    }
+}
+
+fn headless(start: Start, more: impl FnOnce(&mut App)) -> App {
+    let Start { synchronous, limits, lacks, backend, before_bevy } = start;
     let mut app = App::new();
+    if before_bevy {
+        app.add_plugins(RestirPlugin { backend });
+    }
     app.add_plugins(
         DefaultPlugins
             .set(RenderPlugin {
@@ -242,17 +281,22 @@ fn headless(
             .disable::<LogPlugin>()
             .disable::<WinitPlugin>()
             .disable::<PipelinedRenderingPlugin>(),
-    )
-    .add_plugins(RestirPlugin { backend })
-    .insert_resource(EmissiveLuminance(1.0))
-    .insert_resource(ClearColor(Color::BLACK))
-    .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f64(1.0 / 60.0)));
+    );
+    if !before_bevy {
+        app.add_plugins(RestirPlugin { backend });
+    }
+    app.insert_resource(EmissiveLuminance(1.0))
+        .insert_resource(ClearColor(Color::BLACK))
+        .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f64(1.0 / 60.0)));
     more(&mut app);
     while app.plugins_state() == bevy::app::PluginsState::Adding {
         bevy::tasks::tick_global_task_pools_on_main_thread();
     }
     app.finish();
     app.cleanup();
+    if synchronous {
+        run_systems_in_this_thread(&mut app);
+    }
     check_mirror(&mut app, true);
     if !mutant::edits().is_empty() {
         plant_shader_edits(&mut app, mutant::edits());
@@ -283,12 +327,12 @@ impl Rig {
     /// Like [`Self::new`], with ray queries.  `None`, with a message, if the adapter has none.
     pub fn tracing_by_ray_queries(width: u32, height: u32) -> Option<Self> {
         super::gpu::ray_gpu()?;
-        Self::with(width, height, true, None, WgpuFeatures::empty(), RayBackend::Hardware, |_| ())
+        Self::starting(Start { backend: RayBackend::Hardware, ..default() }, width, height)
     }
 
     /// Like [`Self::new`], but pipelines compile in the background, as in apps with a window.
     pub fn compiling_in_background(width: u32, height: u32) -> Option<Self> {
-        Self::with(width, height, false, None, WgpuFeatures::empty(), usual_back_end(), |_| ())
+        Self::starting(Start { synchronous: false, ..default() }, width, height)
     }
 
     /// Like [`Self::new`], on a device with WebGPU's limits and storage bindings of at most this many bytes.
@@ -298,32 +342,30 @@ impl Rig {
 
     /// Like [`Self::new`], on a device with these limits.
     pub fn limited(limits: WgpuLimits, width: u32, height: u32) -> Option<Self> {
-        Self::with(width, height, true, Some(limits), WgpuFeatures::empty(), RayBackend::Software, |_| ())
+        let start = Start { limits: Some(limits), backend: RayBackend::Software, ..default() };
+        Self::starting(start, width, height)
     }
 
     /// Like [`Self::new`], on a device without these features.
-    pub fn lacking(features: WgpuFeatures, width: u32, height: u32) -> Option<Self> {
-        Self::with(width, height, true, None, features, usual_back_end(), |_| ())
+    pub fn lacking(lacks: WgpuFeatures, width: u32, height: u32) -> Option<Self> {
+        Self::starting(Start { lacks, ..default() }, width, height)
     }
 
     /// Like [`Self::new`], with additional plugins.
     pub fn beside(more: impl FnOnce(&mut App), width: u32, height: u32) -> Option<Self> {
-        Self::with(width, height, true, None, WgpuFeatures::empty(), usual_back_end(), more)
+        Self::with(Start::default(), width, height, more)
     }
 
-    fn with(
-        width: u32,
-        height: u32,
-        synchronous: bool,
-        limits: Option<WgpuLimits>,
-        lacks: WgpuFeatures,
-        backend: RayBackend,
-        more: impl FnOnce(&mut App),
-    ) -> Option<Self> {
+    /// Like [`Self::new`], for an app that starts in this way.
+    pub fn starting(start: Start, width: u32, height: u32) -> Option<Self> {
+        Self::with(start, width, height, |_| ())
+    }
+
+    fn with(start: Start, width: u32, height: u32, more: impl FnOnce(&mut App)) -> Option<Self> {
         calm();
         return_freed_memory();
         super::gpu::gpu()?;
-        let mut app = headless(synchronous, limits, lacks, backend, more);
+        let mut app = headless(start, more);
         let target = app.world_mut().resource_mut::<Assets<Image>>().add(target_image(UVec2::new(width, height)));
         let capture = RadianceCapture::default();
         let camera = app

@@ -34,14 +34,7 @@ fn rays_of_all_pixels_sum_to_the_rays_of_the_frame() {
         // The view itself traces no rays.
         first_frame(&mut rig, DebugView::Off);
         assert_eq!(rig.report().rays, report.rays, "{technique:?}");
-    }
-}
-
-#[test]
-fn accumulated_frames_show_their_mean_number_of_rays() {
-    let Some(mut rig) = Rig::new(24, 16) else { return };
-    room(&mut rig);
-    for technique in TECHNIQUES {
+        // Accumulated frames show their mean number of rays.
         rig.set(|r| *r = Restir { technique, accumulate: true, debug_view: DebugView::Rays, ..plain() });
         rig.until_ready();
         rig.set(|r| r.reset = true);

@@ -50,7 +50,7 @@ fn check(technique: Technique, preset: Preset, history: u32, frames: u32) {
 
 #[test]
 fn a_closed_furnace_is_in_balance_with_direct_light() {
-    check(Technique::Di, Preset::Balanced, 15, 10);
+    check(Technique::Di, Preset::Balanced, 8, 4);
 }
 
 #[test]

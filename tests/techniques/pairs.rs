@@ -111,15 +111,16 @@ fn paired(paths: Paths) -> Paths {
 }
 
 const PROOF: Proof = Proof { bounces: 4, ..Proof::of((8, 6), (10, 24)) };
+/// Pairs are quiet in the room.
+const QUICK: Proof = Proof { bounces: 4, ..Proof::of((8, 3), (10, 24)) };
 
 #[test]
 fn paths_in_pairs_equal_the_reference() {
     let Some(mut rig) = shared(64, "room") else { return };
-    PROOF.check(
+    QUICK.check(
         "room",
         &mut rig,
         &[
-            ("pairs, spatial", paired(paths::spatial())),
             ("pairs, both", paired(paths::all_reuse())),
             ("pairs of similar surfaces", Paths { heuristics: true, ..paired(paths::spatial()) }),
         ],
@@ -146,14 +147,14 @@ fn paths_in_pairs_equal_the_reference_with_further_settings() {
         ],
     );
     let Some(mut rig) = shared(64, "mirrors") else { return };
-    let proof = Proof { bounces: 3, margin: 0.02, ..Proof::of((16, 16), (16, 48)) };
+    let proof = Proof { bounces: 3, margin: 0.02, ..Proof::of((16, 6), (16, 24)) };
     proof.check("mirrors", &mut rig, &[("both", paired(paths::all_reuse()))]);
 }
 
 #[test]
 fn indirect_light_in_pairs_equals_the_reference() {
     let Some(mut rig) = shared(64, "room") else { return };
-    let proof = Proof { bounces: 4, ..Proof::of((12, 6), (12, 24)) };
+    let proof = Proof { bounces: 4, ..Proof::of((12, 4), (10, 24)) };
     proof.check("room", &mut rig, &[("pairs", Indirect(di::all_reuse(), paired(paths::all_reuse())))]);
 }
 
@@ -205,6 +206,17 @@ fn pairs_halve_the_rays_of_spatial_reuse() {
 /// replay probes.
 #[test]
 fn replay_compaction_changes_no_pixel() {
+    check_replay_compaction(false);
+}
+
+/// Also of indirect light, and a queue that lacks shifts is found.
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn replay_compaction_of_paths_and_indirect_light_changes_no_pixel() {
+    check_replay_compaction(true);
+}
+
+fn check_replay_compaction(all: bool) {
     let paths = || paired(paths::all_reuse());
     let subjects = [AllLight::Gi(di::all_reuse(), paths()), AllLight::Pt(paths())];
     let few_workgroups = ShaderEdit {
@@ -216,7 +228,7 @@ fn replay_compaction_changes_no_pixel() {
     let no_paths = ("return !(s.reconnection == 2u || ends_at_first) || drawn_choice", "return drawn_choice");
     let no_probes = ("ends_at_first) || drawn_choice(first, s.seed, 1u).below;", "ends_at_first);");
     for (make, planted) in [(mirrors as fn(&mut Rig), no_paths), (translucent_room, no_probes)] {
-        let Some(mut rig) = scene(40, make) else { return };
+        let Some(mut rig) = scene(32, make) else { return };
         let mut picture = |subject: &AllLight, is_compacted, edits: &[ShaderEdit]| {
             plant_edits(&mut rig.app, edits);
             rig.set(|r| {
@@ -231,13 +243,17 @@ fn replay_compaction_changes_no_pixel() {
             (pixels, rig.report().rays)
         };
         let [gi, pt] = &subjects;
-        assert_eq!(picture(gi, true, &[]), picture(gi, false, &[]));
+        if all {
+            assert_eq!(picture(gi, true, &[]), picture(gi, false, &[]));
+        }
         let together = picture(pt, false, &[]);
         assert_eq!(picture(pt, true, &[]), together);
         // One workgroup for the whole queue, so that each of its threads takes several entries.
         assert_eq!(picture(pt, true, &[few_workgroups]), together);
         let planted = ShaderEdit { module: "restir/shift/hybrid.wgsl", from: planted.0, to: planted.1 };
-        assert_ne!(picture(pt, true, &[planted]).0, picture(pt, false, &[planted]).0);
+        if all {
+            assert_ne!(picture(pt, true, &[planted]).0, picture(pt, false, &[planted]).0);
+        }
         rig.assert_sound();
     }
 }

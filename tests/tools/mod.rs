@@ -3,5 +3,6 @@
 mod lab_cli;
 mod render_aovs;
 mod render_cli;
+mod render_moments;
 mod robustness;
 mod sweep;

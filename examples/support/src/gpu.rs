@@ -2,7 +2,10 @@
 
 use crate::compose::{self, Def};
 use bevy_restir::testing::shader_library::ShaderEdit;
-use std::{collections::HashSet, sync::OnceLock};
+use std::{
+    collections::{HashMap, HashSet},
+    sync::{Mutex, OnceLock, PoisonError},
+};
 use wgpu::util::DeviceExt;
 
 /// A device and its queue.
@@ -11,7 +14,12 @@ pub struct Gpu {
     pub queue: wgpu::Queue,
     pub name: String,
     pub is_cpu: bool,
+    /// Compiled kernels by everything that they depend on.
+    kernels: Mutex<HashMap<String, Compiled>>,
 }
+
+/// A pipeline, and the (group, binding) pairs that it uses.
+type Compiled = (wgpu::ComputePipeline, HashSet<(u32, u32)>);
 
 /// The adapter of this machine. Without one it prints that the test is skipped; under `CI=true` it panics.
 pub fn gpu() -> Option<&'static Gpu> {
@@ -66,7 +74,8 @@ async fn open(features: wgpu::Features) -> Option<Gpu> {
         .await
         .expect("the adapter offers WebGPU's limits");
     let info = adapter.get_info();
-    Some(Gpu { device, queue, name: info.name, is_cpu: info.device_type == wgpu::DeviceType::Cpu })
+    let is_cpu = info.device_type == wgpu::DeviceType::Cpu;
+    Some(Gpu::new(device, queue, info.name, is_cpu))
 }
 
 /// A resource that a kernel binds.
@@ -84,13 +93,30 @@ pub struct Kernel<'g> {
 }
 
 impl Gpu {
+    /// A device that exists already.
+    pub fn new(device: wgpu::Device, queue: wgpu::Queue, name: String, is_cpu: bool) -> Self {
+        Self { device, queue, name, is_cpu, kernels: Mutex::default() }
+    }
+
     /// Composes and compiles a kernel.
     pub fn kernel(&self, name: &str, source: &str, defs: &[Def]) -> Kernel<'_> {
         self.kernel_with(name, source, defs, &[])
     }
 
-    /// Composes and compiles a kernel with a library in which passages are replaced.
+    /// Composes and compiles a kernel with a library in which passages are replaced.  Equal kernels are compiled once.
     pub fn kernel_with(&self, name: &str, source: &str, defs: &[Def], edits: &[ShaderEdit]) -> Kernel<'_> {
+        let key = format!("{name} {defs:?} {edits:?} {source}");
+        let known = || self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
+        let compiled = known().get(&key).cloned();
+        let (pipeline, used) = compiled.unwrap_or_else(|| {
+            let compiled = self.compile(name, source, defs, edits);
+            known().insert(key, compiled.clone());
+            compiled
+        });
+        Kernel { gpu: self, pipeline, used }
+    }
+
+    fn compile(&self, name: &str, source: &str, defs: &[Def], edits: &[ShaderEdit]) -> Compiled {
         let module = compose::compose(&mut compose::composer_with(edits), name, source, defs);
         // The derived layout contains only the bindings that the entry point uses.
         let info = naga::valid::Validator::new(naga::valid::ValidationFlags::all(), compose::CAPABILITIES)
@@ -115,7 +141,7 @@ impl Gpu {
             compilation_options: Default::default(),
             cache: None,
         });
-        Kernel { gpu: self, pipeline, used }
+        (pipeline, used)
     }
 
     /// A storage buffer that can be read back.

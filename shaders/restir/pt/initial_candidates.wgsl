@@ -70,17 +70,22 @@ fn select_light(v: Vertex, index: u32, nee_candidates: u32, pixel: vec2<u32>, rn
     var stream = Stream(0.0, NONE);
     var selected = no_light_point();
     var selected_target = 0.0;
-    for (var i = 0u; i < count; i++) {
+    // There is at least one candidate.
+    var i = 0u;
+    loop {
         let c = light_candidate(v.surface.position, subset, rng);
         let u = rng_1(rng);
-        if !(c.pmf > 0.0) || !(c.light.pdf_solid_angle > 0.0) {
-            continue;
+        if c.pmf > 0.0 && c.light.pdf_solid_angle > 0.0 {
+            let f = bsdf_eval(v.surface.bsdf, v.wo, c.light.wi) * c.light.radiance / c.light.pdf_solid_angle;
+            let value = luminance(guarded_3(f, GUARD_LIGHT_CONTRIBUTION));
+            if stream_add(&stream, i, value / (f32(count) * c.pmf), u) {
+                selected = c.point;
+                selected_target = value;
+            }
         }
-        let f = bsdf_eval(v.surface.bsdf, v.wo, c.light.wi) * c.light.radiance / c.light.pdf_solid_angle;
-        let value = luminance(guarded_3(f, GUARD_LIGHT_CONTRIBUTION));
-        if stream_add(&stream, i, value / (f32(count) * c.pmf), u) {
-            selected = c.point;
-            selected_target = value;
+        i += 1u;
+        if i >= count {
+            break;
         }
     }
     return SelectedLight(selected, stream_ucw(stream, selected_target));

@@ -22,7 +22,7 @@
 #import bevy_restir::path::scattering::{drawn_choice, entry_vertex, given_choice, ScatteringVertex}
 #import bevy_restir::path::shadow_ray::{ray_between, ray_to_light}
 #import bevy_restir::path::technique_weights::{below_surface, camera_state, CameraState, emitter_sample, rivals_of_hit, rivals_of_nee, state_at, state_of_ray, stored_weight, weight_of}
-#import bevy_restir::path::walk::{drawn_step, given_step, Step, step_cone, step_medium, Vertex, with_weight_and_densities}
+#import bevy_restir::path::walk::{drawn_step, given_step, no_step, Step, step_cone, step_medium, Vertex, with_weight_and_densities}
 #import bevy_restir::restir::path_sample::{PathSample, ShiftResult, TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE, vertex_barycentrics}
 #import bevy_restir::restir::shift::reconnection::{is_connectable, is_connectable_by, is_connectable_end, light_factor, previous_vertex, PreviousVertex, ShiftParameters, triangle_factor}
 #import bevy_restir::restir::shift::shifted_path::{failed, SHIFT_EARLIER_CONNECTABLE, SHIFT_JACOBIAN_LIMIT, SHIFT_NO_CONTRIBUTION, SHIFT_NO_PATH, SHIFT_NOT_CONNECTABLE, SHIFT_OK, SHIFT_REPLAY_ENDED, ShadowRays, ShiftedPath, with_shadow_ray}
@@ -91,8 +91,7 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: ShiftParameters, previous: boo
             return;
         }
         if is_last && s.termination == TERMINATION_NEE {
-            end_with_nee(w, s, index, c, previous, retrace);
-            return;
+            break;
         }
         let reconnects = index + 1u == s.reconnection;
         let is_reconnection_point = reconnects && !(is_last && s.termination == TERMINATION_ENVIRONMENT);
@@ -160,6 +159,8 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: ShiftParameters, previous: boo
             return;
         }
     }
+    // All other paths have returned: this one has at least two vertices.
+    end_with_nee(w, s, s.length - 1u, c, previous, retrace);
 }
 
 // Goes on from the surface of the vertex of this index, or from a point where light enters the body below it.  Returns false where the shift
@@ -222,7 +223,7 @@ fn step_of_shift(w: ptr<function, Walk>, s: PathSample, index: u32, is_reconnect
     } else if index == s.reconnection && !(*w).below {
         step.lobe = s.lobe_after;
     } else if !reconnects {
-        step = drawn_step((*w).v, s.seed, index);
+        step = replayed_step((*w).v, s.seed, index);
     }
     step = with_weight_and_densities((*w).v, step);
     if !step.valid {
@@ -448,6 +449,10 @@ fn replays(s: PathSample, first: Vertex) -> bool {
 
 // A pass that defers such shifts to another one has no code for them.
 #ifdef DEFERS_REPLAYS
+fn replayed_step(v: Vertex, seed: u32, index: u32) -> Step {
+    return no_step();
+}
+
 fn replayed_hit(ray: Ray, alpha_seed: u32, previous: bool) -> Hit {
     return Hit(0.0, NONE, NONE, vec2<f32>(0.0));
 }
@@ -456,6 +461,10 @@ fn replayed_entry(v: Vertex, seed: u32, index: u32, previous: bool) -> Scatterin
     return ScatteringVertex(v, vec3<f32>(0.0), true, false);
 }
 #else
+fn replayed_step(v: Vertex, seed: u32, index: u32) -> Step {
+    return drawn_step(v, seed, index);
+}
+
 fn replayed_hit(ray: Ray, alpha_seed: u32, previous: bool) -> Hit {
     return trace_closest_of(ray, alpha_seed, previous);
 }

@@ -45,16 +45,21 @@ fn failed(reason: u32) -> ShiftedPath {
 
 // Whether the shadow rays of a shifted path are free.
 fn is_unoccluded(s: ShiftedPath, previous: bool) -> bool {
-    for (var i = 0u; i < s.rays.count; i++) {
-        var shadow = s.rays.first;
-        if i > 0u {
-            shadow = s.rays.second;
-        }
-        if trace_any(shadow.ray, shadow.alpha_seed, previous) {
-            return false;
+    if s.rays.count == 0u {
+        return true;
+    }
+    var is_free = true;
+    var shadow = s.rays.first;
+    var left = s.rays.count;
+    loop {
+        is_free = !trace_any(shadow.ray, shadow.alpha_seed, previous);
+        shadow = s.rays.second;
+        left -= 1u;
+        if !is_free || left == 0u {
+            break;
         }
     }
-    return true;
+    return is_free;
 }
 
 fn with_shadow_ray(rays: ShadowRays, ray: Ray, alpha_seed: u32) -> ShadowRays {

@@ -4,7 +4,7 @@
 use crate::support::{proof::Proof, reuse_settings::di, small_scenes::*};
 use bevy_restir::{Direct, Mis, Research, Reuse};
 
-const ROOM: Proof = Proof::of((10, 5), (10, 24));
+const ROOM: Proof = Proof::of((10, 3), (10, 24));
 
 #[test]
 fn direct_light_in_a_room_with_shadows_equals_the_reference() {
@@ -77,7 +77,7 @@ fn full_length_direct_light_on_mirrors_and_lacquer_equals_the_reference() {
 #[ignore = "second tier: ./run test --more"]
 fn direct_light_past_blended_panes_equals_the_reference() {
     let Some(mut rig) = scene(64, blended) else { return };
-    let proof = Proof { blended: true, ..Proof::of((40, 16), (32, 32)) };
+    let proof = Proof { blended: true, margin: 0.015, ..Proof::of((24, 14), (24, 24)) };
     let balance = Direct {
         reuse: Reuse { spatial_samples: 1, ..di::across_edges(Mis::Balance).reuse },
         ..di::across_edges(Mis::Balance)

@@ -10,7 +10,7 @@ use crate::support::{
 use bevy::prelude::*;
 use bevy_restir::{Paths, Reuse};
 
-const PROOF: Proof = Proof { bounces: 4, ..Proof::of((12, 6), (12, 24)) };
+const PROOF: Proof = Proof { bounces: 4, ..Proof::of((12, 5), (10, 24)) };
 
 fn with(paths: Paths) -> Indirect {
     Indirect(di::all_reuse(), paths)
@@ -89,7 +89,7 @@ fn assuming_diffuse_secondary_surfaces_is_biased_as_documented() {
     }) else {
         return;
     };
-    let proof = Proof { bounces: 2, ..Proof::of((16, 16), (16, 64)) };
+    let proof = Proof { bounces: 2, ..Proof::of((16, 10), (16, 32)) };
     let truth = proof.truth(&mut rig, 1000);
     let mut found = |paths: Paths| {
         // The standard error is 0.4 %, so that 2 % can be shown.

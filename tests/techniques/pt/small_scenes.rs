@@ -15,16 +15,13 @@ const PROOF: Proof = Proof { bounces: 4, ..Proof::of((8, 6), (10, 24)) };
 #[test]
 fn paths_in_a_room_equal_the_reference_for_every_kind_of_reuse() {
     let Some(mut rig) = shared(64, "room") else { return };
-    PROOF.check(
+    let quick = Proof { bounces: PROOF.bounces, ..Proof::of((8, 3), (10, 24)) };
+    quick.check(
         "room",
         &mut rig,
-        &[
-            ("candidates", paths::candidates_only()),
-            ("temporal", paths::temporal()),
-            ("spatial", paths::spatial()),
-            ("both", paths::all_reuse()),
-        ],
+        &[("candidates", paths::candidates_only()), ("temporal", paths::temporal()), ("spatial", paths::spatial())],
     );
+    PROOF.check("room", &mut rig, &[("both", paths::all_reuse())]);
 }
 
 #[test]
@@ -64,7 +61,7 @@ fn paths_over_glossy_surfaces_equal_the_reference() {
     let Some(mut rig) = shared(64, "glossy") else { return };
     let often_replayed = Paths { footprint: 20.0, ..paths::all_reuse() };
     let black_box = Paths { reconnection: Reconnection::BlackBox, roughness: 0.6, ..paths::all_reuse() };
-    let proof = Proof { bounces: 2, margin: 0.02, ..Proof::of((24, 16), (24, 64)) };
+    let proof = Proof { bounces: 2, margin: 0.03, ..Proof::of((20, 16), (20, 48)) };
     proof.check(
         "glossy",
         &mut rig,
@@ -83,6 +80,7 @@ fn other_criteria(footprint: f32) -> [(&'static str, Paths); 3] {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn paths_reconnected_by_other_criteria_equal_the_reference() {
     let Some(mut rig) = shared(64, "room") else { return };
     PROOF.check("room", &mut rig, &other_criteria(20.0));
@@ -93,7 +91,7 @@ fn paths_reconnected_by_other_criteria_equal_the_reference() {
 #[ignore = "second tier: ./run test --more"]
 fn paths_by_mirrors_reconnected_by_other_criteria_equal_the_reference() {
     let Some(mut rig) = shared(64, "mirrors") else { return };
-    let proof = Proof { bounces: 3, margin: 0.02, ..Proof::of((16, 16), (16, 48)) };
+    let proof = Proof { bounces: 3, margin: 0.02, ..Proof::of((16, 6), (16, 24)) };
     proof.check("mirrors", &mut rig, &other_criteria(0.02));
 }
 
@@ -101,7 +99,7 @@ fn paths_by_mirrors_reconnected_by_other_criteria_equal_the_reference() {
 #[ignore = "second tier: ./run test --more"]
 fn paths_by_mirrors_equal_the_reference() {
     let Some(mut rig) = shared(64, "mirrors") else { return };
-    let proof = Proof { bounces: 3, margin: 0.02, ..Proof::of((16, 16), (16, 48)) };
+    let proof = Proof { bounces: 3, margin: 0.02, ..Proof::of((16, 6), (16, 24)) };
     proof.check("mirrors", &mut rig, &[("both", paths::all_reuse())]);
 }
 

@@ -28,7 +28,7 @@ fn indirect(paths: Paths) -> (Indirect, SubsurfaceSampling) {
 #[test]
 fn paths_between_translucent_bodies_equal_the_reference() {
     let Some(mut rig) = scene(64, translucent_room) else { return };
-    let proof = Proof { bounces: BOUNCES, margin: 0.03, ..Proof::of((20, 8), (16, 24)) };
+    let proof = Proof { bounces: BOUNCES, margin: 0.03, ..Proof::of((14, 8), (12, 20)) };
     proof.check("translucent room", &mut rig, &[("PT, both", paths::all_reuse())]);
 }
 
@@ -51,7 +51,7 @@ fn indirect_light_in_translucent_bodies_equals_the_reference() {
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn light_paths_between_translucent_bodies_equal_the_reference() {
-    check_light_paths(0.03, 24, &[("BDPT, both", paths::all_reuse())]);
+    check_light_paths(0.03, 44, &[("BDPT, both", paths::all_reuse())]);
 }
 
 #[test]

@@ -28,7 +28,7 @@ fn bodies() -> Option<Rig> {
 #[test]
 fn light_in_translucent_bodies_equals_the_reference() {
     let Some(mut rig) = bodies() else { return };
-    let proof = Proof { margin: 0.03, ..Proof::of((28, 8), (10, 64)) };
+    let proof = Proof { margin: 0.05, ..Proof::of((12, 6), (10, 20)) };
     let sampling = SubsurfaceSampling { shift: SubsurfaceShift::Sequential, ..subsurface::all_reuse() };
     proof.check("bodies", &mut rig, &[("Sequential, both", with(sampling))]);
 }
@@ -82,7 +82,7 @@ fn full_length_every_shift_of_moving_bodies_and_lights_equals_the_reference() {
 #[ignore = "second tier: ./run test --more"]
 fn planted_errors_in_translucent_bodies_are_found() {
     let Some(mut rig) = bodies() else { return };
-    let proof = Proof::of((24, 8), (20, 64));
+    let proof = Proof::of((16, 8), (10, 32));
     let reference = proof.truth(&mut rig, 1000);
     // On flat bodies a missing Jacobian changes little; `shifts` finds it.
     let planted =
