@@ -10,6 +10,11 @@ use bevy::{
     },
 };
 
+/// The largest storage binding that limits allow, bytes.
+pub(crate) fn binding_limit(limits: &WgpuLimits) -> u64 {
+    limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
+}
+
 /// The first requirement of the portable tier that the device does not meet.
 pub(crate) fn missing_feature(render_world: &World) -> Option<&'static str> {
     let device = render_world.get_resource::<RenderDevice>()?;
@@ -31,7 +36,7 @@ fn missing_of(limits: &WgpuLimits, flags: DownlevelFlags) -> Option<&'static str
     if limits.max_compute_invocations_per_workgroup < 64 {
         return Some("64 compute invocations per workgroup");
     }
-    if limits.max_storage_buffer_binding_size.min(limits.max_buffer_size) < MIN_BINDING {
+    if binding_limit(limits) < MIN_BINDING {
         return Some("storage bindings of 1 MiB");
     }
     None

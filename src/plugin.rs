@@ -3,6 +3,7 @@
 use bevy::{
     app::{App, Last, Plugin},
     asset::Assets,
+    core_pipeline::schedule::Core3d,
     ecs::{entity::Entities, prelude::*},
     log::warn,
     reflect::Reflect,
@@ -25,6 +26,7 @@ use crate::{
         RestirMaterial, Subsurface,
     },
     shader_library::ShaderLibrary,
+    system_sets::RestirSystems,
     technique::shader_templates,
     view,
     warned::Warned,
@@ -34,14 +36,14 @@ use crate::{
 ///
 /// The device needs compute shaders, storage buffers in vertex shaders, eight storage buffers per shader stage, 64 invocations per
 /// workgroup and storage bindings of 1 MiB.  If one of these is missing, the plugin warns once and stays off, and Bevy's own lighting stays
-/// on; [`RestirStatus`] has the reason.
+/// on; [`RestirStatus`] has the reason.  It does not matter whether this plugin or `DefaultPlugins` is added first.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RestirPlugin {
     /// How rays are traced.
     pub backend: RayBackend,
 }
 
-/// Whether the plugin is on; a resource, final after `Plugin::finish`.
+/// Whether the plugin is on; a resource.  It is known after `App::cleanup`, and changes only where Bevy replaces a lost device.
 #[derive(Resource, Clone, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Resource)]
 #[non_exhaustive]
@@ -69,18 +71,34 @@ impl Plugin for RestirPlugin {
             .init_resource::<EmissiveLuminance>()
             .init_resource::<RestirStatus>()
             .init_resource::<RestirStatistics>();
-        let synchronous = app.get_added_plugins::<RenderPlugin>().iter().any(|p| p.synchronous_pipeline_compilation);
-        if synchronous || cfg!(any(target_arch = "wasm32", target_os = "macos")) {
-            app.insert_resource(CompilesAtOnce);
-        }
     }
 
     fn finish(&self, app: &mut App) {
-        let missing = match app.get_sub_app(RenderApp) {
+        // Bevy's renderer has a device when its plugin is finished.  If this plugin was added before it, that comes later.
+        let is_early = app.get_sub_app(RenderApp).is_some_and(|render_app| !has_device(render_app.world()));
+        if !is_early {
+            self.start(app);
+        }
+    }
+
+    fn cleanup(&self, app: &mut App) {
+        if *app.world().resource::<RestirStatus>() == RestirStatus::Starting {
+            self.start(app);
+        }
+    }
+}
+
+/// Whether Bevy's renderer has a device.
+fn has_device(render_world: &World) -> bool {
+    render_world.contains_resource::<RenderDevice>()
+}
+
+impl RestirPlugin {
+    /// Checks the device and adds everything that needs one.
+    fn start(&self, app: &mut App) {
+        let missing = match app.get_sub_app(RenderApp).filter(|render_app| has_device(render_app.world())) {
             None => Some("there is no renderer".to_string()),
-            Some(render_app) => {
-                device::missing_feature(render_app.world()).map(|missing| format!("this device has no {missing}"))
-            }
+            Some(render_app) => device::missing_feature(render_app.world()).map(reason_of),
         };
         if let Some(reason) = missing {
             warn!("restir: {reason}; the plugin stays off, and Bevy's own lighting stays on");
@@ -96,15 +114,15 @@ impl Plugin for RestirPlugin {
         let library = ShaderLibrary::new(&mut shaders, &shader_templates());
         // Bevy lights a camera until our first frame is ready.  It does not where pipelines compile synchronously, because those of Bevy would
         // be compiled for a single frame, or where the device cannot run Bevy's shaders.
-        let bevy_lights_first = textures_warning.is_none() && !app.world().contains_resource::<CompilesAtOnce>();
+        let synchronous = app.get_added_plugins::<RenderPlugin>().iter().any(|p| p.synchronous_pipeline_compilation)
+            || cfg!(any(target_arch = "wasm32", target_os = "macos"));
+        let bevy_lights_first = textures_warning.is_none() && !synchronous;
         // After all systems of the app, before the extraction.
-        app.add_systems(Last, (require_single_sample, budget::keep_budget));
+        app.add_systems(Last, (require_single_sample, budget::keep_budget, update_status));
         app.insert_resource(RestirStatus::On);
         self.build_render_app(app, library, bevy_lights_first);
     }
-}
 
-impl RestirPlugin {
     fn build_render_app(&self, app: &mut App, library: ShaderLibrary, bevy_lights_first: bool) {
         let statistics = app.world().resource::<RestirStatistics>().clone();
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
@@ -113,8 +131,19 @@ impl RestirPlugin {
             .insert_resource(statistics.guard_run().clone())
             .insert_resource(statistics)
             .insert_resource(Backend(self.backend))
+            .insert_resource(IsOn(true))
             .init_resource::<CpuTimes>()
             .add_systems(RenderStartup, renew)
+            .configure_sets(
+                Render,
+                (
+                    RestirSystems::MirrorScene.run_if(is_on),
+                    RestirSystems::PrepareEnvironments.run_if(is_on),
+                    RestirSystems::SelectPipelines.run_if(is_on),
+                    RestirSystems::PrepareViews.run_if(is_on),
+                ),
+            )
+            .configure_sets(Core3d, RestirSystems::RunPasses.run_if(is_on))
             .add_systems(
                 Render,
                 report::update_report.in_set(RenderSystems::Cleanup).before(view::capture_readback::capture_radiance),
@@ -149,17 +178,41 @@ fn insert_resources(world: &mut World) {
 
 /// Bevy has another device, because the last one was lost: everything that lived there is made again.  Bevy extracts meshes and images again.
 fn renew(world: &mut World, mut is_renewal: Local<bool>) {
-    // The first device is that of `Plugin::finish`.
-    if core::mem::replace(&mut *is_renewal, true) {
-        warn!("restir: there is a new device; the scene is mirrored again");
-        insert_resources(world);
-        view::bevy_handoff::begin_anew(world);
+    // The first device is that of `RestirPlugin::start`.
+    if !core::mem::replace(&mut *is_renewal, true) {
+        return;
     }
+    let missing = device::missing_feature(world);
+    match missing.map(reason_of) {
+        None => warn!("restir: there is a new device; the scene is mirrored again"),
+        Some(reason) => {
+            warn!("restir: there is a new device, and {reason}; the plugin is off, and Bevy lights all cameras")
+        }
+    }
+    world.resource::<RestirStatistics>().set_missing(missing);
+    world.insert_resource(IsOn(missing.is_none()));
+    insert_resources(world);
+    view::bevy_handoff::begin_anew(world, missing.is_none());
 }
 
-/// Pipelines are ready one frame after their request.
+/// Why the plugin is off on a device that lacks something.
+fn reason_of(missing: &'static str) -> String {
+    format!("this device has no {missing}")
+}
+
+/// Whether the present device has what the passes need.
 #[derive(Resource)]
-struct CompilesAtOnce;
+struct IsOn(bool);
+
+fn is_on(on: Res<IsOn>) -> bool {
+    on.0
+}
+
+/// Tells the app whether a new device has what the plugin needs.
+fn update_status(statistics: Res<RestirStatistics>, mut status: ResMut<RestirStatus>) {
+    let missing = statistics.missing().map(reason_of);
+    status.set_if_neq(missing.map_or(RestirStatus::On, RestirStatus::Off));
+}
 
 /// The visibility buffer has one sample a pixel, where Bevy's cameras have four by default.  Multisampling is turned off silently when
 /// `Restir` is added, and with a warning when an app turns it on later.

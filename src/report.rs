@@ -83,6 +83,8 @@ pub struct RestirStatistics(Arc<Shared>);
 struct Shared {
     report: Mutex<RestirReport>,
     run: GuardRun,
+    /// What the present device lacks; `None` if it lacks nothing.
+    missing: Mutex<Option<&'static str>>,
 }
 
 impl RestirStatistics {
@@ -104,6 +106,16 @@ impl RestirStatistics {
 
     pub(crate) fn set_budget_step(&self, step: u32) {
         self.lock().budget_step = step;
+    }
+
+    /// Says what the present device lacks.
+    pub(crate) fn set_missing(&self, missing: Option<&'static str>) {
+        *self.0.missing.lock().unwrap_or_else(PoisonError::into_inner) = missing;
+    }
+
+    /// What the present device lacks.
+    pub(crate) fn missing(&self) -> Option<&'static str> {
+        *self.0.missing.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The run that guards are counted for.
@@ -137,7 +149,7 @@ pub(crate) fn update_report(
     report.features = scene.features;
     report.uploaded_bytes = scene.uploaded_bytes;
     report.visited.clone_from(&scene.visited);
-    report.pipelines = passes.report();
+    passes.update_report(&mut report.pipelines);
     report.triangles = scene.triangles;
     report.instances = scene.instances;
     report.lights = scene.lights;
@@ -147,13 +159,19 @@ pub(crate) fn update_report(
     let mut resets = ResetCounts::default();
     let mut counters = GpuCounters::default();
     let mut guards: Vec<_> = GUARDS.iter().map(|guard| (guard.name, 0)).collect();
-    for view in views.views.values() {
-        resets.add(&view.resets);
-        view.counters.read();
-        let newest = view.counters.newest(run);
+    let mut count = |of_camera: &ResetCounts, newest: &GpuCounters| {
+        resets.add(of_camera);
         for ((_, pixels), guard) in guards.iter_mut().zip(GUARDS) {
             *pixels += u64::from(newest.guards[guard.bit.trailing_zeros() as usize]);
         }
+    };
+    for paused in views.paused.values() {
+        count(&paused.resets, &paused.counters.newest(run));
+    }
+    for view in views.views.values() {
+        view.counters.read();
+        let newest = view.counters.newest(run);
+        count(&view.resets, &newest);
         if !view.rendered {
             continue;
         }

@@ -10,6 +10,7 @@ use bevy::{
         view::{ViewDepthTexture, ViewTarget},
     },
 };
+use core::sync::atomic::Ordering;
 
 use super::{SPAN_PREFIX, composite, pipelines::PassPipelines, resource, visibility};
 use crate::{
@@ -45,6 +46,7 @@ pub(super) fn run_passes(
     if key.features.contains(SceneFeatures::RAY_QUERY) && scene.structures.is_none() {
         return;
     }
+    state.ran.store(true, Ordering::Relaxed);
     state.counters.begin_frame(run.current(), &mut context);
     let encoder = context.command_encoder();
     if let Some(light_paths) = state.history.as_ref().and_then(|history| history.light_paths.as_ref()) {

@@ -8,7 +8,11 @@ use bevy::{
     core_pipeline::prepass::ViewPrepassTextures,
     ecs::prelude::*,
     platform::{collections::HashMap, time::Instant},
-    render::{camera::ExtractedCamera, render_resource::*, view::ViewTarget},
+    render::{
+        camera::ExtractedCamera,
+        render_resource::*,
+        view::{Msaa, ViewTarget},
+    },
     shader::{Shader, ShaderDefVal},
 };
 use core::num::NonZeroU32;
@@ -135,7 +139,7 @@ pub(super) fn select_pipelines(
     mut passes: ResMut<PassPipelines>,
     extracted: Res<ExtractedViews>,
     views: Res<ViewPool>,
-    cameras: Query<(&ExtractedCamera, Option<&ViewTarget>, Option<&ViewPrepassTextures>)>,
+    cameras: Query<(&ExtractedCamera, Option<&ViewTarget>, Option<&ViewPrepassTextures>, Option<&Msaa>)>,
     scene: Res<SceneBindings>,
     environments: Res<EnvironmentPool>,
     pipelines: Res<PipelineCache>,
@@ -144,13 +148,18 @@ pub(super) fn select_pipelines(
     let _running = times.measure(Stage::Pipelines);
     selected.0.clear();
     for (&entity, restir) in &extracted.0 {
-        let Some((_, target, prepass)) = cameras.get(entity).ok().filter(|c| extract::has_view(Some(c.0))) else {
+        let Some((_, target, prepass, msaa)) = cameras.get(entity).ok().filter(|c| extract::has_view(Some(c.0))) else {
             continue;
         };
         let requested = requested_key(restir, &scene, &environments);
-        let last = views.views.get(&entity).and_then(|last| last.key);
+        let last = views.last(entity).map(|(key, _)| key);
         let key = passes.choose(requested, last, &pipelines);
+        // The plugin turns multisampling off at the end of the app's frame.  An app that turns it on later than that loses this frame.
+        let target = target.filter(|_| msaa.is_none_or(|msaa| *msaa == Msaa::Off));
         let composite = target.map(|target| CompositeKey::of(target, prepass));
+        if let Some(key) = composite.filter(|_| views.views.get(&entity).is_some_and(|view| view.rendered)) {
+            passes.request_other_composites(key, &pipelines);
+        }
         let composite = composite.filter(|&key| passes.request_composite(key, &pipelines));
         selected.0.insert(entity, Selection { requested, key, composite });
     }
@@ -317,6 +326,16 @@ impl PassPipelines {
         self.is_ready(index, pipelines)
     }
 
+    /// Requests the composite pipelines for the targets that a camera has after `Hdr` or a prepass of motion vectors is added or removed, as
+    /// temporal antialiasing does.  They are small, and a camera whose pipeline is not compiled would be black for a frame.
+    fn request_other_composites(&mut self, key: CompositeKey, pipelines: &PipelineCache) {
+        for format in [key.format, TextureFormat::Rgba16Float] {
+            for motion in [false, true] {
+                self.request_composite(CompositeKey { format, motion }, pipelines);
+            }
+        }
+    }
+
     /// The composite pipeline for these targets.
     pub(crate) fn composite<'a>(&self, key: CompositeKey, pipelines: &'a PipelineCache) -> Option<&'a RenderPipeline> {
         match self.all[*self.composite.get(&key)?].id {
@@ -325,12 +344,18 @@ impl PassPipelines {
         }
     }
 
-    /// Every compiled pipeline.
-    pub(crate) fn report(&self) -> Vec<PipelineReport> {
-        self.all
-            .iter()
-            .filter_map(|c| Some(PipelineReport { name: c.name, defs: c.features.names(), compile_ms: c.compile_ms? }))
-            .collect()
+    /// Lists every compiled pipeline, if there are others than those of the list.
+    pub(crate) fn update_report(&self, list: &mut Vec<PipelineReport>) {
+        let compiled = self.all.iter().filter_map(|entry| Some((entry, entry.compile_ms?)));
+        // Pipelines are never removed.  A new device begins without any.
+        if compiled.clone().count() != list.len() {
+            list.clear();
+            list.extend(compiled.map(|(entry, compile_ms)| PipelineReport {
+                name: entry.name,
+                defs: entry.features.names(),
+                compile_ms,
+            }));
+        }
     }
 }
 

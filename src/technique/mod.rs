@@ -56,6 +56,7 @@ impl DebugView {
 /// Names of the passes that a camera runs with these settings, as time spans have them.  `features`: those of the last frame
 /// ([`RestirReport::features`](crate::RestirReport::features)); a scene with [`Subsurface`](crate::Subsurface) has passes of its own.
 pub fn pass_names(settings: &Restir, features: SceneFeatures) -> Vec<&'static str> {
+    let settings = &settings.clone().valid();
     let iterations = |domain: &Domain| (domain.schedule)(settings).paired_iterations();
     let mut frame = Frame::of(settings);
     if features.contains(SceneFeatures::SUBSURFACE) {
@@ -94,6 +95,19 @@ mod tests {
         let rows: Vec<_> = TECHNIQUES.iter().map(|row| format!("{:?}", row.technique)).collect();
         assert_eq!(rows, info.variant_names());
         assert!(TECHNIQUES.iter().map(|row| row.technique).eq(Technique::ALL));
+    }
+
+    #[test]
+    fn names_of_passes_follow_settings_as_a_camera_uses_them() {
+        let names = |spatial_iterations| {
+            let mut settings = Restir { technique: Technique::Pt, ..Default::default() };
+            settings.paths.reuse.spatial_iterations = spatial_iterations;
+            pass_names(&settings, SceneFeatures::empty())
+        };
+        // At most four are allowed.
+        for iterations in [9, u32::MAX] {
+            assert_eq!(names(iterations), names(4), "{iterations}");
+        }
     }
 
     #[test]

@@ -45,6 +45,8 @@ enum LitBy {
 pub(crate) struct HiddenFromBevy {
     /// Meshes are hidden from a camera's first frame on: Bevy does not light it while our pipelines are compiled.
     at_once: bool,
+    /// The plugin is off, because the device lacks something.
+    is_off: bool,
     lit_by: HashMap<Entity, LitBy>,
     views: HashSet<Entity>,
     /// Views of the last frame.
@@ -69,10 +71,11 @@ pub(crate) fn build(render_app: &mut SubApp, at_once: bool) {
         );
 }
 
-/// Treats all cameras as new ones, because what we had for them is gone.
-pub(crate) fn begin_anew(world: &mut World) {
+/// Treats all cameras as new ones, because what we had for them is gone.  `is_on`: the device has what we need.
+pub(crate) fn begin_anew(world: &mut World, is_on: bool) {
     if let Some(mut hidden) = world.get_resource_mut::<HiddenFromBevy>() {
         hidden.lit_by.clear();
+        hidden.is_off = !is_on;
     }
 }
 
@@ -89,7 +92,7 @@ fn is_ours(rendered: Option<bool>, lit_by: Option<LitBy>, at_once: bool) -> bool
 impl HiddenFromBevy {
     /// Decides about a camera; true if we render its mirrored meshes in this frame.
     fn decide(&mut self, view: Entity, is_active: bool, has_restir: bool, rendered: Option<bool>) -> bool {
-        let ours = has_restir && is_ours(rendered, self.lit_by.get(&view).copied(), self.at_once);
+        let ours = has_restir && !self.is_off && is_ours(rendered, self.lit_by.get(&view).copied(), self.at_once);
         if is_active {
             self.lit_by.insert(view, if ours { LitBy::Us } else { LitBy::Bevy });
         }

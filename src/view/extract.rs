@@ -194,8 +194,11 @@ pub(crate) fn extract_views(
 }
 
 /// Clears `Restir::reset` after every extraction, so that a reset takes effect whenever in the frame the app set it.
-pub(crate) fn clear_reset(mut main_world: ResMut<MainWorld>) {
-    let mut cameras = main_world.query::<&mut Restir>();
+pub(crate) fn clear_reset(
+    mut main_world: ResMut<MainWorld>,
+    mut cameras: Local<Option<QueryState<&'static mut Restir>>>,
+) {
+    let cameras = cameras.get_or_insert_with(|| main_world.query());
     for mut restir in cameras.iter_mut(&mut main_world) {
         if restir.reset {
             restir.reset = false;

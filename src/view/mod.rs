@@ -36,18 +36,20 @@ use bevy::{
     },
 };
 
-use crate::{scene::geometry::render_layers, system_sets::RestirSystems};
+use crate::{
+    scene::geometry::render_layers, settings::Restir, system_sets::RestirSystems, technique::frame::PipelineKey,
+};
 use environment::EnvironmentPool;
 use extract::ExtractedViews;
-pub(crate) use restir_view::RestirView;
+pub(crate) use restir_view::{Remains, RestirView};
 use selection::SelectedPipelines;
 
 /// The views of all `Restir` cameras, by render entity.
 #[derive(Resource, Default)]
 pub(crate) struct ViewPool {
     pub views: HashMap<Entity, RestirView>,
-    /// For cameras that are not rendered at present: the index at which their random sequence continues.
-    paused: HashMap<Entity, u32>,
+    /// What is left of the views of cameras that are not rendered at present.
+    pub paused: HashMap<Entity, Remains>,
     /// Cameras that the device had no memory for in the last frame.
     pub without_memory: HashSet<Entity>,
 }
@@ -56,7 +58,15 @@ impl ViewPool {
     /// Drops the view of a camera that is not rendered.
     fn pause(&mut self, camera: Entity) {
         if let Some(view) = self.views.remove(&camera) {
-            self.paused.insert(camera, view.sequence.wrapping_add(1));
+            self.paused.insert(camera, view.remains());
+        }
+    }
+
+    /// Pipelines of the last frame of a camera, and the settings that they belong to.
+    pub(crate) fn last(&self, camera: Entity) -> Option<(PipelineKey, &Restir)> {
+        match self.views.get(&camera) {
+            Some(view) => Some((view.key?, &view.settings)),
+            None => self.paused.get(&camera).and_then(|paused| Some((paused.key?, &paused.settings))),
         }
     }
 }

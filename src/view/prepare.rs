@@ -25,9 +25,10 @@ use super::{
 };
 use crate::{
     cpu_times::{CpuTimes, Stage},
+    device::binding_limit,
     scene::{bindings::SceneBindings, storage::allocation},
     settings::{Direct, Restir},
-    technique::frame::Frame,
+    technique::frame::{Frame, PipelineKey},
     warned::Warned,
 };
 
@@ -54,15 +55,15 @@ pub(super) fn prepare_views(
     mut warned: Local<Warned<(Entity, &'static str)>>,
 ) {
     let _running = times.measure(Stage::Views);
-    let limit = resolution::binding_limit(&device);
+    let limit = binding_limit(&device.limits());
     warned.begin_frame();
     warned.retain(|(entity, _)| extracted.0.contains_key(entity));
-    let ViewPool { views, paused, without_memory } = &mut *pool;
-    for (entity, view) in views.extract_if(|entity, _| !extracted.0.contains_key(entity)) {
-        paused.insert(entity, view.sequence.wrapping_add(1));
+    let pool = &mut *pool;
+    for (entity, view) in pool.views.extract_if(|entity, _| !extracted.0.contains_key(entity)) {
+        pool.paused.insert(entity, view.remains());
     }
-    paused.retain(|entity, _| entities.contains(*entity));
-    without_memory.clear();
+    pool.paused.retain(|entity, _| entities.contains(*entity));
+    pool.without_memory.clear();
     for (&entity, restir) in &mut extracted.0 {
         let (Some((name, camera, view, jitter, resolution_override)), Some(&selection)) =
             (cameras.get(entity).ok(), selected.0.get(&entity))
@@ -77,7 +78,7 @@ pub(super) fn prepare_views(
             pool.pause(entity);
             continue;
         }
-        keep_settings(restir, selection, pool.views.get(&entity));
+        keep_settings(restir, selection, pool.last(entity));
         let viewport = UVec2::new(view.viewport.z, view.viewport.w);
         // An upscaler, such as DLSS, enlarges an image that fills only the corner of the viewport.
         let target_size = resolution_override.map_or(viewport, |size| size.0.min(viewport)).max(UVec2::ONE);
@@ -86,17 +87,13 @@ pub(super) fn prepare_views(
         let Some((map, importance)) = environments.views_of(restir.environment.as_ref()) else {
             continue;
         };
-        let old = pool.views.remove(&entity);
-        let is_new = old.is_none();
-        let created = view_of(old, size, [map, importance], &device, &pipelines);
-        let created = created.inspect_err(|error| warn_of_memory([entity, name], "view", error, &mut warned));
-        let Ok(mut state) = created else {
+        let view_or_error = view_of(pool, entity, size, [map, importance], &device, &pipelines);
+        let view_or_error =
+            view_or_error.inspect_err(|error| warn_of_memory([entity, name], "view", error, &mut warned));
+        let Ok(mut state) = view_or_error else {
             pool.without_memory.insert(entity);
             continue;
         };
-        if is_new {
-            state.first_sequence = pool.paused.remove(&entity).unwrap_or(0);
-        }
         state.origin = UVec2::new(view.viewport.x, view.viewport.y);
         state.target_size = target_size;
         state.inverts_culling = view.invert_culling;
@@ -119,11 +116,11 @@ pub(super) fn prepare_views(
 }
 
 /// A camera keeps its settings until the pipelines of the new ones are compiled.
-fn keep_settings(restir: &mut ExtractedRestir, selection: Selection, last: Option<&RestirView>) {
-    if let (Some(key), Some(last)) = (selection.key, last)
+fn keep_settings(restir: &mut ExtractedRestir, selection: Selection, last: Option<(PipelineKey, &Restir)>) {
+    if let (Some(key), Some((_, settings))) = (selection.key, last)
         && !key.serves_settings_of(selection.requested)
     {
-        restir.settings = Restir { reset: restir.settings.reset, ..last.settings.clone() };
+        restir.settings = Restir { reset: restir.settings.reset, ..settings.clone() };
     }
 }
 
@@ -147,32 +144,33 @@ fn warn_of_memory(
     }
 }
 
-/// The view of the last frame, or a new one if its size or its environment image has changed.
+/// Takes the view of the last frame out of the pool, or makes a new one if the size has changed.
 fn view_of(
-    old: Option<RestirView>,
+    pool: &mut ViewPool,
+    camera: Entity,
     size: UVec2,
-    [map, importance]: [&TextureView; 2],
+    environment: [&TextureView; 2],
     device: &RenderDevice,
     pipelines: &PipelineCache,
 ) -> Result<RestirView, String> {
-    let create = || RestirView::new(size, device, pipelines, map, importance);
-    match old {
-        Some(old) if old.size == size && old.bound_environment == (map.id(), importance.id()) => Ok(old),
-        // Only the environment image has changed, and motion vectors still need the last camera.
-        Some(old) if old.size == size => allocation::attempt(device, "view", create).map(|new| new.after(old)),
-        // Drops the view of the old size first, because the memory may not hold both.  Guards and resets are counted over the whole run of
-        // a view.
-        old => {
-            let kept = old.map(|old| (old.counters, old.resets, old.sequence.wrapping_add(1)));
-            let new = allocation::attempt(device, "view", create)?;
-            Ok(match kept {
-                Some((counters, resets, first_sequence)) => {
-                    RestirView { counters, resets, first_sequence, beginning: Reset::Size, ..new }
-                }
-                None => new,
-            })
+    let mut beginning = Reset::Start;
+    match pool.views.remove(&camera) {
+        Some(mut view) if view.size == size => {
+            view.bind_environment(environment, device, pipelines);
+            return Ok(view);
         }
+        // Drops the view of the old size first, because the memory may not hold both.
+        Some(view) => {
+            pool.paused.insert(camera, view.remains());
+            beginning = Reset::Size;
+        }
+        None => {}
     }
+    let new = allocation::attempt(device, "view", || RestirView::new(size, environment, device, pipelines))?;
+    Ok(match pool.paused.remove(&camera) {
+        Some(remains) => new.after(remains, beginning),
+        None => new,
+    })
 }
 
 /// Warns once for each camera about light sub-paths that its settings ask for and that are left out.

@@ -1,6 +1,6 @@
 //! Reduces the traced resolution and the light subsets to what the device can bind, so that a small device limits quality instead of failing.
 
-use bevy::{math::UVec2, render::renderer::RenderDevice};
+use bevy::math::UVec2;
 
 use super::{history::reservoir_bytes, pixels};
 use crate::{
@@ -8,12 +8,6 @@ use crate::{
     settings::{Direct, Restir},
     technique::domain::Domain,
 };
-
-/// Largest storage binding of this device, bytes.
-pub(crate) fn binding_limit(device: &RenderDevice) -> u64 {
-    let limits = device.limits();
-    limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
-}
 
 /// Size of the largest buffer of a view, bytes: its radiance or the reservoirs of a domain.
 fn largest_buffer(size: UVec2, domains: &[&Domain], settings: &Restir) -> u64 {

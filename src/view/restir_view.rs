@@ -8,6 +8,8 @@ use bevy::{
     },
 };
 
+use core::sync::atomic::AtomicBool;
+
 use super::{
     DEPTH_FORMAT, VISIBILITY_FORMAT,
     bind_groups::BindGroups,
@@ -44,6 +46,8 @@ pub(crate) struct RestirView {
     pub uniforms: Buffer,
     pub visibility: TextureView,
     pub visibility_texture: Texture,
+    /// Counts that passes add up for each pixel.
+    counts: TextureView,
     pub history: Option<History>,
     pub depth: TextureView,
     pub radiance: Buffer,
@@ -62,7 +66,8 @@ pub(crate) struct RestirView {
     pub(super) beginning: Reset,
     /// Index of this frame in the random sequence: frames since an explicit reset or a change of settings.
     pub(super) sequence: u32,
-    /// Index of the view's first frame.  A view that replaces another one continues its sequence, or it would repeat the same noise.
+    /// Index of the next frame if it is the first one of the view, or the first one after a frame that was not rendered.  It continues the
+    /// sequence, which would repeat the same noise otherwise.
     pub(super) first_sequence: u32,
     /// Frames in the radiance buffer before this one.
     pub accumulated: u32,
@@ -71,31 +76,46 @@ pub(crate) struct RestirView {
     pub(super) previous_camera: Option<GpuCamera>,
     pub(super) previous_environment: Option<EnvironmentPlacement>,
     pub(super) previous_jitter: [f32; 2],
-    /// State of the last rendered frame; `None` after a frame that was not rendered.
+    /// State of the last frame; `None` if it was not rendered.
     pub(super) image_state: Option<ImageState>,
     /// An instance has moved or a light has changed since the last frame.
     pub(super) moved: bool,
     /// Views of the environment in `bind_group`.
-    pub(super) bound_environment: (TextureViewId, TextureViewId),
+    bound_environment: [TextureViewId; 2],
     /// Pipelines of this frame.
     pub key: Option<PipelineKey>,
     /// `key` is the one that scene and settings request; otherwise that one is still being compiled.
     pub key_is_requested: bool,
     /// Targets of the composite pass.
     pub composite: Option<CompositeKey>,
-    /// The passes of this frame run.
+    /// The passes of this frame run, unless the executor finds that a resource is missing.
     pub rendered: bool,
+    /// The passes of the last frame did run.
+    pub ran: AtomicBool,
     /// Settings of this frame.
+    pub settings: Restir,
+}
+
+/// What is left of a view that was dropped.  The camera's next view goes on with it.
+pub(crate) struct Remains {
+    /// Guards are counted over the whole run of a camera.
+    pub counters: CounterReadback,
+    /// Number of restarts of the history, by reason.
+    pub resets: ResetCounts,
+    /// Index of the next frame in the random sequence.
+    sequence: u32,
+    /// Pipelines of the last frame.
+    pub key: Option<PipelineKey>,
+    /// Settings of the last frame.
     pub settings: Restir,
 }
 
 impl RestirView {
     pub(super) fn new(
         size: UVec2,
+        environment: [&TextureView; 2],
         device: &RenderDevice,
         pipelines: &PipelineCache,
-        environment_map: &TextureView,
-        environment_importance: &TextureView,
     ) -> Self {
         let buffer = |label, size, usage| buffer(device, label, size, usage);
         let texture = |label, layers, format, usage| texture(device, label, size, layers, format, usage);
@@ -119,17 +139,7 @@ impl RestirView {
             depth: view(&texture("depth", 1, DEPTH_FORMAT, target)),
             radiance: buffer("radiance", pixels(size) * 16, storage),
             counters: CounterReadback::new(device),
-            bind_group: device.create_bind_group(
-                "restir view",
-                &pipelines.get_bind_group_layout(&view_layout()),
-                &BindGroupEntries::sequential((
-                    uniforms.as_entire_binding(),
-                    &visibility,
-                    environment_map,
-                    environment_importance,
-                    &counts,
-                )),
-            ),
+            bind_group: bind_group(&uniforms, [&visibility, &counts], environment, device, pipelines),
             raster_bind_group: device.create_bind_group(
                 "restir raster view",
                 &pipelines.get_bind_group_layout(&raster_view_layout()),
@@ -139,6 +149,7 @@ impl RestirView {
             uniforms,
             visibility,
             visibility_texture,
+            counts,
             history: None,
             resets: ResetCounts::default(),
             beginning: Reset::Start,
@@ -152,13 +163,46 @@ impl RestirView {
             previous_jitter: [0.0; 2],
             image_state: None,
             moved: false,
-            bound_environment: (environment_map.id(), environment_importance.id()),
+            bound_environment: environment.map(|view| view.id()),
             key: None,
             key_is_requested: false,
             composite: None,
             rendered: false,
+            ran: AtomicBool::new(false),
             settings: Restir::default(),
         }
+    }
+
+    /// Binds the environment image of this frame.
+    pub(super) fn bind_environment(
+        &mut self,
+        environment: [&TextureView; 2],
+        device: &RenderDevice,
+        pipelines: &PipelineCache,
+    ) {
+        let ids = environment.map(|view| view.id());
+        if self.bound_environment != ids {
+            self.bind_group =
+                bind_group(&self.uniforms, [&self.visibility, &self.counts], environment, device, pipelines);
+            self.bound_environment = ids;
+        }
+    }
+
+    /// What the camera's next view goes on with.
+    pub(super) fn remains(self) -> Remains {
+        let sequence = match self.first_sequence {
+            0 => self.sequence.wrapping_add(1),
+            // No frame was rendered since this index was set.
+            first => first,
+        };
+        let Self { counters, resets, key, settings, .. } = self;
+        Remains { counters, resets, sequence, key, settings }
+    }
+
+    /// This new view with the counts of the last one.  `beginning`: why the history restarts.
+    pub(super) fn after(self, last: Remains, beginning: Reset) -> Self {
+        let Remains { counters, resets, sequence: first_sequence, key, settings } = last;
+        Self { counters, resets, first_sequence, key, settings, beginning, ..self }
     }
 
     /// Takes settings and pipelines for this frame, and decides whether it is rendered.
@@ -169,18 +213,10 @@ impl RestirView {
         self.key_is_requested = selection.key == Some(selection.requested);
         self.composite = selection.composite;
         self.rendered = self.composite.is_some() && self.key.is_some() && scene.bind_group.is_some();
-        if !self.rendered {
-            // A frame that is not rendered is missing from the history.
-            self.image_state = None;
+        // A frame that was not rendered is missing from the history.
+        if !core::mem::take(self.ran.get_mut()) && self.image_state.take().is_some() {
+            self.first_sequence = self.sequence.wrapping_add(1);
         }
-    }
-
-    /// This view of another environment image, with the camera of the last frame, from which motion vectors start.
-    pub(super) fn after(self, last: Self) -> Self {
-        let first_sequence = last.sequence.wrapping_add(1);
-        let Self { previous_camera, previous_jitter, counters, resets, .. } = last;
-        let beginning = Reset::Environment;
-        Self { previous_camera, previous_jitter, counters, resets, first_sequence, beginning, ..self }
     }
 
     /// Creates, replaces or drops the history.  `limit`: bytes that the device can bind.  If the device has no memory for it, the frame is
@@ -205,14 +241,14 @@ impl RestirView {
             self.drop_history();
             let create = || History::new(self.size, domains, &self.settings, counts, device);
             let created = allocation::attempt(device, "history", create);
-            let history = created.inspect_err(|_| (self.rendered, self.image_state) = (false, None))?;
+            let history = created.inspect_err(|_| self.rendered = false)?;
             self.history = Some(history);
         }
         if let Some(history) = self.history.as_mut().filter(|history| !history.fits_pairs(&self.settings)) {
             // Bind groups would keep the old textures alive.
             self.bind_groups.clear();
             allocation::attempt(device, "pairs", || history.replace_pairs(&self.settings, device))
-                .inspect_err(|_| (self.rendered, self.image_state) = (false, None))?;
+                .inspect_err(|_| self.rendered = false)?;
         }
         let inputs = FrameInputs { has_history: fits && self.frame > 0, moved: self.moved, counts };
         if let Some(history) = &mut self.history {
@@ -261,4 +297,20 @@ impl RestirView {
     pub(crate) fn reservoir_bytes_per_pixel(&self) -> u64 {
         self.history.as_ref().map_or(0, History::reservoir_bytes_per_pixel)
     }
+}
+
+/// Group 1 of compute passes.  `own`: visibility and counts of pixels.
+fn bind_group(
+    uniforms: &Buffer,
+    own: [&TextureView; 2],
+    environment: [&TextureView; 2],
+    device: &RenderDevice,
+    pipelines: &PipelineCache,
+) -> BindGroup {
+    let ([visibility, counts], [map, importance]) = (own, environment);
+    device.create_bind_group(
+        "restir view",
+        &pipelines.get_bind_group_layout(&view_layout()),
+        &BindGroupEntries::sequential((uniforms.as_entire_binding(), visibility, map, importance, counts)),
+    )
 }

@@ -8,3 +8,4 @@ mod light_units;
 mod lost_devices;
 mod motion_vectors;
 mod parity;
+mod switches;

@@ -37,22 +37,26 @@ pub fn attempt<T>(_: &RenderDevice, _: &str, create: impl FnOnce() -> T) -> Resu
 #[cfg(all(feature = "testing", not(target_arch = "wasm32")))]
 mod planted {
     use bevy::{app::App, render::renderer::RenderDevice};
-    use std::sync::{Mutex, PoisonError};
+    use core::cell::RefCell;
 
-    /// Devices with the names of the allocations that fail there.
-    static FAILING: Mutex<Vec<(wgpu::Device, &'static str)>> = Mutex::new(Vec::new());
+    thread_local! {
+        /// Devices with the names of the allocations that fail there.  Devices of two apps may compare equal, because each app counts its own.
+        /// Tests run all systems of an app in their own thread.
+        static FAILING: RefCell<Vec<(wgpu::Device, &'static str)>> = const { RefCell::new(Vec::new()) };
+    }
 
-    /// Lets allocations with these names fail on the device of an app, and no others.
+    /// Lets allocations with these names fail on the device of an app, and no others, while its systems run in this thread.
     pub fn plant_failed_allocations(app: &App, names: &[&'static str]) {
         let Some(device) = app.world().get_resource::<RenderDevice>() else { return };
-        let mut failing = FAILING.lock().unwrap_or_else(PoisonError::into_inner);
-        failing.retain(|(other, _)| other != device.wgpu_device());
-        failing.extend(names.iter().map(|name| (device.wgpu_device().clone(), *name)));
+        FAILING.with_borrow_mut(|failing| {
+            failing.retain(|(other, _)| other != device.wgpu_device());
+            failing.extend(names.iter().map(|name| (device.wgpu_device().clone(), *name)));
+        });
     }
 
     pub(super) fn fails(device: &RenderDevice, what: &str) -> bool {
-        let failing = FAILING.lock().unwrap_or_else(PoisonError::into_inner);
-        failing.iter().any(|(other, name)| other == device.wgpu_device() && *name == what)
+        FAILING
+            .with_borrow(|failing| failing.iter().any(|(other, name)| other == device.wgpu_device() && *name == what))
     }
 }
 #[cfg(all(feature = "testing", not(target_arch = "wasm32")))]

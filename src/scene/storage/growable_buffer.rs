@@ -11,6 +11,7 @@ use bytemuck::Pod;
 use std::marker::PhantomData;
 
 use super::allocation;
+use crate::device;
 
 /// A storage buffer of `T` that grows by doubling, up to the device's binding limit.
 #[derive(Debug)]
@@ -39,8 +40,7 @@ impl<T: Pod> GrowableBuffer<T> {
 
     /// The number of elements that one binding of this device can hold.
     pub(crate) fn limit(device: &RenderDevice) -> u32 {
-        let limits = device.limits();
-        let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size);
+        let bytes = device::binding_limit(&device.limits());
         (bytes / size_of::<T>() as u64).min(u32::MAX as u64) as u32
     }
 

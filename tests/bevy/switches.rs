@@ -1,0 +1,188 @@
+//! What an app switches while it runs: cameras, effects, environment images and devices; and plugins in either order.  No frame is black, and
+//! nothing is allocated anew without need.
+
+use crate::support::app::*;
+use bevy::{
+    app::MainScheduleOrder,
+    camera::Hdr,
+    core_pipeline::prepass::{DepthPrepass, MotionVectorPrepass},
+    ecs::schedule::ScheduleLabel,
+    prelude::*,
+    render::{Render, RenderApp, RenderSystems, settings::WgpuLimits, view::ViewDepthTexture},
+};
+use bevy_restir::{
+    RayBackend, Restir, RestirEnvironment, RestirStatus, Technique,
+    testing::storage::allocation::plant_failed_allocations,
+};
+
+/// How often histories restarted for a reason.
+fn resets(rig: &Rig, reason: &str) -> u64 {
+    rig.report().history_resets.iter().find(|(name, _)| *name == reason).map_or(0, |(_, count)| *count)
+}
+
+/// Asserts that we render the next frames.
+fn assert_ours(rig: &mut Rig, frames: u32, what: &str) {
+    for frame in 0..frames {
+        assert!(rig.next_if_any().is_some(), "{what}: frame {frame} is not ours");
+    }
+}
+
+#[test]
+fn another_environment_image_needs_no_memory_for_the_view() {
+    let Some(mut rig) = Rig::new(20, 16) else { return };
+    rig.spawn(square(1.0), lambert(0.5), Transform::default());
+    let map = |value| texture(4, 2, |_, _| [value, value, value, 255]);
+    let [dark, bright] = [60, 255].map(|value| rig.add(map(value)));
+    let lit_by = |image| RestirEnvironment { image: Some(image), ..sky(0.3) };
+    rig.insert(rig.camera, lit_by(dark));
+    rig.set(|restir| restir.technique = Technique::Di);
+    let before = rig.picture(2);
+    plant_failed_allocations(&rig.app, &["view", "history"]);
+    rig.insert(rig.camera, lit_by(bright));
+    rig.frames(3);
+    assert_ours(&mut rig, 3, "a brighter sky");
+    let after = rig.next();
+    assert!(before.at(0, 0).x < 0.05 && (after.at(0, 0).x - 0.3).abs() < 1e-3, "the new sky: {}", after.at(0, 0));
+    assert!(after.center().x > 5.0 * before.center().x, "its light: {} and {}", before.center(), after.center());
+    plant_failed_allocations(&rig.app, &[]);
+    rig.assert_sound();
+}
+
+#[test]
+fn effects_that_change_the_target_leave_no_frame_out() {
+    let Some(mut rig) = Rig::compiling_in_background(16, 12) else { return };
+    rig.spawn(square(4.0), lamp(1.0, 1.0, 1.0), Transform::default());
+    rig.until_ready();
+    // Pipelines for other targets are compiled in the background.
+    for _ in 0..300 {
+        if rig.report().pipelines.iter().filter(|pipeline| pipeline.name == "composite").count() >= 4 {
+            break;
+        }
+        rig.frame();
+    }
+    let camera = rig.camera;
+    rig.insert(camera, (DepthPrepass, MotionVectorPrepass));
+    assert_ours(&mut rig, 4, "with a prepass");
+    rig.insert(camera, Hdr);
+    assert_ours(&mut rig, 4, "with a prepass and HDR");
+    rig.app.world_mut().entity_mut(camera).remove::<(DepthPrepass, MotionVectorPrepass)>();
+    assert_ours(&mut rig, 4, "with HDR");
+    rig.assert_sound();
+}
+
+#[test]
+fn a_camera_that_is_switched_on_renders_from_its_first_frame_on() {
+    let Some(mut rig) = Rig::compiling_in_background(16, 12) else { return };
+    rig.spawn(square(4.0), lambert(0.5), Transform::default());
+    rig.spawn_bundle((PointLight { intensity: 500.0, ..default() }, Transform::from_xyz(0.0, 0.0, 2.0)));
+    rig.until_ready();
+    let camera = rig.camera;
+    rig.get_mut::<Camera>(camera).is_active = false;
+    rig.frames(2);
+    // Meanwhile the scene needs pipelines that no camera requests, and the settings request others.
+    let glass = StandardMaterial { specular_transmission: 1.0, ..lambert(1.0) };
+    rig.spawn(Cuboid::from_length(0.5), glass, Transform::from_xyz(0.0, 0.0, 1.0));
+    rig.set(|restir| restir.technique = Technique::Di);
+    rig.frames(3);
+    assert!(rig.next_if_any().is_none(), "the camera is off");
+    rig.get_mut::<Camera>(camera).is_active = true;
+    assert_ours(&mut rig, 6, "the camera is on again");
+    rig.assert_sound();
+}
+
+/// A schedule of the app that runs after all others.
+#[derive(ScheduleLabel, Clone, Debug, PartialEq, Eq, Hash)]
+struct AfterLast;
+
+/// Whether the app turns multisampling on in this frame.
+#[derive(Resource, Default)]
+struct Multisamples(bool);
+
+#[test]
+fn multisampling_that_is_turned_on_at_the_end_of_a_frame_costs_one_frame() {
+    let add_schedule = |app: &mut App| {
+        app.init_schedule(AfterLast).init_resource::<Multisamples>();
+        app.world_mut().resource_mut::<MainScheduleOrder>().insert_after(Last, AfterLast);
+        app.add_systems(AfterLast, |mut wanted: ResMut<Multisamples>, mut cameras: Query<&mut Msaa, With<Restir>>| {
+            if core::mem::take(&mut wanted.0) {
+                cameras.iter_mut().for_each(|mut msaa| *msaa = Msaa::Sample4);
+            }
+        });
+    };
+    let Some(mut rig) = Rig::beside(add_schedule, 16, 12) else { return };
+    rig.spawn(square(4.0), lamp(1.0, 1.0, 1.0), Transform::default());
+    rig.until_ready();
+    rig.app.insert_resource(Multisamples(true));
+    rig.frames(2);
+    assert_ours(&mut rig, 2, "with one sample again");
+    rig.assert_sound();
+}
+
+#[test]
+fn the_plugin_may_be_added_before_bevys_plugins() {
+    let look = |rig: &mut Rig| {
+        rig.spawn(square(4.0), lamp(1.0, 0.5, 0.25), Transform::default());
+        let picture = rig.picture(2);
+        (picture, rig.report().backend, rig.app.world().resource::<RestirStatus>().clone())
+    };
+    let Some(mut usual) = Rig::starting(Start { backend: RayBackend::Hardware, ..default() }, 16, 12) else { return };
+    let start = Start { backend: RayBackend::Hardware, before_bevy: true, ..default() };
+    let mut before = Rig::starting(start, 16, 12).expect("there is an adapter");
+    assert_eq!(look(&mut before), look(&mut usual));
+    // A device that is too small is turned away in either order.
+    let limits = WgpuLimits { max_storage_buffer_binding_size: (1 << 20) - 4096, ..default() };
+    let start = Start { limits: Some(limits), backend: RayBackend::Software, before_bevy: true, ..default() };
+    let rig = Rig::starting(start, 16, 12).expect("there is an adapter");
+    let status = rig.app.world().resource::<RestirStatus>();
+    assert!(matches!(status, RestirStatus::Off(reason) if reason.contains("1 MiB")), "{status:?}");
+}
+
+#[test]
+fn a_view_that_finds_no_memory_keeps_its_counts() {
+    let Some(mut rig) = Rig::new(16, 12) else { return };
+    rig.spawn(square(4.0), lamp(1.0, 1.0, 1.0), Transform::default());
+    rig.set(|restir| restir.technique = Technique::Di);
+    rig.picture(2);
+    let before = resets(&rig, "requested");
+    assert!(before > 0);
+    plant_failed_allocations(&rig.app, &["view"]);
+    let target = rig.target.clone();
+    rig.edit(&target, |image| *image = target_image(UVec2::new(20, 12)));
+    rig.frames(3);
+    assert!(rig.next_if_any().is_none(), "there is no memory");
+    assert_eq!(resets(&rig, "requested"), before, "while there is none");
+    plant_failed_allocations(&rig.app, &[]);
+    rig.until_ready();
+    assert_eq!(resets(&rig, "requested"), before, "afterwards");
+    rig.assert_sound();
+}
+
+/// Whether another renderer takes the depth textures of all cameras away, so that nothing can be drawn.
+#[derive(Resource, Default)]
+struct TakesDepth(bool);
+
+#[test]
+fn a_frame_whose_passes_did_not_run_is_no_history() {
+    let take_depth = |app: &mut App| {
+        let render_app = app.sub_app_mut(RenderApp).init_resource::<TakesDepth>();
+        render_app.add_systems(
+            Render,
+            (|takes: Res<TakesDepth>, views: Query<Entity, With<ViewDepthTexture>>, mut commands: Commands| {
+                let views = views.iter().filter(|_| takes.0);
+                views.for_each(|view| _ = commands.entity(view).remove::<ViewDepthTexture>());
+            })
+            .in_set(RenderSystems::PrepareBindGroups),
+        );
+    };
+    let Some(mut rig) = Rig::beside(take_depth, 16, 12) else { return };
+    rig.spawn(square(4.0), lamp(1.0, 1.0, 1.0), Transform::default());
+    rig.set(|restir| restir.technique = Technique::Di);
+    rig.picture(2);
+    let before = resets(&rig, "start");
+    rig.app.sub_app_mut(RenderApp).insert_resource(TakesDepth(true));
+    rig.frame();
+    rig.app.sub_app_mut(RenderApp).insert_resource(TakesDepth(false));
+    rig.frames(3);
+    assert_eq!(resets(&rig, "start"), before + 1);
+    rig.assert_sound();
+}
