@@ -70,7 +70,7 @@ pub(crate) struct SceneBindings {
     pub edit_revision: u64,
     /// Whether all assets of the scene are loaded, built and copied.
     pub ready: bool,
-    /// The device has no memory even for buffers of one element each.
+    /// The device has no memory for the scene as it is in this frame, so that no camera renders it.
     pub lacks_memory: bool,
     /// Scene bytes sent in this frame.
     pub uploaded_bytes: u64,

@@ -65,7 +65,7 @@ impl FeatureMemory {
     /// Frames of a period.
     const PERIOD: u32 = 600;
 
-    /// The features of this frame and those that have vanished less than a period ago.
+    /// The features of this frame, and those that vanished in this period or in the one before: each is kept for one to two periods.
     pub(crate) fn update(&mut self, present: SceneFeatures) -> SceneFeatures {
         self.frame += 1;
         if self.frame >= Self::PERIOD {

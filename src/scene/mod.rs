@@ -127,9 +127,11 @@ fn forget_warnings(
     mut instances: ResMut<InstancePool>,
     mut lights: ResMut<LightPool>,
     mut subsurface: ResMut<SubsurfacePool>,
+    mut bodies: ResMut<BodyPool>,
     entities: Extract<&Entities>,
 ) {
     instances.forget_warnings(|entity| entities.contains(*entity));
     lights.forget_warnings(|entity| entities.contains(*entity));
     subsurface.forget_warnings(|entity| entities.contains(*entity));
+    bodies.forget_warnings(|entity| entities.contains(*entity));
 }

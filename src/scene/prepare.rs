@@ -82,9 +82,9 @@ pub(super) fn prepare_scene(
     drop(running);
     let _running = context.times.measure(Stage::Summary);
     summarize(&mut bindings, &pools);
-    bindings.visited = visited(&mut scene, &pools);
+    let drawn = update_draws(&mut bindings, &pools);
+    bindings.visited = visited(&mut scene, &pools, drawn);
     bindings.uploaded_bytes = uploaded;
-    update_draws(&mut bindings, &pools);
 }
 
 /// Gives slots to the materials in use, copies their textures and packs the materials that changed.
@@ -147,21 +147,13 @@ fn due_instances(
     device: &RenderDevice,
 ) -> Vec<MainEntity> {
     let Pools { meshes, materials, subsurface, instances, .. } = pools;
-    subsurface.begin_frame();
+    subsurface.begin_frame(device);
     let mut due = changed;
     due.extend(instances.take_unsettled());
     due.extend(meshes.take_changed().into_iter().flat_map(|id| list.users_of_mesh(id)));
     due.extend(materials.take_changed().into_iter().flat_map(|id| list.users_of_material(id)));
     due.extend(list.posed());
-    let mut due = sorted(due);
-    // Records of `Subsurface` are numbered in the order of their first use, so that one change may change all numbers.
-    let is_translucent = |entity: &MainEntity| list.translucent().contains(entity) || instances.is_translucent(*entity);
-    if due.iter().any(is_translucent) {
-        subsurface.restart(device);
-        due.extend(list.translucent());
-        due = sorted(due);
-    }
-    due
+    sorted(due)
 }
 
 /// Builds the trees over instances and lights, and uploads everything that changed.  Returns the number of bytes sent.
@@ -217,7 +209,7 @@ fn uniforms(pools: &Pools) -> GpuSceneUniforms {
 /// Creates bind groups again whose buffers or textures were replaced.
 fn update_bind_groups(bindings: &mut SceneBindings, pools: &mut Pools, context: &Context) {
     let Context { pipelines, device, queue, .. } = context;
-    let Pools { meshes, textures, materials, subsurface, instances, lights, .. } = pools;
+    let Pools { meshes, bodies, textures, materials, subsurface, instances, lights } = pools;
     // A buffer cannot be bound before it exists, so that of a scene without lights or meshes holds one unused element.
     let reserved = meshes.nodes.reserve(1, device, queue)
         && meshes.triangles.reserve(1, device, queue)
@@ -225,7 +217,8 @@ fn update_bind_groups(bindings: &mut SceneBindings, pools: &mut Pools, context: 
         && instances.gpu.reserve(1, device, queue)
         && materials.gpu.reserve(1, device, queue)
         && lights.gpu.reserve(1, device, queue);
-    bindings.lacks_memory = !reserved;
+    let fits = bodies.fits && instances.fits && materials.fits && subsurface.fits && lights.fits;
+    bindings.lacks_memory = !(reserved && fits);
     let placeholders = bindings.placeholders.get_or_insert_with(|| PlaceholderTextures::new(device)).clone();
     if reserved
         && let (Some(u), Some(n), Some(t), Some(a), Some(i), Some(m), Some(l)) = (
@@ -259,12 +252,11 @@ fn update_bind_groups(bindings: &mut SceneBindings, pools: &mut Pools, context: 
 
 /// Records the facts about the scene that views, frames and the report read.
 fn summarize(bindings: &mut SceneBindings, pools: &Pools) {
-    let Pools { meshes, textures, materials, subsurface, instances, lights, .. } = pools;
+    let Pools { meshes, textures, materials, instances, lights, .. } = pools;
     bindings.features = bindings.feature_memory.update(instances.totals.features() | lights.features);
     bindings.features.set(SceneFeatures::RAY_QUERY, instances.top.structures.is_some());
     bindings.motion_revision = instances.motion_revision + lights.revision;
-    bindings.edit_revision =
-        materials.edit_revision + subsurface.edit_revision + textures.edit_revision + instances.edit_revision;
+    bindings.edit_revision = materials.edit_revision + textures.edit_revision + instances.edit_revision;
     bindings.ready = meshes.idle() && !instances.waiting && textures.complete;
     bindings.memory = memory(bindings, pools);
     bindings.triangles = instances.totals.triangles;
@@ -274,8 +266,9 @@ fn summarize(bindings: &mut SceneBindings, pools: &Pools) {
     bindings.hidden_from = instances.totals.hidden_from() | lights.hidden_from;
 }
 
-/// Numbers of elements that were looked at in this frame.  All are 0 where nothing has changed.
-fn visited(scene: &mut ExtractedScene, pools: &Pools) -> Vec<(&'static str, u64)> {
+/// Numbers of elements that were looked at in this frame.  All are 0 where nothing has changed.  `drawn`: instances that were looked at for
+/// the draw calls.
+fn visited(scene: &mut ExtractedScene, pools: &Pools, drawn: u64) -> Vec<(&'static str, u64)> {
     let Pools { textures, materials, instances, lights, .. } = pools;
     vec![
         ("extracted_instances", scene.instances.take_visited()),
@@ -283,6 +276,7 @@ fn visited(scene: &mut ExtractedScene, pools: &Pools) -> Vec<(&'static str, u64)
         ("images", textures.visited),
         ("instances", instances.visited),
         ("emitters", lights.visited),
+        ("draws", drawn),
     ]
 }
 
@@ -312,11 +306,15 @@ fn memory(bindings: &SceneBindings, pools: &Pools) -> Vec<(&'static str, u64)> {
     ]
 }
 
-/// Makes the draw calls of the visibility pass again if instances were added, removed or edited.
-fn update_draws(bindings: &mut SceneBindings, pools: &Pools) {
-    let key = [pools.instances.membership_revision, bindings.edit_revision];
-    if bindings.draws_key != key {
-        bindings.draw_list.update(&pools.instances, &pools.materials);
-        bindings.draws_key = key;
+/// Makes the draw calls of the visibility pass again if instances were added, removed or edited.  Returns the number of instances that were
+/// looked at.
+fn update_draws(bindings: &mut SceneBindings, pools: &Pools) -> u64 {
+    let Pools { instances, materials, .. } = pools;
+    let key = [instances.membership_revision, instances.edit_revision + materials.edit_revision];
+    if bindings.draws_key == key {
+        return 0;
     }
+    bindings.draw_list.update(instances, materials);
+    bindings.draws_key = key;
+    instances.totals.instances
 }

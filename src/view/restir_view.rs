@@ -212,7 +212,8 @@ impl RestirView {
         self.key = selection.key;
         self.key_is_requested = selection.key == Some(selection.requested);
         self.composite = selection.composite;
-        self.rendered = self.composite.is_some() && self.key.is_some() && scene.bind_group.is_some();
+        self.rendered =
+            self.composite.is_some() && self.key.is_some() && scene.bind_group.is_some() && !scene.lacks_memory;
         // A frame that was not rendered is missing from the history.
         if !core::mem::take(self.ran.get_mut()) && self.image_state.take().is_some() {
             self.first_sequence = self.sequence.wrapping_add(1);

@@ -1,6 +1,6 @@
 //! Devices that are lost, and devices whose memory is full: no panic, one message, and Bevy's lighting where ours is missing.
 
-use crate::support::{app::*, log};
+use crate::support::{app::*, bodies::*, log};
 use bevy::{
     prelude::*,
     render::{
@@ -10,7 +10,9 @@ use bevy::{
         settings::{Backends, WgpuSettings},
     },
 };
-use bevy_restir::{RestirStatus, Technique, testing::storage::allocation::plant_failed_allocations};
+use bevy_restir::{
+    DebugView, RestirStatus, Subsurface, Technique, testing::storage::allocation::plant_failed_allocations,
+};
 use std::{process::Command, time::Duration};
 
 /// A wall that both renderers light.
@@ -63,6 +65,90 @@ fn bevy_lights_a_scene_that_the_device_has_no_memory_for() {
     plant_failed_allocations(&rig.app, &[]);
     assert!(rig.picture(2).mean() > 0.0, "with memory the picture is ours");
     rig.assert_sound();
+}
+
+/// Tables of the scene that have no memory to grow: Bevy lights the camera, and the picture is ours again once there is memory.
+#[test]
+fn bevy_lights_a_scene_that_outgrows_the_memory_of_the_device() {
+    let Some(mut rig) = lit_wall() else { return };
+    rig.until_ready();
+    let (mesh, paint) = (rig.add::<Mesh>(square(0.1)), rig.add::<StandardMaterial>(lambert(0.3)));
+    for name in ["instances", "materials", "lights", "subsurface", "poses"] {
+        plant_failed_allocations(&rig.app, &[name]);
+        let things: Vec<Entity> = (0..if name == "poses" { 1 } else { 20 })
+            .map(|i| {
+                let place = Transform::from_xyz(0.1 * i as f32, 9.0, 0.0);
+                let object = |paint| (Mesh3d(mesh.clone()), MeshMaterial3d(paint), place);
+                match name {
+                    "materials" => {
+                        let paint = rig.add::<StandardMaterial>(lambert(0.04 * i as f32));
+                        rig.spawn_bundle(object(paint))
+                    }
+                    "lights" => rig.spawn_bundle((PointLight { intensity: 1.0, ..default() }, place)),
+                    "subsurface" => {
+                        let soft = Subsurface { mean_free_path: Vec3::splat(0.1), ..default() };
+                        rig.spawn_bundle((object(paint.clone()), soft))
+                    }
+                    "poses" => spawn_skinned(&mut rig, "body", tube(), lambert(0.5)),
+                    _ => rig.spawn_bundle(object(paint.clone())),
+                }
+            })
+            .collect();
+        let mut patience = 0..200;
+        while rig.next_if_any().is_some() {
+            assert!(patience.next().is_some(), "{name}: we render a scene that the device does not have");
+        }
+        rig.frames(3);
+        assert!(rig.next_if_any().is_none(), "{name}: we render nothing");
+        assert!(shown(&mut rig) > 20, "{name}: Bevy lights the wall");
+        plant_failed_allocations(&rig.app, &[]);
+        assert!(rig.picture(2).mean() > 0.0, "{name}: with memory the picture is ours");
+        things.into_iter().for_each(|thing| rig.app.world_mut().entity_mut(thing).despawn());
+        rig.until_ready();
+    }
+    rig.assert_sound();
+}
+
+/// What did not fit the device's memory is there once it fits, although nothing has changed since.
+#[test]
+fn what_the_device_had_no_memory_for_comes_later() {
+    let pictures = |names: &'static [&'static str]| {
+        let mut rig = lit_wall()?;
+        let (mesh, paint) = (rig.add::<Mesh>(square(0.1)), rig.add::<StandardMaterial>(lambert(0.3)));
+        let object = |place| (Mesh3d(mesh.clone()), MeshMaterial3d(paint.clone()), place);
+        rig.spawn_bundle(object(Transform::from_xyz(0.0, 9.0, 0.0)));
+        let white = square(0.5).with_inserted_attribute(Mesh::ATTRIBUTE_COLOR, vec![[1.0f32; 4]; 4]);
+        rig.spawn(white, lambert(0.5), Transform::from_xyz(0.0, 9.0, 0.0));
+        rig.until_ready();
+        rig.frames(3);
+        plant_failed_allocations(&rig.app, names);
+        for i in 0..60 {
+            // More instances of a mesh, and lamps, need larger trees.
+            let place = Transform::from_xyz(0.2 * (i % 10) as f32 - 1.0, 0.2 * (i / 10) as f32 - 0.6, 0.2);
+            rig.spawn_bundle(object(place));
+            rig.spawn_bundle((PointLight { intensity: 1.0, radius: 0.05, ..default() }, place));
+        }
+        rig.frames(4);
+        plant_failed_allocations(&rig.app, &[]);
+        let seen = rig.debug(DebugView::TracedInstances);
+        Some([seen, rig.picture(4)])
+    };
+    let (Some(expected), Some(found)) = (pictures(&[]), pictures(&["acceleration structures"])) else { return };
+    assert_eq!(found[0], expected[0], "the tree over instances");
+    assert_eq!(found[1], expected[1], "the tree over lamps");
+}
+
+#[test]
+fn vertex_colors_that_the_device_had_no_memory_for_come_later() {
+    let Some(mut rig) = Rig::new(8, 8) else { return };
+    let red = square(4.0).with_inserted_attribute(Mesh::ATTRIBUTE_COLOR, vec![[1.0f32, 0.0, 0.0, 1.0]; 4]);
+    plant_failed_allocations(&rig.app, &["vertex colors"]);
+    rig.spawn(red, lambert(0.5), Transform::default());
+    rig.until_ready();
+    rig.frames(2);
+    plant_failed_allocations(&rig.app, &[]);
+    rig.frames(2);
+    assert_eq!(rig.debug(DebugView::Albedo).center(), Vec3::new(0.5, 0.0, 0.0));
 }
 
 /// Whether this process runs a test alone; otherwise it runs that test in another process.  A lost device may leave the driver's registry,

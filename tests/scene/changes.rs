@@ -4,6 +4,7 @@
 use crate::support::app::*;
 use bevy::{
     camera::visibility::{RenderLayers, VisibilityRange},
+    ecs::entity_disabling::Disabled,
     light::{NotShadowCaster, SunDisk},
     mesh::morph::MeshMorphWeights,
     prelude::*,
@@ -45,6 +46,12 @@ fn a_still_frame_looks_at_nothing_and_a_move_at_what_moves() {
     assert_eq!(visited(&rig), [("instances", 1)], "the last frame's transform follows");
     rig.frame();
     assert_eq!(visited(&rig), []);
+    // An image that no material uses changes.
+    let image = rig.add::<Image>(texture(2, 2, |_, _| [0; 4]));
+    rig.frames(2);
+    rig.edit(&image, |image| *image = texture(4, 4, |_, _| [255; 4]));
+    rig.frame();
+    assert_eq!(visited(&rig), [], "an image of something else");
     // A frame with a changed light looks at the two lamps, and one with a changed camera at nothing.
     let lights = rig.app.world_mut().query_filtered::<Entity, With<PointLight>>().iter(rig.app.world()).next();
     rig.get_mut::<PointLight>(lights.expect("there is a light")).intensity *= 2.0;
@@ -78,6 +85,9 @@ const EDITS: &[Edit] = &[
     ("no RenderLayers of the camera", |world, _, camera| without::<RenderLayers>(world, camera), 4),
     ("RestirIgnore", |world, square, _| with(world, square, RestirIgnore), 3),
     ("no RestirIgnore", |world, square, _| without::<RestirIgnore>(world, square), 4),
+    ("Disabled", |world, square, _| with(world, square, Disabled), 3),
+    ("another one Disabled in the same frame", exchange_disabled, 3),
+    ("no Disabled", enable_last, 4),
     ("RestirMaterial", stand_in, 4),
     ("no RestirMaterial", |world, square, _| without::<RestirMaterial>(world, square), 4),
     ("RestirMaterial again", stand_in, 4),
@@ -139,6 +149,17 @@ fn respawn(world: &mut World, _: Entity, _: Entity) {
     world.spawn((Last, mesh, material, Transform::from_xyz(0.5, 0.5, -1.0)));
 }
 
+fn exchange_disabled(world: &mut World, square: Entity, _: Entity) {
+    let last = world.query_filtered::<Entity, With<Last>>().single(world).expect("one square is the last");
+    with(world, last, Disabled);
+    without::<Disabled>(world, square);
+}
+
+fn enable_last(world: &mut World, _: Entity, _: Entity) {
+    let last = world.query_filtered::<Entity, (With<Last>, With<Disabled>)>().single(world).expect("it is disabled");
+    without::<Disabled>(world, last);
+}
+
 fn despawn_last(world: &mut World) {
     let last = world.query_filtered::<Entity, With<Last>>().single(world).expect("one square is the last");
     world.despawn(last);
@@ -170,7 +191,10 @@ fn every_edit_of_lights_is_noticed() {
     rig.spawn(square(4.0), lambert(0.5), Transform::default());
     let sun = rig.spawn_bundle((DirectionalLight::default(), SunDisk::EARTH, Transform::default()));
     let point = rig.spawn_bundle((PointLight::default(), RenderLayers::layer(3), Transform::from_xyz(0.0, 0.0, 2.0)));
+    // Bevy computes the visibility of what it has seen enabled at first.
+    let spare = rig.spawn_bundle((SpotLight::default(), Transform::from_xyz(0.0, 1.0, 2.0)));
     rig.until_ready();
+    rig.insert(spare, Disabled);
     let mut lights_after = |edit: &dyn Fn(&mut World)| {
         edit(rig.app.world_mut());
         rig.until_ready();
@@ -184,6 +208,13 @@ fn every_edit_of_lights_is_noticed() {
     assert_eq!(lights_after(&|world| with(world, point, Visibility::Inherited)), 2);
     assert_eq!(lights_after(&|world| without::<PointLight>(world, point)), 1);
     assert_eq!(lights_after(&|world| with(world, point, SpotLight::default())), 2);
+    let exchange = |world: &mut World| {
+        with(world, point, Disabled);
+        without::<Disabled>(world, spare);
+    };
+    assert_eq!(lights_after(&exchange), 2);
+    assert_eq!(lights_after(&|world| _ = world.despawn(spare)), 1);
+    assert_eq!(lights_after(&|world| without::<Disabled>(world, point)), 2);
     assert_eq!(lights_after(&|world| _ = world.despawn(point)), 1);
 }
 

@@ -149,6 +149,7 @@ fn point_lights_beyond_the_light_table_are_dropped() {
 #[test]
 fn meshes_after_one_that_does_not_fit_are_shown() {
     let _guard = listen();
+    let before = log::warnings("does not fit the buffers of this device").len();
     let Some(mut rig) = Rig::binding_at_most(SMALL, 24, 16) else { return };
     rig.insert(rig.camera, orthographic(3.0, 2.0));
     rig.set(|r| r.debug_view = bevy_restir::DebugView::Albedo);
@@ -159,7 +160,25 @@ fn meshes_after_one_that_does_not_fit_are_shown() {
     let picture = rig.picture(1);
     assert_eq!((rig.report().triangles, rig.report().instances), (2, 1));
     assert!(picture.at(18, 8).x > 0.4 && picture.at(6, 8).x == 0.0);
-    assert_eq!(log::warnings("does not fit the buffers of this device").len(), 1);
+    assert_eq!(log::warnings("does not fit the buffers of this device").len(), before + 1);
+}
+
+#[test]
+fn a_mesh_that_did_not_fit_is_shown_once_another_one_is_gone() {
+    let _guard = listen();
+    let Some(mut rig) = Rig::binding_at_most(SMALL, 24, 16) else { return };
+    rig.insert(rig.camera, orthographic(3.0, 2.0));
+    rig.set(|r| r.debug_view = bevy_restir::DebugView::Albedo);
+    // 15000 triangles take 0.7 MB.
+    let first = rig.spawn(sheet(1.0, 100, 75), lambert(0.5), Transform::from_xyz(-0.75, 0.0, 0.0));
+    rig.picture(1);
+    rig.spawn(sheet(1.0, 100, 75), lambert(0.5), Transform::from_xyz(0.75, 0.0, 0.0));
+    let picture = rig.picture(1);
+    assert!(picture.at(18, 8).x == 0.0 && picture.at(6, 8).x > 0.4);
+    rig.app.world_mut().despawn(first);
+    rig.frames(3);
+    let picture = rig.picture(1);
+    assert!(picture.at(18, 8).x > 0.4 && picture.at(6, 8).x == 0.0);
 }
 
 #[test]

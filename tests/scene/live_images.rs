@@ -124,6 +124,9 @@ fn the_output_of_a_camera_is_visible_as_a_texture() {
                 let got = rig.next();
                 assert!((got.center() - 2.0 * color).length() < 0.03, "{format:?}: {} not {color}", got.center());
                 assert_eq!(got.samples, 1, "frames with different colors never accumulate");
+                let visited = rig.report().visited;
+                let draws = visited.iter().find(|(name, _)| *name == "draws");
+                assert_eq!(draws, Some(&("draws", 0)), "another picture on a screen changes no draw call: {visited:?}");
             }
             let surface = StandardMaterial { base_color_texture: Some(image), ..lambert(1.0) };
             let surface = rig.add::<StandardMaterial>(surface);

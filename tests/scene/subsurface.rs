@@ -81,6 +81,67 @@ fn objects_with_different_values_have_different_records() {
     assert!(long < 0.7 && short > 0.74, "the long paths lose light: {long}, {short}");
 }
 
+/// Each object has a record of its own or shares that of its equals, so that it concerns no other object what becomes of it.
+#[test]
+fn objects_with_subsurface_come_go_and_change_without_a_restart() {
+    let Some(mut rig) = Rig::new(16, 16) else { return };
+    rig.insert(rig.camera, orthographic(4.0, 4.0));
+    rig.insert(rig.camera, sky(1.0));
+    let mesh = rig.add::<Mesh>(Sphere::new(0.4).mesh().ico(8).expect("few triangles"));
+    let paint = rig.add::<StandardMaterial>(lambert(0.8));
+    let spawn = |rig: &mut Rig, x: f32, length: f32| {
+        let place = Transform::from_xyz(x, 0.0, 0.0);
+        rig.spawn_bundle((Mesh3d(mesh.clone()), MeshMaterial3d(paint.clone()), place, soft(length)))
+    };
+    let objects: Vec<Entity> =
+        [0.3, 0.1, 0.3, 0.05].iter().zip(0..).map(|(l, i)| spawn(&mut rig, i as f32 - 1.5, *l)).collect();
+    let length_of = |rig: &Rig, wanted: &str| {
+        let lengths = table_lengths(&rig.app);
+        lengths.iter().find(|(name, _)| *name == wanted).map(|(_, length)| *length)
+    };
+    let visited = |rig: &Rig| {
+        let visited = rig.report().visited;
+        visited.iter().find(|(name, _)| *name == "instances").map(|(_, count)| *count)
+    };
+    rig.until_ready();
+    rig.frames(3);
+    let resets = rig.report().history_resets;
+    assert_eq!((length_of(&rig, "records of subsurface"), visited(&rig)), (Some(3), Some(0)));
+    rig.get_mut::<Transform>(objects[3]).translation.y = 0.1;
+    rig.frame();
+    assert_eq!(visited(&rig), Some(1), "one object moves");
+    rig.get_mut::<Transform>(objects[3]).translation.y = 0.0;
+    // The first one goes, and its equal stays.
+    rig.app.world_mut().despawn(objects[0]);
+    rig.frames(3);
+    rig.app.world_mut().despawn(objects[1]);
+    rig.frames(3);
+    // A value that changes in each frame needs one record for this frame and one for the last.
+    for i in 0..20 {
+        rig.insert(objects[2], soft(0.02 * (20 - i) as f32));
+        rig.frame();
+        assert_eq!(visited(&rig), Some(1), "one object changes");
+    }
+    spawn(&mut rig, -1.5, 0.3);
+    spawn(&mut rig, -0.5, 0.1);
+    rig.insert(objects[2], soft(0.3));
+    rig.frames(3);
+    assert!(length_of(&rig, "records of subsurface") <= Some(4), "{:?}", length_of(&rig, "records of subsurface"));
+    assert_eq!(rig.report().history_resets, resets);
+    // What has become of them looks like what was there at first.
+    let picture = rig.picture(8);
+    let Some(mut fresh) = Rig::new(16, 16) else { return };
+    fresh.insert(fresh.camera, orthographic(4.0, 4.0));
+    fresh.insert(fresh.camera, sky(1.0));
+    for (length, i) in [0.3, 0.1, 0.3, 0.05].into_iter().zip(0..) {
+        let mesh = Sphere::new(0.4).mesh().ico(8).expect("few triangles");
+        let object = fresh.spawn(mesh, lambert(0.8), Transform::from_xyz(i as f32 - 1.5, 0.0, 0.0));
+        fresh.insert(object, soft(length));
+    }
+    assert_eq!(picture, fresh.picture(8));
+    rig.assert_sound();
+}
+
 #[test]
 fn values_out_of_range_give_one_warning_and_a_sound_picture() {
     log::listen();

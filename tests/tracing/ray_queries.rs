@@ -4,7 +4,7 @@
 
 use crate::support::{
     app::*,
-    bodies::{bending, pose_bending},
+    bodies::{bending, pose_bending, set_joints, spawn_skinned, swaying, tube},
     brute_force::BruteForce,
     cli::{Folder, asset},
     compose::{Def, flag},
@@ -12,8 +12,8 @@ use crate::support::{
     scenes::*,
     small_scenes::*,
 };
-use bevy::{camera::visibility::RenderLayers, prelude::*};
-use bevy_restir::{Jitter, Restir, Technique, testing::gpu_layout::*};
+use bevy::{camera::visibility::RenderLayers, light::NotShadowCaster, prelude::*};
+use bevy_restir::{DebugView, Jitter, Restir, Technique, testing::gpu_layout::*};
 
 const TRACE: &str = include_str!("../support/kernels/trace.wgsl");
 
@@ -338,6 +338,57 @@ fn objects_may_come_go_and_change_under_ray_queries() {
         });
     });
     check(&mut twins, "an empty scene", false);
+}
+
+/// A body has a tree for each opacity, and none of them is rebuilt while no ray can hit it.
+#[test]
+fn rays_find_a_body_that_has_bent_while_it_was_transparent_or_cast_no_shadows() {
+    let Some(mut twins) = Twins::new(24) else { return };
+    let body = twins.both(|rig| {
+        rig.set(|restir| restir.debug_view = DebugView::TracedInstances);
+        spawn_skinned(rig, "body", tube(), lambert(0.7))
+    });
+    let grow = |twins: &mut Twins, scales: [f32; 2]| {
+        // Both versions of the body's geometry are posed.
+        for scale in scales {
+            let foot = Transform::from_xyz(0.0, -1.2, 0.0).with_scale(Vec3::splat(scale));
+            twins.both(|rig| {
+                set_joints(rig, body, &swaying(foot, 0.0, 0.2));
+                rig.frame();
+            });
+        }
+    };
+    let fade = |twins: &mut Twins, alpha: f32, alpha_mode: AlphaMode| {
+        twins.both(|rig| {
+            let paint = rig.material_of(body);
+            rig.edit(&paint, |m| (m.alpha_mode, m.base_color) = (alpha_mode, Color::linear_rgba(0.7, 0.7, 0.7, alpha)));
+            rig.frames(2);
+        });
+    };
+    let check = |twins: &mut Twins, what: &str| {
+        let seen =
+            twins.0.each_mut().map(|rig| rig.next().iter().filter(|(_, color)| color.max_element() > 0.0).count());
+        eprintln!("{what}: {seen:?} pixels");
+        assert!(seen[0] > 30 && seen[0].abs_diff(seen[1]) <= 4, "{what}: {seen:?} pixels");
+    };
+    twins.both(|rig| _ = rig.until_ready());
+    grow(&mut twins, [0.5, 0.6]);
+    fade(&mut twins, 0.9, AlphaMode::Blend);
+    twins.both(|rig| _ = rig.until_ready());
+    grow(&mut twins, [1.2, 1.3]);
+    fade(&mut twins, 1.0, AlphaMode::Opaque);
+    check(&mut twins, "it was transparent");
+    grow(&mut twins, [0.5, 0.6]);
+    twins.both(|rig| {
+        rig.insert(body, NotShadowCaster);
+        rig.frames(2);
+    });
+    grow(&mut twins, [1.2, 1.3]);
+    twins.both(|rig| {
+        rig.app.world_mut().entity_mut(body).remove::<NotShadowCaster>();
+        rig.frames(2);
+    });
+    check(&mut twins, "it cast no shadows");
 }
 
 #[test]

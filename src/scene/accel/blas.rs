@@ -170,8 +170,8 @@ fn agglomerate(leaves: &[Leaf], parameters: &BvhBuildParams) -> Bvh2 {
     )
 }
 
-// Of boxes nested in each other, PLOC merges one pair in each round.  Its time is then quadratic: minutes for 1e5 boxes.  A subset of the
-// boxes reveals such input by the depth of its tree.
+// Where boxes are nested in each other, PLOC merges only one pair in each round, so that its time is quadratic: minutes for 1e5 boxes.  The
+// depth of the tree over a subset of the boxes reveals such input.
 fn agglomeration_stalls(leaves: &[Leaf], parameters: &BvhBuildParams) -> bool {
     const SAMPLE: usize = 1024;
     if leaves.len() < 4 * SAMPLE {

@@ -46,7 +46,7 @@ pub fn missing(device: &RenderDevice) -> Option<&'static str> {
 pub(crate) fn is_chosen(requested: RayBackend, device: &RenderDevice, adapter: &RenderAdapterInfo) -> bool {
     match (requested, missing(device)) {
         (RayBackend::Software, _) | (RayBackend::Auto, Some(_)) => false,
-        // A CPU driver emulates ray queries: six times slower than our own traversal, by measurement.
+        // A CPU driver emulates ray queries: 2.8 to 25 times slower than our own traversal (`docs/experiments.md`, "Rays").
         (RayBackend::Auto, None) => adapter.device_type != wgpu_types::DeviceType::Cpu,
         (RayBackend::Hardware, None) => true,
         (RayBackend::Hardware, Some(missing)) => {
@@ -111,7 +111,7 @@ impl AccelerationStructures {
     /// number of bytes sent; if no instance changed, it is 0 and both frames share one top level.
     pub fn update(&mut self, placed: &[Placed], triangles: &Buffer, device: &RenderDevice, queue: &RenderQueue) -> u64 {
         if self.current.is_some() && self.placed == placed {
-            self.revision += u64::from(self.previous.take().is_some());
+            self.keep();
             return 0;
         }
         self.placed.clear();
@@ -127,6 +127,10 @@ impl AccelerationStructures {
         let mut built = Vec::new();
         for (i, instance) in placed.iter().enumerate() {
             let key = (instance.version, instance.opaque);
+            // The tree of the other opacity, which an object that fades leaves behind, keeps the old triangles.
+            if instance.rebuild {
+                self.bottom.remove(&(instance.version, !instance.opaque));
+            }
             let is_missing = !self.bottom.contains_key(&key);
             let size = size_of_geometry(instance);
             let blas = self.bottom.entry(key).or_insert_with(|| create_bottom_level(&size, device));
@@ -165,6 +169,17 @@ impl AccelerationStructures {
         self.current = Some(top);
         self.revision += 1;
         u64::from(count) * INSTANCE_SIZE
+    }
+
+    /// Goes on to a frame in which no instance has changed, as [`Self::update`] does after it has compared all of them.
+    pub(crate) fn keep(&mut self) {
+        self.revision += u64::from(self.previous.take().is_some());
+    }
+
+    /// Drops the bottom levels of geometry that has changed without being rebuilt.
+    pub(crate) fn forget(&mut self, version: u64) {
+        self.bottom.remove(&(version, false));
+        self.bottom.remove(&(version, true));
     }
 
     /// Drops the bottom levels of removed geometry.

@@ -1,4 +1,5 @@
-//! Fits the boxes of a top-level tree to instances that have moved, which takes a tenth of the time of a new tree.
+//! Fits the boxes of a top-level tree to instances that have moved, which takes a third of the time of a new tree (`docs/experiments.md`,
+//! "Number of instances").
 //!
 //! The tree keeps its topology, so that it gets slower to trace as instances move away from their neighbors: [`cost`] measures by how much.
 

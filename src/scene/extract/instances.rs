@@ -6,7 +6,7 @@ use bevy::{
         primitives::Aabb,
         visibility::{InheritedVisibility, RenderLayers, VisibilityRange},
     },
-    ecs::{entity::EntityHash, prelude::*, query::ROQueryItem, system::SystemParam},
+    ecs::{entity::EntityHash, entity_disabling::Disabled, prelude::*, query::ROQueryItem, system::SystemParam},
     light::NotShadowCaster,
     math::{Affine3A, Vec3A},
     mesh::{
@@ -64,8 +64,6 @@ pub(crate) struct InstanceList {
     material_users: Users<AssetId<StandardMaterial>>,
     /// Instances with a pose.
     posed: MainEntityHashSet,
-    /// Instances with a [`Subsurface`].
-    translucent: MainEntityHashSet,
     /// Entities that extractions have looked at since the last [`Self::take_visited`].
     visited: u64,
 }
@@ -80,6 +78,17 @@ impl InstanceList {
     #[cfg(feature = "testing")]
     pub(crate) fn visible(&self) -> impl Iterator<Item = &ExtractedInstance> {
         self.all.values().flatten()
+    }
+
+    /// Drops what lists of changes name twice, if they are long: an app whose rendering has stopped still extracts its scene, and nobody
+    /// takes the changes.
+    fn shorten(&mut self) {
+        let limit = 4 * self.all.len() + 1024;
+        for changes in [&mut self.changed, &mut self.repainted] {
+            if changes.len() > limit {
+                *changes = sorted(core::mem::take(changes));
+            }
+        }
     }
 
     /// Takes the entities whose instances have changed since the last call.
@@ -117,12 +126,7 @@ impl InstanceList {
         &self.posed
     }
 
-    /// Instances with a [`Subsurface`], in no particular order.
-    pub(crate) fn translucent(&self) -> &MainEntityHashSet {
-        &self.translucent
-    }
-
-    /// Takes over the state of an entity: an instance, `Some(None)` if no camera sees it, or `None` if it is no mesh with a material.
+    /// Takes over the state of an entity: an instance, `Some(None)` if no camera sees it, or `None` if it is not a mesh with a material.
     pub(crate) fn set(&mut self, entity: MainEntity, state: Option<Option<ExtractedInstance>>) {
         let [before, after] = match state {
             Some(new) => {
@@ -148,7 +152,6 @@ impl InstanceList {
         self.mesh_users.change(entity, before.mesh, after.mesh);
         self.material_users.change(entity, before.material, after.material);
         set_member(&mut self.posed, entity, after.is_posed);
-        set_member(&mut self.translucent, entity, after.is_translucent);
     }
 }
 
@@ -158,7 +161,6 @@ struct Traits {
     mesh: Option<AssetId<Mesh>>,
     material: Option<AssetId<StandardMaterial>>,
     is_posed: bool,
-    is_translucent: bool,
 }
 
 impl Traits {
@@ -167,7 +169,6 @@ impl Traits {
             mesh: instance.map(|i| i.mesh),
             material: instance.map(|i| i.material),
             is_posed: instance.is_some_and(|i| i.pose.is_some()),
-            is_translucent: instance.is_some_and(|i| i.subsurface.is_some()),
         }
     }
 }
@@ -326,6 +327,8 @@ type Touched = Or<(
 pub(crate) struct InstanceChanges<'w, 's> {
     rows: Query<'w, 's, InstanceData<'static>, (Without<RestirIgnore>, Touched)>,
     ignored: Query<'w, 's, Entity, (With<Mesh3d>, Added<RestirIgnore>)>,
+    /// Queries that do not name `Disabled` leave these entities out.
+    disabled: Query<'w, 's, Entity, (With<Mesh3d>, Added<Disabled>)>,
     posed: Query<'w, 's, Entity, (With<Mesh3d>, Or<(With<SkinnedMesh>, With<MeshMorphWeights>)>)>,
     ranged: Query<'w, 's, Entity, (With<Mesh3d>, With<VisibilityRange>)>,
     new_ranges: Query<'w, 's, Entity, (With<Mesh3d>, With<VisibilityRange>, NewRange)>,
@@ -341,6 +344,7 @@ pub(crate) struct RemovedParts<'w, 's> {
     materials: RemovedComponents<'w, 's, MeshMaterial3d<StandardMaterial>>,
     stand_ins: RemovedComponents<'w, 's, RestirMaterial>,
     ignored: RemovedComponents<'w, 's, RestirIgnore>,
+    disabled: RemovedComponents<'w, 's, Disabled>,
     layers: RemovedComponents<'w, 's, RenderLayers>,
     not_shadow_casters: RemovedComponents<'w, 's, NotShadowCaster>,
     skins: RemovedComponents<'w, 's, SkinnedMesh>,
@@ -354,7 +358,8 @@ impl RemovedParts<'_, '_> {
     /// The entities that have lost a part since the last call; some more than once.
     fn read(&mut self) -> impl Iterator<Item = Entity> {
         let Self { meshes, materials, stand_ins, ignored, layers, not_shadow_casters, skins, morphs, .. } = self;
-        let shown = meshes.read().chain(materials.read()).chain(stand_ins.read()).chain(ignored.read());
+        let shown = meshes.read().chain(materials.read()).chain(stand_ins.read());
+        let shown = shown.chain(ignored.read()).chain(self.disabled.read());
         let looks = layers.read().chain(not_shadow_casters.read()).chain(skins.read()).chain(morphs.read());
         shown.chain(looks).chain(self.subsurface.read()).chain(self.ranges.read()).chain(self.boxes.read())
     }
@@ -363,8 +368,8 @@ impl RemovedParts<'_, '_> {
 impl InstanceChanges<'_, '_> {
     /// Entities to look at besides the rows that have changed.  A skin and a level of detail depend on other entities.
     fn others(&mut self, has_new_viewpoint: bool) -> Vec<MainEntity> {
-        let ranged = self.ranged.iter().filter(|_| has_new_viewpoint);
-        let others = self.ignored.iter().chain(&self.posed).chain(ranged).chain(&self.new_ranges);
+        let ranged = has_new_viewpoint.then(|| self.ranged.iter()).into_iter().flatten();
+        let others = self.ignored.iter().chain(&self.disabled).chain(&self.posed).chain(ranged).chain(&self.new_ranges);
         let others: Vec<_> = others.map(MainEntity::from).collect();
         sorted(others.into_iter().chain(self.removed.read().map(MainEntity::from)).collect())
     }
@@ -404,6 +409,7 @@ pub(crate) fn extract_instances(
     for entity in others {
         list.touch(entity, &instances, &sets, viewpoint);
     }
+    list.shorten();
     // The main world keeps removals for two of its frames.  A late extraction misses some, and then the numbers differ.
     if list.all.len() != instances.all.iter().len() {
         list.touch_all(&instances, &sets, viewpoint);
@@ -458,4 +464,32 @@ pub(crate) fn check_instances(
     let users = |users: &mut dyn Iterator<Item = &MainEntityHashSet>| users.map(|set| set.len()).sum::<usize>();
     assert_eq!(users(&mut list.mesh_users.0.values()), seen, "users of meshes");
     assert_eq!(users(&mut list.material_users.0.values()), seen, "users of materials");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn changes_that_nobody_takes_are_kept_once() {
+        let mut list = InstanceList::default();
+        let entity = MainEntity::from(Entity::PLACEHOLDER);
+        for i in 0..10_000u16 {
+            let instance = ExtractedInstance {
+                entity,
+                mesh: AssetId::default(),
+                material: AssetId::default(),
+                world_from_object: Affine3A::from_translation(bevy::math::Vec3::splat(i.into())),
+                camera_mask: 1,
+                casts_shadows: true,
+                is_stand_in: false,
+                pose: None,
+                subsurface: None,
+            };
+            list.set(entity, Some(Some(instance)));
+            list.shorten();
+            assert!(list.changed.len() <= 1028, "{}", list.changed.len());
+        }
+        assert_eq!(list.take_changed(), [entity]);
+    }
 }

@@ -2,7 +2,7 @@
 
 use bevy::{
     camera::visibility::{InheritedVisibility, RenderLayers},
-    ecs::{prelude::*, query::QueryFilter, system::SystemParam},
+    ecs::{entity_disabling::Disabled, prelude::*, query::QueryFilter, system::SystemParam},
     light::{DirectionalLight, PointLight, RectLight, SpotLight, SunDisk},
     math::{Mat3, Quat, Vec2, Vec3},
     platform::collections::HashMap,
@@ -139,6 +139,8 @@ impl Lights<'_, '_> {
     }
 }
 
+type AnyLight = Or<(With<PointLight>, With<SpotLight>, With<DirectionalLight>, With<RectLight>)>;
+
 type Touched<L> = Or<(Changed<L>, Changed<GlobalTransform>, Changed<InheritedVisibility>, Changed<RenderLayers>)>;
 
 /// The changes of components that lights depend on.
@@ -148,6 +150,9 @@ pub(crate) struct LightChanges<'w, 's> {
     spots: Query<'w, 's, (), (With<SpotLight>, Touched<SpotLight>)>,
     suns: Query<'w, 's, (), (With<DirectionalLight>, Or<(Changed<SunDisk>, Touched<DirectionalLight>)>)>,
     rects: Query<'w, 's, (), (With<RectLight>, Touched<RectLight>)>,
+    /// Queries that do not name `Disabled` leave these lights out.
+    disabled: Query<'w, 's, (), (AnyLight, Added<Disabled>)>,
+    enabled: RemovedComponents<'w, 's, Disabled>,
     removed_disks: RemovedComponents<'w, 's, SunDisk>,
     removed_layers: RemovedComponents<'w, 's, RenderLayers>,
 }
@@ -155,9 +160,15 @@ pub(crate) struct LightChanges<'w, 's> {
 impl LightChanges<'_, '_> {
     /// Whether some light has changed since the last call.
     fn any(&mut self) -> bool {
-        // Both must be read in each frame, or a later frame would see old removals.
-        let removed = self.removed_disks.read().count() + self.removed_layers.read().count() > 0;
-        removed || has_any(&self.points) || has_any(&self.spots) || has_any(&self.suns) || has_any(&self.rects)
+        // All must be read in each frame, or a later frame would see old removals.
+        let removed =
+            self.removed_disks.read().count() + self.removed_layers.read().count() + self.enabled.read().count() > 0;
+        removed
+            || has_any(&self.disabled)
+            || has_any(&self.points)
+            || has_any(&self.spots)
+            || has_any(&self.suns)
+            || has_any(&self.rects)
     }
 }
 

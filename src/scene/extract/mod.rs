@@ -26,7 +26,7 @@ pub(crate) struct ExtractedScene {
     pub instances: InstanceList,
     /// Suns with a disk first, then in the order of their entities.
     pub lights: Vec<(MainEntity, AnalyticLight)>,
-    /// The lights were extracted anew since the table of lights was last updated.
+    /// The lights were extracted again after the last update of the light table.
     pub lights_changed: bool,
     /// Lights that some camera does not have on its render layers, with the bits of these cameras.
     pub hidden_lights: HashMap<MainEntity, u32>,

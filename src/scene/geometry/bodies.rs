@@ -51,10 +51,12 @@ pub(crate) struct Body {
     versions: [u64; 2],
     /// Its shape differs from that of the last frame.
     pub moved: bool,
-    /// Its triangles must be posed in this frame, because its pose changed in this frame or in the last one.  After a change in the last
-    /// one, only the copy for the last frame is out of date.
+    /// Its triangles must be posed in this frame, because its pose changed in this frame or in the last one.  In the second case the new
+    /// triangles are right, and only the copies for the last frame are out of date.
     is_due: bool,
-    /// Its triangles were never posed, so that it has none of the last frame.
+    /// The device had no memory to pose its triangles, so that the copy for the last frame is out of date after the next time, too.
+    is_late: bool,
+    /// Its triangles have not been posed yet, so there are no triangles of the last frame.
     appeared: bool,
 }
 
@@ -111,6 +113,8 @@ pub(crate) struct BodyPool {
     warned: Warned<(MainEntity, BodyProblem)>,
     /// The pipelines are compiled.
     is_ready: bool,
+    /// The GPU has the shapes of this frame.
+    pub fits: bool,
 }
 
 impl Default for BodyPool {
@@ -132,6 +136,7 @@ impl Default for BodyPool {
             pipelines: None,
             warned: Warned::default(),
             is_ready: false,
+            fits: true,
         }
     }
 }
@@ -146,6 +151,11 @@ impl BodyPool {
             ("boxes", self.box_ranges.end() as usize),
             ("warnings of bodies", self.warned.len()),
         ]
+    }
+
+    /// Forgets the warnings about entities that are gone.
+    pub(crate) fn forget_warnings(&mut self, exists: impl Fn(MainEntity) -> bool) {
+        self.warned.retain(|(entity, _)| exists(*entity));
     }
 
     /// Makes a body for each posed instance of a mesh that bends, and takes over the poses.
@@ -234,6 +244,7 @@ impl BodyPool {
             versions: [meshes.next_version(), meshes.next_version()],
             moved: false,
             is_due: true,
+            is_late: false,
             appeared: true,
         })
     }
@@ -276,6 +287,7 @@ impl BodyPool {
         device: &RenderDevice,
         queue: &RenderQueue,
     ) -> u64 {
+        self.fits = true;
         let Some([pose, refit]) = self.pipelines.map(|ids| ids.map(|id| pipelines.get_compute_pipeline(id))) else {
             return 0;
         };
@@ -284,11 +296,9 @@ impl BodyPool {
         // A map has no fixed order.
         due.sort_unstable_by_key(|body| body.all_triangles.start);
         let (mut records, mut rows_of_poses) = (Vec::new(), Vec::new());
-        for body in due {
+        for body in &due {
             let Some(mesh) = meshes.get(body.mesh) else { continue };
             records.extend(body.record(mesh, &mut rows_of_poses));
-            body.is_due = body.moved;
-            body.appeared = false;
         }
         if records.is_empty() {
             return 0;
@@ -299,7 +309,14 @@ impl BodyPool {
             && self.boxes.reserve(1, device, queue)
             && meshes.nodes.reserve(1, device, queue);
         if !reserved {
+            // The next frame tries again: memory may have become free.
+            self.fits = false;
+            due.into_iter().for_each(|body| body.is_late = true);
             return 0;
+        }
+        for body in due {
+            body.is_due = core::mem::take(&mut body.is_late) || body.moved;
+            body.appeared = false;
         }
         let bytes = self.records.write(0, &records, queue) + self.poses.write(0, &rows_of_poses, queue);
         let buffers = [
@@ -331,6 +348,11 @@ impl BodyPool {
         }
         queue.submit([encoder.finish()]);
         bytes
+    }
+
+    /// Versions of the geometry of the bodies that have moved in this frame.
+    pub(crate) fn moved(&self) -> impl Iterator<Item = u64> {
+        self.bodies.values().filter(|body| body.moved).map(Body::version)
     }
 
     /// Versions of the geometry of all bodies.

@@ -12,7 +12,7 @@ use bevy::{
 };
 use bytemuck::Pod;
 
-use crate::scene::storage::data_texture::DataTexture;
+use crate::scene::storage::data_texture::{DataTexture, Reserved};
 
 /// An attribute of all corners of all triangles in the shared buffers: three texels for each triangle.
 pub(crate) struct CornerTexture<T> {
@@ -63,8 +63,14 @@ impl<T: Pod> CornerTexture<T> {
         if self.state.replace(newest) == Some(newest) {
             return 0;
         }
-        if self.texture.reserve(count, device) {
-            self.versions.clear();
+        match self.texture.reserve(count, device) {
+            Reserved::Kept => {}
+            Reserved::Replaced => self.versions.clear(),
+            // The next frame tries again: memory may have become free.
+            Reserved::Failed => {
+                self.state = None;
+                return 0;
+            }
         }
         let mut bytes = 0;
         for (version, first, values) in sources.filter(|(.., values)| !values.is_empty()) {

@@ -80,6 +80,8 @@ pub(crate) struct InstancePool {
     /// Instances of this frame for which the device has no slot.
     left_out: u64,
     pub gpu: GrowableBuffer<GpuInstance>,
+    /// The GPU has the records of this frame.
+    pub fits: bool,
     pub top: TopLevel,
     /// Entities that a warning has named.
     warned: Warned<(MainEntity, InstanceProblem)>,
@@ -116,6 +118,7 @@ impl Default for InstancePool {
             appeared: false,
             left_out: 0,
             gpu: GrowableBuffer::new("instances"),
+            fits: true,
             top: TopLevel::default(),
             warned: Warned::default(),
             asset_wait: AssetWait::default(),
@@ -158,7 +161,10 @@ impl InstancePool {
             let shown = scene.instances.get(entity).and_then(|extracted| self.show(extracted, sources));
             match shown {
                 Some((slot, live)) => self.enter(slot, live),
-                None => self.leave(entity),
+                None => {
+                    self.leave(entity);
+                    sources.subsurface.release(entity);
+                }
             }
         }
         self.retire(sources.bodies);
@@ -189,10 +195,9 @@ impl InstancePool {
         let mut features = sources.materials.features(instance.material);
         features.set(SceneFeatures::VERTEX_COLORS, instance.flags & INSTANCE_VERTEX_COLORS != 0);
         // Probes do not find an instance that casts no shadows.
-        if let Some(component) = extracted.subsurface.filter(|_| extracted.casts_shadows) {
-            instance.flags |= sources.subsurface.flags_of(entity, component);
-            features.set(SceneFeatures::SUBSURFACE, instance.flags & INSTANCE_SUBSURFACE != 0);
-        }
+        let subsurface = extracted.subsurface.filter(|_| extracted.casts_shadows);
+        instance.flags |= sources.subsurface.flags_of(entity, subsurface);
+        features.set(SceneFeatures::SUBSURFACE, instance.flags & INSTANCE_SUBSURFACE != 0);
         let Some(slot) = self.slot_of(entity, &mut instance, sources.limit) else {
             self.left_out += 1;
             self.unsettled.push(entity);
@@ -347,7 +352,7 @@ impl InstancePool {
             Err(Absence::Transform) => {
                 if self.warned.is_due((extracted.entity, InstanceProblem::UnusableTransform)) {
                     warn!(
-                        "restir: entity {} has a transform that is singular, not finite, or reaches beyond {} m; it is left out",
+                        "restir: entity {} has a transform that is singular, not finite, or reaches beyond {:e} m; it is left out",
                         *extracted.entity,
                         tlas::MAX_COORDINATE
                     );
@@ -428,12 +433,6 @@ impl InstancePool {
         emitters
     }
 
-    /// Whether the shown instance of an entity has a [`Subsurface`](crate::Subsurface).
-    pub(crate) fn is_translucent(&self, entity: MainEntity) -> bool {
-        let live = self.slots.get(&entity).and_then(|slot| self.live_in(*slot));
-        live.is_some_and(|live| live.features.contains(SceneFeatures::SUBSURFACE))
-    }
-
     /// Whether an instance whose triangles are lights was visited, or has disappeared, since the last call.
     pub(crate) fn take_emitters_changed(&mut self) -> bool {
         core::mem::take(&mut self.emitters_changed)
@@ -460,6 +459,7 @@ impl InstancePool {
 
     /// Uploads the records that changed.  Returns the number of bytes sent.
     pub(crate) fn upload(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {
+        self.fits = true;
         if self.dirty.is_empty() {
             return 0;
         }
@@ -469,9 +469,10 @@ impl InstancePool {
         let runs = joined_runs(self.dirty.iter().map(|slot| *slot as usize).filter(differs));
         if !runs.is_empty() && !self.gpu.reserve(self.records.len() as u32, device, queue) {
             warn_once!(
-                "restir: the records of {} instances do not fit this device or its memory; instances stay as they last fitted",
+                "restir: the records of {} instances do not fit this device or its memory; Bevy lights all cameras until they fit",
                 self.records.len()
             );
+            self.fits = false;
             return 0;
         }
         self.dirty.clear();

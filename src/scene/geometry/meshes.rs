@@ -99,10 +99,14 @@ pub(crate) struct MeshPool {
     building: HashMap<AssetId<Mesh>, Build>,
     /// Meshes that are left out, so that no instance waits for them: without a usable triangle, too large, unreadable, or failed to build.
     empty: HashSet<AssetId<Mesh>>,
+    /// Those of them that did not fit the device, for the time when other meshes or bodies are gone.
+    too_large: HashMap<AssetId<Mesh>, Box<Blas>>,
+    /// Triangles have been freed, so that a mesh in `too_large` may fit.
+    has_room: bool,
     /// Problems that were warned about.
     warned: Warned<(AssetId<Mesh>, MeshProblem)>,
-    /// Warnings about meshes of lines or points.  They are given when an instance with a `StandardMaterial` uses the mesh, because other
-    /// materials can draw lines and points.
+    /// Warnings about meshes of lines or points.  A warning is logged when an instance with a `StandardMaterial` uses the mesh, because
+    /// other materials can draw lines and points.
     lines_and_points: HashMap<AssetId<Mesh>, String>,
     node_ranges: RangeAllocator,
     triangle_ranges: RangeAllocator,
@@ -133,6 +137,8 @@ impl Default for MeshPool {
             retired: Vec::new(),
             building: HashMap::default(),
             empty: HashSet::default(),
+            too_large: HashMap::default(),
+            has_room: false,
             warned: Warned::default(),
             lines_and_points: HashMap::default(),
             node_ranges: RangeAllocator::default(),
@@ -164,6 +170,7 @@ pub(crate) fn queue_meshes(
     pool.release_retired();
     for id in &extracted.removed {
         pool.building.remove(id);
+        pool.too_large.remove(id);
         if pool.empty.remove(id) {
             pool.changed.push(*id);
         }
@@ -173,6 +180,7 @@ pub(crate) fn queue_meshes(
     }
     for (id, mesh) in &extracted.extracted {
         let mesh = mesh.clone();
+        pool.too_large.remove(id);
         match pool.building.get_mut(id) {
             Some(build) => build.newest = Some(mesh),
             None => _ = pool.building.insert(*id, Build { task: build(mesh), newest: None }),
@@ -192,6 +200,9 @@ pub(crate) fn finish_meshes(
     let pool = &mut *pool;
     pool.uploaded = 0;
     pool.warned.begin_frame();
+    if core::mem::take(&mut pool.has_room) {
+        pool.insert_too_large(&device, &queue);
+    }
     let mut done = Vec::new();
     pool.building.retain(|id, running| {
         let Some(built) = check_ready(&mut running.task) else { return true };
@@ -211,16 +222,19 @@ pub(crate) fn finish_meshes(
             pool.warn(id, MeshProblem::UnusableTriangles, &text, assets.as_deref());
         }
         let (problem, reason) = match built {
-            Ok(Some(blas)) => {
-                if pool.insert(id, blas, &device, &queue) {
+            Ok(Some(blas)) => match pool.insert(id, blas, &device, &queue) {
+                Ok(()) => {
                     pool.empty.remove(&id);
                     if pool.lines_and_points.remove(&id).is_some() {
                         pool.warned.forget(&(id, MeshProblem::LinesOrPoints));
                     }
                     continue;
                 }
-                (MeshProblem::TooLarge, "does not fit the buffers of this device".into())
-            }
+                Err(blas) => {
+                    pool.too_large.insert(id, blas);
+                    (MeshProblem::TooLarge, "does not fit the buffers of this device".into())
+                }
+            },
             Ok(None) => (MeshProblem::NoUsableTriangle, "has no usable triangle".into()),
             Err(BuildError::Geometry(error @ GeometryError::Topology(_))) => {
                 (MeshProblem::LinesOrPoints, error.to_string())
@@ -244,6 +258,7 @@ impl MeshPool {
             ("retired meshes", self.retired.len()),
             ("meshes that are built", self.building.len()),
             ("empty meshes", self.empty.len()),
+            ("meshes that do not fit", self.too_large.len()),
             ("meshes of lines and points", self.lines_and_points.len()),
             ("warnings of meshes", self.warned.len()),
             ("nodes", self.node_ranges.end() as usize),
@@ -261,13 +276,31 @@ impl MeshPool {
         pool
     }
 
-    /// Uploads a mesh in place of its old version; false if it does not fit the device.
-    fn insert(&mut self, id: AssetId<Mesh>, mut blas: Blas, device: &RenderDevice, queue: &RenderQueue) -> bool {
+    /// Uploads the meshes that did not fit the device before, if they fit now.
+    fn insert_too_large(&mut self, device: &RenderDevice, queue: &RenderQueue) {
+        let mut left_out: Vec<_> = self.too_large.drain().collect();
+        left_out.sort_unstable_by_key(|(id, _)| *id);
+        for (id, blas) in left_out {
+            match self.insert(id, *blas, device, queue) {
+                Ok(()) => _ = self.empty.remove(&id),
+                Err(blas) => _ = self.too_large.insert(id, blas),
+            }
+        }
+    }
+
+    /// Uploads a mesh in place of its old version.  Gives the mesh back if it does not fit the device.
+    fn insert(
+        &mut self,
+        id: AssetId<Mesh>,
+        mut blas: Blas,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) -> Result<(), Box<Blas>> {
         if self.ray_queries {
             // wgpu compares the number of vertices, not that of triangles, with the limit of primitives.
             let vertices = 3 * blas.triangles.len() as u64;
             if vertices > u64::from(device.limits().max_blas_primitive_count) {
-                return false;
+                return Err(blas.into());
             }
             blas.nodes = Vec::new();
         }
@@ -280,7 +313,7 @@ impl MeshPool {
         if !fits {
             self.node_ranges.release(nodes);
             self.triangle_ranges.release(triangles);
-            return false;
+            return Err(blas.into());
         }
         blas::bake(&mut blas.nodes, nodes.start, triangles.start);
         self.uploaded += self.nodes.write(nodes.start, bytemuck::cast_slice(&blas.nodes), queue)
@@ -299,7 +332,7 @@ impl MeshPool {
         };
         self.retired.extend(self.entries.insert(id, entry));
         self.changed.push(id);
-        true
+        Ok(())
     }
 
     /// Uploads the tables of a mesh that bends; `None` with a warning if they do not fit the device.
@@ -367,6 +400,7 @@ impl MeshPool {
 
     /// Frees the ranges of meshes that the last frame was the last to use.
     fn release_retired(&mut self) {
+        self.has_room |= !self.retired.is_empty();
         for entry in self.retired.drain(..) {
             self.second_uvs.forget(entry.version);
             self.colors.forget(entry.version);
@@ -397,6 +431,7 @@ impl MeshPool {
 
     /// Frees the ranges of a body.
     pub(crate) fn release_body(&mut self, triangles: Range<u32>, nodes: Range<u32>) {
+        self.has_room = true;
         self.triangle_ranges.release(triangles);
         self.node_ranges.release(nodes);
     }

@@ -115,6 +115,9 @@ impl TopLevel {
                 "restir: the top-level tree over {} instances does not fit this device; rays use the last tree that fit",
                 self.bounds.len()
             );
+            // The next frame tries again: memory may have become free.
+            self.bounds.clear();
+            self.changed = true;
             return false;
         };
         self.uploaded_nodes = bytes;
@@ -151,6 +154,15 @@ impl TopLevel {
             self.placed.extend(traced.filter_map(|(slot, live)| placed(slot, live, instances, meshes, bodies)));
         }
         let Some(structures) = &mut self.structures else { return false };
+        // A body that bends where no ray can hit it, because it casts no shadows, leaves its trees behind.
+        let rebuilt = self.placed.iter().filter(|placed| placed.rebuild).map(|placed| placed.version);
+        let rebuilt = rebuilt.collect::<HashSet<_>>();
+        let is_outdated = |version: &u64| !rebuilt.contains(version);
+        bodies.moved().filter(is_outdated).for_each(|version| structures.forget(version));
+        if instances.visited == 0 && structures.top_levels().is_some() {
+            structures.keep();
+            return false;
+        }
         if !meshes.triangles.reserve(1, device, queue) {
             return false;
         }

@@ -72,6 +72,8 @@ pub(crate) struct LightPool {
     table: Vec<GpuLight>,
     uploaded: Vec<GpuLight>,
     pub gpu: GrowableBuffer<GpuLight>,
+    /// The GPU has the table of this frame.
+    pub fits: bool,
     /// Sum of the powers of the table.
     pub power: f64,
     /// Scene radius that the powers of directional lights were computed with, a power of two.
@@ -86,7 +88,8 @@ pub(crate) struct LightPool {
     pub(crate) previous_at: u32,
     previous: Vec<GpuLight>,
     pending: Upload,
-    /// The uploaded table of the last frame has the same lights in the same order as this frame's.
+    /// The uploaded table of the last frame has the same lights in the same order as this frame's, and the same records of emissive
+    /// triangles.
     previous_matches: bool,
     pub revision: u64,
     shapes: ShapeTree,
@@ -116,6 +119,7 @@ impl Default for LightPool {
             table: Vec::new(),
             uploaded: Vec::new(),
             gpu: GrowableBuffer::new("lights"),
+            fits: true,
             power: 0.0,
             radius: 0.0,
             warned: Warned::default(),
@@ -218,7 +222,9 @@ impl LightPool {
             light.counterpart = counterpart;
         }
         self.previous_at = self.table.len().max(1) as u32;
-        self.previous_matches = old == self.groups;
+        // An emissive instance that is edited has another slot, which the records of its triangles name.
+        let analytic = self.analytic_count();
+        self.previous_matches = old == self.groups && self.previous[analytic..] == self.table[analytic..];
         self.pending = Upload::Everything;
     }
 
@@ -352,6 +358,7 @@ impl LightPool {
 
     /// Uploads changes.  Returns the number of bytes.
     pub(crate) fn upload(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {
+        self.fits = true;
         match core::mem::take(&mut self.pending) {
             Upload::Nothing => 0,
             Upload::MovedLights => {
@@ -367,6 +374,11 @@ impl LightPool {
 
     fn upload_moved(&mut self, queue: &RenderQueue) -> u64 {
         let count = self.previous.len();
+        let last = self.previous_at as usize..self.previous_at as usize + self.table.len();
+        debug_assert!(
+            self.uploaded[last][count..] == self.table[count..],
+            "the last table has other emissive triangles"
+        );
         let parts = [(0, &self.table[..count]), (self.previous_at as usize, &self.previous[..])];
         parts
             .into_iter()
@@ -386,10 +398,10 @@ impl LightPool {
         both.append(&mut self.previous);
         if !self.gpu.reserve(both.len() as u32, device, queue) {
             warn_once!(
-                "restir: the table of {} lights does not fit this device or its memory; it is not updated until it fits",
+                "restir: the table of {} lights does not fit this device or its memory; Bevy lights all cameras until it fits",
                 self.table.len()
             );
-            self.previous_matches = false;
+            (self.fits, self.previous_matches) = (false, false);
             // The next frame tries again: memory may have become free.
             self.pending = Upload::Everything;
             return 0;
@@ -402,7 +414,7 @@ impl LightPool {
 
     /// Updates the tree over spheres and rectangles.  Returns the uploaded bytes.
     pub(crate) fn build_shapes(&mut self, meshes: &mut MeshPool, device: &RenderDevice, queue: &RenderQueue) -> u64 {
-        if self.pending == Upload::Nothing {
+        if self.pending == Upload::Nothing && !self.shapes.is_missing {
             return 0;
         }
         let analytic = self.analytic_count();

@@ -17,6 +17,8 @@ use crate::scene::{
 pub(super) struct ShapeTree {
     boxes: Vec<(u32, Bounds)>,
     nodes: GpuTlas,
+    /// The device had no memory for the tree, so that the next frame tries again.
+    pub(super) is_missing: bool,
 }
 
 impl ShapeTree {
@@ -30,14 +32,16 @@ impl ShapeTree {
     ) -> u64 {
         let lights = lights.iter().enumerate();
         let boxes: Vec<_> = lights.filter_map(|(id, light)| Some((id as u32, shape_bounds(light)?))).collect();
-        if boxes == self.boxes {
+        if boxes == self.boxes && !self.is_missing {
             return 0;
         }
         // No shader traces rays against the lights of the last frame, so its nodes can go at once.
         meshes.release_nodes(core::mem::take(&mut self.nodes.range));
         let tlas = build_tlas(&boxes);
         self.boxes = boxes;
-        let (nodes, bytes) = GpuTlas::write(&tlas, meshes, device, queue).unwrap_or_else(|| {
+        let written = GpuTlas::write(&tlas, meshes, device, queue);
+        self.is_missing = written.is_none();
+        let (nodes, bytes) = written.unwrap_or_else(|| {
             warn_once!(
                 "restir: the tree over {} lights does not fit this device; rays do not hit these lights",
                 self.boxes.len()

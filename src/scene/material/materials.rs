@@ -27,8 +27,11 @@ use crate::scene::{
         texture_slots::{add_record, textures_of},
     },
     storage::{
-        data_texture::DataTexture, dirty_runs::joined_runs, growable_buffer::GrowableBuffer,
-        overflow_warning::OverflowWarning, range_allocator::RangeAllocator,
+        data_texture::{DataTexture, Reserved},
+        dirty_runs::joined_runs,
+        growable_buffer::GrowableBuffer,
+        overflow_warning::OverflowWarning,
+        range_allocator::RangeAllocator,
     },
     texture::textures::TexturePool,
 };
@@ -60,6 +63,8 @@ pub(crate) struct MaterialPool {
     /// Slots that have not been uploaded since they changed.
     dirty: Vec<usize>,
     pub gpu: GrowableBuffer<GpuMaterial>,
+    /// The GPU has the materials and the texture table of this frame.
+    pub fits: bool,
     /// Texture records of all materials that have textures.
     packed_table: Vec<[u32; 4]>,
     records: RangeAllocator,
@@ -97,6 +102,7 @@ impl Default for MaterialPool {
             packed: Vec::new(),
             dirty: Vec::new(),
             gpu: GrowableBuffer::new("materials"),
+            fits: true,
             packed_table: Vec::new(),
             records: RangeAllocator::default(),
             dirty_table: Vec::new(),
@@ -373,9 +379,14 @@ impl MaterialPool {
 
     /// Uploads changes.  Returns the number of bytes.
     pub(crate) fn upload(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {
+        self.fits = true;
         let bytes = self.upload_table(device, queue);
+        if self.dirty.is_empty() {
+            return bytes;
+        }
         // The slots fit a binding, but the device's memory may be full; then the slots stay dirty, and the next frame tries again.
-        if self.dirty.is_empty() || !self.gpu.reserve(self.packed.len() as u32, device, queue) {
+        if !self.gpu.reserve(self.packed.len() as u32, device, queue) {
+            self.fits = false;
             return bytes;
         }
         self.dirty.sort_unstable();
@@ -387,8 +398,13 @@ impl MaterialPool {
         if self.dirty_table.is_empty() {
             return 0;
         }
-        if self.table.reserve(self.packed_table.len() as u32, device) {
-            self.dirty_table = (0..self.packed_table.len()).collect();
+        match self.table.reserve(self.packed_table.len() as u32, device) {
+            Reserved::Kept => {}
+            Reserved::Replaced => self.dirty_table = (0..self.packed_table.len()).collect(),
+            Reserved::Failed => {
+                self.fits = false;
+                return 0;
+            }
         }
         self.dirty_table.sort_unstable();
         let runs = joined_runs(self.dirty_table.drain(..));

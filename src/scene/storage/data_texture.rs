@@ -16,6 +16,17 @@ use super::allocation;
 /// Elements of a row, equal to `ELEMENTS_A_ROW` in `shaders/scene/bindings.wgsl`.
 const ELEMENTS_PER_ROW: u32 = 1024;
 
+/// What [`DataTexture::reserve`] has done.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Reserved {
+    /// The elements fit the texture as it is.
+    Kept,
+    /// The texture was replaced, so that its contents are lost.
+    Replaced,
+    /// The device has no memory for the elements.  The texture is that of before.
+    Failed,
+}
+
 /// An array of `T` in a texture; each element takes `texels` adjacent texels.
 pub(crate) struct DataTexture<T> {
     label: &'static str,
@@ -39,24 +50,24 @@ impl<T: Pod> DataTexture<T> {
         ELEMENTS_PER_ROW * device.limits().max_texture_dimension_2d
     }
 
-    /// Makes room for `count` elements.  Returns true if the texture was replaced, so that its contents are lost.  If the device has no
-    /// memory, the elements beyond the old texture are not written, and shaders read 0 for them.
-    pub(crate) fn reserve(&mut self, count: u32, device: &RenderDevice) -> bool {
+    /// Makes room for `count` elements.
+    #[must_use]
+    pub(crate) fn reserve(&mut self, count: u32, device: &RenderDevice) -> Reserved {
         let rows = count.div_ceil(ELEMENTS_PER_ROW).max(1);
         if self.texture.as_ref().is_some_and(|t| t.height() >= rows) {
-            return false;
+            return Reserved::Kept;
         }
         match allocation::attempt(device, self.label, || self.create(rows, device)) {
             Ok(texture) => {
                 self.view = Some(texture.create_view(&TextureViewDescriptor::default()));
                 self.texture = Some(texture);
-                true
+                Reserved::Replaced
             }
             Err(error) => {
                 if !core::mem::replace(&mut self.warned, true) {
                     warn!("restir: no memory for a texture of {count} elements ({}): {error}", self.label);
                 }
-                false
+                Reserved::Failed
             }
         }
     }

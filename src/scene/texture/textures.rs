@@ -74,6 +74,8 @@ pub(crate) struct TexturePool {
     retired: Vec<AssetId<Image>>,
     /// An image with a slot was removed.
     lost_slot: bool,
+    /// Images that the materials in use name, as of the last update that looked at them.
+    used: HashSet<AssetId<Image>>,
     /// The next update must look at all images in use, although no material has changed.
     due: bool,
     /// Images that were looked at in this frame.
@@ -104,6 +106,7 @@ impl Default for TexturePool {
             versions: 0,
             retired: Vec::new(),
             lost_slot: false,
+            used: HashSet::default(),
             due: true,
             visited: 0,
             complete: true,
@@ -128,8 +131,11 @@ pub(crate) fn record_images(
     pool.absent.begin_frame();
     // Where Bevy limits the bytes of a frame, an image may arrive on the GPU long after this.
     pool.due |= limiter.is_some_and(|limiter| limiter.max_bytes.is_some());
-    pool.due |= !(extracted.extracted.is_empty() && extracted.removed.is_empty() && pool.retired.is_empty());
+    // An app also changes images of other things: pages of a font, or a film in the user interface.
+    let mut changed = extracted.extracted.iter().map(|(id, _)| id).chain(&extracted.removed);
+    pool.due |= changed.any(|id| pool.used.contains(id));
     pool.release_retired();
+    pool.due |= pool.lost_slot;
     let emissive = if extracted.extracted.is_empty() { HashSet::default() } else { scene.emissive_images() };
     for (id, image) in &extracted.extracted {
         pool.versions += 1;
@@ -322,7 +328,8 @@ impl TexturePool {
         assets: &AssetServer,
         device: &RenderDevice,
     ) -> (HashSet<AssetId<Image>>, bool) {
-        let mut used: HashSet<_> = used.filter(|id| !self.rejected.contains(id)).collect();
+        self.used = used.collect();
+        let mut used: HashSet<_> = self.used.iter().filter(|id| !self.rejected.contains(*id)).copied().collect();
         self.allocator.make_room(&used);
         let limit = limits(device).page;
         let count = used.len();

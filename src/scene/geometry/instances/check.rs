@@ -1,7 +1,7 @@
 //! Compares the pool with a visit of all instances, for tests.
 
 use super::InstancePool;
-use crate::gpu_layout::{GpuInstance, INSTANCE_SUBSURFACE, INSTANCE_SUBSURFACE_SHIFT};
+use crate::gpu_layout::GpuInstance;
 use crate::scene::{
     extract::instances::InstanceList,
     geometry::{
@@ -25,7 +25,9 @@ impl InstancePool {
                 continue;
             };
             shown += 1;
-            let known = GpuInstance { flags: self.get(slot).flags & SUBSURFACE_FLAGS | record.flags, ..record };
+            let subsurface = extracted.subsurface.filter(|_| extracted.casts_shadows);
+            let flags = record.flags | sources.subsurface.flags_of(extracted.entity, subsurface);
+            let known = GpuInstance { flags, ..record };
             assert_eq!(without_placement(self.get(slot)), without_placement(&known), "entity {}", *extracted.entity);
             assert_eq!(self.get(slot).world_from_object, record.world_from_object);
             let live = self.live_in(slot).expect("the slot is in use");
@@ -42,6 +44,3 @@ impl InstancePool {
         assert!(order.len() == shown && order.is_sorted());
     }
 }
-
-/// The bits of a record that depend on other instances.
-const SUBSURFACE_FLAGS: u32 = INSTANCE_SUBSURFACE | u32::MAX << INSTANCE_SUBSURFACE_SHIFT;
