@@ -8,7 +8,9 @@ use crate::support::{
     small_scenes::*,
 };
 use bevy::prelude::*;
-use bevy_restir::{Direct, Mis, Reuse, ReuseOrder, SubsurfaceSampling, SubsurfaceShift, testing::plant_shader_defs};
+use bevy_restir::{
+    Direct, Mis, Reuse, ReuseOrder, Subsurface, SubsurfaceSampling, SubsurfaceShift, testing::plant_shader_defs,
+};
 
 const SHIFTS: [SubsurfaceShift; 4] =
     [SubsurfaceShift::Reconnection, SubsurfaceShift::Delayed, SubsurfaceShift::Hybrid, SubsurfaceShift::Sequential];
@@ -76,6 +78,20 @@ fn full_length_every_shift_of_moving_bodies_and_lights_equals_the_reference() {
         let sampling = SubsurfaceSampling { shift, ..subsurface::all_reuse() };
         proof.check("moving", &mut rig, &[(&*format!("{shift:?}"), with(sampling))]);
     }
+}
+
+/// A body whose values change is another object for the samples of the last frame.
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_bodies_whose_values_change_equal_the_reference() {
+    let mut moving = [Entity::PLACEHOLDER; 2];
+    let Some(mut rig) = scene(64, |rig| moving = translucent(rig)) else { return };
+    let pose = |rig: &mut Rig, step: u32| {
+        let mean_free_path = Vec3::new(0.3, 0.1, 0.02) / (1 + step % 5) as f32;
+        rig.insert(moving[0], Subsurface { mean_free_path, weight: 1.0 - 0.1 * (step % 5) as f32 });
+    };
+    let proof = Proof { margin: 0.03, pose: Some(&pose), ..Proof::of((160, 1), (20, 64)) };
+    proof.check("changing", &mut rig, &[("both", with(subsurface::all_reuse()))]);
 }
 
 #[test]
