@@ -33,8 +33,8 @@ pub(crate) struct Controller {
     /// Number of measurements that are still to be ignored.
     ignored: u32,
     times: Vec<f32>,
-    /// Estimated time of each step in the present scene, ms; 0 if unknown.  It is the last measured one, scaled as the times of other steps
-    /// have changed since.
+    /// Estimated time of each step in the present scene, ms; 0 if unknown: the time that was last measured, multiplied by the changes of
+    /// the times of other steps since then.
     known: Vec<f32>,
 }
 

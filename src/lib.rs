@@ -19,7 +19,8 @@
 //! # Features
 //!
 //! - `material_textures`: turns on Bevy's texture slots for transmission, specular, clearcoat and anisotropy.  Bevy's own shaders of
-//!   `StandardMaterial` then bind 19 textures a stage; on devices with fewer, Bevy quits when a camera without `Restir` sees such a material.
+//!   `StandardMaterial` then bind 19 textures and 19 samplers a stage.  On a device that binds fewer, Bevy quits when a camera without
+//!   `Restir` sees any `StandardMaterial`.
 //! - `serde`: `Serialize` and `Deserialize` for all settings.
 //! - `testing`: internals for the tests and measurements of this crate; no stability.
 

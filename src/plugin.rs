@@ -112,8 +112,8 @@ impl RestirPlugin {
         }
         let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
         let library = ShaderLibrary::new(&mut shaders, &shader_templates());
-        // Bevy lights a camera until our first frame is ready.  It does not where pipelines compile synchronously, because those of Bevy would
-        // be compiled for a single frame, or where the device cannot run Bevy's shaders.
+        // Bevy lights a camera until our first frame is ready, with two exceptions: where pipelines compile synchronously, because Bevy's
+        // would be compiled for a single frame, and where the device cannot run Bevy's shaders.
         let synchronous = app.get_added_plugins::<RenderPlugin>().iter().any(|p| p.synchronous_pipeline_compilation)
             || cfg!(any(target_arch = "wasm32", target_os = "macos"));
         let bevy_lights_first = textures_warning.is_none() && !synchronous;
@@ -176,7 +176,7 @@ fn insert_resources(world: &mut World) {
     view::insert_resources(world);
 }
 
-/// Bevy has another device, because the last one was lost: everything that lived there is made again.  Bevy extracts meshes and images again.
+/// Recreates everything that lived on a device that was lost, once Bevy has another one.  Bevy extracts meshes and images again.
 fn renew(world: &mut World, mut is_renewal: Local<bool>) {
     // The first device is that of `RestirPlugin::start`.
     if !core::mem::replace(&mut *is_renewal, true) {

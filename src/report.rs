@@ -19,7 +19,7 @@ pub struct RestirReport {
     pub ready: bool,
     /// `software`: compute shaders trace rays through a CWBVH; `hardware`: the device's ray queries do.
     pub backend: &'static str,
-    /// Features of scene and cameras that shaders are specialized for.
+    /// Features of scene and cameras that shaders are specialized for, without `RAY_QUERY`: `backend` has that.
     pub features: SceneFeatures,
     /// Number of rays that all cameras traced in one frame.  The counters arrive from the GPU a few frames late.
     pub rays: u64,
@@ -28,10 +28,11 @@ pub struct RestirReport {
     /// Overflows of that frame; 0 unless light may be missing.  Bit 0: a traversal stack was full; bit 1: a traversal took too many steps, or
     /// too many light paths landed in a pixel; bit 19: a probe ray of [`Subsurface`](crate::Subsurface) had more than 8 hits.
     pub overflow_flags: u32,
-    /// How often the shaders met an illegal number, such as NaN or negative light, and replaced it by 0: the name of each check, and the
-    /// number of pixels that failed it, summed up over all frames of the cameras that exist now.  All are 0 unless there is a bug, except
-    /// `float_overflow`, which counts light beyond the range of f32 (about 1e38), and `overflow_probe`; the light that these two count is
-    /// missing in the picture.  A check costs a few integer comparisons.
+    /// How often checks in the shaders failed: the name of each check, and the number of pixels that failed it, summed up over all frames
+    /// of the cameras that exist now.  Most checks find illegal numbers, such as NaN or negative light, and replace them by 0; those named
+    /// `overflow_...` find full stacks and loops that ended early.  All are 0 unless there is a bug, except `float_overflow`, which counts
+    /// light beyond the range of f32 (about 1e38), and `overflow_probe`; the light that these two count is missing in the picture.  A check
+    /// costs a few integer comparisons.
     pub guards: Vec<(&'static str, u64)>,
     /// How often the histories of the cameras that exist now restarted, and why.  `start`: the first frame, or the frame before was not
     /// rendered; `requested`: [`Restir::reset`](crate::Restir::reset); `scene`: an edit that histories do not survive; `environment`: its image
@@ -42,8 +43,8 @@ pub struct RestirReport {
     /// How far [`RestirBudget`](crate::RestirBudget) reduces the settings of all cameras: the argument of
     /// [`Restir::reduced`](crate::Restir::reduced).
     pub budget_step: u32,
-    /// CPU time of each stage of the last frame, ms: the plugin's own work, without what Bevy and the driver do later.  Stages run one after
-    /// another, so that their sum is the time of all.
+    /// CPU time of each stage of the last frame, ms: the plugin's own work, without the later work of Bevy and the driver.  Stages run one
+    /// after another, so that their sum is the time of all.
     pub cpu_ms: Vec<(&'static str, f32)>,
     /// How many elements of the scene the plugin looked at in the last frame, by kind.  All are 0 while nothing changes, apart from skinned
     /// and morphed instances, images that the GPU writes, and elements that wait for a missing asset or do not fit the device.

@@ -94,7 +94,7 @@ impl<K: Eq + Hash> Warned<K> {
         self.named.remove(problem);
     }
 
-    /// Forgets all problems but these: those of things that are gone.
+    /// Keeps these problems and forgets the others, for example those of entities that are gone.
     pub(crate) fn retain(&mut self, mut is_kept: impl FnMut(&K) -> bool) {
         if !self.named.is_empty() {
             self.named.retain(|problem| is_kept(problem));

@@ -16,7 +16,7 @@ use bevy::{
     window::{CursorMoved, FileDragAndDrop, WindowEvent},
 };
 use bevy_egui::{EguiContext, EguiGlobalSettings, EguiPrimaryContextPass, egui};
-use bevy_restir::{DebugView, Restir, RestirEnvironment, Technique};
+use bevy_restir::{DebugView, Preset, Restir, RestirEnvironment, Technique};
 use bevy_restir_apps::{
     look::{self, Look, TooDark},
     panel::{self, AddSection, Panel, docs::Docs, form::Form},
@@ -258,6 +258,55 @@ fn a_dropped_file_replaces_the_scene_and_a_broken_one_gives_a_message() {
     drop_file(&mut rig, &dark);
     assert_eq!(lent(&rig), (true, false));
     rig.assert_sound();
+}
+
+#[test]
+fn a_dropped_image_becomes_the_users_sky_and_a_file_that_was_written_anew_is_read_again() {
+    let Some(folder) = Folder::new("viewer_sky") else { return };
+    let Some(mut rig) = stage() else { return };
+    let camera = rig.camera;
+    rig.insert(camera, look::look(None));
+    let dark = folder.gltf("dark.gltf", &Scene { emissive: [0.0; 3], ..Scene::default() });
+    let lit = folder.gltf("lit.gltf", &Scene::default());
+    let image = folder.path("sky.exr");
+    exr::prelude::write_rgb_file(&image, 8, 4, |_, _| (0.5f32, 1.0f32, 2.0f32)).expect("the folder can be written");
+
+    drop_file(&mut rig, &dark);
+    assert!(rig.app.world().entity(camera).contains::<LentSky>(), "the viewer lends a sky");
+    rig.get_mut::<Look>(camera).measures = false;
+    drop_file(&mut rig, &image);
+    let is_users = |rig: &Rig| {
+        let sky = rig.app.world().get::<RestirEnvironment>(camera);
+        sky.is_some_and(|sky| sky.image.is_some()) && !rig.app.world().entity(camera).contains::<LentSky>()
+    };
+    assert!(is_users(&rig));
+    assert!(rig.get_mut::<Look>(camera).measures, "the exposure fits the new sky");
+    drop_file(&mut rig, &lit);
+    assert!(is_users(&rig), "a file with lights leaves it");
+
+    let cameras = |rig: &Rig| rig.app.world().resource::<Stage>().shown.as_ref().map(|shown| shown.cameras.len());
+    assert_eq!(cameras(&rig), Some(1));
+    folder.gltf("lit.gltf", &Scene { camera: false, ..Scene::default() });
+    drop_file(&mut rig, &lit);
+    assert_eq!(cameras(&rig), Some(0), "the new content of the file");
+    rig.assert_sound();
+}
+
+#[test]
+fn a_preset_changes_its_own_fields_only() {
+    let own = Restir {
+        technique: Technique::Bdpt,
+        seed: 7,
+        accumulate: true,
+        energy_compensation: false,
+        ..Restir::default()
+    };
+    for preset in fields::values::<Preset>() {
+        let mut settings = own.clone();
+        fields::take(&mut settings, preset);
+        assert_eq!(settings, own.clone().with_preset(preset));
+        assert_eq!((settings.seed, settings.accumulate, settings.energy_compensation), (7, true, false));
+    }
 }
 
 #[test]

@@ -27,10 +27,10 @@ pub struct Args {
     #[command(flatten)]
     counts: Counts,
     /// Number of independent frames over which errors are averaged.
-    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     seeds: u32,
     /// Samples per pixel of the converged picture.
-    #[arg(long, default_value_t = 4096, value_parser = clap::value_parser!(u32).range(2..))]
+    #[arg(long, default_value_t = 4096, value_parser = clap::value_parser!(u32).range(2..=16_000_000))]
     samples: u32,
 }
 

@@ -4,11 +4,13 @@ use bevy::{
     app::App, ecs::change_detection::DetectChangesMut, ecs::entity::Entity, math::UVec2,
     render::renderer::RenderAdapterInfo, transform::components::Transform,
 };
-use bevy_restir::{RayBackend, Restir, RestirEnvironment, RestirReport, RestirStatistics, Technique, pass_names};
+use bevy_restir::{
+    RayBackend, Restir, RestirEnvironment, RestirReport, RestirStatistics, Reuse, Technique, pass_names,
+};
 use bevy_restir_support::{
     environment::{self, Environment},
     exposure::unit_exposure,
-    headless::{self, captured, frame, until_ready},
+    headless::{self, alive, captured, frame, until_ready},
     progress::Progress,
     scene::{self, CameraSetup, View},
     times::{Times, median},
@@ -22,10 +24,10 @@ use crate::error::{Error, Picture, Reference, mean};
 #[derive(clap::Args, Clone, Debug)]
 pub struct Counts {
     /// Frames that build up history before anything is measured.
-    #[arg(long, default_value_t = 24)]
+    #[arg(long, default_value_t = 24, value_parser = clap::value_parser!(u32).range(..=16_000_000))]
     pub warmup: u32,
     /// Number of timed frames.
-    #[arg(long, default_value_t = 24, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, default_value_t = 24, value_parser = clap::value_parser!(u32).range(1..=16_000_000))]
     pub frames: u32,
 }
 
@@ -121,12 +123,16 @@ pub fn reference_entry(folder: &Path, name: &str) -> Result<Value, String> {
 /// The environment of a scene in `references.json` beside it.
 fn environment_of(folder: &Path, name: &str) -> Result<Option<RestirEnvironment>, String> {
     let entry = reference_entry(folder, name)?;
-    let channels: Vec<f32> =
-        entry["env"].as_array().into_iter().flatten().filter_map(|c| Some(c.as_f64()? as f32)).collect();
-    Ok(match channels[..] {
-        [r, g, b] => Some(RestirEnvironment { color: bevy::color::LinearRgba::rgb(r, g, b), ..Default::default() }),
-        _ => None,
-    })
+    let Some(wanted) = entry.get("env").filter(|env| !env.is_null()) else { return Ok(None) };
+    let channels: Option<Vec<f32>> =
+        wanted.as_array().and_then(|all| all.iter().map(|c| Some(c.as_f64()? as f32)).collect());
+    match channels.as_deref() {
+        Some(&[r, g, b]) => {
+            let color = bevy::color::LinearRgba::rgb(r, g, b);
+            Ok(Some(RestirEnvironment { color, ..Default::default() }))
+        }
+        _ => Err(format!("references.json beside it: the env of {name} is {wanted}, not three numbers")),
+    }
 }
 
 /// Name and driver of the adapter.
@@ -176,6 +182,11 @@ impl Bench {
         let camera = self.app.world().resource::<View>().camera;
         self.app.world_mut().entity_mut(camera).insert(environment);
         Ok(())
+    }
+
+    /// Size of the picture in pixels.
+    pub fn size(&self) -> UVec2 {
+        self.size
     }
 
     /// The camera's place.
@@ -231,13 +242,13 @@ impl Bench {
             }
         };
         for _ in done..self.counts.warmup {
-            self.step(progress);
+            self.step(progress)?;
         }
         self.times.sample(self.app.world(), settings);
         self.times.clear();
         let mut rays = 0.0;
         for _ in 0..self.counts.frames {
-            self.step(progress);
+            self.step(progress)?;
             self.times.sample(self.app.world(), settings);
             rays += self.report().rays as f64;
         }
@@ -315,7 +326,7 @@ impl Bench {
                 if is_wanted {
                     self.app.world().resource::<View>().capture.request();
                 }
-                self.step(progress);
+                self.step(progress)?;
                 if is_wanted {
                     run.push(self.captured()?);
                 }
@@ -339,7 +350,9 @@ impl Bench {
             self.picture(samples.div_ceil(2) - 1, progress)
         };
         // No measured frame uses these seeds.
-        Ok(Reference::new(&half(u32::MAX)?, &half(u32::MAX - 1)?, size))
+        let reference = Reference::new(&half(u32::MAX)?, &half(u32::MAX - 1)?, size);
+        lit(reference.pixels())?;
+        Ok(reference)
     }
 
     /// Radiance of the frame after `before` others, or the mean of them all where the technique accumulates, and the median
@@ -350,7 +363,7 @@ impl Bench {
         self.times.sample(self.app.world(), settings);
         self.times.clear();
         for _ in 0..before {
-            self.step(progress);
+            self.step(progress)?;
             self.times.sample(self.app.world(), settings);
         }
         let picture = self.picture(0, progress)?;
@@ -391,26 +404,41 @@ impl Bench {
         }
     }
 
-    fn step(&mut self, progress: &Progress) {
+    /// Renders a frame.  Without the renderer, all times would be 0.
+    fn step(&mut self, progress: &Progress) -> Result<(), String> {
         frame(&mut self.app);
+        alive(&self.app)?;
         progress.step();
+        Ok(())
     }
 
     /// Radiance of the frame after `before` others.
     fn picture(&mut self, before: u32, progress: &Progress) -> Result<Picture, String> {
         for left in (1..=before as usize).rev() {
             self.place_mover(left);
-            self.step(progress);
+            self.step(progress)?;
         }
         self.place_mover(0);
         self.app.world().resource::<View>().capture.request();
-        self.step(progress);
+        self.step(progress)?;
         self.captured()
     }
 
     /// Radiance of the last frame, which must have been requested, or the mean of all frames where the technique accumulates.
     fn captured(&self) -> Result<Picture, String> {
         Ok(captured(&self.app)?.mean().map(|p| p.map(f64::from)).collect())
+    }
+}
+
+/// An error if a converged picture is black: no error can be relative to it.
+pub fn lit(reference: &Picture) -> Result<(), String> {
+    match mean(reference, |c| c) > 0.0 {
+        true => Ok(()),
+        false => Err(
+            "its picture is black: it has no light. `env` in references.json beside it can add one, and `sweep` and \
+                      `presets` have --env"
+                .into(),
+        ),
     }
 }
 
@@ -421,13 +449,16 @@ pub fn pixels(size: UVec2) -> f64 {
 
 /// Number of frames that must come before a frame whose error is measured, because it reuses them.
 fn history(settings: &Restir, counts: &Counts) -> u32 {
-    let Restir { direct, paths, .. } = settings;
-    let direct_reuses = direct.reuse.temporal || direct.reuse.spatial_samples + direct.reuse.disocclusion_samples > 0;
+    let Restir { direct, paths, subsurface, .. } = settings;
+    let extra = |reuse: &Reuse| reuse.temporal || reuse.spatial_samples + reuse.disocclusion_samples > 0;
+    // Light below surfaces is reused beside direct light.
+    let direct_reuses = extra(&direct.reuse) || extra(&subsurface.reuse);
     let paths_reuse = paths.reuse.temporal || paths.reuse.spatial_samples > 0;
     let reuses = match settings.technique {
         Technique::Reference => false,
         Technique::Di => direct_reuses,
         Technique::Gi => direct_reuses || paths_reuse,
+        Technique::Pt if paths.separate_direct_light => direct_reuses || paths_reuse,
         _ => paths_reuse,
     };
     if reuses { counts.warmup } else { 0 }

@@ -7,7 +7,7 @@ use bevy::{
 use bevy_restir::{Restir, RestirBudget, pass_names};
 use bevy_restir_support::{
     arguments,
-    headless::frame,
+    headless::{alive, frame},
     progress::Progress,
     scene::View,
     times::{Times, median},
@@ -58,7 +58,7 @@ pub fn run(args: &Args) -> Result<(), String> {
                 args.subject.technique, args.subject.preset, args.counts.frames, args.counts.warmup
             ));
         }
-        let free = fly(&mut bench, &settings, &args.counts, None, &progress);
+        let free = fly(&mut bench, &settings, &args.counts, None, &progress)?;
         let most = free.smooth().fold(0.0, f64::max);
         let row = |section: &str, label: &str, unit, figure| Row::new(section.to_owned(), label, &[("", unit, figure)]);
         let mut rows = vec![
@@ -67,7 +67,7 @@ pub fn run(args: &Args) -> Result<(), String> {
         ];
         for share in LIMITS {
             let limit = share * most;
-            let flight = fly(&mut bench, &settings, &args.counts, Some(limit as f32), &progress);
+            let flight = fly(&mut bench, &settings, &args.counts, Some(limit as f32), &progress)?;
             let greatest = flight.smooth().fold(0.0, f64::max);
             let section = format!("limit: {share} of the greatest time");
             rows.extend([
@@ -109,7 +109,13 @@ impl Flight {
     }
 }
 
-fn fly(bench: &mut Bench, settings: &Restir, counts: &Counts, limit: Option<f32>, progress: &Progress) -> Flight {
+fn fly(
+    bench: &mut Bench,
+    settings: &Restir,
+    counts: &Counts,
+    limit: Option<f32>,
+    progress: &Progress,
+) -> Result<Flight, String> {
     let start = bench.place();
     if let Some(gpu_ms) = limit {
         bench.app().insert_resource(RestirBudget { gpu_ms });
@@ -123,6 +129,7 @@ fn fly(bench: &mut Bench, settings: &Restir, counts: &Counts, limit: Option<f32>
         let place = Transform { rotation: turn * start.rotation, ..start };
         bench.app().world_mut().entity_mut(camera).insert(place);
         frame(bench.app());
+        alive(bench.app())?;
         progress.step();
         passes.clear();
         passes.sample(bench.app().world(), settings);
@@ -136,5 +143,5 @@ fn fly(bench: &mut Bench, settings: &Restir, counts: &Counts, limit: Option<f32>
     bench.app().world_mut().remove_resource::<RestirBudget>();
     let camera = bench.app().world().resource::<View>().camera;
     bench.app().world_mut().entity_mut(camera).insert(start);
-    flight
+    Ok(flight)
 }

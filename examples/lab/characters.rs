@@ -28,13 +28,13 @@ pub struct Args {
     #[arg(long, default_value = "32x32", value_parser = arguments::size)]
     size: UVec2,
     /// Numbers of characters.
-    #[arg(long, value_delimiter = ',', default_value = "1,10,100")]
+    #[arg(long, value_delimiter = ',', default_value = "1,10,100", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     characters: Vec<u32>,
     /// Approximate number of triangles of a character.
-    #[arg(long, default_value_t = 10_000)]
+    #[arg(long, default_value_t = 10_000, value_parser = clap::value_parser!(u32).range(4..=10_000_000))]
     triangles: u32,
     /// Number of frames that are timed at rest, and again in motion.
-    #[arg(long, default_value_t = 32)]
+    #[arg(long, default_value_t = 32, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     frames: u32,
 }
 
@@ -96,6 +96,7 @@ fn measure(app: &mut App, count: u32, args: &Args, progress: &Progress) -> Resul
     };
     let (still_ms, _) = timed(false);
     let (moving_ms, moving_cpu_ms) = timed(true);
+    headless::alive(app)?;
     let report = app.world().resource::<RestirStatistics>().report();
     Ok(Measured {
         triangles: report.triangles - 2,

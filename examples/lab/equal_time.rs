@@ -2,7 +2,7 @@
 
 use bevy::math::UVec2;
 use bevy_restir::{Restir, Technique};
-use bevy_restir_support::{arguments, fields, progress::Progress};
+use bevy_restir_support::{arguments, progress::Progress};
 use std::path::PathBuf;
 
 use crate::{
@@ -11,6 +11,7 @@ use crate::{
     output::{Output, header},
     series,
     table::{Row, Table, Unit},
+    variant,
 };
 
 /// Cost by stage, and error at equal time, of the techniques that compute global illumination.
@@ -37,10 +38,10 @@ pub struct Lengths {
     #[command(flatten)]
     pub counts: Counts,
     /// Number of independent frames over which errors are averaged.
-    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, default_value_t = 4, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     pub seeds: u32,
     /// Samples per pixel of the converged picture.
-    #[arg(long, default_value_t = 4096, value_parser = clap::value_parser!(u32).range(2..))]
+    #[arg(long, default_value_t = 4096, value_parser = clap::value_parser!(u32).range(2..=16_000_000))]
     pub samples: u32,
 }
 
@@ -50,7 +51,7 @@ pub struct Steps {
     #[command(flatten)]
     args: Args,
     /// Fields of `Restir` as `"PATH=VALUE PATH=VALUE"`, measured instead of those steps; repeatable.
-    #[arg(long)]
+    #[arg(long, value_parser = variant::parse)]
     variant: Vec<String>,
 }
 
@@ -90,13 +91,7 @@ impl Steps {
                 .map(|(name, settings)| Rival { name: name.into(), settings })
                 .collect()
         } else {
-            let rival = |text: &String| {
-                let mut settings = default();
-                for assignment in text.split_whitespace() {
-                    fields::set(&mut settings, assignment).map_err(|error| format!("--variant {error}"))?;
-                }
-                Ok(Rival { name: text.clone(), settings })
-            };
+            let rival = |text: &String| Ok(Rival { name: text.clone(), settings: variant::of(&default(), text)? });
             self.variant.iter().map(rival).collect::<Result<Vec<_>, String>>()?
         };
         table("steps", &self.args, &rivals, Detail::Stages)

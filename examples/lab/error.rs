@@ -44,8 +44,8 @@ impl Error {
 /// A converged picture.
 pub struct Reference {
     pixels: Picture,
-    /// Variances of these pixels, estimated from two halves of the samples.
-    variances: Picture,
+    /// Half the difference of the two halves of the samples. Its square estimates the variance of a pixel.
+    deviations: Picture,
     width: usize,
     /// Squared mean over pixels and channels. Errors are relative to it, so that scenes can be compared.
     scale: f64,
@@ -61,9 +61,9 @@ impl Reference {
         };
         let pixels = both(|a, b| 0.5 * (a + b));
         let scale = mean(&pixels, |c| c).powi(2).max(f64::MIN_POSITIVE);
-        let variances = both(|a, b| (0.5 * (a - b)).powi(2));
-        let noise = mean(&variances, |c| c) / scale;
-        Self { pixels, variances, width: size.x as usize, scale, noise }
+        let deviations = both(|a, b| 0.5 * (a - b));
+        let noise = mean(&deviations, |c| c * c) / scale;
+        Self { pixels, deviations, width: size.x as usize, scale, noise }
     }
 
     /// The converged radiance.
@@ -71,9 +71,9 @@ impl Reference {
         &self.pixels
     }
 
-    /// Estimated variances of the converged radiance, each from two values: only their means are precise.
-    pub fn variances(&self) -> &Picture {
-        &self.variances
+    /// Half the differences of the two halves of the samples: estimates of the error, whose squares are precise only in the mean.
+    pub fn deviations(&self) -> &Picture {
+        &self.deviations
     }
 
     /// The error of a picture.

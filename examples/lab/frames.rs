@@ -2,15 +2,16 @@
 
 use bevy::math::UVec2;
 use bevy_restir::{Preset, Restir};
-use bevy_restir_support::{fields, progress::Progress};
+use bevy_restir_support::progress::Progress;
 
 use crate::{
-    bench::{Bench, Counts, Scene, reference_entry, scenes},
+    bench::{Bench, Counts, Scene, lit, reference_entry, scenes},
     compare,
     difference::Difference,
     output::{Output, header},
     subject::Subject,
     table::{Row, Table, Unit},
+    variant,
 };
 
 /// Errors of single frames of an unchanged preset, and the time of a frame.  Beside each scene must be its reference NAME.exr, and
@@ -20,10 +21,10 @@ pub struct Args {
     #[command(flatten)]
     subject: Subject,
     /// Fields of `Restir` as `"PATH=VALUE PATH=VALUE"`, measured beside the preset; repeatable.
-    #[arg(long)]
+    #[arg(long, value_parser = variant::parse)]
     variant: Vec<String>,
     /// Number of independent frames over which figures are averaged.
-    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     seeds: u32,
     #[command(flatten)]
     counts: Counts,
@@ -64,11 +65,12 @@ struct Measured {
 impl Args {
     fn column(&self, scene: &Scene) -> Result<Measured, String> {
         let (size, reference) = compare::read(&scene.0.with_extension("exr"))?;
+        lit(&reference)?;
         let settings = self.settings(scene)?;
         let mut bench = Bench::of_scene(scene, size, settings[0].1.clone(), &self.counts)?;
         let Counts { warmup, frames } = self.counts;
-        let frames_each = self.seeds * (warmup + 1) + warmup + frames;
-        let progress = Progress::new(settings.len() as u64 * u64::from(frames_each));
+        let frames_each = u64::from(self.seeds) * u64::from(warmup + 1) + u64::from(warmup) + u64::from(frames);
+        let progress = Progress::new(settings.len() as u64 * frames_each);
         let mut rows = Vec::new();
         for (name, settings) in &settings {
             let pictures = bench.pictures(settings, self.seeds, self.counts.warmup, &progress)?;
@@ -103,11 +105,7 @@ impl Args {
 pub fn with_variants(preset: Preset, plain: Restir, variants: &[String]) -> Result<Vec<(String, Restir)>, String> {
     let mut all = vec![(format!("{preset:?}"), plain.clone())];
     for text in variants {
-        let mut settings = plain.clone();
-        for assignment in text.split_whitespace() {
-            fields::set(&mut settings, assignment).map_err(|error| format!("--variant {error}"))?;
-        }
-        all.push((text.clone(), settings));
+        all.push((text.clone(), variant::of(&plain, text)?));
     }
     Ok(all)
 }

@@ -26,7 +26,7 @@ pub struct Args {
     #[arg(long, default_value_t = 10_000)]
     meshes: u32,
     /// Frames of each case.
-    #[arg(long, default_value_t = 24, value_parser = clap::value_parser!(u32).range(4..))]
+    #[arg(long, default_value_t = 24, value_parser = clap::value_parser!(u32).range(4..=1_000_000))]
     frames: u32,
     /// Size of the picture in pixels.
     #[arg(long, default_value = "16x16", value_parser = arguments::size)]

@@ -8,8 +8,8 @@ use bevy::{
 };
 
 /// Size of the panel and its height above the floor, m.
-const PANEL: Vec2 = Vec2::new(6.0, 6.0);
-const HEIGHT: f32 = 6.0;
+pub const PANEL: Vec2 = Vec2::new(6.0, 6.0);
+pub const HEIGHT: f32 = 6.0;
 /// Radiance of the panel.
 const RADIANCE: f32 = 5.0;
 
@@ -38,8 +38,8 @@ pub fn spawn_room(world: &mut World) -> (Transform, Projection) {
     (eye, Projection::Perspective(projection))
 }
 
-/// Spawns a panel and despawns the previous one.
-pub fn hang(world: &mut World, panel: Mesh) {
+/// Spawns a panel at a place and despawns the previous one.
+pub fn hang(world: &mut World, panel: Mesh, at: Transform) {
     let old: Vec<Entity> = world.query_filtered::<Entity, With<Panel>>().iter(world).collect();
     for entity in old {
         world.despawn(entity);
@@ -51,7 +51,7 @@ pub fn hang(world: &mut World, panel: Mesh) {
         ..Default::default()
     };
     let material = world.resource_mut::<Assets<StandardMaterial>>().add(material);
-    world.spawn((Panel, Mesh3d(mesh), MeshMaterial3d(material), Transform::from_xyz(0.0, HEIGHT, 0.0)));
+    world.spawn((Panel, Mesh3d(mesh), MeshMaterial3d(material), at));
 }
 
 /// Columns and rows of a grid of cells with two triangles each, as close to a square grid as the number allows.

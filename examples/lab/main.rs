@@ -18,6 +18,7 @@ mod materials;
 mod motion;
 mod output;
 mod panels;
+mod plants;
 mod rays;
 mod resolutions;
 mod scale;
@@ -31,8 +32,9 @@ mod table;
 mod things;
 mod thresholds;
 mod translucent;
+mod variant;
 
-use bevy_restir_support::{arguments, headless};
+use bevy_restir_support::{arguments, headless, panics};
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
@@ -66,6 +68,7 @@ enum Command {
     Fuzz(fuzz::Args),
     Soak(soak::Args),
     BrokenFiles(broken_files::Args),
+    Plants(plants::Args),
     Demo(demo::Args),
 }
 
@@ -75,7 +78,21 @@ fn main() -> ExitCode {
         Err(code) => return code,
     };
     headless::quiet_drivers();
-    let result = match &args.command {
+    // The commit is that of the beginning.
+    output::commit();
+    panics::record();
+    let result = panics::caught(|| run(&args.command)).and_then(|result| result);
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {}", error.lines().next().unwrap_or_default());
+            ExitCode::from(1)
+        }
+    }
+}
+
+fn run(command: &Command) -> Result<(), String> {
+    match command {
         Command::Rays(args) => rays::run(args),
         Command::Ablate(args) => ablate::run(args),
         Command::Scale(args) => scale::run(args),
@@ -96,13 +113,7 @@ fn main() -> ExitCode {
         Command::Fuzz(args) => fuzz::run(args),
         Command::Soak(args) => soak::run(args),
         Command::BrokenFiles(args) => broken_files::run(args),
+        Command::Plants(args) => plants::run(args),
         Command::Demo(args) => demo::run(args),
-    };
-    match result {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("error: {}", error.lines().next().unwrap_or_default());
-            ExitCode::from(1)
-        }
     }
 }

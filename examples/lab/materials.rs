@@ -36,8 +36,13 @@ pub struct Args {
     #[arg(long)]
     hardware: bool,
     /// Rows to show, counted from 0 at the top; without it all.
-    #[arg(long, value_delimiter = ',')]
+    #[arg(long, value_delimiter = ',', value_parser = row)]
     rows: Vec<usize>,
+}
+
+fn row(text: &str) -> Result<usize, String> {
+    let last = FEATURES.len() - 1;
+    text.parse().ok().filter(|row| *row <= last).ok_or(format!("expected a number from 0 to {last}"))
 }
 
 /// Number of spheres in a row.
@@ -116,9 +121,6 @@ const FEATURES: [Feature; 12] = [
 pub fn run(args: &Args) -> Result<(), String> {
     std::fs::create_dir_all(&args.out).map_err(|e| format!("{}: {e}", args.out.display()))?;
     let rows: Vec<usize> = if args.rows.is_empty() { (0..FEATURES.len()).collect() } else { args.rows.clone() };
-    if let Some(row) = rows.iter().find(|row| **row >= FEATURES.len()) {
-        return Err(format!("there is no row {row}; there are {} rows", FEATURES.len()));
-    }
     let backend = if args.hardware { RayBackend::Hardware } else { RayBackend::Software };
     let mut app = headless::app(Path::new("."), backend)?;
     let place = spawn(app.world_mut(), &rows, args.size);

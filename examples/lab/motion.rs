@@ -12,6 +12,7 @@ use crate::{
     output::{Output, header},
     subject::Subject,
     table::{Row, Table, Unit},
+    variant,
 };
 
 /// Errors of pixels by the number of frames for which their surface has been in view, while the camera turns or steps aside, or an object
@@ -21,19 +22,19 @@ pub struct Args {
     #[command(flatten)]
     subject: Subject,
     /// Fields of `Restir` as `"PATH=VALUE PATH=VALUE"`, measured beside the preset; repeatable.
-    #[arg(long)]
+    #[arg(long, value_parser = variant::parse)]
     variant: Vec<String>,
     /// Size of the picture in pixels.
     #[arg(long, default_value = "128x128", value_parser = arguments::size)]
     size: UVec2,
     /// Number of independent runs over which errors are averaged.
-    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     seeds: u32,
     /// Samples per pixel of the converged pictures.
-    #[arg(long, default_value_t = 1024, value_parser = clap::value_parser!(u32).range(2..))]
+    #[arg(long, default_value_t = 1024, value_parser = clap::value_parser!(u32).range(2..=16_000_000))]
     samples: u32,
     /// Distance of the passing object from the camera, m.  The size and speed of the object and the steps of the camera scale with it.
-    #[arg(long, default_value_t = 1.0)]
+    #[arg(long, default_value_t = 1.0, value_parser = arguments::positive)]
     distance: f32,
     #[command(flatten)]
     output: Output,
@@ -113,8 +114,9 @@ pub fn run(args: &Args) -> Result<(), String> {
 
 impl Args {
     fn column(&self, bench: &mut Bench, variants: &[(String, Restir)]) -> Result<Vec<Row>, String> {
-        let each = self.samples + (FRAMES + REST) * (1 + self.seeds * variants.len() as u32);
-        let progress = Progress::new(Motion::ALL.len() as u64 * u64::from(each));
+        let runs = 1 + u64::from(self.seeds) * variants.len() as u64;
+        let each = u64::from(self.samples) + u64::from(FRAMES + REST) * runs;
+        let progress = Progress::new(Motion::ALL.len() as u64 * each);
         let camera = bench.place();
         let mut rows = Vec::new();
         for motion in Motion::ALL {
@@ -131,7 +133,7 @@ impl Args {
             let names: Vec<&str> = variants.iter().map(|(name, _)| name.as_str()).collect();
             let section = format!("{}: share of the pixels; errors with {}", motion.name(), names.join("; "));
             for age in 0..=LAST_AGE + 1 {
-                let share = ages.iter().filter(|a| **a == age).count() as f64 / ages.len() as f64;
+                let share = ages.iter().filter(|a| **a == Some(age)).count() as f64 / ages.len() as f64;
                 let errors = runs.iter().map(|pictures| {
                     let errors = pictures.iter().map(|picture| error(picture, reference.pixels(), &ages, age));
                     ("", Unit::Stored, errors.sum::<f64>() / pictures.len() as f64)
@@ -158,9 +160,9 @@ fn spawn_object(bench: &mut Bench) -> Entity {
     world.spawn((Mesh3d(mesh), MeshMaterial3d(material), Transform::default())).id()
 }
 
-/// For how many frames before the last one the surface of each pixel has been in view; `LAST_AGE + 1` for longer.  It is read from the
-/// confidence of direct light that is reused from the last frame alone.
-fn ages(bench: &mut Bench, settings: &Restir, progress: &Progress) -> Result<Vec<usize>, String> {
+/// For how many frames before the last one the surface of each pixel has been in view; `LAST_AGE + 1` for longer, `None` without a
+/// surface.  It is read from the confidence of direct light that is reused from the last frame alone.
+fn ages(bench: &mut Bench, settings: &Restir, progress: &Progress) -> Result<Vec<Option<usize>>, String> {
     let mut counting = Restir {
         technique: Technique::Di,
         jitter: Jitter::Never,
@@ -176,17 +178,19 @@ fn ages(bench: &mut Bench, settings: &Restir, progress: &Progress) -> Result<Vec
         ..reuse.clone()
     };
     let confidence = bench.pictures(&counting, 1, FRAMES + REST, progress)?.swap_remove(0);
-    Ok(confidence.iter().map(|c| ((c[0] - 1.0).max(0.0) as usize).min(LAST_AGE + 1)).collect())
+    // A surface has the confidence of its own candidates at least.
+    let age = |confidence: f64| (confidence >= 1.0).then(|| ((confidence - 1.0) as usize).min(LAST_AGE + 1));
+    Ok(confidence.iter().map(|c| age(c[0])).collect())
 }
 
 /// Relative squared error of the pixels of an age, without the worst hundredth of them.
-fn error(picture: &Picture, reference: &Picture, ages: &[usize], age: usize) -> f64 {
+fn error(picture: &Picture, reference: &Picture, ages: &[Option<usize>], age: usize) -> f64 {
     let scale = mean(reference, |c| c);
     let of_pixel = |(c, r): (&[f64; 3], &[f64; 3])| {
         (0..3).map(|i| (c[i] - r[i]).powi(2) * relative_weight(r[i], scale)).sum::<f64>() / 3.0
     };
     let pixels = picture.iter().zip(reference).zip(ages);
-    let mut errors: Vec<f64> = pixels.filter(|(_, a)| **a == age).map(|(pair, _)| of_pixel(pair)).collect();
+    let mut errors: Vec<f64> = pixels.filter(|(_, a)| **a == Some(age)).map(|(pair, _)| of_pixel(pair)).collect();
     errors.sort_by(f64::total_cmp);
     errors.truncate(errors.len() - errors.len() / 100);
     errors.iter().sum::<f64>() / errors.len() as f64

@@ -1,11 +1,13 @@
 //! Writes tables to files and into the documentation.
 
 use bevy::math::UVec2;
-use bevy_restir_support::files::write_text;
+use bevy_restir_support::{files, files::write_text, mutant};
 use std::{
     fs,
     path::{Path, PathBuf},
     process::Command,
+    sync::OnceLock,
+    time::{Duration, SystemTime},
 };
 
 use crate::table::Table;
@@ -25,6 +27,8 @@ impl Output {
     /// Fails before anything is measured if the table could not be written.
     pub fn check(&self, name: &str) -> Result<(), String> {
         fs::create_dir_all(&self.out).map_err(|e| format!("{}: {e}", self.out.display()))?;
+        files::check(&self.out.join(format!("{name}.csv")))?;
+        files::check(&self.out.join(format!("{name}.md")))?;
         check_into(self.into.as_deref(), name)
     }
 
@@ -65,8 +69,14 @@ pub fn header(adapter: String, size: UVec2) -> Vec<String> {
 
 /// The command, the adapter if one was used, and the commit.
 pub fn provenance(adapter: Option<String>) -> Vec<String> {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let mut lines = vec![format!("`cargo run --example lab -- {}`", arguments.join(" "))];
+    let arguments: Vec<String> = std::env::args().skip(1).map(|argument| quoted(&argument)).collect();
+    // A planted fault belongs to the command.
+    let planted = mutant::edits().iter().flat_map(|edit| {
+        [("FILE", edit.module), ("OLD", edit.from), ("NEW", edit.to)]
+            .map(|(name, text)| format!("MUTANT_{name}={} ", quoted(text)))
+    });
+    let planted: String = planted.collect();
+    let mut lines = vec![format!("`{planted}cargo run --example lab -- {}`", arguments.join(" "))];
     lines.extend(adapter);
     if let Some(commit) = commit() {
         lines.push(format!("commit {commit}"));
@@ -74,9 +84,38 @@ pub fn provenance(adapter: Option<String>) -> Vec<String> {
     lines
 }
 
-/// The commit of the sources, where git knows it.
+/// An argument as a shell takes it.
+fn quoted(argument: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "_./=,:+-@%".contains(c);
+    if !argument.is_empty() && argument.chars().all(is_plain) {
+        return argument.into();
+    }
+    format!("'{}'", argument.replace('\'', r"'\''"))
+}
+
+/// The commit of the sources when the program started, where git knows it, and whether the program is of that commit.  `main` calls this
+/// first: a measurement takes hours, in which others may commit.
 pub fn commit() -> Option<String> {
-    let git = Command::new("git").args(["-C", env!("CARGO_MANIFEST_DIR"), "rev-parse", "--short", "HEAD"]).output();
-    let output = git.ok().filter(|o| o.status.success())?;
-    Some(String::from_utf8_lossy(&output.stdout).trim().into())
+    static COMMIT: OnceLock<Option<String>> = OnceLock::new();
+    COMMIT.get_or_init(commit_now).clone()
+}
+
+fn commit_now() -> Option<String> {
+    /// What a program consists of.
+    const SOURCES: [&str; 5] = ["src", "shaders", "examples", "Cargo.toml", "Cargo.lock"];
+    let git = |arguments: &[&str]| {
+        let output = Command::new("git").args(["-C", env!("CARGO_MANIFEST_DIR")]).args(arguments).output().ok()?;
+        let text = String::from_utf8_lossy(&output.stdout).trim().to_owned();
+        output.status.success().then_some(text)
+    };
+    let mut commit = git(&["rev-parse", "--short", "HEAD"])?;
+    if git(&[&["diff", "--quiet", "HEAD", "--"], &SOURCES[..]].concat()).is_none() {
+        commit += " with changes that are not committed";
+    }
+    let seconds = git(&[&["log", "-1", "--format=%ct", "--"], &SOURCES[..]].concat())?.parse().ok()?;
+    let built = std::env::current_exe().and_then(fs::metadata).and_then(|program| program.modified()).ok()?;
+    if built < SystemTime::UNIX_EPOCH + Duration::from_secs(seconds) {
+        commit += ", but the program was built before it";
+    }
+    Some(commit)
 }

@@ -22,7 +22,7 @@ use bevy_restir_support::{
     compose::{Def, flag},
     exposure::unit_exposure,
     gpu::{Gpu, back_ends},
-    headless::{self, frame, until_ready},
+    headless::{self, alive, frame, until_ready},
     scene::{self, CameraSetup},
     scenes::{Random, Ray, TestScene, random_rows, ray, sphere},
     times::median,
@@ -369,6 +369,7 @@ fn in_an_app(args: &Args, backend: RayBackend, adapter: &mut String) -> Result<V
         frame(&mut app);
     }
     let (moving_ms, moving_bytes) = measured(args, &mut app);
+    alive(&app)?;
     let section = format!("{} instances in an app", args.instances);
     Ok(vec![
         Row::new(

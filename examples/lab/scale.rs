@@ -1,27 +1,34 @@
 //! Cost of direct light by the number of lights: a panel of constant power, divided into more and more triangles.
 
-use bevy::math::UVec2;
+use bevy::{camera::primitives::Aabb, math::UVec2, prelude::*};
 use bevy_restir::{RayBackend, RestirStatistics};
 use bevy_restir_support::{
     arguments,
     exposure::unit_exposure,
+    framing,
     headless::{self, until},
     progress::Progress,
     scene::{self, CameraSetup},
 };
-use std::{path::Path, time::Instant};
+use std::{
+    path::{Path, PathBuf},
+    time::Instant,
+};
 
 use crate::{
-    bench::{Bench, Cost, Counts},
+    bench::{Bench, Cost, Counts, scenes},
     lights,
     output::{Output, header},
     series,
     table::{Row, Table, Unit},
 };
 
-/// Times of direct light by the number of lights.
+/// Times of direct light by the number of lights: a panel of constant power is divided into more and more triangles. It hangs over a
+/// floor with blocks, or over a scene.
 #[derive(clap::Args, Debug)]
 pub struct Args {
+    /// A glTF file over which the panel hangs, beside the lights of the scene; `references.json` beside it may name its environment.
+    scene: Option<PathBuf>,
     #[command(flatten)]
     output: Output,
     /// Size of the picture in pixels.
@@ -57,15 +64,26 @@ struct Measured {
 
 pub fn run(args: &Args) -> Result<(), String> {
     args.output.check("scale")?;
-    let mut app = headless::app(Path::new("."), RayBackend::Auto)?;
-    let place = lights::spawn_room(app.world_mut());
-    let camera =
-        CameraSetup { size: args.size, exposure: unit_exposure(), environment: None, settings: series::default() };
-    scene::spawn_camera(app.world_mut(), place, camera);
+    let (mut bench, at) = match &args.scene {
+        Some(path) => {
+            let scene = scenes(core::slice::from_ref(path))?.remove(0);
+            let told = |error| format!("{}: {error}", scene.1);
+            let mut bench = Bench::of_scene(&scene, args.size, series::default(), &args.counts).map_err(told)?;
+            let at = above(bench.app().world_mut());
+            (bench, at)
+        }
+        None => {
+            let mut app = headless::app(Path::new("."), RayBackend::Auto)?;
+            let place = lights::spawn_room(app.world_mut());
+            let settings = series::default();
+            let camera = CameraSetup { size: args.size, exposure: unit_exposure(), environment: None, settings };
+            scene::spawn_camera(app.world_mut(), place, camera);
+            (Bench::new(app, args.size, args.counts.clone())?, Transform::from_xyz(0.0, lights::HEIGHT, 0.0))
+        }
+    };
+    let room = Room { triangles: bench.report().triangles, lights: bench.report().lights, at };
     // This panel only triggers the compilation of the pipelines, so that no timed frame waits for it.
-    lights::hang(app.world_mut(), lights::panel(2));
-    let mut bench = Bench::new(app, args.size, args.counts.clone())?;
-    let room = bench.report().triangles - 2;
+    build(&mut bench, &room, 2)?;
 
     let default = series::default();
     let bare = series::without_rays(default.clone());
@@ -74,14 +92,14 @@ pub fn run(args: &Args) -> Result<(), String> {
     let progress = Progress::new((each + 1) * args.lights.len() as u64);
     let mut all = Vec::new();
     for &count in &args.lights {
-        let build_ms = build(&mut bench, room, count)?;
+        let build_ms = build(&mut bench, &room, count)?;
         let mut measure = |settings| Ok::<_, String>(bench.measure(settings, None, &progress)?.0);
         let (bare, bare_unpresampled, default) = (measure(&bare)?, measure(&bare_unpresampled)?, measure(&default)?);
         let light = bench.light(&progress)?;
         let report = bench.report();
         all.push(Measured {
-            triangles: report.triangles - room,
-            lights: report.lights,
+            triangles: report.triangles - room.triangles,
+            lights: report.lights - room.lights,
             build_ms,
             bytes: bench.bytes(),
             light,
@@ -90,29 +108,50 @@ pub fn run(args: &Args) -> Result<(), String> {
             bare_unpresampled,
         });
     }
-    args.output.write("scale", &table(args, bench.adapter(), &all))
+    args.output.write("scale", &table(args, bench.adapter(), &room, &all))
+}
+
+/// What is there without the panel, and where the panel hangs.
+struct Room {
+    triangles: u64,
+    lights: u64,
+    at: Transform,
+}
+
+/// A place over a scene for a panel of its width.
+fn above(world: &mut World) -> Transform {
+    let (center, radius) = framing::bounding_sphere(world.query::<(&GlobalTransform, &Aabb)>().iter(world));
+    let scale = Vec3::splat(2.0 * radius / lights::PANEL.x);
+    Transform::from_translation(center + radius * Vec3::Y).with_scale(scale)
 }
 
 /// Replaces the panel. Returns the milliseconds until the new one is in the scene and in the table of lights.
-fn build(bench: &mut Bench, room: u64, count: u32) -> Result<f64, String> {
+fn build(bench: &mut Bench, room: &Room, count: u32) -> Result<f64, String> {
     let panel = lights::panel(count);
     let start = Instant::now();
     let app = bench.app();
-    lights::hang(app.world_mut(), panel);
+    lights::hang(app.world_mut(), panel, room.at);
     // The plugin also reports that it is ready where it had to leave the panel out, so waiting ends after ten frames.
     let mut idle = 0;
     until(app, "the panel is not ready", |app| {
         let report = app.world().resource::<RestirStatistics>().report();
         idle = if report.ready { idle + 1 } else { 0 };
-        idle > 10 || (report.ready && report.triangles == room + u64::from(count))
+        idle > 10 || (report.ready && report.triangles == room.triangles + u64::from(count))
     })?;
     Ok(start.elapsed().as_secs_f64() * 1e3)
 }
 
-fn table(args: &Args, adapter: String, all: &[Measured]) -> Table {
+fn table(args: &Args, adapter: String, room: &Room, all: &[Measured]) -> Table {
     let mut header = header(adapter, args.size);
     let Counts { warmup, frames } = args.counts;
     header.push(format!("times: medians over {frames} frames after {warmup}; x: times that of the first column"));
+    if let Some(scene) = &args.scene {
+        let Room { triangles, lights, .. } = room;
+        header.push(format!(
+            "the panel hangs over {}, which has {triangles} triangles and {lights} lights itself",
+            scene.display()
+        ));
+    }
     let mut notes = Vec::new();
     for (asked, measured) in args.lights.iter().zip(all) {
         if measured.lights != u64::from(*asked) || measured.triangles != u64::from(*asked) {
@@ -136,7 +175,7 @@ fn rows(measured: &Measured, smallest: &Measured) -> Vec<Row> {
     const BARE: &str = "Without rays";
     const DEFAULT: &str = "Default settings";
     vec![
-        Row::new(SCENE, "lights in the table", &[("", Unit::Count, measured.lights as f64)]),
+        Row::new(SCENE, "lights of the panel in the table", &[("", Unit::Count, measured.lights as f64)]),
         Row::new(SCENE, "all buffers and textures", &[("", Unit::MiB, measured.bytes as f64 / f64::from(1 << 20))]),
         Row::new(SCENE, "light in a frame", &[("", Unit::Radiance, measured.light)]),
         ms(SCENE, "from the mesh to the picture", |m| m.build_ms),

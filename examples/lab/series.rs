@@ -154,8 +154,8 @@ pub fn entries() -> Vec<Entry> {
             ("temporal, then 2 rounds of 5 spatial taps (Bitterli et al. 2020)".into(), classic),
         ],
     );
-    add("Spatial taps (6.3)", &[Lighting, Error], counts("", &[1, 2, 3, 5], |d, n| d.reuse.spatial_samples = n));
-    add("Places tried for a tap", &[Lighting, Error], counts("", &[1, 3], |d, n| d.reuse.neighbor_attempts = n));
+    add("Spatial samples (6.3)", &[Lighting, Error], counts("", &[1, 2, 3, 5], |d, n| d.reuse.spatial_samples = n));
+    add("Neighbor attempts", &[Lighting, Error], counts("", &[1, 3], |d, n| d.reuse.neighbor_attempts = n));
     add(
         "Bias correction (4.6)",
         &[Rays, Lighting, Error],

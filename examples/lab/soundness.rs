@@ -32,25 +32,33 @@ pub fn fault(report: &RestirReport) -> Option<String> {
     (flags & !PROBE_OVERFLOW != 0 || pixels != 0).then(|| format!("overflow {flags:#x}, {pixels} pixels not finite"))
 }
 
+/// Number of frames that have ended.
+static FRAMES: AtomicU64 = AtomicU64::new(0);
+
+/// A frame has ended.
+pub fn beat() {
+    FRAMES.fetch_add(1, Ordering::Relaxed);
+}
+
 /// Ends the program with an error line if no frame ends for a long time.
 pub struct Watchdog {
-    beats: Arc<AtomicU64>,
     subject: Arc<Mutex<String>>,
 }
 
 impl Watchdog {
     pub fn new() -> Self {
-        let this = Self { beats: Arc::default(), subject: Arc::default() };
-        let (beats, subject) = (this.beats.clone(), this.subject.clone());
+        let this = Self { subject: Arc::default() };
+        let subject = this.subject.clone();
         thread::spawn(move || {
-            let mut last = 0;
+            let mut last = FRAMES.load(Ordering::Relaxed);
             loop {
                 thread::sleep(PATIENCE);
                 // The command has ended.
-                if Arc::strong_count(&beats) == 1 {
+                if Arc::strong_count(&subject) == 1 {
                     return;
                 }
-                if core::mem::replace(&mut last, beats.load(Ordering::Relaxed)) == beats.load(Ordering::Relaxed) {
+                let now = FRAMES.load(Ordering::Relaxed);
+                if core::mem::replace(&mut last, now) == now {
                     let subject = subject.lock().unwrap_or_else(PoisonError::into_inner);
                     eprintln!("error: {subject} hangs: no frame ends within {} s", PATIENCE.as_secs());
                     std::process::exit(1);
@@ -63,11 +71,11 @@ impl Watchdog {
     /// Names what runs now.
     pub fn watch(&self, subject: impl Into<String>) {
         *self.subject.lock().unwrap_or_else(PoisonError::into_inner) = subject.into();
-        self.beat();
+        beat();
     }
+}
 
-    /// A frame has ended.
-    pub fn beat(&self) {
-        self.beats.fetch_add(1, Ordering::Relaxed);
-    }
+/// What a failure is, without its numbers: two failures of one kind have one cause, as far as a message can tell.
+pub fn kind(failure: &str) -> &str {
+    failure.split(|c: char| c.is_ascii_digit()).next().unwrap_or_default()
 }

@@ -2,9 +2,7 @@
 
 use bevy::{camera::Projection, prelude::*};
 use bevy_restir::{DebugView, RayBackend, Restir, Reuse, Subsurface, SubsurfaceSampling, SubsurfaceShift, Technique};
-use bevy_restir_support::{
-    bodies, exposure::unit_exposure, fields, headless, progress::Progress, scene, scene::CameraSetup,
-};
+use bevy_restir_support::{bodies, exposure::unit_exposure, headless, progress::Progress, scene, scene::CameraSetup};
 use std::path::Path;
 
 use crate::{
@@ -12,6 +10,7 @@ use crate::{
     equal_time::{Detail, Lengths, Rival, column},
     series::plain,
     table::{Row, Table, Unit},
+    variant,
 };
 
 /// Cost and error of ReSTIR SSS by its shift: a slab with the edge of a shadow under one and under 64 lights, and a bust. Single
@@ -20,11 +19,11 @@ use crate::{
 pub struct Args {
     #[command(flatten)]
     lengths: Lengths,
-    /// Scenes: slab, slab64, bust.
-    #[arg(long, value_delimiter = ',', default_value = "slab,slab64,bust")]
+    /// Scenes.
+    #[arg(long, value_delimiter = ',', default_value = "slab,slab64,bust", value_parser = ["slab", "slab64", "bust"])]
     scenes: Vec<String>,
     /// Fields of `Restir` as `"PATH=VALUE PATH=VALUE"`, measured instead of the shifts; repeatable.
-    #[arg(long)]
+    #[arg(long, value_parser = variant::parse)]
     variant: Vec<String>,
 }
 
@@ -94,13 +93,8 @@ fn with(subsurface: SubsurfaceSampling) -> Restir {
 fn rivals(args: &Args) -> Result<Vec<Rival>, String> {
     let default = SubsurfaceSampling::default();
     if !args.variant.is_empty() {
-        let rival = |text: &String| {
-            let mut settings = with(default.clone());
-            for assignment in text.split_whitespace() {
-                fields::set(&mut settings, assignment).map_err(|error| format!("--variant {error}"))?;
-            }
-            Ok(Rival { name: text.clone(), settings })
-        };
+        let plain = with(default);
+        let rival = |text: &String| Ok(Rival { name: text.clone(), settings: variant::of(&plain, text)? });
         return args.variant.iter().map(rival).collect();
     }
     let alone = Reuse { temporal: false, spatial_samples: 0, ..default.reuse.clone() };

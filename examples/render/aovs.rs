@@ -1,13 +1,13 @@
 //! The files of `--aov`.
 
-use crate::{accumulate, args::Args};
-use bevy::prelude::*;
+use crate::{Written, accumulate, args::Args};
+use bevy::{prelude::*, time::TimeUpdateStrategy};
 use bevy_restir::{DebugView, Restir};
 use bevy_restir_support::{
-    exr_file,
     headless::{self, captured, frame},
     scene::View,
 };
+use core::time::Duration;
 
 /// The positions of all animations, in seconds.
 pub struct AnimationTimes(Vec<(Entity, AnimationNodeIndex, f32)>);
@@ -21,36 +21,70 @@ impl AnimationTimes {
         Self(times.collect())
     }
 
+    /// Whether nothing is played.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Sets all animations to their beginnings. Returns these positions.
+    pub fn rewind(world: &mut World) -> Self {
+        let mut all = Self::of(world);
+        all.0.iter_mut().for_each(|(.., time)| *time = 0.0);
+        all.restore(world);
+        all
+    }
+
     fn restore(&self, world: &mut World) {
         for &(entity, node, time) in &self.0 {
             let player = world.get_mut::<AnimationPlayer>(entity);
             if let Some(animation) = player.map(Mut::into_inner).and_then(|player| player.animation_mut(node)) {
-                animation.seek_to(time);
+                animation.set_seek_time(time);
             }
         }
     }
 }
 
 /// Renders and writes the files.  `settings`: of the picture; `scale`: of its radiance in the file; `start`: where it began.
-pub fn write(app: &mut App, args: &Args, settings: &Restir, scale: f64, start: &AnimationTimes) -> Result<(), String> {
+pub fn write(
+    app: &mut App,
+    args: &Args,
+    settings: &Restir,
+    scale: f64,
+    start: &AnimationTimes,
+    written: &mut Written,
+) -> Result<(), String> {
     // The surfaces are those of the frame after the picture, so they come first.
     let (parts, surfaces): (Vec<_>, Vec<_>) = args.aovs.iter().partition(|aov| aov.view.is_part_of_light());
+    let end = AnimationTimes::of(app.world_mut());
     for aov in surfaces {
+        // Animations go on while pipelines compile.
         show(app, Restir { debug_view: aov.view, accumulate: false, ..settings.clone() })?;
+        end.restore(app.world_mut());
+        frame_without_time(app);
         app.world().resource::<View>().capture.request();
         frame(app);
         let values = captured(app)?;
         let pixels: Vec<[f32; 3]> = values.mean().map(|value| of_surface(aov.view, value)).collect();
-        exr_file::write(&aov.path, values.size, &pixels)?;
+        written.exr(&aov.path, values.size, &pixels)?;
     }
     for aov in parts {
         show(app, Restir { debug_view: aov.view, ..settings.clone() })?;
         start.restore(app.world_mut());
         // The same random numbers as those of the picture give the same samples.
-        let frames = accumulate(app, args, settings)?;
-        exr_file::write(&aov.path, args.size, &frames.scaled(scale))?;
+        let frames = accumulate(app, args, settings, false)?;
+        written.exr(&aov.path, args.size, &frames.scaled(scale))?;
     }
     Ok(())
+}
+
+/// Renders the scene as it is now, so that the next frame measures its motion from here.
+fn frame_without_time(app: &mut App) {
+    let strategy = app.world_mut().remove_resource::<TimeUpdateStrategy>();
+    app.insert_resource(TimeUpdateStrategy::ManualDuration(Duration::ZERO));
+    frame(app);
+    if let Some(strategy) = strategy {
+        app.insert_resource(strategy);
+    }
 }
 
 /// Gives the camera other settings and waits for their pipelines.

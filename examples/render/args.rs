@@ -9,7 +9,7 @@ use bevy_restir_support::{
     fields,
 };
 use clap::{Parser, ValueEnum};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Renders a glTF scene without a window.
 #[derive(Parser, Debug)]
@@ -38,7 +38,8 @@ pub struct Args {
     /// Frames that build up history and are not part of the picture; the reference skips them.
     #[arg(long, default_value_t = 16)]
     pub warmup: u32,
-    /// The mean of the frames or the last one. The reference always gives the mean of its samples.
+    /// The mean of the frames or the last one. The reference always gives the mean of its samples. A mean has no limit of bright pixels
+    /// (`firefly_limit` is 0), because the limit would stay in it as a bias.
     #[arg(long, value_enum, default_value = "mean")]
     pub output: Output,
     /// Seed of the random numbers.
@@ -49,7 +50,8 @@ pub struct Args {
     #[arg(long, value_parser = environment::parse)]
     pub env: Option<Environment>,
     /// Exposure value at ISO 100, or `auto`; without it the exposure is 1. `auto` is log2(L / (1.2 * 0.18)), where L is the logarithmic
-    /// mean of the picture's luminance over blocks of 8 x 8 pixels that are not black: L becomes middle gray.
+    /// mean of the picture's luminance over blocks of 8 x 8 pixels that are not black: L becomes middle gray. With `auto` a .png shows one
+    /// frame or sample more than asked for, because its exposure is known only after the others.
     #[arg(long, allow_negative_numbers = true, value_parser = arguments::exposure, value_name = "V|auto")]
     pub ev100: Option<ExposureChoice>,
     /// Name of the camera; without it the first one of the file.
@@ -66,13 +68,13 @@ pub struct Args {
     #[arg(long = "set", value_name = "PATH=VALUE")]
     pub set: Vec<String>,
     /// Limit for the GPU time of a frame, ms. Before the warm-up, the number of samples is reduced until frames take no longer.
-    #[arg(long, value_name = "MS", value_parser = positive)]
+    #[arg(long, value_name = "MS", value_parser = arguments::positive)]
     pub time_budget: Option<f32>,
     /// Writes another .exr file; repeatable. NAME is one of: the first surface of each pixel in the frame after the picture, as albedo,
     /// normal (world space, 0 without a surface), depth (distance from the camera, m; 0 without a surface) or motion (pixels to the surface
     /// in the frame before); or a part of the light in the picture, as diffuse (with light out of translucent bodies) or specular. The
-    /// parts take as many frames as the picture and sum to it, except for what emits by itself; with `--output last`, bright pixels are
-    /// limited in the picture alone (`--set firefly_limit=0` turns that off).
+    /// parts take as many frames as the picture; with the emission that the camera sees directly they sum to it. With `--output last`,
+    /// bright pixels are limited in the picture only (`--set firefly_limit=0` turns that off).
     #[arg(long = "aov", value_name = "NAME=FILE.exr", value_parser = aov)]
     pub aovs: Vec<Aov>,
     /// Writes times, memory and counters to this file as JSON.
@@ -111,13 +113,6 @@ fn aov(text: &str) -> Result<Aov, String> {
     }
 }
 
-fn positive(text: &str) -> Result<f32, String> {
-    match text.parse() {
-        Ok(ms) if ms > 0.0 && f32::is_finite(ms) => Ok(ms),
-        _ => Err("expected a number above 0".into()),
-    }
-}
-
 fn output_path(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     match path.extension().and_then(|e| e.to_str()) {
@@ -146,6 +141,30 @@ impl Args {
     /// Whether the picture is an .exr file.
     pub fn writes_exr(&self) -> bool {
         self.out.extension().is_some_and(|e| e == "exr")
+    }
+
+    /// The files to write.
+    pub fn outputs(&self) -> impl Iterator<Item = &Path> {
+        let aovs = self.aovs.iter().map(|aov| aov.path.as_path());
+        core::iter::once(self.out.as_path()).chain(aovs).chain(self.stats.as_deref())
+    }
+
+    /// An error if two of the files to write are one.
+    pub fn check_outputs(&self) -> Result<(), String> {
+        let absolute = |path: &Path| {
+            let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+            let folder = folder.canonicalize().unwrap_or(folder.into());
+            folder.join(path.file_name().unwrap_or_default())
+        };
+        let mut seen = Vec::new();
+        for path in self.outputs() {
+            let place = absolute(path);
+            if seen.contains(&place) {
+                return Err(format!("two options name the file {}", path.display()));
+            }
+            seen.push(place);
+        }
+        Ok(())
     }
 
     /// The camera's exposure; 1 until the picture is measured where that is asked for.

@@ -7,22 +7,24 @@ mod stats;
 use aovs::AnimationTimes;
 use args::{Args, Output};
 use bevy::{camera::Exposure, gltf::Gltf, prelude::*};
-use bevy_restir::{CapturedRadiance, Restir, RestirBudget, RestirEnvironment, RestirStatistics, Technique};
+use bevy_restir::{Restir, RestirBudget, RestirEnvironment, RestirStatistics, Technique};
 use bevy_restir_support::{
     arguments::{self, ExposureChoice},
     environment,
     exposure::{ev100_for, measure},
-    exr_file,
-    files::write_text,
+    exr_file, files,
+    frame_sum::FrameSum,
     headless::{self, captured, frame},
-    panics,
-    picture::{screenshot, write_png},
+    panics, picture,
     progress::Progress,
     scene::{self, CameraSetup, SceneFile, View},
     sky,
     times::Times,
 };
-use std::{path::Path, process::ExitCode};
+use std::{
+    path::{Path, PathBuf},
+    process::ExitCode,
+};
 
 fn main() -> ExitCode {
     let args: Args = match arguments::parse() {
@@ -30,7 +32,7 @@ fn main() -> ExitCode {
         Err(code) => return code,
     };
     headless::quiet_drivers();
-    let settings = match args.settings() {
+    let settings = match args.check_outputs().and_then(|()| args.settings()) {
         Ok(settings) => settings,
         Err(error) => {
             eprintln!("error: {error}");
@@ -47,13 +49,36 @@ fn main() -> ExitCode {
     }
 }
 
-/// Loads the scene, renders it and writes the files.
-fn render(args: &Args, settings: Restir) -> Result<(), String> {
-    let path = args.scene.canonicalize().map_err(|e| e.to_string())?;
-    let directory = args.out.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    if !directory.is_dir() {
-        return Err(format!("the folder of {} does not exist", args.out.display()));
+/// The files that this run has written.
+#[derive(Default)]
+pub struct Written(Vec<PathBuf>);
+
+impl Written {
+    /// Writes a picture of linear radiance.
+    pub fn exr(&mut self, path: &Path, size: UVec2, pixels: &[[f32; 3]]) -> Result<(), String> {
+        exr_file::write(path, size, pixels)?;
+        self.0.push(path.into());
+        Ok(())
     }
+
+    /// Removes all of them.
+    fn remove(&self) {
+        for path in &self.0 {
+            let _ = std::fs::remove_file(path);
+        }
+    }
+}
+
+/// Loads the scene, renders it and writes the files: all of them or none.
+fn render(args: &Args, settings: Restir) -> Result<(), String> {
+    args.outputs().try_for_each(files::check)?;
+    let mut written = Written::default();
+    let result = panics::caught(|| render_into(args, settings, &mut written)).and_then(|result| result);
+    result.inspect_err(|_| written.remove())
+}
+
+fn render_into(args: &Args, settings: Restir, written: &mut Written) -> Result<(), String> {
+    let path = args.scene.canonicalize().map_err(|e| e.to_string())?;
     let (folder, name) = scene::split(&path)?;
     let mut app = headless::app(folder, args.backend)?;
     if args.animate {
@@ -65,38 +90,54 @@ fn render(args: &Args, settings: Restir) -> Result<(), String> {
     let setup = CameraSetup { size: args.size, exposure: args.exposure(), environment, settings: settings.clone() };
     scene::spawn_camera(app.world_mut(), place, setup);
     headless::until_ready(&mut app)?;
+    fits(&mut app, args.size)?;
     let (settings, step) = match args.time_budget {
         Some(gpu_ms) => within_budget(&mut app, gpu_ms, settings)?,
         None => (settings, 0),
     };
 
-    let start = AnimationTimes::of(app.world_mut());
-    let frames = accumulate(&mut app, args, &settings)?;
+    // Loading takes any number of frames, in which the animation has played.
+    let start = AnimationTimes::rewind(app.world_mut());
+    // Where the exposure is known, the last frame itself is shown.
+    let shows_last = !args.writes_exr() && args.ev100 != Some(ExposureChoice::Auto);
+    let frames = accumulate(&mut app, args, &settings, shows_last)?;
     let exposure = final_exposure(args, &frames);
     // Without an exposure value the file holds the exact radiance.
     let scale = f64::from(args.ev100.map_or(1.0, |_| exposure.exposure()));
     if args.writes_exr() {
-        exr_file::write(&args.out, args.size, &frames.scaled(scale))?;
+        written.exr(&args.out, args.size, &frames.scaled(scale))?;
     } else {
-        let camera = app.world().resource::<View>().camera;
-        app.world_mut().entity_mut(camera).insert(exposure);
-        let image = screenshot(&mut app)?;
-        write_png(&args.out, image)?;
+        if !shows_last {
+            let camera = app.world().resource::<View>().camera;
+            app.world_mut().entity_mut(camera).insert(exposure);
+            picture::request(&mut app)?;
+        }
+        let image = picture::take(&mut app)?;
+        picture::write_png(&args.out, image)?;
+        written.0.push(args.out.clone());
     }
     // The frames of other files must not count.
     let stats = stats::json(app.world(), args, (&settings, step), &frames);
-    let written = aovs::write(&mut app, args, &settings, scale, &start).and_then(|()| match &args.stats {
-        None => Ok(()),
-        Some(path) => {
-            let text = serde_json::to_string_pretty(&stats).map_err(|e| e.to_string())? + "\n";
-            write_text(path, &text)
-        }
-    });
-    written.inspect_err(|_| {
-        for path in args.aovs.iter().map(|aov| &aov.path).chain([&args.out]) {
-            let _ = std::fs::remove_file(path);
-        }
-    })
+    aovs::write(&mut app, args, &settings, scale, &start, written)?;
+    if let Some(path) = &args.stats {
+        let text = serde_json::to_string_pretty(&stats).map_err(|e| e.to_string())? + "\n";
+        files::write_text(path, &text)?;
+    }
+    Ok(())
+}
+
+/// Renders a frame and fails if the device cannot hold a picture of this size.
+fn fits(app: &mut App, wanted: UVec2) -> Result<(), String> {
+    app.world().resource::<View>().capture.request();
+    frame(app);
+    let most = captured(app)?.size;
+    match most == wanted {
+        true => Ok(()),
+        false => Err(format!(
+            "a picture of {} x {} pixels does not fit this device with these settings; the largest is {} x {}",
+            wanted.x, wanted.y, most.x, most.y
+        )),
+    }
 }
 
 /// The settings with as many samples as fit into the GPU time, which the camera has from then on, and the step of [`Restir::reduced`].
@@ -108,16 +149,26 @@ fn within_budget(app: &mut App, gpu_ms: f32, settings: Restir) -> Result<(Restir
     let step_of = |app: &App| app.world().resource::<RestirStatistics>().report().budget_step;
     app.insert_resource(RestirBudget { gpu_ms });
     let (mut step, mut steady) = (0, 0);
+    let mut times = Times::default();
     for _ in 0..MOST {
         frame(app);
+        headless::alive(app)?;
         let now = step_of(app);
-        steady = if now == step { steady + 1 } else { 0 };
-        step = now;
+        if now != step {
+            (step, steady) = (now, 0);
+            times.clear();
+        }
+        steady += 1;
+        times.sample(app.world(), &settings.reduced(step));
         if steady == STEADY {
             break;
         }
     }
     app.world_mut().remove_resource::<RestirBudget>();
+    let took = times.frame();
+    if settings.reduced(step) == settings.reduced(step + 1) && took > f64::from(gpu_ms) {
+        warn!("restir: no more samples can be taken away, and a frame takes {took:.3} ms of the GPU, not {gpu_ms}");
+    }
     let settings = settings.reduced(step);
     let camera = app.world().resource::<View>().camera;
     app.world_mut().entity_mut(camera).insert(settings.clone());
@@ -188,27 +239,31 @@ impl Frames {
     }
 }
 
-/// Renders the warm-up and the frames of the picture, from a reset on.
-fn accumulate(app: &mut App, args: &Args, settings: &Restir) -> Result<Frames, String> {
+/// Renders the warm-up and the frames of the picture, from a reset on. `shows_last`: also requests the tonemapped picture of the last one.
+fn accumulate(app: &mut App, args: &Args, settings: &Restir, shows_last: bool) -> Result<Frames, String> {
     let camera = app.world().resource::<View>().camera;
     let reset = |app: &mut App| {
         if let Some(mut restir) = app.world_mut().get_mut::<Restir>(camera) {
             restir.reset = true;
+            // The frames of the warm-up are not part of the picture.
+            restir.accumulate = false;
         }
     };
+    let moves = args.animate && !AnimationTimes::of(app.world_mut()).is_empty();
     // The GPU sums the frames of a still scene. Those of a moving one are summed here.
     let wants_mean = settings.technique == Technique::Reference || args.output == Output::Mean;
-    let mean = wants_mean && (args.writes_exr() || !args.animate);
+    let mean = wants_mean && (args.writes_exr() || !moves);
     if wants_mean && !mean {
         warn!("restir: a .png of an animation shows its last frame; an .exr has the mean of all frames");
     }
-    let gathers = mean && !args.animate;
+    let gathers = mean && !moves;
     let keeps_no_history = settings.technique == Technique::Reference;
     let warmup = if keeps_no_history { 0 } else { args.warmup };
     let progress = Progress::new(u64::from(warmup) + u64::from(args.frames));
     reset(app);
     for _ in 0..warmup {
         frame(app);
+        headless::alive(app)?;
         progress.step();
     }
     if let Some(mut restir) = app.world_mut().get_mut::<Restir>(camera) {
@@ -218,7 +273,7 @@ fn accumulate(app: &mut App, args: &Args, settings: &Restir) -> Result<Frames, S
             restir.firefly_limit = 0.0;
         }
     }
-    let mut sum: Vec<[f64; 3]> = Vec::new();
+    let mut sum = FrameSum::default();
     let mut passes = Times::default();
     let (mut all_ms, mut cpu_ms) = (Vec::new(), Vec::new());
     passes.sample(app.world(), settings);
@@ -229,33 +284,18 @@ fn accumulate(app: &mut App, args: &Args, settings: &Restir) -> Result<Frames, S
         if is_captured {
             app.world().resource::<View>().capture.request();
         }
+        if last && shows_last {
+            picture::request(app)?;
+        }
         let (all, cpu) = frame(app);
+        headless::alive(app)?;
         all_ms.push(all);
         cpu_ms.push(cpu);
         passes.sample(app.world(), settings);
         if is_captured {
-            let captured = captured(app)?;
-            if captured.size != args.size {
-                let (wanted, most) = (args.size, captured.size);
-                return Err(format!(
-                    "a picture of {} x {} pixels does not fit this device with these settings; the largest is {} x {}",
-                    wanted.x, wanted.y, most.x, most.y
-                ));
-            }
-            add(&mut sum, &captured);
+            sum.add(captured(app)?);
         }
         progress.step();
     }
-    let counted = if gathers || !mean { 1.0 } else { f64::from(args.frames) };
-    let pixels = sum.into_iter().map(|p| p.map(|c| c / counted)).collect();
-    Ok(Frames { pixels, passes, all_ms, cpu_ms })
-}
-
-fn add(sum: &mut Vec<[f64; 3]>, frame: &CapturedRadiance) {
-    sum.resize(frame.pixels.len(), [0.0; 3]);
-    for (sum, pixel) in sum.iter_mut().zip(frame.mean()) {
-        for (s, c) in sum.iter_mut().zip(pixel) {
-            *s += f64::from(c);
-        }
-    }
+    Ok(Frames { pixels: sum.mean(), passes, all_ms, cpu_ms })
 }

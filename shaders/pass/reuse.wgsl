@@ -23,7 +23,7 @@
 #import bevy_restir::restir::neighbors::{has, neighbor_ids, OwnPlace, ring_offset}
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::restir::reservoir_sampling::{Stream, stream_add, stream_ucw}
-#import bevy_restir::restir::types::{RESAMPLE_CANDIDATES_VISIBLE, RESAMPLE_DISCARD_OCCLUDED, RESAMPLE_FROM_PREVIOUS, RESAMPLE_MIS_RAYS, RESAMPLE_REUSE_VISIBILITY, RESAMPLE_SHADE, RESAMPLE_SHADE_ALL, RESAMPLE_SHADING_RAYS, RESAMPLE_TARGET_RAYS}
+#import bevy_restir::restir::types::{RESAMPLE_CANDIDATES_VISIBLE, RESAMPLE_DISCARD_OCCLUDED, RESAMPLE_FROM_PREVIOUS, RESAMPLE_MIS_RAYS, RESAMPLE_REUSE_VISIBILITY, RESAMPLE_SAME_RAYS, RESAMPLE_SHADE, RESAMPLE_SHADE_ALL, RESAMPLE_SHADING_RAYS, RESAMPLE_TARGET_RAYS}
 #import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::light_part::shown_share
 #import bevy_restir::view::ray_counter::count_rays
@@ -266,6 +266,12 @@ fn next_to_evaluate(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>
     return (*mis).count;
 }
 
+// Whether the only neighbor is the pixel itself in a last frame that was the same.  The shift is then the identity: both domains have the
+// same targets, and a sample that the last frame stored is visible.
+fn is_same_pixel(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>) -> bool {
+    return has(RESAMPLE_SAME_RAYS) && (*mis).count == 2u && all((*inputs).pixels[1] == (*inputs).pixels[0]);
+}
+
 // Evaluates the targets that the MIS weights need, and the visibility of the samples that are shaded; then selects an input.
 fn resample(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, r: Receiver, alpha_seed: u32, rng: ptr<function, Rng>) -> Stream {
     var stream = Stream(0.0, NONE);
@@ -275,8 +281,9 @@ fn resample(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, r: Rec
     if carries_contribution() {
         (*mis).targets[0] = guarded(luminance((*inputs).contributions[0]), GUARD_TARGET);
     }
+    let is_same = !traces_selected && is_same_pixel(inputs, mis);
     // Both loops end with their tests, for drivers that mask lanes.
-    let turns = (*mis).count + u32(traces_selected);
+    let turns = select((*mis).count + u32(traces_selected), 1u, is_same);
     var turn = 0u;
     loop {
         let is_last = turn == (*mis).count;
@@ -296,7 +303,7 @@ fn resample(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, r: Rec
                 let e = evaluated_in(inputs, domain, receiver, j, s);
                 var value = target_value(e);
                 // A sample is visible from the pixel that stores it; elsewhere a ray decides.
-                let for_target = !is_last && domain != j && has(select(RESAMPLE_MIS_RAYS, RESAMPLE_TARGET_RAYS, domain == 0u));
+                let for_target = !is_last && !is_same && domain != j && has(select(RESAMPLE_MIS_RAYS, RESAMPLE_TARGET_RAYS, domain == 0u));
                 let for_shading = domain == 0u && (*inputs).needs_ray[j] && has(RESAMPLE_SHADE) && is_last == traces_selected;
                 if value > 0.0 && (for_target || for_shading) {
                     // Each domain sees blended surfaces by random numbers of its own: with joint ones the MIS weights would not sum to 1.
@@ -330,6 +337,10 @@ fn resample(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, r: Rec
         if turn >= turns {
             break;
         }
+    }
+    if is_same {
+        (*mis).targets[MAX_INPUTS] = (*mis).targets[0];
+        (*mis).targets[MAX_INPUTS + 1u] = (*mis).targets[1];
     }
     if !traces_selected {
         count_confidence(mis);

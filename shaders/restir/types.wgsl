@@ -80,6 +80,10 @@ const RESAMPLE_CONNECTIONS: u32 = 1048576u;
 const RESAMPLE_DUAL_MOTION: u32 = 2097152u;
 // Russian roulette ends no path.
 const RESAMPLE_NO_ROULETTE: u32 = 4194304u;
+// The scene and the camera are those of the last frame.
+const RESAMPLE_STILL: u32 = 8388608u;
+// So are the rays of all pixels: the jitter is the same, too.
+const RESAMPLE_SAME_RAYS: u32 = 16777216u;
 
 // Reconnection by the footprints of the densities on both sides (Lin et al. 2026, supplement, 2); by a density in place of the roughness
 // (ibid., 4), in the unit of a roughness or as printed; by a bound of the Jacobian or the footprint of the path (ibid., 11).

@@ -32,10 +32,10 @@ pub struct Bdpt {
     pub light_paths: f32,
     /// What light paths are used for.  Default: [`LightTechniques::Lightweight`].
     pub techniques: LightTechniques,
-    /// Number of samples that a resampled path stands for when it is weighted against light paths, which neighboring pixels do not share.
-    /// Light that arrives through a mirror or through glass is left to light paths by the same factor.  Larger values give less noise in
-    /// light that resampling finds well, and more where light paths would have found it better.  Without reuse it has no effect.  No cost,
-    /// no bias.  1 to 1000; default 16.
+    /// Number of samples that a resampled path counts as when it is weighted against a light path, because pixels share resampled paths but
+    /// not light paths.  For light that arrives by a mirror or through glass, which next-event estimation cannot find, the light path
+    /// counts more by the same factor instead.  Larger values give less noise in light that resampling finds well, and more where light
+    /// paths would have found it better.  Without reuse it has no effect.  No cost, no bias.  1 to 1000; default 16.
     pub reuse_gain: f32,
 }
 

@@ -28,7 +28,7 @@ use super::{Restir, Reuse, ReuseOrder, Technique};
 #[reflect(Resource)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct RestirBudget {
-    /// GPU time of all lighting passes of all cameras in a frame, ms.  Without effect unless it is above 0.
+    /// GPU time of all passes of the plugin (time spans `restir/...`) of all cameras in a frame, ms.  Without effect unless it is above 0.
     pub gpu_ms: f32,
 }
 

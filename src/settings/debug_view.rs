@@ -3,7 +3,8 @@
 use bevy::reflect::Reflect;
 
 /// Image of a camera instead of light.  [`RadianceCapture`](crate::RadianceCapture) receives the values as they are; the view target
-/// receives them times [`Restir::debug_scale`](super::Restir::debug_scale), without exposure, except for parts of the light.  Where frames are accumulated (`Rays` and
+/// receives them times [`Restir::debug_scale`](super::Restir::debug_scale), without exposure.  Only the parts of the light
+/// ([`Self::DiffuseLight`] and [`Self::SpecularLight`]) have the camera's exposure instead.  Where frames are accumulated (`Rays` and
 /// `Bounces` of the reference tracer, and everything with [`Restir::accumulate`](super::Restir::accumulate)) values are means.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

@@ -12,8 +12,8 @@ use super::{
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum BiasCorrection {
-    /// No correction: every sample counts by its confidence (1/M, Eq. 6).  Biased: darker at edges of depth and normals and near shadows, where a
-    /// neighbor could not have found the pixel's samples.
+    /// No correction: every sample counts by its confidence (1/M, Eq. 6).  Biased: darker at edges of depth and normals and near shadows,
+    /// where a neighbor could not have found the pixel's samples.
     Off,
     /// Neighbors of dissimilar geometry are skipped (Eq. 24).  Biased: darker near shadows.
     Heuristics,

@@ -19,7 +19,8 @@ pub struct RestirEnvironment {
     /// Uniform radiance, cd/m²; multiplies the image if there is one.  Negative channels count as 0.  Default: white, 1 cd/m², which is
     /// nearly black at the exposure of Bevy's default camera.
     pub color: LinearRgba,
-    /// Equirectangular radiance: u = 0.5 + atan2(d.x, -d.z)/2π, v = acos(d.y)/π.
+    /// Equirectangular image of radiance, cd/m² before `color` and `intensity` multiply it: u = 0.5 + atan2(d.x, -d.z)/2π, v = acos(d.y)/π.
+    /// Changing it restarts the history.  Default: none, a uniform environment.
     pub image: Option<Handle<Image>>,
     /// Multiplies color and image.  Negative values count as 0.  Default 1.
     pub intensity: f32,

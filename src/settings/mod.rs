@@ -1,5 +1,5 @@
 //! Settings that users choose: [`Restir`] and [`RestirEnvironment`] on a camera, [`Subsurface`], [`RestirMaterial`] and [`RestirIgnore`] on
-//! an object, [`EmissiveLuminance`] for the whole app.
+//! an object, [`EmissiveLuminance`] and [`RestirBudget`] for the whole app.
 
 mod bdpt;
 mod budget;
@@ -63,7 +63,8 @@ pub enum Technique {
     /// and light paths that start at the lamps and that the camera sees.  For caustics and for lamps inside glass, which `Pt` hardly finds.
     /// Light paths are resampled over time, each in the pixel that it lands in: caustics are smooth in still scenes, and follow lamps and
     /// objects that move.  What the camera sees in mirrors and through glass gains nothing from them.  In addition to the cost of `Pt`,
-    /// each pixel traces one light path, and up to three more while the camera or something else moves.  Unbiased with [`Jitter::Always`];
+    /// a frame traces [`Bdpt::light_paths`] light paths for each pixel (one by default), and each pixel replays up to three more while the
+    /// camera or something else moves.  Unbiased with [`Jitter::Always`];
     /// without jitter, or with Bevy's jitter, light that the camera sees from light paths is still averaged over the whole pixel.
     /// Settings: [`Bdpt`] and [`Paths`].
     Bdpt,
@@ -85,7 +86,8 @@ impl Technique {
 /// The history of earlier frames survives motion of objects, lights and cameras, objects and lights that appear, vanish or change, and a
 /// sky that turns or changes its color.  It restarts when the pixels of an image change, when the first translucent object appears or the
 /// last one disappears, when the size of the image, the render layers or the kind of projection changes, or when one of these settings
-/// changes.  [`Direct::candidates`], `firefly_limit`, and all of [`Reuse`] except `order` and `temporal` do not restart it.
+/// changes.  These do not restart it: [`Direct::candidates`], `firefly_limit`, `accumulate`, `debug_scale`,
+/// [`Research::replay_compaction`], and all of [`Reuse`] except `order` and `temporal`.
 /// [`RestirReport::history_resets`](crate::RestirReport::history_resets) counts the restarts by reason.
 ///
 /// ```
@@ -190,7 +192,7 @@ impl Restir {
     /// the last frame keep their meaning if nothing else has changed.
     pub(crate) fn of_history(&self) -> Self {
         let mut settings = self.clone();
-        // Those of paths are part of the MIS weights that reservoirs of paths store.
+        // `paths.candidates` stays: it is part of the MIS weights that reservoirs of paths store.
         settings.direct.candidates = 1;
         settings.firefly_limit = 0.0;
         settings.research.replay_compaction = true;
@@ -218,7 +220,9 @@ impl Restir {
     }
 }
 
-/// Luminance of `StandardMaterial::emissive` = 1, cd/m², for the whole app.  At least 0 and finite; default about 998.
+/// Luminance of `StandardMaterial::emissive` = 1 where `emissive_exposure_weight` is 0, and of a base color of 1 of an `unlit` material,
+/// cd/m², for the whole app.  Larger values make emissive surfaces and the light that they cast brighter.  An app whose exposure is not
+/// Bevy's default sets it to 1/exposure, so that lamps look as bright as Bevy draws them.  At least 0 and finite; default about 998.
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Resource, Default)]
 pub struct EmissiveLuminance(pub f32);

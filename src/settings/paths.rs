@@ -47,8 +47,9 @@ pub enum SuffixRetrace {
     Off,
 }
 
-/// Resampled paths, for [`Technique::Pt`](super::Technique::Pt) and, after the first vertex, [`Technique::Gi`](super::Technique::Gi).
-/// Unbiased except for two settings of [`SuffixRetrace`], [`Paths::assume_diffuse_secondary`] and [`Paths::decorrelation`].
+/// Resampled paths, for [`Technique::Pt`](super::Technique::Pt), [`Technique::Bdpt`](super::Technique::Bdpt) and, after the first vertex,
+/// [`Technique::Gi`](super::Technique::Gi).  Unbiased except with [`SuffixRetrace::ForwardOnly`], [`SuffixRetrace::Off`],
+/// [`Paths::assume_diffuse_secondary`] and [`Paths::decorrelation`].
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
 pub struct Paths {
@@ -71,12 +72,12 @@ pub struct Paths {
     /// Choice of the reconnection vertex.  `Gi` always reconnects at the secondary vertex, unless a mirror comes first.  Default:
     /// [`Reconnection::Footprints`].
     pub reconnection: Reconnection,
-    /// Least perceptual roughness of a lobe before a reconnection (Lin et al. 2022).  Larger values reconnect later: fewer bright pixels, less
-    /// reuse.  No bias.  0 to 1; default 0.2.
+    /// Least perceptual roughness of a lobe before a reconnection (Lin et al. 2022); no effect in `Gi`.  Larger values reconnect later:
+    /// fewer bright pixels, less reuse.  No bias.  0 to 1; default 0.2.
     pub roughness: f32,
     /// Least footprint of both vertices of a reconnection, in percent of the pixel's own (c in Lin et al. 2026, supplement), for all kinds
-    /// of [`Reconnection`] but [`Reconnection::Distance`].  Larger values reconnect later: fewer bright pixels, less reuse.  No bias.
-    /// 0 to 1e6; default 0.02.
+    /// of [`Reconnection`] but [`Reconnection::Distance`]; no effect in `Gi`.  Larger values reconnect later: fewer bright pixels, less
+    /// reuse.  No bias.  0 to 1e6; default 0.02.
     pub footprint: f32,
     /// Least distance between reconnected vertices, m; for [`Reconnection::Distance`] and `Gi` (Lanz 2025, Eq. 30).  Larger values give
     /// fewer bright pixels in corners and less reuse.  No bias.  0 to 1e6; default 0.01.
@@ -85,10 +86,11 @@ pub struct Paths {
     /// densities at both ends of the reconnection).  Smaller values give fewer bright pixels where geometry differs, and less reuse.  No
     /// bias.  From 1; default 10.
     pub jacobian_limit: f32,
-    /// Trusts a sample of the last frame less where the pixels around it hold the same sample, too: it then makes room for new ones sooner, so
-    /// that a rare bright path does not spread into a blotch that stays for many frames (duplication map, Lin et al. 2026).  The value is the
-    /// share of its confidence that a sample loses if all of them hold it.  Eight words are read at each pixel.  Biased: slightly darker,
-    /// because bright samples are copied most (`docs/experiments.md`).  0 to 1; default 0, which is off and unbiased.
+    /// Trusts a sample of the last frame less where the pixels around it hold the same sample: it then makes room for new ones sooner, so
+    /// that a rare bright path does not spread into a blotch that stays for many frames (duplication map, Lin et al. 2026).  The value is
+    /// the share of its confidence that a sample loses where all pixels around hold it.  Cost: each pixel compares the reservoir of
+    /// the sample with eight others.  Biased: slightly darker, because bright samples are copied most (`docs/experiments.md`).  0 to 1;
+    /// default 0, which is off and unbiased.
     pub decorrelation: f32,
     /// Skips neighbors of dissimilar geometry: less noise at edges.  No bias.  Default: on.
     pub heuristics: bool,

@@ -42,7 +42,7 @@ impl ReservoirLayout {
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
 pub struct Research {
-    /// Order of reservoirs in memory.
+    /// Order of reservoirs in memory.  It changes the speed, never the image.  Default: [`ReservoirLayout::Rows`].
     pub reservoir_layout: ReservoirLayout,
     /// Width in pixels of the square tiles whose pixels share a light subset (Wyman and Panteleev 2021, 5).  Larger tiles read memory more
     /// coherently; their noise is more correlated.  No bias.  1 to 16; default 8.

@@ -28,9 +28,9 @@ pub enum Mis {
     /// frames differ much, rare pixels are a thousand times too bright, so that short means look dark.  k² + k target evaluations for k
     /// neighbors.
     OneOverZ,
-    /// Generalized balance heuristic (Wyman and Panteleev 2021, Eq. 30).  Least noise in two of three measured scenes, and close to it in the
-    /// third (`docs/experiments.md`).  k² + k target evaluations with their rays; for the two neighbors of `Direct`'s defaults these are two
-    /// more than for the pairwise kinds.
+    /// Generalized balance heuristic (Wyman and Panteleev 2021, Eq. 30).  Least noise in two of three measured scenes; in the third one
+    /// `DefensivePairwiseGris` has 20 % less error (`docs/experiments.md`).  k² + k target evaluations with their rays; for the two
+    /// neighbors of `Direct`'s defaults these are two more than for the pairwise kinds.
     #[default]
     Balance,
     /// Each neighbor against the pixel's own sample (Lanz 2025, 2.3.5).  2k target evaluations.

@@ -20,7 +20,7 @@ pub(crate) struct Domain {
     pub reuse: ComputePass,
     /// Passes of paired spatial reuse, if the domain has it.
     pub pairs: Option<PairPasses>,
-    /// Passes before reuse that move the samples of the last frame to the pixels that they land in, which makes them the neighbors.
+    /// Passes before reuse that move the samples of the last frame to the pixels that they land in, where reuse finds them as neighbors.
     pub forward: &'static [ComputePass],
     /// The pass of its debug views.
     pub debug: Option<ComputePass>,

@@ -231,8 +231,9 @@ impl PipelineKey {
         self.frame == wanted.frame && !(self.features ^ wanted.features).intersects(of_settings)
     }
 
-    /// Whether reservoirs that the pipelines of another key have written mean the same for these.  Features add code for what they name and
-    /// leave the rest as it is, random numbers included.  Pairs exist within an iteration only.
+    /// Whether these pipelines can reuse reservoirs that the pipelines of another key have written.  Other features do not matter: a
+    /// feature adds code for its own subject, and leaves all other code and its random numbers unchanged.  Pairs do not matter, because
+    /// their data are not kept between iterations.
     pub(crate) fn keeps_histories_of(self, last: Self) -> bool {
         let unpaired = |frame| Frame { pairing: Pairing::Never, compacts: false, ..frame };
         unpaired(self.frame) == unpaired(last.frame)

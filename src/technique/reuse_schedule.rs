@@ -84,6 +84,19 @@ fn iterations_with_pairs(reuse: &Reuse) -> Vec<Iteration> {
     iterations
 }
 
+/// The last frame as reuse sees it.
+#[derive(Clone, Copy)]
+pub(crate) struct LastFrame {
+    /// Its reservoirs may be read.
+    pub has_history: bool,
+    /// An instance has moved or a light has changed since then.
+    pub moved: bool,
+    /// The scene and the camera were the same.
+    pub still: bool,
+    /// They were, and so was the jitter: all pixels had the same rays.
+    pub same_rays: bool,
+}
+
 /// The iterations of reuse of a domain.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ReuseSchedule {
@@ -94,6 +107,8 @@ pub(crate) struct ReuseSchedule {
     first_flags: u32,
     /// Flags of iterations over the last frame, where something moved.
     moved_flags: u32,
+    /// Flags of iterations over the last frame that the domain makes use of, where nothing changed: `RESAMPLE_STILL`, `RESAMPLE_SAME_RAYS`.
+    still_flags: u32,
     /// MIS weights of temporal reuse alone.
     temporal_mis: u32,
     /// Samples that a resampled path stands for, in weights against light sub-paths.
@@ -118,6 +133,7 @@ impl ReuseSchedule {
             },
             first_flags: if candidates_visible { RESAMPLE_CANDIDATES_VISIBLE } else { 0 },
             moved_flags: 0,
+            still_flags: 0,
             temporal_mis: mis,
             reuse_gain: 1.0,
         }
@@ -148,6 +164,7 @@ impl ReuseSchedule {
                     SuffixRetrace::ForwardOnly => RESAMPLE_RETRACE_FORWARD,
                     SuffixRetrace::Off => 0,
                 },
+            still_flags: RESAMPLE_SAME_RAYS,
             temporal_mis: MIS_BALANCE,
             reuse_gain: 1.0,
         }
@@ -200,6 +217,7 @@ impl ReuseSchedule {
             },
             first_flags: 0,
             moved_flags: RESAMPLE_MOVED,
+            still_flags: 0,
             temporal_mis: MIS_BALANCE,
             reuse_gain: 1.0,
         }
@@ -238,6 +256,7 @@ impl ReuseSchedule {
             },
             first_flags: 0,
             moved_flags: RESAMPLE_MOVED,
+            still_flags: RESAMPLE_STILL,
             temporal_mis: MIS_BALANCE,
             reuse_gain: paths.reuse_gain,
         }
@@ -272,15 +291,17 @@ impl ReuseSchedule {
         self.common.reservoir_layout
     }
 
-    /// Uniforms of an iteration.  `height`: of the image, pixels.  `moved`: something moved since the last frame.
-    pub(crate) fn uniforms(&self, index: usize, height: u32, has_history: bool, moved: bool) -> GpuResampleSettings {
+    /// Uniforms of an iteration.  `height`: of the image, pixels.  `last`: what is known about the last frame.
+    pub(crate) fn uniforms(&self, index: usize, height: u32, last: LastFrame) -> GpuResampleSettings {
         let iteration = self.iterations[index];
-        let available = |count| if !iteration.from_previous || has_history { count } else { 0 };
+        let available = |count| if !iteration.from_previous || last.has_history { count } else { 0 };
+        let still_flags = flags_of([(last.still, RESAMPLE_STILL), (last.same_rays, RESAMPLE_SAME_RAYS)]);
         let flags = flags_of([
             (iteration.from_previous, RESAMPLE_FROM_PREVIOUS),
             (index + 1 == self.iterations.len(), RESAMPLE_SHADE),
             (index == 0, self.first_flags),
-            (iteration.from_previous && moved, self.moved_flags),
+            (iteration.from_previous && last.moved, self.moved_flags),
+            (iteration.from_previous, still_flags & self.still_flags),
         ]);
         // Probes are inverted once, before the iteration that draws them again.
         let next = self.iterations.get(index + 1).map(|next| next.subsurface_shift);

@@ -65,7 +65,7 @@ impl CounterReadback {
         }
     }
 
-    /// Records the clearing of the counters of the last frame; also of those of the whole run, if `run` differs from that of the last frame.
+    /// Records the clearing of the counters of the last frame, and of those of the whole run if `run` is a new one.
     pub(crate) fn begin_frame(&self, run: u32, context: &mut RenderContext) {
         let restarts = self.run.swap(run, Ordering::AcqRel) != run;
         let of_frame = offset_of!(GpuCounters, guards) as u64;
@@ -100,7 +100,7 @@ impl CounterReadback {
         });
     }
 
-    /// Counters of the newest frame that was read back.  Those of the whole run are 0 until a frame of this run was.
+    /// Counters of the newest frame that was read back.  Those of the whole run are 0 until a frame of this run is read back.
     pub(crate) fn newest(&self, run: u32) -> GpuCounters {
         let newest = *self.newest.lock().unwrap_or_else(PoisonError::into_inner);
         let guards = if newest.run == run { newest.counters.guards } else { Default::default() };

@@ -22,7 +22,7 @@ use crate::{
     settings::{Direct, Restir},
     technique::{
         domain::Domain,
-        reuse_schedule::{MAX_ITERATIONS, ReuseSchedule},
+        reuse_schedule::{LastFrame, MAX_ITERATIONS, ReuseSchedule},
     },
 };
 
@@ -51,9 +51,7 @@ pub(crate) struct History {
 /// The inputs of a frame, apart from the settings.
 #[derive(Clone, Copy)]
 pub(crate) struct FrameInputs {
-    pub has_history: bool,
-    /// An instance has moved or a light has changed.
-    pub moved: bool,
+    pub last: LastFrame,
     pub counts: LightPathCounts,
 }
 
@@ -168,8 +166,7 @@ pub(crate) struct Reservoirs {
     domain: &'static Domain,
     schedule: ReuseSchedule,
     settings: Buffer,
-    /// Reservoirs of this frame and of the last one; the buffers change roles from frame to frame.
-    /// A domain may have none.
+    /// Reservoirs of this frame and of the last one; the buffers change roles from frame to frame.  `None` if the domain has no reservoirs.
     buffers: Option<[Buffer; 2]>,
     /// Samples of the last frame in the pixels of this one, if the domain moves them there.
     forwarded: Option<Buffer>,
@@ -214,7 +211,7 @@ impl Reservoirs {
                 splats,
                 nee_share: if light_paths > 0 { 1.0 / self.schedule.reuse_gain } else { 0.0 },
                 caustic_share: if light_paths > 0 { self.schedule.reuse_gain } else { 0.0 },
-                ..self.schedule.uniforms(iteration, height, inputs.has_history, inputs.moved)
+                ..self.schedule.uniforms(iteration, height, inputs.last)
             };
             slot[..size_of_val(&settings)].copy_from_slice(bytemuck::bytes_of(&settings));
         }

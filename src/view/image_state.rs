@@ -152,6 +152,7 @@ impl RestirView {
         let keeps_sequence = last.is_some_and(|last| state.continues_sequence_of(last));
         let accumulates = is_progressive || settings.accumulate;
         self.moved = last.is_some_and(|last| state.has_moved_since(last));
+        self.still = can_accumulate;
         if !is_progressive {
             self.resets.add(&resets);
         }

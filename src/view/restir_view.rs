@@ -29,7 +29,7 @@ use crate::{
     gpu_layout::*,
     scene::{bindings::SceneBindings, geometry::render_layers::ALL_CAMERAS, storage::allocation},
     settings::Restir,
-    technique::frame::PipelineKey,
+    technique::{frame::PipelineKey, reuse_schedule::LastFrame},
 };
 
 /// The view of one `Restir` camera.
@@ -80,6 +80,10 @@ pub(crate) struct RestirView {
     pub(super) image_state: Option<ImageState>,
     /// An instance has moved or a light has changed since the last frame.
     pub(super) moved: bool,
+    /// Nothing that the image depends on has changed since the last frame.
+    pub(super) still: bool,
+    /// The jitter is that of the last frame.
+    pub(super) has_last_jitter: bool,
     /// Views of the environment in `bind_group`.
     bound_environment: [TextureViewId; 2],
     /// Pipelines of this frame.
@@ -163,6 +167,8 @@ impl RestirView {
             previous_jitter: [0.0; 2],
             image_state: None,
             moved: false,
+            still: false,
+            has_last_jitter: false,
             bound_environment: environment.map(|view| view.id()),
             key: None,
             key_is_requested: false,
@@ -251,7 +257,13 @@ impl RestirView {
             allocation::attempt(device, "pairs", || history.replace_pairs(&self.settings, device))
                 .inspect_err(|_| self.rendered = false)?;
         }
-        let inputs = FrameInputs { has_history: fits && self.frame > 0, moved: self.moved, counts };
+        let last = LastFrame {
+            has_history: fits && self.frame > 0,
+            moved: self.moved,
+            still: self.still,
+            same_rays: self.still && self.has_last_jitter,
+        };
+        let inputs = FrameInputs { last, counts };
         if let Some(history) = &mut self.history {
             history.begin(&self.settings, inputs, queue);
         }

@@ -141,6 +141,7 @@ impl RestirView {
         queue.write_buffer(&self.uniforms, 0, bytemuck::bytes_of(&uniforms));
         self.previous_camera = Some(current);
         self.previous_environment = Some(environment);
+        self.has_last_jitter = jitter == self.previous_jitter;
         self.previous_jitter = jitter;
     }
 

@@ -4,10 +4,10 @@ use crate::support::{app::*, bodies::*, log};
 use bevy::{
     prelude::*,
     render::{
-        error_handler::{RenderErrorHandler, RenderErrorPolicy},
+        error_handler::{ErrorType, RenderErrorHandler, RenderErrorPolicy},
         render_resource::PollType,
         renderer::RenderDevice,
-        settings::{Backends, WgpuSettings},
+        settings::{Backends, WgpuLimits, WgpuSettings},
     },
 };
 use bevy_restir::{
@@ -159,7 +159,8 @@ fn is_alone(test: &str) -> bool {
     }
     let program = std::env::current_exe().expect("this program has a path");
     let name = format!("bevy::lost_devices::{test}");
-    let output = Command::new(program).args([&name, "--exact", "--nocapture"]).env("ALONE", test).output();
+    let output =
+        Command::new(program).args([&name, "--exact", "--nocapture", "--include-ignored"]).env("ALONE", test).output();
     let output = output.expect("this program can be run");
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     false
@@ -172,7 +173,21 @@ fn destroy_device(rig: &Rig) {
     let _ = device.poll(PollType::wait_indefinitely());
 }
 
+/// Destroys the device, and renders frames until Bevy has another one.
+fn replace_device(rig: &mut Rig) {
+    let lost = rig.app.world().resource::<RenderDevice>().wgpu_device().clone();
+    destroy_device(rig);
+    for _ in 0..500 {
+        rig.app.update();
+        if *rig.app.world().resource::<RenderDevice>().wgpu_device() != lost {
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn a_lost_device_that_bevy_replaces_shows_the_same_picture() {
     if !is_alone("a_lost_device_that_bevy_replaces_shows_the_same_picture") {
         return;
@@ -187,19 +202,39 @@ fn a_lost_device_that_bevy_replaces_shows_the_same_picture() {
     rig.app.insert_resource(RenderErrorHandler(|_, _, _| {
         RenderErrorPolicy::Recover(WgpuSettings { backends: Some(Backends::PRIMARY), ..default() }.into())
     }));
-    let lost = rig.app.world().resource::<RenderDevice>().wgpu_device().clone();
-    destroy_device(&rig);
-    for _ in 0..500 {
-        rig.app.update();
-        if *rig.app.world().resource::<RenderDevice>().wgpu_device() != lost {
-            break;
-        }
-        std::thread::sleep(Duration::from_millis(10));
-    }
+    replace_device(&mut rig);
     assert_eq!(rig.picture(2), before);
     rig.assert_sound();
     assert_eq!(*rig.app.world().resource::<RestirStatus>(), RestirStatus::On);
     assert_eq!(log::warnings("there is a new device").len(), 1);
+}
+
+#[test]
+fn a_new_device_below_the_limits_turns_the_plugin_off() {
+    if !is_alone("a_new_device_below_the_limits_turns_the_plugin_off") {
+        return;
+    }
+    log::listen();
+    let Some(mut rig) = lit_wall() else { return };
+    rig.until_ready();
+    rig.app.insert_resource(RenderErrorHandler(|error, main_world, _| {
+        if error.ty != ErrorType::DeviceLost {
+            return RenderErrorPolicy::Ignore;
+        }
+        let last = main_world.resource::<RenderDevice>().limits();
+        let limits = WgpuLimits { max_storage_buffer_binding_size: (1 << 20) - 4096, ..last };
+        let settings =
+            WgpuSettings { backends: Some(Backends::PRIMARY), constrained_limits: Some(limits), ..default() };
+        RenderErrorPolicy::Recover(settings.into())
+    }));
+    replace_device(&mut rig);
+    rig.frames(3);
+    let status = rig.app.world().resource::<RestirStatus>();
+    assert!(matches!(status, RestirStatus::Off(reason) if reason.contains("1 MiB")), "{status:?}");
+    assert_eq!(log::warnings("there is a new device, and").len(), 1);
+    assert_eq!(log::warnings("Caught rendering error"), [""; 0], "nothing of ours runs there");
+    assert!(shown(&mut rig) > 20, "Bevy lights the wall");
+    assert!(rig.next_if_any().is_none(), "the plugin is off");
 }
 
 #[test]

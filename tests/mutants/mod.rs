@@ -6,6 +6,7 @@
 mod resampling;
 mod scene;
 
+use crate::techniques::{bdpt, confidence, previous_frame, pt};
 use bevy_restir::testing::shader_library::MODULES;
 use std::process::{Command, Stdio};
 
@@ -42,6 +43,22 @@ fn every_mutant_edits_one_place() {
         let (_, text) = MODULES.iter().find(|(path, _)| *path == mutant.file).expect(mutant.file);
         assert_eq!(text.matches(mutant.old).count(), 1, "{}: {}", mutant.name, mutant.old);
         assert_ne!(mutant.old, mutant.new, "{}", mutant.name);
+    }
+}
+
+/// Edits that tests of the later tiers plant themselves, as (name, file, text, replacement): here it shows at once if a shader has changed.
+#[test]
+fn every_planted_edit_changes_one_place() {
+    let edits = [
+        &confidence::WRONG[..],
+        &previous_frame::WRONG,
+        &pt::reconnection_choice::UNTESTED,
+        &bdpt::light_reuse::WRONG,
+        &bdpt::light_reuse::PLANTED,
+    ];
+    for (name, file, old, _) in edits.into_iter().flatten() {
+        let (_, text) = MODULES.iter().find(|(path, _)| path == file).expect(file);
+        assert_eq!(text.matches(old).count(), 1, "{name}: {old}");
     }
 }
 

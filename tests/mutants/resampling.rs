@@ -71,8 +71,8 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "the partner's layer has the rank of the pixel",
         "restir/pairs.wgsl",
-        "pair = Pair(partner, own_rank, other_rank);",
-        "pair = Pair(partner, own_rank, own_rank);",
+        "pair = Pair(partner, own_rank, other_rank, slot);",
+        "pair = Pair(partner, own_rank, own_rank, slot);",
         PAIRS,
     ),
     mutant(
@@ -144,6 +144,13 @@ pub const MUTANTS: &[Mutant] = &[
         "pass/reuse.wgsl",
         "value *= jacobian_of(e);",
         "",
+        &["planted_errors_of_paths", PT_ROOM],
+    ),
+    mutant(
+        "a still frame's target in the last frame",
+        "pass/reuse.wgsl",
+        "(*mis).targets[MAX_INPUTS] = (*mis).targets[0];",
+        "(*mis).targets[MAX_INPUTS] = 0.0;",
         &["planted_errors_of_paths", PT_ROOM],
     ),
     mutant("MIS ignores visibility", "pass/reuse.wgsl", "value = select(0.0, value, visible);", "", &[DI_ROOM]),

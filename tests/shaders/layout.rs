@@ -253,6 +253,8 @@ fn resampling_structs_and_constants_are_the_same_in_rust_and_wgsl() {
         RESAMPLE_CONNECTIONS,
         RESAMPLE_DUAL_MOTION,
         RESAMPLE_NO_ROULETTE,
+        RESAMPLE_STILL,
+        RESAMPLE_SAME_RAYS,
         RESAMPLE_INVERT_PROBES,
         SUBSURFACE_RECONNECTION,
         SUBSURFACE_DELAYED,

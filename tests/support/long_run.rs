@@ -3,6 +3,9 @@
 use crate::support::{app::*, stats};
 use bevy_restir::{Jitter, Restir, Technique};
 
+/// Runs of the reference for each run of a technique.
+const REFERENCE_RUNS: u32 = 3;
+
 /// A run of frames along a script.
 pub struct LongRun<'a> {
     pub frames: u32,
@@ -40,8 +43,8 @@ impl LongRun<'_> {
     /// Asserts that the light of independent runs equals the reference's within a margin, and that each half of a run has as much light
     /// as the reference has in that half: a drift or a loss that grows would show in the second half first.
     pub fn check(&self, name: &str, rig: &mut Rig, runs: u32, margin: f64, apply: impl Fn(&mut Restir)) {
-        // Each frame of the reference is a scene of its own, with one sample.
-        let reference: Vec<_> = (0..runs)
+        // Each frame of the reference is a scene of its own, with one sample, so that the reference needs more runs.
+        let reference: Vec<_> = (0..REFERENCE_RUNS * runs)
             .map(|run| self.light(rig, |r| (r.technique, r.seed) = (Technique::Reference, 1_000_000 * run)))
             .collect();
         let resampled: Vec<_> = (0..runs)

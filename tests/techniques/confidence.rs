@@ -152,7 +152,7 @@ fn spatial_reuse_makes_copies() {
     assert!(decorrelated < 0.995 * free && decorrelated > 0.1 * free, "{free} to {decorrelated}");
 }
 
-const WRONG: [(&str, &str, &str, &str); 4] = [
+pub const WRONG: [(&str, &str, &str, &str); 4] = [
     ("no cap", "pass/reuse.wgsl", "min(s.confidence, settings.confidence_cap)", "s.confidence"),
     (
         "half of a neighbor's",

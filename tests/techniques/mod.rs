@@ -1,9 +1,9 @@
 //! The pictures of the techniques.  Modules in this folder hold for all techniques; subfolders are for one technique each.
 
 mod area_lights;
-mod bdpt;
+pub mod bdpt;
 mod bending;
-mod confidence;
+pub mod confidence;
 mod debug_views;
 mod di;
 mod disocclusion;
@@ -17,8 +17,8 @@ mod light_parts;
 mod mis_enumeration;
 mod pairs;
 mod presets;
-mod previous_frame;
-mod pt;
+pub mod previous_frame;
+pub mod pt;
 mod reference;
 mod resampling;
 mod sss;

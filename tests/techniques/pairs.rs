@@ -110,14 +110,12 @@ fn paired(paths: Paths) -> Paths {
     Paths { reuse: Reuse { paired: true, ..paths.reuse }, ..paths }
 }
 
-const PROOF: Proof = Proof { bounces: 4, ..Proof::of((8, 6), (10, 24)) };
-/// Pairs are quiet in the room.
-const QUICK: Proof = Proof { bounces: 4, ..Proof::of((8, 3), (10, 24)) };
+const PROOF: Proof = Proof { bounces: 4, ..Proof::of((12, 6), (10, 24)) };
 
 #[test]
 fn paths_in_pairs_equal_the_reference() {
     let Some(mut rig) = shared(64, "room") else { return };
-    QUICK.check(
+    PROOF.check(
         "room",
         &mut rig,
         &[
@@ -154,7 +152,7 @@ fn paths_in_pairs_equal_the_reference_with_further_settings() {
 #[test]
 fn indirect_light_in_pairs_equals_the_reference() {
     let Some(mut rig) = shared(64, "room") else { return };
-    let proof = Proof { bounces: 4, ..Proof::of((12, 4), (10, 24)) };
+    let proof = Proof { bounces: 4, ..Proof::of((12, 6), (10, 24)) };
     proof.check("room", &mut rig, &[("pairs", Indirect(di::all_reuse(), paired(paths::all_reuse())))]);
 }
 

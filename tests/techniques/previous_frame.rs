@@ -116,7 +116,7 @@ fn the_last_frame_reads_as_it_was() {
 }
 
 /// Edits that make a read of the last frame read this frame.
-const WRONG: [(&str, &str, &str, &str); 9] = [
+pub const WRONG: [(&str, &str, &str, &str); 9] = [
     (
         "transform",
         "scene/triangle.wgsl",

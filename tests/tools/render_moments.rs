@@ -22,7 +22,8 @@ fn after(frames: u32) -> gltf::Scene {
 fn the_first_camera_of_the_file_is_shown() {
     let Some(folder) = Folder::new("cameras") else { return };
     fn two(file: &mut serde_json::Value, order: [u32; 3]) {
-        file["nodes"][2] = serde_json::json!({"camera": 0, "translation": [0.0, 0.0, 20.0], "name": "far"});
+        let far = serde_json::json!({"camera": 0, "translation": [0.0, 0.0, 20.0], "name": "far"});
+        file["nodes"].as_array_mut().expect("the file has nodes").push(far);
         file["scenes"][0]["nodes"] = serde_json::json!(order);
     }
     let files = [

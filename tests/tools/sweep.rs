@@ -7,6 +7,10 @@ use crate::support::{
 use bevy_restir_support::front::{Point, at_time, best_within, budgets, fastest_within, front};
 use std::fs;
 
+#[path = "../../examples/lab/sweep/plan.rs"]
+#[allow(dead_code, reason = "the program uses more of it")]
+mod plan;
+
 fn points(all: &[(f64, f64)]) -> Vec<Point> {
     all.iter().map(|&(time, error)| Point { time, error }).collect()
 }
@@ -52,11 +56,27 @@ fn a_curve_is_a_power_law_between_and_beyond_its_points() {
     assert_eq!(at_time(&[], 1.0), None);
 }
 
+/// A row that repeats another one costs time and tells nothing.
+#[test]
+fn all_configurations_of_a_sweep_differ() {
+    use plan::Extent;
+    for extent in [Extent::Presets, Extent::Settings, Extent::Full] {
+        let mut seen = Vec::new();
+        for configuration in plan::configurations(extent) {
+            let settings = configuration.settings(&[]).expect("a plan has valid fields");
+            let is_of_grid = configuration.section.contains("combinations");
+            let before = seen.iter().find(|(_, known)| *known == settings).map(|(name, _): &(String, _)| name.clone());
+            assert!(before.is_none() || is_of_grid, "{} repeats {before:?}", configuration.name());
+            seen.push((configuration.name(), settings));
+        }
+    }
+}
+
 #[test]
 fn wrong_arguments_of_a_sweep_give_one_line() {
     let folder = Folder::without_gpu("sweep_wrong");
     let scene = asset("cornell.glb").display().to_string();
-    let wrong: [&[&str]; 7] = [
+    let wrong: [&[&str]; 8] = [
         &["sweep"],
         &["sweep", &scene, "--seeds", "1"],
         &["sweep", &scene, "--reference-error", "0"],
@@ -64,14 +84,16 @@ fn wrong_arguments_of_a_sweep_give_one_line() {
         &["presets", &scene, "--full"],
         &["sweep", &scene, "--set", "bounces"],
         &["sweep", &scene, "--set", "paths.reuse.color=1"],
+        &["sweep", &scene, "--set", "technique=di"],
     ];
     for arguments in wrong {
         folder.lab(arguments).failed(2, &format!("{arguments:?}"));
     }
-    let unusable: [&[&str]; 3] = [
+    let unusable: [&[&str]; 4] = [
         &["sweep", "missing.glb"],
         &["sweep", &scene, "--reference", "missing.exr"],
         &["sweep", &scene, "--into", "missing.md"],
+        &["sweep", &scene, "--only", "no such name"],
     ];
     for arguments in unusable {
         folder.lab(arguments).failed(1, &format!("{arguments:?}"));

@@ -178,7 +178,7 @@ pub fn legend(restir: &Restir) -> Option<String> {
         DebugView::LightPathConfidence | DebugView::LightPathAges => "frames",
         DebugView::PathLengths | DebugView::LightPathLengths | DebugView::Bounces => "bounces",
         DebugView::PathTechniques => "vertices",
-        DebugView::PathReconnections => "th vertex",
+        DebugView::PathReconnections => "(index of the vertex)",
         DebugView::Rays => "rays",
         DebugView::ReservoirWeights | DebugView::PathWeights | DebugView::LightPathWeights => "",
         DebugView::PathJacobians => "",

@@ -21,7 +21,7 @@ impl Glb {
             chunks.push(file.get(at + 8..at + 8 + length).ok_or("a chunk is cut off")?);
             at += 8 + length.next_multiple_of(4);
         }
-        let json = chunks.first().ok_or("it is no binary glTF file")?;
+        let json = chunks.first().ok_or("it is not a binary glTF file")?;
         let json = serde_json::from_slice(json).map_err(|error| error.to_string())?;
         Ok(Self { json, bytes: chunks.get(1).map(|bytes| bytes.to_vec()).unwrap_or_default() })
     }

@@ -58,11 +58,20 @@ pub struct Args {
     list: bool,
 }
 
+impl Args {
+    /// The command that repeats a copy.
+    fn command(&self, seed: u64) -> String {
+        let files: String = self.files.iter().map(|file| format!(" {}", file.display())).collect();
+        let technique = format!("{:?}", self.technique).to_lowercase();
+        let UVec2 { x, y } = self.size;
+        format!("lab broken-files{files} --count 1 --seed {seed} --technique {technique} --size {x}x{y}")
+    }
+}
+
 pub fn run(args: &Args) -> Result<(), String> {
     let files = sources(args)?;
     fs::create_dir_all(&args.out).map_err(|e| format!("{}: {e}", args.out.display()))?;
     let folder = args.out.canonicalize().map_err(|e| format!("{}: {e}", args.out.display()))?;
-    panics::record();
     let watchdog = Watchdog::new();
     let progress = Progress::new(args.count.into());
     let (mut app, mut failed, mut shown) = (None, 0, 0);
@@ -80,7 +89,7 @@ pub fn run(args: &Args) -> Result<(), String> {
         let tried = panics::caught(|| (outcome(&mut current, &path), current));
         let result = tried.map(|(outcome, current)| {
             // An app whose renderer failed cannot go on.
-            app = current.should_exit().is_none().then_some(current);
+            app = headless::alive(&current).is_ok().then_some(current);
             outcome
         });
         match result {
@@ -97,9 +106,7 @@ pub fn run(args: &Args) -> Result<(), String> {
             }
             Ok(Outcome::Fault(fault)) | Err(fault) => {
                 failed += 1;
-                println!(
-                    "copy {seed} of {name} ({told}): {fault}; it is repeated by: lab broken-files --count 1 --seed {seed}"
-                );
+                println!("copy {seed} of {name} ({told}): {fault}; it is repeated by: {}", args.command(seed));
                 progress.step();
                 continue;
             }
@@ -161,10 +168,11 @@ enum Outcome {
 /// Loads a file and renders it.
 fn outcome(app: &mut App, path: &Path) -> Outcome {
     let result = shown(app, path);
-    let failed = app.should_exit().is_some();
-    let result = if failed { Outcome::Fault("the renderer failed".into()) } else { result };
+    let alive = headless::alive(app);
+    let is_alive = alive.is_ok();
+    let result = alive.map_or_else(Outcome::Fault, |()| result);
     scene::unload(app.world_mut());
-    if !failed {
+    if is_alive {
         // What the file has left is gone before the next one.
         (0..3).for_each(|_| _ = frame(app));
     }
@@ -178,6 +186,10 @@ fn shown(app: &mut App, path: &Path) -> Outcome {
     let place = scene::load(app, &name).and_then(|()| scene::file_camera(app.world_mut(), None));
     let (transform, projection) = match place {
         Ok(place) => place,
+        // A panic of our own code is none of the loader. The compiler names files of the workspace by relative paths.
+        Err(error) if ["panicked at src/", "panicked at examples/"].iter().any(|own| error.contains(own)) => {
+            return Outcome::Fault(error);
+        }
         Err(error) => return Outcome::Error(error),
     };
     scene::remove_file_cameras(app.world_mut());

@@ -8,7 +8,7 @@ use super::glb::Glb;
 /// Stands for a number that JSON has no name for, until the text is written.
 const RAW: &str = "\u{1}raw ";
 
-/// Numbers at the edges of what a file may hold; the last two make the text no JSON.
+/// Numbers at the edges of what a file may hold; with one of the last two the text is not valid JSON.
 const NUMBERS: [&str; 26] = [
     "0",
     "-0.0",

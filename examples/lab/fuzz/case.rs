@@ -5,7 +5,7 @@ use bevy_restir::{
     Direct, Jitter, LightTechniques, Mis, Preset, Reconnection, Restir, RestirEnvironment, Reuse, ReuseOrder,
     Subsurface, SubsurfaceShift, SuffixRetrace, Technique,
 };
-use bevy_restir_support::{scenes::Random, skinned};
+use bevy_restir_support::{fields, scenes::Random, skinned};
 
 use crate::things::{Shape, Thing};
 
@@ -26,6 +26,9 @@ const EDGES: [f32; 14] = [
     f32::NAN,
     f32::MIN_POSITIVE,
 ];
+
+/// Fields that a case has of its own, or whose pictures are no light: debug views may be negative.
+const NOT_DRAWN: [&str; 6] = ["technique", "bounces", "seed", "reset", "debug_view", "debug_scale"];
 
 /// Frames after those that wait for the scene; edits are before one of them.
 pub const LAST_FRAME: u32 = 7;
@@ -393,6 +396,12 @@ impl Source {
             SubsurfaceShift::Hybrid,
             SubsurfaceShift::Sequential,
         ][self.random.below(4)];
+        // All other fields, too, also those that are new.
+        for path in fields::paths().iter().filter(|path| !NOT_DRAWN.contains(&path.as_str())) {
+            if self.chance(0.04) {
+                fields::draw(&mut settings, path, self.random.unit());
+            }
+        }
         for reuse in [&mut settings.direct.reuse, &mut settings.paths.reuse, &mut settings.subsurface.reuse] {
             *reuse = self.reuse(reuse);
         }

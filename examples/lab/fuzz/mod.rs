@@ -4,10 +4,11 @@ mod case;
 mod stage;
 
 use bevy::math::UVec2;
+use bevy_restir::RayBackend;
 use bevy_restir_support::{arguments, files::write_text, panics, progress::Progress};
 use std::{fs, path::PathBuf};
 
-use crate::soundness::Watchdog;
+use crate::soundness::{Watchdog, kind};
 use case::Case;
 use stage::Stage;
 
@@ -15,7 +16,8 @@ use stage::Stage;
 const SHRINKING: u32 = 200;
 
 /// Renders random scenes with random settings and edits.  A case fails by a panic, an error of the renderer, a hang, a pixel that is not
-/// finite, or a raised guard.  Each failing case is made smaller and written to the folder.
+/// finite, or a raised guard.  Each failing case is made smaller, as long as it fails in the same way, and written to the folder with the
+/// command that repeats it.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// Number of cases.
@@ -30,13 +32,56 @@ pub struct Args {
     /// Compiles shaders for the features of each scene, in an app of its own, instead of once for all features.
     #[arg(long)]
     specialized: bool,
-    /// Also compares the mean of the picture that is left in the end with that of the reference tracer, with unbiased settings of the case's
-    /// technique. A case fails if they differ by 5 standard errors.
+    /// Also renders the scene at the end of each case by its technique, with unbiased settings, and by the reference tracer. A case fails
+    /// if the means of the two pictures differ by 5 standard errors.
     #[arg(long)]
     against_reference: bool,
+    /// How rays are traced.
+    #[arg(long, default_value = "auto", value_parser = arguments::choice::<RayBackend>())]
+    backend: RayBackend,
+    /// Makes the case smaller before it runs: the steps that an earlier run has found, such as 3.1.0. It needs `--count 1`.
+    #[arg(long, value_parser = steps, default_value = "", hide_default_value = true)]
+    shrink: Steps,
     /// Folder of the cases that fail.
     #[arg(long, default_value = "target/lab/fuzz")]
     out: PathBuf,
+}
+
+/// Numbers of the smaller cases of [`Case::smaller`], one after the other.
+#[derive(Clone, Debug, Default)]
+struct Steps(Vec<usize>);
+
+fn steps(text: &str) -> Result<Steps, String> {
+    let numbers = text.split('.').filter(|_| !text.is_empty()).map(|number| number.parse().ok());
+    numbers
+        .collect::<Option<Vec<usize>>>()
+        .map(Steps)
+        .ok_or("expected numbers with dots between them, such as 3.1.0".into())
+}
+
+impl core::fmt::Display for Steps {
+    fn fmt(&self, f: &mut core::fmt::Formatter) -> core::fmt::Result {
+        f.write_str(&self.0.iter().map(usize::to_string).collect::<Vec<_>>().join("."))
+    }
+}
+
+impl Args {
+    /// The command that repeats cases.
+    fn command(&self, seed: u64, count: u64, shrink: &Steps) -> String {
+        let mut text = format!("lab fuzz --count {count} --seed {seed} --size {}x{}", self.size.x, self.size.y);
+        for (name, is_given) in [("specialized", self.specialized), ("against-reference", self.against_reference)] {
+            if is_given {
+                text += &format!(" --{name}");
+            }
+        }
+        if self.backend != RayBackend::default() {
+            text += &format!(" --backend {:?}", self.backend).to_lowercase();
+        }
+        if !shrink.0.is_empty() {
+            text += &format!(" --shrink {shrink}");
+        }
+        text
+    }
 }
 
 /// Runs cases in one app until one of them breaks it.
@@ -49,10 +94,10 @@ struct Runner<'a> {
 impl Runner<'_> {
     /// Runs a case and returns the reason why it fails, or `None` if it passes; an error if no app can be created.
     fn failure(&mut self, case: &Case) -> Result<Option<String>, String> {
-        self.watchdog.beat();
+        let Args { size, specialized, backend, .. } = *self.args;
         let mut stage = match self.stage.take() {
             Some(stage) => stage,
-            None => Stage::new(self.args.size, !self.args.specialized)?,
+            None => Stage::new(size, !specialized, backend)?,
         };
         let run = || {
             let mut result = stage.run(case);
@@ -71,18 +116,19 @@ impl Runner<'_> {
         })
     }
 
-    /// The smallest case found that still fails.
-    fn smallest(&mut self, case: Case) -> Result<Case, String> {
-        let mut smallest = case;
+    /// The smallest case found that still fails in the same way.
+    fn smallest(&mut self, case: Case, reason: String, taken: &Steps) -> Result<Smallest, String> {
+        let mut smallest = Smallest { case, reason, steps: taken.clone() };
         let mut attempts = 0;
         'smaller: loop {
-            for smaller in smallest.smaller() {
+            for (step, smaller) in smallest.case.smaller().into_iter().enumerate() {
                 attempts += 1;
                 if attempts > SHRINKING {
                     return Ok(smallest);
                 }
-                if self.failure(&smaller)?.is_some() {
-                    smallest = smaller;
+                if let Some(reason) = self.failure(&smaller)?.filter(|reason| kind(reason) == kind(&smallest.reason)) {
+                    smallest.steps.0.push(step);
+                    smallest = Smallest { case: smaller, reason, steps: smallest.steps };
                     continue 'smaller;
                 }
             }
@@ -91,20 +137,47 @@ impl Runner<'_> {
     }
 }
 
+/// A case that fails, why, and how it was made.
+struct Smallest {
+    case: Case,
+    reason: String,
+    steps: Steps,
+}
+
 pub fn run(args: &Args) -> Result<(), String> {
     fs::create_dir_all(&args.out).map_err(|e| format!("{}: {e}", args.out.display()))?;
-    panics::record();
     let mut runner = Runner { args, stage: None, watchdog: Watchdog::new() };
     let progress = Progress::new(args.count.into());
     let mut failed = 0;
+    // The first case of the present app.
+    let mut first = args.seed;
     for seed in (args.seed..).take(args.count as usize) {
         runner.watchdog.watch(format!("case {seed}"));
-        let case = Case::new(seed);
-        if let Some(reason) = runner.failure(&case)? {
+        if runner.stage.is_none() {
+            first = seed;
+        }
+        let case = args.shrink.0.iter().try_fold(Case::new(seed), |case, &step| case.smaller().into_iter().nth(step));
+        let case = case.ok_or(format!("case {seed} has no smaller form {}", args.shrink))?;
+        if let Some(mut reason) = runner.failure(&case)? {
             failed += 1;
-            println!("case {seed}: {reason}; it is repeated by: lab fuzz --count 1 --seed {seed}");
-            let smallest = runner.smallest(case)?;
-            write_text(&args.out.join(format!("case-{seed}.txt")), &format!("{reason}\n\n{smallest:#?}\n"))?;
+            if first != seed {
+                // What earlier cases have left may be the cause.
+                runner.stage = None;
+                match runner.failure(&case)? {
+                    Some(alone) => reason = alone,
+                    None => {
+                        let count = seed - first + 1;
+                        let command = args.command(first, count, &Steps::default());
+                        println!("case {seed} fails only after others: {reason}; it is repeated by: {command}");
+                        continue;
+                    }
+                }
+            }
+            println!("case {seed}: {reason}; it is repeated by: {}", args.command(seed, 1, &args.shrink));
+            let Smallest { case, reason, steps } = runner.smallest(case, reason, &args.shrink)?;
+            let command = args.command(seed, 1, &steps);
+            let text = format!("{reason}\nIt is repeated by: {command}\n\n{case:#?}\n");
+            write_text(&args.out.join(format!("case-{seed}.txt")), &text)?;
         }
         progress.step();
     }

@@ -1,10 +1,14 @@
 //! An app that renders cases, one after the other.
 
 use bevy::{mesh::morph::MeshMorphWeights, prelude::*};
-use bevy_restir::{Preset, RayBackend, Restir, RestirEnvironment, RestirStatistics, Technique, testing::check_mirror};
+use bevy_restir::{
+    Preset, RayBackend, Restir, RestirEnvironment, RestirStatistics, Technique,
+    testing::{check_mirror, plant_shader_edits},
+};
 use bevy_restir_support::{
     exposure::unit_exposure,
     headless::{self, captured, frame},
+    mutant, panics,
     scene::{self, CameraSetup, View},
     skinned,
 };
@@ -33,8 +37,11 @@ pub struct Stage {
 
 impl Stage {
     /// `everything`: the scene always has an object or a light with each feature, so that shaders are compiled once.
-    pub fn new(size: UVec2, everything: bool) -> Result<Self, String> {
-        let mut app = headless::app(Path::new("."), RayBackend::Auto)?;
+    pub fn new(size: UVec2, everything: bool, backend: RayBackend) -> Result<Self, String> {
+        let mut app = headless::app(Path::new("."), backend)?;
+        if !mutant::edits().is_empty() {
+            plant_shader_edits(&mut app, mutant::edits());
+        }
         check_mirror(&mut app, true);
         let setup = CameraSetup { size, exposure: unit_exposure(), environment: None, settings: Restir::default() };
         let place = (Transform::default(), Projection::default());
@@ -60,6 +67,11 @@ impl Stage {
         if let Some(pixel) = picture.mean().flatten().find(|c| !c.is_finite() || *c < 0.0) {
             return Err(format!("a pixel is {pixel}"));
         }
+        self.counters()
+    }
+
+    /// Waits for the counters of the last frame, and fails where they count a fault.
+    fn counters(&mut self) -> Result<(), String> {
         for _ in 0..LATE {
             self.frame()?;
         }
@@ -76,7 +88,13 @@ impl Stage {
         let settings =
             Restir { technique, bounces: case.settings.bounces.min(most), ..Restir::preset(Preset::Unbiased) };
         let ours = self.means(&settings)?;
+        self.counters()?;
         let reference = self.means(&Restir { technique: Technique::Reference, ..settings })?;
+        self.counters()?;
+        let is_finite = |means: &[f64]| means.iter().all(|mean| mean.is_finite());
+        if is_finite(&reference) && !is_finite(&ours) {
+            return Err(format!("{technique:?} has a mean that is not finite, unlike the reference: {ours:?}"));
+        }
         let (errors, limit) = (significance::difference(&reference, &ours), significance::limit(2 * RESTARTS as usize));
         match errors.abs() > limit {
             true => Err(format!(
@@ -123,14 +141,16 @@ impl Stage {
     }
 
     pub fn has_failed(&self) -> bool {
-        self.app.should_exit().is_some()
+        headless::alive(&self.app).is_err()
     }
 
     fn frame(&mut self) -> Result<(), String> {
         frame(&mut self.app);
-        match self.app.should_exit() {
-            Some(_) => Err("the renderer failed".into()),
-            None => Ok(()),
+        soundness::beat();
+        // A task that panics takes only itself down.
+        match panics::take() {
+            Some(panic) => Err(panic),
+            None => headless::alive(&self.app),
         }
     }
 

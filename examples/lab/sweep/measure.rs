@@ -61,7 +61,8 @@ pub struct Record {
     /// Relative difference of the mean, and its standard error over the runs.
     pub bias: f64,
     pub bias_error: f64,
-    /// Root mean square of the bias of blocks, relative to the reference, without the part that the variance of the runs explains.
+    /// Root mean square of the bias of blocks, relative to the reference, without the part that the variances of the runs and of the
+    /// reference explain.
     pub block_bias: f64,
     /// Variance between the runs, relative to the reference as relMSE is.
     pub variance: f64,
@@ -113,6 +114,12 @@ pub struct TruthFigures {
     pub samples: u32,
     /// Motion of the camera in a frame, m.
     step: [f32; 3],
+    /// Standard error of the picture's mean, relative to it.
+    #[serde(default)]
+    mean_error: f64,
+    /// Mean of the variances of blocks, relative to the picture as relMSE is.
+    #[serde(default)]
+    block_noise: f64,
 }
 
 impl Truth {
@@ -211,7 +218,7 @@ impl Measurement<'_> {
             .map(|(i, &frame)| (frame, self.errors(runs.iter().map(|run| &run[i]))))
             .collect();
         let late: Vec<&Picture> = runs.iter().map(|run| &run[captured.len() - 2]).collect();
-        let spread = Spread::new(&late, still, self.size);
+        let spread = Spread::new(&late, self.truth, self.size);
         let flicker = flicker(&runs, [still, still]);
         let moving = configuration.moves.then(|| self.moving(bench, &settings, progress)).transpose()?;
         let record = Record {
@@ -280,14 +287,17 @@ pub fn truth(bench: &mut Bench, shared: &[String], error: f64, most: u32) -> Res
     let settings = plan::reference(Preset::Unbiased).settings(shared)?;
     let step = bench.place().right() * (STEP * depth(bench, &settings)?);
     let pilot = bench.reference(&settings, PILOT.min(most), &Progress::hidden())?;
-    if mean(pilot.pixels(), |c| c) <= 0.0 {
-        return Err("its picture is black: it has no light, which --env can add".into());
-    }
     let needed = f64::from(PILOT) * relative_noise(&pilot) / error;
     let samples = (needed.ceil() as u32).clamp(PILOT.min(most), most).next_multiple_of(2);
     let progress = Progress::new(2 * u64::from(samples));
     let still = bench.reference(&settings, samples, &progress)?;
-    let figures = TruthFigures { noise: relative_noise(&still), samples, step: step.into() };
+    let figures = TruthFigures {
+        noise: relative_noise(&still),
+        samples,
+        step: step.into(),
+        mean_error: mean_error(&still),
+        block_noise: block_noise(&still, bench.size()),
+    };
     let mut truth = Truth::kept(bench, still.pixels().clone(), Vec::new(), figures);
     bench.set_motion(truth.motion(2)[..1].into());
     truth.before = bench.reference(&settings, samples, &progress)?.pixels().clone();
@@ -308,8 +318,31 @@ fn depth(bench: &mut Bench, settings: &Restir) -> Result<f32, String> {
 fn relative_noise(reference: &Reference) -> f64 {
     let pixels = reference.pixels();
     let average = mean(pixels, |c| c);
-    let terms = pixels.iter().flatten().zip(reference.variances().iter().flatten());
-    terms.map(|(r, variance)| variance * relative_weight(*r, average)).sum::<f64>() / (3 * pixels.len()) as f64
+    let terms = pixels.iter().flatten().zip(reference.deviations().iter().flatten());
+    terms.map(|(r, deviation)| deviation.powi(2) * relative_weight(*r, average)).sum::<f64>()
+        / (3 * pixels.len()) as f64
+}
+
+/// Variances of the means over the channels of each pixel.  The channels have the same paths, so their errors are not independent.
+fn of_pixels(reference: &Reference) -> impl Iterator<Item = f64> + '_ {
+    reference.deviations().iter().map(|channels| (channels.iter().sum::<f64>() / 3.0).powi(2))
+}
+
+/// Standard error of the mean over pixels and channels, relative to it.
+fn mean_error(reference: &Reference) -> f64 {
+    let pixels = reference.pixels();
+    of_pixels(reference).sum::<f64>().sqrt() / pixels.len() as f64 / mean(pixels, |c| c)
+}
+
+/// Mean over blocks of the variance of a block's mean, relative to the block.
+fn block_noise(reference: &Reference, size: UVec2) -> f64 {
+    let scale = mean(reference.pixels(), |c| c);
+    let as_picture: Picture = of_pixels(reference).map(|variance| [variance; 3]).collect();
+    // Independent errors of pixels: the variance of their mean is the mean variance over their number.
+    let noise = blocks(&as_picture, size).into_iter().zip(counts(size)).map(|(variance, count)| variance / count);
+    let relative = noise.zip(blocks(reference.pixels(), size)).map(|(noise, r)| noise * relative_weight(r, scale));
+    let all: Vec<f64> = relative.collect();
+    all.iter().sum::<f64>() / all.len() as f64
 }
 
 /// Mean squared change of the error between the last two pictures of each run.
@@ -335,7 +368,9 @@ struct Spread {
 }
 
 impl Spread {
-    fn new(pictures: &[&Picture], truth: &Picture, size: UVec2) -> Self {
+    fn new(pictures: &[&Picture], truth: &Truth, size: UVec2) -> Self {
+        let TruthFigures { mean_error, block_noise, .. } = truth.figures;
+        let truth = &truth.still;
         let scale = mean(truth, |c| c);
         let means: Vec<f64> = pictures.iter().map(|p| mean(p, |c| c) / scale - 1.0).collect();
         let (bias, bias_variance) = moments(&means);
@@ -356,8 +391,8 @@ impl Spread {
         }
         Self {
             bias,
-            bias_error: (bias_variance / means.len() as f64).sqrt(),
-            block_bias: (squares / truths.len() as f64).max(0.0).sqrt(),
+            bias_error: (bias_variance / means.len() as f64 + mean_error.powi(2)).sqrt(),
+            block_bias: (squares / truths.len() as f64 - block_noise).max(0.0).sqrt(),
             variance: variance / (3 * truth.len()) as f64,
         }
     }
@@ -368,6 +403,12 @@ fn moments(values: &[f64]) -> (f64, f64) {
     let n = values.len() as f64;
     let average = values.iter().sum::<f64>() / n;
     (average, values.iter().map(|v| (v - average).powi(2)).sum::<f64>() / (n - 1.0))
+}
+
+/// Numbers of pixels of the blocks.
+fn counts(size: UVec2) -> Vec<f64> {
+    let side = |length: u32| (0..length).step_by(BLOCK).map(move |first| f64::from((length - first).min(BLOCK as u32)));
+    side(size.y).flat_map(|height| side(size.x).map(move |width| width * height)).collect()
 }
 
 /// Means of the blocks over all channels.

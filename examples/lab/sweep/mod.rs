@@ -21,6 +21,7 @@ use bevy_restir_support::{
 use serde_json::{Value, json};
 use std::{
     fs,
+    hash::{DefaultHasher, Hash, Hasher},
     path::{Path, PathBuf},
 };
 
@@ -53,9 +54,12 @@ pub struct Args {
     /// Replaces the environment: radiance R,G,B or an equirectangular .hdr or .exr file.
     #[arg(long, value_parser = environment::parse)]
     env: Option<Environment>,
-    /// Folder of the report.
-    #[arg(long, default_value = "target/lab/sweep")]
-    out: PathBuf,
+    /// Folder of the report; without it target/lab/sweep/SCENE.
+    #[arg(long)]
+    out: Option<PathBuf>,
+    /// Starts over: drops what an earlier sweep has left in the folder.
+    #[arg(long)]
+    fresh: bool,
     /// Size of the picture in pixels.
     #[arg(long, default_value = "64x64", value_parser = arguments::size)]
     size: UVec2,
@@ -68,17 +72,18 @@ pub struct Args {
     /// Measures only configurations whose section and label contain this text, besides the reference tracer.
     #[arg(long)]
     only: Option<String>,
-    /// The converged picture, a linear .exr file of the size of the sweep, instead of one that is rendered.  Nothing moves then.
+    /// The converged picture, a linear .exr file of the size of the sweep, instead of one that is rendered.  There are then no figures
+    /// under a moving camera.
     #[arg(long)]
     reference: Option<PathBuf>,
     /// Relative squared error that the converged picture may have.
     #[arg(long, default_value_t = 1e-3, value_parser = positive)]
     reference_error: f64,
     /// Greatest number of samples per pixel of the converged picture.
-    #[arg(long, default_value_t = 4096, value_parser = clap::value_parser!(u32).range(2..))]
+    #[arg(long, default_value_t = 4096, value_parser = clap::value_parser!(u32).range(2..=16_000_000))]
     samples: u32,
-    /// A field of `Restir` that all configurations have, as `PATH=VALUE`; repeatable.  Unless a reference is given, they have no jitter, so
-    /// that errors are those of the light and not of edges.
+    /// A field of `Restir` that all configurations have, as `PATH=VALUE`; repeatable.  Without `--reference` the configurations have no
+    /// jitter, so that errors are those of the light and not of edges.
     #[arg(long, value_parser = assignment)]
     set: Vec<String>,
     /// The error by which the report judges.
@@ -131,15 +136,28 @@ fn positive(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|x: &f64| *x > 0.0 && x.is_finite()).ok_or("expected a positive number".into())
 }
 
-/// Checks that an assignment can be made.
+/// Checks that an assignment can be made, also to the settings of the converged picture.
 fn assignment(text: &str) -> Result<String, String> {
-    fields::set(&mut Restir::default(), text).map(|()| text.into())
+    /// Fields that the sweep sets by itself.
+    const OWN: [&str; 5] = ["technique", "debug_view", "accumulate", "reset", "seed"];
+    fields::set(&mut Restir::default(), text)?;
+    match text.split_once('=').filter(|(path, _)| OWN.contains(path)) {
+        Some((path, _)) => Err(format!("the sweep sets {path} by itself")),
+        None => Ok(text.into()),
+    }
 }
 
 /// A configuration with its figures.
 struct Measured {
     configuration: Configuration,
     record: Record,
+}
+
+/// A number that changes with the content of a file; `None` where there is none.
+fn content(path: &Path) -> Option<String> {
+    let mut hasher = DefaultHasher::new();
+    fs::read(path).ok()?.hash(&mut hasher);
+    Some(format!("{:016x}", hasher.finish()))
 }
 
 /// A whole sweep.
@@ -155,8 +173,16 @@ struct Sweep {
 }
 
 impl Measured {
+    /// The errors that belong to the time: one sample of the reference tracer is compared, as one frame of the others is.
+    fn errors(&self) -> Errors {
+        match self.record.frames.first() {
+            Some((_, first)) if self.is_reference() => *first,
+            _ => self.record.late(),
+        }
+    }
+
     fn point(&self, by: Measure) -> Point {
-        Point { time: self.record.lighting(), error: by.of(&self.record.late()) }
+        Point { time: self.record.lighting(), error: by.of(&self.errors()) }
     }
 
     fn is_reference(&self) -> bool {
@@ -199,6 +225,10 @@ fn measured(args: &Args, extent: Extent, scene: &Scene) -> Result<(), String> {
     for configuration in &mut plan {
         configuration.moves &= args.reference.is_none();
     }
+    if plan.len() == plan.iter().filter(|c| c.section == plan::REFERENCE).count() {
+        return Err(format!("no configuration is named {}", args.only.as_deref().unwrap_or_default()));
+    }
+    let out = args.out.clone().unwrap_or_else(|| Path::new("target/lab/sweep").join(&scene.1));
     let name = format!("sweep {}", scene.1);
     output::check_into(args.into.as_deref(), &name)?;
     let given = args.reference.as_ref().map(|path| compare::read(path)).transpose()?;
@@ -214,11 +244,13 @@ fn measured(args: &Args, extent: Extent, scene: &Scene) -> Result<(), String> {
     }
     // The commit is that of the beginning.
     let header = output::header(bench.adapter(), args.size);
-    let folder = Folder::open(&args.out, &args.identity(scene, &bench))?;
+    let folder = Folder::open(&out, &args.identity(scene, &bench), args.fresh)?;
     let truth = match given {
         Some((_, picture)) => Truth::given(&bench, picture),
         None => folder.truth(args, &shared, &mut bench)?,
     };
+    let image = panels::side_by_side(args.size, [&truth.still], panels::exposure_for(args.size, &truth.still), 1);
+    write_png(&out.join("pictures/reference.png"), image)?;
     let measurement = Measurement { truth: &truth, size: args.size, seeds: args.seeds, history: args.history };
     let frames_of = |c: &Configuration| match folder.record(c) {
         None => measurement.planned(c) + measurement.planned_again(),
@@ -246,10 +278,10 @@ fn measured(args: &Args, extent: Extent, scene: &Scene) -> Result<(), String> {
     let spread = same_speed(&mut all);
     let header = args.header(header, &truth, spread);
     let sweep = Sweep { scene: scene.1.clone(), header, shared: args.set.clone(), by: args.by, all };
-    report::write(&sweep, &args.out)?;
-    page::write(&sweep, &args.out)?;
+    report::write(&sweep, &out)?;
+    page::write(&sweep, &out)?;
     output::write_into(args.into.as_deref(), &name, &report::short(&sweep))?;
-    println!("{}", args.out.join("report.html").display());
+    println!("{}", out.join("report.html").display());
     Ok(())
 }
 
@@ -286,7 +318,15 @@ impl Args {
             "set": self.set,
             "env": self.env.as_ref().map(|env| format!("{env:?}")),
             "adapter": bench.adapter(),
-            "commit": output::commit(),
+            // The shaders are part of the program. A commit of documents changes nothing.
+            "program": std::env::current_exe().ok().and_then(|path| content(&path)),
+            "content of the scene": [content(&scene.0), content(&scene.0.with_extension("bin"))],
+            "content of references.json": content(&scene.0.with_file_name("references.json")),
+            "content of the reference": self.reference.as_deref().and_then(content),
+            "content of the environment": match &self.env {
+                Some(Environment::File(path)) => content(path),
+                _ => None,
+            },
         })
     }
 
@@ -309,19 +349,32 @@ impl Args {
     }
 }
 
+/// Takes a missing file as removed.
+fn is_missing(error: std::io::Error) -> std::io::Result<()> {
+    if error.kind() == std::io::ErrorKind::NotFound { Ok(()) } else { Err(error) }
+}
+
 /// The folder of a sweep.
 struct Folder<'a>(&'a Path);
 
 impl<'a> Folder<'a> {
     /// Creates the folder, or continues the sweep in it if that is the same.
-    fn open(path: &'a Path, identity: &Value) -> Result<Self, String> {
+    fn open(path: &'a Path, identity: &Value, fresh: bool) -> Result<Self, String> {
         let file = path.join("sweep.json");
+        // Without the file the folder is none of a sweep, and nothing in it is removed.
+        if fresh && file.is_file() {
+            let told = |error: std::io::Error| format!("{}: {error}", path.display());
+            fs::remove_dir_all(path.join("runs")).or_else(is_missing).map_err(told)?;
+            for name in ["reference.json", "sweep.json"] {
+                fs::remove_file(path.join(name)).or_else(is_missing).map_err(told)?;
+            }
+        }
         if let Ok(text) = fs::read_to_string(&file) {
             let found: Value = serde_json::from_str(&text).map_err(|e| format!("{}: {e}", file.display()))?;
             let differs = |key: &&String| found[*key] != identity[*key];
             if let Some(key) = identity.as_object().and_then(|all| all.keys().find(differs)) {
                 return Err(format!(
-                    "{}: it holds a sweep with another {key} ({} instead of {}); remove it or choose another --out",
+                    "{}: it holds a sweep with another {key} ({} instead of {}); --fresh starts over, --out chooses another folder",
                     path.display(),
                     found[key],
                     identity[key]
@@ -384,8 +437,6 @@ impl<'a> Folder<'a> {
             exr_file::write(file, args.size, &pixels)?;
         }
         write_text(&about, &serde_json::to_string(&truth.figures).map_err(|e| e.to_string())?)?;
-        let image = panels::side_by_side(args.size, [&truth.still], panels::exposure_for(args.size, &truth.still), 1);
-        write_png(&self.0.join("pictures/reference.png"), image)?;
         Ok(truth)
     }
 }

@@ -77,7 +77,7 @@ pub fn configurations(extent: Extent) -> Vec<Configuration> {
 
 /// Neighbors, confidence and radius together.
 fn grid() -> impl Iterator<Item = (String, String)> {
-    let counts = [(1, 3), (2, 3), (3, 5), (5, 5)].into_iter();
+    let counts = [(1, 3), (2, 3), (4, 5), (5, 5)].into_iter();
     counts.flat_map(|(neighbors, attempts)| {
         let caps = [5, 10, 20, 30].into_iter();
         caps.flat_map(move |cap| {
@@ -94,15 +94,15 @@ fn grid() -> impl Iterator<Item = (String, String)> {
     })
 }
 
-const PATHS: [(&str, &str); 22] = [
+const PATHS: [(&str, &str); 24] = [
     ("no reuse", "paths.reuse.temporal=false paths.reuse.spatial_samples=0"),
     ("temporal reuse only", "paths.reuse.spatial_samples=0"),
     ("spatial reuse only", "paths.reuse.temporal=false"),
     ("1 neighbor", "paths.reuse.spatial_samples=1"),
     ("2 neighbors", "paths.reuse.spatial_samples=2"),
+    ("3 neighbors", "paths.reuse.spatial_samples=3"),
     ("5 neighbors", "paths.reuse.spatial_samples=5"),
     ("2 spatial iterations of 1 neighbor", "paths.reuse.spatial_samples=1 paths.reuse.spatial_iterations=2"),
-    ("4 neighbors", "paths.reuse.spatial_samples=4"),
     ("neighbors without pairs", "paths.reuse.paired=false"),
     ("radius 20", "paths.reuse.radius=20"),
     ("radius 120", "paths.reuse.radius=120"),
@@ -117,6 +117,8 @@ const PATHS: [(&str, &str); 22] = [
     ("thresholds of Lin et al. 2022", "paths.reconnection=Distance"),
     ("2 bounces", "bounces=2"),
     ("3 bounces", "bounces=3"),
+    ("8 bounces", "bounces=8"),
+    ("16 bounces", "bounces=16"),
 ];
 
 const LIGHT_PATHS: [(&str, &str); 4] = [

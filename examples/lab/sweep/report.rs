@@ -94,8 +94,7 @@ pub fn figures(sweep: &Sweep, presets_only: bool) -> Cells {
         let Measured { configuration, record } = m;
         let is_wanted = !presets_only || [plan::PRESETS, plan::REFERENCE].contains(&configuration.section);
         is_wanted.then(|| {
-            // One sample of the reference tracer is compared, as one frame of the others is.
-            let errors = if m.is_reference() { record.frames[0].1 } else { record.late() };
+            let errors = m.errors();
             let error = sweep.by.of(&errors);
             let ratio = at_time(&curve, record.lighting()).map_or(f64::NAN, |reference| reference / error);
             let moving = |of: &dyn Fn(&super::measure::Moving) -> f64| {
@@ -148,7 +147,8 @@ pub fn first_frames(sweep: &Sweep) -> Cells {
 /// What the columns mean.
 pub const LEGEND: &str = "Bold rows: no other row is faster and has less error. \"Against the reference tracer\": its error at equal \
     time, relative to the row's. Bias: relative difference of the mean, with its standard error; bias of blocks: root mean square over \
-    blocks of 8 x 8 pixels, where noise hides anything smaller. Variance: between runs. Flicker: mean squared change of the error from a \
+    blocks of 8 x 8 pixels, where noise hides anything smaller. The noise of a converged picture that was rendered is part of the standard \
+    error and not of the bias of blocks; that of a given one is not known. Variance: between runs. Flicker: mean squared change of the error from a \
     frame to the next. Bias of blocks, variance and flicker are relative to the reference as relMSE is. In motion: the camera moves \
     sideways by 0.4 % of the median depth in a frame.";
 
@@ -232,7 +232,7 @@ fn results(sweep: &Sweep, path: &Path) -> Result<(), String> {
         "flicker moving",
     ];
     let rows = sweep.all.iter().map(|m| {
-        let (Record { moving, .. }, e, c) = (&m.record, m.record.late(), &m.configuration);
+        let (Record { moving, .. }, e, c) = (&m.record, m.errors(), &m.configuration);
         let mut row = start(m);
         row.extend([format!("{:?}", c.technique), format!("{:?}", c.preset), c.changes.join(" ")]);
         let r = &m.record;

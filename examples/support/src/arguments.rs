@@ -54,6 +54,11 @@ fn size_within(text: &str, least: u32, most: u32) -> Result<UVec2, String> {
         .ok_or_else(|| format!("expected WIDTHxHEIGHT, each from {least} to {most}"))
 }
 
+/// Parses a number above 0.
+pub fn positive(text: &str) -> Result<f32, String> {
+    text.parse().ok().filter(|x: &f32| *x > 0.0 && x.is_finite()).ok_or("expected a number above 0".into())
+}
+
 /// How the exposure of a picture is chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ExposureChoice {

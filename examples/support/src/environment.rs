@@ -41,7 +41,13 @@ pub fn parse(text: &str) -> Result<Environment, String> {
 
 /// Whether the name of a file is that of an environment image.
 pub fn is_image(path: &Path) -> bool {
-    matches!(path.extension().and_then(|e| e.to_str()), Some("hdr" | "exr"))
+    has_extension(path, &["hdr", "exr"])
+}
+
+/// Whether the name of a file ends in one of these, in lower or upper case.
+pub fn has_extension(path: &Path, wanted: &[&str]) -> bool {
+    let extension = path.extension().and_then(|e| e.to_str());
+    extension.is_some_and(|extension| wanted.iter().any(|wanted| extension.eq_ignore_ascii_case(wanted)))
 }
 
 /// Makes the component for the camera.
@@ -59,7 +65,7 @@ pub fn load(world: &mut World, wanted: &Environment) -> Result<RestirEnvironment
 
 /// Reads an equirectangular image from a .hdr or .exr file.
 pub fn read(path: &Path) -> Result<Image, String> {
-    if path.extension().is_some_and(|e| e == "exr") {
+    if has_extension(path, &["exr"]) {
         let (size, pixels) = exr_file::read(path)?;
         return Ok(equirectangular(size.x, size.y, &pixels));
     }

@@ -65,10 +65,9 @@ pub fn next_technique(settings: &mut Restir, up: bool) {
     }
 }
 
-/// Applies a preset and keeps the technique and the debug view.
+/// Applies a preset, and keeps the fields that are none of it.
 pub fn take(settings: &mut Restir, preset: Preset) {
-    let Restir { technique, debug_view, debug_scale, .. } = *settings;
-    *settings = Restir { technique, debug_view, debug_scale, ..Restir::preset(preset) };
+    *settings = settings.clone().with_preset(preset);
 }
 
 /// Every value of an enum without data.
@@ -148,6 +147,21 @@ pub fn range(settings: &Restir, path: &str) -> Option<[f64; 2]> {
     Some([bound(f64::MIN)?, bound(f64::MAX)?])
 }
 
+/// Sets a field to a value of its valid range: `at` is from 0 to 1.  Whole numbers stay below a size whose work a test can afford.
+pub fn draw(settings: &mut Restir, path: &str, at: f32) {
+    /// How far numbers go above their least value.
+    const SPAN: f64 = 24.0;
+    let range = range(settings, path);
+    let Ok(field) = settings.reflect_path_mut(path) else { return };
+    if let Some(value) = field.try_downcast_mut::<bool>() {
+        *value = at < 0.5;
+    } else if let Some((names, _)) = choices(field) {
+        choose(field, names[((at * names.len() as f32) as usize).min(names.len() - 1)]);
+    } else if let Some([low, high]) = range {
+        write(field, low + f64::from(at) * (high - low).min(SPAN));
+    }
+}
+
 fn write(field: &mut dyn PartialReflect, number: f64) {
     if let Some(value) = field.try_downcast_mut::<u32>() {
         *value = number as u32;
@@ -168,12 +182,21 @@ pub fn set(settings: &mut Restir, assignment: &str) -> Result<(), String> {
     assign(field, value).map_err(|expected| format!("{path}={value}: expected {expected}"))
 }
 
+/// What a type of number is for a user.
+fn kind_of(name: &str) -> &'static str {
+    match name {
+        "bool" => "true or false",
+        "f32" => "a number",
+        _ => "a whole number",
+    }
+}
+
 /// Parses a value into a reflected field. The error is the expected kind of value.
 fn assign(field: &mut dyn PartialReflect, value: &str) -> Result<(), String> {
     macro_rules! number {
         ($($type:ty),*) => {
             $(if let Some(field) = field.try_downcast_mut::<$type>() {
-                *field = value.parse().map_err(|_| stringify!($type).to_string())?;
+                *field = value.parse().map_err(|_| kind_of(stringify!($type)).to_string())?;
                 return Ok(());
             })*
         };

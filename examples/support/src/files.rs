@@ -2,11 +2,29 @@
 
 use std::path::{Path, PathBuf};
 
-/// Writes to a temporary file beside `path` and renames it when `write` succeeded.
-pub fn complete(path: &Path, write: impl FnOnce(&Path) -> Result<(), String>) -> Result<(), String> {
+/// Fails if no file can be written at `path`, so that a program can say so before it works for an hour.
+pub fn check(path: &Path) -> Result<(), String> {
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    if !folder.is_dir() {
+        return Err(format!("the folder of {} does not exist", path.display()));
+    }
+    if path.is_dir() {
+        return Err(format!("{} is a folder", path.display()));
+    }
+    let part = part_of(path);
+    std::fs::write(&part, "").and_then(|()| std::fs::remove_file(&part)).map_err(|e| format!("{}: {e}", path.display()))
+}
+
+/// The temporary file beside `path`.
+fn part_of(path: &Path) -> PathBuf {
     let mut name = path.file_name().unwrap_or_default().to_os_string();
     name.push(".part");
-    let part: PathBuf = path.with_file_name(name);
+    path.with_file_name(name)
+}
+
+/// Writes to a temporary file beside `path` and renames it when `write` succeeded.
+pub fn complete(path: &Path, write: impl FnOnce(&Path) -> Result<(), String>) -> Result<(), String> {
+    let part = part_of(path);
     let result = write(&part).and_then(|()| std::fs::rename(&part, path).map_err(|e| e.to_string()));
     if result.is_err() {
         let _ = std::fs::remove_file(&part);

@@ -2,6 +2,9 @@
 
 use bevy::{camera::primitives::Aabb, prelude::*};
 
+/// Greatest coordinate that the plugin renders, m.
+const FARTHEST: f32 = 1e18;
+
 /// Center and radius of a sphere around the boxes; a box of 2 m around the origin where there are none.
 pub fn bounding_sphere<'a>(parts: impl IntoIterator<Item = (&'a GlobalTransform, &'a Aabb)>) -> (Vec3, f32) {
     let (mut low, mut high) = (Vec3::MAX, Vec3::MIN);
@@ -10,6 +13,8 @@ pub fn bounding_sphere<'a>(parts: impl IntoIterator<Item = (&'a GlobalTransform,
             let sign = Vec3::new(((i & 1) * 2) as f32 - 1.0, (i & 2) as f32 - 1.0, ((i & 4) / 2) as f32 - 1.0);
             let corner = transform.transform_point(Vec3::from(aabb.center + aabb.half_extents * Vec3A::from(sign)));
             if corner.is_finite() {
+                // The square of the size, too, must be finite.
+                let corner = corner.clamp(Vec3::splat(-FARTHEST), Vec3::splat(FARTHEST));
                 (low, high) = (low.min(corner), high.max(corner));
             }
         }

@@ -7,6 +7,7 @@ use bevy::{
     render::{
         RenderPlugin,
         diagnostic::RenderDiagnosticsPlugin,
+        error_handler::{RenderErrorHandler, RenderErrorPolicy},
         pipelined_rendering::PipelinedRenderingPlugin,
         render_resource::PollType,
         renderer::RenderDevice,
@@ -37,6 +38,40 @@ pub fn quiet_drivers() {
 
 /// A headless app that reads its assets from `folder` and traces rays with `backend`.
 pub fn app(folder: &Path, backend: RayBackend) -> Result<App, String> {
+    // Bevy panics where it finds no adapter.
+    panics::caught(|| create(folder, backend)).and_then(|app| app).map_err(|error| {
+        let is_missing = error.contains("Unable to find a GPU");
+        if is_missing { NO_ADAPTER.into() } else { error }
+    })
+}
+
+const NO_ADAPTER: &str = "there is no GPU adapter; Mesa's software driver (mesa-vulkan-drivers) will do";
+
+/// Why the renderer stopped.
+#[derive(Resource)]
+struct RendererError(String);
+
+/// Keeps the reason of an error of the renderer, and quits as Bevy does by default.
+fn keep_reason() -> RenderErrorHandler {
+    RenderErrorHandler(|error, main, _| {
+        let description = error.description.split_whitespace().collect::<Vec<_>>().join(" ");
+        let text: String = format!("{:?}: {description}", error.ty).chars().take(400).collect();
+        main.insert_resource(RendererError(text));
+        main.write_message(AppExit::error());
+        RenderErrorPolicy::StopRendering
+    })
+}
+
+/// An error if the renderer has stopped. Bevy quits where wgpu reports an error, and later frames would be empty.
+pub fn alive(app: &App) -> Result<(), String> {
+    match app.world().get_resource::<RendererError>() {
+        Some(RendererError(reason)) => Err(format!("the renderer failed: {reason}")),
+        None if app.should_exit().is_some() => Err("the renderer failed".into()),
+        None => Ok(()),
+    }
+}
+
+fn create(folder: &Path, backend: RayBackend) -> Result<App, String> {
     let plugins = DefaultPlugins
         .set(LogPlugin {
             // The program itself reports failures, in one line.
@@ -61,12 +96,16 @@ pub fn app(folder: &Path, backend: RayBackend) -> Result<App, String> {
     app.add_plugins((plugins, RestirPlugin { backend }, RenderDiagnosticsPlugin))
         .insert_resource(EmissiveLuminance(1.0))
         .insert_resource(ClearColor(Color::BLACK))
+        .insert_resource(keep_reason())
         .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f64(1.0 / 60.0)));
     while app.plugins_state() == bevy::app::PluginsState::Adding {
         bevy::tasks::tick_global_task_pools_on_main_thread();
+        if let Some(panic) = panics::take() {
+            return Err(panic);
+        }
     }
     if app.get_sub_app(bevy::render::RenderApp).is_none() {
-        return Err("there is no GPU adapter; Mesa's software driver (mesa-vulkan-drivers) will do".into());
+        return Err(NO_ADAPTER.into());
     }
     app.finish();
     app.cleanup();
@@ -95,10 +134,7 @@ pub fn until(app: &mut App, otherwise: &str, mut done: impl FnMut(&App) -> bool)
         if let Some(panic) = panics::take() {
             return Err(panic);
         }
-        // Bevy quits where wgpu reports an error.
-        if app.should_exit().is_some() {
-            return Err("the renderer failed".into());
-        }
+        alive(app)?;
         if start.elapsed() > PATIENCE {
             return Err(format!("{otherwise} after {} s", PATIENCE.as_secs()));
         }
@@ -116,5 +152,6 @@ pub fn until_ready(app: &mut App) -> Result<(), String> {
 
 /// The radiance of the last frame, which must have been requested before the frame was rendered.
 pub fn captured(app: &App) -> Result<CapturedRadiance, String> {
+    alive(app)?;
     app.world().resource::<View>().capture.take().ok_or("the frame was not rendered".into())
 }

@@ -9,6 +9,7 @@ pub mod exposure;
 pub mod exr_file;
 pub mod fields;
 pub mod files;
+pub mod frame_sum;
 pub mod framing;
 pub mod front;
 pub mod gpu;

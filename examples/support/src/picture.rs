@@ -9,16 +9,29 @@ use std::path::Path;
 
 use crate::{files::complete, headless::until, scene::View};
 
+/// The picture that was requested, once it has come back.
+#[derive(Resource, Default)]
+struct Taken(Option<Image>);
+
 /// Renders the next frame and reads the view target back, tonemapped by Bevy.
 pub fn screenshot(app: &mut App) -> Result<Image, String> {
-    #[derive(Resource, Default)]
-    struct Taken(Option<Image>);
-    app.init_resource::<Taken>();
+    request(app)?;
+    take(app)
+}
+
+/// Requests the picture of the next frame.
+pub fn request(app: &mut App) -> Result<(), String> {
+    app.insert_resource(Taken::default());
     let camera = app.world().resource::<View>().camera;
     let target = app.world().get::<RenderTarget>(camera).cloned().ok_or("the camera is gone")?;
     app.world_mut()
         .spawn(Screenshot(target))
         .observe(|captured: On<ScreenshotCaptured>, mut taken: ResMut<Taken>| taken.0 = Some(captured.image.clone()));
+    Ok(())
+}
+
+/// Renders frames until the picture that was requested has come back.
+pub fn take(app: &mut App) -> Result<Image, String> {
     until(app, "no picture came back", |app| app.world().resource::<Taken>().0.is_some())?;
     app.world_mut().resource_mut::<Taken>().0.take().ok_or("no picture came back".into())
 }

@@ -149,21 +149,26 @@ pub fn remove_file_cameras(world: &mut World) {
 
 /// The camera of the file with this name, or its first one; a camera in front of the scene where the file has none.
 pub fn file_camera(world: &mut World, name: Option<&str>) -> Result<(Transform, Projection), String> {
-    let mut cameras: Vec<(Entity, Option<String>, Transform, Projection)> = world
-        .query_filtered::<(Entity, Option<&Name>, &GlobalTransform, &Projection), (With<Camera>, Without<Restir>)>()
+    type Found<'w> = (Entity, &'w Camera, Option<&'w Name>, &'w GlobalTransform, &'w Projection);
+    let mut cameras: Vec<((bool, u32), String, Transform, Projection)> = world
+        .query_filtered::<Found, (With<Camera>, Without<Restir>)>()
         .iter(world)
-        .map(|(entity, name, transform, projection)| {
-            (entity, name.map(|n| n.to_string()), transform.compute_transform(), projection.clone())
+        .map(|(entity, camera, name, transform, projection)| {
+            // The loader makes the first camera of the file the active one. Where that belongs to another scene of the file, the first
+            // one was spawned first. Entities themselves are not ordered by their index.
+            let order = (!camera.is_active, entity.index_u32());
+            let name = name.map(|name| name.to_string()).unwrap_or_default();
+            (order, name, transform.compute_transform(), projection.clone())
         })
         .collect();
     cameras.sort_by_key(|c| c.0);
     let found = match name {
-        Some(name) => Some(
-            cameras
-                .into_iter()
-                .find(|c| c.1.as_deref() == Some(name))
-                .ok_or_else(|| format!("it has no camera named {name}"))?,
-        ),
+        Some(name) => {
+            let names = cameras.iter().map(|c| c.1.as_str()).collect::<Vec<_>>().join(", ");
+            let names = if names.is_empty() { "it has none with a name".into() } else { format!("it has {names}") };
+            let found = cameras.into_iter().find(|c| c.1 == name);
+            Some(found.ok_or_else(|| format!("it has no camera named {name}; {names}"))?)
+        }
         None => cameras.into_iter().next(),
     };
     if let Some((_, _, mut transform, projection)) = found {

@@ -7,7 +7,7 @@ use serde_json::Value;
 /// The component that the extras of a material describe; `None` if they describe none.  Without a weight it is 1.
 pub fn from_extras(extras: &str) -> Result<Option<Subsurface>, String> {
     let value: Value =
-        serde_json::from_str(extras).map_err(|error| format!("the extras of its material are no JSON: {error}"))?;
+        serde_json::from_str(extras).map_err(|error| format!("the extras of its material are not JSON: {error}"))?;
     let Some(described) = value.get("subsurface") else { return Ok(None) };
     let number = |value: &Value| value.as_f64().map(|number| number as f32);
     let lengths = described.get("mean_free_path").and_then(Value::as_array);

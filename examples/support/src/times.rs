@@ -36,6 +36,11 @@ impl Times {
         self.passes.clear();
     }
 
+    /// The sum of the medians of all passes: the time of a frame.
+    pub fn frame(&self) -> f64 {
+        self.passes.values().map(|times| median(times)).sum()
+    }
+
     /// Times of a pass; empty where it did not run.
     pub fn of(&self, pass: &str) -> &[f64] {
         self.passes.get(pass).map_or(&[], Vec::as_slice)

@@ -15,7 +15,7 @@
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::neighbors::OwnPlace
 #import bevy_restir::restir::splats::reservoir::Reservoir
-#import bevy_restir::restir::types::RESAMPLE_MOVED
+#import bevy_restir::restir::types::RESAMPLE_STILL
 #import bevy_restir::view::bindings::view
 #ifdef SPLIT_LIGHT
 #import bevy_restir::restir::bdpt::light_map::unpack_share
@@ -38,10 +38,7 @@ struct ShiftResult {
 
 // Whether the samples of the last frame must be replayed.
 fn has_changed() -> bool {
-    let a = view.current.clip_from_world;
-    let b = view.previous.clip_from_world;
-    let same_camera = all(a[0] == b[0]) && all(a[1] == b[1]) && all(a[2] == b[2]) && all(a[3] == b[3]);
-    return !same_camera || (settings.flags & RESAMPLE_MOVED) != 0u;
+    return (settings.flags & RESAMPLE_STILL) == 0u;
 }
 
 // `Reservoir::f` of a splat.

@@ -84,7 +84,7 @@ fn light_paths_of_the_last_frame_are_replayed_as_they_were() {
 }
 
 /// Edits that make a read of the last frame read this frame.
-const WRONG: [(&str, &str, &str, &str); 5] = [
+pub const WRONG: [(&str, &str, &str, &str); 5] = [
     ("camera", "restir/bdpt/splat.wgsl", "return view.previous;", "return view.current;"),
     (
         "first ray",
@@ -177,7 +177,7 @@ fn reused_light_paths_alone_find_all_light_of_a_diffuse_corner() {
 }
 
 /// Errors of the reuse of light sub-paths.
-const PLANTED: [(&str, &str, &str, &str); 4] = [
+pub const PLANTED: [(&str, &str, &str, &str); 4] = [
     (
         "confidence of a success",
         "pass/splats_gather.wgsl",

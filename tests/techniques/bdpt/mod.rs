@@ -1,7 +1,7 @@
 //! Bidirectional path tracing.  `reference::mitsuba` compares it with an independent renderer.
 
 mod input;
-mod light_reuse;
+pub mod light_reuse;
 mod long_run;
 mod small_scenes;
 mod techniques;

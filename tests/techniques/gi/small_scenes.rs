@@ -10,7 +10,7 @@ use crate::support::{
 use bevy::prelude::*;
 use bevy_restir::{Paths, Reuse};
 
-const PROOF: Proof = Proof { bounces: 4, ..Proof::of((12, 5), (10, 24)) };
+const PROOF: Proof = Proof { bounces: 4, ..Proof::of((12, 6), (10, 24)) };
 
 fn with(paths: Paths) -> Indirect {
     Indirect(di::all_reuse(), paths)

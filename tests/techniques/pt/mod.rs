@@ -6,7 +6,7 @@ mod long_run;
 mod matrix;
 mod motion;
 mod packing_and_jacobian;
-mod reconnection_choice;
+pub mod reconnection_choice;
 mod roulette;
 mod shift_inverse;
 mod shift_measure;

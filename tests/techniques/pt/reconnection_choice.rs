@@ -192,12 +192,12 @@ const SHIFT: &str = "restir/shift/hybrid.wgsl";
 const CANDIDATES: &str = "restir/pt/initial_candidates.wgsl";
 
 /// Conditions of the shift that are not tested, or tested wrongly.
-const UNTESTED: [(&str, &str, &str, &str); 8] = [
+pub const UNTESTED: [(&str, &str, &str, &str); 8] = [
     ("O1", SHIFT, "if is_before && connectable {", "if false {"),
     ("O1 in the direction of the reconnection", SHIFT, "|| index < s.reconnection;", "|| index + 1u < s.reconnection;"),
     ("O1 before a light sample", SHIFT, "if index < s.reconnection && connectable {", "if false {"),
     ("O2", SHIFT, "if !is_before && !connectable {", "if false {"),
-    ("O2 at a light sample", SHIFT, "if index == s.reconnection && !connectable {", "if false {"),
+    ("O2 at a light sample", SHIFT, "if index == s.reconnection && !(*w).below && !connectable {", "if false {"),
     ("O2 at a light that is hit", SHIFT, "if s.reconnection == s.length && !connectable {", "if false {"),
     ("O3 at a light that is hit", SHIFT, "if s.reconnection == 0u && connectable {", "if false {"),
     (

@@ -10,18 +10,21 @@ use crate::support::{
 use bevy::prelude::*;
 use bevy_restir::{DebugView, Mis, Paths, Reconnection, Reuse, ReuseOrder};
 
-const PROOF: Proof = Proof { bounces: 4, ..Proof::of((8, 6), (10, 24)) };
+const PROOF: Proof = Proof { bounces: 4, ..Proof::of((12, 6), (10, 24)) };
 
 #[test]
 fn paths_in_a_room_equal_the_reference_for_every_kind_of_reuse() {
     let Some(mut rig) = shared(64, "room") else { return };
-    let quick = Proof { bounces: PROOF.bounces, ..Proof::of((8, 3), (10, 24)) };
-    quick.check(
+    PROOF.check(
         "room",
         &mut rig,
-        &[("candidates", paths::candidates_only()), ("temporal", paths::temporal()), ("spatial", paths::spatial())],
+        &[
+            ("candidates", paths::candidates_only()),
+            ("temporal", paths::temporal()),
+            ("spatial", paths::spatial()),
+            ("both", paths::all_reuse()),
+        ],
     );
-    PROOF.check("room", &mut rig, &[("both", paths::all_reuse())]);
 }
 
 #[test]

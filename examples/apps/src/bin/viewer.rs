@@ -62,22 +62,40 @@ fn main() -> AppExit {
             return AppExit::from_code(2);
         }
     };
+    // A wrong file is said before a window opens.
+    let mut image = match &args.env {
+        Some(Environment::File(path)) => match environment::read(path) {
+            Ok(image) => Some(image),
+            Err(error) => {
+                eprintln!("error: {error}");
+                return AppExit::from_code(1);
+            }
+        },
+        _ => None,
+    };
     let backend = args.backend;
     window::app("viewer", args.size, viewer::KEYS, backend)
         .add_plugins(viewer::plugin)
-        .add_systems(Startup, move |world: &mut World| start(world, &args, &settings))
+        .add_systems(Startup, move |world: &mut World| start(world, &args, &settings, image.take()))
         .run()
 }
 
 /// Spawns the camera and opens the file of the command line.
-fn start(world: &mut World, args: &Args, settings: &Restir) {
+fn start(world: &mut World, args: &Args, settings: &Restir, sky: Option<Image>) {
     let ev100 = args.ev100.fixed().map(|exposure| exposure.ev100);
     let eye = world.spawn((viewer::camera::eye(), look::look(ev100), settings.clone())).id();
-    if let Some(wanted) = &args.env {
-        match environment::load(world, wanted) {
-            Ok(environment) => _ = world.entity_mut(eye).insert(environment),
-            Err(error) => world.resource_mut::<viewer::load::Stage>().say(error),
+    let environment = match (&args.env, sky) {
+        (Some(Environment::Uniform([r, g, b])), _) => {
+            Some(RestirEnvironment { color: LinearRgba::rgb(*r, *g, *b), ..default() })
         }
+        (_, Some(image)) => {
+            let image = world.resource_mut::<Assets<Image>>().add(image);
+            Some(RestirEnvironment { image: Some(image), ..default() })
+        }
+        _ => None,
+    };
+    if let Some(environment) = environment {
+        world.entity_mut(eye).insert(environment);
     }
     if let Some(file) = &args.file {
         world.write_message(viewer::load::Open(file.clone()));

@@ -12,6 +12,7 @@ use bevy_restir::{Restir, RestirEnvironment};
 use bevy_restir_support::{environment, framing, subsurface};
 use std::path::PathBuf;
 
+use super::light::LentSky;
 use crate::look::Look;
 
 /// Asks to open a file.
@@ -30,6 +31,8 @@ pub struct Stage {
 struct Coming {
     path: PathBuf,
     file: Handle<Gltf>,
+    /// Whether the file has not been read anew yet.
+    reloads: bool,
 }
 
 /// A loaded scene.
@@ -81,7 +84,7 @@ fn open(
     mut stage: ResMut<Stage>,
     assets: Res<AssetServer>,
     mut images: ResMut<Assets<Image>>,
-    mut cameras: Query<(Entity, Option<&mut RestirEnvironment>), With<Restir>>,
+    mut cameras: Query<(Entity, Option<&mut RestirEnvironment>, Has<LentSky>, Option<&mut Look>), With<Restir>>,
 ) {
     for Open(path) in asked.read() {
         let full = match path.canonicalize() {
@@ -95,14 +98,18 @@ fn open(
             match environment::read(&full) {
                 Ok(image) => {
                     let image = Some(images.add(image));
-                    for (camera, environment) in &mut cameras {
+                    for (camera, environment, is_lent, look) in &mut cameras {
                         match environment {
-                            Some(mut environment) => environment.image = image.clone(),
-                            None => {
-                                _ = commands
-                                    .entity(camera)
-                                    .insert(RestirEnvironment { image: image.clone(), ..default() })
+                            Some(mut environment) if !is_lent => environment.image = image.clone(),
+                            // The sky is the user's from now on, and no file takes it away.
+                            _ => {
+                                let sky = RestirEnvironment { image: image.clone(), ..default() };
+                                commands.entity(camera).insert(sky).remove::<LentSky>();
                             }
+                        }
+                        // It may be a thousand times darker than the light before it.
+                        if let Some(mut look) = look {
+                            look.measures = look.fits;
                         }
                     }
                     stage.say(format!("{} is the environment", path.display()));
@@ -111,14 +118,20 @@ fn open(
             }
             continue;
         }
-        if !full.extension().and_then(|e| e.to_str()).is_some_and(|e| ["glb", "gltf"].contains(&e)) {
+        if !environment::has_extension(&full, &["glb", "gltf"]) {
             stage.say(format!("{}: neither .glb, .gltf, .hdr nor .exr", path.display()));
             continue;
         }
         stage.say(format!("loading {} ...", path.display()));
         // A path instead of text, because the name may contain characters with a meaning in asset paths.
-        let file = assets.load(AssetPath::from_path_buf(full.clone()));
-        stage.coming = Some(Coming { path: full, file });
+        let asset = AssetPath::from_path_buf(full.clone());
+        // A file that is opened again may have been written anew. Loading it would give the scene that is in memory.
+        let reloads = stage.shown.as_ref().is_some_and(|shown| shown.path == full);
+        let file = assets.load(asset.clone());
+        if reloads {
+            assets.reload(asset);
+        }
+        stage.coming = Some(Coming { path: full, file, reloads });
     }
 }
 
@@ -126,14 +139,25 @@ fn open(
 fn spawn_when_loaded(
     mut commands: Commands,
     mut stage: ResMut<Stage>,
+    mut changes: MessageReader<AssetEvent<Gltf>>,
     assets: Res<AssetServer>,
     gltfs: Res<Assets<Gltf>>,
 ) {
+    for change in changes.read() {
+        if let (AssetEvent::Modified { id }, Some(coming)) = (change, &mut stage.coming)
+            && *id == coming.file.id()
+        {
+            coming.reloads = false;
+        }
+    }
     let Some(coming) = &stage.coming else { return };
     if let LoadState::Failed(error) = assets.load_state(&coming.file) {
         let line = format!("{}: {error}", coming.path.display());
         stage.say(line);
         stage.coming = None;
+        return;
+    }
+    if coming.reloads {
         return;
     }
     // The scene does not wait for its textures, which may be missing.
@@ -144,7 +168,7 @@ fn spawn_when_loaded(
         stage.coming = None;
         return;
     };
-    let Some(Coming { path, file }) = stage.coming.take() else { return };
+    let Some(Coming { path, file, .. }) = stage.coming.take() else { return };
     if let Some(old) = stage.shown.take() {
         commands.entity(old.root).despawn();
     }

@@ -57,7 +57,7 @@ pub fn file(
         ui.weak("building and compiling ...");
     }
     if !lent.is_empty() {
-        ui.add(note("This file brings no light of its own. The viewer lends it a sky."));
+        ui.add(note("This file contains no light. The viewer adds a sky."));
     }
     ui.separator();
 }
