@@ -13,7 +13,7 @@ use bevy_restir::{Paths, Reuse, SuffixRetrace};
 #[test]
 fn paths_in_a_moving_frame_equal_those_of_the_still_scene() {
     let Some(mut rig) = shared(64, "moving") else { return };
-    let proof = Proof { bounces: 3, margin: 0.02, pose: Some(&pose_moving), ..Proof::of((34, 1), (14, 20)) };
+    let proof = Proof { bounces: 3, margin: 0.02, pose: Some(&pose_moving), ..Proof::of((52, 1), (14, 24)) };
     proof.check("moving", &mut rig, &[("both", paths::all_reuse())]);
 }
 

@@ -10,7 +10,7 @@ use crate::support::{
 use bevy::prelude::*;
 use bevy_restir::{DebugView, Mis, Paths, Reconnection, Reuse, ReuseOrder};
 
-const PROOF: Proof = Proof { bounces: 4, ..Proof::of((12, 6), (10, 24)) };
+const PROOF: Proof = Proof { bounces: 4, ..Proof::of((20, 6), (12, 24)) };
 
 #[test]
 fn paths_in_a_room_equal_the_reference_for_every_kind_of_reuse() {
