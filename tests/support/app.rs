@@ -1,7 +1,7 @@
 //! A whole Bevy app without a window: the plugin as users run it, one camera, and its radiance read back in full precision.
 
 use bevy::{
-    asset::{RenderAssetUsages, UnapprovedPathMode},
+    asset::UnapprovedPathMode,
     camera::{Exposure, ImageRenderTarget, RenderTarget},
     ecs::{
         component::Mutable,
@@ -12,10 +12,7 @@ use bevy::{
     render::{
         ExtractSchedule, RenderPlugin,
         pipelined_rendering::PipelinedRenderingPlugin,
-        render_resource::{
-            Extent3d, PollType, TextureDimension, TextureFormat, TextureUsages, TextureViewDescriptor,
-            TextureViewDimension,
-        },
+        render_resource::PollType,
         renderer::RenderDevice,
         settings::{Backends, WgpuFeatures, WgpuLimits, WgpuSettings},
     },
@@ -31,68 +28,10 @@ use bevy_restir::{
 use bevy_restir_support::mutant;
 use std::time::Duration;
 
-pub use super::stats::mean_and_error;
+pub use super::{images::*, picture::Picture, stats::mean_and_error};
 
 /// The number of frames within which a small scene must be loaded, built and compiled.
 const PATIENCE: u32 = 2000;
-
-/// The mean radiance of every pixel, in rows from the top.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Picture {
-    pub size: UVec2,
-    pub pixels: Vec<[f32; 3]>,
-    /// The number of accumulated frames.
-    pub samples: u32,
-}
-
-impl Picture {
-    pub fn at(&self, x: u32, y: u32) -> Vec3 {
-        self.pixels[(y * self.size.x + x) as usize].into()
-    }
-
-    /// The pixel in the middle.
-    pub fn center(&self) -> Vec3 {
-        self.at(self.size.x / 2, self.size.y / 2)
-    }
-
-    /// Every pixel with its position.
-    pub fn iter(&self) -> impl Iterator<Item = (UVec2, Vec3)> {
-        let width = self.size.x;
-        self.pixels.iter().enumerate().map(move |(i, p)| (UVec2::new(i as u32 % width, i as u32 / width), (*p).into()))
-    }
-
-    /// The mean of all channels of all pixels.
-    pub fn mean(&self) -> f64 {
-        self.iter().map(|(_, p)| f64::from(p.element_sum()) / 3.0).sum::<f64>() / self.pixels.len() as f64
-    }
-
-    /// The mean of pictures, which count as one sample each.
-    pub fn mean_of(pictures: impl IntoIterator<Item = Self>) -> Self {
-        let mut pictures = pictures.into_iter();
-        let mut mean = pictures.next().expect("there is a picture");
-        mean.samples = 1;
-        for picture in pictures {
-            mean.pixels.iter_mut().zip(picture.pixels).for_each(|(sum, pixel)| {
-                *sum = (Vec3::from(*sum) + Vec3::from(pixel)).into();
-            });
-            mean.samples += 1;
-        }
-        let scale = 1.0 / mean.samples as f32;
-        mean.pixels.iter_mut().for_each(|pixel| *pixel = (Vec3::from(*pixel) * scale).into());
-        mean
-    }
-
-    pub fn is_finite(&self) -> bool {
-        self.iter().all(|(_, p)| p.is_finite())
-    }
-
-    /// Whether the 3 x 3 pixels around a position have one value, so that no silhouette is near.
-    pub fn is_flat_around(&self, at: UVec2) -> bool {
-        let value = self.at(at.x, at.y);
-        let near = |c: u32, size: u32| c.saturating_sub(1)..=(c + 1).min(size - 1);
-        near(at.y, self.size.y).all(|y| near(at.x, self.size.x).all(|x| self.at(x, y) == value))
-    }
-}
 
 /// The app, its `Restir` camera and the target of that camera.
 pub struct Rig {
@@ -143,49 +82,6 @@ pub fn orthographic(width: f32, height: f32) -> Projection {
         scaling_mode: bevy::camera::ScalingMode::Fixed { width, height },
         ..OrthographicProjection::default_3d()
     })
-}
-
-/// An image of 8-bit sRGB texels with nearest filtering.
-pub fn texture(width: u32, height: u32, texel: impl Fn(u32, u32) -> [u8; 4]) -> Image {
-    let data = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).flat_map(|(x, y)| texel(x, y)).collect();
-    let mut image = Image::new(
-        Extent3d { width, height, depth_or_array_layers: 1 },
-        TextureDimension::D2,
-        data,
-        TextureFormat::Rgba8UnormSrgb,
-        RenderAssetUsages::all(),
-    );
-    image.sampler = bevy::image::ImageSampler::nearest();
-    image
-}
-
-/// A cube map of one gray value.
-pub fn cube_texture(value: u8) -> Image {
-    let mut image = texture(2, 12, |_, _| [value, value, value, 255]);
-    image.reinterpret_stacked_2d_as_array(6).expect("six faces");
-    image.texture_view_descriptor =
-        Some(TextureViewDescriptor { dimension: Some(TextureViewDimension::Cube), ..default() });
-    image
-}
-
-/// An image with mip levels of its own: the bytes of each level, from the finest on.
-pub fn image_with_levels(format: TextureFormat, width: u32, height: u32, levels: &[Vec<u8>]) -> Image {
-    let mut image = texture(width, height, |_, _| [0; 4]);
-    image.texture_descriptor.format = format;
-    image.texture_descriptor.mip_level_count = levels.len() as u32;
-    image.data = Some(levels.concat());
-    // If the usage allowed writes, Bevy would upload the finest level only.
-    image.texture_descriptor.usage = TextureUsages::TEXTURE_BINDING;
-    image.sampler = bevy::image::ImageSampler::linear();
-    image
-}
-
-/// An image that a camera can render to and that can be read back.
-pub fn target_image(size: UVec2) -> Image {
-    let mut image = Image::new_target_texture(size.x, size.y, TextureFormat::Rgba8UnormSrgb, None);
-    image.texture_descriptor.usage |= TextureUsages::COPY_SRC;
-    image.asset_usage = RenderAssetUsages::all();
-    image
 }
 
 /// Exposure 1: the view target holds the radiance.

@@ -49,26 +49,31 @@ fn a_last_frame_without_its_own_shapes_is_found() {
     assert!(found.is_different(), "not found: {found}");
 }
 
-/// Each frame of a motion is one frame of history more for the surfaces that stay visible, those of bodies among them.
-#[test]
-fn histories_follow_bodies_that_bend() {
-    let Some(mut rig) = scene(64, |rig| {
-        // The body fills most of the view.
+/// A skinned body that fills most of the view; pictures show the confidence of ReSTIR DI with temporal reuse.
+fn swaying_body() -> Option<Rig> {
+    let mut rig = scene(64, |rig| {
         spawn_skinned(rig, "body", tube(), lambert(0.7));
         rig.spawn(square(0.8), lamp(6.0, 6.0, 6.0), facing(Vec3::new(0.5, 1.5, 2.0), Vec3::ZERO));
-    }) else {
-        return;
-    };
-    let body = rig.named("body");
-    let pose = |rig: &mut Rig, frame: u32| {
-        let foot = Transform::from_xyz(-0.2, -1.5, 0.5).with_scale(Vec3::new(4.0, 1.7, 1.0));
-        set_joints(rig, body, &swaying(foot, 0.02 * frame as f32, 0.5));
-    };
+    })?;
     rig.set(|r| {
         r.technique = Technique::Di;
         r.direct = Direct { reuse: Reuse { confidence_cap: 30.0, ..di::temporal().reuse }, ..di::temporal() };
         r.debug_view = DebugView::ReservoirConfidence;
     });
+    Some(rig)
+}
+
+/// The foot of a body that is as wide as the view.
+fn wide_foot() -> Transform {
+    Transform::from_xyz(-0.2, -1.5, 0.5).with_scale(Vec3::new(4.0, 1.7, 1.0))
+}
+
+/// Each frame of a motion is one frame of history more for the surfaces that stay visible, those of bodies among them.
+#[test]
+fn histories_follow_bodies_that_bend() {
+    let Some(mut rig) = swaying_body() else { return };
+    let body = rig.named("body");
+    let pose = |rig: &mut Rig, frame: u32| set_joints(rig, body, &swaying(wide_foot(), 0.02 * frame as f32, 0.5));
     pose(&mut rig, 0);
     rig.until_ready();
     rig.set(|r| r.reset = true);
@@ -86,22 +91,11 @@ fn histories_follow_bodies_that_bend() {
 #[test]
 fn histories_follow_bodies_that_change_their_color_while_they_bend() {
     let kept = |is_painted: bool| {
-        let mut rig = scene(64, |rig| {
-            spawn_skinned(rig, "body", tube(), lambert(0.7));
-            rig.spawn(square(0.8), lamp(6.0, 6.0, 6.0), facing(Vec3::new(0.5, 1.5, 2.0), Vec3::ZERO));
-        })?;
+        let mut rig = swaying_body()?;
         let body = rig.named("body");
         let paint = rig.material_of(body);
         // It turns by a quarter of a circle from frame to frame.
-        let pose = |rig: &mut Rig, frame: u32| {
-            let foot = Transform::from_xyz(-0.2, -1.5, 0.5).with_scale(Vec3::new(4.0, 1.7, 1.0));
-            set_joints(rig, body, &swaying(foot, 0.4 * frame as f32, 2.0));
-        };
-        rig.set(|r| {
-            r.technique = Technique::Di;
-            r.direct = Direct { reuse: Reuse { confidence_cap: 30.0, ..di::temporal().reuse }, ..di::temporal() };
-            r.debug_view = DebugView::ReservoirConfidence;
-        });
+        let pose = |rig: &mut Rig, frame: u32| set_joints(rig, body, &swaying(wide_foot(), 0.4 * frame as f32, 2.0));
         pose(&mut rig, 0);
         rig.until_ready();
         rig.set(|r| r.reset = true);

@@ -186,7 +186,7 @@ fn shown(app: &mut App, path: &Path) -> Outcome {
     let place = scene::load(app, &name).and_then(|()| scene::file_camera(app.world_mut(), None));
     let (transform, projection) = match place {
         Ok(place) => place,
-        // A panic of our own code is none of the loader. The compiler names files of the workspace by relative paths.
+        // A panic in our own code is a fault, not an error of the file. Only files of the workspace have relative paths in such messages.
         Err(error) if ["panicked at src/", "panicked at examples/"].iter().any(|own| error.contains(own)) => {
             return Outcome::Fault(error);
         }

@@ -153,7 +153,7 @@ struct Measured {
     record: Record,
 }
 
-/// A number that changes with the content of a file; `None` where there is none.
+/// A hash of a file's content; `None` if the file cannot be read.
 fn content(path: &Path) -> Option<String> {
     let mut hasher = DefaultHasher::new();
     fs::read(path).ok()?.hash(&mut hasher);
@@ -361,12 +361,12 @@ impl<'a> Folder<'a> {
     /// Creates the folder, or continues the sweep in it if that is the same.
     fn open(path: &'a Path, identity: &Value, fresh: bool) -> Result<Self, String> {
         let file = path.join("sweep.json");
-        // Without the file the folder is none of a sweep, and nothing in it is removed.
+        // A folder without this file does not belong to a sweep: nothing in it is removed.
         if fresh && file.is_file() {
-            let told = |error: std::io::Error| format!("{}: {error}", path.display());
-            fs::remove_dir_all(path.join("runs")).or_else(is_missing).map_err(told)?;
+            let with_path = |error: std::io::Error| format!("{}: {error}", path.display());
+            fs::remove_dir_all(path.join("runs")).or_else(is_missing).map_err(with_path)?;
             for name in ["reference.json", "sweep.json"] {
-                fs::remove_file(path.join(name)).or_else(is_missing).map_err(told)?;
+                fs::remove_file(path.join(name)).or_else(is_missing).map_err(with_path)?;
             }
         }
         if let Ok(text) = fs::read_to_string(&file) {

@@ -3,6 +3,8 @@
 //! Meshes are taken from Bevy's extraction, before Bevy moves their vertices to the GPU, and background tasks build the trees.  A changed
 //! mesh keeps its old triangles until the new tree is ready.
 
+mod ranges;
+
 use bevy::{
     asset::{AssetId, AssetServer},
     ecs::{
@@ -410,32 +412,6 @@ impl MeshPool {
         }
     }
 
-    /// Allocates triangles and nodes for a body of a mesh that bends; `None` if they do not fit the device.
-    pub(crate) fn allocate_body(
-        &mut self,
-        triangles: u32,
-        nodes: u32,
-        device: &RenderDevice,
-        queue: &RenderQueue,
-    ) -> Option<(Range<u32>, Range<u32>)> {
-        let (triangles, nodes) = (self.triangle_ranges.allocate(triangles), self.node_ranges.allocate(nodes));
-        let fits = self.nodes.reserve(self.node_ranges.end(), device, queue)
-            && self.triangles.reserve(self.triangle_ranges.end(), device, queue)
-            && self.attributes.reserve(self.triangle_ranges.end(), device, queue);
-        if fits {
-            return Some((triangles, nodes));
-        }
-        self.release_body(triangles, nodes);
-        None
-    }
-
-    /// Frees the ranges of a body.
-    pub(crate) fn release_body(&mut self, triangles: Range<u32>, nodes: Range<u32>) {
-        self.has_room = true;
-        self.triangle_ranges.release(triangles);
-        self.node_ranges.release(nodes);
-    }
-
     /// The mesh; `None` until it is on the GPU.
     pub(crate) fn get(&self, id: AssetId<Mesh>) -> Option<&MeshEntry> {
         self.entries.get(&id)
@@ -487,25 +463,5 @@ impl MeshPool {
     /// Whether the mesh is left out: it has no usable triangle, is too large or unreadable, or could not be built.
     pub(crate) fn is_empty(&self, id: AssetId<Mesh>) -> bool {
         self.empty.contains(&id)
-    }
-
-    /// Allocates nodes for a top-level tree in the buffer of the bottom levels; `None` if they do not fit the device.
-    pub(crate) fn allocate_nodes(
-        &mut self,
-        count: u32,
-        device: &RenderDevice,
-        queue: &RenderQueue,
-    ) -> Option<Range<u32>> {
-        let range = self.node_ranges.allocate(count);
-        if self.nodes.reserve(self.node_ranges.end(), device, queue) {
-            return Some(range);
-        }
-        self.node_ranges.release(range);
-        None
-    }
-
-    /// Frees the nodes of a top-level tree.
-    pub(crate) fn release_nodes(&mut self, range: Range<u32>) {
-        self.node_ranges.release(range);
     }
 }

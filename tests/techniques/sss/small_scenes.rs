@@ -80,7 +80,7 @@ fn full_length_every_shift_of_moving_bodies_and_lights_equals_the_reference() {
     }
 }
 
-/// A body whose values change is another object for the samples of the last frame.
+/// When the `Subsurface` of a body changes, samples of the last frame treat the body as a different object.
 #[test]
 #[ignore = "minutes: ./run test --full"]
 fn full_length_bodies_whose_values_change_equal_the_reference() {
