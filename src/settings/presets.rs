@@ -18,7 +18,7 @@ pub enum Preset {
     /// Five bounces: later light is missing (darker).  Single bright pixels are limited (darker; [`Restir::firefly_limit`]).  No other bias.
     Balanced,
     /// Eight bounces: later light is missing (darker).  No other bias.  In [`Technique::Pt`](super::Technique::Pt) direct light has
-    /// reservoirs of its own ([`Paths::separate_direct_light`]): less noise, for 22 to 39 % more time.
+    /// reservoirs of its own ([`Paths::separate_direct_light`]): less noise, for a quarter to half more time.
     Quality,
     /// As `Quality`, with 32 bounces; only later light is missing (darker).
     Unbiased,
