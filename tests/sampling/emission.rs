@@ -36,7 +36,7 @@ struct Ray {
     density: f32,
     scale: f32,
     infinite: u32,
-    pad: u32,
+    start: f32,
 }
 
 /// A scene of one light.
@@ -49,8 +49,20 @@ struct Case<'g> {
     uniform: Box<dyn Fn(&Ray) -> Vec<f64> + 'g>,
 }
 
+impl Case<'_> {
+    /// The radius of a sphere, or half the width of a rectangle.
+    fn extent(&self) -> f32 {
+        f32::from_bits(self.lit.lights[0].data[0])
+    }
+}
+
 fn emit(lit: &LightScene, defs: &[Def], seed: u32) -> Vec<Ray> {
-    let query = lit.gpu.storage(&[seed, DISTANCE.to_bits()]);
+    emit_to(lit, defs, seed, DISTANCE)
+}
+
+/// Rays, with the densities that a point at this distance knows.
+fn emit_to(lit: &LightScene, defs: &[Def], seed: u32, distance: f32) -> Vec<Ray> {
+    let query = lit.gpu.storage(&[seed, distance.to_bits()]);
     let rays = lit.gpu.zeroed::<Ray>(SAMPLES);
     let bound = [(2, 0, Bound::Buffer(&query)), (2, 1, Bound::Buffer(&rays))];
     lit.run("emission", include_str!("../support/kernels/emission.wgsl"), defs, SAMPLES as u32, &bound);
@@ -240,6 +252,21 @@ fn at_infinity(gpu: &Gpu) -> Vec<Case<'_>> {
         (case.lit.scene.radius, case.lit.scene.center) = (SCENE_RADIUS, scene_center().as_vec3().to_array());
     }
     all
+}
+
+/// Light paths begin a little outside of spheres and rectangles, so that surfaces that are nearer must not expect them.
+#[test]
+fn rays_of_area_lights_start_near_the_light_and_nearer_surfaces_expect_none() {
+    let Some(gpu) = gpu() else { return };
+    for mut case in area_lights(gpu) {
+        for (scene_radius, expected) in [(SCENE_RADIUS, SCENE_RADIUS / 65536.0), (1e6, case.extent() / 256.0)] {
+            case.lit.scene.radius = scene_radius;
+            let near = &emit_to(&case.lit, &case.defs, 1, 0.9 * expected)[0];
+            let far = &emit_to(&case.lit, &case.defs, 1, 1.1 * expected)[0];
+            assert!((near.start / expected - 1.0).abs() < 1e-5, "{}: {near:?}", case.name);
+            assert!(near.density == 0.0 && far.density > 0.0, "{}: {near:?} {far:?}", case.name);
+        }
+    }
 }
 
 /// The integral of radiance over all directions, by the midpoint rule.

@@ -21,7 +21,7 @@ struct Ray {
     density: f32,
     scale: f32,
     infinite: u32,
-    pad: u32,
+    start: f32,
 }
 
 @group(2) @binding(0) var<storage, read> queries: array<Query>;
@@ -45,6 +45,6 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     l.normal = r.normal;
     rays[id.x] = Ray(
         r.origin, r.light, r.direction, r.delta, r.power, r.pdf_point, r.normal, r.pdf_direction, emission_density(l), nee_pdf_scale(r, at),
-        u32(is_at_infinity(r.light)), 0u,
+        u32(is_at_infinity(r.light)), r.t_min,
     );
 }
