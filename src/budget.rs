@@ -131,7 +131,7 @@ pub(crate) fn keep_budget(
             *newest = Some(time);
             *frames_without_time = 0;
             // While pipelines compile, cameras keep the settings of earlier frames.
-            match statistics.is_ready() {
+            match statistics.shows_settings() {
                 true => controller.observe(ms, limit, last),
                 false => controller.interrupt(),
             }
@@ -165,6 +165,7 @@ fn frame_time(store: &DiagnosticsStore, prefix: &str) -> Option<(Instant, f32)> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use bevy::diagnostic::{DiagnosticMeasurement, DiagnosticPath};
 
     const LAST: u32 = 5;
     /// The time of a frame arrives this many frames later.
@@ -229,9 +230,41 @@ mod tests {
         assert!(frames[199].1 <= 10.2);
     }
 
+    /// An app that edits a mesh in every frame, or that always loads something, is never ready.
+    #[test]
+    fn an_app_that_is_never_ready_keeps_its_budget() {
+        let step_after = |shows_settings| {
+            let path = DiagnosticPath::new("render/restir/pt_reuse/elapsed_gpu");
+            let mut store = DiagnosticsStore::default();
+            store.add(Diagnostic::new(path.clone()));
+            let statistics = RestirStatistics::default();
+            statistics.set_shows_settings(shows_settings);
+            assert!(!statistics.report().ready);
+            let mut world = World::new();
+            world.insert_resource(RestirBudget { gpu_ms: 5.0 });
+            world.insert_resource(BudgetStep::default());
+            world.insert_resource(store);
+            world.insert_resource(statistics);
+            world.spawn(Restir::default());
+            let mut schedule = Schedule::default();
+            schedule.add_systems(keep_budget);
+            let start = Instant::now();
+            for frame in 0..WINDOW as u64 + u64::from(DELAY) {
+                let time = start + core::time::Duration::from_millis(frame);
+                let mut store = world.resource_mut::<DiagnosticsStore>();
+                if let Some(diagnostic) = store.get_mut(&path) {
+                    diagnostic.add_measurement(DiagnosticMeasurement { time, value: 20.0 });
+                }
+                schedule.run(&mut world);
+            }
+            world.resource::<BudgetStep>().0
+        };
+        assert!(step_after(true) > 0, "the frames are too long");
+        assert_eq!(step_after(false), 0, "the times are those of other pipelines");
+    }
+
     #[test]
     fn only_times_that_arrived_together_are_added() {
-        use bevy::diagnostic::{DiagnosticMeasurement, DiagnosticPath};
         let mut store = DiagnosticsStore::default();
         let earlier = Instant::now();
         let later = earlier + core::time::Duration::from_millis(5);

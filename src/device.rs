@@ -27,8 +27,11 @@ pub(crate) fn missing_feature(render_world: &World) -> Option<&'static str> {
 const MIN_BINDING: u64 = 1 << 20;
 
 fn missing_of(limits: &WgpuLimits, flags: DownlevelFlags) -> Option<&'static str> {
-    if !flags.contains(DownlevelFlags::COMPUTE_SHADERS | DownlevelFlags::VERTEX_STORAGE) {
-        return Some("compute shaders and storage buffers in vertex shaders");
+    if !flags.contains(DownlevelFlags::COMPUTE_SHADERS) {
+        return Some("compute shaders");
+    }
+    if !flags.contains(DownlevelFlags::VERTEX_STORAGE) {
+        return Some("storage buffers in vertex shaders");
     }
     if limits.max_storage_buffers_per_shader_stage < 8 {
         return Some("eight storage buffers per shader stage");

@@ -393,4 +393,5 @@ pub struct GpuResampleSettings {
     pub subsurface_shift: u32,
     pub pair_layers: u32,
     pub pair_tile_bits: u32,
+    pub domain: u32,
 }

@@ -192,12 +192,12 @@ fn renew(world: &mut World, mut is_renewal: Local<bool>) {
     world.resource::<RestirStatistics>().set_missing(missing);
     world.insert_resource(IsOn(missing.is_none()));
     insert_resources(world);
-    view::bevy_handoff::begin_anew(world, missing.is_none());
+    view::bevy_handoff::forget_cameras(world, missing.is_none());
 }
 
 /// Why the plugin is off on a device that lacks something.
 fn reason_of(missing: &'static str) -> String {
-    format!("this device has no {missing}")
+    format!("this device lacks {missing}")
 }
 
 /// Whether the present device has what the passes need.

@@ -1,7 +1,10 @@
 //! Statistics of the plugin for apps and tests.  Shaders count their own work; nothing is estimated.
 
 use bevy::{ecs::prelude::*, log::error};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{
+    Arc, Mutex, MutexGuard, PoisonError,
+    atomic::{AtomicBool, Ordering},
+};
 
 use crate::{
     cpu_times::{CpuTimes, Stage},
@@ -65,7 +68,8 @@ pub struct RestirReport {
     /// holds 128 MiB).  Only BSDF sampling finds emissive triangles beyond that: the image is noisier but not darker, unless
     /// [`Direct::bsdf_candidate`](crate::Direct) is off.
     pub lights: u64,
-    /// Number of frames in the average of a camera since its accumulation restarted; with several cameras, of an arbitrary one.
+    /// Number of frames in the average of a camera since its accumulation restarted; with several cameras, of an arbitrary one; 0 while no
+    /// camera is rendered.
     pub samples: u32,
 }
 
@@ -84,6 +88,8 @@ pub struct RestirStatistics(Arc<Shared>);
 struct Shared {
     report: Mutex<RestirReport>,
     run: GuardRun,
+    /// In the last frame every camera was rendered by the pipelines that scene and settings ask for.
+    shows_settings: AtomicBool,
     /// What the present device lacks; `None` if it lacks nothing.
     missing: Mutex<Option<&'static str>>,
 }
@@ -94,9 +100,14 @@ impl RestirStatistics {
         self.lock().clone()
     }
 
-    /// [`RestirReport::ready`], without a copy of the whole report.
-    pub(crate) fn is_ready(&self) -> bool {
-        self.lock().ready
+    /// Whether every camera was rendered by the pipelines that scene and settings ask for, in the last frame.  An app that edits a mesh or
+    /// loads something in every frame is never [`ready`](RestirReport::ready), because that also waits for meshes and assets.
+    pub(crate) fn shows_settings(&self) -> bool {
+        self.0.shows_settings.load(Ordering::Relaxed)
+    }
+
+    pub(crate) fn set_shows_settings(&self, shows: bool) {
+        self.0.shows_settings.store(shows, Ordering::Relaxed);
     }
 
     /// Starts a new run: [`RestirReport::guards`] count from the next frame on.
@@ -145,7 +156,9 @@ pub(crate) fn update_report(
     let run = statistics.guard_run().current();
     let mut report = statistics.lock();
     report.cpu_ms = cpu_ms;
-    report.ready = scene.ready && environments.ready && views.views.values().all(|v| v.rendered && v.key_is_requested);
+    let shows_settings = views.views.values().all(|view| view.rendered && view.key_is_requested);
+    statistics.set_shows_settings(shows_settings);
+    report.ready = scene.ready && environments.ready && shows_settings;
     report.backend = if scene.features.contains(SceneFeatures::RAY_QUERY) { "hardware" } else { "software" };
     report.features = scene.features;
     report.uploaded_bytes = scene.uploaded_bytes;
@@ -157,6 +170,7 @@ pub(crate) fn update_report(
     report.memory = scene.memory.clone();
     report.memory.push(environments.memory());
     report.reservoir_bytes_per_pixel = 0;
+    report.samples = 0;
     let mut resets = ResetCounts::default();
     let mut counters = GpuCounters::default();
     let mut guards: Vec<_> = GUARDS.iter().map(|guard| (guard.name, 0)).collect();

@@ -23,7 +23,7 @@ use bevy_restir_apps::{
     viewer::{
         animation::{self, Clips},
         camera,
-        light::{self, LentSky},
+        light::{self, AddedSky},
         load::{self, Stage},
     },
 };
@@ -236,27 +236,27 @@ fn a_dropped_file_replaces_the_scene_and_a_broken_one_gives_a_message() {
     }
 
     // A file without lights gets a sky until a file with lights replaces it.
-    let lent = |rig: &Rig| {
+    let added = |rig: &Rig| {
         let camera = rig.app.world().entity(rig.camera);
-        (camera.contains::<RestirEnvironment>(), camera.contains::<LentSky>())
+        (camera.contains::<RestirEnvironment>(), camera.contains::<AddedSky>())
     };
     drop_file(&mut rig, &dark);
     assert_eq!(shown(&rig), (Some("dark.gltf".into()), String::new()));
-    assert_eq!((rig.until_ready().instances, lent(&rig)), (1, (true, true)));
+    assert_eq!((rig.until_ready().instances, added(&rig)), (1, (true, true)));
     assert!(rig.picture(1).mean() > 10.0, "the picture is lit");
     drop_file(&mut rig, &lit);
-    assert_eq!((rig.until_ready().instances, lent(&rig)), (1, (false, false)));
+    assert_eq!((rig.until_ready().instances, added(&rig)), (1, (false, false)));
     // A file whose lights do not reach the picture gets a sky, too.
     rig.app.world_mut().write_message(TooDark);
     rig.frames(2);
-    assert_eq!(lent(&rig), (true, true));
+    assert_eq!(added(&rig), (true, true));
     drop_file(&mut rig, &lit);
-    assert_eq!(lent(&rig), (false, false));
+    assert_eq!(added(&rig), (false, false));
     // An environment of the user stays.
     let camera = rig.camera;
     rig.insert(camera, sky(2.0));
     drop_file(&mut rig, &dark);
-    assert_eq!(lent(&rig), (true, false));
+    assert_eq!(added(&rig), (true, false));
     rig.assert_sound();
 }
 
@@ -272,12 +272,12 @@ fn a_dropped_image_becomes_the_users_sky_and_a_file_that_was_written_anew_is_rea
     exr::prelude::write_rgb_file(&image, 8, 4, |_, _| (0.5f32, 1.0f32, 2.0f32)).expect("the folder can be written");
 
     drop_file(&mut rig, &dark);
-    assert!(rig.app.world().entity(camera).contains::<LentSky>(), "the viewer lends a sky");
+    assert!(rig.app.world().entity(camera).contains::<AddedSky>(), "the viewer adds a sky");
     rig.get_mut::<Look>(camera).measures = false;
     drop_file(&mut rig, &image);
     let is_users = |rig: &Rig| {
         let sky = rig.app.world().get::<RestirEnvironment>(camera);
-        sky.is_some_and(|sky| sky.image.is_some()) && !rig.app.world().entity(camera).contains::<LentSky>()
+        sky.is_some_and(|sky| sky.image.is_some()) && !rig.app.world().entity(camera).contains::<AddedSky>()
     };
     assert!(is_users(&rig));
     assert!(rig.get_mut::<Look>(camera).measures, "the exposure fits the new sky");
@@ -303,7 +303,7 @@ fn a_preset_changes_its_own_fields_only() {
     };
     for preset in fields::values::<Preset>() {
         let mut settings = own.clone();
-        fields::take(&mut settings, preset);
+        fields::apply_preset(&mut settings, preset);
         assert_eq!(settings, own.clone().with_preset(preset));
         assert_eq!((settings.seed, settings.accumulate, settings.energy_compensation), (7, true, false));
     }

@@ -94,7 +94,7 @@ pub struct Bench {
     size: UVec2,
     counts: Counts,
     times: Times,
-    /// Places of the camera, or of `mover`, in the frames that end with a picture; it rests where they are empty.
+    /// Transforms of `mover`, or of the camera if there is none, in the last frames before a picture.  Empty: nothing moves.
     motion: Vec<Transform>,
     mover: Option<Entity>,
 }

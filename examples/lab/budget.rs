@@ -75,7 +75,7 @@ pub fn run(args: &Args) -> Result<(), String> {
                 row(&section, "median time", Unit::Ms, median(&flight.times)),
                 row(&section, "greatest time over the limit", Unit::Ratio, greatest / limit),
                 row(&section, "frames above 1.1 times the limit", Unit::Relative, flight.share_above(1.1 * limit)),
-                row(&section, "mean step", Unit::Stored, flight.mean_step()),
+                row(&section, "mean step", Unit::Plain, flight.mean_step()),
                 row(&section, "changes of the step", Unit::Count, flight.changes() as f64),
             ]);
         }

@@ -72,7 +72,7 @@ fn measure(app: &mut App, count: u32, args: &Args, progress: &Progress) -> Resul
     let setup = CameraSetup { size: args.size, exposure: unit_exposure(), environment: None, settings };
     scene::spawn_camera(app.world_mut(), (place, Projection::default()), setup);
     headless::until_ready(app)?;
-    // What the first motion allocates is not part of the times.
+    // The allocations of the first motion are not part of the times.
     for step in 0..4 {
         sway(app.world_mut(), &bodies, step as f32);
         frame(app);

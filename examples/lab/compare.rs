@@ -1,13 +1,14 @@
 //! Compares a picture with a reference, both from files.
 
 use bevy::math::UVec2;
-use bevy_restir_support::exr_file;
+use bevy_restir_support::{exr_file, files, picture::write_png};
 use std::path::{Path, PathBuf};
 
 use crate::{
     difference::{Difference, is_finite},
     error::Picture,
     output::{Output, provenance},
+    panels,
     table::Table,
 };
 
@@ -23,6 +24,9 @@ pub struct Args {
     /// Side of a tile in pixels; incomplete tiles at the right and at the bottom are left out.
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..))]
     tile: u32,
+    /// Writes the picture beside four times its difference from the reference to this .png file.
+    #[arg(long, value_name = "FILE.png")]
+    difference: Option<PathBuf>,
 }
 
 /// The table's name.
@@ -39,9 +43,13 @@ pub fn run(args: &Args) -> Result<(), String> {
     if unknown > 0 {
         return Err(format!("{}: {unknown} pixels of the reference are not finite", args.reference.display()));
     }
+    args.output.check(NAME)?;
+    if let Some(path) = &args.difference {
+        files::check(path)?;
+        write_png(path, panels::with_error(size, &picture, &reference))?;
+    }
     let tile = args.tile as usize;
     let difference = Difference::new(picture, &reference, size, tile);
-    args.output.check(NAME)?;
     let mut header = provenance(None);
     header.push(format!("{} x {} pixels, tiles of {tile} x {tile}", size.x, size.y));
     let name = args.picture.file_stem().unwrap_or_default().to_string_lossy().into_owned();

@@ -27,9 +27,10 @@ pub struct Difference {
     tile_abs_p95: f64,
     pub tile_abs_max: f64,
     pub tile_bias: f64,
-    /// Over pixels and channels: root mean square error, squared error relative to the reference, absolute error relative to it.
+    /// Over pixels and channels: root mean square error, and squared error relative to the reference.
     pub rmse: f64,
     pub rel_mse: f64,
+    /// Absolute error relative to the reference plus a hundredth of its mean, over pixels and channels.
     pub mape: f64,
     /// `rel_mse` without the worst hundredth of the pixels, which single bright pixels would decide.
     pub rel_mse_trimmed: f64,
@@ -109,12 +110,12 @@ impl Difference {
             row("tile_abs_p95", Unit::Relative, self.tile_abs_p95),
             row("tile_abs_max", Unit::Relative, self.tile_abs_max),
             row("tile_bias", Unit::Relative, self.tile_bias),
-            row("rmse", Unit::Stored, self.rmse),
+            row("rmse", Unit::Plain, self.rmse),
             row("rel_mse", Unit::Relative, self.rel_mse),
             row("mape", Unit::Relative, self.mape),
             row("rel_mse_trimmed", Unit::Relative, self.rel_mse_trimmed),
             row("black", Unit::Relative, self.black),
-            row("flip", Unit::Stored, self.flip),
+            row("flip", Unit::Plain, self.flip),
             row("non_finite", Unit::Count, self.non_finite as f64),
         ]
     }
@@ -190,12 +191,12 @@ fn relative(ours: &[f64], theirs: &[f64]) -> Vec<f64> {
     ours.iter().zip(theirs).map(|(a, r)| (a - r) / r.max(least)).collect()
 }
 
-/// The mean, or NaN of no values.
+/// The mean, or NaN if there are no values.
 fn average(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
-/// A quantile of sorted values by linear interpolation, or NaN of no values.
+/// A quantile of sorted values by linear interpolation, or NaN if there are no values.
 fn quantile(sorted: &[f64], share: f64) -> f64 {
     let Some(last) = sorted.len().checked_sub(1) else { return f64::NAN };
     let at = share * last as f64;

@@ -169,7 +169,14 @@ pub fn column(
         rows.extend([
             row("rays", &[("", Unit::RaysAPixel, cost.rays)]),
             row("reservoirs", &[("", Unit::BytesAPixel, reservoirs as f64)]),
-            row("error", &[("", Unit::Mse, error.mean), ("median of blocks", Unit::Mse, error.median)]),
+            row(
+                "error",
+                &[
+                    ("", Unit::Mse, error.mean),
+                    ("median of blocks", Unit::Mse, error.median),
+                    ("MAPE", Unit::Relative, error.mape),
+                ],
+            ),
             row(
                 "relative error",
                 &[
@@ -226,19 +233,26 @@ fn passes(name: &str, cost: &Cost) -> Vec<Row> {
 
 /// Whether a pass resamples paths; direct light may have passes of its own.
 fn is_of_paths(pass: &str) -> bool {
-    pass.starts_with("pt_") || pass.starts_with("gi_")
+    ["pt_", "gi_", "bdpt_"].iter().any(|prefix| pass.starts_with(prefix))
+}
+
+/// Whether a pass traces, connects or resamples light paths, as ReSTIR BDPT does.
+fn is_of_light_paths(pass: &str) -> bool {
+    ["light_paths", "connections"].contains(&pass) || pass.starts_with("splats")
 }
 
 /// The columns of Table 1 of Lin et al. 2026, supplement: a frame, initial candidates, temporal and spatial reuse, direct light and
-/// the rest.
+/// the rest.  Light paths have a column of their own where there are any.
 fn stages(name: &str, cost: &Cost) -> Row {
     let of = |counts: fn(&str) -> bool| -> f64 { cost.of_passes().filter(|(n, _)| counts(n)).map(|(_, ms)| ms).sum() };
     let figures = [
         ("frame", cost.lighting()),
         ("initial", of(|name| is_of_paths(name) && name.ends_with("_candidates"))),
         ("temporal", of(|name| is_of_paths(name) && name.ends_with("_reuse"))),
-        ("spatial", of(|name| (name.contains("_reuse_") || name.contains("_pair_")) && !name.starts_with("di_"))),
-        ("DI + other", cost.of_passes().filter(|(name, _)| !is_of_paths(name)).map(|(_, ms)| ms).sum()),
+        ("spatial", of(|name| is_of_paths(name) && (name.contains("_reuse_") || name.contains("_pair_")))),
+        ("light paths", of(is_of_light_paths)),
+        ("DI + other", of(|name| !is_of_paths(name) && !is_of_light_paths(name))),
     ];
-    Row::new(name.to_owned(), "", &figures.map(|(name, ms)| (name, Unit::Ms, ms)))
+    let shown = figures.into_iter().filter(|(name, ms)| *name != "light paths" || *ms > 0.0);
+    Row::new(name.to_owned(), "", &shown.map(|(name, ms)| (name, Unit::Ms, ms)).collect::<Vec<_>>())
 }

@@ -17,16 +17,23 @@ pub struct Error {
     pub mean: f64,
     /// The median of that over blocks, which single fireflies hardly change.
     pub median: f64,
-    /// `rel_mse`, `rel_mse_trimmed` and `flip` of [`Difference`].
+    /// `rel_mse`, `rel_mse_trimmed`, `mape` and `flip` of [`Difference`].
     pub rel_mse: f64,
     pub rel_mse_trimmed: f64,
+    pub mape: f64,
     pub flip: f64,
 }
 
 impl Error {
     /// Errors that are not known.
-    pub const UNKNOWN: Self =
-        Self { mean: f64::NAN, median: f64::NAN, rel_mse: f64::NAN, rel_mse_trimmed: f64::NAN, flip: f64::NAN };
+    pub const UNKNOWN: Self = Self {
+        mean: f64::NAN,
+        median: f64::NAN,
+        rel_mse: f64::NAN,
+        rel_mse_trimmed: f64::NAN,
+        mape: f64::NAN,
+        flip: f64::NAN,
+    };
 
     /// The mean of some errors.
     pub fn average(all: &[Self]) -> Self {
@@ -36,6 +43,7 @@ impl Error {
             median: mean(|e| e.median),
             rel_mse: mean(|e| e.rel_mse),
             rel_mse_trimmed: mean(|e| e.rel_mse_trimmed),
+            mape: mean(|e| e.mape),
             flip: mean(|e| e.flip),
         }
     }
@@ -98,6 +106,7 @@ impl Reference {
             median: blocks[blocks.len() / 2],
             rel_mse: difference.rel_mse,
             rel_mse_trimmed: difference.rel_mse_trimmed,
+            mape: difference.mape,
             flip: difference.flip,
         }
     }

@@ -1,4 +1,4 @@
-//! Errors of single late frames, which is what a user sees.
+//! Errors of single frames with a long history: the frames that a user sees.
 
 use bevy::math::UVec2;
 use bevy_restir::{Preset, Restir};
@@ -83,7 +83,7 @@ impl Args {
                 row("relMSE without the worst percent", &[("", Unit::Relative, mean(|d| d.rel_mse_trimmed))]),
                 row("relMSE", &[("", Unit::Relative, mean(|d| d.rel_mse))]),
                 row("MAPE", &[("", Unit::Relative, mean(|d| d.mape))]),
-                row("FLIP", &[("", Unit::Stored, mean(|d| d.flip))]),
+                row("FLIP", &[("", Unit::Plain, mean(|d| d.flip))]),
                 row("black pixels", &[("", Unit::Relative, mean(|d| d.black))]),
                 row("energy", &[("", Unit::Relative, mean(|d| d.rel_mean))]),
                 row("lighting", &[("", Unit::Ms, cost.lighting())]),
@@ -92,7 +92,8 @@ impl Args {
         Ok(Measured { adapter: bench.adapter(), size, rows })
     }
 
-    /// The preset with the number of bounces of the reference, and the variants.  The references know no energy compensation.
+    /// The preset with the number of bounces of the reference, and the variants.  The references are
+    /// without energy compensation.
     fn settings(&self, (scene, name): &Scene) -> Result<Vec<(String, Restir)>, String> {
         let entry = reference_entry(scene.parent().unwrap_or(scene), name)?;
         let bounces = entry["bounces"].as_u64().ok_or("references.json beside it does not name its bounces")? as u32;

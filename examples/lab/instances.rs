@@ -1,6 +1,6 @@
 //! CPU time of a frame by the number of instances: at rest, in motion, and with one more in each frame.
 
-use bevy::{prelude::*, render::renderer::RenderAdapterInfo};
+use bevy::prelude::*;
 use bevy_restir::{RayBackend, Restir, RestirStatistics, Technique};
 use bevy_restir_support::{
     arguments,
@@ -12,6 +12,7 @@ use bevy_restir_support::{
 use std::path::Path;
 
 use crate::{
+    bench::adapter_of,
     output::{Output, header},
     table::{Row, Table, Unit},
 };
@@ -101,11 +102,6 @@ pub fn run(args: &Args) -> Result<(), String> {
     let columns = columns.into_iter().map(|(name, cases)| (name, rows(&cases, &shown))).collect();
     let notes = vec!["Stages below 0.02 ms in every column are left out; the sums contain them.".into()];
     args.output.write(NAME, &Table { header, columns, notes })
-}
-
-fn adapter_of(app: &App) -> String {
-    let info = app.world().resource::<RenderAdapterInfo>();
-    format!("{} ({:?}), driver {} {}", info.name, info.backend, info.driver, info.driver_info)
 }
 
 /// A grid of squares that share this number of meshes and materials, before a camera.

@@ -78,7 +78,7 @@ fn main() -> ExitCode {
         Err(code) => return code,
     };
     headless::quiet_drivers();
-    // The commit is that of the beginning.
+    // Reads the commit now: it may change during a long run.
     output::commit();
     panics::record();
     let result = panics::caught(|| run(&args.command)).and_then(|result| result);

@@ -57,7 +57,7 @@ const END: f32 = 0.1;
 /// Ages up to this one have rows of their own, frames.
 const LAST_AGE: usize = 10;
 
-/// What moves.
+/// Kind of motion.
 #[derive(Clone, Copy, Debug)]
 enum Motion {
     Turn,
@@ -136,9 +136,9 @@ impl Args {
                 let share = ages.iter().filter(|a| **a == Some(age)).count() as f64 / ages.len() as f64;
                 let errors = runs.iter().map(|pictures| {
                     let errors = pictures.iter().map(|picture| error(picture, reference.pixels(), &ages, age));
-                    ("", Unit::Stored, errors.sum::<f64>() / pictures.len() as f64)
+                    ("", Unit::Plain, errors.sum::<f64>() / pictures.len() as f64)
                 });
-                let figures: Vec<_> = core::iter::once(("", Unit::Stored, share)).chain(errors).collect();
+                let figures: Vec<_> = core::iter::once(("", Unit::Plain, share)).chain(errors).collect();
                 rows.push(Row::new(section.clone(), label(age), &figures));
             }
         }

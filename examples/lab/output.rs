@@ -101,7 +101,7 @@ pub fn commit() -> Option<String> {
 }
 
 fn commit_now() -> Option<String> {
-    /// What a program consists of.
+    /// Files and folders that the programs are built from.
     const SOURCES: [&str; 5] = ["src", "shaders", "examples", "Cargo.toml", "Cargo.lock"];
     let git = |arguments: &[&str]| {
         let output = Command::new("git").args(["-C", env!("CARGO_MANIFEST_DIR")]).args(arguments).output().ok()?;

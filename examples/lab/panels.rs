@@ -37,6 +37,13 @@ pub fn side_by_side<const N: usize>(size: UVec2, panels: [&Picture; N], exposure
     Image::new(extent, TextureDimension::D2, bytes, TextureFormat::Rgba8UnormSrgb, RenderAssetUsages::MAIN_WORLD)
 }
 
+/// A picture beside four times its error, exposed by the converged picture.
+pub fn with_error(size: UVec2, picture: &Picture, truth: &Picture) -> Image {
+    let error: Picture =
+        picture.iter().zip(truth).map(|(p, t)| core::array::from_fn(|i| 4.0 * (p[i] - t[i]).abs())).collect();
+    side_by_side(size, [picture, &error], exposure_for(size, truth), 1)
+}
+
 /// A channel of a pixel on an sRGB screen: linear in the dark, saturating smoothly.
 fn tonemapped(channel: f64) -> u8 {
     let linear = 1.0 - (-1.2 * channel.max(0.0)).exp();

@@ -222,9 +222,9 @@ impl Plant {
             .map_err(|e| e.to_string());
         let _ = std::fs::remove_dir_all(&folder);
         let output = output?;
-        let (told, error) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
+        let (printed, error) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
         // An edit that cannot be made or compiled is not found by a check.
-        if told.contains("panicked") || error.contains("panicked") || told.contains("not ready") {
+        if printed.contains("panicked") || error.contains("panicked") || printed.contains("not ready") {
             return Err(format!("{}: the fault could not be planted: {}", self.name, error.trim()));
         }
         Ok(error.contains("checks of the soak fail") || error.contains("cases fail"))

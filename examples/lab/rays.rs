@@ -5,7 +5,7 @@ use bevy::{
     prelude::*,
     render::{
         render_resource::BufferUsages,
-        renderer::{RenderAdapterInfo, RenderDevice, RenderQueue, WgpuWrapper},
+        renderer::{RenderDevice, RenderQueue, WgpuWrapper},
     },
 };
 use bevy_restir::{
@@ -30,6 +30,7 @@ use bevy_restir_support::{
 use std::{path::Path, sync::Arc, time::Instant};
 
 use crate::{
+    bench::adapter_of,
     output::{Output, provenance},
     table::{Row, Table, Unit},
 };
@@ -230,7 +231,7 @@ fn builds(args: &Args, gpu: &Gpu, hardware: bool, large: &Scene, small: &Scene) 
     };
     let built =
         if hardware { hardware_builds(args, gpu, large, small, moved) } else { software_builds(args, small, moved) };
-    // The first two builds allocate what the others reuse.
+    // The first two builds allocate the buffers that the others reuse.
     let ms = |all: &[f64]| median(&all[2..]) * 1e3;
     vec![
         Row::new(
@@ -339,8 +340,7 @@ struct Turns;
 /// Frame times of an app, Bevy's share included, and uploaded bytes: first with instances at rest, then with all of them moving.
 fn in_an_app(args: &Args, backend: RayBackend, adapter: &mut String) -> Result<Vec<Row>, String> {
     let mut app = headless::app(Path::new("."), backend)?;
-    let info = app.world().resource::<RenderAdapterInfo>();
-    *adapter = format!("{} ({:?}), driver {} {}", info.name, info.backend, info.driver, info.driver_info);
+    *adapter = adapter_of(&app);
     let world = app.world_mut();
     let mesh = world.resource_mut::<Assets<Mesh>>().add(Cuboid::new(0.02, 0.03, 0.04).mesh().build());
     let material = world.resource_mut::<Assets<StandardMaterial>>().add(Color::WHITE);

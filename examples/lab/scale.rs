@@ -36,7 +36,7 @@ pub struct Args {
     size: UVec2,
     #[command(flatten)]
     counts: Counts,
-    /// Numbers of emissive triangles, even.
+    /// Numbers of emissive triangles: even, from 2 to 10,000,000.
     #[arg(long, value_delimiter = ',', default_value = "2,100,10000,1000000", value_parser = even)]
     lights: Vec<u32>,
 }
@@ -45,7 +45,7 @@ fn even(text: &str) -> Result<u32, String> {
     text.parse()
         .ok()
         .filter(|n| (2..=10_000_000).contains(n) && n % 2 == 0)
-        .ok_or("expected even numbers from 2 on".into())
+        .ok_or("expected even numbers from 2 to 10000000".into())
 }
 
 /// Measurements with one number of lights.
@@ -67,8 +67,8 @@ pub fn run(args: &Args) -> Result<(), String> {
     let (mut bench, at) = match &args.scene {
         Some(path) => {
             let scene = scenes(core::slice::from_ref(path))?.remove(0);
-            let told = |error| format!("{}: {error}", scene.1);
-            let mut bench = Bench::of_scene(&scene, args.size, series::default(), &args.counts).map_err(told)?;
+            let in_scene = |error| format!("{}: {error}", scene.1);
+            let mut bench = Bench::of_scene(&scene, args.size, series::default(), &args.counts).map_err(in_scene)?;
             let at = above(bench.app().world_mut());
             (bench, at)
         }
@@ -111,7 +111,7 @@ pub fn run(args: &Args) -> Result<(), String> {
     args.output.write("scale", &table(args, bench.adapter(), &room, &all))
 }
 
-/// What is there without the panel, and where the panel hangs.
+/// The scene without the panel of lights, and the place of the panel.
 struct Room {
     triangles: u64,
     lights: u64,

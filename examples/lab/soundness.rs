@@ -68,14 +68,14 @@ impl Watchdog {
         this
     }
 
-    /// Names what runs now.
+    /// Names the present subject, for the message of a hang.
     pub fn watch(&self, subject: impl Into<String>) {
         *self.subject.lock().unwrap_or_else(PoisonError::into_inner) = subject.into();
         beat();
     }
 }
 
-/// What a failure is, without its numbers: two failures of one kind have one cause, as far as a message can tell.
+/// The text of a failure up to its first digit: two failures with the same text probably have the same cause.
 pub fn kind(failure: &str) -> &str {
     failure.split(|c: char| c.is_ascii_digit()).next().unwrap_or_default()
 }

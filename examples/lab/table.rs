@@ -22,8 +22,8 @@ pub enum Unit {
     Ratio,
     /// A difference relative to the reference.
     Relative,
-    /// The values of a picture file: radiance times exposure.
-    Stored,
+    /// A number without a unit.
+    Plain,
     BytesAPixel,
     MiB,
     Bytes,
@@ -35,7 +35,7 @@ pub enum Unit {
 impl Unit {
     fn name(self) -> &'static str {
         match self {
-            Self::Count | Self::Stored => "",
+            Self::Count | Self::Plain => "",
             Self::Radiance => "cd/m²",
             Self::Ms => "ms",
             Self::Mse => "MSE",

@@ -38,7 +38,7 @@ pub enum Shape {
     Square,
     /// Triangles without any order, each corner on its own.
     Soup(Vec<[f32; 3]>),
-    /// A tube with a skin, whose joints stand here.
+    /// A tube with a skin, and the transforms of its joints.
     Tube(Vec<Transform>),
     /// A square with two morph targets, and their weights.
     Sheet([f32; 2]),
@@ -108,7 +108,7 @@ fn spawn_object(world: &mut World, shape: &Shape, material: StandardMaterial, at
     object
 }
 
-/// Removes what [`spawn`] has spawned, with the joints of its skin, if it is still there.
+/// Despawns an object of [`spawn`] and the joints of its skin, if it still exists.
 pub fn despawn(world: &mut World, thing: Entity) {
     let joints = world.get::<SkinnedMesh>(thing).map(|skin| skin.joints.clone());
     for entity in joints.into_iter().flatten().chain([thing]) {

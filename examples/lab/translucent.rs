@@ -102,13 +102,14 @@ fn rivals(args: &Args) -> Result<Vec<Rival>, String> {
         name: "Candidates without reuse".into(),
         settings: with(SubsurfaceSampling { reuse: alone, ..default.clone() }),
     }];
-    for (name, shift) in [
-        ("Reconnection", SubsurfaceShift::Reconnection),
-        ("Delayed reconnection", SubsurfaceShift::Delayed),
-        ("Hybrid", SubsurfaceShift::Hybrid),
-        ("Sequential", SubsurfaceShift::Sequential),
+    let two_and_two = Reuse { spatial_iterations: 2, spatial_samples: 2, ..default.reuse.clone() };
+    for (name, shift, reuse) in [
+        ("Reconnection", SubsurfaceShift::Reconnection, &default.reuse),
+        ("Delayed reconnection", SubsurfaceShift::Delayed, &default.reuse),
+        ("Hybrid", SubsurfaceShift::Hybrid, &default.reuse),
+        ("Sequential, two iterations of two neighbors", SubsurfaceShift::Sequential, &two_and_two),
     ] {
-        let settings = with(SubsurfaceSampling { shift, ..default.clone() });
+        let settings = with(SubsurfaceSampling { shift, reuse: reuse.clone(), ..default.clone() });
         rivals.push(Rival { name: name.into(), settings });
     }
     Ok(rivals)

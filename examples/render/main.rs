@@ -140,7 +140,7 @@ fn fits(app: &mut App, wanted: UVec2) -> Result<(), String> {
     }
 }
 
-/// The settings with as many samples as fit into the GPU time, which the camera has from then on, and the step of [`Restir::reduced`].
+/// Gives the camera settings with as many samples as fit into the GPU time. Returns them and their step of [`Restir::reduced`].
 fn within_budget(app: &mut App, gpu_ms: f32, settings: Restir) -> Result<(Restir, u32), String> {
     /// Frames without a change after which the number of samples is final.
     const STEADY: u32 = 40;
@@ -167,7 +167,7 @@ fn within_budget(app: &mut App, gpu_ms: f32, settings: Restir) -> Result<(Restir
     app.world_mut().remove_resource::<RestirBudget>();
     let took = times.frame();
     if settings.reduced(step) == settings.reduced(step + 1) && took > f64::from(gpu_ms) {
-        warn!("restir: no more samples can be taken away, and a frame takes {took:.3} ms of the GPU, not {gpu_ms}");
+        warn!("restir: even with the fewest samples a frame takes {took:.3} ms of GPU time; the budget is {gpu_ms} ms");
     }
     let settings = settings.reduced(step);
     let camera = app.world().resource::<View>().camera;

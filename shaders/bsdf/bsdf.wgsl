@@ -21,7 +21,7 @@ struct Directions {
     wi: vec3<f32>,
     local_wo: vec3<f32>,
     local_wi: vec3<f32>,
-    same_side: bool,           // wo is above n and n_geo, and wi is above both or below both; lobes of the base are 0 otherwise
+    has_valid_sides: bool,           // wo is above n and n_geo, and wi is above both or below both; lobes of the base are 0 otherwise
 }
 
 // f·|n·wi| of all lobes except deltas.
@@ -31,7 +31,7 @@ fn bsdf_eval(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> vec3<f32> {
 
 fn lobes_eval(b: Bsdf, p: Directions) -> vec3<f32> {
     var f = vec3<f32>(0.0);
-    if p.same_side {
+    if p.has_valid_sides {
         f = base_eval(b, p, LOBE_DIFFUSE) + base_eval(b, p, LOBE_REFLECTION) + base_eval(b, p, LOBE_TRANSMISSION);
     }
     return (1.0 - coat_share(b, p.wo)) * f + lobe_eval(b, p, LOBE_COAT);
@@ -46,7 +46,7 @@ fn bsdf_pdf(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> f32 {
 fn lobe_pdfs(b: Bsdf, p: Directions) -> vec4<f32> {
     let choice = lobe_choice(b, p.wo, p.local_wo.z);
     var pdf = vec3<f32>(0.0);
-    if p.same_side {
+    if p.has_valid_sides {
         pdf = vec3<f32>(
             base_pdf(b, p, LOBE_DIFFUSE, choice.specular),
             base_pdf(b, p, LOBE_REFLECTION, choice.specular),
@@ -207,15 +207,15 @@ fn directions_of(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> Directions {
     let frame = frame_of(b);
     let i = wi * frame;
     let o = wo * frame;
-    let same_side = o.z > 0.0 && dot(wo, b.n_geo) > 0.0 && i.z * dot(wi, b.n_geo) > 0.0;
-    return Directions(wo, wi, o, i, same_side);
+    let has_valid_sides = o.z > 0.0 && dot(wo, b.n_geo) > 0.0 && i.z * dot(wi, b.n_geo) > 0.0;
+    return Directions(wo, wi, o, i, has_valid_sides);
 }
 
 fn lobe_eval(b: Bsdf, p: Directions, lobe: u32) -> vec3<f32> {
     if lobe == LOBE_COAT {
         return vec3<f32>(select(0.0, coat_eval(b, p.wo, p.wi), coat_is_rough(b)));
     }
-    if !p.same_side {
+    if !p.has_valid_sides {
         return vec3<f32>(0.0);
     }
     return (1.0 - coat_share(b, p.wo)) * base_eval(b, p, lobe);

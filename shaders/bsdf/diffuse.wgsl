@@ -19,7 +19,7 @@ fn diffuse_eval(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> vec3<f32> {
         return vec3<f32>(0.0);
     }
     let c = dot(wo, normalize(wo + vec3<f32>(wi.xy, abs(wi.z))));
-    return of_surface(b, wi.z, diffuse_base(b) * (1.0 - schlick(b.dielectric_reflectance, c)) * (share * abs(wi.z) * INV_PI));
+    return surface_part(b, wi.z, diffuse_base(b) * (1.0 - schlick(b.dielectric_reflectance, c)) * (share * abs(wi.z) * INV_PI));
 }
 
 // Density of wi, solid angle, given the lobe.
@@ -61,7 +61,7 @@ fn diffuse_albedo(b: Bsdf) -> vec3<f32> {
 
 // The part of a diffuse value that does not scatter below the surface.  At a point where light enters a body, it crosses the interface of
 // the body; on all other surfaces `entry_reflectance` is 0.
-fn of_surface(b: Bsdf, z: f32, value: vec3<f32>) -> vec3<f32> {
+fn surface_part(b: Bsdf, z: f32, value: vec3<f32>) -> vec3<f32> {
     let stays = select(vec3<f32>(1.0), 1.0 - b.subsurface, z > 0.0);
     return value * stays * (1.0 - schlick(b.entry_reflectance, abs(z)));
 }
@@ -77,7 +77,7 @@ fn diffuse_albedo(b: Bsdf) -> vec3<f32> {
     return diffuse_base(b);
 }
 
-fn of_surface(b: Bsdf, z: f32, value: vec3<f32>) -> vec3<f32> {
+fn surface_part(b: Bsdf, z: f32, value: vec3<f32>) -> vec3<f32> {
     return value;
 }
 

@@ -3,19 +3,21 @@
 #define_import_path bevy_restir::common::rng
 
 struct Rng {
-    pixel: u32,      // y << 16 | x
+    pixel: u32,      // y << 16 | x; for paths and light sub-paths, their seed or index
     frame: u32,
     stream: u32,     // STREAM_*, mixed with the user's seed by `rng_new`
     dimension: u32,  // of the next number
 }
 
-// Streams: no two uses of random numbers share one.
+// Streams: no two uses share numbers.  Each has streams of its own, except that the uses of STREAM_SPLATS differ in dimensions.
 const STREAM_ALPHA: u32 = 2u;
 const STREAM_REFERENCE: u32 = 3u;
 const STREAM_PRESAMPLE: u32 = 4u;
 const STREAM_DI_CANDIDATES: u32 = 5u;
-// Stream of the first iteration of reuse; the next iterations, at most four, use the next streams.
+// Stream of the first iteration of reuse in the first domain of a technique; the next iterations, at most four, use the next streams.
 const STREAM_REUSE: u32 = 6u;
+// Distance between the streams of reuse of one domain and those of the next one: more than all other streams.
+const STREAMS_PER_DOMAIN: u32 = 32u;
 // Numbers that generate paths, and replay them.
 const STREAM_PATH: u32 = 16u;
 // Numbers that select among the paths of a pixel.
@@ -29,7 +31,7 @@ const STREAM_CONNECTIONS: u32 = 20u;
 const STREAM_SPLATS: u32 = 21u;
 // Probes of paths, and whether a path takes one.
 const STREAM_PATH_PROBES: u32 = 22u;
-// Pairs of the first iteration of reuse; the next iterations, at most four, use the next streams.
+// Pairs of the first iteration of reuse; the next iterations, at most four, use the next streams.  One domain of a technique makes pairs.
 const STREAM_PAIRS: u32 = 23u;
 
 fn pcg4d(seed: vec4<u32>) -> vec4<u32> {

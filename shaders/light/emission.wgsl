@@ -83,8 +83,8 @@ fn past_tolerance(ray: EmittedRay, previous: bool) -> EmittedRay {
     return r;
 }
 
-// Distance at which rays of a sphere or a rectangle start.  In a large scene the size of the light limits it, so that rays do not leave its
-// housing.
+// Distance from a sphere or a rectangle at which its rays start.  In a large scene the size of the light limits it, so that rays do not
+// start outside of the lamp's housing.
 fn start_of_rays(light: u32, scene_radius: f32) -> f32 {
     // The radius of a sphere, or half the width of a rectangle.
     let extent = bitcast<f32>(lights[light].data.x);
@@ -99,8 +99,8 @@ fn is_at_infinity(light: u32) -> bool {
     return kind == LIGHT_DIRECTIONAL || kind == LIGHT_SUN;
 }
 
-// Density with which a light emits rays that arrive at the receiver of a light sample, given the point (or direction) on the light, for each
-// unit of area perpendicular to the ray.
+// Density, for each unit of area perpendicular to the ray, with which a light emits rays from the point (or the direction) of a light
+// sample to its receiver.  0 if the receiver is nearer than the start of these rays (`start_of_rays`).
 fn emission_density(l: LightSample) -> f32 {
     if l.light == NONE {
         return 0.0;
@@ -124,7 +124,7 @@ fn emission_density(l: LightSample) -> f32 {
     }
 }
 
-// Density with which next-event estimation at a point samples the origin of a ray that arrives there, over that of light paths.
+// Density with which next-event estimation at a point samples the origin of a ray that arrives there, divided by that of light paths.
 fn nee_pdf_scale(ray: EmittedRay, at: vec3<f32>) -> f32 {
     if ray.light != ENVIRONMENT_LIGHT && light_kind(ray.light) == LIGHT_SPHERE {
         return sphere_pdf_scale(ray, at);

@@ -19,7 +19,8 @@
 
 struct LightPoint {
     light: u32,                // id in the table, ENVIRONMENT_LIGHT or NONE
-    coordinates: u32,          // triangle, rectangle, disk of a sun: 2 x unorm16; sphere (normal), environment (direction in its frame): octahedral
+    coordinates: u32,          // triangle, rectangle, disk of a sun: 2 x unorm16; octahedral: normal of a sphere, direction in the
+                               // frame of the environment
 }
 
 fn no_light_point() -> LightPoint {

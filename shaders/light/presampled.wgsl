@@ -20,7 +20,7 @@ struct PresampledLight {
     coordinates: u32,
     radiance_scale: f32,       // largest component of the radiance
     color: u32,                // components over the largest one, 3 x 10 bits; PRESAMPLED_*
-    pmf: f32,                  // probability of the light; 0: no sample; STOPPED: by the guards in `coordinates`
+    pmf: f32,                  // probability of the light; 0: no sample; STOPPED: dropped by the guards whose bits `coordinates` holds
     opacity: f32,              // probability that the alpha test keeps the surface at the point
 }
 

@@ -18,7 +18,7 @@ struct Copy {
 @group(0) @binding(1) var source: texture_2d<f32>;
 @group(0) @binding(2) var target_page: texture_storage_2d_array<rgba8unorm, write>;
 
-// How much texel i of n covers of texel j of m, in units of 1/n of the latter.
+// Overlap of texel i of n and texel j of m, which divide the same length, in units of 1/(n m) of that length.
 fn overlap(i: u32, n: u32, j: u32, m: u32) -> f32 {
     return f32(min((i + 1u) * m, (j + 1u) * n) - max(i * m, j * n));
 }

@@ -1,5 +1,5 @@
 // Debug views of the primary surfaces, without exposure: false colors of ids from the rasterizer or a traced ray, depth, motion, normals
-// and base color.
+// and base color.  All other views are black: the technique or the scene has nothing to show in them.
 
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::scene::offset::surface_point
@@ -60,8 +60,10 @@ fn debug(@builtin(global_invocation_id) id: vec3<u32>) {
             case DEBUG_NORMALS: {
                 color = 0.5 + 0.5 * s.bsdf.n;
             }
-            default: {
+            case DEBUG_ALBEDO: {
                 color = s.bsdf.base_color;
+            }
+            default: {
             }
         }
     } else if view.debug_view == DEBUG_MOTION {

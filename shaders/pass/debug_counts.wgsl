@@ -1,4 +1,4 @@
-// Debug views of what the passes of this frame counted for each pixel: the number of rays, summed up while frames are accumulated, or, with
+// Debug views of the counts of this frame, for each pixel: the number of rays, summed up while frames are accumulated, or, with
 // SHOWS_GUARDS, a color for the set of guards that were raised.
 
 #import bevy_restir::view::bindings::{counts, LAYER_GUARDS, LAYER_RAYS, view}

@@ -7,6 +7,7 @@
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::restir::shift::shifted_path::{SHIFT_OCCLUDED, SHIFT_OK}
 #import bevy_restir::view::bindings::{view, visibility}
+#import bevy_restir::view::debug_shift::shift_destination
 #import bevy_restir::view::false_color::false_color
 
 @group(2) @binding(1) var<storage, read> reservoirs: array<PackedReservoir>;
@@ -21,9 +22,6 @@ const DEBUG_PATH_CONFIDENCE: u32 = 18u;
 const DEBUG_PATH_AGES: u32 = 19u;
 const DEBUG_PATH_SHIFTS: u32 = 20u;
 const DEBUG_PATH_TECHNIQUES: u32 = 24u;
-
-// The views show the shift of a path by this many pixels to the right.
-const SHIFT_DISTANCE: u32 = 8u;
 
 @compute @workgroup_size(8, 8)
 fn debug_paths(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -71,7 +69,7 @@ fn path_view(r: Reservoir, pixel: vec2<u32>) -> vec3<f32> {
 
 // The shift of the path to another pixel: its Jacobian; or white if it succeeds, and otherwise a false color for the reason.
 fn shift_view(r: Reservoir, pixel: vec2<u32>) -> vec3<f32> {
-    let at = vec2<u32>(min(pixel.x + SHIFT_DISTANCE, view.size.x - 1u), pixel.y);
+    let at = shift_destination(pixel);
     let ids = textureLoad(visibility, at, 0).xy;
     if ids.x == NONE {
         return vec3<f32>(0.0);

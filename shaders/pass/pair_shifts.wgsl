@@ -21,7 +21,7 @@ const NO_ALPHA_SEED: u32 = 0u;
 const QUEUE_COUNT: u32 = 3u;
 const QUEUE_HEADER: u32 = 4u;
 const QUEUE_THREADS: u32 = 64u;
-// Least number of workgroups in a dimension that every device accepts.
+// Greatest number of workgroups in a dimension that every device accepts.
 const MAX_WORKGROUPS: u32 = 65535u;
 const COORDINATE_BITS: u32 = 16u;
 

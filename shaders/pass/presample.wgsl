@@ -17,7 +17,7 @@ fn presample(@builtin(global_invocation_id) id: vec3<u32>) {
     var rng = rng_new(id.xy, view.frame, STREAM_PRESAMPLE, view.seed);
     var u = rng_4(&rng);
     // The first number chooses a bin of the table of lights.  It is stratified, so that each subset has its share of every light.  A pixel
-    // draws entries uniformly, so that the density of a candidate is that of independent entries: no bias.  It must stay below 1.
+    // draws entries uniformly, so that the density of a candidate is that of independent entries: no bias.  The number must stay below 1.
     u.x = min((f32(id.x) + u.x) / f32(settings.subset_size), 0x1.fffffep-1);
     subsets[id.y * settings.subset_size + id.x] = presample_light(u);
 }

@@ -17,7 +17,7 @@
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::guard::{GUARD_CONTRIBUTION_WEIGHT, GUARD_TARGET, guarded}
 #import bevy_restir::common::math::luminance
-#import bevy_restir::common::rng::{Rng, rng_1, rng_2, rng_bits, rng_new, STREAM_REUSE}
+#import bevy_restir::common::rng::{Rng, rng_1, rng_2, rng_bits, rng_new, STREAM_REUSE, STREAMS_PER_DOMAIN}
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::mis::{MAX_INPUTS, mis_needs_target, mis_weight, MisInputs}
 #import bevy_restir::restir::neighbors::{has, neighbor_ids, OwnPlace, ring_offset}
@@ -266,8 +266,8 @@ fn next_to_evaluate(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>
     return (*mis).count;
 }
 
-// Whether the only neighbor is the pixel itself in a last frame that was the same.  The shift is then the identity: both domains have the
-// same targets, and a sample that the last frame stored is visible.
+// Whether the only neighbor is the pixel itself in the last frame, and nothing has changed since.  The shift is then the identity: both
+// domains have the same targets, and a sample that the last frame stored is visible.
 fn is_same_pixel(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>) -> bool {
     return has(RESAMPLE_SAME_RAYS) && (*mis).count == 2u && all((*inputs).pixels[1] == (*inputs).pixels[0]);
 }
@@ -371,7 +371,8 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
         store_nothing(pixel, index);
         return;
     }
-    var rng = rng_new(pixel, view.frame, STREAM_REUSE + settings.iteration, view.seed);
+    let random_stream = STREAM_REUSE + settings.domain * STREAMS_PER_DOMAIN + settings.iteration;
+    var rng = rng_new(pixel, view.frame, random_stream, view.seed);
     let alpha_seed = rng_bits(&rng).x;
     var inputs: Inputs;
     var mis: MisInputs;
@@ -419,8 +420,8 @@ fn shown_contribution(inputs: ptr<function, Inputs>, j: u32, r: Receiver) -> vec
     if !has(RESAMPLE_SHADE) || !any(contribution > vec3<f32>(0.0)) {
         return vec3<f32>(0.0);
     }
-    let handed_on = textureLoad(own_contribution, (*inputs).pixels[0], 0).a;
-    return shown_share(diffuse_share(r, sample_of(inputs, j, true), handed_on)) * contribution;
+    let packed_splat_share = textureLoad(own_contribution, (*inputs).pixels[0], 0).a;
+    return shown_share(diffuse_share(r, sample_of(inputs, j, true), packed_splat_share)) * contribution;
 }
 #else
 fn shown_contribution(inputs: ptr<function, Inputs>, j: u32, r: Receiver) -> vec3<f32> {

@@ -48,8 +48,8 @@ fn splats(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     // The candidates of a pixel count as one sample, however many of them land in it.
     r.confidence = 1.0;
-    // The color is that of all splats; its luminance is that of the chosen one.  Where something changed, MIS weights differ between the
-    // splats of a pixel, and a weight holds for the color of its own splat only.
+    // The color of all splats, scaled to the luminance of the chosen one.  Where something changed, MIS weights differ between the splats
+    // of a pixel, and a weight holds for the color of its own splat only.
     let color = select(landed.sum / max(r.ucw, 1.0e-37), r.f, has_changed());
     let contribution = select(vec3<f32>(0.0), color, r.ucw > 0.0 && is_finite_3(color));
     reservoirs[reservoir_index(pixel, view.size, settings.reservoir_layout)] = reservoir_pack(r);

@@ -12,7 +12,7 @@
 // Ratios of the densities of other techniques to that of this sub-path.  On a ray they lack the factors of the vertex where it arrives.
 struct MisState {
     last: f32,                 // of the technique that joins the sub-paths at the last edge
-    earlier: f32,              // sum over the techniques that join them at earlier edges, over the density of the reverse direction here
+    earlier: f32,              // sum over the techniques that join them earlier, divided by the density of the reverse direction here
 }
 
 // The camera ray before it arrives at x1.  `camera_density`: samples of a pixel for each unit of area perpendicular to the ray, at x1.
@@ -20,9 +20,9 @@ fn mis_camera_start(splats: f32, camera_density: f32) -> MisState {
     return MisState(splats / camera_density, 0.0);
 }
 
-// The ray of a light sub-path before it arrives at y1, for y1 at the distance 1.  The densities are those of the light's point as y1 sees
-// it: `nee_density` and `light_density` with which next-event estimation and light sub-paths sample it, in solid angle; a delta light has
-// their ratio only.  `emission_density`: of rays of the light at y1, for each unit of perpendicular area.
+// The ray of a light sub-path before it arrives at y1.  All densities already hold at y1, so that `mis_arrive` gets the distance 1.
+// `nee_density`, `light_density`: with which next-event estimation and light sub-paths sample the light's point, in solid angle about y1;
+// a delta light has their ratio only.  `emission_density`: of the light's rays at y1, for each unit of perpendicular area.
 fn mis_light_start(nee_density: f32, light_density: f32, emission_density: f32, is_delta: bool) -> MisState {
     return MisState(nee_density / (light_density * emission_density), select(1.0 / (light_density * emission_density), 0.0, is_delta));
 }

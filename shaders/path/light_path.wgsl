@@ -16,15 +16,13 @@
 #import bevy_restir::light::select::light_select
 #import bevy_restir::path::bidirectional_mis::{mis_arrive, mis_light_start, mis_scatter, mis_scatter_delta, MisState}
 #import bevy_restir::path::medium::{medium_towards, transmittance}
+#import bevy_restir::path::roulette::{ROULETTE_FROM, survival_probability}
 #import bevy_restir::scene::cone::Cone
 #import bevy_restir::scene::lobes::lobes_towards
 #import bevy_restir::scene::offset::offset_point
 #import bevy_restir::scene::subsurface::subsurface_at
 #import bevy_restir::scene::surface::{Surface, surface_at}
-#import bevy_restir::trace::trace::trace_closest_of
-
-// Russian roulette starts at this scattering event.
-const ROULETTE_FROM: u32 = 3u;
+#import bevy_restir::trace::trace::trace_closest_in_frame
 
 // The newest vertex of a light sub-path.
 struct LightWalk {
@@ -78,7 +76,7 @@ fn begin_light_path(light: u32, rng: ptr<function, Rng>, previous: bool) -> Ligh
     if ray.light == NONE {
         return w;
     }
-    w.hit = trace_closest_of(Ray(ray.origin, ray.t_min, ray.direction, FAR), alpha_seed, previous);
+    w.hit = trace_closest_in_frame(Ray(ray.origin, ray.t_min, ray.direction, FAR), alpha_seed, previous);
     if w.hit.instance == NONE {
         return w;
     }
@@ -146,7 +144,7 @@ fn advance_light_path(walk: LightWalk, rng: ptr<function, Rng>, previous: bool) 
 
     // Russian roulette.
     if walk.events >= ROULETTE_FROM {
-        let q = min(max_component(w.throughput) / walk.start_power, 0.95);
+        let q = survival_probability(w.throughput, 1.0 / walk.start_power);
         if !(u < q) {
             return w;
         }
@@ -154,7 +152,7 @@ fn advance_light_path(walk: LightWalk, rng: ptr<function, Rng>, previous: bool) 
     }
 
     w = with_medium_behind(w, b.wi);
-    w.hit = trace_closest_of(Ray(offset_point(s.position, s.bsdf.n_geo, b.wi, s.offset), 0.0, b.wi, FAR), alpha_seed, previous);
+    w.hit = trace_closest_in_frame(Ray(offset_point(s.position, s.bsdf.n_geo, b.wi, s.offset), 0.0, b.wi, FAR), alpha_seed, previous);
     if w.hit.instance == NONE {
         return w;
     }
@@ -165,9 +163,9 @@ fn advance_light_path(walk: LightWalk, rng: ptr<function, Rng>, previous: bool) 
     return w;
 }
 
-// Value of a delta lobe over its probability and the geometric cosine of the new direction.  The sample `b` was drawn from the light's side,
-// so two of its factors are corrected: the scaling of radiance by the index of refraction is undone, because a light sub-path carries power,
-// and the share of the coat is that of the camera's side.
+// Value of a delta lobe, divided by its probability and by the geometric cosine of the new direction.  The sample `b` was drawn from the
+// light's side, so two of its factors are corrected: the scaling of radiance by the index of refraction is undone, because a light sub-path
+// carries power, and the share of the coat is that of the camera's side.
 fn delta_value(s: Surface, out: Surface, towards_light: vec3<f32>, b: BsdfSample) -> vec3<f32> {
     var n = s.bsdf.n;
     var value = b.weight * (b.eta * b.eta);

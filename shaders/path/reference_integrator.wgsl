@@ -17,6 +17,7 @@
 #import bevy_restir::light::select::{environment_pmf, light_pmf, light_select}
 #import bevy_restir::path::medium::{medium_towards, transmittance}
 #import bevy_restir::path::nee::emitter_nee_pdf
+#import bevy_restir::path::roulette::{ROULETTE_FROM, survival_probability}
 #import bevy_restir::path::shadow_ray::light_is_visible
 #import bevy_restir::scene::cone::{cone_after, cone_along}
 #import bevy_restir::scene::offset::offset_point
@@ -28,9 +29,6 @@
 #ifdef SUBSURFACE
 #import bevy_restir::subsurface::entry::{exit_factor, sample_entry, scatters_below, subsurface_probability}
 #endif
-
-// Russian roulette starts at this scattering event.
-const ROULETTE_FROM: u32 = 3u;
 
 // Number of bounces of this invocation's path, for a debug view.
 var<private> bounces_taken: u32;
@@ -163,7 +161,7 @@ fn environment_weight(direction: vec3<f32>, pdf: f32) -> f32 {
 
 // Russian roulette.
 fn survives_roulette(throughput: ptr<function, vec3<f32>>, eta_scale: f32, rng: ptr<function, Rng>) -> bool {
-    let q = min(max_component(*throughput) * eta_scale, 0.95);
+    let q = survival_probability(*throughput, eta_scale);
     if !(rng_1(rng) < q) {
         return false;
     }

@@ -91,7 +91,7 @@ fn rivals_of_hit(s: CameraState, l: LightSample, by_delta: bool, index: u32, cou
         return vec3<f32>(1.0, 0.0, 0.0);
     }
     let nee = guarded_or_infinite(nee_density(l, index, counts), GUARD_LIGHT_SAMPLE);
-    return alone(vec3<f32>(1.0, 0.0, 0.0) + scaled(nee, s.last) + emitted_density(l, select(counts.shares.nee, counts.shares.caustic, by_delta)) * s.earlier);
+    return rivals_unless_alone(vec3<f32>(1.0, 0.0, 0.0) + scaled(nee, s.last) + emitted_density(l, select(counts.shares.nee, counts.shares.caustic, by_delta)) * s.earlier);
 }
 
 // Coefficients of the competitors of NEE of the light sample `l` at the vertex `v` of this index, where the BSDF samples the direction with
@@ -102,16 +102,16 @@ fn rivals_of_nee(s: CameraState, v: Vertex, l: LightSample, pdf: f32, index: u32
         return vec3<f32>(1.0, 0.0, 0.0);
     }
     let hit = select(pdf / nee, 0.0, l.delta != 0u);
-    return alone(vec3<f32>(1.0 + hit, 0.0, 0.0) + found_by_light_paths(s, v, l, nee, counts));
+    return rivals_unless_alone(vec3<f32>(1.0 + hit, 0.0, 0.0) + found_by_light_paths(s, v, l, nee, counts));
 }
 
 // TEST_ALONE: tests use techniques without their weights.
 #ifdef TEST_ALONE
-fn alone(rivals: vec3<f32>) -> vec3<f32> {
+fn rivals_unless_alone(rivals: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(1.0, 0.0, 0.0);
 }
 #else
-fn alone(rivals: vec3<f32>) -> vec3<f32> {
+fn rivals_unless_alone(rivals: vec3<f32>) -> vec3<f32> {
     return rivals;
 }
 #endif

@@ -35,9 +35,11 @@ fn light_candidate(position: vec3<f32>, subset: u32, rng: ptr<function, Rng>) ->
         return Candidate(p, choice.pmf * l.pdf_scale, l, opacity_of(l));
     }
     var s = subsets[subset * settings.subset_size + min(u32(u.x * f32(settings.subset_size)), settings.subset_size - 1u)];
+    // A record without a light holds its guards in place of coordinates.
+    let pmf = presampled_pmf(s);
     s.coordinates = point_by_solid_angle(presampled_point(s), position, u.zw).coordinates;
     let l = presampled_at(s, position);
-    return Candidate(presampled_point(s), presampled_pmf(s) * l.pdf_scale, l, s.opacity);
+    return Candidate(presampled_point(s), pmf * l.pdf_scale, l, s.opacity);
 }
 
 // Probability that the alpha test keeps the surface at the point of a light.

@@ -1,5 +1,8 @@
-// Resampling MIS weights (Lin et al. 2022; Lanz 2025, Eqs. 25-29; Wyman and Panteleev 2021, 4.4) of a canonical sample and its neighbors,
-// from their targets and confidences.  All techniques use them.
+// Resampling MIS weights of a canonical sample and its neighbors, from their targets and confidences.  All techniques use them.  1/|Z| and
+// the balance heuristic are those of Wyman and Panteleev 2021, 4, with confidence (Lanz 2025, Eq. 25).  MIS_PAIRWISE and
+// MIS_DEFENSIVE_PAIRWISE are the pairwise weights with confidence of Wyman et al. 2023, 7.1.3.  MIS_DEFENSIVE_PAIRWISE_GRIS is Eq. 38 of
+// Lin et al. 2022 (Lanz 2025, Eqs. 28-29), where confidence multiplies the targets.  Eqs. 26-27 of Lanz 2025 are none of these: at equal
+// confidence they weight a pair by p_i/(p_i + p_c), where MIS_PAIRWISE has k p_i/(k p_i + p_c).
 //
 // Domain i is the domain of integration of the pixel of input i.  `targets` has, for domain i and sample j, the target of domain i at sample
 // j, shifted there from the canonical domain, times the Jacobian of that shift; 0 if the shift is not defined.  Domain 0 and sample 0 are the

@@ -37,9 +37,9 @@ fn partner_in_slot(pixel: vec2<u32>, slot: u32) -> vec2<u32> {
     return partner_of(pixel, settings.pair_tile_bits, pair_key(view.frame, stream, slot));
 }
 
-// The pair of a pixel in a slot of its mask, `own`.  A mask has at most as many slots as there are layers.  A pixel wants as many neighbors as its settings ask
-// for, and takes the first ones of its slots.  A pair is used if one of its pixels wants the other: so pixels at edges, which have few similar
-// partners, keep those that they have.
+// The pair of a pixel in a slot of its mask, `own`.  A mask has at most as many slots as there are layers.  A pixel wants as many neighbors
+// as its settings ask for, and takes the first ones of its slots.  A pair is used if one of its pixels wants the other: so pixels at edges,
+// which have few similar partners, keep those that they have.
 fn pair_in_slot(pixel: vec2<u32>, own: u32, slot: u32) -> Pair {
     var pair = Pair(vec2<u32>(NONE), 0u, 0u, slot);
     let partner = partner_in_slot(pixel, slot);
@@ -56,9 +56,9 @@ fn pair_in_slot(pixel: vec2<u32>, own: u32, slot: u32) -> Pair {
     return pair;
 }
 
-// The next pair of a pixel, whose mask is `own`; `slots` are the slots that are left, and lose those up to the pair's.  The search is a loop
-// of its own, so that threads that run together find their next pairs first and then do the work on them together, although these pairs are
-// in different slots.
+// The next pair of a pixel, whose mask is `own`.  `slots` are the remaining slots; the call removes those up to the pair's.  The search is
+// a loop of its own, so that threads that run together find their next pairs first and then do the work on them together, although these
+// pairs are in different slots.
 fn next_pair(pixel: vec2<u32>, own: u32, slots: ptr<function, u32>) -> Pair {
     var pair = Pair(vec2<u32>(NONE), 0u, 0u, 0u);
     loop {

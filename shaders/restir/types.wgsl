@@ -23,7 +23,7 @@ struct ResampleSettings {
     iteration: u32,            // of reuse, from 0
     reconnection: u32,         // RECONNECT_*
     roughness: f32,            // least perceptual roughness of a lobe before a reconnection
-    separation: f32,           // the constant c of footprints (Lin et al. 2026, supplement, Eq. 6), or the least distance, m
+    separation: f32,           // the constant c of footprints (Lin et al. 2026, supplement, Eq. 5), or the least distance, m
     jacobian_limit: f32,       // greatest Jacobian of a shift, and reciprocal of the least
     light_paths: u32,          // light sub-paths of a frame
     splats: u32,               // `light_paths`, or 0: the camera does not see their vertices
@@ -32,6 +32,7 @@ struct ResampleSettings {
     subsurface_shift: u32,     // SUBSURFACE_*
     pair_layers: u32,          // shifts that a pixel keeps in paired reuse
     pair_tile_bits: u32,       // tiles of paired reuse have 2^pair_tile_bits pixels a side
+    domain: u32,               // place among the domains of the technique, from 0
 }
 
 // BSDF sampling adds a candidate to those of the lights.
@@ -46,7 +47,7 @@ const RESAMPLE_DISCARD_OCCLUDED: u32 = 8u;
 const RESAMPLE_MIS_RAYS: u32 = 16u;
 // Samples are shaded after a test of their visibility, if their target did not include it.
 const RESAMPLE_SHADING_RAYS: u32 = 32u;
-// The surface itself and near neighbors pass on the visibility of their samples.
+// The visibility of samples is reused: of the same surface in the last frame, and of near neighbors.
 const RESAMPLE_REUSE_VISIBILITY: u32 = 64u;
 // Only neighbors of similar geometry are reused.
 const RESAMPLE_HEURISTICS: u32 = 128u;
@@ -82,7 +83,7 @@ const RESAMPLE_DUAL_MOTION: u32 = 2097152u;
 const RESAMPLE_NO_ROULETTE: u32 = 4194304u;
 // The scene and the camera are those of the last frame.
 const RESAMPLE_STILL: u32 = 8388608u;
-// So are the rays of all pixels: the jitter is the same, too.
+// The scene, the camera and the jitter are those of the last frame, and so are the rays of all pixels.
 const RESAMPLE_SAME_RAYS: u32 = 16777216u;
 
 // Reconnection by the footprints of the densities on both sides (Lin et al. 2026, supplement, 2); by a density in place of the roughness
@@ -92,9 +93,9 @@ const RECONNECT_BLACK_BOX: u32 = 1u;
 const RECONNECT_BLACK_BOX_PRINTED: u32 = 2u;
 const RECONNECT_JACOBIAN_BOUND: u32 = 3u;
 const RECONNECT_PATH_FOOTPRINT: u32 = 4u;
-// By a distance, as all kinds from here on.
+// Reconnection beyond a least distance, as in all kinds from here on.
 const RECONNECT_DISTANCE: u32 = 5u;
-// At the second vertex, beyond a distance.
+// Reconnection at the second vertex only, beyond a least distance.
 const RECONNECT_FIRST: u32 = 6u;
 
 // Shifts of light that enters a body (Werner et al. 2024): the point of entry is kept; its probe is drawn again; one or the other.

@@ -25,7 +25,7 @@
 // Vertex colors: three texels per triangle.
 @group(0) @binding(12) var vertex_colors: texture_2d<f32>;
 // Elements per row, equal to `ELEMENTS_PER_ROW` in src/scene/storage/data_texture.rs.
-const ELEMENTS_A_ROW: u32 = 1024u;
+const ELEMENTS_PER_ROW: u32 = 1024u;
 
 // A view of each image whose texture slot has TEXTURE_BOUND.
 #ifdef BOUND_TEXTURES

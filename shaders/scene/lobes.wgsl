@@ -10,7 +10,7 @@
 
 // Directions of a surface that optional lobes need.
 struct LobeFrame {
-    coat_normal: vec3<f32>,    // normal of the clearcoat, on wo's side
+    coat_normal: vec3<f32>,    // normal of the clearcoat, on wo's side once `with_lobes` gets it; before, the interpolated normal
     tangent: vec3<f32>,        // tangent and bitangent of the mesh
     bitangent: vec3<f32>,
 }

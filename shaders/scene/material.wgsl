@@ -3,7 +3,7 @@
 #define_import_path bevy_restir::scene::material
 
 #import bevy_restir::common::constants::{INSTANCE_SECOND_UV, INSTANCE_VERTEX_COLORS, MATERIAL_FLIP_NORMAL_MAP_Y, SLOT_ANISOTROPY, SLOT_BASE_COLOR, SLOT_CLEARCOAT, SLOT_CLEARCOAT_NORMAL, SLOT_CLEARCOAT_ROUGHNESS, SLOT_DIFFUSE_TRANSMISSION, SLOT_EMISSIVE, SLOT_METALLIC_ROUGHNESS, SLOT_NORMAL, SLOT_SPECULAR, SLOT_SPECULAR_TINT, SLOT_SPECULAR_TRANSMISSION, SLOT_THICKNESS, SLOT_TRANSFORM}
-#import bevy_restir::scene::bindings::{attributes, ELEMENTS_A_ROW, instances, materials, second_uvs, texture_table, vertex_colors}
+#import bevy_restir::scene::bindings::{attributes, ELEMENTS_PER_ROW, instances, materials, second_uvs, texture_table, vertex_colors}
 #import bevy_restir::scene::cone::Cone
 #import bevy_restir::scene::texture::{has_texture, sample_area, sample_texture, TEXTURE_SECOND_UV, TEXTURE_TWO_COMPONENTS, TextureArea}
 #import bevy_restir::scene::triangle::{safe_normalize, WorldTriangle}
@@ -176,7 +176,7 @@ fn interpolate_uv_vector(uvs: CornerUvs, d: vec2<f32>) -> vec2<f32> {
 }
 
 fn table_entry(index: u32) -> vec4<u32> {
-    return textureLoad(texture_table, vec2<u32>(index % ELEMENTS_A_ROW, index / ELEMENTS_A_ROW), 0);
+    return textureLoad(texture_table, vec2<u32>(index % ELEMENTS_PER_ROW, index / ELEMENTS_PER_ROW), 0);
 }
 
 // Index of the first texture slot of a record, which begins with the transform of the texture coordinates if there is one.
@@ -273,7 +273,7 @@ fn second_corner_uvs(instance: u32, triangle: u32) -> CornerUvs {
     if (instances[instance].flags & INSTANCE_SECOND_UV) == 0u {
         return corner_uvs(triangle);
     }
-    let at = vec2<u32>(3u * (triangle % ELEMENTS_A_ROW), triangle / ELEMENTS_A_ROW);
+    let at = vec2<u32>(3u * (triangle % ELEMENTS_PER_ROW), triangle / ELEMENTS_PER_ROW);
     return CornerUvs(
         textureLoad(second_uvs, at, 0).xy,
         textureLoad(second_uvs, at + vec2<u32>(1u, 0u), 0).xy,
@@ -292,7 +292,7 @@ fn vertex_color_at(instance: u32, triangle: u32, b: vec2<f32>) -> vec4<f32> {
     if (instances[instance].flags & INSTANCE_VERTEX_COLORS) == 0u {
         return vec4<f32>(1.0);
     }
-    let at = vec2<u32>(3u * (triangle % ELEMENTS_A_ROW), triangle / ELEMENTS_A_ROW);
+    let at = vec2<u32>(3u * (triangle % ELEMENTS_PER_ROW), triangle / ELEMENTS_PER_ROW);
     if any(at + vec2<u32>(2u, 0u) >= textureDimensions(vertex_colors)) {
         return vec4<f32>(1.0);
     }

@@ -15,8 +15,8 @@ fn surface_point(instance: u32, triangle: u32, barycentrics: vec2<f32>, previous
     return vec4<f32>(object_point(stored, barycentrics), 1.0) * instance_transform(instance, previous);
 }
 
-// Bound on the distance, along the geometric normal, between `surface_point` and the plane of the triangle as a ray that starts there
-// computes it; m.
+// Bound on the distance (m, along the geometric normal) of `surface_point` from the plane of its triangle, with the rounding errors of the
+// intersection test of a ray that starts there.
 fn offset_distance(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
     let v0 = triangles[triangle].a;
     let v1 = triangles[triangle].b;

@@ -54,7 +54,8 @@ struct Instance {
     material: u32,
     first_light: u32,          // light of the first triangle, with the others behind it; NONE if the material does not emit
     flags: u32,                // INSTANCE_*
-    layers: u32,               // sets of render layers: bits 0 to 7, of cameras whose rays hit it; 8 to 15, of cameras that see it directly
+    layers: u32,               // a bit for each set of render layers: 0 to 7, whether rays of its cameras hit it; 8 to 15, whether its
+                               // cameras see it directly
     entity: u32,               // index of the Bevy entity; no shader reads it, it names the instance in a GPU debugger
 }
 

@@ -91,9 +91,9 @@ fn probe_ray(probe: Probe, position: vec3<f32>, frame: mat3x3<f32>, radius: vec3
     let disk = disk_frame(frame, probe.axis);
     let phi = TWO_PI * probe.u_angle;
     let center = position + (x * d) * (cos(phi) * disk[0] + sin(phi) * disk[1]);
-    // No body ends farther than the diameter of the scene, in this frame or the last.  At the end of an enormous line, f32 would have no
-    // precision.
-    let half_length = min(d * sqrt(max(REACH * REACH - x * x, 0.0)), 4.0 * scene.radius);
+    // No body ends farther away than the diameter of the scene, in this frame or the last.  A longer line would only cost the precision of f32.
+    let diameter = 2.0 * max(scene.radius, scene.previous_radius);
+    let half_length = min(d * sqrt(max(REACH * REACH - x * x, 0.0)), diameter);
     let ray = Ray(center + half_length * disk[2], 0.0, -disk[2], 2.0 * half_length);
     return ProbeRay(ray, x < REACH && half_length > 0.0);
 }

@@ -43,6 +43,9 @@ const INTERSECTION_TRIANGLE: u32 = 1u;
 const MAX_CANDIDATES: u32 = 8192u;
 const MAX_ATTEMPTS: u32 = 8u;
 
+// The smallest normal number.  Some devices read smaller ones as 0, so that a query that starts there would find the hit at 0 again.
+const SMALLEST_NORMAL: f32 = 0x1p-126;
+
 // The closest hit, or any hit, now or (`previous`) in the last frame.
 fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
     let miss = Hit(ray.t_max, NONE, NONE, vec2<f32>(0.0));
@@ -108,7 +111,7 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
         if first {
             continue;
         }
-        t_min = bitcast<f32>(bitcast<u32>(max(committed.t, t_min)) + 1u);
+        t_min = max(bitcast<f32>(bitcast<u32>(max(committed.t, t_min)) + 1u), SMALLEST_NORMAL);
         if t_min >= ray.t_max {
             return miss;
         }

@@ -21,7 +21,7 @@ const STACK_SIZE: u32 = 40u;
 // llvmpipe silently ends the loops of a shader after 65,535 iterations in total, so the limit must stay well below that.
 const MAX_STEPS: u32 = 8192u;
 
-// The stack holds the groups of nodes and primitives of both levels that wait.  It is a variable of the module: a variable of a function
+// The stack holds the waiting groups of nodes and primitives, of both levels.  It is a variable of the module: a variable of a function
 // would be filled with zeros for every ray, and an argument would be copied in HLSL, where naga writes a pointer as `inout`.
 var<private> stack: array<vec2<u32>, STACK_SIZE>;
 var<private> depth: u32;
@@ -180,7 +180,7 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
 
 #ifdef SUBSURFACE
 // All hits on one instance, now or (`previous`) in the last frame, by its bottom-level tree alone.  Every hit is wanted,
-// so that hits do not shorten the ray: this function shares the tests of nodes with `traverse`, but not its loop.
+// so hits do not shorten the ray: this function shares the tests of nodes with `traverse`, but not its loop.
 fn traverse_instance(ray: Ray, instance: u32, alpha_seed: u32, previous: bool) -> ProbeHits {
     var hits = no_probe_hits();
     let root = instances[instance].blas_root;

@@ -28,7 +28,7 @@ fn trace_closest(ray: Ray, alpha_seed: u32) -> Hit {
 }
 
 // The closest hit, now or (`previous`) in the last frame.
-fn trace_closest_of(ray: Ray, alpha_seed: u32, previous: bool) -> Hit {
+fn trace_closest_in_frame(ray: Ray, alpha_seed: u32, previous: bool) -> Hit {
     return trace_counted(ray, alpha_seed, false, previous);
 }
 

@@ -42,8 +42,8 @@ fn camera_position(previous: bool) -> vec3<f32> {
 // 1/(2 tan(fov/2)) for Bevy's default field of view, 45 degrees.
 const DISTANCE_FOR_HEIGHT: f32 = 1.2071068;
 
-// Where a point is seen from.  An orthographic camera sees it from afar; for lengths that are relative to the distance, it is as far away as
-// a perspective camera for which the image has the same height.
+// The position from which the camera sees a point.  An orthographic camera has only a direction; its position is set as far away as that of
+// a perspective camera whose image has the same height at the point, for lengths that are relative to the distance.
 fn eye_of(point: vec3<f32>, previous: bool) -> vec3<f32> {
     if (view.flags & VIEW_ORTHOGRAPHIC) == 0u {
         return camera_position(previous);

@@ -1,5 +1,6 @@
-// The part of a pixel's light that is shown.  Debug views (SPLIT_LIGHT) show either the light that the first surface scatters diffusely or all
-// other light that it scatters.  Samples, selections and roulette do not depend on the part, so that the two parts sum to the light of the frame.
+// The part of a pixel's light that is shown.  Debug views (SPLIT_LIGHT) show either the light that the first surface scatters diffusely or
+// all other light that it scatters.  Samples, selections and roulette do not depend on the part, so that the sum of the two parts is the
+// light of the frame.
 #define_import_path bevy_restir::view::light_part
 
 #import bevy_restir::bsdf::types::{Bsdf, BsdfSample}
@@ -13,7 +14,7 @@
 // Equal to the order of `DebugView` in src/settings/debug_view.rs.
 const DEBUG_SPECULAR_LIGHT: u32 = 30u;
 
-// Shown share of light of which the first surface scatters the share `diffuse` diffusely.
+// The share of scattered light that is shown.  `diffuse`: the share that the first surface scatters diffusely.
 fn shown_share(diffuse: vec3<f32>) -> vec3<f32> {
     return select(diffuse, 1.0 - diffuse, view.debug_view == DEBUG_SPECULAR_LIGHT);
 }

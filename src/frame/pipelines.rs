@@ -275,7 +275,7 @@ impl PassPipelines {
         let shader = self.shader("pass/visibility.wgsl");
         let descriptor = visibility::pipeline(shader, used.shader_defs(), cull, self.bindless_layout(used));
         let id = pipelines.queue_render_pipeline(descriptor);
-        let index = self.push(PipelineId::Render(id), "visibility", used & (features | SceneFeatures::TEXTURES));
+        let index = self.push(PipelineId::Render(id), "visibility", used);
         self.visibility.insert((cull, used), index);
         index
     }

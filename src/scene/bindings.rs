@@ -3,6 +3,7 @@
 
 use bevy::{
     ecs::resource::Resource,
+    log::warn_once,
     render::{
         render_resource::{binding_types::*, *},
         renderer::{RenderDevice, RenderQueue},
@@ -14,6 +15,8 @@ use crate::scene::{
     accel::ray_query::{self, AccelerationStructures},
     features::{FeatureMemory, SceneFeatures},
     geometry::draw_list::DrawList,
+    material::directional_albedo,
+    storage::allocation,
     texture::bindless::BindlessTextures,
 };
 
@@ -148,6 +151,20 @@ impl SceneBindings {
         size_of::<GpuSceneUniforms>() as u64
     }
 
+    /// Creates the table for energy compensation if it is missing.  Returns false if the device has no memory for it.
+    pub(crate) fn prepare_specular_albedo(&mut self, device: &RenderDevice, queue: &RenderQueue) -> bool {
+        if self.specular_albedo.is_none() {
+            let create = || directional_albedo::texture(device, queue);
+            match allocation::attempt(device, "specular albedo", create) {
+                Ok(table) => self.specular_albedo = Some(table),
+                Err(error) => warn_once!(
+                    "restir: no memory for the table of energy compensation; Bevy lights all cameras until there is some: {error}"
+                ),
+            }
+        }
+        self.specular_albedo.is_some()
+    }
+
     /// Creates the bind group again if a buffer or a texture was replaced.
     pub(crate) fn bind(
         &mut self,
@@ -179,7 +196,11 @@ impl SceneBindings {
         pipelines: &PipelineCache,
         structures: &AccelerationStructures,
     ) {
-        let Some([current, previous]) = structures.top_levels() else { return };
+        let Some([current, previous]) = structures.top_levels() else {
+            // The group would keep structures alive that were dropped.
+            self.structures = None;
+            return;
+        };
         if self.structures.is_some() && self.structures_revision == structures.revision {
             return;
         }

@@ -73,12 +73,11 @@ pub(super) fn prepare_scene(
     update_materials(&mut scene, &mut pools, &context);
     update_instances_and_lights(&mut scene, changed, &mut pools, &context);
     let mut uploaded = upload(&mut pools, &context);
-    if bindings.specular_albedo.is_none() && scene.energy_compensation {
-        bindings.specular_albedo = Some(directional_albedo::texture(&context.device, &context.queue));
-    }
+    let has_albedo = !scene.energy_compensation || bindings.prepare_specular_albedo(&context.device, &context.queue);
     let running = context.times.measure(Stage::Bindings);
     uploaded += bindings.write_uniforms(&uniforms(&pools), &context.device, &context.queue);
     update_bind_groups(&mut bindings, &mut pools, &context);
+    bindings.lacks_memory |= !has_albedo;
     drop(running);
     let _running = context.times.measure(Stage::Summary);
     summarize(&mut bindings, &pools);
@@ -218,7 +217,8 @@ fn update_bind_groups(bindings: &mut SceneBindings, pools: &mut Pools, context: 
         && materials.gpu.reserve(1, device, queue)
         && lights.gpu.reserve(1, device, queue);
     let fits = bodies.fits && instances.fits && materials.fits && subsurface.fits && lights.fits;
-    bindings.lacks_memory = !(reserved && fits);
+    let has_trees = !instances.top.lacks_memory();
+    bindings.lacks_memory = !(reserved && fits && has_trees);
     let placeholders = bindings.placeholders.get_or_insert_with(|| PlaceholderTextures::new(device)).clone();
     if reserved
         && let (Some(u), Some(n), Some(t), Some(a), Some(i), Some(m), Some(l)) = (

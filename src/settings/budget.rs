@@ -12,7 +12,8 @@ use super::{Restir, Reuse, ReuseOrder, Technique};
 /// history of earlier frames stays.
 ///
 /// The limit is kept on average over some frames, and only as far as the number of samples can keep it: bounces, technique and resolution
-/// are never changed.  [`RestirReport::budget_step`](crate::RestirReport::budget_step) says how far the settings are reduced.
+/// are never changed, nor are the light paths of [`Technique::Bdpt`] and the samples of [`Restir::subsurface`].
+/// [`RestirReport::budget_step`](crate::RestirReport::budget_step) says how far the settings are reduced.
 ///
 /// Needs Bevy's `RenderDiagnosticsPlugin` and a device that measures GPU times (Vulkan or DirectX 12).  Without them there is one warning,
 /// and cameras use their settings as they are.

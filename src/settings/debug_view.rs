@@ -24,7 +24,8 @@ pub enum DebugView {
     TracedTriangles,
     /// Distance from the camera, m.
     Depth,
-    /// Motion since the last frame, pixels: x to the right in red, y down in green.  Adding it leads to the surface in the last frame.
+    /// Motion vector, pixels: from the pixel to the place of its surface in the last frame; x to the right in red, y down in green.  An
+    /// object that moves to the right has negative red.
     Motion,
     /// Shading normals, world space, from -1..1 to 0..1.
     Normals,
@@ -89,6 +90,41 @@ pub enum DebugView {
     /// Pixels that raised a guard in this frame alone, in false colors by the set of guards; black: none, as everywhere if all is well.
     /// [`RestirReport::guards`](crate::RestirReport::guards) has the names.
     Guards,
+    /// Light that enters objects with [`Subsurface`](crate::Subsurface): the distance from the surface of a pixel to the point where the light
+    /// of its stored sample enters, in lengths d of the color that scatters farthest, up to 19.86; black: no sample.  d is the length of the
+    /// diffusion profile (Burley 2015), which is the mean free path over 1.1 for a base color of 0.8.  The hybrid shift treats points from two
+    /// lengths on as far.  This view and the next four need [`Technique::Di`](super::Technique::Di),
+    /// [`Technique::Gi`](super::Technique::Gi), or [`Technique::Pt`](super::Technique::Pt) with
+    /// [`Paths::separate_direct_light`](super::Paths::separate_direct_light), and are black in a scene without such objects.  They run no other
+    /// resampling than that of this light, and cost no memory.  This view and the next one evaluate the surface of each pixel once more.
+    SubsurfaceDistances,
+    /// Shift that [`SubsurfaceShift::Hybrid`](super::SubsurfaceShift::Hybrid) chooses for the stored sample, whatever
+    /// [`SubsurfaceSampling::shift`](super::SubsurfaceSampling::shift) is: green, reconnection, because the light enters far away or on a face
+    /// that looks elsewhere; red, delayed reconnection; black: no sample.
+    SubsurfaceReconnections,
+    /// Unbiased contribution weights of the stored samples, in the measure of the triangle where light enters (whose whole area counts as 1)
+    /// times that of the light.
+    SubsurfaceWeights,
+    /// Confidence of the reservoirs of this light, in frames' worth of candidates; black: no light scatters below the surface.
+    SubsurfaceConfidence,
+    /// Shift of the stored sample 8 pixels to the right, as the first iteration of reuse would do it.  White: it succeeds.  Red: it is not
+    /// defined, because another object is there, no light scatters below the surface, the sample's probe finds nothing there or the light
+    /// enters out of reach, or the hybrid shift would choose the other shift.  Blue: the light does not shine on the point where it would
+    /// enter.  Yellow: that point is in shadow.  Black: no sample, or no surface 8 pixels to the right.  Frames do not store which of their own
+    /// shifts fail.  Costs one shift and up to two rays per pixel, which [`Self::Rays`] does not count.
+    SubsurfaceShifts,
+    /// Light paths that the camera sees in a pixel in this frame: the number of entries in the list of the pixel, which tells how the load of
+    /// these lists is distributed.  A light path has one entry for each of its vertices that the camera sees, but at most three; the last one
+    /// stands for all further vertices.  0 in a scene with objects that only the camera or only other rays see.  Needs
+    /// [`Technique::Bdpt`](super::Technique::Bdpt) with other [`Bdpt::techniques`](super::Bdpt::techniques) than
+    /// [`LightTechniques::NoLightTracing`](super::LightTechniques::NoLightTracing).  Costs one more walk through each list.
+    LightPathCounts,
+    /// Vertices of light paths that are stored for connections.  Red: the stored ones, one for each light path that has any.  Green: the
+    /// vertices that these stand for, which are all those that can be connected.  A pixel shows the numbers of the light paths that its
+    /// invocation traces, [`Bdpt::light_paths`](super::Bdpt::light_paths) of them on average.  They may hit surfaces anywhere, so that only sums
+    /// over the picture have a meaning.  0 without connections ([`LightTechniques::Lightweight`](super::LightTechniques::Lightweight)).
+    /// Needs [`Technique::Bdpt`](super::Technique::Bdpt).  Costs one read of each stored vertex.
+    LightVertices,
 }
 
 impl DebugView {
@@ -102,8 +138,8 @@ impl DebugView {
         matches!(self, Self::DiffuseLight | Self::SpecularLight)
     }
 
-    /// Whether it shows reservoirs of direct light.
-    pub fn is_of_reservoirs(self) -> bool {
+    /// Whether it shows reservoirs of direct light on surfaces.
+    pub fn is_of_direct_light(self) -> bool {
         (Self::ReservoirLights as u32..=Self::ReservoirVisibility as u32).contains(&(self as u32))
     }
 
@@ -115,6 +151,11 @@ impl DebugView {
     /// Whether it shows reservoirs of light paths.
     pub fn is_of_light_paths(self) -> bool {
         (Self::LightPathLengths as u32..=Self::LightPathAges as u32).contains(&(self as u32))
+    }
+
+    /// Whether it shows reservoirs of light that enters objects with [`Subsurface`](crate::Subsurface).
+    pub fn is_of_subsurface(self) -> bool {
+        (Self::SubsurfaceDistances as u32..=Self::SubsurfaceShifts as u32).contains(&(self as u32))
     }
 
     /// Whether it shows reservoirs of paths that are weighted against light paths.

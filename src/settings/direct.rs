@@ -21,10 +21,12 @@ pub enum BiasCorrection {
     /// `Heuristics`.
     HeuristicsAndMis,
     /// MIS weights that test the visibility of each sample from each neighbor, across all edges (Eq. 31).  Unbiased.  One more ray for each
-    /// neighbor.
+    /// neighbor.  Only with [`VisibilityReuse::Discard`] and [`VisibilityReuse::Resampled`]; with other values the weights assume that every
+    /// neighbor sees every light, without rays.
     UnbiasedMis,
     /// As `UnbiasedMis`, and neighbors of dissimilar geometry are skipped (Eq. 33).  Unbiased, with less noise at edges.  One more ray for
-    /// each neighbor.
+    /// each neighbor.  Only with [`VisibilityReuse::Discard`] and [`VisibilityReuse::Resampled`]; with other values it is the same as
+    /// `HeuristicsAndMis`.
     #[default]
     HeuristicsAndUnbiasedMis,
 }
@@ -72,6 +74,14 @@ pub enum VisibilityReuse {
     Decoupled,
 }
 
+impl VisibilityReuse {
+    /// Whether rays test the samples of neighbors before one of them is selected, and with them those of
+    /// [`BiasCorrection::uses_mis_rays`].
+    pub(crate) fn tests_neighbors(self) -> bool {
+        matches!(self, Self::Discard | Self::Resampled)
+    }
+}
+
 /// Resampled direct light, for [`Technique::Di`](super::Technique::Di), [`Technique::Gi`](super::Technique::Gi), and
 /// [`Technique::Pt`](super::Technique::Pt) with [`Paths::separate_direct_light`](super::Paths::separate_direct_light).  All techniques that
 /// resample take their light candidates from its subsets.
@@ -94,9 +104,10 @@ pub struct Direct {
     pub subset_size: u32,
     /// Reuse of samples; default [`Reuse::DIRECT`].
     pub reuse: Reuse,
-    /// Correction of the bias of reused samples.  Default: [`BiasCorrection::HeuristicsAndUnbiasedMis`].
+    /// Correction of the bias of reused samples.  Its rays are traced only where `visibility` tests the samples of neighbors.  Default:
+    /// [`BiasCorrection::HeuristicsAndUnbiasedMis`].
     pub bias_correction: BiasCorrection,
-    /// Use of the rays to lights.  Default: [`VisibilityReuse::Resampled`].
+    /// Use of the rays to lights; it also decides whether `bias_correction` traces rays.  Default: [`VisibilityReuse::Resampled`].
     pub visibility: VisibilityReuse,
     /// Distance within which visibility is reused, in pixels of an image that is 1080 lines high; for [`VisibilityReuse::Decoupled`].  Larger
     /// values save rays and blur shadows.  Biased, as described there.  0 to 1e6; default 0 (only the surface's own visibility is reused).
@@ -132,5 +143,33 @@ impl Direct {
         ranges.count("subset_size", &mut self.subset_size, 1, max_size.min(16384));
         ranges.number("visibility_radius", &mut self.visibility_radius, 0.0, 1e6);
         self.reuse.validate("direct.reuse.", 60.0, report);
+        // Where no ray decides what is stored, weights without rays are right.
+        let tests_candidates = matches!(self.visibility, VisibilityReuse::Candidates | VisibilityReuse::Decoupled);
+        if self.bias_correction.uses_mis_rays() && tests_candidates {
+            report(Problem::NoMisRays(self.bias_correction, self.visibility));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bias_correction_without_its_rays_is_reported() {
+        use VisibilityReuse::*;
+        let reports = |bias_correction, visibility| {
+            let mut problems = Vec::new();
+            Direct { bias_correction, visibility, ..Direct::default() }.validate(&mut |problem| problems.push(problem));
+            problems
+        };
+        for visibility in [Ignored, Shading, Candidates, Discard, Resampled, Decoupled] {
+            for correction in [BiasCorrection::UnbiasedMis, BiasCorrection::HeuristicsAndUnbiasedMis] {
+                let problem = Problem::NoMisRays(correction, visibility);
+                let expected = if matches!(visibility, Candidates | Decoupled) { vec![problem] } else { Vec::new() };
+                assert_eq!(reports(correction, visibility), expected);
+            }
+            assert_eq!(reports(BiasCorrection::HeuristicsAndMis, visibility), []);
+        }
     }
 }

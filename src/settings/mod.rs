@@ -141,7 +141,8 @@ pub struct Restir {
     /// Multiplies debug views, so that meters and counts fit between 0 and 1.  [`DebugView::DiffuseLight`] and [`DebugView::SpecularLight`]
     /// have the camera's exposure instead.  0 to 1e6; default 1.
     pub debug_scale: f32,
-    /// Drops the history of earlier frames and restarts the sequence of random numbers.  The plugin sets it back to `false`.
+    /// Drops the history of earlier frames and restarts the sequence of random numbers.  The plugin sets it back to `false` in the same
+    /// frame.  Where the camera is not rendered in that frame, for example because it is inactive, the next one that is rendered restarts.
     pub reset: bool,
 }
 
@@ -181,7 +182,9 @@ impl Restir {
         }
     }
 
-    /// Brings every field into its range.  Returns a warning for each field that it changed and each setting without effect.
+    /// Brings every field into its range.  Returns a warning for each field that it changed, one for a debug view that has nothing to show
+    /// with the technique, and one for a [`Direct::bias_correction`] that is biased because [`Direct::visibility`] turns its rays off.  The
+    /// plugin does the same with a copy of each camera's settings, and logs the warnings.
     pub fn validate(&mut self) -> Vec<String> {
         let mut warnings = Vec::new();
         self.clamp(&mut |problem| warnings.push(problem.to_string()));
@@ -202,7 +205,7 @@ impl Restir {
         settings
     }
 
-    /// Brings every field into its range, and reports each field that it changes and each setting without effect.
+    /// Brings every field into its range, and reports each field that it changes and the other problems of [`Restir::validate`].
     pub(crate) fn clamp(&mut self, report: &mut dyn FnMut(Problem)) {
         let mut ranges = Ranges { path: "", report };
         ranges.count("bounces", &mut self.bounces, 0, Self::MAX_BOUNCES);

@@ -53,8 +53,8 @@ pub enum SuffixRetrace {
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
 pub struct Paths {
-    /// Light candidates at the first vertex of a path, 1 to 64; vertex B has 1/B² of them, at least one.  They come from the subsets of
-    /// [`Direct`](super::Direct).  More give less noise at higher cost.  No bias.  Default 16.
+    /// Light candidates at the first vertex of a path, 1 to 64; vertex B has 1/B² of them, at least one (other numbers there have not been
+    /// measured).  They come from the subsets of [`Direct`](super::Direct).  More give less noise at higher cost.  No bias.  Default 16.
     pub candidates: u32,
     /// Resamples direct light apart from paths in [`Technique::Pt`](super::Technique::Pt), by [`Restir::direct`](super::Restir::direct)
     /// and, for translucent objects, [`Restir::subsurface`](super::Restir::subsurface): less noise where direct and bounced light meet, for
@@ -87,10 +87,10 @@ pub struct Paths {
     /// bias.  From 1; default 10.
     pub jacobian_limit: f32,
     /// Trusts a sample of the last frame less where the pixels around it hold the same sample: it then makes room for new ones sooner, so
-    /// that a rare bright path does not spread into a blotch that stays for many frames (duplication map, Lin et al. 2026).  The value is
-    /// the share of its confidence that a sample loses where all pixels around hold it.  Cost: each pixel compares the reservoir of
-    /// the sample with eight others.  Biased: slightly darker, because bright samples are copied most (`docs/experiments.md`).  0 to 1;
-    /// default 0, which is off and unbiased.
+    /// that a rare bright path does not spread into a blotch that stays for many frames (after the duplication map of Lin et al. 2026,
+    /// which is defined otherwise and is on by default there).  The value is the share of its confidence that a sample loses where all
+    /// pixels around hold it.  Cost: each pixel compares the reservoir of the sample with eight others.  Biased: slightly darker, because
+    /// bright samples are copied most (`docs/experiments.md`).  0 to 1; default 0, which is off and unbiased.
     pub decorrelation: f32,
     /// Skips neighbors of dissimilar geometry: less noise at edges.  No bias.  Default: on.
     pub heuristics: bool,

@@ -33,12 +33,13 @@ pub enum Mis {
     /// neighbors of `Direct`'s defaults these are two more than for the pairwise kinds.
     #[default]
     Balance,
-    /// Each neighbor against the pixel's own sample (Lanz 2025, 2.3.5).  2k target evaluations.
+    /// Each neighbor against the pixel's own sample, by confidence (Wyman et al. 2023, 7.1.3).  2k target evaluations.
     Pairwise,
-    /// As `Pairwise`, with a share of the weight reserved for the pixel's own sample by its confidence.  Safest where neighbors have long
-    /// histories.
+    /// As `Pairwise`, with a share of the weight reserved for the pixel's own sample by its confidence (ibid.).  Safest where neighbors
+    /// have long histories.
     DefensivePairwise,
-    /// As `Pairwise`, with 1/(k + 1) reserved for the pixel's own sample (Lanz 2025, Eqs. 28-29).  For neighbors of similar confidence.
+    /// Each neighbor against a share of 1/k of the pixel's own sample, with 1/(k + 1) of the weight reserved for that sample (Lin et al.
+    /// 2022, Eq. 38; Lanz 2025, Eqs. 28-29).  For neighbors of similar confidence.
     DefensivePairwiseGris,
 }
 
@@ -63,16 +64,16 @@ pub struct Reuse {
     /// samples only.  No bias.  Default: on.
     pub temporal: bool,
     /// Takes that sample from one of the four pixels around the last place of the surface, at random with bilinear weights (Wyman and
-    /// Panteleev 2021, 4.5), instead of the nearest: less correlated noise under motion.  No cost, no bias.  Default: on for light that
-    /// enters objects, otherwise off.
+    /// Panteleev 2021, 4.5), instead of the nearest, so that neighboring pixels less often take the same sample under motion; the effect on
+    /// noise has not been measured.  No cost, no bias.  Default: on for light that enters objects, otherwise off.
     pub bilinear: bool,
     /// Neighbors whose samples are reused in an iteration: more give less noise, which is more correlated.  Each costs a shift and its rays.
-    /// No bias.  0 to 5; default 4 for paths, otherwise 1.
+    /// No bias.  0 to 5; default 1 for direct light, otherwise 4.
     pub spatial_samples: u32,
     /// Number of neighbors where the surface was not visible in the last frame (Wyman and Panteleev 2021, 6.4), if it is larger than
     /// [`Reuse::spatial_samples`]: less noise in disocclusions and after a cut, at the cost of these neighbors in such pixels alone.  Has an
-    /// effect only with `temporal` and, in [`ReuseOrder::TemporalThenSpatial`], with `spatial_samples`.  No bias.  0 to 5; default 5 for
-    /// paths, otherwise 2.
+    /// effect only with `temporal` and, in [`ReuseOrder::TemporalThenSpatial`], with `spatial_samples`.  No bias.  0 to 5; default 2 for
+    /// direct light, otherwise 5.
     pub disocclusion_samples: u32,
     /// Pairs pixels for spatial reuse: two pixels that reuse each other's samples share the shifts between them, with their rays.  This
     /// halves the shifts and the rays of spatial reuse, for the same noise.  Partners are sought in squares whose sides are 0.9 to 1.8
@@ -81,8 +82,7 @@ pub struct Reuse {
     /// bytes a pixel, and 16 for each of `spatial_samples` + 1 or `disocclusion_samples` shifts, whichever is more.  Default: on for paths.
     /// (Paired spatial reuse: Lin et al. 2026, supplement, Table 1.)
     pub paired: bool,
-    /// Iterations of spatial reuse: more give less noise, which is more correlated.  Each is a pass.  No bias.  1 to 4; default 2 for light
-    /// that enters objects, otherwise 1.
+    /// Iterations of spatial reuse: more give less noise, which is more correlated.  Each is a pass.  No bias.  1 to 4; default 1.
     pub spatial_iterations: u32,
     /// Places that are tried for each neighbor until its geometry is similar (greedy neighbor search, Lanz 2025, 4.5.4): less noise at edges,
     /// for a few texture reads at each failure.  No bias.  1 to 8; default 1 for direct light, otherwise 5.
@@ -99,8 +99,8 @@ pub struct Reuse {
     /// Greatest distance of neighbors, in pixels of an image that is 1080 lines high, and at least 2 pixels of the traced image: larger radii
     /// share rarely found light among more pixels, and find fewer similar neighbors.  No bias.  0 to 1e5; default 60 for paths, otherwise 30.
     pub radius: f32,
-    /// Greatest confidence of a neighbor, in frames' worth of candidates: longer histories are smoother and more correlated.  No cost, no
-    /// bias.  0 to 60 for direct light, otherwise 0 to 30; default 20.
+    /// Greatest confidence of a neighbor, of the last frame or of this one, in frames' worth of candidates: longer histories are smoother
+    /// and more correlated.  No cost, no bias.  0 to 60 for direct light, otherwise 0 to 30; default 20.
     pub confidence_cap: f32,
     /// MIS weights.  Default for direct light: balance; otherwise defensive pairwise.
     pub mis: Mis,
@@ -108,10 +108,10 @@ pub struct Reuse {
     /// vector weights, Lin et al. 2026, supplement, 7): less noise, above all of color, for little cost.  No bias.  Default: on.
     pub shade_all: bool,
     /// Least cosine between the normals of a pixel and its neighbor; a test of the geometry heuristics.  Larger values accept fewer
-    /// neighbors.  No bias.  -1 to 1; default 0.9.
+    /// neighbors.  No bias.  -1 to 1; default 0.9, about the 25 degrees of Bitterli et al. 2020; other values have not been measured.
     pub normal_threshold: f32,
     /// Greatest distance of a neighbor's surface from the tangent plane, relative to the distance from the camera; a test of the geometry
-    /// heuristics.  Larger values accept more neighbors.  No bias.  0 to 1e6; default 0.02.
+    /// heuristics.  Larger values accept more neighbors.  No bias.  0 to 1e6; default 0.02; other values have not been measured.
     pub depth_threshold: f32,
     /// Skips neighbors with another material, as one of the geometry heuristics: fewer neighbors are accepted.  No bias.  Default: off.
     pub same_material: bool,

@@ -2,15 +2,17 @@
 
 use core::fmt;
 
-use super::{DebugView, Technique};
+use super::{BiasCorrection, DebugView, Technique, VisibilityReuse};
 
-/// A setting that was out of range, or that has no effect.
+/// A setting that was out of range, or that does not have its usual effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Problem {
     /// The field `path` + `name` had a value outside of its range (lowest and highest value); another value is used.
     OutOfRange { path: &'static str, name: &'static str, value: Number, used: Number, range: [Number; 2] },
     /// The debug view has nothing to show with the technique.
     NothingToShow(DebugView, Technique),
+    /// The bias correction is without its rays, and biased.
+    NoMisRays(BiasCorrection, VisibilityReuse),
 }
 
 impl Problem {
@@ -19,6 +21,7 @@ impl Problem {
         match *self {
             Self::OutOfRange { path, name, .. } => [path, name],
             Self::NothingToShow(..) => ["", "debug_view"],
+            Self::NoMisRays(..) => ["direct.", "bias_correction"],
         }
     }
 }
@@ -31,6 +34,12 @@ impl fmt::Display for Problem {
             }
             Self::NothingToShow(view, technique) => {
                 write!(f, "debug_view = {view:?} has nothing to show with technique {technique:?}")
+            }
+            Self::NoMisRays(correction, visibility) => {
+                write!(
+                    f,
+                    "direct.bias_correction = {correction:?} traces no rays with direct.visibility = {visibility:?}, and is biased"
+                )
             }
         }
     }

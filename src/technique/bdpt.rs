@@ -3,7 +3,7 @@
 
 use super::{
     TechniqueRow,
-    domain::{self, Domain, LightPart, LightPathPasses, domain_names, pair_passes},
+    domain::{self, DebugPass, Domain, LightPart, LightPathPasses, domain_names, pair_passes},
     pass::{ComputePass, PassResource as R},
     reuse_schedule::ReuseSchedule,
 };
@@ -27,8 +27,19 @@ const DOMAIN: &Domain = &Domain {
     reuse: ComputePass { defs: DEFS, ..domain::reuse("bdpt_reuse", ROOMS) },
     pairs: Some(pair_passes!("bdpt", ROOMS, "LIGHT_PATHS")),
     forward: &[],
-    debug: Some(ComputePass { defs: DEFS, ..domain::debug("bdpt_debug", "debug_paths", ROOMS) }),
-    has_debug_view: DebugView::is_of_bidirectional_paths,
+    debug: &[
+        DebugPass {
+            shows: DebugView::is_of_bidirectional_paths,
+            pass: ComputePass { defs: DEFS, ..domain::debug("bdpt_debug", "debug_paths", ROOMS) },
+        },
+        DebugPass {
+            shows: |view| view == DebugView::LightVertices,
+            pass: ComputePass {
+                specialized: false,
+                ..ComputePass::per_pixel("debug_light_vertices", &[R::Settings, R::LightVerticesRead, R::Radiance])
+            },
+        },
+    ],
     reservoir_bytes: BIDIRECTIONAL_RESERVOIR_SIZE,
     carries_contribution: true,
     part: LightPart::Paths,
@@ -49,8 +60,19 @@ const SPLATS: &Domain = &Domain {
         ComputePass::per_pixel("splats_forward", &[R::Settings, R::LastReservoirs]),
         ComputePass::per_pixel("splats_gather", &[R::Settings, R::LastReservoirsRead, R::ForwardedReservoirs]),
     ],
-    debug: Some(ComputePass { specialized: false, ..domain::debug("splats_debug", "debug_splats", &[]) }),
-    has_debug_view: DebugView::is_of_light_paths,
+    debug: &[
+        DebugPass {
+            shows: DebugView::is_of_light_paths,
+            pass: ComputePass { specialized: false, ..domain::debug("splats_debug", "debug_splats", &[]) },
+        },
+        DebugPass {
+            shows: |view| view == DebugView::LightPathCounts,
+            pass: ComputePass {
+                specialized: false,
+                ..ComputePass::per_pixel("debug_light_map", &[R::LightMapRead, R::Radiance])
+            },
+        },
+    ],
     reservoir_bytes: SPLAT_RESERVOIR_SIZE,
     carries_contribution: true,
     part: LightPart::LightPaths,
@@ -64,3 +86,6 @@ pub(super) const ROW: TechniqueRow = TechniqueRow {
     rays: None,
     subsurface: &[DOMAIN, SPLATS],
 };
+
+/// With `LightTechniques::NoLightTracing`.
+pub(super) const WITHOUT_SPLATS: TechniqueRow = TechniqueRow { domains: &[DOMAIN], subsurface: &[DOMAIN], ..ROW };

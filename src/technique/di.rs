@@ -2,7 +2,7 @@
 
 use super::{
     TechniqueRow,
-    domain::{self, Domain, LightPart, domain_names},
+    domain::{self, DebugPass, Domain, LightPart, domain_names},
     pass::ComputePass,
     reuse_schedule::ReuseSchedule,
     sss,
@@ -22,8 +22,10 @@ pub(super) const DOMAIN: &Domain = &Domain {
     reuse: domain::reuse("di_reuse", ROOMS),
     pairs: None,
     forward: &[],
-    debug: Some(ComputePass { specialized: false, ..domain::debug("di_debug", "debug_di", &[]) }),
-    has_debug_view: DebugView::is_of_reservoirs,
+    debug: &[DebugPass {
+        shows: DebugView::is_of_direct_light,
+        pass: ComputePass { specialized: false, ..domain::debug("di_debug", "debug_di", &[]) },
+    }],
     reservoir_bytes: DIRECT_RESERVOIR_SIZE,
     carries_contribution: false,
     part: LightPart::Direct,

@@ -22,11 +22,9 @@ pub(crate) struct Domain {
     pub pairs: Option<PairPasses>,
     /// Passes before reuse that move the samples of the last frame to the pixels that they land in, where reuse finds them as neighbors.
     pub forward: &'static [ComputePass],
-    /// The pass of its debug views.
-    pub debug: Option<ComputePass>,
-    /// Whether a debug view shows its reservoirs.
-    pub has_debug_view: fn(DebugView) -> bool,
-    /// Bytes of a reservoir; 0 if it has none.
+    /// Passes of its debug views.
+    pub debug: &'static [DebugPass],
+    /// Bytes of a reservoir.
     pub reservoir_bytes: u64,
     /// Whether passes hand on the contribution of each pixel's own sample (`carries_contribution` in its shaders).
     pub carries_contribution: bool,
@@ -34,6 +32,14 @@ pub(crate) struct Domain {
     pub part: LightPart,
     /// Iterations of reuse for some settings.
     pub schedule: fn(&Restir) -> ReuseSchedule,
+}
+
+/// A pass that shows reservoirs, or other samples of a domain, in place of light.  A pass can bind no more than two storage buffers, so that
+/// views of other buffers have passes of their own.
+pub(crate) struct DebugPass {
+    /// Whether it shows a debug view.
+    pub shows: fn(DebugView) -> bool,
+    pub pass: ComputePass,
 }
 
 /// Passes of light sub-paths.
@@ -188,7 +194,7 @@ macro_rules! pair_passes {
 }
 pub(crate) use pair_passes;
 
-/// Debug views of a domain.
+/// Debug views of the reservoirs of a domain.
 pub(crate) const fn debug(
     name: &'static str,
     file: &'static str,
@@ -203,7 +209,13 @@ impl Domain {
     pub(crate) fn passes(&self) -> impl Iterator<Item = &ComputePass> {
         let of_light_paths = self.light_paths.iter().flat_map(|p| [&p.trace, &p.connect]);
         let of_pairs = self.pairs.iter().flat_map(|p| [&p.neighbors, &p.shifts, &p.short_shifts, &p.replays, &p.reuse]);
-        of_light_paths.chain([&self.candidates, &self.reuse]).chain(of_pairs).chain(self.forward).chain(&self.debug)
+        let of_debug_views = self.debug.iter().map(|debug| &debug.pass);
+        of_light_paths.chain([&self.candidates, &self.reuse]).chain(of_pairs).chain(self.forward).chain(of_debug_views)
+    }
+
+    /// Index of the pass that shows a debug view, if it has one.
+    pub(crate) fn debug_pass_of(&self, view: DebugView) -> Option<usize> {
+        self.debug.iter().position(|debug| (debug.shows)(view))
     }
 }
 

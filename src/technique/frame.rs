@@ -1,7 +1,7 @@
 //! The passes of a frame, as data: those of its technique, and the one that shows light or a debug view.
 
 use super::{
-    TechniqueRow,
+    RowChoice, TechniqueRow,
     domain::{Domain, PRESAMPLE},
     pass::{ComputePass, Pass, PassResource as R},
     reference::BOUNCES,
@@ -45,19 +45,18 @@ enum Show {
     Guards,
     /// Scattering events of the reference tracer's paths.
     Bounces,
-    /// Reservoirs of a domain.
-    Reservoirs(&'static Domain),
+    /// Reservoirs or other samples of a domain, by the debug pass of this index.
+    Samples(&'static Domain, usize),
     /// Contents of the visibility buffer.
     Surface,
 }
 
-/// Kinds of reuse that the iterations of domains with pairs have.
+/// Which iterations of a frame make pairs, in domains that can make them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 enum Pairing {
-    /// No pairs.
     #[default]
     Never,
-    /// Pairs in some iterations.
+    /// In some iterations, but not in all.
     Sometimes,
     Always,
 }
@@ -73,7 +72,7 @@ impl Pairing {
         }
     }
 
-    /// An iteration of each kind: whether it makes pairs.
+    /// For each kind of iteration that occurs: whether it makes pairs.
     fn kinds(self) -> &'static [bool] {
         match self {
             Self::Never => &[false],
@@ -87,8 +86,7 @@ impl Pairing {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub(crate) struct Frame {
     technique: Technique,
-    /// Direct light has reservoirs of its own, where the technique leaves the choice.
-    separate: bool,
+    choice: RowChoice,
     show: Show,
     /// Camera sub-paths are connected with light sub-paths.
     connects: bool,
@@ -114,21 +112,21 @@ pub(crate) struct Step {
 impl Frame {
     /// The frame of some settings.
     pub(crate) fn of(settings: &Restir) -> Self {
-        let (view, separate) = (settings.debug_view, settings.paths.separate_direct_light);
-        let domains = row(settings.technique, separate).domains;
+        let (view, choice) = (settings.debug_view, RowChoice::of(settings));
+        let row = row(settings.technique, choice);
         let show = match view {
             DebugView::Off | DebugView::DiffuseLight | DebugView::SpecularLight => Show::Light,
             DebugView::Rays => Show::Rays,
             DebugView::Guards => Show::Guards,
             DebugView::Bounces => Show::Bounces,
             _ => {
-                let shown = domains.iter().find(|domain| (domain.has_debug_view)(view));
-                shown.map_or(Show::Surface, |domain| Show::Reservoirs(domain))
+                let samples = |&domain: &&'static Domain| Some(Show::Samples(domain, domain.debug_pass_of(view)?));
+                row.subsurface.iter().find_map(samples).unwrap_or(Show::Surface)
             }
         };
         let (technique, connects) = (settings.technique, settings.bdpt.connects());
-        let (pairing, compacts) = (Pairing::of(settings, domains), settings.research.replay_compaction);
-        Self { technique, separate, show, connects, subsurface: false, pairing, compacts }
+        let (pairing, compacts) = (Pairing::of(settings, row.domains), settings.research.replay_compaction);
+        Self { technique, choice, show, connects, subsurface: false, pairing, compacts }
     }
 
     /// The frame of a scene that has `Subsurface`.
@@ -137,19 +135,32 @@ impl Frame {
     }
 
     fn row(self) -> &'static TechniqueRow {
-        row(self.technique, self.separate)
+        row(self.technique, self.choice)
+    }
+
+    /// The domains of its light.
+    fn domains_of_light(self) -> &'static [&'static Domain] {
+        let row = self.row();
+        if self.subsurface { row.subsurface } else { row.domains }
+    }
+
+    /// The content of its picture.  The view of a domain that the scene has no use for becomes one of surfaces, whose pass leaves it black.
+    fn shown(self) -> Show {
+        match self.show {
+            Show::Samples(domain, _) if !self.domains_of_light().contains(&domain) => Show::Surface,
+            show => show,
+        }
     }
 
     /// Domains that it resamples, and keeps a history of.
     pub(crate) fn domains(self) -> &'static [&'static Domain] {
-        let row = self.row();
-        let domains = if self.subsurface { row.subsurface } else { row.domains };
-        match self.show {
+        let domains = self.domains_of_light();
+        match self.shown() {
             Show::Light | Show::Rays | Show::Guards => domains,
             // Their weights depend on light sub-paths, which one of them traces.
-            Show::Reservoirs(_) if domains.iter().any(|domain| domain.light_paths.is_some()) => domains,
+            Show::Samples(..) if domains.iter().any(|domain| domain.light_paths.is_some()) => domains,
             Show::Bounces | Show::Surface => &[],
-            Show::Reservoirs(shown) => {
+            Show::Samples(shown, _) => {
                 let index = domains.iter().position(|&domain| domain == shown).unwrap_or(0);
                 &domains[index..=index]
             }
@@ -195,12 +206,12 @@ impl Frame {
             // The pass that sums the light may raise guards, too.
             steps.push(compute(light, None));
         }
-        let last = match self.show {
+        let last = match self.shown() {
             Show::Light => (light, None),
             Show::Guards => (&DEBUG_GUARDS, None),
             Show::Rays => (self.row().rays.unwrap_or(&DEBUG_RAYS), None),
             Show::Bounces => (&BOUNCES, None),
-            Show::Reservoirs(domain) => (domain.debug.as_ref().unwrap_or(&DEBUG_SURFACE), Some(domain)),
+            Show::Samples(domain, index) => (&domain.debug[index].pass, Some(domain)),
             Show::Surface => (&DEBUG_SURFACE, None),
         };
         steps.push(compute(last.0, last.1));

@@ -3,7 +3,7 @@
 
 use super::{
     TechniqueRow, di,
-    domain::{self, Domain, LightPart, domain_names, pair_passes},
+    domain::{self, DebugPass, Domain, LightPart, domain_names, pair_passes},
     reuse_schedule::ReuseSchedule,
     sss,
 };
@@ -22,8 +22,7 @@ const DOMAIN: &Domain = &Domain {
     reuse: domain::reuse("gi_reuse", ROOMS),
     pairs: Some(pair_passes!("gi", ROOMS)),
     forward: &[],
-    debug: Some(domain::debug("gi_debug", "debug_paths", ROOMS)),
-    has_debug_view: DebugView::is_of_paths,
+    debug: &[DebugPass { shows: DebugView::is_of_paths, pass: domain::debug("gi_debug", "debug_paths", ROOMS) }],
     reservoir_bytes: INDIRECT_RESERVOIR_SIZE,
     carries_contribution: true,
     part: LightPart::Paths,

@@ -15,7 +15,7 @@ mod sss;
 
 use crate::{
     scene::SceneFeatures,
-    settings::{DebugView, Restir, Technique},
+    settings::{DebugView, LightTechniques, Restir, Technique},
 };
 use domain::Domain;
 use frame::Frame;
@@ -36,19 +36,36 @@ pub(crate) struct TechniqueRow {
 /// All techniques.
 pub(crate) const TECHNIQUES: &[TechniqueRow] = &[reference::ROW, di::ROW, gi::ROW, pt::ROW, bdpt::ROW];
 
-/// The row of a technique.  `separate`: direct light has reservoirs of its own, where the technique leaves the choice.
-pub(crate) fn row(technique: Technique, separate: bool) -> &'static TechniqueRow {
-    if separate && technique == Technique::Pt {
-        return &pt::SEPARATE;
+/// Settings that choose among the rows of a technique.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub(crate) struct RowChoice {
+    /// Direct light has reservoirs of its own, where the technique leaves the choice.
+    separate: bool,
+    /// The camera does not see light paths.
+    without_splats: bool,
+}
+
+impl RowChoice {
+    fn of(settings: &Restir) -> Self {
+        let without_splats = settings.bdpt.techniques == LightTechniques::NoLightTracing;
+        Self { separate: settings.paths.separate_direct_light, without_splats }
     }
-    TECHNIQUES.iter().find(|row| row.technique == technique).unwrap_or(&TECHNIQUES[0])
+}
+
+/// The row of a technique.
+pub(crate) fn row(technique: Technique, choice: RowChoice) -> &'static TechniqueRow {
+    match technique {
+        Technique::Pt if choice.separate => &pt::SEPARATE,
+        Technique::Bdpt if choice.without_splats => &bdpt::WITHOUT_SPLATS,
+        _ => TECHNIQUES.iter().find(|row| row.technique == technique).unwrap_or(&TECHNIQUES[0]),
+    }
 }
 
 impl DebugView {
-    /// Whether the technique of some settings has something to show.
+    /// Whether the technique of some settings has something to show.  Views of [`Subsurface`](crate::Subsurface) also need a scene that has it.
     pub fn shows(self, settings: &Restir) -> bool {
-        let shows_it = |domain: &Domain| (domain.has_debug_view)(self);
-        row(settings.technique, settings.paths.separate_direct_light).domains.iter().any(|domain| shows_it(domain))
+        let shows_it = |domain: &Domain| domain.debug_pass_of(self).is_some();
+        row(settings.technique, RowChoice::of(settings)).subsurface.iter().any(|domain| shows_it(domain))
             || !all_domains().any(shows_it)
     }
 }
@@ -68,6 +85,12 @@ pub fn pass_names(settings: &Restir, features: SceneFeatures) -> Vec<&'static st
 /// The domains of all techniques; those that techniques share come more than once.
 pub(crate) fn all_domains() -> impl Iterator<Item = &'static Domain> {
     TECHNIQUES.iter().chain([&pt::SEPARATE]).flat_map(|row| row.domains.iter().chain(row.subsurface)).copied()
+}
+
+/// Place of a domain among those of its technique, from 0.  It does not depend on the debug view, nor on whether the scene has `Subsurface`.
+pub(crate) fn place_in_technique(domain: &Domain) -> u32 {
+    let place = |row: &TechniqueRow| row.subsurface.iter().position(|other| *other == domain);
+    TECHNIQUES.iter().chain([&pt::SEPARATE]).find_map(place).unwrap_or(0) as u32
 }
 
 /// Every shader of a pass that is a template, with the rooms (folders of `shaders/`) whose modules are put in.
@@ -111,9 +134,32 @@ mod tests {
     }
 
     #[test]
+    fn light_paths_that_the_camera_does_not_see_have_no_passes() {
+        let names = |techniques| {
+            let mut settings = Restir { technique: Technique::Bdpt, ..Default::default() };
+            settings.bdpt.techniques = techniques;
+            pass_names(&settings, SceneFeatures::empty())
+        };
+        let splats = |names: &[&str]| names.iter().filter(|name| name.starts_with("splats")).count();
+        assert_eq!(splats(&names(LightTechniques::Full)), 4);
+        let names = names(LightTechniques::NoLightTracing);
+        assert_eq!(splats(&names), 0);
+        assert!(names.contains(&"light_paths") && names.contains(&"connections"), "{names:?}");
+    }
+
+    #[test]
     fn every_template_has_an_instance() {
         for (path, _) in MODULES.iter().filter(|(_, text)| is_template(text)) {
             assert!(shader_templates().iter().any(|(file, _)| *path == format!("pass/{file}.wgsl")), "{path}");
+        }
+    }
+
+    #[test]
+    fn domains_of_a_technique_have_different_places() {
+        for row in TECHNIQUES.iter().chain([&pt::SEPARATE]) {
+            assert!(row.domains.iter().all(|domain| row.subsurface.contains(domain)), "{:?}", row.technique);
+            let places: Vec<_> = row.subsurface.iter().map(|domain| place_in_technique(domain)).collect();
+            assert!(places.iter().zip(0..).all(|(place, index)| *place == index), "{:?}: {places:?}", row.technique);
         }
     }
 

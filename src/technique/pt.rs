@@ -2,7 +2,7 @@
 
 use super::{
     TechniqueRow, di,
-    domain::{self, Domain, DomainNames, LightPart, PairPasses, domain_names, pair_passes},
+    domain::{self, DebugPass, Domain, DomainNames, LightPart, PairPasses, domain_names, pair_passes},
     pass::ComputePass,
     reuse_schedule::ReuseSchedule,
     sss,
@@ -21,8 +21,11 @@ const DOMAIN: &Domain = &domain(
     domain::candidates("pt_candidates", "path_candidates", ROOMS),
     domain::reuse("pt_reuse", ROOMS),
     pair_passes!("pt", ROOMS),
-    domain::debug("pt_debug", "debug_paths", ROOMS),
+    DEBUG,
 );
+/// Debug views of whole paths.
+const DEBUG: &[DebugPass] =
+    &[DebugPass { shows: DebugView::is_of_paths, pass: domain::debug("pt_debug", "debug_paths", ROOMS) }];
 
 /// Paths of at least two scattering events.
 const INDIRECT: &Domain = &domain(
@@ -30,15 +33,20 @@ const INDIRECT: &Domain = &domain(
     domain::candidates("pt_indirect_candidates", "path_candidates", INDIRECT_ROOMS),
     domain::reuse("pt_indirect_reuse", INDIRECT_ROOMS),
     pair_passes!("pt_indirect", INDIRECT_ROOMS),
-    domain::debug("pt_indirect_debug", "debug_paths", INDIRECT_ROOMS),
+    INDIRECT_DEBUG,
 );
+/// Debug views of paths of at least two scattering events.
+const INDIRECT_DEBUG: &[DebugPass] = &[DebugPass {
+    shows: DebugView::is_of_paths,
+    pass: domain::debug("pt_indirect_debug", "debug_paths", INDIRECT_ROOMS),
+}];
 
 const fn domain(
     names: DomainNames,
     candidates: ComputePass,
     reuse: ComputePass,
     pairs: PairPasses,
-    debug: ComputePass,
+    debug: &'static [DebugPass],
 ) -> Domain {
     Domain {
         names,
@@ -47,8 +55,7 @@ const fn domain(
         reuse,
         pairs: Some(pairs),
         forward: &[],
-        debug: Some(debug),
-        has_debug_view: DebugView::is_of_paths,
+        debug,
         reservoir_bytes: PATH_RESERVOIR_SIZE,
         carries_contribution: true,
         part: LightPart::Paths,

@@ -93,7 +93,7 @@ pub(crate) struct LastFrame {
     pub moved: bool,
     /// The scene and the camera were the same.
     pub still: bool,
-    /// They were, and so was the jitter: all pixels had the same rays.
+    /// Scene, camera and jitter were the same, so that all pixels had the same rays.
     pub same_rays: bool,
 }
 
@@ -107,7 +107,7 @@ pub(crate) struct ReuseSchedule {
     first_flags: u32,
     /// Flags of iterations over the last frame, where something moved.
     moved_flags: u32,
-    /// Flags of iterations over the last frame that the domain makes use of, where nothing changed: `RESAMPLE_STILL`, `RESAMPLE_SAME_RAYS`.
+    /// Flags of unchanged frames (`RESAMPLE_STILL`, `RESAMPLE_SAME_RAYS`) that the domain uses, in iterations over the last frame.
     still_flags: u32,
     /// MIS weights of temporal reuse alone.
     temporal_mis: u32,
@@ -386,7 +386,7 @@ fn reconnection_settings(paths: &Paths, common: GpuResampleSettings) -> GpuResam
 fn direct_flags(direct: &Direct, research: &Research) -> u32 {
     use VisibilityReuse::*;
     let kind = direct.visibility;
-    let in_target = matches!(kind, Discard | Resampled);
+    let in_target = kind.tests_neighbors();
     flags_of([
         (direct.bsdf_candidate, RESAMPLE_BSDF_CANDIDATE),
         (!matches!(kind, Ignored | Shading), RESAMPLE_CANDIDATE_RAYS),

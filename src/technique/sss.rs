@@ -1,10 +1,10 @@
 //! ReSTIR SSS: light that enters translucent objects, beside ReSTIR DI (`shaders/restir/sss`).
 
 use super::{
-    domain::{self, Domain, LightPart, domain_names},
+    domain::{self, DebugPass, Domain, LightPart, domain_names},
     reuse_schedule::ReuseSchedule,
 };
-use crate::gpu_layout::SUBSURFACE_RESERVOIR_SIZE;
+use crate::{gpu_layout::SUBSURFACE_RESERVOIR_SIZE, settings::DebugView};
 
 const ROOMS: &[&str] = &["restir/sss"];
 
@@ -16,8 +16,7 @@ pub(super) const DOMAIN: &Domain = &Domain {
     reuse: domain::reuse("sss_reuse", ROOMS),
     pairs: None,
     forward: &[],
-    debug: None,
-    has_debug_view: |_| false,
+    debug: &[DebugPass { shows: DebugView::is_of_subsurface, pass: domain::debug("sss_debug", "debug_sss", &[]) }],
     reservoir_bytes: SUBSURFACE_RESERVOIR_SIZE,
     carries_contribution: true,
     part: LightPart::Subsurface,

@@ -71,8 +71,8 @@ pub(crate) fn build(render_app: &mut SubApp, at_once: bool) {
         );
 }
 
-/// Treats all cameras as new ones, because what we had for them is gone.  `is_on`: the device has what we need.
-pub(crate) fn begin_anew(world: &mut World, is_on: bool) {
+/// Treats all cameras as new ones, because their GPU resources were lost with the device.  `is_on`: the new device meets all requirements.
+pub(crate) fn forget_cameras(world: &mut World, is_on: bool) {
     if let Some(mut hidden) = world.get_resource_mut::<HiddenFromBevy>() {
         hidden.lit_by.clear();
         hidden.is_off = !is_on;

@@ -26,7 +26,7 @@ use super::{
 };
 use crate::{
     cpu_times::{CpuTimes, Stage},
-    scene::{SceneFeatures, texture::image_info::is_live, texture::textures::TexturePool},
+    scene::{SceneFeatures, storage::allocation, texture::image_info::is_live, texture::textures::TexturePool},
     shader_library::ShaderLibrary,
     warned::Warned,
 };
@@ -50,6 +50,8 @@ pub(crate) struct EnvironmentPool {
     pending: HashSet<ImageKey>,
     /// Versions of images that cannot serve as an environment.
     rejected: HashMap<ImageKey, u64>,
+    /// Images whose importance maps the device had no memory for in this frame, each with the device's message.
+    without_memory: HashMap<ImageKey, String>,
     /// Images that a warning has named; each is named once, however often it changes.
     warned: Warned<ImageKey>,
     /// One black texel for map and importance each, bound where there is no environment image.
@@ -67,6 +69,7 @@ impl Default for EnvironmentPool {
             entries: HashMap::default(),
             pending: HashSet::default(),
             rejected: HashMap::default(),
+            without_memory: HashMap::default(),
             warned: Warned::default(),
             placeholders: None,
             passes: ImportancePasses::default(),
@@ -100,6 +103,7 @@ pub(crate) fn prepare_environments(
         views.0.values().filter_map(|v| v.environment?.key()).filter(|key| !is_rejected(key)).collect();
     pool.entries.retain(|key, _| used.contains(key));
     pool.pending.clear();
+    pool.without_memory.clear();
     for key @ (id, is_cube) in used {
         let Some(image) = images.get(id) else {
             if textures.is_coming(id, &assets) {
@@ -132,10 +136,19 @@ pub(crate) fn prepare_environments(
         };
         let layouts = pool.passes.layouts(&pipelines);
         let old = pool.entries.remove(&key).filter(|e| e.importance.texture == image.texture.id());
-        let importance = old.map_or_else(|| ImportanceMap::new(image, &layouts, &device), |entry| entry.importance);
-        importance.fill([finest, reduce], &layouts, &device, &queue);
-        pool.revision += 1;
-        pool.entries.insert(key, Entry { importance, version, revision: pool.revision });
+        let create = || ImportanceMap::new(image, &layouts, &device);
+        let importance = match old {
+            Some(entry) => Ok(entry.importance),
+            None => allocation::attempt(&device, "environment importance", create),
+        };
+        match importance {
+            Ok(importance) => {
+                importance.fill([finest, reduce], &layouts, &device, &queue);
+                pool.revision += 1;
+                pool.entries.insert(key, Entry { importance, version, revision: pool.revision });
+            }
+            Err(error) => _ = pool.without_memory.insert(key, error),
+        }
     }
     pool.ready = pool.pending.is_empty();
 }
@@ -172,11 +185,15 @@ impl EnvironmentPool {
         self.entries.get(&environment?.key()?)
     }
 
-    /// The map and its importance, or placeholders of one texel each.
-    pub(crate) fn views_of(&self, environment: Option<&ExtractedEnvironment>) -> Option<(&TextureView, &TextureView)> {
-        match self.entry(environment) {
-            Some(Entry { importance, .. }) => Some((&importance.map, &importance.importance)),
-            None => self.placeholders.as_ref().map(|(map, importance)| (map, importance)),
+    /// The map and its importance, or placeholders of one texel each.  The device's message if it has no memory for them.
+    pub(crate) fn views_of(&self, environment: Option<&ExtractedEnvironment>) -> Result<[&TextureView; 2], String> {
+        if let Some(Entry { importance, .. }) = self.entry(environment) {
+            return Ok([&importance.map, &importance.importance]);
+        }
+        let error = environment.and_then(|environment| self.without_memory.get(&environment.key()?));
+        match (error, &self.placeholders) {
+            (None, Some((map, importance))) => Ok([map, importance]),
+            (error, _) => Err(error.cloned().unwrap_or_default()),
         }
     }
 

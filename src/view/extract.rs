@@ -13,7 +13,7 @@ use bevy::{
     render::{Extract, MainWorld, camera::ExtractedCamera, sync_world::RenderEntity},
 };
 
-use super::capture::RadianceCapture;
+use super::{ViewPool, capture::RadianceCapture};
 use crate::{
     cpu_times::{CpuTimes, Stage},
     scene::geometry::render_layers::LayerSets,
@@ -93,7 +93,8 @@ impl ExtractedEnvironment {
         let problem = |property, consequence| Some(EnvironmentProblem { kind, property, consequence });
         let not_rendered = "this environment is not rendered";
         if !scale.is_finite() {
-            return (None, problem("brightness", not_rendered));
+            let property = if kind == K::Skybox { "brightness" } else { "intensity" };
+            return (None, problem(property, not_rendered));
         }
         let rotation = Mat3::from_quat(rotation.normalize().inverse());
         if !rotation.is_finite() {
@@ -144,6 +145,7 @@ type ViewData<'a> = (
 
 pub(crate) fn extract_views(
     mut views: ResMut<ExtractedViews>,
+    mut pool: ResMut<ViewPool>,
     cameras: Extract<Query<ViewData>>,
     clear_color: Extract<Res<ClearColor>>,
     budget: Extract<Res<BudgetStep>>,
@@ -157,10 +159,13 @@ pub(crate) fn extract_views(
     warned.begin_frame();
     warned.retain(|(camera, _)| entities.contains(*camera));
     for (camera_entity, entity, camera, restir, own, skybox, light, capture, layers) in &cameras {
+        if restir.reset {
+            pool.requested_resets.insert(entity);
+        }
         if !camera.is_active {
             continue;
         }
-        let mut settings = restir.clone();
+        let mut settings = Restir { reset: pool.requested_resets.contains(&entity), ..restir.clone() };
         let (environment, problem) = ExtractedEnvironment::of(own, skybox, light);
         settings.clamp(&mut |problem| {
             if warned.is_due((camera_entity, problem.field())) {
@@ -193,7 +198,8 @@ pub(crate) fn extract_views(
     }
 }
 
-/// Clears `Restir::reset` after every extraction, so that a reset takes effect whenever in the frame the app set it.
+/// Clears `Restir::reset` after every extraction, so that a reset takes effect whenever in the frame the app set it.  The render world keeps
+/// the request until the camera is rendered.
 pub(crate) fn clear_reset(
     mut main_world: ResMut<MainWorld>,
     mut cameras: Local<Option<QueryState<&'static mut Restir>>>,

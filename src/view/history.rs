@@ -19,9 +19,11 @@ use super::{
 };
 use crate::{
     gpu_layout::*,
+    scene::storage::allocation,
     settings::{Direct, Restir},
     technique::{
-        domain::Domain,
+        domain::{Domain, LightPart},
+        place_in_technique,
         reuse_schedule::{LastFrame, MAX_ITERATIONS, ReuseSchedule},
     },
 };
@@ -73,6 +75,7 @@ impl History {
             TextureUsages::COPY_DST | TextureUsages::TEXTURE_BINDING,
         );
         let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
+        let has_splats = domains.iter().any(|domain| domain.part == LightPart::LightPaths);
         Self {
             subsets: buffer(device, "light subsets", entries * PRESAMPLED_LIGHT_SIZE, storage),
             subset_entries: entries,
@@ -80,7 +83,7 @@ impl History {
             previous_visibility,
             black: light(device, "no light", UVec2::ONE),
             reservoirs: domains.iter().map(|&domain| Reservoirs::new(size, domain, settings, device)).collect(),
-            light_paths: traces_light(domains).then(|| LightPaths::new(size, counts, device)),
+            light_paths: traces_light(domains).then(|| LightPaths::new(size, counts, has_splats, device)),
             pairs: Pairs::new(size, pair_kind(domains, settings), device),
             size,
         }
@@ -109,10 +112,13 @@ impl History {
         Pairs::kind_of(self.pairs.as_ref()) == self.pair_kind(settings)
     }
 
-    pub(crate) fn replace_pairs(&mut self, settings: &Restir, device: &RenderDevice) {
+    /// Replaces the resources of pairs.  If the device has no memory for them, there are none afterwards.
+    pub(crate) fn replace_pairs(&mut self, settings: &Restir, device: &RenderDevice) -> Result<(), String> {
         // Drops the old textures first, because the memory may not hold both.
         self.pairs = None;
-        self.pairs = Pairs::new(self.size, self.pair_kind(settings), device);
+        let kind = self.pair_kind(settings);
+        self.pairs = allocation::attempt(device, "pairs", || Pairs::new(self.size, kind, device))?;
+        Ok(())
     }
 
     fn pair_kind(&self, settings: &Restir) -> PairKind {
@@ -166,8 +172,8 @@ pub(crate) struct Reservoirs {
     domain: &'static Domain,
     schedule: ReuseSchedule,
     settings: Buffer,
-    /// Reservoirs of this frame and of the last one; the buffers change roles from frame to frame.  `None` if the domain has no reservoirs.
-    buffers: Option<[Buffer; 2]>,
+    /// Reservoirs of this frame and of the last one; the buffers change roles from frame to frame.
+    buffers: [Buffer; 2],
     /// Samples of the last frame in the pixels of this one, if the domain moves them there.
     forwarded: Option<Buffer>,
     bytes: u64,
@@ -188,8 +194,7 @@ impl Reservoirs {
         Self {
             domain,
             settings: buffer(device, "resampling settings", MAX_ITERATIONS as u64 * SETTINGS_STRIDE, uniform),
-            buffers: (bytes > 0)
-                .then(|| ["reservoirs", "last reservoirs"].map(|label| buffer(device, label, bytes, storage))),
+            buffers: ["reservoirs", "last reservoirs"].map(|label| buffer(device, label, bytes, storage)),
             forwarded: (!domain.forward.is_empty()).then(|| buffer(device, "forwarded reservoirs", bytes, storage)),
             bytes,
             light: ["light of candidates", "resampled light"].map(|label| light(device, label, size)),
@@ -211,6 +216,7 @@ impl Reservoirs {
                 splats,
                 nee_share: if light_paths > 0 { 1.0 / self.schedule.reuse_gain } else { 0.0 },
                 caustic_share: if light_paths > 0 { self.schedule.reuse_gain } else { 0.0 },
+                domain: place_in_technique(self.domain),
                 ..self.schedule.uniforms(iteration, height, inputs.last)
             };
             slot[..size_of_val(&settings)].copy_from_slice(bytemuck::bytes_of(&settings));
@@ -238,7 +244,7 @@ impl Reservoirs {
         self.schedule.iterations.len()
     }
 
-    /// The iterations of this frame.
+    /// The schedule of this frame.
     pub(crate) fn schedule(&self) -> &ReuseSchedule {
         &self.schedule
     }
@@ -249,12 +255,12 @@ impl Reservoirs {
         (self.first + turns) % 2
     }
 
-    pub(crate) fn candidates(&self) -> Option<&Buffer> {
-        self.buffer(self.first)
+    pub(crate) fn candidates(&self) -> &Buffer {
+        &self.buffers[self.first]
     }
 
-    pub(crate) fn neighbors_of(&self, iteration: usize) -> Option<&Buffer> {
-        self.forwarded().or_else(|| self.buffer(1 - self.output_index(iteration)))
+    pub(crate) fn neighbors_of(&self, iteration: usize) -> &Buffer {
+        self.forwarded().unwrap_or(&self.buffers[1 - self.output_index(iteration)])
     }
 
     pub(crate) fn forwarded(&self) -> Option<&Buffer> {
@@ -262,21 +268,17 @@ impl Reservoirs {
     }
 
     /// Reservoirs of the last frame.
-    pub(crate) fn last_frame(&self) -> Option<&Buffer> {
-        self.buffer(1 - self.first)
+    pub(crate) fn last_frame(&self) -> &Buffer {
+        &self.buffers[1 - self.first]
     }
 
-    pub(crate) fn output_of(&self, iteration: usize) -> Option<&Buffer> {
-        self.buffer(self.output_index(iteration))
+    pub(crate) fn output_of(&self, iteration: usize) -> &Buffer {
+        &self.buffers[self.output_index(iteration)]
     }
 
     /// Reservoirs that this frame leaves to the next one.
-    pub(crate) fn last_output(&self) -> Option<&Buffer> {
-        self.buffer(self.last)
-    }
-
-    fn buffer(&self, index: usize) -> Option<&Buffer> {
-        self.buffers.as_ref().map(|buffers| &buffers[index])
+    pub(crate) fn last_output(&self) -> &Buffer {
+        &self.buffers[self.last]
     }
 
     /// Light of the candidates: light that is not resampled, or the contributions of the selected candidates.

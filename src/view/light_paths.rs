@@ -31,12 +31,12 @@ pub(crate) struct LightPathCounts {
 impl LightPathCounts {
     /// The counts for a picture of this size, as far as the device can bind them.
     pub(crate) fn new(settings: &Bdpt, size: UVec2, limit: u64, camera_sees_them: bool) -> Self {
-        let for_map = limit.saturating_sub(heads_bytes(size)) / SPLATS_SIZE;
         let is_seen = camera_sees_them && settings.techniques != LightTechniques::NoLightTracing;
         let connects = settings.connects();
         if !is_seen && !connects {
             return Self::default();
         }
+        let for_map = if is_seen { limit.saturating_sub(heads_bytes(size)) / SPLATS_SIZE } else { u64::MAX };
         let for_cache = if connects { limit / LIGHT_VERTEX_SIZE } else { u64::MAX };
         let light_paths = wanted(settings, size).min(for_cache).min(for_map) as u32;
         Self { light_paths, splats: if is_seen { light_paths } else { 0 }, connects }
@@ -70,25 +70,25 @@ pub(crate) struct LightPaths {
     /// The counts that the buffers are made for.
     counts: LightPathCounts,
     /// Sub-paths that the light map and the light vertex cache hold.
-    capacity: u64,
+    mapped: u64,
     cached: u64,
     pixels: u64,
 }
 
 impl LightPaths {
-    pub(super) fn new(size: UVec2, counts: LightPathCounts, device: &RenderDevice) -> Self {
+    /// `has_splats`: a domain reads the light map.
+    pub(super) fn new(size: UVec2, counts: LightPathCounts, has_splats: bool, device: &RenderDevice) -> Self {
         let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
         // A binding must not be empty.
-        let capacity = u64::from(counts.light_paths).max(1);
-        let cached = if counts.connects { capacity } else { 1 };
-        let heads = heads_bytes(size);
+        let cached = if counts.connects { u64::from(counts.light_paths).max(1) } else { 1 };
+        let (heads, mapped) = if has_splats { (heads_bytes(size), u64::from(counts.splats)) } else { (4, 0) };
         Self {
             connections: counts.connects.then(|| light(device, "light of connections", size)),
             vertices: buffer(device, "light vertices", cached * LIGHT_VERTEX_SIZE, storage),
-            map: buffer(device, "light map", heads + capacity * SPLATS_SIZE, storage),
+            map: buffer(device, "light map", heads + mapped * SPLATS_SIZE, storage),
             heads,
             counts,
-            capacity,
+            mapped,
             cached,
             pixels: pixels(size),
         }
@@ -105,7 +105,7 @@ impl LightPaths {
         let textures = u64::from(self.connections.is_some());
         [
             ("light vertices", self.cached * LIGHT_VERTEX_SIZE),
-            ("light map", self.heads + self.capacity * SPLATS_SIZE),
+            ("light map", self.heads + self.mapped * SPLATS_SIZE),
             ("light of connections", textures * self.pixels * 16),
         ]
     }

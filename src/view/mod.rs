@@ -52,6 +52,8 @@ pub(crate) struct ViewPool {
     pub paused: HashMap<Entity, Remains>,
     /// Cameras that the device had no memory for in the last frame.
     pub without_memory: HashSet<Entity>,
+    /// Cameras whose `Restir::reset` was set since they were last rendered.
+    pub requested_resets: HashSet<Entity>,
 }
 
 impl ViewPool {

@@ -63,6 +63,7 @@ pub(super) fn prepare_views(
         pool.paused.insert(entity, view.remains());
     }
     pool.paused.retain(|entity, _| entities.contains(*entity));
+    pool.requested_resets.retain(|entity| entities.contains(*entity));
     pool.without_memory.clear();
     for (&entity, restir) in &mut extracted.0 {
         let (Some((name, camera, view, jitter, resolution_override)), Some(&selection)) =
@@ -84,15 +85,18 @@ pub(super) fn prepare_views(
         let target_size = resolution_override.map_or(viewport, |size| size.0.min(viewport)).max(UVec2::ONE);
         let frame = selection.key.unwrap_or(selection.requested).frame;
         let size = fit_to_device([entity, name], restir, frame, target_size, limit, &mut warned);
-        let Some((map, importance)) = environments.views_of(restir.environment.as_ref()) else {
-            continue;
-        };
-        let view_or_error = view_of(pool, entity, size, [map, importance], &device, &pipelines);
-        let view_or_error =
-            view_or_error.inspect_err(|error| warn_of_memory([entity, name], "view", error, &mut warned));
-        let Ok(mut state) = view_or_error else {
-            pool.without_memory.insert(entity);
-            continue;
+        let environment = environments.views_of(restir.environment.as_ref()).map_err(|error| ("environment", error));
+        let view_or_error = environment.and_then(|environment| {
+            view_of(pool, entity, size, environment, &device, &pipelines).map_err(|error| ("view", error))
+        });
+        let mut state = match view_or_error {
+            Ok(state) => state,
+            Err((resource, error)) => {
+                warn_of_memory([entity, name], resource, &error, &mut warned);
+                pool.pause(entity);
+                pool.without_memory.insert(entity);
+                continue;
+            }
         };
         state.origin = UVec2::new(view.viewport.x, view.viewport.y);
         state.target_size = target_size;
@@ -105,6 +109,7 @@ pub(super) fn prepare_views(
             let (scene, environments) = (&*scene, &*environments);
             let inputs = UniformInputs { restir, camera, view, bevy_jitter: jitter, scene, environments };
             state.update_uniforms(&inputs, &queue);
+            pool.requested_resets.remove(&entity);
             if let Err(error) = state.update_history(scene, limit, &device, &queue) {
                 warn_of_memory([entity, name], "history", &error, &mut warned);
                 pool.without_memory.insert(entity);

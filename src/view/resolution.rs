@@ -42,10 +42,13 @@ pub(crate) fn fit_subsets(direct: &mut Direct, limit: u64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{settings::Technique, technique::row};
+    use crate::{
+        settings::Technique,
+        technique::{RowChoice, row},
+    };
 
     fn domains(technique: Technique) -> &'static [&'static Domain] {
-        row(technique, false).domains
+        row(technique, RowChoice::default()).domains
     }
 
     const LIMIT: u64 = 128 << 20;

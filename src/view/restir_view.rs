@@ -100,7 +100,7 @@ pub(crate) struct RestirView {
     pub settings: Restir,
 }
 
-/// What is left of a view that was dropped.  The camera's next view goes on with it.
+/// Counts and settings of a view that was dropped, for the camera's next view.
 pub(crate) struct Remains {
     /// Guards are counted over the whole run of a camera.
     pub counters: CounterReadback,
@@ -194,7 +194,7 @@ impl RestirView {
         }
     }
 
-    /// What the camera's next view goes on with.
+    /// The counts and settings that the camera's next view takes over.
     pub(super) fn remains(self) -> Remains {
         let sequence = match self.first_sequence {
             0 => self.sequence.wrapping_add(1),
@@ -254,8 +254,7 @@ impl RestirView {
         if let Some(history) = self.history.as_mut().filter(|history| !history.fits_pairs(&self.settings)) {
             // Bind groups would keep the old textures alive.
             self.bind_groups.clear();
-            allocation::attempt(device, "pairs", || history.replace_pairs(&self.settings, device))
-                .inspect_err(|_| self.rendered = false)?;
+            history.replace_pairs(&self.settings, device).inspect_err(|_| self.rendered = false)?;
         }
         let last = LastFrame {
             has_history: fits && self.frame > 0,

@@ -11,16 +11,20 @@ use bevy::{
     },
 };
 use bevy_restir::{
-    DebugView, RestirStatus, Subsurface, Technique, testing::storage::allocation::plant_failed_allocations,
+    DebugView, RestirEnvironment, RestirStatus, Subsurface, Technique,
+    testing::storage::allocation::plant_failed_allocations,
 };
 use std::{process::Command, time::Duration};
 
 /// A wall that both renderers light.
 fn lit_wall() -> Option<Rig> {
-    let mut rig = Rig::new(16, 12)?;
+    Some(with_lit_wall(Rig::new(16, 12)?))
+}
+
+fn with_lit_wall(mut rig: Rig) -> Rig {
     rig.spawn(square(4.0), lambert(0.5), Transform::default());
     rig.spawn_bundle((PointLight { intensity: 500.0, ..default() }, Transform::from_xyz(0.0, 0.0, 2.0)));
-    Some(rig)
+    rig
 }
 
 /// Brightness that Bevy wrote to the middle of the target.
@@ -34,20 +38,35 @@ fn shown(rig: &mut Rig) -> u8 {
 fn bevy_lights_a_camera_that_the_device_has_no_memory_for() {
     log::listen();
     let Some(mut rig) = lit_wall() else { return };
-    let camera = rig.camera;
+    let (camera, target) = (rig.camera, rig.target.clone());
+    let sky_image = rig.add::<Image>(texture(4, 2, |_, _| [255; 4]));
     let alone = rig.picture(2);
-    for (name, technique) in [("view", Technique::Reference), ("history", Technique::Di)] {
-        let told = || log::warnings(&format!("Bevy lights camera {camera}")).len();
-        let before = told();
+    // Pairs belong to the history, which a warning has named before.
+    for (name, technique, new_warnings) in [
+        ("view", Technique::Reference, 1),
+        ("history", Technique::Di, 1),
+        ("pairs", Technique::Pt, 0),
+        ("environment importance", Technique::Reference, 1),
+    ] {
+        rig.set(|restir| (restir.technique, restir.paths.reuse.paired) = (technique, false));
+        rig.until_ready();
+        let warnings = || log::own_warnings(&format!("Bevy lights camera {camera}")).len();
+        let before = warnings();
         plant_failed_allocations(&rig.app, &[name]);
-        let target = rig.target.clone();
-        rig.edit(&target, |image| *image = target_image(UVec2::new(20, 12)));
-        rig.set(|restir| restir.technique = technique);
+        match name {
+            "pairs" => rig.set(|restir| restir.paths.reuse.paired = true),
+            "environment importance" => {
+                rig.insert(camera, RestirEnvironment { image: Some(sky_image.clone()), ..sky(0.3) });
+            }
+            _ => rig.edit(&target, |image| *image = target_image(UVec2::new(20, 12))),
+        }
         rig.frames(6);
         assert!(rig.next_if_any().is_none(), "{name}: we render nothing");
         assert!(shown(&mut rig) > 20, "{name}: Bevy lights the wall");
-        assert_eq!(told(), before + 1, "{name}: {:?}", log::warnings("restir"));
+        assert_eq!(warnings(), before + new_warnings, "{name}: {:?}", log::own_warnings("restir"));
         plant_failed_allocations(&rig.app, &[]);
+        assert!(rig.picture(2).mean() > 0.0, "{name}: with memory the picture is ours");
+        rig.app.world_mut().entity_mut(camera).remove::<RestirEnvironment>();
         rig.edit(&target, |image| *image = target_image(UVec2::new(16, 12)));
         rig.set(|restir| *restir = plain());
         assert_eq!(rig.picture(2), alone, "{name}: with memory the picture is ours again");
@@ -109,9 +128,43 @@ fn bevy_lights_a_scene_that_outgrows_the_memory_of_the_device() {
     rig.assert_sound();
 }
 
-/// What did not fit the device's memory is there once it fits, although nothing has changed since.
 #[test]
-fn what_the_device_had_no_memory_for_comes_later() {
+fn bevy_lights_a_scene_whose_trees_for_ray_queries_have_no_memory() {
+    let Some(mut rig) = Rig::tracing_by_ray_queries(16, 12).map(with_lit_wall) else { return };
+    let alone = rig.picture(2);
+    plant_failed_allocations(&rig.app, &["ray-query structures"]);
+    let cube = rig.spawn(Cuboid::from_length(0.5), lambert(0.5), Transform::from_xyz(0.0, 9.0, 0.0));
+    let mut patience = 0..200;
+    while rig.next_if_any().is_some() {
+        assert!(patience.next().is_some(), "we render a scene that the device does not have");
+    }
+    rig.frames(3);
+    assert!(rig.next_if_any().is_none(), "we render nothing");
+    assert!(shown(&mut rig) > 20, "Bevy lights the wall");
+    plant_failed_allocations(&rig.app, &[]);
+    assert!(rig.picture(2).mean() > 0.0, "with memory the picture is ours");
+    rig.app.world_mut().despawn(cube);
+    assert_eq!(rig.picture(2), alone);
+    rig.assert_sound();
+}
+
+#[test]
+fn bevy_lights_a_scene_without_memory_for_the_table_of_energy_compensation() {
+    let Some(mut rig) = lit_wall() else { return };
+    rig.until_ready();
+    plant_failed_allocations(&rig.app, &["specular albedo"]);
+    rig.set(|restir| restir.energy_compensation = true);
+    rig.frames(6);
+    assert!(rig.next_if_any().is_none(), "we render nothing");
+    assert!(shown(&mut rig) > 20, "Bevy lights the wall");
+    plant_failed_allocations(&rig.app, &[]);
+    assert!(rig.picture(2).mean() > 0.0, "with memory the picture is ours");
+    rig.assert_sound();
+}
+
+/// Trees that did not fit the device's memory are built once they fit, although nothing has changed since.
+#[test]
+fn trees_that_did_not_fit_the_memory_are_built_once_they_fit() {
     let pictures = |names: &'static [&'static str]| {
         let mut rig = lit_wall()?;
         let (mesh, paint) = (rig.add::<Mesh>(square(0.1)), rig.add::<StandardMaterial>(lambert(0.3)));
@@ -149,6 +202,20 @@ fn vertex_colors_that_the_device_had_no_memory_for_come_later() {
     plant_failed_allocations(&rig.app, &[]);
     rig.frames(2);
     assert_eq!(rig.debug(DebugView::Albedo).center(), Vec3::new(0.5, 0.0, 0.0));
+}
+
+#[test]
+fn textures_that_the_device_had_no_memory_for_come_later() {
+    let Some(mut rig) = Rig::new(8, 8) else { return };
+    let red = rig.add::<Image>(texture(4, 4, |_, _| [255, 0, 0, 255]));
+    plant_failed_allocations(&rig.app, &["texture atlas"]);
+    let painted = StandardMaterial { base_color_texture: Some(red), ..lambert(0.5) };
+    rig.spawn(square(4.0), painted, Transform::default());
+    assert_eq!(rig.debug(DebugView::Albedo).center(), Vec3::splat(0.5), "without its texture");
+    plant_failed_allocations(&rig.app, &[]);
+    rig.frames(70);
+    assert_eq!(rig.debug(DebugView::Albedo).center(), Vec3::new(0.5, 0.0, 0.0));
+    rig.assert_sound();
 }
 
 /// Whether this process runs a test alone; otherwise it runs that test in another process.  A lost device may leave the driver's registry,

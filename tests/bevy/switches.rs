@@ -1,5 +1,5 @@
-//! What an app switches while it runs: cameras, effects, environment images and devices; and plugins in either order.  No frame is black, and
-//! nothing is allocated anew without need.
+//! An app switches cameras, effects, environment images and devices while it runs, and adds plugins in either order.  No frame is black,
+//! and nothing is allocated anew without need.
 
 use crate::support::app::*;
 use bevy::{
@@ -154,6 +154,26 @@ fn a_view_that_finds_no_memory_keeps_its_counts() {
     plant_failed_allocations(&rig.app, &[]);
     rig.until_ready();
     assert_eq!(resets(&rig, "requested"), before, "afterwards");
+    rig.assert_sound();
+}
+
+#[test]
+fn a_reset_of_a_camera_that_is_off_waits_until_it_is_on() {
+    let Some(mut rig) = Rig::new(16, 12) else { return };
+    rig.spawn(square(4.0), lamp(1.0, 1.0, 1.0), Transform::default());
+    rig.set(|restir| restir.technique = Technique::Di);
+    rig.picture(2);
+    let before = resets(&rig, "requested");
+    let camera = rig.camera;
+    rig.get_mut::<Camera>(camera).is_active = false;
+    rig.frames(2);
+    rig.set(|restir| restir.reset = true);
+    rig.frames(2);
+    assert_eq!(resets(&rig, "requested"), before, "the camera is off");
+    assert_eq!(rig.report().samples, 0, "no camera is rendered");
+    rig.get_mut::<Camera>(camera).is_active = true;
+    rig.frames(4);
+    assert_eq!(resets(&rig, "requested"), before + 1, "the camera is on again");
     rig.assert_sound();
 }
 

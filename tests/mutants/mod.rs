@@ -1,24 +1,43 @@
 //! Mutants: wrong edits of the shaders.  Each must make a test of the first tier fail.
 //!
 //! A mutant runs in a process of its own: this test program again, with the tests that should find it.  The process makes the edit
-//! where it loads shaders (`bevy_restir_support::mutant`).
+//! where it loads shaders (`bevy_restir_support::mutant`).  Results are stored by commit, so that a run continues where the last one
+//! stopped, and become a table of `docs/proof-matrix.md`.
 
+mod light_paths;
+mod lights;
+mod picture;
 mod resampling;
-mod scene;
+mod shifts;
+mod surfaces;
 
-use crate::techniques::{bdpt, confidence, previous_frame, pt};
+use crate::{
+    support::{
+        gpu::gpu,
+        stored_results::{Part, commit, folder_of, publish, read, write},
+    },
+    techniques::{bdpt, confidence, previous_frame, pt},
+};
 use bevy_restir::testing::shader_library::MODULES;
-use std::process::{Command, Stdio};
+use serde_json::{Value, json};
+use std::{
+    borrow::Cow,
+    collections::BTreeSet,
+    path::{Path, PathBuf},
+    process::{Command, Stdio},
+    time::Instant,
+};
 
 /// A wrong edit of a shader.
+#[derive(Clone)]
 struct Mutant {
-    name: &'static str,
+    name: Cow<'static, str>,
     /// The path below `shaders/`.
     file: &'static str,
     /// A text that occurs once in the file, and its replacement.
     old: &'static str,
     new: &'static str,
-    /// Parts of the names of tests of the first tier; at least one of the tests must fail.
+    /// Parts of the names of tests of the first tier, those that take less time first; at least one of the tests must fail.
     tests: &'static [&'static str],
 }
 
@@ -29,70 +48,166 @@ const fn mutant(
     new: &'static str,
     tests: &'static [&'static str],
 ) -> Mutant {
-    Mutant { name, file, old, new, tests }
+    Mutant { name: Cow::Borrowed(name), file, old, new, tests }
 }
 
-/// All of them: one for each formula family, criterion, MIS kind, read of the last frame, and packing.
-fn all() -> impl Iterator<Item = &'static Mutant> {
-    resampling::MUTANTS.iter().chain(scene::MUTANTS)
+/// An edit that tests of the later tiers plant: its name, file, text and replacement.
+type Edit = (&'static str, &'static str, &'static str, &'static str);
+
+/// Such edits that the first tier finds, too: their kind, and the tests that find them.
+const PLANTED: [(&str, &[Edit], &[&str]); 5] = [
+    ("read of the last frame", &previous_frame::WRONG, &["reads_of_the_last_frame_equal_those_of_that_frame"]),
+    ("condition of the shift", &pt::reconnection_choice::UNTESTED, &["paths_that_are_often_replayed"]),
+    ("confidence", &confidence::WRONG, &["confidence_follows_its_recursion"]),
+    (
+        "replay of light paths in the last frame",
+        &bdpt::light_reuse::WRONG,
+        &["light_paths_of_the_last_frame_are_replayed"],
+    ),
+    (
+        "reuse of light paths",
+        &[bdpt::light_reuse::PLANTED[0]],
+        &["debug_views_show_reservoirs_of_light_paths", "reused_caustics_equal"],
+    ),
+];
+
+/// All of them: one for each formula family, criterion, MIS kind, guard, read of the last frame, and packing.
+fn all() -> Vec<Mutant> {
+    let planted = PLANTED.iter().flat_map(|&(kind, edits, tests)| {
+        edits.iter().map(move |&(name, file, old, new)| {
+            let name = Cow::Owned(format!("{kind}: {name}"));
+            Mutant { name, file, old, new, tests }
+        })
+    });
+    [resampling::MUTANTS, shifts::MUTANTS, lights::MUTANTS, surfaces::MUTANTS, light_paths::MUTANTS, picture::MUTANTS]
+        .concat()
+        .into_iter()
+        .chain(planted)
+        .collect()
+}
+
+/// Asserts that an edit changes one place of its shader.
+fn assert_changes_one_place(name: &str, file: &str, old: &str) {
+    let (_, text) = MODULES.iter().find(|(path, _)| *path == file).expect(file);
+    assert_eq!(text.matches(old).count(), 1, "{name}: {old}");
 }
 
 #[test]
 fn every_mutant_edits_one_place() {
+    let (mut edits, mut files) = (BTreeSet::new(), BTreeSet::new());
     for mutant in all() {
-        let (_, text) = MODULES.iter().find(|(path, _)| *path == mutant.file).expect(mutant.file);
-        assert_eq!(text.matches(mutant.old).count(), 1, "{}: {}", mutant.name, mutant.old);
+        assert_changes_one_place(&mutant.name, mutant.file, mutant.old);
         assert_ne!(mutant.old, mutant.new, "{}", mutant.name);
+        assert!(edits.insert((mutant.file, mutant.old, mutant.new)), "{}: another mutant has this edit", mutant.name);
+        assert!(files.insert(mutant.file_name()), "{}: another mutant has this name", mutant.name);
     }
 }
 
-/// Edits that tests of the later tiers plant themselves, as (name, file, text, replacement): here it shows at once if a shader has changed.
+/// The remaining edits that tests of the later tiers plant: here it shows at once if a shader has changed.
 #[test]
 fn every_planted_edit_changes_one_place() {
-    let edits = [
-        &confidence::WRONG[..],
-        &previous_frame::WRONG,
-        &pt::reconnection_choice::UNTESTED,
-        &bdpt::light_reuse::WRONG,
-        &bdpt::light_reuse::PLANTED,
-    ];
-    for (name, file, old, _) in edits.into_iter().flatten() {
-        let (_, text) = MODULES.iter().find(|(path, _)| path == file).expect(file);
-        assert_eq!(text.matches(old).count(), 1, "{name}: {old}");
+    for (name, file, old, _) in bdpt::light_reuse::PLANTED {
+        assert_changes_one_place(name, file, old);
     }
 }
 
-/// `MUTANT=NAME` runs one of them.
+/// The processes of mutants run no ignored tests: a mutant that names only such tests could never be found.
+#[test]
+fn every_mutant_names_tests_of_the_first_tier() {
+    let listed = |arguments: &[&str]| {
+        let output = this_program().args(arguments).output().expect("the program runs");
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        text.lines().filter_map(|line| line.strip_suffix(": test")).map(str::to_owned).collect::<BTreeSet<String>>()
+    };
+    let (all_tests, ignored) = (listed(&["--list"]), listed(&["--list", "--ignored"]));
+    let first: Vec<&String> = all_tests.difference(&ignored).filter(|name| !name.starts_with("mutants::")).collect();
+    assert!(first.len() > 100, "{first:?}");
+    for mutant in all() {
+        for test in mutant.tests {
+            assert!(first.iter().any(|name| name.contains(test)), "{}: the first tier has no {test}", mutant.name);
+        }
+    }
+}
+
+/// The marks of the table in the document, and the folder of the results.
+const NAME: &str = "mutants";
+
+/// `MUTANT=NAME` runs one of them, even if it has a result.  With `MUTANT_PART=0/2` a process runs every second one and leaves the others
+/// to a second process with `MUTANT_PART=1/2`.
 #[test]
 #[ignore = "an hour: ./run test --full"]
 fn full_length_tests_find_every_mutant() {
-    let only = std::env::var("MUTANT").ok();
-    let mut missed = Vec::new();
-    for mutant in all().filter(|mutant| only.as_ref().is_none_or(|name| name == mutant.name)) {
-        let start = std::time::Instant::now();
-        let found = mutant.tests.iter().find(|test| !passes(mutant, test));
-        let seconds = start.elapsed().as_secs_f64();
-        println!("| {} | {} | {} | {seconds:.0} s |", mutant.name, mutant.file, found.unwrap_or(&"NOT FOUND"));
-        if found.is_none() {
-            missed.push(mutant.name);
-        }
+    let Some(gpu) = gpu() else { return };
+    let (all, commit) = (all(), commit());
+    let folder = folder_of(NAME, &commit);
+    let (only, part) = (std::env::var("MUTANT").ok(), Part::from_environment("MUTANT_PART"));
+    let is_wanted = |i: usize, mutant: &Mutant| match &only {
+        Some(name) => mutant.name == *name,
+        None => part.has(i) && !mutant.path(&folder).exists(),
+    };
+    let wanted: Vec<&Mutant> = all.iter().enumerate().filter(|(i, m)| is_wanted(*i, m)).map(|(_, m)| m).collect();
+    assert!(only.is_none() || !wanted.is_empty(), "no mutant has the name {only:?}");
+    for mutant in wanted {
+        let result = mutant.result();
+        eprint!("{}", line(&result));
+        write(&mutant.path(&folder), &result);
     }
-    assert!(missed.is_empty(), "not found: {missed:?}");
+    let results: Vec<Value> = all.iter().filter_map(|mutant| read(&mutant.path(&folder))).collect();
+    let missed: Vec<&Value> = results.iter().filter(|result| result["found by"].is_null()).collect();
+    let table = format!(
+        "Commit {commit}, {}: {} of {} mutants have run, and {} were not found.\n\n\
+        | mutant | file | found by | seconds |\n|---|---|---|---|\n{}",
+        gpu.name,
+        results.len(),
+        all.len(),
+        missed.len(),
+        results.iter().map(line).collect::<String>()
+    );
+    publish(NAME, &table);
+    assert!(missed.is_empty(), "not found: {missed:#?}");
 }
 
-/// Whether the tests of this name pass with the edit.
-fn passes(mutant: &Mutant, test: &str) -> bool {
-    let program = std::env::current_exe().expect("this program has a path");
-    let output = Command::new(program)
-        .args([test, "--skip", "mutants::"])
-        .env("MUTANT_FILE", mutant.file)
-        .env("MUTANT_OLD", mutant.old)
-        .env("MUTANT_NEW", mutant.new)
-        .env_remove("PROOF_ROWS")
-        .stderr(Stdio::null())
-        .output()
-        .expect("the program runs");
-    let text = String::from_utf8_lossy(&output.stdout);
-    assert!(!text.contains("running 0 tests"), "{}: no test is named {test}", mutant.name);
-    output.status.success()
+/// The line of the table for a result.
+fn line(result: &Value) -> String {
+    let [name, file] = ["name", "file"].map(|key| result[key].as_str().unwrap_or_default());
+    let found = result["found by"].as_str().map_or("**not found**".to_owned(), |test| format!("`{test}`"));
+    format!("| {name} | {file} | {found} | {} |\n", result["seconds"])
+}
+
+impl Mutant {
+    /// The name of the file of its result.
+    fn file_name(&self) -> String {
+        self.name.replace(|c: char| !c.is_alphanumeric(), "_") + ".json"
+    }
+
+    fn path(&self, folder: &Path) -> PathBuf {
+        folder.join(self.file_name())
+    }
+
+    /// Runs its tests, one after the other, until one of them fails.
+    fn result(&self) -> Value {
+        let start = Instant::now();
+        let found = self.tests.iter().find(|test| !self.passes(test));
+        let seconds = start.elapsed().as_secs();
+        json!({ "name": self.name, "file": self.file, "found by": found, "seconds": seconds })
+    }
+
+    /// Whether the tests of this name pass with the edit.
+    fn passes(&self, test: &str) -> bool {
+        let output = this_program()
+            .args([test, "--skip", "mutants::"])
+            .env("MUTANT_FILE", self.file)
+            .env("MUTANT_OLD", self.old)
+            .env("MUTANT_NEW", self.new)
+            .env_remove("PROOF_ROWS")
+            .stderr(Stdio::null())
+            .output()
+            .expect("the program runs");
+        output.status.success()
+    }
+}
+
+/// This test program.
+fn this_program() -> Command {
+    Command::new(std::env::current_exe().expect("this program has a path"))
 }

@@ -1,11 +1,11 @@
-//! Mutants of resampling: MIS weights, neighbors, pairs, the last frame, shifts and candidates.
+//! Mutants of resampling: MIS weights, neighbors, pairs, the resampling routine, the last frame, and candidates.
 
 use super::{Mutant, mutant};
 
 const DI_ROOM: &str = "direct_light_in_a_room_with_shadows";
 const PT_ROOM: &str = "paths_in_a_room_equal";
 const MOVING_PATHS: &str = "paths_in_a_moving_frame";
-const CRITERIA: &str = "connection_criteria_equal";
+const AT_ONCE: &str = "have_their_effect_at_once";
 const PAIRS: &[&str] = &["paths_in_pairs_equal_the_reference"];
 
 pub const MUTANTS: &[Mutant] = &[
@@ -45,6 +45,27 @@ pub const MUTANTS: &[Mutant] = &[
         "",
         &["resampling::", DI_ROOM],
     ),
+    mutant(
+        "uniform weights count all inputs alike",
+        "restir/mis.wgsl",
+        "return (*inputs).confidence[sample] / total_confidence(inputs);",
+        "return 1.0 / f32((*inputs).count);",
+        &["resampling::mis_weights"],
+    ),
+    mutant(
+        "pairwise weights do without the targets of the canonical sample",
+        "restir/mis.wgsl",
+        "return sample == 0u;",
+        "return false;",
+        &["resampling::mis_weights"],
+    ),
+    mutant(
+        "no share of 1/(k + 1) for the canonical sample",
+        "restir/mis.wgsl",
+        "sum += select(0.0, 1.0 / f32(k + 1u), gris);",
+        "",
+        &["resampling::mis_weights"],
+    ),
     // Neighbors.
     mutant(
         "the place beside an object lies on its other side",
@@ -59,6 +80,62 @@ pub const MUTANTS: &[Mutant] = &[
         "copies += u32(all(other == identity));",
         "copies += 1u;",
         &["copies_of_a_sample_lower"],
+    ),
+    mutant(
+        "surfaces of any direction are similar",
+        "restir/neighbors.wgsl",
+        "dot(own.n, other.n) >= settings.normal_threshold",
+        "true",
+        &["neighbors_are_similar"],
+    ),
+    mutant(
+        "surfaces of any depth are similar",
+        "restir/neighbors.wgsl",
+        "<= settings.depth_threshold * view_distance",
+        "<= 1.0e30 * view_distance",
+        &["neighbors_are_similar"],
+    ),
+    mutant(
+        "the limit of depth does not grow with the distance",
+        "restir/neighbors.wgsl",
+        "<= settings.depth_threshold * view_distance",
+        "<= settings.depth_threshold",
+        &["neighbors_are_similar"],
+    ),
+    mutant(
+        "surfaces of any material are similar",
+        "restir/neighbors.wgsl",
+        "(own.material == other.material || !has(RESAMPLE_SAME_MATERIAL))",
+        "true",
+        &["neighbors_are_similar"],
+    ),
+    mutant(
+        "the surface itself is sought as often as its neighbors",
+        "restir/neighbors.wgsl",
+        "select(settings.neighbor_attempts, settings.temporal_attempts, is_own)",
+        "settings.neighbor_attempts",
+        &["more_temporal_attempts"],
+    ),
+    mutant(
+        "bilinear weights are ignored",
+        "restir/neighbors.wgsl",
+        "return select(vec2<f32>(0.0), u - 0.5, has(RESAMPLE_BILINEAR));",
+        "return vec2<f32>(0.0);",
+        &["a_bilinear_history"],
+    ),
+    mutant(
+        "no additional neighbors for new surfaces",
+        "pass/reuse.wgsl",
+        "canonical.confidence <= 1.0",
+        "canonical.confidence < 0.0",
+        &["disocclusions_use_more_neighbors"],
+    ),
+    mutant(
+        "motion is not projected to the last frame",
+        "restir/neighbors.wgsl",
+        "world_triangle(ids.x, ids.y, false), primary_ray(pixel)",
+        "world_triangle(ids.x, ids.y, true), primary_ray(pixel)",
+        &["histories_follow_bodies", MOVING_PATHS],
     ),
     // Pairs.
     mutant(
@@ -104,6 +181,13 @@ pub const MUTANTS: &[Mutant] = &[
         &["the_partner_of_a_partner_is_the_pixel"],
     ),
     mutant(
+        "no additional pairs for new surfaces",
+        "pass/pair_neighbors.wgsl",
+        "mask |= select(0u, PAIR_IS_NEW, own.confidence <= 1.0);",
+        "",
+        &["new_surfaces_use_more_pairs"],
+    ),
+    mutant(
         "a replayed path is taken for one that is only reconnected",
         "restir/shift/hybrid.wgsl",
         "return !(s.reconnection == 2u || ends_at_first) || drawn_choice",
@@ -130,28 +214,28 @@ pub const MUTANTS: &[Mutant] = &[
         "pass/reuse.wgsl",
         "guarded((*inputs).ucw[j] * jacobian, GUARD_CONTRIBUTION_WEIGHT)",
         "guarded((*inputs).ucw[j], GUARD_CONTRIBUTION_WEIGHT)",
-        &["planted_errors_of_paths", PT_ROOM],
+        &[PT_ROOM, "planted_errors_of_paths"],
     ),
     mutant(
         "a neighbor's target lacks the Jacobian",
         "pass/reuse.wgsl",
         "known_target(inputs, j, s) / jacobian",
         "known_target(inputs, j, s)",
-        &["planted_errors_of_paths", PT_ROOM],
+        &[PT_ROOM, "planted_errors_of_paths"],
     ),
     mutant(
         "the canonical sample's target in a neighbor's domain lacks the Jacobian",
         "pass/reuse.wgsl",
         "value *= jacobian_of(e);",
         "",
-        &["planted_errors_of_paths", PT_ROOM],
+        &[PT_ROOM, "planted_errors_of_paths"],
     ),
     mutant(
         "a still frame's target in the last frame",
         "pass/reuse.wgsl",
         "(*mis).targets[MAX_INPUTS] = (*mis).targets[0];",
         "(*mis).targets[MAX_INPUTS] = 0.0;",
-        &["planted_errors_of_paths", PT_ROOM],
+        &[PT_ROOM],
     ),
     mutant("MIS ignores visibility", "pass/reuse.wgsl", "value = select(0.0, value, visible);", "", &[DI_ROOM]),
     mutant(
@@ -159,150 +243,50 @@ pub const MUTANTS: &[Mutant] = &[
         "pass/reuse.wgsl",
         "light += select(0.0, inputs.shares[j], inputs.visible[j]) * shown_contribution(&inputs, j, r);",
         "light += inputs.shares[j] * inputs.contributions[j];",
-        &["di::settings", DI_ROOM],
+        &["shadows_are_black"],
     ),
-    mutant(
-        "the history has no cap",
-        "pass/reuse.wgsl",
-        "s.confidence = min(s.confidence, settings.confidence_cap);",
-        "",
-        &["confidence", "di::settings"],
-    ),
-    mutant(
-        "the confidence of the last input alone",
-        "pass/reuse.wgsl",
-        "output.confidence += mis.confidence[j];",
-        "output.confidence = mis.confidence[j];",
-        &["debug_views_show_the_stored_paths", "confidence"],
-    ),
-    // The last frame.
+    // The last frame; `previous_frame` has further reads of it.
     mutant(
         "lights keep the ids of the last frame",
         "restir/di/domain.wgsl",
         "r.point.light = current_light_id(s.point.light);",
         "",
-        &["lights_that_move_change_come_and_go"],
+        &[AT_ONCE],
     ),
     mutant(
         "a light is evaluated where it is now, for the last frame's surface",
         "restir/di/domain.wgsl",
         "light_point_at(s.point, r.surface.position, r.previous)",
         "light_point_at(s.point, r.surface.position, false)",
-        &["lights_that_move_change_come_and_go", "previous"],
+        &[AT_ONCE],
     ),
     mutant(
         "shadow rays of the last frame meet the scene of this one",
         "restir/di/domain.wgsl",
         "return light_is_visible(r.surface, e.light, alpha_seed, r.previous);",
         "return light_is_visible(r.surface, e.light, alpha_seed, false);",
-        &["a_moving_occluder", "previous"],
+        &[AT_ONCE],
+    ),
+    mutant(
+        "paths keep the light ids of the last frame",
+        "restir/pt/domain.wgsl",
+        "p.light.light = current_light_id(path.light.light);",
+        "",
+        &[AT_ONCE],
     ),
     mutant(
         "a reconnected path is traced in this frame's scene only",
         "restir/pt/domain.wgsl",
         "return is_unoccluded(e.shifted, r.previous);",
         "return is_unoccluded(e.shifted, false);",
-        &[MOVING_PATHS, "previous"],
+        &[AT_ONCE, MOVING_PATHS],
     ),
     mutant(
-        "motion is not projected to the last frame",
-        "restir/neighbors.wgsl",
-        "world_triangle(ids.x, ids.y, false), primary_ray(pixel)",
-        "world_triangle(ids.x, ids.y, true), primary_ray(pixel)",
-        &["previous", "motion_vectors", MOVING_PATHS],
-    ),
-    // Reconnection criteria.
-    mutant(
-        "4π is missing in the footprint of the pixel",
-        "restir/shift/reconnection.wgsl",
-        "return 0.01 * separation * FOUR_PI * d2",
-        "return 0.01 * separation * d2",
-        &[CRITERIA],
-    ),
-    mutant(
-        "the separation is not in percent",
-        "restir/shift/reconnection.wgsl",
-        "return 0.01 * separation * FOUR_PI * d2",
-        "return separation * FOUR_PI * d2",
-        &[CRITERIA],
-    ),
-    mutant(
-        "the forward footprint is not tested",
-        "restir/shift/reconnection.wgsl",
-        "return a.rough && is_apart(a.position, position, n_geo, a.pdf, c);",
-        "return a.rough;",
-        &[CRITERIA],
-    ),
-    mutant(
-        "the roughness before the reconnection is not tested",
-        "restir/shift/reconnection.wgsl",
-        "return a.rough && is_apart(a.position, position, n_geo, a.pdf, c);",
-        "return is_apart(a.position, position, n_geo, a.pdf, c);",
-        &[CRITERIA],
-    ),
-    mutant(
-        "the inverse footprint is not tested",
-        "restir/shift/reconnection.wgsl",
-        "&& (bsdf_is_diffuse(s.bsdf) || is_apart(s.position, a.position, a.n_geo, pdf_after, c));",
-        ";",
-        &[CRITERIA],
-    ),
-    mutant(
-        "the bound of the Jacobian lacks its factor",
-        "restir/shift/reconnection.wgsl",
-        "select(1.0, TWO_PI, kind == RECONNECT_JACOBIAN_BOUND)",
-        "1.0",
-        &[CRITERIA],
-    ),
-    mutant(
-        "the footprint of a path is that of its last ray",
-        "restir/shift/reconnection.wgsl",
-        "return a.spread + inverseSqrt(",
-        "return inverseSqrt(",
-        &[CRITERIA],
-    ),
-    mutant(
-        "black boxes are compared by 1/p",
-        "restir/shift/reconnection.wgsl",
-        "step.pdf * step.pdf * c.roughness <= 1.0",
-        "step.pdf * c.roughness <= 1.0",
-        &[CRITERIA],
-    ),
-    // The hybrid shift.
-    mutant(
-        "earlier reconnections are not looked for",
+        "the light of a path is evaluated where it is now, for the last frame's surface",
         "restir/shift/hybrid.wgsl",
-        "if is_before && connectable {",
-        "if false {",
-        &["shift_inverse"],
-    ),
-    mutant(
-        "impossible reconnections are accepted",
-        "restir/shift/hybrid.wgsl",
-        "if !is_before && !connectable {",
-        "if false {",
-        &["shift_inverse"],
-    ),
-    mutant(
-        "the Jacobian lacks the densities of the BSDF",
-        "restir/shift/hybrid.wgsl",
-        "(*w).density *= step.pdf_lobe;",
-        "",
-        &["shift_measure", "shift_inverse"],
-    ),
-    mutant(
-        "the Jacobian lacks the geometry",
-        "restir/shift/hybrid.wgsl",
-        "(*w).density *= triangle_factor(at.position, n.position, s.instance, s.triangle, previous);",
-        "",
-        &["shift_measure", "shift_inverse"],
-    ),
-    mutant(
-        "the geometry factor lacks the cosine",
-        "restir/shift/reconnection.wgsl",
-        "return abs(dot(n_geo, d)) * inverseSqrt(max(d2, 1.0e-37)) / max(d2, 1.0e-37);",
-        "return 1.0 / max(d2, 1.0e-37);",
-        &["shift_measure", "packing_and_jacobian"],
+        "let nee = nee_contribution((*w).v, s.light, previous);",
+        "let nee = nee_contribution((*w).v, s.light, false);",
+        &[AT_ONCE, MOVING_PATHS],
     ),
     // Candidates, next-event estimation, Russian roulette.
     mutant(
@@ -310,14 +294,14 @@ pub const MUTANTS: &[Mutant] = &[
         "restir/pt/initial_candidates.wgsl",
         "c.survival *= q;",
         "",
-        &["roulette", "a_closed_furnace", PT_ROOM],
+        &["pt::roulette", PT_ROOM],
     ),
     mutant(
         "roulette of the reference is not compensated",
         "path/reference_integrator.wgsl",
         "throughput /= q;",
         "",
-        &["roulette", "a_closed_furnace_gives_emission", PT_ROOM],
+        &["a_closed_furnace_gives_emission", "pt::roulette", PT_ROOM],
     ),
     mutant(
         "light candidates are not counted",
@@ -327,6 +311,13 @@ pub const MUTANTS: &[Mutant] = &[
         &[DI_ROOM],
     ),
     mutant(
+        "light of BSDF samples is not weighted in the reference",
+        "path/reference_integrator.wgsl",
+        "return select(1.0, 1.0 - nee_mis_weight(nee_pdf, pdf), pdf > 0.0);",
+        "return 1.0;",
+        &["a_closed_furnace_gives_emission"],
+    ),
+    mutant(
         "next-event estimation ignores BSDF sampling",
         "path/technique_weights.wgsl",
         "let hit = select(pdf / nee, 0.0, l.delta != 0u);",
@@ -334,10 +325,31 @@ pub const MUTANTS: &[Mutant] = &[
         &[PT_ROOM],
     ),
     mutant(
-        "the expected number of candidates is one",
-        "path/nee.wgsl",
-        "return f32(nee_candidate_count(first_count, index)) * light_pmf(light);",
-        "return light_pmf(light);",
-        &[PT_ROOM, "paths"],
+        "hits of lights ignore next-event estimation",
+        "path/technique_weights.wgsl",
+        " + scaled(nee, s.last)",
+        "",
+        &[PT_ROOM],
+    ),
+    mutant(
+        "hits of lights are weighted against the light candidates of the next vertex",
+        "path/technique_weights.wgsl",
+        "let nee = guarded_or_infinite(nee_density(l, index, counts), GUARD_LIGHT_SAMPLE);",
+        "let nee = guarded_or_infinite(nee_density(l, index + 1u, counts), GUARD_LIGHT_SAMPLE);",
+        &[PT_ROOM],
+    ),
+    mutant(
+        "pixels of any tile share a light subset",
+        "restir/light_candidates.wgsl",
+        "let tile = pixel / settings.light_tile_size;",
+        "let tile = pixel / 8u;",
+        &["pixels_of_a_tile"],
+    ),
+    mutant(
+        "indirect light keeps the measure of solid angle",
+        "restir/gi/domain.wgsl",
+        "m.ucw = guarded(c.ucw / m.path.density, GUARD_GI_MEASURE);",
+        "m.ucw = guarded(c.ucw, GUARD_GI_MEASURE);",
+        &["indirect_light_in_a_room"],
     ),
 ];

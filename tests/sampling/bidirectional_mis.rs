@@ -1,5 +1,6 @@
-//! MIS weights of bidirectional path tracing: the recursion, and the three floats that give the weight after a reconnection, equal the
-//! densities of all techniques, for random paths of 3 to 9 vertices.  A path of 2 vertices has one technique: the camera sees a light.
+//! MIS weights of bidirectional path tracing, by the functions of the passes: the recursion, and the two numbers that a reservoir stores for
+//! the weight after a reconnection, agree with the densities of all techniques, for random paths of 3 to 9 vertices.  A path of 2 vertices
+//! has one technique: the camera sees a light.
 
 use crate::support::{
     compose::{Def, flag},
@@ -7,6 +8,7 @@ use crate::support::{
     oracle::bidirectional::{Path, VERTICES},
     stats::Random,
 };
+use bevy_restir::testing::shader_library::ShaderEdit;
 use bytemuck::{Pod, Zeroable};
 
 const PATHS: usize = 20_000;
@@ -36,10 +38,6 @@ enum Error {
     Environment,
     /// Eq. 40 as it is printed: the density of the wrong vertex.
     SplatDensity,
-    /// Eq. 42 as it is printed: the geometry term of the wrong direction.
-    Direction,
-    /// The probability of a delta lobe between the reconnection and the connection is counted in one direction only.
-    DeltaSuffix,
 }
 
 #[repr(C)]
@@ -48,6 +46,56 @@ struct Weights {
     recursive: [f32; VERTICES],
     cached: [f32; VERTICES],
 }
+
+const fn edit(from: &'static str, to: &'static str) -> ShaderEdit {
+    ShaderEdit { module: "path/technique_weights.wgsl", from, to }
+}
+
+/// Densities of surfaces and lights are numbers of the path (`bidirectional_mis.wgsl`).
+const NUMBERS: [ShaderEdit; 3] = [
+    edit("return bsdf_pdf(surface_towards(v.surface, wi).bsdf, wi, v.wo);", "return v.medium.x;"),
+    edit("return light_pmf(l.light) * l.pdf_solid_angle * l.pdf_scale;", "return l.pdf_solid_angle * l.pdf_scale;"),
+    edit(
+        "return share * light_pmf(l.light) * l.pdf_solid_angle * emission_density(l);",
+        "return share * l.pdf_solid_angle * l.distance;",
+    ),
+];
+
+/// Errors of the weights of camera sub-paths, and whether they change weights without a shift, too.
+const PLANTED: [(&str, ShaderEdit, bool); 6] = [
+    (
+        "stored numbers in the wrong order",
+        edit("return 1.0 / (1.0 + dot(rivals, s.basis.yz));", "return 1.0 / (1.0 + dot(rivals, s.basis.zy));"),
+        false,
+    ),
+    (
+        "the cosine behind the reconnection",
+        edit(
+            "return behind_reconnection(cos_out, step.pdf, sum.x);",
+            "return behind_reconnection(1.0, step.pdf, sum.x);",
+        ),
+        true,
+    ),
+    (
+        "earlier techniques behind a delta lobe",
+        edit(
+            "return CameraState(vec3<f32>(0.0), cos_out * s.earlier, s.basis);",
+            "return CameraState(vec3<f32>(0.0), vec3<f32>(0.0), s.basis);",
+        ),
+        true,
+    ),
+    (
+        "the share of caustics",
+        edit("select(counts.shares.nee, counts.shares.caustic, by_delta)", "counts.shares.nee"),
+        true,
+    ),
+    ("connections that do not exist", edit("(counts.connects * dot(d, d) / cos_in)", "(dot(d, d) / cos_in)"), true),
+    (
+        "techniques before a point of entry",
+        edit("return CameraState(vec3<f32>(0.0), vec3<f32>(0.0), s.basis);", "return s;"),
+        true,
+    ),
+];
 
 /// Log-uniform over the range of densities.
 fn density(random: &mut Random) -> f32 {
@@ -73,10 +121,13 @@ fn random_path(random: &mut Random, light: Light) -> Path {
         delta_light: u32::from(matches!(light, Light::Point | Light::Directional)),
         connectable: u32::MAX,
         splats: random.pick(&[1.0, 64.0, 2.0e6]),
+        connects: random.pick(&[0.0, 1.0]),
         nee: density(random),
         light: density(random),
         ..Path::zeroed()
     };
+    // Without reuse, and with a `reuse_gain` of 16.
+    (path.nee_share, path.caustic_share) = random.pick(&[(1.0, 1.0), (1.0 / 16.0, 16.0)]);
     for i in 0..=k {
         path.cos_in[i] = cosine(random);
         path.cos_out[i] = cosine(random);
@@ -97,6 +148,10 @@ fn random_path(random: &mut Random, light: Light) -> Path {
         let i = 1 + (random.unit() * (k - 1) as f64) as usize;
         make_delta(random, &mut path, i);
     }
+    let below = 1 + (random.unit() * (k - 1) as f64) as u32;
+    if path.connectable & (1 << below) != 0 && random.unit() < 0.3 {
+        path.below = below;
+    }
     path
 }
 
@@ -111,10 +166,11 @@ fn shifted(random: &mut Random, base: &Path) -> Path {
             path.connectable |= 1 << i;
         }
     }
-    if r < path.k as usize {
+    // The density behind a point where light enters a body does not depend on the path before.
+    if r < path.k as usize && base.reconnection != base.below {
         path.forward[r + 1] = density(random);
     }
-    for i in 1..r {
+    for i in (1..r).filter(|i| *i != base.below as usize) {
         if random.unit() < 0.3 {
             make_delta(random, &mut path, i);
         }
@@ -136,31 +192,33 @@ fn paths(light: Light, error: Error) -> (Vec<Path>, Vec<Path>) {
     (0..PATHS).map(pair).unzip()
 }
 
-fn weights(gpu: &Gpu, base: &[Path], shifted: &[Path], defs: &[Def]) -> Vec<Weights> {
+fn weights(gpu: &Gpu, base: &[Path], shifted: &[Path], defs: &[Def], edits: &[ShaderEdit]) -> Vec<Weights> {
     let [a, b] = [base, shifted].map(|paths| gpu.storage(paths));
     let output = gpu.zeroed::<Weights>(base.len());
     let bound = [(0, 0, Bound::Buffer(&a)), (0, 1, Bound::Buffer(&b)), (0, 2, Bound::Buffer(&output))];
-    gpu.kernel("bidirectional_mis", include_str!("../support/kernels/bidirectional_mis.wgsl"), defs)
-        .run([(base.len() as u32).div_ceil(64), 1, 1], &bound);
+    let source = include_str!("../support/kernels/bidirectional_mis.wgsl");
+    let (defs, edits) = ([&[flag("LIGHT_PATHS")], defs].concat(), [&NUMBERS, edits].concat());
+    gpu.kernel_with("bidirectional_mis", source, &defs, &edits).run([(base.len() as u32).div_ceil(64), 1, 1], &bound);
     gpu.read(&output)
 }
 
-/// The greatest errors of the weights by recursion, of their sums, and of the weights after a reconnection.
+/// The greatest errors of the weights by recursion, of their sums, and of the weights after a reconnection, and the number of the last.
 #[derive(Debug, Default)]
 struct Errors {
     recursive: f64,
     sum: f64,
     cached: f64,
+    shifts: u32,
 }
 
-fn errors(gpu: &Gpu, light: Light, error: Error, defs: &[Def]) -> Errors {
+fn errors(gpu: &Gpu, light: Light, error: Error, defs: &[Def], edits: &[ShaderEdit]) -> Errors {
     let (base, shifted) = paths(light, error);
     let mut errors = Errors::default();
     let worst = |error: &mut f64, found: f32, expected: f64| {
         let difference = (f64::from(found) - expected).abs();
         *error = if difference.is_nan() { f64::INFINITY } else { error.max(difference) };
     };
-    for ((base, shifted), found) in base.iter().zip(&shifted).zip(weights(gpu, &base, &shifted, defs)) {
+    for ((base, shifted), found) in base.iter().zip(&shifted).zip(weights(gpu, &base, &shifted, defs, edits)) {
         let expected = base.weights();
         for (&found, &expected) in found.recursive.iter().zip(&expected) {
             worst(&mut errors.recursive, found, expected);
@@ -169,11 +227,13 @@ fn errors(gpu: &Gpu, light: Light, error: Error, defs: &[Def]) -> Errors {
             let sum = found.recursive.iter().map(|&w| f64::from(w)).sum::<f64>();
             errors.sum = errors.sum.max((sum - 1.0).abs());
         }
+        // Next-event estimation and hits; `bidirectional_mis.wgsl` says which of them a shift stores.
+        let (r, k) = (base.reconnection, base.k);
         let expected = shifted.weights();
-        if base.reconnection > 0 {
-            let later = base.reconnection as usize + 1..=base.k as usize + 1;
-            for (&found, &expected) in found.cached[later.clone()].iter().zip(&expected[later]) {
-                worst(&mut errors.cached, found, expected);
+        for (t, is_stored) in [(k, r + 1 < k || r == base.below), (k + 1, true)] {
+            if r > 0 && is_stored {
+                worst(&mut errors.cached, found.cached[t as usize], expected[t as usize]);
+                errors.shifts += u32::from(expected[t as usize] > 0.0);
             }
         }
     }
@@ -184,31 +244,31 @@ fn errors(gpu: &Gpu, light: Light, error: Error, defs: &[Def]) -> Errors {
 fn weights_of_bidirectional_techniques_equal_their_densities() {
     let Some(gpu) = gpu() else { return };
     for light in LIGHTS {
-        let found = errors(gpu, light, Error::None, &[]);
+        let found = errors(gpu, light, Error::None, &[], &[]);
         eprintln!("{light:?}: {found:?}");
         assert!(found.recursive < TOLERANCE && found.cached < TOLERANCE, "{light:?}: {found:?}");
-        assert!(found.sum < 2.0 * TOLERANCE, "{light:?}: {found:?}");
+        assert!(found.sum < 2.0 * TOLERANCE && found.shifts > 2_000, "{light:?}: {found:?}");
     }
 }
 
 #[test]
 fn planted_errors_of_bidirectional_weights_are_found() {
     let Some(gpu) = gpu() else { return };
-    let found = |light, error, defs: &[Def]| {
-        let found = errors(gpu, light, error, defs);
+    let found = |light, error, defs: &[Def], edits: &[ShaderEdit]| {
+        let found = errors(gpu, light, error, defs, edits);
         eprintln!("{error:?} {defs:?}: {found:?}");
         found
     };
-    let order = found(Light::Area, Error::None, &[flag("PLANT_MIS_ORDER")]);
+    let order = found(Light::Area, Error::None, &[flag("PLANT_MIS_ORDER")], &[]);
     assert!(order.sum > 0.1 && order.recursive > 0.1, "{order:?}");
     for (light, error) in
         [(Light::Area, Error::Splats), (Light::Infinite, Error::Environment), (Light::Area, Error::SplatDensity)]
     {
-        let wrong = found(light, error, &[]);
+        let wrong = found(light, error, &[], &[]);
         assert!(wrong.sum > 0.1 && wrong.recursive > 0.1, "{error:?}: {wrong:?}");
     }
-    for error in [Error::Direction, Error::DeltaSuffix] {
-        let wrong = found(Light::Area, error, &[]);
-        assert!(wrong.recursive < TOLERANCE && wrong.cached > 0.1, "{error:?}: {wrong:?}");
+    for (name, edit, is_of_all) in PLANTED {
+        let wrong = found(Light::Area, Error::None, &[], &[edit]);
+        assert!(wrong.cached > 0.1 && (wrong.recursive > 0.1) == is_of_all, "{name}: {wrong:?}");
     }
 }

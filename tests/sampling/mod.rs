@@ -7,6 +7,7 @@ mod emission;
 mod energy_compensation;
 mod environment;
 mod light_choice;
+mod light_scattering;
 mod lights;
 mod rng;
 mod subsurface;

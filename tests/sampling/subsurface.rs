@@ -7,10 +7,13 @@ use crate::support::{
     scenes::{TestScene, identity, soup, sphere},
     stats::{Random, Statistical, assert_family, chi_squared, failures_of_family},
 };
-use bevy_restir::testing::geometry::triangulate::Geometry;
+use bevy_restir::testing::{
+    geometry::triangulate::Geometry,
+    gpu_layout::{GpuMaterial, INSTANCE_ALPHA, MATERIAL_ALPHA_BLEND, MATERIAL_ALPHA_MASK},
+};
 use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
-use std::f64::consts::TAU;
+use std::{collections::BTreeSet, f64::consts::TAU};
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -312,6 +315,34 @@ fn the_density_of_a_hit_equals_the_oracle_on_both_back_ends() {
                 }
             }
             assert!(compared > PROBES / 4, "{}: {compared} hits", b.name);
+        }
+    }
+}
+
+/// A mask rejects all triangles or none, by its cutoff.  A blended body loses triangles at random, and probes find the others in their
+/// order.
+#[test]
+fn probes_pass_the_triangles_that_their_alpha_tests_reject() {
+    let triangles = |a: &ProbeAnswer| a.triangles[..a.count as usize].to_vec();
+    for (gpu, backend) in back_ends() {
+        let mut ball = bodies().into_iter().find(|b| b.name == "ball").expect("a body has this name");
+        ball.scene.instances[0].flags |= INSTANCE_ALPHA;
+        let defs = [subsurface(), vec![flag("ALPHA")], backend].concat();
+        let mut found = |alpha: f32, flags: u32| -> Vec<Vec<u32>> {
+            ball.scene.materials = vec![GpuMaterial { alpha, flags, ..Default::default() }];
+            ball.probe(gpu, &defs, 3).iter().map(triangles).collect()
+        };
+        let opaque = found(0.0, 0);
+        assert!(found(0.4, MATERIAL_ALPHA_MASK).iter().all(Vec::is_empty), "below the cutoff");
+        assert_eq!(found(0.6, MATERIAL_ALPHA_MASK), opaque, "above the cutoff");
+        let blended = found(0.5, MATERIAL_ALPHA_BLEND);
+        let [all, there]: [BTreeSet<u32>; 2] =
+            [&opaque, &blended].map(|found| found.iter().flatten().copied().collect());
+        let share = there.len() as f64 / all.len() as f64;
+        println!("{} of {} triangles are there", there.len(), all.len());
+        assert!(all.len() > 100 && (0.3..0.7).contains(&share), "{share} of {}", all.len());
+        for (opaque, blended) in opaque.into_iter().zip(blended) {
+            assert_eq!(blended, opaque.into_iter().filter(|t| there.contains(t)).collect::<Vec<_>>());
         }
     }
 }

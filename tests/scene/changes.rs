@@ -1,4 +1,4 @@
-//! The mirror follows what changes and looks at nothing else.  Every app of the tests compares it with the main world in each frame
+//! The mirror visits the elements that change and no others.  Every app of the tests compares it with the main world in each frame
 //! (`check_mirror`), so that an edit that goes unnoticed fails there.
 
 use crate::support::app::*;
@@ -33,7 +33,7 @@ fn visited(rig: &Rig) -> Vec<(&'static str, u64)> {
 }
 
 #[test]
-fn a_still_frame_looks_at_nothing_and_a_move_at_what_moves() {
+fn a_still_frame_visits_nothing_and_a_move_visits_the_moved_object() {
     let Some(mut rig) = Rig::new(16, 16) else { return };
     let squares = row(&mut rig, 200);
     rig.until_ready();
@@ -191,7 +191,7 @@ fn every_edit_of_lights_is_noticed() {
     rig.spawn(square(4.0), lambert(0.5), Transform::default());
     let sun = rig.spawn_bundle((DirectionalLight::default(), SunDisk::EARTH, Transform::default()));
     let point = rig.spawn_bundle((PointLight::default(), RenderLayers::layer(3), Transform::from_xyz(0.0, 0.0, 2.0)));
-    // Bevy computes the visibility of what it has seen enabled at first.
+    // Bevy computes the visibility only of entities that were enabled at first.
     let spare = rig.spawn_bundle((SpotLight::default(), Transform::from_xyz(0.0, 1.0, 2.0)));
     rig.until_ready();
     rig.insert(spare, Disabled);

@@ -393,7 +393,7 @@ fn a_cameras_environment_precedes_its_skybox_and_the_skybox_its_map_light() {
     rig.app.world_mut().entity_mut(rig.camera).remove::<Skybox>();
     let seen = shown(&mut rig);
     assert!(near(seen, (0.0, 0.0)), "no brightness: {seen:?}");
-    assert_eq!(log::warnings("the brightness of its EnvironmentMapLight is not finite").len(), 1);
+    assert_eq!(log::warnings("the intensity of its EnvironmentMapLight is not finite").len(), 1);
 }
 
 #[test]

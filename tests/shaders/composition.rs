@@ -24,7 +24,9 @@ fn defs(features: SceneFeatures) -> Vec<Def> {
 fn required(path: &str) -> SceneFeatures {
     match path {
         "pass/environment.wgsl" => SceneFeatures::ENVIRONMENT | SceneFeatures::ENVIRONMENT_MAP,
-        "pass/sss_candidates.wgsl" | "pass/reuse.wgsl for restir/sss" => SceneFeatures::SUBSURFACE,
+        "pass/sss_candidates.wgsl" | "pass/debug_sss.wgsl" | "pass/reuse.wgsl for restir/sss" => {
+            SceneFeatures::SUBSURFACE
+        }
         _ => SceneFeatures::empty(),
     }
 }
@@ -86,7 +88,7 @@ fn passes() -> Vec<(String, String)> {
     passes
 }
 
-/// No feature, and all.
+/// With no feature, and with all.
 #[test]
 fn every_pass_composes_validates_and_translates() {
     check(&covering_set()[..2]);

@@ -239,7 +239,7 @@ fn shader_rooms_import_only_rooms_below_them() {
 }
 
 #[test]
-fn the_tables_of_rooms_have_no_circles() {
+fn the_tables_of_rooms_have_no_cycles() {
     for table in [RUST, SHADERS] {
         for (room, below) in table {
             assert!(!is_below(table, room, room), "`{room}` is below itself");
@@ -248,8 +248,8 @@ fn the_tables_of_rooms_have_no_circles() {
             }
         }
     }
-    const CIRCLE: Table = &[("a", &["b"]), ("b", &["c"]), ("c", &["a"])];
-    assert!(is_below(CIRCLE, "a", "a"), "a planted circle is found");
+    const CYCLE: Table = &[("a", &["b"]), ("b", &["c"]), ("c", &["a"])];
+    assert!(is_below(CYCLE, "a", "a"), "a planted cycle is found");
 }
 
 #[test]

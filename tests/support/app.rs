@@ -90,7 +90,7 @@ pub fn unit_exposure() -> Exposure {
 }
 
 /// Silences Mesa's device-select layer, which complains where there is no compositor.
-fn calm() {
+fn silence_mesa() {
     static ONCE: std::sync::Once = std::sync::Once::new();
     ONCE.call_once(|| {
         if std::env::var_os("XDG_RUNTIME_DIR").is_none() {
@@ -258,7 +258,7 @@ impl Rig {
     }
 
     fn with(start: Start, width: u32, height: u32, more: impl FnOnce(&mut App)) -> Option<Self> {
-        calm();
+        silence_mesa();
         return_freed_memory();
         super::gpu::gpu()?;
         let mut app = headless(start, more);

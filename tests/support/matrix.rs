@@ -11,15 +11,13 @@ use super::{
     gpu::gpu,
     proof::{Growing, Proof, Subject, first_seed},
     small_scenes::*,
+    stored_results::{Part, commit, folder_of, publish, read, write},
 };
 use bevy_restir::testing::plant_shader_defs;
 use serde_json::{Value, json};
 use std::{
     collections::{BTreeMap, HashSet},
-    fs,
-    hash::{DefaultHasher, Hash, Hasher},
     path::{Path, PathBuf},
-    process::Command,
     time::{Duration, Instant},
 };
 
@@ -48,6 +46,8 @@ pub trait Row: Copy {
     fn is_relevant(&self, choice: usize) -> bool;
     /// Whether the settings of the row are unbiased and can be measured.
     fn is_testable(&self) -> bool;
+    /// Sets what all rows have in common, once for each scene.
+    fn prepare(_rig: &mut Rig) {}
     /// The names of the chosen values.
     fn names(&self) -> Vec<String>;
     fn proof(&self) -> Proof<'static>;
@@ -105,9 +105,11 @@ struct Stage {
 }
 
 impl Stage {
-    fn new(scene: &str, size: u32) -> Option<Self> {
-        let rig = if scene == "moving" { self::scene(size, moving) } else { Rig::load(scene, size) };
-        Some(Self { rig: rig?, truth: None })
+    fn new<R: Row>(scene: &str) -> Option<Self> {
+        let rig = if scene == "moving" { self::scene(R::SIZE, moving) } else { Rig::load(scene, R::SIZE) };
+        let mut rig = rig?;
+        R::prepare(&mut rig);
+        Some(Self { rig, truth: None })
     }
 
     /// The reference, read from the folder or rendered.
@@ -136,17 +138,6 @@ impl Stage {
     }
 }
 
-fn read(path: &Path) -> Option<Value> {
-    serde_json::from_str(&fs::read_to_string(path).ok()?).ok()
-}
-
-fn write(path: &Path, value: &Value) {
-    // A run may be killed at any time: write to a temporary name and rename.
-    let unfinished = path.with_extension("unfinished");
-    fs::write(&unfinished, value.to_string()).expect("the target folder can be written");
-    fs::rename(unfinished, path).expect("the target folder can be written");
-}
-
 fn floats(v: &Value) -> Vec<f64> {
     v.as_array().expect("an array").iter().map(|x| x.as_f64().expect("a number")).collect()
 }
@@ -171,50 +162,25 @@ fn comparison_from(v: &Value) -> Option<Comparison> {
     Some(Comparison { difference, error, power, tost, regions, tiles })
 }
 
-/// The last commit that changed a measured file; uncommitted changes add a hash.
-fn commit() -> String {
-    let git = |arguments: &[&str]| {
-        let measured = ["--", "src", "shaders", "assets", "tests", "Cargo.lock"];
-        let output = Command::new("git")
-            .args(arguments)
-            .args(measured)
-            .current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
-            .output()
-            .ok()
-            .filter(|output| output.status.success());
-        output.map(|output| String::from_utf8_lossy(&output.stdout).trim().to_owned()).unwrap_or_default()
-    };
-    let (head, changes) = (git(&["log", "-1", "--format=%h"]), git(&["diff", "HEAD"]));
-    if changes.is_empty() {
-        return head;
-    }
-    let mut hasher = DefaultHasher::new();
-    changes.hash(&mut hasher);
-    format!("{head} with changes {:08x}", hasher.finish() as u32)
-}
-
 /// Measures the rows that have no result yet, until the time is up.  True if all rows have results.
 fn measure<R: Row>(folder: &Path, rows: &[R]) -> bool {
     let minutes = std::env::var("MATRIX_MINUTES").ok().and_then(|m| m.parse::<f64>().ok());
     let end = minutes.map(|m| Instant::now() + Duration::from_secs_f64(60.0 * m));
     let is_over = || end.is_some_and(|end| Instant::now() > end);
-    let part = std::env::var("MATRIX_PART").ok();
-    let part = part.as_deref().and_then(|part| part.split_once('/'));
-    let [part, parts] =
-        part.map_or([0, 1], |(k, n)| [k, n].map(|v| v.parse().expect("MATRIX_PART is two numbers: 0/2")));
+    let part = Part::from_environment("MATRIX_PART");
     let mut subjects: BTreeMap<&str, Stage> = BTreeMap::new();
     // The planted error comes first, because a suite that cannot fail proves nothing.
     let planted = first::<R>();
     for (i, row) in core::iter::once(&planted).chain(rows).enumerate() {
         let path = file_of(folder, row, i == 0);
-        if path.exists() || i % parts != part {
+        if path.exists() || !part.has(i) {
             continue;
         }
         if is_over() {
             return false;
         }
         let scene = row.scene();
-        let subject = subjects.entry(scene).or_insert_with(|| Stage::new(scene, R::SIZE).expect("there is an adapter"));
+        let subject = subjects.entry(scene).or_insert_with(|| Stage::new::<R>(scene).expect("there is an adapter"));
         subject.truth(folder, row);
         if is_over() {
             return false;
@@ -303,22 +269,11 @@ fn figures(c: &Comparison) -> String {
     )
 }
 
-/// Writes the table into `docs/proof-matrix.md`, between its marks.
-fn publish(name: &str, table: &str) {
-    let path = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/..")).join("docs/proof-matrix.md");
-    let text = fs::read_to_string(&path).expect("the document is there");
-    let (begin, end) = (format!("<!-- {name} -->\n"), format!("<!-- /{name} -->"));
-    let (before, rest) = text.split_once(&begin).expect("the document has the begin mark");
-    let (_, after) = rest.split_once(&end).expect("the document has the end mark");
-    fs::write(&path, format!("{before}{begin}{table}{end}{after}")).expect("the document can be written");
-}
-
 /// Measures the missing rows, publishes the table, and fails if a row failed.
 pub fn run<R: Row>() {
     let Some(gpu) = gpu() else { return };
     let (commit, rows) = (commit(), covering_set::<R>());
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(R::NAME.replace(' ', "_")).join(&commit);
-    fs::create_dir_all(&folder).expect("the target folder can be written");
+    let folder = folder_of(R::NAME, &commit);
     let is_complete = measure(&folder, &rows);
     let (table, faults) = table(&folder, &rows, &commit, &gpu.name);
     publish(R::NAME, &table);

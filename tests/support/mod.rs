@@ -26,5 +26,6 @@ pub mod proof_rows;
 pub mod reuse_settings;
 pub mod small_scenes;
 pub mod stats;
+pub mod stored_results;
 
 pub use bevy_restir_support::{compose, gpu, scenes};

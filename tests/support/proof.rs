@@ -29,7 +29,7 @@ impl Subject for Direct {
     }
 }
 
-impl<S: Subject> Subject for &S {
+impl<S: Subject + ?Sized> Subject for &S {
     fn apply_to(&self, settings: &mut Restir) {
         (*self).apply_to(settings);
     }
@@ -81,7 +81,7 @@ impl Subject for (f32, Bidirectional) {
     }
 }
 
-/// A technique with a preset as it comes: with jitter, energy compensation and the bounces of the preset.  Single frames, which proofs in
+/// A technique with an unchanged preset: with jitter, energy compensation and the bounces of the preset.  Single frames, which proofs in
 /// motion compare, are not limited: that bias is known (`techniques::fireflies`).
 pub struct Shipped(pub Technique, pub Preset);
 

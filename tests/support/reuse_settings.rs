@@ -59,7 +59,15 @@ pub mod subsurface {
     pub fn all_reuse() -> SubsurfaceSampling {
         let default = SubsurfaceSampling::default();
         SubsurfaceSampling {
-            reuse: Reuse { radius: pixels(6.0, 32), confidence_cap: 8.0, ..default.reuse },
+            // Two iterations, because the sequential shift has one shift in each.
+            reuse: Reuse {
+                radius: pixels(6.0, 32),
+                spatial_samples: 1,
+                disocclusion_samples: 2,
+                spatial_iterations: 2,
+                confidence_cap: 8.0,
+                ..default.reuse
+            },
             candidates: 4,
             heuristics: false,
             ..default

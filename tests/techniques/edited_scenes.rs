@@ -1,15 +1,17 @@
 //! Histories survive objects that appear, disappear or are edited, and the light stays right: a frame of a scene that changes equals on
-//! average the reference of the scene as it then is.  The mean is over seeds of the last frame of a script of four, at 64 x 64 pixels;
-//! margin 1.5 % at α = 0.01.
+//! average the reference of the scene as it then is.  The mean is over seeds of the last frame of a script of four, at 48 x 48 or 64 x 64
+//! pixels; margin 1 to 2 % at α = 0.01.
 
 use crate::support::{
     app::*,
-    proof::{AllLight, Proof},
+    proof::{AllLight, Bidirectional, Proof},
     reuse_settings::{di, paths},
     small_scenes::*,
 };
 use bevy::prelude::*;
-use bevy_restir::{DebugView, Direct, Mis, RestirEnvironment, Reuse, testing::shader_library::ShaderEdit};
+use bevy_restir::{
+    DebugView, Direct, Jitter, LightTechniques, Mis, RestirEnvironment, Reuse, testing::shader_library::ShaderEdit,
+};
 
 const CONFIDENCE_CAP: f32 = 20.0;
 
@@ -122,6 +124,27 @@ fn paths_under_a_sky_that_turns_and_changes_its_color_equal_the_reference() {
     proof.check("sky", &mut rig, &all);
 }
 
+/// Light sub-paths of the last frame are replayed among lights and objects that appear, disappear and change, and below a sky that turns.
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_light_paths_in_scenes_that_change_equal_the_reference() {
+    type Scene = (&'static str, fn(&mut Rig), fn(&mut Rig, u32));
+    let scenes: [Scene; 3] = [
+        ("edited", edited, pose_edited),
+        ("passing", passing, pose_passing),
+        ("sky", |rig| surrounded(rig, true), pose_sky),
+    ];
+    for (name, make, pose) in scenes {
+        let Some(mut rig) = scene(48, make) else { return };
+        // Light paths end anywhere in a pixel, so that each restart has its own emission.
+        rig.set(|r| r.jitter = Jitter::Always);
+        let length = Proof::of((160, 1), (20, 64));
+        let proof = Proof { bounces: 3, blended: true, margin: 0.02, pose: Some(&pose), ..length };
+        let both = Bidirectional(LightTechniques::Lightweight, paths::all_reuse());
+        proof.check(name, &mut rig, &[("BDPT, both", both)]);
+    }
+}
+
 /// Other numbers and weights of samples in each step, 0 to [`STEPS`].
 fn pose_settings(rig: &mut Rig, step: u32) {
     let spatial_samples = [5, 0, 1, 3][step as usize % 4];
@@ -157,7 +180,7 @@ fn paths_whose_numbers_of_samples_change_in_every_frame_equal_the_reference() {
 /// A planted error: every object counts as present in both frames.
 #[test]
 #[ignore = "second tier: ./run test --more"]
-fn paths_over_objects_of_another_frame_are_found() {
+fn objects_that_count_in_the_wrong_frame_are_found() {
     let Some(mut rig) = scene(64, edited) else { return };
     let proof = proof(60);
     let reference = proof.truth(&mut rig, 1000);

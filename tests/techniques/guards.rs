@@ -3,7 +3,7 @@
 use crate::support::{
     app::*,
     gpu::{Bound, gpu},
-    small_scenes::room,
+    small_scenes::{room, translucent_room},
 };
 use bevy::prelude::*;
 use bevy_restir::{
@@ -30,7 +30,7 @@ struct Out {
 }
 
 #[test]
-fn guards_let_pass_what_is_finite_and_not_negative() {
+fn guards_pass_finite_numbers_that_are_not_negative() {
     let Some(gpu) = gpu() else { return };
     let one = 1f32.to_bits();
     let legal = [0, one, 0x0080_0000, f32::MAX.to_bits(), 0x8000_0000];
@@ -64,10 +64,11 @@ type Plant = (&'static [&'static str], Technique, u32, &'static [&'static str]);
 
 /// Each guard with one technique.
 const QUICK: &[Plant] = {
-    use Technique::{Di, Gi, Pt, Reference};
+    use Technique::{Bdpt, Di, Gi, Pt, Reference};
     const PATHS: &[&str] = &["non_finite", "negative_pixel", "light_contribution", "bsdf_sample", "throughput"];
     const WEIGHTS: &[&str] = &["resampling_weight", "contribution_weight", "target", "mis_weight"];
     const SHIFTS: &[&str] = &["shift_contribution", "jacobian"];
+    const LIGHT_PATHS: &[&str] = &["light_contribution", "throughput", "contribution_weight"];
     &[
         (PATHS, Reference, NAN, PATHS),
         (&["surface", "light_sample"], Reference, MINUS_ONE, &["surface", "light_sample"]),
@@ -76,12 +77,30 @@ const QUICK: &[Plant] = {
         (SHIFTS, Pt, NAN, SHIFTS),
         (&["gi_measure"], Gi, NAN, &["gi_measure"]),
         (&["reservoir"], Di, NAN, &["reservoir"]),
+        (LIGHT_PATHS, Bdpt, NAN, LIGHT_PATHS),
+    ]
+};
+
+/// Guards of light that scatters below surfaces.
+const QUICK_BELOW: &[Plant] =
+    &[(&["light_contribution", "reservoir"], Technique::Di, NAN, &["light_contribution", "reservoir"])];
+
+/// The same guards, each alone with each technique.
+const FULL_BELOW: &[Plant] = {
+    use Technique::{Bdpt, Di, Gi, Pt, Reference};
+    &[
+        (&["throughput"], Reference, NAN, &["throughput"]),
+        (&["light_contribution"], Di, MINUS_ONE, &["light_contribution"]),
+        (&["contribution_weight"], Gi, NAN, &["contribution_weight"]),
+        (&["reservoir"], Di, NAN, &["reservoir"]),
+        (&["throughput"], Pt, NAN, &["throughput"]),
+        (&["throughput"], Bdpt, NAN, &["throughput"]),
     ]
 };
 
 /// Each guard alone with each technique that has numbers of its own for it.
 const FULL: &[Plant] = {
-    use Technique::{Di, Gi, Pt, Reference};
+    use Technique::{Bdpt, Di, Gi, Pt, Reference};
     &[
         (&["non_finite"], Reference, NAN, &["non_finite"]),
         (&["non_finite"], Pt, INFINITY, &["non_finite"]),
@@ -107,6 +126,12 @@ const FULL: &[Plant] = {
         (&["reservoir"], Di, NAN, &["reservoir"]),
         (&["reservoir"], Gi, NAN, &["reservoir"]),
         (&["reservoir"], Pt, NAN, &["reservoir"]),
+        (&["light_sample"], Bdpt, NAN, &["light_sample"]),
+        (&["light_contribution"], Bdpt, MINUS_ONE, &["light_contribution"]),
+        (&["throughput"], Bdpt, NAN, &["throughput"]),
+        (&["contribution_weight"], Bdpt, NAN, &["contribution_weight"]),
+        (&["shift_contribution"], Bdpt, NAN, &["shift_contribution"]),
+        (&["reservoir"], Bdpt, NAN, &["reservoir"]),
     ]
 };
 
@@ -134,12 +159,13 @@ fn the_debug_view_of_guards_shows_the_pixels_that_raised_one() {
     }
 }
 
-/// Asserts that planted failures raise exactly the expected guards, and leave the picture finite.
-fn check(plants: &[Plant]) {
-    let Some(mut rig) = Rig::new(16, 16) else { return };
-    room(&mut rig);
+/// Asserts that planted failures in a scene raise exactly the expected guards, and leave the picture finite.  Returns these guards; `None`
+/// without an adapter.
+fn check(make: impl FnOnce(&mut Rig), plants: &[Plant]) -> Option<BTreeSet<&'static str>> {
+    let mut rig = Rig::new(16, 16)?;
+    make(&mut rig);
     rig.set(|r| r.bounces = 4);
-    let mut tested: BTreeSet<&str> = BTreeSet::new();
+    let mut tested = BTreeSet::new();
     for &(guards, technique, bits, raised) in plants {
         planted(&mut rig, guards, bits);
         rig.set(|r| (r.technique, r.accumulate) = (technique, true));
@@ -151,6 +177,13 @@ fn check(plants: &[Plant]) {
         rig.assert_raised(raised);
         tested.extend(raised);
     }
+    Some(tested)
+}
+
+/// [`check`] in a room, for each guard.
+fn check_all(plants: &[Plant]) {
+    let make = |rig: &mut Rig| _ = room(rig);
+    let Some(tested) = check(make, plants) else { return };
     // Traversals overflow in `tracing::traversal`.
     let others = GUARDS.iter().map(|guard| guard.name).filter(|name| !tested.contains(name));
     assert_eq!(others.collect::<Vec<_>>(), ["overflow_stack", "overflow_steps", "overflow_probe"]);
@@ -158,13 +191,24 @@ fn check(plants: &[Plant]) {
 
 #[test]
 fn every_guard_stops_its_numbers_and_is_raised() {
-    check(QUICK);
+    check_all(QUICK);
 }
 
 #[test]
 #[ignore = "minutes: ./run test --full"]
 fn full_length_each_guard_stops_its_number_and_is_raised_alone() {
-    check(FULL);
+    check_all(FULL);
+}
+
+#[test]
+fn guards_of_light_below_surfaces_stop_its_numbers_and_are_raised() {
+    check(translucent_room, QUICK_BELOW);
+}
+
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_guards_of_light_below_surfaces_are_raised_alone() {
+    check(translucent_room, FULL_BELOW);
 }
 
 #[test]

@@ -253,8 +253,8 @@ fn temporal_and_spatial_inputs_together_sum_to_the_integral() {
     }
 }
 
-/// Where a neighbor rarely finds what a pixel reflects most, 1/|Z| is unbiased and still dark in almost every frame: no run of affordable
-/// length can show its mean.  That is why the matrix of `di/matrix.rs` leaves out the scenes with narrow lobes.
+/// Where a neighbor rarely finds the light that a pixel reflects most, 1/|Z| is unbiased and still dark in almost every frame: no run of
+/// affordable length can show its mean.  That is why the matrix of `di/matrix.rs` leaves out the scenes with narrow lobes.
 #[test]
 fn one_over_z_is_unbiased_and_dark_in_almost_every_frame_between_narrow_lobes() {
     let lobe = |light: [f64; 2]| Domain {

@@ -1,5 +1,5 @@
 //! Paired spatial reuse: partners are a random involution of the pixels, both pixels of a pair agree whether they use it, and the picture
-//! is that of the reference for half the rays.
+//! equals the reference with half as many rays of spatial reuse.
 
 use crate::support::{
     app::{Rig, plant_edits},

@@ -1,5 +1,5 @@
-//! What shaders read of the last frame equals what they read of that frame when it was the present one: camera and jitter, transforms,
-//! surfaces, the top-level tree, and lights with their densities.  No statistics: each number is compared with itself a frame earlier.
+//! The data of the last frame, as shaders read them, equal the data that they read in that frame: camera and jitter, transforms, surfaces,
+//! the top-level tree, and lights with their densities.  No statistics: each number is compared with itself a frame earlier.
 
 use crate::support::{app::*, bodies::*, proof::emission, small_scenes::*};
 use bevy::{
@@ -103,7 +103,7 @@ fn differences(rig: &mut Rig, emitted: &[Picture]) -> ([u32; 8], u32) {
 
 /// The pictures hold coordinates, which may be negative: guards of light do not apply.
 #[test]
-fn the_last_frame_reads_as_it_was() {
+fn reads_of_the_last_frame_equal_those_of_that_frame() {
     let Some((mut rig, emitted)) = start() else { return };
     let (different, all) = differences(&mut rig, &emitted);
     eprintln!("{different:?} of {all} each");

@@ -154,6 +154,22 @@ fn the_table_names_the_compared_files() {
 }
 
 #[test]
+fn a_difference_is_a_picture_beside_its_error() {
+    let folder = Folder::without_gpu("compare_difference");
+    write(&folder, "a.exr", [16, 8], |x, y| if (x, y) == (2, 3) { [9.0; 3] } else { plain(x, y) });
+    write(&folder, "b.exr", [16, 8], plain);
+    compared(&folder, "a.exr", "b.exr", &["--difference", "difference.png"]);
+    let picture = image::open(folder.path("difference.png")).expect("the picture can be read").to_rgb8();
+    // A line of four pixels lies between them.
+    let error_at = 16 + 4;
+    assert_eq!((picture.width(), picture.height()), (2 * 16 + 4, 8));
+    assert!(picture.get_pixel(error_at + 2, 3).0[0] > 200, "the pixel that differs");
+    assert_eq!(picture.get_pixel(error_at + 3, 3).0, [0; 3], "a pixel that is equal");
+    let run = folder.lab(&["compare", "a.exr", "b.exr", "--difference", "missing/difference.png"]);
+    run.failed(1, "a folder that is missing");
+}
+
+#[test]
 fn pictures_that_cannot_be_compared_give_one_line_and_exit_code_1() {
     let folder = Folder::without_gpu("compare_wrong");
     write(&folder, "a.exr", [8, 8], plain);

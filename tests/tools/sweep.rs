@@ -52,6 +52,9 @@ fn a_curve_is_a_power_law_between_and_beyond_its_points() {
         let error = at_time(&curve, time).expect("three points are a curve");
         assert!((error - 3.0 / time).abs() < 1e-12, "{time}: {error}");
     }
+    // A worse point at the time of another one changes nothing.
+    let doubled = [&curve[..], &points(&[(2.0, 9.0)])].concat();
+    assert_eq!(at_time(&doubled, 1.5), at_time(&curve, 1.5));
     assert_eq!(at_time(&curve[..1], 1.0), None);
     assert_eq!(at_time(&[], 1.0), None);
 }

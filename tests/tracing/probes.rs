@@ -1,4 +1,4 @@
-//! Rays that collect all hits on one instance: both back ends find what brute force finds, in order, and report a ray with too many hits.
+//! Rays that collect all hits on one instance: both back ends find the hits of brute force, in order, and report a ray with too many hits.
 
 use crate::support::{
     brute_force::{BruteForce, cross, dot, sub},
@@ -115,7 +115,7 @@ fn both_back_ends_find_the_same_hits_of_probes() {
 }
 
 #[test]
-fn a_ray_with_more_than_eight_hits_has_none_and_reports_it() {
+fn a_probe_with_more_than_eight_hits_returns_none_and_reports_an_overflow() {
     for (gpu, backend) in back_ends() {
         for layers in [8, 9, 200] {
             let layer = |i: i32| [[-1.0, -1.0, i as f32], [3.0, -1.0, i as f32], [-1.0, 3.0, i as f32]];

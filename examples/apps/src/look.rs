@@ -157,6 +157,9 @@ fn white_of(restir: &Restir, far: f32) -> f32 {
         (DebugView::PathConfidence | DebugView::LightPathConfidence, _) => {
             2.0 * restir.paths.reuse.confidence_cap.max(1.0)
         }
+        (DebugView::SubsurfaceConfidence, _) => 2.0 * restir.subsurface.reuse.confidence_cap.max(1.0),
+        (DebugView::SubsurfaceDistances, _) => 4.0,
+        (DebugView::LightPathCounts | DebugView::LightVertices, _) => 4.0 * restir.bdpt.light_paths.max(1.0),
         (DebugView::PathLengths | DebugView::LightPathLengths | DebugView::Bounces, _) => bounces,
         (DebugView::PathReconnections, _) => bounces + 1.0,
         (DebugView::PathTechniques, _) => bounces + 2.0,
@@ -175,13 +178,15 @@ pub fn legend(restir: &Restir) -> Option<String> {
         DebugView::Depth => "m",
         DebugView::Motion => "pixels",
         DebugView::ReservoirConfidence | DebugView::PathConfidence | DebugView::PathAges => "frames",
-        DebugView::LightPathConfidence | DebugView::LightPathAges => "frames",
+        DebugView::LightPathConfidence | DebugView::LightPathAges | DebugView::SubsurfaceConfidence => "frames",
+        DebugView::SubsurfaceDistances => "lengths d",
         DebugView::PathLengths | DebugView::LightPathLengths | DebugView::Bounces => "bounces",
-        DebugView::PathTechniques => "vertices",
+        DebugView::PathTechniques | DebugView::LightVertices => "vertices",
+        DebugView::LightPathCounts => "light paths",
         DebugView::PathReconnections => "(index of the vertex)",
         DebugView::Rays => "rays",
         DebugView::ReservoirWeights | DebugView::PathWeights | DebugView::LightPathWeights => "",
-        DebugView::PathJacobians => "",
+        DebugView::PathJacobians | DebugView::SubsurfaceWeights => "",
         _ => return None,
     };
     (restir.debug_scale > 0.0).then(|| format!("white: {:.3} {unit}", 1.0 / restir.debug_scale))

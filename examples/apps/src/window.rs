@@ -22,7 +22,7 @@ pub fn app(title: &str, size: UVec2, keys: &str, backend: RayBackend) -> App {
     app.add_plugins((
         DefaultPlugins
             .set(WindowPlugin { primary_window: Some(window), ..default() })
-            // The user opens files anywhere.
+            // The user may open files outside of the asset folder.
             .set(AssetPlugin { unapproved_path_mode: UnapprovedPathMode::Allow, ..default() }),
         RestirPlugin { backend },
         FrameTimeDiagnosticsPlugin::default(),

@@ -78,7 +78,7 @@ pub fn run(args: &Args) -> Result<(), String> {
     for seed in (args.seed..).take(args.count as usize) {
         let mut random = Random::new(seed);
         let (name, sound) = &files[random.below(files.len())];
-        let (told, bytes) = mutation::mutant(sound, &mut random);
+        let (changes, bytes) = mutation::mutant(sound, &mut random);
         let path = folder.join(format!("broken-{seed}.glb"));
         fs::write(&path, bytes).map_err(|e| format!("{}: {e}", path.display()))?;
         watchdog.watch(path.display().to_string());
@@ -96,17 +96,17 @@ pub fn run(args: &Args) -> Result<(), String> {
             Ok(Outcome::Picture) => {
                 shown += 1;
                 if args.list {
-                    println!("copy {seed} of {name} ({told}): a picture");
+                    println!("copy {seed} of {name} ({changes}): a picture");
                 }
             }
             Ok(Outcome::Error(error)) => {
                 if args.list {
-                    println!("copy {seed} of {name} ({told}): {}", error.lines().next().unwrap_or_default());
+                    println!("copy {seed} of {name} ({changes}): {}", error.lines().next().unwrap_or_default());
                 }
             }
             Ok(Outcome::Fault(fault)) | Err(fault) => {
                 failed += 1;
-                println!("copy {seed} of {name} ({told}): {fault}; it is repeated by: {}", args.command(seed));
+                println!("copy {seed} of {name} ({changes}): {fault}; it is repeated by: {}", args.command(seed));
                 progress.step();
                 continue;
             }
@@ -135,9 +135,9 @@ fn sources(args: &Args) -> Result<Vec<(String, Glb)>, String> {
         paths.sort();
     }
     let read = |path: &PathBuf| {
-        let told = |error: String| format!("{}: {error}", path.display());
-        let bytes = fs::read(path).map_err(|error| told(error.to_string()))?;
-        Ok((path.display().to_string(), Glb::read(&bytes).map_err(told)?))
+        let with_path = |error: String| format!("{}: {error}", path.display());
+        let bytes = fs::read(path).map_err(|error| with_path(error.to_string()))?;
+        Ok((path.display().to_string(), Glb::read(&bytes).map_err(with_path)?))
     };
     let mut files = paths.iter().map(read).collect::<Result<Vec<_>, String>>()?;
     if args.files.is_empty() {
@@ -173,7 +173,7 @@ fn outcome(app: &mut App, path: &Path) -> Outcome {
     let result = alive.map_or_else(Outcome::Fault, |()| result);
     scene::unload(app.world_mut());
     if is_alive {
-        // What the file has left is gone before the next one.
+        // Frames in which the file's objects and assets are removed, before the next file is loaded.
         (0..3).for_each(|_| _ = frame(app));
     }
     result

@@ -8,7 +8,7 @@ use super::glb::Glb;
 /// Stands for a number that JSON has no name for, until the text is written.
 const RAW: &str = "\u{1}raw ";
 
-/// Numbers at the edges of what a file may hold; with one of the last two the text is not valid JSON.
+/// Numbers at the edges of what a file may contain.  With one of the last two the text is not usable JSON.
 const NUMBERS: [&str; 26] = [
     "0",
     "-0.0",
@@ -44,10 +44,10 @@ const FLOATS: [f32; 8] = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, 
 /// A broken copy of a file, and how it was broken.
 pub fn mutant(sound: &Glb, random: &mut Random) -> (String, Vec<u8>) {
     let mut glb = sound.clone();
-    let mut told = Vec::new();
+    let mut changes = Vec::new();
     for _ in 0..1 + random.below(3) / 2 {
         let kind = random.below(10);
-        told.push(match kind {
+        changes.push(match kind {
             0 => floats(&mut glb, random),
             1..=3 => anywhere(&mut glb.json, random),
             _ => structure(&mut glb.json, random),
@@ -56,9 +56,9 @@ pub fn mutant(sound: &Glb, random: &mut Random) -> (String, Vec<u8>) {
     let text = raw_numbers(&glb.json.to_string());
     let mut file = glb.with_text(&text);
     if random.below(10) == 0 {
-        told.push(bytes(&mut file, text.len(), random));
+        changes.push(bytes(&mut file, text.len(), random));
     }
-    (told.join("; "), file)
+    (changes.join("; "), file)
 }
 
 /// Replaces the stand-ins of numbers.
@@ -76,7 +76,7 @@ fn raw_numbers(text: &str) -> String {
 }
 
 fn number(random: &mut Random) -> Value {
-    // Whole files that are no JSON are rare.
+    // Few copies get a number that makes the whole text invalid JSON.
     let count = if random.below(20) == 0 { NUMBERS.len() } else { NUMBERS.len() - 2 };
     Value::String(format!("{RAW}{}", NUMBERS[random.below(count)]))
 }
@@ -225,11 +225,11 @@ fn structure(json: &mut Value, random: &mut Random) -> String {
         _ => {}
     }
     let value = wrong(field, random);
-    let told = format!("{list}: {field} is {}", shown(&value));
+    let change = format!("{list}: {field} is {}", shown(&value));
     match member(json, list, random) {
         Some(member) => {
             member[field] = value;
-            told
+            change
         }
         None => "nothing to break".into(),
     }

@@ -27,7 +27,7 @@ const EDGES: [f32; 14] = [
     f32::MIN_POSITIVE,
 ];
 
-/// Fields that a case has of its own, or whose pictures are no light: debug views may be negative.
+/// Fields that [`Source::settings`] chooses by itself, and fields that keep their defaults: values of debug views may be negative.
 const NOT_DRAWN: [&str; 6] = ["technique", "bounces", "seed", "reset", "debug_view", "debug_scale"];
 
 /// Frames after those that wait for the scene; edits are before one of them.
@@ -39,7 +39,7 @@ pub struct Case {
     pub camera: (Transform, Projection),
     pub environment: Option<RestirEnvironment>,
     pub settings: Restir,
-    /// What changes before which frame, 1 to [`LAST_FRAME`].
+    /// Edits, and the frames (1 to [`LAST_FRAME`]) before which they are made.
     pub edits: Vec<(u32, Edit)>,
 }
 
@@ -173,7 +173,7 @@ fn simpler_materials(material: &StandardMaterial) -> Vec<StandardMaterial> {
     ]
 }
 
-/// Random values, of which some cases have a few at the edges.
+/// Source of random values; in some cases a few of them are at the edges of what an app may write ([`EDGES`]).
 struct Source {
     random: Random,
     /// Share of numbers that are at an edge.
@@ -396,7 +396,7 @@ impl Source {
             SubsurfaceShift::Hybrid,
             SubsurfaceShift::Sequential,
         ][self.random.below(4)];
-        // All other fields, too, also those that are new.
+        // All other fields, including those that future versions add.
         for path in fields::paths().iter().filter(|path| !NOT_DRAWN.contains(&path.as_str())) {
             if self.chance(0.04) {
                 fields::draw(&mut settings, path, self.random.unit());

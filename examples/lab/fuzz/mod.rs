@@ -161,7 +161,7 @@ pub fn run(args: &Args) -> Result<(), String> {
         if let Some(mut reason) = runner.failure(&case)? {
             failed += 1;
             if first != seed {
-                // What earlier cases have left may be the cause.
+                // State that earlier cases have left in the app may be the cause.
                 runner.stage = None;
                 match runner.failure(&case)? {
                     Some(alone) => reason = alone,
@@ -169,6 +169,7 @@ pub fn run(args: &Args) -> Result<(), String> {
                         let count = seed - first + 1;
                         let command = args.command(first, count, &Steps::default());
                         println!("case {seed} fails only after others: {reason}; it is repeated by: {command}");
+                        progress.step();
                         continue;
                     }
                 }

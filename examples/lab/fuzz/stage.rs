@@ -31,7 +31,7 @@ const LATE: u32 = 3;
 
 pub struct Stage {
     app: App,
-    /// What the last case has spawned.
+    /// Entities that the last case has spawned.
     spawned: Vec<Entity>,
 }
 
@@ -147,7 +147,7 @@ impl Stage {
     fn frame(&mut self) -> Result<(), String> {
         frame(&mut self.app);
         soundness::beat();
-        // A task that panics takes only itself down.
+        // A panic in a task ends that task only, so the app does not report it.
         match panics::take() {
             Some(panic) => Err(panic),
             None => headless::alive(&self.app),

@@ -81,7 +81,7 @@ impl<'a> Halves<'a> {
         [self.0, self.1].map(|half| half.iter().map(&of).fold(0.0, f64::max))
     }
 
-    /// The medians of both halves; `None` where the system does not tell.
+    /// Medians of the process's memory in both halves; `None` where the system does not report it.
     pub fn resident(&self) -> Option<[f64; 2]> {
         let median = |half: &[Round]| {
             let mut bytes: Vec<f64> = half.iter().filter_map(|round| round.resident_bytes).collect();
@@ -91,7 +91,7 @@ impl<'a> Halves<'a> {
         Some([median(self.0)?, median(self.1)?])
     }
 
-    /// What has grown, one line each.
+    /// A line for each quantity that has grown.
     pub fn growth(&self) -> Vec<String> {
         let mut grown = Vec::new();
         let [before, after] = self.most(|round| round.device_bytes);

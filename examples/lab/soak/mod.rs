@@ -161,8 +161,8 @@ impl Soak {
 
     /// Adds a fault of a frame, unless a frame before had it too.
     fn fault(&mut self, at: u32, fault: &str) {
-        let told = |line: &String| line.split_once(": ").is_some_and(|(_, before)| kind(before) == kind(fault));
-        if !self.faults.iter().any(told) {
+        let is_known = |line: &String| line.split_once(": ").is_some_and(|(_, before)| kind(before) == kind(fault));
+        if !self.faults.iter().any(is_known) {
             self.faults.push(format!("frame {at}: {fault}"));
         }
     }
@@ -207,7 +207,7 @@ impl Soak {
             Row::new(
                 "Light",
                 "greatest drift, standard errors",
-                &[("found", Unit::Stored, greatest), ("limit", Unit::Stored, limit)],
+                &[("found", Unit::Plain, greatest), ("limit", Unit::Plain, limit)],
             ),
             row("Frame", "time", Unit::Ms, mean(&|round| round.milliseconds)),
             Row::new("Checks", "failed", &[("", Unit::Count, self.faults.len() as f64)]),

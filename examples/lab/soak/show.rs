@@ -22,7 +22,7 @@ use crate::things::{Shape, Thing, despawn, spawn};
 /// Frames of a round.
 pub const ROUND: u32 = 24;
 
-/// The scene, its camera that stays, and what comes and goes.
+/// The scene with a permanent camera, and objects, lights and cameras that come and go.
 pub struct Show {
     pub app: App,
     size: UVec2,
@@ -31,7 +31,7 @@ pub struct Show {
     tube: Entity,
     sheet: Entity,
     lamp: Entity,
-    /// What appears in every round.
+    /// Objects that appear in every round.
     visitors: Vec<Thing>,
     lights: Vec<Thing>,
     /// Entities that are there now.

@@ -43,7 +43,7 @@ pub struct Moving {
     pub flicker: f64,
 }
 
-/// What was measured.
+/// Measurements of a configuration.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Record {
     /// Names of lighting passes and their milliseconds.
@@ -105,7 +105,7 @@ pub struct Truth {
     place: Transform,
 }
 
-/// What is known about a converged picture.
+/// Figures of a converged picture.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct TruthFigures {
     /// Relative squared error of the picture itself.

@@ -242,7 +242,7 @@ fn measured(args: &Args, extent: Extent, scene: &Scene) -> Result<(), String> {
     if let Some(wanted) = &args.env {
         bench.set_environment(wanted)?;
     }
-    // The commit is that of the beginning.
+    // The header names the commit at the start of the run.
     let header = output::header(bench.adapter(), args.size);
     let folder = Folder::open(&out, &args.identity(scene, &bench), args.fresh)?;
     let truth = match given {
@@ -270,7 +270,7 @@ fn measured(args: &Args, extent: Extent, scene: &Scene) -> Result<(), String> {
         };
         all.push(Measured { configuration, record });
     }
-    // The other way round, so that a slow spell of the machine does not meet the same configurations again.
+    // In reverse order, so that a slow period of the machine does not affect the same configurations twice.
     for Measured { configuration, record } in all.iter_mut().rev().filter(|m| !m.record.is_timed()) {
         measurement.time_again(&mut bench, configuration, &shared, record, &progress)?;
         folder.keep_record(configuration, record)?;
@@ -409,10 +409,7 @@ impl<'a> Folder<'a> {
         truth: &Picture,
         size: UVec2,
     ) -> Result<(), String> {
-        let error: Picture =
-            picture.iter().zip(truth).map(|(p, t)| core::array::from_fn(|i| 4.0 * (p[i] - t[i]).abs())).collect();
-        let image = panels::side_by_side(size, [picture, &error], panels::exposure_for(size, truth), 1);
-        write_png(&self.0.join(report::picture(configuration)), image)?;
+        write_png(&self.0.join(report::picture(configuration)), panels::with_error(size, picture, truth))?;
         self.keep_record(configuration, record)
     }
 
@@ -421,7 +418,7 @@ impl<'a> Folder<'a> {
         write_text(&self.run(configuration), &text)
     }
 
-    /// The converged pictures, rendered unless they lie here.
+    /// The converged pictures; they are rendered unless the folder contains them.
     fn truth(&self, args: &Args, shared: &[String], bench: &mut Bench) -> Result<Truth, String> {
         let files = ["reference.exr", "reference-before.exr"].map(|name| self.0.join(name));
         let about = self.0.join("reference.json");

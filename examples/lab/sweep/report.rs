@@ -144,7 +144,7 @@ pub fn first_frames(sweep: &Sweep) -> Cells {
     (head.collect(), sweep.all.iter().filter(shown).map(row).collect())
 }
 
-/// What the columns mean.
+/// Meaning of the columns.
 pub const LEGEND: &str = "Bold rows: no other row is faster and has less error. \"Against the reference tracer\": its error at equal \
     time, relative to the row's. Bias: relative difference of the mean, with its standard error; bias of blocks: root mean square over \
     blocks of 8 x 8 pixels, where noise hides anything smaller. The noise of a converged picture that was rendered is part of the standard \
@@ -160,9 +160,9 @@ fn markdown_table((head, rows): &Cells) -> String {
 }
 
 fn advice_text(sweep: &Sweep) -> String {
-    let mut text = format!("Time and error ({}) of what to pick:\n\n", sweep.by.name());
+    let mut text = format!("Time and error ({}) of the recommended settings:\n\n", sweep.by.name());
     let rows = advice(sweep).into_iter().map(|a| vec![a.budget, a.pick, a.figures]).collect();
-    text += &markdown_table(&(["budget", "pick", "it has"].map(String::from).into(), rows));
+    text += &markdown_table(&(["budget", "pick", "time and error"].map(String::from).into(), rows));
     text
 }
 

@@ -9,7 +9,7 @@ use naga_oil::compose::{
 };
 use std::collections::{HashMap, HashSet};
 
-/// What shaders may use: the portable tier, and on devices that have them ray queries and arrays of textures.
+/// Capabilities that shaders may use: the portable tier, and on devices that have them ray queries and arrays of textures.
 pub const CAPABILITIES: Capabilities =
     Capabilities::SHADER_FLOAT16_IN_FLOAT32.union(Capabilities::RAY_QUERY).union(TEXTURE_ARRAYS);
 
@@ -62,7 +62,7 @@ pub fn composer() -> Composer {
 
 /// A composer with the whole library, in which tests replace passages.
 pub fn composer_with(edits: &[ShaderEdit]) -> Composer {
-    // Callers validate what comes out; a validating composer also writes each module as text and parses it again.
+    // Callers validate the composed shaders; a validating composer would also write each module as text and parse it again (slow).
     let mut composer = Composer::non_validating().with_capabilities(CAPABILITIES);
     for (path, text) in library() {
         let text = &edited(path, &edited(path, text, mutant::edits()), edits);

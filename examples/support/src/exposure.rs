@@ -1,4 +1,4 @@
-//! Exposure that fits what a picture shows.
+//! Exposure that fits the brightness of a picture.
 
 use bevy::{camera::Exposure, math::UVec2};
 

@@ -65,8 +65,8 @@ pub fn next_technique(settings: &mut Restir, up: bool) {
     }
 }
 
-/// Applies a preset, and keeps the fields that are none of it.
-pub fn take(settings: &mut Restir, preset: Preset) {
+/// Applies a preset, and keeps the fields that presets do not set.
+pub fn apply_preset(settings: &mut Restir, preset: Preset) {
     *settings = settings.clone().with_preset(preset);
 }
 
@@ -147,7 +147,7 @@ pub fn range(settings: &Restir, path: &str) -> Option<[f64; 2]> {
     Some([bound(f64::MIN)?, bound(f64::MAX)?])
 }
 
-/// Sets a field to a value of its valid range: `at` is from 0 to 1.  Whole numbers stay below a size whose work a test can afford.
+/// Sets a field to a value of its valid range: `at` is from 0 to 1.  Numbers stay near the least value, so that tests remain fast.
 pub fn draw(settings: &mut Restir, path: &str, at: f32) {
     /// How far numbers go above their least value.
     const SPAN: f64 = 24.0;

@@ -50,11 +50,13 @@ fn round_up(value: f64) -> f64 {
     (value / unit - 1e-9).ceil() * unit
 }
 
-/// The error of a curve of points at a time: a power law between neighboring points and beyond the ends.  `None` of fewer than two points.
+/// The error of a curve of points at a time: a power law between neighboring points and beyond the ends.  `None` for fewer than two points.
 pub fn at_time(curve: &[Point], time: f64) -> Option<f64> {
     let mut points: Vec<Point> =
         curve.iter().copied().filter(|p| p.is_finite() && p.time > 0.0 && p.error > 0.0).collect();
-    points.sort_by(|a, b| a.time.total_cmp(&b.time));
+    points.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.error.total_cmp(&b.error)));
+    // Of points with equal times only the best counts, because the power law between them would be infinitely steep.
+    points.dedup_by(|next, kept| next.time == kept.time);
     let after = points.iter().position(|p| p.time >= time).unwrap_or(points.len()).clamp(1, points.len().max(2) - 1);
     let [a, b] = [points.get(after - 1)?, points.get(after)?];
     let slope = (b.error / a.error).ln() / (b.time / a.time).ln();

@@ -130,7 +130,7 @@ pub fn until(app: &mut App, otherwise: &str, mut done: impl FnMut(&App) -> bool)
         if done(app) {
             return Ok(());
         }
-        // What a task would have done never happens: a loader that panics loads nothing.
+        // After a panic in a task, `done` may never hold: a loader that panics loads nothing.
         if let Some(panic) = panics::take() {
             return Err(panic);
         }

@@ -47,7 +47,7 @@ impl Times {
     }
 }
 
-/// The median, or 0 of no values.
+/// The median, or 0 if there are no values.
 pub fn median(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);

@@ -12,6 +12,7 @@
 #import bevy_restir::path::bidirectional_mis::{mis_arrive, mis_camera_start, mis_connection_weight, mis_scatter, mis_scatter_delta, MisEnd, MisState}
 #import bevy_restir::path::light_path::{arrival_cosine, scattered_value, surface_towards}
 #import bevy_restir::path::medium::transmittance
+#import bevy_restir::path::roulette::{ROULETTE_FROM, survival_probability}
 #import bevy_restir::path::scattering::{scattering_vertex, ScatteringVertex}
 #import bevy_restir::path::shadow_ray::ray_between
 #import bevy_restir::path::walk::{step_medium, Vertex}
@@ -26,9 +27,6 @@
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::light_part::{shown_by_lobes, shown_by_sample, shown_share}
 
-// Russian roulette starts at this vertex.
-const ROULETTE_FROM: u32 = 3u;
-
 // The newest vertex of the camera's sub-path.
 struct CameraWalk {
     v: Vertex,
@@ -36,8 +34,8 @@ struct CameraWalk {
     throughput: vec3<f32>,
     index: u32,                // of the vertex, from 1; 0: the sub-path has ended
     shown: vec3<f32>,          // shown share of the light that arrives, behind the first surface
-    splits: bool,              // the vertex is the first surface, whose lobes decide which share is shown
-    eta_scale: f32,            // squared relative indices of refraction, so that roulette does not count the scaling of radiance as absorption
+    is_first: bool,              // the vertex is the first surface, whose lobes decide which share is shown
+    eta_scale: f32,            // squared relative indices of refraction: roulette must not take the scaling of radiance for absorption
 }
 
 // Radiance towards the camera from the surface of a pixel.  `camera_density`: of the camera's rays at the surface.
@@ -53,7 +51,7 @@ fn sample_connections(first: Vertex, camera_density: f32, rng: ptr<function, Rng
         if !from_vertex.valid {
             break;
         }
-        w = leaving(w, from_vertex);
+        w = at_scattering_vertex(w, from_vertex);
         if !bsdf_is_delta(w.v.surface.bsdf) {
             light += guarded_3(w.throughput * connection_light(w, rng), GUARD_LIGHT_CONTRIBUTION);
         }
@@ -63,7 +61,7 @@ fn sample_connections(first: Vertex, camera_density: f32, rng: ptr<function, Rng
         }
         w = scattered(w, b);
         if index >= ROULETTE_FROM {
-            let q = min(max_component(w.throughput) * w.eta_scale, 0.95);
+            let q = survival_probability(w.throughput, w.eta_scale);
             if !(rng_1(rng) < q) {
                 break;
             }
@@ -90,15 +88,15 @@ fn sample_connections(first: Vertex, camera_density: f32, rng: ptr<function, Rng
 
 // The walk at the vertex from which it goes on: the surface, or the point where light enters a translucent object.  Light sub-paths end at
 // such a point, so that no technique joins the sub-paths at an edge before it.
-fn leaving(walk: CameraWalk, from_vertex: ScatteringVertex) -> CameraWalk {
+fn at_scattering_vertex(walk: CameraWalk, from_vertex: ScatteringVertex) -> CameraWalk {
     var w = walk;
     w.v = from_vertex.vertex;
     w.throughput *= from_vertex.weight;
     if from_vertex.below {
         w.state = MisState(0.0, 0.0);
-        if w.splits {
+        if w.is_first {
             w.shown = shown_share(vec3<f32>(1.0));
-            w.splits = false;
+            w.is_first = false;
         }
     }
     return w;
@@ -109,9 +107,9 @@ fn scattered(walk: CameraWalk, b: BsdfSample) -> CameraWalk {
     var w = walk;
     let s = w.v.surface;
     let cos_out = abs(dot(s.bsdf.n_geo, b.wi));
-    if w.splits {
+    if w.is_first {
         w.shown = shown_by_sample(s.bsdf, w.v.wo, b);
-        w.splits = false;
+        w.is_first = false;
     }
     w.throughput *= b.weight;
     w.eta_scale *= b.eta * b.eta;
@@ -160,7 +158,7 @@ fn connection_light(w: CameraWalk, rng: ptr<function, Rng>) -> vec3<f32> {
     );
     let carried = transmittance(step_medium(w.v, wi), sqrt(d2) + open_distance(p, y));
     var shown = w.shown;
-    if w.splits {
+    if w.is_first {
         shown = shown_by_lobes(x.bsdf, w.v.wo, wi);
     }
     return shown * value * carried * technique_weight(weight, CONNECTIONS);

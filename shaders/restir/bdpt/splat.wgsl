@@ -15,7 +15,7 @@
 #import bevy_restir::scene::offset::offset_point
 #import bevy_restir::scene::surface::{Surface, surface_at}
 #import bevy_restir::scene::triangle::world_triangle
-#import bevy_restir::trace::trace::trace_closest_of
+#import bevy_restir::trace::trace::trace_closest_in_frame
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::camera::{camera_density, camera_point, CameraPoint, pixel_cone}
 #import bevy_restir::view::types::Camera
@@ -95,7 +95,7 @@ fn is_culled(instance: u32, triangle: u32, wo: vec3<f32>, previous: bool) -> boo
 fn is_visible_to_camera(point: CameraPoint, end: vec3<f32>, alpha_seed: u32, previous: bool) -> bool {
     var ray = Ray(point.near, 0.0, end - point.near, 1.0);
     for (var i = 0u; i < MAX_CULLED; i++) {
-        let hit = trace_closest_of(ray, alpha_seed, previous);
+        let hit = trace_closest_in_frame(ray, alpha_seed, previous);
         if hit.instance == NONE {
             return true;
         }

@@ -1,4 +1,5 @@
-// Shares of the techniques of light sub-paths in the picture, each with its MIS weight.  TEST_*: tests use one technique, with its weight or alone.
+// Shares of the techniques of light sub-paths in the picture, each with its MIS weight.  TEST_*: for tests of one technique, with its MIS
+// weight or, with TEST_ALONE, with the weight 1.
 #define_import_path bevy_restir::restir::bdpt::techniques
 
 #ifdef TEST_HITS

@@ -63,7 +63,7 @@ fn evaluate_arriving(r: Receiver, l: LightSample) -> Evaluated {
 
 // Share of a sample's light that the receiver scatters diffusely.
 #ifdef SPLIT_LIGHT
-fn diffuse_share(r: Receiver, s: Reservoir, handed_on: f32) -> vec3<f32> {
+fn diffuse_share(r: Receiver, s: Reservoir, packed_splat_share: f32) -> vec3<f32> {
     return bsdf_diffuse_share(r.surface.bsdf, r.wo, light_point_at(s.point, r.surface.position, false).wi);
 }
 #endif

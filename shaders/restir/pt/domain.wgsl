@@ -105,7 +105,7 @@ fn needs_replay(r: Receiver, s: Reservoir) -> bool {
 
 // Share of a path's light that the receiver scatters diffusely.  A path goes on by one lobe; NEE samples all of them at once.
 #ifdef SPLIT_LIGHT
-fn diffuse_share(r: Receiver, s: Reservoir, handed_on: f32) -> vec3<f32> {
+fn diffuse_share(r: Receiver, s: Reservoir, packed_splat_share: f32) -> vec3<f32> {
     let v = r.first;
     let path = s.path;
     if drawn_choice(v, path.seed, 1u).below {

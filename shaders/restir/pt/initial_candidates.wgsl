@@ -1,7 +1,7 @@
 // Initial candidates of a pixel: one random walk.  At each of its vertices NEE ends one path, and each hit of a light source ends one more.
-// All of them are resampled into one (Lin et al. 2026, supplement, 1, 6 and 7); direct light is among them.  The resampling weight of a path
-// is its contribution in primary sample space over the probability that Russian roulette continued it.  The reconnection vertex is chosen
-// as the path grows.
+// All of at least the technique's `SHORTEST_LENGTH` are resampled into one (Lin et al. 2026, supplement, 1, 6 and 7).  The resampling
+// weight of a path is its contribution in primary sample space, divided by the probability that Russian roulette continued it.  The
+// reconnection vertex is chosen as the path grows.
 #define_import_path bevy_restir::restir::pt::initial_candidates
 
 #import bevy_restir::bsdf::bsdf::{bsdf_eval, bsdf_is_delta}
@@ -18,6 +18,7 @@
 #import bevy_restir::path::medium::transmittance
 #import bevy_restir::path::nee::{nee_candidate_count, nee_contribution}
 #import bevy_restir::path::random::{DIMENSION_SHADOW_RAY, DIMENSION_RAY, path_alpha_seed, path_seed}
+#import bevy_restir::path::roulette::{ROULETTE_FROM, survival_probability}
 #import bevy_restir::path::scattering::{drawn_choice, entry_vertex}
 #import bevy_restir::path::shadow_ray::light_is_visible
 #import bevy_restir::path::technique_weights::{below_surface, camera_state, CameraState, emitter_sample, rivals_of_hit, rivals_of_nee, state_at, state_of_ray, weight_of}
@@ -33,9 +34,6 @@
 #import bevy_restir::trace::trace::trace_closest
 #import bevy_restir::view::bindings::view
 
-// Russian roulette starts at this vertex.
-const ROULETTE_FROM: u32 = 3u;
-
 // The random walk, and the path that is selected so far.
 struct Candidates {
     stream: Stream,
@@ -47,7 +45,7 @@ struct Candidates {
     state: CameraState,       // of the current vertex, and then of the ray that leaves it
     survival: f32,            // probability that Russian roulette continued the prefix
     below: bool,              // the current vertex is a point where light enters a body
-    choice: f32,              // probability of the choice between the surface of the current vertex and the body below it
+    choice_probability: f32,  // probability of the choice between the surface of the current vertex and the body below it
 }
 
 // The selected path.
@@ -157,7 +155,7 @@ fn sample_candidates(first: Vertex, pixel: vec2<u32>, shortest: u32, p: ShiftPar
         if c.prefix.reconnection != 0u {
             c.suffix = guarded_3(c.suffix * step.weight, GUARD_THROUGHPUT);
         } else if index > 1u && !c.below && is_connectable_by(before, v, step, p) {
-            c.prefix = reconnected(c.prefix, before, factor_at(c.prefix, before, v) * c.choice, index);
+            c.prefix = reconnected(c.prefix, before, factor_at(c.prefix, before, v) * c.choice_probability, index);
             c.prefix.density *= step.pdf_lobe;
             c.prefix.lobe_after = step.lobe;
             c.prefix.wi = step.wi;
@@ -169,7 +167,7 @@ fn sample_candidates(first: Vertex, pixel: vec2<u32>, shortest: u32, p: ShiftPar
 
         // Russian roulette changes the probability of a path, never its contribution.
         if index >= ROULETTE_FROM && (settings.flags & RESAMPLE_NO_ROULETTE) == 0u {
-            let q = min(max_component(c.throughput) * eta_scale / c.survival, 0.95);
+            let q = survival_probability(c.throughput, eta_scale / c.survival);
             if !(rng_1(rng) < q) {
                 break;
             }
@@ -199,7 +197,7 @@ fn sample_candidates(first: Vertex, pixel: vec2<u32>, shortest: u32, p: ShiftPar
 fn scatter(c: ptr<function, Candidates>, v: ptr<function, Vertex>, before: PreviousVertex, index: u32, p: ShiftParameters) -> bool {
     let choice = drawn_choice(*v, (*c).prefix.seed, index);
     (*c).below = choice.below;
-    (*c).choice = choice.probability;
+    (*c).choice_probability = choice.probability;
     (*c).throughput *= choice.carried;
     if (*c).prefix.reconnection != 0u {
         (*c).suffix *= choice.carried;
@@ -253,7 +251,7 @@ fn add_nee(
         path.radiance = (*c).suffix * nee.f / rivals.x;
         path.rivals = rivals.yz / rivals.x;
     } else if index > 1u && !(*c).below && is_connectable(before, v.surface, nee.pdf_bsdf, true, p) {
-        path = reconnected(path, before, factor_at(path, before, v) * (*c).choice, index);
+        path = reconnected(path, before, factor_at(path, before, v) * (*c).choice_probability, index);
     } else {
         // The point on the light is kept as it is; no density depends on the vertex before it.
         path.reconnection = index + 1u;

@@ -30,7 +30,7 @@
 #import bevy_restir::scene::offset::{offset_point, surface_point}
 #import bevy_restir::scene::surface::{Surface, surface_at}
 #import bevy_restir::scene::triangle::instance_exists
-#import bevy_restir::trace::trace::trace_closest_of
+#import bevy_restir::trace::trace::trace_closest_in_frame
 
 // State of a shift, up to the current vertex.
 struct Walk {
@@ -466,7 +466,7 @@ fn replayed_step(v: Vertex, seed: u32, index: u32) -> Step {
 }
 
 fn replayed_hit(ray: Ray, alpha_seed: u32, previous: bool) -> Hit {
-    return trace_closest_of(ray, alpha_seed, previous);
+    return trace_closest_in_frame(ray, alpha_seed, previous);
 }
 
 fn replayed_entry(v: Vertex, seed: u32, index: u32, previous: bool) -> ScatteringVertex {

@@ -121,8 +121,9 @@ fn has_bounded_jacobian(a: PreviousVertex, b: vec3<f32>, n_geo_b: vec3<f32>, pdf
     return a.pdf * geometry_factor(a.position, b, n_geo_b) * pdf_after * c.separation <= 1.0;
 }
 
-// Whether paths may reconnect between `a` and the vertex `v`, which the path leaves by this step.  No shift keeps the direction of a delta
-// lobe: a path that reconnects there is lost to all other pixels.  The footprint of a path does not look at that lobe (ibid., 11).
+// Whether paths may reconnect between `a` and the vertex `v`, which the path leaves by this step.  They may not before a delta lobe: a
+// reconnection changes the direction in which the path arrives there, and the lobe scatters that to another direction only.
+// RECONNECT_PATH_FOOTPRINT ignores the lobe at `v` (ibid., 11).
 fn is_connectable_by(a: PreviousVertex, v: Vertex, step: Step, c: ShiftParameters) -> bool {
     if step.delta && c.kind != RECONNECT_PATH_FOOTPRINT {
         return false;

@@ -84,11 +84,11 @@ fn evaluate(r: Receiver, s: Reservoir) -> Evaluated {
 }
 
 // Share of a sample's light that the surface of its vertex scatters diffusely.  The pixel's own sample stands for all splats of this
-// frame with their color (`pass/splats.wgsl`), and `handed_on` holds the share of all of them.
+// frame with their color (`pass/splats.wgsl`), and `packed_splat_share` holds the share of all of them.
 #ifdef SPLIT_LIGHT
-fn diffuse_share(r: Receiver, s: Reservoir, handed_on: f32) -> vec3<f32> {
+fn diffuse_share(r: Receiver, s: Reservoir, packed_splat_share: f32) -> vec3<f32> {
     if s.frame == view.frame {
-        return unpack_share(handed_on);
+        return unpack_share(packed_splat_share);
     }
     return replayed_diffuse_share(s.path, s.frame, s.light, s.events);
 }

@@ -40,7 +40,7 @@ const LEAST_PIXELS: f32 = 2.0;
 // A pixel's surface, in this frame or the last.
 struct Receiver {
     surface: Surface,
-    leaving: vec3<f32>,        // factors of the BSSRDF at x1; 0: no light scatters below this surface
+    exit_factor: vec3<f32>,    // factors of the BSSRDF at x1; 0: no light scatters below this surface
     frame: mat3x3<f32>,        // of its probes
     footprint: f32,            // diameter of the pixel, m
     previous: bool,
@@ -50,7 +50,7 @@ struct Receiver {
 struct EntryPoint {
     surface: Surface,
     carried: vec3<f32>,        // light that leaves x1 per light that enters x2, in the measure of the triangle of x2
-    density: f32,              // of finding x2 from x1, in the same measure, over the probability of a channel: replay keeps the channel
+    density: f32,              // of finding x2 from x1, in the same measure, divided by the probability of a channel, which replay keeps
     is_far: bool,
 }
 
@@ -80,15 +80,15 @@ fn receiver_of(ids: vec2<u32>, pixel: vec2<u32>, previous: bool) -> Receiver {
 }
 
 fn receiver_at(s: Surface, wo: vec3<f32>, footprint: f32, previous: bool) -> Receiver {
-    var leaving = vec3<f32>(0.0);
+    var factor = vec3<f32>(0.0);
     if scatters_below(s, wo) {
-        leaving = exit_factor(s, wo);
+        factor = exit_factor(s, wo);
     }
-    return Receiver(s, leaving, probe_frame(s.smooth_n), footprint, previous);
+    return Receiver(s, factor, probe_frame(s.smooth_n), footprint, previous);
 }
 
 fn scatters(r: Receiver) -> bool {
-    return max_component(r.leaving) > 0.0;
+    return max_component(r.exit_factor) > 0.0;
 }
 
 fn entry_point(r: Receiver, hit: Hit) -> EntryPoint {
@@ -99,7 +99,7 @@ fn entry_point(r: Receiver, hit: Hit) -> EntryPoint {
     let near = FAR_LENGTHS * max_component(r.surface.radius);
     return EntryPoint(
         entry,
-        r.leaving * profile_per_area(r.surface.radius, distance) * area,
+        r.exit_factor * profile_per_area(r.surface.radius, distance) * area,
         probe_pdf(offset, entry.bsdf.n_geo, r.frame, r.surface.radius) * area / channel_probability(r.surface.radius),
         distance >= near || dot(entry.bsdf.n_geo, r.surface.bsdf.n_geo) <= FAR_COSINE,
     );
@@ -166,7 +166,7 @@ fn evaluate(r: Receiver, reservoir: Reservoir) -> Evaluated {
 
 // Share of a sample's light that the receiver scatters diffusely: all that leaves a body.
 #ifdef SPLIT_LIGHT
-fn diffuse_share(r: Receiver, s: Reservoir, handed_on: f32) -> vec3<f32> {
+fn diffuse_share(r: Receiver, s: Reservoir, packed_splat_share: f32) -> vec3<f32> {
     return vec3<f32>(1.0);
 }
 #endif

@@ -4,7 +4,7 @@
 //! frame and, while it differs, one over those of the last frame, because temporal reuse traces rays through the previous scene.
 
 use bevy::{
-    log::warn_once,
+    log::{warn, warn_once},
     platform::collections::HashMap,
     render::{
         render_resource::{binding_types::acceleration_structure, *},
@@ -15,6 +15,7 @@ use std::ops::Range;
 
 use crate::{
     gpu_layout::{GpuTriangle, NONE, Rows},
+    scene::storage::allocation,
     settings::RayBackend,
 };
 
@@ -23,6 +24,9 @@ pub const INSTANCE_SIZE: u64 = 64;
 
 /// Maximum number of instance slots: the custom index of an instance has 24 bits.
 pub const MAX_SLOTS: u32 = 1 << 24;
+
+/// Number of frames between two attempts to create structures that the device had no memory for.  Each attempt builds all of them.
+const RETRY: u32 = 60;
 
 /// The first requirement of tracing by ray queries that the device does not meet; `None` if it meets all of them.
 pub fn missing(device: &RenderDevice) -> Option<&'static str> {
@@ -102,20 +106,52 @@ pub struct AccelerationStructures {
     /// The top level of the last frame; `None` if it equals the current one.
     previous: Option<TopLevel>,
     placed: Vec<Placed>,
+    /// The device had no memory for the structures, so that there are none.
+    pub(crate) lacks_memory: bool,
+    /// Number of frames until the next attempt to create them.
+    wait: u32,
     /// Changes when the bind group of the top levels must be created again.
     pub(crate) revision: u64,
 }
 
 impl AccelerationStructures {
     /// Builds the top level over `placed` and the missing bottom levels.  The old top level becomes that of the last frame.  Returns the
-    /// number of bytes sent; if no instance changed, it is 0 and both frames share one top level.
+    /// number of bytes sent; if no instance changed, it is 0 and both frames share one top level.  If the device has no memory for them, all
+    /// structures are dropped.
     pub fn update(&mut self, placed: &[Placed], triangles: &Buffer, device: &RenderDevice, queue: &RenderQueue) -> u64 {
         if self.current.is_some() && self.placed == placed {
             self.keep();
             return 0;
         }
+        if self.wait > 0 {
+            self.wait -= 1;
+            return 0;
+        }
+        let build = || self.build(placed, triangles, device, queue);
+        if let Err(error) = allocation::attempt(device, "ray-query structures", build) {
+            self.drop_all(&error);
+            return 0;
+        }
         self.placed.clear();
         self.placed.extend_from_slice(placed);
+        self.lacks_memory = false;
+        self.revision += 1;
+        placed.len() as u64 * INSTANCE_SIZE
+    }
+
+    /// Drops all structures, of which some are invalid or not built.
+    fn drop_all(&mut self, error: &str) {
+        if !core::mem::replace(&mut self.lacks_memory, true) {
+            warn!(
+                "restir: no memory for the acceleration structures of the scene; Bevy lights all cameras until there is some: {error}"
+            );
+        }
+        self.bottom.clear();
+        (self.current, self.previous) = (None, None);
+        self.wait = RETRY;
+    }
+
+    fn build(&mut self, placed: &[Placed], triangles: &Buffer, device: &RenderDevice, queue: &RenderQueue) {
         // If instances also moved in the last frame, the top level of the frame before it can be reused.
         let spare = core::mem::replace(&mut self.previous, self.current.take());
         let count = placed.len() as u32;
@@ -167,8 +203,6 @@ impl AccelerationStructures {
         encoder.build_acceleration_structures(&entries, [&top.tlas]);
         queue.submit([encoder.finish()]);
         self.current = Some(top);
-        self.revision += 1;
-        u64::from(count) * INSTANCE_SIZE
     }
 
     /// Goes on to a frame in which no instance has changed, as [`Self::update`] does after it has compared all of them.

@@ -80,8 +80,8 @@ impl InstanceList {
         self.all.values().flatten()
     }
 
-    /// Drops what lists of changes name twice, if they are long: an app whose rendering has stopped still extracts its scene, and nobody
-    /// takes the changes.
+    /// Removes duplicates from long lists of changes: an app whose rendering has stopped still extracts its scene, and nobody takes the
+    /// changes.
     fn shorten(&mut self) {
         let limit = 4 * self.all.len() + 1024;
         for changes in [&mut self.changed, &mut self.repainted] {

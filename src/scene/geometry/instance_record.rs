@@ -127,7 +127,7 @@ pub(super) fn new_record(
 ) -> Result<(GpuInstance, Bounds), Absence> {
     let InstanceSources { meshes, bodies, materials, .. } = sources;
     let (Some(mesh), Some(material)) = (meshes.get(extracted.mesh), materials.find(extracted.material)) else {
-        let is_left_out = meshes.is_empty(extracted.mesh) || materials.is_left_out(extracted.material);
+        let is_left_out = meshes.is_left_out(extracted.mesh) || materials.is_left_out(extracted.material);
         return Err(if is_left_out { Absence::LeftOut } else { Absence::Asset });
     };
     let body = bodies.get(extracted.entity);

@@ -100,7 +100,7 @@ pub(crate) struct MeshPool {
     retired: Vec<MeshEntry>,
     building: HashMap<AssetId<Mesh>, Build>,
     /// Meshes that are left out, so that no instance waits for them: without a usable triangle, too large, unreadable, or failed to build.
-    empty: HashSet<AssetId<Mesh>>,
+    left_out: HashSet<AssetId<Mesh>>,
     /// Those of them that did not fit the device, for the time when other meshes or bodies are gone.
     too_large: HashMap<AssetId<Mesh>, Box<Blas>>,
     /// Triangles have been freed, so that a mesh in `too_large` may fit.
@@ -138,7 +138,7 @@ impl Default for MeshPool {
             entries: HashMap::default(),
             retired: Vec::new(),
             building: HashMap::default(),
-            empty: HashSet::default(),
+            left_out: HashSet::default(),
             too_large: HashMap::default(),
             has_room: false,
             warned: Warned::default(),
@@ -173,7 +173,7 @@ pub(crate) fn queue_meshes(
     for id in &extracted.removed {
         pool.building.remove(id);
         pool.too_large.remove(id);
-        if pool.empty.remove(id) {
+        if pool.left_out.remove(id) {
             pool.changed.push(*id);
         }
         pool.lines_and_points.remove(id);
@@ -226,7 +226,7 @@ pub(crate) fn finish_meshes(
         let (problem, reason) = match built {
             Ok(Some(blas)) => match pool.insert(id, blas, &device, &queue) {
                 Ok(()) => {
-                    pool.empty.remove(&id);
+                    pool.left_out.remove(&id);
                     if pool.lines_and_points.remove(&id).is_some() {
                         pool.warned.forget(&(id, MeshProblem::LinesOrPoints));
                     }
@@ -246,7 +246,7 @@ pub(crate) fn finish_meshes(
         };
         pool.warn(id, problem, &format!("{reason}; it is left out"), assets.as_deref());
         pool.release(id);
-        pool.empty.insert(id);
+        pool.left_out.insert(id);
         pool.changed.push(id);
     }
 }
@@ -259,7 +259,7 @@ impl MeshPool {
             ("meshes", self.entries.len()),
             ("retired meshes", self.retired.len()),
             ("meshes that are built", self.building.len()),
-            ("empty meshes", self.empty.len()),
+            ("meshes that are left out", self.left_out.len()),
             ("meshes that do not fit", self.too_large.len()),
             ("meshes of lines and points", self.lines_and_points.len()),
             ("warnings of meshes", self.warned.len()),
@@ -280,11 +280,11 @@ impl MeshPool {
 
     /// Uploads the meshes that did not fit the device before, if they fit now.
     fn insert_too_large(&mut self, device: &RenderDevice, queue: &RenderQueue) {
-        let mut left_out: Vec<_> = self.too_large.drain().collect();
-        left_out.sort_unstable_by_key(|(id, _)| *id);
-        for (id, blas) in left_out {
+        let mut too_large: Vec<_> = self.too_large.drain().collect();
+        too_large.sort_unstable_by_key(|(id, _)| *id);
+        for (id, blas) in too_large {
             match self.insert(id, *blas, device, queue) {
-                Ok(()) => _ = self.empty.remove(&id),
+                Ok(()) => _ = self.left_out.remove(&id),
                 Err(blas) => _ = self.too_large.insert(id, blas),
             }
         }
@@ -461,7 +461,7 @@ impl MeshPool {
     }
 
     /// Whether the mesh is left out: it has no usable triangle, is too large or unreadable, or could not be built.
-    pub(crate) fn is_empty(&self, id: AssetId<Mesh>) -> bool {
-        self.empty.contains(&id)
+    pub(crate) fn is_left_out(&self, id: AssetId<Mesh>) -> bool {
+        self.left_out.contains(&id)
     }
 }

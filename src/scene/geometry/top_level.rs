@@ -87,6 +87,11 @@ impl TopLevel {
         Self { structures: Some(AccelerationStructures::default()), ..Default::default() }
     }
 
+    /// Whether the device has no memory for its own acceleration structures.
+    pub(crate) fn lacks_memory(&self) -> bool {
+        self.structures.as_ref().is_some_and(|structures| structures.lacks_memory)
+    }
+
     pub(super) fn begin_frame(&mut self) {
         self.uploaded_nodes = 0;
         self.previous_sphere = (self.center, self.radius);

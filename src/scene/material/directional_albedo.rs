@@ -8,6 +8,7 @@ use bevy::render::{
     },
     renderer::{RenderDevice, RenderQueue},
 };
+use std::sync::LazyLock;
 
 /// Entries per side.  Columns go by the cosine of wo and rows by perceptual roughness, both from 0 to 1.
 pub const SIZE: usize = 32;
@@ -56,6 +57,8 @@ pub fn table() -> Vec<f32> {
 
 /// The table as a texture.
 pub(crate) fn texture(device: &RenderDevice, queue: &RenderQueue) -> TextureView {
+    // Kept, because a device without memory asks for it in every frame.
+    static TABLE: LazyLock<Vec<f32>> = LazyLock::new(table);
     device
         .create_texture_with_data(
             queue,
@@ -70,7 +73,7 @@ pub(crate) fn texture(device: &RenderDevice, queue: &RenderQueue) -> TextureView
                 view_formats: &[],
             },
             TextureDataOrder::LayerMajor,
-            bytemuck::cast_slice(&table()),
+            bytemuck::cast_slice(TABLE.as_slice()),
         )
         .create_view(&TextureViewDescriptor::default())
 }

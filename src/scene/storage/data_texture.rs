@@ -13,17 +13,17 @@ use std::marker::PhantomData;
 
 use super::allocation;
 
-/// Elements of a row, equal to `ELEMENTS_A_ROW` in `shaders/scene/bindings.wgsl`.
+/// Elements of a row, equal to `ELEMENTS_PER_ROW` in `shaders/scene/bindings.wgsl`.
 const ELEMENTS_PER_ROW: u32 = 1024;
 
-/// What [`DataTexture::reserve`] has done.
+/// Result of [`DataTexture::reserve`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Reserved {
     /// The elements fit the texture as it is.
     Kept,
     /// The texture was replaced, so that its contents are lost.
     Replaced,
-    /// The device has no memory for the elements.  The texture is that of before.
+    /// The device has no memory for the elements.  The old texture stays.
     Failed,
 }
 

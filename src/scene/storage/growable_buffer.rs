@@ -19,7 +19,6 @@ pub(crate) struct GrowableBuffer<T> {
     label: &'static str,
     buffer: Option<Buffer>,
     capacity: u32,
-    limit: u32,
     usage: BufferUsages,
     /// A warning has said that the device has no memory for more elements.
     warned: bool,
@@ -30,7 +29,7 @@ impl<T: Pod> GrowableBuffer<T> {
     /// An empty buffer; GPU memory is allocated by the first [`Self::reserve`].
     pub(crate) fn new(label: &'static str) -> Self {
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
-        Self { label, buffer: None, capacity: 0, limit: u32::MAX, usage, warned: false, element: PhantomData }
+        Self { label, buffer: None, capacity: 0, usage, warned: false, element: PhantomData }
     }
 
     /// Adds a usage to storage and copies.  Call it before the first [`Self::reserve`].
@@ -50,11 +49,11 @@ impl<T: Pod> GrowableBuffer<T> {
         if count <= self.capacity && self.buffer.is_some() {
             return true;
         }
-        self.limit = Self::limit(device);
-        if count > self.limit {
+        let limit = Self::limit(device);
+        if count > limit {
             return false;
         }
-        let capacity = count.max(1).checked_next_power_of_two().unwrap_or(count).min(self.limit);
+        let capacity = count.max(1).checked_next_power_of_two().unwrap_or(count).min(limit);
         let buffer = match allocation::attempt(device, self.label, || self.create(capacity, device)) {
             Ok(buffer) => buffer,
             Err(error) => {

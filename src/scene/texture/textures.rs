@@ -56,6 +56,11 @@ pub(crate) struct TexturePool {
     allocator: AtlasAllocator,
     /// Images that shaders cannot read, until they change.
     rejected: HashSet<AssetId<Image>>,
+    /// Those of them that the device had no memory for.  They are tried again after `wait` frames.
+    without_memory: HashSet<AssetId<Image>>,
+    wait: u32,
+    /// A warning has said that the device has no memory for the atlas.
+    warned_memory: bool,
     /// Images that a warning has named; each is named once, however often it changes.
     warned: Warned<AssetId<Image>>,
     /// A warning has said that the atlas is full.
@@ -88,6 +93,8 @@ pub(crate) struct TexturePool {
 
 /// Largest side of a page of the atlas, texels.
 const MAX_PAGE: u32 = 8192;
+/// Number of frames between two attempts to create an atlas that the device has no memory for.
+const RETRY: u32 = 60;
 
 impl Default for TexturePool {
     fn default() -> Self {
@@ -95,6 +102,9 @@ impl Default for TexturePool {
             info: HashMap::default(),
             allocator: AtlasAllocator::default(),
             rejected: HashSet::default(),
+            without_memory: HashSet::default(),
+            wait: 0,
+            warned_memory: false,
             warned: Warned::default(),
             warned_full: false,
             atlas: None,
@@ -281,6 +291,7 @@ impl TexturePool {
         queue: &RenderQueue,
     ) -> bool {
         self.visited = 0;
+        self.retry();
         if !self.due && !used_changed {
             return false;
         }
@@ -317,6 +328,16 @@ impl TexturePool {
             .filter_map(|id| Some((images.get(id)?, *self.allocator.get(id)?, self.info.get(&id)?.encoding)));
         self.copier.copy(jobs, atlas, pipeline, pipelines, device, queue);
         moved
+    }
+
+    /// Takes back the rejection of images that the device had no memory for, once enough frames have passed.
+    fn retry(&mut self) {
+        if self.wait == 1 {
+            let without_memory = core::mem::take(&mut self.without_memory);
+            self.rejected.retain(|id| !without_memory.contains(id));
+            self.due = true;
+        }
+        self.wait = self.wait.saturating_sub(1);
     }
 
     /// Filters images: keeps those that are loaded or will be, that shaders can read, and that may fit into the atlas.  Returns them, and
@@ -423,9 +444,10 @@ impl TexturePool {
             // Drops the old atlas first, because the memory may not hold both.
             self.atlas = None;
             match allocation::attempt(device, "texture atlas", || Atlas::new(page, layers, device)) {
-                Ok(atlas) => self.atlas = Some(atlas),
+                Ok(atlas) => (self.atlas, self.warned_memory) = (Some(atlas), false),
                 Err(error) => {
                     self.reject_all(&error);
+                    self.edit_revision += u64::from(had_images);
                     return Vec::new();
                 }
             }
@@ -437,15 +459,18 @@ impl TexturePool {
     /// Renders materials without the images of the atlas, because the device has no memory for it.
     fn reject_all(&mut self, error: &str) {
         let images: Vec<_> = self.allocator.images().collect();
-        warn!(
-            "restir: no memory for the texture atlas; materials are rendered without {} textures: {error}",
-            images.len()
-        );
+        if !core::mem::replace(&mut self.warned_memory, true) {
+            warn!(
+                "restir: no memory for the texture atlas; materials are rendered without {} textures: {error}",
+                images.len()
+            );
+        }
         for id in images {
             self.allocator.release(id);
             self.rejected.insert(id);
+            self.without_memory.insert(id);
         }
-        self.edit_revision += 1;
+        self.wait = RETRY;
     }
 }
 

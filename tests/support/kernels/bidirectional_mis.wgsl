@@ -1,6 +1,12 @@
-// MIS weights of all techniques of a path, by recursion, and after a reconnection of the camera sub-path from three stored floats
-// (Hedstrom et al. 2025, 6, reduced).
-#import bevy_restir::path::bidirectional_mis::{mis_arrive, mis_camera_start, mis_connection_weight, mis_light_start, mis_scatter, mis_scatter_delta, mis_splat_weight, mis_sum, MisEnd, MisState}
+// MIS weights of all techniques of a path, and after a shift that replaces its camera sub-path up to a reconnection vertex, by the functions
+// that the passes call.  The test edits three functions of `path/technique_weights.wgsl` that ask surfaces and lights for densities: they
+// return numbers of the path, which this kernel puts into fields of vertices and light samples.
+#import bevy_restir::light::types::{LightSample, no_light_sample}
+#import bevy_restir::path::bidirectional_mis::{mis_arrive, mis_camera_start, mis_connection_weight, mis_light_start, mis_scatter, mis_scatter_delta, mis_splat_weight, MisEnd, MisState}
+#import bevy_restir::path::technique_weights::{below_surface, camera_state, CameraState, LightShares, rivals_of_hit, rivals_of_nee, state_at, state_of_ray, stored_weight, TechniqueCounts, weight_of}
+#import bevy_restir::path::walk::{no_step, Step, Vertex}
+#import bevy_restir::restir::bdpt::light_sub_path::over_share
+#import bevy_restir::scene::surface::Surface
 
 // The path x0 to xk.  Index i: at the vertex xi.
 struct Path {
@@ -8,10 +14,14 @@ struct Path {
     delta_light: u32,
     connectable: u32,               // bit i: xi scatters by no delta lobe
     reconnection: u32,              // the first vertex that the base path and the shifted path share
+    below: u32,                     // the last vertex below which light scatters, or 0
+    error: u32,                     // a planted error
     splats: f32,
+    connects: f32,
+    nee_share: f32,                 // factors of the densities of light sub-paths (`LightShares`)
+    caustic_share: f32,
     nee: f32,                       // densities of the light's point in area
     light: f32,
-    error: u32,                     // a planted error
     cos_in: array<f32, 10>,         // towards the vertex before
     cos_out: array<f32, 10>,        // towards the next vertex
     distance2: array<f32, 10>,      // to the vertex before
@@ -21,7 +31,7 @@ struct Path {
 
 struct Weights {
     recursive: array<f32, 10>,      // index t
-    cached: array<f32, 10>,         // of the shifted path
+    cached: array<f32, 10>,         // of the shifted path, for t = k and t = k + 1
 }
 
 @group(0) @binding(0) var<storage, read> base_paths: array<Path>;
@@ -31,30 +41,23 @@ struct Weights {
 const ERROR_SPLATS: u32 = 1u;
 const ERROR_ENVIRONMENT: u32 = 2u;
 const ERROR_SPLAT_DENSITY: u32 = 3u;
-const ERROR_DIRECTION: u32 = 4u;
-const ERROR_DELTA_SUFFIX: u32 = 5u;
 
 var<private> p: Path;
-var<private> camera: array<MisState, 10>;    // after the arrival at a vertex
-var<private> camera_ray: MisState;           // before the arrival at xk
+var<private> camera: array<MisState, 10>;    // of the camera sub-path of connections, after the arrival at a vertex
 var<private> light: array<MisState, 10>;
 
 fn is_connectable(i: u32) -> bool {
     return (p.connectable & (1u << i)) != 0u;
 }
 
-fn trace_camera() {
+fn counts() -> TechniqueCounts {
     let splats = select(p.splats, 1.0, p.error == ERROR_SPLATS);
-    camera_ray = mis_arrive(mis_camera_start(splats, p.forward[1] / p.distance2[1]), 1.0 / p.distance2[1], 1.0);
-    camera[1] = mis_arrive(camera_ray, p.distance2[1], p.cos_in[1]);
-    for (var i = 2u; i <= p.k; i++) {
-        if is_connectable(i - 1u) {
-            camera_ray = mis_scatter(camera[i - 1u], p.cos_out[i - 1u], p.forward[i], p.reverse[i - 2u]);
-        } else {
-            camera_ray = mis_scatter_delta(camera[i - 1u], p.cos_out[i - 1u]);
-        }
-        camera[i] = mis_arrive(camera_ray, p.distance2[i], p.cos_in[i]);
-    }
+    return TechniqueCounts(1u, splats, p.connects, LightShares(p.nee_share, p.caustic_share));
+}
+
+// Density of the camera's rays at x1.
+fn density_of_camera() -> f32 {
+    return p.forward[1] / p.distance2[1];
 }
 
 // From area at the light to solid angle at the vertex before.
@@ -62,22 +65,119 @@ fn at_receiver(pdf: f32) -> f32 {
     return pdf * p.distance2[p.k] / p.cos_in[p.k];
 }
 
-fn emission_density() -> f32 {
+// Density of rays of the light at the vertex before it, for each unit of perpendicular area.
+fn density_of_rays() -> f32 {
     return p.reverse[p.k - 1u] / p.distance2[p.k];
 }
 
+// The surface of xi, for a sub-path that comes from the origin.
+fn surface(i: u32) -> Surface {
+    var s: Surface;
+    s.bsdf.n_geo = vec3<f32>(0.0, 0.0, 1.0);
+    s.position = vec3<f32>(sqrt(p.distance2[i]), 0.0, 0.0);
+    return s;
+}
+
+fn vertex(i: u32) -> Vertex {
+    var v: Vertex;
+    v.surface = surface(i);
+    v.wo = vec3<f32>(0.0, 0.0, p.cos_in[i]);
+    // The result of `reverse_pdf`.
+    v.medium.x = p.reverse[i - 1u];
+    return v;
+}
+
+fn step_from(i: u32) -> Step {
+    var s = no_step();
+    s.valid = true;
+    s.wi = vec3<f32>(0.0, 0.0, p.cos_out[i]);
+    s.delta = !is_connectable(i);
+    s.pdf = select(p.forward[i + 1u], 0.0, s.delta);
+    return s;
+}
+
+// The light's point as the vertex before it samples it.
+fn light_sample() -> LightSample {
+    var l = no_light_sample();
+    l.light = 0u;
+    l.delta = p.delta_light;
+    l.wi = vec3<f32>(0.0, 0.0, p.cos_out[p.k - 1u]);
+    l.pdf_solid_angle = at_receiver(p.light);
+    l.pdf_scale = p.nee / p.light;
+    // The result of `emission_density`.
+    l.distance = density_of_rays();
+    return l;
+}
+
+// The state of a camera sub-path that scatters at xi.
+fn scattering(s: CameraState, i: u32) -> CameraState {
+    if i == p.below {
+        return below_surface(s);
+    }
+    return s;
+}
+
+fn leaving(s: CameraState, i: u32, reconnection: u32) -> CameraState {
+    return state_of_ray(s, vertex(i), step_from(i), i == reconnection && i != p.below);
+}
+
+// The state at x_last of a camera sub-path that has this reconnection vertex; 0: none.
+fn state_at_vertex(last: u32, reconnection: u32) -> CameraState {
+    var s = scattering(camera_state(vertex(1u), density_of_camera(), counts()), 1u);
+    for (var i = 1u; i < last; i++) {
+        let ray = leaving(s, i, reconnection);
+        s = scattering(state_at(ray, surface(i + 1u), vec3<f32>(0.0, 0.0, p.cos_in[i + 1u]), vec3<f32>(0.0), counts()), i + 1u);
+    }
+    return s;
+}
+
+// Coefficients of the competitors of technique t, which is k (next-event estimation) or k + 1 (a hit), and their state.
+struct Rivals {
+    coefficients: vec3<f32>,
+    state: CameraState,
+}
+
+fn rivals_of(t: u32, reconnection: u32) -> Rivals {
+    let last = p.k - 1u;
+    let at = state_at_vertex(last, reconnection);
+    if t == p.k {
+        return Rivals(rivals_of_nee(at, vertex(last), light_sample(), p.forward[p.k], last, counts()), at);
+    }
+    let ray = leaving(at, last, reconnection);
+    return Rivals(rivals_of_hit(ray, light_sample(), !is_connectable(last), last, counts()), ray);
+}
+
+// As `restir/bdpt/connections.wgsl` does it.
+fn trace_camera() {
+    camera[1] = mis_arrive(mis_camera_start(counts().splats, density_of_camera()), 1.0, p.cos_in[1]);
+    for (var i = 1u; i < p.k; i++) {
+        if i == p.below {
+            camera[i] = MisState(0.0, 0.0);
+        }
+        var ray = mis_scatter_delta(camera[i], p.cos_out[i]);
+        if is_connectable(i) {
+            ray = mis_scatter(camera[i], p.cos_out[i], p.forward[i + 1u], p.reverse[i - 1u]);
+        }
+        camera[i + 1u] = mis_arrive(ray, p.distance2[i + 1u], p.cos_in[i + 1u]);
+    }
+}
+
+// As `restir/bdpt/light_sub_path.wgsl` does it.
 fn trace_light() {
     let is_delta = p.delta_light != 0u || p.error == ERROR_ENVIRONMENT;
-    let start = mis_light_start(at_receiver(p.nee), at_receiver(p.light), emission_density(), is_delta);
-    light[p.k - 1u] = mis_arrive(start, 1.0, p.cos_out[p.k - 1u]);
+    let start = mis_light_start(at_receiver(p.nee), at_receiver(p.light), density_of_rays(), is_delta);
+    light[p.k - 1u] = over_share(mis_arrive(start, 1.0, p.cos_out[p.k - 1u]), p.nee_share);
     for (var i = p.k - 2u; i >= 1u; i--) {
-        var ray: MisState;
+        var ray = mis_scatter_delta(light[i + 1u], p.cos_in[i + 1u]);
         if is_connectable(i + 1u) {
             ray = mis_scatter(light[i + 1u], p.cos_in[i + 1u], p.reverse[i], p.forward[i + 2u]);
-        } else {
-            ray = mis_scatter_delta(light[i + 1u], p.cos_in[i + 1u]);
         }
-        light[i] = mis_arrive(ray, p.distance2[i + 1u], p.cos_out[i]);
+        var s = mis_arrive(ray, p.distance2[i + 1u], p.cos_out[i]);
+        if i + 2u == p.k && !is_connectable(i + 1u) {
+            s = over_share(s, p.caustic_share / p.nee_share);
+        }
+        s.last = select(0.0, s.last, p.connects > 0.0);
+        light[i] = s;
     }
 }
 
@@ -89,109 +189,29 @@ fn exists(t: u32) -> bool {
     if t == p.k {
         return t >= 2u && is_connectable(t - 1u);
     }
-    return is_connectable(t) && (t == 1u || is_connectable(t - 1u));
-}
-
-// The sums of `rivals_of_hit` and `rivals_of_nee` (`path/technique_weights.wgsl`), of numbers in place of coefficients.
-//
-// Technique s = 0: the camera sub-path hits a light.  `ray`: its state before it arrives there.  The densities are those of
-// `mis_light_start`, in solid angle at the vertex before.
-fn mis_hit_weight(ray: MisState, nee_density: f32, light_density: f32, emission_density: f32) -> f32 {
-    return 1.0 / (1.0 + nee_density * ray.last + light_density * emission_density * ray.earlier);
-}
-
-// Technique s = 1: next-event estimation at the vertex z.  `pdf_forward`: of z's direction towards the light, 0 for a delta light.
-// `camera`: state at z, and `pdf_reverse` traces its sub-path back.  The densities are those of `mis_light_start`.
-fn mis_nee_weight(
-    pdf_forward: f32,
-    nee_density: f32,
-    light_density: f32,
-    emission_density: f32,
-    cos_z: f32,
-    camera: MisState,
-    pdf_reverse: f32,
-) -> f32 {
-    let found_by_light = light_density / nee_density * emission_density * cos_z * mis_sum(camera, pdf_reverse);
-    return 1.0 / (1.0 + pdf_forward / nee_density + found_by_light);
+    return t > p.below && is_connectable(t) && (t == 1u || (p.connects > 0.0 && is_connectable(t - 1u)));
 }
 
 fn weight(t: u32) -> f32 {
-    let k = p.k;
-    if t == k + 1u {
-        return mis_hit_weight(camera_ray, at_receiver(p.nee), at_receiver(p.light), emission_density());
-    }
-    if t == k {
-        let pdf = select(p.forward[k], 0.0, p.delta_light != 0u);
-        return mis_nee_weight(
-            pdf, at_receiver(p.nee), at_receiver(p.light), emission_density(), p.cos_out[k - 1u], camera[k - 1u], p.reverse[k - 2u],
-        );
+    if t >= p.k {
+        let rivals = rivals_of(t, p.reconnection);
+        return weight_of(rivals.coefficients, rivals.state);
     }
     if t == 1u {
         var reverse = p.forward[2];
         if p.error == ERROR_SPLAT_DENSITY {
             reverse = p.forward[1] * p.cos_in[1] / p.distance2[1];
         }
-        return mis_splat_weight(p.forward[1] / p.distance2[1], p.splats, p.cos_in[1], light[1], reverse);
+        return mis_splat_weight(density_of_camera(), p.splats, p.cos_in[1], light[1], reverse);
     }
     let eye = MisEnd(camera[t - 1u], p.cos_out[t - 1u], p.forward[t], p.reverse[t - 2u]);
     return mis_connection_weight(eye, MisEnd(light[t], p.cos_in[t], p.reverse[t - 1u], p.forward[t + 1u]), p.distance2[t]);
 }
 
-// The weight of technique t after a reconnection at r: 1 / (c0 + (c1 S + c2) / pdf), or for the last vertex before the connection
-// 1 / (c0 + c1 pdf + c2 S), where S sums the techniques of the new prefix and pdf is the new density at r.
-struct MisCache {
-    c0: f32,
-    c1: f32,
-    c2: f32,
-}
-
-fn cache_of(t: u32, r: u32) -> MisCache {
-    let k = p.k;
-    let e = t - 1u;
-    var per_last = at_receiver(p.light) / at_receiver(p.nee) * emission_density() * p.cos_out[e];
-    var found_by_camera = select(p.forward[k] / at_receiver(p.nee), 0.0, p.delta_light != 0u);
-    var per_earlier = 0.0;
-    if t == k + 1u {
-        per_last = p.nee;
-        per_earlier = p.light * p.reverse[k - 1u];
-        found_by_camera = 0.0;
-    } else if t < k {
-        per_last = p.reverse[e] * p.cos_out[e] / p.distance2[t];
-        found_by_camera = p.forward[t] * p.cos_in[t] / p.distance2[t] * mis_sum(light[t], p.forward[t + 1u]);
-    }
-    if t <= k {
-        per_earlier = per_last * p.reverse[e - 1u];
-    }
-    if e == r {
-        return MisCache(1.0, found_by_camera / p.forward[t], per_last);
-    }
-    let g = p.cos_in[r + 1u] / p.distance2[r + 1u];
-    let cosines = p.cos_out[r] / p.cos_in[r + 1u];
-    if e == r + 1u {
-        return MisCache(1.0 + found_by_camera, per_earlier * cosines, per_last / g);
-    }
-    var of_prefix = p.reverse[r] * cosines;
-    var of_first = select(0.0, 1.0, is_connectable(r + 1u));
-    var of_suffix = 0.0;
-    for (var i = r + 3u; i <= e; i++) {
-        var ratio = p.reverse[i - 2u] * p.cos_out[i - 2u] / (p.forward[i - 1u] * p.cos_in[i - 1u]);
-        if p.error == ERROR_DELTA_SUFFIX && !is_connectable(i - 2u) {
-            ratio *= p.forward[i - 1u];
-        }
-        of_prefix *= ratio;
-        of_first *= ratio;
-        of_suffix = of_suffix * ratio + select(0.0, camera[i - 1u].last, is_connectable(i - 1u));
-    }
-    var last_edge = p.cos_out[e - 1u] / (p.forward[e] * p.cos_in[e]);
-    if p.error == ERROR_DIRECTION {
-        last_edge = p.cos_in[e - 1u] * p.distance2[e] / (p.distance2[e - 1u] * p.forward[e] * p.cos_in[e]);
-    }
-    let scale = per_earlier * last_edge;
-    return MisCache(1.0 + found_by_camera + per_last * camera[e].last + scale * of_suffix, scale * of_prefix, scale * of_first / g);
-}
-
-fn cached_weight(c: MisCache, is_last: bool, prefix: f32, pdf: f32) -> f32 {
-    return 1.0 / select(c.c0 + (c.c1 * prefix + c.c2) / pdf, c.c0 + c.c1 * pdf + c.c2 * prefix, is_last);
+// The weight of a shifted path, from the coefficients of the base path.  A reservoir stores two numbers, and its radiance is divided by the
+// third one.
+fn weight_after_shift(base: vec3<f32>, s: CameraState) -> f32 {
+    return stored_weight(base.yz / base.x, s) / base.x;
 }
 
 @compute @workgroup_size(64)
@@ -211,17 +231,18 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if r == 0u {
         return;
     }
-    var caches: array<MisCache, 10>;
-    for (var t = r + 1u; t <= p.k + 1u; t++) {
-        caches[t] = cache_of(t, r);
-    }
+    let hit = rivals_of(p.k + 1u, r).coefficients;
+    let nee = rivals_of(p.k, r).coefficients;
     p = shifted_paths[id.x];
-    trace_camera();
-    let prefix = mis_sum(camera[r], p.reverse[r - 1u]);
-    for (var t = r + 1u; t <= p.k + 1u; t++) {
-        // A light that the reconnection vertex itself hits needs no cache.
-        if exists(t) && !(t == p.k + 1u && r == p.k) {
-            weights[id.x].cached[t] = cached_weight(caches[t], t == r + 1u, prefix, p.forward[r + 1u]);
-        }
+    var s = state_at_vertex(r, r);
+    if r != p.below {
+        s = leaving(s, r, r);
+    }
+    if exists(p.k + 1u) {
+        weights[id.x].cached[p.k + 1u] = weight_after_shift(hit, s);
+    }
+    // A reconnection vertex that samples the light itself stores no weight.
+    if exists(p.k) && (r + 1u < p.k || r == p.below) {
+        weights[id.x].cached[p.k] = weight_after_shift(nee, s);
     }
 }

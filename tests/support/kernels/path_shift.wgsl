@@ -3,10 +3,12 @@
 //
 // TEST_ROUND_TRIP: the path is packed and unpacked, shifted to a partner and back with its suffix replayed.  Writes (reason why it could
 // not, kind of path, relative error of contribution and Jacobians beyond the rounding at the first vertex).
-// TEST_CENSUS: writes the measure of the paths that the shift takes to the partner, and of those that the partner's shift takes here, of a
-// bounded function: over all pixels both sums are the same integral.
+// TEST_STORED: in addition, the path is shifted to the partner with its stored suffix, whose contribution there must be that of the replay.
+// TEST_CENSUS: writes a bounded function, integrated over the paths that the shift takes to the partner, and over those that the partner's
+// shift takes here: over all pixels both sums are the same integral.
 // TEST_JACOBIAN: writes (whether the shift is defined, |ln| of its Jacobian, whether the path has a reconnection vertex).
 // TEST_PAIRED, TEST_BESIDE, TEST_BEFORE: choose the partner; without them it is the pixel itself.
+// TEST_COPIED: a pass that copies the results to the picture runs in place of reuse, which multiplies them by the weight of the path.
 
 #import technique::{in_technique_measure, no_reservoir, PackedReservoir, Receiver, receiver_of, Reservoir, reservoir_pack, reservoir_unpack, shift_parameters, SHORTEST_LENGTH}
 #import bevy_restir::bsdf::bsdf::bsdf_is_delta
@@ -62,26 +64,35 @@ fn shown(selected: SelectedPath, stored: Reservoir, r: Receiver, ids: vec2<u32>,
     var reason = 0u;
     var jacobian = 1.0;
     var f = vec3<f32>(0.0);
+    var with_stored_suffix = vec3<f32>(0.0);
     // To the partner and back; if a threshold prevents the way back, twice more with thresholds slightly lower and higher.
-    for (var trip = 0u; trip < 4u && (trip < 2u || is_of_threshold(reason)); trip++) {
+    for (var trip = FIRST_TRIP; trip < 5u && (trip < 3u || is_of_threshold(reason)); trip++) {
         var to = r;
-        if trip == 0u {
+        if trip < 2u {
             to = away;
-        } else if trip > 1u {
-            to.shift = scaled_thresholds(r.shift, select(1.0 - NEAR, 1.0 + NEAR, trip == 3u));
+        } else if trip > 2u {
+            to.shift = scaled_thresholds(r.shift, select(1.0 - NEAR, 1.0 + NEAR, trip == 4u));
         }
-        let s = hybrid_shift(there, to.first, to.shift, to.previous, true);
-        if trip == 0u && s.reason != 0u {
+        let s = hybrid_shift(there, to.first, to.shift, to.previous, trip != 0u);
+        if trip == 0u {
+            with_stored_suffix = s.f;
+            continue;
+        }
+        if trip == 1u && s.reason != 0u {
             // Undefined there.
             reason = NOT_THERE + s.reason;
             break;
         }
-        if trip == 0u {
+        if trip == 1u {
             there = with_shift_result(path, s.result);
             jacobian = s.jacobian;
+            if FIRST_TRIP == 0u && distance(with_stored_suffix, s.f) > STORED_PRECISION * length(s.f) {
+                reason = STORED_DIFFERS;
+                break;
+            }
             continue;
         }
-        if trip == 1u {
+        if trip == 2u {
             reason = s.reason;
             f = s.f;
             if reason == 0u && !is_unoccluded(s, false) {
@@ -96,12 +107,12 @@ fn shown(selected: SelectedPath, stored: Reservoir, r: Receiver, ids: vec2<u32>,
         }
     }
     let error = max(distance(f, selected.f) / max(length(selected.f), 1.0e-30), abs(jacobian - 1.0));
-    // 14 bits: exact in a float after the multiplication with the weight.
+    // 14 bits: exact in a float after the multiplication by the weight.
     let p = selected.path;
     let lobes = p.lobe_before | p.lobe_after << 2u | u32(bsdf_is_delta(r.first.surface.bsdf)) << 5u;
     let kind = f32(p.termination | p.length << 2u | p.reconnection << 5u | lobes << 8u);
     let result = vec3<f32>(f32(reason), kind, max(error - rounding_at_first(selected.path, r.first.surface), 0.0));
-    return result / max(selected.ucw, 1.0e-30);
+    return unweighted(result, selected.ucw);
 }
 
 // Relative error that rounding may cause at the first vertex: a path is sampled in the direction of its hit, but goes to a point on a grid
@@ -127,6 +138,15 @@ fn scaled_thresholds(c: ShiftParameters, by: f32) -> ShiftParameters {
     return scaled;
 }
 
+// The trips: 0 with the stored suffix to the partner, 1 with a replayed suffix to the partner, 2 and more back.
+#ifdef TEST_STORED
+const FIRST_TRIP: u32 = 0u;
+#else
+const FIRST_TRIP: u32 = 1u;
+#endif
+// Radiance is stored with a relative precision of 2^-18 of its greatest channel.
+const STORED_PRECISION: f32 = 1.0e-3;
+const STORED_DIFFERS: u32 = 30u;
 // Relative change that the rounding of stored directions and positions may cause in a footprint, a density or a Jacobian.
 const NEAR: f32 = 0.01;
 const AT_THRESHOLD: u32 = 40u;
@@ -148,11 +168,21 @@ fn shown(selected: SelectedPath, stored: Reservoir, r: Receiver, ids: vec2<u32>,
     let to = partner(r, ids, pixel);
     let s = hybrid_shift(reservoir_unpack(reservoir_pack(stored)).path, to.first, to.shift, to.previous, false);
     let result = vec3<f32>(f32(s.reason == 0u), abs(log(max(s.jacobian, 1.0e-30))), f32(selected.path.density > 0.0));
-    return select(vec3<f32>(0.0, 0.0, result.z), result, s.reason == 0u) / max(selected.ucw, 1.0e-30);
+    return unweighted(select(vec3<f32>(0.0, 0.0, result.z), result, s.reason == 0u), selected.ucw);
 }
 #else
 fn shown(selected: SelectedPath, stored: Reservoir, r: Receiver, ids: vec2<u32>, pixel: vec2<u32>) -> vec3<f32> {
     return selected.f;
+}
+#endif
+
+#ifdef TEST_COPIED
+fn unweighted(result: vec3<f32>, ucw: f32) -> vec3<f32> {
+    return select(vec3<f32>(0.0), result, ucw > 0.0);
+}
+#else
+fn unweighted(result: vec3<f32>, ucw: f32) -> vec3<f32> {
+    return result / max(ucw, 1.0e-30);
 }
 #endif
 

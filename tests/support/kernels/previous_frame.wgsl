@@ -1,7 +1,7 @@
-// What a pixel reads of this frame and of the last one.  Tests run it instead of `shaders/pass/reuse.wgsl`.
+// Shows the data that a pixel reads of this frame and of the last one.  Tests run this pass instead of `shaders/pass/reuse.wgsl`.
 //
-// A block of 2 x 8 pixels belongs to one place in the image.  Its left column shows what the place reads of this frame, its right column
-// what it reads of the last frame, one quantity a row: the right column must equal the left one of the frame before.
+// A block of 2 x 8 pixels belongs to one place in the image.  Its left column shows the data of this frame at that place, its right column
+// those of the last frame, one quantity a row: the right column must equal the left one of the frame before.
 
 #import technique::{PackedReservoir, receiver_of, reservoir_pack, reservoir_unpack}
 #import bevy_restir::common::constants::{FAR, NONE}
@@ -13,7 +13,7 @@
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::restir::shift::reconnection::triangle_factor
 #import bevy_restir::scene::bindings::scene
-#import bevy_restir::trace::trace::trace_closest_of
+#import bevy_restir::trace::trace::trace_closest_in_frame
 #import bevy_restir::view::bindings::{view, visibility}
 
 @group(2) @binding(1) var<storage, read> neighbors: array<PackedReservoir>;
@@ -47,7 +47,7 @@ fn quantity(ids: vec2<u32>, place: vec2<u32>, previous: bool, row: u32) -> vec3<
     let s = r.first.surface;
     // A direction of its own for each place.
     let turn = vec3<f32>(sin(f32(place.x)), cos(f32(place.y)), sin(f32(place.x + 3u * place.y)));
-    let hit = trace_closest_of(Ray(s.position + 0.01 * s.bsdf.n_geo, 0.0, normalize(s.bsdf.n_geo + 0.6 * turn), FAR), 7u, previous);
+    let hit = trace_closest_in_frame(Ray(s.position + 0.01 * s.bsdf.n_geo, 0.0, normalize(s.bsdf.n_geo + 0.6 * turn), FAR), 7u, previous);
     switch row {
         case 0u: {
             return s.position;

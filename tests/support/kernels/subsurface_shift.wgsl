@@ -3,8 +3,8 @@
 //
 // TEST_ROUND_TRIP: the sample is packed and unpacked, shifted to a partner and back.  Writes (reason why it could not, 1: reconnected or 2:
 // drawn again, +2 if the partner is in the last frame, relative error of contribution and Jacobians).
-// TEST_CENSUS: writes the measure of the samples that the shift takes to the partner, and of those that the partner's shift takes here, of a
-// bounded function: over all pixels both sums are the same integral.
+// TEST_CENSUS: writes a bounded function, integrated over the samples that the shift takes to the partner, and over those that the
+// partner's shift takes here: over all pixels both sums are the same integral.
 // TEST_JACOBIAN: writes (ratio of the Jacobian to that of finite differences, 1, 0) for samples that are drawn again.
 // TEST_BESIDE: the partner is near the pixel; for half of the pixels of a round trip it is the same point in the last frame.  Otherwise
 // pixels are paired.

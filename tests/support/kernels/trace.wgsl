@@ -1,6 +1,6 @@
 // Traces every ray to its closest hit and, over the same interval, to any hit; with PREVIOUS in the previous frame.
 #import bevy_restir::common::ray::{Ray, rays_traced, trace_flags}
-#import bevy_restir::trace::trace::{trace_closest_of, trace_any}
+#import bevy_restir::trace::trace::{trace_closest_in_frame, trace_any}
 
 struct Answer {
     t: f32,
@@ -27,7 +27,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let ray = rays[id.x];
-    let hit = trace_closest_of(ray, 7u, IN_THE_PAST);
+    let hit = trace_closest_in_frame(ray, 7u, IN_THE_PAST);
     let any = trace_any(ray, 7u, IN_THE_PAST);
     answers[id.x] = Answer(hit.t, hit.instance, hit.triangle, u32(any), hit.barycentrics, trace_flags, rays_traced);
 }

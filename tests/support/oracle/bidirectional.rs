@@ -15,13 +15,20 @@ pub struct Path {
     pub connectable: u32,
     /// The first vertex that this path and a shifted one share; 0 if there is no shifted path.
     pub reconnection: u32,
+    /// The last vertex below which light scatters, so that light sub-paths end there; 0 if there is none.
+    pub below: u32,
+    /// The error that the kernel plants.
+    pub error: u32,
     /// The number of samples of technique (k, 1).
     pub splats: f32,
+    /// 1 if vertices of both sub-paths are connected, and otherwise 0.
+    pub connects: f32,
+    /// Factors of the densities of light sub-paths: where next-event estimation finds the light, and where a delta lobe receives it.
+    pub nee_share: f32,
+    pub caustic_share: f32,
     /// The densities of the light's point, in area, of next-event estimation and of light sub-paths.
     pub nee: f32,
     pub light: f32,
-    /// The error that the kernel plants.
-    pub error: u32,
     /// The cosine towards the vertex before.
     pub cos_in: [f32; VERTICES],
     /// The cosine towards the next vertex.
@@ -44,12 +51,13 @@ impl Path {
         match (s, t) {
             (0, _) => self.delta_light == 0,
             (1, _) => t >= 2 && self.is_connectable(t - 1),
+            _ if t <= self.below as usize => false,
             (_, 1) => self.is_connectable(1),
-            _ => self.is_connectable(t - 1) && self.is_connectable(t),
+            _ => self.connects > 0.0 && self.is_connectable(t - 1) && self.is_connectable(t),
         }
     }
 
-    /// The logarithm of the number of samples times the density of technique (s, t), in the product measure of area.
+    /// The logarithm of the number of samples times the share and the density of technique (s, t), in the product measure of area.
     fn log_density(&self, s: usize, t: usize) -> f64 {
         let k = self.k as usize;
         let log = |x: f32| f64::from(x).ln();
@@ -62,7 +70,8 @@ impl Path {
                 1 => log(self.nee),
                 _ => {
                     let count = if t == 1 { log(self.splats) } else { 0.0 };
-                    count + log(self.light) + (t..k).map(reverse).sum::<f64>()
+                    let share = log(if self.is_connectable(k - 1) { self.nee_share } else { self.caustic_share });
+                    count + share + log(self.light) + (t..k).map(reverse).sum::<f64>()
                 }
             }
     }

@@ -114,7 +114,8 @@ impl Texture {
         sum / f64::from(RINGS * SPOKES)
     }
 
-    /// The recipe of the shader: up to four samples along the longer axis of an ellipse with these diameters, from the level that suits the shorter axis.
+    /// The recipe of the shader: up to four samples along the longer axis of an ellipse with these diameters, from the level that suits the
+    /// shorter axis.
     pub fn sample_area(&self, uv: DVec2, axes: [DVec2; 2]) -> DVec4 {
         let size = DVec2::new(self.levels[0].width as f64, self.levels[0].height as f64);
         // The singular values of the matrix of both diameters, and the direction of the larger one.

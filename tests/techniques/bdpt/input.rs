@@ -1,8 +1,13 @@
 //! Bidirectional path tracing with unusual input: a finite picture, the right one, and a warning where something is left out.
 
+use super::small_scenes::in_glass;
 use crate::support::{app::*, log, small_scenes::*};
-use bevy::{light::NotShadowCaster, prelude::*};
-use bevy_restir::{Bdpt, Jitter, LightTechniques, Restir, Technique};
+use bevy::{
+    camera::{ImageRenderTarget, RenderTarget},
+    light::NotShadowCaster,
+    prelude::*,
+};
+use bevy_restir::{Bdpt, Jitter, LightTechniques, RadianceCapture, Restir, Technique};
 
 fn bidirectional(bounces: u32) -> Restir {
     Restir { technique: Technique::Bdpt, bounces, jitter: Jitter::Always, ..plain() }
@@ -68,6 +73,89 @@ fn every_number_of_bounces_and_light_paths_gives_a_finite_picture() {
             rig.set(|r| *r = Restir { bdpt: Bdpt { light_paths, ..Bdpt::default() }, ..bidirectional(bounces) });
             assert!(rig.picture(2).is_finite(), "{bounces} bounces, {light_paths} light paths");
         }
+    }
+    rig.assert_sound();
+}
+
+/// A plane that sees the whole sky has its radiance, times the albedo.
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn a_plane_under_nothing_but_a_sky_has_its_closed_form() {
+    let Some(mut rig) = rig(|rig| {
+        rig.spawn(square(20.0), lambert(0.5), Transform::default());
+        rig.insert(rig.camera, sky(2.0));
+    }) else {
+        return;
+    };
+    for techniques in [LightTechniques::Full, LightTechniques::NoLightTracing] {
+        rig.set(|r| r.bdpt.techniques = techniques);
+        let (mean, error) = rig.mean_over(1..13, 8);
+        eprintln!("{techniques:?}: {mean} +- {error}");
+        assert!(error < 0.01 && (mean - 1.0).abs() < 4.0 * error + 1e-3, "{techniques:?}: {mean} +- {error}");
+    }
+    rig.assert_sound();
+}
+
+/// Absorbing glass around the camera is a documented limit; whatever its picture is, it must be one.
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn a_camera_in_glass_sees_a_finite_picture() {
+    for side in [0.6, 14.0] {
+        let mut glass = Entity::PLACEHOLDER;
+        let Some(mut rig) = rig(|rig| glass = in_glass(rig, side)) else { return };
+        let glass = rig.material_of(glass);
+        for distance in [f32::INFINITY, 0.5] {
+            rig.edit(&glass, |m| {
+                (m.attenuation_color, m.attenuation_distance) = (Color::linear_rgb(0.8, 0.5, 0.3), distance);
+            });
+            let picture = rig.picture(4);
+            assert!(picture.is_finite() && picture.mean() > 0.0, "{side} m of glass, {distance} m: {}", picture.mean());
+            rig.assert_sound();
+        }
+    }
+}
+
+/// The poses and settings of two cameras.
+fn eyes() -> [(Transform, Projection, Restir); 2] {
+    let with = |techniques| Restir { bdpt: Bdpt { techniques, ..Bdpt::default() }, ..bidirectional(3) };
+    let front = Transform::from_xyz(0.3, 0.2, 4.0).looking_at(Vec3::new(0.0, -0.2, 0.0), Vec3::Y);
+    let aside = Transform::from_xyz(1.5, 1.0, 4.0).looking_at(Vec3::ZERO, Vec3::Y);
+    [
+        (front, Projection::default(), with(LightTechniques::Full)),
+        (aside, orthographic(4.0, 4.0), with(LightTechniques::Lightweight)),
+    ]
+}
+
+/// Each camera has light sub-paths and a light map of its own.
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn two_cameras_with_light_paths_equal_two_single_ones() {
+    let mut singles = Vec::new();
+    for eye in eyes() {
+        let Some(mut rig) = rig(mirrors) else { return };
+        rig.insert(rig.camera, eye);
+        singles.push(rig.picture(4));
+    }
+    let mut rig = rig(mirrors).expect("there is an adapter");
+    let [first, second] = eyes();
+    rig.insert(rig.camera, first);
+    let target = rig.add::<Image>(target_image(UVec2::splat(32)));
+    let target = RenderTarget::Image(ImageRenderTarget::from(target));
+    let capture = RadianceCapture::default();
+    let other = rig.spawn_bundle((Camera3d::default(), target, unit_exposure(), capture.clone(), second));
+    rig.get_mut::<Camera>(other).order = 1;
+    let captures = [rig.capture.clone(), capture];
+    rig.until_ready();
+    for camera in [rig.camera, other] {
+        rig.get_mut::<Restir>(camera).reset = true;
+    }
+    rig.frames(3);
+    captures.iter().for_each(RadianceCapture::request);
+    rig.frame();
+    for (i, (capture, single)) in captures.iter().zip(&singles).enumerate() {
+        let both: Vec<[f32; 3]> = capture.take().expect("every camera renders").mean().collect();
+        let differing = both.iter().zip(&single.pixels).filter(|(a, b)| a != b).count();
+        assert!(differing == 0 && single.mean() > 0.01, "camera {i}: {differing} pixels differ");
     }
     rig.assert_sound();
 }

@@ -1,5 +1,5 @@
-//! ReSTIR BDPT over a thousand frames with caustics, of a still scene and of one whose lamp moves: no light is gained or lost, and no guard
-//! is raised.
+//! ReSTIR BDPT over up to a thousand frames with caustics, of a still scene and of one in which lamp, mirror, glass and camera move: no
+//! light is gained or lost, and no guard is raised.
 
 use super::light_reuse::{corner, pose_corner_at};
 use crate::support::{
@@ -23,12 +23,12 @@ fn check(runs: u32, frames: u32, margin: f64) {
 
 #[test]
 #[ignore = "second tier: ./run test --more"]
-fn two_hundred_frames_with_caustics_gain_and_lose_no_light() {
+fn runs_of_seventy_frames_with_caustics_gain_and_lose_no_light() {
     check(3, 70, 0.03);
 }
 
 #[test]
 #[ignore = "minutes: ./run test --full"]
-fn full_length_four_thousand_frames_with_caustics_gain_and_lose_no_light() {
+fn full_length_runs_of_a_thousand_frames_with_caustics_gain_and_lose_no_light() {
     check(4, 1000, 0.005);
 }

@@ -1,7 +1,10 @@
 //! Bidirectional path tracing.  `reference::mitsuba` compares it with an independent renderer.
 
 mod input;
+mod light_passes;
 pub mod light_reuse;
 mod long_run;
+mod matrix;
+pub mod shifts;
 mod small_scenes;
 mod techniques;

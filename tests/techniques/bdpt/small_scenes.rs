@@ -172,3 +172,59 @@ fn full_length_light_paths_behind_culled_walls_equal_the_reference() {
         );
     });
 }
+
+/// A polished floor whose perceptual roughness grows from 0 to 0.1 from left to right, and a wall on which it throws the light of a lamp
+/// behind the camera.  From a roughness of 0.0316 on, the floor has no delta lobe, and other techniques find its light.
+fn ramp(rig: &mut Rig) {
+    let mut steps = texture(256, 1, |x, _| [255, x as u8, 255, 255]);
+    steps.texture_descriptor.format = bevy::render::render_resource::TextureFormat::Rgba8Unorm;
+    let polished = StandardMaterial {
+        metallic_roughness_texture: Some(rig.add::<Image>(steps)),
+        ..shiny(Color::linear_rgb(0.9, 0.9, 0.9), 0.1, 1.0)
+    };
+    let floor = Transform::from_xyz(0.0, -1.2, 0.0).with_rotation(Quat::from_rotation_x(-core::f32::consts::FRAC_PI_2));
+    rig.spawn(square(4.0), polished, floor);
+    rig.spawn(square(4.0), lambert(0.6), Transform::from_xyz(0.0, 0.0, -1.2));
+    let place = facing(Vec3::new(0.0, 1.2, 3.0), Vec3::new(0.0, -1.2, 0.0));
+    rig.spawn(Rectangle::new(2.5, 0.5), lamp(8.0, 8.0, 8.0), place);
+}
+
+/// A seam at the threshold would show in its tiles.
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_light_paths_across_the_threshold_of_delta_lobes_equal_the_reference() {
+    check("ramp of roughness", Proof { bounces: 3, margin: 0.05, ..PROOF }, ramp);
+}
+
+/// A cube of clear glass with this side: around the camera alone, which sees the room by refraction, or around the camera and the room.
+pub fn in_glass(rig: &mut Rig, side: f32) -> Entity {
+    room(rig);
+    let glass = StandardMaterial {
+        specular_transmission: 1.0,
+        thickness: 0.5,
+        ior: 1.4,
+        // The camera sees the inner side.
+        cull_mode: None,
+        ..shiny(Color::WHITE, 0.0, 0.0)
+    };
+    let place = if side < 1.0 { Transform::from_xyz(0.3, 0.2, 4.0) } else { Transform::default() };
+    rig.spawn(Cuboid::from_length(side), glass, place)
+}
+
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_light_paths_around_a_camera_in_clear_glass_equal_the_reference() {
+    for side in [0.6, 14.0] {
+        check("in glass", Proof { bounces: 3, margin: 0.05, ..PROOF }, |rig| _ = in_glass(rig, side));
+    }
+}
+
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_nan_stays_in_the_reservoirs_of_paths_and_of_light_paths() {
+    let Some(mut rig) = room_scene(32) else { return };
+    rig.set(|r| r.jitter = Jitter::Always);
+    let length = Proof::of((48, 8), (32, 32));
+    let proof = Proof { bounces: 3, ours: length.ours, truth: length.truth, ..PROOF };
+    proof.survives_nan(&mut rig, &[Bidirectional(Lightweight, paths::all_reuse())]);
+}

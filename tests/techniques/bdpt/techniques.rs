@@ -19,9 +19,9 @@ fn initial_samples() -> Bidirectional {
     Bidirectional(LightTechniques::Full, paths::candidates_only())
 }
 
-fn with_defs(rig: &mut Rig, defs: &[&'static str], first_seed: u32) -> Restarts {
+fn with_defs(rig: &mut Rig, proof: &Proof, defs: &[&'static str], first_seed: u32) -> Restarts {
     plant_shader_defs(&mut rig.app, defs);
-    let found = PROOF.resampled(rig, &initial_samples(), first_seed);
+    let found = proof.resampled(rig, &initial_samples(), first_seed);
     plant_shader_defs(&mut rig.app, &[]);
     found
 }
@@ -44,26 +44,49 @@ fn jittered(make: impl FnOnce(&mut Rig)) -> Option<Rig> {
     Some(rig)
 }
 
-#[test]
-#[ignore = "second tier: ./run test --more"]
-fn the_pictures_of_all_techniques_sum_to_the_reference() {
-    let Some(mut rig) = jittered(mirrors) else { return };
-    let truth = PROOF.truth(&mut rig, 1000);
-    let parts: Vec<_> = TECHNIQUES.iter().map(|def| with_defs(&mut rig, &[def], 2000)).collect();
+/// Asserts that the sum is right, and that each technique finds more than this share of the light.
+fn check_sum(name: &str, rig: &mut Rig, proof: &Proof, least: f64) {
+    let truth = proof.truth(rig, 1000);
+    let parts: Vec<_> = TECHNIQUES.iter().map(|def| with_defs(rig, proof, &[def], 2000)).collect();
     for (def, part) in TECHNIQUES.iter().zip(&parts) {
         let share = part.mean() / truth.mean();
-        eprintln!("{def}: {:.1} % of the picture", 100.0 * share);
-        assert!(share > 0.005, "{def} finds nothing");
+        eprintln!("{name}, {def}: {:.1} % of the picture", 100.0 * share);
+        assert!(share > least, "{name}: {def} finds nothing");
     }
-    let found = sum(parts).compare(&truth, 0.03);
-    eprintln!("sum: {found}");
-    assert!(found.is_equal(), "{found}");
+    let found = sum(parts).compare(&truth, proof.margin);
+    eprintln!("{name}, sum: {found}");
+    assert!(found.is_equal(), "{name}: {found}");
     rig.assert_sound();
 }
 
 #[test]
 #[ignore = "second tier: ./run test --more"]
-fn each_technique_alone_finds_all_light_of_a_diffuse_room() {
+fn the_pictures_of_all_techniques_sum_to_the_reference() {
+    let Some(mut rig) = jittered(mirrors) else { return };
+    check_sum("mirrors", &mut rig, &Proof { margin: 0.03, ..PROOF }, 0.005);
+}
+
+/// A lamp in glass, a caustic under an egg, nearly closed slats, and a furnace.  In some of them a technique finds nothing.
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_the_pictures_of_all_techniques_sum_to_the_reference_in_scenes_that_need_them() {
+    for (name, margin, ours, truth) in [
+        ("glass_lamp", 0.05, 24, 300),
+        ("caustic_egg", 0.05, 24, 300),
+        ("blinds", 0.05, 24, 300),
+        ("furnace", 0.03, 8, 80),
+    ] {
+        let Some(mut rig) = Rig::load(name, 32) else { return };
+        rig.set(|r| r.jitter = Jitter::Always);
+        let proof = Proof { bounces: 4, blended: true, margin, ..Proof::of((24, ours), (24, truth)) };
+        // Jitter differs between the picture and the emission that is subtracted from it.
+        check_sum(name, &mut rig, &proof, -0.01);
+    }
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn next_event_estimation_and_splats_alone_find_all_light_of_a_diffuse_room() {
     let Some(mut rig) = jittered(|rig| {
         room(rig);
     }) else {
@@ -80,7 +103,7 @@ fn each_technique_alone_finds_all_light_of_a_diffuse_room() {
     }
     // Up to three events: light vertices that the camera sees are complete.
     let truth = PROOF.truth(&mut rig, 3000);
-    let found = with_defs(&mut rig, &["TEST_SPLATS", "TEST_ALONE"], 4000).compare(&truth, 0.03);
+    let found = with_defs(&mut rig, &PROOF, &["TEST_SPLATS", "TEST_ALONE"], 4000).compare(&truth, 0.03);
     eprintln!("three events: {found}");
     assert!(found.is_equal(), "{found}");
     rig.assert_sound();
@@ -92,7 +115,7 @@ fn each_technique_alone_finds_all_light_of_a_diffuse_room() {
 fn full_length_hits_alone_find_all_light_of_a_large_lamp() {
     let Some(mut rig) = jittered(shining) else { return };
     let truth = PROOF.truth(&mut rig, 1000);
-    let found = with_defs(&mut rig, &["TEST_HITS", "TEST_ALONE"], 2000).compare(&truth, 0.03);
+    let found = with_defs(&mut rig, &PROOF, &["TEST_HITS", "TEST_ALONE"], 2000).compare(&truth, 0.03);
     eprintln!("hits: {found}");
     assert!(found.is_equal(), "{found}");
     rig.assert_sound();

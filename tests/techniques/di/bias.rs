@@ -95,7 +95,7 @@ fn shading_visibility_is_biased_only_with_a_bsdf_candidate() {
             ..Direct::default()
         };
         let direct = Direct { visibility: VisibilityReuse::Shading, ..direct };
-        // Without candidates that are known to be visible the picture is noisy: 2 % is what these lengths can show.
+        // Without candidates that are known to be visible the picture is noisy: these lengths can show 2 %.
         let margin = if bsdf_candidate { 0.01 } else { 0.02 };
         let found = PROOF.resampled(&mut rig, &direct, 5000).compare(&truth, margin);
         eprintln!("shading, BSDF candidate {bsdf_candidate}: {found}");

@@ -109,6 +109,27 @@ fn without_visibility_no_ray_is_traced() {
     }
 }
 
+/// Where all neighbors accept each other's samples, only these rays keep light out of a shadow.
+#[test]
+fn shadows_are_black_where_rays_decide_what_is_shaded() {
+    let Some(mut rig) = Rig::new(24, 24) else { return };
+    rig.spawn(square(20.0), lambert(0.5), Transform::default());
+    // The shade is behind the camera.
+    rig.spawn(square(1.0), lambert(0.5), Transform::from_xyz(0.0, 0.0, 6.0));
+    rig.spawn_bundle((PointLight { intensity: 1000.0, ..default() }, Transform::from_xyz(0.3, 0.2, 12.0)));
+    let exact = rig.picture(1);
+    let dark = |c: Vec3| c == Vec3::ZERO;
+    let shadowed = exact.iter().filter(|(_, c)| dark(*c)).count();
+    assert!((50..400).contains(&shadowed), "{shadowed} pixels in shadow");
+    for visibility in [VisibilityReuse::Shading, VisibilityReuse::Decoupled] {
+        direct(&mut rig, Direct { visibility, bsdf_candidate: false, ..di::all_reuse() });
+        rig.frames(4);
+        let found = rig.next();
+        let leaks = found.iter().zip(exact.iter()).filter(|((_, c), (_, wanted))| dark(*wanted) && !dark(*c)).count();
+        assert_eq!(leaks, 0, "{visibility:?}: lit pixels in shadow");
+    }
+}
+
 #[test]
 fn confidence_grows_by_a_frame_up_to_its_cap() {
     let Some(mut rig) = lit_room(24, 24) else { return };
@@ -247,106 +268,6 @@ fn a_change_of_exposure_keeps_the_history_and_one_of_projection_resets_it() {
     rig.insert(rig.camera, orthographic(3.0, 3.0));
     let fresh = rig.next().mean();
     assert!(fresh < 0.5 * kept, "{kept} to {fresh}");
-}
-
-#[test]
-fn more_neighbor_attempts_find_more_neighbors() {
-    let Some(mut rig) = lit_room(48, 48) else { return };
-    let mut mean = |tries| {
-        direct(
-            &mut rig,
-            Direct {
-                reuse: Reuse {
-                    neighbor_attempts: tries,
-                    temporal: false,
-                    spatial_samples: 2,
-                    radius: pixels(20.0, 48),
-                    ..di::all_reuse().reuse
-                },
-                ..di::all_reuse()
-            },
-        );
-        reservoirs(&mut rig, DebugView::ReservoirConfidence, 2).mean()
-    };
-    let (one, three) = (mean(1), mean(3));
-    assert!(three > 1.1 * one, "{one} to {three}");
-}
-
-#[test]
-fn more_temporal_attempts_keep_the_history_along_edges() {
-    // Bars that are a few pixels wide, in front of a wall.
-    let Some(mut rig) = Rig::new(48, 48) else { return };
-    rig.spawn(square(20.0), lambert(0.5), Transform::from_xyz(0.0, 0.0, -3.0));
-    for i in -6..6 {
-        rig.spawn(
-            square(0.15),
-            lambert(0.5),
-            Transform::from_xyz(0.3 * i as f32, 0.0, 0.0).with_scale(Vec3::new(1.0, 40.0, 1.0)),
-        );
-    }
-    rig.spawn_bundle((PointLight { intensity: 100.0, ..default() }, Transform::from_xyz(0.0, 0.0, 3.0)));
-    let mut pixels_without_history = |temporal_attempts| {
-        let reuse = Reuse { temporal_attempts, spatial_samples: 0, ..di::all_reuse().reuse };
-        direct(&mut rig, Direct { reuse, ..di::all_reuse() });
-        rig.set(|r| r.jitter = Jitter::Always);
-        let view = reservoirs(&mut rig, DebugView::ReservoirConfidence, 8);
-        view.iter().filter(|(_, c)| c.x == 1.0).count()
-    };
-    let (one, five) = (pixels_without_history(1), pixels_without_history(5));
-    eprintln!("{one} pixels without history, {five} with five places");
-    assert!(one > 100 && 4 * five < one, "{one} to {five}");
-}
-
-#[test]
-fn same_material_rejects_neighbors_of_other_materials() {
-    let Some(mut rig) = Rig::new(40, 40) else { return };
-    for (x, albedo) in [(-5.0, 0.3), (5.0, 0.6)] {
-        rig.spawn(square(10.0), lambert(albedo), Transform::from_xyz(x, 0.0, 0.0));
-    }
-    rig.spawn_bundle((PointLight { intensity: 100.0, ..default() }, Transform::from_xyz(0.0, 0.0, 3.0)));
-    let mut lone = |same_material| {
-        direct(
-            &mut rig,
-            Direct {
-                reuse: Reuse {
-                    same_material,
-                    temporal: false,
-                    spatial_samples: 1,
-                    radius: pixels(10.0, 40),
-                    ..di::all_reuse().reuse
-                },
-                ..di::all_reuse()
-            },
-        );
-        let view = reservoirs(&mut rig, DebugView::ReservoirConfidence, 2);
-        // Far from the borders of the image, near the seam of the two materials.
-        view.iter().filter(|(at, c)| (18..22).contains(&at.x) && (12..28).contains(&at.y) && c.x == 1.0).count()
-    };
-    let (any, same) = (lone(false), lone(true));
-    assert!(any == 0 && (16..48).contains(&same), "{any} and {same} of 64 find no neighbor");
-}
-
-#[test]
-fn a_bilinear_history_comes_from_the_pixels_around_the_reprojected_position() {
-    let Some(mut rig) = Rig::new(24, 24) else { return };
-    rig.spawn(square(20.0), lambert(0.5), Transform::default());
-    rig.spawn_bundle((PointLight { intensity: 100.0, ..default() }, Transform::from_xyz(0.0, 0.0, 3.0)));
-    // The camera moves by 0.3 pixels.  The nearest pixel is the pixel itself; bilinear lookups of 30 % of the pixels at a border fall
-    // outside of the image.
-    rig.insert(rig.camera, orthographic(24.0, 24.0));
-    let mut lost = |bilinear| {
-        rig.get_mut::<Transform>(rig.camera).translation.x = 0.0;
-        let reuse = Reuse { bilinear, temporal_attempts: 1, ..di::temporal().reuse };
-        direct(&mut rig, Direct { reuse, ..di::temporal() });
-        rig.set(|r| r.debug_view = DebugView::ReservoirConfidence);
-        rig.until_ready();
-        rig.set(|r| r.reset = true);
-        rig.frames(4);
-        rig.get_mut::<Transform>(rig.camera).translation.x = 0.3;
-        rig.next().iter().filter(|(_, c)| c.x == 1.0).count()
-    };
-    let (nearest, bilinear) = (lost(false), lost(true));
-    assert!(nearest == 0 && (2..=14).contains(&bilinear), "{nearest} and {bilinear} of 24");
 }
 
 /// Jitter must not move the history of a picture at rest: at a border it would leave the image.

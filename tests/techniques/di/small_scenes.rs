@@ -1,5 +1,6 @@
 //! ReSTIR DI equals the reference at one bounce, in small scenes of 64 x 64 pixels.  Two one-sided tests at α = 0.01 compare the image
-//! mean with a margin of 1 %, and chi-squared compares the 8 x 8 tiles.  Lengths that differ from the default are beside their scenes.
+//! mean with a margin of 1 %, and chi-squared compares the 8 x 8 tiles.  Margins and lengths that differ from the default are beside their
+//! scenes.
 
 use crate::support::{proof::Proof, reuse_settings::di, small_scenes::*};
 use bevy_restir::{Direct, Mis, Research, Reuse};

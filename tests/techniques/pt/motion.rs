@@ -1,5 +1,5 @@
 //! A frame of a moving scene by ReSTIR PT equals on average the reference of the still scene at that moment.  The mean is over seeds of
-//! the last frame of a scripted motion of four, at 64 x 64 pixels and three bounces; margin 1.5 % at α = 0.01.
+//! the last frame of a scripted motion of four, at 64 x 64 pixels and three bounces; margin 1.5 or 2 % at α = 0.01.
 
 use crate::support::{
     app::*,
@@ -8,7 +8,7 @@ use crate::support::{
     small_scenes::*,
 };
 use bevy::prelude::*;
-use bevy_restir::{Paths, Reuse, SuffixRetrace};
+use bevy_restir::{Direct, Paths, Reuse, SuffixRetrace};
 
 #[test]
 fn paths_in_a_moving_frame_equal_those_of_the_still_scene() {
@@ -23,6 +23,19 @@ fn paths_of_the_last_moving_frame_alone_equal_those_of_the_still_scene() {
     let Some(mut rig) = shared(64, "moving") else { return };
     let proof = Proof { bounces: 3, margin: 0.015, pose: Some(&pose_moving), ..Proof::of((52, 1), (12, 32)) };
     proof.check("moving", &mut rig, &[("temporal", paths::temporal())]);
+}
+
+/// The other proofs accept any neighbors, without pairs.  The defaults seek similar surfaces, also by dual motion vectors, and pair pixels.
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn paths_with_default_settings_in_a_moving_frame_equal_those_of_the_still_scene() {
+    let Some(mut rig) = shared(64, "moving") else { return };
+    let proof = Proof { bounces: 3, margin: 0.02, pose: Some(&pose_moving), ..Proof::of((60, 1), (14, 24)) };
+    let all = [
+        ("PT, defaults", AllLight::Pt(Paths::default())),
+        ("DI + GI, defaults", AllLight::Gi(Direct::default(), Paths::default())),
+    ];
+    proof.check("moving", &mut rig, &all);
 }
 
 #[test]

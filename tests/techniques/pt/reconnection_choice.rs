@@ -160,6 +160,22 @@ fn often_replayed() -> Paths {
     Paths { footprint: 20.0, ..Default::default() }
 }
 
+/// Over as many seeds as it takes to find each of [`UNTESTED`] in the scene `shining`.
+fn agreement_where_paths_are_often_replayed(rig: &mut Rig, emitted: &Picture) -> Agreement {
+    agreement(rig, emitted, &often_replayed(), 24)
+}
+
+#[test]
+fn paths_that_are_often_replayed_choose_the_reconnection_vertex_of_the_oracle() {
+    let Some((mut rig, emitted)) = start(shining) else { return };
+    let found = agreement_where_paths_are_often_replayed(&mut rig, &emitted);
+    eprintln!("{found:?}");
+    assert_eq!(found.contradictions(), 0, "{found:?}");
+    assert!(found.chosen[0] > 1000 && found.shifted[0] > 200, "{found:?}");
+    // Some shifts fail by each of the conditions.
+    assert!(found.earlier[0] > 0 && found.unconnectable[0] > 0, "{found:?}");
+}
+
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn paths_and_shifted_paths_choose_the_reconnection_vertex_of_the_oracle() {
@@ -215,7 +231,7 @@ fn full_length_untested_conditions_of_the_shift_are_found() {
     plant_shader_defs(&mut rig.app, &[]);
     for (name, module, from, to) in UNTESTED {
         plant_edits(&mut rig.app, &[ShaderEdit { module, from, to }]);
-        let found = agreement(&mut rig, &emitted, &often_replayed(), 24);
+        let found = agreement_where_paths_are_often_replayed(&mut rig, &emitted);
         eprintln!("{name}: {found:?}");
         // The shader as it is has none in this scene.
         assert!(found.contradictions() > 0, "{name} is not found: {found:?}");

@@ -102,21 +102,28 @@ fn without_roulette_every_path_survives_all_events() {
 }
 
 const CANDIDATES: &str = "restir/pt/initial_candidates.wgsl";
+const ROULETTE: &str = "path/roulette.wgsl";
 const REFERENCE: &str = "path/reference_integrator.wgsl";
 
 const WRONG: [(&str, Technique, &str, &str, &str); 9] = [
     ("weight without q", Technique::Pt, CANDIDATES, "value * ucw / (*c).survival", "value * ucw"),
     ("q in the weight", Technique::Pt, CANDIDATES, "c.survival *= q;", "c.survival *= 0.99 * q;"),
     ("q in the test", Technique::Pt, CANDIDATES, "rng_1(rng) < q", "rng_1(rng) < 0.95 * q"),
-    ("greatest q", Technique::Pt, CANDIDATES, "/ c.survival, 0.95)", "/ c.survival, 0.9)"),
+    ("greatest q", Technique::Pt, ROULETTE, "MAX_SURVIVAL: f32 = 0.95", "MAX_SURVIVAL: f32 = 0.9"),
     (
         "q of the first event on",
         Technique::Pt,
-        CANDIDATES,
+        ROULETTE,
         "const ROULETTE_FROM: u32 = 3u;",
         "const ROULETTE_FROM: u32 = 2u;",
     ),
-    ("throughput of all paths", Technique::Pt, CANDIDATES, "* eta_scale / c.survival, 0.95", "* eta_scale, 0.95"),
+    (
+        "throughput of all paths",
+        Technique::Pt,
+        CANDIDATES,
+        "survival_probability(c.throughput, eta_scale / c.survival)",
+        "survival_probability(c.throughput, eta_scale)",
+    ),
     (
         "q in the weight of the reference",
         Technique::Reference,
@@ -125,7 +132,13 @@ const WRONG: [(&str, Technique, &str, &str, &str); 9] = [
         "throughput /= 1.01 * q;",
     ),
     ("q in the test of the reference", Technique::Reference, REFERENCE, "rng_1(rng) < q", "rng_1(rng) < 0.95 * q"),
-    ("greatest q of the reference", Technique::Reference, REFERENCE, "* eta_scale, 0.95)", "* eta_scale, 0.9)"),
+    (
+        "greatest q of the reference",
+        Technique::Reference,
+        ROULETTE,
+        "MAX_SURVIVAL: f32 = 0.95",
+        "MAX_SURVIVAL: f32 = 0.9",
+    ),
 ];
 
 #[test]

@@ -1,5 +1,5 @@
 //! Compares the reference tracer and bidirectional path tracing with pictures of an independent renderer (Mitsuba 3); the long form is in
-//! `docs/proof.md`.
+//! `docs/proof-matrix.md`.
 //!
 //! Two runs with different seeds give a picture and, by their difference, its noise.  Means of the image and of tiles must agree within a
 //! floor plus four (tiles: five) standard errors; a firefly raises both the mean and its standard error.  The floor of tiles also covers
@@ -206,7 +206,7 @@ fn tile_difference(picture: &Exr, reference: &Exr) -> f64 {
     a.iter().zip(&b).map(|(a, b)| (a - b).abs() / b.max(0.02 * mean)).sum::<f64>() / a.len() as f64
 }
 
-/// Prints the table of `docs/proof.md`.
+/// Prints a table of `docs/proof-matrix.md`.
 #[test]
 #[ignore = "half an hour: ./run test --full"]
 fn the_reference_tracer_meets_its_margins_at_full_length() {

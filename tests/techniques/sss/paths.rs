@@ -1,11 +1,14 @@
 //! Paths of ReSTIR PT and GI that go through translucent bodies equal the reference, still and moving, and planted errors are found.
 
-use super::shifts::turn;
-use crate::support::{
-    app::*,
-    proof::{Bidirectional, Indirect, Proof},
-    reuse_settings::{di, paths, subsurface},
-    small_scenes::*,
+use super::{shifts::turn, small_scenes::bodies};
+use crate::{
+    support::{
+        app::*,
+        proof::{Bidirectional, Indirect, Proof},
+        reuse_settings::{di, paths, subsurface},
+        small_scenes::*,
+    },
+    techniques::bdpt::shifts::check_last_frame,
 };
 use bevy::prelude::*;
 use bevy_restir::{
@@ -15,10 +18,6 @@ use bevy_restir::{
 const BOUNCES: u32 = 3;
 /// For pictures of 64 x 64 pixels.
 const PROOF: Proof = Proof { bounces: BOUNCES, margin: 0.015, ..Proof::of((48, 16), (32, 64)) };
-
-fn bodies() -> Option<Rig> {
-    scene(64, |rig| _ = translucent(rig))
-}
 
 /// Direct and indirect light of ReSTIR GI, which resamples them apart.
 fn indirect(paths: Paths) -> (Indirect, SubsurfaceSampling) {
@@ -100,6 +99,15 @@ fn full_length_paths_through_moving_bodies_equal_the_reference() {
     let pose = |rig: &mut Rig, step: u32| turn(rig, moving, step as f32);
     let proof = Proof { bounces: BOUNCES, margin: 0.02, pose: Some(&pose), ..Proof::of((160, 1), (20, 64)) };
     proof.check("moving bodies", &mut rig, &[("PT, both", paths::all_reuse())]);
+}
+
+/// Rounding moves a point of a probe across an edge now and then.
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_a_hundred_thousand_paths_through_moving_bodies_return_from_the_last_frame() {
+    let moving = core::cell::Cell::new([Entity::PLACEHOLDER; 2]);
+    let pose = |rig: &mut Rig, step: u32| turn(rig, moving.get(), step as f32);
+    check_last_frame("moving bodies", |rig| moving.set(translucent(rig)), &pose, 100_000, 2e-3);
 }
 
 /// Each error is one line of a shader.

@@ -137,6 +137,12 @@ fn a_hundred_thousand_samples_in_bodies_return_unchanged() {
 }
 
 #[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_a_million_samples_in_bodies_return_unchanged() {
+    check_round_trips(256, 240, 1_000_000);
+}
+
+#[test]
 fn delayed_reconnection_has_the_jacobian_of_finite_differences() {
     let mut moving = [Entity::PLACEHOLDER; 2];
     let Some(mut rig) = shift_scene(64, &[], &["TEST_JACOBIAN", "TEST_BESIDE"], &mut moving) else { return };

@@ -9,13 +9,14 @@ use crate::support::{
 };
 use bevy::prelude::*;
 use bevy_restir::{
-    Direct, Mis, Reuse, ReuseOrder, Subsurface, SubsurfaceSampling, SubsurfaceShift, testing::plant_shader_defs,
+    Direct, Mis, Reuse, ReuseOrder, Subsurface, SubsurfaceSampling, SubsurfaceShift,
+    testing::{plant_shader_defs, shader_library::ShaderEdit},
 };
 
-const SHIFTS: [SubsurfaceShift; 4] =
+pub(super) const SHIFTS: [SubsurfaceShift; 4] =
     [SubsurfaceShift::Reconnection, SubsurfaceShift::Delayed, SubsurfaceShift::Hybrid, SubsurfaceShift::Sequential];
 
-fn with(sampling: SubsurfaceSampling) -> (Direct, SubsurfaceSampling) {
+pub(super) fn with(sampling: SubsurfaceSampling) -> (Direct, SubsurfaceSampling) {
     // Pixels of a tile share a subset of the lights, so that small pictures with subsets are noisy as a whole.
     (Direct { subset_count: 0, ..di::all_reuse() }, sampling)
 }
@@ -23,8 +24,17 @@ fn with(sampling: SubsurfaceSampling) -> (Direct, SubsurfaceSampling) {
 /// For pictures of 64 x 64 pixels.
 const PROOF: Proof = Proof { margin: 0.02, ..Proof::of((40, 16), (40, 64)) };
 
-fn bodies() -> Option<Rig> {
-    scene(64, |rig| _ = translucent(rig))
+/// The bodies of [`translucent`], none as its mesh is: the ball is stretched, and the slab and the plate are mirrored.
+pub(super) fn bodies() -> Option<Rig> {
+    let mut ball = Entity::PLACEHOLDER;
+    let mut rig = scene(64, |rig| ball = translucent(rig)[0])?;
+    let world = rig.app.world_mut();
+    let bodies: Vec<Entity> = world.query_filtered::<Entity, With<Subsurface>>().iter(world).collect();
+    for body in bodies {
+        let scale = if body == ball { Vec3::new(1.3, 0.8, 1.0) } else { Vec3::new(-1.0, 1.0, 1.0) };
+        rig.get_mut::<Transform>(body).scale = scale;
+    }
+    Some(rig)
 }
 
 #[test]
@@ -67,17 +77,35 @@ fn full_length_presampled_light_in_translucent_bodies_equals_the_reference() {
     proof.check("bodies", &mut rig, &[("subsets", (di::all_reuse(), subsurface::all_reuse()))]);
 }
 
+/// With the geometry heuristics, the radius and the numbers of the default settings, still and moving.
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_the_default_settings_of_translucent_bodies_equal_the_reference() {
+    let Some(mut rig) = bodies() else { return };
+    let default = with(SubsurfaceSampling::default());
+    PROOF.check("bodies", &mut rig, &[("default", default.clone())]);
+    check_moving("default", default);
+}
+
 #[test]
 #[ignore = "minutes: ./run test --full"]
 fn full_length_every_shift_of_moving_bodies_and_lights_equals_the_reference() {
     for shift in SHIFTS {
-        let mut moving = [Entity::PLACEHOLDER; 2];
-        let Some(mut rig) = scene(64, |rig| moving = translucent(rig)) else { return };
-        let pose = |rig: &mut Rig, step: u32| turn(rig, moving, step as f32);
-        let proof = Proof { margin: 0.03, pose: Some(&pose), ..Proof::of((160, 1), (20, 64)) };
-        let sampling = SubsurfaceSampling { shift, ..subsurface::all_reuse() };
-        proof.check("moving", &mut rig, &[(&*format!("{shift:?}"), with(sampling))]);
+        for (name, sampling) in [("both", subsurface::all_reuse()), ("temporal", subsurface::temporal())] {
+            // Without an iteration over this frame, sequential shifts are delayed reconnections.
+            if (shift, name) != (SubsurfaceShift::Sequential, "temporal") {
+                check_moving(&format!("{shift:?}, {name}"), with(SubsurfaceSampling { shift, ..sampling }));
+            }
+        }
     }
+}
+
+fn check_moving(name: &str, subject: impl Subject) {
+    let mut moving = [Entity::PLACEHOLDER; 2];
+    let Some(mut rig) = scene(64, |rig| moving = translucent(rig)) else { return };
+    let pose = |rig: &mut Rig, step: u32| turn(rig, moving, step as f32);
+    let proof = Proof { margin: 0.03, pose: Some(&pose), ..Proof::of((160, 1), (20, 64)) };
+    proof.check("moving", &mut rig, &[(name, subject)]);
 }
 
 /// When the `Subsurface` of a body changes, samples of the last frame treat the body as a different object.
@@ -104,7 +132,20 @@ fn planted_errors_in_translucent_bodies_are_found() {
     let planted =
         [("TEST_ONE_AXIS", with(subsurface::candidates_only())), ("PLANT_SWAPPED_MIS", with(subsurface::spatial()))];
     proof.finds(&mut rig, &reference, planted);
+    // Probes do not count by the cosine at which they cross the surface.
+    plant_shader_defs(&mut rig.app, &[]);
+    plant_edits(&mut rig.app, &[COSINE]);
+    let found = proof.resampled(&mut rig, &with(subsurface::candidates_only()), 5000).compare(&reference, 0.01);
+    eprintln!("{COSINE:?}: {found}");
+    assert!(found.is_different(), "{found}");
 }
+
+/// A wrong density of probes.
+const COSINE: ShaderEdit = ShaderEdit {
+    module: "subsurface/probe.wgsl",
+    from: "let along = abs(n_geo * frame);",
+    to: "let along = vec3<f32>(1.0);",
+};
 
 /// A probe that is not traced again is wrong where bodies turn.
 #[test]

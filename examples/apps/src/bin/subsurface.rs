@@ -23,6 +23,7 @@ struct Args {
     /// Writes the mean of `--frames` frames to this PNG file, without a window.
     #[arg(long)]
     picture: Option<PathBuf>,
+    /// Number of frames of the picture.
     #[arg(long, default_value_t = 64)]
     frames: u32,
     /// Size of the window or the picture in pixels.
@@ -85,9 +86,9 @@ fn eye() -> Transform {
     Transform::from_xyz(0.0, 0.13, 0.42).looking_at(Vec3::new(0.0, 0.075, 0.0), Vec3::Y)
 }
 
-/// A lamp that orbits the head.
+/// A lamp that orbits the head, and its place on the orbit in turns.
 #[derive(Component)]
-struct Lamp;
+struct Lamp(f32);
 
 fn populate(app: &mut App, turn: f32) {
     app.insert_resource(EmissiveLuminance(1000.0));
@@ -140,7 +141,7 @@ fn populate(app: &mut App, turn: f32) {
     let key = Transform::from_xyz(-0.25, 0.4, 0.3).looking_at(Vec3::ZERO, Vec3::Y);
     spawn(world, Sphere::new(0.03), lamp(12.0), key);
     let orbiting = spawn(world, Sphere::new(0.012), lamp(40.0), lamp_at(turn));
-    world.entity_mut(orbiting).insert(Lamp);
+    world.entity_mut(orbiting).insert(Lamp(turn));
 }
 
 fn spawn(world: &mut World, mesh: impl Into<Mesh>, material: StandardMaterial, place: Transform) -> Entity {
@@ -149,22 +150,17 @@ fn spawn(world: &mut World, mesh: impl Into<Mesh>, material: StandardMaterial, p
     world.spawn((Mesh3d(mesh), MeshMaterial3d(material), place)).id()
 }
 
-/// Places of the orbiting lamp. `turn`: 0 is before the head.
+/// The place of the orbiting lamp. `turn`: 0 is in front of the head.
 fn lamp_at(turn: f32) -> Transform {
     let (sin, cos) = ops::sin_cos(core::f32::consts::TAU * turn);
     Transform::from_xyz(0.13 * sin, 0.12, 0.13 * cos - 0.02)
 }
 
-fn orbit(
-    time: Res<Time>,
-    keys: Res<ButtonInput<KeyCode>>,
-    mut passed: Local<f32>,
-    mut lamps: Query<&mut Transform, With<Lamp>>,
-) {
+fn orbit(time: Res<Time>, keys: Res<ButtonInput<KeyCode>>, mut lamps: Query<(&mut Transform, &mut Lamp)>) {
     if keys.pressed(KeyCode::Space) {
-        *passed += 0.1 * time.delta_secs();
-        for mut lamp in &mut lamps {
-            *lamp = lamp_at(0.6 + *passed);
+        for (mut transform, mut lamp) in &mut lamps {
+            lamp.0 += 0.1 * time.delta_secs();
+            *transform = lamp_at(lamp.0);
         }
     }
 }

@@ -62,7 +62,7 @@ fn main() -> AppExit {
             return AppExit::from_code(2);
         }
     };
-    // A wrong file is said before a window opens.
+    // An unreadable file is reported before a window opens.
     let mut image = match &args.env {
         Some(Environment::File(path)) => match environment::read(path) {
             Ok(image) => Some(image),

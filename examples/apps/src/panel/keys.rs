@@ -46,10 +46,10 @@ pub fn act(mut keys: PressedKeys, mut panel: ResMut<Panel>, mut cameras: Query<&
                 KeyCode::KeyR => restir.reset = true,
                 KeyCode::ArrowUp => fields::change(&mut restir, "bounces", true),
                 KeyCode::ArrowDown => fields::change(&mut restir, "bounces", false),
-                KeyCode::Digit1 => fields::take(&mut restir, Preset::Performance),
-                KeyCode::Digit2 => fields::take(&mut restir, Preset::Balanced),
-                KeyCode::Digit3 => fields::take(&mut restir, Preset::Quality),
-                KeyCode::Digit4 => fields::take(&mut restir, Preset::Unbiased),
+                KeyCode::Digit1 => fields::apply_preset(&mut restir, Preset::Performance),
+                KeyCode::Digit2 => fields::apply_preset(&mut restir, Preset::Balanced),
+                KeyCode::Digit3 => fields::apply_preset(&mut restir, Preset::Quality),
+                KeyCode::Digit4 => fields::apply_preset(&mut restir, Preset::Unbiased),
                 _ => {}
             }
         }

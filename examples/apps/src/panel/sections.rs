@@ -26,7 +26,7 @@ fn presets(ui: &mut egui::Ui, restir: &mut Mut<Restir>) {
     ui.horizontal_wrapped(|ui| {
         for preset in fields::values::<Preset>() {
             let mut wanted = Restir::clone(restir);
-            fields::take(&mut wanted, preset);
+            fields::apply_preset(&mut wanted, preset);
             let is_taken = wanted == **restir;
             if ui.selectable_label(is_taken, format!("{preset:?}")).clicked() {
                 restir.set_if_neq(wanted);

@@ -18,7 +18,7 @@ const ZOOM: f32 = 0.1;
 /// Largest pitch in radians.
 const STEEPEST: f32 = 1.55;
 
-/// What moves the camera.
+/// How the camera is controlled.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
     Orbit,

@@ -12,7 +12,7 @@ use bevy_restir::{Restir, RestirEnvironment};
 use bevy_restir_support::{environment, framing, subsurface};
 use std::path::PathBuf;
 
-use super::light::LentSky;
+use super::light::AddedSky;
 use crate::look::Look;
 
 /// Asks to open a file.
@@ -84,7 +84,7 @@ fn open(
     mut stage: ResMut<Stage>,
     assets: Res<AssetServer>,
     mut images: ResMut<Assets<Image>>,
-    mut cameras: Query<(Entity, Option<&mut RestirEnvironment>, Has<LentSky>, Option<&mut Look>), With<Restir>>,
+    mut cameras: Query<(Entity, Option<&mut RestirEnvironment>, Has<AddedSky>, Option<&mut Look>), With<Restir>>,
 ) {
     for Open(path) in asked.read() {
         let full = match path.canonicalize() {
@@ -98,13 +98,13 @@ fn open(
             match environment::read(&full) {
                 Ok(image) => {
                     let image = Some(images.add(image));
-                    for (camera, environment, is_lent, look) in &mut cameras {
+                    for (camera, environment, is_added, look) in &mut cameras {
                         match environment {
-                            Some(mut environment) if !is_lent => environment.image = image.clone(),
+                            Some(mut environment) if !is_added => environment.image = image.clone(),
                             // The sky is the user's from now on, and no file takes it away.
                             _ => {
                                 let sky = RestirEnvironment { image: image.clone(), ..default() };
-                                commands.entity(camera).insert(sky).remove::<LentSky>();
+                                commands.entity(camera).insert(sky).remove::<AddedSky>();
                             }
                         }
                         // It may be a thousand times darker than the light before it.

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use super::{
     animation::Clips,
     camera::{Eye, Mode},
-    light::LentSky,
+    light::AddedSky,
     load::{Open, Stage},
 };
 use crate::panel::keys::PressedKeys;
@@ -24,7 +24,7 @@ pub fn file(
     mut typed: Local<String>,
     stage: Res<Stage>,
     statistics: Res<RestirStatistics>,
-    lent: Query<(), With<LentSky>>,
+    added: Query<(), With<AddedSky>>,
     mut open: MessageWriter<Open>,
 ) {
     ui.add_space(4.0);
@@ -56,8 +56,8 @@ pub fn file(
     if stage.shown.is_some() && !statistics.report().ready {
         ui.weak("building and compiling ...");
     }
-    if !lent.is_empty() {
-        ui.add(note("This file contains no light. The viewer adds a sky."));
+    if !added.is_empty() {
+        ui.add(note("This file contains little or no light. The viewer adds a sky."));
     }
     ui.separator();
 }

@@ -1,0 +1,199 @@
+//! Mutants of light paths (their MIS weights, scattering, connections, and splats) and of scattering below surfaces.
+
+use super::{Mutant, mutant};
+
+const WEIGHTS: &[&str] = &["weights_of_bidirectional_techniques"];
+const SCATTERING: &[&str] = &["light_paths_scatter"];
+const REPLAY: &[&str] = &["light_paths_of_the_last_frame_are_replayed"];
+const ROOM: &[&str] = &["light_paths_in_a_room_equal"];
+const CAUSTICS: &[&str] = &["reused_caustics_equal"];
+const BODIES: &[&str] = &["light_in_translucent_bodies_equals"];
+
+pub const MUTANTS: &[Mutant] = &[
+    // MIS weights.
+    mutant(
+        "arrival at a vertex lacks the distance",
+        "path/bidirectional_mis.wgsl",
+        "return MisState(s.last * distance2 / cos_in, s.earlier / cos_in);",
+        "return MisState(s.last / cos_in, s.earlier / cos_in);",
+        WEIGHTS,
+    ),
+    mutant(
+        "the state after scattering is used in place of the one before",
+        "path/bidirectional_mis.wgsl",
+        "return mis_sum(s, pdf_reverse);",
+        "return mis_sum(MisState(1.0 / pdf_forward, s.earlier), pdf_reverse);",
+        WEIGHTS,
+    ),
+    mutant(
+        "no ray hits an environment",
+        "path/bidirectional_mis.wgsl",
+        "select(1.0 / (light_density * emission_density), 0.0, is_delta)",
+        "0.0",
+        WEIGHTS,
+    ),
+    mutant(
+        "the camera sees one light path",
+        "path/bidirectional_mis.wgsl",
+        "camera_density * cos_in / splats * mis_sum(light, pdf_reverse)",
+        "camera_density * cos_in * mis_sum(light, pdf_reverse)",
+        WEIGHTS,
+    ),
+    mutant(
+        "next-event estimation does not count light paths",
+        "path/technique_weights.wgsl",
+        "return emitted_density(l, counts.shares.nee) / nee * cosine * (s.last + s.earlier * reverse_pdf(v, l.wi));",
+        "return vec3<f32>(0.0);",
+        ROOM,
+    ),
+    // Walks from lights.
+    mutant(
+        "light paths scatter as paths from the camera that go the other way",
+        "path/light_path.wgsl",
+        "return bsdf_eval(s.bsdf, wo, towards_light) / arrival_cosine(s, towards_light);",
+        "return bsdf_eval(s.bsdf, towards_light, wo) / arrival_cosine(s, towards_light);",
+        SCATTERING,
+    ),
+    mutant(
+        "light paths carry the radiance of smooth glass",
+        "path/light_path.wgsl",
+        "var value = b.weight * (b.eta * b.eta);",
+        "var value = b.weight;",
+        SCATTERING,
+    ),
+    mutant(
+        "the other side of glass has the same index of refraction",
+        "scene/lobes.wgsl",
+        "s.eta = 1.0 / b.eta;",
+        "",
+        SCATTERING,
+    ),
+    mutant(
+        "light that arrives by a light path lacks the cosine",
+        "path/light_path.wgsl",
+        "return bsdf_eval(s.bsdf, wo, towards_light) / arrival_cosine(s, towards_light);",
+        "return bsdf_eval(s.bsdf, wo, towards_light);",
+        &["light_paths_scatter", "light_paths_in_a_room_equal"],
+    ),
+    mutant(
+        "the density of emitted rays lacks the distance",
+        "path/light_path.wgsl",
+        "emission_density /= d2;",
+        "",
+        ROOM,
+    ),
+    mutant(
+        "light paths by glass and mirrors count like others",
+        "restir/bdpt/light_sub_path.wgsl",
+        "settings.caustic_share / settings.nee_share",
+        "1.0",
+        CAUSTICS,
+    ),
+    // Splats and connections.
+    mutant(
+        "the camera sees light paths without the cosine",
+        "restir/bdpt/splat.wgsl",
+        "technique_weight(weight, SPLATS) * cosine * density",
+        "technique_weight(weight, SPLATS) * density",
+        ROOM,
+    ),
+    mutant(
+        "connections lack the cosine at the light path",
+        "restir/bdpt/connections.wgsl",
+        "(cos_y / d2 * f32(p.count))",
+        "(f32(p.count) / d2)",
+        ROOM,
+    ),
+    mutant(
+        "a vertex of the cache stands for itself alone",
+        "restir/bdpt/connections.wgsl",
+        "(cos_y / d2 * f32(p.count))",
+        "(cos_y / d2)",
+        ROOM,
+    ),
+    mutant(
+        "one light path stands for all that land in its pixel",
+        "pass/splats.wgsl",
+        "guarded(luminance(landed.sum) / max(luminance(r.f), 1.0e-37), GUARD_CONTRIBUTION_WEIGHT)",
+        "1.0",
+        CAUSTICS,
+    ),
+    mutant(
+        "the number of events of a light path is read as one less",
+        "restir/bdpt/light_map.wgsl",
+        "(words.x >> LINK_BITS) + 1u",
+        "words.x >> LINK_BITS",
+        REPLAY,
+    ),
+    mutant(
+        "reservoirs of light paths read a vertex too many",
+        "restir/splats/reservoir.wgsl",
+        "p.vertex >> 24u, p.light",
+        "(p.vertex >> 24u) + 1u, p.light",
+        REPLAY,
+    ),
+    // Below surfaces.
+    mutant(
+        "the profile has twice its light",
+        "subsurface/profile.wgsl",
+        "(8.0 * PI * x)",
+        "(4.0 * PI * x)",
+        &["the_profile_and_its_inverse_equal"],
+    ),
+    mutant(
+        "the tangents have the probability of the normal",
+        "subsurface/probe.wgsl",
+        "select(0.25, 0.5, axis == 0u)",
+        "1.0 / 3.0",
+        &["the_density_of_a_hit_equals"],
+    ),
+    mutant(
+        "probes are longer than their reach",
+        "subsurface/probe.wgsl",
+        "d * sqrt(max(REACH * REACH - x * x, 0.0))",
+        "d * REACH",
+        &["probes_find_points_with_their_density"],
+    ),
+    mutant(
+        "a probe with several hits finds each of them",
+        "subsurface/entry.wgsl",
+        "(f32(hits.count) / pdf)",
+        "(1.0 / pdf)",
+        &["bodies_are_what_an_independent_integral"],
+    ),
+    mutant(
+        "going on below the surface has no probability",
+        "path/scattering.wgsl",
+        "exit_factor(v.surface, v.wo) / p);",
+        "exit_factor(v.surface, v.wo));",
+        &["paths_between_translucent_bodies"],
+    ),
+    mutant(
+        "shifted paths draw other probes",
+        "restir/shift/hybrid.wgsl",
+        "let entry = replayed_entry(v, s.seed, index, previous);",
+        "let entry = replayed_entry(v, s.seed + 1u, index, previous);",
+        &["paths_through_translucent_bodies_return", "paths_between_translucent_bodies"],
+    ),
+    mutant(
+        "points of entry lack the measure of their triangle",
+        "restir/sss/domain.wgsl",
+        "r.exit_factor * profile_per_area(r.surface.radius, distance) * area,",
+        "r.exit_factor * profile_per_area(r.surface.radius, distance),",
+        BODIES,
+    ),
+    mutant(
+        "candidates below the surface have no probability of a channel",
+        "restir/sss/initial_candidates.wgsl",
+        "c.pmf * choice * p.density",
+        "c.pmf * p.density",
+        BODIES,
+    ),
+    mutant(
+        "the Jacobian of a probe is that of the way back",
+        "restir/sss/domain.wgsl",
+        "return select(1.0, before / after, replays);",
+        "return select(1.0, after / before, replays);",
+        &["delayed_reconnection_has_the_jacobian"],
+    ),
+];

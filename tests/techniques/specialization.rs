@@ -1,0 +1,53 @@
+//! Shaders that are specialized for the scene give the same picture, bit by bit, as shaders with features that the scene lacks.
+
+use crate::support::{
+    proof::{Bidirectional, Subject},
+    reuse_settings::*,
+    small_scenes::*,
+};
+use bevy_restir::{Jitter, LightTechniques, SceneFeatures, testing::plant_shader_defs};
+
+/// Features without a part in this comparison.  Some come with bindings or passes of their own, others are settings of the camera.  Two
+/// round differently: the lobes of brushed metal have another local frame, and absorption multiplies by an exponential of 0.
+const LEFT_OUT: SceneFeatures = SceneFeatures::RAY_QUERY
+    .union(SceneFeatures::BOUND_TEXTURES)
+    .union(SceneFeatures::SUBSURFACE)
+    .union(SceneFeatures::ENERGY_COMPENSATION)
+    .union(SceneFeatures::SPLIT_LIGHT)
+    .union(SceneFeatures::ANISOTROPY)
+    .union(SceneFeatures::ATTENUATION);
+
+/// Compares the pictures in a room with mirrors, after some frames of history.
+fn check(technique: &str, subject: &impl Subject) {
+    let Some(mut rig) = scene(32, mirrors) else { return };
+    let mut picture = |features: &[&str]| {
+        plant_shader_defs(&mut rig.app, features);
+        rig.set(|r| {
+            subject.apply_to(r);
+            (r.bounces, r.seed, r.jitter) = (4, 1, Jitter::Always);
+        });
+        rig.picture(4)
+    };
+    let specialized = picture(&[]);
+    let everything = picture(&SceneFeatures::all().difference(LEFT_OUT).names());
+    let pixels = specialized.iter().zip(everything.iter());
+    let different: Vec<_> = pixels.filter(|((_, a), (_, b))| a != b).collect();
+    assert!(different.is_empty(), "{technique}: {} of 1024 pixels, such as {:?}", different.len(), different[0]);
+    assert!(specialized.mean() > 0.01, "{technique}");
+    rig.assert_sound();
+}
+
+#[test]
+fn features_that_the_scene_lacks_change_no_pixel_of_direct_light() {
+    check("DI", &di::all_reuse());
+}
+
+#[test]
+fn features_that_the_scene_lacks_change_no_pixel_of_paths() {
+    check("PT", &paths::all_reuse());
+}
+
+#[test]
+fn features_that_the_scene_lacks_change_no_pixel_of_light_paths() {
+    check("BDPT", &Bidirectional(LightTechniques::Full, paths::all_reuse()));
+}
