@@ -178,8 +178,8 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "points of entry lack the measure of their triangle",
         "restir/sss/domain.wgsl",
-        "r.exit_factor * profile_per_area(r.surface.radius, distance) * area,",
-        "r.exit_factor * profile_per_area(r.surface.radius, distance),",
+        "r.exit_factors * profile_per_area(r.surface.radius, distance) * area,",
+        "r.exit_factors * profile_per_area(r.surface.radius, distance),",
         BODIES,
     ),
     mutant(

@@ -25,9 +25,9 @@ pub const MUTANTS: &[Mutant] = &[
         "common/guard.wgsl",
         "return is_finite(x) && x >= 0.0;",
         "return is_finite(x);",
-        &["guards_let_pass"],
+        &["guards_pass"],
     ),
-    mutant("colors pass the guards", "common/guard.wgsl", "if is_sound_3(w) {", "if true {", &["guards_let_pass"]),
+    mutant("colors pass the guards", "common/guard.wgsl", "if is_sound_3(w) {", "if true {", &["guards_pass"]),
     // The picture.
     mutant(
         "frames are not added up",

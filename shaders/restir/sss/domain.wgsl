@@ -40,7 +40,7 @@ const LEAST_PIXELS: f32 = 2.0;
 // A pixel's surface, in this frame or the last.
 struct Receiver {
     surface: Surface,
-    exit_factor: vec3<f32>,    // factors of the BSSRDF at x1; 0: no light scatters below this surface
+    exit_factors: vec3<f32>,   // factors of the BSSRDF at x1; 0: no light scatters below this surface
     frame: mat3x3<f32>,        // of its probes
     footprint: f32,            // diameter of the pixel, m
     previous: bool,
@@ -88,7 +88,7 @@ fn receiver_at(s: Surface, wo: vec3<f32>, footprint: f32, previous: bool) -> Rec
 }
 
 fn scatters(r: Receiver) -> bool {
-    return max_component(r.exit_factor) > 0.0;
+    return max_component(r.exit_factors) > 0.0;
 }
 
 fn entry_point(r: Receiver, hit: Hit) -> EntryPoint {
@@ -99,7 +99,7 @@ fn entry_point(r: Receiver, hit: Hit) -> EntryPoint {
     let near = FAR_LENGTHS * max_component(r.surface.radius);
     return EntryPoint(
         entry,
-        r.exit_factor * profile_per_area(r.surface.radius, distance) * area,
+        r.exit_factors * profile_per_area(r.surface.radius, distance) * area,
         probe_pdf(offset, entry.bsdf.n_geo, r.frame, r.surface.radius) * area / channel_probability(r.surface.radius),
         distance >= near || dot(entry.bsdf.n_geo, r.surface.bsdf.n_geo) <= FAR_COSINE,
     );
