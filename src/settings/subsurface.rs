@@ -155,8 +155,8 @@ pub struct SubsurfaceSampling {
 }
 
 impl Default for SubsurfaceSampling {
-    /// Temporal reuse, then four neighbors within 30 pixels of a picture of 1080 lines (Werner et al. 2024): a half to two thirds less error
-    /// than with two iterations of one neighbor, in a fifth more time (`docs/experiments.md`).
+    /// Temporal reuse, then four neighbors within 30 pixels of a picture of 1080 lines (Werner et al. 2024): less than half the error of two
+    /// iterations of one neighbor, in a fifth more time (`docs/experiments.md`).
     fn default() -> Self {
         let reuse = Reuse {
             order: ReuseOrder::TemporalThenSpatial,

@@ -43,11 +43,13 @@ fn features_that_the_scene_lacks_change_no_pixel_of_direct_light() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn features_that_the_scene_lacks_change_no_pixel_of_paths() {
     check("PT", &paths::all_reuse());
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn features_that_the_scene_lacks_change_no_pixel_of_light_paths() {
     check("BDPT", &Bidirectional(LightTechniques::Full, paths::all_reuse()));
 }
