@@ -134,7 +134,7 @@ fn check_changing_lights(kinds: &[&str]) {
         return;
     };
     // Lamps close to surfaces are noisier than the others, hence the margin of 1.5 %.
-    check("lights", &mut rig, 0.015, 56, kinds, |rig, step| {
+    check("lights", &mut rig, 0.015, 112, kinds, |rig, step| {
         let step = step as f32;
         let shown = |yes| if yes { Visibility::Inherited } else { Visibility::Hidden };
         *rig.get_mut::<Visibility>(late) = shown(step >= STEPS as f32);
