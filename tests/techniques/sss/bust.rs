@@ -21,9 +21,10 @@ fn bust(rig: &mut Rig) {
     rig.spawn(square(1.2), lamp(5.0, 6.0, 8.0), facing(Vec3::new(-3.3, 0.8, -1.6), Vec3::ZERO));
 }
 
+/// On Mesa 22.3 this test took more than 20 GB of memory before its first result; the cause has not been found.
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn light_in_a_head_equals_the_reference_with_every_shift() {
+#[ignore = "minutes, and more than 20 GB of memory: ./run test --full"]
+fn full_length_light_in_a_head_equals_the_reference_with_every_shift() {
     let Some(mut rig) = scene(48, bust) else { return };
     let proof = Proof { margin: 0.03, ..Proof::of((40, 10), (24, 40)) };
     let cases: Vec<_> = SHIFTS
