@@ -94,7 +94,7 @@ pub struct Bench {
     size: UVec2,
     counts: Counts,
     times: Times,
-    /// Transforms of `mover`, or of the camera if there is none, in the last frames before a picture.  Empty: nothing moves.
+    /// Transforms of `mover` (of the camera, if `mover` is `None`) in the last frames before a picture.  Empty: nothing moves.
     motion: Vec<Transform>,
     mover: Option<Entity>,
 }

@@ -74,16 +74,21 @@ fn bevy_lights_a_camera_that_the_device_has_no_memory_for() {
     }
 }
 
+/// Asserts that Bevy lights the wall while the planted allocations fail, and that the picture is ours once they succeed.
+fn assert_bevy_lights_until_there_is_memory(rig: &mut Rig) {
+    rig.frames(6);
+    assert!(rig.next_if_any().is_none(), "we render nothing");
+    assert!(shown(rig) > 20, "Bevy lights the wall");
+    plant_failed_allocations(&rig.app, &[]);
+    assert!(rig.picture(2).mean() > 0.0, "with memory the picture is ours");
+    rig.assert_sound();
+}
+
 #[test]
 fn bevy_lights_a_scene_that_the_device_has_no_memory_for() {
     let Some(mut rig) = lit_wall() else { return };
     plant_failed_allocations(&rig.app, &["instances", "lights"]);
-    rig.frames(6);
-    assert!(rig.next_if_any().is_none(), "we render nothing");
-    assert!(shown(&mut rig) > 20, "Bevy lights the wall");
-    plant_failed_allocations(&rig.app, &[]);
-    assert!(rig.picture(2).mean() > 0.0, "with memory the picture is ours");
-    rig.assert_sound();
+    assert_bevy_lights_until_there_is_memory(&mut rig);
 }
 
 /// Tables of the scene that have no memory to grow: Bevy lights the camera, and the picture is ours again once there is memory.
@@ -154,12 +159,7 @@ fn bevy_lights_a_scene_without_memory_for_the_table_of_energy_compensation() {
     rig.until_ready();
     plant_failed_allocations(&rig.app, &["specular albedo"]);
     rig.set(|restir| restir.energy_compensation = true);
-    rig.frames(6);
-    assert!(rig.next_if_any().is_none(), "we render nothing");
-    assert!(shown(&mut rig) > 20, "Bevy lights the wall");
-    plant_failed_allocations(&rig.app, &[]);
-    assert!(rig.picture(2).mean() > 0.0, "with memory the picture is ours");
-    rig.assert_sound();
+    assert_bevy_lights_until_there_is_memory(&mut rig);
 }
 
 /// Trees that did not fit the device's memory are built once they fit, although nothing has changed since.

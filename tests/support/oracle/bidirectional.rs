@@ -15,7 +15,7 @@ pub struct Path {
     pub connectable: u32,
     /// The first vertex that this path and a shifted one share; 0 if there is no shifted path.
     pub reconnection: u32,
-    /// The last vertex below which light scatters, so that light sub-paths end there; 0 if there is none.
+    /// The last vertex below which light scatters, so that light sub-paths end there; 0 if light scatters below no vertex.
     pub below: u32,
     /// The error that the kernel plants.
     pub error: u32,
