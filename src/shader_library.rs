@@ -104,6 +104,7 @@ pub const MODULES: &[(&str, &str)] = modules![
     "path/reference_integrator.wgsl",
     "restir/types.wgsl",
     "restir/bindings.wgsl",
+    "restir/flags.wgsl",
     "restir/light_candidates.wgsl",
     "restir/mis.wgsl",
     "restir/neighbors.wgsl",

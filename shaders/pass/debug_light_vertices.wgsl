@@ -4,6 +4,7 @@
 #import bevy_restir::restir::bdpt::bindings::light_vertices
 #import bevy_restir::restir::bdpt::light_vertex::light_vertex_unpack
 #import bevy_restir::restir::bindings::settings
+#import bevy_restir::restir::flags::has
 #import bevy_restir::restir::types::RESAMPLE_CONNECTIONS
 #import bevy_restir::view::bindings::view
 
@@ -17,7 +18,7 @@ fn debug_light_vertices(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let index = pixel.y * view.size.x + pixel.x;
     // Without connections, no pass writes the cache.
-    let paths = select(0u, settings.light_paths, (settings.flags & RESAMPLE_CONNECTIONS) != 0u);
+    let paths = select(0u, settings.light_paths, has(RESAMPLE_CONNECTIONS));
     var vertices = vec2<u32>(0u);
     for (var path = index; path < paths; path += view.size.x * view.size.y) {
         let v = light_vertex_unpack(light_vertices[path]);

@@ -2,7 +2,8 @@
 
 #import technique::{PackedReservoir, receives_light, reservoir_unpack}
 #import bevy_restir::restir::bindings::settings
-#import bevy_restir::restir::neighbors::{are_similar, has, pixel_shape}
+#import bevy_restir::restir::flags::has
+#import bevy_restir::restir::neighbors::{are_similar, pixel_shape}
 #import bevy_restir::restir::pairs::{PAIR_IS_NEW, PAIR_SLOTS, partner_in_slot}
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::restir::types::RESAMPLE_HEURISTICS

@@ -19,8 +19,9 @@
 #import bevy_restir::common::math::luminance
 #import bevy_restir::common::rng::{Rng, rng_1, rng_2, rng_bits, rng_new, STREAM_REUSE, STREAMS_PER_DOMAIN}
 #import bevy_restir::restir::bindings::settings
+#import bevy_restir::restir::flags::has
 #import bevy_restir::restir::mis::{MAX_INPUTS, mis_needs_target, mis_weight, MisInputs}
-#import bevy_restir::restir::neighbors::{has, neighbor_ids, OwnPlace, ring_offset}
+#import bevy_restir::restir::neighbors::{neighbor_ids, OwnPlace, ring_offset}
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::restir::reservoir_sampling::{Stream, stream_add, stream_ucw}
 #import bevy_restir::restir::types::{RESAMPLE_CANDIDATES_VISIBLE, RESAMPLE_DISCARD_OCCLUDED, RESAMPLE_FROM_PREVIOUS, RESAMPLE_MIS_RAYS, RESAMPLE_REUSE_VISIBILITY, RESAMPLE_SAME_RAYS, RESAMPLE_SHADE, RESAMPLE_SHADE_ALL, RESAMPLE_SHADING_RAYS, RESAMPLE_TARGET_RAYS}

@@ -5,16 +5,13 @@
 #import bevy_restir::common::constants::{NONE, TWO_PI}
 #import bevy_restir::common::rng::{Rng, rng_2}
 #import bevy_restir::restir::bindings::{previous_visibility, settings}
+#import bevy_restir::restir::flags::has
 #import bevy_restir::restir::types::{RESAMPLE_BILINEAR, RESAMPLE_DUAL_MOTION, RESAMPLE_FROM_PREVIOUS, RESAMPLE_HEURISTICS, RESAMPLE_SAME_MATERIAL}
 #import bevy_restir::scene::offset::surface_point
 #import bevy_restir::scene::surface::{Shape, shape_at}
 #import bevy_restir::scene::triangle::{instance_exists, world_triangle}
 #import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::camera::{barycentrics_on_ray, eye_of, previous_primary_ray, primary_ray, project}
-
-fn has(flag: u32) -> bool {
-    return (settings.flags & flag) != 0u;
-}
 
 // (instance, triangle) of a neighbor, in the frame that neighbors are taken from.
 fn neighbor_ids(pixel: vec2<u32>) -> vec2<u32> {
@@ -49,14 +46,19 @@ fn own_place(ids: vec2<u32>, pixel: vec2<u32>, radius: f32) -> OwnPlace {
 // A neighbor; NONE where none is found.  `is_own`: the place of the surface itself in the last frame.
 fn find_neighbor(own: OwnPlace, is_own: bool, rng: ptr<function, Rng>) -> vec2<u32> {
     let attempts = select(settings.neighbor_attempts, settings.temporal_attempts, is_own);
-    for (var t = 0u; t < attempts; t++) {
-        let pixel = similar_pixel(own.shape, own.place + neighbor_offset(own, is_own, t, rng_2(rng)));
+    // One loop, so that the test for similarity is in the program once.
+    let last = select(attempts, attempts + 1u, is_own && has(RESAMPLE_DUAL_MOTION));
+    for (var t = 0u; t < last; t++) {
+        var at: vec2<f32>;
+        if t == attempts {
+            at = place_beside_occluder(own);
+        } else {
+            at = own.place + neighbor_offset(own, is_own, t, rng_2(rng));
+        }
+        let pixel = similar_pixel(own.shape, at);
         if pixel.x != NONE {
             return pixel;
         }
-    }
-    if is_own && has(RESAMPLE_DUAL_MOTION) {
-        return similar_pixel(own.shape, place_beside_occluder(own));
     }
     return vec2<u32>(NONE);
 }

@@ -7,6 +7,7 @@
 #import bevy_restir::path::light_path::{advance_light_path, begin_light_path, LightWalk}
 #import bevy_restir::restir::bdpt::splat::{no_splat, Splat, splat_of}
 #import bevy_restir::restir::bindings::settings
+#import bevy_restir::restir::flags::has
 #import bevy_restir::restir::types::RESAMPLE_CONNECTIONS
 #import bevy_restir::view::bindings::view
 #ifdef SPLIT_LIGHT
@@ -77,5 +78,5 @@ fn over_share(s: MisState, share: f32) -> MisState {
 }
 
 fn connects() -> bool {
-    return (settings.flags & RESAMPLE_CONNECTIONS) != 0u;
+    return has(RESAMPLE_CONNECTIONS);
 }

@@ -17,6 +17,7 @@
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::di::domain::{bsdf_pdf_of, evaluate, evaluate_arriving, evaluate_sample, is_visible, Receiver, target_value}
 #import bevy_restir::restir::di::reservoir::Reservoir
+#import bevy_restir::restir::flags::has
 #import bevy_restir::restir::light_candidates::{light_candidate, opacity_of, subset_of}
 #import bevy_restir::restir::reservoir_sampling::{Stream, stream_add, stream_ucw}
 #import bevy_restir::restir::types::{RESAMPLE_BSDF_CANDIDATE, RESAMPLE_CANDIDATE_RAYS, RESAMPLE_TARGET_WITHOUT_BSDF}
@@ -33,7 +34,7 @@ struct SelectedCandidate {
 
 // Candidates may be selected by any target that is positive where light is (Wyman and Panteleev 2021, 3.3).
 fn candidate_target(r: Receiver, l: LightSample) -> f32 {
-    if (settings.flags & RESAMPLE_TARGET_WITHOUT_BSDF) != 0u {
+    if has(RESAMPLE_TARGET_WITHOUT_BSDF) {
         return target_value(evaluate_arriving(r, l));
     }
     return target_value(evaluate_sample(r, l));
@@ -149,7 +150,7 @@ fn add_candidate(c: ptr<function, Candidates>, index: u32, point: LightPoint, va
 }
 
 fn sample_candidates(r: Receiver, pixel: vec2<u32>, rng: ptr<function, Rng>) -> SelectedCandidate {
-    let with_bsdf = (settings.flags & RESAMPLE_BSDF_CANDIDATE) != 0u;
+    let with_bsdf = has(RESAMPLE_BSDF_CANDIDATE);
     // p̂ over the sum of the densities of both techniques is the weight of the balance heuristic.
     var c = Candidates(Stream(0.0, NONE), no_light_point(), 0.0);
     add_light_candidates(&c, r, with_bsdf, pixel, rng);
@@ -162,7 +163,7 @@ fn sample_candidates(r: Receiver, pixel: vec2<u32>, rng: ptr<function, Rng>) -> 
     // An occluded sample has the weight 0, and still counts as a frame's worth of candidates.  The BSDF ray has tested its own visibility.
     var reservoir = Reservoir(c.point, 0.0, 1.0, true);
     if c.point.light != NONE {
-        let is_known = c.stream.selected >= settings.candidates || (settings.flags & RESAMPLE_CANDIDATE_RAYS) == 0u;
+        let is_known = c.stream.selected >= settings.candidates || !has(RESAMPLE_CANDIDATE_RAYS);
         if is_known || is_visible(r, evaluate(r, reservoir), rng_bits(rng).x) {
             reservoir.ucw = stream_ucw(c.stream, c.selected_target);
         }

@@ -8,6 +8,7 @@
 #import bevy_restir::path::technique_weights::{LightShares, TechniqueCounts}
 #import bevy_restir::path::walk::Vertex
 #import bevy_restir::restir::bindings::settings
+#import bevy_restir::restir::flags::has
 #import bevy_restir::restir::path_sample::{PathSample, ShiftResult, TERMINATION_NEE, with_shift_result}
 #import bevy_restir::restir::pt::initial_candidates::SelectedPath
 #import bevy_restir::restir::shift::hybrid::{hybrid_shift, replays}
@@ -56,7 +57,7 @@ fn shift_parameters(eye: vec3<f32>, v: Vertex, previous: bool) -> ShiftParameter
         settings.jacobian_limit,
         technique_counts(),
         density_of_camera(v, previous),
-        (settings.flags & RESAMPLE_DIFFUSE_SECONDARY) != 0u,
+        has(RESAMPLE_DIFFUSE_SECONDARY),
     );
 }
 
@@ -67,7 +68,7 @@ fn in_technique_measure(c: SelectedPath, r: Receiver) -> SelectedPath {
 
 // Numbers of samples that compete for the light of a path.
 fn technique_counts() -> TechniqueCounts {
-    let connects = f32((settings.flags & RESAMPLE_CONNECTIONS) != 0u);
+    let connects = f32(has(RESAMPLE_CONNECTIONS));
     let shares = LightShares(settings.nee_share, settings.caustic_share);
     return TechniqueCounts(settings.candidates, f32(settings.splats), connects, shares);
 }
@@ -89,7 +90,7 @@ fn density_of_camera(v: Vertex, previous: bool) -> f32 {
 // Where something moved between the frames, the path after the reconnection vertex is replayed in this frame, in the last one, or both.
 fn shifted_to(r: Receiver, path: PathSample) -> ShiftedPath {
     let flag = select(RESAMPLE_RETRACE_FORWARD, RESAMPLE_RETRACE_BACKWARD, r.previous);
-    let retrace = (settings.flags & RESAMPLE_MOVED) != 0u && (settings.flags & flag) != 0u;
+    let retrace = has(RESAMPLE_MOVED) && has(flag);
     return hybrid_shift(path, r.first, r.shift, r.previous, retrace);
 }
 
@@ -156,7 +157,7 @@ fn apply_shift(s: Reservoir, r: ShiftResult) -> Reservoir {
 
 // Whether p̂ in the sample's own pixel is known from the reservoir: it is as long as nothing moved.
 fn stores_target() -> bool {
-    return (settings.flags & RESAMPLE_MOVED) == 0u;
+    return !has(RESAMPLE_MOVED);
 }
 
 fn stored_target(s: Reservoir) -> f32 {

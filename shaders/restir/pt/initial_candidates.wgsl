@@ -23,7 +23,7 @@
 #import bevy_restir::path::shadow_ray::light_is_visible
 #import bevy_restir::path::technique_weights::{below_surface, camera_state, CameraState, emitter_sample, rivals_of_hit, rivals_of_nee, state_at, state_of_ray, weight_of}
 #import bevy_restir::path::walk::{sampled_step, Step, step_cone, step_medium, Vertex}
-#import bevy_restir::restir::bindings::settings
+#import bevy_restir::restir::flags::has
 #import bevy_restir::restir::light_candidates::{light_candidate, subset_of}
 #import bevy_restir::restir::path_sample::{no_path_sample, PathSample, TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE, vertex_barycentrics}
 #import bevy_restir::restir::reservoir_sampling::{Stream, stream_add, stream_ucw}
@@ -166,7 +166,7 @@ fn sample_candidates(first: Vertex, pixel: vec2<u32>, shortest: u32, p: ShiftPar
         before = previous_vertex(before, v, step, index, p);
 
         // Russian roulette changes the probability of a path, never its contribution.
-        if index >= ROULETTE_FROM && (settings.flags & RESAMPLE_NO_ROULETTE) == 0u {
+        if index >= ROULETTE_FROM && !has(RESAMPLE_NO_ROULETTE) {
             let q = survival_probability(c.throughput, eta_scale / c.survival);
             if !(rng_1(rng) < q) {
                 break;

@@ -13,6 +13,7 @@
 #import bevy_restir::restir::bdpt::light_sub_path::replayed_splat
 #import bevy_restir::restir::bdpt::splat::Splat
 #import bevy_restir::restir::bindings::settings
+#import bevy_restir::restir::flags::has
 #import bevy_restir::restir::neighbors::OwnPlace
 #import bevy_restir::restir::splats::reservoir::Reservoir
 #import bevy_restir::restir::types::RESAMPLE_STILL
@@ -38,7 +39,7 @@ struct ShiftResult {
 
 // Whether the samples of the last frame must be replayed.
 fn has_changed() -> bool {
-    return (settings.flags & RESAMPLE_STILL) == 0u;
+    return !has(RESAMPLE_STILL);
 }
 
 // `Reservoir::f` of a splat.

@@ -18,6 +18,7 @@
 #import bevy_restir::path::medium::{medium_towards, transmittance}
 #import bevy_restir::path::shadow_ray::light_is_visible
 #import bevy_restir::restir::bindings::settings
+#import bevy_restir::restir::flags::has
 #import bevy_restir::restir::sss::reservoir::{EntrySample, Reservoir}
 #import bevy_restir::restir::types::{RESAMPLE_INVERT_PROBES, RESAMPLE_MOVED, SUBSURFACE_DELAYED, SUBSURFACE_HYBRID}
 #import bevy_restir::scene::surface::Surface
@@ -160,7 +161,7 @@ fn evaluate(r: Receiver, reservoir: Reservoir) -> Evaluated {
     let light = light_point_at(s.light, p.surface.position, r.previous);
     let f = contribution_of(p, light);
     let result = ShiftResult(hit.triangle, hit.barycentrics, s.probe, s.hit, p.density, luminance(f));
-    let keeps_edge = !replays && (settings.flags & RESAMPLE_MOVED) == 0u;
+    let keeps_edge = !replays && !has(RESAMPLE_MOVED);
     return Evaluated(f, jacobian_of_shift(s.density, p.density, replays), keeps_edge, p.surface, light, result);
 }
 
@@ -273,7 +274,7 @@ fn inverts_probes() -> bool {
 }
 #else
 fn inverts_probes() -> bool {
-    return (settings.flags & RESAMPLE_INVERT_PROBES) != 0u;
+    return has(RESAMPLE_INVERT_PROBES);
 }
 #endif
 
