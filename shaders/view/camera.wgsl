@@ -9,29 +9,33 @@
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::types::Camera
 
+// The functions below are called in many places of a program, and have no branches for that reason: Mesa's driver for the CPU (22.3)
+// takes a uniform that decides many branches as a constant, and then compiles the program again in every frame.
+fn is_orthographic() -> bool {
+    return (view.flags & VIEW_ORTHOGRAPHIC) != 0u;
+}
+
 // The ray through a point of the image (pixels, y down).
 fn camera_ray(camera: Camera, at: vec2<f32>) -> Ray {
     let uv = at / vec2<f32>(view.size);
     let near = camera.view_from_clip * vec4<f32>(2.0 * uv.x - 1.0, 1.0 - 2.0 * uv.y, 1.0, 1.0);
     let p = near.xyz / near.w;
-    if (view.flags & VIEW_ORTHOGRAPHIC) != 0u {
-        let origin = (camera.world_from_view * vec4<f32>(p, 1.0)).xyz;
-        return Ray(origin, 0.0, -normalize(camera.world_from_view[2].xyz), FAR);
-    }
-    let direction = (camera.world_from_view * vec4<f32>(p, 0.0)).xyz;
-    return Ray(camera.world_from_view[3].xyz, 0.0, normalize(direction), FAR);
+    let point = (camera.world_from_view * vec4<f32>(p, 1.0)).xyz;
+    let offset = (camera.world_from_view * vec4<f32>(p, 0.0)).xyz;
+    let origin = select(camera.world_from_view[3].xyz, point, is_orthographic());
+    let direction = select(offset, -camera.world_from_view[2].xyz, is_orthographic());
+    return Ray(origin, 0.0, normalize(direction), FAR);
 }
 
 // Footprint of a pixel at a distance along its ray.
 fn pixel_cone(camera: Camera, ray: Ray, distance: f32) -> Cone {
     let half = abs(vec2<f32>(camera.view_from_clip[0].x, camera.view_from_clip[1].y));
     let pixel = 2.0 * sqrt(half.x * half.y / (f32(view.size.x) * f32(view.size.y)));
-    if (view.flags & VIEW_ORTHOGRAPHIC) != 0u {
-        return Cone(pixel, 0.0);
-    }
     // Pixels have equal sizes in the image plane, not equal angles.
     let cosine = abs(dot(ray.direction, normalize(camera.world_from_view[2].xyz)));
-    return cone_along(Cone(0.0, pixel * cosine), distance);
+    let perspective = cone_along(Cone(0.0, pixel * cosine), distance);
+    let width = select(perspective.width, pixel, is_orthographic());
+    return Cone(width, select(perspective.spread, 0.0, is_orthographic()));
 }
 
 // Position of the camera, now or (`previous`) in the last frame.
@@ -45,12 +49,10 @@ const DISTANCE_FOR_HEIGHT: f32 = 1.2071068;
 // The position from which the camera sees a point.  An orthographic camera has only a direction; its position is set as far away as that of
 // a perspective camera whose image has the same height at the point, for lengths that are relative to the distance.
 fn eye_of(point: vec3<f32>, previous: bool) -> vec3<f32> {
-    if (view.flags & VIEW_ORTHOGRAPHIC) == 0u {
-        return camera_position(previous);
-    }
     let back = select(view.current.world_from_view[2].xyz, view.previous.world_from_view[2].xyz, previous);
     let half_height = select(view.current.view_from_clip[1].y, view.previous.view_from_clip[1].y, previous);
-    return point + normalize(back) * (2.0 * abs(half_height) * DISTANCE_FOR_HEIGHT);
+    let orthographic = point + normalize(back) * (2.0 * abs(half_height) * DISTANCE_FOR_HEIGHT);
+    return select(camera_position(previous), orthographic, is_orthographic());
 }
 
 // The ray whose hit the visibility buffer stores.
@@ -85,11 +87,9 @@ fn camera_point(camera: Camera, p: vec3<f32>) -> CameraPoint {
 fn camera_density(camera: Camera, direction: vec3<f32>, distance: f32) -> f32 {
     let half = abs(vec2<f32>(camera.view_from_clip[0].x, camera.view_from_clip[1].y));
     let pixel = 4.0 * half.x * half.y / (f32(view.size.x) * f32(view.size.y));
-    if (view.flags & VIEW_ORTHOGRAPHIC) != 0u {
-        return 1.0 / pixel;
-    }
     let cosine = abs(dot(direction, normalize(camera.world_from_view[2].xyz)));
-    return 1.0 / (pixel * cosine * cosine * cosine * distance * distance);
+    let perspective = pixel * cosine * cosine * cosine * distance * distance;
+    return 1.0 / select(perspective, pixel, is_orthographic());
 }
 
 // Projects a point to pixels, y down, without jitter.  Points behind the camera are far outside of the image.
