@@ -18,7 +18,7 @@ pub enum Preset {
     /// Five bounces: later light is missing (darker).  Single bright pixels are limited (darker; [`Restir::firefly_limit`]).  No other bias.
     Balanced,
     /// Eight bounces: later light is missing (darker).  No other bias.  In [`Technique::Pt`](super::Technique::Pt) direct light has
-    /// reservoirs of its own ([`Paths::separate_direct_light`]): less noise, for 26 to 52 % more time
+    /// reservoirs of its own ([`Paths::separate_direct_light`]): less noise, for 21 to 43 % more time
     /// (`docs/performance.md`).
     Quality,
     /// As `Quality`, with 32 bounces; only later light is missing (darker).
