@@ -55,8 +55,8 @@ impl BiasCorrection {
 pub enum VisibilityReuse {
     /// No rays to lights (a).  Biased: brighter, without shadows.
     Ignored,
-    /// Rays decide what is shaded, not what is stored (b).  Noisy in shadows.  Unbiased without [`Direct::bsdf_candidate`]; with it slightly
-    /// darker where that candidate is hidden by an object in front of a light.
+    /// Rays decide what is shaded, not what is stored (b).  Noisy in shadows.  Biased with [`Direct::bsdf_candidate`] (the default): slightly
+    /// darker where an object hides the light of that candidate.  Unbiased without it.
     Shading,
     /// Rays decide which candidates are stored; the samples of neighbors are assumed to be visible (c).  Biased: brighter in shadows, darker
     /// beside them.
