@@ -5,6 +5,7 @@
 #import bevy_restir::common::guard::{GUARD_LIGHT_SAMPLE, guarded_or_infinite}
 #import bevy_restir::common::math::is_finite
 #import bevy_restir::light::environment::environment_flux
+#import bevy_restir::light::remap::current_light_id
 #import bevy_restir::light::types::ENVIRONMENT_LIGHT
 #import bevy_restir::scene::bindings::{lights, scene}
 
@@ -33,10 +34,15 @@ fn light_select(u: vec2<f32>) -> LightChoice {
     return LightChoice(light, light_pmf(light));
 }
 
-// Probability with which `light_select` chooses a light.
-fn light_pmf(light: u32) -> f32 {
-    if light == ENVIRONMENT_LIGHT {
+// Probability with which `light_select` chooses a light.  A light of the last frame, whose record stands behind this frame's table, has the
+// probability that it has now: both frames weigh their sampling techniques alike.
+fn light_pmf(record: u32) -> f32 {
+    if record == ENVIRONMENT_LIGHT {
         return environment_pmf();
+    }
+    var light = record;
+    if record >= scene.light_count && record < ENVIRONMENT_LIGHT {
+        light = current_light_id(record - scene.previous_lights);
     }
     if light >= scene.light_count || !table_has_power() {
         return 0.0;

@@ -119,6 +119,11 @@ fn evaluated_in(inputs: ptr<function, Inputs>, domain: u32, r: Receiver, j: u32,
 fn sees(r: Receiver, e: Evaluated, alpha_seed: u32) -> bool {
     return true;
 }
+
+// Pairs are of one frame.
+fn showed_same_surface(ids: vec2<u32>, pixel: vec2<u32>) -> bool {
+    return false;
+}
 #else
 // Where the surface was not visible in the last frame, more neighbors are sought (Wyman and Panteleev 2021, 6.4): an iteration over the last
 // frame does not find it there, and a later one meets a confidence of one frame.
@@ -152,6 +157,11 @@ fn evaluated_in(inputs: ptr<function, Inputs>, domain: u32, r: Receiver, j: u32,
 
 fn sees(r: Receiver, e: Evaluated, alpha_seed: u32) -> bool {
     return is_visible(r, e, alpha_seed);
+}
+
+// Where surfaces are blended, frames with the same rays may show different ones.
+fn showed_same_surface(ids: vec2<u32>, pixel: vec2<u32>) -> bool {
+    return all(neighbor_ids(pixel) == ids);
 }
 #endif
 
@@ -269,12 +279,13 @@ fn next_to_evaluate(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>
 
 // Whether the only neighbor is the pixel itself in the last frame, and nothing has changed since.  The shift is then the identity: both
 // domains have the same targets, and a sample that the last frame stored is visible.
-fn is_same_pixel(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>) -> bool {
-    return has(RESAMPLE_SAME_RAYS) && (*mis).count == 2u && all((*inputs).pixels[1] == (*inputs).pixels[0]);
+fn is_same_pixel(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, ids: vec2<u32>) -> bool {
+    return has(RESAMPLE_SAME_RAYS) && (*mis).count == 2u && all((*inputs).pixels[1] == (*inputs).pixels[0])
+        && showed_same_surface(ids, (*inputs).pixels[0]);
 }
 
 // Evaluates the targets that the MIS weights need, and the visibility of the samples that are shaded; then selects an input.
-fn resample(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, r: Receiver, alpha_seed: u32, rng: ptr<function, Rng>) -> Stream {
+fn resample(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, ids: vec2<u32>, r: Receiver, alpha_seed: u32, rng: ptr<function, Rng>) -> Stream {
     var stream = Stream(0.0, NONE);
     // If only the selected sample is shaded, and its visibility is not known, the loop runs once more, so that only one place in the
     // program traces rays.
@@ -282,7 +293,7 @@ fn resample(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, r: Rec
     if carries_contribution() {
         (*mis).targets[0] = guarded(luminance((*inputs).contributions[0]), GUARD_TARGET);
     }
-    let is_same = !traces_selected && is_same_pixel(inputs, mis);
+    let is_same = !traces_selected && is_same_pixel(inputs, mis, ids);
     // Both loops end with their tests, for drivers that mask lanes.
     let turns = select((*mis).count + u32(traces_selected), 1u, is_same);
     var turn = 0u;
@@ -379,7 +390,7 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
     var mis: MisInputs;
     gather_inputs(&inputs, &mis, own_place(ids, pixel, neighbor_radius(r)), pixel, &rng);
     inputs.contributions[0] = textureLoad(own_contribution, pixel, 0).rgb;
-    let stream = resample(&inputs, &mis, r, alpha_seed, &rng);
+    let stream = resample(&inputs, &mis, ids, r, alpha_seed, &rng);
 
     // Shade all inputs.
     var output = no_reservoir();

@@ -94,7 +94,10 @@ fn camera_density(camera: Camera, direction: vec3<f32>, distance: f32) -> f32 {
 
 // Projects a point to pixels, y down, without jitter.  Points behind the camera are far outside of the image.
 fn project(camera: Camera, p: vec3<f32>) -> vec2<f32> {
-    let clip = camera.clip_from_world * vec4<f32>(p, 1.0);
+    return pixels_of(camera.clip_from_world * vec4<f32>(p, 1.0));
+}
+
+fn pixels_of(clip: vec4<f32>) -> vec2<f32> {
     if !(clip.w > 0.0) {
         return vec2<f32>(-1.0e9);
     }
@@ -123,9 +126,10 @@ fn motion_of_point(position: vec3<f32>, before: vec3<f32>) -> vec2<f32> {
     return project(view.previous, before) - project(view.current, position);
 }
 
-// The same for the sky, which moves only if the camera rotates.
+// The same for the sky, which moves only if the camera rotates; 0 for an orthographic camera.  A direction is projected without the position
+// of the camera: far from the origin, their sum would be rounded.
 fn motion_of_sky(direction: vec3<f32>) -> vec2<f32> {
-    let now = project(view.current, view.current.world_from_view[3].xyz + direction);
-    let before = project(view.previous, view.previous.world_from_view[3].xyz + direction);
+    let now = pixels_of(view.current.clip_from_world * vec4<f32>(direction, 0.0));
+    let before = pixels_of(view.previous.clip_from_world * vec4<f32>(direction, 0.0));
     return before - now;
 }

@@ -103,6 +103,13 @@ pub const MUTANTS: &[Mutant] = &[
         &["neighbors_are_similar"],
     ),
     mutant(
+        "a pixel with the same rays shows the same surface",
+        "pass/reuse.wgsl",
+        "return all(neighbor_ids(pixel) == ids);",
+        "return true;",
+        &["paths_by_a_blended_sheet"],
+    ),
+    mutant(
         "surfaces of any material are similar",
         "restir/neighbors.wgsl",
         "(own.material == other.material || !has(RESAMPLE_SAME_MATERIAL))",

@@ -63,13 +63,15 @@ fn sample_candidates(r: Receiver, pixel: vec2<u32>, rng: ptr<function, Rng>) -> 
     }
     // An occluded sample has the weight 0, and still counts as a frame's worth of candidates.
     let s = selected.reservoir.sample;
-    if stream.selected != NONE && is_lit(r, s, rng_bits(rng).x) {
-        selected.reservoir.ucw = stream_ucw(stream, s.target_value);
+    if stream.selected != NONE {
+        let p = entry_point(r, Hit(0.0, s.instance, s.triangle, s.barycentrics));
+        let light = light_point_at(s.light, p.surface.position, false);
+        if light_is_visible(p.surface, light, rng_bits(rng).x, false) {
+            selected.reservoir.ucw = stream_ucw(stream, s.target_value);
+        }
+        // Presampled lights have rounded colors, which only choose candidates.
+        selected.f = contribution_of(p, light);
+        selected.reservoir.sample.target_value = luminance(selected.f);
     }
     return selected;
-}
-
-fn is_lit(r: Receiver, s: EntrySample, alpha_seed: u32) -> bool {
-    let p = entry_point(r, Hit(0.0, s.instance, s.triangle, s.barycentrics));
-    return light_is_visible(p.surface, light_point_at(s.light, p.surface.position, false), alpha_seed, false);
 }

@@ -97,8 +97,9 @@ pub(crate) fn extract_materials(
                     scene.insert_material(*id, material);
                 }
             }
-            AssetEvent::Removed { id } | AssetEvent::Unused { id } => scene.remove_material(*id),
-            AssetEvent::LoadedWithDependencies { .. } => {}
+            AssetEvent::Unused { id } => scene.remove_material(*id),
+            // As in Bevy, an asset that is taken out of `Assets` is drawn until its last handle is dropped.
+            AssetEvent::Removed { .. } | AssetEvent::LoadedWithDependencies { .. } => {}
         }
     }
 }

@@ -27,6 +27,25 @@ fn paths_in_a_room_equal_the_reference_for_every_kind_of_reuse() {
     );
 }
 
+/// Frames without jitter have the same rays.  Where a sheet is blended with a wall close behind it, a pixel still shows one of them in one
+/// frame and the other in the next, and takes them for the same surface: they are parallel.
+#[test]
+fn paths_by_a_blended_sheet_equal_the_reference() {
+    let sheet = StandardMaterial {
+        base_color: Color::linear_rgba(0.2, 0.2, 0.2, 0.5),
+        alpha_mode: AlphaMode::Blend,
+        double_sided: true,
+        cull_mode: None,
+        ..lambert(0.0)
+    };
+    let made = scene(64, |rig| {
+        room(rig);
+        rig.spawn(square(2.4), sheet, Transform::from_xyz(0.0, 0.0, -1.17));
+    });
+    let Some(mut rig) = made else { return };
+    PROOF.check("blended sheet", &mut rig, &[("temporal", paths::temporal())]);
+}
+
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn paths_in_a_room_equal_the_reference_with_further_settings() {
