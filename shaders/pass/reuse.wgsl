@@ -9,7 +9,7 @@
 // of the pixel itself.  (Elsewhere a domain is a kind of samples, such as di or gi.)  A neighbor's sample is shifted to domain 0 first, and
 // from there to every other domain in which its MIS weight needs the target.
 
-#import technique::{apply_shift, carries_contribution, completed, diffuse_share, evaluate, Evaluated, find_neighbor, identity_of, in_current_frame, is_visible, jacobian_of, neighbor_radius, no_reservoir, own_place, PackedReservoir, Receiver, receiver_of, receives_light, Reservoir, reservoir_pack, reservoir_unpack, resamples, shift_result_of, ShiftResult, stored_target, stores_target, target_value}
+#import technique::{apply_shift, can_be_shifted, carries_contribution, completed, diffuse_share, evaluate, Evaluated, find_neighbor, identity_of, in_current_frame, is_visible, jacobian_of, neighbor_radius, no_reservoir, own_place, PackedReservoir, Receiver, receiver_of, receives_light, Reservoir, reservoir_pack, reservoir_unpack, resamples, shift_result_of, ShiftResult, stored_target, stores_target, target_value}
 #ifdef PAIRED
 #import technique::{shift_from}
 #import bevy_restir::restir::pairs::{pair_in_slot, pair_mask, slots_of}
@@ -277,8 +277,8 @@ fn next_to_evaluate(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>
     return (*mis).count;
 }
 
-// Whether the only neighbor is the pixel itself in the last frame, and nothing has changed since.  The shift is then the identity: both
-// domains have the same targets, and a sample that the last frame stored is visible.
+// Whether the only neighbor is the pixel itself in the last frame, and nothing has changed since.  The shift, where
+// a sample has one, is then the identity: both domains have the same targets, and a sample that the last frame stored is visible.
 fn is_same_pixel(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, ids: vec2<u32>) -> bool {
     return has(RESAMPLE_SAME_RAYS) && (*mis).count == 2u && all((*inputs).pixels[1] == (*inputs).pixels[0])
         && showed_same_surface(ids, (*inputs).pixels[0]);
@@ -351,7 +351,7 @@ fn resample(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, ids: v
         }
     }
     if is_same {
-        (*mis).targets[MAX_INPUTS] = (*mis).targets[0];
+        (*mis).targets[MAX_INPUTS] = select(0.0, (*mis).targets[0], can_be_shifted(own_sample((*inputs).pixels[0])));
         (*mis).targets[MAX_INPUTS + 1u] = (*mis).targets[1];
     }
     if !traces_selected {

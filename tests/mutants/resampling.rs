@@ -110,6 +110,13 @@ pub const MUTANTS: &[Mutant] = &[
         &["paths_by_a_blended_sheet"],
     ),
     mutant(
+        "samples without a shift could have come from the last frame",
+        "pass/reuse.wgsl",
+        "select(0.0, (*mis).targets[0], can_be_shifted(own_sample((*inputs).pixels[0])))",
+        "(*mis).targets[0]",
+        &["indirect_light_beyond_a_distance"],
+    ),
+    mutant(
         "surfaces of any material are similar",
         "restir/neighbors.wgsl",
         "(own.material == other.material || !has(RESAMPLE_SAME_MATERIAL))",

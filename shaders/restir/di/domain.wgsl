@@ -91,6 +91,10 @@ fn jacobian_of(e: Evaluated) -> f32 {
     return 1.0;
 }
 
+fn can_be_shifted(s: Reservoir) -> bool {
+    return true;
+}
+
 // Sample fields that a shift changes: none, but WGSL has no empty struct.
 struct ShiftResult {
     unused: u32,

@@ -55,8 +55,12 @@ fn in_technique_measure(c: SelectedPath, r: Receiver) -> SelectedPath {
 }
 
 // Paths that are not reconnected at the secondary vertex, such as those that begin on a mirror, stay in their pixel.
+fn can_be_shifted(s: Reservoir) -> bool {
+    return s.path.reconnection == SECONDARY_VERTEX;
+}
+
 fn evaluate(r: Receiver, s: Reservoir) -> Evaluated {
-    if s.path.reconnection != SECONDARY_VERTEX {
+    if !can_be_shifted(s) {
         var nothing: Evaluated;
         nothing.shifted.reason = SHIFT_NO_PATH;
         return nothing;
@@ -66,7 +70,7 @@ fn evaluate(r: Receiver, s: Reservoir) -> Evaluated {
 }
 
 fn needs_replay(r: Receiver, s: Reservoir) -> bool {
-    return s.path.reconnection == SECONDARY_VERTEX && replays(s.path, r.first);
+    return can_be_shifted(s) && replays(s.path, r.first);
 }
 
 fn jacobian_of(e: Evaluated) -> f32 {

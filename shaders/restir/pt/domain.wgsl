@@ -99,6 +99,11 @@ fn evaluate(r: Receiver, s: Reservoir) -> Evaluated {
     return Evaluated(shifted.f, shifted);
 }
 
+// Whether the shift of a sample to its own pixel is defined.
+fn can_be_shifted(s: Reservoir) -> bool {
+    return true;
+}
+
 // Whether `evaluate` finds vertices by rays, for a sample of this frame.
 fn needs_replay(r: Receiver, s: Reservoir) -> bool {
     return replays(s.path, r.first);

@@ -100,6 +100,10 @@ fn target_value(e: Evaluated) -> f32 {
     return luminance(e.f);
 }
 
+fn can_be_shifted(s: Reservoir) -> bool {
+    return true;
+}
+
 fn jacobian_of(e: Evaluated) -> f32 {
     return 1.0;
 }
