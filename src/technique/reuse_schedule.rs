@@ -164,7 +164,8 @@ impl ReuseSchedule {
                     SuffixRetrace::ForwardOnly => RESAMPLE_RETRACE_FORWARD,
                     SuffixRetrace::Off => 0,
                 },
-            still_flags: RESAMPLE_SAME_RAYS,
+            // By the footprint of the path, paths reconnect at mirrors, from where they cannot be shifted, not even to the same pixel.
+            still_flags: if paths.reconnection == Reconnection::PathFootprint { 0 } else { RESAMPLE_SAME_RAYS },
             temporal_mis: MIS_BALANCE,
             reuse_gain: 1.0,
         }

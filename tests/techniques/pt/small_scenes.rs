@@ -50,7 +50,8 @@ fn paths_by_a_blended_sheet_equal_the_reference() {
 #[ignore = "second tier: ./run test --more"]
 fn paths_in_a_room_equal_the_reference_with_further_settings() {
     let Some(mut rig) = shared(64, "room") else { return };
-    PROOF.check(
+    let proof = Proof { bounces: 4, ..Proof::of((26, 6), (16, 24)) };
+    proof.check(
         "room",
         &mut rig,
         &[
