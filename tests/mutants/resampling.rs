@@ -247,7 +247,7 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "a still frame's target in the last frame",
         "pass/reuse.wgsl",
-        "(*mis).targets[MAX_INPUTS] = (*mis).targets[0];",
+        "(*mis).targets[MAX_INPUTS] = select(0.0, (*mis).targets[0], can_be_shifted(own_sample((*inputs).pixels[0])));",
         "(*mis).targets[MAX_INPUTS] = 0.0;",
         &[PT_ROOM],
     ),
