@@ -277,8 +277,8 @@ fn next_to_evaluate(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>
     return (*mis).count;
 }
 
-// Whether the only neighbor is the pixel itself in the last frame, and nothing has changed since.  The shift, where
-// a sample has one, is then the identity: both domains have the same targets, and a sample that the last frame stored is visible.
+// Whether the only neighbor is the pixel itself in the last frame, and nothing has changed since.  The shift, where a sample has one, is
+// then the identity: both domains have the same targets, and a sample that the last frame stored is visible.
 fn is_same_pixel(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, ids: vec2<u32>) -> bool {
     return has(RESAMPLE_SAME_RAYS) && (*mis).count == 2u && all((*inputs).pixels[1] == (*inputs).pixels[0])
         && showed_same_surface(ids, (*inputs).pixels[0]);

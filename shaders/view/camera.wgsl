@@ -97,6 +97,7 @@ fn project(camera: Camera, p: vec3<f32>) -> vec2<f32> {
     return pixels_of(camera.clip_from_world * vec4<f32>(p, 1.0));
 }
 
+// The pixel coordinates of a point in clip space.
 fn pixels_of(clip: vec4<f32>) -> vec2<f32> {
     if !(clip.w > 0.0) {
         return vec2<f32>(-1.0e9);

@@ -158,6 +158,21 @@ fn camera_motion_moves_everything_and_the_sky_by_rotation_alone() {
 }
 
 #[test]
+fn the_sky_far_from_the_origin_does_not_move_with_the_position_of_the_camera() {
+    let Some(mut rig) = Rig::new(SIZE.0, SIZE.1) else {
+        return;
+    };
+    let place = |x| Transform::from_xyz(x, 2e4, -7e4).with_rotation(Quat::from_rotation_y(0.7));
+    rig.spawn(square(SIDE), lambert(0.5), Transform::default());
+    rig.insert(rig.camera, place(1e5));
+    rig.set(|restir| restir.debug_view = DebugView::Motion);
+    rig.until_ready();
+    rig.insert(rig.camera, place(1e5 + 0.4));
+    let motion = rig.next().iter().map(|(_, m)| m.length()).fold(0.0, f32::max);
+    assert!(f64::from(motion) < TOLERANCE, "{motion}");
+}
+
+#[test]
 fn jitter_does_not_change_motion_vectors() {
     let Some(mut rig) = Rig::new(SIZE.0, SIZE.1) else {
         return;

@@ -261,6 +261,13 @@ pub const MUTANTS: &[Mutant] = &[
     ),
     // The last frame; `previous_frame` has further reads of it.
     mutant(
+        "lights of the last frame have no probability",
+        "light/select.wgsl",
+        "light = current_light_id(record - scene.previous_lights);",
+        "light = NONE;",
+        &["reads_of_the_last_frame_equal_those_of_that_frame"],
+    ),
+    mutant(
         "lights keep the ids of the last frame",
         "restir/di/domain.wgsl",
         "r.point.light = current_light_id(s.point.light);",

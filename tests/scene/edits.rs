@@ -324,3 +324,16 @@ fn three_hundred_edits_end_in_the_picture_of_a_fresh_load() {
         rig.assert_sound();
     }
 }
+
+/// As in Bevy, where such an object is drawn until the last handle of its material is dropped.
+#[test]
+fn an_object_whose_material_is_taken_out_of_the_assets_stays() {
+    let Some(mut rig) = Rig::new(16, 12) else { return };
+    let entity = rig.spawn(square(8.0), lamp(2.0, 2.0, 2.0), Transform::default());
+    let before = rig.picture(1).mean();
+    let handle = rig.material_of(entity);
+    rig.app.world_mut().resource_mut::<Assets<StandardMaterial>>().remove(&handle);
+    rig.frames(3);
+    let after = rig.picture(1).mean();
+    assert!(before > 1.0 && after == before, "{before} and {after}");
+}

@@ -99,7 +99,8 @@ fn evaluate(r: Receiver, s: Reservoir) -> Evaluated {
     return Evaluated(shifted.f, shifted);
 }
 
-// Whether the shift of a sample to its own pixel is defined.
+// Whether the shift of a sample to its own pixel is defined.  `of_paths` in src/technique/reuse_schedule.rs sees to the one criterion that
+// reconnects paths where it is not.
 fn can_be_shifted(s: Reservoir) -> bool {
     return true;
 }

@@ -7,6 +7,7 @@
 #import bevy_restir::common::constants::{FAR, NONE}
 #import bevy_restir::common::ray::Ray
 #import bevy_restir::light::point_on_light::{light_point_at, LightPoint}
+#import bevy_restir::light::select::light_pmf
 #import bevy_restir::light::types::LightSample
 #import bevy_restir::path::nee::emitter_nee_pdf
 #import bevy_restir::restir::bindings::{previous_visibility, settings}
@@ -89,7 +90,9 @@ fn lights(from_point: vec3<f32>, previous: bool, which: u32) -> vec3<f32> {
         if which == 0u {
             sum += l.radiance * (1.0 + abs(l.wi.x));
         } else {
-            sum += vec3<f32>(min(l.pdf_solid_angle, 1.0e3), min(l.distance, 1.0e3), l.pdf_scale);
+            // The probability of a light is that of this frame in both.
+            let is_chosen_alike = light_pmf(l.light) == light_pmf(light);
+            sum += vec3<f32>(min(l.pdf_solid_angle, 1.0e3), min(l.distance, 1.0e3), select(0.0, l.pdf_scale, is_chosen_alike));
         }
     }
     return sum;
