@@ -117,7 +117,7 @@ pub(crate) fn keep_budget(
         step.set_if_neq(BudgetStep(0));
         return;
     }
-    let now: Vec<Restir> = cameras.iter().map(|camera| Restir { reset: false, ..camera.clone() }.valid()).collect();
+    let now: Vec<Restir> = cameras.iter().map(|camera| Restir { reset: false, ..camera.clone() }.clamped()).collect();
     let last = now.iter().map(Restir::reducible_steps).max().unwrap_or(0);
     if *settings != now {
         // Times that were measured with other settings do not hold for these.

@@ -56,6 +56,7 @@ pub const SLOT_TRANSFORM: u32 = 0x8000_0000;
 pub const VIEW_ENVIRONMENT_IS_BACKDROP: u32 = 1;
 pub const VIEW_ORTHOGRAPHIC: u32 = 2;
 pub const VIEW_NO_BACKDROP: u32 = 4;
+pub const VIEW_SEES_BACK_FACES: u32 = 8;
 
 pub const OVERFLOW_STACK: u32 = 1;
 pub const OVERFLOW_STEPS: u32 = 2;
@@ -246,6 +247,8 @@ pub struct GpuCamera {
     pub clip_from_world: [[f32; 4]; 4],
     pub world_from_view: [[f32; 4]; 4],
     pub view_from_clip: [[f32; 4]; 4],
+    pub image_normal: [f32; 3],
+    pub image_area: f32,
 }
 
 #[repr(C)]
@@ -391,6 +394,7 @@ pub struct GpuResampleSettings {
     pub nee_share: f32,
     pub caustic_share: f32,
     pub subsurface_shift: u32,
+    pub probes: u32,
     pub pair_layers: u32,
     pub pair_tile_bits: u32,
     pub domain: u32,

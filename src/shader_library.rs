@@ -1,8 +1,8 @@
 //! The WGSL modules, and the templates among them.  A file `shaders/a/b.wgsl` is the module `bevy_restir::a::b`; only files in
 //! `shaders/pass/` hold entry points.
 //!
-//! A pass that serves several techniques is a template: its line `#import technique::{a, b}` stands for imports from the rooms of one
-//! technique.  Each name comes from the first room that defines it, so that a room can extend another one.  Tests compose every module and
+//! A pass that serves several domains is a template: its line `#import domain::{a, b}` stands for imports from the rooms of one
+//! domain.  Each name comes from the first room that defines it, so that a room can extend another one.  Tests compose every module and
 //! every instance of a template, with every feature, without a GPU.
 
 use bevy::{
@@ -170,19 +170,19 @@ pub const MODULES: &[(&str, &str)] = modules![
 ];
 
 /// Start of the line that makes a shader a template.
-const TEMPLATE_IMPORT: &str = "#import technique::{";
+const TEMPLATE_IMPORT: &str = "#import domain::{";
 
 /// Whether a shader is a template.
 pub fn is_template(wgsl: &str) -> bool {
     wgsl.contains(TEMPLATE_IMPORT)
 }
 
-/// The room that every technique extends.
+/// The room that every domain extends.
 const COMMON_ROOM: &str = "restir";
 
-/// Puts the modules of a technique into a template.  `rooms`: folders of `shaders/`; the first one that defines a name provides it, and
-/// `restir` if none of them does.  Further imports of a template are behind shader definitions that only some techniques set; names that
-/// the rooms of a technique do not define are left out of them.
+/// Puts the modules of a domain into a template.  `rooms`: folders of `shaders/`; the first one that defines a name provides it, and
+/// `restir` if none of them does.  Further imports of a template are behind shader definitions that only some domains set; names that
+/// the rooms of a domain do not define are left out of them.
 ///
 /// # Panics
 ///
@@ -240,7 +240,7 @@ pub fn edited(path: &str, text: &str, edits: &[ShaderEdit]) -> String {
 pub(crate) struct ShaderLibrary(HashMap<(&'static str, Option<&'static str>), Handle<Shader>>);
 
 impl ShaderLibrary {
-    /// Adds every module, and every instance of a template, to Bevy's shaders.  `templates`: name of a pass and rooms of a technique.
+    /// Adds every module, and every instance of a template, to Bevy's shaders.  `templates`: name of a pass and rooms of a domain.
     pub(crate) fn new(shaders: &mut Assets<Shader>, templates: &[(&'static str, &'static [&'static str])]) -> Self {
         let mut handles = HashMap::default();
         for &(path, text) in MODULES {
@@ -251,7 +251,7 @@ impl ShaderLibrary {
         Self(handles)
     }
 
-    /// The shader of a module, or every instance of a template with the first room of its technique.
+    /// The shader of a module, or every instance of a template with the first room of its domain.
     fn shaders_of(
         path: &str,
         text: &str,
@@ -290,7 +290,7 @@ impl ShaderLibrary {
         }
     }
 
-    /// The shader of a pass, `pass/NAME.wgsl`; `rooms` of its technique if it is a template.
+    /// The shader of a pass, `pass/NAME.wgsl`; `rooms` of its domain if it is a template.
     pub(crate) fn pass(&self, path: &str, rooms: &[&'static str]) -> Handle<Shader> {
         let missing = || panic!("{path} with {rooms:?} is not in the shader library");
         self.0.get(&(path, rooms.first().copied())).unwrap_or_else(missing).clone()
@@ -303,7 +303,7 @@ mod tests {
 
     #[test]
     fn a_template_takes_each_name_from_the_first_room_that_defines_it() {
-        let template = "// Header.\n#import technique::{jacobian_of, receiver_of, no_reservoir}\nfn f() {}\n";
+        let template = "// Header.\n#import domain::{jacobian_of, receiver_of, no_reservoir}\nfn f() {}\n";
         let rooms = ["restir/gi", "restir/pt"];
         let expected = "// Header.\n#import bevy_restir::restir::gi::domain::jacobian_of\n#import \
                         bevy_restir::restir::pt::domain::receiver_of\n#import \

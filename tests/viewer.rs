@@ -273,14 +273,14 @@ fn a_dropped_image_becomes_the_users_sky_and_a_file_that_was_written_anew_is_rea
 
     drop_file(&mut rig, &dark);
     assert!(rig.app.world().entity(camera).contains::<AddedSky>(), "the viewer adds a sky");
-    rig.get_mut::<Look>(camera).measures = false;
+    rig.get_mut::<Look>(camera).measure_next = false;
     drop_file(&mut rig, &image);
     let is_users = |rig: &Rig| {
         let sky = rig.app.world().get::<RestirEnvironment>(camera);
         sky.is_some_and(|sky| sky.image.is_some()) && !rig.app.world().entity(camera).contains::<AddedSky>()
     };
     assert!(is_users(&rig));
-    assert!(rig.get_mut::<Look>(camera).measures, "the exposure fits the new sky");
+    assert!(rig.get_mut::<Look>(camera).measure_next, "the exposure fits the new sky");
     drop_file(&mut rig, &lit);
     assert!(is_users(&rig), "a file with lights leaves it");
 
@@ -343,7 +343,7 @@ fn bloom_and_temporal_anti_aliasing_can_be_switched_and_spare_debug_views() {
     let has = |rig: &mut Rig, wanted: bool, view: DebugView| {
         rig.set(|restir| restir.debug_view = view);
         let mut look = rig.get_mut::<Look>(rig.camera);
-        (look.glows, look.smooths) = (wanted, wanted);
+        (look.bloom, look.taa) = (wanted, wanted);
         rig.frames(3);
         let camera = rig.app.world().entity(rig.camera);
         let jitters = camera.contains::<TemporalJitter>();
@@ -370,12 +370,12 @@ fn animations_play_pause_and_seek() {
     assert_eq!(at(&mut rig, 5), 0.0, "it rests at first");
     let control = |rig: &mut Rig, change: fn(&mut Clips)| change(&mut rig.app.world_mut().resource_mut::<Clips>());
     // 10 m in half a second.
-    control(&mut rig, |clips| (clips.time, clips.sought) = (0.25, true));
+    control(&mut rig, |clips| (clips.time, clips.seek_requested) = (0.25, true));
     assert!((at(&mut rig, 3) - 5.0).abs() < 1e-3, "it is in the middle and rests there");
-    control(&mut rig, |clips| clips.plays = true);
+    control(&mut rig, |clips| clips.playing = true);
     let moved = at(&mut rig, 6);
     assert!((6.0..7.5).contains(&moved), "five or six frames of 1/60 s: {moved}");
-    control(&mut rig, |clips| clips.plays = false);
+    control(&mut rig, |clips| clips.playing = false);
     let held = at(&mut rig, 2);
     assert_eq!(at(&mut rig, 5), held, "it is paused");
     // Another file has its own animations.

@@ -66,12 +66,12 @@ struct Measured {
     /// Bytes of all buffers and textures: per pixel, and those that do not grow with the picture.
     pixel_bytes: f64,
     fixed_bytes: f64,
-    /// Measured error of the reference tracer in the time of each of the [`rivals`], in their order.
+    /// Measured error of the reference tracer in the time of each of the [`competitors`], in their order.
     equal_time: Vec<Option<f64>>,
 }
 
 /// Settings that are compared with the reference tracer and plain candidates at equal time.
-fn rivals() -> [(&'static str, Restir); 3] {
+fn competitors() -> [(&'static str, Restir); 3] {
     [
         ("default", series::default()),
         ("the paper's pipeline", series::paper()),
@@ -91,7 +91,7 @@ fn plan(entries: &[Entry]) -> Vec<(Restir, bool)> {
     for entry in entries {
         want(&entry.settings, entry.shown.contains(&Shown::Error));
     }
-    for settings in [series::reference(), series::candidates_only()].iter().chain(rivals().iter().map(|r| &r.1)) {
+    for settings in [series::reference(), series::candidates_only()].iter().chain(competitors().iter().map(|r| &r.1)) {
         want(settings, true);
     }
     plan
@@ -162,10 +162,10 @@ impl Measured {
             equal_time: Vec::new(),
             reference,
         };
-        // Whole samples of the reference tracer in the time of each rival.
+        // Whole samples of the reference tracer in the time of each competitor.
         let errors = Errors { reference: &measured.reference, seeds: args.seeds };
         let mut equal_time = Vec::new();
-        for (_, settings) in rivals() {
+        for (_, settings) in competitors() {
             let samples = measured.samples_in(&settings).round() as u32;
             equal_time.push(match samples {
                 0 => None,
@@ -247,7 +247,7 @@ impl Measured {
         const SECTION: &str = "Error of others in equal time, relative";
         let (reference, candidates) = (series::reference(), series::candidates_only());
         let mut rows = Vec::new();
-        for ((name, settings), directly) in rivals().into_iter().zip(&self.equal_time) {
+        for ((name, settings), directly) in competitors().into_iter().zip(&self.equal_time) {
             let (ours, samples) = (self.error(&settings), self.samples_in(&settings));
             let frames = self.cost(&settings).lighting() / self.cost(&candidates).lighting();
             rows.extend([

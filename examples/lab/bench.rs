@@ -161,7 +161,8 @@ impl Bench {
         Ok(Self { app, size, counts, times: Times::default(), motion: Vec::new(), mover: None })
     }
 
-    /// Moves the camera before each picture of a technique that reuses frames.  It rests at the last of these places for all else.
+    /// Moves the camera before each picture of a technique that reuses frames.  For other techniques it stays at the last
+    /// of these positions.
     pub fn moving(self, motion: Vec<Transform>) -> Self {
         Self { motion, ..self }
     }

@@ -8,6 +8,7 @@ use nv_flip::{DEFAULT_PIXELS_PER_DEGREE, FlipImageRgb8, FlipPool};
 use serde_json::{Value, json};
 
 use crate::{
+    blocks,
     error::{Picture, mean},
     table::{Row, Unit},
 };
@@ -174,15 +175,9 @@ fn channel_means(picture: &Picture) -> [f64; 3] {
 
 /// Mean luminance of the complete tiles.
 fn tiles(picture: &Picture, width: usize, tile: usize) -> Vec<f64> {
-    let (columns, rows) = (width / tile, picture.len() / width / tile);
-    let mut tiles = vec![0.0; columns * rows];
-    for (i, pixel) in picture.iter().enumerate() {
-        let (x, y) = (i % width / tile, i / width / tile);
-        if x < columns && y < rows {
-            tiles[y * columns + x] += luminance(pixel) / (tile * tile) as f64;
-        }
-    }
-    tiles
+    let complete = (tile as f64).powi(2);
+    let tiles = blocks::of(picture.iter().map(luminance), width, tile).into_iter();
+    tiles.filter(|tile| tile.pixels == complete).map(|tile| tile.mean).collect()
 }
 
 /// Differences relative to the reference, or to a fiftieth of its mean where it is darker.

@@ -56,7 +56,7 @@ pub struct Steps {
 }
 
 /// Settings that are compared with the reference tracer.
-pub struct Rival {
+pub struct Competitor {
     pub name: String,
     pub settings: Restir,
 }
@@ -72,29 +72,30 @@ pub enum Detail {
 
 /// Compares the techniques.
 pub fn run(args: &Args) -> Result<(), String> {
-    let rival = |name: &str, technique| Rival { name: name.into(), settings: args.settings(technique) };
-    let rivals = [
-        rival("ReSTIR PT", Technique::Pt),
-        rival("ReSTIR BDPT", Technique::Bdpt),
-        rival("ReSTIR DI + GI", Technique::Gi),
+    let competitor = |name: &str, technique| Competitor { name: name.into(), settings: args.settings(technique) };
+    let competitors = [
+        competitor("ReSTIR PT", Technique::Pt),
+        competitor("ReSTIR BDPT", Technique::Bdpt),
+        competitor("ReSTIR DI + GI", Technique::Gi),
     ];
-    table("equal-time", args, &rivals, Detail::Passes)
+    table("equal-time", args, &competitors, Detail::Passes)
 }
 
 impl Steps {
     /// Measures each step of Lin et al. 2026, or each variant of the command line.
     pub fn run(&self) -> Result<(), String> {
         let default = || self.args.settings(Technique::Pt);
-        let rivals = if self.variant.is_empty() {
+        let competitors = if self.variant.is_empty() {
             series::steps(&default())
                 .into_iter()
-                .map(|(name, settings)| Rival { name: name.into(), settings })
+                .map(|(name, settings)| Competitor { name: name.into(), settings })
                 .collect()
         } else {
-            let rival = |text: &String| Ok(Rival { name: text.clone(), settings: variant::of(&default(), text)? });
-            self.variant.iter().map(rival).collect::<Result<Vec<_>, String>>()?
+            let competitor =
+                |text: &String| Ok(Competitor { name: text.clone(), settings: variant::of(&default(), text)? });
+            self.variant.iter().map(competitor).collect::<Result<Vec<_>, String>>()?
         };
-        table("steps", &self.args, &rivals, Detail::Stages)
+        table("steps", &self.args, &competitors, Detail::Stages)
     }
 }
 
@@ -104,7 +105,7 @@ impl Args {
     }
 }
 
-fn table(name: &str, args: &Args, rivals: &[Rival], detail: Detail) -> Result<(), String> {
+fn table(name: &str, args: &Args, competitors: &[Competitor], detail: Detail) -> Result<(), String> {
     let Lengths { output, size, counts, .. } = &args.lengths;
     output.check(name)?;
     let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
@@ -112,7 +113,7 @@ fn table(name: &str, args: &Args, rivals: &[Rival], detail: Detail) -> Result<()
     for scene in scenes(&args.scenes)? {
         let bench = Bench::of_scene(&scene, *size, reference.clone(), counts);
         let rows = bench.and_then(|mut bench| {
-            let rows = column(&args.lengths, &mut bench, &reference, rivals, detail)?;
+            let rows = column(&args.lengths, &mut bench, &reference, competitors, detail)?;
             args.lengths.describe(&mut table, &bench, args.bounces);
             Ok(rows)
         });
@@ -140,20 +141,20 @@ pub fn column(
     lengths: &Lengths,
     bench: &mut Bench,
     reference: &Restir,
-    rivals: &[Rival],
+    competitors: &[Competitor],
     detail: Detail,
 ) -> Result<Vec<Row>, String> {
     let planned = |settings| Bench::planned(&lengths.counts, settings, lengths.seeds);
     let frames = u64::from(lengths.samples.next_multiple_of(2))
         + planned(reference)
-        + rivals.iter().map(|rival| planned(&rival.settings)).sum::<u64>();
+        + competitors.iter().map(|competitor| planned(&competitor.settings)).sum::<u64>();
     let progress = Progress::new(frames);
 
     let truth = bench.reference(reference, lengths.samples, &progress)?;
     let errors = Errors { reference: &truth, seeds: lengths.seeds };
     let (sample, one) = measured(bench, reference, &errors, &progress)?;
     let mut rows = scene_rows(bench, &truth, &sample, one);
-    for Rival { name, settings } in rivals {
+    for Competitor { name, settings } in competitors {
         let (cost, error) = measured(bench, settings, &errors, &progress)?;
         let reservoirs = bench.report().reservoir_bytes_per_pixel;
         let samples = cost.lighting() / sample.lighting();

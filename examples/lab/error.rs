@@ -2,13 +2,10 @@
 
 use bevy::math::UVec2;
 
-use crate::difference::Difference;
+use crate::{blocks, difference::Difference};
 
 /// Linear radiance, rows from the top.
 pub type Picture = Vec<[f64; 3]>;
-
-/// Side of a block in pixels.
-const BLOCK: usize = 8;
 
 /// Errors of a picture.
 #[derive(Clone, Copy, Debug, Default)]
@@ -91,19 +88,14 @@ impl Reference {
             .zip(&self.pixels)
             .map(|(p, r)| (0..3).map(|i| (p[i] - r[i]).powi(2)).sum::<f64>() / (3.0 * self.scale))
             .collect();
-        let across = self.width.div_ceil(BLOCK);
-        let mut blocks = vec![(0.0, 0.0); across * (squares.len() / self.width).div_ceil(BLOCK)];
-        for (i, square) in squares.iter().enumerate() {
-            let block = &mut blocks[i / self.width / BLOCK * across + i % self.width / BLOCK];
-            *block = (block.0 + square, block.1 + 1.0);
-        }
-        let mut blocks: Vec<f64> = blocks.into_iter().map(|(sum, count)| sum / count).collect();
-        blocks.sort_by(f64::total_cmp);
+        let of_blocks = blocks::of(squares.iter().copied(), self.width, blocks::SIDE);
+        let mut means: Vec<f64> = of_blocks.iter().map(|block| block.mean).collect();
+        means.sort_by(f64::total_cmp);
         let size = UVec2::new(self.width as u32, (self.pixels.len() / self.width) as u32);
-        let difference = Difference::new(picture.clone(), &self.pixels, size, BLOCK);
+        let difference = Difference::new(picture.clone(), &self.pixels, size, blocks::SIDE);
         Error {
             mean: squares.iter().sum::<f64>() / squares.len() as f64,
-            median: blocks[blocks.len() / 2],
+            median: means[means.len() / 2],
             rel_mse: difference.rel_mse,
             rel_mse_trimmed: difference.rel_mse_trimmed,
             mape: difference.mape,

@@ -2,6 +2,7 @@
 
 mod ablate;
 mod bench;
+mod blocks;
 mod broken_files;
 mod budget;
 mod characters;

@@ -34,7 +34,7 @@ pub struct Args {
     #[arg(long, default_value_t = 1024, value_parser = clap::value_parser!(u32).range(2..=16_000_000))]
     samples: u32,
     /// Distance of the passing object from the camera, m.  The size and speed of the object and the steps of the camera scale with it.
-    #[arg(long, default_value_t = 1.0, value_parser = arguments::positive)]
+    #[arg(long, default_value_t = 1.0, value_parser = arguments::positive::<f32>)]
     distance: f32,
     #[command(flatten)]
     output: Output,

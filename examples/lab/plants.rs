@@ -174,8 +174,8 @@ const PLANTS: [Plant; 20] = [
     plant(
         "both shifts of a pair are the pixel's",
         "pass/reuse.wgsl",
-        "select(layers[domain].y, layers[j].x, domain == 0u)",
-        "select(layers[domain].x, layers[j].x, domain == 0u)",
+        "select(layers[at_pixel].y, layers[j].x, at_pixel == 0u)",
+        "select(layers[at_pixel].x, layers[j].x, at_pixel == 0u)",
         BIAS,
     ),
     plant(

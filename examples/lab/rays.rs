@@ -160,8 +160,8 @@ fn process_time() -> Option<f64> {
     Some(tasks.flatten().filter_map(|task| run_time(&task.path().to_string_lossy())).sum())
 }
 
-/// Seconds that `work` takes on this thread.
-fn on_a_core(work: impl FnOnce()) -> f64 {
+/// Seconds from start to end of `work`.
+fn wall_seconds(work: impl FnOnce()) -> f64 {
     let start = Instant::now();
     work();
     start.elapsed().as_secs_f64()
@@ -213,7 +213,7 @@ fn rates(args: &Args, gpu: &Gpu, backend: &[Def], scene: &Scene) -> Vec<Row> {
 fn builds(args: &Args, gpu: &Gpu, hardware: bool, large: &Scene, small: &Scene) -> Vec<Row> {
     const SECTION: &str = "Builds and bytes";
     let mut blas = None;
-    let ours = on_a_core(|| blas = build_blas(&large.mesh));
+    let ours = wall_seconds(|| blas = build_blas(&large.mesh));
     let blas = blas.expect("it has triangles");
     let per_triangle = |bytes: usize| bytes as f64 / LARGE as f64;
     let nodes = if hardware { 0 } else { blas.nodes.len() * 16 };
@@ -268,7 +268,7 @@ fn software_builds(args: &Args, small: &Scene, mut moved: impl FnMut() -> Vec<Ro
         let rows = moved();
         let start = Instant::now();
         let mut tlas = None;
-        built.cpu.push(on_a_core(|| {
+        built.cpu.push(wall_seconds(|| {
             let boxes: Vec<_> = rows
                 .iter()
                 .enumerate()
@@ -324,7 +324,7 @@ fn hardware_builds(
         wait(gpu);
         let start = Instant::now();
         let mut sent = 0.0;
-        built.cpu.push(on_a_core(|| sent = structures.update(&placed, &small_vertices, &device, &queue) as f64));
+        built.cpu.push(wall_seconds(|| sent = structures.update(&placed, &small_vertices, &device, &queue) as f64));
         wait(gpu);
         built.all.push(start.elapsed().as_secs_f64());
         built.sent = sent;

@@ -54,19 +54,23 @@ impl Unit {
         }
     }
 
-    /// Three significant digits.
     fn show(self, value: f64) -> String {
-        if !value.is_finite() {
-            return "–".into();
+        match self {
+            Self::Count | Self::BytesAPixel | Self::Bytes => with_decimals(value, 0),
+            Self::RaysAPixel => with_decimals(value, 2),
+            _ => digits(value),
         }
-        let decimals = match self {
-            Self::Count | Self::BytesAPixel | Self::Bytes => 0,
-            Self::RaysAPixel => 2,
-            _ if value == 0.0 => 0,
-            _ => (2 - value.abs().log10().floor() as i32).clamp(0, 6) as usize,
-        };
-        format!("{value:.decimals$}")
     }
+}
+
+/// Three significant digits, with at most six decimals.
+pub fn digits(value: f64) -> String {
+    let decimals = if value == 0.0 { 0 } else { (2 - value.abs().log10().floor() as i32).clamp(0, 6) as usize };
+    with_decimals(value, decimals)
+}
+
+fn with_decimals(value: f64, decimals: usize) -> String {
+    if value.is_finite() { format!("{value:.decimals$}") } else { "–".into() }
 }
 
 /// The name of a figure within its row, and its unit.

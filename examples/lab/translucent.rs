@@ -1,26 +1,35 @@
 //! Cost and error of ReSTIR SSS by its shift, compared with the reference tracer at equal time: two bodies under a moving camera.
 
-use bevy::{camera::Projection, prelude::*};
+use bevy::{
+    camera::{PerspectiveProjection, Projection},
+    prelude::*,
+};
 use bevy_restir::{DebugView, RayBackend, Restir, Reuse, Subsurface, SubsurfaceSampling, SubsurfaceShift, Technique};
-use bevy_restir_support::{bodies, exposure::unit_exposure, headless, progress::Progress, scene, scene::CameraSetup};
+use bevy_restir_support::{
+    bodies,
+    exposure::unit_exposure,
+    headless,
+    progress::Progress,
+    scene::{self, CameraSetup, spawn},
+};
 use std::path::Path;
 
 use crate::{
     bench::Bench,
-    equal_time::{Detail, Lengths, Rival, column},
+    equal_time::{Competitor, Detail, Lengths, column},
     series::plain,
     table::{Row, Table, Unit},
     variant,
 };
 
-/// Cost and error of ReSTIR SSS by its shift: a slab with the edge of a shadow under one and under 64 lights, and a bust. Single
-/// bounces, 16 frames with a moving camera, as Werner et al. 2024 measure.
+/// Cost and error of ReSTIR SSS by its shift: a slab with the edge of a shadow under one light, as a close-up, and under 64 lights; and
+/// a bust. Single bounces, 16 frames with a moving camera, as Werner et al. 2024 measure.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     #[command(flatten)]
     lengths: Lengths,
     /// Scenes.
-    #[arg(long, value_delimiter = ',', default_value = "slab,slab64,bust", value_parser = ["slab", "slab64", "bust"])]
+    #[arg(long, value_delimiter = ',', default_value = "slab,closeup,slab64,bust", value_parser = ["slab", "closeup", "slab64", "bust"])]
     scenes: Vec<String>,
     /// Fields of `Restir` as `"PATH=VALUE PATH=VALUE"`, measured instead of the shifts; repeatable.
     #[arg(long, value_parser = variant::parse)]
@@ -31,17 +40,23 @@ pub struct Args {
 const ALBEDO: Vec3 = Vec3::new(0.83, 0.79, 0.75);
 /// Frames of a motion.
 const FRAMES: u32 = 16;
+/// How much closer the close-up is: its 96 pixels are as small on the slab as those of a picture of 1,080 lines.
+const CLOSER: f32 = 11.0;
+/// Vertical field of view of the other pictures in radians.
+const FOV: f32 = core::f32::consts::FRAC_PI_4;
 
-/// A scene with its camera, which turns around a point.
-struct Place {
+/// A camera that turns around a point.
+struct Orbit {
     /// The last eye, and where it looks.
     eye: Vec3,
     target: Vec3,
     /// Radians that the camera turns in a frame.
     turn: f32,
+    /// Vertical field of view in radians.
+    fov: f32,
 }
 
-impl Place {
+impl Orbit {
     /// The camera of each frame; the last one is that of the picture.
     fn motion(&self) -> Vec<Transform> {
         let at = |left: u32| {
@@ -50,22 +65,32 @@ impl Place {
         };
         (0..FRAMES).rev().map(at).collect()
     }
+
+    /// The camera with a longer lens and a slower turn, so that the picture shows a part of the object.
+    fn closer(self, factor: f32) -> Self {
+        Self { turn: self.turn / factor, fov: self.fov / factor, ..self }
+    }
+
+    fn projection(&self) -> Projection {
+        Projection::Perspective(PerspectiveProjection { fov: self.fov, ..default() })
+    }
 }
 
 pub fn run(args: &Args) -> Result<(), String> {
     let Lengths { output, counts, .. } = &args.lengths;
     output.check("subsurface")?;
-    let rivals = rivals(args)?;
+    let competitors = competitors(args)?;
     let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
     for name in &args.scenes {
         let mut app = headless::app(Path::new("."), RayBackend::Auto)?;
-        let place = match name.as_str() {
+        let orbit = match name.as_str() {
             "slab" => slab(app.world_mut(), 1),
+            "closeup" => slab(app.world_mut(), 1).closer(CLOSER),
             "slab64" => slab(app.world_mut(), 8),
             "bust" => bust(app.world_mut()),
             other => return Err(format!("there is no scene `{other}`")),
         };
-        let motion = place.motion();
+        let motion = orbit.motion();
         let reference = plain(Technique::Reference, 1);
         let setup = CameraSetup {
             size: args.lengths.size,
@@ -73,11 +98,11 @@ pub fn run(args: &Args) -> Result<(), String> {
             environment: None,
             settings: reference.clone(),
         };
-        let camera = (motion[motion.len() - 1], Projection::default());
+        let camera = (motion[motion.len() - 1], orbit.projection());
         scene::spawn_camera(app.world_mut(), camera, setup);
         let mut bench = Bench::new(app, args.lengths.size, counts.clone())?.moving(motion);
         let share = translucent_share(&mut bench)?;
-        let mut rows = column(&args.lengths, &mut bench, &reference, &rivals, Detail::Passes)?;
+        let mut rows = column(&args.lengths, &mut bench, &reference, &competitors, Detail::Passes)?;
         rows.insert(0, Row::new("Scene", "pixels that show a translucent body", &[("", Unit::Ratio, share)]));
         rows.extend(diffuse(args, &mut bench)?);
         args.lengths.describe(&mut table, &bench, 1);
@@ -90,15 +115,15 @@ fn with(subsurface: SubsurfaceSampling) -> Restir {
     Restir { subsurface, ..plain(Technique::Di, 1) }
 }
 
-fn rivals(args: &Args) -> Result<Vec<Rival>, String> {
+fn competitors(args: &Args) -> Result<Vec<Competitor>, String> {
     let default = SubsurfaceSampling::default();
     if !args.variant.is_empty() {
         let plain = with(default);
-        let rival = |text: &String| Ok(Rival { name: text.clone(), settings: variant::of(&plain, text)? });
-        return args.variant.iter().map(rival).collect();
+        let competitor = |text: &String| Ok(Competitor { name: text.clone(), settings: variant::of(&plain, text)? });
+        return args.variant.iter().map(competitor).collect();
     }
     let alone = Reuse { temporal: false, spatial_samples: 0, ..default.reuse.clone() };
-    let mut rivals = vec![Rival {
+    let mut competitors = vec![Competitor {
         name: "Candidates without reuse".into(),
         settings: with(SubsurfaceSampling { reuse: alone, ..default.clone() }),
     }];
@@ -110,9 +135,9 @@ fn rivals(args: &Args) -> Result<Vec<Rival>, String> {
         ("Sequential, two iterations of two neighbors", SubsurfaceShift::Sequential, &two_and_two),
     ] {
         let settings = with(SubsurfaceSampling { shift, reuse: reuse.clone(), ..default.clone() });
-        rivals.push(Rival { name: name.into(), settings });
+        competitors.push(Competitor { name: name.into(), settings });
     }
-    Ok(rivals)
+    Ok(competitors)
 }
 
 /// Times of the frame with the default settings, and of that frame with diffuse bodies.
@@ -143,12 +168,6 @@ fn translucent_share(bench: &mut Bench) -> Result<f64, String> {
     Ok(bodies as f64 / picture.len() as f64)
 }
 
-fn spawn(world: &mut World, mesh: impl Into<Mesh>, material: StandardMaterial, place: Transform) -> Entity {
-    let mesh = world.resource_mut::<Assets<Mesh>>().add(mesh);
-    let material = world.resource_mut::<Assets<StandardMaterial>>().add(material);
-    world.spawn((Mesh3d(mesh), MeshMaterial3d(material), place)).id()
-}
-
 fn matte(color: Vec3) -> StandardMaterial {
     let color = Color::linear_rgb(color.x, color.y, color.z);
     StandardMaterial { base_color: color, perceptual_roughness: 1.0, reflectance: 0.0, ..default() }
@@ -166,7 +185,7 @@ fn of_lengths(d: Vec3) -> Subsurface {
 }
 
 /// A slab under the edge of a screen. Its light is cut into `cells` x `cells` lights, which have colors if there are several.
-fn slab(world: &mut World, cells: u32) -> Place {
+fn slab(world: &mut World, cells: u32) -> Orbit {
     let slab = spawn(world, Cuboid::new(4.0, 0.6, 4.0), matte(ALBEDO), Transform::from_xyz(0.0, -0.3, 0.0));
     world.entity_mut(slab).insert(of_lengths(Vec3::new(0.3, 0.06, 0.03)));
     spawn(world, Cuboid::new(2.4, 0.02, 4.8), matte(Vec3::splat(0.3)), Transform::from_xyz(-1.2, 0.4, 0.0));
@@ -179,11 +198,11 @@ fn slab(world: &mut World, cells: u32) -> Place {
         let place = Transform::from_xyz(at.x, 3.0, at.y).with_rotation(down);
         spawn(world, Rectangle::new(side, side), lamp(30.0 * color), place);
     }
-    Place { eye: Vec3::new(3.2, 1.75, 0.0), target: Vec3::new(0.2, 0.0, 0.0), turn: 0.01 }
+    Orbit { eye: Vec3::new(3.2, 1.75, 0.0), target: Vec3::new(0.2, 0.0, 0.0), turn: 0.01, fov: FOV }
 }
 
 /// A head with thin ears on a plinth, under a light in front of it and one behind it.
-fn bust(world: &mut World) -> Place {
+fn bust(world: &mut World) -> Orbit {
     let gray = Vec3::splat(0.3);
     spawn(world, Plane3d::default().mesh().size(4.0, 4.0), matte(gray), Transform::default());
     spawn(world, Cylinder::new(0.035, 0.03), matte(gray), Transform::from_xyz(0.0, 0.015, 0.0));
@@ -199,5 +218,5 @@ fn bust(world: &mut World) -> Place {
     };
     light(0.02, 60.0, Vec3::new(-0.15, 0.3, 0.25));
     light(0.01, 400.0, Vec3::new(0.12, 0.14, -0.15));
-    Place { eye: Vec3::new(0.08, 0.11, 0.17), target: Vec3::new(0.0, 0.08, 0.0), turn: 0.02 }
+    Orbit { eye: Vec3::new(0.08, 0.11, 0.17), target: Vec3::new(0.0, 0.08, 0.0), turn: 0.02, fov: FOV }
 }

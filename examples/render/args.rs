@@ -68,7 +68,7 @@ pub struct Args {
     #[arg(long = "set", value_name = "PATH=VALUE")]
     pub set: Vec<String>,
     /// Limit for the GPU time of a frame, ms. Before the warm-up, the number of samples is reduced until frames take no longer.
-    #[arg(long, value_name = "MS", value_parser = arguments::positive)]
+    #[arg(long, value_name = "MS", value_parser = arguments::positive::<f32>)]
     pub time_budget: Option<f32>,
     /// Writes another .exr file; repeatable. NAME is one of: the first surface of each pixel in the frame after the picture, as albedo,
     /// normal (world space, 0 without a surface), depth (distance from the camera, m; 0 without a surface) or motion (pixels to the surface

@@ -239,6 +239,16 @@ impl Frames {
     }
 }
 
+/// Renders frames that fill the history and are not part of the picture.
+fn warm_up(app: &mut App, count: u32, progress: &Progress) -> Result<(), String> {
+    for _ in 0..count {
+        frame(app);
+        headless::alive(app)?;
+        progress.step();
+    }
+    Ok(())
+}
+
 /// Renders the warm-up and the frames of the picture, from a reset on. `shows_last`: also requests the tonemapped picture of the last one.
 fn accumulate(app: &mut App, args: &Args, settings: &Restir, shows_last: bool) -> Result<Frames, String> {
     let camera = app.world().resource::<View>().camera;
@@ -252,23 +262,18 @@ fn accumulate(app: &mut App, args: &Args, settings: &Restir, shows_last: bool) -
     let moves = args.animate && !AnimationTimes::of(app.world_mut()).is_empty();
     // The GPU sums the frames of a still scene. Those of a moving one are summed here.
     let wants_mean = settings.technique == Technique::Reference || args.output == Output::Mean;
-    let mean = wants_mean && (args.writes_exr() || !moves);
-    if wants_mean && !mean {
+    let is_mean = wants_mean && (args.writes_exr() || !moves);
+    if wants_mean && !is_mean {
         warn!("restir: a .png of an animation shows its last frame; an .exr has the mean of all frames");
     }
-    let gathers = mean && !moves;
-    let keeps_no_history = settings.technique == Technique::Reference;
-    let warmup = if keeps_no_history { 0 } else { args.warmup };
+    let sums_on_gpu = is_mean && !moves;
+    let warmup = if settings.technique == Technique::Reference { 0 } else { args.warmup };
     let progress = Progress::new(u64::from(warmup) + u64::from(args.frames));
     reset(app);
-    for _ in 0..warmup {
-        frame(app);
-        headless::alive(app)?;
-        progress.step();
-    }
+    warm_up(app, warmup, &progress)?;
     if let Some(mut restir) = app.world_mut().get_mut::<Restir>(camera) {
-        restir.accumulate = gathers;
-        if mean {
+        restir.accumulate = sums_on_gpu;
+        if is_mean {
             // The limit of bright pixels is for single frames; it would stay in the mean as a bias.
             restir.firefly_limit = 0.0;
         }
@@ -280,7 +285,7 @@ fn accumulate(app: &mut App, args: &Args, settings: &Restir, shows_last: bool) -
     passes.clear();
     for i in 0..args.frames {
         let last = i + 1 == args.frames;
-        let is_captured = last || (!gathers && mean);
+        let is_captured = last || (is_mean && !sums_on_gpu);
         if is_captured {
             app.world().resource::<View>().capture.request();
         }

@@ -75,6 +75,8 @@ const VIEW_ENVIRONMENT_IS_BACKDROP: u32 = 1u;
 const VIEW_ORTHOGRAPHIC: u32 = 2u;
 // Pixels without a surface keep the picture of an earlier camera.
 const VIEW_NO_BACKDROP: u32 = 4u;
+// The camera sees back faces in place of front faces.
+const VIEW_SEES_BACK_FACES: u32 = 8u;
 
 // Errors that are read back and reported: bits of `trace_flags` (OVERFLOW_*) and of `raised_guards` (NON_FINITE).  The other guards are in
 // `common/guard.wgsl`.

@@ -5,7 +5,7 @@
 struct Rng {
     pixel: u32,      // y << 16 | x; for paths and light sub-paths, their seed or index
     frame: u32,
-    stream: u32,     // STREAM_*, mixed with the user's seed by `rng_new`
+    stream: u32,     // STREAM_*, `seeded`
     dimension: u32,  // of the next number
 }
 
@@ -48,8 +48,13 @@ fn pcg4d(seed: vec4<u32>) -> vec4<u32> {
     return v;
 }
 
+// A stream, mixed with the user's seed.
+fn seeded(stream: u32, seed: u32) -> u32 {
+    return stream + seed * 0x9e3779b9u;
+}
+
 fn rng_new(pixel: vec2<u32>, frame: u32, stream: u32, seed: u32) -> Rng {
-    return Rng(pixel.y << 16u | pixel.x, frame, stream + seed * 0x9e3779b9u, 0u);
+    return Rng(pixel.y << 16u | pixel.x, frame, seeded(stream, seed), 0u);
 }
 
 // Uniform in [0, 1), 24 bits.

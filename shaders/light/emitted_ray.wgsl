@@ -67,6 +67,8 @@ fn infinite_emitted_ray(
     return EmittedRay(origin, 0.0, -wi, light, radiance / (pdf_wi * density), delta, vec3<f32>(0.0), pdf_wi, density);
 }
 
+// 0 if rays find nothing in the scene.
 fn infinite_emission_density() -> f32 {
-    return INV_PI / (scene.radius * scene.radius);
+    let area = PI * scene.radius * scene.radius;
+    return select(0.0, 1.0 / area, area > 0.0);
 }

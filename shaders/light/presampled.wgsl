@@ -2,14 +2,14 @@
 // so that it does not read the tables of lights, triangles and materials.
 #define_import_path bevy_restir::light::presampled
 
-#import bevy_restir::common::constants::{LIGHT_TRIANGLE, MATERIAL_DOUBLE_SIDED, NONE}
+#import bevy_restir::common::constants::{LIGHT_TRIANGLE, NONE}
 #import bevy_restir::common::guard::{GUARD_LIGHT_SAMPLE, guarded, raise, raised_guards}
 #import bevy_restir::common::math::max_component
 #import bevy_restir::light::point_on_light::{light_point_at, light_point_sample, LightPoint}
 #import bevy_restir::light::select::light_select
-#import bevy_restir::light::triangle::{triangle_light_color, triangle_light_opacity}
+#import bevy_restir::light::triangle::{is_double_sided, triangle_light_color, triangle_light_opacity}
 #import bevy_restir::light::types::{area_density, ENVIRONMENT_LIGHT, guarded_light_sample, LightSample, no_light_sample}
-#import bevy_restir::scene::bindings::{instances, lights, materials}
+#import bevy_restir::scene::bindings::lights
 #import bevy_restir::scene::triangle::{safe_normalize, world_triangle}
 #import bevy_restir::view::render_layers::light_kind
 
@@ -27,7 +27,7 @@ struct PresampledLight {
 // An analytic light, whose radiance depends on the receiver: the light is read from the table.
 const PRESAMPLED_TABLE: u32 = 0x80000000u;
 const PRESAMPLED_DOUBLE_SIDED: u32 = 0x40000000u;
-// Presampling belongs to no pixel, where a guard could be counted: the pixels that draw the record count it.
+// Guards are counted by pixel, and presampling has none: the pixels that draw such a record count its guards.
 const STOPPED: f32 = -1.0;
 
 fn presample_light(u: vec4<f32>) -> PresampledLight {
@@ -63,8 +63,8 @@ fn presample_unguarded(u: vec4<f32>) -> PresampledLight {
     s.position = l.position;
     s.normal = t.normal * t.area;
     s.opacity = triangle_light_opacity(p.light, l.barycentrics);
-    let is_double_sided = (materials[instances[instance].material].flags & MATERIAL_DOUBLE_SIDED) != 0u;
-    return with_radiance(s, triangle_light_color(instance, triangle, l.barycentrics), select(0u, PRESAMPLED_DOUBLE_SIDED, is_double_sided));
+    let sides = select(0u, PRESAMPLED_DOUBLE_SIDED, is_double_sided(instance));
+    return with_radiance(s, triangle_light_color(instance, triangle, l.barycentrics), sides);
 }
 
 // Stores radiance.  Candidates are only selected by it, so that 10 bits are enough; but a positive component must stay positive, because a

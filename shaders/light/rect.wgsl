@@ -34,15 +34,20 @@ fn rotate(q: vec4<f32>, v: vec3<f32>) -> vec3<f32> {
     return v + q.w * t + cross(q.xyz, t);
 }
 
-// The light sample of the point at `uv` (0 to 1 along width and height) at the receiver `from_point`.
+// The point at `uv`, 0 to 1 along width and height.
+fn rect_point(r: Rect, light: u32, uv: vec2<f32>) -> vec3<f32> {
+    let at = (2.0 * uv - 1.0) * r.half_size;
+    return lights[light].position + at.x * r.x + at.y * r.y;
+}
+
+// The light sample of the point at `uv` at the receiver `from_point`.
 fn rect_light_at(light: u32, uv: vec2<f32>, from_point: vec3<f32>) -> LightSample {
     let r = rect_of(light);
-    let at = (2.0 * uv - 1.0) * r.half_size;
     var s = no_light_sample();
     s.light = light;
     s.delta = 0u;
     s.normal = r.normal;
-    s.position = lights[light].position + at.x * r.x + at.y * r.y;
+    s.position = rect_point(r, light, uv);
     let d = s.position - from_point;
     let d2 = dot(d, d);
     s.wi = safe_normalize(d);
@@ -56,9 +61,8 @@ fn rect_light_at(light: u32, uv: vec2<f32>, from_point: vec3<f32>) -> LightSampl
 
 fn rect_emitted_ray(light: u32, u_point: vec2<f32>, u_direction: vec2<f32>) -> EmittedRay {
     let r = rect_of(light);
-    let at = (2.0 * u_point - 1.0) * r.half_size;
-    let position = lights[light].position + at.x * r.x + at.y * r.y;
-    return area_emitted_ray(light, position, r.normal, lights[light].emission, 0.25 / (r.half_size.x * r.half_size.y), u_direction);
+    let pdf_point = 0.25 / (r.half_size.x * r.half_size.y);
+    return area_emitted_ray(light, rect_point(r, light, u_point), r.normal, lights[light].emission, pdf_point, u_direction);
 }
 
 // Coordinates of `LightPoint`.

@@ -73,10 +73,6 @@ fn triangle_emission_density(l: LightSample) -> f32 {
     return select(1.0, 0.5, is_double_sided(lights[l.light].data.x)) * area_emission_density(l);
 }
 
-fn is_double_sided(instance: u32) -> bool {
-    return (materials[instances[instance].material].flags & MATERIAL_DOUBLE_SIDED) != 0u;
-}
-
 // Probability that the alpha test keeps the surface at a point.
 fn triangle_light_opacity(light: u32, barycentrics: vec2<f32>) -> f32 {
     return opacity(lights[light].data.x, lights[light].data.y, barycentrics);
@@ -107,10 +103,13 @@ fn triangle_light_pdf_solid_angle(instance: u32, triangle: u32, from_point: vec3
 }
 #endif
 
+fn is_double_sided(instance: u32) -> bool {
+    return (materials[instances[instance].material].flags & MATERIAL_DOUBLE_SIDED) != 0u;
+}
+
 // Radiance emitted along -wi; `normal` is the geometric normal.
 fn triangle_light_radiance(instance: u32, triangle: u32, normal: vec3<f32>, barycentrics: vec2<f32>, wi: vec3<f32>) -> vec3<f32> {
-    let material = instances[instance].material;
-    if (materials[material].flags & MATERIAL_DOUBLE_SIDED) == 0u && !(dot(wi, normal) < 0.0) {
+    if !is_double_sided(instance) && !(dot(wi, normal) < 0.0) {
         return vec3<f32>(0.0);
     }
     return triangle_light_color(instance, triangle, barycentrics);

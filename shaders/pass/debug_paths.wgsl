@@ -1,6 +1,6 @@
 // Debug views of the reservoirs of paths, without exposure.
 
-#import technique::{evaluate, is_visible, jacobian_of, PackedReservoir, receiver_of, Reservoir, reservoir_unpack}
+#import domain::{evaluate, is_visible, jacobian_of, PackedReservoir, receiver_of, Reservoir, reservoir_unpack}
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::path_sample::{TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE}

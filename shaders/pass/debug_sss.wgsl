@@ -55,8 +55,8 @@ fn sample_view(r: Reservoir, ids: vec2<u32>, pixel: vec2<u32>) -> vec3<f32> {
     }
 }
 
-// The distance of the point of entry, in lengths of the channel that scatters farthest; or which shift the hybrid shift would choose, which
-// `is_far` of the sample tells only where the hybrid shift is in use.
+// The distance of the point of entry, in multiples of d of the channel that scatters farthest; or which shift the hybrid shift would
+// choose, which `is_far` of the sample tells only where the hybrid shift is in use.
 fn entry_view(s: EntrySample, from_pixel: Receiver) -> vec3<f32> {
     let p = entry_point(from_pixel, Hit(0.0, s.instance, s.triangle, s.barycentrics));
     if view.debug_view == DEBUG_SUBSURFACE_RECONNECTIONS {

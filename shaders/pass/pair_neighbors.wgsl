@@ -1,6 +1,6 @@
 // Finds the partners of each pixel that are similar to it, for paired spatial reuse: a mask of slots (`restir/pairs.wgsl`).
 
-#import technique::{PackedReservoir, receives_light, reservoir_unpack}
+#import domain::{PackedReservoir, receives_light, reservoir_unpack}
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::flags::has
 #import bevy_restir::restir::neighbors::{are_similar, pixel_shape}
@@ -32,7 +32,7 @@ fn pair_neighbors(@builtin(global_invocation_id) id: vec3<u32>) {
     count_guards(pixel);
 }
 
-// The slots whose partners are similar: the first ones, one for each layer.
+// Mask of the slots whose partners are similar: the first `pair_layers` of them.
 fn similar_partners(ids: vec2<u32>, pixel: vec2<u32>) -> u32 {
     let own = pixel_shape(ids, pixel, false);
     var mask = 0u;

@@ -1,11 +1,11 @@
 // Shifts the sample of each partner of a pixel to the pixel, and stores the result for both of them: the pixel resamples it, and the partner
 // needs it for the MIS weight of its own sample.  Without pairs every pixel would do both shifts.
 //
-// With DEFERS_REPLAYS a first pass shifts the samples whose shifts find no vertices by rays; it has no code for the others, and puts pixels
-// that have some into a queue.  A second pass, with FROM_QUEUE, does the shifts of the queue, so that threads that run together all replay paths
-// (replay compaction, Lin et al. 2026; Table 1 of its supplement has the cost).
+// With DEFERS_REPLAYS, a first pass does the shifts that replay nothing.  It is compiled without replay, and puts the pixels that have
+// other shifts into a queue.  A second pass, with FROM_QUEUE, does the shifts of the queue, so that threads that run together all replay
+// paths (replay compaction, Lin et al. 2026; Table 1 of its supplement has the cost).
 
-#import technique::{evaluate, is_visible, kept_shift, needs_replay, PackedReservoir, Receiver, receiver_of, receives_light, Reservoir, reservoir_unpack, target_value}
+#import domain::{evaluate, is_visible, kept_shift, needs_replay, PackedReservoir, Receiver, receiver_of, receives_light, Reservoir, reservoir_unpack, target_value}
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::pairs::{next_pair, Pair, pair_in_slot, pair_mask, slots_of}
@@ -128,9 +128,9 @@ fn enqueue(pixel: vec2<u32>, deferred: u32, thread: u32) {
         atomicStore(&count, 0u);
     }
     workgroupBarrier();
-    var place = 0u;
+    var index = 0u;
     if deferred != 0u {
-        place = atomicAdd(&count, 1u);
+        index = atomicAdd(&count, 1u);
     }
     workgroupBarrier();
     let total = atomicLoad(&count);
@@ -142,7 +142,7 @@ fn enqueue(pixel: vec2<u32>, deferred: u32, thread: u32) {
     }
     workgroupBarrier();
     if deferred != 0u {
-        let entry = QUEUE_HEADER + 2u * (first + place);
+        let entry = QUEUE_HEADER + 2u * (first + index);
         atomicStore(&queue[entry], pixel.x | pixel.y << COORDINATE_BITS);
         atomicStore(&queue[entry + 1u], deferred);
     }

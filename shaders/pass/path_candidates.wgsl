@@ -1,7 +1,7 @@
 // Initial candidates of ReSTIR PT, GI and BDPT (Lin et al. 2026; Lanz 2025, 4.3.2): the paths of one random walk for each pixel, resampled
 // into one.
 
-#import technique::{in_technique_measure, no_reservoir, PackedReservoir, receiver_of, Reservoir, reservoir_pack, SHORTEST_LENGTH}
+#import domain::{in_domain_measure, no_reservoir, PackedReservoir, receiver_of, Reservoir, reservoir_pack, SHORTEST_LENGTH}
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::rng::{rng_new, STREAM_PATH_CANDIDATES}
 #import bevy_restir::restir::bindings::settings
@@ -29,7 +29,7 @@ fn path_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let r = receiver_of(ids, pixel, false);
     var rng = rng_new(pixel, view.frame, STREAM_PATH_CANDIDATES, view.seed);
-    let selected = in_technique_measure(sample_candidates(r.first, pixel, SHORTEST_LENGTH, r.shift, &rng), r);
+    let selected = in_domain_measure(sample_candidates(r.first, pixel, SHORTEST_LENGTH, r.shift, &rng), r);
     reservoirs[index] = reservoir_pack(Reservoir(selected.path, selected.ucw, 1.0, true));
     textureStore(contribution, pixel, vec4<f32>(selected.f, 0.0));
     count_rays(pixel);

@@ -1,6 +1,7 @@
 // Presamples subsets of light points once per frame (Wyman and Panteleev 2021, 5).  A tile of pixels draws candidates from one subset,
 // which is contiguous in memory, however many lights there are.  Lights of all kinds are drawn from one table by power.
 
+#import bevy_restir::common::constants::ONE_MINUS_EPSILON
 #import bevy_restir::common::rng::{rng_4, rng_new, STREAM_PRESAMPLE}
 #import bevy_restir::light::presampled::{presample_light, PresampledLight}
 #import bevy_restir::restir::bindings::settings
@@ -18,6 +19,6 @@ fn presample(@builtin(global_invocation_id) id: vec3<u32>) {
     var u = rng_4(&rng);
     // The first number chooses a bin of the table of lights.  It is stratified, so that each subset has its share of every light.  A pixel
     // draws entries uniformly, so that the density of a candidate is that of independent entries: no bias.  The number must stay below 1.
-    u.x = min((f32(id.x) + u.x) / f32(settings.subset_size), 0x1.fffffep-1);
+    u.x = min((f32(id.x) + u.x) / f32(settings.subset_size), ONE_MINUS_EPSILON);
     subsets[id.y * settings.subset_size + id.x] = presample_light(u);
 }

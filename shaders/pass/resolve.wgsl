@@ -44,8 +44,8 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
     count_guards(pixel);
 }
 
-// The light of all domains.  It is black where the pixel has no surface, except for light paths: they may end anywhere in a pixel, beside a
-// surface that this frame's ray has missed, too.
+// The light of all domains.  Where the camera ray of a pixel misses all surfaces, only light paths contribute: they may land anywhere in
+// the pixel, on a surface that this ray has missed.
 fn scattered_light(pixel: vec2<u32>) -> vec3<f32> {
     return textureLoad(unresampled, pixel, 0).rgb + textureLoad(resampled_lights, pixel, 0).rgb
         + textureLoad(resampled_paths, pixel, 0).rgb + textureLoad(connections, pixel, 0).rgb + subsurface_light(pixel)

@@ -2,16 +2,13 @@
 // 6) or of this one, are resampled into one.  With RESAMPLE_SHADE_ALL all of them are shaded by their shares (decoupled shading, ibid., 7;
 // vector weights, Lin et al. 2026, supplement, 7).
 //
-// The kind of samples, their targets and their shifts are those of di, gi, pt or another room: `technique` stands for its modules, and
-// `src/shader_library.rs` puts them in.
-//
-// In this file and in `restir/mis.wgsl`, the domain of an input is the domain of integration of its pixel, as in the papers; domain 0 is that
-// of the pixel itself.  (Elsewhere a domain is a kind of samples, such as di or gi.)  A neighbor's sample is shifted to domain 0 first, and
-// from there to every other domain in which its MIS weight needs the target.
+// The kind of samples, their targets and their shifts are those of a domain, such as di, gi or pt: `domain` stands for its modules, and
+// `src/shader_library.rs` puts them in.  A neighbor's sample is shifted to the pixel itself first, and from there to the pixel of every
+// other input at which its MIS weight needs the target.
 
-#import technique::{apply_shift, can_be_shifted, carries_contribution, completed, diffuse_share, evaluate, Evaluated, find_neighbor, identity_of, in_current_frame, is_visible, jacobian_of, neighbor_radius, no_reservoir, own_place, PackedReservoir, Receiver, receiver_of, receives_light, Reservoir, reservoir_pack, reservoir_unpack, resamples, shift_result_of, ShiftResult, stored_target, stores_target, target_value}
+#import domain::{apply_shift, can_be_shifted, carries_contribution, completed, diffuse_share, evaluate, Evaluated, find_neighbor, identity_of, in_current_frame, is_visible, jacobian_of, neighbor_radius, no_reservoir, PackedReservoir, Receiver, receiver_of, receives_light, Reservoir, reservoir_pack, reservoir_unpack, resamples, reuse_center, shift_result_of, ShiftResult, stored_target, stores_target, target_value}
 #ifdef PAIRED
-#import technique::{shift_from}
+#import domain::{shift_from}
 #import bevy_restir::restir::pairs::{pair_in_slot, pair_mask, slots_of}
 #endif
 #import bevy_restir::common::constants::NONE
@@ -20,8 +17,8 @@
 #import bevy_restir::common::rng::{Rng, rng_1, rng_2, rng_bits, rng_new, STREAM_REUSE, STREAMS_PER_DOMAIN}
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::flags::has
-#import bevy_restir::restir::mis::{MAX_INPUTS, mis_needs_target, mis_weight, MisInputs}
-#import bevy_restir::restir::neighbors::{neighbor_ids, OwnPlace, ring_offset}
+#import bevy_restir::restir::mis::{MAX_INPUTS, mis_needs_target, mis_weight, MisInputs, set_target, target_of}
+#import bevy_restir::restir::neighbors::{neighbor_ids, ReuseCenter, ring_offset}
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::restir::reservoir_sampling::{Stream, stream_add, stream_ucw}
 #import bevy_restir::restir::types::{RESAMPLE_CANDIDATES_VISIBLE, RESAMPLE_DISCARD_OCCLUDED, RESAMPLE_FROM_PREVIOUS, RESAMPLE_MIS_RAYS, RESAMPLE_REUSE_VISIBILITY, RESAMPLE_SAME_RAYS, RESAMPLE_SHADE, RESAMPLE_SHADE_ALL, RESAMPLE_SHADING_RAYS, RESAMPLE_TARGET_RAYS}
@@ -40,7 +37,7 @@
 // most of the memory of an invocation.
 struct Inputs {
     pixels: array<vec2<u32>, MAX_INPUTS>,
-    ucw: array<f32, MAX_INPUTS>,                   // in the pixel's own domain, after the shift
+    ucw: array<f32, MAX_INPUTS>,                   // at the pixel itself, after the shift
     shift_results: array<ShiftResult, MAX_INPUTS>,
     contributions: array<vec3<f32>, MAX_INPUTS>,
     shares: array<f32, MAX_INPUTS>,                // MIS weight times contribution weight
@@ -66,7 +63,7 @@ fn neighbor_sample(pixel: vec2<u32>) -> Reservoir {
     return s;
 }
 
-// The sample of an input, in the domain of its own pixel or shifted to this one.
+// The sample of an input, as its own pixel stores it or shifted to this one.
 fn sample_of(inputs: ptr<function, Inputs>, j: u32, shifted: bool) -> Reservoir {
     if j == 0u {
         return own_sample((*inputs).pixels[0]);
@@ -96,24 +93,24 @@ fn wanted_neighbors(pixel: vec2<u32>, canonical: Reservoir) -> u32 {
     return countOneBits(slots);
 }
 
-fn wanted_after_failure(wanted: u32, is_own: bool) -> u32 {
+fn wanted_after_failure(wanted: u32, is_temporal: bool) -> u32 {
     return wanted;
 }
 
-fn next_neighbor(own: OwnPlace, pixel: vec2<u32>, i: u32, count: u32, rng: ptr<function, Rng>) -> vec2<u32> {
+fn next_neighbor(center: ReuseCenter, pixel: vec2<u32>, i: u32, count: u32, rng: ptr<function, Rng>) -> vec2<u32> {
     let pair = pair_in_slot(pixel, own_mask, firstTrailingBit(slots));
     slots &= slots - 1u;
     layers[count] = vec2<u32>(pair.own_layer, pair.partner_layer);
     return pair.partner;
 }
 
-fn receiver_in(inputs: ptr<function, Inputs>, domain: u32, r: Receiver) -> Receiver {
+fn receiver_in(inputs: ptr<function, Inputs>, at_pixel: u32, r: Receiver) -> Receiver {
     return r;
 }
 
-fn evaluated_in(inputs: ptr<function, Inputs>, domain: u32, r: Receiver, j: u32, s: Reservoir) -> Evaluated {
-    let layer = select(layers[domain].y, layers[j].x, domain == 0u);
-    return shift_from(s, textureLoad(shifts, (*inputs).pixels[domain], layer, 0));
+fn evaluated_in(inputs: ptr<function, Inputs>, at_pixel: u32, r: Receiver, j: u32, s: Reservoir) -> Evaluated {
+    let layer = select(layers[at_pixel].y, layers[j].x, at_pixel == 0u);
+    return shift_from(s, textureLoad(shifts, (*inputs).pixels[at_pixel], layer, 0));
 }
 
 fn sees(r: Receiver, e: Evaluated, alpha_seed: u32) -> bool {
@@ -125,8 +122,8 @@ fn showed_same_surface(ids: vec2<u32>, pixel: vec2<u32>) -> bool {
     return false;
 }
 #else
-// Where the surface was not visible in the last frame, more neighbors are sought (Wyman and Panteleev 2021, 6.4): an iteration over the last
-// frame does not find it there, and a later one meets a confidence of one frame.
+// A surface that was not visible in the last frame gets more neighbors (Wyman and Panteleev 2021, 6.4).  The iteration over the last frame
+// detects it by a failed search (`wanted_after_failure`), later ones by a confidence of one frame.
 fn wanted_neighbors(pixel: vec2<u32>, canonical: Reservoir) -> u32 {
     let wanted = settings.temporal_samples + settings.spatial_samples;
     if !has(RESAMPLE_FROM_PREVIOUS) && canonical.confidence <= 1.0 {
@@ -135,23 +132,23 @@ fn wanted_neighbors(pixel: vec2<u32>, canonical: Reservoir) -> u32 {
     return wanted;
 }
 
-fn wanted_after_failure(wanted: u32, is_own: bool) -> u32 {
-    return max(wanted, select(0u, settings.temporal_samples + settings.disocclusion_samples, is_own));
+fn wanted_after_failure(wanted: u32, is_temporal: bool) -> u32 {
+    return max(wanted, select(0u, settings.temporal_samples + settings.disocclusion_samples, is_temporal));
 }
 
-fn next_neighbor(own: OwnPlace, pixel: vec2<u32>, i: u32, count: u32, rng: ptr<function, Rng>) -> vec2<u32> {
-    return find_neighbor(own, i < settings.temporal_samples, rng);
+fn next_neighbor(center: ReuseCenter, pixel: vec2<u32>, i: u32, count: u32, rng: ptr<function, Rng>) -> vec2<u32> {
+    return find_neighbor(center, i < settings.temporal_samples, rng);
 }
 
-fn receiver_in(inputs: ptr<function, Inputs>, domain: u32, r: Receiver) -> Receiver {
-    if domain == 0u {
+fn receiver_in(inputs: ptr<function, Inputs>, at_pixel: u32, r: Receiver) -> Receiver {
+    if at_pixel == 0u {
         return r;
     }
-    let pixel = (*inputs).pixels[domain];
+    let pixel = (*inputs).pixels[at_pixel];
     return receiver_of(neighbor_ids(pixel), pixel, has(RESAMPLE_FROM_PREVIOUS));
 }
 
-fn evaluated_in(inputs: ptr<function, Inputs>, domain: u32, r: Receiver, j: u32, s: Reservoir) -> Evaluated {
+fn evaluated_in(inputs: ptr<function, Inputs>, at_pixel: u32, r: Receiver, j: u32, s: Reservoir) -> Evaluated {
     return evaluate(r, s);
 }
 
@@ -165,8 +162,7 @@ fn showed_same_surface(ids: vec2<u32>, pixel: vec2<u32>) -> bool {
 }
 #endif
 
-// Collects the inputs.
-fn gather_inputs(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, own: OwnPlace, pixel: vec2<u32>, rng: ptr<function, Rng>) {
+fn gather_inputs(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, center: ReuseCenter, pixel: vec2<u32>, rng: ptr<function, Rng>) {
     let canonical = own_sample(pixel);
     (*inputs).pixels[0] = pixel;
     (*inputs).ucw[0] = canonical.ucw;
@@ -176,15 +172,15 @@ fn gather_inputs(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, o
     var count = 1u;
     var wanted = wanted_neighbors(pixel, canonical);
     for (var i = 0u; i < wanted && count < MAX_INPUTS; i++) {
-        let is_own = i < settings.temporal_samples;
-        let at = next_neighbor(own, pixel, i, count, rng);
+        let is_temporal = i < settings.temporal_samples;
+        let at = next_neighbor(center, pixel, i, count, rng);
         if at.x == NONE {
-            wanted = wanted_after_failure(wanted, is_own);
+            wanted = wanted_after_failure(wanted, is_temporal);
             continue;
         }
         let s = neighbor_sample(at);
         // The visibility of the surface itself and of near neighbors is reused (Wyman and Panteleev 2021, 7.3).
-        let near = is_own || distance(vec2<f32>(at) + 0.5, own.place) <= settings.visibility_radius;
+        let near = is_temporal || distance(vec2<f32>(at) + 0.5, center.position) <= settings.visibility_radius;
         let reuses_visibility = has(RESAMPLE_REUSE_VISIBILITY) && near;
         (*inputs).pixels[count] = at;
         (*inputs).ucw[count] = s.ucw;
@@ -215,8 +211,8 @@ fn share_of_copies(s: Reservoir, at: vec2<u32>, rng: ptr<function, Rng>) -> f32 
     var copies = 0u;
     for (var i = 0u; i < COMPARED_PIXELS; i++) {
         let offset = ring_offset(rng_2(rng), 1.0, max(COMPARED_RADIUS * settings.radius, 2.0));
-        let place = vec2<u32>(clamp(vec2<f32>(at) + 0.5 + offset, vec2<f32>(0.0), vec2<f32>(view.size - 1u)));
-        let other = identity_of(neighbors[reservoir_index(place, view.size, settings.reservoir_layout)]);
+        let other_pixel = vec2<u32>(clamp(vec2<f32>(at) + 0.5 + offset, vec2<f32>(0.0), vec2<f32>(view.size - 1u)));
+        let other = identity_of(neighbors[reservoir_index(other_pixel, view.size, settings.reservoir_layout)]);
         copies += u32(all(other == identity));
     }
     return f32(copies) / f32(COMPARED_PIXELS);
@@ -231,7 +227,7 @@ fn select_input(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, rn
         let ucw = (*inputs).ucw[j];
         if ucw > 0.0 {
             (*inputs).shares[j] = mis_weight(mis, settings.mis, j) * ucw;
-            _ = stream_add(&stream, j, (*inputs).shares[j] * (*mis).targets[j], u);
+            _ = stream_add(&stream, j, (*inputs).shares[j] * target_of(mis, 0u, j), u);
         }
     }
     return stream;
@@ -249,7 +245,7 @@ fn accept_shift(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, j:
         (*inputs).ucw[j] = 0.0;
         return;
     }
-    (*mis).targets[j * MAX_INPUTS + j] = guarded(known_target(inputs, j, s) / jacobian, GUARD_TARGET);
+    set_target(mis, j, j, guarded(known_target(inputs, j, s) / jacobian, GUARD_TARGET));
     (*inputs).shift_results[j] = shift_result_of(e);
     (*inputs).ucw[j] = guarded((*inputs).ucw[j] * jacobian, GUARD_CONTRIBUTION_WEIGHT);
 }
@@ -266,11 +262,11 @@ fn known_target(inputs: ptr<function, Inputs>, j: u32, s: Reservoir) -> f32 {
     return luminance(textureLoad(own_contribution, (*inputs).pixels[j], 0).rgb);
 }
 
-// The next input, from `from_input` on, whose target in a domain is needed and not known yet.
-fn next_to_evaluate(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, domain: u32, from_input: u32) -> u32 {
+// The next input, from `from_input` on, whose target at a pixel is needed and not known yet.
+fn next_to_evaluate(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, at_pixel: u32, from_input: u32) -> u32 {
     for (var j = from_input; j < (*mis).count; j++) {
-        let is_known = domain == j && select(knows_targets(), carries_contribution(), j == 0u);
-        if !is_known && (*inputs).ucw[j] > 0.0 && mis_needs_target(settings.mis, domain, j) {
+        let is_known = at_pixel == j && select(knows_targets(), carries_contribution(), j == 0u);
+        if !is_known && (*inputs).ucw[j] > 0.0 && mis_needs_target(settings.mis, at_pixel, j) {
             return j;
         }
     }
@@ -278,81 +274,103 @@ fn next_to_evaluate(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>
 }
 
 // Whether the only neighbor is the pixel itself in the last frame, and nothing has changed since.  The shift, where a sample has one, is
-// then the identity: both domains have the same targets, and a sample that the last frame stored is visible.
+// then the identity: both pixels have the same targets, and a sample that the last frame stored is visible.
 fn is_same_pixel(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, ids: vec2<u32>) -> bool {
     return has(RESAMPLE_SAME_RAYS) && (*mis).count == 2u && all((*inputs).pixels[1] == (*inputs).pixels[0])
         && showed_same_surface(ids, (*inputs).pixels[0]);
 }
 
+// The targets at the only neighbor, whose shift is the identity.
+fn set_identity_targets(mis: ptr<function, MisInputs>, own: Reservoir) {
+    set_target(mis, 1u, 0u, select(0.0, target_of(mis, 0u, 0u), can_be_shifted(own)));
+    set_target(mis, 1u, 1u, target_of(mis, 0u, 1u));
+}
+
+// A turn of `resample`, which evaluates samples at the pixel of an input.
+struct Turn {
+    at_pixel: u32,             // index of the input
+    target_rays: bool,         // rays decide which targets are 0
+    shading_rays: bool,        // rays decide which samples are shaded
+}
+
+// The target of sample j, which `e` evaluates at the pixel of a turn; 0 if targets include visibility and the sample is occluded.  A ray
+// for shading only sets whether the sample is visible.
+fn tested_value(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, turn: Turn, j: u32, r: Receiver, e: Evaluated, alpha_seed: u32) -> f32 {
+    var value = target_value(e);
+    // A sample is visible from the pixel that stores it; elsewhere a ray decides.
+    let for_target = turn.target_rays && turn.at_pixel != j;
+    let for_shading = turn.shading_rays && (*inputs).needs_ray[j];
+    if value > 0.0 && (for_target || for_shading) {
+        // Each pixel sees blended surfaces by random numbers of its own: with joint ones the MIS weights would not sum to 1.
+        let visible = sees(r, e, alpha_seed + turn.at_pixel);
+        if for_shading {
+            (*inputs).visible[j] = visible;
+        } else {
+            value = select(0.0, value, visible);
+            if turn.at_pixel == 0u && !visible && has(RESAMPLE_DISCARD_OCCLUDED) {
+                (*mis).confidence[j] = 0.0;
+                (*inputs).ucw[j] = 0.0;
+            }
+        }
+    }
+    return value;
+}
+
 // Evaluates the targets that the MIS weights need, and the visibility of the samples that are shaded; then selects an input.
 fn resample(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, ids: vec2<u32>, r: Receiver, alpha_seed: u32, rng: ptr<function, Rng>) -> Stream {
     var stream = Stream(0.0, NONE);
-    // If only the selected sample is shaded, and its visibility is not known, the loop runs once more, so that only one place in the
-    // program traces rays.
+    // One turn for each pixel whose targets are needed.  If only the selected sample is shaded, a last turn tests its visibility: in the
+    // same loop, so that the program has one call that traces rays.
     let traces_selected = has(RESAMPLE_SHADE) && has(RESAMPLE_SHADING_RAYS) && !has(RESAMPLE_SHADE_ALL);
     if carries_contribution() {
-        (*mis).targets[0] = guarded(luminance((*inputs).contributions[0]), GUARD_TARGET);
+        set_target(mis, 0u, 0u, guarded(luminance((*inputs).contributions[0]), GUARD_TARGET));
     }
     let is_same = !traces_selected && is_same_pixel(inputs, mis, ids);
     // Both loops end with their tests, for drivers that mask lanes.
     let turns = select((*mis).count + u32(traces_selected), 1u, is_same);
-    var turn = 0u;
+    var index = 0u;
     loop {
-        let is_last = turn == (*mis).count;
-        let domain = select(turn, 0u, is_last);
+        let shades_selected = index == (*mis).count;
+        let at_pixel = select(index, 0u, shades_selected);
+        let target_rays = !shades_selected && !is_same && has(select(RESAMPLE_MIS_RAYS, RESAMPLE_TARGET_RAYS, at_pixel == 0u));
+        let shading_rays = at_pixel == 0u && has(RESAMPLE_SHADE) && shades_selected == traces_selected;
+        let turn = Turn(at_pixel, target_rays, shading_rays);
         var j = 0u;
-        if is_last {
+        if shades_selected {
             count_confidence(mis);
             stream = select_input(inputs, mis, rng);
             j = min(stream.selected, (*mis).count);
         } else {
-            j = next_to_evaluate(inputs, mis, domain, 0u);
+            j = next_to_evaluate(inputs, mis, at_pixel, 0u);
         }
         if j < (*mis).count {
-            let receiver = receiver_in(inputs, domain, r);
+            let receiver = receiver_in(inputs, at_pixel, r);
             loop {
-                let s = sample_of(inputs, j, domain > 0u || is_last);
-                let e = evaluated_in(inputs, domain, receiver, j, s);
-                var value = target_value(e);
-                // A sample is visible from the pixel that stores it; elsewhere a ray decides.
-                let for_target = !is_last && !is_same && domain != j && has(select(RESAMPLE_MIS_RAYS, RESAMPLE_TARGET_RAYS, domain == 0u));
-                let for_shading = domain == 0u && (*inputs).needs_ray[j] && has(RESAMPLE_SHADE) && is_last == traces_selected;
-                if value > 0.0 && (for_target || for_shading) {
-                    // Each domain sees blended surfaces by random numbers of its own: with joint ones the MIS weights would not sum to 1.
-                    let visible = sees(receiver, e, alpha_seed + domain);
-                    if for_shading {
-                        (*inputs).visible[j] = visible;
-                    } else {
-                        value = select(0.0, value, visible);
-                        if domain == 0u && !visible && has(RESAMPLE_DISCARD_OCCLUDED) {
-                            (*mis).confidence[j] = 0.0;
-                            (*inputs).ucw[j] = 0.0;
-                        }
-                    }
-                }
-                if is_last {
+                let s = sample_of(inputs, j, at_pixel > 0u || shades_selected);
+                let e = evaluated_in(inputs, at_pixel, receiver, j, s);
+                var value = tested_value(inputs, mis, turn, j, receiver, e, alpha_seed);
+                if shades_selected {
                     break;
                 }
-                if domain == 0u {
+                if at_pixel == 0u {
                     accept_shift(inputs, mis, j, s, e, value);
                 } else {
                     value *= jacobian_of(e);
                 }
-                (*mis).targets[domain * MAX_INPUTS + j] = guarded(value, GUARD_TARGET);
-                j = next_to_evaluate(inputs, mis, domain, j + 1u);
+                set_target(mis, at_pixel, j, guarded(value, GUARD_TARGET));
+                j = next_to_evaluate(inputs, mis, at_pixel, j + 1u);
                 if j >= (*mis).count {
                     break;
                 }
             }
         }
-        turn += 1u;
-        if turn >= turns {
+        index += 1u;
+        if index >= turns {
             break;
         }
     }
     if is_same {
-        (*mis).targets[MAX_INPUTS] = select(0.0, (*mis).targets[0], can_be_shifted(own_sample((*inputs).pixels[0])));
-        (*mis).targets[MAX_INPUTS + 1u] = (*mis).targets[1];
+        set_identity_targets(mis, own_sample((*inputs).pixels[0]));
     }
     if !traces_selected {
         count_confidence(mis);
@@ -388,7 +406,7 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
     let alpha_seed = rng_bits(&rng).x;
     var inputs: Inputs;
     var mis: MisInputs;
-    gather_inputs(&inputs, &mis, own_place(ids, pixel, neighbor_radius(r)), pixel, &rng);
+    gather_inputs(&inputs, &mis, reuse_center(ids, pixel, neighbor_radius(r)), pixel, &rng);
     inputs.contributions[0] = textureLoad(own_contribution, pixel, 0).rgb;
     let stream = resample(&inputs, &mis, ids, r, alpha_seed, &rng);
 
@@ -405,7 +423,7 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
         let confidence = output.confidence;
         output = sample_of(&inputs, stream.selected, true);
         output.confidence = confidence;
-        output.ucw = stream_ucw(stream, mis.targets[stream.selected]);
+        output.ucw = stream_ucw(stream, target_of(&mis, 0u, stream.selected));
         output.seen = inputs.visible[stream.selected];
         contribution = inputs.contributions[stream.selected];
     }
@@ -445,7 +463,7 @@ fn shown_contribution(inputs: ptr<function, Inputs>, j: u32, r: Receiver) -> vec
 #ifdef PLANT_CONFIDENCE_OF_SUCCESS
 fn count_confidence(mis: ptr<function, MisInputs>) {
     for (var j = 1u; j < (*mis).count; j++) {
-        (*mis).confidence[j] *= f32((*mis).targets[j] > 0.0);
+        (*mis).confidence[j] *= f32(target_of(mis, 0u, j) > 0.0);
     }
 }
 #else

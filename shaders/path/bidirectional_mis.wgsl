@@ -22,7 +22,7 @@ fn mis_camera_start(splats: f32, camera_density: f32) -> MisState {
 
 // The ray of a light sub-path before it arrives at y1.  All densities already hold at y1, so that `mis_arrive` gets the distance 1.
 // `nee_density`, `light_density`: with which next-event estimation and light sub-paths sample the light's point, in solid angle about y1;
-// a delta light has their ratio only.  `emission_density`: of the light's rays at y1, for each unit of perpendicular area.
+// of a delta light only their ratio matters.  `emission_density`: of the light's rays at y1, for each unit of perpendicular area.
 fn mis_light_start(nee_density: f32, light_density: f32, emission_density: f32, is_delta: bool) -> MisState {
     return MisState(nee_density / (light_density * emission_density), select(1.0 / (light_density * emission_density), 0.0, is_delta));
 }

@@ -1,6 +1,6 @@
 // Walks along light sub-paths (Veach 1997, 10): from a light towards the camera.  A vertex has the same BSDF value as in a path from the
 // camera, for light that arrives from the light's side and leaves to the camera's side.  So radiance scales in glass as it does in camera
-// paths, and shading normals need Veach's factor (ibid., 5.3).
+// paths (for delta lobes that cancels: `delta_value`), and shading normals need Veach's factor (ibid., 5.3).
 #define_import_path bevy_restir::path::light_path
 
 #import bevy_restir::bsdf::bsdf::{bsdf_draw, bsdf_eval, bsdf_pdf}
@@ -44,7 +44,7 @@ fn scattered_value(s: Surface, wo: vec3<f32>, towards_light: vec3<f32>) -> vec3<
     return bsdf_eval(s.bsdf, wo, towards_light) / arrival_cosine(s, towards_light);
 }
 
-// The surface as `wo` sees it, without its emission.  Light scatters below the front side only.
+// The surface as `wo` sees it.  `emission` stays that of the side that `s` was built for.  Light scatters below the front side only.
 fn surface_towards(s: Surface, wo: vec3<f32>) -> Surface {
     var t = s;
     t.bsdf = lobes_towards(s.bsdf, wo);
@@ -53,6 +53,11 @@ fn surface_towards(s: Surface, wo: vec3<f32>) -> Surface {
         t.bsdf.subsurface = subsurface_at(s.instance, s.bsdf.base_color, t.front != 0u, 0.0, s.offset).weight;
     }
     return t;
+}
+
+// Density with which a sub-path that arrives from `wi` would be scattered to `wo`.
+fn reverse_pdf(s: Surface, wi: vec3<f32>, wo: vec3<f32>) -> f32 {
+    return bsdf_pdf(surface_towards(s, wi).bsdf, wi, wo);
 }
 
 // Cosine at which a ray arrives.  Values and MIS states are divided by it, so it is not 0 where the ray arrives edge-on.
@@ -83,7 +88,8 @@ fn begin_light_path(light: u32, rng: ptr<function, Rng>, previous: bool) -> Ligh
     w.events = 1u;
     w.throughput = ray.power;
     w.start_power = max_component(ray.power);
-    w.open_distance = w.hit.t;
+    // Light from infinity is not absorbed on its way to the first vertex, as in `transmittance`.
+    w.open_distance = select(w.hit.t, 0.0, is_at_infinity(ray.light));
     w = arrived(w, ray.direction, previous);
     w.state = mis_arrive(first_state(ray, w.surface.position), 1.0, arrival_cosine(w.surface, ray.direction));
     return w;
@@ -164,8 +170,9 @@ fn advance_light_path(walk: LightWalk, rng: ptr<function, Rng>, previous: bool) 
 }
 
 // Value of a delta lobe, divided by its probability and by the geometric cosine of the new direction.  The sample `b` was drawn from the
-// light's side, so two of its factors are corrected: the scaling of radiance by the index of refraction is undone, because a light sub-path
-// carries power, and the share of the coat is that of the camera's side.
+// light's side, so two of its factors are corrected.  It scales radiance by 1/eta², as for light that goes the other way: that is undone.
+// Light that goes to the camera's side has radiance scaled by eta² and projected solid angle by 1/eta², so that no factor takes its place.
+// The share of the coat becomes that of the camera's side.
 fn delta_value(s: Surface, out: Surface, towards_light: vec3<f32>, b: BsdfSample) -> vec3<f32> {
     var n = s.bsdf.n;
     var value = b.weight * (b.eta * b.eta);

@@ -2,6 +2,7 @@
 #define_import_path bevy_restir::path::medium
 
 #import bevy_restir::bsdf::types::bsdf_is_thin
+#import bevy_restir::common::constants::FAR
 #import bevy_restir::scene::surface::Surface
 
 // Absorption coefficient (1/m) along a ray that leaves `s` towards `wi`, where `medium` is that of the ray that arrived.
@@ -13,9 +14,10 @@ fn medium_towards(s: Surface, wi: vec3<f32>, medium: vec3<f32>) -> vec3<f32> {
     return select(vec3<f32>(0.0), s.attenuation, s.front != 0u);
 }
 
+// A ray that escapes from the scene is not absorbed: it has no length, and the object around its origin is open.
 fn transmittance(medium: vec3<f32>, distance: f32) -> vec3<f32> {
-    // Drivers return NaN for huge exponents, such as those of rays to the environment, whose distance is FAR; exp(-200) is 0 in f32.
-    return exp(-min(medium * distance, vec3<f32>(200.0)));
+    // Drivers return NaN for huge exponents; exp(-200) is 0 in f32.
+    return exp(-min(medium * select(distance, 0.0, distance >= FAR), vec3<f32>(200.0)));
 }
 #else
 fn medium_towards(s: Surface, wi: vec3<f32>, medium: vec3<f32>) -> vec3<f32> {

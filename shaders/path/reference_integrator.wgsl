@@ -190,7 +190,7 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
     var from_point = camera_ray.origin;
     // Density of the last direction; 0 for directions that NEE cannot sample.
     var pdf = 0.0;
-    // Squared relative indices of refraction: roulette must not mistake the scaling of radiance in glass for absorption.
+    // Squared relative indices of refraction (`survival_probability`).
     var eta_scale = 1.0;
 
     for (var scattered = 0u; scattered <= view.bounces; scattered++) {

@@ -6,7 +6,7 @@
 #import bevy_restir::light::analytic_area_light::DISTANCE_TOLERANCE
 #import bevy_restir::light::types::LightSample
 #import bevy_restir::scene::bindings::lights
-#import bevy_restir::scene::offset::{offset_distance, offset_point}
+#import bevy_restir::scene::offset::{offset_distance, offset_end, offset_point}
 #import bevy_restir::scene::surface::Surface
 #import bevy_restir::trace::trace::trace_any
 #import bevy_restir::view::render_layers::light_kind
@@ -16,7 +16,7 @@ fn ray_to_light(s: Surface, l: LightSample) -> Ray {
     let origin = offset_point(s.position, s.bsdf.n_geo, l.wi, s.offset);
     var ray = Ray(origin, 0.0, l.wi, FAR);
     if l.distance < FAR {
-        let end = offset_point(l.position, l.normal, -l.wi, light_offset(l));
+        let end = offset_end(l.position, l.normal, -l.wi, light_offset(l), l.distance);
         ray.direction = end - origin;
         ray.t_max = shadow_ray_t_max(l);
     }
@@ -27,7 +27,7 @@ fn ray_to_light(s: Surface, l: LightSample) -> Ray {
 fn ray_between(a: Surface, b: Surface) -> Ray {
     let direction = b.position - a.position;
     let origin = offset_point(a.position, a.bsdf.n_geo, direction, a.offset);
-    let end = offset_point(b.position, b.bsdf.n_geo, -direction, b.offset);
+    let end = offset_end(b.position, b.bsdf.n_geo, -direction, b.offset, length(direction));
     return Ray(origin, 0.0, end - origin, 1.0);
 }
 

@@ -4,11 +4,10 @@
 // A weight is the reciprocal of a sum of ratios of densities, one for each competing technique.  A shift changes the part of a path before
 // its reconnection vertex.  The sum depends on that part only through 1/p and S/p: p is the density of the direction after the reconnection
 // vertex, and S is the sum over the techniques that join the sub-paths before it.  The sum has the form a + b/p + c S/p, where a, b and c
-// do not change in a shift.  A vec3 of this module holds such coefficients (of 1, 1/p and S/p), and a reservoir stores b/a and c/a
-// (Hedstrom et al. 2025, 6.2 and 6.3, store 84 bytes instead: the difference of 244 and 160 bytes in section 8).
+// do not change in a shift.  A vec3 of this module holds such coefficients, in the order (1, 1/p, S/p), and a reservoir stores b/a and c/a.
+// (Hedstrom et al. 2025, 6.2 and 6.3, store 84 bytes for this; their section 8 gives reservoirs of 160 and 244 bytes.)
 #define_import_path bevy_restir::path::technique_weights
 
-#import bevy_restir::bsdf::bsdf::bsdf_pdf
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::guard::{GUARD_LIGHT_SAMPLE, guarded_or_infinite}
 #import bevy_restir::light::emission::emission_density
@@ -16,7 +15,7 @@
 #import bevy_restir::light::types::{LightSample, no_light_sample}
 #import bevy_restir::light::triangle::triangle_light_pdf_solid_angle
 #import bevy_restir::path::bidirectional_mis::{mis_arrive, mis_camera_start}
-#import bevy_restir::path::light_path::{arrival_cosine, surface_towards}
+#import bevy_restir::path::light_path::{arrival_cosine, reverse_pdf}
 #import bevy_restir::path::nee::expected_nee_candidates
 #import bevy_restir::path::walk::{Step, Vertex}
 #import bevy_restir::scene::surface::Surface
@@ -44,15 +43,15 @@ struct CameraState {
     basis: vec3<f32>,          // (1, 1/p, S/p); (1, 0, 0) before the reconnection vertex
 }
 
-// MIS weight of a technique with these coefficients of the sum over all competing techniques (`rivals_of_*`).
-fn weight_of(rivals: vec3<f32>, s: CameraState) -> f32 {
-    return 1.0 / dot(rivals, s.basis);
+// MIS weight: the reciprocal of the sum with these coefficients (`mis_sum_of_*`).
+fn weight_of(coefficients: vec3<f32>, s: CameraState) -> f32 {
+    return 1.0 / dot(coefficients, s.basis);
 }
 
-// MIS weight of a path whose coefficients are stored: `rivals` are those of 1/p and S/p, divided by the coefficient of 1.  The stored radiance
-// is divided by the coefficient of 1, too.
-fn stored_weight(rivals: vec2<f32>, s: CameraState) -> f32 {
-    return 1.0 / (1.0 + dot(rivals, s.basis.yz));
+// MIS weight of a path that stores its coefficients: those of 1/p and S/p, divided by that of 1.  The stored radiance is divided by the
+// coefficient of 1, too.
+fn stored_weight(coefficients: vec2<f32>, s: CameraState) -> f32 {
+    return 1.0 / (1.0 + dot(coefficients, s.basis.yz));
 }
 
 // The state of the ray that leaves the reconnection vertex in a direction of this density.  `sum`: S.
@@ -74,6 +73,7 @@ fn scaled(k: f32, v: vec3<f32>) -> vec3<f32> {
 // The light sample that NEE would have taken where a ray hits an emissive surface; `light` is NONE for one that is not in the table of lights.
 fn emitter_sample(n: Surface, wi: vec3<f32>, instance: u32, triangle: u32, from_point: vec3<f32>, previous: bool) -> LightSample {
     var l = no_light_sample();
+    l.delta = 0u;
     l.light = n.light;
     l.wi = wi;
     l.normal = n.bsdf.n_geo;
@@ -84,35 +84,36 @@ fn emitter_sample(n: Surface, wi: vec3<f32>, instance: u32, triangle: u32, from_
     return l;
 }
 
-// Coefficients of the competitors of a ray that hits the light sample `l`.  The ray left the vertex of this index by a delta lobe
-// (`by_delta`) or by another one.
-fn rivals_of_hit(s: CameraState, l: LightSample, by_delta: bool, index: u32, counts: TechniqueCounts) -> vec3<f32> {
+// Coefficients of the sum for a ray that hits the light sample `l`.  The ray left the vertex of this index by a delta lobe (`by_delta`) or
+// by another one.
+fn mis_sum_of_hit(s: CameraState, l: LightSample, by_delta: bool, index: u32, counts: TechniqueCounts) -> vec3<f32> {
     if l.light == NONE {
         return vec3<f32>(1.0, 0.0, 0.0);
     }
     let nee = guarded_or_infinite(nee_density(l, index, counts), GUARD_LIGHT_SAMPLE);
-    return rivals_unless_alone(vec3<f32>(1.0, 0.0, 0.0) + scaled(nee, s.last) + emitted_density(l, select(counts.shares.nee, counts.shares.caustic, by_delta)) * s.earlier);
+    let share = select(counts.shares.nee, counts.shares.caustic, by_delta);
+    return unless_alone(vec3<f32>(1.0, 0.0, 0.0) + scaled(nee, s.last) + emitted_density(l, share) * s.earlier);
 }
 
-// Coefficients of the competitors of NEE of the light sample `l` at the vertex `v` of this index, where the BSDF samples the direction with
+// Coefficients of the sum for NEE of the light sample `l` at the vertex `v` of this index, where the BSDF samples the direction with
 // density `pdf`.
-fn rivals_of_nee(s: CameraState, v: Vertex, l: LightSample, pdf: f32, index: u32, counts: TechniqueCounts) -> vec3<f32> {
+fn mis_sum_of_nee(s: CameraState, v: Vertex, l: LightSample, pdf: f32, index: u32, counts: TechniqueCounts) -> vec3<f32> {
     let nee = nee_density(l, index, counts);
     if !(nee > 0.0) {
         return vec3<f32>(1.0, 0.0, 0.0);
     }
     let hit = select(pdf / nee, 0.0, l.delta != 0u);
-    return rivals_unless_alone(vec3<f32>(1.0 + hit, 0.0, 0.0) + found_by_light_paths(s, v, l, nee, counts));
+    return unless_alone(vec3<f32>(1.0 + hit, 0.0, 0.0) + found_by_light_paths(s, v, l, nee, counts));
 }
 
 // TEST_ALONE: tests use techniques without their weights.
 #ifdef TEST_ALONE
-fn rivals_unless_alone(rivals: vec3<f32>) -> vec3<f32> {
+fn unless_alone(coefficients: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(1.0, 0.0, 0.0);
 }
 #else
-fn rivals_unless_alone(rivals: vec3<f32>) -> vec3<f32> {
-    return rivals;
+fn unless_alone(coefficients: vec3<f32>) -> vec3<f32> {
+    return coefficients;
 }
 #endif
 
@@ -129,7 +130,7 @@ fn state_of_ray(s: CameraState, v: Vertex, step: Step, is_reconnection: bool) ->
     if step.delta {
         return CameraState(vec3<f32>(0.0), cos_out * s.earlier, s.basis);
     }
-    let sum = s.last + s.earlier * reverse_pdf(v, step.wi);
+    let sum = s.last + s.earlier * reverse_pdf(v.surface, step.wi, v.wo);
     if is_reconnection {
         return behind_reconnection(cos_out, step.pdf, sum.x);
     }
@@ -141,11 +142,6 @@ fn state_at(s: CameraState, n: Surface, wi: vec3<f32>, from_point: vec3<f32>, co
     let d = n.position - from_point;
     let cos_in = arrival_cosine(n, wi);
     return CameraState(s.last * (counts.connects * dot(d, d) / cos_in), s.earlier / cos_in, s.basis);
-}
-
-// Density with which a sub-path that arrives from `wi` would be scattered to where `v` was reached from.
-fn reverse_pdf(v: Vertex, wi: vec3<f32>) -> f32 {
-    return bsdf_pdf(surface_towards(v.surface, wi).bsdf, wi, v.wo);
 }
 
 // A light sub-path does not know the index of the vertex that NEE starts from, so that weights assume one light candidate at every vertex.
@@ -160,7 +156,7 @@ fn emitted_density(l: LightSample, share: f32) -> f32 {
 
 fn found_by_light_paths(s: CameraState, v: Vertex, l: LightSample, nee: f32, counts: TechniqueCounts) -> vec3<f32> {
     let cosine = abs(dot(v.surface.bsdf.n_geo, l.wi));
-    return emitted_density(l, counts.shares.nee) / nee * cosine * (s.last + s.earlier * reverse_pdf(v, l.wi));
+    return emitted_density(l, counts.shares.nee) / nee * cosine * (s.last + s.earlier * reverse_pdf(v.surface, l.wi, v.wo));
 }
 #else
 fn camera_state(v: Vertex, camera_density: f32, counts: TechniqueCounts) -> CameraState {

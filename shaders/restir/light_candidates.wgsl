@@ -35,7 +35,7 @@ fn light_candidate(position: vec3<f32>, subset: u32, rng: ptr<function, Rng>) ->
         return Candidate(p, choice.pmf * l.pdf_scale, l, opacity_of(l));
     }
     var s = subsets[subset * settings.subset_size + min(u32(u.x * f32(settings.subset_size)), settings.subset_size - 1u)];
-    // A record without a light holds its guards in place of coordinates.
+    // Before `coordinates` is overwritten: a record that a guard stopped keeps the guard's bits there.
     let pmf = presampled_pmf(s);
     s.coordinates = point_by_solid_angle(presampled_point(s), position, u.zw).coordinates;
     let l = presampled_at(s, position);

@@ -4,9 +4,9 @@
 // Lin et al. 2022 (Lanz 2025, Eqs. 28-29), where confidence multiplies the targets.  Eqs. 26-27 of Lanz 2025 are none of these: at equal
 // confidence they weight a pair by p_i/(p_i + p_c), where MIS_PAIRWISE has k p_i/(k p_i + p_c).
 //
-// Domain i is the domain of integration of the pixel of input i.  `targets` has, for domain i and sample j, the target of domain i at sample
-// j, shifted there from the canonical domain, times the Jacobian of that shift; 0 if the shift is not defined.  Domain 0 and sample 0 are the
-// canonical ones.
+// Pixel i, domain i of the papers, is the one that input i comes from.  `targets` has, for pixel i and sample j, the target of pixel i at
+// sample j, shifted there from the canonical pixel, times the Jacobian of that shift; 0 if the shift is not defined.  Pixel 0 and sample 0
+// are the canonical ones.
 #define_import_path bevy_restir::restir::mis
 
 #import bevy_restir::common::guard::{GUARD_MIS_WEIGHT, guard_holds, guarded}
@@ -32,13 +32,17 @@ struct MisInputs {
     targets: array<f32, MAX_TARGETS>,
 }
 
-fn target_of(inputs: ptr<function, MisInputs>, domain: u32, sample: u32) -> f32 {
-    return (*inputs).targets[domain * MAX_INPUTS + sample];
+fn target_of(inputs: ptr<function, MisInputs>, at_pixel: u32, sample: u32) -> f32 {
+    return (*inputs).targets[at_pixel * MAX_INPUTS + sample];
 }
 
-// Whether a kind of weights needs the target of domain i at sample j; other targets may be 0.
-fn mis_needs_target(kind: u32, domain: u32, sample: u32) -> bool {
-    if domain == sample || domain == 0u {
+fn set_target(inputs: ptr<function, MisInputs>, at_pixel: u32, sample: u32, value: f32) {
+    (*inputs).targets[at_pixel * MAX_INPUTS + sample] = value;
+}
+
+// Whether a kind of weights needs the target of pixel i at sample j; other targets may be 0.
+fn mis_needs_target(kind: u32, at_pixel: u32, sample: u32) -> bool {
+    if at_pixel == sample || at_pixel == 0u {
         return true;
     }
     switch kind {
@@ -54,7 +58,7 @@ fn mis_needs_target(kind: u32, domain: u32, sample: u32) -> bool {
     }
 }
 
-// The weight m_j of sample j.  The weights of all domains that can draw a sample sum to 1.
+// The weight m_j of sample j.  The weights of all pixels that can draw a sample sum to 1.
 fn mis_weight(inputs: ptr<function, MisInputs>, kind: u32, sample: u32) -> f32 {
     let weight = guarded(unguarded_weight(inputs, kind, sample), GUARD_MIS_WEIGHT);
     _ = guard_holds(weight <= 1.0 + WEIGHT_ROUNDING, GUARD_MIS_WEIGHT);
@@ -86,7 +90,7 @@ fn total_confidence(inputs: ptr<function, MisInputs>) -> f32 {
     return max(sum, 1.0e-30);
 }
 
-// Weight by confidence, and by the target too if `by_target`; otherwise over the domains whose target is positive.
+// Weight by confidence, and by the target too if `by_target`; otherwise over the pixels whose target is positive.
 fn balance_weight(inputs: ptr<function, MisInputs>, by_target: bool, sample: u32) -> f32 {
     // Targets are divided by the greatest one: confidence times a huge target would overflow.
     var greatest = 0.0;
@@ -110,7 +114,7 @@ fn balance_weight(inputs: ptr<function, MisInputs>, by_target: bool, sample: u32
     return own / sum;
 }
 
-// Pairwise weights sum over pairs of a neighbor and the canonical domain, each a balance heuristic of two.  In the three kinds, `weight` is
+// Pairwise weights sum over pairs of a neighbor and the canonical pixel, each a balance heuristic of two.  In the three kinds, `weight` is
 // the weight of a pair, and `neighbor_scale` and `canonical_scale` are the factors of its two targets.
 fn pairwise_weight(inputs: ptr<function, MisInputs>, kind: u32, sample: u32) -> f32 {
     let k = (*inputs).count - 1u;

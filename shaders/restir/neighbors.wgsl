@@ -21,41 +21,41 @@ fn neighbor_ids(pixel: vec2<u32>) -> vec2<u32> {
     return textureLoad(visibility, pixel, 0).xy;
 }
 
-// The pixel's own surface, and its place in the image, pixels; both in the frame that neighbors are taken from.
-struct OwnPlace {
+// Where a pixel takes neighbors: its surface and the position of that in the image, both in the frame that neighbors are taken from.
+struct ReuseCenter {
     shape: Shape,
-    place: vec2<f32>,
+    position: vec2<f32>,       // pixels
     pixel: vec2<f32>,          // center of the pixel, in this frame
     radius: f32,               // of the disk that its neighbors are in, pixels
 }
 
-fn own_place(ids: vec2<u32>, pixel: vec2<u32>, radius: f32) -> OwnPlace {
-    let center = vec2<f32>(pixel) + 0.5;
+fn reuse_center(ids: vec2<u32>, pixel: vec2<u32>, radius: f32) -> ReuseCenter {
+    let at = vec2<f32>(pixel) + 0.5;
     if has(RESAMPLE_FROM_PREVIOUS) {
         let shape = previous_pixel_shape(ids, pixel);
-        // The surface was found by a ray with the jitter of this frame, and the pixels of the last frame show surfaces with its jitter.  The
-        // nearest pixel is sought as if both were 0: otherwise all samples of a picture at rest would move by one pixel, in one direction,
-        // whenever the jitter changes by more than half a pixel.  Bilinear places take both into account: they move in all directions with
-        // the same probability.
+        // The surface was found with the jitter of this frame, and those of the last frame with its own.  For the nearest pixel, both
+        // jitters are ignored: otherwise all samples of a still picture would move by one pixel, in one direction, whenever the jitter
+        // changes by more than half a pixel.  A bilinear choice uses both, because it moves samples in all directions with the same
+        // probability.
         let jitter = select(view.jitter, view.previous_jitter, has(RESAMPLE_BILINEAR));
-        return OwnPlace(shape, project(view.previous, shape.position) - jitter, center, radius);
+        return ReuseCenter(shape, project(view.previous, shape.position) - jitter, at, radius);
     }
-    return OwnPlace(pixel_shape(ids, pixel, false), center, center, radius);
+    return ReuseCenter(pixel_shape(ids, pixel, false), at, at, radius);
 }
 
-// A neighbor; NONE where none is found.  `is_own`: the place of the surface itself in the last frame.
-fn find_neighbor(own: OwnPlace, is_own: bool, rng: ptr<function, Rng>) -> vec2<u32> {
-    let attempts = select(settings.neighbor_attempts, settings.temporal_attempts, is_own);
+// A neighbor; NONE where none is found.  `is_temporal`: the pixel that showed the surface in the last frame.
+fn find_neighbor(center: ReuseCenter, is_temporal: bool, rng: ptr<function, Rng>) -> vec2<u32> {
+    let attempts = select(settings.neighbor_attempts, settings.temporal_attempts, is_temporal);
     // One loop, so that the test for similarity is in the program once.
-    let last = select(attempts, attempts + 1u, is_own && has(RESAMPLE_DUAL_MOTION));
+    let last = select(attempts, attempts + 1u, is_temporal && has(RESAMPLE_DUAL_MOTION));
     for (var t = 0u; t < last; t++) {
         var at: vec2<f32>;
         if t == attempts {
-            at = place_beside_occluder(own);
+            at = position_beside_occluder(center);
         } else {
-            at = own.place + neighbor_offset(own, is_own, t, rng_2(rng));
+            at = center.position + neighbor_offset(center, is_temporal, t, rng_2(rng));
         }
-        let pixel = similar_pixel(own.shape, at);
+        let pixel = similar_pixel(center.shape, at);
         if pixel.x != NONE {
             return pixel;
         }
@@ -63,7 +63,7 @@ fn find_neighbor(own: OwnPlace, is_own: bool, rng: ptr<function, Rng>) -> vec2<u
     return vec2<u32>(NONE);
 }
 
-// The pixel at a place, in the frame that neighbors are taken from; NONE if its surface is not similar.
+// The pixel at a position, in the frame that neighbors are taken from; NONE if its surface is not similar.
 fn similar_pixel(own: Shape, at: vec2<f32>) -> vec2<u32> {
     if !(all(at >= vec2<f32>(0.0)) && all(at < vec2<f32>(view.size))) {
         return vec2<u32>(NONE);
@@ -76,34 +76,34 @@ fn similar_pixel(own: Shape, at: vec2<f32>) -> vec2<u32> {
     return pixel;
 }
 
-// A place for a surface that an object hid in the last frame (dual motion vectors, Zeng et al. 2021; Lin et al. 2026, supplement, 7): the
-// offset from the object to the surface in this frame is added to the object's place in the last frame.  The background there is often
-// similar to the surface.
-fn place_beside_occluder(own: OwnPlace) -> vec2<f32> {
-    if !(all(own.place >= vec2<f32>(0.0)) && all(own.place < vec2<f32>(view.size))) {
+// Where to look for a surface that an object hid in the last frame (dual motion vectors, Zeng et al. 2021; Lin et al. 2026, supplement, 7):
+// the offset from the object to the surface in this frame is added to the object's position in the last frame.  The background there is
+// often similar to the surface.
+fn position_beside_occluder(center: ReuseCenter) -> vec2<f32> {
+    if !(all(center.position >= vec2<f32>(0.0)) && all(center.position < vec2<f32>(view.size))) {
         return vec2<f32>(-1.0);
     }
-    let pixel = min(vec2<u32>(own.place), view.size - 1u);
+    let pixel = min(vec2<u32>(center.position), view.size - 1u);
     let ids = neighbor_ids(pixel);
     if ids.x == NONE || !instance_exists(ids.x, false) {
         return vec2<f32>(-1.0);
     }
     let barycentrics = barycentrics_on_ray(world_triangle(ids.x, ids.y, true), previous_primary_ray(pixel));
     let occluder = surface_point(ids.x, ids.y, barycentrics, false);
-    return own.place + own.pixel - project(view.current, occluder);
+    return center.position + center.pixel - project(view.current, occluder);
 }
 
 // Along edges and at the border of the image, the jitter of the camera moves the nearest pixel to another surface.  The pixels next to it
 // then show the same surface.
-const OWN_RADIUS: f32 = 1.5;
+const TEMPORAL_RADIUS: f32 = 1.5;
 
-// Offset of an attempt, pixels: uniform in a disk.  The surface itself is sought first at the nearest pixel, or at one of four that is chosen
-// at random by bilinear weights.
-fn neighbor_offset(own: OwnPlace, is_own: bool, attempt: u32, u: vec2<f32>) -> vec2<f32> {
-    if is_own && attempt == 0u {
+// Offset of an attempt, pixels: uniform in a disk.  The first temporal attempt is the nearest pixel, or one of the four around, chosen by
+// bilinear weights.
+fn neighbor_offset(center: ReuseCenter, is_temporal: bool, attempt: u32, u: vec2<f32>) -> vec2<f32> {
+    if is_temporal && attempt == 0u {
         return select(vec2<f32>(0.0), u - 0.5, has(RESAMPLE_BILINEAR));
     }
-    return ring_offset(u, 0.0, select(own.radius, OWN_RADIUS, is_own));
+    return ring_offset(u, 0.0, select(center.radius, TEMPORAL_RADIUS, is_temporal));
 }
 
 // Uniform between two circles.

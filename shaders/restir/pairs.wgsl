@@ -3,7 +3,7 @@
 #define_import_path bevy_restir::restir::pairs
 
 #import bevy_restir::common::constants::NONE
-#import bevy_restir::common::rng::STREAM_PAIRS
+#import bevy_restir::common::rng::{seeded, STREAM_PAIRS}
 #import bevy_restir::restir::bindings::{pair_masks, settings}
 #import bevy_restir::restir::pairing::{pair_key, partner_of}
 #import bevy_restir::view::bindings::view
@@ -33,7 +33,7 @@ fn slots_of(mask: u32) -> u32 {
 
 // The partner of a pixel in a slot; it may lie outside of the image.
 fn partner_in_slot(pixel: vec2<u32>, slot: u32) -> vec2<u32> {
-    let stream = STREAM_PAIRS + settings.iteration + view.seed * 0x9e3779b9u;
+    let stream = seeded(STREAM_PAIRS + settings.iteration, view.seed);
     return partner_of(pixel, settings.pair_tile_bits, pair_key(view.frame, stream, slot));
 }
 
@@ -43,7 +43,7 @@ fn partner_in_slot(pixel: vec2<u32>, slot: u32) -> vec2<u32> {
 fn pair_in_slot(pixel: vec2<u32>, own: u32, slot: u32) -> Pair {
     var pair = Pair(vec2<u32>(NONE), 0u, 0u, slot);
     let partner = partner_in_slot(pixel, slot);
-    let other = textureLoad(pair_masks, partner, 0).x;
+    let other = pair_mask(partner);
     // Rounding may make a surface similar to another that is not similar to it; and the partner may have found enough others before.
     if !has_slot(other, slot) {
         return pair;

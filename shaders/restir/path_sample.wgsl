@@ -26,7 +26,7 @@ struct PathSample {
     wi: vec3<f32>,            // direction after vertex k; direction of the environment where the path ends there
     radiance: vec3<f32>,      // arriving at vertex k from wi, divided by the densities of everything sampled after k, and by the
                               // coefficient of 1 (`path/technique_weights.wgsl`); its missing factor is `stored_weight`
-    rivals: vec2<f32>,        // the coefficients of 1/p and S/p, divided by that of 1 (`stored_weight`)
+    mis_coefficients: vec2<f32>,  // the coefficients of 1/p and S/p, divided by that of 1 (`stored_weight`)
     light: LightPoint,        // of NEE, and of a sphere, rectangle or sun that was hit; NONE for triangles and the environment
     density: f32,             // of sampling vertex k from k - 1, in the measure of its triangle or light (uniform, total 1), times that
                               // of the direction after it, solid angle; denominator of the shift's Jacobian (Lin et al. 2026,
@@ -44,7 +44,7 @@ fn no_path_sample() -> PathSample {
 // Path fields that a shift changes.
 struct ShiftResult {
     radiance: vec3<f32>,
-    rivals: vec2<f32>,
+    mis_coefficients: vec2<f32>,
     density: f32,
     target_value: f32,
 }
@@ -52,7 +52,7 @@ struct ShiftResult {
 fn with_shift_result(s: PathSample, r: ShiftResult) -> PathSample {
     var p = s;
     p.radiance = r.radiance;
-    p.rivals = r.rivals;
+    p.mis_coefficients = r.mis_coefficients;
     p.density = r.density;
     p.target_value = r.target_value;
     return p;

@@ -8,7 +8,7 @@
 
 struct Reservoir {
     path: PathSample,
-    ucw: f32,              // W: E[f(X) W] = ∫ f, in the measure of the technique; 0: no sample
+    ucw: f32,              // W: E[f(X) W] = ∫ f, in the measure of the domain; 0: no sample
     confidence: f32,       // in frames' worth of candidates
     seen: bool,            // always true: a path that is occluded is not stored
 }

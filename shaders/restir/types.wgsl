@@ -6,11 +6,11 @@ struct ResampleSettings {
     subset_count: u32,         // presampled light subsets; 0: every pixel draws from the whole table of lights
     subset_size: u32,
     light_tile_size: u32,      // pixels a side that share a subset
-    temporal_samples: u32,     // 0 or 1: the place of the surface itself in the last frame
-    spatial_samples: u32,      // neighbors around that place
+    temporal_samples: u32,     // 0 or 1: the pixel that showed the surface in the last frame
+    spatial_samples: u32,      // neighbors around that pixel
     disocclusion_samples: u32, // neighbors where the surface was not visible in the last frame
-    neighbor_attempts: u32,    // places that are tried for each neighbor
-    temporal_attempts: u32,    // places that are tried for the surface itself in the last frame
+    neighbor_attempts: u32,    // positions that are tried for each neighbor
+    temporal_attempts: u32,    // positions that are tried for the temporal neighbor
     radius: f32,               // of the disk that neighbors are in, pixels
     confidence_cap: f32,       // greatest confidence of a neighbor, in frames' worth of candidates
     decorrelation: f32,        // share of the confidence that a sample loses if all pixels around it hold it, too
@@ -30,9 +30,10 @@ struct ResampleSettings {
     nee_share: f32,            // `LightShares`
     caustic_share: f32,
     subsurface_shift: u32,     // SUBSURFACE_*
+    probes: u32,               // of a pixel (sss)
     pair_layers: u32,          // shifts that a pixel keeps in paired reuse
     pair_tile_bits: u32,       // tiles of paired reuse have 2^pair_tile_bits pixels a side
-    domain: u32,               // place among the domains of the technique, from 0
+    domain: u32,               // index among the domains of the technique, from 0
 }
 
 // BSDF sampling adds a candidate to those of the lights.
@@ -61,7 +62,7 @@ const RESAMPLE_SHADE: u32 = 1024u;
 const RESAMPLE_CANDIDATES_VISIBLE: u32 = 2048u;
 // Candidates are selected by arriving light, without the BSDF.
 const RESAMPLE_TARGET_WITHOUT_BSDF: u32 = 4096u;
-// The surface itself is sought at one of the four pixels around its place.
+// The temporal neighbor is one of the four pixels around the reprojected position, chosen by bilinear weights.
 const RESAMPLE_BILINEAR: u32 = 8192u;
 // Only neighbors of the same material are similar.
 const RESAMPLE_SAME_MATERIAL: u32 = 16384u;
@@ -77,7 +78,7 @@ const RESAMPLE_DIFFUSE_SECONDARY: u32 = 262144u;
 const RESAMPLE_INVERT_PROBES: u32 = 524288u;
 // Vertices of camera sub-paths are connected with vertices of light sub-paths.
 const RESAMPLE_CONNECTIONS: u32 = 1048576u;
-// Where the surface was hidden in the last frame, a place beside the object that hid it is tried.
+// Where the surface was hidden in the last frame, a position beside the object that hid it is tried.
 const RESAMPLE_DUAL_MOTION: u32 = 2097152u;
 // Russian roulette ends no path.
 const RESAMPLE_NO_ROULETTE: u32 = 4194304u;

@@ -8,6 +8,8 @@
 
 // Half an ulp of 1, times a factor for errors that the bound neglects.
 const ROUNDING: f32 = 0x1p-24 * 2.0;
+// Bound on the rounding errors of an intersection test, relative to the distance of the ray's origin.
+const END_ROUNDING: f32 = 0x1p-20;
 
 // A point in world space.  `offset_distance` bounds the error of this order of operations.
 fn surface_point(instance: u32, triangle: u32, barycentrics: vec2<f32>, previous: bool) -> vec3<f32> {
@@ -45,6 +47,12 @@ fn offset_distance(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> f32
 // Moves a point off its surface, to the side that `direction` points to.
 fn offset_point(position: vec3<f32>, n_geo: vec3<f32>, direction: vec3<f32>, distance: f32) -> vec3<f32> {
     return position + n_geo * select(-distance, distance, dot(direction, n_geo) >= 0.0);
+}
+
+// Moves the end of a ray of this length off its surface.  The intersection test rounds relative to the distance of the ray's origin, which
+// may be far greater than the surface.
+fn offset_end(position: vec3<f32>, n_geo: vec3<f32>, direction: vec3<f32>, distance: f32, ray_length: f32) -> vec3<f32> {
+    return offset_point(position, n_geo, direction, distance + END_ROUNDING * ray_length);
 }
 
 // Interpolated by the edges, not by weights of three corners: far from the mesh's origin, edges are more precise.

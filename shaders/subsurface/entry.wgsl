@@ -23,7 +23,7 @@
 
 struct Entry {
     surface: Surface,
-    weight: vec3<f32>,         // the profile over the density of the point; `exit_factor` is missing
+    weight: vec3<f32>,         // the profile over the density of the point, without `exit_factor`
     valid: bool,
 }
 
@@ -50,7 +50,8 @@ fn subsurface_probability(s: Surface, wo: vec3<f32>) -> f32 {
     return clamp(below / (below + above), LOBE_PROBABILITY_MIN, 1.0 - LOBE_PROBABILITY_MIN);
 }
 
-// The factors of the BSSRDF at the point where light leaves: albedo, weight, interface and coat.
+// The factors of the BSSRDF at the point where light leaves: albedo, subsurface weight, the share that is not transmitted diffusely,
+// interface and coat.
 fn exit_factor(s: Surface, wo: vec3<f32>) -> vec3<f32> {
     let f0 = s.bsdf.dielectric_reflectance;
     return (1.0 - coat_share(s.bsdf, wo)) * reflected_share(s) * s.bsdf.subsurface * diffuse_base(s.bsdf)

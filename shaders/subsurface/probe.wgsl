@@ -10,7 +10,7 @@
 #import bevy_restir::scene::bindings::scene
 #import bevy_restir::subsurface::profile::{profile_inverse, profile_pdf, profile_sample, REACH}
 
-// A technique with its random numbers.
+// A probe: its axis, the channel whose profile it samples, and its random numbers.
 struct Probe {
     axis: u32,                 // 0: along the normal; 1, 2: along the tangents
     channel: u32,

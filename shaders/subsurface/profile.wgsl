@@ -27,14 +27,14 @@ fn profile_pdf(r: f32) -> f32 {
     return profile(r) / TOTAL;
 }
 
-// Radius with the density of the bounded profile, which is the inverse of its distribution at `u`.  The tail beyond RADIUS_MIN is inverted
-// in closed form (Golubev 2019).
+// Samples a radius by inverting the distribution of the bounded profile at `u`.  The tail beyond RADIUS_MIN is inverted in closed form
+// (Golubev 2019).
 fn profile_sample(u: f32) -> f32 {
     let mass = u * TOTAL;
     if mass < CORE {
         return RADIUS_MIN * sqrt(mass / CORE);
     }
-    let v = max(1.0 - CORE_EXACT + CORE - mass, 1.0e-9);
+    let v = max(TOTAL - mass, 1.0e-9);
     let g = 1.0 + 4.0 * v * (2.0 * v + sqrt(1.0 + 4.0 * v * v));
     let root = pow(g, 1.0 / 3.0);
     return 3.0 * log((1.0 + 1.0 / root + root) / (4.0 * v));

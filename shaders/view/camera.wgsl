@@ -15,11 +15,16 @@ fn is_orthographic() -> bool {
     return (view.flags & VIEW_ORTHOGRAPHIC) != 0u;
 }
 
-// The ray through a point of the image (pixels, y down).
-fn camera_ray(camera: Camera, at: vec2<f32>) -> Ray {
+// The point of the near plane, in view space, at a point of the image (pixels, y down).
+fn near_point(camera: Camera, at: vec2<f32>) -> vec3<f32> {
     let uv = at / vec2<f32>(view.size);
     let near = camera.view_from_clip * vec4<f32>(2.0 * uv.x - 1.0, 1.0 - 2.0 * uv.y, 1.0, 1.0);
-    let p = near.xyz / near.w;
+    return near.xyz / near.w;
+}
+
+// The ray through a point of the image.
+fn camera_ray(camera: Camera, at: vec2<f32>) -> Ray {
+    let p = near_point(camera, at);
     let point = (camera.world_from_view * vec4<f32>(p, 1.0)).xyz;
     let offset = (camera.world_from_view * vec4<f32>(p, 0.0)).xyz;
     let origin = select(camera.world_from_view[3].xyz, point, is_orthographic());
@@ -29,10 +34,9 @@ fn camera_ray(camera: Camera, at: vec2<f32>) -> Ray {
 
 // Footprint of a pixel at a distance along its ray.
 fn pixel_cone(camera: Camera, ray: Ray, distance: f32) -> Cone {
-    let half = abs(vec2<f32>(camera.view_from_clip[0].x, camera.view_from_clip[1].y));
-    let pixel = 2.0 * sqrt(half.x * half.y / (f32(view.size.x) * f32(view.size.y)));
+    let pixel = sqrt(camera.image_area / (f32(view.size.x) * f32(view.size.y)));
     // Pixels have equal sizes in the image plane, not equal angles.
-    let cosine = abs(dot(ray.direction, normalize(camera.world_from_view[2].xyz)));
+    let cosine = abs(dot(ray.direction, camera.image_normal));
     let perspective = cone_along(Cone(0.0, pixel * cosine), distance);
     let width = select(perspective.width, pixel, is_orthographic());
     return Cone(width, select(perspective.spread, 0.0, is_orthographic()));
@@ -77,19 +81,17 @@ fn camera_point(camera: Camera, p: vec3<f32>) -> CameraPoint {
     let clip = camera.clip_from_world * vec4<f32>(p, 1.0);
     let at = project(camera, p);
     let inside = clip.w > 0.0 && clip.z >= 0.0 && clip.z <= clip.w && all(at >= vec2<f32>(0.0)) && all(at < vec2<f32>(view.size));
-    let uv = at / vec2<f32>(view.size);
-    let near = camera.view_from_clip * vec4<f32>(2.0 * uv.x - 1.0, 1.0 - 2.0 * uv.y, 1.0, 1.0);
-    return CameraPoint(at, inside, camera_ray(camera, at), (camera.world_from_view * vec4<f32>(near.xyz / near.w, 1.0)).xyz);
+    let near = (camera.world_from_view * vec4<f32>(near_point(camera, at), 1.0)).xyz;
+    return CameraPoint(at, inside, camera_ray(camera, at), near);
 }
 
 // Density of a camera ray that is uniform in its pixel, at a distance: samples per unit of area perpendicular to the ray, 1/m².
 // `direction`: of the ray, to either end.
 fn camera_density(camera: Camera, direction: vec3<f32>, distance: f32) -> f32 {
-    let half = abs(vec2<f32>(camera.view_from_clip[0].x, camera.view_from_clip[1].y));
-    let pixel = 4.0 * half.x * half.y / (f32(view.size.x) * f32(view.size.y));
-    let cosine = abs(dot(direction, normalize(camera.world_from_view[2].xyz)));
+    let pixel = camera.image_area / (f32(view.size.x) * f32(view.size.y));
+    let cosine = abs(dot(direction, camera.image_normal));
     let perspective = pixel * cosine * cosine * cosine * distance * distance;
-    return 1.0 / select(perspective, pixel, is_orthographic());
+    return 1.0 / select(perspective, pixel * cosine, is_orthographic());
 }
 
 // Projects a point to pixels, y down, without jitter.  Points behind the camera are far outside of the image.

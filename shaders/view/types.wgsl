@@ -1,11 +1,13 @@
 // Uniforms of a view.  A test holds each struct X equal to `GpuX` in `src/gpu_layout.rs`.
 #define_import_path bevy_restir::view::types
 
-// Matrices of a camera, without jitter; reverse z.
+// A camera without jitter; reverse z.
 struct Camera {
     clip_from_world: mat4x4<f32>,
     world_from_view: mat4x4<f32>,
     view_from_clip: mat4x4<f32>,
+    image_normal: vec3<f32>,   // unit normal of the image in world space
+    image_area: f32,           // of the image at a distance of 1 m from a perspective camera, or of the orthographic image; m²
 }
 
 struct ViewUniforms {

@@ -20,6 +20,7 @@ use crate::{
         domain::Domain,
         frame::Step,
         pass::{ComputePass, Dispatch, Pass, PassResource},
+        reuse_schedule::IterationKind,
     },
     view::{RestirView, ViewPool, counters::GuardRun, history::presample_workgroups, pairs::ReplayQueue},
 };
@@ -62,7 +63,7 @@ pub(super) fn run_passes(
     }
     let iterations = |domain: &Domain| {
         let reservoirs = state.history.as_ref().and_then(|h| h.of(domain));
-        reservoirs.map_or(vec![false], |reservoirs| reservoirs.schedule().paired_iterations())
+        reservoirs.map_or(vec![IterationKind::Search], |reservoirs| reservoirs.schedule().iteration_kinds())
     };
     for step in key.frame.steps(iterations) {
         match step.pass {

@@ -14,6 +14,7 @@ use bevy::{
         schedule::{Core3d, Core3dSystems},
     },
     ecs::prelude::*,
+    pbr::{deferred::deferred_lighting, screen_space_reflections},
     render::{Render, RenderSystems},
 };
 
@@ -33,6 +34,9 @@ pub(crate) fn build(render_app: &mut SubApp) {
             Core3d,
             executor::run_passes
                 .in_set(RestirSystems::RunPasses)
+                // The first pass that is recorded clears the picture, so the order of recording must be that of submission.
+                .after(deferred_lighting)
+                .after(screen_space_reflections)
                 .before(main_opaque_pass_3d)
                 .in_set(Core3dSystems::MainPass),
         );

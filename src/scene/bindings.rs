@@ -89,8 +89,8 @@ pub(crate) struct SceneBindings {
     pub draws_key: [u64; 2],
     /// Bits of the cameras that do not see some instance or light which another camera sees.
     pub hidden_from: u32,
-    /// Whether there is an object that cameras see and no other ray hits (`NotShadowCaster`), or the reverse (`RestirMaterial`).
-    pub has_half_seen: bool,
+    /// Whether there is an object that only cameras see (`NotShadowCaster`), or that only other rays hit (`RestirMaterial`).
+    pub has_camera_dependent_objects: bool,
 }
 
 /// Textures of one texel, bound in place of missing ones.

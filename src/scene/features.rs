@@ -78,6 +78,24 @@ impl FeatureMemory {
 }
 
 impl SceneFeatures {
+    /// Contents of a scene whose light takes paths that shaders without the feature never sample.  All other contents, such as textures,
+    /// only change the light of a path.
+    pub(crate) const PATHS: Self = Self::LIGHT_TRIANGLES
+        .union(Self::LIGHT_POINTS)
+        .union(Self::LIGHT_DIRECTIONAL)
+        .union(Self::LIGHT_SPHERES)
+        .union(Self::LIGHT_RECTS)
+        .union(Self::LIGHT_SHAPES)
+        .union(Self::SUN_DISK)
+        .union(Self::ENVIRONMENT)
+        .union(Self::ENVIRONMENT_MAP)
+        .union(Self::ALPHA)
+        .union(Self::CLEARCOAT)
+        .union(Self::TRANSMISSION)
+        .union(Self::THIN_WALL)
+        .union(Self::DIFFUSE_TRANSMISSION)
+        .union(Self::RENDER_LAYERS);
+
     /// The shader definitions of these features.
     pub fn shader_defs(self) -> Vec<ShaderDefVal> {
         self.names().into_iter().map(|def| ShaderDefVal::Bool(def.into(), true)).collect()

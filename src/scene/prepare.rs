@@ -262,7 +262,7 @@ fn summarize(bindings: &mut SceneBindings, pools: &Pools) {
     bindings.triangles = instances.totals.triangles;
     bindings.instances = instances.totals.instances;
     bindings.lights = lights.count() as u64;
-    bindings.has_half_seen = instances.totals.has_half_seen();
+    bindings.has_camera_dependent_objects = instances.totals.has_camera_dependent_objects();
     bindings.hidden_from = instances.totals.hidden_from() | lights.hidden_from;
 }
 

@@ -53,7 +53,7 @@ impl Bdpt {
     }
 
     /// Brings every field into its range.
-    pub(super) fn validate(&mut self, report: &mut dyn FnMut(Problem)) {
+    pub(super) fn clamp(&mut self, report: &mut dyn FnMut(Problem)) {
         let mut ranges = Ranges { path: "bdpt.", report };
         ranges.number("light_paths", &mut self.light_paths, 0.0, 8.0);
         ranges.number("reuse_gain", &mut self.reuse_gain, 1.0, 1000.0);

@@ -38,8 +38,8 @@ pub struct RestirBudget {
 pub(crate) struct BudgetStep(pub u32);
 
 impl Restir {
-    /// These settings with fewer samples, as [`RestirBudget`] uses them.  At step 0 they are unchanged; each further step takes away one
-    /// thing.  Paths come first, then direct light, each in this order: iterations of spatial reuse down to one, then neighbors one by one,
+    /// These settings with fewer samples, as [`RestirBudget`] uses them.  At step 0 they are unchanged; each further step makes one
+    /// reduction.  Paths come first, then direct light, each in this order: iterations of spatial reuse down to one, then neighbors one by one,
     /// then all extra neighbors of disocclusions.  After that the light candidates of direct light are halved, down to 4.  Steps after the
     /// last one change nothing.  Fields out of their range are brought into it, except at step 0.
     #[must_use]
@@ -47,7 +47,7 @@ impl Restir {
         if step == 0 {
             return self.clone();
         }
-        let mut settings = self.clone().valid();
+        let mut settings = self.clone().clamped();
         for _ in 0..step {
             if !settings.reduce() {
                 break;
@@ -57,14 +57,14 @@ impl Restir {
     }
 
     /// These settings with every field in its range.
-    pub(crate) fn valid(mut self) -> Self {
+    pub(crate) fn clamped(mut self) -> Self {
         self.clamp(&mut |_| {});
         self
     }
 
     /// Number of steps after which nothing can be reduced.
     pub(crate) fn reducible_steps(&self) -> u32 {
-        let mut settings = self.clone().valid();
+        let mut settings = self.clone().clamped();
         let mut steps = 0;
         while settings.reduce() {
             steps += 1;
@@ -128,11 +128,11 @@ mod tests {
                     assert!(settings.reduced(step) != settings.reduced(step + 1), "{technique:?}, step {step}");
                 }
                 assert_eq!(settings.reduced(steps), settings.reduced(steps + 1));
-                assert_eq!(settings.reduced(steps).of_history(), settings.of_history());
+                assert_eq!(settings.reduced(steps).history_key(), settings.history_key());
                 assert!(settings.reduced(steps).validate().is_empty());
                 let mut wild = settings.clone();
                 (wild.paths.reuse.spatial_iterations, wild.direct.candidates) = (u32::MAX, u32::MAX);
-                assert_eq!(wild.reduced(u32::MAX).of_history(), wild.reduced(1).of_history());
+                assert_eq!(wild.reduced(u32::MAX).history_key(), wild.reduced(1).history_key());
             }
         }
     }

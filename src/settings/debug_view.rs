@@ -2,7 +2,7 @@
 
 use bevy::reflect::Reflect;
 
-/// Image of a camera instead of light.  [`RadianceCapture`](crate::RadianceCapture) receives the values as they are; the view target
+/// What a camera shows instead of light.  [`RadianceCapture`](crate::RadianceCapture) receives the values as they are; the view target
 /// receives them times [`Restir::debug_scale`](super::Restir::debug_scale), without exposure.  Only the parts of the light
 /// ([`Self::DiffuseLight`] and [`Self::SpecularLight`]) have the camera's exposure instead.  Where frames are accumulated (`Rays` and
 /// `Bounces` of the reference tracer, and everything with [`Restir::accumulate`](super::Restir::accumulate)) values are means.
@@ -91,9 +91,9 @@ pub enum DebugView {
     /// [`RestirReport::guards`](crate::RestirReport::guards) has the names.
     Guards,
     /// Light that enters objects with [`Subsurface`](crate::Subsurface): the distance from the surface of a pixel to the point where the light
-    /// of its stored sample enters, in lengths d of the color that scatters farthest, up to 19.86; black: no sample.  d is the length of the
-    /// diffusion profile (Burley 2015), which is the mean free path over 1.1 for a base color of 0.8.  The hybrid shift treats points from two
-    /// lengths on as far.  This view and the next four need [`Technique::Di`](super::Technique::Di),
+    /// of its stored sample enters, in multiples of the length d of the diffusion profile (Burley 2015) of the color that scatters farthest,
+    /// up to 19.86; black: no sample.  d is the mean free path over 1.1 for a base color of 0.8.  The hybrid shift treats points from 2 d on
+    /// as far.  This view and the next four need [`Technique::Di`](super::Technique::Di),
     /// [`Technique::Gi`](super::Technique::Gi), or [`Technique::Pt`](super::Technique::Pt) with
     /// [`Paths::separate_direct_light`](super::Paths::separate_direct_light), and are black in a scene without such objects.  They run no other
     /// resampling than that of this light, and cost no memory.  This view and the next one evaluate the surface of each pixel once more.

@@ -135,14 +135,14 @@ impl Direct {
     const MAX_PRESAMPLED: u32 = 1 << 21;
 
     /// Brings every field into its range.
-    pub(super) fn validate(&mut self, report: &mut dyn FnMut(Problem)) {
+    pub(super) fn clamp(&mut self, report: &mut dyn FnMut(Problem)) {
         let mut ranges = Ranges { path: "direct.", report };
         ranges.count("candidates", &mut self.candidates, 1, 64);
         ranges.count("subset_count", &mut self.subset_count, 0, 4096);
         let max_size = Self::MAX_PRESAMPLED / self.subset_count.max(1);
         ranges.count("subset_size", &mut self.subset_size, 1, max_size.min(16384));
         ranges.number("visibility_radius", &mut self.visibility_radius, 0.0, 1e6);
-        self.reuse.validate("direct.reuse.", 60.0, report);
+        self.reuse.clamp("direct.reuse.", 60.0, report);
         // Where no ray decides what is stored, weights without rays are right.
         let tests_candidates = matches!(self.visibility, VisibilityReuse::Candidates | VisibilityReuse::Decoupled);
         if self.bias_correction.uses_mis_rays() && tests_candidates {
@@ -160,7 +160,7 @@ mod tests {
         use VisibilityReuse::*;
         let reports = |bias_correction, visibility| {
             let mut problems = Vec::new();
-            Direct { bias_correction, visibility, ..Direct::default() }.validate(&mut |problem| problems.push(problem));
+            Direct { bias_correction, visibility, ..Direct::default() }.clamp(&mut |problem| problems.push(problem));
             problems
         };
         for visibility in [Ignored, Shading, Candidates, Discard, Resampled, Decoupled] {

@@ -193,14 +193,14 @@ impl Restir {
 
     /// These settings without those that only choose how many samples a frame takes, how it weights them and how it shows them: reservoirs of
     /// the last frame keep their meaning if nothing else has changed.
-    pub(crate) fn of_history(&self) -> Self {
+    pub(crate) fn history_key(&self) -> Self {
         let mut settings = self.clone();
         // `paths.candidates` stays: it is part of the MIS weights that reservoirs of paths store.
         settings.direct.candidates = 1;
         settings.firefly_limit = 0.0;
         settings.research.replay_compaction = true;
         for reuse in [&mut settings.direct.reuse, &mut settings.paths.reuse, &mut settings.subsurface.reuse] {
-            *reuse = reuse.of_history();
+            *reuse = reuse.history_key();
         }
         settings
     }
@@ -212,11 +212,11 @@ impl Restir {
         ranges.number_or("debug_scale", &mut self.debug_scale, 0.0, 1e6, 1.0);
         let least_limit = if self.firefly_limit > 0.0 { 1.0 } else { 0.0 };
         ranges.number("firefly_limit", &mut self.firefly_limit, least_limit, 1e6);
-        self.direct.validate(report);
-        self.paths.validate(report);
-        self.bdpt.validate(report);
-        self.subsurface.validate(report);
-        self.research.validate(report);
+        self.direct.clamp(report);
+        self.paths.clamp(report);
+        self.bdpt.clamp(report);
+        self.subsurface.clamp(report);
+        self.research.clamp(report);
         if !self.debug_view.shows(self) {
             report(Problem::NothingToShow(self.debug_view, self.technique));
         }

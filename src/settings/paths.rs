@@ -53,8 +53,8 @@ pub enum SuffixRetrace {
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
 pub struct Paths {
-    /// Light candidates at the first vertex of a path, 1 to 64; vertex B has 1/B² of them, at least one (other numbers there have not been
-    /// measured).  They come from the subsets of [`Direct`](super::Direct).  More give less noise at higher cost.  No bias.  Default 16.
+    /// Light candidates at the first vertex of a path, 1 to 64; the n-th vertex has 1/n² as many, but at least one (other counts have not
+    /// been measured).  They come from the subsets of [`Direct`](super::Direct).  More give less noise at higher cost.  No bias.  Default 16.
     pub candidates: u32,
     /// Resamples direct light apart from paths in [`Technique::Pt`](super::Technique::Pt), by [`Restir::direct`](super::Restir::direct)
     /// and, for translucent objects, [`Restir::subsurface`](super::Restir::subsurface): less noise where direct and bounced light meet, for
@@ -118,7 +118,7 @@ impl Default for Paths {
 
 impl Paths {
     /// Brings every field into its range.
-    pub(super) fn validate(&mut self, report: &mut dyn FnMut(Problem)) {
+    pub(super) fn clamp(&mut self, report: &mut dyn FnMut(Problem)) {
         let mut ranges = Ranges { path: "paths.", report };
         ranges.count("candidates", &mut self.candidates, 1, 64);
         ranges.number("roughness", &mut self.roughness, 0.0, 1.0);
@@ -126,6 +126,6 @@ impl Paths {
         ranges.number("distance", &mut self.distance, 0.0, 1e6);
         ranges.number("jacobian_limit", &mut self.jacobian_limit, 1.0, f32::MAX);
         ranges.number("decorrelation", &mut self.decorrelation, 0.0, 1.0);
-        self.reuse.validate("paths.reuse.", 30.0, report);
+        self.reuse.clamp("paths.reuse.", 30.0, report);
     }
 }

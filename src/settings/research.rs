@@ -74,7 +74,7 @@ impl Default for Research {
 
 impl Research {
     /// Brings every field into its range.
-    pub(super) fn validate(&mut self, report: &mut dyn FnMut(Problem)) {
+    pub(super) fn clamp(&mut self, report: &mut dyn FnMut(Problem)) {
         let mut ranges = Ranges { path: "research.", report };
         ranges.count("light_tile_size", &mut self.light_tile_size, 1, 16);
     }

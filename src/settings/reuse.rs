@@ -76,7 +76,7 @@ pub struct Reuse {
     /// direct light, otherwise 5.
     pub disocclusion_samples: u32,
     /// Pairs pixels for spatial reuse: two pixels that reuse each other's samples share the shifts between them, with their rays.  This
-    /// halves the shifts and the rays of spatial reuse, for the same noise.  Partners are sought in squares whose sides are 0.9 to 1.8
+    /// halves the shifts and the rays of spatial reuse, for the same noise.  Partners come from squares whose sides are 0.9 to 1.8
     /// times [`Reuse::radius`], and [`Reuse::neighbor_attempts`] has no effect.  No bias.  Applies to [`Paths`](super::Paths) alone, to
     /// iterations over samples of the same frame ([`ReuseOrder::TemporalThenSpatial`]) with a pairwise kind of [`Reuse::mis`].  Memory: 4
     /// bytes a pixel, and 16 for each of `spatial_samples` + 1 or `disocclusion_samples` shifts, whichever is more.  Default: on for paths.
@@ -150,7 +150,7 @@ impl Reuse {
     /// The defaults of [`Paths`](super::Paths), as in Lin et al. 2022 and 2026: temporal reuse, then one iteration of spatial reuse, history
     /// capped at 20 frames.  The radius is 60 pixels where they have 20: where light is found rarely, a smaller circle shares each find
     /// among too few pixels, which shows as blotches.  Pixels have four neighbors, or five where the surface has just come into view, in
-    /// pairs; without pairs each is sought at five places, since a pixel without a neighbor has only its own candidates, which leave it
+    /// pairs; without pairs up to five positions are tried for each, since a pixel without neighbors has only its own candidates and stays
     /// noisy or black (`docs/experiments.md`).
     pub const PATHS: Self = Self {
         order: ReuseOrder::TemporalThenSpatial,
@@ -164,7 +164,7 @@ impl Reuse {
     };
 
     /// The settings that reservoirs of a history depend on; the others are as in [`Self::PATHS`].
-    pub(super) fn of_history(&self) -> Self {
+    pub(super) fn history_key(&self) -> Self {
         // All fields are named, so that a new one cannot be forgotten.
         let &Self {
             order,
@@ -189,7 +189,7 @@ impl Reuse {
     }
 
     /// Brings every field into its range.
-    pub(super) fn validate(&mut self, path: &'static str, confidence_max: f32, report: &mut dyn FnMut(Problem)) {
+    pub(super) fn clamp(&mut self, path: &'static str, confidence_max: f32, report: &mut dyn FnMut(Problem)) {
         let mut ranges = Ranges { path, report };
         ranges.count("spatial_samples", &mut self.spatial_samples, 0, 5);
         ranges.count("disocclusion_samples", &mut self.disocclusion_samples, 0, 5);

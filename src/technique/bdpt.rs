@@ -82,10 +82,11 @@ const SPLATS: &Domain = &Domain {
 pub(super) const ROW: TechniqueRow = TechniqueRow {
     technique: Technique::Bdpt,
     domains: &[DOMAIN, SPLATS],
-    light: None,
-    rays: None,
-    subsurface: &[DOMAIN, SPLATS],
+    domains_with_subsurface: &[DOMAIN, SPLATS],
+    light_pass: None,
+    rays_pass: None,
 };
 
 /// With `LightTechniques::NoLightTracing`.
-pub(super) const WITHOUT_SPLATS: TechniqueRow = TechniqueRow { domains: &[DOMAIN], subsurface: &[DOMAIN], ..ROW };
+pub(super) const WITHOUT_SPLATS: TechniqueRow =
+    TechniqueRow { domains: &[DOMAIN], domains_with_subsurface: &[DOMAIN], ..ROW };

@@ -35,7 +35,7 @@ pub(super) const DOMAIN: &Domain = &Domain {
 pub(super) const ROW: TechniqueRow = TechniqueRow {
     technique: Technique::Di,
     domains: &[DOMAIN],
-    light: None,
-    rays: None,
-    subsurface: &[DOMAIN, sss::DOMAIN],
+    domains_with_subsurface: &[DOMAIN, sss::DOMAIN],
+    light_pass: None,
+    rays_pass: None,
 };

@@ -71,6 +71,7 @@ pub(crate) enum LightPart {
     Direct,
     /// Direct light that enters translucent objects.
     Subsurface,
+    /// Light of paths: bounced light, and direct light unless `Direct` has it.
     Paths,
     /// Light of light sub-paths that the camera sees.
     LightPaths,

@@ -5,6 +5,7 @@ use super::{
     domain::{Domain, PRESAMPLE},
     pass::{ComputePass, Pass, PassResource as R},
     reference::BOUNCES,
+    reuse_schedule::IterationKind,
     row,
 };
 use crate::{
@@ -64,20 +65,20 @@ enum Pairing {
 impl Pairing {
     fn of(settings: &Restir, domains: &[&Domain]) -> Self {
         let with_pairs = domains.iter().filter(|domain| domain.pairs.is_some());
-        let paired: Vec<_> = with_pairs.flat_map(|domain| (domain.schedule)(settings).paired_iterations()).collect();
-        match (paired.contains(&true), !paired.contains(&false)) {
-            (false, _) => Self::Never,
-            (true, false) => Self::Sometimes,
-            (true, true) => Self::Always,
+        let kinds: Vec<_> = with_pairs.flat_map(|domain| (domain.schedule)(settings).iteration_kinds()).collect();
+        match [IterationKind::Pairs, IterationKind::Search].map(|kind| kinds.contains(&kind)) {
+            [false, _] => Self::Never,
+            [true, true] => Self::Sometimes,
+            [true, false] => Self::Always,
         }
     }
 
-    /// For each kind of iteration that occurs: whether it makes pairs.
-    fn kinds(self) -> &'static [bool] {
+    /// The kinds of iterations that occur.
+    fn kinds(self) -> &'static [IterationKind] {
         match self {
-            Self::Never => &[false],
-            Self::Sometimes => &[false, true],
-            Self::Always => &[true],
+            Self::Never => &[IterationKind::Search],
+            Self::Sometimes => &[IterationKind::Search, IterationKind::Pairs],
+            Self::Always => &[IterationKind::Pairs],
         }
     }
 }
@@ -121,7 +122,7 @@ impl Frame {
             DebugView::Bounces => Show::Bounces,
             _ => {
                 let samples = |&domain: &&'static Domain| Some(Show::Samples(domain, domain.debug_pass_of(view)?));
-                row.subsurface.iter().find_map(samples).unwrap_or(Show::Surface)
+                row.domains_with_subsurface.iter().find_map(samples).unwrap_or(Show::Surface)
             }
         };
         let (technique, connects) = (settings.technique, settings.bdpt.connects());
@@ -141,7 +142,7 @@ impl Frame {
     /// The domains of its light.
     fn domains_of_light(self) -> &'static [&'static Domain] {
         let row = self.row();
-        if self.subsurface { row.subsurface } else { row.domains }
+        if self.subsurface { row.domains_with_subsurface } else { row.domains }
     }
 
     /// The content of its picture.  The view of a domain that the scene has no use for becomes one of surfaces, whose pass leaves it black.
@@ -167,8 +168,8 @@ impl Frame {
         }
     }
 
-    /// Its steps in order.  `iterations`: of reuse in a domain, and whether each makes pairs.
-    pub(crate) fn steps(self, iterations: impl Fn(&Domain) -> Vec<bool>) -> Vec<Step> {
+    /// Its steps in order.  `iterations`: the kinds of a domain's iterations of reuse, in order.
+    pub(crate) fn steps(self, iterations: impl Fn(&Domain) -> Vec<IterationKind>) -> Vec<Step> {
         let mut steps = vec![Step { pass: Pass::Visibility, name: "visibility", domain: None, iteration: 0 }];
         let compute = |pass: &'static ComputePass, domain| Step {
             pass: Pass::Compute(pass),
@@ -185,10 +186,10 @@ impl Frame {
             steps.extend(light_paths.map(|passes| compute(&passes.trace, Some(domain))));
             steps.push(compute(&domain.candidates, Some(domain)));
             steps.extend(domain.forward.iter().map(|pass| compute(pass, Some(domain))));
-            for (iteration, is_paired) in iterations(domain).into_iter().enumerate() {
+            for (iteration, kind) in iterations(domain).into_iter().enumerate() {
                 let names = &domain.names;
                 let step = |pass, name| Step { name, iteration, ..compute(pass, Some(domain)) };
-                let pairs = domain.pairs.as_ref().filter(|_| is_paired);
+                let pairs = domain.pairs.as_ref().filter(|_| kind == IterationKind::Pairs);
                 if let Some(pairs) = pairs {
                     steps.push(step(&pairs.neighbors, names.pair_neighbors[iteration]));
                     let shifts = if self.compacts { &pairs.short_shifts } else { &pairs.shifts };
@@ -201,7 +202,7 @@ impl Frame {
             }
             steps.extend(light_paths.filter(|_| self.connects).map(|passes| compute(&passes.connect, Some(domain))));
         }
-        let light = self.row().light.unwrap_or(&RESOLVE);
+        let light = self.row().light_pass.unwrap_or(&RESOLVE);
         if self.show == Show::Guards {
             // The pass that sums the light may raise guards, too.
             steps.push(compute(light, None));
@@ -209,7 +210,7 @@ impl Frame {
         let last = match self.shown() {
             Show::Light => (light, None),
             Show::Guards => (&DEBUG_GUARDS, None),
-            Show::Rays => (self.row().rays.unwrap_or(&DEBUG_RAYS), None),
+            Show::Rays => (self.row().rays_pass.unwrap_or(&DEBUG_RAYS), None),
             Show::Bounces => (&BOUNCES, None),
             Show::Samples(domain, index) => (&domain.debug[index].pass, Some(domain)),
             Show::Surface => (&DEBUG_SURFACE, None),
@@ -222,6 +223,7 @@ impl Frame {
 
     /// Its passes, each once.
     pub(crate) fn passes(self) -> impl Iterator<Item = Pass> {
+        // One iteration of each kind, because iterations of a kind share their passes.
         let kinds = |domain: &Domain| domain.pairs.as_ref().map_or(Pairing::Never, |_| self.pairing).kinds().to_vec();
         self.steps(kinds).into_iter().map(|step| step.pass)
     }
@@ -242,11 +244,17 @@ impl PipelineKey {
         self.frame == wanted.frame && !(self.features ^ wanted.features).intersects(of_settings)
     }
 
-    /// Whether these pipelines can reuse reservoirs that the pipelines of another key have written.  Other features do not matter: a
+    /// Whether these pipelines can read the reservoirs that the pipelines of another key have written.  Other features do not matter: a
     /// feature adds code for its own subject, and leaves all other code and its random numbers unchanged.  Pairs do not matter, because
     /// their data are not kept between iterations.
-    pub(crate) fn keeps_histories_of(self, last: Self) -> bool {
+    pub(crate) fn reads_reservoirs_of(self, last: Self) -> bool {
         let unpaired = |frame| Frame { pairing: Pairing::Never, compacts: false, ..frame };
         unpaired(self.frame) == unpaired(last.frame)
+    }
+
+    /// Whether these pipelines sample paths that those of another key never sampled, such as paths to the first point light.  That light was
+    /// in the scene while the pipelines were compiled, but the reservoirs of those frames could not hold it.
+    pub(crate) fn samples_more_than(self, last: Self) -> bool {
+        self.features.difference(last.features).intersects(SceneFeatures::PATHS)
     }
 }

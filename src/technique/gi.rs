@@ -32,7 +32,7 @@ const DOMAIN: &Domain = &Domain {
 pub(super) const ROW: TechniqueRow = TechniqueRow {
     technique: Technique::Gi,
     domains: &[di::DOMAIN, DOMAIN],
-    light: None,
-    rays: None,
-    subsurface: &[di::DOMAIN, sss::DOMAIN, DOMAIN],
+    domains_with_subsurface: &[di::DOMAIN, sss::DOMAIN, DOMAIN],
+    light_pass: None,
+    rays_pass: None,
 };

@@ -26,11 +26,12 @@ pub(crate) struct TechniqueRow {
     pub technique: Technique,
     /// Domains in the order of their passes; none for the reference tracer.
     pub domains: &'static [&'static Domain],
-    /// Passes of a technique without domains: one writes light, and one the number of rays per pixel for a debug view.
-    pub light: Option<&'static ComputePass>,
-    pub rays: Option<&'static ComputePass>,
     /// Domains in a scene that has `Subsurface`, in place of `domains`.
-    pub subsurface: &'static [&'static Domain],
+    pub domains_with_subsurface: &'static [&'static Domain],
+    /// Pass that writes the light of a technique without domains.
+    pub light_pass: Option<&'static ComputePass>,
+    /// Pass that writes the number of rays of each pixel, for the debug view of such a technique.
+    pub rays_pass: Option<&'static ComputePass>,
 }
 
 /// All techniques.
@@ -65,16 +66,16 @@ impl DebugView {
     /// Whether the technique of some settings has something to show.  Views of [`Subsurface`](crate::Subsurface) also need a scene that has it.
     pub fn shows(self, settings: &Restir) -> bool {
         let shows_it = |domain: &Domain| domain.debug_pass_of(self).is_some();
-        row(settings.technique, RowChoice::of(settings)).subsurface.iter().any(|domain| shows_it(domain))
-            || !all_domains().any(shows_it)
+        let row = row(settings.technique, RowChoice::of(settings));
+        row.domains_with_subsurface.iter().any(|domain| shows_it(domain)) || !all_domains().any(shows_it)
     }
 }
 
 /// Names of the passes that a camera runs with these settings, as time spans have them.  `features`: those of the last frame
 /// ([`RestirReport::features`](crate::RestirReport::features)); a scene with [`Subsurface`](crate::Subsurface) has passes of its own.
 pub fn pass_names(settings: &Restir, features: SceneFeatures) -> Vec<&'static str> {
-    let settings = &settings.clone().valid();
-    let iterations = |domain: &Domain| (domain.schedule)(settings).paired_iterations();
+    let settings = &settings.clone().clamped();
+    let iterations = |domain: &Domain| (domain.schedule)(settings).iteration_kinds();
     let mut frame = Frame::of(settings);
     if features.contains(SceneFeatures::SUBSURFACE) {
         frame = frame.with_subsurface();
@@ -84,12 +85,13 @@ pub fn pass_names(settings: &Restir, features: SceneFeatures) -> Vec<&'static st
 
 /// The domains of all techniques; those that techniques share come more than once.
 pub(crate) fn all_domains() -> impl Iterator<Item = &'static Domain> {
-    TECHNIQUES.iter().chain([&pt::SEPARATE]).flat_map(|row| row.domains.iter().chain(row.subsurface)).copied()
+    let rows = TECHNIQUES.iter().chain([&pt::SEPARATE]);
+    rows.flat_map(|row| row.domains.iter().chain(row.domains_with_subsurface)).copied()
 }
 
 /// Place of a domain among those of its technique, from 0.  It does not depend on the debug view, nor on whether the scene has `Subsurface`.
 pub(crate) fn place_in_technique(domain: &Domain) -> u32 {
-    let place = |row: &TechniqueRow| row.subsurface.iter().position(|other| *other == domain);
+    let place = |row: &TechniqueRow| row.domains_with_subsurface.iter().position(|other| *other == domain);
     TECHNIQUES.iter().chain([&pt::SEPARATE]).find_map(place).unwrap_or(0) as u32
 }
 
@@ -157,8 +159,9 @@ mod tests {
     #[test]
     fn domains_of_a_technique_have_different_places() {
         for row in TECHNIQUES.iter().chain([&pt::SEPARATE]) {
-            assert!(row.domains.iter().all(|domain| row.subsurface.contains(domain)), "{:?}", row.technique);
-            let places: Vec<_> = row.subsurface.iter().map(|domain| place_in_technique(domain)).collect();
+            let all = row.domains_with_subsurface;
+            assert!(row.domains.iter().all(|domain| all.contains(domain)), "{:?}", row.technique);
+            let places: Vec<_> = all.iter().map(|domain| place_in_technique(domain)).collect();
             assert!(places.iter().zip(0..).all(|(place, index)| *place == index), "{:?}: {places:?}", row.technique);
         }
     }

@@ -90,7 +90,7 @@ pub(crate) struct ComputePass {
     pub name: &'static str,
     /// Name of its file in `shaders/pass/` and of its entry point.
     pub file: &'static str,
-    /// Rooms of `shaders/` that `#import technique::{...}` stands for, the nearest first; empty where the shader has no such line.
+    /// Rooms of `shaders/` that `#import domain::{...}` stands for, the nearest first; empty where the shader has no such line.
     pub technique_rooms: &'static [&'static str],
     /// Shader definitions besides those of the scene's features.
     pub defs: &'static [&'static str],

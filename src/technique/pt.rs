@@ -63,9 +63,17 @@ const fn domain(
     }
 }
 
-pub(super) const ROW: TechniqueRow =
-    TechniqueRow { technique: Technique::Pt, domains: &[DOMAIN], light: None, rays: None, subsurface: &[DOMAIN] };
+pub(super) const ROW: TechniqueRow = TechniqueRow {
+    technique: Technique::Pt,
+    domains: &[DOMAIN],
+    domains_with_subsurface: &[DOMAIN],
+    light_pass: None,
+    rays_pass: None,
+};
 
 /// With `Paths::separate_direct_light`.
-pub(super) const SEPARATE: TechniqueRow =
-    TechniqueRow { domains: &[di::DOMAIN, INDIRECT], subsurface: &[di::DOMAIN, sss::DOMAIN, INDIRECT], ..ROW };
+pub(super) const SEPARATE: TechniqueRow = TechniqueRow {
+    domains: &[di::DOMAIN, INDIRECT],
+    domains_with_subsurface: &[di::DOMAIN, sss::DOMAIN, INDIRECT],
+    ..ROW
+};

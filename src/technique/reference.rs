@@ -15,7 +15,7 @@ pub(super) const BOUNCES: ComputePass = ComputePass { name: "reference_bounces",
 pub(super) const ROW: TechniqueRow = TechniqueRow {
     technique: Technique::Reference,
     domains: &[],
-    light: Some(&LIGHT),
-    rays: Some(&RAYS),
-    subsurface: &[],
+    domains_with_subsurface: &[],
+    light_pass: Some(&LIGHT),
+    rays_pass: Some(&RAYS),
 };

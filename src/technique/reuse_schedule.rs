@@ -22,6 +22,15 @@ const MAX_PAIR_LAYERS: u32 = 6;
 /// Greatest number of iterations in a frame: one over the last frame, and four over this one.
 pub(crate) const MAX_ITERATIONS: usize = 5;
 
+/// How an iteration finds neighbors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum IterationKind {
+    /// Each pixel searches for its own.
+    Search,
+    /// Pixels are paired, and each shift serves both partners.
+    Pairs,
+}
+
 /// An iteration of reuse.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Iteration {
@@ -29,8 +38,8 @@ pub(crate) struct Iteration {
     pub from_previous: bool,
     temporal_samples: u32,
     spatial_samples: u32,
-    /// More neighbors are sought where the surface was not visible in the last frame.
-    seeks_more: bool,
+    /// Takes `disocclusion_samples` neighbors where the surface was not visible in the last frame.
+    extra_at_disocclusions: bool,
     /// Neighbors are partners, and each shift serves both of them.
     pub paired: bool,
     /// `SUBSURFACE_*`, for the domain of light that enters objects.
@@ -45,7 +54,7 @@ fn iterations(reuse: &Reuse) -> Vec<Iteration> {
         from_previous: true,
         temporal_samples: 0,
         spatial_samples: reuse.spatial_samples,
-        seeks_more: true,
+        extra_at_disocclusions: true,
         paired: false,
         subsurface_shift: 0,
     };
@@ -60,8 +69,8 @@ fn iterations(reuse: &Reuse) -> Vec<Iteration> {
                 from_previous: true,
                 temporal_samples,
                 spatial_samples: 0,
-                // The next iteration seeks more neighbors, among samples of this frame.
-                seeks_more: false,
+                // The next iteration takes more neighbors, among samples of this frame.
+                extra_at_disocclusions: false,
                 paired: false,
                 subsurface_shift: 0,
             });
@@ -164,7 +173,8 @@ impl ReuseSchedule {
                     SuffixRetrace::ForwardOnly => RESAMPLE_RETRACE_FORWARD,
                     SuffixRetrace::Off => 0,
                 },
-            // By the footprint of the path, paths reconnect at mirrors, from where they cannot be shifted, not even to the same pixel.
+            // With `PathFootprint` paths may reconnect at mirrors.  Such a path has no shift, not even to its own pixel, so the shortcut
+            // for unchanged frames (`is_same_pixel` in shaders/pass/reuse.wgsl) would be wrong.
             still_flags: if paths.reconnection == Reconnection::PathFootprint { 0 } else { RESAMPLE_SAME_RAYS },
             temporal_mis: MIS_BALANCE,
             reuse_gain: 1.0,
@@ -193,11 +203,7 @@ impl ReuseSchedule {
     pub(crate) fn of_subsurface(settings: &Restir) -> Self {
         let subsurface = &settings.subsurface;
         let common = common_settings(&subsurface.reuse, &settings.direct, &settings.research);
-        let flags = [
-            (true, RESAMPLE_TARGET_RAYS | RESAMPLE_MIS_RAYS),
-            (subsurface.heuristics, RESAMPLE_HEURISTICS),
-            (subsurface.shift == SubsurfaceShift::Sequential, RESAMPLE_INVERT_PROBES),
-        ];
+        let flags = [(true, RESAMPLE_TARGET_RAYS | RESAMPLE_MIS_RAYS), (subsurface.heuristics, RESAMPLE_HEURISTICS)];
         let mut iterations = iterations(&subsurface.reuse);
         let last = iterations.len() - 1;
         for (i, iteration) in iterations.iter_mut().enumerate() {
@@ -212,6 +218,7 @@ impl ReuseSchedule {
             iterations,
             common: GpuResampleSettings {
                 candidates: subsurface.candidates,
+                probes: subsurface.probes,
                 mis: mis_constant(BiasCorrection::UnbiasedMis, subsurface.reuse.mis),
                 flags: common.flags | flags_of(flags),
                 ..common
@@ -245,7 +252,7 @@ impl ReuseSchedule {
                 from_previous: true,
                 temporal_samples: u32::from(reuse.temporal),
                 spatial_samples: 0,
-                seeks_more: false,
+                extra_at_disocclusions: false,
                 paired: false,
                 subsurface_shift: 0,
             }],
@@ -263,9 +270,10 @@ impl ReuseSchedule {
         }
     }
 
-    /// Whether each iteration makes pairs.
-    pub(crate) fn paired_iterations(&self) -> Vec<bool> {
-        self.iterations.iter().map(|iteration| iteration.paired).collect()
+    /// The kinds of the iterations, in order.
+    pub(crate) fn iteration_kinds(&self) -> Vec<IterationKind> {
+        let kind = |iteration: &Iteration| if iteration.paired { IterationKind::Pairs } else { IterationKind::Search };
+        self.iterations.iter().map(kind).collect()
     }
 
     /// How many shifts a pixel stores, at most, in an iteration with pairs; 0 if no iteration makes pairs.
@@ -281,7 +289,7 @@ impl ReuseSchedule {
             if iteration.paired {
                 return self.pair_layers();
             }
-            let disocclusion = if iteration.seeks_more { self.common.disocclusion_samples } else { 0 };
+            let disocclusion = if iteration.extra_at_disocclusions { self.common.disocclusion_samples } else { 0 };
             (iteration.temporal_samples + iteration.spatial_samples).max(disocclusion)
         });
         1 + neighbors.max().unwrap_or(0)
@@ -297,26 +305,25 @@ impl ReuseSchedule {
         let iteration = self.iterations[index];
         let available = |count| if !iteration.from_previous || last.has_history { count } else { 0 };
         let still_flags = flags_of([(last.still, RESAMPLE_STILL), (last.same_rays, RESAMPLE_SAME_RAYS)]);
+        // Probes are inverted once, before the iteration that draws them again.
+        let next = self.iterations.get(index + 1).map(|next| next.subsurface_shift);
+        let inverts_probes = iteration.subsurface_shift == SUBSURFACE_RECONNECTION && next == Some(SUBSURFACE_DELAYED);
         let flags = flags_of([
             (iteration.from_previous, RESAMPLE_FROM_PREVIOUS),
             (index + 1 == self.iterations.len(), RESAMPLE_SHADE),
             (index == 0, self.first_flags),
             (iteration.from_previous && last.moved, self.moved_flags),
             (iteration.from_previous, still_flags & self.still_flags),
+            (inverts_probes, RESAMPLE_INVERT_PROBES),
         ]);
-        // Probes are inverted once, before the iteration that draws them again.
-        let next = self.iterations.get(index + 1).map(|next| next.subsurface_shift);
-        let is_last_reconnection =
-            iteration.subsurface_shift == SUBSURFACE_RECONNECTION && next == Some(SUBSURFACE_DELAYED);
-        let without = if is_last_reconnection { 0 } else { RESAMPLE_INVERT_PROBES };
         let radius = scaled_radius(self.common.radius, height).max(MIN_RADIUS.min(self.common.radius));
         GpuResampleSettings {
             temporal_samples: available(iteration.temporal_samples),
             spatial_samples: available(iteration.spatial_samples),
             decorrelation: if iteration.from_previous { self.common.decorrelation } else { 0.0 },
-            disocclusion_samples: if iteration.seeks_more { self.common.disocclusion_samples } else { 0 },
+            disocclusion_samples: if iteration.extra_at_disocclusions { self.common.disocclusion_samples } else { 0 },
             mis: if iteration.spatial_samples == 0 { self.temporal_mis } else { self.common.mis },
-            flags: (self.common.flags | flags) & !without,
+            flags: self.common.flags | flags,
             iteration: index as u32,
             subsurface_shift: iteration.subsurface_shift,
             radius,

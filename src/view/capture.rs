@@ -55,16 +55,16 @@ impl RadianceCapture {
         self.state().captured.take()
     }
 
-    /// Whether a request waits for its frame.
-    pub(super) fn is_requested(&self) -> bool {
-        self.state().is_requested
+    /// The number of the request that waits for its frame.
+    pub(super) fn requested(&self) -> Option<u64> {
+        let state = self.state();
+        state.is_requested.then_some(state.requests)
     }
 
-    /// Marks the request as served by this frame and returns its number, which [`deliver`](Self::deliver) needs.
-    pub(super) fn begin(&self) -> u64 {
+    /// Marks a request as served, unless a newer one has been made meanwhile: that one waits for the next frame.
+    pub(super) fn begin(&self, request: u64) {
         let mut state = self.state();
-        state.is_requested = false;
-        state.requests
+        state.is_requested &= state.requests != request;
     }
 
     /// Hands the frame to the app, unless a newer request has been made meanwhile.

@@ -10,6 +10,8 @@ use bevy::{
     },
 };
 
+use core::sync::atomic::Ordering;
+
 use crate::scene::storage::allocation;
 
 use super::{
@@ -27,14 +29,14 @@ pub(crate) fn capture_radiance(
 ) {
     let mut is_reading = false;
     for (entity, view) in &extracted.0 {
-        let Some(capture) = view.capture.as_ref().filter(|c| c.is_requested()) else {
+        let Some((capture, request)) = &view.capture else {
             continue;
         };
-        let Some(view) = pool.views.get(entity).filter(|v| v.rendered) else {
+        let Some(view) = pool.views.get(entity).filter(|v| v.rendered && v.ran.load(Ordering::Relaxed)) else {
             continue;
         };
-        let request = capture.begin();
-        read_radiance((capture.clone(), request), &view.radiance, view.size, &device, &queue);
+        capture.begin(*request);
+        read_radiance((capture.clone(), *request), &view.radiance, view.size, &device, &queue);
         is_reading = true;
     }
     // Browsers cannot block; they run the callback on their own.

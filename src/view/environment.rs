@@ -11,6 +11,7 @@ use bevy::{
     ecs::prelude::*,
     image::Image,
     log::warn,
+    math::UVec2,
     platform::collections::{HashMap, HashSet},
     render::{
         render_asset::RenderAssets,
@@ -22,7 +23,8 @@ use bevy::{
 
 use super::{
     extract::{ExtractedEnvironment, ExtractedViews},
-    importance_map::{ImportanceMap, ImportancePasses, importance_bytes, texture},
+    importance_map::{ImportanceMap, ImportancePasses, importance_bytes},
+    texture,
 };
 use crate::{
     cpu_times::{CpuTimes, Stage},
@@ -155,7 +157,7 @@ pub(crate) fn prepare_environments(
 
 fn placeholders(device: &RenderDevice) -> (TextureView, TextureView) {
     let view = |format, label, dimension| {
-        texture(device, label, format, 1, 1, 1, TextureUsages::TEXTURE_BINDING)
+        texture(device, label, UVec2::ONE, 1, format, TextureUsages::TEXTURE_BINDING)
             .create_view(&TextureViewDescriptor { dimension: Some(dimension), ..Default::default() })
     };
     (

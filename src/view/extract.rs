@@ -32,7 +32,8 @@ pub(crate) struct ExtractedRestir {
     pub background_alpha: f32,
     /// The camera has a clear color; otherwise the pixels of earlier cameras stay where its rays miss everything.
     pub has_backdrop: bool,
-    pub capture: Option<RadianceCapture>,
+    /// A capture of this frame, and the number of its request.
+    pub capture: Option<(RadianceCapture, u64)>,
     /// Bit of its render layers ([`LayerSets`]).
     pub layers: u32,
 }
@@ -96,10 +97,12 @@ impl ExtractedEnvironment {
             let property = if kind == K::Skybox { "brightness" } else { "intensity" };
             return (None, problem(property, not_rendered));
         }
-        let rotation = Mat3::from_quat(rotation.normalize().inverse());
-        if !rotation.is_finite() {
+        // Bevy's optional assertions of `glam` forbid to normalize a rotation without a length.
+        let length = rotation.length();
+        if !(length.is_finite() && length > 0.0) {
             return (None, problem("rotation", not_rendered));
         }
+        let rotation = Mat3::from_quat((rotation / length).conjugate());
         let color = [color.red, color.green, color.blue];
         let color_problem = match color.iter().all(|c| c.is_finite()) {
             true => None,
@@ -191,7 +194,8 @@ pub(crate) fn extract_views(
                 has_backdrop: !matches!(camera.clear_color, bevy::camera::ClearColorConfig::None),
                 background: Vec3::new(clear.red, clear.green, clear.blue),
                 background_alpha: if clear.alpha.is_finite() { clear.alpha.clamp(0.0, 1.0) } else { 1.0 },
-                capture: capture.cloned(),
+                // A request that the app makes while this frame is rendered is for a later frame.
+                capture: capture.and_then(|capture| Some((capture.clone(), capture.requested()?))),
                 layers: sets.bit_of(layers),
             },
         );

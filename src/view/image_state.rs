@@ -19,8 +19,10 @@ pub(super) struct ImageState {
     pub environment: Option<ExtractedEnvironment>,
     pub layers: u32,
     pub background: [f32; 3],
-    /// Whether the projection is orthographic.  Uniforms have one such flag for both this frame's and the last frame's camera.
+    /// Whether the projection is orthographic, and whether the camera sees back faces.  Uniforms have one flag for both this frame's and the
+    /// last frame's camera.
     pub orthographic: bool,
+    pub sees_back_faces: bool,
     pub pipelines: PipelineKey,
 }
 
@@ -38,9 +40,10 @@ pub(crate) enum Reset {
     Size,
     Settings,
     RenderLayers,
-    /// From perspective to orthographic, or back.
+    /// From perspective to orthographic, from front faces to back faces, or back.
     Projection,
-    /// The technique or the debug view changed, the first translucent object appeared or the last one disappeared.
+    /// The technique or the debug view changed, the first translucent object appeared or the last one disappeared, or the pipelines for the
+    /// first light of a kind, or the first material with a new kind of paths, have been compiled.
     Pipelines,
 }
 
@@ -82,7 +85,10 @@ impl ResetCounts {
 impl ImageState {
     /// Whether a frame may be averaged with the frames before it: the expected image must be identical.
     fn can_accumulate_onto(&self, last: &Self) -> bool {
-        self == last
+        // A feature that nothing in the scene has any more leaves the image as it is.
+        let features = last.pipelines.features & self.pipelines.features;
+        let last_pipelines = PipelineKey { features, ..last.pipelines };
+        self.pipelines == last_pipelines && Self { pipelines: last.pipelines, ..self.clone() } == *last
     }
 
     /// The changes after which temporal reuse must not read the last frame's reservoirs.  It handles changes of instances, lights, the camera,
@@ -100,6 +106,7 @@ impl ImageState {
             layers,
             background: _,
             orthographic,
+            sees_back_faces,
             pipelines,
         } = self;
         let same_environment = match (environment, &last.environment) {
@@ -112,10 +119,13 @@ impl ImageState {
             (Reset::Scene, *edit_revision != last.edit_revision),
             (Reset::Environment, *environment_revision != last.environment_revision || !same_environment),
             (Reset::Size, *size != last.size),
-            (Reset::Settings, settings.of_history() != last.settings.of_history()),
+            (Reset::Settings, settings.history_key() != last.settings.history_key()),
             (Reset::RenderLayers, *layers != last.layers),
-            (Reset::Projection, *orthographic != last.orthographic),
-            (Reset::Pipelines, !pipelines.keeps_histories_of(last.pipelines)),
+            (Reset::Projection, (*orthographic, *sees_back_faces) != (last.orthographic, last.sees_back_faces)),
+            (
+                Reset::Pipelines,
+                !pipelines.reads_reservoirs_of(last.pipelines) || pipelines.samples_more_than(last.pipelines),
+            ),
         ]
         .into_iter()
         .filter_map(|(reset, changed)| changed.then_some(reset))
@@ -123,13 +133,16 @@ impl ImageState {
 
     /// Whether paths of the last frame may have another contribution now.
     fn has_moved_since(&self, last: &Self) -> bool {
-        self.motion_revision != last.motion_revision || self.environment != last.environment
+        self.motion_revision != last.motion_revision
+            || self.environment != last.environment
+            // New shaders may give the light of a path another value.
+            || self.pipelines.features != last.pipelines.features
     }
 
     /// Whether the random sequence continues.  Changes of the scene, the camera and the number of samples must not restart it, because the
     /// noise would freeze while they last.
     fn continues_sequence_of(&self, last: &Self) -> bool {
-        self.settings.of_history() == last.settings.of_history() && self.pipelines.keeps_histories_of(last.pipelines)
+        self.settings.history_key() == last.settings.history_key() && self.pipelines.reads_reservoirs_of(last.pipelines)
     }
 }
 

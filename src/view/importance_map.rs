@@ -7,6 +7,7 @@ use bevy::render::{
     texture::GpuImage,
 };
 
+use super::mipmapped_texture;
 use crate::{scene::SceneFeatures, shader_library::ShaderLibrary};
 
 /// Width of the finest level; the height is half of it.
@@ -28,7 +29,9 @@ pub(super) struct ImportanceMap {
 impl ImportanceMap {
     pub(super) fn new(image: &GpuImage, layouts: &[BindGroupLayout; 3], device: &RenderDevice) -> Self {
         let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::STORAGE_BINDING;
-        let chain = texture(device, "environment importance", TextureFormat::R32Float, WIDTH, WIDTH / 2, LEVELS, usage);
+        let size = Extent3d { width: WIDTH, height: WIDTH / 2, depth_or_array_layers: 1 };
+        let format = TextureFormat::R32Float;
+        let chain = mipmapped_texture(device, "environment importance", size, LEVELS, format, usage);
         let level = |mip| {
             chain.create_view(&TextureViewDescriptor {
                 base_mip_level: mip,
@@ -80,27 +83,6 @@ impl ImportanceMap {
         }
         queue.submit([encoder.finish()]);
     }
-}
-
-pub(super) fn texture(
-    device: &RenderDevice,
-    label: &'static str,
-    format: TextureFormat,
-    width: u32,
-    height: u32,
-    mip_level_count: u32,
-    usage: TextureUsages,
-) -> Texture {
-    device.create_texture(&TextureDescriptor {
-        label: Some(label),
-        size: Extent3d { width, height, depth_or_array_layers: 1 },
-        mip_level_count,
-        sample_count: 1,
-        dimension: TextureDimension::D2,
-        format,
-        usage,
-        view_formats: &[],
-    })
 }
 
 /// The passes that fill importance maps.

@@ -153,10 +153,23 @@ fn texture(
     format: TextureFormat,
     usage: TextureUsages,
 ) -> Texture {
+    let size = Extent3d { width: size.x, height: size.y, depth_or_array_layers: layers };
+    mipmapped_texture(device, label, size, 1, format, usage)
+}
+
+/// A texture with mip levels.
+fn mipmapped_texture(
+    device: &RenderDevice,
+    label: &'static str,
+    size: Extent3d,
+    mip_level_count: u32,
+    format: TextureFormat,
+    usage: TextureUsages,
+) -> Texture {
     device.create_texture(&TextureDescriptor {
         label: Some(label),
-        size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: layers },
-        mip_level_count: 1,
+        size,
+        mip_level_count,
         sample_count: 1,
         dimension: TextureDimension::D2,
         format,

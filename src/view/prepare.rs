@@ -197,7 +197,8 @@ fn warn_of_light_paths(
             counts.light_paths, state.settings.bdpt.light_paths
         );
     }
-    if scene.has_half_seen && state.settings.bdpt.light_paths > 0.0 && warned.is_due((entity, "half seen")) {
+    let loses_splats = scene.has_camera_dependent_objects && state.settings.bdpt.light_paths > 0.0;
+    if loses_splats && warned.is_due((entity, "camera-dependent objects")) {
         warn!(
             "restir: camera {name} finds caustics from the camera only (noisier, not darker), because an object of the scene has \
              NotShadowCaster or RestirMaterial"

@@ -275,14 +275,14 @@ impl RestirView {
         }
     }
 
-    /// Numbers of light sub-paths of this frame.  They are not connected with the camera in a scene with objects that only the camera sees
-    /// (`NotShadowCaster`) or that only other rays see (`RestirMaterial`), because shadow rays there do not tell whether the camera sees a
-    /// vertex.
+    /// Numbers of light sub-paths of this frame.  The camera does not see their vertices (no splats) in a scene with objects that only the
+    /// camera sees (`NotShadowCaster`) or that only other rays see (`RestirMaterial`), because shadow rays there do not tell whether the
+    /// camera sees a vertex.
     pub(super) fn light_path_counts(&self, scene: &SceneBindings, limit: u64) -> LightPathCounts {
         if !self.traces_light() {
             return LightPathCounts::default();
         }
-        LightPathCounts::new(&self.settings.bdpt, self.size, limit, !scene.has_half_seen)
+        LightPathCounts::new(&self.settings.bdpt, self.size, limit, !scene.has_camera_dependent_objects)
     }
 
     /// Whether the passes of this frame trace light sub-paths.

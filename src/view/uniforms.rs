@@ -1,7 +1,7 @@
 //! Uniforms of a view (`shaders/view/bindings.wgsl`) and its sub-pixel jitter.
 
 use bevy::{
-    math::{Mat3, Mat4},
+    math::{Mat3, Mat4, Vec4},
     render::{
         camera::{ExtractedCamera, TemporalJitter},
         renderer::RenderQueue,
@@ -37,20 +37,35 @@ pub(crate) fn jitter_of(frame: u32, seed: u32) -> [f32; 2] {
     })
 }
 
-/// The matrices of a view.
+/// The camera of a view.  Its transform may have a scale.
 pub(super) fn camera_of(view: &ExtractedView) -> GpuCamera {
     let world_from_view = view.world_from_view.to_matrix();
+    let view_from_clip = view.clip_from_view.inverse();
+    let [x, y, z] = [world_from_view.x_axis, world_from_view.y_axis, world_from_view.z_axis].map(Vec4::truncate);
+    let across = x.cross(y);
+    let normal = across.normalize_or_zero();
+    // The plane at z = -1 in view space is this far away.
+    let distance = if is_orthographic(&view.clip_from_view) { 1.0 } else { z.dot(normal) };
+    let in_view = (4.0 * view_from_clip.x_axis.x * view_from_clip.y_axis.y).abs();
     GpuCamera {
         clip_from_world: (view.clip_from_view * world_from_view.inverse()).to_cols_array_2d(),
         world_from_view: world_from_view.to_cols_array_2d(),
-        view_from_clip: view.clip_from_view.inverse().to_cols_array_2d(),
+        view_from_clip: view_from_clip.to_cols_array_2d(),
+        image_normal: normal.to_array(),
+        image_area: in_view * across.length() / (distance * distance),
     }
+}
+
+/// Whether a camera sees back faces in place of front faces, because it inverts culling or its transform is mirrored, but not both.
+fn sees_back_faces(view: &ExtractedView) -> bool {
+    view.invert_culling != (view.world_from_view.to_matrix().determinant() < 0.0)
 }
 
 /// Whether all numbers of a camera are finite.
 pub(super) fn is_finite(camera: &GpuCamera) -> bool {
-    let GpuCamera { clip_from_world, world_from_view, view_from_clip } = camera;
-    [clip_from_world, world_from_view, view_from_clip].into_iter().flatten().flatten().all(|x| x.is_finite())
+    let GpuCamera { clip_from_world, world_from_view, view_from_clip, image_normal: _, image_area } = camera;
+    let mut matrices = [clip_from_world, world_from_view, view_from_clip].into_iter().flatten().flatten();
+    matrices.all(|x| x.is_finite()) && *image_area > 0.0 && image_area.is_finite()
 }
 
 /// The firefly limit of this frame; 0: none.  Means of frames do not use it, because its bias would stay in the mean.  Debug views do not
@@ -95,6 +110,9 @@ impl UniformInputs<'_> {
         }
         if self.is_orthographic() {
             flags |= VIEW_ORTHOGRAPHIC;
+        }
+        if sees_back_faces(self.view) {
+            flags |= VIEW_SEES_BACK_FACES;
         }
         flags
     }
@@ -158,6 +176,7 @@ impl RestirView {
             environment: restir.environment,
             layers: restir.layers,
             background: inputs.background(),
+            sees_back_faces: sees_back_faces(inputs.view),
             orthographic: inputs.is_orthographic(),
             pipelines: self.key.unwrap_or_default(),
         }

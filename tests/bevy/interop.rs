@@ -9,10 +9,11 @@ use crate::support::{
 use bevy::{
     camera::{Hdr, ImageRenderTarget, MainPassResolutionOverride, RenderTarget, Viewport, visibility::NoCpuCulling},
     core_pipeline::{
-        prepass::{DepthPrepass, MotionVectorPrepass, ViewPrepassTextures},
+        prepass::{DeferredPrepass, DepthPrepass, MotionVectorPrepass, ViewPrepassTextures},
         tonemapping::Tonemapping,
     },
-    pbr::{Material, MaterialPlugin},
+    material::OpaqueRendererMethod,
+    pbr::{ExtendedMaterial, Material, MaterialExtension, MaterialPlugin},
     prelude::*,
     reflect::TypePath,
     render::{
@@ -139,11 +140,19 @@ impl Material for Foreign {
     }
 }
 
+/// A material that we do not support, because it extends `StandardMaterial`.
+#[derive(Asset, TypePath, AsBindGroup, Clone, Default)]
+struct Extension {}
+
+impl MaterialExtension for Extension {}
+
+type Extended = ExtendedMaterial<StandardMaterial, Extension>;
+
 #[test]
 fn meshes_that_bevy_draws_are_depth_sorted_with_ours() {
     let Some(mut rig) = Rig::beside(
         |app| {
-            app.add_plugins(MaterialPlugin::<Foreign>::default());
+            app.add_plugins((MaterialPlugin::<Foreign>::default(), MaterialPlugin::<Extended>::default()));
         },
         32,
         32,
@@ -156,13 +165,17 @@ fn meshes_that_bevy_draws_are_depth_sorted_with_ours() {
     rig.spawn(square(4.0), lamp(0.0, 1.0, 0.0), Transform::from_xyz(2.0, 0.0, 2.0));
     let mesh = rig.add::<Mesh>(Rectangle::new(4.0, 1.0));
     let target = rig.target.clone();
-    for (mode, kind) in [(0, "opaque"), (1, "transparent"), (0, "with a stand-in"), (0, "ignored")] {
+    let pink = StandardMaterial { unlit: true, ..Color::linear_rgb(1.0, 0.0, 1.0).into() };
+    for (mode, kind) in [(0, "opaque"), (1, "transparent"), (0, "with a stand-in"), (0, "ignored"), (0, "deferred")] {
         let place = Transform::from_xyz(0.0, 0.0, 1.0);
         let theirs = rig.spawn_bundle((Mesh3d(mesh.clone()), place));
         if kind == "ignored" {
-            let pink = StandardMaterial { unlit: true, ..Color::linear_rgb(1.0, 0.0, 1.0).into() };
-            let pink = rig.add::<StandardMaterial>(pink);
+            let pink = rig.add::<StandardMaterial>(pink.clone());
             rig.insert(theirs, (MeshMaterial3d(pink), RestirIgnore));
+        } else if kind == "deferred" {
+            let base = StandardMaterial { opaque_render_method: OpaqueRendererMethod::Deferred, ..pink.clone() };
+            let material = rig.add::<Extended>(Extended { base, extension: Extension {} });
+            rig.insert(theirs, MeshMaterial3d(material));
         } else {
             let material = rig.add::<Foreign>(Foreign { mode });
             rig.insert(theirs, MeshMaterial3d(material));
@@ -171,20 +184,27 @@ fn meshes_that_bevy_draws_are_depth_sorted_with_ours() {
             let blue = rig.add::<StandardMaterial>(lamp(0.0, 0.0, 1.0));
             rig.insert(theirs, RestirMaterial(blue));
         }
-        for with_prepass in [false, true] {
-            if with_prepass {
-                rig.insert(rig.camera, (DepthPrepass, MotionVectorPrepass));
+        for prepass in ["without a prepass", "with a prepass", "with a deferred prepass"] {
+            // Bevy panics where a deferred material has another prepass.
+            if kind == "deferred" && prepass != "with a deferred prepass" {
+                continue;
+            }
+            match prepass {
+                "with a prepass" => rig.insert(rig.camera, (DepthPrepass, MotionVectorPrepass)),
+                "with a deferred prepass" => rig.insert(rig.camera, DeferredPrepass),
+                _ => {}
             }
             rig.until_ready();
             rig.frames(8);
             let drawn = rig.drawn(&target);
             let at = |x: usize, y: usize| drawn[32 * y + x];
-            let what = format!("{kind}, prepass {with_prepass}");
+            let what = format!("{kind}, {prepass}");
             assert_eq!(at(8, 4)[..3], [0, 255, 0], "{what}: only our mesh");
             assert_eq!(at(8, 16)[..3], [255, 0, 255], "{what}: Bevy's mesh in front of ours");
             assert_eq!(at(24, 16)[..3], [0, 255, 0], "{what}: Bevy's mesh behind ours");
         }
-        rig.app.world_mut().entity_mut(rig.camera).remove::<(DepthPrepass, MotionVectorPrepass)>();
+        let mut camera = rig.app.world_mut().entity_mut(rig.camera);
+        camera.remove::<(DepthPrepass, MotionVectorPrepass, DeferredPrepass)>();
         rig.app.world_mut().despawn(theirs);
     }
 }

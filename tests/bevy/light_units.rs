@@ -20,7 +20,7 @@ type Light = fn(&mut Rig) -> Entity;
 
 /// Lights near the axis of the plane: there the diffuse term of Bevy, Burley's, equals Lambert's.  Rectangles are missing, because Bevy
 /// draws them only with its feature `area_light_luts`.
-const LIGHTS: [(&str, Light); 5] = [
+const LIGHTS: [(&str, Light); 6] = [
     ("point", |rig| {
         let light = PointLight { intensity: 240.0, range: 1e4, color: Color::linear_rgb(1.0, 0.7, 0.4), ..default() };
         rig.spawn_bundle((light, Transform::from_xyz(0.4, 0.2, 4.0)))
@@ -36,6 +36,11 @@ const LIGHTS: [(&str, Light); 5] = [
     ("wide spot", |rig| {
         let light = SpotLight { intensity: 240.0, range: 1e4, inner_angle: 1.2, outer_angle: 1.5, ..default() };
         rig.spawn_bundle((light, Transform::from_xyz(0.3, 0.0, 4.0).looking_at(Vec3::new(0.1, 0.1, 0.0), Vec3::Y)))
+    }),
+    // Bevy limits it to a hemisphere, whose edge crosses the picture.
+    ("spot beyond a hemisphere", |rig| {
+        let light = SpotLight { intensity: 15.0, range: 1e4, inner_angle: 2.0, outer_angle: 2.5, ..default() };
+        rig.spawn_bundle((light, Transform::from_xyz(0.0, 0.0, 1.0).looking_to(Vec3::X, Vec3::Y)))
     }),
     ("directional", |rig| {
         let light = DirectionalLight { illuminance: 3.0, color: Color::linear_rgb(0.4, 1.0, 0.7), ..default() };

@@ -113,6 +113,11 @@ fn a_camera_that_inverts_culling_sees_the_back_faces() {
         pictures.push(rig.picture(1));
     }
     assert_ne!(pictures[0].center(), pictures[1].center());
+    // The mean starts again.
+    assert_eq!(rig.next().samples, 2);
+    rig.get_mut::<Camera>(rig.camera).invert_culling = false;
+    let picture = rig.next();
+    assert_eq!((picture.samples, picture.center()), (1, pictures[0].center()));
 }
 
 #[test]

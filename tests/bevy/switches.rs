@@ -11,7 +11,7 @@ use bevy::{
     render::{Render, RenderApp, RenderSystems, settings::WgpuLimits, view::ViewDepthTexture},
 };
 use bevy_restir::{
-    RayBackend, Restir, RestirEnvironment, RestirStatus, Technique,
+    RadianceCapture, RayBackend, Restir, RestirEnvironment, RestirStatus, Technique,
     testing::storage::allocation::plant_failed_allocations,
 };
 
@@ -200,9 +200,39 @@ fn a_frame_whose_passes_did_not_run_is_no_history() {
     rig.picture(2);
     let before = resets(&rig, "start");
     rig.app.sub_app_mut(RenderApp).insert_resource(TakesDepth(true));
+    rig.capture.request();
     rig.frame();
+    assert_eq!(rig.capture.take(), None);
     rig.app.sub_app_mut(RenderApp).insert_resource(TakesDepth(false));
-    rig.frames(3);
+    rig.frame();
+    assert!(rig.capture.take().is_some(), "the request waits for a frame");
+    rig.frames(2);
     assert_eq!(resets(&rig, "start"), before + 1);
     rig.assert_sound();
+}
+
+/// A capture that is requested while a frame is rendered.
+#[derive(Resource)]
+struct LateRequest(RadianceCapture);
+
+/// With pipelined rendering, the app runs while the render world works on the frame before.
+#[test]
+fn a_capture_does_not_get_a_frame_that_began_before_its_request() {
+    let request = |late: Option<Res<LateRequest>>, mut commands: Commands| {
+        if let Some(late) = late {
+            late.0.request();
+            commands.remove_resource::<LateRequest>();
+        }
+    };
+    let add =
+        |app: &mut App| _ = app.sub_app_mut(RenderApp).add_systems(Render, request.in_set(RenderSystems::Prepare));
+    let Some(mut rig) = Rig::beside(add, 16, 12) else { return };
+    rig.spawn(square(4.0), lamp(1.0, 1.0, 1.0), Transform::default());
+    rig.until_ready();
+    let capture = rig.capture.clone();
+    rig.app.sub_app_mut(RenderApp).insert_resource(LateRequest(capture));
+    rig.frame();
+    assert_eq!(rig.capture.take(), None);
+    rig.frame();
+    assert!(rig.capture.take().is_some());
 }

@@ -7,6 +7,8 @@ const SCATTERING: &[&str] = &["light_paths_scatter"];
 const REPLAY: &[&str] = &["light_paths_of_the_last_frame_are_replayed"];
 const ROOM: &[&str] = &["light_paths_in_a_room_equal"];
 const CAUSTICS: &[&str] = &["reused_caustics_equal"];
+const ALONE: &[&str] = &["light_paths_alone"];
+const OPEN: &[&str] = &["open_objects_absorb_no_light_from_infinity"];
 const BODIES: &[&str] = &["light_in_translucent_bodies_equals"];
 
 pub const MUTANTS: &[Mutant] = &[
@@ -42,9 +44,37 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "next-event estimation does not count light paths",
         "path/technique_weights.wgsl",
-        "return emitted_density(l, counts.shares.nee) / nee * cosine * (s.last + s.earlier * reverse_pdf(v, l.wi));",
+        "return emitted_density(l, counts.shares.nee) / nee * cosine * (s.last + s.earlier * reverse_pdf(v.surface, l.wi, v.wo));",
         "return vec3<f32>(0.0);",
         ROOM,
+    ),
+    mutant(
+        "the density of camera rays ignores the scale of the camera",
+        "view/camera.wgsl",
+        "let pixel = camera.image_area / (f32(view.size.x) * f32(view.size.y));",
+        "let pixel = 4.0 * abs(camera.view_from_clip[0].x * camera.view_from_clip[1].y) / (f32(view.size.x) * f32(view.size.y));",
+        ALONE,
+    ),
+    mutant(
+        "the camera never sees back faces",
+        "restir/bdpt/splat.wgsl",
+        "let front = faces != ((view.flags & VIEW_SEES_BACK_FACES) != 0u);",
+        "let front = faces;",
+        ALONE,
+    ),
+    mutant(
+        "open objects absorb light from infinity",
+        "path/medium.wgsl",
+        "select(distance, 0.0, distance >= FAR)",
+        "distance",
+        OPEN,
+    ),
+    mutant(
+        "open objects absorb light from infinity in light paths",
+        "path/light_path.wgsl",
+        "select(w.hit.t, 0.0, is_at_infinity(ray.light))",
+        "w.hit.t",
+        OPEN,
     ),
     // Walks from lights.
     mutant(

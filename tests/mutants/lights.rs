@@ -106,10 +106,17 @@ pub const MUTANTS: &[Mutant] = &[
         EMISSION,
     ),
     mutant(
+        "shadow rays end on the surface of the lamp",
+        "scene/offset.wgsl",
+        "const END_ROUNDING: f32 = 0x1p-20;",
+        "const END_ROUNDING: f32 = 0.0;",
+        &["light_of_a_small_lamp"],
+    ),
+    mutant(
         "rays from infinity know the disk by its radius",
         "light/emitted_ray.wgsl",
-        "return INV_PI / (scene.radius * scene.radius);",
-        "return INV_PI / scene.radius;",
+        "let area = PI * scene.radius * scene.radius;",
+        "let area = PI * scene.radius;",
         EMISSION,
     ),
 ];

@@ -70,8 +70,8 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "the place beside an object lies on its other side",
         "restir/neighbors.wgsl",
-        "return own.place + own.pixel - project(view.current, occluder);",
-        "return own.place - own.pixel + project(view.current, occluder);",
+        "return center.position + center.pixel - project(view.current, occluder);",
+        "return center.position - center.pixel + project(view.current, occluder);",
         &["surfaces_behind_moving_objects"],
     ),
     mutant(
@@ -112,8 +112,8 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "samples without a shift could have come from the last frame",
         "pass/reuse.wgsl",
-        "select(0.0, (*mis).targets[0], can_be_shifted(own_sample((*inputs).pixels[0])))",
-        "(*mis).targets[0]",
+        "select(0.0, target_of(mis, 0u, 0u), can_be_shifted(own))",
+        "target_of(mis, 0u, 0u)",
         &["indirect_light_beyond_a_distance"],
     ),
     mutant(
@@ -126,7 +126,7 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "the surface itself is sought as often as its neighbors",
         "restir/neighbors.wgsl",
-        "select(settings.neighbor_attempts, settings.temporal_attempts, is_own)",
+        "select(settings.neighbor_attempts, settings.temporal_attempts, is_temporal)",
         "settings.neighbor_attempts",
         &["more_temporal_attempts"],
     ),
@@ -169,8 +169,8 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "both shifts of a pair are the pixel's",
         "pass/reuse.wgsl",
-        "select(layers[domain].y, layers[j].x, domain == 0u)",
-        "select(layers[domain].x, layers[j].x, domain == 0u)",
+        "select(layers[at_pixel].y, layers[j].x, at_pixel == 0u)",
+        "select(layers[at_pixel].x, layers[j].x, at_pixel == 0u)",
         PAIRS,
     ),
     mutant(
@@ -247,8 +247,8 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "a still frame's target in the last frame",
         "pass/reuse.wgsl",
-        "(*mis).targets[MAX_INPUTS] = select(0.0, (*mis).targets[0], can_be_shifted(own_sample((*inputs).pixels[0])));",
-        "(*mis).targets[MAX_INPUTS] = 0.0;",
+        "set_target(mis, 1u, 0u, select(0.0, target_of(mis, 0u, 0u), can_be_shifted(own)));",
+        "set_target(mis, 1u, 0u, 0.0);",
         &[PT_ROOM],
     ),
     mutant("MIS ignores visibility", "pass/reuse.wgsl", "value = select(0.0, value, visible);", "", &[DI_ROOM]),

@@ -123,15 +123,15 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "absorption is linear",
         "path/medium.wgsl",
-        "return exp(-min(medium * distance, vec3<f32>(200.0)));",
+        "return exp(-min(medium * select(distance, 0.0, distance >= FAR), vec3<f32>(200.0)));",
         "return max(1.0 - medium * distance, vec3<f32>(0.0));",
         &["material_lobes"],
     ),
     mutant(
         "frames share their random numbers",
         "common/rng.wgsl",
-        "return Rng(pixel.y << 16u | pixel.x, frame, stream + seed * 0x9e3779b9u, 0u);",
-        "return Rng(pixel.y << 16u | pixel.x, 0u, stream + seed * 0x9e3779b9u, 0u);",
+        "return Rng(pixel.y << 16u | pixel.x, frame, seeded(stream, seed), 0u);",
+        "return Rng(pixel.y << 16u | pixel.x, 0u, seeded(stream, seed), 0u);",
         &["sampling::rng"],
     ),
     // Bodies that bend.

@@ -52,8 +52,9 @@ const fn edit(from: &'static str, to: &'static str) -> ShaderEdit {
 }
 
 /// Densities of surfaces and lights are numbers of the path (`bidirectional_mis.wgsl`).
-const NUMBERS: [ShaderEdit; 3] = [
-    edit("return bsdf_pdf(surface_towards(v.surface, wi).bsdf, wi, v.wo);", "return v.medium.x;"),
+const NUMBERS: [ShaderEdit; 4] = [
+    edit("reverse_pdf(v.surface, step.wi, v.wo)", "v.medium.x"),
+    edit("reverse_pdf(v.surface, l.wi, v.wo)", "v.medium.x"),
     edit("return light_pmf(l.light) * l.pdf_solid_angle * l.pdf_scale;", "return l.pdf_solid_angle * l.pdf_scale;"),
     edit(
         "return share * light_pmf(l.light) * l.pdf_solid_angle * emission_density(l);",
@@ -65,7 +66,10 @@ const NUMBERS: [ShaderEdit; 3] = [
 const PLANTED: [(&str, ShaderEdit, bool); 6] = [
     (
         "stored numbers in the wrong order",
-        edit("return 1.0 / (1.0 + dot(rivals, s.basis.yz));", "return 1.0 / (1.0 + dot(rivals, s.basis.zy));"),
+        edit(
+            "return 1.0 / (1.0 + dot(coefficients, s.basis.yz));",
+            "return 1.0 / (1.0 + dot(coefficients, s.basis.zy));",
+        ),
         false,
     ),
     (

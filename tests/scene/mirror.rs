@@ -340,15 +340,14 @@ fn feature_steps() -> [Step; 14] {
     ]
 }
 
-/// The first object of a kind adds code to the shaders.  These objects stand outside of a closed room.
+/// The first textured object adds code to the shaders; the first masked or varnished one also adds paths.  These objects stand outside of a
+/// closed room.
 #[test]
-fn histories_outlive_the_first_objects_of_a_kind() {
-    let add_outside = |rig: &mut Rig| {
-        for (name, _, add) in feature_steps() {
-            if ["texture", "mask", "varnish"].contains(&name) {
-                let object = add(rig).expect("it spawns an object");
-                rig.insert(object, Transform::from_xyz(50.0, 0.0, 0.0));
-            }
+fn histories_outlive_the_first_texture_and_restart_with_new_kinds_of_paths() {
+    let add_outside = |rig: &mut Rig, kinds: &[&str]| {
+        for (_, _, add) in feature_steps().into_iter().filter(|(name, ..)| kinds.contains(name)) {
+            let object = add(rig).expect("it spawns an object");
+            rig.insert(object, Transform::from_xyz(50.0, 0.0, 0.0));
         }
     };
     let closed_room = |seed| {
@@ -367,13 +366,20 @@ fn histories_outlive_the_first_objects_of_a_kind() {
         let before = rig.until_ready();
         rig.frames(6);
         let resets = rig.report().history_resets;
-        add_outside(rig);
+        add_outside(rig, &["texture"]);
         let after = rig.until_ready();
         assert!(after.features != before.features);
         let picture = rig.next();
         assert_eq!(rig.report().history_resets, resets);
         picture
     });
+    for kind in ["mask", "varnish"] {
+        let resets = rigs[0].report().history_resets;
+        add_outside(&mut rigs[0], &[kind]);
+        rigs[0].until_ready();
+        rigs[0].frame();
+        assert_ne!(rigs[0].report().history_resets, resets, "{kind}");
+    }
     let early = rigs.each_mut().map(|rig| {
         rig.set(|restir| restir.reset = true);
         rig.next()

@@ -194,7 +194,7 @@ fn every_import_names_a_module_of_the_table() {
         let (_, imports, _) = naga_oil::compose::get_preprocessor_data(text);
         for import in imports {
             let module = import.import.as_str();
-            if module.starts_with("technique") && path.starts_with("pass/") {
+            if module.starts_with("domain") && path.starts_with("pass/") {
                 continue;
             }
             let found = known

@@ -68,6 +68,7 @@ pub mod subsurface {
                 confidence_cap: 8.0,
                 ..default.reuse
             },
+            probes: 2,
             candidates: 4,
             heuristics: false,
             ..default

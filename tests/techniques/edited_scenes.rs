@@ -4,7 +4,7 @@
 
 use crate::support::{
     app::*,
-    proof::{AllLight, Bidirectional, Proof},
+    proof::{AllLight, Bidirectional, Proof, Subject},
     reuse_settings::{di, paths},
     small_scenes::*,
 };
@@ -235,4 +235,21 @@ fn histories_outlive_objects_that_come_and_go_and_change() {
     let view = rig.next();
     let kept = view.iter().filter(|(_, c)| c.x >= 8.0).count();
     assert!(kept > 500, "{kept} pixels kept their history");
+}
+
+/// While the pipelines for it are compiled, no reservoir can hold the light.
+#[test]
+fn the_first_light_of_its_kind_has_its_full_brightness_at_once() {
+    let Some(mut rig) = room_scene(32) else { return };
+    rig.set(|restir| di::temporal().apply_to(restir));
+    rig.until_ready();
+    rig.frames(25);
+    rig.spawn_bundle((PointLight { intensity: 500.0, ..default() }, Transform::from_xyz(0.5, 0.8, 1.5)));
+    let dark = rig.next().mean();
+    rig.until_ready();
+    let first = rig.next().mean();
+    rig.frames(40);
+    let later = rig.next().mean();
+    assert!(later > 2.0 * dark, "the light is dim: {dark}, {later}");
+    assert!((first / later - 1.0).abs() < 0.1, "{first}, later {later}");
 }

@@ -10,6 +10,7 @@ mod disocclusion;
 mod domain_views;
 mod edited_scenes;
 mod extremes;
+mod far_lamps;
 mod fireflies;
 mod furnace;
 mod gi;

@@ -30,11 +30,11 @@ fn rays(random: &mut Random, count: usize, size: f32) -> Vec<Ray> {
 }
 
 /// Answers of both back ends on one device.
-fn both(defs: &[Def], scene: &TestScene, rays: &[Ray]) -> Option<[Vec<Answer>; 2]> {
+fn both(defs: &[Def], scene: &TestScene, rays: &[Ray]) -> Option<[Vec<TraceResult>; 2]> {
     let (gpu, hardware) = back_ends().into_iter().nth(1)?;
     let answers = |gpu: &'static Gpu, backend: &[Def]| {
         let kernel = gpu.kernel("trace", TRACE, &[backend, defs].concat());
-        let answers: Vec<Answer> = scene.run(gpu, &kernel, rays);
+        let answers: Vec<TraceResult> = scene.run(gpu, &kernel, rays);
         for a in &answers {
             assert_eq!((a.flags, a.rays), (0, 2), "two rays without overflow: {a:?}");
         }
@@ -44,7 +44,7 @@ fn both(defs: &[Def], scene: &TestScene, rays: &[Ray]) -> Option<[Vec<Answer>; 2
 }
 
 /// Rays with different answers.  All others are equal except for the last bits.
-fn different(name: &str, rays: &[Ray], [software, hardware]: &[Vec<Answer>; 2]) -> Vec<usize> {
+fn different(name: &str, rays: &[Ray], [software, hardware]: &[Vec<TraceResult>; 2]) -> Vec<usize> {
     let (mut different, mut any, mut inexact, mut hits) = (Vec::new(), 0, 0, 0);
     for (i, (a, b)) in software.iter().zip(hardware).enumerate() {
         any += usize::from(a.any != b.any);
@@ -68,7 +68,7 @@ fn different(name: &str, rays: &[Ray], [software, hardware]: &[Vec<Answer>; 2]) 
 }
 
 /// Asserts that rays with different answers pass between slightly shrunk and slightly grown triangles.
-fn assert_near_edges(name: &str, scene: &TestScene, rays: &[Ray], answers: &[Vec<Answer>; 2], size: f64) {
+fn assert_near_edges(name: &str, scene: &TestScene, rays: &[Ray], answers: &[Vec<TraceResult>; 2], size: f64) {
     let oracle = BruteForce::new(scene);
     for i in different(name, rays, answers) {
         let expected = oracle.closest(&rays[i], 1e-3);
@@ -113,7 +113,7 @@ fn ray_queries_and_software_traversal_find_the_same_hits() {
         let scene = TestScene::of(mesh);
         let rays = rays(&mut random, 10_000, 1.0);
         let Some([software, hardware]) = both(&[], &scene, &rays) else { return };
-        let met = |a: &&Answer| a.instance != NONE;
+        let met = |a: &&TraceResult| a.instance != NONE;
         let (a, b) = (software.iter().filter(met).count(), hardware.iter().filter(met).count());
         eprintln!("{name}: {a} and {b} of {} rays are stopped", rays.len());
         assert!(a > 100 && a.abs_diff(b) <= 10, "rays are blocked whichever of the coincident triangles they hit");

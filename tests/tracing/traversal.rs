@@ -25,8 +25,8 @@ fn on_each_back_end(defs: &[Def], claim: impl Fn(&Gpu, &Kernel)) {
     }
 }
 
-fn trace(gpu: &Gpu, kernel: &Kernel, scene: &TestScene, rays: &[Ray]) -> Vec<Answer> {
-    let answers: Vec<Answer> = scene.run(gpu, kernel, rays);
+fn trace(gpu: &Gpu, kernel: &Kernel, scene: &TestScene, rays: &[Ray]) -> Vec<TraceResult> {
+    let answers: Vec<TraceResult> = scene.run(gpu, kernel, rays);
     for (ray, a) in rays.iter().zip(&answers) {
         assert_eq!(a.flags, 0, "stack or steps ran out for {ray:?}");
         assert_eq!(a.rays, 2, "the counter says two rays");
@@ -37,7 +37,7 @@ fn trace(gpu: &Gpu, kernel: &Kernel, scene: &TestScene, rays: &[Ray]) -> Vec<Ans
 
 /// Asserts that every answer lies between those of slightly shrunk and slightly grown triangles; `margin` is in barycentric units, and
 /// `size` is the scale of distances.
-fn agrees(scene: &TestScene, rays: &[Ray], answers: &[Answer], margin: f64, size: f64) {
+fn agrees(scene: &TestScene, rays: &[Ray], answers: &[TraceResult], margin: f64, size: f64) {
     let oracle = BruteForce::new(scene);
     let mut hits = 0;
     for (ray, a) in rays.iter().zip(answers) {
@@ -284,7 +284,7 @@ fn traversal_of_a_circular_tree_ends_and_is_reported() {
         [0, 0, u32::MAX, u32::MAX],
     ];
     let scene = TestScene { nodes: [node; 8].concat(), ..Default::default() };
-    let answers: Vec<Answer> = scene.run(gpu, &kernel, &[ray([0.0; 3], [0.6, 0.8, 0.0])]);
+    let answers: Vec<TraceResult> = scene.run(gpu, &kernel, &[ray([0.0; 3], [0.6, 0.8, 0.0])]);
     assert_eq!(answers[0].flags, OVERFLOW_STACK | OVERFLOW_STEPS);
     assert_eq!((answers[0].instance, answers[0].any), (NONE, 0));
 }

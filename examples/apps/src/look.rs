@@ -29,13 +29,13 @@ pub struct Look {
     /// The curve for light. Debug views have none.
     pub tonemapping: Tonemapping,
     /// Whether a new scene chooses the exposure.
-    pub fits: bool,
+    pub auto_exposure: bool,
     /// Whether the next picture chooses the exposure.
-    pub measures: bool,
+    pub measure_next: bool,
     /// Bloom, of light only.
-    pub glows: bool,
+    pub bloom: bool,
     /// Bevy's temporal anti-aliasing, of light only.
-    pub smooths: bool,
+    pub taa: bool,
     /// Center and radius of the scene, for the scale of the depth view.
     scene: (Vec3, f32),
     waited: u32,
@@ -46,10 +46,10 @@ pub struct Look {
 pub fn look(ev100: Option<f32>) -> impl Bundle {
     let look = Look {
         tonemapping: Tonemapping::default(),
-        fits: ev100.is_none(),
-        measures: false,
-        glows: false,
-        smooths: false,
+        auto_exposure: ev100.is_none(),
+        measure_next: false,
+        bloom: false,
+        taa: false,
         scene: (Vec3::ZERO, 10.0),
         waited: 0,
         scaled_for: None,
@@ -65,20 +65,20 @@ pub fn plugin(app: &mut App) {
 impl Look {
     /// Adapts to a new scene.
     pub fn adapt(&mut self, center: Vec3, radius: f32) {
-        self.measures = self.fits;
+        self.measure_next = self.auto_exposure;
         self.scaled_for = None;
         self.scene = (center, radius);
     }
 }
 
-/// Measures a picture and chooses the exposure where `Look::measures` asks for it.
+/// Measures a picture and chooses the exposure where `Look::measure_next` asks for it.
 fn expose(
     statistics: Res<RestirStatistics>,
     mut cameras: Query<(&mut Look, &RadianceCapture, &mut Exposure, &Restir, Has<RestirEnvironment>)>,
     mut too_dark: MessageWriter<TooDark>,
 ) {
     for (mut look, capture, mut exposure, restir, has_environment) in &mut cameras {
-        if !look.measures || restir.debug_view != DebugView::Off {
+        if !look.measure_next || restir.debug_view != DebugView::Off {
             continue;
         }
         if let Some(picture) = capture.take() {
@@ -86,7 +86,7 @@ fn expose(
                 let brightness = measure(picture.size, picture.mean());
                 let is_dark = brightness.lit < LEAST_LIT && !has_environment;
                 // A dark scene may get a sky, and is then measured again.
-                (look.measures, look.waited) = (is_dark, 0);
+                (look.measure_next, look.waited) = (is_dark, 0);
                 if is_dark {
                     too_dark.write_default();
                 } else if let Some(luminance) = brightness.luminance {
@@ -128,15 +128,15 @@ pub fn add_effects(
     mut commands: Commands,
     cameras: Query<(Entity, &Look, &Restir, Has<Bloom>, Has<TemporalAntiAliasing>)>,
 ) {
-    for (camera, look, restir, glows, smooths) in &cameras {
+    for (camera, look, restir, has_bloom, has_taa) in &cameras {
         let is_light = restir.debug_view.shows_light();
         let mut camera = commands.entity(camera);
-        match (look.glows && is_light, glows) {
+        match (look.bloom && is_light, has_bloom) {
             (true, false) => _ = camera.insert(Bloom::NATURAL),
             (false, true) => _ = camera.remove::<Bloom>(),
             _ => {}
         }
-        match (look.smooths && is_light, smooths) {
+        match (look.taa && is_light, has_taa) {
             (true, false) => _ = camera.insert(TemporalAntiAliasing::default()),
             // The components that it requires are removed, too. The plugin then jitters the camera itself.
             (false, true) => {
@@ -179,7 +179,7 @@ pub fn legend(restir: &Restir) -> Option<String> {
         DebugView::Motion => "pixels",
         DebugView::ReservoirConfidence | DebugView::PathConfidence | DebugView::PathAges => "frames",
         DebugView::LightPathConfidence | DebugView::LightPathAges | DebugView::SubsurfaceConfidence => "frames",
-        DebugView::SubsurfaceDistances => "lengths d",
+        DebugView::SubsurfaceDistances => "d",
         DebugView::PathLengths | DebugView::LightPathLengths | DebugView::Bounces => "bounces",
         DebugView::PathTechniques | DebugView::LightVertices => "vertices",
         DebugView::LightPathCounts => "light paths",

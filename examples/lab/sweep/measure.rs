@@ -11,12 +11,11 @@ use serde::{Deserialize, Serialize};
 use super::plan::{self, Configuration};
 use crate::{
     bench::{Bench, Cost},
+    blocks::{self, Block},
     difference::{Difference, relative_weight},
     error::{Picture, Reference, mean},
 };
 
-/// Side of a block in pixels, over which the bias is averaged.
-const BLOCK: usize = 8;
 /// Frames that measure the speed of the machine.
 const YARDSTICK: u32 = 12;
 /// How often times are measured; the shortest ones count.
@@ -141,8 +140,8 @@ impl Truth {
     }
 }
 
-/// Frames, seeds and size of the runs.
-pub struct Measurement<'a> {
+/// How configurations are measured: frames, seeds and size of the runs.
+pub struct Protocol<'a> {
     pub truth: &'a Truth,
     pub size: UVec2,
     pub seeds: u32,
@@ -150,7 +149,7 @@ pub struct Measurement<'a> {
     pub history: u32,
 }
 
-impl Measurement<'_> {
+impl Protocol<'_> {
     /// The captured frames: 0, 1, 2, 4 ..., the last one and one more.
     fn captured(&self) -> Vec<u32> {
         let powers = core::iter::successors(Some(1), |n| Some(2 * n)).take_while(|n| *n < self.history);
@@ -254,7 +253,7 @@ impl Measurement<'_> {
         let scale = mean(still, |c| c).powi(2).max(f64::MIN_POSITIVE);
         let mut sum = Errors::default();
         for picture in pictures {
-            let d = Difference::new(picture.clone(), still, self.size, BLOCK);
+            let d = Difference::new(picture.clone(), still, self.size, blocks::SIDE);
             sum.mse += d.rmse.powi(2) / scale;
             sum.rel_mse += d.rel_mse;
             sum.rel_mse_trimmed += d.rel_mse_trimmed;
@@ -339,8 +338,9 @@ fn block_noise(reference: &Reference, size: UVec2) -> f64 {
     let scale = mean(reference.pixels(), |c| c);
     let as_picture: Picture = of_pixels(reference).map(|variance| [variance; 3]).collect();
     // Independent errors of pixels: the variance of their mean is the mean variance over their number.
-    let noise = blocks(&as_picture, size).into_iter().zip(counts(size)).map(|(variance, count)| variance / count);
-    let relative = noise.zip(blocks(reference.pixels(), size)).map(|(noise, r)| noise * relative_weight(r, scale));
+    let noise = blocks_of(&as_picture, size).into_iter().map(|block| block.mean / block.pixels);
+    let truths = blocks_of(reference.pixels(), size);
+    let relative = noise.zip(truths).map(|(noise, r)| noise * relative_weight(r.mean, scale));
     let all: Vec<f64> = relative.collect();
     all.iter().sum::<f64>() / all.len() as f64
 }
@@ -381,13 +381,13 @@ impl Spread {
                 variance += moments(&values).1 * relative_weight(r[channel], scale);
             }
         }
-        let of_blocks: Vec<Vec<f64>> = pictures.iter().map(|p| blocks(p, size)).collect();
-        let truths = blocks(truth, size);
+        let of_blocks: Vec<Vec<Block>> = pictures.iter().map(|p| blocks_of(p, size)).collect();
+        let truths = blocks_of(truth, size);
         let mut squares = 0.0;
         for (i, r) in truths.iter().enumerate() {
-            let values: Vec<f64> = of_blocks.iter().map(|b| b[i]).collect();
+            let values: Vec<f64> = of_blocks.iter().map(|blocks| blocks[i].mean).collect();
             let (average, spread) = moments(&values);
-            squares += ((average - r).powi(2) - spread / values.len() as f64) * relative_weight(*r, scale);
+            squares += ((average - r.mean).powi(2) - spread / values.len() as f64) * relative_weight(r.mean, scale);
         }
         Self {
             bias,
@@ -405,20 +405,8 @@ fn moments(values: &[f64]) -> (f64, f64) {
     (average, values.iter().map(|v| (v - average).powi(2)).sum::<f64>() / (n - 1.0))
 }
 
-/// Numbers of pixels of the blocks.
-fn counts(size: UVec2) -> Vec<f64> {
-    let side = |length: u32| (0..length).step_by(BLOCK).map(move |first| f64::from((length - first).min(BLOCK as u32)));
-    side(size.y).flat_map(|height| side(size.x).map(move |width| width * height)).collect()
-}
-
-/// Means of the blocks over all channels.
-fn blocks(picture: &Picture, size: UVec2) -> Vec<f64> {
-    let width = size.x as usize;
-    let across = width.div_ceil(BLOCK);
-    let mut sums = vec![(0.0, 0.0); across * (size.y as usize).div_ceil(BLOCK)];
-    for (i, pixel) in picture.iter().enumerate() {
-        let block = &mut sums[i / width / BLOCK * across + i % width / BLOCK];
-        *block = (block.0 + pixel.iter().sum::<f64>() / 3.0, block.1 + 1.0);
-    }
-    sums.into_iter().map(|(sum, count)| sum / count).collect()
+/// The blocks of a picture, with means over all channels.
+fn blocks_of(picture: &Picture, size: UVec2) -> Vec<Block> {
+    let values = picture.iter().map(|pixel| pixel.iter().sum::<f64>() / 3.0);
+    blocks::of(values, size.x as usize, blocks::SIDE)
 }

@@ -31,7 +31,7 @@ use crate::{
     error::Picture,
     output, panels,
 };
-use measure::{Errors, Measurement, Record, Truth};
+use measure::{Errors, Protocol, Record, Truth};
 use plan::{Configuration, Extent};
 
 /// Time, error, bias, flicker and memory of every technique and preset and of the settings that matter, on one scene.  Writes plots,
@@ -77,7 +77,7 @@ pub struct Args {
     #[arg(long)]
     reference: Option<PathBuf>,
     /// Relative squared error that the converged picture may have.
-    #[arg(long, default_value_t = 1e-3, value_parser = positive)]
+    #[arg(long, default_value_t = 1e-3, value_parser = arguments::positive::<f64>)]
     reference_error: f64,
     /// Greatest number of samples per pixel of the converged picture.
     #[arg(long, default_value_t = 4096, value_parser = clap::value_parser!(u32).range(2..=16_000_000))]
@@ -88,16 +88,16 @@ pub struct Args {
     set: Vec<String>,
     /// The error by which the report judges.
     #[arg(long, value_enum, default_value = "trimmed")]
-    by: Measure,
+    by: ErrorMetric,
     /// A markdown file.  The advice and the table of presets replace its text between `<!-- lab sweep SCENE -->` and
     /// `<!-- /lab sweep SCENE -->`.
     #[arg(long)]
     into: Option<PathBuf>,
 }
 
-/// Measures of error.
+/// A measure of error.
 #[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
-enum Measure {
+enum ErrorMetric {
     /// relMSE without the worst percent of the pixels.
     Trimmed,
     /// Mean of the squared errors, each relative to the squared reference.
@@ -110,7 +110,7 @@ enum Measure {
     Mse,
 }
 
-impl Measure {
+impl ErrorMetric {
     fn of(self, errors: &Errors) -> f64 {
         match self {
             Self::Trimmed => errors.rel_mse_trimmed,
@@ -132,10 +132,6 @@ impl Measure {
     }
 }
 
-fn positive(text: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|x: &f64| *x > 0.0 && x.is_finite()).ok_or("expected a positive number".into())
-}
-
 /// Checks that an assignment can be made, also to the settings of the converged picture.
 fn assignment(text: &str) -> Result<String, String> {
     /// Fields that the sweep sets by itself.
@@ -148,7 +144,7 @@ fn assignment(text: &str) -> Result<String, String> {
 }
 
 /// A configuration with its figures.
-struct Measured {
+struct Entry {
     configuration: Configuration,
     record: Record,
 }
@@ -167,12 +163,12 @@ struct Sweep {
     header: Vec<String>,
     /// Changes that the user asked for in all configurations.
     shared: Vec<String>,
-    by: Measure,
+    by: ErrorMetric,
     /// In the order of the plan.
-    all: Vec<Measured>,
+    all: Vec<Entry>,
 }
 
-impl Measured {
+impl Entry {
     /// The errors that belong to the time: one sample of the reference tracer is compared, as one frame of the others is.
     fn errors(&self) -> Errors {
         match self.record.frames.first() {
@@ -181,7 +177,7 @@ impl Measured {
         }
     }
 
-    fn point(&self, by: Measure) -> Point {
+    fn point(&self, by: ErrorMetric) -> Point {
         Point { time: self.record.lighting(), error: by.of(&self.errors()) }
     }
 
@@ -192,7 +188,7 @@ impl Measured {
 
 impl Sweep {
     /// All configurations but those of the reference tracer.
-    fn rivals(&self) -> impl Iterator<Item = &Measured> {
+    fn competitors(&self) -> impl Iterator<Item = &Entry> {
         self.all.iter().filter(|m| !m.is_reference())
     }
 
@@ -251,10 +247,10 @@ fn measured(args: &Args, extent: Extent, scene: &Scene) -> Result<(), String> {
     };
     let image = panels::side_by_side(args.size, [&truth.still], panels::exposure_for(args.size, &truth.still), 1);
     write_png(&out.join("pictures/reference.png"), image)?;
-    let measurement = Measurement { truth: &truth, size: args.size, seeds: args.seeds, history: args.history };
+    let protocol = Protocol { truth: &truth, size: args.size, seeds: args.seeds, history: args.history };
     let frames_of = |c: &Configuration| match folder.record(c) {
-        None => measurement.planned(c) + measurement.planned_again(),
-        Some(record) if !record.is_timed() => measurement.planned_again(),
+        None => protocol.planned(c) + protocol.planned_again(),
+        Some(record) if !record.is_timed() => protocol.planned_again(),
         Some(_) => 0,
     };
     let progress = Progress::new(plan.iter().map(frames_of).sum());
@@ -263,16 +259,16 @@ fn measured(args: &Args, extent: Extent, scene: &Scene) -> Result<(), String> {
         let record = match folder.record(&configuration) {
             Some(record) => record,
             None => {
-                let (record, picture) = measurement.run(&mut bench, &configuration, &shared, &progress)?;
+                let (record, picture) = protocol.run(&mut bench, &configuration, &shared, &progress)?;
                 folder.keep(&configuration, &record, &picture, &truth.still, args.size)?;
                 record
             }
         };
-        all.push(Measured { configuration, record });
+        all.push(Entry { configuration, record });
     }
     // In reverse order, so that a slow period of the machine does not affect the same configurations twice.
-    for Measured { configuration, record } in all.iter_mut().rev().filter(|m| !m.record.is_timed()) {
-        measurement.time_again(&mut bench, configuration, &shared, record, &progress)?;
+    for Entry { configuration, record } in all.iter_mut().rev().filter(|m| !m.record.is_timed()) {
+        protocol.time_again(&mut bench, configuration, &shared, record, &progress)?;
         folder.keep_record(configuration, record)?;
     }
     let spread = same_speed(&mut all);
@@ -286,11 +282,11 @@ fn measured(args: &Args, extent: Extent, scene: &Scene) -> Result<(), String> {
 }
 
 /// Scales all times to the median speed of the machine during the sweep.  Returns the greatest and the least speed, relative to it.
-fn same_speed(all: &mut [Measured]) -> [f64; 2] {
+fn same_speed(all: &mut [Entry]) -> [f64; 2] {
     let yardsticks: Vec<f64> = all.iter().map(|m| m.record.yardstick).collect();
     let middle = median(&yardsticks);
     let mut range = [1.0f64; 2];
-    for Measured { record, .. } in all {
+    for Entry { record, .. } in all {
         let speed = middle / record.yardstick;
         range = [range[0].max(speed), range[1].min(speed)];
         record.scale_times(speed);

@@ -7,7 +7,7 @@ use plotters::{
     prelude::*,
 };
 
-use super::{Measured, Sweep, plan};
+use super::{Entry, Sweep, plan};
 
 /// Width and height.
 const SIZE: (u32, u32) = (960, 560);
@@ -102,8 +102,8 @@ where
 
 /// Every configuration, the front, and the reference tracer with more and more samples.
 fn error_over_time(sweep: &Sweep, area: &Area) -> Result<(), String> {
-    let rivals: Vec<&Measured> = sweep.rivals().collect();
-    let points: Vec<Point> = rivals.iter().map(|m| m.point(sweep.by)).collect();
+    let competitors: Vec<&Entry> = sweep.competitors().collect();
+    let points: Vec<Point> = competitors.iter().map(|m| m.point(sweep.by)).collect();
     let curve = sweep.reference_curve();
     let every = || points.iter().chain(&curve);
     let (x, y) = (around(every().map(|p| p.time))?, around(every().map(|p| p.error))?);
@@ -117,15 +117,15 @@ fn error_over_time(sweep: &Sweep, area: &Area) -> Result<(), String> {
         .label("reference tracer: 1, 2, 3, 5, 9 ... samples")
         .legend(move |(x, y)| Circle::new((x + 8, y), 5, gray.filled()));
     let mut techniques: Vec<Technique> = Vec::new();
-    rivals.iter().map(|m| m.configuration.technique).for_each(|t| {
+    competitors.iter().map(|m| m.configuration.technique).for_each(|t| {
         if !techniques.contains(&t) {
             techniques.push(t);
         }
     });
     for technique in techniques {
         let color = color(technique);
-        let of = rivals.iter().zip(&points).filter(|(m, _)| m.configuration.technique == technique);
-        let circle = |(m, p): (&&Measured, &Point)| {
+        let of = competitors.iter().zip(&points).filter(|(m, _)| m.configuration.technique == technique);
+        let circle = |(m, p): (&&Entry, &Point)| {
             let is_preset = m.configuration.section == plan::PRESETS;
             let style = if is_preset { color.filled() } else { color.mix(0.35).filled() };
             Circle::new((p.time, p.error), if is_preset { 6 } else { 4 }, style)
@@ -141,9 +141,9 @@ fn error_over_time(sweep: &Sweep, area: &Area) -> Result<(), String> {
     chart
         .draw_series(LineSeries::new(steps, BLACK.mix(0.6).stroke_width(1)))
         .map_err(failed)?
-        .label("nothing is faster and better")
+        .label("Pareto front")
         .legend(|(x, y)| PathElement::new([(x, y), (x + 16, y)], BLACK.mix(0.6)));
-    let first = sweep.all.len() - rivals.len();
+    let first = sweep.all.len() - competitors.len();
     let number = |&i: &usize| {
         Text::new((first + i + 1).to_string(), (1.03 * points[i].time, points[i].error), (FONT, 14).into_font())
     };
@@ -153,13 +153,13 @@ fn error_over_time(sweep: &Sweep, area: &Area) -> Result<(), String> {
 
 /// The presets of all techniques in the first frames.
 fn error_over_frames(sweep: &Sweep, area: &Area) -> Result<(), String> {
-    let shown: Vec<&Measured> = sweep
+    let shown: Vec<&Entry> = sweep
         .all
         .iter()
         .filter(|m| [plan::PRESETS, plan::REFERENCE].contains(&m.configuration.section))
         .filter(|m| m.configuration.label.contains("Balanced"))
         .collect();
-    let errors = |m: &Measured| -> Vec<(f64, f64)> {
+    let errors = |m: &Entry| -> Vec<(f64, f64)> {
         m.record.frames.iter().map(|(n, e)| (f64::from(n + 1), sweep.by.of(e))).collect()
     };
     let every = || shown.iter().flat_map(|m| errors(m));
@@ -220,7 +220,7 @@ const STAGES: [(&str, RGBColor); 7] = [
 fn cost_by_pass(sweep: &Sweep, area: &Area) -> Result<(), String> {
     const LEFT: f64 = 150.0;
     const RIGHT: f64 = 690.0;
-    let shown: Vec<&Measured> = sweep.all.iter().filter(|m| m.configuration.section == plan::PRESETS).collect();
+    let shown: Vec<&Entry> = sweep.all.iter().filter(|m| m.configuration.section == plan::PRESETS).collect();
     let scale = (RIGHT - LEFT) / shown.iter().map(|m| m.record.lighting()).fold(f64::MIN_POSITIVE, f64::max);
     let height = (f64::from(SIZE.1) - 30.0) / shown.len().max(1) as f64;
     let text = |text: String, at: (i32, i32)| area.draw(&Text::new(text, at, (FONT, 13).into_font())).map_err(failed);

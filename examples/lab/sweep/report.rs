@@ -6,8 +6,8 @@ use bevy_restir_support::{
 };
 use std::{fmt::Write, path::Path};
 
-use super::{Measured, Sweep, measure::Record, plan, plan::Configuration, plots};
-use crate::table::csv_line;
+use super::{Entry, Sweep, measure::Record, plan, plan::Configuration, plots};
+use crate::table::{csv_line, digits};
 
 /// A table: its head and its rows.
 pub type Cells = (Vec<String>, Vec<Vec<String>>);
@@ -27,28 +27,19 @@ pub fn picture(configuration: &Configuration) -> String {
     format!("pictures/{}.png", configuration.id())
 }
 
-/// Three significant digits.
-pub fn digits(value: f64) -> String {
-    if !value.is_finite() {
-        return "–".into();
-    }
-    let decimals = if value == 0.0 { 0 } else { (2 - value.abs().log10().floor() as i32).clamp(0, 6) as usize };
-    format!("{value:.decimals$}")
-}
-
 fn percent(value: f64) -> String {
     format!("{:+.1} %", 100.0 * value)
 }
 
 /// What to pick: the fastest settings within three errors, and the most accurate within three times.
 pub fn advice(sweep: &Sweep) -> Vec<Advice> {
-    let all: Vec<&Measured> = sweep.rivals().collect();
+    let all: Vec<&Entry> = sweep.competitors().collect();
     let points: Vec<_> = all.iter().map(|m| m.point(sweep.by)).collect();
     let front: Vec<_> = front(&points).into_iter().map(|i| points[i]).collect();
     let (Some(fastest), Some(best)) = (front.first(), front.last()) else { return Vec::new() };
     let pick = |budget: String, found: Option<usize>| {
         let i = found?;
-        let Measured { configuration, .. } = all[i];
+        let Entry { configuration, .. } = all[i];
         Some(Advice {
             budget,
             pick: name(configuration),
@@ -87,11 +78,11 @@ pub fn figures(sweep: &Sweep, presets_only: bool) -> Cells {
     ];
     let curve = sweep.reference_curve();
     let points: Vec<_> = sweep.all.iter().map(|m| m.point(sweep.by)).collect();
-    let rivals: Vec<usize> = (0..points.len()).filter(|&i| !sweep.all[i].is_reference()).collect();
-    let of_rivals: Vec<_> = rivals.iter().map(|&i| points[i]).collect();
-    let on_front: Vec<usize> = front(&of_rivals).into_iter().map(|i| rivals[i]).collect();
-    let row = |(i, m): (usize, &Measured)| {
-        let Measured { configuration, record } = m;
+    let competitors: Vec<usize> = (0..points.len()).filter(|&i| !sweep.all[i].is_reference()).collect();
+    let of_competitors: Vec<_> = competitors.iter().map(|&i| points[i]).collect();
+    let on_front: Vec<usize> = front(&of_competitors).into_iter().map(|i| competitors[i]).collect();
+    let row = |(i, m): (usize, &Entry)| {
+        let Entry { configuration, record } = m;
         let is_wanted = !presets_only || [plan::PRESETS, plan::REFERENCE].contains(&configuration.section);
         is_wanted.then(|| {
             let errors = m.errors();
@@ -134,10 +125,10 @@ fn name(configuration: &Configuration) -> String {
 
 /// Errors of the first frames after a cut.
 pub fn first_frames(sweep: &Sweep) -> Cells {
-    let shown = |m: &&Measured| m.configuration.section == plan::PRESETS;
+    let shown = |m: &&Entry| m.configuration.section == plan::PRESETS;
     let numbers = sweep.all.first().map_or(&[][..], |m| &m.record.frames);
     let head = core::iter::once(String::new()).chain(numbers.iter().map(|(n, _)| format!("frame {n}")));
-    let row = |m: &Measured| {
+    let row = |m: &Entry| {
         let errors = m.record.frames.iter().map(|(_, errors)| digits(sweep.by.of(errors)));
         core::iter::once(name(&m.configuration)).chain(errors).collect()
     };
@@ -147,10 +138,10 @@ pub fn first_frames(sweep: &Sweep) -> Cells {
 /// Meaning of the columns.
 pub const LEGEND: &str = "Bold rows: no other row is faster and has less error. \"Against the reference tracer\": its error at equal \
     time, relative to the row's. Bias: relative difference of the mean, with its standard error; bias of blocks: root mean square over \
-    blocks of 8 x 8 pixels, where noise hides anything smaller. The noise of a converged picture that was rendered is part of the standard \
-    error and not of the bias of blocks; that of a given one is not known. Variance: between runs. Flicker: mean squared change of the error from a \
-    frame to the next. Bias of blocks, variance and flicker are relative to the reference as relMSE is. In motion: the camera moves \
-    sideways by 0.4 % of the median depth in a frame.";
+    blocks of 8 x 8 pixels, where noise hides anything smaller. The noise of a converged picture that the sweep rendered is part of the \
+    standard error, but not of the bias of blocks; the noise of a picture that the user gave is not known. Variance: between runs. \
+    Flicker: mean squared change of the error from a frame to the next. Bias of blocks, variance and flicker are relative to the \
+    reference as relMSE is. In motion: the camera moves sideways by 0.4 % of the median depth in a frame.";
 
 fn markdown_table((head, rows): &Cells) -> String {
     let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
@@ -200,7 +191,7 @@ fn csv(sweep: &Sweep, path: &Path, head: &[&str], rows: impl Iterator<Item = Vec
     write_text(path, &lines.collect::<String>())
 }
 
-fn start(m: &Measured) -> Vec<String> {
+fn start(m: &Entry) -> Vec<String> {
     vec![m.configuration.section.into(), m.configuration.label.clone()]
 }
 

@@ -10,7 +10,7 @@ use clap::{
     Parser,
     builder::{PossibleValuesParser, TypedValueParser},
 };
-use std::process::ExitCode;
+use std::{process::ExitCode, str::FromStr};
 
 /// Parses the command line. If it requests help or is wrong, the error is the exit code of the program.
 pub fn parse<T: Parser>() -> Result<T, ExitCode> {
@@ -55,8 +55,9 @@ fn size_within(text: &str, least: u32, most: u32) -> Result<UVec2, String> {
 }
 
 /// Parses a number above 0.
-pub fn positive(text: &str) -> Result<f32, String> {
-    text.parse().ok().filter(|x: &f32| *x > 0.0 && x.is_finite()).ok_or("expected a number above 0".into())
+pub fn positive<T: FromStr + Copy + Into<f64>>(text: &str) -> Result<T, String> {
+    let is_positive = |x: f64| x > 0.0 && x.is_finite();
+    text.parse().ok().filter(|x: &T| is_positive((*x).into())).ok_or("expected a number above 0".into())
 }
 
 /// How the exposure of a picture is chosen.

@@ -50,17 +50,31 @@ pub fn has_extension(path: &Path, wanted: &[&str]) -> bool {
     extension.is_some_and(|extension| wanted.iter().any(|wanted| extension.eq_ignore_ascii_case(wanted)))
 }
 
+impl Environment {
+    /// Reads its file, if it has one.
+    pub fn image(&self) -> Result<Option<Image>, String> {
+        match self {
+            Self::Uniform(_) => Ok(None),
+            Self::File(path) => read(path).map(Some),
+        }
+    }
+
+    /// The component for the camera. `image`: that of its file.
+    pub fn component(&self, world: &mut World, image: Option<Image>) -> RestirEnvironment {
+        match self {
+            Self::Uniform([r, g, b]) => RestirEnvironment { color: LinearRgba::rgb(*r, *g, *b), ..Default::default() },
+            Self::File(_) => {
+                let image = image.map(|image| world.resource_mut::<Assets<Image>>().add(image));
+                RestirEnvironment { image, ..Default::default() }
+            }
+        }
+    }
+}
+
 /// Makes the component for the camera.
 pub fn load(world: &mut World, wanted: &Environment) -> Result<RestirEnvironment, String> {
-    Ok(match wanted {
-        Environment::Uniform([r, g, b]) => {
-            RestirEnvironment { color: LinearRgba::rgb(*r, *g, *b), ..Default::default() }
-        }
-        Environment::File(path) => {
-            let image = world.resource_mut::<Assets<Image>>().add(read(path)?);
-            RestirEnvironment { image: Some(image), ..Default::default() }
-        }
-    })
+    let image = wanted.image()?;
+    Ok(wanted.component(world, image))
 }
 
 /// Reads an equirectangular image from a .hdr or .exr file.

@@ -139,6 +139,13 @@ pub fn spawn_camera(world: &mut World, (transform, projection): (Transform, Proj
     world.insert_resource(View { camera, capture });
 }
 
+/// Spawns an object.
+pub fn spawn(world: &mut World, mesh: impl Into<Mesh>, material: StandardMaterial, place: Transform) -> Entity {
+    let mesh = world.resource_mut::<Assets<Mesh>>().add(mesh);
+    let material = world.resource_mut::<Assets<StandardMaterial>>().add(material);
+    world.spawn((Mesh3d(mesh), MeshMaterial3d(material), place)).id()
+}
+
 /// The file's cameras would draw to a window.
 pub fn remove_file_cameras(world: &mut World) {
     let others = world.query_filtered::<Entity, (With<Camera>, Without<Restir>)>().iter(world).collect::<Vec<_>>();

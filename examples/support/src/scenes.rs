@@ -69,10 +69,10 @@ pub struct Ray {
     pub t_max: f32,
 }
 
-/// The layout of the answers of `tests/support/kernels/trace.wgsl`.
+/// The layout of `Answer` in `tests/support/kernels/trace.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-pub struct Answer {
+pub struct TraceResult {
     pub t: f32,
     pub instance: u32,
     pub triangle: u32,

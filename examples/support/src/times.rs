@@ -1,11 +1,19 @@
 //! GPU and CPU times of the plugin's passes.
 
 use bevy::{
-    diagnostic::{DiagnosticMeasurement, DiagnosticPath, DiagnosticsStore},
+    diagnostic::{Diagnostic, DiagnosticMeasurement, DiagnosticPath, DiagnosticsStore},
     platform::{collections::HashMap, time::Instant},
     prelude::*,
 };
 use bevy_restir::{Restir, RestirStatistics, SPAN_PREFIX, pass_names};
+
+/// The measured times of a pass, and whether they are GPU times. They are CPU times where the device has no timestamps.
+pub fn measured<'a>(store: &'a DiagnosticsStore, pass: &str) -> Option<(&'a Diagnostic, bool)> {
+    [("elapsed_gpu", true), ("elapsed_cpu", false)].into_iter().find_map(|(kind, is_gpu)| {
+        let diagnostic = store.get(&DiagnosticPath::new(format!("render/{SPAN_PREFIX}{pass}/{kind}")))?;
+        diagnostic.measurement().map(|_| (diagnostic, is_gpu))
+    })
+}
 
 /// Times in milliseconds.
 #[derive(Default)]
@@ -20,10 +28,7 @@ impl Times {
         let store = world.resource::<DiagnosticsStore>();
         let features = world.resource::<RestirStatistics>().report().features;
         for name in pass_names(settings, features) {
-            let newest: Option<&DiagnosticMeasurement> = ["elapsed_gpu", "elapsed_cpu"].iter().find_map(|kind| {
-                let path = DiagnosticPath::new(format!("render/{SPAN_PREFIX}{name}/{kind}"));
-                store.get(&path).and_then(|d| d.measurement())
-            });
+            let newest = measured(store, name).and_then(|(diagnostic, _)| diagnostic.measurement());
             let Some(&DiagnosticMeasurement { time, value }) = newest else { continue };
             if self.seen.insert(name, time) != Some(time) {
                 self.passes.entry(name).or_default().push(value);

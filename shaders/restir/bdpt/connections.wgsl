@@ -10,7 +10,7 @@
 #import bevy_restir::common::ray::Ray
 #import bevy_restir::common::rng::{Rng, rng_1, rng_3, rng_bits}
 #import bevy_restir::path::bidirectional_mis::{mis_arrive, mis_camera_start, mis_connection_weight, mis_scatter, mis_scatter_delta, MisEnd, MisState}
-#import bevy_restir::path::light_path::{arrival_cosine, scattered_value, surface_towards}
+#import bevy_restir::path::light_path::{arrival_cosine, reverse_pdf, scattered_value, surface_towards}
 #import bevy_restir::path::medium::transmittance
 #import bevy_restir::path::roulette::{ROULETTE_FROM, survival_probability}
 #import bevy_restir::path::scattering::{scattering_vertex, ScatteringVertex}
@@ -32,17 +32,16 @@ struct CameraWalk {
     v: Vertex,
     state: MisState,
     throughput: vec3<f32>,
-    index: u32,                // of the vertex, from 1; 0: the sub-path has ended
     shown: vec3<f32>,          // shown share of the light that arrives, behind the first surface
-    is_first: bool,              // the vertex is the first surface, whose lobes decide which share is shown
-    eta_scale: f32,            // squared relative indices of refraction: roulette must not take the scaling of radiance for absorption
+    is_first: bool,            // the vertex is the first surface, whose lobes decide which share is shown
+    eta_scale: f32,            // squared relative indices of refraction (`survival_probability`)
 }
 
 // Radiance towards the camera from the surface of a pixel.  `camera_density`: of the camera's rays at the surface.
 fn sample_connections(first: Vertex, camera_density: f32, rng: ptr<function, Rng>) -> vec3<f32> {
     let start = mis_camera_start(f32(settings.splats), camera_density);
     let arrived = mis_arrive(start, 1.0, arrival_cosine(first.surface, first.wo));
-    var w = CameraWalk(first, arrived, vec3<f32>(1.0), 1u, vec3<f32>(1.0), true, 1.0);
+    var w = CameraWalk(first, arrived, vec3<f32>(1.0), vec3<f32>(1.0), true, 1.0);
     var light = vec3<f32>(0.0);
     let probe_seed = rng_bits(rng).x;
     // A connection has a scattering event at both of its ends.
@@ -53,13 +52,13 @@ fn sample_connections(first: Vertex, camera_density: f32, rng: ptr<function, Rng
         }
         w = at_scattering_vertex(w, from_vertex);
         if !bsdf_is_delta(w.v.surface.bsdf) {
-            light += guarded_3(w.throughput * connection_light(w, rng), GUARD_LIGHT_CONTRIBUTION);
+            light += guarded_3(w.throughput * connection_light(w, index, rng), GUARD_LIGHT_CONTRIBUTION);
         }
         let b = bsdf_sample(w.v.surface.bsdf, w.v.wo, rng_3(rng));
         if b.valid == 0u {
             break;
         }
-        w = scattered(w, b);
+        w = after_scattering(w, b);
         if index >= ROULETTE_FROM {
             let q = survival_probability(w.throughput, w.eta_scale);
             if !(rng_1(rng) < q) {
@@ -81,7 +80,6 @@ fn sample_connections(first: Vertex, camera_density: f32, rng: ptr<function, Rng
         w.throughput *= transmittance(medium, hit.t);
         w.state = mis_arrive(w.state, hit.t * hit.t, arrival_cosine(next, b.wi));
         w.v = Vertex(next, -b.wi, medium, cone);
-        w.index = index + 1u;
     }
     return light;
 }
@@ -103,7 +101,7 @@ fn at_scattering_vertex(walk: CameraWalk, from_vertex: ScatteringVertex) -> Came
 }
 
 // Throughput and state after scattering; the state does not yet hold for the next vertex.
-fn scattered(walk: CameraWalk, b: BsdfSample) -> CameraWalk {
+fn after_scattering(walk: CameraWalk, b: BsdfSample) -> CameraWalk {
     var w = walk;
     let s = w.v.surface;
     let cos_out = abs(dot(s.bsdf.n_geo, b.wi));
@@ -121,17 +119,12 @@ fn scattered(walk: CameraWalk, b: BsdfSample) -> CameraWalk {
     return w;
 }
 
-// Density with which a sub-path that arrives from `wi` would be scattered to `wo`.
-fn reverse_pdf(s: Surface, wi: vec3<f32>, wo: vec3<f32>) -> f32 {
-    return bsdf_pdf(surface_towards(s, wi).bsdf, wi, wo);
-}
-
-// Light of one light sub-path.
-fn connection_light(w: CameraWalk, rng: ptr<function, Rng>) -> vec3<f32> {
+// Light of one light sub-path, which is connected with the vertex of this index.
+fn connection_light(w: CameraWalk, index: u32, rng: ptr<function, Rng>) -> vec3<f32> {
     let u = rng_1(rng);
     let alpha_seed = rng_bits(rng).x;
     let p = light_vertex_unpack(light_vertices[min(u32(u * f32(settings.light_paths)), settings.light_paths - 1u)]);
-    if p.events == 0u || w.index + p.events > view.bounces {
+    if p.events == 0u || index + p.events > view.bounces {
         return vec3<f32>(0.0);
     }
     let x = w.v.surface;
@@ -145,8 +138,8 @@ fn connection_light(w: CameraWalk, rng: ptr<function, Rng>) -> vec3<f32> {
     if !(d2 > 0.0) {
         return vec3<f32>(0.0);
     }
-    let scattered = terms.f * scattered_value(y, -wi, p.towards_light);
-    let value = guarded_3(scattered * p.throughput * (cos_y / d2 * f32(p.count)), GUARD_LIGHT_CONTRIBUTION);
+    let bsdfs = terms.f * scattered_value(y, -wi, p.towards_light);
+    let value = guarded_3(bsdfs * p.throughput * (cos_y / d2 * f32(p.count)), GUARD_LIGHT_CONTRIBUTION);
     if !(max_component(value) > 0.0) || trace_any(ray_between(x, y), alpha_seed, false) {
         return vec3<f32>(0.0);
     }

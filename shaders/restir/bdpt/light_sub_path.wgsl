@@ -1,5 +1,5 @@
 // Light sub-paths of ReSTIR BDPT.  Their random numbers depend on their index and on the frame alone, so that each of them can be replayed.
-// Vertices have the states that MIS weights with shares (`LightShares`) need.
+// The MIS state of a vertex includes the factors of `LightShares`.
 #define_import_path bevy_restir::restir::bdpt::light_sub_path
 
 #import bevy_restir::common::rng::{Rng, rng_bits, rng_new, STREAM_LIGHT_PATHS}

@@ -2,8 +2,8 @@
 // is a function of random numbers: it can be replayed with the same numbers, in the scene of this frame or of the last one.
 #define_import_path bevy_restir::restir::bdpt::splat
 
-#import bevy_restir::bsdf::bsdf::{bsdf_is_delta, bsdf_pdf}
-#import bevy_restir::common::constants::{MATERIAL_CULL_BACK, MATERIAL_CULL_FRONT, NONE, OVERFLOW_STEPS}
+#import bevy_restir::bsdf::bsdf::bsdf_pdf
+#import bevy_restir::common::constants::{MATERIAL_CULL_BACK, MATERIAL_CULL_FRONT, NONE, OVERFLOW_STEPS, VIEW_SEES_BACK_FACES}
 #import bevy_restir::common::guard::{GUARD_LIGHT_CONTRIBUTION, guarded_3}
 #import bevy_restir::common::math::luminance
 #import bevy_restir::common::ray::{Ray, trace_flags}
@@ -12,7 +12,7 @@
 #import bevy_restir::restir::bdpt::techniques::{SPLATS, technique_weight}
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::scene::bindings::{instances, materials}
-#import bevy_restir::scene::offset::offset_point
+#import bevy_restir::scene::offset::offset_end
 #import bevy_restir::scene::surface::{Surface, surface_at}
 #import bevy_restir::scene::triangle::world_triangle
 #import bevy_restir::trace::trace::trace_closest_in_frame
@@ -43,7 +43,7 @@ fn splat_of(w: LightWalk, alpha_seed: u32, previous: bool) -> Splat {
     let camera = camera_of(previous);
     let point = camera_point(camera, w.surface.position);
     let wo = -point.ray.direction;
-    if !point.inside || bsdf_is_delta(w.surface.bsdf) || is_culled(w.hit.instance, w.hit.triangle, wo, previous) {
+    if !point.inside || is_culled(w.hit.instance, w.hit.triangle, wo, previous) {
         return no_splat();
     }
     let depth = distance(point.ray.origin, w.surface.position);
@@ -56,7 +56,7 @@ fn splat_of(w: LightWalk, alpha_seed: u32, previous: bool) -> Splat {
     if !(luminance(value) > 0.0) {
         return no_splat();
     }
-    if !is_visible_to_camera(point, offset_point(s.position, s.bsdf.n_geo, wo, s.offset), alpha_seed, previous) {
+    if !is_visible_to_camera(point, offset_end(s.position, s.bsdf.n_geo, wo, s.offset, depth), alpha_seed, previous) {
         return no_splat();
     }
     let pixel = min(vec2<u32>(point.at), view.size - 1u);
@@ -87,7 +87,8 @@ fn camera_of(previous: bool) -> Camera {
 
 fn is_culled(instance: u32, triangle: u32, wo: vec3<f32>, previous: bool) -> bool {
     let flags = materials[instances[instance].material].flags;
-    let front = dot(wo, world_triangle(instance, triangle, previous).normal) > 0.0;
+    let faces = dot(wo, world_triangle(instance, triangle, previous).normal) > 0.0;
+    let front = faces != ((view.flags & VIEW_SEES_BACK_FACES) != 0u);
     return (flags & select(MATERIAL_CULL_BACK, MATERIAL_CULL_FRONT, front)) != 0u;
 }
 

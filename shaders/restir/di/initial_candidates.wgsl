@@ -89,7 +89,7 @@ fn trace_bsdf_ray(r: Receiver, rng: ptr<function, Rng>) -> BsdfRay {
     return bsdf_ray_to(triangle_light_point(s.light, hit.barycentrics), vec3<f32>(0.0), b, segment);
 }
 
-// The candidates that are selected so far.
+// The stream of candidates, and the one that is selected so far.
 struct Candidates {
     stream: Stream,
     point: LightPoint,
@@ -111,7 +111,8 @@ fn add_light_candidates(c: ptr<function, Candidates>, r: Receiver, with_bsdf: bo
     }
 }
 
-// The light at the end of a BSDF ray, and every light that the ray passes on its way there.
+// Adds every light that a BSDF ray passes, and the one at its end, as candidates.  Returns the light that cannot be resampled, because it
+// arrives by a delta lobe or its source is not in the table.
 fn add_bsdf_candidates(c: ptr<function, Candidates>, r: Receiver, ray: BsdfRay, rng: ptr<function, Rng>) -> vec3<f32> {
     var unresampled = ray.light;
     var point = ray.point;
@@ -151,7 +152,6 @@ fn add_candidate(c: ptr<function, Candidates>, index: u32, point: LightPoint, va
 
 fn sample_candidates(r: Receiver, pixel: vec2<u32>, rng: ptr<function, Rng>) -> SelectedCandidate {
     let with_bsdf = has(RESAMPLE_BSDF_CANDIDATE);
-    // p̂ over the sum of the densities of both techniques is the weight of the balance heuristic.
     var c = Candidates(Stream(0.0, NONE), no_light_point(), 0.0);
     add_light_candidates(&c, r, with_bsdf, pixel, rng);
     var ray = no_bsdf_ray();
@@ -163,15 +163,16 @@ fn sample_candidates(r: Receiver, pixel: vec2<u32>, rng: ptr<function, Rng>) -> 
     // An occluded sample has the weight 0, and still counts as a frame's worth of candidates.  The BSDF ray has tested its own visibility.
     var reservoir = Reservoir(c.point, 0.0, 1.0, true);
     if c.point.light != NONE {
-        let is_known = c.stream.selected >= settings.candidates || !has(RESAMPLE_CANDIDATE_RAYS);
-        if is_known || is_visible(r, evaluate(r, reservoir), rng_bits(rng).x) {
+        let needs_no_ray = c.stream.selected >= settings.candidates || !has(RESAMPLE_CANDIDATE_RAYS);
+        if needs_no_ray || is_visible(r, evaluate(r, reservoir), rng_bits(rng).x) {
             reservoir.ucw = stream_ucw(c.stream, c.selected_target);
         }
     }
     return SelectedCandidate(reservoir, unresampled);
 }
 
-// Density of light sampling plus density of BSDF sampling.  PLANT_*: an error that only tests define, and must find.
+// Sum of the densities of light sampling and BSDF sampling: with p̂ over this sum as resampling weight, candidates are weighted by the
+// balance heuristic.  PLANT_*: an error that only tests define, and must find.
 #ifdef PLANT_MISSING_DENSITY
 fn both_densities(lights: f32, bsdf: f32) -> f32 {
     return select(bsdf, lights, lights > 0.0);

@@ -25,9 +25,9 @@ const SHORTEST_LENGTH: u32 = 3u;
 // Index of the reconnection vertex.
 const SECONDARY_VERTEX: u32 = 2u;
 
-// A candidate in the measure of the technique.  Where the secondary vertex is taken for diffuse, its radiance is the one that leaves it
+// A candidate in the measure of the domain.  Where the secondary vertex is taken for diffuse, its radiance is the one that leaves it
 // towards the pixel that found it.
-fn in_technique_measure(c: SelectedPath, r: Receiver) -> SelectedPath {
+fn in_domain_measure(c: SelectedPath, r: Receiver) -> SelectedPath {
     var m = c;
     if c.path.reconnection != SECONDARY_VERTEX {
         return m;

@@ -14,8 +14,8 @@ struct PackedReservoir {
 fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     let s = r.path;
     let p = path_pack(r);
-    // The point on a light that the last ray hit matters only to paths that stay in their pixel: `rivals` takes its place.
-    let of_hit = vec2<u32>(s.light.light, bitcast<u32>(s.rivals.x));
+    // The point on a light that the last ray hit matters only to paths that stay in their pixel: `mis_coefficients` takes its place.
+    let of_hit = vec2<u32>(s.light.light, bitcast<u32>(s.mis_coefficients.x));
     let light = select(of_hit, vec2<u32>(s.light.light, s.light.coordinates), s.termination == TERMINATION_NEE);
     // The format has no sign and no NaN, so both are detected before.
     let radiance = pack_radiance(guarded_3(s.radiance, GUARD_RESERVOIR));
@@ -42,10 +42,10 @@ fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
         r.path.light = LightPoint(w[9], w[10]);
     } else {
         r.path.light = LightPoint(w[9], 0u);
-        r.path.rivals = vec2<f32>(bitcast<f32>(w[10]), 0.0);
+        r.path.mis_coefficients = vec2<f32>(bitcast<f32>(w[10]), 0.0);
     }
     r.path.radiance = unpack_radiance(vec2<u32>(w[11], w[12]));
-    if !guard_holds(is_sound(r.ucw) && is_sound(r.path.rivals.x) && is_sound(r.path.density), GUARD_RESERVOIR) {
+    if !guard_holds(is_sound(r.ucw) && is_sound(r.path.mis_coefficients.x) && is_sound(r.path.density), GUARD_RESERVOIR) {
         return no_reservoir();
     }
     return r;

@@ -61,8 +61,8 @@ fn shift_parameters(eye: vec3<f32>, v: Vertex, previous: bool) -> ShiftParameter
     );
 }
 
-// A candidate in the measure of the technique.
-fn in_technique_measure(c: SelectedPath, r: Receiver) -> SelectedPath {
+// A candidate in the measure of the domain.
+fn in_domain_measure(c: SelectedPath, r: Receiver) -> SelectedPath {
     return c;
 }
 
@@ -99,8 +99,8 @@ fn evaluate(r: Receiver, s: Reservoir) -> Evaluated {
     return Evaluated(shifted.f, shifted);
 }
 
-// Whether the shift of a sample to its own pixel is defined.  `of_paths` in src/technique/reuse_schedule.rs sees to the one criterion that
-// reconnects paths where it is not.
+// Whether the shift of a sample to its own pixel is defined.  It is, except with `Reconnection::PathFootprint`: there `of_paths` in
+// src/technique/reuse_schedule.rs turns off the shortcut for unchanged frames, which alone asks.
 fn can_be_shifted(s: Reservoir) -> bool {
     return true;
 }
@@ -143,7 +143,7 @@ fn shift_result_of(e: Evaluated) -> ShiftResult {
 }
 
 // Paired reuse keeps the contribution and the Jacobian of a shift to a visible path (`kept_shift`), and restores the shift from them
-// (`shift_from`).  Within a frame the light after the reconnection vertex and its rivals stay as they are.
+// (`shift_from`).  Within a frame the light after the reconnection vertex and its MIS coefficients stay as they are.
 fn kept_shift(e: Evaluated) -> vec4<f32> {
     return vec4<f32>(e.f, e.shifted.jacobian);
 }
@@ -153,7 +153,7 @@ fn shift_from(s: Reservoir, kept: vec4<f32>) -> Evaluated {
     shifted.f = kept.rgb;
     shifted.jacobian = kept.a;
     shifted.density = kept.a * s.path.density;
-    shifted.result = ShiftResult(s.path.radiance, s.path.rivals, shifted.density, luminance(kept.rgb));
+    shifted.result = ShiftResult(s.path.radiance, s.path.mis_coefficients, shifted.density, luminance(kept.rgb));
     return Evaluated(kept.rgb, shifted);
 }
 

@@ -21,7 +21,7 @@
 #import bevy_restir::path::roulette::{ROULETTE_FROM, survival_probability}
 #import bevy_restir::path::scattering::{drawn_choice, entry_vertex}
 #import bevy_restir::path::shadow_ray::light_is_visible
-#import bevy_restir::path::technique_weights::{below_surface, camera_state, CameraState, emitter_sample, rivals_of_hit, rivals_of_nee, state_at, state_of_ray, weight_of}
+#import bevy_restir::path::technique_weights::{below_surface, camera_state, CameraState, emitter_sample, mis_sum_of_hit, mis_sum_of_nee, state_at, state_of_ray, weight_of}
 #import bevy_restir::path::walk::{sampled_step, Step, step_cone, step_medium, Vertex}
 #import bevy_restir::restir::flags::has
 #import bevy_restir::restir::light_candidates::{light_candidate, subset_of}
@@ -136,7 +136,7 @@ fn sample_candidates(first: Vertex, pixel: vec2<u32>, shortest: u32, p: ShiftPar
     c.state = camera_state(first, p.camera_density, p.counts);
     var v = first;
     var before: PreviousVertex;
-    // Squared relative indices of refraction: roulette must not mistake the scaling of radiance in glass for absorption.
+    // Squared relative indices of refraction (`survival_probability`).
     var eta_scale = 1.0;
     for (var index = 1u; index <= view.bounces; index++) {
         c.prefix.length = index + 1u;
@@ -242,14 +242,14 @@ fn add_nee(
     if !(max_component(nee.f) > 0.0) || !light_is_visible(v.surface, nee.light, alpha_seed, false) {
         return;
     }
-    let rivals = rivals_of_nee((*c).state, v, nee.light, nee.pdf_bsdf, index, p.counts);
-    let f = nee.f * weight_of(rivals, (*c).state);
+    let coefficients = mis_sum_of_nee((*c).state, v, nee.light, nee.pdf_bsdf, index, p.counts);
+    let f = nee.f * weight_of(coefficients, (*c).state);
     var path = (*c).prefix;
     path.termination = TERMINATION_NEE;
     path.light = selected.point;
     if path.reconnection != 0u {
-        path.radiance = (*c).suffix * nee.f / rivals.x;
-        path.rivals = rivals.yz / rivals.x;
+        path.radiance = (*c).suffix * nee.f / coefficients.x;
+        path.mis_coefficients = coefficients.yz / coefficients.x;
     } else if index > 1u && !(*c).below && is_connectable(before, v.surface, nee.pdf_bsdf, true, p) {
         path = reconnected(path, before, factor_at(path, before, v) * (*c).choice_probability, index);
     } else {
@@ -294,6 +294,7 @@ fn add_light_hits(
 // The path whose last ray escapes.
 fn add_environment(c: ptr<function, Candidates>, before: PreviousVertex, step: Step, index: u32, p: ShiftParameters, rng: ptr<function, Rng>) {
     var l = no_light_sample();
+    l.delta = 0u;
     l.light = ENVIRONMENT_LIGHT;
     l.wi = step.wi;
     l.pdf_solid_angle = environment_pdf(step.wi, false);
@@ -370,7 +371,8 @@ fn ended_at_infinity(prefix: PathSample, before: PreviousVertex, step: Step, ind
     return path;
 }
 
-// Adds a path whose last ray hit a light.  `radiance` arrives at the vertex of this index, from where NEE would have taken the sample `l`.
+// Adds a path whose last ray hit a light, with the radiance that arrives at the vertex of this index.  `l`: the sample with which NEE there
+// would have found the same point.
 fn add_bsdf_hit(
     c: ptr<function, Candidates>,
     ended: PathSample,
@@ -382,12 +384,12 @@ fn add_bsdf_hit(
     u: f32,
 ) {
     var path = ended;
-    let rivals = rivals_of_hit((*c).state, l, by_delta, index, p.counts);
+    let coefficients = mis_sum_of_hit((*c).state, l, by_delta, index, p.counts);
     if path.reconnection != 0u && path.reconnection <= index {
-        path.radiance = (*c).suffix * radiance / rivals.x;
-        path.rivals = rivals.yz / rivals.x;
+        path.radiance = (*c).suffix * radiance / coefficients.x;
+        path.mis_coefficients = coefficients.yz / coefficients.x;
     }
-    add_candidate(c, path, (*c).throughput * radiance * weight_of(rivals, (*c).state), HIT_SHARE, u);
+    add_candidate(c, path, (*c).throughput * radiance * weight_of(coefficients, (*c).state), HIT_SHARE, u);
 }
 
 // `triangle_factor` of the newest vertex of a prefix that has no reconnection vertex yet.

@@ -9,7 +9,7 @@
 struct PackedReservoir {
     path: vec4<u32>,           // structure, seed, birth, W
     vertex: vec4<u32>,         // reconnection vertex and the direction after it
-    suffix: vec4<u32>,         // radiance that arrives there; `rivals`, of which the second is 0
+    suffix: vec4<u32>,         // radiance that arrives there; `mis_coefficients`, of which the second is 0
     light: vec4<u32>,          // point on the light; density; p̂
 }
 
@@ -19,7 +19,7 @@ fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     return PackedReservoir(
         vec4<u32>(p.structure, s.seed, p.birth, bitcast<u32>(r.ucw)),
         vec4<u32>(p.vertex, p.direction),
-        vec4<u32>(bitcast<vec3<u32>>(s.radiance), bitcast<u32>(s.rivals.x)),
+        vec4<u32>(bitcast<vec3<u32>>(s.radiance), bitcast<u32>(s.mis_coefficients.x)),
         vec4<u32>(s.light.light, s.light.coordinates, bitcast<u32>(s.density), bitcast<u32>(s.target_value)),
     );
 }
@@ -35,12 +35,12 @@ fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     r.path.seed = p.path.y;
     r.ucw = bitcast<f32>(p.path.w);
     r.path.radiance = bitcast<vec3<f32>>(p.suffix.xyz);
-    r.path.rivals = vec2<f32>(bitcast<f32>(p.suffix.w), 0.0);
+    r.path.mis_coefficients = vec2<f32>(bitcast<f32>(p.suffix.w), 0.0);
     r.path.light = LightPoint(p.light.x, p.light.y);
     r.path.density = bitcast<f32>(p.light.z);
     r.path.target_value = bitcast<f32>(p.light.w);
     let s = r.path;
-    let is_path_sound = is_sound_3(s.radiance) && is_sound(s.rivals.x) && is_sound(s.density) && is_sound(s.target_value);
+    let is_path_sound = is_sound_3(s.radiance) && is_sound(s.mis_coefficients.x) && is_sound(s.density) && is_sound(s.target_value);
     if !guard_holds(is_sound(r.ucw) && is_path_sound, GUARD_RESERVOIR) {
         return no_reservoir();
     }

@@ -21,7 +21,7 @@
 #import bevy_restir::path::random::{DIMENSION_SHADOW_RAY, DIMENSION_RAY, path_alpha_seed}
 #import bevy_restir::path::scattering::{drawn_choice, entry_vertex, given_choice, ScatteringVertex}
 #import bevy_restir::path::shadow_ray::{ray_between, ray_to_light}
-#import bevy_restir::path::technique_weights::{below_surface, camera_state, CameraState, emitter_sample, rivals_of_hit, rivals_of_nee, state_at, state_of_ray, stored_weight, weight_of}
+#import bevy_restir::path::technique_weights::{below_surface, camera_state, CameraState, emitter_sample, mis_sum_of_hit, mis_sum_of_nee, state_at, state_of_ray, stored_weight, weight_of}
 #import bevy_restir::path::walk::{drawn_step, given_step, no_step, Step, step_cone, step_medium, Vertex, with_weight_and_densities}
 #import bevy_restir::restir::path_sample::{PathSample, ShiftResult, TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE, vertex_barycentrics}
 #import bevy_restir::restir::shift::reconnection::{is_connectable, is_connectable_by, is_connectable_end, light_factor, previous_vertex, PreviousVertex, ShiftParameters, triangle_factor}
@@ -42,8 +42,8 @@ struct Walk {
     rays: ShadowRays,
     reason: u32,
     f: vec3<f32>,
-    radiance: vec3<f32>,      // `PathSample::radiance` and `rivals`, where the rest of the path was replayed
-    rivals: vec2<f32>,
+    radiance: vec3<f32>,      // `PathSample::radiance` and `mis_coefficients`, where the rest of the path was replayed
+    mis_coefficients: vec2<f32>,
     state: CameraState,       // of the current vertex, and then of the ray that leaves it
     below: bool,              // the current vertex is a point where light enters a body
 }
@@ -60,7 +60,7 @@ fn hybrid_shift(s: PathSample, first: Vertex, c: ShiftParameters, previous: bool
     w.suffix = vec3<f32>(1.0);
     w.density = 1.0;
     w.radiance = s.radiance;
-    w.rivals = s.rivals;
+    w.mis_coefficients = s.mis_coefficients;
     w.state = camera_state(first, c.camera_density, c.counts);
     walk(&w, s, c, previous, retrace);
     if w.reason != SHIFT_OK {
@@ -78,7 +78,7 @@ fn hybrid_shift(s: PathSample, first: Vertex, c: ShiftParameters, previous: bool
     if is_infinite(jacobian) || max(jacobian, 1.0 / jacobian) > c.jacobian_limit {
         return failed(SHIFT_JACOBIAN_LIMIT);
     }
-    let result = ShiftResult(w.radiance, w.rivals, select(0.0, w.density, s.density > 0.0), luminance(w.f));
+    let result = ShiftResult(w.radiance, w.mis_coefficients, select(0.0, w.density, s.density > 0.0), luminance(w.f));
     return ShiftedPath(result, w.f, w.density, jacobian, SHIFT_OK, w.rays);
 }
 
@@ -105,7 +105,7 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: ShiftParameters, previous: boo
         let medium = step_medium((*w).v, step.wi);
         take_step(w, s, index, step, c);
         if index == s.reconnection && !retrace {
-            (*w).f = (*w).throughput * s.radiance * stored_weight(s.rivals, (*w).state);
+            (*w).f = (*w).throughput * s.radiance * stored_weight(s.mis_coefficients, (*w).state);
             return;
         }
 
@@ -159,8 +159,19 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: ShiftParameters, previous: boo
             return;
         }
     }
-    // All other paths have returned: this one has at least two vertices.
+    // Only paths that end by NEE come here.
     end_with_nee(w, s, s.length - 1u, c, previous, retrace);
+}
+
+// Multiplies the throughput or the suffix by a factor.  The choice at the reconnection vertex, between its surface and the body below it,
+// and the step from its surface belong to the throughput, as their densities belong to the density of the path; what follows belongs to
+// the suffix.
+fn multiply(w: ptr<function, Walk>, factor: vec3<f32>, is_suffix: bool) {
+    if is_suffix {
+        (*w).suffix *= factor;
+    } else {
+        (*w).throughput *= factor;
+    }
 }
 
 // Goes on from the surface of the vertex of this index, or from a point where light enters the body below it.  Returns false where the shift
@@ -175,11 +186,7 @@ fn scatter(w: ptr<function, Walk>, s: PathSample, index: u32, c: ShiftParameters
         choice = drawn_choice(v, s.seed, index);
     }
     (*w).below = choice.below;
-    if s.reconnection != 0u && index > s.reconnection {
-        (*w).suffix *= choice.carried;
-    } else {
-        (*w).throughput *= choice.carried;
-    }
+    multiply(w, choice.carried, s.reconnection != 0u && index > s.reconnection);
     if !choice.below {
         return true;
     }
@@ -192,7 +199,7 @@ fn scatter(w: ptr<function, Walk>, s: PathSample, index: u32, c: ShiftParameters
     }
     if is_reconnection && !retrace {
         // The point of entry does not depend on the path before: the stored radiance contains all that follows.
-        (*w).f = (*w).throughput * s.radiance * stored_weight(s.rivals, (*w).state);
+        (*w).f = (*w).throughput * s.radiance * stored_weight(s.mis_coefficients, (*w).state);
         return false;
     }
     let entry = replayed_entry(v, s.seed, index, previous);
@@ -200,11 +207,7 @@ fn scatter(w: ptr<function, Walk>, s: PathSample, index: u32, c: ShiftParameters
         (*w).reason = SHIFT_REPLAY_ENDED;
         return false;
     }
-    if s.reconnection != 0u && index >= s.reconnection {
-        (*w).suffix *= entry.weight;
-    } else {
-        (*w).throughput *= entry.weight;
-    }
+    multiply(w, entry.weight, s.reconnection != 0u && index >= s.reconnection);
     (*w).state = below_surface((*w).state);
     (*w).v = entry.vertex;
     return true;
@@ -217,7 +220,7 @@ fn step_of_shift(w: ptr<function, Walk>, s: PathSample, index: u32, is_reconnect
     var step = given_step(s.wi, s.lobe_before);
     if is_reconnection_point {
         if !has_reconnection_vertex(s, previous) {
-            return ended(w, step);
+            return fail_step(w, step);
         }
         step.wi = normalize(reconnection_point(s, (*w).v.surface.position, previous) - (*w).v.surface.position);
     } else if index == s.reconnection && !(*w).below {
@@ -227,13 +230,13 @@ fn step_of_shift(w: ptr<function, Walk>, s: PathSample, index: u32, is_reconnect
     }
     step = with_weight_and_densities((*w).v, step);
     if !step.valid {
-        return ended(w, step);
+        return fail_step(w, step);
     }
     return step;
 }
 
-// The shift is not defined, because there is no such step.
-fn ended(w: ptr<function, Walk>, step: Step) -> Step {
+// Marks the shift as undefined; returns a step that is not valid.
+fn fail_step(w: ptr<function, Walk>, step: Step) -> Step {
     (*w).reason = SHIFT_REPLAY_ENDED;
     var none = step;
     none.valid = false;
@@ -276,11 +279,10 @@ fn has_same_reconnection(w: ptr<function, Walk>, s: PathSample, index: u32, step
 fn take_step(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, c: ShiftParameters) {
     let is_after = s.reconnection != 0u && (index > s.reconnection || (index == s.reconnection && (*w).below));
     (*w).state = state_of_ray((*w).state, (*w).v, step, index == s.reconnection && !(*w).below);
+    multiply(w, step.weight, is_after);
     if is_after {
-        (*w).suffix *= step.weight;
         return;
     }
-    (*w).throughput *= step.weight;
     if index + 1u == s.reconnection || index == s.reconnection {
         (*w).density *= step.pdf_lobe;
     }
@@ -301,7 +303,7 @@ fn reconnect(w: ptr<function, Walk>, s: PathSample, n: Surface, medium: vec3<f32
     }
 }
 
-// Makes the surface `n` the current vertex.  The last one must emit.
+// Makes the surface `n` the current vertex.  If it is the last vertex, it must emit.
 fn arrive(
     w: ptr<function, Walk>,
     s: PathSample,
@@ -313,11 +315,7 @@ fn arrive(
     c: ShiftParameters,
 ) {
     let carried = transmittance(medium, distance(n.position, (*w).v.surface.position));
-    if s.reconnection != 0u && index >= s.reconnection {
-        (*w).suffix *= carried;
-    } else {
-        (*w).throughput *= carried;
-    }
+    multiply(w, carried, s.reconnection != 0u && index >= s.reconnection);
     if index + 1u == s.length {
         if s.termination != TERMINATION_EMITTER || !(max_component(n.emission) > 0.0) {
             (*w).reason = SHIFT_REPLAY_ENDED;
@@ -392,6 +390,7 @@ fn light_at_infinity(s: PathSample, wi: vec3<f32>, previous: bool) -> LightSampl
         return light_point_at(p, vec3<f32>(0.0), previous);
     }
     var l = no_light_sample();
+    l.delta = 0u;
     l.light = ENVIRONMENT_LIGHT;
     l.wi = wi;
     l.radiance = environment_radiance(wi, previous);
@@ -409,16 +408,16 @@ fn require_same_end(w: ptr<function, Walk>, s: PathSample, connectable: bool) {
     }
 }
 
-// Contribution of a path whose last ray hit a light, from where NEE would have taken the sample `l`.
+// Contribution of a path whose last ray hit a light.  `l`: the sample with which NEE at the vertex before would have found the same point.
 fn end_on_light(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, radiance: vec3<f32>, l: LightSample, c: ShiftParameters) {
-    end_path(w, s, index, radiance, rivals_of_hit((*w).state, l, step.delta, index, c.counts));
+    end_path(w, s, index, radiance, mis_sum_of_hit((*w).state, l, step.delta, index, c.counts));
 }
 
 // Contribution of a path that ends with this radiance at the vertex of this index, or behind it.
-fn end_path(w: ptr<function, Walk>, s: PathSample, index: u32, radiance: vec3<f32>, rivals: vec3<f32>) {
-    (*w).f = (*w).throughput * (*w).suffix * radiance * weight_of(rivals, (*w).state);
-    (*w).radiance = (*w).suffix * radiance / rivals.x;
-    (*w).rivals = rivals.yz / rivals.x;
+fn end_path(w: ptr<function, Walk>, s: PathSample, index: u32, radiance: vec3<f32>, coefficients: vec3<f32>) {
+    (*w).f = (*w).throughput * (*w).suffix * radiance * weight_of(coefficients, (*w).state);
+    (*w).radiance = (*w).suffix * radiance / coefficients.x;
+    (*w).mis_coefficients = coefficients.yz / coefficients.x;
 }
 
 // Contribution of a path whose last vertex samples its light by NEE: the density is that of the light, whichever vertex samples it.
@@ -433,7 +432,7 @@ fn end_with_nee(w: ptr<function, Walk>, s: PathSample, index: u32, c: ShiftParam
         (*w).reason = SHIFT_NOT_CONNECTABLE;
         return;
     }
-    end_path(w, s, index, nee.f, rivals_of_nee((*w).state, (*w).v, nee.light, nee.pdf_bsdf, index, c.counts));
+    end_path(w, s, index, nee.f, mis_sum_of_nee((*w).state, (*w).v, nee.light, nee.pdf_bsdf, index, c.counts));
     // From the reconnection vertex on, visibility changes only where something moved.
     if index < s.reconnection || retrace {
         (*w).rays = with_shadow_ray((*w).rays, ray_to_light((*w).v.surface, nee.light), path_alpha_seed(s.seed, index, DIMENSION_SHADOW_RAY));

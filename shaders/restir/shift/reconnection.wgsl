@@ -34,14 +34,14 @@ struct PreviousVertex {
     spread: f32,              // RECONNECT_PATH_FOOTPRINT: `path_spread` up to this vertex
 }
 
-fn uses_distance(c: ShiftParameters) -> bool {
-    return c.kind >= RECONNECT_DISTANCE;
+fn uses_distance(kind: u32) -> bool {
+    return kind >= RECONNECT_DISTANCE;
 }
 
 // `ShiftParameters::separation` for the surface that a pixel sees.  For footprints: c/100 times the footprint of the pixel there, 4π d²/|cos|
 // (Eq. 6), m².  For the bound of the Jacobian: 2π times that (Eq. 27), m²/sr.  For a distance: the setting itself, m.
 fn separation_threshold(kind: u32, separation: f32, eye: vec3<f32>, s: Surface) -> f32 {
-    if kind >= RECONNECT_DISTANCE {
+    if uses_distance(kind) {
         return separation;
     }
     let d = s.position - eye;
@@ -109,7 +109,7 @@ fn light_factor(l: LightSample) -> f32 {
 
 // Whether b is far enough from a, which the path leaves with marginal density `pdf` (Eq. 5, forward).
 fn is_apart(a: vec3<f32>, b: vec3<f32>, n_geo_b: vec3<f32>, pdf: f32, c: ShiftParameters) -> bool {
-    if uses_distance(c) {
+    if uses_distance(c.kind) {
         return distance(a, b) >= c.separation;
     }
     return pdf * geometry_factor(a, b, n_geo_b) * c.separation <= 1.0;

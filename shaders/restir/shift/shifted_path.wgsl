@@ -48,6 +48,7 @@ fn is_unoccluded(s: ShiftedPath, previous: bool) -> bool {
     if s.rays.count == 0u {
         return true;
     }
+    // A loop with one call of `trace_any`, because each call is inlined.
     var is_free = true;
     var shadow = s.rays.first;
     var left = s.rays.count;

@@ -14,7 +14,7 @@
 #import bevy_restir::restir::bdpt::splat::Splat
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::flags::has
-#import bevy_restir::restir::neighbors::OwnPlace
+#import bevy_restir::restir::neighbors::ReuseCenter
 #import bevy_restir::restir::splats::reservoir::Reservoir
 #import bevy_restir::restir::types::RESAMPLE_STILL
 #import bevy_restir::view::bindings::view
@@ -65,14 +65,14 @@ fn neighbor_radius(r: Receiver) -> f32 {
     return 0.0;
 }
 
-fn own_place(ids: vec2<u32>, pixel: vec2<u32>, radius: f32) -> OwnPlace {
-    var own: OwnPlace;
-    own.place = vec2<f32>(pixel) + 0.5;
-    return own;
+fn reuse_center(ids: vec2<u32>, pixel: vec2<u32>, radius: f32) -> ReuseCenter {
+    var center: ReuseCenter;
+    center.position = vec2<f32>(pixel) + 0.5;
+    return center;
 }
 
-fn find_neighbor(own: OwnPlace, is_own: bool, rng: ptr<function, Rng>) -> vec2<u32> {
-    return vec2<u32>(own.place);
+fn find_neighbor(center: ReuseCenter, is_temporal: bool, rng: ptr<function, Rng>) -> vec2<u32> {
+    return vec2<u32>(center.position);
 }
 
 // Both samples of a pixel are stored with their contribution to it.

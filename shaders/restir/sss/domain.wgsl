@@ -29,10 +29,11 @@
 #import bevy_restir::trace::trace::{probe_hit, trace_probe}
 #import bevy_restir::view::primary::primary_surface
 
-// x2 is far from x1 if their distance is at least this many lengths d, or the cosine between their normals is at most FAR_COSINE.
+// x2 is far from x1 if their distance is at least this many times d, the length of the diffusion profile (`subsurface/profile.wgsl`), or
+// the cosine between their normals is at most FAR_COSINE.
 const FAR_LENGTHS: f32 = 2.0;
 const FAR_COSINE: f32 = 0.5;
-// Neighbors are at most this many lengths d away (Werner et al. 2024): light that enters farther from a pixel matters little to it.
+// Neighbors are at most this many times d away (Werner et al. 2024): light that enters farther from a pixel matters little to it.
 const NEIGHBOR_LENGTHS: f32 = 2.0;
 // Least radius of the disk of neighbors, as a share of the greatest radius, and in pixels.
 const LEAST_SHARE: f32 = 1.0 / 6.0;
@@ -248,7 +249,7 @@ fn resamples(r: Receiver) -> bool {
     return scatters(r);
 }
 
-// Radius of the disk that neighbors are in, pixels: the projected lengths of the profile.
+// Radius of the disk that neighbors are in, pixels: NEIGHBOR_LENGTHS times d, projected.
 fn neighbor_radius(r: Receiver) -> f32 {
     let projected = NEIGHBOR_LENGTHS * max_component(r.surface.radius) / max(r.footprint, 1.0e-30);
     return clamp(projected, max(LEAST_SHARE * settings.radius, min(LEAST_PIXELS, settings.radius)), settings.radius);

@@ -9,7 +9,7 @@ use bevy::{
     render::{Extract, sync_world::MainEntity},
     transform::components::GlobalTransform,
 };
-use core::f32::consts::PI;
+use core::f32::consts::{FRAC_PI_2, PI};
 
 use super::ExtractedScene;
 use crate::cpu_times::{CpuTimes, Stage};
@@ -35,12 +35,15 @@ impl AnalyticLight {
     }
 
     fn spot(light: &SpotLight, transform: &GlobalTransform) -> Self {
+        // Bevy limits cones in the same way.  NaN stays, so that the light table leaves the light out.
+        let outer = if light.outer_angle >= FRAC_PI_2 { FRAC_PI_2 - 1e-4 } else { light.outer_angle };
+        let inner = if light.inner_angle > outer { outer } else { light.inner_angle };
         Self::Spot {
             position: transform.translation(),
             intensity: bounded(rgb(light.color) * (light.intensity / (4.0 * PI))),
             direction: forward(transform),
-            cos_inner: light.inner_angle.cos(),
-            cos_outer: light.outer_angle.cos(),
+            cos_inner: inner.cos(),
+            cos_outer: outer.cos(),
         }
     }
 

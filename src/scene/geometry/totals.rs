@@ -11,8 +11,8 @@ pub(crate) struct Totals {
     pub triangles: u64,
     /// Number of instances that need each feature, by the feature's bit.
     features: [u32; u32::BITS as usize],
-    /// Instances that cameras see and no other ray hits, or the reverse.
-    half_seen: u32,
+    /// Number of instances that only cameras see, or that only other rays hit.
+    camera_dependent: u32,
     /// For each camera bit, the number of instances that rays of another camera hit and those of this one do not.
     hidden: [u32; MAX_LAYER_SETS],
 }
@@ -32,7 +32,7 @@ impl Totals {
         let count = |sum: &mut u32| *sum = change(u64::from(*sum), 1) as u32;
         bits(live.features.bits()).for_each(|bit| count(&mut self.features[bit]));
         if (live.ray_mask == 0) != (live.camera_mask == 0) {
-            count(&mut self.half_seen);
+            count(&mut self.camera_dependent);
         }
         // Instances with `NotShadowCaster` are in no tree, so no ray tests their masks.
         if live.ray_mask != 0 {
@@ -45,9 +45,9 @@ impl Totals {
         SceneFeatures::from_bits_truncate(mask(&self.features))
     }
 
-    /// Whether there is an instance that cameras see and no other ray hits, or the reverse.
-    pub(crate) fn has_half_seen(&self) -> bool {
-        self.half_seen > 0
+    /// Whether there is an instance that only cameras see, or that only other rays hit.
+    pub(crate) fn has_camera_dependent_objects(&self) -> bool {
+        self.camera_dependent > 0
     }
 
     /// Bits of the cameras whose rays do not hit some instance that rays of another camera hit.
@@ -95,11 +95,12 @@ mod tests {
         let mut totals = Totals::default();
         all.iter().for_each(|live| totals.add(live));
         assert_eq!((totals.instances, totals.triangles), (3, 21));
-        assert_eq!((totals.features(), totals.has_half_seen(), totals.hidden_from()), (b, true, ALL_CAMERAS & !1));
+        let sums = |totals: &Totals| (totals.features(), totals.has_camera_dependent_objects(), totals.hidden_from());
+        assert_eq!(sums(&totals), (b, true, ALL_CAMERAS & !1));
         totals.subtract(&all[1]);
-        assert_eq!((totals.features(), totals.has_half_seen(), totals.hidden_from()), (a, true, 0));
+        assert_eq!(sums(&totals), (a, true, 0));
         totals.subtract(&all[2]);
-        assert!(!totals.has_half_seen());
+        assert!(!totals.has_camera_dependent_objects());
         totals.subtract(&all[0]);
         assert_eq!(totals, Totals::default());
     }

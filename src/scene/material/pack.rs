@@ -51,8 +51,9 @@ pub(super) fn pack(m: &StandardMaterial, emissive_luminance: f32) -> (GpuMateria
     // distance absorbs nothing.
     let distance = m.attenuation_distance;
     let thickness = finite(m.thickness, 0.0).max(0.0);
-    // A thin wall has no interior that could absorb.
-    let attenuation = if distance.is_finite() && distance > 0.0 && thickness > 0.0 {
+    // A thin wall has no interior that could absorb, and what transmits nothing has none that light reaches.
+    let has_interior = unit(m.specular_transmission) > 0.0 || unit(m.diffuse_transmission) > 0.0;
+    let attenuation = if distance.is_finite() && distance > 0.0 && thickness > 0.0 && has_interior {
         m.attenuation_color.to_linear().to_f32_array_no_alpha().map(|c| -unit(c).max(1e-6).ln() / distance)
     } else {
         [0.0; 3]

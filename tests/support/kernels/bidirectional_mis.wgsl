@@ -1,9 +1,9 @@
 // MIS weights of all techniques of a path, and after a shift that replaces its camera sub-path up to a reconnection vertex, by the functions
-// that the passes call.  The test edits three functions of `path/technique_weights.wgsl` that ask surfaces and lights for densities: they
-// return numbers of the path, which this kernel puts into fields of vertices and light samples.
+// that the passes call.  The test edits the places of `path/technique_weights.wgsl` that ask surfaces and lights for densities: they take
+// numbers of the path, which this kernel puts into fields of vertices and light samples.
 #import bevy_restir::light::types::{LightSample, no_light_sample}
 #import bevy_restir::path::bidirectional_mis::{mis_arrive, mis_camera_start, mis_connection_weight, mis_light_start, mis_scatter, mis_scatter_delta, mis_splat_weight, MisEnd, MisState}
-#import bevy_restir::path::technique_weights::{below_surface, camera_state, CameraState, LightShares, rivals_of_hit, rivals_of_nee, state_at, state_of_ray, stored_weight, TechniqueCounts, weight_of}
+#import bevy_restir::path::technique_weights::{below_surface, camera_state, CameraState, LightShares, mis_sum_of_hit, mis_sum_of_nee, state_at, state_of_ray, stored_weight, TechniqueCounts, weight_of}
 #import bevy_restir::path::walk::{no_step, Step, Vertex}
 #import bevy_restir::restir::bdpt::light_sub_path::over_share
 #import bevy_restir::scene::surface::Surface
@@ -131,20 +131,20 @@ fn state_at_vertex(last: u32, reconnection: u32) -> CameraState {
     return s;
 }
 
-// Coefficients of the competitors of technique t, which is k (next-event estimation) or k + 1 (a hit), and their state.
-struct Rivals {
+// Coefficients of the sum for technique t, which is k (next-event estimation) or k + 1 (a hit), and its state.
+struct MisSum {
     coefficients: vec3<f32>,
     state: CameraState,
 }
 
-fn rivals_of(t: u32, reconnection: u32) -> Rivals {
+fn mis_sum_of(t: u32, reconnection: u32) -> MisSum {
     let last = p.k - 1u;
     let at = state_at_vertex(last, reconnection);
     if t == p.k {
-        return Rivals(rivals_of_nee(at, vertex(last), light_sample(), p.forward[p.k], last, counts()), at);
+        return MisSum(mis_sum_of_nee(at, vertex(last), light_sample(), p.forward[p.k], last, counts()), at);
     }
     let ray = leaving(at, last, reconnection);
-    return Rivals(rivals_of_hit(ray, light_sample(), !is_connectable(last), last, counts()), ray);
+    return MisSum(mis_sum_of_hit(ray, light_sample(), !is_connectable(last), last, counts()), ray);
 }
 
 // As `restir/bdpt/connections.wgsl` does it.
@@ -194,8 +194,8 @@ fn exists(t: u32) -> bool {
 
 fn weight(t: u32) -> f32 {
     if t >= p.k {
-        let rivals = rivals_of(t, p.reconnection);
-        return weight_of(rivals.coefficients, rivals.state);
+        let sum = mis_sum_of(t, p.reconnection);
+        return weight_of(sum.coefficients, sum.state);
     }
     if t == 1u {
         var reverse = p.forward[2];
@@ -231,8 +231,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if r == 0u {
         return;
     }
-    let hit = rivals_of(p.k + 1u, r).coefficients;
-    let nee = rivals_of(p.k, r).coefficients;
+    let hit = mis_sum_of(p.k + 1u, r).coefficients;
+    let nee = mis_sum_of(p.k, r).coefficients;
     p = shifted_paths[id.x];
     var s = state_at_vertex(r, r);
     if r != p.below {

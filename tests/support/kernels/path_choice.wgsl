@@ -5,7 +5,7 @@
 // right half the path after the shift to the partner.  The first pixel of a half holds a header, and each vertex takes three more pixels.
 // Values are positive, because reuse drops contributions without luminance.
 
-#import technique::{in_technique_measure, no_reservoir, PackedReservoir, Receiver, receiver_of, Reservoir, reservoir_pack, reservoir_unpack, SHORTEST_LENGTH}
+#import domain::{in_domain_measure, no_reservoir, PackedReservoir, Receiver, receiver_of, Reservoir, reservoir_pack, reservoir_unpack, SHORTEST_LENGTH}
 #import bevy_restir::bsdf::bsdf::{bsdf_is_diffuse, bsdf_pdf}
 #import bevy_restir::bsdf::types::{LOBE_COAT, LOBE_DIFFUSE}
 #import bevy_restir::common::constants::{FAR, NONE}
@@ -69,7 +69,7 @@ fn show(block: vec2<u32>) {
     let r = receiver_of(ids, at, false);
     let to = receiver_of(other, partner, false);
     var rng = rng_new(at, view.frame, STREAM_PATH_CANDIDATES, view.seed);
-    let selected = in_technique_measure(sample_candidates(r.first, at, SHORTEST_LENGTH, r.shift, &rng), r);
+    let selected = in_domain_measure(sample_candidates(r.first, at, SHORTEST_LENGTH, r.shift, &rng), r);
     let path = reservoir_unpack(reservoir_pack(Reservoir(selected.path, selected.ucw, 1.0, true))).path;
     if path.length < 2u {
         return;

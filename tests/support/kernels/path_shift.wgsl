@@ -10,7 +10,7 @@
 // TEST_PAIRED, TEST_BESIDE, TEST_BEFORE: choose the partner; without them it is the pixel itself.
 // TEST_COPIED: a pass that copies the results to the picture runs in place of reuse, which multiplies them by the weight of the path.
 
-#import technique::{in_technique_measure, no_reservoir, PackedReservoir, Receiver, receiver_of, Reservoir, reservoir_pack, reservoir_unpack, shift_parameters, SHORTEST_LENGTH}
+#import domain::{in_domain_measure, no_reservoir, PackedReservoir, Receiver, receiver_of, Reservoir, reservoir_pack, reservoir_unpack, shift_parameters, SHORTEST_LENGTH}
 #import bevy_restir::bsdf::bsdf::bsdf_is_delta
 #import bevy_restir::common::constants::{FAR, NONE}
 #import bevy_restir::common::math::luminance
@@ -49,7 +49,7 @@ fn path_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let r = receiver_of(ids, pixel, false);
     var rng = rng_new(pixel, view.frame, STREAM_PATH_CANDIDATES, view.seed);
-    let selected = in_technique_measure(sample_candidates(r.first, pixel, SHORTEST_LENGTH, r.shift, &rng), r);
+    let selected = in_domain_measure(sample_candidates(r.first, pixel, SHORTEST_LENGTH, r.shift, &rng), r);
     let stored = Reservoir(selected.path, selected.ucw, 1.0, true);
     reservoirs[index] = reservoir_pack(stored);
     textureStore(contribution, pixel, vec4<f32>(shown(selected, stored, r, ids, pixel), 0.0));

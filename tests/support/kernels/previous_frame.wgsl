@@ -3,7 +3,7 @@
 // A block of 2 x 8 pixels belongs to one place in the image.  Its left column shows the data of this frame at that place, its right column
 // those of the last frame, one quantity a row: the right column must equal the left one of the frame before.
 
-#import technique::{PackedReservoir, receiver_of, reservoir_pack, reservoir_unpack}
+#import domain::{PackedReservoir, receiver_of, reservoir_pack, reservoir_unpack}
 #import bevy_restir::common::constants::{FAR, NONE}
 #import bevy_restir::common::ray::Ray
 #import bevy_restir::light::point_on_light::{light_point_at, LightPoint}

@@ -1,7 +1,7 @@
 // Shows the contributions of the samples that come from the last frame, and keeps this frame's candidates.  Tests run it instead of
 // `shaders/pass/reuse.wgsl`.
 
-#import technique::{PackedReservoir, reservoir_pack, reservoir_unpack}
+#import domain::{PackedReservoir, reservoir_pack, reservoir_unpack}
 #import bevy_restir::restir::bindings::{previous_visibility, settings}
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::view::bindings::view

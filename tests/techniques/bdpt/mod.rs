@@ -2,6 +2,7 @@
 
 mod input;
 mod light_passes;
+mod light_paths_alone;
 pub mod light_reuse;
 mod long_run;
 mod matrix;

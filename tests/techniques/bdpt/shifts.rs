@@ -155,14 +155,14 @@ const WRONG: [(&str, &str, &str, &str); 2] = [
     (
         "swapped",
         "path/technique_weights.wgsl",
-        "return 1.0 / (1.0 + dot(rivals, s.basis.yz));",
-        "return 1.0 / (1.0 + dot(rivals, s.basis.zy));",
+        "return 1.0 / (1.0 + dot(coefficients, s.basis.yz));",
+        "return 1.0 / (1.0 + dot(coefficients, s.basis.zy));",
     ),
     (
         "not stored",
         "restir/bdpt/reservoir.wgsl",
-        "r.path.rivals = bitcast<vec2<f32>>(p.suffix.zw);",
-        "r.path.rivals = vec2<f32>(0.0);",
+        "r.path.mis_coefficients = bitcast<vec2<f32>>(p.suffix.zw);",
+        "r.path.mis_coefficients = vec2<f32>(0.0);",
     ),
 ];
 

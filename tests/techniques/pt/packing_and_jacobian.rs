@@ -144,7 +144,7 @@ fn gi_reservoirs_keep_their_content_in_52_bytes_and_drop_invalid_numbers() {
                 w[i] = number(&mut random);
             }
             (w[9], w[10]) = (random.bits(), random.bits());
-            // A path that ends by a BSDF ray stores `rivals` in place of the coordinates of the point on its light.
+            // A path that ends by a BSDF ray stores `mis_coefficients` in place of the coordinates of the point on its light.
             if w[0] & 7 != 1 {
                 w[10] = number(&mut random);
             }

@@ -3,16 +3,12 @@
 //!
 //! `cargo run -p bevy_restir_apps --bin caustics`
 
-use bevy::{camera::Exposure, math::ops, mesh::VertexAttributeValues, prelude::*};
+use bevy::{math::ops, mesh::VertexAttributeValues, prelude::*};
 use bevy_restir::{EmissiveLuminance, prelude::*};
-use bevy_restir_apps::{look::look, window};
-use bevy_restir_support::{
-    arguments, headless,
-    picture::{screenshot, write_png},
-    scene::{self, CameraSetup},
-};
+use bevy_restir_apps::demo::Demo;
+use bevy_restir_support::{arguments, scene::spawn};
 use clap::Parser;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Caustics of a lamp, a spot and the sun.
 #[derive(Parser, Clone, Debug)]
@@ -41,42 +37,23 @@ const STEP: f32 = 0.02;
 
 fn main() -> AppExit {
     let args = Args::parse();
+    let demo = Demo {
+        size: args.size,
+        eye: eye(),
+        ev100: EV100,
+        environment: surroundings(),
+        settings: settings(&args),
+        populate,
+    };
     if let Some(path) = &args.picture {
-        return match render(&args, path) {
-            Ok(()) => AppExit::Success,
-            Err(error) => {
-                eprintln!("error: {error}");
-                AppExit::error()
+        let step = |world: &mut World, frame: u32| {
+            if args.moving {
+                move_spot(world, STEP * frame as f32);
             }
         };
+        return demo.picture(path, args.frames, step);
     }
-    let mut app = window::app("caustics", args.size, "Space (held): move the spot", RayBackend::Auto);
-    let camera = (Camera3d::default(), eye(), settings(&args), surroundings(), look(Some(EV100)));
-    app.world_mut().spawn(camera);
-    populate(&mut app);
-    app.add_systems(Update, swing).run()
-}
-
-/// Renders without a window.
-fn render(args: &Args, path: &Path) -> Result<(), String> {
-    headless::quiet_drivers();
-    let mut app = headless::app(Path::new("."), RayBackend::Auto)?;
-    populate(&mut app);
-    let setup = CameraSetup {
-        size: args.size,
-        exposure: Exposure { ev100: EV100 },
-        environment: Some(surroundings()),
-        settings: settings(args),
-    };
-    scene::spawn_camera(app.world_mut(), (eye(), Projection::default()), setup);
-    headless::until_ready(&mut app)?;
-    for frame in 0..args.frames {
-        if args.moving {
-            move_spot(app.world_mut(), STEP * frame as f32);
-        }
-        headless::frame(&mut app);
-    }
-    write_png(path, screenshot(&mut app)?)
+    demo.window("caustics", "Space (held): move the spot").add_systems(Update, swing).run()
 }
 
 fn settings(args: &Args) -> Restir {
@@ -135,12 +112,6 @@ fn populate(app: &mut App) {
 
 fn glass() -> StandardMaterial {
     StandardMaterial { specular_transmission: 1.0, thickness: 0.1, ior: 1.5, perceptual_roughness: 0.0, ..default() }
-}
-
-fn spawn(world: &mut World, mesh: impl Into<Mesh>, material: StandardMaterial, place: Transform) -> Entity {
-    let mesh = world.resource_mut::<Assets<Mesh>>().add(mesh);
-    let material = world.resource_mut::<Assets<StandardMaterial>>().add(material);
-    world.spawn((Mesh3d(mesh), MeshMaterial3d(material), place)).id()
 }
 
 /// A mesh whose front faces are its insides.

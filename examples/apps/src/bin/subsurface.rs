@@ -3,16 +3,12 @@
 //!
 //! `cargo run -p bevy_restir_apps --bin subsurface`
 
-use bevy::{camera::Exposure, math::ops, prelude::*};
+use bevy::{math::ops, prelude::*};
 use bevy_restir::{EmissiveLuminance, prelude::*};
-use bevy_restir_apps::{look::look, window};
-use bevy_restir_support::{
-    arguments, bodies, headless,
-    picture::{screenshot, write_png},
-    scene::{self, CameraSetup},
-};
+use bevy_restir_apps::demo::Demo;
+use bevy_restir_support::{arguments, bodies, scene::spawn};
 use clap::Parser;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Translucent objects under an orbiting lamp.
 #[derive(Parser, Clone, Debug)]
@@ -39,43 +35,23 @@ const EV100: f32 = 5.5;
 
 fn main() -> AppExit {
     let args = Args::parse();
-    if let Some(path) = &args.picture {
-        return match render(&args, path) {
-            Ok(()) => AppExit::Success,
-            Err(error) => {
-                eprintln!("error: {error}");
-                AppExit::error()
-            }
-        };
-    }
-    let mut app = window::app("subsurface scattering", args.size, "Space (held): move the lamp", RayBackend::Auto);
-    let camera = (Camera3d::default(), eye(), settings(&args), surroundings(), look(Some(EV100)));
-    app.world_mut().spawn(camera);
-    populate(&mut app, args.turn);
-    app.add_systems(Update, orbit).run()
-}
-
-/// Renders without a window.
-fn render(args: &Args, path: &Path) -> Result<(), String> {
-    headless::quiet_drivers();
-    let mut app = headless::app(Path::new("."), RayBackend::Auto)?;
-    populate(&mut app, args.turn);
-    let setup = CameraSetup {
+    let demo = Demo {
         size: args.size,
-        exposure: Exposure { ev100: EV100 },
-        environment: Some(surroundings()),
-        settings: Restir { accumulate: true, ..settings(args) },
+        eye: eye(),
+        ev100: EV100,
+        environment: surroundings(),
+        settings: settings(&args),
+        populate: |app: &mut App| populate(app, args.turn),
     };
-    scene::spawn_camera(app.world_mut(), (eye(), Projection::default()), setup);
-    headless::until_ready(&mut app)?;
-    for _ in 0..args.frames {
-        headless::frame(&mut app);
+    if let Some(path) = &args.picture {
+        return demo.picture(path, args.frames, |_, _| {});
     }
-    write_png(path, screenshot(&mut app)?)
+    demo.window("subsurface scattering", "Space (held): move the lamp").add_systems(Update, orbit).run()
 }
 
 fn settings(args: &Args) -> Restir {
-    Restir { technique: args.technique, ..default() }
+    // A picture is the mean of its frames.
+    Restir { technique: args.technique, accumulate: args.picture.is_some(), ..default() }
 }
 
 fn surroundings() -> RestirEnvironment {
@@ -142,12 +118,6 @@ fn populate(app: &mut App, turn: f32) {
     spawn(world, Sphere::new(0.03), lamp(12.0), key);
     let orbiting = spawn(world, Sphere::new(0.012), lamp(40.0), lamp_at(turn));
     world.entity_mut(orbiting).insert(Lamp(turn));
-}
-
-fn spawn(world: &mut World, mesh: impl Into<Mesh>, material: StandardMaterial, place: Transform) -> Entity {
-    let mesh = world.resource_mut::<Assets<Mesh>>().add(mesh);
-    let material = world.resource_mut::<Assets<StandardMaterial>>().add(material);
-    world.spawn((Mesh3d(mesh), MeshMaterial3d(material), place)).id()
 }
 
 /// The place of the orbiting lamp. `turn`: 0 is in front of the head.

@@ -63,15 +63,12 @@ fn main() -> AppExit {
         }
     };
     // An unreadable file is reported before a window opens.
-    let mut image = match &args.env {
-        Some(Environment::File(path)) => match environment::read(path) {
-            Ok(image) => Some(image),
-            Err(error) => {
-                eprintln!("error: {error}");
-                return AppExit::from_code(1);
-            }
-        },
-        _ => None,
+    let mut image = match args.env.as_ref().map_or(Ok(None), Environment::image) {
+        Ok(image) => image,
+        Err(error) => {
+            eprintln!("error: {error}");
+            return AppExit::from_code(1);
+        }
     };
     let backend = args.backend;
     window::app("viewer", args.size, viewer::KEYS, backend)
@@ -81,20 +78,11 @@ fn main() -> AppExit {
 }
 
 /// Spawns the camera and opens the file of the command line.
-fn start(world: &mut World, args: &Args, settings: &Restir, sky: Option<Image>) {
+fn start(world: &mut World, args: &Args, settings: &Restir, image: Option<Image>) {
     let ev100 = args.ev100.fixed().map(|exposure| exposure.ev100);
     let eye = world.spawn((viewer::camera::eye(), look::look(ev100), settings.clone())).id();
-    let environment = match (&args.env, sky) {
-        (Some(Environment::Uniform([r, g, b])), _) => {
-            Some(RestirEnvironment { color: LinearRgba::rgb(*r, *g, *b), ..default() })
-        }
-        (_, Some(image)) => {
-            let image = world.resource_mut::<Assets<Image>>().add(image);
-            Some(RestirEnvironment { image: Some(image), ..default() })
-        }
-        _ => None,
-    };
-    if let Some(environment) = environment {
+    if let Some(environment) = &args.env {
+        let environment = environment.component(world, image);
         world.entity_mut(eye).insert(environment);
     }
     if let Some(file) = &args.file {

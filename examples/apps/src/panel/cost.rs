@@ -1,12 +1,13 @@
 //! The cost of a frame: times of the passes, rays and memory.
 
 use bevy::{
-    diagnostic::{DiagnosticPath, DiagnosticsStore, FrameTimeDiagnosticsPlugin},
+    diagnostic::{DiagnosticsStore, FrameTimeDiagnosticsPlugin},
     prelude::*,
     render::renderer::RenderAdapterInfo,
 };
 use bevy_egui::egui;
-use bevy_restir::{Restir, RestirReport, RestirStatistics, SPAN_PREFIX, pass_names};
+use bevy_restir::{Restir, RestirReport, RestirStatistics, pass_names};
+use bevy_restir_support::times;
 
 use super::group;
 
@@ -88,12 +89,9 @@ fn passes(
     settings: &Restir,
     report: &RestirReport,
 ) -> Vec<(&'static str, f64, &'static str)> {
-    let kinds = [("elapsed_gpu", "ms"), ("elapsed_cpu", "ms (CPU)")];
-    let time = |name| {
-        kinds.iter().find_map(|(kind, unit)| {
-            let path = DiagnosticPath::new(format!("render/{SPAN_PREFIX}{name}/{kind}"));
-            Some((name, store.get(&path)?.smoothed()?, *unit))
-        })
+    let time = |name: &'static str| {
+        let (diagnostic, is_gpu) = times::measured(store, name)?;
+        Some((name, diagnostic.smoothed()?, if is_gpu { "ms" } else { "ms (CPU)" }))
     };
     pass_names(settings, report.features).into_iter().filter_map(time).collect()
 }

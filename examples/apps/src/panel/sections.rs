@@ -39,9 +39,9 @@ fn tone(ui: &mut egui::Ui, look: &mut Look, exposure: &mut Exposure) {
     ui.horizontal(|ui| {
         ui.label("EV100");
         ui.add(egui::DragValue::new(&mut exposure.ev100).range(-40.0..=60.0).speed(0.05).max_decimals(2));
-        let fits = ui.selectable_label(look.measures, "Fit");
-        if fits.on_hover_text("Choose the exposure that fits the picture").clicked() {
-            look.measures = !look.measures;
+        let fit = ui.selectable_label(look.measure_next, "Fit");
+        if fit.on_hover_text("Choose the exposure that fits the picture").clicked() {
+            look.measure_next = !look.measure_next;
         }
         let list = egui::ComboBox::from_id_salt("curve").width(110.0).truncate();
         list.selected_text(format!("{:?}", look.tonemapping)).show_ui(ui, |ui| {
@@ -54,8 +54,8 @@ fn tone(ui: &mut egui::Ui, look: &mut Look, exposure: &mut Exposure) {
 
 fn effects(ui: &mut egui::Ui, look: &mut Look) {
     ui.horizontal(|ui| {
-        ui.toggle_value(&mut look.glows, "Bloom").on_hover_text("Bright parts of the picture glow");
-        ui.toggle_value(&mut look.smooths, "TAA").on_hover_text(
+        ui.toggle_value(&mut look.bloom, "Bloom").on_hover_text("Bright parts of the picture glow");
+        ui.toggle_value(&mut look.taa, "TAA").on_hover_text(
             "Bevy's temporal anti-aliasing: less noise, some lag. It needs the whole window, so the panel covers a part of the \
              picture.",
         );

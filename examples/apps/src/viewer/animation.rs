@@ -10,11 +10,11 @@ pub struct Clips {
     /// Names, lengths in seconds, and nodes of the graph.
     pub all: Vec<(String, f32, AnimationNodeIndex)>,
     pub chosen: usize,
-    pub plays: bool,
+    pub playing: bool,
     /// Position in the clip, s.
     pub time: f32,
     /// Whether the user has set `time`.
-    pub sought: bool,
+    pub seek_requested: bool,
     graph: Handle<AnimationGraph>,
 }
 
@@ -52,7 +52,7 @@ fn play(
     mut players: Query<(Entity, &mut AnimationPlayer, Has<AnimationGraphHandle>)>,
 ) {
     let Some(&(_, length, node)) = clips.all.get(clips.chosen) else { return };
-    if clips.plays || clips.sought {
+    if clips.playing || clips.seek_requested {
         for (entity, mut player, has_graph) in &mut players {
             if !has_graph {
                 commands.entity(entity).insert(AnimationGraphHandle(clips.graph.clone()));
@@ -61,17 +61,17 @@ fn play(
                 player.stop_all().start(node).repeat();
             }
             if let Some(active) = player.animation_mut(node) {
-                if clips.sought {
+                if clips.seek_requested {
                     active.seek_to(clips.time);
                 }
-                if clips.plays {
+                if clips.playing {
                     active.resume();
                 }
             }
         }
-        clips.sought = false;
+        clips.seek_requested = false;
     }
-    if !clips.plays {
+    if !clips.playing {
         for (_, mut player, _) in &mut players {
             if !player.all_paused() {
                 player.pause_all();

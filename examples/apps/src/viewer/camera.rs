@@ -39,7 +39,7 @@ pub struct Eye {
     /// The button of a drag that began on the picture.
     held: Option<MouseButton>,
     /// Whether to frame the whole scene in the next frame.
-    pub frames: bool,
+    pub frame_scene: bool,
 }
 
 /// The camera that shows the scene.
@@ -52,7 +52,7 @@ pub fn eye() -> impl Bundle {
         pitch: 0.0,
         cursor: None,
         held: None,
-        frames: true,
+        frame_scene: true,
     };
     (Camera3d::default(), eye, FreeCamera::default())
 }
@@ -113,21 +113,21 @@ fn look_at_arrivals(
     }
     let Some(shown) = &stage.shown else { return };
     for (mut eye, mut fly) in &mut eyes {
-        eye.frames = true;
+        eye.frame_scene = true;
         eye.mode = if shown.cameras.is_empty() { Mode::Orbit } else { Mode::File(0) };
         // Flies across the scene in three seconds.
         (fly.walk_speed, fly.run_speed) = (0.7 * shown.radius, 2.8 * shown.radius);
     }
 }
 
-/// Frames the whole scene where `Eye::frames` asks for it.
+/// Frames the whole scene where `Eye::frame_scene` asks for it.
 fn frame(stage: Res<Stage>, mut eyes: Query<(&mut Eye, &mut Transform, &mut Projection, &Camera)>) {
     let Some(shown) = &stage.shown else { return };
     for (mut eye, mut place, mut projection, camera) in &mut eyes {
-        if !eye.frames {
+        if !eye.frame_scene {
             continue;
         }
-        eye.frames = false;
+        eye.frame_scene = false;
         let aspect = camera.logical_viewport_size().map_or(1.0, |size| size.x / size.y.max(1.0));
         (*place, *projection) = framing::in_front(shown.center, shown.radius, aspect);
         let distance = place.translation.distance(shown.center);

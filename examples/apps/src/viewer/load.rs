@@ -109,7 +109,7 @@ fn open(
                         }
                         // It may be a thousand times darker than the light before it.
                         if let Some(mut look) = look {
-                            look.measures = look.fits;
+                            look.measure_next = look.auto_exposure;
                         }
                     }
                     stage.say(format!("{} is the environment", path.display()));

@@ -91,7 +91,7 @@ pub fn view(InMut(ui): InMut<egui::Ui>, stage: Res<Stage>, mut eyes: Query<&mut 
 }
 
 fn look_at_all(eye: &mut Eye) {
-    eye.frames = true;
+    eye.frame_scene = true;
     if matches!(eye.mode, Mode::File(_)) {
         eye.mode = Mode::Orbit;
     }
@@ -101,8 +101,8 @@ fn look_at_all(eye: &mut Eye) {
 pub fn animation(InMut(ui): InMut<egui::Ui>, mut clips: ResMut<Clips>) {
     let Some((name, length, _)) = clips.all.get(clips.chosen).cloned() else { return };
     ui.horizontal(|ui| {
-        if ui.button(if clips.plays { "Pause" } else { "Play" }).clicked() {
-            clips.plays = !clips.plays;
+        if ui.button(if clips.playing { "Pause" } else { "Play" }).clicked() {
+            clips.playing = !clips.playing;
         }
         let mut chosen = clips.chosen;
         egui::ComboBox::from_id_salt("clip").width(150.0).truncate().selected_text(name).show_ui(ui, |ui| {
@@ -111,14 +111,14 @@ pub fn animation(InMut(ui): InMut<egui::Ui>, mut clips: ResMut<Clips>) {
             }
         });
         if chosen != clips.chosen {
-            (clips.chosen, clips.time, clips.sought) = (chosen, 0.0, true);
+            (clips.chosen, clips.time, clips.seek_requested) = (chosen, 0.0, true);
         }
     });
     let mut time = clips.time;
     ui.scope(|ui| {
         ui.spacing_mut().slider_width = (ui.available_width() - 60.0).max(40.0);
         if ui.add(egui::Slider::new(&mut time, 0.0..=length.max(1e-3)).suffix(" s").max_decimals(2)).changed() {
-            (clips.time, clips.sought) = (time, true);
+            (clips.time, clips.seek_requested) = (time, true);
         }
     });
 }
@@ -126,7 +126,7 @@ pub fn animation(InMut(ui): InMut<egui::Ui>, mut clips: ResMut<Clips>) {
 pub fn act_on_keys(mut keys: PressedKeys, mut clips: ResMut<Clips>, mut eyes: Query<&mut Eye>) {
     for (key, _) in keys.read() {
         if key == KeyCode::Space {
-            clips.plays = !clips.plays;
+            clips.playing = !clips.playing;
         }
         for mut eye in &mut eyes {
             match key {

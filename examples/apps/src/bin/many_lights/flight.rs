@@ -14,7 +14,7 @@ const TURNING: f32 = 0.004;
 #[derive(Component, Default)]
 pub struct Flight {
     angle: f32,
-    taken: bool,
+    is_controlled: bool,
 }
 
 pub fn fly(
@@ -39,9 +39,9 @@ pub fn fly(
     let moved: Vec2 = cursor.read().filter_map(|event| event.delta).sum();
     let turn = if buttons.pressed(MouseButton::Left) { moved * TURNING } else { Vec2::ZERO };
     for (mut transform, mut flight) in &mut cameras {
-        flight.taken |= step != Vec3::ZERO || turn != Vec2::ZERO;
-        flight.taken &= !keys.just_pressed(KeyCode::KeyC);
-        if !flight.taken {
+        flight.is_controlled |= step != Vec3::ZERO || turn != Vec2::ZERO;
+        flight.is_controlled &= !keys.just_pressed(KeyCode::KeyC);
+        if !flight.is_controlled {
             flight.angle += CIRCLING * time.delta_secs();
             let (sin, cos) = flight.angle.sin_cos();
             *transform = Transform::from_xyz(9.4 * sin, 4.6, 9.4 * cos).looking_at(Vec3::new(0.0, 0.9, 0.0), Vec3::Y);
