@@ -66,8 +66,8 @@ pub struct Paths {
     /// Replay of the rest of a path, after its reconnection vertex, where something moved.  Default: [`SuffixRetrace::BothWays`].
     pub suffix_retrace: SuffixRetrace,
     /// Treats the secondary vertex as diffuse, as the paper of ReSTIR GI does: the same radiance leaves it in all directions.  For
-    /// [`Technique::Gi`](super::Technique::Gi).  Faster.  Biased: reflections in glossy secondary surfaces are wrong, brighter or darker.
-    /// Default: off.
+    /// [`Technique::Gi`](super::Technique::Gi).  Faster.  Biased: reflections in glossy secondary surfaces are wrong, brighter or darker; and
+    /// bounced light lags behind lights that change, whatever [`Paths::suffix_retrace`] is.  Default: off.
     pub assume_diffuse_secondary: bool,
     /// Choice of the reconnection vertex.  `Gi` always reconnects at the secondary vertex, unless a mirror comes first.  Default:
     /// [`Reconnection::Footprints`].
