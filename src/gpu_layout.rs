@@ -394,7 +394,6 @@ pub struct GpuResampleSettings {
     pub nee_share: f32,
     pub caustic_share: f32,
     pub subsurface_shift: u32,
-    pub probes: u32,
     pub pair_layers: u32,
     pub pair_tile_bits: u32,
     pub domain: u32,

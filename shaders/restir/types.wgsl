@@ -30,7 +30,6 @@ struct ResampleSettings {
     nee_share: f32,            // `LightShares`
     caustic_share: f32,
     subsurface_shift: u32,     // SUBSURFACE_*
-    probes: u32,               // of a pixel (sss)
     pair_layers: u32,          // shifts that a pixel keeps in paired reuse
     pair_tile_bits: u32,       // tiles of paired reuse have 2^pair_tile_bits pixels a side
     domain: u32,               // index among the domains of the technique, from 0

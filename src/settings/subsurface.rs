@@ -141,10 +141,7 @@ pub enum SubsurfaceShift {
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
 pub struct SubsurfaceSampling {
-    /// Probe rays of each pixel, which look for points where light enters the object.  More find light that enters far away more often.  Each
-    /// costs one ray within the object, and [`Self::candidates`].  No bias.  1 to 16; default 1.
-    pub probes: u32,
-    /// Light candidates at each point where a probe ray of a pixel finds the object.  They come from the subsets of
+    /// Light candidates at each point where a pixel's probe ray finds the object.  They come from the subsets of
     /// [`Direct`](super::Direct).  More give less noise at higher cost.  No bias.  1 to 64; default 8.
     pub candidates: u32,
     /// Shift mapping that takes samples to other pixels.  Default: [`SubsurfaceShift::Hybrid`].
@@ -170,16 +167,14 @@ impl Default for SubsurfaceSampling {
             radius: 30.0,
             ..Reuse::PATHS
         };
-        Self { probes: 1, candidates: 8, shift: SubsurfaceShift::default(), heuristics: true, reuse }
+        Self { candidates: 8, shift: SubsurfaceShift::default(), heuristics: true, reuse }
     }
 }
 
 impl SubsurfaceSampling {
     /// Brings every field into its range.
     pub(super) fn clamp(&mut self, report: &mut dyn FnMut(Problem)) {
-        let mut ranges = Ranges { path: "subsurface.", report };
-        ranges.count("probes", &mut self.probes, 1, 16);
-        ranges.count("candidates", &mut self.candidates, 1, 64);
+        Ranges { path: "subsurface.", report }.count("candidates", &mut self.candidates, 1, 64);
         self.reuse.clamp("subsurface.reuse.", 30.0, report);
     }
 }

@@ -218,7 +218,6 @@ impl ReuseSchedule {
             iterations,
             common: GpuResampleSettings {
                 candidates: subsurface.candidates,
-                probes: subsurface.probes,
                 mis: mis_constant(BiasCorrection::UnbiasedMis, subsurface.reuse.mis),
                 flags: common.flags | flags_of(flags),
                 ..common

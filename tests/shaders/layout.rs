@@ -225,7 +225,6 @@ fn resampling_structs_are_the_same_in_rust_and_wgsl() {
             nee_share,
             caustic_share,
             subsurface_shift,
-            probes,
             pair_layers,
             pair_tile_bits,
             domain,

@@ -68,7 +68,6 @@ pub mod subsurface {
                 confidence_cap: 8.0,
                 ..default.reuse
             },
-            probes: 2,
             candidates: 4,
             heuristics: false,
             ..default

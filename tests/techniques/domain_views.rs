@@ -30,7 +30,7 @@ fn in_bodies(shift: SubsurfaceShift) -> Restir {
     Restir {
         technique: Technique::Di,
         direct: Direct { subset_count: 0, ..default() },
-        subsurface: SubsurfaceSampling { probes: 1, shift, reuse, ..sampling },
+        subsurface: SubsurfaceSampling { shift, reuse, ..sampling },
         ..plain()
     }
 }

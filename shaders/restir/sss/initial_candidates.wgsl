@@ -1,4 +1,4 @@
-// Initial candidates of ReSTIR SSS (Werner et al. 2024): probes, and light candidates at each of their hits.
+// Initial candidates of ReSTIR SSS (Werner et al. 2024): one probe, and light candidates at each of its hits.
 #define_import_path bevy_restir::restir::sss::initial_candidates
 
 #import bevy_restir::common::constants::NONE
@@ -21,7 +21,7 @@ struct SelectedEntry {
     f: vec3<f32>,
 }
 
-// The candidates of all probes.
+// Every hit is a candidate with the density of its point: no division by the number of hits.
 fn sample_candidates(r: Receiver, pixel: vec2<u32>, rng: ptr<function, Rng>) -> SelectedEntry {
     var selected = SelectedEntry(no_reservoir(), vec3<f32>(0.0));
     // Pixels without subsurface scattering have no confidence, so that no other pixel takes a sample from them.
@@ -29,37 +29,16 @@ fn sample_candidates(r: Receiver, pixel: vec2<u32>, rng: ptr<function, Rng>) -> 
         return selected;
     }
     selected.reservoir.confidence = 1.0;
-    var stream = Stream(0.0, NONE);
-    for (var p = 0u; p < settings.probes; p++) {
-        add_probe(r, pixel, &stream, &selected, rng);
-    }
-    // An occluded sample has the weight 0, and still counts as a frame's worth of candidates.
-    let s = selected.reservoir.sample;
-    if stream.selected != NONE {
-        let p = entry_point(r, Hit(0.0, s.instance, s.triangle, s.barycentrics));
-        let light = light_point_at(s.light, p.surface.position, false);
-        if light_is_visible(p.surface, light, rng_bits(rng).x, false) {
-            selected.reservoir.ucw = stream_ucw(stream, s.target_value);
-        }
-        // Presampled lights have rounded colors, which only choose candidates.
-        selected.f = contribution_of(p, light);
-        selected.reservoir.sample.target_value = luminance(selected.f);
-    }
-    return selected;
-}
-
-// Adds the candidates of one probe.  Every hit is a candidate with the density of its point: no division by the number of hits.
-fn add_probe(r: Receiver, pixel: vec2<u32>, stream: ptr<function, Stream>, selected: ptr<function, SelectedEntry>, rng: ptr<function, Rng>) {
     let alpha_seed = rng_bits(rng).x >> 16u;
     let probe = draw_probe(r.surface.radius, rng_3(rng));
     let line = probe_ray(probe, r.surface.position, r.frame, r.surface.radius);
     if !line.valid {
-        return;
+        return selected;
     }
     let hits = trace_probe(line.ray, r.surface.instance, alpha_seed, false);
     let subset = subset_of(pixel, 1u);
     let choice = channel_probability(r.surface.radius);
-    let count = f32(settings.probes * settings.candidates);
+    var stream = Stream(0.0, NONE);
     for (var h = 0u; h < hits.count; h++) {
         let hit = probe_hit(line.ray, r.surface.instance, probe_triangle(hits, h), probe_distance(hits, h), false);
         let p = entry_point(r, hit);
@@ -74,12 +53,25 @@ fn add_probe(r: Receiver, pixel: vec2<u32>, stream: ptr<function, Stream>, selec
             }
             let f = contribution_of(p, c.light);
             let value = luminance(f);
-            if stream_add(stream, h * settings.candidates + i, value / (count * c.pmf * choice * p.density), u) {
-                (*selected).f = f;
-                (*selected).reservoir.sample = EntrySample(
+            if stream_add(&stream, h * settings.candidates + i, value / (f32(settings.candidates) * c.pmf * choice * p.density), u) {
+                selected.f = f;
+                selected.reservoir.sample = EntrySample(
                     c.point, hit.instance, hit.triangle, hit.barycentrics, probe, h, p.is_far, alpha_seed, p.density, value,
                 );
             }
         }
     }
+    // An occluded sample has the weight 0, and still counts as a frame's worth of candidates.
+    let s = selected.reservoir.sample;
+    if stream.selected != NONE {
+        let p = entry_point(r, Hit(0.0, s.instance, s.triangle, s.barycentrics));
+        let light = light_point_at(s.light, p.surface.position, false);
+        if light_is_visible(p.surface, light, rng_bits(rng).x, false) {
+            selected.reservoir.ucw = stream_ucw(stream, s.target_value);
+        }
+        // Presampled lights have rounded colors, which only choose candidates.
+        selected.f = contribution_of(p, light);
+        selected.reservoir.sample.target_value = luminance(selected.f);
+    }
+    return selected;
 }
