@@ -334,7 +334,6 @@ fn resample(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, ids: v
         let at_pixel = select(index, 0u, shades_selected);
         let target_rays = !shades_selected && !is_same && has(select(RESAMPLE_MIS_RAYS, RESAMPLE_TARGET_RAYS, at_pixel == 0u));
         let shading_rays = at_pixel == 0u && has(RESAMPLE_SHADE) && shades_selected == traces_selected;
-        let turn = Turn(at_pixel, target_rays, shading_rays);
         var j = 0u;
         if shades_selected {
             count_confidence(mis);
@@ -348,7 +347,7 @@ fn resample(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, ids: v
             loop {
                 let s = sample_of(inputs, j, at_pixel > 0u || shades_selected);
                 let e = evaluated_in(inputs, at_pixel, receiver, j, s);
-                var value = tested_value(inputs, mis, turn, j, receiver, e, alpha_seed);
+                var value = tested_value(inputs, mis, Turn(at_pixel, target_rays, shading_rays), j, receiver, e, alpha_seed);
                 if shades_selected {
                     break;
                 }
@@ -401,8 +400,7 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
         store_nothing(pixel, index);
         return;
     }
-    let random_stream = STREAM_REUSE + settings.domain * STREAMS_PER_DOMAIN + settings.iteration;
-    var rng = rng_new(pixel, view.frame, random_stream, view.seed);
+    var rng = rng_new(pixel, view.frame, STREAM_REUSE + settings.domain * STREAMS_PER_DOMAIN + settings.iteration, view.seed);
     let alpha_seed = rng_bits(&rng).x;
     var inputs: Inputs;
     var mis: MisInputs;
@@ -410,7 +408,6 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
     inputs.contributions[0] = textureLoad(own_contribution, pixel, 0).rgb;
     let stream = resample(&inputs, &mis, ids, r, alpha_seed, &rng);
 
-    // Shade all inputs.
     var output = no_reservoir();
     var light = vec3<f32>(0.0);
     for (var j = 0u; j < mis.count; j++) {

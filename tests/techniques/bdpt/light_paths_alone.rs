@@ -77,8 +77,20 @@ fn light_paths_alone_light_surfaces_whose_points_are_polished_and_whose_pixels_a
     });
 }
 
-/// The picture of every technique with the same random numbers.
-fn pictures(rig: &mut Rig) -> Vec<(Technique, f64)> {
+/// White light has a color after this distance, in meters.
+fn tinted_glass(roughness: f32, distance: f32) -> StandardMaterial {
+    StandardMaterial {
+        specular_transmission: 1.0,
+        thickness: 1.0,
+        attenuation_color: Color::linear_rgb(0.1, 0.5, 0.9),
+        attenuation_distance: distance,
+        cull_mode: None,
+        ..shiny(Color::WHITE, roughness, 0.0)
+    }
+}
+
+/// The mean of the picture of every technique, with the same random numbers.
+fn means(rig: &mut Rig) -> Vec<(Technique, f64)> {
     let mean = |technique| {
         rig.set(|r| *r = Restir { technique, ..bidirectional(2) });
         (technique, rig.mean_over(0..2, 8).0)
@@ -90,14 +102,6 @@ fn pictures(rig: &mut Rig) -> Vec<(Technique, f64)> {
 #[test]
 fn open_objects_absorb_no_light_from_infinity() {
     for roughness in [0.0, 0.5] {
-        let glass = |distance| StandardMaterial {
-            specular_transmission: 1.0,
-            thickness: 1.0,
-            attenuation_color: Color::linear_rgb(0.1, 0.5, 0.9),
-            attenuation_distance: distance,
-            cull_mode: None,
-            ..shiny(Color::WHITE, roughness, 0.0)
-        };
         let Some(mut rig) = scene(16, |rig| {
             rig.insert(rig.camera, sky(1.0));
             let sun = DirectionalLight { illuminance: 1.0, ..default() };
@@ -105,13 +109,13 @@ fn open_objects_absorb_no_light_from_infinity() {
         }) else {
             return;
         };
-        let pane = rig.spawn(square(8.0), glass(f32::INFINITY), Transform::default());
+        let pane = rig.spawn(square(8.0), tinted_glass(roughness, f32::INFINITY), Transform::default());
         // Another object absorbs in both cases, so that shaders are the same.
-        rig.spawn(Sphere::new(0.2), glass(0.1), Transform::from_xyz(0.0, 9.0, 0.0));
-        let clear = pictures(&mut rig);
+        rig.spawn(Sphere::new(0.2), tinted_glass(roughness, 0.1), Transform::from_xyz(0.0, 9.0, 0.0));
+        let clear = means(&mut rig);
         let pane = rig.material_of(pane);
         rig.edit(&pane, |m| m.attenuation_distance = 0.1);
-        for ((technique, clear), (_, tinted)) in clear.into_iter().zip(pictures(&mut rig)) {
+        for ((technique, clear), (_, tinted)) in clear.into_iter().zip(means(&mut rig)) {
             assert!(
                 (tinted / clear - 1.0).abs() < 1e-4,
                 "{technique:?}, roughness {roughness}: {tinted}, clear {clear}"
@@ -128,23 +132,17 @@ fn an_opaque_object_absorbs_nothing_behind_its_surface() {
     }) else {
         return;
     };
-    let glass = StandardMaterial {
-        specular_transmission: 1.0,
-        thickness: 1.0,
-        attenuation_color: Color::linear_rgb(0.1, 0.5, 0.9),
-        attenuation_distance: 0.1,
-        ..shiny(Color::WHITE, 0.0, 0.0)
-    };
+    let glass = tinted_glass(0.0, 0.1);
     rig.spawn(Sphere::new(0.2), glass.clone(), Transform::from_xyz(0.0, 9.0, 0.0));
     rig.spawn(square(1.0), lamp(9.0, 7.0, 5.0), facing(Vec3::new(0.5, 1.0, 4.0), Vec3::ZERO));
     let turned = Transform::from_rotation(Quat::from_rotation_y(core::f32::consts::PI));
     let wall = rig.spawn(square(8.0), StandardMaterial { cull_mode: None, ..lambert(0.5) }, turned);
-    let plain = pictures(&mut rig);
+    let plain = means(&mut rig);
     let wall = rig.material_of(wall);
     rig.edit(&wall, |m| {
         (m.thickness, m.attenuation_color, m.attenuation_distance) = (1.0, glass.attenuation_color, 0.1);
     });
-    assert_eq!(plain, pictures(&mut rig));
+    assert_eq!(plain, means(&mut rig));
 }
 
 /// A scene without a size: shadow rays find none of its objects.
