@@ -1,6 +1,7 @@
 //! Chooses how far the settings of cameras are reduced, so that the GPU time of lighting stays within [`RestirBudget`].
 
 use bevy::{
+    camera::Camera,
     diagnostic::{Diagnostic, DiagnosticsStore},
     ecs::prelude::*,
     log::warn_once,
@@ -23,6 +24,11 @@ const UP: f32 = 0.92;
 const DOWN: f32 = 0.97;
 /// Assumed ratio of the time of a step to that of the step before, until it is measured.
 const TYPICAL_RATIO: f32 = 0.85;
+/// A step with more samples than its prediction allows is tried where the present one takes less than this share of the limit.
+const TRIAL: f32 = 0.88;
+/// Number of decisions between a change and the first trial.  Each trial that fails doubles it.
+const FIRST_WAIT: u32 = 16;
+const LONGEST_WAIT: u32 = 256;
 /// Number of frames without a GPU time before a warning.
 const PATIENCE: u32 = 120;
 
@@ -30,6 +36,12 @@ const PATIENCE: u32 = 120;
 #[derive(Debug, Default)]
 pub(crate) struct Controller {
     step: u32,
+    /// Whether the present step is a trial: predictions may be wrong after the scene has changed.
+    is_trial: bool,
+    /// Number of decisions that have left the step as it is.
+    unchanged: u32,
+    /// Number of trials that failed.
+    failed_trials: u32,
     /// Number of measurements that are still to be ignored.
     ignored: u32,
     times: Vec<f32>,
@@ -53,7 +65,15 @@ impl Controller {
         let median = self.times[WINDOW / 2];
         self.times.clear();
         self.learn(median, last);
-        let chosen = self.choose(limit, last);
+        self.failed_trials += u32::from(self.is_trial && median > limit);
+        self.is_trial = false;
+        let mut chosen = self.choose(limit, last);
+        let wait = FIRST_WAIT.saturating_mul(1 << self.failed_trials.min(8)).min(LONGEST_WAIT);
+        if chosen == self.step && self.step > 0 && self.unchanged >= wait && median < TRIAL * limit {
+            self.is_trial = true;
+            chosen -= 1;
+        }
+        self.unchanged += 1;
         if chosen != self.step {
             self.go_to(chosen);
         }
@@ -67,14 +87,16 @@ impl Controller {
 
     fn go_to(&mut self, step: u32) {
         self.step = step;
+        self.unchanged = 0;
         self.interrupt();
     }
 
-    /// Takes the measured time of the present step, and scales the times of all other steps by the same factor.
+    /// Takes the measured time of the present step, and scales the times of all other steps by the same factor, except after a trial,
+    /// which corrects a prediction and says nothing about the scene.
     fn learn(&mut self, time: f32, last: u32) {
         self.known.resize(last as usize + 1, 0.0);
         let known = self.known[self.step as usize];
-        if known > 0.0 {
+        if known > 0.0 && !self.is_trial {
             self.known.iter_mut().for_each(|other| *other *= time / known);
         }
         self.known[self.step as usize] = time;
@@ -101,7 +123,7 @@ impl Controller {
 /// Reads the times of the last frame whose times have arrived, and chooses the step.
 pub(crate) fn keep_budget(
     budget: Option<Res<RestirBudget>>,
-    cameras: Query<&Restir>,
+    cameras: Query<(&Restir, Option<&Camera>)>,
     diagnostics: Option<Res<DiagnosticsStore>>,
     statistics: Res<RestirStatistics>,
     mut step: ResMut<BudgetStep>,
@@ -117,12 +139,12 @@ pub(crate) fn keep_budget(
         step.set_if_neq(BudgetStep(0));
         return;
     }
-    let now: Vec<Restir> = cameras.iter().map(|camera| Restir { reset: false, ..camera.clone() }.clamped()).collect();
+    let now: Vec<Restir> =
+        cameras.iter().filter(|(_, camera)| camera.is_none_or(|c| c.is_active)).map(|(s, _)| cost_of(s)).collect();
     let last = now.iter().map(Restir::reducible_steps).max().unwrap_or(0);
     if *settings != now {
         // Times that were measured with other settings do not hold for these.
-        controller.known.clear();
-        controller.step = controller.step.min(last);
+        *controller = Controller { step: controller.step.min(last), ..Controller::default() };
         controller.interrupt();
         *settings = now;
     }
@@ -145,6 +167,13 @@ pub(crate) fn keep_budget(
     }
     statistics.set_budget_step(controller.step);
     step.set_if_neq(BudgetStep(controller.step));
+}
+
+/// Settings that are equal if their frames take equally long: without those that an app may change in every frame at no cost.
+fn cost_of(settings: &Restir) -> Restir {
+    let fixed = Restir::default();
+    let (seed, debug_scale, firefly_limit) = (fixed.seed, fixed.debug_scale, fixed.firefly_limit);
+    Restir { reset: false, seed, debug_scale, firefly_limit, ..settings.clone() }.clamped()
 }
 
 /// When the newest GPU times of our passes arrived, and their sum in ms, over all cameras.
@@ -220,6 +249,31 @@ mod tests {
             let steady = fly(200, limit, &RATIOS, |_| cost(599))[199].0;
             assert!(frames[599].0 <= steady + 1, "step {} at the end, and {steady} without a flight", frames[599].0);
         }
+    }
+
+    /// A heavy scene, in which reductions save much, is followed by one in which they save little.
+    #[test]
+    fn steps_that_were_too_slow_are_tried_again() {
+        let mut controller = Controller::default();
+        let heavy = [1.0, 0.9, 0.8, 0.6, 0.5, 0.45].map(|ratio| 20.0 * ratio);
+        let light = [1.0, 0.97, 0.94, 0.91, 0.88, 0.85].map(|ratio| 9.0 * ratio);
+        let mut steps = Vec::new();
+        for frame in 0..3000 {
+            let times = if frame < 400 { &heavy } else { &light };
+            controller.observe(times[controller.step as usize], 10.0, LAST);
+            steps.push(controller.step);
+        }
+        assert_eq!((steps[399], steps[2999]), (4, 0));
+        // Where no step with more samples fits, trials become rare.
+        let mut controller = Controller::default();
+        let trials = (0..20_000).filter(|_| {
+            let before = controller.step;
+            controller.observe([12.0, 8.5, 8.0, 7.5, 7.0, 6.5][controller.step as usize], 10.0, LAST);
+            controller.step < before
+        });
+        let trials = trials.count();
+        assert!((5..=16).contains(&trials), "{trials}");
+        assert_eq!(controller.step, 1);
     }
 
     #[test]

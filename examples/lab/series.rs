@@ -1,7 +1,7 @@
 //! The compared settings, as data.
 
 use bevy_restir::{
-    BiasCorrection, Direct, Jitter, Mis, Preset, Reconnection, Research, ReservoirLayout, Restir, ReuseOrder,
+    BiasCorrection, Direct, Jitter, Mis, Paths, Preset, Reconnection, Research, ReservoirLayout, Restir, ReuseOrder,
     Technique, VisibilityReuse,
 };
 
@@ -24,7 +24,8 @@ pub struct Entry {
     pub shown: &'static [Shown],
 }
 
-/// Without jitter and energy compensation, so that all techniques converge to one picture.
+/// Without jitter and energy compensation, so that all techniques converge to one picture.  Direct light is a part of the paths of PT, as in
+/// Lin et al. 2026.
 pub fn plain(technique: Technique, bounces: u32) -> Restir {
     Restir {
         technique,
@@ -32,6 +33,7 @@ pub fn plain(technique: Technique, bounces: u32) -> Restir {
         jitter: Jitter::Never,
         energy_compensation: false,
         firefly_limit: 0.0,
+        paths: Paths { separate_direct_light: false, ..Paths::default() },
         ..Restir::default()
     }
 }

@@ -34,12 +34,17 @@ fn coat_is_rough(b: Bsdf) -> bool {
     return b.coat > 0.0 && b.coat_roughness >= ALPHA_DELTA;
 }
 
+// Whether a rough coat scatters light from wi, which is i in the frame of the coat, to wo.
+fn coat_scatters(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>, i: vec3<f32>) -> bool {
+    return coat_reflects(b, wo) && i.z > 0.0 && dot(wi, b.n_geo) > 0.0;
+}
+
 // f·|n·wi| of a rough coat; 0 unless wi is above the coat's normal and n_geo.
 fn coat_eval(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> f32 {
     let frame = orthonormal_basis(b.coat_normal);
     let o = wo * frame;
     let i = wi * frame;
-    if !coat_reflects(b, wo) || !(i.z > 0.0) || !(dot(wi, b.n_geo) > 0.0) {
+    if !coat_scatters(b, wo, wi, i) {
         return 0.0;
     }
     return coat_reflectance(b, wo) * ggx_reflection(o, i, normalize(o + i), vec2<f32>(b.coat_roughness));
@@ -50,7 +55,7 @@ fn coat_pdf(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> f32 {
     let frame = orthonormal_basis(b.coat_normal);
     let o = wo * frame;
     let i = wi * frame;
-    if !coat_reflects(b, wo) || !(i.z > 0.0) || !(dot(wi, b.n_geo) > 0.0) {
+    if !coat_scatters(b, wo, wi, i) {
         return 0.0;
     }
     return ggx_reflection_pdf(o, normalize(o + i), vec2<f32>(b.coat_roughness));

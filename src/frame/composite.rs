@@ -106,7 +106,7 @@ fn draw_fullscreen(
         depth_stencil_attachment: Some(depth.get_attachment(StoreOp::Store)),
         ..Default::default()
     });
-    let span = diagnostics.as_deref().map(|d| d.time_span(&mut pass, format!("{SPAN_PREFIX}composite")));
+    let span = diagnostics.as_deref().map(|d| d.pass_span(&mut pass, format!("{SPAN_PREFIX}composite")));
     let (origin, size) = (view.origin.as_vec2(), view.target_size.as_vec2());
     pass.set_viewport(origin.x, origin.y, size.x, size.y, 0.0, 1.0);
     pass.set_pipeline(pipeline);

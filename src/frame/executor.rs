@@ -102,7 +102,7 @@ impl Compute<'_> {
         let mut encoder = context
             .command_encoder()
             .begin_compute_pass(&ComputePassDescriptor { label: Some(name), ..Default::default() });
-        let span = diagnostics.as_deref().map(|d| d.time_span(&mut encoder, format!("{SPAN_PREFIX}{name}")));
+        let span = diagnostics.as_deref().map(|d| d.pass_span(&mut encoder, format!("{SPAN_PREFIX}{name}")));
         encoder.set_pipeline(pipeline);
         encoder.set_bind_group(0, self.scene_group, &[]);
         encoder.set_bind_group(1, &self.state.bind_group, &[]);

@@ -153,7 +153,7 @@ pub(super) fn select_pipelines(
         };
         let requested = requested_key(restir, &scene, &environments);
         let last = views.last(entity).map(|(key, _)| key);
-        let key = passes.choose(requested, last, &pipelines);
+        let key = passes.request_or_keep(requested, last, &pipelines);
         // The plugin turns multisampling off at the end of the app's frame.  An app that turns it on later than that loses this frame.
         let target = target.filter(|_| msaa.is_none_or(|msaa| *msaa == Msaa::Off));
         let composite = target.map(|target| CompositeKey::of(target, prepass));
@@ -174,18 +174,18 @@ impl PassPipelines {
         Self { shaders: Some(shaders), ray_queries, max_bindless_textures, ..Default::default() }
     }
 
-    /// The pipelines to render with: the requested ones once all of them are compiled, and those of the last frame until then.
-    fn choose(
+    /// Requests the pipelines of a frame.  Returns those to render with: the requested ones once all of them are compiled, and those of the last frame until then.
+    fn request_or_keep(
         &mut self,
         requested: PipelineKey,
         last: Option<PipelineKey>,
         pipelines: &PipelineCache,
     ) -> Option<PipelineKey> {
-        if self.ready(requested, pipelines) { Some(requested) } else { last }
+        if self.request_frame(requested, pipelines) { Some(requested) } else { last }
     }
 
     /// Requests every pipeline of a frame; true once all of them are ready.
-    fn ready(&mut self, key: PipelineKey, pipelines: &PipelineCache) -> bool {
+    fn request_frame(&mut self, key: PipelineKey, pipelines: &PipelineCache) -> bool {
         let mut indices = Vec::new();
         for pass in key.frame.passes() {
             match pass {

@@ -81,7 +81,7 @@ pub(super) fn draw(
         }),
         ..Default::default()
     });
-    let span = diagnostics.as_deref().map(|d| d.time_span(&mut pass, format!("{SPAN_PREFIX}visibility")));
+    let span = diagnostics.as_deref().map(|d| d.pass_span(&mut pass, format!("{SPAN_PREFIX}visibility")));
     pass.set_bind_group(0, &**scene_group, &[]);
     pass.set_bind_group(1, &*view.raster_bind_group, &[]);
     if let Some(bindless) = &scene.bound_textures {

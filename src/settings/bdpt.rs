@@ -5,7 +5,7 @@ use bevy::reflect::{Reflect, std_traits::ReflectDefault};
 use super::validate::{Problem, Ranges};
 
 /// What light paths are used for in [`Technique::Bdpt`](super::Technique::Bdpt).  Camera paths always find light by hits of lights and by
-/// next-event estimation, and are resampled.  All choices are unbiased; noise and cost differ.
+/// next-event estimation, and are resampled.  They differ in noise and cost, not in bias.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Default)]
@@ -13,7 +13,7 @@ use super::validate::{Problem, Ranges};
 pub enum LightTechniques {
     /// The camera sees light paths, and camera paths are connected with them.  The connections take a second camera path for each pixel.
     Full,
-    /// The camera sees light paths; there are no connections (ibid., "lightweight").
+    /// The camera sees light paths; there are no connections ("lightweight", Hedstrom et al. 2025, 7.2).
     #[default]
     Lightweight,
     /// Camera paths are connected with light paths, which the camera does not see: caustics on what it sees directly are found by camera
@@ -25,7 +25,7 @@ pub enum LightTechniques {
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
 pub struct Bdpt {
-    /// Light paths of a frame for each pixel of the picture (`N_L`, Hedstrom et al. 2025, 5.1): more make caustics and hidden light less
+    /// Light paths of a frame for each pixel of the picture (`N_L`, Hedstrom et al. 2025, 7.1): more make caustics and hidden light less
     /// noisy.  Each costs as much as a path from the camera, 48 bytes if the camera sees it, and 64 bytes with connections; a device that
     /// cannot bind that many traces fewer, with a warning.  With 0, lights are found from the camera only.  No bias.  0 to 8, and at most
     /// 16,777,216 in all; default 1.

@@ -139,7 +139,7 @@ impl DebugView {
     }
 
     /// Whether it shows reservoirs of direct light on surfaces.
-    pub fn is_of_direct_light(self) -> bool {
+    pub(crate) fn is_of_direct_light(self) -> bool {
         (Self::ReservoirLights as u32..=Self::ReservoirVisibility as u32).contains(&(self as u32))
     }
 
@@ -154,12 +154,12 @@ impl DebugView {
     }
 
     /// Whether it shows reservoirs of light that enters objects with [`Subsurface`](crate::Subsurface).
-    pub fn is_of_subsurface(self) -> bool {
+    pub(crate) fn is_of_subsurface(self) -> bool {
         (Self::SubsurfaceDistances as u32..=Self::SubsurfaceShifts as u32).contains(&(self as u32))
     }
 
     /// Whether it shows reservoirs of paths that are weighted against light paths.
-    pub fn is_of_bidirectional_paths(self) -> bool {
+    pub(crate) fn is_of_bidirectional_paths(self) -> bool {
         self.is_of_paths() || self == Self::PathTechniques
     }
 }

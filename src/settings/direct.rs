@@ -33,17 +33,17 @@ pub enum BiasCorrection {
 
 impl BiasCorrection {
     /// Whether neighbors of dissimilar geometry are skipped.
-    pub fn uses_heuristics(self) -> bool {
+    pub(crate) fn uses_heuristics(self) -> bool {
         matches!(self, Self::Heuristics | Self::HeuristicsAndMis | Self::HeuristicsAndUnbiasedMis)
     }
 
     /// Whether samples are weighted by [`Mis`](super::Mis).
-    pub fn uses_mis(self) -> bool {
+    pub(crate) fn uses_mis(self) -> bool {
         !matches!(self, Self::Off | Self::Heuristics)
     }
 
     /// Whether rays test visibility for these weights.
-    pub fn uses_mis_rays(self) -> bool {
+    pub(crate) fn uses_mis_rays(self) -> bool {
         matches!(self, Self::UnbiasedMis | Self::HeuristicsAndUnbiasedMis)
     }
 }

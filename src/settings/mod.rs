@@ -49,8 +49,8 @@ pub enum Technique {
     /// Accumulates frames for as long as the image does not change: slow and noisy in motion, exact at rest.  Unbiased; all other techniques
     /// are compared with it.
     Reference,
-    /// ReSTIR DI (Wyman and Panteleev 2021): emission and direct light only, whatever `bounces` says (emission only where it is 0).
-    /// Settings: [`Direct`].
+    /// ReSTIR DI (Wyman and Panteleev 2021): emission and direct light only: values of `bounces` above 1 have no
+    /// effect, and 0 leaves the emission only.  Settings: [`Direct`].
     Di,
     /// ReSTIR GI (Ouyang et al. 2021; candidates, Jacobian and limits as in Lanz 2025, 4.3 and 4.5.5) for indirect light, and
     /// [`Technique::Di`] for direct light: a complete image with up to `bounces` scattering events.  Settings: [`Paths`] and [`Direct`].
@@ -84,10 +84,12 @@ impl Technique {
 /// `TemporalAntiAliasing` smooths edges in its place.
 ///
 /// The history of earlier frames survives motion of objects, lights and cameras, objects and lights that appear, vanish or change, and a
-/// sky that turns or changes its color.  It restarts when the pixels of an image change, when the first translucent object appears or the
-/// last one disappears, when the size of the image, the render layers or the kind of projection changes, or when one of these settings
-/// changes.  These do not restart it: [`Direct::candidates`], `firefly_limit`, `accumulate`, `debug_scale`,
-/// [`Research::replay_compaction`], and all of [`Reuse`] except `order` and `temporal`.
+/// sky that turns or changes its color.  It restarts when the pixels of an image change, when the shaders for the first light of a kind or
+/// for the first material with transmission, alpha or a clearcoat have been compiled, when the first translucent object appears or the last
+/// one disappears, when the size of the image, the render layers, the kind of projection or `Camera::invert_culling` changes, when the
+/// environment appears, disappears or gets another image, or when one of these settings changes.  These do not restart it:
+/// [`Direct::candidates`], `firefly_limit`, `accumulate`, `debug_scale`, [`Research::replay_compaction`], and all of [`Reuse`] except
+/// `order` and `temporal`.
 /// [`RestirReport::history_resets`](crate::RestirReport::history_resets) counts the restarts by reason.
 ///
 /// ```

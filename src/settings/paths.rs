@@ -58,7 +58,8 @@ pub struct Paths {
     pub candidates: u32,
     /// Resamples direct light apart from paths in [`Technique::Pt`](super::Technique::Pt), by [`Restir::direct`](super::Restir::direct)
     /// and, for translucent objects, [`Restir::subsurface`](super::Restir::subsurface): less noise where direct and bounced light meet, for
-    /// 21 to 43 % more time (`docs/performance.md`, "One frame").  No bias.  Default: off; on in `Quality` and `Unbiased`.
+    /// 21 to 43 % more time (`docs/performance.md`, "One frame").  Without it one reservoir holds both (Lin et al. 2026, 7).  No bias.
+    /// Default: on; off in `Performance`.
     pub separate_direct_light: bool,
     /// Reuse of paths; default [`Reuse::PATHS`].  [`Reuse::mis`] applies to iterations with spatial reuse; purely temporal ones always use the
     /// balance heuristic.
@@ -97,11 +98,12 @@ pub struct Paths {
 }
 
 impl Default for Paths {
-    /// 16 light candidates where Lin et al. 2026 have 32: they have less error at equal time (`docs/experiments.md`).
+    /// Two defaults differ from those of Lin et al. 2026: 16 light candidates instead of 32 have less error at equal time, and direct light
+    /// has reservoirs of its own, for less noise in a frame (`docs/experiments.md`).
     fn default() -> Self {
         Self {
             candidates: 16,
-            separate_direct_light: false,
+            separate_direct_light: true,
             reuse: Reuse::PATHS,
             suffix_retrace: SuffixRetrace::default(),
             assume_diffuse_secondary: false,

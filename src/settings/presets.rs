@@ -9,7 +9,8 @@ use super::{BiasCorrection, Direct, Paths, Restir, Reuse, SuffixRetrace, Visibil
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum Preset {
-    /// Fewest rays, and one neighbor for paths.  Three bounces: later light is missing (darker).  In
+    /// Fewest rays: one neighbor for paths, and one reservoir for direct and bounced light in [`Technique::Pt`](super::Technique::Pt) (more
+    /// noise).  Three bounces: later light is missing (darker).  In
     /// [`Technique::Di`](super::Technique::Di) and [`Technique::Gi`](super::Technique::Gi) direct light is resampled as by Wyman and
     /// Panteleev 2021, with visibility reused within 30 pixels: shadows are blurred and lag (brighter in them, darker beside them).  Under
     /// motion, paths miss light that was hidden from their later vertices in the last frame (darker; [`SuffixRetrace::ForwardOnly`]).
@@ -17,9 +18,7 @@ pub enum Preset {
     Performance,
     /// Five bounces: later light is missing (darker).  Single bright pixels are limited (darker; [`Restir::firefly_limit`]).  No other bias.
     Balanced,
-    /// Eight bounces: later light is missing (darker).  No other bias.  In [`Technique::Pt`](super::Technique::Pt) direct light has
-    /// reservoirs of its own ([`Paths::separate_direct_light`]): less noise, for 21 to 43 % more time
-    /// (`docs/performance.md`).
+    /// Eight bounces: later light is missing (darker).  No other bias.
     Quality,
     /// As `Quality`, with 32 bounces; only later light is missing (darker).
     Unbiased,
@@ -58,11 +57,11 @@ impl Preset {
         match self {
             Self::Performance => Paths {
                 suffix_retrace: SuffixRetrace::ForwardOnly,
+                separate_direct_light: false,
                 reuse: Reuse { spatial_samples: 1, disocclusion_samples: 2, ..Reuse::PATHS },
                 ..Paths::default()
             },
-            Self::Balanced => Paths::default(),
-            Self::Quality | Self::Unbiased => Paths { separate_direct_light: true, ..Paths::default() },
+            Self::Balanced | Self::Quality | Self::Unbiased => Paths::default(),
         }
     }
 }

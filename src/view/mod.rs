@@ -41,7 +41,7 @@ use crate::{
 };
 use environment::EnvironmentPool;
 use extract::ExtractedViews;
-pub(crate) use restir_view::{Remains, RestirView};
+pub(crate) use restir_view::{PausedView, RestirView};
 use selection::SelectedPipelines;
 
 /// The views of all `Restir` cameras, by render entity.
@@ -49,7 +49,7 @@ use selection::SelectedPipelines;
 pub(crate) struct ViewPool {
     pub views: HashMap<Entity, RestirView>,
     /// What is left of the views of cameras that are not rendered at present.
-    pub paused: HashMap<Entity, Remains>,
+    pub paused: HashMap<Entity, PausedView>,
     /// Cameras that the device had no memory for in the last frame.
     pub without_memory: HashSet<Entity>,
     /// Cameras whose `Restir::reset` was set since they were last rendered.
@@ -60,7 +60,7 @@ impl ViewPool {
     /// Drops the view of a camera that is not rendered.
     fn pause(&mut self, camera: Entity) {
         if let Some(view) = self.views.remove(&camera) {
-            self.paused.insert(camera, view.remains());
+            self.paused.insert(camera, view.into_paused());
         }
     }
 

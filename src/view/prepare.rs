@@ -60,7 +60,7 @@ pub(super) fn prepare_views(
     warned.retain(|(entity, _)| extracted.0.contains_key(entity));
     let pool = &mut *pool;
     for (entity, view) in pool.views.extract_if(|entity, _| !extracted.0.contains_key(entity)) {
-        pool.paused.insert(entity, view.remains());
+        pool.paused.insert(entity, view.into_paused());
     }
     pool.paused.retain(|entity, _| entities.contains(*entity));
     pool.requested_resets.retain(|entity| entities.contains(*entity));
@@ -166,14 +166,14 @@ fn view_of(
         }
         // Drops the view of the old size first, because the memory may not hold both.
         Some(view) => {
-            pool.paused.insert(camera, view.remains());
+            pool.paused.insert(camera, view.into_paused());
             beginning = Reset::Size;
         }
         None => {}
     }
     let new = allocation::attempt(device, "view", || RestirView::new(size, environment, device, pipelines))?;
     Ok(match pool.paused.remove(&camera) {
-        Some(remains) => new.after(remains, beginning),
+        Some(paused) => new.resumed_from(paused, beginning),
         None => new,
     })
 }

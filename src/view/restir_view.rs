@@ -101,7 +101,7 @@ pub(crate) struct RestirView {
 }
 
 /// Counts and settings of a view that was dropped, for the camera's next view.
-pub(crate) struct Remains {
+pub(crate) struct PausedView {
     /// Guards are counted over the whole run of a camera.
     pub counters: CounterReadback,
     /// Number of restarts of the history, by reason.
@@ -195,19 +195,19 @@ impl RestirView {
     }
 
     /// The counts and settings that the camera's next view takes over.
-    pub(super) fn remains(self) -> Remains {
+    pub(super) fn into_paused(self) -> PausedView {
         let sequence = match self.first_sequence {
             0 => self.sequence.wrapping_add(1),
             // No frame was rendered since this index was set.
             first => first,
         };
         let Self { counters, resets, key, settings, .. } = self;
-        Remains { counters, resets, sequence, key, settings }
+        PausedView { counters, resets, sequence, key, settings }
     }
 
     /// This new view with the counts of the last one.  `beginning`: why the history restarts.
-    pub(super) fn after(self, last: Remains, beginning: Reset) -> Self {
-        let Remains { counters, resets, sequence: first_sequence, key, settings } = last;
+    pub(super) fn resumed_from(self, last: PausedView, beginning: Reset) -> Self {
+        let PausedView { counters, resets, sequence: first_sequence, key, settings } = last;
         Self { counters, resets, first_sequence, key, settings, beginning, ..self }
     }
 

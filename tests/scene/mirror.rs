@@ -3,6 +3,7 @@
 use crate::support::{
     app::*,
     expected_radiance::{both_sides, open},
+    reuse_settings::paths,
 };
 use bevy::{
     asset::RenderAssetUsages,
@@ -434,7 +435,7 @@ fn a_scene_that_gains_and_loses_features_is_never_black() {
         ("rays of indirect light", |restir| restir.debug_view = DebugView::Rays),
         ("paths", |restir| (restir.technique, restir.debug_view) = (Technique::Pt, DebugView::Off)),
         ("more spatial samples", |restir| {
-            restir.paths = Paths { reuse: Reuse { spatial_samples: 4, ..Reuse::PATHS }, ..Paths::default() }
+            restir.paths = Paths { reuse: Reuse { spatial_samples: 4, ..Reuse::PATHS }, ..paths::unified() }
         }),
         ("compensation", |restir| restir.energy_compensation = true),
         ("albedo", |restir| restir.debug_view = DebugView::Albedo),

@@ -28,6 +28,7 @@ use bevy_restir::{
 use bevy_restir_support::mutant;
 use std::time::Duration;
 
+use super::reuse_settings::paths;
 pub use super::{images::*, picture::Picture, stats::mean_and_error};
 
 /// The number of frames within which a small scene must be loaded, built and compiled.
@@ -52,6 +53,7 @@ pub fn plain() -> Restir {
         bounces: 1,
         energy_compensation: false,
         firefly_limit: 0.0,
+        paths: paths::unified(),
         ..Default::default()
     }
 }

@@ -91,6 +91,11 @@ pub mod subsurface {
 pub mod paths {
     use super::*;
 
+    /// The defaults, with direct light as a part of the paths.
+    pub fn unified() -> Paths {
+        Paths { separate_direct_light: false, ..Paths::default() }
+    }
+
     /// Every kind of reuse, also across edges, and so few candidates that a wrong weight shows.
     pub fn all_reuse() -> Paths {
         Paths {
@@ -104,7 +109,7 @@ pub mod paths {
             },
             candidates: 4,
             heuristics: false,
-            ..Default::default()
+            ..unified()
         }
     }
 

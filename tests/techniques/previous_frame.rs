@@ -1,7 +1,7 @@
 //! The data of the last frame, as shaders read them, equal the data that they read in that frame: camera and jitter, transforms, surfaces,
 //! the top-level tree, and lights with their densities.  No statistics: each number is compared with itself a frame earlier.
 
-use crate::support::{app::*, bodies::*, proof::emission, small_scenes::*};
+use crate::support::{app::*, bodies::*, proof::emission, reuse_settings::paths, small_scenes::*};
 use bevy::{
     light::{RectLight, SunDisk},
     prelude::*,
@@ -65,7 +65,7 @@ fn start() -> Option<(Rig, Vec<Picture>)> {
         .collect();
     replace_pass_shader(&mut rig.app, "pt_reuse", include_str!("../support/kernels/previous_frame.wgsl"));
     let reuse = Reuse { order: ReuseOrder::Spatiotemporal, spatial_samples: 1, ..Reuse::PATHS };
-    let paths = Paths { reuse, ..Default::default() };
+    let paths = Paths { reuse, ..paths::unified() };
     rig.set(|r| *r = Restir { technique: Technique::Pt, paths, jitter: Jitter::Always, bounces: 1, ..plain() });
     Some((rig, emitted))
 }

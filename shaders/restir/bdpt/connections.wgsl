@@ -1,4 +1,4 @@
-// Connections (s, t >= 2): each vertex of a camera sub-path is joined with one vertex of the light vertex cache (Hedstrom et al. 2025, 5.1).
+// Connections (s, t >= 2): each vertex of a camera sub-path is joined with one vertex of the light vertex cache (Hedstrom et al. 2025, 7.1).
 // The camera sub-path is traced separately from that of the resampled candidates, so that the passes of candidates bind no light vertices.
 #define_import_path bevy_restir::restir::bdpt::connections
 

@@ -1,4 +1,4 @@
-// A vertex of a light sub-path in the light vertex cache (Hedstrom et al. 2025, 5.1).  Each sub-path keeps one of its vertices that can be
+// A vertex of a light sub-path in the light vertex cache (Hedstrom et al. 2025, 7.1).  Each sub-path keeps one of its vertices that can be
 // connected, chosen uniformly, which stands for all `count` of them.  The cache has one entry for each sub-path, whatever its length, so that
 // it never overflows and does not depend on the order of execution.
 #define_import_path bevy_restir::restir::bdpt::light_vertex

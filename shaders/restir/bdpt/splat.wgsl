@@ -1,4 +1,4 @@
-// Technique t = 1: the camera sees a vertex of a light sub-path (Hedstrom et al. 2025, 5.1).  Its light lands anywhere in a pixel.  A splat
+// Technique t = 1: the camera sees a vertex of a light sub-path (Hedstrom et al. 2025, 5 and 7.1).  Its light lands anywhere in a pixel.  A splat
 // is a function of random numbers: it can be replayed with the same numbers, in the scene of this frame or of the last one.
 #define_import_path bevy_restir::restir::bdpt::splat
 

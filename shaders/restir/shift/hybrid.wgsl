@@ -98,7 +98,7 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: ShiftParameters, previous: boo
 
         // Leave the vertex.
         let step = step_of_shift(w, s, index, is_reconnection_point, previous);
-        if !step.valid || !has_same_reconnection(w, s, index, step, c) {
+        if !step.valid || !require_same_reconnection(w, s, index, step, c) {
             return;
         }
         let at = (*w).v.surface;
@@ -260,7 +260,7 @@ fn reconnection_point(s: PathSample, from_point: vec3<f32>, previous: bool) -> v
 }
 
 // Whether the shifted path may reconnect where the path does, and nowhere before.
-fn has_same_reconnection(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, c: ShiftParameters) -> bool {
+fn require_same_reconnection(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, c: ShiftParameters) -> bool {
     let is_before = s.reconnection == 0u || index < s.reconnection;
     if index <= 1u || (*w).below || !(is_before || index == s.reconnection) {
         return true;

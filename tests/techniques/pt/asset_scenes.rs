@@ -5,6 +5,7 @@
 use crate::support::{
     app::*,
     proof::{AllLight, Proof},
+    reuse_settings::paths,
 };
 use bevy_restir::{Direct, Paths, Reuse};
 
@@ -18,8 +19,11 @@ fn direct() -> Direct {
 fn check(name: &str, size: u32, proof: Proof) {
     let Some(mut rig) = Rig::load(name, size) else { return };
     let proof = Proof { bounces: BOUNCES, ..proof };
-    let paths = Paths::default;
-    let all = [("ReSTIR PT", AllLight::Pt(paths())), ("ReSTIR DI + GI", AllLight::Gi(direct(), paths()))];
+    let all = [
+        ("ReSTIR PT", AllLight::Pt(Paths::default())),
+        ("ReSTIR PT, one reservoir", AllLight::Pt(paths::unified())),
+        ("ReSTIR DI + GI", AllLight::Gi(direct(), Paths::default())),
+    ];
     proof.check(name, &mut rig, &all);
 }
 
@@ -71,7 +75,7 @@ fn full_length_long_runs_of_candidates_are_unbiased() {
     for name in ["punctual", "glossy"] {
         let Some(mut rig) = Rig::load(name, 96) else { return };
         let proof = Proof { margin: 0.01, bounces: BOUNCES, ..Proof::of((40, 24), (40, 100)) };
-        let alone = Paths { reuse: Reuse { temporal: false, spatial_samples: 0, ..Reuse::PATHS }, ..Paths::default() };
+        let alone = Paths { reuse: Reuse { temporal: false, spatial_samples: 0, ..Reuse::PATHS }, ..paths::unified() };
         let all = [
             ("candidates of PT", AllLight::Pt(alone.clone())),
             (

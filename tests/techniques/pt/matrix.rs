@@ -4,7 +4,7 @@
 use crate::support::{
     matrix::{self, Choices, Row},
     proof::{AllLight, Proof, Subject},
-    reuse_settings::{di, pixels},
+    reuse_settings::{di, paths, pixels},
     small_scenes::*,
 };
 use bevy_restir::{Mis, Paths, Reconnection, Reuse, ReuseOrder};
@@ -108,7 +108,7 @@ impl Row for PathRow {
             reconnection: RECONNECTIONS[reconnection],
             distance: 0.1,
             heuristics: neighbors == 0,
-            ..Default::default()
+            ..paths::unified()
         };
         let paths = match self.reuse() {
             "none" => Paths { reuse: Reuse { temporal: false, spatial_samples: 0, ..paths.reuse.clone() }, ..paths },

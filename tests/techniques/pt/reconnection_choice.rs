@@ -6,6 +6,7 @@ use crate::support::{
     app::*,
     oracle::reconnection::{End, Pixel, Rule, Vertex, choice},
     proof::{Subject, emission},
+    reuse_settings::paths,
     small_scenes::*,
 };
 use bevy::prelude::*;
@@ -157,7 +158,7 @@ fn agreement(rig: &mut Rig, emitted: &Picture, paths: &Paths, seeds: u32) -> Agr
 }
 
 fn often_replayed() -> Paths {
-    Paths { footprint: 20.0, ..Default::default() }
+    Paths { footprint: 20.0, ..paths::unified() }
 }
 
 /// Over as many seeds as it takes to find each of [`UNTESTED`] in the scene `shining`.
@@ -179,8 +180,8 @@ fn paths_that_are_often_replayed_choose_the_reconnection_vertex_of_the_oracle() 
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn paths_and_shifted_paths_choose_the_reconnection_vertex_of_the_oracle() {
-    let kind = |reconnection, footprint| Paths { reconnection, footprint, roughness: 0.6, ..Default::default() };
-    let by_distance = Paths { reconnection: Reconnection::Distance, distance: 0.8, ..Default::default() };
+    let kind = |reconnection, footprint| Paths { reconnection, footprint, roughness: 0.6, ..paths::unified() };
+    let by_distance = Paths { reconnection: Reconnection::Distance, distance: 0.8, ..paths::unified() };
     for (name, make, defs) in [
         ("glossy", glossy as fn(&mut Rig), &[][..]),
         ("surrounded", |rig: &mut Rig| surrounded(rig, true), &[]),

@@ -4,6 +4,7 @@
 use crate::support::{
     app::*,
     proof::{Subject, emission},
+    reuse_settings::paths,
     small_scenes::*,
 };
 use bevy::prelude::*;
@@ -108,7 +109,7 @@ fn a_shift_to_the_same_pixel_is_the_identity() {
     // The level of textures depends on the pixel, also in reflections.
     for (name, make) in PATH_SCENES.into_iter().chain([("textured", textured as fn(&mut Rig))]) {
         let Some(mut rig) = shift_scene(SIZE, make) else { return };
-        let round_trips = round_trips(&mut rig, &["TEST_ROUND_TRIP"], &alone(&Paths::default()), 3);
+        let round_trips = round_trips(&mut rig, &["TEST_ROUND_TRIP"], &alone(&paths::unified()), 3);
         let (back, away, lost, worst) = round_trips.sums();
         eprintln!(
             "{name}: {back} paths returned, {away} first shifts and {lost} shifts back failed, error at most {worst}"
@@ -205,10 +206,10 @@ const BSDF_CASES: [&str; 4] =
 
 /// Settings of every criterion of [`ALL`].
 fn kinds() -> [(&'static str, Paths); ALL.len()] {
-    let kind = |reconnection| Paths { reconnection, ..Default::default() };
+    let kind = |reconnection| Paths { reconnection, ..paths::unified() };
     [
-        ("footprints", Paths::default()),
-        ("often replayed", Paths { footprint: 20.0, ..Default::default() }),
+        ("footprints", paths::unified()),
+        ("often replayed", Paths { footprint: 20.0, ..paths::unified() }),
         ("black box", Paths { roughness: 0.6, ..kind(Reconnection::BlackBox) }),
         ("black box as printed", kind(Reconnection::BlackBoxPrinted)),
         ("bounded Jacobian", Paths { footprint: 2.0, ..kind(Reconnection::JacobianBound) }),
@@ -304,7 +305,7 @@ fn check_previous_frame(seeds: u32, least: u32) {
     plant_shader_defs(&mut rig.app, &["TEST_ROUND_TRIP", "TEST_BEFORE"]);
     // Without spatial samples nothing is reused, but the previous frame is kept.
     rig.set(|r| {
-        alone(&Paths::default()).apply_to(r);
+        alone(&paths::unified()).apply_to(r);
         r.bounces = BOUNCES;
     });
     rig.until_ready();

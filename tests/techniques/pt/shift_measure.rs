@@ -7,6 +7,7 @@ use crate::support::{
     app::*,
     change_of_measure::{Measure, SIZE},
     proof::{Subject, emission},
+    reuse_settings::paths,
     small_scenes::*,
 };
 use bevy::prelude::*;
@@ -58,16 +59,16 @@ fn measured(rig: &mut Rig, plant: &[&'static str], paths: Paths, seeds: u32) -> 
 }
 
 fn kinds() -> [(&'static str, Paths); 8] {
-    let kind = |reconnection| Paths { reconnection, ..Default::default() };
+    let kind = |reconnection| Paths { reconnection, ..paths::unified() };
     [
-        ("footprints", Paths::default()),
-        ("half replayed", Paths { footprint: 0.5, ..Default::default() }),
+        ("footprints", paths::unified()),
+        ("half replayed", Paths { footprint: 0.5, ..paths::unified() }),
         ("black box", Paths { roughness: 0.6, ..kind(Reconnection::BlackBox) }),
         ("black box as printed", kind(Reconnection::BlackBoxPrinted)),
         ("bounded Jacobian", Paths { footprint: 2.0, ..kind(Reconnection::JacobianBound) }),
         ("footprint of the path", Paths { footprint: 2.0, ..kind(Reconnection::PathFootprint) }),
         ("by distance", Paths { distance: 0.5, ..kind(Reconnection::Distance) }),
-        ("Jacobians to 2", Paths { jacobian_limit: 2.0, ..Default::default() }),
+        ("Jacobians to 2", Paths { jacobian_limit: 2.0, ..paths::unified() }),
     ]
 }
 
@@ -80,7 +81,7 @@ fn the_jacobian_is_the_change_of_measure_of_the_shift() {
 #[ignore = "second tier: ./run test --more"]
 fn the_jacobian_is_the_change_of_measure_through_translucent_bodies() {
     let Some(mut rig) = scene(SIZE as u32, translucent_room) else { return };
-    let measure = measured(&mut rig, &[], Paths::default(), 2 * SEEDS);
+    let measure = measured(&mut rig, &[], paths::unified(), 2 * SEEDS);
     eprintln!("{measure}");
     assert!(measure.is_equal(0.01), "{measure}");
 }
@@ -118,7 +119,7 @@ fn check(scenes: &[&str]) {
 #[ignore = "second tier: ./run test --more"]
 fn the_jacobian_is_the_change_of_measure_over_every_lobe() {
     let Some(mut rig) = scene(SIZE as u32, every_lobe) else { return };
-    let measure = measured(&mut rig, &[], Paths::default(), 240);
+    let measure = measured(&mut rig, &[], paths::unified(), 240);
     eprintln!("{measure}");
     assert!(measure.is_equal(0.05), "{measure}");
 }
@@ -130,7 +131,7 @@ fn a_shift_that_is_not_a_change_of_variables_is_found() {
     }) else {
         return;
     };
-    let measure = measured(&mut rig, &["PLANT_NO_JACOBIAN"], Paths::default(), 100);
+    let measure = measured(&mut rig, &["PLANT_NO_JACOBIAN"], paths::unified(), 100);
     eprintln!("{measure}");
     assert!(measure.tiles < 1e-9);
 }
@@ -140,7 +141,7 @@ fn footprints_keep_the_jacobian_near_one() {
     let Some(mut rig) = room_scene(128) else { return };
     // Among paths that reconnect: the share whose Jacobian to the next pixel is above 1.5 or below 1 / 1.5.
     let mut beyond = |footprint| {
-        let paths = Paths { footprint, jacobian_limit: f32::MAX, ..Default::default() };
+        let paths = Paths { footprint, jacobian_limit: f32::MAX, ..paths::unified() };
         let all = pictures(&mut rig, &["TEST_JACOBIAN", "TEST_PAIRED"], paths, 4);
         let arrived = all.iter().flatten().filter(|c| c.x > 0.5 && c.z > 0.5);
         let (count, beyond) = arrived.fold((0, 0), |(n, m), c| (n + 1, m + u32::from(c.y > 1.5f32.ln())));
