@@ -157,7 +157,8 @@ pub(crate) fn update_report(
     let run = statistics.guard_run().current();
     let mut report = statistics.lock();
     report.cpu_ms = cpu_ms;
-    let shows_settings = views.views.values().all(|view| view.rendered && view.key_is_requested);
+    let shows_settings =
+        views.views.values().filter(|view| view.has_target).all(|view| view.rendered && view.key_is_requested);
     statistics.set_shows_settings(shows_settings);
     report.ready = scene.ready && environments.ready && shows_settings;
     report.backend = if scene.features.contains(SceneFeatures::RAY_QUERY) { "hardware" } else { "software" };

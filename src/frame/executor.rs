@@ -22,7 +22,10 @@ use crate::{
         pass::{ComputePass, Dispatch, Pass, PassResource},
         reuse_schedule::IterationKind,
     },
-    view::{RestirView, ViewPool, counters::GuardRun, history::presample_workgroups, pairs::ReplayQueue},
+    view::{
+        RestirView, ViewPool, bevy_handoff::HiddenFromBevy, counters::GuardRun, history::presample_workgroups,
+        pairs::ReplayQueue,
+    },
 };
 
 pub(super) fn run_passes(
@@ -33,10 +36,13 @@ pub(super) fn run_passes(
     run: Res<GuardRun>,
     pipelines: Res<PipelineCache>,
     device: Res<RenderDevice>,
+    hidden: Res<HiddenFromBevy>,
     times: Res<CpuTimes>,
     mut context: RenderContext,
 ) {
     let _running = times.measure(Stage::Passes);
+    // It still lights a frame in which our pipelines have just become ready.
+    let bevy_draws = hidden.bevy_draws(view.entity());
     let Some(state) = views.views.get(&view.entity()).filter(|v| v.rendered) else {
         return;
     };
@@ -75,6 +81,7 @@ pub(super) fn run_passes(
                     compute.record(pipeline, &group, &mut context);
                 }
             }
+            Pass::Composite if bevy_draws => {}
             Pass::Composite => composite::draw(state, scene_group, targets, &passes, &pipelines, &device, &mut context),
         }
     }

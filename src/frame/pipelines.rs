@@ -154,6 +154,7 @@ pub(super) fn select_pipelines(
         let requested = requested_key(restir, &scene, &environments);
         let last = views.last(entity).map(|(key, _)| key);
         let key = passes.request_or_keep(requested, last, &pipelines);
+        let has_target = target.is_some();
         // The plugin turns multisampling off at the end of the app's frame.  An app that turns it on later than that loses this frame.
         let target = target.filter(|_| msaa.is_none_or(|msaa| *msaa == Msaa::Off));
         let composite = target.map(|target| CompositeKey::of(target, prepass));
@@ -161,7 +162,7 @@ pub(super) fn select_pipelines(
             passes.request_other_composites(key, &pipelines);
         }
         let composite = composite.filter(|&key| passes.request_composite(key, &pipelines));
-        selected.0.insert(entity, Selection { requested, key, composite });
+        selected.0.insert(entity, Selection { requested, key, composite, has_target });
     }
 }
 

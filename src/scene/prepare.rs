@@ -131,6 +131,7 @@ fn update_instances_and_lights(
     if context.check.is_some() {
         instances.check(&scene.instances, &mut sources);
     }
+    meshes.keep_substitutes(&mut instances.substitutes);
     drop(running);
     let _running = times.measure(Stage::Lights);
     // The buffer also holds the table of the last frame, so each table gets half of it.

@@ -53,6 +53,8 @@ pub(crate) struct HiddenFromBevy {
     last_views: HashSet<Entity>,
     /// Mirrored meshes that are culled on the GPU.  The main world's lists do not contain them.
     culled_on_gpu: HashSet<MainEntity>,
+    /// The main world's lists of visible meshes, until Bevy has extracted the shorter ones in their places.
+    taken: Vec<(Entity, Vec<Entity>)>,
     /// No active camera shows a mesh that Bevy lights.
     bevy_lights_nothing: bool,
 }
@@ -61,7 +63,10 @@ pub(crate) struct HiddenFromBevy {
 pub(crate) fn build(render_app: &mut SubApp, at_once: bool) {
     render_app
         .insert_resource(HiddenFromBevy { at_once, ..Default::default() })
-        .add_systems(ExtractSchedule, hide_mirrored_meshes.before(extract_cameras))
+        .add_systems(
+            ExtractSchedule,
+            (hide_mirrored_meshes.before(extract_cameras), restore_lists.after(extract_cameras)),
+        )
         .add_systems(
             Render,
             (
@@ -79,8 +84,8 @@ pub(crate) fn forget_cameras(world: &mut World, is_on: bool) {
     }
 }
 
-/// Whether we render a camera's mirrored meshes.  `rendered`: we rendered its last frame; `None` if it had no view, as while its window is
-/// minimized.
+/// Whether we render a camera's mirrored meshes.  `rendered`: we rendered its last frame; `None` if it had no view or no image to draw into,
+/// as while its window is minimized or resized.
 fn is_ours(rendered: Option<bool>, lit_by: Option<LitBy>, at_once: bool) -> bool {
     match (rendered, lit_by) {
         (Some(true), _) | (None, Some(LitBy::Us)) => true,
@@ -90,6 +95,11 @@ fn is_ours(rendered: Option<bool>, lit_by: Option<LitBy>, at_once: bool) -> bool
 }
 
 impl HiddenFromBevy {
+    /// Whether Bevy draws the mirrored meshes of a view in this frame.
+    pub(crate) fn bevy_draws(&self, view: Entity) -> bool {
+        !self.views.contains(&view)
+    }
+
     /// Decides about a camera; true if we render its mirrored meshes in this frame.
     fn decide(&mut self, view: Entity, is_active: bool, has_restir: bool, rendered: Option<bool>) -> bool {
         let ours = has_restir && !self.is_off && is_ours(rendered, self.lit_by.get(&view).copied(), self.at_once);
@@ -143,7 +153,7 @@ fn hide_mirrored_meshes(
     let mut all_are_ours = true;
     for (camera, view, settings, has_restir, is_3d) in cameras.iter(&main_world) {
         seen.insert(view);
-        let rendered = pool.views.get(&view).map(|state| state.rendered);
+        let rendered = pool.views.get(&view).filter(|state| state.has_target).map(|state| state.rendered);
         if pool.without_memory.contains(&view) {
             hidden.lit_by.insert(view, LitBy::Bevy);
         }
@@ -166,18 +176,28 @@ fn hide_mirrored_meshes(
     hidden.bevy_lights_nothing = all_are_ours && only_mirrored;
     for camera in ours {
         let lists = main_world.get_mut::<VisibleEntities>(camera);
-        let Some(mut list) = lists.map(|mut lists| core::mem::take(lists.get_mut(TypeId::of::<Mesh3d>()))) else {
+        let Some(all) = lists.map(|mut lists| core::mem::take(lists.get_mut(TypeId::of::<Mesh3d>()))) else {
             continue;
         };
-        match only_mirrored {
-            true => list.clear(),
-            false => list.retain(|entity| mirrored.get(&main_world, *entity).is_err()),
+        if !only_mirrored {
+            let is_other = |entity: &&Entity| mirrored.get(&main_world, **entity).is_err();
+            let others_seen: Vec<Entity> = all.iter().filter(is_other).copied().collect();
+            if let Some(mut lists) = main_world.get_mut::<VisibleEntities>(camera) {
+                *lists.get_mut(TypeId::of::<Mesh3d>()) = others_seen;
+            }
         }
+        hidden.taken.push((camera, all));
+    }
+    hidden.culled_on_gpu.extend(culled_on_gpu.iter(&main_world).map(MainEntity::from));
+}
+
+/// Gives the main world its lists back, because apps may ask which objects are visible.
+fn restore_lists(mut main_world: ResMut<MainWorld>, mut hidden: ResMut<HiddenFromBevy>) {
+    for (camera, list) in hidden.taken.drain(..) {
         if let Some(mut lists) = main_world.get_mut::<VisibleEntities>(camera) {
             *lists.get_mut(TypeId::of::<Mesh3d>()) = list;
         }
     }
-    hidden.culled_on_gpu.extend(culled_on_gpu.iter(&main_world).map(MainEntity::from));
 }
 
 /// Hides the meshes that only the render world lists.  Bevy updates these lists by additions and removals alone, so meshes must be added back

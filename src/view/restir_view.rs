@@ -94,6 +94,8 @@ pub(crate) struct RestirView {
     pub composite: Option<CompositeKey>,
     /// The passes of this frame run, unless the executor finds that a resource is missing.
     pub rendered: bool,
+    /// Bevy has an image to draw this frame into.
+    pub has_target: bool,
     /// The passes of the last frame did run.
     pub ran: AtomicBool,
     /// Settings of this frame.
@@ -174,6 +176,7 @@ impl RestirView {
             key_is_requested: false,
             composite: None,
             rendered: false,
+            has_target: true,
             ran: AtomicBool::new(false),
             settings: Restir::default(),
         }
@@ -218,6 +221,7 @@ impl RestirView {
         self.key = selection.key;
         self.key_is_requested = selection.key == Some(selection.requested);
         self.composite = selection.composite;
+        self.has_target = selection.has_target;
         self.rendered =
             self.composite.is_some() && self.key.is_some() && scene.bind_group.is_some() && !scene.lacks_memory;
         // A frame that was not rendered is missing from the history.

@@ -40,6 +40,8 @@ pub(crate) struct Selection {
     pub key: Option<PipelineKey>,
     /// Pipeline of the composite pass, if it is compiled.
     pub composite: Option<CompositeKey>,
+    /// Bevy has an image to draw into.  A window sometimes gives none for a frame, for example while it is resized.
+    pub has_target: bool,
 }
 
 /// Pipelines of all cameras, by render entity.

@@ -74,6 +74,21 @@ fn unlit_and_emissive_materials_and_vertex_colors_look_as_in_bevy() {
     rig.assert_sound();
 }
 
+/// Bevy does not clamp them, so that lasers and signs glow.
+#[test]
+fn unlit_colors_above_one_keep_their_brightness_and_hue() {
+    let Some(mut rig) = Rig::new(16, 16) else { return };
+    rig.insert(rig.camera, orthographic(1.0, 1.0));
+    let glow = StandardMaterial { unlit: true, ..Color::linear_rgb(14.0, 5.0, 0.5).into() };
+    rig.spawn(square(2.0), glow, Transform::default());
+    for technique in [Technique::Reference, Technique::Di] {
+        rig.set(|restir| *restir = Restir { technique, ..plain() });
+        let seen = rig.picture(2).center();
+        let wanted = Vec3::new(14.0, 5.0, 0.5);
+        assert!((seen / wanted - 1.0).abs().max_element() < 0.01, "{technique:?}: {seen}, not {wanted}");
+    }
+}
+
 /// A floor reflects light by its vertex colors.
 #[test]
 fn vertex_colors_color_the_reflected_light() {

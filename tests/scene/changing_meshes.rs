@@ -6,7 +6,7 @@ use bevy::{
     mesh::PrimitiveTopology,
     prelude::*,
 };
-use bevy_restir::DebugView;
+use bevy_restir::{DebugView, testing::lengths::table_lengths};
 
 /// A square of 126 000 triangles that faces +Z: building its tree takes many frames.
 fn heavy(side: f32) -> Mesh {
@@ -58,6 +58,35 @@ fn a_mesh_that_changes_in_every_frame_is_shown_while_it_changes() {
     rig.until_ready();
     assert_eq!(covered(&last), 16 * 16);
     assert_eq!(last.pixels, rig.next().pixels);
+    rig.assert_sound();
+}
+
+/// Terrain and the like get a new mesh, not an edited one, and the handle of the old mesh is dropped.
+#[test]
+fn an_object_with_a_new_mesh_shows_the_old_one_until_the_new_one_is_built() {
+    let Some(mut rig) = rig() else { return };
+    let material = rig.add::<StandardMaterial>(lambert(0.5));
+    let old = rig.add::<Mesh>(square(1.0));
+    let entity = rig.spawn_bundle((Mesh3d(old), MeshMaterial3d(material), Transform::default()));
+    rig.until_ready();
+    let mut sizes = Vec::new();
+    for side in [2.0, 0.5] {
+        let new = rig.add::<Mesh>(heavy(side));
+        rig.insert(entity, Mesh3d(new));
+        let expected = if side == 2.0 { 32 * 32 } else { 8 * 8 };
+        let picture = (0..2000).map(|_| covered(&rig.next())).find(|count| {
+            sizes.push(*count);
+            *count == expected
+        });
+        assert!(picture.is_some(), "the new mesh of side {side} is never shown");
+    }
+    assert!(sizes.iter().all(|count| [16 * 16, 32 * 32, 8 * 8].contains(count)), "{sizes:?}");
+    assert!(sizes.iter().filter(|count| **count == 16 * 16).count() > 2, "the mesh was built at once: {sizes:?}");
+    rig.until_ready();
+    rig.frames(4);
+    let lengths = table_lengths(&rig.app);
+    let count = |wanted| lengths.iter().find(|(name, _)| *name == wanted).map(|(_, length)| *length);
+    assert_eq!((count("meshes"), count("meshes without an asset")), (Some(1), Some(0)), "the old meshes are gone");
     rig.assert_sound();
 }
 

@@ -120,14 +120,26 @@ pub(super) enum Absence {
     Transform,
 }
 
-/// The record of an instance in its first frame, and its world bounds.
+/// The mesh to show: that of the instance, or the one that it had `last` while its own is built.  A posed mesh has no substitute.
+pub(super) fn shown_mesh(
+    extracted: &ExtractedInstance,
+    last: Option<&LiveInstance>,
+    meshes: &MeshPool,
+) -> AssetId<Mesh> {
+    let waits = meshes.get(extracted.mesh).is_none() && meshes.is_building(extracted.mesh) && extracted.pose.is_none();
+    let last = last.map(|live| live.mesh).filter(|last| waits && meshes.get(*last).is_some());
+    last.unwrap_or(extracted.mesh)
+}
+
+/// The record of an instance in its first frame with this mesh, and its world bounds.
 pub(super) fn new_record(
     extracted: &ExtractedInstance,
+    mesh_id: AssetId<Mesh>,
     sources: &mut InstanceSources,
 ) -> Result<(GpuInstance, Bounds), Absence> {
     let InstanceSources { meshes, bodies, materials, .. } = sources;
-    let (Some(mesh), Some(material)) = (meshes.get(extracted.mesh), materials.find(extracted.material)) else {
-        let is_left_out = meshes.is_left_out(extracted.mesh) || materials.is_left_out(extracted.material);
+    let (Some(mesh), Some(material)) = (meshes.get(mesh_id), materials.find(extracted.material)) else {
+        let is_left_out = meshes.is_left_out(mesh_id) || materials.is_left_out(extracted.material);
         return Err(if is_left_out { Absence::LeftOut } else { Absence::Asset });
     };
     let body = bodies.get(extracted.entity);

@@ -12,8 +12,10 @@
 mod check;
 
 use bevy::{
+    asset::AssetId,
     ecs::resource::Resource,
     log::{warn, warn_once},
+    mesh::Mesh,
     render::{
         renderer::{RenderDevice, RenderQueue},
         sync_world::{MainEntity, MainEntityHashMap, MainEntityHashSet},
@@ -29,7 +31,7 @@ use crate::scene::{
     features::SceneFeatures,
     geometry::bodies::BodyPool,
     geometry::instance_record::{
-        Absence, EMPTY_SLOT, InstanceSources, LiveInstance, new_record, seen_by, without_placement,
+        Absence, EMPTY_SLOT, InstanceSources, LiveInstance, new_record, seen_by, shown_mesh, without_placement,
     },
     geometry::meshes::MeshPool,
     geometry::top_level::TopLevel,
@@ -67,6 +69,8 @@ pub(crate) struct InstancePool {
     dirty: Vec<u32>,
     /// Instances to visit in the next frame even if nothing changes.
     unsettled: Vec<MainEntity>,
+    /// Meshes that instances of this frame show while their own are built; the pool of meshes takes them.
+    pub substitutes: Vec<AssetId<Mesh>>,
     /// Instances whose triangles are lights.
     emitters: MainEntityHashSet,
     /// An instance whose triangles are lights was visited since [`Self::take_emitters_changed`].
@@ -111,6 +115,7 @@ impl Default for InstancePool {
             uploaded: Vec::new(),
             dirty: Vec::new(),
             unsettled: Vec::new(),
+            substitutes: Vec::new(),
             emitters: MainEntityHashSet::default(),
             emitters_changed: false,
             visited: 0,
@@ -132,16 +137,6 @@ impl Default for InstancePool {
 }
 
 impl InstancePool {
-    /// Lengths of the pool's tables.
-    #[cfg(feature = "testing")]
-    pub(crate) fn lengths(&self) -> Vec<(&'static str, usize)> {
-        vec![
-            ("instances", self.slots.len()),
-            ("slots of instances", self.records.len()),
-            ("warnings of instances", self.warned.len()),
-        ]
-    }
-
     /// A pool that uses the device's own acceleration structures.
     pub(crate) fn for_ray_queries() -> Self {
         Self { top: TopLevel::for_ray_queries(), ..Default::default() }
@@ -191,7 +186,14 @@ impl InstancePool {
     /// Writes the record of an instance; `None` if it is not shown.
     fn show(&mut self, extracted: &ExtractedInstance, sources: &mut InstanceSources) -> Option<(u32, LiveInstance)> {
         let entity = extracted.entity;
-        let (mut instance, bounds) = self.record_of(extracted, sources)?;
+        let last = self.slots.get(&entity).and_then(|slot| self.live_in(*slot));
+        let mesh = shown_mesh(extracted, last, sources.meshes);
+        if mesh != extracted.mesh {
+            self.waiting = true;
+            self.unsettled.push(entity);
+            self.substitutes.push(mesh);
+        }
+        let (mut instance, bounds) = self.record_of(extracted, mesh, sources)?;
         let mut features = sources.materials.features(instance.material);
         features.set(SceneFeatures::VERTEX_COLORS, instance.flags & INSTANCE_VERTEX_COLORS != 0);
         // Probes do not find an instance that casts no shadows.
@@ -218,7 +220,7 @@ impl InstancePool {
         let ray_mask = if extracted.casts_shadows { extracted.camera_mask } else { 0 };
         let live = LiveInstance {
             entity,
-            mesh: extracted.mesh,
+            mesh,
             material: instance.material,
             camera_mask: seen_by(extracted),
             ray_mask,
@@ -339,9 +341,10 @@ impl InstancePool {
     fn record_of(
         &mut self,
         extracted: &ExtractedInstance,
+        mesh: AssetId<Mesh>,
         sources: &mut InstanceSources,
     ) -> Option<(GpuInstance, Bounds)> {
-        match new_record(extracted, sources) {
+        match new_record(extracted, mesh, sources) {
             Ok(record) => return Some(record),
             Err(Absence::LeftOut) => {}
             Err(Absence::Asset) => self.wait_for_assets(extracted, sources),

@@ -98,6 +98,10 @@ pub(crate) struct MeshPool {
     entries: HashMap<AssetId<Mesh>, MeshEntry>,
     /// Entries that were removed or replaced in this frame.  Temporal reuse still traces rays through them.
     retired: Vec<MeshEntry>,
+    /// Meshes whose assets are gone.  They are released in the next frame, or when no instance shows them as a substitute.
+    orphans: HashSet<AssetId<Mesh>>,
+    /// Meshes that instances of the last frame showed while their own were built.
+    substitutes: HashSet<AssetId<Mesh>>,
     building: HashMap<AssetId<Mesh>, Build>,
     /// Meshes that are left out, so that no instance waits for them: without a usable triangle, too large, unreadable, or failed to build.
     left_out: HashSet<AssetId<Mesh>>,
@@ -137,6 +141,8 @@ impl Default for MeshPool {
         Self {
             entries: HashMap::default(),
             retired: Vec::new(),
+            orphans: HashSet::default(),
+            substitutes: HashSet::default(),
             building: HashMap::default(),
             left_out: HashSet::default(),
             too_large: HashMap::default(),
@@ -170,6 +176,7 @@ pub(crate) fn queue_meshes(
     let _running = times.measure(Stage::Meshes);
     let pool = &mut *pool;
     pool.release_retired();
+    pool.release_orphans();
     for id in &extracted.removed {
         pool.building.remove(id);
         pool.too_large.remove(id);
@@ -178,11 +185,12 @@ pub(crate) fn queue_meshes(
         }
         pool.lines_and_points.remove(id);
         pool.warned.retain(|(mesh, _)| mesh != id);
-        pool.release(*id);
+        pool.orphans.insert(*id);
     }
     for (id, mesh) in &extracted.extracted {
         let mesh = mesh.clone();
         pool.too_large.remove(id);
+        pool.orphans.remove(id);
         match pool.building.get_mut(id) {
             Some(build) => build.newest = Some(mesh),
             None => _ = pool.building.insert(*id, Build { task: build(mesh), newest: None }),
@@ -258,6 +266,7 @@ impl MeshPool {
         vec![
             ("meshes", self.entries.len()),
             ("retired meshes", self.retired.len()),
+            ("meshes without an asset", self.orphans.len()),
             ("meshes that are built", self.building.len()),
             ("meshes that are left out", self.left_out.len()),
             ("meshes that do not fit", self.too_large.len()),
@@ -393,6 +402,19 @@ impl MeshPool {
             self.retired.push(entry);
             self.changed.push(id);
         }
+    }
+
+    /// Takes the meshes that instances of this frame show while their own are built.
+    pub(crate) fn keep_substitutes(&mut self, meshes: &mut Vec<AssetId<Mesh>>) {
+        self.substitutes.clear();
+        self.substitutes.extend(meshes.drain(..));
+    }
+
+    fn release_orphans(&mut self) {
+        let is_free = |id: &AssetId<Mesh>| !self.substitutes.contains(id);
+        let mut free: Vec<_> = self.orphans.extract_if(is_free).collect();
+        free.sort_unstable();
+        free.into_iter().for_each(|id| self.release(id));
     }
 
     /// Takes the meshes that have come, changed or gone since the last call; some more than once.

@@ -26,6 +26,9 @@ pub(super) fn pack(m: &StandardMaterial, emissive_luminance: f32) -> (GpuMateria
     let unit = |x: f32| finite(x, 0.0).clamp(0.0, 1.0);
     let unit_rgb = |c: [f32; 3]| c.map(unit);
     let base = m.base_color.to_linear();
+    let base_rgb = base.to_f32_array_no_alpha().map(|c| finite(c, 0.0).clamp(0.0, 1e30));
+    // Bevy draws unlit colors above 1, for glow: the excess goes into the luminance that the shaders multiply the color by.
+    let excess = if m.unlit { base_rgb.into_iter().fold(1.0, f32::max) } else { 1.0 };
     let tint = m.specular_tint.to_linear().to_f32_array_no_alpha();
     // Bevy halves the values of a specular texture, so the reflectance of such a material may be up to 2.
     let reflectance = finite(m.reflectance, 0.0).clamp(0.0, if has_specular_texture(m) { 2.0 } else { 1.0 });
@@ -61,7 +64,7 @@ pub(super) fn pack(m: &StandardMaterial, emissive_luminance: f32) -> (GpuMateria
 
     let emissive = if m.unlit {
         // The shaders multiply it by the base color: the camera sees an unlit material as a lamp of its color, which lights nothing.
-        [emissive_luminance; 3]
+        [(emissive_luminance * excess).min(1e30); 3]
     } else {
         // With a weight of 1, `emissive` is in cd/m².
         let unit_luminance = emissive_luminance + (1.0 - emissive_luminance) * unit(m.emissive_exposure_weight);
@@ -69,7 +72,7 @@ pub(super) fn pack(m: &StandardMaterial, emissive_luminance: f32) -> (GpuMateria
     };
     let rotation = finite(m.anisotropy_rotation, 0.0);
     let packed = GpuMaterial {
-        base_color: unit_rgb(base.to_f32_array_no_alpha()),
+        base_color: unit_rgb(base_rgb.map(|c| c / excess)),
         alpha: unit(base.alpha),
         emissive,
         perceptual_roughness: unit(m.perceptual_roughness),

@@ -5,18 +5,28 @@ use crate::gpu_layout::GpuInstance;
 use crate::scene::{
     extract::instances::InstanceList,
     geometry::{
-        instance_record::{InstanceSources, new_record, without_placement},
+        instance_record::{InstanceSources, new_record, shown_mesh, without_placement},
         totals::Totals,
     },
 };
 
 impl InstancePool {
+    /// Lengths of the pool's tables.
+    pub(crate) fn lengths(&self) -> Vec<(&'static str, usize)> {
+        vec![
+            ("instances", self.slots.len()),
+            ("slots of instances", self.records.len()),
+            ("warnings of instances", self.warned.len()),
+        ]
+    }
+
     /// Panics if a visit of all instances would change anything.
     pub(crate) fn check(&mut self, list: &InstanceList, sources: &mut InstanceSources) {
         let mut shown = 0;
         for extracted in list.visible() {
             let slot = self.slots.get(&extracted.entity).copied();
-            let Ok((record, bounds)) = new_record(extracted, sources) else {
+            let mesh = shown_mesh(extracted, slot.and_then(|slot| self.live_in(slot)), sources.meshes);
+            let Ok((record, bounds)) = new_record(extracted, mesh, sources) else {
                 assert_eq!(slot, None, "entity {} cannot be shown", *extracted.entity);
                 continue;
             };
