@@ -7,7 +7,10 @@ use crate::support::{
     gpu::{Bound, Gpu},
 };
 use bevy::{
-    camera::{Hdr, ImageRenderTarget, MainPassResolutionOverride, RenderTarget, Viewport, visibility::NoCpuCulling},
+    camera::{
+        Hdr, ImageRenderTarget, MainPassResolutionOverride, RenderTarget, Viewport,
+        visibility::{NoCpuCulling, VisibleEntities},
+    },
     core_pipeline::{
         prepass::{DeferredPrepass, DepthPrepass, MotionVectorPrepass, ViewPrepassTextures},
         tonemapping::Tonemapping,
@@ -24,6 +27,7 @@ use bevy::{
     },
 };
 use bevy_restir::{Restir, RestirIgnore, RestirMaterial};
+use std::any::TypeId;
 
 /// (motion, depth) of every pixel, as other passes of Bevy read them after the frame.
 fn prepass(rig: &mut Rig) -> Vec<[f32; 4]> {
@@ -327,4 +331,15 @@ fn gpu_culled_meshes_are_hidden_from_bevys_passes_of_our_cameras_only() {
     rig.spawn_bundle((square, NoCpuCulling));
     rig.until_ready();
     assert!(center(&mut rig, &ours) < 10 && center(&mut rig, &other) > 100, "another mesh");
+}
+
+/// Apps ask Bevy's lists which objects a camera sees.
+#[test]
+fn the_lists_of_visible_objects_stay_as_bevy_made_them() {
+    let Some(mut rig) = Rig::new(16, 12) else { return };
+    let object = rig.spawn(square(1.0), lambert(0.5), Transform::default());
+    rig.until_ready();
+    rig.frame();
+    let lists = rig.app.world().get::<VisibleEntities>(rig.camera).expect("a camera has lists");
+    assert_eq!(lists.get(TypeId::of::<Mesh3d>()), [object]);
 }
