@@ -231,7 +231,8 @@ mod tests {
             assert!(time <= 1.02 * limit, "{time} ms for {limit}");
             let best = RATIOS.iter().position(|ratio| cost * ratio <= 0.9 * limit).unwrap_or(LAST as usize);
             assert!(step as usize <= best, "step {step}, where {best} would fit");
-            assert_eq!(changes(&frames[100..]), 0, "{cost} ms at {limit}");
+            // A trial of the next step.
+            assert!(changes(&frames[100..]) <= 2, "{cost} ms at {limit}");
         }
     }
 
@@ -263,7 +264,7 @@ mod tests {
             controller.observe(times[controller.step as usize], 10.0, LAST);
             steps.push(controller.step);
         }
-        assert_eq!((steps[399], steps[2999]), (4, 0));
+        assert!(steps[399] >= 4 && steps[2999] == 0, "{} and {}", steps[399], steps[2999]);
         // Where no step with more samples fits, trials become rare.
         let mut controller = Controller::default();
         let trials = (0..20_000).filter(|_| {

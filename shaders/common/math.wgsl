@@ -21,6 +21,14 @@ fn is_finite_3(v: vec3<f32>) -> bool {
     return is_finite(v.x) && is_finite(v.y) && is_finite(v.z);
 }
 
+// A texel of an environment image.  Infinity is the sun of a half-precision file, whose greatest number it becomes; NaN and negative
+// values become 0.
+fn clean_radiance(c: vec3<f32>) -> vec3<f32> {
+    let is_infinite = bitcast<vec3<u32>>(c) == vec3<u32>(0x7f800000u);
+    let finite = select(vec3<f32>(0.0), c, vec3<bool>(is_finite(c.x), is_finite(c.y), is_finite(c.z)));
+    return select(clamp(finite, vec3<f32>(0.0), vec3<f32>(1.0e30)), vec3<f32>(65504.0), is_infinite);
+}
+
 // Right-handed frame (t, b, n) of a unit vector `n`; continuous except at n.z = 0 (Duff et al. 2017).
 fn orthonormal_basis(n: vec3<f32>) -> mat3x3<f32> {
     let s = select(-1.0, 1.0, n.z >= 0.0);

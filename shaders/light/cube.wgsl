@@ -2,6 +2,7 @@
 // z is negated before the lookup.
 #define_import_path bevy_restir::light::cube
 
+#import bevy_restir::common::math::clean_radiance
 #import bevy_restir::view::bindings::environment_map
 
 // A point of the cube: the face (+X, -X, +Y, -Y, +Z, -Z), and coordinates on it from -1 to 1, right and down.
@@ -82,6 +83,5 @@ fn cube_texel(face: u32, p: vec2<i32>, n: i32) -> vec3<f32> {
         texel = vec2<i32>((0.5 * point.at + 0.5) * f32(n));
     }
     let inside = clamp(texel, vec2<i32>(0), vec2<i32>(n - 1));
-    // Drops negative and non-finite values.
-    return clamp(textureLoad(environment_map, inside, point.face, 0).rgb, vec3<f32>(0.0), vec3<f32>(1.0e30));
+    return clean_radiance(textureLoad(environment_map, inside, point.face, 0).rgb);
 }

@@ -1,7 +1,8 @@
 // A point of a light in eight bytes, independent of the receiver: the sample that ReSTIR DI resamples.  Its measure is uniform on the light
 // (area of a triangle, sphere or rectangle; solid angle of the disk of a sun; sampling density of the environment; a delta otherwise), so
 // that moving receivers and rigidly moving lights need no Jacobian.  Sampling rounds the coordinates at once, so that the point that is
-// weighted is the one that is stored.
+// weighted is the one that is stored.  Rounding may take a direction of the environment into a cell of another density: a sample has the
+// ratio of both.
 #define_import_path bevy_restir::light::point_on_light
 
 #import bevy_restir::common::constants::{LIGHT_RECT, LIGHT_SPHERE, LIGHT_SUN, LIGHT_TRIANGLE, NONE}
@@ -36,15 +37,31 @@ fn environment_light_point(direction: vec3<f32>) -> LightPoint {
     return LightPoint(ENVIRONMENT_LIGHT, octahedral_encode(into_environment(direction, false)));
 }
 
+fn environment_direction(p: LightPoint, previous: bool) -> vec3<f32> {
+    return out_of_environment(octahedral_decode(p.coordinates), previous);
+}
+
+// A point that was sampled, rounded as it is stored.
+struct SampledPoint {
+    point: LightPoint,
+    rounding: f32,             // density of the point before it was rounded, over that of the rounded one
+}
+
 // Samples a point of a light with the density of its measure.
-fn light_point_sample(light: u32, u: vec2<f32>) -> LightPoint {
+fn light_point_sample(light: u32, u: vec2<f32>) -> SampledPoint {
     if light == ENVIRONMENT_LIGHT {
         let e = environment_sample(u, false);
         if !(e.pdf_solid_angle > 0.0) {
-            return no_light_point();
+            return SampledPoint(no_light_point(), 1.0);
         }
-        return environment_light_point(e.direction);
+        let point = environment_light_point(e.direction);
+        let density = environment_pdf(environment_direction(point, false), false);
+        return SampledPoint(point, select(1.0, e.pdf_solid_angle / density, density > 0.0));
     }
+    return SampledPoint(point_of_table(light, u), 1.0);
+}
+
+fn point_of_table(light: u32, u: vec2<f32>) -> LightPoint {
     if light >= scene.light_count {
         return no_light_point();
     }
@@ -91,7 +108,7 @@ fn sample_at_point(p: LightPoint, from_point: vec3<f32>, previous: bool) -> Ligh
         var s = no_light_sample();
         s.light = ENVIRONMENT_LIGHT;
         s.delta = 0u;
-        s.wi = out_of_environment(octahedral_decode(p.coordinates), previous);
+        s.wi = environment_direction(p, previous);
         s.position = s.wi;
         s.radiance = environment_radiance(s.wi, previous);
         s.pdf_solid_angle = environment_pdf(s.wi, previous);

@@ -16,7 +16,7 @@
 struct PresampledLight {
     position: vec3<f32>,       // on the light; direction of the environment
     light: u32,
-    normal: vec3<f32>,         // times the area of the triangle; environment: x is the density of the direction
+    normal: vec3<f32>,         // times the area of the triangle; environment: x is the density of the direction, y `SampledPoint::rounding`
     coordinates: u32,
     radiance_scale: f32,       // largest component of the radiance
     color: u32,                // components over the largest one, 3 x 10 bits; PRESAMPLED_*
@@ -41,7 +41,8 @@ fn presample_light(u: vec4<f32>) -> PresampledLight {
 
 fn presample_unguarded(u: vec4<f32>) -> PresampledLight {
     let choice = light_select(u.xy);
-    let p = light_point_sample(choice.light, u.zw);
+    let sampled = light_point_sample(choice.light, u.zw);
+    let p = sampled.point;
     var s = PresampledLight(vec3<f32>(0.0), p.light, vec3<f32>(0.0), p.coordinates, 0.0, PRESAMPLED_TABLE, choice.pmf, 1.0);
     if p.light == NONE {
         s.pmf = 0.0;
@@ -50,7 +51,7 @@ fn presample_unguarded(u: vec4<f32>) -> PresampledLight {
     if p.light == ENVIRONMENT_LIGHT {
         let l = light_point_at(p, vec3<f32>(0.0), false);
         s.position = l.wi;
-        s.normal.x = l.pdf_solid_angle;
+        s.normal = vec3<f32>(l.pdf_solid_angle, sampled.rounding, 0.0);
         return with_radiance(s, l.radiance, 0u);
     }
     if light_kind(p.light) != LIGHT_TRIANGLE {
@@ -90,6 +91,11 @@ fn presampled_pmf(s: PresampledLight) -> f32 {
         return 0.0;
     }
     return guarded(s.pmf, GUARD_LIGHT_SAMPLE);
+}
+
+// `SampledPoint::rounding` of the point.
+fn presampled_rounding(s: PresampledLight) -> f32 {
+    return select(1.0, s.normal.y, s.light == ENVIRONMENT_LIGHT);
 }
 
 fn presampled_point(s: PresampledLight) -> LightPoint {

@@ -5,7 +5,7 @@
 #import bevy_restir::common::constants::LIGHT_TRIANGLE
 #import bevy_restir::common::rng::{pcg4d, Rng, rng_4}
 #import bevy_restir::light::point_on_light::{light_point_at, light_point_sample, LightPoint, point_by_solid_angle}
-#import bevy_restir::light::presampled::{presampled_at, presampled_pmf, presampled_point}
+#import bevy_restir::light::presampled::{presampled_at, presampled_pmf, presampled_point, presampled_rounding}
 #import bevy_restir::light::select::light_select
 #import bevy_restir::light::triangle::triangle_light_opacity
 #import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample}
@@ -16,6 +16,7 @@
 struct Candidate {
     point: LightPoint,
     pmf: f32,                  // probability of the light, times `LightSample::pdf_scale`; 0: no candidate
+    rounding: f32,             // `SampledPoint::rounding`
     light: LightSample,        // the point as seen from the vertex
     opacity: f32,              // probability that the alpha test keeps the surface at the point
 }
@@ -30,16 +31,17 @@ fn light_candidate(position: vec3<f32>, subset: u32, rng: ptr<function, Rng>) ->
     let u = rng_4(rng);
     if settings.subset_count == 0u {
         let choice = light_select(u.xy);
-        let p = point_by_solid_angle(light_point_sample(choice.light, u.zw), position, u.zw);
+        let sampled = light_point_sample(choice.light, u.zw);
+        let p = point_by_solid_angle(sampled.point, position, u.zw);
         let l = light_point_at(p, position, false);
-        return Candidate(p, choice.pmf * l.pdf_scale, l, opacity_of(l));
+        return Candidate(p, choice.pmf * l.pdf_scale, sampled.rounding, l, opacity_of(l));
     }
     var s = subsets[subset * settings.subset_size + min(u32(u.x * f32(settings.subset_size)), settings.subset_size - 1u)];
     // Before `coordinates` is overwritten: a record that a guard stopped keeps the guard's bits there.
     let pmf = presampled_pmf(s);
     s.coordinates = point_by_solid_angle(presampled_point(s), position, u.zw).coordinates;
     let l = presampled_at(s, position);
-    return Candidate(presampled_point(s), pmf * l.pdf_scale, l, s.opacity);
+    return Candidate(presampled_point(s), pmf * l.pdf_scale, presampled_rounding(s), l, s.opacity);
 }
 
 // Probability that the alpha test keeps the surface at the point of a light.

@@ -215,8 +215,8 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "candidates below the surface have no probability of a channel",
         "restir/sss/initial_candidates.wgsl",
-        "c.pmf * choice * p.density",
-        "c.pmf * p.density",
+        "c.pmf * c.rounding * choice * p.density",
+        "c.pmf * c.rounding * p.density",
         BODIES,
     ),
     mutant(

@@ -8,6 +8,7 @@ use bevy::{
     mesh::{Indices, PrimitiveTopology},
     pbr::Lightmap,
     prelude::*,
+    render::render_resource::TextureFormat,
 };
 use bevy_restir::{DebugView, EmissiveLuminance, RestirEnvironment};
 
@@ -253,6 +254,22 @@ fn absent_assets_leave_the_rest_ready() {
         scene.rig.insert(scene.rig.camera, RestirEnvironment { intensity, rotation, ..sky(1.0) });
         assert!(scene.rig.picture(2).is_finite());
     }
+    scene.rig.assert_sound();
+}
+
+/// Converters write the sun of a half-precision file as infinity.
+#[test]
+fn environment_texels_that_are_not_finite_are_replaced() {
+    let Some(mut scene) = scene() else { return };
+    let mut lit_by = |sun: [f32; 4]| {
+        let texels: Vec<u8> =
+            (0..8).flat_map(|i| if i == 2 { sun } else { [0.2; 4] }).flat_map(f32::to_le_bytes).collect();
+        let image = scene.rig.add(image_with_levels(TextureFormat::Rgba32Float, 4, 2, &[texels]));
+        scene.rig.insert(scene.rig.camera, RestirEnvironment { image: Some(image), ..sky(1.0) });
+        scene.rig.picture(2)
+    };
+    assert_eq!(lit_by([f32::INFINITY, f32::NAN, -1.0, 1.0]), lit_by([65504.0, 0.0, 0.0, 1.0]));
+    assert_eq!(lit_by([f32::NEG_INFINITY, 2.0, 1.0, f32::NAN]), lit_by([0.0, 2.0, 1.0, 1.0]));
     scene.rig.assert_sound();
 }
 

@@ -5,7 +5,7 @@ use crate::support::{
     gpu::{Bound, Gpu, gpu},
     light_scene::{IDENTITY, LightScene},
     oracle::{environment::Map, mis::weight},
-    stats::{Random, assert_family, chi_squared, z_test},
+    stats::{Random, assert_family, chi_squared, mean_and_error, z_test},
 };
 use bevy_restir::testing::gpu_layout::*;
 use bytemuck::{Pod, Zeroable};
@@ -266,17 +266,22 @@ struct Sample {
     light: u32,
     barycentrics: [f32; 2],
     density: f32,
-    pad: f32,
+    rounding: f32,
 }
 
 fn points(lit: &LightScene, light: u32, any: bool, defs: &[Def]) -> Vec<[Sample; 2]> {
+    many_points(lit, light, any, defs, 1 << 12)
+}
+
+/// Samples, and the same samples after packing.
+fn many_points(lit: &LightScene, light: u32, any: bool, defs: &[Def], count: usize) -> Vec<[Sample; 2]> {
     let all = ["LIGHT_TRIANGLES", "LIGHT_POINTS", "LIGHT_DIRECTIONAL", "ENVIRONMENT"].map(flag);
     let defs: Vec<_> = all.into_iter().chain(defs.iter().copied()).collect();
     let point = [0.2f32, -0.7, 0.4].map(f32::to_bits);
     let query = lit.gpu.storage(&[point[0], point[1], point[2], light, 7, u32::from(any), 0, 0]);
-    let samples = lit.gpu.zeroed::<[Sample; 2]>(1 << 12);
+    let samples = lit.gpu.zeroed::<[Sample; 2]>(count);
     let bound = [(2, 0, Bound::Buffer(&query)), (2, 1, Bound::Buffer(&samples))];
-    lit.run("light_point", include_str!("../support/kernels/light_point.wgsl"), &defs, 1 << 12, &bound);
+    lit.run("light_point", include_str!("../support/kernels/light_point.wgsl"), &defs, count as u32, &bound);
     lit.gpu.read(&samples)
 }
 
@@ -325,6 +330,28 @@ fn packed_light_samples_unpack_to_the_same_sample() {
         assert!(angle < 1e-4 && b.pdf == b.density && b.pdf > 0.0 && b.delta == 0, "{a:?} {b:?}");
         assert!((a.radiance[0] - b.radiance[0]).abs() < 1e-3, "{a:?} {b:?}");
     }
+}
+
+/// A rounded direction may lie in another cell than the one that it was sampled in.
+#[test]
+fn packed_samples_of_a_tiny_sun_have_the_mean_of_the_original_samples() {
+    let Some(gpu) = gpu() else { return };
+    let mut lit = lights(gpu);
+    let (width, height) = (1024, 512);
+    let mut texels = vec![DVec3::splat(0.01); width * height];
+    texels[200 * width + 700] = DVec3::splat(1e5);
+    lit.set_map(&Map { width, height, texels }, width as u32, height as u32);
+    let samples = many_points(&lit, ENVIRONMENT, false, &[flag("ENVIRONMENT_MAP")], 1 << 18);
+    let term = |s: &Sample, density: f32| f64::from(s.radiance[0] / density);
+    let original = samples.iter().map(|[a, _]| term(a, a.pdf)).sum::<f64>() / samples.len() as f64;
+    let differences = |density: fn(&Sample) -> f32| {
+        mean_and_error(samples.iter().map(|[a, b]| (term(b, density(b)) - term(a, a.pdf)) / original))
+    };
+    let (bias, error) = differences(|b| b.pdf * b.rounding);
+    eprintln!("{:+.3} % ± {:.3}", 100.0 * bias, 100.0 * error);
+    assert!(bias.abs() < 4.0 * error + 5e-4 && error < 1e-3, "{bias:+.1e} ± {error:.1e}");
+    let (bias, error) = differences(|b| b.pdf);
+    assert!(bias > 0.004 && bias > 6.0 * error, "without the ratio: {bias:+.1e} ± {error:.1e}");
 }
 
 /// `ENVIRONMENT_LIGHT` of `shaders/light/types.wgsl`.

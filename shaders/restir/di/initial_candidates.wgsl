@@ -106,7 +106,8 @@ fn add_light_candidates(c: ptr<function, Candidates>, r: Receiver, with_bsdf: bo
         let u = rng_1(rng);
         let bsdf = select(0.0, bsdf_pdf_of(r, candidate.light, candidate.opacity), with_bsdf);
         if candidate.pmf > 0.0 {
-            add_candidate(c, i, candidate.point, value, value / both_densities(count * candidate.pmf, bsdf), u);
+            let densities = candidate.rounding * both_densities(count * candidate.pmf, bsdf);
+            add_candidate(c, i, candidate.point, value, value / densities, u);
         }
     }
 }

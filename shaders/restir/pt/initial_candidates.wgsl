@@ -76,7 +76,7 @@ fn select_light(v: Vertex, index: u32, nee_candidates: u32, pixel: vec2<u32>, rn
         if c.pmf > 0.0 && c.light.pdf_solid_angle > 0.0 {
             let f = bsdf_eval(v.surface.bsdf, v.wo, c.light.wi) * c.light.radiance / c.light.pdf_solid_angle;
             let value = luminance(guarded_3(f, GUARD_LIGHT_CONTRIBUTION));
-            if stream_add(&stream, i, value / (f32(count) * c.pmf), u) {
+            if stream_add(&stream, i, value / (f32(count) * c.pmf * c.rounding), u) {
                 selected = c.point;
                 selected_target = value;
             }

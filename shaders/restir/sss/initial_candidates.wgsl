@@ -53,7 +53,7 @@ fn sample_candidates(r: Receiver, pixel: vec2<u32>, rng: ptr<function, Rng>) -> 
             }
             let f = contribution_of(p, c.light);
             let value = luminance(f);
-            if stream_add(&stream, h * settings.candidates + i, value / (f32(settings.candidates) * c.pmf * choice * p.density), u) {
+            if stream_add(&stream, h * settings.candidates + i, value / (f32(settings.candidates) * c.pmf * c.rounding * choice * p.density), u) {
                 selected.f = f;
                 selected.reservoir.sample = EntrySample(
                     c.point, hit.instance, hit.triangle, hit.barycentrics, probe, h, p.is_far, alpha_seed, p.density, value,

@@ -24,7 +24,7 @@ struct Sample {
     light: u32,
     barycentrics: vec2<f32>,
     density: f32,          // density of the environment in the direction
-    pad: f32,
+    rounding: f32,         // `SampledPoint::rounding`
 }
 
 @group(2) @binding(0) var<storage, read> queries: array<Query>;
@@ -36,13 +36,14 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var rng = rng_new(vec2<u32>(id.x & 0xffffu, id.x >> 16u), q.seed, 80u, 0u);
     let u = rng_2(&rng);
     let a = light_sample(q.light, q.point, u);
-    var p = light_point_sample(q.light, u);
+    let sampled = light_point_sample(q.light, u);
+    var p = sampled.point;
     if q.any != 0u {
         p.coordinates = rng_bits(&rng).x;
     }
     let b = light_point_at(p, q.point, false);
     samples[id.x][0] = Sample(a.wi, a.distance, a.radiance, a.pdf_solid_angle, a.position, a.delta, a.normal, a.light, a.barycentrics, 0.0, 0.0);
     samples[id.x][1] = Sample(
-        b.wi, b.distance, b.radiance, b.pdf_solid_angle, b.position, b.delta, b.normal, b.light, b.barycentrics, environment_pdf(b.wi, false), 0.0,
+        b.wi, b.distance, b.radiance, b.pdf_solid_angle, b.position, b.delta, b.normal, b.light, b.barycentrics, environment_pdf(b.wi, false), sampled.rounding,
     );
 }

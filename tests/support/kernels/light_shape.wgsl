@@ -48,9 +48,9 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if q.mode == 0u {
         l = light_sample(q.light, q.point, u);
     } else if q.mode == 1u {
-        l = light_point_at(point_by_solid_angle(light_point_sample(q.light, u), q.point, u), q.point, false);
+        l = light_point_at(point_by_solid_angle(light_point_sample(q.light, u).point, q.point, u), q.point, false);
     } else if q.mode == 2u {
-        l = light_point_at(light_point_sample(q.light, u), q.point, false);
+        l = light_point_at(light_point_sample(q.light, u).point, q.point, false);
         l.pdf_scale = 1.0;
     }
     var way = RaySegment(q.point, q.reach, l.wi);
