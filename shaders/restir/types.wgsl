@@ -85,6 +85,8 @@ const RESAMPLE_NO_ROULETTE: u32 = 4194304u;
 const RESAMPLE_STILL: u32 = 8388608u;
 // The scene, the camera and the jitter are those of the last frame, and so are the rays of all pixels.
 const RESAMPLE_SAME_RAYS: u32 = 16777216u;
+// Objects have moved, but lights are chosen with the probabilities of the last frame.
+const RESAMPLE_SAME_DENSITIES: u32 = 33554432u;
 
 // Reconnection by the footprints of the densities on both sides (Lin et al. 2026, supplement, 2); by a density in place of the roughness
 // (ibid., 4), in the unit of a roughness or as printed; by a bound of the Jacobian or the footprint of the path (ibid., 11).

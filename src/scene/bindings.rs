@@ -69,6 +69,8 @@ pub(crate) struct SceneBindings {
     /// Counts the frames in which instances moved, appeared, disappeared or were edited, and those in which lights changed.  Temporal reuse
     /// tolerates all this, because the scene of the last frame is kept.
     pub motion_revision: u64,
+    /// Lights are chosen with the probabilities of the last frame: neither their table nor the radius that weighs the environment changed.
+    pub keeps_light_probabilities: bool,
     /// Counts all other visible changes, which reset histories.
     pub edit_revision: u64,
     /// Whether all assets of the scene are loaded, built and copied.

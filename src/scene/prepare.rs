@@ -257,6 +257,8 @@ fn summarize(bindings: &mut SceneBindings, pools: &Pools) {
     bindings.features = bindings.feature_memory.update(instances.totals.features() | lights.features);
     bindings.features.set(SceneFeatures::RAY_QUERY, instances.top.structures.is_some());
     bindings.motion_revision = instances.motion_revision + lights.revision;
+    let top = &instances.top;
+    bindings.keeps_light_probabilities = lights.previous_at == 0 && top.radius == top.previous_sphere.1;
     bindings.edit_revision = materials.edit_revision + textures.edit_revision + instances.edit_revision;
     bindings.ready = meshes.idle() && !instances.waiting && textures.complete;
     bindings.memory = memory(bindings, pools);

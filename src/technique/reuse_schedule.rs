@@ -100,6 +100,8 @@ pub(crate) struct LastFrame {
     pub has_history: bool,
     /// An instance has moved or a light has changed since then.
     pub moved: bool,
+    /// Lights had the same probabilities to be chosen, although something has moved.
+    pub same_densities: bool,
     /// The scene and the camera were the same.
     pub still: bool,
     /// Scene, camera and jitter were the same, so that all pixels had the same rays.
@@ -116,6 +118,8 @@ pub(crate) struct ReuseSchedule {
     first_flags: u32,
     /// Flags of iterations over the last frame, where something moved.
     moved_flags: u32,
+    /// Flags of iterations over the last frame, where something moved and lights kept their probabilities.
+    same_densities_flags: u32,
     /// Flags of unchanged frames (`RESAMPLE_STILL`, `RESAMPLE_SAME_RAYS`) that the domain uses, in iterations over the last frame.
     still_flags: u32,
     /// MIS weights of temporal reuse alone.
@@ -142,6 +146,7 @@ impl ReuseSchedule {
             },
             first_flags: if candidates_visible { RESAMPLE_CANDIDATES_VISIBLE } else { 0 },
             moved_flags: 0,
+            same_densities_flags: 0,
             still_flags: 0,
             temporal_mis: mis,
             reuse_gain: 1.0,
@@ -173,6 +178,7 @@ impl ReuseSchedule {
                     SuffixRetrace::ForwardOnly => RESAMPLE_RETRACE_FORWARD,
                     SuffixRetrace::Off => 0,
                 },
+            same_densities_flags: RESAMPLE_SAME_DENSITIES,
             // With `PathFootprint` paths may reconnect at mirrors.  Such a path has no shift, not even to its own pixel, so the shortcut
             // for unchanged frames (`is_same_pixel` in shaders/pass/reuse.wgsl) would be wrong.
             still_flags: if paths.reconnection == Reconnection::PathFootprint { 0 } else { RESAMPLE_SAME_RAYS },
@@ -224,6 +230,7 @@ impl ReuseSchedule {
             },
             first_flags: 0,
             moved_flags: RESAMPLE_MOVED,
+            same_densities_flags: 0,
             still_flags: 0,
             temporal_mis: MIS_BALANCE,
             reuse_gain: 1.0,
@@ -236,6 +243,8 @@ impl ReuseSchedule {
         let flags = flags_of([(settings.bdpt.connects(), RESAMPLE_CONNECTIONS)]);
         Self {
             common: GpuResampleSettings { flags: schedule.common.flags | flags, ..schedule.common },
+            // MIS weights against light sub-paths depend on more than the probabilities of lights.
+            same_densities_flags: 0,
             reuse_gain: if schedule.max_inputs() > 1 { settings.bdpt.reuse_gain } else { 1.0 },
             ..schedule
         }
@@ -263,6 +272,7 @@ impl ReuseSchedule {
             },
             first_flags: 0,
             moved_flags: RESAMPLE_MOVED,
+            same_densities_flags: 0,
             still_flags: RESAMPLE_STILL,
             temporal_mis: MIS_BALANCE,
             reuse_gain: paths.reuse_gain,
@@ -312,6 +322,7 @@ impl ReuseSchedule {
             (index + 1 == self.iterations.len(), RESAMPLE_SHADE),
             (index == 0, self.first_flags),
             (iteration.from_previous && last.moved, self.moved_flags),
+            (iteration.from_previous && last.moved && last.same_densities, self.same_densities_flags),
             (iteration.from_previous, still_flags & self.still_flags),
             (inverts_probes, RESAMPLE_INVERT_PROBES),
         ]);

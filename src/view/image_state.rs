@@ -133,10 +133,13 @@ impl ImageState {
 
     /// Whether paths of the last frame may have another contribution now.
     fn has_moved_since(&self, last: &Self) -> bool {
-        self.motion_revision != last.motion_revision
-            || self.environment != last.environment
-            // New shaders may give the light of a path another value.
-            || self.pipelines.features != last.pipelines.features
+        // New shaders may give the light of a path another value.
+        self.motion_revision != last.motion_revision || !self.has_environment_of(last)
+    }
+
+    /// Whether the environment and the shaders are those of the last frame.
+    fn has_environment_of(&self, last: &Self) -> bool {
+        self.environment == last.environment && self.pipelines.features == last.pipelines.features
     }
 
     /// Whether the random sequence continues.  Changes of the scene, the camera and the number of samples must not restart it, because the
@@ -165,6 +168,7 @@ impl RestirView {
         let keeps_sequence = last.is_some_and(|last| state.continues_sequence_of(last));
         let accumulates = is_progressive || settings.accumulate;
         self.moved = last.is_some_and(|last| state.has_moved_since(last));
+        self.same_environment = last.is_some_and(|last| state.has_environment_of(last));
         self.still = can_accumulate;
         if !is_progressive {
             self.resets.add(&resets);

@@ -80,6 +80,8 @@ pub(crate) struct RestirView {
     pub(super) image_state: Option<ImageState>,
     /// An instance has moved or a light has changed since the last frame.
     pub(super) moved: bool,
+    /// The environment and the shaders are those of the last frame.
+    pub(super) same_environment: bool,
     /// Nothing that the image depends on has changed since the last frame.
     pub(super) still: bool,
     /// The jitter is that of the last frame.
@@ -169,6 +171,7 @@ impl RestirView {
             previous_jitter: [0.0; 2],
             image_state: None,
             moved: false,
+            same_environment: false,
             still: false,
             has_last_jitter: false,
             bound_environment: environment.map(|view| view.id()),
@@ -263,6 +266,7 @@ impl RestirView {
         let last = LastFrame {
             has_history: fits && self.frame > 0,
             moved: self.moved,
+            same_densities: self.same_environment && scene.keeps_light_probabilities,
             still: self.still,
             same_rays: self.still && self.has_last_jitter,
         };

@@ -275,6 +275,7 @@ fn resampling_constants_are_the_same_in_rust_and_wgsl() {
         RESAMPLE_NO_ROULETTE,
         RESAMPLE_STILL,
         RESAMPLE_SAME_RAYS,
+        RESAMPLE_SAME_DENSITIES,
         RESAMPLE_INVERT_PROBES,
         SUBSURFACE_RECONNECTION,
         SUBSURFACE_DELAYED,

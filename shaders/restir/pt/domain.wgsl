@@ -15,7 +15,7 @@
 #import bevy_restir::restir::shift::reconnection::{separation_threshold, ShiftParameters}
 #import bevy_restir::restir::shift::shifted_path::{is_unoccluded, ShiftedPath}
 #import bevy_restir::restir::stored_path::Reservoir
-#import bevy_restir::restir::types::{RESAMPLE_CONNECTIONS, RESAMPLE_DIFFUSE_SECONDARY, RESAMPLE_MOVED, RESAMPLE_RETRACE_BACKWARD, RESAMPLE_RETRACE_FORWARD}
+#import bevy_restir::restir::types::{RESAMPLE_CONNECTIONS, RESAMPLE_DIFFUSE_SECONDARY, RESAMPLE_MOVED, RESAMPLE_RETRACE_BACKWARD, RESAMPLE_RETRACE_FORWARD, RESAMPLE_SAME_DENSITIES}
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::camera::{camera_density, eye_of}
 #import bevy_restir::view::primary::primary_surface
@@ -161,9 +161,10 @@ fn apply_shift(s: Reservoir, r: ShiftResult) -> Reservoir {
     return Reservoir(with_shift_result(s.path, r), s.ucw, s.confidence, s.seen);
 }
 
-// Whether p̂ in the sample's own pixel is known from the reservoir: it is as long as nothing moved.
+// Whether p̂ in the sample's own pixel is known from the reservoir.  It is that of the last frame's scene, so that motion of objects leaves it
+// as it is; but its MIS weights contain the probabilities of lights, and all pixels must use the same ones.
 fn stores_target() -> bool {
-    return !has(RESAMPLE_MOVED);
+    return !has(RESAMPLE_MOVED) || has(RESAMPLE_SAME_DENSITIES);
 }
 
 fn stored_target(s: Reservoir) -> f32 {
