@@ -180,6 +180,8 @@ macro_rules! pair_passes {
     ($name:literal, $rooms:expr $(, $def:literal)*) => {{
         use $crate::technique::{domain::*, pass::{ComputePass, Dispatch}};
         let (defers, from_queue) = (&["DEFERS_REPLAYS" $(, $def)*], &["FROM_QUEUE" $(, $def)*]);
+        // A pixel may have more pairs than other passes have neighbors.
+        let reuse = &["PAIRED", "MANY_NEIGHBORS" $(, $def)*];
         let shifts = "pair_shifts";
         PairPasses {
             neighbors: pair_pass(concat!($name, "_pair_neighbors"), "pair_neighbors", $rooms, &[$($def)*], PAIR_NEIGHBORS),
@@ -189,7 +191,7 @@ macro_rules! pair_passes {
                 dispatch: Dispatch::ReplayQueue,
                 ..pair_pass(concat!($name, "_pair_replays"), shifts, $rooms, from_queue, PAIR_REPLAYS)
             },
-            reuse: pair_pass(concat!($name, "_paired_reuse"), "reuse", $rooms, &["PAIRED" $(, $def)*], PAIRED_REUSE),
+            reuse: pair_pass(concat!($name, "_paired_reuse"), "reuse", $rooms, reuse, PAIRED_REUSE),
         }
     }};
 }

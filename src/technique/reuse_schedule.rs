@@ -293,11 +293,14 @@ impl ReuseSchedule {
     }
 
     /// Greatest number of inputs of the resampling routine: the pixel's own sample and its neighbors.
-    pub(crate) fn max_inputs(&self) -> u32 {
-        let neighbors = self.iterations.iter().map(|iteration| {
-            if iteration.paired {
-                return self.pair_layers();
-            }
+    fn max_inputs(&self) -> u32 {
+        let in_pairs = self.iterations.iter().any(|iteration| iteration.paired);
+        self.max_searched_inputs().max(if in_pairs { 1 + self.pair_layers() } else { 0 })
+    }
+
+    /// Greatest number of its inputs in the iterations without pairs.
+    pub(crate) fn max_searched_inputs(&self) -> u32 {
+        let neighbors = self.iterations.iter().filter(|iteration| !iteration.paired).map(|iteration| {
             let disocclusion = if iteration.extra_at_disocclusions { self.common.disocclusion_samples } else { 0 };
             (iteration.temporal_samples + iteration.spatial_samples).max(disocclusion)
         });

@@ -62,7 +62,7 @@ pub(crate) fn requested_key(
     if features.contains(SceneFeatures::SUBSURFACE) {
         frame = frame.with_subsurface();
     }
-    let max_inputs = frame.domains().iter().map(|domain| (domain.schedule)(&restir.settings).max_inputs());
-    features.set(SceneFeatures::MANY_NEIGHBORS, max_inputs.max().unwrap_or(0) > FEW_INPUTS);
+    let inputs = frame.domains().iter().map(|domain| (domain.schedule)(&restir.settings).max_searched_inputs());
+    features.set(SceneFeatures::MANY_NEIGHBORS, inputs.max().unwrap_or(0) > FEW_INPUTS);
     PipelineKey { frame, features }
 }
