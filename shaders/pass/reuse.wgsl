@@ -192,8 +192,7 @@ fn gather_inputs(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, c
     (*mis).count = count;
 }
 
-// Number of pixels that are compared with a neighbor.  They are at least 1 pixel from it, and at most a quarter of the radius of the disk of
-// neighbors, or 2 pixels where that is more.
+// Number of pixels that are compared with a neighbor, from 1 pixel to a quarter of the radius of neighbors (at least 2 pixels) away from it.
 const COMPARED_PIXELS: u32 = 8u;
 const COMPARED_RADIUS: f32 = 0.25;
 
@@ -273,23 +272,25 @@ fn next_to_evaluate(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>
     return (*mis).count;
 }
 
-// Whether the only neighbor is the pixel itself in the last frame, and nothing has changed since.  The shift, where a sample has one, is
-// then the identity: both pixels have the same targets, and a sample that the last frame stored is visible.
+// Whether input 1 is the pixel itself in the last frame, and nothing has changed since.  The shift, where a sample has one, is then the
+// identity: both pixels have the same targets, and a sample that the last frame stored is visible.
 fn is_same_pixel(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, ids: vec2<u32>) -> bool {
-    return has(RESAMPLE_SAME_RAYS) && (*mis).count == 2u && all((*inputs).pixels[1] == (*inputs).pixels[0])
+    return has(RESAMPLE_SAME_RAYS) && (*mis).count > 1u && all((*inputs).pixels[1] == (*inputs).pixels[0])
         && showed_same_surface(ids, (*inputs).pixels[0]);
 }
 
-// The targets at the only neighbor, whose shift is the identity.
+// The targets at input 1, where its shift is the identity.
 fn set_identity_targets(mis: ptr<function, MisInputs>, own: Reservoir) {
-    set_target(mis, 1u, 0u, select(0.0, target_of(mis, 0u, 0u), can_be_shifted(own)));
-    set_target(mis, 1u, 1u, target_of(mis, 0u, 1u));
+    for (var j = 0u; j < (*mis).count; j++) {
+        set_target(mis, 1u, j, select(0.0, target_of(mis, 0u, j), j > 0u || can_be_shifted(own)));
+    }
 }
 
 // A turn of `resample`, which evaluates samples at the pixel of an input.
 struct Turn {
     at_pixel: u32,             // index of the input
     target_rays: bool,         // rays decide which targets are 0
+    sees_second: bool,         // input 1 is known to be visible
     shading_rays: bool,        // rays decide which samples are shaded
 }
 
@@ -298,7 +299,7 @@ struct Turn {
 fn tested_value(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, turn: Turn, j: u32, r: Receiver, e: Evaluated, alpha_seed: u32) -> f32 {
     var value = target_value(e);
     // A sample is visible from the pixel that stores it; elsewhere a ray decides.
-    let for_target = turn.target_rays && turn.at_pixel != j;
+    let for_target = turn.target_rays && turn.at_pixel != j && !(turn.sees_second && j == 1u);
     let for_shading = turn.shading_rays && (*inputs).needs_ray[j];
     if value > 0.0 && (for_target || for_shading) {
         // Each pixel sees blended surfaces by random numbers of its own: with joint ones the MIS weights would not sum to 1.
@@ -327,12 +328,12 @@ fn resample(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, ids: v
     }
     let is_same = !traces_selected && is_same_pixel(inputs, mis, ids);
     // Both loops end with their tests, for drivers that mask lanes.
-    let turns = select((*mis).count + u32(traces_selected), 1u, is_same);
+    let turns = (*mis).count + u32(traces_selected);
     var index = 0u;
     loop {
         let shades_selected = index == (*mis).count;
         let at_pixel = select(index, 0u, shades_selected);
-        let target_rays = !shades_selected && !is_same && has(select(RESAMPLE_MIS_RAYS, RESAMPLE_TARGET_RAYS, at_pixel == 0u));
+        let target_rays = !shades_selected && has(select(RESAMPLE_MIS_RAYS, RESAMPLE_TARGET_RAYS, at_pixel == 0u));
         let shading_rays = at_pixel == 0u && has(RESAMPLE_SHADE) && shades_selected == traces_selected;
         var j = 0u;
         if shades_selected {
@@ -347,7 +348,7 @@ fn resample(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, ids: v
             loop {
                 let s = sample_of(inputs, j, at_pixel > 0u || shades_selected);
                 let e = evaluated_in(inputs, at_pixel, receiver, j, s);
-                var value = tested_value(inputs, mis, Turn(at_pixel, target_rays, shading_rays), j, receiver, e, alpha_seed);
+                var value = tested_value(inputs, mis, Turn(at_pixel, target_rays, is_same && at_pixel == 0u, shading_rays), j, receiver, e, alpha_seed);
                 if shades_selected {
                     break;
                 }
@@ -363,7 +364,7 @@ fn resample(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, ids: v
                 }
             }
         }
-        index += 1u;
+        index += select(1u, 2u, is_same && index == 0u);
         if index >= turns {
             break;
         }
@@ -414,7 +415,6 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
         output.confidence += mis.confidence[j];
         light += select(0.0, inputs.shares[j], inputs.visible[j]) * shown_contribution(&inputs, j, r);
     }
-    // Store the selected one.
     var contribution = vec3<f32>(0.0);
     if stream.selected != NONE {
         let confidence = output.confidence;

@@ -135,19 +135,22 @@ impl ReuseSchedule {
         let mis = mis_constant(direct.bias_correction, direct.reuse.mis);
         let candidates_visible = !matches!(direct.visibility, VisibilityReuse::Ignored | VisibilityReuse::Shading);
         let common = common_settings(&direct.reuse, direct, &settings.research);
+        let flags = common.flags | direct_flags(direct, &settings.research);
+        // The same rays must decide the targets of the pixel and of its neighbors.
+        let rays = RESAMPLE_TARGET_RAYS | RESAMPLE_MIS_RAYS;
         Self {
             iterations: iterations(&direct.reuse),
             common: GpuResampleSettings {
                 candidates: direct.candidates,
                 mis,
-                flags: common.flags | direct_flags(direct, &settings.research),
+                flags,
                 visibility_radius: direct.visibility_radius,
                 ..common
             },
             first_flags: if candidates_visible { RESAMPLE_CANDIDATES_VISIBLE } else { 0 },
             moved_flags: 0,
             same_densities_flags: 0,
-            still_flags: 0,
+            still_flags: if flags & rays == rays { RESAMPLE_SAME_RAYS } else { 0 },
             temporal_mis: mis,
             reuse_gain: 1.0,
         }
