@@ -40,11 +40,13 @@ pub struct Cost {
     passes: Vec<(&'static str, f64)>,
     /// Mean number of rays per pixel.
     pub rays: f64,
+    /// Whether the times are GPU times; otherwise they are CPU times.
+    pub has_gpu_times: bool,
 }
 
 impl Cost {
     /// A cost without any pass.
-    pub const NONE: Self = Self { passes: Vec::new(), rays: 0.0 };
+    pub const NONE: Self = Self { passes: Vec::new(), rays: 0.0, has_gpu_times: false };
 
     fn sum(&self, counts: impl Fn(&str) -> bool) -> f64 {
         self.passes.iter().filter(|(name, _)| counts(name)).map(|(_, ms)| ms).sum()
@@ -261,7 +263,7 @@ impl Bench {
     fn cost(&self, settings: &Restir, rays: f64) -> Cost {
         let names = pass_names(settings, self.report().features);
         let passes = names.into_iter().map(|name| (name, median(self.times.of(name)))).collect();
-        Cost { passes, rays }
+        Cost { passes, rays, has_gpu_times: self.times.has_gpu_times() }
     }
 
     /// Mean error over independent seeds of the frame after `before` others, or of the mean of them all where the technique

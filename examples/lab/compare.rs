@@ -34,14 +34,10 @@ const NAME: &str = "compare";
 
 pub fn run(args: &Args) -> Result<(), String> {
     let (size, picture) = read(&args.picture)?;
-    let (wanted, reference) = read(&args.reference)?;
+    let (wanted, reference) = read_reference(&args.reference)?;
     if size != wanted {
         let (of, other) = (args.picture.display(), args.reference.display());
         return Err(format!("{of}: it has {} x {} pixels, {other} has {} x {}", size.x, size.y, wanted.x, wanted.y));
-    }
-    let unknown = reference.iter().filter(|pixel| !is_finite(pixel)).count();
-    if unknown > 0 {
-        return Err(format!("{}: {unknown} pixels of the reference are not finite", args.reference.display()));
     }
     args.output.check(NAME)?;
     if let Some(path) = &args.difference {
@@ -56,6 +52,15 @@ pub fn run(args: &Args) -> Result<(), String> {
     args.output.write(NAME, &Table { header, columns: vec![(name, difference.rows())], notes: Vec::new() })?;
     println!("{}", difference.json());
     Ok(())
+}
+
+/// Reads a reference, as [`read`] does.  All of its pixels must be finite.
+pub fn read_reference(path: &Path) -> Result<(UVec2, Picture), String> {
+    let (size, picture) = read(path)?;
+    match picture.iter().filter(|pixel| !is_finite(pixel)).count() {
+        0 => Ok((size, picture)),
+        unknown => Err(format!("{}: {unknown} pixels of the reference are not finite", path.display())),
+    }
 }
 
 /// Reads the size and the channels of a file.

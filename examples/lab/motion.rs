@@ -93,7 +93,8 @@ impl Motion {
 
 pub fn run(args: &Args) -> Result<(), String> {
     args.output.check(NAME)?;
-    let plain = args.subject.settings();
+    // The reference tracer would jitter, and single frames would not: edges would differ.
+    let plain = Restir { jitter: Jitter::Never, ..args.subject.settings() };
     let variants = with_variants(args.subject.preset, plain, &args.variant)?;
     let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
     for scene in scenes(&args.subject.scenes)? {
@@ -102,7 +103,7 @@ pub fn run(args: &Args) -> Result<(), String> {
         if table.header.is_empty() {
             table.header = header(bench.adapter(), args.size);
             table.header.push(format!(
-                "{:?}, {:?}: relMSE without the worst percent of the pixels of each age, means over {} runs of {FRAMES} frames",
+                "{:?}, {:?}: relMSE without the worst percent of the pixels of each age, without jitter, means over {} runs of {FRAMES} frames",
                 args.subject.technique, args.subject.preset, args.seeds
             ));
         }
@@ -163,12 +164,8 @@ fn spawn_object(bench: &mut Bench) -> Entity {
 /// For how many frames before the last one the surface of each pixel has been in view; `LAST_AGE + 1` for longer, `None` without a
 /// surface.  It is read from the confidence of direct light that is reused from the last frame alone.
 fn ages(bench: &mut Bench, settings: &Restir, progress: &Progress) -> Result<Vec<Option<usize>>, String> {
-    let mut counting = Restir {
-        technique: Technique::Di,
-        jitter: Jitter::Never,
-        debug_view: DebugView::ReservoirConfidence,
-        ..settings.clone()
-    };
+    let mut counting =
+        Restir { technique: Technique::Di, debug_view: DebugView::ReservoirConfidence, ..settings.clone() };
     let reuse = &mut counting.direct.reuse;
     *reuse = Reuse {
         spatial_samples: 0,

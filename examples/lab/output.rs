@@ -41,9 +41,9 @@ impl Output {
     }
 }
 
-/// Fails where a markdown file lacks the marks of a table.
+/// Fails where a markdown file lacks the marks of a table, or cannot be written.
 pub fn check_into(into: Option<&Path>, name: &str) -> Result<(), String> {
-    into.map_or(Ok(()), |path| replaced(path, name, "").map(|_| ()))
+    into.map_or(Ok(()), |path| replaced(path, name, "").and_then(|_| files::check(path)))
 }
 
 /// Replaces the text between the marks of a table in a markdown file.

@@ -1,9 +1,13 @@
 //! Known faults that `fuzz` and `soak` must find: a search that finds nothing proves nothing unless it can find something.
 
-use std::process::{Command, Stdio};
+use std::{
+    collections::BTreeSet,
+    process::{Command, Output, Stdio},
+};
 
 /// Plants faults into the renderer, one after the other, and checks that `lab fuzz` or `lab soak` finds each of them: weights that are
-/// negative, too large or not a number, light that drifts, and light that is lost. A fault that is not found fails.
+/// negative, too large or not a number, light that drifts, and light that is lost. A fault that is not found fails. Each command runs without
+/// a fault first, and must succeed.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// Plants only the faults whose names contain this text.
@@ -192,12 +196,16 @@ pub fn run(args: &Args) -> Result<(), String> {
     if chosen.is_empty() {
         return Err(format!("no fault is named {}", args.only));
     }
+    if args.list {
+        chosen.iter().for_each(|plant| println!("{} ({}): lab {}", plant.name, plant.file, plant.command));
+        return Ok(());
+    }
+    for command in chosen.iter().map(|plant| plant.command).collect::<BTreeSet<_>>() {
+        check_control(command)?;
+        println!("no fault: nothing is found by lab {command}");
+    }
     let mut missed = 0;
     for plant in chosen {
-        if args.list {
-            println!("{} ({}): lab {}", plant.name, plant.file, plant.command);
-            continue;
-        }
         let found = plant.is_found()?;
         println!("{}: {} by lab {}", plant.name, if found { "found" } else { "NOT FOUND" }, plant.command);
         missed += u32::from(!found);
@@ -205,23 +213,38 @@ pub fn run(args: &Args) -> Result<(), String> {
     if missed > 0 { Err(format!("{missed} planted faults are not found")) } else { Ok(()) }
 }
 
+/// Runs a command of this program in a process of its own, with these variables in its environment.
+fn lab(command: &str, variables: &[(&str, &str)]) -> Result<Output, String> {
+    let program = std::env::current_exe().map_err(|e| e.to_string())?;
+    let folder = std::env::temp_dir().join(format!("bevy_restir_plants_{}", std::process::id()));
+    let output = Command::new(program)
+        .args(command.split_whitespace())
+        .arg("--out")
+        .arg(&folder)
+        .envs(variables.iter().copied())
+        .stdin(Stdio::null())
+        .output()
+        .map_err(|e| e.to_string());
+    let _ = std::fs::remove_dir_all(&folder);
+    output
+}
+
+/// Fails unless a command succeeds without a fault: one that fails by itself would seem to find all of them.
+fn check_control(command: &str) -> Result<(), String> {
+    let output = lab(command, &[])?;
+    if output.status.success() {
+        return Ok(());
+    }
+    let error = String::from_utf8_lossy(&output.stderr);
+    let last = error.trim().lines().next_back().unwrap_or_default();
+    Err(format!("lab {command} fails without a planted fault, so it cannot show that it finds one: {last}"))
+}
+
 impl Plant {
-    /// Runs the command with the fault in a process of its own.
+    /// Runs the command with the fault.
     fn is_found(&self) -> Result<bool, String> {
-        let program = std::env::current_exe().map_err(|e| e.to_string())?;
-        let folder = std::env::temp_dir().join(format!("bevy_restir_plants_{}", std::process::id()));
-        let output = Command::new(program)
-            .args(self.command.split_whitespace())
-            .arg("--out")
-            .arg(&folder)
-            .env("MUTANT_FILE", self.file)
-            .env("MUTANT_OLD", self.old)
-            .env("MUTANT_NEW", self.new)
-            .stdin(Stdio::null())
-            .output()
-            .map_err(|e| e.to_string());
-        let _ = std::fs::remove_dir_all(&folder);
-        let output = output?;
+        let variables = [("MUTANT_FILE", self.file), ("MUTANT_OLD", self.old), ("MUTANT_NEW", self.new)];
+        let output = lab(self.command, &variables)?;
         let (printed, error) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
         // An edit that cannot be made or compiled is not found by a check.
         if printed.contains("panicked") || error.contains("panicked") || printed.contains("not ready") {

@@ -166,7 +166,9 @@ fn within_budget(app: &mut App, gpu_ms: f32, settings: Restir) -> Result<(Restir
     }
     app.world_mut().remove_resource::<RestirBudget>();
     let took = times.frame();
-    if settings.reduced(step) == settings.reduced(step + 1) && took > f64::from(gpu_ms) {
+    if !times.has_gpu_times() {
+        warn!("restir: --time-budget has no effect, because no GPU times arrive: the device measures none");
+    } else if settings.reduced(step) == settings.reduced(step + 1) && took > f64::from(gpu_ms) {
         warn!("restir: even with the fewest samples a frame takes {took:.3} ms of GPU time; the budget is {gpu_ms} ms");
     }
     let settings = settings.reduced(step);

@@ -4,7 +4,11 @@ use crate::support::{
     cli::{Folder, asset},
     gltf::Scene,
 };
-use bevy_restir_support::front::{Point, at_time, best_within, budgets, fastest_within, front};
+use bevy_restir::Restir;
+use bevy_restir_support::{
+    fields,
+    front::{Point, at_time, best_within, budgets, fastest_within, front},
+};
 use std::fs;
 
 #[path = "../../examples/lab/sweep/plan.rs"]
@@ -26,6 +30,16 @@ fn a_front_holds_the_points_that_no_other_beats() {
         assert_eq!(front(&all).iter().any(|&f| all[f] == *p), !is_beaten, "{i}");
     }
     assert!(front(&[]).is_empty());
+}
+
+/// The first two of the list are presets; the others are faster or more accurate by less than noise.
+#[test]
+fn noise_brings_no_point_to_the_front() {
+    let all = points(&[(2.0, 0.5), (4.0, 0.2), (1.99, 0.495), (3.0, 0.495), (5.0, 0.197)]);
+    assert_eq!(front(&all), [0, 1]);
+    // Small steps that add up count.
+    let all = points(&[(1.0, 0.5), (2.0, 0.495), (3.0, 0.485), (4.0, 0.48)]);
+    assert_eq!(front(&all), [0, 2]);
 }
 
 #[test]
@@ -52,6 +66,11 @@ fn a_curve_is_a_power_law_between_and_beyond_its_points() {
         let error = at_time(&curve, time).expect("three points are a curve");
         assert!((error - 3.0 / time).abs() < 1e-12, "{time}: {error}");
     }
+    // Beyond the ends the slope is that of the whole curve.
+    let uneven = points(&[(1.0, 4.0), (2.0, 1.0), (4.0, 1.0)]);
+    for (time, error) in [(0.5, 8.0), (1.0, 4.0), (3.0, 1.0), (4.0, 1.0), (8.0, 0.5)] {
+        assert!((at_time(&uneven, time).expect("a curve") - error).abs() < 1e-12, "{time}");
+    }
     // A worse point at the time of another one changes nothing.
     let doubled = [&curve[..], &points(&[(2.0, 9.0)])].concat();
     assert_eq!(at_time(&doubled, 1.5), at_time(&curve, 1.5));
@@ -76,10 +95,37 @@ fn all_configurations_of_a_sweep_differ() {
 }
 
 #[test]
+fn a_field_that_the_user_sets_is_not_changed_by_a_configuration() {
+    let given = ["bounces=4".to_owned(), "jitter=Never".to_owned()];
+    let all = plan::configurations(plan::Extent::Settings);
+    let left_out: Vec<&str> = all.iter().filter(|c| c.overrides(&given)).map(|c| c.label.as_str()).collect();
+    assert_eq!(left_out, ["2 bounces", "3 bounces", "8 bounces", "16 bounces"]);
+}
+
+#[test]
+fn numbers_out_of_range_are_errors_and_biased_choices_are_not() {
+    let set = |text: &str| fields::set_in_range(&mut Restir::default(), text.split(' '));
+    for valid in ["paths.reuse.confidence_cap=30", "firefly_limit=0", "direct.visibility=Decoupled", "seed=4294967295"]
+    {
+        assert_eq!(set(valid), Ok(()), "{valid}");
+    }
+    for (wrong, range) in [
+        ("bounces=2 paths.reuse.confidence_cap=250", "0 to 30"),
+        ("bounces=65", "0 to 64"),
+        ("firefly_limit=0.5", "1.0"),
+        ("paths.footprint=nan", "0 to 1000000"),
+        ("direct.subset_size=16384 direct.subset_count=4096", "1 to 512"),
+    ] {
+        let error = set(wrong).expect_err(wrong);
+        assert!(error.contains("out of range") && error.contains(range), "{wrong}: {error}");
+    }
+}
+
+#[test]
 fn wrong_arguments_of_a_sweep_give_one_line() {
     let folder = Folder::without_gpu("sweep_wrong");
     let scene = asset("cornell.glb").display().to_string();
-    let wrong: [&[&str]; 8] = [
+    let wrong: [&[&str]; 10] = [
         &["sweep"],
         &["sweep", &scene, "--seeds", "1"],
         &["sweep", &scene, "--reference-error", "0"],
@@ -88,20 +134,30 @@ fn wrong_arguments_of_a_sweep_give_one_line() {
         &["sweep", &scene, "--set", "bounces"],
         &["sweep", &scene, "--set", "paths.reuse.color=1"],
         &["sweep", &scene, "--set", "technique=di"],
+        &["sweep", &scene, "--set", "paths.reuse.confidence_cap=250"],
+        &["motion", &scene, "--variant", "paths.reuse.confidence_cap=250"],
     ];
     for arguments in wrong {
         folder.lab(arguments).failed(2, &format!("{arguments:?}"));
     }
-    let unusable: [&[&str]; 4] = [
+    for (name, color) in [("black.exr", 0.0), ("nan.exr", f32::NAN)] {
+        exr::prelude::write_rgb_file(folder.path(name), 64, 64, |_, _| (color, color, color))
+            .expect("it can be written");
+    }
+    let before = folder.files();
+    let unusable: [&[&str]; 7] = [
         &["sweep", "missing.glb"],
         &["sweep", &scene, "--reference", "missing.exr"],
+        &["sweep", &scene, "--reference", "black.exr"],
+        &["sweep", &scene, "--reference", "nan.exr"],
         &["sweep", &scene, "--into", "missing.md"],
         &["sweep", &scene, "--only", "no such name"],
+        &["sweep", &scene, "--only", "8 bounces", "--set", "bounces=4"],
     ];
     for arguments in unusable {
         folder.lab(arguments).failed(1, &format!("{arguments:?}"));
     }
-    assert!(folder.files().is_empty(), "{:?}", folder.files());
+    assert_eq!(folder.files(), before);
 }
 
 /// The presets on the smallest picture: all files, one row for each configuration, and nothing measured twice.
@@ -157,6 +213,7 @@ fn a_sweep_reports_every_preset_and_continues() {
     let failed = folder.lab(&[&["presets", &dark], &short[..8], &["--out", "dark"]].concat());
     failed.failed(1, "a scene without light");
     assert!(failed.stderr.contains("--env"), "{}", failed.stderr);
+    assert!(!folder.path("dark").exists(), "a sweep with --env needs the folder");
     // Another sweep needs another folder.
     let other = folder.lab(&[&arguments[..], &["--set", "bounces=2"]].concat());
     other.failed(1, "another sweep in the folder");

@@ -1,6 +1,6 @@
 //! Broken copies of glTF files: each must give an error or a picture.
 
-mod glb;
+pub mod glb;
 mod mutation;
 
 use bevy::prelude::*;

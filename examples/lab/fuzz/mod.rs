@@ -32,8 +32,8 @@ pub struct Args {
     /// Compiles shaders for the features of each scene, in an app of its own, instead of once for all features.
     #[arg(long)]
     specialized: bool,
-    /// Also renders the scene at the end of each case by its technique, with unbiased settings, and by the reference tracer. A case fails
-    /// if the means of the two pictures differ by 5 standard errors.
+    /// Also renders the scene at the end of each case by its technique and by the reference tracer: with the preset `Unbiased`, and with the
+    /// case's own settings, of which those that bias are unbiased. A case fails if the means of two pictures differ by 5 standard errors.
     #[arg(long)]
     against_reference: bool,
     /// How rays are traced.

@@ -2,7 +2,8 @@
 
 use bevy::{mesh::morph::MeshMorphWeights, prelude::*};
 use bevy_restir::{
-    Preset, RayBackend, Restir, RestirEnvironment, RestirStatistics, Technique,
+    BiasCorrection, Jitter, Mis, Preset, RayBackend, Restir, RestirEnvironment, RestirStatistics, SuffixRetrace,
+    Technique, VisibilityReuse,
     testing::{check_mirror, plant_shader_edits},
 };
 use bevy_restir_support::{
@@ -28,6 +29,30 @@ const RESTARTS: u32 = 16;
 const MOST_BOUNCES: u32 = 3;
 /// Frames until the counters of a frame have arrived from the GPU.
 const LATE: u32 = 3;
+
+/// Settings that are unbiased and have few bounces, and otherwise are the given ones.
+fn unbiased(settings: &Restir) -> Restir {
+    let technique = settings.technique;
+    let most = if technique.has_indirect_light() { MOST_BOUNCES } else { 1 };
+    let mut settings = Restir { bounces: settings.bounces.min(most), firefly_limit: 0.0, ..settings.clone() };
+    if technique == Technique::Bdpt {
+        // Without jitter, light paths alone are averaged over a pixel.
+        settings.jitter = Jitter::Always;
+    }
+    settings.direct.bsdf_candidate = true;
+    settings.direct.bias_correction = BiasCorrection::HeuristicsAndUnbiasedMis;
+    settings.direct.visibility = VisibilityReuse::Resampled;
+    settings.paths.suffix_retrace = SuffixRetrace::BothWays;
+    settings.paths.assume_diffuse_secondary = false;
+    settings.paths.decorrelation = 0.0;
+    for reuse in [&mut settings.direct.reuse, &mut settings.paths.reuse, &mut settings.subsurface.reuse] {
+        // Short means with these weights look dark, although they are unbiased.
+        if reuse.mis == Mis::OneOverZ {
+            reuse.mis = Mis::Balance;
+        }
+    }
+    settings
+}
 
 pub struct Stage {
     app: App,
@@ -81,24 +106,30 @@ impl Stage {
         }
     }
 
-    /// Compares the scene that the case has left with the reference tracer.
+    /// Compares the scene that the case has left with the reference tracer, by the settings of a preset and by those of the case.
     pub fn compare(&mut self, case: &Case) -> Result<(), String> {
-        let technique = case.settings.technique;
-        let most = if technique.has_indirect_light() { MOST_BOUNCES } else { 1 };
-        let settings =
-            Restir { technique, bounces: case.settings.bounces.min(most), ..Restir::preset(Preset::Unbiased) };
+        let Restir { technique, bounces, .. } = case.settings;
+        let preset = Restir { technique, bounces, ..Restir::preset(Preset::Unbiased) };
+        self.compare_settings(unbiased(&preset), "the preset")?;
+        self.compare_settings(unbiased(&case.settings), "its own settings")
+    }
+
+    fn compare_settings(&mut self, settings: Restir, name: &str) -> Result<(), String> {
+        let technique = settings.technique;
         let ours = self.means(&settings)?;
         self.counters()?;
         let reference = self.means(&Restir { technique: Technique::Reference, ..settings })?;
         self.counters()?;
         let is_finite = |means: &[f64]| means.iter().all(|mean| mean.is_finite());
         if is_finite(&reference) && !is_finite(&ours) {
-            return Err(format!("{technique:?} has a mean that is not finite, unlike the reference: {ours:?}"));
+            return Err(format!(
+                "{technique:?} with {name} has a mean that is not finite, unlike the reference: {ours:?}"
+            ));
         }
         let (errors, limit) = (significance::difference(&reference, &ours), significance::limit(2 * RESTARTS as usize));
         match errors.abs() > limit {
             true => Err(format!(
-                "{technique:?} differs from the reference by {errors:+.1} standard errors of at most {limit:.1}: {ours:?}, {reference:?}"
+                "{technique:?} with {name} differs from the reference by {errors:+.1} standard errors of at most {limit:.1}: {ours:?}, {reference:?}"
             )),
             false => Ok(()),
         }

@@ -47,6 +47,8 @@ pub struct Moving {
 pub struct Record {
     /// Names of lighting passes and their milliseconds.
     pub passes: Vec<(String, f64)>,
+    /// Whether times are GPU times; otherwise they are CPU times.
+    pub has_gpu_times: bool,
     /// Milliseconds of a sample of the reference tracer just before and after, by which the speed of the machine is known.
     pub yardstick: f64,
     /// How often times were measured.
@@ -222,6 +224,7 @@ impl Protocol<'_> {
         let moving = configuration.moves.then(|| self.moving(bench, &settings, progress)).transpose()?;
         let record = Record {
             passes: passes(&cost),
+            has_gpu_times: cost.has_gpu_times,
             yardstick,
             rounds: 1,
             rays_a_pixel: cost.rays,

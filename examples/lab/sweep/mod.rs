@@ -1,12 +1,13 @@
 //! The trade of speed for accuracy on one scene: time and error of every technique, preset and setting that matters, and advice.
 
+mod content;
 mod measure;
 mod page;
 mod plan;
 mod plots;
 mod report;
 
-use bevy::math::UVec2;
+use bevy::{log::warn, math::UVec2};
 use bevy_restir::Restir;
 use bevy_restir_support::{
     arguments,
@@ -21,12 +22,11 @@ use bevy_restir_support::{
 use serde_json::{Value, json};
 use std::{
     fs,
-    hash::{DefaultHasher, Hash, Hasher},
     path::{Path, PathBuf},
 };
 
 use crate::{
-    bench::{Bench, Counts, Scene, scenes},
+    bench::{Bench, Counts, Scene, lit, scenes},
     compare,
     error::Picture,
     output, panels,
@@ -82,8 +82,8 @@ pub struct Args {
     /// Greatest number of samples per pixel of the converged picture.
     #[arg(long, default_value_t = 4096, value_parser = clap::value_parser!(u32).range(2..=16_000_000))]
     samples: u32,
-    /// A field of `Restir` that all configurations have, as `PATH=VALUE`; repeatable.  Without `--reference` the configurations have no
-    /// jitter, so that errors are those of the light and not of edges.
+    /// A field of `Restir` that all configurations have, as `PATH=VALUE`; repeatable.  Configurations that change this field themselves are
+    /// left out.  Without `--reference` the configurations have no jitter, so that errors are those of the light and not of edges.
     #[arg(long, value_parser = assignment)]
     set: Vec<String>,
     /// The error by which the report judges.
@@ -136,7 +136,7 @@ impl ErrorMetric {
 fn assignment(text: &str) -> Result<String, String> {
     /// Fields that the sweep sets by itself.
     const OWN: [&str; 5] = ["technique", "debug_view", "accumulate", "reset", "seed"];
-    fields::set(&mut Restir::default(), text)?;
+    fields::set_in_range(&mut Restir::default(), [text])?;
     match text.split_once('=').filter(|(path, _)| OWN.contains(path)) {
         Some((path, _)) => Err(format!("the sweep sets {path} by itself")),
         None => Ok(text.into()),
@@ -147,13 +147,6 @@ fn assignment(text: &str) -> Result<String, String> {
 struct Entry {
     configuration: Configuration,
     record: Record,
-}
-
-/// A hash of a file's content; `None` if the file cannot be read.
-fn content(path: &Path) -> Option<String> {
-    let mut hasher = DefaultHasher::new();
-    fs::read(path).ok()?.hash(&mut hasher);
-    Some(format!("{:016x}", hasher.finish()))
 }
 
 /// A whole sweep.
@@ -213,8 +206,18 @@ fn sweep(args: &Args, extent: Extent) -> Result<(), String> {
     measured(args, extent, &scene).map_err(|error| format!("{}: {error}", scene.1))
 }
 
+/// Reads the picture of `--reference`.
+fn read_reference(path: &Path) -> Result<(UVec2, Picture), String> {
+    let (size, picture) = compare::read_reference(path)?;
+    // The error of `lit` says how a scene gets light.
+    lit(&picture).map_err(|_| format!("{}: it is black, and no error can be relative to it", path.display()))?;
+    Ok((size, picture))
+}
+
 fn measured(args: &Args, extent: Extent, scene: &Scene) -> Result<(), String> {
     let mut plan = plan::configurations(extent);
+    // The converged picture has the value of `--set`.  With another one a configuration would have other light.
+    plan.retain(|c| !c.overrides(&args.set));
     if let Some(text) = &args.only {
         plan.retain(|c| c.section == plan::REFERENCE || c.name().contains(text));
     }
@@ -222,12 +225,13 @@ fn measured(args: &Args, extent: Extent, scene: &Scene) -> Result<(), String> {
         configuration.moves &= args.reference.is_none();
     }
     if plan.len() == plan.iter().filter(|c| c.section == plan::REFERENCE).count() {
-        return Err(format!("no configuration is named {}", args.only.as_deref().unwrap_or_default()));
+        let text = args.only.as_deref().unwrap_or_default();
+        return Err(format!("no configuration is named {text}; those that change a field of --set are left out"));
     }
     let out = args.out.clone().unwrap_or_else(|| Path::new("target/lab/sweep").join(&scene.1));
     let name = format!("sweep {}", scene.1);
     output::check_into(args.into.as_deref(), &name)?;
-    let given = args.reference.as_ref().map(|path| compare::read(path)).transpose()?;
+    let given = args.reference.as_deref().map(read_reference).transpose()?;
     if let Some((size, _)) = given.as_ref().filter(|given| given.0 != args.size) {
         return Err(format!("the reference has {} x {} pixels; --size {}x{} fits it", size.x, size.y, size.x, size.y));
     }
@@ -245,6 +249,9 @@ fn measured(args: &Args, extent: Extent, scene: &Scene) -> Result<(), String> {
         Some((_, picture)) => Truth::given(&bench, picture),
         None => folder.truth(args, &shared, &mut bench)?,
     };
+    if let Some(text) = args.noise_warning(&truth) {
+        warn!("restir: {text}");
+    }
     let image = panels::side_by_side(args.size, [&truth.still], panels::exposure_for(args.size, &truth.still), 1);
     write_png(&out.join("pictures/reference.png"), image)?;
     let protocol = Protocol { truth: &truth, size: args.size, seeds: args.seeds, history: args.history };
@@ -272,7 +279,11 @@ fn measured(args: &Args, extent: Extent, scene: &Scene) -> Result<(), String> {
         folder.keep_record(configuration, record)?;
     }
     let spread = same_speed(&mut all);
-    let header = args.header(header, &truth, spread);
+    let mut header = args.header(header, &truth, spread);
+    if !all.iter().any(|m| m.record.has_gpu_times) {
+        let text = "times are those of the CPU that records the passes, because the device measures no GPU times";
+        header.push(text.into());
+    }
     let sweep = Sweep { scene: scene.1.clone(), header, shared: args.set.clone(), by: args.by, all };
     report::write(&sweep, &out)?;
     page::write(&sweep, &out)?;
@@ -315,12 +326,12 @@ impl Args {
             "env": self.env.as_ref().map(|env| format!("{env:?}")),
             "adapter": bench.adapter(),
             // The shaders are part of the program. A commit of documents changes nothing.
-            "program": std::env::current_exe().ok().and_then(|path| content(&path)),
-            "content of the scene": [content(&scene.0), content(&scene.0.with_extension("bin"))],
-            "content of references.json": content(&scene.0.with_file_name("references.json")),
-            "content of the reference": self.reference.as_deref().and_then(content),
+            "program": std::env::current_exe().ok().and_then(|path| content::of_file(&path)),
+            "content of the scene": content::of_scene(&scene.0),
+            "content of references.json": content::of_file(&scene.0.with_file_name("references.json")),
+            "content of the reference": self.reference.as_deref().and_then(content::of_file),
             "content of the environment": match &self.env {
-                Some(Environment::File(path)) => content(path),
+                Some(Environment::File(path)) => content::of_file(path),
                 _ => None,
             },
         })
@@ -341,7 +352,23 @@ impl Args {
                 truth.figures.samples, truth.figures.noise
             ),
         });
+        header.extend(self.noise_warning(truth));
         header
+    }
+
+    /// A warning if the converged picture is noisier than it may be: few samples predict its noise, and `--samples` limits them.
+    fn noise_warning(&self, truth: &Truth) -> Option<String> {
+        /// Noise up to this multiple of `--reference-error` is no cause for a warning.
+        const TOLERANCE: f64 = 1.2;
+        let measure::TruthFigures { noise, samples, .. } = truth.figures;
+        let cure = if samples < self.samples { "smaller --reference-error" } else { "greater --samples" };
+        (noise > TOLERANCE * self.reference_error).then(|| {
+            format!(
+                "the converged picture has a relMSE of {noise:.1e} instead of {:.1e} (--reference-error), which adds to all errors; a {cure} \
+                 reduces it",
+                self.reference_error
+            )
+        })
     }
 }
 
@@ -385,6 +412,16 @@ impl<'a> Folder<'a> {
         Ok(Self(path))
     }
 
+    /// Removes what [`Self::open`] has written if nothing was measured: a sweep with other inputs, such as a light, may then have the folder.
+    fn undo(&self) {
+        // Only empty folders are removed.
+        if fs::remove_dir(self.0.join("runs")).is_ok() {
+            let _ = fs::remove_file(self.0.join("sweep.json"));
+            let _ = fs::remove_dir(self.0.join("pictures"));
+            let _ = fs::remove_dir(self.0);
+        }
+    }
+
     fn run(&self, configuration: &Configuration) -> PathBuf {
         self.0.join("runs").join(configuration.id()).with_extension("json")
     }
@@ -424,7 +461,7 @@ impl<'a> Folder<'a> {
             let [still, before] = [compare::read(&files[0])?.1, compare::read(&files[1])?.1];
             return Ok(Truth::kept(bench, still, before, figures));
         }
-        let truth = measure::truth(bench, shared, args.reference_error, args.samples)?;
+        let truth = measure::truth(bench, shared, args.reference_error, args.samples).inspect_err(|_| self.undo())?;
         for (file, picture) in files.iter().zip([&truth.still, &truth.before]) {
             let pixels: Vec<[f32; 3]> = picture.iter().map(|p| p.map(|c| c as f32)).collect();
             exr_file::write(file, args.size, &pixels)?;

@@ -141,9 +141,7 @@ impl Configuration {
     /// The settings; `shared` changes come before those of the configuration.
     pub fn settings(&self, shared: &[String]) -> Result<Restir, String> {
         let mut settings = Restir { technique: self.technique, ..Restir::preset(self.preset) };
-        for assignment in shared.iter().chain(&self.changes) {
-            fields::set(&mut settings, assignment)?;
-        }
+        fields::set_in_range(&mut settings, shared.iter().chain(&self.changes).map(String::as_str))?;
         Ok(settings)
     }
 
@@ -155,10 +153,20 @@ impl Configuration {
             self.preset, self.technique
         );
         for assignment in shared.iter().chain(&self.changes) {
-            let path = assignment.split_once('=').map_or(assignment.as_str(), |(path, _)| path);
+            let path = fields::path_of(assignment);
             code += &format!("restir.{path} = {};\n", fields::expression(&settings, path));
         }
         Ok(code)
+    }
+
+    /// Whether a change of its own sets a field that one of the `shared` changes sets.
+    pub fn overrides(&self, shared: &[String]) -> bool {
+        self.changes.iter().any(|own| shared.iter().any(|other| fields::path_of(own) == fields::path_of(other)))
+    }
+
+    /// Whether its picture has bounced light.
+    pub fn has_bounced_light(&self, shared: &[String]) -> bool {
+        self.technique.has_indirect_light() && self.settings(shared).is_ok_and(|settings| settings.bounces > 1)
     }
 
     /// The section and the label.

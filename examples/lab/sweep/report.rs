@@ -12,12 +12,12 @@ use crate::table::{csv_line, digits};
 /// A table: its head and its rows.
 pub type Cells = (Vec<String>, Vec<Vec<String>>);
 
-/// The setting to pick for a budget.
+/// The setting to pick for some budgets.
 pub struct Advice {
-    /// The budget, in words.
+    /// The budgets, in words.
     pub budget: String,
     pub pick: String,
-    /// Time and error of the pick.
+    /// Time, error and bias of the pick.
     pub figures: String,
     pub code: String,
 }
@@ -27,23 +27,29 @@ pub fn picture(configuration: &Configuration) -> String {
     format!("pictures/{}.png", configuration.id())
 }
 
-fn percent(value: f64) -> String {
-    format!("{:+.1} %", 100.0 * value)
+/// The bias and its standard error.
+fn bias(record: &Record) -> String {
+    format!("{:+.1} % ± {:.1}", 100.0 * record.bias, 100.0 * record.bias_error)
 }
 
 /// What to pick: the fastest settings within three errors, and the most accurate within three times.
 pub fn advice(sweep: &Sweep) -> Vec<Advice> {
-    let all: Vec<&Entry> = sweep.competitors().collect();
+    let mut all: Vec<&Entry> = sweep.competitors().collect();
+    let has_bounced_light = |m: &&Entry| m.configuration.has_bounced_light(&sweep.shared);
+    // Direct light alone is fast and incomplete, and would decide which times and errors are asked for.
+    if all.iter().any(has_bounced_light) {
+        all.retain(has_bounced_light);
+    }
     let points: Vec<_> = all.iter().map(|m| m.point(sweep.by)).collect();
     let front: Vec<_> = front(&points).into_iter().map(|i| points[i]).collect();
     let (Some(fastest), Some(best)) = (front.first(), front.last()) else { return Vec::new() };
     let pick = |budget: String, found: Option<usize>| {
         let i = found?;
-        let Entry { configuration, .. } = all[i];
+        let Entry { configuration, record } = all[i];
         Some(Advice {
             budget,
             pick: name(configuration),
-            figures: format!("{} ms, {}", digits(points[i].time), digits(points[i].error)),
+            figures: format!("{} ms, {}, bias {}", digits(points[i].time), digits(points[i].error), bias(record)),
             code: configuration.code(&sweep.shared).unwrap_or_default(),
         })
     };
@@ -53,9 +59,15 @@ pub fn advice(sweep: &Sweep) -> Vec<Advice> {
     let times = budgets(fastest.time, best.time).into_iter();
     let times =
         times.map(|budget| pick(format!("at most {} ms a frame", digits(budget)), best_within(&points, budget)));
-    let mut all: Vec<Advice> = errors.chain(times).flatten().collect();
-    all.dedup_by(|a, b| a.budget == b.budget);
-    all
+    let mut merged: Vec<Advice> = Vec::new();
+    for advice in errors.chain(times).flatten() {
+        match merged.iter_mut().find(|known| known.pick == advice.pick) {
+            Some(known) if known.budget.ends_with(&advice.budget) => {}
+            Some(known) => known.budget += &format!("; {}", advice.budget),
+            None => merged.push(advice),
+        }
+    }
+    merged
 }
 
 /// Figures of all configurations, or of the presets.
@@ -102,7 +114,7 @@ pub fn figures(sweep: &Sweep, presets_only: bool) -> Cells {
                 digits(error),
                 digits(errors.flip),
                 if m.is_reference() { "–".into() } else { format!("{} x", digits(ratio)) },
-                format!("{} ± {:.1}", percent(record.bias), 100.0 * record.bias_error),
+                bias(record),
                 digits(record.block_bias),
                 frame(record.variance),
                 frame(record.flicker),
@@ -136,7 +148,10 @@ pub fn first_frames(sweep: &Sweep) -> Cells {
 }
 
 /// Meaning of the columns.
-pub const LEGEND: &str = "Bold rows: no other row is faster and has less error. \"Against the reference tracer\": its error at equal \
+pub const LEGEND: &str = "Bold rows: no other row is faster and has less error; differences below 2 % do not count. Times are of still \
+    frames without jitter. Frames in motion take longer, because temporal reuse of paths then evaluates a sample twice and traces rays. Without \
+    jitter Bdpt is at a disadvantage: what the camera sees of light paths is averaged over a pixel, and all other light, also that of \
+    the converged picture, is that of the pixel's center. \"Against the reference tracer\": its error at equal \
     time, relative to the row's. Bias: relative difference of the mean, with its standard error; bias of blocks: root mean square over \
     blocks of 8 x 8 pixels, where noise hides anything smaller. The noise of a converged picture that the sweep rendered is part of the \
     standard error, but not of the bias of blocks; the noise of a picture that the user gave is not known. Variance: between runs. \
@@ -151,9 +166,12 @@ fn markdown_table((head, rows): &Cells) -> String {
 }
 
 fn advice_text(sweep: &Sweep) -> String {
-    let mut text = format!("Time and error ({}) of the recommended settings:\n\n", sweep.by.name());
+    let mut text = format!(
+        "Time, error ({}) and bias of the recommended settings. Those without bounced light count only where there are no others.\n\n",
+        sweep.by.name()
+    );
     let rows = advice(sweep).into_iter().map(|a| vec![a.budget, a.pick, a.figures]).collect();
-    text += &markdown_table(&(["budget", "pick", "time and error"].map(String::from).into(), rows));
+    text += &markdown_table(&(["budget", "pick", "time, error and bias"].map(String::from).into(), rows));
     text
 }
 

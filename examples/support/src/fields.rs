@@ -182,6 +182,36 @@ pub fn set(settings: &mut Restir, assignment: &str) -> Result<(), String> {
     assign(field, value).map_err(|expected| format!("{path}={value}: expected {expected}"))
 }
 
+/// The path of an assignment `PATH=VALUE`.
+pub fn path_of(assignment: &str) -> &str {
+    assignment.split_once('=').map_or(assignment, |(path, _)| path)
+}
+
+/// Sets fields as [`set`] does.  A number out of its range is an error, because a measurement would have another value than its label.
+pub fn set_in_range<'a>(
+    settings: &mut Restir,
+    assignments: impl IntoIterator<Item = &'a str> + Clone,
+) -> Result<(), String> {
+    for assignment in assignments.clone() {
+        set(settings, assignment)?;
+    }
+    // Ranges can depend on other fields, so they are known only now.
+    assignments.into_iter().try_for_each(|assignment| check_range(settings, path_of(assignment)))
+}
+
+/// Fails if [`Restir::validate`] changes the number at a path.
+fn check_range(settings: &Restir, path: &str) -> Result<(), String> {
+    let Some([low, high]) = range(settings, path) else { return Ok(()) };
+    let mut valid = settings.clone();
+    valid.validate();
+    let [given, used] = [settings, &valid].map(|settings| shown(settings, path));
+    if given == used {
+        return Ok(());
+    }
+    let bound = |number: f64| if number.abs() < 1e7 { number.to_string() } else { format!("{number:.2e}") };
+    Err(format!("{path}={given} is out of range ({} to {}; the nearest value is {used})", bound(low), bound(high)))
+}
+
 /// What a type of number is for a user.
 fn kind_of(name: &str) -> &'static str {
     match name {

@@ -1,5 +1,13 @@
 //! The trade of time for error: which of many measured settings are worth choosing.
 
+/// Errors and times that differ by less than this share count as equal: they are measured, and noise would decide.
+const NOISE: f64 = 0.02;
+
+/// Whether a figure is less than another one, by more than noise.
+fn is_less(a: f64, b: f64) -> bool {
+    a < (1.0 - NOISE) * b
+}
+
 /// Time and error of something that was measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
@@ -14,17 +22,25 @@ impl Point {
     }
 }
 
-/// Indices of the points that no other point beats in both time and error, by time (the Pareto front).
+/// Indices of the points that no other point beats in both time and error, by time (the Pareto front).  An error counts as less only if it
+/// is 2 % less.  Of points whose times and errors both differ by less than that, the first of the list is taken.
 pub fn front(points: &[Point]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..points.len()).filter(|&i| points[i].is_finite()).collect();
     order.sort_by(|&a, &b| points[a].time.total_cmp(&points[b].time).then(points[a].error.total_cmp(&points[b].error)));
-    let mut least = f64::INFINITY;
-    order.retain(|&i| {
-        let better = points[i].error < least;
-        least = least.min(points[i].error);
-        better
-    });
-    order
+    let mut front: Vec<usize> = Vec::new();
+    for i in order {
+        match front.last_mut() {
+            Some(last) if !is_less(points[i].error, points[*last].error) => {
+                let is_equal =
+                    !is_less(points[*last].time, points[i].time) && !is_less(points[*last].error, points[i].error);
+                if is_equal && i < *last {
+                    *last = i;
+                }
+            }
+            _ => front.push(i),
+        }
+    }
+    front
 }
 
 /// The fastest point whose error is at most `budget`.
@@ -50,15 +66,20 @@ fn round_up(value: f64) -> f64 {
     (value / unit - 1e-9).ceil() * unit
 }
 
-/// The error of a curve of points at a time: a power law between neighboring points and beyond the ends.  `None` for fewer than two points.
+/// The error of a curve of points at a time: a power law between neighboring points, and beyond the ends that of the whole curve, because
+/// the slope between two neighbors is mostly noise.  `None` for fewer than two points.
 pub fn at_time(curve: &[Point], time: f64) -> Option<f64> {
     let mut points: Vec<Point> =
         curve.iter().copied().filter(|p| p.is_finite() && p.time > 0.0 && p.error > 0.0).collect();
     points.sort_by(|a, b| a.time.total_cmp(&b.time).then(a.error.total_cmp(&b.error)));
     // Of points with equal times only the best counts, because the power law between them would be infinitely steep.
     points.dedup_by(|next, kept| next.time == kept.time);
-    let after = points.iter().position(|p| p.time >= time).unwrap_or(points.len()).clamp(1, points.len().max(2) - 1);
-    let [a, b] = [points.get(after - 1)?, points.get(after)?];
+    let [first, .., last] = points.as_slice() else { return None };
+    let (start, [a, b]) = match points.iter().position(|p| p.time >= time) {
+        Some(0) => (first, [first, last]),
+        Some(after) => (&points[after - 1], [&points[after - 1], &points[after]]),
+        None => (last, [first, last]),
+    };
     let slope = (b.error / a.error).ln() / (b.time / a.time).ln();
-    Some(a.error * (time / a.time).powf(slope))
+    Some(start.error * (time / start.time).powf(slope))
 }

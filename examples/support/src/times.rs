@@ -20,6 +20,7 @@ pub fn measured<'a>(store: &'a DiagnosticsStore, pass: &str) -> Option<(&'a Diag
 pub struct Times {
     passes: HashMap<&'static str, Vec<f64>>,
     seen: HashMap<&'static str, Instant>,
+    has_gpu_times: bool,
 }
 
 impl Times {
@@ -28,8 +29,9 @@ impl Times {
         let store = world.resource::<DiagnosticsStore>();
         let features = world.resource::<RestirStatistics>().report().features;
         for name in pass_names(settings, features) {
-            let newest = measured(store, name).and_then(|(diagnostic, _)| diagnostic.measurement());
-            let Some(&DiagnosticMeasurement { time, value }) = newest else { continue };
+            let Some((diagnostic, is_gpu)) = measured(store, name) else { continue };
+            let Some(&DiagnosticMeasurement { time, value }) = diagnostic.measurement() else { continue };
+            self.has_gpu_times |= is_gpu;
             if self.seen.insert(name, time) != Some(time) {
                 self.passes.entry(name).or_default().push(value);
             }
@@ -39,6 +41,11 @@ impl Times {
     /// Forgets all times recorded so far.
     pub fn clear(&mut self) {
         self.passes.clear();
+    }
+
+    /// Whether a GPU time was ever recorded; otherwise all times are CPU times.
+    pub fn has_gpu_times(&self) -> bool {
+        self.has_gpu_times
     }
 
     /// The sum of the medians of all passes: the time of a frame.
