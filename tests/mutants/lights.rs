@@ -35,6 +35,13 @@ pub const MUTANTS: &[Mutant] = &[
         &["points_spots_and_suns", "a_spot_has_bevys_cone"],
     ),
     mutant(
+        "rounded directions of the environment keep the density of the original ones",
+        "light/point_on_light.wgsl",
+        "select(1.0, e.pdf_solid_angle / density, density > 0.0)",
+        "1.0",
+        &["packed_samples_of_a_tiny_sun"],
+    ),
+    mutant(
         "texels of an environment have one solid angle",
         "light/environment.wgsl",
         "return importance(cell, 0u) / total / cell_solid_angle(cell.y, size);",

@@ -112,8 +112,8 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "samples without a shift could have come from the last frame",
         "pass/reuse.wgsl",
-        "select(0.0, target_of(mis, 0u, 0u), can_be_shifted(own))",
-        "target_of(mis, 0u, 0u)",
+        "select(0.0, target_of(mis, 0u, j), j > 0u || can_be_shifted(own))",
+        "target_of(mis, 0u, j)",
         &["indirect_light_beyond_a_distance"],
     ),
     mutant(
@@ -247,9 +247,30 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "a still frame's target in the last frame",
         "pass/reuse.wgsl",
-        "set_target(mis, 1u, 0u, select(0.0, target_of(mis, 0u, 0u), can_be_shifted(own)));",
-        "set_target(mis, 1u, 0u, 0.0);",
+        "j > 0u || can_be_shifted(own)",
+        "j > 0u",
         &[PT_ROOM],
+    ),
+    mutant(
+        "in still frames, samples of all neighbors are visible",
+        "pass/reuse.wgsl",
+        "!(turn.sees_second && j == 1u)",
+        "!turn.sees_second",
+        &[DI_ROOM],
+    ),
+    mutant(
+        "any neighbor of a still frame is the pixel itself",
+        "pass/reuse.wgsl",
+        "all((*inputs).pixels[1] == (*inputs).pixels[0])",
+        "(*mis).count > 1u",
+        &[DI_ROOM, PT_ROOM],
+    ),
+    mutant(
+        "stored targets hold while the probabilities of lights change",
+        "restir/pt/domain.wgsl",
+        "!has(RESAMPLE_MOVED) || has(RESAMPLE_SAME_DENSITIES)",
+        "true",
+        &[MOVING_PATHS],
     ),
     mutant("MIS ignores visibility", "pass/reuse.wgsl", "value = select(0.0, value, visible);", "", &[DI_ROOM]),
     mutant(
