@@ -8,6 +8,17 @@
 // Id of the environment; other lights have their index in the table.
 const ENVIRONMENT_LIGHT: u32 = 0xfffffffeu;
 
+// Whether a ray can find light: the scene has emissive surfaces, an environment or analytic lights with an extent.
+#ifdef LIGHT_TRIANGLES
+const RAYS_FIND_LIGHT: bool = true;
+#else ifdef ENVIRONMENT
+const RAYS_FIND_LIGHT: bool = true;
+#else ifdef LIGHT_SHAPES
+const RAYS_FIND_LIGHT: bool = true;
+#else
+const RAYS_FIND_LIGHT: bool = false;
+#endif
+
 struct LightSample {
     wi: vec3<f32>,
     distance: f32,             // to the light, m; FAR for lights at infinity

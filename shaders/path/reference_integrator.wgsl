@@ -15,6 +15,7 @@
 #import bevy_restir::light::light::light_sample
 #import bevy_restir::light::point_on_light::light_point_at
 #import bevy_restir::light::select::{environment_pmf, light_pmf, light_select}
+#import bevy_restir::light::types::RAYS_FIND_LIGHT
 #import bevy_restir::path::medium::{medium_towards, transmittance}
 #import bevy_restir::path::nee::emitter_nee_pdf
 #import bevy_restir::path::roulette::{ROULETTE_FROM, survival_probability}
@@ -245,6 +246,10 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
         }
 
         bounces_taken = scattered + 1u;
+        // The last ray could only find light.
+        if bounces_taken == view.bounces && !RAYS_FIND_LIGHT {
+            break;
+        }
         from_point = s.position;
         ray = Ray(offset_point(s.position, s.bsdf.n_geo, b.wi, s.offset), 0.0, b.wi, FAR);
         hit = trace_closest(ray, rng_bits(rng).x);

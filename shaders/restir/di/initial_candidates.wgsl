@@ -12,7 +12,7 @@
 #import bevy_restir::light::environment::environment_radiance
 #import bevy_restir::light::point_on_light::{environment_light_point, LightPoint, light_point_at, no_light_point, triangle_light_point}
 #import bevy_restir::light::select::{environment_pmf, light_pmf}
-#import bevy_restir::light::types::LightSample
+#import bevy_restir::light::types::{LightSample, RAYS_FIND_LIGHT}
 #import bevy_restir::path::medium::{medium_towards, transmittance}
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::di::domain::{bsdf_pdf_of, evaluate, evaluate_arriving, evaluate_sample, is_visible, Receiver, target_value}
@@ -56,6 +56,9 @@ fn bsdf_ray_to(point: LightPoint, light: vec3<f32>, b: BsdfSample, segment: RayS
 fn no_bsdf_ray() -> BsdfRay {
     return BsdfRay(no_light_point(), vec3<f32>(0.0), vec3<f32>(0.0), true, RaySegment(vec3<f32>(0.0), 0.0, vec3<f32>(0.0, 0.0, 1.0)));
 }
+
+// Random numbers of a BSDF ray (dimensions of `Rng`).
+const BSDF_RAY_DIMENSIONS: u32 = 2u;
 
 fn trace_bsdf_ray(r: Receiver, rng: ptr<function, Rng>) -> BsdfRay {
     let u = rng_3(rng);
@@ -152,12 +155,15 @@ fn add_candidate(c: ptr<function, Candidates>, index: u32, point: LightPoint, va
 }
 
 fn sample_candidates(r: Receiver, pixel: vec2<u32>, rng: ptr<function, Rng>) -> SelectedCandidate {
-    let with_bsdf = has(RESAMPLE_BSDF_CANDIDATE);
+    let with_bsdf = has(RESAMPLE_BSDF_CANDIDATE) && RAYS_FIND_LIGHT;
     var c = Candidates(Stream(0.0, NONE), no_light_point(), 0.0);
     add_light_candidates(&c, r, with_bsdf, pixel, rng);
     var ray = no_bsdf_ray();
     if with_bsdf {
         ray = trace_bsdf_ray(r, rng);
+    } else if has(RESAMPLE_BSDF_CANDIDATE) {
+        // The random numbers after it stay the same.
+        (*rng).dimension += BSDF_RAY_DIMENSIONS;
     }
     let unresampled = add_bsdf_candidates(&c, r, ray, rng);
 

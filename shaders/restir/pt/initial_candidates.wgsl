@@ -14,7 +14,7 @@
 #import bevy_restir::light::analytic_area_light::{light_hit_point, LIGHT_HITS_MAX, next_light_hit, RaySegment}
 #import bevy_restir::light::environment::{environment_pdf, environment_radiance}
 #import bevy_restir::light::point_on_light::{light_point_at, LightPoint, no_light_point}
-#import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, no_light_sample}
+#import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, no_light_sample, RAYS_FIND_LIGHT}
 #import bevy_restir::path::medium::transmittance
 #import bevy_restir::path::nee::{nee_candidate_count, nee_contribution}
 #import bevy_restir::path::random::{DIMENSION_SHADOW_RAY, DIMENSION_RAY, path_alpha_seed, path_seed}
@@ -145,6 +145,10 @@ fn sample_candidates(first: Vertex, pixel: vec2<u32>, shortest: u32, p: ShiftPar
         }
         if c.prefix.length >= shortest && !bsdf_is_delta(v.surface.bsdf) {
             add_nee(&c, v, before, index, pixel, p, rng);
+        }
+        // The last ray could only find light.
+        if index == view.bounces && !RAYS_FIND_LIGHT {
+            break;
         }
 
         // Leave the vertex, which becomes the reconnection vertex if it may.

@@ -284,6 +284,8 @@ impl LightPool {
                     light.kind & LIGHT_KIND_BITS
                 }
                 Emitter::Mesh(emissive) => {
+                    // Rays find its light even if the table has no room for it.
+                    self.features |= SceneFeatures::LIGHT_TRIANGLES;
                     if first as u64 + emissive.triangle_count as u64 > limit as u64 {
                         self.left_out[0] += emissive.triangle_count as u64;
                         continue;
@@ -296,7 +298,6 @@ impl LightPool {
                         self.table.push(light);
                         powers.push(power);
                     }
-                    self.features |= SceneFeatures::LIGHT_TRIANGLES;
                     instances.set_first_light(emissive.slot, first);
                     self.slots.push(emissive.slot);
                     LIGHT_TRIANGLE
