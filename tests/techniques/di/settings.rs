@@ -2,7 +2,8 @@
 
 use crate::support::{
     app::*,
-    reuse_settings::{di, pixels},
+    expected_radiance::both_sides,
+    reuse_settings::{di, paths, pixels},
     small_scenes::*,
 };
 use bevy::prelude::*;
@@ -318,4 +319,30 @@ fn reservoirs_take_32_bytes_per_pixel() {
     let of = |name| report.memory.iter().find(|(n, _)| *n == name).map(|(_, bytes)| bytes / 1600);
     // The history also needs the previous visibility buffer.
     assert_eq!([of("di reservoirs"), of("last visibility")], [Some(32), Some(8)]);
+}
+
+#[test]
+fn rays_that_can_find_no_light_are_not_traced() {
+    let Some(mut rig) = Rig::new(32, 32) else { return };
+    rig.insert(rig.camera, orthographic(1.0, 1.0));
+    rig.spawn(square(4.0), lambert(0.5), Transform::default());
+    rig.spawn_bundle((PointLight { intensity: 500.0, ..default() }, Transform::from_xyz(0.0, 0.0, 1.0)));
+    let rays = |rig: &mut Rig, technique| {
+        let (direct, paths) = (di::candidates_only(), paths::candidates_only());
+        rig.set(|r| *r = Restir { technique, bounces: 1, direct, paths, ..plain() });
+        rig.until_ready();
+        rig.frames(4);
+        rig.report().rays as f64 / 1024.0
+    };
+    let techniques = [Technique::Reference, Technique::Di, Technique::Pt];
+    for technique in techniques {
+        let traced = rays(&mut rig, technique);
+        assert!((0.5..=1.0).contains(&traced), "{technique:?}: {traced} rays a pixel, although no surface is bright");
+    }
+    rig.spawn(square(1.0), both_sides(1.0), Transform::from_xyz(3.0, 0.0, 1.0));
+    for technique in techniques {
+        let traced = rays(&mut rig, technique);
+        assert!(traced > 1.5, "{technique:?}: {traced} rays a pixel");
+    }
+    rig.assert_sound();
 }
