@@ -270,7 +270,7 @@ pub const MUTANTS: &[Mutant] = &[
         "restir/pt/domain.wgsl",
         "!has(RESAMPLE_MOVED) || has(RESAMPLE_SAME_DENSITIES)",
         "true",
-        &[MOVING_PATHS],
+        &["while_a_hidden_light_flickers"],
     ),
     mutant("MIS ignores visibility", "pass/reuse.wgsl", "value = select(0.0, value, visible);", "", &[DI_ROOM]),
     mutant(

@@ -343,6 +343,19 @@ pub fn pose_passing(rig: &mut Rig, step: u32) {
     }
 }
 
+/// A room with an emitter whose probability in the light table changes twentyfold between frames, because a light behind a wall flickers:
+/// [`pose_flickering`].
+pub fn flickering(rig: &mut Rig) {
+    room(rig);
+    rig.spawn_bundle((Name::new("flickering"), PointLight::default(), Transform::from_xyz(0.0, 0.0, -20.0)));
+}
+
+/// Sets the light of a step, 0 to [`STEPS`].
+pub fn pose_flickering(rig: &mut Rig, step: u32) {
+    let entity = rig.named("flickering");
+    rig.get_mut::<PointLight>(entity).intensity = if step % 2 == STEPS % 2 { 1.0 } else { 200.0 };
+}
+
 /// A camera that looks at a scene.
 pub fn scene(size: u32, make: impl FnOnce(&mut Rig)) -> Option<Rig> {
     let mut rig = Rig::new(size, size)?;

@@ -48,6 +48,14 @@ fn paths_to_emitters_are_unchanged_while_other_lights_come_and_go() {
     proof.check("passing lights", &mut rig, &both);
 }
 
+/// The last frame's targets hold only while lights keep their probabilities.
+#[test]
+fn paths_to_emitters_are_unchanged_while_a_hidden_light_flickers() {
+    let Some(mut rig) = scene(64, flickering) else { return };
+    let proof = Proof { bounces: 2, margin: 0.02, pose: Some(&pose_flickering), ..Proof::of((80, 1), (8, 32)) };
+    proof.check("flickering light", &mut rig, &[("temporal", paths::temporal())]);
+}
+
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn suffixes_that_are_not_traced_both_ways_are_biased_with_their_documented_sign() {
