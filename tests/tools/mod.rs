@@ -5,4 +5,6 @@ mod render_aovs;
 mod render_cli;
 mod render_moments;
 mod robustness;
+#[cfg(unix)]
+mod run_script;
 mod sweep;
