@@ -49,7 +49,7 @@ pub enum Technique {
     /// Accumulates frames for as long as the image does not change: slow and noisy in motion, exact at rest.  Unbiased; all other techniques
     /// are compared with it.
     Reference,
-    /// ReSTIR DI (Wyman and Panteleev 2021): emission and direct light only: values of `bounces` above 1 have no
+    /// ReSTIR DI (Wyman and Panteleev 2021): emission and direct light only.  Values of `bounces` above 1 have no
     /// effect, and 0 leaves the emission only.  Settings: [`Direct`].
     Di,
     /// ReSTIR GI (Ouyang et al. 2021; candidates, Jacobian and limits as in Lanz 2025, 4.3 and 4.5.5) for indirect light, and
