@@ -81,6 +81,9 @@ pub const GUARD_JACOBIAN: u32 = 0x10000;
 pub const GUARD_GI_MEASURE: u32 = 0x20000;
 pub const GUARD_RESERVOIR: u32 = 0x40000;
 
+/// Bit of an entry of the top level that has, in place of an instance, the root of a tree over triangles in world space.
+pub const WORLD_TREE: u32 = 0x8000_0000;
+
 /// Words of 16 bytes in a CWBVH node.
 pub const NODE_STRIDE: u32 = 5;
 

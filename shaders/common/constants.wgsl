@@ -15,6 +15,9 @@ const FAR: f32 = 3.0e38;
 // Marks a missing index.
 const NONE: u32 = 0xffffffffu;
 
+// Bit of an entry of the top level that has, in place of an instance, the root of a tree over triangles in world space.
+const WORLD_TREE: u32 = 0x80000000u;
+
 // Kinds of lights.
 const LIGHT_TRIANGLE: u32 = 0u;
 const LIGHT_POINT: u32 = 1u;

@@ -2,9 +2,9 @@
 // Traversal on GPUs Through Compressed Wide BVHs"; nodes in `trace/tree.wgsl`).  Only `trace::trace` imports this module.
 #define_import_path bevy_restir::trace::software
 
-#import bevy_restir::common::constants::{NONE, OVERFLOW_STACK, OVERFLOW_STEPS}
+#import bevy_restir::common::constants::{NONE, OVERFLOW_STACK, OVERFLOW_STEPS, WORLD_TREE}
 #import bevy_restir::common::ray::{Hit, Ray, trace_flags}
-#import bevy_restir::scene::bindings::{instances, nodes, scene}
+#import bevy_restir::scene::bindings::{instances, nodes, scene, triangles}
 #import bevy_restir::scene::triangle::stored_triangle
 #import bevy_restir::trace::alpha::accepts_hit
 #ifdef SUBSURFACE
@@ -12,7 +12,7 @@
 #endif
 #import bevy_restir::trace::space::object_ray
 #import bevy_restir::trace::tree::{intersect_node, MIN_NODE_HITS, nearest_child, ROOT_HIT, tree_ray, TreeRay}
-#import bevy_restir::trace::triangle::intersect_triangle
+#import bevy_restir::trace::triangle::{intersect_corners, intersect_triangle}
 #import bevy_restir::view::render_layers::instance_in_layers
 
 // Equal to `blas::STACK_SIZE`: the depth of both trees, and the two groups that wait while a ray is in an instance.
@@ -65,9 +65,42 @@ fn visit_nearest(groups: Groups, tree: TreeRay, t_min: f32, t_max: f32) -> Group
     return Groups(hits.children, hits.primitives);
 }
 
+// In place of an instance while a ray is in a tree over triangles in world space (`world_tree.rs`).
+const WORLD: u32 = 0xfffffffeu;
+
+// A triangle of a leaf: its corners in the space of the tree, and whose it is.
+struct LeafTriangle {
+    a: vec3<f32>,
+    b: vec3<f32>,
+    c: vec3<f32>,
+    instance: u32,
+    triangle: u32,
+}
+
+fn leaf_triangle(instance: u32, index: u32, previous: bool) -> LeafTriangle {
+    if instance == WORLD {
+        let a = nodes[3u * index];
+        let b = nodes[3u * index + 1u];
+        let c = nodes[3u * index + 2u];
+        return LeafTriangle(bitcast<vec3<f32>>(a.xyz), bitcast<vec3<f32>>(b.xyz), bitcast<vec3<f32>>(c.xyz), a.w, b.w);
+    }
+    let stored = stored_triangle(instance, index, previous);
+    return LeafTriangle(triangles[stored].a, triangles[stored].b, triangles[stored].c, instance, index);
+}
+
+// Whether rays of the camera can hit an instance.  A removed instance may remain in the trees of the last frame.
+fn is_traced(instance: u32) -> bool {
+    return instances[instance].blas_root != NONE && instance_in_layers(instance);
+}
+
+// Whether a ray that intersects a triangle hits it.  An instance with a tree of its own was tested when the ray entered that.
+fn is_hit(t: LeafTriangle, is_in_world: bool, barycentrics: vec2<f32>, alpha_seed: u32) -> bool {
+    return (!is_in_world || is_traced(t.instance)) && accepts_hit(t.instance, t.triangle, barycentrics, alpha_seed);
+}
+
 // The closest of the accepted hits on a group of triangles and `last`; the first one, if any hit will do.
 fn closest_of_group(
-    triangles: vec2<u32>,
+    group: vec2<u32>,
     last: Hit,
     instance: u32,
     tree: TreeRay,
@@ -77,16 +110,16 @@ fn closest_of_group(
     previous: bool,
 ) -> Hit {
     var hit = last;
-    var bits = triangles.y;
+    var bits = group.y;
     // The group has a triangle.  The loop ends with its test, as all costly loops do: a driver that masks lanes instead of jumping runs the
     // body of a loop that begins with its test once more than needed.
     loop {
         let bit = firstLeadingBit(bits);
         bits &= ~(1u << bit);
-        let triangle = triangles.x + bit;
-        let found = intersect_triangle(tree.line, stored_triangle(instance, triangle, previous));
-        if found.inside && found.t > t_min && found.t < hit.t && accepts_hit(instance, triangle, found.barycentrics, alpha_seed) {
-            hit = Hit(found.t, instance, triangle, found.barycentrics);
+        let leaf = leaf_triangle(instance, group.x + bit, previous);
+        let found = intersect_corners(tree.line, leaf.a, leaf.b, leaf.c);
+        if found.inside && found.t > t_min && found.t < hit.t && is_hit(leaf, instance == WORLD, found.barycentrics, alpha_seed) {
+            hit = Hit(found.t, leaf.instance, leaf.triangle, found.barycentrics);
             bits = select(bits, 0u, any_hit);
         }
         if bits == 0u {
@@ -96,8 +129,8 @@ fn closest_of_group(
     return hit;
 }
 
-// The instance of a bit of a group of the top level.
-fn instance_of(group: vec2<u32>, bit: u32, previous: bool) -> u32 {
+// The entry of a bit of a group of the top level: an instance, or WORLD_TREE and a root.
+fn entry_of(group: vec2<u32>, bit: u32, previous: bool) -> u32 {
     let indices = select(scene.tlas_indices, scene.previous_tlas_indices, previous);
     let entry = group.x + bit;
     return nodes[indices + (entry >> 2u)][entry & 3u];
@@ -158,9 +191,9 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
             tree = tree_ray(ray.origin, ray.direction);
             continue;
         }
-        // Enter an instance; the rest of the top level waits.
+        // Enter an entry; the rest of the top level waits.
         let bit = firstLeadingBit(groups.primitives.y);
-        instance = instance_of(groups.primitives, bit, previous);
+        let entry = entry_of(groups.primitives, bit, previous);
         groups.primitives.y &= ~(1u << bit);
         if groups.children.y >= MIN_NODE_HITS {
             push(groups.children);
@@ -169,11 +202,16 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
             push(groups.primitives);
         }
         instance_depth = depth;
+        if (entry & WORLD_TREE) != 0u {
+            instance = WORLD;
+            tree = tree_ray(ray.origin, ray.direction);
+            groups = root_group(entry & ~WORLD_TREE, true);
+            continue;
+        }
+        instance = entry;
         let inside = object_ray(ray, instance, previous);
         tree = tree_ray(inside.origin, inside.direction);
-        // A removed instance may remain in the top level of the last frame.
-        let blas = instances[instance].blas_root;
-        groups = root_group(blas, blas != NONE && instance_in_layers(instance));
+        groups = root_group(instances[instance].blas_root, is_traced(instance));
     }
     return hit;
 }

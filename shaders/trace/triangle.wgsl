@@ -28,11 +28,12 @@ fn sheared_ray(origin: vec3<f32>, direction: vec3<f32>) -> ShearedRay {
     return ShearedRay(origin, direction, axis, d.xy / d.z);
 }
 
-// Intersects the whole line with a triangle; the caller compares t with its interval.
+// Intersects the whole line with a stored triangle; the caller compares t with its interval.
 fn intersect_triangle(ray: ShearedRay, index: u32) -> TriangleHit {
-    let v0 = triangles[index].a;
-    let v1 = triangles[index].b;
-    let v2 = triangles[index].c;
+    return intersect_corners(ray, triangles[index].a, triangles[index].b, triangles[index].c);
+}
+
+fn intersect_corners(ray: ShearedRay, v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>) -> TriangleHit {
     let a = long_axis_last(v0 - ray.origin, ray.axis);
     let b = long_axis_last(v1 - ray.origin, ray.axis);
     let c = long_axis_last(v2 - ray.origin, ray.axis);

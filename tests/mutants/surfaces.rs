@@ -114,6 +114,27 @@ pub const MUTANTS: &[Mutant] = &[
         &["tracing::traversal"],
     ),
     mutant(
+        "instances in a tree over resting instances are hit after their removal",
+        "trace/software.wgsl",
+        "return (!is_in_world || is_traced(t.instance)) && accepts_hit(t.instance, t.triangle, barycentrics, alpha_seed);",
+        "return accepts_hit(t.instance, t.triangle, barycentrics, alpha_seed);",
+        &["tracing::traversal"],
+    ),
+    mutant(
+        "triangles in a tree over resting instances are numbered by their place in that tree",
+        "trace/software.wgsl",
+        "bitcast<vec3<f32>>(c.xyz), a.w, b.w);",
+        "bitcast<vec3<f32>>(c.xyz), a.w, index);",
+        &["tracing::traversal"],
+    ),
+    mutant(
+        "a tree over resting instances is entered with the ray of the last instance",
+        "trace/software.wgsl",
+        "            instance = WORLD;\n            tree = tree_ray(ray.origin, ray.direction);",
+        "            instance = WORLD;",
+        &["tracing::traversal"],
+    ),
+    mutant(
         "children of a node are taken for those of another octant",
         "trace/tree.wgsl",
         "let slot = (bit - 24u) ^ (octant & 7u);",

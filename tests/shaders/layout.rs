@@ -302,6 +302,7 @@ fn constants_are_the_same_in_rust_and_wgsl() {
     same!(
         constants:
         NONE,
+        WORLD_TREE,
         LIGHT_TRIANGLE,
         LIGHT_POINT,
         LIGHT_SPOT,

@@ -188,7 +188,7 @@ fn a_sweep_reports_every_preset_and_continues() {
     }
     // Four captured frames of 18 configurations below the head.
     assert_eq!(read("frames.csv").lines().filter(|line| !line.starts_with('#')).count(), 1 + 18 * 4);
-    assert!(read("passes.csv").contains("Presets,Pt Balanced,pt_candidates,"));
+    assert!(read("passes.csv").contains("Presets,Pt Balanced,pt_indirect_candidates,"));
     for file in ["error-over-time.svg", "error-over-frames.svg", "cost-by-pass.svg"] {
         assert!(read(file).starts_with("<svg"), "{file}");
         assert!(read("report.md").contains(file), "{file}");

@@ -101,6 +101,46 @@ fn rays_agree_with_brute_force_among_transformed_instances() {
     });
 }
 
+/// Some instances rest, and their triangles are in one tree; others, which have no triangles or have been removed, are beside them.
+#[test]
+fn rays_agree_with_brute_force_in_a_tree_over_resting_instances() {
+    on_each_back_end(&[], |gpu, kernel| {
+        let mut random = Random::new(12);
+        let meshes = [
+            random_soup(&mut random, 20, 1.0, 0.5),
+            sphere(6, 8, 0.2, |p| p),
+            soup(Vec::new()),
+            random_soup(&mut random, 1, 0.1, 1.0),
+        ];
+        for (count, scale, spread) in [(1, 1.0, 0.0), (40, 0.5, 3.0), (400, 0.1, 2.0)] {
+            let instances: Vec<_> =
+                (0..count).map(|i| (i % 4, random_rows(&mut random, scale, spread), 0, 0)).collect();
+            for share in [1, 2, 7] {
+                let scene = TestScene::new(&meshes, &instances).with_world_tree(|i| i % share == 0);
+                let rays = random_rays(&mut random, 700, 2.0);
+                agrees(&scene, &rays, &trace(gpu, kernel, &scene, &rays), 1e-3, 1.0);
+            }
+        }
+    });
+}
+
+/// A removed instance may be in the trees of the last frame.
+#[test]
+fn a_removed_instance_is_not_hit_in_a_tree_over_resting_instances() {
+    let Some(gpu) = gpu() else { return };
+    let kernel = gpu.kernel("trace", TRACE, &[]);
+    let wall = |z: f32| soup(vec![[[-9.0, -9.0, z], [9.0, -9.0, z], [0.0, 9.0, z]]]);
+    let mut scene = TestScene::new(&[wall(-1.0), wall(-2.0)], &[(0, identity(), 0, 0), (1, identity(), 0, 0)]);
+    scene = scene.with_world_tree(|_| true);
+    let rays = [ray([0.0; 3], [0.0, 0.0, -1.0])];
+    let seen = |scene: &TestScene| trace(gpu, &kernel, scene, &rays)[0];
+    let (first, second) = (seen(&scene), scene.instances[1].first_triangle);
+    assert_eq!((first.instance, first.triangle), (0, scene.instances[0].first_triangle));
+    scene.instances[0].blas_root = NONE;
+    let behind = seen(&scene);
+    assert_eq!((behind.t, behind.instance, behind.triangle), (2.0, 1, second));
+}
+
 #[test]
 fn rays_agree_with_brute_force_at_extreme_scales() {
     on_each_back_end(&[], |gpu, kernel| {

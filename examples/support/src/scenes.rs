@@ -9,6 +9,7 @@ use bevy_restir::{
         accel::ray_query::{AccelerationStructures, Placed},
         accel::tlas::{build_tlas, inverse, world_bounds},
         geometry::triangulate::Geometry,
+        geometry::world_tree::{Part, WorldTree},
     },
 };
 use bytemuck::{Pod, Zeroable};
@@ -205,6 +206,40 @@ impl TestScene {
         scene
     }
 
+    /// The same scene with one tree in world space over the instances for which `rests` holds.
+    pub fn with_world_tree(mut self, rests: impl Fn(usize) -> bool) -> Self {
+        let resting = self.instances.iter().enumerate().filter(|(i, _)| rests(*i));
+        let part = |(i, instance): (usize, &GpuInstance)| {
+            let triangles = &self.triangles[instance.first_triangle as usize..][..instance.triangle_count as usize];
+            Part {
+                slot: i as u32,
+                first_triangle: instance.first_triangle,
+                world_from_object: instance.world_from_object,
+                positions: triangles.iter().map(|t| [t.a, t.b, t.c]).collect(),
+            }
+        };
+        let parts: Vec<Part> = resting.map(part).collect();
+        let Some(tree) = WorldTree::build(&parts) else { return self };
+        self.nodes.resize(self.nodes.len().next_multiple_of(NODE_STRIDE as usize), [0; 4]);
+        let root = self.nodes.len() as u32 / NODE_STRIDE;
+        self.nodes.extend(tree.words(root));
+        let placed = |i: usize| {
+            let bounds = self.boxes[i]?;
+            Some(world_bounds(&self.instances[i].world_from_object, &bounds).expect("tests make finite boxes"))
+        };
+        let single = (0..self.instances.len()).filter(|i| !rests(*i));
+        let mut entries: Vec<_> = single.filter_map(|i| Some((i as u32, placed(i)?))).collect();
+        let union = |a: Bounds, b: Bounds| -> Bounds {
+            (std::array::from_fn(|k| a.0[k].min(b.0[k])), std::array::from_fn(|k| a.1[k].max(b.1[k])))
+        };
+        let bounds = (0..self.instances.len()).filter(|i| rests(*i)).filter_map(placed).reduce(union);
+        entries.extend(bounds.map(|bounds| (WORLD_TREE | root, bounds)));
+        self.write_top_level(&entries);
+        self.uniforms.previous_tlas_root = self.uniforms.tlas_root;
+        self.uniforms.previous_tlas_indices = self.uniforms.tlas_indices;
+        self
+    }
+
     fn build_top_level(&mut self) {
         let placed = self.instances.iter().zip(&self.boxes).enumerate();
         let boxes: Vec<_> = placed
@@ -213,7 +248,11 @@ impl TestScene {
                 Some((i as u32, world_bounds(world, &(*bounds)?).expect("tests make finite boxes")))
             })
             .collect();
-        let mut tlas = build_tlas(&boxes);
+        self.write_top_level(&boxes);
+    }
+
+    fn write_top_level(&mut self, entries: &[(u32, Bounds)]) {
+        let mut tlas = build_tlas(entries);
         self.uniforms.tlas_root = NONE;
         if !tlas.nodes.is_empty() {
             self.nodes.resize(self.nodes.len().next_multiple_of(NODE_STRIDE as usize), [0; 4]);

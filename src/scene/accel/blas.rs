@@ -60,8 +60,7 @@ impl Blas {
 
 /// Builds the tree of a mesh; `None` if it has no triangles.
 pub fn build_blas(geometry: &Geometry) -> Option<Blas> {
-    let boxes: Vec<Bounds> = geometry.positions.iter().map(|p| bounds_of(p)).collect();
-    let tree = build_tree(&boxes, BvhBuildParams::medium_build(), MAX_BLAS_DEPTH)?;
+    let tree = build_triangle_tree(&geometry.positions)?;
     let triangle = |&i: &u32| {
         let [a, b, c] = geometry.positions[i as usize];
         GpuTriangle { a, b, c, ..Default::default() }
@@ -133,8 +132,14 @@ impl Boundable for Leaf {
 /// Largest coordinate of the boxes that obvhs gets.  It adds up the areas of all nodes in f32: even 2^26 nodes of this size do not overflow.
 const MAX_BUILDER_COORDINATE: f32 = (1u64 << 40) as f32;
 
-/// Builds a tree over finite boxes.  If it is deeper than `max_depth`, a balanced tree along a space-filling curve replaces it.
-pub(crate) fn build_tree(boxes: &[Bounds], parameters: BvhBuildParams, max_depth: u32) -> Option<Tree> {
+/// Builds a tree over triangles; `None` if there are none.
+pub(crate) fn build_triangle_tree(triangles: &[[[f32; 3]; 3]]) -> Option<Tree> {
+    let boxes: Vec<Bounds> = triangles.iter().map(|corners| bounds_of(corners)).collect();
+    build_tree(&boxes, BvhBuildParams::medium_build(), 3, MAX_BLAS_DEPTH)
+}
+
+/// Builds a tree over finite boxes, of which a leaf has at most `max_leaf`, 1 to 3.  If it is deeper than `max_depth`, a balanced tree along a space-filling curve replaces it.
+pub(crate) fn build_tree(boxes: &[Bounds], parameters: BvhBuildParams, max_leaf: u32, max_depth: u32) -> Option<Tree> {
     if boxes.is_empty() {
         return None;
     }
@@ -142,13 +147,13 @@ pub(crate) fn build_tree(boxes: &[Bounds], parameters: BvhBuildParams, max_depth
     let scale = 0.5f32.powi(halvings);
     let corner = |corner: &[f32; 3]| corner.map(|x| x * scale).into();
     let leaves: Vec<Leaf> = boxes.iter().map(|(min, max)| Leaf(Aabb::new(corner(min), corner(max)))).collect();
-    let balanced_tree = || convert(&balanced(&morton_order(boxes), &leaves), max_depth);
+    let balanced_tree = || convert(&balanced(&morton_order(boxes), &leaves), max_leaf, max_depth);
     let tree = match agglomeration_stalls(&leaves, &parameters) {
         true => balanced_tree(),
         false => {
             let mut binary = agglomerate(&leaves, &parameters);
             ReinsertionOptimizer::default().run(&mut binary, parameters.reinsertion_batch_ratio, None);
-            convert(&binary, max_depth).or_else(balanced_tree)
+            convert(&binary, max_leaf, max_depth).or_else(balanced_tree)
         }
     };
     tree.map(|tree| tree.doubled(halvings))
@@ -198,11 +203,11 @@ fn morton_order(boxes: &[Bounds]) -> Vec<u32> {
 }
 
 // Converts a binary tree to a compressed 8-wide tree; `None` if either is too deep.
-fn convert(binary: &Bvh2, max_depth: u32) -> Option<Tree> {
+fn convert(binary: &Bvh2, max_leaf: u32, max_depth: u32) -> Option<Tree> {
     if binary_depth(binary) > MAX_BINARY_DEPTH {
         return None;
     }
-    let wide = bvh2_to_cwbvh(binary, 3, true, false);
+    let wide = bvh2_to_cwbvh(binary, max_leaf, true, false);
     let nodes: Vec<[u32; 4]> = bytemuck::pod_collect_to_vec(bytemuck::cast_slice::<_, u8>(&wide.nodes));
     let bounds = (wide.total_aabb.min.into(), wide.total_aabb.max.into());
     (wide_depth(&nodes) <= max_depth).then_some(Tree { nodes, order: wide.primitive_indices, bounds })

@@ -391,6 +391,11 @@ impl InstancePool {
         self.dirty.push(slot);
     }
 
+    /// Slots whose records may have changed in this frame; some more than once.
+    pub(super) fn changed_slots(&self) -> &[u32] {
+        &self.dirty
+    }
+
     /// The record of a slot.
     pub(crate) fn get(&self, slot: u32) -> &GpuInstance {
         &self.records[slot as usize]

@@ -15,3 +15,4 @@ pub(crate) mod top_level;
 pub(crate) mod totals;
 pub mod triangulate;
 pub(crate) mod visibility_range;
+pub mod world_tree;

@@ -6,6 +6,8 @@ use bevy::{
     render::renderer::{RenderDevice, RenderQueue},
 };
 
+use std::ops::Range;
+
 use crate::gpu_layout::{INSTANCE_ALPHA, NONE};
 use crate::scene::{
     accel::blas::Bounds,
@@ -15,6 +17,7 @@ use crate::scene::{
     geometry::bodies::BodyPool,
     geometry::gpu_tlas::GpuTlas,
     geometry::meshes::MeshPool,
+    geometry::world_tree::RestingInstances,
     geometry::{instance_record::LiveInstance, instances::InstancePool},
 };
 
@@ -26,7 +29,7 @@ const MAX_COST: f64 = 1.2;
 pub(crate) struct TopLevel {
     /// The bounds of some instance have changed since the tree was built.
     pub(super) changed: bool,
-    /// World bounds of the instances in the tree, by slot, in the order of their entities.
+    /// Entries of the tree with their world bounds: slots of instances, in the order of their entities, and the tree over those that rest.
     bounds: Vec<(u32, Bounds)>,
     /// Memory for the bounds of the next tree.
     new_bounds: Vec<(u32, Bounds)>,
@@ -36,6 +39,10 @@ pub(crate) struct TopLevel {
     current: GpuTlas,
     /// The top level of the last frame; `None` if it equals the current one.
     previous: Option<GpuTlas>,
+    /// The instances that rest, which have a tree of their own.
+    pub(super) resting: RestingInstances,
+    /// Ranges of such trees that only the last frame's top level has.
+    outdated: Vec<Range<u32>>,
     /// Replaces both when rays are traced by ray queries.
     pub structures: Option<AccelerationStructures>,
     /// The instances for `structures`.
@@ -97,7 +104,8 @@ impl TopLevel {
         self.previous_sphere = (self.center, self.radius);
     }
 
-    /// Refits or rebuilds the tree if any bounds changed, and returns whether it did.  The tree of the last frame is released one frame later.
+    /// Refits or rebuilds the tree if its entries or their bounds changed, and returns whether those of the scene did.  The tree of the last
+    /// frame is released one frame later.
     pub(super) fn rebuild(
         &mut self,
         instances: &InstancePool,
@@ -107,7 +115,12 @@ impl TopLevel {
     ) -> bool {
         if let Some(old) = self.previous.take() {
             meshes.release_nodes(old.range);
+            self.outdated.drain(..).for_each(|range| meshes.release_nodes(range));
         }
+        let (is_regrouped, uploaded) = self.resting.update(instances, meshes, device, queue);
+        self.uploaded_nodes = uploaded;
+        let scene_changed = self.changed;
+        self.changed |= is_regrouped;
         if !self.update_bounds(instances) {
             return false;
         }
@@ -125,9 +138,10 @@ impl TopLevel {
             self.changed = true;
             return false;
         };
-        self.uploaded_nodes = bytes;
+        self.uploaded_nodes += bytes;
+        self.outdated = self.resting.take_outdated();
         self.previous = Some(core::mem::replace(&mut self.current, fresh));
-        true
+        scene_changed
     }
 
     /// Fits the tree to instances that have only moved, and returns whether it is still good.
@@ -188,8 +202,9 @@ impl TopLevel {
             return false;
         }
         self.new_bounds.clear();
-        let traced = instances.in_order().filter_map(|(slot, live)| Some((slot, live.traced_bounds()?)));
-        self.new_bounds.extend(traced);
+        let single = instances.in_order().filter(|(slot, _)| !self.resting.contains(*slot));
+        self.new_bounds.extend(single.filter_map(|(slot, live)| Some((slot, live.traced_bounds()?))));
+        self.new_bounds.extend(self.resting.entry());
         let changed = self.new_bounds != self.bounds;
         if changed {
             core::mem::swap(&mut self.bounds, &mut self.new_bounds);

@@ -16,6 +16,7 @@ impl InstancePool {
         vec![
             ("instances", self.slots.len()),
             ("slots of instances", self.records.len()),
+            ("instances at rest", self.top.resting.len()),
             ("warnings of instances", self.warned.len()),
         ]
     }

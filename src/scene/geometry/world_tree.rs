@@ -1,0 +1,326 @@
+//! A tree over the triangles of the instances that rest, in world space.
+//!
+//! A ray enters the tree of each instance whose bounds it crosses, with a transform of its own.  Where the bounds of many instances overlap,
+//! as those of a building that is split by material do, most of these visits find nothing.  One tree over all their triangles is entered
+//! once, and without a transform.  It holds copies of the triangles, so that its size is limited, and it serves only as long as none of its
+//! instances changes: the top level then has single instances again, until they have rested for a while.
+
+#[cfg(feature = "testing")]
+use bevy::app::App;
+use bevy::{
+    asset::AssetId,
+    mesh::Mesh,
+    platform::collections::{HashMap, HashSet},
+    render::renderer::{RenderDevice, RenderQueue},
+    tasks::{AsyncComputeTaskPool, Task, block_on},
+};
+use std::ops::Range;
+
+use crate::gpu_layout::{
+    GpuInstance, INSTANCE_APPEARED, INSTANCE_DEFORMED, INSTANCE_GONE, NODE_STRIDE, Rows, WORLD_TREE,
+};
+use crate::scene::{
+    accel::blas::{Bounds, bake, build_triangle_tree},
+    geometry::{instance_record::LiveInstance, instances::InstancePool, meshes::MeshPool},
+};
+
+/// Greatest number of triangles in the tree: 17 MB with their nodes, and a third of a second to build.
+const MAX_TRIANGLES: usize = 1 << 18;
+/// Scenes with more instances have no such tree: choosing among them would take too long.
+const MAX_INSTANCES: u64 = 1 << 14;
+/// Frames between the start of a build and the use of its tree.  The frame does not depend on how long the build takes, so that pictures can
+/// be repeated.
+const BUILD_FRAMES: u64 = 8;
+/// Frames in which an instance must not have moved.
+const REST: u64 = 64;
+/// Most frames to wait for the next tree after some that did not live long.
+const MAX_WAIT: u64 = 1024;
+
+/// An instance whose triangles the tree holds.
+#[derive(Clone, Debug)]
+pub struct Part {
+    /// Its slot.
+    pub slot: u32,
+    /// The place of its first triangle in the buffer of triangles.
+    pub first_triangle: u32,
+    pub world_from_object: Rows,
+    /// Corners of its triangles in object space.
+    pub positions: Vec<[[f32; 3]; 3]>,
+}
+
+/// A tree over triangles in world space.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WorldTree {
+    nodes: Vec<[u32; 4]>,
+    /// Corners, in the order of the leaves.  The fourth components of the first two are the instance and the triangle.
+    triangles: Vec<[[u32; 4]; 3]>,
+}
+
+impl WorldTree {
+    /// Builds the tree; `None` if the parts have no triangles.
+    pub fn build(parts: &[Part]) -> Option<Self> {
+        let (corners, owners): (Vec<_>, Vec<_>) = parts.iter().flat_map(world_triangles).unzip();
+        let tree = build_triangle_tree(&corners)?;
+        let packed = |&i: &u32| {
+            let ([a, b, c], [slot, triangle]) = (corners[i as usize], owners[i as usize]);
+            let word = |[x, y, z]: [f32; 3], w| [x.to_bits(), y.to_bits(), z.to_bits(), w];
+            [word(a, slot), word(b, triangle), word(c, 0)]
+        };
+        Some(Self { triangles: tree.order.iter().map(packed).collect(), nodes: tree.nodes })
+    }
+
+    /// The words of the tree for a place in the buffer of nodes, whose unit is a node: nodes, then triangles.
+    pub fn words(&self, start: u32) -> Vec<[u32; 4]> {
+        let mut words = self.nodes.clone();
+        // Triangles have three elements each, and their index counts from the beginning of the buffer.
+        let end = start * NODE_STRIDE + words.len() as u32;
+        let first = end.div_ceil(3);
+        bake(&mut words, start, first);
+        words.resize(words.len() + (3 * first - end) as usize, [0; 4]);
+        words.extend(self.triangles.as_flattened());
+        words.resize((self.node_count() * NODE_STRIDE) as usize, [0; 4]);
+        words
+    }
+
+    /// Size in the buffer of nodes.
+    pub fn node_count(&self) -> u32 {
+        let padding = 2;
+        ((self.nodes.len() + padding + 3 * self.triangles.len()) as u32).div_ceil(NODE_STRIDE)
+    }
+}
+
+/// Corners of the triangles of a part in world space, with its slot and the places of the triangles.
+fn world_triangles(part: &Part) -> impl Iterator<Item = ([[f32; 3]; 3], [u32; 2])> {
+    let rows = part.world_from_object.map(|row| row.map(f64::from));
+    let world = move |[x, y, z]: [f32; 3]| -> [f32; 3] {
+        let row = |[a, b, c, d]: [f64; 4]| (a * f64::from(x) + b * f64::from(y) + c * f64::from(z) + d) as f32;
+        rows.map(row)
+    };
+    let triangles = part.first_triangle..;
+    part.positions.iter().zip(triangles).map(move |(corners, triangle)| (corners.map(world), [part.slot, triangle]))
+}
+
+/// What must stay as it is while an instance is in the tree.
+#[derive(Clone, Copy, PartialEq)]
+struct Placement {
+    world_from_object: Rows,
+    first_triangle: u32,
+}
+
+impl Placement {
+    fn of(instance: &GpuInstance) -> Self {
+        Self { world_from_object: instance.world_from_object, first_triangle: instance.first_triangle }
+    }
+}
+
+/// The instances of a tree by slot, and the bounds of all of them.
+struct Members {
+    placements: HashMap<u32, Placement>,
+    bounds: Bounds,
+}
+
+impl Members {
+    /// Whether all changed slots that are members have the placement that they had.
+    fn stay(&self, changed: &[u32], instances: &InstancePool) -> bool {
+        changed.iter().all(|slot| {
+            let Some(placement) = self.placements.get(slot) else { return true };
+            let instance = instances.get(*slot);
+            instances.live_in(*slot).is_some_and(|live| live.ray_mask != 0)
+                && instance.flags & INSTANCE_GONE == 0
+                && Placement::of(instance) == *placement
+        })
+    }
+}
+
+struct Pending {
+    task: Task<Option<WorldTree>>,
+    members: Members,
+    /// The frame in which the tree is used.
+    due: u64,
+}
+
+struct Current {
+    members: Members,
+    /// Its range in the buffer of nodes.
+    range: Range<u32>,
+    since: u64,
+}
+
+/// The instances that rest, and the tree over them.
+#[derive(Default)]
+pub(super) struct RestingInstances {
+    frame: u64,
+    current: Option<Current>,
+    pending: Option<Pending>,
+    /// The frames in which instances moved last, by slot.
+    moved: HashMap<u32, u64>,
+    /// Instances have come or moved since the members were chosen.
+    has_changed: bool,
+    /// The first frame in which members may be chosen again, and the wait after that.
+    next: u64,
+    wait: u64,
+    /// Ranges of trees that the top level on the GPU has, or had in the last frame.
+    outdated: Vec<Range<u32>>,
+    /// Tests trace single instances.
+    is_off: bool,
+}
+
+impl RestingInstances {
+    /// Gives up the tree if one of its instances has changed, and builds one for instances that have rested.  Returns whether the entries of
+    /// the top level are others than before.
+    pub(super) fn update(
+        &mut self,
+        instances: &InstancePool,
+        meshes: &mut MeshPool,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) -> (bool, u64) {
+        self.frame += 1;
+        let changed = instances.changed_slots();
+        self.note_motion(changed, instances);
+        if self.pending.as_ref().is_some_and(|pending| !pending.members.stay(changed, instances)) {
+            self.pending = None;
+        }
+        let was_given_up = self.current.as_ref().is_some_and(|current| !current.members.stay(changed, instances));
+        if was_given_up || self.is_off {
+            self.give_up();
+        }
+        let is_loaded = !instances.waiting && meshes.idle();
+        let is_small = instances.totals.instances <= MAX_INSTANCES;
+        let is_due = self.has_changed && self.pending.is_none() && self.frame >= self.next;
+        if is_due && is_loaded && is_small && !self.is_off {
+            self.choose(instances, meshes);
+        }
+        let uploaded = match self.pending.take_if(|pending| self.frame >= pending.due) {
+            Some(pending) => self.adopt(pending, meshes, device, queue),
+            None => 0,
+        };
+        (was_given_up || uploaded > 0, uploaded)
+    }
+
+    fn note_motion(&mut self, changed: &[u32], instances: &InstancePool) {
+        for &slot in changed {
+            let instance = instances.get(slot);
+            let has_moved = instance.world_from_object != instance.previous_world_from_object;
+            self.has_changed |= has_moved || instance.flags & INSTANCE_APPEARED != 0;
+            if has_moved {
+                self.moved.insert(slot, self.frame);
+            }
+        }
+    }
+
+    fn give_up(&mut self) {
+        let Some(old) = self.current.take() else { return };
+        self.outdated.push(old.range);
+        // Trees that do not live long are not worth their builds.
+        let lived = self.frame - old.since;
+        self.wait = if lived < 4 * REST { (2 * self.wait).clamp(REST, MAX_WAIT) } else { REST };
+        self.next = self.frame + self.wait;
+    }
+
+    /// Chooses the instances of the next tree, and starts its build if they are worth it.
+    fn choose(&mut self, instances: &InstancePool, meshes: &MeshPool) {
+        let is_first = self.next == 0;
+        self.has_changed = false;
+        self.next = self.frame + REST;
+        let frame = self.frame;
+        self.moved.retain(|_, moved| *moved + REST > frame);
+        let at_rest = |slot: &u32| !self.moved.contains_key(slot);
+        let all = instances.in_order().filter(|(slot, live)| live.ray_mask != 0 && at_rest(slot));
+        let resting: Vec<_> =
+            all.filter(|(slot, live)| has_triangles_of_mesh(*slot, live, instances, meshes)).collect();
+        let chosen = within_budget(&resting);
+        let count = |list: &[(u32, &LiveInstance)]| list.iter().map(|(_, live)| live.triangles).sum::<u32>();
+        let is_new = |(slot, _): &(u32, &LiveInstance)| {
+            self.current.as_ref().is_none_or(|current| !current.members.placements.contains_key(slot))
+        };
+        let added: Vec<_> = chosen.iter().copied().filter(is_new).collect();
+        if chosen.len() < 2 || 4 * count(&added) < count(&chosen) {
+            return;
+        }
+        let part = |&(slot, live): &(u32, &LiveInstance)| {
+            let instance = instances.get(slot);
+            let positions = meshes.get(live.mesh).map(|mesh| mesh.positions.clone()).unwrap_or_default();
+            let Placement { world_from_object, first_triangle } = Placement::of(instance);
+            Part { slot, first_triangle, world_from_object, positions }
+        };
+        let parts: Vec<Part> = chosen.iter().map(part).collect();
+        let task = AsyncComputeTaskPool::get().spawn(async move { WorldTree::build(&parts) });
+        let bounds = chosen.iter().map(|(_, live)| live.bounds).reduce(union).unwrap_or_default();
+        let placements = chosen.iter().map(|&(slot, _)| (slot, Placement::of(instances.get(slot)))).collect();
+        // The first frames of a scene wait for its meshes anyway.
+        let due = frame + if is_first { 0 } else { BUILD_FRAMES };
+        self.pending = Some(Pending { task, members: Members { placements, bounds }, due });
+    }
+
+    /// Uploads the tree of a build in place of the current one.  Returns the number of bytes sent, 0 if there is no room for it.
+    fn adopt(&mut self, pending: Pending, meshes: &mut MeshPool, device: &RenderDevice, queue: &RenderQueue) -> u64 {
+        let Some(tree) = block_on(pending.task) else { return 0 };
+        let Some(range) = meshes.allocate_nodes(tree.node_count(), device, queue) else {
+            self.next = self.frame + MAX_WAIT;
+            return 0;
+        };
+        let bytes = meshes.nodes.write(range.start, bytemuck::cast_slice(&tree.words(range.start)), queue);
+        let current = Current { members: pending.members, range, since: self.frame };
+        self.outdated.extend(self.current.replace(current).map(|old| old.range));
+        bytes
+    }
+
+    /// Whether the tree has the instance in a slot.
+    pub(super) fn contains(&self, slot: u32) -> bool {
+        self.current.as_ref().is_some_and(|current| current.members.placements.contains_key(&slot))
+    }
+
+    /// Number of instances in the tree.
+    #[cfg(feature = "testing")]
+    pub(super) fn len(&self) -> usize {
+        self.current.as_ref().map_or(0, |current| current.members.placements.len())
+    }
+
+    /// The tree as an entry of the top level, with its bounds.
+    pub(super) fn entry(&self) -> Option<(u32, Bounds)> {
+        self.current.as_ref().map(|current| (WORLD_TREE | current.range.start, current.members.bounds))
+    }
+
+    /// Ranges of trees that are not used any more once a new top level is on the GPU and a frame has passed.
+    pub(super) fn take_outdated(&mut self) -> Vec<Range<u32>> {
+        core::mem::take(&mut self.outdated)
+    }
+}
+
+/// Whether the triangles of an instance are those of its mesh, as they do not bend.
+fn has_triangles_of_mesh(slot: u32, live: &LiveInstance, instances: &InstancePool, meshes: &MeshPool) -> bool {
+    let instance = instances.get(slot);
+    let mesh = meshes.get(live.mesh);
+    instance.flags & INSTANCE_DEFORMED == 0 && mesh.is_some_and(|mesh| mesh.triangles.start == instance.first_triangle)
+}
+
+/// The instances of the meshes with the fewest triangles in all their instances, as many as fit.
+fn within_budget<'a>(resting: &[(u32, &'a LiveInstance)]) -> Vec<(u32, &'a LiveInstance)> {
+    let mut totals: HashMap<AssetId<Mesh>, usize> = HashMap::default();
+    for (_, live) in resting {
+        *totals.entry(live.mesh).or_default() += live.triangles as usize;
+    }
+    let mut sorted: Vec<_> = totals.iter().map(|(mesh, total)| (*total, *mesh)).collect();
+    sorted.sort_unstable();
+    let mut sum = 0;
+    let fits = |(total, mesh): &(usize, AssetId<Mesh>)| {
+        sum += total;
+        (sum <= MAX_TRIANGLES).then_some(*mesh)
+    };
+    let meshes: HashSet<_> = sorted.iter().map_while(fits).collect();
+    resting.iter().copied().filter(|(_, live)| meshes.contains(&live.mesh)).collect()
+}
+
+fn union(a: Bounds, b: Bounds) -> Bounds {
+    (core::array::from_fn(|i| a.0[i].min(b.0[i])), core::array::from_fn(|i| a.1[i].max(b.1[i])))
+}
+
+/// Traces single instances, without a tree over those that rest.
+#[cfg(feature = "testing")]
+pub fn keep_instances_apart(app: &mut App) {
+    let world = app.get_sub_app_mut(bevy::render::RenderApp).map(|render| render.world_mut());
+    if let Some(mut instances) = world.and_then(|world| world.get_resource_mut::<InstancePool>()) {
+        instances.top.resting.is_off = true;
+    }
+}
