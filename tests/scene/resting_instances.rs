@@ -39,9 +39,9 @@ fn boxes(apart: bool) -> Option<(Rig, Entity)> {
     Some((rig, first?))
 }
 
-/// Asserts that the next pictures are equal up to rounding, which moves a ray past an edge here and there.
+/// Asserts that pictures with the same random numbers are equal up to rounding, which moves a ray past an edge here and there.
 fn assert_same_picture(a: &mut Rig, b: &mut Rig, what: &str) {
-    let (a, b) = (a.next(), b.next());
+    let (a, b) = (a.picture(1), b.picture(1));
     assert!(a.mean() > 0.05, "{what}: the picture is black");
     let differ = a.iter().zip(b.iter()).filter(|((_, a), (_, b))| a.distance(*b) > 1e-3 * (a.length() + b.length()));
     let differ = differ.count();
@@ -61,12 +61,10 @@ const EDITS: &[Edit] = &[
     ("it has another mesh", |rig, entity| {
         let ball = rig.add::<Mesh>(Sphere::new(0.4).mesh().uv(12, 8));
         rig.insert(entity, Mesh3d(ball));
-        rig.until_ready();
     }),
     ("its mesh changes", |rig, entity| {
         let mesh = rig.app.world().get::<Mesh3d>(entity).expect("it has a mesh").0.clone();
         rig.edit(&mesh, |mesh| *mesh = Cuboid::new(0.9, 0.4, 0.5).into());
-        rig.until_ready();
     }),
     ("it lets some light through", |rig, entity| {
         let material = rig.material_of(entity);
@@ -74,9 +72,19 @@ const EDITS: &[Edit] = &[
             m.alpha_mode = AlphaMode::Blend;
             m.base_color.set_alpha(0.5);
         });
-        rig.until_ready();
     }),
 ];
+
+/// Asserts that instances leave their tree within the frames that a new mesh may take, which are too few for another tree.
+fn assert_tree_is_left(rig: &mut Rig, what: &str) {
+    for _ in 0..REST / 5 {
+        rig.frame();
+        if resting(rig) == 0 {
+            return;
+        }
+    }
+    panic!("{what}: {} instances are in the tree", resting(rig));
+}
 
 #[test]
 fn instances_at_rest_look_like_single_ones_and_leave_their_tree_when_they_change() {
@@ -89,8 +97,7 @@ fn instances_at_rest_look_like_single_ones_and_leave_their_tree_when_they_change
         let (mut apart, same) = boxes(true).expect("there is an adapter");
         edit(&mut rig, entity);
         edit(&mut apart, same);
-        assert_same_picture(&mut rig, &mut apart, what);
-        assert_eq!(resting(&rig), 0, "{what}");
+        assert_tree_is_left(&mut rig, what);
         assert_same_picture(&mut rig, &mut apart, what);
         rig.assert_sound();
     }
