@@ -63,6 +63,7 @@ pub fn paper() -> Restir {
 /// The pipeline of the paper with visibility reuse within a radius in pixels (7.3).
 fn paper_within(radius: f32) -> Restir {
     with(|d| {
+        (d.reuse.spatial_samples, d.reuse.radius, d.reuse.confidence_cap) = (1, 30.0, 20.0);
         d.bias_correction = BiasCorrection::HeuristicsAndMis;
         d.visibility = VisibilityReuse::Decoupled;
         d.visibility_radius = radius;
@@ -145,7 +146,7 @@ pub fn entries() -> Vec<Entry> {
 
     let classic = with(|d| {
         d.reuse.order = ReuseOrder::TemporalThenSpatial;
-        d.reuse.spatial_samples = 5;
+        (d.reuse.spatial_samples, d.reuse.radius, d.reuse.confidence_cap) = (5, 30.0, 20.0);
         d.reuse.spatial_iterations = 2;
     });
     add(

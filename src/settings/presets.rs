@@ -47,6 +47,7 @@ impl Preset {
                 bias_correction: BiasCorrection::HeuristicsAndMis,
                 visibility: VisibilityReuse::Decoupled,
                 visibility_radius: 30.0,
+                reuse: Reuse { spatial_samples: 1, ..Reuse::DIRECT },
                 ..Direct::default()
             },
             Self::Balanced | Self::Quality | Self::Unbiased => Direct::default(),

@@ -68,7 +68,7 @@ pub struct Reuse {
     /// noise has not been measured.  No cost, no bias.  Default: on for light that enters objects, otherwise off.
     pub bilinear: bool,
     /// Neighbors whose samples are reused in an iteration: more give less noise, which is more correlated.  Each costs a shift and its rays.
-    /// No bias.  0 to 5; default 1 for direct light, otherwise 4.
+    /// No bias.  0 to 5; default 2 for direct light, 5 for paths, 4 for light that enters objects.
     pub spatial_samples: u32,
     /// Number of neighbors where the surface was not visible in the last frame (Wyman and Panteleev 2021, 6.4), if it is larger than
     /// [`Reuse::spatial_samples`]: less noise in disocclusions and after a cut, at the cost of these neighbors in such pixels alone.  Has an
@@ -97,10 +97,12 @@ pub struct Reuse {
     /// Default: on.
     pub dual_motion: bool,
     /// Greatest distance of neighbors, in pixels of an image that is 1080 lines high, and at least 2 pixels of the traced image: larger radii
-    /// share rarely found light among more pixels, and find fewer similar neighbors.  No bias.  0 to 1e5; default 60 for paths, otherwise 30.
+    /// share rarely found light among more pixels, and find fewer similar neighbors.  No bias.  0 to 1e5; default 60 for direct light, 100 for
+    /// paths, 30 for light that enters objects.
     pub radius: f32,
     /// Greatest confidence of a neighbor, of the last frame or of this one, in frames' worth of candidates: longer histories are smoother
-    /// and more correlated.  No cost, no bias.  0 to 60 for direct light, otherwise 0 to 30; default 20.
+    /// and more correlated, which shows as blotches.  No cost, no bias.  0 to 60 for direct light, otherwise 0 to 30; default 5 for direct
+    /// light, 12 for paths, 20 for light that enters objects.
     pub confidence_cap: f32,
     /// MIS weights.  Default for direct light: balance; otherwise defensive pairwise.
     pub mis: Mis,
@@ -125,21 +127,22 @@ impl Default for Reuse {
 }
 
 impl Reuse {
-    /// The defaults of [`Direct`](super::Direct), as in Wyman and Panteleev 2021: one temporal and one spatiotemporal neighbor within 30
-    /// pixels, two in disocclusions, history capped at 20 frames.
+    /// The defaults of [`Direct`](super::Direct): one temporal and two spatiotemporal neighbors within 60 pixels, history capped at 5 frames.
+    /// Wyman and Panteleev 2021 have one spatiotemporal neighbor within 30 pixels, two in disocclusions, and 20 frames, which shows more
+    /// blotches where lights are many (`docs/experiments.md`).
     pub const DIRECT: Self = Self {
         order: ReuseOrder::Spatiotemporal,
         temporal: true,
         bilinear: false,
-        spatial_samples: 1,
+        spatial_samples: 2,
         disocclusion_samples: 2,
         paired: false,
         spatial_iterations: 1,
         neighbor_attempts: 1,
         temporal_attempts: 5,
         dual_motion: true,
-        radius: 30.0,
-        confidence_cap: 20.0,
+        radius: 60.0,
+        confidence_cap: 5.0,
         mis: Mis::Balance,
         shade_all: true,
         normal_threshold: 0.9,
@@ -147,18 +150,19 @@ impl Reuse {
         same_material: false,
     };
 
-    /// The defaults of [`Paths`](super::Paths), as in Lin et al. 2022 and 2026: temporal reuse, then one iteration of spatial reuse, history
-    /// capped at 20 frames.  The radius is 60 pixels where they have 20: where light is found rarely, a smaller circle shares each find
-    /// among too few pixels, which shows as blotches.  Pixels have four neighbors, or five where the surface has just come into view, in
-    /// pairs; without pairs up to five positions are tried for each, since a pixel without neighbors has only its own candidates and stays
-    /// noisy or black (`docs/experiments.md`).
+    /// The defaults of [`Paths`](super::Paths): temporal reuse, then one iteration of spatial reuse with five neighbors within 100 pixels in
+    /// pairs, history capped at 12 frames.  Lin et al. 2022 and 2026 have three neighbors within 20 pixels, and 20 frames.  Where light is
+    /// found rarely, a smaller circle shares each find among too few pixels, and a longer history keeps it for too long; both show as
+    /// blotches (`docs/experiments.md`).  Without pairs up to five positions are tried for each neighbor, since a pixel without neighbors has
+    /// only its own candidates and stays noisy or black.
     pub const PATHS: Self = Self {
         order: ReuseOrder::TemporalThenSpatial,
-        spatial_samples: 4,
+        spatial_samples: 5,
         disocclusion_samples: 5,
         paired: true,
         neighbor_attempts: 5,
-        radius: 60.0,
+        radius: 100.0,
+        confidence_cap: 12.0,
         mis: Mis::DefensivePairwise,
         ..Self::DIRECT
     };

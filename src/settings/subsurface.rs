@@ -165,6 +165,7 @@ impl Default for SubsurfaceSampling {
             paired: false,
             bilinear: true,
             radius: 30.0,
+            confidence_cap: 20.0,
             ..Reuse::PATHS
         };
         Self { candidates: 8, shift: SubsurfaceShift::default(), heuristics: true, reuse }

@@ -14,7 +14,13 @@ pub mod di {
     /// Every kind of reuse, and so few candidates that a wrong weight shows.
     pub fn all_reuse() -> Direct {
         Direct {
-            reuse: Reuse { spatial_samples: 2, radius: pixels(6.0, 32), mis: Mis::DefensivePairwise, ..Reuse::DIRECT },
+            reuse: Reuse {
+                spatial_samples: 2,
+                radius: pixels(6.0, 32),
+                confidence_cap: 20.0,
+                mis: Mis::DefensivePairwise,
+                ..Reuse::DIRECT
+            },
             candidates: 8,
             subset_count: 32,
             subset_size: 256,

@@ -100,13 +100,13 @@ const PATHS: [(&str, &str); 24] = [
     ("1 neighbor", "paths.reuse.spatial_samples=1"),
     ("2 neighbors", "paths.reuse.spatial_samples=2"),
     ("3 neighbors", "paths.reuse.spatial_samples=3"),
-    ("5 neighbors", "paths.reuse.spatial_samples=5"),
+    ("4 neighbors", "paths.reuse.spatial_samples=4"),
     ("2 spatial iterations of 1 neighbor", "paths.reuse.spatial_samples=1 paths.reuse.spatial_iterations=2"),
     ("neighbors without pairs", "paths.reuse.paired=false"),
     ("radius 20", "paths.reuse.radius=20"),
-    ("radius 120", "paths.reuse.radius=120"),
+    ("radius 60", "paths.reuse.radius=60"),
     ("confidence 5", "paths.reuse.confidence_cap=5"),
-    ("confidence 10", "paths.reuse.confidence_cap=10"),
+    ("confidence 20", "paths.reuse.confidence_cap=20"),
     ("confidence 30", "paths.reuse.confidence_cap=30"),
     ("4 light candidates", "paths.candidates=4"),
     ("32 light candidates", "paths.candidates=32"),
@@ -132,9 +132,13 @@ const INDIRECT: [(&str, &str); 2] = [
     ("diffuse secondary vertex", "paths.assume_diffuse_secondary=true"),
 ];
 
-const DIRECT: [(&str, &str); 2] = [
+const DIRECT: [(&str, &str); 3] = [
     ("no reuse", "direct.reuse.temporal=false direct.reuse.spatial_samples=0 direct.reuse.disocclusion_samples=0"),
     ("8 candidates", "direct.candidates=8"),
+    (
+        "1 neighbor within 30 pixels, confidence 20",
+        "direct.reuse.spatial_samples=1 direct.reuse.radius=30 direct.reuse.confidence_cap=20",
+    ),
 ];
 
 impl Configuration {

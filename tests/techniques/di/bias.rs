@@ -52,7 +52,7 @@ fn each_reuse_of_visibility_is_biased_with_its_documented_sign() {
     let Some(mut rig) = shared(64, "room") else { return };
     let truth = PROOF.truth(&mut rig, 1000);
     let reusing = |visibility| Direct {
-        reuse: Reuse { radius: pixels(10.0, 32), ..Reuse::DIRECT },
+        reuse: Reuse { spatial_samples: 1, radius: pixels(10.0, 32), confidence_cap: 20.0, ..Reuse::DIRECT },
         visibility,
         ..Direct::default()
     };
@@ -88,7 +88,7 @@ fn shading_visibility_is_biased_only_with_a_bsdf_candidate() {
     let truth = PROOF.truth(&mut rig, 1000);
     for bsdf_candidate in [false, true] {
         let direct = Direct {
-            reuse: Reuse { radius: pixels(10.0, 32), ..Reuse::DIRECT },
+            reuse: Reuse { spatial_samples: 1, radius: pixels(10.0, 32), confidence_cap: 20.0, ..Reuse::DIRECT },
             candidates: 4,
             subset_count: 0,
             bsdf_candidate,

@@ -63,7 +63,7 @@ fn reused_visibility_saves_up_to_half_of_the_rays() {
     let mut rays = |visibility_radius| {
         let visibility_radius = pixels(visibility_radius, 120);
         let paper = Direct {
-            reuse: Reuse { radius: pixels(30.0, 120), ..Reuse::DIRECT },
+            reuse: Reuse { spatial_samples: 1, radius: pixels(30.0, 120), confidence_cap: 20.0, ..Reuse::DIRECT },
             visibility: VisibilityReuse::Decoupled,
             bias_correction: BiasCorrection::HeuristicsAndMis,
             bsdf_candidate: false,
