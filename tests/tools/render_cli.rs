@@ -313,9 +313,9 @@ fn a_time_budget_takes_samples_away_where_frames_take_longer() {
     };
     let free = render("a.exr", &[]);
     assert_eq!(render("b.exr", &["--time-budget", "1e6"]), free, "all samples fit");
-    // One spatial neighbor, those of disocclusions, and candidates from 32 to 4.
+    // Two spatial neighbors, those of disocclusions, and candidates from 32 to 4.
     let (picture, step) = render("c.exr", &["--time-budget", "1e-4"]);
-    assert_eq!((free.1, step), (Some(0), Some(5)));
+    assert_eq!((free.1, step), (Some(0), Some(6)));
     assert!(picture != free.0);
 }
 
