@@ -89,7 +89,7 @@ fn full_length_direct_light_of_points_and_a_sun_equals_the_reference() {
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn direct_light_in_a_furnace_of_all_materials_equals_the_reference() {
-    check("furnace", Proof::of((16, 8), (16, 16)));
+    check("furnace", Proof::of((24, 8), (24, 16)));
 }
 
 #[test]
