@@ -7,6 +7,7 @@ use super::{
     reuse_settings::di,
     small_scenes::STEPS,
 };
+use bevy::math::Vec3;
 use bevy_restir::{
     Direct, Jitter, LightTechniques, Paths, Preset, Research, Restir, SubsurfaceSampling, Technique,
     testing::plant_shader_defs,
@@ -147,6 +148,9 @@ pub struct Proof<'a> {
     pub margin: f64,
     /// The camera sees an emitter with some probability only (alpha blending), so that each restart has its own emission.
     pub blended: bool,
+    /// Leaves out the pixels that see an emitter, and those beside them: in frames with jitter, the edges of a lamp have more noise than all
+    /// other light.
+    pub without_emitters: bool,
     /// The number of scattering events of a path.
     pub bounces: u32,
     /// The number of frames that each restart of the technique renders before those that count.
@@ -162,6 +166,7 @@ impl Proof<'static> {
         truth: Length { restarts: 12, frames: 64 },
         margin: 0.01,
         blended: false,
+        without_emitters: false,
         bounces: 1,
         warm_up: 0,
         pose: None,
@@ -263,10 +268,11 @@ impl Proof<'_> {
         let (jitter, compensation) = (settings.jitter, settings.energy_compensation);
         let size = rig.size();
         let key = format!(
-            "{scene} {size} {} {:?} {first_seed} {} {} {jitter:?} {compensation}",
+            "{scene} {size} {} {:?} {first_seed} {} {} {} {jitter:?} {compensation}",
             self.bounces,
             self.truth,
             self.blended,
+            self.without_emitters,
             self.pose.is_some()
         );
         let shared = SHARED_TRUTHS.lock().unwrap_or_else(PoisonError::into_inner).entry(key).or_default().clone();
@@ -279,7 +285,7 @@ impl Proof<'_> {
         }
         let emissions = self.emissions(rig, first_seed, self.truth);
         rig.set(|r| (r.technique, r.bounces) = (Technique::Reference, self.bounces));
-        collect(emissions, pictures(rig, first_seed, 0, self.truth))
+        self.collect(emissions, pictures(rig, first_seed, 0, self.truth))
     }
 
     /// Restarts of a technique: the mean of all frames from the reset on, or the last frame of the motion.
@@ -293,8 +299,8 @@ impl Proof<'_> {
             subject.apply_to(r);
         });
         match self.pose {
-            None => collect(emissions, pictures(rig, first_seed, self.warm_up, self.ours)),
-            Some(pose) => collect(emissions, last_frames(rig, first_seed, self.warm_up, self.ours, pose)),
+            None => self.collect(emissions, pictures(rig, first_seed, self.warm_up, self.ours)),
+            Some(pose) => self.collect(emissions, last_frames(rig, first_seed, self.warm_up, self.ours, pose)),
         }
     }
 
@@ -306,14 +312,33 @@ impl Proof<'_> {
         rig.set(|r| (r.technique, r.bounces) = (Technique::Reference, 0));
         pictures(rig, first_seed, 0, length).collect()
     }
+
+    fn collect(&self, emissions: Vec<Picture>, pictures: impl Iterator<Item = Picture>) -> Restarts {
+        let mut restarts = Restarts::default();
+        for (i, mut picture) in pictures.enumerate() {
+            let emission = &emissions[i % emissions.len()];
+            if self.without_emitters {
+                leave_out_emitters(&mut picture, emission);
+            }
+            restarts.add(&picture, emission);
+        }
+        restarts
+    }
 }
 
-fn collect(emissions: Vec<Picture>, pictures: impl Iterator<Item = Picture>) -> Restarts {
-    let mut restarts = Restarts::default();
-    for (i, picture) in pictures.enumerate() {
-        restarts.add(&picture, &emissions[i % emissions.len()]);
+/// Gives each pixel that sees an emitter, or has a neighbor that does, the value of the emission, so that it has no scattered light.
+fn leave_out_emitters(picture: &mut Picture, emission: &Picture) {
+    let size = emission.size;
+    let emits = |x: u32, y: u32| emission.at(x, y) != Vec3::ZERO;
+    for y in 0..size.y {
+        for x in 0..size.x {
+            let rows = y.saturating_sub(1)..=(y + 1).min(size.y - 1);
+            if rows.into_iter().any(|y| (x.saturating_sub(1)..=(x + 1).min(size.x - 1)).any(|x| emits(x, y))) {
+                let i = (y * size.x + x) as usize;
+                picture.pixels[i] = emission.pixels[i];
+            }
+        }
     }
-    restarts
 }
 
 /// One picture for each restart: the mean of its frames after those that warm up its history.
