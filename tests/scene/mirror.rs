@@ -13,10 +13,7 @@ use bevy::{
     mesh::{Indices, PrimitiveTopology},
     prelude::*,
 };
-use bevy_restir::{
-    DebugView, Paths, Restir, RestirEnvironment, Reuse, SceneFeatures, Technique,
-    testing::geometry::world_tree::keep_instances_apart,
-};
+use bevy_restir::{DebugView, Paths, Restir, RestirEnvironment, Reuse, SceneFeatures, Technique, testing};
 
 /// The upload of one moved instance in a small scene: its record twice (the previous transform follows a frame later), the top-level
 /// tree, and the uniforms.
@@ -66,7 +63,7 @@ fn moving_lights_upload_themselves_and_no_emissive_triangles() {
     let make = |x: f32| {
         let mut rig = Rig::new(16, 16)?;
         // An edited scene is traced in other trees than a fresh one, with other rounding.
-        keep_instances_apart(&mut rig.app);
+        testing::geometry::world_tree::keep_instances_apart(&mut rig.app);
         rig.spawn(square(6.0), lambert(0.8), Transform::from_xyz(0.0, 0.0, -1.0));
         let ball = Sphere::new(0.5).mesh().ico(20).expect("few enough triangles");
         let ball = rig.spawn(ball, lamp(1.0, 1.0, 1.0), Transform::from_xyz(-2.0, 0.0, 0.0));
@@ -423,12 +420,8 @@ fn a_scene_that_gains_and_loses_features_is_never_black() {
         }
         let report = rig.until_ready();
         // Features are forgotten after a number of frames, and a slow machine needs many for new pipelines.
-        let needed = features | SceneFeatures::ENVIRONMENT;
-        assert!(
-            report.features.contains(needed) && remembered.contains(report.features),
-            "{name}: {:?}",
-            report.features
-        );
+        let has_needed = report.features.contains(features | SceneFeatures::ENVIRONMENT);
+        assert!(has_needed && remembered.contains(report.features), "{name}: {:?}", report.features);
         bright(&mut rig, name);
         if let Some(entity) = entity {
             rig.app.world_mut().despawn(entity);
