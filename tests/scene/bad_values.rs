@@ -13,10 +13,7 @@ use bevy::{
     mesh::{Indices, VertexAttributeValues as Values},
     prelude::*,
 };
-use bevy_restir::{
-    Direct, EmissiveLuminance, Restir, RestirEnvironment, Technique,
-    testing::geometry::world_tree::keep_instances_apart,
-};
+use bevy_restir::{Direct, EmissiveLuminance, Restir, RestirEnvironment, Technique};
 
 /// A component or an asset is checked before any technique sees it, so that all values are tried with one technique only.
 fn extent(technique: Technique, whole: Technique) -> Extent {
@@ -70,8 +67,6 @@ fn lights(rig: &mut Rig, x: f32) -> [Entity; 4] {
 
 fn scene() -> Option<Scene> {
     let mut rig = Rig::new(8, 8)?;
-    // Hits in a tree over objects at rest round differently, and an object that changes leaves it for a while.
-    keep_instances_apart(&mut rig.app);
     rig.spawn(square(6.0), lambert(0.6), Transform::from_xyz(0.0, 0.0, -1.0));
     let image = rig.add::<Image>(texture(4, 4, |x, y| [60 * x as u8, 60 * y as u8, 200, 255]));
     let thin = StandardMaterial { thickness: 0.0, ..every_lobe(&image) };

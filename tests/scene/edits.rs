@@ -5,7 +5,7 @@ use crate::support::{app::*, scenes::Random};
 use bevy::{
     camera::visibility::RenderLayers, light::NotShadowCaster, prelude::*, render::render_resource::TextureFormat,
 };
-use bevy_restir::{Restir, Technique, testing::geometry::world_tree::keep_instances_apart};
+use bevy_restir::{Restir, Technique};
 
 const EDITS: usize = 300;
 
@@ -266,8 +266,6 @@ fn edit_solid(rig: &mut Rig, entity: Entity, solid: &mut Solid, random: &mut Ran
 
 fn rig() -> Option<Rig> {
     let mut rig = Rig::new(32, 24)?;
-    // Which of them share a tree depends on the frames since they changed, and hits in that tree round differently.
-    keep_instances_apart(&mut rig.app);
     rig.insert(rig.camera, sky(0.2));
     rig.set(|restir| *restir = Restir { technique: Technique::Reference, bounces: 3, ..plain() });
     Some(rig)

@@ -13,7 +13,7 @@ use bevy::{
     mesh::{Indices, PrimitiveTopology},
     prelude::*,
 };
-use bevy_restir::{DebugView, Paths, Restir, RestirEnvironment, Reuse, SceneFeatures, Technique, testing};
+use bevy_restir::{DebugView, Paths, Restir, RestirEnvironment, Reuse, SceneFeatures, Technique};
 
 /// The upload of one moved instance in a small scene: its record twice (the previous transform follows a frame later), the top-level
 /// tree, and the uniforms.
@@ -62,8 +62,6 @@ fn a_still_scene_uploads_nothing_and_a_moved_instance_little() {
 fn moving_lights_upload_themselves_and_no_emissive_triangles() {
     let make = |x: f32| {
         let mut rig = Rig::new(16, 16)?;
-        // An edited scene is traced in other trees than a fresh one, with other rounding.
-        testing::geometry::world_tree::keep_instances_apart(&mut rig.app);
         rig.spawn(square(6.0), lambert(0.8), Transform::from_xyz(0.0, 0.0, -1.0));
         let ball = Sphere::new(0.5).mesh().ico(20).expect("few enough triangles");
         let ball = rig.spawn(ball, lamp(1.0, 1.0, 1.0), Transform::from_xyz(-2.0, 0.0, 0.0));

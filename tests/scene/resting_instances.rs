@@ -3,7 +3,7 @@
 
 use crate::support::{app::*, small_scenes::facing};
 use bevy::{camera::visibility::RenderLayers, light::NotShadowCaster, prelude::*};
-use bevy_restir::testing::{geometry::world_tree::keep_instances_apart, lengths::table_lengths};
+use bevy_restir::testing::lengths::table_lengths;
 
 /// Frames after which a tree is built again, with some for the build.
 const REST: u32 = 150;
@@ -17,8 +17,8 @@ fn resting(rig: &Rig) -> usize {
 /// Turned, scaled and mirrored boxes below a lamp, of which the first one is returned.
 fn boxes(apart: bool) -> Option<(Rig, Entity)> {
     let mut rig = Rig::new(32, 32)?;
-    if apart {
-        keep_instances_apart(&mut rig.app);
+    if !apart {
+        rig.share_a_tree_at_rest();
     }
     rig.set(|restir| restir.bounces = 2);
     rig.spawn(square(8.0), lambert(0.7), Transform::from_xyz(0.0, 0.0, -1.0));

@@ -23,7 +23,9 @@ use bevy::{
 use bevy_restir::{
     DebugView, EmissiveLuminance, Jitter, RadianceCapture, RayBackend, Restir, RestirEnvironment, RestirPlugin,
     RestirReport, RestirStatistics, Technique,
-    testing::{check_mirror, plant_shader_edits, shader_library::ShaderEdit},
+    testing::{
+        check_mirror, geometry::world_tree::share_a_tree_at_rest, plant_shader_edits, shader_library::ShaderEdit,
+    },
 };
 use bevy_restir_support::mutant;
 use std::time::Duration;
@@ -196,6 +198,9 @@ fn headless(start: Start, more: impl FnOnce(&mut App)) -> App {
         run_systems_in_this_thread(&mut app);
     }
     check_mirror(&mut app, true);
+    // Hits in a shared tree round differently, and which instances share one depends on the number of frames: two apps would show the same
+    // scene with different bits.  Scenes of `assets/scenes` and tests of that tree share it ([`Rig::share_a_tree_at_rest`]).
+    share_a_tree_at_rest(&mut app, false);
     if !mutant::edits().is_empty() {
         plant_shader_edits(&mut app, mutant::edits());
     }
@@ -326,6 +331,11 @@ impl Rig {
 
     pub fn report(&self) -> RestirReport {
         self.app.world().resource::<RestirStatistics>().report()
+    }
+
+    /// Lets instances that rest share a tree, as they do for users.
+    pub fn share_a_tree_at_rest(&mut self) {
+        share_a_tree_at_rest(&mut self.app, true);
     }
 
     /// Renders one frame and waits for it.

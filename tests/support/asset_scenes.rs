@@ -16,6 +16,7 @@ impl Rig {
     /// references once, so a test that compares with them must not change the scene.
     pub fn load(name: &str, size: u32) -> Option<Self> {
         let mut rig = Self::new(size, size)?;
+        rig.share_a_tree_at_rest();
         let file: Handle<Gltf> = rig.app.world().resource::<AssetServer>().load(format!("scenes/{name}.glb"));
         rig.wait_for(name, |world| {
             if let LoadState::Failed(error) = world.resource::<AssetServer>().load_state(&file) {

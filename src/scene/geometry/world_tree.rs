@@ -161,7 +161,7 @@ pub(super) struct RestingInstances {
     wait: u64,
     /// Ranges of trees that the top level on the GPU has, or had in the last frame.
     outdated: Vec<Range<u32>>,
-    /// Tests trace single instances.
+    /// No instances share a tree.
     is_off: bool,
 }
 
@@ -316,11 +316,11 @@ fn union(a: Bounds, b: Bounds) -> Bounds {
     (core::array::from_fn(|i| a.0[i].min(b.0[i])), core::array::from_fn(|i| a.1[i].max(b.1[i])))
 }
 
-/// Traces single instances, without a tree over those that rest.
+/// Whether instances that rest share a tree, as they do unless this is called.
 #[cfg(feature = "testing")]
-pub fn keep_instances_apart(app: &mut App) {
+pub fn share_a_tree_at_rest(app: &mut App, enabled: bool) {
     let world = app.get_sub_app_mut(bevy::render::RenderApp).map(|render| render.world_mut());
     if let Some(mut instances) = world.and_then(|world| world.get_resource_mut::<InstancePool>()) {
-        instances.top.resting.is_off = true;
+        instances.top.resting.is_off = !enabled;
     }
 }

@@ -3,10 +3,7 @@
 
 use crate::support::{app::*, small_scenes::*};
 use bevy::{light::NotShadowCaster, prelude::*, render::render_resource::TextureFormat};
-use bevy_restir::{
-    Jitter, LightTechniques, Restir, Subsurface, Technique,
-    testing::{geometry::world_tree::keep_instances_apart, plant_shader_defs},
-};
+use bevy_restir::{Jitter, LightTechniques, Restir, Subsurface, Technique, testing::plant_shader_defs};
 
 fn bidirectional(bounces: u32) -> Restir {
     let mut settings = Restir { technique: Technique::Bdpt, bounces, jitter: Jitter::Always, ..plain() };
@@ -132,8 +129,6 @@ fn open_objects_absorb_no_light_from_infinity() {
 fn an_opaque_object_absorbs_nothing_behind_its_surface() {
     let Some(mut rig) = scene(16, |rig| {
         rig.insert(rig.camera, sky(0.5));
-        // After the edit the wall is traced in a tree of its own, with other rounding.
-        keep_instances_apart(&mut rig.app);
     }) else {
         return;
     };
