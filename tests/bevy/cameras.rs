@@ -271,6 +271,7 @@ fn the_distance_of_an_orthographic_camera_changes_no_samples() {
 
 /// Changes that restart a history, and changes that do not.
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn restarts_of_a_history_are_counted_by_reason() {
     let Some(mut rig) = Rig::new(20, 16) else { return };
     crowd(&mut rig);

@@ -51,6 +51,7 @@ fn replace_camera(rig: &mut Rig, size: UVec2) {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn sizes_viewports_and_toggles_leave_no_trace() {
     check(TWO);
 }

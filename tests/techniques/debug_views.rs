@@ -20,6 +20,7 @@ fn first_frame(rig: &mut Rig, view: DebugView) -> Picture {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn rays_of_all_pixels_sum_to_the_rays_of_the_frame() {
     let Some(mut rig) = Rig::new(40, 24) else { return };
     room(&mut rig);

@@ -85,6 +85,7 @@ fn proof(restarts: u32) -> Proof<'static> {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn paths_in_an_edited_scene_equal_the_reference() {
     let Some(mut rig) = scene(64, edited) else { return };
     proof(42).check("edited", &mut rig, &[("both", paths::all_reuse())]);

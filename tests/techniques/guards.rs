@@ -143,6 +143,7 @@ fn planted(rig: &mut Rig, guards: &[&str], bits: u32) {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn the_debug_view_of_guards_shows_the_pixels_that_raised_one() {
     let Some(mut rig) = Rig::new(16, 16) else { return };
     room(&mut rig);
@@ -190,6 +191,7 @@ fn check_all(plants: &[Plant]) {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn every_guard_stops_its_numbers_and_is_raised() {
     check_all(QUICK);
 }
@@ -201,6 +203,7 @@ fn full_length_each_guard_stops_its_number_and_is_raised_alone() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn guards_of_light_below_surfaces_stop_its_numbers_and_are_raised() {
     check(translucent_room, QUICK_BELOW);
 }

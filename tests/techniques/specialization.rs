@@ -38,6 +38,7 @@ fn check(technique: &str, subject: &impl Subject) {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn features_that_the_scene_lacks_change_no_pixel_of_direct_light() {
     check("DI", &di::all_reuse());
 }

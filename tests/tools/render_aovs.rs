@@ -59,6 +59,7 @@ fn parts_of_the_light_sum_to_the_picture() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn parts_of_the_light_are_those_of_an_animation_from_the_same_time_on() {
     let Some(folder) = Folder::new("moving_parts") else { return };
     // A gray square that moves to the right by 0.5 m/s, before a white environment.

@@ -45,6 +45,7 @@ fn the_first_camera_of_the_file_is_shown() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn pictures_and_surfaces_of_an_animation_are_of_the_moments_that_the_arguments_say() {
     let Some(folder) = Folder::new("moments") else { return };
     let moving = folder.gltf("moving.gltf", &gltf::Scene { animated: true, ..Default::default() });

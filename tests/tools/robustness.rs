@@ -4,6 +4,7 @@ use crate::support::{cli::Folder, gltf::Scene};
 use std::fs;
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn broken_copies_of_scenes_give_errors_or_pictures() {
     let Some(folder) = Folder::new("broken_files") else { return };
     let run = folder.lab(&["broken-files", "--count", "30", "--size", "8x8", "--out", "broken"]);

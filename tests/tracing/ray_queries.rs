@@ -225,22 +225,31 @@ fn layered(rig: &mut Rig) {
     }
 }
 
+type Scene = (&'static str, fn(&mut Rig));
+const BLENDED: Scene = ("blended", blended);
+const OTHERS: [Scene; 3] = [("glossy", glossy), ("punctual", punctual), ("shapes and layers", layered)];
+
 /// CPU drivers take minutes to compile the path passes.
 #[test]
 #[ignore = "second tier: ./run test --more"]
-fn pictures_of_paths_of_one_seed_are_the_same_by_ray_queries() {
-    same_pictures(&[Technique::Gi, Technique::Pt, Technique::Bdpt]);
+fn pictures_of_paths_by_a_blended_sheet_are_the_same_by_ray_queries() {
+    same_pictures(&[BLENDED], &[Technique::Gi, Technique::Pt]);
+}
+
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_pictures_of_paths_are_the_same_by_ray_queries() {
+    same_pictures(&OTHERS, &[Technique::Gi, Technique::Pt, Technique::Bdpt]);
+    same_pictures(&[BLENDED], &[Technique::Bdpt]);
 }
 
 #[test]
 fn pictures_of_one_seed_are_the_same_by_ray_queries() {
-    same_pictures(&[Technique::Reference, Technique::Di]);
+    same_pictures(&[&OTHERS[..], &[BLENDED]].concat(), &[Technique::Reference, Technique::Di]);
 }
 
-fn same_pictures(techniques: &[Technique]) {
-    let scenes: [(&str, fn(&mut Rig)); 4] =
-        [("glossy", glossy), ("blended", blended), ("punctual", punctual), ("shapes and layers", layered)];
-    for (name, make) in scenes {
+fn same_pictures(scenes: &[Scene], techniques: &[Technique]) {
+    for &(name, make) in scenes {
         let Some(mut twins) = Twins::new(32) else { return };
         twins.both(make);
         twins.both(camera);
@@ -258,8 +267,8 @@ fn same_pictures(techniques: &[Technique]) {
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn moving_pictures_of_paths_of_one_seed_are_the_same_by_ray_queries() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_moving_pictures_of_paths_of_one_seed_are_the_same_by_ray_queries() {
     same_moving_pictures(Technique::Pt, moving, pose_moving);
     same_moving_pictures(Technique::Pt, bending, pose_bending);
 }

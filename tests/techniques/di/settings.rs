@@ -322,6 +322,7 @@ fn reservoirs_take_32_bytes_per_pixel() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn rays_that_can_find_no_light_are_not_traced() {
     let Some(mut rig) = Rig::new(32, 32) else { return };
     rig.insert(rig.camera, orthographic(1.0, 1.0));

@@ -39,6 +39,7 @@ fn indirect_light_in_a_room_equals_the_reference_for_every_kind_of_reuse() {
 
 /// Paths that are reconnected nowhere stay in their pixels, and no other sample stands for their light.
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn indirect_light_beyond_a_distance_equals_the_reference() {
     let Some(mut rig) = shared(64, "room") else { return };
     let far_apart = with(Paths { distance: 0.5, ..paths::temporal() });

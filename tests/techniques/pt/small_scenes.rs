@@ -30,6 +30,7 @@ fn paths_in_a_room_equal_the_reference_for_every_kind_of_reuse() {
 /// Frames without jitter have the same rays.  Where a sheet is blended with a wall close behind it, a pixel still shows one of them in one
 /// frame and the other in the next, and takes them for the same surface: they are parallel.
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn paths_by_a_blended_sheet_equal_the_reference() {
     let sheet = StandardMaterial {
         base_color: Color::linear_rgba(0.2, 0.2, 0.2, 0.5),
@@ -176,6 +177,7 @@ fn lit_from_the_ceiling(rig: &mut Rig) {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn nan_stays_in_its_path_reservoir() {
     survives_nan(AllLight::Pt);
 }
@@ -195,6 +197,7 @@ fn survives_nan(subject: impl FnOnce(Paths) -> AllLight) {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn planted_errors_of_paths_are_found() {
     let Some(mut rig) = scene(64, lit_from_the_ceiling) else { return };
     let proof = Proof { bounces: 3, ..PROOF };

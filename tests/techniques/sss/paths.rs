@@ -25,6 +25,7 @@ fn indirect(paths: Paths) -> (Indirect, SubsurfaceSampling) {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn paths_between_translucent_bodies_equal_the_reference() {
     let Some(mut rig) = scene(64, translucent_room) else { return };
     let proof = Proof { bounces: BOUNCES, margin: 0.03, ..Proof::of((14, 8), (12, 20)) };
