@@ -94,7 +94,7 @@ fn bsdf_sample(b: Bsdf, wo: vec3<f32>, u: vec3<f32>) -> BsdfSample {
 
 // Samples direction and lobe; weight and density are left out, except the weight of a delta.
 fn bsdf_draw(b: Bsdf, wo: vec3<f32>, u: vec3<f32>) -> BsdfSample {
-    let frame = frame_of(b);
+    let frame = frame_of(b, wo);
     let o = wo * frame;
     let choice = lobe_choice(b, wo, o.z);
     if coat_is_chosen(u.z, choice.coat) {
@@ -144,7 +144,7 @@ fn bsdf_draw(b: Bsdf, wo: vec3<f32>, u: vec3<f32>) -> BsdfSample {
     _ = guard_holds(is_finite_3(s.wi), GUARD_BSDF_SAMPLE);
     let below = s.lobe == LOBE_TRANSMISSION || (s.lobe == LOBE_DIFFUSE && i.z < 0.0);
     let side = select(1.0, -1.0, below);
-    s.valid = u32(side * dot(s.wi, b.n) > 0.0 && side * dot(s.wi, b.n_geo) > 0.0);
+    s.valid = u32(side * dot(s.wi, frame[2]) > 0.0 && side * dot(s.wi, b.n_geo) > 0.0);
     s.weight = select(vec3<f32>(0.0), delta_weight * ((1.0 - coat_share(b, wo)) / base_probability), s.delta != 0u);
     return s;
 }
@@ -204,7 +204,7 @@ fn bsdf_lobe_terms(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>, lobe: u32) -> LobeTerm
 }
 
 fn directions_of(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> Directions {
-    let frame = frame_of(b);
+    let frame = frame_of(b, wo);
     let i = wi * frame;
     let o = wo * frame;
     let has_valid_sides = o.z > 0.0 && dot(wo, b.n_geo) > 0.0 && i.z * dot(wi, b.n_geo) > 0.0;

@@ -7,6 +7,7 @@
 #import bevy_restir::bsdf::diffuse::diffuse_base
 #import bevy_restir::bsdf::fresnel::schlick
 #import bevy_restir::bsdf::lobe_choice::{base_albedo, LOBE_PROBABILITY_MIN}
+#import bevy_restir::bsdf::roughness::normal_towards
 #import bevy_restir::common::constants::{INSTANCE_MIRRORED, NONE}
 #import bevy_restir::common::guard::{GUARD_THROUGHPUT, guarded_3}
 #import bevy_restir::common::math::{luminance, max_component}
@@ -35,14 +36,14 @@ fn no_entry() -> Entry {
 
 // Whether light that scatters below the surface leaves towards wo.
 fn scatters_below(s: Surface, wo: vec3<f32>) -> bool {
-    return max_component(s.bsdf.subsurface) > 0.0 && dot(wo, s.bsdf.n) > 0.0 && dot(wo, s.bsdf.n_geo) > 0.0;
+    return max_component(s.bsdf.subsurface) > 0.0 && dot(wo, normal_towards(s.bsdf, wo)) > 0.0 && dot(wo, s.bsdf.n_geo) > 0.0;
 }
 
 // Probability of continuing a path below the surface, from the estimated albedos of the surface and of the scattering below it.
 fn subsurface_probability(s: Surface, wo: vec3<f32>) -> f32 {
     let below = luminance(exit_factor(s, wo));
     let coat = coat_share(s.bsdf, wo);
-    let base = base_albedo(s.bsdf, dot(wo, s.bsdf.n));
+    let base = base_albedo(s.bsdf, dot(wo, normal_towards(s.bsdf, wo)));
     let above = coat + (1.0 - coat) * (base.x + base.y);
     if !(above > 0.0) {
         return 1.0;
@@ -55,7 +56,7 @@ fn subsurface_probability(s: Surface, wo: vec3<f32>) -> f32 {
 fn exit_factor(s: Surface, wo: vec3<f32>) -> vec3<f32> {
     let f0 = s.bsdf.dielectric_reflectance;
     return (1.0 - coat_share(s.bsdf, wo)) * reflected_share(s) * s.bsdf.subsurface * diffuse_base(s.bsdf)
-        * (1.0 - schlick(f0, abs(dot(wo, s.bsdf.n))));
+        * (1.0 - schlick(f0, abs(dot(wo, normal_towards(s.bsdf, wo)))));
 }
 
 // Value of the profile at a distance, per area; 0 beyond the reach of all channels.

@@ -28,6 +28,13 @@ pub const MUTANTS: &[Mutant] = &[
         BSDF,
     ),
     mutant(
+        "normals that face away from the viewer stay as they are",
+        "bsdf/roughness.wgsl",
+        "c < COS_VIEWER_MIN && !(b.transmission > 0.0)",
+        "false",
+        &["normals_that_face_away", "eval_and_pdf_equal_the_oracle"],
+    ),
+    mutant(
         "diffuse transmission is never sampled",
         "bsdf/diffuse.wgsl",
         "return select(1.0, -1.0, u < diffuse_probability(b, -1.0));",

@@ -35,7 +35,9 @@ fn random_queries(count: usize) -> Vec<Query> {
             };
             let mut wo = r.direction();
             wo = if r.unit() < 0.2 { graze(&mut r, wo) } else { wo };
-            wo = if m.n.dot(wo) < 0.0 { -wo } else { wo };
+            // Some see the triangle from the front and its normal from behind.
+            let up = if r.unit() < 0.8 { m.n } else { m.n_geo };
+            wo = if up.dot(wo) < 0.0 { -wo } else { wo };
             let scatter = r.direction() * m.alpha * r.pick(&[0.0, 0.3, 1.0]);
             let wi = match (r.unit() * 5.0) as u32 {
                 0 => r.direction(),
@@ -147,6 +149,16 @@ fn cases() -> Vec<(String, Material, DVec3, DVec3, f64)> {
         add("mixture unbent", mixture(0.3, 1.0), degrees, Lobe::Reflection);
         add("everything", everything(0.2, 1.5, false), degrees, Lobe::Coat);
         add("everything, thin", everything(0.2, 1.5, true), degrees, Lobe::Transmission);
+    }
+    // At a silhouette: the triangle faces the viewer, and its normal does not.
+    let leaning = |m: Material| Material { n_geo: at_angle(&m, 40.0), ..m };
+    for degrees in [91.0, 100.0] {
+        add("leaning lambert", leaning(plain()), degrees, Lobe::Diffuse);
+        add("leaning coat 0.3", leaning(coated(0.3)), degrees, Lobe::Diffuse);
+        add("leaning metal 1", leaning(metal(1.0)), degrees, Lobe::Diffuse);
+        add("leaning brushed", leaning(brushed(1.0, 0.4)), degrees, Lobe::Diffuse);
+        add("leaning leaf", leaning(leaf(1.0)), degrees, Lobe::Diffuse);
+        add("leaning varnish", leaning(varnished(plain(), 0.7, 0.5)), degrees, Lobe::Diffuse);
     }
     add("near the critical angle", glass(0.1, 1.0 / 1.5), 41.8, Lobe::Reflection);
     add("metal all but grazing", metal(0.1), 89.99, Lobe::Reflection);
@@ -329,7 +341,8 @@ fn no_material_reflects_more_than_it_receives() {
 }
 
 /// f(wo, wi) = f(wi, wo) for each lobe; for refraction, f divided by the squared index on wo's side is symmetric.  The coat is excluded:
-/// its share depends on wo alone.  So is the interface that light crosses into a body: it belongs to a path below the surface.
+/// its share depends on wo alone.  So are the interface that light crosses into a body, which belongs to a path below the surface, and normals
+/// that are bent towards wo.
 #[test]
 fn the_bsdf_is_reciprocal() {
     let Some(gpu) = gpu() else { return };
@@ -359,7 +372,8 @@ fn the_bsdf_is_reciprocal() {
             false => wo + wi,
         };
         let cosines = [m.n.dot(wo), m.n.dot(wi), h.normalize().dot(wo)];
-        if cosines.iter().any(|c| c.abs() < 0.05) || m.half_length(wo, wi) < 0.05 || m.alpha < 0.01 {
+        if m.n.dot(wo) < 0.0 || cosines.iter().any(|c| c.abs() < 0.05) || m.half_length(wo, wi) < 0.05 || m.alpha < 0.01
+        {
             continue;
         }
         for (lobe, compared) in compared.iter_mut().enumerate() {

@@ -60,6 +60,22 @@ const FACES: &[Row] = &[
     ),
 ];
 
+/// The normal of a plane at a steep angle points away from the viewer, who sees it from the side instead.
+#[test]
+fn normals_that_face_away_are_bent_towards_the_viewer() {
+    check(LEANING);
+}
+
+const LEANING: &[Row] = &[(
+    "a plane at 80 degrees whose normal is at 120",
+    |rig| {
+        slanting_sun(rig);
+        rig.spawn(leaning(4.0, 40.0), lambert(0.5), turned_by(80.0));
+    },
+    1.0,
+    EXACT,
+)];
+
 #[test]
 fn emission_leaves_the_designed_sides() {
     check(EMISSION);
@@ -205,7 +221,7 @@ const LAMPS_IN_GLASS: &[Row] = &[
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn resampled_paths_have_these_radiances_too() {
-    check_with(Technique::Pt, &[FACES, EMISSION, TRANSPARENCY, LAMPS_IN_GLASS]);
+    check_with(Technique::Pt, &[FACES, LEANING, EMISSION, TRANSPARENCY, LAMPS_IN_GLASS]);
 }
 
 fn lamp_in_glass(rig: &mut Rig, ior: f32) {

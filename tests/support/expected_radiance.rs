@@ -67,6 +67,17 @@ pub fn turned(transform: Transform) -> Transform {
     transform.with_rotation(Quat::from_rotation_y(PI))
 }
 
+/// Turned around +Y.
+pub fn turned_by(degrees: f32) -> Transform {
+    Transform::from_rotation(Quat::from_rotation_y(degrees.to_radians()))
+}
+
+/// A square like [`square`] with normals that are turned around +Y.
+pub fn leaning(side: f32, degrees: f32) -> Mesh {
+    let normal = turned_by(degrees) * Vec3::Z;
+    square(side).with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, vec![normal; 4])
+}
+
 /// Visible from both sides.
 pub fn open(material: StandardMaterial) -> StandardMaterial {
     StandardMaterial { cull_mode: None, ..material }

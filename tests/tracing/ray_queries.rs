@@ -229,11 +229,17 @@ type Scene = (&'static str, fn(&mut Rig));
 const BLENDED: Scene = ("blended", blended);
 const OTHERS: [Scene; 3] = [("glossy", glossy), ("punctual", punctual), ("shapes and layers", layered)];
 
-/// CPU drivers take minutes to compile the path passes.
+/// CPU drivers take minutes to compile the path passes, so that the techniques are tests of their own, side by side.
 #[test]
 #[ignore = "second tier: ./run test --more"]
-fn pictures_of_paths_by_a_blended_sheet_are_the_same_by_ray_queries() {
-    same_pictures(&[BLENDED], &[Technique::Gi, Technique::Pt]);
+fn indirect_light_by_a_blended_sheet_is_the_same_by_ray_queries() {
+    same_pictures(&[BLENDED], &[Technique::Gi]);
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn all_light_by_a_blended_sheet_is_the_same_by_ray_queries() {
+    same_pictures(&[BLENDED], &[Technique::Pt]);
 }
 
 #[test]

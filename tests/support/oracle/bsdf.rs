@@ -6,6 +6,7 @@ use std::f64::consts::PI;
 
 pub const ALPHA_DELTA: f64 = 1e-3;
 const SPREAD_DELTA: f64 = 2e-5;
+const COS_VIEWER_MIN: f64 = 1e-4;
 
 /// Matches `Bsdf` of `shaders/bsdf/types.wgsl`.
 #[derive(Clone, Copy, Debug)]
@@ -105,6 +106,16 @@ fn luminance(c: DVec3) -> f64 {
 }
 
 impl Material {
+    /// With the normal as wo sees it: bent towards wo where it points away, unless light is refracted.
+    fn towards(&self, wo: DVec3) -> Self {
+        let c = self.n.dot(wo);
+        if c >= COS_VIEWER_MIN || self.transmission > 0.0 {
+            return *self;
+        }
+        let n = (self.n + (COS_VIEWER_MIN - c) * wo).normalize();
+        Self { n, tangent: (self.tangent - self.tangent.dot(n) * n).normalize(), ..*self }
+    }
+
     fn same_side(&self, wo: DVec3, wi: DVec3) -> Option<bool> {
         let up = |w: DVec3| self.n.dot(w) > 0.0;
         let up_geo = |w: DVec3| self.n_geo.dot(w) > 0.0;
@@ -200,7 +211,7 @@ impl Material {
             let g2 = 1.0 / (1.0 + lambda(&o, alpha, alpha) + lambda(&i, alpha, alpha));
             return DVec3::splat(self.coat_reflected(wo) * d_ggx(&h, alpha, alpha) * g2 / (4.0 * o.cos));
         }
-        (1.0 - self.coat_share(wo)) * self.eval_body(wo, wi, lobe)
+        (1.0 - self.coat_share(wo)) * self.towards(wo).eval_body(wo, wi, lobe)
     }
 
     fn eval_body(&self, wo: DVec3, wi: DVec3, lobe: Lobe) -> DVec3 {
@@ -288,7 +299,7 @@ impl Material {
         if self.coat <= 0.0 || self.coat_n.dot(wo) <= 0.0 || self.n_geo.dot(wo) <= 0.0 {
             return 0.0;
         }
-        let n_o = self.n.dot(wo);
+        let n_o = self.towards(wo).n.dot(wo);
         let diffuse = self.diffuse_albedo();
         let black = self.f0_d.max(self.metallic * self.base).max_element().max(self.transmission) <= 0.0
             && diffuse.max_element() <= 0.0;
@@ -314,11 +325,15 @@ impl Material {
             let alpha = self.coat_alpha;
             return self.p_coat(wo) * d_ggx(&h, alpha, alpha) / (1.0 + lambda(&o, alpha, alpha)) / (4.0 * o.cos);
         }
+        (1.0 - self.p_coat(wo)) * self.towards(wo).pdf_body(wo, wi, lobe)
+    }
+
+    fn pdf_body(&self, wo: DVec3, wi: DVec3, lobe: Lobe) -> f64 {
         let Some(same) = self.same_side(wo, wi) else { return 0.0 };
         let (n_o, n_i) = (self.n.dot(wo), self.n.dot(wi).abs());
         let visible = |h: DVec3| self.d(h) * wo.dot(h).max(0.0) / (1.0 + self.lambda(wo)) / n_o;
         let p = self.p_microfacet(n_o);
-        let of_body = match (lobe, same) {
+        match (lobe, same) {
             (Lobe::Diffuse, true) => (1.0 - p) * self.p_same_side() * n_i / PI,
             (Lobe::Diffuse, false) => (1.0 - p) * (1.0 - self.p_same_side()) * n_i / PI,
             (Lobe::Reflection, true) => {
@@ -339,8 +354,7 @@ impl Material {
                 p * (1.0 - self.p_reflect(o_h)) * visible(h) * jacobian
             }
             _ => 0.0,
-        };
-        (1.0 - self.p_coat(wo)) * of_body
+        }
     }
 
     pub fn pdf_all(&self, wo: DVec3, wi: DVec3) -> f64 {

@@ -1,7 +1,11 @@
 //! Light paths that the camera sees find all direct light on their own, with any camera and on any material: their pictures, without the other
 //! techniques and without MIS weights, equal the reference.
 
-use crate::support::{app::*, small_scenes::*};
+use crate::support::{
+    app::*,
+    expected_radiance::{leaning, turned_by},
+    small_scenes::*,
+};
 use bevy::{light::NotShadowCaster, prelude::*, render::render_resource::TextureFormat};
 use bevy_restir::{Jitter, LightTechniques, Restir, Subsurface, Technique, testing::plant_shader_defs};
 
@@ -59,6 +63,19 @@ fn light_paths_alone_light_back_faces_for_a_camera_that_inverts_culling() {
         rig.get_mut::<Transform>(floor).rotate_y(core::f32::consts::PI);
         rig.get_mut::<Camera>(rig.camera).invert_culling = true;
     });
+}
+
+/// The lamp and the camera see the plane with different normals.
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn light_paths_alone_light_surfaces_whose_normals_face_away_from_the_camera() {
+    for material in [lambert(0.5), shiny(Color::linear_rgb(0.6, 0.6, 0.6), 0.6, 0.5)] {
+        check("leaning normals", |rig| {
+            let lamp_at = facing(Vec3::new(2.0, 0.5, 1.5), Vec3::ZERO);
+            rig.spawn(square(1.0), lamp(9.0, 7.0, 5.0), lamp_at);
+            rig.spawn(leaning(8.0, 40.0), material, turned_by(75.0));
+        });
+    }
 }
 
 /// A light path meets a point of a surface, and the camera a pixel of it.

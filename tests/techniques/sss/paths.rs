@@ -58,7 +58,7 @@ fn light_paths_between_translucent_bodies_equal_the_reference() {
 #[ignore = "minutes: ./run test --full"]
 fn full_length_light_paths_between_translucent_bodies_equal_the_reference() {
     let cases = [("BDPT, candidates", paths::candidates_only()), ("BDPT, both", paths::all_reuse())];
-    check_light_paths(0.01, 160, &cases);
+    check_light_paths(0.01, 260, &cases);
 }
 
 fn check_light_paths(margin: f64, restarts: u32, cases: &[(&str, Paths)]) {
