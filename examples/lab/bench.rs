@@ -4,9 +4,7 @@ use bevy::{
     app::App, ecs::change_detection::DetectChangesMut, ecs::entity::Entity, math::UVec2,
     render::renderer::RenderAdapterInfo, transform::components::Transform,
 };
-use bevy_restir::{
-    RayBackend, Restir, RestirEnvironment, RestirReport, RestirStatistics, Reuse, Technique, pass_names,
-};
+use bevy_restir::{RayBackend, Restir, RestirReport, RestirStatistics, Reuse, Technique, pass_names};
 use bevy_restir_support::{
     environment::{self, Environment},
     exposure::unit_exposure,
@@ -123,18 +121,9 @@ pub fn reference_entry(folder: &Path, name: &str) -> Result<Value, String> {
 }
 
 /// The environment of a scene in `references.json` beside it.
-fn environment_of(folder: &Path, name: &str) -> Result<Option<RestirEnvironment>, String> {
+fn environment_of(folder: &Path, name: &str) -> Result<Option<Environment>, String> {
     let entry = reference_entry(folder, name)?;
-    let Some(wanted) = entry.get("env").filter(|env| !env.is_null()) else { return Ok(None) };
-    let channels: Option<Vec<f32>> =
-        wanted.as_array().and_then(|all| all.iter().map(|c| Some(c.as_f64()? as f32)).collect());
-    match channels.as_deref() {
-        Some(&[r, g, b]) => {
-            let color = bevy::color::LinearRgba::rgb(r, g, b);
-            Ok(Some(RestirEnvironment { color, ..Default::default() }))
-        }
-        _ => Err(format!("references.json beside it: the env of {name} is {wanted}, not three numbers")),
-    }
+    environment::of_reference(&entry, folder).map_err(|why| format!("references.json beside it: {name}: {why}"))
 }
 
 /// Name and driver of the adapter.
@@ -150,6 +139,7 @@ impl Bench {
         let (folder, file) = scene::split(scene)?;
         let environment = environment_of(folder, name)?;
         let mut app = headless::app(folder, RayBackend::Auto)?;
+        let environment = environment.map(|wanted| environment::load(app.world_mut(), &wanted)).transpose()?;
         scene::load(&mut app, file)?;
         let place = scene::file_camera(app.world_mut(), None)?;
         let setup = CameraSetup { size, exposure: unit_exposure(), environment, settings };

@@ -2,7 +2,7 @@
 
 use super::{app::*, cli::asset};
 use bevy::{asset::LoadState, gltf::Gltf, prelude::*, world_serialization::WorldInstanceReady};
-use bevy_restir::RestirEnvironment;
+use bevy_restir_support::environment::{self, Environment};
 use serde_json::Value;
 
 /// The number of frames within which a file must be read and spawned.
@@ -33,7 +33,8 @@ impl Rig {
         // Transforms are propagated one frame later.
         rig.frame();
         rig.take_the_camera_of_the_file();
-        if let Some(environment) = environment_of(name) {
+        if let Some(wanted) = environment_of(name) {
+            let environment = environment::load(rig.app.world_mut(), &wanted).expect("it can be read");
             rig.insert(rig.camera, environment);
         }
         rig.shared = Some(format!("{name}.glb"));
@@ -72,9 +73,9 @@ impl Rig {
     }
 }
 
-fn environment_of(name: &str) -> Option<RestirEnvironment> {
-    let text = std::fs::read_to_string(asset("references.json")).expect("the references are there");
+fn environment_of(name: &str) -> Option<Environment> {
+    let file = asset("references.json");
+    let text = std::fs::read_to_string(&file).expect("the references are there");
     let all: Value = serde_json::from_str(&text).expect("the file is JSON");
-    let rgb: Vec<f32> = all[name]["env"].as_array()?.iter().filter_map(Value::as_f64).map(|c| c as f32).collect();
-    Some(RestirEnvironment { color: LinearRgba::rgb(rgb[0], rgb[1], rgb[2]), ..default() })
+    environment::of_reference(&all[name], file.parent().expect("it is in a folder")).expect("the entry is valid")
 }

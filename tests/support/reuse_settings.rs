@@ -40,6 +40,11 @@ pub mod di {
         Direct { reuse: Reuse { temporal: false, spatial_samples: 3, ..all_reuse().reuse }, ..all_reuse() }
     }
 
+    /// One neighbor in a circle, and a long history, as in Wyman and Panteleev 2021.
+    pub fn one_neighbor(radius: f32) -> Reuse {
+        Reuse { spatial_samples: 1, radius, confidence_cap: 20.0, ..Reuse::DIRECT }
+    }
+
     /// Accepts neighbors across edges, so that only the MIS weights keep the picture right.  The history is short: a long one would
     /// produce rare bright pixels, and the mean of a few restarts would no longer be normally distributed.
     pub fn across_edges(mis: Mis) -> Direct {

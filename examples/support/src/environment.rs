@@ -8,6 +8,7 @@ use bevy::{
     render::render_resource::{Extent3d, TextureDimension, TextureFormat},
 };
 use bevy_restir::RestirEnvironment;
+use serde_json::Value;
 use std::path::{Path, PathBuf};
 
 use crate::exr_file;
@@ -69,6 +70,18 @@ impl Environment {
             }
         }
     }
+}
+
+/// The environment of an entry in `references.json`: three numbers, or the name of a file in the same folder.
+pub fn of_reference(entry: &Value, folder: &Path) -> Result<Option<Environment>, String> {
+    let wanted = &entry["env"];
+    let text = match wanted {
+        Value::Null => return Ok(None),
+        Value::String(file) => folder.join(file).to_string_lossy().into_owned(),
+        Value::Array(channels) => channels.iter().map(Value::to_string).collect::<Vec<_>>().join(","),
+        _ => wanted.to_string(),
+    };
+    parse(&text).map(Some).map_err(|why| format!("the env {wanted}: {why}"))
 }
 
 /// Makes the component for the camera.

@@ -9,7 +9,7 @@ use crate::support::{
     small_scenes::*,
 };
 use bevy::prelude::*;
-use bevy_restir::{BiasCorrection, Direct, Jitter, Mis, Restir, Reuse, Technique, VisibilityReuse};
+use bevy_restir::{BiasCorrection, Direct, Jitter, Mis, Restir, Technique, VisibilityReuse};
 
 const PROOF: Proof = Proof::of((8, 6), (10, 24));
 
@@ -51,11 +51,7 @@ fn by_shadow(ours: &Restarts, truth: &Restarts, without_shadows: &Restarts) -> [
 fn each_reuse_of_visibility_is_biased_with_its_documented_sign() {
     let Some(mut rig) = shared(64, "room") else { return };
     let truth = PROOF.truth(&mut rig, 1000);
-    let reusing = |visibility| Direct {
-        reuse: Reuse { spatial_samples: 1, radius: pixels(10.0, 32), confidence_cap: 20.0, ..Reuse::DIRECT },
-        visibility,
-        ..Direct::default()
-    };
+    let reusing = |visibility| Direct { reuse: di::one_neighbor(pixels(10.0, 32)), visibility, ..Direct::default() };
     let without_shadows = PROOF.resampled(&mut rig, &reusing(VisibilityReuse::Ignored), 5000);
     let mut found = |name: &str, direct: Direct| {
         let ours = PROOF.resampled(&mut rig, &direct, 5000);
@@ -88,7 +84,7 @@ fn shading_visibility_is_biased_only_with_a_bsdf_candidate() {
     let truth = PROOF.truth(&mut rig, 1000);
     for bsdf_candidate in [false, true] {
         let direct = Direct {
-            reuse: Reuse { spatial_samples: 1, radius: pixels(10.0, 32), confidence_cap: 20.0, ..Reuse::DIRECT },
+            reuse: di::one_neighbor(pixels(10.0, 32)),
             candidates: 4,
             subset_count: 0,
             bsdf_candidate,

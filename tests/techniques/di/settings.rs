@@ -63,7 +63,7 @@ fn reused_visibility_saves_up_to_half_of_the_rays() {
     let mut rays = |visibility_radius| {
         let visibility_radius = pixels(visibility_radius, 120);
         let paper = Direct {
-            reuse: Reuse { spatial_samples: 1, radius: pixels(30.0, 120), confidence_cap: 20.0, ..Reuse::DIRECT },
+            reuse: di::one_neighbor(pixels(30.0, 120)),
             visibility: VisibilityReuse::Decoupled,
             bias_correction: BiasCorrection::HeuristicsAndMis,
             bsdf_candidate: false,
@@ -148,7 +148,7 @@ fn the_history_of_an_emitter_outlives_lights_that_come_and_go() {
     let light = PointLight { intensity: 1.0, ..default() };
     // One light of each kind stays, so that the shaders stay the same.
     rig.spawn_bundle((light, Transform::from_xyz(0.9, 0.9, 0.9)));
-    direct(&mut rig, Direct { reuse: Reuse { confidence_cap: 20.0, ..di::temporal().reuse }, ..di::temporal() });
+    direct(&mut rig, di::temporal());
     rig.set(|r| r.debug_view = DebugView::ReservoirConfidence);
     rig.until_ready();
     rig.set(|r| r.reset = true);

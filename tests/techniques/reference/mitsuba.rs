@@ -84,7 +84,11 @@ fn render_once(folder: &Folder, technique: &str, scene: &str, frames: u32, seed:
     let text = std::fs::read_to_string(asset("references.json")).expect("the references are there");
     let all: Value = serde_json::from_str(&text).expect("the file is JSON");
     let (bounces, frames, seed) = (all[scene]["bounces"].to_string(), frames.to_string(), seed.to_string());
-    let env = all[scene]["env"].as_array().map(|e| e.iter().map(Value::to_string).collect::<Vec<_>>().join(","));
+    let env = match &all[scene]["env"] {
+        Value::Array(channels) => Some(channels.iter().map(Value::to_string).collect::<Vec<_>>().join(",")),
+        Value::String(file) => Some(asset(file).to_string_lossy().into_owned()),
+        _ => None,
+    };
     let mut arguments = [
         ["--technique", technique],
         ["--size", "128x128"],
