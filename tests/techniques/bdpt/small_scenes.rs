@@ -19,7 +19,7 @@ const PROOF: Proof = Proof { bounces: 4, blended: true, margin: 0.02, ..Proof::o
 
 /// For scenes whose margin is 5 %.
 const COARSE: Proof = {
-    let short = Proof::of((18, 4), (16, 16));
+    let short = Proof::of((28, 4), (16, 16));
     Proof { margin: 0.05, ours: short.ours, truth: short.truth, ..PROOF }
 };
 
