@@ -2,7 +2,8 @@
 //! keeps its old pipelines until the new ones are compiled, so that no frame is missing.
 
 #[cfg(feature = "testing")]
-use bevy::{app::App, asset::Assets, render::RenderApp};
+pub(crate) mod testing;
+
 use bevy::{
     asset::Handle,
     core_pipeline::prepass::ViewPrepassTextures,
@@ -51,10 +52,12 @@ pub struct PipelineReport {
     pub compile_ms: f64,
 }
 
-#[derive(Clone, Copy)]
 enum PipelineId {
     Compute(CachedComputePipelineId),
     Render(CachedRenderPipelineId),
+    /// Compiled by another app of the test program.
+    #[cfg(feature = "testing")]
+    Shared(ComputePipeline),
 }
 
 struct PipelineEntry {
@@ -84,53 +87,8 @@ pub(crate) struct PassPipelines {
     /// Passages of the shader library that tests replaced.
     #[cfg(feature = "testing")]
     edits: Vec<crate::shader_library::ShaderEdit>,
-}
-
-/// Recompiles all compute passes with additional shader definitions: `NAME`, or `NAME=VALUE` with an unsigned integer.  Tests plant errors in
-/// this way and check that they find them.
-#[cfg(feature = "testing")]
-pub fn plant_shader_defs(app: &mut App, defs: &[&str]) {
-    if let Some(mut passes) =
-        app.get_sub_app_mut(RenderApp).and_then(|r| r.world_mut().get_resource_mut::<PassPipelines>())
-    {
-        passes.planted = defs
-            .iter()
-            .map(|def| match def.split_once('=').map(|(name, value)| (name, value.parse())) {
-                Some((name, Ok(value))) => ShaderDefVal::UInt(name.into(), value),
-                _ => ShaderDefVal::Bool((*def).into(), true),
-            })
-            .collect();
-        passes.compute.clear();
-    }
-}
-
-/// Replaces passages of the shader library; all others have their original text again.  Tests plant errors in this way that need no
-/// definition in a shader.
-#[cfg(feature = "testing")]
-pub fn plant_shader_edits(app: &mut App, edits: &[crate::shader_library::ShaderEdit]) {
-    let passes = app.get_sub_app_mut(RenderApp).and_then(|r| r.world_mut().get_resource_mut::<PassPipelines>());
-    let Some(mut passes) = passes else { return };
-    let before = core::mem::replace(&mut passes.edits, edits.to_vec());
-    let Some(library) = passes.shaders.clone() else { return };
-    let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
-    library.edit(&mut shaders, &crate::technique::shader_templates(), &before, edits);
-}
-
-/// Replaces the shader of a compute pass.  The new shader has the same entry point, bindings and template.  Tests measure quantities in this
-/// way that the passes do not write.
-#[cfg(feature = "testing")]
-pub fn replace_pass_shader(app: &mut App, pass_name: &'static str, wgsl: &str) {
-    let mut passes = crate::technique::all_domains().flat_map(crate::technique::domain::Domain::passes);
-    let rooms = passes.find(|pass| pass.name == pass_name).map_or(&[][..], |pass| pass.technique_rooms);
-    let text = crate::shader_library::instantiate(wgsl, rooms);
-    let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
-    let handle = shaders.add(Shader::from_wgsl(text, format!("test {pass_name}")));
-    if let Some(mut passes) =
-        app.get_sub_app_mut(RenderApp).and_then(|r| r.world_mut().get_resource_mut::<PassPipelines>())
-    {
-        passes.replaced.insert(pass_name, handle);
-        passes.compute.clear();
-    }
+    #[cfg(feature = "testing")]
+    shared: Option<testing::SharedPipelines>,
 }
 
 /// Chooses the pipelines of every camera.
@@ -210,9 +168,13 @@ impl PassPipelines {
         let ready = match compiled.id {
             PipelineId::Compute(id) => pipelines.get_compute_pipeline(id).is_some(),
             PipelineId::Render(id) => pipelines.get_render_pipeline(id).is_some(),
+            #[cfg(feature = "testing")]
+            PipelineId::Shared(_) => true,
         };
         if ready && compiled.compile_ms.is_none() {
             compiled.compile_ms = Some(compiled.requested.elapsed().as_secs_f64() * 1e3);
+            #[cfg(feature = "testing")]
+            self.share(index, pipelines);
         }
         ready
     }
@@ -236,6 +198,10 @@ impl PassPipelines {
     fn request_compute(&mut self, pass: &'static ComputePass, key: PipelineKey, pipelines: &PipelineCache) -> usize {
         let features = specialization(pass, key);
         if let Some(&index) = self.compute.get(&(pass.name, features)) {
+            return index;
+        }
+        #[cfg(feature = "testing")]
+        if let Some(index) = self.request_shared(pass, features) {
             return index;
         }
         let mut shader_defs = features.shader_defs();
@@ -288,14 +254,16 @@ impl PassPipelines {
 
     /// The pipeline of a compute pass.
     pub(crate) fn compute<'a>(
-        &self,
+        &'a self,
         pass: &ComputePass,
         key: PipelineKey,
         pipelines: &'a PipelineCache,
     ) -> Option<&'a ComputePipeline> {
-        match self.all[*self.compute.get(&(pass.name, specialization(pass, key)))?].id {
-            PipelineId::Compute(id) => pipelines.get_compute_pipeline(id),
+        match &self.all[*self.compute.get(&(pass.name, specialization(pass, key)))?].id {
+            PipelineId::Compute(id) => pipelines.get_compute_pipeline(*id),
             PipelineId::Render(_) => None,
+            #[cfg(feature = "testing")]
+            PipelineId::Shared(pipeline) => Some(pipeline),
         }
     }
 
@@ -308,7 +276,7 @@ impl PassPipelines {
     ) -> Option<&'a RenderPipeline> {
         match self.all[*self.visibility.get(&(cull, Self::visibility_features(key.features)))?].id {
             PipelineId::Render(id) => pipelines.get_render_pipeline(id),
-            PipelineId::Compute(_) => None,
+            _ => None,
         }
     }
 
@@ -341,7 +309,7 @@ impl PassPipelines {
     pub(crate) fn composite<'a>(&self, key: CompositeKey, pipelines: &'a PipelineCache) -> Option<&'a RenderPipeline> {
         match self.all[*self.composite.get(&key)?].id {
             PipelineId::Render(id) => pipelines.get_render_pipeline(id),
-            PipelineId::Compute(_) => None,
+            _ => None,
         }
     }
 

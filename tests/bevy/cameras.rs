@@ -98,7 +98,7 @@ fn two_cameras_side_by_side_equal_two_single_ones() {
         rig.insert(rig.camera, (eye.transform, eye.projection, eye.settings, sky(0.3)));
         let cameras = [(rig.camera, rig.capture.clone())];
         let picture = pictures(&mut rig, &cameras, 3).remove(0);
-        rig.set(|restir| restir.debug_view = DebugView::Normals);
+        rig.set(|restir| (restir.debug_view, restir.jitter) = (DebugView::Normals, Jitter::Never));
         rig.insert(rig.camera, DebandDither::Disabled);
         rig.until_ready();
         let target = rig.target.clone();
@@ -124,7 +124,8 @@ fn two_cameras_side_by_side_equal_two_single_ones() {
     }
     // The target holds the same picture.
     for (camera, _) in &cameras {
-        rig.get_mut::<Restir>(*camera).debug_view = DebugView::Normals;
+        let mut restir = rig.get_mut::<Restir>(*camera);
+        (restir.debug_view, restir.jitter) = (DebugView::Normals, Jitter::Never);
         rig.insert(*camera, DebandDither::Disabled);
     }
     rig.until_ready();

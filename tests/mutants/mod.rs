@@ -140,8 +140,8 @@ const ONE_MUTANT: &[&str] = &["--include-ignored", "--skip", "mutants::", "--ski
 /// The marks of the table in the document, and the folder of the results.
 const NAME: &str = "mutants";
 
-/// `MUTANT=NAME` runs one of them, even if it has a result, and leaves the table as it is.  With `MUTANT_PART=0/2` a process runs every second one and leaves the others
-/// to a second process with `MUTANT_PART=1/2`.
+/// `MUTANT=NAME` runs one of them, even if it has a result, and leaves the table as it is.  With `MUTANT_PART=0/2` a process runs every
+/// second one and leaves the others to a second process with `MUTANT_PART=1/2`.
 #[test]
 #[ignore = "an hour: ./run test --full"]
 fn full_length_tests_find_every_mutant() {

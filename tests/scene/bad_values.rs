@@ -106,8 +106,12 @@ fn victim() -> Mesh {
 
 impl Scene {
     /// Runs a check for every technique, with the picture of the good scene.
-    fn with_every_technique(&mut self, mut check: impl FnMut(&mut Self, Technique, &Picture)) {
-        for technique in Technique::ALL {
+    fn with_every_technique(&mut self, check: impl FnMut(&mut Self, Technique, &Picture)) {
+        self.with_techniques(&Technique::ALL, check);
+    }
+
+    fn with_techniques(&mut self, techniques: &[Technique], mut check: impl FnMut(&mut Self, Technique, &Picture)) {
+        for &technique in techniques {
             self.rig.set(|restir| restir.technique = technique);
             self.rig.until_ready();
             let good = fresh(&mut self.rig);
@@ -120,9 +124,19 @@ impl Scene {
 
 #[test]
 #[ignore = "second tier: ./run test --more"]
-fn bad_numbers_in_objects_and_materials_leave_no_trace() {
+fn bad_numbers_in_objects_and_materials_leave_no_trace_in_paths() {
+    check_objects_and_materials(&[Technique::Pt]);
+}
+
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_bad_numbers_in_objects_and_materials_leave_no_trace() {
+    check_objects_and_materials(&Technique::ALL);
+}
+
+fn check_objects_and_materials(techniques: &[Technique]) {
     let Some(mut scene) = scene() else { return };
-    scene.with_every_technique(|scene, technique, good| {
+    scene.with_techniques(techniques, |scene, technique, good| {
         let mut targets = vec![
             Target::component::<Transform>("object", scene.object),
             Target::asset("material", scene.material.clone()),
@@ -269,12 +283,22 @@ fn broken_meshes() -> Vec<(String, Mesh)> {
 
 #[test]
 #[ignore = "second tier: ./run test --more"]
-fn broken_meshes_leave_no_trace() {
+fn broken_meshes_leave_no_trace_in_paths() {
+    check_broken_meshes(&[Technique::Pt]);
+}
+
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_broken_meshes_leave_no_trace() {
+    check_broken_meshes(&Technique::ALL);
+}
+
+fn check_broken_meshes(techniques: &[Technique]) {
     let Some(mut scene) = scene() else { return };
     let handle = scene.mesh.clone();
     // Bevy computes the box of a mesh once.
     scene.rig.insert(scene.object, Aabb::default());
-    scene.with_every_technique(|scene, technique, good| {
+    scene.with_techniques(techniques, |scene, technique, good| {
         // The handling of a mesh does not depend on the technique, so that all meshes are tried with one technique only.
         let step = if technique == Technique::Pt { 1 } else { 7 };
         for (name, mesh) in broken_meshes().into_iter().step_by(step) {

@@ -2,7 +2,7 @@
 
 use crate::support::{app::*, expected_radiance::*};
 use bevy::{prelude::*, render::render_resource::Face};
-use bevy_restir::Technique;
+use bevy_restir::{Subsurface, Technique};
 
 #[test]
 fn faces_are_seen_lit_and_culled_as_designed() {
@@ -66,15 +66,28 @@ fn normals_that_face_away_are_bent_towards_the_viewer() {
     check(LEANING);
 }
 
-const LEANING: &[Row] = &[(
-    "a plane at 80 degrees whose normal is at 120",
-    |rig| {
-        slanting_sun(rig);
-        rig.spawn(leaning(4.0, 40.0), lambert(0.5), turned_by(80.0));
-    },
-    1.0,
-    EXACT,
-)];
+const LEANING: &[Row] = &[
+    (
+        "a plane at 80 degrees whose normal is at 120",
+        |rig| {
+            slanting_sun(rig);
+            rig.spawn(leaning(4.0, 40.0), lambert(0.5), turned_by(80.0));
+        },
+        1.0,
+        EXACT,
+    ),
+    (
+        "light leaves such a plane that is translucent; it enters by the normal as it is",
+        |rig| {
+            slanting_sun(rig);
+            let plane = rig.spawn(leaning(4.0, 40.0), lambert(0.5), turned_by(80.0));
+            rig.insert(plane, Subsurface { mean_free_path: Vec3::splat(0.02), weight: 1.0 });
+        },
+        // The cosine between the normal at 120 degrees and the sun at 45, relative to that of the first row.
+        0.366,
+        NOISY,
+    ),
+];
 
 #[test]
 fn emission_leaves_the_designed_sides() {

@@ -57,8 +57,8 @@ fn sizes_viewports_and_toggles_leave_no_trace() {
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn sizes_viewports_and_toggles_of_all_techniques_leave_no_trace() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_sizes_viewports_and_toggles_of_all_techniques_leave_no_trace() {
     check(ALL);
 }
 

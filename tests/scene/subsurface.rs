@@ -263,16 +263,25 @@ fn meshes_of_all_kinds_stay_finite() {
     check_meshes(Technique::Reference);
 }
 
-/// The passes of ReSTIR SSS, and the shifts of paths through bodies.
+/// The passes of ReSTIR SSS.
 #[test]
 #[ignore = "second tier: ./run test --more"]
-fn bad_values_materials_and_meshes_stay_finite_where_they_are_resampled() {
-    for technique in [Technique::Di, Technique::Pt] {
-        // The first tier counts the warnings of -1.
-        check_values(technique, -2.0);
-        check_materials(technique);
-        check_meshes(technique);
-    }
+fn bad_values_materials_and_meshes_stay_finite_where_direct_light_is_resampled() {
+    check_all(Technique::Di);
+}
+
+/// The shifts of paths through bodies.
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_bad_values_materials_and_meshes_stay_finite_where_paths_are_resampled() {
+    check_all(Technique::Pt);
+}
+
+fn check_all(technique: Technique) {
+    // The first tier counts the warnings of -1.
+    check_values(technique, -2.0);
+    check_materials(technique);
+    check_meshes(technique);
 }
 
 #[test]

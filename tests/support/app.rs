@@ -30,7 +30,7 @@ use bevy_restir::{
 use bevy_restir_support::mutant;
 use std::time::{Duration, Instant};
 
-use super::reuse_settings::paths;
+use super::{devices::Lease, reuse_settings::paths};
 pub use super::{images::*, picture::Picture, stats::mean_and_error};
 
 /// The number of frames within which a small scene must be loaded, built and compiled.
@@ -46,6 +46,8 @@ pub struct Rig {
     pub capture: RadianceCapture,
     /// The name of a scene whose references are shared by the tests of this process.
     pub shared: Option<String>,
+    /// The device goes to the next test when the app is gone: fields are dropped in order.
+    _device: Lease,
 }
 
 /// The settings of most tests: the reference, no jitter, direct light only, no energy compensation, no limit of bright pixels.
@@ -154,8 +156,17 @@ impl Default for Start {
     }
 }
 
-fn headless(start: Start, more: impl FnOnce(&mut App)) -> App {
+fn headless(start: Start, more: impl FnOnce(&mut App)) -> (App, Lease) {
     let Start { synchronous, limits, lacks, backend, before_bevy } = start;
+    // Tests of the compilation in the background need pipelines that are not compiled.
+    let shares_device = synchronous && limits.is_none() && lacks.is_empty();
+    let mut lease = if shares_device { Lease::take() } else { Lease::none() };
+    let settings = || WgpuSettings {
+        backends: Some(Backends::PRIMARY),
+        constrained_limits: limits,
+        disabled_features: Some(lacks),
+        ..Default::default()
+    };
     let mut app = App::new();
     if before_bevy {
         app.add_plugins(RestirPlugin { backend });
@@ -164,13 +175,7 @@ fn headless(start: Start, more: impl FnOnce(&mut App)) -> App {
         DefaultPlugins
             .set(RenderPlugin {
                 synchronous_pipeline_compilation: synchronous,
-                render_creation: WgpuSettings {
-                    backends: Some(Backends::PRIMARY),
-                    constrained_limits: limits,
-                    disabled_features: Some(lacks),
-                    ..Default::default()
-                }
-                .into(),
+                render_creation: lease.creation().unwrap_or_else(|| settings().into()),
                 ..Default::default()
             })
             .set(AssetPlugin {
@@ -199,6 +204,9 @@ fn headless(start: Start, more: impl FnOnce(&mut App)) -> App {
     if synchronous {
         run_systems_in_this_thread(&mut app);
     }
+    if shares_device {
+        lease.connect(&mut app);
+    }
     check_mirror(&mut app, true);
     // Hits in a shared tree round differently, and which instances share one depends on the number of frames: two apps would show the same
     // scene with different bits.  Scenes of `assets/scenes` and tests of that tree share it ([`Rig::share_a_tree_at_rest`]).
@@ -206,7 +214,7 @@ fn headless(start: Start, more: impl FnOnce(&mut App)) -> App {
     if !mutant::edits().is_empty() {
         plant_shader_edits(&mut app, mutant::edits());
     }
-    app
+    (app, lease)
 }
 
 /// Plants edits of shaders in place of those of before.  The mutant of this process stays.
@@ -270,7 +278,7 @@ impl Rig {
         silence_mesa();
         return_freed_memory();
         super::gpu::gpu()?;
-        let mut app = headless(start, more);
+        let (mut app, device) = headless(start, more);
         let target = app.world_mut().resource_mut::<Assets<Image>>().add(target_image(UVec2::new(width, height)));
         let capture = RadianceCapture::default();
         let camera = app
@@ -284,7 +292,7 @@ impl Rig {
                 capture.clone(),
             ))
             .id();
-        Some(Self { app, camera, target, capture, shared: None })
+        Some(Self { app, camera, target, capture, shared: None, _device: device })
     }
 
     pub fn add<A: Asset>(&mut self, asset: impl Into<A>) -> Handle<A> {

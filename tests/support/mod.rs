@@ -10,6 +10,7 @@ pub mod brute_force;
 pub mod change_of_measure;
 pub mod cli;
 pub mod closed_form_plane;
+pub mod devices;
 pub mod equivalence;
 pub mod expected_radiance;
 pub mod gltf;

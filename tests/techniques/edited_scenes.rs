@@ -10,7 +10,8 @@ use crate::support::{
 };
 use bevy::prelude::*;
 use bevy_restir::{
-    DebugView, Direct, Jitter, LightTechniques, Mis, RestirEnvironment, Reuse, testing::shader_library::ShaderEdit,
+    DebugView, Direct, Jitter, LightTechniques, Mis, RestirEnvironment, Reuse,
+    testing::{SharedPipelines, shader_library::ShaderEdit, share_pipelines},
 };
 
 const CONFIDENCE_CAP: f32 = 20.0;
@@ -242,6 +243,8 @@ fn histories_outlive_objects_that_come_and_go_and_change() {
 #[test]
 fn the_first_light_of_its_kind_has_its_full_brightness_at_once() {
     let Some(mut rig) = room_scene(32) else { return };
+    // No other test has compiled these pipelines.
+    share_pipelines(&mut rig.app, SharedPipelines::default());
     rig.set(|restir| di::temporal().apply_to(restir));
     rig.until_ready();
     rig.frames(25);

@@ -139,8 +139,8 @@ fn diffuse_and_specular_light_sum_to_the_light_of_a_frame() {
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn diffuse_and_specular_light_sum_to_the_light_of_a_frame_in_every_technique() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_diffuse_and_specular_light_sum_to_the_light_of_a_frame_in_every_technique() {
     check_sums(&["reference", "di", "pt", "pt, selected", "gi", "pt, separate", "bdpt"], SAMPLES.len());
 }
 

@@ -72,16 +72,20 @@ impl Environment {
     }
 }
 
-/// The environment of an entry in `references.json`: three numbers, or the name of a file in the same folder.
+/// The environment of an entry in `references.json`, as `--env` takes it: three numbers, or the name of a file in the same folder.
+pub fn argument_of_reference(entry: &Value, folder: &Path) -> Option<String> {
+    match &entry["env"] {
+        Value::Null => None,
+        Value::String(file) => Some(folder.join(file).to_string_lossy().into_owned()),
+        Value::Array(channels) => Some(channels.iter().map(Value::to_string).collect::<Vec<_>>().join(",")),
+        other => Some(other.to_string()),
+    }
+}
+
+/// The environment of an entry in `references.json`.
 pub fn of_reference(entry: &Value, folder: &Path) -> Result<Option<Environment>, String> {
-    let wanted = &entry["env"];
-    let text = match wanted {
-        Value::Null => return Ok(None),
-        Value::String(file) => folder.join(file).to_string_lossy().into_owned(),
-        Value::Array(channels) => channels.iter().map(Value::to_string).collect::<Vec<_>>().join(","),
-        _ => wanted.to_string(),
-    };
-    parse(&text).map(Some).map_err(|why| format!("the env {wanted}: {why}"))
+    let parsed = argument_of_reference(entry, folder).map(|text| parse(&text)).transpose();
+    parsed.map_err(|why| format!("the env {}: {why}", entry["env"]))
 }
 
 /// Makes the component for the camera.
@@ -118,4 +122,22 @@ pub fn equirectangular(width: u32, height: u32, pixels: &[[f32; 4]]) -> Image {
         TextureFormat::Rgba32Float,
         RenderAssetUsages::RENDER_WORLD,
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn references_name_three_numbers_or_a_file_beside_them() {
+        let read = |env: Value| of_reference(&json!({ "env": env }), Path::new("scenes"));
+        assert!(matches!(read(Value::Null), Ok(None)));
+        assert!(matches!(read(json!([0.5, 1, 2])), Ok(Some(Environment::Uniform([0.5, 1.0, 2.0])))));
+        let file = read(json!("sky.hdr"));
+        assert!(matches!(&file, Ok(Some(Environment::File(path))) if path == Path::new("scenes/sky.hdr")), "{file:?}");
+        for wrong in [json!([1, 2]), json!([1, 2, -3]), json!("sky.png"), json!(7)] {
+            assert!(read(wrong.clone()).is_err(), "{wrong}");
+        }
+    }
 }

@@ -96,10 +96,14 @@ fn light_paths_of_spheres_rectangles_and_suns_equal_the_reference() {
 
 #[test]
 #[ignore = "second tier: ./run test --more"]
-fn light_paths_of_environments_equal_the_reference() {
-    for (name, with_map) in [("a uniform environment", false), ("an image", true)] {
-        check(name, Proof { bounces: 3, ..PROOF }, |rig| surrounded(rig, with_map));
-    }
+fn light_paths_of_an_environment_image_equal_the_reference() {
+    check("an image", Proof { bounces: 3, ..PROOF }, |rig| surrounded(rig, true));
+}
+
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_light_paths_of_a_uniform_environment_equal_the_reference() {
+    check("a uniform environment", Proof { bounces: 3, ..PROOF }, |rig| surrounded(rig, false));
 }
 
 #[test]

@@ -7,7 +7,17 @@
 //! at once.  The tests check their own power: a reference that is scaled by `planted`, or brighter by 40 % in one tile with little noise,
 //! must be rejected.
 
-use crate::support::cli::{Exr, Folder, asset};
+use crate::support::{
+    app::*,
+    cli::{Exr, Folder, asset},
+};
+use bevy::{
+    light::{RectLight, SunDisk},
+    prelude::*,
+};
+use bevy_restir::{Jitter, Technique};
+use bevy_restir_support::environment::argument_of_reference;
+use core::f32::consts::PI;
 use serde_json::Value;
 
 /// A scene, and how closely it must agree.
@@ -79,16 +89,18 @@ fn tiles() -> impl Iterator<Item = Vec<usize>> {
     })
 }
 
-/// Renders a scene with the settings of `references.json`.
-fn render_once(folder: &Folder, technique: &str, scene: &str, frames: u32, seed: u32) -> Exr {
+/// The entry of a scene in `references.json`.
+fn entry(scene: &str) -> Value {
     let text = std::fs::read_to_string(asset("references.json")).expect("the references are there");
     let all: Value = serde_json::from_str(&text).expect("the file is JSON");
-    let (bounces, frames, seed) = (all[scene]["bounces"].to_string(), frames.to_string(), seed.to_string());
-    let env = match &all[scene]["env"] {
-        Value::Array(channels) => Some(channels.iter().map(Value::to_string).collect::<Vec<_>>().join(",")),
-        Value::String(file) => Some(asset(file).to_string_lossy().into_owned()),
-        _ => None,
-    };
+    all[scene].clone()
+}
+
+/// Renders a scene with the settings of `references.json`.
+fn render_once(folder: &Folder, technique: &str, scene: &str, frames: u32, seed: u32) -> Exr {
+    let entry = entry(scene);
+    let (bounces, frames, seed) = (entry["bounces"].to_string(), frames.to_string(), seed.to_string());
+    let env = argument_of_reference(&entry, &asset(""));
     let mut arguments = [
         ["--technique", technique],
         ["--size", "128x128"],
@@ -110,24 +122,26 @@ fn render_once(folder: &Folder, technique: &str, scene: &str, frames: u32, seed:
     Exr::read(&folder.path("out.exr"))
 }
 
-fn render(case: &Case) -> Option<Pictures> {
-    let folder = Folder::new(&format!("{}_{}", case.technique, case.scene))?;
-    let halves = [11, 12].map(|seed| values(&render_once(&folder, case.technique, case.scene, case.frames, seed)));
-    let exr = |name: String| values(&Exr::read(&asset(&name)));
-    let (reference, reference_error) = (exr(format!("{}.exr", case.scene)), exr(format!("{}_se.exr", case.scene)));
-    Some(Pictures { halves, reference, reference_error })
+/// Renders a scene by the program.
+fn check(case: Case) {
+    let Some(folder) = Folder::new(&format!("{}_{}", case.technique, case.scene)) else { return };
+    let render = |seed| values(&render_once(&folder, case.technique, case.scene, case.frames, seed));
+    compare(&case, [11, 12].map(render));
 }
 
-fn check(case: Case) {
-    let Some(pictures) = render(&case) else { return };
+/// Compares two independent pictures with the reference of a scene.
+fn compare(case: &Case, halves: [Vec<f64>; 2]) {
+    let exr = |name: String| values(&Exr::read(&asset(&name)));
+    let (reference, reference_error) = (exr(format!("{}.exr", case.scene)), exr(format!("{}_se.exr", case.scene)));
+    let pictures = Pictures { halves, reference, reference_error };
     let all: Vec<usize> = (0..SIZE * SIZE).collect();
     let (difference, error) = pictures.difference(&all, |_| 1.0);
     println!("{}, {}: {difference:+.5}, standard error {error:.5}", case.scene, case.technique);
-    if let Some(why) = pictures.disagreement(&case, |_| 1.0) {
+    if let Some(why) = pictures.disagreement(case, |_| 1.0) {
         panic!("{}: {why}", case.scene);
     }
     for scale in [1.0 + case.planted, 1.0 - case.planted] {
-        assert!(pictures.disagreement(&case, |_| scale).is_some(), "{}: {scale} of the reference passes", case.scene);
+        assert!(pictures.disagreement(case, |_| scale).is_some(), "{}: {scale} of the reference passes", case.scene);
     }
     // Only tiles with little noise can show it.
     let average = pictures.reference.iter().sum::<f64>() / (SIZE * SIZE) as f64;
@@ -139,7 +153,7 @@ fn check(case: Case) {
     assert!(quiet.len() >= 2, "{}: only {} tiles have little enough noise", case.scene, quiet.len());
     for tile in quiet {
         let inside = |i: usize| if tile.contains(&i) { 1.4 } else { 1.0 };
-        assert!(pictures.disagreement(&case, inside).is_some(), "{}: a tile brighter by 40 % passes", case.scene);
+        assert!(pictures.disagreement(case, inside).is_some(), "{}: a tile brighter by 40 % passes", case.scene);
     }
 }
 
@@ -177,6 +191,8 @@ scenes! {
     caustic_egg_is_what_an_independent_renderer_shows: "reference", "caustic_egg", 16, 0.01, 0.03, 0.06;
     #[ignore = "second tier: ./run test --more"]
     mirror_room_is_what_an_independent_renderer_shows: "reference", "mirror_room", 32, 0.01, 0.03, 0.06;
+    textured_is_what_an_independent_renderer_shows: "reference", "textured", 32, 0.005, 0.02, 0.03;
+    sky_is_what_an_independent_renderer_shows: "reference", "sky", 32, 0.003, 0.02, 0.03;
     bodies_are_what_an_independent_integral_over_their_surfaces_shows: "reference", "bodies", 32, 0.004, 0.03, 0.03;
     // A frame of a technique that resamples has one jitter for all pixels: a visible lamp needs many frames, not many pixels.
     #[ignore = "second tier: ./run test --more"]
@@ -193,6 +209,45 @@ scenes! {
     bidirectional_glass_lamp_is_what_an_independent_renderer_shows: "bdpt", "glass_lamp", 8, 0.01, 0.03, 0.06;
     #[ignore = "second tier: ./run test --more"]
     bidirectional_caustic_egg_is_what_an_independent_renderer_shows: "bdpt", "caustic_egg", 8, 0.01, 0.03, 0.06;
+}
+
+/// glTF has no area lights: this test adds those of the reference.
+#[test]
+fn area_lights_are_what_an_independent_renderer_shows() {
+    let Some(mut rig) = Rig::load("area_lights", SIZE as u32) else { return };
+    let (radius, ball) = (0.4, PI * 0.4 * 0.4);
+    // A sphere of radiance (6, 3, 2), a rectangle of (2, 4, 5), and a sun of 0.8 lux with a diameter of 0.2.
+    let sphere = PointLight {
+        color: Color::linear_rgb(1.0, 0.5, 1.0 / 3.0),
+        intensity: 4.0 * PI * 6.0 * ball,
+        radius,
+        ..default()
+    };
+    rig.spawn_bundle((sphere, Transform::from_xyz(-1.0, 2.8, 1.5)));
+    let color = Color::linear_rgb(0.4, 0.8, 1.0);
+    let rectangle = RectLight { color, intensity: 5.0 * PI * 1.2 * 0.5, width: 1.2, height: 0.5, ..default() };
+    rig.spawn_bundle((rectangle, Transform::from_xyz(1.6, 2.5, 1.0).looking_at(Vec3::new(0.2, 0.3, -0.2), Vec3::Y)));
+    let sun = DirectionalLight { illuminance: 0.8, ..default() };
+    let disk = SunDisk { angular_size: 0.2, intensity: 1.0 };
+    rig.spawn_bundle((sun, disk, Transform::default().looking_to(Vec3::new(-1.0, -2.0, -1.0), Vec3::Y)));
+    rig.set(|restir| {
+        (restir.technique, restir.bounces) = (Technique::Reference, 4);
+        (restir.jitter, restir.accumulate) = (Jitter::Always, true);
+    });
+    let halves = [11, 12].map(|seed| {
+        rig.set(|restir| restir.seed = seed);
+        rig.picture(32).iter().map(|(_, color)| f64::from(color.element_sum()) / 3.0).collect()
+    });
+    let case = Case {
+        technique: "reference",
+        scene: "area_lights",
+        frames: 32,
+        floor: 0.003,
+        tile_floor: 0.02,
+        planted: 0.03,
+    };
+    compare(&case, halves);
+    rig.assert_sound();
 }
 
 /// The mean over 8 x 8-pixel tiles of the absolute relative difference of luminance; dark tiles count as at least 2 % of the mean.
