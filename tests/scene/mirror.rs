@@ -366,7 +366,7 @@ fn histories_outlive_the_first_texture_and_restart_with_new_kinds_of_paths() {
     let mut rigs = [a, b];
     let late = rigs.each_mut().map(|rig| {
         let before = rig.until_ready();
-        rig.frames(6);
+        rig.frames(12);
         let resets = rig.report().history_resets;
         add_outside(rig, &["texture"]);
         let after = rig.until_ready();

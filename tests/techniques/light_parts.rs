@@ -194,5 +194,11 @@ fn check_means(names: &[&str], ours: (u32, u32), (restarts, length): (u32, u32))
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn each_part_of_the_light_equals_that_of_the_reference() {
+    check_means(&["di", "pt"], (10, 16), (10, 64));
+}
+
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_each_part_of_the_light_equals_that_of_the_reference_in_every_technique() {
     check_means(&["di", "pt", "gi", "bdpt"], (10, 16), (10, 64));
 }
