@@ -154,7 +154,7 @@ def textured():
     floor = Texture(colors(8), True, scale=(2.5, 1.5), rotation=0.5, offset=(0.13, 0.2))
     scene.add(quad((-2, 0, 2), (4, 0, 0), (0, 0, -4)), Material(base=floor))
     placed = {"scale": (3, 2), "offset": (0.3, 0.1)}
-    wall = Material(base=Texture(colors(4), True, **placed), normal=Texture(bumps(16, 0.15), False, **placed))
+    wall = Material(base=Texture(colors(4), True, **placed), normal=Texture(bumps(16, 0.08), False, **placed))
     scene.add(quad((-2, 0, -1.5), (4, 0, 0), (0, 3, 0)), wall)
     scene.add(quad((-2, 0, 2), (0, 0, -4), (0, 3, 0)), Material(base=Texture(colors(4), True, nearest=True)))
     leaf = Texture(holes(64), True, nearest=True)
