@@ -1,9 +1,11 @@
 //! Loads scenes of `assets/scenes` into the app of the tests; one app serves many restarts.
 
-use super::{app::*, cli::asset};
+use super::{
+    app::*,
+    cli::{asset, reference_entry},
+};
 use bevy::{asset::LoadState, gltf::Gltf, prelude::*, world_serialization::WorldInstanceReady};
 use bevy_restir_support::environment::{self, Environment};
-use serde_json::Value;
 
 /// The number of frames within which a file must be read and spawned.
 const PATIENCE: u32 = 2000;
@@ -74,8 +76,5 @@ impl Rig {
 }
 
 fn environment_of(name: &str) -> Option<Environment> {
-    let file = asset("references.json");
-    let text = std::fs::read_to_string(&file).expect("the references are there");
-    let all: Value = serde_json::from_str(&text).expect("the file is JSON");
-    environment::of_reference(&all[name], file.parent().expect("it is in a folder")).expect("the entry is valid")
+    environment::of_reference(&reference_entry(name), &asset("")).expect("the entry is valid")
 }

@@ -34,6 +34,13 @@ pub fn asset(name: &str) -> PathBuf {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/..")).join("assets/scenes").join(name)
 }
 
+/// The entry of a scene in `references.json`.
+pub fn reference_entry(scene: &str) -> serde_json::Value {
+    let text = fs::read_to_string(asset("references.json")).expect("the references are there");
+    let mut all: serde_json::Value = serde_json::from_str(&text).expect("the file is JSON");
+    all[scene].take()
+}
+
 /// A program that was built beside the tests.
 fn program(name: &str) -> PathBuf {
     let tests = std::env::current_exe().expect("this program is a file");

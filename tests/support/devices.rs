@@ -11,7 +11,7 @@ use bevy::{
 use bevy_restir::testing::{SharedPipelines, share_pipelines};
 use std::sync::{Mutex, PoisonError};
 
-/// A device with more pipelines is given up, because their code takes memory.
+/// A device with more pipelines is given up, because their code takes memory: the three devices of the first tier take 6.6 GB.
 const MAX_PIPELINES: usize = 400;
 
 #[derive(Clone)]

@@ -65,6 +65,7 @@ rows! {
     the_balanced_preset_equals_the_reference_in_the_cornell_box: ("cornell", Balanced, &[Pt, Gi], 0.01, (24, 10), (16, 60));
 }
 
+/// The length of the reference is that of the proof above, so that both share it.
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn contribution_weights_of_the_balanced_preset_that_are_3_percent_too_large_are_found() {

@@ -48,15 +48,15 @@ def quad(origin, right, up):
 
 
 def ball(center, radius):
-    """A smooth sphere of 96 x 48 cells."""
-    phi, theta = numpy.meshgrid(numpy.linspace(0, 2 * numpy.pi, 97), numpy.linspace(0, numpy.pi, 49))
+    """A smooth sphere of 48 x 24 cells."""
+    phi, theta = numpy.meshgrid(numpy.linspace(0, 2 * numpy.pi, 49), numpy.linspace(0, numpy.pi, 25))
     phi, theta = phi.ravel(), theta.ravel()
     normals = numpy.stack([numpy.sin(theta) * numpy.sin(phi), numpy.cos(theta), numpy.sin(theta) * numpy.cos(phi)], 1)
     tangents = numpy.stack([numpy.cos(phi), 0 * phi, -numpy.sin(phi), 1 + 0 * phi], 1)
-    first = (numpy.arange(48)[:, None] * 97 + numpy.arange(96)).ravel()
+    first = (numpy.arange(24)[:, None] * 49 + numpy.arange(48)).ravel()
     indices = numpy.concatenate([
-        numpy.stack([first, first + 97, first + 98], 1),
-        numpy.stack([first, first + 98, first + 1], 1),
+        numpy.stack([first, first + 49, first + 50], 1),
+        numpy.stack([first, first + 50, first + 1], 1),
     ])
     uvs = numpy.stack([phi, theta], 1)
     return Mesh(numpy.array(center) + radius * normals, normals, tangents, uvs, indices)
@@ -134,7 +134,6 @@ class Material:
         self.emission, self.mirror = emission, mirror
 
 
-
 class Scene:
     def __init__(self, bounces, camera, note):
         self.bounces, self.camera, self.note = bounces, camera, note
@@ -149,7 +148,7 @@ class Scene:
 
 
 def textured():
-    """Every picture that a material takes but roughness: colors with a transform, normals, a mask, emission; and a spot light."""
+    """Colors with transforms, a normal map, a mask, an emissive picture, and a spot light."""
     scene = Scene(6, ((0.4, 1.5, 4.6), (0, 0.9, 0), 40), "textures with transforms, a normal map, a mask, an emissive picture, a spot light")
     floor = Texture(colors(8), True, scale=(2.5, 1.5), rotation=0.5, offset=(0.13, 0.2))
     scene.add(quad((-2, 0, 2), (4, 0, 0), (0, 0, -4)), Material(base=floor))
@@ -185,7 +184,7 @@ def sky():
 
 
 def area_lights():
-    """A sphere, a rectangle and a sun with a disk, of one color each, above diffuse surfaces and a mirror.
+    """A sphere, a rectangle and a sun with a disk above diffuse surfaces and a mirror.
 
     Lights stop rays in Mitsuba and not here, so that each is rendered alone, before a black sky."""
     scene = Scene(4, ((0, 1.6, 5), (0, 0.6, 0), 38), "a sphere, a rectangle and a sun with a disk")

@@ -11,7 +11,7 @@ use bevy::{
     },
     shader::{Shader, ShaderDefVal},
 };
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::{PassPipelines, PipelineId};
 use crate::{scene::SceneFeatures, shader_library::ShaderEdit, technique::pass::ComputePass};
@@ -27,11 +27,15 @@ type SharedKey = (&'static str, SceneFeatures, String);
 impl SharedPipelines {
     /// The number of pipelines.
     pub fn count(&self) -> usize {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).len()
+        self.lock().len()
+    }
+
+    fn lock(&self) -> MutexGuard<'_, HashMap<SharedKey, ComputePipeline>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-/// Lets an app use pipelines that others compiled on the same device, and keeps its own for others.
+/// Lets an app use these pipelines, and adds those that it compiles.  All of its pipelines must be of one device.
 pub fn share_pipelines(app: &mut App, shared: SharedPipelines) {
     if let Some(mut passes) = passes_of(app) {
         passes.shared = Some(shared);
@@ -47,9 +51,7 @@ impl PassPipelines {
 
     /// Takes the pipeline that another app compiled.
     pub(super) fn request_shared(&mut self, pass: &ComputePass, features: SceneFeatures) -> Option<usize> {
-        let shared = self.shared.as_ref()?.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let pipeline = shared.get(&self.shared_key(pass.name, features)?)?.clone();
-        drop(shared);
+        let pipeline = self.shared.as_ref()?.lock().get(&self.shared_key(pass.name, features)?)?.clone();
         let index = self.push(PipelineId::Shared(pipeline), pass.name, features);
         self.compute.insert((pass.name, features), index);
         Some(index)
@@ -59,12 +61,10 @@ impl PassPipelines {
     pub(super) fn share(&self, index: usize, pipelines: &PipelineCache) {
         let entry = &self.all[index];
         let (Some(shared), PipelineId::Compute(id)) = (&self.shared, &entry.id) else { return };
-        let Some((key, pipeline)) =
-            self.shared_key(entry.name, entry.features).zip(pipelines.get_compute_pipeline(*id))
-        else {
-            return;
-        };
-        shared.0.lock().unwrap_or_else(PoisonError::into_inner).insert(key, pipeline.clone());
+        let key = self.shared_key(entry.name, entry.features);
+        if let Some((key, pipeline)) = key.zip(pipelines.get_compute_pipeline(*id)) {
+            shared.lock().insert(key, pipeline.clone());
+        }
     }
 }
 
@@ -92,7 +92,7 @@ pub fn plant_shader_defs(app: &mut App, defs: &[&str]) {
 pub fn plant_shader_edits(app: &mut App, edits: &[ShaderEdit]) {
     let Some(mut passes) = passes_of(app) else { return };
     let before = core::mem::replace(&mut passes.edits, edits.to_vec());
-    // Bevy compiles the pipelines of this app again.
+    // Bevy compiles only those pipelines again that this app compiled: the others are requested again.
     let PassPipelines { compute, all, .. } = &mut *passes;
     compute.retain(|_, index| !matches!(all[*index].id, PipelineId::Shared(_)));
     let Some(library) = passes.shaders.clone() else { return };

@@ -9,7 +9,7 @@
 
 use crate::support::{
     app::*,
-    cli::{Exr, Folder, asset},
+    cli::{Exr, Folder, asset, reference_entry},
 };
 use bevy::{
     light::{RectLight, SunDisk},
@@ -18,7 +18,6 @@ use bevy::{
 use bevy_restir::{Jitter, Technique};
 use bevy_restir_support::environment::argument_of_reference;
 use core::f32::consts::PI;
-use serde_json::Value;
 
 /// A scene, and how closely it must agree.
 struct Case {
@@ -89,16 +88,9 @@ fn tiles() -> impl Iterator<Item = Vec<usize>> {
     })
 }
 
-/// The entry of a scene in `references.json`.
-fn entry(scene: &str) -> Value {
-    let text = std::fs::read_to_string(asset("references.json")).expect("the references are there");
-    let all: Value = serde_json::from_str(&text).expect("the file is JSON");
-    all[scene].clone()
-}
-
 /// Renders a scene with the settings of `references.json`.
 fn render_once(folder: &Folder, technique: &str, scene: &str, frames: u32, seed: u32) -> Exr {
-    let entry = entry(scene);
+    let entry = reference_entry(scene);
     let (bounces, frames, seed) = (entry["bounces"].to_string(), frames.to_string(), seed.to_string());
     let env = argument_of_reference(&entry, &asset(""));
     let mut arguments = [
@@ -214,30 +206,6 @@ scenes! {
 /// glTF has no area lights: this test adds those of the reference.
 #[test]
 fn area_lights_are_what_an_independent_renderer_shows() {
-    let Some(mut rig) = Rig::load("area_lights", SIZE as u32) else { return };
-    let (radius, ball) = (0.4, PI * 0.4 * 0.4);
-    // A sphere of radiance (6, 3, 2), a rectangle of (2, 4, 5), and a sun of 0.8 lux with a diameter of 0.2.
-    let sphere = PointLight {
-        color: Color::linear_rgb(1.0, 0.5, 1.0 / 3.0),
-        intensity: 4.0 * PI * 6.0 * ball,
-        radius,
-        ..default()
-    };
-    rig.spawn_bundle((sphere, Transform::from_xyz(-1.0, 2.8, 1.5)));
-    let color = Color::linear_rgb(0.4, 0.8, 1.0);
-    let rectangle = RectLight { color, intensity: 5.0 * PI * 1.2 * 0.5, width: 1.2, height: 0.5, ..default() };
-    rig.spawn_bundle((rectangle, Transform::from_xyz(1.6, 2.5, 1.0).looking_at(Vec3::new(0.2, 0.3, -0.2), Vec3::Y)));
-    let sun = DirectionalLight { illuminance: 0.8, ..default() };
-    let disk = SunDisk { angular_size: 0.2, intensity: 1.0 };
-    rig.spawn_bundle((sun, disk, Transform::default().looking_to(Vec3::new(-1.0, -2.0, -1.0), Vec3::Y)));
-    rig.set(|restir| {
-        (restir.technique, restir.bounces) = (Technique::Reference, 4);
-        (restir.jitter, restir.accumulate) = (Jitter::Always, true);
-    });
-    let halves = [11, 12].map(|seed| {
-        rig.set(|restir| restir.seed = seed);
-        rig.picture(32).iter().map(|(_, color)| f64::from(color.element_sum()) / 3.0).collect()
-    });
     let case = Case {
         technique: "reference",
         scene: "area_lights",
@@ -246,6 +214,27 @@ fn area_lights_are_what_an_independent_renderer_shows() {
         tile_floor: 0.02,
         planted: 0.03,
     };
+    let Some(mut rig) = Rig::load(case.scene, SIZE as u32) else { return };
+    // The lights of `make.py`: a sphere of radiance (6, 3, 2), a rectangle of (2, 4, 5), and a sun of 0.8 lux, 0.2 radians wide.
+    let radius = 0.4;
+    let candela = 6.0 * PI * radius * radius;
+    let color = Color::linear_rgb(1.0, 0.5, 1.0 / 3.0);
+    let sphere = PointLight { color, intensity: 4.0 * PI * candela, radius, ..default() };
+    rig.spawn_bundle((sphere, Transform::from_xyz(-1.0, 2.8, 1.5)));
+    let color = Color::linear_rgb(0.4, 0.8, 1.0);
+    let rectangle = RectLight { color, intensity: 5.0 * PI * 1.2 * 0.5, width: 1.2, height: 0.5, ..default() };
+    rig.spawn_bundle((rectangle, Transform::from_xyz(1.6, 2.5, 1.0).looking_at(Vec3::new(0.2, 0.3, -0.2), Vec3::Y)));
+    let sun = DirectionalLight { illuminance: 0.8, ..default() };
+    let disk = SunDisk { angular_size: 0.2, intensity: 1.0 };
+    rig.spawn_bundle((sun, disk, Transform::default().looking_to(Vec3::new(-1.0, -2.0, -1.0), Vec3::Y)));
+    rig.set(|restir| {
+        restir.bounces = reference_entry(case.scene)["bounces"].as_u64().expect("the entry names them") as u32;
+        (restir.technique, restir.jitter, restir.accumulate) = (Technique::Reference, Jitter::Always, true);
+    });
+    let halves = [11, 12].map(|seed| {
+        rig.set(|restir| restir.seed = seed);
+        rig.picture(case.frames).iter().map(|(_, color)| f64::from(color.element_sum()) / 3.0).collect()
+    });
     compare(&case, halves);
     rig.assert_sound();
 }
@@ -283,6 +272,8 @@ fn the_reference_tracer_meets_its_margins_at_full_length() {
         ("caustic_egg", 512, 0.01, 0.03),
         ("mirror_room", 1024, 0.01, 0.03),
         ("bodies", 2048, 0.004, 0.02),
+        ("textured", 768, 0.003, 0.01),
+        ("sky", 768, 0.003, 0.01),
     ] {
         let picture = render_once(&folder, "reference", scene, frames, 0);
         let reference = Exr::read(&asset(&format!("{scene}.exr")));
