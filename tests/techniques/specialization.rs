@@ -1,11 +1,15 @@
 //! Shaders that are specialized for the scene give the same picture, bit by bit, as shaders with features that the scene lacks.
 
 use crate::support::{
+    app::plant_edits,
     proof::{Bidirectional, Subject},
     reuse_settings::*,
     small_scenes::*,
 };
-use bevy_restir::{Jitter, LightTechniques, SceneFeatures, testing::plant_shader_defs};
+use bevy_restir::{
+    Jitter, LightTechniques, SceneFeatures,
+    testing::{SharedPipelines, plant_shader_defs, shader_library::ShaderEdit, share_pipelines},
+};
 
 /// Features without a part in this comparison.  Some come with bindings or passes of their own, others are settings of the camera.  Two
 /// round differently: the lobes of brushed metal have another local frame, and absorption multiplies by an exponential of 0.
@@ -53,4 +57,35 @@ fn features_that_the_scene_lacks_change_no_pixel_of_paths() {
 #[ignore = "second tier: ./run test --more"]
 fn features_that_the_scene_lacks_change_no_pixel_of_light_paths() {
     check("BDPT", &Bidirectional(LightTechniques::Full, paths::all_reuse()));
+}
+
+/// Tests share compiled pipelines.  One with a planted error must never serve a test without it, or the other way round.
+#[test]
+fn shared_pipelines_are_those_of_the_same_shader() {
+    const EDIT: ShaderEdit = ShaderEdit {
+        module: "restir/reservoir_sampling.wgsl",
+        from: "return sum / selected_target;",
+        to: "return 1.1 * sum / selected_target;",
+    };
+    let Some(mut rig) = room_scene(16) else { return };
+    let shared = SharedPipelines::default();
+    share_pipelines(&mut rig.app, shared.clone());
+    rig.set(|r| di::all_reuse().apply_to(r));
+    let plain = rig.picture(4);
+    plant_shader_defs(&mut rig.app, &["PLANT_SCALED_UCW"]);
+    let planted = rig.picture(4);
+    assert!(planted.mean() > 1.01 * plain.mean(), "{} and {}", planted.mean(), plain.mean());
+    // Both are shared by now.
+    let count = shared.count();
+    plant_shader_defs(&mut rig.app, &[]);
+    assert_eq!(rig.picture(4), plain);
+    plant_shader_defs(&mut rig.app, &["PLANT_SCALED_UCW"]);
+    assert_eq!(rig.picture(4), planted);
+    plant_shader_defs(&mut rig.app, &[]);
+    assert_eq!(shared.count(), count, "no pipeline was compiled again");
+    plant_edits(&mut rig.app, &[EDIT]);
+    let edited = rig.picture(4);
+    assert!(edited.mean() > 1.05 * plain.mean(), "{} and {}", edited.mean(), plain.mean());
+    plant_edits(&mut rig.app, &[]);
+    assert_eq!(rig.picture(4), plain);
 }

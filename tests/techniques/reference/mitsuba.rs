@@ -209,7 +209,7 @@ fn area_lights_are_what_an_independent_renderer_shows() {
     let case = Case {
         technique: "reference",
         scene: "area_lights",
-        frames: 32,
+        frames: 128,
         floor: 0.003,
         tile_floor: 0.02,
         planted: 0.03,
