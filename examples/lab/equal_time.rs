@@ -45,7 +45,8 @@ pub struct Lengths {
     pub samples: u32,
 }
 
-/// Cost by stage and error of ReSTIR PT by its settings: those steps of Table 1 of Lin et al. 2026, supplement, that are settings.
+/// Cost by stage and error of ReSTIR PT, from that of 2022 to the default: those steps of Table 1 of Lin et al. 2026, supplement, that are
+/// settings.
 #[derive(clap::Args, Debug)]
 pub struct Steps {
     #[command(flatten)]

@@ -1,8 +1,8 @@
 //! The compared settings, as data.
 
 use bevy_restir::{
-    BiasCorrection, Direct, Jitter, Mis, Paths, Preset, Reconnection, Research, ReservoirLayout, Restir, ReuseOrder,
-    Technique, VisibilityReuse,
+    BiasCorrection, Direct, Jitter, Mis, Paths, Preset, Reconnection, Research, ReservoirLayout, Restir, Reuse,
+    ReuseOrder, Technique, VisibilityReuse,
 };
 
 /// Figures of a row.
@@ -224,35 +224,47 @@ fn kinds<K: Copy + core::fmt::Debug, const N: usize>(
     kinds.map(|kind| (format!("{kind:?}"), with(|d| set(d, kind)))).into()
 }
 
-/// The steps of Table 1 of Lin et al. 2026, supplement, that are settings, from its last but one row upwards. Each changes one
-/// setting of the defaults of PT.
+/// Those steps of Table 1 of Lin et al. 2026, supplement, that are settings.  Each row adds a step to the one above; the first is ReSTIR PT
+/// of 2022 beside separate direct light, and the last two differ from the default.  Compaction needs pairs here and follows them.
 pub fn steps(default: &Restir) -> Vec<(&'static str, Restir)> {
-    let with = |change: fn(&mut Restir)| {
-        let mut settings = default.clone();
+    let mut settings = default.clone();
+    let paths = &mut settings.paths;
+    (paths.separate_direct_light, paths.reconnection, paths.jacobian_limit) = (true, Reconnection::Distance, f32::MAX);
+    let reuse = &mut paths.reuse;
+    (reuse.paired, reuse.shade_all, reuse.dual_motion) = (false, false, false);
+    (reuse.spatial_samples, reuse.disocclusion_samples, reuse.temporal_attempts) = (3, 0, 1);
+    (reuse.neighbor_attempts, reuse.radius, reuse.confidence_cap) = (1, 60.0, 20.0);
+    (settings.research.russian_roulette, settings.research.replay_compaction) = (false, false);
+    let mut rows = vec![("ReSTIR PT of 2022 and separate direct light", settings.clone())];
+    let mut add = |name, change: &dyn Fn(&mut Restir)| {
         change(&mut settings);
-        settings
+        rows.push((name, settings.clone()));
     };
-    vec![
-        ("default", default.clone()),
-        ("direct light in reservoirs of its own", with(|r| r.paths.separate_direct_light = true)),
-        ("lights drawn one by one, not from tiles", with(|r| r.direct.subset_count = 0)),
-        ("no Russian roulette", with(|r| r.research.russian_roulette = false)),
-        ("thresholds of Lin et al. 2022", with(|r| r.paths.reconnection = Reconnection::Distance)),
-        ("bounded Jacobian (11)", with(|r| r.paths.reconnection = Reconnection::JacobianBound)),
-        ("footprint of the path (11)", with(|r| r.paths.reconnection = Reconnection::PathFootprint)),
-        ("black-box thresholds", with(|r| r.paths.reconnection = Reconnection::BlackBox)),
-        ("black-box thresholds as printed", with(|r| r.paths.reconnection = Reconnection::BlackBoxPrinted)),
-        ("pairs without replay compaction", with(|r| r.research.replay_compaction = false)),
-        ("spatial reuse without pairs", with(|r| r.paths.reuse.paired = false)),
-        ("light of the kept path only", with(|r| r.paths.reuse.shade_all = false)),
-        (
-            "no reuse",
-            with(|r| {
-                r.paths.reuse.temporal = false;
-                r.paths.reuse.spatial_samples = 0;
-            }),
-        ),
-    ]
+    add("+ spatial reuse in pairs", &|r| r.paths.reuse.paired = true);
+    add("+ replay compaction", &|r| r.research.replay_compaction = true);
+    add("+ Russian roulette", &|r| r.research.russian_roulette = true);
+    add("+ direct light in the reservoirs of paths", &|r| r.paths.separate_direct_light = false);
+    add("+ thresholds by footprints, and a limit of Jacobians", &|r| {
+        r.paths.reconnection = default.paths.reconnection;
+        r.paths.jacobian_limit = default.paths.jacobian_limit;
+    });
+    add("+ light of all samples (vector weights)", &|r| r.paths.reuse.shade_all = true);
+    add("+ two motion vectors, and more places for neighbors", &|r| {
+        let Reuse { dual_motion, temporal_attempts, neighbor_attempts, disocclusion_samples, .. } = default.paths.reuse;
+        let reuse = &mut r.paths.reuse;
+        (reuse.dual_motion, reuse.disocclusion_samples) = (dual_motion, disocclusion_samples);
+        (reuse.temporal_attempts, reuse.neighbor_attempts) = (temporal_attempts, neighbor_attempts);
+    });
+    add("+ five neighbors within 100 pixels, shorter histories", &|r| r.paths.reuse = default.paths.reuse.clone());
+    add("+ direct light in reservoirs of its own (the default)", &|r| r.paths.separate_direct_light = true);
+    add("the default, lights drawn one by one", &|r| r.direct.subset_count = 0);
+    add("the default, without reuse", &|r| {
+        r.direct.subset_count = default.direct.subset_count;
+        for reuse in [&mut r.paths.reuse, &mut r.direct.reuse] {
+            (reuse.temporal, reuse.spatial_samples, reuse.disocclusion_samples) = (false, 0, 0);
+        }
+    });
+    rows
 }
 
 /// Criteria of reconnection and their constants, in sections: the sweep of c of Lin et al. 2026, supplement, 10, and the criteria that it is

@@ -107,7 +107,7 @@ pub struct Restir {
     /// Algorithm that computes the light of a pixel.
     pub technique: Technique,
     /// Scattering events of a path: 0 shows emission only, 1 adds direct light, more add bounced light.  Cost grows with it.  Light that needs
-    /// more events is missing (darker).  0 to 64; default 5.
+    /// more events is missing (darker).  0 to 64; default 8.
     pub bounces: u32,
     /// Frames in which primary rays are jittered within the pixel, which smooths edges in means of frames.  No cost.  No bias, except for
     /// [`Technique::Bdpt`] (see there).  Default: [`Jitter::Auto`].
@@ -153,7 +153,7 @@ impl Default for Restir {
     fn default() -> Self {
         Self {
             technique: Technique::Pt,
-            bounces: 5,
+            bounces: 8,
             jitter: Jitter::Auto,
             energy_compensation: true,
             firefly_limit: 2.5,

@@ -10,15 +10,15 @@ use super::{BiasCorrection, Direct, Paths, Restir, Reuse, SuffixRetrace, Visibil
 #[non_exhaustive]
 pub enum Preset {
     /// Fewest rays: one neighbor for paths, and one reservoir for direct and bounced light in [`Technique::Pt`](super::Technique::Pt) (more
-    /// noise).  Three bounces: later light is missing (darker).  In
+    /// noise).  Five bounces: later light is missing (darker).  In
     /// [`Technique::Di`](super::Technique::Di) and [`Technique::Gi`](super::Technique::Gi) direct light is resampled as by Wyman and
     /// Panteleev 2021, with visibility reused within 30 pixels: shadows are blurred and lag (brighter in them, darker beside them).  Under
     /// motion, paths miss light that was hidden from their later vertices in the last frame (darker; [`SuffixRetrace::ForwardOnly`]).
     /// Single bright pixels are limited (darker; [`Restir::firefly_limit`]).
     Performance,
-    /// Five bounces: later light is missing (darker).  Single bright pixels are limited (darker; [`Restir::firefly_limit`]).  No other bias.
+    /// Eight bounces: later light is missing (darker).  Single bright pixels are limited (darker; [`Restir::firefly_limit`]).  No other bias.
     Balanced,
-    /// Eight bounces: later light is missing (darker).  No other bias.
+    /// Sixteen bounces: later light is missing (darker).  No other bias.
     Quality,
     /// As `Quality`, with 32 bounces; only later light is missing (darker).
     Unbiased,
@@ -27,9 +27,9 @@ pub enum Preset {
 impl Preset {
     fn bounces(self) -> u32 {
         match self {
-            Self::Performance => 3,
-            Self::Balanced => 5,
-            Self::Quality => 8,
+            Self::Performance => 5,
+            Self::Balanced => 8,
+            Self::Quality => 16,
             Self::Unbiased => 32,
         }
     }

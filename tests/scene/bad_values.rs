@@ -284,7 +284,7 @@ fn broken_meshes() -> Vec<(String, Mesh)> {
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn broken_meshes_leave_no_trace_in_paths() {
-    check_broken_meshes(&[Technique::Pt], 5);
+    check_broken_meshes(&[Technique::Pt], 11);
 }
 
 #[test]

@@ -94,10 +94,18 @@ fn every_pass_composes_validates_and_translates() {
     check(&covering_set()[..2]);
 }
 
+/// Every other set: all sets together have every pair of features.
 #[test]
 #[ignore = "second tier: ./run test --more"]
-fn every_pass_composes_validates_and_translates_in_every_pair_of_features() {
-    check(&covering_set()[2..]);
+fn every_pass_composes_validates_and_translates_in_most_pairs_of_features() {
+    let sets: Vec<_> = covering_set().into_iter().skip(2).step_by(2).collect();
+    check(&sets);
+}
+
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_every_pass_composes_validates_and_translates_in_every_pair_of_features() {
+    check(&covering_set());
 }
 
 fn check(sets: &[SceneFeatures]) {

@@ -28,11 +28,16 @@ fn direct_light_among_bodies_that_bend_equals_the_reference() {
 #[ignore = "second tier: ./run test --more"]
 fn paths_among_bodies_that_bend_equal_the_reference() {
     let Some(mut rig) = scene(64, bending) else { return };
-    let all = [
-        ("paths, both", AllLight::Pt(paths::all_reuse())),
-        ("indirect, both", AllLight::Gi(di::all_reuse(), paths::all_reuse())),
-    ];
-    Proof { margin: 0.02, ..proof(75) }.check("bending", &mut rig, &all);
+    let both = AllLight::Pt(paths::all_reuse());
+    Proof { margin: 0.02, ..proof(75) }.check("bending", &mut rig, &[("paths, both", both)]);
+}
+
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_indirect_light_among_bodies_that_bend_equals_the_reference() {
+    let Some(mut rig) = scene(64, bending) else { return };
+    let both = AllLight::Gi(di::all_reuse(), paths::all_reuse());
+    Proof { margin: 0.02, ..proof(75) }.check("bending", &mut rig, &[("indirect, both", both)]);
 }
 
 /// Temporal reuse that takes the bodies of this frame for those of the last one.

@@ -87,14 +87,15 @@ fn proof(restarts: u32) -> Proof<'static> {
 
 #[test]
 #[ignore = "second tier: ./run test --more"]
-fn paths_in_an_edited_scene_equal_the_reference() {
+fn paths_and_direct_light_in_an_edited_scene_equal_the_reference() {
     let Some(mut rig) = scene(64, edited) else { return };
     proof(42).check("edited", &mut rig, &[("both", paths::all_reuse())]);
+    Proof { bounces: 1, ..proof(60) }.check("edited", &mut rig, &[("direct, both", di::all_reuse())]);
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn paths_and_direct_light_in_an_edited_scene_equal_the_reference_for_each_kind_of_reuse() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_paths_and_direct_light_in_an_edited_scene_equal_the_reference_for_each_kind_of_reuse() {
     let Some(mut rig) = scene(64, edited) else { return };
     let gi = |paths| AllLight::Gi(di::all_reuse(), paths);
     let all = [
@@ -169,14 +170,11 @@ fn pose_settings(rig: &mut Rig, step: u32) {
 
 #[test]
 #[ignore = "second tier: ./run test --more"]
-fn paths_whose_numbers_of_samples_change_in_every_frame_equal_the_reference() {
+fn light_whose_numbers_of_samples_change_in_every_frame_equals_the_reference() {
     let Some(mut rig) = shared(64, "room") else { return };
     let proof = Proof { bounces: 3, margin: 0.01, pose: Some(&pose_settings), ..Proof::of((60, 1), (14, 32)) };
-    let all = [
-        ("paths", AllLight::Pt(paths::all_reuse())),
-        ("direct and indirect", AllLight::Gi(di::all_reuse(), paths::all_reuse())),
-    ];
-    proof.check("other settings", &mut rig, &all);
+    let both = AllLight::Gi(di::all_reuse(), paths::all_reuse());
+    proof.check("other settings", &mut rig, &[("direct and indirect", both)]);
 }
 
 /// A planted error: every object counts as present in both frames.

@@ -57,12 +57,6 @@ fn a_closed_furnace_is_in_balance_with_direct_light() {
 
 #[test]
 #[ignore = "second tier: ./run test --more"]
-fn a_closed_furnace_is_in_balance_with_indirect_light() {
-    check(Technique::Gi, Preset::Quality, 20, 45);
-}
-
-#[test]
-#[ignore = "second tier: ./run test --more"]
 fn a_closed_furnace_is_in_balance_with_paths() {
     check(Technique::Pt, Preset::Balanced, 20, 40);
 }
@@ -84,4 +78,10 @@ fn a_closed_furnace_is_in_balance_with_32_bounces() {
 #[ignore = "minutes: ./run test --full"]
 fn full_length_closed_furnace_is_in_balance_with_paths_of_32_bounces() {
     check(Technique::Pt, Preset::Unbiased, 30, 120);
+}
+
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_closed_furnace_is_in_balance_with_indirect_light() {
+    check(Technique::Gi, Preset::Balanced, 20, 45);
 }

@@ -53,18 +53,25 @@ fn direct_light_of_points_spots_and_suns_equals_the_reference() {
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn direct_light_of_an_environment_equals_the_reference() {
+    check_environment("map", true, &[("both", di::all_reuse())]);
+}
+
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_direct_light_of_environments_equals_the_reference() {
+    let cases = [
+        ("candidates", Direct { subset_count: 0, ..di::candidates_only() }),
+        ("both", di::all_reuse()),
+        ("pairwise", di::across_edges(Mis::Pairwise)),
+    ];
     for (name, map) in [("uniform", false), ("map", true)] {
-        let Some(mut rig) = scene(64, |rig| surrounded(rig, map)) else { return };
-        Proof::of((36, 8), (14, 64)).check(
-            name,
-            &mut rig,
-            &[
-                ("candidates", Direct { subset_count: 0, ..di::candidates_only() }),
-                ("both", di::all_reuse()),
-                ("pairwise", di::across_edges(Mis::Pairwise)),
-            ],
-        );
+        check_environment(name, map, &cases);
     }
+}
+
+fn check_environment(name: &str, map: bool, cases: &[(&str, Direct)]) {
+    let Some(mut rig) = scene(64, |rig| surrounded(rig, map)) else { return };
+    Proof::of((36, 8), (14, 64)).check(name, &mut rig, cases);
 }
 
 #[test]

@@ -189,14 +189,14 @@ scenes! {
     // A frame of a technique that resamples has one jitter for all pixels: a visible lamp needs many frames, not many pixels.
     #[ignore = "second tier: ./run test --more"]
     bidirectional_cornell_is_what_an_independent_renderer_shows: "bdpt", "cornell", 96, 0.003, 0.02, 0.03;
-    #[ignore = "second tier: ./run test --more"]
-    bidirectional_glossy_is_what_an_independent_renderer_shows: "bdpt", "glossy", 96, 0.003, 0.02, 0.03;
-    #[ignore = "second tier: ./run test --more"]
-    bidirectional_punctual_is_what_an_independent_renderer_shows: "bdpt", "punctual", 32, 0.003, 0.04, 0.03;
+    #[ignore = "minutes: ./run test --full"]
+    full_length_bidirectional_glossy_is_what_an_independent_renderer_shows: "bdpt", "glossy", 96, 0.003, 0.02, 0.03;
+    #[ignore = "minutes: ./run test --full"]
+    full_length_bidirectional_punctual_is_what_an_independent_renderer_shows: "bdpt", "punctual", 32, 0.003, 0.04, 0.03;
     #[ignore = "second tier: ./run test --more"]
     bidirectional_furnace_is_what_an_independent_renderer_shows: "bdpt", "furnace", 12, 0.003, 0.02, 0.03;
-    #[ignore = "second tier: ./run test --more"]
-    bidirectional_ajar_is_what_an_independent_renderer_shows: "bdpt", "ajar", 48, 0.005, 0.03, 0.06;
+    #[ignore = "minutes: ./run test --full"]
+    full_length_bidirectional_ajar_is_what_an_independent_renderer_shows: "bdpt", "ajar", 48, 0.005, 0.03, 0.06;
     #[ignore = "second tier: ./run test --more"]
     bidirectional_glass_lamp_is_what_an_independent_renderer_shows: "bdpt", "glass_lamp", 8, 0.01, 0.03, 0.06;
     #[ignore = "second tier: ./run test --more"]

@@ -57,7 +57,7 @@ fn main() -> AppExit {
 }
 
 fn settings(args: &Args) -> Restir {
-    Restir { technique: args.technique, bdpt: Bdpt { light_paths: 4.0, ..default() }, bounces: 8, ..default() }
+    Restir { technique: args.technique, bdpt: Bdpt { light_paths: 4.0, ..default() }, ..default() }
 }
 
 fn surroundings() -> RestirEnvironment {
