@@ -64,6 +64,7 @@ pub fn paper() -> Restir {
 fn paper_within(radius: f32) -> Restir {
     with(|d| {
         (d.reuse.spatial_samples, d.reuse.radius, d.reuse.confidence_cap) = (1, 30.0, 20.0);
+        (d.reuse.neighbor_attempts, d.reuse.normal_threshold) = (1, 0.9);
         d.bias_correction = BiasCorrection::HeuristicsAndMis;
         d.visibility = VisibilityReuse::Decoupled;
         d.visibility_radius = radius;
@@ -147,6 +148,7 @@ pub fn entries() -> Vec<Entry> {
     let classic = with(|d| {
         d.reuse.order = ReuseOrder::TemporalThenSpatial;
         (d.reuse.spatial_samples, d.reuse.radius, d.reuse.confidence_cap) = (5, 30.0, 20.0);
+        (d.reuse.neighbor_attempts, d.reuse.normal_threshold) = (1, 0.9);
         d.reuse.spatial_iterations = 2;
     });
     add(
@@ -233,7 +235,7 @@ pub fn steps(default: &Restir) -> Vec<(&'static str, Restir)> {
     let reuse = &mut paths.reuse;
     (reuse.paired, reuse.shade_all, reuse.dual_motion) = (false, false, false);
     (reuse.spatial_samples, reuse.disocclusion_samples, reuse.temporal_attempts) = (3, 0, 1);
-    (reuse.neighbor_attempts, reuse.radius, reuse.confidence_cap) = (1, 60.0, 20.0);
+    (reuse.neighbor_attempts, reuse.radius, reuse.confidence_cap, reuse.normal_threshold) = (1, 60.0, 20.0, 0.9);
     (settings.research.russian_roulette, settings.research.replay_compaction) = (false, false);
     let mut rows = vec![("ReSTIR PT of 2022 and separate direct light", settings.clone())];
     let mut add = |name, change: &dyn Fn(&mut Restir)| {

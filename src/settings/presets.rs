@@ -47,7 +47,8 @@ impl Preset {
                 bias_correction: BiasCorrection::HeuristicsAndMis,
                 visibility: VisibilityReuse::Decoupled,
                 visibility_radius: 30.0,
-                reuse: Reuse { spatial_samples: 1, ..Reuse::DIRECT },
+                // The geometry heuristics limit the bias.
+                reuse: Reuse { spatial_samples: 1, neighbor_attempts: 1, normal_threshold: 0.9, ..Reuse::DIRECT },
                 ..Direct::default()
             },
             Self::Balanced | Self::Quality | Self::Unbiased => Direct::default(),

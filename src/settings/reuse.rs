@@ -85,7 +85,7 @@ pub struct Reuse {
     /// Iterations of spatial reuse: more give less noise, which is more correlated.  Each is a pass.  No bias.  1 to 4; default 1.
     pub spatial_iterations: u32,
     /// Places that are tried for each neighbor until its geometry is similar (greedy neighbor search, Lanz 2025, 4.5.4): less noise at edges,
-    /// for a few texture reads at each failure.  No bias.  1 to 8; default 1 for direct light, otherwise 5.
+    /// for a few texture reads at each failure.  No bias.  1 to 8; default 3 for direct light, otherwise 5.
     pub neighbor_attempts: u32,
     /// Places that are tried for the surface itself in the last frame: first the nearest pixel, then pixels within 1.5 pixels.  With 1, the
     /// history is lost along edges and at the border of the image, where the jitter of the camera moves the nearest pixel to another
@@ -110,10 +110,13 @@ pub struct Reuse {
     /// vector weights, Lin et al. 2026, supplement, 7): less noise, above all of color, for little cost.  No bias.  Default: on.
     pub shade_all: bool,
     /// Least cosine between the normals of a pixel and its neighbor; a test of the geometry heuristics.  Larger values accept fewer
-    /// neighbors.  No bias.  -1 to 1; default 0.9, about the 25 degrees of Bitterli et al. 2020; other values have not been measured.
+    /// neighbors: black pixels on thin and curved objects.  No bias, except with a biased [`BiasCorrection`](super::BiasCorrection), which
+    /// needs the 0.9 of `Performance` (about the 25 degrees of Bitterli et al. 2020).  -1 to 1; default 0.5, and 0.9 for light that enters
+    /// objects.
     pub normal_threshold: f32,
     /// Greatest distance of a neighbor's surface from the tangent plane, relative to the distance from the camera; a test of the geometry
-    /// heuristics.  Larger values accept more neighbors.  No bias.  0 to 1e6; default 0.02; other values have not been measured.
+    /// heuristics.  Larger values accept more neighbors.  No bias.  0 to 1e6; default 0.02: 0.05 and 0.1 have more noise between thin slats
+    /// (`docs/experiments.md`).
     pub depth_threshold: f32,
     /// Skips neighbors with another material, as one of the geometry heuristics: fewer neighbors are accepted.  No bias.  Default: off.
     pub same_material: bool,
@@ -138,14 +141,14 @@ impl Reuse {
         disocclusion_samples: 2,
         paired: false,
         spatial_iterations: 1,
-        neighbor_attempts: 1,
+        neighbor_attempts: 3,
         temporal_attempts: 5,
         dual_motion: true,
         radius: 60.0,
         confidence_cap: 5.0,
         mis: Mis::Balance,
         shade_all: true,
-        normal_threshold: 0.9,
+        normal_threshold: 0.5,
         depth_threshold: 0.02,
         same_material: false,
     };

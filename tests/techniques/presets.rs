@@ -62,7 +62,7 @@ use Technique::*;
 
 rows! {
     "second tier: ./run test --more":
-    the_balanced_preset_equals_the_reference_in_the_cornell_box: ("cornell", Balanced, &[Pt], 0.01, (16, 10), (16, 60));
+    the_balanced_preset_equals_the_reference_in_the_cornell_box: ("cornell", Balanced, &[Pt], 0.01, (20, 10), (16, 60));
 }
 
 /// The length of the reference is that of the proof above, so that both share it.

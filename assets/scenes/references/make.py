@@ -1,13 +1,15 @@
-"""Makes `textured.glb`, `sky.glb` and `area_lights.glb` and renders their references with Mitsuba 3, which shares no code with this project.
+"""Makes `textured.glb`, `sky.glb`, `area_lights.glb` and `interior.glb` and renders their references with Mitsuba 3, which shares no code
+with this project.
 
     pip install mitsuba numpy OpenEXR pillow
     python3 make.py NAME PASSES
 
-writes NAME.glb, NAME.exr, NAME_se.exr (the standard error of every pixel) and for `sky` its environment into the folder above, and
+writes NAME.glb, NAME.exr, NAME_se.exr (the standard error of every pixel) and the environment, if any, into the folder above, and
 prints the entry for `references.json`.  A pass has 256 samples per pixel.  Conventions that differ between glTF and Mitsuba (texture
 transforms, spot cones, environment rows) are evaluated here and given to Mitsuba as plain coordinates or fine pictures.
 """
 
+import functools
 import io
 import json
 import pathlib
@@ -27,13 +29,30 @@ RANDOM = numpy.random.default_rng(1)
 
 
 class Mesh:
-    """Vertices with normals, tangents and texture coordinates."""
+    """Vertices with normals, tangents and texture coordinates.  The last two may be None where no texture needs them."""
 
     def __init__(self, positions, normals, tangents, uvs, indices):
         self.positions, self.normals, self.tangents, self.uvs = (
-            numpy.asarray(a, dtype="<f4") for a in (positions, normals, tangents, uvs)
+            None if a is None else numpy.asarray(a, dtype="<f4") for a in (positions, normals, tangents, uvs)
         )
         self.indices = numpy.asarray(indices, dtype="<u4")
+
+    def moved(self, matrix):
+        """This mesh, without tangents, after a 4 x 4 matrix that keeps the winding."""
+        linear = numpy.asarray(matrix)[:3, :3]
+        assert numpy.linalg.det(linear) > 0
+        normals = self.normals @ numpy.linalg.inv(linear)
+        normals /= numpy.linalg.norm(normals, axis=1, keepdims=True)
+        return Mesh(self.positions @ linear.T + matrix[:3, 3], normals, None, self.uvs, self.indices)
+
+
+def joined(meshes):
+    """One mesh, without tangents, of several."""
+    first = numpy.cumsum([0] + [len(mesh.positions) for mesh in meshes])
+    together = lambda name: numpy.concatenate([getattr(mesh, name) for mesh in meshes])
+    indices = numpy.concatenate([mesh.indices + start for mesh, start in zip(meshes, first)])
+    uvs = None if any(mesh.uvs is None for mesh in meshes) else together("uvs")
+    return Mesh(together("positions"), together("normals"), None, uvs, indices)
 
 
 def quad(origin, right, up):
@@ -47,16 +66,17 @@ def quad(origin, right, up):
     return Mesh(positions, [normal] * 4, [tangent] * 4, corners, [[0, 1, 2], [0, 2, 3]])
 
 
-def ball(center, radius):
-    """A smooth sphere of 48 x 24 cells."""
-    phi, theta = numpy.meshgrid(numpy.linspace(0, 2 * numpy.pi, 49), numpy.linspace(0, numpy.pi, 25))
+def ball(center, radius, rows=24):
+    """A smooth sphere of twice as many columns as rows of cells."""
+    columns = 2 * rows
+    phi, theta = numpy.meshgrid(numpy.linspace(0, 2 * numpy.pi, columns + 1), numpy.linspace(0, numpy.pi, rows + 1))
     phi, theta = phi.ravel(), theta.ravel()
     normals = numpy.stack([numpy.sin(theta) * numpy.sin(phi), numpy.cos(theta), numpy.sin(theta) * numpy.cos(phi)], 1)
     tangents = numpy.stack([numpy.cos(phi), 0 * phi, -numpy.sin(phi), 1 + 0 * phi], 1)
-    first = (numpy.arange(24)[:, None] * 49 + numpy.arange(48)).ravel()
+    first = (numpy.arange(rows)[:, None] * (columns + 1) + numpy.arange(columns)).ravel()
     indices = numpy.concatenate([
-        numpy.stack([first, first + 49, first + 50], 1),
-        numpy.stack([first, first + 50, first + 1], 1),
+        numpy.stack([first, first + columns + 1, first + columns + 2], 1),
+        numpy.stack([first, first + columns + 2, first + 1], 1),
     ])
     uvs = numpy.stack([phi, theta], 1)
     return Mesh(numpy.array(center) + radius * normals, normals, tangents, uvs, indices)
@@ -126,12 +146,12 @@ def holes(size):
 
 
 class Material:
-    """Lambert (specularFactor 0), or a perfect mirror.  `emission` is a texture and the radiance of its white texels.  As in Bevy, the
-    transform of the base color's texture is that of the others, too."""
+    """Lambert (specularFactor 0), or a perfect mirror.  `emission` is a texture, or a color, and the radiance of its white texels.  As in
+    Bevy, the transform of the base color's texture is that of the others, too.  What has a mask is double-sided."""
 
-    def __init__(self, color=(1, 1, 1), base=None, normal=None, mask=False, emission=None, mirror=False):
+    def __init__(self, color=(1, 1, 1), base=None, normal=None, mask=False, emission=None, mirror=False, double_sided=False):
         self.color, self.base, self.normal, self.mask = color, base, normal, mask
-        self.emission, self.mirror = emission, mirror
+        self.emission, self.mirror, self.double_sided = emission, mirror, double_sided or mask
 
 
 class Scene:
@@ -143,8 +163,9 @@ class Scene:
         # Emitters for Mitsuba alone: glTF has no area lights, so that the test adds them.
         self.area_lights = []
 
-    def add(self, mesh, material):
-        self.things.append((mesh, material))
+    def add(self, mesh, material, matrix=None):
+        """Several things may share a mesh or a material."""
+        self.things.append((mesh, material, matrix))
 
 
 def textured():
@@ -208,7 +229,7 @@ def area_lights():
 
 
 def write_gltf(scene, path):
-    """One node, mesh and material for each thing; pictures are in the file."""
+    """One node for each thing; those that share a mesh or a material share it in the file, too.  Pictures are in the file."""
     binary, views, accessors, images, samplers, textures, materials, meshes, nodes = (bytearray(), [], [], [], [], [], [], [], [])
 
     def view(data):
@@ -235,7 +256,8 @@ def write_gltf(scene, path):
         transform = {"offset": picture.offset, "rotation": picture.rotation, "scale": picture.scale}
         return {"index": len(textures) - 1, "extensions": {"KHR_texture_transform": transform}}
 
-    for mesh, material in scene.things:
+    @functools.cache
+    def material_of(material):
         metallic, roughness = (1, 0) if material.mirror else (0, 1)
         pbr = {"baseColorFactor": [*material.color, 1], "metallicFactor": metallic, "roughnessFactor": roughness}
         entry = {"pbrMetallicRoughness": pbr, "extensions": {"KHR_materials_specular": {"specularFactor": 0.0}}}
@@ -244,21 +266,35 @@ def write_gltf(scene, path):
         if material.normal:
             entry["normalTexture"] = texture(material.normal)
         if material.mask:
-            entry |= {"alphaMode": "MASK", "alphaCutoff": 0.5, "doubleSided": True}
+            entry |= {"alphaMode": "MASK", "alphaCutoff": 0.5}
+        if material.double_sided:
+            entry["doubleSided"] = True
         if material.emission:
-            picture, strength = material.emission
-            entry |= {"emissiveTexture": texture(picture), "emissiveFactor": [1, 1, 1]}
+            radiance, strength = material.emission
+            textured = isinstance(radiance, Texture)
+            entry |= {"emissiveTexture": texture(radiance), "emissiveFactor": [1, 1, 1]} if textured else {"emissiveFactor": radiance}
             entry["extensions"]["KHR_materials_emissive_strength"] = {"emissiveStrength": strength}
         materials.append(entry)
-        attributes = {
-            "POSITION": accessor(mesh.positions, "VEC3"),
-            "NORMAL": accessor(mesh.normals, "VEC3"),
-            "TANGENT": accessor(mesh.tangents, "VEC4"),
-            "TEXCOORD_0": accessor(mesh.uvs, "VEC2"),
-        }
-        primitive = {"attributes": attributes, "indices": accessor(mesh.indices, "SCALAR"), "material": len(materials) - 1}
-        meshes.append({"primitives": [primitive]})
-        nodes.append({"mesh": len(meshes) - 1})
+        return len(materials) - 1
+
+    @functools.cache
+    def geometry_of(mesh):
+        attributes = {"POSITION": accessor(mesh.positions, "VEC3"), "NORMAL": accessor(mesh.normals, "VEC3")}
+        if mesh.tangents is not None:
+            attributes["TANGENT"] = accessor(mesh.tangents, "VEC4")
+        if mesh.uvs is not None:
+            attributes["TEXCOORD_0"] = accessor(mesh.uvs, "VEC2")
+        return {"attributes": attributes, "indices": accessor(mesh.indices, "SCALAR")}
+
+    @functools.cache
+    def mesh_of(mesh, material):
+        index = material_of(material)
+        meshes.append({"primitives": [geometry_of(mesh) | {"material": index}]})
+        return len(meshes) - 1
+
+    for mesh, material, matrix in scene.things:
+        place = {} if matrix is None else {"matrix": numpy.asarray(matrix).T.ravel().tolist()}
+        nodes.append({"mesh": mesh_of(mesh, material)} | place)
 
     origin, target, degrees = scene.camera
     nodes.append({"camera": 0, "matrix": looking(origin, target)})
@@ -314,8 +350,12 @@ def for_mitsuba(scene, area_light):
             "sampler": {"type": "independent"},
         },
     }
-    for i, (mesh, material) in enumerate(scene.things):
-        parts[f"thing{i}"] = mesh_for_mitsuba(mesh, material)
+    # One mesh for each material.
+    groups = {}
+    for mesh, material, matrix in scene.things:
+        groups.setdefault(material, []).append(mesh if matrix is None else mesh.moved(matrix))
+    for i, (material, meshes) in enumerate(groups.items()):
+        parts[f"thing{i}"] = mesh_for_mitsuba(meshes[0] if len(meshes) == 1 else joined(meshes), material)
     if scene.spot:
         parts["spot"] = spot_for_mitsuba(*scene.spot)
     if scene.environment is not None:
@@ -352,18 +392,25 @@ def mesh_for_mitsuba(mesh, material):
         bsdf = {"type": "diffuse", "reflectance": material.base.for_mitsuba([0, 1, 2]) if material.base else color}
     if material.normal:
         bsdf = {"type": "normalmap", "normalmap": material.normal.for_mitsuba([0, 1, 2]), "bsdf": bsdf}
-    if material.mask:
+    if material.double_sided:
         bsdf = {"type": "twosided", "bsdf": bsdf}
     properties["bsdf"] = mitsuba.load_dict(bsdf)
     if material.emission:
         radiance, strength = material.emission
-        properties["emitter"] = mitsuba.load_dict({"type": "area", "radiance": radiance.for_mitsuba([0, 1, 2], strength)})
-    result = mitsuba.Mesh("mesh", len(mesh.positions), len(mesh.indices), properties, has_vertex_normals=True, has_vertex_texcoords=True)
-    uvs = material.base.transformed(mesh.uvs) if material.base else mesh.uvs
+        if isinstance(radiance, Texture):
+            radiance = radiance.for_mitsuba([0, 1, 2], strength)
+        else:
+            radiance = {"type": "rgb", "value": [strength * channel for channel in radiance]}
+        properties["emitter"] = mitsuba.load_dict({"type": "area", "radiance": radiance})
+    textured = mesh.uvs is not None
+    counts = len(mesh.positions), len(mesh.indices)
+    result = mitsuba.Mesh("mesh", *counts, properties, has_vertex_normals=True, has_vertex_texcoords=textured)
     parameters = mitsuba.traverse(result)
     parameters["vertex_positions"] = mesh.positions.ravel()
     parameters["vertex_normals"] = mesh.normals.ravel()
-    parameters["vertex_texcoords"] = uvs.astype(numpy.float32).ravel()
+    if textured:
+        uvs = material.base.transformed(mesh.uvs) if material.base else mesh.uvs
+        parameters["vertex_texcoords"] = uvs.astype(numpy.float32).ravel()
     parameters["faces"] = mesh.indices.ravel()
     parameters.update()
     return result
@@ -419,8 +466,10 @@ def render(scene, passes):
 
 
 def main():
+    import interior
+
     name, passes = sys.argv[1], int(sys.argv[2])
-    scene = {"textured": textured, "sky": sky, "area_lights": area_lights}[name]()
+    scene = {"textured": textured, "sky": sky, "area_lights": area_lights, "interior": interior.interior}[name]()
     write_gltf(scene, FOLDER / f"{name}.glb")
     if scene.environment is not None:
         write_exr(FOLDER / f"{name}_environment.exr", scene.environment)
@@ -444,4 +493,7 @@ def main():
 
 
 if __name__ == "__main__":
-    main()
+    # `interior` imports this module, so that the program runs the imported copy: each class exists once.
+    import make
+
+    make.main()

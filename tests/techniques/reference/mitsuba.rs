@@ -185,6 +185,7 @@ scenes! {
     mirror_room_is_what_an_independent_renderer_shows: "reference", "mirror_room", 32, 0.01, 0.03, 0.06;
     textured_is_what_an_independent_renderer_shows: "reference", "textured", 32, 0.005, 0.02, 0.03;
     sky_is_what_an_independent_renderer_shows: "reference", "sky", 32, 0.003, 0.02, 0.03;
+    interior_is_what_an_independent_renderer_shows: "reference", "interior", 32, 0.003, 0.03, 0.03;
     bodies_are_what_an_independent_integral_over_their_surfaces_shows: "reference", "bodies", 32, 0.004, 0.03, 0.03;
     // A frame of a technique that resamples has one jitter for all pixels: a visible lamp needs many frames, not many pixels.
     #[ignore = "second tier: ./run test --more"]
@@ -274,6 +275,7 @@ fn the_reference_tracer_meets_its_margins_at_full_length() {
         ("bodies", 2048, 0.004, 0.02),
         ("textured", 768, 0.003, 0.01),
         ("sky", 768, 0.003, 0.01),
+        ("interior", 768, 0.003, 0.015),
     ] {
         let picture = render_once(&folder, "reference", scene, frames, 0);
         let reference = Exr::read(&asset(&format!("{scene}.exr")));
