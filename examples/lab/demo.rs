@@ -6,7 +6,7 @@ use bevy_restir_support::{arguments, exr_file, picture::write_png, progress::Pro
 use std::path::PathBuf;
 
 use crate::{
-    bench::{Bench, Counts, Scene, scenes},
+    bench::{Bench, Counts, Scene, reference_entry, scenes},
     error::{Picture, Reference},
     panels,
 };
@@ -24,9 +24,9 @@ pub struct Args {
     /// Size of a panel in pixels. Without it SCENE.exr beside SCENE.glb is the converged picture and gives the size.
     #[arg(long, value_parser = arguments::size)]
     size: Option<UVec2>,
-    /// Maximum number of scattering events of a path.
-    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=64))]
-    bounces: u32,
+    /// Maximum number of scattering events of a path. Without it, that of SCENE.exr as `references.json` states it, or that of the preset.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=64))]
+    bounces: Option<u32>,
     /// Samples per pixel of the converged picture where it is rendered.
     #[arg(long, default_value_t = 1024, value_parser = clap::value_parser!(u32).range(2..=16_000_000))]
     samples: u32,
@@ -54,9 +54,12 @@ fn compare(args: &Args, scene: &Scene) -> Result<(), String> {
     let file = scene.0.with_extension("exr");
     let file = (args.size.is_none() && file.is_file()).then(|| exr_file::read(&file)).transpose()?;
     let size = file.as_ref().map_or(args.size.unwrap_or(SIZE), |file| file.0);
+    let stated = file
+        .as_ref()
+        .and_then(|_| reference_entry(scene.0.parent().unwrap_or(&scene.0), &scene.1).ok()?["bounces"].as_u64());
+    let bounces = args.bounces.or(stated.map(|n| n as u32)).unwrap_or(Restir::default().bounces);
     // The reference files are made without energy compensation.
-    let settings =
-        |technique| Restir { technique, bounces: args.bounces, energy_compensation: false, ..Restir::default() };
+    let settings = |technique| Restir { technique, bounces, energy_compensation: false, ..Restir::default() };
     let (reference, restir) = (settings(Technique::Reference), settings(Technique::Pt));
     let mut bench = Bench::of_scene(scene, size, reference.clone(), &Counts { warmup: HISTORY, frames: TIMED })?;
     let silent = Progress::hidden();

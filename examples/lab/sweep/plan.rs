@@ -116,7 +116,7 @@ const PATHS: [(&str, &str); 24] = [
     ("thresholds of Lin et al. 2022", "paths.reconnection=Distance"),
     ("2 bounces", "bounces=2"),
     ("3 bounces", "bounces=3"),
-    ("8 bounces", "bounces=8"),
+    ("5 bounces", "bounces=5"),
     ("16 bounces", "bounces=16"),
 ];
 
