@@ -275,7 +275,7 @@ fn the_reference_tracer_meets_its_margins_at_full_length() {
         ("bodies", 2048, 0.004, 0.02),
         ("textured", 768, 0.003, 0.01),
         ("sky", 768, 0.003, 0.01),
-        ("interior", 768, 0.003, 0.015),
+        ("interior", 3072, 0.003, 0.02),
     ] {
         let picture = render_once(&folder, "reference", scene, frames, 0);
         let reference = Exr::read(&asset(&format!("{scene}.exr")));
