@@ -113,11 +113,18 @@ pub fn scenes(paths: &[PathBuf]) -> Result<Vec<Scene>, String> {
 }
 
 /// The entry of a scene in `references.json` beside it, or null.
-pub fn reference_entry(folder: &Path, name: &str) -> Result<Value, String> {
+fn reference_entry(folder: &Path, name: &str) -> Result<Value, String> {
     let path = folder.join("references.json");
     let Ok(text) = std::fs::read_to_string(&path) else { return Ok(Value::Null) };
     let all: Value = serde_json::from_str(&text).map_err(|e| format!("{}: {e}", path.display()))?;
     Ok(all[name].clone())
+}
+
+/// The number of bounces of a scene's reference in `references.json` beside it.
+pub fn reference_bounces((path, name): &Scene) -> Result<u32, String> {
+    let entry = reference_entry(path.parent().unwrap_or(path), name)?;
+    let bounces = entry["bounces"].as_u64().ok_or("references.json beside it does not name its bounces")?;
+    Ok(bounces as u32)
 }
 
 /// The environment of a scene in `references.json` beside it.

@@ -6,7 +6,7 @@ use bevy_restir_support::{arguments, exr_file, picture::write_png, progress::Pro
 use std::path::PathBuf;
 
 use crate::{
-    bench::{Bench, Counts, Scene, reference_entry, scenes},
+    bench::{Bench, Counts, Scene, reference_bounces, scenes},
     error::{Picture, Reference},
     panels,
 };
@@ -54,10 +54,8 @@ fn compare(args: &Args, scene: &Scene) -> Result<(), String> {
     let file = scene.0.with_extension("exr");
     let file = (args.size.is_none() && file.is_file()).then(|| exr_file::read(&file)).transpose()?;
     let size = file.as_ref().map_or(args.size.unwrap_or(SIZE), |file| file.0);
-    let stated = file
-        .as_ref()
-        .and_then(|_| reference_entry(scene.0.parent().unwrap_or(&scene.0), &scene.1).ok()?["bounces"].as_u64());
-    let bounces = args.bounces.or(stated.map(|n| n as u32)).unwrap_or(Restir::default().bounces);
+    let stated = || file.as_ref().and_then(|_| reference_bounces(scene).ok());
+    let bounces = args.bounces.or_else(stated).unwrap_or(Restir::default().bounces);
     // The reference files are made without energy compensation.
     let settings = |technique| Restir { technique, bounces, energy_compensation: false, ..Restir::default() };
     let (reference, restir) = (settings(Technique::Reference), settings(Technique::Pt));

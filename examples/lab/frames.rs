@@ -5,7 +5,7 @@ use bevy_restir::{Preset, Restir};
 use bevy_restir_support::progress::Progress;
 
 use crate::{
-    bench::{Bench, Counts, Scene, lit, reference_entry, scenes},
+    bench::{Bench, Counts, Scene, lit, reference_bounces, scenes},
     compare,
     difference::Difference,
     output::{Output, header},
@@ -94,9 +94,8 @@ impl Args {
 
     /// The preset with the number of bounces of the reference, and the variants.  The references are
     /// without energy compensation.
-    fn settings(&self, (scene, name): &Scene) -> Result<Vec<(String, Restir)>, String> {
-        let entry = reference_entry(scene.parent().unwrap_or(scene), name)?;
-        let bounces = entry["bounces"].as_u64().ok_or("references.json beside it does not name its bounces")? as u32;
+    fn settings(&self, scene: &Scene) -> Result<Vec<(String, Restir)>, String> {
+        let bounces = reference_bounces(scene)?;
         let plain = Restir { bounces, energy_compensation: false, ..self.subject.settings() };
         with_variants(self.subject.preset, plain, &self.variant)
     }

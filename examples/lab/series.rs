@@ -60,11 +60,15 @@ pub fn paper() -> Restir {
     paper_within(0.0)
 }
 
+/// Reuse with a history of 20 frames, and neighbors that are tried once and face the same direction within 25 degrees.
+fn published(reuse: Reuse, spatial_samples: u32, radius: f32) -> Reuse {
+    Reuse { spatial_samples, radius, confidence_cap: 20.0, neighbor_attempts: 1, normal_threshold: 0.9, ..reuse }
+}
+
 /// The pipeline of the paper with visibility reuse within a radius in pixels (7.3).
 fn paper_within(radius: f32) -> Restir {
     with(|d| {
-        (d.reuse.spatial_samples, d.reuse.radius, d.reuse.confidence_cap) = (1, 30.0, 20.0);
-        (d.reuse.neighbor_attempts, d.reuse.normal_threshold) = (1, 0.9);
+        d.reuse = published(d.reuse.clone(), 1, 30.0);
         d.bias_correction = BiasCorrection::HeuristicsAndMis;
         d.visibility = VisibilityReuse::Decoupled;
         d.visibility_radius = radius;
@@ -147,8 +151,7 @@ pub fn entries() -> Vec<Entry> {
 
     let classic = with(|d| {
         d.reuse.order = ReuseOrder::TemporalThenSpatial;
-        (d.reuse.spatial_samples, d.reuse.radius, d.reuse.confidence_cap) = (5, 30.0, 20.0);
-        (d.reuse.neighbor_attempts, d.reuse.normal_threshold) = (1, 0.9);
+        d.reuse = published(d.reuse.clone(), 5, 30.0);
         d.reuse.spatial_iterations = 2;
     });
     add(
@@ -232,10 +235,14 @@ pub fn steps(default: &Restir) -> Vec<(&'static str, Restir)> {
     let mut settings = default.clone();
     let paths = &mut settings.paths;
     (paths.separate_direct_light, paths.reconnection, paths.jacobian_limit) = (true, Reconnection::Distance, f32::MAX);
-    let reuse = &mut paths.reuse;
-    (reuse.paired, reuse.shade_all, reuse.dual_motion) = (false, false, false);
-    (reuse.spatial_samples, reuse.disocclusion_samples, reuse.temporal_attempts) = (3, 0, 1);
-    (reuse.neighbor_attempts, reuse.radius, reuse.confidence_cap, reuse.normal_threshold) = (1, 60.0, 20.0, 0.9);
+    paths.reuse = Reuse {
+        paired: false,
+        shade_all: false,
+        dual_motion: false,
+        disocclusion_samples: 0,
+        temporal_attempts: 1,
+        ..published(Reuse::PATHS, 3, 60.0)
+    };
     (settings.research.russian_roulette, settings.research.replay_compaction) = (false, false);
     let mut rows = vec![("ReSTIR PT of 2022 and separate direct light", settings.clone())];
     let mut add = |name, change: &dyn Fn(&mut Restir)| {
