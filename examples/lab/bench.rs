@@ -65,9 +65,14 @@ impl Cost {
         self.sum(|name| name.contains("_reuse") || name.contains("_pair_"))
     }
 
+    /// Name and milliseconds of every pass.
+    pub fn every_pass(&self) -> impl Iterator<Item = (&'static str, f64)> + '_ {
+        self.passes.iter().copied()
+    }
+
     /// Name and milliseconds of every lighting pass.
     pub fn of_passes(&self) -> impl Iterator<Item = (&'static str, f64)> + '_ {
-        self.passes.iter().copied().filter(|(name, _)| !OTHER_PASSES.contains(name))
+        self.every_pass().filter(|(name, _)| !OTHER_PASSES.contains(name))
     }
 
     /// Milliseconds of reuse and of resolving its light.

@@ -32,6 +32,7 @@ mod sweep;
 mod table;
 mod things;
 mod thresholds;
+mod times;
 mod translucent;
 mod variant;
 
@@ -56,6 +57,7 @@ enum Command {
     Steps(equal_time::Steps),
     Thresholds(thresholds::Args),
     Resolutions(resolutions::Args),
+    Times(times::Args),
     Subsurface(translucent::Args),
     Materials(materials::Args),
     Frames(frames::Args),
@@ -101,6 +103,7 @@ fn run(command: &Command) -> Result<(), String> {
         Command::Steps(steps) => steps.run(),
         Command::Thresholds(args) => thresholds::run(args),
         Command::Resolutions(args) => resolutions::run(args),
+        Command::Times(args) => times::run(args),
         Command::Subsurface(args) => translucent::run(args),
         Command::Materials(args) => materials::run(args),
         Command::Frames(args) => frames::run(args),

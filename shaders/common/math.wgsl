@@ -21,6 +21,19 @@ fn is_finite_3(v: vec3<f32>) -> bool {
     return is_finite(v.x) && is_finite(v.y) && is_finite(v.z);
 }
 
+// i modulo n, in [0, n).  Vulkan leaves the operator `%` undefined for negative numbers, and NVIDIA's driver gives other values than Mesa's.
+fn wrapped_index(i: i32, n: i32) -> i32 {
+    let backward = i < 0;
+    let remainder = i32(u32(select(i, -1 - i, backward)) % u32(n));
+    return select(remainder, n - 1 - remainder, backward);
+}
+
+// a / b for positive a and b.  The reciprocal of a number above 2^126 is below the smallest normal number, so that GPUs may compute 0.
+fn quotient(a: f32, b: f32) -> f32 {
+    let scale = select(1.0, 0x1p-8, b > 0x1p100);
+    return (a * scale) / (b * scale);
+}
+
 // A texel of an environment image.  Infinity is the sun of a half-precision file, whose greatest number it becomes; NaN and negative
 // values become 0.
 fn clean_radiance(c: vec3<f32>) -> vec3<f32> {

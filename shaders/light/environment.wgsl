@@ -4,7 +4,7 @@
 #define_import_path bevy_restir::light::environment
 
 #import bevy_restir::common::constants::{FOUR_PI, ONE_MINUS_EPSILON, PI, TWO_PI}
-#import bevy_restir::common::math::{clean_radiance, equirectangular_uv, luminance}
+#import bevy_restir::common::math::{clean_radiance, equirectangular_uv, luminance, wrapped_index}
 #import bevy_restir::light::cube::{cube_radiance, cube_side}
 #import bevy_restir::view::bindings::{environment_importance, environment_map, view}
 
@@ -216,8 +216,8 @@ fn map_radiance(d: vec3<f32>) -> vec3<f32> {
 }
 
 fn map_texel(x: i32, y: i32, size: vec2<i32>) -> vec3<f32> {
-    let wrapped = ((x % size.x) + size.x) % size.x;
-    return clean_radiance(textureLoad(environment_map, vec2<i32>(wrapped, clamp(y, 0, size.y - 1)), 0, 0).rgb);
+    let at = vec2<i32>(wrapped_index(x, size.x), clamp(y, 0, size.y - 1));
+    return clean_radiance(textureLoad(environment_map, at, 0, 0).rgb);
 }
 
 // Value of a cell in level 0 of `environment_importance`: solid angle · mean luminance of the bilinear map over the cell.  The mean is

@@ -10,6 +10,7 @@
 #define_import_path bevy_restir::restir::mis
 
 #import bevy_restir::common::guard::{GUARD_MIS_WEIGHT, guard_holds, guarded}
+#import bevy_restir::common::math::quotient
 
 // One canonical sample and at most six neighbors.  With at most two neighbors, the arrays take a fifth of the memory.
 #ifdef MANY_NEIGHBORS
@@ -103,7 +104,7 @@ fn balance_weight(inputs: ptr<function, MisInputs>, by_target: bool, sample: u32
     var sum = 0.0;
     var own = 0.0;
     for (var i = 0u; i < (*inputs).count; i++) {
-        let p = min(target_of(inputs, i, sample) / greatest, 1.0);
+        let p = min(quotient(target_of(inputs, i, sample), greatest), 1.0);
         let share = (*inputs).confidence[i] * select(f32(target_of(inputs, i, sample) > 0.0), p, by_target);
         sum += share;
         own = select(own, share, i == sample);
@@ -168,7 +169,7 @@ fn pairwise_weight(inputs: ptr<function, MisInputs>, kind: u32, sample: u32) -> 
 // (neighbor's target, canonical target), divided by the greater one: confidence times a huge target would overflow.
 fn relative_pair(neighbor: f32, canonical: f32) -> vec2<f32> {
     let greater = max(neighbor, canonical);
-    return select(vec2<f32>(0.0), vec2<f32>(neighbor, canonical) / greater, greater > 0.0);
+    return select(vec2<f32>(0.0), vec2<f32>(quotient(neighbor, greater), quotient(canonical, greater)), greater > 0.0);
 }
 
 // PLANT_*: an error that only tests define, and must find.

@@ -4,6 +4,7 @@
 #define_import_path bevy_restir::scene::texture
 
 #import bevy_restir::common::constants::NONE
+#import bevy_restir::common::math::wrapped_index
 #import bevy_restir::common::texel::{decode_texel, ENCODING_LINEAR, ENCODING_SHARED_EXPONENT, ENCODING_SRGB}
 #import bevy_restir::scene::bindings::atlas
 #ifdef BOUND_TEXTURES
@@ -52,8 +53,7 @@ fn wrap(i: i32, size: i32, clamped: bool, mirrored: bool) -> i32 {
     if clamped {
         return clamp(i, 0, size - 1);
     }
-    let period = select(size, 2 * size, mirrored);
-    let m = ((i % period) + period) % period;
+    let m = wrapped_index(i, select(size, 2 * size, mirrored));
     return select(m, 2 * size - 1 - m, m >= size);
 }
 

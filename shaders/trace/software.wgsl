@@ -15,8 +15,10 @@
 #import bevy_restir::trace::triangle::{intersect_corners, intersect_triangle}
 #import bevy_restir::view::render_layers::instance_in_layers
 
-// Equal to `blas::STACK_SIZE`: the depth of both trees, and the two groups that wait while a ray is in an instance.
-const STACK_SIZE: u32 = 40u;
+// Equal to `blas::STACK_SIZE`: two groups for each level of a bottom-level tree, one for each of the top level, and the two that wait while a
+// ray is in an instance.  NVIDIA's compiler keeps a stack of 40 entries in registers and selects among all of them at every access, so that
+// half as many subgroups are resident; one of 80 entries lies in memory.
+const STACK_SIZE: u32 = 80u;
 // Limit on traversal steps, far above those of real scenes: a ray beyond it ends with an error instead of hanging the device.  Mesa's
 // llvmpipe silently ends the loops of a shader after 65,535 iterations in total, so the limit must stay well below that.
 const MAX_STEPS: u32 = 8192u;
@@ -52,7 +54,7 @@ fn root_group(root: u32, exists: bool) -> Groups {
     return Groups(select(vec2<u32>(0u), vec2<u32>(root, ROOT_HIT), exists), vec2<u32>(0u));
 }
 
-// Visits the nearest child of the group of nodes, if there is one; the others wait.
+// Visits the nearest child of the group of nodes, if there is one; the others wait.  So do the triangles of another node.
 fn visit_nearest(groups: Groups, tree: TreeRay, t_min: f32, t_max: f32) -> Groups {
     if groups.children.y < MIN_NODE_HITS {
         return groups;
@@ -62,7 +64,24 @@ fn visit_nearest(groups: Groups, tree: TreeRay, t_min: f32, t_max: f32) -> Group
         push(nearest.others);
     }
     let hits = intersect_node(nearest.node, tree, t_min, t_max);
+    if hits.primitives.y == 0u {
+        return Groups(hits.children, groups.primitives);
+    }
+    if groups.primitives.y != 0u {
+        push(groups.primitives);
+    }
     return Groups(hits.children, hits.primitives);
+}
+
+// Takes the last waiting group, if it is of a kind of which there is none.
+fn with_waiting(groups: Groups) -> Groups {
+    let group = stack[depth - 1u];
+    let is_inner = group.y >= MIN_NODE_HITS;
+    if !is_inner && groups.primitives.y != 0u {
+        return groups;
+    }
+    depth -= 1u;
+    return Groups(select(groups.children, group, is_inner), select(group, groups.primitives, is_inner));
 }
 
 // In place of an instance while a ray is in a tree over triangles in world space (`world_tree.rs`).
@@ -98,35 +117,14 @@ fn is_hit(t: LeafTriangle, is_in_world: bool, barycentrics: vec2<f32>, alpha_see
     return (!is_in_world || is_traced(t.instance)) && accepts_hit(t.instance, t.triangle, barycentrics, alpha_seed);
 }
 
-// The closest of the accepted hits on a group of triangles and `last`; the first one, if any hit will do.
-fn closest_of_group(
-    group: vec2<u32>,
-    last: Hit,
-    instance: u32,
-    tree: TreeRay,
-    t_min: f32,
-    alpha_seed: u32,
-    any_hit: bool,
-    previous: bool,
-) -> Hit {
-    var hit = last;
-    var bits = group.y;
-    // The group has a triangle.  The loop ends with its test, as all costly loops do: a driver that masks lanes instead of jumping runs the
-    // body of a loop that begins with its test once more than needed.
-    loop {
-        let bit = firstLeadingBit(bits);
-        bits &= ~(1u << bit);
-        let leaf = leaf_triangle(instance, group.x + bit, previous);
-        let found = intersect_corners(tree.line, leaf.a, leaf.b, leaf.c);
-        if found.inside && found.t > t_min && found.t < hit.t && is_hit(leaf, instance == WORLD, found.barycentrics, alpha_seed) {
-            hit = Hit(found.t, leaf.instance, leaf.triangle, found.barycentrics);
-            bits = select(bits, 0u, any_hit);
-        }
-        if bits == 0u {
-            break;
-        }
+// The closer of `last` and the hit on the first triangle of a group, if it is accepted.
+fn closer_hit(group: vec2<u32>, last: Hit, instance: u32, tree: TreeRay, t_min: f32, alpha_seed: u32, previous: bool) -> Hit {
+    let leaf = leaf_triangle(instance, group.x + firstLeadingBit(group.y), previous);
+    let found = intersect_corners(tree.line, leaf.a, leaf.b, leaf.c);
+    if found.inside && found.t > t_min && found.t < last.t && is_hit(leaf, instance == WORLD, found.barycentrics, alpha_seed) {
+        return Hit(found.t, leaf.instance, leaf.triangle, found.barycentrics);
     }
-    return hit;
+    return last;
 }
 
 // The entry of a bit of a group of the top level: an instance, or WORLD_TREE and a root.
@@ -150,7 +148,9 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
     var tree = tree_ray(ray.origin, ray.direction);
     var groups = root_group(root, true);
 
-    // The inner loop stays within one tree, so that the lanes of a subgroup change trees together.
+    // The inner loop stays within one tree, so that the lanes of a subgroup change trees together.  In each step a lane visits a node and
+    // tests one triangle: lanes that have many triangles do not keep the others from their nodes (speculative traversal; Aila and Laine
+    // 2009).
     var steps = 0u;
     loop {
         loop {
@@ -164,17 +164,18 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
                 if instance == NONE {
                     break;
                 }
-                hit = closest_of_group(groups.primitives, hit, instance, tree, ray.t_min, alpha_seed, any_hit, previous);
+                hit = closer_hit(groups.primitives, hit, instance, tree, ray.t_min, alpha_seed, previous);
                 if any_hit && hit.instance != NONE {
                     return hit;
                 }
-                groups.primitives.y = 0u;
+                groups.primitives.y &= ~(1u << firstLeadingBit(groups.primitives.y));
             }
             if groups.children.y < MIN_NODE_HITS {
-                if depth == instance_depth {
+                if depth > instance_depth {
+                    groups = with_waiting(groups);
+                } else if groups.primitives.y == 0u {
                     break;
                 }
-                groups = pop();
             }
         }
 

@@ -438,8 +438,8 @@ fn a_picture_larger_than_a_binding_is_traced_at_lower_resolution() {
             assert_eq!(pixel[0] > 100, i % 160 >= 80 && i / 160 < 80, "{technique:?}: pixel {i} of the target");
         }
     }
-    assert_eq!(log::warnings("128 x 128 pixels for its 160 x 160").len(), 1);
-    assert_eq!(log::warnings("subsets of").len(), 1);
+    assert_eq!(log::own_warnings("128 x 128 pixels for its 160 x 160").len(), 1);
+    assert_eq!(log::own_warnings("subsets of").len(), 1);
     // With the optional texture slots, Bevy's own shaders exceed this device, too.
     // The tests turn on `material_textures`.
     assert!(!log::warnings("own shaders need").is_empty());

@@ -10,7 +10,7 @@ use bevy_restir::{
     },
 };
 use naga::{
-    AddressSpace, ImageClass, TypeInner,
+    AddressSpace, BinaryOperator, Expression, ImageClass, ScalarKind, TypeInner,
     back::{hlsl, msl, spv},
     valid::{Capabilities, ModuleInfo, ValidationFlags, Validator},
 };
@@ -130,6 +130,7 @@ fn check(sets: &[SceneFeatures]) {
                     .validate(&module)
                     .unwrap_or_else(|e| panic!("{what}: {e:?}"));
                 stays_inside_the_portable_limits(&module, &info, &what);
+                takes_no_signed_remainder(&module, &info, &what);
                 translates(&module, &info, ray_queries, &what);
             }
         }
@@ -155,6 +156,19 @@ fn translates(module: &naga::Module, info: &ModuleInfo, ray_queries: bool, what:
     hlsl::Writer::new(&mut text, &options, &pipeline)
         .write(module, info, None)
         .unwrap_or_else(|e| panic!("{what}: HLSL: {e}"));
+}
+
+/// Vulkan leaves the remainder undefined where an operand is negative.
+fn takes_no_signed_remainder(module: &naga::Module, info: &ModuleInfo, what: &str) {
+    let functions = module.functions.iter().map(|(handle, function)| (function, &info[handle]));
+    let entry_points = module.entry_points.iter().enumerate().map(|(i, e)| (&e.function, info.get_entry_point(i)));
+    for (function, info) in functions.chain(entry_points) {
+        for (_, expression) in function.expressions.iter() {
+            let Expression::Binary { op: BinaryOperator::Modulo, left, .. } = expression else { continue };
+            let kind = info[*left].ty.inner_with(&module.types).scalar_kind();
+            assert_ne!(kind, Some(ScalarKind::Sint), "{what}: {:?} has a remainder of signed integers", function.name);
+        }
+    }
 }
 
 /// WebGPU's defaults: 8 storage buffers and 4 storage textures per stage, 16 textures, 16 KiB of workgroup memory, 256 invocations.

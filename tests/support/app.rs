@@ -255,7 +255,9 @@ impl Rig {
 
     /// Like [`Self::new`], on a device with these limits.
     pub fn limited(limits: WgpuLimits, width: u32, height: u32) -> Option<Self> {
-        let start = Start { limits: Some(limits), backend: RayBackend::Software, ..default() };
+        // Where the device has arrays of textures, Bevy's materials use them, for which these limits have no room.
+        let lacks = WgpuFeatures::TEXTURE_BINDING_ARRAY;
+        let start = Start { limits: Some(limits), lacks, backend: RayBackend::Software, ..default() };
         Self::starting(start, width, height)
     }
 

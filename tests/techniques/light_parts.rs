@@ -123,7 +123,7 @@ fn check_sums(names: &[&str], count: usize) {
         let one_part = [(METAL, diffuse, specular), (GLASS, diffuse, specular), (CHALK, specular, diffuse)];
         for (sample, empty, full) in one_part.into_iter().filter(|(sample, ..)| SAMPLES[..count].contains(sample)) {
             let [empty, full] = [empty, full].map(|part| sum_over(part, sample));
-            assert!(empty == 0.0 && full > 0.0, "{name}, {}: {empty} beside {full}", sample.0);
+            assert!(empty <= 1e-7 * full && full > 0.0, "{name}, {}: {empty} beside {full}", sample.0);
         }
         for sample in [PLASTIC, LACQUER, BODY].into_iter().filter(|sample| SAMPLES[..count].contains(sample)) {
             let [d, s] = [diffuse, specular].map(|part| sum_over(part, sample));

@@ -108,7 +108,7 @@ fn mis_weights_sum_to_one_over_the_inputs_that_can_produce_the_sample() {
         // If the target of the pixel itself is 0, the weights do not matter; drivers may flush denormals to zero.
         let canonical = case.targets[0][0];
         if canonical == 0.0 || canonical.is_subnormal() {
-            assert!(w.all.iter().all(|w| (0.0..=1.0).contains(w)), "{case:?}: {w:?}");
+            assert!(w.all.iter().all(|w| (0.0..=1.0 + 1e-5).contains(w)), "{case:?}: {w:?}");
             continue;
         }
         let could = |j: &usize| case.targets[*j][*j] > 0.0 || case.kind == MIS_UNIFORM;

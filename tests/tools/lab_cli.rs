@@ -1,6 +1,6 @@
 //! `lab compare` as scripts call it: its figures, its files, and its exit codes.
 
-use crate::support::cli::Folder;
+use crate::support::cli::{Folder, asset};
 use serde_json::Value;
 use std::fs;
 
@@ -217,4 +217,24 @@ fn frames_have_a_row_for_each_figure() {
     // The light of later bounces is missing.
     assert!(value("bounces=1", "energy") < value("Balanced", "energy") - 0.1, "{table}");
     folder.lab(&["frames", "missing.glb"]).failed(1, "a scene that is missing");
+}
+
+#[test]
+fn times_of_the_techniques_that_are_asked_for_have_a_row_each() {
+    let Some(folder) = Folder::new("times") else { return };
+    let scene = asset("cornell.glb");
+    let times = |only: &str| {
+        let scene = scene.to_str().expect("the path is text");
+        folder.lab(&["times", scene, "--size", "16x16", "--frames", "4", "--only", only, "--out", "tables"])
+    };
+    times("Di Balanced").succeeded();
+    let table = fs::read_to_string(folder.path("tables/times.csv")).expect("it was written");
+    let row =
+        |start: &str| table.lines().find(|line| line.starts_with(start)).unwrap_or_else(|| panic!("{start}: {table}"));
+    let last = |start: &str| row(start).rsplit(',').next().and_then(|text| text.parse::<f64>().ok());
+    for start in ["Di,Balanced,", "\"Passes of Di, Balanced\",di_reuse,"] {
+        assert!(last(start).is_some_and(|ms| ms > 0.0), "{table}");
+    }
+    assert!(!table.lines().any(|line| line.starts_with("Pt,")), "{table}");
+    times("Di Nothing").failed(1, "no such preset");
 }

@@ -21,7 +21,8 @@ pub const REFERENCE: &str = "Reference tracer";
 /// The section of the presets as they come.
 pub const PRESETS: &str = "Presets";
 
-const ALL_PRESETS: [Preset; 4] = [Preset::Performance, Preset::Balanced, Preset::Quality, Preset::Unbiased];
+/// All presets, the fastest first.
+pub const ALL_PRESETS: [Preset; 4] = [Preset::Performance, Preset::Balanced, Preset::Quality, Preset::Unbiased];
 
 /// Which configurations are measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -129,10 +129,14 @@ impl Gpu {
             .filter(|(handle, _)| !reached[*handle].is_empty())
             .filter_map(|(_, v)| v.binding.as_ref().map(|b| (b.group, b.binding)))
             .collect();
-        let shader = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        let descriptor = wgpu::ShaderModuleDescriptor {
             label: Some(name),
             source: wgpu::ShaderSource::Naga(std::borrow::Cow::Owned(module)),
-        });
+        };
+        // Without checks of bounds, as Bevy compiles shaders.
+        // SAFETY: the kernels stay within their buffers.
+        let shader =
+            unsafe { self.device.create_shader_module_trusted(descriptor, wgpu::ShaderRuntimeChecks::unchecked()) };
         let pipeline = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(name),
             layout: None,

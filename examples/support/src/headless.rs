@@ -16,13 +16,15 @@ use bevy::{
     time::TimeUpdateStrategy,
     window::ExitCondition,
 };
-use bevy_restir::{CapturedRadiance, EmissiveLuminance, RayBackend, RestirPlugin, RestirStatistics};
+use bevy_restir::{
+    CapturedRadiance, EmissiveLuminance, RayBackend, RestirPlugin, RestirStatistics, testing::plant_shader_edits,
+};
 use std::{
     path::Path,
     time::{Duration, Instant},
 };
 
-use crate::{panics, scene::View};
+use crate::{mutant, panics, scene::View};
 
 /// Loading and compiling may take this long before the program gives up.
 const PATIENCE: Duration = Duration::from_secs(300);
@@ -109,6 +111,9 @@ fn create(folder: &Path, backend: RayBackend) -> Result<App, String> {
     }
     app.finish();
     app.cleanup();
+    if !mutant::edits().is_empty() {
+        plant_shader_edits(&mut app, mutant::edits());
+    }
     Ok(app)
 }
 

@@ -20,13 +20,13 @@ use obvhs::{
 /// An axis-aligned box: its minimum and maximum corner.
 pub type Bounds = ([f32; 3], [f32; 3]);
 
-/// Entries of the traversal stack, equal to `STACK_SIZE` in `shaders/trace/software.wgsl`.  Each level of a tree takes at most one entry,
-/// and entering an instance takes two.
-pub const STACK_SIZE: u32 = 40;
+/// Entries of the traversal stack, equal to `STACK_SIZE` in `shaders/trace/software.wgsl`.  Each level of a bottom-level tree takes at most
+/// two entries (nodes and triangles), each level of the top level takes one, and entering an instance takes two.
+pub const STACK_SIZE: u32 = 80;
 /// Maximum number of levels of a bottom-level tree.
-pub const MAX_BLAS_DEPTH: u32 = 24;
+pub const MAX_BLAS_DEPTH: u32 = 32;
 /// Maximum number of levels of a top-level tree.
-pub const MAX_TLAS_DEPTH: u32 = STACK_SIZE - MAX_BLAS_DEPTH - 2;
+pub const MAX_TLAS_DEPTH: u32 = STACK_SIZE - 2 * MAX_BLAS_DEPTH - 2;
 
 // A deeper binary tree is not converted, because the conversion of obvhs recurses and could overflow the stack.
 const MAX_BINARY_DEPTH: u32 = 160;
