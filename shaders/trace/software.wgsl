@@ -17,7 +17,7 @@
 
 // Equal to `blas::STACK_SIZE`: two groups for each level of a bottom-level tree, one for each of the top level, and the two that wait while a
 // ray is in an instance.  NVIDIA's compiler keeps a stack of 40 entries in registers and selects among all of them at every access, so that
-// half as many subgroups are resident; one of 80 entries lies in memory.
+// half as many subgroups are resident.  A larger one lies in memory.
 const STACK_SIZE: u32 = 80u;
 // Limit on traversal steps, far above those of real scenes: a ray beyond it ends with an error instead of hanging the device.  Mesa's
 // llvmpipe silently ends the loops of a shader after 65,535 iterations in total, so the limit must stay well below that.
@@ -41,13 +41,6 @@ fn push(group: vec2<u32>) {
     }
     stack[depth] = group;
     depth += 1u;
-}
-
-fn pop() -> Groups {
-    depth -= 1u;
-    let group = stack[depth];
-    let is_inner = group.y >= MIN_NODE_HITS;
-    return Groups(select(vec2<u32>(0u), group, is_inner), select(group, vec2<u32>(0u), is_inner));
 }
 
 fn root_group(root: u32, exists: bool) -> Groups {
@@ -186,9 +179,6 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
             }
             instance = NONE;
             instance_depth = 0u;
-            groups = pop();
-        }
-        if groups.primitives.y == 0u {
             tree = tree_ray(ray.origin, ray.direction);
             continue;
         }
