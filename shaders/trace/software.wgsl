@@ -195,7 +195,6 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
         instance_depth = depth;
         if (entry & WORLD_TREE) != 0u {
             instance = WORLD;
-            tree = tree_ray(ray.origin, ray.direction);
             groups = root_group(entry & ~WORLD_TREE, true);
             continue;
         }

@@ -11,6 +11,13 @@ const PAIRS: &[&str] = &["paths_in_pairs_equal_the_reference"];
 pub const MUTANTS: &[Mutant] = &[
     // Resampling MIS.
     mutant(
+        "the quotient of huge targets is scaled on one side",
+        "common/math.wgsl",
+        "return (a * scale) / (b * scale);",
+        "return a / (b * scale);",
+        &["mis_weights_follow_their_formulas"],
+    ),
+    mutant(
         "balance heuristic without confidence",
         "restir/mis.wgsl",
         "let share = (*inputs).confidence[i] * select",

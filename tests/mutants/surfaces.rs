@@ -92,6 +92,20 @@ pub const MUTANTS: &[Mutant] = &[
         &["textures_are_sampled_as_the_oracle"],
     ),
     mutant(
+        "negative texture coordinates repeat one texel too far",
+        "common/math.wgsl",
+        "return select(remainder, n - 1 - remainder, backward);",
+        "return select(remainder, n - remainder, backward);",
+        &["textures_are_sampled_as_the_oracle"],
+    ),
+    mutant(
+        "triangles of a node are forgotten where those of another one wait",
+        "trace/software.wgsl",
+        "        push(groups.primitives);\n    }\n    return Groups(hits.children, hits.primitives);",
+        "    }\n    return Groups(hits.children, hits.primitives);",
+        &["tracing::traversal"],
+    ),
+    mutant(
         "the footprint of a pixel does not grow",
         "scene/cone.wgsl",
         "return Cone(cone.width + cone.spread * distance, cone.spread);",
@@ -135,10 +149,10 @@ pub const MUTANTS: &[Mutant] = &[
         &["tracing::traversal"],
     ),
     mutant(
-        "a tree over resting instances is entered with the ray of the last instance",
+        "the top level is traversed with the ray of the last instance",
         "trace/software.wgsl",
-        "            instance = WORLD;\n            tree = tree_ray(ray.origin, ray.direction);",
-        "            instance = WORLD;",
+        "            instance_depth = 0u;\n            tree = tree_ray(ray.origin, ray.direction);",
+        "            instance_depth = 0u;",
         &["tracing::traversal"],
     ),
     mutant(
