@@ -21,7 +21,8 @@ fn is_finite_3(v: vec3<f32>) -> bool {
     return is_finite(v.x) && is_finite(v.y) && is_finite(v.z);
 }
 
-// i modulo n, in [0, n).  Vulkan leaves the operator `%` undefined for negative numbers, and NVIDIA's driver gives other values than Mesa's.
+// i modulo n, in [0, n).  Vulkan does not define the operator `%` for negative numbers, and NVIDIA's driver computes other values than
+// Mesa's.
 fn wrapped_index(i: i32, n: i32) -> i32 {
     let backward = i < 0;
     let remainder = i32(u32(select(i, -1 - i, backward)) % u32(n));

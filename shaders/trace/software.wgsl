@@ -66,7 +66,7 @@ fn visit_nearest(groups: Groups, tree: TreeRay, t_min: f32, t_max: f32) -> Group
     return Groups(hits.children, hits.primitives);
 }
 
-// Takes the last waiting group, if it is of a kind of which there is none.
+// Pops a group where no nodes are left to visit.  Triangles stay on the stack as long as the ray has other triangles to test.
 fn with_waiting(groups: Groups) -> Groups {
     let group = stack[depth - 1u];
     let is_inner = group.y >= MIN_NODE_HITS;

@@ -1,4 +1,4 @@
-//! `lab compare` as scripts call it: its figures, its files, and its exit codes.
+//! `lab compare`, `lab frames` and `lab times` as scripts call them: their figures, their files, and their exit codes.
 
 use crate::support::cli::{Folder, asset};
 use serde_json::Value;

@@ -3,13 +3,12 @@
 use bevy::{mesh::morph::MeshMorphWeights, prelude::*};
 use bevy_restir::{
     BiasCorrection, Jitter, Mis, Preset, RayBackend, Restir, RestirEnvironment, RestirStatistics, SuffixRetrace,
-    Technique, VisibilityReuse,
-    testing::{check_mirror, plant_shader_edits},
+    Technique, VisibilityReuse, testing::check_mirror,
 };
 use bevy_restir_support::{
     exposure::unit_exposure,
     headless::{self, captured, frame},
-    mutant, panics,
+    panics,
     scene::{self, CameraSetup, View},
     skinned,
 };
@@ -64,9 +63,6 @@ impl Stage {
     /// `everything`: the scene always has an object or a light with each feature, so that shaders are compiled once.
     pub fn new(size: UVec2, everything: bool, backend: RayBackend) -> Result<Self, String> {
         let mut app = headless::app(Path::new("."), backend)?;
-        if !mutant::edits().is_empty() {
-            plant_shader_edits(&mut app, mutant::edits());
-        }
         check_mirror(&mut app, true);
         let setup = CameraSetup { size, exposure: unit_exposure(), environment: None, settings: Restir::default() };
         let place = (Transform::default(), Projection::default());

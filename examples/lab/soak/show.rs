@@ -9,7 +9,7 @@ use bevy::{
 use bevy_restir::{Preset, RayBackend, Restir, RestirEnvironment, Technique};
 use bevy_restir_support::{
     exposure::unit_exposure,
-    headless, mutant,
+    headless,
     scene::{self, CameraSetup, View},
     scenes::Random,
     skinned,
@@ -48,9 +48,6 @@ const SKIES: [LinearRgba; 2] = [LinearRgba::rgb(0.2, 0.25, 0.3), LinearRgba::rgb
 impl Show {
     pub fn new(technique: Technique, size: UVec2, seed: u64) -> Result<Self, String> {
         let mut app = headless::app(Path::new("."), RayBackend::Auto)?;
-        if !mutant::edits().is_empty() {
-            bevy_restir::testing::plant_shader_edits(&mut app, mutant::edits());
-        }
         let mut random = Random::new(seed);
         let settings = settings(technique, random.bits());
         let environment = Some(RestirEnvironment { color: SKIES[0], ..default() });
