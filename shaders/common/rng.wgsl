@@ -31,7 +31,7 @@ const STREAM_CONNECTIONS: u32 = 20u;
 const STREAM_SPLATS: u32 = 21u;
 // Probes of paths, and whether a path takes one.
 const STREAM_PATH_PROBES: u32 = 22u;
-// Pairs of the first iteration of reuse; the next iterations, at most four, use the next streams.  One domain of a technique makes pairs.
+// Pairs of the first iteration of reuse in the first domain of a technique; others are as far apart as those of STREAM_REUSE.
 const STREAM_PAIRS: u32 = 23u;
 
 fn pcg4d(seed: vec4<u32>) -> vec4<u32> {

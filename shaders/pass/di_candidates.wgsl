@@ -12,7 +12,9 @@
 #import bevy_restir::view::ray_counter::count_rays
 
 @group(2) @binding(2) var<storage, read_write> reservoirs: array<PackedReservoir>;
-@group(2) @binding(3) var unresampled: texture_storage_2d<rgba32float, write>;
+// The contribution of the selected sample.
+@group(2) @binding(3) var contribution: texture_storage_2d<rgba32float, write>;
+@group(2) @binding(4) var unresampled: texture_storage_2d<rgba32float, write>;
 
 @compute @workgroup_size(8, 8)
 fn di_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -24,12 +26,14 @@ fn di_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
     let ids = textureLoad(visibility, pixel, 0).xy;
     if ids.x == NONE || view.bounces == 0u {
         reservoirs[index] = reservoir_pack(no_reservoir());
+        textureStore(contribution, pixel, vec4<f32>(0.0));
         textureStore(unresampled, pixel, vec4<f32>(0.0));
         return;
     }
     var rng = rng_new(pixel, view.frame, STREAM_DI_CANDIDATES, view.seed);
     let selected = sample_candidates(receiver_of(ids, pixel, false), pixel, &rng);
     reservoirs[index] = reservoir_pack(selected.reservoir);
+    textureStore(contribution, pixel, vec4<f32>(selected.f, 0.0));
     textureStore(unresampled, pixel, vec4<f32>(selected.unresampled, 0.0));
     count_rays(pixel);
 }

@@ -7,14 +7,12 @@
 
 #import domain::{evaluate, is_visible, kept_shift, needs_replay, PackedReservoir, Receiver, receiver_of, receives_light, Reservoir, reservoir_unpack, target_value}
 #import bevy_restir::common::constants::NONE
+#import bevy_restir::common::rng::{rng_bits, rng_new, STREAM_REUSE, STREAMS_PER_DOMAIN}
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::pairs::{next_pair, Pair, pair_in_slot, pair_mask, slots_of}
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::ray_counter::{count_rays, reset_counts}
-
-// Only domains of paths make pairs, and a path has an alpha seed of its own.
-const NO_ALPHA_SEED: u32 = 0u;
 
 // The queue begins with the number of workgroups of the second pass in each dimension, and the number of entries.  An entry is the
 // coordinates of a pixel and the mask of its slots.
@@ -34,11 +32,17 @@ fn sample_in(pixel: vec2<u32>) -> Reservoir {
     return reservoir_unpack(samples[reservoir_index(pixel, view.size, settings.reservoir_layout)]);
 }
 
+// Rays of direct light see blended surfaces by these random numbers; a path has an alpha seed of its own.
+fn alpha_seed_of(pixel: vec2<u32>, pair: Pair) -> u32 {
+    var rng = rng_new(pixel, view.frame, STREAM_REUSE + settings.domain * STREAMS_PER_DOMAIN + settings.iteration, view.seed);
+    return rng_bits(&rng).x + pair.slot;
+}
+
 fn store_shift(pixel: vec2<u32>, r: Receiver, pair: Pair, s: Reservoir) {
     var shift = vec4<f32>(0.0);
     if s.ucw > 0.0 {
         let e = evaluate(r, s);
-        if target_value(e) > 0.0 && is_visible(r, e, NO_ALPHA_SEED) {
+        if target_value(e) > 0.0 && is_visible(r, e, alpha_seed_of(pixel, pair)) {
             shift = kept_shift(e);
         }
     }

@@ -6,7 +6,7 @@
 // `src/shader_library.rs` puts them in.  A neighbor's sample is shifted to the pixel itself first, and from there to the pixel of every
 // other input at which its MIS weight needs the target.
 
-#import domain::{apply_shift, can_be_shifted, carries_contribution, completed, diffuse_share, evaluate, Evaluated, find_neighbor, identity_of, in_current_frame, is_visible, jacobian_of, neighbor_radius, no_reservoir, PackedReservoir, Receiver, receiver_of, receives_light, Reservoir, reservoir_pack, reservoir_unpack, resamples, reuse_center, shift_result_of, ShiftResult, stored_target, stores_target, target_value}
+#import domain::{apply_shift, can_be_shifted, completed, diffuse_share, evaluate, Evaluated, find_neighbor, identity_of, in_current_frame, is_visible, jacobian_of, neighbor_radius, no_reservoir, PackedReservoir, Receiver, receiver_of, receives_light, Reservoir, reservoir_pack, reservoir_unpack, resamples, reuse_center, shift_result_of, ShiftResult, stored_target, stores_target, target_value}
 #ifdef PAIRED
 #import domain::{shift_from}
 #import bevy_restir::restir::pairs::{pair_in_slot, pair_mask, slots_of}
@@ -29,7 +29,7 @@
 // Reservoirs of the last frame, or of the previous iteration of this frame.
 @group(2) @binding(1) var<storage, read> neighbors: array<PackedReservoir>;
 @group(2) @binding(2) var<storage, read_write> reservoirs: array<PackedReservoir>;
-// The contribution of the pixel's own sample, if the technique hands it on.
+// The contribution of each pixel's own sample.
 @group(2) @binding(4) var own_contribution: texture_2d<f32>;
 @group(2) @binding(5) var resampled: texture_storage_2d<rgba32float, write>;
 
@@ -249,9 +249,9 @@ fn accept_shift(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, j:
     (*inputs).ucw[j] = guarded((*inputs).ucw[j] * jacobian, GUARD_CONTRIBUTION_WEIGHT);
 }
 
-// Whether p̂ of a neighbor's sample in its own pixel is known.
+// Whether p̂ of a neighbor's sample in its own pixel is known: from its reservoir, or from the contribution that a pass of this frame wrote.
 fn knows_targets() -> bool {
-    return stores_target() || (carries_contribution() && !has(RESAMPLE_FROM_PREVIOUS));
+    return stores_target() || !has(RESAMPLE_FROM_PREVIOUS);
 }
 
 fn known_target(inputs: ptr<function, Inputs>, j: u32, s: Reservoir) -> f32 {
@@ -264,7 +264,8 @@ fn known_target(inputs: ptr<function, Inputs>, j: u32, s: Reservoir) -> f32 {
 // The next input, from `from_input` on, whose target at a pixel is needed and not known yet.
 fn next_to_evaluate(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, at_pixel: u32, from_input: u32) -> u32 {
     for (var j = from_input; j < (*mis).count; j++) {
-        let is_known = at_pixel == j && select(knows_targets(), carries_contribution(), j == 0u);
+        // The pixel's own contribution is known, too; it is evaluated for the ray of a sample that has not been tested.
+        let is_known = at_pixel == j && select(knows_targets(), !(*inputs).needs_ray[0], j == 0u);
         if !is_known && (*inputs).ucw[j] > 0.0 && mis_needs_target(settings.mis, at_pixel, j) {
             return j;
         }
@@ -323,9 +324,7 @@ fn resample(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, ids: v
     // One turn for each pixel whose targets are needed.  If only the selected sample is shaded, a last turn tests its visibility: in the
     // same loop, so that the program has one call that traces rays.
     let traces_selected = has(RESAMPLE_SHADE) && has(RESAMPLE_SHADING_RAYS) && !has(RESAMPLE_SHADE_ALL);
-    if carries_contribution() {
-        set_target(mis, 0u, 0u, guarded(luminance((*inputs).contributions[0]), GUARD_TARGET));
-    }
+    set_target(mis, 0u, 0u, guarded(luminance((*inputs).contributions[0]), GUARD_TARGET));
     let is_same = !traces_selected && is_same_pixel(inputs, mis, ids);
     // Both loops end with their tests, for drivers that mask lanes.
     let turns = (*mis).count + u32(traces_selected);
@@ -434,7 +433,7 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
     reservoirs[index] = stored(output, pixel);
     if has(RESAMPLE_SHADE) {
         textureStore(resampled, pixel, vec4<f32>(light, 0.0));
-    } else if carries_contribution() {
+    } else {
         textureStore(resampled, pixel, vec4<f32>(contribution, 0.0));
     }
     count_rays(pixel);

@@ -53,7 +53,7 @@ fn binding_type(resource: R) -> BindingType {
         R::Settings => buffer(BufferBindingType::Uniform),
         R::PreviousVisibility | R::PairMasksRead => texture(TextureSampleType::Uint),
         R::LightBefore
-        | R::UnresampledLight
+        | R::UnresampledLightRead
         | R::ResampledLight
         | R::SubsurfaceLight
         | R::PathLight
@@ -64,7 +64,9 @@ fn binding_type(resource: R) -> BindingType {
             view_dimension: TextureViewDimension::D2Array,
             multisampled: false,
         },
-        R::CandidateLight | R::LightAfter | R::Connections => written(LIGHT_FORMAT, TextureViewDimension::D2),
+        R::CandidateLight | R::LightAfter | R::UnresampledLight | R::Connections => {
+            written(LIGHT_FORMAT, TextureViewDimension::D2)
+        }
         R::PairMasks => written(PAIR_MASK_FORMAT, TextureViewDimension::D2),
         R::PairShifts => written(LIGHT_FORMAT, TextureViewDimension::D2Array),
     }
@@ -116,10 +118,14 @@ fn binding_of<'a>(resource: R, step: &Step, state: &'a RestirView) -> Option<Bou
         R::PairShifts | R::PairShiftsRead => view(&history?.pairs.as_ref()?.shifts),
         R::ReplayQueue | R::ReplayQueueRead => buffer(&history?.pairs.as_ref()?.queue.as_ref()?.0),
         R::PreviousVisibility => view(&history?.previous_visibility_view),
-        R::CandidateLight => view(own()?.light_of_candidates()),
+        R::CandidateLight => view(own()?.light_before(0)),
         R::LightBefore => view(own()?.light_before(step.iteration)),
         R::LightAfter => view(own()?.light_after(step.iteration)),
-        R::UnresampledLight => view(light_of(history?, LightPart::Direct, Reservoirs::light_of_candidates)),
+        R::UnresampledLight => view(own()?.unresampled.as_ref()?),
+        R::UnresampledLightRead => {
+            let unresampled = history?.reservoirs().iter().find_map(|r| r.unresampled.as_ref());
+            view(unresampled.unwrap_or(&history?.black))
+        }
         R::ResampledLight => view(light_of(history?, LightPart::Direct, Reservoirs::light_of_last_iteration)),
         R::SubsurfaceLight => view(light_of(history?, LightPart::Subsurface, Reservoirs::light_of_last_iteration)),
         R::PathLight => view(light_of(history?, LightPart::Paths, Reservoirs::light_of_last_iteration)),

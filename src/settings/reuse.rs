@@ -77,10 +77,11 @@ pub struct Reuse {
     pub disocclusion_samples: u32,
     /// Pairs pixels for spatial reuse: two pixels that reuse each other's samples share the shifts between them, with their rays.  This
     /// halves the shifts and the rays of spatial reuse, for the same noise.  Partners come from squares whose sides are 0.9 to 1.8
-    /// times [`Reuse::radius`], and [`Reuse::neighbor_attempts`] has no effect.  No bias.  Applies to [`Paths`](super::Paths) alone, to
-    /// iterations over samples of the same frame ([`ReuseOrder::TemporalThenSpatial`]) with a pairwise kind of [`Reuse::mis`].  Memory: 4
-    /// bytes a pixel, and 16 for each of `spatial_samples` + 1 or `disocclusion_samples` shifts, whichever is more.  Default: on for paths.
-    /// (Paired spatial reuse: Lin et al. 2026, supplement, Table 1.)
+    /// times [`Reuse::radius`], and [`Reuse::neighbor_attempts`] has no effect.  No bias.  Applies to iterations over samples of the same
+    /// frame ([`ReuseOrder::TemporalThenSpatial`]) with a pairwise kind of [`Reuse::mis`]; in [`Direct`](super::Direct), only with
+    /// [`VisibilityReuse::Resampled`](super::VisibilityReuse::Resampled) and MIS weights with rays; not to light that enters objects.
+    /// Memory: 4 bytes a pixel, and 16 for each of `spatial_samples` + 1 or `disocclusion_samples` shifts, whichever is more.  Default: on
+    /// for paths.  (Paired spatial reuse: Lin et al. 2026, supplement, Table 1.)
     pub paired: bool,
     /// Iterations of spatial reuse: more give less noise, which is more correlated.  Each is a pass.  No bias.  1 to 4; default 1.
     pub spatial_iterations: u32,

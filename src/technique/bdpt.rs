@@ -41,7 +41,6 @@ const DOMAIN: &Domain = &Domain {
         },
     ],
     reservoir_bytes: BIDIRECTIONAL_RESERVOIR_SIZE,
-    carries_contribution: true,
     part: LightPart::Paths,
     schedule: ReuseSchedule::of_bidirectional_paths,
 };
@@ -74,7 +73,6 @@ const SPLATS: &Domain = &Domain {
         },
     ],
     reservoir_bytes: SPLAT_RESERVOIR_SIZE,
-    carries_contribution: true,
     part: LightPart::LightPaths,
     schedule: ReuseSchedule::of_splats,
 };

@@ -2,8 +2,8 @@
 
 use super::{
     TechniqueRow,
-    domain::{self, DebugPass, Domain, LightPart, domain_names},
-    pass::ComputePass,
+    domain::{self, DebugPass, Domain, LightPart, PairPasses, domain_names, pair_passes},
+    pass::{ComputePass, PassResource as R},
     reuse_schedule::ReuseSchedule,
     sss,
 };
@@ -18,16 +18,19 @@ const ROOMS: &[&str] = &["restir/di"];
 pub(super) const DOMAIN: &Domain = &Domain {
     names: domain_names!("di"),
     light_paths: None,
-    candidates: domain::candidates("di_candidates", "di_candidates", &[]),
+    candidates: ComputePass {
+        resources: &[R::Settings, R::SubsetsRead, R::CandidateReservoirs, R::CandidateLight, R::UnresampledLight],
+        ..domain::candidates("di_candidates", "di_candidates", &[])
+    },
     reuse: domain::reuse("di_reuse", ROOMS),
-    pairs: None,
+    // A shift of direct light replays nothing.
+    pairs: Some(PairPasses { compaction: None, ..pair_passes!("di", ROOMS) }),
     forward: &[],
     debug: &[DebugPass {
         shows: DebugView::is_of_direct_light,
         pass: ComputePass { specialized: false, ..domain::debug("di_debug", "debug_di", &[]) },
     }],
     reservoir_bytes: DIRECT_RESERVOIR_SIZE,
-    carries_contribution: false,
     part: LightPart::Direct,
     schedule: ReuseSchedule::of_direct_light,
 };

@@ -26,8 +26,6 @@ pub(crate) struct Domain {
     pub debug: &'static [DebugPass],
     /// Bytes of a reservoir.
     pub reservoir_bytes: u64,
-    /// Whether passes hand on the contribution of each pixel's own sample (`carries_contribution` in its shaders).
-    pub carries_contribution: bool,
     /// The part of a frame's light that it computes.
     pub part: LightPart,
     /// Iterations of reuse for some settings.
@@ -54,14 +52,28 @@ pub(crate) struct LightPathPasses {
 pub(crate) struct PairPasses {
     /// Finds similar partners of each pixel.
     pub neighbors: ComputePass,
-    /// Shifts the samples of partners to each pixel; with replay compaction, `short_shifts` and `replays` take its place.
+    /// Shifts the samples of partners to each pixel.
     pub shifts: ComputePass,
+    /// Takes the place of `shifts` with replay compaction, if shifts may replay paths.
+    pub compaction: Option<CompactionPasses>,
+    /// Resamples by these shifts.
+    pub reuse: ComputePass,
+}
+
+impl PairPasses {
+    /// Its passes, each once.
+    fn passes(&self) -> impl Iterator<Item = &ComputePass> {
+        let of_compaction = self.compaction.iter().flat_map(|passes| [&passes.short_shifts, &passes.replays]);
+        [&self.neighbors, &self.shifts, &self.reuse].into_iter().chain(of_compaction)
+    }
+}
+
+/// Passes of replay compaction, in order.
+pub(crate) struct CompactionPasses {
     /// Does the shifts that need no replay, and puts the pixels of the others into the replay queue.
     pub short_shifts: ComputePass,
     /// Does the shifts of the replay queue.
     pub replays: ComputePass,
-    /// Resamples by these shifts.
-    pub reuse: ComputePass,
 }
 
 /// Parts of the light of a frame, which `resolve` adds up; a frame has at most one domain for each.
@@ -75,6 +87,11 @@ pub(crate) enum LightPart {
     Paths,
     /// Light of light sub-paths that the camera sees.
     LightPaths,
+}
+
+impl LightPart {
+    /// Number of parts.
+    pub(crate) const COUNT: usize = 4;
 }
 
 /// Names that appear in statistics and time spans.
@@ -186,11 +203,13 @@ macro_rules! pair_passes {
         PairPasses {
             neighbors: pair_pass(concat!($name, "_pair_neighbors"), "pair_neighbors", $rooms, &[$($def)*], PAIR_NEIGHBORS),
             shifts: pair_pass(concat!($name, "_pair_shifts"), shifts, $rooms, &[$($def)*], PAIR_SHIFTS),
-            short_shifts: pair_pass(concat!($name, "_pair_short_shifts"), shifts, $rooms, defers, PAIR_SHORT_SHIFTS),
-            replays: ComputePass {
-                dispatch: Dispatch::ReplayQueue,
-                ..pair_pass(concat!($name, "_pair_replays"), shifts, $rooms, from_queue, PAIR_REPLAYS)
-            },
+            compaction: Some(CompactionPasses {
+                short_shifts: pair_pass(concat!($name, "_pair_short_shifts"), shifts, $rooms, defers, PAIR_SHORT_SHIFTS),
+                replays: ComputePass {
+                    dispatch: Dispatch::ReplayQueue,
+                    ..pair_pass(concat!($name, "_pair_replays"), shifts, $rooms, from_queue, PAIR_REPLAYS)
+                },
+            }),
             reuse: pair_pass(concat!($name, "_paired_reuse"), "reuse", $rooms, reuse, PAIRED_REUSE),
         }
     }};
@@ -211,7 +230,7 @@ impl Domain {
     /// Its passes, each once.
     pub(crate) fn passes(&self) -> impl Iterator<Item = &ComputePass> {
         let of_light_paths = self.light_paths.iter().flat_map(|p| [&p.trace, &p.connect]);
-        let of_pairs = self.pairs.iter().flat_map(|p| [&p.neighbors, &p.shifts, &p.short_shifts, &p.replays, &p.reuse]);
+        let of_pairs = self.pairs.iter().flat_map(PairPasses::passes);
         let of_debug_views = self.debug.iter().map(|debug| &debug.pass);
         of_light_paths.chain([&self.candidates, &self.reuse]).chain(of_pairs).chain(self.forward).chain(of_debug_views)
     }

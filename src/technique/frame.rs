@@ -2,7 +2,7 @@
 
 use super::{
     RowChoice, TechniqueRow,
-    domain::{Domain, PRESAMPLE},
+    domain::{Domain, LightPart, PRESAMPLE},
     pass::{ComputePass, Pass, PassResource as R},
     reference::BOUNCES,
     reuse_schedule::IterationKind,
@@ -23,7 +23,7 @@ const RADIANCE_PASS: ComputePass = ComputePass::per_pixel("", &[R::Radiance]);
 const RESOLVE: ComputePass = ComputePass::per_pixel(
     "resolve",
     &[
-        R::UnresampledLight,
+        R::UnresampledLightRead,
         R::ResampledLight,
         R::PathLight,
         R::SplatLight,
@@ -52,7 +52,7 @@ enum Show {
     Surface,
 }
 
-/// Which iterations of a frame make pairs, in domains that can make them.
+/// Which iterations of a domain make pairs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 enum Pairing {
     #[default]
@@ -63,9 +63,8 @@ enum Pairing {
 }
 
 impl Pairing {
-    fn of(settings: &Restir, domains: &[&Domain]) -> Self {
-        let with_pairs = domains.iter().filter(|domain| domain.pairs.is_some());
-        let kinds: Vec<_> = with_pairs.flat_map(|domain| (domain.schedule)(settings).iteration_kinds()).collect();
+    fn of(settings: &Restir, domain: &Domain) -> Self {
+        let kinds = (domain.schedule)(settings).iteration_kinds();
         match [IterationKind::Pairs, IterationKind::Search].map(|kind| kinds.contains(&kind)) {
             [false, _] => Self::Never,
             [true, true] => Self::Sometimes,
@@ -93,7 +92,8 @@ pub(crate) struct Frame {
     connects: bool,
     /// The scene has `Subsurface`.
     subsurface: bool,
-    pairing: Pairing,
+    /// By the parts of its light.
+    pairing: [Pairing; LightPart::COUNT],
     /// Pairs replay paths in a pass of their own.
     compacts: bool,
 }
@@ -126,7 +126,11 @@ impl Frame {
             }
         };
         let (technique, connects) = (settings.technique, settings.bdpt.connects());
-        let (pairing, compacts) = (Pairing::of(settings, row.domains), settings.research.replay_compaction);
+        let mut pairing = [Pairing::Never; LightPart::COUNT];
+        for domain in row.domains {
+            pairing[domain.part as usize] = Pairing::of(settings, domain);
+        }
+        let compacts = settings.research.replay_compaction;
         Self { technique, choice, show, connects, subsurface: false, pairing, compacts }
     }
 
@@ -192,10 +196,11 @@ impl Frame {
                 let pairs = domain.pairs.as_ref().filter(|_| kind == IterationKind::Pairs);
                 if let Some(pairs) = pairs {
                     steps.push(step(&pairs.neighbors, names.pair_neighbors[iteration]));
-                    let shifts = if self.compacts { &pairs.short_shifts } else { &pairs.shifts };
-                    steps.push(step(shifts, names.pair_shifts[iteration]));
-                    if self.compacts {
-                        steps.push(step(&pairs.replays, names.pair_replays[iteration]));
+                    if let Some(passes) = pairs.compaction.as_ref().filter(|_| self.compacts) {
+                        steps.push(step(&passes.short_shifts, names.pair_shifts[iteration]));
+                        steps.push(step(&passes.replays, names.pair_replays[iteration]));
+                    } else {
+                        steps.push(step(&pairs.shifts, names.pair_shifts[iteration]));
                     }
                 }
                 steps.push(step(pairs.map_or(&domain.reuse, |pairs| &pairs.reuse), names.reuse[iteration]));
@@ -224,7 +229,7 @@ impl Frame {
     /// Its passes, each once.
     pub(crate) fn passes(self) -> impl Iterator<Item = Pass> {
         // One iteration of each kind, because iterations of a kind share their passes.
-        let kinds = |domain: &Domain| domain.pairs.as_ref().map_or(Pairing::Never, |_| self.pairing).kinds().to_vec();
+        let kinds = |domain: &Domain| self.pairing[domain.part as usize].kinds().to_vec();
         self.steps(kinds).into_iter().map(|step| step.pass)
     }
 }
@@ -248,7 +253,7 @@ impl PipelineKey {
     /// feature adds code for its own subject, and leaves all other code and its random numbers unchanged.  Pairs do not matter, because
     /// their data are not kept between iterations.
     pub(crate) fn reads_reservoirs_of(self, last: Self) -> bool {
-        let unpaired = |frame| Frame { pairing: Pairing::Never, compacts: false, ..frame };
+        let unpaired = |frame| Frame { pairing: Default::default(), compacts: false, ..frame };
         unpaired(self.frame) == unpaired(last.frame)
     }
 

@@ -24,7 +24,6 @@ const DOMAIN: &Domain = &Domain {
     forward: &[],
     debug: &[DebugPass { shows: DebugView::is_of_paths, pass: domain::debug("gi_debug", "debug_paths", ROOMS) }],
     reservoir_bytes: INDIRECT_RESERVOIR_SIZE,
-    carries_contribution: true,
     part: LightPart::Paths,
     schedule: ReuseSchedule::of_indirect_light,
 };

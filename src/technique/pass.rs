@@ -30,14 +30,16 @@ pub(crate) enum PassResource {
     FinalReservoirs,
     /// Visibility buffer of the last frame.
     PreviousVisibility,
-    /// Light of this frame's candidates, written.
+    /// Contributions of this frame's candidates, written.
     CandidateLight,
     /// Contributions of the samples before an iteration of reuse, read.
     LightBefore,
-    /// Light after an iteration of reuse, written.
+    /// Contributions of the samples after an iteration of reuse, or the light of the last one, written.
     LightAfter,
-    /// Direct light that only BSDF sampling finds, read.
+    /// Direct light that only BSDF sampling finds, written.
     UnresampledLight,
+    /// Direct light that only BSDF sampling finds, read.
+    UnresampledLightRead,
     /// Resampled direct light, read.
     ResampledLight,
     /// Resampled direct light that enters translucent objects, read.

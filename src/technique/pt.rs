@@ -57,7 +57,6 @@ const fn domain(
         forward: &[],
         debug,
         reservoir_bytes: PATH_RESERVOIR_SIZE,
-        carries_contribution: true,
         part: LightPart::Paths,
         schedule: ReuseSchedule::of_paths,
     }

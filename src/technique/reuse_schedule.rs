@@ -138,8 +138,10 @@ impl ReuseSchedule {
         let flags = common.flags | direct_flags(direct, &settings.research);
         // The same rays must decide the targets of the pixel and of its neighbors.
         let rays = RESAMPLE_TARGET_RAYS | RESAMPLE_MIS_RAYS;
+        // The MIS weights of a pair are those of shifts whose visibility rays have tested.
+        let tests_shifts = direct.visibility == VisibilityReuse::Resampled && flags & rays == rays;
         Self {
-            iterations: iterations(&direct.reuse),
+            iterations: if tests_shifts { iterations_with_pairs(&direct.reuse) } else { iterations(&direct.reuse) },
             common: GpuResampleSettings {
                 candidates: direct.candidates,
                 mis,

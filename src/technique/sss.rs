@@ -18,7 +18,6 @@ pub(super) const DOMAIN: &Domain = &Domain {
     forward: &[],
     debug: &[DebugPass { shows: DebugView::is_of_subsurface, pass: domain::debug("sss_debug", "debug_sss", &[]) }],
     reservoir_bytes: SUBSURFACE_RESERVOIR_SIZE,
-    carries_contribution: true,
     part: LightPart::Subsurface,
     schedule: ReuseSchedule::of_subsurface,
 };

@@ -23,6 +23,7 @@ use crate::{
     settings::{Direct, Restir},
     technique::{
         domain::{Domain, LightPart},
+        pass::PassResource,
         place_in_technique,
         reuse_schedule::{LastFrame, MAX_ITERATIONS, ReuseSchedule},
     },
@@ -153,7 +154,7 @@ impl History {
             memory.extend([
                 (names.settings, MAX_ITERATIONS as u64 * SETTINGS_STRIDE),
                 (names.reservoirs, r.buffer_count() * r.bytes),
-                (names.light, 2 * pixels * 16),
+                (names.light, (2 + u64::from(r.unresampled.is_some())) * pixels * 16),
             ]);
         }
         memory.extend(self.light_paths.iter().flat_map(LightPaths::memory));
@@ -177,8 +178,10 @@ pub(crate) struct Reservoirs {
     /// Samples of the last frame in the pixels of this one, if the domain moves them there.
     forwarded: Option<Buffer>,
     bytes: u64,
-    /// Light of the candidates, and light after iterations of reuse.
+    /// Contributions of the samples before and after an iteration of reuse; the textures change roles with each.
     light: [TextureView; 2],
+    /// Light that the domain does not resample, if it finds any.
+    pub(crate) unresampled: Option<TextureView>,
     /// Index of the buffer that holds this frame's candidates.
     first: usize,
     /// Index of the buffer that the next frame reads.
@@ -198,6 +201,7 @@ impl Reservoirs {
             forwarded: (!domain.forward.is_empty()).then(|| buffer(device, "forwarded reservoirs", bytes, storage)),
             bytes,
             light: ["light of candidates", "resampled light"].map(|label| light(device, label, size)),
+            unresampled: finds_unresampled_light(domain).then(|| light(device, "unresampled light", size)),
             schedule,
             first: 0,
             last: 1,
@@ -281,14 +285,9 @@ impl Reservoirs {
         &self.buffers[self.last]
     }
 
-    /// Light of the candidates: light that is not resampled, or the contributions of the selected candidates.
-    pub(crate) fn light_of_candidates(&self) -> &TextureView {
-        &self.light[0]
-    }
-
-    /// Contributions of the samples before an iteration.
+    /// Contributions of the samples before an iteration; before the first one, those of the candidates.
     pub(crate) fn light_before(&self, iteration: usize) -> &TextureView {
-        if self.domain.carries_contribution { &self.light[iteration % 2] } else { &self.light[0] }
+        &self.light[iteration % 2]
     }
 
     /// Light after the last iteration.
@@ -296,9 +295,9 @@ impl Reservoirs {
         self.light_after(self.iterations() - 1)
     }
 
-    /// Light after an iteration.
+    /// Contributions of the samples after an iteration; after the last one, the light of the pixel.
     pub(crate) fn light_after(&self, iteration: usize) -> &TextureView {
-        if self.domain.carries_contribution { &self.light[(iteration + 1) % 2] } else { &self.light[1] }
+        &self.light[(iteration + 1) % 2]
     }
 }
 
@@ -306,6 +305,11 @@ impl Reservoirs {
 fn pair_kind(domains: &[&Domain], settings: &Restir) -> PairKind {
     let layers = domains.iter().map(|domain| (domain.schedule)(settings).pair_layers()).max().unwrap_or(0);
     PairKind { layers, has_queue: layers > 0 && settings.research.replay_compaction }
+}
+
+/// Whether a domain finds light that it does not resample.
+fn finds_unresampled_light(domain: &Domain) -> bool {
+    domain.candidates.resources.contains(&PassResource::UnresampledLight)
 }
 
 /// Whether a domain traces light sub-paths.

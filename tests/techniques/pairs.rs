@@ -11,7 +11,9 @@ use crate::support::{
     stats::{Random, assert_family, chi_squared},
 };
 use bevy::prelude::*;
-use bevy_restir::{Jitter, LightTechniques, Paths, Reuse, testing::shader_library::ShaderEdit};
+use bevy_restir::{
+    Direct, Jitter, LightTechniques, Mis, Paths, Reuse, ReuseOrder, testing::shader_library::ShaderEdit,
+};
 
 /// Pixel, logarithm of the tiles' side, frame, stream, slot.
 type Case = [u32; 6];
@@ -154,6 +156,34 @@ fn indirect_light_in_pairs_equals_the_reference() {
     let Some(mut rig) = shared(64, "room") else { return };
     let proof = Proof { bounces: 4, ..Proof::of((12, 6), (10, 24)) };
     proof.check("room", &mut rig, &[("pairs", Indirect(di::all_reuse(), paired(paths::all_reuse())))]);
+}
+
+/// Direct light whose pixels are paired.
+fn paired_direct(direct: Direct) -> Direct {
+    Direct { reuse: Reuse { order: ReuseOrder::TemporalThenSpatial, paired: true, ..direct.reuse }, ..direct }
+}
+
+#[test]
+fn direct_light_in_pairs_equals_the_reference() {
+    let Some(mut rig) = shared(64, "room") else { return };
+    Proof::of((12, 8), (12, 24)).check(
+        "room",
+        &mut rig,
+        &[
+            ("pairs, both", paired_direct(di::all_reuse())),
+            ("pairs across edges", paired_direct(di::across_edges(Mis::DefensivePairwise))),
+            ("pairs, spatial", paired_direct(di::spatial())),
+        ],
+    );
+}
+
+/// Rays see blended surfaces by random numbers.
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn direct_light_in_pairs_past_blended_panes_equals_the_reference() {
+    let Some(mut rig) = scene(64, blended) else { return };
+    let proof = Proof { blended: true, margin: 0.015, ..Proof::of((24, 14), (24, 24)) };
+    proof.check("blended", &mut rig, &[("pairs", paired_direct(di::across_edges(Mis::DefensivePairwise)))]);
 }
 
 #[test]

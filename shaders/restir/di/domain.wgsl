@@ -108,7 +108,7 @@ fn apply_shift(s: Reservoir, a: ShiftResult) -> Reservoir {
     return s;
 }
 
-// Targets are cheap to evaluate: the reservoir does not store p̂.
+// The reservoir does not store p̂.
 fn stores_target() -> bool {
     return false;
 }
@@ -117,9 +117,20 @@ fn stored_target(s: Reservoir) -> f32 {
     return 0.0;
 }
 
-// Whether passes hand the contribution of a pixel's own sample to one another.
-fn carries_contribution() -> bool {
+// A shift draws no vertex again.
+fn needs_replay(r: Receiver, s: Reservoir) -> bool {
     return false;
+}
+
+// Paired reuse keeps the contribution of a visible sample (`kept_shift`), and restores the shift from it (`shift_from`).
+fn kept_shift(e: Evaluated) -> vec4<f32> {
+    return vec4<f32>(e.f, 0.0);
+}
+
+fn shift_from(s: Reservoir, kept: vec4<f32>) -> Evaluated {
+    var e: Evaluated;
+    e.f = kept.rgb;
+    return e;
 }
 
 // Whether a pixel resamples; the reservoirs of others stay empty.

@@ -29,6 +29,7 @@
 
 struct SelectedCandidate {
     reservoir: Reservoir,
+    f: vec3<f32>,              // contribution of its sample, without visibility
     unresampled: vec3<f32>,    // light that only BSDF sampling finds
 }
 
@@ -169,13 +170,16 @@ fn sample_candidates(r: Receiver, pixel: vec2<u32>, rng: ptr<function, Rng>) -> 
 
     // An occluded sample has the weight 0, and still counts as a frame's worth of candidates.  The BSDF ray has tested its own visibility.
     var reservoir = Reservoir(c.point, 0.0, 1.0, true);
+    var f = vec3<f32>(0.0);
     if c.point.light != NONE {
+        let e = evaluate(r, reservoir);
+        f = e.f;
         let needs_no_ray = c.stream.selected >= settings.candidates || !has(RESAMPLE_CANDIDATE_RAYS);
-        if needs_no_ray || is_visible(r, evaluate(r, reservoir), rng_bits(rng).x) {
+        if needs_no_ray || is_visible(r, e, rng_bits(rng).x) {
             reservoir.ucw = stream_ucw(c.stream, c.selected_target);
         }
     }
-    return SelectedCandidate(reservoir, unresampled);
+    return SelectedCandidate(reservoir, f, unresampled);
 }
 
 // Sum of the densities of light sampling and BSDF sampling: with p̂ over this sum as resampling weight, candidates are weighted by the

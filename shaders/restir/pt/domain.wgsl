@@ -171,11 +171,6 @@ fn stored_target(s: Reservoir) -> f32 {
     return s.path.target_value;
 }
 
-// Whether passes hand the contribution of a pixel's own sample to one another, so that it is not evaluated again.
-fn carries_contribution() -> bool {
-    return true;
-}
-
 // The alpha seed of a path is its own, whichever pixel traces it.
 fn is_visible(r: Receiver, e: Evaluated, alpha_seed: u32) -> bool {
     return is_unoccluded(e.shifted, r.previous);

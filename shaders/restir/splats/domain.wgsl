@@ -125,10 +125,6 @@ fn stored_target(s: Reservoir) -> f32 {
     return luminance(s.f);
 }
 
-fn carries_contribution() -> bool {
-    return true;
-}
-
 // A vertex that the camera does not see has the contribution 0.
 fn is_visible(r: Receiver, e: Evaluated, alpha_seed: u32) -> bool {
     return true;

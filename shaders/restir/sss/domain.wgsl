@@ -215,11 +215,6 @@ fn stored_target(r: Reservoir) -> f32 {
     return r.sample.target_value;
 }
 
-// Whether passes hand the contribution of a pixel's own sample to one another, so that it is not evaluated again.
-fn carries_contribution() -> bool {
-    return true;
-}
-
 // A sample of the last frame, with the light ids of this frame.  A sample of a removed light gets the weight 0 and keeps its confidence.
 fn in_current_frame(r: Reservoir) -> Reservoir {
     var current = r;
