@@ -105,6 +105,7 @@ pub const MODULES: &[(&str, &str)] = modules![
     "restir/types.wgsl",
     "restir/bindings.wgsl",
     "restir/flags.wgsl",
+    "restir/plants.wgsl",
     "restir/light_candidates.wgsl",
     "restir/mis.wgsl",
     "restir/neighbors.wgsl",

@@ -41,12 +41,14 @@ fn trace(path: u32) {
     var count = 0u;
     var rest = Rest(no_splat(), 1u, 0.0);
     var p = begin_sub_path(chosen_light(rng), &rng, false);
-    for (var event = 1u; event <= view.bounces; event++) {
+    // A connection adds at least one event, at its camera end.
+    let last_connected = max(view.bounces, 1u) - 1u;
+    let last = select(last_connected, view.bounces, settings.splats > 0u);
+    for (var event = 1u; event <= last; event++) {
         if p.walk.events == 0u {
             break;
         }
-        // A connection adds at least one event, at its camera end.
-        if event < view.bounces && connects() {
+        if event <= last_connected && connects() {
             kept = offer_vertex(kept, p.walk, &choices);
         }
         let s = splat_of(p.walk, p.alpha_seed, false);
@@ -59,7 +61,7 @@ fn trace(path: u32) {
                 rest = merged(rest, s, event, u);
             }
         }
-        if event < view.bounces {
+        if event < last {
             p = continue_sub_path(p.walk, &rng, false);
         }
     }

@@ -22,7 +22,7 @@ fn path_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let index = reservoir_index(pixel, view.size, settings.reservoir_layout);
     let ids = textureLoad(visibility, pixel, 0).xy;
-    if ids.x == NONE || view.bounces == 0u {
+    if ids.x == NONE || view.bounces + 1u < SHORTEST_LENGTH {
         reservoirs[index] = reservoir_pack(no_reservoir());
         textureStore(contribution, pixel, vec4<f32>(0.0));
         return;

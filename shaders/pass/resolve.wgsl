@@ -4,6 +4,7 @@
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::math::luminance
 #import bevy_restir::light::backdrop::backdrop
+#import bevy_restir::scene::material::may_emit
 #import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::camera::primary_ray
 #import bevy_restir::view::light_part::shown_emission
@@ -11,7 +12,7 @@
 #import bevy_restir::view::primary::primary_surface
 #import bevy_restir::view::ray_counter::count_guards
 
-// The texture of a part that the technique does not compute has one black texel: reads outside of it are black, too.
+// The texture of a part that the technique does not compute has one black texel (`light_in`).
 @group(2) @binding(0) var unresampled: texture_2d<f32>;
 @group(2) @binding(1) var resampled_lights: texture_2d<f32>;
 @group(2) @binding(2) var resampled_paths: texture_2d<f32>;
@@ -27,10 +28,10 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let ids = textureLoad(visibility, pixel, 0).xy;
-    var light: vec3<f32>;
+    var light = vec3<f32>(0.0);
     if ids.x == NONE {
         light = shown_emission(backdrop(primary_ray(pixel).direction));
-    } else {
+    } else if may_emit(ids.x) {
         let s = primary_surface(ids, pixel, false).surface;
         light = shown_emission(s.emission + s.unlit);
     }
@@ -47,9 +48,13 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
 // The light of all domains.  Where the camera ray of a pixel misses all surfaces, only light paths contribute: they may land anywhere in
 // the pixel, on a surface that this ray has missed.
 fn scattered_light(pixel: vec2<u32>) -> vec3<f32> {
-    return textureLoad(unresampled, pixel, 0).rgb + textureLoad(resampled_lights, pixel, 0).rgb
-        + textureLoad(resampled_paths, pixel, 0).rgb + textureLoad(connections, pixel, 0).rgb + subsurface_light(pixel)
-        + textureLoad(resampled_splats, pixel, 0).rgb;
+    return light_in(unresampled, pixel) + light_in(resampled_lights, pixel) + light_in(resampled_paths, pixel)
+        + light_in(connections, pixel) + subsurface_light(pixel) + light_in(resampled_splats, pixel);
+}
+
+// Not every device defines reads outside of a texture.
+fn light_in(part: texture_2d<f32>, pixel: vec2<u32>) -> vec3<f32> {
+    return textureLoad(part, min(pixel, textureDimensions(part) - 1u), 0).rgb;
 }
 
 // Least number of pixels that a limit is taken from.  Fewer pixels may all be dark by chance, and a pixel of a thin object may have none
@@ -79,7 +84,7 @@ fn limited(light: vec3<f32>, pixel: vec2<u32>, instance: u32) -> vec3<f32> {
 
 #ifdef SUBSURFACE
 fn subsurface_light(pixel: vec2<u32>) -> vec3<f32> {
-    return textureLoad(resampled_subsurface, pixel, 0).rgb;
+    return light_in(resampled_subsurface, pixel);
 }
 #else
 fn subsurface_light(pixel: vec2<u32>) -> vec3<f32> {

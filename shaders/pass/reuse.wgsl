@@ -17,8 +17,11 @@
 #import bevy_restir::common::rng::{Rng, rng_1, rng_2, rng_bits, rng_new, STREAM_REUSE, STREAMS_PER_DOMAIN}
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::flags::has
-#import bevy_restir::restir::mis::{MAX_INPUTS, mis_needs_target, mis_weight, MisInputs, set_target, target_of}
+#import bevy_restir::restir::mis::{count_confidence, MAX_INPUTS, mis_needs_target, mis_weight, MisInputs, set_target, target_of}
 #import bevy_restir::restir::neighbors::{neighbor_ids, ReuseCenter, ring_offset}
+#ifdef PLANT_NAN
+#import bevy_restir::restir::plants::is_planted_pass
+#endif
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::restir::reservoir_sampling::{Stream, stream_add, stream_ucw}
 #import bevy_restir::restir::types::{RESAMPLE_CANDIDATES_VISIBLE, RESAMPLE_DISCARD_OCCLUDED, RESAMPLE_FROM_PREVIOUS, RESAMPLE_MIS_RAYS, RESAMPLE_REUSE_VISIBILITY, RESAMPLE_SAME_RAYS, RESAMPLE_SHADE, RESAMPLE_SHADE_ALL, RESAMPLE_SHADING_RAYS, RESAMPLE_TARGET_RAYS}
@@ -104,6 +107,24 @@ fn next_neighbor(center: ReuseCenter, pixel: vec2<u32>, i: u32, count: u32, rng:
     return pair.partner;
 }
 
+// Stored shifts need no surface, and pairs no place to search from.
+#ifdef SPLIT_LIGHT
+fn own_receiver(ids: vec2<u32>, pixel: vec2<u32>) -> Receiver {
+    return receiver_of(ids, pixel, false);
+}
+#else
+fn own_receiver(ids: vec2<u32>, pixel: vec2<u32>) -> Receiver {
+    var r: Receiver;
+    return r;
+}
+#endif
+
+fn own_center(ids: vec2<u32>, pixel: vec2<u32>, r: Receiver) -> ReuseCenter {
+    var center: ReuseCenter;
+    center.position = vec2<f32>(pixel) + 0.5;
+    return center;
+}
+
 fn receiver_in(inputs: ptr<function, Inputs>, at_pixel: u32, r: Receiver) -> Receiver {
     return r;
 }
@@ -138,6 +159,14 @@ fn wanted_after_failure(wanted: u32, is_temporal: bool) -> u32 {
 
 fn next_neighbor(center: ReuseCenter, pixel: vec2<u32>, i: u32, count: u32, rng: ptr<function, Rng>) -> vec2<u32> {
     return find_neighbor(center, i < settings.temporal_samples, rng);
+}
+
+fn own_receiver(ids: vec2<u32>, pixel: vec2<u32>) -> Receiver {
+    return receiver_of(ids, pixel, false);
+}
+
+fn own_center(ids: vec2<u32>, pixel: vec2<u32>, r: Receiver) -> ReuseCenter {
+    return reuse_center(ids, pixel, neighbor_radius(r));
 }
 
 fn receiver_in(inputs: ptr<function, Inputs>, at_pixel: u32, r: Receiver) -> Receiver {
@@ -196,12 +225,7 @@ fn gather_inputs(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, c
 const COMPARED_PIXELS: u32 = 8u;
 const COMPARED_RADIUS: f32 = 0.25;
 
-// Share of the pixels around a neighbor in the last frame that hold the same sample as the neighbor.  Pairs are of one frame.
-#ifdef PAIRED
-fn share_of_copies(s: Reservoir, at: vec2<u32>, rng: ptr<function, Rng>) -> f32 {
-    return 0.0;
-}
-#else
+// Share of the pixels around a neighbor in the last frame that hold the same sample as the neighbor.
 fn share_of_copies(s: Reservoir, at: vec2<u32>, rng: ptr<function, Rng>) -> f32 {
     if settings.decorrelation == 0.0 || s.ucw == 0.0 {
         return 0.0;
@@ -216,7 +240,6 @@ fn share_of_copies(s: Reservoir, at: vec2<u32>, rng: ptr<function, Rng>) -> f32 
     }
     return f32(copies) / f32(COMPARED_PIXELS);
 }
-#endif
 
 // Selects one of the inputs, and computes the share of each.
 fn select_input(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, rng: ptr<function, Rng>) -> Stream {
@@ -266,7 +289,10 @@ fn next_to_evaluate(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>
     for (var j = from_input; j < (*mis).count; j++) {
         // The pixel's own contribution is known, too; it is evaluated for the ray of a sample that has not been tested.
         let is_known = at_pixel == j && select(knows_targets(), !(*inputs).needs_ray[0], j == 0u);
-        if !is_known && (*inputs).ucw[j] > 0.0 && mis_needs_target(settings.mis, at_pixel, j) {
+        // Without a target at the pixel itself a sample is not selected and brings no light, so that its MIS weight does not matter.  Nor
+        // do targets of a pixel without confidence.
+        let matters = at_pixel == 0u || (target_of(mis, 0u, j) > 0.0 && (*mis).confidence[at_pixel] > 0.0);
+        if matters && !is_known && (*inputs).ucw[j] > 0.0 && mis_needs_target(settings.mis, at_pixel, j) {
             return j;
         }
     }
@@ -395,7 +421,7 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
         store_nothing(pixel, index);
         return;
     }
-    let r = receiver_of(ids, pixel, false);
+    let r = own_receiver(ids, pixel);
     if !resamples(r) {
         store_nothing(pixel, index);
         return;
@@ -404,7 +430,7 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
     let alpha_seed = rng_bits(&rng).x;
     var inputs: Inputs;
     var mis: MisInputs;
-    gather_inputs(&inputs, &mis, reuse_center(ids, pixel, neighbor_radius(r)), pixel, &rng);
+    gather_inputs(&inputs, &mis, own_center(ids, pixel, r), pixel, &rng);
     inputs.contributions[0] = textureLoad(own_contribution, pixel, 0).rgb;
     let stream = resample(&inputs, &mis, ids, r, alpha_seed, &rng);
 
@@ -455,18 +481,6 @@ fn shown_contribution(inputs: ptr<function, Inputs>, j: u32, r: Receiver) -> vec
 }
 #endif
 
-// Confidence may depend on geometry, never on the sample: that would add bias.  PLANT_*: errors that only tests define, and must find.
-#ifdef PLANT_CONFIDENCE_OF_SUCCESS
-fn count_confidence(mis: ptr<function, MisInputs>) {
-    for (var j = 1u; j < (*mis).count; j++) {
-        (*mis).confidence[j] *= f32(target_of(mis, 0u, j) > 0.0);
-    }
-}
-#else
-fn count_confidence(mis: ptr<function, MisInputs>) {
-}
-#endif
-
 #ifdef PLANT_NAN
 fn stored(r: Reservoir, pixel: vec2<u32>) -> PackedReservoir {
     let bad = array<u32, 4>(0x7fc00000u, 0x7f800000u, 0xff800000u, 0xbf800000u);
@@ -482,18 +496,5 @@ fn stored(r: Reservoir, pixel: vec2<u32>) -> PackedReservoir {
 #else
 fn stored(r: Reservoir, pixel: vec2<u32>) -> PackedReservoir {
     return reservoir_pack(r);
-}
-#endif
-
-// Whether PLANT_NAN breaks the reservoirs of this pass.  It breaks those of the last pass of a frame, which the next frame reads as one
-// input of several.  With PLANT_BETWEEN_PASSES it breaks those that a later pass of the same frame reads as the pixel's own sample: the
-// light that only this sample finds is lost, and the weights of neighbors have no bound.
-#ifdef PLANT_BETWEEN_PASSES
-fn is_planted_pass() -> bool {
-    return !has(RESAMPLE_SHADE);
-}
-#else
-fn is_planted_pass() -> bool {
-    return has(RESAMPLE_SHADE);
 }
 #endif

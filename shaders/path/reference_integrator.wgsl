@@ -21,6 +21,7 @@
 #import bevy_restir::path::roulette::{ROULETTE_FROM, survival_probability}
 #import bevy_restir::path::shadow_ray::light_is_visible
 #import bevy_restir::scene::cone::{cone_after, cone_along}
+#import bevy_restir::scene::material::may_emit
 #import bevy_restir::scene::offset::offset_point
 #import bevy_restir::scene::surface::{Surface, surface_at}
 #import bevy_restir::trace::trace::trace_closest
@@ -195,6 +196,10 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
     var eta_scale = 1.0;
 
     for (var scattered = 0u; scattered <= view.bounces; scattered++) {
+        // The last surface could only emit light.
+        if scattered == view.bounces && !may_emit(hit.instance) {
+            break;
+        }
         let wo = -ray.direction;
         var s = surface_at(hit.instance, hit.triangle, hit.barycentrics, wo, cone, false);
         throughput *= transmittance(medium, hit.t);

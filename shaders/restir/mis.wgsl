@@ -18,7 +18,25 @@ const MAX_INPUTS: u32 = 7u;
 #else
 const MAX_INPUTS: u32 = 3u;
 #endif
+
+// Places of targets: all of them, or those that pairwise weights need, which are the canonical pixel, the canonical sample, and each
+// neighbor's sample in its own pixel.
+#ifdef PAIRED
+const MAX_TARGETS: u32 = 3u * MAX_INPUTS;
+
+fn place_of(at_pixel: u32, sample: u32) -> u32 {
+    if at_pixel == 0u {
+        return sample;
+    }
+    return select(2u, 1u, sample == 0u) * MAX_INPUTS + at_pixel;
+}
+#else
 const MAX_TARGETS: u32 = MAX_INPUTS * MAX_INPUTS;
+
+fn place_of(at_pixel: u32, sample: u32) -> u32 {
+    return at_pixel * MAX_INPUTS + sample;
+}
+#endif
 
 const MIS_UNIFORM: u32 = 0u;                  // confidence over the sum of all: biased, dark where a neighbor cannot draw the sample
 const MIS_ONE_OVER_Z: u32 = 1u;               // confidence over the sum of those that can draw the sample: unbiased, noisy
@@ -34,16 +52,16 @@ struct MisInputs {
 }
 
 fn target_of(inputs: ptr<function, MisInputs>, at_pixel: u32, sample: u32) -> f32 {
-    return (*inputs).targets[at_pixel * MAX_INPUTS + sample];
+    return (*inputs).targets[place_of(at_pixel, sample)];
 }
 
 fn set_target(inputs: ptr<function, MisInputs>, at_pixel: u32, sample: u32, value: f32) {
-    (*inputs).targets[at_pixel * MAX_INPUTS + sample] = value;
+    (*inputs).targets[place_of(at_pixel, sample)] = value;
 }
 
 // Whether a kind of weights needs the target of pixel i at sample j; other targets may be 0.
 fn mis_needs_target(kind: u32, at_pixel: u32, sample: u32) -> bool {
-    if at_pixel == sample || at_pixel == 0u {
+    if at_pixel == 0u {
         return true;
     }
     switch kind {
@@ -54,7 +72,7 @@ fn mis_needs_target(kind: u32, at_pixel: u32, sample: u32) -> bool {
             return true;
         }
         default: {
-            return sample == 0u;
+            return sample == 0u || at_pixel == sample;
         }
     }
 }
@@ -114,6 +132,18 @@ fn balance_weight(inputs: ptr<function, MisInputs>, by_target: bool, sample: u32
     }
     return own / sum;
 }
+
+// Confidence may depend on geometry, never on the sample: that would add bias.  PLANT_*: errors that only tests define, and must find.
+#ifdef PLANT_CONFIDENCE_OF_SUCCESS
+fn count_confidence(mis: ptr<function, MisInputs>) {
+    for (var j = 1u; j < (*mis).count; j++) {
+        (*mis).confidence[j] *= f32(target_of(mis, 0u, j) > 0.0);
+    }
+}
+#else
+fn count_confidence(mis: ptr<function, MisInputs>) {
+}
+#endif
 
 // Pairwise weights sum over pairs of a neighbor and the canonical pixel, each a balance heuristic of two.  In the three kinds, `weight` is
 // the weight of a pair, and `neighbor_scale` and `canonical_scale` are the factors of its two targets.

@@ -3,6 +3,7 @@
 #define_import_path bevy_restir::scene::material
 
 #import bevy_restir::common::constants::{INSTANCE_SECOND_UV, INSTANCE_VERTEX_COLORS, MATERIAL_FLIP_NORMAL_MAP_Y, SLOT_ANISOTROPY, SLOT_BASE_COLOR, SLOT_CLEARCOAT, SLOT_CLEARCOAT_NORMAL, SLOT_CLEARCOAT_ROUGHNESS, SLOT_DIFFUSE_TRANSMISSION, SLOT_EMISSIVE, SLOT_METALLIC_ROUGHNESS, SLOT_NORMAL, SLOT_SPECULAR, SLOT_SPECULAR_TINT, SLOT_SPECULAR_TRANSMISSION, SLOT_THICKNESS, SLOT_TRANSFORM}
+#import bevy_restir::common::math::max_component
 #import bevy_restir::scene::bindings::{attributes, ELEMENTS_PER_ROW, instances, materials, second_uvs, texture_table, vertex_colors}
 #import bevy_restir::scene::cone::Cone
 #import bevy_restir::scene::texture::{has_texture, sample_area, sample_texture, TEXTURE_SECOND_UV, TEXTURE_TWO_COMPONENTS, TextureArea}
@@ -46,6 +47,11 @@ fn material_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, t: WorldTr
         materials[material].clearcoat_perceptual_roughness,
     );
     return with_textures(p, instance, triangle, barycentrics, t, wo, cone);
+}
+
+// Whether surfaces of an instance may emit light; unlit ones do.
+fn may_emit(instance: u32) -> bool {
+    return max_component(materials[instances[instance].material].emissive) > 0.0;
 }
 
 // Texture coordinates of the corners of a triangle.

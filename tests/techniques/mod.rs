@@ -24,5 +24,6 @@ pub mod pt;
 mod reference;
 mod resampling;
 mod settings;
+mod skipped_work;
 mod specialization;
 mod sss;

@@ -54,6 +54,9 @@ fn sample_connections(first: Vertex, camera_density: f32, rng: ptr<function, Rng
         if !bsdf_is_delta(w.v.surface.bsdf) {
             light += guarded_3(w.throughput * connection_light(w, index, rng), GUARD_LIGHT_CONTRIBUTION);
         }
+        if index + 1u == view.bounces {
+            break;
+        }
         let b = bsdf_sample(w.v.surface.bsdf, w.v.wo, rng_3(rng));
         if b.valid == 0u {
             break;

@@ -22,6 +22,7 @@
 #import bevy_restir::restir::reservoir_sampling::{Stream, stream_add, stream_ucw}
 #import bevy_restir::restir::types::{RESAMPLE_BSDF_CANDIDATE, RESAMPLE_CANDIDATE_RAYS, RESAMPLE_TARGET_WITHOUT_BSDF}
 #import bevy_restir::scene::cone::{cone_after, cone_along}
+#import bevy_restir::scene::material::may_emit
 #import bevy_restir::scene::offset::offset_point
 #import bevy_restir::scene::surface::surface_at
 #import bevy_restir::trace::trace::trace_closest
@@ -74,11 +75,13 @@ fn trace_bsdf_ray(r: Receiver, rng: ptr<function, Rng>) -> BsdfRay {
     let hit = trace_closest(Ray(origin, 0.0, b.wi, FAR), alpha_seed);
     let segment = RaySegment(origin, hit.t, b.wi);
     if hit.instance == NONE {
-        let radiance = environment_radiance(b.wi, false);
         if b.delta != 0u || !(environment_pmf() > 0.0) {
-            return bsdf_ray_to(no_light_point(), b.weight * radiance, b, segment);
+            return bsdf_ray_to(no_light_point(), b.weight * environment_radiance(b.wi, false), b, segment);
         }
         return bsdf_ray_to(environment_light_point(b.wi), vec3<f32>(0.0), b, segment);
+    }
+    if !may_emit(hit.instance) {
+        return bsdf_ray_to(no_light_point(), vec3<f32>(0.0), b, segment);
     }
     let cone = cone_along(cone_after(r.cone, b.delta != 0u), hit.t);
     let s = surface_at(hit.instance, hit.triangle, hit.barycentrics, -b.wi, cone, false);
@@ -108,8 +111,8 @@ fn add_light_candidates(c: ptr<function, Candidates>, r: Receiver, with_bsdf: bo
         let candidate = light_candidate(r.surface.position, subset, rng);
         let value = candidate_target(r, candidate.light);
         let u = rng_1(rng);
-        let bsdf = select(0.0, bsdf_pdf_of(r, candidate.light, candidate.opacity), with_bsdf);
-        if candidate.pmf > 0.0 {
+        if candidate.pmf > 0.0 && value > 0.0 {
+            let bsdf = select(0.0, bsdf_pdf_of(r, candidate.light, candidate.opacity), with_bsdf);
             let densities = candidate.rounding * both_densities(count * candidate.pmf, bsdf);
             add_candidate(c, i, candidate.point, value, value / densities, u);
         }

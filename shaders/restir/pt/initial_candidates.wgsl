@@ -29,6 +29,7 @@
 #import bevy_restir::restir::reservoir_sampling::{Stream, stream_add, stream_ucw}
 #import bevy_restir::restir::shift::reconnection::{is_connectable, is_connectable_by, is_connectable_end, light_factor, previous_vertex, PreviousVertex, ShiftParameters, triangle_factor}
 #import bevy_restir::restir::types::RESAMPLE_NO_ROULETTE
+#import bevy_restir::scene::material::may_emit
 #import bevy_restir::scene::offset::offset_point
 #import bevy_restir::scene::surface::surface_at
 #import bevy_restir::trace::trace::trace_closest
@@ -189,6 +190,10 @@ fn sample_candidates(first: Vertex, pixel: vec2<u32>, shortest: u32, p: ShiftPar
             if c.prefix.length >= shortest {
                 add_environment(&c, before, step, index, p, rng);
             }
+            break;
+        }
+        // The last vertex could only emit light.
+        if index == view.bounces && !may_emit(hit.instance) {
             break;
         }
         v = next_vertex(&c, v, before, step, hit, medium, index, shortest, p, rng);
