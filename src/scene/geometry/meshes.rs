@@ -184,8 +184,10 @@ pub(crate) fn queue_meshes(
             pool.changed.push(*id);
         }
         pool.lines_and_points.remove(id);
-        pool.warned.retain(|(mesh, _)| mesh != id);
         pool.orphans.insert(*id);
+    }
+    if !extracted.removed.is_empty() {
+        pool.warned.retain(|(mesh, _)| !extracted.removed.contains(mesh));
     }
     for (id, mesh) in &extracted.extracted {
         let mesh = mesh.clone();
