@@ -1,5 +1,5 @@
 //! The table of techniques.  A technique is data: the domains that it resamples, with their passes, reservoirs and debug views.  A new
-//! one takes a file here, a room in `shaders/restir/`, its settings in `src/settings/`, and a row in [`TECHNIQUES`];
+//! one takes a file here, a room in `shaders/restir/`, its settings in `src/settings/`, and a row in [`ROWS`];
 //! `docs/architecture.md` lists all files.
 
 mod bdpt;
@@ -22,6 +22,7 @@ use frame::Frame;
 use pass::ComputePass;
 
 /// A row of the table.
+#[derive(PartialEq)]
 pub(crate) struct TechniqueRow {
     pub technique: Technique,
     /// Domains in the order of their passes; none for the reference tracer.
@@ -34,10 +35,11 @@ pub(crate) struct TechniqueRow {
     pub rays_pass: Option<&'static ComputePass>,
 }
 
-/// All techniques.
-pub(crate) const TECHNIQUES: &[TechniqueRow] = &[reference::ROW, di::ROW, gi::ROW, pt::ROW, bdpt::ROW];
+/// All rows.  The first one of a technique is that of the default choice.
+const ROWS: &[&TechniqueRow] =
+    &[&reference::ROW, &di::ROW, &gi::ROW, &pt::ROW, &pt::SEPARATE, &bdpt::ROW, &bdpt::WITHOUT_SPLATS];
 
-/// Settings that choose among the rows of a technique.
+/// Settings that choose among the rows of a technique; the default where the technique has one row.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub(crate) struct RowChoice {
     /// Direct light has reservoirs of its own, where the technique leaves the choice.
@@ -49,7 +51,11 @@ pub(crate) struct RowChoice {
 impl RowChoice {
     fn of(settings: &Restir) -> Self {
         let without_splats = settings.bdpt.techniques == LightTechniques::NoLightTracing;
-        Self { separate: settings.paths.separate_direct_light, without_splats }
+        match settings.technique {
+            Technique::Pt => Self { separate: settings.paths.separate_direct_light, ..Self::default() },
+            Technique::Bdpt => Self { without_splats, ..Self::default() },
+            Technique::Reference | Technique::Di | Technique::Gi => Self::default(),
+        }
     }
 }
 
@@ -58,7 +64,7 @@ pub(crate) fn row(technique: Technique, choice: RowChoice) -> &'static Technique
     match technique {
         Technique::Pt if choice.separate => &pt::SEPARATE,
         Technique::Bdpt if choice.without_splats => &bdpt::WITHOUT_SPLATS,
-        _ => TECHNIQUES.iter().find(|row| row.technique == technique).unwrap_or(&TECHNIQUES[0]),
+        _ => ROWS.iter().copied().find(|row| row.technique == technique).unwrap_or(ROWS[0]),
     }
 }
 
@@ -85,14 +91,13 @@ pub fn pass_names(settings: &Restir, features: SceneFeatures) -> Vec<&'static st
 
 /// The domains of all techniques; those that techniques share come more than once.
 pub(crate) fn all_domains() -> impl Iterator<Item = &'static Domain> {
-    let rows = TECHNIQUES.iter().chain([&pt::SEPARATE]);
-    rows.flat_map(|row| row.domains.iter().chain(row.domains_with_subsurface)).copied()
+    ROWS.iter().flat_map(|row| row.domains.iter().chain(row.domains_with_subsurface)).copied()
 }
 
 /// Place of a domain among those of its technique, from 0.  It does not depend on the debug view, nor on whether the scene has `Subsurface`.
 pub(crate) fn place_in_technique(domain: &Domain) -> u32 {
-    let place = |row: &TechniqueRow| row.domains_with_subsurface.iter().position(|other| *other == domain);
-    TECHNIQUES.iter().chain([&pt::SEPARATE]).find_map(place).unwrap_or(0) as u32
+    let place = |row: &&TechniqueRow| row.domains_with_subsurface.iter().position(|other| *other == domain);
+    ROWS.iter().find_map(place).unwrap_or(0) as u32
 }
 
 /// Every shader of a pass that is a template, with the rooms (folders of `shaders/`) whose modules are put in.
@@ -115,11 +120,41 @@ mod tests {
     use bevy::reflect::{TypeInfo, Typed};
 
     #[test]
-    fn every_technique_has_one_row() {
+    fn every_technique_has_a_row() {
         let TypeInfo::Enum(info) = Technique::type_info() else { unreachable!() };
-        let rows: Vec<_> = TECHNIQUES.iter().map(|row| format!("{:?}", row.technique)).collect();
-        assert_eq!(rows, info.variant_names());
-        assert!(TECHNIQUES.iter().map(|row| row.technique).eq(Technique::ALL));
+        let mut techniques: Vec<_> = ROWS.iter().map(|row| row.technique).collect();
+        techniques.dedup();
+        assert_eq!(techniques, Technique::ALL);
+        let names: Vec<_> = techniques.iter().map(|technique| format!("{technique:?}")).collect();
+        assert_eq!(names, info.variant_names());
+    }
+
+    #[test]
+    fn the_row_of_every_choice_is_in_the_table() {
+        for technique in Technique::ALL {
+            for (separate, without_splats) in [(false, false), (true, false), (false, true), (true, true)] {
+                let choice = RowChoice { separate, without_splats };
+                let row = row(technique, choice);
+                assert!(row.technique == technique && ROWS.contains(&row), "{technique:?}, {choice:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn settings_of_other_techniques_choose_nothing() {
+        for technique in Technique::ALL {
+            let choice = |separate, techniques| {
+                let mut settings = Restir { technique, ..Default::default() };
+                settings.paths.separate_direct_light = separate;
+                settings.bdpt.techniques = techniques;
+                RowChoice::of(&settings)
+            };
+            let both = [false, true].map(|separate| choice(separate, LightTechniques::Full));
+            assert_eq!(both[0] != both[1], technique == Technique::Pt, "{technique:?}");
+            let both =
+                [LightTechniques::Full, LightTechniques::NoLightTracing].map(|techniques| choice(true, techniques));
+            assert_eq!(both[0] != both[1], technique == Technique::Bdpt, "{technique:?}");
+        }
     }
 
     #[test]
@@ -158,7 +193,7 @@ mod tests {
 
     #[test]
     fn domains_of_a_technique_have_different_places() {
-        for row in TECHNIQUES.iter().chain([&pt::SEPARATE]) {
+        for row in ROWS {
             let all = row.domains_with_subsurface;
             assert!(row.domains.iter().all(|domain| all.contains(domain)), "{:?}", row.technique);
             let places: Vec<_> = all.iter().map(|domain| place_in_technique(domain)).collect();
