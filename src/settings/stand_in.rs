@@ -29,6 +29,8 @@ pub struct RestirMaterial(pub Handle<StandardMaterial>);
 
 /// Excludes an object from path tracing: Bevy draws and lights it, and rays pass through it, so that it casts no shadow and no mirror shows
 /// it.  For gizmos, ghosts and interfaces in the scene.
+///
+/// Put it on the entity of the mesh: it does not reach children, so that on the root of a scene, such as a glTF file, it has no effect.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Component, Default)]
 pub struct RestirIgnore;
