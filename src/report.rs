@@ -18,7 +18,8 @@ use crate::{
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RestirReport {
     /// All assets of the scene are loaded or have failed, acceleration structures are built and pipelines are compiled.  From now on frames
-    /// show the complete scene with the current settings.
+    /// show the complete scene with the current settings.  In an app that edits a mesh or loads something in every frame it may stay false for
+    /// ever, because there is always a mesh to build or an asset to wait for: a loading screen needs a time limit there.
     pub ready: bool,
     /// `software`: compute shaders trace rays through a CWBVH; `hardware`: the device's ray queries do.
     pub backend: &'static str,
@@ -101,8 +102,8 @@ impl RestirStatistics {
         self.lock().clone()
     }
 
-    /// Whether every camera was rendered by the pipelines that scene and settings ask for, in the last frame.  An app that edits a mesh or
-    /// loads something in every frame is never [`ready`](RestirReport::ready), because that also waits for meshes and assets.
+    /// Whether every camera was rendered by the pipelines that scene and settings ask for, in the last frame.  Unlike
+    /// [`ready`](RestirReport::ready), it does not wait for meshes and assets.
     pub(crate) fn shows_settings(&self) -> bool {
         self.0.shows_settings.load(Ordering::Relaxed)
     }
