@@ -3,16 +3,24 @@
 use bevy::{core_pipeline::skybox::SkyboxBindGroup, ecs::prelude::*};
 
 use super::{
-    ViewPool,
+    RestirView, ViewPool,
+    bevy_handoff::HiddenFromBevy,
     extract::{EnvironmentKind, ExtractedViews},
 };
 use crate::settings::DebugView;
 
 /// Bevy draws the skybox after our picture, wherever that shows no object.  With a `RestirEnvironment` or a debug view, another backdrop
-/// belongs there.  Bevy makes the bind group again in each frame.
-pub(super) fn hide_skyboxes(pool: Res<ViewPool>, extracted: Res<ExtractedViews>, mut commands: Commands) {
+/// belongs there.  Bevy makes the bind group again in each frame.  A frame that Bevy still draws, because our pipelines have just become
+/// ready, keeps its skybox.
+pub(super) fn hide_skyboxes(
+    pool: Res<ViewPool>,
+    extracted: Res<ExtractedViews>,
+    hidden: Res<HiddenFromBevy>,
+    mut commands: Commands,
+) {
     for (entity, restir) in &extracted.0 {
-        let Some(view) = pool.views.get(entity).filter(|view| view.rendered) else { continue };
+        let is_shown = |view: &&RestirView| view.rendered && !hidden.bevy_draws(*entity);
+        let Some(view) = pool.views.get(entity).filter(is_shown) else { continue };
         let has_own = restir.environment.is_some_and(|e| e.kind == EnvironmentKind::RestirEnvironment);
         if (has_own || view.settings.debug_view != DebugView::Off)
             && let Ok(mut camera) = commands.get_entity(*entity)

@@ -7,13 +7,20 @@ use bevy::{
     camera::Hdr,
     core_pipeline::prepass::{DepthPrepass, MotionVectorPrepass},
     ecs::schedule::ScheduleLabel,
+    light::Skybox,
     prelude::*,
-    render::{Render, RenderApp, RenderSystems, settings::WgpuLimits, view::ViewDepthTexture},
+    render::{
+        Render, RenderApp, RenderSystems,
+        gpu_readback::{Readback, ReadbackComplete},
+        settings::WgpuLimits,
+        view::ViewDepthTexture,
+    },
 };
 use bevy_restir::{
     RadianceCapture, RayBackend, Restir, RestirEnvironment, RestirStatus, Technique,
     testing::storage::allocation::plant_failed_allocations,
 };
+use std::time::{Duration, Instant};
 
 /// How often histories restarted for a reason.
 fn resets(rig: &Rig, reason: &str) -> u64 {
@@ -87,6 +94,49 @@ fn a_camera_that_is_switched_on_renders_from_its_first_frame_on() {
     assert!(rig.next_if_any().is_none(), "the camera is off");
     rig.get_mut::<Camera>(camera).is_active = true;
     assert_ours(&mut rig, 6, "the camera is on again");
+    rig.assert_sound();
+}
+
+/// The corner of the picture in each frame.
+#[derive(Resource, Default)]
+struct Corners(Vec<[u8; 4]>);
+
+impl Corners {
+    /// Whether each corner shows a sky instead of the black clear color.
+    fn are_lit(&self) -> impl Iterator<Item = bool> {
+        self.0.iter().map(|corner| corner[..3] != [0; 3])
+    }
+}
+
+#[test]
+fn no_frame_lacks_a_sky_when_our_picture_takes_the_place_of_bevys() {
+    let Some(mut rig) = Rig::compiling_in_background(16, 12) else { return };
+    rig.spawn(square(1.0), lambert(0.5), Transform::default());
+    let (camera, target) = (rig.camera, rig.target.clone());
+    let image = rig.add::<Image>(cube_texture(200));
+    // Bevy's picture has one sky, and ours has another.
+    let skybox = Skybox { image: Some(image), brightness: 1.0, ..default() };
+    rig.insert(camera, (Msaa::Off, skybox, sky(0.1)));
+    let settings = rig.app.world_mut().entity_mut(camera).take::<Restir>().expect("it has some");
+    rig.app.init_resource::<Corners>();
+    rig.app.world_mut().spawn(Readback::texture(target)).observe(
+        |picture: On<ReadbackComplete>, mut corners: ResMut<Corners>| {
+            corners.0.extend(picture.data.first_chunk::<4>());
+        },
+    );
+    let start = Instant::now();
+    while !rig.app.world().resource::<Corners>().are_lit().any(|is_lit| is_lit) {
+        assert!(start.elapsed() < Duration::from_secs(300), "Bevy's sky does not appear");
+        rig.frame();
+    }
+    rig.insert(camera, settings);
+    rig.until_ready();
+    rig.frames(6);
+    let corners = rig.app.world().resource::<Corners>();
+    let first = corners.are_lit().position(|is_lit| is_lit).expect("there is one");
+    let unlit = corners.are_lit().skip(first).filter(|is_lit| !is_lit).count();
+    assert_eq!(unlit, 0, "frames without a sky: {:?}", &corners.0[first..]);
+    assert_ne!(corners.0.last(), corners.0.get(first), "our sky is not shown");
     rig.assert_sound();
 }
 
