@@ -105,6 +105,9 @@ impl RestirPlugin {
             app.insert_resource(RestirStatus::Off(reason));
             return;
         }
+        if let Some(warning) = device::ignored_textures_warning() {
+            warn!("restir: {warning}");
+        }
         let textures_warning =
             app.get_sub_app(RenderApp).and_then(|render_app| device::textures_warning(render_app.world()));
         if let Some(warning) = &textures_warning {

@@ -64,7 +64,7 @@ fn layer_textures_of(m: &StandardMaterial) -> impl Iterator<Item = Row<'_>> {
     .into_iter()
 }
 
-/// Without the feature, Bevy's `StandardMaterial` has no such slots.
+/// Without the feature, Bevy's `StandardMaterial` may lack these slots.
 #[cfg(not(feature = "material_textures"))]
 fn layer_textures_of(_: &StandardMaterial) -> impl Iterator<Item = Row<'_>> {
     core::iter::empty()
