@@ -110,7 +110,7 @@ pub(super) fn select_pipelines(
             continue;
         };
         let requested = requested_key(restir, &scene, &environments);
-        let last = views.last(entity).map(|(key, _)| key);
+        let last = views.last_key(entity);
         let key = passes.request_or_keep(requested, last, &pipelines);
         let has_target = target.is_some();
         // The plugin turns multisampling off at the end of the app's frame.  An app that turns it on later than that loses this frame.

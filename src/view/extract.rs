@@ -24,7 +24,10 @@ use crate::{
 /// A `Restir` camera.
 #[derive(Clone, Debug)]
 pub(crate) struct ExtractedRestir {
+    /// Settings of this frame.  A budget may have reduced them.
     pub settings: Restir,
+    /// The settings that the app asked for, in their ranges.
+    pub asked: Restir,
     pub environment: Option<ExtractedEnvironment>,
     /// The clear color, linear: visible where a camera ray misses everything and no environment is a backdrop.
     pub background: Vec3,
@@ -168,14 +171,13 @@ pub(crate) fn extract_views(
         if !camera.is_active {
             continue;
         }
-        let mut settings = Restir { reset: pool.requested_resets.contains(&entity), ..restir.clone() };
+        let mut asked = Restir { reset: pool.requested_resets.contains(&entity), ..restir.clone() };
         let (environment, problem) = ExtractedEnvironment::of(own, skybox, light);
-        settings.clamp(&mut |problem| {
+        asked.clamp(&mut |problem| {
             if warned.is_due((camera_entity, problem.field())) {
                 warn!("restir: camera {camera_entity}: {problem}");
             }
         });
-        settings = settings.reduced(budget.0);
         if let Some(EnvironmentProblem { kind, property, consequence }) = problem
             && warned.is_due((camera_entity, [kind.name(), property]))
         {
@@ -189,7 +191,8 @@ pub(crate) fn extract_views(
         views.0.insert(
             entity,
             ExtractedRestir {
-                settings,
+                settings: asked.reduced(budget.0),
+                asked,
                 environment,
                 has_backdrop: !matches!(camera.clear_color, bevy::camera::ClearColorConfig::None),
                 background: Vec3::new(clear.red, clear.green, clear.blue),

@@ -1,7 +1,7 @@
 //! Decides when the accumulation of a view and its history continue, and when they restart.
 
 use super::{RestirView, extract::ExtractedEnvironment};
-use crate::{gpu_layout::GpuCamera, settings::Restir, technique::frame::PipelineKey};
+use crate::{gpu_layout::GpuCamera, scene::SceneFeatures, settings::Restir, technique::frame::PipelineKey};
 use bevy::math::UVec2;
 
 /// Everything that the expected image depends on, that is, everything but the random numbers.
@@ -14,7 +14,7 @@ pub(super) struct ImageState {
     pub environment_revision: u64,
     pub camera: GpuCamera,
     pub size: UVec2,
-    /// The settings, without those that leave the image as it is.
+    /// The settings that the app asked for, without those that leave the image as it is.
     pub settings: Restir,
     pub environment: Option<ExtractedEnvironment>,
     pub layers: u32,
@@ -85,10 +85,12 @@ impl ResetCounts {
 impl ImageState {
     /// Whether a frame may be averaged with the frames before it: the expected image must be identical.
     fn can_accumulate_onto(&self, last: &Self) -> bool {
-        // A feature that nothing in the scene has any more leaves the image as it is.
-        let features = last.pipelines.features & self.pipelines.features;
-        let last_pipelines = PipelineKey { features, ..last.pipelines };
-        self.pipelines == last_pipelines && Self { pipelines: last.pipelines, ..self.clone() } == *last
+        // A feature that nothing in the scene has any more leaves the image as it is.  So do pairs and the number of neighbors, which a budget
+        // may change.
+        let new_features = self.pipelines.features - last.pipelines.features - SceneFeatures::MANY_NEIGHBORS;
+        self.pipelines.reads_reservoirs_of(last.pipelines)
+            && new_features.is_empty()
+            && Self { pipelines: last.pipelines, ..self.clone() } == *last
     }
 
     /// The changes after which temporal reuse must not read the last frame's reservoirs.  It handles changes of instances, lights, the camera,

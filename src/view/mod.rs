@@ -64,11 +64,19 @@ impl ViewPool {
         }
     }
 
-    /// Pipelines of the last frame of a camera, and the settings that they belong to.
-    pub(crate) fn last(&self, camera: Entity) -> Option<(PipelineKey, &Restir)> {
+    /// Pipelines of the last frame of a camera.
+    pub(crate) fn last_key(&self, camera: Entity) -> Option<PipelineKey> {
         match self.views.get(&camera) {
-            Some(view) => Some((view.key?, &view.settings)),
-            None => self.paused.get(&camera).and_then(|paused| Some((paused.key?, &paused.settings))),
+            Some(view) => view.key,
+            None => self.paused.get(&camera)?.key,
+        }
+    }
+
+    /// Settings of the last frame of a camera, and those that the app asked for then.
+    fn last_settings(&self, camera: Entity) -> Option<[&Restir; 2]> {
+        match self.views.get(&camera) {
+            Some(view) => Some([&view.settings, &view.asked]),
+            None => self.paused.get(&camera).map(|paused| [&paused.settings, &paused.asked]),
         }
     }
 }

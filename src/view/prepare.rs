@@ -28,7 +28,7 @@ use crate::{
     device::binding_limit,
     scene::{bindings::SceneBindings, storage::allocation},
     settings::{Direct, Restir},
-    technique::frame::{Frame, PipelineKey},
+    technique::frame::Frame,
     warned::Warned,
 };
 
@@ -79,7 +79,7 @@ pub(super) fn prepare_views(
             pool.pause(entity);
             continue;
         }
-        keep_settings(restir, selection, pool.last(entity));
+        keep_settings(restir, selection, pool.last_settings(entity));
         let viewport = UVec2::new(view.viewport.z, view.viewport.w);
         // An upscaler, such as DLSS, enlarges an image that fills only the corner of the viewport.
         let target_size = resolution_override.map_or(viewport, |size| size.0.min(viewport)).max(UVec2::ONE);
@@ -121,11 +121,12 @@ pub(super) fn prepare_views(
 }
 
 /// A camera keeps its settings until the pipelines of the new ones are compiled.
-fn keep_settings(restir: &mut ExtractedRestir, selection: Selection, last: Option<(PipelineKey, &Restir)>) {
-    if let (Some(key), Some((_, settings))) = (selection.key, last)
+fn keep_settings(restir: &mut ExtractedRestir, selection: Selection, last: Option<[&Restir; 2]>) {
+    if let (Some(key), Some([settings, asked])) = (selection.key, last)
         && !key.serves_settings_of(selection.requested)
     {
         restir.settings = Restir { reset: restir.settings.reset, ..settings.clone() };
+        restir.asked = asked.clone();
     }
 }
 

@@ -102,6 +102,8 @@ pub(crate) struct RestirView {
     pub ran: AtomicBool,
     /// Settings of this frame.
     pub settings: Restir,
+    /// The settings that the app asked for, from which those are made.
+    pub asked: Restir,
 }
 
 /// Counts and settings of a view that was dropped, for the camera's next view.
@@ -116,6 +118,8 @@ pub(crate) struct PausedView {
     pub key: Option<PipelineKey>,
     /// Settings of the last frame.
     pub settings: Restir,
+    /// The settings that the app asked for then.
+    pub asked: Restir,
 }
 
 impl RestirView {
@@ -182,6 +186,7 @@ impl RestirView {
             has_target: true,
             ran: AtomicBool::new(false),
             settings: Restir::default(),
+            asked: Restir::default(),
         }
     }
 
@@ -207,20 +212,21 @@ impl RestirView {
             // No frame was rendered since this index was set.
             first => first,
         };
-        let Self { counters, resets, key, settings, .. } = self;
-        PausedView { counters, resets, sequence, key, settings }
+        let Self { counters, resets, key, settings, asked, .. } = self;
+        PausedView { counters, resets, sequence, key, settings, asked }
     }
 
     /// This new view with the counts of the last one.  `beginning`: why the history restarts.
     pub(super) fn resumed_from(self, last: PausedView, beginning: Reset) -> Self {
-        let PausedView { counters, resets, sequence: first_sequence, key, settings } = last;
-        Self { counters, resets, first_sequence, key, settings, beginning, ..self }
+        let PausedView { counters, resets, sequence: first_sequence, key, settings, asked } = last;
+        Self { counters, resets, first_sequence, key, settings, asked, beginning, ..self }
     }
 
     /// Takes settings and pipelines for this frame, and decides whether it is rendered.
     pub(super) fn select(&mut self, restir: &ExtractedRestir, selection: &Selection, scene: &SceneBindings) {
         self.layers = restir.layers;
         self.settings = restir.settings.clone();
+        self.asked = restir.asked.clone();
         self.key = selection.key;
         self.key_is_requested = selection.key == Some(selection.requested);
         self.composite = selection.composite;

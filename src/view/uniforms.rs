@@ -171,8 +171,9 @@ impl RestirView {
             environment_revision: inputs.environments.revision(restir.environment.as_ref()),
             camera,
             size: self.size,
-            // `reset` and `accumulate` leave the light of an image as it is, and `debug_scale` is applied to the accumulated result.
-            settings: Restir { reset: false, accumulate: false, debug_scale: 1.0, ..restir.settings.clone() },
+            // `reset` and `accumulate` leave the light of an image as it is, and `debug_scale` is applied to the accumulated result.  So does
+            // a budget, which only takes samples away.
+            settings: Restir { reset: false, accumulate: false, debug_scale: 1.0, ..restir.asked.clone() },
             environment: restir.environment,
             layers: restir.layers,
             background: inputs.background(),

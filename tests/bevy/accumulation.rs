@@ -1,8 +1,15 @@
 //! Frames accumulate while nothing visible changes, and the random numbers depend on the seed and the frame alone.
 
 use crate::support::app::*;
-use bevy::{light::RectLight, prelude::*, render::render_resource::TextureFormat};
-use bevy_restir::{EmissiveLuminance, Jitter, RestirEnvironment, Technique};
+use bevy::{
+    light::RectLight,
+    prelude::*,
+    render::{
+        diagnostic::RenderDiagnosticsPlugin, render_resource::TextureFormat, renderer::RenderDevice,
+        settings::WgpuFeatures,
+    },
+};
+use bevy_restir::{EmissiveLuminance, Jitter, RestirBudget, RestirEnvironment, Technique};
 
 /// A lit plane with a texture, and handles to what the tests change.
 struct Scene {
@@ -279,4 +286,41 @@ fn every_technique_accumulates_when_enabled() {
     // Moving objects are shown without delay.
     rig.get_mut::<Transform>(rig.camera).translation.x += 0.1;
     assert_eq!(rig.next().samples, 1);
+}
+
+/// A budget takes samples away, and gives them back; the expected image stays.
+#[test]
+fn a_budget_does_not_restart_the_accumulation() {
+    let Some(mut rig) = Rig::beside(|app| _ = app.add_plugins(RenderDiagnosticsPlugin), 16, 12) else { return };
+    let times = WgpuFeatures::TIMESTAMP_QUERY | WgpuFeatures::TIMESTAMP_QUERY_INSIDE_PASSES;
+    if !rig.app.world().resource::<RenderDevice>().features().contains(times) {
+        println!("skipped: the device does not measure times");
+        return;
+    }
+    rig.spawn(square(4.0), lambert(0.5), Transform::default());
+    rig.spawn(square(1.0), lamp(3.0, 3.0, 3.0), Transform::from_xyz(3.0, 0.0, 2.0).looking_to(Vec3::X, Vec3::Y));
+    rig.set(|restir| {
+        (restir.technique, restir.accumulate) = (Technique::Di, true);
+        // More neighbors than the pipelines of reduced settings have room for.
+        restir.direct.reuse.spatial_samples = 5;
+    });
+    rig.until_ready();
+    rig.frames(3);
+    let frame = |rig: &mut Rig| {
+        let before = rig.report().samples;
+        rig.frame();
+        let report = rig.report();
+        assert_eq!(report.samples, before + 1, "at step {}", report.budget_step);
+        report.budget_step > 0
+    };
+    for (gpu_ms, is_reduced) in [(1e-4, true), (1e6, false)] {
+        rig.app.insert_resource(RestirBudget { gpu_ms });
+        assert!(
+            (0..400).any(|_| frame(&mut rig) == is_reduced),
+            "a budget of {gpu_ms} ms does not change the settings"
+        );
+        // Pipelines of the new settings are compiled first.
+        (0..6).for_each(|_| _ = frame(&mut rig));
+    }
+    rig.assert_sound();
 }
