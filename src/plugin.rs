@@ -115,25 +115,29 @@ impl RestirPlugin {
         }
         let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
         let library = ShaderLibrary::new(&mut shaders, &shader_templates());
+        let wants_synchronous =
+            app.get_added_plugins::<RenderPlugin>().iter().any(|p| p.synchronous_pipeline_compilation);
+        let synchronous = wants_synchronous || cfg!(any(target_arch = "wasm32", target_os = "macos"));
         // Bevy lights a camera until our first frame is ready, with two exceptions: where pipelines compile synchronously, because Bevy's
         // would be compiled for a single frame, and where the device cannot run Bevy's shaders.
-        let synchronous = app.get_added_plugins::<RenderPlugin>().iter().any(|p| p.synchronous_pipeline_compilation)
-            || cfg!(any(target_arch = "wasm32", target_os = "macos"));
         let bevy_lights_first = textures_warning.is_none() && !synchronous;
+        // An app that waits for its pipelines may also wait for other work in the background, except on the web, where such work goes on
+        // only between frames.
+        let repeatable = wants_synchronous && cfg!(not(target_arch = "wasm32"));
         // After all systems of the app, before the extraction.
         app.add_systems(Last, (require_single_sample, budget::keep_budget, update_status));
         app.insert_resource(RestirStatus::On);
-        self.build_render_app(app, library, bevy_lights_first);
+        self.build_render_app(app, library, bevy_lights_first, repeatable);
     }
 
-    fn build_render_app(&self, app: &mut App, library: ShaderLibrary, bevy_lights_first: bool) {
+    fn build_render_app(&self, app: &mut App, library: ShaderLibrary, bevy_lights_first: bool, repeatable: bool) {
         let statistics = app.world().resource::<RestirStatistics>().clone();
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
         render_app
             .insert_resource(library)
             .insert_resource(statistics.guard_run().clone())
             .insert_resource(statistics)
-            .insert_resource(Backend(self.backend))
+            .insert_resource(Options { backend: self.backend, repeatable })
             .insert_resource(IsOn(true))
             .init_resource::<CpuTimes>()
             .add_systems(RenderStartup, renew)
@@ -159,14 +163,18 @@ impl RestirPlugin {
     }
 }
 
-/// How the app wants rays to be traced.
+/// How the app wants us to work.
 #[derive(Resource, Clone, Copy)]
-struct Backend(RayBackend);
+struct Options {
+    backend: RayBackend,
+    /// Pictures must not depend on the time that work in the background takes: the app compiles pipelines synchronously.
+    repeatable: bool,
+}
 
 /// Inserts everything that belongs to a device: pipelines, and the mirror of the scene and of the cameras without any contents.
 fn insert_resources(world: &mut World) {
     let device = world.get_resource::<RenderDevice>();
-    let backend = world.resource::<Backend>().0;
+    let Options { backend, repeatable } = *world.resource::<Options>();
     let ray_queries = match (device, world.get_resource::<RenderAdapterInfo>()) {
         (Some(device), Some(adapter)) => scene::accel::ray_query::is_chosen(backend, device, adapter),
         _ => false,
@@ -175,7 +183,7 @@ fn insert_resources(world: &mut World) {
         device.and_then(|device| scene::texture::bindless::max_textures(device, 3 + u32::from(ray_queries)));
     let library = world.resource::<ShaderLibrary>().clone();
     world.insert_resource(frame::pipelines::PassPipelines::new(library, ray_queries, bound_textures));
-    scene::insert_resources(world, ray_queries, bound_textures);
+    scene::insert_resources(world, ray_queries, bound_textures, repeatable);
     view::insert_resources(world);
 }
 

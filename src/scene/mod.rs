@@ -47,19 +47,26 @@ use geometry::{
     instances::InstancePool,
     meshes::{self, MeshPool},
     render_layers::{self, LayerSets},
+    top_level::TopLevel,
 };
 use light::lights::LightPool;
 use material::{materials::MaterialPool, subsurface::SubsurfacePool};
 use texture::textures::{self, TexturePool};
 
-/// Inserts the resources of the scene, without any contents.  `max_textures` is the length of texture arrays, if the device has them.
-pub(crate) fn insert_resources(world: &mut World, ray_queries: bool, max_textures: Option<NonZeroU32>) {
-    let (meshes, instances) = match ray_queries {
-        true => (MeshPool::for_ray_queries(), InstancePool::for_ray_queries()),
-        false => Default::default(),
+/// Inserts the resources of the scene, without any contents.  `max_textures` is the length of texture arrays, if the device has them;
+/// `repeatable`: pictures must not depend on the time that work in the background takes.
+pub(crate) fn insert_resources(
+    world: &mut World,
+    ray_queries: bool,
+    max_textures: Option<NonZeroU32>,
+    repeatable: bool,
+) {
+    let (meshes, top) = match ray_queries {
+        true => (MeshPool::for_ray_queries(), TopLevel::for_ray_queries()),
+        false => (MeshPool::default(), TopLevel::for_software_rays(repeatable)),
     };
     world.insert_resource(meshes);
-    world.insert_resource(instances);
+    world.insert_resource(InstancePool::new(top));
     world.insert_resource(max_textures.map(TexturePool::with_bindless).unwrap_or_default());
     world.insert_resource(ExtractedScene { is_new: true, ..Default::default() });
     world.insert_resource(LayerSets::default());

@@ -137,9 +137,9 @@ impl Default for InstancePool {
 }
 
 impl InstancePool {
-    /// A pool that uses the device's own acceleration structures.
-    pub(crate) fn for_ray_queries() -> Self {
-        Self { top: TopLevel::for_ray_queries(), ..Default::default() }
+    /// A pool with this top level.
+    pub(crate) fn new(top: TopLevel) -> Self {
+        Self { top, ..Default::default() }
     }
 
     /// Takes the instances that must be visited although nothing about them has changed.

@@ -89,8 +89,13 @@ fn placed(
 }
 
 impl TopLevel {
+    /// A top level that we build.  `waits`: pictures must be repeatable, so frames wait for the tree over instances that rest.
+    pub(crate) fn for_software_rays(waits: bool) -> Self {
+        Self { resting: RestingInstances::new(waits), ..Default::default() }
+    }
+
     /// A top level that the device builds.
-    pub(super) fn for_ray_queries() -> Self {
+    pub(crate) fn for_ray_queries() -> Self {
         Self { structures: Some(AccelerationStructures::default()), ..Default::default() }
     }
 

@@ -12,7 +12,7 @@ use bevy::{
     mesh::Mesh,
     platform::collections::{HashMap, HashSet},
     render::renderer::{RenderDevice, RenderQueue},
-    tasks::{AsyncComputeTaskPool, Task, block_on},
+    tasks::{AsyncComputeTaskPool, Task, block_on, futures::check_ready},
 };
 use std::ops::Range;
 
@@ -28,8 +28,7 @@ use crate::scene::{
 const MAX_TRIANGLES: usize = 1 << 18;
 /// Scenes with more instances have no such tree: choosing among them would take too long.
 const MAX_INSTANCES: u64 = 1 << 14;
-/// Frames between the start of a build and the use of its tree.  The frame does not depend on how long the build takes, so that pictures can
-/// be repeated.
+/// Frames between the start of a build and the use of its tree, where pictures must be repeatable.
 const BUILD_FRAMES: u64 = 8;
 /// Frames in which an instance must not have moved.
 const REST: u64 = 64;
@@ -135,7 +134,7 @@ impl Members {
 struct Pending {
     task: Task<Option<WorldTree>>,
     members: Members,
-    /// The frame in which the tree is used.
+    /// The frame in which the tree is used, where pictures must be repeatable.
     due: u64,
 }
 
@@ -163,9 +162,18 @@ pub(super) struct RestingInstances {
     outdated: Vec<Range<u32>>,
     /// No instances share a tree.
     is_off: bool,
+    /// Pictures must be repeatable, so the frame in which a tree is used does not depend on how long its build takes: that frame waits for
+    /// it.  Elsewhere no frame waits, because a build may take long: pipelines compile in the same threads.  On the web a frame that
+    /// waits would never end.
+    waits: bool,
 }
 
 impl RestingInstances {
+    /// `waits`: pictures must be repeatable.
+    pub(super) fn new(waits: bool) -> Self {
+        Self { waits, ..Default::default() }
+    }
+
     /// Gives up the tree if one of its instances has changed, and builds one for instances that have rested.  Returns whether the entries of
     /// the top level are others than before.
     pub(super) fn update(
@@ -191,8 +199,8 @@ impl RestingInstances {
         if is_due && is_loaded && is_small && !self.is_off {
             self.choose(instances, meshes);
         }
-        let uploaded = match self.pending.take_if(|pending| self.frame >= pending.due) {
-            Some(pending) => self.adopt(pending, meshes, device, queue),
+        let uploaded = match self.take_built() {
+            Some((tree, members)) => self.adopt(&tree, members, meshes, device, queue),
             None => 0,
         };
         (was_given_up || uploaded > 0, uploaded)
@@ -253,15 +261,33 @@ impl RestingInstances {
         self.pending = Some(Pending { task, members: Members { placements, bounds }, due });
     }
 
-    /// Uploads the tree of a build in place of the current one.  Returns the number of bytes sent, 0 if there is no room for it.
-    fn adopt(&mut self, pending: Pending, meshes: &mut MeshPool, device: &RenderDevice, queue: &RenderQueue) -> u64 {
-        let Some(tree) = block_on(pending.task) else { return 0 };
+    /// Takes the tree that is used from this frame on, with its members.
+    fn take_built(&mut self) -> Option<(WorldTree, Members)> {
+        let pending = self.pending.as_mut()?;
+        let built = match self.waits {
+            true if self.frame < pending.due => return None,
+            true => block_on(&mut pending.task),
+            false => check_ready(&mut pending.task)?,
+        };
+        let Pending { members, .. } = self.pending.take()?;
+        Some((built?, members))
+    }
+
+    /// Uploads a tree in place of the current one.  Returns the number of bytes sent, 0 if there is no room for it.
+    fn adopt(
+        &mut self,
+        tree: &WorldTree,
+        members: Members,
+        meshes: &mut MeshPool,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) -> u64 {
         let Some(range) = meshes.allocate_nodes(tree.node_count(), device, queue) else {
             self.next = self.frame + MAX_WAIT;
             return 0;
         };
         let bytes = meshes.nodes.write(range.start, bytemuck::cast_slice(&tree.words(range.start)), queue);
-        let current = Current { members: pending.members, range, since: self.frame };
+        let current = Current { members, range, since: self.frame };
         self.outdated.extend(self.current.replace(current).map(|old| old.range));
         bytes
     }
@@ -322,5 +348,45 @@ pub fn share_a_tree_at_rest(app: &mut App, enabled: bool) {
     let world = app.get_sub_app_mut(bevy::render::RenderApp).map(|render| render.world_mut());
     if let Some(mut instances) = world.and_then(|world| world.get_resource_mut::<InstancePool>()) {
         instances.top.resting.is_off = !enabled;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bevy::tasks::TaskPoolBuilder;
+    use std::sync::mpsc;
+
+    fn tree() -> Option<WorldTree> {
+        let world_from_object = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+        let positions = vec![[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]; 2];
+        WorldTree::build(&[Part { slot: 0, first_triangle: 0, world_from_object, positions }])
+    }
+
+    #[test]
+    fn frames_wait_for_a_tree_only_where_pictures_must_be_repeatable() {
+        for waits in [false, true] {
+            let pool = TaskPoolBuilder::new().num_threads(1).build();
+            let (finish, may_finish) = mpsc::channel::<()>();
+            let task = pool.spawn(async move {
+                _ = may_finish.recv();
+                tree()
+            });
+            let members = Members { placements: HashMap::default(), bounds: Bounds::default() };
+            let mut resting = RestingInstances::new(waits);
+            resting.pending = Some(Pending { task, members, due: BUILD_FRAMES });
+            assert!(resting.take_built().is_none(), "it is neither due nor built");
+            resting.frame = BUILD_FRAMES;
+            if !waits {
+                assert!(resting.take_built().is_none() && resting.pending.is_some(), "it is being built");
+            }
+            finish.send(()).expect("the task waits");
+            let mut built = resting.take_built();
+            while !waits && built.is_none() {
+                std::thread::yield_now();
+                built = resting.take_built();
+            }
+            assert!(built.is_some() && resting.pending.is_none());
+        }
     }
 }
