@@ -16,6 +16,13 @@ fn resting(rig: &Rig) -> usize {
 
 /// Turned, scaled and mirrored boxes below a lamp, of which the first one is returned.
 fn boxes(apart: bool) -> Option<(Rig, Entity)> {
+    let (mut rig, first) = new_boxes(apart)?;
+    rig.until_ready();
+    Some((rig, first))
+}
+
+/// The same before the first frame.
+fn new_boxes(apart: bool) -> Option<(Rig, Entity)> {
     let mut rig = Rig::new(32, 32)?;
     if !apart {
         rig.share_a_tree_at_rest();
@@ -35,7 +42,6 @@ fn boxes(apart: bool) -> Option<(Rig, Entity)> {
         let entity = rig.spawn_bundle((Mesh3d(mesh.clone()), MeshMaterial3d(material), place));
         first.get_or_insert(entity);
     }
-    rig.until_ready();
     Some((rig, first?))
 }
 
@@ -121,6 +127,48 @@ fn a_tree_is_built_again_after_a_rest_without_what_still_moves() {
     rig.frames(2 * REST);
     assert_eq!(resting(&rig), 8, "a ball of 168 triangles is one, for the box as well");
     rig.assert_sound();
+}
+
+/// The mesh of water and the like is built all the time.
+#[test]
+fn a_mesh_that_is_edited_in_each_frame_does_not_keep_others_from_their_tree() {
+    let Some((mut rig, mover)) = new_boxes(false) else { return };
+    let water = |i: u32| Plane3d::new(Vec3::Z, Vec2::splat(0.5)).mesh().subdivisions(20 + i % 2).build();
+    let mesh = rig.add::<Mesh>(water(0));
+    let material = rig.add::<StandardMaterial>(lambert(0.4));
+    rig.spawn_bundle((Mesh3d(mesh.clone()), MeshMaterial3d(material), Transform::from_xyz(0.0, -1.5, 0.5)));
+    let edit = |rig: &mut Rig, i: u32| {
+        rig.edit(&mesh, |mesh| *mesh = water(i));
+        rig.frame();
+        resting(rig)
+    };
+    for when in ["at the start", "after one of them has moved"] {
+        assert!((0..2000).any(|i| edit(&mut rig, i) == 7), "{when}: the others get no tree");
+        assert!((0..REST).all(|i| edit(&mut rig, i) == 7), "{when}: the others leave their tree");
+        rig.get_mut::<Transform>(mover).translation.y += 0.2;
+        assert_eq!(edit(&mut rig, 0), 0, "{when}: one of them moves");
+    }
+    rig.assert_sound();
+}
+
+/// An object that stops shortly before members are chosen is looked at again later, although nothing else happens.
+#[test]
+fn an_object_that_comes_to_rest_enters_the_tree() {
+    let Some((mut rig, mover)) = boxes(false) else { return };
+    for i in 0..100 {
+        rig.get_mut::<Transform>(mover).translation.y = 0.001 * (i % 7) as f32;
+        rig.frame();
+    }
+    assert_eq!(resting(&rig), 6, "it moves");
+    let ball = Sphere::new(0.2).mesh().uv(12, 8);
+    let ball = rig.spawn(ball, lambert(0.5), Transform::from_xyz(0.0, 1.2, 0.0));
+    for i in 0..REST {
+        rig.get_mut::<Transform>(ball).translation.y = 1.2 + 0.001 * (i % 7) as f32;
+        rig.frame();
+    }
+    assert_eq!(resting(&rig), 6, "the ball moves");
+    rig.frames(2 * REST);
+    assert_eq!(resting(&rig), 8, "both rest");
 }
 
 #[test]

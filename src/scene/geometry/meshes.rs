@@ -479,6 +479,11 @@ impl MeshPool {
         self.building.is_empty()
     }
 
+    /// Whether each mesh has been built before; some may be built again.
+    pub(crate) fn were_built(&self) -> bool {
+        self.building.keys().all(|id| self.entries.contains_key(id) || self.left_out.contains(id))
+    }
+
     /// Whether the mesh is being built.
     pub(crate) fn is_building(&self, id: AssetId<Mesh>) -> bool {
         self.building.contains_key(&id)

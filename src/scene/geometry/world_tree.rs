@@ -151,7 +151,7 @@ pub(super) struct RestingInstances {
     frame: u64,
     current: Option<Current>,
     pending: Option<Pending>,
-    /// The frames in which instances moved last, by slot.
+    /// The frames in which instances last moved, or appeared after the first choice of members, by slot.
     moved: HashMap<u32, u64>,
     /// Instances have come or moved since the members were chosen.
     has_changed: bool,
@@ -193,7 +193,8 @@ impl RestingInstances {
         if was_given_up || self.is_off {
             self.give_up();
         }
-        let is_loaded = !instances.waiting && meshes.idle();
+        // Only the first tree waits for the rest of the scene: an app may load or edit something in every frame.
+        let is_loaded = self.next > 0 || !instances.waiting && meshes.were_built();
         let is_small = instances.totals.instances <= MAX_INSTANCES;
         let is_due = self.has_changed && self.pending.is_none() && self.frame >= self.next;
         if is_due && is_loaded && is_small && !self.is_off {
@@ -210,8 +211,10 @@ impl RestingInstances {
         for &slot in changed {
             let instance = instances.get(slot);
             let has_moved = instance.world_from_object != instance.previous_world_from_object;
-            self.has_changed |= has_moved || instance.flags & INSTANCE_APPEARED != 0;
-            if has_moved {
+            let has_appeared = instance.flags & INSTANCE_APPEARED != 0;
+            self.has_changed |= has_moved || has_appeared;
+            // An instance that is edited appears in another slot, and an app may edit it in every frame.
+            if has_moved || has_appeared && self.next > 0 {
                 self.moved.insert(slot, self.frame);
             }
         }
@@ -229,14 +232,15 @@ impl RestingInstances {
     /// Chooses the instances of the next tree, and starts its build if they are worth it.
     fn choose(&mut self, instances: &InstancePool, meshes: &MeshPool) {
         let is_first = self.next == 0;
-        self.has_changed = false;
         self.next = self.frame + REST;
         let frame = self.frame;
         self.moved.retain(|_, moved| *moved + REST > frame);
+        // Those that do not rest yet are looked at again.
+        self.has_changed = !self.moved.is_empty();
         let at_rest = |slot: &u32| !self.moved.contains_key(slot);
         let all = instances.in_order().filter(|(slot, live)| live.ray_mask != 0 && at_rest(slot));
         let resting: Vec<_> =
-            all.filter(|(slot, live)| has_triangles_of_mesh(*slot, live, instances, meshes)).collect();
+            all.filter(|(slot, live)| keeps_triangles_of_mesh(*slot, live, instances, meshes)).collect();
         let chosen = within_budget(&resting);
         let count = |list: &[(u32, &LiveInstance)]| list.iter().map(|(_, live)| live.triangles).sum::<u32>();
         let is_new = |(slot, _): &(u32, &LiveInstance)| {
@@ -314,10 +318,10 @@ impl RestingInstances {
     }
 }
 
-/// Whether the triangles of an instance are those of its mesh, as they do not bend.
-fn has_triangles_of_mesh(slot: u32, live: &LiveInstance, instances: &InstancePool, meshes: &MeshPool) -> bool {
+/// Whether the triangles of an instance are those of its mesh, as they do not bend, and stay so, because the mesh is not being built again.
+fn keeps_triangles_of_mesh(slot: u32, live: &LiveInstance, instances: &InstancePool, meshes: &MeshPool) -> bool {
     let instance = instances.get(slot);
-    let mesh = meshes.get(live.mesh);
+    let mesh = meshes.get(live.mesh).filter(|_| !meshes.is_building(live.mesh));
     instance.flags & INSTANCE_DEFORMED == 0 && mesh.is_some_and(|mesh| mesh.triangles.start == instance.first_triangle)
 }
 
