@@ -13,14 +13,16 @@
 //! ```
 //!
 //! [`Restir`] holds the settings of a camera, [`RestirEnvironment`] its environment.  Each field documents its effect, its cost and its
-//! bias.  Data flows one way: ECS → scene → view → frame → Bevy's view target; `docs/architecture.md` describes the modules.  Works that are
-//! cited by author and year are listed in `docs/sources.md`.
+//! bias.  [`Restir::preset`] has settings by purpose.  If a picture is black, [`RestirStatus`] tells whether the plugin is on, and
+//! [`RestirReport`] whether the scene is ready and how often histories restarted.
+//!
+//! Data flows one way: ECS → scene → view → frame → Bevy's view target.  `docs/architecture.md` describes the modules, and
+//! `docs/sources.md` lists the works that are cited by author and year.  The folder `docs` is in the repository, not in the package.
 //!
 //! # Features
 //!
-//! - `material_textures`: turns on Bevy's texture slots for transmission, specular, clearcoat and anisotropy.  Bevy's own shaders of
-//!   `StandardMaterial` then bind 19 textures and 19 samplers a stage.  On a device that binds fewer, Bevy quits when a camera without
-//!   `Restir` sees any `StandardMaterial`.
+//! - `material_textures`: textures of transmission, specular, clearcoat and anisotropy.  With it Bevy may quit on devices that bind only 16
+//!   textures per stage; see `docs/limits.md`.
 //! - `serde`: `Serialize` and `Deserialize` for all settings.
 //! - `testing`: internals for the tests and measurements of this crate; no stability.
 

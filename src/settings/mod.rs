@@ -55,8 +55,9 @@ pub enum Technique {
     /// ReSTIR GI (Ouyang et al. 2021; candidates, Jacobian and limits as in Lanz 2025, 4.3 and 4.5.5) for indirect light, and
     /// [`Technique::Di`] for direct light: a complete image with up to `bounces` scattering events.  Settings: [`Paths`] and [`Direct`].
     Gi,
-    /// ReSTIR PT (Lin et al. 2022, improved as in Lin et al. 2026): whole paths of up to `bounces` scattering events, direct light among
-    /// them; glossy and mirrored light is reused, too.  Settings: [`Paths`].
+    /// ReSTIR PT (Lin et al. 2022, improved as in Lin et al. 2026): whole paths of up to `bounces` scattering events; glossy and mirrored
+    /// light is reused, too.  Direct light has reservoirs of its own, as in [`Technique::Di`], unless [`Paths::separate_direct_light`] is
+    /// off.  Settings: [`Paths`] and [`Direct`].
     #[default]
     Pt,
     /// ReSTIR BDPT, in part (Hedstrom et al. 2025): whole paths of up to `bounces` scattering events, resampled as in [`Technique::Pt`],
@@ -64,8 +65,8 @@ pub enum Technique {
     /// Light paths are resampled over time, each in the pixel that it lands in: caustics are smooth in still scenes, and follow lamps and
     /// objects that move.  What the camera sees in mirrors and through glass gains nothing from them.  In addition to the cost of `Pt`,
     /// a frame traces [`Bdpt::light_paths`] light paths for each pixel (one by default), and each pixel replays up to three more while the
-    /// camera or something else moves.  Unbiased with [`Jitter::Always`];
-    /// without jitter, or with Bevy's jitter, light that the camera sees from light paths is still averaged over the whole pixel.
+    /// camera or something else moves.  Unbiased with [`Jitter::Always`].  Otherwise caustics are blurred by up to a pixel, because light
+    /// paths that the camera sees are averaged over the pixel, and all other light is that of its center.
     /// Settings: [`Bdpt`] and [`Paths`].
     Bdpt,
 }

@@ -58,7 +58,7 @@ pub struct Paths {
     pub candidates: u32,
     /// Resamples direct light apart from paths in [`Technique::Pt`](super::Technique::Pt), by [`Restir::direct`](super::Restir::direct)
     /// and, for translucent objects, [`Restir::subsurface`](super::Restir::subsurface): less noise where direct and bounced light meet, for
-    /// 23 to 58 % more time (`docs/performance.md`, "One frame").  Without it one reservoir holds both (Lin et al. 2026, 7).  No bias.
+    /// more time and rays (`docs/performance.md`, "One frame").  Without it one reservoir holds both (Lin et al. 2026, 7).  No bias.
     /// Default: on; off in `Performance`.
     pub separate_direct_light: bool,
     /// Reuse of paths; default [`Reuse::PATHS`].  [`Reuse::mis`] applies to iterations with spatial reuse; purely temporal ones always use the
