@@ -62,7 +62,14 @@ pub fn paper() -> Restir {
 
 /// Reuse with a history of 20 frames, and neighbors that are tried once and face the same direction within 25 degrees.
 fn published(reuse: Reuse, spatial_samples: u32, radius: f32) -> Reuse {
+    let reuse = spatiotemporal(reuse);
     Reuse { spatial_samples, radius, confidence_cap: 20.0, neighbor_attempts: 1, normal_threshold: 0.9, ..reuse }
+}
+
+/// Two neighbors of the last frame.
+fn spatiotemporal(reuse: Reuse) -> Reuse {
+    let order = ReuseOrder::Spatiotemporal;
+    Reuse { order, spatial_samples: 2, disocclusion_samples: 2, paired: false, mis: Mis::Balance, ..reuse }
 }
 
 /// The pipeline of the paper with visibility reuse within a radius in pixels (7.3).
@@ -150,20 +157,26 @@ pub fn entries() -> Vec<Entry> {
     add("Candidates are chosen by", &[Candidates, Lighting, Error], targets.into());
 
     let classic = with(|d| {
-        d.reuse.order = ReuseOrder::TemporalThenSpatial;
         d.reuse = published(d.reuse.clone(), 5, 30.0);
+        d.reuse.order = ReuseOrder::TemporalThenSpatial;
         d.reuse.spatial_iterations = 2;
     });
     add(
         "Order of reuse (6.2)",
         &[Rays, Lighting, Error],
         vec![
-            ("spatiotemporal".into(), default()),
+            ("temporal, then 3 spatial neighbors in pairs (the default)".into(), default()),
+            ("spatiotemporal, 2 neighbors".into(), with(|d| d.reuse = spatiotemporal(d.reuse.clone()))),
             ("temporal, then 2 rounds of 5 spatial taps (Bitterli et al. 2020)".into(), classic),
         ],
     );
+    // Partners are not searched for.
+    let attempts = counts("", &[1, 3], |d, n| {
+        d.reuse = spatiotemporal(d.reuse.clone());
+        d.reuse.neighbor_attempts = n;
+    });
     add("Spatial samples (6.3)", &[Lighting, Error], counts("", &[1, 2, 3, 5], |d, n| d.reuse.spatial_samples = n));
-    add("Neighbor attempts", &[Lighting, Error], counts("", &[1, 3], |d, n| d.reuse.neighbor_attempts = n));
+    add("Neighbor attempts", &[Lighting, Error], attempts);
     add(
         "Bias correction (4.6)",
         &[Rays, Lighting, Error],

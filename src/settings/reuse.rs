@@ -29,8 +29,7 @@ pub enum Mis {
     /// neighbors.
     OneOverZ,
     /// Generalized balance heuristic (Wyman and Panteleev 2021, Eq. 30).  Least noise in two of three measured scenes; in the third one
-    /// `DefensivePairwiseGris` has 20 % less error (`docs/experiments.md`).  k² + k target evaluations with their rays; for the two
-    /// neighbors of `Direct`'s defaults these are two more than for the pairwise kinds.
+    /// `DefensivePairwiseGris` has 20 % less error (`docs/experiments.md`).  k² + k target evaluations with their rays for k neighbors.
     #[default]
     Balance,
     /// Each neighbor against the pixel's own sample, by confidence (Wyman et al. 2023, 7.1.3).  2k target evaluations.
@@ -58,7 +57,7 @@ impl Mis {
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
 pub struct Reuse {
-    /// When neighbors are resampled.  Default for direct light: spatiotemporal; otherwise temporal, then spatial.
+    /// When neighbors are resampled.  Default: temporal, then spatial.
     pub order: ReuseOrder,
     /// Reuses the sample that the surface had in the last frame: much less noise, for one neighbor's cost.  Without it a frame uses its own
     /// samples only.  No bias.  Default: on.
@@ -68,11 +67,11 @@ pub struct Reuse {
     /// noise has not been measured.  No cost, no bias.  Default: on for light that enters objects, otherwise off.
     pub bilinear: bool,
     /// Neighbors whose samples are reused in an iteration: more give less noise, which is more correlated.  Each costs a shift and its rays.
-    /// No bias.  0 to 5; default 2 for direct light, 5 for paths, 4 for light that enters objects.
+    /// No bias.  0 to 5; default 3 for direct light, 5 for paths, 4 for light that enters objects.
     pub spatial_samples: u32,
     /// Number of neighbors where the surface was not visible in the last frame (Wyman and Panteleev 2021, 6.4), if it is larger than
     /// [`Reuse::spatial_samples`]: less noise in disocclusions and after a cut, at the cost of these neighbors in such pixels alone.  Has an
-    /// effect only with `temporal` and, in [`ReuseOrder::TemporalThenSpatial`], with `spatial_samples`.  No bias.  0 to 5; default 2 for
+    /// effect only with `temporal` and, in [`ReuseOrder::TemporalThenSpatial`], with `spatial_samples`.  No bias.  0 to 5; default 3 for
     /// direct light, otherwise 5.
     pub disocclusion_samples: u32,
     /// Pairs pixels for spatial reuse: two pixels that reuse each other's samples share the shifts between them, with their rays.  This
@@ -81,7 +80,7 @@ pub struct Reuse {
     /// frame ([`ReuseOrder::TemporalThenSpatial`]) with a pairwise kind of [`Reuse::mis`]; in [`Direct`](super::Direct), only with
     /// [`VisibilityReuse::Resampled`](super::VisibilityReuse::Resampled) and MIS weights with rays; not to light that enters objects.
     /// Memory: 4 bytes a pixel, and 16 for each of `spatial_samples` + 1 or `disocclusion_samples` shifts, whichever is more.  Default: on
-    /// for paths.  (Paired spatial reuse: Lin et al. 2026, supplement, Table 1.)
+    /// for direct light and paths.  (Paired spatial reuse: Lin et al. 2026, supplement, Table 1.)
     pub paired: bool,
     /// Iterations of spatial reuse: more give less noise, which is more correlated.  Each is a pass.  No bias.  1 to 4; default 1.
     pub spatial_iterations: u32,
@@ -102,10 +101,10 @@ pub struct Reuse {
     /// paths, 30 for light that enters objects.
     pub radius: f32,
     /// Greatest confidence of a neighbor, of the last frame or of this one, in frames' worth of candidates: longer histories are smoother
-    /// and more correlated, which shows as blotches.  No cost, no bias.  0 to 60 for direct light, otherwise 0 to 30; default 5 for direct
+    /// and more correlated, which shows as blotches.  No cost, no bias.  0 to 60 for direct light, otherwise 0 to 30; default 8 for direct
     /// light, 12 for paths, 20 for light that enters objects.
     pub confidence_cap: f32,
-    /// MIS weights.  Default for direct light: balance; otherwise defensive pairwise.
+    /// MIS weights.  Default for direct light: pairwise; otherwise defensive pairwise.
     pub mis: Mis,
     /// Shades all samples that are resampled, each by its share, not only the selected one (decoupled shading, Wyman and Panteleev 2021, 7.1;
     /// vector weights, Lin et al. 2026, supplement, 7): less noise, above all of color, for little cost.  No bias.  Default: on.
@@ -131,23 +130,24 @@ impl Default for Reuse {
 }
 
 impl Reuse {
-    /// The defaults of [`Direct`](super::Direct): one temporal and two spatiotemporal neighbors within 60 pixels, history capped at 5 frames.
-    /// Wyman and Panteleev 2021 have one spatiotemporal neighbor within 30 pixels, two in disocclusions, and 20 frames, which shows more
-    /// blotches where lights are many (`docs/experiments.md`).
+    /// The defaults of [`Direct`](super::Direct): temporal reuse, then one iteration of spatial reuse with three neighbors within 60 pixels in
+    /// pairs, history capped at 8 frames.  Wyman and Panteleev 2021 resample the last frame alone ([`ReuseOrder::Spatiotemporal`]), with one
+    /// neighbor within 30 pixels, two in disocclusions, and 20 frames.  That order traces more rays for the same noise, and long histories
+    /// show more blotches where lights are many (`docs/experiments.md`).
     pub const DIRECT: Self = Self {
-        order: ReuseOrder::Spatiotemporal,
+        order: ReuseOrder::TemporalThenSpatial,
         temporal: true,
         bilinear: false,
-        spatial_samples: 2,
-        disocclusion_samples: 2,
-        paired: false,
+        spatial_samples: 3,
+        disocclusion_samples: 3,
+        paired: true,
         spatial_iterations: 1,
         neighbor_attempts: 3,
         temporal_attempts: 5,
         dual_motion: true,
         radius: 60.0,
-        confidence_cap: 5.0,
-        mis: Mis::Balance,
+        confidence_cap: 8.0,
+        mis: Mis::Pairwise,
         shade_all: true,
         normal_threshold: 0.5,
         depth_threshold: 0.02,
@@ -160,10 +160,8 @@ impl Reuse {
     /// blotches (`docs/experiments.md`).  Without pairs up to five positions are tried for each neighbor, since a pixel without neighbors has
     /// only its own candidates and stays noisy or black.
     pub const PATHS: Self = Self {
-        order: ReuseOrder::TemporalThenSpatial,
         spatial_samples: 5,
         disocclusion_samples: 5,
-        paired: true,
         neighbor_attempts: 5,
         radius: 100.0,
         confidence_cap: 12.0,

@@ -137,8 +137,9 @@ const DIRECT: [(&str, &str); 3] = [
     ("no reuse", "direct.reuse.temporal=false direct.reuse.spatial_samples=0 direct.reuse.disocclusion_samples=0"),
     ("8 candidates", "direct.candidates=8"),
     (
-        "1 neighbor within 30 pixels, confidence 20",
-        "direct.reuse.spatial_samples=1 direct.reuse.radius=30 direct.reuse.confidence_cap=20",
+        "1 neighbor of the last frame within 30 pixels, confidence 20",
+        "direct.reuse.order=Spatiotemporal direct.reuse.spatial_samples=1 direct.reuse.mis=Balance direct.reuse.radius=30 \
+         direct.reuse.confidence_cap=20",
     ),
 ];
 

@@ -4,13 +4,13 @@
 //!
 //! The long form is `matrix`.
 
-use crate::support::{app::*, proof::Proof, small_scenes::*};
+use crate::support::{app::*, proof::Proof, reuse_settings::di, small_scenes::*};
 use bevy_restir::{Direct, Reuse, ReuseOrder, VisibilityReuse, testing::plant_shader_defs};
 
 /// The default settings without reuse.
 fn candidates() -> Direct {
     Direct {
-        reuse: Reuse { temporal: false, spatial_samples: 0, disocclusion_samples: 0, ..Reuse::DIRECT },
+        reuse: Reuse { temporal: false, spatial_samples: 0, disocclusion_samples: 0, ..di::SPATIOTEMPORAL },
         ..Default::default()
     }
 }
@@ -29,7 +29,7 @@ fn direct_light_in_the_cornell_box_equals_the_reference_for_every_kind_of_reuse(
             order: ReuseOrder::TemporalThenSpatial,
             spatial_samples: 3,
             spatial_iterations: 2,
-            ..Reuse::DIRECT
+            ..di::SPATIOTEMPORAL
         },
         ..Default::default()
     };
@@ -45,19 +45,19 @@ fn direct_light_in_the_cornell_box_equals_the_reference_for_every_kind_of_reuse(
             (
                 "temporal",
                 Direct {
-                    reuse: Reuse { spatial_samples: 0, disocclusion_samples: 0, ..Reuse::DIRECT },
+                    reuse: Reuse { spatial_samples: 0, disocclusion_samples: 0, ..di::SPATIOTEMPORAL },
                     ..Default::default()
                 },
             ),
             ("spatiotemporal", Direct::default()),
             ("classic", classic),
-            ("two rounds", Direct { reuse: Reuse { spatial_iterations: 2, ..Reuse::DIRECT }, ..Default::default() }),
+            ("two rounds", Direct { reuse: Reuse { spatial_iterations: 2, ..di::SPATIOTEMPORAL }, ..Default::default() }),
             (
                 "the stored sample is shaded",
                 Direct { reuse: Reuse { shade_all: false, ..unshadowed.reuse.clone() }, ..unshadowed.clone() },
             ),
             ("all samples are shaded", unshadowed),
-            ("three tries", Direct { reuse: Reuse { neighbor_attempts: 3, ..Reuse::DIRECT }, ..Default::default() }),
+            ("three tries", Direct { reuse: Reuse { neighbor_attempts: 3, ..di::SPATIOTEMPORAL }, ..Default::default() }),
         ],
     );
     // A planted error must be found.
