@@ -6,6 +6,7 @@ const DI_ROOM: &str = "direct_light_in_a_room_with_shadows";
 const PT_ROOM: &str = "paths_in_a_room_equal";
 const MOVING_PATHS: &str = "paths_in_a_moving_frame";
 const AT_ONCE: &str = "have_their_effect_at_once";
+const DIRECT_PAIRS: &str = "direct_light_in_pairs_equals_the_reference";
 const PAIRS: &[&str] = &["paths_in_pairs_equal_the_reference"];
 
 pub const MUTANTS: &[Mutant] = &[
@@ -62,8 +63,8 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "pairwise weights do without the targets of the canonical sample",
         "restir/mis.wgsl",
-        "return sample == 0u;",
-        "return false;",
+        "return sample == 0u || at_pixel == sample;",
+        "return at_pixel == sample;",
         &["resampling::mis_weights"],
     ),
     mutant(
@@ -190,7 +191,7 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "a pair ignores visibility",
         "pass/pair_shifts.wgsl",
-        "target_value(e) > 0.0 && is_visible(r, e, NO_ALPHA_SEED)",
+        "target_value(e) > 0.0 && is_visible(r, e, alpha_seed_of(pixel, pair))",
         "target_value(e) > 0.0",
         PAIRS,
     ),
@@ -278,6 +279,34 @@ pub const MUTANTS: &[Mutant] = &[
         "!has(RESAMPLE_MOVED) || has(RESAMPLE_SAME_DENSITIES)",
         "true",
         &["while_a_hidden_light_flickers"],
+    ),
+    mutant(
+        "samples with a small target have no target in other pixels",
+        "pass/reuse.wgsl",
+        "(target_of(mis, 0u, j) > 0.0 && (*mis).confidence[at_pixel] > 0.0)",
+        "(target_of(mis, 0u, j) > 1.0 && (*mis).confidence[at_pixel] > 0.0)",
+        &[DI_ROOM],
+    ),
+    mutant(
+        "targets of the last frame are taken from the contributions of this one",
+        "pass/reuse.wgsl",
+        "return stores_target() || !has(RESAMPLE_FROM_PREVIOUS);",
+        "return true;",
+        &[DI_ROOM],
+    ),
+    mutant(
+        "pairs of direct light keep nine tenths of a shift",
+        "restir/di/domain.wgsl",
+        "return vec4<f32>(e.f, 0.0);",
+        "return vec4<f32>(0.9 * e.f, 0.0);",
+        &[DIRECT_PAIRS],
+    ),
+    mutant(
+        "hits of lamps count as those of surfaces that do not emit",
+        "restir/di/initial_candidates.wgsl",
+        "if !may_emit(hit.instance) {",
+        "if hit.instance != NONE {",
+        &[DI_ROOM, DIRECT_PAIRS],
     ),
     mutant("MIS ignores visibility", "pass/reuse.wgsl", "value = select(0.0, value, visible);", "", &[DI_ROOM]),
     mutant(
