@@ -49,15 +49,22 @@ fn direct_light_in_the_cornell_box_equals_the_reference_for_every_kind_of_reuse(
                     ..Default::default()
                 },
             ),
-            ("spatiotemporal", Direct::default()),
+            ("pairs, the default", Direct::default()),
+            ("spatiotemporal", Direct { reuse: di::SPATIOTEMPORAL, ..Default::default() }),
             ("classic", classic),
-            ("two rounds", Direct { reuse: Reuse { spatial_iterations: 2, ..di::SPATIOTEMPORAL }, ..Default::default() }),
+            (
+                "two rounds",
+                Direct { reuse: Reuse { spatial_iterations: 2, ..di::SPATIOTEMPORAL }, ..Default::default() },
+            ),
             (
                 "the stored sample is shaded",
                 Direct { reuse: Reuse { shade_all: false, ..unshadowed.reuse.clone() }, ..unshadowed.clone() },
             ),
             ("all samples are shaded", unshadowed),
-            ("three tries", Direct { reuse: Reuse { neighbor_attempts: 3, ..di::SPATIOTEMPORAL }, ..Default::default() }),
+            (
+                "three tries",
+                Direct { reuse: Reuse { neighbor_attempts: 3, ..di::SPATIOTEMPORAL }, ..Default::default() },
+            ),
         ],
     );
     // A planted error must be found.
