@@ -60,22 +60,18 @@ pub fn paper() -> Restir {
     paper_within(0.0)
 }
 
+/// Direct light from neighbors of the last frame.  (`Shown` has a variant `Reuse`, too.)
+const SPATIOTEMPORAL: Reuse = Reuse::SPATIOTEMPORAL;
+
 /// Reuse with a history of 20 frames, and neighbors that are tried once and face the same direction within 25 degrees.
 fn published(reuse: Reuse, spatial_samples: u32, radius: f32) -> Reuse {
-    let reuse = spatiotemporal(reuse);
     Reuse { spatial_samples, radius, confidence_cap: 20.0, neighbor_attempts: 1, normal_threshold: 0.9, ..reuse }
-}
-
-/// Two neighbors of the last frame.
-fn spatiotemporal(reuse: Reuse) -> Reuse {
-    let order = ReuseOrder::Spatiotemporal;
-    Reuse { order, spatial_samples: 2, disocclusion_samples: 2, paired: false, mis: Mis::Balance, ..reuse }
 }
 
 /// The pipeline of the paper with visibility reuse within a radius in pixels (7.3).
 fn paper_within(radius: f32) -> Restir {
     with(|d| {
-        d.reuse = published(d.reuse.clone(), 1, 30.0);
+        d.reuse = published(SPATIOTEMPORAL, 1, 30.0);
         d.bias_correction = BiasCorrection::HeuristicsAndMis;
         d.visibility = VisibilityReuse::Decoupled;
         d.visibility_radius = radius;
@@ -157,7 +153,7 @@ pub fn entries() -> Vec<Entry> {
     add("Candidates are chosen by", &[Candidates, Lighting, Error], targets.into());
 
     let classic = with(|d| {
-        d.reuse = published(d.reuse.clone(), 5, 30.0);
+        d.reuse = published(SPATIOTEMPORAL, 5, 30.0);
         d.reuse.order = ReuseOrder::TemporalThenSpatial;
         d.reuse.spatial_iterations = 2;
     });
@@ -166,13 +162,13 @@ pub fn entries() -> Vec<Entry> {
         &[Rays, Lighting, Error],
         vec![
             ("temporal, then 3 spatial neighbors in pairs (the default)".into(), default()),
-            ("spatiotemporal, 2 neighbors".into(), with(|d| d.reuse = spatiotemporal(d.reuse.clone()))),
+            ("spatiotemporal, 2 neighbors".into(), with(|d| d.reuse = SPATIOTEMPORAL)),
             ("temporal, then 2 rounds of 5 spatial taps (Bitterli et al. 2020)".into(), classic),
         ],
     );
     // Partners are not searched for.
     let attempts = counts("", &[1, 3], |d, n| {
-        d.reuse = spatiotemporal(d.reuse.clone());
+        d.reuse = SPATIOTEMPORAL;
         d.reuse.neighbor_attempts = n;
     });
     add("Spatial samples (6.3)", &[Lighting, Error], counts("", &[1, 2, 3, 5], |d, n| d.reuse.spatial_samples = n));

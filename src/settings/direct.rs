@@ -86,8 +86,8 @@ impl VisibilityReuse {
 /// [`Technique::Pt`](super::Technique::Pt) with [`Paths::separate_direct_light`](super::Paths::separate_direct_light).  All techniques that
 /// resample take their light candidates from its subsets.
 ///
-/// With the defaults a pixel traces at most seven rays, or one more for some partners of pixels at edges: one for its BSDF candidate, one for
-/// the selected candidate, two for the temporal neighbor, and one for each of three partners.
+/// With the defaults a pixel traces at most eight rays: one for its BSDF candidate, one for the selected candidate, two for the temporal
+/// neighbor, and one for each partner, of which it has three, or four where it serves a partner that found few others.
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
 pub struct Direct {

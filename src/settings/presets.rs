@@ -2,7 +2,7 @@
 
 use bevy::reflect::Reflect;
 
-use super::{BiasCorrection, Direct, Mis, Paths, Restir, Reuse, ReuseOrder, SuffixRetrace, VisibilityReuse};
+use super::{BiasCorrection, Direct, Paths, Restir, Reuse, SuffixRetrace, VisibilityReuse};
 
 /// A trade of speed for accuracy: see [`Restir::preset`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Reflect)]
@@ -47,17 +47,12 @@ impl Preset {
                 bias_correction: BiasCorrection::HeuristicsAndMis,
                 visibility: VisibilityReuse::Decoupled,
                 visibility_radius: 30.0,
+                // The geometry heuristics limit the bias.
                 reuse: Reuse {
-                    order: ReuseOrder::Spatiotemporal,
                     spatial_samples: 1,
-                    disocclusion_samples: 2,
-                    paired: false,
                     neighbor_attempts: 1,
-                    confidence_cap: 5.0,
-                    mis: Mis::Balance,
-                    // The geometry heuristics limit the bias.
                     normal_threshold: 0.9,
-                    ..Reuse::DIRECT
+                    ..Reuse::SPATIOTEMPORAL
                 },
                 ..Direct::default()
             },

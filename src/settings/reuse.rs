@@ -28,8 +28,8 @@ pub enum Mis {
     /// frames differ much, rare pixels are a thousand times too bright, so that short means look dark.  k² + k target evaluations for k
     /// neighbors.
     OneOverZ,
-    /// Generalized balance heuristic (Wyman and Panteleev 2021, Eq. 30).  Least noise in two of three measured scenes; in the third one
-    /// `DefensivePairwiseGris` has 20 % less error (`docs/experiments.md`).  k² + k target evaluations with their rays for k neighbors.
+    /// Generalized balance heuristic (Wyman and Panteleev 2021, Eq. 30).  Without pairs it has the least noise in two of three measured
+    /// scenes; in the third one `DefensivePairwiseGris` has 20 % less error (`docs/experiments.md`).  k² + k target evaluations with their rays for k neighbors.
     #[default]
     Balance,
     /// Each neighbor against the pixel's own sample, by confidence (Wyman et al. 2023, 7.1.3).  2k target evaluations.
@@ -131,9 +131,7 @@ impl Default for Reuse {
 
 impl Reuse {
     /// The defaults of [`Direct`](super::Direct): temporal reuse, then one iteration of spatial reuse with three neighbors within 60 pixels in
-    /// pairs, history capped at 8 frames.  Wyman and Panteleev 2021 resample the last frame alone ([`ReuseOrder::Spatiotemporal`]), with one
-    /// neighbor within 30 pixels, two in disocclusions, and 20 frames.  That order traces more rays for the same noise, and long histories
-    /// show more blotches where lights are many (`docs/experiments.md`).
+    /// pairs, history capped at 8 frames: fewer rays and less noise than [`Self::SPATIOTEMPORAL`] (`docs/experiments.md`).
     pub const DIRECT: Self = Self {
         order: ReuseOrder::TemporalThenSpatial,
         temporal: true,
@@ -152,6 +150,19 @@ impl Reuse {
         normal_threshold: 0.5,
         depth_threshold: 0.02,
         same_material: false,
+    };
+
+    /// Direct light from neighbors of the last frame alone (Wyman and Panteleev 2021): one temporal and two spatiotemporal neighbors, history
+    /// capped at 5 frames.  Needs 68 bytes a pixel less than pairs in [`Technique::Di`](super::Technique::Di).  The paper has one
+    /// spatiotemporal neighbor within 30 pixels, two in disocclusions, and 20 frames, which shows more blotches where lights are many.
+    pub const SPATIOTEMPORAL: Self = Self {
+        order: ReuseOrder::Spatiotemporal,
+        spatial_samples: 2,
+        disocclusion_samples: 2,
+        paired: false,
+        confidence_cap: 5.0,
+        mis: Mis::Balance,
+        ..Self::DIRECT
     };
 
     /// The defaults of [`Paths`](super::Paths): temporal reuse, then one iteration of spatial reuse with five neighbors within 100 pixels in

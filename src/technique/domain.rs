@@ -90,8 +90,8 @@ pub(crate) enum LightPart {
 }
 
 impl LightPart {
-    /// Number of parts.
-    pub(crate) const COUNT: usize = 4;
+    /// Number of parts: those up to the last one.
+    pub(crate) const COUNT: usize = Self::LightPaths as usize + 1;
 }
 
 /// Names that appear in statistics and time spans.

@@ -303,8 +303,13 @@ impl Reservoirs {
 
 /// Resources for iterations with pairs; the domains of a frame run one after the other, and share them.
 fn pair_kind(domains: &[&Domain], settings: &Restir) -> PairKind {
-    let layers = domains.iter().map(|domain| (domain.schedule)(settings).pair_layers()).max().unwrap_or(0);
-    PairKind { layers, has_queue: layers > 0 && settings.research.replay_compaction }
+    let layers_of = |domain: &&Domain| (domain.schedule)(settings).pair_layers();
+    let may_replay = |domain: &Domain| domain.pairs.as_ref().is_some_and(|pairs| pairs.compaction.is_some());
+    let has_queue = domains.iter().any(|domain| layers_of(domain) > 0 && may_replay(domain));
+    PairKind {
+        layers: domains.iter().map(layers_of).max().unwrap_or(0),
+        has_queue: has_queue && settings.research.replay_compaction,
+    }
 }
 
 /// Whether a domain finds light that it does not resample.

@@ -6,7 +6,6 @@ use crate::support::{
     compose::{Def, flag},
     gpu::{Bound, gpu},
     light_scene::LightScene,
-    reuse_settings::di,
     stats::{assert_family, chi_squared},
 };
 use bevy::prelude::*;
@@ -118,7 +117,7 @@ fn a_textured_lamp_is_chosen_by_its_textured_power() {
         rig.spawn(square(1.0), lamp, Transform::from_xyz(x, 6.0, 4.0).looking_to(Vec3::Z, Vec3::Y));
     }
     let direct = Direct {
-        reuse: Reuse { temporal: false, spatial_samples: 0, ..di::SPATIOTEMPORAL },
+        reuse: Reuse { temporal: false, spatial_samples: 0, ..Reuse::SPATIOTEMPORAL },
         candidates: 1,
         bsdf_candidate: false,
         ..default()

@@ -1,6 +1,6 @@
 //! Settings of direct light and of paths that the tests share.
 
-use bevy_restir::{BiasCorrection, Direct, Mis, Paths, Reuse, ReuseOrder, SubsurfaceSampling};
+use bevy_restir::{BiasCorrection, Direct, Mis, Paths, Reuse, SubsurfaceSampling};
 
 /// A length of `count` pixels in a picture of this height, in the unit of the settings: pixels of a picture 1080 high.
 pub fn pixels(count: f32, height: u32) -> f32 {
@@ -11,17 +11,6 @@ pub fn pixels(count: f32, height: u32) -> f32 {
 pub mod di {
     use super::*;
 
-    /// Neighbors of the last frame, which are searched for (Wyman and Panteleev 2021).
-    pub const SPATIOTEMPORAL: Reuse = Reuse {
-        order: ReuseOrder::Spatiotemporal,
-        spatial_samples: 2,
-        disocclusion_samples: 2,
-        paired: false,
-        confidence_cap: 5.0,
-        mis: Mis::Balance,
-        ..Reuse::DIRECT
-    };
-
     /// Every kind of reuse, and so few candidates that a wrong weight shows.
     pub fn all_reuse() -> Direct {
         Direct {
@@ -30,7 +19,7 @@ pub mod di {
                 radius: pixels(6.0, 32),
                 confidence_cap: 20.0,
                 mis: Mis::DefensivePairwise,
-                ..SPATIOTEMPORAL
+                ..Reuse::SPATIOTEMPORAL
             },
             candidates: 8,
             subset_count: 32,
@@ -53,7 +42,7 @@ pub mod di {
 
     /// One neighbor in a circle, and a long history, as in Wyman and Panteleev 2021.
     pub fn one_neighbor(radius: f32) -> Reuse {
-        Reuse { spatial_samples: 1, radius, confidence_cap: 20.0, ..SPATIOTEMPORAL }
+        Reuse { spatial_samples: 1, radius, confidence_cap: 20.0, ..Reuse::SPATIOTEMPORAL }
     }
 
     /// Accepts neighbors across edges, so that only the MIS weights keep the picture right.  The history is short: a long one would

@@ -75,7 +75,7 @@ fn reuses() -> [(&'static str, Reuse); 5] {
         spatial_samples: 2,
         disocclusion_samples: 0,
         confidence_cap: 2.5,
-        ..di::SPATIOTEMPORAL
+        ..Reuse::SPATIOTEMPORAL
     };
     let separate = ReuseOrder::TemporalThenSpatial;
     [

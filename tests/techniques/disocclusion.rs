@@ -8,8 +8,13 @@ const SIZE: u32 = 48;
 
 /// Pixels of a wall without a history, over six frames in which a bar passes in front of it or the camera moves past the bar.
 fn pixels_without_history(rig: &mut Rig, bar: Entity, dual_motion: bool, camera_moves: bool) -> usize {
-    let reuse =
-        Reuse { dual_motion, spatial_samples: 0, disocclusion_samples: 0, confidence_cap: 20.0, ..di::SPATIOTEMPORAL };
+    let reuse = Reuse {
+        dual_motion,
+        spatial_samples: 0,
+        disocclusion_samples: 0,
+        confidence_cap: 20.0,
+        ..Reuse::SPATIOTEMPORAL
+    };
     rig.set(|r| {
         Direct { reuse, ..di::all_reuse() }.apply_to(r);
         (r.debug_view, r.jitter) = (DebugView::ReservoirConfidence, Jitter::Never);

@@ -54,6 +54,7 @@ fn sample_connections(first: Vertex, camera_density: f32, rng: ptr<function, Rng
         if !bsdf_is_delta(w.v.surface.bsdf) {
             light += guarded_3(w.throughput * connection_light(w, index, rng), GUARD_LIGHT_CONTRIBUTION);
         }
+        // The next vertex could not be connected.
         if index + 1u == view.bounces {
             break;
         }

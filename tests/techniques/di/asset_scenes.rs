@@ -4,13 +4,13 @@
 //!
 //! The long form is `matrix`.
 
-use crate::support::{app::*, proof::Proof, reuse_settings::di, small_scenes::*};
+use crate::support::{app::*, proof::Proof, small_scenes::*};
 use bevy_restir::{Direct, Reuse, ReuseOrder, VisibilityReuse, testing::plant_shader_defs};
 
 /// The default settings without reuse.
 fn candidates() -> Direct {
     Direct {
-        reuse: Reuse { temporal: false, spatial_samples: 0, disocclusion_samples: 0, ..di::SPATIOTEMPORAL },
+        reuse: Reuse { temporal: false, spatial_samples: 0, disocclusion_samples: 0, ..Reuse::SPATIOTEMPORAL },
         ..Default::default()
     }
 }
@@ -29,7 +29,7 @@ fn direct_light_in_the_cornell_box_equals_the_reference_for_every_kind_of_reuse(
             order: ReuseOrder::TemporalThenSpatial,
             spatial_samples: 3,
             spatial_iterations: 2,
-            ..di::SPATIOTEMPORAL
+            ..Reuse::SPATIOTEMPORAL
         },
         ..Default::default()
     };
@@ -45,16 +45,16 @@ fn direct_light_in_the_cornell_box_equals_the_reference_for_every_kind_of_reuse(
             (
                 "temporal",
                 Direct {
-                    reuse: Reuse { spatial_samples: 0, disocclusion_samples: 0, ..di::SPATIOTEMPORAL },
+                    reuse: Reuse { spatial_samples: 0, disocclusion_samples: 0, ..Reuse::SPATIOTEMPORAL },
                     ..Default::default()
                 },
             ),
             ("pairs, the default", Direct::default()),
-            ("spatiotemporal", Direct { reuse: di::SPATIOTEMPORAL, ..Default::default() }),
+            ("spatiotemporal", Direct { reuse: Reuse::SPATIOTEMPORAL, ..Default::default() }),
             ("classic", classic),
             (
                 "two rounds",
-                Direct { reuse: Reuse { spatial_iterations: 2, ..di::SPATIOTEMPORAL }, ..Default::default() },
+                Direct { reuse: Reuse { spatial_iterations: 2, ..Reuse::SPATIOTEMPORAL }, ..Default::default() },
             ),
             (
                 "the stored sample is shaded",
@@ -63,7 +63,7 @@ fn direct_light_in_the_cornell_box_equals_the_reference_for_every_kind_of_reuse(
             ("all samples are shaded", unshadowed),
             (
                 "three tries",
-                Direct { reuse: Reuse { neighbor_attempts: 3, ..di::SPATIOTEMPORAL }, ..Default::default() },
+                Direct { reuse: Reuse { neighbor_attempts: 3, ..Reuse::SPATIOTEMPORAL }, ..Default::default() },
             ),
         ],
     );

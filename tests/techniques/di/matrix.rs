@@ -4,7 +4,7 @@
 use crate::support::{
     matrix::{self, Choices, Row},
     proof::{Proof, Subject},
-    reuse_settings::{di, pixels},
+    reuse_settings::pixels,
     small_scenes::*,
 };
 use bevy_restir::{BiasCorrection, Direct, Mis, Reuse, ReuseOrder, VisibilityReuse};
@@ -101,7 +101,7 @@ impl Row for DirectRow {
         let (radius, confidence_cap) = if self.is_noisy() { (10.0, 4.0) } else { (30.0, 20.0) };
         let radius = pixels(radius, Self::SIZE);
         let direct = Direct {
-            reuse: Reuse { mis: MIS[mis], shade_all: shading == 0, radius, confidence_cap, ..di::SPATIOTEMPORAL },
+            reuse: Reuse { mis: MIS[mis], shade_all: shading == 0, radius, confidence_cap, ..Reuse::SPATIOTEMPORAL },
             bias_correction: CORRECTIONS[correction],
             subset_count: if lights == 0 { 128 } else { 0 },
             visibility: VISIBILITY[visibility],

@@ -201,7 +201,7 @@ fn each_spatial_iteration_is_a_pass() {
                 spatial_iterations: rounds,
                 temporal,
                 spatial_samples: spatial_taps,
-                ..di::SPATIOTEMPORAL
+                ..Reuse::SPATIOTEMPORAL
             },
             ..Default::default()
         };
