@@ -402,3 +402,12 @@ pub struct GpuResampleSettings {
     pub pair_tile_bits: u32,
     pub domain: u32,
 }
+
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct GpuDenoiserSettings {
+    pub step: u32,
+    pub history: u32,
+    pub has_history: u32,
+    pub pad: u32,
+}

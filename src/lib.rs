@@ -50,7 +50,7 @@ pub use plugin::{RestirPlugin, RestirStatus};
 pub use report::{RestirReport, RestirStatistics};
 pub use scene::SceneFeatures;
 pub use settings::{
-    Bdpt, BiasCorrection, DebugView, Direct, EmissiveLuminance, Jitter, LightTechniques, Mis, Paths, Preset,
+    Bdpt, BiasCorrection, DebugView, Denoiser, Direct, EmissiveLuminance, Jitter, LightTechniques, Mis, Paths, Preset,
     RayBackend, Reconnection, Research, ReservoirLayout, Restir, RestirBudget, RestirEnvironment, RestirIgnore,
     RestirMaterial, Reuse, ReuseOrder, Subsurface, SubsurfaceSampling, SubsurfaceShift, SuffixRetrace, Technique,
     VisibilityReuse,
@@ -62,10 +62,10 @@ pub use view::capture::{CapturedRadiance, RadianceCapture};
 /// Everything that an app needs.
 pub mod prelude {
     pub use crate::{
-        Bdpt, BiasCorrection, DebugView, Direct, EmissiveLuminance, Jitter, LightTechniques, Mis, Paths, Preset,
-        RayBackend, Reconnection, Restir, RestirBudget, RestirEnvironment, RestirIgnore, RestirMaterial, RestirPlugin,
-        RestirStatus, Reuse, ReuseOrder, Subsurface, SubsurfaceSampling, SubsurfaceShift, SuffixRetrace, Technique,
-        VisibilityReuse,
+        Bdpt, BiasCorrection, DebugView, Denoiser, Direct, EmissiveLuminance, Jitter, LightTechniques, Mis, Paths,
+        Preset, RayBackend, Reconnection, Restir, RestirBudget, RestirEnvironment, RestirIgnore, RestirMaterial,
+        RestirPlugin, RestirStatus, Reuse, ReuseOrder, Subsurface, SubsurfaceSampling, SubsurfaceShift, SuffixRetrace,
+        Technique, VisibilityReuse,
     };
 }
 

@@ -39,7 +39,7 @@ pub struct Args {
     #[arg(long, default_value_t = 16)]
     pub warmup: u32,
     /// The mean of the frames or the last one. The reference always gives the mean of its samples. A mean has no limit of bright pixels
-    /// (`firefly_limit` is 0), because the limit would stay in it as a bias.
+    /// (`firefly_limit` is 0) and no denoiser, because both would stay in it as a bias.
     #[arg(long, value_enum, default_value = "mean")]
     pub output: Output,
     /// Seed of the random numbers.
@@ -74,7 +74,7 @@ pub struct Args {
     /// normal (world space, 0 without a surface), depth (distance from the camera, m; 0 without a surface) or motion (pixels to the surface
     /// in the frame before); or a part of the light in the picture, as diffuse (with light out of translucent bodies) or specular. The
     /// parts take as many frames as the picture; with the emission that the camera sees directly they sum to it. With `--output last`,
-    /// bright pixels are limited in the picture only (`--set firefly_limit=0` turns that off).
+    /// bright pixels are limited, and light is denoised, in the picture only (`--set firefly_limit=0` turns the limit off).
     #[arg(long = "aov", value_name = "NAME=FILE.exr", value_parser = aov)]
     pub aovs: Vec<Aov>,
     /// Writes times, memory and counters to this file as JSON.

@@ -7,7 +7,7 @@ mod stats;
 use aovs::AnimationTimes;
 use args::{Args, Output};
 use bevy::{camera::Exposure, gltf::Gltf, prelude::*};
-use bevy_restir::{Restir, RestirBudget, RestirEnvironment, RestirStatistics, Technique};
+use bevy_restir::{Denoiser, Restir, RestirBudget, RestirEnvironment, RestirStatistics, Technique};
 use bevy_restir_support::{
     arguments::{self, ExposureChoice},
     environment,
@@ -276,8 +276,9 @@ fn accumulate(app: &mut App, args: &Args, settings: &Restir, shows_last: bool) -
     if let Some(mut restir) = app.world_mut().get_mut::<Restir>(camera) {
         restir.accumulate = sums_on_gpu;
         if is_mean {
-            // The limit of bright pixels is for single frames; it would stay in the mean as a bias.
+            // The limit of bright pixels and the denoiser are for single frames; they would stay in the mean as a bias.
             restir.firefly_limit = 0.0;
+            restir.denoiser = Denoiser::OFF;
         }
     }
     let mut sum = FrameSum::default();

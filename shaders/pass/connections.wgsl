@@ -26,7 +26,7 @@ fn connections(@builtin(global_invocation_id) id: vec3<u32>) {
     let s = primary_surface(ids, pixel, false);
     let density = camera_density(view.current, s.wo, distance(primary_ray(pixel).origin, s.surface.position));
     var rng = rng_new(pixel, view.frame, STREAM_CONNECTIONS, view.seed);
-    let radiance = sample_connections(Vertex(s.surface, s.wo, vec3<f32>(0.0), s.cone), density, &rng);
-    textureStore(light, pixel, vec4<f32>(radiance, 0.0));
+    let connected = sample_connections(Vertex(s.surface, s.wo, vec3<f32>(0.0), s.cone), density, &rng);
+    textureStore(light, pixel, connected);
     count_rays(pixel);
 }

@@ -34,6 +34,6 @@ fn di_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
     let selected = sample_candidates(receiver_of(ids, pixel, false), pixel, &rng);
     reservoirs[index] = reservoir_pack(selected.reservoir);
     textureStore(contribution, pixel, vec4<f32>(selected.f, 0.0));
-    textureStore(unresampled, pixel, vec4<f32>(selected.unresampled, 0.0));
+    textureStore(unresampled, pixel, selected.unresampled);
     count_rays(pixel);
 }

@@ -3,12 +3,13 @@
 #import domain::{PackedReservoir, receives_light, reservoir_unpack}
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::flags::has
-#import bevy_restir::restir::neighbors::{are_similar, pixel_shape}
+#import bevy_restir::restir::neighbors::are_similar
 #import bevy_restir::restir::pairs::{PAIR_IS_NEW, PAIR_SLOTS, partner_in_slot}
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::restir::types::RESAMPLE_HEURISTICS
 #import bevy_restir::scene::surface::Shape
 #import bevy_restir::view::bindings::{view, visibility}
+#import bevy_restir::view::primary::pixel_shape
 #import bevy_restir::view::ray_counter::count_guards
 
 // The samples that the iteration resamples.

@@ -26,7 +26,7 @@
 #import bevy_restir::restir::reservoir_sampling::{Stream, stream_add, stream_ucw}
 #import bevy_restir::restir::types::{RESAMPLE_CANDIDATES_VISIBLE, RESAMPLE_DISCARD_OCCLUDED, RESAMPLE_FROM_PREVIOUS, RESAMPLE_MIS_RAYS, RESAMPLE_REUSE_VISIBILITY, RESAMPLE_SAME_RAYS, RESAMPLE_SHADE, RESAMPLE_SHADE_ALL, RESAMPLE_SHADING_RAYS, RESAMPLE_TARGET_RAYS}
 #import bevy_restir::view::bindings::{view, visibility}
-#import bevy_restir::view::light_part::shown_share
+#import bevy_restir::view::light_part::shown_light
 #import bevy_restir::view::ray_counter::count_rays
 
 // Reservoirs of the last frame, or of the previous iteration of this frame.
@@ -435,7 +435,7 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
     let stream = resample(&inputs, &mis, ids, r, alpha_seed, &rng);
 
     var output = no_reservoir();
-    var light = vec3<f32>(0.0);
+    var light = vec4<f32>(0.0);
     for (var j = 0u; j < mis.count; j++) {
         output.confidence += mis.confidence[j];
         light += select(0.0, inputs.shares[j], inputs.visible[j]) * shown_contribution(&inputs, j, r);
@@ -450,7 +450,7 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
         contribution = inputs.contributions[stream.selected];
     }
     if !has(RESAMPLE_SHADE_ALL) {
-        light = vec3<f32>(0.0);
+        light = vec4<f32>(0.0);
         if stream.selected != NONE {
             light = select(0.0, output.ucw, output.seen) * shown_contribution(&inputs, stream.selected, r);
         }
@@ -458,7 +458,7 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
     output = completed(r, output, rng_bits(&rng).x);
     reservoirs[index] = stored(output, pixel);
     if has(RESAMPLE_SHADE) {
-        textureStore(resampled, pixel, vec4<f32>(light, 0.0));
+        textureStore(resampled, pixel, light);
     } else {
         textureStore(resampled, pixel, vec4<f32>(contribution, 0.0));
     }
@@ -467,17 +467,17 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
 
 // The part of an input's contribution that is shown (`view/light_part.wgsl`).
 #ifdef SPLIT_LIGHT
-fn shown_contribution(inputs: ptr<function, Inputs>, j: u32, r: Receiver) -> vec3<f32> {
+fn shown_contribution(inputs: ptr<function, Inputs>, j: u32, r: Receiver) -> vec4<f32> {
     let contribution = (*inputs).contributions[j];
     if !has(RESAMPLE_SHADE) || !any(contribution > vec3<f32>(0.0)) {
-        return vec3<f32>(0.0);
+        return vec4<f32>(0.0);
     }
     let packed_splat_share = textureLoad(own_contribution, (*inputs).pixels[0], 0).a;
-    return shown_share(diffuse_share(r, sample_of(inputs, j, true), packed_splat_share)) * contribution;
+    return shown_light(contribution, diffuse_share(r, sample_of(inputs, j, true), packed_splat_share));
 }
 #else
-fn shown_contribution(inputs: ptr<function, Inputs>, j: u32, r: Receiver) -> vec3<f32> {
-    return (*inputs).contributions[j];
+fn shown_contribution(inputs: ptr<function, Inputs>, j: u32, r: Receiver) -> vec4<f32> {
+    return shown_light((*inputs).contributions[j], vec3<f32>(0.0));
 }
 #endif
 

@@ -8,11 +8,11 @@
 #import bevy_restir::common::rng::{rng_bits, rng_new, STREAM_SPLATS}
 #import bevy_restir::restir::bdpt::light_map::{exact_add, exact_sum, exact_total, MAX_ENTRIES, Race, race_add}
 #import bevy_restir::restir::bindings::settings
-#import bevy_restir::restir::neighbors::previous_pixel_shape
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::restir::splats::reservoir::{no_reservoir, PackedReservoir, Reservoir, reservoir_pack, reservoir_unpack}
 #import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::camera::{motion_of_sky, primary_ray, project}
+#import bevy_restir::view::primary::previous_pixel_shape
 #import bevy_restir::view::ray_counter::count_guards
 
 @group(2) @binding(1) var<storage, read> last: array<PackedReservoir>;

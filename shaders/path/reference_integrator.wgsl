@@ -27,7 +27,7 @@
 #import bevy_restir::trace::trace::trace_closest
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::camera::pixel_cone
-#import bevy_restir::view::light_part::{shown_by_lobes, shown_by_sample, shown_emission, shown_share}
+#import bevy_restir::view::light_part::{bsdf_diffuse_share, sample_diffuse_share, shown_emission, shown_share}
 #ifdef SUBSURFACE
 #import bevy_restir::subsurface::entry::{exit_factor, sample_entry, scatters_below, subsurface_probability}
 #endif
@@ -176,7 +176,7 @@ fn shown_behind(s: Scatterer, b: BsdfSample) -> vec3<f32> {
     if s.below {
         return shown_share(vec3<f32>(1.0));
     }
-    return shown_by_sample(s.surface.bsdf, s.wo, b);
+    return shown_share(sample_diffuse_share(s.surface.bsdf, s.wo, b));
 }
 
 // Radiance along a camera ray with a known first hit.
@@ -219,7 +219,7 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
         if !bsdf_is_delta(s.bsdf) {
             let nee = nee_radiance(s, wo, medium, rng);
             if scattered == 0u {
-                shown = shown_by_lobes(s.bsdf, wo, nee.wi);
+                shown = shown_share(bsdf_diffuse_share(s.bsdf, wo, nee.wi));
             }
             radiance += shown * throughput * nee.radiance;
         }

@@ -8,10 +8,11 @@
 #import bevy_restir::restir::flags::has
 #import bevy_restir::restir::types::{RESAMPLE_BILINEAR, RESAMPLE_DUAL_MOTION, RESAMPLE_FROM_PREVIOUS, RESAMPLE_HEURISTICS, RESAMPLE_SAME_MATERIAL}
 #import bevy_restir::scene::offset::surface_point
-#import bevy_restir::scene::surface::{Shape, shape_at}
+#import bevy_restir::scene::surface::Shape
 #import bevy_restir::scene::triangle::{instance_exists, world_triangle}
 #import bevy_restir::view::bindings::{view, visibility}
-#import bevy_restir::view::camera::{barycentrics_on_ray, eye_of, previous_primary_ray, primary_ray, project}
+#import bevy_restir::view::camera::{barycentrics_on_ray, eye_of, previous_primary_ray, project}
+#import bevy_restir::view::primary::{pixel_shape, previous_pixel_shape}
 
 // (instance, triangle) of a neighbor, in the frame that neighbors are taken from.
 fn neighbor_ids(pixel: vec2<u32>) -> vec2<u32> {
@@ -128,20 +129,4 @@ fn are_similar(own: Shape, other: Shape, previous: bool) -> bool {
 // Whether a pixel with these (instance, triangle) has samples.
 fn receives_light(ids: vec2<u32>) -> bool {
     return ids.x != NONE;
-}
-
-// The surface that a pixel shows, or showed in the last frame.
-fn pixel_shape(ids: vec2<u32>, pixel: vec2<u32>, previous: bool) -> Shape {
-    var ray = primary_ray(pixel);
-    if previous {
-        ray = previous_primary_ray(pixel);
-    }
-    let t = world_triangle(ids.x, ids.y, previous);
-    return shape_at(ids.x, ids.y, barycentrics_on_ray(t, ray), eye_of(t.corner, previous), previous);
-}
-
-// The surface that a pixel shows, where it was in the last frame.
-fn previous_pixel_shape(ids: vec2<u32>, pixel: vec2<u32>) -> Shape {
-    let barycentrics = barycentrics_on_ray(world_triangle(ids.x, ids.y, false), primary_ray(pixel));
-    return shape_at(ids.x, ids.y, barycentrics, eye_of(world_triangle(ids.x, ids.y, true).corner, true), true);
 }

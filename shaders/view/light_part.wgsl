@@ -1,48 +1,59 @@
-// The part of a pixel's light that is shown.  Debug views (SPLIT_LIGHT) show either the light that the first surface scatters diffusely or
-// all other light that it scatters.  Samples, selections and roulette do not depend on the part, so that the sum of the two parts is the
-// light of the frame.
+// The part of a pixel's light that is shown.  With SPLIT_LIGHT the light that the first surface scatters diffusely is known: debug views show
+// it, or all other light that it scatters, and the denoiser gets the luminance of the diffuse part beside the light.  Samples, selections and
+// roulette do not depend on the part, so that the sum of the two parts is the light of the frame.
 #define_import_path bevy_restir::view::light_part
 
 #import bevy_restir::bsdf::types::{Bsdf, BsdfSample}
 #ifdef SPLIT_LIGHT
 #import bevy_restir::bsdf::bsdf::{bsdf_eval, bsdf_eval_lobe}
 #import bevy_restir::bsdf::types::LOBE_DIFFUSE
+#import bevy_restir::common::math::luminance
 #import bevy_restir::view::bindings::view
 #endif
 
 #ifdef SPLIT_LIGHT
 // Equal to the order of `DebugView` in src/settings/debug_view.rs.
+const DEBUG_DIFFUSE_LIGHT: u32 = 29u;
 const DEBUG_SPECULAR_LIGHT: u32 = 30u;
 
-// The share of scattered light that is shown.  `diffuse`: the share that the first surface scatters diffusely.
+// The light that is shown, and the luminance of its diffuse part.  `diffuse`: the share that the first surface scatters diffusely.
+fn shown_light(light: vec3<f32>, diffuse: vec3<f32>) -> vec4<f32> {
+    return vec4<f32>(light * shown_share(diffuse), luminance(light * diffuse));
+}
+
+// The share of scattered light that is shown.
 fn shown_share(diffuse: vec3<f32>) -> vec3<f32> {
-    return select(diffuse, 1.0 - diffuse, view.debug_view == DEBUG_SPECULAR_LIGHT);
+    let part = select(diffuse, 1.0 - diffuse, view.debug_view == DEBUG_SPECULAR_LIGHT);
+    return select(vec3<f32>(1.0), part, shows_part());
+}
+
+fn shows_part() -> bool {
+    return view.debug_view == DEBUG_DIFFUSE_LIGHT || view.debug_view == DEBUG_SPECULAR_LIGHT;
 }
 
 // Light that the first surface emits, and the backdrop, belong to neither part.
 fn shown_emission(light: vec3<f32>) -> vec3<f32> {
-    return vec3<f32>(0.0);
+    return select(light, vec3<f32>(0.0), shows_part());
 }
 
-// Shown share of light from wi that the first surface scatters to wo, by all of its lobes.
-fn shown_by_lobes(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> vec3<f32> {
-    return shown_share(bsdf_diffuse_share(b, wo, wi));
-}
-
-// Shown share of light from the direction of a sample; no delta lobe is diffuse.
-fn shown_by_sample(b: Bsdf, wo: vec3<f32>, s: BsdfSample) -> vec3<f32> {
+// Diffuse share of light from the direction of a sample; no delta lobe is diffuse.
+fn sample_diffuse_share(b: Bsdf, wo: vec3<f32>, s: BsdfSample) -> vec3<f32> {
     if s.delta != 0u {
-        return shown_share(vec3<f32>(0.0));
+        return vec3<f32>(0.0);
     }
-    return shown_by_lobes(b, wo, s.wi);
+    return bsdf_diffuse_share(b, wo, s.wi);
 }
 
-// Share of `bsdf_eval` that is diffuse.  A channel without light has none.
+// Diffuse share of light from wi that a surface scatters to wo by all of its lobes.  A channel without light has none.
 fn bsdf_diffuse_share(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> vec3<f32> {
     let share = bsdf_eval_lobe(b, wo, wi, LOBE_DIFFUSE) / bsdf_eval(b, wo, wi);
     return select(vec3<f32>(0.0), min(share, vec3<f32>(1.0)), share >= vec3<f32>(0.0));
 }
 #else
+fn shown_light(light: vec3<f32>, diffuse: vec3<f32>) -> vec4<f32> {
+    return vec4<f32>(light, 0.0);
+}
+
 fn shown_share(diffuse: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(1.0);
 }
@@ -51,11 +62,12 @@ fn shown_emission(light: vec3<f32>) -> vec3<f32> {
     return light;
 }
 
-fn shown_by_lobes(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> vec3<f32> {
-    return vec3<f32>(1.0);
+// Nobody asks for the share.
+fn sample_diffuse_share(b: Bsdf, wo: vec3<f32>, s: BsdfSample) -> vec3<f32> {
+    return vec3<f32>(0.0);
 }
 
-fn shown_by_sample(b: Bsdf, wo: vec3<f32>, s: BsdfSample) -> vec3<f32> {
-    return vec3<f32>(1.0);
+fn bsdf_diffuse_share(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(0.0);
 }
 #endif

@@ -11,6 +11,7 @@ use crate::{
     view::{
         RestirView,
         bind_groups::Bound,
+        denoiser::PACKED_FORMAT,
         history::{History, LIGHT_FORMAT, Reservoirs},
         pairs::PAIR_MASK_FORMAT,
     },
@@ -35,11 +36,10 @@ pub(super) fn layout(pass: &ComputePass) -> BindGroupLayoutDescriptor {
 fn binding_type(resource: R) -> BindingType {
     let buffer = |ty| BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None };
     let storage = |read_only| buffer(BufferBindingType::Storage { read_only });
-    let texture = |sample_type| BindingType::Texture {
-        sample_type,
-        view_dimension: TextureViewDimension::D2,
-        multisampled: false,
-    };
+    let texture_of =
+        |sample_type, view_dimension| BindingType::Texture { sample_type, view_dimension, multisampled: false };
+    let texture = |sample_type| texture_of(sample_type, TextureViewDimension::D2);
+    let layers = |sample_type| texture_of(sample_type, TextureViewDimension::D2Array);
     let written = |format, view_dimension| BindingType::StorageTexture {
         access: StorageTextureAccess::WriteOnly,
         format,
@@ -51,7 +51,7 @@ fn binding_type(resource: R) -> BindingType {
         R::SubsetsRead | R::NeighborReservoirs | R::FinalReservoirs | R::LastReservoirsRead => storage(true),
         R::LightVerticesRead | R::LightMapRead | R::ReplayQueueRead => storage(true),
         R::Settings => buffer(BufferBindingType::Uniform),
-        R::PreviousVisibility | R::PairMasksRead => texture(TextureSampleType::Uint),
+        R::PreviousVisibility | R::PairMasksRead | R::GuideRead | R::LastGuide => texture(TextureSampleType::Uint),
         R::LightBefore
         | R::UnresampledLightRead
         | R::ResampledLight
@@ -59,14 +59,15 @@ fn binding_type(resource: R) -> BindingType {
         | R::PathLight
         | R::ConnectionsRead
         | R::SplatLight => texture(TextureSampleType::Float { filterable: false }),
-        R::PairShiftsRead => BindingType::Texture {
-            sample_type: TextureSampleType::Float { filterable: false },
-            view_dimension: TextureViewDimension::D2Array,
-            multisampled: false,
-        },
+        R::PairShiftsRead | R::SignalsBefore => layers(TextureSampleType::Float { filterable: false }),
+        R::LastMeans => layers(TextureSampleType::Uint),
         R::CandidateLight | R::LightAfter | R::UnresampledLight | R::Connections => {
             written(LIGHT_FORMAT, TextureViewDimension::D2)
         }
+        R::DenoiserSettings => buffer(BufferBindingType::Uniform),
+        R::SignalsAfter => written(LIGHT_FORMAT, TextureViewDimension::D2Array),
+        R::Guide => written(PACKED_FORMAT, TextureViewDimension::D2),
+        R::Means => written(PACKED_FORMAT, TextureViewDimension::D2Array),
         R::PairMasks => written(PAIR_MASK_FORMAT, TextureViewDimension::D2),
         R::PairShifts => written(LIGHT_FORMAT, TextureViewDimension::D2Array),
     }
@@ -95,6 +96,7 @@ fn binding_of<'a>(resource: R, step: &Step, state: &'a RestirView) -> Option<Bou
     let own = || history?.of(step.domain?);
     let (view, buffer) = (Bound::View, Bound::Buffer);
     let light_paths = || history?.light_paths.as_ref();
+    let denoiser = || history?.denoiser.as_ref();
     Some(match resource {
         R::Radiance => buffer(&state.radiance),
         R::Counters => buffer(&state.counters.buffer),
@@ -117,6 +119,13 @@ fn binding_of<'a>(resource: R, step: &Step, state: &'a RestirView) -> Option<Bou
         R::PairMasks | R::PairMasksRead => view(&history?.pairs.as_ref()?.masks),
         R::PairShifts | R::PairShiftsRead => view(&history?.pairs.as_ref()?.shifts),
         R::ReplayQueue | R::ReplayQueueRead => buffer(&history?.pairs.as_ref()?.queue.as_ref()?.0),
+        R::DenoiserSettings => denoiser()?.settings_of(step.iteration)?,
+        R::SignalsAfter => view(denoiser()?.signals_after(step.iteration)),
+        R::SignalsBefore => view(denoiser()?.signals_before(step.iteration)),
+        R::Guide | R::GuideRead => view(denoiser()?.guides()[0]),
+        R::LastGuide => view(denoiser()?.guides()[1]),
+        R::Means => view(denoiser()?.means()[0]),
+        R::LastMeans => view(denoiser()?.means()[1]),
         R::PreviousVisibility => view(&history?.previous_visibility_view),
         R::CandidateLight => view(own()?.light_before(0)),
         R::LightBefore => view(own()?.light_before(step.iteration)),

@@ -36,7 +36,7 @@ features! {
     LAYER_TEXTURES = 18, "LAYER_TEXTURES", "Textures of transmission, specular reflection, clearcoat or anisotropy.";
     RAY_QUERY = 23, "RAY_QUERY", "Rays are traced by the ray queries of the device.";
     MANY_NEIGHBORS = 12, "MANY_NEIGHBORS", "The camera's settings combine more than three reservoirs in one resampling pass, apart from passes over pairs.";
-    SPLIT_LIGHT = 15, "SPLIT_LIGHT", "The camera shows diffuse or specular light alone.";
+    SPLIT_LIGHT = 15, "SPLIT_LIGHT", "The camera shows diffuse or specular light alone, or denoises them apart.";
     RENDER_LAYERS = 20, "RENDER_LAYERS", "Instances or lights that render layers hide from this camera.";
     CLEARCOAT = 24, "CLEARCOAT", "Clearcoats.";
     ANISOTROPY = 25, "ANISOTROPY", "Anisotropic microfacets.";

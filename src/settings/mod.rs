@@ -4,6 +4,7 @@
 mod bdpt;
 mod budget;
 mod debug_view;
+mod denoiser;
 mod direct;
 mod environment;
 mod jitter;
@@ -19,6 +20,7 @@ pub use bdpt::{Bdpt, LightTechniques};
 pub(crate) use budget::BudgetStep;
 pub use budget::RestirBudget;
 pub use debug_view::DebugView;
+pub use denoiser::Denoiser;
 pub use direct::{BiasCorrection, Direct, VisibilityReuse};
 pub use environment::RestirEnvironment;
 pub use jitter::Jitter;
@@ -89,7 +91,7 @@ impl Technique {
 /// for the first material with transmission, alpha or a clearcoat have been compiled, when the first translucent object appears or the last
 /// one disappears, when the size of the image, the render layers, the kind of projection or `Camera::invert_culling` changes, when the
 /// environment appears, disappears or gets another image, or when one of these settings changes.  These do not restart it:
-/// [`Direct::candidates`], `firefly_limit`, `accumulate`, `debug_scale`, [`Research::replay_compaction`], and all of [`Reuse`] except
+/// [`Direct::candidates`], `firefly_limit`, `denoiser`, `accumulate`, `debug_scale`, [`Research::replay_compaction`], and all of [`Reuse`] except
 /// `order` and `temporal`.
 /// [`RestirReport::history_resets`](crate::RestirReport::history_resets) counts the restarts by reason.
 ///
@@ -122,6 +124,8 @@ pub struct Restir {
     /// debug views.  Cost: eight neighboring pixels are read for each pixel and domain.  Biased: darker, by the light of such pixels;
     /// glints and texture details that are smaller than a pixel dim.  0: no limit; otherwise 1 to 1e6; default 2.5.
     pub firefly_limit: f32,
+    /// Removes the noise of every frame.
+    pub denoiser: Denoiser,
     /// Selects one of 2^32 independent sequences of random numbers.  Default 0.
     pub seed: u32,
     /// Direct light, for [`Technique::Di`], [`Technique::Gi`], and [`Technique::Pt`] with [`Paths::separate_direct_light`]; its light subsets
@@ -158,6 +162,7 @@ impl Default for Restir {
             jitter: Jitter::Auto,
             energy_compensation: true,
             firefly_limit: 2.5,
+            denoiser: Denoiser::OFF,
             seed: 0,
             direct: Direct::default(),
             paths: Paths::default(),
@@ -175,6 +180,12 @@ impl Default for Restir {
 impl Restir {
     /// Greatest value of [`Restir::bounces`].
     pub const MAX_BOUNCES: u32 = 64;
+
+    /// Iterations of the denoiser's filter in a frame; 0 if it does not run.
+    pub(crate) fn filter_iterations(&self) -> u32 {
+        let denoises = self.technique != Technique::Reference && !self.accumulate && self.debug_view == DebugView::Off;
+        if denoises { self.denoiser.iterations } else { 0 }
+    }
 
     /// Whether frames without Bevy's jitter are jittered.
     pub(crate) fn jitters(&self) -> bool {
@@ -201,6 +212,7 @@ impl Restir {
         // `paths.candidates` stays: it is part of the MIS weights that reservoirs of paths store.
         settings.direct.candidates = 1;
         settings.firefly_limit = 0.0;
+        settings.denoiser = Denoiser::OFF;
         settings.research.replay_compaction = true;
         for reuse in [&mut settings.direct.reuse, &mut settings.paths.reuse, &mut settings.subsurface.reuse] {
             *reuse = reuse.history_key();
@@ -215,6 +227,7 @@ impl Restir {
         ranges.number_or("debug_scale", &mut self.debug_scale, 0.0, 1e6, 1.0);
         let least_limit = if self.firefly_limit > 0.0 { 1.0 } else { 0.0 };
         ranges.number("firefly_limit", &mut self.firefly_limit, least_limit, 1e6);
+        self.denoiser.clamp(report);
         self.direct.clamp(report);
         self.paths.clamp(report);
         self.bdpt.clamp(report);

@@ -1,7 +1,7 @@
 //! The passes of a frame, as data: those of its technique, and the one that shows light or a debug view.
 
 use super::{
-    RowChoice, TechniqueRow,
+    RowChoice, TechniqueRow, denoiser,
     domain::{Domain, LightPart, PRESAMPLE},
     pass::{ComputePass, Pass, PassResource as R},
     reference::BOUNCES,
@@ -20,18 +20,20 @@ const DEBUG_RAYS: ComputePass =
 const DEBUG_GUARDS: ComputePass = ComputePass { name: "debug_guards", defs: &["SHOWS_GUARDS"], ..DEBUG_RAYS };
 const RADIANCE_PASS: ComputePass = ComputePass::per_pixel("", &[R::Radiance]);
 /// Sums the light of all domains.
-const RESOLVE: ComputePass = ComputePass::per_pixel(
+pub(super) const RESOLVE: ComputePass = ComputePass::per_pixel(
     "resolve",
     &[
         R::UnresampledLightRead,
         R::ResampledLight,
         R::PathLight,
         R::SplatLight,
-        R::Radiance,
         R::SubsurfaceLight,
         R::ConnectionsRead,
+        R::Radiance,
     ],
 );
+/// Its resources that hold light.
+pub(super) const LIGHT_OF_DOMAINS: &[R] = RESOLVE.resources.split_at(RESOLVE.resources.len() - 1).0;
 const STATISTICS: ComputePass =
     ComputePass { specialized: false, ..ComputePass::per_pixel("statistics", &[R::Counters]) };
 
@@ -96,6 +98,8 @@ pub(crate) struct Frame {
     pairing: [Pairing; LightPart::COUNT],
     /// Pairs replay paths in a pass of their own.
     compacts: bool,
+    /// Iterations of the denoiser's filter; 0: no denoiser.
+    filter_iterations: u32,
 }
 
 /// A step of a frame.
@@ -131,7 +135,8 @@ impl Frame {
             pairing[domain.part as usize] = Pairing::of(settings, domain);
         }
         let compacts = settings.research.replay_compaction;
-        Self { technique, choice, show, connects, subsurface: false, pairing, compacts }
+        let filter_iterations = settings.filter_iterations();
+        Self { technique, choice, show, connects, subsurface: false, pairing, compacts, filter_iterations }
     }
 
     /// The frame of a scene that has `Subsurface`.
@@ -212,15 +217,22 @@ impl Frame {
             // The pass that sums the light may raise guards, too.
             steps.push(compute(light, None));
         }
-        let last = match self.shown() {
-            Show::Light => (light, None),
-            Show::Guards => (&DEBUG_GUARDS, None),
-            Show::Rays => (self.row().rays_pass.unwrap_or(&DEBUG_RAYS), None),
-            Show::Bounces => (&BOUNCES, None),
-            Show::Samples(domain, index) => (&domain.debug[index].pass, Some(domain)),
-            Show::Surface => (&DEBUG_SURFACE, None),
-        };
-        steps.push(compute(last.0, last.1));
+        match self.shown() {
+            Show::Light if self.filter_iterations > 0 => {
+                let of_denoiser = denoiser::steps(self.filter_iterations);
+                steps.extend(of_denoiser.map(|(name, pass, iteration)| Step {
+                    name,
+                    iteration,
+                    ..compute(pass, None)
+                }));
+            }
+            Show::Light => steps.push(compute(light, None)),
+            Show::Guards => steps.push(compute(&DEBUG_GUARDS, None)),
+            Show::Rays => steps.push(compute(self.row().rays_pass.unwrap_or(&DEBUG_RAYS), None)),
+            Show::Bounces => steps.push(compute(&BOUNCES, None)),
+            Show::Samples(domain, index) => steps.push(compute(&domain.debug[index].pass, Some(domain))),
+            Show::Surface => steps.push(compute(&DEBUG_SURFACE, None)),
+        }
         steps.push(compute(&STATISTICS, None));
         steps.push(Step { pass: Pass::Composite, name: "composite", domain: None, iteration: 0 });
         steps
@@ -250,11 +262,11 @@ impl PipelineKey {
     }
 
     /// Whether these pipelines can read the reservoirs that the pipelines of another key have written.  Other features do not matter: a
-    /// feature adds code for its own subject, and leaves all other code and its random numbers unchanged.  Pairs do not matter, because
-    /// their data are not kept between iterations.
+    /// feature adds code for its own subject, and leaves all other code and its random numbers unchanged.  Pairs and
+    /// the denoiser do not matter, because reservoirs hold nothing of theirs.
     pub(crate) fn reads_reservoirs_of(self, last: Self) -> bool {
-        let unpaired = |frame| Frame { pairing: Default::default(), compacts: false, ..frame };
-        unpaired(self.frame) == unpaired(last.frame)
+        let key = |frame| Frame { pairing: Default::default(), compacts: false, filter_iterations: 0, ..frame };
+        key(self.frame) == key(last.frame)
     }
 
     /// Whether these pipelines sample paths that those of another key never sampled, such as paths to the first point light.  That light was

@@ -3,6 +3,7 @@
 //! `docs/architecture.md` lists all files.
 
 mod bdpt;
+pub(crate) mod denoiser;
 mod di;
 pub(crate) mod domain;
 pub(crate) mod frame;

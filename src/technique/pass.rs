@@ -72,6 +72,22 @@ pub(crate) enum PassResource {
     ReplayQueue,
     /// Queue of the pixels whose shifts replay paths, read.
     ReplayQueueRead,
+    /// Uniforms of an iteration of the denoiser.
+    DenoiserSettings,
+    /// Light without albedo, after an iteration of the denoiser, written.
+    SignalsAfter,
+    /// Light without albedo, before an iteration of the denoiser, read.
+    SignalsBefore,
+    /// The denoiser's guide of this frame, written.
+    Guide,
+    /// The denoiser's guide of this frame, read.
+    GuideRead,
+    /// The denoiser's guide of the last frame, read.
+    LastGuide,
+    /// Means over frames, written.
+    Means,
+    /// Means over frames as the last frame left them, read.
+    LastMeans,
 }
 
 /// Number of workgroups of a pass.

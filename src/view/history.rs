@@ -13,6 +13,7 @@ use super::{
     VISIBILITY_FORMAT,
     bind_groups::Bound,
     buffer,
+    denoiser::DenoiserTextures,
     light_paths::{LightPathCounts, LightPaths},
     pairs::{PairKind, Pairs},
     pixels, texture,
@@ -48,6 +49,8 @@ pub(crate) struct History {
     pub(crate) light_paths: Option<LightPaths>,
     /// The resources of paired spatial reuse, if a domain makes pairs.
     pub(crate) pairs: Option<Pairs>,
+    /// The textures of the denoiser, if it runs.
+    pub(crate) denoiser: Option<DenoiserTextures>,
     size: UVec2,
 }
 
@@ -86,6 +89,7 @@ impl History {
             reservoirs: domains.iter().map(|&domain| Reservoirs::new(size, domain, settings, device)).collect(),
             light_paths: traces_light(domains).then(|| LightPaths::new(size, counts, has_splats, device)),
             pairs: Pairs::new(size, pair_kind(domains, settings), device),
+            denoiser: (settings.filter_iterations() > 0).then(|| DenoiserTextures::new(size, device)),
             size,
         }
     }
@@ -108,17 +112,24 @@ impl History {
                 .all(|r| r.schedule.reservoir_layout() == (r.domain.schedule)(settings).reservoir_layout())
     }
 
-    /// Whether its resources of pairs fit these settings.  They hold nothing between frames, so that new ones replace them without a reset.
-    pub(crate) fn fits_pairs(&self, settings: &Restir) -> bool {
+    /// Whether its resources of pairs and of the denoiser fit these settings.  Reservoirs do not depend on them, so that new ones replace them
+    /// without a reset.
+    pub(crate) fn fits_passes(&self, settings: &Restir) -> bool {
         Pairs::kind_of(self.pairs.as_ref()) == self.pair_kind(settings)
+            && self.denoiser.is_some() == (settings.filter_iterations() > 0)
     }
 
-    /// Replaces the resources of pairs.  If the device has no memory for them, there are none afterwards.
-    pub(crate) fn replace_pairs(&mut self, settings: &Restir, device: &RenderDevice) -> Result<(), String> {
+    /// Replaces the resources of pairs and of the denoiser.  If the device has no memory for them, there are none afterwards.
+    pub(crate) fn replace_passes(&mut self, settings: &Restir, device: &RenderDevice) -> Result<(), String> {
         // Drops the old textures first, because the memory may not hold both.
         self.pairs = None;
+        self.denoiser = None;
         let kind = self.pair_kind(settings);
         self.pairs = allocation::attempt(device, "pairs", || Pairs::new(self.size, kind, device))?;
+        if settings.filter_iterations() > 0 {
+            let create = || DenoiserTextures::new(self.size, device);
+            self.denoiser = Some(allocation::attempt(device, "denoiser", create)?);
+        }
         Ok(())
     }
 
@@ -131,6 +142,9 @@ impl History {
     pub(crate) fn begin(&mut self, settings: &Restir, inputs: FrameInputs, queue: &RenderQueue) {
         for reservoirs in &mut self.reservoirs {
             reservoirs.begin((reservoirs.domain.schedule)(settings), self.size.y, inputs, queue);
+        }
+        if let Some(denoiser) = &mut self.denoiser {
+            denoiser.begin(&settings.denoiser, inputs.last.has_history, queue);
         }
     }
 
@@ -159,6 +173,7 @@ impl History {
         }
         memory.extend(self.light_paths.iter().flat_map(LightPaths::memory));
         memory.extend(self.pairs.iter().flat_map(|pairs| pairs.memory(pixels)));
+        memory.extend(self.denoiser.iter().flat_map(|_| DenoiserTextures::memory(pixels)));
         memory
     }
 

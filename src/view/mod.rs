@@ -8,6 +8,7 @@ pub(crate) mod bind_groups;
 pub(crate) mod capture;
 pub(crate) mod capture_readback;
 pub(crate) mod counters;
+pub(crate) mod denoiser;
 pub(crate) mod environment;
 pub(crate) mod extract;
 pub(crate) mod guards;

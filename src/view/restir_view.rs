@@ -264,10 +264,10 @@ impl RestirView {
             let history = created.inspect_err(|_| self.rendered = false)?;
             self.history = Some(history);
         }
-        if let Some(history) = self.history.as_mut().filter(|history| !history.fits_pairs(&self.settings)) {
+        if let Some(history) = self.history.as_mut().filter(|history| !history.fits_passes(&self.settings)) {
             // Bind groups would keep the old textures alive.
             self.bind_groups.clear();
-            history.replace_pairs(&self.settings, device).inspect_err(|_| self.rendered = false)?;
+            history.replace_passes(&self.settings, device).inspect_err(|_| self.rendered = false)?;
         }
         let last = LastFrame {
             has_history: fits && self.frame > 0,

@@ -58,7 +58,8 @@ pub(crate) fn requested_key(
     let mut features = scene.features | environments.features(restir.environment.as_ref());
     features.set(SceneFeatures::RENDER_LAYERS, scene.hidden_from & restir.layers != 0);
     features.set(SceneFeatures::ENERGY_COMPENSATION, restir.settings.energy_compensation);
-    features.set(SceneFeatures::SPLIT_LIGHT, restir.settings.debug_view.is_part_of_light());
+    let splits_light = restir.settings.debug_view.is_part_of_light() || restir.settings.filter_iterations() > 0;
+    features.set(SceneFeatures::SPLIT_LIGHT, splits_light);
     if features.contains(SceneFeatures::SUBSURFACE) {
         frame = frame.with_subsurface();
     }

@@ -154,7 +154,7 @@ pub const MUTANTS: &[Mutant] = &[
     ),
     mutant(
         "motion is not projected to the last frame",
-        "restir/neighbors.wgsl",
+        "view/primary.wgsl",
         "world_triangle(ids.x, ids.y, false), primary_ray(pixel)",
         "world_triangle(ids.x, ids.y, true), primary_ray(pixel)",
         &["histories_follow_bodies", MOVING_PATHS],

@@ -191,6 +191,12 @@ fn view_structs_are_the_same_in_rust_and_wgsl() {
 }
 
 #[test]
+fn the_settings_of_the_denoiser_are_the_same_in_rust_and_wgsl() {
+    let types = module("denoiser/types.wgsl");
+    agrees!(types, "DenoiserSettings", GpuDenoiserSettings { step, history, has_history, pad });
+}
+
+#[test]
 fn resampling_structs_are_the_same_in_rust_and_wgsl() {
     let types = module("restir/types.wgsl");
     agrees!(

@@ -36,6 +36,7 @@ const SHADERS: Table = &[
     ("trace", &["view"]),
     ("subsurface", &["trace"]),
     ("light", &["trace"]),
+    ("denoiser", &["view"]),
     ("path", &["light", "subsurface"]),
     ("restir", &["path"]),
     ("restir/shift", &["restir"]),
@@ -46,7 +47,7 @@ const SHADERS: Table = &[
     ("restir/sss", &["restir"]),
     ("restir/bdpt", &["restir/pt"]),
     ("restir/splats", &["restir/bdpt"]),
-    ("pass", &["deformation", "restir/gi", "restir/di", "restir/sss", "restir/splats"]),
+    ("pass", &["deformation", "restir/gi", "restir/di", "restir/sss", "restir/splats", "denoiser"]),
 ];
 
 fn below(table: Table, room: &str) -> &'static [&'static str] {

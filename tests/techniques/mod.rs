@@ -5,6 +5,7 @@ pub mod bdpt;
 mod bending;
 pub mod confidence;
 mod debug_views;
+mod denoiser;
 mod di;
 mod disocclusion;
 mod domain_views;

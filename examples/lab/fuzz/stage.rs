@@ -2,8 +2,8 @@
 
 use bevy::{mesh::morph::MeshMorphWeights, prelude::*};
 use bevy_restir::{
-    BiasCorrection, Jitter, Mis, Preset, RayBackend, Restir, RestirEnvironment, RestirStatistics, SuffixRetrace,
-    Technique, VisibilityReuse, testing::check_mirror,
+    BiasCorrection, Denoiser, Jitter, Mis, Preset, RayBackend, Restir, RestirEnvironment, RestirStatistics,
+    SuffixRetrace, Technique, VisibilityReuse, testing::check_mirror,
 };
 use bevy_restir_support::{
     exposure::unit_exposure,
@@ -33,7 +33,8 @@ const LATE: u32 = 3;
 fn unbiased(settings: &Restir) -> Restir {
     let technique = settings.technique;
     let most = if technique.has_indirect_light() { MOST_BOUNCES } else { 1 };
-    let mut settings = Restir { bounces: settings.bounces.min(most), firefly_limit: 0.0, ..settings.clone() };
+    let bounces = settings.bounces.min(most);
+    let mut settings = Restir { bounces, firefly_limit: 0.0, denoiser: Denoiser::OFF, ..settings.clone() };
     if technique == Technique::Bdpt {
         // Without jitter, light paths alone are averaged over a pixel.
         settings.jitter = Jitter::Always;

@@ -94,7 +94,7 @@ fn grid() -> impl Iterator<Item = (String, String)> {
     })
 }
 
-const PATHS: [(&str, &str); 24] = [
+const PATHS: [(&str, &str); 26] = [
     ("no reuse", "paths.reuse.temporal=false paths.reuse.spatial_samples=0"),
     ("temporal reuse only", "paths.reuse.spatial_samples=0"),
     ("spatial reuse only", "paths.reuse.temporal=false"),
@@ -114,6 +114,8 @@ const PATHS: [(&str, &str); 24] = [
     ("one reservoir for direct and bounced light", "paths.separate_direct_light=false"),
     ("only the kept path is shaded", "paths.reuse.shade_all=false"),
     ("bright pixels without a limit", "firefly_limit=0"),
+    ("denoiser", "denoiser.iterations=5"),
+    ("denoiser within 14 pixels", "denoiser.iterations=3"),
     ("thresholds of Lin et al. 2022", "paths.reconnection=Distance"),
     ("2 bounces", "bounces=2"),
     ("3 bounces", "bounces=3"),

@@ -25,24 +25,25 @@
 #import bevy_restir::scene::surface::{Surface, surface_at}
 #import bevy_restir::trace::trace::{trace_any, trace_closest}
 #import bevy_restir::view::bindings::view
-#import bevy_restir::view::light_part::{shown_by_lobes, shown_by_sample, shown_share}
+#import bevy_restir::view::light_part::{bsdf_diffuse_share, sample_diffuse_share, shown_light}
 
 // The newest vertex of the camera's sub-path.
 struct CameraWalk {
     v: Vertex,
     state: MisState,
     throughput: vec3<f32>,
-    shown: vec3<f32>,          // shown share of the light that arrives, behind the first surface
-    is_first: bool,            // the vertex is the first surface, whose lobes decide which share is shown
+    diffuse: vec3<f32>,        // share of the light that arrives that the first surface scatters diffusely
+    is_first: bool,            // the vertex is the first surface, whose lobes decide that share
     eta_scale: f32,            // squared relative indices of refraction (`survival_probability`)
 }
 
-// Radiance towards the camera from the surface of a pixel.  `camera_density`: of the camera's rays at the surface.
-fn sample_connections(first: Vertex, camera_density: f32, rng: ptr<function, Rng>) -> vec3<f32> {
+// Radiance towards the camera from the surface of a pixel, as `shown_light` returns it.  `camera_density`: of the camera's rays at the
+// surface.
+fn sample_connections(first: Vertex, camera_density: f32, rng: ptr<function, Rng>) -> vec4<f32> {
     let start = mis_camera_start(f32(settings.splats), camera_density);
     let arrived = mis_arrive(start, 1.0, arrival_cosine(first.surface, first.wo));
-    var w = CameraWalk(first, arrived, vec3<f32>(1.0), vec3<f32>(1.0), true, 1.0);
-    var light = vec3<f32>(0.0);
+    var w = CameraWalk(first, arrived, vec3<f32>(1.0), vec3<f32>(0.0), true, 1.0);
+    var light = vec4<f32>(0.0);
     let probe_seed = rng_bits(rng).x;
     // A connection has a scattering event at both of its ends.
     for (var index = 1u; index < view.bounces; index++) {
@@ -52,7 +53,7 @@ fn sample_connections(first: Vertex, camera_density: f32, rng: ptr<function, Rng
         }
         w = at_scattering_vertex(w, from_vertex);
         if !bsdf_is_delta(w.v.surface.bsdf) {
-            light += guarded_3(w.throughput * connection_light(w, index, rng), GUARD_LIGHT_CONTRIBUTION);
+            light += connection_light(w, index, rng);
         }
         // The next vertex could not be connected.
         if index + 1u == view.bounces {
@@ -97,7 +98,7 @@ fn at_scattering_vertex(walk: CameraWalk, from_vertex: ScatteringVertex) -> Came
     if from_vertex.below {
         w.state = MisState(0.0, 0.0);
         if w.is_first {
-            w.shown = shown_share(vec3<f32>(1.0));
+            w.diffuse = vec3<f32>(1.0);
             w.is_first = false;
         }
     }
@@ -110,7 +111,7 @@ fn after_scattering(walk: CameraWalk, b: BsdfSample) -> CameraWalk {
     let s = w.v.surface;
     let cos_out = abs(dot(s.bsdf.n_geo, b.wi));
     if w.is_first {
-        w.shown = shown_by_sample(s.bsdf, w.v.wo, b);
+        w.diffuse = sample_diffuse_share(s.bsdf, w.v.wo, b);
         w.is_first = false;
     }
     w.throughput *= b.weight;
@@ -124,12 +125,12 @@ fn after_scattering(walk: CameraWalk, b: BsdfSample) -> CameraWalk {
 }
 
 // Light of one light sub-path, which is connected with the vertex of this index.
-fn connection_light(w: CameraWalk, index: u32, rng: ptr<function, Rng>) -> vec3<f32> {
+fn connection_light(w: CameraWalk, index: u32, rng: ptr<function, Rng>) -> vec4<f32> {
     let u = rng_1(rng);
     let alpha_seed = rng_bits(rng).x;
     let p = light_vertex_unpack(light_vertices[min(u32(u * f32(settings.light_paths)), settings.light_paths - 1u)]);
     if p.events == 0u || index + p.events > view.bounces {
-        return vec3<f32>(0.0);
+        return vec4<f32>(0.0);
     }
     let x = w.v.surface;
     // The direction only determines which side of the surface is seen.
@@ -140,12 +141,12 @@ fn connection_light(w: CameraWalk, index: u32, rng: ptr<function, Rng>) -> vec3<
     let terms = bsdf_terms(x.bsdf, w.v.wo, wi);
     let cos_y = abs(dot(y.bsdf.n_geo, wi));
     if !(d2 > 0.0) {
-        return vec3<f32>(0.0);
+        return vec4<f32>(0.0);
     }
     let bsdfs = terms.f * scattered_value(y, -wi, p.towards_light);
     let value = guarded_3(bsdfs * p.throughput * (cos_y / d2 * f32(p.count)), GUARD_LIGHT_CONTRIBUTION);
     if !(max_component(value) > 0.0) || trace_any(ray_between(x, y), alpha_seed, false) {
-        return vec3<f32>(0.0);
+        return vec4<f32>(0.0);
     }
     let from_light = surface_towards(y, p.towards_light);
     let weight = mis_connection_weight(
@@ -154,11 +155,12 @@ fn connection_light(w: CameraWalk, index: u32, rng: ptr<function, Rng>) -> vec3<
         d2,
     );
     let carried = transmittance(step_medium(w.v, wi), sqrt(d2) + open_distance(p, y));
-    var shown = w.shown;
+    var diffuse = w.diffuse;
     if w.is_first {
-        shown = shown_by_lobes(x.bsdf, w.v.wo, wi);
+        diffuse = bsdf_diffuse_share(x.bsdf, w.v.wo, wi);
     }
-    return shown * value * carried * technique_weight(weight, CONNECTIONS);
+    let light = w.throughput * value * carried * technique_weight(weight, CONNECTIONS);
+    return shown_light(guarded_3(light, GUARD_LIGHT_CONTRIBUTION), diffuse);
 }
 
 // The surface of a light vertex as a point sees it.

@@ -26,12 +26,12 @@
 #import bevy_restir::scene::offset::offset_point
 #import bevy_restir::scene::surface::surface_at
 #import bevy_restir::trace::trace::trace_closest
-#import bevy_restir::view::light_part::shown_by_sample
+#import bevy_restir::view::light_part::{sample_diffuse_share, shown_light}
 
 struct SelectedCandidate {
     reservoir: Reservoir,
     f: vec3<f32>,              // contribution of its sample, without visibility
-    unresampled: vec3<f32>,    // light that only BSDF sampling finds
+    unresampled: vec4<f32>,    // light that only BSDF sampling finds, as `shown_light` returns it
 }
 
 // Candidates may be selected by any target that is positive where light is (Wyman and Panteleev 2021, 3.3).
@@ -47,16 +47,17 @@ struct BsdfRay {
     point: LightPoint,
     light: vec3<f32>,
     weight: vec3<f32>,         // f·|cos| over the density
+    diffuse: vec3<f32>,        // share of the light that the surface scatters diffusely
     delta: bool,
     segment: RaySegment,
 }
 
-fn bsdf_ray_to(point: LightPoint, light: vec3<f32>, b: BsdfSample, segment: RaySegment) -> BsdfRay {
-    return BsdfRay(point, light, b.weight, b.delta != 0u, segment);
+fn bsdf_ray_to(point: LightPoint, light: vec3<f32>, r: Receiver, b: BsdfSample, segment: RaySegment) -> BsdfRay {
+    return BsdfRay(point, light, b.weight, sample_diffuse_share(r.surface.bsdf, r.wo, b), b.delta != 0u, segment);
 }
 
 fn no_bsdf_ray() -> BsdfRay {
-    return BsdfRay(no_light_point(), vec3<f32>(0.0), vec3<f32>(0.0), true, RaySegment(vec3<f32>(0.0), 0.0, vec3<f32>(0.0, 0.0, 1.0)));
+    return BsdfRay(no_light_point(), vec3<f32>(0.0), vec3<f32>(0.0), vec3<f32>(0.0), true, RaySegment(vec3<f32>(0.0), 0.0, vec3<f32>(0.0, 0.0, 1.0)));
 }
 
 // Random numbers of a BSDF ray (dimensions of `Rng`).
@@ -65,35 +66,33 @@ const BSDF_RAY_DIMENSIONS: u32 = 2u;
 fn trace_bsdf_ray(r: Receiver, rng: ptr<function, Rng>) -> BsdfRay {
     let u = rng_3(rng);
     let alpha_seed = rng_bits(rng).x;
-    var b = bsdf_sample(r.surface.bsdf, r.wo, u);
+    let b = bsdf_sample(r.surface.bsdf, r.wo, u);
     if b.valid == 0u {
         return no_bsdf_ray();
     }
-    // The weight applies to light that is not resampled.
-    b.weight *= shown_by_sample(r.surface.bsdf, r.wo, b);
     let origin = offset_point(r.surface.position, r.surface.bsdf.n_geo, b.wi, r.surface.offset);
     let hit = trace_closest(Ray(origin, 0.0, b.wi, FAR), alpha_seed);
     let segment = RaySegment(origin, hit.t, b.wi);
     if hit.instance == NONE {
         if b.delta != 0u || !(environment_pmf() > 0.0) {
-            return bsdf_ray_to(no_light_point(), b.weight * environment_radiance(b.wi, false), b, segment);
+            return bsdf_ray_to(no_light_point(), b.weight * environment_radiance(b.wi, false), r, b, segment);
         }
-        return bsdf_ray_to(environment_light_point(b.wi), vec3<f32>(0.0), b, segment);
+        return bsdf_ray_to(environment_light_point(b.wi), vec3<f32>(0.0), r, b, segment);
     }
     if !may_emit(hit.instance) {
-        return bsdf_ray_to(no_light_point(), vec3<f32>(0.0), b, segment);
+        return bsdf_ray_to(no_light_point(), vec3<f32>(0.0), r, b, segment);
     }
     let cone = cone_along(cone_after(r.cone, b.delta != 0u), hit.t);
     let s = surface_at(hit.instance, hit.triangle, hit.barycentrics, -b.wi, cone, false);
     if !(max_component(s.emission) > 0.0) {
-        return bsdf_ray_to(no_light_point(), vec3<f32>(0.0), b, segment);
+        return bsdf_ray_to(no_light_point(), vec3<f32>(0.0), r, b, segment);
     }
     if b.delta != 0u || !(light_pmf(s.light) > 0.0) {
         // The ray may have crossed a body that absorbs.
         let carried = transmittance(medium_towards(r.surface, b.wi, vec3<f32>(0.0)), hit.t);
-        return bsdf_ray_to(no_light_point(), b.weight * s.emission * carried, b, segment);
+        return bsdf_ray_to(no_light_point(), b.weight * s.emission * carried, r, b, segment);
     }
-    return bsdf_ray_to(triangle_light_point(s.light, hit.barycentrics), vec3<f32>(0.0), b, segment);
+    return bsdf_ray_to(triangle_light_point(s.light, hit.barycentrics), vec3<f32>(0.0), r, b, segment);
 }
 
 // The stream of candidates, and the one that is selected so far.
@@ -121,7 +120,7 @@ fn add_light_candidates(c: ptr<function, Candidates>, r: Receiver, with_bsdf: bo
 
 // Adds every light that a BSDF ray passes, and the one at its end, as candidates.  Returns the light that cannot be resampled, because it
 // arrives by a delta lobe or its source is not in the table.
-fn add_bsdf_candidates(c: ptr<function, Candidates>, r: Receiver, ray: BsdfRay, rng: ptr<function, Rng>) -> vec3<f32> {
+fn add_bsdf_candidates(c: ptr<function, Candidates>, r: Receiver, ray: BsdfRay, rng: ptr<function, Rng>) -> vec4<f32> {
     var unresampled = ray.light;
     var point = ray.point;
     var first = 0u;
@@ -145,7 +144,7 @@ fn add_bsdf_candidates(c: ptr<function, Candidates>, r: Receiver, ray: BsdfRay, 
         point = light_hit_point(light, light, ray.segment);
         first = light + 1u;
     }
-    return unresampled;
+    return shown_light(unresampled, ray.diffuse);
 }
 
 fn add_candidate(c: ptr<function, Candidates>, index: u32, point: LightPoint, value: f32, weight: f32, u: f32) {

@@ -1,0 +1,124 @@
+// An iteration of the edge-avoiding à-trous filter (Dammertz et al. 2010), with weights by variance (SVGF, Schied et al. 2017): averages the
+// light of pixels that show similar surfaces and differ by no more than noise.  Each iteration doubles the distance of the pixels.
+
+#import bevy_restir::common::math::luminance
+#import bevy_restir::denoiser::guide::{guide_unpack, plane_weight}
+#import bevy_restir::denoiser::types::{DIFFUSE, DenoiserSettings, SPECULAR}
+#import bevy_restir::view::bindings::view
+#import bevy_restir::view::camera::{DISTANCE_FOR_HEIGHT, is_orthographic}
+
+@group(2) @binding(0) var<uniform> settings: DenoiserSettings;
+// Light without albedo, and its variance; alpha < 0: the surface has no such light.
+@group(2) @binding(1) var signals: texture_2d_array<f32>;
+@group(2) @binding(2) var guides: texture_2d<u32>;
+@group(2) @binding(3) var filtered: texture_storage_2d_array<rgba32float, write>;
+
+// Weighted sums of a signal.
+struct Sum {
+    color: vec3<f32>,
+    variance: f32,             // with squared weights
+    weight: f32,
+}
+
+// A signal at the pixel itself.
+struct Center {
+    light: vec4<f32>,
+    brightness: f32,
+    variance: f32,             // smoothed
+}
+
+// Exponent of the cosine between normals, for diffuse light.
+const NORMAL_POWER: f32 = 64.0;
+// Standard deviations of both pixels at which weights fall to 1/e.
+const DEVIATIONS: f32 = 1.0;
+// Least tolerance, relative to the luminance.
+const LEAST_TOLERANCE: f32 = 0.01;
+
+@compute @workgroup_size(8, 8)
+fn denoiser_filter(@builtin(global_invocation_id) id: vec3<u32>) {
+    let pixel = id.xy;
+    if any(pixel >= view.size) {
+        return;
+    }
+    let own = guide_unpack(textureLoad(guides, pixel, 0));
+    let diffuse = center_of(pixel, DIFFUSE);
+    let specular = center_of(pixel, SPECULAR);
+    var sums = array<Sum, 2>(sum_of(diffuse), sum_of(specular));
+    if own.depth > 0.0 {
+        let radius = specular_radius(own.roughness);
+        for (var y = -2; y <= 2; y++) {
+            for (var x = -2; x <= 2; x++) {
+                let offset = vec2<i32>(x, y) * i32(settings.step);
+                let other_pixel = vec2<i32>(pixel) + offset;
+                if (x == 0 && y == 0) || any(other_pixel < vec2<i32>(0)) || any(other_pixel >= vec2<i32>(view.size)) {
+                    continue;
+                }
+                let other = guide_unpack(textureLoad(guides, other_pixel, 0));
+                if other.depth == 0.0 {
+                    continue;
+                }
+                let cosine = max(dot(own.n, other.n), 0.0);
+                let shape = kernel(x) * kernel(y) * plane_weight(own, other.depth, vec2<f32>(offset)) * pow(cosine, NORMAL_POWER);
+                let distance_in_radii = length(vec2<f32>(offset)) / radius;
+                let narrow = shape * exp(-distance_in_radii * distance_in_radii);
+                sums[DIFFUSE] = with_pixel(sums[DIFFUSE], diffuse, textureLoad(signals, other_pixel, DIFFUSE, 0), shape);
+                sums[SPECULAR] = with_pixel(sums[SPECULAR], specular, textureLoad(signals, other_pixel, SPECULAR, 0), narrow);
+            }
+        }
+    }
+    store(pixel, DIFFUSE, diffuse, sums[DIFFUSE]);
+    store(pixel, SPECULAR, specular, sums[SPECULAR]);
+}
+
+// The B3 spline, relative to its center.
+fn kernel(i: i32) -> f32 {
+    return array<f32, 3>(1.0, 2.0 / 3.0, 1.0 / 6.0)[abs(i)];
+}
+
+// Radius within which specular light of a surface is similar, pixels: the width of the lobe, for reflections of objects that are as far
+// behind the surface as the camera is in front of it.
+fn specular_radius(roughness: f32) -> f32 {
+    let half_height = select(abs(view.current.view_from_clip[1].y), 0.5 / DISTANCE_FOR_HEIGHT, is_orthographic());
+    return max(0.25 * roughness * f32(view.size.y) / half_height, 0.1);
+}
+
+fn center_of(pixel: vec2<u32>, kind: u32) -> Center {
+    let light = textureLoad(signals, pixel, kind, 0);
+    return Center(light, luminance(light.rgb), smooth_variance(pixel, kind));
+}
+
+// The variance, smoothed over the pixels around, because it is an estimate from few frames.
+fn smooth_variance(pixel: vec2<u32>, kind: u32) -> f32 {
+    var sum = 0.0;
+    var weights = 0.0;
+    for (var i = 0u; i < 9u; i++) {
+        let offset = vec2<i32>(vec2<u32>(i % 3u, i / 3u)) - 1;
+        let at = clamp(vec2<i32>(pixel) + offset, vec2<i32>(0), vec2<i32>(view.size) - 1);
+        let variance = textureLoad(signals, at, kind, 0).a;
+        let weight = select(0.0, 1.0 / f32(1 << u32(abs(offset.x) + abs(offset.y))), variance >= 0.0);
+        sum += weight * max(variance, 0.0);
+        weights += weight;
+    }
+    return sum / max(weights, 1.0e-6);
+}
+
+fn sum_of(center: Center) -> Sum {
+    return Sum(center.light.rgb, max(center.light.a, 0.0), 1.0);
+}
+
+// Adds another pixel.  The tolerance has the variances of both pixels: by that of the center alone, the neighbors of a bright pixel would leave
+// it out, and the picture would be darker.
+fn with_pixel(sum: Sum, center: Center, light: vec4<f32>, shape: f32) -> Sum {
+    if light.a < 0.0 {
+        return sum;
+    }
+    let l = luminance(light.rgb);
+    let tolerance = DEVIATIONS * sqrt(center.variance + light.a) + LEAST_TOLERANCE * max(center.brightness, l) + 1.0e-30;
+    let weight = shape * exp(-abs(l - center.brightness) / tolerance);
+    return Sum(sum.color + weight * light.rgb, sum.variance + weight * weight * light.a, sum.weight + weight);
+}
+
+fn store(pixel: vec2<u32>, kind: u32, center: Center, sum: Sum) {
+    let mean = vec4<f32>(sum.color / sum.weight, sum.variance / (sum.weight * sum.weight));
+    textureStore(filtered, pixel, kind, select(mean, center.light, center.light.a < 0.0));
+}

@@ -1,0 +1,50 @@
+//! The passes of the denoiser (`shaders/denoiser`), which take the place of the pass that sums the light.
+
+use super::{
+    domain::iteration_names,
+    frame::{LIGHT_OF_DOMAINS, RESOLVE},
+    pass::{ComputePass, PassResource as R},
+};
+
+/// Writes the light of all domains, without albedo, and the guide.
+const INPUT: ComputePass = ComputePass {
+    name: "denoiser_input",
+    defs: &["TO_DENOISER"],
+    resources: &{
+        let mut resources = [R::SignalsAfter; LIGHT_OF_DOMAINS.len() + 2];
+        let mut i = 0;
+        while i < LIGHT_OF_DOMAINS.len() {
+            resources[i] = LIGHT_OF_DOMAINS[i];
+            i += 1;
+        }
+        resources[i + 1] = R::Guide;
+        resources
+    },
+    ..RESOLVE
+};
+/// Averages over frames.
+const TEMPORAL: ComputePass = ComputePass::per_pixel(
+    "denoiser_temporal",
+    &[R::DenoiserSettings, R::SignalsBefore, R::GuideRead, R::LastGuide, R::LastMeans, R::Means, R::SignalsAfter],
+);
+/// An iteration of the filter over pixels.
+const FILTER: ComputePass = ComputePass {
+    specialized: false,
+    ..ComputePass::per_pixel("denoiser_filter", &[R::DenoiserSettings, R::SignalsBefore, R::GuideRead, R::SignalsAfter])
+};
+/// Multiplies by the albedo, and adds emission.
+const OUTPUT: ComputePass = ComputePass::per_pixel("denoiser_output", &[R::SignalsBefore, R::Radiance]);
+
+/// Names of the iterations of the filter.
+const FILTER_NAMES: [&str; 5] = iteration_names!("denoiser", "_filter");
+
+/// Iterations of the denoiser before those of its filter.
+pub(crate) const FIRST_FILTER: usize = 2;
+
+/// The passes in order: name of the step, pass, and iteration of the denoiser.
+pub(super) fn steps(filter_iterations: u32) -> impl Iterator<Item = (&'static str, &'static ComputePass, usize)> {
+    let filters = FILTER_NAMES.into_iter().take(filter_iterations as usize).map(|name| (name, &FILTER));
+    let before = [(INPUT.name, &INPUT), (TEMPORAL.name, &TEMPORAL)];
+    let passes = before.into_iter().chain(filters).chain([(OUTPUT.name, &OUTPUT)]);
+    passes.zip(0..).map(|((name, pass), iteration)| (name, pass, iteration))
+}

@@ -1,0 +1,110 @@
+//! Textures and uniforms of the denoiser.  They exist only while it runs.
+
+use bevy::{
+    math::UVec2,
+    render::{
+        render_resource::*,
+        renderer::{RenderDevice, RenderQueue},
+    },
+};
+
+use super::{bind_groups::Bound, buffer, history::LIGHT_FORMAT, texture};
+use crate::{gpu_layout::GpuDenoiserSettings, settings::Denoiser, technique::denoiser::FIRST_FILTER};
+
+/// Format of the guide and of the means over frames.
+pub(crate) const PACKED_FORMAT: TextureFormat = TextureFormat::Rgba32Uint;
+/// Kinds of light: diffuse and specular (`shaders/denoiser/types.wgsl`), each in a layer of its own.
+const KINDS: u32 = 2;
+/// Stride between the uniforms of iterations, bytes: an alignment that every device accepts.
+const STRIDE: u64 = 256;
+/// Greatest number of iterations, those before the filter included.
+const MAX_ITERATIONS: usize = FIRST_FILTER + Denoiser::MAX_ITERATIONS as usize;
+
+/// The textures of the denoiser.
+pub(crate) struct DenoiserTextures {
+    settings: Buffer,
+    /// Light without albedo; the textures change roles with each iteration.
+    signals: [TextureView; 2],
+    /// Guides of this frame and of the last one; the textures change roles from frame to frame, as those of the means do.
+    guides: [TextureView; 2],
+    /// Means over frames.
+    means: [TextureView; 2],
+    /// Index of the guide and the means of this frame.
+    current: usize,
+    /// The last frame left means.
+    has_means: bool,
+}
+
+impl DenoiserTextures {
+    pub(super) fn new(size: UVec2, device: &RenderDevice) -> Self {
+        let usage = TextureUsages::STORAGE_BINDING | TextureUsages::TEXTURE_BINDING;
+        let view = |label, layers, format| {
+            let dimension = if layers > 1 { TextureViewDimension::D2Array } else { TextureViewDimension::D2 };
+            let descriptor = TextureViewDescriptor { dimension: Some(dimension), ..Default::default() };
+            texture(device, label, size, layers, format, usage).create_view(&descriptor)
+        };
+        let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+        Self {
+            settings: buffer(device, "denoiser settings", MAX_ITERATIONS as u64 * STRIDE, usage),
+            signals: ["light to denoise", "denoised light"].map(|label| view(label, KINDS, LIGHT_FORMAT)),
+            guides: ["denoiser guide", "last denoiser guide"].map(|label| view(label, 1, PACKED_FORMAT)),
+            means: ["denoiser means", "last denoiser means"].map(|label| view(label, KINDS, PACKED_FORMAT)),
+            current: 0,
+            has_means: false,
+        }
+    }
+
+    /// Begins a frame.  `has_history`: the last frame showed the same scene.
+    pub(super) fn begin(&mut self, settings: &Denoiser, has_history: bool, queue: &RenderQueue) {
+        self.current = 1 - self.current;
+        let mut bytes = vec![0u8; MAX_ITERATIONS * STRIDE as usize];
+        for (iteration, slot) in bytes.chunks_exact_mut(STRIDE as usize).enumerate() {
+            let uniforms = GpuDenoiserSettings {
+                step: 1 << iteration.saturating_sub(FIRST_FILTER),
+                history: settings.history,
+                has_history: u32::from(has_history && self.has_means),
+                pad: 0,
+            };
+            slot[..size_of_val(&uniforms)].copy_from_slice(bytemuck::bytes_of(&uniforms));
+        }
+        queue.write_buffer(&self.settings, 0, &bytes);
+        self.has_means = true;
+    }
+
+    /// Uniforms of an iteration.
+    pub(crate) fn settings_of(&self, iteration: usize) -> Option<Bound<'_>> {
+        let size = BufferSize::new(size_of::<GpuDenoiserSettings>() as u64)?;
+        Some(Bound::Part(&self.settings, iteration as u64 * STRIDE, size))
+    }
+
+    /// Light that an iteration reads.
+    pub(crate) fn signals_before(&self, iteration: usize) -> &TextureView {
+        &self.signals[(iteration + 1) % 2]
+    }
+
+    /// Light that an iteration writes.
+    pub(crate) fn signals_after(&self, iteration: usize) -> &TextureView {
+        &self.signals[iteration % 2]
+    }
+
+    /// The guides of this frame and of the last one.
+    pub(crate) fn guides(&self) -> [&TextureView; 2] {
+        [&self.guides[self.current], &self.guides[1 - self.current]]
+    }
+
+    /// The means of this frame and of the last one.
+    pub(crate) fn means(&self) -> [&TextureView; 2] {
+        [&self.means[self.current], &self.means[1 - self.current]]
+    }
+
+    /// Names and bytes.
+    pub(super) fn memory(pixels: u64) -> [(&'static str, u64); 4] {
+        let kinds = u64::from(KINDS);
+        [
+            ("denoiser settings", MAX_ITERATIONS as u64 * STRIDE),
+            ("denoiser light", 2 * kinds * pixels * 16),
+            ("denoiser guides", 2 * pixels * 16),
+            ("denoiser means", 2 * kinds * pixels * 16),
+        ]
+    }
+}

@@ -1,0 +1,262 @@
+//! The denoiser: less error than the frames that it filters, the same light, sharp textures, and histories as without it.
+
+use crate::support::{app::*, small_scenes::*};
+use bevy::prelude::*;
+use bevy_restir::{Denoiser, Jitter, Paths, Restir, Technique};
+
+const SIZE: u32 = 48;
+const BOUNCES: u32 = 3;
+/// Frames before the one that is compared.
+const FRAMES: u32 = 24;
+
+fn settings(technique: Technique, denoiser: Denoiser) -> Restir {
+    let paths = Paths::default();
+    Restir { technique, bounces: BOUNCES, jitter: Jitter::Never, firefly_limit: 0.0, denoiser, paths, ..plain() }
+}
+
+fn truth(rig: &mut Rig, bounces: u32) -> Picture {
+    rig.set(|restir| *restir = Restir { bounces, ..plain() });
+    rig.picture(400)
+}
+
+/// Mean over pixels of the squared error relative to the truth, without the worst percent.
+fn error(picture: &Picture, truth: &Picture) -> f64 {
+    let floor = 0.01 * truth.mean() * truth.mean();
+    let of_pixel = |(a, b): (&[f32; 3], &[f32; 3])| {
+        let of_channel = |i: usize| {
+            let (a, b) = (f64::from(a[i]), f64::from(b[i]));
+            (a - b) * (a - b) / (b * b + floor)
+        };
+        (0..3).map(of_channel).sum::<f64>() / 3.0
+    };
+    let mut errors: Vec<f64> = picture.pixels.iter().zip(&truth.pixels).map(of_pixel).collect();
+    errors.sort_by(f64::total_cmp);
+    errors.truncate(errors.len() * 99 / 100);
+    errors.iter().sum::<f64>() / errors.len() as f64
+}
+
+/// Errors of a frame without and with the denoiser, and the relative difference of their means.
+fn compare(rig: &mut Rig, technique: Technique, truth: &Picture) -> [f64; 3] {
+    let [plain, denoised] = [Denoiser::OFF, Denoiser::ON].map(|denoiser| {
+        rig.set(|restir| *restir = settings(technique, denoiser));
+        rig.picture(FRAMES)
+    });
+    [error(&plain, truth), error(&denoised, truth), denoised.mean() / plain.mean() - 1.0]
+}
+
+#[test]
+fn denoised_frames_of_every_technique_have_a_fraction_of_the_error() {
+    let Some(mut rig) = room_scene(SIZE) else { return };
+    for technique in [Technique::Di, Technique::Gi, Technique::Pt, Technique::Bdpt] {
+        let truth = truth(&mut rig, if technique == Technique::Di { 1 } else { BOUNCES });
+        let [plain, denoised, light] = compare(&mut rig, technique, &truth);
+        println!("{technique:?}: {plain:.4}, denoised {denoised:.4}, light {light:+.4}");
+        assert!(denoised < 0.3 * plain, "{technique:?}: {plain} and {denoised}");
+        assert!(light.abs() < 0.03, "{technique:?}: {light}");
+    }
+    rig.assert_sound();
+}
+
+#[test]
+fn histories_do_not_depend_on_the_denoiser() {
+    let Some(mut rig) = room_scene(SIZE) else { return };
+    rig.set(|restir| *restir = settings(Technique::Pt, Denoiser::ON));
+    let _compiled = rig.picture(2);
+    rig.set(|restir| restir.denoiser = Denoiser::OFF);
+    let without = rig.picture(8);
+    rig.set(|restir| restir.reset = true);
+    rig.frames(3);
+    let resets = rig.report().history_resets;
+    rig.set(|restir| restir.denoiser = Denoiser::ON);
+    rig.frames(3);
+    let memory = rig.report().memory.len();
+    rig.set(|restir| restir.denoiser = Denoiser::OFF);
+    rig.frame();
+    let after = rig.next();
+    // Shaders that know the diffuse part round otherwise.
+    let is_rounded = |(a, b): (&f32, &f32)| (a - b).abs() <= 1e-4 * b.abs();
+    let rounded = |(a, b): (&[f32; 3], &[f32; 3])| a.iter().zip(b).all(is_rounded);
+    let equal = after.pixels.iter().zip(&without.pixels).filter(|&(a, b)| rounded((a, b))).count();
+    assert!(equal >= without.pixels.len() * 99 / 100, "{equal} pixels are equal");
+    assert_eq!(rig.report().history_resets, resets);
+    assert_eq!(rig.report().memory.len() + 4, memory, "its textures and uniforms are gone");
+}
+
+#[test]
+fn light_that_the_camera_sees_directly_is_not_filtered() {
+    let Some(mut rig) = room_scene(SIZE) else { return };
+    rig.insert(rig.camera, sky(0.7));
+    let unlit = StandardMaterial { unlit: true, ..Color::linear_rgb(0.2, 0.1, 0.3).into() };
+    rig.spawn(square(0.5), unlit, Transform::from_xyz(0.8, -0.4, 1.0));
+    rig.set(|restir| *restir = Restir { bounces: 0, ..settings(Technique::Pt, Denoiser::OFF) });
+    let emitted = rig.picture(1);
+    rig.set(|restir| restir.denoiser = Denoiser::ON);
+    assert_eq!(rig.picture(4), emitted);
+    // With scattering, surfaces without any stay as they are.
+    rig.set(|restir| restir.bounces = BOUNCES);
+    let lit = rig.picture(4);
+    let black = |c: &[f32; 3]| c.iter().all(|&c| c == 0.0);
+    let kept = emitted.pixels.iter().zip(&lit.pixels).filter(|(emitted, lit)| !black(emitted) && emitted == lit);
+    let kept = kept.count();
+    let emitting = emitted.pixels.iter().filter(|emitted| !black(emitted)).count();
+    assert!(emitting > 90 && kept >= emitting * 9 / 10, "{kept} of {emitting} pixels");
+}
+
+#[test]
+fn textures_stay_sharp() {
+    let Some(mut rig) = scene(SIZE, |rig| {
+        let checks = texture(16, 16, |x, y| if (x + y) % 2 == 0 { [250, 60, 200, 255] } else { [40, 200, 0, 255] });
+        let image = Some(rig.add::<Image>(checks));
+        rig.spawn(
+            square(4.0),
+            StandardMaterial { base_color_texture: image, ..lambert(1.0) },
+            Transform::from_xyz(0.0, 0.0, -0.5),
+        );
+        rig.spawn(square(0.8), lamp(6.0, 5.0, 4.0), facing(Vec3::new(1.5, 1.6, 2.0), Vec3::ZERO));
+        rig.spawn(square(0.8), lamp(4.0, 5.0, 6.0), facing(Vec3::new(-2.5, 0.6, 1.0), Vec3::ZERO));
+    }) else {
+        return;
+    };
+    let truth = truth(&mut rig, 1);
+    let [plain, denoised, _] = compare(&mut rig, Technique::Di, &truth);
+    println!("{plain:.6}, denoised {denoised:.6}");
+    assert!(denoised < 0.5 * plain && denoised < 2e-3, "{plain} and {denoised}");
+}
+
+/// Errors of the last of some frames: without the denoiser, with its filter alone, and with means over frames.  `pose`: sets the scene up for
+/// a share of the motion, from 0 to 1.
+fn errors_in_motion(rig: &mut Rig, pose: impl Fn(&mut Rig, f32)) -> [f64; 3] {
+    let pictures = [Denoiser::OFF, Denoiser { history: 1, ..Denoiser::ON }, Denoiser::ON].map(|denoiser| {
+        rig.set(|restir| *restir = settings(Technique::Pt, denoiser));
+        pose(rig, 0.0);
+        rig.until_ready();
+        rig.set(|restir| restir.reset = true);
+        for frame in 0..FRAMES {
+            pose(rig, frame as f32 / FRAMES as f32);
+            rig.frame();
+        }
+        pose(rig, 1.0);
+        rig.next()
+    });
+    let truth = truth(rig, BOUNCES);
+    pictures.map(|picture| error(&picture, &truth))
+}
+
+#[test]
+fn means_over_frames_follow_the_camera() {
+    let Some(mut rig) = room_scene(SIZE) else { return };
+    let [plain, filtered, both] = errors_in_motion(&mut rig, |rig, t| {
+        *rig.get_mut::<Transform>(rig.camera) =
+            Transform::from_xyz(1.3 - 2.2 * t, 0.2, 4.0 - 0.5 * t).looking_at(Vec3::new(0.0, -0.2, 0.0), Vec3::Y);
+    });
+    println!("camera: {plain:.4}, filtered {filtered:.4}, and over frames {both:.4}");
+    assert!(both < 0.9 * filtered && both < 0.65 * plain, "{plain}, {filtered}, {both}");
+    rig.assert_sound();
+}
+
+#[test]
+fn means_over_frames_follow_objects_and_lights() {
+    let Some(mut rig) = scene(SIZE, moving) else { return };
+    let [plain, filtered, both] = errors_in_motion(&mut rig, |rig, t| pose_moving_at(rig, STEPS as f32 * t));
+    println!("everything: {plain:.4}, filtered {filtered:.4}, and over frames {both:.4}");
+    assert!(both < 0.9 * plain && both < 1.4 * filtered, "{plain}, {filtered}, {both}");
+    rig.assert_sound();
+}
+
+#[test]
+fn an_orthographic_camera_denoises_slanted_surfaces() {
+    let Some(mut rig) = room_scene(SIZE) else { return };
+    rig.insert(rig.camera, orthographic(3.6, 3.6));
+    let truth = truth(&mut rig, 1);
+    let [plain, denoised, light] = compare(&mut rig, Technique::Di, &truth);
+    println!("{plain:.4}, denoised {denoised:.4}, light {light:+.4}");
+    assert!(denoised < 0.4 * plain && light.abs() < 0.01, "{plain}, {denoised}, {light}");
+}
+
+#[test]
+fn light_that_dims_does_not_linger() {
+    let Some(mut rig) = scene(SIZE, punctual) else { return };
+    rig.set(|restir| *restir = settings(Technique::Di, Denoiser::ON));
+    rig.picture(FRAMES);
+    let mut lights = rig.app.world_mut().query::<&mut PointLight>();
+    for mut light in lights.iter_mut(rig.app.world_mut()) {
+        light.intensity *= 0.1;
+    }
+    rig.frames(9);
+    let after = rig.next().mean();
+    let truth = truth(&mut rig, 1).mean();
+    println!("ten frames after: {after:.4} of {truth:.4}");
+    assert!((after / truth - 1.0).abs() < 0.05, "{after} of {truth}");
+}
+
+/// A mirror before two walls, with a striped object in front of it.
+fn mirrored(rig: &mut Rig) {
+    let stripes = texture(24, 1, |x, _| if x % 2 == 0 { [250, 240, 200, 255] } else { [20, 30, 60, 255] });
+    let image = Some(rig.add::<Image>(stripes));
+    let striped = StandardMaterial { base_color_texture: image, ..lambert(1.0) };
+    rig.spawn(square(4.0), shiny(Color::linear_rgb(0.9, 0.9, 0.9), 0.05, 1.0), Transform::from_xyz(0.0, 0.0, -1.2));
+    rig.spawn(square(8.0), striped, Transform::from_xyz(0.0, 0.0, 6.0).looking_to(Vec3::Z, Vec3::Y));
+    rig.spawn(square(1.5), lamp(6.0, 5.0, 4.0), facing(Vec3::new(0.5, 3.0, 2.0), Vec3::new(0.0, 0.0, 6.0)));
+}
+
+#[test]
+fn reflections_stay_sharp() {
+    let Some(mut rig) = scene(SIZE, mirrored) else { return };
+    let truth = truth(&mut rig, BOUNCES);
+    let [plain, denoised, light] = compare(&mut rig, Technique::Pt, &truth);
+    // The filter alone, for few bounces: without the noise that it could remove.
+    rig.set(|restir| {
+        *restir = Restir { bounces: 2, ..settings(Technique::Pt, Denoiser { history: 1, ..Denoiser::ON }) }
+    });
+    let filtered = rig.picture(1);
+    rig.set(|restir| restir.denoiser = Denoiser::OFF);
+    let unfiltered = rig.picture(1);
+    let change = error(&filtered, &unfiltered);
+    println!("mirror: {plain:.4}, denoised {denoised:.4}, light {light:+.4}; the filter changes {change:.5}");
+    assert!(denoised < plain && light.abs() < 0.02 && change < 1e-3, "{plain}, {denoised}, {light}, {change}");
+}
+
+#[test]
+fn reflections_do_not_trail() {
+    let Some(mut rig) = scene(SIZE, mirrored) else { return };
+    let [plain, filtered, both] = errors_in_motion(&mut rig, |rig, t| {
+        *rig.get_mut::<Transform>(rig.camera) =
+            Transform::from_xyz(0.3 - 0.8 * t, 0.2, 4.0).looking_at(Vec3::new(0.0, -0.2, 0.0), Vec3::Y);
+    });
+    println!("mirror in motion: {plain:.4}, filtered {filtered:.4}, and over frames {both:.4}");
+    assert!(both < 1.2 * filtered, "{plain}, {filtered}, {both}");
+}
+
+#[test]
+fn denoised_objects_keep_their_edges() {
+    // Parallel walls at two distances, in different light.
+    let Some(mut rig) = scene(SIZE, |rig| {
+        rig.spawn(square(4.0), lambert(0.7), Transform::from_xyz(0.0, 0.0, -1.2));
+        for i in 0..6 {
+            let at = Vec3::new(0.6 * i as f32 - 1.5, -0.2, 0.5);
+            rig.spawn(Rectangle::new(0.2, 3.0), lambert(0.7), Transform::from_translation(at));
+        }
+        rig.spawn(square(0.6), lamp(6.0, 5.0, 4.0), facing(Vec3::new(-1.5, 1.0, -0.2), Vec3::new(0.0, 0.0, -1.2)));
+        rig.spawn(square(0.6), lamp(1.0, 2.0, 4.0), facing(Vec3::new(1.5, 2.0, 3.0), Vec3::ZERO));
+    }) else {
+        return;
+    };
+    let truth = truth(&mut rig, 1);
+    let [plain, denoised, light] = compare(&mut rig, Technique::Di, &truth);
+    println!("slats: {plain:.4}, denoised {denoised:.4}, light {light:+.4}");
+    assert!(denoised < 0.35 * plain && light.abs() < 0.01, "{plain}, {denoised}, {light}");
+}
+
+#[test]
+fn very_bright_light_leaves_a_finite_picture() {
+    let Some(mut rig) = scene(SIZE, |rig| {
+        rig.spawn(square(4.0), lambert(0.7), Transform::from_xyz(0.0, 0.0, -1.2));
+        rig.spawn(square(0.8), lamp(1e27, 1e10, 1e-20), facing(Vec3::new(0.5, 1.4, 0.3), Vec3::ZERO));
+    }) else {
+        return;
+    };
+    rig.set(|restir| *restir = settings(Technique::Pt, Denoiser::ON));
+    let picture = rig.picture(4);
+    assert!(picture.is_finite() && picture.mean() > 1e20, "{}", picture.mean());
+    rig.assert_sound();
+}
