@@ -117,7 +117,10 @@ pub fn shader_templates() -> Vec<(&'static str, &'static [&'static str])> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::shader_library::{MODULES, is_template};
+    use crate::{
+        settings::Denoiser,
+        shader_library::{MODULES, is_template},
+    };
     use bevy::reflect::{TypeInfo, Typed};
 
     #[test]
@@ -168,6 +171,29 @@ mod tests {
         // At most four are allowed.
         for iterations in [9, u32::MAX] {
             assert_eq!(names(iterations), names(4), "{iterations}");
+        }
+    }
+
+    #[test]
+    fn the_denoiser_takes_the_place_of_the_sum_of_light() {
+        let names = |iterations, accumulate| {
+            let denoiser = Denoiser { iterations, ..Denoiser::ON };
+            let settings = Restir { denoiser, accumulate, ..Default::default() };
+            pass_names(&settings, SceneFeatures::empty())
+        };
+        let of_denoiser = |name: &&str| name.starts_with("denoiser_");
+        let denoised = names(3, false);
+        let expected = [
+            "denoiser_input",
+            "denoiser_temporal",
+            "denoiser_filter",
+            "denoiser_filter_2",
+            "denoiser_filter_3",
+            "denoiser_output",
+        ];
+        assert!(denoised.iter().copied().filter(of_denoiser).eq(expected) && !denoised.contains(&"resolve"));
+        for without in [names(0, false), names(3, true)] {
+            assert!(!without.iter().any(|name| of_denoiser(&name)) && without.contains(&"resolve"), "{without:?}");
         }
     }
 
