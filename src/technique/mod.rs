@@ -181,7 +181,7 @@ mod tests {
             let settings = Restir { denoiser, accumulate, ..Default::default() };
             pass_names(&settings, SceneFeatures::empty())
         };
-        let of_denoiser = |name: &&str| name.starts_with("denoiser_");
+        let of_denoiser = |name: &str| name.starts_with("denoiser_");
         let denoised = names(3, false);
         let expected = [
             "denoiser_input",
@@ -191,9 +191,11 @@ mod tests {
             "denoiser_filter_3",
             "denoiser_output",
         ];
-        assert!(denoised.iter().copied().filter(of_denoiser).eq(expected) && !denoised.contains(&"resolve"));
+        assert!(
+            denoised.iter().copied().filter(|name| of_denoiser(name)).eq(expected) && !denoised.contains(&"resolve")
+        );
         for without in [names(0, false), names(3, true)] {
-            assert!(!without.iter().any(|name| of_denoiser(&name)) && without.contains(&"resolve"), "{without:?}");
+            assert!(!without.iter().any(|name| of_denoiser(name)) && without.contains(&"resolve"), "{without:?}");
         }
     }
 
