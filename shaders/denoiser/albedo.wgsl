@@ -32,7 +32,7 @@ fn base_specular_albedo(b: Bsdf, wo: vec3<f32>) -> vec3<f32> {
     return reflectance(b, cosine) + transmitted_share(b, cosine);
 }
 
-// Whether a surface has lobes with this albedo.
+// Whether a surface has lobes with this albedo.  Darker ones count as black.
 fn has_albedo(albedo: vec3<f32>) -> bool {
     return max_component(albedo) > 1.0e-4;
 }

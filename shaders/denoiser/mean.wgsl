@@ -31,9 +31,9 @@ fn squared_luminance(m: Mean) -> f32 {
     return l * l;
 }
 
-// Its square, and the sum of many of them, is finite.
+// Its square, times the greatest relative variance, is finite.
 fn bounded_luminance(color: vec3<f32>) -> f32 {
-    return min(luminance(color), 1.0e18);
+    return min(luminance(color), 1.0e15);
 }
 
 // Variance of the luminance of single frames.

@@ -166,11 +166,12 @@ fn neighborhood(pixel: vec2<u32>, own: Guide, kind: u32, place: LastPlace) -> Ne
 
 // Relative change of the light that no history is shortened for.
 const LEAST_CHANGE: f32 = 0.01;
-// Number of frames whose mean has a squared lag as large as its variance, if the change were the squared noise of a frame.
+// Frames of a mean where the change of the light is as large as the noise of a frame.  By experiment: fewer follow changes better and are
+// noisier at rest.
 const FRAMES_OF_NOISE: f32 = 1.0;
 
-// The number of frames that a mean may have where the light changes: a mean over n frames has 1/n of the noise of a frame, and lags by the
-// change.
+// Greatest number of frames of a mean where the light changes: over n frames, noise falls to 1/n of its variance, and the lag is about the
+// change, so that both are equal where n is the variance over the squared change.
 fn frames_for_change(around: Neighborhood) -> f32 {
     let least = LEAST_CHANGE * around.mean;
     let change = max(abs(around.change) - least, 0.0);

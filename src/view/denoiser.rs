@@ -8,15 +8,18 @@ use bevy::{
     },
 };
 
-use super::{bind_groups::Bound, buffer, history::LIGHT_FORMAT, texture};
+use super::{
+    bind_groups::Bound,
+    buffer,
+    history::{LIGHT_FORMAT, SETTINGS_STRIDE, settings_of, write_settings},
+    texture,
+};
 use crate::{gpu_layout::GpuDenoiserSettings, settings::Denoiser, technique::denoiser::FIRST_FILTER};
 
 /// Format of the guide and of the means over frames.
 pub(crate) const PACKED_FORMAT: TextureFormat = TextureFormat::Rgba32Uint;
 /// Kinds of light: diffuse and specular (`shaders/denoiser/types.wgsl`), each in a layer of its own.
 const KINDS: u32 = 2;
-/// Stride between the uniforms of iterations, bytes: an alignment that every device accepts.
-const STRIDE: u64 = 256;
 /// Greatest number of iterations, those before the filter included.
 const MAX_ITERATIONS: usize = FIRST_FILTER + Denoiser::MAX_ITERATIONS as usize;
 
@@ -45,7 +48,7 @@ impl DenoiserTextures {
         };
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         Self {
-            settings: buffer(device, "denoiser settings", MAX_ITERATIONS as u64 * STRIDE, usage),
+            settings: buffer(device, "denoiser settings", MAX_ITERATIONS as u64 * SETTINGS_STRIDE, usage),
             signals: ["light to denoise", "denoised light"].map(|label| view(label, KINDS, LIGHT_FORMAT)),
             guides: ["denoiser guide", "last denoiser guide"].map(|label| view(label, 1, PACKED_FORMAT)),
             means: ["denoiser means", "last denoiser means"].map(|label| view(label, KINDS, PACKED_FORMAT)),
@@ -57,24 +60,17 @@ impl DenoiserTextures {
     /// Begins a frame.  `has_history`: the last frame showed the same scene.
     pub(super) fn begin(&mut self, settings: &Denoiser, has_history: bool, queue: &RenderQueue) {
         self.current = 1 - self.current;
-        let mut bytes = vec![0u8; MAX_ITERATIONS * STRIDE as usize];
-        for (iteration, slot) in bytes.chunks_exact_mut(STRIDE as usize).enumerate() {
-            let uniforms = GpuDenoiserSettings {
-                step: 1 << iteration.saturating_sub(FIRST_FILTER),
-                history: settings.history,
-                has_history: u32::from(has_history && self.has_means),
-                pad: 0,
-            };
-            slot[..size_of_val(&uniforms)].copy_from_slice(bytemuck::bytes_of(&uniforms));
-        }
-        queue.write_buffer(&self.settings, 0, &bytes);
+        let has_history = u32::from(has_history && self.has_means);
+        write_settings(&self.settings, MAX_ITERATIONS, queue, |iteration| {
+            let step = 1 << iteration.saturating_sub(FIRST_FILTER);
+            GpuDenoiserSettings { step, history: settings.history, has_history, pad: 0 }
+        });
         self.has_means = true;
     }
 
     /// Uniforms of an iteration.
     pub(crate) fn settings_of(&self, iteration: usize) -> Option<Bound<'_>> {
-        let size = BufferSize::new(size_of::<GpuDenoiserSettings>() as u64)?;
-        Some(Bound::Part(&self.settings, iteration as u64 * STRIDE, size))
+        settings_of::<GpuDenoiserSettings>(&self.settings, iteration)
     }
 
     /// Light that an iteration reads.
@@ -101,7 +97,7 @@ impl DenoiserTextures {
     pub(super) fn memory(pixels: u64) -> [(&'static str, u64); 4] {
         let kinds = u64::from(KINDS);
         [
-            ("denoiser settings", MAX_ITERATIONS as u64 * STRIDE),
+            ("denoiser settings", MAX_ITERATIONS as u64 * SETTINGS_STRIDE),
             ("denoiser light", 2 * kinds * pixels * 16),
             ("denoiser guides", 2 * pixels * 16),
             ("denoiser means", 2 * kinds * pixels * 16),

@@ -33,7 +33,7 @@ use crate::{
 /// Format of the textures that hold light between passes.
 pub(crate) const LIGHT_FORMAT: TextureFormat = TextureFormat::Rgba32Float;
 /// Stride between the uniforms of iterations, bytes: an alignment that every device accepts.
-const SETTINGS_STRIDE: u64 = 256;
+pub(super) const SETTINGS_STRIDE: u64 = 256;
 
 /// The history of a view.
 pub(crate) struct History {
@@ -227,20 +227,15 @@ impl Reservoirs {
         self.schedule = schedule;
         self.first = 1 - self.last;
         self.last = self.output_index(self.iterations() - 1);
-        let mut bytes = vec![0u8; self.iterations() * SETTINGS_STRIDE as usize];
-        for (iteration, slot) in bytes.chunks_exact_mut(SETTINGS_STRIDE as usize).enumerate() {
-            let LightPathCounts { light_paths, splats, .. } = inputs.counts;
-            let settings = GpuResampleSettings {
-                light_paths,
-                splats,
-                nee_share: if light_paths > 0 { 1.0 / self.schedule.reuse_gain } else { 0.0 },
-                caustic_share: if light_paths > 0 { self.schedule.reuse_gain } else { 0.0 },
-                domain: place_in_technique(self.domain),
-                ..self.schedule.uniforms(iteration, height, inputs.last)
-            };
-            slot[..size_of_val(&settings)].copy_from_slice(bytemuck::bytes_of(&settings));
-        }
-        queue.write_buffer(&self.settings, 0, &bytes);
+        let LightPathCounts { light_paths, splats, .. } = inputs.counts;
+        write_settings(&self.settings, self.iterations(), queue, |iteration| GpuResampleSettings {
+            light_paths,
+            splats,
+            nee_share: if light_paths > 0 { 1.0 / self.schedule.reuse_gain } else { 0.0 },
+            caustic_share: if light_paths > 0 { self.schedule.reuse_gain } else { 0.0 },
+            domain: place_in_technique(self.domain),
+            ..self.schedule.uniforms(iteration, height, inputs.last)
+        });
     }
 
     fn buffer_count(&self) -> u64 {
@@ -254,8 +249,7 @@ impl Reservoirs {
 
     /// Uniforms of an iteration.
     pub(crate) fn settings_of(&self, iteration: usize) -> Option<Bound<'_>> {
-        let size = BufferSize::new(size_of::<GpuResampleSettings>() as u64)?;
-        Some(Bound::Part(&self.settings, iteration as u64 * SETTINGS_STRIDE, size))
+        settings_of::<GpuResampleSettings>(&self.settings, iteration)
     }
 
     /// Number of iterations in this frame.
@@ -314,6 +308,25 @@ impl Reservoirs {
     pub(crate) fn light_after(&self, iteration: usize) -> &TextureView {
         &self.light[(iteration + 1) % 2]
     }
+}
+
+/// Writes the uniforms of iterations, from the first one on.
+pub(super) fn write_settings<T: bytemuck::NoUninit>(
+    buffer: &Buffer,
+    iterations: usize,
+    queue: &RenderQueue,
+    of: impl Fn(usize) -> T,
+) {
+    let mut bytes = vec![0u8; iterations * SETTINGS_STRIDE as usize];
+    for (iteration, slot) in bytes.chunks_exact_mut(SETTINGS_STRIDE as usize).enumerate() {
+        slot[..size_of::<T>()].copy_from_slice(bytemuck::bytes_of(&of(iteration)));
+    }
+    queue.write_buffer(buffer, 0, &bytes);
+}
+
+/// The uniforms of an iteration.
+pub(super) fn settings_of<T>(buffer: &Buffer, iteration: usize) -> Option<Bound<'_>> {
+    Some(Bound::Part(buffer, iteration as u64 * SETTINGS_STRIDE, BufferSize::new(size_of::<T>() as u64)?))
 }
 
 /// Resources for iterations with pairs; the domains of a frame run one after the other, and share them.
