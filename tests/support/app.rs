@@ -10,12 +10,13 @@ use bevy::{
     log::LogPlugin,
     prelude::*,
     render::{
-        ExtractSchedule, RenderPlugin,
+        ExtractSchedule, RenderApp, RenderPlugin,
         pipelined_rendering::PipelinedRenderingPlugin,
-        render_resource::PollType,
+        render_resource::{CachedPipelineState, PipelineCache, PollType},
         renderer::RenderDevice,
         settings::{Backends, WgpuFeatures, WgpuLimits, WgpuSettings},
     },
+    shader::ShaderCacheError,
     time::TimeUpdateStrategy,
     window::ExitCondition,
     winit::WinitPlugin,
@@ -378,10 +379,21 @@ impl Rig {
             if report.ready && report.samples > 0 {
                 return report;
             }
+            self.assert_shaders_compile();
             // Thousands of frames pass while a busy machine compiles in the background.
             assert!(frames < PATIENCE || start.elapsed() < PATIENT_TIME, "not ready after {frames} frames: {report:?}");
             self.frame();
             frames += 1;
+        }
+    }
+
+    /// Bevy logs an error in a shader and never builds its pipeline, so that a test would wait in vain.
+    fn assert_shaders_compile(&self) {
+        for pipeline in self.app.sub_app(RenderApp).world().resource::<PipelineCache>().pipelines() {
+            use ShaderCacheError::{CreateShaderModule, ProcessShaderError};
+            if let CachedPipelineState::Err(error @ (CreateShaderModule(_) | ProcessShaderError(_))) = &pipeline.state {
+                panic!("a shader does not compile: {error}");
+            }
         }
     }
 

@@ -20,8 +20,8 @@ const SHIFTS: [SubsurfaceShift; 3] = [SubsurfaceShift::Reconnection, SubsurfaceS
 /// The picture has the light of this domain alone.
 const ALONE: ShaderEdit = ShaderEdit {
     module: "pass/resolve.wgsl",
-    from: "    let index = pixel.y * view.size.x + pixel.x;\n",
-    to: "    light = select(vec3<f32>(0.0), subsurface_light(pixel), ids.x != NONE);\n    let index = pixel.y * view.size.x + pixel.x;\n",
+    from: "guarded_pixel(directly_seen(ids, pixel) + scattered.rgb)",
+    to: "guarded_pixel(select(vec3<f32>(0.0), subsurface_light(pixel).rgb, ids.x != 0xffffffffu))",
 };
 
 /// Samples are selected without regard to their light, so that their contribution weights are bounded.
