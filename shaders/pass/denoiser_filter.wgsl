@@ -20,13 +20,6 @@ struct Sum {
     weight: f32,
 }
 
-// A signal at the pixel itself.
-struct Center {
-    light: vec4<f32>,
-    brightness: f32,
-    variance: f32,             // smoothed
-}
-
 // Exponent of the cosine between normals, for diffuse light.
 const NORMAL_POWER: f32 = 64.0;
 // Standard deviations of both pixels at which weights fall to 1/e.
@@ -41,8 +34,8 @@ fn denoiser_filter(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let own = guide_unpack(textureLoad(guides, pixel, 0));
-    let diffuse = center_of(pixel, DIFFUSE);
-    let specular = center_of(pixel, SPECULAR);
+    let diffuse = textureLoad(signals, pixel, DIFFUSE, 0);
+    let specular = textureLoad(signals, pixel, SPECULAR, 0);
     var sums = array<Sum, 2>(sum_of(diffuse), sum_of(specular));
     if own.depth > 0.0 {
         let radius = specular_radius(own.roughness);
@@ -82,43 +75,24 @@ fn specular_radius(roughness: f32) -> f32 {
     return max(0.25 * roughness * f32(view.size.y) / half_height, 0.1);
 }
 
-fn center_of(pixel: vec2<u32>, kind: u32) -> Center {
-    let light = textureLoad(signals, pixel, kind, 0);
-    return Center(light, luminance(light.rgb), smooth_variance(pixel, kind));
-}
-
-// The variance, smoothed over the pixels around, because it is an estimate from few frames.
-fn smooth_variance(pixel: vec2<u32>, kind: u32) -> f32 {
-    var sum = 0.0;
-    var weights = 0.0;
-    for (var i = 0u; i < 9u; i++) {
-        let offset = vec2<i32>(vec2<u32>(i % 3u, i / 3u)) - 1;
-        let at = clamp(vec2<i32>(pixel) + offset, vec2<i32>(0), vec2<i32>(view.size) - 1);
-        let variance = textureLoad(signals, at, kind, 0).a;
-        let weight = select(0.0, 1.0 / f32(1 << u32(abs(offset.x) + abs(offset.y))), variance >= 0.0);
-        sum += weight * max(variance, 0.0);
-        weights += weight;
-    }
-    return sum / max(weights, 1.0e-6);
-}
-
-fn sum_of(center: Center) -> Sum {
-    return Sum(center.light.rgb, max(center.light.a, 0.0), 1.0);
+fn sum_of(center: vec4<f32>) -> Sum {
+    return Sum(center.rgb, max(center.a, 0.0), 1.0);
 }
 
 // Adds another pixel.  The tolerance has the variances of both pixels: by that of the center alone, the neighbors of a bright pixel would leave
 // it out, and the picture would be darker.
-fn with_pixel(sum: Sum, center: Center, light: vec4<f32>, shape: f32) -> Sum {
+fn with_pixel(sum: Sum, center: vec4<f32>, light: vec4<f32>, shape: f32) -> Sum {
     if light.a < 0.0 {
         return sum;
     }
     let l = luminance(light.rgb);
-    let tolerance = DEVIATIONS * sqrt(center.variance + light.a) + LEAST_TOLERANCE * max(center.brightness, l) + 1.0e-30;
-    let weight = shape * exp(-abs(l - center.brightness) / tolerance);
+    let own = luminance(center.rgb);
+    let tolerance = DEVIATIONS * sqrt(max(center.a, 0.0) + light.a) + LEAST_TOLERANCE * max(own, l) + 1.0e-30;
+    let weight = shape * exp(-abs(l - own) / tolerance);
     return Sum(sum.color + weight * light.rgb, sum.variance + weight * weight * light.a, sum.weight + weight);
 }
 
-fn store(pixel: vec2<u32>, kind: u32, center: Center, sum: Sum) {
+fn store(pixel: vec2<u32>, kind: u32, center: vec4<f32>, sum: Sum) {
     let mean = vec4<f32>(sum.color / sum.weight, sum.variance / (sum.weight * sum.weight));
-    textureStore(filtered, pixel, kind, select(mean, center.light, center.light.a < 0.0));
+    textureStore(filtered, pixel, kind, select(mean, center, center.a < 0.0));
 }

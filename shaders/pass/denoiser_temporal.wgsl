@@ -36,8 +36,9 @@ fn denoiser_temporal(@builtin(global_invocation_id) id: vec3<u32>) {
     let last = last_place(own, before);
     let now = pixel_shape(ids, pixel, false);
     let frames = vec2<f32>(f32(settings.history), specular_frames(own.roughness, now.position, before.position));
-    average(pixel, own, DIFFUSE, last, frames.x);
-    average(pixel, own, SPECULAR, last, frames.y);
+    let around = neighborhoods(pixel, own, last);
+    average(pixel, DIFFUSE, last, around[DIFFUSE], frames.x);
+    average(pixel, SPECULAR, last, around[SPECULAR], frames.y);
 }
 
 // Light that is not filtered.
@@ -117,51 +118,96 @@ fn last_mean(place: LastPlace, kind: u32) -> Mean {
     return add_mean(no_mean(), sum, 1.0 / weights);
 }
 
-// Luminance around a pixel, on similar surfaces.
+// Sums over the luminance of the pixels around, as far as they show a similar surface.  Where a pixel has no last mean, the light of this
+// frame takes its place in `means`.
 struct Neighborhood {
-    mean: f32,
-    variance: f32,             // between pixels
-    change: f32,               // of the mean of the pixels, from the last means to this frame
-    noise: f32,                // mean variance of a pixel between frames
+    count: f32,
+    light: vec2<f32>,          // of this frame, and its square
+    means: vec2<f32>,          // of the last means, and their squares
+    brightest: vec3<f32>,      // the three greatest of the means
+    compared: f32,             // number of pixels with a last mean
+    change: f32,               // from the last means to this frame
+    noise: f32,                // variance between frames
+    quads: f32,                // number of quads: 2 x 2 pixels that all show the surface
+    grain: f32,                // sum of `grain_of` over the quads
+    coarsest: f32,             // greatest grain of a quad
 }
 
-// Pixels on each side.
-const NEIGHBORHOOD: i32 = 3;
+// Quads on each side of the neighborhood.
+const QUADS: u32 = 3u;
 
-fn neighborhood(pixel: vec2<u32>, own: Guide, kind: u32, place: LastPlace) -> Neighborhood {
-    var moments = vec2<f32>(0.0);
-    var count = 0.0;
-    var change = 0.0;
-    var noise = 0.0;
-    var compared = 0.0;
+fn neighborhoods(pixel: vec2<u32>, own: Guide, place: LastPlace) -> array<Neighborhood, 2> {
+    let empty = Neighborhood(0.0, vec2<f32>(0.0), vec2<f32>(0.0), vec3<f32>(0.0), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+    var sums = array<Neighborhood, 2>(empty, empty);
     let last_pixel = vec2<i32>(round(place.at));
-    for (var y = -NEIGHBORHOOD; y <= NEIGHBORHOOD; y++) {
-        for (var x = -NEIGHBORHOOD; x <= NEIGHBORHOOD; x++) {
-            let offset = vec2<i32>(x, y);
-            let other_pixel = vec2<i32>(pixel) + offset;
-            if any(other_pixel < vec2<i32>(0)) || any(other_pixel >= vec2<i32>(view.size)) {
-                continue;
-            }
-            let light = textureLoad(signals, other_pixel, kind, 0);
-            if light.a < 0.0 || !is_similar(own, guide_unpack(textureLoad(guides, other_pixel, 0)), vec2<f32>(offset)) {
-                continue;
-            }
-            let l = bounded_luminance(light.rgb);
-            moments += vec2<f32>(l, l * l);
-            count += 1.0;
-            if settings.has_history != 0u && showed_surface(place.surface, place.at, last_pixel + offset) {
-                let last = mean_unpack(textureLoad(last_means, last_pixel + offset, kind, 0));
-                if last.frames > 0.0 {
-                    change += l - bounded_luminance(last.color);
-                    noise += variance_of(last);
-                    compared += 1.0;
-                }
-            }
+    for (var i = 0u; i < QUADS * QUADS; i++) {
+        let corner = 2 * vec2<i32>(vec2<u32>(i % QUADS, i / QUADS)) - i32(QUADS);
+        var shows = vec4<bool>(false);
+        var showed = vec4<bool>(false);
+        for (var j = 0u; j < 4u; j++) {
+            let offset = corner + vec2<i32>(vec2<u32>(j & 1u, j >> 1u));
+            shows[j] = shows_surface(own, vec2<i32>(pixel) + offset, offset);
+            showed[j] = shows[j] && settings.has_history != 0u && showed_surface(place.surface, place.at, last_pixel + offset);
+        }
+        for (var kind = DIFFUSE; kind <= SPECULAR; kind++) {
+            sums[kind] = with_quad(sums[kind], vec2<i32>(pixel) + corner, shows, last_pixel + corner, showed, kind);
         }
     }
-    moments /= max(count, 1.0);
-    compared = max(compared, 1.0);
-    return Neighborhood(moments.x, max(moments.y - moments.x * moments.x, 0.0), change / compared, noise / compared);
+    return sums;
+}
+
+fn shows_surface(own: Guide, pixel: vec2<i32>, offset: vec2<i32>) -> bool {
+    if any(pixel < vec2<i32>(0)) || any(pixel >= vec2<i32>(view.size)) {
+        return false;
+    }
+    return is_similar(own, guide_unpack(textureLoad(guides, pixel, 0)), vec2<f32>(offset));
+}
+
+fn with_quad(sum: Neighborhood, corner: vec2<i32>, shows: vec4<bool>, last_corner: vec2<i32>, showed: vec4<bool>, kind: u32) -> Neighborhood {
+    var result = sum;
+    var quad = vec4<f32>(0.0);
+    var is_whole = true;
+    for (var j = 0u; j < 4u; j++) {
+        let offset = vec2<i32>(vec2<u32>(j & 1u, j >> 1u));
+        let light = textureLoad(signals, corner + offset, kind, 0);
+        if !shows[j] || light.a < 0.0 {
+            is_whole = false;
+            continue;
+        }
+        let l = bounded_luminance(light.rgb);
+        var m = l;
+        if showed[j] {
+            let last = mean_unpack(textureLoad(last_means, last_corner + offset, kind, 0));
+            if last.frames > 0.0 {
+                m = bounded_luminance(last.color);
+                result.change += l - m;
+                result.noise += variance_of(last);
+                result.compared += 1.0;
+            }
+        }
+        result.count += 1.0;
+        result.light += vec2<f32>(l, l * l);
+        result.means += vec2<f32>(m, m * m);
+        result.brightest = with_brightest(result.brightest, m);
+        quad[j] = m;
+    }
+    if is_whole {
+        let grain = grain_of(quad);
+        result.quads += 1.0;
+        result.grain += grain;
+        result.coarsest = max(result.coarsest, grain);
+    }
+    return result;
+}
+
+fn with_brightest(brightest: vec3<f32>, l: f32) -> vec3<f32> {
+    let second = min(l, brightest.x);
+    return vec3<f32>(max(l, brightest.x), max(second, brightest.y), max(min(second, brightest.y), brightest.z));
+}
+
+// Noise of four pixels relative to their mean: the diagonal Haar coefficient.  It is 0 for a gradient, and for an edge along the pixels.
+fn grain_of(quad: vec4<f32>) -> f32 {
+    return 2.0 * abs(quad.x - quad.y - quad.z + quad.w) / max(dot(quad, vec4<f32>(1.0)), 1.0e-30);
 }
 
 // Relative change of the light that no history is shortened for.
@@ -173,30 +219,60 @@ const FRAMES_OF_NOISE: f32 = 1.0;
 // Greatest number of frames of a mean where the light changes: over n frames, noise falls to 1/n of its variance, and the lag is about the
 // change, so that both are equal where n is the variance over the squared change.
 fn frames_for_change(around: Neighborhood) -> f32 {
-    let least = LEAST_CHANGE * around.mean;
-    let change = max(abs(around.change) - least, 0.0);
-    return FRAMES_OF_NOISE * (around.noise + least * least) / max(change * change, 1.0e-37);
+    let least = LEAST_CHANGE * around.light.x / around.count;
+    let compared = max(around.compared, 1.0);
+    let change = max(abs(around.change) / compared - least, 0.0);
+    return FRAMES_OF_NOISE * (around.noise / compared + least * least) / max(change * change, 1.0e-37);
 }
 
-// Frames after which the variance over frames is trusted.
-const FEW_FRAMES: f32 = 8.0;
 // Frames that count as one in the variance of a mean, because reuse gives them the same samples.
 const CORRELATED_FRAMES: f32 = 2.0;
+// Standard deviation of normally distributed noise, relative to the mean of its absolute value.
+const DEVIATION_OF_MEAN: f32 = 1.2533;
+// Standard deviations from the pixels around at which a pixel is an outlier: all of its difference is noise.
+const OUTLIER: f32 = 3.0;
+// The same, relative to the luminance.
+const LEAST_OUTLIER: f32 = 0.05;
+// Least number of other pixels that an outlier is compared with.
+const FEWEST_AROUND: f32 = 3.0;
+// Frames after which the variance over frames is trusted.
+const FEW_FRAMES: f32 = 8.0;
 
-fn average(pixel: vec2<u32>, own: Guide, kind: u32, place: LastPlace, most_frames: f32) {
+// The variance of a mean: the greater one of what it varies over frames and over pixels.  Reuse makes both too small, because frames and the
+// pixels around each other share samples.
+fn variance_of_mean(mean: Mean, around: Neighborhood) -> f32 {
+    let light = around.light / around.count;
+    let trust = clamp((mean.frames - 1.0) / FEW_FRAMES, 0.0, 1.0);
+    let of_frames = mix(max(light.y - light.x * light.x, variance_of(mean)), variance_of(mean), trust);
+    // Without the coarsest quad, which may have an outlier.
+    let grain = DEVIATION_OF_MEAN * max(around.grain - around.coarsest, 0.0) / max(around.quads - 1.0, 1.0);
+    let deviation = max(grain * bounded_luminance(mean.color), abs(outlying(mean, around)));
+    return max(of_frames * min(CORRELATED_FRAMES / mean.frames, 1.0), deviation * deviation);
+}
+
+// The difference of an outlier from the pixels around, without the brightest of them; 0: the pixel is no outlier.
+fn outlying(mean: Mean, around: Neighborhood) -> f32 {
+    let count = around.count - 3.0;
+    if count < FEWEST_AROUND {
+        return 0.0;
+    }
+    let usual = max(around.means.x - dot(around.brightest, vec3<f32>(1.0)), 0.0) / count;
+    let variance = max((around.means.y - dot(around.brightest, around.brightest)) / count - usual * usual, 0.0);
+    let difference = bounded_luminance(mean.color) - usual;
+    return select(0.0, difference, abs(difference) > OUTLIER * sqrt(variance) + LEAST_OUTLIER * usual);
+}
+
+fn average(pixel: vec2<u32>, kind: u32, place: LastPlace, around: Neighborhood, most_frames: f32) {
     let light = textureLoad(signals, pixel, kind, 0);
     if light.a < 0.0 {
         pass_on(pixel, kind);
         return;
     }
-    let around = neighborhood(pixel, own, kind, place);
     let last = last_mean(place, kind);
     let frames = max(min(min(last.frames + 1.0, most_frames), frames_for_change(around)), 1.0);
     let l = bounded_luminance(light.rgb);
     let share = 1.0 / frames;
     let mean = Mean(mix(last.color, light.rgb, share), mix(last.second_moment, l * l, share), frames);
     textureStore(means, pixel, kind, mean_pack(mean));
-    let trust = clamp((frames - 1.0) / FEW_FRAMES, 0.0, 1.0);
-    let of_frames = mix(max(around.variance, variance_of(mean)), variance_of(mean), trust);
-    textureStore(filtered, pixel, kind, vec4<f32>(mean.color, of_frames * min(CORRELATED_FRAMES / frames, 1.0)));
+    textureStore(filtered, pixel, kind, vec4<f32>(mean.color, variance_of_mean(mean, around)));
 }

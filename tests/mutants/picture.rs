@@ -123,6 +123,20 @@ pub const MUTANTS: &[Mutant] = &[
         &["light_that_dims_does_not_linger"],
     ),
     mutant(
+        "noise that frames have in common is no noise",
+        "pass/denoiser_temporal.wgsl",
+        "let deviation = max(grain * bounded_luminance(mean.color), abs(outlying(mean, around)));",
+        "let deviation = abs(outlying(mean, around));",
+        &["noise_that_frames_have_in_common"],
+    ),
+    mutant(
+        "no pixel is an outlier",
+        "pass/denoiser_temporal.wgsl",
+        "abs(difference) > OUTLIER * sqrt(variance) + LEAST_OUTLIER * usual);",
+        "false);",
+        &["single_bright_pixels"],
+    ),
+    mutant(
         "reflections have the history of diffuse light",
         "pass/denoiser_temporal.wgsl",
         "return clamp(0.5 * roughness / max(change, 1.0e-6), 1.0, f32(settings.history));",

@@ -2,7 +2,7 @@
 
 use crate::support::{app::*, small_scenes::*};
 use bevy::prelude::*;
-use bevy_restir::{Denoiser, Jitter, Paths, Restir, Technique};
+use bevy_restir::{Denoiser, Jitter, Paths, Restir, Technique, testing::shader_library::ShaderEdit};
 
 const SIZE: u32 = 48;
 const BOUNCES: u32 = 3;
@@ -245,6 +245,49 @@ fn denoised_objects_keep_their_edges() {
     let [plain, denoised, light] = compare(&mut rig, Technique::Di, &truth);
     println!("slats: {plain:.4}, denoised {denoised:.4}, light {light:+.4}");
     assert!(denoised < 0.35 * plain && light.abs() < 0.01, "{plain}, {denoised}, {light}");
+}
+
+/// A denoised frame of a wall whose light, in every frame, is multiplied by a factor of its pixel, and the same without the factor.
+fn same_noise_in_all_frames(factor: &'static str) -> Option<[Picture; 2]> {
+    let to = format!("scattered_light(pixel) * ({factor})").leak();
+    let edit = ShaderEdit { module: "pass/resolve.wgsl", from: "limited(scattered_light(pixel), pixel, ids.x)", to };
+    let frame = |edits: &[ShaderEdit]| {
+        let mut rig = scene(SIZE, |rig| {
+            rig.spawn(square(4.0), lambert(0.7), Transform::from_xyz(0.0, 0.0, -1.2));
+            rig.spawn(square(0.8), lamp(6.0, 5.0, 4.0), facing(Vec3::new(0.5, 2.4, 1.3), Vec3::ZERO));
+        })?;
+        plant_edits(&mut rig.app, edits);
+        rig.set(|restir| *restir = settings(Technique::Di, Denoiser::ON));
+        Some(rig.picture(FRAMES))
+    };
+    Some([frame(&[edit])?, frame(&[])?])
+}
+
+/// Reuse keeps samples for many frames, so that noise does not show in the variance between frames.
+#[test]
+fn noise_that_frames_have_in_common_is_filtered() {
+    let factor = "0.5 + fract(sin(dot(vec2<f32>(pixel), vec2<f32>(12.9898, 78.233))) * 43758.547)";
+    let Some([noisy, plain]) = same_noise_in_all_frames(factor) else { return };
+    let error = error(&noisy, &plain);
+    println!("noise in all frames: {error:.5}");
+    // The factor has the variance 1/12.
+    assert!(error < 0.25 / 12.0, "{error}");
+    assert!((noisy.mean() / plain.mean() - 1.0).abs() < 0.02, "{} and {}", noisy.mean(), plain.mean());
+}
+
+#[test]
+fn single_bright_pixels_are_shared_with_the_pixels_around() {
+    let Some([bright, plain]) = same_noise_in_all_frames("select(1.0, 50.0, all(pixel % 16u == vec2<u32>(8u)))") else {
+        return;
+    };
+    let ratios = plain.pixels.iter().zip(&bright.pixels).map(|(a, b)| b[0] / a[0].max(1e-3));
+    let brightest = ratios.fold(0.0, f32::max);
+    // Nine pixels of 48 x 48 have 49 times their light in addition.  The pixels around them have hardly any noise: with few similar
+    // neighbors, they take more than the bright pixels give.
+    let added = (bright.mean() / plain.mean() - 1.0) / (9.0 * 49.0 / f64::from(SIZE * SIZE));
+    println!("bright pixels: {brightest:.2} times as bright, with {added:.3} of the added light");
+    assert!(brightest < 6.0, "{brightest}");
+    assert!((0.7..2.5).contains(&added), "{added}");
 }
 
 #[test]
