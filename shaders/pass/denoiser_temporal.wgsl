@@ -169,8 +169,11 @@ fn with_quad(sum: Neighborhood, corner: vec2<i32>, shows: vec4<bool>, last_corne
     var is_whole = true;
     for (var j = 0u; j < 4u; j++) {
         let offset = vec2<i32>(vec2<u32>(j & 1u, j >> 1u));
-        let light = textureLoad(signals, corner + offset, kind, 0);
-        if !shows[j] || light.a < 0.0 {
+        var light = vec4<f32>(-1.0);
+        if shows[j] {
+            light = textureLoad(signals, corner + offset, kind, 0);
+        }
+        if light.a < 0.0 {
             is_whole = false;
             continue;
         }

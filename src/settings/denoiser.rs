@@ -6,7 +6,8 @@ use super::validate::{Problem, Ranges};
 
 /// A filter that removes noise from every frame: light is averaged over frames and over pixels around that show similar surfaces (after
 /// SVGF, Schied et al. 2017).  Diffuse and specular light are filtered apart and without the colors of their surfaces, so that textures stay
-/// sharp.  Where light changes, means become shorter.  Figures: `docs/performance.md`.
+/// sharp.  Where light changes, means become shorter.  Single bright pixels are spread over the pixels around.  Figures:
+/// `docs/performance.md`.
 ///
 /// Biased: shadows, reflections and caustics that are finer than the filter are blurred; light that changes slowly lags behind.  Histories
 /// are not filtered, so that reuse stays unbiased.  Smooth mirrors and glass are averaged over frames only.  Off by default.

@@ -13,6 +13,7 @@ mod surfaces;
 
 use crate::{
     support::{
+        app::SHADER_ERROR,
         gpu::gpu,
         stored_results::{Part, commit, folder_of, publish, read, write},
     },
@@ -214,6 +215,8 @@ impl Mutant {
             .stderr(Stdio::null())
             .output()
             .expect("the program runs");
+        let text = String::from_utf8_lossy(&output.stdout);
+        assert!(!text.contains(SHADER_ERROR), "{} is no mutant: {text}", self.name);
         output.status.success()
     }
 }

@@ -431,7 +431,8 @@ fn a_scene_that_gains_and_loses_features_is_never_black() {
     }
     rig.get_mut::<RestirEnvironment>(rig.camera).image = None;
     remembered.remove(SceneFeatures::ENVIRONMENT_MAP);
-    assert_eq!(rig.until_ready().features, remembered, "vanished features are kept for a while");
+    let features = rig.until_ready().features;
+    assert!(remembered.contains(features), "{features:?}");
     let settings: [(&str, fn(&mut Restir)); 8] = [
         ("direct light", |restir| restir.technique = Technique::Di),
         ("indirect light", |restir| restir.technique = Technique::Gi),

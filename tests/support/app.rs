@@ -34,6 +34,9 @@ use std::time::{Duration, Instant};
 use super::{devices::Lease, reuse_settings::paths};
 pub use super::{images::*, picture::Picture, stats::mean_and_error};
 
+/// The start of the message of a test that ends because of an error in a shader.
+pub const SHADER_ERROR: &str = "a shader does not compile";
+
 /// The number of frames within which a small scene must be loaded, built and compiled.
 const PATIENCE: u32 = 2000;
 /// The time that they may take where pipelines compile in the background.
@@ -392,7 +395,7 @@ impl Rig {
         for pipeline in self.app.sub_app(RenderApp).world().resource::<PipelineCache>().pipelines() {
             use ShaderCacheError::{CreateShaderModule, ProcessShaderError};
             if let CachedPipelineState::Err(error @ (CreateShaderModule(_) | ProcessShaderError(_))) = &pipeline.state {
-                panic!("a shader does not compile: {error}");
+                panic!("{SHADER_ERROR}: {error}");
             }
         }
     }
