@@ -11,18 +11,22 @@ struct Guide {
     slope: vec2<f32>,          // change of the depth from a pixel to the next, right and down, on the plane of the surface; in `depth_unit`s
     n: vec3<f32>,              // shading normal
     roughness: f32,            // GGX α of the smoothest specular lobe
+    shows_image: bool,         // its specular light is that of an optical image
 }
 
 fn no_guide() -> Guide {
-    return Guide(0.0, vec2<f32>(0.0), vec3<f32>(0.0, 0.0, 1.0), 1.0);
+    return Guide(0.0, vec2<f32>(0.0), vec3<f32>(0.0, 0.0, 1.0), 1.0, false);
 }
 
 fn guide_pack(g: Guide) -> vec4<u32> {
-    return vec4<u32>(bitcast<u32>(g.depth), pack2x16float(g.slope), octahedral_encode(g.n), bitcast<u32>(g.roughness));
+    // A roughness below 0 says that the surface shows an optical image.
+    let roughness = select(g.roughness, -g.roughness, g.shows_image);
+    return vec4<u32>(bitcast<u32>(g.depth), pack2x16float(g.slope), octahedral_encode(g.n), bitcast<u32>(roughness));
 }
 
 fn guide_unpack(p: vec4<u32>) -> Guide {
-    return Guide(bitcast<f32>(p.x), unpack2x16float(p.y), octahedral_decode(p.z), bitcast<f32>(p.w));
+    let roughness = bitcast<f32>(p.w);
+    return Guide(bitcast<f32>(p.x), unpack2x16float(p.y), octahedral_decode(p.z), abs(roughness), roughness < 0.0);
 }
 
 // A depth that is linear in the image over each plane, so that the depth of a plane at other pixels is known: 1/z for a perspective camera,

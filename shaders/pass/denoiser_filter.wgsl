@@ -2,7 +2,8 @@
 // light of pixels that show similar surfaces and differ by no more than noise.  Each iteration doubles the distance of the pixels.
 
 #import bevy_restir::common::math::luminance
-#import bevy_restir::denoiser::guide::{guide_unpack, plane_weight}
+#import bevy_restir::denoiser::guide::{Guide, guide_unpack, plane_weight}
+#import bevy_restir::denoiser::optical_image::image_guide
 #import bevy_restir::denoiser::types::{DIFFUSE, DenoiserSettings, SPECULAR}
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::camera::{DISTANCE_FOR_HEIGHT, is_orthographic}
@@ -12,6 +13,8 @@
 @group(2) @binding(1) var signals: texture_2d_array<f32>;
 @group(2) @binding(2) var guides: texture_2d<u32>;
 @group(2) @binding(3) var filtered: texture_storage_2d_array<rgba32float, write>;
+// Optical images; one empty texel where the scene has nothing smooth.
+@group(2) @binding(4) var images: texture_2d<u32>;
 
 // Weighted sums of a signal.
 struct Sum {
@@ -38,7 +41,11 @@ fn denoiser_filter(@builtin(global_invocation_id) id: vec3<u32>) {
     let specular = textureLoad(signals, pixel, SPECULAR, 0);
     var sums = array<Sum, 2>(sum_of(diffuse), sum_of(specular));
     if own.depth > 0.0 {
-        let radius = specular_radius(own.roughness);
+        var image = own;
+        if own.shows_image {
+            image = image_guide(textureLoad(images, pixel, 0));
+        }
+        let radius = specular_radius(image.roughness);
         for (var y = -2; y <= 2; y++) {
             for (var x = -2; x <= 2; x++) {
                 let offset = vec2<i32>(x, y) * i32(settings.step);
@@ -47,13 +54,17 @@ fn denoiser_filter(@builtin(global_invocation_id) id: vec3<u32>) {
                     continue;
                 }
                 let other = guide_unpack(textureLoad(guides, other_pixel, 0));
-                if other.depth == 0.0 {
+                if other.depth == 0.0 || other.shows_image != own.shows_image {
                     continue;
                 }
-                let cosine = max(dot(own.n, other.n), 0.0);
-                let shape = kernel(x) * kernel(y) * plane_weight(own, other.depth, vec2<f32>(offset)) * pow(cosine, NORMAL_POWER);
+                let in_kernel = kernel(x) * kernel(y);
+                let shape = in_kernel * similarity(own, other, offset);
+                var of_image = shape;
+                if own.shows_image {
+                    of_image = in_kernel * similarity(image, image_guide(textureLoad(images, other_pixel, 0)), offset);
+                }
                 let distance_in_radii = length(vec2<f32>(offset)) / radius;
-                let narrow = shape * exp(-distance_in_radii * distance_in_radii);
+                let narrow = of_image * exp(-distance_in_radii * distance_in_radii);
                 sums[DIFFUSE] = with_pixel(sums[DIFFUSE], diffuse, textureLoad(signals, other_pixel, DIFFUSE, 0), shape);
                 sums[SPECULAR] = with_pixel(sums[SPECULAR], specular, textureLoad(signals, other_pixel, SPECULAR, 0), narrow);
             }
@@ -61,6 +72,12 @@ fn denoiser_filter(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     store(pixel, DIFFUSE, diffuse, sums[DIFFUSE]);
     store(pixel, SPECULAR, specular, sums[SPECULAR]);
+}
+
+// Weight of the surface of another pixel.
+fn similarity(own: Guide, other: Guide, offset: vec2<i32>) -> f32 {
+    let cosine = max(dot(own.n, other.n), 0.0);
+    return plane_weight(own, other.depth, vec2<f32>(offset)) * pow(cosine, NORMAL_POWER);
 }
 
 // The B3 spline, relative to its center.

@@ -2,9 +2,9 @@
 // its variance, goes to the filter.
 
 #import bevy_restir::denoiser::guide::{Guide, guide_depth, guide_unpack, plane_weight}
+#import bevy_restir::denoiser::optical_image::image_guide
 #import bevy_restir::denoiser::mean::{add_mean, bounded_luminance, Mean, mean_pack, mean_unpack, no_mean, variance_of}
 #import bevy_restir::denoiser::types::{DIFFUSE, DenoiserSettings, SPECULAR}
-#import bevy_restir::scene::surface::Shape
 #import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::camera::{eye_of, project}
 #import bevy_restir::view::primary::{pixel_shape, previous_pixel_shape}
@@ -18,6 +18,10 @@
 @group(2) @binding(5) var means: texture_storage_2d_array<rgba32uint, write>;
 // The means with their variance.
 @group(2) @binding(6) var filtered: texture_storage_2d_array<rgba32float, write>;
+// Optical images, and where the last frame showed them; one empty texel where the scene has nothing smooth.
+@group(2) @binding(7) var images: texture_2d<u32>;
+@group(2) @binding(8) var last_images: texture_2d<u32>;
+@group(2) @binding(9) var last_places: texture_2d<f32>;
 
 @compute @workgroup_size(8, 8)
 fn denoiser_temporal(@builtin(global_invocation_id) id: vec3<u32>) {
@@ -33,12 +37,17 @@ fn denoiser_temporal(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let ids = textureLoad(visibility, pixel, 0).xy;
     let before = previous_pixel_shape(ids, pixel);
-    let last = last_place(own, before);
-    let now = pixel_shape(ids, pixel, false);
-    let frames = vec2<f32>(f32(settings.history), specular_frames(own.roughness, now.position, before.position));
+    let last = last_place(own, before.position, false);
     let around = neighborhoods(pixel, own, last);
-    average(pixel, DIFFUSE, last, around[DIFFUSE], frames.x);
-    average(pixel, SPECULAR, last, around[SPECULAR], frames.y);
+    average(pixel, DIFFUSE, last, around[DIFFUSE], f32(settings.history));
+    if own.shows_image {
+        let image = image_guide(textureLoad(images, pixel, 0));
+        let last_of_image = last_place(image, textureLoad(last_places, pixel, 0).xyz, true);
+        average(pixel, SPECULAR, last_of_image, neighborhoods(pixel, image, last_of_image)[SPECULAR], f32(settings.history));
+    } else {
+        let now = pixel_shape(ids, pixel, false);
+        average(pixel, SPECULAR, last, around[SPECULAR], specular_frames(own.roughness, now.position, before.position));
+    }
 }
 
 // Light that is not filtered.
@@ -47,9 +56,11 @@ fn pass_on(pixel: vec2<u32>, kind: u32) {
     textureStore(filtered, pixel, kind, textureLoad(signals, pixel, kind, 0));
 }
 
-// Where the last frame showed a surface.
+// Where the last frame showed a surface or an optical image.
 struct LastPlace {
     surface: Guide,            // as it was
+    is_image: bool,
+    is_seen: bool,             // within the image, or at most a pixel outside
     at: vec2<f32>,             // pixels, from the center of the first one
     weights: vec4<f32>,        // bilinear weights of the four pixels around; 0 where they showed another surface
 }
@@ -59,20 +70,19 @@ const LEAST_COSINE: f32 = 0.9;
 // Tests of the last frame are looser than weights: its pixels have other positions on the surface.
 const LEAST_PLANE_WEIGHT: f32 = 0.05;
 
-fn last_place(own: Guide, before: Shape) -> LastPlace {
+// `position`: in the last frame.
+fn last_place(own: Guide, position: vec3<f32>, is_image: bool) -> LastPlace {
     var surface = own;
-    surface.depth = guide_depth(view.previous, before.position, true);
+    surface.depth = guide_depth(view.previous, position, true);
     // As in reuse, both jitters are ignored.
-    let at = clamp(project(view.previous, before.position) - view.jitter - 0.5, vec2<f32>(-2.0), vec2<f32>(view.size) + 1.0);
-    var place = LastPlace(surface, at, vec4<f32>(0.0));
-    if settings.has_history == 0u {
-        return place;
-    }
+    let at = clamp(project(view.previous, position) - view.jitter - 0.5, vec2<f32>(-2.0), vec2<f32>(view.size) + 1.0);
+    let is_seen = settings.has_history != 0u && all(at > vec2<f32>(-1.0)) && all(at < vec2<f32>(view.size));
+    var place = LastPlace(surface, is_image, is_seen, at, vec4<f32>(0.0));
     let f = fract(at);
     for (var i = 0u; i < 4u; i++) {
         let offset = vec2<u32>(i & 1u, i >> 1u);
         let sides = select(1.0 - f, f, offset == vec2<u32>(1u));
-        place.weights[i] = select(0.0, sides.x * sides.y, showed_surface(surface, at, corner_of(at, i)));
+        place.weights[i] = select(0.0, sides.x * sides.y, showed_surface(place, corner_of(at, i)));
     }
     return place;
 }
@@ -81,16 +91,21 @@ fn corner_of(at: vec2<f32>, i: u32) -> vec2<i32> {
     return vec2<i32>(floor(at)) + vec2<i32>(vec2<u32>(i & 1u, i >> 1u));
 }
 
-// Whether a pixel of the last frame showed a surface whose place was `at`.
-fn showed_surface(surface: Guide, at: vec2<f32>, pixel: vec2<i32>) -> bool {
-    if any(pixel < vec2<i32>(0)) || any(pixel >= vec2<i32>(view.size)) {
+// Whether a pixel of the last frame showed the surface.
+fn showed_surface(place: LastPlace, pixel: vec2<i32>) -> bool {
+    if !place.is_seen || any(pixel < vec2<i32>(0)) || any(pixel >= vec2<i32>(view.size)) {
         return false;
     }
-    return is_similar(surface, guide_unpack(textureLoad(last_guides, pixel, 0)), vec2<f32>(pixel) - at);
+    let offset = vec2<f32>(pixel) - place.at;
+    if place.is_image {
+        return is_similar(place.surface, image_guide(textureLoad(last_images, pixel, 0)), offset);
+    }
+    return is_similar(place.surface, guide_unpack(textureLoad(last_guides, pixel, 0)), offset);
 }
 
 fn is_similar(own: Guide, other: Guide, offset: vec2<f32>) -> bool {
-    return other.depth > 0.0 && dot(other.n, own.n) > LEAST_COSINE && plane_weight(own, other.depth, offset) > LEAST_PLANE_WEIGHT;
+    return other.depth > 0.0 && other.shows_image == own.shows_image && dot(other.n, own.n) > LEAST_COSINE
+        && plane_weight(own, other.depth, offset) > LEAST_PLANE_WEIGHT;
 }
 
 // Frames in which the direction of view may change by half the width of the specular lobe: a reflection then still shows the same.
@@ -146,19 +161,22 @@ fn neighborhoods(pixel: vec2<u32>, own: Guide, place: LastPlace) -> array<Neighb
         var showed = vec4<bool>(false);
         for (var j = 0u; j < 4u; j++) {
             let offset = corner + vec2<i32>(vec2<u32>(j & 1u, j >> 1u));
-            shows[j] = shows_surface(own, vec2<i32>(pixel) + offset, offset);
-            showed[j] = shows[j] && settings.has_history != 0u && showed_surface(place.surface, place.at, last_pixel + offset);
+            shows[j] = shows_surface(own, place.is_image, vec2<i32>(pixel) + offset, offset);
+            showed[j] = shows[j] && showed_surface(place, last_pixel + offset);
         }
-        for (var kind = DIFFUSE; kind <= SPECULAR; kind++) {
+        for (var kind = select(DIFFUSE, SPECULAR, place.is_image); kind <= SPECULAR; kind++) {
             sums[kind] = with_quad(sums[kind], vec2<i32>(pixel) + corner, shows, last_pixel + corner, showed, kind);
         }
     }
     return sums;
 }
 
-fn shows_surface(own: Guide, pixel: vec2<i32>, offset: vec2<i32>) -> bool {
+fn shows_surface(own: Guide, is_image: bool, pixel: vec2<i32>, offset: vec2<i32>) -> bool {
     if any(pixel < vec2<i32>(0)) || any(pixel >= vec2<i32>(view.size)) {
         return false;
+    }
+    if is_image {
+        return is_similar(own, image_guide(textureLoad(images, pixel, 0)), vec2<f32>(offset));
     }
     return is_similar(own, guide_unpack(textureLoad(guides, pixel, 0)), vec2<f32>(offset));
 }

@@ -10,6 +10,7 @@
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::denoiser::albedo::{albedo_of, has_albedo, without_albedo}
 #import bevy_restir::denoiser::guide::{Guide, guide_depth, guide_pack, no_guide, plane_slope}
+#import bevy_restir::denoiser::optical_image::{is_image, with_image}
 #import bevy_restir::denoiser::types::{DIFFUSE, SPECULAR}
 #import bevy_restir::view::primary::primary_surface
 #else
@@ -37,6 +38,8 @@ fn resolve(@builtin(global_invocation_id) id: vec3<u32>) {
 #ifdef TO_DENOISER
 @group(2) @binding(6) var signals: texture_storage_2d_array<rgba32float, write>;
 @group(2) @binding(7) var guides: texture_storage_2d<rgba32uint, write>;
+// Optical images; one empty texel where the scene has nothing smooth.
+@group(2) @binding(8) var images: texture_2d<u32>;
 
 // `scattered`: as `shown_light` returns it.
 fn store(ids: vec2<u32>, pixel: vec2<u32>, scattered: vec4<f32>) {
@@ -49,14 +52,15 @@ fn store(ids: vec2<u32>, pixel: vec2<u32>, scattered: vec4<f32>) {
     }
     let light = guarded_pixel(scattered.rgb);
     let s = primary_surface(ids, pixel, false);
-    let albedo = albedo_of(s.surface.bsdf, s.wo);
+    let image = textureLoad(images, min(pixel, textureDimensions(images) - 1u), 0);
+    let albedo = with_image(albedo_of(s.surface.bsdf, s.wo), image);
     let share = scattered.a / max(luminance(light), 1.0e-37);
     let diffuse = select(0.0, min(share, 1.0), share > 0.0);
     textureStore(signals, pixel, DIFFUSE, signal(light * diffuse, albedo.diffuse));
     textureStore(signals, pixel, SPECULAR, signal(light * (1.0 - diffuse), albedo.specular));
     let p = s.surface.position;
     let depth = guide_depth(view.current, p, false);
-    let guide = Guide(depth, plane_slope(p, s.surface.bsdf.n_geo), s.surface.bsdf.n, albedo.roughness);
+    let guide = Guide(depth, plane_slope(p, s.surface.bsdf.n_geo), s.surface.bsdf.n, albedo.roughness, is_image(image));
     textureStore(guides, pixel, guide_pack(guide));
     count_guards(pixel);
 }

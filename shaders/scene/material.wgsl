@@ -273,13 +273,16 @@ fn with_layer_texel(factors: MaterialPoint, kind: u32, slot: vec4<u32>, texel: v
 }
 #endif
 
-// The second texture coordinates; the first ones if the mesh has no second ones.
+// The second texture coordinates; the first ones if the mesh has no second ones, and 0 where they do not fit the device.
 #ifdef SECOND_UVS
 fn second_corner_uvs(instance: u32, triangle: u32) -> CornerUvs {
     if (instances[instance].flags & INSTANCE_SECOND_UV) == 0u {
         return corner_uvs(triangle);
     }
     let at = vec2<u32>(3u * (triangle % ELEMENTS_PER_ROW), triangle / ELEMENTS_PER_ROW);
+    if any(at + vec2<u32>(2u, 0u) >= textureDimensions(second_uvs)) {
+        return CornerUvs(vec2<f32>(0.0), vec2<f32>(0.0), vec2<f32>(0.0));
+    }
     return CornerUvs(
         textureLoad(second_uvs, at, 0).xy,
         textureLoad(second_uvs, at + vec2<u32>(1u, 0u), 0).xy,

@@ -52,21 +52,23 @@ fn binding_type(resource: R) -> BindingType {
         R::LightVerticesRead | R::LightMapRead | R::ReplayQueueRead => storage(true),
         R::Settings => buffer(BufferBindingType::Uniform),
         R::PreviousVisibility | R::PairMasksRead | R::GuideRead | R::LastGuide => texture(TextureSampleType::Uint),
+        R::OpticalImagesRead | R::LastOpticalImages => texture(TextureSampleType::Uint),
         R::LightBefore
         | R::UnresampledLightRead
         | R::ResampledLight
         | R::SubsurfaceLight
         | R::PathLight
         | R::ConnectionsRead
+        | R::ImagePlacesRead
         | R::SplatLight => texture(TextureSampleType::Float { filterable: false }),
         R::PairShiftsRead | R::SignalsBefore => layers(TextureSampleType::Float { filterable: false }),
         R::LastMeans => layers(TextureSampleType::Uint),
-        R::CandidateLight | R::LightAfter | R::UnresampledLight | R::Connections => {
+        R::CandidateLight | R::LightAfter | R::UnresampledLight | R::Connections | R::ImagePlaces => {
             written(LIGHT_FORMAT, TextureViewDimension::D2)
         }
         R::DenoiserSettings => buffer(BufferBindingType::Uniform),
         R::SignalsAfter => written(LIGHT_FORMAT, TextureViewDimension::D2Array),
-        R::Guide => written(PACKED_FORMAT, TextureViewDimension::D2),
+        R::Guide | R::OpticalImages => written(PACKED_FORMAT, TextureViewDimension::D2),
         R::Means => written(PACKED_FORMAT, TextureViewDimension::D2Array),
         R::PairMasks => written(PAIR_MASK_FORMAT, TextureViewDimension::D2),
         R::PairShifts => written(LIGHT_FORMAT, TextureViewDimension::D2Array),
@@ -124,6 +126,10 @@ fn binding_of<'a>(resource: R, step: &Step, state: &'a RestirView) -> Option<Bou
         R::SignalsBefore => view(denoiser()?.signals_before(step.iteration)),
         R::Guide | R::GuideRead => view(denoiser()?.guides()[0]),
         R::LastGuide => view(denoiser()?.guides()[1]),
+        R::OpticalImages | R::OpticalImagesRead => view(denoiser()?.optical_images()[0]),
+        R::LastOpticalImages => view(denoiser()?.optical_images()[1]),
+        R::ImagePlaces => view(denoiser()?.image_places()?),
+        R::ImagePlacesRead => view(denoiser()?.image_places().unwrap_or(&history?.black)),
         R::Means => view(denoiser()?.means()[0]),
         R::LastMeans => view(denoiser()?.means()[1]),
         R::PreviousVisibility => view(&history?.previous_visibility_view),

@@ -48,6 +48,7 @@ features! {
     SUN_DISK = 28, "SUN_DISK", "Directional lights with a disk.";
     BOUND_TEXTURES = 30, "BOUND_TEXTURES", "Textures that are bound in an array without a copy, if the device supports it.";
     DEFORMATION = 14, "DEFORMATION", "Skinned or morphed meshes.";
+    SMOOTH = 16, "SMOOTH", "Surfaces that may be as smooth as mirrors and clear glass.";
     SUBSURFACE = 13, "SUBSURFACE", "Subsurface scattering.";
     LIGHT_SHAPES = 29, "LIGHT_SHAPES", "Spheres, rectangles or suns with a disk: analytic lights that rays can hit.";
 }

@@ -32,10 +32,9 @@ pub struct Bdpt {
     pub light_paths: f32,
     /// What light paths are used for.  Default: [`LightTechniques::Lightweight`].
     pub techniques: LightTechniques,
-    /// Number of samples that a resampled path counts as when it is weighted against a light path, because pixels share resampled paths but
-    /// not light paths.  For light that arrives by a mirror or through glass, which next-event estimation cannot find, the light path
-    /// counts more by the same factor instead.  Larger values give less noise in light that resampling finds well, and more where light
-    /// paths would have found it better.  Without reuse it has no effect.  No cost, no bias.  1 to 1000; default 16; other values have not
+    /// Weight of a resampled camera path against a light path in their MIS weights: pixels share camera paths, but not light paths.  For
+    /// light that arrives by a mirror or through glass, which next-event estimation cannot find, the factor favors the light path.  Larger
+    /// values give less noise in light that resampling finds well, and more where light paths would have found it better.  Without reuse it has no effect.  No cost, no bias.  1 to 1000; default 16; other values have not
     /// been measured.
     pub reuse_gain: f32,
 }

@@ -22,7 +22,9 @@ use super::{Restir, Reuse, ReuseOrder, Technique};
 /// # use bevy::prelude::*;
 /// # use bevy_restir::prelude::*;
 /// # fn build(app: &mut App) {
-/// app.insert_resource(RestirBudget { gpu_ms: 8.0 });
+/// use bevy::render::diagnostic::RenderDiagnosticsPlugin;
+///
+/// app.add_plugins(RenderDiagnosticsPlugin).insert_resource(RestirBudget { gpu_ms: 8.0 });
 /// # }
 /// ```
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Reflect)]

@@ -87,9 +87,9 @@ impl Technique {
 /// `TemporalAntiAliasing` smooths edges in its place.
 ///
 /// The history of earlier frames survives motion of objects, lights and cameras, objects and lights that appear, vanish or change, and a
-/// sky that turns or changes its color.  It restarts when the pixels of an image change, when the shaders for the first light of a kind or
-/// for the first material with transmission, alpha or a clearcoat have been compiled, when the first translucent object appears or the last
-/// one disappears, when the size of the image, the render layers, the kind of projection or `Camera::invert_culling` changes, when the
+/// sky that turns or changes its color.  It restarts when the pixels of an image change, when the shaders for the first light of a kind,
+/// for the first material with transmission, a thin wall, alpha or a clearcoat, or for the first object that render layers hide have been
+/// compiled, when the first translucent object appears or the last one disappears, when the size of the image, the render layers, the kind of projection or `Camera::invert_culling` changes, when the
 /// environment appears, disappears or gets another image, or when one of these settings changes.  These do not restart it:
 /// [`Direct::candidates`], `firefly_limit`, `denoiser`, `accumulate`, `debug_scale`, [`Research::replay_compaction`], and all of [`Reuse`] except
 /// `order` and `temporal`.
@@ -124,7 +124,7 @@ pub struct Restir {
     /// debug views.  Cost: eight neighboring pixels are read for each pixel and domain.  Biased: darker, by the light of such pixels;
     /// glints and texture details that are smaller than a pixel dim.  0: no limit; otherwise 1 to 1e6; default 2.5.
     pub firefly_limit: f32,
-    /// Removes the noise of every frame.
+    /// Filters the light of each frame over frames and pixels.  Biased: blurs fine shadows.  Default: off; [`Denoiser::ON`] turns it on.
     pub denoiser: Denoiser,
     /// Selects one of 2^32 independent sequences of random numbers.  Default 0.
     pub seed: u32,

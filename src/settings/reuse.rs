@@ -5,13 +5,12 @@ use bevy::reflect::Reflect;
 use super::validate::{Problem, Ranges};
 
 /// When a pixel resamples the samples of its neighbors.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum ReuseOrder {
     /// Once a frame, from neighbors of the last frame (Wyman and Panteleev 2021, 6.2).  Fastest: no pass waits for another one.  Where a
     /// surface has just come into view its neighbors help one frame later.  No bias.
-    #[default]
     Spatiotemporal,
     /// First the surface's own sample of the last frame, then the samples of neighbors in this frame, in passes of their own (Bitterli et
     /// al. 2020).  Less noise where surfaces come into view; one more pass.  No bias.
@@ -20,7 +19,7 @@ pub enum ReuseOrder {
 
 /// MIS weights: how the samples of a pixel and of its neighbors are weighted against each other.  All kinds are unbiased; they differ in
 /// noise and cost.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum Mis {
@@ -30,7 +29,6 @@ pub enum Mis {
     OneOverZ,
     /// Generalized balance heuristic (Wyman and Panteleev 2021, Eq. 30).  Without pairs it has the least noise in two of three measured
     /// scenes; in the third one `DefensivePairwiseGris` has 20 % less error (`docs/experiments.md`).  k² + k target evaluations with their rays for k neighbors.
-    #[default]
     Balance,
     /// Each neighbor against the pixel's own sample, by confidence (Wyman et al. 2023, 7.1.3).  2k target evaluations.
     Pairwise,
@@ -53,7 +51,9 @@ impl Mis {
 }
 
 /// Reuse of samples across frames and pixels, for [`Direct`](super::Direct), [`Paths`](super::Paths) and
-/// [`SubsurfaceSampling`](super::SubsurfaceSampling).  Where one default is given, all three share it.
+/// [`SubsurfaceSampling`](super::SubsurfaceSampling).  Where one default is given, all three share it.  The defaults of direct light are
+/// [`Reuse::DIRECT`]: write `Reuse { radius: 30.0, ..Reuse::DIRECT }` there, since `..default()` gives those of paths.  A serialized `Reuse`
+/// that lacks fields also gets those of paths.
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
 pub struct Reuse {

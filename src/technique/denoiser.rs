@@ -6,18 +6,21 @@ use super::{
     pass::{ComputePass, PassResource as R},
 };
 
+/// Follows the rays of smooth mirrors and clear glass; in scenes that may have them.
+const IMAGES: ComputePass = ComputePass::per_pixel("denoiser_images", &[R::OpticalImages, R::ImagePlaces]);
 /// Writes the light of all domains, without albedo, and the guide.
 const INPUT: ComputePass = ComputePass {
     name: "denoiser_input",
     defs: &["TO_DENOISER"],
     resources: &{
-        let mut resources = [R::SignalsAfter; LIGHT_OF_DOMAINS.len() + 2];
+        let mut resources = [R::SignalsAfter; LIGHT_OF_DOMAINS.len() + 3];
         let mut i = 0;
         while i < LIGHT_OF_DOMAINS.len() {
             resources[i] = LIGHT_OF_DOMAINS[i];
             i += 1;
         }
         resources[i + 1] = R::Guide;
+        resources[i + 2] = R::OpticalImagesRead;
         resources
     },
     ..RESOLVE
@@ -25,15 +28,30 @@ const INPUT: ComputePass = ComputePass {
 /// Averages over frames.
 const TEMPORAL: ComputePass = ComputePass::per_pixel(
     "denoiser_temporal",
-    &[R::DenoiserSettings, R::SignalsBefore, R::GuideRead, R::LastGuide, R::LastMeans, R::Means, R::SignalsAfter],
+    &[
+        R::DenoiserSettings,
+        R::SignalsBefore,
+        R::GuideRead,
+        R::LastGuide,
+        R::LastMeans,
+        R::Means,
+        R::SignalsAfter,
+        R::OpticalImagesRead,
+        R::LastOpticalImages,
+        R::ImagePlacesRead,
+    ],
 );
 /// An iteration of the filter over pixels.
 const FILTER: ComputePass = ComputePass {
     specialized: false,
-    ..ComputePass::per_pixel("denoiser_filter", &[R::DenoiserSettings, R::SignalsBefore, R::GuideRead, R::SignalsAfter])
+    ..ComputePass::per_pixel(
+        "denoiser_filter",
+        &[R::DenoiserSettings, R::SignalsBefore, R::GuideRead, R::SignalsAfter, R::OpticalImagesRead],
+    )
 };
 /// Multiplies by the albedo, and adds emission.
-const OUTPUT: ComputePass = ComputePass::per_pixel("denoiser_output", &[R::SignalsBefore, R::Radiance]);
+const OUTPUT: ComputePass =
+    ComputePass::per_pixel("denoiser_output", &[R::SignalsBefore, R::Radiance, R::OpticalImagesRead]);
 
 /// Names of the iterations of the filter.
 const FILTER_NAMES: [&str; 5] = iteration_names!("denoiser", "_filter");
@@ -42,9 +60,13 @@ const FILTER_NAMES: [&str; 5] = iteration_names!("denoiser", "_filter");
 pub(crate) const FIRST_FILTER: usize = 2;
 
 /// The passes in order: name of the step, pass, and iteration of the denoiser.
-pub(super) fn steps(filter_iterations: u32) -> impl Iterator<Item = (&'static str, &'static ComputePass, usize)> {
+pub(super) fn steps(
+    filter_iterations: u32,
+    has_images: bool,
+) -> impl Iterator<Item = (&'static str, &'static ComputePass, usize)> {
     let filters = FILTER_NAMES.into_iter().take(filter_iterations as usize).map(|name| (name, &FILTER));
     let before = [(INPUT.name, &INPUT), (TEMPORAL.name, &TEMPORAL)];
     let passes = before.into_iter().chain(filters).chain([(OUTPUT.name, &OUTPUT)]);
-    passes.zip(0..).map(|((name, pass), iteration)| (name, pass, iteration))
+    let passes = passes.zip(0..).map(|((name, pass), iteration)| (name, pass, iteration));
+    has_images.then_some((IMAGES.name, &IMAGES, 0)).into_iter().chain(passes)
 }

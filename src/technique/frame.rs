@@ -100,6 +100,8 @@ pub(crate) struct Frame {
     compacts: bool,
     /// Iterations of the denoiser's filter; 0: no denoiser.
     filter_iterations: u32,
+    /// The denoiser follows the rays of smooth mirrors and clear glass.
+    images: bool,
 }
 
 /// A step of a frame.
@@ -136,12 +138,19 @@ impl Frame {
         }
         let compacts = settings.research.replay_compaction;
         let filter_iterations = settings.filter_iterations();
-        Self { technique, choice, show, connects, subsurface: false, pairing, compacts, filter_iterations }
+        let images = false;
+        Self { technique, choice, show, connects, subsurface: false, pairing, compacts, filter_iterations, images }
     }
 
-    /// The frame of a scene that has `Subsurface`.
-    pub(crate) fn with_subsurface(self) -> Self {
-        Self { subsurface: true, ..self }
+    /// The frame of a scene with these features, which may have passes of their own.
+    pub(crate) fn of_scene(self, features: SceneFeatures) -> Self {
+        let images = self.filter_iterations > 0 && features.contains(SceneFeatures::SMOOTH);
+        Self { subsurface: features.contains(SceneFeatures::SUBSURFACE), images, ..self }
+    }
+
+    /// Whether the denoiser follows the rays of smooth mirrors and clear glass.
+    pub(crate) fn has_images(self) -> bool {
+        self.images
     }
 
     fn row(self) -> &'static TechniqueRow {
@@ -219,7 +228,7 @@ impl Frame {
         }
         match self.shown() {
             Show::Light if self.filter_iterations > 0 => {
-                let of_denoiser = denoiser::steps(self.filter_iterations);
+                let of_denoiser = denoiser::steps(self.filter_iterations, self.images);
                 steps.extend(of_denoiser.map(|(name, pass, iteration)| Step {
                     name,
                     iteration,
@@ -265,7 +274,10 @@ impl PipelineKey {
     /// feature adds code for its own subject, and leaves all other code and its random numbers unchanged.  Pairs and
     /// the denoiser do not matter, because reservoirs hold nothing of theirs.
     pub(crate) fn reads_reservoirs_of(self, last: Self) -> bool {
-        let key = |frame| Frame { pairing: Default::default(), compacts: false, filter_iterations: 0, ..frame };
+        let key = |frame| {
+            let (pairing, compacts, filter_iterations, images) = Default::default();
+            Frame { pairing, compacts, filter_iterations, images, ..frame }
+        };
         key(self.frame) == key(last.frame)
     }
 

@@ -83,10 +83,7 @@ impl DebugView {
 pub fn pass_names(settings: &Restir, features: SceneFeatures) -> Vec<&'static str> {
     let settings = &settings.clone().clamped();
     let iterations = |domain: &Domain| (domain.schedule)(settings).iteration_kinds();
-    let mut frame = Frame::of(settings);
-    if features.contains(SceneFeatures::SUBSURFACE) {
-        frame = frame.with_subsurface();
-    }
+    let frame = Frame::of(settings).of_scene(features);
     frame.steps(iterations).into_iter().map(|step| step.name).collect()
 }
 

@@ -84,6 +84,16 @@ pub(crate) enum PassResource {
     GuideRead,
     /// The denoiser's guide of the last frame, read.
     LastGuide,
+    /// Optical images of this frame, written.
+    OpticalImages,
+    /// Optical images of this frame, read; one empty texel where the scene has nothing smooth.
+    OpticalImagesRead,
+    /// Optical images of the last frame, read; likewise.
+    LastOpticalImages,
+    /// Places of the optical images in the last frame, written.
+    ImagePlaces,
+    /// Places of the optical images in the last frame, read; likewise.
+    ImagePlacesRead,
     /// Means over frames, written.
     Means,
     /// Means over frames as the last frame left them, read.

@@ -23,6 +23,14 @@ const KINDS: u32 = 2;
 /// Greatest number of iterations, those before the filter included.
 const MAX_ITERATIONS: usize = FIRST_FILTER + Denoiser::MAX_ITERATIONS as usize;
 
+/// Textures for surfaces that smooth mirrors and clear glass show.
+struct ImageTextures {
+    /// Guides of the optical images of this frame and of the last one; the textures change roles with those of the guide.
+    guides: [TextureView; 2],
+    /// Places of the optical images in the last frame.
+    places: TextureView,
+}
+
 /// The textures of the denoiser.
 pub(crate) struct DenoiserTextures {
     settings: Buffer,
@@ -32,6 +40,9 @@ pub(crate) struct DenoiserTextures {
     guides: [TextureView; 2],
     /// Means over frames.
     means: [TextureView; 2],
+    images: Option<ImageTextures>,
+    /// A texel without an optical image.
+    no_image: TextureView,
     /// Index of the guide and the means of this frame.
     current: usize,
     /// The last frame left means.
@@ -39,12 +50,17 @@ pub(crate) struct DenoiserTextures {
 }
 
 impl DenoiserTextures {
-    pub(super) fn new(size: UVec2, device: &RenderDevice) -> Self {
+    pub(super) fn new(size: UVec2, has_images: bool, device: &RenderDevice) -> Self {
         let usage = TextureUsages::STORAGE_BINDING | TextureUsages::TEXTURE_BINDING;
-        let view = |label, layers, format| {
+        let view_of_size = |label, size, layers, format| {
             let dimension = if layers > 1 { TextureViewDimension::D2Array } else { TextureViewDimension::D2 };
             let descriptor = TextureViewDescriptor { dimension: Some(dimension), ..Default::default() };
             texture(device, label, size, layers, format, usage).create_view(&descriptor)
+        };
+        let view = |label, layers, format| view_of_size(label, size, layers, format);
+        let images = || ImageTextures {
+            guides: ["optical images", "last optical images"].map(|label| view(label, 1, PACKED_FORMAT)),
+            places: view("places of optical images", 1, LIGHT_FORMAT),
         };
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         Self {
@@ -52,6 +68,8 @@ impl DenoiserTextures {
             signals: ["light to denoise", "denoised light"].map(|label| view(label, KINDS, LIGHT_FORMAT)),
             guides: ["denoiser guide", "last denoiser guide"].map(|label| view(label, 1, PACKED_FORMAT)),
             means: ["denoiser means", "last denoiser means"].map(|label| view(label, KINDS, PACKED_FORMAT)),
+            images: has_images.then(images),
+            no_image: view_of_size("no optical image", UVec2::ONE, 1, PACKED_FORMAT),
             current: 0,
             has_means: false,
         }
@@ -88,19 +106,38 @@ impl DenoiserTextures {
         [&self.guides[self.current], &self.guides[1 - self.current]]
     }
 
+    pub(super) fn has_images(&self) -> bool {
+        self.images.is_some()
+    }
+
+    /// The optical images of this frame and of the last one.
+    pub(crate) fn optical_images(&self) -> [&TextureView; 2] {
+        match &self.images {
+            Some(images) => [&images.guides[self.current], &images.guides[1 - self.current]],
+            None => [&self.no_image; 2],
+        }
+    }
+
+    /// Places of the optical images in the last frame.
+    pub(crate) fn image_places(&self) -> Option<&TextureView> {
+        self.images.as_ref().map(|images| &images.places)
+    }
+
     /// The means of this frame and of the last one.
     pub(crate) fn means(&self) -> [&TextureView; 2] {
         [&self.means[self.current], &self.means[1 - self.current]]
     }
 
     /// Names and bytes.
-    pub(super) fn memory(pixels: u64) -> [(&'static str, u64); 4] {
+    pub(super) fn memory(&self, pixels: u64) -> Vec<(&'static str, u64)> {
         let kinds = u64::from(KINDS);
-        [
+        let mut memory = vec![
             ("denoiser settings", MAX_ITERATIONS as u64 * SETTINGS_STRIDE),
             ("denoiser light", 2 * kinds * pixels * 16),
             ("denoiser guides", 2 * pixels * 16),
             ("denoiser means", 2 * kinds * pixels * 16),
-        ]
+        ];
+        memory.extend(self.images.iter().map(|_| ("optical images", 3 * pixels * 16)));
+        memory
     }
 }

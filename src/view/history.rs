@@ -67,6 +67,7 @@ impl History {
         domains: &[&'static Domain],
         settings: &Restir,
         counts: LightPathCounts,
+        has_images: bool,
         device: &RenderDevice,
     ) -> Self {
         let entries = subset_entries(&settings.direct);
@@ -89,7 +90,7 @@ impl History {
             reservoirs: domains.iter().map(|&domain| Reservoirs::new(size, domain, settings, device)).collect(),
             light_paths: traces_light(domains).then(|| LightPaths::new(size, counts, has_splats, device)),
             pairs: Pairs::new(size, pair_kind(domains, settings), device),
-            denoiser: (settings.filter_iterations() > 0).then(|| DenoiserTextures::new(size, device)),
+            denoiser: (settings.filter_iterations() > 0).then(|| DenoiserTextures::new(size, has_images, device)),
             size,
         }
     }
@@ -114,20 +115,37 @@ impl History {
 
     /// Whether its resources of pairs and of the denoiser fit these settings.  Reservoirs do not depend on them, so that new ones replace them
     /// without a reset.
-    pub(crate) fn fits_passes(&self, settings: &Restir) -> bool {
-        Pairs::kind_of(self.pairs.as_ref()) == self.pair_kind(settings)
-            && self.denoiser.is_some() == (settings.filter_iterations() > 0)
+    pub(crate) fn fits_passes(&self, settings: &Restir, has_images: bool) -> bool {
+        self.fits_pairs(settings) && self.fits_denoiser(settings, has_images)
     }
 
-    /// Replaces the resources of pairs and of the denoiser.  If the device has no memory for them, there are none afterwards.
-    pub(crate) fn replace_passes(&mut self, settings: &Restir, device: &RenderDevice) -> Result<(), String> {
+    fn fits_pairs(&self, settings: &Restir) -> bool {
+        Pairs::kind_of(self.pairs.as_ref()) == self.pair_kind(settings)
+    }
+
+    fn fits_denoiser(&self, settings: &Restir, has_images: bool) -> bool {
+        let wanted = (settings.filter_iterations() > 0).then_some(has_images);
+        self.denoiser.as_ref().map(DenoiserTextures::has_images) == wanted
+    }
+
+    /// Replaces the resources of pairs and of the denoiser that do not fit.  If the device has no memory for them, there are none afterwards.
+    pub(crate) fn replace_passes(
+        &mut self,
+        settings: &Restir,
+        has_images: bool,
+        device: &RenderDevice,
+    ) -> Result<(), String> {
         // Drops the old textures first, because the memory may not hold both.
-        self.pairs = None;
-        self.denoiser = None;
-        let kind = self.pair_kind(settings);
-        self.pairs = allocation::attempt(device, "pairs", || Pairs::new(self.size, kind, device))?;
-        if settings.filter_iterations() > 0 {
-            let create = || DenoiserTextures::new(self.size, device);
+        if !self.fits_denoiser(settings, has_images) {
+            self.denoiser = None;
+        }
+        if !self.fits_pairs(settings) {
+            self.pairs = None;
+            let kind = self.pair_kind(settings);
+            self.pairs = allocation::attempt(device, "pairs", || Pairs::new(self.size, kind, device))?;
+        }
+        if self.denoiser.is_none() && settings.filter_iterations() > 0 {
+            let create = || DenoiserTextures::new(self.size, has_images, device);
             self.denoiser = Some(allocation::attempt(device, "denoiser", create)?);
         }
         Ok(())
@@ -173,7 +191,7 @@ impl History {
         }
         memory.extend(self.light_paths.iter().flat_map(LightPaths::memory));
         memory.extend(self.pairs.iter().flat_map(|pairs| pairs.memory(pixels)));
-        memory.extend(self.denoiser.iter().flat_map(|_| DenoiserTextures::memory(pixels)));
+        memory.extend(self.denoiser.iter().flat_map(|denoiser| denoiser.memory(pixels)));
         memory
     }
 

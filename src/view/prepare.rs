@@ -57,7 +57,7 @@ pub(super) fn prepare_views(
     let _running = times.measure(Stage::Views);
     let limit = binding_limit(&device.limits());
     warned.begin_frame();
-    warned.retain(|(entity, _)| extracted.0.contains_key(entity));
+    warned.retain(|(entity, _)| entities.contains(*entity));
     let pool = &mut *pool;
     for (entity, view) in pool.views.extract_if(|entity, _| !extracted.0.contains_key(entity)) {
         pool.paused.insert(entity, view.into_paused());

@@ -254,20 +254,22 @@ impl RestirView {
             return Ok(());
         }
         let counts = self.light_path_counts(scene, limit);
+        let has_images = self.key.is_some_and(|key| key.frame.has_images());
         let fits =
             self.history.as_ref().is_some_and(|history| history.fits(self.size, domains, &self.settings, counts));
         if !fits {
             // Drops the old history first, because the memory may not hold both.
             self.drop_history();
-            let create = || History::new(self.size, domains, &self.settings, counts, device);
+            let create = || History::new(self.size, domains, &self.settings, counts, has_images, device);
             let created = allocation::attempt(device, "history", create);
             let history = created.inspect_err(|_| self.rendered = false)?;
             self.history = Some(history);
         }
-        if let Some(history) = self.history.as_mut().filter(|history| !history.fits_passes(&self.settings)) {
+        let replaced = self.history.as_mut().filter(|history| !history.fits_passes(&self.settings, has_images));
+        if let Some(history) = replaced {
             // Bind groups would keep the old textures alive.
             self.bind_groups.clear();
-            history.replace_passes(&self.settings, device).inspect_err(|_| self.rendered = false)?;
+            history.replace_passes(&self.settings, has_images, device).inspect_err(|_| self.rendered = false)?;
         }
         let last = LastFrame {
             has_history: fits && self.frame > 0,

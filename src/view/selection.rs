@@ -54,15 +54,14 @@ pub(crate) fn requested_key(
     scene: &SceneBindings,
     environments: &EnvironmentPool,
 ) -> PipelineKey {
-    let mut frame = Frame::of(&restir.settings);
     let mut features = scene.features | environments.features(restir.environment.as_ref());
     features.set(SceneFeatures::RENDER_LAYERS, scene.hidden_from & restir.layers != 0);
     features.set(SceneFeatures::ENERGY_COMPENSATION, restir.settings.energy_compensation);
     let splits_light = restir.settings.debug_view.is_part_of_light() || restir.settings.filter_iterations() > 0;
     features.set(SceneFeatures::SPLIT_LIGHT, splits_light);
-    if features.contains(SceneFeatures::SUBSURFACE) {
-        frame = frame.with_subsurface();
-    }
+    let frame = Frame::of(&restir.settings).of_scene(features);
+    // No shader depends on it.
+    features.remove(SceneFeatures::SMOOTH);
     let inputs = frame.domains().iter().map(|domain| (domain.schedule)(&restir.settings).max_searched_inputs());
     features.set(SceneFeatures::MANY_NEIGHBORS, inputs.max().unwrap_or(0) > FEW_INPUTS);
     PipelineKey { frame, features }

@@ -111,8 +111,8 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "means stay in their pixels",
         "pass/denoiser_temporal.wgsl",
-        "let at = clamp(project(view.previous, before.position) - view.jitter - 0.5,",
-        "let at = clamp(project(view.current, before.position) - view.jitter - 0.5,",
+        "let at = clamp(project(view.previous, position) - view.jitter - 0.5,",
+        "let at = clamp(project(view.current, position) - view.jitter - 0.5,",
         &["means_over_frames_follow_the_camera"],
     ),
     mutant(
@@ -146,8 +146,29 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "mirrors are filtered as widely as rough surfaces",
         "pass/denoiser_filter.wgsl",
-        "let narrow = shape * exp(-distance_in_radii * distance_in_radii);",
-        "let narrow = shape;",
+        "let narrow = of_image * exp(-distance_in_radii * distance_in_radii);",
+        "let narrow = of_image;",
         &["reflections_stay_sharp"],
+    ),
+    mutant(
+        "mirrors are not filtered",
+        "pass/denoiser_images.wgsl",
+        "if !seen.exists {",
+        "if true {",
+        &["smooth_mirrors_and_glass"],
+    ),
+    mutant(
+        "textures in mirrors are filtered with the light",
+        "denoiser/optical_image.wgsl",
+        "select(vec3<f32>(1.0), root * root, is_image(p))",
+        "select(vec3<f32>(1.0), vec3<f32>(0.5), is_image(p))",
+        &["reflections_stay_sharp"],
+    ),
+    mutant(
+        "means of mirrors follow the surfaces that they show",
+        "pass/denoiser_images.wgsl",
+        "before.linear * last.position + before.offset",
+        "last.position",
+        &["means_of_mirrors_follow_the_camera"],
     ),
 ];

@@ -11,7 +11,7 @@ const FRAMES: u32 = 24;
 
 fn settings(technique: Technique, denoiser: Denoiser) -> Restir {
     let paths = Paths::default();
-    Restir { technique, bounces: BOUNCES, jitter: Jitter::Never, firefly_limit: 0.0, denoiser, paths, ..plain() }
+    Restir { technique, bounces: BOUNCES, jitter: Jitter::Never, firefly_limit: 2.5, denoiser, paths, ..plain() }
 }
 
 fn truth(rig: &mut Rig, bounces: u32) -> Picture {
@@ -123,11 +123,16 @@ fn textures_stay_sharp() {
     assert!(denoised < 0.5 * plain && denoised < 2e-3, "{plain} and {denoised}");
 }
 
-/// Errors of the last of some frames: without the denoiser, with its filter alone, and with means over frames.  `pose`: sets the scene up for
-/// a share of the motion, from 0 to 1.
-fn errors_in_motion(rig: &mut Rig, pose: impl Fn(&mut Rig, f32)) -> [f64; 3] {
-    let pictures = [Denoiser::OFF, Denoiser { history: 1, ..Denoiser::ON }, Denoiser::ON].map(|denoiser| {
-        rig.set(|restir| *restir = settings(Technique::Pt, denoiser));
+/// Errors of a part of the last of some frames: without the denoiser, with its filter alone, and with means over frames.  `pose`: sets the
+/// scene up for a share of the motion, from 0 to 1.
+fn errors_in_motion(
+    rig: &mut Rig,
+    (bounces, on): (u32, Denoiser),
+    part: fn(&Picture) -> Picture,
+    pose: impl Fn(&mut Rig, f32),
+) -> [f64; 3] {
+    let pictures = [Denoiser::OFF, Denoiser { history: 1, ..on }, on].map(|denoiser| {
+        rig.set(|restir| *restir = Restir { bounces, ..settings(Technique::Pt, denoiser) });
         pose(rig, 0.0);
         rig.until_ready();
         rig.set(|restir| restir.reset = true);
@@ -138,14 +143,14 @@ fn errors_in_motion(rig: &mut Rig, pose: impl Fn(&mut Rig, f32)) -> [f64; 3] {
         pose(rig, 1.0);
         rig.next()
     });
-    let truth = truth(rig, BOUNCES);
-    pictures.map(|picture| error(&picture, &truth))
+    let truth = part(&truth(rig, bounces));
+    pictures.map(|picture| error(&part(&picture), &truth))
 }
 
 #[test]
 fn means_over_frames_follow_the_camera() {
     let Some(mut rig) = room_scene(SIZE) else { return };
-    let [plain, filtered, both] = errors_in_motion(&mut rig, |rig, t| {
+    let [plain, filtered, both] = errors_in_motion(&mut rig, (BOUNCES, Denoiser::ON), Picture::clone, |rig, t| {
         *rig.get_mut::<Transform>(rig.camera) =
             Transform::from_xyz(1.3 - 2.2 * t, 0.2, 4.0 - 0.5 * t).looking_at(Vec3::new(0.0, -0.2, 0.0), Vec3::Y);
     });
@@ -157,7 +162,9 @@ fn means_over_frames_follow_the_camera() {
 #[test]
 fn means_over_frames_follow_objects_and_lights() {
     let Some(mut rig) = scene(SIZE, moving) else { return };
-    let [plain, filtered, both] = errors_in_motion(&mut rig, |rig, t| pose_moving_at(rig, STEPS as f32 * t));
+    let [plain, filtered, both] = errors_in_motion(&mut rig, (BOUNCES, Denoiser::ON), Picture::clone, |rig, t| {
+        pose_moving_at(rig, STEPS as f32 * t)
+    });
     println!("everything: {plain:.4}, filtered {filtered:.4}, and over frames {both:.4}");
     assert!(filtered < 0.8 * plain && both < 0.9 * plain && both < 1.4 * filtered, "{plain}, {filtered}, {both}");
     rig.assert_sound();
@@ -190,41 +197,87 @@ fn light_that_dims_does_not_linger() {
 }
 
 /// A mirror before two walls, with a striped object in front of it.
-fn mirrored(rig: &mut Rig) {
+/// A striped wall behind the camera, in a mirror of this roughness.
+fn mirrored(rig: &mut Rig, roughness: f32) {
     let stripes = texture(24, 1, |x, _| if x % 2 == 0 { [250, 240, 200, 255] } else { [20, 30, 60, 255] });
     let image = Some(rig.add::<Image>(stripes));
     let striped = StandardMaterial { base_color_texture: image, ..lambert(1.0) };
-    rig.spawn(square(4.0), shiny(Color::linear_rgb(0.9, 0.9, 0.9), 0.05, 1.0), Transform::from_xyz(0.0, 0.0, -1.2));
+    rig.spawn(
+        square(4.0),
+        shiny(Color::linear_rgb(0.9, 0.9, 0.9), roughness, 1.0),
+        Transform::from_xyz(0.0, 0.0, -1.2),
+    );
     rig.spawn(square(8.0), striped, Transform::from_xyz(0.0, 0.0, 6.0).looking_to(Vec3::Z, Vec3::Y));
     rig.spawn(square(1.5), lamp(6.0, 5.0, 4.0), facing(Vec3::new(0.5, 3.0, 2.0), Vec3::new(0.0, 0.0, 6.0)));
 }
 
 #[test]
 fn reflections_stay_sharp() {
-    let Some(mut rig) = scene(SIZE, mirrored) else { return };
-    let truth = truth(&mut rig, BOUNCES);
-    let [plain, denoised, light] = compare(&mut rig, Technique::Pt, &truth);
-    // The filter alone, for few bounces: without the noise that it could remove.
-    rig.set(|restir| {
-        *restir = Restir { bounces: 2, ..settings(Technique::Pt, Denoiser { history: 1, ..Denoiser::ON }) }
-    });
-    let filtered = rig.picture(1);
-    rig.set(|restir| restir.denoiser = Denoiser::OFF);
-    let unfiltered = rig.picture(1);
-    let change = error(&filtered, &unfiltered);
-    println!("mirror: {plain:.4}, denoised {denoised:.4}, light {light:+.4}; the filter changes {change:.5}");
-    assert!(denoised < plain && light.abs() < 0.02 && change < 1e-3, "{plain}, {denoised}, {light}, {change}");
+    for roughness in [0.05, 0.0] {
+        let Some(mut rig) = scene(SIZE, |rig| mirrored(rig, roughness)) else { return };
+        let truth = truth(&mut rig, BOUNCES);
+        let [plain, denoised, light] = compare(&mut rig, Technique::Pt, &truth);
+        // The filter alone, for few bounces: without the noise that it could remove.
+        let alone = Denoiser { history: 1, ..Denoiser::ON };
+        rig.set(|restir| *restir = Restir { bounces: 2, ..settings(Technique::Pt, alone) });
+        let filtered = rig.picture(1);
+        rig.set(|restir| restir.denoiser = Denoiser::OFF);
+        let unfiltered = rig.picture(1);
+        let change = error(&filtered, &unfiltered);
+        println!("{roughness}: {plain:.5}, denoised {denoised:.5}, light {light:+.4}; the filter changes {change:.6}");
+        assert!(denoised < plain && light.abs() < 0.02 && change < 1e-3, "{plain}, {denoised}, {light}, {change}");
+    }
 }
 
 #[test]
 fn reflections_do_not_trail() {
-    let Some(mut rig) = scene(SIZE, mirrored) else { return };
-    let [plain, filtered, both] = errors_in_motion(&mut rig, |rig, t| {
-        *rig.get_mut::<Transform>(rig.camera) =
-            Transform::from_xyz(0.3 - 0.8 * t, 0.2, 4.0).looking_at(Vec3::new(0.0, -0.2, 0.0), Vec3::Y);
-    });
+    let Some(mut rig) = scene(SIZE, |rig| mirrored(rig, 0.16)) else { return };
+    let [plain, filtered, both] = errors_in_motion(&mut rig, (BOUNCES, Denoiser::ON), Picture::clone, move_sideways);
     println!("mirror in motion: {plain:.4}, filtered {filtered:.4}, and over frames {both:.4}");
     assert!(both < 1.2 * filtered, "{plain}, {filtered}, {both}");
+}
+
+fn move_sideways(rig: &mut Rig, t: f32) {
+    *rig.get_mut::<Transform>(rig.camera) =
+        Transform::from_xyz(0.3 - 0.8 * t, 0.2, 4.0).looking_at(Vec3::new(0.0, -0.2, 0.0), Vec3::Y);
+}
+
+/// With fewer bounces, dark spots would surround what mirrors show of mirrors.
+const IN_MIRRORS: u32 = 8;
+
+/// The part of a picture of `mirror_room` that shows its mirror wall.
+fn mirror_wall(picture: &Picture) -> Picture {
+    let is_left = |i: usize| i % (SIZE as usize) < SIZE as usize / 6;
+    let pixels = picture.pixels.iter().enumerate().filter(|&(i, _)| is_left(i)).map(|(_, p)| *p).collect();
+    Picture { pixels, ..picture.clone() }
+}
+
+#[test]
+fn smooth_mirrors_and_glass_show_denoised_surfaces() {
+    let Some(mut rig) = Rig::load("mirror_room", SIZE) else { return };
+    let truth = truth(&mut rig, IN_MIRRORS);
+    let [plain, denoised] = [Denoiser::OFF, Denoiser::ON].map(|denoiser| {
+        rig.set(|restir| *restir = Restir { bounces: IN_MIRRORS, ..settings(Technique::Pt, denoiser) });
+        rig.picture(FRAMES)
+    });
+    let light = denoised.mean() / plain.mean() - 1.0;
+    let [all, wall] =
+        [Picture::clone, mirror_wall].map(|part| [&plain, &denoised].map(|p| error(&part(p), &part(&truth))));
+    println!("whole picture {all:.4?}, mirror {wall:.4?}, light {light:+.4}");
+    assert!(all[1] < 0.55 * all[0] && wall[1] < 0.75 * wall[0] && light.abs() < 0.03, "{all:?}, {wall:?}, {light}");
+    rig.assert_sound();
+}
+
+#[test]
+fn means_of_mirrors_follow_the_camera() {
+    let Some(mut rig) = Rig::load("mirror_room", SIZE) else { return };
+    let from = *rig.get_mut::<Transform>(rig.camera);
+    let few = Denoiser { iterations: 1, ..Denoiser::ON };
+    let [plain, filtered, both] = errors_in_motion(&mut rig, (IN_MIRRORS, few), mirror_wall, |rig, t| {
+        *rig.get_mut::<Transform>(rig.camera) = from * Transform::from_xyz(0.4 * t - 0.2, 0.0, 0.0);
+    });
+    println!("mirror in motion: {plain:.4}, filtered {filtered:.4}, and over frames {both:.4}");
+    assert!(filtered < 0.6 * plain && both < 0.88 * filtered, "{plain}, {filtered}, {both}");
 }
 
 #[test]

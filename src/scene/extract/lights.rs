@@ -122,7 +122,7 @@ impl Lights<'_, '_> {
         let mut hidden = HashMap::default();
         lights.retain(|(entity, _)| {
             let camera_mask = sets.camera_mask(self.layers.get(**entity).ok());
-            if camera_mask != ALL_CAMERAS {
+            if camera_mask != 0 && camera_mask != ALL_CAMERAS {
                 hidden.insert(*entity, ALL_CAMERAS & !camera_mask);
             }
             camera_mask != 0

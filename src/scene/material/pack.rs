@@ -95,6 +95,9 @@ pub(super) fn pack(m: &StandardMaterial, emissive_luminance: f32) -> (GpuMateria
     (packed, has_replaced.get())
 }
 
+/// Perceptual roughness below which the denoiser follows rays: above the root of `SMOOTH` in `shaders/denoiser/optical_image.wgsl`.
+const SMOOTH: f32 = 0.142;
+
 /// Features of the scene that shaders need for a material.
 pub(super) fn features_of(m: &GpuMaterial) -> SceneFeatures {
     let mut features = SceneFeatures::empty();
@@ -113,6 +116,8 @@ pub(super) fn features_of(m: &GpuMaterial) -> SceneFeatures {
         (specular || diffuse) && (m.thickness == 0.0 || m.textures & SLOT_THICKNESS != 0),
     );
     features.set(SceneFeatures::ATTENUATION, (specular || diffuse) && m.attenuation != [0.0; 3]);
+    let may_be_smooth = m.perceptual_roughness < SMOOTH || m.textures & SLOT_METALLIC_ROUGHNESS != 0;
+    features.set(SceneFeatures::SMOOTH, may_be_smooth && m.flags & MATERIAL_UNLIT == 0);
     features.set(SceneFeatures::CLEARCOAT, m.clearcoat > 0.0);
     features.set(SceneFeatures::ANISOTROPY, m.anisotropy_strength > 0.0 && m.flags & MATERIAL_UNLIT == 0);
     features

@@ -57,7 +57,9 @@ fn main() -> AppExit {
 }
 
 fn settings(args: &Args) -> Restir {
-    Restir { technique: args.technique, bdpt: Bdpt { light_paths: 4.0, ..default() }, ..default() }
+    let bdpt = Bdpt { light_paths: 4.0, ..default() };
+    // Without jitter `Bdpt` blurs caustics by up to a pixel.
+    Restir { technique: args.technique, bdpt, jitter: Jitter::Always, ..default() }
 }
 
 fn surroundings() -> RestirEnvironment {

@@ -100,7 +100,11 @@ fn open(
                     let image = Some(images.add(image));
                     for (camera, environment, is_added, look) in &mut cameras {
                         match environment {
-                            Some(mut environment) if !is_added => environment.image = image.clone(),
+                            // Its color was that of a sky without an image.
+                            Some(mut environment) if !is_added => {
+                                environment.image = image.clone();
+                                environment.color = LinearRgba::WHITE;
+                            }
                             // The sky is the user's from now on, and no file takes it away.
                             _ => {
                                 let sky = RestirEnvironment { image: image.clone(), ..default() };

@@ -5,7 +5,7 @@ use bevy_egui::egui::{
     self,
     text::{CCursor, CCursorRange},
 };
-use bevy_restir::RestirStatistics;
+use bevy_restir::{RestirStatistics, RestirStatus};
 use std::path::PathBuf;
 
 use super::{
@@ -24,6 +24,7 @@ pub fn file(
     mut typed: Local<String>,
     stage: Res<Stage>,
     statistics: Res<RestirStatistics>,
+    status: Res<RestirStatus>,
     added: Query<(), With<AddedSky>>,
     mut open: MessageWriter<Open>,
 ) {
@@ -45,15 +46,18 @@ pub fn file(
         }
     });
     let note = |text: &str| egui::Label::new(egui::RichText::new(text).color(NOTE)).wrap();
-    match (&stage.shown, stage.line.as_str()) {
-        (None, "") => _ = ui.label("Drop a glTF file here."),
-        (Some(scene), "") => {
-            let name = scene.path.file_name().unwrap_or_default().to_string_lossy();
-            ui.strong(name).on_hover_text(scene.path.display().to_string());
-        }
-        (_, line) => _ = ui.add(note(line)),
+    if let Some(scene) = &stage.shown {
+        let name = scene.path.file_name().unwrap_or_default().to_string_lossy();
+        ui.strong(name).on_hover_text(scene.path.display().to_string());
+    } else if stage.line.is_empty() {
+        ui.label("Drop a glTF file here.");
     }
-    if stage.shown.is_some() && !statistics.report().ready {
+    if !stage.line.is_empty() {
+        ui.add(note(&stage.line));
+    }
+    if let RestirStatus::Off(reason) = &*status {
+        ui.add(note(&format!("Bevy lights the scene: {reason}")));
+    } else if stage.shown.is_some() && !statistics.report().ready {
         ui.weak("building and compiling ...");
     }
     if !added.is_empty() {
