@@ -98,8 +98,16 @@ fn update_materials(scene: &mut ExtractedScene, pools: &mut Pools, context: &Con
     drop(running);
     let running = times.measure(Stage::Textures);
     let used_changed = materials.has_changed();
-    let slots_changed =
-        textures.update(used_changed, materials.images(), images, pipelines, shaders, assets, device, queue);
+    let slots_changed = textures.update(
+        used_changed,
+        materials.images(&scene.instances),
+        images,
+        pipelines,
+        shaders,
+        assets,
+        device,
+        queue,
+    );
     drop(running);
     let _running = times.measure(Stage::Materials);
     materials.pack(textures, slots_changed);

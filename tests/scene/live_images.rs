@@ -202,3 +202,26 @@ fn an_environment_with_the_output_of_a_camera_lights_the_scene() {
     }
     rig.assert_sound();
 }
+
+#[test]
+fn a_hidden_screen_restarts_no_history() {
+    let Some(mut rig) = Rig::new(8, 8) else { return };
+    rig.spawn_bundle((PointLight { intensity: 100.0, ..default() }, Transform::from_xyz(0.0, 0.0, 3.0)));
+    rig.spawn(square(8.0), lambert(0.5), Transform::from_xyz(0.0, 0.0, -1.0));
+    let (image, _) = screen(&mut rig, TextureFormat::Rgba8UnormSrgb, None);
+    let surface = StandardMaterial { base_color_texture: Some(image), ..lambert(1.0) };
+    let entity = rig.spawn(square(1.0), surface, Transform::default());
+    rig.set(|restir| restir.technique = Technique::Di);
+    let restarts = |rig: &mut Rig| {
+        rig.until_ready();
+        rig.frames(3);
+        let before = rig.report().history_resets;
+        rig.frames(4);
+        rig.report().history_resets != before
+    };
+    assert!(restarts(&mut rig), "a screen that is seen");
+    rig.insert(entity, Visibility::Hidden);
+    assert!(!restarts(&mut rig), "a hidden screen");
+    rig.insert(entity, Visibility::Visible);
+    assert!(restarts(&mut rig), "a screen that is seen again");
+}

@@ -344,3 +344,19 @@ fn of_several_levels_of_detail_the_one_in_range_is_hit() {
     rig.get_mut::<Transform>(rig.camera).translation.z = 30.0;
     assert_eq!(rig.picture(1).center(), Vec3::X, "without a range");
 }
+
+#[test]
+fn a_light_that_no_camera_sees_restarts_no_history() {
+    let Some(mut rig) = Rig::new(8, 8) else { return };
+    sun(&mut rig);
+    floor(&mut rig, 0.5);
+    rig.set(|restir| restir.technique = Technique::Di);
+    rig.until_ready();
+    rig.frames(3);
+    let before = rig.report().history_resets;
+    rig.spawn_bundle((DirectionalLight::default(), RenderLayers::layer(5)));
+    rig.frames(3);
+    rig.until_ready();
+    rig.frames(3);
+    assert_eq!(rig.report().history_resets, before);
+}

@@ -283,10 +283,13 @@ impl MaterialPool {
         Some(slot)
     }
 
-    /// Images that the materials in use need.
-    pub(crate) fn images(&self) -> impl Iterator<Item = AssetId<Image>> {
-        let materials = self.slots.iter().flatten().filter_map(|slot| self.sources.get(&slot.id));
-        materials.flat_map(textures_of).map(|texture| texture.image.id())
+    /// Images that the materials in use need, and whether an instance shows them.  An image may come more than once.
+    pub(crate) fn images(&self, instances: &InstanceList) -> impl Iterator<Item = (AssetId<Image>, bool)> {
+        let materials = self.slots.iter().flatten().filter_map(|slot| Some((slot.id, self.sources.get(&slot.id)?)));
+        materials.flat_map(|(id, material)| {
+            let is_shown = instances.users_of_material(id).next().is_some();
+            textures_of(material).map(move |texture| (texture.image.id(), is_shown))
+        })
     }
 
     /// Packs the materials that have changed, or all of them if a texture has changed.

@@ -278,11 +278,11 @@ impl TexturePool {
     }
 
     /// Binds the images that are used and loaded, or copies them to the atlas.  Does nothing where neither the used images nor their pixels
-    /// can have changed.  True if a slot was added, moved or lost.
+    /// can have changed.  `used`: each image, and whether an instance shows it.  True if a slot was added, moved or lost.
     pub(crate) fn update(
         &mut self,
         used_changed: bool,
-        used: impl Iterator<Item = AssetId<Image>>,
+        used: impl Iterator<Item = (AssetId<Image>, bool)>,
         images: &RenderAssets<GpuImage>,
         pipelines: &PipelineCache,
         shaders: &ShaderLibrary,
@@ -295,6 +295,8 @@ impl TexturePool {
         if !self.due && !used_changed {
             return false;
         }
+        let mut shown = HashSet::new();
+        let used = used.inspect(|&(id, is_shown)| _ = is_shown && shown.insert(id)).map(|(id, _)| id);
         let (used, all_usable) = self.usable(used, images, assets, device);
         self.visited = used.len() as u64;
         let mut moved = core::mem::take(&mut self.lost_slot);
@@ -304,16 +306,17 @@ impl TexturePool {
         };
         let mut new: Vec<_> = used.iter().filter(|id| is_new(id)).copied().collect();
         new.sort_unstable();
-        self.edit_revision += u64::from(new.iter().any(|id| self.has_slot(*id)));
+        self.edit_revision += u64::from(new.iter().any(|id| self.has_slot(*id) && shown.contains(id)));
         moved |= self.reject_unsupported(&mut new, images, device);
         moved |= self.bind(&mut new, images);
         // Images that the GPU writes count as changed in every frame.
         let is_live = |id: &AssetId<Image>| images.get(*id).is_some_and(|i| is_live(i.texture_descriptor.usage));
         let live: Vec<_> = used.iter().filter(|id| is_live(id) && !self.rejected.contains(*id)).copied().collect();
-        self.edit_revision += u64::from(!live.is_empty());
+        self.edit_revision += u64::from(live.iter().any(|id| shown.contains(id)));
         self.due =
             !(self.complete && all_usable && new.is_empty() && live.is_empty() && self.allocator.left_out() == 0);
-        let mut copied: HashSet<_> = live.into_iter().filter(|id| self.allocator.get(*id).is_some()).collect();
+        let is_copied = |id: &AssetId<Image>| shown.contains(id) && self.allocator.get(*id).is_some();
+        let mut copied: HashSet<_> = live.into_iter().filter(is_copied).collect();
         if new.is_empty() && copied.is_empty() {
             return moved;
         }
