@@ -1,4 +1,4 @@
-//! An ordinary Bevy app that bevy_restir lights: it only adds the plugin, and `Restir` to the camera.
+//! An ordinary Bevy app that bevy_restir lights: it only adds the plugin, and `Restir` to the camera. Space (held) turns the cube.
 //!
 //! `cargo run -p bevy_restir_apps --bin minimal`
 

@@ -42,7 +42,7 @@ struct Args {
     frames: Option<u32>,
 }
 
-const KEYS: &str = "drag, WASD, Q, E: fly   C: circle   Space: pause";
+const KEYS: &str = "drag, WASD, Q, E: fly (Shift: faster)   C: circle   Space: pause";
 
 fn main() -> AppExit {
     let args = Args::parse();
@@ -60,7 +60,7 @@ fn spawn_camera(mut commands: Commands, args: Res<Args>) {
             Camera3d::default(),
             look(Some(Exposure::default().ev100)),
             flight::Flight::default(),
-            Restir { technique: args.technique, ..default() },
+            Restir { technique: args.technique, denoiser: Denoiser::ON, ..default() },
             RestirEnvironment { color: LinearRgba::rgb(16.0, 24.0, 44.0), ..default() },
         ))
         // A curve that keeps bright colors saturated.
