@@ -22,7 +22,7 @@ struct SeenDirection {
 // Of the reflected direction and the refracted one, that with more light.
 fn seen_direction(b: Bsdf, wo: vec3<f32>) -> SeenDirection {
     let cosine = abs(dot(wo, b.n));
-    var reflects = reflectance(b, cosine);
+    let reflects = reflectance(b, cosine);
     var seen = SeenDirection(true, reflect(-wo, b.n), reflects);
     let transmits = transmitted_share(b, cosine);
     if max_component(transmits) > max_component(reflects) {

@@ -89,8 +89,9 @@ impl Technique {
 /// The history of earlier frames survives motion of objects, lights and cameras, objects and lights that appear, vanish or change, and a
 /// sky that turns or changes its color.  It restarts when the pixels of an image change, when the shaders for the first light of a kind,
 /// for the first material with transmission, a thin wall, alpha or a clearcoat, or for the first object that render layers hide have been
-/// compiled, when the first translucent object appears or the last one disappears, when the size of the image, the render layers, the kind of projection or `Camera::invert_culling` changes, when the
-/// environment appears, disappears or gets another image, or when one of these settings changes.  These do not restart it:
+/// compiled, when the first translucent object appears or the last one disappears, when the size of the image, the render layers, the kind
+/// of projection or `Camera::invert_culling` changes, when the environment appears, disappears or gets another image, or when one of these
+/// settings changes.  These do not restart it:
 /// [`Direct::candidates`], `firefly_limit`, `denoiser`, `accumulate`, `debug_scale`, [`Research::replay_compaction`], and all of [`Reuse`] except
 /// `order` and `temporal`.
 /// [`RestirReport::history_resets`](crate::RestirReport::history_resets) counts the restarts by reason.

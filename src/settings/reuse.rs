@@ -28,7 +28,8 @@ pub enum Mis {
     /// neighbors.
     OneOverZ,
     /// Generalized balance heuristic (Wyman and Panteleev 2021, Eq. 30).  Without pairs it has the least noise in two of three measured
-    /// scenes; in the third one `DefensivePairwiseGris` has 20 % less error (`docs/experiments.md`).  k² + k target evaluations with their rays for k neighbors.
+    /// scenes; in the third one `DefensivePairwiseGris` has 20 % less error (`docs/experiments.md`).  k² + k target evaluations
+    /// with their rays for k neighbors.
     Balance,
     /// Each neighbor against the pixel's own sample, by confidence (Wyman et al. 2023, 7.1.3).  2k target evaluations.
     Pairwise,
