@@ -61,7 +61,7 @@ fn triangle_emitted_ray(light: u32, u_point: vec2<f32>, u_direction: vec2<f32>, 
     }
     let position = surface_point(instance, triangle, barycentrics, previous);
     var ray = area_emitted_ray(light, position, normal, triangle_light_color(instance, triangle, barycentrics), 1.0 / t.area, u);
-    ray.origin = offset_point(position, normal, normal, offset_distance(instance, triangle, barycentrics));
+    ray.origin = offset_point(position, normal, normal, offset_distance(instance, triangle, barycentrics, t.normal, previous));
     if both_sides {
         ray.pdf_direction *= 0.5;
         ray.power *= 2.0;

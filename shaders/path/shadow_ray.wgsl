@@ -11,12 +11,12 @@
 #import bevy_restir::trace::trace::trace_any
 #import bevy_restir::view::render_layers::light_kind
 
-// The shadow ray to a point of a light, from an offset point to an offset point before the light.
-fn ray_to_light(s: Surface, l: LightSample) -> Ray {
+// The shadow ray to a point of a light, from an offset point to an offset point before the light.  `previous`: both belong to the last frame.
+fn ray_to_light(s: Surface, l: LightSample, previous: bool) -> Ray {
     let origin = offset_point(s.position, s.bsdf.n_geo, l.wi, s.offset);
     var ray = Ray(origin, 0.0, l.wi, FAR);
     if l.distance < FAR {
-        let end = offset_end(l.position, l.normal, -l.wi, light_offset(l), l.distance);
+        let end = offset_end(l.position, l.normal, -l.wi, light_offset(l, previous), l.distance);
         ray.direction = end - origin;
         ray.t_max = shadow_ray_t_max(l);
     }
@@ -33,7 +33,7 @@ fn ray_between(a: Surface, b: Surface) -> Ray {
 
 // Whether a surface sees a light sample; with `previous`, both belong to the last frame.
 fn light_is_visible(s: Surface, l: LightSample, alpha_seed: u32, previous: bool) -> bool {
-    return !trace_any(ray_to_light(s, l), alpha_seed, previous);
+    return !trace_any(ray_to_light(s, l, previous), alpha_seed, previous);
 }
 
 // End of the ray.  Spherical and rectangular lights may lie a little behind a surface (DISTANCE_TOLERANCE).
@@ -48,9 +48,9 @@ fn shadow_ray_t_max(l: LightSample) -> f32 {
 #endif
 
 // Offset of a point on a light, m.
-fn light_offset(l: LightSample) -> f32 {
+fn light_offset(l: LightSample, previous: bool) -> f32 {
     if light_kind(l.light) != LIGHT_TRIANGLE {
         return 0.0;
     }
-    return offset_distance(lights[l.light].data.x, lights[l.light].data.y, l.barycentrics);
+    return offset_distance(lights[l.light].data.x, lights[l.light].data.y, l.barycentrics, l.normal, previous);
 }

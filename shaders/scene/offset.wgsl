@@ -3,8 +3,8 @@
 // of fixed constants).
 #define_import_path bevy_restir::scene::offset
 
-#import bevy_restir::scene::bindings::{instances, triangles}
-#import bevy_restir::scene::triangle::{instance_transform, stored_triangle, triangle_normal}
+#import bevy_restir::scene::bindings::triangles
+#import bevy_restir::scene::triangle::{instance_transform, linear_inverse, stored_triangle}
 
 // Half an ulp of 1, times a factor for errors that the bound neglects.
 const ROUNDING: f32 = 0x1p-24 * 2.0;
@@ -17,21 +17,21 @@ fn surface_point(instance: u32, triangle: u32, barycentrics: vec2<f32>, previous
     return vec4<f32>(object_point(stored, barycentrics), 1.0) * instance_transform(instance, previous);
 }
 
-// Bound on the distance (m, along the geometric normal) of `surface_point` from the plane of its triangle, with the rounding errors of the
+// Bound on the distance (m, along the geometric `normal`) of `surface_point` from the plane of its triangle, with the rounding errors of the
 // intersection test of a ray that starts there.
-fn offset_distance(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> f32 {
-    let v0 = triangles[triangle].a;
-    let v1 = triangles[triangle].b;
-    let v2 = triangles[triangle].c;
-    let world = instances[instance].world_from_object;
-    let inverse = instances[instance].object_from_world;
+fn offset_distance(instance: u32, triangle: u32, barycentrics: vec2<f32>, normal: vec3<f32>, previous: bool) -> f32 {
+    let stored = stored_triangle(instance, triangle, previous);
+    let v0 = triangles[stored].a;
+    let v1 = triangles[stored].b;
+    let v2 = triangles[stored].c;
+    let world = instance_transform(instance, previous);
+    let object = linear_inverse(instance, previous);
     let linear = mat3x3<f32>(world[0].xyz, world[1].xyz, world[2].xyz);
-    let object = mat3x3<f32>(inverse[0].xyz, inverse[1].xyz, inverse[2].xyz);
     let linear_size = mat3x3<f32>(abs(linear[0]), abs(linear[1]), abs(linear[2]));
     let object_size = mat3x3<f32>(abs(object[0]), abs(object[1]), abs(object[2]));
 
     // In object space: rounding of the point, and of the intersection, which is relative to the triangle's extent.
-    let p = object_point(triangle, barycentrics);
+    let p = object_point(stored, barycentrics);
     let extent = max(max(abs(v1 - v0), abs(v2 - v1)), abs(v0 - v2));
     let offset_from_center = p * linear;
     let back = abs(offset_from_center) * object_size;
@@ -39,9 +39,7 @@ fn offset_distance(instance: u32, triangle: u32, barycentrics: vec2<f32>) -> f32
     // In world space: rounding of the transform, and of the ray's origin.
     let position = abs(offset_from_center + vec3<f32>(world[0].w, world[1].w, world[2].w));
     let in_world = (in_object + 3.0 * abs(p)) * linear_size + 2.0 * position;
-    // Normals are transformed by the inverse transpose.
-    let n = object * triangle_normal_unit(v0, v1, v2);
-    return ROUNDING * dot(abs(n), in_world) / max(length(n), 0x1p-120);
+    return ROUNDING * dot(abs(normal), in_world);
 }
 
 // Moves a point off its surface, to the side that `direction` points to.
@@ -59,10 +57,4 @@ fn offset_end(position: vec3<f32>, n_geo: vec3<f32>, direction: vec3<f32>, dista
 fn object_point(triangle: u32, barycentrics: vec2<f32>) -> vec3<f32> {
     let v0 = triangles[triangle].a;
     return v0 + (barycentrics.x * (triangles[triangle].b - v0) + barycentrics.y * (triangles[triangle].c - v0));
-}
-
-fn triangle_normal_unit(v0: vec3<f32>, v1: vec3<f32>, v2: vec3<f32>) -> vec3<f32> {
-    let n = triangle_normal(v0, v1, v2);
-    let size = max(abs(n.x), max(abs(n.y), abs(n.z)));
-    return normalize(n / max(size, 0x1p-120));
 }

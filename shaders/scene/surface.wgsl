@@ -118,7 +118,7 @@ fn surface_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, wo: vec3<f3
 
     var s: Surface;
     s.position = surface_point(instance, triangle, barycentrics, previous);
-    s.offset = offset_distance(instance, triangle, barycentrics);
+    s.offset = offset_distance(instance, triangle, barycentrics, t.normal, previous);
     s.front = u32(front);
     s.material = material;
     s.attenuation = materials[material].attenuation;

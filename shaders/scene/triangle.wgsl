@@ -52,6 +52,21 @@ fn instance_transform(instance: u32, previous: bool) -> mat3x4<f32> {
     return instances[instance].world_from_object;
 }
 
+// Vectors of world space, multiplied from the left, become vectors of object space.
+fn linear_inverse(instance: u32, previous: bool) -> mat3x3<f32> {
+    if previous {
+        // By cofactors: the inverse of the last frame is not stored.
+        let world = instances[instance].previous_world_from_object;
+        let x = cross(world[1].xyz, world[2].xyz);
+        let y = cross(world[2].xyz, world[0].xyz);
+        let z = cross(world[0].xyz, world[1].xyz);
+        let scale = 1.0 / dot(world[0].xyz, x);
+        return transpose(mat3x3<f32>(x * scale, y * scale, z * scale));
+    }
+    let object = instances[instance].object_from_world;
+    return mat3x3<f32>(object[0].xyz, object[1].xyz, object[2].xyz);
+}
+
 // Where the corners of a triangle are stored, now or (`previous`) in the last frame.  A mesh that bends has its triangles twice: those of the
 // last frame lie behind those of this one.
 #ifdef DEFORMATION

@@ -86,7 +86,7 @@ fn entry_surface(exit: Surface, hit: Hit, previous: bool) -> Surface {
     let through = 1.0 - f0 - (f90 - f0) / 21.0;
     var s: Surface;
     s.position = surface_point(hit.instance, hit.triangle, hit.barycentrics, previous);
-    s.offset = offset_distance(hit.instance, hit.triangle, hit.barycentrics);
+    s.offset = offset_distance(hit.instance, hit.triangle, hit.barycentrics, t.normal, previous);
     s.front = 1u;
     s.material = exit.material;
     s.attenuation = exit.attenuation;

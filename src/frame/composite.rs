@@ -83,9 +83,7 @@ pub(super) fn draw(
     }
     draw_fullscreen(view, pipeline, [scene_group, &group], &attachments, depth, context);
     // Bevy's prepass copied the depth texture before our depth was written.
-    if let Some((textures, copy)) = prepass.and_then(|textures| Some((textures, textures.depth.as_ref()?)))
-        && textures.deferred.is_none()
-    {
+    if let Some((textures, copy)) = prepass.and_then(|textures| Some((textures, textures.depth.as_ref()?))) {
         let (from, to) = (depth.texture.as_image_copy(), copy.texture.texture.as_image_copy());
         context.command_encoder().copy_texture_to_texture(from, to, textures.size);
     }

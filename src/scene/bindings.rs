@@ -13,7 +13,7 @@ use bevy::{
 use crate::gpu_layout::GpuSceneUniforms;
 use crate::scene::{
     accel::ray_query::{self, AccelerationStructures},
-    features::{FeatureMemory, SceneFeatures},
+    features::{Memory, SceneFeatures},
     geometry::draw_list::DrawList,
     material::directional_albedo,
     storage::allocation,
@@ -65,7 +65,8 @@ pub(crate) struct SceneBindings {
     /// The table for energy compensation; `None` until a camera uses it.
     pub specular_albedo: Option<TextureView>,
     pub features: SceneFeatures,
-    pub(super) feature_memory: FeatureMemory,
+    pub(super) feature_memory: Memory<SceneFeatures>,
+    pub(super) hidden_memory: Memory<u32>,
     /// Counts the frames in which instances moved, appeared, disappeared or were edited, and those in which lights changed.  Temporal reuse
     /// tolerates all this, because the scene of the last frame is kept.
     pub motion_revision: u64,
@@ -89,7 +90,7 @@ pub(crate) struct SceneBindings {
     /// Draw calls of the visibility pass, and the revisions of instances and materials that they are made for.
     pub draw_list: DrawList,
     pub draws_key: [u64; 2],
-    /// Bits of the cameras that do not see some instance or light which another camera sees.
+    /// Bits of the cameras that do not see some instance or light which another camera sees, or did not see one a short time ago.
     pub hidden_from: u32,
     /// Whether there is an object that only cameras see (`NotShadowCaster`), or that only other rays hit (`RestirMaterial`).
     pub has_camera_dependent_objects: bool,

@@ -1,5 +1,7 @@
 //! Features that the scene, the camera or the device has.  Shaders are specialized for them, and buffers and passes exist only for them.
 
+use core::ops::BitOr;
+
 use bevy::shader::ShaderDefVal;
 
 macro_rules! features {
@@ -53,30 +55,29 @@ features! {
     LIGHT_SHAPES = 29, "LIGHT_SHAPES", "Spheres, rectangles or suns with a disk: analytic lights that rays can hit.";
 }
 
-/// Keeps features for a while after they have vanished: each set of features has pipelines of its own, which take time to compile, so a lamp
-/// that is switched off and on must not change the set each time.
+/// Keeps the bits of features for a while after they have vanished: each set of features has pipelines of its own, which take time to
+/// compile, so a lamp that is switched off and on must not change the set each time.
 #[derive(Debug, Default)]
-pub(crate) struct FeatureMemory {
-    /// Features of the current period and of the one before.
-    recent: [SceneFeatures; 2],
+pub(crate) struct Memory<T> {
+    /// Bits of the current period and of the one before.
+    recent: [T; 2],
     frame: u32,
 }
 
-impl FeatureMemory {
-    /// Frames of a period.
-    const PERIOD: u32 = 600;
-
-    /// The features of this frame, and those that vanished in this period or in the one before: each is kept for one to two periods.
-    pub(crate) fn update(&mut self, present: SceneFeatures) -> SceneFeatures {
+impl<T: Copy + Default + BitOr<Output = T>> Memory<T> {
+    /// The bits of this frame, and those that vanished in this period or in the one before: each is kept for one to two periods.
+    pub(crate) fn update(&mut self, present: T) -> T {
         self.frame += 1;
-        if self.frame >= Self::PERIOD {
-            *self = Self { recent: [SceneFeatures::empty(), self.recent[0]], frame: 0 };
+        if self.frame >= MEMORY_PERIOD {
+            *self = Self { recent: [T::default(), self.recent[0]], frame: 0 };
         }
-        self.recent[0] |= present;
-        // Translucent objects need buffers and passes of their own, which a scene without such objects should not pay for.
-        (self.recent[0] | self.recent[1]).difference(SceneFeatures::SUBSURFACE) | present
+        self.recent[0] = self.recent[0] | present;
+        self.recent[0] | self.recent[1]
     }
 }
+
+/// Frames of a period.
+const MEMORY_PERIOD: u32 = 600;
 
 impl SceneFeatures {
     /// Contents of a scene whose light takes paths that shaders without the feature never sample.  All other contents, such as textures,
@@ -114,11 +115,9 @@ mod tests {
 
     #[test]
     fn features_are_remembered_for_at_least_a_period_and_less_than_two() {
-        let mut memory = FeatureMemory::default();
+        let mut memory = Memory::default();
         assert_eq!(memory.update(SceneFeatures::ALPHA), SceneFeatures::ALPHA);
         let frames = (0..5000).take_while(|_| memory.update(SceneFeatures::empty()) == SceneFeatures::ALPHA).count();
-        assert!((FeatureMemory::PERIOD..2 * FeatureMemory::PERIOD).contains(&(frames as u32)), "{frames}");
-        memory.update(SceneFeatures::SUBSURFACE);
-        assert_eq!(memory.update(SceneFeatures::empty()), SceneFeatures::empty());
+        assert!((MEMORY_PERIOD..2 * MEMORY_PERIOD).contains(&(frames as u32)), "{frames}");
     }
 }

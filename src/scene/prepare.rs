@@ -262,7 +262,9 @@ fn update_bind_groups(bindings: &mut SceneBindings, pools: &mut Pools, context: 
 /// Records the facts about the scene that views, frames and the report read.
 fn summarize(bindings: &mut SceneBindings, pools: &Pools) {
     let Pools { meshes, textures, materials, instances, lights, .. } = pools;
-    bindings.features = bindings.feature_memory.update(instances.totals.features() | lights.features);
+    let present = instances.totals.features() | lights.features;
+    // Translucent objects need buffers and passes of their own, which a scene without such objects should not pay for.
+    bindings.features = bindings.feature_memory.update(present).difference(SceneFeatures::SUBSURFACE) | present;
     bindings.features.set(SceneFeatures::RAY_QUERY, instances.top.structures.is_some());
     bindings.motion_revision = instances.motion_revision + lights.revision;
     let top = &instances.top;
@@ -274,7 +276,7 @@ fn summarize(bindings: &mut SceneBindings, pools: &Pools) {
     bindings.instances = instances.totals.instances;
     bindings.lights = lights.count() as u64;
     bindings.has_camera_dependent_objects = instances.totals.has_camera_dependent_objects();
-    bindings.hidden_from = instances.totals.hidden_from() | lights.hidden_from;
+    bindings.hidden_from = bindings.hidden_memory.update(instances.totals.hidden_from() | lights.hidden_from);
 }
 
 /// Numbers of elements that were looked at in this frame.  All are 0 where nothing has changed.  `drawn`: instances that were looked at for

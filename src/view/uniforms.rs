@@ -1,7 +1,7 @@
 //! Uniforms of a view (`shaders/view/bindings.wgsl`) and its sub-pixel jitter.
 
 use bevy::{
-    math::{Mat3, Mat4, Vec4},
+    math::{Mat3, Mat4, Vec2, Vec4},
     render::{
         camera::{ExtractedCamera, TemporalJitter},
         renderer::RenderQueue,
@@ -187,9 +187,10 @@ impl RestirView {
     fn jitter(&self, inputs: &UniformInputs) -> [f32; 2] {
         let settings = &inputs.restir.settings;
         match inputs.bevy_jitter {
-            Some(j) => (j.offset * self.size.as_vec2() / self.target_size.as_vec2()).to_array(),
-            None if settings.jitters() => jitter_of(self.sequence, settings.seed),
-            None => [0.0; 2],
+            // Bevy leaves the component, with an offset of 0, where temporal antialiasing was removed.
+            Some(j) if j.offset != Vec2::ZERO => (j.offset * self.size.as_vec2() / self.target_size.as_vec2()).to_array(),
+            _ if settings.jitters() => jitter_of(self.sequence, settings.seed),
+            _ => [0.0; 2],
         }
     }
 }

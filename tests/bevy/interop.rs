@@ -65,6 +65,7 @@ struct Looks {
     jitter: Vec2,
     viewport: Option<Viewport>,
     smaller: Option<UVec2>,
+    deferred: bool,
 }
 
 /// A scene in which everything moves: renders two frames and returns the prepass.
@@ -78,6 +79,9 @@ fn moving(restir: bool, looks: &Looks) -> Option<Vec<[f32; 4]>> {
     let camera = rig.camera;
     let jitter = TemporalJitter { offset: looks.jitter };
     rig.insert(camera, (DepthPrepass, MotionVectorPrepass, jitter, looks.projection.clone()));
+    if looks.deferred {
+        rig.insert(camera, DeferredPrepass);
+    }
     rig.get_mut::<Camera>(camera).viewport = looks.viewport.clone();
     if restir {
         rig.until_ready();
@@ -105,7 +109,7 @@ fn moving(restir: bool, looks: &Looks) -> Option<Vec<[f32; 4]>> {
 fn depth_and_motion_vectors_equal_those_of_bevys_own_prepass() {
     let right = Viewport { physical_position: UVec2::new(20, 4), physical_size: UVec2::new(28, 28), ..default() };
     let perspective = Projection::Perspective(PerspectiveProjection::default());
-    let plain = Looks { projection: perspective, jitter: Vec2::ZERO, viewport: None, smaller: None };
+    let plain = Looks { projection: perspective, jitter: Vec2::ZERO, viewport: None, smaller: None, deferred: false };
     // The jitter of Bevy's temporal anti-aliasing.
     let jitter = Vec2::new(0.3, -0.2);
     for (name, looks) in [
@@ -113,6 +117,7 @@ fn depth_and_motion_vectors_equal_those_of_bevys_own_prepass() {
         ("jittered", Looks { jitter, ..plain.clone() }),
         ("orthographic", Looks { projection: orthographic(6.0, 4.0), ..plain.clone() }),
         ("in a viewport", Looks { viewport: Some(right), ..plain.clone() }),
+        ("with a deferred prepass", Looks { deferred: true, ..plain.clone() }),
         // The resolution of Bevy's DLSS.
         ("at a lower resolution for an upscaler", Looks { jitter, smaller: Some(UVec2::new(36, 24)), ..plain }),
     ] {

@@ -360,3 +360,31 @@ fn a_light_that_no_camera_sees_restarts_no_history() {
     rig.frames(3);
     assert_eq!(rig.report().history_resets, before);
 }
+
+#[test]
+fn an_object_of_another_camera_that_comes_back_restarts_no_history() {
+    let Some(mut rig) = Rig::new(8, 8) else { return };
+    sun(&mut rig);
+    floor(&mut rig, 0.5);
+    rig.set(|restir| restir.technique = Technique::Di);
+    let image = rig.add::<Image>(target_image(UVec2::new(4, 4)));
+    rig.spawn_bundle((
+        Camera3d::default(),
+        Camera { order: 1, ..default() },
+        RenderTarget::Image(ImageRenderTarget::from(image)),
+        RenderLayers::from_layers(&[0, 1]),
+        plain(),
+    ));
+    let aside = Transform::from_xyz(50.0, 0.0, 0.0);
+    let appear = |rig: &mut Rig| {
+        let object = rig.spawn(Cuboid::from_length(1.0), lambert(0.5), aside);
+        rig.insert(object, RenderLayers::layer(1));
+        rig.until_ready();
+        rig.frames(3);
+        rig.app.world_mut().despawn(object);
+        rig.frames(3);
+        rig.report().history_resets
+    };
+    let first = appear(&mut rig);
+    assert_eq!(appear(&mut rig), first);
+}

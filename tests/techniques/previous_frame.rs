@@ -116,7 +116,7 @@ fn reads_of_the_last_frame_equal_those_of_that_frame() {
 }
 
 /// Edits that make a read of the last frame read this frame.
-pub const WRONG: [(&str, &str, &str, &str); 9] = [
+pub const WRONG: [(&str, &str, &str, &str); 10] = [
     (
         "transform",
         "scene/triangle.wgsl",
@@ -135,6 +135,12 @@ pub const WRONG: [(&str, &str, &str, &str); 9] = [
         "let is_second = previous && (instances",
         "let is_second = false && (instances",
     ),
+    (
+        "offset of a ray's origin",
+        "scene/offset.wgsl",
+        "let world = instance_transform(instance, previous);",
+        "let world = instance_transform(instance, false);",
+    ),
     ("jitter", "view/camera.wgsl", "+ 0.5 + view.previous_jitter);", "+ 0.5 + view.jitter);"),
     (
         "eye of the footprint",
@@ -142,7 +148,12 @@ pub const WRONG: [(&str, &str, &str, &str); 9] = [
         "view.previous.world_from_view[3].xyz, previous)",
         "view.current.world_from_view[3].xyz, previous)",
     ),
-    ("instance of a ray", "trace/space.wgsl", "    if previous {", "    if false {"),
+    (
+        "instance of a ray",
+        "trace/space.wgsl",
+        "let world = instance_transform(instance, previous);",
+        "let world = instance_transform(instance, false);",
+    ),
     ("light", "light/remap.wgsl", "if !previous || scene.previous_lights == 0u {", "if true {"),
     (
         "density of a light",

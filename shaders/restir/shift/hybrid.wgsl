@@ -364,7 +364,7 @@ fn hit_analytic_light(
         (*w).density *= light_factor(l);
     }
     require_same_end(w, s, is_connectable_end((*w).before, l.position, l.normal, c));
-    (*w).rays = with_shadow_ray((*w).rays, ray_to_light(at, l), alpha_seed);
+    (*w).rays = with_shadow_ray((*w).rays, ray_to_light(at, l, previous), alpha_seed);
     end_on_light(w, s, index, step, l.radiance * transmittance(medium, l.distance), l, c);
 }
 
@@ -435,7 +435,8 @@ fn end_with_nee(w: ptr<function, Walk>, s: PathSample, index: u32, c: ShiftParam
     end_path(w, s, index, nee.f, mis_sum_of_nee((*w).state, (*w).v, nee.light, nee.pdf_bsdf, index, c.counts));
     // From the reconnection vertex on, visibility changes only where something moved.
     if index < s.reconnection || retrace {
-        (*w).rays = with_shadow_ray((*w).rays, ray_to_light((*w).v.surface, nee.light), path_alpha_seed(s.seed, index, DIMENSION_SHADOW_RAY));
+        let ray = ray_to_light((*w).v.surface, nee.light, previous);
+        (*w).rays = with_shadow_ray((*w).rays, ray, path_alpha_seed(s.seed, index, DIMENSION_SHADOW_RAY));
     }
 }
 

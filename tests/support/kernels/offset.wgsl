@@ -43,8 +43,8 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let q = surface_point(pair.other_instance, pair.other_triangle, pair.other_barycentrics, false);
     let n_p = normal_of(pair.instance, pair.triangle);
     let n_q = normal_of(pair.other_instance, pair.other_triangle);
-    let d_p = pair.factor * offset_distance(pair.instance, pair.triangle, pair.barycentrics);
-    let d_q = pair.factor * offset_distance(pair.other_instance, pair.other_triangle, pair.other_barycentrics);
+    let d_p = pair.factor * offset_distance(pair.instance, pair.triangle, pair.barycentrics, n_p, false);
+    let d_q = pair.factor * offset_distance(pair.other_instance, pair.other_triangle, pair.other_barycentrics, n_q, false);
 
     let start = offset_point(p, n_p, pair.direction, d_p);
     let hit = trace_closest(Ray(start, 0.0, pair.direction, 3.0e38), 0u);

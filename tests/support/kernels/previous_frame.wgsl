@@ -60,7 +60,7 @@ fn quantity(ids: vec2<u32>, place: vec2<u32>, previous: bool, row: u32) -> vec3<
             return r.first.wo;
         }
         case 3u: {
-            return vec3<f32>(r.first.cone.width, r.shift.separation, f32(s.front));
+            return vec3<f32>(r.first.cone.width, r.shift.separation, f32(s.front) + 1.0e5 * s.offset);
         }
         case 4u: {
             return vec3<f32>(min(hit.t, 100.0), f32(hit.instance & 0xffu), f32(hit.triangle & 0xffu));
