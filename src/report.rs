@@ -162,18 +162,40 @@ pub(crate) fn update_report(
         views.views.values().filter(|view| view.has_target).all(|view| view.rendered && view.key_is_requested);
     statistics.set_shows_settings(shows_settings);
     report.ready = scene.ready && environments.ready && shows_settings;
+    passes.update_report(&mut report.pipelines);
+    report_scene(&mut report, &scene);
+    report.memory.push(environments.memory());
+    report_views(&mut report, &views);
+    report_counters(&mut report, &views, run);
+    report.memory.retain(|(_, bytes)| *bytes > 0);
+    log_guards(&report.guards, &mut reported);
+}
+
+fn report_scene(report: &mut RestirReport, scene: &SceneBindings) {
     report.backend = if scene.features.contains(SceneFeatures::RAY_QUERY) { "hardware" } else { "software" };
-    report.features = scene.features;
+    report.features = scene.features.difference(SceneFeatures::RAY_QUERY);
     report.uploaded_bytes = scene.uploaded_bytes;
     report.visited.clone_from(&scene.visited);
-    passes.update_report(&mut report.pipelines);
     report.triangles = scene.triangles;
     report.instances = scene.instances;
     report.lights = scene.lights;
     report.memory = scene.memory.clone();
-    report.memory.push(environments.memory());
+}
+
+/// Adds the memory and the features of the rendered views.
+fn report_views(report: &mut RestirReport, views: &ViewPool) {
     report.reservoir_bytes_per_pixel = 0;
     report.samples = 0;
+    for view in views.views.values().filter(|view| view.rendered) {
+        report.memory.extend(view.memory());
+        report.reservoir_bytes_per_pixel = report.reservoir_bytes_per_pixel.max(view.reservoir_bytes_per_pixel());
+        report.samples = view.accumulated + 1;
+        report.features |= view.key.unwrap_or_default().features.difference(SceneFeatures::RAY_QUERY);
+    }
+}
+
+/// Adds up the counters: rays and broken pixels of the rendered views; resets and guards of all cameras.
+fn report_counters(report: &mut RestirReport, views: &ViewPool, run: u32) {
     let mut resets = ResetCounts::default();
     let mut counters = GpuCounters::default();
     let mut guards: Vec<_> = GUARDS.iter().map(|guard| (guard.name, 0)).collect();
@@ -190,27 +212,22 @@ pub(crate) fn update_report(
         view.counters.read();
         let newest = view.counters.newest(run);
         count(&view.resets, &newest);
-        if !view.rendered {
-            continue;
-        }
-        counters.rays = counters.rays.saturating_add(newest.rays);
-        counters.non_finite_pixels += newest.non_finite_pixels;
-        counters.overflow_flags |= newest.overflow_flags;
-        report.memory.extend(view.memory());
-        report.reservoir_bytes_per_pixel = report.reservoir_bytes_per_pixel.max(view.reservoir_bytes_per_pixel());
-        report.samples = view.accumulated + 1;
-        if let Some(key) = view.key {
-            report.features |= key.features;
+        if view.rendered {
+            counters.rays = counters.rays.saturating_add(newest.rays);
+            counters.non_finite_pixels += newest.non_finite_pixels;
+            counters.overflow_flags |= newest.overflow_flags;
         }
     }
-    report.features.remove(SceneFeatures::RAY_QUERY);
-    report.memory.retain(|(_, bytes)| *bytes > 0);
     report.rays = counters.rays as u64;
     report.non_finite_pixels = counters.non_finite_pixels as u64;
     report.overflow_flags = counters.overflow_flags;
     report.history_resets = resets.named().collect();
     report.guards = guards;
-    for (guard, (name, pixels)) in GUARDS.iter().zip(&report.guards) {
+}
+
+/// Logs each guard once, when it is raised first.
+fn log_guards(guards: &[(&'static str, u64)], reported: &mut Vec<&'static str>) {
+    for (guard, (name, pixels)) in GUARDS.iter().zip(guards) {
         if *pixels > 0 && !reported.contains(name) {
             reported.push(name);
             error!(

@@ -115,6 +115,7 @@ fn every_setting_and_every_choice_has_a_tooltip() {
         }
     }
     walk(&Restir::default(), &Docs::default());
+    walk(&Preset::Balanced, &Docs::default());
 }
 
 /// All text that egui has laid out.

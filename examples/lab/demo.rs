@@ -1,7 +1,7 @@
 //! Pictures that show what ReSTIR is for: the reference path tracer, ReSTIR PT in the same time, and the converged picture.
 
 use bevy::math::UVec2;
-use bevy_restir::{Restir, Technique};
+use bevy_restir::{Denoiser, Restir, Technique};
 use bevy_restir_support::{arguments, exr_file, picture::write_png, progress::Progress};
 use std::path::PathBuf;
 
@@ -56,8 +56,9 @@ fn compare(args: &Args, scene: &Scene) -> Result<(), String> {
     let size = file.as_ref().map_or(args.size.unwrap_or(SIZE), |file| file.0);
     let stated = || file.as_ref().and_then(|_| reference_bounces(scene).ok());
     let bounces = args.bounces.or_else(stated).unwrap_or(Restir::default().bounces);
-    // The reference files are made without energy compensation.
-    let settings = |technique| Restir { technique, bounces, energy_compensation: false, ..Restir::default() };
+    // The reference files are made without energy compensation, and the samples of path tracing are not filtered either.
+    let (energy_compensation, denoiser) = (false, Denoiser::OFF);
+    let settings = |technique| Restir { technique, bounces, energy_compensation, denoiser, ..Restir::default() };
     let (reference, restir) = (settings(Technique::Reference), settings(Technique::Pt));
     let mut bench = Bench::of_scene(scene, size, reference.clone(), &Counts { warmup: HISTORY, frames: TIMED })?;
     let silent = Progress::hidden();

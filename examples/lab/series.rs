@@ -1,8 +1,8 @@
 //! The compared settings, as data.
 
 use bevy_restir::{
-    BiasCorrection, Direct, Jitter, Mis, Paths, Preset, Reconnection, Research, ReservoirLayout, Restir, Reuse,
-    ReuseOrder, Technique, VisibilityReuse,
+    BiasCorrection, Denoiser, Direct, Jitter, Mis, Paths, Preset, Reconnection, Research, ReservoirLayout, Restir,
+    Reuse, ReuseOrder, Technique, VisibilityReuse,
 };
 
 /// Figures of a row.
@@ -33,6 +33,7 @@ pub fn plain(technique: Technique, bounces: u32) -> Restir {
         jitter: Jitter::Never,
         energy_compensation: false,
         firefly_limit: 0.0,
+        denoiser: Denoiser::OFF,
         paths: Paths { separate_direct_light: false, ..Paths::default() },
         ..Restir::default()
     }

@@ -11,13 +11,13 @@ use super::validate::{Problem, Ranges};
 ///
 /// Biased: shadows, reflections and caustics that are finer than the filter are blurred; light that changes slowly lags behind.  Histories
 /// are not filtered, so that reuse stays unbiased.  What smooth mirrors and clear glass show is filtered like other surfaces, which costs a
-/// ray for each mirror.  Off by default.  No effect on [`Technique::Reference`](super::Technique::Reference), with
+/// ray for each mirror.  On except in [`Preset::Unbiased`](super::Preset::Unbiased).  No effect on [`Technique::Reference`](super::Technique::Reference), with
 /// [`Restir::accumulate`](super::Restir::accumulate) and on debug views.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
 pub struct Denoiser {
     /// Iterations of the filter over pixels.  Each doubles the radius, to 2, 6, 14, 30 and 62 pixels: less noise, and wider blur.  0 turns the
-    /// denoiser off, with its passes and 160 bytes a pixel (208 in scenes with smooth materials).  0 to 5; default 0; [`Denoiser::ON`] has 5.
+    /// denoiser off, with its passes and 160 bytes a pixel (208 in scenes with smooth materials).  0 to 5; default 5.
     pub iterations: u32,
     /// Greatest number of frames in the mean of a pixel.  More frames have less noise and flicker; light that changes lags longer.  1 to 255;
     /// default 32.
@@ -40,8 +40,8 @@ impl Denoiser {
 }
 
 impl Default for Denoiser {
-    /// [`Denoiser::OFF`].
+    /// [`Denoiser::ON`].
     fn default() -> Self {
-        Self::OFF
+        Self::ON
     }
 }

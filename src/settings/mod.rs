@@ -125,7 +125,8 @@ pub struct Restir {
     /// debug views.  Cost: eight neighboring pixels are read for each pixel and domain.  Biased: darker, by the light of such pixels;
     /// glints and texture details that are smaller than a pixel dim.  0: no limit; otherwise 1 to 1e6; default 2.5.
     pub firefly_limit: f32,
-    /// Filters the light of each frame over frames and pixels.  Biased: blurs fine shadows.  Default: off; [`Denoiser::ON`] turns it on.
+    /// Removes noise from each frame by a filter over frames and pixels; histories keep it.  Biased: blurs fine shadows.  Default:
+    /// [`Denoiser::ON`]; [`Denoiser::OFF`] for frames that something else filters or averages.
     pub denoiser: Denoiser,
     /// Selects one of 2^32 independent sequences of random numbers.  Default 0.
     pub seed: u32,
@@ -142,7 +143,7 @@ pub struct Restir {
     /// Variants for measurements.
     pub research: Research,
     /// Shows the mean of all frames for as long as the image does not change: for stills.  [`Technique::Reference`] always does so.  It
-    /// turns [`Restir::firefly_limit`] off, and [`Jitter::Auto`] jitters.  No cost; no bias.  Default: off.
+    /// turns [`Restir::firefly_limit`] and [`Restir::denoiser`] off, and [`Jitter::Auto`] jitters.  No cost; no bias.  Default: off.
     pub accumulate: bool,
     /// Shows a debug view instead of light.
     pub debug_view: DebugView,
@@ -163,7 +164,7 @@ impl Default for Restir {
             jitter: Jitter::Auto,
             energy_compensation: true,
             firefly_limit: 2.5,
-            denoiser: Denoiser::OFF,
+            denoiser: Denoiser::ON,
             seed: 0,
             direct: Direct::default(),
             paths: Paths::default(),

@@ -2,7 +2,7 @@
 
 use bevy::reflect::Reflect;
 
-use super::{BiasCorrection, Direct, Paths, Restir, Reuse, SuffixRetrace, VisibilityReuse};
+use super::{BiasCorrection, Denoiser, Direct, Paths, Restir, Reuse, SuffixRetrace, VisibilityReuse};
 
 /// A trade of speed for accuracy: see [`Restir::preset`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Reflect)]
@@ -14,13 +14,15 @@ pub enum Preset {
     /// [`Technique::Di`](super::Technique::Di) and [`Technique::Gi`](super::Technique::Gi) direct light is resampled as by Wyman and
     /// Panteleev 2021, with visibility reused within 30 pixels: shadows are blurred and lag (brighter in them, darker beside them).  Under
     /// motion, paths miss light that was hidden from their later vertices in the last frame (darker; [`SuffixRetrace::ForwardOnly`]).
-    /// Single bright pixels are limited (darker; [`Restir::firefly_limit`]).
+    /// Single bright pixels are limited (darker; [`Restir::firefly_limit`]), and the denoiser blurs fine shadows ([`Restir::denoiser`]).
     Performance,
-    /// Eight bounces: later light is missing (darker).  Single bright pixels are limited (darker; [`Restir::firefly_limit`]).  No other bias.
+    /// Eight bounces: later light is missing (darker).  Single bright pixels are limited (darker; [`Restir::firefly_limit`]), and the denoiser
+    /// blurs fine shadows ([`Restir::denoiser`]).  No other bias.
     Balanced,
-    /// Sixteen bounces: later light is missing (darker).  No other bias.
+    /// As `Balanced`, with sixteen bounces, and only brighter pixels are limited (10 times the brightest pixel around, instead of 2.5).
     Quality,
-    /// As `Quality`, with 32 bounces; only later light is missing (darker).
+    /// For pictures that are averaged or filtered elsewhere: 32 bounces, no limit and no denoiser.  Only later light is missing (darker).
+    /// Single frames are noisy.
     Unbiased,
 }
 
@@ -37,7 +39,15 @@ impl Preset {
     fn firefly_limit(self) -> f32 {
         match self {
             Self::Performance | Self::Balanced => 2.5,
-            Self::Quality | Self::Unbiased => 0.0,
+            Self::Quality => 10.0,
+            Self::Unbiased => 0.0,
+        }
+    }
+
+    fn denoiser(self) -> Denoiser {
+        match self {
+            Self::Performance | Self::Balanced | Self::Quality => Denoiser::ON,
+            Self::Unbiased => Denoiser::OFF,
         }
     }
 
@@ -79,13 +89,14 @@ impl Restir {
         Self::default().with_preset(preset)
     }
 
-    /// These settings with the bounces, the limit of fireflies, the direct light and the paths of a preset.  All other fields stay as they
-    /// are.
+    /// These settings with the bounces, the limit of fireflies, the denoiser, the direct light and the paths of a preset.  All other fields
+    /// stay as they are.
     #[must_use]
     pub fn with_preset(self, preset: Preset) -> Self {
         Self {
             bounces: preset.bounces(),
             firefly_limit: preset.firefly_limit(),
+            denoiser: preset.denoiser(),
             direct: preset.direct(),
             paths: preset.paths(),
             ..self

@@ -27,7 +27,7 @@ mod uniforms;
 use bevy::{
     app::SubApp,
     core_pipeline::core_3d::prepare_prepass_textures,
-    ecs::prelude::*,
+    ecs::{entity::Entities, prelude::*},
     math::UVec2,
     platform::collections::{HashMap, HashSet},
     render::{
@@ -58,6 +58,16 @@ pub(crate) struct ViewPool {
 }
 
 impl ViewPool {
+    /// Puts the views of cameras that are not rendered aside, and forgets cameras that are gone.
+    fn begin_frame(&mut self, extracted: &ExtractedViews, entities: &Entities) {
+        for (entity, view) in self.views.extract_if(|entity, _| !extracted.0.contains_key(entity)) {
+            self.paused.insert(entity, view.into_paused());
+        }
+        self.paused.retain(|entity, _| entities.contains(*entity));
+        self.requested_resets.retain(|entity| entities.contains(*entity));
+        self.without_memory.clear();
+    }
+
     /// Drops the view of a camera that is not rendered.
     fn pause(&mut self, camera: Entity) {
         if let Some(view) = self.views.remove(&camera) {

@@ -59,12 +59,7 @@ pub(super) fn prepare_views(
     warned.begin_frame();
     warned.retain(|(entity, _)| entities.contains(*entity));
     let pool = &mut *pool;
-    for (entity, view) in pool.views.extract_if(|entity, _| !extracted.0.contains_key(entity)) {
-        pool.paused.insert(entity, view.into_paused());
-    }
-    pool.paused.retain(|entity, _| entities.contains(*entity));
-    pool.requested_resets.retain(|entity| entities.contains(*entity));
-    pool.without_memory.clear();
+    pool.begin_frame(&extracted, entities);
     for (&entity, restir) in &mut extracted.0 {
         let (Some((name, camera, view, jitter, resolution_override)), Some(&selection)) =
             (cameras.get(entity).ok(), selected.0.get(&entity))

@@ -188,7 +188,9 @@ impl RestirView {
         let settings = &inputs.restir.settings;
         match inputs.bevy_jitter {
             // Bevy leaves the component, with an offset of 0, where temporal antialiasing was removed.
-            Some(j) if j.offset != Vec2::ZERO => (j.offset * self.size.as_vec2() / self.target_size.as_vec2()).to_array(),
+            Some(j) if j.offset != Vec2::ZERO => {
+                (j.offset * self.size.as_vec2() / self.target_size.as_vec2()).to_array()
+            }
             _ if settings.jitters() => jitter_of(self.sequence, settings.seed),
             _ => [0.0; 2],
         }

@@ -1,6 +1,6 @@
 //! Bevy's post-processing effects change our picture as they change the picture of Bevy's rasterizer for the same scene.
 
-use crate::support::app::*;
+use crate::support::{app::*, small_scenes::*};
 use bevy::{
     anti_alias::{contrast_adaptive_sharpening::ContrastAdaptiveSharpening, fxaa::Fxaa, taa::TemporalAntiAliasing},
     core_pipeline::{
@@ -19,7 +19,7 @@ use bevy::{
     prelude::*,
     render::camera::{MipBias, TemporalJitter},
 };
-use bevy_restir::{Jitter, Restir, Technique};
+use bevy_restir::{Denoiser, Jitter, Paths, Restir, Technique};
 
 /// An effect with its name; `false` removes it.
 type Effect = (&'static str, Box<dyn Fn(&mut EntityWorldMut, bool)>);
@@ -202,6 +202,52 @@ fn temporal_anti_aliasing_leaves_no_trails_behind_moving_objects() {
     println!("{trails} of {flat} pixels away from edges differ; {edges} at edges");
     assert!(flat > 1500 && edges > 30, "{flat} flat pixels, {edges} of edges");
     assert_eq!(trails, 0, "trails among {flat} pixels away from edges");
+}
+
+/// Mean squared errors of what the screen shows of noisy paths in motion, of all pixels and without the worst tenth, which are at edges.
+fn screen_errors(rig: &mut Rig, settings: &Restir, smooths: bool, truth: &[[u8; 4]]) -> [f64; 2] {
+    const FRAMES: u32 = 32;
+    let (target, camera) = (rig.target.clone(), rig.camera);
+    rig.set(|restir| *restir = settings.clone());
+    (temporal().1)(&mut rig.app.world_mut().entity_mut(camera), smooths);
+    rig.until_ready();
+    rig.frames(8);
+    // Bevy's jitter depends on the frame count.
+    while !rig.app.world().resource::<FrameCount>().0.is_multiple_of(8) {
+        rig.frame();
+    }
+    rig.set(|restir| restir.reset = true);
+    for frame in 1..=FRAMES {
+        pose_moving_at(rig, frame as f32 / FRAMES as f32);
+        rig.frame();
+    }
+    let drawn = rig.drawn(&target);
+    (temporal().1)(&mut rig.app.world_mut().entity_mut(camera), false);
+    let error = |(a, b): (&[u8; 4], &[u8; 4])| (linear(a) - linear(b)).powi(2);
+    let mut errors: Vec<f64> = drawn.iter().zip(truth).map(error).collect();
+    errors.sort_by(f64::total_cmp);
+    [errors.len(), errors.len() * 9 / 10].map(|count| errors[..count].iter().sum::<f64>() / count as f64)
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn denoised_frames_get_smoother_edges_by_temporal_anti_aliasing() {
+    let Some(mut rig) = Rig::beside(|_| (), 64, 64) else { return };
+    moving(&mut rig);
+    rig.insert(rig.camera, (Tonemapping::Reinhard, DebandDither::Disabled));
+    let noisy = Restir { technique: Technique::Pt, bounces: 3, firefly_limit: 2.5, paths: Paths::default(), ..plain() };
+    rig.set(|restir| *restir = Restir { technique: Technique::Reference, jitter: Jitter::Always, ..noisy.clone() });
+    pose_moving_at(&mut rig, 1.0);
+    rig.picture(1000);
+    let target = rig.target.clone();
+    let truth = rig.drawn(&target);
+    let denoised = Restir { denoiser: Denoiser::ON, ..noisy.clone() };
+    let [smoothed, filtered, both] = [(&noisy, true), (&denoised, false), (&denoised, true)]
+        .map(|(settings, smooths)| screen_errors(&mut rig, settings, smooths, &truth));
+    println!("smoothed {smoothed:?}, denoised {filtered:?}, both {both:?}");
+    assert!(both[0] < 0.85 * filtered[0], "edges: {both:?}, {filtered:?}");
+    assert!(both[1] < smoothed[1] && both[1] < 1.4 * filtered[1], "elsewhere: {both:?}, {filtered:?}, {smoothed:?}");
+    rig.assert_sound();
 }
 
 #[test]

@@ -22,8 +22,8 @@ use bevy::{
     winit::WinitPlugin,
 };
 use bevy_restir::{
-    DebugView, EmissiveLuminance, Jitter, RadianceCapture, RayBackend, Restir, RestirEnvironment, RestirPlugin,
-    RestirReport, RestirStatistics, Technique,
+    DebugView, Denoiser, EmissiveLuminance, Jitter, RadianceCapture, RayBackend, Restir, RestirEnvironment,
+    RestirPlugin, RestirReport, RestirStatistics, Technique,
     testing::{
         check_mirror, geometry::world_tree::share_a_tree_at_rest, plant_shader_edits, shader_library::ShaderEdit,
     },
@@ -63,6 +63,7 @@ pub fn plain() -> Restir {
         bounces: 1,
         energy_compensation: false,
         firefly_limit: 0.0,
+        denoiser: Denoiser::OFF,
         paths: paths::unified(),
         ..Default::default()
     }

@@ -9,7 +9,7 @@ use super::{
 };
 use bevy::math::Vec3;
 use bevy_restir::{
-    Direct, Jitter, LightTechniques, Paths, Preset, Research, Restir, SubsurfaceSampling, Technique,
+    Denoiser, Direct, Jitter, LightTechniques, Paths, Preset, Research, Restir, SubsurfaceSampling, Technique,
     testing::plant_shader_defs,
 };
 use std::{
@@ -83,7 +83,7 @@ impl Subject for (f32, Bidirectional) {
 }
 
 /// A technique with an unchanged preset: with jitter, energy compensation and the bounces of the preset.  Single frames, which proofs in
-/// motion compare, are not limited: that bias is known (`techniques::fireflies`).
+/// motion compare, are neither limited nor filtered.
 pub struct Shipped(pub Technique, pub Preset);
 
 impl Subject for Shipped {
@@ -91,8 +91,8 @@ impl Subject for Shipped {
         let Restir { seed, accumulate, .. } = *settings;
         // Single frames, too, have the jitter that the reference has.
         let jitter = Jitter::Always;
-        *settings =
-            Restir { technique: self.0, seed, accumulate, jitter, firefly_limit: 0.0, ..Restir::preset(self.1) };
+        let (technique, firefly_limit, denoiser) = (self.0, 0.0, Denoiser::OFF);
+        *settings = Restir { technique, seed, accumulate, jitter, firefly_limit, denoiser, ..Restir::preset(self.1) };
     }
 }
 

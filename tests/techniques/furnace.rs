@@ -4,7 +4,7 @@
 
 use crate::support::{app::*, stats::mean_and_error};
 use bevy::prelude::*;
-use bevy_restir::{Jitter, Preset, Restir, Technique};
+use bevy_restir::{Denoiser, Jitter, Preset, Restir, Technique};
 
 const EMISSION: f32 = 0.25;
 const ALBEDO: f32 = 0.8;
@@ -31,7 +31,7 @@ fn check(technique: Technique, preset: Preset, history: u32, frames: u32) {
     let Some(mut rig) = furnace() else { return };
     // Light paths end anywhere in a pixel, so that camera paths must start anywhere in it, too.
     let jitter = if technique == Technique::Bdpt { Jitter::Always } else { Jitter::Auto };
-    rig.set(|r| *r = Restir { technique, jitter, ..Restir::preset(preset) });
+    rig.set(|r| *r = Restir { technique, jitter, denoiser: Denoiser::OFF, ..Restir::preset(preset) });
     rig.until_ready();
     let bounces = if technique.has_indirect_light() { Restir::preset(preset).bounces } else { 1 };
     let expected: f64 = (0..=bounces).map(|k| f64::from(EMISSION) * f64::from(ALBEDO).powi(k as i32)).sum();

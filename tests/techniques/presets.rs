@@ -1,6 +1,6 @@
-//! Unchanged presets equal the reference with their settings: energy compensation and all bounces, after 60 frames of history.  Two settings
-//! differ from a preset ([`Shipped`]): every frame is jittered, as those of the reference are, and the limit of bright pixels is off, whose
-//! bias is known (`techniques::fireflies`).
+//! Unchanged presets equal the reference with their settings: energy compensation and all bounces, after 60 frames of history.  Three
+//! settings differ from a preset ([`Shipped`]): every frame is jittered, as those of the reference are, and the limit of bright pixels and the
+//! denoiser are off, which are biased (`techniques::fireflies`, `techniques::denoiser`).
 //!
 //! Two one-sided tests at α = 0.01 compare the image mean; chi-squared compares the tiles of 8 x 8 pixels.
 

@@ -26,11 +26,10 @@ pub struct Demo<P> {
 }
 
 impl<P: FnOnce(&mut App)> Demo<P> {
-    /// The app of a window, with the denoiser. `keys` describes the keys of the program itself.
+    /// The app of a window. `keys` describes the keys of the program itself.
     pub fn window(self, title: &str, keys: &str) -> App {
         let mut app = window::app(title, self.size, keys, RayBackend::Auto);
-        let settings = Restir { denoiser: Denoiser::ON, ..self.settings };
-        let camera = (Camera3d::default(), self.eye, settings, self.environment, look(Some(self.ev100)));
+        let camera = (Camera3d::default(), self.eye, self.settings, self.environment, look(Some(self.ev100)));
         app.world_mut().spawn(camera);
         (self.populate)(&mut app);
         app

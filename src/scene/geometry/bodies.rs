@@ -319,6 +319,20 @@ impl BodyPool {
             body.appeared = false;
         }
         let bytes = self.records.write(0, &records, queue) + self.poses.write(0, &rows_of_poses, queue);
+        self.dispatch([pose, refit], &records, meshes, pipelines, device, queue);
+        bytes
+    }
+
+    /// Runs the passes for bodies whose records are on the device.
+    fn dispatch(
+        &self,
+        [pose, refit]: [&ComputePipeline; 2],
+        records: &[GpuBody],
+        meshes: &MeshPool,
+        pipelines: &PipelineCache,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) {
         let buffers = [
             self.records.buffer(),
             meshes.rigs.buffer(),
@@ -331,7 +345,7 @@ impl BodyPool {
         let [Some(a), Some(b), Some(c), Some(d), Some(e), Some(f), Some(g)] =
             buffers.map(|buffer| buffer.map(|buffer| buffer.as_entire_binding()))
         else {
-            return bytes;
+            return;
         };
         let layout = pipelines.get_bind_group_layout(&self.layout);
         let entries = BindGroupEntries::sequential((a, b, c, d, e, f, g));
@@ -347,7 +361,6 @@ impl BodyPool {
             pass.dispatch_workgroups(records.len() as u32, 1, 1);
         }
         queue.submit([encoder.finish()]);
-        bytes
     }
 
     /// Versions of the geometry of the bodies that have moved in this frame.

@@ -40,7 +40,7 @@ fn setup(mut commands: Commands, mut meshes: ResMut<Assets<Mesh>>, mut materials
     commands.spawn((sun, sun_at(0.0)));
     let eye = Transform::from_xyz(0.0, 2.4, 6.5).looking_at(Vec3::new(0.0, 1.3, -2.0), Vec3::Y);
     let sky = RestirEnvironment { color: LinearRgba::rgb(240.0, 390.0, 680.0), ..default() };
-    let restir = Restir { technique: Technique::Gi, denoiser: Denoiser::ON, ..default() };
+    let restir = Restir { technique: Technique::Gi, ..default() };
     commands.spawn((Camera3d::default(), eye, restir, sky, look(Some(Exposure::default().ev100))));
 }
 

@@ -76,7 +76,7 @@ fn setup(mut commands: Commands, mut meshes: ResMut<Assets<Mesh>>, mut materials
         .with_child(panel);
 
     let eye = Transform::from_xyz(0.9, 1.5, 2.6).looking_at(Vec3::new(-0.2, 1.0, -1.6), Vec3::Y);
-    let restir = Restir { technique: Technique::Pt, denoiser: Denoiser::ON, ..default() };
+    let restir = Restir { technique: Technique::Pt, ..default() };
     commands.spawn((Camera3d::default(), eye, restir, look(Some(Exposure::default().ev100))));
 }
 

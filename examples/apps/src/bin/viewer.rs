@@ -46,7 +46,6 @@ impl Args {
     fn settings(&self) -> Result<Restir, String> {
         let mut settings = Restir::preset(self.preset);
         settings.technique = self.technique;
-        settings.denoiser = Denoiser::ON;
         for assignment in &self.set {
             fields::set(&mut settings, assignment).map_err(|e| format!("--set {e}"))?;
         }

@@ -186,7 +186,8 @@ fn turn(ui: &mut egui::Ui, value: &mut Quat) -> egui::Response {
     response
 }
 
-fn explain(response: egui::Response, doc: Option<&str>, more: Option<&str>) {
+/// Shows documentation, and more text below it, while the pointer is over a widget.
+pub(super) fn explain(response: egui::Response, doc: Option<&str>, more: Option<&str>) {
     let text: Vec<&str> = doc.into_iter().chain(more).collect();
     if !text.is_empty() {
         response.on_hover_text(text.join("\n"));

@@ -7,30 +7,37 @@ use bevy_restir_support::fields;
 
 use super::{
     docs::Docs,
-    form::{Form, words_of},
+    form::{Form, explain, words_of},
     group,
 };
 use crate::look::{Look, legend};
 
 /// Presets, exposure, effects, technique and debug view.
-pub fn picture(InMut(ui): InMut<egui::Ui>, mut cameras: Query<(&mut Restir, &mut Look, &mut Exposure)>) {
+pub fn picture(
+    InMut(ui): InMut<egui::Ui>,
+    docs: Res<Docs>,
+    mut cameras: Query<(&mut Restir, &mut Look, &mut Exposure)>,
+) {
     for (mut restir, mut look, mut exposure) in &mut cameras {
-        presets(ui, &mut restir);
+        presets(ui, &docs, &mut restir);
         tone(ui, &mut look, &mut exposure);
         effects(ui, &mut look);
-        shown(ui, &mut restir);
+        shown(ui, &docs, &mut restir);
     }
 }
 
-fn presets(ui: &mut egui::Ui, restir: &mut Mut<Restir>) {
+fn presets(ui: &mut egui::Ui, docs: &Docs, restir: &mut Mut<Restir>) {
     ui.horizontal_wrapped(|ui| {
         for preset in fields::values::<Preset>() {
             let mut wanted = Restir::clone(restir);
             fields::apply_preset(&mut wanted, preset);
             let is_taken = wanted == **restir;
-            if ui.selectable_label(is_taken, format!("{preset:?}")).clicked() {
+            let name = format!("{preset:?}");
+            let label = ui.selectable_label(is_taken, &name);
+            if label.clicked() {
                 restir.set_if_neq(wanted);
             }
+            explain(label, docs.of("Preset", &name), None);
         }
     });
 }
@@ -62,20 +69,23 @@ fn effects(ui: &mut egui::Ui, look: &mut Look) {
     });
 }
 
-fn shown(ui: &mut egui::Ui, restir: &mut Mut<Restir>) {
+fn shown(ui: &mut egui::Ui, docs: &Docs, restir: &mut Mut<Restir>) {
     ui.horizontal(|ui| {
         let mut wanted = Restir::clone(restir);
         let list =
             |name: &str, width| egui::ComboBox::from_id_salt(name.to_string()).width(width).height(420.0).truncate();
         list("technique", 80.0).selected_text(format!("{:?}", wanted.technique)).show_ui(ui, |ui| {
             for choice in fields::values::<Technique>() {
-                ui.selectable_value(&mut wanted.technique, choice, format!("{choice:?}"));
+                let name = format!("{choice:?}");
+                let line = ui.selectable_value(&mut wanted.technique, choice, &name);
+                explain(line, docs.of("Technique", &name), None);
             }
         });
         let before = wanted.clone();
         list("view", 150.0).selected_text(name_of(wanted.debug_view)).show_ui(ui, |ui| {
             for choice in fields::values::<DebugView>().into_iter().filter(|view| view.shows(&before)) {
-                ui.selectable_value(&mut wanted.debug_view, choice, name_of(choice));
+                let line = ui.selectable_value(&mut wanted.debug_view, choice, name_of(choice));
+                explain(line, docs.of("DebugView", &format!("{choice:?}")), None);
             }
         });
         if !wanted.debug_view.shows(&wanted) {

@@ -60,7 +60,7 @@ fn spawn_camera(mut commands: Commands, args: Res<Args>) {
             Camera3d::default(),
             look(Some(Exposure::default().ev100)),
             flight::Flight::default(),
-            Restir { technique: args.technique, denoiser: Denoiser::ON, ..default() },
+            Restir { technique: args.technique, ..default() },
             RestirEnvironment { color: LinearRgba::rgb(16.0, 24.0, 44.0), ..default() },
         ))
         // A curve that keeps bright colors saturated.
