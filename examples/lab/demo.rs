@@ -1,6 +1,7 @@
-//! Pictures that show what ReSTIR is for: the reference path tracer, ReSTIR PT in the same time, and the converged picture.
+//! Pictures that show what ReSTIR is for: the reference path tracer, ReSTIR PT in the same time without and with the denoiser, and the
+//! converged picture.
 
-use bevy::math::UVec2;
+use bevy::{math::UVec2, utils::default};
 use bevy_restir::{Denoiser, Restir, Technique};
 use bevy_restir_support::{arguments, exr_file, picture::write_png, progress::Progress};
 use std::path::PathBuf;
@@ -11,8 +12,9 @@ use crate::{
     panels,
 };
 
-/// One picture per scene with three panels: the reference path tracer in the time of one frame of ReSTIR PT, that frame, and the
-/// converged picture. The printed errors are medians over blocks of 8 x 8 pixels of the squared error, relative to the squared mean.
+/// One picture per scene with four panels: the reference path tracer in the time of one frame of ReSTIR PT with the denoiser, ReSTIR PT
+/// without it, ReSTIR PT with it, and the converged picture. The printed errors are medians over blocks of 8 x 8 pixels of the squared error,
+/// relative to the squared mean.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// glTF files; `references.json` beside a file may name its environment.
@@ -49,22 +51,24 @@ pub fn run(args: &Args) -> Result<(), String> {
     Ok(())
 }
 
-/// Renders the three panels of a scene and prints what they show.
+/// Renders the panels of a scene and prints what they show.
 fn compare(args: &Args, scene: &Scene) -> Result<(), String> {
     let file = scene.0.with_extension("exr");
     let file = (args.size.is_none() && file.is_file()).then(|| exr_file::read(&file)).transpose()?;
     let size = file.as_ref().map_or(args.size.unwrap_or(SIZE), |file| file.0);
     let stated = || file.as_ref().and_then(|_| reference_bounces(scene).ok());
     let bounces = args.bounces.or_else(stated).unwrap_or(Restir::default().bounces);
-    // The reference files are made without energy compensation, and the samples of path tracing are not filtered either.
-    let (energy_compensation, denoiser) = (false, Denoiser::OFF);
-    let settings = |technique| Restir { technique, bounces, energy_compensation, denoiser, ..Restir::default() };
-    let (reference, restir) = (settings(Technique::Reference), settings(Technique::Pt));
+    // The reference files are made without energy compensation.
+    let settings =
+        |technique, denoiser| Restir { technique, bounces, energy_compensation: false, denoiser, ..default() };
+    let reference = settings(Technique::Reference, Denoiser::OFF);
+    let [raw, denoised] = [Denoiser::OFF, Denoiser::ON].map(|denoiser| settings(Technique::Pt, denoiser));
     let mut bench = Bench::of_scene(scene, size, reference.clone(), &Counts { warmup: HISTORY, frames: TIMED })?;
     let silent = Progress::hidden();
     let (_, sample_ms) = bench.show(&reference, TIMED, &silent)?;
-    let (resampled, frame_ms) = bench.show(&restir, HISTORY, &silent)?;
-    let samples = ((frame_ms / sample_ms).round() as u32).max(1);
+    let (raw, raw_ms) = bench.show(&raw, HISTORY, &silent)?;
+    let (denoised, denoised_ms) = bench.show(&denoised, HISTORY, &silent)?;
+    let samples = ((denoised_ms / sample_ms).round() as u32).max(1);
     let (noisy, _) = bench.show(&reference, samples - 1, &silent)?;
     let (truth, origin) = match file {
         Some((_, pixels)) => {
@@ -79,20 +83,18 @@ fn compare(args: &Args, scene: &Scene) -> Result<(), String> {
     };
 
     let path = args.out.join(format!("{}.png", scene.1));
-    let all = [&noisy, &resampled, truth.pixels()];
-    write_png(&path, panels::side_by_side(size, all, panels::exposure_for(size, truth.pixels()), LEAST_WIDTH))?;
+    let all = [&noisy, &raw, &denoised, truth.pixels()];
+    write_png(&path, panels::grid(size, 2, &all, panels::exposure_for(size, truth.pixels()), LEAST_WIDTH))?;
     let path = path.canonicalize().unwrap_or(path);
     let plural = if samples == 1 { "" } else { "s" };
     println!("{}", path.display());
-    println!(
-        "  left:   reference path tracer, {samples} sample{plural} per pixel, {:.0} ms, median block error {:.2}",
-        sample_ms * f64::from(samples),
-        truth.error(&noisy).median
-    );
-    println!(
-        "  middle: ReSTIR PT, one frame, {frame_ms:.0} ms, median block error {:.2}",
-        truth.error(&resampled).median
-    );
-    println!("  right:  {origin}");
+    let line = |place: &str, what: &str, ms: f64, picture: &Picture| {
+        println!("  {place} {what}, {ms:.0} ms, median block error {:.3}", truth.error(picture).median);
+    };
+    let path_traced = format!("reference path tracer, {samples} sample{plural} per pixel");
+    line("top left:    ", &path_traced, sample_ms * f64::from(samples), &noisy);
+    line("top right:   ", "ReSTIR PT, one frame without the denoiser", raw_ms, &raw);
+    line("bottom left: ", "ReSTIR PT, one frame with the denoiser", denoised_ms, &denoised);
+    println!("  bottom right: {origin}");
     Ok(())
 }

@@ -74,7 +74,7 @@ pub struct Args {
     /// normal (world space, 0 without a surface), depth (distance from the camera, m; 0 without a surface) or motion (pixels to the surface
     /// in the frame before); or a part of the light in the picture, as diffuse (with light out of translucent bodies) or specular. The
     /// parts take as many frames as the picture; with the emission that the camera sees directly they sum to it. With `--output last`,
-    /// bright pixels are limited, and light is denoised, in the picture only (`--set firefly_limit=0` turns the limit off).
+    /// bright pixels are limited, and light is denoised, in the picture only, unless both are off (`--preset unbiased`).
     #[arg(long = "aov", value_name = "NAME=FILE.exr", value_parser = aov)]
     pub aovs: Vec<Aov>,
     /// Writes times, memory and counters to this file as JSON.

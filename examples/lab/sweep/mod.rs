@@ -253,7 +253,7 @@ fn measured(args: &Args, extent: Extent, scene: &Scene) -> Result<(), String> {
     if let Some(text) = args.noise_warning(&truth) {
         warn!("restir: {text}");
     }
-    let image = panels::side_by_side(args.size, [&truth.still], panels::exposure_for(args.size, &truth.still), 1);
+    let image = panels::grid(args.size, 1, &[&truth.still], panels::exposure_for(args.size, &truth.still), 1);
     write_png(&out.join("pictures/reference.png"), image)?;
     let protocol = Protocol { truth: &truth, size: args.size, seeds: args.seeds, history: args.history };
     let frames_of = |c: &Configuration| match folder.record(c) {

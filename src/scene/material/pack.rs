@@ -95,7 +95,7 @@ pub(super) fn pack(m: &StandardMaterial, emissive_luminance: f32) -> (GpuMateria
     (packed, has_replaced.get())
 }
 
-/// Perceptual roughness below which the denoiser follows rays: above the root of `SMOOTH` in `shaders/denoiser/optical_image.wgsl`.
+/// Perceptual roughness below which the denoiser follows rays.
 const SMOOTH: f32 = 0.142;
 
 /// Features of the scene that shaders need for a material.
@@ -141,4 +141,16 @@ pub(super) fn mean_emission(source: &StandardMaterial, packed: &GpuMaterial, tex
     let mean = source.emissive_texture.as_ref().map_or(LinearRgba::WHITE, |handle| textures.mean(handle.id()));
     let [r, g, b] = packed.emissive;
     [r * mean.red, g * mean.green, b * mean.blue]
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn every_material_that_the_denoiser_follows_has_the_feature() {
+        let shader = include_str!("../../../shaders/denoiser/optical_image.wgsl");
+        let line = shader.lines().find_map(|line| line.strip_prefix("const SMOOTH: f32 = ")).expect("it is declared");
+        let smooth: f32 = line.trim_end_matches(';').parse().expect("it is a number");
+        // The shader compares the square.
+        assert!((smooth..1.02 * smooth).contains(&super::SMOOTH.powi(2)), "{smooth}");
+    }
 }
