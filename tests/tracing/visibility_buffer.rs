@@ -1,7 +1,11 @@
 //! The rasterized visibility buffer equals the hits of primary rays, and culls by the material's `cull_mode`.
 
 use crate::support::app::*;
-use bevy::{mesh::PlaneMeshBuilder, prelude::*, render::render_resource::Face};
+use bevy::{
+    mesh::PlaneMeshBuilder,
+    prelude::*,
+    render::{camera::TemporalJitter, render_resource::Face},
+};
 use bevy_restir::{DebugView, Jitter, Restir, Technique};
 
 /// The share of pixels away from silhouettes that may hold another triangle than the ray's.  Rasterizers snap corners to 1/256 pixel, so
@@ -217,4 +221,7 @@ fn only_frames_that_are_averaged_are_jittered_by_default() {
             assert!(!moves(&mut rig, technique, Jitter::Never, accumulate), "{technique:?}, {accumulate}");
         }
     }
+    // Bevy's temporal antialiasing leaves the component behind when it is removed.
+    rig.insert(rig.camera, TemporalJitter::default());
+    assert!(moves(&mut rig, Technique::Reference, Jitter::Auto, false), "with a jitter that nothing sets");
 }
