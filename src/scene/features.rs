@@ -76,6 +76,14 @@ impl<T: Copy + Default + BitOr<Output = T>> Memory<T> {
     }
 }
 
+impl Memory<SceneFeatures> {
+    /// The features to specialize for.  Translucent objects need buffers and passes of their own, which a scene without such objects should
+    /// not pay for.
+    pub(crate) fn features(&mut self, present: SceneFeatures) -> SceneFeatures {
+        self.update(present).difference(SceneFeatures::SUBSURFACE) | present
+    }
+}
+
 /// Frames of a period.
 const MEMORY_PERIOD: u32 = 600;
 
@@ -119,5 +127,7 @@ mod tests {
         assert_eq!(memory.update(SceneFeatures::ALPHA), SceneFeatures::ALPHA);
         let frames = (0..5000).take_while(|_| memory.update(SceneFeatures::empty()) == SceneFeatures::ALPHA).count();
         assert!((MEMORY_PERIOD..2 * MEMORY_PERIOD).contains(&(frames as u32)), "{frames}");
+        memory.features(SceneFeatures::SUBSURFACE);
+        assert_eq!(memory.features(SceneFeatures::empty()), SceneFeatures::empty());
     }
 }

@@ -262,9 +262,7 @@ fn update_bind_groups(bindings: &mut SceneBindings, pools: &mut Pools, context: 
 /// Records the facts about the scene that views, frames and the report read.
 fn summarize(bindings: &mut SceneBindings, pools: &Pools) {
     let Pools { meshes, textures, materials, instances, lights, .. } = pools;
-    let present = instances.totals.features() | lights.features;
-    // Translucent objects need buffers and passes of their own, which a scene without such objects should not pay for.
-    bindings.features = bindings.feature_memory.update(present).difference(SceneFeatures::SUBSURFACE) | present;
+    bindings.features = bindings.feature_memory.features(instances.totals.features() | lights.features);
     bindings.features.set(SceneFeatures::RAY_QUERY, instances.top.structures.is_some());
     bindings.motion_revision = instances.motion_revision + lights.revision;
     let top = &instances.top;
