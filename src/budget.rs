@@ -158,7 +158,8 @@ pub(crate) fn keep_budget(
                 false => controller.interrupt(),
             }
         }
-        _ => *frames_without_time += 1,
+        // Before the first of our frames there is nothing to measure.
+        _ => *frames_without_time += u32::from(statistics.shows_settings()),
     }
     if *frames_without_time > PATIENCE && newest.is_none() && !settings.is_empty() {
         warn_once!(

@@ -359,13 +359,13 @@ pub const PATH_RESERVOIR_SIZE: u64 = 64;
 /// Bytes of a reservoir of ReSTIR BDPT.
 pub const BIDIRECTIONAL_RESERVOIR_SIZE: u64 = 64;
 /// Bytes of a reservoir of light sub-paths that the camera sees.
-pub const SPLAT_RESERVOIR_SIZE: u64 = 40;
+pub const SPLAT_RESERVOIR_SIZE: u64 = 44;
 
 /// Bytes of an entry of the light vertex cache.
 pub const LIGHT_VERTEX_SIZE: u64 = 64;
 /// Entries of a light sub-path in the light map, and bytes of an entry.
 pub const SPLATS_OF_A_PATH: u32 = 3;
-pub const SPLAT_SIZE: u64 = 16;
+pub const SPLAT_SIZE: u64 = 20;
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]

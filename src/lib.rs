@@ -23,7 +23,7 @@
 //!
 //! - `material_textures`: textures of transmission, specular, clearcoat and anisotropy.  With it Bevy may quit on devices that bind only 16
 //!   textures per stage; see `docs/limits.md`.
-//! - `serde`: `Serialize` and `Deserialize` for all settings.
+//! - `serde`: `Serialize` and `Deserialize` for all settings that hold no asset handles.
 //! - `testing`: internals for the tests and measurements of this crate; no stability.
 
 #![cfg_attr(not(feature = "testing"), warn(missing_docs))]

@@ -42,7 +42,8 @@ pub struct RestirReport {
     /// rendered; `requested`: [`Restir::reset`](crate::Restir::reset); `scene`: an edit that histories do not survive; `environment`: its image
     /// changed, or it appeared or disappeared; `size`; `settings`; `render_layers`; `projection`: from perspective to orthographic or back,
     /// or `Camera::invert_culling` changed; `pipelines`: the technique or the debug view changed, the first translucent object appeared or the
-    /// last one disappeared, or the shaders for the first light of a kind or the first material with a new kind of paths have been compiled.
+    /// last one disappeared, or shaders have been compiled for the first light of a kind, the first material with a new kind of paths or the
+    /// first object that render layers hide.
     /// One frame may count for several reasons.  Techniques without a history count nothing.
     pub history_resets: Vec<(&'static str, u64)>,
     /// How far [`RestirBudget`](crate::RestirBudget) reduces the settings of all cameras: the argument of

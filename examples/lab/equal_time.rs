@@ -45,8 +45,8 @@ pub struct Lengths {
     pub samples: u32,
 }
 
-/// Cost by stage and error of ReSTIR PT, from that of 2022 to the default: those steps of Table 1 of Lin et al. 2026, supplement, that are
-/// settings.
+/// Cost by stage and error of ReSTIR PT, step by step from that of 2022 to the default (Lin et al. 2026, supplement, Table 1, without the two
+/// steps that are no settings).
 #[derive(clap::Args, Debug)]
 pub struct Steps {
     #[command(flatten)]

@@ -27,6 +27,8 @@ struct Sum {
 const NORMAL_POWER: f32 = 64.0;
 // Standard deviations of both pixels at which weights fall to 1/e.
 const DEVIATIONS: f32 = 1.0;
+// Weights of specular light below this one do not count; the pixel itself has 1.
+const LEAST_WEIGHT: f32 = 1.0e-9;
 // Least tolerance, relative to the luminance.
 const LEAST_TOLERANCE: f32 = 0.01;
 
@@ -65,8 +67,12 @@ fn denoiser_filter(@builtin(global_invocation_id) id: vec3<u32>) {
                 }
                 let distance_in_radii = length(vec2<f32>(offset)) / radius;
                 let narrow = of_image * exp(-distance_in_radii * distance_in_radii);
-                sums[DIFFUSE] = with_pixel(sums[DIFFUSE], diffuse, textureLoad(signals, other_pixel, DIFFUSE, 0), shape);
-                sums[SPECULAR] = with_pixel(sums[SPECULAR], specular, textureLoad(signals, other_pixel, SPECULAR, 0), narrow);
+                if diffuse.a >= 0.0 && shape > 0.0 {
+                    sums[DIFFUSE] = with_pixel(sums[DIFFUSE], diffuse, textureLoad(signals, other_pixel, DIFFUSE, 0), shape);
+                }
+                if specular.a >= 0.0 && narrow > LEAST_WEIGHT {
+                    sums[SPECULAR] = with_pixel(sums[SPECULAR], specular, textureLoad(signals, other_pixel, SPECULAR, 0), narrow);
+                }
             }
         }
     }

@@ -164,7 +164,9 @@ fn neighborhoods(pixel: vec2<u32>, own: Guide, place: LastPlace) -> array<Neighb
             shows[j] = shows_surface(own, place.is_image, vec2<i32>(pixel) + offset, offset);
             showed[j] = shows[j] && showed_surface(place, last_pixel + offset);
         }
-        for (var kind = select(DIFFUSE, SPECULAR, place.is_image); kind <= SPECULAR; kind++) {
+        // Of a mirror, specular light belongs to the image and diffuse light to the surface.
+        let last_kind = select(SPECULAR, DIFFUSE, own.shows_image && !place.is_image);
+        for (var kind = select(DIFFUSE, SPECULAR, place.is_image); kind <= last_kind; kind++) {
             sums[kind] = with_quad(sums[kind], vec2<i32>(pixel) + corner, shows, last_pixel + corner, showed, kind);
         }
     }

@@ -87,10 +87,11 @@ fn merged(rest: Rest, s: Splat, events: u32, u: f32) -> Rest {
 // Adds an entry to the list of its pixel.
 fn insert(entry: u32, s: Splat, events: u32, multiplicity: f32) {
     let next = atomicExchange(&light_map[s.pixel], entry + 1u);
-    let words = entry_pack(MapEntry(next, events, s.value * multiplicity, multiplicity));
+    let words = entry_pack(MapEntry(next, events, s.value * multiplicity, multiplicity, s.diffuse));
     let at = word_of(entry + 1u);
     atomicStore(&light_map[at], words.x);
     atomicStore(&light_map[at + 1u], words.y);
     atomicStore(&light_map[at + 2u], words.z);
     atomicStore(&light_map[at + 3u], words.w);
+    atomicStore(&light_map[at + 4u], s.diffuse);
 }

@@ -26,8 +26,11 @@ fn pair_neighbors(@builtin(global_invocation_id) id: vec3<u32>) {
     var mask = 0u;
     if receives_light(ids) && view.bounces > 0u {
         mask = similar_partners(ids, pixel);
-        let own = reservoir_unpack(samples[reservoir_index(pixel, view.size, settings.reservoir_layout)]);
-        mask |= select(0u, PAIR_IS_NEW, own.confidence <= 1.0);
+        // The samples are read only where new surfaces get more neighbors.
+        if settings.disocclusion_samples > settings.spatial_samples {
+            let own = reservoir_unpack(samples[reservoir_index(pixel, view.size, settings.reservoir_layout)]);
+            mask |= select(0u, PAIR_IS_NEW, own.confidence <= 1.0);
+        }
     }
     textureStore(masks, pixel, vec4<u32>(mask));
     count_guards(pixel);

@@ -26,7 +26,7 @@
 #import bevy_restir::restir::reservoir_sampling::{Stream, stream_add, stream_ucw}
 #import bevy_restir::restir::types::{RESAMPLE_CANDIDATES_VISIBLE, RESAMPLE_DISCARD_OCCLUDED, RESAMPLE_FROM_PREVIOUS, RESAMPLE_MIS_RAYS, RESAMPLE_REUSE_VISIBILITY, RESAMPLE_SAME_RAYS, RESAMPLE_SHADE, RESAMPLE_SHADE_ALL, RESAMPLE_SHADING_RAYS, RESAMPLE_TARGET_RAYS}
 #import bevy_restir::view::bindings::{view, visibility}
-#import bevy_restir::view::light_part::shown_light
+#import bevy_restir::view::light_part::{shown_light, SPLITS_LIGHT}
 #import bevy_restir::view::ray_counter::count_rays
 
 // Reservoirs of the last frame, or of the previous iteration of this frame.
@@ -108,16 +108,18 @@ fn next_neighbor(center: ReuseCenter, pixel: vec2<u32>, i: u32, count: u32, rng:
 }
 
 // Stored shifts need no surface, and pairs no place to search from.
-#ifdef SPLIT_LIGHT
-fn own_receiver(ids: vec2<u32>, pixel: vec2<u32>) -> Receiver {
-    return receiver_of(ids, pixel, false);
-}
-#else
 fn own_receiver(ids: vec2<u32>, pixel: vec2<u32>) -> Receiver {
     var r: Receiver;
     return r;
 }
-#endif
+
+// The parts of the light need one.
+fn shown_receiver(ids: vec2<u32>, pixel: vec2<u32>, r: Receiver) -> Receiver {
+    if SPLITS_LIGHT {
+        return receiver_of(ids, pixel, false);
+    }
+    return r;
+}
 
 fn own_center(ids: vec2<u32>, pixel: vec2<u32>, r: Receiver) -> ReuseCenter {
     var center: ReuseCenter;
@@ -163,6 +165,10 @@ fn next_neighbor(center: ReuseCenter, pixel: vec2<u32>, i: u32, count: u32, rng:
 
 fn own_receiver(ids: vec2<u32>, pixel: vec2<u32>) -> Receiver {
     return receiver_of(ids, pixel, false);
+}
+
+fn shown_receiver(ids: vec2<u32>, pixel: vec2<u32>, r: Receiver) -> Receiver {
+    return r;
 }
 
 fn own_center(ids: vec2<u32>, pixel: vec2<u32>, r: Receiver) -> ReuseCenter {
@@ -434,11 +440,14 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
     inputs.contributions[0] = textureLoad(own_contribution, pixel, 0).rgb;
     let stream = resample(&inputs, &mis, ids, r, alpha_seed, &rng);
 
+    let shown_by = shown_receiver(ids, pixel, r);
     var output = no_reservoir();
     var light = vec4<f32>(0.0);
     for (var j = 0u; j < mis.count; j++) {
         output.confidence += mis.confidence[j];
-        light += select(0.0, inputs.shares[j], inputs.visible[j]) * shown_contribution(&inputs, j, r);
+        if has(RESAMPLE_SHADE_ALL) {
+            light += select(0.0, inputs.shares[j], inputs.visible[j]) * shown_contribution(&inputs, j, shown_by);
+        }
     }
     var contribution = vec3<f32>(0.0);
     if stream.selected != NONE {
@@ -448,20 +457,13 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
         output.ucw = stream_ucw(stream, target_of(&mis, 0u, stream.selected));
         output.seen = inputs.visible[stream.selected];
         contribution = inputs.contributions[stream.selected];
-    }
-    if !has(RESAMPLE_SHADE_ALL) {
-        light = vec4<f32>(0.0);
-        if stream.selected != NONE {
-            light = select(0.0, output.ucw, output.seen) * shown_contribution(&inputs, stream.selected, r);
+        if !has(RESAMPLE_SHADE_ALL) {
+            light = select(0.0, output.ucw, output.seen) * shown_contribution(&inputs, stream.selected, shown_by);
         }
     }
     output = completed(r, output, rng_bits(&rng).x);
     reservoirs[index] = stored(output, pixel);
-    if has(RESAMPLE_SHADE) {
-        textureStore(resampled, pixel, light);
-    } else {
-        textureStore(resampled, pixel, vec4<f32>(contribution, 0.0));
-    }
+    textureStore(resampled, pixel, select(vec4<f32>(contribution, 0.0), light, has(RESAMPLE_SHADE)));
     count_rays(pixel);
 }
 
@@ -472,8 +474,8 @@ fn shown_contribution(inputs: ptr<function, Inputs>, j: u32, r: Receiver) -> vec
     if !has(RESAMPLE_SHADE) || !any(contribution > vec3<f32>(0.0)) {
         return vec4<f32>(0.0);
     }
-    let packed_splat_share = textureLoad(own_contribution, (*inputs).pixels[0], 0).a;
-    return shown_light(contribution, diffuse_share(r, sample_of(inputs, j, true), packed_splat_share));
+    let share = diffuse_share(r, sample_of(inputs, j, true), textureLoad(own_contribution, (*inputs).pixels[0], 0).a);
+    return shown_light(contribution, share);
 }
 #else
 fn shown_contribution(inputs: ptr<function, Inputs>, j: u32, r: Receiver) -> vec4<f32> {

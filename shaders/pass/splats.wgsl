@@ -14,11 +14,8 @@
 #import bevy_restir::restir::splats::domain::{contribution_of, has_changed}
 #import bevy_restir::restir::splats::reservoir::{no_reservoir, PackedReservoir, Reservoir, reservoir_pack}
 #import bevy_restir::view::bindings::view
+#import bevy_restir::view::light_part::{pack_share, SPLITS_LIGHT, unpack_share}
 #import bevy_restir::view::ray_counter::count_guards
-#ifdef SPLIT_LIGHT
-#import bevy_restir::restir::bdpt::light_map::pack_share
-#import bevy_restir::restir::bdpt::light_sub_path::replayed_diffuse_share
-#endif
 
 @group(2) @binding(1) var<storage, read> light_map: array<u32>;
 @group(2) @binding(2) var<storage, read_write> reservoirs: array<PackedReservoir>;
@@ -30,6 +27,7 @@ const DIMENSION_RACE: u32 = 1024u;
 // The splats of a pixel.
 struct Landed {
     sum: vec3<f32>,
+    diffuse: vec3<f32>,        // part of the sum that surfaces scatter diffusely; without SPLIT_LIGHT 0
     chosen: u32,               // link of the chosen entry, or 0
 }
 
@@ -39,8 +37,7 @@ fn splats(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(pixel >= view.size) {
         return;
     }
-    let head = light_map[pixel.y * view.size.x + pixel.x];
-    let landed = landed_splats(head);
+    let landed = landed_splats(light_map[pixel.y * view.size.x + pixel.x]);
     var r = no_reservoir();
     if landed.chosen != 0u {
         r = sample_of(landed.chosen);
@@ -53,13 +50,14 @@ fn splats(@builtin(global_invocation_id) id: vec3<u32>) {
     let color = select(landed.sum / max(r.ucw, 1.0e-37), r.f, has_changed());
     let contribution = select(vec3<f32>(0.0), color, r.ucw > 0.0 && is_finite_3(color));
     reservoirs[reservoir_index(pixel, view.size, settings.reservoir_layout)] = reservoir_pack(r);
-    textureStore(contributions, pixel, vec4<f32>(contribution, packed_diffuse_share(head, landed.sum)));
+    textureStore(contributions, pixel, vec4<f32>(contribution, pack_share(share_of(landed.diffuse, landed.sum))));
     count_guards(pixel);
 }
 
 fn entry_of(link: u32) -> MapEntry {
     let word = word_of(link);
-    return entry_unpack(vec4<u32>(light_map[word], light_map[word + 1u], light_map[word + 2u], light_map[word + 3u]));
+    let words = vec4<u32>(light_map[word], light_map[word + 1u], light_map[word + 2u], light_map[word + 3u]);
+    return entry_unpack(words, light_map[word + 4u]);
 }
 
 // Sums up a list and chooses one of its entries in proportion to luminance.
@@ -72,11 +70,15 @@ fn landed_splats(head: u32) -> Landed {
         next = e.next;
     }
     var sum = exact_sum(largest);
+    var diffuse = sum;
     var race = Race(0u, 3.0e38);
     next = head;
     for (var i = 0u; next != 0u && i < MAX_ENTRIES; i++) {
         let e = entry_of(next);
         exact_add(&sum, e.value);
+        if SPLITS_LIGHT {
+            exact_add(&diffuse, e.value * unpack_share(bitcast<f32>(e.diffuse)));
+        }
         let weight = luminance(e.value) / max(largest, 1.0e-37);
         if weight > 0.0 {
             race_add(&race, next, weight, race_bits(next));
@@ -86,27 +88,12 @@ fn landed_splats(head: u32) -> Landed {
     if next != 0u {
         trace_flags |= OVERFLOW_STEPS;
     }
-    return Landed(exact_total(sum), race.winner);
+    return Landed(exact_total(sum), exact_total(diffuse), race.winner);
 }
 
-// Share of the light of a list that the surfaces of its vertices scatter diffusely.  `sum`: of the light.
-#ifdef SPLIT_LIGHT
-fn packed_diffuse_share(head: u32, sum: vec3<f32>) -> f32 {
-    var diffuse = exact_sum(max_component(sum));
-    var next = head;
-    for (var i = 0u; next != 0u && i < MAX_ENTRIES; i++) {
-        let e = entry_of(next);
-        let s = sample_of(next);
-        exact_add(&diffuse, e.value * replayed_diffuse_share(s.path, s.frame, s.light, s.events));
-        next = e.next;
-    }
-    return pack_share(select(vec3<f32>(0.0), exact_total(diffuse) / sum, sum > vec3<f32>(0.0)));
+fn share_of(part: vec3<f32>, sum: vec3<f32>) -> vec3<f32> {
+    return select(vec3<f32>(0.0), part / sum, sum > vec3<f32>(0.0));
 }
-#else
-fn packed_diffuse_share(head: u32, sum: vec3<f32>) -> f32 {
-    return 0.0;
-}
-#endif
 
 fn race_bits(link: u32) -> u32 {
     let entry = link - 1u;
@@ -123,6 +110,7 @@ fn sample_of(link: u32) -> Reservoir {
     r.frame = view.frame;
     r.events = e.events;
     r.light = chosen_light(sub_path_rng(r.path, r.frame, STREAM_LIGHT_PATHS));
-    r.f = contribution_of(Splat(0u, e.value / e.multiplicity), r.light);
+    r.f = contribution_of(Splat(0u, e.value / e.multiplicity, e.diffuse), r.light);
+    r.diffuse = e.diffuse;
     return r;
 }

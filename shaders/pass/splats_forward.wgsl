@@ -9,7 +9,7 @@
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::restir::splats::domain::{contribution_of, has_changed}
-#import bevy_restir::restir::splats::reservoir::{PackedReservoir, Reservoir, reservoir_unpack, WORD_CONFIDENCE, WORD_FRAME, WORD_HEAD, WORD_LIGHT, WORD_NEXT, WORD_RED, WORD_UCW, WORDS}
+#import bevy_restir::restir::splats::reservoir::{PackedReservoir, Reservoir, reservoir_unpack, WORD_CONFIDENCE, WORD_DIFFUSE, WORD_FRAME, WORD_HEAD, WORD_LIGHT, WORD_NEXT, WORD_RED, WORD_UCW, WORDS}
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::ray_counter::count_rays
 
@@ -41,6 +41,7 @@ fn reservoir_at(index: u32) -> Reservoir {
         bitcast<f32>(atomicLoad(&words[at + WORD_RED + 1u])),
         bitcast<f32>(atomicLoad(&words[at + WORD_RED + 2u])),
         bitcast<f32>(atomicLoad(&words[at + WORD_CONFIDENCE])),
+        atomicLoad(&words[at + WORD_DIFFUSE]),
         0u,
         0u,
     ));
@@ -49,6 +50,7 @@ fn reservoir_at(index: u32) -> Reservoir {
 fn forward(r: Reservoir, index: u32, pixel: vec2<u32>) {
     var to = index;
     var f = r.f;
+    var diffuse = r.diffuse;
     let light = current_light_id(r.light);
     if has_changed() {
         if light == NONE {
@@ -59,6 +61,7 @@ fn forward(r: Reservoir, index: u32, pixel: vec2<u32>) {
             return;
         }
         f = guarded_3(contribution_of(splat, light), GUARD_SHIFT_CONTRIBUTION);
+        diffuse = splat.diffuse;
         to = reservoir_index(vec2<u32>(splat.pixel % view.size.x, splat.pixel / view.size.x), view.size, settings.reservoir_layout);
     }
     if !(luminance(f) > 0.0) {
@@ -69,5 +72,6 @@ fn forward(r: Reservoir, index: u32, pixel: vec2<u32>) {
     atomicStore(&words[at + WORD_RED], bitcast<u32>(f.x));
     atomicStore(&words[at + WORD_RED + 1u], bitcast<u32>(f.y));
     atomicStore(&words[at + WORD_RED + 2u], bitcast<u32>(f.z));
+    atomicStore(&words[at + WORD_DIFFUSE], diffuse);
     atomicStore(&words[at + WORD_NEXT], atomicExchange(&words[to * WORDS + WORD_HEAD], index + 1u));
 }

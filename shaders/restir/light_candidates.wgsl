@@ -8,8 +8,9 @@
 #import bevy_restir::light::presampled::{presampled_at, presampled_pmf, presampled_point, presampled_rounding}
 #import bevy_restir::light::select::light_select
 #import bevy_restir::light::triangle::triangle_light_opacity
-#import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample}
+#import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, RAYS_FIND_LIGHT}
 #import bevy_restir::restir::bindings::{settings, subsets}
+#import bevy_restir::scene::bindings::scene
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::render_layers::light_kind
 
@@ -25,6 +26,11 @@ struct Candidate {
 fn subset_of(pixel: vec2<u32>, vertex: u32) -> u32 {
     let tile = pixel / settings.light_tile_size;
     return pcg4d(vec4<u32>(tile, view.frame, view.seed ^ 0x711e5u ^ (vertex << 24u))).x % max(settings.subset_count, 1u);
+}
+
+// Number of candidates, of as many as the settings ask for: those of a single light without an area are all the same.
+fn useful_candidates(count: u32) -> u32 {
+    return select(count, 1u, !RAYS_FIND_LIGHT && scene.light_count == 1u);
 }
 
 fn light_candidate(position: vec3<f32>, subset: u32, rng: ptr<function, Rng>) -> Candidate {

@@ -12,6 +12,7 @@
 #endif
 
 #ifdef SPLIT_LIGHT
+const SPLITS_LIGHT: bool = true;
 // Equal to the order of `DebugView` in src/settings/debug_view.rs.
 const DEBUG_DIFFUSE_LIGHT: u32 = 29u;
 const DEBUG_SPECULAR_LIGHT: u32 = 30u;
@@ -50,6 +51,8 @@ fn bsdf_diffuse_share(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> vec3<f32> {
     return select(vec3<f32>(0.0), min(share, vec3<f32>(1.0)), share >= vec3<f32>(0.0));
 }
 #else
+const SPLITS_LIGHT: bool = false;
+
 fn shown_light(light: vec3<f32>, diffuse: vec3<f32>) -> vec4<f32> {
     return vec4<f32>(light, 0.0);
 }
@@ -71,3 +74,17 @@ fn bsdf_diffuse_share(b: Bsdf, wo: vec3<f32>, wi: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(0.0);
 }
 #endif
+
+// Three shares from 0 to 1 in a channel of a texture: 10 bits each, exact to 0.0005, and exact for 0 and 1.  In the exponent of the float, bit
+// 30 is always set and bit 23 never: it is then neither subnormal nor NaN, which textures do not keep.
+fn pack_share(share: vec3<f32>) -> f32 {
+    let v = vec3<u32>(clamp(share, vec3<f32>(0.0), vec3<f32>(1.0)) * 1023.0 + 0.5);
+    let bits = v.x | v.y << 10u | v.z << 20u;
+    return bitcast<f32>((bits & 0x7fffffu) | (bits >> 23u & 63u) << 24u | 0x40000000u | (bits >> 29u) << 31u);
+}
+
+fn unpack_share(word: f32) -> vec3<f32> {
+    let w = bitcast<u32>(word);
+    let bits = (w & 0x7fffffu) | (w >> 24u & 63u) << 23u | (w >> 31u) << 29u;
+    return vec3<f32>(vec3<u32>(bits, bits >> 10u, bits >> 20u) & vec3<u32>(1023u)) / 1023.0;
+}

@@ -109,8 +109,8 @@ pub(super) fn select_pipelines(
         let Some((_, target, prepass, msaa)) = cameras.get(entity).ok().filter(|c| extract::has_view(Some(c.0))) else {
             continue;
         };
-        let requested = requested_key(restir, &scene, &environments);
         let last = views.last_key(entity);
+        let requested = requested_key(restir, &scene, &environments, last);
         let key = passes.request_or_keep(requested, last, &pipelines);
         let has_target = target.is_some();
         // The plugin turns multisampling off at the end of the app's frame.  An app that turns it on later than that loses this frame.

@@ -5,16 +5,16 @@ use bevy::{
     platform::collections::HashMap,
 };
 
-/// Frames that a loaded asset may take to reach the render world.  The asset server reports a load at once, but extraction brings the asset
-/// later, and the main world runs ahead of the render world.
+/// Frames that an asset may take to reach the render world, after it was loaded or an app has added it.  The asset server reports a load at
+/// once, but extraction brings the asset later, and the main world runs ahead of the render world.
 const MAX_DELAY: u32 = 3;
 
-/// Assets that are loaded but have not reached the render world.
+/// Assets that no loader is working on, and that have not reached the render world.
 #[derive(Default)]
 pub(crate) struct AssetWait {
     frame: u32,
-    /// The frames in which each was first seen as loaded, and in which something last waited for it.
-    loaded: HashMap<UntypedAssetId, (u32, u32)>,
+    /// The frames in which each was first seen, and in which something last waited for it.
+    waiting: HashMap<UntypedAssetId, (u32, u32)>,
 }
 
 impl AssetWait {
@@ -22,23 +22,28 @@ impl AssetWait {
     pub(crate) fn begin_frame(&mut self) {
         let last = self.frame;
         self.frame = last.wrapping_add(1);
-        self.loaded.retain(|_, (_, asked)| *asked == last);
+        self.waiting.retain(|_, (_, asked)| *asked == last);
     }
 
-    /// Whether a missing asset will still arrive.  An asset that failed to load, or that nothing loads, will not.
+    /// Whether a missing asset may still arrive.  An asset that failed to load will not.
     pub(crate) fn is_pending(&mut self, id: impl Into<UntypedAssetId>, assets: &AssetServer) -> bool {
         let id = id.into();
         self.is_pending_in_state(id, &assets.load_state(id))
     }
 
     fn is_pending_in_state(&mut self, id: UntypedAssetId, state: &LoadState) -> bool {
-        if state.is_loaded() {
-            let (since, asked) = self.loaded.entry(id).or_insert((self.frame, self.frame));
-            *asked = self.frame;
-            return self.frame.wrapping_sub(*since) < MAX_DELAY;
+        match state {
+            // The server does not know an asset that an app has added itself.
+            LoadState::Loaded | LoadState::NotLoaded => {
+                let (since, asked) = self.waiting.entry(id).or_insert((self.frame, self.frame));
+                *asked = self.frame;
+                self.frame.wrapping_sub(*since) < MAX_DELAY
+            }
+            LoadState::Loading | LoadState::Failed(_) => {
+                self.waiting.remove(&id);
+                state.is_loading()
+            }
         }
-        self.loaded.remove(&id);
-        state.is_loading()
     }
 }
 
@@ -51,7 +56,7 @@ mod tests {
     fn assets_are_pending_while_they_load_and_shortly_after() {
         let mut wait = AssetWait::default();
         let id = AssetId::<Image>::default().untyped();
-        let mut in_five_frames = |state: LoadState| {
+        let in_five_frames = |wait: &mut AssetWait, state: LoadState| {
             [(); 5].map(|()| {
                 wait.begin_frame();
                 // Repeated queries in a frame agree.
@@ -60,12 +65,16 @@ mod tests {
                 a
             })
         };
-        assert_eq!(in_five_frames(LoadState::Loading), [true; 5]);
-        assert_eq!(in_five_frames(LoadState::Loaded), [true, true, true, false, false]);
-        assert_eq!(in_five_frames(LoadState::NotLoaded), [false; 5]);
-        assert_eq!(in_five_frames(LoadState::Loaded), [true, true, true, false, false], "loaded a second time");
+        assert_eq!(in_five_frames(&mut wait, LoadState::Loading), [true; 5]);
+        assert_eq!(in_five_frames(&mut wait, LoadState::Loaded), [true, true, true, false, false]);
+        assert_eq!(in_five_frames(&mut wait, LoadState::Loading), [true; 5]);
+        assert_eq!(in_five_frames(&mut wait, LoadState::Loaded), [true, true, true, false, false], "loaded a second time");
+        assert_eq!(in_five_frames(&mut wait, LoadState::NotLoaded), [false; 5], "no longer loaded");
         wait.begin_frame();
         wait.begin_frame();
-        assert!(wait.loaded.is_empty(), "nothing waits for the asset");
+        assert_eq!(in_five_frames(&mut wait, LoadState::NotLoaded), [true, true, true, false, false], "added by the app");
+        wait.begin_frame();
+        wait.begin_frame();
+        assert!(wait.waiting.is_empty(), "nothing waits for the asset");
     }
 }

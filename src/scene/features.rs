@@ -106,6 +106,10 @@ impl SceneFeatures {
         .union(Self::DIFFUSE_TRANSMISSION)
         .union(Self::RENDER_LAYERS);
 
+    /// The kinds of environments.
+    pub(crate) const OF_ENVIRONMENT: Self =
+        Self::ENVIRONMENT.union(Self::ENVIRONMENT_MAP).union(Self::ENVIRONMENT_CUBE);
+
     /// The shader definitions of these features.
     pub fn shader_defs(self) -> Vec<ShaderDefVal> {
         self.names().into_iter().map(|def| ShaderDefVal::Bool(def.into(), true)).collect()

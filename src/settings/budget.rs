@@ -32,6 +32,7 @@ use super::{Restir, Reuse, ReuseOrder, Technique};
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct RestirBudget {
     /// GPU time of all passes of the plugin (time spans `restir/...`) of all cameras in a frame, ms.  Without effect unless it is above 0.
+    /// Bevy measures at most 128 passes in a frame, its own included: from the fifth camera on, the time of some of ours is missing.
     pub gpu_ms: f32,
 }
 

@@ -87,13 +87,17 @@ impl Technique {
 /// `TemporalAntiAliasing` smooths edges in its place.
 ///
 /// The history of earlier frames survives motion of objects, lights and cameras, objects and lights that appear, vanish or change, and a
-/// sky that turns or changes its color.  It restarts when the pixels of an image change, when the shaders for the first light of a kind,
-/// for the first material with transmission, a thin wall, alpha or a clearcoat, or for the first object that render layers hide have been
-/// compiled, when the first translucent object appears or the last one disappears, when the size of the image, the render layers, the kind
-/// of projection or `Camera::invert_culling` changes, when the environment appears, disappears or gets another image, or when one of these
-/// settings changes.  These do not restart it:
-/// [`Direct::candidates`], `firefly_limit`, `denoiser`, `accumulate`, `debug_scale`, [`Research::replay_compaction`], and all of [`Reuse`] except
-/// `order` and `temporal`.
+/// sky that turns or changes its color.  It restarts when
+///
+/// - the pixels of an image change;
+/// - shaders have been compiled for the first light of a kind, the first material with transmission, diffuse transmission, a thin wall, alpha
+///   or a clearcoat, or the first object that render layers hide;
+/// - the first translucent object appears, or the last one disappears;
+/// - the size of the image, the render layers, the kind of projection or `Camera::invert_culling` changes;
+/// - the environment appears, disappears or gets another image;
+/// - one of these settings changes, except [`Direct::candidates`], `firefly_limit`, `denoiser`, `accumulate`, `debug_scale`,
+///   [`Research::replay_compaction`], and all of [`Reuse`] but `order` and `temporal`.
+///
 /// [`RestirReport::history_resets`](crate::RestirReport::history_resets) counts the restarts by reason.
 ///
 /// ```
@@ -246,6 +250,7 @@ impl Restir {
 /// Bevy's default sets it to 1/exposure, so that lamps look as bright as Bevy draws them.  At least 0 and finite; default about 998.
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Resource, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct EmissiveLuminance(pub f32);
 
 impl Default for EmissiveLuminance {

@@ -33,4 +33,5 @@ pub struct RestirMaterial(pub Handle<StandardMaterial>);
 /// Put it on the entity of the mesh: it does not reach children, so that on the root of a scene, such as a glTF file, it has no effect.
 #[derive(Component, Clone, Copy, Debug, Default, PartialEq, Eq, Reflect)]
 #[reflect(Component, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct RestirIgnore;

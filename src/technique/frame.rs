@@ -270,6 +270,11 @@ impl PipelineKey {
         self.frame == wanted.frame && !(self.features ^ wanted.features).intersects(of_settings)
     }
 
+    /// Whether its pipelines can render the environment of another key.
+    pub(crate) fn serves_environment_of(self, wanted: Self) -> bool {
+        !(self.features ^ wanted.features).intersects(SceneFeatures::OF_ENVIRONMENT)
+    }
+
     /// Whether these pipelines can read the reservoirs that the pipelines of another key have written.  Other features do not matter: a
     /// feature adds code for its own subject, and leaves all other code and its random numbers unchanged.  Pairs and
     /// the denoiser do not matter, because reservoirs hold nothing of theirs.

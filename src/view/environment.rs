@@ -22,6 +22,7 @@ use bevy::{
 };
 
 use super::{
+    ViewPool,
     extract::{ExtractedEnvironment, ExtractedViews},
     importance_map::{ImportanceMap, ImportancePasses, importance_bytes},
     texture,
@@ -56,7 +57,7 @@ pub(crate) struct EnvironmentPool {
     without_memory: HashMap<ImageKey, String>,
     /// Images that a warning has named; each is named once, however often it changes.
     warned: Warned<ImageKey>,
-    /// One black texel for map and importance each, bound where there is no environment image.
+    /// Black texels for the faces of a map and for its importance, bound where there is no environment image.
     placeholders: Option<(TextureView, TextureView)>,
     passes: ImportancePasses,
     /// Counts fills of importance maps.
@@ -84,6 +85,7 @@ impl Default for EnvironmentPool {
 pub(crate) fn prepare_environments(
     mut pool: ResMut<EnvironmentPool>,
     views: Res<ExtractedViews>,
+    view_pool: Res<ViewPool>,
     images: Res<RenderAssets<GpuImage>>,
     mut textures: ResMut<TexturePool>,
     assets: Res<AssetServer>,
@@ -101,8 +103,14 @@ pub(crate) fn prepare_environments(
     pool.warned.retain(|(id, _)| textures.version(*id) > 0);
     pool.rejected.retain(|(id, _), version| textures.version(*id) == *version);
     let is_rejected = |key: &ImageKey| pool.rejected.get(key) == Some(&textures.version(key.0));
-    let used: HashSet<_> =
-        views.0.values().filter_map(|v| v.environment?.key()).filter(|key| !is_rejected(key)).collect();
+    // Those of the last frame stay until those of this one can be rendered.
+    let used: HashSet<_> = views
+        .0
+        .iter()
+        .flat_map(|(&camera, restir)| [restir.environment, view_pool.last_environment(camera)])
+        .filter_map(|environment| environment?.key())
+        .filter(|key| !is_rejected(key))
+        .collect();
     pool.entries.retain(|key, _| used.contains(key));
     pool.pending.clear();
     pool.without_memory.clear();
@@ -156,13 +164,13 @@ pub(crate) fn prepare_environments(
 }
 
 fn placeholders(device: &RenderDevice) -> (TextureView, TextureView) {
-    let view = |format, label, dimension| {
-        texture(device, label, UVec2::ONE, 1, format, TextureUsages::TEXTURE_BINDING)
+    let view = |format, label, layers, dimension| {
+        texture(device, label, UVec2::ONE, layers, format, TextureUsages::TEXTURE_BINDING)
             .create_view(&TextureViewDescriptor { dimension: Some(dimension), ..Default::default() })
     };
     (
-        view(TextureFormat::Rgba8Unorm, "no environment", TextureViewDimension::D2Array),
-        view(TextureFormat::R32Float, "no environment importance", TextureViewDimension::D2),
+        view(TextureFormat::Rgba8Unorm, "no environment", 6, TextureViewDimension::D2Array),
+        view(TextureFormat::R32Float, "no environment importance", 1, TextureViewDimension::D2),
     )
 }
 
@@ -183,6 +191,11 @@ fn is_environment(image: &GpuImage, is_cube: bool, device: &RenderDevice) -> boo
 }
 
 impl EnvironmentPool {
+    /// Whether the image of an environment is being loaded.
+    pub(crate) fn is_pending(&self, environment: &ExtractedEnvironment) -> bool {
+        environment.key().is_some_and(|key| self.pending.contains(&key))
+    }
+
     fn entry(&self, environment: Option<&ExtractedEnvironment>) -> Option<&Entry> {
         self.entries.get(&environment?.key()?)
     }
@@ -199,20 +212,21 @@ impl EnvironmentPool {
         }
     }
 
-    /// Features that shaders need for an environment.
+    /// Features that shaders need for an environment; those of its image while it is being loaded, so that pipelines are compiled once.
     pub(crate) fn features(&self, environment: Option<&ExtractedEnvironment>) -> SceneFeatures {
-        let has_map = self.entry(environment).is_some();
-        match environment {
-            // A cube without its image emits nothing, and neither does an image that is being loaded.  A black environment keeps its pipelines,
-            // because it may shine again.
-            Some(e) if has_map || !(e.is_cube() || e.key().is_some_and(|key| self.pending.contains(&key))) => {
-                let mut features = SceneFeatures::ENVIRONMENT;
-                features.set(SceneFeatures::ENVIRONMENT_MAP, has_map);
-                features.set(SceneFeatures::ENVIRONMENT_CUBE, has_map && e.is_cube());
-                features
-            }
-            _ => SceneFeatures::empty(),
-        }
+        let Some(e) = environment else { return SceneFeatures::empty() };
+        let has_map = self.entry(environment).is_some() || self.is_pending(e);
+        // A black environment keeps its pipelines, because it may shine again.
+        let mut features = SceneFeatures::ENVIRONMENT;
+        features.set(SceneFeatures::ENVIRONMENT_MAP, has_map);
+        features.set(SceneFeatures::ENVIRONMENT_CUBE, has_map && e.is_cube());
+        // A cube without its image emits nothing.
+        if has_map || !e.is_cube() { features } else { SceneFeatures::empty() }
+    }
+
+    /// Whether the camera sees an environment behind all objects.  Without its image a cube leaves the clear color, as in Bevy.
+    pub(crate) fn is_seen(&self, environment: &ExtractedEnvironment) -> bool {
+        environment.is_backdrop() && (!environment.is_cube() || self.entry(Some(environment)).is_some())
     }
 
     /// Changes whenever the image of an environment does.

@@ -41,7 +41,7 @@ use crate::{
     scene::geometry::render_layers, settings::Restir, system_sets::RestirSystems, technique::frame::PipelineKey,
 };
 use environment::EnvironmentPool;
-use extract::ExtractedViews;
+use extract::{ExtractedEnvironment, ExtractedViews};
 pub(crate) use restir_view::{PausedView, RestirView};
 use selection::SelectedPipelines;
 
@@ -88,6 +88,14 @@ impl ViewPool {
         match self.views.get(&camera) {
             Some(view) => Some([&view.settings, &view.asked]),
             None => self.paused.get(&camera).map(|paused| [&paused.settings, &paused.asked]),
+        }
+    }
+
+    /// The environment of the last frame of a camera.
+    fn last_environment(&self, camera: Entity) -> Option<ExtractedEnvironment> {
+        match self.views.get(&camera) {
+            Some(view) => view.environment,
+            None => self.paused.get(&camera)?.environment,
         }
     }
 }

@@ -27,7 +27,7 @@ use crate::{
     cpu_times::{CpuTimes, Stage},
     device::binding_limit,
     scene::{bindings::SceneBindings, storage::allocation},
-    settings::{Direct, Restir},
+    settings::{Direct, LightTechniques, Restir},
     technique::frame::Frame,
     warned::Warned,
 };
@@ -74,7 +74,7 @@ pub(super) fn prepare_views(
             pool.pause(entity);
             continue;
         }
-        keep_settings(restir, selection, pool.last_settings(entity));
+        keep_last_state(restir, selection, &environments, pool, entity);
         let viewport = UVec2::new(view.viewport.z, view.viewport.w);
         // An upscaler, such as DLSS, enlarges an image that fills only the corner of the viewport.
         let target_size = resolution_override.map_or(viewport, |size| size.0.min(viewport)).max(UVec2::ONE);
@@ -115,13 +115,23 @@ pub(super) fn prepare_views(
     }
 }
 
-/// A camera keeps its settings until the pipelines of the new ones are compiled.
-fn keep_settings(restir: &mut ExtractedRestir, selection: Selection, last: Option<[&Restir; 2]>) {
-    if let (Some(key), Some([settings, asked])) = (selection.key, last)
+/// A camera keeps its settings and its environment until the pipelines of the new ones are compiled and the image is there.
+fn keep_last_state(
+    restir: &mut ExtractedRestir,
+    selection: Selection,
+    environments: &EnvironmentPool,
+    pool: &ViewPool,
+    entity: Entity,
+) {
+    if let (Some(key), Some([settings, asked])) = (selection.key, pool.last_settings(entity))
         && !key.serves_settings_of(selection.requested)
     {
         restir.settings = Restir { reset: restir.settings.reset, ..settings.clone() };
         restir.asked = asked.clone();
+    }
+    let is_pending = restir.environment.is_some_and(|e| environments.is_pending(&e));
+    if is_pending || selection.key.is_some_and(|key| !key.serves_environment_of(selection.requested)) {
+        restir.environment = pool.last_environment(entity);
     }
 }
 
@@ -193,7 +203,9 @@ fn warn_of_light_paths(
             counts.light_paths, state.settings.bdpt.light_paths
         );
     }
-    let loses_splats = scene.has_camera_dependent_objects && state.settings.bdpt.light_paths > 0.0;
+    let bdpt = &state.settings.bdpt;
+    let asks_for_splats = bdpt.techniques != LightTechniques::NoLightTracing && bdpt.light_paths > 0.0;
+    let loses_splats = scene.has_camera_dependent_objects && asks_for_splats;
     if loses_splats && warned.is_due((entity, "camera-dependent objects")) {
         warn!(
             "restir: camera {name} finds caustics from the camera only (noisier, not darker), because an object of the scene has \

@@ -15,7 +15,7 @@ use super::{
     bind_groups::BindGroups,
     buffer,
     counters::CounterReadback,
-    extract::ExtractedRestir,
+    extract::{ExtractedEnvironment, ExtractedRestir},
     history::{FrameInputs, History, traces_light},
     image_state::{ImageState, Reset, ResetCounts},
     light_paths::LightPathCounts,
@@ -76,6 +76,8 @@ pub(crate) struct RestirView {
     pub(super) previous_camera: Option<GpuCamera>,
     pub(super) previous_environment: Option<EnvironmentPlacement>,
     pub(super) previous_jitter: [f32; 2],
+    /// Successive frames in which Bevy has not jittered the camera.
+    pub(super) frames_without_bevy_jitter: u32,
     /// State of the last frame; `None` if it was not rendered.
     pub(super) image_state: Option<ImageState>,
     /// An instance has moved or a light has changed since the last frame.
@@ -104,6 +106,8 @@ pub(crate) struct RestirView {
     pub settings: Restir,
     /// The settings that the app asked for, from which those are made.
     pub asked: Restir,
+    /// The environment of this frame.
+    pub environment: Option<ExtractedEnvironment>,
 }
 
 /// Counts and settings of a view that was dropped, for the camera's next view.
@@ -120,6 +124,8 @@ pub(crate) struct PausedView {
     pub settings: Restir,
     /// The settings that the app asked for then.
     pub asked: Restir,
+    /// The environment of the last frame.
+    pub environment: Option<ExtractedEnvironment>,
 }
 
 impl RestirView {
@@ -173,6 +179,7 @@ impl RestirView {
             previous_camera: None,
             previous_environment: None,
             previous_jitter: [0.0; 2],
+            frames_without_bevy_jitter: u32::MAX,
             image_state: None,
             moved: false,
             same_environment: false,
@@ -187,6 +194,7 @@ impl RestirView {
             ran: AtomicBool::new(false),
             settings: Restir::default(),
             asked: Restir::default(),
+            environment: None,
         }
     }
 
@@ -212,14 +220,14 @@ impl RestirView {
             // No frame was rendered since this index was set.
             first => first,
         };
-        let Self { counters, resets, key, settings, asked, .. } = self;
-        PausedView { counters, resets, sequence, key, settings, asked }
+        let Self { counters, resets, key, settings, asked, environment, .. } = self;
+        PausedView { counters, resets, sequence, key, settings, asked, environment }
     }
 
     /// This new view with the counts of the last one.  `beginning`: why the history restarts.
     pub(super) fn resumed_from(self, last: PausedView, beginning: Reset) -> Self {
-        let PausedView { counters, resets, sequence: first_sequence, key, settings, asked } = last;
-        Self { counters, resets, first_sequence, key, settings, asked, beginning, ..self }
+        let PausedView { counters, resets, sequence: first_sequence, key, settings, asked, environment } = last;
+        Self { counters, resets, first_sequence, key, settings, asked, environment, beginning, ..self }
     }
 
     /// Takes settings and pipelines for this frame, and decides whether it is rendered.
@@ -227,6 +235,7 @@ impl RestirView {
         self.layers = restir.layers;
         self.settings = restir.settings.clone();
         self.asked = restir.asked.clone();
+        self.environment = restir.environment;
         self.key = selection.key;
         self.key_is_requested = selection.key == Some(selection.requested);
         self.composite = selection.composite;

@@ -48,13 +48,22 @@ pub(crate) struct Selection {
 #[derive(Resource, Default)]
 pub(crate) struct SelectedPipelines(pub HashMap<Entity, Selection>);
 
-/// The pipelines that settings and scene request for a camera.
+/// The pipelines that settings and scene request for a camera.  `last`: those of the last frame.
 pub(crate) fn requested_key(
     restir: &ExtractedRestir,
     scene: &SceneBindings,
     environments: &EnvironmentPool,
+    last: Option<PipelineKey>,
 ) -> PipelineKey {
-    let mut features = scene.features | environments.features(restir.environment.as_ref());
+    let environment = restir.environment.as_ref();
+    let mut features = scene.features
+        | match last {
+            // The environment of the last frame stays.
+            Some(last) if environment.is_some_and(|e| environments.is_pending(e)) => {
+                last.features & SceneFeatures::OF_ENVIRONMENT
+            }
+            _ => environments.features(environment),
+        };
     features.set(SceneFeatures::RENDER_LAYERS, scene.hidden_from & restir.layers != 0);
     features.set(SceneFeatures::ENERGY_COMPENSATION, restir.settings.energy_compensation);
     let splits_light = restir.settings.debug_view.is_part_of_light() || restir.settings.filter_iterations() > 0;

@@ -96,14 +96,17 @@ impl UniformInputs<'_> {
         (self.restir.background / self.exposure()).to_array().map(|c| if c > 0.0 { c.min(1e30) } else { 0.0 })
     }
 
+    fn sees_environment(&self) -> bool {
+        self.restir.environment.is_some_and(|e| self.environments.is_seen(&e))
+    }
+
     fn is_orthographic(&self) -> bool {
         is_orthographic(&self.view.clip_from_view)
     }
 
     fn flags(&self) -> u32 {
-        let environment = self.restir.environment;
         let mut flags = 0;
-        if environment.is_some_and(|e| e.is_backdrop()) {
+        if self.sees_environment() {
             flags |= VIEW_ENVIRONMENT_IS_BACKDROP;
         } else if !self.restir.has_backdrop {
             flags |= VIEW_NO_BACKDROP;
@@ -124,7 +127,7 @@ impl RestirView {
         let UniformInputs { restir, .. } = *inputs;
         let current = camera_of(inputs.view);
         self.advance(self.new_image_state(inputs, current), &restir.settings);
-        let jitter = self.jitter(inputs);
+        let jitter = self.next_jitter(inputs);
         let environment = placement_of(restir.environment);
         let previous_environment = self.previous_environment.unwrap_or(environment);
         let uniforms = GpuViewUniforms {
@@ -176,7 +179,8 @@ impl RestirView {
             settings: Restir { reset: false, accumulate: false, debug_scale: 1.0, ..restir.asked.clone() },
             environment: restir.environment,
             layers: restir.layers,
-            background: inputs.background(),
+            // The exposure changes it, but a camera that does not see it may continue.
+            background: if inputs.sees_environment() { [0.0; 3] } else { inputs.background() },
             sees_back_faces: sees_back_faces(inputs.view),
             orthographic: inputs.is_orthographic(),
             pipelines: self.key.unwrap_or_default(),
@@ -184,16 +188,16 @@ impl RestirView {
     }
 
     /// Sub-pixel offset of this frame: Bevy's, so that temporal antialiasing and upscalers know it, or else our own sequence.
-    fn jitter(&self, inputs: &UniformInputs) -> [f32; 2] {
+    fn next_jitter(&mut self, inputs: &UniformInputs) -> [f32; 2] {
         let settings = &inputs.restir.settings;
-        match inputs.bevy_jitter {
-            // Bevy leaves the component, with an offset of 0, where temporal antialiasing was removed.
-            Some(j) if j.offset != Vec2::ZERO => {
-                (j.offset * self.size.as_vec2() / self.target_size.as_vec2()).to_array()
-            }
-            _ if settings.jitters() => jitter_of(self.sequence, settings.seed),
-            _ => [0.0; 2],
+        let offset = inputs.bevy_jitter.map_or(Vec2::ZERO, |jitter| jitter.offset);
+        let is_zero = offset == Vec2::ZERO;
+        self.frames_without_bevy_jitter = if is_zero { self.frames_without_bevy_jitter.saturating_add(1) } else { 0 };
+        // One of the offsets of temporal antialiasing is 0.  Where it was removed, Bevy leaves the component, and all offsets are 0.
+        if settings.jitters() && self.frames_without_bevy_jitter > 1 {
+            return jitter_of(self.sequence, settings.seed);
         }
+        (offset * self.size.as_vec2() / self.target_size.as_vec2()).to_array()
     }
 }
 

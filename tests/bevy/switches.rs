@@ -55,6 +55,37 @@ fn another_environment_image_needs_no_memory_for_the_view() {
     rig.assert_sound();
 }
 
+/// Changes a camera's environment, and asserts that the corner of each frame has one of two radiances: first the old one, then the new one.
+fn assert_replaced(rig: &mut Rig, environment: impl Bundle, [old, new]: [f32; 2]) {
+    let is = |got: f32, wanted: f32| (got - wanted).abs() < 1e-3 * wanted;
+    rig.insert(rig.camera, environment);
+    let mut seen = vec![];
+    while !seen.last().is_some_and(|&got| is(got, new)) {
+        assert!(seen.len() < 5000, "{new} does not appear");
+        seen.push(rig.next().at(0, 0).x);
+        let got = seen[seen.len() - 1];
+        assert!(is(got, old) || is(got, new), "{got} between {old} and {new}, frame {}", seen.len());
+    }
+    assert!(seen.len() > 2, "pipelines are compiled in the background");
+}
+
+/// The pipelines of one kind of environment cannot render another kind.
+#[test]
+fn a_sky_stays_until_the_pipelines_of_the_next_one_are_compiled() {
+    let Some(mut rig) = Rig::compiling_in_background(16, 16) else { return };
+    rig.spawn(square(1.0), lambert(0.5), Transform::default());
+    let image = rig.add(texture(4, 2, |_, _| [255; 4]));
+    let cube = rig.add::<Image>(cube_texture(255));
+    rig.insert(rig.camera, RestirEnvironment { image: Some(image), ..sky(0.3) });
+    rig.set(|restir| restir.technique = Technique::Reference);
+    rig.until_ready();
+    assert_replaced(&mut rig, sky(0.5), [0.3, 0.5]);
+    rig.app.world_mut().entity_mut(rig.camera).remove::<RestirEnvironment>();
+    let skybox = Skybox { image: Some(cube), brightness: 0.7, ..default() };
+    assert_replaced(&mut rig, skybox, [0.5, 0.7]);
+    rig.assert_sound();
+}
+
 #[test]
 fn effects_that_change_the_target_leave_no_frame_out() {
     let Some(mut rig) = Rig::compiling_in_background(16, 12) else { return };

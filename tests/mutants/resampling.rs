@@ -312,7 +312,7 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "visible samples are shaded as hidden ones",
         "pass/reuse.wgsl",
-        "light += select(0.0, inputs.shares[j], inputs.visible[j]) * shown_contribution(&inputs, j, r);",
+        "light += select(0.0, inputs.shares[j], inputs.visible[j]) * shown_contribution(&inputs, j, shown_by);",
         "light += inputs.shares[j] * inputs.contributions[j];",
         &["shadows_are_black"],
     ),

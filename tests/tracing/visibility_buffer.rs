@@ -225,3 +225,19 @@ fn only_frames_that_are_averaged_are_jittered_by_default() {
     rig.insert(rig.camera, TemporalJitter::default());
     assert!(moves(&mut rig, Technique::Reference, Jitter::Auto, false), "with a jitter that nothing sets");
 }
+
+#[test]
+fn the_jitter_of_temporal_antialiasing_replaces_ours_where_it_is_zero_too() {
+    let Some(mut rig) = Rig::new(32, 32) else { return };
+    crowd(&mut rig);
+    rig.set(|r| *r = Restir { jitter: Jitter::Always, debug_view: DebugView::Depth, ..plain() });
+    rig.picture(1);
+    let mut depth_with = |offset: Vec2| {
+        rig.insert(rig.camera, TemporalJitter { offset });
+        rig.next().pixels
+    };
+    depth_with(Vec2::splat(0.25));
+    let center = depth_with(Vec2::ZERO);
+    depth_with(Vec2::splat(-0.25));
+    assert_eq!(depth_with(Vec2::ZERO), center);
+}

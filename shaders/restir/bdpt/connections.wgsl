@@ -145,7 +145,7 @@ fn connection_light(w: CameraWalk, index: u32, rng: ptr<function, Rng>) -> vec4<
     }
     let bsdfs = terms.f * scattered_value(y, -wi, p.towards_light);
     let value = guarded_3(bsdfs * p.throughput * (cos_y / d2 * f32(p.count)), GUARD_LIGHT_CONTRIBUTION);
-    if !(max_component(value) > 0.0) || trace_any(ray_between(x, y), alpha_seed, false) {
+    if !(max_component(value) > 0.0) {
         return vec4<f32>(0.0);
     }
     let from_light = surface_towards(y, p.towards_light);
@@ -160,7 +160,9 @@ fn connection_light(w: CameraWalk, index: u32, rng: ptr<function, Rng>) -> vec4<
         diffuse = bsdf_diffuse_share(x.bsdf, w.v.wo, wi);
     }
     let light = w.throughput * value * carried * technique_weight(weight, CONNECTIONS);
-    return shown_light(guarded_3(light, GUARD_LIGHT_CONTRIBUTION), diffuse);
+    let shown = shown_light(guarded_3(light, GUARD_LIGHT_CONTRIBUTION), diffuse);
+    // The ray comes last, so that few registers hold data while it is traced.
+    return select(shown, vec4<f32>(0.0), trace_any(ray_between(x, y), alpha_seed, false));
 }
 
 // The surface of a light vertex as a point sees it.

@@ -1,5 +1,5 @@
 // The light map: lists of the splats that land in each pixel.  It begins with the head of each pixel's list: an entry's index plus 1, or 0.
-// Then come the entries, SPLATS_OF_A_PATH for each light sub-path, of four words.
+// Then come the entries, SPLATS_OF_A_PATH for each light sub-path, of five words.
 //
 // Lists have the order of execution.  Sums and choices must not depend on it, so that the same seed gives the same picture.
 #define_import_path bevy_restir::restir::bdpt::light_map
@@ -22,21 +22,23 @@ struct MapEntry {
     events: u32,               // scattering events of the sub-path up to the vertex, 1 to 64
     value: vec3<f32>,          // radiance
     multiplicity: f32,         // radiance over that of the vertex alone: above 1 if the entry also represents other vertices
+    diffuse: u32,              // `Splat::diffuse` of the vertex
 }
 
+// All words of an entry but the last one, which is `diffuse`.
 fn entry_pack(e: MapEntry) -> vec4<u32> {
     return vec4<u32>(e.next | (e.events - 1u) << LINK_BITS, pack_radiance(e.value), bitcast<u32>(e.multiplicity));
 }
 
-fn entry_unpack(words: vec4<u32>) -> MapEntry {
+fn entry_unpack(words: vec4<u32>, diffuse: u32) -> MapEntry {
     return MapEntry(
-        words.x & LINK_MASK, (words.x >> LINK_BITS) + 1u, unpack_radiance(words.yz), bitcast<f32>(words.w),
+        words.x & LINK_MASK, (words.x >> LINK_BITS) + 1u, unpack_radiance(words.yz), bitcast<f32>(words.w), diffuse,
     );
 }
 
 // First word of the entry that a link names.
 fn word_of(link: u32) -> u32 {
-    return view.size.x * view.size.y + 4u * (link - 1u);
+    return view.size.x * view.size.y + 5u * (link - 1u);
 }
 
 // A sum of colors as fixed-point numbers of 64 bits.
@@ -61,20 +63,6 @@ fn exact_add(s: ptr<function, ExactSum>, value: vec3<f32>) {
 
 fn exact_total(s: ExactSum) -> vec3<f32> {
     return (vec3<f32>(s.high) * 0x1p32 + vec3<f32>(s.low)) / s.scale;
-}
-
-// Three shares from 0 to 1 in a channel of a texture: 10 bits each, exact to 0.0005, and exact for 0 and 1.  In the exponent of the float, bit
-// 30 is always set and bit 23 never: it is then neither subnormal nor NaN, which textures do not keep.
-fn pack_share(share: vec3<f32>) -> f32 {
-    let v = vec3<u32>(clamp(share, vec3<f32>(0.0), vec3<f32>(1.0)) * 1023.0 + 0.5);
-    let bits = v.x | v.y << 10u | v.z << 20u;
-    return bitcast<f32>((bits & 0x7fffffu) | (bits >> 23u & 63u) << 24u | 0x40000000u | (bits >> 29u) << 31u);
-}
-
-fn unpack_share(word: f32) -> vec3<f32> {
-    let w = bitcast<u32>(word);
-    let bits = (w & 0x7fffffu) | (w >> 24u & 63u) << 23u | (w >> 31u) << 29u;
-    return vec3<f32>(vec3<u32>(bits, bits >> 10u, bits >> 20u) & vec3<u32>(1023u)) / 1023.0;
 }
 
 // A random choice in proportion to weights: each input gets an exponentially distributed time with its weight as the rate, and the least time

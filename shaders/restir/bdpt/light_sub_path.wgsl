@@ -10,9 +10,6 @@
 #import bevy_restir::restir::flags::has
 #import bevy_restir::restir::types::RESAMPLE_CONNECTIONS
 #import bevy_restir::view::bindings::view
-#ifdef SPLIT_LIGHT
-#import bevy_restir::restir::bdpt::splat::splat_diffuse_share
-#endif
 
 fn sub_path_rng(path: u32, frame: u32, stream: u32) -> Rng {
     return rng_new(vec2<u32>(path & 0xffffu, path >> 16u), frame, stream, view.seed);
@@ -59,17 +56,6 @@ fn replayed_splat(path: u32, frame: u32, light: u32, events: u32, previous: bool
     }
     return splat_of(p.walk, p.alpha_seed, previous);
 }
-
-// Share of a replayed splat in this frame that its surface scatters diffusely.
-#ifdef SPLIT_LIGHT
-fn replayed_diffuse_share(path: u32, frame: u32, light: u32, events: u32) -> vec3<f32> {
-    let p = replayed_sub_path(path, frame, light, events, false);
-    if p.walk.events != events {
-        return vec3<f32>(0.0);
-    }
-    return splat_diffuse_share(p.walk);
-}
-#endif
 
 // The state holds ratios of the densities of other techniques to that of the light sub-path.  MIS weights multiply the latter by this share
 // (`LightShares`), so that the ratios are divided by it.

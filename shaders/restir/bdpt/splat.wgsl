@@ -18,10 +18,8 @@
 #import bevy_restir::trace::trace::trace_closest_in_frame
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::camera::{camera_density, camera_point, CameraPoint, pixel_cone}
+#import bevy_restir::view::light_part::{bsdf_diffuse_share, pack_share}
 #import bevy_restir::view::types::Camera
-#ifdef SPLIT_LIGHT
-#import bevy_restir::view::light_part::bsdf_diffuse_share
-#endif
 
 // Greatest number of culled surfaces, which the camera does not draw, that a ray between the camera and a vertex passes.
 const MAX_CULLED: u32 = 16u;
@@ -29,10 +27,11 @@ const MAX_CULLED: u32 = 16u;
 struct Splat {
     pixel: u32,                // index, or NONE
     value: vec3<f32>,
+    diffuse: u32,              // share that the surface scatters diffusely, packed; without SPLIT_LIGHT 0
 }
 
 fn no_splat() -> Splat {
-    return Splat(NONE, vec3<f32>(0.0));
+    return Splat(NONE, vec3<f32>(0.0), 0u);
 }
 
 // The splat of the newest vertex, now or (`previous`) in the last frame; its pixel is NONE if the camera does not see the vertex.
@@ -56,11 +55,12 @@ fn splat_of(w: LightWalk, alpha_seed: u32, previous: bool) -> Splat {
     if !(luminance(value) > 0.0) {
         return no_splat();
     }
+    let diffuse = bitcast<u32>(pack_share(bsdf_diffuse_share(s.bsdf, wo, w.towards_light)));
     if !is_visible_to_camera(point, offset_end(s.position, s.bsdf.n_geo, wo, s.offset, depth), alpha_seed, previous) {
         return no_splat();
     }
     let pixel = min(vec2<u32>(point.at), view.size - 1u);
-    return Splat(pixel.y * view.size.x + pixel.x, value);
+    return Splat(pixel.y * view.size.x + pixel.x, value, diffuse);
 }
 
 // The surface of the newest vertex as a path from the camera would evaluate it.
@@ -68,15 +68,6 @@ fn seen_surface(w: LightWalk, camera: Camera, point: CameraPoint, previous: bool
     let cone = pixel_cone(camera, point.ray, distance(point.ray.origin, w.surface.position));
     return surface_at(w.hit.instance, w.hit.triangle, w.hit.barycentrics, -point.ray.direction, cone, previous);
 }
-
-// Share of a splat in this frame that the surface scatters diffusely.
-#ifdef SPLIT_LIGHT
-fn splat_diffuse_share(w: LightWalk) -> vec3<f32> {
-    let point = camera_point(view.current, w.surface.position);
-    let s = seen_surface(w, view.current, point, false);
-    return bsdf_diffuse_share(s.bsdf, -point.ray.direction, w.towards_light);
-}
-#endif
 
 fn camera_of(previous: bool) -> Camera {
     if previous {

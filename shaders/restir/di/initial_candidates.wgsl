@@ -18,7 +18,7 @@
 #import bevy_restir::restir::di::domain::{bsdf_pdf_of, evaluate, evaluate_arriving, evaluate_sample, is_visible, Receiver, target_value}
 #import bevy_restir::restir::di::reservoir::Reservoir
 #import bevy_restir::restir::flags::has
-#import bevy_restir::restir::light_candidates::{light_candidate, opacity_of, subset_of}
+#import bevy_restir::restir::light_candidates::{light_candidate, opacity_of, subset_of, useful_candidates}
 #import bevy_restir::restir::reservoir_sampling::{Stream, stream_add, stream_ucw}
 #import bevy_restir::restir::types::{RESAMPLE_BSDF_CANDIDATE, RESAMPLE_CANDIDATE_RAYS, RESAMPLE_TARGET_WITHOUT_BSDF}
 #import bevy_restir::scene::cone::{cone_after, cone_along}
@@ -104,8 +104,9 @@ struct Candidates {
 
 fn add_light_candidates(c: ptr<function, Candidates>, r: Receiver, with_bsdf: bool, pixel: vec2<u32>, rng: ptr<function, Rng>) {
     let subset = subset_of(pixel, 0u);
-    let count = f32(settings.candidates);
-    let lights = select(settings.candidates, 0u, bsdf_is_delta(r.surface.bsdf));
+    let wanted = useful_candidates(settings.candidates);
+    let count = f32(wanted);
+    let lights = select(wanted, 0u, bsdf_is_delta(r.surface.bsdf));
     for (var i = 0u; i < lights; i++) {
         let candidate = light_candidate(r.surface.position, subset, rng);
         let value = candidate_target(r, candidate.light);

@@ -24,7 +24,7 @@
 #import bevy_restir::path::technique_weights::{below_surface, camera_state, CameraState, emitter_sample, mis_sum_of_hit, mis_sum_of_nee, state_at, state_of_ray, weight_of}
 #import bevy_restir::path::walk::{sampled_step, Step, step_cone, step_medium, Vertex}
 #import bevy_restir::restir::flags::has
-#import bevy_restir::restir::light_candidates::{light_candidate, subset_of}
+#import bevy_restir::restir::light_candidates::{light_candidate, subset_of, useful_candidates}
 #import bevy_restir::restir::path_sample::{no_path_sample, PathSample, TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE, vertex_barycentrics}
 #import bevy_restir::restir::reservoir_sampling::{Stream, stream_add, stream_ucw}
 #import bevy_restir::restir::shift::reconnection::{is_connectable, is_connectable_by, is_connectable_end, light_factor, previous_vertex, PreviousVertex, ShiftParameters, triangle_factor}
@@ -64,7 +64,7 @@ struct SelectedLight {
 
 // Selects a light candidate by its unshadowed contribution at the vertex of this index.
 fn select_light(v: Vertex, index: u32, nee_candidates: u32, pixel: vec2<u32>, rng: ptr<function, Rng>) -> SelectedLight {
-    let count = nee_candidate_count(nee_candidates, index);
+    let count = useful_candidates(nee_candidate_count(nee_candidates, index));
     let subset = subset_of(pixel, index);
     var stream = Stream(0.0, NONE);
     var selected = no_light_point();

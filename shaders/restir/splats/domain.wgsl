@@ -19,8 +19,7 @@
 #import bevy_restir::restir::types::RESAMPLE_STILL
 #import bevy_restir::view::bindings::view
 #ifdef SPLIT_LIGHT
-#import bevy_restir::restir::bdpt::light_map::unpack_share
-#import bevy_restir::restir::bdpt::light_sub_path::replayed_diffuse_share
+#import bevy_restir::view::light_part::unpack_share
 #endif
 
 // Receiver of a sample: any pixel of this frame, or of the last one, since a replayed sub-path chooses its pixel.
@@ -88,10 +87,7 @@ fn evaluate(r: Receiver, s: Reservoir) -> Evaluated {
 // frame with their color (`pass/splats.wgsl`), and `packed_splat_share` holds the share of all of them.
 #ifdef SPLIT_LIGHT
 fn diffuse_share(r: Receiver, s: Reservoir, packed_splat_share: f32) -> vec3<f32> {
-    if s.frame == view.frame {
-        return unpack_share(packed_splat_share);
-    }
-    return replayed_diffuse_share(s.path, s.frame, s.light, s.events);
+    return unpack_share(select(bitcast<f32>(s.diffuse), packed_splat_share, s.frame == view.frame));
 }
 #endif
 

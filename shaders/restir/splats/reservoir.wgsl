@@ -1,5 +1,5 @@
 // The reservoir of light that a pixel receives from light sub-paths (Hedstrom et al. 2025, 5.1: caustic reservoirs).  The sample is the
-// light and the random numbers of a sub-path, and one of its vertices.  40 bytes.
+// light and the random numbers of a sub-path, and one of its vertices.  44 bytes.
 #define_import_path bevy_restir::restir::splats::reservoir
 
 #import bevy_restir::common::constants::NONE
@@ -13,6 +13,7 @@ struct Reservoir {
     f: vec3<f32>,              // contribution to the pixel: radiance over the density of the sub-path, given the light
     ucw: f32,                  // W: E[f(X) W] = radiance; 0: no sample
     confidence: f32,           // in frames' worth of candidates
+    diffuse: u32,              // `Splat::diffuse` of the vertex
     seen: bool,                // always true: a vertex that the camera does not see is not stored
 }
 
@@ -26,6 +27,7 @@ struct PackedReservoir {
     green: f32,
     blue: f32,
     confidence: f32,
+    diffuse: u32,
     // The list of samples of the last frame that land in this pixel of this frame: index plus 1 of its first reservoir and, in each
     // reservoir of a list, of the next one.
     head: u32,
@@ -33,22 +35,23 @@ struct PackedReservoir {
 }
 
 // Words of the stored reservoir, for the pass that joins lists.
-const WORDS: u32 = 10u;
+const WORDS: u32 = 11u;
 const WORD_FRAME: u32 = 1u;
 const WORD_LIGHT: u32 = 2u;
 const WORD_UCW: u32 = 3u;
 const WORD_RED: u32 = 4u;
 const WORD_CONFIDENCE: u32 = 7u;
-const WORD_HEAD: u32 = 8u;
-const WORD_NEXT: u32 = 9u;
+const WORD_DIFFUSE: u32 = 8u;
+const WORD_HEAD: u32 = 9u;
+const WORD_NEXT: u32 = 10u;
 
 fn no_reservoir() -> Reservoir {
-    return Reservoir(0u, 0u, 1u, NONE, vec3<f32>(0.0), 0.0, 0.0, true);
+    return Reservoir(0u, 0u, 1u, NONE, vec3<f32>(0.0), 0.0, 0.0, 0u, true);
 }
 
 fn reservoir_pack(r: Reservoir) -> PackedReservoir {
     let f = guarded_3(r.f, GUARD_RESERVOIR);
-    return PackedReservoir(r.path | r.events << 24u, r.frame, r.light, r.ucw, f.x, f.y, f.z, r.confidence, 0u, 0u);
+    return PackedReservoir(r.path | r.events << 24u, r.frame, r.light, r.ucw, f.x, f.y, f.z, r.confidence, r.diffuse, 0u, 0u);
 }
 
 // Reservoirs that hold the same candidate have the same identity, wherever it was shifted.
@@ -62,5 +65,5 @@ fn reservoir_unpack(p: PackedReservoir) -> Reservoir {
     if !guard_holds(is_sound(p.ucw) && is_sound(p.confidence) && is_sound(f.x) && is_sound(f.y) && is_sound(f.z), GUARD_RESERVOIR) {
         return no_reservoir();
     }
-    return Reservoir(p.vertex & 0xffffffu, p.frame, p.vertex >> 24u, p.light, f, p.ucw, p.confidence, true);
+    return Reservoir(p.vertex & 0xffffffu, p.frame, p.vertex >> 24u, p.light, f, p.ucw, p.confidence, p.diffuse, true);
 }

@@ -8,7 +8,7 @@
 #import bevy_restir::light::point_on_light::light_point_at
 #import bevy_restir::path::shadow_ray::light_is_visible
 #import bevy_restir::restir::bindings::settings
-#import bevy_restir::restir::light_candidates::{light_candidate, subset_of}
+#import bevy_restir::restir::light_candidates::{light_candidate, subset_of, useful_candidates}
 #import bevy_restir::restir::reservoir_sampling::{Stream, stream_add, stream_ucw}
 #import bevy_restir::restir::sss::domain::{contribution_of, entry_point, Receiver, scatters}
 #import bevy_restir::restir::sss::reservoir::{EntrySample, no_reservoir, Reservoir}
@@ -38,6 +38,7 @@ fn sample_candidates(r: Receiver, pixel: vec2<u32>, rng: ptr<function, Rng>) -> 
     let hits = trace_probe(line.ray, r.surface.instance, alpha_seed, false);
     let subset = subset_of(pixel, 1u);
     let choice = channel_probability(r.surface.radius);
+    let count = useful_candidates(settings.candidates);
     var stream = Stream(0.0, NONE);
     for (var h = 0u; h < hits.count; h++) {
         let hit = probe_hit(line.ray, r.surface.instance, probe_triangle(hits, h), probe_distance(hits, h), false);
@@ -45,7 +46,7 @@ fn sample_candidates(r: Receiver, pixel: vec2<u32>, rng: ptr<function, Rng>) -> 
         if !(p.density > 0.0) {
             continue;
         }
-        for (var i = 0u; i < settings.candidates; i++) {
+        for (var i = 0u; i < count; i++) {
             let c = light_candidate(p.surface.position, subset, rng);
             let u = rng_1(rng);
             if !(c.pmf > 0.0) {
@@ -53,7 +54,7 @@ fn sample_candidates(r: Receiver, pixel: vec2<u32>, rng: ptr<function, Rng>) -> 
             }
             let f = contribution_of(p, c.light);
             let value = luminance(f);
-            if stream_add(&stream, h * settings.candidates + i, value / (f32(settings.candidates) * c.pmf * c.rounding * choice * p.density), u) {
+            if stream_add(&stream, h * count + i, value / (f32(count) * c.pmf * c.rounding * choice * p.density), u) {
                 selected.f = f;
                 selected.reservoir.sample = EntrySample(
                     c.point, hit.instance, hit.triangle, hit.barycentrics, probe, h, p.is_far, alpha_seed, p.density, value,
@@ -66,12 +67,12 @@ fn sample_candidates(r: Receiver, pixel: vec2<u32>, rng: ptr<function, Rng>) -> 
     if stream.selected != NONE {
         let p = entry_point(r, Hit(0.0, s.instance, s.triangle, s.barycentrics));
         let light = light_point_at(s.light, p.surface.position, false);
-        if light_is_visible(p.surface, light, rng_bits(rng).x, false) {
-            selected.reservoir.ucw = stream_ucw(stream, s.target_value);
-        }
         // Presampled lights have rounded colors, which only choose candidates.
         selected.f = contribution_of(p, light);
         selected.reservoir.sample.target_value = luminance(selected.f);
+        if light_is_visible(p.surface, light, rng_bits(rng).x, false) {
+            selected.reservoir.ucw = stream_ucw(stream, s.target_value);
+        }
     }
     return selected;
 }
