@@ -68,11 +68,19 @@ mod tests {
         assert_eq!(in_five_frames(&mut wait, LoadState::Loading), [true; 5]);
         assert_eq!(in_five_frames(&mut wait, LoadState::Loaded), [true, true, true, false, false]);
         assert_eq!(in_five_frames(&mut wait, LoadState::Loading), [true; 5]);
-        assert_eq!(in_five_frames(&mut wait, LoadState::Loaded), [true, true, true, false, false], "loaded a second time");
+        assert_eq!(
+            in_five_frames(&mut wait, LoadState::Loaded),
+            [true, true, true, false, false],
+            "loaded a second time"
+        );
         assert_eq!(in_five_frames(&mut wait, LoadState::NotLoaded), [false; 5], "no longer loaded");
         wait.begin_frame();
         wait.begin_frame();
-        assert_eq!(in_five_frames(&mut wait, LoadState::NotLoaded), [true, true, true, false, false], "added by the app");
+        assert_eq!(
+            in_five_frames(&mut wait, LoadState::NotLoaded),
+            [true, true, true, false, false],
+            "added by the app"
+        );
         wait.begin_frame();
         wait.begin_frame();
         assert!(wait.waiting.is_empty(), "nothing waits for the asset");

@@ -22,8 +22,8 @@ use bevy::{
     winit::WinitPlugin,
 };
 use bevy_restir::{
-    DebugView, Denoiser, EmissiveLuminance, Jitter, RadianceCapture, RayBackend, Restir, RestirEnvironment,
-    RestirPlugin, RestirReport, RestirStatistics, Technique,
+    DebugView, Denoiser, Direct, EmissiveLuminance, Jitter, Paths, RadianceCapture, RayBackend, Restir,
+    RestirEnvironment, RestirPlugin, RestirReport, RestirStatistics, Reuse, Technique,
     testing::{
         check_mirror, geometry::world_tree::share_a_tree_at_rest, plant_shader_edits, shader_library::ShaderEdit,
     },
@@ -54,9 +54,11 @@ pub struct Rig {
     _device: Lease,
 }
 
-/// The settings of most tests: the reference, no jitter, direct light only, no energy compensation, no limit of bright pixels.
+/// The settings of most tests: the reference, no jitter, direct light only, no energy compensation, no limit of bright pixels.  Other techniques
+/// reuse the last frame alone: few passes, which compile quickly.
 pub fn plain() -> Restir {
     let technique = Technique::Reference;
+    let of_last_frame = |reuse: Reuse| Reuse { spatial_samples: 0, disocclusion_samples: 0, ..reuse };
     Restir {
         technique,
         jitter: Jitter::Never,
@@ -64,7 +66,8 @@ pub fn plain() -> Restir {
         energy_compensation: false,
         firefly_limit: 0.0,
         denoiser: Denoiser::OFF,
-        paths: paths::unified(),
+        direct: Direct { reuse: of_last_frame(Reuse::DIRECT), ..Direct::default() },
+        paths: Paths { reuse: of_last_frame(Reuse::PATHS), ..paths::unified() },
         ..Default::default()
     }
 }

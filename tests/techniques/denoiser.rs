@@ -2,16 +2,20 @@
 
 use crate::support::{app::*, small_scenes::*};
 use bevy::prelude::*;
-use bevy_restir::{Denoiser, Jitter, Paths, Restir, Technique, testing::shader_library::ShaderEdit};
+use bevy_restir::{Denoiser, Direct, Paths, Restir, Technique, testing::shader_library::ShaderEdit};
 
-const SIZE: u32 = 48;
+const SIZE: u32 = 64;
 const BOUNCES: u32 = 3;
 /// Frames before the one that is compared.
 const FRAMES: u32 = 24;
 
 fn settings(technique: Technique, denoiser: Denoiser) -> Restir {
-    let paths = Paths::default();
-    Restir { technique, bounces: BOUNCES, jitter: Jitter::Never, firefly_limit: 2.5, denoiser, paths, ..plain() }
+    Restir { technique, bounces: BOUNCES, firefly_limit: 2.5, denoiser, ..plain() }
+}
+
+/// With reuse as users have it.
+fn shipped(technique: Technique, denoiser: Denoiser) -> Restir {
+    Restir { direct: Direct::default(), paths: Paths::default(), ..settings(technique, denoiser) }
 }
 
 fn truth(rig: &mut Rig, bounces: u32) -> Picture {
@@ -36,7 +40,12 @@ fn error(picture: &Picture, truth: &Picture) -> f64 {
 }
 
 /// Errors of a frame without and with the denoiser, and the relative difference of their means.
-fn compare(rig: &mut Rig, technique: Technique, truth: &Picture) -> [f64; 3] {
+fn compare(
+    rig: &mut Rig,
+    technique: Technique,
+    truth: &Picture,
+    settings: fn(Technique, Denoiser) -> Restir,
+) -> [f64; 3] {
     let [plain, denoised] = [Denoiser::OFF, Denoiser::ON].map(|denoiser| {
         rig.set(|restir| *restir = settings(technique, denoiser));
         rig.picture(FRAMES)
@@ -59,7 +68,7 @@ fn have_a_fraction_of_the_error(techniques: &[Technique]) {
     let Some(mut rig) = room_scene(SIZE) else { return };
     for &technique in techniques {
         let truth = truth(&mut rig, if technique == Technique::Di { 1 } else { BOUNCES });
-        let [plain, denoised, light] = compare(&mut rig, technique, &truth);
+        let [plain, denoised, light] = compare(&mut rig, technique, &truth, shipped);
         println!("{technique:?}: {plain:.4}, denoised {denoised:.4}, light {light:+.4}");
         assert!(denoised < 0.3 * plain, "{technique:?}: {plain} and {denoised}");
         assert!(light.abs() < 0.03, "{technique:?}: {light}");
@@ -70,7 +79,7 @@ fn have_a_fraction_of_the_error(techniques: &[Technique]) {
 #[test]
 fn histories_do_not_depend_on_the_denoiser() {
     let Some(mut rig) = room_scene(SIZE) else { return };
-    rig.set(|restir| *restir = settings(Technique::Pt, Denoiser::ON));
+    rig.set(|restir| *restir = shipped(Technique::Pt, Denoiser::ON));
     let _compiled = rig.picture(2);
     rig.set(|restir| restir.denoiser = Denoiser::OFF);
     let without = rig.picture(8);
@@ -128,7 +137,7 @@ fn textures_stay_sharp() {
         return;
     };
     let truth = truth(&mut rig, 1);
-    let [plain, denoised, _] = compare(&mut rig, Technique::Di, &truth);
+    let [plain, denoised, _] = compare(&mut rig, Technique::Di, &truth, settings);
     println!("{plain:.6}, denoised {denoised:.6}");
     assert!(denoised < 0.5 * plain && denoised < 2e-3, "{plain} and {denoised}");
 }
@@ -185,7 +194,7 @@ fn an_orthographic_camera_denoises_slanted_surfaces() {
     let Some(mut rig) = room_scene(SIZE) else { return };
     rig.insert(rig.camera, orthographic(3.6, 3.6));
     let truth = truth(&mut rig, 1);
-    let [plain, denoised, light] = compare(&mut rig, Technique::Di, &truth);
+    let [plain, denoised, light] = compare(&mut rig, Technique::Di, &truth, settings);
     println!("{plain:.4}, denoised {denoised:.4}, light {light:+.4}");
     assert!(denoised < 0.4 * plain && light.abs() < 0.01, "{plain}, {denoised}, {light}");
 }
@@ -227,7 +236,7 @@ fn reflections_stay_sharp() {
     for roughness in [0.05, 0.0] {
         let Some(mut rig) = scene(SIZE, |rig| mirrored(rig, mirror(roughness))) else { return };
         let truth = truth(&mut rig, BOUNCES);
-        let [plain, denoised, light] = compare(&mut rig, Technique::Pt, &truth);
+        let [plain, denoised, light] = compare(&mut rig, Technique::Pt, &truth, settings);
         // The filter alone, for few bounces: without the noise that it could remove.
         let alone = Denoiser { history: 1, ..Denoiser::ON };
         rig.set(|restir| *restir = Restir { bounces: 2, ..settings(Technique::Pt, alone) });
@@ -308,7 +317,7 @@ fn denoised_objects_keep_their_edges() {
         return;
     };
     let truth = truth(&mut rig, 1);
-    let [plain, denoised, light] = compare(&mut rig, Technique::Di, &truth);
+    let [plain, denoised, light] = compare(&mut rig, Technique::Di, &truth, settings);
     println!("slats: {plain:.4}, denoised {denoised:.4}, light {light:+.4}");
     assert!(denoised < 0.35 * plain && light.abs() < 0.01, "{plain}, {denoised}, {light}");
 }

@@ -42,7 +42,7 @@ const LAST_VERTEX: ShaderEdit = edit(
 
 /// Compares the fourth frame of a subject with that of the edited shaders, which trace more rays if the shortcuts save some.
 fn check(subject: &dyn Subject, bounces: u32, edits: &[ShaderEdit], saves_rays: bool) {
-    let Some(mut rig) = room_scene(48) else { return };
+    let Some(mut rig) = room_scene(64) else { return };
     let mut picture = |edits: &[ShaderEdit]| {
         plant_edits(&mut rig.app, edits);
         rig.set(|r| {
@@ -65,6 +65,7 @@ fn check(subject: &dyn Subject, bounces: u32, edits: &[ShaderEdit], saves_rays: 
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn targets_that_do_not_matter_trace_no_rays() {
     let balance =
         Direct { reuse: Reuse { mis: Mis::Balance, ..di::across_edges(Mis::Balance).reuse }, ..di::all_reuse() };
@@ -72,6 +73,7 @@ fn targets_that_do_not_matter_trace_no_rays() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn surfaces_of_paths_are_built_where_they_matter() {
     let reuse = Reuse { paired: true, ..paths::all_reuse().reuse };
     let paths = Paths { separate_direct_light: true, reuse, ..paths::all_reuse() };
