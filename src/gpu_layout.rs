@@ -363,9 +363,9 @@ pub const SPLAT_RESERVOIR_SIZE: u64 = 44;
 
 /// Bytes of an entry of the light vertex cache.
 pub const LIGHT_VERTEX_SIZE: u64 = 64;
-/// Entries of a light sub-path in the light map, and bytes of an entry.
+/// Entries of a light sub-path in the light map, and words of an entry.
 pub const SPLATS_OF_A_PATH: u32 = 3;
-pub const SPLAT_SIZE: u64 = 20;
+pub const SPLAT_WORDS: u32 = 5;
 
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]

@@ -11,12 +11,12 @@ use bevy::{
 
 use super::{buffer, history::light, pixels};
 use crate::{
-    gpu_layout::{LIGHT_VERTEX_SIZE, SPLAT_SIZE, SPLATS_OF_A_PATH},
+    gpu_layout::{LIGHT_VERTEX_SIZE, SPLAT_WORDS, SPLATS_OF_A_PATH},
     settings::{Bdpt, LightTechniques},
 };
 
 /// Bytes of a light sub-path's entries in the light map.
-const SPLATS_SIZE: u64 = SPLATS_OF_A_PATH as u64 * SPLAT_SIZE;
+const SPLATS_SIZE: u64 = 4 * (SPLATS_OF_A_PATH * SPLAT_WORDS) as u64;
 
 /// Light sub-paths of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -11,7 +11,7 @@ use bevy::{
     },
 };
 use bevy_restir::{
-    DebugView, RestirEnvironment, RestirStatus, Subsurface, Technique,
+    DebugView, RestirEnvironment, RestirStatus, Reuse, Subsurface, Technique,
     testing::storage::allocation::plant_failed_allocations,
 };
 use std::{process::Command, time::Duration};
@@ -45,16 +45,19 @@ fn bevy_lights_a_camera_that_the_device_has_no_memory_for() {
     for (name, technique, new_warnings) in [
         ("view", Technique::Reference, 1),
         ("history", Technique::Di, 1),
-        ("pairs", Technique::Pt, 0),
+        ("pairs", Technique::Di, 0),
         ("environment importance", Technique::Reference, 1),
     ] {
-        rig.set(|restir| (restir.technique, restir.paths.reuse.paired) = (technique, false));
+        rig.set(|restir| {
+            restir.technique = technique;
+            restir.direct.reuse = Reuse { paired: false, ..Reuse::DIRECT };
+        });
         rig.until_ready();
         let warnings = || log::own_warnings(&format!("Bevy lights camera {camera}")).len();
         let before = warnings();
         plant_failed_allocations(&rig.app, &[name]);
         match name {
-            "pairs" => rig.set(|restir| restir.paths.reuse.paired = true),
+            "pairs" => rig.set(|restir| restir.direct.reuse.paired = true),
             "environment importance" => {
                 rig.insert(camera, RestirEnvironment { image: Some(sky_image.clone()), ..sky(0.3) });
             }

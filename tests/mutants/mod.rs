@@ -124,12 +124,19 @@ fn every_mutant_names_tests_of_the_first_two_tiers() {
     let ignored = listed(&["--list", "--ignored"]);
     let first: Vec<&String> = both_tiers.difference(&ignored).collect();
     assert!(first.len() > 100, "{first:?}");
+    // A module often has the name of one of its tests: it is meant only where no test has the name.
+    let last = |path: &str| path.rsplit("::").next().unwrap_or_default().to_owned();
+    let names: Vec<String> = both_tiers.iter().map(|path| last(path)).collect();
+    let is_named = |path: &str, test: &str| match names.iter().any(|name| name.contains(test)) {
+        true => last(path).contains(test),
+        false => path.contains(test),
+    };
     let mut later = 0;
     for mutant in all() {
         for test in mutant.tests {
-            assert!(both_tiers.iter().any(|name| name.contains(test)), "{}: there is no {test}", mutant.name);
+            assert!(both_tiers.iter().any(|path| is_named(path, test)), "{}: there is no {test}", mutant.name);
         }
-        later += usize::from(!mutant.tests.iter().any(|test| first.iter().any(|name| name.contains(test))));
+        later += usize::from(!mutant.tests.iter().any(|test| first.iter().any(|path| is_named(path, test))));
     }
     eprintln!("{later} of {} mutants are left to the second tier", all().len());
     assert!(20 * later <= all().len(), "the first tier is said to find 19 of 20");

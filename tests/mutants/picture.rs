@@ -34,7 +34,7 @@ pub const MUTANTS: &[Mutant] = &[
         "pass/resolve.wgsl",
         "sum += radiance[index];",
         "",
-        &["samples_add_up", "every_technique_accumulates"],
+        &["samples_add_up", "direct_light_accumulates"],
     ),
     mutant(
         "the picture is not exposed",

@@ -297,7 +297,7 @@ fn resampling_constants_are_the_same_in_rust_and_wgsl() {
         LAYOUT_COLUMNS,
     );
     let light_map = module("restir/bdpt/light_map.wgsl");
-    same!(light_map: SPLATS_OF_A_PATH);
+    same!(light_map: SPLATS_OF_A_PATH, SPLAT_WORDS);
     let mis = module("restir/mis.wgsl");
     same!(mis: MIS_UNIFORM, MIS_ONE_OVER_Z, MIS_BALANCE, MIS_PAIRWISE, MIS_DEFENSIVE_PAIRWISE, MIS_DEFENSIVE_PAIRWISE_GRIS);
 }

@@ -4,18 +4,19 @@ use crate::support::{app::*, small_scenes::*};
 use bevy::prelude::*;
 use bevy_restir::{Denoiser, Direct, Paths, Restir, Technique, testing::shader_library::ShaderEdit};
 
-const SIZE: u32 = 64;
+const SIZE: u32 = 48;
 const BOUNCES: u32 = 3;
 /// Frames before the one that is compared.
 const FRAMES: u32 = 24;
 
+/// Direct light as users have it, and paths in few passes, which compile quickly.
 fn settings(technique: Technique, denoiser: Denoiser) -> Restir {
-    Restir { technique, bounces: BOUNCES, firefly_limit: 2.5, denoiser, ..plain() }
+    Restir { technique, bounces: BOUNCES, firefly_limit: 2.5, denoiser, direct: Direct::default(), ..plain() }
 }
 
-/// With reuse as users have it.
+/// With all reuse as users have it.
 fn shipped(technique: Technique, denoiser: Denoiser) -> Restir {
-    Restir { direct: Direct::default(), paths: Paths::default(), ..settings(technique, denoiser) }
+    Restir { paths: Paths::default(), ..settings(technique, denoiser) }
 }
 
 fn truth(rig: &mut Rig, bounces: u32) -> Picture {
@@ -215,7 +216,6 @@ fn light_that_dims_does_not_linger() {
     assert!((after / truth - 1.0).abs() < 0.05, "{after} of {truth}");
 }
 
-/// A mirror before two walls, with a striped object in front of it.
 /// A mirror of this roughness.
 fn mirror(roughness: f32) -> StandardMaterial {
     shiny(Color::linear_rgb(0.9, 0.9, 0.9), roughness, 1.0)
@@ -236,10 +236,10 @@ fn reflections_stay_sharp() {
     for roughness in [0.05, 0.0] {
         let Some(mut rig) = scene(SIZE, |rig| mirrored(rig, mirror(roughness))) else { return };
         let truth = truth(&mut rig, BOUNCES);
-        let [plain, denoised, light] = compare(&mut rig, Technique::Pt, &truth, settings);
+        let [plain, denoised, light] = compare(&mut rig, Technique::Pt, &truth, shipped);
         // The filter alone, for few bounces: without the noise that it could remove.
         let alone = Denoiser { history: 1, ..Denoiser::ON };
-        rig.set(|restir| *restir = Restir { bounces: 2, ..settings(Technique::Pt, alone) });
+        rig.set(|restir| *restir = Restir { bounces: 2, ..shipped(Technique::Pt, alone) });
         let filtered = rig.picture(1);
         rig.set(|restir| restir.denoiser = Denoiser::OFF);
         let unfiltered = rig.picture(1);

@@ -9,6 +9,7 @@
 
 // Entries of one light sub-path.  A sub-path with more visible vertices resamples the last ones into one.
 const SPLATS_OF_A_PATH: u32 = 3u;
+const SPLAT_WORDS: u32 = 5u;
 // Greatest number of entries of a list that are read, so that no invocation takes seconds.  More entries are ignored, and reported as an
 // overflow.
 const MAX_ENTRIES: u32 = 1u << 20u;
@@ -38,7 +39,7 @@ fn entry_unpack(words: vec4<u32>, diffuse: u32) -> MapEntry {
 
 // First word of the entry that a link names.
 fn word_of(link: u32) -> u32 {
-    return view.size.x * view.size.y + 5u * (link - 1u);
+    return view.size.x * view.size.y + SPLAT_WORDS * (link - 1u);
 }
 
 // A sum of colors as fixed-point numbers of 64 bits.

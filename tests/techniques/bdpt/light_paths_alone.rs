@@ -37,7 +37,6 @@ fn check(name: &str, make: impl FnOnce(&mut Rig)) {
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
 fn light_paths_alone_light_the_pictures_of_cameras_with_a_scale() {
     for scale in [Vec3::ONE, Vec3::splat(2.0), Vec3::new(1.0, 0.5, 3.0)] {
         let scaled = |rig: &mut Rig| {
@@ -54,7 +53,6 @@ fn light_paths_alone_light_the_pictures_of_cameras_with_a_scale() {
 
 /// The lamp lights the back of the floor, which a camera with inverted culling sees.
 #[test]
-#[ignore = "second tier: ./run test --more"]
 fn light_paths_alone_light_back_faces_for_a_camera_that_inverts_culling() {
     check("back faces", |rig| {
         let floor = floor(rig, lambert(0.5));
@@ -169,6 +167,7 @@ fn an_opaque_object_absorbs_nothing_behind_its_surface() {
 
 /// A scene without a size: shadow rays find none of its objects.
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn a_plane_that_no_ray_finds_has_its_closed_form_below_a_sky() {
     let Some(mut rig) = scene(16, |rig| {
         let plane = rig.spawn(square(20.0), lambert(0.5), Transform::default());
