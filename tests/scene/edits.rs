@@ -277,7 +277,7 @@ fn pictures(rig: &mut Rig) -> [(Picture, [u64; 3], SceneFeatures); 2] {
         rig.set(|restir| restir.technique = technique);
         let picture = rig.picture(6);
         let report = rig.report();
-        (picture, [report.instances as u64, report.triangles as u64, report.lights as u64], report.features)
+        (picture, [report.instances, report.triangles, report.lights], report.features)
     });
     rig.frames(2);
     assert_eq!(rig.report().uploaded_bytes, 0, "nothing is left to upload");
