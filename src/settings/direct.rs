@@ -91,7 +91,8 @@ impl VisibilityReuse {
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
 pub struct Direct {
-    /// Light candidates of a pixel: more give less noise at higher cost.  No bias.  1 to 64; default 32.
+    /// Light candidates of a pixel: more give less noise at higher cost.  No bias.  1 to 64; default 32.  Where the only light is a point, spot
+    /// or directional light, one is taken.
     pub candidates: u32,
     /// Adds a candidate of BSDF sampling, joined with the light candidates by MIS: sharp reflections of lights, for one ray.  Without it
     /// lights in mirrors, and lights beyond the table, are missing (darker).  Default: on.

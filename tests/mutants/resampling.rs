@@ -313,7 +313,7 @@ pub const MUTANTS: &[Mutant] = &[
         "visible samples are shaded as hidden ones",
         "pass/reuse.wgsl",
         "light += select(0.0, inputs.shares[j], inputs.visible[j]) * shown_contribution(&inputs, j, shown_by);",
-        "light += inputs.shares[j] * inputs.contributions[j];",
+        "light += vec4<f32>(inputs.shares[j] * inputs.contributions[j], 0.0);",
         &["shadows_are_black"],
     ),
     // The last frame; `previous_frame` has further reads of it.

@@ -13,7 +13,7 @@ struct Reservoir {
     f: vec3<f32>,              // contribution to the pixel: radiance over the density of the sub-path, given the light
     ucw: f32,                  // W: E[f(X) W] = radiance; 0: no sample
     confidence: f32,           // in frames' worth of candidates
-    diffuse: u32,              // `Splat::diffuse` of the vertex
+    diffuse: u32,              // `Splat::diffuse` of the vertex, as of the frame that stored it
     seen: bool,                // always true: a vertex that the camera does not see is not stored
 }
 

@@ -131,6 +131,25 @@ fn shadows_are_black_where_rays_decide_what_is_shaded() {
     }
 }
 
+/// All samples of a single light without an area are the same, so that the first one suffices.
+#[test]
+fn a_single_point_light_is_sampled_once() {
+    let Some(mut rig) = Rig::new(16, 16) else { return };
+    rig.spawn(square(20.0), lambert(0.5), Transform::default());
+    let light = |x| (PointLight { intensity: 1000.0, ..default() }, Transform::from_xyz(x, 0.2, 2.0));
+    rig.spawn_bundle(light(0.3));
+    let differs = |rig: &mut Rig| {
+        let [one, many] = [1, 32].map(|candidates| {
+            direct(rig, Direct { candidates, ..di::all_reuse() });
+            rig.picture(2)
+        });
+        one != many
+    };
+    assert!(!differs(&mut rig), "one light");
+    rig.spawn_bundle(light(-1.0));
+    assert!(differs(&mut rig), "two lights");
+}
+
 #[test]
 fn confidence_grows_by_a_frame_up_to_its_cap() {
     let Some(mut rig) = lit_room(24, 24) else { return };
