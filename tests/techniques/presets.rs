@@ -80,8 +80,8 @@ rows! {
     full_length_direct_light_of_the_balanced_preset: ("cornell", Balanced, &[Di], 0.005, (24, 10), (24, 40));
     full_length_the_performance_preset_in_the_cornell_box: ("cornell", Performance, &[Pt, Bdpt], 0.01, (24, 10), (16, 60));
     full_length_the_balanced_preset_in_the_cornell_box: ("cornell", Balanced, &[Pt, Gi, Bdpt], 0.005, (90, 10), (32, 100));
-    full_length_the_quality_preset_in_the_cornell_box: ("cornell", Quality, &[Pt, Gi, Bdpt], 0.01, (24, 10), (16, 60));
-    full_length_the_unbiased_preset_in_the_cornell_box: ("cornell", Unbiased, &[Pt, Gi, Bdpt], 0.01, (24, 10), (16, 60));
+    full_length_the_quality_preset_in_the_cornell_box: ("cornell", Quality, &[Pt, Gi, Bdpt], 0.01, (30, 10), (16, 60));
+    full_length_the_unbiased_preset_in_the_cornell_box: ("cornell", Unbiased, &[Pt, Gi, Bdpt], 0.01, (30, 10), (16, 60));
     full_length_the_balanced_preset_on_glossy_surfaces: ("glossy", Balanced, &[Pt, Gi], 0.06, (20, 40), (12, 80));
     full_length_the_unbiased_preset_on_glossy_surfaces: ("glossy", Unbiased, &[Pt, Gi], 0.06, (20, 40), (12, 80));
     full_length_the_balanced_preset_by_a_door_ajar: ("ajar", Balanced, &[Pt, Gi], 0.08, (20, 40), (12, 100));

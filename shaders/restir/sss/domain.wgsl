@@ -225,7 +225,7 @@ fn in_current_frame(r: Reservoir) -> Reservoir {
 
 // The sample that a pixel stores.  A reconnected sample gets a probe that finds its x2 from here, so that later iterations can draw it again.
 fn completed(r: Receiver, reservoir: Reservoir, bits: u32) -> Reservoir {
-    if !inverts_probes() || !(reservoir.ucw > 0.0) || !scatters(r) {
+    if !has(RESAMPLE_INVERT_PROBES) || !(reservoir.ucw > 0.0) || !scatters(r) {
         return reservoir;
     }
     var inverted = reservoir;
@@ -268,16 +268,6 @@ fn hit_of_triangle(r: Receiver, s: EntrySample) -> u32 {
 }
 
 // PLANT_*: errors that only tests define, and must find.
-#ifdef PLANT_STALE_PROBE
-fn inverts_probes() -> bool {
-    return false;
-}
-#else
-fn inverts_probes() -> bool {
-    return has(RESAMPLE_INVERT_PROBES);
-}
-#endif
-
 #ifdef PLANT_NO_JACOBIAN
 fn jacobian_of_shift(before: f32, after: f32, replays: bool) -> f32 {
     return 1.0;

@@ -147,17 +147,6 @@ const COSINE: ShaderEdit = ShaderEdit {
     to: "let along = vec3<f32>(1.0);",
 };
 
-/// A reconnected sample whose probe stays as it was leads elsewhere when a later iteration draws it again.
-#[test]
-#[ignore = "minutes: ./run test --full"]
-fn full_length_stale_probes_are_found() {
-    let Some(mut rig) = bodies() else { return };
-    let proof = Proof::of((200, 16), (80, 64));
-    let reference = proof.truth(&mut rig, 1000);
-    let sampling = SubsurfaceSampling { shift: SubsurfaceShift::Sequential, ..subsurface::all_reuse() };
-    proof.finds(&mut rig, &reference, [("PLANT_STALE_PROBE", with(sampling))]);
-}
-
 #[test]
 #[ignore = "minutes: ./run test --full"]
 fn full_length_nan_stays_in_its_reservoir_of_translucent_bodies() {
