@@ -4,7 +4,7 @@
 #import bevy_restir::common::math::luminance
 #import bevy_restir::common::rng::{rng_1, STREAM_LIGHT_PATHS, STREAM_SPLATS}
 #import bevy_restir::path::light_path::chosen_light
-#import bevy_restir::restir::bdpt::light_map::{entry_pack, MapEntry, SPLATS_OF_A_PATH, word_of}
+#import bevy_restir::restir::bdpt::light_map::{entry_pack, MapEntry, SPLAT_WORDS, SPLATS_OF_A_PATH, word_of}
 #import bevy_restir::restir::bdpt::light_sub_path::{begin_sub_path, connects, continue_sub_path, sub_path_rng}
 #import bevy_restir::restir::bdpt::light_vertex::{light_vertex_pack, LightVertex, offer_vertex, PackedLightVertex}
 #import bevy_restir::restir::bdpt::splat::{no_splat, Splat, splat_of}
@@ -87,11 +87,9 @@ fn merged(rest: Rest, s: Splat, events: u32, u: f32) -> Rest {
 // Adds an entry to the list of its pixel.
 fn insert(entry: u32, s: Splat, events: u32, multiplicity: f32) {
     let next = atomicExchange(&light_map[s.pixel], entry + 1u);
-    let words = entry_pack(MapEntry(next, events, s.value * multiplicity, multiplicity, s.diffuse));
+    var words = entry_pack(MapEntry(next, events, s.value * multiplicity, multiplicity, s.diffuse));
     let at = word_of(entry + 1u);
-    atomicStore(&light_map[at], words.x);
-    atomicStore(&light_map[at + 1u], words.y);
-    atomicStore(&light_map[at + 2u], words.z);
-    atomicStore(&light_map[at + 3u], words.w);
-    atomicStore(&light_map[at + 4u], s.diffuse);
+    for (var i = 0u; i < SPLAT_WORDS; i++) {
+        atomicStore(&light_map[at + i], words[i]);
+    }
 }

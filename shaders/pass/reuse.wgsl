@@ -20,7 +20,7 @@
 #import bevy_restir::restir::mis::{count_confidence, MAX_INPUTS, mis_needs_target, mis_weight, MisInputs, set_target, target_of}
 #import bevy_restir::restir::neighbors::{neighbor_ids, ReuseCenter, ring_offset}
 #ifdef PLANT_NAN
-#import bevy_restir::restir::plants::is_planted_pass
+#import bevy_restir::restir::plants::{broken_number, is_planted_pass}
 #endif
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::restir::reservoir_sampling::{Stream, stream_add, stream_ucw}
@@ -439,7 +439,6 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
     gather_inputs(&inputs, &mis, own_center(ids, pixel, r), pixel, &rng);
     inputs.contributions[0] = textureLoad(own_contribution, pixel, 0).rgb;
     let stream = resample(&inputs, &mis, ids, r, alpha_seed, &rng);
-
     let shown_by = shown_receiver(ids, pixel, r);
     var output = no_reservoir();
     var light = vec4<f32>(0.0);
@@ -485,11 +484,10 @@ fn shown_contribution(inputs: ptr<function, Inputs>, j: u32, r: Receiver) -> vec
 
 #ifdef PLANT_NAN
 fn stored(r: Reservoir, pixel: vec2<u32>) -> PackedReservoir {
-    let bad = array<u32, 4>(0x7fc00000u, 0x7f800000u, 0xff800000u, 0xbf800000u);
     let kind = (pixel.x + view.frame) & 3u;
     var broken = r;
-    broken.ucw = bitcast<f32>(bad[kind]);
-    broken.confidence = bitcast<f32>(bad[3u - kind]);
+    broken.ucw = broken_number(kind);
+    broken.confidence = broken_number(3u - kind);
     if is_planted_pass() && all(pixel % 5u == vec2<u32>(2u)) {
         return reservoir_pack(broken);
     }

@@ -6,7 +6,7 @@
 #import bevy_restir::common::ray::trace_flags
 #import bevy_restir::common::rng::{rng_bits, STREAM_LIGHT_PATHS, STREAM_SPLATS}
 #import bevy_restir::path::light_path::chosen_light
-#import bevy_restir::restir::bdpt::light_map::{entry_unpack, exact_add, exact_sum, exact_total, MapEntry, MAX_ENTRIES, Race, race_add, SPLATS_OF_A_PATH, word_of}
+#import bevy_restir::restir::bdpt::light_map::{entry_unpack, exact_add, exact_sum, exact_total, MapEntry, MAX_ENTRIES, Race, race_add, SPLAT_WORDS, SPLATS_OF_A_PATH, word_of}
 #import bevy_restir::restir::bdpt::light_sub_path::sub_path_rng
 #import bevy_restir::restir::bdpt::splat::Splat
 #import bevy_restir::restir::bindings::settings
@@ -56,8 +56,11 @@ fn splats(@builtin(global_invocation_id) id: vec3<u32>) {
 
 fn entry_of(link: u32) -> MapEntry {
     let word = word_of(link);
-    let words = vec4<u32>(light_map[word], light_map[word + 1u], light_map[word + 2u], light_map[word + 3u]);
-    return entry_unpack(words, light_map[word + 4u]);
+    var words: array<u32, SPLAT_WORDS>;
+    for (var i = 0u; i < SPLAT_WORDS; i++) {
+        words[i] = light_map[word + i];
+    }
+    return entry_unpack(words);
 }
 
 // Sums up a list and chooses one of its entries in proportion to luminance.

@@ -151,8 +151,8 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "the number of events of a light path is read as one less",
         "restir/bdpt/light_map.wgsl",
-        "(words.x >> LINK_BITS) + 1u",
-        "words.x >> LINK_BITS",
+        "(words[0] >> LINK_BITS) + 1u",
+        "words[0] >> LINK_BITS",
         REPLAY,
     ),
     mutant(

@@ -1,5 +1,5 @@
 // The light map: lists of the splats that land in each pixel.  It begins with the head of each pixel's list: an entry's index plus 1, or 0.
-// Then come the entries, SPLATS_OF_A_PATH for each light sub-path, of five words.
+// Then come the entries, SPLATS_OF_A_PATH for each light sub-path, of SPLAT_WORDS words.
 //
 // Lists have the order of execution.  Sums and choices must not depend on it, so that the same seed gives the same picture.
 #define_import_path bevy_restir::restir::bdpt::light_map
@@ -26,15 +26,16 @@ struct MapEntry {
     diffuse: u32,              // `Splat::diffuse` of the vertex
 }
 
-// All words of an entry but the last one, which is `diffuse`.
-fn entry_pack(e: MapEntry) -> vec4<u32> {
-    return vec4<u32>(e.next | (e.events - 1u) << LINK_BITS, pack_radiance(e.value), bitcast<u32>(e.multiplicity));
+fn entry_pack(e: MapEntry) -> array<u32, SPLAT_WORDS> {
+    let value = pack_radiance(e.value);
+    return array<u32, SPLAT_WORDS>(
+        e.next | (e.events - 1u) << LINK_BITS, value.x, value.y, bitcast<u32>(e.multiplicity), e.diffuse,
+    );
 }
 
-fn entry_unpack(words: vec4<u32>, diffuse: u32) -> MapEntry {
-    return MapEntry(
-        words.x & LINK_MASK, (words.x >> LINK_BITS) + 1u, unpack_radiance(words.yz), bitcast<f32>(words.w), diffuse,
-    );
+fn entry_unpack(words: array<u32, SPLAT_WORDS>) -> MapEntry {
+    let value = unpack_radiance(vec2<u32>(words[1], words[2]));
+    return MapEntry(words[0] & LINK_MASK, (words[0] >> LINK_BITS) + 1u, value, bitcast<f32>(words[3]), words[4]);
 }
 
 // First word of the entry that a link names.
