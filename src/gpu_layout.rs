@@ -247,7 +247,7 @@ pub struct GpuLight {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct GpuCamera {
-    pub clip_from_world: [[f32; 4]; 4],
+    pub clip_from_offset: [[f32; 4]; 4],
     pub world_from_view: [[f32; 4]; 4],
     pub view_from_clip: [[f32; 4]; 4],
     pub image_normal: [f32; 3],

@@ -64,8 +64,8 @@ pub mod prelude {
     pub use crate::{
         Bdpt, BiasCorrection, DebugView, Denoiser, Direct, EmissiveLuminance, Jitter, LightTechniques, Mis, Paths,
         Preset, RayBackend, Reconnection, Restir, RestirBudget, RestirEnvironment, RestirIgnore, RestirMaterial,
-        RestirPlugin, RestirStatus, Reuse, ReuseOrder, Subsurface, SubsurfaceSampling, SubsurfaceShift, SuffixRetrace,
-        Technique, VisibilityReuse,
+        RestirPlugin, RestirStatistics, RestirStatus, Reuse, ReuseOrder, Subsurface, SubsurfaceSampling,
+        SubsurfaceShift, SuffixRetrace, Technique, VisibilityReuse,
     };
 }
 

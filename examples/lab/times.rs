@@ -8,7 +8,6 @@ use std::path::PathBuf;
 use crate::{
     bench::{Bench, Cost, Counts, Scene, pixels, scenes},
     output::{Output, header},
-    sweep::ALL_PRESETS,
     table::{Row, Table, Unit},
 };
 
@@ -59,7 +58,7 @@ pub fn run(args: &Args) -> Result<(), String> {
 
 impl Args {
     fn configurations(&self) -> Vec<(Technique, Preset)> {
-        let all = Technique::ALL.into_iter().flat_map(|technique| ALL_PRESETS.map(|preset| (technique, preset)));
+        let all = Technique::ALL.into_iter().flat_map(|technique| Preset::ALL.map(|preset| (technique, preset)));
         all.filter(|(technique, preset)| format!("{technique:?} {preset:?}").contains(&self.only)).collect()
     }
 

@@ -3,7 +3,7 @@
 
 #import bevy_restir::common::math::{octahedral_decode, octahedral_encode}
 #import bevy_restir::view::bindings::view
-#import bevy_restir::view::camera::{eye_of, is_orthographic}
+#import bevy_restir::view::camera::{clip_of, eye_of, is_orthographic}
 #import bevy_restir::view::types::Camera
 
 struct Guide {
@@ -32,7 +32,7 @@ fn guide_unpack(p: vec4<u32>) -> Guide {
 // A depth that is linear in the image over each plane, so that the depth of a plane at other pixels is known: 1/z for a perspective camera,
 // and for an orthographic one 1 plus the distance from the far plane, relative to that of `eye_of`.
 fn guide_depth(camera: Camera, p: vec3<f32>, previous: bool) -> f32 {
-    let clip = camera.clip_from_world * vec4<f32>(p, 1.0);
+    let clip = clip_of(camera, p);
     return select(1.0 / clip.w, 1.0 + clip.z * depth_range(camera, p, previous), is_orthographic());
 }
 

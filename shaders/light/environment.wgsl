@@ -195,8 +195,8 @@ fn environment_cell_importance(cell: vec2<u32>, size: vec2<u32>) -> f32 {
     return sum / f32((n + 1u) * (n + 1u)) * cell_solid_angle(cell.y, size);
 }
 
-// 2π over the angle of a texel in a corner, which is 2/3 of 1/side.  With a table 1024 cells wide, the grid is limited for cubes of more
-// than 3,476 texels a side: it may miss texels, which only BSDF sampling finds.
+// 2π over the angle of a texel in a corner, which is 2/3 of 1/side.  The grid is limited for cubes of more than 13,900 texels a side, or
+// 3,476 if the GPU can write them: it may miss texels, which only BSDF sampling finds.
 const CELL_TEXELS: f32 = 9.425;
 const CELL_SAMPLES_MAX: f32 = 32.0;
 #else

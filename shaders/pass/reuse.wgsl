@@ -14,11 +14,11 @@
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::guard::{GUARD_CONTRIBUTION_WEIGHT, GUARD_TARGET, guarded}
 #import bevy_restir::common::math::luminance
-#import bevy_restir::common::rng::{Rng, rng_1, rng_2, rng_bits, rng_new, STREAM_REUSE, STREAMS_PER_DOMAIN}
+#import bevy_restir::common::rng::{Rng, rng_1, rng_bits, rng_new, STREAM_REUSE, STREAMS_PER_DOMAIN}
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::flags::has
 #import bevy_restir::restir::mis::{count_confidence, MAX_INPUTS, mis_needs_target, mis_weight, MisInputs, set_target, target_of}
-#import bevy_restir::restir::neighbors::{neighbor_ids, ReuseCenter, ring_offset}
+#import bevy_restir::restir::neighbors::{neighbor_ids, position_around, ReuseCenter, SAME_SURFACE_RADIUS}
 #ifdef PLANT_NAN
 #import bevy_restir::restir::plants::{broken_number, is_planted_pass}
 #endif
@@ -215,8 +215,8 @@ fn gather_inputs(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, c
         }
         let s = neighbor_sample(at);
         // The visibility of the surface itself and of near neighbors is reused (Wyman and Panteleev 2021, 7.3).
-        let near = is_temporal || distance(vec2<f32>(at) + 0.5, center.position) <= settings.visibility_radius;
-        let reuses_visibility = has(RESAMPLE_REUSE_VISIBILITY) && near;
+        let reach = max(settings.visibility_radius, select(0.0, SAME_SURFACE_RADIUS, is_temporal));
+        let reuses_visibility = has(RESAMPLE_REUSE_VISIBILITY) && distance(vec2<f32>(at) + 0.5, center.position) <= reach;
         (*inputs).pixels[count] = at;
         (*inputs).ucw[count] = s.ucw;
         (*inputs).needs_ray[count] = has(RESAMPLE_SHADING_RAYS) && !reuses_visibility;
@@ -227,9 +227,8 @@ fn gather_inputs(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, c
     (*mis).count = count;
 }
 
-// Number of pixels that are compared with a neighbor, from 1 pixel to a quarter of the radius of neighbors (at least 2 pixels) away from it.
+// Number of pixels that are compared with a neighbor.
 const COMPARED_PIXELS: u32 = 8u;
-const COMPARED_RADIUS: f32 = 0.25;
 
 // Share of the pixels around a neighbor in the last frame that hold the same sample as the neighbor.
 fn share_of_copies(s: Reservoir, at: vec2<u32>, rng: ptr<function, Rng>) -> f32 {
@@ -239,10 +238,11 @@ fn share_of_copies(s: Reservoir, at: vec2<u32>, rng: ptr<function, Rng>) -> f32 
     let identity = identity_of(neighbors[reservoir_index(at, view.size, settings.reservoir_layout)]);
     var copies = 0u;
     for (var i = 0u; i < COMPARED_PIXELS; i++) {
-        let offset = ring_offset(rng_2(rng), 1.0, max(COMPARED_RADIUS * settings.radius, 2.0));
-        let other_pixel = vec2<u32>(clamp(vec2<f32>(at) + 0.5 + offset, vec2<f32>(0.0), vec2<f32>(view.size - 1u)));
-        let other = identity_of(neighbors[reservoir_index(other_pixel, view.size, settings.reservoir_layout)]);
-        copies += u32(all(other == identity));
+        let position = position_around(at, rng);
+        if all(position >= vec2<f32>(0.0)) && all(position < vec2<f32>(view.size)) {
+            let other = identity_of(neighbors[reservoir_index(vec2<u32>(position), view.size, settings.reservoir_layout)]);
+            copies += u32(all(other == identity));
+        }
     }
     return f32(copies) / f32(COMPARED_PIXELS);
 }

@@ -7,6 +7,7 @@
 #import bevy_restir::trace::alpha::passes_alpha_test
 #import bevy_restir::view::alpha_seed::primary_alpha_seed
 #import bevy_restir::view::bindings::view
+#import bevy_restir::view::camera::clip_of
 
 struct Corner {
     @builtin(position) position: vec4<f32>,
@@ -32,7 +33,7 @@ fn vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance:
         p = triangles[triangle].c;
         b = vec2<f32>(0.0, 1.0);
     }
-    var clip = view.current.clip_from_world * vec4<f32>(transform_point(instances[instance].world_from_object, p), 1.0);
+    var clip = clip_of(view.current, transform_point(instances[instance].world_from_object, p));
     // Primary rays go through center + jitter, so that the image moves in the opposite direction.
     clip.x -= 2.0 * view.jitter.x / f32(view.size.x) * clip.w;
     clip.y += 2.0 * view.jitter.y / f32(view.size.y) * clip.w;

@@ -16,7 +16,7 @@
 #import bevy_restir::light::triangle::triangle_light_pdf_solid_angle
 #import bevy_restir::path::bidirectional_mis::{mis_arrive, mis_camera_start}
 #import bevy_restir::path::light_path::{arrival_cosine, reverse_pdf}
-#import bevy_restir::path::nee::expected_nee_candidates
+#import bevy_restir::path::nee::{expected_nee_candidates, nee_candidate_count}
 #import bevy_restir::path::walk::{Step, Vertex}
 #import bevy_restir::scene::surface::Surface
 
@@ -144,9 +144,11 @@ fn state_at(s: CameraState, n: Surface, wi: vec3<f32>, from_point: vec3<f32>, co
     return CameraState(s.last * (counts.connects * dot(d, d) / cos_in), s.earlier / cos_in, s.basis);
 }
 
-// A light sub-path does not know the index of the vertex that NEE starts from, so that weights assume one light candidate at every vertex.
+// A light sub-path knows the index of the vertex that NEE starts from only if the camera sees that vertex, so that weights assume one light
+// candidate at all later vertices.
 fn nee_density(l: LightSample, index: u32, counts: TechniqueCounts) -> f32 {
-    return light_pmf(l.light) * l.pdf_solid_angle * l.pdf_scale;
+    let candidates = select(1.0, f32(nee_candidate_count(counts.nee_candidates, 1u)), index == 1u);
+    return candidates * light_pmf(l.light) * l.pdf_solid_angle * l.pdf_scale;
 }
 
 // Density with which light sub-paths emit the ray of a light sample, times their share.

@@ -97,6 +97,8 @@ fn position_beside_occluder(center: ReuseCenter) -> vec2<f32> {
 // Along edges and at the border of the image, the jitter of the camera moves the nearest pixel to another surface.  The pixels next to it
 // then show the same surface.
 const TEMPORAL_RADIUS: f32 = 1.5;
+// The centers of these pixels are at most half the diagonal of a pixel farther away.  Only a place beside an occluder is.
+const SAME_SURFACE_RADIUS: f32 = TEMPORAL_RADIUS + 0.71;
 
 // Offset of an attempt, pixels: uniform in a disk.  The first temporal attempt is the nearest pixel, or one of the four around, chosen by
 // bilinear weights.
@@ -111,6 +113,13 @@ fn neighbor_offset(center: ReuseCenter, is_temporal: bool, attempt: u32, u: vec2
 fn ring_offset(u: vec2<f32>, inner: f32, outer: f32) -> vec2<f32> {
     return sqrt(mix(inner * inner, outer * outer, u.x)) * vec2<f32>(cos(TWO_PI * u.y), sin(TWO_PI * u.y));
 }
+
+// A position from 1 pixel to a quarter of the radius of neighbors (at least 2 pixels) away from a pixel.
+fn position_around(pixel: vec2<u32>, rng: ptr<function, Rng>) -> vec2<f32> {
+    return vec2<f32>(pixel) + 0.5 + ring_offset(rng_2(rng), 1.0, max(COMPARED_RADIUS * settings.radius, 2.0));
+}
+
+const COMPARED_RADIUS: f32 = 0.25;
 
 // Whether a neighbor's surface is similar enough to share light (Wyman and Panteleev 2021, Eq. 24).
 fn is_similar(own: Shape, ids: vec2<u32>, pixel: vec2<u32>) -> bool {

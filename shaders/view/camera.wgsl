@@ -78,8 +78,8 @@ struct CameraPoint {
 }
 
 fn camera_point(camera: Camera, p: vec3<f32>) -> CameraPoint {
-    let clip = camera.clip_from_world * vec4<f32>(p, 1.0);
-    let at = project(camera, p);
+    let clip = clip_of(camera, p);
+    let at = pixels_of(clip);
     let inside = clip.w > 0.0 && clip.z >= 0.0 && clip.z <= clip.w && all(at >= vec2<f32>(0.0)) && all(at < vec2<f32>(view.size));
     let near = (camera.world_from_view * vec4<f32>(near_point(camera, at), 1.0)).xyz;
     return CameraPoint(at, inside, camera_ray(camera, at), near);
@@ -94,9 +94,15 @@ fn camera_density(camera: Camera, direction: vec3<f32>, distance: f32) -> f32 {
     return 1.0 / select(perspective, pixel * cosine, is_orthographic());
 }
 
+// A point in clip space.  The position of the camera is subtracted first: far from the origin, products of both with a matrix would be
+// rounded to more than a pixel.
+fn clip_of(camera: Camera, p: vec3<f32>) -> vec4<f32> {
+    return camera.clip_from_offset * vec4<f32>(p - camera.world_from_view[3].xyz, 1.0);
+}
+
 // Projects a point to pixels, y down, without jitter.  Points behind the camera are far outside of the image.
 fn project(camera: Camera, p: vec3<f32>) -> vec2<f32> {
-    return pixels_of(camera.clip_from_world * vec4<f32>(p, 1.0));
+    return pixels_of(clip_of(camera, p));
 }
 
 // The pixel coordinates of a point in clip space.
@@ -129,10 +135,9 @@ fn motion_of_point(position: vec3<f32>, before: vec3<f32>) -> vec2<f32> {
     return project(view.previous, before) - project(view.current, position);
 }
 
-// The same for the sky, which moves only if the camera rotates; 0 for an orthographic camera.  A direction is projected without the position
-// of the camera: far from the origin, their sum would be rounded.
+// The same for the sky, which moves only if the camera rotates; 0 for an orthographic camera.
 fn motion_of_sky(direction: vec3<f32>) -> vec2<f32> {
-    let now = pixels_of(view.current.clip_from_world * vec4<f32>(direction, 0.0));
-    let before = pixels_of(view.previous.clip_from_world * vec4<f32>(direction, 0.0));
+    let now = pixels_of(view.current.clip_from_offset * vec4<f32>(direction, 0.0));
+    let before = pixels_of(view.previous.clip_from_offset * vec4<f32>(direction, 0.0));
     return before - now;
 }

@@ -3,7 +3,7 @@
 
 // A camera without jitter; reverse z.
 struct Camera {
-    clip_from_world: mat4x4<f32>,
+    clip_from_offset: mat4x4<f32>,      // of offsets from the position of the camera, along the axes of the world
     world_from_view: mat4x4<f32>,
     view_from_clip: mat4x4<f32>,
     image_normal: vec3<f32>,   // unit normal of the image in world space

@@ -5,7 +5,7 @@ use bevy::reflect::{Reflect, std_traits::ReflectDefault};
 use super::validate::{Problem, Ranges};
 
 /// What light paths are used for in [`Technique::Bdpt`](super::Technique::Bdpt).  Camera paths always find light by hits of lights and by
-/// next-event estimation, and are resampled.  They differ in noise and cost, not in bias.
+/// next-event estimation, and are resampled.  The variants differ in noise and cost, not in bias.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[reflect(Default)]
@@ -24,9 +24,10 @@ pub enum LightTechniques {
 /// Settings of [`Technique::Bdpt`](super::Technique::Bdpt).
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
+#[reflect(Default)]
 pub struct Bdpt {
     /// Light paths of a frame for each pixel of the picture (`N_L`, Hedstrom et al. 2025, 7.1): more make caustics and hidden light less
-    /// noisy.  Each costs as much as a path from the camera, 48 bytes if the camera sees it, and 64 bytes with connections; a device that
+    /// noisy.  Each costs as much as a path from the camera, 60 bytes if the camera sees it, and 64 bytes with connections; a device that
     /// cannot bind that many traces fewer, with a warning.  With 0, lights are found from the camera only.  No bias.  0 to 8, and at most
     /// 16,777,216 in all; default 1.
     pub light_paths: f32,
@@ -48,7 +49,12 @@ impl Default for Bdpt {
 impl Bdpt {
     /// Whether camera paths are connected with light paths.
     pub(crate) fn connects(&self) -> bool {
-        self.techniques != LightTechniques::Lightweight
+        self.light_paths > 0.0 && self.techniques != LightTechniques::Lightweight
+    }
+
+    /// Whether the camera sees light paths.
+    pub(crate) fn splats(&self) -> bool {
+        self.light_paths > 0.0 && self.techniques != LightTechniques::NoLightTracing
     }
 
     /// Brings every field into its range.

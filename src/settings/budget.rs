@@ -41,15 +41,12 @@ pub struct RestirBudget {
 pub(crate) struct BudgetStep(pub u32);
 
 impl Restir {
-    /// These settings with fewer samples, as [`RestirBudget`] uses them.  At step 0 they are unchanged; each further step makes one
-    /// reduction.  Paths come first, then direct light, each in this order: iterations of spatial reuse down to one, then neighbors one by one,
-    /// then all extra neighbors of disocclusions.  After that the light candidates of direct light are halved, down to 4.  Steps after the
-    /// last one change nothing.  Fields out of their range are brought into it, except at step 0.
+    /// These settings with fewer samples, as [`RestirBudget`] uses them.  Each step makes one reduction.  Paths come first, then direct
+    /// light, each in this order: iterations of spatial reuse down to one, then neighbors one by one, then all extra neighbors of
+    /// disocclusions.  After that the light candidates of direct light are halved, down to 4.  Steps after the last one change nothing.
+    /// Fields out of their range are brought into it.
     #[must_use]
     pub fn reduced(&self, step: u32) -> Self {
-        if step == 0 {
-            return self.clone();
-        }
         let mut settings = self.clone().clamped();
         for _ in 0..step {
             if !settings.reduce() {
@@ -123,7 +120,7 @@ mod tests {
     #[test]
     fn each_step_changes_numbers_of_samples_only() {
         for technique in Technique::ALL {
-            for preset in [Preset::Performance, Preset::Balanced, Preset::Quality, Preset::Unbiased] {
+            for preset in Preset::ALL {
                 let settings = Restir { technique, ..Restir::preset(preset) };
                 let steps = settings.reducible_steps();
                 assert_eq!(steps == 0, technique == Technique::Reference);

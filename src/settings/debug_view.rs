@@ -1,13 +1,15 @@
 //! What a camera shows: light, or a debug view.
 
-use bevy::reflect::Reflect;
+use bevy::reflect::{Reflect, std_traits::ReflectDefault};
 
 /// What a camera shows instead of light.  [`RadianceCapture`](crate::RadianceCapture) receives the values as they are; the view target
 /// receives them times [`Restir::debug_scale`](super::Restir::debug_scale), without exposure.  Only the parts of the light
-/// ([`Self::DiffuseLight`] and [`Self::SpecularLight`]) have the camera's exposure instead.  Where frames are accumulated (`Rays` and
-/// `Bounces` of the reference tracer, and everything with [`Restir::accumulate`](super::Restir::accumulate)) values are means.
+/// ([`Self::DiffuseLight`] and [`Self::SpecularLight`]) have the camera's exposure instead.  Where frames are accumulated,
+/// as with [`Restir::accumulate`](super::Restir::accumulate), the values of [`Self::Rays`], [`Self::Bounces`] and the parts of the light are
+/// means; those of all other views are of one frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Default)]
 #[non_exhaustive]
 #[repr(u32)]
 pub enum DebugView {
@@ -113,8 +115,8 @@ pub enum DebugView {
     /// enter.  Yellow: that point is in shadow.  Black: no sample, or no surface 8 pixels to the right.  Frames do not store which of their own
     /// shifts fail.  Costs one shift and up to two rays per pixel, which [`Self::Rays`] does not count.
     SubsurfaceShifts,
-    /// Light paths that the camera sees in a pixel in this frame: the number of entries in the list of the pixel, which tells how the load of
-    /// these lists is distributed.  A light path has one entry for each of its vertices that the camera sees, but at most three; the last one
+    /// Light paths that the camera sees in a pixel in this frame: the length of the list of the pixel.  Bright pixels have long lists, which
+    /// take long.  A light path has one entry for each of its vertices that the camera sees, but at most three; the last one
     /// stands for all further vertices.  0 in a scene with objects that only the camera or only other rays see.  Needs
     /// [`Technique::Bdpt`](super::Technique::Bdpt) with other [`Bdpt::techniques`](super::Bdpt::techniques) than
     /// [`LightTechniques::NoLightTracing`](super::LightTechniques::NoLightTracing).  Costs one more walk through each list.

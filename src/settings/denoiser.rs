@@ -1,12 +1,12 @@
 //! Settings of the denoiser.
 
-use bevy::reflect::Reflect;
+use bevy::reflect::{Reflect, std_traits::ReflectDefault};
 
 use super::validate::{Problem, Ranges};
 
 /// A filter that removes noise from every frame: light is averaged over frames and over pixels around that show similar surfaces (after
 /// SVGF, Schied et al. 2017).  Diffuse and specular light are filtered apart and without the colors of their surfaces, so that textures stay
-/// sharp.  Where light changes, means become shorter.  Single bright pixels are spread over the pixels around.  Figures:
+/// sharp.  Where light changes, fewer frames are averaged.  Single bright pixels are spread over the pixels around.  Figures:
 /// `docs/performance.md`.
 ///
 /// Biased: shadows, reflections and caustics that are finer than the filter are blurred; light that changes slowly lags behind.  Histories
@@ -15,6 +15,7 @@ use super::validate::{Problem, Ranges};
 /// [`Technique::Reference`](super::Technique::Reference), with [`Restir::accumulate`](super::Restir::accumulate) and on debug views.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
+#[reflect(Default)]
 pub struct Denoiser {
     /// Iterations of the filter over pixels.  Each doubles the radius, to 2, 6, 14, 30 and 62 pixels: less noise, and wider blur.  0 turns the
     /// denoiser off, with its passes and 160 bytes a pixel (208 with a roughness below 0.14 or a texture of it).  0 to 5; default 5.

@@ -1,6 +1,6 @@
 //! ReSTIR DI (Wyman and Panteleev 2021).
 
-use bevy::reflect::Reflect;
+use bevy::reflect::{Reflect, std_traits::ReflectDefault};
 
 use super::{
     Reuse,
@@ -10,6 +10,7 @@ use super::{
 /// Correction of the bias that the samples of other pixels bring (Wyman and Panteleev 2021, 4.6 and Fig. 6).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Default)]
 #[non_exhaustive]
 pub enum BiasCorrection {
     /// No correction: every sample counts by its confidence (1/M, Eq. 6).  Biased: darker at edges of depth and normals and near shadows,
@@ -51,6 +52,7 @@ impl BiasCorrection {
 /// Use of the rays between pixels and lights (Wyman and Panteleev 2021, 7.2 and Fig. 15).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Default)]
 #[non_exhaustive]
 pub enum VisibilityReuse {
     /// No rays to lights (a).  Biased: brighter, without shadows.
@@ -90,6 +92,7 @@ impl VisibilityReuse {
 /// neighbor, and one for each partner, of which it has three, or four where it serves a partner that found few others.
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
+#[reflect(Default)]
 pub struct Direct {
     /// Light candidates of a pixel: more give less noise at higher cost.  No bias.  1 to 64; default 32.  Where the only light is a point, spot
     /// or directional light, one is taken.

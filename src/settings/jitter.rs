@@ -1,6 +1,6 @@
 //! Choice of the frames whose primary rays are jittered.
 
-use bevy::reflect::Reflect;
+use bevy::reflect::{Reflect, std_traits::ReflectDefault};
 
 /// When primary rays move within the pixel from frame to frame (box filter), so that means of frames have smooth edges.  Without jitter all
 /// rays pass through the centers of pixels: edges alias, but keep their histories, so that single frames have less noise there.
@@ -8,6 +8,7 @@ use bevy::reflect::Reflect;
 /// On a camera with Bevy's `TemporalJitter`, which `TemporalAntiAliasing` and upscalers bring, that jitter is used instead.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Default)]
 #[non_exhaustive]
 pub enum Jitter {
     /// Where frames are averaged: with [`Restir::accumulate`](super::Restir::accumulate), and by

@@ -45,6 +45,7 @@ use validate::{Problem, Ranges};
 /// Algorithm that computes the light of a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Default)]
 #[non_exhaustive]
 pub enum Technique {
     /// Path tracing without reuse: next-event estimation and BSDF sampling, joined by the balance heuristic, with Russian roulette.
@@ -266,6 +267,7 @@ impl Default for EmissiveLuminance {
 /// [`RestirReport::backend`](crate::RestirReport::backend) names the one in use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Default)]
 #[non_exhaustive]
 pub enum RayBackend {
     /// Ray queries where a GPU has them, otherwise compute shaders.

@@ -1,6 +1,6 @@
 //! ReSTIR PT and GI (Lin et al. 2022, 2026; Ouyang et al. 2021).
 
-use bevy::reflect::Reflect;
+use bevy::reflect::{Reflect, std_traits::ReflectDefault};
 
 use super::{
     Reuse,
@@ -11,6 +11,7 @@ use super::{
 /// al. 2026, supplement, 2-4).  No bias; noise and cost differ.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Default)]
 #[non_exhaustive]
 pub enum Reconnection {
     /// After a rough lobe, where the footprints of the densities on both sides are large compared with the pixel's (Eqs. 5 and 6).
@@ -36,6 +37,7 @@ pub enum Reconnection {
 /// Replay of the rest of a path, after its reconnection vertex, where something moved since the last frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Default)]
 #[non_exhaustive]
 pub enum SuffixRetrace {
     /// In both frames, from the last into this one and back.  Up to twice the rays of a path for temporal reuse.  Unbiased.
@@ -52,6 +54,7 @@ pub enum SuffixRetrace {
 /// [`Paths::assume_diffuse_secondary`] and [`Paths::decorrelation`].
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
+#[reflect(Default)]
 pub struct Paths {
     /// Light candidates at the first vertex of a path, 1 to 64; the n-th vertex has 1/n² as many, but at least one (other counts have not
     /// been measured).  They come from the subsets of [`Direct`](super::Direct).  More give less noise at higher cost.  No bias.  Default 16.

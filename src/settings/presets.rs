@@ -27,6 +27,9 @@ pub enum Preset {
 }
 
 impl Preset {
+    /// All presets, the fastest first.
+    pub const ALL: [Self; 4] = [Self::Performance, Self::Balanced, Self::Quality, Self::Unbiased];
+
     fn bounces(self) -> u32 {
         match self {
             Self::Performance => 5,

@@ -1,12 +1,13 @@
 //! Settings for measurements, which apps leave alone.
 
-use bevy::reflect::Reflect;
+use bevy::reflect::{Reflect, std_traits::ReflectDefault};
 
 use super::validate::{Problem, Ranges};
 
 /// Order of reservoirs in memory (Lanz 2025, 4.5.3).  It changes the speed, never the image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Default)]
 #[non_exhaustive]
 pub enum ReservoirLayout {
     /// Row by row.
@@ -41,6 +42,7 @@ impl ReservoirLayout {
 /// Variants that papers compare and apps need not choose.  Not part of the prelude.
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
+#[reflect(Default)]
 pub struct Research {
     /// Order of reservoirs in memory.  It changes the speed, never the image.  Default: [`ReservoirLayout::Rows`].
     pub reservoir_layout: ReservoirLayout,

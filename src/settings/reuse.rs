@@ -18,16 +18,16 @@ pub enum ReuseOrder {
 }
 
 /// MIS weights: how the samples of a pixel and of its neighbors are weighted against each other.  All kinds are unbiased; they differ in
-/// noise and cost.
+/// noise and cost.  They weight the samples before one is selected (Lin et al. 2022); Wyman and Panteleev 2021 weight the selected one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum Mis {
-    /// 1/|Z|: by confidence among the pixels that could have found the sample (Wyman and Panteleev 2021, Eq. 22).  Noisy: where neighbors or
-    /// frames differ much, rare pixels are a thousand times too bright, so that short means look dark.  k² + k target evaluations for k
-    /// neighbors.
+    /// 1/|Z|: by confidence among the pixels that could have found the sample (after Wyman and Panteleev 2021, Eq. 22).  Noisy: where
+    /// neighbors or frames differ much, rare pixels are a thousand times too bright, so that short means look dark.  k² + k target
+    /// evaluations for k neighbors.
     OneOverZ,
-    /// Generalized balance heuristic (Wyman and Panteleev 2021, Eq. 30).  Without pairs it has the least noise in two of three measured
+    /// Generalized balance heuristic (after Wyman and Panteleev 2021, Eq. 30).  Without pairs it has the least noise in two of three measured
     /// scenes; in the third one `DefensivePairwiseGris` has 20 % less error (`docs/experiments.md`).  k² + k target evaluations
     /// with their rays for k neighbors.
     Balance,
@@ -52,11 +52,11 @@ impl Mis {
 }
 
 /// Reuse of samples across frames and pixels, for [`Direct`](super::Direct), [`Paths`](super::Paths) and
-/// [`SubsurfaceSampling`](super::SubsurfaceSampling).  Where one default is given, all three share it.  The defaults of direct light are
-/// [`Reuse::DIRECT`]: write `Reuse { radius: 30.0, ..Reuse::DIRECT }` there, since `..default()` gives those of paths.  A serialized `Reuse`
-/// that lacks fields also gets those of paths.
+/// [`SubsurfaceSampling`](super::SubsurfaceSampling).  Where one default is given, all three share it.  It has no `Default`, because direct
+/// light and paths have different ones: write `Reuse { radius: 30.0, ..Reuse::DIRECT }` or `..Reuse::PATHS`.  A serialized `Reuse` that lacks
+/// fields gets those of paths.
 #[derive(Clone, Debug, PartialEq, Reflect)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default = "paths"))]
 pub struct Reuse {
     /// When neighbors are resampled.  Default: temporal, then spatial.
     pub order: ReuseOrder,
@@ -72,8 +72,8 @@ pub struct Reuse {
     pub spatial_samples: u32,
     /// Number of neighbors where the surface was not visible in the last frame (Wyman and Panteleev 2021, 6.4), if it is larger than
     /// [`Reuse::spatial_samples`]: less noise in disocclusions and after a cut, at the cost of these neighbors in such pixels alone.  Has an
-    /// effect only with `temporal` and, in [`ReuseOrder::TemporalThenSpatial`], with `spatial_samples`.  No bias.  0 to 5; default 3 for
-    /// direct light, otherwise 5.
+    /// effect only with `temporal` and, in [`ReuseOrder::TemporalThenSpatial`], with `spatial_samples`.  Without the geometry heuristics
+    /// every surface that was within the image counts as seen.  No bias.  0 to 5; default 3 for direct light, otherwise 5.
     pub disocclusion_samples: u32,
     /// Pairs pixels for spatial reuse: two pixels that reuse each other's samples share the shifts between them, with their rays.  This
     /// halves the shifts and the rays of spatial reuse, for the same noise.  Partners come from squares whose sides are 0.9 to 1.8
@@ -86,7 +86,8 @@ pub struct Reuse {
     /// Iterations of spatial reuse: more give less noise, which is more correlated.  Each is a pass.  No bias.  1 to 4; default 1.
     pub spatial_iterations: u32,
     /// Places that are tried for each neighbor until its geometry is similar (greedy neighbor search, Lanz 2025, 4.5.4): less noise at edges,
-    /// for a few texture reads at each failure.  No bias.  1 to 8; default 3 for direct light, otherwise 5.
+    /// for a few texture reads at each failure.  Each neighbor has its own; the paper shares nine among three.  No bias.  1 to 8; default 3
+    /// for direct light, otherwise 5.
     pub neighbor_attempts: u32,
     /// Places that are tried for the surface itself in the last frame: first the nearest pixel, then pixels within 1.5 pixels.  With 1, the
     /// history is lost along edges and at the border of the image, where the jitter of the camera moves the nearest pixel to another
@@ -94,8 +95,8 @@ pub struct Reuse {
     pub temporal_attempts: u32,
     /// Where another object hid the surface in the last frame, takes the sample of the place that then had the same position relative to
     /// that object as the surface has now (dual motion vectors, Zeng et al. 2021; Lin et al. 2026, supplement, 7): less noise behind moving
-    /// objects, somewhat correlated.  A texture read and a projection, at such pixels only.  Has an effect with `temporal`.  No bias.
-    /// Default: on.
+    /// objects, somewhat correlated.  A texture read and a projection, at such pixels only; one that finds a sample in this way gets no
+    /// [`Reuse::disocclusion_samples`].  Has an effect with `temporal` and the geometry heuristics.  No bias.  Default: on.
     pub dual_motion: bool,
     /// Greatest distance of neighbors, in pixels of an image that is 1080 lines high, and at least 2 pixels of the traced image: larger radii
     /// share rarely found light among more pixels, and find fewer similar neighbors.  No bias.  0 to 1e5; default 60 for direct light, 100 for
@@ -123,11 +124,10 @@ pub struct Reuse {
     pub same_material: bool,
 }
 
-impl Default for Reuse {
-    /// As [`Reuse::PATHS`].
-    fn default() -> Self {
-        Self::PATHS
-    }
+/// For serialized settings that lack fields.
+#[cfg(feature = "serde")]
+fn paths() -> Reuse {
+    Reuse::PATHS
 }
 
 impl Reuse {
@@ -154,8 +154,9 @@ impl Reuse {
     };
 
     /// Direct light from neighbors of the last frame alone (Wyman and Panteleev 2021): one temporal and two spatiotemporal neighbors, history
-    /// capped at 5 frames.  Needs 68 bytes a pixel less than pairs in [`Technique::Di`](super::Technique::Di).  The paper has one
-    /// spatiotemporal neighbor within 30 pixels, two in disocclusions, and 20 frames, which shows more blotches where lights are many.
+    /// capped at 5 frames.  Saves 68 bytes a pixel compared with pairs in [`Technique::Di`](super::Technique::Di).  The paper has one
+    /// spatiotemporal neighbor within 30 pixels, two or three in disocclusions where quality matters, and 20 frames, which shows more
+    /// blotches where lights are many.
     pub const SPATIOTEMPORAL: Self = Self {
         order: ReuseOrder::Spatiotemporal,
         spatial_samples: 2,

@@ -118,6 +118,7 @@ impl Default for Subsurface {
 /// Shift mapping that takes a sample of light that enters an object from pixel to pixel (Werner et al. 2024).  No bias; noise and cost differ.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Default)]
 #[non_exhaustive]
 pub enum SubsurfaceShift {
     /// The point where light enters is kept.  Cheapest.  Good where light crosses the object; blotches where its surface is lit, because
@@ -140,6 +141,7 @@ pub enum SubsurfaceShift {
 /// [`Paths::separate_direct_light`](super::Paths::separate_direct_light).
 #[derive(Clone, Debug, PartialEq, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
+#[reflect(Default)]
 pub struct SubsurfaceSampling {
     /// Light candidates at each point where a pixel's probe ray finds the object.  They come from the subsets of
     /// [`Direct`](super::Direct).  More give less noise at higher cost.  No bias.  1 to 64; default 8.

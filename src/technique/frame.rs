@@ -171,6 +171,14 @@ impl Frame {
         }
     }
 
+    /// Whether its passes can add a frame to the sum of the frames before.
+    pub(crate) fn sums(self) -> bool {
+        match self.shown() {
+            Show::Light | Show::Rays | Show::Bounces => true,
+            Show::Guards | Show::Samples(..) | Show::Surface => false,
+        }
+    }
+
     /// Domains that it resamples, and keeps a history of.
     pub(crate) fn domains(self) -> &'static [&'static Domain] {
         let domains = self.domains_of_light();
@@ -267,7 +275,9 @@ impl PipelineKey {
     pub(crate) fn serves_settings_of(self, wanted: Self) -> bool {
         let of_settings =
             SceneFeatures::ENERGY_COMPENSATION | SceneFeatures::MANY_NEIGHBORS | SceneFeatures::SPLIT_LIGHT;
-        self.frame == wanted.frame && !(self.features ^ wanted.features).intersects(of_settings)
+        let without_scene = |frame: Frame| frame.of_scene(SceneFeatures::empty());
+        without_scene(self.frame) == without_scene(wanted.frame)
+            && !(self.features ^ wanted.features).intersects(of_settings)
     }
 
     /// Whether its pipelines can render the environment of another key.
@@ -290,5 +300,23 @@ impl PipelineKey {
     /// in the scene while the pipelines were compiled, but the reservoirs of those frames could not hold it.
     pub(crate) fn samples_more_than(self, last: Self) -> bool {
         self.features.difference(last.features).intersects(SceneFeatures::PATHS)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pipelines_serve_new_settings_while_those_for_new_objects_are_compiled() {
+        let key = |settings: &Restir, features| PipelineKey { frame: Frame::of(settings).of_scene(features), features };
+        let settings = Restir::default();
+        let compiled = key(&settings, SceneFeatures::empty());
+        for feature in [SceneFeatures::SUBSURFACE, SceneFeatures::SMOOTH] {
+            let wanted = key(&settings, feature);
+            assert!(wanted.frame != compiled.frame && compiled.serves_settings_of(wanted), "{feature:?}");
+        }
+        let other = Restir { technique: Technique::Reference, ..settings };
+        assert!(!compiled.serves_settings_of(key(&other, SceneFeatures::empty())));
     }
 }

@@ -16,7 +16,7 @@ mod sss;
 
 use crate::{
     scene::SceneFeatures,
-    settings::{DebugView, LightTechniques, Restir, Technique},
+    settings::{DebugView, Restir, Technique},
 };
 use domain::Domain;
 use frame::Frame;
@@ -51,7 +51,7 @@ pub(crate) struct RowChoice {
 
 impl RowChoice {
     fn of(settings: &Restir) -> Self {
-        let without_splats = settings.bdpt.techniques == LightTechniques::NoLightTracing;
+        let without_splats = !settings.bdpt.splats();
         match settings.technique {
             Technique::Pt => Self { separate: settings.paths.separate_direct_light, ..Self::default() },
             Technique::Bdpt => Self { without_splats, ..Self::default() },
@@ -115,7 +115,7 @@ pub fn shader_templates() -> Vec<(&'static str, &'static [&'static str])> {
 mod tests {
     use super::*;
     use crate::{
-        settings::Denoiser,
+        settings::{Denoiser, LightTechniques},
         shader_library::{MODULES, is_template},
     };
     use bevy::reflect::{TypeInfo, Typed};
@@ -198,16 +198,18 @@ mod tests {
 
     #[test]
     fn light_paths_that_the_camera_does_not_see_have_no_passes() {
-        let names = |techniques| {
+        let names = |techniques, light_paths| {
             let mut settings = Restir { technique: Technique::Bdpt, ..Default::default() };
-            settings.bdpt.techniques = techniques;
+            (settings.bdpt.techniques, settings.bdpt.light_paths) = (techniques, light_paths);
             pass_names(&settings, SceneFeatures::empty())
         };
         let splats = |names: &[&str]| names.iter().filter(|name| name.starts_with("splats")).count();
-        assert_eq!(splats(&names(LightTechniques::Full)), 4);
-        let names = names(LightTechniques::NoLightTracing);
-        assert_eq!(splats(&names), 0);
-        assert!(names.contains(&"light_paths") && names.contains(&"connections"), "{names:?}");
+        assert_eq!(splats(&names(LightTechniques::Full, 1.0)), 4);
+        let unseen = names(LightTechniques::NoLightTracing, 1.0);
+        assert_eq!(splats(&unseen), 0);
+        assert!(unseen.contains(&"light_paths") && unseen.contains(&"connections"), "{unseen:?}");
+        let none = names(LightTechniques::Full, 0.0);
+        assert!(splats(&none) == 0 && !none.contains(&"connections"), "{none:?}");
     }
 
     #[test]

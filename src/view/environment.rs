@@ -24,7 +24,7 @@ use bevy::{
 use super::{
     ViewPool,
     extract::{ExtractedEnvironment, ExtractedViews},
-    importance_map::{ImportanceMap, ImportancePasses, importance_bytes},
+    importance_map::{ImportanceMap, ImportancePasses},
     texture,
 };
 use crate::{
@@ -236,6 +236,6 @@ impl EnvironmentPool {
 
     /// Name and bytes, for the statistics.
     pub(crate) fn memory(&self) -> (&'static str, u64) {
-        ("environment importance", importance_bytes() * self.entries.len() as u64)
+        ("environment importance", self.entries.values().map(|entry| entry.importance.bytes()).sum())
     }
 }

@@ -2,7 +2,7 @@
 
 use bevy::{
     asset::AssetId,
-    camera::{ClearColor, visibility::RenderLayers},
+    camera::{Camera3d, ClearColor, visibility::RenderLayers},
     color::LinearRgba,
     ecs::{entity::Entities, prelude::*},
     image::Image,
@@ -64,6 +64,7 @@ impl EnvironmentKind {
 struct EnvironmentProblem {
     kind: EnvironmentKind,
     property: &'static str,
+    complaint: &'static str,
     consequence: &'static str,
 }
 
@@ -94,22 +95,24 @@ impl ExtractedEnvironment {
             }
             (None, None, None) => return (None, None),
         };
-        let problem = |property, consequence| Some(EnvironmentProblem { kind, property, consequence });
+        let problem =
+            |property, complaint, consequence| Some(EnvironmentProblem { kind, property, complaint, consequence });
+        let not_finite = "not finite";
         let not_rendered = "this environment is not rendered";
         if !scale.is_finite() {
             let property = if kind == K::Skybox { "brightness" } else { "intensity" };
-            return (None, problem(property, not_rendered));
+            return (None, problem(property, not_finite, not_rendered));
         }
         // Bevy's optional assertions of `glam` forbid to normalize a rotation without a length.
         let length = rotation.length();
         if !(length.is_finite() && length > 0.0) {
-            return (None, problem("rotation", not_rendered));
+            return (None, problem("rotation", "not finite, or has the length 0", not_rendered));
         }
         let rotation = Mat3::from_quat((rotation / length).conjugate());
         let color = [color.red, color.green, color.blue];
         let color_problem = match color.iter().all(|c| c.is_finite()) {
             true => None,
-            false => problem("color", "the channels that are not finite count as 0"),
+            false => problem("color", not_finite, "the channels that are not finite count as 0"),
         };
         let channel = |c: f32| if c.is_finite() { (c.max(0.0) * scale.max(0.0)).min(1e30) } else { 0.0 };
         let environment =
@@ -141,6 +144,7 @@ type ViewData<'a> = (
     Entity,
     RenderEntity,
     &'a bevy::camera::Camera,
+    Has<Camera3d>,
     &'a Restir,
     Option<&'a RestirEnvironment>,
     Option<&'a Skybox>,
@@ -164,11 +168,17 @@ pub(crate) fn extract_views(
     views.0.clear();
     warned.begin_frame();
     warned.retain(|(camera, _)| entities.contains(*camera));
-    for (camera_entity, entity, camera, restir, own, skybox, light, capture, layers) in &cameras {
+    for (camera_entity, entity, camera, is_3d, restir, own, skybox, light, capture, layers) in &cameras {
         if restir.reset {
             pool.requested_resets.insert(entity);
         }
         if !camera.is_active {
+            continue;
+        }
+        if !is_3d {
+            if warned.is_due((camera_entity, ["Restir", "Camera3d"])) {
+                warn!("restir: camera {camera_entity} has no `Camera3d`, so that nothing lights it");
+            }
             continue;
         }
         let mut asked = Restir { reset: pool.requested_resets.contains(&entity), ..restir.clone() };
@@ -178,10 +188,13 @@ pub(crate) fn extract_views(
                 warn!("restir: camera {camera_entity}: {problem}");
             }
         });
-        if let Some(EnvironmentProblem { kind, property, consequence }) = problem
+        if let Some(EnvironmentProblem { kind, property, complaint, consequence }) = problem
             && warned.is_due((camera_entity, [kind.name(), property]))
         {
-            warn!("restir: camera {camera_entity}: the {property} of its {} is not finite; {consequence}", kind.name());
+            warn!(
+                "restir: camera {camera_entity}: the {property} of its {} is {complaint}; {consequence}",
+                kind.name()
+            );
         }
         let clear = match camera.clear_color {
             bevy::camera::ClearColorConfig::Default => clear_color.0.to_linear(),

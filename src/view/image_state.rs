@@ -43,7 +43,7 @@ pub(crate) enum Reset {
     /// From perspective to orthographic, from front faces to back faces, or back.
     Projection,
     /// The technique or the debug view changed, the first translucent object appeared or the last one disappeared, or the pipelines for the
-    /// first light of a kind, or the first material with a new kind of paths, have been compiled.
+    /// first light of a kind, the first material with a new kind of paths, or the first object that render layers hide, have been compiled.
     Pipelines,
 }
 
@@ -168,7 +168,8 @@ impl RestirView {
         let can_reuse = resets.named().all(|(_, count)| count == 0);
         let keeps_history = if is_progressive { can_accumulate } else { can_reuse };
         let keeps_sequence = last.is_some_and(|last| state.continues_sequence_of(last));
-        let accumulates = is_progressive || settings.accumulate;
+        let sums = self.key.is_none_or(|key| key.frame.sums());
+        let accumulates = sums && (is_progressive || settings.accumulate);
         self.moved = last.is_some_and(|last| state.has_moved_since(last));
         self.same_environment = last.is_some_and(|last| state.has_environment_of(last));
         self.still = can_accumulate;

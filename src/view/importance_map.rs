@@ -8,11 +8,13 @@ use bevy::render::{
 };
 
 use super::mipmapped_texture;
-use crate::{scene::SceneFeatures, shader_library::ShaderLibrary};
+use crate::{
+    scene::{SceneFeatures, texture::image_info::is_live},
+    shader_library::ShaderLibrary,
+};
 
-/// Width of the finest level; the height is half of it.
-const WIDTH: u32 = 1024;
-const LEVELS: u32 = WIDTH.ilog2() + 1;
+/// Least and greatest width of the finest level; the height is half of it.
+const WIDTHS: [u32; 2] = [1024, 4096];
 
 /// An environment image and its mip chain of importance.
 pub(super) struct ImportanceMap {
@@ -20,6 +22,8 @@ pub(super) struct ImportanceMap {
     pub texture: TextureId,
     pub map: TextureView,
     pub importance: TextureView,
+    /// Width of the finest level, in cells.
+    width: u32,
     /// Group 1 of the passes.
     map_group: BindGroup,
     /// Group 2 for each level.
@@ -29,9 +33,11 @@ pub(super) struct ImportanceMap {
 impl ImportanceMap {
     pub(super) fn new(image: &GpuImage, layouts: &[BindGroupLayout; 3], device: &RenderDevice) -> Self {
         let usage = TextureUsages::TEXTURE_BINDING | TextureUsages::STORAGE_BINDING;
-        let size = Extent3d { width: WIDTH, height: WIDTH / 2, depth_or_array_layers: 1 };
+        let width = width_of(image, device);
+        let levels = levels_of(width);
+        let size = Extent3d { width, height: width / 2, depth_or_array_layers: 1 };
         let format = TextureFormat::R32Float;
-        let chain = mipmapped_texture(device, "environment importance", size, LEVELS, format, usage);
+        let chain = mipmapped_texture(device, "environment importance", size, levels, format, usage);
         let level = |mip| {
             chain.create_view(&TextureViewDescriptor {
                 base_mip_level: mip,
@@ -47,7 +53,7 @@ impl ImportanceMap {
         });
         let level_group = |mip| {
             // The finest level reads only the map.  The binding of a finer level must not be empty, so it gets the coarsest level.
-            let (source, target) = (level(if mip == 0 { LEVELS - 1 } else { mip - 1 }), level(mip));
+            let (source, target) = (level(if mip == 0 { levels - 1 } else { mip - 1 }), level(mip));
             let views = BindGroupEntries::sequential((&source, &target));
             device.create_bind_group("restir environment importance", &layouts[2], &views)
         };
@@ -56,7 +62,8 @@ impl ImportanceMap {
             texture: image.texture.id(),
             importance: chain.create_view(&TextureViewDescriptor::default()),
             map_group: device.create_bind_group("restir environment map", &layouts[1], &maps),
-            level_groups: (0..LEVELS).map(level_group).collect(),
+            level_groups: (0..levels).map(level_group).collect(),
+            width,
             map,
         }
     }
@@ -73,7 +80,7 @@ impl ImportanceMap {
         let mut encoder =
             device.create_command_encoder(&CommandEncoderDescriptor { label: Some("restir environment importance") });
         for (mip, level_group) in self.level_groups.iter().enumerate() {
-            let (width, height) = ((WIDTH >> mip).max(1), ((WIDTH / 2) >> mip).max(1));
+            let [width, height] = level_size(self.width, mip as u32);
             let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
             pass.set_pipeline(if mip == 0 { importance } else { reduce });
             pass.set_bind_group(0, &nothing, &[]);
@@ -83,6 +90,33 @@ impl ImportanceMap {
         }
         queue.submit([encoder.finish()]);
     }
+
+    /// Bytes of the mip chain.
+    pub(super) fn bytes(&self) -> u64 {
+        let texels = |mip| level_size(self.width, mip).into_iter().map(u64::from).product::<u64>();
+        (0..levels_of(self.width)).map(|mip| texels(mip) * 4).sum()
+    }
+}
+
+/// Width of the finest level: cells are as small as the pixels of the image, so that a small sun is sampled apart from the sky around it.
+/// An image that the GPU can write has the least width, because its map is filled in every frame.
+fn width_of(image: &GpuImage, device: &RenderDevice) -> u32 {
+    let descriptor = &image.texture_descriptor;
+    if is_live(descriptor.usage) {
+        return WIDTHS[0];
+    }
+    // Four faces of a cube surround the viewer.
+    let faces = if descriptor.size.depth_or_array_layers == 6 { 4 } else { 1 };
+    let greatest = WIDTHS[1].min(device.limits().max_texture_dimension_2d);
+    (faces * descriptor.size.width).min(greatest).next_power_of_two().clamp(WIDTHS[0], greatest)
+}
+
+fn levels_of(width: u32) -> u32 {
+    width.ilog2() + 1
+}
+
+fn level_size(width: u32, mip: u32) -> [u32; 2] {
+    [width, width / 2].map(|side| (side >> mip).max(1))
 }
 
 /// The passes that fill importance maps.
@@ -148,10 +182,4 @@ impl ImportancePasses {
     pub(super) fn layouts(&self, pipelines: &PipelineCache) -> [BindGroupLayout; 3] {
         self.layouts.each_ref().map(|layout| pipelines.get_bind_group_layout(layout))
     }
-}
-
-/// Bytes of one mip chain.
-pub(super) fn importance_bytes() -> u64 {
-    let texels = |mip: u32| (WIDTH >> mip).max(1) * ((WIDTH / 2) >> mip).max(1);
-    (0..LEVELS).map(|mip| u64::from(texels(mip)) * 4).sum()
 }

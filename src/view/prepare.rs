@@ -27,7 +27,7 @@ use crate::{
     cpu_times::{CpuTimes, Stage},
     device::binding_limit,
     scene::{bindings::SceneBindings, storage::allocation},
-    settings::{Direct, LightTechniques, Restir},
+    settings::{Direct, Restir},
     technique::frame::Frame,
     warned::Warned,
 };
@@ -203,9 +203,7 @@ fn warn_of_light_paths(
             counts.light_paths, state.settings.bdpt.light_paths
         );
     }
-    let bdpt = &state.settings.bdpt;
-    let asks_for_splats = bdpt.techniques != LightTechniques::NoLightTracing && bdpt.light_paths > 0.0;
-    let loses_splats = scene.has_camera_dependent_objects && asks_for_splats;
+    let loses_splats = scene.has_camera_dependent_objects && state.settings.bdpt.splats();
     if loses_splats && warned.is_due((entity, "camera-dependent objects")) {
         warn!(
             "restir: camera {name} finds caustics from the camera only (noisier, not darker), because an object of the scene has \

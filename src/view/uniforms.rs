@@ -48,7 +48,8 @@ pub(super) fn camera_of(view: &ExtractedView) -> GpuCamera {
     let distance = if is_orthographic(&view.clip_from_view) { 1.0 } else { z.dot(normal) };
     let in_view = (4.0 * view_from_clip.x_axis.x * view_from_clip.y_axis.y).abs();
     GpuCamera {
-        clip_from_world: (view.clip_from_view * world_from_view.inverse()).to_cols_array_2d(),
+        clip_from_offset: (view.clip_from_view * Mat4::from_mat3(Mat3::from_mat4(world_from_view).inverse()))
+            .to_cols_array_2d(),
         world_from_view: world_from_view.to_cols_array_2d(),
         view_from_clip: view_from_clip.to_cols_array_2d(),
         image_normal: normal.to_array(),
@@ -63,8 +64,8 @@ fn sees_back_faces(view: &ExtractedView) -> bool {
 
 /// Whether all numbers of a camera are finite.
 pub(super) fn is_finite(camera: &GpuCamera) -> bool {
-    let GpuCamera { clip_from_world, world_from_view, view_from_clip, image_normal: _, image_area } = camera;
-    let mut matrices = [clip_from_world, world_from_view, view_from_clip].into_iter().flatten().flatten();
+    let GpuCamera { clip_from_offset, world_from_view, view_from_clip, image_normal: _, image_area } = camera;
+    let mut matrices = [clip_from_offset, world_from_view, view_from_clip].into_iter().flatten().flatten();
     matrices.all(|x| x.is_finite()) && *image_area > 0.0 && image_area.is_finite()
 }
 

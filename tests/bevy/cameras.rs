@@ -445,3 +445,14 @@ fn a_picture_larger_than_a_binding_is_traced_at_lower_resolution() {
     assert!(!log::warnings("own shaders need").is_empty());
     rig.assert_sound();
 }
+
+#[test]
+fn a_camera_without_camera_3d_is_named_in_a_warning() {
+    log::listen();
+    let Some(mut rig) = Rig::new(16, 16) else { return };
+    rig.spawn(square(4.0), lamp(1.0, 1.0, 1.0), Transform::IDENTITY);
+    let flat = rig.spawn_bundle((Camera2d, plain()));
+    let name = format!("camera {flat} has no `Camera3d`");
+    assert!((rig.picture(4).center() - Vec3::ONE).length() < 1e-5);
+    assert_eq!(log::warnings(&name).len(), 1);
+}

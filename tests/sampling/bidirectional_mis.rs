@@ -38,6 +38,8 @@ enum Error {
     Environment,
     /// Eq. 40 as it is printed: the density of the wrong vertex.
     SplatDensity,
+    /// A vertex that the camera sees counts one light candidate.
+    Candidates,
 }
 
 #[repr(C)]
@@ -55,7 +57,7 @@ const fn edit(from: &'static str, to: &'static str) -> ShaderEdit {
 const NUMBERS: [ShaderEdit; 4] = [
     edit("reverse_pdf(v.surface, step.wi, v.wo)", "v.medium.x"),
     edit("reverse_pdf(v.surface, l.wi, v.wo)", "v.medium.x"),
-    edit("return light_pmf(l.light) * l.pdf_solid_angle * l.pdf_scale;", "return l.pdf_solid_angle * l.pdf_scale;"),
+    edit("candidates * light_pmf(l.light) * l.pdf_solid_angle", "candidates * l.pdf_solid_angle"),
     edit(
         "return share * light_pmf(l.light) * l.pdf_solid_angle * emission_density(l);",
         "return share * l.pdf_solid_angle * l.distance;",
@@ -124,6 +126,7 @@ fn random_path(random: &mut Random, light: Light) -> Path {
         k: k as u32,
         delta_light: u32::from(matches!(light, Light::Point | Light::Directional)),
         connectable: u32::MAX,
+        candidates: random.pick(&[1, 16]),
         splats: random.pick(&[1.0, 64.0, 2.0e6]),
         connects: random.pick(&[0.0, 1.0]),
         nee: density(random),
@@ -265,9 +268,12 @@ fn planted_errors_of_bidirectional_weights_are_found() {
     };
     let order = found(Light::Area, Error::None, &[flag("PLANT_MIS_ORDER")], &[]);
     assert!(order.sum > 0.1 && order.recursive > 0.1, "{order:?}");
-    for (light, error) in
-        [(Light::Area, Error::Splats), (Light::Infinite, Error::Environment), (Light::Area, Error::SplatDensity)]
-    {
+    for (light, error) in [
+        (Light::Area, Error::Splats),
+        (Light::Infinite, Error::Environment),
+        (Light::Area, Error::SplatDensity),
+        (Light::Area, Error::Candidates),
+    ] {
         let wrong = found(light, error, &[], &[]);
         assert!(wrong.sum > 0.1 && wrong.recursive > 0.1, "{error:?}: {wrong:?}");
     }

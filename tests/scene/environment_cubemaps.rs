@@ -389,11 +389,16 @@ fn a_cameras_environment_precedes_its_skybox_and_the_skybox_its_map_light() {
     rig.frames(3);
     let warnings = log::warnings("is not a color cube that shaders can read");
     assert_eq!(warnings.iter().filter(|line| line.contains(&name)).count(), 1, "{warnings:?}");
-    rig.insert(rig.camera, EnvironmentMapLight { intensity: f32::NAN, ..map_light });
+    rig.insert(rig.camera, EnvironmentMapLight { intensity: f32::NAN, ..map_light.clone() });
     rig.app.world_mut().entity_mut(rig.camera).remove::<Skybox>();
     let seen = shown(&mut rig);
     assert!(near(seen, (0.0, 0.0)), "no brightness: {seen:?}");
     assert_eq!(log::warnings("the intensity of its EnvironmentMapLight is not finite").len(), 1);
+    let turned = EnvironmentMapLight { rotation: Quat::from_xyzw(0.0, 0.0, 0.0, 0.0), ..map_light };
+    rig.insert(rig.camera, turned);
+    let seen = shown(&mut rig);
+    assert!(near(seen, (0.0, 0.0)), "no rotation: {seen:?}");
+    assert_eq!(log::warnings("the rotation of its EnvironmentMapLight is not finite, or has the length 0").len(), 1);
 }
 
 #[test]

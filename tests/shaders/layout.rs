@@ -157,7 +157,7 @@ fn the_body_is_the_same_in_rust_and_wgsl() {
 #[test]
 fn view_structs_are_the_same_in_rust_and_wgsl() {
     let types = module("view/types.wgsl");
-    agrees!(types, "Camera", GpuCamera { clip_from_world, world_from_view, view_from_clip, image_normal, image_area });
+    agrees!(types, "Camera", GpuCamera { clip_from_offset, world_from_view, view_from_clip, image_normal, image_area });
     agrees!(
         types,
         "ViewUniforms",

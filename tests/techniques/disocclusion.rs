@@ -2,7 +2,7 @@
 
 use crate::support::{app::*, proof::Subject, reuse_settings::*};
 use bevy::prelude::*;
-use bevy_restir::{DebugView, Direct, Jitter, Reuse};
+use bevy_restir::{DebugView, Direct, Jitter, Reuse, VisibilityReuse, testing::shader_library::ShaderEdit};
 
 const SIZE: u32 = 48;
 
@@ -54,4 +54,50 @@ fn surfaces_behind_moving_objects_have_the_history_of_the_surface_beside_them() 
         assert!(without > 50 && 10 * with < without, "camera moves: {camera_moves}: {without} to {with}");
     }
     rig.assert_sound();
+}
+
+/// Lit pixels in the shadow of a screen beside the picture, at least two pixels from its edge, while a bar passes in front of that edge.
+fn lit_pixels_in_shadow(rig: &mut Rig, bar: Entity) -> usize {
+    rig.get_mut::<Transform>(bar).translation.x = -0.8;
+    rig.until_ready();
+    rig.set(|r| r.reset = true);
+    rig.frames(4);
+    let mut lit = 0;
+    for i in 1..=5 {
+        rig.get_mut::<Transform>(bar).translation.x = -0.8 + 0.4 * i as f32;
+        lit += rig.next().iter().filter(|(at, c)| at.x >= SIZE / 2 + 2 && c.x > 0.0).count();
+    }
+    lit
+}
+
+/// A place beside an object is not the same surface: its shadow is not that of the pixel.
+#[test]
+fn shadows_behind_moving_objects_are_not_those_of_the_place_beside_them() {
+    let Some(mut rig) = Rig::new(SIZE, SIZE) else { return };
+    rig.spawn(square(20.0), lambert(0.5), Transform::from_xyz(0.0, 0.0, -2.0));
+    rig.spawn_bundle((PointLight { intensity: 100.0, ..default() }, Transform::from_xyz(4.0, 0.0, 0.0)));
+    // The wall is in shadow to the right of the center of the picture.  The light shines along the bar.
+    let screen =
+        Transform::from_xyz(3.0, 0.0, -1.25).with_rotation(Quat::from_rotation_y(core::f32::consts::FRAC_PI_2));
+    rig.spawn(
+        Rectangle::new(1.5, 20.0),
+        StandardMaterial { double_sided: true, cull_mode: None, ..lambert(0.0) },
+        screen,
+    );
+    let bar = rig.spawn(square(0.5), lambert(0.5), Transform::from_scale(Vec3::new(1.0, 20.0, 1.0)));
+    let reuse = Reuse { spatial_samples: 0, disocclusion_samples: 0, ..Reuse::SPATIOTEMPORAL };
+    let visibility = VisibilityReuse::Decoupled;
+    rig.set(|r| {
+        Direct { reuse, visibility, visibility_radius: 0.0, ..di::all_reuse() }.apply_to(r);
+        r.jitter = Jitter::Never;
+    });
+    assert_eq!(lit_pixels_in_shadow(&mut rig, bar), 0);
+    let anywhere = ShaderEdit {
+        module: "pass/reuse.wgsl",
+        from: "select(0.0, SAME_SURFACE_RADIUS, is_temporal)",
+        to: "select(0.0, 1.0e9, is_temporal)",
+    };
+    plant_edits(&mut rig.app, &[anywhere]);
+    let lit = lit_pixels_in_shadow(&mut rig, bar);
+    assert!(lit > 30, "{lit}");
 }

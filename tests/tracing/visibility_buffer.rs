@@ -48,6 +48,27 @@ fn crowd(rig: &mut Rig) {
     );
 }
 
+/// At 65 km, floats are 8 mm apart.  Cubes with exact corners and a camera with an exact position are seen as exactly as at the origin.
+#[test]
+fn the_visibility_buffer_equals_the_hits_of_primary_rays_far_from_the_origin() {
+    let different = |far: Vec3| {
+        let mut rig = Rig::new(96, 96)?;
+        for i in 0..27 {
+            let at = Vec3::new((i % 3) as f32, (i / 3 % 3) as f32, (i / 9) as f32) - 1.0;
+            rig.spawn(Cuboid::from_length(0.5), lambert(0.5), Transform::from_translation(far + at));
+        }
+        *rig.get_mut::<Transform>(rig.camera) =
+            Transform::from_translation(far + Vec3::new(1.5, 2.25, 4.0)).looking_at(far, Vec3::Y);
+        let drawn = rig.debug(DebugView::Instances);
+        let traced = rig.debug(DebugView::TracedInstances);
+        Some(drawn.iter().filter(|(at, color)| *color != traced.at(at.x, at.y)).count())
+    };
+    let Some(near) = different(Vec3::ZERO) else { return };
+    let far = different(Vec3::new(65536.0, -65536.0, 65536.0)).expect("the device is there");
+    eprintln!("{near} pixels differ at the origin, {far} far from it");
+    assert!(near < 40 && far < near + 20, "{near} pixels differ at the origin, {far} far from it");
+}
+
 #[test]
 fn the_visibility_buffer_equals_the_hits_of_primary_rays() {
     for (width, height) in [(96, 64), (61, 47), (1, 1)] {

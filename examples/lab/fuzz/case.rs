@@ -361,10 +361,9 @@ impl Source {
     }
 
     fn settings(&mut self) -> Restir {
-        let presets = [Preset::Performance, Preset::Balanced, Preset::Quality, Preset::Unbiased];
         let mut settings = Restir {
             technique: Technique::ALL[self.random.below(Technique::ALL.len())],
-            ..Restir::preset(presets[self.random.below(4)])
+            ..Restir::preset(Preset::ALL[self.random.below(Preset::ALL.len())])
         };
         settings.bounces = self.random.below(9) as u32;
         settings.seed = self.random.bits();

@@ -32,7 +32,6 @@ use crate::{
     output, panels,
 };
 use measure::{Errors, Protocol, Record, Truth};
-pub use plan::ALL_PRESETS;
 use plan::{Configuration, Extent};
 
 /// Time, error, bias, flicker and memory of every technique and preset and of the settings that matter, on one scene.  Writes plots,

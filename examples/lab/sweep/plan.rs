@@ -21,9 +21,6 @@ pub const REFERENCE: &str = "Reference tracer";
 /// The section of the presets as they come.
 pub const PRESETS: &str = "Presets";
 
-/// All presets, the fastest first.
-pub const ALL_PRESETS: [Preset; 4] = [Preset::Performance, Preset::Balanced, Preset::Quality, Preset::Unbiased];
-
 /// Which configurations are measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Extent {
@@ -42,7 +39,7 @@ pub fn reference(preset: Preset) -> Configuration {
 pub fn configurations(extent: Extent) -> Vec<Configuration> {
     let mut all = vec![reference(Preset::Balanced), reference(Preset::Unbiased)];
     for technique in Technique::ALL.into_iter().filter(|t| *t != Technique::Reference) {
-        all.extend(ALL_PRESETS.map(|preset| Configuration {
+        all.extend(Preset::ALL.map(|preset| Configuration {
             section: PRESETS,
             label: format!("{technique:?} {preset:?}"),
             technique,

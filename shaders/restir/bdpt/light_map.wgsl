@@ -76,7 +76,8 @@ struct Race {
 
 // `bits`: random ones of this input.  The weight is positive.
 fn race_add(race: ptr<function, Race>, index: u32, weight: f32, bits: u32) {
-    let time = -log((f32(bits >> 9u) + 0.5) * 0x1p-23) / weight;
+    // The logarithm of a number near 1 may be rounded to 0.
+    let time = max(-log((f32(bits >> 9u) + 0.5) * 0x1p-23), 0x1p-24) / weight;
     if time < (*race).time || (time == (*race).time && index < (*race).winner) {
         (*race).winner = index;
         (*race).time = time;

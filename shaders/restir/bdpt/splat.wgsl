@@ -9,6 +9,7 @@
 #import bevy_restir::common::ray::{Ray, trace_flags}
 #import bevy_restir::path::bidirectional_mis::mis_splat_weight
 #import bevy_restir::path::light_path::{LightWalk, scattered_value}
+#import bevy_restir::path::nee::nee_candidate_count
 #import bevy_restir::restir::bdpt::techniques::{SPLATS, technique_weight}
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::scene::bindings::{instances, materials}
@@ -49,7 +50,12 @@ fn splat_of(w: LightWalk, alpha_seed: u32, previous: bool) -> Splat {
     let s = seen_surface(w, camera, point, previous);
     let cosine = abs(dot(s.bsdf.n_geo, wo));
     let density = camera_density(camera, wo, depth);
-    let weight = mis_splat_weight(density, f32(settings.splats), cosine, w.state, bsdf_pdf(s.bsdf, wo, w.towards_light));
+    var state = w.state;
+    if w.events == 1u {
+        // At this vertex, NEE draws several light candidates (`nee_density`).
+        state.last *= f32(nee_candidate_count(settings.candidates, 1u));
+    }
+    let weight = mis_splat_weight(density, f32(settings.splats), cosine, state, bsdf_pdf(s.bsdf, wo, w.towards_light));
     let scale = technique_weight(weight, SPLATS) * cosine * density / f32(settings.splats);
     let value = guarded_3(w.throughput * scattered_value(s, wo, w.towards_light) * scale, GUARD_LIGHT_CONTRIBUTION);
     if !(luminance(value) > 0.0) {

@@ -68,8 +68,7 @@ fn hybrid_shift(s: PathSample, first: Vertex, c: ShiftParameters, previous: bool
     }
     w.f = guarded_3(w.f, GUARD_SHIFT_CONTRIBUTION);
     // The Jacobian is a ratio of densities (Lin et al. 2026, supplement, Eq. 4).  A path without a reconnection vertex has no density: its
-    // shift has the Jacobian 1.  The Jacobian is 0 where the reconnection vertex is seen edge-on, and may be infinite where the path itself
-    // sees it so.
+    // shift has the Jacobian 1.  The Jacobian is 0 where the shifted path meets the reconnection vertex edge-on.
     let jacobian = guarded_or_infinite(select(1.0, density_ratio(w.density, s.density), s.density > 0.0), GUARD_JACOBIAN);
     if !(max_component(w.f) > 0.0) || !(jacobian > 0.0) {
         return failed(SHIFT_NO_CONTRIBUTION);

@@ -2,7 +2,7 @@
 
 use bevy::{
     asset::AssetId,
-    log::warn_once,
+    log::warn,
     mesh::Mesh,
     platform::collections::HashSet,
     render::{
@@ -24,12 +24,14 @@ pub(crate) struct CornerTexture<T> {
     versions: HashSet<u64>,
     /// The inputs of the last update: the newest version and the number of triangles.
     state: Option<(u64, u32)>,
+    /// A warning has named it.
+    warned: bool,
 }
 
 impl<T: Pod> CornerTexture<T> {
     pub(crate) fn new(label: &'static str, otherwise: &'static str, format: TextureFormat) -> Self {
         let texture = DataTexture::new(label, format, 3);
-        Self { label, otherwise, texture, versions: HashSet::default(), state: None }
+        Self { label, otherwise, texture, versions: HashSet::default(), state: None, warned: false }
     }
 
     /// Uploads the values that are missing if the scene needs the attribute; else frees their memory.  `newest`: the newest version and the
@@ -49,11 +51,7 @@ impl<T: Pod> CornerTexture<T> {
         let (_, count) = newest;
         if !needed || count > DataTexture::<[T; 3]>::limit(device) {
             if needed {
-                warn_once!(
-                    "restir: the {} of {count} triangles do not fit this device; shaders read {} instead",
-                    self.label,
-                    self.otherwise
-                );
+                self.warn_of_size(count);
             }
             self.state = None;
             self.texture.clear();
@@ -79,6 +77,16 @@ impl<T: Pod> CornerTexture<T> {
             }
         }
         bytes
+    }
+
+    /// Warns once.
+    fn warn_of_size(&mut self, count: u32) {
+        if !core::mem::replace(&mut self.warned, true) {
+            warn!(
+                "restir: the {} of {count} triangles do not fit this device; shaders read {} instead",
+                self.label, self.otherwise
+            );
+        }
     }
 
     /// Forgets that the values of a mesh or a body are in the texture.

@@ -127,6 +127,8 @@ pub(crate) struct MeshPool {
     /// Vertex colors of the triangles, in scenes with such a mesh.
     pub colors: CornerTexture<HalfColor>,
     last_version: u64,
+    /// Features of the last frame.
+    last_features: SceneFeatures,
     /// Meshes that have come, changed or gone since [`Self::take_changed`]; some more than once.
     changed: Vec<AssetId<Mesh>>,
     /// Rays are traced by ray queries.  The device then builds its own trees, and ours only order the triangles, so that both back ends
@@ -159,6 +161,7 @@ impl Default for MeshPool {
             second_uvs: CornerTexture::new("second texture coordinates", "0", TextureFormat::Rg32Float),
             colors: CornerTexture::new("vertex colors", "white", TextureFormat::Rgba16Float),
             last_version: 0,
+            last_features: SceneFeatures::empty(),
             changed: Vec::new(),
             ray_queries: false,
             uploaded: 0,
@@ -451,6 +454,8 @@ impl MeshPool {
         queue: &RenderQueue,
     ) -> u64 {
         let newest = (self.last_version, self.triangle_ranges.end());
+        // Passes also shade the surfaces of the last frame.
+        let features = features | core::mem::replace(&mut self.last_features, features);
         let Self { entries, retired, second_uvs, colors, .. } = self;
         let meshes = entries.values().chain(&*retired).map(|entry| (entry.version, entry.triangles.start, entry));
         let bodies = bodies.filter_map(|(version, first, mesh)| Some((version, first, entries.get(&mesh)?)));

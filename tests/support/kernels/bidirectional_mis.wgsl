@@ -16,6 +16,7 @@ struct Path {
     reconnection: u32,              // the first vertex that the base path and the shifted path share
     below: u32,                     // the last vertex below which light scatters, or 0
     error: u32,                     // a planted error
+    candidates: u32,                // of next-event estimation at x1
     splats: f32,
     connects: f32,
     nee_share: f32,                 // factors of the densities of light sub-paths (`LightShares`)
@@ -41,6 +42,7 @@ struct Weights {
 const ERROR_SPLATS: u32 = 1u;
 const ERROR_ENVIRONMENT: u32 = 2u;
 const ERROR_SPLAT_DENSITY: u32 = 3u;
+const ERROR_CANDIDATES: u32 = 4u;
 
 var<private> p: Path;
 var<private> camera: array<MisState, 10>;    // of the camera sub-path of connections, after the arrival at a vertex
@@ -52,7 +54,7 @@ fn is_connectable(i: u32) -> bool {
 
 fn counts() -> TechniqueCounts {
     let splats = select(p.splats, 1.0, p.error == ERROR_SPLATS);
-    return TechniqueCounts(1u, splats, p.connects, LightShares(p.nee_share, p.caustic_share));
+    return TechniqueCounts(p.candidates, splats, p.connects, LightShares(p.nee_share, p.caustic_share));
 }
 
 // Density of the camera's rays at x1.
@@ -202,7 +204,12 @@ fn weight(t: u32) -> f32 {
         if p.error == ERROR_SPLAT_DENSITY {
             reverse = p.forward[1] * p.cos_in[1] / p.distance2[1];
         }
-        return mis_splat_weight(density_of_camera(), p.splats, p.cos_in[1], light[1], reverse);
+        // As `restir/bdpt/splat.wgsl` does it.
+        var state = light[1];
+        if p.k == 2u && p.error != ERROR_CANDIDATES {
+            state.last *= f32(p.candidates);
+        }
+        return mis_splat_weight(density_of_camera(), p.splats, p.cos_in[1], state, reverse);
     }
     let eye = MisEnd(camera[t - 1u], p.cos_out[t - 1u], p.forward[t], p.reverse[t - 2u]);
     return mis_connection_weight(eye, MisEnd(light[t], p.cos_in[t], p.reverse[t - 1u], p.forward[t + 1u]), p.distance2[t]);

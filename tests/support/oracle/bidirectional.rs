@@ -19,6 +19,8 @@ pub struct Path {
     pub below: u32,
     /// The error that the kernel plants.
     pub error: u32,
+    /// The number of candidates of next-event estimation at x1.
+    pub candidates: u32,
     /// The number of samples of technique (k, 1).
     pub splats: f32,
     /// 1 if vertices of both sub-paths are connected, and otherwise 0.
@@ -67,7 +69,7 @@ impl Path {
         from_camera
             + match s {
                 0 => 0.0,
-                1 => log(self.nee),
+                1 => log(self.nee) + if t == 2 { f64::from(self.candidates).ln() } else { 0.0 },
                 _ => {
                     let count = if t == 1 { log(self.splats) } else { 0.0 };
                     let share = log(if self.is_connectable(k - 1) { self.nee_share } else { self.caustic_share });

@@ -10,7 +10,7 @@ use crate::support::{
 };
 use bevy::prelude::*;
 use bevy_restir::{
-    Direct, SubsurfaceSampling, SubsurfaceShift,
+    DebugView, Direct, SubsurfaceSampling, SubsurfaceShift,
     testing::{plant_shader_defs, replace_pass_shader, shader_library::ShaderEdit},
 };
 
@@ -179,4 +179,38 @@ fn full_length_the_jacobian_is_the_change_of_measure_of_every_shift_in_bodies() 
 fn a_shift_in_bodies_that_is_not_a_change_of_variables_is_found() {
     let Some(measure) = measured(&["PLANT_NO_JACOBIAN"], SubsurfaceShift::Delayed, 100) else { return };
     assert!(measure.tiles < 1e-9, "{measure}");
+}
+
+/// The share of the stored samples whose probe finds their point of entry from the pixel that stores them.
+fn samples_found_by_their_probes(rig: &mut Rig, moving: [Entity; 2]) -> f32 {
+    let mut stored = Vec2::ZERO;
+    for step in 0..6 {
+        turn(rig, moving, step as f32);
+        stored += rig.next().iter().map(|(_, c)| c.xy()).sum::<Vec2>();
+    }
+    eprintln!("{} of {} samples found again", stored.y, stored.x);
+    assert!(stored.x > 2_000.0);
+    stored.y / stored.x
+}
+
+/// Sequential shifts reconnect samples before they draw their probes again, so that reconnected samples need new probes.
+#[test]
+fn probes_of_sequential_shifts_find_the_stored_points_again() {
+    let mut moving = [Entity::PLACEHOLDER; 2];
+    let Some(mut rig) = scene(64, |rig| moving = translucent(rig)) else { return };
+    replace_pass_shader(&mut rig.app, "sss_debug", include_str!("../../support/kernels/stored_probes.wgsl"));
+    let sampling = SubsurfaceSampling { shift: SubsurfaceShift::Sequential, ..subsurface::all_reuse() };
+    rig.set(|r| {
+        (Direct { subset_count: 0, ..di::candidates_only() }, sampling).apply_to(r);
+        r.debug_view = DebugView::SubsurfaceDistances;
+    });
+    rig.until_ready();
+    let found = samples_found_by_their_probes(&mut rig, moving);
+    assert!(found > 0.995, "{found}");
+    // The error of probes that belong to another pixel.
+    let stale = ShaderEdit { module: "restir/sss/domain.wgsl", from: "!has(RESAMPLE_INVERT_PROBES) ||", to: "true ||" };
+    plant_edits(&mut rig.app, &[stale]);
+    rig.until_ready();
+    let found = samples_found_by_their_probes(&mut rig, moving);
+    assert!(found < 0.9, "{found}");
 }
