@@ -62,6 +62,7 @@ pub const MODULES: &[(&str, &str)] = modules![
     "view/pixel_light.wgsl",
     "view/primary.wgsl",
     "view/render_layers.wgsl",
+    "trace/drawn_sides.wgsl",
     "trace/alpha.wgsl",
     "trace/space.wgsl",
     "trace/triangle.wgsl",

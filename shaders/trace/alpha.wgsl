@@ -6,6 +6,7 @@
 #import bevy_restir::common::rng::{pcg4d, unit_float}
 #import bevy_restir::scene::bindings::{instances, materials}
 #import bevy_restir::scene::material::alpha_at
+#import bevy_restir::trace::drawn_sides::hits_side
 
 fn passes_alpha_test(instance: u32, triangle: u32, barycentrics: vec2<f32>, alpha_seed: u32) -> bool {
     let material = instances[instance].material;
@@ -23,13 +24,11 @@ fn passes_alpha_test(instance: u32, triangle: u32, barycentrics: vec2<f32>, alph
 // Whether a ray that intersects a triangle hits it.
 #ifdef ALPHA
 fn accepts_hit(instance: u32, triangle: u32, barycentrics: vec2<f32>, alpha_seed: u32) -> bool {
-    if (instances[instance].flags & INSTANCE_ALPHA) == 0u {
-        return true;
-    }
-    return passes_alpha_test(instance, triangle, barycentrics, alpha_seed);
+    let is_opaque = (instances[instance].flags & INSTANCE_ALPHA) == 0u;
+    return hits_side(instance, triangle) && (is_opaque || passes_alpha_test(instance, triangle, barycentrics, alpha_seed));
 }
 #else
 fn accepts_hit(instance: u32, triangle: u32, barycentrics: vec2<f32>, alpha_seed: u32) -> bool {
-    return true;
+    return hits_side(instance, triangle);
 }
 #endif

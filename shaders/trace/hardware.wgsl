@@ -11,6 +11,7 @@ enable wgpu_ray_query;
 #import bevy_restir::scene::bindings::{instances, scene}
 #import bevy_restir::scene::triangle::stored_triangle
 #import bevy_restir::trace::alpha::accepts_hit
+#import bevy_restir::trace::drawn_sides::hits_drawn_sides
 #ifdef SUBSURFACE
 #import bevy_restir::trace::probe_hits::{failed_probe, has_too_many, no_probe_hits, ProbeHits, with_probe_hit}
 #endif
@@ -60,7 +61,7 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
         // After a rejected hit the closest hit is needed, also where any hit would do.
         let first = any_hit && attempt == 0u;
         let description = RayDesc(
-            OPACITY | select(0u, TERMINATE_ON_FIRST_HIT, first),
+            select(OPACITY, FORCE_NO_OPAQUE, hits_drawn_sides()) | select(0u, TERMINATE_ON_FIRST_HIT, first),
             camera_mask(),
             t_min,
             ray.t_max,

@@ -5,6 +5,7 @@
 #import bevy_restir::common::guard::{GUARD_RAY, guard_holds}
 #import bevy_restir::common::math::{is_finite, is_finite_3}
 #import bevy_restir::common::ray::{Hit, Ray, rays_traced}
+#import bevy_restir::trace::drawn_sides::{begin_drawn_ray, end_drawn_ray}
 #ifdef RAY_QUERY
 #import bevy_restir::trace::hardware::traverse
 #else
@@ -35,6 +36,14 @@ fn trace_closest_in_frame(ray: Ray, alpha_seed: u32, previous: bool) -> Hit {
 // Whether the ray hits anything, now or (`previous`) in the last frame.
 fn trace_any(ray: Ray, alpha_seed: u32, previous: bool) -> bool {
     return trace_counted(ray, alpha_seed, true, previous).instance != NONE;
+}
+
+// Whether the ray hits a side of a surface that the camera draws.
+fn trace_drawn(ray: Ray, alpha_seed: u32, previous: bool) -> bool {
+    begin_drawn_ray(ray.direction, previous);
+    let hit = trace_counted(ray, alpha_seed, true, previous);
+    end_drawn_ray();
+    return hit.instance != NONE;
 }
 
 fn trace_counted(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {

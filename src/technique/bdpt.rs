@@ -16,11 +16,17 @@ const ROOMS: &[&str] = &["restir/bdpt", "restir/pt"];
 /// Weights take light sub-paths into account.
 const DEFS: &[&str] = &["LIGHT_PATHS"];
 
+/// Rays between the camera and light sub-paths pass sides of surfaces that it does not draw.
+const DRAWN_SIDES: &[&str] = &["DRAWN_SIDES"];
+
 /// Whole paths.
 const DOMAIN: &Domain = &Domain {
     names: domain_names!("bdpt"),
     light_paths: Some(LightPathPasses {
-        trace: ComputePass::per_pixel("light_paths", &[R::Settings, R::LightVertices, R::LightMap]),
+        trace: ComputePass {
+            defs: DRAWN_SIDES,
+            ..ComputePass::per_pixel("light_paths", &[R::Settings, R::LightVertices, R::LightMap])
+        },
         connect: ComputePass::per_pixel("connections", &[R::Settings, R::LightVerticesRead, R::Connections]),
     }),
     candidates: ComputePass { defs: DEFS, ..domain::candidates("bdpt_candidates", "path_candidates", ROOMS) },
@@ -53,7 +59,7 @@ const SPLATS: &Domain = &Domain {
         "splats",
         &[R::Settings, R::LightMapRead, R::CandidateReservoirs, R::CandidateLight],
     ),
-    reuse: domain::reuse("splats_reuse", &["restir/splats"]),
+    reuse: ComputePass { defs: DRAWN_SIDES, ..domain::reuse("splats_reuse", &["restir/splats"]) },
     pairs: None,
     forward: &[
         ComputePass::per_pixel("splats_forward", &[R::Settings, R::LastReservoirs]),

@@ -196,13 +196,16 @@ pub(crate) const fn pair_pass(
 macro_rules! pair_passes {
     ($name:literal, $rooms:expr $(, $def:literal)*) => {{
         use $crate::technique::{domain::*, pass::{ComputePass, Dispatch}};
-        let (defers, from_queue) = (&["DEFERS_REPLAYS" $(, $def)*], &["FROM_QUEUE" $(, $def)*]);
+        // Pairs are within a frame, so that nothing moves between their pixels.
+        let within = &["WITHIN_FRAME" $(, $def)*];
+        let defers = &["DEFERS_REPLAYS", "WITHIN_FRAME" $(, $def)*];
+        let from_queue = &["FROM_QUEUE", "WITHIN_FRAME" $(, $def)*];
         // A pixel may have more pairs than other passes have neighbors.
         let reuse = &["PAIRED", "MANY_NEIGHBORS" $(, $def)*];
         let shifts = "pair_shifts";
         PairPasses {
             neighbors: pair_pass(concat!($name, "_pair_neighbors"), "pair_neighbors", $rooms, &[$($def)*], PAIR_NEIGHBORS),
-            shifts: pair_pass(concat!($name, "_pair_shifts"), shifts, $rooms, &[$($def)*], PAIR_SHIFTS),
+            shifts: pair_pass(concat!($name, "_pair_shifts"), shifts, $rooms, within, PAIR_SHIFTS),
             compaction: Some(CompactionPasses {
                 short_shifts: pair_pass(concat!($name, "_pair_short_shifts"), shifts, $rooms, defers, PAIR_SHORT_SHIFTS),
                 replays: ComputePass {

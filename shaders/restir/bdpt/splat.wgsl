@@ -3,27 +3,23 @@
 #define_import_path bevy_restir::restir::bdpt::splat
 
 #import bevy_restir::bsdf::bsdf::bsdf_pdf
-#import bevy_restir::common::constants::{MATERIAL_CULL_BACK, MATERIAL_CULL_FRONT, NONE, OVERFLOW_STEPS, VIEW_SEES_BACK_FACES}
+#import bevy_restir::common::constants::NONE
 #import bevy_restir::common::guard::{GUARD_LIGHT_CONTRIBUTION, guarded_3}
 #import bevy_restir::common::math::luminance
-#import bevy_restir::common::ray::{Ray, trace_flags}
+#import bevy_restir::common::ray::Ray
 #import bevy_restir::path::bidirectional_mis::mis_splat_weight
 #import bevy_restir::path::light_path::{LightWalk, scattered_value}
 #import bevy_restir::path::nee::nee_candidate_count
 #import bevy_restir::restir::bdpt::techniques::{SPLATS, technique_weight}
 #import bevy_restir::restir::bindings::settings
-#import bevy_restir::scene::bindings::{instances, materials}
 #import bevy_restir::scene::offset::offset_end
 #import bevy_restir::scene::surface::{Surface, surface_at}
-#import bevy_restir::scene::triangle::world_triangle
-#import bevy_restir::trace::trace::trace_closest_in_frame
+#import bevy_restir::trace::drawn_sides::is_drawn
+#import bevy_restir::trace::trace::trace_drawn
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::camera::{camera_density, camera_point, CameraPoint, pixel_cone}
 #import bevy_restir::view::light_part::{bsdf_diffuse_share, pack_share}
 #import bevy_restir::view::types::Camera
-
-// Greatest number of culled surfaces, which the camera does not draw, that a ray between the camera and a vertex passes.
-const MAX_CULLED: u32 = 16u;
 
 struct Splat {
     pixel: u32,                // index, or NONE
@@ -43,7 +39,7 @@ fn splat_of(w: LightWalk, alpha_seed: u32, previous: bool) -> Splat {
     let camera = camera_of(previous);
     let point = camera_point(camera, w.surface.position);
     let wo = -point.ray.direction;
-    if !point.inside || is_culled(w.hit.instance, w.hit.triangle, wo, previous) {
+    if !point.inside || !is_drawn(w.hit.instance, w.hit.triangle, wo, previous) {
         return no_splat();
     }
     let depth = distance(point.ray.origin, w.surface.position);
@@ -82,26 +78,7 @@ fn camera_of(previous: bool) -> Camera {
     return view.current;
 }
 
-fn is_culled(instance: u32, triangle: u32, wo: vec3<f32>, previous: bool) -> bool {
-    let flags = materials[instances[instance].material].flags;
-    let faces = dot(wo, world_triangle(instance, triangle, previous).normal) > 0.0;
-    let front = faces != ((view.flags & VIEW_SEES_BACK_FACES) != 0u);
-    return (flags & select(MATERIAL_CULL_BACK, MATERIAL_CULL_FRONT, front)) != 0u;
-}
-
-// Whether the camera sees a point.  Its rays begin at the near plane, and pass culled sides of surfaces.
+// Whether the camera sees a point.  Its rays begin at the near plane.
 fn is_visible_to_camera(point: CameraPoint, end: vec3<f32>, alpha_seed: u32, previous: bool) -> bool {
-    var ray = Ray(point.near, 0.0, end - point.near, 1.0);
-    for (var i = 0u; i < MAX_CULLED; i++) {
-        let hit = trace_closest_in_frame(ray, alpha_seed, previous);
-        if hit.instance == NONE {
-            return true;
-        }
-        if !is_culled(hit.instance, hit.triangle, -ray.direction, previous) {
-            return false;
-        }
-        ray.t_min = hit.t * (1.0 + 0x1p-20);
-    }
-    trace_flags |= OVERFLOW_STEPS;
-    return false;
+    return !trace_drawn(Ray(point.near, 0.0, end - point.near, 1.0), alpha_seed, previous);
 }

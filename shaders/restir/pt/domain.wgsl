@@ -87,12 +87,20 @@ fn density_of_camera(v: Vertex, previous: bool) -> f32 {
 }
 #endif
 
-// Where something moved between the frames, the path after the reconnection vertex is replayed in this frame, in the last one, or both.
 fn shifted_to(r: Receiver, path: PathSample) -> ShiftedPath {
-    let flag = select(RESAMPLE_RETRACE_FORWARD, RESAMPLE_RETRACE_BACKWARD, r.previous);
-    let retrace = has(RESAMPLE_MOVED) && has(flag);
-    return hybrid_shift(path, r.first, r.shift, r.previous, retrace);
+    return hybrid_shift(path, r.first, r.shift, r.previous, retraces(r.previous));
 }
+
+// Where something moved between the frames, the path after the reconnection vertex is replayed in this frame, in the last one, or both.
+#ifdef WITHIN_FRAME
+fn retraces(previous: bool) -> bool {
+    return false;
+}
+#else
+fn retraces(previous: bool) -> bool {
+    return has(RESAMPLE_MOVED) && has(select(RESAMPLE_RETRACE_FORWARD, RESAMPLE_RETRACE_BACKWARD, previous));
+}
+#endif
 
 fn evaluate(r: Receiver, s: Reservoir) -> Evaluated {
     let shifted = shifted_to(r, s.path);

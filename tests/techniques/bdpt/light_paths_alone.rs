@@ -63,6 +63,27 @@ fn light_paths_alone_light_back_faces_for_a_camera_that_inverts_culling() {
     });
 }
 
+/// Two squares back to back are one wall.  The camera does not see the square that faces away, and the other one hides what is behind it.
+#[test]
+fn light_paths_alone_stay_behind_walls_of_two_squares() {
+    for turned_first in [false, true] {
+        let wall = |rig: &mut Rig| {
+            for is_turned in [turned_first, !turned_first] {
+                let turn = if is_turned { Quat::from_xyzw(0.0, 1.0, 0.0, 0.0) } else { Quat::IDENTITY };
+                rig.spawn(square(8.0), lambert(0.5), Transform::from_rotation(turn));
+            }
+            let behind = Vec3::new(0.0, 0.0, -3.0);
+            rig.spawn(square(1.0), lamp(9.0, 7.0, 5.0), facing(Vec3::new(0.0, 0.0, -1.0), behind));
+            rig.spawn(square(8.0), lambert(0.5), Transform::from_translation(behind));
+        };
+        let Some(mut rig) = scene(32, wall) else { return };
+        rig.set(|r| *r = bidirectional(1));
+        plant_shader_defs(&mut rig.app, &["TEST_SPLATS", "TEST_ALONE"]);
+        assert_eq!(rig.picture(8).mean(), 0.0, "turned first: {turned_first}");
+        rig.assert_sound();
+    }
+}
+
 /// The lamp and the camera see the plane with different normals.
 #[test]
 #[ignore = "second tier: ./run test --more"]
