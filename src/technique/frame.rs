@@ -116,6 +116,11 @@ pub(crate) struct Step {
     pub iteration: usize,
 }
 
+/// A step that occurs once in a frame.
+fn compute(pass: &'static ComputePass, domain: Option<&'static Domain>) -> Step {
+    Step { pass: Pass::Compute(pass), name: pass.name, domain, iteration: 0 }
+}
+
 impl Frame {
     /// The frame of some settings.
     pub(crate) fn of(settings: &Restir) -> Self {
@@ -197,38 +202,45 @@ impl Frame {
     /// Its steps in order.  `iterations`: the kinds of a domain's iterations of reuse, in order.
     pub(crate) fn steps(self, iterations: impl Fn(&Domain) -> Vec<IterationKind>) -> Vec<Step> {
         let mut steps = vec![Step { pass: Pass::Visibility, name: "visibility", domain: None, iteration: 0 }];
-        let compute = |pass: &'static ComputePass, domain| Step {
-            pass: Pass::Compute(pass),
-            name: pass.name,
-            domain,
-            iteration: 0,
-        };
         let domains = self.domains();
         if let Some(&first) = domains.first() {
             steps.push(compute(&PRESAMPLE, Some(first)));
         }
         for &domain in domains {
-            let light_paths = domain.light_paths.as_ref();
-            steps.extend(light_paths.map(|passes| compute(&passes.trace, Some(domain))));
-            steps.push(compute(&domain.candidates, Some(domain)));
-            steps.extend(domain.forward.iter().map(|pass| compute(pass, Some(domain))));
-            for (iteration, kind) in iterations(domain).into_iter().enumerate() {
-                let names = &domain.names;
-                let step = |pass, name| Step { name, iteration, ..compute(pass, Some(domain)) };
-                let pairs = domain.pairs.as_ref().filter(|_| kind == IterationKind::Pairs);
-                if let Some(pairs) = pairs {
-                    steps.push(step(&pairs.neighbors, names.pair_neighbors[iteration]));
-                    if let Some(passes) = pairs.compaction.as_ref().filter(|_| self.compacts) {
-                        steps.push(step(&passes.short_shifts, names.pair_shifts[iteration]));
-                        steps.push(step(&passes.replays, names.pair_replays[iteration]));
-                    } else {
-                        steps.push(step(&pairs.shifts, names.pair_shifts[iteration]));
-                    }
-                }
-                steps.push(step(pairs.map_or(&domain.reuse, |pairs| &pairs.reuse), names.reuse[iteration]));
-            }
-            steps.extend(light_paths.filter(|_| self.connects).map(|passes| compute(&passes.connect, Some(domain))));
+            self.push_steps_of(domain, &iterations(domain), &mut steps);
         }
+        self.push_steps_of_picture(&mut steps);
+        steps.push(compute(&STATISTICS, None));
+        steps.push(Step { pass: Pass::Composite, name: "composite", domain: None, iteration: 0 });
+        steps
+    }
+
+    /// The steps that resample a domain.
+    fn push_steps_of(self, domain: &'static Domain, iterations: &[IterationKind], steps: &mut Vec<Step>) {
+        let light_paths = domain.light_paths.as_ref();
+        steps.extend(light_paths.map(|passes| compute(&passes.trace, Some(domain))));
+        steps.push(compute(&domain.candidates, Some(domain)));
+        steps.extend(domain.forward.iter().map(|pass| compute(pass, Some(domain))));
+        for (iteration, &kind) in iterations.iter().enumerate() {
+            let names = &domain.names;
+            let step = |pass, name| Step { name, iteration, ..compute(pass, Some(domain)) };
+            let pairs = domain.pairs.as_ref().filter(|_| kind == IterationKind::Pairs);
+            if let Some(pairs) = pairs {
+                steps.push(step(&pairs.neighbors, names.pair_neighbors[iteration]));
+                if let Some(passes) = pairs.compaction.as_ref().filter(|_| self.compacts) {
+                    steps.push(step(&passes.short_shifts, names.pair_shifts[iteration]));
+                    steps.push(step(&passes.replays, names.pair_replays[iteration]));
+                } else {
+                    steps.push(step(&pairs.shifts, names.pair_shifts[iteration]));
+                }
+            }
+            steps.push(step(pairs.map_or(&domain.reuse, |pairs| &pairs.reuse), names.reuse[iteration]));
+        }
+        steps.extend(light_paths.filter(|_| self.connects).map(|passes| compute(&passes.connect, Some(domain))));
+    }
+
+    /// The steps that sum up the light, or show something else.
+    fn push_steps_of_picture(self, steps: &mut Vec<Step>) {
         let light = self.row().light_pass.unwrap_or(&RESOLVE);
         if self.show == Show::Guards {
             // The pass that sums the light may raise guards, too.
@@ -250,9 +262,6 @@ impl Frame {
             Show::Samples(domain, index) => steps.push(compute(&domain.debug[index].pass, Some(domain))),
             Show::Surface => steps.push(compute(&DEBUG_SURFACE, None)),
         }
-        steps.push(compute(&STATISTICS, None));
-        steps.push(Step { pass: Pass::Composite, name: "composite", domain: None, iteration: 0 });
-        steps
     }
 
     /// Its passes, each once.

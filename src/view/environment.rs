@@ -102,15 +102,7 @@ pub(crate) fn prepare_environments(
     // The version of an image that is gone is 0.
     pool.warned.retain(|(id, _)| textures.version(*id) > 0);
     pool.rejected.retain(|(id, _), version| textures.version(*id) == *version);
-    let is_rejected = |key: &ImageKey| pool.rejected.get(key) == Some(&textures.version(key.0));
-    // Those of the last frame stay until those of this one can be rendered.
-    let used: HashSet<_> = views
-        .0
-        .iter()
-        .flat_map(|(&camera, restir)| [restir.environment, view_pool.last_environment(camera)])
-        .filter_map(|environment| environment?.key())
-        .filter(|key| !is_rejected(key))
-        .collect();
+    let used = pool.used_images(&views, &view_pool, &textures);
     pool.entries.retain(|key, _| used.contains(key));
     pool.pending.clear();
     pool.without_memory.clear();
@@ -128,15 +120,7 @@ pub(crate) fn prepare_environments(
             continue;
         }
         if !is_environment(image, is_cube, &device) {
-            let (needed, consequence) = match is_cube {
-                true => ("color cube", "this environment is not rendered"),
-                false => ("equirectangular color image", "only the color of this environment is used"),
-            };
-            if pool.warned.is_due(key) {
-                warn!("restir: environment image {id} is not a {needed} that shaders can read; {consequence}");
-            }
-            pool.rejected.insert(key, version);
-            pool.entries.remove(&key);
+            pool.reject(key, version);
             continue;
         }
         let ids = pool.passes.pipelines(is_cube, &pipelines, &shaders);
@@ -145,13 +129,7 @@ pub(crate) fn prepare_environments(
             continue;
         };
         let layouts = pool.passes.layouts(&pipelines);
-        let old = pool.entries.remove(&key).filter(|e| e.importance.texture == image.texture.id());
-        let create = || ImportanceMap::new(image, &layouts, &device);
-        let importance = match old {
-            Some(entry) => Ok(entry.importance),
-            None => allocation::attempt(&device, "environment importance", create),
-        };
-        match importance {
+        match pool.take_map(key, image, &layouts, &device) {
             Ok(importance) => {
                 importance.fill([finest, reduce], &layouts, &device, &queue);
                 pool.revision += 1;
@@ -191,6 +169,43 @@ fn is_environment(image: &GpuImage, is_cube: bool, device: &RenderDevice) -> boo
 }
 
 impl EnvironmentPool {
+    /// The images of this frame.  Those of the last one stay until these can be rendered.
+    fn used_images(&self, views: &ExtractedViews, view_pool: &ViewPool, textures: &TexturePool) -> HashSet<ImageKey> {
+        let is_rejected = |key: &ImageKey| self.rejected.get(key) == Some(&textures.version(key.0));
+        let environments =
+            views.0.iter().flat_map(|(&camera, restir)| [restir.environment, view_pool.last_environment(camera)]);
+        environments.filter_map(|environment| environment?.key()).filter(|key| !is_rejected(key)).collect()
+    }
+
+    /// Remembers, with a warning, that this version of an image cannot serve as an environment.
+    fn reject(&mut self, key @ (id, is_cube): ImageKey, version: u64) {
+        let (needed, consequence) = match is_cube {
+            true => ("color cube", "this environment is not rendered"),
+            false => ("equirectangular color image", "only the color of this environment is used"),
+        };
+        if self.warned.is_due(key) {
+            warn!("restir: environment image {id} is not a {needed} that shaders can read; {consequence}");
+        }
+        self.rejected.insert(key, version);
+        self.entries.remove(&key);
+    }
+
+    /// The importance map of an image, with the values of an older version or without values.  The device's message if it has no memory.
+    fn take_map(
+        &mut self,
+        key: ImageKey,
+        image: &GpuImage,
+        layouts: &[BindGroupLayout; 3],
+        device: &RenderDevice,
+    ) -> Result<ImportanceMap, String> {
+        match self.entries.remove(&key).filter(|e| e.importance.texture == image.texture.id()) {
+            Some(entry) => Ok(entry.importance),
+            None => {
+                allocation::attempt(device, "environment importance", || ImportanceMap::new(image, layouts, device))
+            }
+        }
+    }
+
     /// Whether the image of an environment is being loaded.
     pub(crate) fn is_pending(&self, environment: &ExtractedEnvironment) -> bool {
         environment.key().is_some_and(|key| self.pending.contains(&key))

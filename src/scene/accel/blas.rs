@@ -20,6 +20,14 @@ use obvhs::{
 /// An axis-aligned box: its minimum and maximum corner.
 pub type Bounds = ([f32; 3], [f32; 3]);
 
+/// The box of no points.
+pub(crate) const NO_BOUNDS: Bounds = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+
+/// The box around two boxes.
+pub(crate) fn joined(a: Bounds, b: Bounds) -> Bounds {
+    (std::array::from_fn(|k| a.0[k].min(b.0[k])), std::array::from_fn(|k| a.1[k].max(b.1[k])))
+}
+
 /// Entries of the traversal stack, equal to `STACK_SIZE` in `shaders/trace/software.wgsl`.  Each level of a bottom-level tree takes at most
 /// two entries (nodes and triangles), each level of the top level takes one, and entering an instance takes two.
 pub const STACK_SIZE: u32 = 80;
@@ -90,9 +98,7 @@ pub fn bake(nodes: &mut [[u32; 4]], node_base: u32, primitive_base: u32) {
 
 /// Bounds of the points.
 pub(crate) fn bounds_of(points: &[[f32; 3]]) -> Bounds {
-    let fold =
-        |f: fn(f32, f32) -> f32, from| points.iter().fold([from; 3], |a, p| std::array::from_fn(|k| f(a[k], p[k])));
-    (fold(f32::min, f32::INFINITY), fold(f32::max, f32::NEG_INFINITY))
+    points.iter().fold(NO_BOUNDS, |bounds, &point| joined(bounds, (point, point)))
 }
 
 /// A tree over boxes: its nodes, and the indices of the boxes in the order of its leaves.

@@ -4,15 +4,10 @@
 //! The tree keeps its topology, so that it gets slower to trace as instances move away from their neighbors: [`cost`] measures by how much.
 
 use crate::gpu_layout::NODE_STRIDE;
-use crate::scene::accel::blas::Bounds;
+use crate::scene::accel::blas::{Bounds, NO_BOUNDS, joined};
 
 const STRIDE: usize = NODE_STRIDE as usize;
 const CHILDREN: usize = 8;
-const NOTHING: Bounds = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-
-fn joined(a: Bounds, b: Bounds) -> Bounds {
-    (core::array::from_fn(|k| a.0[k].min(b.0[k])), core::array::from_fn(|k| a.1[k].max(b.1[k])))
-}
 
 /// A child of a node (`shaders/trace/tree.wgsl` has the layout).
 enum Child {
@@ -52,15 +47,15 @@ fn cell(exponent: u32) -> f64 {
 /// Fits a tree to the bounds of its primitives.  Nodes are as [`build_tlas`](super::tlas::build_tlas) leaves them: children come after their
 /// parent.  `bounds_at`: of a primitive, by its position in the order of the leaves.
 pub(crate) fn refit(nodes: &mut [[u32; 4]], bounds_at: impl Fn(usize) -> Bounds) {
-    let mut boxes = vec![NOTHING; nodes.len() / STRIDE];
+    let mut boxes = vec![NO_BOUNDS; nodes.len() / STRIDE];
     for index in (0..boxes.len()).rev() {
         let node = &mut nodes[index * STRIDE..][..STRIDE];
         let children: [Bounds; CHILDREN] = core::array::from_fn(|slot| match child(node, slot) {
-            Child::Empty => NOTHING,
+            Child::Empty => NO_BOUNDS,
             Child::Node(child) => boxes[child],
-            Child::Leaf(first, end) => (first..end).map(&bounds_at).fold(NOTHING, joined),
+            Child::Leaf(first, end) => (first..end).map(&bounds_at).fold(NO_BOUNDS, joined),
         });
-        boxes[index] = children.into_iter().fold(NOTHING, joined);
+        boxes[index] = children.into_iter().fold(NO_BOUNDS, joined);
         write_boxes(node, &boxes[index], &children);
     }
 }

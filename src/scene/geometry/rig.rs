@@ -5,7 +5,10 @@ use bevy::mesh::{Mesh, VertexAttributeValues, morph::MorphAttributes};
 
 use super::triangulate::Geometry;
 use crate::gpu_layout::{NODE_STRIDE, NONE};
-use crate::scene::accel::{blas::Bounds, tlas::rows};
+use crate::scene::accel::{
+    blas::{Bounds, NO_BOUNDS, joined},
+    tlas::rows,
+};
 use bevy::math::{Affine3A, Mat3A, Vec3};
 
 /// Offsets of the tables of a rig, in words (`Body` in `shaders/deformation/types.wgsl`), and their lengths.
@@ -90,13 +93,8 @@ impl Pose {
     }
 }
 
-const NOTHING: Bounds = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-
-fn include((low, high): &mut Bounds, point: [f32; 3]) {
-    for k in 0..3 {
-        low[k] = low[k].min(point[k]);
-        high[k] = high[k].max(point[k]);
-    }
+fn include(bounds: &mut Bounds, point: [f32; 3]) {
+    *bounds = joined(*bounds, (point, point));
 }
 
 impl RigVertices {
@@ -151,8 +149,8 @@ impl RigVertices {
     fn bounds(&self, geometry: &Geometry) -> RigBounds {
         let joint_count =
             self.influences.iter().flat_map(|(joints, _)| *joints).max().map_or(1, |last| last as usize + 1);
-        let mut joints = vec![NOTHING; joint_count];
-        let mut targets = vec![NOTHING; self.displacements.len() / self.vertex_count.max(1)];
+        let mut joints = vec![NO_BOUNDS; joint_count];
+        let mut targets = vec![NO_BOUNDS; self.displacements.len() / self.vertex_count.max(1)];
         for (corners, positions) in geometry.corners.iter().zip(&geometry.positions) {
             for (&vertex, &position) in corners.iter().zip(positions) {
                 match self.influences.get(vertex as usize) {

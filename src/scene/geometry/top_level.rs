@@ -10,7 +10,7 @@ use std::ops::Range;
 
 use crate::gpu_layout::{INSTANCE_ALPHA, NONE};
 use crate::scene::{
-    accel::blas::Bounds,
+    accel::blas::{Bounds, joined},
     accel::ray_query::{AccelerationStructures, Placed},
     accel::refit,
     accel::tlas::{self, Tlas},
@@ -58,10 +58,7 @@ pub(crate) struct TopLevel {
 
 /// Center and radius of a sphere around boxes.
 fn bounding_sphere<'a>(boxes: impl Iterator<Item = &'a Bounds>) -> ([f32; 3], f32) {
-    let all = boxes
-        .copied()
-        .reduce(|a, b| (core::array::from_fn(|i| a.0[i].min(b.0[i])), core::array::from_fn(|i| a.1[i].max(b.1[i]))));
-    let Some((low, high)) = all else { return ([0.0; 3], 0.0) };
+    let Some((low, high)) = boxes.copied().reduce(joined) else { return ([0.0; 3], 0.0) };
     let half: [f64; 3] = core::array::from_fn(|i| 0.5 * (high[i] as f64 - low[i] as f64));
     let radius = half.iter().map(|h| h * h).sum::<f64>().sqrt().min(1e18) as f32;
     (core::array::from_fn(|i| 0.5 * low[i] + 0.5 * high[i]), radius)

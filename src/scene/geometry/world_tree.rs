@@ -20,7 +20,7 @@ use crate::gpu_layout::{
     GpuInstance, INSTANCE_APPEARED, INSTANCE_DEFORMED, INSTANCE_GONE, NODE_STRIDE, Rows, WORLD_TREE,
 };
 use crate::scene::{
-    accel::blas::{Bounds, bake, build_triangle_tree},
+    accel::blas::{Bounds, bake, build_triangle_tree, joined},
     geometry::{instance_record::LiveInstance, instances::InstancePool, meshes::MeshPool},
 };
 
@@ -175,7 +175,7 @@ impl RestingInstances {
     }
 
     /// Gives up the tree if one of its instances has changed, and builds one for instances that have rested.  Returns whether the entries of
-    /// the top level are others than before.
+    /// the top level have changed, and the number of bytes sent.
     pub(super) fn update(
         &mut self,
         instances: &InstancePool,
@@ -258,7 +258,7 @@ impl RestingInstances {
         };
         let parts: Vec<Part> = chosen.iter().map(part).collect();
         let task = AsyncComputeTaskPool::get().spawn(async move { WorldTree::build(&parts) });
-        let bounds = chosen.iter().map(|(_, live)| live.bounds).reduce(union).unwrap_or_default();
+        let bounds = chosen.iter().map(|(_, live)| live.bounds).reduce(joined).unwrap_or_default();
         let placements = chosen.iter().map(|&(slot, _)| (slot, Placement::of(instances.get(slot)))).collect();
         // The first frames of a scene wait for its meshes anyway.
         let due = frame + if is_first { 0 } else { BUILD_FRAMES };
@@ -340,10 +340,6 @@ fn within_budget<'a>(resting: &[(u32, &'a LiveInstance)]) -> Vec<(u32, &'a LiveI
     };
     let meshes: HashSet<_> = sorted.iter().map_while(fits).collect();
     resting.iter().copied().filter(|(_, live)| meshes.contains(&live.mesh)).collect()
-}
-
-fn union(a: Bounds, b: Bounds) -> Bounds {
-    (core::array::from_fn(|i| a.0[i].min(b.0[i])), core::array::from_fn(|i| a.1[i].max(b.1[i])))
 }
 
 /// Whether instances that rest share a tree, as they do unless this is called.
