@@ -57,10 +57,24 @@ pub const MUTANTS: &[Mutant] = &[
     ),
     mutant(
         "the camera never sees back faces",
-        "restir/bdpt/splat.wgsl",
+        "trace/drawn_sides.wgsl",
         "let front = faces != ((view.flags & VIEW_SEES_BACK_FACES) != 0u);",
         "let front = faces;",
         ALONE,
+    ),
+    mutant(
+        "culled sides hide light paths from the camera",
+        "trace/drawn_sides.wgsl",
+        "return !hits_drawn_sides() || is_drawn(instance, triangle, viewer_direction, viewer_is_previous);",
+        "return true;",
+        ALONE,
+    ),
+    mutant(
+        "light paths that the camera sees count one light candidate",
+        "restir/bdpt/splat.wgsl",
+        "if w.events == 1u {",
+        "if false {",
+        ROOM,
     ),
     mutant(
         "open objects absorb light from infinity",
