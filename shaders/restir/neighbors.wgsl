@@ -106,8 +106,15 @@ fn neighbor_offset(center: ReuseCenter, is_temporal: bool, attempt: u32, u: vec2
     if is_temporal && attempt == 0u {
         return select(vec2<f32>(0.0), u - 0.5, has(RESAMPLE_BILINEAR));
     }
-    return ring_offset(u, 0.0, select(center.radius, TEMPORAL_RADIUS, is_temporal));
+    if is_temporal {
+        return ring_offset(u, 0.0, TEMPORAL_RADIUS);
+    }
+    return ring_offset(u, min(OWN_RADIUS, center.radius), center.radius);
 }
+
+// Half the diagonal of a pixel: a position that is as far from the center of a pixel lies in another one.  A pixel would gain nothing from
+// its own sample.
+const OWN_RADIUS: f32 = 0.7072;
 
 // Uniform between two circles.
 fn ring_offset(u: vec2<f32>, inner: f32, outer: f32) -> vec2<f32> {

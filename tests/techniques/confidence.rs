@@ -152,6 +152,29 @@ fn spatial_reuse_makes_copies() {
     assert!(decorrelated < 0.995 * free && decorrelated > 0.1 * free, "{free} to {decorrelated}");
 }
 
+/// Its own sample would count twice.
+#[test]
+fn a_pixel_is_not_its_own_neighbor() {
+    let Some(mut rig) = wall() else { return };
+    let reuse = Reuse { radius: pixels(2.0, SIZE), ..reuses()[4].1.clone() };
+    let marked = ShaderEdit {
+        module: "pass/reuse.wgsl",
+        from: "(*mis).confidence[count] = s.confidence *",
+        to: "(*mis).confidence[count] = select(1.0, 100.0, all(at == pixel)) * s.confidence *",
+    };
+    let anywhere = ShaderEdit { module: "restir/neighbors.wgsl", from: "min(OWN_RADIUS, center.radius)", to: "0.0" };
+    let mut greatest = |edits: &[ShaderEdit]| {
+        plant_edits(&mut rig.app, edits);
+        rig.set(|r| {
+            AllLight::Pt(of_paths(&reuse)).apply_to(r);
+            (r.debug_view, r.bounces) = (DebugView::PathConfidence, 2);
+        });
+        rig.picture(1).iter().map(|(_, c)| c.x).fold(0.0, f32::max)
+    };
+    let (found, planted) = (greatest(&[marked]), greatest(&[marked, anywhere]));
+    assert!(found < 50.0 && planted > 50.0, "{found}, with any position {planted}");
+}
+
 pub const WRONG: [(&str, &str, &str, &str); 4] = [
     ("no cap", "pass/reuse.wgsl", "min(s.confidence, settings.confidence_cap)", "s.confidence"),
     (
