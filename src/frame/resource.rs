@@ -117,7 +117,7 @@ fn binding_of<'a>(resource: R, step: &Step, state: &'a RestirView) -> Option<Bou
             let connections = light_paths().and_then(|paths| paths.connections.as_ref());
             view(connections.unwrap_or(&history?.black))
         }
-        R::SplatLight => view(light_of(history?, LightPart::LightPaths, Reservoirs::light_of_last_iteration)),
+        R::SplatLight => view(light_of(history?, LightPart::Splats, Reservoirs::light_of_last_iteration)),
         R::PairMasks | R::PairMasksRead => view(&history?.pairs.as_ref()?.masks),
         R::PairShifts | R::PairShiftsRead => view(&history?.pairs.as_ref()?.shifts),
         R::ReplayQueue | R::ReplayQueueRead => buffer(&history?.pairs.as_ref()?.queue.as_ref()?.0),

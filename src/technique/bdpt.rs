@@ -79,7 +79,7 @@ const SPLATS: &Domain = &Domain {
         },
     ],
     reservoir_bytes: SPLAT_RESERVOIR_SIZE,
-    part: LightPart::LightPaths,
+    part: LightPart::Splats,
     schedule: ReuseSchedule::of_splats,
 };
 

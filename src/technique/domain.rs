@@ -86,12 +86,12 @@ pub(crate) enum LightPart {
     /// Light of paths: bounced light, and direct light unless `Direct` has it.
     Paths,
     /// Light of light sub-paths that the camera sees.
-    LightPaths,
+    Splats,
 }
 
 impl LightPart {
     /// Number of parts: those up to the last one.
-    pub(crate) const COUNT: usize = Self::LightPaths as usize + 1;
+    pub(crate) const COUNT: usize = Self::Splats as usize + 1;
 }
 
 /// Names that appear in statistics and time spans.

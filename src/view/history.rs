@@ -80,7 +80,7 @@ impl History {
             TextureUsages::COPY_DST | TextureUsages::TEXTURE_BINDING,
         );
         let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
-        let has_splats = domains.iter().any(|domain| domain.part == LightPart::LightPaths);
+        let has_splats = domains.iter().any(|domain| domain.part == LightPart::Splats);
         Self {
             subsets: buffer(device, "light subsets", entries * PRESAMPLED_LIGHT_SIZE, storage),
             subset_entries: entries,

@@ -108,7 +108,13 @@ fn width_of(image: &GpuImage, device: &RenderDevice) -> u32 {
     // Four faces of a cube surround the viewer.
     let faces = if descriptor.size.depth_or_array_layers == 6 { 4 } else { 1 };
     let greatest = WIDTHS[1].min(device.limits().max_texture_dimension_2d);
-    (faces * descriptor.size.width).min(greatest).next_power_of_two().clamp(WIDTHS[0], greatest)
+    width_for(faces * descriptor.size.width, greatest)
+}
+
+/// A power of two, at least the width of the image if the device allows it.
+fn width_for(image_width: u32, greatest: u32) -> u32 {
+    let power_below = 1 << greatest.ilog2();
+    image_width.min(power_below).next_power_of_two().max(WIDTHS[0])
 }
 
 fn levels_of(width: u32) -> u32 {
@@ -181,5 +187,21 @@ impl ImportancePasses {
 
     pub(super) fn layouts(&self, pipelines: &PipelineCache) -> [BindGroupLayout; 3] {
         self.layouts.each_ref().map(|layout| pipelines.get_bind_group_layout(layout))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_are_as_small_as_pixels_within_limits() {
+        for (image, device, width) in
+            [(16, 8192, 1024), (2048, 4096, 2048), (3000, 4096, 4096), (16_384, 4096, 4096), (4096, 3000, 2048)]
+        {
+            assert_eq!(width_for(image, device), width, "{image} on a device with {device}");
+        }
+        assert_eq!([0, 1, 10, 11].map(|mip| level_size(2048, mip)), [[2048, 1024], [1024, 512], [2, 1], [1, 1]]);
+        assert_eq!(levels_of(2048), 12);
     }
 }

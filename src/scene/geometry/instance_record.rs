@@ -138,7 +138,7 @@ pub(super) fn new_record(
     sources: &mut InstanceSources,
 ) -> Result<(GpuInstance, Bounds), Absence> {
     let InstanceSources { meshes, bodies, materials, .. } = sources;
-    let (Some(mesh), Some(material)) = (meshes.get(mesh_id), materials.find(extracted.material)) else {
+    let (Some(mesh), Some(material)) = (meshes.get(mesh_id), materials.slot(extracted.material)) else {
         let is_left_out = meshes.is_left_out(mesh_id) || materials.is_left_out(extracted.material);
         return Err(if is_left_out { Absence::LeftOut } else { Absence::Asset });
     };

@@ -372,7 +372,8 @@ impl InstancePool {
             || meshes.is_building(extracted.mesh)
             || self.asset_wait.is_pending(extracted.mesh, assets);
         let is_pending = mesh_will_exist
-            && (materials.slot(extracted.material).is_some() || self.asset_wait.is_pending(extracted.material, assets));
+            && (materials.slot_or_assign(extracted.material).is_some()
+                || self.asset_wait.is_pending(extracted.material, assets));
         self.waiting |= is_pending;
         // Bevy sends no event when an asset begins to load, so the instance is visited again.
         self.unsettled.push(extracted.entity);

@@ -204,7 +204,7 @@ impl MaterialPool {
         let used = repainted.into_iter().filter_map(|entity| Some(instances.get(entity)?.material));
         for id in used.chain(arrived) {
             self.visited += 1;
-            self.is_short |= self.slot(id).is_none() && self.is_left_out(id);
+            self.is_short |= self.slot_or_assign(id).is_none() && self.is_left_out(id);
         }
         let mut left_out = 0;
         if self.is_short {
@@ -234,7 +234,7 @@ impl MaterialPool {
         let mut left_out = 0;
         for (_, id, users) in all {
             self.visited += 1;
-            if self.slot(id).is_none() && self.is_left_out(id) {
+            if self.slot_or_assign(id).is_none() && self.is_left_out(id) {
                 left_out += users as u64;
             }
         }
@@ -247,7 +247,7 @@ impl MaterialPool {
     }
 
     /// The slot of a material, assigned on first use; `None` if the asset is not loaded or the device cannot bind more materials.
-    pub(crate) fn slot(&mut self, id: AssetId<StandardMaterial>) -> Option<u32> {
+    pub(crate) fn slot_or_assign(&mut self, id: AssetId<StandardMaterial>) -> Option<u32> {
         if let Some(&slot) = self.by_id.get(&id) {
             return Some(slot);
         }
@@ -420,7 +420,7 @@ impl MaterialPool {
     }
 
     /// The slot of a material, if it has one.
-    pub(crate) fn find(&self, id: AssetId<StandardMaterial>) -> Option<u32> {
+    pub(crate) fn slot(&self, id: AssetId<StandardMaterial>) -> Option<u32> {
         self.by_id.get(&id).copied()
     }
 

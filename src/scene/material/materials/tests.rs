@@ -39,7 +39,7 @@ fn frame(pool: &mut MaterialPool, added: &[u32], removed: &[u32], used: &[u32]) 
 }
 
 fn shown(pool: &mut MaterialPool, number: u32) -> Option<f32> {
-    let slot = pool.slot(id(number))?;
+    let slot = pool.slot_or_assign(id(number))?;
     Some(pool.get(slot)?.metallic * 4096.0)
 }
 
@@ -61,16 +61,16 @@ fn replacing_materials_reuses_slots_and_packs_only_the_new_ones() {
 fn an_edited_material_gets_another_slot_and_an_equal_one_keeps_its_own() {
     let mut pool = MaterialPool::default();
     frame(&mut pool, &[7], &[], &[7]);
-    let first = pool.slot(id(7)).expect("there is room");
+    let first = pool.slot_or_assign(id(7)).expect("there is room");
     frame(&mut pool, &[7], &[], &[7]);
-    assert_eq!((pool.slot(id(7)), pool.dirty.len()), (Some(first), 0), "nothing has changed");
+    assert_eq!((pool.slot_or_assign(id(7)), pool.dirty.len()), (Some(first), 0), "nothing has changed");
     for n in 0..10 {
-        let last = pool.slot(id(7)).expect("there is room");
+        let last = pool.slot_or_assign(id(7)).expect("there is room");
         let mut scene = ExtractedScene { emissive_luminance: 1.0, ..Default::default() };
         scene.materials.insert(id(7), StandardMaterial { metallic: n as f32 / 16.0, ..Default::default() });
         pool.update_sources(&mut scene);
         pool.pack(&TexturePool::default(), false);
-        let now = pool.slot(id(7)).expect("there is room");
+        let now = pool.slot_or_assign(id(7)).expect("there is room");
         assert_ne!(now, last);
         assert_eq!(pool.get(now).map(|m| m.metallic), Some(n as f32 / 16.0));
         assert!(pool.get(last).is_some_and(|m| m.metallic != n as f32 / 16.0), "the last frame's material is kept");
