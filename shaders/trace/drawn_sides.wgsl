@@ -3,6 +3,7 @@
 #define_import_path bevy_restir::trace::drawn_sides
 
 #import bevy_restir::common::constants::{MATERIAL_CULL_BACK, MATERIAL_CULL_FRONT, VIEW_SEES_BACK_FACES}
+#import bevy_restir::common::guard::{GUARD_RAY, guard_holds}
 #import bevy_restir::scene::bindings::{instances, materials}
 #import bevy_restir::scene::triangle::world_triangle
 #import bevy_restir::view::bindings::view
@@ -40,7 +41,9 @@ fn hits_side(instance: u32, triangle: u32) -> bool {
     return !hits_drawn_sides() || is_drawn(instance, triangle, viewer_direction, viewer_is_previous);
 }
 #else
+// Without DRAWN_SIDES no pass may trace such a ray: it would hit both sides.
 fn begin_drawn_ray(direction: vec3<f32>, previous: bool) {
+    _ = guard_holds(false, GUARD_RAY);
 }
 
 fn end_drawn_ray() {

@@ -113,8 +113,7 @@ pub struct Reuse {
     pub shade_all: bool,
     /// Least cosine between the normals of a pixel and its neighbor; a test of the geometry heuristics.  Larger values accept fewer
     /// neighbors: black pixels on thin and curved objects.  No bias, except with a biased [`BiasCorrection`](super::BiasCorrection), which
-    /// needs the 0.9 of `Performance` (about the 25 degrees of Bitterli et al. 2020).  -1 to 1; default 0.5, and 0.9 for light that enters
-    /// objects.
+    /// needs the 0.9 of `Performance` (about the 25 degrees of Bitterli et al. 2020).  -1 to 1; default 0.5.
     pub normal_threshold: f32,
     /// Greatest distance of a neighbor's surface from the tangent plane, relative to the distance from the camera; a test of the geometry
     /// heuristics.  Larger values accept more neighbors.  No bias.  0 to 1e6; default 0.02: 0.05 and 0.1 have more noise between thin slats

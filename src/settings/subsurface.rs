@@ -168,7 +168,6 @@ impl Default for SubsurfaceSampling {
             bilinear: true,
             radius: 30.0,
             confidence_cap: 20.0,
-            normal_threshold: 0.9,
             ..Reuse::PATHS
         };
         Self { candidates: 8, shift: SubsurfaceShift::default(), heuristics: true, reuse }

@@ -62,7 +62,10 @@ const SPLATS: &Domain = &Domain {
     reuse: ComputePass { defs: DRAWN_SIDES, ..domain::reuse("splats_reuse", &["restir/splats"]) },
     pairs: None,
     forward: &[
-        ComputePass::per_pixel("splats_forward", &[R::Settings, R::LastReservoirs]),
+        ComputePass {
+            defs: DRAWN_SIDES,
+            ..ComputePass::per_pixel("splats_forward", &[R::Settings, R::LastReservoirs])
+        },
         ComputePass::per_pixel("splats_gather", &[R::Settings, R::LastReservoirsRead, R::ForwardedReservoirs]),
     ],
     debug: &[
