@@ -147,8 +147,7 @@ impl InstancePool {
         core::mem::take(&mut self.unsettled)
     }
 
-    /// Visits the instances that are due, in the order of their entities.  Materials are packed before this call, and light ids are set after
-    /// it.
+    /// Visits the instances that are due, in the order of their entities.  Materials are packed before, and light ids are set afterwards.
     pub(crate) fn update(&mut self, due: &[MainEntity], scene: &ExtractedScene, sources: &mut InstanceSources) {
         self.begin_frame();
         self.visited = due.len() as u64;

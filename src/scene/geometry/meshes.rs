@@ -127,7 +127,6 @@ pub(crate) struct MeshPool {
     /// Vertex colors of the triangles, in scenes with such a mesh.
     pub colors: CornerTexture<HalfColor>,
     last_version: u64,
-    /// Features of the last frame.
     last_features: SceneFeatures,
     /// Meshes that have come, changed or gone since [`Self::take_changed`]; some more than once.
     changed: Vec<AssetId<Mesh>>,
