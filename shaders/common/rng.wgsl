@@ -26,7 +26,6 @@ const STREAM_PATH_CANDIDATES: u32 = 17u;
 const STREAM_LIGHT_PATHS: u32 = 18u;
 // Probes through bodies, and the lights of their hits.
 const STREAM_SSS_CANDIDATES: u32 = 19u;
-const STREAM_CONNECTIONS: u32 = 20u;
 // Choices among the vertices of light sub-paths, and among splats.
 const STREAM_SPLATS: u32 = 21u;
 // Probes of paths, and whether a path takes one.

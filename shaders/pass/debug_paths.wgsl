@@ -5,6 +5,7 @@
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::path_sample::{TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE}
 #import bevy_restir::restir::reservoir_layout::reservoir_index
+#import bevy_restir::restir::connection::connection::{ends_with_connection, events_of_light}
 #import bevy_restir::restir::shift::shifted_path::{SHIFT_OCCLUDED, SHIFT_OK}
 #import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::debug_shift::shift_destination
@@ -45,7 +46,8 @@ fn path_view(r: Reservoir, pixel: vec2<u32>) -> vec3<f32> {
             return vec3<f32>(vec3<u32>(r.path.termination) == vec3<u32>(TERMINATION_NEE, TERMINATION_EMITTER, TERMINATION_ENVIRONMENT));
         }
         case DEBUG_PATH_LENGTHS: {
-            return vec3<f32>(f32(r.path.length - 1u));
+            // Scattering events.
+            return vec3<f32>(f32(r.path.length - 1u + events_of_light(r.path)));
         }
         case DEBUG_PATH_RECONNECTIONS: {
             return vec3<f32>(f32(r.path.reconnection));
@@ -55,6 +57,9 @@ fn path_view(r: Reservoir, pixel: vec2<u32>) -> vec3<f32> {
         }
         case DEBUG_PATH_TECHNIQUES: {
             // s + t vertices: that on the light has the index `length`.
+            if ends_with_connection(r.path) {
+                return vec3<f32>(f32(events_of_light(r.path) + 1u), f32(r.path.length), 0.0);
+            }
             let s = u32(r.path.termination == TERMINATION_NEE);
             return vec3<f32>(f32(s), f32(r.path.length + 1u - s), 0.0);
         }

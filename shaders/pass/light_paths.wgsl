@@ -5,14 +5,15 @@
 #import bevy_restir::common::rng::{rng_1, STREAM_LIGHT_PATHS, STREAM_SPLATS}
 #import bevy_restir::path::light_path::chosen_light
 #import bevy_restir::restir::bdpt::light_map::{entry_pack, MapEntry, SPLAT_WORDS, SPLATS_OF_A_PATH, word_of}
-#import bevy_restir::restir::bdpt::light_sub_path::{begin_sub_path, connects, continue_sub_path, sub_path_rng}
-#import bevy_restir::restir::bdpt::light_vertex::{light_vertex_pack, LightVertex, offer_vertex, PackedLightVertex}
+#import bevy_restir::restir::bdpt::light_sub_path::{begin_sub_path, continue_sub_path, sub_path_rng}
+#import bevy_restir::restir::connection::light_vertex::{light_vertex_pack, LightVertex, offer_vertex, vertex_texel, VERTEX_TEXELS}
 #import bevy_restir::restir::bdpt::splat::{no_splat, Splat, splat_of}
+#import bevy_restir::restir::connection::count::CONNECTS
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::ray_counter::count_rays
 
-@group(2) @binding(1) var<storage, read_write> light_vertices: array<PackedLightVertex>;
+@group(2) @binding(1) var light_vertices: texture_storage_2d<rgba32uint, write>;
 @group(2) @binding(2) var<storage, read_write> light_map: array<atomic<u32>>;
 
 @compute @workgroup_size(8, 8)
@@ -48,7 +49,7 @@ fn trace(path: u32) {
         if p.walk.events == 0u {
             break;
         }
-        if event <= last_connected && connects() {
+        if event <= last_connected && CONNECTS {
             kept = offer_vertex(kept, p.walk, &choices);
         }
         let s = splat_of(p.walk, p.alpha_seed, false);
@@ -68,8 +69,16 @@ fn trace(path: u32) {
     if rest.splat.pixel != NONE {
         insert(path * SPLATS_OF_A_PATH + count, rest.splat, rest.events, rest.sum / luminance(rest.splat.value));
     }
-    if connects() {
-        light_vertices[path] = light_vertex_pack(kept);
+    if CONNECTS {
+        store_vertex(path, kept);
+    }
+}
+
+fn store_vertex(path: u32, v: LightVertex) {
+    var texels = light_vertex_pack(v);
+    let at = vertex_texel(path);
+    for (var i = 0u; i < VERTEX_TEXELS; i++) {
+        textureStore(light_vertices, at + vec2<u32>(i, 0u), texels[i]);
     }
 }
 

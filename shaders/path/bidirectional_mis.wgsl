@@ -61,19 +61,20 @@ fn joined(s: MisState, pdf_forward: f32, pdf_reverse: f32) -> f32 {
 
 // `path/technique_weights.wgsl` has the weights of s = 0 and s = 1 (Eqs. 36-39).
 
-// One end of a connection.
-struct MisEnd {
+// The light vertex of a connection.
+struct LightEnd {
     state: MisState,
     cosine: f32,               // of the connection with the geometric normal
-    pdf_forward: f32,          // towards the other end
+    pdf_forward: f32,          // towards the camera's vertex
     pdf_reverse: f32,          // back along the sub-path, with light that comes from the other end
 }
 
-// Techniques s, t >= 2 (Eqs. 33-35).
-fn mis_connection_weight(camera: MisEnd, light: MisEnd, distance2: f32) -> f32 {
-    let found_by_camera = camera.pdf_forward * light.cosine / distance2 * mis_sum(light.state, light.pdf_reverse);
-    let found_by_light = light.pdf_forward * camera.cosine / distance2 * mis_sum(camera.state, camera.pdf_reverse);
-    return 1.0 / (1.0 + found_by_camera + found_by_light);
+// Techniques s, t >= 2 (Eqs. 33-35), as far as the light sub-path decides: the sum of the techniques that join the sub-paths nearer to the
+// light, over the density of the direction at the camera's vertex; and the factor of the sum of those that join them nearer to the camera.
+// Both are relative to this technique, which counts as `connections` (`TechniqueCounts`).
+fn mis_connection_ratios(light: LightEnd, camera_cosine: f32, distance2: f32, connections: f32) -> vec2<f32> {
+    let nearer_to_light = light.cosine * mis_sum(light.state, light.pdf_reverse);
+    return vec2<f32>(nearer_to_light, light.pdf_forward * camera_cosine) / (distance2 * connections);
 }
 
 // Technique t = 1: a vertex of a light sub-path that the camera sees.  `camera_density` and `splats` as in `mis_camera_start`.

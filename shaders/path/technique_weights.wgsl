@@ -32,7 +32,7 @@ struct LightShares {
 struct TechniqueCounts {
     nee_candidates: u32,       // light candidates at the first vertex
     splats: f32,               // light sub-paths whose vertices the camera sees
-    connects: f32,             // 1 where light sub-paths are connected to vertices of camera sub-paths, otherwise 0
+    connections: f32,          // of a vertex of a camera sub-path, each weighed against one light sub-path that the camera sees; or 0
     shares: LightShares,
 }
 
@@ -106,6 +106,13 @@ fn mis_sum_of_nee(s: CameraState, v: Vertex, l: LightSample, pdf: f32, index: u3
     return unless_alone(vec3<f32>(1.0 + hit, 0.0, 0.0) + found_by_light_paths(s, v, l, nee, counts));
 }
 
+// Coefficients of the sum for a connection of the vertex `v` in a direction that its BSDF samples with density `pdf`.  `ratios`:
+// `mis_connection_ratios`.
+fn mis_sum_of_connection(s: CameraState, v: Vertex, wi: vec3<f32>, pdf: f32, ratios: vec2<f32>) -> vec3<f32> {
+    let nearer_to_camera = s.last + s.earlier * reverse_pdf(v.surface, wi, v.wo);
+    return unless_alone(vec3<f32>(1.0 + pdf * ratios.x, 0.0, 0.0) + ratios.y * nearer_to_camera);
+}
+
 // TEST_ALONE: tests use techniques without their weights.
 #ifdef TEST_ALONE
 fn unless_alone(coefficients: vec3<f32>) -> vec3<f32> {
@@ -141,7 +148,7 @@ fn state_of_ray(s: CameraState, v: Vertex, step: Step, is_reconnection: bool) ->
 fn state_at(s: CameraState, n: Surface, wi: vec3<f32>, from_point: vec3<f32>, counts: TechniqueCounts) -> CameraState {
     let d = n.position - from_point;
     let cos_in = arrival_cosine(n, wi);
-    return CameraState(s.last * (counts.connects * dot(d, d) / cos_in), s.earlier / cos_in, s.basis);
+    return CameraState(s.last * (counts.connections * dot(d, d) / cos_in), s.earlier / cos_in, s.basis);
 }
 
 // A light sub-path knows the index of the vertex that NEE starts from only if the camera sees that vertex, so that weights assume one light

@@ -11,12 +11,13 @@ const TERMINATION_NONE: u32 = 0u;             // there is no path
 const TERMINATION_NEE: u32 = 1u;              // NEE sampled a point of a light
 const TERMINATION_EMITTER: u32 = 2u;          // the last ray hit an emissive triangle, or passed a spherical or rectangular light
 const TERMINATION_ENVIRONMENT: u32 = 3u;      // the last ray escaped: the environment, or the disk of a sun
+const TERMINATION_CONNECTION: u32 = 4u;       // the last vertex was joined with a light vertex (`restir/connection/connection.wgsl`)
 
 struct PathSample {
     seed: u32,                // of the random numbers that replay uses
     born: u32,                // frame that the path was sampled in, 16 bits
     termination: u32,         // TERMINATION_*
-    length: u32,              // index of the vertex on the light, from 2
+    length: u32,              // index of the vertex on the light, or of the light vertex of a connection; from 2
     reconnection: u32,        // index k of the reconnection vertex; 0: the whole path is replayed
     lobe_before: u32,         // LOBE_* at vertex k - 1
     lobe_after: u32,          // LOBE_* at vertex k

@@ -75,8 +75,6 @@ const RESAMPLE_RETRACE_BACKWARD: u32 = 131072u;
 const RESAMPLE_DIFFUSE_SECONDARY: u32 = 262144u;
 // A reconnected sample gets a probe that finds its point of entry.
 const RESAMPLE_INVERT_PROBES: u32 = 524288u;
-// Vertices of camera sub-paths are connected with vertices of light sub-paths.
-const RESAMPLE_CONNECTIONS: u32 = 1048576u;
 // Where the surface was hidden in the last frame, a position beside the object that hid it is tried.
 const RESAMPLE_DUAL_MOTION: u32 = 2097152u;
 // Russian roulette ends no path.

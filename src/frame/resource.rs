@@ -47,28 +47,27 @@ fn binding_type(resource: R) -> BindingType {
     };
     match resource {
         R::Radiance | R::Counters | R::Subsets | R::CandidateReservoirs | R::OutputReservoirs => storage(false),
-        R::LightVertices | R::LightMap | R::LastReservoirs | R::ForwardedReservoirs | R::ReplayQueue => storage(false),
+        R::LightMap | R::LastReservoirs | R::ForwardedReservoirs | R::ReplayQueue => storage(false),
         R::SubsetsRead | R::NeighborReservoirs | R::FinalReservoirs | R::LastReservoirsRead => storage(true),
-        R::LightVerticesRead | R::LightMapRead | R::ReplayQueueRead => storage(true),
+        R::LightMapRead | R::ReplayQueueRead => storage(true),
         R::Settings => buffer(BufferBindingType::Uniform),
         R::PreviousVisibility | R::PairMasksRead | R::GuideRead | R::LastGuide => texture(TextureSampleType::Uint),
-        R::OpticalImagesRead | R::LastOpticalImages => texture(TextureSampleType::Uint),
+        R::OpticalImagesRead | R::LastOpticalImages | R::LightVerticesRead => texture(TextureSampleType::Uint),
         R::LightBefore
         | R::UnresampledLightRead
         | R::ResampledLight
         | R::SubsurfaceLight
         | R::PathLight
-        | R::ConnectionsRead
         | R::ImagePlacesRead
         | R::SplatLight => texture(TextureSampleType::Float { filterable: false }),
         R::PairShiftsRead | R::SignalsBefore => layers(TextureSampleType::Float { filterable: false }),
         R::LastMeans => layers(TextureSampleType::Uint),
-        R::CandidateLight | R::LightAfter | R::UnresampledLight | R::Connections | R::ImagePlaces => {
+        R::CandidateLight | R::LightAfter | R::UnresampledLight | R::ImagePlaces => {
             written(LIGHT_FORMAT, TextureViewDimension::D2)
         }
         R::DenoiserSettings => buffer(BufferBindingType::Uniform),
         R::SignalsAfter => written(LIGHT_FORMAT, TextureViewDimension::D2Array),
-        R::Guide | R::OpticalImages => written(PACKED_FORMAT, TextureViewDimension::D2),
+        R::Guide | R::OpticalImages | R::LightVertices => written(PACKED_FORMAT, TextureViewDimension::D2),
         R::Means => written(PACKED_FORMAT, TextureViewDimension::D2Array),
         R::PairMasks => written(PAIR_MASK_FORMAT, TextureViewDimension::D2),
         R::PairShifts => written(LIGHT_FORMAT, TextureViewDimension::D2Array),
@@ -110,13 +109,8 @@ fn binding_of<'a>(resource: R, step: &Step, state: &'a RestirView) -> Option<Bou
         R::LastReservoirs | R::LastReservoirsRead => buffer(own()?.last_frame()),
         R::ForwardedReservoirs => buffer(own()?.forwarded()?),
         R::FinalReservoirs => buffer(own()?.last_output()),
-        R::LightVertices | R::LightVerticesRead => buffer(&light_paths()?.vertices),
+        R::LightVertices | R::LightVerticesRead => view(&light_paths()?.vertices),
         R::LightMap | R::LightMapRead => buffer(&light_paths()?.map),
-        R::Connections => view(light_paths()?.connections.as_ref()?),
-        R::ConnectionsRead => {
-            let connections = light_paths().and_then(|paths| paths.connections.as_ref());
-            view(connections.unwrap_or(&history?.black))
-        }
         R::SplatLight => view(light_of(history?, LightPart::Splats, Reservoirs::light_of_last_iteration)),
         R::PairMasks | R::PairMasksRead => view(&history?.pairs.as_ref()?.masks),
         R::PairShifts | R::PairShiftsRead => view(&history?.pairs.as_ref()?.shifts),

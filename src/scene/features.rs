@@ -52,6 +52,7 @@ features! {
     DEFORMATION = 14, "DEFORMATION", "Skinned or morphed meshes.";
     SMOOTH = 16, "SMOOTH", "Surfaces that may be as smooth as mirrors and clear glass.";
     SUBSURFACE = 13, "SUBSURFACE", "Subsurface scattering.";
+    CONNECTIONS = 31, "CONNECTIONS", "The camera's settings connect camera paths with light paths.";
     LIGHT_SHAPES = 29, "LIGHT_SHAPES", "Spheres, rectangles or suns with a disk: analytic lights that rays can hit.";
 }
 

@@ -194,6 +194,11 @@ impl Restir {
         if denoises { self.denoiser.iterations } else { 0 }
     }
 
+    /// Whether camera paths are connected with light paths.
+    pub(crate) fn connects_light_paths(&self) -> bool {
+        self.technique == Technique::Bdpt && self.bdpt.connects()
+    }
+
     /// Whether frames without Bevy's jitter are jittered.
     pub(crate) fn jitters(&self) -> bool {
         match self.jitter {

@@ -3,7 +3,7 @@
 
 use super::{
     TechniqueRow,
-    domain::{self, DebugPass, Domain, LightPart, LightPathPasses, domain_names, pair_passes},
+    domain::{self, DebugPass, Domain, LightPart, domain_names, pair_passes},
     pass::{ComputePass, PassResource as R},
     reuse_schedule::ReuseSchedule,
 };
@@ -22,14 +22,15 @@ const DRAWN_SIDES: &[&str] = &["DRAWN_SIDES"];
 /// Whole paths.
 const DOMAIN: &Domain = &Domain {
     names: domain_names!("bdpt"),
-    light_paths: Some(LightPathPasses {
-        trace: ComputePass {
-            defs: DRAWN_SIDES,
-            ..ComputePass::per_pixel("light_paths", &[R::Settings, R::LightVertices, R::LightMap])
-        },
-        connect: ComputePass::per_pixel("connections", &[R::Settings, R::LightVerticesRead, R::Connections]),
+    light_paths: Some(ComputePass {
+        defs: DRAWN_SIDES,
+        ..ComputePass::per_pixel("light_paths", &[R::Settings, R::LightVertices, R::LightMap])
     }),
-    candidates: ComputePass { defs: DEFS, ..domain::candidates("bdpt_candidates", "path_candidates", ROOMS) },
+    candidates: ComputePass {
+        defs: DEFS,
+        resources: &[R::Settings, R::SubsetsRead, R::CandidateReservoirs, R::CandidateLight, R::LightVerticesRead],
+        ..domain::candidates("bdpt_candidates", "path_candidates", ROOMS)
+    },
     reuse: ComputePass { defs: DEFS, ..domain::reuse("bdpt_reuse", ROOMS) },
     pairs: Some(pair_passes!("bdpt", ROOMS, "LIGHT_PATHS")),
     forward: &[],
@@ -40,10 +41,7 @@ const DOMAIN: &Domain = &Domain {
         },
         DebugPass {
             shows: |view| view == DebugView::LightVertices,
-            pass: ComputePass {
-                specialized: false,
-                ..ComputePass::per_pixel("debug_light_vertices", &[R::Settings, R::LightVerticesRead, R::Radiance])
-            },
+            pass: ComputePass::per_pixel("debug_light_vertices", &[R::Settings, R::LightVerticesRead, R::Radiance]),
         },
     ],
     reservoir_bytes: BIDIRECTIONAL_RESERVOIR_SIZE,

@@ -12,8 +12,8 @@ use crate::settings::{DebugView, Restir};
 pub(crate) struct Domain {
     /// Prefix of the names of its passes and buffers.
     pub names: DomainNames,
-    /// Passes of light sub-paths.
-    pub light_paths: Option<LightPathPasses>,
+    /// The pass that traces light sub-paths, before the candidates.
+    pub light_paths: Option<ComputePass>,
     /// The pass of the initial candidates.
     pub candidates: ComputePass,
     /// The pass of reuse, which runs once for each iteration.
@@ -38,14 +38,6 @@ pub(crate) struct DebugPass {
     /// Whether it shows a debug view.
     pub shows: fn(DebugView) -> bool,
     pub pass: ComputePass,
-}
-
-/// Passes of light sub-paths.
-pub(crate) struct LightPathPasses {
-    /// Traces them, before the candidates.
-    pub trace: ComputePass,
-    /// Connects camera sub-paths with them, if the settings ask for it.
-    pub connect: ComputePass,
 }
 
 /// Passes of an iteration of paired spatial reuse, in order.
@@ -232,10 +224,14 @@ pub(crate) const fn debug(
 impl Domain {
     /// Its passes, each once.
     pub(crate) fn passes(&self) -> impl Iterator<Item = &ComputePass> {
-        let of_light_paths = self.light_paths.iter().flat_map(|p| [&p.trace, &p.connect]);
         let of_pairs = self.pairs.iter().flat_map(PairPasses::passes);
         let of_debug_views = self.debug.iter().map(|debug| &debug.pass);
-        of_light_paths.chain([&self.candidates, &self.reuse]).chain(of_pairs).chain(self.forward).chain(of_debug_views)
+        self.light_paths
+            .iter()
+            .chain([&self.candidates, &self.reuse])
+            .chain(of_pairs)
+            .chain(self.forward)
+            .chain(of_debug_views)
     }
 
     /// Index of the pass that shows a debug view, if it has one.

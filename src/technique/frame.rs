@@ -22,15 +22,7 @@ const RADIANCE_PASS: ComputePass = ComputePass::per_pixel("", &[R::Radiance]);
 /// Sums the light of all domains.
 pub(super) const RESOLVE: ComputePass = ComputePass::per_pixel(
     "resolve",
-    &[
-        R::UnresampledLightRead,
-        R::ResampledLight,
-        R::PathLight,
-        R::SplatLight,
-        R::SubsurfaceLight,
-        R::ConnectionsRead,
-        R::Radiance,
-    ],
+    &[R::UnresampledLightRead, R::ResampledLight, R::PathLight, R::SplatLight, R::SubsurfaceLight, R::Radiance],
 );
 /// Its resources that hold light.
 pub(super) const LIGHT_OF_DOMAINS: &[R] = RESOLVE.resources.split_at(RESOLVE.resources.len() - 1).0;
@@ -90,8 +82,6 @@ pub(crate) struct Frame {
     technique: Technique,
     choice: RowChoice,
     show: Show,
-    /// Camera sub-paths are connected with light sub-paths.
-    connects: bool,
     /// The scene has `Subsurface`.
     subsurface: bool,
     /// By the parts of its light.
@@ -136,7 +126,7 @@ impl Frame {
                 row.domains_with_subsurface.iter().find_map(samples).unwrap_or(Show::Surface)
             }
         };
-        let (technique, connects) = (settings.technique, settings.bdpt.connects());
+        let technique = settings.technique;
         let mut pairing = [Pairing::Never; LightPart::COUNT];
         for domain in row.domains {
             pairing[domain.part as usize] = Pairing::of(settings, domain);
@@ -144,7 +134,7 @@ impl Frame {
         let compacts = settings.research.replay_compaction;
         let filter_iterations = settings.filter_iterations();
         let images = false;
-        Self { technique, choice, show, connects, subsurface: false, pairing, compacts, filter_iterations, images }
+        Self { technique, choice, show, subsurface: false, pairing, compacts, filter_iterations, images }
     }
 
     /// The frame of a scene with these features, which may have passes of their own.
@@ -217,8 +207,7 @@ impl Frame {
 
     /// The steps that resample a domain.
     fn push_steps_of(self, domain: &'static Domain, iterations: &[IterationKind], steps: &mut Vec<Step>) {
-        let light_paths = domain.light_paths.as_ref();
-        steps.extend(light_paths.map(|passes| compute(&passes.trace, Some(domain))));
+        steps.extend(domain.light_paths.iter().map(|pass| compute(pass, Some(domain))));
         steps.push(compute(&domain.candidates, Some(domain)));
         steps.extend(domain.forward.iter().map(|pass| compute(pass, Some(domain))));
         for (iteration, &kind) in iterations.iter().enumerate() {
@@ -236,7 +225,6 @@ impl Frame {
             }
             steps.push(step(pairs.map_or(&domain.reuse, |pairs| &pairs.reuse), names.reuse[iteration]));
         }
-        steps.extend(light_paths.filter(|_| self.connects).map(|passes| compute(&passes.connect, Some(domain))));
     }
 
     /// The steps that sum up the light, or show something else.
@@ -282,8 +270,10 @@ pub(crate) struct PipelineKey {
 impl PipelineKey {
     /// Whether its pipelines can render the settings of another key; the features of the scene may differ.
     pub(crate) fn serves_settings_of(self, wanted: Self) -> bool {
-        let of_settings =
-            SceneFeatures::ENERGY_COMPENSATION | SceneFeatures::MANY_NEIGHBORS | SceneFeatures::SPLIT_LIGHT;
+        let of_settings = SceneFeatures::ENERGY_COMPENSATION
+            | SceneFeatures::MANY_NEIGHBORS
+            | SceneFeatures::SPLIT_LIGHT
+            | SceneFeatures::CONNECTIONS;
         let without_scene = |frame: Frame| frame.of_scene(SceneFeatures::empty());
         without_scene(self.frame) == without_scene(wanted.frame)
             && !(self.features ^ wanted.features).intersects(of_settings)
@@ -294,15 +284,15 @@ impl PipelineKey {
         !(self.features ^ wanted.features).intersects(SceneFeatures::OF_ENVIRONMENT)
     }
 
-    /// Whether these pipelines can read the reservoirs that the pipelines of another key have written.  Other features do not matter: a
-    /// feature adds code for its own subject, and leaves all other code and its random numbers unchanged.  Pairs and
-    /// the denoiser do not matter, because reservoirs hold nothing of theirs.
+    /// Whether these pipelines can read the reservoirs that the pipelines of another key have written.  Connections change the weights of all
+    /// paths.  Other features do not matter: a feature adds code for its own subject, and leaves all other code and its random numbers
+    /// unchanged.  Pairs and the denoiser do not matter, because reservoirs hold nothing of theirs.
     pub(crate) fn reads_reservoirs_of(self, last: Self) -> bool {
         let key = |frame| {
             let (pairing, compacts, filter_iterations, images) = Default::default();
             Frame { pairing, compacts, filter_iterations, images, ..frame }
         };
-        key(self.frame) == key(last.frame)
+        key(self.frame) == key(last.frame) && !(self.features ^ last.features).contains(SceneFeatures::CONNECTIONS)
     }
 
     /// Whether these pipelines sample paths that those of another key never sampled, such as paths to the first point light.  That light was

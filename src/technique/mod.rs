@@ -207,9 +207,8 @@ mod tests {
         assert_eq!(splats(&names(LightTechniques::Full, 1.0)), 4);
         let unseen = names(LightTechniques::NoLightTracing, 1.0);
         assert_eq!(splats(&unseen), 0);
-        assert!(unseen.contains(&"light_paths") && unseen.contains(&"connections"), "{unseen:?}");
-        let none = names(LightTechniques::Full, 0.0);
-        assert!(splats(&none) == 0 && !none.contains(&"connections"), "{none:?}");
+        assert!(unseen.contains(&"light_paths"), "{unseen:?}");
+        assert_eq!(splats(&names(LightTechniques::Full, 0.0)), 0);
     }
 
     #[test]

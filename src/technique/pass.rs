@@ -46,18 +46,14 @@ pub(crate) enum PassResource {
     SubsurfaceLight,
     /// Light of resampled paths, read.
     PathLight,
-    /// The light vertex cache, written.
+    /// The light vertex cache, written; one empty texel without connections.
     LightVertices,
-    /// The light vertex cache, read.
+    /// The light vertex cache, read; likewise.
     LightVerticesRead,
     /// The light map, written.
     LightMap,
     /// The light map, read.
     LightMapRead,
-    /// Light of connections with light sub-paths, written.
-    Connections,
-    /// Light of connections with light sub-paths, read; black without them.
-    ConnectionsRead,
     /// Resampled light of light sub-paths, read.
     SplatLight,
     /// Masks of the similar partners of pixels, written.

@@ -245,9 +245,7 @@ impl ReuseSchedule {
     /// The schedule of ReSTIR BDPT.
     pub(crate) fn of_bidirectional_paths(settings: &Restir) -> Self {
         let schedule = Self::of_paths(settings);
-        let flags = flags_of([(settings.bdpt.connects(), RESAMPLE_CONNECTIONS)]);
         Self {
-            common: GpuResampleSettings { flags: schedule.common.flags | flags, ..schedule.common },
             // MIS weights against light sub-paths depend on more than the probabilities of lights.
             same_densities_flags: 0,
             reuse_gain: if schedule.max_inputs() > 1 { settings.bdpt.reuse_gain } else { 1.0 },
@@ -259,7 +257,6 @@ impl ReuseSchedule {
     pub(crate) fn of_splats(settings: &Restir) -> Self {
         let reuse = &settings.paths.reuse;
         let paths = Self::of_bidirectional_paths(settings);
-        let connections = paths.common.flags & RESAMPLE_CONNECTIONS;
         Self {
             iterations: vec![Iteration {
                 from_previous: true,
@@ -271,7 +268,7 @@ impl ReuseSchedule {
             }],
             common: GpuResampleSettings {
                 // All inputs are shaded, because the color of the candidates is that of all splats.
-                flags: connections | RESAMPLE_SHADE_ALL,
+                flags: RESAMPLE_SHADE_ALL,
                 decorrelation: 0.0,
                 ..paths.common
             },

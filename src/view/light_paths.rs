@@ -1,17 +1,17 @@
-//! Buffers of the light sub-paths of a view: the light vertex cache and the light map.  They exist only while the camera runs a technique
+//! Resources of the light sub-paths of a view: the light vertex cache and the light map.  They exist only while the camera runs a technique
 //! that traces light sub-paths.
 
 use bevy::{
     math::UVec2,
     render::{
-        render_resource::{Buffer, BufferUsages, TextureView},
+        render_resource::{Buffer, BufferUsages, TextureUsages, TextureView, TextureViewDescriptor},
         renderer::RenderDevice,
     },
 };
 
-use super::{buffer, history::light, pixels};
+use super::{buffer, denoiser::PACKED_FORMAT, pixels, texture};
 use crate::{
-    gpu_layout::{LIGHT_VERTEX_SIZE, SPLAT_WORDS, SPLATS_OF_A_PATH},
+    gpu_layout::{SPLAT_WORDS, SPLATS_OF_A_PATH, VERTEX_TEXELS, VERTICES_PER_ROW},
     settings::{Bdpt, LightTechniques},
 };
 
@@ -37,8 +37,7 @@ impl LightPathCounts {
             return Self::default();
         }
         let for_map = if is_seen { limit.saturating_sub(heads_bytes(size)) / SPLATS_SIZE } else { u64::MAX };
-        let for_cache = if connects { limit / LIGHT_VERTEX_SIZE } else { u64::MAX };
-        let light_paths = wanted(settings, size).min(for_cache).min(for_map) as u32;
+        let light_paths = wanted(settings, size).min(for_map) as u32;
         Self { light_paths, splats: if is_seen { light_paths } else { 0 }, connects }
     }
 
@@ -48,7 +47,8 @@ impl LightPathCounts {
     }
 }
 
-/// Number of light sub-paths that the settings ask for.  The random number that chooses one of them has 24 bits.
+/// Number of light sub-paths that the settings ask for.  The random number that chooses one of them has 24 bits, and a texture of WebGPU's
+/// least size holds the vertices of 2^24.
 fn wanted(settings: &Bdpt, size: UVec2) -> u64 {
     let count = (f64::from(settings.light_paths) * pixels(size) as f64).round() as u64;
     count.min(1 << 24)
@@ -59,38 +59,36 @@ fn heads_bytes(size: UVec2) -> u64 {
     pixels(size) * 4
 }
 
-/// Buffers of the light sub-paths.
+/// Resources of the light sub-paths.
 pub(crate) struct LightPaths {
-    pub(crate) vertices: Buffer,
+    pub(crate) vertices: TextureView,
     pub(crate) map: Buffer,
     /// Bytes of the light map that are cleared before each frame.
     pub(crate) heads: u64,
-    /// Light of connections with light sub-paths, if there are any.
-    pub(crate) connections: Option<TextureView>,
     /// The counts that the buffers are made for.
     counts: LightPathCounts,
-    /// Sub-paths that the light map and the light vertex cache hold.
+    /// Sub-paths that the light map holds.
     mapped: u64,
-    cached: u64,
-    pixels: u64,
+    /// Texels of the light vertex cache.
+    texels: u64,
 }
 
 impl LightPaths {
     /// `has_splats`: a domain reads the light map.
     pub(super) fn new(size: UVec2, counts: LightPathCounts, has_splats: bool, device: &RenderDevice) -> Self {
         let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
-        // A binding must not be empty.
-        let cached = if counts.connects { u64::from(counts.light_paths).max(1) } else { 1 };
+        let rows = counts.light_paths.div_ceil(VERTICES_PER_ROW).max(1);
+        let cache = if counts.connects { UVec2::new(VERTICES_PER_ROW * VERTEX_TEXELS, rows) } else { UVec2::ONE };
+        let usage = TextureUsages::STORAGE_BINDING | TextureUsages::TEXTURE_BINDING;
+        let vertices = texture(device, "light vertices", cache, 1, PACKED_FORMAT, usage);
         let (heads, mapped) = if has_splats { (heads_bytes(size), u64::from(counts.splats)) } else { (4, 0) };
         Self {
-            connections: counts.connects.then(|| light(device, "light of connections", size)),
-            vertices: buffer(device, "light vertices", cached * LIGHT_VERTEX_SIZE, storage),
+            vertices: vertices.create_view(&TextureViewDescriptor::default()),
             map: buffer(device, "light map", heads + mapped * SPLATS_SIZE, storage),
             heads,
             counts,
             mapped,
-            cached,
-            pixels: pixels(size),
+            texels: pixels(cache),
         }
     }
 
@@ -101,13 +99,8 @@ impl LightPaths {
     }
 
     /// Names and bytes.
-    pub(super) fn memory(&self) -> [(&'static str, u64); 3] {
-        let textures = u64::from(self.connections.is_some());
-        [
-            ("light vertices", self.cached * LIGHT_VERTEX_SIZE),
-            ("light map", self.heads + self.mapped * SPLATS_SIZE),
-            ("light of connections", textures * self.pixels * 16),
-        ]
+    pub(super) fn memory(&self) -> [(&'static str, u64); 2] {
+        [("light vertices", self.texels * 16), ("light map", self.heads + self.mapped * SPLATS_SIZE)]
     }
 }
 
@@ -127,7 +120,7 @@ mod tests {
         assert_eq!(of(0.5, UVec2::new(3, 3), 128 << 20), (5, false));
         assert_eq!(of(0.0, hd, 128 << 20), (0, false));
         let (count, is_reduced) = of(8.0, hd, 128 << 20);
-        assert!(is_reduced && count > 2_000_000 && u64::from(count) * LIGHT_VERTEX_SIZE <= 128 << 20);
+        assert!(is_reduced && count > 2_000_000 && u64::from(count) * SPLATS_SIZE <= 128 << 20);
         assert_eq!(of(1.0, hd, 1 << 20), (0, true));
     }
 

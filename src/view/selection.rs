@@ -68,6 +68,7 @@ pub(crate) fn requested_key(
     features.set(SceneFeatures::ENERGY_COMPENSATION, restir.settings.energy_compensation);
     let splits_light = restir.settings.debug_view.is_part_of_light() || restir.settings.filter_iterations() > 0;
     features.set(SceneFeatures::SPLIT_LIGHT, splits_light);
+    features.set(SceneFeatures::CONNECTIONS, restir.settings.connects_light_paths());
     let frame = Frame::of(&restir.settings).of_scene(features);
     // No shader depends on it.
     features.remove(SceneFeatures::SMOOTH);

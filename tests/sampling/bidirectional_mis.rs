@@ -54,7 +54,8 @@ const fn edit(from: &'static str, to: &'static str) -> ShaderEdit {
 }
 
 /// Densities of surfaces and lights are numbers of the path (`bidirectional_mis.wgsl`).
-const NUMBERS: [ShaderEdit; 4] = [
+const NUMBERS: [ShaderEdit; 5] = [
+    edit("reverse_pdf(v.surface, wi, v.wo)", "v.medium.x"),
     edit("reverse_pdf(v.surface, step.wi, v.wo)", "v.medium.x"),
     edit("reverse_pdf(v.surface, l.wi, v.wo)", "v.medium.x"),
     edit("candidates * light_pmf(l.light) * l.pdf_solid_angle", "candidates * l.pdf_solid_angle"),
@@ -65,7 +66,7 @@ const NUMBERS: [ShaderEdit; 4] = [
 ];
 
 /// Errors of the weights of camera sub-paths, and whether they change weights without a shift, too.
-const PLANTED: [(&str, ShaderEdit, bool); 6] = [
+const PLANTED: [(&str, ShaderEdit, bool); 7] = [
     (
         "stored numbers in the wrong order",
         edit(
@@ -95,7 +96,12 @@ const PLANTED: [(&str, ShaderEdit, bool); 6] = [
         edit("select(counts.shares.nee, counts.shares.caustic, by_delta)", "counts.shares.nee"),
         true,
     ),
-    ("connections that do not exist", edit("(counts.connects * dot(d, d) / cos_in)", "(dot(d, d) / cos_in)"), true),
+    (
+        "techniques nearer to the light than a connection",
+        edit("vec3<f32>(1.0 + pdf * ratios.x, 0.0, 0.0)", "vec3<f32>(1.0, 0.0, 0.0)"),
+        true,
+    ),
+    ("connections that do not exist", edit("(counts.connections * dot(d, d) / cos_in)", "(dot(d, d) / cos_in)"), true),
     (
         "techniques before a point of entry",
         edit("return CameraState(vec3<f32>(0.0), vec3<f32>(0.0), s.basis);", "return s;"),
@@ -128,7 +134,7 @@ fn random_path(random: &mut Random, light: Light) -> Path {
         connectable: u32::MAX,
         candidates: random.pick(&[1, 16]),
         splats: random.pick(&[1.0, 64.0, 2.0e6]),
-        connects: random.pick(&[0.0, 1.0]),
+        connections: random.pick(&[0.0, 1.0, 16.0]),
         nee: density(random),
         light: density(random),
         ..Path::zeroed()
@@ -209,13 +215,15 @@ fn weights(gpu: &Gpu, base: &[Path], shifted: &[Path], defs: &[Def], edits: &[Sh
     gpu.read(&output)
 }
 
-/// The greatest errors of the weights by recursion, of their sums, and of the weights after a reconnection, and the number of the last.
+/// The greatest errors of the weights by recursion, of their sums, and of the weights after a reconnection; the number of the last, and of the
+/// connections among them.
 #[derive(Debug, Default)]
 struct Errors {
     recursive: f64,
     sum: f64,
     cached: f64,
     shifts: u32,
+    connections: u32,
 }
 
 fn errors(gpu: &Gpu, light: Light, error: Error, defs: &[Def], edits: &[ShaderEdit]) -> Errors {
@@ -234,13 +242,15 @@ fn errors(gpu: &Gpu, light: Light, error: Error, defs: &[Def], edits: &[ShaderEd
             let sum = found.recursive.iter().map(|&w| f64::from(w)).sum::<f64>();
             errors.sum = errors.sum.max((sum - 1.0).abs());
         }
-        // Next-event estimation and hits; `bidirectional_mis.wgsl` says which of them a shift stores.
         let (r, k) = (base.reconnection, base.k);
         let expected = shifted.weights();
-        for (t, is_stored) in [(k, r + 1 < k || r == base.below), (k + 1, true)] {
-            if r > 0 && is_stored {
+        for t in (r + 1..=k + 1).filter(|_| r > 0) {
+            // Next-event estimation at the reconnection vertex stores no weight.
+            let is_stored = t != k || r + 1 < k || r == base.below;
+            if is_stored {
                 worst(&mut errors.cached, found.cached[t as usize], expected[t as usize]);
                 errors.shifts += u32::from(expected[t as usize] > 0.0);
+                errors.connections += u32::from(t < k && expected[t as usize] > 0.0);
             }
         }
     }
@@ -254,7 +264,10 @@ fn weights_of_bidirectional_techniques_equal_their_densities() {
         let found = errors(gpu, light, Error::None, &[], &[]);
         eprintln!("{light:?}: {found:?}");
         assert!(found.recursive < TOLERANCE && found.cached < TOLERANCE, "{light:?}: {found:?}");
-        assert!(found.sum < 2.0 * TOLERANCE && found.shifts > 2_000, "{light:?}: {found:?}");
+        assert!(
+            found.sum < 2.0 * TOLERANCE && found.shifts > 2_000 && found.connections > 1_000,
+            "{light:?}: {found:?}"
+        );
     }
 }
 

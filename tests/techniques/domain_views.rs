@@ -166,10 +166,9 @@ fn light_misses_the_other_face(rig: &mut Rig) {
 }
 
 /// Passes that do not matter to the views of light paths; compiling them takes longer than running them.
-const IDLE: [(&str, &str); 7] = [
+const IDLE: [(&str, &str); 6] = [
     ("bdpt_candidates", "path_candidates"),
     ("bdpt_reuse", "reuse"),
-    ("connections", "connections"),
     ("splats", "splats"),
     ("splats_forward", "splats_forward"),
     ("splats_gather", "splats_gather"),

@@ -6,9 +6,8 @@
 #import bevy_restir::path::bidirectional_mis::MisState
 #import bevy_restir::path::light_path::{advance_light_path, begin_light_path, LightWalk}
 #import bevy_restir::restir::bdpt::splat::{no_splat, Splat, splat_of}
+#import bevy_restir::restir::connection::count::connections_of_vertex
 #import bevy_restir::restir::bindings::settings
-#import bevy_restir::restir::flags::has
-#import bevy_restir::restir::types::RESAMPLE_CONNECTIONS
 #import bevy_restir::view::bindings::view
 
 fn sub_path_rng(path: u32, frame: u32, stream: u32) -> Rng {
@@ -33,8 +32,7 @@ fn continue_sub_path(walk: LightWalk, rng: ptr<function, Rng>, previous: bool) -
     if walk.events == 1u && w.by_delta {
         w.state = over_share(w.state, settings.caustic_share / settings.nee_share);
     }
-    // Without connections no technique joins the sub-paths at an edge after the first vertex.
-    w.state.last = select(0.0, w.state.last, connects());
+    w.state.last *= connections_of_vertex();
     return SubPath(w, rng_bits(rng).x);
 }
 
@@ -61,8 +59,4 @@ fn replayed_splat(path: u32, frame: u32, light: u32, events: u32, previous: bool
 // (`LightShares`), so that the ratios are divided by it.
 fn over_share(s: MisState, share: f32) -> MisState {
     return MisState(s.last / share, s.earlier / share);
-}
-
-fn connects() -> bool {
-    return has(RESAMPLE_CONNECTIONS);
 }

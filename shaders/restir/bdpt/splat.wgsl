@@ -10,7 +10,7 @@
 #import bevy_restir::path::bidirectional_mis::mis_splat_weight
 #import bevy_restir::path::light_path::{LightWalk, scattered_value}
 #import bevy_restir::path::nee::nee_candidate_count
-#import bevy_restir::restir::bdpt::techniques::{SPLATS, technique_weight}
+#import bevy_restir::restir::bdpt::techniques::splat_share
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::scene::offset::offset_end
 #import bevy_restir::scene::surface::{Surface, surface_at}
@@ -52,7 +52,7 @@ fn splat_of(w: LightWalk, alpha_seed: u32, previous: bool) -> Splat {
         state.last *= f32(nee_candidate_count(settings.candidates, 1u));
     }
     let weight = mis_splat_weight(density, f32(settings.splats), cosine, state, bsdf_pdf(s.bsdf, wo, w.towards_light));
-    let scale = technique_weight(weight, SPLATS) * cosine * density / f32(settings.splats);
+    let scale = splat_share(weight) * cosine * density / f32(settings.splats);
     let value = guarded_3(w.throughput * scattered_value(s, wo, w.towards_light) * scale, GUARD_LIGHT_CONTRIBUTION);
     if !(luminance(value) > 0.0) {
         return no_splat();

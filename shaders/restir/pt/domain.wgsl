@@ -7,21 +7,24 @@
 #import bevy_restir::light::remap::current_light_id
 #import bevy_restir::path::technique_weights::{LightShares, TechniqueCounts}
 #import bevy_restir::path::walk::Vertex
+#import bevy_restir::restir::connection::count::connections_of_vertex
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::flags::has
 #import bevy_restir::restir::path_sample::{PathSample, ShiftResult, TERMINATION_NEE, with_shift_result}
 #import bevy_restir::restir::pt::initial_candidates::SelectedPath
+#import bevy_restir::restir::connection::connection::ends_with_connection
 #import bevy_restir::restir::shift::hybrid::{hybrid_shift, replays}
 #import bevy_restir::restir::shift::reconnection::{separation_threshold, ShiftParameters}
 #import bevy_restir::restir::shift::shifted_path::{is_unoccluded, ShiftedPath}
 #import bevy_restir::restir::stored_path::Reservoir
-#import bevy_restir::restir::types::{RESAMPLE_CONNECTIONS, RESAMPLE_DIFFUSE_SECONDARY, RESAMPLE_MOVED, RESAMPLE_RETRACE_BACKWARD, RESAMPLE_RETRACE_FORWARD, RESAMPLE_SAME_DENSITIES}
+#import bevy_restir::restir::types::{RESAMPLE_DIFFUSE_SECONDARY, RESAMPLE_MOVED, RESAMPLE_RETRACE_BACKWARD, RESAMPLE_RETRACE_FORWARD, RESAMPLE_SAME_DENSITIES}
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::camera::{camera_density, eye_of}
 #import bevy_restir::view::primary::primary_surface
 #ifdef SPLIT_LIGHT
 #import bevy_restir::bsdf::types::LOBE_DIFFUSE
 #import bevy_restir::light::point_on_light::light_point_at
+#import bevy_restir::restir::connection::connection::connected_direction
 #import bevy_restir::path::scattering::drawn_choice
 #import bevy_restir::path::walk::drawn_step
 #import bevy_restir::view::light_part::bsdf_diffuse_share
@@ -68,9 +71,8 @@ fn in_domain_measure(c: SelectedPath, r: Receiver) -> SelectedPath {
 
 // Numbers of samples that compete for the light of a path.
 fn technique_counts() -> TechniqueCounts {
-    let connects = f32(has(RESAMPLE_CONNECTIONS));
     let shares = LightShares(settings.nee_share, settings.caustic_share);
-    return TechniqueCounts(settings.candidates, f32(settings.splats), connects, shares);
+    return TechniqueCounts(settings.candidates, f32(settings.splats), connections_of_vertex(), shares);
 }
 
 #ifdef LIGHT_PATHS
@@ -88,7 +90,9 @@ fn density_of_camera(v: Vertex, previous: bool) -> f32 {
 #endif
 
 fn shifted_to(r: Receiver, path: PathSample) -> ShiftedPath {
-    return hybrid_shift(path, r.first, r.shift, r.previous, retraces(r.previous));
+    // A light sub-path that is not traced again is shifted in both directions or in none, as unbiased weights need it.
+    let retrace = retraces(r.previous) || (ends_with_connection(path) && retraces(!r.previous));
+    return hybrid_shift(path, r.first, r.shift, r.previous, retrace);
 }
 
 // Where something moved between the frames, the path after the reconnection vertex is replayed in this frame, in the last one, or both.
@@ -128,6 +132,9 @@ fn diffuse_share(r: Receiver, s: Reservoir, packed_splat_share: f32) -> vec3<f32
     }
     if path.termination == TERMINATION_NEE && path.length == 2u {
         return bsdf_diffuse_share(v.surface.bsdf, v.wo, light_point_at(path.light, v.surface.position, false).wi);
+    }
+    if ends_with_connection(path) && path.length == 2u {
+        return bsdf_diffuse_share(v.surface.bsdf, v.wo, connected_direction(v.surface.position, path));
     }
     var lobe = path.lobe_before;
     if path.reconnection != 2u {

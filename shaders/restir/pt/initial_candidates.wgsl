@@ -34,6 +34,14 @@
 #import bevy_restir::scene::surface::surface_at
 #import bevy_restir::trace::trace::trace_closest
 #import bevy_restir::view::bindings::view
+#ifdef CONNECTIONS
+#import bevy_restir::path::technique_weights::mis_sum_of_connection
+#import bevy_restir::restir::connection::bindings::light_vertices
+#import bevy_restir::restir::connection::light_vertex::light_vertex_at
+#import bevy_restir::restir::bindings::settings
+#import bevy_restir::restir::connection::connection::{connection_to, ended_at_light_vertex, with_connection, with_end_of}
+#import bevy_restir::trace::trace::trace_any
+#endif
 
 // The random walk, and the path that is selected so far.
 struct Candidates {
@@ -94,18 +102,23 @@ fn select_light(v: Vertex, index: u32, nee_candidates: u32, pixel: vec2<u32>, rn
 #ifdef TEST_HITS
 const NEE_SHARE: f32 = 0.0;
 const HIT_SHARE: f32 = 1.0;
+const CONNECTION_SHARE: f32 = 0.0;
 #else ifdef TEST_NEE
 const NEE_SHARE: f32 = 1.0;
 const HIT_SHARE: f32 = 0.0;
+const CONNECTION_SHARE: f32 = 0.0;
 #else ifdef TEST_CONNECTIONS
 const NEE_SHARE: f32 = 0.0;
 const HIT_SHARE: f32 = 0.0;
+const CONNECTION_SHARE: f32 = 1.0;
 #else ifdef TEST_SPLATS
 const NEE_SHARE: f32 = 0.0;
 const HIT_SHARE: f32 = 0.0;
+const CONNECTION_SHARE: f32 = 0.0;
 #else
 const NEE_SHARE: f32 = 1.0;
 const HIT_SHARE: f32 = 1.0;
+const CONNECTION_SHARE: f32 = 1.0;
 #endif
 
 // Adds a path with its contribution weight before Russian roulette.
@@ -146,6 +159,7 @@ fn sample_candidates(first: Vertex, pixel: vec2<u32>, shortest: u32, p: ShiftPar
         }
         if c.prefix.length >= shortest && !bsdf_is_delta(v.surface.bsdf) {
             add_nee(&c, v, before, index, pixel, p, rng);
+            add_connection(&c, v, before, index, p, rng);
         }
         // The last ray could only find light.
         if index == view.bounces && !RAYS_FIND_LIGHT {
@@ -267,6 +281,36 @@ fn add_nee(
     }
     add_candidate(c, path, (*c).throughput * f, selected.ucw * NEE_SHARE, rng_1(rng));
 }
+
+#ifdef CONNECTIONS
+// The path that ends with a connection of the vertex of this index with a random light vertex.
+fn add_connection(c: ptr<function, Candidates>, v: Vertex, before: PreviousVertex, index: u32, p: ShiftParameters, rng: ptr<function, Rng>) {
+    let u = rng_1(rng);
+    let chosen = light_vertex_at(light_vertices, min(u32(u * f32(settings.light_paths)), max(settings.light_paths, 1u) - 1u));
+    if settings.light_paths == 0u || chosen.events == 0u || index + chosen.events > view.bounces {
+        return;
+    }
+    var path = ended_at_light_vertex((*c).prefix, chosen);
+    let k = connection_to(v, path, p.counts.connections, false);
+    let value = guarded_3(k.f * k.light, GUARD_LIGHT_CONTRIBUTION);
+    if !(max_component(value) > 0.0) || trace_any(k.ray, path_alpha_seed((*c).prefix.seed, index, DIMENSION_SHADOW_RAY), false) {
+        return;
+    }
+    let coefficients = mis_sum_of_connection((*c).state, v, k.wi, k.pdf, k.mis_ratios);
+    if (*c).prefix.reconnection != 0u {
+        path = with_end_of((*c).prefix, path);
+        path.radiance = (*c).suffix * value / coefficients.x;
+        path.mis_coefficients = coefficients.yz / coefficients.x;
+    } else if index > 1u && !(*c).below && is_connectable(before, v.surface, k.pdf, true, p) {
+        let reconnected_here = reconnected((*c).prefix, before, factor_at((*c).prefix, before, v) * (*c).choice_probability, index);
+        path = with_connection(with_end_of(reconnected_here, path), k);
+    }
+    add_candidate(c, path, (*c).throughput * value * weight_of(coefficients, (*c).state), CONNECTION_SHARE, rng_1(rng));
+}
+#else
+fn add_connection(c: ptr<function, Candidates>, v: Vertex, before: PreviousVertex, index: u32, p: ShiftParameters, rng: ptr<function, Rng>) {
+}
+#endif
 
 // The paths that end on analytic area lights between this vertex and the next surface.
 fn add_light_hits(

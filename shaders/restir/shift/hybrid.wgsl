@@ -21,9 +21,10 @@
 #import bevy_restir::path::random::{DIMENSION_SHADOW_RAY, DIMENSION_RAY, path_alpha_seed}
 #import bevy_restir::path::scattering::{drawn_choice, entry_vertex, given_choice, ScatteringVertex}
 #import bevy_restir::path::shadow_ray::{ray_between, ray_to_light}
-#import bevy_restir::path::technique_weights::{below_surface, camera_state, CameraState, emitter_sample, mis_sum_of_hit, mis_sum_of_nee, state_at, state_of_ray, stored_weight, weight_of}
+#import bevy_restir::path::technique_weights::{below_surface, camera_state, CameraState, emitter_sample, mis_sum_of_connection, mis_sum_of_hit, mis_sum_of_nee, state_at, state_of_ray, stored_weight, weight_of}
 #import bevy_restir::path::walk::{drawn_step, given_step, no_step, Step, step_cone, step_medium, Vertex, with_weight_and_densities}
 #import bevy_restir::restir::path_sample::{PathSample, ShiftResult, TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE, vertex_barycentrics}
+#import bevy_restir::restir::connection::connection::{connection_to, ends_with_connection, stored_connection}
 #import bevy_restir::restir::shift::reconnection::{is_connectable, is_connectable_by, is_connectable_end, light_factor, previous_vertex, PreviousVertex, ShiftParameters, triangle_factor}
 #import bevy_restir::restir::shift::shifted_path::{failed, SHIFT_EARLIER_CONNECTABLE, SHIFT_JACOBIAN_LIMIT, SHIFT_NO_CONTRIBUTION, SHIFT_NO_PATH, SHIFT_NOT_CONNECTABLE, SHIFT_OK, SHIFT_REPLAY_ENDED, ShadowRays, ShiftedPath, with_shadow_ray}
 #import bevy_restir::scene::cone::Cone
@@ -51,7 +52,8 @@ struct Walk {
 // Shifts a path to the surface `first`.  `previous`: in the scene of the last frame.  `retrace`: the scene has changed between the frames,
 // so that the path after the reconnection vertex is replayed, too.
 fn hybrid_shift(s: PathSample, first: Vertex, c: ShiftParameters, previous: bool, retrace: bool) -> ShiftedPath {
-    if s.length < 2u {
+    // A light sub-path that is connected is not traced again in a scene that has changed.
+    if s.length < 2u || (retrace && ends_with_connection(s)) {
         return failed(SHIFT_NO_PATH);
     }
     var w: Walk;
@@ -89,7 +91,7 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: ShiftParameters, previous: boo
         if !scatter(w, s, index, c, previous, retrace) {
             return;
         }
-        if is_last && s.termination == TERMINATION_NEE {
+        if is_last && (s.termination == TERMINATION_NEE || ends_with_connection(s)) {
             break;
         }
         let reconnects = index + 1u == s.reconnection;
@@ -158,8 +160,12 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: ShiftParameters, previous: boo
             return;
         }
     }
-    // Only paths that end by NEE come here.
-    end_with_nee(w, s, s.length - 1u, c, previous, retrace);
+    // Only paths whose last camera vertex samples its light or is connected come here.
+    if ends_with_connection(s) {
+        end_with_connection(w, s, s.length - 1u, c, previous);
+    } else {
+        end_with_nee(w, s, s.length - 1u, c, previous, retrace);
+    }
 }
 
 // Multiplies the throughput or the suffix by a factor.  The choice at the reconnection vertex, between its surface and the body below it,
@@ -437,6 +443,27 @@ fn end_with_nee(w: ptr<function, Walk>, s: PathSample, index: u32, c: ShiftParam
         let ray = ray_to_light((*w).v.surface, nee.light, previous);
         (*w).rays = with_shadow_ray((*w).rays, ray, path_alpha_seed(s.seed, index, DIMENSION_SHADOW_RAY));
     }
+}
+
+// Contribution of a path whose last vertex is connected with a light vertex.
+fn end_with_connection(w: ptr<function, Walk>, s: PathSample, index: u32, c: ShiftParameters, previous: bool) {
+    let is_reconnection = index == s.reconnection;
+    var k = stored_connection((*w).v, s);
+    if !is_reconnection {
+        if !instance_exists(s.instance, previous) {
+            (*w).reason = SHIFT_REPLAY_ENDED;
+            return;
+        }
+        k = connection_to((*w).v, s, c.counts.connections, previous);
+        (*w).rays = with_shadow_ray((*w).rays, k.ray, path_alpha_seed(s.seed, index, DIMENSION_SHADOW_RAY));
+    }
+    let connectable = index > 1u && !(*w).below && is_connectable((*w).before, (*w).v.surface, k.pdf, true, c);
+    if connectable != is_reconnection {
+        (*w).reason = select(SHIFT_NOT_CONNECTABLE, SHIFT_EARLIER_CONNECTABLE, connectable);
+        return;
+    }
+    let coefficients = mis_sum_of_connection((*w).state, (*w).v, k.wi, k.pdf, k.mis_ratios);
+    (*w).f = (*w).throughput * k.f * k.light * weight_of(coefficients, (*w).state);
 }
 
 // Whether a shift within a frame finds vertices by rays: those between the first vertex and the reconnection vertex, and points where light

@@ -2,8 +2,8 @@
 // that the passes call.  The test edits the places of `path/technique_weights.wgsl` that ask surfaces and lights for densities: they take
 // numbers of the path, which this kernel puts into fields of vertices and light samples.
 #import bevy_restir::light::types::{LightSample, no_light_sample}
-#import bevy_restir::path::bidirectional_mis::{mis_arrive, mis_camera_start, mis_connection_weight, mis_light_start, mis_scatter, mis_scatter_delta, mis_splat_weight, MisEnd, MisState}
-#import bevy_restir::path::technique_weights::{below_surface, camera_state, CameraState, LightShares, mis_sum_of_hit, mis_sum_of_nee, state_at, state_of_ray, stored_weight, TechniqueCounts, weight_of}
+#import bevy_restir::path::bidirectional_mis::{LightEnd, mis_arrive, mis_connection_ratios, mis_light_start, mis_scatter, mis_scatter_delta, mis_splat_weight, MisState}
+#import bevy_restir::path::technique_weights::{below_surface, camera_state, CameraState, LightShares, mis_sum_of_connection, mis_sum_of_hit, mis_sum_of_nee, state_at, state_of_ray, stored_weight, TechniqueCounts, weight_of}
 #import bevy_restir::path::walk::{no_step, Step, Vertex}
 #import bevy_restir::restir::bdpt::light_sub_path::over_share
 #import bevy_restir::scene::surface::Surface
@@ -18,7 +18,7 @@ struct Path {
     error: u32,                     // a planted error
     candidates: u32,                // of next-event estimation at x1
     splats: f32,
-    connects: f32,
+    connections: f32,
     nee_share: f32,                 // factors of the densities of light sub-paths (`LightShares`)
     caustic_share: f32,
     nee: f32,                       // densities of the light's point in area
@@ -32,7 +32,7 @@ struct Path {
 
 struct Weights {
     recursive: array<f32, 10>,      // index t
-    cached: array<f32, 10>,         // of the shifted path, for t = k and t = k + 1
+    cached: array<f32, 10>,         // of the shifted path
 }
 
 @group(0) @binding(0) var<storage, read> base_paths: array<Path>;
@@ -45,8 +45,7 @@ const ERROR_SPLAT_DENSITY: u32 = 3u;
 const ERROR_CANDIDATES: u32 = 4u;
 
 var<private> p: Path;
-var<private> camera: array<MisState, 10>;    // of the camera sub-path of connections, after the arrival at a vertex
-var<private> light: array<MisState, 10>;
+var<private> light: array<MisState, 10>;     // of the light sub-path, after the arrival at a vertex
 
 fn is_connectable(i: u32) -> bool {
     return (p.connectable & (1u << i)) != 0u;
@@ -54,7 +53,7 @@ fn is_connectable(i: u32) -> bool {
 
 fn counts() -> TechniqueCounts {
     let splats = select(p.splats, 1.0, p.error == ERROR_SPLATS);
-    return TechniqueCounts(p.candidates, splats, p.connects, LightShares(p.nee_share, p.caustic_share));
+    return TechniqueCounts(p.candidates, splats, p.connections, LightShares(p.nee_share, p.caustic_share));
 }
 
 // Density of the camera's rays at x1.
@@ -133,15 +132,18 @@ fn state_at_vertex(last: u32, reconnection: u32) -> CameraState {
     return s;
 }
 
-// Coefficients of the sum for technique t, which is k (next-event estimation) or k + 1 (a hit), and its state.
+// Coefficients of the sum for technique t >= 2, and its state.
 struct MisSum {
     coefficients: vec3<f32>,
     state: CameraState,
 }
 
 fn mis_sum_of(t: u32, reconnection: u32) -> MisSum {
-    let last = p.k - 1u;
+    let last = min(t, p.k) - 1u;
     let at = state_at_vertex(last, reconnection);
+    if t < p.k {
+        return MisSum(mis_sum_of_connection(at, vertex(last), vec3<f32>(0.0), p.forward[t], ratios_of_connection(t)), at);
+    }
     if t == p.k {
         return MisSum(mis_sum_of_nee(at, vertex(last), light_sample(), p.forward[p.k], last, counts()), at);
     }
@@ -149,19 +151,10 @@ fn mis_sum_of(t: u32, reconnection: u32) -> MisSum {
     return MisSum(mis_sum_of_hit(ray, light_sample(), !is_connectable(last), last, counts()), ray);
 }
 
-// As `restir/bdpt/connections.wgsl` does it.
-fn trace_camera() {
-    camera[1] = mis_arrive(mis_camera_start(counts().splats, density_of_camera()), 1.0, p.cos_in[1]);
-    for (var i = 1u; i < p.k; i++) {
-        if i == p.below {
-            camera[i] = MisState(0.0, 0.0);
-        }
-        var ray = mis_scatter_delta(camera[i], p.cos_out[i]);
-        if is_connectable(i) {
-            ray = mis_scatter(camera[i], p.cos_out[i], p.forward[i + 1u], p.reverse[i - 1u]);
-        }
-        camera[i + 1u] = mis_arrive(ray, p.distance2[i + 1u], p.cos_in[i + 1u]);
-    }
+// As `restir/connection/connection.wgsl` does it.
+fn ratios_of_connection(t: u32) -> vec2<f32> {
+    let end = LightEnd(light[t], p.cos_in[t], p.reverse[t - 1u], p.forward[t + 1u]);
+    return mis_connection_ratios(end, p.cos_out[t - 1u], p.distance2[t], p.connections);
 }
 
 // As `restir/bdpt/light_sub_path.wgsl` does it.
@@ -178,7 +171,7 @@ fn trace_light() {
         if i + 2u == p.k && !is_connectable(i + 1u) {
             s = over_share(s, p.caustic_share / p.nee_share);
         }
-        s.last = select(0.0, s.last, p.connects > 0.0);
+        s.last *= p.connections;
         light[i] = s;
     }
 }
@@ -191,14 +184,10 @@ fn exists(t: u32) -> bool {
     if t == p.k {
         return t >= 2u && is_connectable(t - 1u);
     }
-    return t > p.below && is_connectable(t) && (t == 1u || (p.connects > 0.0 && is_connectable(t - 1u)));
+    return t > p.below && is_connectable(t) && (t == 1u || (p.connections > 0.0 && is_connectable(t - 1u)));
 }
 
 fn weight(t: u32) -> f32 {
-    if t >= p.k {
-        let sum = mis_sum_of(t, p.reconnection);
-        return weight_of(sum.coefficients, sum.state);
-    }
     if t == 1u {
         var reverse = p.forward[2];
         if p.error == ERROR_SPLAT_DENSITY {
@@ -211,8 +200,8 @@ fn weight(t: u32) -> f32 {
         }
         return mis_splat_weight(density_of_camera(), p.splats, p.cos_in[1], state, reverse);
     }
-    let eye = MisEnd(camera[t - 1u], p.cos_out[t - 1u], p.forward[t], p.reverse[t - 2u]);
-    return mis_connection_weight(eye, MisEnd(light[t], p.cos_in[t], p.reverse[t - 1u], p.forward[t + 1u]), p.distance2[t]);
+    let sum = mis_sum_of(t, p.reconnection);
+    return weight_of(sum.coefficients, sum.state);
 }
 
 // The weight of a shifted path, from the coefficients of the base path.  A reservoir stores two numbers, and its radiance is divided by the
@@ -227,7 +216,6 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     p = base_paths[id.x];
-    trace_camera();
     trace_light();
     for (var t = 1u; t <= p.k + 1u; t++) {
         if exists(t) {
@@ -238,18 +226,26 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     if r == 0u {
         return;
     }
-    let hit = mis_sum_of(p.k + 1u, r).coefficients;
-    let nee = mis_sum_of(p.k, r).coefficients;
+    var stored: array<vec3<f32>, 10>;
+    for (var t = r + 1u; t <= p.k + 1u; t++) {
+        stored[t] = mis_sum_of(t, r).coefficients;
+    }
+    let ratios = ratios_of_connection(r + 1u);
     p = shifted_paths[id.x];
-    var s = state_at_vertex(r, r);
+    let at = state_at_vertex(r, r);
+    var s = at;
     if r != p.below {
         s = leaving(s, r, r);
     }
-    if exists(p.k + 1u) {
-        weights[id.x].cached[p.k + 1u] = weight_after_shift(hit, s);
+    for (var t = r + 1u; t <= p.k + 1u; t++) {
+        // The last vertex of a camera sub-path does not store its direction's weight.
+        let ends_at_reconnection = t == r + 1u && r != p.below;
+        if exists(t) && !ends_at_reconnection {
+            weights[id.x].cached[t] = weight_after_shift(stored[t], s);
+        }
     }
-    // A reconnection vertex that samples the light itself stores no weight.
-    if exists(p.k) && (r + 1u < p.k || r == p.below) {
-        weights[id.x].cached[p.k] = weight_after_shift(nee, s);
+    if exists(r + 1u) && r + 1u < p.k && r != p.below {
+        let sum = mis_sum_of_connection(at, vertex(r), vec3<f32>(0.0), p.forward[r + 1u], ratios);
+        weights[id.x].cached[r + 1u] = weight_of(sum, at);
     }
 }

@@ -18,6 +18,7 @@
 #import bevy_restir::common::rng::{pcg4d, rng_new, STREAM_PATH_CANDIDATES}
 #import bevy_restir::path::walk::Vertex
 #import bevy_restir::restir::bindings::settings
+#import bevy_restir::restir::connection::connection::ends_with_connection
 #import bevy_restir::restir::path_sample::{PathSample, with_shift_result}
 #import bevy_restir::restir::pt::initial_candidates::{sample_candidates, SelectedPath}
 #import bevy_restir::restir::reservoir_layout::reservoir_index
@@ -73,7 +74,9 @@ fn shown(selected: SelectedPath, stored: Reservoir, r: Receiver, ids: vec2<u32>,
         } else if trip > 2u {
             to.shift = scaled_thresholds(r.shift, select(1.0 - NEAR, 1.0 + NEAR, trip == 4u));
         }
-        let s = hybrid_shift(there, to.first, to.shift, to.previous, trip != 0u);
+        // Light sub-paths that are connected are not replayed.
+        let replays_suffix = trip != 0u && !ends_with_connection(path);
+        let s = hybrid_shift(there, to.first, to.shift, to.previous, replays_suffix);
         if trip == 0u {
             with_stored_suffix = s.f;
             continue;
@@ -107,10 +110,10 @@ fn shown(selected: SelectedPath, stored: Reservoir, r: Receiver, ids: vec2<u32>,
         }
     }
     let error = max(distance(f, selected.f) / max(length(selected.f), 1.0e-30), abs(jacobian - 1.0));
-    // 14 bits: exact in a float after the multiplication by the weight.
+    // 15 bits: exact in a float after the multiplication by the weight.
     let p = selected.path;
     let lobes = p.lobe_before | p.lobe_after << 2u | u32(bsdf_is_delta(r.first.surface.bsdf)) << 5u;
-    let kind = f32(p.termination | p.length << 2u | p.reconnection << 5u | lobes << 8u);
+    let kind = f32(p.termination | p.length << 3u | p.reconnection << 6u | lobes << 9u);
     let result = vec3<f32>(f32(reason), kind, max(error - rounding_at_first(selected.path, r.first.surface), 0.0));
     return unweighted(result, selected.ucw);
 }

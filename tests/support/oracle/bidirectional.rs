@@ -23,8 +23,8 @@ pub struct Path {
     pub candidates: u32,
     /// The number of samples of technique (k, 1).
     pub splats: f32,
-    /// 1 if vertices of both sub-paths are connected, and otherwise 0.
-    pub connects: f32,
+    /// The number of connections of a vertex, each weighed against one light sub-path that the camera sees.
+    pub connections: f32,
     /// Factors of the densities of light sub-paths: where next-event estimation finds the light, and where a delta lobe receives it.
     pub nee_share: f32,
     pub caustic_share: f32,
@@ -55,7 +55,7 @@ impl Path {
             (1, _) => t >= 2 && self.is_connectable(t - 1),
             _ if t <= self.below as usize => false,
             (_, 1) => self.is_connectable(1),
-            _ => self.connects > 0.0 && self.is_connectable(t - 1) && self.is_connectable(t),
+            _ => self.connections > 0.0 && self.is_connectable(t - 1) && self.is_connectable(t),
         }
     }
 
@@ -71,7 +71,7 @@ impl Path {
                 0 => 0.0,
                 1 => log(self.nee) + if t == 2 { f64::from(self.candidates).ln() } else { 0.0 },
                 _ => {
-                    let count = if t == 1 { log(self.splats) } else { 0.0 };
+                    let count = log(if t == 1 { self.splats } else { self.connections });
                     let share = log(if self.is_connectable(k - 1) { self.nee_share } else { self.caustic_share });
                     count + share + log(self.light) + (t..k).map(reverse).sum::<f64>()
                 }

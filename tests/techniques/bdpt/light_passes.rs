@@ -85,7 +85,7 @@ fn histories_of_light_paths_begin_with_the_technique_that_fills_them() {
 }
 
 /// Edits that make a share of the light negative, one in each pass of light sub-paths.
-const NEGATIVE: [ShaderEdit; 5] = [
+const NEGATIVE: [ShaderEdit; 4] = [
     ShaderEdit {
         module: "light/emission.wgsl",
         from: "    var ray = emitted_ray(light, u_point, u_direction, previous);\n",
@@ -102,11 +102,6 @@ const NEGATIVE: [ShaderEdit; 5] = [
         to: "    let cosine = abs(dot(s.bsdf.n_geo, wo)) * select(1.0, -1.0, (alpha_seed & 7u) == 0u);\n",
     },
     ShaderEdit {
-        module: "restir/bdpt/connections.wgsl",
-        from: "    let cos_y = abs(dot(y.bsdf.n_geo, wi));\n",
-        to: "    let cos_y = abs(dot(y.bsdf.n_geo, wi)) * select(1.0, -1.0, u < 0.1);\n",
-    },
-    ShaderEdit {
         module: "pass/splats_forward.wgsl",
         from: "        let splat = replayed_splat(r.path, r.frame, light, r.events, false);\n",
         to: "        var splat = replayed_splat(r.path, r.frame, light, r.events, false);\n        splat.value *= select(1.0, -1.0, (pixel.x & 7u) == 0u);\n",
@@ -118,23 +113,37 @@ const NEGATIVE: [ShaderEdit; 5] = [
 fn negative_light_of_light_paths_raises_a_guard_wherever_it_arises() {
     let Some(mut rig) = without_camera_paths(|rig| corner(rig, false)) else { return };
     plant_edits(&mut rig.app, &NEGATIVE);
-    // `TEST_SPLATS` would give connections no share of the picture.
-    plant_shader_defs(&mut rig.app, &["TEST_ALONE"]);
-    let everywhere = ["light_sample", "light_contribution", "throughput", "shift_contribution"];
-    // Connections and splats raise the same guard, and only splats are replayed in another frame.
-    for (techniques, raised) in [(Lightweight, &everywhere[..]), (NoLightTracing, &everywhere[..3])] {
-        rig.set(|r| {
-            r.bounces = 3;
-            r.bdpt.techniques = techniques;
-        });
-        rig.until_ready();
-        rig.reset_guards();
-        for step in 0..=STEPS {
-            pose_corner_at(&mut rig, step as f32);
-            assert!(rig.next().is_finite(), "{techniques:?}");
-        }
-        rig.assert_raised(raised);
+    rig.set(|r| r.bounces = 3);
+    rig.until_ready();
+    rig.reset_guards();
+    for step in 0..=STEPS {
+        pose_corner_at(&mut rig, step as f32);
+        assert!(rig.next().is_finite());
     }
+    rig.assert_raised(&["light_sample", "light_contribution", "throughput", "shift_contribution"]);
+}
+
+#[test]
+fn negative_light_of_connections_raises_a_guard() {
+    let Some(mut rig) = scene(32, |rig| corner(rig, false)) else { return };
+    leave_out(&mut rig, &[("bdpt_reuse", "reuse")]);
+    let bdpt = Bdpt { techniques: NoLightTracing, ..default() };
+    rig.set(|r| {
+        *r = Restir { technique: Technique::Bdpt, bdpt, paths: paths::candidates_only(), bounces: 3, ..plain() };
+    });
+    rig.until_ready();
+    rig.next();
+    rig.assert_sound();
+    let negative = ShaderEdit {
+        module: "restir/connection/connection.wgsl",
+        from: "    let cosine = abs(dot(lit.bsdf.n_geo, k.wi));\n",
+        to: "    let cosine = abs(dot(lit.bsdf.n_geo, k.wi)) * select(1.0, -1.0, (path.seed & 7u) == 0u);\n",
+    };
+    plant_edits(&mut rig.app, &[negative]);
+    rig.until_ready();
+    rig.reset_guards();
+    assert!(rig.next().is_finite());
+    rig.assert_raised(&["light_contribution"]);
 }
 
 /// Light sub-paths and weights look at surfaces from the side that a sub-path leaves to.  Light scatters below the front side only, so that

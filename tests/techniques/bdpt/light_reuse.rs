@@ -186,6 +186,15 @@ fn reused_caustics_equal_the_reference_in_still_scenes_and_in_moving_ones() {
     MOVING.check("a moving corner", &mut rig, &[("temporal", lightweight())]);
 }
 
+/// Light sub-paths of connections are not traced again where something moves, so that connections of the last frame are left out there.
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn connected_paths_equal_the_reference_in_moving_scenes() {
+    let Some(mut rig) = jittered(|rig| corner(rig, false)) else { return };
+    let longer = Proof { ours: Length { restarts: 24, frames: 3 }, ..MOVING };
+    longer.check("a moving corner", &mut rig, &[("both, all techniques", Bidirectional(Full, paths::all_reuse()))]);
+}
+
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn reused_light_paths_alone_find_all_light_of_a_diffuse_corner() {

@@ -22,6 +22,8 @@ const PATIENCE: u32 = 1000;
 const STORED_DIFFERS: u32 = 30;
 const AT_THRESHOLD: u32 = 40;
 const NOT_THERE: u32 = 50;
+/// `TERMINATION_CONNECTION` of `shaders/restir/path_sample.wgsl`.
+const CONNECTION: u32 = 4;
 /// `shaders/restir/shift/shifted_path.wgsl`.
 const HIDDEN: u32 = 7;
 /// A relative error above this is due to rounding.
@@ -34,21 +36,24 @@ pub fn leave_out(rig: &mut Rig, passes: &[(&'static str, &str)]) {
     }
 }
 
-/// All passes of light sub-paths.
-const OF_LIGHT_PATHS: [(&str, &str); 6] = [
-    ("light_paths", "light_paths"),
-    ("connections", "connections"),
+/// Passes of light sub-paths that the camera sees.
+const SPLATS: [(&str, &str); 4] = [
     ("splats", "splats"),
     ("splats_forward", "splats_forward"),
     ("splats_gather", "splats_gather"),
     ("splats_reuse", "reuse"),
 ];
 
+/// All passes of light sub-paths.
+const OF_LIGHT_PATHS: [(&str, &str); 5] = [SPLATS[0], SPLATS[1], SPLATS[2], SPLATS[3], ("light_paths", "light_paths")];
+
 /// The number of paths that returned, whose first shift failed, that were lost where a threshold or an edge is within rounding, that were
-/// lost otherwise, whose stored suffix has another value, and that returned with a large error; and the largest error.
+/// lost otherwise, whose stored suffix has another value, and that returned with a large error; and the largest error.  Of those that
+/// returned, the connections that reconnect at the light vertex, at the vertex before, and earlier.
 #[derive(Debug, Default)]
 struct RoundTrips {
     returned: u32,
+    connected: [u32; 3],
     away: u32,
     at_threshold: u32,
     at_edge: u32,
@@ -65,9 +70,14 @@ impl RoundTrips {
             if e != Vec3::ZERO || c.y == 0.0 {
                 continue;
             }
+            let kind = c.y.round() as u32;
+            let (end, length, reconnection) = (kind & 7, kind >> 3 & 7, kind >> 6 & 7);
             match c.x.round() as u32 {
                 0 => {
                     self.returned += 1;
+                    if end == CONNECTION {
+                        self.connected[(length - reconnection).min(2) as usize] += 1;
+                    }
                     self.coarse += u32::from(c.z > COARSE);
                     self.worst = self.worst.max(c.z);
                 }
@@ -81,10 +91,10 @@ impl RoundTrips {
     }
 }
 
-/// A rig whose candidates show the result of a shift.
-fn shift_rig(make: impl FnOnce(&mut Rig)) -> Option<Rig> {
+/// A rig whose candidates show the result of a shift.  These passes do nothing.
+fn shift_rig(make: impl FnOnce(&mut Rig), idle: &[(&'static str, &str)]) -> Option<Rig> {
     let mut rig = scene(SIZE, make)?;
-    leave_out(&mut rig, &OF_LIGHT_PATHS);
+    leave_out(&mut rig, idle);
     for (pass, kernel) in [
         ("bdpt_candidates", include_str!("../../support/kernels/path_shift.wgsl")),
         ("bdpt_reuse", include_str!("../../support/kernels/copied_light.wgsl")),
@@ -110,7 +120,7 @@ const KINDS: [(LightTechniques, f32); 2] = [(Full, 0.02), (Lightweight, 20.0)];
 /// Shifts paths to pixels near their own and back, until this many of each kind have returned from each scene.
 fn check_other_pixels(scenes: &[(&str, fn(&mut Rig))], each: u32) {
     for &(name, make) in scenes {
-        let Some(mut rig) = shift_rig(make) else { return };
+        let Some(mut rig) = shift_rig(make, &OF_LIGHT_PATHS) else { return };
         let emitted = emission(&mut rig);
         plant_shader_defs(&mut rig.app, &["TEST_ROUND_TRIP", "TEST_BESIDE", "TEST_STORED", "TEST_COPIED"]);
         for kind in KINDS {
@@ -144,6 +154,36 @@ fn paths_beside_light_paths_return_unchanged_from_other_pixels() {
     check_other_pixels(&[mirrors], 60_000);
 }
 
+/// Shifts paths that end with a connection, until this many have returned from each scene.
+fn check_connections(scenes: &[(&str, fn(&mut Rig))], each: u32) {
+    for &(name, make) in scenes {
+        let Some(mut rig) = shift_rig(make, &SPLATS) else { return };
+        let emitted = emission(&mut rig);
+        plant_shader_defs(&mut rig.app, &["TEST_ROUND_TRIP", "TEST_BESIDE", "TEST_COPIED", "TEST_CONNECTIONS"]);
+        for (_, footprint) in KINDS {
+            choose(&mut rig, (Full, footprint));
+            let trips = other_pixels(&mut rig, &emitted, each);
+            eprintln!("{name}, {footprint}: {trips:?}");
+            let few = 2 + trips.returned / 10_000;
+            assert!(trips.returned >= each && trips.lost == 0, "{name}, {footprint}: {trips:?}");
+            assert!(trips.at_threshold + trips.at_edge + trips.coarse <= few, "{name}, {footprint}: {trips:?}");
+            assert_eq!(trips.connected.iter().sum::<u32>(), trips.returned);
+            assert!(trips.connected.iter().all(|&kind| kind > each / 200), "{name}, {footprint}: {trips:?}");
+        }
+    }
+}
+
+#[test]
+fn connected_paths_return_unchanged_from_other_pixels() {
+    check_connections(&PATH_SCENES[..1], 10_000);
+}
+
+#[test]
+#[ignore = "minutes: ./run test --full"]
+fn full_length_a_million_connected_paths_return_from_other_pixels() {
+    check_connections(&PATH_SCENES, 1_000_000);
+}
+
 #[test]
 #[ignore = "minutes: ./run test --full"]
 fn full_length_a_million_paths_beside_light_paths_return_from_other_pixels() {
@@ -169,7 +209,7 @@ const WRONG: [(&str, &str, &str, &str); 2] = [
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn wrong_stored_weights_are_found() {
-    let Some(mut rig) = shift_rig(mirrors) else { return };
+    let Some(mut rig) = shift_rig(mirrors, &OF_LIGHT_PATHS) else { return };
     let emitted = emission(&mut rig);
     plant_shader_defs(&mut rig.app, &["TEST_ROUND_TRIP", "TEST_BESIDE", "TEST_STORED", "TEST_COPIED"]);
     for (name, module, from, to) in WRONG {
@@ -191,7 +231,7 @@ fn full_length_a_million_paths_beside_light_paths_return_from_the_last_frame() {
 /// Shifts paths to the last frame of a motion and back, until this many have returned.  Asserts that at most this share of them is lost or
 /// has a large error.
 pub fn check_last_frame(name: &str, make: impl FnOnce(&mut Rig), pose: &dyn Fn(&mut Rig, u32), least: u32, share: f64) {
-    let Some(mut rig) = shift_rig(make) else { return };
+    let Some(mut rig) = shift_rig(make, &OF_LIGHT_PATHS) else { return };
     pose(&mut rig, STEPS);
     let emitted = emission(&mut rig);
     plant_shader_defs(&mut rig.app, &["TEST_ROUND_TRIP", "TEST_BEFORE", "TEST_COPIED"]);

@@ -13,7 +13,7 @@ use crate::support::{
 };
 use LightTechniques::*;
 use bevy::prelude::*;
-use bevy_restir::{Jitter, LightTechniques};
+use bevy_restir::{Jitter, LightTechniques, Paths};
 
 /// The margins of the image means, and the numbers of restarts and frames.
 const PROOF: Proof = Proof { bounces: 4, blended: true, margin: 0.02, ..Proof::of((24, 6), (24, 16)) };
@@ -30,6 +30,7 @@ fn check(name: &str, proof: Proof, make: impl FnOnce(&mut Rig)) {
     let all = [
         ("candidates of all techniques", Bidirectional(Full, paths::candidates_only())),
         ("both kinds of reuse, lightweight", Bidirectional(Lightweight, paths::all_reuse())),
+        ("both kinds of reuse, all techniques", Bidirectional(Full, paths::all_reuse())),
     ];
     proof.check(name, &mut rig, &all);
 }
@@ -42,7 +43,7 @@ fn light_paths_in_a_room_equal_the_reference() {
         ("candidates", Bidirectional(Full, paths::candidates_only())),
         ("both, all techniques", Bidirectional(Full, paths::all_reuse())),
     ];
-    let quick = Proof::of((16, 4), (12, 16));
+    let quick = Proof::of((20, 4), (12, 16));
     Proof { ours: quick.ours, truth: quick.truth, ..PROOF }.check("room", &mut rig, &all);
 }
 
@@ -51,12 +52,16 @@ fn light_paths_in_a_room_equal_the_reference() {
 fn light_paths_in_a_room_equal_the_reference_for_every_kind_of_reuse() {
     let Some(mut rig) = room_scene(32) else { return };
     rig.set(|r| r.jitter = Jitter::Always);
+    let often_replayed = Paths { footprint: 20.0, ..paths::all_reuse() };
     let all = [
         ("lightweight candidates", Bidirectional(Lightweight, paths::candidates_only())),
         ("temporal", Bidirectional(Lightweight, paths::temporal())),
         ("spatial", Bidirectional(Lightweight, paths::spatial())),
         ("both", Bidirectional(Lightweight, paths::all_reuse())),
         ("both, no light tracing", Bidirectional(NoLightTracing, paths::all_reuse())),
+        ("temporal, all techniques", Bidirectional(Full, paths::temporal())),
+        ("spatial, all techniques", Bidirectional(Full, paths::spatial())),
+        ("both, by paths that are often replayed", Bidirectional(Full, often_replayed)),
     ];
     PROOF.check("room", &mut rig, &all);
 }

@@ -72,7 +72,7 @@ impl RoundTrips {
 
 /// The reconnection vertex, from the kind that the shader reports.
 fn reconnection_of(kind: u32) -> u32 {
-    kind >> 5 & 7
+    kind >> 6 & 7
 }
 
 /// A scene whose candidates show the result of a shift (`path_shift.wgsl`).
@@ -122,8 +122,8 @@ fn a_shift_to_the_same_pixel_is_the_identity() {
 /// The cases of the shift that a kind of path, as the shader reports it, belongs to: how it ends, where it reconnects, and its lobes.
 fn cases_of(kind: u32) -> Vec<&'static str> {
     let bits = |from: u32, count: u32| kind >> from & ((1 << count) - 1);
-    let (end, length, reconnection) = (bits(0, 2), bits(2, 3), reconnection_of(kind));
-    let (lobe_before, lobe_after, is_in_mirror) = (bits(8, 2), bits(10, 3), bits(13, 1) == 1);
+    let (end, length, reconnection) = (bits(0, 3), bits(3, 3), reconnection_of(kind));
+    let (lobe_before, lobe_after, is_in_mirror) = (bits(9, 2), bits(11, 3), bits(14, 1) == 1);
     let mut cases = vec![match (end, reconnection) {
         (1, k) if k == length => "NEE, reconnected at the light",
         (1, _) => "NEE after the reconnection",
