@@ -11,7 +11,8 @@ use super::validate::{Problem, Ranges};
 #[reflect(Default)]
 #[non_exhaustive]
 pub enum LightTechniques {
-    /// The camera sees light paths, and camera paths are connected with them.  The connections take a second camera path for each pixel.
+    /// The camera sees light paths, and each vertex of a camera path is connected with a vertex of a random light path, by a ray.  Such
+    /// camera paths are resampled like all others, except between frames in which something moved.
     Full,
     /// The camera sees light paths; there are no connections ("lightweight", Hedstrom et al. 2025, 7.2).
     #[default]
@@ -27,7 +28,7 @@ pub enum LightTechniques {
 #[reflect(Default)]
 pub struct Bdpt {
     /// Light paths of a frame for each pixel of the picture (`N_L`, Hedstrom et al. 2025, 7.1): more make caustics and hidden light less
-    /// noisy.  Each costs as much as a path from the camera, 60 bytes if the camera sees it, and 64 bytes with connections; a device that
+    /// noisy.  Each costs as much as a path from the camera, 60 bytes if the camera sees it, and 48 bytes with connections; a device that
     /// cannot bind that many traces fewer, with a warning.  With 0, lights are found from the camera only.  No bias.  0 to 8, and at most
     /// 16,777,216 in all; default 1.
     pub light_paths: f32,

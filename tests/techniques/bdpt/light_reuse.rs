@@ -5,7 +5,7 @@ use crate::{
     support::{
         app::*,
         equivalence::Length,
-        proof::{Bidirectional, Proof, emission},
+        proof::{Bidirectional, Proof, Subject, emission},
         reuse_settings::paths,
         small_scenes::*,
     },
@@ -273,8 +273,21 @@ fn debug_views_show_reservoirs_of_light_paths() {
     assert!(ages.iter().all(|(_, value)| value.x < 4.0) && ages.iter().any(|(_, value)| value.x == 3.0));
     let weights = view(DebugView::LightPathWeights, 4);
     assert!(weights.is_finite() && weights.mean() > 0.0);
-    // The paths have s + t vertices, one more than the index of the light.
-    let techniques = view(DebugView::PathTechniques, 4);
-    assert!(techniques.iter().any(|(_, value)| value.x == 1.0 && value.y >= 2.0));
-    assert!(techniques.iter().all(|(_, value)| value.x <= 1.0 && value.x + value.y <= 5.0));
+}
+
+/// The paths have s + t vertices, one more than the index of the light.
+#[test]
+fn a_debug_view_shows_the_technique_that_found_a_path() {
+    let Some(mut rig) = room_scene(32) else { return };
+    for (techniques, has_connections) in [(Lightweight, false), (Full, true)] {
+        rig.set(|r| {
+            Bidirectional(techniques, paths::temporal()).apply_to(r);
+            (r.bounces, r.debug_view) = (3, DebugView::PathTechniques);
+        });
+        let shown = rig.picture(4);
+        let found = |s: f32, t: f32| shown.iter().any(|(_, value)| value.x == s && value.y == t);
+        assert!(found(1.0, 2.0) && found(1.0, 3.0), "{techniques:?}");
+        assert_eq!((found(2.0, 2.0), found(3.0, 2.0)), (has_connections, has_connections), "{techniques:?}");
+        assert!(shown.iter().all(|(_, value)| value.x + value.y <= 5.0), "{techniques:?}");
+    }
 }
