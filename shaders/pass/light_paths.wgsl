@@ -5,7 +5,7 @@
 #import bevy_restir::common::rng::{rng_1, STREAM_LIGHT_PATHS, STREAM_SPLATS}
 #import bevy_restir::path::light_path::chosen_light
 #import bevy_restir::restir::bdpt::light_map::{entry_pack, MapEntry, SPLAT_WORDS, SPLATS_OF_A_PATH, word_of}
-#import bevy_restir::restir::bdpt::light_sub_path::{begin_sub_path, continue_sub_path, sub_path_rng}
+#import bevy_restir::restir::connection::light_sub_path::{begin_sub_path, continue_sub_path, sub_path_rng}
 #import bevy_restir::restir::connection::light_vertex::{light_vertex_pack, LightVertex, offer_vertex, vertex_texel, VERTEX_TEXELS}
 #import bevy_restir::restir::bdpt::splat::{no_splat, Splat, splat_of}
 #import bevy_restir::restir::connection::count::CONNECTS
@@ -41,7 +41,8 @@ fn trace(path: u32) {
     var kept: LightVertex;
     var count = 0u;
     var rest = Rest(no_splat(), 1u, 0.0);
-    var p = begin_sub_path(chosen_light(rng), &rng, false);
+    let light = chosen_light(rng);
+    var p = begin_sub_path(light, &rng, false);
     // A connection adds at least one event, at its camera end.
     let last_connected = max(view.bounces, 1u) - 1u;
     let last = select(last_connected, view.bounces, settings.splats > 0u);
@@ -50,7 +51,7 @@ fn trace(path: u32) {
             break;
         }
         if event <= last_connected && CONNECTS {
-            kept = offer_vertex(kept, p.walk, &choices);
+            kept = offer_vertex(kept, p.walk, light, path, &choices);
         }
         let s = splat_of(p.walk, p.alpha_seed, false);
         let u = rng_1(&choices);

@@ -7,7 +7,7 @@
 #import bevy_restir::common::rng::{rng_bits, STREAM_LIGHT_PATHS, STREAM_SPLATS}
 #import bevy_restir::path::light_path::chosen_light
 #import bevy_restir::restir::bdpt::light_map::{entry_unpack, exact_add, exact_sum, exact_total, MapEntry, MAX_ENTRIES, Race, race_add, SPLAT_WORDS, SPLATS_OF_A_PATH, word_of}
-#import bevy_restir::restir::bdpt::light_sub_path::sub_path_rng
+#import bevy_restir::restir::connection::light_sub_path::sub_path_rng
 #import bevy_restir::restir::bdpt::splat::Splat
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::reservoir_layout::reservoir_index

@@ -5,7 +5,7 @@
 #import bevy_restir::common::guard::{GUARD_SHIFT_CONTRIBUTION, guarded_3}
 #import bevy_restir::common::math::luminance
 #import bevy_restir::light::remap::current_light_id
-#import bevy_restir::restir::bdpt::light_sub_path::replayed_splat
+#import bevy_restir::restir::bdpt::splat::replayed_splat
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::restir::splats::domain::{contribution_of, has_changed}

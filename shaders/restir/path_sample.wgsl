@@ -31,7 +31,7 @@ struct PathSample {
     light: LightPoint,        // of NEE, and of a sphere, rectangle or sun that was hit; NONE for triangles and the environment
     density: f32,             // of sampling vertex k from k - 1, in the measure of its triangle or light (uniform, total 1), times that
                               // of the direction after it, solid angle; denominator of the shift's Jacobian (Lin et al. 2026,
-                              // supplement, Eq. 4)
+                              // supplement, Eq. 4).  Where vertex k is a light vertex: the length of its sub-path in an unknown medium, m
     target_value: f32,        // p̂ in the pixel that stores it
 }
 
@@ -42,7 +42,31 @@ fn no_path_sample() -> PathSample {
     );
 }
 
-// Path fields that a shift changes.
+// Path fields that a shift changes.  The shift of a connection may change its light vertex.
+#ifdef CONNECTIONS
+struct ShiftResult {
+    radiance: vec3<f32>,
+    mis_coefficients: vec2<f32>,
+    density: f32,
+    target_value: f32,
+    vertex: vec2<u32>,
+    barycentrics: vec2<f32>,
+    wi: vec3<f32>,
+}
+
+fn shift_result(p: PathSample) -> ShiftResult {
+    return ShiftResult(p.radiance, p.mis_coefficients, p.density, p.target_value, vec2<u32>(p.instance, p.triangle), p.barycentrics, p.wi);
+}
+
+fn with_shift_result(s: PathSample, r: ShiftResult) -> PathSample {
+    var p = with_light_of(s, r.radiance, r.mis_coefficients, r.density, r.target_value);
+    p.instance = r.vertex.x;
+    p.triangle = r.vertex.y;
+    p.barycentrics = r.barycentrics;
+    p.wi = r.wi;
+    return p;
+}
+#else
 struct ShiftResult {
     radiance: vec3<f32>,
     mis_coefficients: vec2<f32>,
@@ -50,12 +74,21 @@ struct ShiftResult {
     target_value: f32,
 }
 
+fn shift_result(p: PathSample) -> ShiftResult {
+    return ShiftResult(p.radiance, p.mis_coefficients, p.density, p.target_value);
+}
+
 fn with_shift_result(s: PathSample, r: ShiftResult) -> PathSample {
+    return with_light_of(s, r.radiance, r.mis_coefficients, r.density, r.target_value);
+}
+#endif
+
+fn with_light_of(s: PathSample, radiance: vec3<f32>, mis_coefficients: vec2<f32>, density: f32, target_value: f32) -> PathSample {
     var p = s;
-    p.radiance = r.radiance;
-    p.mis_coefficients = r.mis_coefficients;
-    p.density = r.density;
-    p.target_value = r.target_value;
+    p.radiance = radiance;
+    p.mis_coefficients = mis_coefficients;
+    p.density = density;
+    p.target_value = target_value;
     return p;
 }
 

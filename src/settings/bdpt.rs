@@ -12,7 +12,7 @@ use super::validate::{Problem, Ranges};
 #[non_exhaustive]
 pub enum LightTechniques {
     /// The camera sees light paths, and each vertex of a camera path is connected with a vertex of a random light path, by a ray.  Such
-    /// camera paths are resampled like all others, except between frames in which something moved.
+    /// camera paths are resampled like all others.
     Full,
     /// The camera sees light paths; there are no connections ("lightweight", Hedstrom et al. 2025, 7.2).
     #[default]

@@ -128,7 +128,7 @@ pub const MUTANTS: &[Mutant] = &[
     ),
     mutant(
         "light paths by glass and mirrors count like others",
-        "restir/bdpt/light_sub_path.wgsl",
+        "restir/connection/light_sub_path.wgsl",
         "settings.caustic_share / settings.nee_share",
         "1.0",
         CAUSTICS,
@@ -150,9 +150,9 @@ pub const MUTANTS: &[Mutant] = &[
     ),
     mutant(
         "a vertex of the cache stands for itself alone",
-        "restir/connection/connection.wgsl",
-        "path.radiance = p.throughput * f32(p.count);",
-        "path.radiance = p.throughput;",
+        "restir/pt/initial_candidates.wgsl",
+        "f32(chosen.count) * CONNECTION_SHARE",
+        "CONNECTION_SHARE",
         ROOM,
     ),
     mutant(

@@ -361,7 +361,7 @@ pub const MUTANTS: &[Mutant] = &[
     ),
     mutant(
         "the light of a path is evaluated where it is now, for the last frame's surface",
-        "restir/shift/hybrid.wgsl",
+        "restir/shift/path_end.wgsl",
         "let nee = nee_contribution((*w).v, s.light, previous);",
         "let nee = nee_contribution((*w).v, s.light, false);",
         &[AT_ONCE, MOVING_PATHS],

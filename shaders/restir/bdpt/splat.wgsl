@@ -12,6 +12,7 @@
 #import bevy_restir::path::nee::nee_candidate_count
 #import bevy_restir::restir::bdpt::techniques::splat_share
 #import bevy_restir::restir::bindings::settings
+#import bevy_restir::restir::connection::light_sub_path::replayed_sub_path
 #import bevy_restir::scene::offset::offset_end
 #import bevy_restir::scene::surface::{Surface, surface_at}
 #import bevy_restir::trace::drawn_sides::is_drawn
@@ -63,6 +64,15 @@ fn splat_of(w: LightWalk, alpha_seed: u32, previous: bool) -> Splat {
     }
     let pixel = min(vec2<u32>(point.at), view.size - 1u);
     return Splat(pixel.y * view.size.x + pixel.x, value, diffuse);
+}
+
+// The splat of a vertex of a replayed sub-path.
+fn replayed_splat(path: u32, frame: u32, light: u32, events: u32, previous: bool) -> Splat {
+    let p = replayed_sub_path(path, frame, light, events, previous);
+    if p.walk.events != events {
+        return no_splat();
+    }
+    return splat_of(p.walk, p.alpha_seed, previous);
 }
 
 // The surface of the newest vertex as a path from the camera would evaluate it.

@@ -7,9 +7,8 @@
 #import bevy_restir::path::walk::Vertex
 #import bevy_restir::restir::path_sample::PathSample
 #ifdef CONNECTIONS
-#import bevy_restir::bsdf::bsdf::{bsdf_pdf, bsdf_terms}
+#import bevy_restir::bsdf::bsdf::{bsdf_is_delta, bsdf_pdf, bsdf_terms}
 #import bevy_restir::bsdf::types::bsdf_is_thin
-#import bevy_restir::common::constants::NONE
 #import bevy_restir::common::guard::{GUARD_LIGHT_CONTRIBUTION, guarded_3}
 #import bevy_restir::common::math::quantized_direction
 #import bevy_restir::light::point_on_light::LightPoint
@@ -18,11 +17,13 @@
 #import bevy_restir::path::medium::transmittance
 #import bevy_restir::path::shadow_ray::ray_between
 #import bevy_restir::path::walk::step_medium
-#import bevy_restir::restir::connection::light_vertex::LightVertex
+#import bevy_restir::restir::connection::light_sub_path::replayed_sub_path
+#import bevy_restir::restir::connection::light_vertex::{LightVertex, newest_vertex}
 #import bevy_restir::restir::path_sample::TERMINATION_CONNECTION
 #import bevy_restir::scene::cone::Cone
 #import bevy_restir::scene::offset::surface_point
 #import bevy_restir::scene::surface::{Surface, surface_at}
+#import bevy_restir::view::bindings::view
 #endif
 
 // A connection, from the vertex of the camera sub-path.
@@ -35,6 +36,12 @@ struct Connection {
     ray: Ray,                  // between the two vertices
 }
 
+// A path with a light vertex that was found again.
+struct Retraced {
+    path: PathSample,
+    exists: bool,
+}
+
 #ifdef CONNECTIONS
 fn ends_with_connection(path: PathSample) -> bool {
     return path.termination == TERMINATION_CONNECTION;
@@ -42,25 +49,48 @@ fn ends_with_connection(path: PathSample) -> bool {
 
 // Number of scattering events of the light sub-path.
 fn events_of_light(path: PathSample) -> u32 {
-    return path.light.coordinates & EVENTS_MASK;
+    return path.light.coordinates >> SUB_PATH_BITS;
 }
 
-// Bits for the number of events.  The other bits are those of the length of the light sub-path in the medium of the connection.
-const EVENTS_MASK: u32 = 0x7fu;
+// Bits for the index of the light sub-path.
+const SUB_PATH_BITS: u32 = 24u;
 
 // A camera sub-path that ends at a light vertex, and reconnects there.
 fn ended_at_light_vertex(prefix: PathSample, p: LightVertex) -> PathSample {
     var path = prefix;
     path.termination = TERMINATION_CONNECTION;
     path.reconnection = path.length;
+    path.light = LightPoint(p.light, p.path | p.events << SUB_PATH_BITS);
+    return with_light_vertex(path, p);
+}
+
+// A path that stores another light vertex.  Its field for a density, which such a path does not have, holds a length.
+fn with_light_vertex(s: PathSample, p: LightVertex) -> PathSample {
+    var path = s;
     path.instance = p.instance;
     path.triangle = p.triangle;
     path.barycentrics = p.barycentrics;
     path.wi = p.towards_light;
-    path.radiance = p.throughput * f32(p.count);
+    path.radiance = p.throughput;
     path.mis_coefficients = vec2<f32>(p.state.last, p.state.earlier);
-    path.light = LightPoint(NONE, (bitcast<u32>(p.open_distance) & ~EVENTS_MASK) | p.events);
+    path.density = p.open_distance;
     return path;
+}
+
+fn stores_light_vertex(path: PathSample) -> bool {
+    return ends_with_connection(path) && path.reconnection == path.length;
+}
+
+// The light vertex of a path, from its light sub-path, which is traced again; its number of events is 0 if there is none.
+fn replayed_light_vertex(path: PathSample, previous: bool) -> LightVertex {
+    let frame = view.frame - ((view.frame - path.born) & 0xffffu);
+    let sub_path = path.light.coordinates & ((1u << SUB_PATH_BITS) - 1u);
+    let events = events_of_light(path);
+    let p = replayed_sub_path(sub_path, frame, path.light.light, events, previous);
+    var vertex = newest_vertex(p.walk, path.light.light, sub_path);
+    vertex.towards_light = quantized_direction(vertex.towards_light);
+    vertex.events = select(events, 0u, p.walk.events != events || bsdf_is_delta(p.walk.surface.bsdf));
+    return vertex;
 }
 
 // The connection of a vertex with the light vertex that a path stores.  `connections`: of a vertex, against one light sub-path
@@ -93,7 +123,7 @@ fn connection_to(v: Vertex, path: PathSample, connections: f32, previous: bool) 
 // Length of the light sub-path in the medium of the connection; 0 if the connection leaves to the other side of the surface.
 fn open_distance(path: PathSample, seen: Surface) -> f32 {
     let is_same_side = dot(path.wi, seen.bsdf.n_geo) > 0.0 || bsdf_is_thin(seen.bsdf);
-    return select(0.0, bitcast<f32>(path.light.coordinates & ~EVENTS_MASK), is_same_side);
+    return select(0.0, path.density, is_same_side);
 }
 
 // Direction of the light vertex that a path stores.
@@ -123,8 +153,18 @@ fn stored_connection(v: Vertex, path: PathSample) -> Connection {
     let terms = bsdf_terms(v.surface.bsdf, v.wo, path.wi);
     return Connection(path.wi, terms.f, terms.pdf, path.radiance, path.mis_coefficients, Ray());
 }
+
+// The path with its light vertex, whose light sub-path is traced again in a scene that has changed.
+fn retraced(path: PathSample, previous: bool) -> Retraced {
+    let vertex = replayed_light_vertex(path, previous);
+    return Retraced(with_light_vertex(path, vertex), vertex.events > 0u);
+}
 #else
 fn ends_with_connection(path: PathSample) -> bool {
+    return false;
+}
+
+fn stores_light_vertex(path: PathSample) -> bool {
     return false;
 }
 
@@ -134,15 +174,5 @@ fn events_of_light(path: PathSample) -> u32 {
 
 fn connected_direction(from_point: vec3<f32>, path: PathSample) -> vec3<f32> {
     return vec3<f32>(0.0);
-}
-
-fn connection_to(v: Vertex, path: PathSample, connections: f32, previous: bool) -> Connection {
-    var none: Connection;
-    return none;
-}
-
-fn stored_connection(v: Vertex, path: PathSample) -> Connection {
-    var none: Connection;
-    return none;
 }
 #endif

@@ -8,7 +8,7 @@
 #import bevy_restir::common::rng::{Rng, rng_1}
 #import bevy_restir::path::bidirectional_mis::MisState
 #import bevy_restir::path::light_path::LightWalk
-#import bevy_restir::restir::path_sample::quantized_barycentrics
+#import bevy_restir::restir::path_sample::{decode_barycentrics, encode_barycentrics, quantized_barycentrics}
 
 struct LightVertex {
     instance: u32,
@@ -20,6 +20,8 @@ struct LightVertex {
     events: u32,               // scattering events of the sub-path up to this vertex, with it; 0: no vertex
     count: u32,                // vertices of the sub-path that can be connected
     open_distance: f32,        // as in `LightWalk`
+    light: u32,                // where the sub-path starts
+    path: u32,                 // index of the sub-path
 }
 
 // The texels of a vertex lie side by side.
@@ -31,7 +33,7 @@ fn vertex_texel(index: u32) -> vec2<u32> {
 }
 
 // Offers the newest vertex of a walk: after n vertices each of them is kept with probability 1/n.
-fn offer_vertex(kept: LightVertex, w: LightWalk, rng: ptr<function, Rng>) -> LightVertex {
+fn offer_vertex(kept: LightVertex, w: LightWalk, light: u32, path: u32, rng: ptr<function, Rng>) -> LightVertex {
     let u = rng_1(rng);
     var v = kept;
     if bsdf_is_delta(w.surface.bsdf) {
@@ -39,20 +41,25 @@ fn offer_vertex(kept: LightVertex, w: LightWalk, rng: ptr<function, Rng>) -> Lig
     }
     let count = kept.count + 1u;
     if u * f32(count) < 1.0 {
-        let barycentrics = quantized_barycentrics(w.hit.barycentrics);
-        v = LightVertex(
-            w.hit.instance, w.hit.triangle, barycentrics, w.towards_light, w.throughput, w.state, w.events, count, w.open_distance,
-        );
+        v = newest_vertex(w, light, path);
     }
     v.count = count;
     return v;
 }
 
+fn newest_vertex(w: LightWalk, light: u32, path: u32) -> LightVertex {
+    let barycentrics = quantized_barycentrics(w.hit.barycentrics);
+    return LightVertex(
+        w.hit.instance, w.hit.triangle, barycentrics, w.towards_light, w.throughput, w.state, w.events, 1u, w.open_distance, light, path,
+    );
+}
+
 fn light_vertex_pack(v: LightVertex) -> array<vec4<u32>, VERTEX_TEXELS> {
+    let barycentrics = encode_barycentrics(v.barycentrics);
     return array<vec4<u32>, VERTEX_TEXELS>(
-        vec4<u32>(v.instance, v.triangle, bitcast<vec2<u32>>(v.barycentrics)),
+        vec4<u32>(v.instance, v.triangle, barycentrics | vec2<u32>(v.events, v.count) << vec2<u32>(24u)),
         vec4<u32>(bitcast<vec3<u32>>(v.throughput), octahedral_encode(v.towards_light)),
-        vec4<u32>(bitcast<vec2<u32>>(vec2<f32>(v.state.last, v.state.earlier)), bitcast<u32>(v.open_distance), v.events | v.count << 16u),
+        vec4<u32>(bitcast<vec3<u32>>(vec3<f32>(v.state.last, v.state.earlier, v.open_distance)), v.light),
     );
 }
 
@@ -62,23 +69,25 @@ fn light_vertex_at(cache: texture_2d<u32>, index: u32) -> LightVertex {
     for (var i = 0u; i < VERTEX_TEXELS; i++) {
         texels[i] = textureLoad(cache, texel + vec2<u32>(i, 0u), 0);
     }
-    return light_vertex_unpack(texels);
+    return light_vertex_unpack(texels, index);
 }
 
-fn light_vertex_unpack(texels: array<vec4<u32>, VERTEX_TEXELS>) -> LightVertex {
+fn light_vertex_unpack(texels: array<vec4<u32>, VERTEX_TEXELS>, path: u32) -> LightVertex {
     let hit = texels[0];
     let arrived = texels[1];
     let rest = texels[2];
-    let state = bitcast<vec2<f32>>(rest.xy);
+    let numbers = bitcast<vec3<f32>>(rest.xyz);
     return LightVertex(
         hit.x,
         hit.y,
-        bitcast<vec2<f32>>(hit.zw),
+        decode_barycentrics(hit.zw & vec2<u32>(0xffffffu)),
         octahedral_decode(arrived.w),
         bitcast<vec3<f32>>(arrived.xyz),
-        MisState(state.x, state.y),
-        rest.w & 0xffffu,
-        rest.w >> 16u,
-        bitcast<f32>(rest.z),
+        MisState(numbers.x, numbers.y),
+        hit.z >> 24u,
+        hit.w >> 24u,
+        numbers.z,
+        rest.w,
+        path,
     );
 }

@@ -10,9 +10,8 @@
 #import bevy_restir::restir::connection::count::connections_of_vertex
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::flags::has
-#import bevy_restir::restir::path_sample::{PathSample, ShiftResult, TERMINATION_NEE, with_shift_result}
+#import bevy_restir::restir::path_sample::{PathSample, ShiftResult, shift_result, TERMINATION_NEE, with_shift_result}
 #import bevy_restir::restir::pt::initial_candidates::SelectedPath
-#import bevy_restir::restir::connection::connection::ends_with_connection
 #import bevy_restir::restir::shift::hybrid::{hybrid_shift, replays}
 #import bevy_restir::restir::shift::reconnection::{separation_threshold, ShiftParameters}
 #import bevy_restir::restir::shift::shifted_path::{is_unoccluded, ShiftedPath}
@@ -24,7 +23,7 @@
 #ifdef SPLIT_LIGHT
 #import bevy_restir::bsdf::types::LOBE_DIFFUSE
 #import bevy_restir::light::point_on_light::light_point_at
-#import bevy_restir::restir::connection::connection::connected_direction
+#import bevy_restir::restir::connection::connection::{connected_direction, ends_with_connection}
 #import bevy_restir::path::scattering::drawn_choice
 #import bevy_restir::path::walk::drawn_step
 #import bevy_restir::view::light_part::bsdf_diffuse_share
@@ -90,9 +89,7 @@ fn density_of_camera(v: Vertex, previous: bool) -> f32 {
 #endif
 
 fn shifted_to(r: Receiver, path: PathSample) -> ShiftedPath {
-    // A light sub-path that is not traced again is shifted in both directions or in none, as unbiased weights need it.
-    let retrace = retraces(r.previous) || (ends_with_connection(path) && retraces(!r.previous));
-    return hybrid_shift(path, r.first, r.shift, r.previous, retrace);
+    return hybrid_shift(path, r.first, r.shift, r.previous, retraces(r.previous));
 }
 
 // Where something moved between the frames, the path after the reconnection vertex is replayed in this frame, in the last one, or both.
@@ -168,7 +165,10 @@ fn shift_from(s: Reservoir, kept: vec4<f32>) -> Evaluated {
     shifted.f = kept.rgb;
     shifted.jacobian = kept.a;
     shifted.density = kept.a * s.path.density;
-    shifted.result = ShiftResult(s.path.radiance, s.path.mis_coefficients, shifted.density, luminance(kept.rgb));
+    var path = s.path;
+    path.density = shifted.density;
+    path.target_value = luminance(kept.rgb);
+    shifted.result = shift_result(path);
     return Evaluated(kept.rgb, shifted);
 }
 

@@ -305,7 +305,8 @@ fn add_connection(c: ptr<function, Candidates>, v: Vertex, before: PreviousVerte
         let reconnected_here = reconnected((*c).prefix, before, factor_at((*c).prefix, before, v) * (*c).choice_probability, index);
         path = with_connection(with_end_of(reconnected_here, path), k);
     }
-    add_candidate(c, path, (*c).throughput * value * weight_of(coefficients, (*c).state), CONNECTION_SHARE, rng_1(rng));
+    let f = (*c).throughput * value * weight_of(coefficients, (*c).state);
+    add_candidate(c, path, f, f32(chosen.count) * CONNECTION_SHARE, rng_1(rng));
 }
 #else
 fn add_connection(c: ptr<function, Candidates>, v: Vertex, before: PreviousVertex, index: u32, p: ShiftParameters, rng: ptr<function, Rng>) {

@@ -11,49 +11,28 @@
 #import bevy_restir::common::guard::{GUARD_JACOBIAN, GUARD_SHIFT_CONTRIBUTION, guarded_3, guarded_or_infinite, is_infinite}
 #import bevy_restir::common::math::{luminance, max_component}
 #import bevy_restir::common::ray::{Hit, Ray}
-#import bevy_restir::light::analytic_area_light::{light_hit_point, RaySegment}
-#import bevy_restir::light::environment::{environment_pdf, environment_radiance}
-#import bevy_restir::light::point_on_light::{light_point_at, LightPoint}
-#import bevy_restir::light::remap::light_record
-#import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, no_light_sample}
+#import bevy_restir::light::point_on_light::light_point_at
 #import bevy_restir::path::medium::transmittance
-#import bevy_restir::path::nee::nee_contribution
-#import bevy_restir::path::random::{DIMENSION_SHADOW_RAY, DIMENSION_RAY, path_alpha_seed}
+#import bevy_restir::path::random::{DIMENSION_RAY, path_alpha_seed}
 #import bevy_restir::path::scattering::{drawn_choice, entry_vertex, given_choice, ScatteringVertex}
-#import bevy_restir::path::shadow_ray::{ray_between, ray_to_light}
-#import bevy_restir::path::technique_weights::{below_surface, camera_state, CameraState, emitter_sample, mis_sum_of_connection, mis_sum_of_hit, mis_sum_of_nee, state_at, state_of_ray, stored_weight, weight_of}
+#import bevy_restir::path::shadow_ray::ray_between
+#import bevy_restir::path::technique_weights::{below_surface, camera_state, emitter_sample, state_at, state_of_ray, stored_weight}
 #import bevy_restir::path::walk::{drawn_step, given_step, no_step, Step, step_cone, step_medium, Vertex, with_weight_and_densities}
-#import bevy_restir::restir::path_sample::{PathSample, ShiftResult, TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE, vertex_barycentrics}
-#import bevy_restir::restir::connection::connection::{connection_to, ends_with_connection, stored_connection}
-#import bevy_restir::restir::shift::reconnection::{is_connectable, is_connectable_by, is_connectable_end, light_factor, previous_vertex, PreviousVertex, ShiftParameters, triangle_factor}
-#import bevy_restir::restir::shift::shifted_path::{failed, SHIFT_EARLIER_CONNECTABLE, SHIFT_JACOBIAN_LIMIT, SHIFT_NO_CONTRIBUTION, SHIFT_NO_PATH, SHIFT_NOT_CONNECTABLE, SHIFT_OK, SHIFT_REPLAY_ENDED, ShadowRays, ShiftedPath, with_shadow_ray}
+#import bevy_restir::restir::connection::connection::{ends_with_connection, stores_light_vertex}
+#import bevy_restir::restir::path_sample::{PathSample, shift_result, TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE, vertex_barycentrics}
+#import bevy_restir::restir::shift::path_end::{end_on_light, end_with_connection, end_with_nee, ends_on_analytic_light, hit_analytic_light, hit_environment, require_same_end, Walk}
+#import bevy_restir::restir::shift::reconnection::{is_connectable_by, is_connectable_end, previous_vertex, ShiftParameters, triangle_factor}
+#import bevy_restir::restir::shift::shifted_path::{failed, SHIFT_EARLIER_CONNECTABLE, SHIFT_JACOBIAN_LIMIT, SHIFT_NO_CONTRIBUTION, SHIFT_NO_PATH, SHIFT_NOT_CONNECTABLE, SHIFT_OK, SHIFT_REPLAY_ENDED, ShiftedPath, with_shadow_ray}
 #import bevy_restir::scene::cone::Cone
 #import bevy_restir::scene::offset::{offset_point, surface_point}
 #import bevy_restir::scene::surface::{Surface, surface_at}
 #import bevy_restir::scene::triangle::instance_exists
 #import bevy_restir::trace::trace::trace_closest_in_frame
 
-// State of a shift, up to the current vertex.
-struct Walk {
-    v: Vertex,
-    before: PreviousVertex,   // the vertex before `v`, from the second vertex on
-    throughput: vec3<f32>,    // up to and including the step from the reconnection vertex
-    suffix: vec3<f32>,        // throughput after that step
-    density: f32,             // `PathSample::density` of the shifted path
-    rays: ShadowRays,
-    reason: u32,
-    f: vec3<f32>,
-    radiance: vec3<f32>,      // `PathSample::radiance` and `mis_coefficients`, where the rest of the path was replayed
-    mis_coefficients: vec2<f32>,
-    state: CameraState,       // of the current vertex, and then of the ray that leaves it
-    below: bool,              // the current vertex is a point where light enters a body
-}
-
 // Shifts a path to the surface `first`.  `previous`: in the scene of the last frame.  `retrace`: the scene has changed between the frames,
 // so that the path after the reconnection vertex is replayed, too.
 fn hybrid_shift(s: PathSample, first: Vertex, c: ShiftParameters, previous: bool, retrace: bool) -> ShiftedPath {
-    // A light sub-path that is connected is not traced again in a scene that has changed.
-    if s.length < 2u || (retrace && ends_with_connection(s)) {
+    if s.length < 2u {
         return failed(SHIFT_NO_PATH);
     }
     var w: Walk;
@@ -61,8 +40,7 @@ fn hybrid_shift(s: PathSample, first: Vertex, c: ShiftParameters, previous: bool
     w.throughput = vec3<f32>(1.0);
     w.suffix = vec3<f32>(1.0);
     w.density = 1.0;
-    w.radiance = s.radiance;
-    w.mis_coefficients = s.mis_coefficients;
+    w.path = s;
     w.state = camera_state(first, c.camera_density, c.counts);
     walk(&w, s, c, previous, retrace);
     if w.reason != SHIFT_OK {
@@ -71,7 +49,8 @@ fn hybrid_shift(s: PathSample, first: Vertex, c: ShiftParameters, previous: bool
     w.f = guarded_3(w.f, GUARD_SHIFT_CONTRIBUTION);
     // The Jacobian is a ratio of densities (Lin et al. 2026, supplement, Eq. 4).  A path without a reconnection vertex has no density: its
     // shift has the Jacobian 1.  The Jacobian is 0 where the shifted path meets the reconnection vertex edge-on.
-    let jacobian = guarded_or_infinite(select(1.0, density_ratio(w.density, s.density), s.density > 0.0), GUARD_JACOBIAN);
+    let has_density = s.density > 0.0 && !stores_light_vertex(s);
+    let jacobian = guarded_or_infinite(select(1.0, density_ratio(w.density, s.density), has_density), GUARD_JACOBIAN);
     if !(max_component(w.f) > 0.0) || !(jacobian > 0.0) {
         return failed(SHIFT_NO_CONTRIBUTION);
     }
@@ -79,8 +58,9 @@ fn hybrid_shift(s: PathSample, first: Vertex, c: ShiftParameters, previous: bool
     if is_infinite(jacobian) || max(jacobian, 1.0 / jacobian) > c.jacobian_limit {
         return failed(SHIFT_JACOBIAN_LIMIT);
     }
-    let result = ShiftResult(w.radiance, w.mis_coefficients, select(0.0, w.density, s.density > 0.0), luminance(w.f));
-    return ShiftedPath(result, w.f, w.density, jacobian, SHIFT_OK, w.rays);
+    w.path.density = select(w.path.density, w.density, has_density);
+    w.path.target_value = luminance(w.f);
+    return ShiftedPath(shift_result(w.path), w.f, w.density, jacobian, SHIFT_OK, w.rays);
 }
 
 // Walks from vertex to vertex.  The loop has a single call of the step, the surface and the traversal for all kinds of vertices: each
@@ -162,7 +142,7 @@ fn walk(w: ptr<function, Walk>, s: PathSample, c: ShiftParameters, previous: boo
     }
     // Only paths whose last camera vertex samples its light or is connected come here.
     if ends_with_connection(s) {
-        end_with_connection(w, s, s.length - 1u, c, previous);
+        end_with_connection(w, s, s.length - 1u, c, previous, retrace);
     } else {
         end_with_nee(w, s, s.length - 1u, c, previous, retrace);
     }
@@ -329,141 +309,6 @@ fn arrive(
         require_same_end(w, s, is_connectable_end((*w).before, n.position, n.bsdf.n_geo, c));
     }
     (*w).v = Vertex(n, -step.wi, medium, cone);
-}
-
-// Whether the last ray passed a spherical or rectangular light, or the disk of a sun.
-#ifdef LIGHT_SHAPES
-fn ends_on_analytic_light(s: PathSample) -> bool {
-    return s.light.light != NONE;
-}
-#else
-fn ends_on_analytic_light(s: PathSample) -> bool {
-    return false;
-}
-#endif
-
-// Ends the path on its spherical or rectangular light: at the point that it stores, or where the ray now hits the light.
-fn hit_analytic_light(
-    w: ptr<function, Walk>,
-    s: PathSample,
-    index: u32,
-    step: Step,
-    ray: Ray,
-    medium: vec3<f32>,
-    reconnects: bool,
-    alpha_seed: u32,
-    c: ShiftParameters,
-    previous: bool,
-) {
-    let at = (*w).v.surface;
-    var p = s.light;
-    if !reconnects {
-        p = hit_point_of_light(s, RaySegment(ray.origin, FAR, ray.direction), previous);
-    }
-    let l = light_point_at(p, at.position, previous);
-    if !(max_component(l.radiance) > 0.0) {
-        (*w).reason = SHIFT_REPLAY_ENDED;
-        return;
-    }
-    if reconnects {
-        (*w).density *= light_factor(l);
-    }
-    require_same_end(w, s, is_connectable_end((*w).before, l.position, l.normal, c));
-    (*w).rays = with_shadow_ray((*w).rays, ray_to_light(at, l, previous), alpha_seed);
-    end_on_light(w, s, index, step, l.radiance * transmittance(medium, l.distance), l, c);
-}
-
-fn hit_point_of_light(s: PathSample, segment: RaySegment, previous: bool) -> LightPoint {
-    let record = light_record(s.light.light, previous);
-    if record == NONE {
-        return LightPoint(NONE, 0u);
-    }
-    return light_hit_point(s.light.light, record, segment);
-}
-
-// Ends a path whose last ray escapes.
-fn hit_environment(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, c: ShiftParameters, previous: bool) {
-    require_same_end(w, s, (*w).before.rough);
-    let l = light_at_infinity(s, step.wi, previous);
-    end_on_light(w, s, index, step, l.radiance, l, c);
-}
-
-// The environment in a direction, or the sun that the path ends on.
-fn light_at_infinity(s: PathSample, wi: vec3<f32>, previous: bool) -> LightSample {
-    if ends_on_analytic_light(s) {
-        let p = hit_point_of_light(s, RaySegment(vec3<f32>(0.0), FAR, wi), previous);
-        return light_point_at(p, vec3<f32>(0.0), previous);
-    }
-    var l = no_light_sample();
-    l.delta = 0u;
-    l.light = ENVIRONMENT_LIGHT;
-    l.wi = wi;
-    l.radiance = environment_radiance(wi, previous);
-    l.pdf_solid_angle = environment_pdf(wi, previous);
-    return l;
-}
-
-// The shifted path must reconnect at its light exactly if the original path does; otherwise the shift would not be invertible.
-fn require_same_end(w: ptr<function, Walk>, s: PathSample, connectable: bool) {
-    if s.reconnection == 0u && connectable {
-        (*w).reason = SHIFT_EARLIER_CONNECTABLE;
-    }
-    if s.reconnection == s.length && !connectable {
-        (*w).reason = SHIFT_NOT_CONNECTABLE;
-    }
-}
-
-// Contribution of a path whose last ray hit a light.  `l`: the sample with which NEE at the vertex before would have found the same point.
-fn end_on_light(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, radiance: vec3<f32>, l: LightSample, c: ShiftParameters) {
-    end_path(w, s, index, radiance, mis_sum_of_hit((*w).state, l, step.delta, index, c.counts));
-}
-
-// Contribution of a path that ends with this radiance at the vertex of this index, or behind it.
-fn end_path(w: ptr<function, Walk>, s: PathSample, index: u32, radiance: vec3<f32>, coefficients: vec3<f32>) {
-    (*w).f = (*w).throughput * (*w).suffix * radiance * weight_of(coefficients, (*w).state);
-    (*w).radiance = (*w).suffix * radiance / coefficients.x;
-    (*w).mis_coefficients = coefficients.yz / coefficients.x;
-}
-
-// Contribution of a path whose last vertex samples its light by NEE: the density is that of the light, whichever vertex samples it.
-fn end_with_nee(w: ptr<function, Walk>, s: PathSample, index: u32, c: ShiftParameters, previous: bool, retrace: bool) {
-    let nee = nee_contribution((*w).v, s.light, previous);
-    let connectable = index > 1u && !(*w).below && is_connectable((*w).before, (*w).v.surface, nee.pdf_bsdf, true, c);
-    if index < s.reconnection && connectable {
-        (*w).reason = SHIFT_EARLIER_CONNECTABLE;
-        return;
-    }
-    if index == s.reconnection && !(*w).below && !connectable {
-        (*w).reason = SHIFT_NOT_CONNECTABLE;
-        return;
-    }
-    end_path(w, s, index, nee.f, mis_sum_of_nee((*w).state, (*w).v, nee.light, nee.pdf_bsdf, index, c.counts));
-    // From the reconnection vertex on, visibility changes only where something moved.
-    if index < s.reconnection || retrace {
-        let ray = ray_to_light((*w).v.surface, nee.light, previous);
-        (*w).rays = with_shadow_ray((*w).rays, ray, path_alpha_seed(s.seed, index, DIMENSION_SHADOW_RAY));
-    }
-}
-
-// Contribution of a path whose last vertex is connected with a light vertex.
-fn end_with_connection(w: ptr<function, Walk>, s: PathSample, index: u32, c: ShiftParameters, previous: bool) {
-    let is_reconnection = index == s.reconnection;
-    var k = stored_connection((*w).v, s);
-    if !is_reconnection {
-        if !instance_exists(s.instance, previous) {
-            (*w).reason = SHIFT_REPLAY_ENDED;
-            return;
-        }
-        k = connection_to((*w).v, s, c.counts.connections, previous);
-        (*w).rays = with_shadow_ray((*w).rays, k.ray, path_alpha_seed(s.seed, index, DIMENSION_SHADOW_RAY));
-    }
-    let connectable = index > 1u && !(*w).below && is_connectable((*w).before, (*w).v.surface, k.pdf, true, c);
-    if connectable != is_reconnection {
-        (*w).reason = select(SHIFT_NOT_CONNECTABLE, SHIFT_EARLIER_CONNECTABLE, connectable);
-        return;
-    }
-    let coefficients = mis_sum_of_connection((*w).state, (*w).v, k.wi, k.pdf, k.mis_ratios);
-    (*w).f = (*w).throughput * k.f * k.light * weight_of(coefficients, (*w).state);
 }
 
 // Whether a shift within a frame finds vertices by rays: those between the first vertex and the reconnection vertex, and points where light

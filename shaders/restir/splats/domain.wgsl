@@ -10,7 +10,7 @@
 #import bevy_restir::common::math::luminance
 #import bevy_restir::common::rng::Rng
 #import bevy_restir::light::select::light_pmf
-#import bevy_restir::restir::bdpt::light_sub_path::replayed_splat
+#import bevy_restir::restir::bdpt::splat::replayed_splat
 #import bevy_restir::restir::bdpt::splat::Splat
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::flags::has

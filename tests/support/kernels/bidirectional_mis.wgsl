@@ -5,7 +5,7 @@
 #import bevy_restir::path::bidirectional_mis::{LightEnd, mis_arrive, mis_connection_ratios, mis_light_start, mis_scatter, mis_scatter_delta, mis_splat_weight, MisState}
 #import bevy_restir::path::technique_weights::{below_surface, camera_state, CameraState, LightShares, mis_sum_of_connection, mis_sum_of_hit, mis_sum_of_nee, state_at, state_of_ray, stored_weight, TechniqueCounts, weight_of}
 #import bevy_restir::path::walk::{no_step, Step, Vertex}
-#import bevy_restir::restir::bdpt::light_sub_path::over_share
+#import bevy_restir::restir::connection::light_sub_path::over_share
 #import bevy_restir::scene::surface::Surface
 
 // The path x0 to xk.  Index i: at the vertex xi.
@@ -157,7 +157,7 @@ fn ratios_of_connection(t: u32) -> vec2<f32> {
     return mis_connection_ratios(end, p.cos_out[t - 1u], p.distance2[t], p.connections);
 }
 
-// As `restir/bdpt/light_sub_path.wgsl` does it.
+// As `restir/connection/light_sub_path.wgsl` does it.
 fn trace_light() {
     let is_delta = p.delta_light != 0u || p.error == ERROR_ENVIRONMENT;
     let start = mis_light_start(at_receiver(p.nee), at_receiver(p.light), density_of_rays(), is_delta);

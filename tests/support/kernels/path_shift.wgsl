@@ -18,7 +18,6 @@
 #import bevy_restir::common::rng::{pcg4d, rng_new, STREAM_PATH_CANDIDATES}
 #import bevy_restir::path::walk::Vertex
 #import bevy_restir::restir::bindings::settings
-#import bevy_restir::restir::connection::connection::ends_with_connection
 #import bevy_restir::restir::path_sample::{PathSample, with_shift_result}
 #import bevy_restir::restir::pt::initial_candidates::{sample_candidates, SelectedPath}
 #import bevy_restir::restir::reservoir_layout::reservoir_index
@@ -74,9 +73,7 @@ fn shown(selected: SelectedPath, stored: Reservoir, r: Receiver, ids: vec2<u32>,
         } else if trip > 2u {
             to.shift = scaled_thresholds(r.shift, select(1.0 - NEAR, 1.0 + NEAR, trip == 4u));
         }
-        // Light sub-paths that are connected are not replayed.
-        let replays_suffix = trip != 0u && !ends_with_connection(path);
-        let s = hybrid_shift(there, to.first, to.shift, to.previous, replays_suffix);
+        let s = hybrid_shift(there, to.first, to.shift, to.previous, trip != 0u);
         if trip == 0u {
             with_stored_suffix = s.f;
             continue;

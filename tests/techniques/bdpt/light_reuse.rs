@@ -186,7 +186,6 @@ fn reused_caustics_equal_the_reference_in_still_scenes_and_in_moving_ones() {
     MOVING.check("a moving corner", &mut rig, &[("temporal", lightweight())]);
 }
 
-/// Light sub-paths of connections are not traced again where something moves, so that connections of the last frame are left out there.
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn connected_paths_equal_the_reference_in_moving_scenes() {

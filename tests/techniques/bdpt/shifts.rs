@@ -159,7 +159,10 @@ fn check_connections(scenes: &[(&str, fn(&mut Rig))], each: u32) {
     for &(name, make) in scenes {
         let Some(mut rig) = shift_rig(make, &SPLATS) else { return };
         let emitted = emission(&mut rig);
-        plant_shader_defs(&mut rig.app, &["TEST_ROUND_TRIP", "TEST_BESIDE", "TEST_COPIED", "TEST_CONNECTIONS"]);
+        plant_shader_defs(
+            &mut rig.app,
+            &["TEST_ROUND_TRIP", "TEST_BESIDE", "TEST_STORED", "TEST_COPIED", "TEST_CONNECTIONS"],
+        );
         for (_, footprint) in KINDS {
             choose(&mut rig, (Full, footprint));
             let trips = other_pixels(&mut rig, &emitted, each);
@@ -176,6 +179,12 @@ fn check_connections(scenes: &[(&str, fn(&mut Rig))], each: u32) {
 #[test]
 fn connected_paths_return_unchanged_from_other_pixels() {
     check_connections(&PATH_SCENES[..1], 10_000);
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn connected_paths_return_unchanged_from_the_last_frame() {
+    check_last_frame_of("moving", moving, &pose_moving, 10_000, 1e-3, true);
 }
 
 #[test]
@@ -231,10 +240,24 @@ fn full_length_a_million_paths_beside_light_paths_return_from_the_last_frame() {
 /// Shifts paths to the last frame of a motion and back, until this many have returned.  Asserts that at most this share of them is lost or
 /// has a large error.
 pub fn check_last_frame(name: &str, make: impl FnOnce(&mut Rig), pose: &dyn Fn(&mut Rig, u32), least: u32, share: f64) {
-    let Some(mut rig) = shift_rig(make, &OF_LIGHT_PATHS) else { return };
+    check_last_frame_of(name, make, pose, least, share, false);
+}
+
+/// `of_connections`: only paths that end with a connection.
+fn check_last_frame_of(
+    name: &str,
+    make: impl FnOnce(&mut Rig),
+    pose: &dyn Fn(&mut Rig, u32),
+    least: u32,
+    share: f64,
+    of_connections: bool,
+) {
+    let idle: &[_] = if of_connections { &SPLATS } else { &OF_LIGHT_PATHS };
+    let Some(mut rig) = shift_rig(make, idle) else { return };
     pose(&mut rig, STEPS);
     let emitted = emission(&mut rig);
-    plant_shader_defs(&mut rig.app, &["TEST_ROUND_TRIP", "TEST_BEFORE", "TEST_COPIED"]);
+    let defs = ["TEST_ROUND_TRIP", "TEST_BEFORE", "TEST_COPIED", "TEST_CONNECTIONS"];
+    plant_shader_defs(&mut rig.app, if of_connections { &defs } else { &defs[..3] });
     choose(&mut rig, KINDS[0]);
     let mut trips = RoundTrips::default();
     for seed in 0..PATIENCE {

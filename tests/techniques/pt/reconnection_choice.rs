@@ -206,17 +206,18 @@ fn paths_and_shifted_paths_choose_the_reconnection_vertex_of_the_oracle() {
 }
 
 const SHIFT: &str = "restir/shift/hybrid.wgsl";
+const ENDS: &str = "restir/shift/path_end.wgsl";
 const CANDIDATES: &str = "restir/pt/initial_candidates.wgsl";
 
 /// Conditions of the shift that are not tested, or tested wrongly.
 pub const UNTESTED: [(&str, &str, &str, &str); 8] = [
     ("O1", SHIFT, "if is_before && connectable {", "if false {"),
     ("O1 in the direction of the reconnection", SHIFT, "|| index < s.reconnection;", "|| index + 1u < s.reconnection;"),
-    ("O1 before a light sample", SHIFT, "if index < s.reconnection && connectable {", "if false {"),
+    ("O1 before a light sample", ENDS, "if index < s.reconnection && connectable {", "if false {"),
     ("O2", SHIFT, "if !is_before && !connectable {", "if false {"),
-    ("O2 at a light sample", SHIFT, "if index == s.reconnection && !(*w).below && !connectable {", "if false {"),
-    ("O2 at a light that is hit", SHIFT, "if s.reconnection == s.length && !connectable {", "if false {"),
-    ("O3 at a light that is hit", SHIFT, "if s.reconnection == 0u && connectable {", "if false {"),
+    ("O2 at a light sample", ENDS, "if index == s.reconnection && !(*w).below && !connectable {", "if false {"),
+    ("O2 at a light that is hit", ENDS, "if s.reconnection == s.length && !connectable {", "if false {"),
+    ("O3 at a light that is hit", ENDS, "if s.reconnection == 0u && connectable {", "if false {"),
     (
         "the density of the lobe",
         CANDIDATES,

@@ -1,11 +1,10 @@
 // Light sub-paths of ReSTIR BDPT.  Their random numbers depend on their index and on the frame alone, so that each of them can be replayed.
 // The MIS state of a vertex includes the factors of `LightShares`.
-#define_import_path bevy_restir::restir::bdpt::light_sub_path
+#define_import_path bevy_restir::restir::connection::light_sub_path
 
 #import bevy_restir::common::rng::{Rng, rng_bits, rng_new, STREAM_LIGHT_PATHS}
 #import bevy_restir::path::bidirectional_mis::MisState
 #import bevy_restir::path::light_path::{advance_light_path, begin_light_path, LightWalk}
-#import bevy_restir::restir::bdpt::splat::{no_splat, Splat, splat_of}
 #import bevy_restir::restir::connection::count::connections_of_vertex
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::view::bindings::view
@@ -44,15 +43,6 @@ fn replayed_sub_path(path: u32, frame: u32, light: u32, events: u32, previous: b
         p = continue_sub_path(p.walk, &rng, previous);
     }
     return p;
-}
-
-// The splat of a vertex of a replayed sub-path.
-fn replayed_splat(path: u32, frame: u32, light: u32, events: u32, previous: bool) -> Splat {
-    let p = replayed_sub_path(path, frame, light, events, previous);
-    if p.walk.events != events {
-        return no_splat();
-    }
-    return splat_of(p.walk, p.alpha_seed, previous);
 }
 
 // The state holds ratios of the densities of other techniques to that of the light sub-path.  MIS weights multiply the latter by this share
