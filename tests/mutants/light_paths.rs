@@ -9,6 +9,8 @@ const ROOM: &[&str] = &["light_paths_in_a_room_equal"];
 const CAUSTICS: &[&str] = &["reused_caustics_equal"];
 const ALONE: &[&str] = &["light_paths_alone"];
 const OPEN: &[&str] = &["open_objects_absorb_no_light_from_infinity"];
+const CONNECTED: &[&str] = &["connected_paths_return_unchanged_from_other_pixels"];
+const CONNECTED_BEFORE: &[&str] = &["connected_paths_return_unchanged_from_the_last_frame"];
 const BODIES: &[&str] = &["light_in_translucent_bodies_equals"];
 
 pub const MUTANTS: &[Mutant] = &[
@@ -154,6 +156,41 @@ pub const MUTANTS: &[Mutant] = &[
         "f32(chosen.count) * CONNECTION_SHARE",
         "CONNECTION_SHARE",
         ROOM,
+    ),
+    mutant(
+        "a reconnected path stores the numbers of its connection's weight in the wrong order",
+        "restir/connection/connection.wgsl",
+        "path.mis_coefficients = k.mis_ratios;",
+        "path.mis_coefficients = k.mis_ratios.yx;",
+        CONNECTED,
+    ),
+    mutant(
+        "connections are weighed like light paths that the camera sees",
+        "restir/connection/connection.wgsl",
+        "mis_connection_ratios(end, abs(dot(x.bsdf.n_geo, k.wi)), d2, connections)",
+        "mis_connection_ratios(end, abs(dot(x.bsdf.n_geo, k.wi)), d2, 1.0)",
+        ROOM,
+    ),
+    mutant(
+        "light paths of connections are traced again in this frame",
+        "restir/shift/path_end.wgsl",
+        "end = retraced(s, previous);",
+        "end = retraced(s, false);",
+        CONNECTED_BEFORE,
+    ),
+    mutant(
+        "a connection keeps the light vertex of the other frame",
+        "restir/shift/path_end.wgsl",
+        "(*w).path = end.path;",
+        "",
+        CONNECTED_BEFORE,
+    ),
+    mutant(
+        "light paths of connections are traced again with the numbers of this frame",
+        "restir/connection/connection.wgsl",
+        "let frame = view.frame - ((view.frame - path.born) & 0xffffu);",
+        "let frame = view.frame;",
+        &["connected_paths_equal_the_reference_in_moving_scenes"],
     ),
     mutant(
         "one light path stands for all that land in its pixel",

@@ -143,8 +143,12 @@ fn full_length_light_paths_in_scenes_that_change_equal_the_reference() {
         rig.set(|r| r.jitter = Jitter::Always);
         let length = Proof::of((160, 1), (20, 64));
         let proof = Proof { bounces: 3, blended: true, margin: 0.02, pose: Some(&pose), ..length };
-        let both = Bidirectional(LightTechniques::Lightweight, paths::all_reuse());
-        proof.check(name, &mut rig, &[("BDPT, both", both)]);
+        let both = |techniques| Bidirectional(techniques, paths::all_reuse());
+        let all = [
+            ("BDPT, both, lightweight", both(LightTechniques::Lightweight)),
+            ("BDPT, both", both(LightTechniques::Full)),
+        ];
+        proof.check(name, &mut rig, &all);
     }
 }
 
