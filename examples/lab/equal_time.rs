@@ -238,9 +238,9 @@ fn is_of_paths(pass: &str) -> bool {
     ["pt_", "gi_", "bdpt_"].iter().any(|prefix| pass.starts_with(prefix))
 }
 
-/// Whether a pass traces, connects or resamples light paths, as ReSTIR BDPT does.
+/// Whether a pass traces light paths, or resamples those that the camera sees, as ReSTIR BDPT does.
 fn is_of_light_paths(pass: &str) -> bool {
-    ["light_paths", "connections"].contains(&pass) || pass.starts_with("splats")
+    pass == "light_paths" || pass.starts_with("splats")
 }
 
 /// The columns of Table 1 of Lin et al. 2026, supplement: a frame, initial candidates, temporal and spatial reuse, direct light and

@@ -124,7 +124,7 @@ const LIGHT_PATHS: [(&str, &str); 4] = [
     ("no reuse", "paths.reuse.temporal=false paths.reuse.spatial_samples=0"),
     ("1 neighbor", "paths.reuse.spatial_samples=1"),
     ("a quarter of the light paths", "bdpt.light_paths=0.25"),
-    ("all techniques of light paths", "bdpt.techniques=Full"),
+    ("no connections", "bdpt.techniques=Lightweight"),
 ];
 
 const INDIRECT: [(&str, &str); 2] = [

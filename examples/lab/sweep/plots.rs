@@ -197,7 +197,7 @@ fn legend<'a, X: plotters::coord::ranged1d::Ranged<ValueType = f64>>(
 fn stage(pass: &str) -> usize {
     match pass {
         "presample" => 0,
-        "light_paths" | "connections" => 4,
+        "light_paths" => 4,
         _ if pass.starts_with("splats") => 5,
         _ if pass.ends_with("_candidates") => 1,
         _ if pass.ends_with("_reuse") => 2,
