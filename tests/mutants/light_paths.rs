@@ -10,7 +10,6 @@ const CAUSTICS: &[&str] = &["reused_caustics_equal"];
 const ALONE: &[&str] = &["light_paths_alone"];
 const OPEN: &[&str] = &["open_objects_absorb_no_light_from_infinity"];
 const CONNECTED: &[&str] = &["connected_paths_return_unchanged_from_other_pixels"];
-const CONNECTED_BEFORE: &[&str] = &["connected_paths_return_unchanged_from_the_last_frame"];
 const BODIES: &[&str] = &["light_in_translucent_bodies_equals"];
 
 pub const MUTANTS: &[Mutant] = &[
@@ -172,18 +171,11 @@ pub const MUTANTS: &[Mutant] = &[
         ROOM,
     ),
     mutant(
-        "light paths of connections are traced again in this frame",
-        "restir/shift/path_end.wgsl",
-        "end = retraced(s, previous);",
-        "end = retraced(s, false);",
-        CONNECTED_BEFORE,
-    ),
-    mutant(
         "a connection keeps the light vertex of the other frame",
         "restir/shift/path_end.wgsl",
         "(*w).path = end.path;",
         "",
-        CONNECTED_BEFORE,
+        &["connected_paths_store_the_light_vertices_of_this_frame"],
     ),
     mutant(
         "light paths of connections are traced again with the numbers of this frame",

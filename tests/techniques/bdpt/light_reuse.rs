@@ -1,6 +1,7 @@
 //! Reuse of light sub-paths between frames: a replayed sub-path is the one that was stored, and a frame of a moving scene equals on average
 //! the reference of the still scene at that moment.  The technique t = 1 is tested alone, too, because it finds all light of a diffuse room.
 
+use super::shifts::{SPLATS, leave_out};
 use crate::{
     support::{
         app::*,
@@ -272,6 +273,36 @@ fn debug_views_show_reservoirs_of_light_paths() {
     assert!(ages.iter().all(|(_, value)| value.x < 4.0) && ages.iter().any(|(_, value)| value.x == 3.0));
     let weights = view(DebugView::LightPathWeights, 4);
     assert!(weights.is_finite() && weights.mean() > 0.0);
+}
+
+/// A path of the last frame that is connected with a light vertex gets the vertex that its light path has now.
+#[test]
+fn connected_paths_store_the_light_vertices_of_this_frame() {
+    let Some(mut rig) = jittered(|rig| corner(rig, false)) else { return };
+    leave_out(&mut rig, &SPLATS);
+    replace_pass_shader(&mut rig.app, "bdpt_debug", include_str!("../../support/kernels/stored_light_vertices.wgsl"));
+    rig.set(|r| {
+        Bidirectional(Full, paths::temporal()).apply_to(r);
+        (r.bounces, r.debug_view) = (3, DebugView::PathEnds);
+    });
+    let mut found_again = |edits: &[ShaderEdit]| {
+        plant_edits(&mut rig.app, edits);
+        rig.until_ready();
+        let mut stored = Vec3::ZERO;
+        for seed in 0..8 {
+            rig.set(|r| r.seed = seed);
+            for step in 0..=STEPS {
+                pose_corner(&mut rig, step);
+                stored += rig.next().iter().map(|(_, c)| c).sum::<Vec3>();
+            }
+        }
+        eprintln!("{} of {} found again, {} of an earlier frame", stored.y, stored.x, stored.z);
+        assert!(stored.x > 1_000.0 && stored.z > 300.0);
+        stored.y / stored.x
+    };
+    assert!(found_again(&[]) > 0.995);
+    let kept = ShaderEdit { module: "restir/shift/path_end.wgsl", from: "(*w).path = end.path;", to: "" };
+    assert!(found_again(&[kept]) < 0.95);
 }
 
 /// The paths have s + t vertices, one more than the index of the light.

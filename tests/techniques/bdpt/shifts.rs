@@ -37,7 +37,7 @@ pub fn leave_out(rig: &mut Rig, passes: &[(&'static str, &str)]) {
 }
 
 /// Passes of light sub-paths that the camera sees.
-const SPLATS: [(&str, &str); 4] = [
+pub const SPLATS: [(&str, &str); 4] = [
     ("splats", "splats"),
     ("splats_forward", "splats_forward"),
     ("splats_gather", "splats_gather"),
