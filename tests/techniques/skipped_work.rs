@@ -86,6 +86,6 @@ fn indirect_light_of_one_bounce_costs_nothing() {
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn light_sub_paths_end_with_their_last_connection() {
-    check(&Bidirectional(LightTechniques::Full, paths::all_reuse()), 3, &[TARGETS, EMISSION], true);
+    check(&Bidirectional(LightTechniques::Full, paths::all_reuse()), 3, &[TARGETS, EMISSION], false);
     check(&Bidirectional(LightTechniques::NoLightTracing, paths::all_reuse()), 3, &[LAST_VERTEX], true);
 }
