@@ -43,6 +43,9 @@ fn debug_paths(@builtin(global_invocation_id) id: vec3<u32>) {
 fn path_view(r: Reservoir, pixel: vec2<u32>) -> vec3<f32> {
     switch view.debug_view {
         case DEBUG_PATH_ENDS: {
+            if ends_with_connection(r.path) {
+                return vec3<f32>(1.0, 1.0, 0.0);
+            }
             return vec3<f32>(vec3<u32>(r.path.termination) == vec3<u32>(TERMINATION_NEE, TERMINATION_EMITTER, TERMINATION_ENVIRONMENT));
         }
         case DEBUG_PATH_LENGTHS: {

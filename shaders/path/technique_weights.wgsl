@@ -32,7 +32,7 @@ struct LightShares {
 struct TechniqueCounts {
     nee_candidates: u32,       // light candidates at the first vertex
     splats: f32,               // light sub-paths whose vertices the camera sees
-    connections: f32,          // of a vertex of a camera sub-path, each weighed against one light sub-path that the camera sees; or 0
+    connections: f32,          // of a vertex of a camera sub-path (`restir/connection/count.wgsl`); 0: there are none
     shares: LightShares,
 }
 

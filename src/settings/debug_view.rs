@@ -45,8 +45,8 @@ pub enum DebugView {
     ReservoirConfidence,
     /// Visibility of the stored sample when it was shaded: green, or red where it was occluded; black: no sample.
     ReservoirVisibility,
-    /// Ends of the stored paths: next-event estimation in red, an emitter that was hit in green, the environment in blue.  This view and
-    /// the next seven need [`Technique::Pt`](super::Technique::Pt), [`Technique::Gi`](super::Technique::Gi) or
+    /// Ends of the stored paths: next-event estimation in red, an emitter that was hit in green, the environment in blue, a connection with
+    /// a light path in yellow.  This view and the next seven need [`Technique::Pt`](super::Technique::Pt), [`Technique::Gi`](super::Technique::Gi) or
     /// [`Technique::Bdpt`](super::Technique::Bdpt).
     PathEnds,
     /// Scattering events of the stored paths.

@@ -171,6 +171,13 @@ pub const MUTANTS: &[Mutant] = &[
         ROOM,
     ),
     mutant(
+        "light paths of connections are traced again in this frame",
+        "restir/shift/path_end.wgsl",
+        "end = retraced(s, previous);",
+        "end = retraced(s, false);",
+        &["light_vertices_of_the_last_frame_are_found_in_its_scene"],
+    ),
+    mutant(
         "a connection keeps the light vertex of the other frame",
         "restir/shift/path_end.wgsl",
         "(*w).path = end.path;",

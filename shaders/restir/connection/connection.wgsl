@@ -3,20 +3,19 @@
 // stores that vertex and the light that it gets from the light vertex.  One that reconnects earlier is like any other path.
 #define_import_path bevy_restir::restir::connection::connection
 
-#import bevy_restir::common::ray::Ray
-#import bevy_restir::path::walk::Vertex
 #import bevy_restir::restir::path_sample::PathSample
 #ifdef CONNECTIONS
 #import bevy_restir::bsdf::bsdf::{bsdf_is_delta, bsdf_pdf, bsdf_terms}
 #import bevy_restir::bsdf::types::bsdf_is_thin
 #import bevy_restir::common::guard::{GUARD_LIGHT_CONTRIBUTION, guarded_3}
 #import bevy_restir::common::math::quantized_direction
+#import bevy_restir::common::ray::Ray
 #import bevy_restir::light::point_on_light::LightPoint
 #import bevy_restir::path::bidirectional_mis::{LightEnd, mis_connection_ratios, MisState}
 #import bevy_restir::path::light_path::{scattered_value, surface_towards}
 #import bevy_restir::path::medium::transmittance
 #import bevy_restir::path::shadow_ray::ray_between
-#import bevy_restir::path::walk::step_medium
+#import bevy_restir::path::walk::{step_medium, Vertex}
 #import bevy_restir::restir::connection::light_sub_path::replayed_sub_path
 #import bevy_restir::restir::connection::light_vertex::{LightVertex, newest_vertex}
 #import bevy_restir::restir::path_sample::TERMINATION_CONNECTION
@@ -26,23 +25,23 @@
 #import bevy_restir::view::bindings::view
 #endif
 
+#ifdef CONNECTIONS
 // A connection, from the vertex of the camera sub-path.
 struct Connection {
     wi: vec3<f32>,             // towards the light vertex, rounded as a reservoir stores it
     f: vec3<f32>,              // value of the BSDF at the camera's vertex, with the cosine
     pdf: f32,                  // density of the direction there
     light: vec3<f32>,          // light that arrives from the light vertex, divided by the densities of its sub-path
-    mis_ratios: vec2<f32>,     // `mis_sum_of_connection`
+    mis_ratios: vec2<f32>,     // `mis_connection_ratios`
     ray: Ray,                  // between the two vertices
 }
 
-// A path with a light vertex that was found again.
+// A path whose light sub-path was traced again, and whether that has still found a light vertex.
 struct Retraced {
     path: PathSample,
     exists: bool,
 }
 
-#ifdef CONNECTIONS
 fn ends_with_connection(path: PathSample) -> bool {
     return path.termination == TERMINATION_CONNECTION;
 }
@@ -64,7 +63,7 @@ fn ended_at_light_vertex(prefix: PathSample, p: LightVertex) -> PathSample {
     return with_light_vertex(path, p);
 }
 
-// A path that stores another light vertex.  Its field for a density, which such a path does not have, holds a length.
+// A path that stores this light vertex.  Such a path has no density, so that the field holds a length instead.
 fn with_light_vertex(s: PathSample, p: LightVertex) -> PathSample {
     var path = s;
     path.instance = p.instance;
@@ -81,7 +80,7 @@ fn stores_light_vertex(path: PathSample) -> bool {
     return ends_with_connection(path) && path.reconnection == path.length;
 }
 
-// The light vertex of a path, from its light sub-path, which is traced again; its number of events is 0 if there is none.
+// Traces the light sub-path of a path again, up to the light vertex.  A vertex of 0 events means that the sub-path ends before.
 fn replayed_light_vertex(path: PathSample, previous: bool) -> LightVertex {
     let frame = view.frame - ((view.frame - path.born) & 0xffffu);
     let sub_path = path.light.coordinates & ((1u << SUB_PATH_BITS) - 1u);
@@ -93,8 +92,7 @@ fn replayed_light_vertex(path: PathSample, previous: bool) -> LightVertex {
     return vertex;
 }
 
-// The connection of a vertex with the light vertex that a path stores.  `connections`: of a vertex, against one light sub-path
-// (`TechniqueCounts::connections`).
+// The connection of a vertex with the light vertex that a path stores.  `connections`: `TechniqueCounts::connections`.
 fn connection_to(v: Vertex, path: PathSample, connections: f32, previous: bool) -> Connection {
     var k: Connection;
     let x = v.surface;
@@ -154,7 +152,7 @@ fn stored_connection(v: Vertex, path: PathSample) -> Connection {
     return Connection(path.wi, terms.f, terms.pdf, path.radiance, path.mis_coefficients, Ray());
 }
 
-// The path with its light vertex, whose light sub-path is traced again in a scene that has changed.
+// A path that stores a light vertex or ends with a connection, with the light vertex that its light sub-path finds in a scene that has changed.
 fn retraced(path: PathSample, previous: bool) -> Retraced {
     let vertex = replayed_light_vertex(path, previous);
     return Retraced(with_light_vertex(path, vertex), vertex.events > 0u);

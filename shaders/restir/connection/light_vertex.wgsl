@@ -47,6 +47,7 @@ fn offer_vertex(kept: LightVertex, w: LightWalk, light: u32, path: u32, rng: ptr
     return v;
 }
 
+// The newest vertex of a walk, which stands for itself alone.
 fn newest_vertex(w: LightWalk, light: u32, path: u32) -> LightVertex {
     let barycentrics = quantized_barycentrics(w.hit.barycentrics);
     return LightVertex(

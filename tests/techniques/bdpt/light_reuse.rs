@@ -305,6 +305,29 @@ fn connected_paths_store_the_light_vertices_of_this_frame() {
     assert!(found_again(&[kept]) < 0.95);
 }
 
+/// A path of the last frame, shifted to its own pixel of the last frame, has its own light vertex there.
+#[test]
+fn light_vertices_of_the_last_frame_are_found_in_its_scene() {
+    let Some(mut rig) = jittered(|rig| corner(rig, false)) else { return };
+    leave_out(&mut rig, &SPLATS);
+    replace_pass_shader(&mut rig.app, "bdpt_reuse", include_str!("../../support/kernels/light_vertices_before.wgsl"));
+    rig.set(|r| {
+        Bidirectional(Full, paths::temporal()).apply_to(r);
+        r.bounces = 3;
+    });
+    let mut stored = Vec3::ZERO;
+    for seed in 0..16 {
+        rig.set(|r| r.seed = seed);
+        rig.until_ready();
+        for step in 0..=STEPS {
+            pose_corner(&mut rig, step);
+            stored += rig.next().iter().map(|(_, c)| c).sum::<Vec3>();
+        }
+    }
+    eprintln!("{} of {} found", stored.y, stored.x);
+    assert!(stored.x > 1_000.0 && stored.y > 0.99 * stored.x, "{} of {}", stored.y, stored.x);
+}
+
 /// The paths have s + t vertices, one more than the index of the light.
 #[test]
 fn a_debug_view_shows_the_technique_that_found_a_path() {
