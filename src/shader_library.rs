@@ -53,6 +53,7 @@ pub const MODULES: &[(&str, &str)] = modules![
     "deformation/refit.wgsl",
     "view/types.wgsl",
     "view/bindings.wgsl",
+    "view/pixel.wgsl",
     "view/ray_counter.wgsl",
     "view/alpha_seed.wgsl",
     "view/camera.wgsl",
@@ -226,7 +227,7 @@ fn module_that_defines(name: &str, room: &str) -> Option<&'static str> {
 
 /// A passage of a module that a test replaces.
 #[cfg(feature = "testing")]
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ShaderEdit {
     /// Path below `shaders/`.
     pub module: &'static str,

@@ -23,6 +23,9 @@ pub struct Args {
     /// Maximum number of scattering events of a path.
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=64))]
     bounces: u32,
+    /// A field of `Restir`, for all techniques and the reference tracer; repeatable.
+    #[arg(long, value_name = "PATH=VALUE", value_parser = variant::parse)]
+    set: Vec<String>,
     #[command(flatten)]
     lengths: Lengths,
 }
@@ -73,27 +76,26 @@ pub enum Detail {
 
 /// Compares the techniques.
 pub fn run(args: &Args) -> Result<(), String> {
-    let competitor = |name: &str, technique| Competitor { name: name.into(), settings: args.settings(technique) };
-    let competitors = [
-        competitor("ReSTIR PT", Technique::Pt),
-        competitor("ReSTIR BDPT", Technique::Bdpt),
-        competitor("ReSTIR DI + GI", Technique::Gi),
-    ];
+    let competitor =
+        |(name, technique): (&str, _)| Ok(Competitor { name: name.into(), settings: args.settings(technique)? });
+    let techniques =
+        [("ReSTIR PT", Technique::Pt), ("ReSTIR BDPT", Technique::Bdpt), ("ReSTIR DI + GI", Technique::Gi)];
+    let competitors = techniques.into_iter().map(competitor).collect::<Result<Vec<_>, String>>()?;
     table("equal-time", args, &competitors, Detail::Passes)
 }
 
 impl Steps {
     /// Measures each step of Lin et al. 2026, or each variant of the command line.
     pub fn run(&self) -> Result<(), String> {
-        let default = || self.args.settings(Technique::Pt);
+        let default = self.args.settings(Technique::Pt)?;
         let competitors = if self.variant.is_empty() {
-            series::steps(&default())
+            series::steps(&default)
                 .into_iter()
                 .map(|(name, settings)| Competitor { name: name.into(), settings })
                 .collect()
         } else {
             let competitor =
-                |text: &String| Ok(Competitor { name: text.clone(), settings: variant::of(&default(), text)? });
+                |text: &String| Ok(Competitor { name: text.clone(), settings: variant::of(&default, text)? });
             self.variant.iter().map(competitor).collect::<Result<Vec<_>, String>>()?
         };
         table("steps", &self.args, &competitors, Detail::Stages)
@@ -101,8 +103,8 @@ impl Steps {
 }
 
 impl Args {
-    fn settings(&self, technique: Technique) -> Restir {
-        crate::series::plain(technique, self.bounces)
+    fn settings(&self, technique: Technique) -> Result<Restir, String> {
+        variant::of(&series::plain(technique, self.bounces), &self.set.join(" "))
     }
 }
 
@@ -110,7 +112,7 @@ fn table(name: &str, args: &Args, competitors: &[Competitor], detail: Detail) ->
     let Lengths { output, size, counts, .. } = &args.lengths;
     output.check(name)?;
     let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
-    let reference = args.settings(Technique::Reference);
+    let reference = args.settings(Technique::Reference)?;
     for scene in scenes(&args.scenes)? {
         let bench = Bench::of_scene(&scene, *size, reference.clone(), counts);
         let rows = bench.and_then(|mut bench| {
@@ -155,6 +157,7 @@ pub fn column(
     let errors = Errors { reference: &truth, seeds: lengths.seeds };
     let (sample, one) = measured(bench, reference, &errors, &progress)?;
     let mut rows = scene_rows(bench, &truth, &sample, one);
+    let mut first: Option<(&str, f64, Error)> = None;
     for Competitor { name, settings } in competitors {
         let (cost, error) = measured(bench, settings, &errors, &progress)?;
         let reservoirs = bench.report().reservoir_bytes_per_pixel;
@@ -200,6 +203,10 @@ pub fn column(
                 &[("", Unit::Ratio, whole.mean / error.mean), ("median", Unit::Ratio, whole.median / error.median)],
             ),
         ]);
+        let (first_name, first_ms, first_error) = *first.get_or_insert((name.as_str(), cost.lighting(), error));
+        if first_name != name {
+            rows.push(error_in_equal_time(name, first_name, first_ms / cost.lighting(), &first_error, &error));
+        }
     }
     Ok(rows)
 }
@@ -212,6 +219,21 @@ fn measured(
 ) -> Result<(Cost, Error), String> {
     let (cost, error) = bench.measure(settings, Some(errors), progress)?;
     Ok((cost, error.unwrap_or_default()))
+}
+
+/// Error of another technique relative to that of a row, times the ratio of their times: how much of its error the other technique would have in
+/// the time of this row, if its error fell as the reciprocal of its time.
+fn error_in_equal_time(name: &str, other_name: &str, time: f64, other: &Error, error: &Error) -> Row {
+    let label = format!("{other_name} in equal time: its error, relative");
+    Row::new(
+        name.to_owned(),
+        &label,
+        &[
+            ("", Unit::Ratio, time * other.mean / error.mean),
+            ("median", Unit::Ratio, time * other.median / error.median),
+            ("relMSE without the worst 1 %", Unit::Ratio, time * other.rel_mse_trimmed / error.rel_mse_trimmed),
+        ],
+    )
 }
 
 fn scene_rows(bench: &Bench, truth: &Reference, sample: &Cost, one: Error) -> Vec<Row> {

@@ -11,6 +11,6 @@ pub fn parse(text: &str) -> Result<String, String> {
 /// The settings with these assignments.
 pub fn of(plain: &Restir, text: &str) -> Result<Restir, String> {
     let mut settings = plain.clone();
-    fields::set_in_range(&mut settings, text.split_whitespace()).map_err(|error| format!("--variant {error}"))?;
+    fields::set_in_range(&mut settings, text.split_whitespace())?;
     Ok(settings)
 }

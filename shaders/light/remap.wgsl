@@ -17,6 +17,11 @@ fn current_light_id(previous: u32) -> u32 {
     return lights[record].counterpart;
 }
 
+// Whether a light of this frame exists, or (`previous`) existed in the last frame.
+fn light_exists(light: u32, previous: bool) -> bool {
+    return light == ENVIRONMENT_LIGHT || light_record(light, previous) != NONE;
+}
+
 // Index in `lights` of a light of this frame, as it is or (`previous`) as it was in the last frame; NONE if it did not exist.
 fn light_record(light: u32, previous: bool) -> u32 {
     if light >= scene.light_count {

@@ -6,6 +6,7 @@
 #import bevy_restir::scene::triangle::world_triangle
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::camera::{barycentrics_on_ray, motion_of_point, motion_of_sky, primary_ray}
+#import bevy_restir::view::pixel::{pixel_at, pixel_index}
 
 @group(2) @binding(0) var<storage, read> radiance: array<vec4<f32>>;
 @group(2) @binding(1) var depth: texture_depth_2d;
@@ -31,7 +32,7 @@ fn vertex(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {
 
 @fragment
 fn fragment(@builtin(position) position: vec4<f32>) -> Output {
-    let pixel = pixel_at(position);
+    let pixel = shown_pixel(position);
     let d = textureLoad(depth, pixel, 0);
     if keeps_earlier_picture(d) {
         discard;
@@ -41,7 +42,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Output {
 
 @fragment
 fn fragment_with_motion(@builtin(position) position: vec4<f32>) -> OutputWithMotion {
-    let pixel = pixel_at(position);
+    let pixel = shown_pixel(position);
     let d = textureLoad(depth, pixel, 0);
     if keeps_earlier_picture(d) {
         discard;
@@ -50,9 +51,9 @@ fn fragment_with_motion(@builtin(position) position: vec4<f32>) -> OutputWithMot
 }
 
 // The traced picture may be smaller than the viewport.
-fn pixel_at(position: vec4<f32>) -> vec2<u32> {
+fn shown_pixel(position: vec4<f32>) -> vec2<u32> {
     let at = (position.xy - vec2<f32>(view.origin)) * (vec2<f32>(view.size) / vec2<f32>(view.target_size));
-    return min(vec2<u32>(max(at, vec2<f32>(0.0))), view.size - 1u);
+    return pixel_at(max(at, vec2<f32>(0.0)));
 }
 
 // Whether the picture of an earlier camera stays: with VIEW_NO_BACKDROP, where there is no surface.
@@ -62,7 +63,7 @@ fn keeps_earlier_picture(d: f32) -> bool {
 
 // Radiance times exposure.  Where only the clear color is seen, its alpha is kept, for windows and images that show something behind.
 fn color_at(pixel: vec2<u32>, d: f32) -> vec4<f32> {
-    let sum = radiance[pixel.y * view.size.x + pixel.x];
+    let sum = radiance[pixel_index(pixel)];
     // The greatest half float is 65504; later passes may add to it.
     let color = min(sum.rgb / max(sum.a, 1.0) * view.exposure, vec3<f32>(6.0e4));
     let shows_clear_color = d == 0.0 && (view.flags & VIEW_ENVIRONMENT_IS_BACKDROP) == 0u;

@@ -10,6 +10,7 @@
 #import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::camera::{barycentrics_on_ray, motion_of_point, motion_of_sky, pixel_cone, primary_ray}
 #import bevy_restir::view::false_color::false_color
+#import bevy_restir::view::pixel::pixel_index
 #import bevy_restir::view::ray_counter::count_rays
 
 @group(2) @binding(0) var<storage, read_write> radiance: array<vec4<f32>>;
@@ -69,6 +70,6 @@ fn debug(@builtin(global_invocation_id) id: vec3<u32>) {
     } else if view.debug_view == DEBUG_MOTION {
         color = vec3<f32>(motion_of_sky(ray.direction), 0.0);
     }
-    radiance[pixel.y * view.size.x + pixel.x] = vec4<f32>(color, 1.0);
+    radiance[pixel_index(pixel)] = vec4<f32>(color, 1.0);
     count_rays(pixel);
 }

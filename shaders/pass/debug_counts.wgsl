@@ -3,6 +3,7 @@
 
 #import bevy_restir::view::bindings::{counts, LAYER_GUARDS, LAYER_RAYS, view}
 #import bevy_restir::view::false_color::false_color
+#import bevy_restir::view::pixel::pixel_index
 
 @group(2) @binding(0) var<storage, read_write> radiance: array<vec4<f32>>;
 
@@ -12,7 +13,7 @@ fn debug_counts(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(pixel >= view.size) {
         return;
     }
-    let index = pixel.y * view.size.x + pixel.x;
+    let index = pixel_index(pixel);
     radiance[index] = shown(pixel, radiance[index]);
 }
 

@@ -1,11 +1,11 @@
 // Debug views of the reservoirs of ReSTIR DI, without exposure.
 
 #import bevy_restir::common::constants::NONE
-#import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::di::reservoir::{PackedReservoir, reservoir_unpack}
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::false_color::false_color
+#import bevy_restir::view::pixel::pixel_index
 
 @group(2) @binding(1) var<storage, read> reservoirs: array<PackedReservoir>;
 @group(2) @binding(2) var<storage, read_write> radiance: array<vec4<f32>>;
@@ -22,7 +22,7 @@ fn debug_di(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(pixel >= view.size) {
         return;
     }
-    let r = reservoir_unpack(reservoirs[reservoir_index(pixel, view.size, settings.reservoir_layout)]);
+    let r = reservoir_unpack(reservoirs[reservoir_index(pixel)]);
     let is_empty = textureLoad(visibility, pixel, 0).x == NONE || !(r.ucw > 0.0);
     var color = vec3<f32>(0.0);
     switch view.debug_view {
@@ -42,5 +42,5 @@ fn debug_di(@builtin(global_invocation_id) id: vec3<u32>) {
             color = select(select(vec3<f32>(1.0, 0.0, 0.0), vec3<f32>(0.0, 1.0, 0.0), r.seen), vec3<f32>(0.0), is_empty);
         }
     }
-    radiance[pixel.y * view.size.x + pixel.x] = vec4<f32>(color, 1.0);
+    radiance[pixel_index(pixel)] = vec4<f32>(color, 1.0);
 }

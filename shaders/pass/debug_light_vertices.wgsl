@@ -5,6 +5,7 @@
 #import bevy_restir::restir::connection::count::CONNECTS
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::view::bindings::view
+#import bevy_restir::view::pixel::pixel_index
 
 @group(2) @binding(1) var light_vertices: texture_2d<u32>;
 @group(2) @binding(2) var<storage, read_write> radiance: array<vec4<f32>>;
@@ -15,7 +16,7 @@ fn debug_light_vertices(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(pixel >= view.size) {
         return;
     }
-    let index = pixel.y * view.size.x + pixel.x;
+    let index = pixel_index(pixel);
     // Without connections, no pass writes the cache.
     let paths = select(0u, settings.light_paths, CONNECTS);
     var vertices = vec2<u32>(0u);

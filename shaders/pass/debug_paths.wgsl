@@ -1,8 +1,8 @@
 // Debug views of the reservoirs of paths, without exposure.
 
+#import bevy_restir::view::pixel::pixel_index
 #import domain::{evaluate, is_visible, jacobian_of, PackedReservoir, receiver_of, Reservoir, reservoir_unpack}
 #import bevy_restir::common::constants::NONE
-#import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::path_sample::{TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE}
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::restir::connection::connection::{ends_with_connection, events_of_light}
@@ -30,14 +30,14 @@ fn debug_paths(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(pixel >= view.size) {
         return;
     }
-    let r = reservoir_unpack(reservoirs[reservoir_index(pixel, view.size, settings.reservoir_layout)]);
+    let r = reservoir_unpack(reservoirs[reservoir_index(pixel)]);
     var color = vec3<f32>(0.0);
     if view.debug_view == DEBUG_PATH_CONFIDENCE {
         color = vec3<f32>(r.confidence);
     } else if textureLoad(visibility, pixel, 0).x != NONE && r.ucw > 0.0 {
         color = path_view(r, pixel);
     }
-    radiance[pixel.y * view.size.x + pixel.x] = vec4<f32>(color, 1.0);
+    radiance[pixel_index(pixel)] = vec4<f32>(color, 1.0);
 }
 
 fn path_view(r: Reservoir, pixel: vec2<u32>) -> vec3<f32> {

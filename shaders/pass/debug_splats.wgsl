@@ -1,9 +1,9 @@
 // Debug views of the reservoirs of light sub-paths that the camera sees, without exposure.
 
-#import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::restir::splats::reservoir::{PackedReservoir, Reservoir, reservoir_unpack}
 #import bevy_restir::view::bindings::view
+#import bevy_restir::view::pixel::pixel_index
 
 @group(2) @binding(1) var<storage, read> reservoirs: array<PackedReservoir>;
 @group(2) @binding(2) var<storage, read_write> radiance: array<vec4<f32>>;
@@ -19,14 +19,14 @@ fn debug_splats(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(pixel >= view.size) {
         return;
     }
-    let r = reservoir_unpack(reservoirs[reservoir_index(pixel, view.size, settings.reservoir_layout)]);
+    let r = reservoir_unpack(reservoirs[reservoir_index(pixel)]);
     var shown = 0.0;
     if view.debug_view == DEBUG_LIGHT_PATH_CONFIDENCE {
         shown = r.confidence;
     } else if r.ucw > 0.0 {
         shown = sample_view(r);
     }
-    radiance[pixel.y * view.size.x + pixel.x] = vec4<f32>(vec3<f32>(shown), 1.0);
+    radiance[pixel_index(pixel)] = vec4<f32>(vec3<f32>(shown), 1.0);
 }
 
 fn sample_view(r: Reservoir) -> f32 {

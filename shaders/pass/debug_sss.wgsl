@@ -3,12 +3,12 @@
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::math::max_component
 #import bevy_restir::common::ray::Hit
-#import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::restir::sss::domain::{entry_point, evaluate, is_visible, jacobian_of, Receiver, receiver_of, target_value}
 #import bevy_restir::restir::sss::reservoir::{EntrySample, PackedReservoir, Reservoir, reservoir_unpack}
 #import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::debug_shift::shift_destination
+#import bevy_restir::view::pixel::pixel_index
 
 @group(2) @binding(1) var<storage, read> reservoirs: array<PackedReservoir>;
 @group(2) @binding(2) var<storage, read_write> radiance: array<vec4<f32>>;
@@ -30,7 +30,7 @@ fn debug_sss(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(pixel >= view.size) {
         return;
     }
-    let r = reservoir_unpack(reservoirs[reservoir_index(pixel, view.size, settings.reservoir_layout)]);
+    let r = reservoir_unpack(reservoirs[reservoir_index(pixel)]);
     let ids = textureLoad(visibility, pixel, 0).xy;
     var color = vec3<f32>(0.0);
     if view.debug_view == DEBUG_SUBSURFACE_CONFIDENCE {
@@ -38,7 +38,7 @@ fn debug_sss(@builtin(global_invocation_id) id: vec3<u32>) {
     } else if ids.x != NONE && r.ucw > 0.0 {
         color = sample_view(r, ids, pixel);
     }
-    radiance[pixel.y * view.size.x + pixel.x] = vec4<f32>(color, 1.0);
+    radiance[pixel_index(pixel)] = vec4<f32>(color, 1.0);
 }
 
 fn sample_view(r: Reservoir, ids: vec2<u32>, pixel: vec2<u32>) -> vec3<f32> {

@@ -6,6 +6,7 @@
 #import bevy_restir::denoiser::types::{DIFFUSE, SPECULAR}
 #import bevy_restir::light::direct_view::directly_seen
 #import bevy_restir::view::bindings::{view, visibility}
+#import bevy_restir::view::pixel::pixel_index
 #import bevy_restir::view::pixel_light::guarded_pixel
 #import bevy_restir::view::primary::primary_surface
 #import bevy_restir::view::ray_counter::count_guards
@@ -31,6 +32,6 @@ fn denoiser_output(@builtin(global_invocation_id) id: vec3<u32>) {
         light += albedo.diffuse * textureLoad(signals, pixel, DIFFUSE, 0).rgb;
         light += albedo.specular * textureLoad(signals, pixel, SPECULAR, 0).rgb;
     }
-    radiance[pixel.y * view.size.x + pixel.x] = vec4<f32>(guarded_pixel(light), 1.0);
+    radiance[pixel_index(pixel)] = vec4<f32>(guarded_pixel(light), 1.0);
     count_guards(pixel);
 }

@@ -3,7 +3,6 @@
 
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::rng::{rng_new, STREAM_DI_CANDIDATES}
-#import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::di::domain::receiver_of
 #import bevy_restir::restir::di::initial_candidates::sample_candidates
 #import bevy_restir::restir::di::reservoir::{no_reservoir, PackedReservoir, reservoir_pack}
@@ -22,7 +21,7 @@ fn di_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(pixel >= view.size) {
         return;
     }
-    let index = reservoir_index(pixel, view.size, settings.reservoir_layout);
+    let index = reservoir_index(pixel);
     let ids = textureLoad(visibility, pixel, 0).xy;
     if ids.x == NONE || view.bounces == 0u {
         reservoirs[index] = reservoir_pack(no_reservoir());

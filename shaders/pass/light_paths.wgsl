@@ -5,12 +5,13 @@
 #import bevy_restir::common::rng::{rng_1, STREAM_LIGHT_PATHS, STREAM_SPLATS}
 #import bevy_restir::path::light_path::chosen_light
 #import bevy_restir::restir::bdpt::light_map::{entry_pack, MapEntry, SPLAT_WORDS, SPLATS_OF_A_PATH, word_of}
-#import bevy_restir::restir::connection::light_sub_path::{begin_sub_path, continue_sub_path, sub_path_rng}
+#import bevy_restir::restir::connection::light_sub_path::{begin_sub_path, continue_sub_path, sub_path_rng, SubPath}
 #import bevy_restir::restir::connection::light_vertex::{light_vertex_pack, LightVertex, offer_vertex, vertex_texel, VERTEX_TEXELS}
 #import bevy_restir::restir::bdpt::splat::{no_splat, Splat, splat_of}
 #import bevy_restir::restir::connection::count::CONNECTS
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::view::bindings::view
+#import bevy_restir::view::pixel::pixel_index
 #import bevy_restir::view::ray_counter::count_rays
 
 @group(2) @binding(1) var light_vertices: texture_storage_2d<rgba32uint, write>;
@@ -22,7 +23,7 @@ fn light_paths(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let pixels = view.size.x * view.size.y;
-    for (var path = id.y * view.size.x + id.x; path < settings.light_paths; path += pixels) {
+    for (var path = pixel_index(id.xy); path < settings.light_paths; path += pixels) {
         trace(path);
     }
     count_rays(id.xy);
@@ -42,10 +43,13 @@ fn trace(path: u32) {
     var count = 0u;
     var rest = Rest(no_splat(), 1u, 0.0);
     let light = chosen_light(rng);
-    var p = begin_sub_path(light, &rng, false);
     // A connection adds at least one event, at its camera end.
     let last_connected = max(view.bounces, 1u) - 1u;
     let last = select(last_connected, view.bounces, settings.splats > 0u);
+    var p: SubPath;
+    if last > 0u {
+        p = begin_sub_path(light, &rng, false);
+    }
     for (var event = 1u; event <= last; event++) {
         if p.walk.events == 0u {
             break;

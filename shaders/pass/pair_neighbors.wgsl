@@ -28,7 +28,7 @@ fn pair_neighbors(@builtin(global_invocation_id) id: vec3<u32>) {
         mask = similar_partners(ids, pixel);
         // The samples are read only where new surfaces get more neighbors.
         if settings.disocclusion_samples > settings.spatial_samples {
-            let own = reservoir_unpack(samples[reservoir_index(pixel, view.size, settings.reservoir_layout)]);
+            let own = reservoir_unpack(samples[reservoir_index(pixel)]);
             mask |= select(0u, PAIR_IS_NEW, own.confidence <= 1.0);
         }
     }

@@ -29,7 +29,7 @@ const COORDINATE_BITS: u32 = 16u;
 @group(2) @binding(2) var shifts: texture_storage_2d_array<rgba32float, write>;
 
 fn sample_in(pixel: vec2<u32>) -> Reservoir {
-    return reservoir_unpack(samples[reservoir_index(pixel, view.size, settings.reservoir_layout)]);
+    return reservoir_unpack(samples[reservoir_index(pixel)]);
 }
 
 // Rays of direct light see blended surfaces by these random numbers; a path has an alpha seed of its own.

@@ -4,7 +4,6 @@
 #import domain::{in_domain_measure, no_reservoir, PackedReservoir, receiver_of, Reservoir, reservoir_pack, SHORTEST_LENGTH}
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::rng::{rng_new, STREAM_PATH_CANDIDATES}
-#import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::pt::initial_candidates::sample_candidates
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::view::bindings::{view, visibility}
@@ -20,7 +19,7 @@ fn path_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(pixel >= view.size) {
         return;
     }
-    let index = reservoir_index(pixel, view.size, settings.reservoir_layout);
+    let index = reservoir_index(pixel);
     let ids = textureLoad(visibility, pixel, 0).xy;
     if ids.x == NONE || view.bounces + 1u < SHORTEST_LENGTH {
         reservoirs[index] = reservoir_pack(no_reservoir());

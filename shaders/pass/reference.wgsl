@@ -11,6 +11,7 @@
 #import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::camera::{barycentrics_on_ray, primary_ray}
 #import bevy_restir::view::light_part::shown_emission
+#import bevy_restir::view::pixel::pixel_index
 #import bevy_restir::view::pixel_light::guarded_pixel
 #import bevy_restir::view::ray_counter::count_rays
 
@@ -36,7 +37,7 @@ fn reference(@builtin(global_invocation_id) id: vec3<u32>) {
         sample = estimate_radiance(Hit(distance(ray.origin, position), ids.x, ids.y, barycentrics), ray, &rng);
     }
 
-    let index = pixel.y * view.size.x + pixel.x;
+    let index = pixel_index(pixel);
     var sum = vec4<f32>(displayed(guarded_pixel(sample)), 1.0);
     if view.accumulated > 0u {
         sum += radiance[index];

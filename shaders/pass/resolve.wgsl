@@ -4,6 +4,7 @@
 
 #import bevy_restir::common::math::luminance
 #import bevy_restir::view::bindings::{view, visibility}
+#import bevy_restir::view::pixel::pixel_index
 #import bevy_restir::view::pixel_light::guarded_pixel
 #import bevy_restir::view::ray_counter::count_guards
 #ifdef TO_DENOISER
@@ -72,7 +73,7 @@ fn signal(light: vec3<f32>, albedo: vec3<f32>) -> vec4<f32> {
 @group(2) @binding(5) var<storage, read_write> radiance: array<vec4<f32>>;
 
 fn store(ids: vec2<u32>, pixel: vec2<u32>, scattered: vec4<f32>) {
-    let index = pixel.y * view.size.x + pixel.x;
+    let index = pixel_index(pixel);
     var sum = vec4<f32>(guarded_pixel(directly_seen(ids, pixel) + scattered.rgb), 1.0);
     if view.accumulated > 0u {
         sum += radiance[index];

@@ -27,6 +27,7 @@
 #import bevy_restir::restir::types::{RESAMPLE_CANDIDATES_VISIBLE, RESAMPLE_DISCARD_OCCLUDED, RESAMPLE_FROM_PREVIOUS, RESAMPLE_MIS_RAYS, RESAMPLE_REUSE_VISIBILITY, RESAMPLE_SAME_RAYS, RESAMPLE_SHADE, RESAMPLE_SHADE_ALL, RESAMPLE_SHADING_RAYS, RESAMPLE_TARGET_RAYS}
 #import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::light_part::{shown_light, SPLITS_LIGHT}
+#import bevy_restir::view::pixel::is_in_picture
 #import bevy_restir::view::ray_counter::count_rays
 
 // Reservoirs of the last frame, or of the previous iteration of this frame.
@@ -49,7 +50,7 @@ struct Inputs {
 }
 
 fn own_sample(pixel: vec2<u32>) -> Reservoir {
-    let index = reservoir_index(pixel, view.size, settings.reservoir_layout);
+    let index = reservoir_index(pixel);
     if has(RESAMPLE_FROM_PREVIOUS) {
         return reservoir_unpack(reservoirs[index]);
     }
@@ -57,7 +58,7 @@ fn own_sample(pixel: vec2<u32>) -> Reservoir {
 }
 
 fn neighbor_sample(pixel: vec2<u32>) -> Reservoir {
-    var s = reservoir_unpack(neighbors[reservoir_index(pixel, view.size, settings.reservoir_layout)]);
+    var s = reservoir_unpack(neighbors[reservoir_index(pixel)]);
     if has(RESAMPLE_FROM_PREVIOUS) {
         s = in_current_frame(s);
     }
@@ -235,13 +236,12 @@ fn share_of_copies(s: Reservoir, at: vec2<u32>, rng: ptr<function, Rng>) -> f32 
     if settings.decorrelation == 0.0 || s.ucw == 0.0 {
         return 0.0;
     }
-    let identity = identity_of(neighbors[reservoir_index(at, view.size, settings.reservoir_layout)]);
+    let identity = identity_of(neighbors[reservoir_index(at)]);
     var copies = 0u;
     for (var i = 0u; i < COMPARED_PIXELS; i++) {
         let position = position_around(at, rng);
-        if all(position >= vec2<f32>(0.0)) && all(position < vec2<f32>(view.size)) {
-            let other = identity_of(neighbors[reservoir_index(vec2<u32>(position), view.size, settings.reservoir_layout)]);
-            copies += u32(all(other == identity));
+        if is_in_picture(position) {
+            copies += u32(all(identity_of(neighbors[reservoir_index(vec2<u32>(position))]) == identity));
         }
     }
     return f32(copies) / f32(COMPARED_PIXELS);
@@ -421,7 +421,7 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(pixel >= view.size) {
         return;
     }
-    let index = reservoir_index(pixel, view.size, settings.reservoir_layout);
+    let index = reservoir_index(pixel);
     let ids = textureLoad(visibility, pixel, 0).xy;
     if !receives_light(ids) || view.bounces == 0u {
         store_nothing(pixel, index);

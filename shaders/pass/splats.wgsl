@@ -9,12 +9,12 @@
 #import bevy_restir::restir::bdpt::light_map::{entry_unpack, exact_add, exact_sum, exact_total, MapEntry, MAX_ENTRIES, Race, race_add, SPLAT_WORDS, SPLATS_OF_A_PATH, word_of}
 #import bevy_restir::restir::connection::light_sub_path::sub_path_rng
 #import bevy_restir::restir::bdpt::splat::Splat
-#import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::restir::splats::domain::{contribution_of, has_changed}
 #import bevy_restir::restir::splats::reservoir::{no_reservoir, PackedReservoir, Reservoir, reservoir_pack}
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::light_part::{pack_share, SPLITS_LIGHT, unpack_share}
+#import bevy_restir::view::pixel::pixel_index
 #import bevy_restir::view::ray_counter::count_guards
 
 @group(2) @binding(1) var<storage, read> light_map: array<u32>;
@@ -37,7 +37,7 @@ fn splats(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(pixel >= view.size) {
         return;
     }
-    let landed = landed_splats(light_map[pixel.y * view.size.x + pixel.x]);
+    let landed = landed_splats(light_map[pixel_index(pixel)]);
     var r = no_reservoir();
     if landed.chosen != 0u {
         r = sample_of(landed.chosen);
@@ -49,7 +49,7 @@ fn splats(@builtin(global_invocation_id) id: vec3<u32>) {
     // of a pixel, and a weight holds for the color of its own splat only.
     let color = select(landed.sum / max(r.ucw, 1.0e-37), r.f, has_changed());
     let contribution = select(vec3<f32>(0.0), color, r.ucw > 0.0 && is_finite_3(color));
-    reservoirs[reservoir_index(pixel, view.size, settings.reservoir_layout)] = reservoir_pack(r);
+    reservoirs[reservoir_index(pixel)] = reservoir_pack(r);
     textureStore(contributions, pixel, vec4<f32>(contribution, pack_share(share_of(landed.diffuse, landed.sum))));
     count_guards(pixel);
 }

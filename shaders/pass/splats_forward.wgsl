@@ -22,7 +22,7 @@ fn splats_forward(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(pixel >= view.size) || settings.temporal_samples == 0u {
         return;
     }
-    let index = reservoir_index(pixel, view.size, settings.reservoir_layout);
+    let index = reservoir_index(pixel);
     let r = reservoir_at(index);
     if r.ucw > 0.0 {
         forward(r, index, pixel);
@@ -62,7 +62,7 @@ fn forward(r: Reservoir, index: u32, pixel: vec2<u32>) {
         }
         f = guarded_3(contribution_of(splat, light), GUARD_SHIFT_CONTRIBUTION);
         diffuse = splat.diffuse;
-        to = reservoir_index(vec2<u32>(splat.pixel % view.size.x, splat.pixel / view.size.x), view.size, settings.reservoir_layout);
+        to = reservoir_index(vec2<u32>(splat.pixel % view.size.x, splat.pixel / view.size.x));
     }
     if !(luminance(f) > 0.0) {
         return;

@@ -12,6 +12,7 @@
 #import bevy_restir::restir::splats::reservoir::{no_reservoir, PackedReservoir, Reservoir, reservoir_pack, reservoir_unpack}
 #import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::camera::{motion_of_sky, primary_ray, project}
+#import bevy_restir::view::pixel::{is_in_picture, pixel_at}
 #import bevy_restir::view::primary::previous_pixel_shape
 #import bevy_restir::view::ray_counter::count_guards
 
@@ -24,7 +25,7 @@ fn splats_gather(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(pixel >= view.size) || settings.temporal_samples == 0u {
         return;
     }
-    let index = reservoir_index(pixel, view.size, settings.reservoir_layout);
+    let index = reservoir_index(pixel);
     var r = landed_sample(last[index].head);
     r.confidence = proxy_confidence(pixel);
     forwarded[index] = reservoir_pack(r);
@@ -41,11 +42,10 @@ fn proxy_confidence(pixel: vec2<u32>) -> f32 {
     } else {
         at = project(view.previous, previous_pixel_shape(ids, pixel).position);
     }
-    if any(at < vec2<f32>(0.0)) || any(at >= vec2<f32>(view.size)) {
+    if !is_in_picture(at) {
         return 0.0;
     }
-    let place = min(vec2<u32>(at), view.size - 1u);
-    return reservoir_unpack(last[reservoir_index(place, view.size, settings.reservoir_layout)]).confidence;
+    return reservoir_unpack(last[reservoir_index(pixel_at(at))]).confidence;
 }
 
 // One sample of a list, which stands for all of them.

@@ -2,7 +2,6 @@
 
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::rng::{rng_new, STREAM_SSS_CANDIDATES}
-#import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::restir::sss::domain::receiver_of
 #import bevy_restir::restir::sss::initial_candidates::sample_candidates
@@ -20,7 +19,7 @@ fn sss_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(pixel >= view.size) {
         return;
     }
-    let index = reservoir_index(pixel, view.size, settings.reservoir_layout);
+    let index = reservoir_index(pixel);
     let ids = textureLoad(visibility, pixel, 0).xy;
     if ids.x == NONE || view.bounces == 0u {
         reservoirs[index] = reservoir_pack(no_reservoir());

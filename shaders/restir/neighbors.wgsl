@@ -12,6 +12,7 @@
 #import bevy_restir::scene::triangle::{instance_exists, world_triangle}
 #import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::camera::{barycentrics_on_ray, eye_of, previous_primary_ray, project}
+#import bevy_restir::view::pixel::{is_in_picture, pixel_at}
 #import bevy_restir::view::primary::{pixel_shape, previous_pixel_shape}
 
 // (instance, triangle) of a neighbor, in the frame that neighbors are taken from.
@@ -66,10 +67,10 @@ fn find_neighbor(center: ReuseCenter, is_temporal: bool, rng: ptr<function, Rng>
 
 // The pixel at a position, in the frame that neighbors are taken from; NONE if its surface is not similar.
 fn similar_pixel(own: Shape, at: vec2<f32>) -> vec2<u32> {
-    if !(all(at >= vec2<f32>(0.0)) && all(at < vec2<f32>(view.size))) {
+    if !is_in_picture(at) {
         return vec2<u32>(NONE);
     }
-    let pixel = min(vec2<u32>(at), view.size - 1u);
+    let pixel = pixel_at(at);
     let ids = neighbor_ids(pixel);
     if ids.x == NONE || (has(RESAMPLE_HEURISTICS) && !is_similar(own, ids, pixel)) {
         return vec2<u32>(NONE);
@@ -81,10 +82,10 @@ fn similar_pixel(own: Shape, at: vec2<f32>) -> vec2<u32> {
 // the offset from the object to the surface in this frame is added to the object's position in the last frame.  The background there is
 // often similar to the surface.
 fn position_beside_occluder(center: ReuseCenter) -> vec2<f32> {
-    if !(all(center.position >= vec2<f32>(0.0)) && all(center.position < vec2<f32>(view.size))) {
+    if !is_in_picture(center.position) {
         return vec2<f32>(-1.0);
     }
-    let pixel = min(vec2<u32>(center.position), view.size - 1u);
+    let pixel = pixel_at(center.position);
     let ids = neighbor_ids(pixel);
     if ids.x == NONE || !instance_exists(ids.x, false) {
         return vec2<f32>(-1.0);

@@ -7,6 +7,7 @@
 #import bevy_restir::scene::cone::{Cone, cone_along}
 #import bevy_restir::scene::triangle::WorldTriangle
 #import bevy_restir::view::bindings::view
+#import bevy_restir::view::pixel::is_in_picture
 #import bevy_restir::view::types::Camera
 
 // The functions below are called in many places of a program, and have no branches for that reason: Mesa's driver for the CPU (22.3)
@@ -80,7 +81,7 @@ struct CameraPoint {
 fn camera_point(camera: Camera, p: vec3<f32>) -> CameraPoint {
     let clip = clip_of(camera, p);
     let at = pixels_of(clip);
-    let inside = clip.w > 0.0 && clip.z >= 0.0 && clip.z <= clip.w && all(at >= vec2<f32>(0.0)) && all(at < vec2<f32>(view.size));
+    let inside = clip.w > 0.0 && clip.z >= 0.0 && clip.z <= clip.w && is_in_picture(at);
     let near = (camera.world_from_view * vec4<f32>(near_point(camera, at), 1.0)).xyz;
     return CameraPoint(at, inside, camera_ray(camera, at), near);
 }

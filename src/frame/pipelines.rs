@@ -84,6 +84,9 @@ pub(crate) struct PassPipelines {
     planted: Vec<ShaderDefVal>,
     /// Replacements for the shaders of passes, set by tests.
     replaced: HashMap<&'static str, Handle<Shader>>,
+    /// Their texts.
+    #[cfg(feature = "testing")]
+    replaced_texts: HashMap<&'static str, String>,
     /// Passages of the shader library that tests replaced.
     #[cfg(feature = "testing")]
     edits: Vec<crate::shader_library::ShaderEdit>,

@@ -42,9 +42,9 @@ pub(crate) struct BudgetStep(pub u32);
 
 impl Restir {
     /// These settings with fewer samples, as [`RestirBudget`] uses them.  Each step makes one reduction.  Paths come first, then direct
-    /// light, each in this order: iterations of spatial reuse down to one, then neighbors one by one, then all extra neighbors of
-    /// disocclusions.  After that the light candidates of direct light are halved, down to 4.  Steps after the last one change nothing.
-    /// Fields out of their range are brought into it.
+    /// light, each in this order: iterations of spatial reuse down to one, then neighbors one by one, then (in
+    /// [`ReuseOrder::Spatiotemporal`](super::ReuseOrder::Spatiotemporal)) all extra neighbors of disocclusions at once.  After that the light
+    /// candidates of direct light are halved, down to 4.  Steps after the last one change nothing.  Fields out of range are clamped.
     #[must_use]
     pub fn reduced(&self, step: u32) -> Self {
         let mut settings = self.clone().clamped();

@@ -69,7 +69,8 @@ pub enum DebugView {
     /// all light is absorbed, at most [`Restir::bounces`](super::Restir::bounces).  Russian roulette ends paths from the third event on.
     Bounces,
     /// Techniques (s, t) that found the stored paths: s vertices from the light in red, t from the camera in green.  This view and the next
-    /// four need [`Technique::Bdpt`](super::Technique::Bdpt).
+    /// four need [`Technique::Bdpt`](super::Technique::Bdpt), and the next four also need other
+    /// [`Bdpt::techniques`](super::Bdpt::techniques) than [`LightTechniques::NoLightTracing`](super::LightTechniques::NoLightTracing).
     PathTechniques,
     /// Scattering events of the stored light paths, which the camera sees (t = 1).
     LightPathLengths,

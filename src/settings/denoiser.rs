@@ -10,8 +10,8 @@ use super::validate::{Problem, Ranges};
 /// `docs/performance.md`.
 ///
 /// Biased: shadows, reflections and caustics that are finer than the filter are blurred; light that changes slowly lags behind.  Histories
-/// are not filtered, so that reuse stays unbiased.  What smooth mirrors and clear glass show is filtered like other surfaces, which costs a
-/// ray for each mirror.  On except in [`Preset::Unbiased`](super::Preset::Unbiased).  No effect on
+/// are not filtered, so that reuse stays unbiased.  What smooth mirrors and clear glass show is filtered like other surfaces, which costs up
+/// to six rays for each pixel that shows them.  On except in [`Preset::Unbiased`](super::Preset::Unbiased).  No effect on
 /// [`Technique::Reference`](super::Technique::Reference), with [`Restir::accumulate`](super::Restir::accumulate) and on debug views.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]

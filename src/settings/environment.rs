@@ -14,6 +14,16 @@ use bevy::{
 /// of the specular map of `EnvironmentMapLight` does, and is not shown.  Directions are sampled by the luminance of the image, in cells as
 /// small as its pixels, between 0.09 and 0.35 degrees: finer light is noisier, never biased.  The table takes 2.8 MB for images up to 1024
 /// pixels wide, and at most 45 MB.
+///
+/// ```
+/// # use bevy::prelude::*;
+/// # use bevy_restir::prelude::*;
+/// fn setup(mut commands: Commands, assets: Res<AssetServer>) {
+///     // Bevy loads .hdr files with its feature `hdr`, which is on by default, and .exr files with `exr`.
+///     let sky = RestirEnvironment { image: Some(assets.load("sky.hdr")), intensity: 2000.0, ..default() };
+///     commands.spawn((Camera3d::default(), Restir::default(), sky));
+/// }
+/// ```
 #[derive(Component, Clone, Debug, PartialEq, Reflect)]
 #[reflect(Component, Default)]
 pub struct RestirEnvironment {

@@ -89,6 +89,7 @@ fn second(rig: &mut Rig, order: isize, target: &Handle<Image>, bundle: impl Bund
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn two_cameras_side_by_side_equal_two_single_ones() {
     const SIDE: u32 = 24;
     let mut singles = Vec::new();
@@ -249,6 +250,7 @@ fn a_camera_without_a_clear_color_draws_over_the_previous_camera() {
 /// The picture of an orthographic camera does not depend on how far away it is, and neither do the places where paths reconnect and the
 /// neighbors that pixels accept.
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn the_distance_of_an_orthographic_camera_changes_no_samples() {
     let mut rays = Vec::new();
     for distance in [5.0, 640.0] {

@@ -230,8 +230,8 @@ fn screen_errors(rig: &mut Rig, settings: &Restir, smooths: bool, truth: &[[u8; 
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn denoised_frames_get_smoother_edges_by_temporal_anti_aliasing() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_denoised_frames_get_smoother_edges_by_temporal_anti_aliasing() {
     let Some(mut rig) = Rig::beside(|_| (), 64, 64) else { return };
     moving(&mut rig);
     rig.insert(rig.camera, (Tonemapping::Reinhard, DebandDither::Disabled));

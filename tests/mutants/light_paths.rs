@@ -152,8 +152,8 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "a vertex of the cache stands for itself alone",
         "restir/pt/initial_candidates.wgsl",
-        "f32(chosen.count) * CONNECTION_SHARE",
-        "CONNECTION_SHARE",
+        "f32(chosen.count) / light_pmf(chosen.light) * CONNECTION_SHARE",
+        "1.0 / light_pmf(chosen.light) * CONNECTION_SHARE",
         ROOM,
     ),
     mutant(

@@ -265,8 +265,8 @@ fn meshes_of_all_kinds_stay_finite() {
 
 /// The passes of ReSTIR SSS.
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn bad_values_materials_and_meshes_stay_finite_where_direct_light_is_resampled() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_bad_values_materials_and_meshes_stay_finite_where_direct_light_is_resampled() {
     check_all(Technique::Di);
 }
 

@@ -42,8 +42,8 @@ fn full_length_indirect_light_among_bodies_that_bend_equals_the_reference() {
 
 /// Temporal reuse that takes the bodies of this frame for those of the last one.
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn temporal_reuse_with_the_shapes_of_this_frame_is_found() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_temporal_reuse_with_the_shapes_of_this_frame_is_found() {
     let Some(mut rig) = scene(64, bending) else { return };
     let proof = Proof { bounces: 1, ..proof(60) };
     let reference = proof.truth(&mut rig, 1000);

@@ -138,6 +138,7 @@ fn copies_of_a_sample_lower_its_confidence() {
 
 /// Spatial reuse copies samples: the mean confidence falls.
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn spatial_reuse_makes_copies() {
     let Some(mut rig) = wall() else { return };
     let reuse = Reuse { radius: pixels(8.0, SIZE), confidence_cap: 20.0, ..reuses()[2].1.clone() };
@@ -154,6 +155,7 @@ fn spatial_reuse_makes_copies() {
 
 /// Its own sample would count twice.
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn a_pixel_is_not_its_own_neighbor() {
     let Some(mut rig) = wall() else { return };
     let reuse = Reuse { radius: pixels(2.0, SIZE), ..reuses()[4].1.clone() };
@@ -193,8 +195,8 @@ pub const WRONG: [(&str, &str, &str, &str); 4] = [
 ];
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn wrong_confidence_is_found() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_wrong_confidence_is_found() {
     let Some(mut rig) = wall() else { return };
     let (_, reuse) = &reuses()[2];
     let found = |rig: &mut Rig| error(rig, &AllLight::Pt(of_paths(reuse)), DebugView::PathConfidence, reuse);

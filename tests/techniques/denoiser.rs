@@ -60,8 +60,8 @@ fn denoised_frames_have_a_fraction_of_the_error() {
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn denoised_frames_of_the_other_techniques_have_a_fraction_of_the_error() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_denoised_frames_of_the_other_techniques_have_a_fraction_of_the_error() {
     have_a_fraction_of_the_error(&[Technique::Gi, Technique::Bdpt]);
 }
 
@@ -78,6 +78,7 @@ fn have_a_fraction_of_the_error(techniques: &[Technique]) {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn histories_do_not_depend_on_the_denoiser() {
     let Some(mut rig) = room_scene(SIZE) else { return };
     rig.set(|restir| *restir = shipped(Technique::Pt, Denoiser::ON));

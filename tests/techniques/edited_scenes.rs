@@ -183,8 +183,8 @@ fn light_whose_numbers_of_samples_change_in_every_frame_equals_the_reference() {
 
 /// A planted error: every object counts as present in both frames.
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn objects_that_count_in_the_wrong_frame_are_found() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_objects_that_count_in_the_wrong_frame_are_found() {
     let Some(mut rig) = scene(64, edited) else { return };
     let proof = proof(60);
     let reference = proof.truth(&mut rig, 1000);

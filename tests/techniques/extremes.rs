@@ -179,8 +179,8 @@ fn glass_of_index_one_is_invisible() {
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn techniques_agree_at_every_roughness() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_techniques_agree_at_every_roughness() {
     let Some(mut rig) = Rig::new(17, 31) else { return };
     room(&mut rig, 1.0, Vec3::ZERO, 5.0);
     let ball = rig.spawn(Sphere::new(0.9), StandardMaterial::default(), Transform::from_xyz(0.0, 0.2, 0.0));

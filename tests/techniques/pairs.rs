@@ -199,6 +199,7 @@ fn bidirectional_paths_in_pairs_equal_the_reference() {
 
 /// Spatial reuse traces half as many rays, and the history outlives the change of the setting.
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn pairs_halve_the_rays_of_spatial_reuse() {
     const SIZE: u32 = 64;
     let Some(mut rig) = room_scene(SIZE) else { return };
@@ -239,8 +240,8 @@ fn replay_compaction_changes_no_pixel() {
 
 /// Also of indirect light, and a queue that lacks shifts is found.
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn replay_compaction_of_paths_and_indirect_light_changes_no_pixel() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_replay_compaction_of_paths_and_indirect_light_changes_no_pixel() {
     check_replay_compaction(true);
 }
 

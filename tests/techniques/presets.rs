@@ -67,8 +67,8 @@ rows! {
 
 /// The length of the reference is that of the proof above, so that both share it.
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn contribution_weights_of_the_balanced_preset_that_are_3_percent_too_large_are_found() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_contribution_weights_of_the_balanced_preset_that_are_3_percent_too_large_are_found() {
     let Some((mut rig, proof)) = proof_in("cornell", Balanced, &[Pt], 0.01, (6, 10), (16, 60)) else { return };
     let reference = proof.truth(&mut rig, first_seed(1000));
     proof.finds(&mut rig, &reference, [("PLANT_SCALED_UCW", Shipped(Pt, Balanced))]);

@@ -170,8 +170,8 @@ pub const WRONG: [(&str, &str, &str, &str); 10] = [
 ];
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn wrong_reads_of_the_last_frame_are_found() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_wrong_reads_of_the_last_frame_are_found() {
     let Some((mut rig, emitted)) = start() else { return };
     for (name, module, from, to) in WRONG {
         plant_edits(&mut rig.app, &[ShaderEdit { module, from, to }]);

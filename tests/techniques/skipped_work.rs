@@ -70,8 +70,8 @@ fn targets_that_do_not_matter_trace_no_rays() {
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn surfaces_of_paths_are_built_where_they_matter() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_surfaces_of_paths_are_built_where_they_matter() {
     let reuse = Reuse { paired: true, ..paths::all_reuse().reuse };
     let paths = Paths { separate_direct_light: true, reuse, ..paths::all_reuse() };
     check(&paths, 3, &[TARGETS, EMISSION, DENSITIES, RECEIVER], false);
@@ -84,8 +84,8 @@ fn indirect_light_of_one_bounce_costs_nothing() {
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn light_sub_paths_end_with_their_last_connection() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_light_sub_paths_end_with_their_last_connection() {
     check(&Bidirectional(LightTechniques::Full, paths::all_reuse()), 3, &[TARGETS, EMISSION], false);
     check(&Bidirectional(LightTechniques::NoLightTracing, paths::all_reuse()), 3, &[LAST_VERTEX], true);
 }

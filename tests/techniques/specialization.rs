@@ -48,8 +48,8 @@ fn features_that_the_scene_lacks_change_no_pixel_of_direct_light() {
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn features_that_the_scene_lacks_change_no_pixel_of_paths() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_features_that_the_scene_lacks_change_no_pixel_of_paths() {
     check("PT", &paths::all_reuse());
 }
 

@@ -28,6 +28,9 @@ fn exit_code_0_means_that_the_picture_was_written() {
     assert_eq!(folder.files(), ["a.exr", "a.png", "scene.gltf"], "there are no other files");
 }
 
+/// Direct light without spatial reuse and denoiser, so that few shaders are compiled.
+const FEW_PASSES: [&str; 4] = ["--set", "denoiser.iterations=0", "--set", "direct.reuse.spatial_samples=0"];
+
 #[test]
 fn the_default_technique_is_pt() {
     let Some(folder) = Folder::new("defaults") else { return };
@@ -293,7 +296,7 @@ fn equal_commands_give_equal_bytes_and_options_have_their_effect() {
     }
     assert!(render("b.png", &[]) == render("c.png", &[]), "equal PNG files");
     // For a technique that does not accumulate by itself, the output is the mean of its frames in both file formats.
-    let di = |out: &str, more: &[&str]| render_by("di", out, more);
+    let di = |out: &str, more: &[&str]| render_by("di", out, &[&FEW_PASSES[..], more].concat());
     assert!(di("mean.exr", &[]) != di("last.exr", &["--output", "last"]));
     assert!(di("mean.png", &[]) != di("last.png", &["--output", "last"]));
 }
@@ -356,18 +359,18 @@ fn animate_plays_the_first_animation() {
     let scene = folder.gltf("scene.gltf", &gltf::Scene { animated: true, ..Default::default() });
     let picture = |more: &[&str]| {
         let fixed = ["--technique", "di", "--size", "9x9", "--frames", "40", "--output", "last", "--out", "out.exr"];
-        folder.render(&scene, &[&fixed[..], more].concat()).succeeded();
+        folder.render(&scene, &[&fixed[..], &FEW_PASSES, more].concat()).succeeded();
         Exr::read(&folder.path("out.exr")).at(4, 4)
     };
     assert_eq!(picture(&[]), [1.0, 2.0, 3.0], "still");
     assert_eq!(picture(&["--animate"]), [0.0; 3], "moving");
     let moving = ["--technique", "di", "--animate", "--size", "9x9", "--frames", "4", "--out"];
-    let run = folder.render(&scene, &[&moving[..], &["out.png"]].concat());
+    let run = folder.render(&scene, &[&moving[..], &["out.png"], &FEW_PASSES].concat());
     run.succeeded();
     assert!(run.stderr.contains("shows its last frame"), "{}", run.stderr);
     // A file without an animation stays still.
     let still = folder.gltf("still.gltf", &gltf::Scene::default());
-    folder.render(&still, &[&moving[..], &["out.exr"]].concat()).succeeded();
+    folder.render(&still, &[&moving[..], &["out.exr"], &FEW_PASSES].concat()).succeeded();
     assert_eq!(Exr::read(&folder.path("out.exr")).at(4, 4), [1.0, 2.0, 3.0]);
 }
 

@@ -5,7 +5,19 @@ use bevy_restir::CapturedRadiance;
 use bevy_restir_support::frame_sum::FrameSum;
 use std::fs;
 
-const SMALL: [&str; 6] = ["--technique", "di", "--size", "48x16", "--set", "jitter=Never"];
+/// Direct light without spatial reuse and denoiser, so that few shaders are compiled.
+const SMALL: [&str; 10] = [
+    "--technique",
+    "di",
+    "--size",
+    "48x16",
+    "--set",
+    "jitter=Never",
+    "--set",
+    "denoiser.iterations=0",
+    "--set",
+    "direct.reuse.spatial_samples=0",
+];
 
 /// A square that stands where the animated one is after some frames: it moves by a third of a meter in a frame.
 fn after(frames: u32) -> gltf::Scene {

@@ -162,8 +162,8 @@ fn wrong_arguments_of_a_sweep_give_one_line() {
 
 /// The presets on the smallest picture: all files, one row for each configuration, and nothing measured twice.
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn a_sweep_reports_every_preset_and_continues() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_a_sweep_reports_every_preset_and_continues() {
     let Some(folder) = Folder::new("sweep") else { return };
     let scene = asset("cornell.glb").display().to_string();
     fs::write(folder.path("trade.md"), "a\n<!-- lab sweep cornell --><!-- /lab sweep cornell -->\nb\n")

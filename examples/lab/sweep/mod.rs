@@ -35,7 +35,7 @@ use measure::{Errors, Protocol, Record, Truth};
 use plan::{Configuration, Extent};
 
 /// Time, error, bias, flicker and memory of every technique and preset and of the settings that matter, on one scene.  Writes plots,
-/// pictures, tables and advice as report.html and report.md, and all figures as csv.  About 45 configurations; a sweep that was
+/// pictures, tables and advice as report.html and report.md, and all figures as csv.  About 50 configurations; a sweep that was
 /// interrupted continues when it is run again.
 #[derive(clap::Args, Debug)]
 pub struct SweepArgs {

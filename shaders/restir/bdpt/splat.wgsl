@@ -20,6 +20,7 @@
 #import bevy_restir::view::bindings::view
 #import bevy_restir::view::camera::{camera_density, camera_point, CameraPoint, pixel_cone}
 #import bevy_restir::view::light_part::{bsdf_diffuse_share, pack_share}
+#import bevy_restir::view::pixel::{pixel_at, pixel_index}
 #import bevy_restir::view::types::Camera
 
 struct Splat {
@@ -62,8 +63,8 @@ fn splat_of(w: LightWalk, alpha_seed: u32, previous: bool) -> Splat {
     if !is_visible_to_camera(point, offset_end(s.position, s.bsdf.n_geo, wo, s.offset, depth), alpha_seed, previous) {
         return no_splat();
     }
-    let pixel = min(vec2<u32>(point.at), view.size - 1u);
-    return Splat(pixel.y * view.size.x + pixel.x, value, diffuse);
+    let pixel = pixel_at(point.at);
+    return Splat(pixel_index(pixel), value, diffuse);
 }
 
 // The splat of a vertex of a replayed sub-path.

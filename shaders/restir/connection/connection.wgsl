@@ -11,6 +11,7 @@
 #import bevy_restir::common::math::quantized_direction
 #import bevy_restir::common::ray::Ray
 #import bevy_restir::light::point_on_light::LightPoint
+#import bevy_restir::light::select::light_pmf
 #import bevy_restir::path::bidirectional_mis::{LightEnd, mis_connection_ratios, MisState}
 #import bevy_restir::path::light_path::{scattered_value, surface_towards}
 #import bevy_restir::path::medium::transmittance
@@ -31,7 +32,7 @@ struct Connection {
     wi: vec3<f32>,             // towards the light vertex, rounded as a reservoir stores it
     f: vec3<f32>,              // value of the BSDF at the camera's vertex, with the cosine
     pdf: f32,                  // density of the direction there
-    light: vec3<f32>,          // light that arrives from the light vertex, divided by the densities of its sub-path
+    light: vec3<f32>,          // light that arrives from the light vertex, divided by the densities of its sub-path from its light on
     mis_ratios: vec2<f32>,     // `mis_connection_ratios`
     ray: Ray,                  // between the two vertices
 }
@@ -63,14 +64,15 @@ fn ended_at_light_vertex(prefix: PathSample, p: LightVertex) -> PathSample {
     return with_light_vertex(path, p);
 }
 
-// A path that stores this light vertex.  Such a path has no density, so that the field holds a length instead.
+// A path that stores this light vertex.  The probability of its light is a part of the path's contribution weight and not of its radiance,
+// because it may have changed when the light sub-path is traced again.  Such a path has no density, so that the field holds a length instead.
 fn with_light_vertex(s: PathSample, p: LightVertex) -> PathSample {
     var path = s;
     path.instance = p.instance;
     path.triangle = p.triangle;
     path.barycentrics = p.barycentrics;
     path.wi = p.towards_light;
-    path.radiance = p.throughput;
+    path.radiance = p.throughput * light_pmf(p.light);
     path.mis_coefficients = vec2<f32>(p.state.last, p.state.earlier);
     path.density = p.open_distance;
     return path;

@@ -37,6 +37,7 @@
 #ifdef CONNECTIONS
 #import bevy_restir::path::technique_weights::mis_sum_of_connection
 #import bevy_restir::restir::connection::bindings::light_vertices
+#import bevy_restir::light::select::light_pmf
 #import bevy_restir::restir::connection::light_vertex::light_vertex_at
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::connection::connection::{connection_to, ended_at_light_vertex, with_connection, with_end_of}
@@ -306,7 +307,7 @@ fn add_connection(c: ptr<function, Candidates>, v: Vertex, before: PreviousVerte
         path = with_connection(with_end_of(reconnected_here, path), k);
     }
     let f = (*c).throughput * value * weight_of(coefficients, (*c).state);
-    add_candidate(c, path, f, f32(chosen.count) * CONNECTION_SHARE, rng_1(rng));
+    add_candidate(c, path, f, f32(chosen.count) / light_pmf(chosen.light) * CONNECTION_SHARE, rng_1(rng));
 }
 #else
 fn add_connection(c: ptr<function, Candidates>, v: Vertex, before: PreviousVertex, index: u32, p: ShiftParameters, rng: ptr<function, Rng>) {

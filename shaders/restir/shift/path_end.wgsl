@@ -20,6 +20,7 @@
 #import bevy_restir::restir::shift::reconnection::{is_connectable, is_connectable_end, light_factor, PreviousVertex, ShiftParameters}
 #import bevy_restir::restir::shift::shifted_path::{SHIFT_EARLIER_CONNECTABLE, SHIFT_NOT_CONNECTABLE, SHIFT_OK, SHIFT_REPLAY_ENDED, ShadowRays, with_shadow_ray}
 #ifdef CONNECTIONS
+#import bevy_restir::light::remap::light_exists
 #import bevy_restir::path::technique_weights::mis_sum_of_connection
 #import bevy_restir::restir::connection::connection::{connection_to, Retraced, retraced, stored_connection, stores_light_vertex, with_connection}
 #import bevy_restir::scene::triangle::instance_exists
@@ -167,7 +168,7 @@ fn end_with_connection(w: ptr<function, Walk>, s: PathSample, index: u32, c: Shi
     let v = (*w).v;
     var k = stored_connection(v, s);
     if retrace || stores_light_vertex(s) {
-        var end = Retraced(s, instance_exists(s.instance, previous));
+        var end = Retraced(s, instance_exists(s.instance, previous) && light_exists(s.light.light, previous));
         if retrace {
             end = retraced(s, previous);
         }

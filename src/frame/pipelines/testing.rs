@@ -43,15 +43,14 @@ pub fn share_pipelines(app: &mut App, shared: SharedPipelines) {
 }
 
 impl PassPipelines {
-    /// The key of a pass, unless a test replaced its shader.
-    fn shared_key(&self, name: &'static str, features: SceneFeatures) -> Option<SharedKey> {
-        let planted = || format!("{} {:?} {:?}", self.ray_queries, self.planted, self.edits);
-        (!self.replaced.contains_key(name)).then(|| (name, features, planted()))
+    fn shared_key(&self, name: &'static str, features: SceneFeatures) -> SharedKey {
+        let Self { ray_queries, planted, edits, replaced_texts, .. } = self;
+        (name, features, format!("{ray_queries} {planted:?} {edits:?} {:?}", replaced_texts.get(name)))
     }
 
     /// Takes the pipeline that another app compiled.
     pub(super) fn request_shared(&mut self, pass: &ComputePass, features: SceneFeatures) -> Option<usize> {
-        let pipeline = self.shared.as_ref()?.lock().get(&self.shared_key(pass.name, features)?)?.clone();
+        let pipeline = self.shared.as_ref()?.lock().get(&self.shared_key(pass.name, features))?.clone();
         let index = self.push(PipelineId::Shared(pipeline), pass.name, features);
         self.compute.insert((pass.name, features), index);
         Some(index)
@@ -61,9 +60,8 @@ impl PassPipelines {
     pub(super) fn share(&self, index: usize, pipelines: &PipelineCache) {
         let entry = &self.all[index];
         let (Some(shared), PipelineId::Compute(id)) = (&self.shared, &entry.id) else { return };
-        let key = self.shared_key(entry.name, entry.features);
-        if let Some((key, pipeline)) = key.zip(pipelines.get_compute_pipeline(*id)) {
-            shared.lock().insert(key, pipeline.clone());
+        if let Some(pipeline) = pipelines.get_compute_pipeline(*id) {
+            shared.lock().insert(self.shared_key(entry.name, entry.features), pipeline.clone());
         }
     }
 }
@@ -91,6 +89,9 @@ pub fn plant_shader_defs(app: &mut App, defs: &[&str]) {
 /// definition in a shader.
 pub fn plant_shader_edits(app: &mut App, edits: &[ShaderEdit]) {
     let Some(mut passes) = passes_of(app) else { return };
+    if passes.edits == edits {
+        return;
+    }
     let before = core::mem::replace(&mut passes.edits, edits.to_vec());
     // Bevy compiles only those pipelines again that this app compiled: the others are requested again.
     let PassPipelines { compute, all, .. } = &mut *passes;
@@ -107,9 +108,10 @@ pub fn replace_pass_shader(app: &mut App, pass_name: &'static str, wgsl: &str) {
     let rooms = passes.find(|pass| pass.name == pass_name).map_or(&[][..], |pass| pass.technique_rooms);
     let text = crate::shader_library::instantiate(wgsl, rooms);
     let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
-    let handle = shaders.add(Shader::from_wgsl(text, format!("test {pass_name}")));
+    let handle = shaders.add(Shader::from_wgsl(text.clone(), format!("test {pass_name}")));
     if let Some(mut passes) = passes_of(app) {
         passes.replaced.insert(pass_name, handle);
+        passes.replaced_texts.insert(pass_name, text);
         passes.compute.clear();
     }
 }

@@ -3,7 +3,7 @@
 
 #import domain::{in_current_frame, PackedReservoir, receiver_of, Reservoir, reservoir_unpack}
 #import bevy_restir::common::constants::NONE
-#import bevy_restir::restir::bindings::{previous_visibility, settings}
+#import bevy_restir::restir::bindings::previous_visibility
 #import bevy_restir::restir::connection::connection::stores_light_vertex
 #import bevy_restir::restir::path_sample::with_shift_result
 #import bevy_restir::restir::reservoir_layout::reservoir_index
@@ -22,7 +22,7 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
 
 fn shifted_before(pixel: vec2<u32>) -> vec3<f32> {
     let ids = textureLoad(previous_visibility, pixel, 0).xy;
-    let s = in_current_frame(reservoir_unpack(neighbors[reservoir_index(pixel, view.size, settings.reservoir_layout)]));
+    let s = in_current_frame(reservoir_unpack(neighbors[reservoir_index(pixel)]));
     if ids.x == NONE || !(s.ucw > 0.0) || !stores_light_vertex(s.path) {
         return vec3<f32>(0.0);
     }

@@ -14,7 +14,6 @@
 #import bevy_restir::light::point_on_light::light_point_at
 #import bevy_restir::path::random::{DIMENSION_RAY, path_alpha_seed}
 #import bevy_restir::path::walk::{sampled_step, Step, step_cone, step_medium, step_towards, Vertex}
-#import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::path_sample::{no_path_sample, PathSample, TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE}
 #import bevy_restir::restir::pt::initial_candidates::sample_candidates
 #import bevy_restir::restir::reservoir_layout::reservoir_index
@@ -35,7 +34,7 @@ fn path_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     // A sample of weight 1, so that the picture shows the contribution.
     let stored = Reservoir(no_path_sample(), 1.0, 1.0, true);
-    reservoirs[reservoir_index(pixel, view.size, settings.reservoir_layout)] = reservoir_pack(stored);
+    reservoirs[reservoir_index(pixel)] = reservoir_pack(stored);
     if all(pixel < view.size / BLOCK) {
         show(pixel);
     }

@@ -17,7 +17,6 @@
 #import bevy_restir::common::ray::Ray
 #import bevy_restir::common::rng::{pcg4d, rng_new, STREAM_PATH_CANDIDATES}
 #import bevy_restir::path::walk::Vertex
-#import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::path_sample::{PathSample, with_shift_result}
 #import bevy_restir::restir::pt::initial_candidates::{sample_candidates, SelectedPath}
 #import bevy_restir::restir::reservoir_layout::reservoir_index
@@ -40,7 +39,7 @@ fn path_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(pixel >= view.size) {
         return;
     }
-    let index = reservoir_index(pixel, view.size, settings.reservoir_layout);
+    let index = reservoir_index(pixel);
     let ids = textureLoad(visibility, pixel, 0).xy;
     if ids.x == NONE || view.bounces == 0u {
         reservoirs[index] = reservoir_pack(no_reservoir());

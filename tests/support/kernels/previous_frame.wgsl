@@ -28,7 +28,7 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(pixel >= view.size) {
         return;
     }
-    let index = reservoir_index(pixel, view.size, settings.reservoir_layout);
+    let index = reservoir_index(pixel);
     reservoirs[index] = reservoir_pack(reservoir_unpack(neighbors[index]));
     let place = pixel / vec2<u32>(2u, 8u) * vec2<u32>(2u, 8u) + vec2<u32>(0u, 4u);
     let previous = (pixel.x & 1u) != 0u;

@@ -19,7 +19,7 @@ fn splats_gather(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(pixel >= view.size) || settings.temporal_samples == 0u {
         return;
     }
-    let index = reservoir_index(pixel, view.size, settings.reservoir_layout);
+    let index = reservoir_index(pixel);
     let r = reservoir_unpack(last[index]);
     var result = no_reservoir();
     if r.ucw > 0.0 {

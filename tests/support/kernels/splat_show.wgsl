@@ -17,7 +17,7 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(pixel >= view.size) {
         return;
     }
-    let index = reservoir_index(pixel, view.size, settings.reservoir_layout);
+    let index = reservoir_index(pixel);
     reservoirs[index] = reservoir_pack(reservoir_unpack(reservoirs[index]));
     var shown = textureLoad(own_contribution, pixel, 0).rgb * 0.0;
     if settings.temporal_samples > 0u {

@@ -2,7 +2,6 @@
 // traced again in this frame, has that vertex, whether the path comes from an earlier frame).
 
 #import domain::{PackedReservoir, reservoir_unpack}
-#import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::connection::connection::{replayed_light_vertex, stores_light_vertex}
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::view::bindings::view
@@ -16,7 +15,7 @@ fn debug_paths(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(pixel >= view.size) {
         return;
     }
-    let r = reservoir_unpack(reservoirs[reservoir_index(pixel, view.size, settings.reservoir_layout)]);
+    let r = reservoir_unpack(reservoirs[reservoir_index(pixel)]);
     var shown = vec3<f32>(0.0);
     if r.ucw > 0.0 && stores_light_vertex(r.path) {
         let p = replayed_light_vertex(r.path, false);

@@ -2,7 +2,6 @@
 // `shaders/pass/debug_sss.wgsl`.  Writes (1 for each sample, 1 if its probe finds its point of entry again, 0).
 
 #import bevy_restir::common::constants::NONE
-#import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::restir::sss::domain::{Receiver, receiver_of, replayed_hit}
 #import bevy_restir::restir::sss::reservoir::{EntrySample, PackedReservoir, reservoir_unpack}
@@ -18,7 +17,7 @@ fn debug_sss(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(pixel >= view.size) {
         return;
     }
-    let stored = reservoir_unpack(reservoirs[reservoir_index(pixel, view.size, settings.reservoir_layout)]);
+    let stored = reservoir_unpack(reservoirs[reservoir_index(pixel)]);
     let ids = textureLoad(visibility, pixel, 0).xy;
     var found = vec2<f32>(0.0);
     if ids.x != NONE && stored.ucw > 0.0 {

@@ -38,7 +38,7 @@ fn sss_candidates(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(pixel >= view.size) {
         return;
     }
-    let index = reservoir_index(pixel, view.size, settings.reservoir_layout);
+    let index = reservoir_index(pixel);
     let ids = textureLoad(visibility, pixel, 0).xy;
     if ids.x == NONE {
         reservoirs[index] = reservoir_pack(no_reservoir());

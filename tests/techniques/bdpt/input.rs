@@ -208,6 +208,7 @@ fn objects_without_shadows_turn_the_cameras_view_of_light_paths_off() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn small_devices_trace_fewer_light_paths() {
     log::listen();
     // A binding holds 16,384 light vertices of 64 bytes.

@@ -124,6 +124,7 @@ fn negative_light_of_light_paths_raises_a_guard_wherever_it_arises() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn negative_light_of_connections_raises_a_guard() {
     let Some(mut rig) = scene(32, |rig| corner(rig, false)) else { return };
     leave_out(&mut rig, &[("bdpt_reuse", "reuse")]);
@@ -149,6 +150,7 @@ fn negative_light_of_connections_raises_a_guard() {
 /// Light sub-paths and weights look at surfaces from the side that a sub-path leaves to.  Light scatters below the front side only, so that
 /// the shares of all lobes of the two sides differ.
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn a_surface_that_is_turned_is_the_surface_seen_from_its_other_side() {
     let Some(mut rig) = scene(32, |rig| {
         let leaf = StandardMaterial {

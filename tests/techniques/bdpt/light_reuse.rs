@@ -124,8 +124,8 @@ pub const WRONG: [(&str, &str, &str, &str); 5] = [
 ];
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn wrong_replays_of_light_paths_are_found() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_wrong_replays_of_light_paths_are_found() {
     let Some((mut rig, emitted)) = replaying_rig(SIZE) else { return };
     for (name, module, from, to) in WRONG {
         plant_edits(&mut rig.app, &[ShaderEdit { module, from, to }]);
@@ -233,14 +233,14 @@ pub const PLANTED: [(&str, &str, &str, &str); 4] = [
     (
         "samples that stay in their pixel",
         "pass/splats_forward.wgsl",
-        "        to = reservoir_index(vec2<u32>(splat.pixel % view.size.x, splat.pixel / view.size.x), view.size, settings.reservoir_layout);\n",
+        "        to = reservoir_index(vec2<u32>(splat.pixel % view.size.x, splat.pixel / view.size.x));\n",
         "",
     ),
 ];
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn planted_errors_of_the_reuse_of_light_paths_are_found() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_planted_errors_of_the_reuse_of_light_paths_are_found() {
     let Some(mut rig) = jittered(|rig| corner(rig, false)) else { return };
     let truth = MOVING.truth(&mut rig, 1000);
     plant_shader_defs(&mut rig.app, &["TEST_SPLATS", "TEST_ALONE"]);

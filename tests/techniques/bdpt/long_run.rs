@@ -16,15 +16,9 @@ fn check(runs: u32, frames: u32, margin: f64) {
     let moving = |rig: &mut Rig, time: f32| pose_corner_at(rig, time * STEPS as f32);
     for (name, pose) in [("a still corner", &still as &dyn Fn(&mut Rig, f32)), ("a moving corner", &moving)] {
         let run = LongRun { frames, bounces: 4, pose };
-        let settings = Bidirectional(LightTechniques::Lightweight, Paths::default());
+        let settings = Bidirectional(LightTechniques::Full, Paths::default());
         run.check(name, &mut rig, runs, margin, |r| settings.apply_to(r));
     }
-}
-
-#[test]
-#[ignore = "second tier: ./run test --more"]
-fn runs_of_seventy_frames_with_caustics_gain_and_lose_no_light() {
-    check(3, 70, 0.03);
 }
 
 #[test]

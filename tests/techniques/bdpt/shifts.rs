@@ -216,8 +216,8 @@ const WRONG: [(&str, &str, &str, &str); 2] = [
 ];
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn wrong_stored_weights_are_found() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_wrong_stored_weights_are_found() {
     let Some(mut rig) = shift_rig(mirrors, &OF_LIGHT_PATHS) else { return };
     let emitted = emission(&mut rig);
     plant_shader_defs(&mut rig.app, &["TEST_ROUND_TRIP", "TEST_BESIDE", "TEST_STORED", "TEST_COPIED"]);

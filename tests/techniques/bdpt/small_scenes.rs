@@ -136,8 +136,8 @@ fn full_length_light_paths_through_blended_panes_equal_the_reference() {
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn an_orthographic_camera_sees_light_paths() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_an_orthographic_camera_sees_light_paths() {
     check("orthographic", PROOF, |rig| {
         room(rig);
         rig.insert(rig.camera, orthographic(3.0, 3.0));

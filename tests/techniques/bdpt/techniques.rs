@@ -8,7 +8,11 @@ use crate::support::{
     reuse_settings::paths,
     small_scenes::*,
 };
-use bevy_restir::{Jitter, LightTechniques, testing::plant_shader_defs};
+use bevy::prelude::*;
+use bevy_restir::{
+    Jitter, LightTechniques,
+    testing::{plant_shader_defs, shader_library::ShaderEdit},
+};
 
 const PROOF: Proof = Proof { bounces: 3, blended: true, margin: 0.02, ..Proof::of((24, 8), (24, 16)) };
 /// Hits of lights (s = 0), next-event estimation (s = 1), connections (s, t >= 2), light vertices that the camera sees (t = 1).
@@ -85,8 +89,8 @@ fn full_length_the_pictures_of_all_techniques_sum_to_the_reference_in_scenes_tha
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn next_event_estimation_and_splats_alone_find_all_light_of_a_diffuse_room() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_next_event_estimation_and_splats_alone_find_all_light_of_a_diffuse_room() {
     let Some(mut rig) = jittered(|rig| {
         room(rig);
     }) else {
@@ -109,6 +113,51 @@ fn next_event_estimation_and_splats_alone_find_all_light_of_a_diffuse_room() {
     rig.assert_sound();
 }
 
+/// A room with a second lamp, which is off in the last step: [`pose_lamps`].
+fn lamps(rig: &mut Rig) {
+    room(rig);
+    let place = facing(Vec3::new(-0.9, 1.3, 0.5), Vec3::new(0.2, -1.0, 0.0));
+    let second = rig.spawn(square(0.8), lamp(12.0, 12.0, 12.0), place);
+    rig.insert(second, Name::new("second lamp"));
+}
+
+fn pose_lamps(rig: &mut Rig, step: u32) {
+    let second = rig.named("second lamp");
+    *rig.get_mut::<Visibility>(second) = if step < STEPS { Visibility::Inherited } else { Visibility::Hidden };
+}
+
+/// The lamp that stays gets three times as many light paths as before.  A planted error: radiance of paths that is divided by the probability of
+/// their light.
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn connections_keep_their_light_when_a_lamp_goes_out() {
+    let Some(mut rig) = scene(32, lamps) else { return };
+    plant_shader_defs(&mut rig.app, &["TEST_CONNECTIONS", "TEST_ALONE"]);
+    let proof = Proof { pose: Some(&pose_lamps), bounces: 3, ..Proof::of((60, 1), (1, 1)) };
+    let fresh = proof.resampled(&mut rig, &initial_samples(), 1000);
+    let temporal = Bidirectional(LightTechniques::Full, paths::temporal());
+    let found = proof.resampled(&mut rig, &temporal, 3000).compare(&fresh, 0.1);
+    eprintln!("{found}");
+    assert!(found.is_equal(), "{found}");
+    rig.assert_sound();
+    let kept = [
+        ShaderEdit {
+            module: "restir/connection/connection.wgsl",
+            from: "p.throughput * light_pmf(p.light)",
+            to: "p.throughput",
+        },
+        ShaderEdit {
+            module: "restir/pt/initial_candidates.wgsl",
+            from: "f32(chosen.count) / light_pmf(chosen.light)",
+            to: "f32(chosen.count)",
+        },
+    ];
+    plant_edits(&mut rig.app, &kept);
+    let planted = proof.resampled(&mut rig, &temporal, 3000).compare(&fresh, 0.1);
+    eprintln!("with the probability of the light: {planted}");
+    assert!(planted.is_different(), "not found: {planted}");
+}
+
 /// Rays hit the small lamp of the room too seldom, so that this test has an emissive ceiling.
 #[test]
 #[ignore = "minutes: ./run test --full"]
@@ -122,8 +171,8 @@ fn full_length_hits_alone_find_all_light_of_a_large_lamp() {
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn planted_errors_of_bidirectional_paths_are_found() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_planted_errors_of_bidirectional_paths_are_found() {
     let Some(mut rig) = jittered(|rig| {
         room(rig);
     }) else {

@@ -104,6 +104,7 @@ fn shading_visibility_is_biased_only_with_a_bsdf_candidate() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn planted_errors_are_found() {
     let Some(mut rig) = shared(64, "room") else { return };
     let reference = PROOF.truth(&mut rig, 1000);
@@ -129,6 +130,7 @@ fn direct(rig: &mut Rig) {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn any_number_and_power_of_lights_gives_a_finite_picture() {
     type Lights = fn(&mut Rig);
     let point = |intensity| PointLight { intensity, ..default() };
@@ -172,6 +174,7 @@ fn any_number_and_power_of_lights_gives_a_finite_picture() {
 /// The camera moves and nods, before the scene and behind it, and does not turn otherwise: Mesa 22.3 makes the first number of the camera's
 /// matrix a constant of the pass that reuses, and compiles it again for every new value, four seconds each.
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn eighty_frames_of_a_moving_camera_are_finite() {
     let Some(mut rig) = scene(24, blended) else { return };
     direct(&mut rig);

@@ -12,12 +12,6 @@ fn check(runs: u32, frames: u32, margin: f64) {
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn runs_of_seventy_moving_frames_of_paths_gain_and_lose_no_light() {
-    check(3, 70, 0.02);
-}
-
-#[test]
 #[ignore = "minutes: ./run test --full"]
 fn full_length_runs_of_five_hundred_moving_frames_of_paths_gain_and_lose_no_light() {
     check(4, 500, 0.005);

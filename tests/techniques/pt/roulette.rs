@@ -142,8 +142,8 @@ const WRONG: [(&str, Technique, &str, &str, &str); 9] = [
 ];
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn wrong_probabilities_of_roulette_are_found() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_wrong_probabilities_of_roulette_are_found() {
     // Both limits of q matter for this albedo.
     let albedo = Vec3::new(0.97, 0.5, 0.8);
     let Some((mut rig, walls)) = closed_room() else { return };

@@ -125,8 +125,8 @@ fn the_jacobian_is_the_change_of_measure_over_every_lobe() {
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn a_shift_that_is_not_a_change_of_variables_is_found() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_a_shift_that_is_not_a_change_of_variables_is_found() {
     let Some(mut rig) = scene(SIZE as u32, |rig| {
         room(rig);
     }) else {

@@ -171,6 +171,7 @@ scenes! {
     glossy_is_what_an_independent_renderer_shows: "reference", "glossy", 16, 0.003, 0.02, 0.03;
     #[ignore = "second tier: ./run test --more"]
     blinds_is_what_an_independent_renderer_shows: "reference", "blinds", 16, 0.003, 0.02, 0.03;
+    #[ignore = "second tier: ./run test --more"]
     punctual_is_what_an_independent_renderer_shows: "reference", "punctual", 64, 0.003, 0.04, 0.03;
     furnace_is_what_an_independent_renderer_shows: "reference", "furnace", 12, 0.003, 0.02, 0.03;
     #[ignore = "second tier: ./run test --more"]
@@ -185,6 +186,7 @@ scenes! {
     mirror_room_is_what_an_independent_renderer_shows: "reference", "mirror_room", 32, 0.01, 0.03, 0.06;
     textured_is_what_an_independent_renderer_shows: "reference", "textured", 32, 0.005, 0.02, 0.03;
     sky_is_what_an_independent_renderer_shows: "reference", "sky", 32, 0.003, 0.02, 0.03;
+    #[ignore = "second tier: ./run test --more"]
     interior_is_what_an_independent_renderer_shows: "reference", "interior", 32, 0.003, 0.03, 0.03;
     bodies_are_what_an_independent_integral_over_their_surfaces_shows: "reference", "bodies", 32, 0.004, 0.03, 0.03;
     // A frame of a technique that resamples has one jitter for all pixels: a visible lamp needs many frames, not many pixels.
@@ -206,6 +208,7 @@ scenes! {
 
 /// glTF has no area lights: this test adds those of the reference.
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn area_lights_are_what_an_independent_renderer_shows() {
     let case = Case {
         technique: "reference",

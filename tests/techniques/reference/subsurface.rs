@@ -94,8 +94,8 @@ fn an_infinite_plane_under_uniform_light_is_as_bright_as_a_diffuse_one() {
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn an_infinite_plane_is_as_bright_as_a_diffuse_one_under_each_uniform_light() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_an_infinite_plane_is_as_bright_as_a_diffuse_one_under_each_uniform_light() {
     let Some((mut rig, sun)) = plane_under_a_sun(0.0) else { return };
     rig.insert(rig.camera, sky(2.0));
     check(&mut rig, 512, "sky", DVec3::splat(2.0 * ALBEDO));
@@ -132,8 +132,8 @@ fn light_from_below_lacks_the_share_that_the_interface_reflects() {
 /// A plane moves light and loses none, except beyond the end of the profile: its mean is that of a diffuse plane.  Lights that the camera
 /// would see are beside the picture.
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn a_plane_is_as_bright_as_a_diffuse_one_under_lights_of_every_shape() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_a_plane_is_as_bright_as_a_diffuse_one_under_lights_of_every_shape() {
     let Some(mut rig) = window(4.0, 48) else { return };
     let plane = rig.spawn(square(40.0), lambert(ALBEDO as f32), Transform::default());
     // Out of sight, so that both pictures have the same shaders.
@@ -279,8 +279,8 @@ fn a_slab_gains_the_light_that_crosses_it() {
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn a_closed_furnace_with_translucent_walls_has_its_closed_form() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_a_closed_furnace_with_translucent_walls_has_its_closed_form() {
     let Some(mut rig) = Rig::new(48, 48) else { return };
     rig.set(|restir| restir.bounces = 48);
     // A ball from inside, without normals, so that its faces are flat.
@@ -365,8 +365,8 @@ fn a_turned_scaled_and_textured_box_agrees_with_a_surface_integral() {
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn planted_errors_are_found() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_planted_errors_are_found() {
     let Some(mut rig) = window(0.1, 64) else { return };
     rig.insert(rig.camera, sky(1.0));
     let entity = rig.spawn(ball(1.0), lambert(ALBEDO as f32), Transform::default());

@@ -34,14 +34,6 @@ fn paths_between_translucent_bodies_equal_the_reference() {
 
 #[test]
 #[ignore = "second tier: ./run test --more"]
-fn paths_through_translucent_bodies_equal_the_reference() {
-    let Some(mut rig) = bodies() else { return };
-    let proof = Proof { bounces: BOUNCES, margin: 0.03, ..Proof::of((20, 12), (16, 32)) };
-    proof.check("bodies", &mut rig, &[("PT, both", paths::all_reuse())]);
-}
-
-#[test]
-#[ignore = "second tier: ./run test --more"]
 fn indirect_light_in_translucent_bodies_equals_the_reference() {
     let Some(mut rig) = bodies() else { return };
     let proof = Proof { bounces: BOUNCES, margin: 0.03, ..Proof::of((36, 12), (16, 32)) };
