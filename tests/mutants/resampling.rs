@@ -85,7 +85,7 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "every sample counts as a copy",
         "pass/reuse.wgsl",
-        "copies += u32(all(other == identity));",
+        "copies += u32(all(identity_of(neighbors[reservoir_index(vec2<u32>(position))]) == identity));",
         "copies += 1u;",
         &["copies_of_a_sample_lower"],
     ),
