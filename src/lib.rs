@@ -74,8 +74,9 @@ pub mod prelude {
 #[allow(missing_docs, reason = "not part of the public interface")]
 pub mod testing {
     pub use crate::{
-        frame::pipelines::testing::{
-            SharedPipelines, plant_shader_defs, plant_shader_edits, replace_pass_shader, share_pipelines,
+        frame::pipelines::{
+            features_read_by,
+            testing::{SharedPipelines, plant_shader_defs, plant_shader_edits, replace_pass_shader, share_pipelines},
         },
         scene::{accel, check_mirror, geometry, lengths, light, material, storage},
         technique::shader_templates,

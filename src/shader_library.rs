@@ -8,9 +8,10 @@
 use bevy::{
     asset::{Assets, Handle},
     ecs::resource::Resource,
-    platform::collections::HashMap,
+    platform::collections::{HashMap, HashSet},
     shader::Shader,
 };
+use std::borrow::Cow;
 
 macro_rules! modules {
     ($($path:literal),* $(,)?) => {
@@ -223,6 +224,30 @@ fn module_that_defines(name: &str, room: &str) -> Option<&'static str> {
     let in_room = |path: &str| path.rsplit_once('/').is_some_and(|(folder, _)| folder == room);
     let defines = |text: &str| definitions.iter().any(|definition| text.contains(definition));
     MODULES.iter().find(|(path, text)| in_room(path) && defines(text)).map(|&(path, _)| path)
+}
+
+/// Definitions that the shader of a pass, or a module that it imports, asks for.  `path`: `pass/NAME.wgsl`; `rooms` of its domain if it is a
+/// template.
+pub(crate) fn definitions_read_by(path: &str, rooms: &[&str]) -> HashSet<String> {
+    let mut names = HashSet::default();
+    let mut seen: HashSet<&str> = HashSet::default();
+    let mut texts: Vec<Cow<'static, str>> = MODULES.iter().filter(|m| m.0 == path).map(|m| m.1.into()).collect();
+    while let Some(text) = texts.pop() {
+        let text = if is_template(&text) { instantiate(&text, rooms).into() } else { text };
+        for line in text.lines().filter(|line| line.starts_with('#')) {
+            names.extend(line.split_once("ifdef ").map(|(_, name)| name.to_string()));
+            texts.extend(imported_module(line).filter(|m| seen.insert(m.0)).map(|m| Cow::from(m.1)));
+        }
+    }
+    names
+}
+
+/// The module that a line imports.
+fn imported_module(line: &str) -> Option<(&'static str, &'static str)> {
+    let names = line.strip_prefix("#import bevy_restir::")?;
+    let (module, _) = names.split_once("::{").or_else(|| names.rsplit_once("::"))?;
+    let path = format!("{}.wgsl", module.replace("::", "/"));
+    MODULES.iter().find(|m| m.0 == path).copied()
 }
 
 /// A passage of a module that a test replaces.

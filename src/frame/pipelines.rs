@@ -27,7 +27,7 @@ use crate::{
         bindings::{SceneBindings, scene_layout},
         texture::bindless,
     },
-    shader_library::ShaderLibrary,
+    shader_library::{ShaderLibrary, definitions_read_by},
     technique::{
         frame::PipelineKey,
         pass::{ComputePass, Pass},
@@ -72,6 +72,8 @@ struct PipelineEntry {
 #[derive(Resource, Default)]
 pub(crate) struct PassPipelines {
     compute: HashMap<(&'static str, SceneFeatures), usize>,
+    /// Features that the shader of each pass asks for.
+    reads: HashMap<&'static str, SceneFeatures>,
     visibility: HashMap<(Option<Face>, SceneFeatures), usize>,
     composite: HashMap<CompositeKey, usize>,
     all: Vec<PipelineEntry>,
@@ -199,7 +201,8 @@ impl PassPipelines {
     }
 
     fn request_compute(&mut self, pass: &'static ComputePass, key: PipelineKey, pipelines: &PipelineCache) -> usize {
-        let features = specialization(pass, key);
+        self.reads.entry(pass.name).or_insert_with(|| features_read_by(pass.file, pass.technique_rooms));
+        let features = self.specialization(pass, key);
         if let Some(&index) = self.compute.get(&(pass.name, features)) {
             return index;
         }
@@ -255,6 +258,13 @@ impl PassPipelines {
         self.max_bindless_textures.filter(|_| features.contains(SceneFeatures::BOUND_TEXTURES)).map(bindless::layout)
     }
 
+    /// Features that the pipeline of a pass is specialized for: features that its shader does not ask for need no other pipeline.
+    fn specialization(&self, pass: &ComputePass, key: PipelineKey) -> SceneFeatures {
+        let is_replaced = self.replaced.contains_key(pass.name);
+        let read = self.reads.get(pass.name).filter(|_| !is_replaced);
+        read.map_or(key.features, |&read| key.features & read)
+    }
+
     /// The pipeline of a compute pass.
     pub(crate) fn compute<'a>(
         &'a self,
@@ -262,7 +272,7 @@ impl PassPipelines {
         key: PipelineKey,
         pipelines: &'a PipelineCache,
     ) -> Option<&'a ComputePipeline> {
-        match &self.all[*self.compute.get(&(pass.name, specialization(pass, key)))?].id {
+        match &self.all[*self.compute.get(&(pass.name, self.specialization(pass, key)))?].id {
             PipelineId::Compute(id) => pipelines.get_compute_pipeline(*id),
             PipelineId::Render(_) => None,
             #[cfg(feature = "testing")]
@@ -331,6 +341,8 @@ impl PassPipelines {
     }
 }
 
-fn specialization(pass: &ComputePass, key: PipelineKey) -> SceneFeatures {
-    if pass.specialized { key.features } else { SceneFeatures::empty() }
+/// Features that the shader of a pass, `pass/FILE.wgsl`, asks for; `rooms` of its domain if it is a template.
+pub fn features_read_by(file: &str, rooms: &[&str]) -> SceneFeatures {
+    let definitions = definitions_read_by(&format!("pass/{file}.wgsl"), rooms);
+    SceneFeatures::TABLE.iter().filter(|(_, def)| definitions.contains(*def)).map(|(feature, _)| *feature).collect()
 }

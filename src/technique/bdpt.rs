@@ -67,16 +67,10 @@ const SPLATS: &Domain = &Domain {
         ComputePass::per_pixel("splats_gather", &[R::Settings, R::LastReservoirsRead, R::ForwardedReservoirs]),
     ],
     debug: &[
-        DebugPass {
-            shows: DebugView::is_of_light_paths,
-            pass: ComputePass { specialized: false, ..domain::debug("splats_debug", "debug_splats", &[]) },
-        },
+        DebugPass { shows: DebugView::is_of_light_paths, pass: domain::debug("splats_debug", "debug_splats", &[]) },
         DebugPass {
             shows: |view| view == DebugView::LightPathCounts,
-            pass: ComputePass {
-                specialized: false,
-                ..ComputePass::per_pixel("debug_light_map", &[R::LightMapRead, R::Radiance])
-            },
+            pass: ComputePass::per_pixel("debug_light_map", &[R::LightMapRead, R::Radiance]),
         },
     ],
     reservoir_bytes: SPLAT_RESERVOIR_SIZE,

@@ -42,13 +42,10 @@ const TEMPORAL: ComputePass = ComputePass::per_pixel(
     ],
 );
 /// An iteration of the filter over pixels.
-const FILTER: ComputePass = ComputePass {
-    specialized: false,
-    ..ComputePass::per_pixel(
-        "denoiser_filter",
-        &[R::DenoiserSettings, R::SignalsBefore, R::GuideRead, R::SignalsAfter, R::OpticalImagesRead],
-    )
-};
+const FILTER: ComputePass = ComputePass::per_pixel(
+    "denoiser_filter",
+    &[R::DenoiserSettings, R::SignalsBefore, R::GuideRead, R::SignalsAfter, R::OpticalImagesRead],
+);
 /// Multiplies by the albedo, and adds emission.
 const OUTPUT: ComputePass =
     ComputePass::per_pixel("denoiser_output", &[R::SignalsBefore, R::Radiance, R::OpticalImagesRead]);

@@ -26,10 +26,7 @@ pub(super) const DOMAIN: &Domain = &Domain {
     // A shift of direct light replays nothing.
     pairs: Some(PairPasses { compaction: None, ..pair_passes!("di", ROOMS) }),
     forward: &[],
-    debug: &[DebugPass {
-        shows: DebugView::is_of_direct_light,
-        pass: ComputePass { specialized: false, ..domain::debug("di_debug", "debug_di", &[]) },
-    }],
+    debug: &[DebugPass { shows: DebugView::is_of_direct_light, pass: domain::debug("di_debug", "debug_di", &[]) }],
     reservoir_bytes: DIRECT_RESERVOIR_SIZE,
     part: LightPart::Direct,
     schedule: ReuseSchedule::of_direct_light,

@@ -15,8 +15,7 @@ use crate::{
 
 /// Debug views of the visibility buffer.
 const DEBUG_SURFACE: ComputePass = ComputePass { name: "debug", file: "debug", ..RADIANCE_PASS };
-const DEBUG_RAYS: ComputePass =
-    ComputePass { name: "debug_rays", file: "debug_counts", specialized: false, ..RADIANCE_PASS };
+const DEBUG_RAYS: ComputePass = ComputePass { name: "debug_rays", file: "debug_counts", ..RADIANCE_PASS };
 const DEBUG_GUARDS: ComputePass = ComputePass { name: "debug_guards", defs: &["SHOWS_GUARDS"], ..DEBUG_RAYS };
 const RADIANCE_PASS: ComputePass = ComputePass::per_pixel("", &[R::Radiance]);
 /// Sums the light of all domains.
@@ -26,8 +25,7 @@ pub(super) const RESOLVE: ComputePass = ComputePass::per_pixel(
 );
 /// Its resources that hold light.
 pub(super) const LIGHT_OF_DOMAINS: &[R] = RESOLVE.resources.split_at(RESOLVE.resources.len() - 1).0;
-const STATISTICS: ComputePass =
-    ComputePass { specialized: false, ..ComputePass::per_pixel("statistics", &[R::Counters]) };
+const STATISTICS: ComputePass = ComputePass::per_pixel("statistics", &[R::Counters]);
 
 /// The content of a frame's picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]

@@ -120,22 +120,12 @@ pub(crate) struct ComputePass {
     pub defs: &'static [&'static str],
     pub resources: &'static [PassResource],
     pub dispatch: Dispatch,
-    /// Whether it is compiled for the features of the scene; otherwise one pipeline serves all scenes.
-    pub specialized: bool,
 }
 
 impl ComputePass {
     /// A pass over pixels whose name is that of its file.
     pub(crate) const fn per_pixel(name: &'static str, resources: &'static [PassResource]) -> Self {
-        Self {
-            name,
-            file: name,
-            technique_rooms: &[],
-            defs: &[],
-            resources,
-            dispatch: Dispatch::Pixels,
-            specialized: true,
-        }
+        Self { name, file: name, technique_rooms: &[], defs: &[], resources, dispatch: Dispatch::Pixels }
     }
 }
 

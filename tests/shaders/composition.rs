@@ -5,6 +5,7 @@ use crate::support::compose::{Def, TEXTURE_ARRAYS, compose, composer, flag, libr
 use bevy_restir::{
     SceneFeatures,
     testing::{
+        features_read_by,
         shader_library::{MODULES, instantiate, is_template},
         shader_templates,
     },
@@ -73,16 +74,18 @@ fn covering_set() -> Vec<SceneFeatures> {
     chosen
 }
 
-/// Name and text of every pass, and of every instance of a template.
-fn passes() -> Vec<(String, String)> {
+/// Name and text of every pass and of every instance of a template, and the features that its pipelines are specialized for.
+fn passes() -> Vec<(String, String, SceneFeatures)> {
     let mut passes = Vec::new();
-    for &(path, text) in MODULES.iter().filter(|(path, _)| path.starts_with("pass/")) {
+    for &(path, text) in MODULES {
+        let Some(file) = path.strip_prefix("pass/").and_then(|file| file.strip_suffix(".wgsl")) else { continue };
         if !is_template(text) {
-            passes.push((path.to_string(), text.to_string()));
+            passes.push((path.to_string(), text.to_string(), features_read_by(file, &[])));
             continue;
         }
-        for (_, rooms) in shader_templates().into_iter().filter(|(file, _)| path == format!("pass/{file}.wgsl")) {
-            passes.push((format!("{path} for {}", rooms[0]), instantiate(text, rooms)));
+        for (_, rooms) in shader_templates().into_iter().filter(|(template, _)| file == *template) {
+            let name = format!("{path} for {}", rooms[0]);
+            passes.push((name, instantiate(text, rooms), features_read_by(file, rooms)));
         }
     }
     passes
@@ -108,12 +111,28 @@ fn full_length_every_pass_composes_validates_and_translates_in_every_pair_of_fea
     check(&covering_set());
 }
 
+/// Pipelines are not specialized for other features, which change nothing.
+#[test]
+fn features_that_a_pass_does_not_read_leave_its_module_as_it_is() {
+    let mut composer = composer();
+    for (path, text, read) in passes() {
+        let [with, without] = [SceneFeatures::all(), SceneFeatures::all() & read]
+            .map(|features| compose(&mut composer, &path, &text, &defs(features)));
+        assert_eq!(format!("{:?}", with.functions), format!("{:?}", without.functions), "{path}");
+    }
+    let reads = |file: &str, rooms: &[&str]| features_read_by(file, rooms);
+    assert!(reads("reuse", &["restir/pt"]).contains(SceneFeatures::MANY_NEIGHBORS | SceneFeatures::TEXTURES));
+    assert!(!reads("path_candidates", &["restir/pt"]).contains(SceneFeatures::MANY_NEIGHBORS));
+    assert!(!reads("presample", &[]).intersects(SceneFeatures::CLEARCOAT | SceneFeatures::CONNECTIONS));
+    assert!(reads("statistics", &[]).is_empty());
+}
+
 fn check(sets: &[SceneFeatures]) {
     let mut composer = composer();
-    for (path, text) in passes() {
+    for (path, text, read) in passes() {
         let mut seen = HashSet::new();
         for &features in sets {
-            let features = features | required(&path);
+            let features = features & read | required(&path);
             if !seen.insert(features) {
                 continue;
             }
