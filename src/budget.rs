@@ -1,12 +1,12 @@
 //! Chooses how far the settings of cameras are reduced, so that the GPU time of lighting stays within [`RestirBudget`].
 
 use bevy::{
-    camera::Camera,
     diagnostic::{Diagnostic, DiagnosticsStore},
     ecs::prelude::*,
     log::warn_once,
     platform::time::Instant,
 };
+use std::collections::BTreeMap;
 
 use crate::{
     frame::SPAN_PREFIX,
@@ -123,7 +123,7 @@ impl Controller {
 /// Reads the times of the last frame whose times have arrived, and chooses the step.
 pub(crate) fn keep_budget(
     budget: Option<Res<RestirBudget>>,
-    cameras: Query<(&Restir, Option<&Camera>)>,
+    cameras: Query<(Entity, &Restir)>,
     diagnostics: Option<Res<DiagnosticsStore>>,
     statistics: Res<RestirStatistics>,
     mut step: ResMut<BudgetStep>,
@@ -139,8 +139,9 @@ pub(crate) fn keep_budget(
         step.set_if_neq(BudgetStep(0));
         return;
     }
-    let now: Vec<Restir> =
-        cameras.iter().filter(|(_, camera)| camera.is_none_or(|c| c.is_active)).map(|(s, _)| cost_of(s)).collect();
+    // Also of inactive cameras: one that renders every second frame must not begin the measurement again each time.
+    let by_camera: BTreeMap<Entity, &Restir> = cameras.iter().collect();
+    let now: Vec<Restir> = by_camera.into_values().map(cost_of).collect();
     let last = now.iter().map(Restir::reducible_steps).max().unwrap_or(0);
     if *settings != now {
         // Times that were measured with other settings do not hold for these.

@@ -3,6 +3,7 @@
 use bevy::{
     app::{App, Last, Plugin},
     asset::Assets,
+    camera::Hdr,
     core_pipeline::schedule::Core3d,
     ecs::{entity::Entities, prelude::*},
     log::warn,
@@ -125,7 +126,7 @@ impl RestirPlugin {
         // only between frames.
         let repeatable = wants_synchronous && cfg!(not(target_arch = "wasm32"));
         // After all systems of the app, before the extraction.
-        app.add_systems(Last, (require_single_sample, budget::keep_budget, update_status));
+        app.add_systems(Last, (require_single_sample, require_hdr, budget::keep_budget, update_status));
         app.insert_resource(RestirStatus::On);
         self.build_render_app(app, library, bevy_lights_first, repeatable);
     }
@@ -245,5 +246,23 @@ fn require_single_sample(
             );
         }
         *msaa = Msaa::Off;
+    }
+}
+
+/// Light that is not tone mapped fits into no other target, and Bevy tone maps the targets of cameras with `Hdr` only.  `Restir` inserts the
+/// component, and an app may remove it.
+fn require_hdr(
+    cameras: Query<Entity, (With<Restir>, Without<Hdr>)>,
+    mut commands: Commands,
+    entities: &Entities,
+    mut warned: Local<Warned<Entity>>,
+) {
+    warned.begin_frame();
+    warned.retain(|camera| entities.contains(*camera));
+    for camera in &cameras {
+        if warned.is_due(camera) {
+            warn!("restir: camera {camera} has no Hdr, which Restir needs; it is inserted again");
+        }
+        commands.entity(camera).insert(Hdr);
     }
 }

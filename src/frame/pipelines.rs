@@ -122,7 +122,9 @@ pub(super) fn select_pipelines(
         let target = target.filter(|_| msaa.is_none_or(|msaa| *msaa == Msaa::Off));
         let composite = target.map(|target| CompositeKey::of(target, prepass));
         if let Some(key) = composite.filter(|_| views.views.get(&entity).is_some_and(|view| view.rendered)) {
-            passes.request_other_composites(key, &pipelines);
+            // The one that the camera needs after a prepass of motion vectors is added or removed, as temporal antialiasing does.  It is small,
+            // and a camera whose pipeline is not compiled would be black for a frame.
+            passes.request_composite(CompositeKey { motion: !key.motion, ..key }, &pipelines);
         }
         let composite = composite.filter(|&key| passes.request_composite(key, &pipelines));
         selected.0.insert(entity, Selection { requested, key, composite, has_target });
@@ -306,16 +308,6 @@ impl PassPipelines {
             }
         };
         self.is_ready(index, pipelines)
-    }
-
-    /// Requests the composite pipelines for the targets that a camera has after `Hdr` or a prepass of motion vectors is added or removed, as
-    /// temporal antialiasing does.  They are small, and a camera whose pipeline is not compiled would be black for a frame.
-    fn request_other_composites(&mut self, key: CompositeKey, pipelines: &PipelineCache) {
-        for format in [key.format, TextureFormat::Rgba16Float] {
-            for motion in [false, true] {
-                self.request_composite(CompositeKey { format, motion }, pipelines);
-            }
-        }
     }
 
     /// The composite pipeline for these targets.

@@ -108,7 +108,8 @@ pub(crate) fn prepare_environments(
     pool.without_memory.clear();
     for key @ (id, is_cube) in used {
         let Some(image) = images.get(id) else {
-            if textures.is_coming(id, &assets) {
+            // The last environment of a camera needs no image: its entry has the views.
+            if !pool.entries.contains_key(&key) && textures.is_coming(id, &assets) {
                 pool.pending.insert(key);
             }
             continue;

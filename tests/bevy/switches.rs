@@ -91,9 +91,9 @@ fn effects_that_change_the_target_leave_no_frame_out() {
     let Some(mut rig) = Rig::compiling_in_background(16, 12) else { return };
     rig.spawn(square(4.0), lamp(1.0, 1.0, 1.0), Transform::default());
     rig.until_ready();
-    // Pipelines for other targets are compiled in the background.
+    // The pipeline for a target with motion vectors is compiled in the background.
     for _ in 0..300 {
-        if rig.report().pipelines.iter().filter(|pipeline| pipeline.name == "composite").count() >= 4 {
+        if rig.report().pipelines.iter().filter(|pipeline| pipeline.name == "composite").count() >= 2 {
             break;
         }
         rig.frame();
@@ -101,10 +101,12 @@ fn effects_that_change_the_target_leave_no_frame_out() {
     let camera = rig.camera;
     rig.insert(camera, (DepthPrepass, MotionVectorPrepass));
     assert_ours(&mut rig, 4, "with a prepass");
-    rig.insert(camera, Hdr);
-    assert_ours(&mut rig, 4, "with a prepass and HDR");
+    // `Restir` inserts it again.
+    rig.app.world_mut().entity_mut(camera).remove::<Hdr>();
+    assert_ours(&mut rig, 4, "with a prepass, after HDR was removed");
+    assert!(rig.app.world().get::<Hdr>(camera).is_some());
     rig.app.world_mut().entity_mut(camera).remove::<(DepthPrepass, MotionVectorPrepass)>();
-    assert_ours(&mut rig, 4, "with HDR");
+    assert_ours(&mut rig, 4, "without a prepass");
     rig.assert_sound();
 }
 

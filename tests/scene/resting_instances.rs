@@ -129,6 +129,18 @@ fn a_tree_is_built_again_after_a_rest_without_what_still_moves() {
     rig.assert_sound();
 }
 
+#[test]
+fn the_others_get_a_tree_again_after_one_disappears() {
+    let Some((mut rig, first)) = boxes(false) else { return };
+    assert_eq!(resting(&rig), 7);
+    rig.app.world_mut().despawn(first);
+    rig.frame();
+    assert_eq!(resting(&rig), 0, "the tree is left");
+    rig.frames(2 * REST);
+    assert_eq!(resting(&rig), 6, "nothing else has moved or appeared");
+    rig.assert_sound();
+}
+
 /// The mesh of water and the like is built all the time.
 #[test]
 fn a_mesh_that_is_edited_in_each_frame_does_not_keep_others_from_their_tree() {

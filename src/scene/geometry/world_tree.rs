@@ -153,7 +153,7 @@ pub(super) struct RestingInstances {
     pending: Option<Pending>,
     /// The frames in which instances last moved, or appeared after the first choice of members, by slot.
     moved: HashMap<u32, u64>,
-    /// Instances have come or moved since the members were chosen.
+    /// Members must be chosen again: instances have come or moved since the last choice, or the chosen tree could not be used or kept.
     has_changed: bool,
     /// The first frame in which members may be chosen again, and the wait after that.
     next: u64,
@@ -188,6 +188,7 @@ impl RestingInstances {
         self.note_motion(changed, instances);
         if self.pending.as_ref().is_some_and(|pending| !pending.members.stay(changed, instances)) {
             self.pending = None;
+            self.has_changed = true;
         }
         let was_given_up = self.current.as_ref().is_some_and(|current| !current.members.stay(changed, instances));
         if was_given_up || self.is_off {
@@ -223,6 +224,7 @@ impl RestingInstances {
     fn give_up(&mut self) {
         let Some(old) = self.current.take() else { return };
         self.outdated.push(old.range);
+        self.has_changed = true;
         // Trees that do not live long are not worth their builds.
         let lived = self.frame - old.since;
         self.wait = if lived < 4 * REST { (2 * self.wait).clamp(REST, MAX_WAIT) } else { REST };
@@ -288,6 +290,7 @@ impl RestingInstances {
     ) -> u64 {
         let Some(range) = meshes.allocate_nodes(tree.node_count(), device, queue) else {
             self.next = self.frame + MAX_WAIT;
+            self.has_changed = true;
             return 0;
         };
         let bytes = meshes.nodes.write(range.start, bytemuck::cast_slice(&tree.words(range.start)), queue);
