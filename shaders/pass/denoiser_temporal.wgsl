@@ -5,6 +5,7 @@
 #import bevy_restir::denoiser::optical_image::image_guide
 #import bevy_restir::denoiser::mean::{add_mean, bounded_luminance, Mean, mean_pack, mean_unpack, no_mean, variance_of}
 #import bevy_restir::denoiser::types::{DIFFUSE, DenoiserSettings, SPECULAR}
+#import bevy_restir::scene::surface::Shape
 #import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::camera::{eye_of, project}
 #import bevy_restir::view::primary::{pixel_shape, previous_pixel_shape}
@@ -46,7 +47,7 @@ fn denoiser_temporal(@builtin(global_invocation_id) id: vec3<u32>) {
         average(pixel, SPECULAR, last_of_image, neighborhoods(pixel, image, last_of_image)[SPECULAR], f32(settings.history));
     } else {
         let now = pixel_shape(ids, pixel, false);
-        average(pixel, SPECULAR, last, around[SPECULAR], specular_frames(own.roughness, now.position, before.position));
+        average(pixel, SPECULAR, last, around[SPECULAR], specular_frames(own.roughness, now, before));
     }
 }
 
@@ -108,10 +109,14 @@ fn is_similar(own: Guide, other: Guide, offset: vec2<f32>) -> bool {
         && plane_weight(own, other.depth, offset) > LEAST_PLANE_WEIGHT;
 }
 
-// Frames in which the direction of view may change by half the width of the specular lobe: a reflection then still shows the same.
-fn specular_frames(roughness: f32, now: vec3<f32>, before: vec3<f32>) -> f32 {
-    let change = distance(normalize(eye_of(now, false) - now), normalize(eye_of(before, true) - before));
+// Frames in which the direction of reflection may change by half the width of the specular lobe: a reflection then still shows the same.
+fn specular_frames(roughness: f32, now: Shape, before: Shape) -> f32 {
+    let change = distance(reflected_view(now, eye_of(now.position, false)), reflected_view(before, eye_of(before.position, true)));
     return clamp(0.5 * roughness / max(change, 1.0e-6), 1.0, f32(settings.history));
+}
+
+fn reflected_view(at: Shape, eye: vec3<f32>) -> vec3<f32> {
+    return reflect(normalize(at.position - eye), at.n);
 }
 
 // The last mean at a pixel's surface.

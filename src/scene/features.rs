@@ -89,8 +89,7 @@ impl Memory<SceneFeatures> {
 const MEMORY_PERIOD: u32 = 600;
 
 impl SceneFeatures {
-    /// Contents of a scene whose light takes paths that shaders without the feature never sample.  All other contents, such as textures,
-    /// only change the light of a path.
+    /// Contents of a scene whose light takes paths that shaders without the feature never sample.
     pub(crate) const PATHS: Self = Self::LIGHT_TRIANGLES
         .union(Self::LIGHT_POINTS)
         .union(Self::LIGHT_DIRECTIONAL)
@@ -105,7 +104,12 @@ impl SceneFeatures {
         .union(Self::TRANSMISSION)
         .union(Self::THIN_WALL)
         .union(Self::DIFFUSE_TRANSMISSION)
+        .union(Self::LAYER_TEXTURES)
         .union(Self::RENDER_LAYERS);
+
+    /// Contents that change the alpha of surfaces, and so the paths through them.
+    pub(crate) const ALPHA_SOURCES: Self =
+        Self::TEXTURES.union(Self::BOUND_TEXTURES).union(Self::SECOND_UVS).union(Self::VERTEX_COLORS);
 
     /// The kinds of environments.
     pub(crate) const OF_ENVIRONMENT: Self =

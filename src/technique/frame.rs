@@ -296,13 +296,25 @@ impl PipelineKey {
     /// Whether these pipelines sample paths that those of another key never sampled, such as paths to the first point light.  That light was
     /// in the scene while the pipelines were compiled, but the reservoirs of those frames could not hold it.
     pub(crate) fn samples_more_than(self, last: Self) -> bool {
-        self.features.difference(last.features).intersects(SceneFeatures::PATHS)
+        let gained = self.features.difference(last.features);
+        let changes_alpha =
+            self.features.contains(SceneFeatures::ALPHA) && gained.intersects(SceneFeatures::ALPHA_SOURCES);
+        changes_alpha || gained.intersects(SceneFeatures::PATHS)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_first_texture_adds_paths_where_surfaces_have_alpha() {
+        let key = |features| PipelineKey { frame: Frame::of(&Restir::default()).of_scene(features), features };
+        let gains = |before, after| key(before | after).samples_more_than(key(before));
+        assert!(!gains(SceneFeatures::empty(), SceneFeatures::TEXTURES));
+        assert!(gains(SceneFeatures::ALPHA, SceneFeatures::TEXTURES));
+        assert!(gains(SceneFeatures::empty(), SceneFeatures::LAYER_TEXTURES));
+    }
 
     #[test]
     fn pipelines_serve_new_settings_while_those_for_new_objects_are_compiled() {

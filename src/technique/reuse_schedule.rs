@@ -245,10 +245,14 @@ impl ReuseSchedule {
     /// The schedule of ReSTIR BDPT.
     pub(crate) fn of_bidirectional_paths(settings: &Restir) -> Self {
         let schedule = Self::of_paths(settings);
+        // Reservoirs hold weights with the gain, so that it must not depend on a setting that keeps the history.
+        let Reuse { temporal, order, .. } = settings.paths.reuse;
+        let reads_history = temporal || order == ReuseOrder::Spatiotemporal;
+        let reads_other_pixels = reads_history || schedule.max_inputs() > 1;
         Self {
             // MIS weights against light sub-paths depend on more than the probabilities of lights.
             same_densities_flags: 0,
-            reuse_gain: if schedule.max_inputs() > 1 { settings.bdpt.reuse_gain } else { 1.0 },
+            reuse_gain: if reads_other_pixels { settings.bdpt.reuse_gain } else { 1.0 },
             ..schedule
         }
     }
@@ -437,5 +441,26 @@ fn mis_constant(correction: BiasCorrection, mis: Mis) -> u32 {
         Mis::Pairwise => MIS_PAIRWISE,
         Mis::DefensivePairwise => MIS_DEFENSIVE_PAIRWISE,
         Mis::DefensivePairwiseGris => MIS_DEFENSIVE_PAIRWISE_GRIS,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_of_neighbors_that_keep_a_history_keep_its_weights() {
+        for order in [ReuseOrder::Spatiotemporal, ReuseOrder::TemporalThenSpatial] {
+            for temporal in [false, true] {
+                let gain = |spatial_samples| {
+                    let mut settings = Restir::default();
+                    let reuse = &mut settings.paths.reuse;
+                    (reuse.order, reuse.temporal, reuse.spatial_samples) = (order, temporal, spatial_samples);
+                    ReuseSchedule::of_bidirectional_paths(&settings).reuse_gain
+                };
+                let reads_history = temporal || order == ReuseOrder::Spatiotemporal;
+                assert_eq!(gain(0) == gain(3), reads_history, "{order:?}, temporal: {temporal}");
+            }
+        }
     }
 }

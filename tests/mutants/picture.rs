@@ -104,8 +104,8 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "textures are filtered with the light",
         "denoiser/albedo.wgsl",
-        "return select(vec3<f32>(gray), light / max(albedo, vec3<f32>(1.0e-6)), albedo > vec3<f32>(LEAST_SHARE * greatest));",
-        "return light / max(luminance(albedo), 1.0e-6);",
+        "return max(albedo, vec3<f32>(LEAST_SHARE * max_component(albedo)));",
+        "return vec3<f32>(max_component(albedo));",
         &["textures_stay_sharp"],
     ),
     mutant(
@@ -142,6 +142,13 @@ pub const MUTANTS: &[Mutant] = &[
         "return clamp(0.5 * roughness / max(change, 1.0e-6), 1.0, f32(settings.history));",
         "return f32(settings.history);",
         &["reflections_do_not_trail"],
+    ),
+    mutant(
+        "reflections move with surfaces that turn",
+        "pass/denoiser_temporal.wgsl",
+        "return reflect(normalize(at.position - eye), at.n);",
+        "return normalize(at.position - eye);",
+        &["reflections_on_objects_that_turn"],
     ),
     mutant(
         "mirrors are filtered as widely as rough surfaces",

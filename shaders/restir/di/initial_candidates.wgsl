@@ -9,8 +9,8 @@
 #import bevy_restir::common::ray::Ray
 #import bevy_restir::common::rng::{Rng, rng_1, rng_3, rng_bits}
 #import bevy_restir::light::analytic_area_light::{light_hit_point, LIGHT_HITS_MAX, next_light_hit, RaySegment}
-#import bevy_restir::light::environment::environment_radiance
-#import bevy_restir::light::point_on_light::{environment_light_point, LightPoint, light_point_at, no_light_point, triangle_light_point}
+#import bevy_restir::light::environment::{environment_pdf, environment_radiance}
+#import bevy_restir::light::point_on_light::{environment_direction, environment_light_point, LightPoint, light_point_at, no_light_point, triangle_light_point}
 #import bevy_restir::light::select::{environment_pmf, light_pmf}
 #import bevy_restir::light::types::{LightSample, RAYS_FIND_LIGHT}
 #import bevy_restir::path::medium::{medium_towards, transmittance}
@@ -74,10 +74,13 @@ fn trace_bsdf_ray(r: Receiver, rng: ptr<function, Rng>) -> BsdfRay {
     let hit = trace_closest(Ray(origin, 0.0, b.wi, FAR), alpha_seed);
     let segment = RaySegment(origin, hit.t, b.wi);
     if hit.instance == NONE {
-        if b.delta != 0u || !(environment_pmf() > 0.0) {
+        // The importance of an image that is written on the GPU may be that of the last frame.
+        let point = environment_light_point(b.wi);
+        let density = environment_pmf() * environment_pdf(environment_direction(point, false), false);
+        if b.delta != 0u || !(density > 0.0) {
             return bsdf_ray_to(no_light_point(), b.weight * environment_radiance(b.wi, false), r, b, segment);
         }
-        return bsdf_ray_to(environment_light_point(b.wi), vec3<f32>(0.0), r, b, segment);
+        return bsdf_ray_to(point, vec3<f32>(0.0), r, b, segment);
     }
     if !may_emit(hit.instance) {
         return bsdf_ray_to(no_light_point(), vec3<f32>(0.0), r, b, segment);
