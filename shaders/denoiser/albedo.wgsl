@@ -5,7 +5,7 @@
 #import bevy_restir::bsdf::reflection::reflectance
 #import bevy_restir::bsdf::transmission::transmitted_share
 #import bevy_restir::bsdf::types::Bsdf
-#import bevy_restir::common::math::max_component
+#import bevy_restir::common::math::{luminance, max_component}
 #ifdef CLEARCOAT
 #import bevy_restir::bsdf::coat::{coat_reflectance, coat_share}
 #endif
@@ -37,11 +37,12 @@ fn has_albedo(albedo: vec3<f32>) -> bool {
     return max_component(albedo) > 1.0e-4;
 }
 
-// Least albedo of a channel, relative to the greatest one.
+// Channels whose albedo is below this share of the greatest one say too little about the light.
 const LEAST_SHARE: f32 = 0.02;
 
-// The albedo that light is divided by, and multiplied by again.  Light that a channel hardly reflects is noise: to divide it by less would
-// make it the greatest part of what is filtered.
-fn divisor_of(albedo: vec3<f32>) -> vec3<f32> {
-    return max(albedo, vec3<f32>(LEAST_SHARE * max_component(albedo)));
+// Light that arrives, from light that leaves.  Channels that hardly reflect get the light of the others.
+fn without_albedo(light: vec3<f32>, albedo: vec3<f32>) -> vec3<f32> {
+    let gray = luminance(light) / max(luminance(albedo), 1.0e-5);
+    let greatest = max_component(albedo);
+    return select(vec3<f32>(gray), light / max(albedo, vec3<f32>(1.0e-6)), albedo > vec3<f32>(LEAST_SHARE * greatest));
 }

@@ -1,7 +1,7 @@
 // The denoised picture: multiplies the filtered light by the albedo of its surface, and adds the light that the camera sees directly.
 
 #import bevy_restir::common::constants::NONE
-#import bevy_restir::denoiser::albedo::{albedo_of, divisor_of}
+#import bevy_restir::denoiser::albedo::albedo_of
 #import bevy_restir::denoiser::optical_image::with_image
 #import bevy_restir::denoiser::types::{DIFFUSE, SPECULAR}
 #import bevy_restir::light::direct_view::directly_seen
@@ -29,8 +29,8 @@ fn denoiser_output(@builtin(global_invocation_id) id: vec3<u32>) {
         let s = primary_surface(ids, pixel, false);
         let image = textureLoad(images, min(pixel, textureDimensions(images) - 1u), 0);
         let albedo = with_image(albedo_of(s.surface.bsdf, s.wo), image);
-        light += divisor_of(albedo.diffuse) * textureLoad(signals, pixel, DIFFUSE, 0).rgb;
-        light += divisor_of(albedo.specular) * textureLoad(signals, pixel, SPECULAR, 0).rgb;
+        light += albedo.diffuse * textureLoad(signals, pixel, DIFFUSE, 0).rgb;
+        light += albedo.specular * textureLoad(signals, pixel, SPECULAR, 0).rgb;
     }
     radiance[pixel_index(pixel)] = vec4<f32>(guarded_pixel(light), 1.0);
     count_guards(pixel);

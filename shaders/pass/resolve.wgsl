@@ -9,7 +9,7 @@
 #import bevy_restir::view::ray_counter::count_guards
 #ifdef TO_DENOISER
 #import bevy_restir::common::constants::NONE
-#import bevy_restir::denoiser::albedo::{albedo_of, divisor_of, has_albedo}
+#import bevy_restir::denoiser::albedo::{albedo_of, has_albedo, without_albedo}
 #import bevy_restir::denoiser::guide::{Guide, guide_depth, guide_pack, no_guide, plane_slope}
 #import bevy_restir::denoiser::optical_image::{is_image, with_image}
 #import bevy_restir::denoiser::types::{DIFFUSE, SPECULAR}
@@ -67,7 +67,7 @@ fn store(ids: vec2<u32>, pixel: vec2<u32>, scattered: vec4<f32>) {
 
 // Light without its albedo; alpha < 0: the surface has no such light.
 fn signal(light: vec3<f32>, albedo: vec3<f32>) -> vec4<f32> {
-    return select(vec4<f32>(0.0, 0.0, 0.0, -1.0), vec4<f32>(light / divisor_of(albedo), 0.0), has_albedo(albedo));
+    return select(vec4<f32>(0.0, 0.0, 0.0, -1.0), vec4<f32>(without_albedo(light, albedo), 0.0), has_albedo(albedo));
 }
 #else
 @group(2) @binding(5) var<storage, read_write> radiance: array<vec4<f32>>;

@@ -16,7 +16,7 @@
 #import bevy_restir::light::point_on_light::light_point_at
 #import bevy_restir::light::select::{environment_pmf, light_pmf, light_select}
 #import bevy_restir::light::types::RAYS_FIND_LIGHT
-#import bevy_restir::path::medium::{medium_towards, transmittance}
+#import bevy_restir::path::medium::{medium_before, medium_towards, transmittance}
 #import bevy_restir::path::nee::emitter_nee_pdf
 #import bevy_restir::path::roulette::{ROULETTE_FROM, survival_probability}
 #import bevy_restir::path::shadow_ray::light_is_visible
@@ -202,6 +202,10 @@ fn estimate_radiance(first: Hit, camera_ray: Ray, rng: ptr<function, Rng>) -> ve
         }
         let wo = -ray.direction;
         var s = surface_at(hit.instance, hit.triangle, hit.barycentrics, wo, cone, false);
+        // As in resampled paths, the ray from the camera is not absorbed.
+        if scattered > 0u {
+            medium = medium_before(s, medium);
+        }
         throughput *= transmittance(medium, hit.t);
 
         // Add emission, with its MIS weight against NEE at the last vertex.

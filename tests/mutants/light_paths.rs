@@ -78,6 +78,13 @@ pub const MUTANTS: &[Mutant] = &[
         ROOM,
     ),
     mutant(
+        "an absorbing object ends behind an object inside of it",
+        "path/medium.wgsl",
+        "is_inside && max_component(medium) == 0.0",
+        "false",
+        &["a_clear_body_inside_of_an_absorbing_one"],
+    ),
+    mutant(
         "open objects absorb light from infinity",
         "path/medium.wgsl",
         "select(distance, 0.0, distance >= FAR)",

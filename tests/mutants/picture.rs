@@ -104,8 +104,8 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "textures are filtered with the light",
         "denoiser/albedo.wgsl",
-        "return max(albedo, vec3<f32>(LEAST_SHARE * max_component(albedo)));",
-        "return vec3<f32>(max_component(albedo));",
+        "return select(vec3<f32>(gray), light / max(albedo, vec3<f32>(1.0e-6)), albedo > vec3<f32>(LEAST_SHARE * greatest));",
+        "return light / max(luminance(albedo), 1.0e-6);",
         &["textures_stay_sharp"],
     ),
     mutant(

@@ -3,7 +3,7 @@
 
 use crate::support::{agreement::assert_techniques_agree, app::*, oracle::bsdf::Material, stats::Random};
 use bevy::prelude::*;
-use bevy_restir::{Jitter, SceneFeatures};
+use bevy_restir::{Jitter, Restir, SceneFeatures, Technique};
 use glam::DVec3;
 
 const LUX: f32 = 10.0;
@@ -149,6 +149,32 @@ fn a_clear_pane_only_tints_the_surfaces_behind_it() {
         assert!((a * Vec3::new(0.9, 0.5, 0.25) - b).abs().max_element() < 1e-4, "{at}: {a} and {b}");
     }
     assert!(without.mean() > 0.1);
+}
+
+/// Behind a clear body, the way to the inside of an absorbing one is absorbed.
+#[test]
+fn a_clear_body_inside_of_an_absorbing_one_does_not_end_it() {
+    let Some(mut rig) = Rig::new(4, 4) else { return };
+    rig.insert(rig.camera, orthographic(0.4, 0.4));
+    rig.spawn(square(6.0), lamp(4.0, 4.0, 4.0), Transform::from_xyz(0.0, 0.0, -2.0));
+    let inner = StandardMaterial { thickness: 1.0, ior: 1.0, ..clear([1.0; 3]) };
+    let outer = StandardMaterial {
+        thickness: 2.0,
+        attenuation_color: Color::linear_rgb(0.8, 0.5, 0.3),
+        attenuation_distance: 1.0,
+        ..inner.clone()
+    };
+    rig.spawn(Cuboid::from_length(2.0), outer, Transform::default());
+    rig.spawn(Cuboid::from_length(1.0), inner, Transform::default());
+    // Half a meter before the inner body, and half a meter behind it.
+    let expected = 4.0 * Vec3::new(0.8, 0.5, 0.3);
+    for technique in [Technique::Reference, Technique::Pt] {
+        rig.set(|r| *r = Restir { technique, bounces: 8, accumulate: true, ..plain() });
+        let picture = rig.picture(256);
+        let seen = picture.iter().map(|(_, c)| c).sum::<Vec3>() / picture.iter().count() as f32;
+        assert!((seen - expected).abs().max_element() < 0.1, "{technique:?}: {seen}, not {expected}");
+    }
+    rig.assert_sound();
 }
 
 /// A thin wall inside an absorbing body does not end the body.

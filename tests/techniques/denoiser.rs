@@ -260,22 +260,6 @@ fn reflections_do_not_trail() {
     assert!(both < 1.2 * filtered, "{plain}, {filtered}, {both}");
 }
 
-/// The least albedo of a channel is that of the division and of the product.
-#[test]
-fn light_that_a_channel_hardly_reflects_is_kept() {
-    let paint = StandardMaterial { base_color: Color::linear_rgb(0.8, 0.2, 0.008), ..lambert(0.0) };
-    let make = |rig: &mut Rig| {
-        rig.spawn(square(3.0), paint, Transform::default());
-        rig.spawn(square(1.0), lamp(0.0, 0.0, 50.0), facing(Vec3::new(0.0, 0.0, 6.0), Vec3::ZERO));
-    };
-    let Some(mut rig) = scene(16, make) else { return };
-    let [plain, denoised] = [Denoiser::OFF, Denoiser::ON].map(|denoiser| {
-        rig.set(|restir| *restir = settings(Technique::Di, denoiser));
-        rig.picture(4).mean()
-    });
-    assert!(plain > 0.0 && (denoised / plain - 1.0).abs() < 0.02, "{plain}, denoised {denoised}");
-}
-
 /// A ball that turns looks like one at rest.
 #[test]
 fn reflections_on_objects_that_turn_do_not_trail() {

@@ -8,7 +8,7 @@
 #define_import_path bevy_restir::restir::gi::domain
 
 #import bevy_restir::common::guard::{GUARD_GI_MEASURE, guarded, guarded_3}
-#import bevy_restir::path::medium::transmittance
+#import bevy_restir::path::medium::{medium_before_point, transmittance}
 #import bevy_restir::path::scattering::scattering_vertex
 #import bevy_restir::path::walk::{step_medium, step_towards}
 #import bevy_restir::restir::pt::domain::{Evaluated, Receiver, shifted_to}
@@ -37,8 +37,9 @@ fn in_domain_measure(c: SelectedPath, r: Receiver) -> SelectedPath {
         let first = from_vertex.vertex.surface.position;
         let point = surface_point(c.path.instance, c.path.triangle, c.path.barycentrics, false);
         let step = step_towards(from_vertex.vertex, normalize(point - first), c.path.lobe_before);
-        let carried = from_vertex.weight * step.weight
-            * transmittance(step_medium(from_vertex.vertex, step.wi), distance(point, first));
+        let medium = step_medium(from_vertex.vertex, step.wi);
+        let crossed = medium_before_point(c.path.instance, c.path.triangle, c.path.barycentrics, -step.wi, medium);
+        let carried = from_vertex.weight * step.weight * transmittance(crossed, distance(point, first));
         m.path.density = step.pdf_lobe * triangle_factor(first, point, c.path.instance, c.path.triangle, false);
         m.path.radiance = select(vec3<f32>(0.0), c.f / carried, carried > vec3<f32>(0.0));
     }

@@ -15,7 +15,7 @@
 #import bevy_restir::light::environment::{environment_pdf, environment_radiance}
 #import bevy_restir::light::point_on_light::{light_point_at, LightPoint, no_light_point}
 #import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, no_light_sample, RAYS_FIND_LIGHT}
-#import bevy_restir::path::medium::transmittance
+#import bevy_restir::path::medium::{medium_before, transmittance}
 #import bevy_restir::path::nee::{nee_candidate_count, nee_contribution}
 #import bevy_restir::path::random::{DIMENSION_SHADOW_RAY, DIMENSION_RAY, path_alpha_seed, path_seed}
 #import bevy_restir::path::roulette::{ROULETTE_FROM, survival_probability}
@@ -374,7 +374,8 @@ fn next_vertex(
     let barycentrics = vertex_barycentrics(hit.barycentrics, may_reconnect);
     let cone = step_cone(v, step, hit.t);
     let s = surface_at(hit.instance, hit.triangle, barycentrics, -step.wi, cone, false);
-    let carried = transmittance(medium, distance(s.position, v.surface.position));
+    let crossed = medium_before(s, medium);
+    let carried = transmittance(crossed, distance(s.position, v.surface.position));
     (*c).throughput *= carried;
     if (*c).prefix.reconnection != 0u {
         (*c).suffix *= carried;
@@ -392,7 +393,7 @@ fn next_vertex(
         add_bsdf_hit(c, path, s.emission, l, step.delta, index, p, rng_1(rng));
     }
     (*c).state = state_at((*c).state, s, step.wi, v.surface.position, p.counts);
-    return Vertex(s, -step.wi, medium, cone);
+    return Vertex(s, -step.wi, crossed, cone);
 }
 
 // The prefix, ended at a point of an emitter.

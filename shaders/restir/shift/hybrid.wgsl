@@ -12,7 +12,7 @@
 #import bevy_restir::common::math::{luminance, max_component}
 #import bevy_restir::common::ray::{Hit, Ray}
 #import bevy_restir::light::point_on_light::light_point_at
-#import bevy_restir::path::medium::transmittance
+#import bevy_restir::path::medium::{medium_before, transmittance}
 #import bevy_restir::path::random::{DIMENSION_RAY, path_alpha_seed}
 #import bevy_restir::path::scattering::{drawn_choice, entry_vertex, given_choice, ScatteringVertex}
 #import bevy_restir::path::shadow_ray::ray_between
@@ -284,7 +284,7 @@ fn reconnect(w: ptr<function, Walk>, s: PathSample, n: Surface, medium: vec3<f32
         if !is_connectable_end((*w).before, n.position, n.bsdf.n_geo, c) {
             (*w).reason = SHIFT_NOT_CONNECTABLE;
         }
-        (*w).f = (*w).throughput * transmittance(medium, distance(n.position, at.position)) * s.radiance;
+        (*w).f = (*w).throughput * transmittance(medium_before(n, medium), distance(n.position, at.position)) * s.radiance;
     }
 }
 
@@ -299,7 +299,8 @@ fn arrive(
     cone: Cone,
     c: ShiftParameters,
 ) {
-    let carried = transmittance(medium, distance(n.position, (*w).v.surface.position));
+    let crossed = medium_before(n, medium);
+    let carried = transmittance(crossed, distance(n.position, (*w).v.surface.position));
     multiply(w, carried, s.reconnection != 0u && index >= s.reconnection);
     if index + 1u == s.length {
         if s.termination != TERMINATION_EMITTER || !(max_component(n.emission) > 0.0) {
@@ -308,7 +309,7 @@ fn arrive(
         }
         require_same_end(w, s, is_connectable_end((*w).before, n.position, n.bsdf.n_geo, c));
     }
-    (*w).v = Vertex(n, -step.wi, medium, cone);
+    (*w).v = Vertex(n, -step.wi, crossed, cone);
 }
 
 // Whether a shift within a frame finds vertices by rays: those between the first vertex and the reconnection vertex, and points where light
