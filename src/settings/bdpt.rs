@@ -36,10 +36,11 @@ pub struct Bdpt {
     pub light_paths: f32,
     /// What light paths are used for.  Default: [`LightTechniques::Full`].
     pub techniques: LightTechniques,
-    /// Weight of a resampled camera path against a light path in their MIS weights: pixels share camera paths, but not light paths.  For light that
-    /// arrives by a mirror or through glass, which next-event estimation cannot find, the factor favors the light path.  Larger values give less
-    /// noise in light that resampling finds well, and more where light paths would have found it better.  A connection has the square root of this
-    /// weight.  Without reuse it has no effect, unless the order is `Spatiotemporal`.  No cost, no bias.  1 to 1000; default 16; other values have not been measured.
+    /// Weight of a resampled camera path against a light path in their MIS weights: pixels share camera paths, but not light paths.  For
+    /// light that arrives by a mirror or through glass, which next-event estimation cannot find, the factor favors the light path.  Larger
+    /// values give less noise in light that resampling finds well, and more where light paths would have found it better.  A connection
+    /// has the square root of this weight.  Without reuse it has no effect, unless the order is `Spatiotemporal`.  No cost, no bias.  1 to
+    /// 1000; default 16; other values have not been measured.
     pub reuse_gain: f32,
 }
 
