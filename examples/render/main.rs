@@ -77,6 +77,16 @@ fn render(args: &Args, settings: Restir) -> Result<(), String> {
     result.inspect_err(|_| written.remove())
 }
 
+fn wants_mean(args: &Args, settings: &Restir) -> bool {
+    settings.technique == Technique::Reference || args.output == Output::Mean
+}
+
+/// The limit of bright pixels and the denoiser are for single frames; they would stay in a mean as a bias.
+fn turn_filters_off(settings: &mut Restir) {
+    settings.firefly_limit = 0.0;
+    settings.denoiser = Denoiser::OFF;
+}
+
 fn render_into(args: &Args, settings: Restir, written: &mut Written) -> Result<(), String> {
     let path = args.scene.canonicalize().map_err(|e| e.to_string())?;
     let (folder, name) = scene::split(&path)?;
@@ -87,7 +97,12 @@ fn render_into(args: &Args, settings: Restir, written: &mut Written) -> Result<(
     scene::load(&mut app, name)?;
     let place = scene::file_camera(app.world_mut(), args.camera.as_deref())?;
     let environment = environment(app.world_mut(), args)?;
-    let setup = CameraSetup { size: args.size, exposure: args.exposure(), environment, settings: settings.clone() };
+    let mut first = settings.clone();
+    // From the first frame on, because pipelines for other settings would still be missing in the first frame of the mean.
+    if wants_mean(args, &settings) && (args.writes_exr() || !args.animate) {
+        turn_filters_off(&mut first);
+    }
+    let setup = CameraSetup { size: args.size, exposure: args.exposure(), environment, settings: first };
     scene::spawn_camera(app.world_mut(), place, setup);
     headless::until_ready(&mut app)?;
     fits(&mut app, args.size)?;
@@ -263,7 +278,7 @@ fn accumulate(app: &mut App, args: &Args, settings: &Restir, shows_last: bool) -
     };
     let moves = args.animate && !AnimationTimes::of(app.world_mut()).is_empty();
     // The GPU sums the frames of a still scene. Those of a moving one are summed here.
-    let wants_mean = settings.technique == Technique::Reference || args.output == Output::Mean;
+    let wants_mean = wants_mean(args, settings);
     let is_mean = wants_mean && (args.writes_exr() || !moves);
     if wants_mean && !is_mean {
         warn!("restir: a .png of an animation shows its last frame; an .exr has the mean of all frames");
@@ -276,9 +291,7 @@ fn accumulate(app: &mut App, args: &Args, settings: &Restir, shows_last: bool) -
     if let Some(mut restir) = app.world_mut().get_mut::<Restir>(camera) {
         restir.accumulate = sums_on_gpu;
         if is_mean {
-            // The limit of bright pixels and the denoiser are for single frames; they would stay in the mean as a bias.
-            restir.firefly_limit = 0.0;
-            restir.denoiser = Denoiser::OFF;
+            turn_filters_off(&mut restir);
         }
     }
     let mut sum = FrameSum::default();
