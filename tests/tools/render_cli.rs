@@ -302,6 +302,19 @@ fn equal_commands_give_equal_bytes_and_options_have_their_effect() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
+fn a_mean_has_no_filter_from_its_first_frame_on() {
+    let Some(folder) = Folder::new("unfiltered") else { return };
+    let render = |out: &str, more: &[&str]| {
+        let fixed = ["--technique", "di", "--size", "16x16", "--frames", "1", "--out", out];
+        folder.render(&asset("cornell.glb"), &[&fixed[..], more].concat()).succeeded();
+        fs::read(folder.path(out)).expect("the file was written")
+    };
+    let unfiltered = render("b.exr", &["--set", "denoiser.iterations=0", "--set", "firefly_limit=0"]);
+    assert!(render("a.exr", &[]) == unfiltered);
+}
+
+#[test]
 fn a_time_budget_takes_samples_away_where_frames_take_longer() {
     let Some(folder) = Folder::new("budget") else { return };
     let render = |out: &str, more: &[&str]| {
