@@ -219,6 +219,22 @@ fn frames_have_a_row_for_each_figure() {
     folder.lab(&["frames", "missing.glb"]).failed(1, "a scene that is missing");
 }
 
+/// Each technique beside the first one, at equal time.
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn techniques_at_equal_time_have_a_row_beside_the_first_one() {
+    let Some(folder) = Folder::new("equal") else { return };
+    let scene = asset("cornell.glb").display().to_string();
+    let short = ["--size", "16x16", "--warmup", "2", "--frames", "2", "--seeds", "2", "--samples", "64"];
+    let fixed = ["equal-time", &scene, "--set", "jitter=Always", "--set", "bounces=2", "--out", "tables"];
+    folder.lab(&[&fixed[..], &short[..]].concat()).succeeded();
+    let table = fs::read_to_string(folder.path("tables/equal-time.csv")).expect("the table was written");
+    let ratios = table.lines().filter(|line| line.contains("ReSTIR PT in equal time: its error"));
+    let ratios: Vec<_> = ratios.filter_map(|line| line.rsplit(',').next()?.parse::<f64>().ok()).collect();
+    assert!(ratios.len() == 6 && ratios.iter().all(|ratio| *ratio > 0.0), "{table}");
+    folder.lab(&["equal-time", &scene, "--set", "jitter=Sometimes"]).failed(2, "no such value");
+}
+
 #[test]
 fn times_of_the_techniques_that_are_asked_for_have_a_row_each() {
     let Some(folder) = Folder::new("times") else { return };

@@ -28,9 +28,6 @@ fn exit_code_0_means_that_the_picture_was_written() {
     assert_eq!(folder.files(), ["a.exr", "a.png", "scene.gltf"], "there are no other files");
 }
 
-/// Direct light without spatial reuse and denoiser, so that few shaders are compiled.
-const FEW_PASSES: [&str; 4] = ["--set", "denoiser.iterations=0", "--set", "direct.reuse.spatial_samples=0"];
-
 #[test]
 fn the_default_technique_is_pt() {
     let Some(folder) = Folder::new("defaults") else { return };
@@ -299,19 +296,6 @@ fn equal_commands_give_equal_bytes_and_options_have_their_effect() {
     let di = |out: &str, more: &[&str]| render_by("di", out, &[&FEW_PASSES[..], more].concat());
     assert!(di("mean.exr", &[]) != di("last.exr", &["--output", "last"]));
     assert!(di("mean.png", &[]) != di("last.png", &["--output", "last"]));
-}
-
-#[test]
-#[ignore = "second tier: ./run test --more"]
-fn a_mean_has_no_filter_from_its_first_frame_on() {
-    let Some(folder) = Folder::new("unfiltered") else { return };
-    let render = |out: &str, more: &[&str]| {
-        let fixed = ["--technique", "di", "--size", "16x16", "--frames", "1", "--out", out];
-        folder.render(&asset("cornell.glb"), &[&fixed[..], more].concat()).succeeded();
-        fs::read(folder.path(out)).expect("the file was written")
-    };
-    let unfiltered = render("b.exr", &["--set", "denoiser.iterations=0", "--set", "firefly_limit=0"]);
-    assert!(render("a.exr", &[]) == unfiltered);
 }
 
 #[test]

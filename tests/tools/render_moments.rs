@@ -1,23 +1,11 @@
-//! Which camera and which moment of an animation `render` shows, and that files of earlier runs survive an error.
+//! Which camera, which moment of an animation and which frames `render` shows, and that files of earlier runs survive an error.
 
 use crate::support::{cli::*, gltf};
 use bevy_restir::CapturedRadiance;
 use bevy_restir_support::frame_sum::FrameSum;
 use std::fs;
 
-/// Direct light without spatial reuse and denoiser, so that few shaders are compiled.
-const SMALL: [&str; 10] = [
-    "--technique",
-    "di",
-    "--size",
-    "48x16",
-    "--set",
-    "jitter=Never",
-    "--set",
-    "denoiser.iterations=0",
-    "--set",
-    "direct.reuse.spatial_samples=0",
-];
+const SMALL: [&str; 6] = ["--technique", "di", "--size", "48x16", "--set", "jitter=Never"];
 
 /// A square that stands where the animated one is after some frames: it moves by a third of a meter in a frame.
 fn after(frames: u32) -> gltf::Scene {
@@ -63,7 +51,9 @@ fn pictures_and_surfaces_of_an_animation_are_of_the_moments_that_the_arguments_s
     let moving = folder.gltf("moving.gltf", &gltf::Scene { animated: true, ..Default::default() });
     let still = folder.gltf("still.gltf", &after(3));
     let render = |scene: &std::path::Path, out: &str, more: &[&str]| {
-        folder.render(scene, &[&SMALL[..], &["--output", "last", "--out", out], more].concat()).succeeded();
+        folder
+            .render(scene, &[&SMALL[..], &FEW_PASSES, &["--output", "last", "--out", out], more].concat())
+            .succeeded();
         fs::read(folder.path(out)).expect("the file was written")
     };
     let aovs = ["--aov", "depth=depth.exr", "--aov", "albedo=albedo.exr", "--aov", "motion=motion.exr"];
@@ -132,4 +122,17 @@ fn each_sample_counts_once_whether_the_reference_starts_again_or_goes_on() {
     assert_eq!(mean(&[[3.0, 1.0], [8.0, 2.0], [4.0, 1.0]]), 4.0);
     // The mean of all samples is one frame.
     assert_eq!(mean(&[[8.0, 4.0]]), 2.0);
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn a_mean_has_no_filter_from_its_first_frame_on() {
+    let Some(folder) = Folder::new("unfiltered") else { return };
+    let render = |out: &str, more: &[&str]| {
+        let fixed = ["--technique", "di", "--size", "16x16", "--frames", "1", "--out", out];
+        folder.render(&asset("cornell.glb"), &[&fixed[..], more].concat()).succeeded();
+        fs::read(folder.path(out)).expect("the file was written")
+    };
+    let unfiltered = render("b.exr", &["--set", "denoiser.iterations=0", "--set", "firefly_limit=0"]);
+    assert!(render("a.exr", &[]) == unfiltered);
 }

@@ -2,8 +2,8 @@
 //! mean with a margin of 1 %, and chi-squared compares the 8 x 8 tiles.  Margins and lengths that differ from the default are beside their
 //! scenes.
 
-use crate::support::{proof::Proof, reuse_settings::di, small_scenes::*};
-use bevy_restir::{Direct, Mis, Research, Reuse};
+use crate::support::{app::*, proof::Proof, reuse_settings::di, small_scenes::*};
+use bevy_restir::{Direct, Mis, Research, Reuse, testing::shader_library::ShaderEdit};
 
 const ROOM: Proof = Proof::of((10, 3), (10, 24));
 
@@ -54,6 +54,22 @@ fn direct_light_of_points_spots_and_suns_equals_the_reference() {
 #[ignore = "second tier: ./run test --more"]
 fn direct_light_of_an_environment_equals_the_reference() {
     check_environment("map", true, &[("both", di::all_reuse())]);
+}
+
+/// The importance of an image that is written on the GPU may lag: only BSDF rays find light from cells whose importance is 0.
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn direct_light_from_a_sky_with_cells_of_no_importance_equals_the_reference() {
+    let Some(mut rig) = scene(64, |rig| surrounded(rig, true)) else { return };
+    let from = "    if !(total > 0.0) {\n        return 0.0;";
+    let half = "    if !(total > 0.0) || cell.x < size.x / 2u {\n        return 0.0;";
+    let proof = Proof { margin: 0.03, ..Proof::of((16, 3), (12, 24)) };
+    let truth = proof.truth(&mut rig, 1000);
+    plant_edits(&mut rig.app, &[ShaderEdit { module: "light/environment.wgsl", from, to: half }]);
+    let found = proof.resampled(&mut rig, &di::temporal(), 2000).compare(&truth, proof.margin);
+    eprintln!("{found}");
+    assert!(found.is_equal(), "{found}");
+    rig.assert_sound();
 }
 
 #[test]
