@@ -196,7 +196,10 @@ fn frame_time(store: &DiagnosticsStore, prefix: &str) -> Option<(Instant, f32)> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bevy::diagnostic::{DiagnosticMeasurement, DiagnosticPath};
+    use bevy::{
+        camera::Camera,
+        diagnostic::{DiagnosticMeasurement, DiagnosticPath},
+    };
 
     const LAST: u32 = 5;
     /// The time of a frame arrives this many frames later.
@@ -290,7 +293,7 @@ mod tests {
     /// An app that edits a mesh in every frame, or that always loads something, is never ready.
     #[test]
     fn an_app_that_is_never_ready_keeps_its_budget() {
-        let step_after = |shows_settings| {
+        let step_after = |shows_settings, flips| {
             let path = DiagnosticPath::new("render/restir/pt_reuse/elapsed_gpu");
             let mut store = DiagnosticsStore::default();
             store.add(Diagnostic::new(path.clone()));
@@ -303,6 +306,7 @@ mod tests {
             world.insert_resource(store);
             world.insert_resource(statistics);
             world.spawn(Restir::default());
+            let other = world.spawn((Restir::default(), Camera::default())).id();
             let mut schedule = Schedule::default();
             schedule.add_systems(keep_budget);
             let start = Instant::now();
@@ -312,12 +316,16 @@ mod tests {
                 if let Some(diagnostic) = store.get_mut(&path) {
                     diagnostic.add_measurement(DiagnosticMeasurement { time, value: 20.0 });
                 }
+                if let Some(mut camera) = world.get_mut::<Camera>(other).filter(|_| flips) {
+                    camera.is_active = !camera.is_active;
+                }
                 schedule.run(&mut world);
             }
             world.resource::<BudgetStep>().0
         };
-        assert!(step_after(true) > 0, "the frames are too long");
-        assert_eq!(step_after(false), 0, "the times are those of other pipelines");
+        assert!(step_after(true, false) > 0, "the frames are too long");
+        assert!(step_after(true, true) > 0, "a camera that is switched on and off is no reason to measure again");
+        assert_eq!(step_after(false, false), 0, "the times are those of other pipelines");
     }
 
     #[test]
