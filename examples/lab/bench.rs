@@ -153,7 +153,7 @@ impl Bench {
         let mut app = headless::app(folder, RayBackend::Auto)?;
         let environment = environment.map(|wanted| environment::load(app.world_mut(), &wanted)).transpose()?;
         scene::load(&mut app, file)?;
-        let place = scene::file_camera(app.world_mut(), None)?;
+        let place = scene::file_camera(app.world_mut(), None)?.place;
         let setup = CameraSetup { size, exposure: unit_exposure(), environment, settings };
         scene::spawn_camera(app.world_mut(), place, setup);
         Self::new(app, size, counts.clone())

@@ -78,7 +78,7 @@ pub fn write(
 }
 
 /// Renders the scene as it is now, so that the next frame measures its motion from here.
-fn frame_without_time(app: &mut App) {
+pub fn frame_without_time(app: &mut App) {
     let strategy = app.world_mut().remove_resource::<TimeUpdateStrategy>();
     app.insert_resource(TimeUpdateStrategy::ManualDuration(Duration::ZERO));
     frame(app);

@@ -135,6 +135,11 @@ impl Args {
         for assignment in &self.set {
             fields::set(&mut settings, assignment).map_err(|error| format!("--set {error}"))?;
         }
+        if settings.resolution_scale < 1.0 && (self.writes_exr() || !self.aovs.is_empty()) {
+            return Err(
+                "--set resolution_scale below 1 needs a .png: an .exr has one traced pixel for each of --size".into()
+            );
+        }
         Ok(settings)
     }
 
@@ -149,16 +154,20 @@ impl Args {
         core::iter::once(self.out.as_path()).chain(aovs).chain(self.stats.as_deref())
     }
 
-    /// An error if two of the files to write are one.
+    /// An error if two of the files to write are one, or one of them is the scene.
     pub fn check_outputs(&self) -> Result<(), String> {
         let absolute = |path: &Path| {
             let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
             let folder = folder.canonicalize().unwrap_or(folder.into());
             folder.join(path.file_name().unwrap_or_default())
         };
+        let scene = absolute(&self.scene);
         let mut seen = Vec::new();
         for path in self.outputs() {
             let place = absolute(path);
+            if place == scene {
+                return Err(format!("an option would overwrite the scene {}", path.display()));
+            }
             if seen.contains(&place) {
                 return Err(format!("two options name the file {}", path.display()));
             }

@@ -95,7 +95,7 @@ fn render_into(args: &Args, settings: Restir, written: &mut Written) -> Result<(
         app.add_systems(Update, play_animation);
     }
     scene::load(&mut app, name)?;
-    let place = scene::file_camera(app.world_mut(), args.camera.as_deref())?;
+    let camera = scene::file_camera(app.world_mut(), args.camera.as_deref())?;
     let environment = environment(app.world_mut(), args)?;
     let mut first = settings.clone();
     // From the first frame on, because pipelines for other settings would still be missing in the first frame of the mean.
@@ -103,9 +103,14 @@ fn render_into(args: &Args, settings: Restir, written: &mut Written) -> Result<(
         turn_filters_off(&mut first);
     }
     let setup = CameraSetup { size: args.size, exposure: args.exposure(), environment, settings: first };
-    scene::spawn_camera(app.world_mut(), place, setup);
+    scene::spawn_camera(app.world_mut(), camera.place, setup);
+    if let Some(node) = camera.node.filter(|_| args.animate) {
+        scene::follow(&mut app, node);
+    }
     headless::until_ready(&mut app)?;
-    fits(&mut app, args.size)?;
+    if settings.resolution_scale == 1.0 {
+        fits(&mut app, args.size)?;
+    }
     let (settings, step) = match args.time_budget {
         Some(gpu_ms) => within_budget(&mut app, gpu_ms, settings)?,
         None => (settings, 0),
@@ -115,7 +120,7 @@ fn render_into(args: &Args, settings: Restir, written: &mut Written) -> Result<(
     let start = AnimationTimes::rewind(app.world_mut());
     // Where the exposure is known, the last frame itself is shown.
     let shows_last = !args.writes_exr() && args.ev100 != Some(ExposureChoice::Auto);
-    let frames = accumulate(&mut app, args, &settings, shows_last)?;
+    let mut frames = accumulate(&mut app, args, &settings, shows_last)?;
     let exposure = final_exposure(args, &frames);
     // Without an exposure value the file holds the exact radiance.
     let scale = f64::from(args.ev100.map_or(1.0, |_| exposure.exposure()));
@@ -132,9 +137,12 @@ fn render_into(args: &Args, settings: Restir, written: &mut Written) -> Result<(
         written.0.push(args.out.clone());
     }
     // The frames of other files must not count.
-    let stats = stats::json(app.world(), args, (&settings, step), &frames);
+    let stats = match args.stats {
+        Some(_) => Some(stats::of_last_frame(&mut app, args, (&settings, step), &mut frames)?),
+        None => None,
+    };
     aovs::write(&mut app, args, &settings, scale, &start, written)?;
-    if let Some(path) = &args.stats {
+    if let Some((path, stats)) = args.stats.as_deref().zip(stats) {
         let text = serde_json::to_string_pretty(&stats).map_err(|e| e.to_string())? + "\n";
         files::write_text(path, &text)?;
     }
@@ -213,7 +221,7 @@ fn final_exposure(args: &Args, frames: &Frames) -> Exposure {
         return args.exposure();
     }
     let pixels = frames.pixels.iter().map(|p| p.map(|c| c as f32));
-    match measure(args.size, pixels).luminance {
+    match measure(frames.size, pixels).luminance {
         Some(luminance) => Exposure { ev100: ev100_for(luminance) },
         None => {
             warn!("restir: the picture is black, so --ev100 auto leaves the exposure at 1");
@@ -242,6 +250,8 @@ fn play_animation(
 
 /// Results of the frames after the warm-up.
 struct Frames {
+    /// Of the traced picture.
+    size: UVec2,
     /// Mean radiance.
     pixels: Vec<[f64; 3]>,
     passes: Times,
@@ -295,10 +305,9 @@ fn accumulate(app: &mut App, args: &Args, settings: &Restir, shows_last: bool) -
         }
     }
     let mut sum = FrameSum::default();
+    let mut size = args.size;
     let mut passes = Times::default();
     let (mut all_ms, mut cpu_ms) = (Vec::new(), Vec::new());
-    passes.sample(app.world(), settings);
-    passes.clear();
     for i in 0..args.frames {
         let last = i + 1 == args.frames;
         let is_captured = last || (is_mean && !sums_on_gpu);
@@ -313,10 +322,16 @@ fn accumulate(app: &mut App, args: &Args, settings: &Restir, shows_last: bool) -
         all_ms.push(all);
         cpu_ms.push(cpu);
         passes.sample(app.world(), settings);
+        if i == 0 {
+            // The times of a frame arrive in the next one.
+            passes.clear();
+        }
         if is_captured {
-            sum.add(captured(app)?);
+            let frame = captured(app)?;
+            size = frame.size;
+            sum.add(frame);
         }
         progress.step();
     }
-    Ok(Frames { pixels: sum.mean(), passes, all_ms, cpu_ms })
+    Ok(Frames { size, pixels: sum.mean(), passes, all_ms, cpu_ms })
 }

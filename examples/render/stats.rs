@@ -2,14 +2,26 @@
 
 use bevy::{prelude::*, render::renderer::RenderAdapterInfo};
 use bevy_restir::{Restir, RestirStatistics, pass_names};
-use bevy_restir_support::times::median;
+use bevy_restir_support::{headless, times::median};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
-use crate::{Frames, args::Args};
+use crate::{Frames, aovs::frame_without_time, args::Args};
 
-/// The contents of the file.
-pub fn json(world: &World, args: &Args, (settings, budget_step): (&Restir, u32), frames: &Frames) -> Value {
+/// The contents of the file. Renders one more frame, in which the counters and the times of the last one arrive.
+pub fn of_last_frame(
+    app: &mut App,
+    args: &Args,
+    (settings, budget_step): (&Restir, u32),
+    frames: &mut Frames,
+) -> Result<Value, String> {
+    frame_without_time(app);
+    headless::alive(app)?;
+    frames.passes.sample(app.world(), settings);
+    Ok(json(app.world(), args, (settings, budget_step), frames))
+}
+
+fn json(world: &World, args: &Args, (settings, budget_step): (&Restir, u32), frames: &Frames) -> Value {
     let non_finite = frames.pixels.iter().filter(|p| !p.iter().all(|c| c.is_finite())).count() as u64;
     let report = world.resource::<RestirStatistics>().report();
     let guards: BTreeMap<_, _> = report.guards.iter().copied().collect();

@@ -29,10 +29,10 @@ impl Run {
     }
 }
 
-/// A scene of `assets/scenes`.
 /// Arguments for direct light without spatial reuse and denoiser, so that few shaders are compiled.
 pub const FEW_PASSES: [&str; 4] = ["--set", "denoiser.iterations=0", "--set", "direct.reuse.spatial_samples=0"];
 
+/// A scene of `assets/scenes`.
 pub fn asset(name: &str) -> PathBuf {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/..")).join("assets/scenes").join(name)
 }

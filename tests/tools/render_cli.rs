@@ -32,7 +32,10 @@ fn exit_code_0_means_that_the_picture_was_written() {
 fn the_default_technique_is_pt() {
     let Some(folder) = Folder::new("defaults") else { return };
     let scene = folder.gltf("scene.gltf", &gltf::Scene::default());
-    folder.render(&scene, &["--size", "8x8", "--stats", "stats.json"]).succeeded();
+    // Without the passes that other tests do not share.
+    let few = ["--set", "paths.reuse.spatial_samples=0", "--set", "paths.separate_direct_light=false"];
+    let fixed = ["--size", "8x8", "--stats", "stats.json", "--set", "energy_compensation=false"];
+    folder.render(&scene, &[&fixed[..], &few, &FEW_PASSES].concat()).succeeded();
     let stats: Value = serde_json::from_slice(&fs::read(folder.path("stats.json")).expect("written")).expect("JSON");
     assert_eq!(
         (&stats["technique"], &stats["preset"], &stats["frames"]),
@@ -181,7 +184,8 @@ fn a_missing_texture_gives_a_warning_and_a_picture_of_the_rest() {
 fn wrong_arguments_give_exit_code_2_and_write_nothing() {
     let Some(folder) = Folder::new("arguments") else { return };
     let scene = folder.gltf("scene.gltf", &gltf::Scene::default());
-    let wrong: [&[&str]; 26] = [
+    let in_folder = scene.to_str().expect("the path is text");
+    let wrong: [&[&str]; 28] = [
         &["--size", "0x10"],
         &["--size", "10"],
         &["--size", "10x-3"],
@@ -206,6 +210,8 @@ fn wrong_arguments_give_exit_code_2_and_write_nothing() {
         &["--set", "no.such.field=1"],
         &["--set", "bounces=several"],
         &["--set", "bounces"],
+        &["--set", "resolution_scale=0.5"],
+        &["--stats", in_folder],
         &["--no-such-option"],
         &["another.glb"],
     ];
@@ -361,6 +367,16 @@ fn animate_plays_the_first_animation() {
     };
     assert_eq!(picture(&[]), [1.0, 2.0, 3.0], "still");
     assert_eq!(picture(&["--animate"]), [0.0; 3], "moving");
+    // The same motion of the camera.
+    let camera = gltf::Scene {
+        animated: true,
+        edit_json: |file| file["animations"][0]["channels"][0]["target"]["node"] = 1.into(),
+        ..Default::default()
+    };
+    folder.gltf("scene.gltf", &camera);
+    assert_eq!(picture(&[]), [1.0, 2.0, 3.0], "a still camera");
+    assert_eq!(picture(&["--animate"]), [0.0; 3], "a camera that moves");
+    folder.gltf("scene.gltf", &gltf::Scene { animated: true, ..Default::default() });
     let moving = ["--technique", "di", "--animate", "--size", "9x9", "--frames", "4", "--out"];
     let run = folder.render(&scene, &[&moving[..], &["out.png"], &FEW_PASSES].concat());
     run.succeeded();

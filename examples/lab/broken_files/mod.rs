@@ -183,9 +183,9 @@ fn shown(app: &mut App, path: &Path) -> Outcome {
     app.world().resource::<RestirStatistics>().reset_guards();
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     // A panic of a loader is an error of the file, as in `render`.
-    let place = scene::load(app, &name).and_then(|()| scene::file_camera(app.world_mut(), None));
-    let (transform, projection) = match place {
-        Ok(place) => place,
+    let camera = scene::load(app, &name).and_then(|()| scene::file_camera(app.world_mut(), None));
+    let (transform, projection) = match camera {
+        Ok(camera) => camera.place,
         // A panic in our own code is a fault, not an error of the file. Only files of the workspace have relative paths in such messages.
         Err(error) if ["panicked at src/", "panicked at examples/"].iter().any(|own| error.contains(own)) => {
             return Outcome::Fault(error);

@@ -2,7 +2,7 @@
 
 use bevy::{
     asset::{LoadState, RenderAssetUsages},
-    camera::{Exposure, Hdr, ImageRenderTarget, RenderTarget, primitives::Aabb},
+    camera::{Exposure, Hdr, ImageRenderTarget, RenderTarget, primitives::Aabb, visibility::VisibilitySystems},
     gltf::Gltf,
     prelude::*,
     render::render_resource::{TextureFormat, TextureUsages},
@@ -154,10 +154,17 @@ pub fn remove_file_cameras(world: &mut World) {
     }
 }
 
+/// A camera of a file.
+pub struct FileCamera {
+    /// `None`: the file has no camera.
+    pub node: Option<Entity>,
+    pub place: (Transform, Projection),
+}
+
 /// The camera of the file with this name, or its first one; a camera in front of the scene where the file has none.
-pub fn file_camera(world: &mut World, name: Option<&str>) -> Result<(Transform, Projection), String> {
+pub fn file_camera(world: &mut World, name: Option<&str>) -> Result<FileCamera, String> {
     type Found<'w> = (Entity, &'w Camera, Option<&'w Name>, &'w GlobalTransform, &'w Projection);
-    let mut cameras: Vec<((bool, u32), String, Transform, Projection)> = world
+    let mut cameras: Vec<((bool, u32), Entity, String, Transform, Projection)> = world
         .query_filtered::<Found, (With<Camera>, Without<Restir>)>()
         .iter(world)
         .map(|(entity, camera, name, transform, projection)| {
@@ -165,29 +172,55 @@ pub fn file_camera(world: &mut World, name: Option<&str>) -> Result<(Transform, 
             // one was spawned first. Entities themselves are not ordered by their index.
             let order = (!camera.is_active, entity.index_u32());
             let name = name.map(|name| name.to_string()).unwrap_or_default();
-            (order, name, transform.compute_transform(), projection.clone())
+            (order, entity, name, unscaled(transform), projection.clone())
         })
         .collect();
     cameras.sort_by_key(|c| c.0);
     let found = match name {
         Some(name) => {
-            let names = cameras.iter().map(|c| c.1.as_str()).collect::<Vec<_>>().join(", ");
+            let names = cameras.iter().map(|c| c.2.as_str()).collect::<Vec<_>>().join(", ");
             let names = if names.is_empty() { "it has none with a name".into() } else { format!("it has {names}") };
-            let found = cameras.into_iter().find(|c| c.1 == name);
+            let found = cameras.into_iter().find(|c| c.2 == name);
             Some(found.ok_or_else(|| format!("it has no camera named {name}; {names}"))?)
         }
         None => cameras.into_iter().next(),
     };
-    if let Some((_, _, mut transform, projection)) = found {
-        transform.scale = Vec3::ONE;
+    if let Some((_, node, _, transform, projection)) = found {
         let clip_from_view = projection.get_clip_from_view();
         let matrices = [clip_from_view, clip_from_view.inverse(), transform.to_matrix()];
         if !matrices.iter().all(Mat4::is_finite) {
             return Err("the transform or the projection of its camera is not finite or has no inverse".into());
         }
-        return Ok((transform, projection));
+        return Ok(FileCamera { node: Some(node), place: (transform, projection) });
     }
     warn!("restir: the file has no camera; one is placed in front of the scene");
     let (center, radius) = framing::bounding_sphere(world.query::<(&GlobalTransform, &Aabb)>().iter(world));
-    Ok(framing::in_front(center, radius, 1.0))
+    Ok(FileCamera { node: None, place: framing::in_front(center, radius, 1.0) })
+}
+
+fn unscaled(transform: &GlobalTransform) -> Transform {
+    Transform { scale: Vec3::ONE, ..transform.compute_transform() }
+}
+
+/// The node of the file that the camera moves with.
+#[derive(Resource)]
+struct Followed(Entity);
+
+/// Moves the camera with this node of the file from the next frame on.
+pub fn follow(app: &mut App, node: Entity) {
+    let moves = move_with_node.after(TransformSystems::Propagate).before(VisibilitySystems::UpdateFrusta);
+    app.insert_resource(Followed(node)).add_systems(PostUpdate, moves);
+}
+
+fn move_with_node(
+    followed: Res<Followed>,
+    view: Option<Res<View>>,
+    mut places: Query<(&mut Transform, &mut GlobalTransform)>,
+) {
+    let Ok(place) = places.get(followed.0).map(|(_, place)| unscaled(place)) else { return };
+    let Some((mut own, mut global)) = view.and_then(|view| places.get_mut(view.camera).ok()) else { return };
+    if *own != place {
+        *own = place;
+        *global = place.into();
+    }
 }
