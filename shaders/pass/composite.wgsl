@@ -37,7 +37,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Output {
     if keeps_earlier_picture(d) {
         discard;
     }
-    return Output(color_at(pixel, d), d);
+    return Output(color_at(position, d), d);
 }
 
 @fragment
@@ -47,13 +47,16 @@ fn fragment_with_motion(@builtin(position) position: vec4<f32>) -> OutputWithMot
     if keeps_earlier_picture(d) {
         discard;
     }
-    return OutputWithMotion(color_at(pixel, d), -motion_at(pixel) / vec2<f32>(view.size), d);
+    return OutputWithMotion(color_at(position, d), -motion_at(pixel) / vec2<f32>(view.size), d);
 }
 
-// The traced picture may be smaller than the viewport.
 fn shown_pixel(position: vec4<f32>) -> vec2<u32> {
-    let at = (position.xy - vec2<f32>(view.origin)) * (vec2<f32>(view.size) / vec2<f32>(view.target_size));
-    return pixel_at(max(at, vec2<f32>(0.0)));
+    return pixel_at(traced_place(position));
+}
+
+// The place in the traced picture, which may be smaller than the viewport.
+fn traced_place(position: vec4<f32>) -> vec2<f32> {
+    return max((position.xy - vec2<f32>(view.origin)) * (vec2<f32>(view.size) / vec2<f32>(view.target_size)), vec2<f32>(0.0));
 }
 
 // Whether the picture of an earlier camera stays: with VIEW_NO_BACKDROP, where there is no surface.
@@ -62,12 +65,33 @@ fn keeps_earlier_picture(d: f32) -> bool {
 }
 
 // Radiance times exposure.  Where only the clear color is seen, its alpha is kept, for windows and images that show something behind.
-fn color_at(pixel: vec2<u32>, d: f32) -> vec4<f32> {
-    let sum = radiance[pixel_index(pixel)];
-    // The greatest half float is 65504; later passes may add to it.
-    let color = min(sum.rgb / max(sum.a, 1.0) * view.exposure, vec3<f32>(6.0e4));
+fn color_at(position: vec4<f32>, d: f32) -> vec4<f32> {
+    let at = traced_place(position);
+    var color = color_of(pixel_at(at));
+    if any(view.size != view.target_size) {
+        color = color_between(at);
+    }
     let shows_clear_color = d == 0.0 && (view.flags & VIEW_ENVIRONMENT_IS_BACKDROP) == 0u;
     return vec4<f32>(color, select(1.0, view.background_alpha, shows_clear_color));
+}
+
+fn color_of(pixel: vec2<u32>) -> vec3<f32> {
+    let sum = radiance[pixel_index(pixel)];
+    // The greatest half float is 65504; later passes may add to it.
+    return min(sum.rgb / max(sum.a, 1.0) * view.exposure, vec3<f32>(6.0e4));
+}
+
+// Enlarges the traced picture: interpolates between the centers of the four pixels around.
+fn color_between(at: vec2<f32>) -> vec3<f32> {
+    let corner = max(at - 0.5, vec2<f32>(0.0));
+    let share = fract(corner);
+    var color = vec3<f32>(0.0);
+    for (var i = 0u; i < 4u; i++) {
+        let offset = vec2<u32>(i & 1u, i >> 1u);
+        let sides = select(1.0 - share, share, offset == vec2<u32>(1u));
+        color += sides.x * sides.y * color_of(pixel_at(corner + vec2<f32>(offset)));
+    }
+    return color;
 }
 
 // Offset to the position in the last frame, pixels.

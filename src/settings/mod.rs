@@ -118,6 +118,11 @@ pub struct Restir {
     /// Scattering events of a path: 0 shows emission only, 1 adds direct light, more add bounced light.  Cost grows with it.  Light that needs
     /// more events is missing (darker).  0 to 64; default 8.
     pub bounces: u32,
+    /// Traced pixels for each pixel of the viewport, in width and in height.  With 0.5, a frame takes about a quarter of the time and of the
+    /// memory for pixels.  Below 1, the picture is enlarged by linear interpolation: edges and textures are blurred, and depth and motion
+    /// vectors are those of the nearest traced pixel.  [`RadianceCapture`](crate::RadianceCapture) holds the traced pixels.  0.25 to 1;
+    /// default 1.
+    pub resolution_scale: f32,
     /// Frames in which primary rays are jittered within the pixel, which smooths edges in means of frames.  No cost.  No bias, except for
     /// [`Technique::Bdpt`] (see there).  Default: [`Jitter::Auto`].
     pub jitter: Jitter,
@@ -166,6 +171,7 @@ impl Default for Restir {
         Self {
             technique: Technique::Pt,
             bounces: 8,
+            resolution_scale: 1.0,
             jitter: Jitter::Auto,
             energy_compensation: true,
             firefly_limit: 2.5,
@@ -187,6 +193,8 @@ impl Default for Restir {
 impl Restir {
     /// Greatest value of [`Restir::bounces`].
     pub const MAX_BOUNCES: u32 = 64;
+    /// Least value of [`Restir::resolution_scale`].
+    pub const LEAST_RESOLUTION_SCALE: f32 = 0.25;
 
     /// Iterations of the denoiser's filter in a frame; 0 if it does not run.
     pub(crate) fn filter_iterations(&self) -> u32 {
@@ -236,6 +244,7 @@ impl Restir {
     pub(crate) fn clamp(&mut self, report: &mut dyn FnMut(Problem)) {
         let mut ranges = Ranges { path: "", report };
         ranges.count("bounces", &mut self.bounces, 0, Self::MAX_BOUNCES);
+        ranges.number_or("resolution_scale", &mut self.resolution_scale, Self::LEAST_RESOLUTION_SCALE, 1.0, 1.0);
         ranges.number_or("debug_scale", &mut self.debug_scale, 0.0, 1e6, 1.0);
         let least_limit = if self.firefly_limit > 0.0 { 1.0 } else { 0.0 };
         ranges.number("firefly_limit", &mut self.firefly_limit, least_limit, 1e6);

@@ -223,12 +223,13 @@ fn fit_to_device(
     warned: &mut Warned<(Entity, &'static str)>,
 ) -> UVec2 {
     let domains = frame.domains();
-    let size = resolution::traced_size(target_size, domains, &restir.settings, limit);
-    if size != target_size && warned.is_due((entity, "size")) {
+    let wanted = resolution::wanted_size(target_size, restir.settings.resolution_scale);
+    let size = resolution::traced_size(wanted, domains, &restir.settings, limit);
+    if size != wanted && warned.is_due((entity, "size")) {
         warn!(
-            "restir: camera {name} traces {} x {} pixels for its {} x {} viewport, because a storage binding of this \
-             device holds at most {limit} bytes",
-            size.x, size.y, target_size.x, target_size.y
+            "restir: camera {name} traces {} x {} pixels instead of {} x {}, because a storage binding of this device holds at \
+             most {limit} bytes",
+            size.x, size.y, wanted.x, wanted.y
         );
     }
     if !domains.is_empty()

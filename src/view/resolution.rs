@@ -1,4 +1,5 @@
-//! Reduces the traced resolution and the light subsets to what the device can bind, so that a small device limits quality instead of failing.
+//! The traced resolution.  It and the light subsets are reduced to what the device can bind, so that a small device limits quality instead of
+//! failing.
 
 use bevy::math::UVec2;
 
@@ -15,15 +16,20 @@ fn largest_buffer(size: UVec2, domains: &[&Domain], settings: &Restir) -> u64 {
     reservoirs.fold(pixels(size) * 16, u64::max)
 }
 
-/// Traced resolution of a viewport: its own, or the largest one of nearly the same aspect ratio that the device can bind.
-pub(crate) fn traced_size(viewport: UVec2, domains: &[&Domain], settings: &Restir, limit: u64) -> UVec2 {
-    let mut size = viewport;
+/// The resolution that [`Restir::resolution_scale`] asks for.
+pub(crate) fn wanted_size(viewport: UVec2, scale: f32) -> UVec2 {
+    (viewport.as_vec2() * scale).round().as_uvec2().clamp(UVec2::ONE, viewport)
+}
+
+/// Traced resolution where this one is wanted: itself, or the largest one of nearly the same aspect ratio that the device can bind.
+pub(crate) fn traced_size(wanted: UVec2, domains: &[&Domain], settings: &Restir, limit: u64) -> UVec2 {
+    let mut size = wanted;
     let mut scale = 1.0f64;
     while size != UVec2::ONE && largest_buffer(size, domains, settings) > limit {
         // Tiles at the edge of the image are complete, so the first guess may be slightly too large.
         let share = limit as f64 / largest_buffer(size, domains, settings) as f64;
         scale *= share.sqrt().min(0.999);
-        size = (viewport.as_dvec2() * scale).as_uvec2().max(UVec2::ONE);
+        size = (wanted.as_dvec2() * scale).as_uvec2().max(UVec2::ONE);
     }
     size
 }
@@ -62,6 +68,14 @@ mod tests {
         let large = UVec2::new(3840, 2160);
         assert_eq!(traced_size(large, domains(Technique::Di), &settings, LIMIT), large);
         assert_eq!(traced_size(large, &[], &settings, LIMIT), large);
+    }
+
+    #[test]
+    fn the_resolution_scale_is_that_of_width_and_height() {
+        let viewport = UVec2::new(1280, 721);
+        let sizes = [1.0, 0.5, 0.25].map(|scale| wanted_size(viewport, scale).to_array());
+        assert_eq!(sizes, [[1280, 721], [640, 361], [320, 180]]);
+        assert_eq!(wanted_size(UVec2::ONE, 0.25), UVec2::ONE);
     }
 
     #[test]

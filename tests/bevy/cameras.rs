@@ -440,11 +440,32 @@ fn a_picture_larger_than_a_binding_is_traced_at_lower_resolution() {
             assert_eq!(pixel[0] > 100, i % 160 >= 80 && i / 160 < 80, "{technique:?}: pixel {i} of the target");
         }
     }
-    assert_eq!(log::own_warnings("128 x 128 pixels for its 160 x 160").len(), 1);
+    assert_eq!(log::own_warnings("128 x 128 pixels instead of 160 x 160").len(), 1);
     assert_eq!(log::own_warnings("subsets of").len(), 1);
     // With the optional texture slots, Bevy's own shaders exceed this device, too.
     // The tests turn on `material_textures`.
     assert!(!log::warnings("own shaders need").is_empty());
+    rig.assert_sound();
+}
+
+#[test]
+fn a_picture_of_half_the_resolution_is_interpolated() {
+    let Some(mut rig) = Rig::new(32, 32) else { return };
+    rig.insert(rig.camera, (orthographic(4.0, 4.0), Tonemapping::None));
+    rig.spawn(square(4.0), lamp(0.0, 1.0, 0.0), Transform::from_xyz(-2.0, 0.0, 0.0));
+    let target = rig.target.clone();
+    // Light of the pixels on both sides of the edge.
+    for (resolution_scale, edge) in [(1.0, [1.0, 1.0, 0.0, 0.0]), (0.5, [1.0, 0.75, 0.25, 0.0])] {
+        rig.set(|restir| restir.resolution_scale = resolution_scale);
+        let traced = rig.picture(1);
+        assert_eq!(traced.size.as_vec2(), 32.0 * Vec2::splat(resolution_scale));
+        let drawn = rig.drawn(&target);
+        for (x, light) in (14..).zip(edge) {
+            let wanted = Color::linear_rgb(0.0, light, 0.0).to_srgba().green * 255.0;
+            let shown = f32::from(drawn[32 * 16 + x][1]);
+            assert!((shown - wanted).abs() < 1.0, "{resolution_scale}, pixel {x}: {shown} for {wanted}");
+        }
+    }
     rig.assert_sound();
 }
 
