@@ -2,7 +2,7 @@
 // of them, so that the sampling code is compiled once.
 #define_import_path bevy_restir::scene::material
 
-#import bevy_restir::common::constants::{INSTANCE_SECOND_UV, INSTANCE_VERTEX_COLORS, MATERIAL_FLIP_NORMAL_MAP_Y, SLOT_ANISOTROPY, SLOT_BASE_COLOR, SLOT_CLEARCOAT, SLOT_CLEARCOAT_NORMAL, SLOT_CLEARCOAT_ROUGHNESS, SLOT_DIFFUSE_TRANSMISSION, SLOT_EMISSIVE, SLOT_METALLIC_ROUGHNESS, SLOT_NORMAL, SLOT_SPECULAR, SLOT_SPECULAR_TINT, SLOT_SPECULAR_TRANSMISSION, SLOT_THICKNESS, SLOT_TRANSFORM}
+#import bevy_restir::common::constants::{INSTANCE_SECOND_UV, INSTANCE_VERTEX_COLORS, MATERIAL_FLIP_NORMAL_MAP_Y, MATERIAL_UNLIT, SLOT_ANISOTROPY, SLOT_BASE_COLOR, SLOT_CLEARCOAT, SLOT_CLEARCOAT_NORMAL, SLOT_CLEARCOAT_ROUGHNESS, SLOT_DIFFUSE_TRANSMISSION, SLOT_EMISSIVE, SLOT_METALLIC_ROUGHNESS, SLOT_NORMAL, SLOT_SPECULAR, SLOT_SPECULAR_TINT, SLOT_SPECULAR_TRANSMISSION, SLOT_THICKNESS, SLOT_TRANSFORM}
 #import bevy_restir::common::math::max_component
 #import bevy_restir::scene::bindings::{attributes, ELEMENTS_PER_ROW, instances, materials, second_uvs, texture_table, vertex_colors}
 #import bevy_restir::scene::cone::Cone
@@ -46,7 +46,25 @@ fn material_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, t: WorldTr
         materials[material].clearcoat,
         materials[material].clearcoat_perceptual_roughness,
     );
-    return with_textures(p, instance, triangle, barycentrics, t, wo, cone);
+    return in_range(with_textures(p, instance, triangle, barycentrics, t, wo, cone), materials[material].flags);
+}
+
+// Vertex colors, textures of floats and tints may exceed 1.  Only colors of unlit materials stay as they are; all else would reflect more
+// light than it receives.
+fn in_range(point: MaterialPoint, flags: u32) -> MaterialPoint {
+    var p = point;
+    if (flags & MATERIAL_UNLIT) == 0u {
+        p.base_color = min(p.base_color, vec3<f32>(1.0));
+    }
+    p.metallic = min(p.metallic, 1.0);
+    p.perceptual_roughness = min(p.perceptual_roughness, 1.0);
+    p.dielectric_reflectance = min(p.dielectric_reflectance, vec3<f32>(1.0));
+    p.specular_transmission = min(p.specular_transmission, 1.0);
+    p.diffuse_transmission = min(p.diffuse_transmission, 1.0);
+    p.anisotropy_strength = min(p.anisotropy_strength, 1.0);
+    p.clearcoat = min(p.clearcoat, 1.0);
+    p.clearcoat_perceptual_roughness = min(p.clearcoat_perceptual_roughness, 1.0);
+    return p;
 }
 
 // Whether surfaces of an instance may emit light; unlit ones do.

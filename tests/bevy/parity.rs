@@ -80,13 +80,20 @@ fn unlit_colors_above_one_keep_their_brightness_and_hue() {
     let Some(mut rig) = Rig::new(16, 16) else { return };
     rig.insert(rig.camera, orthographic(1.0, 1.0));
     let glow = StandardMaterial { unlit: true, ..Color::linear_rgb(14.0, 5.0, 0.5).into() };
-    rig.spawn(square(2.0), glow, Transform::default());
-    for technique in [Technique::Reference, Technique::Di] {
-        rig.set(|restir| *restir = Restir { technique, ..plain() });
-        let seen = rig.picture(2).center();
-        let wanted = Vec3::new(14.0, 5.0, 0.5);
-        assert!((seen / wanted - 1.0).abs().max_element() < 0.01, "{technique:?}: {seen}, not {wanted}");
-    }
+    let glowing = rig.spawn(square(2.0), glow, Transform::default());
+    let check = |rig: &mut Rig, colors: &str| {
+        for technique in [Technique::Reference, Technique::Di] {
+            rig.set(|restir| *restir = Restir { technique, ..plain() });
+            let seen = rig.picture(2).center();
+            let wanted = Vec3::new(14.0, 5.0, 0.5);
+            assert!((seen / wanted - 1.0).abs().max_element() < 0.01, "{colors}, {technique:?}: {seen}, not {wanted}");
+        }
+    };
+    check(&mut rig, "of the material");
+    let mesh = rig.add::<Mesh>(colored(2.0, [[7.0, 5.0, 1.0, 1.0]; 4]));
+    let half = rig.add::<StandardMaterial>(StandardMaterial { unlit: true, ..Color::linear_rgb(2.0, 1.0, 0.5).into() });
+    rig.insert(glowing, (Mesh3d(mesh), MeshMaterial3d(half)));
+    check(&mut rig, "of vertices");
 }
 
 /// A floor reflects light by its vertex colors.

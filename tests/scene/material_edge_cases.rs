@@ -198,6 +198,8 @@ const TRANSPARENCY: &[Row] = &[
     ),
     ("below the cutoff of a mask", |rig| pane_of(rig, AlphaMode::Mask(0.7), 0.69), 2.0, EXACT),
     ("above the cutoff of a mask", |rig| pane_of(rig, AlphaMode::Mask(0.3), 0.31), 4.0, EXACT),
+    ("less coverage than half", |rig| pane_of(rig, AlphaMode::AlphaToCoverage, 0.49), 2.0, EXACT),
+    ("more coverage than half", |rig| pane_of(rig, AlphaMode::AlphaToCoverage, 0.51), 4.0, EXACT),
     (
         "a mask below its cutoff casts no shadow",
         |rig| {

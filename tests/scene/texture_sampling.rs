@@ -230,3 +230,30 @@ fn linear_and_float_images_keep_their_values() {
     }
     rig.assert_sound();
 }
+
+/// A texel of a float texture may be above 1, but a surface reflects at most the light that it receives.
+#[test]
+fn texels_above_one_do_not_leave_the_ranges_of_a_material() {
+    let Some(mut rig) = Rig::new(16, 16) else { return };
+    rig.insert(rig.camera, (orthographic(1.0, 1.0), sky(1.0)));
+    let texel = [10.0, 0.5, 2.0, 1.0f32];
+    let floats = rig.add::<Image>(image(TextureFormat::Rgba32Float, 1, 1, bytemuck::cast_slice(&texel).to_vec()));
+    // Roughness and metallic are in the green and the blue channel.
+    let metal = StandardMaterial { metallic: 1.0, perceptual_roughness: 1.0, ..lambert(0.5) };
+    let textured = StandardMaterial { metallic_roughness_texture: Some(floats.clone()), ..metal.clone() };
+    let lit = StandardMaterial { base_color_texture: Some(floats), ..lambert(1.0) };
+    for (name, textured, wanted) in [
+        ("metallic", textured, StandardMaterial { perceptual_roughness: 0.5, ..metal }),
+        ("base color", lit, StandardMaterial { base_color: Color::linear_rgb(1.0, 0.5, 1.0), ..lambert(1.0) }),
+    ] {
+        let [got, wanted] = [textured, wanted].map(|m| {
+            let object = rig.spawn(square(4.0), m, Transform::default());
+            let seen = rig.picture(16).center();
+            rig.app.world_mut().despawn(object);
+            seen
+        });
+        // The texture atlas has eight bits for each channel.
+        assert!((got - wanted).abs().max_element() < 3e-3, "{name}: {got}, not {wanted}");
+    }
+    rig.assert_sound();
+}

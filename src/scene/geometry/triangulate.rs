@@ -192,9 +192,11 @@ fn corner_uvs(values: Option<&VertexAttributeValues>, corners: [usize; 3]) -> [[
     })
 }
 
-// Channels from 0 to 1, like the factors that they multiply.
-fn half_color(color: [f32; 4]) -> HalfColor {
-    color.map(|c| f16::from_f32(finite_or_zero(c).clamp(0.0, 1.0)).to_bits())
+// Colors of unlit objects may exceed 1, for glow.
+fn half_color([r, g, b, a]: [f32; 4]) -> HalfColor {
+    let most = f16::MAX.to_f32();
+    [(r, most), (g, most), (b, most), (a, 1.0)]
+        .map(|(c, most)| f16::from_f32(finite_or_zero(c).clamp(0.0, most)).to_bits())
 }
 
 /// Octahedral encoding of a unit vector in two snorm16, equal to `octahedral_encode` in `shaders/common/math.wgsl`.

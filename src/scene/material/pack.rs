@@ -47,6 +47,8 @@ pub(super) fn pack(m: &StandardMaterial, emissive_luminance: f32) -> (GpuMateria
             alpha_cutoff = finite(cutoff, 0.5);
             set(true, MATERIAL_ALPHA_MASK);
         }
+        // Without multisampling, which `Restir` turns off, Bevy draws it as a mask, too.
+        AlphaMode::AlphaToCoverage => set(true, MATERIAL_ALPHA_MASK),
         _ => set(true, MATERIAL_ALPHA_BLEND),
     }
 
@@ -76,7 +78,8 @@ pub(super) fn pack(m: &StandardMaterial, emissive_luminance: f32) -> (GpuMateria
         alpha: unit(base.alpha),
         emissive,
         perceptual_roughness: unit(m.perceptual_roughness),
-        dielectric_reflectance: tint.map(|t| 0.16 * (reflectance * unit(t)).powi(2)),
+        // Tints of glTF files may exceed 1; the shaders limit the product with textures to 1.
+        dielectric_reflectance: tint.map(|t| 0.16 * (reflectance * finite(t, 0.0).clamp(0.0, 1e3)).powi(2)),
         metallic: unit(m.metallic),
         attenuation,
         specular_transmission: unit(m.specular_transmission),
