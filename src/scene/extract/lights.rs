@@ -230,9 +230,10 @@ fn forward(transform: &GlobalTransform) -> Vec3 {
 /// Scale along x and y, and the rotation, which has NaN if the transform is degenerate.
 fn rect_axes(transform: &GlobalTransform) -> (f32, f32, Quat) {
     let [x, y, z] = [Vec3::X, Vec3::Y, Vec3::Z].map(|axis| transform.affine().transform_vector3(axis));
-    // The rotation keeps the z axis, then as much of the x axis as possible.  A mirrored rectangle equals the rectangle.
-    let z_axis = z.try_normalize().or_else(|| x.cross(y).try_normalize()).unwrap_or(Vec3::NAN);
-    let x_axis = (x - x.dot(z_axis) * z_axis).try_normalize().unwrap_or(Vec3::NAN);
+    // The rectangle stays in the plane of its sides, and keeps the direction of the x axis.  A mirrored rectangle equals the rectangle.
+    let normal = x.cross(y).try_normalize().unwrap_or(Vec3::NAN);
+    let z_axis = if z.dot(normal) < 0.0 { -normal } else { normal };
+    let x_axis = x.try_normalize().unwrap_or(Vec3::NAN);
     let axes = Mat3::from_cols(x_axis, z_axis.cross(x_axis), z_axis);
     let rotation =
         if axes.is_finite() { Quat::from_mat3(&axes).normalize() } else { Quat::from_xyzw(f32::NAN, 0.0, 0.0, 1.0) };
@@ -243,4 +244,23 @@ fn rect_axes(transform: &GlobalTransform) -> (f32, f32, Quat) {
 fn rgb(color: bevy::color::Color) -> Vec3 {
     let c = color.to_linear();
     [c.red, c.green, c.blue].map(|c| if c < 0.0 { 0.0 } else { c }).into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bevy::transform::components::Transform;
+    use core::f32::consts::FRAC_PI_4;
+
+    #[test]
+    fn a_rectangle_stays_in_the_plane_of_its_sides() {
+        for scale in [Vec3::new(1.0, 1.0, 3.0), Vec3::new(2.0, 0.5, 1.0)] {
+            let parent = GlobalTransform::from(Transform::from_scale(scale));
+            let transform = parent * Transform::from_rotation(Quat::from_rotation_x(FRAC_PI_4));
+            let (width, height, rotation) = rect_axes(&transform);
+            let [x, y] = [Vec3::X, Vec3::Y].map(|axis| transform.affine().transform_vector3(axis));
+            assert!((rotation * Vec3::X * width - x).length() < 1e-5, "{scale}");
+            assert!((rotation * Vec3::Y * height - y).length() < 1e-5, "{scale}");
+        }
+    }
 }

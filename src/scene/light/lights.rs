@@ -16,7 +16,7 @@ use bevy::{
 use std::ops::Range;
 
 use super::{
-    alias_table::alias_table,
+    alias_table::{alias_table, balance_distant_lights},
     analytic::{AnalyticRecord, has_same_emission, has_same_placement, invalid_extent},
     emissive_mesh::EmissiveMesh,
     id_remap::{Group, LightRemap, Owner},
@@ -307,7 +307,7 @@ impl LightPool {
             self.groups.push(Group { owner, first, count: self.table.len() as u32 - first });
         }
         self.emitters = emitters;
-        self.write_selection_probabilities(&powers);
+        self.write_selection_probabilities(powers);
     }
 
     /// Record and power of an analytic light; `None` if it cannot be in the table.  Warns once about a light with invalid values.
@@ -342,9 +342,11 @@ impl LightPool {
         Some((record.light, record.power))
     }
 
-    fn write_selection_probabilities(&mut self, powers: &[f64]) {
+    fn write_selection_probabilities(&mut self, mut powers: Vec<f64>) {
         self.power = powers.iter().filter(|p| p.is_finite() && **p > 0.0).sum();
-        match alias_table(powers) {
+        let kind = |i: usize| self.table[i].kind & LIGHT_KIND_BITS;
+        balance_distant_lights(&mut powers, |i| matches!(kind(i), LIGHT_SUN | LIGHT_DIRECTIONAL));
+        match alias_table(&powers) {
             Some(entries) => {
                 for (light, entry) in self.table.iter_mut().zip(entries) {
                     light.pmf = entry.pmf;
