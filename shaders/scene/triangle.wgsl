@@ -55,14 +55,22 @@ fn instance_transform(instance: u32, previous: bool) -> mat3x4<f32> {
 // Vectors of world space, multiplied from the left, become vectors of object space.
 fn linear_inverse(instance: u32, previous: bool) -> mat3x3<f32> {
     if previous {
-        // By cofactors: the inverse of the last frame is not stored.
+        let now = instances[instance].world_from_object;
         let world = instances[instance].previous_world_from_object;
+        if all(now[0] == world[0]) && all(now[1] == world[1]) && all(now[2] == world[2]) {
+            return linear_inverse_of_now(instance);
+        }
+        // By cofactors: the inverse of the last frame is not stored.
         let x = cross(world[1].xyz, world[2].xyz);
         let y = cross(world[2].xyz, world[0].xyz);
         let z = cross(world[0].xyz, world[1].xyz);
         let scale = 1.0 / dot(world[0].xyz, x);
         return transpose(mat3x3<f32>(x * scale, y * scale, z * scale));
     }
+    return linear_inverse_of_now(instance);
+}
+
+fn linear_inverse_of_now(instance: u32) -> mat3x3<f32> {
     let object = instances[instance].object_from_world;
     return mat3x3<f32>(object[0].xyz, object[1].xyz, object[2].xyz);
 }

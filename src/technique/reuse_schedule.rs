@@ -128,6 +128,15 @@ pub(crate) struct ReuseSchedule {
     pub reuse_gain: f32,
 }
 
+/// Whether the shift of a path to its own pixel never fails.  Otherwise the shortcut for unchanged frames (`is_same_pixel` in
+/// shaders/pass/reuse.wgsl) would be wrong.
+fn every_path_shifts_to_its_own_pixel(paths: &Paths) -> bool {
+    /// By rounding, the Jacobian of that shift is not exactly 1.
+    const ROUNDING: f32 = 1.1;
+    // With `PathFootprint` paths may reconnect at mirrors.  Such a path has no shift.
+    paths.reconnection != Reconnection::PathFootprint && paths.jacobian_limit >= ROUNDING
+}
+
 impl ReuseSchedule {
     /// The schedule of ReSTIR DI.
     pub(crate) fn of_direct_light(settings: &Restir) -> Self {
@@ -184,9 +193,7 @@ impl ReuseSchedule {
                     SuffixRetrace::Off => 0,
                 },
             same_densities_flags: RESAMPLE_SAME_DENSITIES,
-            // With `PathFootprint` paths may reconnect at mirrors.  Such a path has no shift, not even to its own pixel, so the shortcut
-            // for unchanged frames (`is_same_pixel` in shaders/pass/reuse.wgsl) would be wrong.
-            still_flags: if paths.reconnection == Reconnection::PathFootprint { 0 } else { RESAMPLE_SAME_RAYS },
+            still_flags: if every_path_shifts_to_its_own_pixel(paths) { RESAMPLE_SAME_RAYS } else { 0 },
             temporal_mis: MIS_BALANCE,
             reuse_gain: 1.0,
         }

@@ -108,7 +108,7 @@ fn evaluate(r: Receiver, s: Reservoir) -> Evaluated {
     return Evaluated(shifted.f, shifted);
 }
 
-// Whether the shift of a sample to its own pixel is defined.  It is, except with `Reconnection::PathFootprint`: there `of_paths` in
+// Whether the shift of a sample to its own pixel is defined.  With settings for which it may fail, `every_path_shifts_to_its_own_pixel` in
 // src/technique/reuse_schedule.rs turns off the shortcut for unchanged frames, which alone asks.
 fn can_be_shifted(s: Reservoir) -> bool {
     return true;

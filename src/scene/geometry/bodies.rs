@@ -194,6 +194,7 @@ impl BodyPool {
             };
             let body = match old {
                 Some(body) => Some(body.in_pose(pose, meshes)),
+                None if self.bodies.len() + last.len() >= MAX_WORKGROUPS => None,
                 None => self.create(extracted.mesh, pose, meshes, device, queue),
             };
             match body {
@@ -223,7 +224,7 @@ impl BodyPool {
         let (mesh_version, nodes) = (mesh.version, mesh.nodes.len() as u32);
         let bounds = mesh.rig.as_ref()?.bounds.in_pose(pose);
         let triangles = (mesh.triangles.len() as u32).checked_mul(2)?;
-        if self.bodies.len() >= MAX_WORKGROUPS || mesh.triangles.len() > MAX_WORKGROUPS * WORKGROUP as usize {
+        if mesh.triangles.len() > MAX_WORKGROUPS * WORKGROUP as usize {
             return None;
         }
         let boxes = self.box_ranges.allocate(nodes);
