@@ -93,7 +93,7 @@ fn changes_of_rejected_lights_do_not_reset_the_history() {
     rig.spawn_bundle((PointLight { color: Color::linear_rgb(f32::NAN, 1.0, 1.0), ..light(50.0) }, at));
     rig.spawn_bundle((SpotLight { outer_angle: f32::NAN, ..default() }, at));
     rig.spawn_bundle((RectLight { width: f32::NAN, ..default() }, at));
-    for technique in [Technique::Reference, Technique::Pt] {
+    for technique in [Technique::Reference, Technique::Di] {
         rig.set(|restir| (restir.technique, restir.accumulate) = (technique, true));
         rig.until_ready();
         rig.set(|restir| restir.reset = true);

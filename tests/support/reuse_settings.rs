@@ -114,6 +114,8 @@ pub mod paths {
             reuse: Reuse {
                 radius: pixels(6.0, 32),
                 spatial_samples: 2,
+                // More would need another variant of the shaders.
+                disocclusion_samples: 2,
                 paired: false,
                 confidence_cap: 8.0,
                 ..Reuse::PATHS

@@ -61,10 +61,6 @@ fn direct_light_in_the_cornell_box_equals_the_reference_for_every_kind_of_reuse(
                 Direct { reuse: Reuse { shade_all: false, ..unshadowed.reuse.clone() }, ..unshadowed.clone() },
             ),
             ("all samples are shaded", unshadowed),
-            (
-                "three tries",
-                Direct { reuse: Reuse { neighbor_attempts: 3, ..Reuse::SPATIOTEMPORAL }, ..Default::default() },
-            ),
         ],
     );
     // A planted error must be found.

@@ -253,13 +253,13 @@ fn a_ball_under_uniform_light_has_its_closed_form() {
     };
     let unit = rig.spawn(ball(1.0), lambert(ALBEDO as f32), Transform::default());
     rig.insert(unit, of_lengths(lengths, ALBEDO));
-    check(&mut rig, 512, "ball", expected(1.0));
+    check(&mut rig, 320, "ball", expected(1.0));
     // Lengths are those of the world, whatever scales and mirrors the mesh.
     let half = rig.add::<Mesh>(ball(0.5));
     rig.insert(unit, (Mesh3d(half), Transform::from_scale(Vec3::new(-2.0, 2.0, 2.0))));
-    check(&mut rig, 512, "scaled and mirrored", expected(1.0));
+    check(&mut rig, 320, "scaled and mirrored", expected(1.0));
     rig.insert(unit, Transform::from_scale(Vec3::splat(0.8)));
-    check(&mut rig, 512, "smaller", expected(0.4));
+    check(&mut rig, 320, "smaller", expected(0.4));
 }
 
 #[test]
@@ -268,7 +268,7 @@ fn a_slab_gains_the_light_that_crosses_it() {
     let Some(mut rig) = window(0.1, 64) else { return };
     rig.insert(rig.camera, sky(1.0));
     let d = 0.05;
-    for (h, frames) in [(0.3, 512), (1.0, 512), (5.0, 512)] {
+    for (h, frames) in [(0.3, 256), (1.0, 256), (5.0, 256)] {
         let slab = Cuboid::new(10.0, 10.0, (h * d) as f32);
         let slab = rig.spawn(slab, lambert(ALBEDO as f32), Transform::default());
         rig.insert(slab, of_lengths(DVec3::splat(d), ALBEDO));
