@@ -6,10 +6,15 @@
 //!
 //! App::new()
 //!     .add_plugins((DefaultPlugins, RestirPlugin::default()))
-//!     .add_systems(Startup, |mut commands: Commands| {
-//!         commands.spawn((Camera3d::default(), Restir::default()));
-//!     })
+//!     .add_systems(Startup, setup)
 //!     .run();
+//!
+//! fn setup(mut commands: Commands, mut meshes: ResMut<Assets<Mesh>>, mut materials: ResMut<Assets<StandardMaterial>>) {
+//!     commands.spawn((Mesh3d(meshes.add(Sphere::default())), MeshMaterial3d(materials.add(Color::WHITE))));
+//!     commands.spawn((PointLight::default(), Transform::from_xyz(2.0, 3.0, 2.0)));
+//!     let eye = Transform::from_xyz(0.0, 1.0, 4.0).looking_at(Vec3::ZERO, Vec3::Y);
+//!     commands.spawn((Camera3d::default(), eye, Restir::default()));
+//! }
 //! ```
 //!
 //! [`Restir`] holds the settings of a camera, [`RestirEnvironment`] its environment.  Each field documents its effect, its cost and its

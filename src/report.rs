@@ -18,8 +18,8 @@ use crate::{
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RestirReport {
     /// All assets of the scene are loaded or have failed, acceleration structures are built and pipelines are compiled.  From now on frames
-    /// show the complete scene with the current settings.  In an app that edits a mesh or loads something in every frame it may stay false for
-    /// ever, because there is always a mesh to build or an asset to wait for: a loading screen needs a time limit there.
+    /// show the complete scene with the current settings.  In an app that edits a mesh or loads something in every frame it may
+    /// never become true, because a mesh or an asset is always pending: give a loading screen a time limit there.
     pub ready: bool,
     /// `software`: compute shaders trace rays through a CWBVH; `hardware`: the device's ray queries do.
     pub backend: &'static str,
@@ -77,6 +77,11 @@ pub struct RestirReport {
 }
 
 impl RestirReport {
+    /// Bytes of all GPU buffers and textures of this plugin.
+    pub fn memory_bytes(&self) -> u64 {
+        self.memory.iter().map(|(_, bytes)| bytes).sum()
+    }
+
     /// The entries of [`guards`](Self::guards) that are not 0.
     pub fn raised_guards(&self) -> Vec<(&'static str, u64)> {
         self.guards.iter().copied().filter(|(_, pixels)| *pixels > 0).collect()
@@ -98,6 +103,11 @@ struct Shared {
 }
 
 impl RestirStatistics {
+    /// Whether the scene is loaded and all pipelines are compiled ([`RestirReport::ready`]): for loading screens.
+    pub fn is_ready(&self) -> bool {
+        self.lock().ready
+    }
+
     /// A copy of the newest report; the default before the first frame.
     pub fn report(&self) -> RestirReport {
         self.lock().clone()

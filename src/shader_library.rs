@@ -113,6 +113,7 @@ pub const MODULES: &[(&str, &str)] = modules![
     "path/reference_integrator.wgsl",
     "restir/types.wgsl",
     "restir/bindings.wgsl",
+    "restir/iteration_rng.wgsl",
     "restir/flags.wgsl",
     "restir/plants.wgsl",
     "restir/light_candidates.wgsl",

@@ -1,9 +1,9 @@
-// Counter-based random numbers: pcg4d of (pixel, frame, stream, dimension) (Jarzynski and Olano 2020, "Hash Functions for GPU
+// Counter-based random numbers: pcg4d of (key, frame, stream, dimension) (Jarzynski and Olano 2020, "Hash Functions for GPU
 // Rendering").  There is no state but the counter, so that a path can be replayed, and each pass has a stream of its own.
 #define_import_path bevy_restir::common::rng
 
 struct Rng {
-    pixel: u32,      // y << 16 | x; for paths and light sub-paths, their seed or index
+    key: u32,        // y << 16 | x of a pixel; for paths and light sub-paths, their seed or index
     frame: u32,
     stream: u32,     // STREAM_*, `seeded`
     dimension: u32,  // of the next number
@@ -52,8 +52,14 @@ fn seeded(stream: u32, seed: u32) -> u32 {
     return stream + seed * 0x9e3779b9u;
 }
 
+// The numbers of a pixel in a frame.
 fn rng_new(pixel: vec2<u32>, frame: u32, stream: u32, seed: u32) -> Rng {
-    return Rng(pixel.y << 16u | pixel.x, frame, seeded(stream, seed), 0u);
+    return rng_of_key(pixel.y << 16u | pixel.x, frame, stream, seed);
+}
+
+// The numbers of anything that has a number of its own: a path, a light sub-path, a reservoir.
+fn rng_of_key(key: u32, frame: u32, stream: u32, seed: u32) -> Rng {
+    return Rng(key, frame, seeded(stream, seed), 0u);
 }
 
 // Uniform in [0, 1), 24 bits.
@@ -63,7 +69,7 @@ fn unit_float(bits: vec4<u32>) -> vec4<f32> {
 
 // Each call uses one dimension, however many components it returns.
 fn rng_bits(rng: ptr<function, Rng>) -> vec4<u32> {
-    let bits = pcg4d(vec4<u32>((*rng).pixel, (*rng).frame, (*rng).stream, (*rng).dimension));
+    let bits = pcg4d(vec4<u32>((*rng).key, (*rng).frame, (*rng).stream, (*rng).dimension));
     (*rng).dimension += 1u;
     return bits;
 }

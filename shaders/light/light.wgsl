@@ -54,17 +54,22 @@ fn record_sample(light: u32, from_point: vec3<f32>, u: vec2<f32>) -> LightSample
     }
 }
 
-fn environment_light_sample(u: vec2<f32>, previous: bool) -> LightSample {
-    let e = environment_sample(u, previous);
+// The environment in a direction.
+fn environment_light(wi: vec3<f32>, pdf_solid_angle: f32, previous: bool) -> LightSample {
     var s = no_light_sample();
-    if !(e.pdf_solid_angle > 0.0) {
-        return s;
-    }
     s.light = ENVIRONMENT_LIGHT;
     s.delta = 0u;
-    s.wi = e.direction;
-    s.position = e.direction;
-    s.radiance = environment_radiance(e.direction, previous);
-    s.pdf_solid_angle = e.pdf_solid_angle;
+    s.wi = wi;
+    s.position = wi;
+    s.radiance = environment_radiance(wi, previous);
+    s.pdf_solid_angle = pdf_solid_angle;
     return s;
+}
+
+fn environment_light_sample(u: vec2<f32>, previous: bool) -> LightSample {
+    let e = environment_sample(u, previous);
+    if !(e.pdf_solid_angle > 0.0) {
+        return no_light_sample();
+    }
+    return environment_light(e.direction, e.pdf_solid_angle, previous);
 }

@@ -7,8 +7,8 @@
 
 #import bevy_restir::common::constants::{LIGHT_RECT, LIGHT_SPHERE, LIGHT_SUN, LIGHT_TRIANGLE, NONE}
 #import bevy_restir::common::math::{octahedral_decode, octahedral_encode}
-#import bevy_restir::light::environment::{environment_pdf, environment_radiance, environment_sample, into_environment, out_of_environment}
-#import bevy_restir::light::light::record_sample
+#import bevy_restir::light::environment::{environment_pdf, environment_sample, into_environment, out_of_environment}
+#import bevy_restir::light::light::{environment_light, record_sample}
 #import bevy_restir::light::rect::{rect_coordinates, rect_light_at, rect_uv}
 #import bevy_restir::light::remap::light_record
 #import bevy_restir::light::sphere::{sample_sphere_area, sample_sphere_solid_angle, sphere_coordinates, sphere_light_at, sphere_normal}
@@ -105,14 +105,8 @@ fn light_point_at(p: LightPoint, from_point: vec3<f32>, previous: bool) -> Light
 
 fn sample_at_point(p: LightPoint, from_point: vec3<f32>, previous: bool) -> LightSample {
     if p.light == ENVIRONMENT_LIGHT {
-        var s = no_light_sample();
-        s.light = ENVIRONMENT_LIGHT;
-        s.delta = 0u;
-        s.wi = environment_direction(p, previous);
-        s.position = s.wi;
-        s.radiance = environment_radiance(s.wi, previous);
-        s.pdf_solid_angle = environment_pdf(s.wi, previous);
-        return s;
+        let wi = environment_direction(p, previous);
+        return environment_light(wi, environment_pdf(wi, previous), previous);
     }
     let record = light_record(p.light, previous);
     if record == NONE || !light_in_layers(record) {

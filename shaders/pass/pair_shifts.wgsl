@@ -7,8 +7,9 @@
 
 #import domain::{evaluate, is_visible, kept_shift, needs_replay, PackedReservoir, Receiver, receiver_of, receives_light, Reservoir, reservoir_unpack, target_value}
 #import bevy_restir::common::constants::NONE
-#import bevy_restir::common::rng::{rng_bits, rng_new, STREAM_REUSE, STREAMS_PER_DOMAIN}
+#import bevy_restir::common::rng::rng_bits
 #import bevy_restir::restir::bindings::settings
+#import bevy_restir::restir::iteration_rng::iteration_rng
 #import bevy_restir::restir::pairs::{next_pair, Pair, pair_in_slot, pair_mask, slots_of}
 #import bevy_restir::restir::reservoir_layout::reservoir_index
 #import bevy_restir::view::bindings::{view, visibility}
@@ -34,7 +35,7 @@ fn sample_in(pixel: vec2<u32>) -> Reservoir {
 
 // Rays of direct light see blended surfaces by these random numbers; a path has an alpha seed of its own.
 fn alpha_seed_of(pixel: vec2<u32>, pair: Pair) -> u32 {
-    var rng = rng_new(pixel, view.frame, STREAM_REUSE + settings.domain * STREAMS_PER_DOMAIN + settings.iteration, view.seed);
+    var rng = iteration_rng(pixel);
     return rng_bits(&rng).x + pair.slot;
 }
 

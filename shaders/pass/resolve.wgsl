@@ -20,7 +20,7 @@
 
 // The texture of a part that the technique does not compute has one black texel (`light_in`).
 @group(2) @binding(0) var unresampled: texture_2d<f32>;
-@group(2) @binding(1) var resampled_lights: texture_2d<f32>;
+@group(2) @binding(1) var resampled_direct: texture_2d<f32>;
 @group(2) @binding(2) var resampled_paths: texture_2d<f32>;
 @group(2) @binding(3) var resampled_splats: texture_2d<f32>;
 @group(2) @binding(4) var resampled_subsurface: texture_2d<f32>;
@@ -86,7 +86,7 @@ fn store(ids: vec2<u32>, pixel: vec2<u32>, scattered: vec4<f32>) {
 // The light of all domains.  Where the camera ray of a pixel misses all surfaces, only light paths contribute: they may land anywhere in
 // the pixel, on a surface that this ray has missed.
 fn scattered_light(pixel: vec2<u32>) -> vec4<f32> {
-    return light_in(unresampled, pixel) + light_in(resampled_lights, pixel) + light_in(resampled_paths, pixel)
+    return light_in(unresampled, pixel) + light_in(resampled_direct, pixel) + light_in(resampled_paths, pixel)
         + subsurface_light(pixel) + light_in(resampled_splats, pixel);
 }
 

@@ -14,8 +14,9 @@
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::guard::{GUARD_CONTRIBUTION_WEIGHT, GUARD_TARGET, guarded}
 #import bevy_restir::common::math::luminance
-#import bevy_restir::common::rng::{Rng, rng_1, rng_bits, rng_new, STREAM_REUSE, STREAMS_PER_DOMAIN}
+#import bevy_restir::common::rng::{Rng, rng_1, rng_bits}
 #import bevy_restir::restir::bindings::settings
+#import bevy_restir::restir::iteration_rng::iteration_rng
 #import bevy_restir::restir::flags::has
 #import bevy_restir::restir::mis::{count_confidence, MAX_INPUTS, mis_needs_target, mis_weight, MisInputs, set_target, target_of}
 #import bevy_restir::restir::neighbors::{neighbor_ids, position_around, ReuseCenter, SAME_SURFACE_RADIUS}
@@ -432,7 +433,7 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
         store_nothing(pixel, index);
         return;
     }
-    var rng = rng_new(pixel, view.frame, STREAM_REUSE + settings.domain * STREAMS_PER_DOMAIN + settings.iteration, view.seed);
+    var rng = iteration_rng(pixel);
     let alpha_seed = rng_bits(&rng).x;
     var inputs: Inputs;
     var mis: MisInputs;
@@ -442,22 +443,21 @@ fn reuse(@builtin(global_invocation_id) id: vec3<u32>) {
     let shown_by = shown_receiver(ids, pixel, r);
     var output = no_reservoir();
     var light = vec4<f32>(0.0);
-    for (var j = 0u; j < mis.count; j++) {
-        output.confidence += mis.confidence[j];
-        if has(RESAMPLE_SHADE_ALL) {
-            light += select(0.0, inputs.shares[j], inputs.visible[j]) * shown_contribution(&inputs, j, shown_by);
-        }
-    }
     var contribution = vec3<f32>(0.0);
     if stream.selected != NONE {
-        let confidence = output.confidence;
         output = sample_of(&inputs, stream.selected, true);
-        output.confidence = confidence;
         output.ucw = stream_ucw(stream, target_of(&mis, 0u, stream.selected));
         output.seen = inputs.visible[stream.selected];
         contribution = inputs.contributions[stream.selected];
         if !has(RESAMPLE_SHADE_ALL) {
             light = select(0.0, output.ucw, output.seen) * shown_contribution(&inputs, stream.selected, shown_by);
+        }
+    }
+    output.confidence = 0.0;
+    for (var j = 0u; j < mis.count; j++) {
+        output.confidence += mis.confidence[j];
+        if has(RESAMPLE_SHADE_ALL) {
+            light += select(0.0, inputs.shares[j], inputs.visible[j]) * shown_contribution(&inputs, j, shown_by);
         }
     }
     output = completed(r, output, rng_bits(&rng).x);

@@ -22,7 +22,7 @@
 @group(2) @binding(3) var contributions: texture_storage_2d<rgba32float, write>;
 
 // First dimension of the races.  `pass/light_paths.wgsl` takes two numbers of the same stream for each vertex of a sub-path, at most 128.
-const DIMENSION_RACE: u32 = 1024u;
+const DIMENSION_SPLAT_RACE: u32 = 1024u;
 
 // The splats of a pixel.
 struct Landed {
@@ -101,7 +101,7 @@ fn share_of(part: vec3<f32>, sum: vec3<f32>) -> vec3<f32> {
 fn race_bits(link: u32) -> u32 {
     let entry = link - 1u;
     var rng = sub_path_rng(entry / SPLATS_OF_A_PATH, view.frame, STREAM_SPLATS);
-    rng.dimension = DIMENSION_RACE + entry % SPLATS_OF_A_PATH;
+    rng.dimension = DIMENSION_SPLAT_RACE + entry % SPLATS_OF_A_PATH;
     return rng_bits(&rng).x;
 }
 

@@ -5,7 +5,7 @@
 #import bevy_restir::common::guard::{GUARD_CONTRIBUTION_WEIGHT, GUARD_RESAMPLING_WEIGHT, guarded}
 #import bevy_restir::common::math::luminance
 #import bevy_restir::common::ray::trace_flags
-#import bevy_restir::common::rng::{rng_bits, rng_new, STREAM_SPLATS}
+#import bevy_restir::common::rng::{rng_bits, rng_of_key, STREAM_SPLATS}
 #import bevy_restir::restir::bdpt::light_map::{exact_add, exact_sum, exact_total, MAX_ENTRIES, Race, race_add}
 #import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::reservoir_layout::reservoir_index
@@ -84,10 +84,10 @@ fn weight_of(index: u32) -> f32 {
 }
 
 fn race_bits(link: u32) -> u32 {
-    var rng = rng_new(vec2<u32>(link & 0xffffu, link >> 16u), view.frame, STREAM_SPLATS, view.seed);
-    rng.dimension = DIMENSION_RACE;
+    var rng = rng_of_key(link, view.frame, STREAM_SPLATS, view.seed);
+    rng.dimension = DIMENSION_FORWARD_RACE;
     return rng_bits(&rng).x;
 }
 
 // `pass/splats.wgsl` and `pass/light_paths.wgsl` use smaller dimensions of the same stream.
-const DIMENSION_RACE: u32 = 2048u;
+const DIMENSION_FORWARD_RACE: u32 = 2048u;

@@ -1,7 +1,7 @@
 // Random numbers of a path.  Each vertex has its own block of dimensions, so that replay can start at any vertex.
 #define_import_path bevy_restir::path::random
 
-#import bevy_restir::common::rng::{pcg4d, Rng, rng_3, rng_4, rng_bits, rng_new, STREAM_PATH, STREAM_PATH_PROBES, unit_float}
+#import bevy_restir::common::rng::{pcg4d, Rng, rng_3, rng_4, rng_bits, rng_of_key, STREAM_PATH, STREAM_PATH_PROBES, unit_float}
 #import bevy_restir::view::bindings::view
 
 const DIMENSIONS_PER_VERTEX: u32 = 3u;
@@ -15,7 +15,7 @@ fn path_seed(pixel: vec2<u32>) -> u32 {
 }
 
 fn path_rng(seed: u32, vertex: u32, dimension: u32) -> Rng {
-    var rng = rng_new(vec2<u32>(seed & 0xffffu, seed >> 16u), 0u, STREAM_PATH, view.seed);
+    var rng = rng_of_key(seed, 0u, STREAM_PATH, view.seed);
     rng.dimension = vertex * DIMENSIONS_PER_VERTEX + dimension;
     return rng;
 }
@@ -40,7 +40,7 @@ struct ProbeNumbers {
 }
 
 fn path_probe_numbers(seed: u32, vertex: u32) -> ProbeNumbers {
-    var rng = rng_new(vec2<u32>(seed & 0xffffu, seed >> 16u), 0u, STREAM_PATH_PROBES, view.seed);
+    var rng = rng_of_key(seed, 0u, STREAM_PATH_PROBES, view.seed);
     rng.dimension = vertex * PROBE_DIMENSIONS_PER_VERTEX;
     let bits = rng_bits(&rng);
     return ProbeNumbers(unit_float(bits).x, bits.y, rng_4(&rng));

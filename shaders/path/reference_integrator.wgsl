@@ -100,10 +100,7 @@ fn light_hit_radiance(segment: RaySegment, from_point: vec3<f32>, medium: vec3<f
         }
         first = light + 1u;
         let l = light_point_at(light_hit_point(light, light, segment), from_point, false);
-        var weight = 1.0;
-        if pdf > 0.0 {
-            weight = 1.0 - nee_mis_weight(light_pmf(light) * l.pdf_solid_angle * l.pdf_scale, pdf);
-        }
+        let weight = bsdf_mis_weight(pdf, light_pmf(light) * l.pdf_solid_angle * l.pdf_scale);
         radiance += l.radiance * transmittance(medium, l.distance) * weight;
     }
     return radiance;

@@ -3,8 +3,9 @@
 #define_import_path bevy_restir::restir::pairs
 
 #import bevy_restir::common::constants::NONE
-#import bevy_restir::common::rng::{seeded, STREAM_PAIRS, STREAMS_PER_DOMAIN}
+#import bevy_restir::common::rng::{seeded, STREAM_PAIRS}
 #import bevy_restir::restir::bindings::{pair_masks, settings}
+#import bevy_restir::restir::iteration_rng::iteration_stream
 #import bevy_restir::restir::pairing::{pair_key, partner_of}
 #import bevy_restir::view::bindings::view
 
@@ -33,7 +34,7 @@ fn slots_of(mask: u32) -> u32 {
 
 // The partner of a pixel in a slot; it may lie outside of the image.
 fn partner_in_slot(pixel: vec2<u32>, slot: u32) -> vec2<u32> {
-    let stream = seeded(STREAM_PAIRS + settings.domain * STREAMS_PER_DOMAIN + settings.iteration, view.seed);
+    let stream = seeded(iteration_stream(STREAM_PAIRS), view.seed);
     return partner_of(pixel, settings.pair_tile_bits, pair_key(view.frame, stream, slot));
 }
 

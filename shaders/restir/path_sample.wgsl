@@ -92,6 +92,14 @@ fn with_light_of(s: PathSample, radiance: vec3<f32>, mis_coefficients: vec2<f32>
     return p;
 }
 
+// The path with the light behind its reconnection vertex.  `coefficients`: its MIS coefficients (`path/technique_weights.wgsl`).
+fn with_suffix(s: PathSample, radiance: vec3<f32>, coefficients: vec3<f32>) -> PathSample {
+    var path = s;
+    path.radiance = radiance / coefficients.x;
+    path.mis_coefficients = coefficients.yz / coefficients.x;
+    return path;
+}
+
 // Barycentrics of a new vertex.  A vertex that may become the reconnection vertex is rounded as a reservoir stores it, so that the path
 // that is weighted is the one that is stored.
 fn vertex_barycentrics(b: vec2<f32>, may_reconnect: bool) -> vec2<f32> {

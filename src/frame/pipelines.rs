@@ -198,12 +198,12 @@ impl PassPipelines {
     fn pass_shader(&self, pass: &ComputePass) -> Handle<Shader> {
         let replaced = self.replaced.get(pass.name).cloned();
         let path = format!("pass/{}.wgsl", pass.file);
-        let library = || self.shaders.as_ref().map(|library| library.pass(&path, pass.technique_rooms));
+        let library = || self.shaders.as_ref().map(|library| library.pass(&path, pass.domain_rooms));
         replaced.or_else(library).unwrap_or_default()
     }
 
     fn request_compute(&mut self, pass: &'static ComputePass, key: PipelineKey, pipelines: &PipelineCache) -> usize {
-        self.reads.entry(pass.name).or_insert_with(|| features_read_by(pass.file, pass.technique_rooms));
+        self.reads.entry(pass.name).or_insert_with(|| features_read_by(pass.file, pass.domain_rooms));
         let features = self.specialization(pass, key);
         if let Some(&index) = self.compute.get(&(pass.name, features)) {
             return index;

@@ -55,7 +55,7 @@ fn binding_type(resource: R) -> BindingType {
         R::OpticalImagesRead | R::LastOpticalImages | R::LightVerticesRead => texture(TextureSampleType::Uint),
         R::LightBefore
         | R::UnresampledLightRead
-        | R::ResampledLight
+        | R::DirectLight
         | R::SubsurfaceLight
         | R::PathLight
         | R::ImagePlacesRead
@@ -108,10 +108,10 @@ fn binding_of<'a>(resource: R, step: &Step, state: &'a RestirView) -> Option<Bou
         R::OutputReservoirs => buffer(own()?.output_of(step.iteration)),
         R::LastReservoirs | R::LastReservoirsRead => buffer(own()?.last_frame()),
         R::ForwardedReservoirs => buffer(own()?.forwarded()?),
-        R::FinalReservoirs => buffer(own()?.last_output()),
+        R::FinalReservoirs => buffer(own()?.final_output()),
         R::LightVertices | R::LightVerticesRead => view(&light_paths()?.vertices),
         R::LightMap | R::LightMapRead => buffer(&light_paths()?.map),
-        R::SplatLight => view(light_of(history?, LightPart::Splats, Reservoirs::light_of_last_iteration)),
+        R::SplatLight => view(light_of(history?, LightPart::Splats)),
         R::PairMasks | R::PairMasksRead => view(&history?.pairs.as_ref()?.masks),
         R::PairShifts | R::PairShiftsRead => view(&history?.pairs.as_ref()?.shifts),
         R::ReplayQueue | R::ReplayQueueRead => buffer(&history?.pairs.as_ref()?.queue.as_ref()?.0),
@@ -135,14 +135,14 @@ fn binding_of<'a>(resource: R, step: &Step, state: &'a RestirView) -> Option<Bou
             let unresampled = history?.reservoirs().iter().find_map(|r| r.unresampled.as_ref());
             view(unresampled.unwrap_or(&history?.black))
         }
-        R::ResampledLight => view(light_of(history?, LightPart::Direct, Reservoirs::light_of_last_iteration)),
-        R::SubsurfaceLight => view(light_of(history?, LightPart::Subsurface, Reservoirs::light_of_last_iteration)),
-        R::PathLight => view(light_of(history?, LightPart::Paths, Reservoirs::light_of_last_iteration)),
+        R::DirectLight => view(light_of(history?, LightPart::Direct)),
+        R::SubsurfaceLight => view(light_of(history?, LightPart::Subsurface)),
+        R::PathLight => view(light_of(history?, LightPart::Paths)),
     })
 }
 
 /// Light of the frame's domain for this part; black if the frame has none.
-fn light_of(history: &History, part: LightPart, of: fn(&Reservoirs) -> &TextureView) -> &TextureView {
+fn light_of(history: &History, part: LightPart) -> &TextureView {
     let mut domains = history.reservoirs().iter();
-    domains.find(|r| r.domain().part == part).map_or(&history.black, of)
+    domains.find(|r| r.domain().part == part).map_or(&history.black, Reservoirs::light_of_last_iteration)
 }

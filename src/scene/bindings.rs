@@ -13,7 +13,7 @@ use bevy::{
 use crate::gpu_layout::GpuSceneUniforms;
 use crate::scene::{
     accel::ray_query::{self, AccelerationStructures},
-    features::{Memory, SceneFeatures},
+    features::{RecentBits, SceneFeatures},
     geometry::draw_list::DrawList,
     material::directional_albedo,
     storage::allocation,
@@ -65,8 +65,8 @@ pub(crate) struct SceneBindings {
     /// The table for energy compensation; `None` until a camera uses it.
     pub specular_albedo: Option<TextureView>,
     pub features: SceneFeatures,
-    pub(super) feature_memory: Memory<SceneFeatures>,
-    pub(super) hidden_memory: Memory<u32>,
+    pub(super) recent_features: RecentBits<SceneFeatures>,
+    pub(super) recent_hidden_from: RecentBits<u32>,
     /// Counts the frames in which instances moved, appeared, disappeared or were edited, and those in which lights changed.  Temporal reuse
     /// tolerates all this, because the scene of the last frame is kept.
     pub motion_revision: u64,

@@ -5,7 +5,7 @@ use core::ops::BitOr;
 use bevy::shader::ShaderDefVal;
 
 macro_rules! features {
-    ($($name:ident = $bit:literal, $def:literal, $doc:literal;)*) => {
+    ($($name:ident = $bit:literal, $doc:literal;)*) => {
         bitflags::bitflags! {
             /// Features that shaders are specialized for: contents of the scene, settings of the camera and abilities of the device.
             #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -15,61 +15,61 @@ macro_rules! features {
         }
 
         impl SceneFeatures {
-            /// Each feature with its shader definition.
-            pub const TABLE: &[(SceneFeatures, &str)] = &[$((SceneFeatures::$name, $def)),*];
+            /// Each feature with its shader definition, which has its name.
+            pub const TABLE: &[(SceneFeatures, &str)] = &[$((SceneFeatures::$name, stringify!($name))),*];
         }
     };
 }
 
 features! {
-    LIGHT_TRIANGLES = 0, "LIGHT_TRIANGLES", "Emissive meshes.";
-    LIGHT_POINTS = 1, "LIGHT_POINTS", "Point or spot lights.";
-    LIGHT_DIRECTIONAL = 2, "LIGHT_DIRECTIONAL", "Directional lights.";
-    ENVIRONMENT = 3, "ENVIRONMENT", "The camera has an environment that emits.";
-    ENVIRONMENT_MAP = 4, "ENVIRONMENT_MAP", "The environment has an image.";
-    TEXTURES = 5, "TEXTURES", "Textures of any kind.";
-    NORMAL_MAPS = 6, "NORMAL_MAPS", "Normal maps.";
-    ALPHA = 7, "ALPHA", "Alpha mask or blending.";
-    TRANSMISSION = 8, "TRANSMISSION", "Specular transmission.";
-    ATTENUATION = 9, "ATTENUATION", "Absorption inside transmissive objects.";
-    VERTEX_COLORS = 10, "VERTEX_COLORS", "Meshes with vertex colors.";
-    ENERGY_COMPENSATION = 11, "ENERGY_COMPENSATION", "The camera uses energy compensation.";
-    SECOND_UVS = 17, "SECOND_UVS", "Textures that use the second texture coordinates.";
-    LAYER_TEXTURES = 18, "LAYER_TEXTURES", "Textures of transmission, specular reflection, clearcoat or anisotropy.";
-    RAY_QUERY = 23, "RAY_QUERY", "Rays are traced by the ray queries of the device.";
-    MANY_NEIGHBORS = 12, "MANY_NEIGHBORS", "The camera's settings combine more than three reservoirs in one resampling pass, apart from passes over pairs.";
-    SPLIT_LIGHT = 15, "SPLIT_LIGHT", "The camera shows diffuse or specular light alone, or denoises them apart.";
-    RENDER_LAYERS = 20, "RENDER_LAYERS", "Instances or lights that render layers hide from this camera.";
-    CLEARCOAT = 24, "CLEARCOAT", "Clearcoats.";
-    ANISOTROPY = 25, "ANISOTROPY", "Anisotropic microfacets.";
-    DIFFUSE_TRANSMISSION = 26, "DIFFUSE_TRANSMISSION", "Diffuse transmission.";
-    THIN_WALL = 27, "THIN_WALL", "Transmissive surfaces without thickness.";
-    ENVIRONMENT_CUBE = 19, "ENVIRONMENT_CUBE", "The image of the environment is a cube map.";
-    LIGHT_SPHERES = 21, "LIGHT_SPHERES", "Point lights with a radius.";
-    LIGHT_RECTS = 22, "LIGHT_RECTS", "Rectangular lights.";
-    SUN_DISK = 28, "SUN_DISK", "Directional lights with a disk.";
-    BOUND_TEXTURES = 30, "BOUND_TEXTURES", "Textures that are bound in an array without a copy, if the device supports it.";
-    DEFORMATION = 14, "DEFORMATION", "Skinned or morphed meshes.";
-    SMOOTH = 16, "SMOOTH", "Surfaces that may be as smooth as mirrors and clear glass.";
-    SUBSURFACE = 13, "SUBSURFACE", "Subsurface scattering.";
-    CONNECTIONS = 31, "CONNECTIONS", "The camera's settings connect camera paths with light paths.";
-    LIGHT_SHAPES = 29, "LIGHT_SHAPES", "Spheres, rectangles or suns with a disk: analytic lights that rays can hit.";
+    LIGHT_TRIANGLES = 0, "Emissive meshes.";
+    LIGHT_POINTS = 1, "Point or spot lights.";
+    LIGHT_DIRECTIONAL = 2, "Directional lights.";
+    ENVIRONMENT = 3, "The camera has an environment that emits.";
+    ENVIRONMENT_MAP = 4, "The environment has an image.";
+    TEXTURES = 5, "Textures of any kind.";
+    NORMAL_MAPS = 6, "Normal maps.";
+    ALPHA = 7, "Alpha mask or blending.";
+    TRANSMISSION = 8, "Specular transmission.";
+    ATTENUATION = 9, "Absorption inside transmissive objects.";
+    VERTEX_COLORS = 10, "Meshes with vertex colors.";
+    ENERGY_COMPENSATION = 11, "The camera uses energy compensation.";
+    SECOND_UVS = 17, "Textures that use the second texture coordinates.";
+    LAYER_TEXTURES = 18, "Textures of transmission, specular reflection, clearcoat or anisotropy.";
+    RAY_QUERY = 23, "Rays are traced by the ray queries of the device.";
+    MANY_NEIGHBORS = 12, "The camera's settings combine more than three reservoirs in one resampling pass, apart from passes over pairs.";
+    SPLIT_LIGHT = 15, "The camera shows diffuse or specular light alone, or denoises them apart.";
+    RENDER_LAYERS = 20, "Instances or lights that render layers hide from this camera.";
+    CLEARCOAT = 24, "Clearcoats.";
+    ANISOTROPY = 25, "Anisotropic microfacets.";
+    DIFFUSE_TRANSMISSION = 26, "Diffuse transmission.";
+    THIN_WALL = 27, "Transmissive surfaces without thickness.";
+    ENVIRONMENT_CUBE = 19, "The image of the environment is a cube map.";
+    LIGHT_SPHERES = 21, "Point lights with a radius.";
+    LIGHT_RECTS = 22, "Rectangular lights.";
+    SUN_DISK = 28, "Directional lights with a disk.";
+    BOUND_TEXTURES = 30, "Textures that are bound in an array without a copy, if the device supports it.";
+    DEFORMATION = 14, "Skinned or morphed meshes.";
+    SMOOTH = 16, "Surfaces that may be as smooth as mirrors and clear glass.";
+    SUBSURFACE = 13, "Subsurface scattering.";
+    CONNECTIONS = 31, "The camera's settings connect camera paths with light paths.";
+    LIGHT_SHAPES = 29, "Spheres, rectangles or suns with a disk: analytic lights that rays can hit.";
 }
 
 /// Keeps the bits of features for a while after they have vanished: each set of features has pipelines of its own, which take time to
 /// compile, so a lamp that is switched off and on must not change the set each time.
 #[derive(Debug, Default)]
-pub(crate) struct Memory<T> {
+pub(crate) struct RecentBits<T> {
     /// Bits of the current period and of the one before.
     recent: [T; 2],
     frame: u32,
 }
 
-impl<T: Copy + Default + BitOr<Output = T>> Memory<T> {
+impl<T: Copy + Default + BitOr<Output = T>> RecentBits<T> {
     /// The bits of this frame, and those that vanished in this period or in the one before: each is kept for one to two periods.
     pub(crate) fn update(&mut self, present: T) -> T {
         self.frame += 1;
-        if self.frame >= MEMORY_PERIOD {
+        if self.frame >= RECENT_PERIOD {
             *self = Self { recent: [T::default(), self.recent[0]], frame: 0 };
         }
         self.recent[0] = self.recent[0] | present;
@@ -77,7 +77,7 @@ impl<T: Copy + Default + BitOr<Output = T>> Memory<T> {
     }
 }
 
-impl Memory<SceneFeatures> {
+impl RecentBits<SceneFeatures> {
     /// The features to specialize for.  Translucent objects need buffers and passes of their own, which a scene without such objects should
     /// not pay for.
     pub(crate) fn features(&mut self, present: SceneFeatures) -> SceneFeatures {
@@ -86,7 +86,7 @@ impl Memory<SceneFeatures> {
 }
 
 /// Frames of a period.
-const MEMORY_PERIOD: u32 = 600;
+const RECENT_PERIOD: u32 = 600;
 
 impl SceneFeatures {
     /// Contents of a scene whose light takes paths that shaders without the feature never sample.
@@ -132,11 +132,11 @@ mod tests {
 
     #[test]
     fn features_are_remembered_for_at_least_a_period_and_less_than_two() {
-        let mut memory = Memory::default();
-        assert_eq!(memory.update(SceneFeatures::ALPHA), SceneFeatures::ALPHA);
-        let frames = (0..5000).take_while(|_| memory.update(SceneFeatures::empty()) == SceneFeatures::ALPHA).count();
-        assert!((MEMORY_PERIOD..2 * MEMORY_PERIOD).contains(&(frames as u32)), "{frames}");
-        memory.features(SceneFeatures::SUBSURFACE);
-        assert_eq!(memory.features(SceneFeatures::empty()), SceneFeatures::empty());
+        let mut recent = RecentBits::default();
+        assert_eq!(recent.update(SceneFeatures::ALPHA), SceneFeatures::ALPHA);
+        let frames = (0..5000).take_while(|_| recent.update(SceneFeatures::empty()) == SceneFeatures::ALPHA).count();
+        assert!((RECENT_PERIOD..2 * RECENT_PERIOD).contains(&(frames as u32)), "{frames}");
+        recent.features(SceneFeatures::SUBSURFACE);
+        assert_eq!(recent.features(SceneFeatures::empty()), SceneFeatures::empty());
     }
 }

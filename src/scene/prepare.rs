@@ -80,7 +80,7 @@ pub(super) fn prepare_scene(
     bindings.lacks_memory |= !has_albedo;
     drop(running);
     let _running = context.times.measure(Stage::Summary);
-    summarize(&mut bindings, &pools);
+    summarize(&mut bindings, &pools, &scene);
     let drawn = update_draws(&mut bindings, &pools);
     bindings.visited = visited(&mut scene, &pools, drawn);
     bindings.uploaded_bytes = uploaded;
@@ -94,7 +94,8 @@ fn update_materials(scene: &mut ExtractedScene, pools: &mut Pools, context: &Con
     materials.limit_to(device);
     meshes.warn_of_lines_and_points(&scene.instances);
     materials.update_sources(scene);
-    materials.make_room(&mut scene.instances, meshes.idle() && !instances.waiting);
+    let is_complete = meshes.idle(&scene.instances) && !instances.waiting;
+    materials.make_room(&mut scene.instances, is_complete);
     drop(running);
     let running = times.measure(Stage::Textures);
     let used_changed = materials.has_changed();
@@ -260,21 +261,21 @@ fn update_bind_groups(bindings: &mut SceneBindings, pools: &mut Pools, context: 
 }
 
 /// Records the facts about the scene that views, frames and the report read.
-fn summarize(bindings: &mut SceneBindings, pools: &Pools) {
+fn summarize(bindings: &mut SceneBindings, pools: &Pools, scene: &ExtractedScene) {
     let Pools { meshes, textures, materials, instances, lights, .. } = pools;
-    bindings.features = bindings.feature_memory.features(instances.totals.features() | lights.features);
+    bindings.features = bindings.recent_features.features(instances.totals.features() | lights.features);
     bindings.features.set(SceneFeatures::RAY_QUERY, instances.top.structures.is_some());
     bindings.motion_revision = instances.motion_revision + lights.revision;
     let top = &instances.top;
     bindings.keeps_light_probabilities = lights.previous_at == 0 && top.radius == top.previous_sphere.1;
     bindings.edit_revision = materials.edit_revision + textures.edit_revision + instances.edit_revision;
-    bindings.ready = meshes.idle() && !instances.waiting && textures.complete;
+    bindings.ready = meshes.idle(&scene.instances) && !instances.waiting && textures.complete;
     bindings.memory = memory(bindings, pools);
     bindings.triangles = instances.totals.triangles;
     bindings.instances = instances.totals.instances;
     bindings.lights = lights.count() as u64;
     bindings.has_camera_dependent_objects = instances.totals.has_camera_dependent_objects();
-    bindings.hidden_from = bindings.hidden_memory.update(instances.totals.hidden_from() | lights.hidden_from);
+    bindings.hidden_from = bindings.recent_hidden_from.update(instances.totals.hidden_from() | lights.hidden_from);
 }
 
 /// Numbers of elements that were looked at in this frame.  All are 0 where nothing has changed.  `drawn`: instances that were looked at for

@@ -32,7 +32,7 @@ pub use stand_in::{RestirIgnore, RestirMaterial};
 pub use subsurface::{Subsurface, SubsurfaceSampling, SubsurfaceShift};
 
 use bevy::{
-    camera::Hdr,
+    camera::{Exposure, Hdr},
     ecs::{
         component::Component,
         reflect::{ReflectComponent, ReflectResource},
@@ -49,8 +49,9 @@ use validate::{Problem, Ranges};
 #[non_exhaustive]
 pub enum Technique {
     /// Path tracing without reuse: next-event estimation and BSDF sampling, joined by the balance heuristic, with Russian roulette.
-    /// Accumulates frames for as long as the image does not change: slow and noisy in motion, exact at rest.  Unbiased; all other techniques
-    /// are compared with it.
+    /// Accumulates frames for as long as the image does not change: slow and noisy in motion, and converges at rest.  Caustics of lights
+    /// without a size are missing (darker; only [`Technique::Bdpt`] finds them).  All other light is unbiased, and all other techniques are
+    /// compared with it.
     Reference,
     /// ReSTIR DI (Wyman and Panteleev 2021): emission and direct light only.  Values of `bounces` above 1 have no
     /// effect, and 0 leaves the emission only.  Settings: [`Direct`].
@@ -97,9 +98,10 @@ impl Technique {
 /// - the size of the image, the render layers, the kind of projection or `Camera::invert_culling` changes;
 /// - the environment appears, disappears or gets another image;
 /// - one of these settings changes, except [`Direct::candidates`], `firefly_limit`, `denoiser`, `accumulate`, `debug_scale`,
-///   [`Research::replay_compaction`], and all of [`Reuse`] but `order` and `temporal`.
+///   [`Research::replay_compaction`], and all of [`Reuse`] but `order` and `temporal`;
 ///
-/// [`RestirReport::history_resets`](crate::RestirReport::history_resets) counts the restarts by reason.
+/// and sometimes when the texture atlas is packed again, when the device has no free slot for an object that is edited, or after a frame in
+/// which the camera was not rendered.  [`RestirReport::history_resets`](crate::RestirReport::history_resets) counts the restarts by reason.
 ///
 /// ```
 /// # use bevy::prelude::*;
@@ -262,16 +264,23 @@ impl Restir {
 
 /// Luminance of `StandardMaterial::emissive` = 1 where `emissive_exposure_weight` is 0, and of a base color of 1 of an `unlit` material,
 /// cd/m², for the whole app.  Larger values make emissive surfaces and the light that they cast brighter.  An app whose exposure is not
-/// Bevy's default sets it to 1/exposure, so that lamps look as bright as Bevy draws them.  At least 0 and finite; default about 998.
+/// Bevy's default sets it by [`EmissiveLuminance::for_exposure`], so that lamps look as bright as Bevy draws them.  At least 0 and finite; default about 998.
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Resource, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct EmissiveLuminance(pub f32);
 
+impl EmissiveLuminance {
+    /// The luminance with which lamps look as bright as Bevy draws them at this exposure: 1/exposure.
+    pub fn for_exposure(exposure: &Exposure) -> Self {
+        Self(1.0 / exposure.exposure())
+    }
+}
+
 impl Default for EmissiveLuminance {
     /// 1/exposure of Bevy's default camera, so that a lamp looks as bright as Bevy's rasterizer draws it.
     fn default() -> Self {
-        Self(1.0 / bevy::camera::Exposure::default().exposure())
+        Self::for_exposure(&Exposure::default())
     }
 }
 

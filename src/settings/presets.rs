@@ -5,7 +5,7 @@ use bevy::reflect::Reflect;
 use super::{BiasCorrection, Denoiser, Direct, Paths, Restir, Reuse, SuffixRetrace, VisibilityReuse};
 
 /// A trade of speed for accuracy: see [`Restir::preset`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Reflect)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
 pub enum Preset {
@@ -16,8 +16,9 @@ pub enum Preset {
     /// motion, paths miss light that was hidden from their later vertices in the last frame (darker; [`SuffixRetrace::ForwardOnly`]).
     /// Single bright pixels are limited (darker; [`Restir::firefly_limit`]), and the denoiser blurs fine shadows ([`Restir::denoiser`]).
     Performance,
-    /// Eight bounces: later light is missing (darker).  Single bright pixels are limited (darker; [`Restir::firefly_limit`]), and the denoiser
+    /// The default.  Eight bounces: later light is missing (darker).  Single bright pixels are limited (darker; [`Restir::firefly_limit`]), and the denoiser
     /// blurs fine shadows ([`Restir::denoiser`]).  No other bias.
+    #[default]
     Balanced,
     /// As `Balanced`, with sixteen bounces, and only brighter pixels are limited (10 times the brightest pixel around, instead of 2.5).
     Quality,

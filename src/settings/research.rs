@@ -44,7 +44,8 @@ impl ReservoirLayout {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
 #[reflect(Default)]
 pub struct Research {
-    /// Order of reservoirs in memory.  It changes the speed, never the image.  Default: [`ReservoirLayout::Rows`].
+    /// Order of reservoirs in memory.  It changes the speed, and the image only by other noise where light paths of `Bdpt` move.  Default:
+    /// [`ReservoirLayout::Rows`].
     pub reservoir_layout: ReservoirLayout,
     /// Width in pixels of the square tiles whose pixels share a light subset (Wyman and Panteleev 2021, 5).  Larger tiles read memory more
     /// coherently; their noise is more correlated.  No bias.  1 to 16; default 8.

@@ -63,7 +63,7 @@ pub struct Reuse {
     /// Reuses the sample that the surface had in the last frame: much less noise, for one neighbor's cost.  Without it a frame uses its own
     /// samples only.  No bias.  Default: on.
     pub temporal: bool,
-    /// Takes that sample from one of the four pixels around the last place of the surface, at random with bilinear weights (Wyman and
+    /// Takes the temporal sample from one of the four pixels around the last place of the surface, at random with bilinear weights (Wyman and
     /// Panteleev 2021, 4.5), instead of the nearest, so that neighboring pixels less often take the same sample under motion; the effect on
     /// noise has not been measured.  No cost, no bias.  Default: on for light that enters objects, otherwise off.
     pub bilinear: bool,

@@ -2,7 +2,7 @@
 
 use super::{
     domain::iteration_names,
-    frame::{LIGHT_OF_DOMAINS, RESOLVE},
+    frame::RESOLVE,
     pass::{ComputePass, PassResource as R},
 };
 
@@ -12,17 +12,16 @@ const IMAGES: ComputePass = ComputePass::per_pixel("denoiser_images", &[R::Optic
 const INPUT: ComputePass = ComputePass {
     name: "denoiser_input",
     defs: &["TO_DENOISER"],
-    resources: &{
-        let mut resources = [R::SignalsAfter; LIGHT_OF_DOMAINS.len() + 3];
-        let mut i = 0;
-        while i < LIGHT_OF_DOMAINS.len() {
-            resources[i] = LIGHT_OF_DOMAINS[i];
-            i += 1;
-        }
-        resources[i + 1] = R::Guide;
-        resources[i + 2] = R::OpticalImagesRead;
-        resources
-    },
+    resources: &[
+        R::UnresampledLightRead,
+        R::DirectLight,
+        R::PathLight,
+        R::SplatLight,
+        R::SubsurfaceLight,
+        R::SignalsAfter,
+        R::Guide,
+        R::OpticalImagesRead,
+    ],
     ..RESOLVE
 };
 /// Averages over frames.
@@ -66,4 +65,15 @@ pub(super) fn steps(
     let passes = before.into_iter().chain(filters).chain([(OUTPUT.name, &OUTPUT)]);
     let passes = passes.zip(0..).map(|((name, pass), iteration)| (name, pass, iteration));
     has_images.then_some((IMAGES.name, &IMAGES, 0)).into_iter().chain(passes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_denoiser_binds_light_where_the_pass_that_it_replaces_does() {
+        let light = |pass: &ComputePass| pass.resources[..5].to_vec();
+        assert_eq!(light(&INPUT), light(&RESOLVE));
+    }
 }

@@ -137,14 +137,14 @@ pub(crate) const PRESAMPLE: ComputePass =
 pub(crate) const fn candidates(
     name: &'static str,
     file: &'static str,
-    technique_rooms: &'static [&'static str],
+    domain_rooms: &'static [&'static str],
 ) -> ComputePass {
     let resources = &[R::Settings, R::SubsetsRead, R::CandidateReservoirs, R::CandidateLight];
-    ComputePass { file, technique_rooms, ..ComputePass::per_pixel(name, resources) }
+    ComputePass { file, domain_rooms, ..ComputePass::per_pixel(name, resources) }
 }
 
 /// The resampling routine for a domain.
-pub(crate) const fn reuse(name: &'static str, technique_rooms: &'static [&'static str]) -> ComputePass {
+pub(crate) const fn reuse(name: &'static str, domain_rooms: &'static [&'static str]) -> ComputePass {
     let resources = &[
         R::Settings,
         R::NeighborReservoirs,
@@ -153,7 +153,7 @@ pub(crate) const fn reuse(name: &'static str, technique_rooms: &'static [&'stati
         R::LightBefore,
         R::LightAfter,
     ];
-    ComputePass { file: "reuse", technique_rooms, ..ComputePass::per_pixel(name, resources) }
+    ComputePass { file: "reuse", domain_rooms, ..ComputePass::per_pixel(name, resources) }
 }
 
 /// The resources of the passes of paired spatial reuse.
@@ -177,11 +177,11 @@ pub(crate) const PAIRED_REUSE: &[R] = &[
 pub(crate) const fn pair_pass(
     name: &'static str,
     file: &'static str,
-    technique_rooms: &'static [&'static str],
+    domain_rooms: &'static [&'static str],
     defs: &'static [&'static str],
     resources: &'static [R],
 ) -> ComputePass {
-    ComputePass { file, technique_rooms, defs, ..ComputePass::per_pixel(name, resources) }
+    ComputePass { file, domain_rooms, defs, ..ComputePass::per_pixel(name, resources) }
 }
 
 /// Paired spatial reuse in a domain: the prefix of the names of its passes, the rooms of its technique, and its shader definitions.
@@ -215,10 +215,10 @@ pub(crate) use pair_passes;
 pub(crate) const fn debug(
     name: &'static str,
     file: &'static str,
-    technique_rooms: &'static [&'static str],
+    domain_rooms: &'static [&'static str],
 ) -> ComputePass {
     let resources = &[R::Settings, R::FinalReservoirs, R::Radiance];
-    ComputePass { file, technique_rooms, ..ComputePass::per_pixel(name, resources) }
+    ComputePass { file, domain_rooms, ..ComputePass::per_pixel(name, resources) }
 }
 
 impl Domain {

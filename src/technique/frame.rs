@@ -21,10 +21,8 @@ const RADIANCE_PASS: ComputePass = ComputePass::per_pixel("", &[R::Radiance]);
 /// Sums the light of all domains.
 pub(super) const RESOLVE: ComputePass = ComputePass::per_pixel(
     "resolve",
-    &[R::UnresampledLightRead, R::ResampledLight, R::PathLight, R::SplatLight, R::SubsurfaceLight, R::Radiance],
+    &[R::UnresampledLightRead, R::DirectLight, R::PathLight, R::SplatLight, R::SubsurfaceLight, R::Radiance],
 );
-/// Its resources that hold light.
-pub(super) const LIGHT_OF_DOMAINS: &[R] = RESOLVE.resources.split_at(RESOLVE.resources.len() - 1).0;
 const STATISTICS: ComputePass = ComputePass::per_pixel("statistics", &[R::Counters]);
 
 /// The content of a frame's picture.

@@ -103,8 +103,8 @@ pub fn shader_templates() -> Vec<(&'static str, &'static [&'static str])> {
     let domains = all_domains();
     let mut templates: Vec<_> = domains
         .flat_map(Domain::passes)
-        .filter(|pass| !pass.technique_rooms.is_empty())
-        .map(|pass| (pass.file, pass.technique_rooms))
+        .filter(|pass| !pass.domain_rooms.is_empty())
+        .map(|pass| (pass.file, pass.domain_rooms))
         .collect();
     templates.sort();
     templates.dedup();

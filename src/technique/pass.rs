@@ -41,7 +41,7 @@ pub(crate) enum PassResource {
     /// Direct light that only BSDF sampling finds, read.
     UnresampledLightRead,
     /// Resampled direct light, read.
-    ResampledLight,
+    DirectLight,
     /// Resampled direct light that enters translucent objects, read.
     SubsurfaceLight,
     /// Light of resampled paths, read.
@@ -115,7 +115,7 @@ pub(crate) struct ComputePass {
     /// Name of its file in `shaders/pass/` and of its entry point.
     pub file: &'static str,
     /// Rooms of `shaders/` that `#import domain::{...}` stands for, the nearest first; empty where the shader has no such line.
-    pub technique_rooms: &'static [&'static str],
+    pub domain_rooms: &'static [&'static str],
     /// Shader definitions besides those of the scene's features.
     pub defs: &'static [&'static str],
     pub resources: &'static [PassResource],
@@ -125,7 +125,7 @@ pub(crate) struct ComputePass {
 impl ComputePass {
     /// A pass over pixels whose name is that of its file.
     pub(crate) const fn per_pixel(name: &'static str, resources: &'static [PassResource]) -> Self {
-        Self { name, file: name, technique_rooms: &[], defs: &[], resources, dispatch: Dispatch::Pixels }
+        Self { name, file: name, domain_rooms: &[], defs: &[], resources, dispatch: Dispatch::Pixels }
     }
 }
 

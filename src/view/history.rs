@@ -216,9 +216,9 @@ pub(crate) struct Reservoirs {
     /// Light that the domain does not resample, if it finds any.
     pub(crate) unresampled: Option<TextureView>,
     /// Index of the buffer that holds this frame's candidates.
-    first: usize,
+    candidates_index: usize,
     /// Index of the buffer that the next frame reads.
-    last: usize,
+    final_index: usize,
 }
 
 impl Reservoirs {
@@ -236,15 +236,15 @@ impl Reservoirs {
             light: ["light of candidates", "resampled light"].map(|label| light(device, label, size)),
             unresampled: finds_unresampled_light(domain).then(|| light(device, "unresampled light", size)),
             schedule,
-            first: 0,
-            last: 1,
+            candidates_index: 0,
+            final_index: 1,
         }
     }
 
     fn begin(&mut self, schedule: ReuseSchedule, height: u32, inputs: FrameInputs, queue: &RenderQueue) {
         self.schedule = schedule;
-        self.first = 1 - self.last;
-        self.last = self.output_index(self.iterations() - 1);
+        self.candidates_index = 1 - self.final_index;
+        self.final_index = self.output_index(self.iterations() - 1);
         let LightPathCounts { light_paths, splats, .. } = inputs.counts;
         write_settings(&self.settings, self.iterations(), queue, |iteration| GpuResampleSettings {
             light_paths,
@@ -283,11 +283,11 @@ impl Reservoirs {
     /// Index of the buffer that an iteration writes.  An iteration over this frame's neighbors must not write to the buffer that it reads.
     fn output_index(&self, iteration: usize) -> usize {
         let turns = self.schedule.iterations[..=iteration].iter().filter(|r| !r.from_previous).count();
-        (self.first + turns) % 2
+        (self.candidates_index + turns) % 2
     }
 
     pub(crate) fn candidates(&self) -> &Buffer {
-        &self.buffers[self.first]
+        &self.buffers[self.candidates_index]
     }
 
     pub(crate) fn neighbors_of(&self, iteration: usize) -> &Buffer {
@@ -300,7 +300,7 @@ impl Reservoirs {
 
     /// Reservoirs of the last frame.
     pub(crate) fn last_frame(&self) -> &Buffer {
-        &self.buffers[1 - self.first]
+        &self.buffers[1 - self.candidates_index]
     }
 
     pub(crate) fn output_of(&self, iteration: usize) -> &Buffer {
@@ -308,8 +308,8 @@ impl Reservoirs {
     }
 
     /// Reservoirs that this frame leaves to the next one.
-    pub(crate) fn last_output(&self) -> &Buffer {
-        &self.buffers[self.last]
+    pub(crate) fn final_output(&self) -> &Buffer {
+        &self.buffers[self.final_index]
     }
 
     /// Contributions of the samples before an iteration; before the first one, those of the candidates.

@@ -68,9 +68,9 @@ pub(super) fn prepare_views(
             pool.pause(entity);
             continue;
         };
-        let name = **name;
+        let ids = CameraIds { view: entity, main: **name };
         if !is_finite(&camera_of(view)) {
-            warn_of_matrices([entity, name], &mut warned);
+            warn_of_matrices(ids, &mut warned);
             pool.pause(entity);
             continue;
         }
@@ -79,7 +79,7 @@ pub(super) fn prepare_views(
         // An upscaler, such as DLSS, enlarges an image that fills only the corner of the viewport.
         let target_size = resolution_override.map_or(viewport, |size| size.0.min(viewport)).max(UVec2::ONE);
         let frame = selection.key.unwrap_or(selection.requested).frame;
-        let size = fit_to_device([entity, name], restir, frame, target_size, limit, &mut warned);
+        let size = fit_to_device(ids, restir, frame, target_size, limit, &mut warned);
         let environment = environments.views_of(restir.environment.as_ref()).map_err(|error| ("environment", error));
         let view_or_error = environment.and_then(|environment| {
             view_of(pool, entity, size, environment, &device, &pipelines).map_err(|error| ("view", error))
@@ -87,7 +87,7 @@ pub(super) fn prepare_views(
         let mut state = match view_or_error {
             Ok(state) => state,
             Err((resource, error)) => {
-                warn_of_memory([entity, name], resource, &error, &mut warned);
+                warn_of_memory(ids, resource, &error, &mut warned);
                 pool.pause(entity);
                 pool.without_memory.insert(entity);
                 continue;
@@ -106,10 +106,10 @@ pub(super) fn prepare_views(
             state.update_uniforms(&inputs, &queue);
             pool.requested_resets.remove(&entity);
             if let Err(error) = state.update_history(scene, limit, &device, &queue) {
-                warn_of_memory([entity, name], "history", &error, &mut warned);
+                warn_of_memory(ids, "history", &error, &mut warned);
                 pool.without_memory.insert(entity);
             }
-            warn_of_light_paths([entity, name], &state, scene, limit, &mut warned);
+            warn_of_light_paths(ids, &state, scene, limit, &mut warned);
         }
         pool.views.insert(entity, state);
     }
@@ -135,23 +135,33 @@ fn keep_last_state(
     }
 }
 
-fn warn_of_matrices([entity, name]: [Entity; 2], warned: &mut Warned<(Entity, &'static str)>) {
-    if warned.is_due((entity, "matrices")) {
+/// The entities of a camera.
+#[derive(Clone, Copy)]
+struct CameraIds {
+    /// In the render world.
+    view: Entity,
+    /// In the main world, for warnings.
+    main: Entity,
+}
+
+fn warn_of_matrices(ids: CameraIds, warned: &mut Warned<(Entity, &'static str)>) {
+    if warned.is_due((ids.view, "matrices")) {
         warn!(
-            "restir: camera {name} has a transform or a projection that is not finite or has no inverse; it is not rendered"
+            "restir: camera {} has a transform or a projection that is not finite or has no inverse; it is not rendered",
+            ids.main
         );
     }
 }
 
 /// Warns that there is no memory for a resource of a camera.
 fn warn_of_memory(
-    [entity, name]: [Entity; 2],
+    ids: CameraIds,
     resource: &'static str,
     error: &impl core::fmt::Display,
     warned: &mut Warned<(Entity, &'static str)>,
 ) {
-    if warned.is_due((entity, resource)) {
-        warn!("restir: Bevy lights camera {name}, because there is no memory for its {resource}: {error}");
+    if warned.is_due((ids.view, resource)) {
+        warn!("restir: Bevy lights camera {}, because there is no memory for its {resource}: {error}", ids.main);
     }
 }
 
@@ -186,7 +196,7 @@ fn view_of(
 
 /// Warns once for each camera about light sub-paths that its settings ask for and that are left out.
 fn warn_of_light_paths(
-    [entity, name]: [Entity; 2],
+    ids: CameraIds,
     state: &RestirView,
     scene: &SceneBindings,
     limit: u64,
@@ -196,18 +206,19 @@ fn warn_of_light_paths(
         return;
     }
     let counts = state.light_path_counts(scene, limit);
-    if counts.is_reduced(&state.settings.bdpt, state.size) && warned.is_due((entity, "light paths")) {
+    if counts.is_reduced(&state.settings.bdpt, state.size) && warned.is_due((ids.view, "light paths")) {
         warn!(
-            "restir: camera {name} traces {} light paths instead of bdpt.light_paths = {} for each pixel, because a storage \
+            "restir: camera {} traces {} light paths instead of bdpt.light_paths = {} for each pixel, because a storage \
              binding of this device holds at most {limit} bytes",
-            counts.light_paths, state.settings.bdpt.light_paths
+            ids.main, counts.light_paths, state.settings.bdpt.light_paths
         );
     }
     let loses_splats = scene.has_camera_dependent_objects && state.settings.bdpt.splats();
-    if loses_splats && warned.is_due((entity, "camera-dependent objects")) {
+    if loses_splats && warned.is_due((ids.view, "camera-dependent objects")) {
         warn!(
-            "restir: camera {name} finds caustics from the camera only (noisier, not darker), because an object of the scene has \
-             NotShadowCaster or RestirMaterial"
+            "restir: camera {} finds caustics from the camera only (noisier, not darker), because an object of the scene has \
+             NotShadowCaster or RestirMaterial",
+            ids.main
         );
     }
 }
@@ -215,7 +226,7 @@ fn warn_of_light_paths(
 /// Reduces the traced resolution and the light subsets to what the device can bind, and warns once for each camera.  Returns the traced
 /// resolution.
 fn fit_to_device(
-    [entity, name]: [Entity; 2],
+    ids: CameraIds,
     restir: &mut ExtractedRestir,
     frame: Frame,
     target_size: UVec2,
@@ -225,21 +236,22 @@ fn fit_to_device(
     let domains = frame.domains();
     let wanted = resolution::wanted_size(target_size, restir.settings.resolution_scale);
     let size = resolution::traced_size(wanted, domains, &restir.settings, limit);
-    if size != wanted && warned.is_due((entity, "size")) {
+    if size != wanted && warned.is_due((ids.view, "size")) {
         warn!(
-            "restir: camera {name} traces {} x {} pixels instead of {} x {}, because a storage binding of this device holds at \
+            "restir: camera {} traces {} x {} pixels instead of {} x {}, because a storage binding of this device holds at \
              most {limit} bytes",
-            size.x, size.y, wanted.x, wanted.y
+            ids.main, size.x, size.y, wanted.x, wanted.y
         );
     }
     if !domains.is_empty()
         && resolution::fit_subsets(&mut restir.settings.direct, limit)
-        && warned.is_due((entity, "subsets"))
+        && warned.is_due((ids.view, "subsets"))
     {
         let Direct { subset_count, subset_size, .. } = restir.settings.direct;
         warn!(
-            "restir: camera {name} uses {subset_count} subsets of {subset_size} lights, because a storage binding of this device \
-             holds at most {limit} bytes"
+            "restir: camera {} uses {subset_count} subsets of {subset_size} lights, because a storage binding of this device \
+             holds at most {limit} bytes",
+            ids.main
         );
     }
     size

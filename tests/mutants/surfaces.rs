@@ -172,8 +172,8 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "frames share their random numbers",
         "common/rng.wgsl",
-        "return Rng(pixel.y << 16u | pixel.x, frame, seeded(stream, seed), 0u);",
-        "return Rng(pixel.y << 16u | pixel.x, 0u, seeded(stream, seed), 0u);",
+        "return Rng(key, frame, seeded(stream, seed), 0u);",
+        "return Rng(key, 0u, seeded(stream, seed), 0u);",
         &["sampling::rng"],
     ),
     // Bodies that bend.

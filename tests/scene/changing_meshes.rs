@@ -171,3 +171,31 @@ fn line_meshes_are_warned_about_only_with_a_standard_material() {
     rig.until_ready();
     assert_eq!([&elsewhere, &ours].map(warning_count), [0, 1]);
 }
+
+/// Meshes of a pack of models of which few are spawned, or of other materials.
+#[test]
+fn meshes_that_nothing_shows_take_no_room_and_keep_nobody_waiting() {
+    let Some(mut rig) = rig() else { return };
+    let material = rig.add::<StandardMaterial>(lambert(0.5));
+    rig.spawn(square(0.2), lambert(0.5), Transform::from_xyz(0.9, 0.9, 0.0));
+    rig.until_ready();
+    let bytes =
+        |rig: &Rig| rig.report().memory.iter().filter(|(name, _)| *name == "triangles").map(|m| m.1).sum::<u64>();
+    let before = bytes(&rig);
+    let unused = rig.add::<Mesh>(heavy(1.0));
+    for frame in 0..60 {
+        // The camera's picture does not depend on it, however often it changes.
+        rig.edit(&unused, |mesh| *mesh = heavy(1.0));
+        rig.frame();
+        assert!(rig.report().ready, "frame {frame}");
+    }
+    while table_lengths(&rig.app).iter().any(|(name, count)| *name == "meshes that are built" && *count > 0) {
+        rig.frame();
+    }
+    assert_eq!(bytes(&rig), before, "an unused mesh is on the GPU");
+    rig.spawn_bundle((Mesh3d(unused), MeshMaterial3d(material), Transform::default()));
+    rig.frame();
+    let shown = covered(&rig.next());
+    assert!(shown >= 16 * 16, "it is built already, so that it is shown at once: {shown} pixels");
+    assert!(bytes(&rig) > before);
+}

@@ -2,7 +2,7 @@
 // The MIS state of a vertex includes the factors of `LightShares`.
 #define_import_path bevy_restir::restir::connection::light_sub_path
 
-#import bevy_restir::common::rng::{Rng, rng_bits, rng_new, STREAM_LIGHT_PATHS}
+#import bevy_restir::common::rng::{Rng, rng_bits, rng_of_key, STREAM_LIGHT_PATHS}
 #import bevy_restir::path::bidirectional_mis::MisState
 #import bevy_restir::path::light_path::{advance_light_path, begin_light_path, LightWalk}
 #import bevy_restir::restir::connection::count::connections_of_vertex
@@ -10,7 +10,7 @@
 #import bevy_restir::view::bindings::view
 
 fn sub_path_rng(path: u32, frame: u32, stream: u32) -> Rng {
-    return rng_new(vec2<u32>(path & 0xffffu, path >> 16u), frame, stream, view.seed);
+    return rng_of_key(path, frame, stream, view.seed);
 }
 
 // The newest vertex of a sub-path.

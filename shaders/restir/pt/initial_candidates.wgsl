@@ -12,9 +12,10 @@
 #import bevy_restir::common::ray::{Hit, Ray}
 #import bevy_restir::common::rng::{Rng, rng_1}
 #import bevy_restir::light::analytic_area_light::{light_hit_point, LIGHT_HITS_MAX, next_light_hit, RaySegment}
-#import bevy_restir::light::environment::{environment_pdf, environment_radiance}
+#import bevy_restir::light::environment::environment_pdf
+#import bevy_restir::light::light::environment_light
 #import bevy_restir::light::point_on_light::{light_point_at, LightPoint, no_light_point}
-#import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, no_light_sample, RAYS_FIND_LIGHT}
+#import bevy_restir::light::types::{LightSample, RAYS_FIND_LIGHT}
 #import bevy_restir::path::medium::{medium_before, transmittance}
 #import bevy_restir::path::nee::{nee_candidate_count, nee_contribution}
 #import bevy_restir::path::random::{DIMENSION_SHADOW_RAY, DIMENSION_RAY, path_alpha_seed, path_seed}
@@ -25,7 +26,7 @@
 #import bevy_restir::path::walk::{sampled_step, Step, step_cone, step_medium, Vertex}
 #import bevy_restir::restir::flags::has
 #import bevy_restir::restir::light_candidates::{light_candidate, subset_of, useful_candidates}
-#import bevy_restir::restir::path_sample::{no_path_sample, PathSample, TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE, vertex_barycentrics}
+#import bevy_restir::restir::path_sample::{no_path_sample, PathSample, TERMINATION_EMITTER, TERMINATION_ENVIRONMENT, TERMINATION_NEE, vertex_barycentrics, with_suffix}
 #import bevy_restir::restir::reservoir_sampling::{Stream, stream_add, stream_ucw}
 #import bevy_restir::restir::shift::reconnection::{is_connectable, is_connectable_by, is_connectable_end, light_factor, previous_vertex, PreviousVertex, ShiftParameters, triangle_factor}
 #import bevy_restir::restir::types::RESAMPLE_NO_ROULETTE
@@ -272,8 +273,7 @@ fn add_nee(
     path.termination = TERMINATION_NEE;
     path.light = selected.point;
     if path.reconnection != 0u {
-        path.radiance = (*c).suffix * nee.f / coefficients.x;
-        path.mis_coefficients = coefficients.yz / coefficients.x;
+        path = with_suffix(path, (*c).suffix * nee.f, coefficients);
     } else if index > 1u && !(*c).below && is_connectable(before, v.surface, nee.pdf_bsdf, true, p) {
         path = reconnected(path, before, factor_at(path, before, v) * (*c).choice_probability, index);
     } else {
@@ -300,8 +300,7 @@ fn add_connection(c: ptr<function, Candidates>, v: Vertex, before: PreviousVerte
     let coefficients = mis_sum_of_connection((*c).state, v, k.wi, k.pdf, k.mis_ratios);
     if (*c).prefix.reconnection != 0u {
         path = with_end_of((*c).prefix, path);
-        path.radiance = (*c).suffix * value / coefficients.x;
-        path.mis_coefficients = coefficients.yz / coefficients.x;
+        path = with_suffix(path, (*c).suffix * value, coefficients);
     } else if index > 1u && !(*c).below && is_connectable(before, v.surface, k.pdf, true, p) {
         let reconnected_here = reconnected((*c).prefix, before, factor_at((*c).prefix, before, v) * (*c).choice_probability, index);
         path = with_connection(with_end_of(reconnected_here, path), k);
@@ -348,13 +347,9 @@ fn add_light_hits(
 
 // The path whose last ray escapes.
 fn add_environment(c: ptr<function, Candidates>, before: PreviousVertex, step: Step, index: u32, p: ShiftParameters, rng: ptr<function, Rng>) {
-    var l = no_light_sample();
-    l.delta = 0u;
-    l.light = ENVIRONMENT_LIGHT;
-    l.wi = step.wi;
-    l.pdf_solid_angle = environment_pdf(step.wi, false);
+    let l = environment_light(step.wi, environment_pdf(step.wi, false), false);
     let path = ended_at_infinity((*c).prefix, before, step, index);
-    add_bsdf_hit(c, path, environment_radiance(step.wi, false), l, step.delta, index, p, rng_1(rng));
+    add_bsdf_hit(c, path, l.radiance, l, step.delta, index, p, rng_1(rng));
 }
 
 // The next vertex; if it emits, a path ends there.
@@ -442,8 +437,7 @@ fn add_bsdf_hit(
     var path = ended;
     let coefficients = mis_sum_of_hit((*c).state, l, by_delta, index, p.counts);
     if path.reconnection != 0u && path.reconnection <= index {
-        path.radiance = (*c).suffix * radiance / coefficients.x;
-        path.mis_coefficients = coefficients.yz / coefficients.x;
+        path = with_suffix(path, (*c).suffix * radiance, coefficients);
     }
     add_candidate(c, path, (*c).throughput * radiance * weight_of(coefficients, (*c).state), HIT_SHARE, u);
 }

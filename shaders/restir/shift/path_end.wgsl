@@ -6,21 +6,21 @@
 #import bevy_restir::common::math::max_component
 #import bevy_restir::common::ray::Ray
 #import bevy_restir::light::analytic_area_light::{light_hit_point, RaySegment}
-#import bevy_restir::light::environment::{environment_pdf, environment_radiance}
+#import bevy_restir::light::environment::environment_pdf
+#import bevy_restir::light::light::environment_light
 #import bevy_restir::light::point_on_light::{light_point_at, LightPoint}
-#import bevy_restir::light::remap::light_record
-#import bevy_restir::light::types::{ENVIRONMENT_LIGHT, LightSample, no_light_sample}
+#import bevy_restir::light::remap::{light_exists, light_record}
+#import bevy_restir::light::types::LightSample
 #import bevy_restir::path::medium::transmittance
 #import bevy_restir::path::nee::nee_contribution
 #import bevy_restir::path::random::{DIMENSION_SHADOW_RAY, path_alpha_seed}
 #import bevy_restir::path::shadow_ray::ray_to_light
 #import bevy_restir::path::technique_weights::{CameraState, mis_sum_of_hit, mis_sum_of_nee, weight_of}
 #import bevy_restir::path::walk::{Step, Vertex}
-#import bevy_restir::restir::path_sample::PathSample
+#import bevy_restir::restir::path_sample::{PathSample, with_suffix}
 #import bevy_restir::restir::shift::reconnection::{is_connectable, is_connectable_end, light_factor, PreviousVertex, ShiftParameters}
 #import bevy_restir::restir::shift::shifted_path::{SHIFT_EARLIER_CONNECTABLE, SHIFT_NOT_CONNECTABLE, SHIFT_OK, SHIFT_REPLAY_ENDED, ShadowRays, with_shadow_ray}
 #ifdef CONNECTIONS
-#import bevy_restir::light::remap::light_exists
 #import bevy_restir::path::technique_weights::mis_sum_of_connection
 #import bevy_restir::restir::connection::connection::{connection_to, Retraced, retraced, stored_connection, stores_light_vertex, with_connection}
 #import bevy_restir::scene::triangle::instance_exists
@@ -104,13 +104,7 @@ fn light_at_infinity(s: PathSample, wi: vec3<f32>, previous: bool) -> LightSampl
         let p = hit_point_of_light(s, RaySegment(vec3<f32>(0.0), FAR, wi), previous);
         return light_point_at(p, vec3<f32>(0.0), previous);
     }
-    var l = no_light_sample();
-    l.delta = 0u;
-    l.light = ENVIRONMENT_LIGHT;
-    l.wi = wi;
-    l.radiance = environment_radiance(wi, previous);
-    l.pdf_solid_angle = environment_pdf(wi, previous);
-    return l;
+    return environment_light(wi, environment_pdf(wi, previous), previous);
 }
 
 // The shifted path must reconnect at its light exactly if the original path does; otherwise the shift would not be invertible.
@@ -131,8 +125,7 @@ fn end_on_light(w: ptr<function, Walk>, s: PathSample, index: u32, step: Step, r
 // Contribution of a path that ends with this radiance at the vertex of this index, or behind it.
 fn end_path(w: ptr<function, Walk>, s: PathSample, index: u32, radiance: vec3<f32>, coefficients: vec3<f32>) {
     (*w).f = (*w).throughput * (*w).suffix * radiance * weight_of(coefficients, (*w).state);
-    (*w).path.radiance = (*w).suffix * radiance / coefficients.x;
-    (*w).path.mis_coefficients = coefficients.yz / coefficients.x;
+    (*w).path = with_suffix((*w).path, (*w).suffix * radiance, coefficients);
 }
 
 // The last vertex of a camera sub-path, which goes on to a point that was sampled by all lobes, must reconnect exactly if it does in the

@@ -105,7 +105,7 @@ pub fn plant_shader_edits(app: &mut App, edits: &[ShaderEdit]) {
 /// way that the passes do not write.
 pub fn replace_pass_shader(app: &mut App, pass_name: &'static str, wgsl: &str) {
     let mut passes = crate::technique::all_domains().flat_map(crate::technique::domain::Domain::passes);
-    let rooms = passes.find(|pass| pass.name == pass_name).map_or(&[][..], |pass| pass.technique_rooms);
+    let rooms = passes.find(|pass| pass.name == pass_name).map_or(&[][..], |pass| pass.domain_rooms);
     let text = crate::shader_library::instantiate(wgsl, rooms);
     let mut shaders = app.world_mut().resource_mut::<Assets<Shader>>();
     let handle = shaders.add(Shader::from_wgsl(text.clone(), format!("test {pass_name}")));

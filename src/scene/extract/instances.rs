@@ -1,5 +1,11 @@
 //! Extracts mesh instances: a list persists between frames, and each frame updates the instances that have changed.
 
+use super::{ExtractedScene, users::Users};
+use crate::cpu_times::{CpuTimes, Stage};
+use crate::scene::{
+    geometry::render_layers::LayerSets, geometry::rig::Pose, geometry::visibility_range::VisibilityRanges,
+};
+use crate::settings::{RestirIgnore, RestirMaterial, Subsurface};
 use bevy::{
     asset::{AssetId, Assets},
     camera::{
@@ -15,21 +21,13 @@ use bevy::{
         skinning::{SkinnedMesh, SkinnedMeshInverseBindposes},
     },
     pbr::{MeshMaterial3d, StandardMaterial},
-    platform::collections::HashMap,
+    platform::collections::{HashMap, HashSet},
     render::{
         Extract,
         sync_world::{MainEntity, MainEntityHashSet},
     },
     transform::components::GlobalTransform,
 };
-use core::hash::Hash;
-
-use super::ExtractedScene;
-use crate::cpu_times::{CpuTimes, Stage};
-use crate::scene::{
-    geometry::render_layers::LayerSets, geometry::rig::Pose, geometry::visibility_range::VisibilityRanges,
-};
-use crate::settings::{RestirIgnore, RestirMaterial, Subsurface};
 
 /// A mesh instance that at least one camera sees.
 #[derive(Clone, Debug, PartialEq)]
@@ -60,6 +58,8 @@ pub(crate) struct InstanceList {
     changed: Vec<MainEntity>,
     /// Instances whose material has been replaced by another one since the last [`Self::take_repainted`]; some more than once.
     repainted: Vec<MainEntity>,
+    /// Meshes that instances have begun to show since the last [`Self::take_newly_shown`].
+    newly_shown: HashSet<AssetId<Mesh>>,
     mesh_users: Users<AssetId<Mesh>>,
     material_users: Users<AssetId<StandardMaterial>>,
     /// Instances with a pose.
@@ -96,6 +96,11 @@ impl InstanceList {
         sorted(core::mem::take(&mut self.changed))
     }
 
+    /// Takes the meshes that instances have begun to show since the last call.
+    pub(crate) fn take_newly_shown(&mut self) -> HashSet<AssetId<Mesh>> {
+        core::mem::take(&mut self.newly_shown)
+    }
+
     /// Number of entities that extractions have looked at since the last call.
     pub(crate) fn take_visited(&mut self) -> u64 {
         core::mem::take(&mut self.visited)
@@ -113,7 +118,7 @@ impl InstanceList {
 
     /// The materials of all instances, each with its instances.
     pub(crate) fn materials(&self) -> impl Iterator<Item = (AssetId<StandardMaterial>, &MainEntityHashSet)> {
-        self.material_users.0.iter().map(|(id, users)| (*id, users))
+        self.material_users.all()
     }
 
     /// Instances of a material, in no particular order.
@@ -148,6 +153,9 @@ impl InstanceList {
         }
         if before.material != after.material {
             self.repainted.push(entity);
+        }
+        if before.mesh != after.mesh {
+            self.newly_shown.extend(after.mesh);
         }
         self.mesh_users.change(entity, before.mesh, after.mesh);
         self.material_users.change(entity, before.material, after.material);
@@ -187,39 +195,6 @@ pub(crate) fn sorted(mut entities: Vec<MainEntity>) -> Vec<MainEntity> {
     entities.sort();
     entities.dedup();
     entities
-}
-
-/// The instances that use each asset.
-#[derive(Debug)]
-struct Users<K>(HashMap<K, MainEntityHashSet>);
-
-impl<K> Default for Users<K> {
-    fn default() -> Self {
-        Self(HashMap::default())
-    }
-}
-
-impl<K: Copy + Eq + Hash> Users<K> {
-    fn change(&mut self, entity: MainEntity, old: Option<K>, new: Option<K>) {
-        if old == new {
-            return;
-        }
-        if let Some(id) = old
-            && let Some(users) = self.0.get_mut(&id)
-        {
-            users.remove(&entity);
-            if users.is_empty() {
-                self.0.remove(&id);
-            }
-        }
-        if let Some(id) = new {
-            self.0.entry(id).or_default().insert(entity);
-        }
-    }
-
-    fn of(&self, id: K) -> impl Iterator<Item = MainEntity> {
-        self.0.get(&id).into_iter().flatten().copied()
-    }
 }
 
 type InstanceData<'a> = (
@@ -461,9 +436,8 @@ pub(crate) fn check_instances(
     }
     let list = &scene.instances;
     assert_eq!(list.all.values().flatten().count(), seen, "instances that no entity has");
-    let users = |users: &mut dyn Iterator<Item = &MainEntityHashSet>| users.map(|set| set.len()).sum::<usize>();
-    assert_eq!(users(&mut list.mesh_users.0.values()), seen, "users of meshes");
-    assert_eq!(users(&mut list.material_users.0.values()), seen, "users of materials");
+    assert_eq!(list.mesh_users.all().map(|(_, users)| users.len()).sum::<usize>(), seen, "users of meshes");
+    assert_eq!(list.material_users.all().map(|(_, users)| users.len()).sum::<usize>(), seen, "users of materials");
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 //! Meshes are taken from Bevy's extraction, before Bevy moves their vertices to the GPU, and background tasks build the trees.  A changed
 //! mesh keeps its old triangles until the new tree is ready.
 
+mod problems;
 mod ranges;
 
 use bevy::{
@@ -11,7 +12,6 @@ use bevy::{
         resource::Resource,
         system::{Res, ResMut},
     },
-    log::warn,
     mesh::Mesh,
     platform::collections::{HashMap, HashSet},
     render::{
@@ -24,11 +24,13 @@ use bevy::{
 };
 use std::ops::Range;
 
+use problems::MeshProblem;
+
 use crate::cpu_times::{CpuTimes, Stage};
 use crate::gpu_layout::*;
 use crate::scene::{
     accel::blas::{self, Blas, Bounds},
-    extract::instances::InstanceList,
+    extract::{ExtractedScene, instances::InstanceList},
     features::SceneFeatures,
     geometry::corner_texture::{BodySource, CornerTexture},
     geometry::mesh_build::{BuildError, Built, build},
@@ -79,19 +81,6 @@ struct Build {
     newest: Option<Mesh>,
 }
 
-/// Reasons to warn about a mesh.
-#[derive(Clone, Copy, PartialEq, Eq, Hash)]
-enum MeshProblem {
-    /// Some triangles are unusable and left out.
-    UnusableTriangles,
-    TooLarge,
-    RigTooLarge,
-    NoUsableTriangle,
-    LinesOrPoints,
-    Unreadable,
-    BuildFailed,
-}
-
 /// The meshes of the scene.
 #[derive(Resource)]
 pub(crate) struct MeshPool {
@@ -107,6 +96,8 @@ pub(crate) struct MeshPool {
     left_out: HashSet<AssetId<Mesh>>,
     /// Those of them that did not fit the device, for the time when other meshes or bodies are gone.
     too_large: HashMap<AssetId<Mesh>, Box<Blas>>,
+    /// Meshes that no instance shows.  They take no room on the GPU until one does.
+    unused: HashMap<AssetId<Mesh>, Box<Blas>>,
     /// Triangles have been freed, so that a mesh in `too_large` may fit.
     has_room: bool,
     /// Problems that were warned about.
@@ -147,6 +138,7 @@ impl Default for MeshPool {
             building: HashMap::default(),
             left_out: HashSet::default(),
             too_large: HashMap::default(),
+            unused: HashMap::default(),
             has_room: false,
             warned: Warned::default(),
             lines_and_points: HashMap::default(),
@@ -182,6 +174,7 @@ pub(crate) fn queue_meshes(
     for id in &extracted.removed {
         pool.building.remove(id);
         pool.too_large.remove(id);
+        pool.unused.remove(id);
         if pool.left_out.remove(id) {
             pool.changed.push(*id);
         }
@@ -202,9 +195,10 @@ pub(crate) fn queue_meshes(
     }
 }
 
-/// Uploads the meshes whose build has finished since the last frame.
+/// Uploads the meshes that instances show and whose build has finished.
 pub(crate) fn finish_meshes(
     mut pool: ResMut<MeshPool>,
+    mut scene: ResMut<ExtractedScene>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
     assets: Option<Res<AssetServer>>,
@@ -224,6 +218,10 @@ pub(crate) fn finish_meshes(
         let newest = running.newest.take().map(build);
         newest.map(|task| running.task = task).is_some()
     });
+    for id in scene.instances.take_newly_shown() {
+        done.extend(pool.unused.remove(&id).map(|blas| (id, (Ok(Some(*blas)), Dropped::default()))));
+    }
+    let is_unused = |id: AssetId<Mesh>| scene.instances.users_of_mesh(id).next().is_none();
     // Sorted, so that the layout of the buffers does not depend on the order in which tasks end.
     done.sort_unstable_by_key(|(id, _)| *id);
     for (id, (built, dropped)) in done {
@@ -236,6 +234,11 @@ pub(crate) fn finish_meshes(
             pool.warn(id, MeshProblem::UnusableTriangles, &text, assets.as_deref());
         }
         let (problem, reason) = match built {
+            Ok(Some(blas)) if !pool.entries.contains_key(&id) && is_unused(id) => {
+                pool.left_out.remove(&id);
+                pool.unused.insert(id, blas.into());
+                continue;
+            }
             Ok(Some(blas)) => match pool.insert(id, blas, &device, &queue) {
                 Ok(()) => {
                     pool.left_out.remove(&id);
@@ -274,6 +277,7 @@ impl MeshPool {
             ("meshes that are built", self.building.len()),
             ("meshes that are left out", self.left_out.len()),
             ("meshes that do not fit", self.too_large.len()),
+            ("meshes that are not shown", self.unused.len()),
             ("meshes of lines and points", self.lines_and_points.len()),
             ("warnings of meshes", self.warned.len()),
             ("nodes", self.node_ranges.end() as usize),
@@ -379,27 +383,6 @@ impl MeshPool {
         self.last_version
     }
 
-    /// Warns about a mesh once while the asset exists, because it may be built again in every frame.
-    fn warn(&mut self, id: AssetId<Mesh>, problem: MeshProblem, text: &str, assets: Option<&AssetServer>) {
-        if !self.warned.is_due((id, problem)) {
-            return;
-        }
-        let name = assets.and_then(|a| a.get_path(id)).map_or_else(|| id.to_string(), |path| path.to_string());
-        let warning = format!("restir: mesh {name} {text}");
-        match problem {
-            MeshProblem::LinesOrPoints => _ = self.lines_and_points.insert(id, warning),
-            _ => warn!("{warning}"),
-        }
-    }
-
-    /// Warns about instances whose mesh consists of lines or points.
-    pub(crate) fn warn_of_lines_and_points(&mut self, instances: &InstanceList) {
-        let is_used = |id: &AssetId<Mesh>| instances.users_of_mesh(*id).next().is_some();
-        for (_, warning) in self.lines_and_points.extract_if(|id, _| is_used(id)) {
-            warn!("{warning}");
-        }
-    }
-
     /// Removes a mesh; the next frame frees its ranges in the buffers.
     fn release(&mut self, id: AssetId<Mesh>) {
         if let Some(entry) = self.entries.remove(&id) {
@@ -478,14 +461,16 @@ impl MeshPool {
         self.entries.values().chain(&self.retired).map(|entry| entry.version).collect()
     }
 
-    /// Whether no mesh is being built.
-    pub(crate) fn idle(&self) -> bool {
-        self.building.is_empty()
+    /// Whether no mesh that an instance shows is being built.
+    pub(crate) fn idle(&self, instances: &InstanceList) -> bool {
+        self.building.keys().all(|id| instances.users_of_mesh(*id).next().is_none())
     }
 
     /// Whether each mesh has been built before; some may be built again.
     pub(crate) fn were_built(&self) -> bool {
-        self.building.keys().all(|id| self.entries.contains_key(id) || self.left_out.contains(id))
+        let was_built =
+            |id| self.entries.contains_key(id) || self.left_out.contains(id) || self.unused.contains_key(id);
+        self.building.keys().all(was_built)
     }
 
     /// Whether the mesh is being built.

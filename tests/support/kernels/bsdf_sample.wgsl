@@ -1,7 +1,7 @@
 // Samples of the BSDF for one query.  PLANTED biases the random numbers slightly, which a test must find.
 #import bevy_restir::bsdf::bsdf::{bsdf_eval, bsdf_pdf, bsdf_sample}
 #import bevy_restir::bsdf::types::Bsdf
-#import bevy_restir::common::rng::{Rng, rng_3, rng_new}
+#import bevy_restir::common::rng::{Rng, rng_3, rng_of_key}
 
 struct Query {
     b: Bsdf,
@@ -26,7 +26,7 @@ struct Sample {
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let q = queries[0];
-    var rng = rng_new(vec2<u32>(id.x & 0xffffu, id.x >> 16u), q.seed, 77u, 0u);
+    var rng = rng_of_key(id.x, q.seed, 77u, 0u);
     var u = rng_3(&rng);
 #ifdef PLANTED
     u.y = pow(u.y, 1.08);

@@ -1,5 +1,5 @@
 // Rays that lights emit, and their densities as a point on the ray sees them.
-#import bevy_restir::common::rng::{rng_2, rng_4, rng_new}
+#import bevy_restir::common::rng::{rng_2, rng_4, rng_of_key}
 #import bevy_restir::light::emission::{emission_density, is_at_infinity, nee_pdf_scale, sample_emission}
 #import bevy_restir::light::types::no_light_sample
 #import bevy_restir::common::constants::NONE
@@ -30,7 +30,7 @@ struct Ray {
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let q = queries[0];
-    var rng = rng_new(vec2<u32>(id.x & 0xffffu, id.x >> 16u), q.seed, 79u, 0u);
+    var rng = rng_of_key(id.x, q.seed, 79u, 0u);
     let u = rng_4(&rng);
     let r = sample_emission(u.xy, u.zw, rng_2(&rng));
     if r.light == NONE {

@@ -1,5 +1,5 @@
 // Samples of the environment, and its radiance and density in given directions.
-#import bevy_restir::common::rng::{Rng, rng_2, rng_new}
+#import bevy_restir::common::rng::{Rng, rng_2, rng_of_key}
 #import bevy_restir::light::environment::{environment_pdf, environment_radiance, environment_sample}
 
 struct Sample {
@@ -21,7 +21,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var direction = samples[id.x].direction;
     var pdf = 0.0;
     if samples[id.x].pdf == 0.0 {
-        var rng = rng_new(vec2<u32>(id.x & 0xffffu, id.x >> 16u), seed[0], 80u, 0u);
+        var rng = rng_of_key(id.x, seed[0], 80u, 0u);
         let s = environment_sample(rng_2(&rng), false);
         direction = s.direction;
         pdf = s.pdf_solid_angle;

@@ -1,5 +1,5 @@
 // Light samples packed in eight bytes and unpacked, beside the original samples; or points with given coordinates.
-#import bevy_restir::common::rng::{Rng, rng_2, rng_bits, rng_new}
+#import bevy_restir::common::rng::{Rng, rng_2, rng_bits, rng_of_key}
 #import bevy_restir::light::environment::environment_pdf
 #import bevy_restir::light::light::light_sample
 #import bevy_restir::light::point_on_light::{light_point_at, light_point_sample, LightPoint}
@@ -33,7 +33,7 @@ struct Sample {
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let q = queries[0];
-    var rng = rng_new(vec2<u32>(id.x & 0xffffu, id.x >> 16u), q.seed, 80u, 0u);
+    var rng = rng_of_key(id.x, q.seed, 80u, 0u);
     let u = rng_2(&rng);
     let a = light_sample(q.light, q.point, u);
     let sampled = light_point_sample(q.light, u);

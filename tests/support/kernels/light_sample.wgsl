@@ -1,5 +1,5 @@
 // Samples of one light from one point.  PLANTED scales the density, which a test must find.
-#import bevy_restir::common::rng::{Rng, rng_2, rng_new}
+#import bevy_restir::common::rng::{Rng, rng_2, rng_of_key}
 #import bevy_restir::light::light::light_sample
 #import bevy_restir::light::triangle::triangle_light_pdf_solid_angle
 #import bevy_restir::scene::bindings::lights
@@ -33,7 +33,7 @@ struct Sample {
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     let q = queries[0];
-    var rng = rng_new(vec2<u32>(id.x & 0xffffu, id.x >> 16u), q.seed, 78u, 0u);
+    var rng = rng_of_key(id.x, q.seed, 78u, 0u);
     let s = light_sample(q.light, q.point, rng_2(&rng));
     var pdf = s.pdf_solid_angle;
     let data = lights[min(q.light, arrayLength(&lights) - 1u)].data;

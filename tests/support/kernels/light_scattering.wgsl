@@ -1,7 +1,7 @@
 // How a light path scatters light at a vertex, and how a path from the camera scatters it there.
 #import bevy_restir::bsdf::bsdf::{bsdf_draw, bsdf_eval, bsdf_sample}
 #import bevy_restir::bsdf::types::Bsdf
-#import bevy_restir::common::rng::{rng_3, rng_new}
+#import bevy_restir::common::rng::{rng_3, rng_of_key}
 #import bevy_restir::path::light_path::{delta_value, scattered_value}
 #import bevy_restir::scene::lobes::lobes_towards
 #import bevy_restir::scene::surface::Surface
@@ -48,7 +48,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     var a: Answer;
     a.light = scattered_value(seen_again, q.wo, q.wi) * abs(dot(q.b.n_geo, q.wi));
     a.camera = bsdf_eval(q.b, q.wo, q.wi);
-    var rng = rng_new(vec2<u32>(id.x & 0xffffu, id.x >> 16u), q.seed, 81u, 0u);
+    var rng = rng_of_key(id.x, q.seed, 81u, 0u);
     let drawn = bsdf_draw(seen_from_light.bsdf, q.wi, rng_3(&rng));
     if drawn.valid != 0u && drawn.delta != 0u {
         let seen_from_camera = surface_of(lobes_towards(seen_from_light.bsdf, drawn.wi));

@@ -1,6 +1,6 @@
 // Area lights: a sample from a point, the hit of a ray in its direction or a given one, and all hits of that ray.
 #import bevy_restir::common::constants::NONE
-#import bevy_restir::common::rng::{Rng, rng_2, rng_new}
+#import bevy_restir::common::rng::{Rng, rng_2, rng_of_key}
 #import bevy_restir::light::light::light_sample
 #import bevy_restir::light::point_on_light::{point_by_solid_angle, light_point_at, light_point_sample}
 #import bevy_restir::light::analytic_area_light::{light_hit_point, LIGHT_HITS_MAX, next_light_hit, RaySegment}
@@ -42,7 +42,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let q = queries[min(id.x, arrayLength(&queries) - 1u)];
-    var rng = rng_new(vec2<u32>(id.x & 0xffffu, id.x >> 16u), q.seed, 81u, 0u);
+    var rng = rng_of_key(id.x, q.seed, 81u, 0u);
     let u = rng_2(&rng);
     var l: LightSample;
     if q.mode == 0u {

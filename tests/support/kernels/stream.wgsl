@@ -1,5 +1,5 @@
 // Each invocation runs one stream with given weights, and estimates ∫x² over [0, 1] by four candidates of density 2(1 - x) and target x.
-#import bevy_restir::common::rng::{Rng, rng_1, rng_new}
+#import bevy_restir::common::rng::{Rng, rng_1, rng_of_key}
 #import bevy_restir::restir::reservoir_sampling::{Stream, stream_add, stream_ucw}
 
 struct Outcome {
@@ -15,7 +15,7 @@ struct Outcome {
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    var rng = rng_new(vec2<u32>(id.x & 0xffffu, id.x >> 16u), bitcast<u32>(weights[0]), 79u, 0u);
+    var rng = rng_of_key(id.x, bitcast<u32>(weights[0]), 79u, 0u);
     var stream = Stream(0.0, 0xffffffffu);
     var accepted = 0u;
     for (var i = 1u; i < arrayLength(&weights); i++) {

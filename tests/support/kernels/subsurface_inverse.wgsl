@@ -1,5 +1,5 @@
 // Draws a probe about a point of instance 0, inverts its first hit, and traces the probe that results.
-#import bevy_restir::common::rng::{rng_1, rng_3, rng_new}
+#import bevy_restir::common::rng::{rng_1, rng_3, rng_of_key}
 #import bevy_restir::scene::offset::surface_point
 #import bevy_restir::scene::triangle::world_triangle
 #import bevy_restir::subsurface::probe::{draw_probe, inverse_probe, probe_frame, probe_ray}
@@ -33,7 +33,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let q = queries[id.x];
-    var rng = rng_new(vec2<u32>(q.index & 0xffffu, q.index >> 16u), q.seed, 79u, 0u);
+    var rng = rng_of_key(q.index, q.seed, 79u, 0u);
     let frame = probe_frame(q.normal);
     let line = probe_ray(draw_probe(q.radius, rng_3(&rng)), q.position, frame, q.radius);
     var answer: Answer;

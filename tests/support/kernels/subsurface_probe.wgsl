@@ -1,5 +1,5 @@
 // Draws a probe for every seed about a point of instance 0, and gives its technique and its hits with their densities.
-#import bevy_restir::common::rng::{rng_3, rng_new}
+#import bevy_restir::common::rng::{rng_3, rng_of_key}
 #import bevy_restir::common::ray::trace_flags
 #import bevy_restir::scene::offset::surface_point
 #import bevy_restir::scene::triangle::world_triangle
@@ -34,7 +34,7 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let q = queries[id.x];
-    var rng = rng_new(vec2<u32>(q.index & 0xffffu, q.index >> 16u), q.seed, 78u, 0u);
+    var rng = rng_of_key(q.index, q.seed, 78u, 0u);
     let probe = draw_probe(q.radius, rng_3(&rng));
     let frame = probe_frame(q.normal);
     let line = probe_ray(probe, q.position, frame, q.radius);

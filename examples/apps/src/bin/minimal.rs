@@ -1,4 +1,4 @@
-//! An ordinary Bevy app that bevy_restir lights: it only adds the plugin, and `Restir` to the camera. Space (held) turns the cube.
+//! An ordinary Bevy app that bevy_restir lights: it adds the plugin, and `Restir` and a sky to the camera. Space (held) turns the cube.
 //!
 //! `cargo run -p bevy_restir_apps --bin minimal`
 
@@ -34,13 +34,16 @@ fn setup(mut commands: Commands, mut meshes: ResMut<Assets<Mesh>>, mut materials
     commands.spawn((Mesh3d(meshes.add(Sphere::new(0.3))), MeshMaterial3d(lamp), Transform::from_xyz(0.6, 3.6, 1.4)));
 
     let eye = Transform::from_xyz(0.0, 2.0, 5.0).looking_at(Vec3::new(0.0, 0.7, 0.0), Vec3::Y);
+    // Bevy's default exposure shows 1,000 cd/m² as white.
     let sky = RestirEnvironment { color: LinearRgba::rgb(200.0, 320.0, 560.0), ..default() };
     commands.spawn((Camera3d::default(), eye, Restir::default(), sky));
 }
 
 /// Turns the cube while space is held.
 fn turn(time: Res<Time>, keys: Res<ButtonInput<KeyCode>>, mut turning: Query<&mut Transform, With<Turning>>) {
-    for mut transform in turning.iter_mut().filter(|_| keys.pressed(KeyCode::Space)) {
-        transform.rotate_y(time.delta_secs());
+    if keys.pressed(KeyCode::Space) {
+        for mut transform in &mut turning {
+            transform.rotate_y(time.delta_secs());
+        }
     }
 }

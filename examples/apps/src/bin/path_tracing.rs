@@ -44,7 +44,7 @@ fn setup(mut commands: Commands, mut meshes: ResMut<Assets<Mesh>>, mut materials
     });
     let lamp = materials.add(StandardMaterial { emissive: LinearRgba::rgb(2000.0, 1750.0, 1350.0), ..default() });
 
-    // The room of 4 x 3 x 5 m has the door in its far wall. The lamp hangs a meter and a half behind the door.
+    // The room of 4 x 3 x 5 m has the door in its far wall. The lamp hangs 1.3 m behind the door.
     let mut block = |size: Vec3, place: Vec3, material: &Handle<StandardMaterial>| {
         let mesh = Mesh3d(meshes.add(Cuboid::from_size(size)));
         commands.spawn((mesh, MeshMaterial3d(material.clone()), Transform::from_translation(place))).id()
@@ -76,8 +76,8 @@ fn setup(mut commands: Commands, mut meshes: ResMut<Assets<Mesh>>, mut materials
         .with_child(panel);
 
     let eye = Transform::from_xyz(0.9, 1.5, 2.6).looking_at(Vec3::new(-0.2, 1.0, -1.6), Vec3::Y);
-    let restir = Restir { technique: Technique::Pt, ..default() };
-    commands.spawn((Camera3d::default(), eye, restir, look(Some(Exposure::default().ev100))));
+    // ReSTIR PT is the default.
+    commands.spawn((Camera3d::default(), eye, Restir::default(), look(Some(Exposure::default().ev100))));
 }
 
 /// The rotation of the door, from 23° to 86°.
