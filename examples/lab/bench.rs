@@ -16,7 +16,7 @@ use bevy_restir_support::{
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-use crate::error::{Error, Picture, Reference, mean};
+use crate::error::{Error, Picture, Reference, enlarged, mean};
 
 /// Lengths of a measurement.
 #[derive(clap::Args, Clone, Debug)]
@@ -431,7 +431,9 @@ impl Bench {
 
     /// Radiance of the last frame, which must have been requested, or the mean of all frames where the technique accumulates.
     fn captured(&self) -> Result<Picture, String> {
-        Ok(captured(&self.app)?.mean().map(|p| p.map(f64::from)).collect())
+        let traced = captured(&self.app)?;
+        let pixels = traced.mean().map(|p| p.map(f64::from)).collect();
+        Ok(enlarged(pixels, traced.size, self.size))
     }
 }
 

@@ -1,11 +1,30 @@
 //! Error of a picture against a converged one.
 
-use bevy::math::UVec2;
+use bevy::math::{DVec2, UVec2};
 
 use crate::{blocks, difference::Difference};
 
 /// Linear radiance, rows from the top.
 pub type Picture = Vec<[f64; 3]>;
+
+/// A picture that was traced with fewer pixels (`Restir::resolution_scale`), as the plugin shows it: interpolated between their centers.
+pub fn enlarged(picture: Picture, traced: UVec2, size: UVec2) -> Picture {
+    if traced == size {
+        return picture;
+    }
+    let last = traced - 1;
+    let at = |x: u32, y: u32| picture[(y.min(last.y) * traced.x + x.min(last.x)) as usize];
+    let mix = |a: [f64; 3], b: [f64; 3], share: f64| core::array::from_fn(|i| a[i] + share * (b[i] - a[i]));
+    let ratio = traced.as_dvec2() / size.as_dvec2();
+    let shown = (0..size.y).flat_map(|y| (0..size.x).map(move |x| DVec2::new(f64::from(x), f64::from(y))));
+    let pixel = |shown: DVec2| {
+        let place = ((shown + 0.5) * ratio - 0.5).max(DVec2::ZERO);
+        let (corner, share) = (place.as_uvec2(), place.fract());
+        let row = |y: u32| mix(at(corner.x, y), at(corner.x + 1, y), share.x);
+        mix(row(corner.y), row(corner.y + 1), share.y)
+    };
+    shown.map(pixel).collect()
+}
 
 /// Errors of a picture.
 #[derive(Clone, Copy, Debug, Default)]
