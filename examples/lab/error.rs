@@ -7,7 +7,8 @@ use crate::{blocks, difference::Difference};
 /// Linear radiance, rows from the top.
 pub type Picture = Vec<[f64; 3]>;
 
-/// A picture that was traced with fewer pixels (`Restir::resolution_scale`), as the plugin shows it: interpolated between their centers.
+/// A picture that was traced with fewer pixels (`Restir::resolution_scale`), interpolated between their centers.  The plugin shows it with
+/// sharper edges, because it knows the surfaces of the shown pixels.
 pub fn enlarged(picture: Picture, traced: UVec2, size: UVec2) -> Picture {
     if traced == size {
         return picture;

@@ -24,7 +24,12 @@ fn layout() -> BindGroupLayoutDescriptor {
         "restir composite",
         &BindGroupLayoutEntries::sequential(
             ShaderStages::FRAGMENT,
-            (storage_buffer_read_only_sized(false, None), texture_depth_2d(), texture_2d(TextureSampleType::Uint)),
+            (
+                storage_buffer_read_only_sized(false, None),
+                texture_depth_2d(),
+                texture_2d(TextureSampleType::Uint),
+                texture_2d(TextureSampleType::Uint),
+            ),
         ),
     )
 }
@@ -67,13 +72,16 @@ pub(super) fn draw(
 ) {
     let Some(key) = view.composite else { return };
     let Some(pipeline) = passes.composite(key, pipelines) else { return };
-    let bound = [Bound::Buffer(&view.radiance), Bound::View(&view.depth), Bound::View(&view.visibility)];
+    let (depth_view, surfaces) =
+        view.shown.as_ref().map_or((&view.depth, &view.visibility), |shown| (&shown.depth, &shown.visibility));
+    let views = [depth_view, surfaces, &view.visibility].map(Bound::View);
+    let bound = [Bound::Buffer(&view.radiance), views[0], views[1], views[2]];
     let group = view.bind_groups.get("composite", &bound, || {
-        let [radiance, depth, visibility] = bound.map(Bound::resource);
+        let [radiance, depth, shown, traced] = bound.map(Bound::resource);
         device.create_bind_group(
             "restir composite",
             &pipelines.get_bind_group_layout(&layout()),
-            &BindGroupEntries::sequential((radiance, depth, visibility)),
+            &BindGroupEntries::sequential((radiance, depth, shown, traced)),
         )
     });
     let mut attachments = vec![Some(target.get_color_attachment())];

@@ -10,7 +10,7 @@ use super::{SPAN_PREFIX, pipelines::PassPipelines};
 use crate::{
     gpu_layout::NONE,
     scene::bindings::{SceneBindings, scene_layout},
-    technique::frame::PipelineKey,
+    technique::frame::{PipelineKey, SHOWN_SURFACES},
     view::{DEPTH_FORMAT, RestirView, VISIBILITY_FORMAT, raster_view_layout},
 };
 
@@ -52,6 +52,7 @@ pub(super) fn pipeline(
     }
 }
 
+/// Draws the surfaces of the traced pixels, and those of the shown ones if fewer are traced.
 pub(super) fn draw(
     view: &RestirView,
     key: PipelineKey,
@@ -61,12 +62,30 @@ pub(super) fn draw(
     pipelines: &PipelineCache,
     context: &mut RenderContext,
 ) {
+    let mut draw = |name, visibility, depth| {
+        draw_into([visibility, depth], name, view, key, (scene, scene_group), (passes, pipelines), context);
+    };
+    draw("visibility", &view.visibility, &view.depth);
+    if let Some(shown) = &view.shown {
+        draw(SHOWN_SURFACES, &shown.visibility, &shown.depth);
+    }
+}
+
+fn draw_into(
+    [visibility, depth]: [&TextureView; 2],
+    name: &str,
+    view: &RestirView,
+    key: PipelineKey,
+    (scene, scene_group): (&SceneBindings, &BindGroup),
+    (passes, pipelines): (&PassPipelines, &PipelineCache),
+    context: &mut RenderContext,
+) {
     let diagnostics = context.diagnostic_recorder();
     let none = f64::from(NONE);
     let mut pass = context.command_encoder().begin_render_pass(&RenderPassDescriptor {
         label: Some("restir visibility"),
         color_attachments: &[Some(RenderPassColorAttachment {
-            view: &view.visibility,
+            view: visibility,
             depth_slice: None,
             resolve_target: None,
             ops: Operations {
@@ -75,13 +94,13 @@ pub(super) fn draw(
             },
         })],
         depth_stencil_attachment: Some(RenderPassDepthStencilAttachment {
-            view: &view.depth,
+            view: depth,
             depth_ops: Some(Operations { load: LoadOp::Clear(0.0), store: StoreOp::Store }),
             stencil_ops: None,
         }),
         ..Default::default()
     });
-    let span = diagnostics.as_deref().map(|d| d.pass_span(&mut pass, format!("{SPAN_PREFIX}visibility")));
+    let span = diagnostics.as_deref().map(|d| d.pass_span(&mut pass, format!("{SPAN_PREFIX}{name}")));
     pass.set_bind_group(0, &**scene_group, &[]);
     pass.set_bind_group(1, &*view.raster_bind_group, &[]);
     if let Some(bindless) = &scene.bound_textures {

@@ -120,10 +120,10 @@ pub struct Restir {
     /// Scattering events of a path: 0 shows emission only, 1 adds direct light, more add bounced light.  Cost grows with it.  Light that needs
     /// more events is missing (darker).  0 to 64; default 8.
     pub bounces: u32,
-    /// Traced pixels for each pixel of the viewport, in width and in height.  With 0.5, a frame takes about a quarter of the time and of the
-    /// memory for pixels.  Below 1, the picture is enlarged by linear interpolation: edges and textures are blurred, and depth and motion
-    /// vectors are those of the nearest traced pixel.  [`RadianceCapture`](crate::RadianceCapture) holds the traced pixels.  0.25 to 1;
-    /// default 1.
+    /// Traced pixels for each pixel of the viewport, in width and in height.  With 0.5, a frame takes about a third of the time and of the
+    /// memory for pixels.  Below 1, light is interpolated between traced pixels that show the same surface: edges of objects, depth and motion
+    /// vectors keep their resolution, textures and shadows are blurred.  Objects that no traced pixel shows take the light of others.
+    /// [`RadianceCapture`](crate::RadianceCapture) holds the traced pixels.  0.25 to 1; default 1.
     pub resolution_scale: f32,
     /// Frames in which primary rays are jittered within the pixel, which smooths edges in means of frames.  No cost.  No bias, except for
     /// [`Technique::Bdpt`] (see there).  Default: [`Jitter::Auto`].

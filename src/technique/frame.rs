@@ -18,6 +18,9 @@ const DEBUG_SURFACE: ComputePass = ComputePass { name: "debug", file: "debug", .
 const DEBUG_RAYS: ComputePass = ComputePass { name: "debug_rays", file: "debug_counts", ..RADIANCE_PASS };
 const DEBUG_GUARDS: ComputePass = ComputePass { name: "debug_guards", defs: &["SHOWS_GUARDS"], ..DEBUG_RAYS };
 const RADIANCE_PASS: ComputePass = ComputePass::per_pixel("", &[R::Radiance]);
+/// Name of the pass that draws the surfaces of the shown pixels where fewer are traced.
+pub(crate) const SHOWN_SURFACES: &str = "visibility_shown";
+
 /// Sums the light of all domains.
 pub(super) const RESOLVE: ComputePass = ComputePass::per_pixel(
     "resolve",

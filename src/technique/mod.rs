@@ -19,7 +19,7 @@ use crate::{
     settings::{DebugView, Restir, Technique},
 };
 use domain::Domain;
-use frame::Frame;
+use frame::{Frame, SHOWN_SURFACES};
 use pass::ComputePass;
 
 /// A row of the table.
@@ -84,7 +84,8 @@ pub fn pass_names(settings: &Restir, features: SceneFeatures) -> Vec<&'static st
     let settings = &settings.clone().clamped();
     let iterations = |domain: &Domain| (domain.schedule)(settings).iteration_kinds();
     let frame = Frame::of(settings).of_scene(features);
-    frame.steps(iterations).into_iter().map(|step| step.name).collect()
+    let shown = (settings.resolution_scale < 1.0).then_some(SHOWN_SURFACES);
+    frame.steps(iterations).into_iter().map(|step| step.name).chain(shown).collect()
 }
 
 /// The domains of all techniques; those that techniques share come more than once.

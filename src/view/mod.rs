@@ -21,6 +21,7 @@ mod prepare;
 mod resolution;
 mod restir_view;
 pub(crate) mod selection;
+pub(crate) mod shown_surfaces;
 mod skybox;
 mod uniforms;
 

@@ -82,7 +82,8 @@ pub(super) fn prepare_views(
         let size = fit_to_device(ids, restir, frame, target_size, limit, &mut warned);
         let environment = environments.views_of(restir.environment.as_ref()).map_err(|error| ("environment", error));
         let view_or_error = environment.and_then(|environment| {
-            view_of(pool, entity, size, environment, &device, &pipelines).map_err(|error| ("view", error))
+            view_of(pool, entity, [size, target_size], environment, &device, &pipelines)
+                .map_err(|error| ("view", error))
         });
         let mut state = match view_or_error {
             Ok(state) => state,
@@ -94,7 +95,6 @@ pub(super) fn prepare_views(
             }
         };
         state.origin = UVec2::new(view.viewport.x, view.viewport.y);
-        state.target_size = target_size;
         state.inverts_culling = view.invert_culling;
         state.select(restir, &selection, &scene);
         if scene.lacks_memory {
@@ -165,18 +165,18 @@ fn warn_of_memory(
     }
 }
 
-/// Takes the view of the last frame out of the pool, or makes a new one if the size has changed.
+/// Takes the view of the last frame out of the pool, or makes a new one if the traced or the shown size has changed.
 fn view_of(
     pool: &mut ViewPool,
     camera: Entity,
-    size: UVec2,
+    [size, target_size]: [UVec2; 2],
     environment: [&TextureView; 2],
     device: &RenderDevice,
     pipelines: &PipelineCache,
 ) -> Result<RestirView, String> {
     let mut beginning = Reset::Start;
     match pool.views.remove(&camera) {
-        Some(mut view) if view.size == size => {
+        Some(mut view) if [view.size, view.target_size] == [size, target_size] => {
             view.bind_environment(environment, device, pipelines);
             return Ok(view);
         }
@@ -187,7 +187,8 @@ fn view_of(
         }
         None => {}
     }
-    let new = allocation::attempt(device, "view", || RestirView::new(size, environment, device, pipelines))?;
+    let new =
+        allocation::attempt(device, "view", || RestirView::new(size, target_size, environment, device, pipelines))?;
     Ok(match pool.paused.remove(&camera) {
         Some(paused) => new.resumed_from(paused, beginning),
         None => new,

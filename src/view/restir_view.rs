@@ -21,6 +21,7 @@ use super::{
     light_paths::LightPathCounts,
     pixels, raster_view_layout,
     selection::{CompositeKey, Selection},
+    shown_surfaces::Surfaces,
     texture,
     uniforms::EnvironmentPlacement,
     view_layout,
@@ -37,7 +38,7 @@ pub(crate) struct RestirView {
     /// Traced resolution.
     pub size: UVec2,
     pub origin: UVec2,
-    /// Resolution of Bevy's main pass: `size`, or more where the device cannot bind buffers for that many pixels.
+    /// Resolution of Bevy's main pass: `size`, or more where fewer pixels are traced.
     pub target_size: UVec2,
     /// Front faces are seen as back faces, by a camera that mirrors (`Camera::invert_culling`).
     pub inverts_culling: bool,
@@ -50,6 +51,8 @@ pub(crate) struct RestirView {
     counts: TextureView,
     pub history: Option<History>,
     pub depth: TextureView,
+    /// The surfaces of the shown pixels, if fewer are traced.
+    pub shown: Option<Surfaces>,
     pub radiance: Buffer,
     pub counters: CounterReadback,
     /// Group 1 of compute passes.
@@ -131,6 +134,7 @@ pub(crate) struct PausedView {
 impl RestirView {
     pub(super) fn new(
         size: UVec2,
+        target_size: UVec2,
         environment: [&TextureView; 2],
         device: &RenderDevice,
         pipelines: &PipelineCache,
@@ -151,10 +155,11 @@ impl RestirView {
         Self {
             size,
             origin: UVec2::ZERO,
-            target_size: size,
+            target_size,
             inverts_culling: false,
             layers: ALL_CAMERAS,
             depth: view(&texture("depth", 1, DEPTH_FORMAT, target)),
+            shown: Surfaces::shown(size, target_size, device),
             radiance: buffer("radiance", pixels(size) * 16, storage),
             counters: CounterReadback::new(device),
             bind_group: bind_group(&uniforms, [&visibility, &counts], environment, device, pipelines),
@@ -326,6 +331,7 @@ impl RestirView {
             ("radiance", pixels * 16),
             ("counters", 2 * size_of::<GpuCounters>() as u64),
         ];
+        memory.extend(self.shown.iter().map(|_| ("shown surfaces", Surfaces::bytes(self.target_size))));
         memory.extend(self.history.iter().flat_map(History::memory));
         memory
     }

@@ -28,6 +28,13 @@ pub const MUTANTS: &[Mutant] = &[
         &["light_choice", "sampling::environment"],
     ),
     mutant(
+        "the place within a bin does not count",
+        "light/select.wgsl",
+        "inside * 0x1p-24",
+        "0.0 * inside",
+        &["a_dim_light_is_chosen"],
+    ),
+    mutant(
         "the rim of a spot is linear",
         "light/point.wgsl",
         "return ramp * ramp;",

@@ -86,6 +86,14 @@ pub const MUTANTS: &[Mutant] = &[
         "return vec3<f32>(1.0);",
         LIGHT_PARTS,
     ),
+    // Fewer traced pixels.
+    mutant(
+        "light is interpolated across edges",
+        "pass/composite.wgsl",
+        "max(sides.x * sides.y, 1.0e-3) * similarity(own, other)",
+        "max(sides.x * sides.y, 1.0e-3)",
+        &["a_picture_of_half_the_resolution"],
+    ),
     // The denoiser.
     mutant(
         "planes slope to the other side",

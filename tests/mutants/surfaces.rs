@@ -176,6 +176,13 @@ pub const MUTANTS: &[Mutant] = &[
         "return Rng(key, 0u, seeded(stream, seed), 0u);",
         &["sampling::rng"],
     ),
+    mutant(
+        "a texel of a float texture may make more than a metal",
+        "scene/material.wgsl",
+        "p.metallic = min(p.metallic, 1.0);",
+        "",
+        &["texels_above_one"],
+    ),
     // Bodies that bend.
     mutant(
         "boxes of a body without the last frame",
