@@ -1,7 +1,10 @@
 //! Compares a picture with a reference, both from files.
 
 use bevy::math::UVec2;
-use bevy_restir_support::{exr_file, files, picture::write_png};
+use bevy_restir_support::{
+    exr_file, files,
+    picture::{read_png, write_png},
+};
 use std::path::{Path, PathBuf};
 
 use crate::{
@@ -12,12 +15,13 @@ use crate::{
     table::Table,
 };
 
-/// Compares a linear picture with a reference: a line of JSON, with `null` for undefined figures, and a table.
+/// Compares a picture with a reference: a line of JSON, with `null` for undefined figures, and a table.
 #[derive(clap::Args, Debug)]
 pub struct Args {
-    /// A linear .exr file; pixels that are not finite are counted and compared as black.
+    /// A linear .exr file, or a .png file, whose colors are compared as linear light. Pixels that are not finite are counted and compared as
+    /// black.
     picture: PathBuf,
-    /// The reference, a .exr file of the same size.
+    /// The reference, a file of the same size.
     reference: PathBuf,
     #[command(flatten)]
     output: Output,
@@ -65,6 +69,10 @@ pub fn read_reference(path: &Path) -> Result<(UVec2, Picture), String> {
 
 /// Reads the size and the channels of a file.
 pub fn read(path: &Path) -> Result<(UVec2, Picture), String> {
+    if path.extension().is_some_and(|e| e == "png") {
+        let (size, pixels) = read_png(path)?;
+        return Ok((size, pixels.into_iter().map(|p| p.map(f64::from)).collect()));
+    }
     let (size, pixels) = exr_file::read(path)?;
     Ok((size, pixels.into_iter().map(|[r, g, b, _]| [r, g, b].map(f64::from)).collect()))
 }

@@ -56,6 +56,16 @@ fn equal_pictures_differ_by_nothing() {
 }
 
 #[test]
+fn colors_of_a_png_are_compared_as_linear_light() {
+    let folder = Folder::without_gpu("compare_png");
+    let gray = image::RgbImage::from_pixel(16, 16, image::Rgb([188, 188, 188]));
+    gray.save(folder.path("a.png")).expect("the folder can be written");
+    write(&folder, "b.exr", [16, 16], |_, _| [0.5029; 3]);
+    let found = compared(&folder, "a.png", "b.exr", &[]);
+    assert!(found["rel_mean"].as_f64().is_some_and(|difference| difference.abs() < 1e-3), "{found}");
+}
+
+#[test]
 fn a_brighter_picture_has_the_same_relative_difference_everywhere() {
     let folder = Folder::without_gpu("compare_brighter");
     write(&folder, "a.exr", [24, 16], |x, y| plain(x, y).map(|c| 1.01 * c));

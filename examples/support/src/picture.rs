@@ -2,6 +2,7 @@
 
 use bevy::{
     camera::RenderTarget,
+    color::ColorToComponents,
     prelude::*,
     render::view::screenshot::{Screenshot, ScreenshotCaptured},
 };
@@ -34,6 +35,14 @@ pub fn request(app: &mut App) -> Result<(), String> {
 pub fn take(app: &mut App) -> Result<Image, String> {
     until(app, "no picture came back", |app| app.world().resource::<Taken>().0.is_some())?;
     app.world_mut().resource_mut::<Taken>().0.take().ok_or("no picture came back".into())
+}
+
+/// Reads a picture: its size, and its colors as linear light.
+pub fn read_png(path: &Path) -> Result<(UVec2, Vec<[f32; 3]>), String> {
+    let file = image::open(path).map_err(|e| format!("{}: {e}", path.display()))?.to_rgb8();
+    let linear = |image::Rgb([r, g, b]): &image::Rgb<u8>| LinearRgba::from(Srgba::rgb_u8(*r, *g, *b));
+    let colors = file.pixels().map(|pixel| linear(pixel).to_f32_array_no_alpha()).collect();
+    Ok((UVec2::new(file.width(), file.height()), colors))
 }
 
 /// Writes a picture, complete or not at all.
