@@ -1,9 +1,8 @@
 // Rasterizes the visibility buffer, (instance, triangle) of each pixel, by vertex pulling with three vertices per triangle.  It draws the
 // same triangles that rays hit, and needs neither primitive indices nor vertex layouts.
 
-#import bevy_restir::common::constants::INSTANCE_MIRRORED
 #import bevy_restir::scene::bindings::{instances, triangles}
-#import bevy_restir::scene::triangle::transform_point
+#import bevy_restir::scene::triangle::{is_mirrored, transform_point}
 #import bevy_restir::trace::alpha::passes_alpha_test
 #import bevy_restir::view::alpha_seed::primary_alpha_seed
 #import bevy_restir::view::bindings::view
@@ -19,7 +18,7 @@ struct Corner {
 fn vertex(@builtin(vertex_index) vertex: u32, @builtin(instance_index) instance: u32) -> Corner {
     let triangle = instances[instance].first_triangle + vertex / 3u;
     // Mirroring reverses the winding; the front face stays the image of the front face in object space.
-    let mirrored = (instances[instance].flags & INSTANCE_MIRRORED) != 0u;
+    let mirrored = is_mirrored(instance);
     var corner = vertex % 3u;
     if mirrored && corner != 0u {
         corner = 3u - corner;

@@ -2,7 +2,7 @@
 #define_import_path bevy_restir::scene::surface
 
 #import bevy_restir::bsdf::types::Bsdf
-#import bevy_restir::common::constants::{ALPHA_MIN, INSTANCE_MIRRORED, MATERIAL_DOUBLE_SIDED, MATERIAL_UNLIT, NONE}
+#import bevy_restir::common::constants::{ALPHA_MIN, MATERIAL_DOUBLE_SIDED, MATERIAL_UNLIT, NONE}
 #import bevy_restir::common::guard::{GUARD_SURFACE, guard_holds, guarded_3}
 #import bevy_restir::common::math::{is_finite_3, octahedral_decode}
 #import bevy_restir::scene::bindings::{attributes, instances, materials}
@@ -12,7 +12,7 @@
 #import bevy_restir::scene::material::material_at
 #import bevy_restir::scene::offset::{offset_distance, surface_point}
 #import bevy_restir::scene::subsurface::subsurface_at
-#import bevy_restir::scene::triangle::{instance_transform, safe_normalize, stored_triangle, transform_normal, transform_vector, world_triangle}
+#import bevy_restir::scene::triangle::{instance_transform, is_mirrored, safe_normalize, stored_triangle, transform_normal, transform_vector, world_triangle}
 
 struct Surface {
     position: vec3<f32>,
@@ -90,7 +90,7 @@ struct Shape {
 // The surface as seen from `viewer`, now or (`previous`) in the last frame.
 fn shape_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, viewer: vec3<f32>, previous: bool) -> Shape {
     let t = world_triangle(instance, triangle, previous);
-    let mirrored = (instances[instance].flags & INSTANCE_MIRRORED) != 0u;
+    let mirrored = is_mirrored(instance);
     let stored = stored_triangle(instance, triangle, previous);
     let n = interpolated_normal(stored, barycentrics, instance_transform(instance, previous), mirrored, t.normal);
     let side = select(-1.0, 1.0, dot(viewer - t.corner, t.normal) > 0.0);
@@ -101,7 +101,7 @@ fn shape_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, viewer: vec3<
 fn surface_at(instance: u32, triangle: u32, barycentrics: vec2<f32>, wo: vec3<f32>, cone: Cone, previous: bool) -> Surface {
     let t = world_triangle(instance, triangle, previous);
     let m = instance_transform(instance, previous);
-    let mirrored = (instances[instance].flags & INSTANCE_MIRRORED) != 0u;
+    let mirrored = is_mirrored(instance);
     let material = instances[instance].material;
     let flags = materials[material].flags;
     let point = material_at(instance, triangle, barycentrics, t, wo, cone);

@@ -44,6 +44,11 @@ fn instance_exists(instance: u32, previous: bool) -> bool {
     return (instances[instance].flags & select(INSTANCE_GONE, INSTANCE_APPEARED, previous)) == 0u;
 }
 
+// Whether the transform of an instance mirrors it.
+fn is_mirrored(instance: u32) -> bool {
+    return (instances[instance].flags & INSTANCE_MIRRORED) != 0u;
+}
+
 // Transform of an instance, now or (`previous`) in the last frame.
 fn instance_transform(instance: u32, previous: bool) -> mat3x4<f32> {
     if previous {
@@ -95,12 +100,11 @@ fn world_triangle(instance: u32, triangle: u32, previous: bool) -> WorldTriangle
     let edge_b = transform_vector(m, t.b - t.a);
     let edge_c = transform_vector(m, t.c - t.a);
     let c = cross(edge_b, edge_c);
-    let mirrored = (instances[instance].flags & INSTANCE_MIRRORED) != 0u;
     return WorldTriangle(
         transform_point(m, t.a),
         edge_b,
         edge_c,
-        select(1.0, -1.0, mirrored) * safe_normalize(c),
+        select(1.0, -1.0, is_mirrored(instance)) * safe_normalize(c),
         0.5 * length(c),
     );
 }

@@ -8,15 +8,14 @@
 #import bevy_restir::bsdf::fresnel::schlick
 #import bevy_restir::bsdf::lobe_choice::{base_albedo, LOBE_PROBABILITY_MIN}
 #import bevy_restir::bsdf::roughness::normal_towards
-#import bevy_restir::common::constants::{INSTANCE_MIRRORED, NONE}
+#import bevy_restir::common::constants::NONE
 #import bevy_restir::common::guard::{GUARD_THROUGHPUT, guarded_3}
 #import bevy_restir::common::math::{luminance, max_component}
 #import bevy_restir::common::ray::Hit
-#import bevy_restir::scene::bindings::instances
 #import bevy_restir::scene::lobes::isotropic
 #import bevy_restir::scene::offset::{offset_distance, surface_point}
 #import bevy_restir::scene::surface::{interpolated_normal, Surface}
-#import bevy_restir::scene::triangle::{instance_transform, stored_triangle, world_triangle}
+#import bevy_restir::scene::triangle::{instance_transform, is_mirrored, stored_triangle, world_triangle}
 #import bevy_restir::subsurface::probe::{draw_probe, probe_frame, probe_pdf, probe_ray, reach_of}
 #import bevy_restir::subsurface::profile::profile
 #import bevy_restir::trace::probe_hits::{probe_distance, probe_triangle}
@@ -78,7 +77,7 @@ fn profile_per_area(radius: vec3<f32>, r: f32) -> vec3<f32> {
 // interface it crosses.
 fn entry_surface(exit: Surface, hit: Hit, previous: bool) -> Surface {
     let t = world_triangle(hit.instance, hit.triangle, previous);
-    let mirrored = (instances[hit.instance].flags & INSTANCE_MIRRORED) != 0u;
+    let mirrored = is_mirrored(hit.instance);
     let transform = instance_transform(hit.instance, previous);
     let f0 = exit.bsdf.dielectric_reflectance;
     // Mean of 1 - F over the cosine-weighted hemisphere.

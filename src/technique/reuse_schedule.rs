@@ -40,10 +40,21 @@ pub(crate) struct Iteration {
     spatial_samples: u32,
     /// Takes `disocclusion_samples` neighbors where the surface was not visible in the last frame.
     extra_at_disocclusions: bool,
-    /// Neighbors are partners, and each shift serves both of them.
-    pub paired: bool,
+    kind: IterationKind,
     /// `SUBSURFACE_*`, for the domain of light that enters objects.
     subsurface_shift: u32,
+}
+
+impl Iteration {
+    /// An iteration over the last frame without any neighbors.
+    const OVER_LAST_FRAME: Self = Self {
+        from_previous: true,
+        temporal_samples: 0,
+        spatial_samples: 0,
+        extra_at_disocclusions: false,
+        kind: IterationKind::Search,
+        subsurface_shift: 0,
+    };
 }
 
 /// The iterations of a frame, in order; at least one, which shades.
@@ -51,12 +62,9 @@ fn iterations(reuse: &Reuse) -> Vec<Iteration> {
     let temporal_samples = u32::from(reuse.temporal);
     let spatial_iterations = if reuse.spatial_samples > 0 { reuse.spatial_iterations as usize } else { 0 };
     let spatial = Iteration {
-        from_previous: true,
-        temporal_samples: 0,
         spatial_samples: reuse.spatial_samples,
         extra_at_disocclusions: true,
-        paired: false,
-        subsurface_shift: 0,
+        ..Iteration::OVER_LAST_FRAME
     };
     match reuse.order {
         ReuseOrder::Spatiotemporal => {
@@ -65,15 +73,9 @@ fn iterations(reuse: &Reuse) -> Vec<Iteration> {
             iterations
         }
         ReuseOrder::TemporalThenSpatial => {
-            let first = (temporal_samples > 0 || spatial_iterations == 0).then_some(Iteration {
-                from_previous: true,
-                temporal_samples,
-                spatial_samples: 0,
-                // The next iteration takes more neighbors, among samples of this frame.
-                extra_at_disocclusions: false,
-                paired: false,
-                subsurface_shift: 0,
-            });
+            // At disocclusions the next iteration takes more neighbors, among samples of this frame.
+            let temporal = Iteration { temporal_samples, ..Iteration::OVER_LAST_FRAME };
+            let first = (temporal_samples > 0 || spatial_iterations == 0).then_some(temporal);
             first
                 .into_iter()
                 .chain(core::iter::repeat_n(Iteration { from_previous: false, ..spatial }, spatial_iterations))
@@ -88,7 +90,9 @@ fn iterations_with_pairs(reuse: &Reuse) -> Vec<Iteration> {
     for iteration in &mut iterations {
         // A pair knows only the shifts between its two pixels, which is enough for pairwise MIS alone; and a pixel of the last frame cannot
         // reuse a sample of this one.
-        iteration.paired = reuse.paired && reuse.mis.is_pairwise() && !iteration.from_previous;
+        if reuse.paired && reuse.mis.is_pairwise() && !iteration.from_previous {
+            iteration.kind = IterationKind::Pairs;
+        }
     }
     iterations
 }
@@ -269,14 +273,7 @@ impl ReuseSchedule {
         let reuse = &settings.paths.reuse;
         let paths = Self::of_bidirectional_paths(settings);
         Self {
-            iterations: vec![Iteration {
-                from_previous: true,
-                temporal_samples: u32::from(reuse.temporal),
-                spatial_samples: 0,
-                extra_at_disocclusions: false,
-                paired: false,
-                subsurface_shift: 0,
-            }],
+            iterations: vec![Iteration { temporal_samples: u32::from(reuse.temporal), ..Iteration::OVER_LAST_FRAME }],
             common: GpuResampleSettings {
                 // All inputs are shaded, because the color of the candidates is that of all splats.
                 flags: RESAMPLE_SHADE_ALL,
@@ -294,29 +291,30 @@ impl ReuseSchedule {
 
     /// The kinds of the iterations, in order.
     pub(crate) fn iteration_kinds(&self) -> Vec<IterationKind> {
-        let kind = |iteration: &Iteration| if iteration.paired { IterationKind::Pairs } else { IterationKind::Search };
-        self.iterations.iter().map(kind).collect()
+        self.iterations.iter().map(|iteration| iteration.kind).collect()
     }
 
     /// How many shifts a pixel stores, at most, in an iteration with pairs; 0 if no iteration makes pairs.
     pub(crate) fn pair_layers(&self) -> u32 {
-        let wanted = self.iterations.iter().filter(|iteration| iteration.paired).map(|i| i.spatial_samples).max();
+        let in_pairs = self.iterations.iter().filter(|iteration| iteration.kind == IterationKind::Pairs);
+        let wanted = in_pairs.map(|iteration| iteration.spatial_samples).max();
         let layers = |wanted: u32| (wanted + SPARE_PAIR_LAYERS).max(self.common.disocclusion_samples);
         wanted.map_or(0, |wanted| layers(wanted).min(MAX_PAIR_LAYERS))
     }
 
     /// Greatest number of inputs of the resampling routine: the pixel's own sample and its neighbors.
     fn max_inputs(&self) -> u32 {
-        let in_pairs = self.iterations.iter().any(|iteration| iteration.paired);
+        let in_pairs = self.iterations.iter().any(|iteration| iteration.kind == IterationKind::Pairs);
         self.max_searched_inputs().max(if in_pairs { 1 + self.pair_layers() } else { 0 })
     }
 
     /// Greatest number of its inputs in the iterations without pairs.
     pub(crate) fn max_searched_inputs(&self) -> u32 {
-        let neighbors = self.iterations.iter().filter(|iteration| !iteration.paired).map(|iteration| {
-            let disocclusion = if iteration.extra_at_disocclusions { self.common.disocclusion_samples } else { 0 };
-            (iteration.temporal_samples + iteration.spatial_samples).max(disocclusion)
-        });
+        let neighbors =
+            self.iterations.iter().filter(|iteration| iteration.kind == IterationKind::Search).map(|iteration| {
+                let disocclusion = if iteration.extra_at_disocclusions { self.common.disocclusion_samples } else { 0 };
+                (iteration.temporal_samples + iteration.spatial_samples).max(disocclusion)
+            });
         1 + neighbors.max().unwrap_or(0)
     }
 

@@ -29,7 +29,12 @@ use super::{
 };
 use crate::{
     cpu_times::{CpuTimes, Stage},
-    scene::{SceneFeatures, storage::allocation, texture::image_info::is_live, texture::textures::TexturePool},
+    scene::{
+        SceneFeatures,
+        storage::allocation,
+        texture::image_info::{is_color_texture, is_live},
+        texture::textures::TexturePool,
+    },
     shader_library::ShaderLibrary,
     warned::Warned,
 };
@@ -155,18 +160,12 @@ fn placeholders(device: &RenderDevice) -> (TextureView, TextureView) {
 
 /// Whether an image can light the scene from all directions.
 fn is_environment(image: &GpuImage, is_cube: bool, device: &RenderDevice) -> bool {
-    let descriptor = &image.texture_descriptor;
-    let kind = descriptor.format.sample_type(None, Some(device.features()));
-    let size = descriptor.size;
+    let size = image.texture_descriptor.size;
     let fits = match is_cube {
         true => size.depth_or_array_layers == 6 && size.width == size.height,
         false => size.depth_or_array_layers == 1,
     };
-    descriptor.dimension == TextureDimension::D2
-        && descriptor.sample_count == 1
-        && descriptor.usage.contains(TextureUsages::TEXTURE_BINDING)
-        && matches!(kind, Some(TextureSampleType::Float { .. }))
-        && fits
+    fits && is_color_texture(image, device)
 }
 
 impl EnvironmentPool {

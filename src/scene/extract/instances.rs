@@ -47,6 +47,14 @@ pub(crate) struct ExtractedInstance {
     pub subsurface: Option<Subsurface>,
 }
 
+/// What the main world has in place of an entity.
+pub(crate) enum EntityState {
+    /// It is gone, or it is no mesh with a material.
+    NoMesh,
+    /// The instance; `None` if no camera sees it.
+    Mesh(Option<ExtractedInstance>),
+}
+
 /// The mesh instances of the main world, and which of them have changed.
 ///
 /// Most frames look only at the entities that have changed; [`Self::touch_all`] looks at all of them.  Both give the same list.
@@ -131,10 +139,10 @@ impl InstanceList {
         &self.posed
     }
 
-    /// Takes over the state of an entity: an instance, `Some(None)` if no camera sees it, or `None` if it is not a mesh with a material.
-    pub(crate) fn set(&mut self, entity: MainEntity, state: Option<Option<ExtractedInstance>>) {
+    /// Takes over the state of an entity.
+    pub(crate) fn set(&mut self, entity: MainEntity, state: EntityState) {
         let [before, after] = match state {
-            Some(new) => {
+            EntityState::Mesh(new) => {
                 let listed = self.all.entry(entity).or_default();
                 if *listed == new {
                     return;
@@ -142,7 +150,7 @@ impl InstanceList {
                 let after = Traits::of(new.as_ref());
                 [Traits::of(core::mem::replace(listed, new).as_ref()), after]
             }
-            None => {
+            EntityState::NoMesh => {
                 let Some(old) = self.all.remove(&entity).flatten() else { return };
                 [Traits::of(Some(&old)), Traits::default()]
             }
@@ -379,7 +387,7 @@ pub(crate) fn extract_instances(
     }
     for row in &changes.rows {
         list.visited += 1;
-        list.set(row.0.into(), Some(instances.instance(row, &sets, viewpoint)));
+        list.set(row.0.into(), EntityState::Mesh(instances.instance(row, &sets, viewpoint)));
     }
     for entity in others {
         list.touch(entity, &instances, &sets, viewpoint);
@@ -395,8 +403,11 @@ impl InstanceList {
     /// Looks at an entity.
     fn touch(&mut self, entity: MainEntity, instances: &Instances, sets: &LayerSets, viewpoint: Option<Vec3A>) {
         self.visited += 1;
-        let row = instances.all.get(*entity).ok();
-        self.set(entity, row.map(|row| instances.instance(row, sets, viewpoint)));
+        let state = match instances.all.get(*entity) {
+            Ok(row) => EntityState::Mesh(instances.instance(row, sets, viewpoint)),
+            Err(_) => EntityState::NoMesh,
+        };
+        self.set(entity, state);
     }
 
     /// Looks at every entity.
@@ -460,7 +471,7 @@ mod tests {
                 pose: None,
                 subsurface: None,
             };
-            list.set(entity, Some(Some(instance)));
+            list.set(entity, EntityState::Mesh(Some(instance)));
             list.shorten();
             assert!(list.changed.len() <= 1028, "{}", list.changed.len());
         }

@@ -5,10 +5,20 @@ use bevy::{
     image::{Image, ImageAddressMode, ImageFilterMode, ImageSampler, ImageSamplerDescriptor},
     log::warn_once,
     math::{IVec2, UVec2},
-    render::render_resource::*,
+    render::{render_resource::*, renderer::RenderDevice, texture::GpuImage},
 };
 
 use crate::scene::texture::atlas::Encoding;
+
+/// Whether shaders can read an image as a two-dimensional texture of colors, or as an array of them.
+pub(crate) fn is_color_texture(image: &GpuImage, device: &RenderDevice) -> bool {
+    let descriptor = &image.texture_descriptor;
+    let kind = descriptor.format.sample_type(None, Some(device.features()));
+    descriptor.dimension == TextureDimension::D2
+        && descriptor.sample_count == 1
+        && descriptor.usage.contains(TextureUsages::TEXTURE_BINDING)
+        && matches!(kind, Some(TextureSampleType::Float { .. }))
+}
 
 /// Flags in bits 16 to 31 of the first word of a slot; equal to those in `shaders/scene/texture.wgsl`.
 const CLAMP_U: u32 = 0x10000;

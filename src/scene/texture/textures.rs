@@ -40,7 +40,9 @@ use crate::scene::{
     texture::atlas::{Atlas, Copier},
     texture::atlas_allocator::{AtlasAllocator, Limits},
     texture::bindless::BindlessTextures,
-    texture::image_info::{BINDLESS, ImageInfo, LEVELS_SHIFT, is_live, mean_color, warn_of_lost_bits},
+    texture::image_info::{
+        BINDLESS, ImageInfo, LEVELS_SHIFT, is_color_texture, is_live, mean_color, warn_of_lost_bits,
+    },
 };
 use crate::{
     cpu_times::{CpuTimes, Stage},
@@ -372,16 +374,7 @@ impl TexturePool {
         images: &RenderAssets<GpuImage>,
         device: &RenderDevice,
     ) -> bool {
-        let is_supported = |id: &AssetId<Image>| {
-            images.get(*id).is_some_and(|image| {
-                let descriptor = &image.texture_descriptor;
-                let kind = descriptor.format.sample_type(None, Some(device.features()));
-                descriptor.dimension == TextureDimension::D2
-                    && descriptor.sample_count == 1
-                    && descriptor.usage.contains(TextureUsages::TEXTURE_BINDING)
-                    && matches!(kind, Some(TextureSampleType::Float { .. }))
-            })
-        };
+        let is_supported = |id: &AssetId<Image>| images.get(*id).is_some_and(|image| is_color_texture(image, device));
         let mut moved = false;
         for id in new.extract_if(.., |id| !is_supported(id)) {
             if self.warned.is_due(id) {

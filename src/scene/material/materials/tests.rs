@@ -1,7 +1,7 @@
 //! Slots of materials that come, change and go.
 
 use super::*;
-use crate::scene::extract::instances::ExtractedInstance;
+use crate::scene::extract::instances::{EntityState, ExtractedInstance};
 use bevy::{asset::uuid::Uuid, color::Color, ecs::entity::Entity, math::Affine3A};
 
 fn id(number: u32) -> AssetId<StandardMaterial> {
@@ -30,7 +30,7 @@ fn frame(pool: &mut MaterialPool, added: &[u32], removed: &[u32], used: &[u32]) 
     scene.materials.extend(added.iter().map(|&n| (id(n), gray(n))));
     scene.removed_materials.extend(removed.iter().map(|&n| id(n)));
     for instance in used.iter().map(|&n| instance(n)) {
-        scene.instances.set(instance.entity, Some(Some(instance)));
+        scene.instances.set(instance.entity, EntityState::Mesh(Some(instance)));
     }
     pool.dirty.clear();
     pool.update_sources(&mut scene);
