@@ -264,7 +264,8 @@ impl Restir {
 
 /// Luminance of `StandardMaterial::emissive` = 1 where `emissive_exposure_weight` is 0, and of a base color of 1 of an `unlit` material,
 /// cd/m², for the whole app.  Larger values make emissive surfaces and the light that they cast brighter.  An app whose exposure is not
-/// Bevy's default sets it by [`EmissiveLuminance::for_exposure`], so that lamps look as bright as Bevy draws them.  At least 0 and finite; default about 998.
+/// Bevy's default sets it by [`EmissiveLuminance::for_exposure`], so that lamps look as bright as Bevy draws them.  At least 0 and finite;
+/// default about 998.
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Resource, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

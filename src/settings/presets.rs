@@ -16,8 +16,8 @@ pub enum Preset {
     /// motion, paths miss light that was hidden from their later vertices in the last frame (darker; [`SuffixRetrace::ForwardOnly`]).
     /// Single bright pixels are limited (darker; [`Restir::firefly_limit`]), and the denoiser blurs fine shadows ([`Restir::denoiser`]).
     Performance,
-    /// The default.  Eight bounces: later light is missing (darker).  Single bright pixels are limited (darker; [`Restir::firefly_limit`]), and the denoiser
-    /// blurs fine shadows ([`Restir::denoiser`]).  No other bias.
+    /// The default.  Eight bounces: later light is missing (darker).  Single bright pixels are limited (darker; [`Restir::firefly_limit`]),
+    /// and the denoiser blurs fine shadows ([`Restir::denoiser`]).  No other bias.
     #[default]
     Balanced,
     /// As `Balanced`, with sixteen bounces, and only brighter pixels are limited (10 times the brightest pixel around, instead of 2.5).

@@ -355,38 +355,6 @@ fn environments_light_by_color_and_by_file() {
     }
 }
 
-#[test]
-fn animate_plays_the_first_animation() {
-    let Some(folder) = Folder::new("animation") else { return };
-    // The quad leaves the image within half a second.
-    let scene = folder.gltf("scene.gltf", &gltf::Scene { animated: true, ..Default::default() });
-    let picture = |more: &[&str]| {
-        let fixed = ["--technique", "di", "--size", "9x9", "--frames", "40", "--output", "last", "--out", "out.exr"];
-        folder.render(&scene, &[&fixed[..], &FEW_PASSES, more].concat()).succeeded();
-        Exr::read(&folder.path("out.exr")).at(4, 4)
-    };
-    assert_eq!(picture(&[]), [1.0, 2.0, 3.0], "still");
-    assert_eq!(picture(&["--animate"]), [0.0; 3], "moving");
-    // The same motion of the camera.
-    let camera = gltf::Scene {
-        animated: true,
-        edit_json: |file| file["animations"][0]["channels"][0]["target"]["node"] = 1.into(),
-        ..Default::default()
-    };
-    folder.gltf("scene.gltf", &camera);
-    assert_eq!(picture(&[]), [1.0, 2.0, 3.0], "a still camera");
-    assert_eq!(picture(&["--animate"]), [0.0; 3], "a camera that moves");
-    folder.gltf("scene.gltf", &gltf::Scene { animated: true, ..Default::default() });
-    let moving = ["--technique", "di", "--animate", "--size", "9x9", "--frames", "4", "--out"];
-    let run = folder.render(&scene, &[&moving[..], &["out.png"], &FEW_PASSES].concat());
-    run.succeeded();
-    assert!(run.stderr.contains("shows its last frame"), "{}", run.stderr);
-    // A file without an animation stays still.
-    let still = folder.gltf("still.gltf", &gltf::Scene::default());
-    folder.render(&still, &[&moving[..], &["out.exr"], &FEW_PASSES].concat()).succeeded();
-    assert_eq!(Exr::read(&folder.path("out.exr")).at(4, 4), [1.0, 2.0, 3.0]);
-}
-
 /// Fields of the file of `--stats`.
 const STATISTICS: [&str; 23] = [
     "adapter",
