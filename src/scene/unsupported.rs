@@ -3,9 +3,13 @@
 use bevy::{
     ecs::prelude::*,
     light::{DirectionalLight, DirectionalLightTexture, PointLight, PointLightTexture, SpotLight, SpotLightTexture},
-    log::warn_once,
+    log::{warn, warn_once},
     mesh::Mesh3d,
-    pbr::{Lightmap, MeshMaterial3d, StandardMaterial},
+    pbr::{
+        ContactShadows, DistanceFog, Lightmap, MeshMaterial3d, ScreenSpaceAmbientOcclusion, ScreenSpaceReflections,
+        StandardMaterial,
+    },
+    platform::collections::HashSet,
     render::Extract,
 };
 
@@ -18,6 +22,11 @@ pub(crate) fn warn_of_unsupported(
     spots: Extract<Query<Entity, (With<SpotLight>, With<SpotLightTexture>)>>,
     suns: Extract<Query<Entity, (With<DirectionalLight>, With<DirectionalLightTexture>)>>,
     lightmaps: Extract<Query<Entity, (With<Lightmap>, With<Mesh3d>, With<MeshMaterial3d<StandardMaterial>>)>>,
+    fog: Extract<Query<Entity, (With<Restir>, With<DistanceFog>)>>,
+    reflections: Extract<Query<Entity, (With<Restir>, With<ScreenSpaceReflections>)>>,
+    occlusion: Extract<Query<Entity, (With<Restir>, With<ScreenSpaceAmbientOcclusion>)>>,
+    shadows: Extract<Query<Entity, (With<Restir>, With<ContactShadows>)>>,
+    mut warned: Local<HashSet<&'static str>>,
 ) {
     if cameras.is_empty() {
         return;
@@ -37,5 +46,22 @@ pub(crate) fn warn_of_unsupported(
     }
     if let Some(entity) = lightmaps.iter().next() {
         warn_once!("restir: lightmaps are not used, because paths are traced instead (entity {entity})");
+    }
+    if let Some(camera) = fog.iter().next() {
+        warn_once!("restir: DistanceFog of camera {camera} does not dim surfaces that this plugin lights");
+    }
+    for (component, camera) in [
+        ("ScreenSpaceReflections", reflections.iter().next()),
+        ("ScreenSpaceAmbientOcclusion", occlusion.iter().next()),
+        ("ContactShadows", shadows.iter().next()),
+    ] {
+        if let Some(camera) = camera
+            && warned.insert(component)
+        {
+            warn!(
+                "restir: {component} of camera {camera} has no effect on surfaces that this plugin lights; remove it, because Bevy \
+                 still runs its passes"
+            );
+        }
     }
 }

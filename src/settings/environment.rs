@@ -20,7 +20,7 @@ use bevy::{
 /// # use bevy_restir::prelude::*;
 /// fn setup(mut commands: Commands, assets: Res<AssetServer>) {
 ///     // Bevy loads .hdr files with its feature `hdr`, which is on by default, and .exr files with `exr`.
-///     let sky = RestirEnvironment { image: Some(assets.load("sky.hdr")), intensity: 2000.0, ..default() };
+///     let sky = RestirEnvironment::from_image(assets.load("sky.hdr"), 2000.0);
 ///     commands.spawn((Camera3d::default(), Restir::default(), sky));
 /// }
 /// ```
@@ -37,6 +37,18 @@ pub struct RestirEnvironment {
     pub intensity: f32,
     /// Rotates the environment: takes its directions to world space.  Changing it keeps the history.  Default: identity.
     pub rotation: Quat,
+}
+
+impl RestirEnvironment {
+    /// The same radiance from every direction, cd/m².
+    pub fn uniform(color: LinearRgba) -> Self {
+        Self { color, ..Self::default() }
+    }
+
+    /// An equirectangular image, whose values are cd/m² after multiplication with `intensity`.
+    pub fn from_image(image: Handle<Image>, intensity: f32) -> Self {
+        Self { image: Some(image), intensity, ..Self::default() }
+    }
 }
 
 impl Default for RestirEnvironment {

@@ -6,7 +6,7 @@ use bevy::{
     camera::{Viewport, primitives::CubemapLayout},
     light::{DirectionalLightTexture, PointLightTexture, SpotLightTexture},
     mesh::{Indices, PrimitiveTopology},
-    pbr::Lightmap,
+    pbr::{ContactShadows, DistanceFog, Lightmap},
     prelude::*,
     render::render_resource::TextureFormat,
 };
@@ -364,6 +364,7 @@ fn each_unsupported_lighting_feature_is_warned_about_once() {
         lights.push(rig.spawn_bundle((DirectionalLight::default(), texture)));
     }
     rig.insert(shape, Lightmap { image, ..default() });
+    rig.insert(rig.camera, (DistanceFog::default(), ContactShadows::default()));
     let picture = rig.picture(4);
     assert!(picture.is_finite() && picture.center().x > 0.0, "the picture is finite and lit");
     assert_eq!(rig.report().lights, 6);
@@ -372,5 +373,9 @@ fn each_unsupported_lighting_feature_is_warned_about_once() {
     for (what, entity) in named.into_iter().chain([("lightmaps", shape)]) {
         let warnings = log::warnings(&format!("restir: {what}"));
         assert!(warnings.len() == 1 && warnings[0].contains(&entity.to_string()), "{what}, {entity}: {warnings:?}");
+    }
+    for effect in ["DistanceFog", "ContactShadows"] {
+        let warnings = log::own_warnings(&format!("restir: {effect} of camera {}", rig.camera));
+        assert_eq!(warnings.len(), 1, "{effect}: {warnings:?}");
     }
 }

@@ -35,7 +35,7 @@ fn setup(mut commands: Commands, mut meshes: ResMut<Assets<Mesh>>, mut materials
 
     let eye = Transform::from_xyz(0.0, 2.0, 5.0).looking_at(Vec3::new(0.0, 0.7, 0.0), Vec3::Y);
     // Bevy's default exposure shows 1,000 cd/m² as white.
-    let sky = RestirEnvironment { color: LinearRgba::rgb(200.0, 320.0, 560.0), ..default() };
+    let sky = RestirEnvironment::uniform(LinearRgba::rgb(200.0, 320.0, 560.0));
     commands.spawn((Camera3d::default(), eye, Restir::default(), sky));
 }
 
