@@ -4,7 +4,7 @@ use bevy::reflect::{Reflect, std_traits::ReflectDefault};
 
 use super::validate::{Problem, Ranges};
 
-/// What light paths are used for in [`Technique::Bdpt`](super::Technique::Bdpt).  Camera paths always find light by hits of lights and by
+/// Uses of light paths in [`Technique::Bdpt`](super::Technique::Bdpt).  Camera paths always find light by hits of lights and by
 /// next-event estimation, and are resampled.  The variants differ in noise and cost, not in bias.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Reflect)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -34,13 +34,13 @@ pub struct Bdpt {
     /// cannot bind that many traces fewer, with a warning.  With 0, lights are found from the camera only.  No bias.  0 to 8, and at most
     /// 16,777,216 in all; default 1.
     pub light_paths: f32,
-    /// What light paths are used for.  Default: [`LightTechniques::Full`].
+    /// Uses of light paths.  Default: [`LightTechniques::Full`].
     pub techniques: LightTechniques,
-    /// Weight of a resampled camera path against a light path in their MIS weights: pixels share camera paths, but not light paths.  For
-    /// light that arrives by a mirror or through glass, which next-event estimation cannot find, the factor favors the light path.  Larger
-    /// values give less noise in light that resampling finds well, and more where light paths would have found it better.  A connection
-    /// has the square root of this weight.  Without reuse it has no effect, unless the order is `Spatiotemporal`.  No cost, no bias.  1 to
-    /// 1000; default 16; other values have not been measured.
+    /// Number of samples that one resampled camera path counts as in the MIS weights, because pixels share camera paths but not light paths; a
+    /// connection counts as its square root.  For light that arrives by a mirror or through glass, which next-event estimation cannot find,
+    /// the factor favors the light path.  Larger values give less noise in light that resampling finds well, and more where light paths
+    /// would have found it better.  Without reuse it has no effect, unless the order is `Spatiotemporal`.  No cost, no bias.  1 to 1000;
+    /// default 16; other values have not been measured.
     pub reuse_gain: f32,
 }
 

@@ -33,52 +33,63 @@ pub enum DebugView {
     Normals,
     /// Base color.
     Albedo,
-    /// Lights of the stored samples, in false colors; black: no sample.  This view and the next four need
-    /// [`Technique::Di`](super::Technique::Di), [`Technique::Gi`](super::Technique::Gi), or [`Technique::Pt`](super::Technique::Pt) with
+    /// Lights of the stored samples, in false colors; black: no sample.  Needs direct light in reservoirs of its
+    /// own: [`Technique::Di`](super::Technique::Di), [`Technique::Gi`](super::Technique::Gi), or [`Technique::Pt`](super::Technique::Pt) with
     /// [`Paths::separate_direct_light`](super::Paths::separate_direct_light).
     ReservoirLights,
-    /// Position of the stored sample on its light: two coordinates from 0 to 1, in red and green.
+    /// Position of the stored sample on its light: two coordinates from 0 to 1, in red and green.  Needs the techniques of
+    /// [`Self::ReservoirLights`].
     ReservoirPoints,
-    /// Unbiased contribution weights of the stored samples, in the measure of their lights.
+    /// Unbiased contribution weights of the stored samples, in the measure of their lights.  Needs the techniques of
+    /// [`Self::ReservoirLights`].
     ReservoirWeights,
-    /// Confidence of the reservoirs, in frames' worth of candidates.
+    /// Confidence of the reservoirs, in frames' worth of candidates.  Needs the techniques of
+    /// [`Self::ReservoirLights`].
     ReservoirConfidence,
-    /// Visibility of the stored sample when it was shaded: green, or red where it was occluded; black: no sample.
+    /// Visibility of the stored sample when it was shaded: green, or red where it was occluded; black: no sample.  Needs the techniques of
+    /// [`Self::ReservoirLights`].
     ReservoirVisibility,
     /// Ends of the stored paths: next-event estimation in red, an emitter that was hit in green, the environment in blue, a connection with
-    /// a light path in yellow.  This view and the next seven need [`Technique::Pt`](super::Technique::Pt), [`Technique::Gi`](super::Technique::Gi) or
+    /// a light path in yellow.  Needs [`Technique::Pt`](super::Technique::Pt), [`Technique::Gi`](super::Technique::Gi) or
     /// [`Technique::Bdpt`](super::Technique::Bdpt).
     PathEnds,
-    /// Scattering events of the stored paths.
+    /// Scattering events of the stored paths.  Needs the techniques of
+    /// [`Self::PathEnds`].
     PathLengths,
-    /// Index of the reconnection vertex, from 2; 0: the whole path is replayed.
+    /// Index of the reconnection vertex, from 2; 0: the whole path is replayed.  Needs the techniques of
+    /// [`Self::PathEnds`].
     PathReconnections,
-    /// Unbiased contribution weights of the stored paths, in their own measure.
+    /// Unbiased contribution weights of the stored paths, in their own measure.  Needs the techniques of
+    /// [`Self::PathEnds`].
     PathWeights,
-    /// Confidence of the reservoirs, in frames' worth of candidates.
+    /// Confidence of the reservoirs, in frames' worth of candidates.  Needs the techniques of
+    /// [`Self::PathEnds`].
     PathConfidence,
-    /// Frames since the stored paths were sampled.
+    /// Frames since the stored paths were sampled.  Needs the techniques of
+    /// [`Self::PathEnds`].
     PathAges,
-    /// Reason why a stored path cannot be shifted 8 pixels to the right, in false colors; white: it can.
+    /// Reason why a stored path cannot be shifted 8 pixels to the right, in false colors; white: it can.  Needs the techniques of
+    /// [`Self::PathEnds`].
     PathShifts,
-    /// Jacobian of that shift; 0 where it is undefined; 1 for `Gi`, whose measure needs none.
+    /// Jacobian of that shift; 0 where it is undefined; 1 for `Gi`, whose measure needs none.  Needs the techniques of
+    /// [`Self::PathEnds`].
     PathJacobians,
     /// Rays that the technique traced for a pixel in this frame.
     Rays,
     /// Scattering events of a path of the reference tracer after the first surface, whatever the technique: 0 where there is no surface or
     /// all light is absorbed, at most [`Restir::bounces`](super::Restir::bounces).  Russian roulette ends paths from the third event on.
     Bounces,
-    /// Techniques (s, t) that found the stored paths: s vertices from the light in red, t from the camera in green.  This view and the next
-    /// four need [`Technique::Bdpt`](super::Technique::Bdpt), and the next four also need other
-    /// [`Bdpt::techniques`](super::Bdpt::techniques) than [`LightTechniques::NoLightTracing`](super::LightTechniques::NoLightTracing).
+    /// Techniques (s, t) that found the stored paths: s vertices from the light in red, t from the camera in green.  Needs
+    /// [`Technique::Bdpt`](super::Technique::Bdpt).
     PathTechniques,
-    /// Scattering events of the stored light paths, which the camera sees (t = 1).
+    /// Scattering events of the stored light paths, which the camera sees (t = 1).  Needs [`Technique::Bdpt`](super::Technique::Bdpt) with
+    /// other [`Bdpt::techniques`](super::Bdpt::techniques) than [`LightTechniques::NoLightTracing`](super::LightTechniques::NoLightTracing).
     LightPathLengths,
-    /// Unbiased contribution weights of the stored light paths, in their own measure.
+    /// Unbiased contribution weights of the stored light paths, in their own measure.  Needs the techniques of [`Self::LightPathLengths`].
     LightPathWeights,
-    /// Confidence of the reservoirs of light paths, in frames' worth of candidates.
+    /// Confidence of the reservoirs of light paths, in frames' worth of candidates.  Needs the techniques of [`Self::LightPathLengths`].
     LightPathConfidence,
-    /// Frames since the stored light paths were sampled.
+    /// Frames since the stored light paths were sampled.  Needs the techniques of [`Self::LightPathLengths`].
     LightPathAges,
     /// The diffuse part of the light, cd/m²: what the surface of a pixel reflects or transmits diffusely, and light that leaves a body with
     /// [`Subsurface`](crate::Subsurface).  This view and the next one run whole frames of the technique, with its history, and have the

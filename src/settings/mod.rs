@@ -122,7 +122,8 @@ pub struct Restir {
     pub bounces: u32,
     /// Traced pixels for each pixel of the viewport, in width and in height.  With 0.5, a frame takes about a third of the time and of the
     /// memory for pixels.  Below 1, light is interpolated between traced pixels that show the same surface: edges of objects, depth and motion
-    /// vectors keep their resolution, textures and shadows are blurred.  Objects that no traced pixel shows take the light of others.
+    /// vectors keep their resolution, textures and shadows are blurred (with [`Restir::accumulate`], edges are, too).  Objects that no traced
+    /// pixel shows take the light of others.
     /// [`RadianceCapture`](crate::RadianceCapture) holds the traced pixels.  0.25 to 1; default 1.
     pub resolution_scale: f32,
     /// Frames in which primary rays are jittered within the pixel, which smooths edges in means of frames.  No cost.  No bias, except for

@@ -26,9 +26,9 @@ pub enum Reconnection {
     /// After a rough lobe, where the product of both densities is small enough (Eq. 27).  It seldom reconnects between two glossy surfaces:
     /// more noise in glossy reflections.  For comparison.
     JacobianBound,
-    /// After a rough lobe, where the path has spread beyond the pixel's footprint (Müller et al. 2021, as ibid., 11).  It does not look at
-    /// the surface that it reconnects to, so that paths through glass and mirrors are not reused: caustics and reflections have more noise.
-    /// [`Paths::footprint`] from 2 on helps them, with less reuse on diffuse surfaces.  For comparison.
+    /// After a rough lobe, where the path has spread beyond the pixel's footprint (Müller et al. 2021, as in the supplement of Lin et al. 2026,
+    /// 11).  It does not look at the surface that it reconnects to, so that paths through glass and mirrors are not reused: caustics and
+    /// reflections have more noise.  [`Paths::footprint`] from 2 on helps them, with less reuse on diffuse surfaces.  For comparison.
     PathFootprint,
     /// Between rough lobes that are a distance apart (Lin et al. 2022).  The distance must suit the scene.
     Distance,

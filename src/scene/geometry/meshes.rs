@@ -219,7 +219,10 @@ pub(crate) fn finish_meshes(
         newest.map(|task| running.task = task).is_some()
     });
     for id in scene.instances.take_newly_shown() {
-        done.extend(pool.unused.remove(&id).map(|blas| (id, (Ok(Some(*blas)), Dropped::default()))));
+        let is_replaced = done.iter().any(|(other, _)| *other == id);
+        if let Some(blas) = pool.unused.remove(&id).filter(|_| !is_replaced) {
+            done.push((id, (Ok(Some(*blas)), Dropped::default())));
+        }
     }
     let is_unused = |id: AssetId<Mesh>| scene.instances.users_of_mesh(id).next().is_none();
     // Sorted, so that the layout of the buffers does not depend on the order in which tasks end.

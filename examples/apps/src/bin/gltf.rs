@@ -1,4 +1,4 @@
-//! A glTF file in an ordinary Bevy app: its camera gets `Restir`. Keys 1 to 4 choose a preset.
+//! A glTF file in an ordinary Bevy app: its camera gets `Restir`, so that the file needs a camera and lights. Keys 1 to 4 choose a preset.
 //!
 //! `cargo run -p bevy_restir_apps --bin gltf -- FILE.glb`; without a file it shows a cornell box.
 
@@ -24,7 +24,7 @@ fn load(mut commands: Commands, assets: Res<AssetServer>) {
     commands.spawn(WorldAssetRoot(assets.load(GltfAssetLabel::Scene(0).from_asset(path))));
 }
 
-/// Lights what the camera of the file sees.
+/// Gives `Restir` to the camera of the file.
 fn light(mut commands: Commands, cameras: Query<Entity, Added<Camera3d>>) {
     for camera in &cameras {
         commands.entity(camera).insert(Restir::default());
