@@ -33,8 +33,8 @@ pub enum Mis {
     Balance,
     /// Each neighbor against the pixel's own sample, by confidence (Wyman et al. 2023, 7.1.3).  2k target evaluations.
     Pairwise,
-    /// As `Pairwise`, with a share of the weight reserved for the pixel's own sample by its confidence (Wyman et al. 2023, 7.1.3).  Safest where neighbors
-    /// have long histories.
+    /// As `Pairwise`, with a share of the weight reserved for the pixel's own sample by its confidence (Wyman et al. 2023, 7.1.3).  Safest
+    /// where neighbors have long histories.
     DefensivePairwise,
     /// Each neighbor against a share of 1/k of the pixel's own sample, with 1/(k + 1) of the weight reserved for that sample (Lin et al.
     /// 2022, Eq. 38; Lanz 2025, Eqs. 28-29).  For neighbors of similar confidence.
