@@ -47,7 +47,7 @@ pub(crate) struct ExtractedInstance {
     pub subsurface: Option<Subsurface>,
 }
 
-/// What the main world has in place of an entity.
+/// The state of an entity in the main world.
 pub(crate) enum EntityState {
     /// It is gone, or it is no mesh with a material.
     NoMesh,
