@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use crate::{
     frame::SPAN_PREFIX,
     report::RestirStatistics,
-    settings::{BudgetStep, Restir, RestirBudget},
+    settings::{Reduction, Restir, RestirBudget},
 };
 
 /// Number of measurements to ignore after a change of the step, because they may still belong to the step before.
@@ -126,28 +126,32 @@ pub(crate) fn keep_budget(
     cameras: Query<(Entity, &Restir)>,
     diagnostics: Option<Res<DiagnosticsStore>>,
     statistics: Res<RestirStatistics>,
-    mut step: ResMut<BudgetStep>,
+    mut reduction: ResMut<Reduction>,
     mut controller: Local<Controller>,
-    mut settings: Local<Vec<Restir>>,
+    mut measured: Local<(Vec<Restir>, f32)>,
     mut newest: Local<Option<Instant>>,
     mut frames_without_time: Local<u32>,
 ) {
-    let limit = budget.map_or(0.0, |budget| budget.gpu_ms);
+    let RestirBudget { gpu_ms: limit, least_resolution_scale } = budget.map_or_else(RestirBudget::default, |budget| *budget);
+    // NaN leaves the resolution as it is.
+    let least_resolution_scale = least_resolution_scale.clamp(Restir::LEAST_RESOLUTION_SCALE, 1.0).min(1.0);
     if limit <= 0.0 || limit.is_nan() {
         *controller = Controller::default();
         statistics.set_budget_step(0);
-        step.set_if_neq(BudgetStep(0));
+        reduction.set_if_neq(Reduction::default());
         return;
     }
     // Also of inactive cameras: one that renders every second frame must not begin the measurement again each time.
     let by_camera: BTreeMap<Entity, &Restir> = cameras.iter().collect();
     let now: Vec<Restir> = by_camera.into_values().map(cost_of).collect();
-    let last = now.iter().map(Restir::reducible_steps).max().unwrap_or(0);
-    if *settings != now {
+    let last = now.iter().map(|settings| settings.reducible_steps(least_resolution_scale)).max().unwrap_or(0);
+    let has_cameras = !now.is_empty();
+    let now = (now, least_resolution_scale);
+    if *measured != now {
         // Times that were measured with other settings do not hold for these.
         *controller = Controller { step: controller.step.min(last), ..Controller::default() };
         controller.interrupt();
-        *settings = now;
+        *measured = now;
     }
     match diagnostics.and_then(|store| frame_time(&store, SPAN_PREFIX)) {
         Some((time, ms)) if *newest != Some(time) => {
@@ -162,13 +166,13 @@ pub(crate) fn keep_budget(
         // Before the first of our frames there is nothing to measure.
         _ => *frames_without_time += u32::from(statistics.shows_settings()),
     }
-    if *frames_without_time > PATIENCE && newest.is_none() && !settings.is_empty() {
+    if *frames_without_time > PATIENCE && newest.is_none() && has_cameras {
         warn_once!(
             "restir: RestirBudget has no effect, because no GPU times arrive: it needs RenderDiagnosticsPlugin and a device with timestamps"
         );
     }
     statistics.set_budget_step(controller.step);
-    step.set_if_neq(BudgetStep(controller.step));
+    reduction.set_if_neq(Reduction { steps: controller.step, least_resolution_scale });
 }
 
 /// Settings that are equal if their frames take equally long: without those that an app may change in every frame at no cost.
@@ -301,8 +305,8 @@ mod tests {
             statistics.set_shows_settings(shows_settings);
             assert!(!statistics.report().ready);
             let mut world = World::new();
-            world.insert_resource(RestirBudget { gpu_ms: 5.0 });
-            world.insert_resource(BudgetStep::default());
+            world.insert_resource(RestirBudget { gpu_ms: 5.0, ..Default::default() });
+            world.insert_resource(Reduction::default());
             world.insert_resource(store);
             world.insert_resource(statistics);
             world.spawn(Restir::default());
@@ -321,7 +325,7 @@ mod tests {
                 }
                 schedule.run(&mut world);
             }
-            world.resource::<BudgetStep>().0
+            world.resource::<Reduction>().steps
         };
         assert!(step_after(true, false) > 0, "the frames are too long");
         assert!(step_after(true, true) > 0, "a camera that is switched on and off is no reason to measure again");

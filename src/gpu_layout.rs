@@ -106,7 +106,7 @@ pub struct GpuSceneUniforms {
     pub shapes_root: u32,
     pub shapes_indices: u32,
     pub sun_count: u32,
-    pub pad: u32,
+    pub environment_limit: f32,
     pub previous_center: [f32; 3],
     pub previous_radius: f32,
 }

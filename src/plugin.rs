@@ -23,7 +23,7 @@ use crate::{
     report::{self, RestirStatistics},
     scene,
     settings::{
-        BudgetStep, EmissiveLuminance, RayBackend, Restir, RestirBudget, RestirEnvironment, RestirIgnore,
+        EmissiveLuminance, RayBackend, Reduction, Restir, RestirBudget, RestirEnvironment, RestirIgnore,
         RestirMaterial, Subsurface,
     },
     shader_library::ShaderLibrary,
@@ -68,7 +68,7 @@ impl Plugin for RestirPlugin {
             .register_type::<Subsurface>()
             .register_type::<EmissiveLuminance>()
             .register_type::<RestirStatus>()
-            .init_resource::<BudgetStep>()
+            .init_resource::<Reduction>()
             .init_resource::<EmissiveLuminance>()
             .init_resource::<RestirStatus>()
             .init_resource::<RestirStatistics>();

@@ -47,7 +47,7 @@ pub struct RestirReport {
     /// One frame may count for several reasons.  Techniques without a history count nothing.
     pub history_resets: Vec<(&'static str, u64)>,
     /// How far [`RestirBudget`](crate::RestirBudget) reduces the settings of all cameras: the argument of
-    /// [`Restir::reduced`](crate::Restir::reduced).
+    /// [`Restir::reduced`](crate::Restir::reduced).  Steps after its last one reduce the traced resolution.
     pub budget_step: u32,
     /// CPU time of each stage of the last frame, ms: the plugin's own work, without the later work of Bevy and the driver.  Stages run one
     /// after another, so that their sum is the time of all.

@@ -118,7 +118,7 @@ fn fly(
 ) -> Result<Flight, String> {
     let start = bench.place();
     if let Some(gpu_ms) = limit {
-        bench.app().insert_resource(RestirBudget { gpu_ms });
+        bench.app().insert_resource(RestirBudget { gpu_ms, ..Default::default() });
     }
     let mut passes = Times::default();
     let mut flight = Flight { times: Vec::new(), steps: Vec::new() };

@@ -170,7 +170,7 @@ fn within_budget(app: &mut App, gpu_ms: f32, settings: Restir) -> Result<(Restir
     /// Frames after which it is final in any case.
     const MOST: u32 = 600;
     let step_of = |app: &App| app.world().resource::<RestirStatistics>().report().budget_step;
-    app.insert_resource(RestirBudget { gpu_ms });
+    app.insert_resource(RestirBudget { gpu_ms, ..Default::default() });
     let (mut step, mut steady) = (0, 0);
     let mut times = Times::default();
     for _ in 0..MOST {

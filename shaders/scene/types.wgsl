@@ -16,7 +16,7 @@ struct SceneUniforms {
     shapes_root: u32,          // like `tlas_root`, for the tree over spherical and rectangular lights
     shapes_indices: u32,       // like `tlas_indices`: the list of these lights
     sun_count: u32,            // number of suns with a disk, which are the first lights of the table
-    pad: u32,
+    environment_limit: f32,    // largest probability of the environment beside the lights of the table
     previous_center: vec3<f32>, // sphere around all instances in the last frame
     previous_radius: f32,
 }

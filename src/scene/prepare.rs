@@ -209,7 +209,7 @@ fn uniforms(pools: &Pools) -> GpuSceneUniforms {
         shapes_root,
         shapes_indices,
         sun_count: lights.sun_count(),
-        pad: 0,
+        environment_limit: lights.environment_limit,
         previous_center: instances.top.previous_sphere.0,
         previous_radius: instances.top.previous_sphere.1,
     }

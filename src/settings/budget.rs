@@ -9,10 +9,11 @@ use super::{Restir, Reuse, ReuseOrder, Technique};
 
 /// Keeps the GPU time of lighting below a limit: where a camera's [`Restir`] would take longer, its number of samples is reduced
 /// ([`Restir::reduced`]), and it is raised again when the scene gets cheaper.  Fewer samples give more noise; they add no bias, and the
-/// history of earlier frames stays.
+/// history of earlier frames stays.  If fewer samples are not enough, [`least_resolution_scale`](Self::least_resolution_scale) lets the
+/// traced resolution fall, too.
 ///
-/// The limit is kept on average over some frames, and only as far as the number of samples can keep it: bounces, technique and resolution
-/// are never changed, nor are the light paths of [`Technique::Bdpt`] and the samples of [`Restir::subsurface`].
+/// The limit is kept on average over some frames, and only as far as samples and resolution can keep it: bounces and technique are never
+/// changed, nor are the light paths of [`Technique::Bdpt`] and the samples of [`Restir::subsurface`].
 /// [`RestirReport::budget_step`](crate::RestirReport::budget_step) says how far the settings are reduced.
 ///
 /// Needs Bevy's `RenderDiagnosticsPlugin` and a device that measures GPU times (Vulkan or DirectX 12).  Without them there is one warning,
@@ -24,7 +25,7 @@ use super::{Restir, Reuse, ReuseOrder, Technique};
 /// # fn build(app: &mut App) {
 /// use bevy::render::diagnostic::RenderDiagnosticsPlugin;
 ///
-/// app.add_plugins(RenderDiagnosticsPlugin).insert_resource(RestirBudget { gpu_ms: 8.0 });
+/// app.add_plugins(RenderDiagnosticsPlugin).insert_resource(RestirBudget { gpu_ms: 8.0, ..default() });
 /// # }
 /// ```
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Reflect)]
@@ -34,11 +35,32 @@ pub struct RestirBudget {
     /// GPU time of all passes of the plugin (time spans `restir/...`) of all cameras in a frame, ms.  Without effect unless it is above 0.
     /// Bevy measures at most 128 passes in a frame, its own included: from the fifth camera on, the time of some of ours is missing.
     pub gpu_ms: f32,
+    /// Least [`Restir::resolution_scale`] that the budget may choose where the fewest samples still take too long.  Each step traces 0.8 times
+    /// the width and the height, and begins the camera's history anew, which is visible as noise for some frames.  Cameras with
+    /// [`Restir::accumulate`] keep their resolution.  0.25 to 1; default 1: the resolution stays.
+    pub least_resolution_scale: f32,
 }
 
-/// The step that cameras use now: the argument of [`Restir::reduced`].
-#[derive(Resource, Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct BudgetStep(pub u32);
+impl Default for RestirBudget {
+    fn default() -> Self {
+        Self { gpu_ms: 0.0, least_resolution_scale: 1.0 }
+    }
+}
+
+/// How far the settings of cameras are reduced now.
+#[derive(Resource, Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Reduction {
+    /// Number of steps.
+    pub steps: u32,
+    /// Least resolution scale of these steps.
+    pub least_resolution_scale: f32,
+}
+
+impl Default for Reduction {
+    fn default() -> Self {
+        Self { steps: 0, least_resolution_scale: 1.0 }
+    }
+}
 
 impl Restir {
     /// These settings with fewer samples, as [`RestirBudget`] uses them.  Each step makes one reduction.  Paths come first, then direct
@@ -47,9 +69,14 @@ impl Restir {
     /// candidates of direct light are halved, down to 4.  Steps after the last one change nothing.  Fields out of range are clamped.
     #[must_use]
     pub fn reduced(&self, step: u32) -> Self {
+        self.reduced_by(Reduction { steps: step, ..Reduction::default() })
+    }
+
+    /// These settings with fewer samples, and after these steps with fewer traced pixels.
+    pub(crate) fn reduced_by(&self, reduction: Reduction) -> Self {
         let mut settings = self.clone().clamped();
-        for _ in 0..step {
-            if !settings.reduce() {
+        for _ in 0..reduction.steps {
+            if !settings.reduce(reduction.least_resolution_scale) {
                 break;
             }
         }
@@ -63,17 +90,33 @@ impl Restir {
     }
 
     /// Number of steps after which nothing can be reduced.
-    pub(crate) fn reducible_steps(&self) -> u32 {
+    pub(crate) fn reducible_steps(&self, least_resolution_scale: f32) -> u32 {
         let mut settings = self.clone().clamped();
         let mut steps = 0;
-        while settings.reduce() {
+        while settings.reduce(least_resolution_scale) {
             steps += 1;
         }
         steps
     }
 
     /// Takes one step; false where nothing is left to reduce.
-    fn reduce(&mut self) -> bool {
+    fn reduce(&mut self, least_resolution_scale: f32) -> bool {
+        self.reduce_samples() || self.reduce_resolution(least_resolution_scale)
+    }
+
+    fn reduce_resolution(&mut self, least: f32) -> bool {
+        const STEP: f32 = 0.8;
+        // A step of less than a tenth is not worth the history.
+        const LEAST_STEP: f32 = 0.9;
+        let scale = (STEP * self.resolution_scale).max(least);
+        let is_reduced = !self.accumulate && scale < LEAST_STEP * self.resolution_scale;
+        if is_reduced {
+            self.resolution_scale = scale;
+        }
+        is_reduced
+    }
+
+    fn reduce_samples(&mut self) -> bool {
         const LEAST_CANDIDATES: u32 = 4;
         let (direct, paths) = match self.technique {
             Technique::Reference => return false,
@@ -118,11 +161,30 @@ mod tests {
     use crate::settings::Preset;
 
     #[test]
+    fn the_resolution_falls_after_the_samples_and_not_below_its_limit() {
+        let settings = Restir { resolution_scale: 0.9, ..Restir::default() };
+        let samples = settings.reducible_steps(1.0);
+        let scales = |settings: &Restir, least_resolution_scale| {
+            let last = settings.reducible_steps(least_resolution_scale);
+            let after = |steps| settings.reduced_by(Reduction { steps, least_resolution_scale }).resolution_scale;
+            (samples..=last + 1).map(after).collect::<Vec<_>>()
+        };
+        let equal = |scales: Vec<f32>, expected: &[f32]| {
+            scales.len() == expected.len() && scales.iter().zip(expected).all(|(scale, expected)| (scale - expected).abs() < 1e-6)
+        };
+        assert!(equal(scales(&settings, 1.0), &[0.9, 0.9]), "the default");
+        assert!(equal(scales(&settings, 0.85), &[0.9, 0.9]), "less than a step");
+        assert!(equal(scales(&settings, 0.5), &[0.9, 0.72, 0.576, 0.5, 0.5]));
+        let adding_up = Restir { accumulate: true, ..settings };
+        assert!(equal(scales(&adding_up, 0.5), &[0.9, 0.9]), "frames that are added up");
+    }
+
+    #[test]
     fn each_step_changes_numbers_of_samples_only() {
         for technique in Technique::ALL {
             for preset in Preset::ALL {
                 let settings = Restir { technique, ..Restir::preset(preset) };
-                let steps = settings.reducible_steps();
+                let steps = settings.reducible_steps(1.0);
                 assert_eq!(steps == 0, technique == Technique::Reference);
                 for step in 0..steps {
                     assert!(settings.reduced(step) != settings.reduced(step + 1), "{technique:?}, step {step}");

@@ -17,7 +17,7 @@ mod subsurface;
 mod validate;
 
 pub use bdpt::{Bdpt, LightTechniques};
-pub(crate) use budget::BudgetStep;
+pub(crate) use budget::Reduction;
 pub use budget::RestirBudget;
 pub use debug_view::DebugView;
 pub use denoiser::Denoiser;

@@ -17,7 +17,7 @@ use super::{ViewPool, capture::RadianceCapture};
 use crate::{
     cpu_times::{CpuTimes, Stage},
     scene::geometry::render_layers::LayerSets,
-    settings::{BudgetStep, Restir, RestirEnvironment},
+    settings::{Reduction, Restir, RestirEnvironment},
     warned::Warned,
 };
 
@@ -158,7 +158,7 @@ pub(crate) fn extract_views(
     mut pool: ResMut<ViewPool>,
     cameras: Extract<Query<ViewData>>,
     clear_color: Extract<Res<ClearColor>>,
-    budget: Extract<Res<BudgetStep>>,
+    reduction: Extract<Res<Reduction>>,
     entities: Extract<&Entities>,
     mut warned: Local<Warned<(Entity, [&'static str; 2])>>,
     sets: Res<LayerSets>,
@@ -204,7 +204,7 @@ pub(crate) fn extract_views(
         views.0.insert(
             entity,
             ExtractedRestir {
-                settings: asked.reduced(budget.0),
+                settings: asked.reduced_by(**reduction),
                 asked,
                 environment,
                 has_backdrop: !matches!(camera.clear_color, bevy::camera::ClearColorConfig::None),

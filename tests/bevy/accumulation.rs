@@ -312,17 +312,39 @@ fn direct_light_accumulates_when_enabled() {
     assert_eq!(rig.next().samples, 1);
 }
 
-/// A budget takes samples away, and gives them back; the expected image stays.
-#[test]
-fn a_budget_does_not_restart_the_accumulation() {
-    let Some(mut rig) = Rig::beside(|app| _ = app.add_plugins(RenderDiagnosticsPlugin), 16, 12) else { return };
+/// A scene of 16 x 12 pixels whose GPU times Bevy measures; `None` if the device measures none.
+fn measured_scene() -> Option<Rig> {
+    let mut rig = Rig::beside(|app| _ = app.add_plugins(RenderDiagnosticsPlugin), 16, 12)?;
     let times = WgpuFeatures::TIMESTAMP_QUERY | WgpuFeatures::TIMESTAMP_QUERY_INSIDE_PASSES;
     if !rig.app.world().resource::<RenderDevice>().features().contains(times) {
         println!("skipped: the device does not measure times");
-        return;
+        return None;
     }
     rig.spawn(square(4.0), lambert(0.5), Transform::default());
     rig.spawn(square(1.0), lamp(3.0, 3.0, 3.0), Transform::from_xyz(3.0, 0.0, 2.0).looking_to(Vec3::X, Vec3::Y));
+    Some(rig)
+}
+
+#[test]
+fn a_budget_may_lower_the_traced_resolution_and_raises_it_again() {
+    let Some(mut rig) = measured_scene() else { return };
+    rig.set(|restir| restir.technique = Technique::Di);
+    rig.until_ready();
+    for (gpu_ms, size) in [(1e-4, UVec2::new(8, 6)), (1e6, UVec2::new(16, 12))] {
+        rig.app.insert_resource(RestirBudget { gpu_ms, least_resolution_scale: 0.5 });
+        let is_reached = (0..400).any(|_| {
+            rig.frame();
+            rig.next().size == size
+        });
+        assert!(is_reached, "{gpu_ms} ms: {} instead of {size}", rig.next().size);
+    }
+    rig.assert_sound();
+}
+
+/// A budget takes samples away, and gives them back; the expected image stays.
+#[test]
+fn a_budget_does_not_restart_the_accumulation() {
+    let Some(mut rig) = measured_scene() else { return };
     rig.set(|restir| {
         (restir.technique, restir.accumulate) = (Technique::Di, true);
         // More neighbors than the pipelines of reduced settings have room for.
@@ -338,7 +360,7 @@ fn a_budget_does_not_restart_the_accumulation() {
         report.budget_step > 0
     };
     for (gpu_ms, is_reduced) in [(1e-4, true), (1e6, false)] {
-        rig.app.insert_resource(RestirBudget { gpu_ms });
+        rig.app.insert_resource(RestirBudget { gpu_ms, ..Default::default() });
         assert!(
             (0..400).any(|_| frame(&mut rig) == is_reduced),
             "a budget of {gpu_ms} ms does not change the settings"

@@ -34,30 +34,32 @@ fn lights_are_chosen_by_power() {
     many[17] = 5000.0;
     let spread: Vec<f64> = (0..3000).map(|i| (f64::from(i) * 0.01).exp()).collect();
     let cases = [vec![3.0], vec![1.0, 3.0], vec![0.0, 2.0, f64::NAN, 1.0, -1.0, f64::INFINITY], many, spread];
-    let environments = [None, Some(1.0), Some(1e-9), Some(1e9)];
+    // Radiance of the environment, and the limit of its probability.
+    let environments = [(0.0, 0.8), (1.0, 0.8), (1e-9, 0.8), (1e9, 0.8), (1e9, 0.5)];
     let lit: Vec<_> = cases
         .iter()
-        .flat_map(|powers| environments.iter().map(move |e| (powers, *e)))
-        .map(|(powers, environment)| {
+        .flat_map(|powers| environments.map(|(environment, limit)| (powers, environment, limit)))
+        .map(|(powers, environment, limit)| {
             let mut lit = LightScene::new(gpu);
             lit.lights = vec![GpuLight::default(); powers.len()];
             lit.set_powers(powers);
             lit.scene.radius = 2.0;
-            lit.view.environment_color = [environment.unwrap_or(0.0) as f32; 3];
+            lit.view.environment_color = [environment as f32; 3];
+            lit.scene.environment_limit = limit;
             (lit, powers, environment)
         })
         .collect();
     assert_family(lit.iter().map(|(lit, powers, environment)| {
         let usable = |p: &f64| if p.is_finite() { p.max(0.0) } else { 0.0 };
         let total: f64 = powers.iter().map(usable).sum();
-        let share = environment.map_or(0.0, |e| {
-            let flux = 4.0 * PI * PI * 4.0 * e;
-            (flux / (flux + total)).clamp(0.2, 0.8)
-        });
+        let flux = 4.0 * PI * PI * 4.0 * environment;
+        let has_environment = *environment > 0.0;
+        let limit = f64::from(lit.scene.environment_limit);
+        let share = if has_environment { (flux / (flux + total)).clamp(0.2, limit) } else { 0.0 };
         let pmf: Vec<f64> = powers.iter().map(|p| usable(p) / total * (1.0 - share)).chain([share]).collect();
         let test = move |seed: u32| {
             let mut counts = vec![0.0; pmf.len()];
-            let defs: &[Def] = if environment.is_some() { &[flag("ENVIRONMENT")] } else { &[] };
+            let defs: &[Def] = if has_environment { &[flag("ENVIRONMENT")] } else { &[] };
             for [light, choice, again, _] in select(lit, seed, 1 << 17, defs) {
                 let light = if light == ENVIRONMENT_LIGHT { powers.len() } else { light as usize };
                 counts[light] += 1.0;
@@ -72,7 +74,7 @@ fn lights_are_chosen_by_power() {
             let expected: Vec<f64> = pmf.iter().map(|p| p * f64::from(1 << 17)).collect();
             chi_squared(&counts, &expected)
         };
-        (format!("{} lights, environment {environment:?}", powers.len()), Box::new(test) as Box<dyn Fn(u32) -> f64>)
+        (format!("{} lights, environment {environment} up to {limit}", powers.len()), Box::new(test) as Box<dyn Fn(u32) -> f64>)
     }));
 }
 

@@ -65,7 +65,7 @@ fn scene_structs_are_the_same_in_rust_and_wgsl() {
             shapes_root,
             shapes_indices,
             sun_count,
-            pad,
+            environment_limit,
             previous_center,
             previous_radius,
         }

@@ -87,7 +87,7 @@ impl<'g> LightScene<'g> {
         let dark = texture(gpu, wgpu::TextureFormat::R32Float, &[(1, 1, &[0; 4])]);
         let mut lit = Self {
             gpu,
-            scene: GpuSceneUniforms { radius: 1.0, shapes_root: NONE, ..Default::default() },
+            scene: GpuSceneUniforms { radius: 1.0, shapes_root: NONE, environment_limit: 0.8, ..Default::default() },
             view: GpuViewUniforms { environment_color: [1.0; 3], ..Default::default() },
             nodes: Vec::new(),
             triangles: Vec::new(),

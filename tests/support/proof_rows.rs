@@ -10,7 +10,7 @@ pub fn record(scene: &str, what: &str, margin: f64, result: &Comparison, first: 
     let Some(path) = std::env::var_os("PROOF_ROWS") else { return };
     let first = first.map(|first| format!("{:+.3} % ({:+.1} σ)", 100.0 * first.difference, first.sigma()));
     let row = format!(
-        "{scene}\t{what}\t{} %\t{:+.3} %\t{:+.1}\t{:.3}\t{:.1e}\t{:.1e}\t{:.1e}\t{}\n",
+        "{scene}\t{what}\t{} %\t{:+.3} %\t{:+.1}\t{:.3}\t{:.1e}\t{:.1e}\t{:.1e}\t{}\t{}\n",
         100.0 * margin,
         100.0 * result.difference,
         result.sigma(),
@@ -19,6 +19,8 @@ pub fn record(scene: &str, what: &str, margin: f64, result: &Comparison, first: 
         result.regions,
         result.tiles,
         first.unwrap_or_default(),
+        // The test harness gives the thread of a test the test's name.
+        std::thread::current().name().unwrap_or_default(),
     );
     // One write for each row: tests run in parallel and append to one file.
     let file = OpenOptions::new().create(true).append(true).open(&path);

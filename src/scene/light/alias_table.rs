@@ -6,8 +6,15 @@
 /// the error of a frame grows at most as if it had 20 % fewer light candidates.
 const LEAST_SHARE: f64 = 0.2;
 
-/// Scales powers for the choice of a light, so that neither the distant lights nor the others are hardly ever chosen.
-pub fn balance_distant_lights(powers: &mut [f64], is_distant: impl Fn(usize) -> bool) {
+/// Largest probability of the environment beside distant lights only, or others only.
+pub const ENVIRONMENT_LIMIT: f32 = 0.8;
+
+/// The same beside lights of both kinds: where a sun and a sky shine over a room, its lamps have a joint probability of at least 0.1.
+const ENVIRONMENT_LIMIT_BESIDE_BOTH: f32 = 0.5;
+
+/// Scales powers for the choice of a light, so that neither the distant lights nor the others are hardly ever chosen.  Returns the largest
+/// probability of the environment beside these lights.
+pub fn balance_distant_lights(powers: &mut [f64], is_distant: impl Fn(usize) -> bool) -> f32 {
     let usable = |p: f64| if p.is_finite() && p > 0.0 { p } else { 0.0 };
     let max = powers.iter().copied().map(usable).fold(0.0, f64::max);
     // Sums of powers relative to the largest can neither overflow nor vanish.
@@ -17,13 +24,14 @@ pub fn balance_distant_lights(powers: &mut [f64], is_distant: impl Fn(usize) -> 
     }
     let [near, distant] = sums;
     if !(near > 0.0 && distant > 0.0) {
-        return;
+        return ENVIRONMENT_LIMIT;
     }
     let share = (distant / (near + distant)).clamp(LEAST_SHARE, 1.0 - LEAST_SHARE);
     let factors = [(1.0 - share) / near, share / distant];
     for (i, power) in powers.iter_mut().enumerate() {
         *power = usable(*power) / max * factors[usize::from(is_distant(i))];
     }
+    ENVIRONMENT_LIMIT_BESIDE_BOTH
 }
 
 /// One bin: its own index with `probability`, else `alias`.
@@ -87,7 +95,9 @@ mod tests {
     #[test]
     fn distant_lights_and_others_share_the_choice() {
         let shares = |mut powers: Vec<f64>, distant: &[usize]| {
-            balance_distant_lights(&mut powers, |i| distant.contains(&i));
+            let has_both = distant.len() == 1;
+            let limit = balance_distant_lights(&mut powers, |i| distant.contains(&i));
+            assert_eq!(limit, if has_both { ENVIRONMENT_LIMIT_BESIDE_BOTH } else { ENVIRONMENT_LIMIT });
             let sum: f64 = powers.iter().filter(|p| p.is_finite()).sum();
             powers.into_iter().map(|p| p / sum).collect::<Vec<_>>()
         };

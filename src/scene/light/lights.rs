@@ -16,7 +16,7 @@ use bevy::{
 use std::ops::Range;
 
 use super::{
-    alias_table::{alias_table, balance_distant_lights},
+    alias_table::{ENVIRONMENT_LIMIT, alias_table, balance_distant_lights},
     analytic::{AnalyticRecord, has_same_emission, has_same_placement, invalid_extent},
     emissive_mesh::EmissiveMesh,
     id_remap::{Group, LightRemap, Owner},
@@ -76,6 +76,8 @@ pub(crate) struct LightPool {
     pub fits: bool,
     /// Sum of the powers of the table.
     pub power: f64,
+    /// Largest probability of the environment beside the table.
+    pub environment_limit: f32,
     /// Scene radius that the powers of directional lights were computed with, a power of two.
     radius: f32,
     /// Lights that a warning has named.
@@ -121,6 +123,7 @@ impl Default for LightPool {
             gpu: GrowableBuffer::new("lights"),
             fits: true,
             power: 0.0,
+            environment_limit: ENVIRONMENT_LIMIT,
             radius: 0.0,
             warned: Warned::default(),
             left_out: [0; 2],
@@ -345,7 +348,7 @@ impl LightPool {
     fn write_selection_probabilities(&mut self, mut powers: Vec<f64>) {
         self.power = powers.iter().filter(|p| p.is_finite() && **p > 0.0).sum();
         let kind = |i: usize| self.table[i].kind & LIGHT_KIND_BITS;
-        balance_distant_lights(&mut powers, |i| matches!(kind(i), LIGHT_SUN | LIGHT_DIRECTIONAL));
+        self.environment_limit = balance_distant_lights(&mut powers, |i| matches!(kind(i), LIGHT_SUN | LIGHT_DIRECTIONAL));
         match alias_table(&powers) {
             Some(entries) => {
                 for (light, entry) in self.table.iter_mut().zip(entries) {
