@@ -46,7 +46,7 @@ pub fn run(args: &Args) -> Result<(), String> {
         if table.header.is_empty() {
             table.header = header(measured.adapter, measured.size);
             table.header.push(format!(
-                "{:?}, {:?}: frame {warmup}, means over {} seeds; times: medians over {frames} frames after {warmup}",
+                "{:?}, {:?}: the frame after {warmup} others, means over {} seeds; times: medians over {frames} frames after {warmup}",
                 args.subject.technique, args.subject.preset, args.seeds
             ));
         }

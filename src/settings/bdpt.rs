@@ -36,11 +36,11 @@ pub struct Bdpt {
     pub light_paths: f32,
     /// Uses of light paths.  Default: [`LightTechniques::Full`].
     pub techniques: LightTechniques,
-    /// Number of samples that one resampled camera path counts as in the MIS weights, because pixels share camera paths but not light paths; a
-    /// connection counts as its square root.  For light that arrives by a mirror or through glass, which next-event estimation cannot find,
-    /// the factor favors the light path.  Larger values give less noise in light that resampling finds well, and more where light paths
-    /// would have found it better.  Without reuse it has no effect, unless the order is `Spatiotemporal`.  No cost, no bias.  1 to 1000;
-    /// default 16; other values have not been measured.
+    /// MIS weights count a resampled camera path as this many samples, because pixels share camera paths but not light paths.  They count a
+    /// connection as the square root of this number.  For light that arrives by a mirror or through glass, which next-event estimation cannot find,
+    /// the factor favors the light path.  Larger values give less noise in light that resampling finds well, and more where light paths would have
+    /// found it better.  Without reuse it has no effect, unless the order is `Spatiotemporal`.  No cost, no bias. 1 to 1000; default 16; other values
+    /// have not been measured.
     pub reuse_gain: f32,
 }
 

@@ -8,9 +8,8 @@ use bevy::{
 use super::{Restir, Reuse, ReuseOrder, Technique};
 
 /// Keeps the GPU time of lighting below a limit: where a camera's [`Restir`] would take longer, its number of samples is reduced
-/// ([`Restir::reduced`]), and it is raised again when the scene gets cheaper.  Fewer samples give more noise; they add no bias, and the
-/// history of earlier frames stays.  If fewer samples are not enough, [`least_resolution_scale`](Self::least_resolution_scale) lets the
-/// traced resolution fall, too.
+/// ([`Restir::reduced`]), and it is raised again when the scene gets cheaper.  Fewer samples give more noise, add no bias and keep the history.  If
+/// they are not enough, [`least_resolution_scale`](Self::least_resolution_scale) lets the traced resolution fall, too, which begins the history anew.
 ///
 /// The limit is kept on average over some frames, and only as far as samples and resolution can keep it: bounces and technique are never
 /// changed, nor are the light paths of [`Technique::Bdpt`] and the samples of [`Restir::subsurface`].

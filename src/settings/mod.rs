@@ -93,7 +93,8 @@ impl Technique {
 ///
 /// - the pixels of an image change;
 /// - shaders have been compiled for the first light of a kind, the first material with transmission, diffuse transmission, a thin wall, alpha
-///   or a clearcoat, or the first object that render layers hide;
+///   or a clearcoat, the first texture or vertex color in a scene with alpha, the first texture of transmission, specular, clearcoat or
+///   anisotropy, or the first object that render layers hide;
 /// - the first translucent object appears, or the last one disappears;
 /// - the size of the image, the render layers, the kind of projection or `Camera::invert_culling` changes;
 /// - the environment appears, disappears or gets another image;
@@ -163,8 +164,8 @@ pub struct Restir {
     /// Multiplies debug views, so that meters and counts fit between 0 and 1.  [`DebugView::DiffuseLight`] and [`DebugView::SpecularLight`]
     /// have the camera's exposure instead.  0 to 1e6; default 1.
     pub debug_scale: f32,
-    /// Drops the history of earlier frames and restarts the sequence of random numbers.  The plugin sets it back to `false` in the same
-    /// frame.  Where the camera is not rendered in that frame, for example because it is inactive, the next one that is rendered restarts.
+    /// Drops the history of earlier frames and restarts the sequence of random numbers.  The plugin sets it back to `false` in the same frame.  If
+    /// the camera is not rendered in that frame, for example because it is inactive, its next rendered frame restarts.
     pub reset: bool,
 }
 

@@ -93,10 +93,10 @@ pub struct Reuse {
     /// history is lost along edges and at the border of the image, where the jitter of the camera moves the nearest pixel to another
     /// surface: these pixels are often black in a single frame.  A few texture reads, at such pixels only.  No bias.  1 to 8; default 5.
     pub temporal_attempts: u32,
-    /// Where another object hid the surface in the last frame, takes the sample of the place that then had the same position relative to
-    /// that object as the surface has now (dual motion vectors, Zeng et al. 2021; Lin et al. 2026, supplement, 7): less noise behind moving
-    /// objects, somewhat correlated.  A texture read and a projection, at such pixels only; one that finds a sample in this way gets no
-    /// [`Reuse::disocclusion_samples`].  Has an effect with `temporal` and the geometry heuristics.  No bias.  Default: on.
+    /// Where a moving object hid the surface in the last frame, takes the sample of the surface that was then beside the object, at the same offset
+    /// from it (dual motion vectors, Zeng et al. 2021; Lin et al. 2026, supplement, 7): less noise behind moving objects, somewhat correlated.  A
+    /// texture read and a projection, at such pixels only; one that finds a sample in this way gets no [`Reuse::disocclusion_samples`].  Has an
+    /// effect with `temporal` and the geometry heuristics.  No bias.  Default: on.
     pub dual_motion: bool,
     /// Greatest distance of neighbors, in pixels of an image that is 1080 lines high, and at least 2 pixels of the traced image: larger radii
     /// share rarely found light among more pixels, and find fewer similar neighbors.  No bias.  0 to 1e5; default 60 for direct light, 100 for

@@ -7,7 +7,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 /// Radiance of a captured frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CapturedRadiance {
-    /// Size in pixels: that of the viewport, or less where the device cannot bind buffers for the whole viewport.
+    /// Size in pixels: that of the viewport, or less with [`Restir::resolution_scale`](crate::Restir::resolution_scale) below 1, or where the
+    /// device cannot bind buffers for the whole viewport.
     pub size: UVec2,
     /// For each pixel, in rows from the top: the sum of linear Rec. 709 radiance over all samples in cd/m², then the number of samples.
     pub pixels: Vec<[f32; 4]>,
