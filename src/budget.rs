@@ -22,15 +22,29 @@ const WINDOW: usize = 7;
 const UP: f32 = 0.92;
 /// Where the limit is exceeded, a step is chosen whose predicted time is below this share of it.
 const DOWN: f32 = 0.97;
-/// Assumed ratio of the time of a step to that of the step before, until it is measured.
+/// Assumed ratio of the time of a step to that of the step before, until it is measured: of a step with fewer samples, and of one with fewer
+/// traced pixels.
 const TYPICAL_RATIO: f32 = 0.85;
+const TYPICAL_RATIO_OF_PIXELS: f32 = 0.64;
 /// A step with more samples than its prediction allows is tried where the present one takes less than this share of the limit.
 const TRIAL: f32 = 0.88;
+/// A step with more traced pixels is tried only if its predicted time is below this share of the limit, because each change of the resolution
+/// begins histories anew.
+const TRIAL_OF_PIXELS: f32 = 1.05;
 /// Number of decisions between a change and the first trial.  Each trial that fails doubles it.
 const FIRST_WAIT: u32 = 16;
 const LONGEST_WAIT: u32 = 256;
 /// Number of frames without a GPU time before a warning.
 const PATIENCE: u32 = 120;
+
+/// Numbers of the steps that can be taken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Steps {
+    /// The last step that takes samples away.
+    samples: u32,
+    /// The last step.  Those after `samples` take traced pixels away.
+    last: u32,
+}
 
 /// Finds the step from the times of frames.
 #[derive(Debug, Default)]
@@ -51,8 +65,8 @@ pub(crate) struct Controller {
 }
 
 impl Controller {
-    /// Takes the GPU time of a frame, ms, and chooses the step once there are enough.  `limit`: ms; `last`: the step that reduces most.
-    fn observe(&mut self, time: f32, limit: f32, last: u32) {
+    /// Takes the GPU time of a frame, ms, and chooses the step once there are enough.  `limit`: ms.
+    fn observe(&mut self, time: f32, limit: f32, steps: Steps) {
         if self.ignored > 0 {
             self.ignored -= 1;
             return;
@@ -64,12 +78,14 @@ impl Controller {
         self.times.sort_by(f32::total_cmp);
         let median = self.times[WINDOW / 2];
         self.times.clear();
-        self.learn(median, last);
+        self.learn(median, steps.last);
         self.failed_trials += u32::from(self.is_trial && median > limit);
         self.is_trial = false;
-        let mut chosen = self.choose(limit, last);
+        let mut chosen = self.choose(limit, steps);
         let wait = FIRST_WAIT.saturating_mul(1 << self.failed_trials.min(8)).min(LONGEST_WAIT);
-        if chosen == self.step && self.step > 0 && self.unchanged >= wait && median < TRIAL * limit {
+        let may_try = self.step > 0
+            && (self.step <= steps.samples || self.predicted(self.step - 1, steps) <= TRIAL_OF_PIXELS * limit);
+        if chosen == self.step && may_try && self.unchanged >= wait && median < TRIAL * limit {
             self.is_trial = true;
             chosen -= 1;
         }
@@ -103,20 +119,26 @@ impl Controller {
     }
 
     /// Predicted time of a step, ms.
-    fn predicted(&self, step: u32) -> f32 {
+    fn predicted(&self, step: u32, steps: Steps) -> f32 {
         let known = self.known[step as usize];
         if known > 0.0 {
             return known;
         }
-        self.known[self.step as usize] * TYPICAL_RATIO.powi(step as i32 - self.step as i32)
+        // The typical time over that of step 0.
+        let typical = |step: u32| {
+            let of_samples = step.min(steps.samples);
+            TYPICAL_RATIO.powi(of_samples as i32) * TYPICAL_RATIO_OF_PIXELS.powi((step - of_samples) as i32)
+        };
+        self.known[self.step as usize] * typical(step) / typical(self.step)
     }
 
     /// The step with the most samples whose predicted time fits.
-    fn choose(&self, limit: f32, last: u32) -> u32 {
+    fn choose(&self, limit: f32, steps: Steps) -> u32 {
+        let fits = |step: &u32, share: f32| self.predicted(*step, steps) <= share * limit;
         if self.known[self.step as usize] > limit {
-            return (self.step + 1..=last).find(|step| self.predicted(*step) <= DOWN * limit).unwrap_or(last);
+            return (self.step + 1..=steps.last).find(|step| fits(step, DOWN)).unwrap_or(steps.last);
         }
-        (0..self.step).find(|step| self.predicted(*step) <= UP * limit).unwrap_or(self.step)
+        (0..self.step).find(|step| fits(step, UP)).unwrap_or(self.step)
     }
 }
 
@@ -132,7 +154,8 @@ pub(crate) fn keep_budget(
     mut newest: Local<Option<Instant>>,
     mut frames_without_time: Local<u32>,
 ) {
-    let RestirBudget { gpu_ms: limit, least_resolution_scale } = budget.map_or_else(RestirBudget::default, |budget| *budget);
+    let RestirBudget { gpu_ms: limit, least_resolution_scale } =
+        budget.map_or_else(RestirBudget::default, |budget| *budget);
     // NaN leaves the resolution as it is.
     let least_resolution_scale = least_resolution_scale.clamp(Restir::LEAST_RESOLUTION_SCALE, 1.0).min(1.0);
     if limit <= 0.0 || limit.is_nan() {
@@ -144,12 +167,13 @@ pub(crate) fn keep_budget(
     // Also of inactive cameras: one that renders every second frame must not begin the measurement again each time.
     let by_camera: BTreeMap<Entity, &Restir> = cameras.iter().collect();
     let now: Vec<Restir> = by_camera.into_values().map(cost_of).collect();
-    let last = now.iter().map(|settings| settings.reducible_steps(least_resolution_scale)).max().unwrap_or(0);
+    let most = |least| now.iter().map(|settings| settings.reducible_steps(least)).max().unwrap_or(0);
+    let steps = Steps { samples: most(1.0), last: most(least_resolution_scale) };
     let has_cameras = !now.is_empty();
     let now = (now, least_resolution_scale);
     if *measured != now {
         // Times that were measured with other settings do not hold for these.
-        *controller = Controller { step: controller.step.min(last), ..Controller::default() };
+        *controller = Controller { step: controller.step.min(steps.last), ..Controller::default() };
         controller.interrupt();
         *measured = now;
     }
@@ -159,7 +183,7 @@ pub(crate) fn keep_budget(
             *frames_without_time = 0;
             // While pipelines compile, cameras keep the settings of earlier frames.
             match statistics.shows_settings() {
-                true => controller.observe(ms, limit, last),
+                true => controller.observe(ms, limit, steps),
                 false => controller.interrupt(),
             }
         }
@@ -206,6 +230,7 @@ mod tests {
     };
 
     const LAST: u32 = 5;
+    const SAMPLES: Steps = Steps { samples: LAST, last: LAST };
     /// The time of a frame arrives this many frames later.
     const LATE: usize = 3;
 
@@ -219,7 +244,7 @@ mod tests {
             let noise = 1.0 + 0.02 * ((frame * 37 % 11) as f32 / 5.0 - 1.0) + if frame % 23 == 7 { 0.6 } else { 0.0 };
             all.push((controller.step, cost(frame) * ratios[controller.step as usize]));
             if let Some(late) = frame.checked_sub(LATE) {
-                controller.observe(all[late].1 * noise, limit, LAST);
+                controller.observe(all[late].1 * noise, limit, SAMPLES);
             }
         }
         all
@@ -270,7 +295,7 @@ mod tests {
         let mut steps = Vec::new();
         for frame in 0..3000 {
             let times = if frame < 400 { &heavy } else { &light };
-            controller.observe(times[controller.step as usize], 10.0, LAST);
+            controller.observe(times[controller.step as usize], 10.0, SAMPLES);
             steps.push(controller.step);
         }
         assert!(steps[399] >= 4 && steps[2999] == 0, "{} and {}", steps[399], steps[2999]);
@@ -278,12 +303,32 @@ mod tests {
         let mut controller = Controller::default();
         let trials = (0..20_000).filter(|_| {
             let before = controller.step;
-            controller.observe([12.0, 8.5, 8.0, 7.5, 7.0, 6.5][controller.step as usize], 10.0, LAST);
+            controller.observe([12.0, 8.5, 8.0, 7.5, 7.0, 6.5][controller.step as usize], 10.0, SAMPLES);
             controller.step < before
         });
         let trials = trials.count();
         assert!((5..=16).contains(&trials), "{trials}");
         assert_eq!(controller.step, 1);
+    }
+
+    /// A change of the resolution restarts histories, so that one that is known to be too slow is not tried again.
+    #[test]
+    fn the_resolution_changes_once_in_a_constant_scene() {
+        for first in [1.04, 1.2, 1.3, 1.5] {
+            let mut controller = Controller::default();
+            let steps = (0..20_000).map(|_| {
+                let pixels = [1.0, 0.64, 0.41];
+                controller.observe(
+                    10.0 * first * pixels[controller.step as usize],
+                    10.0,
+                    Steps { samples: 0, last: 2 },
+                );
+                controller.step
+            });
+            let mut changes = steps.collect::<Vec<_>>();
+            changes.dedup();
+            assert_eq!(changes, [0, 1], "{first} times the limit");
+        }
     }
 
     #[test]

@@ -11,7 +11,10 @@ use crate::{
     frame::pipelines::{PassPipelines, PipelineReport},
     gpu_layout::GpuCounters,
     scene::{SceneFeatures, bindings::SceneBindings},
-    view::{ViewPool, counters::GuardRun, environment::EnvironmentPool, guards::GUARDS, image_state::ResetCounts},
+    view::{
+        RestirView, ViewPool, counters::GuardRun, environment::EnvironmentPool, guards::GUARDS,
+        image_state::ResetCounts,
+    },
 };
 
 /// The state of the plugin after the last frame.
@@ -169,8 +172,11 @@ pub(crate) fn update_report(
     let run = statistics.guard_run().current();
     let mut report = statistics.lock();
     report.cpu_ms = cpu_ms;
-    let shows_settings =
-        views.views.values().filter(|view| view.has_target).all(|view| view.rendered && view.key_is_requested);
+    // A camera for which the device has no memory is lit by Bevy; the app does not wait for it.
+    let is_shown = |(camera, view): &(&Entity, &RestirView)| {
+        view.has_target && (scene.lacks_memory || !views.without_memory.contains(*camera))
+    };
+    let shows_settings = views.views.iter().filter(is_shown).all(|(_, view)| view.rendered && view.key_is_requested);
     statistics.set_shows_settings(shows_settings);
     report.ready = scene.ready && environments.ready && shows_settings;
     passes.update_report(&mut report.pipelines);

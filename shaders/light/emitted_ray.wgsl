@@ -59,6 +59,10 @@ fn infinite_emitted_ray(
     u: vec2<f32>,
     sphere: SceneSphere,
 ) -> EmittedRay {
+    // A light without a sample, such as a sun for which shaders are still being compiled.
+    if !(pdf_wi > 0.0) {
+        return no_emitted_ray();
+    }
     let r = sphere.radius * sqrt(u.y);
     let frame = orthonormal_basis(wi);
     // A little outside of the sphere around the scene.

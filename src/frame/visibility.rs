@@ -107,7 +107,7 @@ fn draw_into(
         pass.set_bind_group(3, &**bindless, &[]);
     }
     let mut current_cull = None;
-    for draw in scene.draw_list.draws.iter().filter(|draw| draw.camera_mask & view.layers != 0) {
+    for draw in &view.visible.draws {
         let cull = if view.inverts_culling { draw.cull.map(opposite) } else { draw.cull };
         if current_cull != Some(cull) {
             let Some(pipeline) = passes.visibility(cull, key, pipelines) else {

@@ -35,8 +35,8 @@ pub struct RestirBudget {
     /// Bevy measures at most 128 passes in a frame, its own included: from the fifth camera on, the time of some of ours is missing.
     pub gpu_ms: f32,
     /// Least [`Restir::resolution_scale`] that the budget may choose where the fewest samples still take too long.  Each step traces 0.8 times
-    /// the width and the height, and begins the camera's history anew, which is visible as noise for some frames.  Cameras with
-    /// [`Restir::accumulate`] keep their resolution.  0.25 to 1; default 1: the resolution stays.
+    /// the width and the height, and begins the camera's history anew, which is visible as noise for some frames.  Cameras that average
+    /// frames ([`Restir::accumulate`], [`Technique::Reference`]) keep their resolution.  0.25 to 1; default 1: the resolution stays.
     pub least_resolution_scale: f32,
 }
 
@@ -108,7 +108,8 @@ impl Restir {
         // A step of less than a tenth is not worth the history.
         const LEAST_STEP: f32 = 0.9;
         let scale = (STEP * self.resolution_scale).max(least);
-        let is_reduced = !self.accumulate && scale < LEAST_STEP * self.resolution_scale;
+        let averages = self.accumulate || self.technique == Technique::Reference;
+        let is_reduced = !averages && scale < LEAST_STEP * self.resolution_scale;
         if is_reduced {
             self.resolution_scale = scale;
         }
@@ -169,13 +170,16 @@ mod tests {
             (samples..=last + 1).map(after).collect::<Vec<_>>()
         };
         let equal = |scales: Vec<f32>, expected: &[f32]| {
-            scales.len() == expected.len() && scales.iter().zip(expected).all(|(scale, expected)| (scale - expected).abs() < 1e-6)
+            scales.len() == expected.len()
+                && scales.iter().zip(expected).all(|(scale, expected)| (scale - expected).abs() < 1e-6)
         };
         assert!(equal(scales(&settings, 1.0), &[0.9, 0.9]), "the default");
         assert!(equal(scales(&settings, 0.85), &[0.9, 0.9]), "less than a step");
         assert!(equal(scales(&settings, 0.5), &[0.9, 0.72, 0.576, 0.5, 0.5]));
-        let adding_up = Restir { accumulate: true, ..settings };
-        assert!(equal(scales(&adding_up, 0.5), &[0.9, 0.9]), "frames that are added up");
+        let averaging = Restir { accumulate: true, ..settings.clone() };
+        assert!(equal(scales(&averaging, 0.5), &[0.9, 0.9]), "frames that are averaged");
+        let reference = Restir { technique: Technique::Reference, ..settings };
+        assert_eq!(reference.reducible_steps(0.5), 0);
     }
 
     #[test]

@@ -12,7 +12,8 @@ use bevy::reflect::{Reflect, std_traits::ReflectDefault};
 #[non_exhaustive]
 pub enum Jitter {
     /// Where frames are averaged: with [`Restir::accumulate`](super::Restir::accumulate), and by
-    /// [`Technique::Reference`](super::Technique::Reference).
+    /// [`Technique::Reference`](super::Technique::Reference).  Not where pixels without a surface show what lies behind the image (no sky, and
+    /// `ClearColorConfig::None` or a transparent clear color), because each pixel is either covered or not: moving edges would flicker.
     #[default]
     Auto,
     /// In every frame.  For apps that average frames themselves.  Single frames have more error at edges (`docs/experiments.md`).

@@ -211,10 +211,10 @@ impl Restir {
         self.technique == Technique::Bdpt && self.bdpt.connects()
     }
 
-    /// Whether frames without Bevy's jitter are jittered.
-    pub(crate) fn jitters(&self) -> bool {
+    /// Whether frames without Bevy's jitter are jittered.  `shows_earlier`: pixels without a surface show what lies behind the image.
+    pub(crate) fn jitters(&self, shows_earlier: bool) -> bool {
         match self.jitter {
-            Jitter::Auto => self.accumulate || self.technique == Technique::Reference,
+            Jitter::Auto => !shows_earlier && (self.accumulate || self.technique == Technique::Reference),
             Jitter::Always => true,
             Jitter::Never => false,
         }

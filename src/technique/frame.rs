@@ -89,7 +89,7 @@ pub(crate) struct Frame {
     compacts: bool,
     /// Iterations of the denoiser's filter; 0: no denoiser.
     filter_iterations: u32,
-    /// The denoiser follows the rays of smooth mirrors and clear glass.
+    /// The denoiser follows the rays of smooth mirrors and clear glass, where the scene has any.
     images: bool,
 }
 
@@ -132,13 +132,14 @@ impl Frame {
         }
         let compacts = settings.research.replay_compaction;
         let filter_iterations = settings.filter_iterations();
-        let images = false;
+        // Direct light shows nothing in a mirror but lamps.
+        let images = filter_iterations > 0 && technique.has_indirect_light() && settings.bounces > 1;
         Self { technique, choice, show, subsurface: false, pairing, compacts, filter_iterations, images }
     }
 
     /// The frame of a scene with these features, which may have passes of their own.
     pub(crate) fn of_scene(self, features: SceneFeatures) -> Self {
-        let images = self.filter_iterations > 0 && features.contains(SceneFeatures::SMOOTH);
+        let images = self.images && features.contains(SceneFeatures::SMOOTH);
         Self { subsurface: features.contains(SceneFeatures::SUBSURFACE), images, ..self }
     }
 

@@ -24,7 +24,7 @@ const KINDS: u32 = 2;
 const MAX_ITERATIONS: usize = FIRST_FILTER + Denoiser::MAX_ITERATIONS as usize;
 
 /// Textures for surfaces that smooth mirrors and clear glass show.
-struct ImageTextures {
+pub(super) struct ImageTextures {
     /// Guides of the optical images of this frame and of the last one; the textures change roles with those of the guide.
     guides: [TextureView; 2],
     /// Places of the optical images in the last frame.
@@ -49,27 +49,34 @@ pub(crate) struct DenoiserTextures {
     has_means: bool,
 }
 
+fn view_of(label: &'static str, size: UVec2, layers: u32, format: TextureFormat, device: &RenderDevice) -> TextureView {
+    let usage = TextureUsages::STORAGE_BINDING | TextureUsages::TEXTURE_BINDING;
+    let dimension = if layers > 1 { TextureViewDimension::D2Array } else { TextureViewDimension::D2 };
+    let descriptor = TextureViewDescriptor { dimension: Some(dimension), ..Default::default() };
+    texture(device, label, size, layers, format, usage).create_view(&descriptor)
+}
+
+impl ImageTextures {
+    pub(super) fn new(size: UVec2, device: &RenderDevice) -> Self {
+        let view = |label, format| view_of(label, size, 1, format, device);
+        Self {
+            guides: ["optical images", "last optical images"].map(|label| view(label, PACKED_FORMAT)),
+            places: view("places of optical images", LIGHT_FORMAT),
+        }
+    }
+}
+
 impl DenoiserTextures {
     pub(super) fn new(size: UVec2, has_images: bool, device: &RenderDevice) -> Self {
-        let usage = TextureUsages::STORAGE_BINDING | TextureUsages::TEXTURE_BINDING;
-        let view_of_size = |label, size, layers, format| {
-            let dimension = if layers > 1 { TextureViewDimension::D2Array } else { TextureViewDimension::D2 };
-            let descriptor = TextureViewDescriptor { dimension: Some(dimension), ..Default::default() };
-            texture(device, label, size, layers, format, usage).create_view(&descriptor)
-        };
-        let view = |label, layers, format| view_of_size(label, size, layers, format);
-        let images = || ImageTextures {
-            guides: ["optical images", "last optical images"].map(|label| view(label, 1, PACKED_FORMAT)),
-            places: view("places of optical images", 1, LIGHT_FORMAT),
-        };
+        let view = |label, layers, format| view_of(label, size, layers, format, device);
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         Self {
             settings: buffer(device, "denoiser settings", MAX_ITERATIONS as u64 * SETTINGS_STRIDE, usage),
             signals: ["light to denoise", "denoised light"].map(|label| view(label, KINDS, LIGHT_FORMAT)),
             guides: ["denoiser guide", "last denoiser guide"].map(|label| view(label, 1, PACKED_FORMAT)),
             means: ["denoiser means", "last denoiser means"].map(|label| view(label, KINDS, PACKED_FORMAT)),
-            images: has_images.then(images),
-            no_image: view_of_size("no optical image", UVec2::ONE, 1, PACKED_FORMAT),
+            images: has_images.then(|| ImageTextures::new(size, device)),
+            no_image: view_of("no optical image", UVec2::ONE, 1, PACKED_FORMAT, device),
             current: 0,
             has_means: false,
         }
@@ -108,6 +115,11 @@ impl DenoiserTextures {
 
     pub(super) fn has_images(&self) -> bool {
         self.images.is_some()
+    }
+
+    /// Adds or removes the textures for optical images.  The means over frames stay.
+    pub(super) fn set_images(&mut self, images: Option<ImageTextures>) {
+        self.images = images;
     }
 
     /// The optical images of this frame and of the last one.

@@ -13,7 +13,7 @@ use super::{
     VISIBILITY_FORMAT,
     bind_groups::Bound,
     buffer,
-    denoiser::DenoiserTextures,
+    denoiser::{DenoiserTextures, ImageTextures},
     light_paths::{LightPathCounts, LightPaths},
     pairs::{PairKind, Pairs},
     pixels, texture,
@@ -135,8 +135,9 @@ impl History {
         has_images: bool,
         device: &RenderDevice,
     ) -> Result<(), String> {
+        let filters = settings.filter_iterations() > 0;
         // Drops the old textures first, because the memory may not hold both.
-        if !self.fits_denoiser(settings, has_images) {
+        if !filters {
             self.denoiser = None;
         }
         if !self.fits_pairs(settings) {
@@ -144,9 +145,13 @@ impl History {
             let kind = self.pair_kind(settings);
             self.pairs = allocation::attempt(device, "pairs", || Pairs::new(self.size, kind, device))?;
         }
-        if self.denoiser.is_none() && settings.filter_iterations() > 0 {
+        if self.denoiser.is_none() && filters {
             let create = || DenoiserTextures::new(self.size, has_images, device);
             self.denoiser = Some(allocation::attempt(device, "denoiser", create)?);
+        }
+        if let Some(denoiser) = self.denoiser.as_mut().filter(|denoiser| denoiser.has_images() != has_images) {
+            let create = || has_images.then(|| ImageTextures::new(self.size, device));
+            denoiser.set_images(allocation::attempt(device, "denoiser", create)?);
         }
         Ok(())
     }

@@ -24,6 +24,7 @@ pub(crate) mod selection;
 pub(crate) mod shown_surfaces;
 mod skybox;
 mod uniforms;
+mod visible_draws;
 
 use bevy::{
     app::SubApp,

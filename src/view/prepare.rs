@@ -26,7 +26,7 @@ use super::{
 use crate::{
     cpu_times::{CpuTimes, Stage},
     device::binding_limit,
-    scene::{bindings::SceneBindings, storage::allocation},
+    scene::{bindings::SceneBindings, geometry::instances::InstancePool, storage::allocation},
     settings::{Direct, Restir},
     technique::frame::Frame,
     warned::Warned,
@@ -47,6 +47,7 @@ pub(super) fn prepare_views(
     entities: &Entities,
     selected: Res<SelectedPipelines>,
     scene: Res<SceneBindings>,
+    instances: Res<InstancePool>,
     environments: Res<EnvironmentPool>,
     pipelines: Res<PipelineCache>,
     device: Res<RenderDevice>,
@@ -104,6 +105,7 @@ pub(super) fn prepare_views(
             let (scene, environments) = (&*scene, &*environments);
             let inputs = UniformInputs { restir, camera, view, bevy_jitter: jitter, scene, environments };
             state.update_uniforms(&inputs, &queue);
+            state.update_draws(scene, &instances, camera_of(view));
             pool.requested_resets.remove(&entity);
             if let Err(error) = state.update_history(scene, limit, &device, &queue) {
                 warn_of_memory(ids, "history", &error, &mut warned);

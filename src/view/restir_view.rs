@@ -25,10 +25,15 @@ use super::{
     texture,
     uniforms::EnvironmentPlacement,
     view_layout,
+    visible_draws::VisibleDraws,
 };
 use crate::{
     gpu_layout::*,
-    scene::{bindings::SceneBindings, geometry::render_layers::ALL_CAMERAS, storage::allocation},
+    scene::{
+        bindings::SceneBindings,
+        geometry::{instances::InstancePool, render_layers::ALL_CAMERAS},
+        storage::allocation,
+    },
     settings::Restir,
     technique::{frame::PipelineKey, reuse_schedule::LastFrame},
 };
@@ -61,6 +66,8 @@ pub(crate) struct RestirView {
     pub raster_bind_group: BindGroup,
     /// Group 2 of all passes.
     pub bind_groups: BindGroups,
+    /// Draw calls of the visibility pass.
+    pub visible: VisibleDraws,
     /// Frames since the history was reset.
     pub frame: u32,
     /// Number of restarts of the history, by reason.
@@ -169,6 +176,7 @@ impl RestirView {
                 &BindGroupEntries::sequential((uniforms.as_entire_binding(),)),
             ),
             bind_groups: BindGroups::default(),
+            visible: VisibleDraws::default(),
             uniforms,
             visibility,
             visibility_texture,
@@ -297,6 +305,11 @@ impl RestirView {
             history.begin(&self.settings, inputs, queue);
         }
         Ok(())
+    }
+
+    /// Chooses the draw calls of the visibility pass.
+    pub(super) fn update_draws(&mut self, scene: &SceneBindings, instances: &InstancePool, camera: GpuCamera) {
+        self.visible.update(scene, instances, camera, self.size, self.layers);
     }
 
     fn drop_history(&mut self) {

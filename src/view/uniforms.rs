@@ -57,9 +57,12 @@ pub(super) fn camera_of(view: &ExtractedView) -> GpuCamera {
     }
 }
 
-/// Whether a camera sees back faces in place of front faces, because it inverts culling or its transform is mirrored, but not both.
+/// Whether a camera sees back faces in place of front faces: inverted culling, a mirrored transform and a mirrored projection exchange them.
 fn sees_back_faces(view: &ExtractedView) -> bool {
-    view.invert_culling != (view.world_from_view.to_matrix().determinant() < 0.0)
+    let [x, y] = [view.clip_from_view.x_axis, view.clip_from_view.y_axis];
+    let is_mirrored = view.world_from_view.to_matrix().determinant() < 0.0;
+    let mirrors = x.x * y.y - x.y * y.x < 0.0;
+    view.invert_culling ^ is_mirrored ^ mirrors
 }
 
 /// Whether all numbers of a camera are finite.
@@ -99,6 +102,11 @@ impl UniformInputs<'_> {
 
     fn sees_environment(&self) -> bool {
         self.restir.environment.is_some_and(|e| self.environments.is_seen(&e))
+    }
+
+    /// Whether pixels without a surface show what lies behind the image: the picture of an earlier camera, or that behind a window.
+    fn shows_earlier(&self) -> bool {
+        !self.sees_environment() && (!self.restir.has_backdrop || self.restir.background_alpha < 1.0)
     }
 
     fn is_orthographic(&self) -> bool {
@@ -195,7 +203,7 @@ impl RestirView {
         let is_zero = offset == Vec2::ZERO;
         self.frames_without_bevy_jitter = if is_zero { self.frames_without_bevy_jitter.saturating_add(1) } else { 0 };
         // One of the offsets of temporal antialiasing is 0.  Where it was removed, Bevy leaves the component, and all offsets are 0.
-        if settings.jitters() && self.frames_without_bevy_jitter > 1 {
+        if settings.jitters(inputs.shows_earlier()) && self.frames_without_bevy_jitter > 1 {
             return jitter_of(self.sequence, settings.seed);
         }
         (offset * self.size.as_vec2() / self.target_size.as_vec2()).to_array()

@@ -214,13 +214,18 @@ fn a_camera_without_a_clear_color_draws_over_the_previous_camera() {
     let target = rig.target.clone();
     rig.spawn(square(8.0), lamp(0.25, 0.25, 0.25), Transform::default());
     // A tool in the player's hand, on its own layer as in first-person games: farther away than the world, but drawn over it.
-    let tool = rig.spawn(square(2.0), lamp(1.0, 1.0, 1.0), Transform::from_xyz(1.0, 0.0, -3.0));
+    let tool = rig.spawn(square(2.0), lamp(1.0, 1.0, 1.0), Transform::from_xyz(1.1, 0.0, -3.0));
     rig.insert(tool, RenderLayers::layer(1));
     let over = second(
         &mut rig,
         1,
         &target,
-        (Transform::from_xyz(0.0, 0.0, 5.0), orthographic(4.0, 4.0), RenderLayers::layer(1), plain()),
+        (
+            Transform::from_xyz(0.0, 0.0, 5.0),
+            orthographic(4.0, 4.0),
+            RenderLayers::layer(1),
+            Restir { jitter: Jitter::Auto, ..plain() },
+        ),
     );
     for camera in [rig.camera, over.0] {
         rig.insert(camera, Tonemapping::None);
@@ -232,6 +237,11 @@ fn a_camera_without_a_clear_color_draws_over_the_previous_camera() {
     assert!(at(2, 8).abs_diff(137) <= 2, "the world: {}", at(2, 8));
     assert_eq!(at(12, 8), 255, "the tool");
     assert!(at(12, 1).abs_diff(137) <= 2, "the world above the tool: {}", at(12, 1));
+    // The tool covers 0.6 of this pixel.  Its camera averages frames, which are not jittered, so that the edge does not flicker.
+    for frame in 0..8 {
+        let edge = rig.drawn(&target)[16 * 8 + 8][0];
+        assert_eq!(edge, 255, "the edge of the tool in frame {frame}");
+    }
     // A light from all around that is no backdrop.
     let map = rig.add::<Image>(cube_texture(255));
     rig.insert(over.0, EnvironmentMapLight { diffuse_map: map.clone(), specular_map: map, ..default() });

@@ -74,7 +74,10 @@ fn lights_are_chosen_by_power() {
             let expected: Vec<f64> = pmf.iter().map(|p| p * f64::from(1 << 17)).collect();
             chi_squared(&counts, &expected)
         };
-        (format!("{} lights, environment {environment} up to {limit}", powers.len()), Box::new(test) as Box<dyn Fn(u32) -> f64>)
+        (
+            format!("{} lights, environment {environment} up to {limit}", powers.len()),
+            Box::new(test) as Box<dyn Fn(u32) -> f64>,
+        )
     }));
 }
 

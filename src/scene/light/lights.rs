@@ -348,7 +348,8 @@ impl LightPool {
     fn write_selection_probabilities(&mut self, mut powers: Vec<f64>) {
         self.power = powers.iter().filter(|p| p.is_finite() && **p > 0.0).sum();
         let kind = |i: usize| self.table[i].kind & LIGHT_KIND_BITS;
-        self.environment_limit = balance_distant_lights(&mut powers, |i| matches!(kind(i), LIGHT_SUN | LIGHT_DIRECTIONAL));
+        self.environment_limit =
+            balance_distant_lights(&mut powers, |i| matches!(kind(i), LIGHT_SUN | LIGHT_DIRECTIONAL));
         match alias_table(&powers) {
             Some(entries) => {
                 for (light, entry) in self.table.iter_mut().zip(entries) {

@@ -6,7 +6,13 @@ use crate::support::{
     expected_radiance::{leaning, turned_by},
     small_scenes::*,
 };
-use bevy::{light::NotShadowCaster, prelude::*, render::render_resource::TextureFormat};
+use bevy::{
+    camera::{CameraProjection, SubCameraView},
+    light::NotShadowCaster,
+    math::Vec3A,
+    prelude::*,
+    render::render_resource::TextureFormat,
+};
 use bevy_restir::{Jitter, LightTechniques, Restir, Subsurface, Technique, testing::plant_shader_defs};
 
 fn bidirectional(bounces: u32) -> Restir {
@@ -59,6 +65,41 @@ fn light_paths_alone_light_back_faces_for_a_camera_that_inverts_culling() {
         // This wall is in front of the floor and faces the camera, which does not see it.
         rig.spawn(square(0.5), lambert(0.9), Transform::from_xyz(0.5, 0.0, 0.5));
         rig.get_mut::<Transform>(floor).rotate_y(core::f32::consts::PI);
+        rig.get_mut::<Camera>(rig.camera).invert_culling = true;
+    });
+}
+
+/// A perspective image with left and right exchanged, as of a rear-view mirror.
+#[derive(Clone, Debug)]
+struct Mirrored(PerspectiveProjection);
+
+impl CameraProjection for Mirrored {
+    fn get_clip_from_view(&self) -> Mat4 {
+        Mat4::from_scale(Vec3::new(-1.0, 1.0, 1.0)) * self.0.get_clip_from_view()
+    }
+
+    fn get_clip_from_view_for_sub(&self, sub_view: &SubCameraView) -> Mat4 {
+        Mat4::from_scale(Vec3::new(-1.0, 1.0, 1.0)) * self.0.get_clip_from_view_for_sub(sub_view)
+    }
+
+    fn update(&mut self, width: f32, height: f32) {
+        self.0.update(width, height);
+    }
+
+    fn far(&self) -> f32 {
+        self.0.far()
+    }
+
+    fn get_frustum_corners(&self, near: f32, far: f32) -> [Vec3A; 8] {
+        self.0.get_frustum_corners(near, far)
+    }
+}
+
+#[test]
+fn light_paths_alone_light_the_picture_of_a_mirrored_projection() {
+    check("mirrored projection", |rig| {
+        floor(rig, lambert(0.5));
+        rig.insert(rig.camera, Projection::custom(Mirrored(PerspectiveProjection::default())));
         rig.get_mut::<Camera>(rig.camera).invert_culling = true;
     });
 }
