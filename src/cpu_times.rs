@@ -73,7 +73,7 @@ impl CpuTimes {
     }
 }
 
-/// A stage that runs.
+/// Measures a stage until it is dropped.
 #[must_use]
 pub(crate) struct Running<'a> {
     sum: &'a AtomicU64,

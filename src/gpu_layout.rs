@@ -1,5 +1,6 @@
-//! Rust mirrors of the structs and constants in `types.wgsl` of `shaders/scene`, `shaders/deformation`, `shaders/view` and
-//! `shaders/restir`, and in `shaders/common/constants.wgsl`.  A test compares every offset and size with naga's.
+//! Rust mirrors of the structs, constants and packed sizes that shaders share with Rust: `types.wgsl` of `shaders/scene`, `deformation`,
+//! `view`, `restir` and `denoiser`, `common/constants.wgsl`, `common/guard.wgsl`, `restir/mis.wgsl` and `pass/statistics.wgsl`.  A test
+//! compares every offset and size with naga's.
 
 use bytemuck::{Pod, Zeroable};
 

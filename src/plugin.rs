@@ -164,7 +164,7 @@ impl RestirPlugin {
     }
 }
 
-/// How the app wants us to work.
+/// The options of the plugin.
 #[derive(Resource, Clone, Copy)]
 struct Options {
     backend: RayBackend,

@@ -49,8 +49,8 @@ pub struct RestirReport {
     /// first object that render layers hide.
     /// One frame may count for several reasons.  Techniques without a history count nothing.
     pub history_resets: Vec<(&'static str, u64)>,
-    /// How far [`RestirBudget`](crate::RestirBudget) reduces the settings of all cameras: the argument of
-    /// [`Restir::reduced`](crate::Restir::reduced).  Steps after its last one reduce the traced resolution.
+    /// Number of steps by which [`RestirBudget`](crate::RestirBudget) reduces the settings of all cameras.  The first steps take samples
+    /// away, as [`Restir::reduced`](crate::Restir::reduced) does.  Where that has no step left, further ones lower the traced resolution.
     pub budget_step: u32,
     /// CPU time of each stage of the last frame, ms: the plugin's own work, without the later work of Bevy and the driver.  Stages run one
     /// after another, so that their sum is the time of all.
@@ -101,7 +101,7 @@ struct Shared {
     run: GuardRun,
     /// In the last frame every camera was rendered by the pipelines that scene and settings ask for.
     shows_settings: AtomicBool,
-    /// What the present device lacks; `None` if it lacks nothing.
+    /// The first requirement that the present device does not meet; `None` if it meets all.
     missing: Mutex<Option<&'static str>>,
 }
 
@@ -136,12 +136,12 @@ impl RestirStatistics {
         self.lock().budget_step = step;
     }
 
-    /// Says what the present device lacks.
+    /// Stores the first requirement that the present device does not meet.
     pub(crate) fn set_missing(&self, missing: Option<&'static str>) {
         *self.0.missing.lock().unwrap_or_else(PoisonError::into_inner) = missing;
     }
 
-    /// What the present device lacks.
+    /// The first requirement that the present device does not meet.
     pub(crate) fn missing(&self) -> Option<&'static str> {
         *self.0.missing.lock().unwrap_or_else(PoisonError::into_inner)
     }

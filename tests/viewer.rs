@@ -329,7 +329,7 @@ fn every_setting_can_be_changed_at_run_time() {
             let picture = rig.next();
             assert!(picture.is_finite(), "{path}");
             assert!((0.3..3.0).contains(&(picture.mean() / mean)), "{path}: {} after {mean}", picture.mean());
-            // Counters are read back one frame late.
+            // The counters of a frame arrive while the tests wait for the GPU, and the next frame reports them.
             assert_eq!(rig.report().raised_guards(), [], "{path}, or the change before it");
         }
     }

@@ -30,7 +30,7 @@ pub struct Counts {
 }
 
 /// Passes that compute no lighting.
-const OTHER_PASSES: [&str; 3] = ["visibility", "statistics", "composite"];
+const OTHER_PASSES: [&str; 4] = ["visibility", "visibility_shown", "statistics", "composite"];
 
 /// Cost of a frame: median times.
 #[derive(Clone, Debug)]
@@ -45,6 +45,11 @@ pub struct Cost {
 impl Cost {
     /// A cost without any pass.
     pub const NONE: Self = Self { passes: Vec::new(), rays: 0.0, has_gpu_times: false };
+
+    /// The same passes with times that are not known.
+    pub fn unknown(&self) -> Self {
+        Self { passes: self.passes.iter().map(|(name, _)| (*name, f64::NAN)).collect(), rays: f64::NAN, ..self.clone() }
+    }
 
     fn sum(&self, counts: impl Fn(&str) -> bool) -> f64 {
         self.passes.iter().filter(|(name, _)| counts(name)).map(|(_, ms)| ms).sum()
@@ -153,7 +158,7 @@ impl Bench {
         let mut app = headless::app(folder, RayBackend::Auto)?;
         let environment = environment.map(|wanted| environment::load(app.world_mut(), &wanted)).transpose()?;
         scene::load(&mut app, file)?;
-        let place = scene::file_camera(app.world_mut(), None)?.place;
+        let place = scene::file_camera(app.world_mut(), None, size)?.place;
         let setup = CameraSetup { size, exposure: unit_exposure(), environment, settings };
         scene::spawn_camera(app.world_mut(), place, setup);
         Self::new(app, size, counts.clone())

@@ -59,6 +59,9 @@ pub fn run(args: &Args) -> Result<(), String> {
             ));
         }
         let free = fly(&mut bench, &settings, &args.counts, None, &progress)?;
+        if free.times.len() < SMOOTH {
+            return Err(format!("{} GPU times arrived; a budget needs at least {SMOOTH}", free.times.len()));
+        }
         let most = free.smooth().fold(0.0, f64::max);
         let row = |section: &str, label: &str, unit, figure| Row::new(section.to_owned(), label, &[("", unit, figure)]);
         let mut rows = vec![

@@ -46,6 +46,11 @@ pub fn run(args: &Args) -> Result<(), String> {
     args.output.check(NAME)?;
     if let Some(path) = &args.difference {
         files::check(path)?;
+        let is_same =
+            |other: &Path| path.canonicalize().is_ok_and(|path| other.canonicalize().is_ok_and(|other| path == other));
+        if is_same(&args.picture) || is_same(&args.reference) {
+            return Err(format!("--difference would overwrite {}", path.display()));
+        }
         write_png(path, panels::with_error(size, &picture, &reference))?;
     }
     let tile = args.tile as usize;

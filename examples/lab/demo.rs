@@ -10,6 +10,7 @@ use crate::{
     bench::{Bench, Counts, Scene, reference_bounces, scenes},
     error::{Picture, Reference},
     panels,
+    table::digits,
 };
 
 /// One picture per scene with four panels: the reference path tracer in the time of one frame of ReSTIR PT with the denoiser, ReSTIR PT
@@ -89,7 +90,7 @@ fn compare(args: &Args, scene: &Scene) -> Result<(), String> {
     let plural = if samples == 1 { "" } else { "s" };
     println!("{}", path.display());
     let line = |place: &str, what: &str, ms: f64, picture: &Picture| {
-        println!("  {place} {what}, {ms:.0} ms, median block error {:.3}", truth.error(picture).median);
+        println!("  {place} {what}, {} ms, median block error {}", digits(ms), digits(truth.error(picture).median));
     };
     let path_traced = format!("reference path tracer, {samples} sample{plural} per pixel");
     line("top left:    ", &path_traced, sample_ms * f64::from(samples), &noisy);

@@ -36,7 +36,7 @@ pub struct Args {
     output: Output,
 }
 
-/// What happens in each frame.
+/// The edit before each frame.
 #[derive(Clone, Copy, PartialEq)]
 enum Change {
     Nothing,
@@ -83,16 +83,16 @@ pub fn run(args: &Args) -> Result<(), String> {
         name = adapter_of(&app);
         let mut measure = |change| measure(args, &mut app, &instances, change, &progress);
         let mut cases = vec![
-            ("one mesh, at rest", measure(Change::Nothing)),
-            ("1 % in motion", measure(Change::Move(instances.len().div_ceil(100)))),
-            ("all in motion", measure(Change::Move(instances.len()))),
-            ("one more in each frame", measure(Change::Spawn)),
+            ("one mesh, at rest", measure(Change::Nothing)?),
+            ("1 % in motion", measure(Change::Move(instances.len().div_ceil(100)))?),
+            ("all in motion", measure(Change::Move(instances.len()))?),
+            ("one more in each frame", measure(Change::Spawn)?),
         ];
         drop(app);
         cases.push(("a mesh and a material each, at rest", Measured::missing()));
         if own_meshes(count) {
             let (mut app, instances) = crowd(args, count, count)?;
-            cases[4].1 = self::measure(args, &mut app, &instances, Change::Nothing, &progress);
+            cases[4].1 = self::measure(args, &mut app, &instances, Change::Nothing, &progress)?;
         }
         columns.push((count.to_string(), cases));
     }
@@ -137,13 +137,20 @@ fn spawn(world: &mut World, (mesh, material): &Look, i: u32, count: u32) -> Enti
     world.spawn((Mesh3d(mesh.clone()), MeshMaterial3d(material.clone()), at)).id()
 }
 
-fn measure(args: &Args, app: &mut App, instances: &[Entity], change: Change, progress: &Progress) -> Measured {
+fn measure(
+    args: &Args,
+    app: &mut App,
+    instances: &[Entity],
+    change: Change,
+    progress: &Progress,
+) -> Result<Measured, String> {
     let (mut stages, mut ours, mut frames, mut sent) = (Vec::<(_, Vec<f64>)>::new(), Vec::new(), Vec::new(), 0.0);
     // The first frames follow the case before.
     const SETTLE: u32 = 4;
     for number in 0..SETTLE + args.frames {
         apply(app.world_mut(), instances, change, number);
         let (_, cpu) = frame(app);
+        headless::alive(app)?;
         if number < SETTLE {
             continue;
         }
@@ -159,7 +166,7 @@ fn measure(args: &Args, app: &mut App, instances: &[Entity], change: Change, pro
         sent = report.uploaded_bytes as f64;
     }
     let stages = stages.into_iter().map(|(name, all)| (name, quartile(all))).collect();
-    Measured { stages, ours: quartile(ours), frame: quartile(frames), sent }
+    Ok(Measured { stages, ours: quartile(ours), frame: quartile(frames), sent })
 }
 
 fn apply(world: &mut World, instances: &[Entity], change: Change, number: u32) {

@@ -1,5 +1,6 @@
 //! Known faults that `fuzz` and `soak` must find: a search that finds nothing proves nothing unless it can find something.
 
+use bevy_restir::testing::shader_library::MODULES;
 use std::{
     collections::BTreeSet,
     process::{Command, Output, Stdio},
@@ -113,16 +114,16 @@ const PLANTS: [Plant; 20] = [
     plant(
         "a pixel is not a number after some hundred frames",
         "pass/resolve.wgsl",
-        "light += limited(scattered_light(pixel), pixel, ids.x);",
-        "light += limited(scattered_light(pixel), pixel, ids.x) * sqrt(200.0 - f32(view.frame));",
+        "limited(scattered_light(pixel), pixel, ids.x)",
+        "limited(scattered_light(pixel), pixel, ids.x) * sqrt(200.0 - f32(view.frame))",
         SOAK_DI,
     ),
     // Light that drifts.
     plant(
         "the picture gets brighter by a thousandth a frame",
         "pass/resolve.wgsl",
-        "light += limited(scattered_light(pixel), pixel, ids.x);",
-        "light += limited(scattered_light(pixel), pixel, ids.x) * (1.0 + 1.0e-3 * f32(view.frame));",
+        "limited(scattered_light(pixel), pixel, ids.x)",
+        "limited(scattered_light(pixel), pixel, ids.x) * (1.0 + 1.0e-3 * f32(view.frame))",
         SOAK_DI,
     ),
     // Light that is wrong.
@@ -185,7 +186,7 @@ const PLANTS: [Plant; 20] = [
     plant(
         "a pair ignores visibility",
         "pass/pair_shifts.wgsl",
-        "target_value(e) > 0.0 && is_visible(r, e, NO_ALPHA_SEED)",
+        "target_value(e) > 0.0 && is_visible(r, e, alpha_seed_of(pixel, pair))",
         "target_value(e) > 0.0",
         BIAS,
     ),
@@ -196,6 +197,7 @@ pub fn run(args: &Args) -> Result<(), String> {
     if chosen.is_empty() {
         return Err(format!("no fault is named {}", args.only));
     }
+    chosen.iter().try_for_each(|plant| plant.check_text())?;
     if args.list {
         chosen.iter().for_each(|plant| println!("{} ({}): lab {}", plant.name, plant.file, plant.command));
         return Ok(());
@@ -241,6 +243,15 @@ fn check_control(command: &str) -> Result<(), String> {
 }
 
 impl Plant {
+    /// Fails unless the text that it replaces occurs once.
+    fn check_text(&self) -> Result<(), String> {
+        let text = MODULES.iter().find(|(path, _)| *path == self.file).map_or("", |(_, text)| text);
+        match text.matches(self.old).count() {
+            1 => Ok(()),
+            count => Err(format!("{}: {} has its text {count} times: {}", self.name, self.file, self.old)),
+        }
+    }
+
     /// Runs the command with the fault.
     fn is_found(&self) -> Result<bool, String> {
         let variables = [("MUTANT_FILE", self.file), ("MUTANT_OLD", self.old), ("MUTANT_NEW", self.new)];

@@ -48,7 +48,7 @@ pub struct Args {
     #[command(flatten)]
     output: Output,
     /// Number of rays of a dispatch.
-    #[arg(long, default_value_t = 1 << 19, value_parser = clap::value_parser!(u32).range(64..1 << 24))]
+    #[arg(long, default_value_t = 1 << 19, value_parser = clap::value_parser!(u32).range(64..=4_194_240))]
     rays: u32,
     /// Number of dispatches whose median time counts.
     #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..))]

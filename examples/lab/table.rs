@@ -116,16 +116,34 @@ impl Row {
 pub struct Table {
     /// The command, the adapter, the commit and so on.
     pub header: Vec<String>,
-    /// Names and rows of the columns. All columns have the same rows.
+    /// Names and rows of the columns. A row that a column lacks is empty there.
     pub columns: Vec<(String, Vec<Row>)>,
     /// Lines below the table.
     pub notes: Vec<String>,
 }
 
 impl Table {
-    fn rows(&self) -> impl Iterator<Item = (&Row, Vec<&Row>)> {
-        let first = self.columns.first().map_or(&[][..], |c| &c.1);
-        first.iter().enumerate().map(|(i, row)| (row, self.columns.iter().filter_map(|c| c.1.get(i)).collect()))
+    /// All rows, each with its cells in the columns. Scenes may have different passes, so that rows are matched by their names.
+    fn rows(&self) -> Vec<(&Row, Vec<Option<&Row>>)> {
+        let name = |row: &Row| (row.section.clone(), row.label.clone());
+        let mut rows: Vec<&Row> = Vec::new();
+        for (_, column) in &self.columns {
+            let mut at = 0;
+            for row in column {
+                match rows.iter().position(|known| name(known) == name(row)) {
+                    Some(place) => at = place + 1,
+                    // After the row that it follows in its own column.
+                    None => {
+                        rows.insert(at, row);
+                        at += 1;
+                    }
+                }
+            }
+        }
+        let cell = |column: &'_ [Row], row: &Row| column.iter().position(|own| name(own) == name(row));
+        rows.into_iter()
+            .map(|row| (row, self.columns.iter().map(|(_, column)| Some(&column[cell(column, row)?])).collect()))
+            .collect()
     }
 
     pub fn markdown(&self) -> String {
@@ -145,8 +163,8 @@ impl Table {
             let cells: Vec<String> = cells
                 .iter()
                 .map(|cell| {
-                    let shown = cell.quantities.iter().zip(&cell.values).map(|(q, v)| q.1.show(*v));
-                    shown.collect::<Vec<_>>().join(" / ")
+                    let shown = cell.iter().flat_map(|cell| cell.quantities.iter().zip(&cell.values));
+                    shown.map(|(q, v)| q.1.show(*v)).collect::<Vec<_>>().join(" / ")
                 })
                 .collect();
             let _ = writeln!(text, "| {} | {} | {} |", row.label, row.units(), cells.join(" | "));
@@ -171,8 +189,8 @@ impl Table {
                 let mut fields =
                     vec![row.section.clone().into_owned(), row.label.clone(), (*name).into(), unit.name().into()];
                 fields.extend(cells.iter().map(|cell| {
-                    let value = cell.values[i];
-                    if value.is_finite() { value.to_string() } else { String::new() }
+                    let value = cell.and_then(|cell| cell.values.get(i)).filter(|value| value.is_finite());
+                    value.map(f64::to_string).unwrap_or_default()
                 }));
                 text += &csv_line(&fields);
             }

@@ -104,6 +104,11 @@ impl Args {
         let last = [self.frames - 1];
         bench.set_motion(Vec::new());
         let (_, still) = bench.runs(settings, 1, &last, progress)?;
+        // Frames of the reference tracer are added up, so that its camera does not move.
+        if settings.technique == Technique::Reference {
+            let moving = still.unknown();
+            return Ok([still, moving]);
+        }
         bench.set_motion((0..self.frames).rev().map(turned).collect());
         let (_, moving) = bench.runs(settings, 1, &last, progress)?;
         Ok([still, moving])

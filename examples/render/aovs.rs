@@ -44,18 +44,17 @@ impl AnimationTimes {
     }
 }
 
-/// Renders and writes the files.  `settings`: of the picture; `scale`: of its radiance in the file; `start`: where it began.
+/// Renders and writes the files.  `settings`: of the picture; `scale`: of its radiance in the file; `start` and `end`: its moments.
 pub fn write(
     app: &mut App,
     args: &Args,
     settings: &Restir,
     scale: f64,
-    start: &AnimationTimes,
+    [start, end]: &[AnimationTimes; 2],
     written: &mut Written,
 ) -> Result<(), String> {
     // The surfaces are those of the frame after the picture, so they come first.
     let (parts, surfaces): (Vec<_>, Vec<_>) = args.aovs.iter().partition(|aov| aov.view.is_part_of_light());
-    let end = AnimationTimes::of(app.world_mut());
     for aov in surfaces {
         // Animations go on while pipelines compile.
         show(app, Restir { debug_view: aov.view, accumulate: false, ..settings.clone() })?;

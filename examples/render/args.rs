@@ -38,7 +38,8 @@ pub struct Args {
     /// Frames that build up history and are not part of the picture; the reference skips them.
     #[arg(long, default_value_t = 16)]
     pub warmup: u32,
-    /// The mean of the frames or the last one. The reference always gives the mean of its samples. A mean has no limit of bright pixels
+    /// The mean of the frames or the last one. The reference always gives the mean of its samples. With --animate,
+    /// a .png shows the last frame in any case. A mean has no limit of bright pixels
     /// (`firefly_limit` is 0) and no denoiser, because both would stay in it as a bias.
     #[arg(long, value_enum, default_value = "mean")]
     pub output: Output,
@@ -154,12 +155,16 @@ impl Args {
         core::iter::once(self.out.as_path()).chain(aovs).chain(self.stats.as_deref())
     }
 
-    /// An error if two of the files to write are one, or one of them is the scene.
+    /// An error if two of the files to write are one, or one of them is an input.
     pub fn check_outputs(&self) -> Result<(), String> {
         let absolute = |path: &Path| {
             let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
             let folder = folder.canonicalize().unwrap_or(folder.into());
             folder.join(path.file_name().unwrap_or_default())
+        };
+        let environment = match &self.env {
+            Some(Environment::File(path)) => Some(absolute(path)),
+            _ => None,
         };
         let scene = absolute(&self.scene);
         let mut seen = Vec::new();
@@ -167,6 +172,9 @@ impl Args {
             let place = absolute(path);
             if place == scene {
                 return Err(format!("an option would overwrite the scene {}", path.display()));
+            }
+            if environment.as_ref() == Some(&place) {
+                return Err(format!("an option would overwrite the environment {}", path.display()));
             }
             if seen.contains(&place) {
                 return Err(format!("two options name the file {}", path.display()));

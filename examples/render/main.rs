@@ -95,7 +95,7 @@ fn render_into(args: &Args, settings: Restir, written: &mut Written) -> Result<(
         app.add_systems(Update, play_animation);
     }
     scene::load(&mut app, name)?;
-    let camera = scene::file_camera(app.world_mut(), args.camera.as_deref())?;
+    let camera = scene::file_camera(app.world_mut(), args.camera.as_deref(), args.size)?;
     let environment = environment(app.world_mut(), args)?;
     let mut first = settings.clone();
     // From the first frame on, because pipelines for other settings would still be missing in the first frame of the mean.
@@ -121,6 +121,8 @@ fn render_into(args: &Args, settings: Restir, written: &mut Written) -> Result<(
     // Where the exposure is known, the last frame itself is shown.
     let shows_last = !args.writes_exr() && args.ev100 != Some(ExposureChoice::Auto);
     let mut frames = accumulate(&mut app, args, &settings, shows_last)?;
+    // Where a picture with another exposure follows, the animation goes on.
+    let moments = [start, AnimationTimes::of(app.world_mut())];
     let exposure = final_exposure(args, &frames);
     // Without an exposure value the file holds the exact radiance.
     let scale = f64::from(args.ev100.map_or(1.0, |_| exposure.exposure()));
@@ -141,7 +143,7 @@ fn render_into(args: &Args, settings: Restir, written: &mut Written) -> Result<(
         Some(_) => Some(stats::of_last_frame(&mut app, args, (&settings, step), &mut frames)?),
         None => None,
     };
-    aovs::write(&mut app, args, &settings, scale, &start, written)?;
+    aovs::write(&mut app, args, &settings, scale, &moments, written)?;
     if let Some((path, stats)) = args.stats.as_deref().zip(stats) {
         let text = serde_json::to_string_pretty(&stats).map_err(|e| e.to_string())? + "\n";
         files::write_text(path, &text)?;
@@ -257,6 +259,9 @@ struct Frames {
     passes: Times,
     all_ms: Vec<f64>,
     cpu_ms: Vec<f64>,
+    /// Bytes that the last frame sent to the device, and the CPU time of each stage in it, ms.
+    uploaded_bytes: u64,
+    stages: Vec<(&'static str, f32)>,
 }
 
 impl Frames {
@@ -333,5 +338,7 @@ fn accumulate(app: &mut App, args: &Args, settings: &Restir, shows_last: bool) -
         }
         progress.step();
     }
-    Ok(Frames { size, pixels: sum.mean(), passes, all_ms, cpu_ms })
+    let report = app.world().resource::<RestirStatistics>().report();
+    let (uploaded_bytes, stages) = (report.uploaded_bytes, report.cpu_ms);
+    Ok(Frames { size, pixels: sum.mean(), passes, all_ms, cpu_ms, uploaded_bytes, stages })
 }

@@ -50,7 +50,7 @@ fn json(world: &World, args: &Args, (settings, budget_step): (&Restir, u32), fra
         "passes": passes,
         "frame_ms_median": median(&frames.all_ms),
         "cpu_ms_median": median(&frames.cpu_ms),
-        "cpu_stages": report.cpu_ms.iter().map(|(name, ms)| json!({"name": name, "ms_last_frame": ms})).collect::<Vec<_>>(),
+        "cpu_stages": frames.stages.iter().map(|(name, ms)| json!({"name": name, "ms_last_frame": ms})).collect::<Vec<_>>(),
         "rays_per_frame": report.rays,
         "memory": {
             "total_bytes": total,
@@ -60,7 +60,7 @@ fn json(world: &World, args: &Args, (settings, budget_step): (&Restir, u32), fra
         "pipelines": report.pipelines.iter().map(|p| json!({
             "name": p.name, "defs": p.defs, "compile_ms": p.compile_ms,
         })).collect::<Vec<_>>(),
-        "uploaded_bytes_last_frame": report.uploaded_bytes,
+        "uploaded_bytes_last_frame": frames.uploaded_bytes,
         "non_finite_pixels": non_finite + guards.get("non_finite").copied().unwrap_or_default(),
         "overflow_flags": report.overflow_flags,
         "guards": guards,

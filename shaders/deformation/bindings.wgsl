@@ -5,7 +5,7 @@
 #import bevy_restir::scene::types::{Triangle, TriangleAttributes}
 
 @group(0) @binding(0) var<storage, read> bodies: array<Body>;
-// Tables of all meshes, which never change.
+// Tables of the meshes that bend.  The table of a mesh never changes.
 @group(0) @binding(1) var<storage, read> rigs: array<u32>;
 // The poses of this frame: for each joint the rows of the transform from the mesh at rest to the instance; for each active morph target its
 // weight and its index.

@@ -81,24 +81,24 @@ fn emission_solid_angle(light: u32) -> f32 {
     if light_kind(light) != LIGHT_SPOT {
         return FOUR_PI;
     }
-    return TWO_PI * (spot_ramp_share(spot_cone(light)) + spot_full_share(spot_cone(light)));
+    return TWO_PI * (spot_ramp_integral(spot_cone(light)) + spot_full_integral(spot_cone(light)));
 }
 
 // Integrals of the falloff over the cosine: over the ramp, and over the cone inside of it, where the falloff is 1.  The axis may cut off
 // the ramp.
-fn spot_ramp_share(cone: SpotCone) -> f32 {
+fn spot_ramp_integral(cone: SpotCone) -> f32 {
     let end = min((1.0 - cone.outer) / cone.width, 1.0);
     return cone.width * end * end * end / 3.0;
 }
 
-fn spot_full_share(cone: SpotCone) -> f32 {
+fn spot_full_integral(cone: SpotCone) -> f32 {
     return max(1.0 - cone.outer - cone.width, 0.0);
 }
 
 fn spot_emission_cosine(light: u32, u: f32) -> f32 {
     let cone = spot_cone(light);
-    let ramp = spot_ramp_share(cone);
-    let share = u * (ramp + spot_full_share(cone));
+    let ramp = spot_ramp_integral(cone);
+    let share = u * (ramp + spot_full_integral(cone));
     if share < ramp {
         return min(cone.outer + cone.width * pow(3.0 * share / cone.width, 1.0 / 3.0), 1.0);
     }

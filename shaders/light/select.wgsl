@@ -1,4 +1,5 @@
-// Choice of a light by power: the environment, or a light of the table by the alias method (Vose 1991).
+// Choice of a light by balanced power (`src/scene/light/alias_table.rs`): the environment, or a light of the table by the alias method
+// (Vose 1991).
 #define_import_path bevy_restir::light::select
 
 #import bevy_restir::common::constants::{NONE, PI}

@@ -116,7 +116,7 @@ fn seen_by(ids: vec2<u32>, ray: Ray) -> Seen {
 fn color_between(pixel: vec2<u32>) -> vec3<f32> {
     let own = seen_by(textureLoad(visibility_buffer, pixel, 0).xy, shown_ray(pixel));
     let place = traced_place(pixel);
-    // The surfaces are those of this frame.  By them, the edges in a mean of jittered frames would move from frame to frame.
+    // A mean of jittered frames is not weighted by surfaces: these are of this frame alone, so that edges would move from frame to frame.
     let is_mean = radiance[pixel_index(pixel_at(place))].a > 1.0;
     let corner = max(place - 0.5, vec2<f32>(0.0));
     let share = fract(corner);
@@ -127,7 +127,7 @@ fn color_between(pixel: vec2<u32>) -> vec3<f32> {
         let sides = select(1.0 - share, share, offset == vec2<u32>(1u));
         let traced = pixel_at(corner + vec2<f32>(offset));
         let other = seen_by(textureLoad(traced_visibility, traced, 0).xy, primary_ray(traced));
-        // Also the farthest of them counts where it alone shows the surface.
+        // The floor keeps a weight for a traced pixel at the far end, in case it is the only one that shows the surface.
         let weight = select(max(sides.x * sides.y, 1.0e-3) * similarity(own, other), sides.x * sides.y, is_mean);
         color += weight * color_of(traced);
         weights += weight;

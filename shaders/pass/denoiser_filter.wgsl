@@ -25,7 +25,7 @@ struct Sum {
 
 // Exponent of the cosine between normals, for diffuse light.
 const NORMAL_POWER: f32 = 64.0;
-// Standard deviations of both pixels at which weights fall to 1/e.
+// Difference of luminance at which weights fall to 1/e, in standard deviations of the difference.
 const DEVIATIONS: f32 = 1.0;
 // Weights of specular light below this one do not count; the pixel itself has 1.
 const LEAST_WEIGHT: f32 = 1.0e-9;

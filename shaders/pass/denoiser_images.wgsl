@@ -49,11 +49,11 @@ struct Imaging {
 const IDENTITY: mat3x3<f32> = mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
 
 // Adds a mirror or an interface that maps the space around `point`.
-fn through(i: Imaging, point: vec3<f32>, map: mat3x3<f32>) -> Imaging {
+fn behind_surface(i: Imaging, point: vec3<f32>, map: mat3x3<f32>) -> Imaging {
     return Imaging(i.linear * map, i.offset + i.linear * (point - map * point));
 }
 
-// How a surface maps what it shows in direction wi: a mirror reflects it; glass turns it, so that the ray seems to go straight on.
+// The linear map from the space behind a surface to the image that it shows: a mirror reflects; glass turns, so that the ray looks straight.
 fn map_of(wi: vec3<f32>, wo: vec3<f32>, n: vec3<f32>) -> mat3x3<f32> {
     if dot(wi, n) > 0.0 {
         return IDENTITY - 2.0 * outer(n, n);
@@ -68,7 +68,7 @@ fn outer(a: vec3<f32>, b: vec3<f32>) -> mat3x3<f32> {
 }
 
 // Greatest number of mirrors and interfaces that a ray passes.
-const MOST_SURFACES: u32 = 6u;
+const MAX_SURFACES: u32 = 6u;
 
 fn image_of(ids: vec2<u32>, pixel: vec2<u32>) -> Image {
     let none = Image(no_image(), vec3<f32>(0.0));
@@ -90,12 +90,12 @@ fn image_of(ids: vec2<u32>, pixel: vec2<u32>) -> Image {
     var tint = seen.tint / max(specular, vec3<f32>(1.0e-6));
     var sum = 1.0 - tint;
     var roughest = 0.0;
-    for (var i = 0u; i < MOST_SURFACES && seen.exists; i++) {
+    for (var i = 0u; i < MAX_SURFACES && seen.exists; i++) {
         let wi = seen.wi;
         roughest = max(roughest, s.bsdf.roughness);
-        now = through(now, s.position, map_of(wi, wo, s.bsdf.n));
+        now = behind_surface(now, s.position, map_of(wi, wo, s.bsdf.n));
         // The normal of the last frame, bent by a normal map as that of this frame is.
-        before = through(before, last.position, map_of(wi, wo, normalize(last.n + (s.bsdf.n - s.smooth_n))));
+        before = behind_surface(before, last.position, map_of(wi, wo, normalize(last.n + (s.bsdf.n - s.smooth_n))));
         let hit = trace_closest(Ray(offset_point(s.position, s.bsdf.n_geo, wi, s.offset), 0.0, wi, FAR), primary_alpha_seed(pixel));
         if hit.instance == NONE {
             return none;
@@ -112,7 +112,7 @@ fn image_of(ids: vec2<u32>, pixel: vec2<u32>) -> Image {
             tint *= seen.tint;
         }
     }
-    // What emits is not filtered.
+    // Emitted light is not filtered.
     if seen.exists || max_component(s.emission + s.unlit) > 0.0 {
         return none;
     }

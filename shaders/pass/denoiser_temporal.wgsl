@@ -32,8 +32,8 @@ fn denoiser_temporal(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let own = guide_unpack(textureLoad(guides, pixel, 0));
     if own.depth == 0.0 {
-        pass_on(pixel, DIFFUSE);
-        pass_on(pixel, SPECULAR);
+        store_unfiltered(pixel, DIFFUSE);
+        store_unfiltered(pixel, SPECULAR);
         return;
     }
     let ids = textureLoad(visibility, pixel, 0).xy;
@@ -52,7 +52,7 @@ fn denoiser_temporal(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 
 // Light that is not filtered.
-fn pass_on(pixel: vec2<u32>, kind: u32) {
+fn store_unfiltered(pixel: vec2<u32>, kind: u32) {
     textureStore(means, pixel, kind, mean_pack(no_mean()));
     textureStore(filtered, pixel, kind, textureLoad(signals, pixel, kind, 0));
 }
@@ -169,7 +169,7 @@ fn neighborhoods(pixel: vec2<u32>, own: Guide, place: LastPlace) -> array<Neighb
             shows[j] = shows_surface(own, place.is_image, vec2<i32>(pixel) + offset, offset);
             showed[j] = shows[j] && showed_surface(place, last_pixel + offset);
         }
-        // Of a mirror, specular light belongs to the image and diffuse light to the surface.
+        // The specular light of a mirror is compared at its optical image, and its diffuse light at its surface.
         let last_kind = select(SPECULAR, DIFFUSE, own.shows_image && !place.is_image);
         for (var kind = select(DIFFUSE, SPECULAR, place.is_image); kind <= last_kind; kind++) {
             sums[kind] = with_quad(sums[kind], vec2<i32>(pixel) + corner, shows, last_pixel + corner, showed, kind);
@@ -266,7 +266,7 @@ const FEWEST_AROUND: f32 = 3.0;
 // Frames after which the variance over frames is trusted.
 const FEW_FRAMES: f32 = 8.0;
 
-// The variance of a mean: the greater one of what it varies over frames and over pixels.  Reuse makes both too small, because frames and the
+// The variance of a mean: the greater one of two estimates, over frames and over pixels.  Reuse makes both too small, because frames and the
 // pixels around each other share samples.
 fn variance_of_mean(mean: Mean, around: Neighborhood) -> f32 {
     let light = around.light / around.count;
@@ -293,7 +293,7 @@ fn outlying(mean: Mean, around: Neighborhood) -> f32 {
 fn average(pixel: vec2<u32>, kind: u32, place: LastPlace, around: Neighborhood, most_frames: f32) {
     let light = textureLoad(signals, pixel, kind, 0);
     if light.a < 0.0 {
-        pass_on(pixel, kind);
+        store_unfiltered(pixel, kind);
         return;
     }
     let last = last_mean(place, kind);

@@ -8,7 +8,6 @@
 #import domain::{evaluate, is_visible, kept_shift, needs_replay, PackedReservoir, Receiver, receiver_of, receives_light, Reservoir, reservoir_unpack, target_value}
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::common::rng::rng_bits
-#import bevy_restir::restir::bindings::settings
 #import bevy_restir::restir::iteration_rng::iteration_rng
 #import bevy_restir::restir::pairs::{next_pair, Pair, pair_in_slot, pair_mask, slots_of}
 #import bevy_restir::restir::reservoir_layout::reservoir_index

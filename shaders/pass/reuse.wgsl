@@ -115,7 +115,7 @@ fn own_receiver(ids: vec2<u32>, pixel: vec2<u32>) -> Receiver {
     return r;
 }
 
-// The parts of the light need one.
+// The split of the light into parts evaluates the surface.
 fn shown_receiver(ids: vec2<u32>, pixel: vec2<u32>, r: Receiver) -> Receiver {
     if SPLITS_LIGHT {
         return receiver_of(ids, pixel, false);
@@ -142,7 +142,7 @@ fn sees(r: Receiver, e: Evaluated, alpha_seed: u32) -> bool {
     return true;
 }
 
-// Pairs are of one frame.
+// Both pixels of a pair are of this frame, so that no surface of the last frame is compared.
 fn showed_same_surface(ids: vec2<u32>, pixel: vec2<u32>) -> bool {
     return false;
 }

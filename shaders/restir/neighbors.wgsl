@@ -98,7 +98,7 @@ fn position_beside_occluder(center: ReuseCenter) -> vec2<f32> {
 // Along edges and at the border of the image, the jitter of the camera moves the nearest pixel to another surface.  The pixels next to it
 // then show the same surface.
 const TEMPORAL_RADIUS: f32 = 1.5;
-// The centers of these pixels are at most half the diagonal of a pixel farther away.  Only a place beside an occluder is.
+// Centers of pixels within TEMPORAL_RADIUS are at most this far away.  A neighbor farther away was found beside an occluder.
 const SAME_SURFACE_RADIUS: f32 = TEMPORAL_RADIUS + 0.71;
 
 // Offset of an attempt, pixels: uniform in a disk.  The first temporal attempt is the nearest pixel, or one of the four around, chosen by
@@ -113,8 +113,7 @@ fn neighbor_offset(center: ReuseCenter, is_temporal: bool, attempt: u32, u: vec2
     return ring_offset(u, min(OWN_RADIUS, center.radius), center.radius);
 }
 
-// Half the diagonal of a pixel: a position that is as far from the center of a pixel lies in another one.  A pixel would gain nothing from
-// its own sample.
+// Half the diagonal of a pixel.  Beyond this distance from its center lie other pixels only: its own sample would add nothing.
 const OWN_RADIUS: f32 = 0.7072;
 
 // Uniform between two circles.

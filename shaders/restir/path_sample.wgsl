@@ -15,7 +15,7 @@ const TERMINATION_CONNECTION: u32 = 4u;       // the last vertex was joined with
 
 struct PathSample {
     seed: u32,                // of the random numbers that replay uses
-    born: u32,                // frame that the path was sampled in, 16 bits
+    born: u32,                // frame that the path was sampled in; a stored path keeps its low 16 bits
     termination: u32,         // TERMINATION_*
     length: u32,              // index of the vertex on the light, or of the light vertex of a connection; from 2
     reconnection: u32,        // index k of the reconnection vertex; 0: the whole path is replayed

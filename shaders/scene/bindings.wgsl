@@ -5,8 +5,9 @@
 #import bevy_restir::scene::types::{Instance, Light, Material, SceneUniforms, Triangle, TriangleAttributes}
 
 @group(0) @binding(0) var<uniform> scene: SceneUniforms;
-// CWBVH nodes of obvhs, 5 vec4 each: bottom-level trees, the top-level trees of this frame and the last, and the tree over lights.
-// Also the lists of instances and lights that the leaves of the last three refer to (`tlas_indices`, `shapes_indices`).
+// CWBVH nodes of obvhs, 5 vec4 each: bottom-level trees, the trees over triangles of resting instances in world space, the top-level trees
+// of this frame and the last, and the tree over lights.  Also those triangles, 3 vec4 each (`trace/software.wgsl`), and the lists of
+// instances and lights that leaves refer to (`tlas_indices`, `shapes_indices`).
 @group(0) @binding(1) var<storage, read> nodes: array<vec4<u32>>;
 @group(0) @binding(2) var<storage, read> triangles: array<Triangle>;
 @group(0) @binding(3) var<storage, read> attributes: array<TriangleAttributes>;

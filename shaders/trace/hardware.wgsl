@@ -32,15 +32,16 @@ const FORCE_OPAQUE: u32 = 1u;
 const FORCE_NO_OPAQUE: u32 = 2u;
 const TERMINATE_ON_FIRST_HIT: u32 = 4u;
 #ifdef ALPHA
-const OPACITY: u32 = 0u;
+const OPACITY_FLAGS: u32 = 0u;
 #else
-const OPACITY: u32 = FORCE_OPAQUE;
+const OPACITY_FLAGS: u32 = FORCE_OPAQUE;
 #endif
 
 const INTERSECTION_NONE: u32 = 0u;
 const INTERSECTION_TRIANGLE: u32 = 1u;
 
-// Greatest numbers of alpha tests in a query, and of hits of a ray that are rejected because `intersect_triangle` gives another distance.
+// Greatest numbers of candidate triangles of a ray, and of its queries.  A further query follows each hit that is rejected because
+// `intersect_triangle` gives another distance.
 const MAX_CANDIDATES: u32 = 8192u;
 const MAX_ATTEMPTS: u32 = 8u;
 
@@ -61,7 +62,7 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
         // After a rejected hit the closest hit is needed, also where any hit would do.
         let first = any_hit && attempt == 0u;
         let description = RayDesc(
-            select(OPACITY, FORCE_NO_OPAQUE, hits_drawn_sides()) | select(0u, TERMINATE_ON_FIRST_HIT, first),
+            select(OPACITY_FLAGS, FORCE_NO_OPAQUE, hits_drawn_sides()) | select(0u, TERMINATE_ON_FIRST_HIT, first),
             camera_mask(),
             t_min,
             ray.t_max,

@@ -9,7 +9,7 @@
 const PROBE_HITS_MAX: u32 = 8u;
 
 // Distance in a slot without a hit, beyond every ray.
-const EMPTY: f32 = 3.4e38;
+const NO_HIT_DISTANCE: f32 = 3.4e38;
 
 // `count` is PROBE_HITS_MAX + 1 if there are more hits than that.  The hits lie in vectors and not in arrays, because a device keeps an
 // array in memory if its index is not a constant.
@@ -22,7 +22,7 @@ struct ProbeHits {
 }
 
 fn no_probe_hits() -> ProbeHits {
-    return ProbeHits(0u, vec4<f32>(EMPTY), vec4<f32>(EMPTY), vec4<u32>(NONE), vec4<u32>(NONE));
+    return ProbeHits(0u, vec4<f32>(NO_HIT_DISTANCE), vec4<f32>(NO_HIT_DISTANCE), vec4<u32>(NONE), vec4<u32>(NONE));
 }
 
 fn probe_distance(hits: ProbeHits, index: u32) -> f32 {

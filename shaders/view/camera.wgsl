@@ -10,8 +10,8 @@
 #import bevy_restir::view::pixel::is_in_picture
 #import bevy_restir::view::types::Camera
 
-// The functions below are called in many places of a program, and have no branches for that reason: Mesa's driver for the CPU (22.3)
-// takes a uniform that decides many branches as a constant, and then compiles the program again in every frame.
+// The functions below are called in many places of a program, and select by `is_orthographic` without a branch: Mesa's driver for the CPU
+// (22.3) takes a uniform that decides many branches as a constant, and then compiles the program again in every frame.
 fn is_orthographic() -> bool {
     return (view.flags & VIEW_ORTHOGRAPHIC) != 0u;
 }

@@ -65,7 +65,7 @@ fn shown_emission(light: vec3<f32>) -> vec3<f32> {
     return light;
 }
 
-// Nobody asks for the share.
+// Without SPLIT_LIGHT no pass reads the share.
 fn sample_diffuse_share(b: Bsdf, wo: vec3<f32>, s: BsdfSample) -> vec3<f32> {
     return vec3<f32>(0.0);
 }

@@ -41,7 +41,7 @@ pub(super) fn run_passes(
     mut context: RenderContext,
 ) {
     let _running = times.measure(Stage::Passes);
-    // It still lights a frame in which our pipelines have just become ready.
+    // Bevy still lights the frame in which our pipelines become ready, so that no frame is black.
     let bevy_draws = hidden.bevy_draws(view.entity());
     let Some(state) = views.views.get(&view.entity()).filter(|v| v.rendered) else {
         return;

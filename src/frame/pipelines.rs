@@ -122,8 +122,8 @@ pub(super) fn select_pipelines(
         let target = target.filter(|_| msaa.is_none_or(|msaa| *msaa == Msaa::Off));
         let composite = target.map(|target| CompositeKey::of(target, prepass));
         if let Some(key) = composite.filter(|_| views.views.get(&entity).is_some_and(|view| view.rendered)) {
-            // The one that the camera needs after a prepass of motion vectors is added or removed, as temporal antialiasing does.  It is small,
-            // and a camera whose pipeline is not compiled would be black for a frame.
+            // The other variant is compiled ahead of time: temporal antialiasing adds a prepass of motion vectors, and removes it again.  It
+            // is small, and a camera whose pipeline is not compiled would be black for a frame.
             passes.request_composite(CompositeKey { motion: !key.motion, ..key }, &pipelines);
         }
         let composite = composite.filter(|&key| passes.request_composite(key, &pipelines));
@@ -140,7 +140,8 @@ impl PassPipelines {
         Self { shaders: Some(shaders), ray_queries, max_bindless_textures, ..Default::default() }
     }
 
-    /// Requests the pipelines of a frame.  Returns those to render with: the requested ones once all of them are compiled, and those of the last frame until then.
+    /// Requests the pipelines of a frame.  Returns the key to render with: the requested one once all of its pipelines are compiled, and
+    /// that of the last frame until then.
     fn request_or_keep(
         &mut self,
         requested: PipelineKey,

@@ -7,7 +7,7 @@ use bevy::shader::ShaderDefVal;
 macro_rules! features {
     ($($name:ident = $bit:literal, $doc:literal;)*) => {
         bitflags::bitflags! {
-            /// Features that shaders are specialized for: contents of the scene, settings of the camera and abilities of the device.
+            /// Features that shaders and passes depend on: contents of the scene, settings of the camera and abilities of the device.
             #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
             pub struct SceneFeatures: u32 {
                 $(#[doc = $doc] const $name = 1 << $bit;)*

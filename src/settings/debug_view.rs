@@ -1,8 +1,8 @@
-//! What a camera shows: light, or a debug view.
+//! The content of a camera's picture: light, or a debug view.
 
 use bevy::reflect::{Reflect, std_traits::ReflectDefault};
 
-/// What a camera shows instead of light.  [`RadianceCapture`](crate::RadianceCapture) receives the values as they are; the view target
+/// The content of a camera's picture in place of light.  [`RadianceCapture`](crate::RadianceCapture) receives the values as they are; the view target
 /// receives them times [`Restir::debug_scale`](super::Restir::debug_scale), without exposure.  Only the parts of the light
 /// ([`Self::DiffuseLight`] and [`Self::SpecularLight`]) have the camera's exposure instead.  Where frames are accumulated,
 /// as with [`Restir::accumulate`](super::Restir::accumulate), the values of [`Self::Rays`], [`Self::Bounces`] and the parts of the light are

@@ -1,4 +1,4 @@
-//! The passes of the denoiser (`shaders/denoiser`), which take the place of the pass that sums the light.
+//! The passes of the denoiser (`shaders/pass/denoiser_*.wgsl`, with modules in `shaders/denoiser`).  They replace the pass that sums the light.
 
 use super::{
     domain::iteration_names,

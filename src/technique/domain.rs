@@ -32,8 +32,8 @@ pub(crate) struct Domain {
     pub schedule: fn(&Restir) -> ReuseSchedule,
 }
 
-/// A pass that shows reservoirs, or other samples of a domain, in place of light.  A pass can bind no more than two storage buffers, so that
-/// views of other buffers have passes of their own.
+/// A pass that shows reservoirs, or other samples of a domain, in place of light.  Besides the six storage buffers of the scene, a pass
+/// can bind two of the eight that WebGPU guarantees, so that views of other buffers have passes of their own.
 pub(crate) struct DebugPass {
     /// Whether it shows a debug view.
     pub shows: fn(DebugView) -> bool,

@@ -158,7 +158,7 @@ impl Frame {
         if self.subsurface { row.domains_with_subsurface } else { row.domains }
     }
 
-    /// The content of its picture.  The view of a domain that the scene has no use for becomes one of surfaces, whose pass leaves it black.
+    /// The content of its picture.  Where the scene has no light of the shown domain, the pass for views of surfaces runs, and writes black.
     fn shown(self) -> Show {
         match self.show {
             Show::Samples(domain, _) if !self.domains_of_light().contains(&domain) => Show::Surface,

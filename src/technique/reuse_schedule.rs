@@ -10,7 +10,7 @@ use crate::{
 
 /// Inputs of the resampling routine without `MANY_NEIGHBORS` (`MAX_INPUTS` in `shaders/restir/mis.wgsl`).
 pub(crate) const FEW_INPUTS: u32 = 3;
-/// Least radius, pixels: in a smaller circle most neighbors would be the pixel itself.
+/// Least radius, pixels: a smaller ring around the pixel contains hardly any other pixels.
 const MIN_RADIUS: f32 = 2.0;
 /// Side of a tile of partners, in radii.  With it, two random pixels of a tile are as far apart on average as a pixel and a random neighbor
 /// within the radius.

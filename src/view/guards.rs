@@ -8,7 +8,7 @@ pub struct Guard {
     pub name: &'static str,
     /// Its bit in the shaders.
     pub bit: u32,
-    /// What went wrong in a pixel that raised it.
+    /// The error in a pixel that raises it.
     pub meaning: &'static str,
 }
 

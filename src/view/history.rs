@@ -37,7 +37,7 @@ pub(super) const SETTINGS_STRIDE: u64 = 256;
 
 /// The history of a view.
 pub(crate) struct History {
-    /// Lights that the presampling pass selects.
+    /// Points of lights that the presampling pass samples, in subsets.
     pub(crate) subsets: Buffer,
     subset_entries: u64,
     pub(crate) previous_visibility: Texture,

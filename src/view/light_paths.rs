@@ -92,8 +92,8 @@ impl LightPaths {
         }
     }
 
-    /// Whether the buffers and the history of splats are those of these counts.  Splats are part of the counts: a history without splats
-    /// would otherwise weigh on those of later frames.
+    /// Whether the buffers and the history of splats belong to these counts.  The counts include splats, because frames without splats count
+    /// as frames without light: in a history that is kept they would darken later frames.
     pub(super) fn fits(&self, counts: LightPathCounts) -> bool {
         self.counts == counts
     }

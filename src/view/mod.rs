@@ -51,7 +51,7 @@ use selection::SelectedPipelines;
 #[derive(Resource, Default)]
 pub(crate) struct ViewPool {
     pub views: HashMap<Entity, RestirView>,
-    /// What is left of the views of cameras that are not rendered at present.
+    /// The state that is kept of cameras that are not rendered at present.
     pub paused: HashMap<Entity, PausedView>,
     /// Cameras that the device had no memory for in the last frame.
     pub without_memory: HashSet<Entity>,

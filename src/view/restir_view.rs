@@ -76,8 +76,7 @@ pub(crate) struct RestirView {
     pub(super) beginning: Reset,
     /// Index of this frame in the random sequence: frames since an explicit reset or a change of settings.
     pub(super) sequence: u32,
-    /// Index of the next frame if it is the first one of the view, or the first one after a frame that was not rendered.  It continues the
-    /// sequence, which would repeat the same noise otherwise.
+    /// Index at which the random sequence continues in a new view, or after frames that were not rendered.  From 0 it would repeat its noise.
     pub(super) first_sequence: u32,
     /// Frames in the radiance buffer before this one.
     pub accumulated: u32,

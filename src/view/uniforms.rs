@@ -183,12 +183,12 @@ impl RestirView {
             environment_revision: inputs.environments.revision(restir.environment.as_ref()),
             camera,
             size: self.size,
-            // `reset` and `accumulate` leave the light of an image as it is, and `debug_scale` is applied to the accumulated result.  So does
-            // a budget, which only takes samples away.
+            // `reset` and `accumulate` leave the light of an image as it is, and `debug_scale` applies to the accumulated result.  A budget
+            // changes numbers of samples, which leave the light as it is, too, and the traced resolution, which `size` shows.
             settings: Restir { reset: false, accumulate: false, debug_scale: 1.0, ..restir.asked.clone() },
             environment: restir.environment,
             layers: restir.layers,
-            // The exposure changes it, but a camera that does not see it may continue.
+            // The backdrop depends on the exposure.  A camera that shows an environment instead keeps its mean when the exposure changes.
             background: if inputs.sees_environment() { [0.0; 3] } else { inputs.background() },
             sees_back_faces: sees_back_faces(inputs.view),
             orthographic: inputs.is_orthographic(),
@@ -202,7 +202,7 @@ impl RestirView {
         let offset = inputs.bevy_jitter.map_or(Vec2::ZERO, |jitter| jitter.offset);
         let is_zero = offset == Vec2::ZERO;
         self.frames_without_bevy_jitter = if is_zero { self.frames_without_bevy_jitter.saturating_add(1) } else { 0 };
-        // One of the offsets of temporal antialiasing is 0.  Where it was removed, Bevy leaves the component, and all offsets are 0.
+        // One offset 0 is part of Bevy's sequence.  Several in a row mean that temporal antialiasing was removed: its component stays.
         if settings.jitters(inputs.shows_earlier()) && self.frames_without_bevy_jitter > 1 {
             return jitter_of(self.sequence, settings.seed);
         }

@@ -11,9 +11,9 @@ use crate::{
     },
 };
 
-/// Triangles that are drawn without need before a draw call is split into two.
+/// A draw call is split where more hidden triangles than this lie between visible instances.
 const SPLIT_TRIANGLES: u32 = 4096;
-/// Instances with fewer triangles cost less to draw than to test, where there are many of them in a call.
+/// A draw call of more than `MANY_INSTANCES` instances with fewer triangles than this is drawn whole: a test would cost more than it saves.
 const LEAST_TRIANGLES: u32 = 64;
 const MANY_INSTANCES: usize = 64;
 
@@ -58,7 +58,7 @@ pub(crate) struct VisibleDraws {
     pub draws: Vec<Draw>,
 }
 
-/// What they depend on.
+/// All values that the draw calls depend on.
 #[derive(Clone, Copy, PartialEq)]
 struct State {
     draws: [u64; 2],

@@ -81,6 +81,7 @@ fn the_exposure_restarts_a_mean_only_where_the_clear_color_is_visible() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn changes_of_rejected_lights_do_not_reset_the_history() {
     let Some(Scene { mut rig, .. }) = scene() else { return };
     let at = Transform::from_xyz(-1.0, 1.0, 2.0);

@@ -466,7 +466,7 @@ fn a_picture_of_half_the_resolution_has_sharp_edges_and_smooth_light() {
     rig.spawn(square(8.0), lambert(0.8), Transform::from_xyz(0.0, 0.0, -0.5));
     let light = PointLight { intensity: 80.0, ..default() };
     rig.spawn_bundle((light, Transform::from_xyz(0.3, 0.4, 1.5)));
-    // Its edges are a third of a pixel from those of traced pixels; it lies in the plane of the wall.
+    // A red square in the plane of the wall, whose edges do not lie on the borders of traced pixels.
     let red = Color::linear_rgb(0.9, 0.05, 0.05);
     let place = Transform::from_xyz(-0.52, 0.33, -0.499).with_rotation(Quat::from_rotation_z(0.3));
     rig.spawn(square(1.0), StandardMaterial { reflectance: 0.0, ..red.into() }, place);
@@ -481,7 +481,7 @@ fn a_picture_of_half_the_resolution_has_sharp_edges_and_smooth_light() {
     let far = |(a, b): (&[u8; 4], &[u8; 4])| a.iter().zip(b).any(|(a, b)| a.abs_diff(*b) > 12);
     let different = full.iter().zip(&half).filter(|&pair| far(pair)).count();
     println!("{different} of {} pixels differ", full.len());
-    // Those at the rims of shadows; by interpolation alone, 282 differ.
+    // The rims of shadows are interpolated, so that their pixels differ.  Without the surfaces, 282 pixels would differ.
     assert!(different < 100, "{different} pixels differ");
     rig.assert_sound();
 }

@@ -251,6 +251,7 @@ fn full_length_denoised_frames_get_smoother_edges_by_temporal_anti_aliasing() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn bloom_spreads_light_without_loss_even_for_lamps_beyond_half_float_range() {
     let bloom = effect("bloom", Bloom::NATURAL);
     let none: Effect = ("none", Box::new(|_, _| ()));
@@ -273,6 +274,7 @@ fn bloom_spreads_light_without_loss_even_for_lamps_beyond_half_float_range() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn automatic_exposure_brightens_a_dark_scene() {
     let Some(mut stage) = Stage::new(true, [0.004; 3], 0.01) else { return };
     let adapts = AutoExposure { speed_brighten: 60.0, speed_darken: 60.0, ..default() };

@@ -36,6 +36,7 @@ fn colored(side: f32, colors: [[f32; 4]; 4]) -> Mesh {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn unlit_and_emissive_materials_and_vertex_colors_look_as_in_bevy() {
     let Some(mut rig) = rig() else { return };
     let unlit = |r: f32, g: f32, b: f32| StandardMaterial { unlit: true, ..Color::linear_rgb(r, g, b).into() };

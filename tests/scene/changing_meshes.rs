@@ -26,6 +26,7 @@ fn covered(picture: &Picture) -> usize {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn a_mesh_that_changes_in_every_frame_is_shown_while_it_changes() {
     let Some(mut rig) = rig() else { return };
     let mesh = rig.add::<Mesh>(heavy(0.2));

@@ -105,6 +105,7 @@ fn a_million_emissive_triangles_shine_as_one_lamp() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn emissive_triangles_beyond_the_light_table_still_light_the_scene() {
     let _guard = listen();
     let Some(truth) = mean_of_one_lamp() else { return };
@@ -126,6 +127,7 @@ fn emissive_triangles_beyond_the_light_table_still_light_the_scene() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn point_lights_beyond_the_light_table_are_dropped() {
     let _guard = listen();
     let Some(mut rig) = Rig::binding_at_most(SMALL, 17, 13) else { return };
@@ -182,6 +184,7 @@ fn a_mesh_that_did_not_fit_is_shown_once_another_one_is_gone() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn instances_beyond_the_limit_are_dropped() {
     let _guard = listen();
     let Some(mut rig) = Rig::binding_at_most(SMALL, 24, 16) else { return };

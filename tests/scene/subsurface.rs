@@ -278,7 +278,7 @@ fn full_length_bad_values_materials_and_meshes_stay_finite_where_paths_are_resam
 }
 
 fn check_all(technique: Technique) {
-    // The first tier counts the warnings of -1.
+    // Another value than in the first tier: a warning is logged once for each value, and that test counts the warnings of -1.
     check_values(technique, -2.0);
     check_materials(technique);
     check_meshes(technique);

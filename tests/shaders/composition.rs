@@ -91,17 +91,17 @@ fn passes() -> Vec<(String, String, SceneFeatures)> {
     passes
 }
 
-/// With no feature, and with all.
+/// With all features.  Pictures of other tests need few features.
 #[test]
 fn every_pass_composes_validates_and_translates() {
-    check(&covering_set()[..2]);
+    check(&covering_set()[1..2]);
 }
 
-/// Every other set: all sets together have every pair of features.
+/// With no feature, and every other set of those that together have every pair of features.
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn every_pass_composes_validates_and_translates_in_most_pairs_of_features() {
-    let sets: Vec<_> = covering_set().into_iter().skip(2).step_by(2).collect();
+    let sets: Vec<_> = covering_set().into_iter().step_by(2).collect();
     check(&sets);
 }
 

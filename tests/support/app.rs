@@ -452,7 +452,7 @@ impl Rig {
 
     /// Asserts that the frames since the start of the camera, or since [`Self::reset_guards`], raised these guards and no others.
     pub fn assert_raised(&mut self, names: &[&str]) {
-        // Counters are read back one frame late.
+        // The counters of a frame arrive while the tests wait for the GPU, and the next frame reports them.
         self.frames(2);
         let report = self.report();
         assert!(!report.guards.is_empty(), "no frame was counted");

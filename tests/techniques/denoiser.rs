@@ -113,7 +113,7 @@ fn light_that_the_camera_sees_directly_is_not_filtered() {
     let emitted = rig.picture(1);
     rig.set(|restir| restir.denoiser = Denoiser::ON);
     assert_eq!(rig.picture(4), emitted);
-    // With scattering, surfaces without any stay as they are.
+    // With bounces, pixels of surfaces that only emit keep their values.
     rig.set(|restir| restir.bounces = BOUNCES);
     let lit = rig.picture(4);
     let black = |c: &[f32; 3]| c.iter().all(|&c| c == 0.0);
@@ -243,7 +243,7 @@ fn reflections_stay_sharp() {
         let Some(mut rig) = scene(SIZE, |rig| mirrored(rig, mirror(roughness))) else { return };
         let truth = truth(&mut rig, BOUNCES);
         let [plain, denoised, light] = compare(&mut rig, Technique::Pt, &truth, shipped);
-        // The filter alone, for few bounces: without the noise that it could remove.
+        // The filter alone, on a picture with few bounces and little noise: all of its change would be blur.
         rig.set(|restir| *restir = Restir { bounces: 2, ..shipped(Technique::Pt, FILTER) });
         let filtered = rig.picture(1);
         rig.set(|restir| restir.denoiser = Denoiser::OFF);
@@ -292,7 +292,7 @@ fn move_sideways(rig: &mut Rig, t: f32) {
         Transform::from_xyz(0.3 - 0.8 * t, 0.2, 4.0).looking_at(Vec3::new(0.0, -0.2, 0.0), Vec3::Y);
 }
 
-/// With fewer bounces, dark spots would surround what mirrors show of mirrors.
+/// With fewer bounces, mirrors in mirrors would show dark spots.
 const IN_MIRRORS: u32 = 8;
 
 /// The part of a picture of `mirror_room` that shows its mirror wall.

@@ -212,7 +212,7 @@ fn pairs_halve_the_rays_of_spatial_reuse() {
         // Counters come back some frames late.
         rig.frames(6);
         let report = rig.report();
-        (report.rays as f64, report.history_resets.clone(), report.memory.iter().map(|(_, bytes)| *bytes).sum::<u64>())
+        (report.rays as f64, report.history_resets.clone(), report.memory_bytes())
     };
     let spatial = |samples, is_paired| {
         let reuse =

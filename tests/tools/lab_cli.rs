@@ -177,6 +177,9 @@ fn a_difference_is_a_picture_beside_its_error() {
     assert_eq!(picture.get_pixel(error_at + 3, 3).0, [0; 3], "a pixel that is equal");
     let run = folder.lab(&["compare", "a.exr", "b.exr", "--difference", "missing/difference.png"]);
     run.failed(1, "a folder that is missing");
+    let run = folder.lab(&["compare", "difference.png", "difference.png", "--difference", "difference.png"]);
+    run.failed(1, "an input");
+    assert_eq!(image::open(folder.path("difference.png")).expect("it is still there").to_rgb8(), picture);
 }
 
 #[test]
@@ -246,6 +249,7 @@ fn techniques_at_equal_time_have_a_row_beside_the_first_one() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn times_of_the_techniques_that_are_asked_for_have_a_row_each() {
     let Some(folder) = Folder::new("times") else { return };
     let scene = asset("cornell.glb");
@@ -263,4 +267,14 @@ fn times_of_the_techniques_that_are_asked_for_have_a_row_each() {
     }
     assert!(!table.lines().any(|line| line.starts_with("Pt,")), "{table}");
     times("Di Nothing").failed(1, "no such preset");
+}
+
+/// The command fails if a shader no longer has the text that a fault replaces.
+#[test]
+fn planted_faults_fit_the_shaders() {
+    let folder = Folder::without_gpu("plants");
+    let listed = folder.lab(&["plants", "--list"]);
+    listed.succeeded();
+    assert_eq!(listed.stdout.lines().count(), 20, "{listed:?}");
+    folder.lab(&["plants", "--list", "--only", "no such fault"]).failed(1, "no such fault");
 }

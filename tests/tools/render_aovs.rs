@@ -39,6 +39,7 @@ fn parts(folder: &Folder, scene: &std::path::Path, arguments: &[&str]) -> (Exr, 
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn parts_of_the_light_sum_to_the_picture() {
     let Some(folder) = Folder::new("parts") else { return };
     let scene = asset("glossy.glb");

@@ -305,6 +305,7 @@ fn equal_commands_give_equal_bytes_and_options_have_their_effect() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn a_time_budget_takes_samples_away_where_frames_take_longer() {
     let Some(folder) = Folder::new("budget") else { return };
     let render = |out: &str, more: &[&str]| {

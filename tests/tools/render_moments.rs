@@ -45,6 +45,7 @@ fn the_first_camera_of_the_file_is_shown() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn animate_plays_the_first_animation() {
     let Some(folder) = Folder::new("animation") else { return };
     // The quad leaves the image within half a second.

@@ -32,6 +32,7 @@ fn a_loader_that_panics_gives_one_line() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn a_soak_compares_the_halves_of_a_run() {
     let Some(folder) = Folder::new("soak") else { return };
     let run = folder.lab(&["soak", "--frames", "288", "--technique", "reference", "--size", "8x6", "--out", "tables"]);

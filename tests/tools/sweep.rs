@@ -47,6 +47,8 @@ fn advice_lies_on_the_front_and_within_the_budget() {
     let all = points(&[(4.0, 0.2), (1.0, 0.9), (2.0, 0.5), (3.0, 0.6)]);
     assert_eq!(fastest_within(&all, 0.55), Some(2));
     assert_eq!(fastest_within(&all, 0.1), None);
+    // Noise keeps the second one off the front, but the first one is not accurate enough.
+    assert_eq!(fastest_within(&points(&[(1.0, 0.101), (1.05, 0.0999), (3.0, 0.05)]), 0.1), Some(1));
     assert_eq!(best_within(&all, 3.5), Some(2));
     assert_eq!(best_within(&all, 0.5), None);
 }

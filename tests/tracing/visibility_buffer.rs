@@ -105,6 +105,46 @@ fn the_visibility_buffer_equals_the_hits_of_primary_rays() {
     }
 }
 
+/// Instances outside of the image are not drawn.
+#[test]
+fn instances_are_drawn_as_soon_as_they_are_in_the_image() {
+    let Some(mut rig) = Rig::new(48, 48) else { return };
+    *rig.get_mut::<Transform>(rig.camera) = Transform::default();
+    let (mesh, material) = (rig.add::<Mesh>(Cuboid::from_length(0.7)), rig.add::<StandardMaterial>(lambert(0.5)));
+    // On a sphere around the camera.
+    let directions = (0..90).map(|i| {
+        let (y, turn) = (1.0 - (i as f32 + 0.5) / 45.0, 2.4 * i as f32);
+        Vec3::new((1.0 - y * y).sqrt() * turn.cos(), y, (1.0 - y * y).sqrt() * turn.sin())
+    });
+    let boxes: Vec<Entity> = directions
+        .map(|way| {
+            let place = Transform::from_translation(4.0 * way).looking_at(Vec3::ZERO, Vec3::Y);
+            rig.spawn_bundle((Mesh3d(mesh.clone()), MeshMaterial3d(material.clone()), place))
+        })
+        .collect();
+    let check = |rig: &mut Rig, what: &str| {
+        let (drawn, traced) = (rig.debug(DebugView::Instances), rig.debug(DebugView::TracedInstances));
+        let is_flat = |at: UVec2| drawn.is_flat_around(at) && traced.is_flat_around(at);
+        let differs = |(at, color): &(UVec2, Vec3)| is_flat(*at) && *color != traced.at(at.x, at.y);
+        assert_eq!(drawn.iter().filter(differs).count(), 0, "{what}");
+        drawn.iter().filter(|(at, color)| is_flat(*at) && *color != Vec3::ZERO).count()
+    };
+    for step in 0..8 {
+        let turn = Quat::from_euler(EulerRot::YXZ, 0.9 * step as f32, 0.4 * (step % 3) as f32, 0.3 * step as f32);
+        rig.get_mut::<Transform>(rig.camera).rotation = turn;
+        assert!(check(&mut rig, &format!("camera at {turn}")) > 100);
+    }
+    // The camera rests, and a large box moves from behind it into the image.
+    let ahead = rig.get_mut::<Transform>(rig.camera).forward();
+    for distance in [-3.0, 2.0, -3.0] {
+        *rig.get_mut::<Transform>(boxes[0]) =
+            Transform::from_translation(distance * ahead).with_scale(Vec3::splat(2.0));
+        let seen = check(&mut rig, &format!("a box at {distance} m"));
+        assert_eq!(seen > 1000, distance > 0.0, "{seen} pixels show boxes");
+    }
+    rig.assert_sound();
+}
+
 #[test]
 fn an_edge_on_pixel_borders_belongs_to_one_side() {
     // A quad over exactly the middle half of the image: its edges run along pixel borders, so no pixel center is near one.

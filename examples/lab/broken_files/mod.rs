@@ -86,7 +86,7 @@ pub fn run(args: &Args) -> Result<(), String> {
             Some(app) => app,
             None => stage(&folder, args)?,
         };
-        let tried = panics::caught(|| (outcome(&mut current, &path), current));
+        let tried = panics::caught(|| (outcome(&mut current, &path, args.size), current));
         let result = tried.map(|(outcome, current)| {
             // An app whose renderer failed cannot go on.
             app = headless::alive(&current).is_ok().then_some(current);
@@ -166,8 +166,8 @@ enum Outcome {
 }
 
 /// Loads a file and renders it.
-fn outcome(app: &mut App, path: &Path) -> Outcome {
-    let result = shown(app, path);
+fn outcome(app: &mut App, path: &Path, size: UVec2) -> Outcome {
+    let result = shown(app, path, size);
     let alive = headless::alive(app);
     let is_alive = alive.is_ok();
     let result = alive.map_or_else(Outcome::Fault, |()| result);
@@ -179,17 +179,18 @@ fn outcome(app: &mut App, path: &Path) -> Outcome {
     result
 }
 
-fn shown(app: &mut App, path: &Path) -> Outcome {
+fn shown(app: &mut App, path: &Path, size: UVec2) -> Outcome {
     app.world().resource::<RestirStatistics>().reset_guards();
     let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
     // A panic of a loader is an error of the file, as in `render`.
-    let camera = scene::load(app, &name).and_then(|()| scene::file_camera(app.world_mut(), None));
+    let camera = scene::load(app, &name).and_then(|()| scene::file_camera(app.world_mut(), None, size));
     let (transform, projection) = match camera {
         Ok(camera) => camera.place,
         // A panic in our own code is a fault, not an error of the file. Only files of the workspace have relative paths in such messages.
         Err(error) if ["panicked at src/", "panicked at examples/"].iter().any(|own| error.contains(own)) => {
             return Outcome::Fault(error);
         }
+        Err(error) if error.contains(scene::NOT_LOADED) => return Outcome::Fault(error),
         Err(error) => return Outcome::Error(error),
     };
     scene::remove_file_cameras(app.world_mut());

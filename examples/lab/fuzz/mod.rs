@@ -33,7 +33,7 @@ pub struct Args {
     #[arg(long)]
     specialized: bool,
     /// Also renders the scene at the end of each case by its technique and by the reference tracer: with the preset `Unbiased`, and with the
-    /// case's own settings, of which those that bias are unbiased. A case fails if the means of two pictures differ by 5 standard errors.
+    /// case's own settings, of which those that bias are unbiased. A case fails if two means differ by more than chance explains.
     #[arg(long)]
     against_reference: bool,
     /// How rays are traced.

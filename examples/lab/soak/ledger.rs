@@ -3,7 +3,7 @@
 use bevy::render::{RenderApp, renderer::RenderInstance};
 use bevy::{image::Image, mesh::Mesh, mesh::skinning::SkinnedMeshInverseBindposes, pbr::StandardMaterial, prelude::*};
 use bevy_restir::{RestirReport, testing::lengths::table_lengths};
-use std::collections::BTreeMap;
+use std::{collections::BTreeMap, rc::Rc};
 
 use crate::significance;
 
@@ -20,17 +20,20 @@ pub struct Round {
     pub device_bytes: f64,
     /// Bytes of the process, where the system reports them.
     pub resident_bytes: Option<f64>,
-    /// Numbers of things that are alive at the end, by name.
-    pub alive: BTreeMap<String, f64>,
+    /// Numbers of things that are alive at the end, by name.  Rounds share the names, so that a long soak needs little memory for them.
+    pub alive: BTreeMap<Rc<str>, f32>,
     pub milliseconds: f64,
 }
 
 impl Round {
     /// Records the end of a round, when only the permanent scene is left.
-    pub fn end(&mut self, app: &App, report: &RestirReport) {
+    pub fn end(&mut self, app: &App, report: &RestirReport, last: Option<&Self>) {
         self.resident_bytes = resident_bytes();
         let world = app.world();
-        let mut count = |name: &str, number: usize| _ = self.alive.insert(name.into(), number as f64);
+        let known = |name: &str| Some(last?.alive.get_key_value(name)?.0.clone());
+        let mut count = |name: &str, number: usize| {
+            self.alive.insert(known(name).unwrap_or_else(|| name.into()), number as f32);
+        };
         count("entities", world.entity_count() as usize);
         count("meshes of the app", world.resource::<Assets<Mesh>>().len());
         count("materials of the app", world.resource::<Assets<StandardMaterial>>().len());
@@ -104,7 +107,7 @@ impl<'a> Halves<'a> {
             grown.push(format!("memory of the process grows from {before} to {after} bytes"));
         }
         for name in self.1.first().into_iter().flat_map(|round| round.alive.keys()) {
-            let [before, after] = self.most(|round| round.alive.get(name).copied().unwrap_or_default());
+            let [before, after] = self.most(|round| round.alive.get(name).map_or(0.0, |number| f64::from(*number)));
             if after > before {
                 grown.push(format!("{name}: {before} become {after}"));
             }

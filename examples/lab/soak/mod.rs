@@ -119,7 +119,7 @@ impl Soak {
                 let report = self.frame(&mut show, at, &mut round)?;
                 after_frame.iter().for_each(|after| after());
                 if phase + 1 == ROUND {
-                    round.end(&show.app, &report);
+                    round.end(&show.app, &report, self.rounds.last());
                     let resets = report.history_resets.iter().map(|(_, count)| count).sum();
                     if number as usize <= ledger::warm_up(rounds as usize) {
                         self.resets[0] = resets;
@@ -151,11 +151,11 @@ impl Soak {
             }
         }
         round.light.push(sum / f64::from(3 * picture.size.x * picture.size.y));
-        round.device_bytes = round.device_bytes.max(report.memory.iter().map(|(_, bytes)| *bytes as f64).sum());
+        round.device_bytes = round.device_bytes.max(report.memory_bytes() as f64);
         if let Some(fault) = soundness::fault(&report) {
             self.fault(at, &fault);
         }
-        // Guards are sums over the run, and they arrive a frame late: a reset would drop them before they are seen.
+        // Guards are not reset here: they are sums over the run and arrive late, so that a reset would drop some before a report has them.
         Ok(report)
     }
 
@@ -194,7 +194,10 @@ impl Soak {
         let greatest = errors.iter().fold(0.0, |most: f64, error| most.max(error.abs()));
         let light = |round: &Round| round.light.iter().sum::<f64>() / f64::from(ROUND);
         let alive = |names: &str| {
-            halves.most(|round| round.alive.iter().filter(|(name, _)| name.starts_with(names)).map(|(_, n)| n).sum())
+            halves.most(|round| {
+                let named = round.alive.iter().filter(|(name, _)| name.starts_with(names));
+                named.map(|(_, number)| f64::from(*number)).sum()
+            })
         };
         vec![
             row("Memory", "buffers and textures of the plugin", Unit::MiB, halves.most(|r| r.device_bytes / MIB)),

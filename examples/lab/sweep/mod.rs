@@ -209,7 +209,7 @@ fn sweep(args: &Args, extent: Extent) -> Result<(), String> {
 /// Reads the picture of `--reference`.
 fn read_reference(path: &Path) -> Result<(UVec2, Picture), String> {
     let (size, picture) = compare::read_reference(path)?;
-    // The error of `lit` says how a scene gets light.
+    // The message of `lit` gives advice about the scene, which does not apply to a file.
     lit(&picture).map_err(|_| format!("{}: it is black, and no error can be relative to it", path.display()))?;
     Ok((size, picture))
 }

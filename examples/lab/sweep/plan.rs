@@ -164,7 +164,7 @@ impl Configuration {
         Ok(code)
     }
 
-    /// Whether a change of its own sets a field that one of the `shared` changes sets.
+    /// Whether this configuration changes a field that the `shared` changes also set.
     pub fn overrides(&self, shared: &[String]) -> bool {
         self.changes.iter().any(|own| shared.iter().any(|other| fields::path_of(own) == fields::path_of(other)))
     }

@@ -32,7 +32,7 @@ fn bias(record: &Record) -> String {
     format!("{:+.1} % ± {:.1}", 100.0 * record.bias, 100.0 * record.bias_error)
 }
 
-/// What to pick: the fastest settings within three errors, and the most accurate within three times.
+/// The recommended settings: the fastest ones within three errors, and the most accurate ones within three times.
 pub fn advice(sweep: &Sweep) -> Vec<Advice> {
     let mut all: Vec<&Entry> = sweep.competitors().collect();
     let has_bounced_light = |m: &&Entry| m.configuration.has_bounced_light(&sweep.shared);

@@ -212,7 +212,7 @@ fn check_range(settings: &Restir, path: &str) -> Result<(), String> {
     Err(format!("{path}={given} is out of range ({} to {}; the nearest value is {used})", bound(low), bound(high)))
 }
 
-/// What a type of number is for a user.
+/// The name of a type of number in messages.
 fn kind_of(name: &str) -> &'static str {
     match name {
         "bool" => "true or false",

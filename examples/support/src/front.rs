@@ -45,7 +45,8 @@ pub fn front(points: &[Point]) -> Vec<usize> {
 
 /// The fastest point whose error is at most `budget`.
 pub fn fastest_within(points: &[Point], budget: f64) -> Option<usize> {
-    front(points).into_iter().find(|&i| points[i].error <= budget)
+    let fits = (0..points.len()).filter(|&i| points[i].error <= budget && points[i].time.is_finite());
+    fits.min_by(|&a, &b| points[a].time.total_cmp(&points[b].time))
 }
 
 /// The most accurate point whose time is at most `budget`.

@@ -52,7 +52,10 @@ pub fn back_ends() -> Vec<(&'static Gpu, Vec<Def>)> {
 
 async fn open(features: wgpu::Features) -> Option<Gpu> {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-    let adapter = instance.request_adapter(&wgpu::RequestAdapterOptions::default()).await.ok()?;
+    // As Bevy does.
+    let options =
+        wgpu::RequestAdapterOptions { power_preference: wgpu::PowerPreference::HighPerformance, ..Default::default() };
+    let adapter = instance.request_adapter(&options).await.ok()?;
     if !adapter.features().contains(features) {
         return None;
     }

@@ -42,6 +42,9 @@ pub struct View {
     pub capture: RadianceCapture,
 }
 
+/// The beginning of the error for a file whose loader does not end.
+pub const NOT_LOADED: &str = "it is not loaded";
+
 /// Loads a glTF file from the app's folder and spawns its scene in place of the last one.
 pub fn load(app: &mut App, name: &str) -> Result<(), String> {
     unload(app.world_mut());
@@ -50,9 +53,7 @@ pub fn load(app: &mut App, name: &str) -> Result<(), String> {
     }
     let handle = app.world().resource::<AssetServer>().load(name.replace('#', "%23"));
     app.insert_resource(SceneFile(handle)).insert_resource(Loading::File);
-    until(app, "it is not loaded", |app| {
-        matches!(app.world().resource::<Loading>(), Loading::Done | Loading::Failed(_))
-    })?;
+    until(app, NOT_LOADED, |app| matches!(app.world().resource::<Loading>(), Loading::Done | Loading::Failed(_)))?;
     match app.world().resource::<Loading>() {
         Loading::Failed(error) => Err(error.clone()),
         _ => {
@@ -161,8 +162,8 @@ pub struct FileCamera {
     pub place: (Transform, Projection),
 }
 
-/// The camera of the file with this name, or its first one; a camera in front of the scene where the file has none.
-pub fn file_camera(world: &mut World, name: Option<&str>) -> Result<FileCamera, String> {
+/// The camera of the file with this name, or its first one; a camera in front of the scene, for a picture of this size, where the file has none.
+pub fn file_camera(world: &mut World, name: Option<&str>, size: UVec2) -> Result<FileCamera, String> {
     type Found<'w> = (Entity, &'w Camera, Option<&'w Name>, &'w GlobalTransform, &'w Projection);
     let mut cameras: Vec<((bool, u32), Entity, String, Transform, Projection)> = world
         .query_filtered::<Found, (With<Camera>, Without<Restir>)>()
@@ -195,7 +196,7 @@ pub fn file_camera(world: &mut World, name: Option<&str>) -> Result<FileCamera, 
     }
     warn!("restir: the file has no camera; one is placed in front of the scene");
     let (center, radius) = framing::bounding_sphere(world.query::<(&GlobalTransform, &Aabb)>().iter(world));
-    Ok(FileCamera { node: None, place: framing::in_front(center, radius, 1.0) })
+    Ok(FileCamera { node: None, place: framing::in_front(center, radius, size.x as f32 / size.y.max(1) as f32) })
 }
 
 fn unscaled(transform: &GlobalTransform) -> Transform {

@@ -8,7 +8,7 @@ use bevy_restir::RestirEnvironment;
 
 use crate::environment::equirectangular;
 
-/// The lights and emissive surfaces of a scene.
+/// The lights of a scene, and the surfaces that are visible without light: emissive and unlit ones.
 #[derive(SystemParam)]
 pub struct Emitters<'w, 's> {
     lights: Query<'w, 's, Entity, Or<(With<PointLight>, With<SpotLight>, With<DirectionalLight>, With<RectLight>)>>,
@@ -17,24 +17,24 @@ pub struct Emitters<'w, 's> {
 }
 
 impl Emitters<'_, '_> {
-    /// Whether an entity is a light or has an emissive material.
+    /// Whether an entity is one of them.
     pub fn contains(&self, entity: Entity) -> bool {
-        self.lights.contains(entity) || self.surfaces.get(entity).is_ok_and(|(_, material)| self.is_emissive(material))
+        self.lights.contains(entity) || self.surfaces.get(entity).is_ok_and(|(_, material)| self.shines(material))
     }
 
     fn is_empty(&self) -> bool {
-        self.lights.is_empty() && !self.surfaces.iter().any(|(_, material)| self.is_emissive(material))
+        self.lights.is_empty() && !self.surfaces.iter().any(|(_, material)| self.shines(material))
     }
 
-    fn is_emissive(&self, material: &MeshMaterial3d<StandardMaterial>) -> bool {
+    fn shines(&self, material: &MeshMaterial3d<StandardMaterial>) -> bool {
         let material = self.materials.get(&material.0);
-        material.is_some_and(|m| m.emissive.red.max(m.emissive.green).max(m.emissive.blue) > 0.0)
+        material.is_some_and(|m| m.unlit || m.emissive.red.max(m.emissive.green).max(m.emissive.blue) > 0.0)
     }
 }
 
-/// Whether a world has a light or an emissive surface.
+/// Whether a world has a light, or a surface that is visible without light.
 pub fn has_light(world: &mut World) -> bool {
-    // The system fails where there are no materials, and then nothing is emissive.
+    // The system fails where there are no materials, and then nothing shines.
     world.run_system_once(|emitters: Emitters| !emitters.is_empty()).unwrap_or(false)
 }
 

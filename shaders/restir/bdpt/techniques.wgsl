@@ -3,21 +3,21 @@
 #define_import_path bevy_restir::restir::bdpt::techniques
 
 #ifdef TEST_HITS
-const SPLATS: f32 = 0.0;
+const SPLAT_SHARE: f32 = 0.0;
 #else ifdef TEST_NEE
-const SPLATS: f32 = 0.0;
+const SPLAT_SHARE: f32 = 0.0;
 #else ifdef TEST_CONNECTIONS
-const SPLATS: f32 = 0.0;
+const SPLAT_SHARE: f32 = 0.0;
 #else
-const SPLATS: f32 = 1.0;
+const SPLAT_SHARE: f32 = 1.0;
 #endif
 
 #ifdef TEST_ALONE
 fn splat_share(mis_weight: f32) -> f32 {
-    return SPLATS;
+    return SPLAT_SHARE;
 }
 #else
 fn splat_share(mis_weight: f32) -> f32 {
-    return SPLATS * mis_weight;
+    return SPLAT_SHARE * mis_weight;
 }
 #endif

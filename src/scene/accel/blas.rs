@@ -144,7 +144,8 @@ pub(crate) fn build_triangle_tree(triangles: &[[[f32; 3]; 3]]) -> Option<Tree> {
     build_tree(&boxes, BvhBuildParams::medium_build(), 3, MAX_BLAS_DEPTH)
 }
 
-/// Builds a tree over finite boxes, of which a leaf has at most `max_leaf`, 1 to 3.  If it is deeper than `max_depth`, a balanced tree along a space-filling curve replaces it.
+/// Builds a tree over finite boxes, of which a leaf has at most `max_leaf`, 1 to 3.  If it is deeper than `max_depth`, a balanced tree
+/// along a space-filling curve replaces it.
 pub(crate) fn build_tree(boxes: &[Bounds], parameters: BvhBuildParams, max_leaf: u32, max_depth: u32) -> Option<Tree> {
     if boxes.is_empty() {
         return None;

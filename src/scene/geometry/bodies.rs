@@ -51,10 +51,10 @@ pub(crate) struct Body {
     versions: [u64; 2],
     /// Its shape differs from that of the last frame.
     pub moved: bool,
-    /// Its triangles must be posed in this frame, because its pose changed in this frame or in the last one.  In the second case the new
-    /// triangles are right, and only the copies for the last frame are out of date.
+    /// Its triangles must be posed in this frame: its pose has changed in this frame, or in the last one.  After a change in the last frame
+    /// the triangles are right, and their copies for the last frame are still those of the pose before.
     is_due: bool,
-    /// The device had no memory to pose its triangles, so that the copy for the last frame is out of date after the next time, too.
+    /// The device had no memory to pose its triangles.  They are posed late, and once more in the frame after, for the copy of the last frame.
     is_late: bool,
     /// Its triangles have not been posed yet, so there are no triangles of the last frame.
     appeared: bool,

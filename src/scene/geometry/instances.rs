@@ -326,7 +326,7 @@ impl InstancePool {
             keeps_triangles = self.records[last as usize].first_triangle == instance.first_triangle;
             self.give_up(last, entity);
         }
-        // Points on an edited instance were on the same triangles in the last frame, so that their motion has a meaning.
+        // An edited instance that keeps its triangles also keeps its last transform, because its points can be followed to the last frame.
         if !keeps_triangles {
             instance.previous_world_from_object = instance.world_from_object;
         }

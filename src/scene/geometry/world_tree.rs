@@ -32,7 +32,7 @@ const MAX_INSTANCES: u64 = 1 << 14;
 const BUILD_FRAMES: u64 = 8;
 /// Frames in which an instance must not have moved.
 const REST: u64 = 64;
-/// Most frames to wait for the next tree after some that did not live long.
+/// Greatest number of frames before the next build.  The wait doubles after each tree that was given up early.
 const MAX_WAIT: u64 = 1024;
 
 /// An instance whose triangles the tree holds.
@@ -99,7 +99,7 @@ fn world_triangles(part: &Part) -> impl Iterator<Item = ([[f32; 3]; 3], [u32; 2]
     part.positions.iter().zip(triangles).map(move |(corners, triangle)| (corners.map(world), [part.slot, triangle]))
 }
 
-/// What must stay as it is while an instance is in the tree.
+/// The properties of an instance that the tree contains.  If one of them changes, the tree is given up.
 #[derive(Clone, Copy, PartialEq)]
 struct Placement {
     world_from_object: Rows,
@@ -240,7 +240,8 @@ impl RestingInstances {
         // Those that do not rest yet are looked at again.
         self.has_changed = !self.moved.is_empty();
         let at_rest = |slot: &u32| !self.moved.contains_key(slot);
-        let all = instances.in_order().filter(|(slot, live)| live.ray_mask != 0 && at_rest(slot));
+        let is_wanted = |live: &LiveInstance| live.ray_mask != 0 && is_in_range(live.bounds);
+        let all = instances.in_order().filter(|(slot, live)| is_wanted(live) && at_rest(slot));
         let resting: Vec<_> =
             all.filter(|(slot, live)| keeps_triangles_of_mesh(*slot, live, instances, meshes)).collect();
         let chosen = within_budget(&resting);
@@ -319,6 +320,12 @@ impl RestingInstances {
     pub(super) fn take_outdated(&mut self) -> Vec<Range<u32>> {
         core::mem::take(&mut self.outdated)
     }
+}
+
+/// Whether the triangles in these bounds can be intersected in world space: the intersection multiplies three lengths.
+fn is_in_range((min, max): Bounds) -> bool {
+    const FARTHEST: f32 = 1e12;
+    min.iter().chain(&max).all(|coordinate| coordinate.abs() < FARTHEST)
 }
 
 /// Whether the triangles of an instance are those of its mesh, as they do not bend, and stay so, because the mesh is not being built again.

@@ -1,5 +1,6 @@
-//! The alias table selects a light in proportion to its power in constant time (Vose 1991, "A linear algorithm for generating random
-//! numbers with a given distribution").  `shaders/light/select.wgsl` reads it.
+//! The alias table selects an index in proportion to its weight in constant time (Vose 1991, "A linear algorithm for generating random
+//! numbers with a given distribution").  For lights the weight is the power, balanced between distant lights and the others.
+//! `shaders/light/select.wgsl` reads the table.
 
 /// Least joint share of the distant lights, and of all others, where a scene has both.  The power of a distant light is its flux through a disk
 /// of the scene's radius, so that it grows with the ground around a room, and says nothing about the light in the room.  With this share,

@@ -1,6 +1,6 @@
-//! The light table: analytic lights first, then the triangles of every emissive instance, with an alias table over all of them that selects
-//! in proportion to power.  Temporal reuse reads the last frame's table too, so ids are remapped in both directions whenever the table
-//! changes.
+//! The light table: analytic lights first, then the triangles of every emissive instance.  An alias table over all of them selects in
+//! proportion to power, except that distant lights and the others each keep a least share (`balance_distant_lights`).  Temporal reuse reads
+//! the last frame's table too, so ids are remapped in both directions whenever the table changes.
 //!
 //! Emissive triangles beyond the device's limit are not in the table, but BSDF sampling still hits them: the picture is noisier, not darker.
 

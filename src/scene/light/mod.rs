@@ -1,4 +1,4 @@
-//! Lights.  Analytic lights and the triangles of emissive meshes share one table; an alias table selects from it in proportion to power.
+//! Lights.  Analytic lights and the triangles of emissive meshes share one table; an alias table selects from it by balanced power.
 
 pub mod alias_table;
 mod analytic;

@@ -1,7 +1,7 @@
 // Samples of the BSDF for one query.  PLANTED biases the random numbers slightly, which a test must find.
 #import bevy_restir::bsdf::bsdf::{bsdf_eval, bsdf_pdf, bsdf_sample}
 #import bevy_restir::bsdf::types::Bsdf
-#import bevy_restir::common::rng::{Rng, rng_3, rng_of_key}
+#import bevy_restir::common::rng::{rng_3, rng_of_key}
 
 struct Query {
     b: Bsdf,

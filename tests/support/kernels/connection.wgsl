@@ -1,5 +1,5 @@
 // The criteria of reconnections for random pairs of vertices.
-#import bevy_restir::bsdf::types::{Bsdf, LOBE_COAT, LOBE_DIFFUSE, LOBE_REFLECTION}
+#import bevy_restir::bsdf::types::{LOBE_COAT}
 #import bevy_restir::path::technique_weights::{LightShares, TechniqueCounts}
 #import bevy_restir::path::walk::{Step, Vertex}
 #import bevy_restir::restir::shift::reconnection::{is_connectable_by, is_connectable_end, PreviousVertex, previous_vertex, separation_threshold, ShiftParameters}

@@ -1,5 +1,5 @@
 // Samples of the environment, and its radiance and density in given directions.
-#import bevy_restir::common::rng::{Rng, rng_2, rng_of_key}
+#import bevy_restir::common::rng::{rng_2, rng_of_key}
 #import bevy_restir::light::environment::{environment_pdf, environment_radiance, environment_sample}
 
 struct Sample {

@@ -1,8 +1,8 @@
 // Light samples packed in eight bytes and unpacked, beside the original samples; or points with given coordinates.
-#import bevy_restir::common::rng::{Rng, rng_2, rng_bits, rng_of_key}
+#import bevy_restir::common::rng::{rng_2, rng_bits, rng_of_key}
 #import bevy_restir::light::environment::environment_pdf
 #import bevy_restir::light::light::light_sample
-#import bevy_restir::light::point_on_light::{light_point_at, light_point_sample, LightPoint}
+#import bevy_restir::light::point_on_light::{light_point_at, light_point_sample}
 
 struct Query {
     point: vec3<f32>,

@@ -1,5 +1,5 @@
 // Samples of one light from one point.  PLANTED scales the density, which a test must find.
-#import bevy_restir::common::rng::{Rng, rng_2, rng_of_key}
+#import bevy_restir::common::rng::{rng_2, rng_of_key}
 #import bevy_restir::light::light::light_sample
 #import bevy_restir::light::triangle::triangle_light_pdf_solid_angle
 #import bevy_restir::scene::bindings::lights

@@ -1,5 +1,5 @@
 // Choices among all lights.
-#import bevy_restir::common::rng::{Rng, rng_2, rng_of_key}
+#import bevy_restir::common::rng::{rng_2, rng_of_key}
 #import bevy_restir::light::select::{light_pmf, light_select}
 
 @group(2) @binding(0) var<storage, read> seed: array<u32>;

@@ -1,6 +1,6 @@
 // Area lights: a sample from a point, the hit of a ray in its direction or a given one, and all hits of that ray.
 #import bevy_restir::common::constants::NONE
-#import bevy_restir::common::rng::{Rng, rng_2, rng_of_key}
+#import bevy_restir::common::rng::{rng_2, rng_of_key}
 #import bevy_restir::light::light::light_sample
 #import bevy_restir::light::point_on_light::{point_by_solid_angle, light_point_at, light_point_sample}
 #import bevy_restir::light::analytic_area_light::{light_hit_point, LIGHT_HITS_MAX, next_light_hit, RaySegment}

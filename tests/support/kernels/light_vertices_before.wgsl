@@ -1,7 +1,7 @@
 // Shifts each path of the last frame that stores a light vertex to its own pixel of the last frame, which changes nothing.  Tests run it
 // instead of a reuse pass.  Writes (1, whether the shift finds the stored light vertex, 0).
 
-#import domain::{in_current_frame, PackedReservoir, receiver_of, Reservoir, reservoir_unpack}
+#import domain::{in_current_frame, PackedReservoir, receiver_of, reservoir_unpack}
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::restir::bindings::previous_visibility
 #import bevy_restir::restir::connection::connection::stores_light_vertex

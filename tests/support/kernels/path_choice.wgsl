@@ -5,7 +5,7 @@
 // right half the path after the shift to the partner.  The first pixel of a half holds a header, and each vertex takes three more pixels.
 // Values are positive, because reuse drops contributions without luminance.
 
-#import domain::{in_domain_measure, no_reservoir, PackedReservoir, Receiver, receiver_of, Reservoir, reservoir_pack, reservoir_unpack, SHORTEST_LENGTH}
+#import domain::{in_domain_measure, PackedReservoir, receiver_of, Reservoir, reservoir_pack, reservoir_unpack, SHORTEST_LENGTH}
 #import bevy_restir::bsdf::bsdf::{bsdf_is_diffuse, bsdf_pdf}
 #import bevy_restir::bsdf::types::{LOBE_COAT, LOBE_DIFFUSE}
 #import bevy_restir::common::constants::{FAR, NONE}

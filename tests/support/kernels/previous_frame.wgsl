@@ -8,7 +8,6 @@
 #import bevy_restir::common::ray::Ray
 #import bevy_restir::light::point_on_light::{light_point_at, LightPoint}
 #import bevy_restir::light::select::light_pmf
-#import bevy_restir::light::types::LightSample
 #import bevy_restir::path::nee::emitter_nee_pdf
 #import bevy_restir::restir::bindings::{previous_visibility, settings}
 #import bevy_restir::restir::reservoir_layout::reservoir_index

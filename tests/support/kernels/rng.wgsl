@@ -1,5 +1,5 @@
 // Random numbers of a block of counters: id = dimension | x << 2 | y << 8 | frame << 14 | stream << 16.
-#import bevy_restir::common::rng::{Rng, rng_bits, rng_new, unit_float}
+#import bevy_restir::common::rng::{rng_bits, rng_new, unit_float}
 
 struct Out {
     bits: vec4<u32>,

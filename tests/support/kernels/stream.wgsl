@@ -1,5 +1,5 @@
 // Each invocation runs one stream with given weights, and estimates ∫x² over [0, 1] by four candidates of density 2(1 - x) and target x.
-#import bevy_restir::common::rng::{Rng, rng_1, rng_of_key}
+#import bevy_restir::common::rng::{rng_1, rng_of_key}
 #import bevy_restir::restir::reservoir_sampling::{Stream, stream_add, stream_ucw}
 
 struct Outcome {

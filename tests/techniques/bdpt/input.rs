@@ -211,7 +211,7 @@ fn objects_without_shadows_turn_the_cameras_view_of_light_paths_off() {
 #[ignore = "second tier: ./run test --more"]
 fn small_devices_trace_fewer_light_paths() {
     log::listen();
-    // A binding holds 16,384 light vertices of 64 bytes.
+    // A binding holds 21,845 light vertices of 48 bytes.
     let Some(mut rig) = Rig::binding_at_most(1 << 20, 64, 64) else { return };
     room(&mut rig);
     rig.set(|r| {

@@ -96,6 +96,7 @@ impl CameraProjection for Mirrored {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn light_paths_alone_light_the_picture_of_a_mirrored_projection() {
     check("mirrored projection", |rig| {
         floor(rig, lambert(0.5));

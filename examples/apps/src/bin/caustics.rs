@@ -20,10 +20,10 @@ struct Args {
     #[arg(long)]
     picture: Option<PathBuf>,
     /// Frames before the one of the picture.
-    #[arg(long, default_value_t = 32)]
+    #[arg(long, default_value_t = 32, requires = "picture")]
     frames: u32,
     /// Moves the spot during these frames.
-    #[arg(long)]
+    #[arg(long, requires = "picture")]
     moving: bool,
     /// Size of the window or the picture in pixels.
     #[arg(long, default_value = "640x360", value_parser = arguments::window_size)]

@@ -20,7 +20,7 @@ struct Args {
     #[arg(long)]
     picture: Option<PathBuf>,
     /// Number of frames of the picture.
-    #[arg(long, default_value_t = 64)]
+    #[arg(long, default_value_t = 64, requires = "picture")]
     frames: u32,
     /// Size of the window or the picture in pixels.
     #[arg(long, default_value = "640x360", value_parser = arguments::window_size)]
