@@ -16,6 +16,8 @@ const SPLIT_TRIANGLES: u32 = 4096;
 /// A draw call of more than `MANY_INSTANCES` instances with fewer triangles than this is drawn whole: a test would cost more than it saves.
 const LEAST_TRIANGLES: u32 = 64;
 const MANY_INSTANCES: usize = 64;
+/// Scenes with more instances are drawn whole: a test of all takes about a millisecond, whenever the camera or an instance moves.
+const MAX_INSTANCES: u64 = 1 << 16;
 
 /// The space that a camera sees.
 struct Frustum {
@@ -87,7 +89,8 @@ impl VisibleDraws {
         let frustum = Frustum::new(&camera, size);
         let is_seen = |slot| instances.live_in(slot).is_none_or(|live| frustum.may_show(live.bounds));
         for draw in scene.draw_list.draws.iter().filter(|draw| draw.camera_mask & layers != 0) {
-            if draw.triangles < LEAST_TRIANGLES && draw.instances.len() > MANY_INSTANCES {
+            let are_small = draw.triangles < LEAST_TRIANGLES && draw.instances.len() > MANY_INSTANCES;
+            if are_small || scene.instances > MAX_INSTANCES {
                 self.draws.push(draw.clone());
             } else {
                 add_seen(&mut self.draws, draw, is_seen);
@@ -185,10 +188,10 @@ mod tests {
         let seen = |draw: &Draw, slots: &[u32]| {
             let mut draws = Vec::new();
             add_seen(&mut draws, draw, |slot| slots.contains(&slot));
-            draws.into_iter().map(|draw| draw.instances).collect::<Vec<_>>()
+            draws.into_iter().map(|draw| (draw.instances.start, draw.instances.end)).collect::<Vec<_>>()
         };
         assert_eq!(seen(&draw(4..20, 1000), &[]), []);
-        assert_eq!(seen(&draw(4..20, 1000), &[5, 6, 9]), [5..10], "2,000 triangles are not worth a call");
-        assert_eq!(seen(&draw(4..20, 1000), &[4, 6, 12, 19]), [4..7, 12..13, 19..20]);
+        assert_eq!(seen(&draw(4..20, 1000), &[5, 6, 9]), [(5, 10)], "2,000 triangles are not worth a call");
+        assert_eq!(seen(&draw(4..20, 1000), &[4, 6, 12, 19]), [(4, 7), (12, 13), (19, 20)]);
     }
 }

@@ -43,6 +43,7 @@ fn check(name: &str, make: impl FnOnce(&mut Rig)) {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn light_paths_alone_light_the_pictures_of_cameras_with_a_scale() {
     for scale in [Vec3::ONE, Vec3::splat(2.0), Vec3::new(1.0, 0.5, 3.0)] {
         let scaled = |rig: &mut Rig| {
