@@ -227,6 +227,23 @@ fn mirror(roughness: f32) -> StandardMaterial {
     shiny(Color::linear_rgb(0.9, 0.9, 0.9), roughness, 1.0)
 }
 
+/// The first smooth material brings a pass and textures of its own; the means over frames stay.
+#[test]
+fn means_outlive_the_first_smooth_material() {
+    let Some(mut rig) = room_scene(SIZE) else { return };
+    let truth = truth(&mut rig, BOUNCES);
+    rig.set(|restir| *restir = settings(Technique::Pt, Denoiser::ON));
+    let first = error(&rig.picture(1), &truth);
+    let before = error(&rig.picture(FRAMES), &truth);
+    let memory = rig.report().memory.len();
+    rig.spawn(square(0.01), mirror(0.02), Transform::from_xyz(0.0, 0.0, 50.0));
+    let worst = (0..8).map(|_| error(&rig.next(), &truth)).fold(0.0, f64::max);
+    eprintln!("{first} in the first frame, {before} before the change, and at most {worst} after it");
+    assert!(first > 2.0 * before, "the test has no power");
+    assert!(worst < 1.3 * before);
+    assert!(rig.report().memory.len() > memory, "the textures for mirrors are there");
+}
+
 /// A striped wall behind the camera, in a mirror of this material.
 fn mirrored(rig: &mut Rig, mirror: StandardMaterial) {
     let stripes = texture(24, 1, |x, _| if x % 2 == 0 { [250, 240, 200, 255] } else { [20, 30, 60, 255] });
