@@ -9,8 +9,8 @@ use super::{
 };
 use crate::{scene::SceneFeatures, settings::DebugView};
 
-/// Bevy draws the skybox after our picture, wherever the last sample shows no object.  It would cover our own backdrop there, which may be the mean of
-/// many samples, or a debug view.  Bevy makes the bind group again in each frame.  A frame that Bevy still draws, because our pipelines have
+/// Bevy draws the skybox after our picture, wherever the last sample shows no object.  It would cover our own backdrop there, which may be the
+/// mean of many samples, or a debug view.  Bevy makes the bind group again in each frame.  A frame that Bevy still draws, because our pipelines have
 /// just become ready, keeps its skybox.
 pub(super) fn hide_skyboxes(
     pool: Res<ViewPool>,
