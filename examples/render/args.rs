@@ -38,9 +38,9 @@ pub struct Args {
     /// Frames that build up history and are not part of the picture; the reference skips them.
     #[arg(long, default_value_t = 16)]
     pub warmup: u32,
-    /// The mean of the frames or the last one. The reference always gives the mean of its samples. With --animate,
-    /// a .png shows the last frame in any case. A mean has no limit of bright pixels
-    /// (`firefly_limit` is 0) and no denoiser, because both would stay in it as a bias.
+    /// The mean of the frames or the last one. The reference always gives the mean of its samples. With --animate, a .png shows the last
+    /// frame in any case. A mean has no limit of bright pixels (`firefly_limit` is 0) and no denoiser, because both would stay in it as a
+    /// bias.
     #[arg(long, value_enum, default_value = "mean")]
     pub output: Output,
     /// Seed of the random numbers.
