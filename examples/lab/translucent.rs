@@ -79,7 +79,6 @@ impl Orbit {
 pub fn run(args: &Args) -> Result<(), String> {
     let Lengths { output, counts, .. } = &args.lengths;
     output.check("subsurface")?;
-    let competitors = competitors(args)?;
     let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
     for name in &args.scenes {
         let mut app = headless::app(Path::new("."), RayBackend::Auto)?;
@@ -90,6 +89,9 @@ pub fn run(args: &Args) -> Result<(), String> {
             "bust" => bust(app.world_mut()),
             other => return Err(format!("there is no scene `{other}`")),
         };
+        // Radii count pixels of a picture of 1,080 lines; the close-up is a part of one.
+        let radius_scale = if name == "closeup" { 1080.0 / args.lengths.size.y as f32 } else { 1.0 };
+        let competitors = competitors(args, radius_scale)?;
         let motion = orbit.motion();
         let reference = plain(Technique::Reference, 1);
         let setup = CameraSetup {
@@ -115,8 +117,9 @@ fn with(subsurface: SubsurfaceSampling) -> Restir {
     Restir { subsurface, ..plain(Technique::Di, 1) }
 }
 
-fn competitors(args: &Args) -> Result<Vec<Competitor>, String> {
-    let default = SubsurfaceSampling::default();
+fn competitors(args: &Args, radius_scale: f32) -> Result<Vec<Competitor>, String> {
+    let mut default = SubsurfaceSampling::default();
+    default.reuse.radius *= radius_scale;
     if !args.variant.is_empty() {
         let plain = with(default);
         let competitor = |text: &String| Ok(Competitor { name: text.clone(), settings: variant::of(&plain, text)? });

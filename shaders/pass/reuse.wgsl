@@ -62,9 +62,9 @@ fn neighbor_sample(pixel: vec2<u32>) -> Reservoir {
     var s = reservoir_unpack(neighbors[reservoir_index(pixel)]);
     if has(RESAMPLE_FROM_PREVIOUS) {
         s = in_current_frame(s);
+        // Confidence is capped before any weight is computed, and whatever the sample is: otherwise the cap would add bias.
+        s.confidence = min(s.confidence, settings.confidence_cap);
     }
-    // Confidence is capped before any weight is computed, and whatever the sample is: otherwise the cap would add bias.
-    s.confidence = min(s.confidence, settings.confidence_cap);
     return s;
 }
 

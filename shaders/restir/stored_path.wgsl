@@ -26,7 +26,8 @@ struct PackedPath {
 const INSTANCE_BITS: u32 = 0xffffffu;
 const TRIANGLE_BITS: u32 = 0xfffffffu;
 
-// Confidence is stored in sixteenths, 12 bits.
+// Confidence is stored in sixteenths, 12 bits.  Several iterations of many neighbors exceed this limit; it adds no bias, because confidence
+// does not depend on the samples.
 const CONFIDENCE_MAX: f32 = 255.0;
 
 fn no_reservoir() -> Reservoir {

@@ -12,7 +12,7 @@ struct ResampleSettings {
     neighbor_attempts: u32,    // positions that are tried for each neighbor
     temporal_attempts: u32,    // positions that are tried for the temporal neighbor
     radius: f32,               // of the disk that neighbors are in, pixels
-    confidence_cap: f32,       // greatest confidence of a neighbor, in frames' worth of candidates
+    confidence_cap: f32,       // greatest confidence of a sample of the last frame, in frames' worth of candidates
     decorrelation: f32,        // share of the confidence that a sample loses if all pixels around it hold it, too
     mis: u32,                  // MIS_*
     flags: u32,                // RESAMPLE_*

@@ -102,8 +102,8 @@ pub struct Reuse {
     /// share rarely found light among more pixels, and find fewer similar neighbors.  No bias.  0 to 1e5; default 60 for direct light, 100 for
     /// paths, 30 for light that enters objects.
     pub radius: f32,
-    /// Greatest confidence of a neighbor, of the last frame or of this one, in frames' worth of candidates: longer histories are smoother
-    /// and more correlated, which shows as blotches.  No cost, no bias.  0 to 60 for direct light, otherwise 0 to 30; default 8 for direct
+    /// Greatest confidence of a sample of the last frame, in frames' worth of candidates: longer histories are smoother and more
+    /// correlated, which shows as blotches.  Neighbors within a frame count in full.  No cost, no bias.  0 to 60 for direct light, otherwise 0 to 30; default 8 for direct
     /// light, 12 for paths, 20 for light that enters objects.
     pub confidence_cap: f32,
     /// MIS weights.  Default for direct light: pairwise; otherwise defensive pairwise.

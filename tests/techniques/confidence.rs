@@ -33,11 +33,8 @@ fn expected(reuse: &Reuse, loss: f64) -> Vec<f64> {
             let now = match reuse.order {
                 // All inputs are those of the last frame.
                 ReuseOrder::Spatiotemporal => 1.0 + (temporal + neighbors) * history,
-                // Each pixel resamples its history first, and then neighbors that have done the same.
-                _ => {
-                    let own = 1.0 + temporal * history;
-                    own + neighbors * own.min(cap)
-                }
+                // Each pixel resamples its history first, and then neighbors that have done the same: they count as much as the pixel itself.
+                _ => (1.0 + neighbors) * (1.0 + temporal * history),
             };
             last = Some(now);
             now

@@ -1,9 +1,14 @@
-//! Caustics in a room: a lamp in a glass shell, an egg of glass under a spot, and a pane of colored glass in the sun. Next-event estimation
-//! finds none of this light, because glass is in the way. Space moves the spot.
+//! Caustics in a room: a lamp in a glass shell, an egg of glass under a spot, and a glass of water and a pane of colored glass in the sun.
+//! Next-event estimation finds none of this light, because glass is in the way. Space moves the spot.
 //!
 //! `cargo run -p bevy_restir_apps --bin caustics`
 
-use bevy::{math::ops, mesh::VertexAttributeValues, prelude::*};
+use bevy::{
+    asset::RenderAssetUsages,
+    math::ops,
+    mesh::{PrimitiveTopology, VertexAttributeValues},
+    prelude::*,
+};
 use bevy_restir::{EmissiveLuminance, prelude::*};
 use bevy_restir_apps::demo::Demo;
 use bevy_restir_support::{arguments, scene::spawn};
@@ -108,12 +113,42 @@ fn populate(app: &mut App) {
     };
     let place = Transform::from_xyz(0.85, 0.3, 0.0).with_rotation(Quat::from_rotation_y(-0.6));
     spawn(world, Cuboid::new(0.5, 0.6, 0.02), pane, place);
+
+    // A glass of water. A thin layer of air parts the two, because light does not pass from one medium into another.
+    let place = Transform::from_xyz(0.5, 0.001, 0.6);
+    let wall = [(0.0, 0.0), (0.1, 0.0), (0.12, 0.28), (0.112, 0.28), (0.094, 0.02), (0.0, 0.02)];
+    spawn(world, turned(&wall.map(Vec2::from)), glass(), place);
+    let water = [(0.0, 0.021), (0.093, 0.021), (0.1049, 0.2), (0.0, 0.2)];
+    spawn(world, turned(&water.map(Vec2::from)), StandardMaterial { ior: 1.33, ..glass() }, place);
+
     let sun = DirectionalLight { illuminance: 700.0, color: Color::srgb(1.0, 0.95, 0.85), ..default() };
     world.spawn((sun, Transform::default().looking_to(Vec3::new(-0.35, -0.75, 0.6), Vec3::Y)));
 }
 
 fn glass() -> StandardMaterial {
     StandardMaterial { specular_transmission: 1.0, thickness: 0.1, ior: 1.5, perceptual_roughness: 0.0, ..default() }
+}
+
+/// The surface of a profile that turns around the y axis, counterclockwise seen with x to the right. Its segments meet at edges.
+fn turned(profile: &[Vec2]) -> Mesh {
+    const STEPS: u32 = 96;
+    let (mut positions, mut normals) = (Vec::new(), Vec::new());
+    for segment in profile.windows(2) {
+        let along = (segment[1] - segment[0]).normalize();
+        let turned_by = |step: u32, at: Vec2| {
+            let (sin, cos) = ops::sin_cos(core::f32::consts::TAU * (step % STEPS) as f32 / STEPS as f32);
+            Vec3::new(at.x * cos, at.y, at.x * sin)
+        };
+        for step in 0..STEPS {
+            for (i, end) in [(0, 0), (0, 1), (1, 0), (0, 1), (1, 1), (1, 0)] {
+                positions.push(turned_by(step + i, segment[end]));
+                normals.push(turned_by(step + i, -along.perp()));
+            }
+        }
+    }
+    Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default())
+        .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, positions)
+        .with_inserted_attribute(Mesh::ATTRIBUTE_NORMAL, normals)
 }
 
 /// A mesh whose front faces are its insides.
