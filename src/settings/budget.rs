@@ -2,7 +2,7 @@
 
 use bevy::{
     ecs::{reflect::ReflectResource, resource::Resource},
-    reflect::Reflect,
+    reflect::{Reflect, std_traits::ReflectDefault},
 };
 
 use super::{Restir, Reuse, ReuseOrder, Technique};
@@ -28,15 +28,16 @@ use super::{Restir, Reuse, ReuseOrder, Technique};
 /// # }
 /// ```
 #[derive(Resource, Clone, Copy, Debug, PartialEq, Reflect)]
-#[reflect(Resource)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[reflect(Resource, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(default))]
 pub struct RestirBudget {
     /// GPU time of all passes of the plugin (time spans `restir/...`) of all cameras in a frame, ms.  Without effect unless it is above 0.
     /// Bevy measures at most 128 passes in a frame, its own included: from the fifth camera on, the time of some of ours is missing.
     pub gpu_ms: f32,
-    /// Least [`Restir::resolution_scale`] that the budget may choose where the fewest samples still take too long.  Each step traces 0.8 times
-    /// the width and the height, and begins the camera's history anew, which is visible as noise for some frames.  Cameras that average
-    /// frames ([`Restir::accumulate`], [`Technique::Reference`]) keep their resolution.  0.25 to 1; default 1: the resolution stays.
+    /// Least [`Restir::resolution_scale`] that the budget may choose where the fewest samples of all cameras still take too long.  Each step
+    /// traces 0.8 times the width and the height, and begins the camera's history anew, which is visible as noise for some frames.  Cameras
+    /// that average frames ([`Restir::accumulate`], [`Technique::Reference`]) keep their resolution.  A resolution that took too long is not
+    /// tried again within about 1,800 frames, unless the scene gets cheaper.  0.25 to 1; default 1: the resolution stays.
     pub least_resolution_scale: f32,
 }
 
@@ -46,18 +47,36 @@ impl Default for RestirBudget {
     }
 }
 
-/// How far the settings of cameras are reduced now.
+/// How far the settings of all cameras are reduced.  A camera that has fewer steps of a kind takes all that it has.
 #[derive(Resource, Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Reduction {
-    /// Number of steps.
-    pub steps: u32,
-    /// Least resolution scale of these steps.
+    /// Number of steps that take samples away.
+    pub samples: u32,
+    /// Number of steps that take traced pixels away.
+    pub pixels: u32,
+    /// Least resolution scale of those.
     pub least_resolution_scale: f32,
 }
 
 impl Default for Reduction {
     fn default() -> Self {
-        Self { steps: 0, least_resolution_scale: 1.0 }
+        Self { samples: 0, pixels: 0, least_resolution_scale: 1.0 }
+    }
+}
+
+impl Reduction {
+    /// Factor of width and height in a step that takes traced pixels away.
+    pub(crate) const RESOLUTION_STEP: f32 = 0.8;
+
+    /// Its number of steps.
+    pub(crate) fn steps(self) -> u32 {
+        self.samples + self.pixels
+    }
+
+    /// Its first steps.  Pixels follow after all samples.
+    pub(crate) fn first(self, steps: u32) -> Self {
+        let samples = steps.min(self.samples);
+        Self { samples, pixels: (steps - samples).min(self.pixels), ..self }
     }
 }
 
@@ -68,17 +87,14 @@ impl Restir {
     /// candidates of direct light are halved, down to 4.  Steps after the last one change nothing.  Fields out of range are clamped.
     #[must_use]
     pub fn reduced(&self, step: u32) -> Self {
-        self.reduced_by(Reduction { steps: step, ..Reduction::default() })
+        self.reduced_by(Reduction { samples: step, ..Reduction::default() })
     }
 
-    /// These settings with fewer samples, and after these steps with fewer traced pixels.
+    /// These settings with fewer samples and traced pixels.
     pub(crate) fn reduced_by(&self, reduction: Reduction) -> Self {
         let mut settings = self.clone().clamped();
-        for _ in 0..reduction.steps {
-            if !settings.reduce(reduction.least_resolution_scale) {
-                break;
-            }
-        }
+        take_steps(reduction.samples, || settings.reduce_samples());
+        take_steps(reduction.pixels, || settings.reduce_resolution(reduction.least_resolution_scale));
         settings
     }
 
@@ -88,26 +104,21 @@ impl Restir {
         self
     }
 
-    /// Number of steps after which nothing can be reduced.
-    pub(crate) fn reducible_steps(&self, least_resolution_scale: f32) -> u32 {
+    /// All steps that these settings have.
+    pub(crate) fn most_reduction(&self, least_resolution_scale: f32) -> Reduction {
         let mut settings = self.clone().clamped();
-        let mut steps = 0;
-        while settings.reduce(least_resolution_scale) {
-            steps += 1;
+        Reduction {
+            samples: take_steps(u32::MAX, || settings.reduce_samples()),
+            pixels: take_steps(u32::MAX, || settings.reduce_resolution(least_resolution_scale)),
+            least_resolution_scale,
         }
-        steps
     }
 
-    /// Takes one step; false where nothing is left to reduce.
-    fn reduce(&mut self, least_resolution_scale: f32) -> bool {
-        self.reduce_samples() || self.reduce_resolution(least_resolution_scale)
-    }
-
+    /// Takes traced pixels away; false where no step is left.
     fn reduce_resolution(&mut self, least: f32) -> bool {
-        const STEP: f32 = 0.8;
         // A step of less than a tenth is not worth the history.
         const LEAST_STEP: f32 = 0.9;
-        let scale = (STEP * self.resolution_scale).max(least);
+        let scale = (Reduction::RESOLUTION_STEP * self.resolution_scale).max(least);
         let averages = self.accumulate || self.technique == Technique::Reference;
         let is_reduced = !averages && scale < LEAST_STEP * self.resolution_scale;
         if is_reduced {
@@ -116,6 +127,7 @@ impl Restir {
         is_reduced
     }
 
+    /// Takes samples away; false where no step is left.
     fn reduce_samples(&mut self) -> bool {
         const LEAST_CANDIDATES: u32 = 4;
         let (direct, paths) = match self.technique {
@@ -135,6 +147,11 @@ impl Restir {
         }
         halves
     }
+}
+
+/// Takes steps as long as there are any.  Returns their number.
+fn take_steps(steps: u32, mut take: impl FnMut() -> bool) -> u32 {
+    (0..steps).take_while(|_| take()).count() as u32
 }
 
 /// Takes away one iteration, or else one neighbor; false where neither is left.
@@ -159,15 +176,15 @@ fn take_neighbor(reuse: &mut Reuse) -> bool {
 mod tests {
     use super::*;
     use crate::settings::Preset;
+    use bevy::reflect::{FromReflect, structs::DynamicStruct};
 
     #[test]
     fn the_resolution_falls_after_the_samples_and_not_below_its_limit() {
         let settings = Restir { resolution_scale: 0.9, ..Restir::default() };
-        let samples = settings.reducible_steps(1.0);
         let scales = |settings: &Restir, least_resolution_scale| {
-            let last = settings.reducible_steps(least_resolution_scale);
-            let after = |steps| settings.reduced_by(Reduction { steps, least_resolution_scale }).resolution_scale;
-            (samples..=last + 1).map(after).collect::<Vec<_>>()
+            let most = settings.most_reduction(least_resolution_scale);
+            let after = |steps| settings.reduced_by(most.first(steps)).resolution_scale;
+            (most.samples..=most.steps() + 1).map(after).collect::<Vec<_>>()
         };
         let equal = |scales: Vec<f32>, expected: &[f32]| {
             scales.len() == expected.len()
@@ -179,7 +196,17 @@ mod tests {
         let averaging = Restir { accumulate: true, ..settings.clone() };
         assert!(equal(scales(&averaging, 0.5), &[0.9, 0.9]), "frames that are averaged");
         let reference = Restir { technique: Technique::Reference, ..settings };
-        assert_eq!(reference.reducible_steps(0.5), 0);
+        assert_eq!(reference.most_reduction(0.5).steps(), 0);
+    }
+
+    #[test]
+    fn a_budget_with_missing_fields_gets_their_defaults() {
+        let expected = RestirBudget { gpu_ms: 8.0, ..RestirBudget::default() };
+        let mut reflected = DynamicStruct::default();
+        reflected.insert("gpu_ms", 8.0f32);
+        assert_eq!(RestirBudget::from_reflect(&reflected), Some(expected));
+        #[cfg(feature = "serde")]
+        assert_eq!(serde_json::from_str::<RestirBudget>(r#"{"gpu_ms": 8.0}"#).ok(), Some(expected));
     }
 
     #[test]
@@ -187,7 +214,7 @@ mod tests {
         for technique in Technique::ALL {
             for preset in Preset::ALL {
                 let settings = Restir { technique, ..Restir::preset(preset) };
-                let steps = settings.reducible_steps(1.0);
+                let steps = settings.most_reduction(1.0).steps();
                 assert_eq!(steps == 0, technique == Technique::Reference);
                 for step in 0..steps {
                     assert!(settings.reduced(step) != settings.reduced(step + 1), "{technique:?}, step {step}");
