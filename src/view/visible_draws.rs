@@ -56,15 +56,15 @@ impl Frustum {
 /// The draw calls of a camera.  They are made again only if the camera or an instance has changed.
 #[derive(Default)]
 pub(crate) struct VisibleDraws {
-    made_for: Option<State>,
+    made_for: Option<Inputs>,
     pub draws: Vec<Draw>,
 }
 
 /// All values that the draw calls depend on.
 #[derive(Clone, Copy, PartialEq)]
-struct State {
-    draws: [u64; 2],
-    motion: u64,
+struct Inputs {
+    draws_key: [u64; 2],
+    motion_revision: u64,
     camera: GpuCamera,
     size: UVec2,
     layers: u32,
@@ -80,11 +80,12 @@ impl VisibleDraws {
         size: UVec2,
         layers: u32,
     ) {
-        let state = State { draws: scene.draws_key, motion: scene.motion_revision, camera, size, layers };
-        if self.made_for == Some(state) {
+        let SceneBindings { draws_key, motion_revision, .. } = *scene;
+        let inputs = Inputs { draws_key, motion_revision, camera, size, layers };
+        if self.made_for == Some(inputs) {
             return;
         }
-        self.made_for = Some(state);
+        self.made_for = Some(inputs);
         self.draws.clear();
         let frustum = Frustum::new(&camera, size);
         let is_seen = |slot| instances.live_in(slot).is_none_or(|live| frustum.may_show(live.bounds));
@@ -104,7 +105,7 @@ fn add_seen(draws: &mut Vec<Draw>, draw: &Draw, is_seen: impl Fn(u32) -> bool) {
     let mut open: Option<Draw> = None;
     for slot in draw.instances.clone().filter(|slot| is_seen(*slot)) {
         match &mut open {
-            Some(open) if (slot - open.instances.end) * draw.triangles <= SPLIT_TRIANGLES => {
+            Some(open) if (slot - open.instances.end).saturating_mul(draw.triangles) <= SPLIT_TRIANGLES => {
                 open.instances.end = slot + 1
             }
             _ => {
@@ -193,5 +194,6 @@ mod tests {
         assert_eq!(seen(&draw(4..20, 1000), &[]), []);
         assert_eq!(seen(&draw(4..20, 1000), &[5, 6, 9]), [(5, 10)], "2,000 triangles are not worth a call");
         assert_eq!(seen(&draw(4..20, 1000), &[4, 6, 12, 19]), [(4, 7), (12, 13), (19, 20)]);
+        assert_eq!(seen(&draw(0..5000, 1_000_000), &[0, 4999]), [(0, 1), (4999, 5000)], "more than 2³² triangles");
     }
 }
