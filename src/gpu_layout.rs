@@ -58,6 +58,7 @@ pub const VIEW_ENVIRONMENT_IS_BACKDROP: u32 = 1;
 pub const VIEW_ORTHOGRAPHIC: u32 = 2;
 pub const VIEW_NO_BACKDROP: u32 = 4;
 pub const VIEW_SEES_BACK_FACES: u32 = 8;
+pub const VIEW_JITTERED_MEAN: u32 = 16;
 
 pub const OVERFLOW_STACK: u32 = 1;
 pub const OVERFLOW_STEPS: u32 = 2;

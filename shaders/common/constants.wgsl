@@ -80,6 +80,8 @@ const VIEW_ORTHOGRAPHIC: u32 = 2u;
 const VIEW_NO_BACKDROP: u32 = 4u;
 // The camera sees back faces in place of front faces.
 const VIEW_SEES_BACK_FACES: u32 = 8u;
+// The picture is a mean of frames whose rays pass through different places of a pixel.
+const VIEW_JITTERED_MEAN: u32 = 16u;
 
 // Errors that are read back and reported: bits of `trace_flags` (OVERFLOW_*) and of `raised_guards` (NON_FINITE).  The other guards are in
 // `common/guard.wgsl`.

@@ -2,7 +2,7 @@
 // that gizmos, transparent objects of other materials and post-processing work as usual.  The traced picture may have fewer pixels than the
 // viewport: then it is enlarged, and the surfaces of the shown pixels are known.
 
-#import bevy_restir::common::constants::{NONE, VIEW_ENVIRONMENT_IS_BACKDROP, VIEW_NO_BACKDROP}
+#import bevy_restir::common::constants::{NONE, VIEW_ENVIRONMENT_IS_BACKDROP, VIEW_JITTERED_MEAN, VIEW_NO_BACKDROP}
 #import bevy_restir::common::ray::Ray
 #import bevy_restir::scene::offset::surface_point
 #import bevy_restir::scene::triangle::world_triangle
@@ -117,7 +117,7 @@ fn color_between(pixel: vec2<u32>) -> vec3<f32> {
     let own = seen_by(textureLoad(visibility_buffer, pixel, 0).xy, shown_ray(pixel));
     let place = traced_place(pixel);
     // A mean of jittered frames is not weighted by surfaces: these are of this frame alone, so that edges would move from frame to frame.
-    let is_mean = radiance[pixel_index(pixel_at(place))].a > 1.0;
+    let is_jittered_mean = (view.flags & VIEW_JITTERED_MEAN) != 0u;
     let corner = max(place - 0.5, vec2<f32>(0.0));
     let share = fract(corner);
     var color = vec3<f32>(0.0);
@@ -128,7 +128,7 @@ fn color_between(pixel: vec2<u32>) -> vec3<f32> {
         let traced = pixel_at(corner + vec2<f32>(offset));
         let other = seen_by(textureLoad(traced_visibility, traced, 0).xy, primary_ray(traced));
         // The floor keeps a weight for a traced pixel at the far end, in case it is the only one that shows the surface.
-        let weight = select(max(sides.x * sides.y, 1.0e-3) * similarity(own, other), sides.x * sides.y, is_mean);
+        let weight = select(max(sides.x * sides.y, 1.0e-3) * similarity(own, other), sides.x * sides.y, is_jittered_mean);
         color += weight * color_of(traced);
         weights += weight;
     }

@@ -19,6 +19,8 @@ pub(super) struct ImageState {
     pub environment: Option<ExtractedEnvironment>,
     pub layers: u32,
     pub background: [f32; 3],
+    /// Whether pixels without a surface show what lies behind the image.  `Jitter::Auto` depends on it.
+    pub shows_earlier: bool,
     /// Whether the projection is orthographic, and whether the camera sees back faces.  Uniforms have one flag for both this frame's and the
     /// last frame's camera.
     pub orthographic: bool,
@@ -107,6 +109,7 @@ impl ImageState {
             environment,
             layers,
             background: _,
+            shows_earlier: _,
             orthographic,
             sees_back_faces,
             pipelines,

@@ -70,7 +70,8 @@ pub(super) fn prepare_views(
             continue;
         };
         let ids = CameraIds { view: entity, main: **name };
-        if !is_finite(&camera_of(view)) {
+        let current = camera_of(view);
+        if !is_finite(&current) {
             warn_of_matrices(ids, &mut warned);
             pool.pause(entity);
             continue;
@@ -103,9 +104,9 @@ pub(super) fn prepare_views(
         }
         if state.rendered {
             let (scene, environments) = (&*scene, &*environments);
-            let inputs = UniformInputs { restir, camera, view, bevy_jitter: jitter, scene, environments };
+            let inputs = UniformInputs { restir, camera, view, current, bevy_jitter: jitter, scene, environments };
             state.update_uniforms(&inputs, &queue);
-            state.update_draws(scene, &instances, camera_of(view));
+            state.update_draws(scene, &instances, current);
             pool.requested_resets.remove(&entity);
             if let Err(error) = state.update_history(scene, limit, &device, &queue) {
                 warn_of_memory(ids, "history", &error, &mut warned);

@@ -45,7 +45,8 @@ pub(crate) struct RestirView {
     pub origin: UVec2,
     /// Resolution of Bevy's main pass: `size`, or more where fewer pixels are traced.
     pub target_size: UVec2,
-    /// Front faces are seen as back faces, by a camera that mirrors (`Camera::invert_culling`).
+    /// `Camera::invert_culling`, for the rasterizer, which sees mirrored transforms and projections by itself.  Rays need
+    /// [`VIEW_SEES_BACK_FACES`].
     pub inverts_culling: bool,
     /// Bit of the camera's render layers ([`LayerSets`](crate::scene::geometry::render_layers::LayerSets)).
     pub layers: u32,
@@ -119,7 +120,7 @@ pub(crate) struct RestirView {
     pub environment: Option<ExtractedEnvironment>,
 }
 
-/// Counts and settings of a view that was dropped, for the camera's next view.
+/// The state of a view that was dropped, for the camera's next view.
 pub(crate) struct PausedView {
     /// Guards are counted over the whole run of a camera.
     pub counters: CounterReadback,
@@ -127,6 +128,8 @@ pub(crate) struct PausedView {
     pub resets: ResetCounts,
     /// Index of the next frame in the random sequence.
     sequence: u32,
+    /// The camera of the last frame, for motion vectors: Bevy's effects keep their history of a camera whose traced resolution changes.
+    previous_camera: Option<GpuCamera>,
     /// Pipelines of the last frame.
     pub key: Option<PipelineKey>,
     /// Settings of the last frame.
@@ -225,21 +228,22 @@ impl RestirView {
         }
     }
 
-    /// The counts and settings that the camera's next view takes over.
+    /// The state that the camera's next view takes over.
     pub(super) fn into_paused(self) -> PausedView {
         let sequence = match self.first_sequence {
             0 => self.sequence.wrapping_add(1),
             // No frame was rendered since this index was set.
             first => first,
         };
-        let Self { counters, resets, key, settings, asked, environment, .. } = self;
-        PausedView { counters, resets, sequence, key, settings, asked, environment }
+        let Self { counters, resets, previous_camera, key, settings, asked, environment, .. } = self;
+        PausedView { counters, resets, sequence, previous_camera, key, settings, asked, environment }
     }
 
-    /// This new view with the counts of the last one.  `beginning`: why the history restarts.
+    /// This new view with the state of the last one.  `beginning`: why the history restarts.
     pub(super) fn resumed_from(self, last: PausedView, beginning: Reset) -> Self {
-        let PausedView { counters, resets, sequence: first_sequence, key, settings, asked, environment } = last;
-        Self { counters, resets, first_sequence, key, settings, asked, environment, beginning, ..self }
+        let PausedView { counters, resets, sequence, previous_camera, key, settings, asked, environment } = last;
+        let first_sequence = sequence;
+        Self { counters, resets, first_sequence, previous_camera, key, settings, asked, environment, beginning, ..self }
     }
 
     /// Takes settings and pipelines for this frame, and decides whether it is rendered.

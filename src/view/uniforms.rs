@@ -57,7 +57,8 @@ pub(super) fn camera_of(view: &ExtractedView) -> GpuCamera {
     }
 }
 
-/// Whether a camera sees back faces in place of front faces: inverted culling, a mirrored transform and a mirrored projection exchange them.
+/// Whether rays of a camera see back faces in place of front faces: inverted culling, a mirrored transform and a mirrored projection exchange
+/// them.
 fn sees_back_faces(view: &ExtractedView) -> bool {
     let [x, y] = [view.clip_from_view.x_axis, view.clip_from_view.y_axis];
     let is_mirrored = view.world_from_view.to_matrix().determinant() < 0.0;
@@ -84,6 +85,8 @@ pub(super) struct UniformInputs<'a> {
     pub restir: &'a ExtractedRestir,
     pub camera: &'a ExtractedCamera,
     pub view: &'a ExtractedView,
+    /// The camera that `view` describes.
+    pub current: GpuCamera,
     pub bevy_jitter: Option<&'a TemporalJitter>,
     pub scene: &'a SceneBindings,
     pub environments: &'a EnvironmentPool,
@@ -133,10 +136,11 @@ impl UniformInputs<'_> {
 impl RestirView {
     /// Writes the uniforms of this frame, after advancing or restarting the frame counters in them.
     pub(super) fn update_uniforms(&mut self, inputs: &UniformInputs, queue: &RenderQueue) {
-        let UniformInputs { restir, .. } = *inputs;
-        let current = camera_of(inputs.view);
-        self.advance(self.new_image_state(inputs, current), &restir.settings);
-        let jitter = self.next_jitter(inputs);
+        let UniformInputs { restir, current, .. } = *inputs;
+        self.advance(self.new_image_state(inputs), &restir.settings);
+        let offset = self.next_jitter(inputs);
+        let jitter = offset.unwrap_or_default();
+        let is_jittered_mean = offset.is_some() && self.accumulated > 0;
         let environment = placement_of(restir.environment);
         let previous_environment = self.previous_environment.unwrap_or(environment);
         let uniforms = GpuViewUniforms {
@@ -160,7 +164,7 @@ impl RestirView {
             frame: self.sequence,
             seed: restir.settings.seed,
             bounces: restir.settings.bounces,
-            flags: inputs.flags(),
+            flags: inputs.flags() | if is_jittered_mean { VIEW_JITTERED_MEAN } else { 0 },
             origin: self.origin.to_array(),
             accumulated: self.accumulated,
             layers: restir.layers,
@@ -175,13 +179,13 @@ impl RestirView {
         self.previous_jitter = jitter;
     }
 
-    fn new_image_state(&self, inputs: &UniformInputs, camera: GpuCamera) -> ImageState {
+    fn new_image_state(&self, inputs: &UniformInputs) -> ImageState {
         let restir = inputs.restir;
         ImageState {
             motion_revision: inputs.scene.motion_revision,
             edit_revision: inputs.scene.edit_revision,
             environment_revision: inputs.environments.revision(restir.environment.as_ref()),
-            camera,
+            camera: inputs.current,
             size: self.size,
             // `reset` and `accumulate` leave the light of an image as it is, and `debug_scale` applies to the accumulated result.  A budget
             // changes numbers of samples, which leave the light as it is, too, and the traced resolution, which `size` shows.
@@ -190,23 +194,25 @@ impl RestirView {
             layers: restir.layers,
             // The backdrop depends on the exposure.  A camera that shows an environment instead keeps its mean when the exposure changes.
             background: if inputs.sees_environment() { [0.0; 3] } else { inputs.background() },
+            shows_earlier: inputs.shows_earlier(),
             sees_back_faces: sees_back_faces(inputs.view),
             orthographic: inputs.is_orthographic(),
             pipelines: self.key.unwrap_or_default(),
         }
     }
 
-    /// Sub-pixel offset of this frame: Bevy's, so that temporal antialiasing and upscalers know it, or else our own sequence.
-    fn next_jitter(&mut self, inputs: &UniformInputs) -> [f32; 2] {
+    /// Sub-pixel offset of this frame: Bevy's, so that temporal antialiasing and upscalers know it, or else our own sequence.  `None` if frames
+    /// are not jittered.
+    fn next_jitter(&mut self, inputs: &UniformInputs) -> Option<[f32; 2]> {
         let settings = &inputs.restir.settings;
         let offset = inputs.bevy_jitter.map_or(Vec2::ZERO, |jitter| jitter.offset);
         let is_zero = offset == Vec2::ZERO;
         self.frames_without_bevy_jitter = if is_zero { self.frames_without_bevy_jitter.saturating_add(1) } else { 0 };
         // One offset 0 is part of Bevy's sequence.  Several in a row mean that temporal antialiasing was removed: its component stays.
-        if settings.jitters(inputs.shows_earlier()) && self.frames_without_bevy_jitter > 1 {
-            return jitter_of(self.sequence, settings.seed);
+        if self.frames_without_bevy_jitter <= 1 {
+            return Some((offset * self.size.as_vec2() / self.target_size.as_vec2()).to_array());
         }
-        (offset * self.size.as_vec2() / self.target_size.as_vec2()).to_array()
+        settings.jitters(inputs.shows_earlier()).then(|| jitter_of(self.sequence, settings.seed))
     }
 }
 

@@ -80,6 +80,21 @@ fn the_exposure_restarts_a_mean_only_where_the_clear_color_is_visible() {
     assert_eq!(samples_after(&mut rig, 9.0), 1);
 }
 
+/// Its edges must not hold a part of the clear color.
+#[test]
+fn a_mean_restarts_where_the_camera_begins_to_show_an_earlier_picture() {
+    let Some(Scene { mut rig, .. }) = scene() else { return };
+    rig.app.world_mut().entity_mut(rig.camera).remove::<RestirEnvironment>();
+    // All of these have the same color.
+    for clear_color in [ClearColorConfig::None, ClearColorConfig::Default, ClearColorConfig::Custom(Color::NONE)] {
+        rig.until_ready();
+        rig.frames(2);
+        assert!(rig.next().samples > 2);
+        rig.get_mut::<Camera>(rig.camera).clear_color = clear_color;
+        assert_eq!(rig.next().samples, 1, "{clear_color:?}");
+    }
+}
+
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn changes_of_rejected_lights_do_not_reset_the_history() {

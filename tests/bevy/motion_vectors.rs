@@ -194,3 +194,32 @@ fn jitter_does_not_change_motion_vectors() {
         assert!((got - expected).length() < TOLERANCE, "{got} at {at}, {expected} expected");
     }
 }
+
+/// Bevy's effects keep their history of a camera whose traced resolution changes, or that renders every second frame.
+#[test]
+fn the_first_frame_of_a_new_view_has_the_motion_of_the_camera() {
+    let Some(mut rig) = Rig::new(SIZE.0, SIZE.1) else {
+        return;
+    };
+    let place = |x| Transform::from_xyz(x, 0.0, 5.0);
+    rig.spawn(square(8.0), lambert(0.5), Transform::default());
+    rig.insert(rig.camera, place(0.0));
+    rig.set(|restir| restir.debug_view = DebugView::Motion);
+    rig.until_ready();
+    // All points of the square have the same motion.
+    let [before, now] = [0.0, 0.3].map(|x| Camera::new(&place(x)).project(DVec3::ZERO));
+    let has_motion = |picture: Picture, expected: DVec2| {
+        for (at, value) in picture.iter() {
+            let got = value.truncate().as_dvec2();
+            assert!((got - expected).length() < TOLERANCE, "{got} at {at}, {expected} expected");
+        }
+    };
+    rig.insert(rig.camera, place(0.3));
+    rig.set(|restir| restir.resolution_scale = 0.5);
+    has_motion(rig.next(), 0.5 * (before - now));
+    rig.get_mut::<bevy::camera::Camera>(rig.camera).is_active = false;
+    rig.frame();
+    rig.get_mut::<bevy::camera::Camera>(rig.camera).is_active = true;
+    rig.insert(rig.camera, place(0.0));
+    has_motion(rig.next(), -0.5 * (before - now));
+}

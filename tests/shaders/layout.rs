@@ -350,6 +350,8 @@ fn constants_are_the_same_in_rust_and_wgsl() {
         VIEW_ENVIRONMENT_IS_BACKDROP,
         VIEW_ORTHOGRAPHIC,
         VIEW_NO_BACKDROP,
+        VIEW_SEES_BACK_FACES,
+        VIEW_JITTERED_MEAN,
         OVERFLOW_STACK,
         OVERFLOW_STEPS,
         NON_FINITE,
