@@ -10,8 +10,9 @@
 #import bevy_restir::light::types::ENVIRONMENT_LIGHT
 #import bevy_restir::scene::bindings::{lights, scene}
 
-// Least probability of the environment beside a table: power alone does not tell how much light reaches a point.  `environment_limit` is the
-// largest one.  In the furnished room of the tests, limits of 0.05 and 0.95 have 8 % more error.
+// Least probability of the environment beside a table: power alone does not tell how much light reaches a point.  The largest one is
+// `environment_limit`: one of the constants ENVIRONMENT_LIMIT... of `src/scene/light/alias_table.rs`, which are greater.  In the furnished
+// room of the tests, limits of 0.05 and 0.95 have 8 % more error.
 const PROBABILITY_MIN: f32 = 0.2;
 
 struct LightChoice {

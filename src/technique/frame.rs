@@ -89,7 +89,8 @@ pub(crate) struct Frame {
     compacts: bool,
     /// Iterations of the denoiser's filter; 0: no denoiser.
     filter_iterations: u32,
-    /// The denoiser follows the rays of smooth mirrors and clear glass, where the scene has any.
+    /// The denoiser follows the rays of smooth mirrors and clear glass.  In a result of [`Frame::of`], the settings ask for it; in a result of
+    /// [`Frame::of_scene`], the scene has such objects, too.
     images: bool,
 }
 
@@ -274,6 +275,7 @@ impl PipelineKey {
             | SceneFeatures::MANY_NEIGHBORS
             | SceneFeatures::SPLIT_LIGHT
             | SceneFeatures::CONNECTIONS;
+        // This also clears `images`, so that new settings do not wait for the passes of optical images.
         let without_scene = |frame: Frame| frame.of_scene(SceneFeatures::empty());
         without_scene(self.frame) == without_scene(wanted.frame)
             && !(self.features ^ wanted.features).intersects(of_settings)

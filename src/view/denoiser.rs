@@ -49,7 +49,13 @@ pub(crate) struct DenoiserTextures {
     has_means: bool,
 }
 
-fn view_of(label: &'static str, size: UVec2, layers: u32, format: TextureFormat, device: &RenderDevice) -> TextureView {
+fn texture_view(
+    label: &'static str,
+    size: UVec2,
+    layers: u32,
+    format: TextureFormat,
+    device: &RenderDevice,
+) -> TextureView {
     let usage = TextureUsages::STORAGE_BINDING | TextureUsages::TEXTURE_BINDING;
     let dimension = if layers > 1 { TextureViewDimension::D2Array } else { TextureViewDimension::D2 };
     let descriptor = TextureViewDescriptor { dimension: Some(dimension), ..Default::default() };
@@ -58,7 +64,7 @@ fn view_of(label: &'static str, size: UVec2, layers: u32, format: TextureFormat,
 
 impl ImageTextures {
     pub(super) fn new(size: UVec2, device: &RenderDevice) -> Self {
-        let view = |label, format| view_of(label, size, 1, format, device);
+        let view = |label, format| texture_view(label, size, 1, format, device);
         Self {
             guides: ["optical images", "last optical images"].map(|label| view(label, PACKED_FORMAT)),
             places: view("places of optical images", LIGHT_FORMAT),
@@ -68,7 +74,7 @@ impl ImageTextures {
 
 impl DenoiserTextures {
     pub(super) fn new(size: UVec2, has_images: bool, device: &RenderDevice) -> Self {
-        let view = |label, layers, format| view_of(label, size, layers, format, device);
+        let view = |label, layers, format| texture_view(label, size, layers, format, device);
         let usage = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
         Self {
             settings: buffer(device, "denoiser settings", MAX_ITERATIONS as u64 * SETTINGS_STRIDE, usage),
@@ -76,7 +82,7 @@ impl DenoiserTextures {
             guides: ["denoiser guide", "last denoiser guide"].map(|label| view(label, 1, PACKED_FORMAT)),
             means: ["denoiser means", "last denoiser means"].map(|label| view(label, KINDS, PACKED_FORMAT)),
             images: has_images.then(|| ImageTextures::new(size, device)),
-            no_image: view_of("no optical image", UVec2::ONE, 1, PACKED_FORMAT, device),
+            no_image: texture_view("no optical image", UVec2::ONE, 1, PACKED_FORMAT, device),
             current: 0,
             has_means: false,
         }

@@ -128,7 +128,8 @@ impl History {
         self.denoiser.as_ref().map(DenoiserTextures::has_images) == wanted
     }
 
-    /// Replaces the resources of pairs and of the denoiser that do not fit.  If the device has no memory for them, there are none afterwards.
+    /// Replaces the resources of pairs and of the denoiser that do not fit.  If only the textures for optical images are missing or superfluous,
+    /// the rest of the denoiser stays, and with it the means over frames.  After an error, resources that do not fit may remain.
     pub(crate) fn replace_passes(
         &mut self,
         settings: &Restir,
@@ -136,7 +137,7 @@ impl History {
         device: &RenderDevice,
     ) -> Result<(), String> {
         let filters = settings.filter_iterations() > 0;
-        // Drops the old textures first, because the memory may not hold both.
+        // Frees memory before more is allocated.
         if !filters {
             self.denoiser = None;
         }

@@ -17,6 +17,8 @@ use bevy_restir::{
 use std::f64::consts::PI;
 
 const ENVIRONMENT_LIGHT: u32 = u32::MAX - 1;
+/// Least probability of the environment: PROBABILITY_MIN of `shaders/light/select.wgsl`.
+const PROBABILITY_MIN: f64 = 0.2;
 
 /// The choices of the kernel: the light and the bits of its pmf come first.
 fn select(lit: &LightScene, seed: u32, count: usize, defs: &[Def]) -> Vec<[u32; 4]> {
@@ -55,7 +57,7 @@ fn lights_are_chosen_by_power() {
         let flux = 4.0 * PI * PI * 4.0 * environment;
         let has_environment = *environment > 0.0;
         let limit = f64::from(lit.scene.environment_limit);
-        let share = if has_environment { (flux / (flux + total)).clamp(0.2, limit) } else { 0.0 };
+        let share = if has_environment { (flux / (flux + total)).clamp(PROBABILITY_MIN, limit) } else { 0.0 };
         let pmf: Vec<f64> = powers.iter().map(|p| usable(p) / total * (1.0 - share)).chain([share]).collect();
         let test = move |seed: u32| {
             let mut counts = vec![0.0; pmf.len()];

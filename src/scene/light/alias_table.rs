@@ -7,11 +7,13 @@
 /// the error of a frame grows at most as if it had 20 % fewer light candidates.
 const LEAST_SHARE: f64 = 0.2;
 
-/// Largest probability of the environment beside distant lights only, or others only.
+/// Largest probability of the environment beside distant lights only, or others only.  The smallest one is `PROBABILITY_MIN` of
+/// `shaders/light/select.wgsl`, which must stay below this and the next limit.
 pub const ENVIRONMENT_LIMIT: f32 = 0.8;
 
-/// The same beside lights of both kinds: where a sun and a sky shine over a room, its lamps have a joint probability of at least 0.1.
-const ENVIRONMENT_LIMIT_BESIDE_BOTH: f32 = 0.5;
+/// Largest probability of the environment beside lights of both kinds: where a sun and a sky shine over a room, its lamps have a joint
+/// probability of at least 0.1.
+const ENVIRONMENT_LIMIT_BESIDE_SUNS_AND_LAMPS: f32 = 0.5;
 
 /// Scales powers for the choice of a light, so that neither the distant lights nor the others are hardly ever chosen.  Returns the largest
 /// probability of the environment beside these lights.
@@ -32,7 +34,7 @@ pub fn balance_distant_lights(powers: &mut [f64], is_distant: impl Fn(usize) -> 
     for (i, power) in powers.iter_mut().enumerate() {
         *power = usable(*power) / max * factors[usize::from(is_distant(i))];
     }
-    ENVIRONMENT_LIMIT_BESIDE_BOTH
+    ENVIRONMENT_LIMIT_BESIDE_SUNS_AND_LAMPS
 }
 
 /// One bin: its own index with `probability`, else `alias`.
@@ -98,7 +100,7 @@ mod tests {
         let shares = |mut powers: Vec<f64>, distant: &[usize]| {
             let has_both = distant.len() == 1;
             let limit = balance_distant_lights(&mut powers, |i| distant.contains(&i));
-            assert_eq!(limit, if has_both { ENVIRONMENT_LIMIT_BESIDE_BOTH } else { ENVIRONMENT_LIMIT });
+            assert_eq!(limit, if has_both { ENVIRONMENT_LIMIT_BESIDE_SUNS_AND_LAMPS } else { ENVIRONMENT_LIMIT });
             let sum: f64 = powers.iter().filter(|p| p.is_finite()).sum();
             powers.into_iter().map(|p| p / sum).collect::<Vec<_>>()
         };
