@@ -4,9 +4,10 @@ use crate::support::{app::*, log};
 use bevy::{
     asset::{Asset, RenderAssetUsages},
     camera::{Viewport, primitives::CubemapLayout},
-    light::{DirectionalLightTexture, PointLightTexture, SpotLightTexture},
+    core_pipeline::prepass::{DeferredPrepass, NormalPrepass},
+    light::{DirectionalLightTexture, PointLightTexture, SpotLightTexture, VolumetricFog},
     mesh::{Indices, PrimitiveTopology},
-    pbr::{ContactShadows, DistanceFog, Lightmap},
+    pbr::{AtmosphereSettings, ContactShadows, DistanceFog, Lightmap},
     prelude::*,
     render::render_resource::TextureFormat,
 };
@@ -364,7 +365,9 @@ fn each_unsupported_lighting_feature_is_warned_about_once() {
         lights.push(rig.spawn_bundle((DirectionalLight::default(), texture)));
     }
     rig.insert(shape, Lightmap { image, ..default() });
-    rig.insert(rig.camera, (DistanceFog::default(), ContactShadows::default()));
+    let drawn_over = (VolumetricFog::default(), AtmosphereSettings::default());
+    rig.insert(rig.camera, (DistanceFog::default(), drawn_over, AmbientLight::default(), ContactShadows::default()));
+    rig.insert(rig.camera, (NormalPrepass, DeferredPrepass));
     let picture = rig.picture(4);
     assert!(picture.is_finite() && picture.center().x > 0.0, "the picture is finite and lit");
     assert_eq!(rig.report().lights, 6);
@@ -374,7 +377,8 @@ fn each_unsupported_lighting_feature_is_warned_about_once() {
         let warnings = log::warnings(&format!("restir: {what}"));
         assert!(warnings.len() == 1 && warnings[0].contains(&entity.to_string()), "{what}, {entity}: {warnings:?}");
     }
-    for effect in ["DistanceFog", "ContactShadows"] {
+    let fogs = ["DistanceFog", "VolumetricFog", "AtmosphereSettings"];
+    for effect in fogs.into_iter().chain(["AmbientLight", "ContactShadows", "NormalPrepass", "DeferredPrepass"]) {
         let warnings = log::own_warnings(&format!("restir: {effect} of camera {}", rig.camera));
         assert_eq!(warnings.len(), 1, "{effect}: {warnings:?}");
     }
