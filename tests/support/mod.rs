@@ -24,6 +24,7 @@ pub mod oracle;
 pub mod picture;
 pub mod proof;
 pub mod proof_rows;
+pub mod random_edits;
 pub mod reuse_settings;
 pub mod small_scenes;
 pub mod stats;

@@ -151,7 +151,8 @@ pub fn surrounded(rig: &mut Rig, with_map: bool) {
     surrounded_by(rig, |rig| environment_of(rig, with_map));
 }
 
-fn environment_of(rig: &mut Rig, with_map: bool) {
+/// Gives the camera an environment of one color, or with a map that has a sun.
+pub fn environment_of(rig: &mut Rig, with_map: bool) {
     let mut environment = sky(0.4);
     if with_map {
         let mut map =
