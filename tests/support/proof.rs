@@ -327,7 +327,7 @@ impl Proof<'_> {
 }
 
 /// Gives each pixel that sees an emitter, or has a neighbor that does, the value of the emission, so that it has no scattered light.
-fn leave_out_emitters(picture: &mut Picture, emission: &Picture) {
+pub fn leave_out_emitters(picture: &mut Picture, emission: &Picture) {
     let size = emission.size;
     let emits = |x: u32, y: u32| emission.at(x, y) != Vec3::ZERO;
     for y in 0..size.y {

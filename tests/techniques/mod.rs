@@ -10,6 +10,7 @@ mod di;
 mod disocclusion;
 mod domain_views;
 mod edited_scenes;
+mod edits_each_frame;
 mod extremes;
 mod far_lamps;
 mod fireflies;
