@@ -1,7 +1,9 @@
 //! Measures cost and error of one scene under many settings, in one app.
 
+mod pairs;
+
 use bevy::{
-    app::App, ecs::change_detection::DetectChangesMut, ecs::entity::Entity, math::UVec2,
+    app::App, ecs::change_detection::DetectChangesMut, ecs::entity::Entity, ecs::world::World, math::UVec2,
     render::renderer::RenderAdapterInfo, transform::components::Transform,
 };
 use bevy_restir::{RayBackend, Restir, RestirReport, RestirStatistics, Reuse, Technique, pass_names};
@@ -152,7 +154,18 @@ pub fn adapter_of(app: &App) -> String {
 
 impl Bench {
     /// Loads a scene and places its camera.
-    pub fn of_scene((scene, name): &Scene, size: UVec2, settings: Restir, counts: &Counts) -> Result<Self, String> {
+    pub fn of_scene(scene: &Scene, size: UVec2, settings: Restir, counts: &Counts) -> Result<Self, String> {
+        Self::of_edited(scene, size, settings, counts, |_| ())
+    }
+
+    /// Loads a scene, places its camera, and edits both before the first frame.
+    pub fn of_edited(
+        (scene, name): &Scene,
+        size: UVec2,
+        settings: Restir,
+        counts: &Counts,
+        edit: impl FnOnce(&mut World),
+    ) -> Result<Self, String> {
         let (folder, file) = scene::split(scene)?;
         let environment = environment_of(folder, name)?;
         let mut app = headless::app(folder, RayBackend::Auto)?;
@@ -161,6 +174,7 @@ impl Bench {
         let place = scene::file_camera(app.world_mut(), None, size)?.place;
         let setup = CameraSetup { size, exposure: unit_exposure(), environment, settings };
         scene::spawn_camera(app.world_mut(), place, setup);
+        edit(app.world_mut());
         Self::new(app, size, counts.clone())
     }
 
@@ -216,7 +230,7 @@ impl Bench {
 
     /// Bytes of all buffers and textures of the plugin.
     pub fn bytes(&self) -> u64 {
-        self.report().memory.iter().map(|(_, bytes)| bytes).sum()
+        self.report().memory_bytes()
     }
 
     /// Name and driver of the adapter.

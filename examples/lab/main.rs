@@ -11,6 +11,7 @@ mod demo;
 mod difference;
 mod equal_time;
 mod error;
+mod features;
 mod frames;
 mod fuzz;
 mod instances;
@@ -61,6 +62,7 @@ enum Command {
     Subsurface(translucent::Args),
     Materials(materials::Args),
     Frames(frames::Args),
+    Features(features::Args),
     Motion(motion::Args),
     Budget(budget::Args),
     Characters(characters::Args),
@@ -107,6 +109,7 @@ fn run(command: &Command) -> Result<(), String> {
         Command::Subsurface(args) => translucent::run(args),
         Command::Materials(args) => materials::run(args),
         Command::Frames(args) => frames::run(args),
+        Command::Features(args) => features::run(args),
         Command::Motion(args) => motion::run(args),
         Command::Budget(args) => budget::run(args),
         Command::Characters(args) => characters::run(args),

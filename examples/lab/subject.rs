@@ -1,4 +1,4 @@
-//! The scenes, the technique and the settings that `frames`, `motion` and `budget` measure.
+//! The scenes, the technique and the settings that `frames`, `features`, `motion` and `budget` measure.
 
 use bevy_restir::{Preset, Restir, Technique};
 use bevy_restir_support::arguments;

@@ -1,5 +1,6 @@
 //! The example programs as scripts call them.
 
+mod features;
 mod lab_cli;
 mod render_aovs;
 mod render_cli;

@@ -1,7 +1,10 @@
 //! Composes WGSL with `naga_oil` exactly as Bevy does, without a GPU.
 
 use crate::mutant;
-use bevy_restir::testing::shader_library::{MODULES, ShaderEdit, edited};
+use bevy_restir::{
+    SceneFeatures,
+    testing::shader_library::{MODULES, ShaderEdit, edited},
+};
 use naga::valid::Capabilities;
 use naga_oil::compose::{
     ComposableModuleDescriptor, Composer, NagaModuleDescriptor, ShaderDefValue, ShaderLanguage, ShaderType,
@@ -92,5 +95,27 @@ pub fn compose(composer: &mut Composer, path: &str, source: &str, defs: &[Def]) 
     }) {
         Ok(module) => module,
         Err(error) => panic!("{path} {defs:?}: {}", error.emit_to_string(composer)),
+    }
+}
+
+/// A shader of the library whose size depends on the features that it is specialized for.
+pub struct SizedShader {
+    composer: Composer,
+    path: &'static str,
+}
+
+impl SizedShader {
+    pub fn new(path: &'static str) -> Self {
+        Self { composer: composer(), path }
+    }
+
+    /// Number of expressions in all of its functions.
+    pub fn expressions(&mut self, features: SceneFeatures) -> usize {
+        let text = MODULES.iter().find(|(path, _)| *path == self.path).map_or("", |(_, text)| text);
+        let defs: Vec<Def> = features.names().into_iter().map(flag).collect();
+        let module = compose(&mut self.composer, self.path, text, &defs);
+        let functions = module.functions.iter().map(|(_, function)| function);
+        let entry_points = module.entry_points.iter().map(|entry_point| &entry_point.function);
+        functions.chain(entry_points).map(|function| function.expressions.len()).sum()
     }
 }
