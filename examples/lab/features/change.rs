@@ -11,12 +11,12 @@ pub struct Figure {
 }
 
 impl Figure {
-    /// The mean of independent values.
-    pub fn mean(values: &[f64]) -> Self {
-        let n = values.len() as f64;
-        let value = values.iter().sum::<f64>() / n;
-        let variance = values.iter().map(|v| (v - value).powi(2)).sum::<f64>() / (n * (n - 1.0));
-        Self { value, error: variance.sqrt() }
+    /// The ratio of the means of independent parts and their wholes.
+    fn ratio(parts: &[f64], wholes: &[f64]) -> Self {
+        let (n, whole) = (parts.len() as f64, wholes.iter().sum::<f64>());
+        let value = parts.iter().sum::<f64>() / whole;
+        let squares: f64 = parts.iter().zip(wholes).map(|(part, whole)| (part - value * whole).powi(2)).sum();
+        Self { value, error: (squares * n / (n - 1.0)).sqrt() / whole }
     }
 
     /// The median, with an error by the quartiles, which few outliers do not change.
@@ -74,10 +74,11 @@ impl Change {
             change.iter().zip(&sums).map(of_others).sum::<f64>() / values as f64
         };
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
-        let whole = mean(&before.iter().map(|picture| mean(&flat(picture))).collect::<Vec<_>>());
+        let wholes: Vec<f64> = before.iter().map(|picture| mean(&flat(picture))).collect();
         let light: Vec<f64> = changes.iter().map(|change| mean(change)).collect();
         let pixels: Vec<f64> = changes.iter().map(signed).collect();
-        Self { light: Figure::mean(&light).percent_of(whole), pixels: Figure::mean(&pixels).percent_of(whole) }
+        let percent = |parts: &[f64]| Figure::ratio(parts, &wholes).percent_of(1.0);
+        Self { light: percent(&light), pixels: percent(&pixels) }
     }
 
     /// Whether no pixel changed at all.

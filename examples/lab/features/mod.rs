@@ -48,6 +48,8 @@ const NAME: &str = "features";
 const FIGURES: [&str; 6] = ["time, ms", "± ms", "light, %", "± light", "pixels, %", "± pixels"];
 /// What follows them.
 const LOADS: [&str; 4] = ["MiB", "triangles", "lights", "shader"];
+/// Those of them that are whole numbers.
+const COUNTS: [&str; 3] = ["triangles", "lights", "shader"];
 /// Features of settings and of the device, which are in no scene.
 const SETTINGS: SceneFeatures = SceneFeatures::ENERGY_COMPENSATION
     .union(SceneFeatures::MANY_NEIGHBORS)

@@ -2,7 +2,7 @@
 
 use bevy_restir::SceneFeatures;
 
-use super::{LOADS, Measured, Removal, change::Figure};
+use super::{COUNTS, LOADS, Measured, Removal, change::Figure};
 use crate::table::{Row, Table, Unit, digits};
 
 impl Measured {
@@ -49,7 +49,7 @@ impl Removal {
             pixels if pixels.is_noise() => {
                 format!("pixels change by less than the noise of {} %", digits(pixels.noise()))
             }
-            pixels => format!("pixels change by {} % of it", shown(pixels)),
+            pixels => format!("pixels change by {} % of the mean", shown(pixels)),
         };
         let picture = if change.is_nothing() {
             "and the picture stays the same".into()
@@ -68,14 +68,19 @@ impl Removal {
 /// Adds a figure to each column.
 fn add_row(table: &mut Table, scene: &str, label: &str, figures: [Figure; 3], loads: [f64; LOADS.len()]) {
     let values = figures.into_iter().flat_map(|figure| [figure.value, figure.error]).chain(loads);
-    for ((_, rows), value) in table.columns.iter_mut().zip(values) {
-        rows.push(Row::new(scene.to_owned(), label, &[("", Unit::Plain, value)]));
+    for ((name, rows), value) in table.columns.iter_mut().zip(values) {
+        let unit = if COUNTS.contains(&name.as_str()) { Unit::Count } else { Unit::Plain };
+        rows.push(Row::new(scene.to_owned(), label, &[("", unit, value)]));
     }
 }
 
-/// An amount and its standard error.
-fn shown(figure: Figure) -> String {
-    format!("{} ± {}", digits(figure.value.abs()), digits(figure.error))
+/// An amount and its standard error, with two digits of the error.
+fn shown(Figure { value, error }: Figure) -> String {
+    if error == 0.0 {
+        return digits(value.abs());
+    }
+    let decimals = (1 - error.log10().floor() as i32).clamp(0, 6) as usize;
+    format!("{:.decimals$} ± {error:.decimals$}", value.abs())
 }
 
 /// Shader definitions as code.
