@@ -155,7 +155,7 @@ pub fn adapter_of(app: &App) -> String {
 impl Bench {
     /// Loads a scene and places its camera.
     pub fn of_scene(scene: &Scene, size: UVec2, settings: Restir, counts: &Counts) -> Result<Self, String> {
-        Self::of_edited(scene, size, settings, counts, |_| ())
+        Self::of_edited(scene, size, settings, counts, |_| Ok(()))
     }
 
     /// Loads a scene, places its camera, and edits both before the first frame.
@@ -164,7 +164,7 @@ impl Bench {
         size: UVec2,
         settings: Restir,
         counts: &Counts,
-        edit: impl FnOnce(&mut World),
+        edit: impl FnOnce(&mut World) -> Result<(), String>,
     ) -> Result<Self, String> {
         let (folder, file) = scene::split(scene)?;
         let environment = environment_of(folder, name)?;
@@ -177,7 +177,7 @@ impl Bench {
         let place = scene::file_camera(app.world_mut(), None, size)?.place;
         let setup = CameraSetup { size, exposure: unit_exposure(), environment, settings };
         scene::spawn_camera(app.world_mut(), place, setup);
-        edit(app.world_mut());
+        edit(app.world_mut())?;
         Self::new(app, size, counts.clone())
     }
 
@@ -201,14 +201,6 @@ impl Bench {
     /// Moves an object in place of the camera.
     pub fn set_mover(&mut self, mover: Option<Entity>) {
         self.mover = mover;
-    }
-
-    /// Lights the scene by an environment.
-    pub fn set_environment(&mut self, wanted: &Environment) -> Result<(), String> {
-        let environment = environment::load(self.app.world_mut(), wanted)?;
-        let camera = self.app.world().resource::<View>().camera;
-        self.app.world_mut().entity_mut(camera).insert(environment);
-        Ok(())
     }
 
     /// Size of the picture in pixels.
@@ -463,11 +455,11 @@ impl Bench {
 pub fn lit(reference: &Picture) -> Result<(), String> {
     match mean(reference, |c| c) > 0.0 {
         true => Ok(()),
-        false => Err(
-            "its picture is black: it has no light. `env` in references.json beside it can add one, and `sweep` and \
-                      `presets` have --env"
-                .into(),
-        ),
+        false => {
+            Err("its picture is black: it has no light. `env` in references.json beside it can add one, and `sweep`, \
+                      `presets` and `features` have --env"
+                .into())
+        }
     }
 }
 

@@ -138,7 +138,7 @@ fn wrong_arguments_of_lab_features_give_one_line() {
     let folder = Folder::without_gpu("features_wrong");
     let scene = asset("cornell.glb").display().to_string();
     folder.lab(&["features"]).failed(2, "no scene");
-    folder.lab(&["features", &scene, "--seeds", "1"]).failed(2, "no variance");
+    folder.lab(&["features", &scene, "--seeds", "3"]).failed(2, "too few for a variance");
     folder.lab(&["features", "missing.glb", "--out", "tables"]).failed(1, "a scene that is missing");
     folder.lab(&["features", &scene, "--only", "no such name", "--out", "tables"]).failed(1, "no such feature");
 }
@@ -156,7 +156,7 @@ fn each_feature_has_its_cost_and_its_part_of_the_light() {
     };
     let lamp = folder.gltf("lamp.gltf", &lamp).display().to_string();
     let fixed = ["features", &lamp, "--technique", "di", "--preset", "unbiased", "--size", "16x16", "--out", "tables"];
-    let short = ["--warmup", "1", "--frames", "4", "--seeds", "2", "--samples", "4"];
+    let short = ["--warmup", "1", "--frames", "4", "--seeds", "4", "--samples", "8"];
     folder.lab(&[&fixed[..], &short[..]].concat()).succeeded();
     let read = |name: &str| fs::read_to_string(folder.path("tables").join(name)).expect("it was written");
     let (table, text) = (read("features.csv"), read("features.md"));

@@ -6,7 +6,12 @@ mod text;
 
 use bevy::math::UVec2;
 use bevy_restir::{Restir, RestirReport, SceneFeatures, Technique};
-use bevy_restir_support::{arguments, compose::SizedShader, progress::Progress};
+use bevy_restir_support::{
+    arguments,
+    compose::SizedShader,
+    environment::{self, Environment},
+    progress::Progress,
+};
 
 use crate::{
     bench::{Bench, Counts, Scene, lit, scenes},
@@ -30,11 +35,14 @@ pub struct Args {
     #[command(flatten)]
     counts: Counts,
     /// Number of independent pictures of each scene, whose variance is the noise of the change.
-    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(2..=65_536))]
+    #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(4..=65_536))]
     seeds: u32,
     /// Samples per pixel of all these pictures together.
     #[arg(long, default_value_t = 1024, value_parser = clap::value_parser!(u32).range(2..=16_000_000))]
     samples: u32,
+    /// Replaces the environment: radiance R,G,B or an equirectangular .hdr or .exr file.
+    #[arg(long, value_parser = environment::parse)]
+    env: Option<Environment>,
     /// Measures only features whose names, as in "alpha masks", contain this text.
     #[arg(long, default_value = "")]
     only: String,
@@ -102,7 +110,7 @@ impl Args {
 
     fn measure(&self, scene: &Scene) -> Result<Measured, String> {
         let settings = self.subject.settings();
-        let mut whole = Bench::of_scene(scene, self.size, settings.clone(), &self.counts)?;
+        let mut whole = self.bench(scene, None)?;
         let world = whole.app().world_mut();
         let present: Vec<_> = self.features().filter_map(|f| Some((f, f.place(world)?))).collect();
         if present.is_empty() {
@@ -115,8 +123,7 @@ impl Args {
         let mut times = Vec::new();
         let mut removals = Vec::new();
         for (feature, place) in present {
-            let edit = |world: &mut _| feature.take_out(world);
-            let mut without = Bench::of_edited(scene, self.size, settings.clone(), &self.counts, edit)?;
+            let mut without = self.bench(scene, Some(feature))?;
             let pairs = whole.pairs(&mut without, &settings, &progress)?;
             times.extend(pairs.iter().map(|pair| pair[0]));
             let saved: Vec<f64> = pairs.iter().map(|[with, without]| with - without).collect();
@@ -131,6 +138,19 @@ impl Args {
         removals.sort_by(|a, b| b.time.value.total_cmp(&a.time.value));
         let size = Size::of(&whole.report(), &mut shader);
         Ok(Measured { adapter: whole.adapter(), time: Figure::median(&times), size, removals })
+    }
+
+    /// The scene, without a feature.
+    fn bench(&self, scene: &Scene, without: Option<&Feature>) -> Result<Bench, String> {
+        Bench::of_edited(scene, self.size, self.subject.settings(), &self.counts, |world| {
+            if let Some(wanted) = &self.env {
+                environment::light(world, wanted)?;
+            }
+            if let Some(feature) = without {
+                feature.take_out(world);
+            }
+            Ok(())
+        })
     }
 
     /// Number of frames of a scene with this many features.

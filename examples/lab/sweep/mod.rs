@@ -240,7 +240,7 @@ fn measured(args: &Args, extent: Extent, scene: &Scene) -> Result<(), String> {
     let counts = Counts { warmup: args.history, frames: 1 };
     let mut bench = Bench::of_scene(scene, args.size, plan[0].settings(&shared)?, &counts)?;
     if let Some(wanted) = &args.env {
-        bench.set_environment(wanted)?;
+        environment::light(bench.app().world_mut(), wanted)?;
     }
     // The header names the commit at the start of the run.
     let header = output::header(bench.adapter(), args.size);

@@ -11,7 +11,7 @@ use bevy_restir::RestirEnvironment;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-use crate::exr_file;
+use crate::{exr_file, scene::View};
 
 /// Uniform radiance, or an image file.
 #[derive(Clone, Debug)]
@@ -92,6 +92,14 @@ pub fn of_reference(entry: &Value, folder: &Path) -> Result<Option<Environment>,
 pub fn load(world: &mut World, wanted: &Environment) -> Result<RestirEnvironment, String> {
     let image = wanted.image()?;
     Ok(wanted.component(world, image))
+}
+
+/// Lights the picture of the camera that renders.
+pub fn light(world: &mut World, wanted: &Environment) -> Result<(), String> {
+    let environment = load(world, wanted)?;
+    let camera = world.resource::<View>().camera;
+    world.entity_mut(camera).insert(environment);
+    Ok(())
 }
 
 /// Reads an equirectangular image from a .hdr or .exr file.
