@@ -95,6 +95,10 @@ pub mod testing {
         pub use crate::view::guards::*;
     }
 
+    pub mod resolution {
+        pub use crate::view::resolution::wanted_size;
+    }
+
     pub mod shader_library {
         pub use crate::shader_library::{MODULES, ShaderEdit, edited, instantiate, is_template};
     }

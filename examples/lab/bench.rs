@@ -6,11 +6,13 @@ use bevy::{
     app::App, camera::visibility::RenderLayers, ecs::change_detection::DetectChangesMut, ecs::entity::Entity,
     ecs::world::World, math::UVec2, render::renderer::RenderAdapterInfo, transform::components::Transform,
 };
-use bevy_restir::{RayBackend, Restir, RestirReport, RestirStatistics, Reuse, Technique, pass_names};
+use bevy_restir::{
+    RayBackend, Restir, RestirReport, RestirStatistics, Reuse, Technique, pass_names, testing::resolution::wanted_size,
+};
 use bevy_restir_support::{
     environment::{self, Environment},
     exposure::unit_exposure,
-    headless::{self, alive, captured, frame, until_ready},
+    headless::{self, alive, captured, fits, frame, until_ready},
     progress::Progress,
     scene::{self, CameraSetup, View},
     times::{Times, median},
@@ -184,7 +186,9 @@ impl Bench {
     /// Takes an app with a camera and waits until it is ready.
     pub fn new(mut app: App, size: UVec2, counts: Counts) -> Result<Self, String> {
         until_ready(&mut app)?;
-        Ok(Self { app, size, counts, times: Times::default(), motion: Vec::new(), mover: None })
+        let mut bench = Self { app, size, counts, times: Times::default(), motion: Vec::new(), mover: None };
+        bench.check_size()?;
+        Ok(bench)
     }
 
     /// Moves the camera before each picture of a technique that reuses frames.  For other techniques it stays at the last
@@ -400,7 +404,15 @@ impl Bench {
         let camera = self.app.world().resource::<View>().camera;
         let mut restir = self.app.world_mut().get_mut::<Restir>(camera).ok_or("the camera is gone")?;
         *restir = Restir { reset: true, ..settings.clone() };
-        until_ready(&mut self.app)
+        until_ready(&mut self.app)?;
+        self.check_size()
+    }
+
+    /// Fails if the device traces fewer pixels than the settings ask for: times and errors would pass for those of the whole picture.
+    fn check_size(&mut self) -> Result<(), String> {
+        let camera = self.app.world().resource::<View>().camera;
+        let scale = self.app.world().get::<Restir>(camera).map_or(1.0, |restir| restir.resolution_scale);
+        fits(&mut self.app, wanted_size(self.size, scale))
     }
 
     fn restart(&mut self, seed: u32) {

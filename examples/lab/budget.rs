@@ -31,6 +31,9 @@ pub struct Args {
     size: UVec2,
     #[command(flatten)]
     counts: Counts,
+    /// Least `resolution_scale` that the budget may choose where the fewest samples still take too long.
+    #[arg(long, value_name = "SCALE", default_value_t = 1.0, value_parser = arguments::resolution_scale)]
+    least_resolution_scale: f32,
     #[command(flatten)]
     output: Output,
 }
@@ -46,6 +49,7 @@ const SMOOTH: usize = 9;
 
 pub fn run(args: &Args) -> Result<(), String> {
     args.output.check(NAME)?;
+    let least_resolution_scale = args.least_resolution_scale;
     let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
     for scene in scenes(&args.subject.scenes)? {
         let settings = args.subject.settings();
@@ -58,7 +62,7 @@ pub fn run(args: &Args) -> Result<(), String> {
                 args.subject.technique, args.subject.preset, args.counts.frames, args.counts.warmup
             ));
         }
-        let free = fly(&mut bench, &settings, &args.counts, None, &progress)?;
+        let free = fly(&mut bench, &settings, &args.counts, RestirBudget::default(), &progress)?;
         if free.times.len() < SMOOTH {
             return Err(format!("{} GPU times arrived; a budget needs at least {SMOOTH}", free.times.len()));
         }
@@ -70,7 +74,8 @@ pub fn run(args: &Args) -> Result<(), String> {
         ];
         for share in LIMITS {
             let limit = share * most;
-            let flight = fly(&mut bench, &settings, &args.counts, Some(limit as f32), &progress)?;
+            let budget = RestirBudget { gpu_ms: limit as f32, least_resolution_scale };
+            let flight = fly(&mut bench, &settings, &args.counts, budget, &progress)?;
             let greatest = flight.smooth().fold(0.0, f64::max);
             let section = format!("limit: {share} of the greatest time");
             rows.extend([
@@ -78,7 +83,8 @@ pub fn run(args: &Args) -> Result<(), String> {
                 row(&section, "median time", Unit::Ms, median(&flight.times)),
                 row(&section, "greatest time over the limit", Unit::Ratio, greatest / limit),
                 row(&section, "frames above 1.1 times the limit", Unit::Relative, flight.share_above(1.1 * limit)),
-                row(&section, "mean step", Unit::Plain, flight.mean_step()),
+                row(&section, "mean step", Unit::Plain, mean(flight.steps.iter().map(|step| f64::from(*step)))),
+                row(&section, "mean resolution scale", Unit::Plain, mean(flight.scales.iter().map(|s| f64::from(*s)))),
                 row(&section, "changes of the step", Unit::Count, flight.changes() as f64),
             ]);
         }
@@ -87,10 +93,16 @@ pub fn run(args: &Args) -> Result<(), String> {
     args.output.write(NAME, &table)
 }
 
-/// GPU time, ms, and step of each frame.
+fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let count = values.len().max(1) as f64;
+    values.sum::<f64>() / count
+}
+
+/// GPU time, ms, step and resolution scale of each frame.
 struct Flight {
     times: Vec<f64>,
     steps: Vec<u32>,
+    scales: Vec<f32>,
 }
 
 impl Flight {
@@ -103,10 +115,6 @@ impl Flight {
         above as f64 / self.smooth().count().max(1) as f64
     }
 
-    fn mean_step(&self) -> f64 {
-        self.steps.iter().map(|step| f64::from(*step)).sum::<f64>() / self.steps.len().max(1) as f64
-    }
-
     fn changes(&self) -> usize {
         self.steps.windows(2).filter(|pair| pair[0] != pair[1]).count()
     }
@@ -116,15 +124,14 @@ fn fly(
     bench: &mut Bench,
     settings: &Restir,
     counts: &Counts,
-    limit: Option<f32>,
+    budget: RestirBudget,
     progress: &Progress,
 ) -> Result<Flight, String> {
     let start = bench.place();
-    if let Some(gpu_ms) = limit {
-        bench.app().insert_resource(RestirBudget { gpu_ms, ..Default::default() });
-    }
+    // Without a limit it has no effect.
+    bench.app().insert_resource(budget);
     let mut passes = Times::default();
-    let mut flight = Flight { times: Vec::new(), steps: Vec::new() };
+    let mut flight = Flight { times: Vec::new(), steps: Vec::new(), scales: Vec::new() };
     for i in 0..counts.warmup + counts.frames {
         let along = i.saturating_sub(counts.warmup) as f32 / counts.frames as f32;
         let turn = Quat::from_rotation_y(TURN * (TAU * along).sin());
@@ -135,12 +142,16 @@ fn fly(
         alive(bench.app())?;
         progress.step();
         passes.clear();
-        passes.sample(bench.app().world(), settings);
-        let names = pass_names(settings, bench.report().features);
+        let report = bench.report();
+        // Frames with fewer pixels have a pass more.
+        let reduced = settings.reduced_within(report.budget_step, budget.least_resolution_scale);
+        passes.sample(bench.app().world(), &reduced);
+        let names = pass_names(&reduced, report.features);
         let time: f64 = names.iter().flat_map(|name| passes.of(name)).sum();
         if i >= counts.warmup && time > 0.0 {
             flight.times.push(time);
-            flight.steps.push(bench.report().budget_step);
+            flight.steps.push(report.budget_step);
+            flight.scales.push(reduced.resolution_scale);
         }
     }
     bench.app().world_mut().remove_resource::<RestirBudget>();

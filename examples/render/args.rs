@@ -1,7 +1,7 @@
 //! The command line.
 
 use bevy::{camera::Exposure, math::UVec2};
-use bevy_restir::{DebugView, Jitter, Preset, RayBackend, Restir, Technique};
+use bevy_restir::{DebugView, Jitter, Preset, RayBackend, Restir, RestirBudget, Technique};
 use bevy_restir_support::{
     arguments::{self, ExposureChoice},
     environment::{self, Environment},
@@ -71,6 +71,10 @@ pub struct Args {
     /// Limit for the GPU time of a frame, ms. Before the warm-up, the number of samples is reduced until frames take no longer.
     #[arg(long, value_name = "MS", value_parser = arguments::positive::<f32>)]
     pub time_budget: Option<f32>,
+    /// Least `resolution_scale` that --time-budget may choose where the fewest samples still take too long. Below 1 the picture must be a
+    /// .png.
+    #[arg(long, value_name = "SCALE", requires = "time_budget", default_value_t = 1.0, value_parser = arguments::resolution_scale)]
+    pub least_resolution_scale: f32,
     /// Writes another .exr file; repeatable. NAME is one of: the first surface of each pixel in the frame after the picture, as albedo,
     /// normal (world space, 0 without a surface), depth (distance from the camera, m; 0 without a surface) or motion (pixels to the surface
     /// in the frame before); or a part of the light in the picture, as diffuse (with light out of translucent bodies) or specular. The
@@ -136,12 +140,21 @@ impl Args {
         for assignment in &self.set {
             fields::set(&mut settings, assignment).map_err(|error| format!("--set {error}"))?;
         }
-        if settings.resolution_scale < 1.0 && (self.writes_exr() || !self.aovs.is_empty()) {
-            return Err(
-                "--set resolution_scale below 1 needs a .png: an .exr has one traced pixel for each of --size".into()
-            );
+        for (name, scale) in [
+            ("--set resolution_scale", settings.resolution_scale),
+            ("--least-resolution-scale", self.least_resolution_scale),
+        ] {
+            if scale < 1.0 && (self.writes_exr() || !self.aovs.is_empty()) {
+                return Err(format!("{name} below 1 needs a .png: an .exr has one traced pixel for each of --size"));
+            }
         }
         Ok(settings)
+    }
+
+    /// The limit of the time of a frame.
+    pub fn budget(&self) -> Option<RestirBudget> {
+        let least_resolution_scale = self.least_resolution_scale;
+        self.time_budget.map(|gpu_ms| RestirBudget { gpu_ms, least_resolution_scale })
     }
 
     /// Whether the picture is an .exr file.

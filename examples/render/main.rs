@@ -109,10 +109,10 @@ fn render_into(args: &Args, settings: Restir, written: &mut Written) -> Result<(
     }
     headless::until_ready(&mut app)?;
     if settings.resolution_scale == 1.0 {
-        fits(&mut app, args.size)?;
+        headless::fits(&mut app, args.size)?;
     }
-    let (settings, step) = match args.time_budget {
-        Some(gpu_ms) => within_budget(&mut app, gpu_ms, settings)?,
+    let (settings, step) = match args.budget() {
+        Some(budget) => within_budget(&mut app, budget, settings)?,
         None => (settings, 0),
     };
 
@@ -151,28 +151,17 @@ fn render_into(args: &Args, settings: Restir, written: &mut Written) -> Result<(
     Ok(())
 }
 
-/// Renders a frame and fails if the device cannot hold a picture of this size.
-fn fits(app: &mut App, wanted: UVec2) -> Result<(), String> {
-    app.world().resource::<View>().capture.request();
-    frame(app);
-    let most = captured(app)?.size;
-    match most == wanted {
-        true => Ok(()),
-        false => Err(format!(
-            "a picture of {} x {} pixels does not fit this device with these settings; the largest is {} x {}",
-            wanted.x, wanted.y, most.x, most.y
-        )),
-    }
-}
-
-/// Gives the camera settings with as many samples as fit into the GPU time. Returns them and their step of [`Restir::reduced`].
-fn within_budget(app: &mut App, gpu_ms: f32, settings: Restir) -> Result<(Restir, u32), String> {
+/// Gives the camera settings with as many samples and pixels as fit into the budget. Returns them and their step of
+/// [`Restir::reduced_within`].
+fn within_budget(app: &mut App, budget: RestirBudget, settings: Restir) -> Result<(Restir, u32), String> {
     /// Frames without a change after which the number of samples is final.
     const STEADY: u32 = 40;
     /// Frames after which it is final in any case.
     const MOST: u32 = 600;
     let step_of = |app: &App| app.world().resource::<RestirStatistics>().report().budget_step;
-    app.insert_resource(RestirBudget { gpu_ms, ..Default::default() });
+    let RestirBudget { gpu_ms, least_resolution_scale } = budget;
+    let reduced = |step| settings.reduced_within(step, least_resolution_scale);
+    app.insert_resource(budget);
     let (mut step, mut steady) = (0, 0);
     let mut times = Times::default();
     for _ in 0..MOST {
@@ -184,7 +173,7 @@ fn within_budget(app: &mut App, gpu_ms: f32, settings: Restir) -> Result<(Restir
             times.clear();
         }
         steady += 1;
-        times.sample(app.world(), &settings.reduced(step));
+        times.sample(app.world(), &reduced(step));
         if steady == STEADY {
             break;
         }
@@ -193,10 +182,13 @@ fn within_budget(app: &mut App, gpu_ms: f32, settings: Restir) -> Result<(Restir
     let took = times.frame();
     if !times.has_gpu_times() {
         warn!("restir: --time-budget has no effect, because no GPU times arrive: the device measures none");
-    } else if settings.reduced(step) == settings.reduced(step + 1) && took > f64::from(gpu_ms) {
-        warn!("restir: even with the fewest samples a frame takes {took:.3} ms of GPU time; the budget is {gpu_ms} ms");
+    } else if reduced(step) == reduced(step + 1) && took > f64::from(gpu_ms) {
+        warn!(
+            "restir: even with the fewest samples and pixels that the budget allows, a frame takes {took:.3} ms of GPU time; the \
+             budget is {gpu_ms} ms"
+        );
     }
-    let settings = settings.reduced(step);
+    let settings = reduced(step);
     let camera = app.world().resource::<View>().camera;
     app.world_mut().entity_mut(camera).insert(settings.clone());
     headless::until_ready(app)?;

@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 use crate::{
     frame::SPAN_PREFIX,
     report::RestirStatistics,
-    settings::{Reduction, Restir, RestirBudget},
+    settings::{Reduction, Restir, RestirBudget, least_scale},
 };
 use controller::Controller;
 
@@ -31,9 +31,8 @@ impl Workload {
     fn of(cameras: &Query<(Entity, &Restir)>, budget: &RestirBudget) -> Self {
         // Also of inactive cameras: one that renders every second frame must not begin the measurement again each time.
         let by_camera: BTreeMap<Entity, &Restir> = cameras.iter().collect();
-        let least = budget.least_resolution_scale.clamp(Restir::LEAST_RESOLUTION_SCALE, 1.0);
-        // NaN leaves the resolution as it is.
-        Self { cameras: by_camera.into_values().map(cost_of).collect(), least_resolution_scale: least.min(1.0) }
+        let least_resolution_scale = least_scale(budget.least_resolution_scale);
+        Self { cameras: by_camera.into_values().map(cost_of).collect(), least_resolution_scale }
     }
 
     /// All that the steps can take away from its cameras.

@@ -80,6 +80,11 @@ impl Reduction {
     }
 }
 
+/// A [`RestirBudget::least_resolution_scale`] in its range.  NaN leaves the resolution as it is.
+pub(crate) fn least_scale(least: f32) -> f32 {
+    least.clamp(Restir::LEAST_RESOLUTION_SCALE, 1.0).min(1.0)
+}
+
 impl Restir {
     /// These settings with fewer samples, as [`RestirBudget`] uses them.  Each step makes one reduction.  Paths come first, then direct
     /// light, each in this order: iterations of spatial reuse down to one, then neighbors one by one, then (in
@@ -87,7 +92,14 @@ impl Restir {
     /// candidates of direct light are halved, down to 4.  Steps after the last one change nothing.  Fields out of range are clamped.
     #[must_use]
     pub fn reduced(&self, step: u32) -> Self {
-        self.reduced_by(Reduction { samples: step, ..Reduction::default() })
+        self.reduced_within(step, 1.0)
+    }
+
+    /// As [`Restir::reduced`]; the steps after the last one of the samples trace fewer pixels, down to this
+    /// [`RestirBudget::least_resolution_scale`].
+    #[must_use]
+    pub fn reduced_within(&self, step: u32, least_resolution_scale: f32) -> Self {
+        self.reduced_by(self.most_reduction(least_scale(least_resolution_scale)).first(step))
     }
 
     /// These settings with fewer samples and traced pixels.
@@ -183,7 +195,7 @@ mod tests {
         let settings = Restir { resolution_scale: 0.9, ..Restir::default() };
         let scales = |settings: &Restir, least_resolution_scale| {
             let most = settings.most_reduction(least_resolution_scale);
-            let after = |steps| settings.reduced_by(most.first(steps)).resolution_scale;
+            let after = |steps| settings.reduced_within(steps, least_resolution_scale).resolution_scale;
             (most.samples..=most.steps() + 1).map(after).collect::<Vec<_>>()
         };
         let equal = |scales: Vec<f32>, expected: &[f32]| {
@@ -193,6 +205,8 @@ mod tests {
         assert!(equal(scales(&settings, 1.0), &[0.9, 0.9]), "the default");
         assert!(equal(scales(&settings, 0.85), &[0.9, 0.9]), "less than a step");
         assert!(equal(scales(&settings, 0.5), &[0.9, 0.72, 0.576, 0.5, 0.5]));
+        let least = |least| settings.reduced_within(u32::MAX, least).resolution_scale;
+        assert_eq!([least(0.0), least(f32::NAN), least(2.0)], [Restir::LEAST_RESOLUTION_SCALE, 0.9, 0.9]);
         let averaging = Restir { accumulate: true, ..settings.clone() };
         assert!(equal(scales(&averaging, 0.5), &[0.9, 0.9]), "frames that are averaged");
         let reference = Restir { technique: Technique::Reference, ..settings };

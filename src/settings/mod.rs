@@ -17,8 +17,8 @@ mod subsurface;
 mod validate;
 
 pub use bdpt::{Bdpt, LightTechniques};
-pub(crate) use budget::Reduction;
 pub use budget::RestirBudget;
+pub(crate) use budget::{Reduction, least_scale};
 pub use debug_view::DebugView;
 pub use denoiser::Denoiser;
 pub use direct::{BiasCorrection, Direct, VisibilityReuse};

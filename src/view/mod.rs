@@ -18,7 +18,7 @@ mod importance_map;
 pub(crate) mod light_paths;
 pub(crate) mod pairs;
 mod prepare;
-mod resolution;
+pub(crate) mod resolution;
 mod restir_view;
 pub(crate) mod selection;
 pub(crate) mod shown_surfaces;

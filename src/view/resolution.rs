@@ -17,7 +17,7 @@ fn largest_buffer(size: UVec2, domains: &[&Domain], settings: &Restir) -> u64 {
 }
 
 /// The resolution that [`Restir::resolution_scale`] asks for.
-pub(crate) fn wanted_size(viewport: UVec2, scale: f32) -> UVec2 {
+pub fn wanted_size(viewport: UVec2, scale: f32) -> UVec2 {
     (viewport.as_vec2() * scale).round().as_uvec2().clamp(UVec2::ONE, viewport)
 }
 

@@ -1,6 +1,11 @@
 //! `lab compare`, `lab frames` and `lab times` as scripts call them: their figures, their files, and their exit codes.
 
-use crate::support::cli::{Folder, asset};
+use crate::support::{
+    app::Rig,
+    cli::{Folder, asset},
+};
+use bevy::math::UVec2;
+use bevy_restir_support::{headless, scene::View};
 use serde_json::Value;
 use std::fs;
 
@@ -277,4 +282,19 @@ fn planted_faults_fit_the_shaders() {
     listed.succeeded();
     assert_eq!(listed.stdout.lines().count(), 20, "{listed:?}");
     folder.lab(&["plants", "--list", "--only", "no such fault"]).failed(1, "no such fault");
+}
+
+/// Times and errors of fewer pixels would pass for those of the picture that was asked for.
+#[test]
+fn a_picture_that_a_device_traces_with_fewer_pixels_does_not_fit() {
+    // Radiance takes 16 bytes a pixel.
+    let Some(mut rig) = Rig::binding_at_most(1 << 20, 320, 256) else { return };
+    let view = View { camera: rig.camera, capture: rig.capture.clone() };
+    rig.app.insert_resource(view);
+    rig.until_ready();
+    let error = headless::fits(&mut rig.app, UVec2::new(320, 256)).expect_err("1.25 MiB are too many");
+    assert!(error.contains("320 x 256") && error.contains("does not fit"), "{error}");
+    rig.set(|restir| restir.resolution_scale = 0.5);
+    rig.until_ready();
+    assert_eq!(headless::fits(&mut rig.app, UVec2::new(160, 128)), Ok(()));
 }

@@ -185,7 +185,7 @@ fn wrong_arguments_give_exit_code_2_and_write_nothing() {
     let Some(folder) = Folder::new("arguments") else { return };
     let scene = folder.gltf("scene.gltf", &gltf::Scene::default());
     let in_folder = scene.to_str().expect("the path is text");
-    let wrong: [&[&str]; 28] = [
+    let wrong: [&[&str]; 31] = [
         &["--size", "0x10"],
         &["--size", "10"],
         &["--size", "10x-3"],
@@ -206,6 +206,9 @@ fn wrong_arguments_give_exit_code_2_and_write_nothing() {
         &["--aov", "diffuse=d.png"],
         &["--time-budget", "0"],
         &["--time-budget", "nan"],
+        &["--time-budget", "9", "--least-resolution-scale", "0.2"],
+        &["--time-budget", "9", "--least-resolution-scale", "0.5"],
+        &["--least-resolution-scale", "0.5"],
         &["--out", "picture.gif"],
         &["--set", "no.such.field=1"],
         &["--set", "bounces=several"],
@@ -324,6 +327,9 @@ fn a_time_budget_takes_samples_away_where_frames_take_longer() {
     let (picture, step) = render("c.exr", &["--time-budget", "1e-4"]);
     assert_eq!((free.1, step), (Some(0), Some(6)));
     assert!(picture != free.0);
+    // After the samples the pixels: 0.8, 0.64 and 0.512 times the width and the height.
+    let (_, step) = render("d.png", &["--time-budget", "1e-4", "--least-resolution-scale", "0.5"]);
+    assert_eq!(step, Some(9));
 }
 
 #[test]

@@ -6,6 +6,7 @@ use bevy::{
     math::UVec2,
     reflect::{FromReflect, Typed, enums::Enum},
 };
+use bevy_restir::Restir;
 use clap::{
     Parser,
     builder::{PossibleValuesParser, TypedValueParser},
@@ -58,6 +59,13 @@ fn size_within(text: &str, least: u32, most: u32) -> Result<UVec2, String> {
 pub fn positive<T: FromStr + Copy + Into<f64>>(text: &str) -> Result<T, String> {
     let is_positive = |x: f64| x > 0.0 && x.is_finite();
     text.parse().ok().filter(|x: &T| is_positive((*x).into())).ok_or("expected a number above 0".into())
+}
+
+/// Parses a value of [`Restir::resolution_scale`].
+pub fn resolution_scale(text: &str) -> Result<f32, String> {
+    let range = Restir::LEAST_RESOLUTION_SCALE..=1.0;
+    let number = text.parse().ok().filter(|scale| range.contains(scale));
+    number.ok_or_else(|| format!("expected a number from {} to {}", range.start(), range.end()))
 }
 
 /// How the exposure of a picture is chosen.

@@ -155,6 +155,20 @@ pub fn until_ready(app: &mut App) -> Result<(), String> {
     })
 }
 
+/// Renders a frame and fails if the device cannot hold a picture of this size, of which the plugin then traces fewer pixels.
+pub fn fits(app: &mut App, wanted: UVec2) -> Result<(), String> {
+    app.world().resource::<View>().capture.request();
+    frame(app);
+    let most = captured(app)?.size;
+    match most == wanted {
+        true => Ok(()),
+        false => Err(format!(
+            "a picture of {} x {} pixels does not fit this device with these settings; the largest is {} x {}",
+            wanted.x, wanted.y, most.x, most.y
+        )),
+    }
+}
+
 /// The radiance of the last frame, which must have been requested before the frame was rendered.
 pub fn captured(app: &App) -> Result<CapturedRadiance, String> {
     alive(app)?;
