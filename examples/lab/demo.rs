@@ -3,7 +3,7 @@
 
 use bevy::{math::UVec2, utils::default};
 use bevy_restir::{Denoiser, Restir, Technique};
-use bevy_restir_support::{arguments, exr_file, picture::write_png, progress::Progress};
+use bevy_restir_support::{arguments, exr_file, files, picture::write_png, progress::Progress};
 use std::path::PathBuf;
 
 use crate::{
@@ -45,11 +45,18 @@ const SIZE: UVec2 = UVec2::splat(288);
 const LEAST_WIDTH: usize = 800;
 
 pub fn run(args: &Args) -> Result<(), String> {
-    std::fs::create_dir_all(&args.out).map_err(|e| format!("{}: {e}", args.out.display()))?;
-    for scene in scenes(&args.scenes)? {
+    let scenes = scenes(&args.scenes)?;
+    let names: Vec<String> = scenes.iter().map(file_name).collect();
+    files::check_in(&args.out, &names.iter().map(String::as_str).collect::<Vec<_>>())?;
+    for scene in scenes {
         compare(args, &scene).map_err(|error| format!("{}: {error}", scene.1))?;
     }
     Ok(())
+}
+
+/// The picture of a scene.
+fn file_name((_, name): &Scene) -> String {
+    format!("{name}.png")
 }
 
 /// Renders the panels of a scene and prints what they show.
@@ -83,7 +90,8 @@ fn compare(args: &Args, scene: &Scene) -> Result<(), String> {
         }
     };
 
-    let path = args.out.join(format!("{}.png", scene.1));
+    files::create_folder(&args.out)?;
+    let path = args.out.join(file_name(scene));
     let all = [&noisy, &raw, &denoised, truth.pixels()];
     write_png(&path, panels::grid(size, 2, &all, panels::exposure_for(size, truth.pixels()), LEAST_WIDTH))?;
     let path = path.canonicalize().unwrap_or(path);

@@ -23,11 +23,16 @@ pub struct Args {
     /// Maximum number of scattering events of a path.
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=64))]
     bounces: u32,
-    /// A field of `Restir`, for all techniques and the reference tracer; repeatable.
-    #[arg(long, value_name = "PATH=VALUE", value_parser = variant::parse)]
+    /// A field of `Restir`, for all techniques and the reference tracer; repeatable.  `--bounces` sets the bounces.
+    #[arg(long, value_name = "PATH=VALUE", value_parser = shared)]
     set: Vec<String>,
     #[command(flatten)]
     lengths: Lengths,
+}
+
+/// Checks an assignment to a field of all techniques.
+fn shared(text: &str) -> Result<String, String> {
+    variant::parse_without(text, &["technique", "bounces"])
 }
 
 /// Picture and lengths of measurements at equal time.

@@ -85,6 +85,10 @@ fn main() -> ExitCode {
     headless::quiet_drivers();
     // Reads the commit now: it may change during a long run.
     output::commit();
+    if let Err(error) = check(&args.command) {
+        eprintln!("error: {error}");
+        return ExitCode::from(2);
+    }
     panics::record();
     let result = panics::caught(|| run(&args.command)).and_then(|result| result);
     match result {
@@ -93,6 +97,18 @@ fn main() -> ExitCode {
             eprintln!("error: {}", error.lines().next().unwrap_or_default());
             ExitCode::from(1)
         }
+    }
+}
+
+/// Fails where arguments do not fit each other, before anything is read or measured.
+fn check(command: &Command) -> Result<(), String> {
+    match command {
+        Command::Times(args) => args.check(),
+        Command::Sweep(args) => args.check(),
+        Command::Presets(args) => args.check(),
+        Command::Fuzz(args) => args.check(),
+        Command::Plants(args) => args.check(),
+        _ => Ok(()),
     }
 }
 

@@ -6,6 +6,7 @@ use bevy_restir_support::{
     arguments,
     environment::equirectangular,
     exposure::unit_exposure,
+    files,
     headless::{self, frame, until_ready},
     picture::{screenshot, write_png},
     progress::Progress,
@@ -17,7 +18,7 @@ use std::path::{Path, PathBuf};
 /// rotation, thick glass by roughness, thin walls by transmission, diffuse transmission, emission.
 #[derive(clap::Args, Debug)]
 pub struct Args {
-    /// Folder for the picture `materials.png`.
+    /// Folder for the picture materials.png.
     #[arg(long, default_value = "target/lab")]
     out: PathBuf,
     /// Size of the picture in pixels.
@@ -45,6 +46,8 @@ fn row(text: &str) -> Result<usize, String> {
     text.parse().ok().filter(|row| *row <= last).ok_or(format!("expected a number from 0 to {last}"))
 }
 
+/// The picture's file.
+const PICTURE: &str = "materials.png";
 /// Number of spheres in a row.
 const COLUMNS: usize = 7;
 const RADIUS: f32 = 0.43;
@@ -119,7 +122,7 @@ const FEATURES: [Feature; 12] = [
 ];
 
 pub fn run(args: &Args) -> Result<(), String> {
-    std::fs::create_dir_all(&args.out).map_err(|e| format!("{}: {e}", args.out.display()))?;
+    files::check_in(&args.out, &[PICTURE])?;
     let rows: Vec<usize> = if args.rows.is_empty() { (0..FEATURES.len()).collect() } else { args.rows.clone() };
     let backend = if args.hardware { RayBackend::Hardware } else { RayBackend::Software };
     let mut app = headless::app(Path::new("."), backend)?;
@@ -140,7 +143,8 @@ pub fn run(args: &Args) -> Result<(), String> {
         progress.step();
     }
     let picture = screenshot(&mut app)?;
-    write_png(&args.out.join("materials.png"), picture)
+    files::create_folder(&args.out)?;
+    write_png(&args.out.join(PICTURE), picture)
 }
 
 /// Spawns spheres in front of a checkered wall, and a lamp. Returns the transform and the projection of the camera.

@@ -24,21 +24,27 @@ pub struct Output {
 }
 
 impl Output {
-    /// Fails before anything is measured if the table could not be written.
+    /// Fails before anything is measured if the table could not be written.  Creates nothing.
     pub fn check(&self, name: &str) -> Result<(), String> {
-        fs::create_dir_all(&self.out).map_err(|e| format!("{}: {e}", self.out.display()))?;
-        files::check(&self.out.join(format!("{name}.csv")))?;
-        files::check(&self.out.join(format!("{name}.md")))?;
+        let [csv, markdown] = file_names(name);
+        files::check_in(&self.out, &[&csv, &markdown])?;
         check_into(self.into.as_deref(), name)
     }
 
     /// Writes the table, each file complete or not at all.
     pub fn write(&self, name: &str, table: &Table) -> Result<(), String> {
-        let markdown = table.markdown();
-        write_text(&self.out.join(format!("{name}.csv")), &table.csv())?;
-        write_text(&self.out.join(format!("{name}.md")), &markdown)?;
-        write_into(self.into.as_deref(), name, &markdown)
+        let text = table.markdown();
+        let [csv, markdown] = file_names(name).map(|name| self.out.join(name));
+        files::create_folder(&self.out)?;
+        write_text(&csv, &table.csv())?;
+        write_text(&markdown, &text)?;
+        write_into(self.into.as_deref(), name, &text)
     }
+}
+
+/// The files of a table.
+fn file_names(name: &str) -> [String; 2] {
+    [format!("{name}.csv"), format!("{name}.md")]
 }
 
 /// Fails where a markdown file lacks the marks of a table, or cannot be written.

@@ -46,7 +46,7 @@ const SOAK_GI: &str = "soak --technique gi --frames 288 --size 8x6";
 const FUZZ: &str = "fuzz --count 12 --size 8x6";
 const BIAS: &str = "fuzz --count 12 --size 8x6 --against-reference";
 
-const PLANTS: [Plant; 20] = [
+static PLANTS: [Plant; 20] = [
     // Numbers that must not exist.
     plant(
         "a resampling weight is negative",
@@ -192,11 +192,19 @@ const PLANTS: [Plant; 20] = [
     ),
 ];
 
-pub fn run(args: &Args) -> Result<(), String> {
-    let chosen: Vec<&Plant> = PLANTS.iter().filter(|plant| plant.name.contains(&args.only)).collect();
-    if chosen.is_empty() {
-        return Err(format!("no fault is named {}", args.only));
+impl Args {
+    /// Fails if nothing is named as `--only` asks.
+    pub fn check(&self) -> Result<(), String> {
+        (!self.chosen().is_empty()).then_some(()).ok_or(format!("--only: no fault is named {}", self.only))
     }
+
+    fn chosen(&self) -> Vec<&'static Plant> {
+        PLANTS.iter().filter(|plant| plant.name.contains(&self.only)).collect()
+    }
+}
+
+pub fn run(args: &Args) -> Result<(), String> {
+    let chosen = args.chosen();
     chosen.iter().try_for_each(|plant| plant.check_text())?;
     if args.list {
         chosen.iter().for_each(|plant| println!("{} ({}): lab {}", plant.name, plant.file, plant.command));

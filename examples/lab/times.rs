@@ -37,9 +37,6 @@ const TURN: f32 = 0.005;
 
 pub fn run(args: &Args) -> Result<(), String> {
     args.output.check(NAME)?;
-    if args.configurations().is_empty() {
-        return Err(format!("no technique and preset are named {}", args.only));
-    }
     let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
     for scene in scenes(&args.scenes)? {
         let (adapter, rows) = args.column(&scene).map_err(|error| format!("{}: {error}", scene.1))?;
@@ -57,6 +54,12 @@ pub fn run(args: &Args) -> Result<(), String> {
 }
 
 impl Args {
+    /// Fails if nothing is named as `--only` asks.
+    pub fn check(&self) -> Result<(), String> {
+        let is_known = !self.configurations().is_empty();
+        is_known.then_some(()).ok_or(format!("--only: no technique and preset are named {}", self.only))
+    }
+
     fn configurations(&self) -> Vec<(Technique, Preset)> {
         let all = Technique::ALL.into_iter().flat_map(|technique| Preset::ALL.map(|preset| (technique, preset)));
         all.filter(|(technique, preset)| format!("{technique:?} {preset:?}").contains(&self.only)).collect()

@@ -8,6 +8,7 @@ use bevy_restir::{Preset, RayBackend, Restir, RestirEnvironment, RestirStatistic
 use bevy_restir_support::{
     arguments,
     exposure::unit_exposure,
+    files::create_folder,
     headless::{self, captured, frame},
     panics,
     progress::Progress,
@@ -70,7 +71,7 @@ impl Args {
 
 pub fn run(args: &Args) -> Result<(), String> {
     let files = sources(args)?;
-    fs::create_dir_all(&args.out).map_err(|e| format!("{}: {e}", args.out.display()))?;
+    create_folder(&args.out)?;
     let folder = args.out.canonicalize().map_err(|e| format!("{}: {e}", args.out.display()))?;
     let watchdog = Watchdog::new();
     let progress = Progress::new(args.count.into());

@@ -5,8 +5,13 @@ mod stage;
 
 use bevy::math::UVec2;
 use bevy_restir::RayBackend;
-use bevy_restir_support::{arguments, files::write_text, panics, progress::Progress};
-use std::{fs, path::PathBuf};
+use bevy_restir_support::{
+    arguments,
+    files::{create_folder, write_text},
+    panics,
+    progress::Progress,
+};
+use std::path::PathBuf;
 
 use crate::soundness::{Watchdog, kind};
 use case::Case;
@@ -66,6 +71,23 @@ impl core::fmt::Display for Steps {
 }
 
 impl Args {
+    /// Fails if `--shrink` names no smaller form of a single case.
+    pub fn check(&self) -> Result<(), String> {
+        if self.shrink.0.is_empty() {
+            return Ok(());
+        }
+        if self.count != 1 {
+            return Err("--shrink needs --count 1".into());
+        }
+        let is_known = self.case(self.seed).is_some();
+        is_known.then_some(()).ok_or(format!("--shrink: case {} has no smaller form {}", self.seed, self.shrink))
+    }
+
+    /// A case, made smaller as `--shrink` asks.
+    fn case(&self, seed: u64) -> Option<Case> {
+        self.shrink.0.iter().try_fold(Case::new(seed), |case, &step| case.smaller().into_iter().nth(step))
+    }
+
     /// The command that repeats cases.
     fn command(&self, seed: u64, count: u64, shrink: &Steps) -> String {
         let mut text = format!("lab fuzz --count {count} --seed {seed} --size {}x{}", self.size.x, self.size.y);
@@ -145,7 +167,7 @@ struct Smallest {
 }
 
 pub fn run(args: &Args) -> Result<(), String> {
-    fs::create_dir_all(&args.out).map_err(|e| format!("{}: {e}", args.out.display()))?;
+    create_folder(&args.out)?;
     let mut runner = Runner { args, stage: None, watchdog: Watchdog::new() };
     let progress = Progress::new(args.count.into());
     let mut failed = 0;
@@ -156,8 +178,7 @@ pub fn run(args: &Args) -> Result<(), String> {
         if runner.stage.is_none() {
             first = seed;
         }
-        let case = args.shrink.0.iter().try_fold(Case::new(seed), |case, &step| case.smaller().into_iter().nth(step));
-        let case = case.ok_or(format!("case {seed} has no smaller form {}", args.shrink))?;
+        let case = args.case(seed).ok_or(format!("case {seed} has no smaller form {}", args.shrink))?;
         if let Some(mut reason) = runner.failure(&case)? {
             failed += 1;
             if first != seed {

@@ -1,5 +1,6 @@
 //! The trade of speed for accuracy on one scene: time and error of every technique, preset and setting that matters, and advice.
 
+mod advice;
 mod content;
 mod measure;
 mod page;
@@ -13,7 +14,7 @@ use bevy_restir_support::{
     arguments,
     environment::{self, Environment},
     exr_file, fields,
-    files::write_text,
+    files::{self, write_text},
     front::Point,
     picture::write_png,
     progress::Progress,
@@ -29,19 +30,20 @@ use crate::{
     bench::{Bench, Counts, Scene, lit, scenes},
     compare,
     error::Picture,
-    output, panels,
+    output, panels, variant,
 };
 use measure::{Errors, Protocol, Record, Truth};
 use plan::{Configuration, Extent};
 
 /// Time, error, bias, flicker and memory of every technique and preset and of the settings that matter, on one scene.  Writes plots,
-/// pictures, tables and advice as report.html and report.md, and all figures as csv.  About 50 configurations; a sweep that was
+/// pictures, tables and advice as report.html and report.md, and all figures as csv.  About 40 configurations; a sweep that was
 /// interrupted continues when it is run again.
 #[derive(clap::Args, Debug)]
 pub struct SweepArgs {
     #[command(flatten)]
     common: Args,
-    /// Measures combinations of settings, too, and everything under a moving camera.
+    /// Measures more settings and combinations of them, too, and everything under a moving camera, and compares the advice of the first
+    /// report with the best of all settings.
     #[arg(long)]
     full: bool,
 }
@@ -132,15 +134,10 @@ impl ErrorMetric {
     }
 }
 
-/// Checks that an assignment can be made, also to the settings of the converged picture.
+/// Checks an assignment to a field of all configurations and of the converged picture.
 fn assignment(text: &str) -> Result<String, String> {
-    /// Fields that the sweep sets by itself.
-    const OWN: [&str; 5] = ["technique", "debug_view", "accumulate", "reset", "seed"];
-    fields::set_in_range(&mut Restir::default(), [text])?;
-    match text.split_once('=').filter(|(path, _)| OWN.contains(path)) {
-        Some((path, _)) => Err(format!("the sweep sets {path} by itself")),
-        None => Ok(text.into()),
-    }
+    fields::set(&mut Restir::default(), text)?;
+    variant::parse_without(text, &["technique"])
 }
 
 /// A configuration with its figures.
@@ -193,8 +190,19 @@ impl Sweep {
     }
 }
 
+impl SweepArgs {
+    fn extent(&self) -> Extent {
+        if self.full { Extent::Full } else { Extent::Settings }
+    }
+
+    /// Fails if there is nothing to measure.
+    pub fn check(&self) -> Result<(), String> {
+        self.common.plan(self.extent()).map(|_| ())
+    }
+}
+
 pub fn run(args: &SweepArgs) -> Result<(), String> {
-    sweep(&args.common, if args.full { Extent::Full } else { Extent::Settings })
+    sweep(&args.common, args.extent())
 }
 
 pub fn run_presets(args: &Args) -> Result<(), String> {
@@ -215,21 +223,10 @@ fn read_reference(path: &Path) -> Result<(UVec2, Picture), String> {
 }
 
 fn measured(args: &Args, extent: Extent, scene: &Scene) -> Result<(), String> {
-    let mut plan = plan::configurations(extent);
-    // The converged picture has the value of `--set`.  With another one a configuration would have other light.
-    plan.retain(|c| !c.overrides(&args.set));
-    if let Some(text) = &args.only {
-        plan.retain(|c| c.section == plan::REFERENCE || c.name().contains(text));
-    }
-    for configuration in &mut plan {
-        configuration.moves &= args.reference.is_none();
-    }
-    if plan.len() == plan.iter().filter(|c| c.section == plan::REFERENCE).count() {
-        let text = args.only.as_deref().unwrap_or_default();
-        return Err(format!("no configuration is named {text}; those that change a field of --set are left out"));
-    }
+    let plan = args.plan(extent)?;
     let out = args.out.clone().unwrap_or_else(|| Path::new("target/lab/sweep").join(&scene.1));
     let name = format!("sweep {}", scene.1);
+    files::check_in(&out, &["report.html", "report.md"])?;
     output::check_into(args.into.as_deref(), &name)?;
     let given = args.reference.as_deref().map(read_reference).transpose()?;
     if let Some((size, _)) = given.as_ref().filter(|given| given.0 != args.size) {
@@ -288,6 +285,7 @@ fn measured(args: &Args, extent: Extent, scene: &Scene) -> Result<(), String> {
     report::write(&sweep, &out)?;
     page::write(&sweep, &out)?;
     output::write_into(args.into.as_deref(), &name, &report::short(&sweep))?;
+    advice::judged(&sweep).iter().for_each(|judged| println!("{}", judged.line()));
     println!("{}", out.join("report.html").display());
     Ok(())
 }
@@ -306,6 +304,29 @@ fn same_speed(all: &mut [Entry]) -> [f64; 2] {
 }
 
 impl Args {
+    /// Fails if there is nothing to measure.
+    pub fn check(&self) -> Result<(), String> {
+        self.plan(Extent::Presets).map(|_| ())
+    }
+
+    /// The configurations to measure.
+    fn plan(&self, extent: Extent) -> Result<Vec<Configuration>, String> {
+        let mut plan = plan::configurations(extent);
+        // The converged picture has the value of `--set`.  With another one a configuration would have other light.
+        plan.retain(|c| !c.overrides(&self.set));
+        if let Some(text) = &self.only {
+            plan.retain(|c| c.section == plan::REFERENCE || c.name().contains(text));
+        }
+        for configuration in &mut plan {
+            configuration.moves &= self.reference.is_none();
+        }
+        if plan.iter().all(|c| c.section == plan::REFERENCE) {
+            let text = self.only.as_deref().unwrap_or_default();
+            return Err(format!("no configuration is named {text}; those that change a field of --set are left out"));
+        }
+        Ok(plan)
+    }
+
     /// Changes that all configurations have.
     fn shared(&self) -> Vec<String> {
         let jitter = self.reference.is_none().then(|| "jitter=Never".into());

@@ -3,7 +3,11 @@
 use bevy_restir_support::files::write_text;
 use std::{fmt::Write, path::Path};
 
-use super::{Sweep, plots, report};
+use super::{
+    Sweep,
+    advice::{advice, judged},
+    plots, report,
+};
 
 const STYLE: &str = "body{font:15px system-ui,sans-serif;max-width:76em;margin:2em auto;padding:0 1em;color:#222}\
 table{border-collapse:collapse;font-size:13px}td,th{padding:.2em .6em;border-bottom:1px solid #ddd;text-align:right}\
@@ -43,7 +47,7 @@ pub fn write(sweep: &Sweep, folder: &Path) -> Result<(), String> {
         let _ = write!(page, "<li>{}</li>", escaped(line));
     }
     let _ = write!(page, "</ul>\n<h2>What to pick</h2>\n<p>Error: {}.</p>\n", sweep.by.name());
-    for advice in report::advice(sweep) {
+    for advice in advice(sweep) {
         let _ = writeln!(
             page,
             "<p>{}: <b>{}</b> ({})</p><pre>{}</pre>",
@@ -52,6 +56,11 @@ pub fn write(sweep: &Sweep, folder: &Path) -> Result<(), String> {
             escaped(&advice.figures),
             escaped(&advice.code)
         );
+    }
+    let judged = judged(sweep);
+    if !judged.is_empty() {
+        let ([title, meaning], table) = (report::JUDGED, table(&report::judged_cells(&judged)));
+        let _ = write!(page, "<h2>{title}</h2>\n<p>{}</p>\n{table}", escaped(meaning));
     }
     page += "<div class=\"plots\">";
     for (_, title, svg) in plots::all(sweep)? {

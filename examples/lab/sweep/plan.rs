@@ -14,6 +14,8 @@ pub struct Configuration {
     pub changes: Vec<String>,
     /// Whether it is also measured under a moving camera.
     pub moves: bool,
+    /// Whether it is measured without `--full`, too.
+    pub is_first: bool,
 }
 
 /// The section of the reference tracer.
@@ -32,7 +34,15 @@ pub enum Extent {
 /// The reference tracer with the bounces of a preset.
 pub fn reference(preset: Preset) -> Configuration {
     let (label, changes) = (format!("{preset:?}"), Vec::new());
-    Configuration { section: REFERENCE, label, technique: Technique::Reference, preset, changes, moves: false }
+    Configuration {
+        section: REFERENCE,
+        label,
+        technique: Technique::Reference,
+        preset,
+        changes,
+        moves: false,
+        is_first: true,
+    }
 }
 
 /// All configurations, the reference tracer first.
@@ -46,32 +56,42 @@ pub fn configurations(extent: Extent) -> Vec<Configuration> {
             preset,
             changes: Vec::new(),
             moves: true,
+            is_first: true,
         }));
     }
     if extent == Extent::Presets {
         return all;
     }
-    let mut add = |section, technique, rows: &[(&str, &str)]| {
+    let is_full = extent == Extent::Full;
+    let mut add = |section, technique, is_first, rows: &[Row]| {
+        let rows = if is_first || is_full { rows } else { &[] };
         all.extend(rows.iter().map(|(label, changes)| Configuration {
             section,
             label: (*label).into(),
             technique,
             preset: Preset::Balanced,
             changes: changes.split_whitespace().map(String::from).collect(),
-            moves: extent == Extent::Full,
+            moves: is_full,
+            is_first,
         }));
     };
-    add("ReSTIR PT, Balanced with a change", Technique::Pt, &PATHS);
-    add("ReSTIR BDPT, Balanced with a change", Technique::Bdpt, &LIGHT_PATHS);
-    add("ReSTIR GI, Balanced with a change", Technique::Gi, &INDIRECT);
-    add("ReSTIR DI, Balanced with a change", Technique::Di, &DIRECT);
-    if extent == Extent::Full {
-        let grid: Vec<(String, String)> = grid().collect();
-        let rows: Vec<(&str, &str)> = grid.iter().map(|(label, changes)| (label.as_str(), changes.as_str())).collect();
-        add("ReSTIR PT, combinations", Technique::Pt, &rows);
+    for (section, technique, first, more) in [
+        ("ReSTIR PT, Balanced with a change", Technique::Pt, &PATHS[..], &MORE_PATHS[..]),
+        ("ReSTIR BDPT, Balanced with a change", Technique::Bdpt, &LIGHT_PATHS[..], &MORE_LIGHT_PATHS[..]),
+        ("ReSTIR GI, Balanced with a change", Technique::Gi, &INDIRECT[..], &MORE_INDIRECT[..]),
+        ("ReSTIR DI, Balanced with a change", Technique::Di, &DIRECT[..], &MORE_DIRECT[..]),
+    ] {
+        add(section, technique, true, first);
+        add(section, technique, false, more);
     }
+    let grid: Vec<(String, String)> = grid().collect();
+    let rows: Vec<Row> = grid.iter().map(|(label, changes)| (label.as_str(), changes.as_str())).collect();
+    add("ReSTIR PT, combinations", Technique::Pt, false, &rows);
     all
 }
+
+/// A label and changes.
+type Row<'a> = (&'a str, &'a str);
 
 /// Neighbors, confidence and radius together.
 fn grid() -> impl Iterator<Item = (String, String)> {
@@ -91,48 +111,63 @@ fn grid() -> impl Iterator<Item = (String, String)> {
     })
 }
 
-const PATHS: [(&str, &str); 26] = [
+// The settings with the greatest effect on time or error.  `--full` measures the others, too.
+
+const PATHS: [Row; 16] = [
     ("no reuse", "paths.reuse.temporal=false paths.reuse.spatial_samples=0"),
     ("temporal reuse only", "paths.reuse.spatial_samples=0"),
     ("spatial reuse only", "paths.reuse.temporal=false"),
     ("1 neighbor", "paths.reuse.spatial_samples=1"),
-    ("2 neighbors", "paths.reuse.spatial_samples=2"),
     ("3 neighbors", "paths.reuse.spatial_samples=3"),
+    ("radius 20", "paths.reuse.radius=20"),
+    ("confidence 5", "paths.reuse.confidence_cap=5"),
+    ("confidence 30", "paths.reuse.confidence_cap=30"),
+    ("one reservoir for direct and bounced light", "paths.separate_direct_light=false"),
+    ("bright pixels without a limit", "firefly_limit=0"),
+    ("without the denoiser", "denoiser.iterations=0"),
+    ("2 bounces", "bounces=2"),
+    ("3 bounces", "bounces=3"),
+    ("1 neighbor, 3 bounces", "paths.reuse.spatial_samples=1 bounces=3"),
+    ("half the width and height", "resolution_scale=0.5"),
+    ("three quarters of the width and height", "resolution_scale=0.75"),
+];
+
+const MORE_PATHS: [Row; 14] = [
+    ("2 neighbors", "paths.reuse.spatial_samples=2"),
     ("4 neighbors", "paths.reuse.spatial_samples=4"),
     ("2 spatial iterations of 1 neighbor", "paths.reuse.spatial_samples=1 paths.reuse.spatial_iterations=2"),
     ("neighbors without pairs", "paths.reuse.paired=false"),
-    ("radius 20", "paths.reuse.radius=20"),
     ("radius 60", "paths.reuse.radius=60"),
-    ("confidence 5", "paths.reuse.confidence_cap=5"),
     ("confidence 20", "paths.reuse.confidence_cap=20"),
-    ("confidence 30", "paths.reuse.confidence_cap=30"),
     ("4 light candidates", "paths.candidates=4"),
     ("32 light candidates", "paths.candidates=32"),
-    ("one reservoir for direct and bounced light", "paths.separate_direct_light=false"),
     ("only the kept path is shaded", "paths.reuse.shade_all=false"),
-    ("bright pixels without a limit", "firefly_limit=0"),
-    ("without the denoiser", "denoiser.iterations=0"),
     ("denoiser within 14 pixels", "denoiser.iterations=3"),
     ("thresholds of Lin et al. 2022", "paths.reconnection=Distance"),
-    ("2 bounces", "bounces=2"),
-    ("3 bounces", "bounces=3"),
     ("5 bounces", "bounces=5"),
     ("16 bounces", "bounces=16"),
+    ("a quarter of the width and height", "resolution_scale=0.25"),
 ];
 
-const LIGHT_PATHS: [(&str, &str); 4] = [
+const LIGHT_PATHS: [Row; 2] = [
     ("no reuse", "paths.reuse.temporal=false paths.reuse.spatial_samples=0"),
-    ("1 neighbor", "paths.reuse.spatial_samples=1"),
-    ("a quarter of the light paths", "bdpt.light_paths=0.25"),
     ("no connections", "bdpt.techniques=Lightweight"),
 ];
 
-const INDIRECT: [(&str, &str); 2] = [
+const MORE_LIGHT_PATHS: [Row; 3] = [
     ("1 neighbor", "paths.reuse.spatial_samples=1"),
-    ("diffuse secondary vertex", "paths.assume_diffuse_secondary=true"),
+    ("a quarter of the light paths", "bdpt.light_paths=0.25"),
+    ("half the width and height", "resolution_scale=0.5"),
 ];
 
-const DIRECT: [(&str, &str); 3] = [
+const INDIRECT: [Row; 1] = [("1 neighbor", "paths.reuse.spatial_samples=1")];
+
+const MORE_INDIRECT: [Row; 2] = [
+    ("diffuse secondary vertex", "paths.assume_diffuse_secondary=true"),
+    ("half the width and height", "resolution_scale=0.5"),
+];
+
+const DIRECT: [Row; 3] = [
     ("no reuse", "direct.reuse.temporal=false direct.reuse.spatial_samples=0 direct.reuse.disocclusion_samples=0"),
     ("8 candidates", "direct.candidates=8"),
     (
@@ -141,6 +176,11 @@ const DIRECT: [(&str, &str); 3] = [
          direct.reuse.confidence_cap=20",
     ),
 ];
+
+const MORE_DIRECT: [Row; 1] = [(
+    "visibility reused within 30 pixels",
+    "direct.visibility=Decoupled direct.bias_correction=HeuristicsAndMis direct.visibility_radius=30",
+)];
 
 impl Configuration {
     /// The settings; `shared` changes come before those of the configuration.

@@ -2,25 +2,22 @@
 
 use bevy_restir_support::{
     files::write_text,
-    front::{at_time, best_within, budgets, fastest_within, front},
+    front::{at_time, front},
 };
 use std::{fmt::Write, path::Path};
 
-use super::{Entry, Sweep, measure::Record, plan, plan::Configuration, plots};
+use super::{
+    Entry, Sweep,
+    advice::{Judged, advice, judged},
+    measure::Record,
+    plan,
+    plan::Configuration,
+    plots,
+};
 use crate::table::{csv_line, digits};
 
 /// A table: its head and its rows.
 pub type Cells = (Vec<String>, Vec<Vec<String>>);
-
-/// The setting to pick for some budgets.
-pub struct Advice {
-    /// The budgets, in words.
-    pub budget: String,
-    pub pick: String,
-    /// Time, error and bias of the pick.
-    pub figures: String,
-    pub code: String,
-}
 
 /// The picture file of a configuration, below the folder of the report.
 pub fn picture(configuration: &Configuration) -> String {
@@ -28,46 +25,8 @@ pub fn picture(configuration: &Configuration) -> String {
 }
 
 /// The bias and its standard error.
-fn bias(record: &Record) -> String {
+pub fn bias(record: &Record) -> String {
     format!("{:+.1} % ± {:.1}", 100.0 * record.bias, 100.0 * record.bias_error)
-}
-
-/// The recommended settings: the fastest ones within three errors, and the most accurate ones within three times.
-pub fn advice(sweep: &Sweep) -> Vec<Advice> {
-    let mut all: Vec<&Entry> = sweep.competitors().collect();
-    let has_bounced_light = |m: &&Entry| m.configuration.has_bounced_light(&sweep.shared);
-    // Direct light alone is fast and incomplete, and would decide which times and errors are asked for.
-    if all.iter().any(has_bounced_light) {
-        all.retain(has_bounced_light);
-    }
-    let points: Vec<_> = all.iter().map(|m| m.point(sweep.by)).collect();
-    let front: Vec<_> = front(&points).into_iter().map(|i| points[i]).collect();
-    let (Some(fastest), Some(best)) = (front.first(), front.last()) else { return Vec::new() };
-    let pick = |budget: String, found: Option<usize>| {
-        let i = found?;
-        let Entry { configuration, record } = all[i];
-        Some(Advice {
-            budget,
-            pick: name(configuration),
-            figures: format!("{} ms, {}, bias {}", digits(points[i].time), digits(points[i].error), bias(record)),
-            code: configuration.code(&sweep.shared).unwrap_or_default(),
-        })
-    };
-    let errors = budgets(best.error, fastest.error).into_iter().rev();
-    let errors =
-        errors.map(|budget| pick(format!("error of at most {}", digits(budget)), fastest_within(&points, budget)));
-    let times = budgets(fastest.time, best.time).into_iter();
-    let times =
-        times.map(|budget| pick(format!("at most {} ms a frame", digits(budget)), best_within(&points, budget)));
-    let mut merged: Vec<Advice> = Vec::new();
-    for advice in errors.chain(times).flatten() {
-        match merged.iter_mut().find(|known| known.pick == advice.pick) {
-            Some(known) if known.budget.ends_with(&advice.budget) => {}
-            Some(known) => known.budget += &format!("; {}", advice.budget),
-            None => merged.push(advice),
-        }
-    }
-    merged
 }
 
 /// Figures of all configurations, or of the presets.
@@ -127,7 +86,7 @@ pub fn figures(sweep: &Sweep, presets_only: bool) -> Cells {
 }
 
 /// The section and the label; those of presets and of the reference tracer need no section.
-fn name(configuration: &Configuration) -> String {
+pub fn name(configuration: &Configuration) -> String {
     match configuration.section {
         plan::PRESETS => configuration.label.clone(),
         plan::REFERENCE => format!("Reference tracer, one sample, bounces of {}", configuration.label),
@@ -151,7 +110,8 @@ pub fn first_frames(sweep: &Sweep) -> Cells {
 pub const LEGEND: &str = "Bold rows: no other row is faster and has less error; differences below 2 % do not count. Times are of still \
     frames without jitter. Frames in motion take longer, because temporal reuse of paths then evaluates a sample twice and traces rays. Without \
     jitter Bdpt is at a disadvantage: what the camera sees of light paths is averaged over a pixel, and all other light, also that of \
-    the converged picture, is that of the pixel's center. \"Against the reference tracer\": its error at equal \
+    the converged picture, is that of the pixel's center. Rows with fewer traced pixels are compared after a plain interpolation, which blurs edges \
+    more than what the plugin shows. \"Against the reference tracer\": its error at equal \
     time, relative to the row's. Bias: relative difference of the mean, with its standard error; bias of blocks: root mean square over \
     blocks of 8 x 8 pixels, where noise hides anything smaller. The noise of a converged picture that the sweep rendered is part of the \
     standard error, but not of the bias of blocks; the noise of a picture that the user gave is not known. Variance: between runs. \
@@ -175,6 +135,20 @@ fn advice_text(sweep: &Sweep) -> String {
     text
 }
 
+/// The title and the meaning of [`judged_cells`].
+pub const JUDGED: [&str; 2] = [
+    "The advice of the first report against all settings",
+    "What a sweep without --full recommends, beside the best of all measured settings within the same budget. The ratio is that of their \
+     times where the error is limited, and that of their errors where the time is.",
+];
+
+/// The advice of the first report beside the best of all settings.
+pub fn judged_cells(all: &[Judged]) -> Cells {
+    let head = ["budget", "pick", "best", "ratio"];
+    let row = |j: &Judged| vec![j.budget.clone(), j.pick.clone(), j.best.clone(), digits(j.ratio)];
+    (head.map(String::from).into(), all.iter().map(row).collect())
+}
+
 /// The advice and the presets, for documents.
 pub fn short(sweep: &Sweep) -> String {
     let mut text: String = sweep.header.iter().map(|line| format!("- {line}\n")).collect();
@@ -189,6 +163,12 @@ pub fn write(sweep: &Sweep, folder: &Path) -> Result<(), String> {
     let _ = write!(text, "\n## What to pick\n\n{}\n", advice_text(sweep));
     for advice in advice(sweep) {
         let _ = write!(text, "{}:\n\n```rust\n{}```\n\n", advice.budget, advice.code);
+    }
+    let judged = judged(sweep);
+    if !judged.is_empty() {
+        let [title, meaning] = JUDGED;
+        let _ = write!(text, "## {title}\n\n{meaning}\n\n{}\n", markdown_table(&judged_cells(&judged)));
+        judged_csv(sweep, &judged, &folder.join("advice.csv"))?;
     }
     let _ = write!(text, "## All settings\n\n{LEGEND}\n\n{}\n", markdown_table(&figures(sweep, false)));
     let _ = write!(text, "## The first frames after a cut\n\n{}\n", markdown_table(&first_frames(sweep)));
@@ -207,6 +187,12 @@ fn csv(sweep: &Sweep, path: &Path, head: &[&str], rows: impl Iterator<Item = Vec
     let comments = sweep.header.iter().map(|line| format!("# {line}\n"));
     let lines = comments.chain([csv_line(head)]).chain(rows.map(|row| csv_line(&row)));
     write_text(path, &lines.collect::<String>())
+}
+
+/// One line for each budget.
+fn judged_csv(sweep: &Sweep, all: &[Judged], path: &Path) -> Result<(), String> {
+    let rows = all.iter().map(|j| vec![j.budget.clone(), j.pick.clone(), j.best.clone(), j.ratio.to_string()]);
+    csv(sweep, path, &["budget", "pick", "best", "ratio"], rows)
 }
 
 fn start(m: &Entry) -> Vec<String> {

@@ -15,6 +15,23 @@ pub fn check(path: &Path) -> Result<(), String> {
     std::fs::write(&part, "").and_then(|()| std::fs::remove_file(&part)).map_err(|e| format!("{}: {e}", path.display()))
 }
 
+/// Fails if files with these names cannot be written in `folder`, which may be missing.  Creates nothing that stays.
+pub fn check_in(folder: &Path, names: &[&str]) -> Result<(), String> {
+    let missing: Vec<&Path> =
+        folder.ancestors().take_while(|path| !path.as_os_str().is_empty() && !path.exists()).collect();
+    let result = create_folder(folder).and_then(|()| names.iter().try_for_each(|name| check(&folder.join(name))));
+    for folder in missing {
+        // Only empty folders are removed.
+        let _ = std::fs::remove_dir(folder);
+    }
+    result
+}
+
+/// Creates a folder and those around it.
+pub fn create_folder(folder: &Path) -> Result<(), String> {
+    std::fs::create_dir_all(folder).map_err(|e| format!("{}: {e}", folder.display()))
+}
+
 /// The temporary file beside `path`.
 fn part_of(path: &Path) -> PathBuf {
     let mut name = path.file_name().unwrap_or_default().to_os_string();

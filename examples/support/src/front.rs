@@ -54,6 +54,50 @@ pub fn best_within(points: &[Point], budget: f64) -> Option<usize> {
     front(points).into_iter().rev().find(|&i| points[i].time <= budget)
 }
 
+/// A limit that a frame must keep.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Budget {
+    Error(f64),
+    /// Milliseconds.
+    Time(f64),
+}
+
+impl Budget {
+    /// Three errors, the greatest first, and three times, the least first, between both ends of the front of some points.
+    pub fn between(points: &[Point]) -> Vec<Self> {
+        let front = front(points);
+        let (Some(&fastest), Some(&best)) = (front.first(), front.last()) else { return Vec::new() };
+        let errors = budgets(points[best].error, points[fastest].error).into_iter().rev().map(Self::Error);
+        errors.chain(budgets(points[fastest].time, points[best].time).map(Self::Time)).collect()
+    }
+
+    /// The point to recommend.
+    pub fn pick(self, points: &[Point]) -> Option<usize> {
+        match self {
+            Self::Error(error) => fastest_within(points, error),
+            Self::Time(time) => best_within(points, time),
+        }
+    }
+
+    /// The best point by the measured figures, however small its lead.
+    pub fn best(self, points: &[Point]) -> Option<usize> {
+        let is_within = |point: &Point| match self {
+            Self::Error(error) => point.error <= error,
+            Self::Time(time) => point.time <= time,
+        };
+        let within = (0..points.len()).filter(|&i| points[i].is_finite() && is_within(&points[i]));
+        within.min_by(|&a, &b| self.cost(points[a]).total_cmp(&self.cost(points[b])))
+    }
+
+    /// The figure that should be small within this limit: the time where the error is limited, and the error where the time is.
+    pub fn cost(self, point: Point) -> f64 {
+        match self {
+            Self::Error(_) => point.time,
+            Self::Time(_) => point.error,
+        }
+    }
+}
+
 /// Three values that divide the range from `least` to `greatest` evenly on a logarithmic scale, rounded up to two digits.
 pub fn budgets(least: f64, greatest: f64) -> [f64; 3] {
     let least = least.max(f64::MIN_POSITIVE);
