@@ -7,7 +7,7 @@ use std::path::PathBuf;
 
 use crate::{
     bench::{Bench, Cost, Counts, Errors, Scene, pixels, scenes},
-    error::Reference,
+    error::{Error, Reference},
     output::{Output, header},
     series::{self, Entry, Shown},
     table::{Row, Table, Unit},
@@ -36,7 +36,7 @@ pub struct Args {
 
 pub fn run(args: &Args) -> Result<(), String> {
     args.output.check("ablate")?;
-    let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: Vec::new() };
+    let mut table = Table { header: Vec::new(), columns: Vec::new(), notes: vec![series::BITTERLI_NOTE.into()] };
     for scene in scenes(&args.scenes)? {
         let measured = Measured::new(args, &scene).map_err(|error| format!("{}: {error}", scene.1))?;
         if table.header.is_empty() {
@@ -59,7 +59,7 @@ struct Measured {
     triangles: u64,
     reference: Reference,
     /// Settings, their costs and their errors.
-    results: Vec<(Restir, Cost, Option<f64>)>,
+    results: Vec<(Restir, Cost, Option<Error>)>,
     /// The default frame with and without rays, at a quarter of the pixels and at four times as many.
     resolutions: Vec<[Cost; 2]>,
     reservoir_bytes: u64,
@@ -147,7 +147,7 @@ impl Measured {
             if settings == default {
                 reservoir_bytes = bench.report().reservoir_bytes_per_pixel;
             }
-            results.push((settings, cost, error.map(|error| error.mean)));
+            results.push((settings, cost, error));
         }
         let report = bench.report();
         let mut measured = Self {
@@ -181,8 +181,13 @@ impl Measured {
         self.results.iter().find(|r| r.0 == *settings).map_or(NONE, |r| &r.1)
     }
 
+    fn errors(&self, settings: &Restir) -> Error {
+        self.results.iter().find(|r| r.0 == *settings).and_then(|r| r.2).unwrap_or(Error::UNKNOWN)
+    }
+
+    /// The squared error.
     fn error(&self, settings: &Restir) -> f64 {
-        self.results.iter().find(|r| r.0 == *settings).and_then(|r| r.2).unwrap_or(f64::NAN)
+        self.errors(settings).mean
     }
 
     /// Number of reference samples that take as long as a frame.
@@ -216,11 +221,16 @@ impl Measured {
             ms("reuse and shade, without rays", bare.reuse_and_shade()),
             ms("total lighting", cost.lighting()),
             Row::new(FRAME, "rays", &[("", Unit::RaysAPixel, cost.rays)]),
-            Row::new(FRAME, "error", &[("", Unit::Mse, self.error(&default))]),
+            Row::new(FRAME, "error", &self.error_figures(&default)),
             Row::new(FRAME, "reservoirs", &[("", Unit::BytesAPixel, self.reservoir_bytes as f64)]),
             Row::new(FRAME, "all that grows with the picture", &[("", Unit::BytesAPixel, self.pixel_bytes)]),
             Row::new(FRAME, "all that does not", &[("", Unit::MiB, self.fixed_bytes / f64::from(1 << 20))]),
         ]
+    }
+
+    fn error_figures(&self, settings: &Restir) -> [(&'static str, Unit, f64); 2] {
+        let Error { mean, flip, .. } = self.errors(settings);
+        [("", Unit::Mse, mean), ("", Unit::Flip, flip)]
     }
 
     fn row(&self, entry: &Entry) -> Row {
@@ -231,13 +241,13 @@ impl Measured {
         let figures: Vec<_> = entry
             .shown
             .iter()
-            .map(|shown| match shown {
-                Shown::Presample => ("presample", Unit::Ms, cost.presample()),
-                Shown::Candidates => ("candidates", Unit::Ms, cost.candidates()),
-                Shown::Reuse => ("reuse", Unit::Ms, cost.reuse()),
-                Shown::Lighting => (total, Unit::Ms, cost.lighting()),
-                Shown::Rays => ("", Unit::RaysAPixel, cost.rays),
-                Shown::Error => ("", Unit::Mse, self.error(&entry.settings)),
+            .flat_map(|shown| match shown {
+                Shown::Presample => vec![("presample", Unit::Ms, cost.presample())],
+                Shown::Candidates => vec![("candidates", Unit::Ms, cost.candidates())],
+                Shown::Reuse => vec![("reuse", Unit::Ms, cost.reuse())],
+                Shown::Lighting => vec![(total, Unit::Ms, cost.lighting())],
+                Shown::Rays => vec![("", Unit::RaysAPixel, cost.rays)],
+                Shown::Error => self.error_figures(&entry.settings).into(),
             })
             .collect();
         Row::new(entry.section, entry.label.clone(), &figures)
@@ -274,6 +284,19 @@ impl Measured {
                     &[("scaled from one frame", Unit::Ratio, self.error(&candidates) / frames / ours)],
                 ),
             ]);
+            rows.extend(series::bitterli().iter().map(|(kind, other)| {
+                let time = self.cost(other).lighting() / self.cost(&settings).lighting();
+                let error = self.error(other) / ours;
+                Row::new(
+                    SECTION,
+                    format!("{name}: Bitterli et al. 2020, {kind}"),
+                    &[
+                        ("time of a frame", Unit::Ratio, time),
+                        ("its error", Unit::Ratio, error),
+                        ("in equal time", Unit::Ratio, time * error),
+                    ],
+                )
+            }));
         }
         rows
     }

@@ -80,6 +80,41 @@ fn paper_within(radius: f32) -> Restir {
     })
 }
 
+/// The two pipelines of Bitterli et al. 2020: "biased" combines samples by their confidence alone and tests the visibility of the one
+/// that it shades; "unbiased" tests which neighbors could have found a sample.
+pub fn bitterli() -> [(&'static str, Restir); 2] {
+    let pipeline = |neighbors, iterations, visibility, correction| {
+        with(|d| {
+            d.subset_count = 0;
+            d.bsdf_candidate = false;
+            d.visibility = visibility;
+            d.bias_correction = correction;
+            d.reuse = Reuse {
+                disocclusion_samples: 0,
+                paired: false,
+                spatial_iterations: iterations,
+                temporal_attempts: 1,
+                dual_motion: false,
+                mis: Mis::OneOverZ,
+                shade_all: false,
+                depth_threshold: 0.1,
+                ..published(Reuse::DIRECT, neighbors, 30.0)
+            };
+        })
+    };
+    [
+        ("biased", pipeline(5, 2, VisibilityReuse::Decoupled, BiasCorrection::Heuristics)),
+        ("unbiased", pipeline(3, 1, VisibilityReuse::Resampled, BiasCorrection::HeuristicsAndUnbiasedMis)),
+    ]
+}
+
+/// How the rows of [`bitterli`] differ from the paper.
+pub const BITTERLI_NOTE: &str = "Bitterli et al. 2020: 32 light candidates from all lights, a temporal neighbor, two rounds of five (biased) or \
+    one of three spatial neighbors (unbiased) within 30 pixels, confidence up to 20 frames, visibility in the target only for the selected \
+    candidate (biased). Differences: a reservoir holds one sample, not four, so that a frame shades one and traces fewer rays; neighbors lie \
+    anywhere in the circle, not on a sequence of low discrepancy; the depth test of 10 % is of the distance from the tangent plane; the \
+    unbiased form weights each sample before it selects one, and so traces a ray for each pair of a sample and a neighbor.";
+
 /// Direct light of the cheapest preset.
 pub fn performance() -> Restir {
     Restir { direct: Restir::preset(Preset::Performance).direct, ..plain(Technique::Di, 1) }
@@ -87,11 +122,17 @@ pub fn performance() -> Restir {
 
 /// Candidates without any reuse.
 pub fn candidates_only() -> Restir {
-    with(|d| {
-        d.reuse.temporal = false;
-        d.reuse.spatial_samples = 0;
-        d.reuse.disocclusion_samples = 0;
-    })
+    reusing(default(), false, false)
+}
+
+/// The settings with these kinds of reuse of direct light only.
+fn reusing(mut settings: Restir, temporal: bool, spatial: bool) -> Restir {
+    let reuse = &mut settings.direct.reuse;
+    reuse.temporal &= temporal;
+    if !spatial {
+        (reuse.spatial_samples, reuse.disocclusion_samples) = (0, 0);
+    }
+    settings
 }
 
 /// The settings without any ray, to measure the remaining cost.
@@ -120,13 +161,10 @@ pub fn entries() -> Vec<Entry> {
         &[Rays, Lighting, Error],
         radii.map(|(radius, label)| (label.into(), paper_within(radius))).into(),
     );
-    add(
-        "Decoupled shading (7.1)",
-        &[Lighting, Error],
-        [("all samples are shaded", true), ("only the one that is kept", false)]
-            .map(|(label, on)| (label.into(), with(|d| d.reuse.shade_all = on)))
-            .into(),
-    );
+    add("Bitterli et al. 2020", &[Rays, Lighting, Error], named(bitterli().into()));
+    add("Decoupled shading (7.1)", &[Rays, Lighting, Error], decoupled_shading());
+    add("Kinds of reuse (6.3)", &[Rays, Lighting, Error], kinds_of_reuse());
+    add("Rays by purpose", &[Rays, Lighting, Error], rays_by_purpose());
 
     let counts = |label: &str, values: &[u32], set: fn(&mut Direct, u32)| -> Vec<(String, Restir)> {
         values.iter().map(|&n| (format!("{label}{n}"), with(|d| set(d, n)))).collect()
@@ -164,7 +202,7 @@ pub fn entries() -> Vec<Entry> {
         vec![
             ("temporal, then 3 spatial neighbors in pairs (the default)".into(), default()),
             ("spatiotemporal, 2 neighbors".into(), with(|d| d.reuse = SPATIOTEMPORAL)),
-            ("temporal, then 2 rounds of 5 spatial taps (Bitterli et al. 2020)".into(), classic),
+            ("temporal, then 2 iterations of 5 neighbors (as Bitterli et al. 2020)".into(), classic),
         ],
     );
     // Partners are not searched for.
@@ -174,6 +212,8 @@ pub fn entries() -> Vec<Entry> {
     });
     add("Spatial samples (6.3)", &[Lighting, Error], counts("", &[1, 2, 3, 5], |d, n| d.reuse.spatial_samples = n));
     add("Neighbor attempts", &[Lighting, Error], attempts);
+    let caps = [1.0, 5.0, 10.0, 20.0, 30.0, 60.0].map(|cap| (cap.to_string(), with(|d| d.reuse.confidence_cap = cap)));
+    add("Confidence cap", &[Lighting, Error], caps.into());
     add(
         "Bias correction (4.6)",
         &[Rays, Lighting, Error],
@@ -229,6 +269,56 @@ pub fn entries() -> Vec<Entry> {
         .into(),
     );
     all
+}
+
+fn named(rows: Vec<(&str, Restir)>) -> Vec<(String, Restir)> {
+    rows.into_iter().map(|(label, settings)| (label.into(), settings)).collect()
+}
+
+/// The default, whose visibility is resampled, and the pipeline of Wyman and Panteleev 2021, which they decouple.
+fn decoupled_shading() -> Vec<(String, Restir)> {
+    let pipelines = [("resampled visibility", default()), ("decoupled visibility (the paper's pipeline)", paper())];
+    let shading = [("all samples are shaded", true), ("only the one that is kept", false)];
+    let rows = pipelines.into_iter().flat_map(|(pipeline, settings)| {
+        shading.map(|(label, shade_all)| {
+            let mut settings = settings.clone();
+            settings.direct.reuse.shade_all = shade_all;
+            (format!("{pipeline}, {label}"), settings)
+        })
+    });
+    rows.collect()
+}
+
+fn kinds_of_reuse() -> Vec<(String, Restir)> {
+    named(vec![
+        ("none", candidates_only()),
+        ("temporal only", reusing(default(), true, false)),
+        ("spatial only", reusing(default(), false, true)),
+        ("both (the default)", default()),
+        ("the paper's pipeline, temporal only", reusing(paper(), true, false)),
+        ("the paper's pipeline, spatial only, from the last frame", reusing(paper(), false, true)),
+        ("the paper's pipeline", paper()),
+    ])
+}
+
+/// Rays are traced for the BSDF candidate, the selected candidate, the samples of neighbors in the target, MIS weights, and shading.  Those
+/// of the target need those of candidates, and those of MIS weights need both.
+fn rays_by_purpose() -> Vec<(String, Restir)> {
+    use {BiasCorrection as B, VisibilityReuse as V};
+    let row = |label, bsdf_candidate, visibility, bias_correction| {
+        let settings = with(|d| {
+            (d.bsdf_candidate, d.visibility, d.bias_correction) = (bsdf_candidate, visibility, bias_correction);
+        });
+        (label, settings)
+    };
+    named(vec![
+        row("none", false, V::Ignored, B::HeuristicsAndMis),
+        row("BSDF candidates only", true, V::Ignored, B::HeuristicsAndMis),
+        row("selected candidates only", false, V::Candidates, B::HeuristicsAndMis),
+        row("shaded samples only", false, V::Shading, B::HeuristicsAndMis),
+        row("selected candidates and targets", false, V::Resampled, B::HeuristicsAndMis),
+        row("selected candidates, targets and MIS weights", false, V::Resampled, B::HeuristicsAndUnbiasedMis),
+    ])
 }
 
 /// One row per variant of an enum.

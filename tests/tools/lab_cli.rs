@@ -9,6 +9,10 @@ use bevy_restir_support::{headless, scene::View};
 use serde_json::Value;
 use std::fs;
 
+#[path = "../../examples/lab/series.rs"]
+#[allow(dead_code, reason = "the program uses more of it")]
+mod series;
+
 /// A picture without equal pixels, and far from black.
 fn plain(x: usize, y: usize) -> [f32; 3] {
     let at = (x + 31 * y) as f32;
@@ -342,6 +346,27 @@ fn arguments_that_do_not_fit_each_other_give_exit_code_2() {
     for arguments in wrong {
         folder.lab(&[arguments, &["--out", "tables"][..]].concat()).failed(2, &format!("{arguments:?}"));
         assert!(folder.files().is_empty(), "{arguments:?}");
+    }
+}
+
+/// `lab ablate`: a row whose settings are clamped, or those of another row, would have a wrong label.
+#[test]
+fn rows_that_compare_parts_of_direct_light_have_settings_of_their_own() {
+    let all = series::entries();
+    for (section, rows) in [
+        ("Bitterli et al. 2020", 2),
+        ("Decoupled shading (7.1)", 4),
+        ("Kinds of reuse (6.3)", 7),
+        ("Rays by purpose", 6),
+        ("Confidence cap", 6),
+    ] {
+        let of: Vec<&series::Entry> = all.iter().filter(|entry| entry.section == section).collect();
+        assert_eq!(of.len(), rows, "{section}");
+        for (i, entry) in of.iter().enumerate() {
+            assert!(entry.settings.clone().validate().is_empty(), "{section}: {}", entry.label);
+            let same = of[..i].iter().find(|other| other.settings == entry.settings);
+            assert!(same.is_none(), "{section}: {} is {}", entry.label, same.map_or("", |other| &other.label));
+        }
     }
 }
 
