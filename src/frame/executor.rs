@@ -55,18 +55,10 @@ pub(super) fn run_passes(
     }
     state.ran.store(true, Ordering::Relaxed);
     state.counters.begin_frame(run.current(), &mut context);
-    let encoder = context.command_encoder();
     if let Some(light_paths) = state.history.as_ref().and_then(|history| history.light_paths.as_ref()) {
-        encoder.clear_buffer(&light_paths.map, 0, Some(light_paths.heads));
+        context.command_encoder().clear_buffer(&light_paths.map, 0, Some(light_paths.heads));
     }
-    if let Some(history) = &state.history {
-        // Temporal reuse still needs the last visibility buffer, which the visibility pass overwrites.
-        encoder.copy_texture_to_texture(
-            state.visibility_texture.as_image_copy(),
-            history.previous_visibility.as_image_copy(),
-            state.visibility_texture.size(),
-        );
-    }
+    let view_group = state.bind_group(&device, &pipelines);
     let iterations = |domain: &Domain| {
         let reservoirs = state.history.as_ref().and_then(|h| h.of(domain));
         reservoirs.map_or(vec![IterationKind::Search], |reservoirs| reservoirs.schedule().iteration_kinds())
@@ -76,7 +68,7 @@ pub(super) fn run_passes(
             Pass::Visibility => visibility::draw(state, key, &scene, scene_group, &passes, &pipelines, &mut context),
             Pass::Compute(pass) => {
                 let resources = resource::bind_group(pass, &step, state, &device, &pipelines);
-                let compute = Compute { pass, step: &step, state, scene: &scene, scene_group };
+                let compute = Compute { pass, step: &step, state, scene: &scene, groups: [scene_group, &view_group] };
                 if let (Some(pipeline), Some(group)) = (passes.compute(pass, key, &pipelines), resources) {
                     compute.record(pipeline, &group, &mut context);
                 }
@@ -94,7 +86,8 @@ struct Compute<'a> {
     step: &'a Step,
     state: &'a RestirView,
     scene: &'a SceneBindings,
-    scene_group: &'a BindGroup,
+    /// Those of the scene and of the view.
+    groups: [&'a BindGroup; 2],
 }
 
 impl Compute<'_> {
@@ -111,8 +104,9 @@ impl Compute<'_> {
             .begin_compute_pass(&ComputePassDescriptor { label: Some(name), ..Default::default() });
         let span = diagnostics.as_deref().map(|d| d.pass_span(&mut encoder, format!("{SPAN_PREFIX}{name}")));
         encoder.set_pipeline(pipeline);
-        encoder.set_bind_group(0, self.scene_group, &[]);
-        encoder.set_bind_group(1, &self.state.bind_group, &[]);
+        for (group, index) in self.groups.into_iter().zip(0..) {
+            encoder.set_bind_group(index, group, &[]);
+        }
         encoder.set_bind_group(2, resources, &[]);
         let optional_groups = self.scene.structures.iter().chain(&self.scene.bound_textures);
         for (group, index) in optional_groups.zip(3..) {

@@ -126,7 +126,7 @@ fn binding_of<'a>(resource: R, step: &Step, state: &'a RestirView) -> Option<Bou
         R::ImagePlacesRead => view(denoiser()?.image_places().unwrap_or(&history?.black)),
         R::Means => view(denoiser()?.means()[0]),
         R::LastMeans => view(denoiser()?.means()[1]),
-        R::PreviousVisibility => view(&history?.previous_visibility_view),
+        R::PreviousVisibility => view(&history?.previous_visibility),
         R::CandidateLight => view(own()?.light_before(0)),
         R::LightBefore => view(own()?.light_before(step.iteration)),
         R::LightAfter => view(own()?.light_after(step.iteration)),

@@ -10,13 +10,12 @@ use bevy::{
 };
 
 use super::{
-    VISIBILITY_FORMAT,
     bind_groups::Bound,
     buffer,
     denoiser::{DenoiserTextures, ImageTextures},
     light_paths::{LightPathCounts, LightPaths},
     pairs::{PairKind, Pairs},
-    pixels, texture,
+    pixels, texture, visibility_buffer,
 };
 use crate::{
     gpu_layout::*,
@@ -40,8 +39,8 @@ pub(crate) struct History {
     /// Points of lights that the presampling pass samples, in subsets.
     pub(crate) subsets: Buffer,
     subset_entries: u64,
-    pub(crate) previous_visibility: Texture,
-    pub(crate) previous_visibility_view: TextureView,
+    /// The visibility buffer of the last frame.  It changes roles with that of the view from frame to frame.
+    pub(crate) previous_visibility: TextureView,
     /// Bound in place of the light of a domain that the frame does not have.
     pub(crate) black: TextureView,
     reservoirs: Vec<Reservoirs>,
@@ -71,21 +70,12 @@ impl History {
         device: &RenderDevice,
     ) -> Self {
         let entries = subset_entries(&settings.direct);
-        let previous_visibility = texture(
-            device,
-            "last visibility",
-            size,
-            1,
-            VISIBILITY_FORMAT,
-            TextureUsages::COPY_DST | TextureUsages::TEXTURE_BINDING,
-        );
         let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
         let has_splats = domains.iter().any(|domain| domain.part == LightPart::Splats);
         Self {
             subsets: buffer(device, "light subsets", entries * PRESAMPLED_LIGHT_SIZE, storage),
             subset_entries: entries,
-            previous_visibility_view: previous_visibility.create_view(&TextureViewDescriptor::default()),
-            previous_visibility,
+            previous_visibility: visibility_buffer(device, "last visibility", size),
             black: light(device, "no light", UVec2::ONE),
             reservoirs: domains.iter().map(|&domain| Reservoirs::new(size, domain, settings, device)).collect(),
             light_paths: traces_light(domains).then(|| LightPaths::new(size, counts, has_splats, device)),

@@ -169,6 +169,12 @@ pub(crate) const VISIBILITY_FORMAT: TextureFormat = TextureFormat::Rg32Uint;
 /// Format of its depth: reverse z.
 pub(crate) const DEPTH_FORMAT: TextureFormat = TextureFormat::Depth32Float;
 
+/// A visibility buffer.
+fn visibility_buffer(device: &RenderDevice, label: &'static str, size: UVec2) -> TextureView {
+    let usage = TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING;
+    texture(device, label, size, 1, VISIBILITY_FORMAT, usage).create_view(&TextureViewDescriptor::default())
+}
+
 fn buffer(device: &RenderDevice, label: &'static str, size: u64, usage: BufferUsages) -> Buffer {
     device.create_buffer(&BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
 }

@@ -180,7 +180,7 @@ fn view_of(
     let mut beginning = Reset::Start;
     match pool.views.remove(&camera) {
         Some(mut view) if [view.size, view.target_size] == [size, target_size] => {
-            view.bind_environment(environment, device, pipelines);
+            view.set_environment(environment);
             return Ok(view);
         }
         // Drops the view of the old size first, because the memory may not hold both.

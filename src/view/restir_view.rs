@@ -11,8 +11,8 @@ use bevy::{
 use core::sync::atomic::AtomicBool;
 
 use super::{
-    DEPTH_FORMAT, VISIBILITY_FORMAT,
-    bind_groups::BindGroups,
+    DEPTH_FORMAT,
+    bind_groups::{BindGroups, Bound},
     buffer,
     counters::CounterReadback,
     extract::{ExtractedEnvironment, ExtractedRestir},
@@ -24,7 +24,7 @@ use super::{
     shown_surfaces::Surfaces,
     texture,
     uniforms::EnvironmentPlacement,
-    view_layout,
+    view_layout, visibility_buffer,
     visible_draws::VisibleDraws,
 };
 use crate::{
@@ -51,8 +51,8 @@ pub(crate) struct RestirView {
     /// Bit of the camera's render layers ([`LayerSets`](crate::scene::geometry::render_layers::LayerSets)).
     pub layers: u32,
     pub uniforms: Buffer,
+    /// The visibility buffer of this frame.
     pub visibility: TextureView,
-    pub visibility_texture: Texture,
     /// Counts that passes add up for each pixel.
     counts: TextureView,
     pub history: Option<History>,
@@ -61,8 +61,8 @@ pub(crate) struct RestirView {
     pub shown: Option<Surfaces>,
     pub radiance: Buffer,
     pub counters: CounterReadback,
-    /// Group 1 of compute passes.
-    pub bind_group: BindGroup,
+    /// Groups 1 of compute passes.
+    view_groups: BindGroups,
     /// Group 1 of raster passes: the uniforms alone.
     pub raster_bind_group: BindGroup,
     /// Group 2 of all passes.
@@ -98,8 +98,8 @@ pub(crate) struct RestirView {
     pub(super) still: bool,
     /// The jitter is that of the last frame.
     pub(super) has_last_jitter: bool,
-    /// Views of the environment in `bind_group`.
-    bound_environment: [TextureViewId; 2],
+    /// The image of this frame's environment, and its importance.
+    environment_views: [TextureView; 2],
     /// Pipelines of this frame.
     pub key: Option<PipelineKey>,
     /// `key` is the one that scene and settings request; otherwise that one is still being compiled.
@@ -149,17 +149,16 @@ impl RestirView {
         pipelines: &PipelineCache,
     ) -> Self {
         let buffer = |label, size, usage| buffer(device, label, size, usage);
-        let texture = |label, layers, format, usage| texture(device, label, size, layers, format, usage);
-        let view = |texture: &Texture| texture.create_view(&TextureViewDescriptor::default());
+        let texture = |label, layers, format, usage| {
+            texture(device, label, size, layers, format, usage).create_view(&TextureViewDescriptor::default())
+        };
         let target = TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING;
+        let counts = texture("counts of pixels", 2, TextureFormat::R32Uint, TextureUsages::STORAGE_BINDING);
         let uniforms = buffer(
             "view uniforms",
             size_of::<GpuViewUniforms>() as u64,
             BufferUsages::UNIFORM | BufferUsages::COPY_DST,
         );
-        let visibility_texture = texture("visibility", 1, VISIBILITY_FORMAT, target | TextureUsages::COPY_SRC);
-        let visibility = view(&visibility_texture);
-        let counts = view(&texture("counts of pixels", 2, TextureFormat::R32Uint, TextureUsages::STORAGE_BINDING));
         let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
         Self {
             size,
@@ -167,11 +166,11 @@ impl RestirView {
             target_size,
             inverts_culling: false,
             layers: ALL_CAMERAS,
-            depth: view(&texture("depth", 1, DEPTH_FORMAT, target)),
+            depth: texture("depth", 1, DEPTH_FORMAT, target),
             shown: Surfaces::shown(size, target_size, device),
             radiance: buffer("radiance", pixels(size) * 16, storage),
             counters: CounterReadback::new(device),
-            bind_group: bind_group(&uniforms, [&visibility, &counts], environment, device, pipelines),
+            view_groups: BindGroups::default(),
             raster_bind_group: device.create_bind_group(
                 "restir raster view",
                 &pipelines.get_bind_group_layout(&raster_view_layout()),
@@ -180,8 +179,7 @@ impl RestirView {
             bind_groups: BindGroups::default(),
             visible: VisibleDraws::default(),
             uniforms,
-            visibility,
-            visibility_texture,
+            visibility: visibility_buffer(device, "visibility", size),
             counts,
             history: None,
             resets: ResetCounts::default(),
@@ -200,7 +198,7 @@ impl RestirView {
             same_environment: false,
             still: false,
             has_last_jitter: false,
-            bound_environment: environment.map(|view| view.id()),
+            environment_views: environment.map(TextureView::clone),
             key: None,
             key_is_requested: false,
             composite: None,
@@ -213,19 +211,28 @@ impl RestirView {
         }
     }
 
-    /// Binds the environment image of this frame.
-    pub(super) fn bind_environment(
-        &mut self,
-        environment: [&TextureView; 2],
-        device: &RenderDevice,
-        pipelines: &PipelineCache,
-    ) {
-        let ids = environment.map(|view| view.id());
-        if self.bound_environment != ids {
-            self.bind_group =
-                bind_group(&self.uniforms, [&self.visibility, &self.counts], environment, device, pipelines);
-            self.bound_environment = ids;
+    /// Takes the environment image of this frame.
+    pub(super) fn set_environment(&mut self, environment: [&TextureView; 2]) {
+        if self.environment_views.each_ref().map(|view| view.id()) != environment.map(|view| view.id()) {
+            // Bind groups would keep the old image alive.
+            self.view_groups.clear();
+            self.environment_views = environment.map(TextureView::clone);
         }
+    }
+
+    /// Group 1 of compute passes.  There are two in turn, because the visibility buffers of this frame and the last one change roles.
+    pub(crate) fn bind_group(&self, device: &RenderDevice, pipelines: &PipelineCache) -> BindGroup {
+        let [map, importance] = &self.environment_views;
+        let views = [&self.visibility, map, importance, &self.counts].map(Bound::View);
+        let bound = [Bound::Buffer(&self.uniforms), views[0], views[1], views[2], views[3]];
+        self.view_groups.get("view", &bound, || {
+            let [uniforms, visibility, map, importance, counts] = bound.map(Bound::resource);
+            device.create_bind_group(
+                "restir view",
+                &pipelines.get_bind_group_layout(&view_layout()),
+                &BindGroupEntries::sequential((uniforms, visibility, map, importance, counts)),
+            )
+        })
     }
 
     /// The state that the camera's next view takes over.
@@ -305,6 +312,8 @@ impl RestirView {
         };
         let inputs = FrameInputs { last, counts };
         if let Some(history) = &mut self.history {
+            // The visibility pass draws over the older of the two.
+            core::mem::swap(&mut self.visibility, &mut history.previous_visibility);
             history.begin(&self.settings, inputs, queue);
         }
         Ok(())
@@ -318,6 +327,7 @@ impl RestirView {
     fn drop_history(&mut self) {
         if self.history.take().is_some() {
             self.bind_groups.clear();
+            self.view_groups.clear();
         }
     }
 
@@ -356,20 +366,4 @@ impl RestirView {
     pub(crate) fn reservoir_bytes_per_pixel(&self) -> u64 {
         self.history.as_ref().map_or(0, History::reservoir_bytes_per_pixel)
     }
-}
-
-/// Group 1 of compute passes.  `own`: visibility and counts of pixels.
-fn bind_group(
-    uniforms: &Buffer,
-    own: [&TextureView; 2],
-    environment: [&TextureView; 2],
-    device: &RenderDevice,
-    pipelines: &PipelineCache,
-) -> BindGroup {
-    let ([visibility, counts], [map, importance]) = (own, environment);
-    device.create_bind_group(
-        "restir view",
-        &pipelines.get_bind_group_layout(&view_layout()),
-        &BindGroupEntries::sequential((uniforms.as_entire_binding(), visibility, map, importance, counts)),
-    )
 }

@@ -6,7 +6,7 @@ use bevy::{
     render::{render_resource::*, renderer::RenderDevice},
 };
 
-use super::{DEPTH_FORMAT, VISIBILITY_FORMAT, pixels, texture};
+use super::{DEPTH_FORMAT, pixels, texture, visibility_buffer};
 
 /// A visibility buffer with its depth.
 pub(crate) struct Surfaces {
@@ -18,12 +18,10 @@ impl Surfaces {
     /// Those of all shown pixels; `None` if each of them is traced.
     pub(super) fn shown(traced: UVec2, shown: UVec2, device: &RenderDevice) -> Option<Self> {
         let usage = TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING;
-        let view = |label, format| {
-            texture(device, label, shown, 1, format, usage).create_view(&TextureViewDescriptor::default())
-        };
         (traced != shown).then(|| Self {
-            visibility: view("shown visibility", VISIBILITY_FORMAT),
-            depth: view("shown depth", DEPTH_FORMAT),
+            visibility: visibility_buffer(device, "shown visibility", shown),
+            depth: texture(device, "shown depth", shown, 1, DEPTH_FORMAT, usage)
+                .create_view(&TextureViewDescriptor::default()),
         })
     }
 
