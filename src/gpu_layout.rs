@@ -1,6 +1,6 @@
 //! Rust mirrors of the structs, constants and packed sizes that shaders share with Rust: `types.wgsl` of `shaders/scene`, `deformation`,
-//! `view`, `restir` and `denoiser`, `common/constants.wgsl`, `common/guard.wgsl`, `restir/mis.wgsl` and `pass/statistics.wgsl`.  A test
-//! compares every offset and size with naga's.
+//! `view`, `restir` and `denoiser`, `common/constants.wgsl`, `common/guard.wgsl`, `restir/mis.wgsl` and
+//! `view/counter_bindings.wgsl`.  A test compares every offset and size with naga's.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -285,7 +285,7 @@ pub struct GpuViewUniforms {
     pub pad: [u32; 3],
 }
 
-/// Counters of a view, equal to `Counters` in `shaders/pass/statistics.wgsl`.
+/// Counters of a view, equal to `Counters` in `shaders/view/counter_bindings.wgsl`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct GpuCounters {

@@ -137,6 +137,7 @@ impl RestirPlugin {
         render_app
             .insert_resource(library)
             .insert_resource(statistics.guard_run().clone())
+            .insert_resource(statistics.ray_counting().clone())
             .insert_resource(statistics)
             .insert_resource(Options { backend: self.backend, repeatable })
             .insert_resource(IsOn(true))

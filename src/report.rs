@@ -12,7 +12,10 @@ use crate::{
     gpu_layout::GpuCounters,
     scene::{SceneFeatures, bindings::SceneBindings},
     view::{
-        RestirView, ViewPool, counters::GuardRun, environment::EnvironmentPool, guards::GUARDS,
+        RestirView, ViewPool,
+        counters::{GuardRun, RayCounting},
+        environment::EnvironmentPool,
+        guards::GUARDS,
         image_state::ResetCounts,
     },
 };
@@ -28,7 +31,8 @@ pub struct RestirReport {
     pub backend: &'static str,
     /// Features of scene and cameras that shaders are specialized for, without `RAY_QUERY`: `backend` has that.
     pub features: SceneFeatures,
-    /// Number of rays that all cameras traced in one frame.  The counters arrive from the GPU a few frames late.
+    /// Number of rays that all cameras traced in one frame; 0 unless [`RestirStatistics::count_rays`] asks for it.  The counters arrive from
+    /// the GPU a few frames late.
     pub rays: u64,
     /// Number of pixels of that frame whose radiance was not finite; they are treated as black.  0 unless there is a bug.
     pub non_finite_pixels: u64,
@@ -99,6 +103,7 @@ pub struct RestirStatistics(Arc<Shared>);
 struct Shared {
     report: Mutex<RestirReport>,
     run: GuardRun,
+    ray_counting: RayCounting,
     /// In the last frame every camera was rendered by the pipelines that scene and settings ask for.
     shows_settings: AtomicBool,
     /// The first requirement that the present device does not meet; `None` if it meets all.
@@ -126,6 +131,15 @@ impl RestirStatistics {
         self.0.shows_settings.store(shows, Ordering::Relaxed);
     }
 
+    /// Counts the rays of all cameras from the next frames on ([`RestirReport::rays`]), or stops to count them.  Rays are not counted by
+    /// default.  Counting leaves pictures and histories as they are.  It takes one more pass, and each pass that traces rays adds to a number
+    /// in memory for each pixel.  Cameras need other pipelines for it: ask before the first frame if possible, because the count stays as it
+    /// was while those are compiled.  [`DebugView::Rays`](crate::DebugView::Rays) and [`DebugView::Guards`](crate::DebugView::Guards) count rays in
+    /// any case.
+    pub fn count_rays(&self, is_on: bool) {
+        self.0.ray_counting.set(is_on);
+    }
+
     /// Starts a new run: [`RestirReport::guards`] count from the next frame on.
     pub fn reset_guards(&self) {
         self.0.run.start_next();
@@ -149,6 +163,11 @@ impl RestirStatistics {
     /// The run that guards are counted for.
     pub(crate) fn guard_run(&self) -> &GuardRun {
         &self.0.run
+    }
+
+    /// Whether the app wants to know rays.
+    pub(crate) fn ray_counting(&self) -> &RayCounting {
+        &self.0.ray_counting
     }
 
     fn lock(&self) -> MutexGuard<'_, RestirReport> {

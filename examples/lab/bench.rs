@@ -170,7 +170,7 @@ impl Bench {
     ) -> Result<Self, String> {
         let (folder, file) = scene::split(scene)?;
         let environment = environment_of(folder, name)?;
-        let mut app = headless::app(folder, RayBackend::Auto)?;
+        let mut app = Self::app_in(folder)?;
         let environment = environment.map(|wanted| environment::load(app.world_mut(), &wanted)).transpose()?;
         // While the only camera sees nothing, the plugin mirrors nothing: shaders keep features that it has once seen.
         let blind = app.world_mut().spawn((settings.clone(), RenderLayers::none())).id();
@@ -183,7 +183,14 @@ impl Bench {
         Self::new(app, size, counts.clone())
     }
 
-    /// Takes an app with a camera and waits until it is ready.
+    /// An app for a measurement, without a scene.
+    pub fn app_in(folder: &Path) -> Result<App, String> {
+        let app = headless::app(folder, RayBackend::Auto)?;
+        app.world().resource::<RestirStatistics>().count_rays(true);
+        Ok(app)
+    }
+
+    /// Takes such an app with a camera and waits until it is ready.
     pub fn new(mut app: App, size: UVec2, counts: Counts) -> Result<Self, String> {
         until_ready(&mut app)?;
         let mut bench = Self { app, size, counts, times: Times::default(), motion: Vec::new(), mover: None };

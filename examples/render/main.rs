@@ -91,6 +91,7 @@ fn render_into(args: &Args, settings: Restir, written: &mut Written) -> Result<(
     let path = args.scene.canonicalize().map_err(|e| e.to_string())?;
     let (folder, name) = scene::split(&path)?;
     let mut app = headless::app(folder, args.backend)?;
+    app.world().resource::<RestirStatistics>().count_rays(args.stats.is_some());
     if args.animate {
         app.add_systems(Update, play_animation);
     }

@@ -1,5 +1,5 @@
 // Guards stop numbers that a correct shader never computes, such as NaN or negative light, so that they do not spread, and report that
-// they did: `view/ray_counter.wgsl` stores the raised guards of a pixel, and `pass/statistics.wgsl` counts them over the whole run.
+// they did: `view/ray_counter.wgsl` stores the raised guards of a pixel, and `view/guard_counter.wgsl` counts them over the whole run.
 //
 // A guard must not be raised by a legal case: a light that is seen edge-on, a path that carries no light, textures of the user with NaN
 // (which are cleaned where they are read).  Light beyond the range of f32 is legal, too, but it is missing in the picture: it is counted

@@ -6,10 +6,10 @@
 #import bevy_restir::denoiser::types::{DIFFUSE, SPECULAR}
 #import bevy_restir::light::direct_view::directly_seen
 #import bevy_restir::view::bindings::{view, visibility}
+#import bevy_restir::view::guard_counter::end_pixel
 #import bevy_restir::view::pixel::pixel_index
 #import bevy_restir::view::pixel_light::guarded_pixel
 #import bevy_restir::view::primary::primary_surface
-#import bevy_restir::view::ray_counter::count_guards
 
 @group(2) @binding(0) var signals: texture_2d_array<f32>;
 @group(2) @binding(1) var<storage, read_write> radiance: array<vec4<f32>>;
@@ -33,5 +33,5 @@ fn denoiser_output(@builtin(global_invocation_id) id: vec3<u32>) {
         light += albedo.specular * textureLoad(signals, pixel, SPECULAR, 0).rgb;
     }
     radiance[pixel_index(pixel)] = vec4<f32>(guarded_pixel(light), 1.0);
-    count_guards(pixel);
+    end_pixel(pixel);
 }

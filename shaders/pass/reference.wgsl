@@ -10,10 +10,11 @@
 #import bevy_restir::scene::triangle::world_triangle
 #import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::camera::{barycentrics_on_ray, primary_ray}
+#import bevy_restir::view::guard_counter::end_pixel
 #import bevy_restir::view::light_part::shown_emission
 #import bevy_restir::view::pixel::pixel_index
 #import bevy_restir::view::pixel_light::guarded_pixel
-#import bevy_restir::view::ray_counter::count_rays
+#import bevy_restir::view::ray_counter::add_rays
 
 // Sum of radiance (rgb), and number of samples (a).
 @group(2) @binding(0) var<storage, read_write> radiance: array<vec4<f32>>;
@@ -43,7 +44,8 @@ fn reference(@builtin(global_invocation_id) id: vec3<u32>) {
         sum += radiance[index];
     }
     radiance[index] = sum;
-    count_rays(pixel);
+    add_rays(pixel);
+    end_pixel(pixel);
 }
 
 #ifdef SHOWS_RAYS

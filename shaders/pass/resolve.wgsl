@@ -6,7 +6,6 @@
 #import bevy_restir::view::bindings::{view, visibility}
 #import bevy_restir::view::pixel::pixel_index
 #import bevy_restir::view::pixel_light::guarded_pixel
-#import bevy_restir::view::ray_counter::count_guards
 #ifdef TO_DENOISER
 #import bevy_restir::common::constants::NONE
 #import bevy_restir::denoiser::albedo::{albedo_of, has_albedo, without_albedo}
@@ -14,8 +13,10 @@
 #import bevy_restir::denoiser::optical_image::{is_image, with_image}
 #import bevy_restir::denoiser::types::{DIFFUSE, SPECULAR}
 #import bevy_restir::view::primary::primary_surface
+#import bevy_restir::view::ray_counter::count_guards
 #else
 #import bevy_restir::light::direct_view::directly_seen
+#import bevy_restir::view::guard_counter::end_pixel
 #endif
 
 // The texture of a part that the technique does not compute has one black texel (`light_in`).
@@ -79,7 +80,7 @@ fn store(ids: vec2<u32>, pixel: vec2<u32>, scattered: vec4<f32>) {
         sum += radiance[index];
     }
     radiance[index] = sum;
-    count_guards(pixel);
+    end_pixel(pixel);
 }
 #endif
 

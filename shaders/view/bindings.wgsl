@@ -10,7 +10,8 @@
 // sampling.  Without a map they are 1x1.
 @group(1) @binding(2) var environment_map: texture_2d_array<f32>;
 @group(1) @binding(3) var environment_importance: texture_2d<f32>;
-// Of this frame and pixel: the number of traced rays, and the bits of `trace_flags` and `raised_guards`, one layer each.
+// Of this frame and pixel: the number of traced rays (0 without COUNT_RAYS), and the bits of `trace_flags` and `raised_guards`, one layer
+// each.
 @group(1) @binding(4) var counts: texture_storage_2d_array<r32uint, read_write>;
 const LAYER_RAYS: u32 = 0u;
 const LAYER_GUARDS: u32 = 1u;

@@ -1,4 +1,4 @@
-// Adds the rays and the raised guards of this invocation to the counts of its pixel.
+// Adds the rays of this invocation, if rays are counted, and its raised guards to the counts of its pixel.
 #define_import_path bevy_restir::view::ray_counter
 
 #import bevy_restir::common::guard::raised_guards
@@ -6,9 +6,18 @@
 #import bevy_restir::view::bindings::{counts, LAYER_GUARDS, LAYER_RAYS}
 
 fn count_rays(pixel: vec2<u32>) {
-    textureStore(counts, pixel, LAYER_RAYS, textureLoad(counts, pixel, LAYER_RAYS) + rays_traced);
+    add_rays(pixel);
     count_guards(pixel);
 }
+
+#ifdef COUNT_RAYS
+fn add_rays(pixel: vec2<u32>) {
+    textureStore(counts, pixel, LAYER_RAYS, textureLoad(counts, pixel, LAYER_RAYS) + rays_traced);
+}
+#else
+fn add_rays(pixel: vec2<u32>) {
+}
+#endif
 
 // For invocations that work on one pixel after another.
 fn reset_counts() {

@@ -34,6 +34,7 @@ use crate::{
     },
     view::{
         ViewPool,
+        counters::RayCounting,
         environment::EnvironmentPool,
         extract::{self, ExtractedViews},
         selection::{CompositeKey, SelectedPipelines, Selection, requested_key},
@@ -105,6 +106,7 @@ pub(super) fn select_pipelines(
     cameras: Query<(&ExtractedCamera, Option<&ViewTarget>, Option<&ViewPrepassTextures>, Option<&Msaa>)>,
     scene: Res<SceneBindings>,
     environments: Res<EnvironmentPool>,
+    ray_counting: Res<RayCounting>,
     pipelines: Res<PipelineCache>,
     times: Res<CpuTimes>,
 ) {
@@ -115,7 +117,7 @@ pub(super) fn select_pipelines(
             continue;
         };
         let last = views.last_key(entity);
-        let requested = requested_key(restir, &scene, &environments, last);
+        let requested = requested_key(restir, &scene, &environments, last, ray_counting.is_on());
         let key = passes.request_or_keep(requested, last, &pipelines);
         let has_target = target.is_some();
         // The plugin turns multisampling off at the end of the app's frame.  An app that turns it on later than that loses this frame.

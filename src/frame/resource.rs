@@ -17,14 +17,22 @@ use crate::{
     },
 };
 
+/// Binding of the counters (`shaders/view/counter_bindings.wgsl`), above those of all other resources.
+const COUNTERS_BINDING: u32 = 15;
+
+/// The resources of a pass with their bindings.
+fn bindings(pass: &ComputePass) -> impl Iterator<Item = (u32, R)> {
+    pass.resources.iter().zip(0..).map(|(&resource, place)| match resource {
+        R::Counters => (COUNTERS_BINDING, resource),
+        _ => (place, resource),
+    })
+}
+
 /// Layout of a compute pass's group 2.
 pub(super) fn layout(pass: &ComputePass) -> BindGroupLayoutDescriptor {
-    let entries: Vec<_> = pass
-        .resources
-        .iter()
-        .enumerate()
-        .map(|(binding, &resource)| BindGroupLayoutEntry {
-            binding: binding as u32,
+    let entries: Vec<_> = bindings(pass)
+        .map(|(binding, resource)| BindGroupLayoutEntry {
+            binding,
             visibility: ShaderStages::COMPUTE,
             ty: binding_type(resource),
             count: None,
@@ -85,9 +93,9 @@ pub(super) fn bind_group(
     let bound: Vec<Bound> =
         pass.resources.iter().map(|&resource| binding_of(resource, step, state)).collect::<Option<_>>()?;
     Some(state.bind_groups.get(pass.name, &bound, || {
-        let entries = bound.iter().zip(0..);
+        let entries = bound.iter().zip(bindings(pass));
         let entries: Vec<_> =
-            entries.map(|(bound, binding)| BindGroupEntry { binding, resource: bound.resource() }).collect();
+            entries.map(|(bound, (binding, _))| BindGroupEntry { binding, resource: bound.resource() }).collect();
         device.create_bind_group(pass.name, &pipelines.get_bind_group_layout(&layout(pass)), &entries)
     }))
 }

@@ -9,7 +9,7 @@ macro_rules! features {
         bitflags::bitflags! {
             /// Features that shaders and passes depend on: contents of the scene, settings of the camera and abilities of the device.
             #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
-            pub struct SceneFeatures: u32 {
+            pub struct SceneFeatures: u64 {
                 $(#[doc = $doc] const $name = 1 << $bit;)*
             }
         }
@@ -54,6 +54,7 @@ features! {
     SUBSURFACE = 13, "Subsurface scattering.";
     CONNECTIONS = 31, "The camera's settings connect camera paths with light paths.";
     LIGHT_SHAPES = 29, "Spheres, rectangles or suns with a disk: analytic lights that rays can hit.";
+    COUNT_RAYS = 32, "Rays are counted, because the app asks for it or a debug view shows it.";
 }
 
 /// Keeps the bits of features for a while after they have vanished: each set of features has pipelines of its own, which take time to
@@ -114,6 +115,11 @@ impl SceneFeatures {
     /// The kinds of environments.
     pub(crate) const OF_ENVIRONMENT: Self =
         Self::ENVIRONMENT.union(Self::ENVIRONMENT_MAP).union(Self::ENVIRONMENT_CUBE);
+
+    /// The features that a picture depends on: without the counting of rays.
+    pub(crate) fn of_pictures(self) -> Self {
+        self.difference(Self::COUNT_RAYS)
+    }
 
     /// The shader definitions of these features.
     pub fn shader_defs(self) -> Vec<ShaderDefVal> {

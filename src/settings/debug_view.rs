@@ -74,7 +74,8 @@ pub enum DebugView {
     /// Jacobian of that shift; 0 where it is undefined; 1 for `Gi`, whose measure needs none.  Needs the techniques of
     /// [`Self::PathEnds`].
     PathJacobians,
-    /// Rays that the technique traced for a pixel in this frame.
+    /// Rays that the technique traced for a pixel in this frame.  All passes get other pipelines for this view and for [`Self::Guards`],
+    /// unless rays are counted ([`RestirStatistics::count_rays`](crate::RestirStatistics::count_rays)).
     Rays,
     /// Scattering events of a path of the reference tracer after the first surface, whatever the technique: 0 where there is no surface or
     /// all light is absorbed, at most [`Restir::bounces`](super::Restir::bounces).  Russian roulette ends paths from the third event on.
@@ -150,6 +151,11 @@ impl DebugView {
     /// Whether it shows a part of the light.
     pub fn is_part_of_light(self) -> bool {
         matches!(self, Self::DiffuseLight | Self::SpecularLight)
+    }
+
+    /// Whether it shows what passes count for each pixel.
+    pub(crate) fn shows_counts(self) -> bool {
+        matches!(self, Self::Rays | Self::Guards)
     }
 
     /// Whether it shows reservoirs of direct light on surfaces.

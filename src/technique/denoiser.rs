@@ -47,7 +47,7 @@ const FILTER: ComputePass = ComputePass::per_pixel(
 );
 /// Multiplies by the albedo, and adds emission.
 const OUTPUT: ComputePass =
-    ComputePass::per_pixel("denoiser_output", &[R::SignalsBefore, R::Radiance, R::OpticalImagesRead]);
+    ComputePass::per_pixel("denoiser_output", &[R::SignalsBefore, R::Radiance, R::OpticalImagesRead, R::Counters]);
 
 /// Names of the iterations of the filter.
 const FILTER_NAMES: [&str; 5] = iteration_names!("denoiser", "_filter");

@@ -24,7 +24,15 @@ pub(crate) const SHOWN_SURFACES: &str = "visibility_shown";
 /// Sums the light of all domains.
 pub(super) const RESOLVE: ComputePass = ComputePass::per_pixel(
     "resolve",
-    &[R::UnresampledLightRead, R::DirectLight, R::PathLight, R::SplatLight, R::SubsurfaceLight, R::Radiance],
+    &[
+        R::UnresampledLightRead,
+        R::DirectLight,
+        R::PathLight,
+        R::SplatLight,
+        R::SubsurfaceLight,
+        R::Radiance,
+        R::Counters,
+    ],
 );
 const STATISTICS: ComputePass = ComputePass::per_pixel("statistics", &[R::Counters]);
 
@@ -92,6 +100,8 @@ pub(crate) struct Frame {
     /// The denoiser follows the rays of smooth mirrors and clear glass.  In a result of [`Frame::of`], the settings ask for it; in a result of
     /// [`Frame::of_scene`], the scene has such objects, too.
     images: bool,
+    /// Passes count their rays.
+    counts_rays: bool,
 }
 
 /// A step of a frame.
@@ -135,13 +145,15 @@ impl Frame {
         let filter_iterations = settings.filter_iterations();
         // Direct light shows nothing in a mirror but lamps.
         let images = filter_iterations > 0 && technique.has_indirect_light() && settings.bounces > 1;
-        Self { technique, choice, show, subsurface: false, pairing, compacts, filter_iterations, images }
+        let (subsurface, counts_rays) = (false, false);
+        Self { technique, choice, show, subsurface, pairing, compacts, filter_iterations, images, counts_rays }
     }
 
     /// The frame of a scene with these features, which may have passes of their own.
     pub(crate) fn of_scene(self, features: SceneFeatures) -> Self {
         let images = self.images && features.contains(SceneFeatures::SMOOTH);
-        Self { subsurface: features.contains(SceneFeatures::SUBSURFACE), images, ..self }
+        let counts_rays = features.contains(SceneFeatures::COUNT_RAYS);
+        Self { subsurface: features.contains(SceneFeatures::SUBSURFACE), images, counts_rays, ..self }
     }
 
     /// Whether the denoiser follows the rays of smooth mirrors and clear glass.
@@ -201,7 +213,10 @@ impl Frame {
             self.push_steps_of(domain, &iterations(domain), &mut steps);
         }
         self.push_steps_of_picture(&mut steps);
-        steps.push(compute(&STATISTICS, None));
+        // The passes that write light count guards themselves where this one does not follow.
+        if self.counts_rays || self.show != Show::Light {
+            steps.push(compute(&STATISTICS, None));
+        }
         steps.push(Step { pass: Pass::Composite, name: "composite", domain: None, iteration: 0 });
         steps
     }
@@ -281,6 +296,12 @@ impl PipelineKey {
             && !(self.features ^ wanted.features).intersects(of_settings)
     }
 
+    /// Whether its pipelines render the same pictures as those of another key, which may count rays or not.
+    pub(crate) fn shows_pictures_of(self, wanted: Self) -> bool {
+        let key = |key: Self| (Frame { counts_rays: false, ..key.frame }, key.features.of_pictures());
+        key(self) == key(wanted)
+    }
+
     /// Whether its pipelines can render the environment of another key.
     pub(crate) fn serves_environment_of(self, wanted: Self) -> bool {
         !(self.features ^ wanted.features).intersects(SceneFeatures::OF_ENVIRONMENT)
@@ -288,11 +309,11 @@ impl PipelineKey {
 
     /// Whether these pipelines can read the reservoirs that the pipelines of another key have written.  Connections change the weights of all
     /// paths.  Other features do not matter: a feature adds code for its own subject, and leaves all other code and its random numbers
-    /// unchanged.  Pairs and the denoiser do not matter, because reservoirs hold nothing of theirs.
+    /// unchanged.  Pairs, the denoiser and counts of rays do not matter, because reservoirs hold nothing of theirs.
     pub(crate) fn reads_reservoirs_of(self, last: Self) -> bool {
         let key = |frame| {
-            let (pairing, compacts, filter_iterations, images) = Default::default();
-            Frame { pairing, compacts, filter_iterations, images, ..frame }
+            let (pairing, compacts, filter_iterations, images, counts_rays) = Default::default();
+            Frame { pairing, compacts, filter_iterations, images, counts_rays, ..frame }
         };
         key(self.frame) == key(last.frame) && !(self.features ^ last.features).contains(SceneFeatures::CONNECTIONS)
     }

@@ -1,12 +1,12 @@
 //! Compute passes as data: shader, resources, number of workgroups.
 
-/// A resource of group 2; a pass lists its resources in the order of their bindings.  Where each domain has such a resource, a pass binds
-/// that of its own domain.
+/// A resource of group 2; a pass lists its resources in the order of their bindings, except for the counters, which have the same binding in
+/// all passes.  Where each domain has such a resource, a pass binds that of its own domain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum PassResource {
     /// Sum of radiance and number of samples of every pixel, read and written.
     Radiance,
-    /// Counters of the frame, read and written.
+    /// Counters of the view, read and written.
     Counters,
     /// Uniforms of an iteration of reuse.
     Settings,

@@ -6,7 +6,7 @@ use super::{
 };
 use crate::settings::Technique;
 
-const LIGHT: ComputePass = ComputePass::per_pixel("reference", &[R::Radiance]);
+const LIGHT: ComputePass = ComputePass::per_pixel("reference", &[R::Radiance, R::Counters]);
 const RAYS: ComputePass = ComputePass { name: "reference_rays", defs: &["SHOWS_RAYS"], ..LIGHT };
 
 /// Scattering events of its paths, which every technique shows in [`DebugView::Bounces`](crate::DebugView::Bounces).

@@ -31,6 +31,20 @@ impl GuardRun {
     }
 }
 
+/// Whether cameras count their rays.  Clones share it.
+#[derive(Resource, Clone, Debug, Default)]
+pub(crate) struct RayCounting(Arc<AtomicBool>);
+
+impl RayCounting {
+    pub(crate) fn set(&self, is_on: bool) {
+        self.0.store(is_on, Ordering::Release);
+    }
+
+    pub(crate) fn is_on(&self) -> bool {
+        self.0.load(Ordering::Acquire)
+    }
+}
+
 /// Counters of a view on the GPU, and their newest values on the CPU.
 pub(crate) struct CounterReadback {
     pub buffer: Buffer,

@@ -87,9 +87,10 @@ impl ResetCounts {
 impl ImageState {
     /// Whether a frame may be averaged with the frames before it: the expected image must be identical.
     fn can_accumulate_onto(&self, last: &Self) -> bool {
-        // A feature that nothing in the scene has any more leaves the image as it is.  So do pairs and the number of neighbors, which a budget
-        // may change.
-        let new_features = self.pipelines.features - last.pipelines.features - SceneFeatures::MANY_NEIGHBORS;
+        // A feature that nothing in the scene has any more leaves the image as it is.  So do counts of rays, and pairs and the number of
+        // neighbors, which a budget may change.
+        let new_features =
+            self.pipelines.features.of_pictures() - last.pipelines.features - SceneFeatures::MANY_NEIGHBORS;
         self.pipelines.reads_reservoirs_of(last.pipelines)
             && new_features.is_empty()
             && Self { pipelines: last.pipelines, ..self.clone() } == *last
@@ -144,7 +145,8 @@ impl ImageState {
 
     /// Whether the environment and the shaders are those of the last frame.
     fn has_environment_of(&self, last: &Self) -> bool {
-        self.environment == last.environment && self.pipelines.features == last.pipelines.features
+        let [features, of_last] = [self, last].map(|state| state.pipelines.features.of_pictures());
+        self.environment == last.environment && features == of_last
     }
 
     /// Whether the random sequence continues.  Changes of the scene, the camera and the number of samples must not restart it, because the

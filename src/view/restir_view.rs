@@ -102,7 +102,7 @@ pub(crate) struct RestirView {
     environment_views: [TextureView; 2],
     /// Pipelines of this frame.
     pub key: Option<PipelineKey>,
-    /// `key` is the one that scene and settings request; otherwise that one is still being compiled.
+    /// `key` shows the pictures that scene and settings request; otherwise pipelines for them are still being compiled.
     pub key_is_requested: bool,
     /// Targets of the composite pass.
     pub composite: Option<CompositeKey>,
@@ -260,7 +260,7 @@ impl RestirView {
         self.asked = restir.asked.clone();
         self.environment = restir.environment;
         self.key = selection.key;
-        self.key_is_requested = selection.key == Some(selection.requested);
+        self.key_is_requested = selection.key.is_some_and(|key| key.shows_pictures_of(selection.requested));
         self.composite = selection.composite;
         self.has_target = selection.has_target;
         self.rendered =

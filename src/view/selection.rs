@@ -48,12 +48,13 @@ pub(crate) struct Selection {
 #[derive(Resource, Default)]
 pub(crate) struct SelectedPipelines(pub HashMap<Entity, Selection>);
 
-/// The pipelines that settings and scene request for a camera.  `last`: those of the last frame.
+/// The pipelines that settings and scene request for a camera.  `last`: those of the last frame; `counts_rays`: the app wants to know rays.
 pub(crate) fn requested_key(
     restir: &ExtractedRestir,
     scene: &SceneBindings,
     environments: &EnvironmentPool,
     last: Option<PipelineKey>,
+    counts_rays: bool,
 ) -> PipelineKey {
     let environment = restir.environment.as_ref();
     let mut features = scene.features
@@ -69,6 +70,7 @@ pub(crate) fn requested_key(
     let splits_light = restir.settings.debug_view.is_part_of_light() || restir.settings.filter_iterations() > 0;
     features.set(SceneFeatures::SPLIT_LIGHT, splits_light);
     features.set(SceneFeatures::CONNECTIONS, restir.settings.connects_light_paths());
+    features.set(SceneFeatures::COUNT_RAYS, counts_rays || restir.settings.debug_view.shows_counts());
     let frame = Frame::of(&restir.settings).of_scene(features);
     // No shader depends on it.
     features.remove(SceneFeatures::SMOOTH);

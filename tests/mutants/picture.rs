@@ -15,10 +15,17 @@ pub const MUTANTS: &[Mutant] = &[
     ),
     mutant(
         "raised guards are not counted",
-        "pass/statistics.wgsl",
+        "view/guard_counter.wgsl",
         "atomicAdd(&counters.guards[bit], 1u);",
         "",
         &["guards_are_counted", "every_guard_stops"],
+    ),
+    mutant(
+        "guards of earlier passes are not counted without rays",
+        "view/guard_counter.wgsl",
+        "sum_guards(pixel, textureLoad(counts, pixel, LAYER_GUARDS).x | trace_flags | raised_guards);",
+        "sum_guards(pixel, trace_flags | raised_guards);",
+        &["guards_are_counted_without_rays"],
     ),
     mutant(
         "negative numbers pass the guards",

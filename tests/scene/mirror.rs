@@ -401,7 +401,9 @@ fn a_scene_that_gains_and_loses_features_is_never_black() {
     rig.insert(rig.camera, sky(1.0));
     rig.set(|restir| restir.bounces = 3);
     rig.spawn(square(2.0), lambert(0.5), Transform::default());
-    assert_eq!(rig.until_ready().features, SceneFeatures::ENVIRONMENT);
+    // The features of the camera are not remembered.
+    let of_camera = SceneFeatures::ENVIRONMENT | SceneFeatures::COUNT_RAYS;
+    assert_eq!(rig.until_ready().features, of_camera);
 
     let bright = |rig: &mut Rig, what: &str| {
         let picture = rig.next();
@@ -409,9 +411,8 @@ fn a_scene_that_gains_and_loses_features_is_never_black() {
         assert!(picture.is_finite(), "{what}");
         assert_eq!(rig.report().raised_guards(), [], "{what}");
     };
-    let mut remembered = SceneFeatures::ENVIRONMENT;
+    let mut remembered = of_camera;
     for (name, features, add) in feature_steps() {
-        // The environment belongs to the camera, whose features are not remembered.
         remembered |= features;
         let entity = add(&mut rig);
         for _ in 0..4 {
@@ -419,7 +420,7 @@ fn a_scene_that_gains_and_loses_features_is_never_black() {
         }
         let report = rig.until_ready();
         // Features are forgotten after a number of frames, and a slow machine needs many for new pipelines.
-        let has_needed = report.features.contains(features | SceneFeatures::ENVIRONMENT);
+        let has_needed = report.features.contains(features | of_camera);
         assert!(has_needed && remembered.contains(report.features), "{name}: {:?}", report.features);
         bright(&mut rig, name);
         if let Some(entity) = entity {

@@ -186,8 +186,8 @@ fn view_structs_are_the_same_in_rust_and_wgsl() {
             background_alpha,
         }
     );
-    let statistics = module("pass/statistics.wgsl");
-    agrees!(statistics, "Counters", GpuCounters { rays, non_finite_pixels, overflow_flags, pad, guards });
+    let counters = module("view/counter_bindings.wgsl");
+    agrees!(counters, "Counters", GpuCounters { rays, non_finite_pixels, overflow_flags, pad, guards });
 }
 
 #[test]

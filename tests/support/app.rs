@@ -215,6 +215,7 @@ fn headless(start: Start, more: impl FnOnce(&mut App)) -> (App, Lease) {
     if shares_device {
         lease.connect(&mut app);
     }
+    app.world().resource::<RestirStatistics>().count_rays(true);
     check_mirror(&mut app, true);
     // Hits in a shared tree round differently, and which instances share one depends on the number of frames: two apps would show the same
     // scene with different bits.  Scenes of `assets/scenes` and tests of that tree share it ([`Rig::share_a_tree_at_rest`]).

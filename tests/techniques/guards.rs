@@ -1,5 +1,6 @@
 //! The guards of the shaders: each stops the numbers that it is for, and no other guard meets them; legal numbers raise none.
 
+use super::ray_counts::count_rays;
 use crate::support::{
     app::*,
     gpu::{Bound, gpu},
@@ -7,7 +8,7 @@ use crate::support::{
 };
 use bevy::prelude::*;
 use bevy_restir::{
-    DebugView, Technique,
+    DebugView, Denoiser, Restir, Technique,
     testing::{gpu_layout::*, guards::GUARDS, plant_shader_defs},
 };
 use std::collections::BTreeSet;
@@ -212,6 +213,40 @@ fn guards_of_light_below_surfaces_stop_its_numbers_and_are_raised() {
 #[ignore = "minutes: ./run test --full"]
 fn full_length_guards_of_light_below_surfaces_are_raised_alone() {
     check(translucent_room, FULL_BELOW);
+}
+
+/// Without counts of rays, the pass that writes light counts the guards of all passes, as `statistics` does otherwise.
+fn check_without_rays(settings: &Restir, guard: &'static str) {
+    let Some(mut rig) = Rig::new(16, 16) else { return };
+    room(&mut rig);
+    rig.set(|r| *r = settings.clone());
+    planted(&mut rig, &[guard], NAN);
+    let [with, without] = [true, false].map(|counts_rays| {
+        count_rays(&rig, counts_rays);
+        rig.until_ready();
+        rig.frames(3);
+        assert_eq!(rig.report().rays > 0, counts_rays);
+        // The same frames.
+        rig.reset_guards();
+        rig.set(|r| r.reset = true);
+        rig.frames(6);
+        rig.report().raised_guards()
+    });
+    assert!(matches!(with[..], [(raised, 64..)] if raised == guard), "{with:?}");
+    assert_eq!(with, without);
+}
+
+#[test]
+fn guards_are_counted_without_rays() {
+    check_without_rays(&Restir { technique: Technique::Di, ..plain() }, "resampling_weight");
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn guards_of_paths_and_of_the_denoiser_are_counted_without_rays() {
+    check_without_rays(&Restir { bounces: 4, ..plain() }, "bsdf_sample");
+    // Light that was denoised is guarded by the pass that counts.
+    check_without_rays(&Restir { technique: Technique::Di, denoiser: Denoiser::ON, ..plain() }, "negative_pixel");
 }
 
 #[test]

@@ -23,6 +23,7 @@ mod pairs;
 mod presets;
 pub mod previous_frame;
 pub mod pt;
+mod ray_counts;
 mod reference;
 mod resampling;
 mod settings;

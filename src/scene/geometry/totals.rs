@@ -5,16 +5,23 @@ use super::render_layers::{ALL_CAMERAS, MAX_LAYER_SETS};
 use crate::scene::features::SceneFeatures;
 
 /// Sums over the live instances.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Totals {
     pub instances: u64,
     pub triangles: u64,
     /// Number of instances that need each feature, by the feature's bit.
-    features: [u32; u32::BITS as usize],
+    features: [u32; u64::BITS as usize],
     /// Number of instances that only cameras see, or that only other rays hit.
     camera_dependent: u32,
     /// For each camera bit, the number of instances that rays of another camera hit and those of this one do not.
     hidden: [u32; MAX_LAYER_SETS],
+}
+
+impl Default for Totals {
+    fn default() -> Self {
+        let features = [0; u64::BITS as usize];
+        Self { instances: 0, triangles: 0, features, camera_dependent: 0, hidden: [0; MAX_LAYER_SETS] }
+    }
 }
 
 impl Totals {
@@ -36,7 +43,7 @@ impl Totals {
         }
         // Instances with `NotShadowCaster` are in no tree, so no ray tests their masks.
         if live.ray_mask != 0 {
-            bits(ALL_CAMERAS & !live.ray_mask).for_each(|bit| count(&mut self.hidden[bit]));
+            bits(u64::from(ALL_CAMERAS & !live.ray_mask)).for_each(|bit| count(&mut self.hidden[bit]));
         }
     }
 
@@ -52,15 +59,15 @@ impl Totals {
 
     /// Bits of the cameras whose rays do not hit some instance that rays of another camera hit.
     pub(crate) fn hidden_from(&self) -> u32 {
-        mask(&self.hidden)
+        mask(&self.hidden) as u32
     }
 }
 
 /// Positions of the set bits.
-fn bits(mut mask: u32) -> impl Iterator<Item = usize> {
+fn bits(mut mask: u64) -> impl Iterator<Item = usize> {
     core::iter::from_fn(move || {
         let bit = mask.trailing_zeros();
-        (bit < u32::BITS).then(|| {
+        (bit < u64::BITS).then(|| {
             mask &= mask - 1;
             bit as usize
         })
@@ -68,8 +75,8 @@ fn bits(mut mask: u32) -> impl Iterator<Item = usize> {
 }
 
 /// The bits whose counts are not 0.
-fn mask(counts: &[u32]) -> u32 {
-    counts.iter().enumerate().fold(0, |mask, (bit, count)| mask | u32::from(*count > 0) << bit)
+fn mask(counts: &[u32]) -> u64 {
+    counts.iter().enumerate().fold(0, |mask, (bit, count)| mask | u64::from(*count > 0) << bit)
 }
 
 #[cfg(test)]

@@ -15,7 +15,7 @@ use bevy::{
     window::PrimaryWindow,
 };
 use bevy_egui::{EguiContext, EguiGlobalSettings, EguiPrimaryContextPass, PrimaryEguiContext, egui};
-use bevy_restir::Restir;
+use bevy_restir::{Restir, RestirStatistics};
 
 /// Width at first and at least, in logical pixels.
 const WIDTH: f32 = 310.0;
@@ -65,6 +65,7 @@ impl AddSection for App {
 
 pub fn plugin(app: &mut App) {
     let world = app.world_mut();
+    world.get_resource_or_init::<RestirStatistics>().count_rays(true);
     let shared = vec![
         world.register_system(sections::picture),
         world.register_system(sections::settings),
