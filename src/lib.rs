@@ -40,6 +40,7 @@ mod device;
 mod frame;
 #[cfg_attr(not(feature = "testing"), allow(dead_code, reason = "tests compare every constant of the shaders"))]
 mod gpu_layout;
+mod planted;
 mod plugin;
 mod report;
 mod scene;
@@ -97,6 +98,10 @@ pub mod testing {
 
     pub mod resolution {
         pub use crate::view::resolution::wanted_size;
+    }
+
+    pub mod planted {
+        pub use crate::planted::{Fault, plant};
     }
 
     pub mod shader_library {

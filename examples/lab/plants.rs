@@ -1,14 +1,18 @@
 //! Known faults that `fuzz` and `soak` must find: a search that finds nothing proves nothing unless it can find something.
 
-use bevy_restir::testing::shader_library::MODULES;
+use bevy_restir::testing::{planted::Fault, shader_library::MODULES};
+use bevy_restir_support::mutant;
 use std::{
     collections::BTreeSet,
     process::{Command, Output, Stdio},
+    time::Instant,
 };
 
+use crate::soundness::FAULT;
+
 /// Plants faults into the renderer, one after the other, and checks that `lab fuzz` or `lab soak` finds each of them: weights that are
-/// negative, too large or not a number, light that drifts, and light that is lost. A fault that is not found fails. Each command runs without
-/// a fault first, and must succeed.
+/// negative, too large or not a number, light that drifts, light that is lost, memory that is not freed, and slots and ranges that have two
+/// owners. A fault that is not found fails. Each command runs without a fault first, and must succeed.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// Plants only the faults whose names contain this text.
@@ -19,15 +23,19 @@ pub struct Args {
     list: bool,
 }
 
-/// A wrong edit of a shader, and the command that must find it.
+/// A fault, and the command that must find it.
 struct Plant {
     name: &'static str,
-    /// The path below `shaders/`.
-    file: &'static str,
-    /// A text that occurs once in the file, and its replacement.
-    old: &'static str,
-    new: &'static str,
+    place: Place,
     command: &'static str,
+}
+
+/// Where a fault is planted.
+enum Place {
+    /// A wrong edit of a shader: the path below `shaders/`, a text that occurs once in the file, and its replacement.
+    Shader { file: &'static str, old: &'static str, new: &'static str },
+    /// The library itself.
+    Library(Fault),
 }
 
 const fn plant(
@@ -37,16 +45,27 @@ const fn plant(
     new: &'static str,
     command: &'static str,
 ) -> Plant {
-    Plant { name, file, old, new, command }
+    Plant { name, place: Place::Shader { file, old, new }, command }
 }
 
-const SOAK_DI: &str = "soak --technique di --frames 288 --size 8x6";
-const SOAK_PT: &str = "soak --technique pt --frames 288 --size 8x6";
-const SOAK_GI: &str = "soak --technique gi --frames 288 --size 8x6";
-const FUZZ: &str = "fuzz --count 12 --size 8x6";
-const BIAS: &str = "fuzz --count 12 --size 8x6 --against-reference";
+const fn fault(name: &'static str, fault: Fault, command: &'static str) -> Plant {
+    Plant { name, place: Place::Library(fault), command }
+}
 
-static PLANTS: [Plant; 20] = [
+const SOAK_REFERENCE: &str = "soak --technique reference --frames 288 --size 8x6 --first";
+const SOAK_DI: &str = "soak --technique di --frames 288 --size 8x6 --first";
+const SOAK_PT: &str = "soak --technique pt --frames 288 --size 8x6 --first";
+const SOAK_GI: &str = "soak --technique gi --frames 288 --size 8x6 --first";
+const FUZZ: &str = "fuzz --count 12 --size 8x6 --first";
+const BIAS: &str = "fuzz --count 12 --size 8x6 --against-reference --first";
+
+static PLANTS: [Plant; 25] = [
+    // Memory, slots and ids.
+    fault("buffers of reservoirs leak", Fault::ReservoirsLeak, SOAK_DI),
+    fault("a freed range keeps its last element", Fault::RangeKeepsElement, SOAK_REFERENCE),
+    fault("two ranges overlap by an element", Fault::RangesOverlap, SOAK_REFERENCE),
+    fault("a free slot keeps its record", Fault::StaleSlot, FUZZ),
+    fault("a light is not remapped", Fault::LightNotRemapped, FUZZ),
     // Numbers that must not exist.
     plant(
         "a resampling weight is negative",
@@ -111,6 +130,7 @@ static PLANTS: [Plant; 20] = [
         "m.ucw = guarded(-c.ucw / m.path.density, GUARD_GI_MEASURE);",
         SOAK_GI,
     ),
+    // An error that waits for the frame counter to grow.  The number of frames is small, so that a short soak reaches it.
     plant(
         "a pixel is not a number after some hundred frames",
         "pass/resolve.wgsl",
@@ -207,31 +227,34 @@ pub fn run(args: &Args) -> Result<(), String> {
     let chosen = args.chosen();
     chosen.iter().try_for_each(|plant| plant.check_text())?;
     if args.list {
-        chosen.iter().for_each(|plant| println!("{} ({}): lab {}", plant.name, plant.file, plant.command));
+        chosen.iter().for_each(|plant| println!("{} ({}): lab {}", plant.name, plant.place, plant.command));
         return Ok(());
     }
     for command in chosen.iter().map(|plant| plant.command).collect::<BTreeSet<_>>() {
+        let start = Instant::now();
         check_control(command)?;
-        println!("no fault: nothing is found by lab {command}");
+        println!("no fault: nothing is found by lab {command}, {:.0} s", start.elapsed().as_secs_f64());
     }
     let mut missed = 0;
     for plant in chosen {
-        let found = plant.is_found()?;
-        println!("{}: {} by lab {}", plant.name, if found { "found" } else { "NOT FOUND" }, plant.command);
-        missed += u32::from(!found);
+        let start = Instant::now();
+        let found = plant.finding()?;
+        missed += u32::from(found.is_none());
+        let found = found.map_or("NOT FOUND".into(), |text| format!("found ({text})"));
+        println!("{}: {found} by lab {}, {:.0} s", plant.name, plant.command, start.elapsed().as_secs_f64());
     }
     if missed > 0 { Err(format!("{missed} planted faults are not found")) } else { Ok(()) }
 }
 
 /// Runs a command of this program in a process of its own, with these variables in its environment.
-fn lab(command: &str, variables: &[(&str, &str)]) -> Result<Output, String> {
+fn lab(command: &str, variables: &[(&str, String)]) -> Result<Output, String> {
     let program = std::env::current_exe().map_err(|e| e.to_string())?;
     let folder = std::env::temp_dir().join(format!("bevy_restir_plants_{}", std::process::id()));
     let output = Command::new(program)
         .args(command.split_whitespace())
         .arg("--out")
         .arg(&folder)
-        .envs(variables.iter().copied())
+        .envs(variables.iter().map(|(name, value)| (name, value)))
         .stdin(Stdio::null())
         .output()
         .map_err(|e| e.to_string());
@@ -241,34 +264,59 @@ fn lab(command: &str, variables: &[(&str, &str)]) -> Result<Output, String> {
 
 /// Fails unless a command succeeds without a fault: one that fails by itself would seem to find all of them.
 fn check_control(command: &str) -> Result<(), String> {
-    let output = lab(command, &[])?;
-    if output.status.success() {
-        return Ok(());
+    match finding(&lab(command, &[])?) {
+        None => Ok(()),
+        Some(text) => {
+            Err(format!("lab {command} fails without a planted fault, so it cannot show that it finds one: {text}"))
+        }
     }
-    let error = String::from_utf8_lossy(&output.stderr);
-    let last = error.trim().lines().next_back().unwrap_or_default();
-    Err(format!("lab {command} fails without a planted fault, so it cannot show that it finds one: {last}"))
+}
+
+/// Why a command has failed, with the case or frame; `None` if it has succeeded.
+fn finding(output: &Output) -> Option<String> {
+    if output.status.success() {
+        return None;
+    }
+    let [printed, errors] = [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text));
+    let fault = printed.lines().find_map(|line| line.strip_prefix(FAULT));
+    Some(fault.or(errors.trim().lines().next_back()).unwrap_or_default().into())
+}
+
+impl core::fmt::Display for Place {
+    fn fmt(&self, f: &mut core::fmt::Formatter) -> core::fmt::Result {
+        match self {
+            Self::Shader { file, .. } => f.write_str(file),
+            Self::Library(fault) => write!(f, "{fault:?}"),
+        }
+    }
 }
 
 impl Plant {
     /// Fails unless the text that it replaces occurs once.
     fn check_text(&self) -> Result<(), String> {
-        let text = MODULES.iter().find(|(path, _)| *path == self.file).map_or("", |(_, text)| text);
-        match text.matches(self.old).count() {
+        let Place::Shader { file, old, .. } = self.place else { return Ok(()) };
+        let text = MODULES.iter().find(|(path, _)| *path == file).map_or("", |(_, text)| text);
+        match text.matches(old).count() {
             1 => Ok(()),
-            count => Err(format!("{}: {} has its text {count} times: {}", self.name, self.file, self.old)),
+            count => Err(format!("{}: {file} has its text {count} times: {old}", self.name)),
         }
     }
 
-    /// Runs the command with the fault.
-    fn is_found(&self) -> Result<bool, String> {
-        let variables = [("MUTANT_FILE", self.file), ("MUTANT_OLD", self.old), ("MUTANT_NEW", self.new)];
-        let output = lab(self.command, &variables)?;
-        let (printed, error) = (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-        // An edit that cannot be made or compiled is not found by a check.
-        if printed.contains("panicked") || error.contains("panicked") || printed.contains("not ready") {
-            return Err(format!("{}: the fault could not be planted: {}", self.name, error.trim()));
+    /// Runs the command with the fault, and returns what it has found.
+    fn finding(&self) -> Result<Option<String>, String> {
+        match self.place {
+            Place::Library(fault) => Ok(finding(&lab(self.command, &[(mutant::FAULT, format!("{fault:?}"))])?)),
+            Place::Shader { file, old, new } => {
+                let variables = [("MUTANT_FILE", file), ("MUTANT_OLD", old), ("MUTANT_NEW", new)];
+                let found = finding(&lab(self.command, &variables.map(|(name, value)| (name, value.into())))?);
+                // An edit that cannot be made or compiled is not found by a check.
+                match found {
+                    Some(text) if text.contains("panicked") || text.contains("not ready") => {
+                        Err(format!("{}: the fault could not be planted: {text}", self.name))
+                    }
+                    found => Ok(found),
+                }
+            }
         }
-        Ok(error.contains("checks of the soak fail") || error.contains("cases fail"))
     }
 }

@@ -15,7 +15,10 @@ const EXPECTED: [&str; 2] = ["float_overflow", "overflow_probe"];
 /// The bit of [`RestirReport::overflow_flags`] for such a probe.
 const PROBE_OVERFLOW: u32 = 1 << 19;
 /// A frame may take this long, with the compilation of its pipelines.
-const PATIENCE: Duration = Duration::from_secs(300);
+const PATIENCE: Duration = Duration::from_secs(600);
+
+/// The beginning of a line that names a failure.
+pub const FAULT: &str = "fault: ";
 
 /// Guards and overflows of the frames that a report counts, and pixels that are not finite.
 pub fn fault(report: &RestirReport) -> Option<String> {

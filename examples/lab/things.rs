@@ -1,7 +1,7 @@
 //! Objects and lights as data, and how they are spawned.
 
 use bevy::{
-    asset::RenderAssetUsages,
+    asset::{RenderAssetUsages, uuid::Uuid},
     light::SunDisk,
     math::Vec3Swizzles,
     mesh::{
@@ -14,6 +14,7 @@ use bevy::{
 };
 use bevy_restir::Subsurface;
 use bevy_restir_support::skinned;
+use core::marker::PhantomData;
 
 /// Something that is spawned.
 #[derive(Clone, Debug)]
@@ -65,6 +66,39 @@ impl Shape {
                 .with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, corners.clone()),
         }
     }
+}
+
+/// Pictures for textures and environments; the last one has texels at the edges of what an app may write.
+pub const PICTURES: usize = 4;
+
+/// The handle of a picture, which is data: it is the same in all apps.
+pub fn picture(number: usize) -> Handle<Image> {
+    Handle::Uuid(Uuid::from_u128(0x7e57_0000 + number as u128), PhantomData)
+}
+
+/// Inserts the pictures of all handles of [`picture`].
+pub fn insert_pictures(world: &mut World) {
+    let bytes = |count: u8| (0..count).map(|i| i.wrapping_mul(37).wrapping_add(90)).collect::<Vec<_>>();
+    let edges = [[0.0f32, 1.0, 1e-40, 1.0], [3e38, 0.5, 1e6, 0.5], [f32::NAN, f32::INFINITY, -1.0, 1.0]];
+    let pictures: [(u32, u32, TextureFormat, Vec<u8>); PICTURES] = [
+        (1, 1, TextureFormat::Rgba8UnormSrgb, vec![255; 4]),
+        (8, 4, TextureFormat::Rgba8UnormSrgb, bytes(128)),
+        (7, 5, TextureFormat::Rgba8Unorm, bytes(140)),
+        (3, 1, TextureFormat::Rgba32Float, bytemuck::cast_slice(&edges).to_vec()),
+    ];
+    let mut images = world.resource_mut::<Assets<Image>>();
+    for (number, (width, height, format, data)) in pictures.into_iter().enumerate() {
+        let size = Extent3d { width, height, ..default() };
+        let image = Image::new(size, TextureDimension::D2, data, format, RenderAssetUsages::all());
+        let inserted = images.insert(&picture(number), image);
+        debug_assert!(inserted.is_ok(), "a handle without an index is always valid");
+    }
+}
+
+/// Removes the pictures of [`insert_pictures`].
+pub fn remove_pictures(world: &mut World) {
+    let mut images = world.resource_mut::<Assets<Image>>();
+    (0..PICTURES).for_each(|number| _ = images.remove(&picture(number)));
 }
 
 /// Spawns a thing with assets of its own.

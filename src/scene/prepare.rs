@@ -146,6 +146,10 @@ fn update_instances_and_lights(
     // The buffer also holds the table of the last frame, so each table gets half of it.
     let max_lights = GrowableBuffer::<GpuLight>::limit(device) / 2;
     lights.update(scene, instances, meshes, materials, max_lights);
+    #[cfg(feature = "testing")]
+    if context.check.is_some() {
+        lights.check();
+    }
 }
 
 /// The instances to visit: those that have changed, those whose mesh or material has, and those that are posed or unsettled.

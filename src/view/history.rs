@@ -19,6 +19,7 @@ use super::{
 };
 use crate::{
     gpu_layout::*,
+    planted::{Fault, is_planted},
     scene::storage::allocation,
     settings::{Direct, Restir},
     technique::{
@@ -223,10 +224,14 @@ impl Reservoirs {
         let bytes = reservoir_bytes(size, domain, settings);
         let storage = BufferUsages::STORAGE | BufferUsages::COPY_DST;
         let uniform = BufferUsages::UNIFORM | BufferUsages::COPY_DST;
+        let buffers = ["reservoirs", "last reservoirs"].map(|label| buffer(device, label, bytes, storage));
+        if is_planted(Fault::ReservoirsLeak) {
+            core::mem::forget(buffers.clone());
+        }
         Self {
             domain,
             settings: buffer(device, "resampling settings", MAX_ITERATIONS as u64 * SETTINGS_STRIDE, uniform),
-            buffers: ["reservoirs", "last reservoirs"].map(|label| buffer(device, label, bytes, storage)),
+            buffers,
             forwarded: (!domain.forward.is_empty()).then(|| buffer(device, "forwarded reservoirs", bytes, storage)),
             bytes,
             light: ["light of candidates", "resampled light"].map(|label| light(device, label, size)),

@@ -282,7 +282,7 @@ fn planted_faults_fit_the_shaders() {
     let folder = Folder::without_gpu("plants");
     let listed = folder.lab(&["plants", "--list"]);
     listed.succeeded();
-    assert_eq!(listed.stdout.lines().count(), 20, "{listed:?}");
+    assert_eq!(listed.stdout.lines().count(), 25, "{listed:?}");
     folder.lab(&["plants", "--list", "--only", "no such fault"]).failed(2, "no such fault");
 }
 

@@ -1,4 +1,5 @@
-//! Broken files and long runs: short forms of `lab broken-files` and `lab soak`, and files that make a loader panic.
+//! Broken files, random scenes and long runs: short forms of `lab broken-files`, `lab fuzz`, `lab soak` and `lab plants`, and files that make
+//! a loader panic.
 
 use crate::support::{cli::Folder, gltf::Scene};
 use std::fs;
@@ -33,9 +34,35 @@ fn a_loader_that_panics_gives_one_line() {
 
 #[test]
 #[ignore = "second tier: ./run test --more"]
+fn random_scenes_render_and_leave_nothing() {
+    let Some(folder) = Folder::new("fuzz") else { return };
+    let run = folder.lab(&["fuzz", "--count", "3", "--size", "8x6", "--out", "cases"]);
+    run.succeeded();
+    assert!(run.stdout.contains("3 cases, none fails"), "{}", run.stdout);
+    for seed in 1..=3 {
+        let passes = |line: &str| line.starts_with(&format!("case {seed} (")) && line.ends_with("): passes");
+        assert!(run.stdout.lines().any(passes), "case {seed}: {}", run.stdout);
+    }
+    assert!(fs::read_dir(folder.path("cases")).expect("a folder").next().is_none(), "no case fails");
+}
+
+/// Of the faults of `lab plants`, this one takes the least time.
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn a_planted_leak_is_found() {
+    let Some(folder) = Folder::new("plant") else { return };
+    let run = folder.lab(&["plants", "--only", "a freed range keeps its last element"]);
+    run.succeeded();
+    let finding = run.stdout.lines().find(|line| line.starts_with("a freed range")).expect("a line for the fault");
+    assert!(finding.contains(": found (reference: table: "), "{finding}");
+    assert!(finding.contains("--technique reference"), "the command: {finding}");
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
 fn a_soak_compares_the_halves_of_a_run() {
     let Some(folder) = Folder::new("soak") else { return };
-    let run = folder.lab(&["soak", "--frames", "288", "--technique", "reference", "--size", "8x6", "--out", "tables"]);
+    let run = folder.lab(&["soak", "--frames", "288", "--technique", "di", "--size", "8x6", "--out", "tables"]);
     run.succeeded();
     let table = fs::read_to_string(folder.path("tables/soak.csv")).expect("the table was written");
     for row in ["buffers and textures of the plugin", "entities", "mean radiance", "failed"] {

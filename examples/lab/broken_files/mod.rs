@@ -21,7 +21,7 @@ use std::{
 };
 
 use crate::{
-    soundness::{self, Watchdog},
+    soundness::{self, FAULT, Watchdog},
     things::spawn_everything,
 };
 use glb::Glb;
@@ -107,7 +107,10 @@ pub fn run(args: &Args) -> Result<(), String> {
             }
             Ok(Outcome::Fault(fault)) | Err(fault) => {
                 failed += 1;
-                println!("copy {seed} of {name} ({changes}): {fault}; it is repeated by: {}", args.command(seed));
+                println!(
+                    "{FAULT}copy {seed} of {name} ({changes}): {fault}; it is repeated by: {}",
+                    args.command(seed)
+                );
                 progress.step();
                 continue;
             }

@@ -1,13 +1,18 @@
 //! A random scene, camera and settings, with random edits, as data: a case that fails can be repeated and made smaller.
 
-use bevy::{camera::ScalingMode, prelude::*, render::render_resource::Face};
+use bevy::{
+    camera::ScalingMode,
+    math::{Affine2, Vec3Swizzles},
+    prelude::*,
+    render::render_resource::Face,
+};
 use bevy_restir::{
     Direct, Jitter, LightTechniques, Mis, Preset, Reconnection, Restir, RestirEnvironment, Reuse, ReuseOrder,
     Subsurface, SubsurfaceShift, SuffixRetrace, Technique,
 };
 use bevy_restir_support::{fields, scenes::Random, skinned};
 
-use crate::things::{Shape, Thing};
+use crate::things::{PICTURES, Shape, Thing, picture};
 
 /// Numbers at the edges of what an app may write.
 const EDGES: [f32; 14] = [
@@ -35,6 +40,8 @@ pub const LAST_FRAME: u32 = 7;
 
 #[derive(Clone, Debug)]
 pub struct Case {
+    /// Size of the picture.
+    pub size: UVec2,
     pub things: Vec<Thing>,
     pub camera: (Transform, Projection),
     pub environment: Option<RestirEnvironment>,
@@ -53,11 +60,14 @@ pub enum Edit {
     MoveCamera(Transform),
     Environment(RestirEnvironment),
     Settings(Box<Restir>),
+    Resize(UVec2),
 }
 
 impl Case {
-    pub fn new(seed: u64) -> Self {
-        let mut source = Source::new(seed);
+    /// The case of a seed, with a picture of at most this size.
+    pub fn new(seed: u64, largest: UVec2) -> Self {
+        let mut source = Source::new(seed, largest);
+        let size = source.size();
         let mut things = vec![source.floor()];
         things.extend((0..1 + source.random.below(8)).map(|_| source.thing()));
         let camera = (source.eye(), source.projection());
@@ -66,7 +76,7 @@ impl Case {
         let edits = (0..source.random.below(5))
             .map(|_| (1 + source.random.below(LAST_FRAME as usize) as u32, source.edit(things.len(), &settings)))
             .collect();
-        Self { things, camera, environment, settings, edits }
+        Self { size, things, camera, environment, settings, edits }
     }
 
     /// Smaller cases: each lacks one thing or one edit of this case, or has a simpler one in its place.
@@ -94,6 +104,9 @@ impl Case {
         }
         if self.environment.is_some() {
             all.push(Self { environment: None, ..self.clone() });
+        }
+        if self.size != UVec2::ONE {
+            all.push(Self { size: UVec2::ONE, ..self.clone() });
         }
         let simpler =
             [Technique::Reference, self.settings.technique].map(|technique| Restir { technique, ..default() });
@@ -151,6 +164,14 @@ fn simpler_materials(material: &StandardMaterial) -> Vec<StandardMaterial> {
     vec![
         plain.clone(),
         StandardMaterial { base_color: plain.base_color, ..from() },
+        StandardMaterial {
+            base_color_texture: None,
+            emissive_texture: None,
+            metallic_roughness_texture: None,
+            normal_map_texture: None,
+            ..from()
+        },
+        StandardMaterial { uv_transform: plain.uv_transform, ..from() },
         StandardMaterial { emissive: plain.emissive, ..from() },
         StandardMaterial { perceptual_roughness: plain.perceptual_roughness, ..from() },
         StandardMaterial { metallic: plain.metallic, ..from() },
@@ -178,13 +199,34 @@ struct Source {
     random: Random,
     /// Share of numbers that are at an edge.
     edges: f32,
+    /// The greatest size of a picture.
+    largest: UVec2,
 }
 
 impl Source {
-    fn new(seed: u64) -> Self {
+    fn new(seed: u64, largest: UVec2) -> Self {
         let mut random = Random::new(seed);
         let edges = [0.0, 0.0, 0.005, 0.03][random.below(4)];
-        Self { random, edges }
+        Self { random, edges, largest }
+    }
+
+    /// The greatest size, or a random one.
+    fn size(&mut self) -> UVec2 {
+        if self.chance(0.5) {
+            return self.largest;
+        }
+        let UVec2 { x, y } = self.largest;
+        UVec2::new(1 + self.random.below(x as usize) as u32, 1 + self.random.below(y as usize) as u32)
+    }
+
+    /// Mostly none.
+    fn texture(&mut self) -> Option<Handle<Image>> {
+        self.chance(0.3).then(|| self.picture())
+    }
+
+    fn picture(&mut self) -> Handle<Image> {
+        let last = PICTURES - 1;
+        picture(if self.chance(self.edges) { last } else { self.random.below(last) })
     }
 
     fn chance(&mut self, probability: f32) -> bool {
@@ -249,6 +291,14 @@ impl Source {
         };
         if self.chance(0.3) {
             material.metallic = self.number(0.0, 1.0);
+        }
+        if self.chance(0.3) {
+            material.base_color_texture = self.texture();
+            material.emissive_texture = self.texture();
+            material.metallic_roughness_texture = self.texture();
+            material.normal_map_texture = self.texture();
+            let (scale, turn, offset) = (self.vector(-3.0, 3.0), self.number(-3.2, 3.2), self.vector(-1.0, 1.0));
+            material.uv_transform = Affine2::from_scale_angle_translation(scale.xy(), turn, offset.xy());
         }
         if self.chance(0.2) {
             material.alpha_mode =
@@ -354,7 +404,8 @@ impl Source {
     fn environment(&mut self) -> RestirEnvironment {
         RestirEnvironment {
             color: self.color(1.0),
-            image: None,
+            // A picture of one color stands for no picture, because fewer kinds of environments compile fewer pipelines.
+            image: Some(self.picture()),
             intensity: self.number(0.0, 2.0),
             rotation: self.rotation(),
         }
@@ -427,7 +478,8 @@ impl Source {
 
     fn edit(&mut self, things: usize, settings: &Restir) -> Edit {
         let thing = self.random.below(things);
-        match self.random.below(9) {
+        match self.random.below(10) {
+            9 => Edit::Resize(self.size()),
             7 | 8 => Edit::Pose(thing, self.joints(), self.weights()),
             0 | 1 => Edit::Move(thing, self.place()),
             2 => Edit::Despawn(thing),

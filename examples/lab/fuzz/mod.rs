@@ -11,9 +11,9 @@ use bevy_restir_support::{
     panics,
     progress::Progress,
 };
-use std::path::PathBuf;
+use std::{ops::RangeInclusive, path::PathBuf};
 
-use crate::soundness::{Watchdog, kind};
+use crate::soundness::{FAULT, Watchdog, kind};
 use case::Case;
 use stage::Stage;
 
@@ -21,8 +21,8 @@ use stage::Stage;
 const SHRINKING: u32 = 200;
 
 /// Renders random scenes with random settings and edits.  A case fails by a panic, an error of the renderer, a hang, a pixel that is not
-/// finite, or a raised guard.  Each failing case is made smaller, as long as it fails in the same way, and written to the folder with the
-/// command that repeats it.
+/// finite, a raised guard, or an entry of a table that is left when the case has ended.  Each failing case is made smaller, as long as it
+/// fails in the same way, and written to the folder with the command that repeats it.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// Number of cases.
@@ -31,7 +31,7 @@ pub struct Args {
     /// Number of the first case; the others follow it.  `--seed N --count 1` repeats case N.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Size of the picture in pixels.
+    /// Size of the largest pictures in pixels.
     #[arg(long, default_value = "24x16", value_parser = arguments::size)]
     size: UVec2,
     /// Compiles shaders for the features of each scene, in an app of its own, instead of once for all features.
@@ -47,6 +47,9 @@ pub struct Args {
     /// Makes the case smaller before it runs: the steps that an earlier run has found, such as 3.1.0. It needs `--count 1`.
     #[arg(long, value_parser = steps, default_value = "", hide_default_value = true)]
     shrink: Steps,
+    /// Stops at the first case that fails, and makes it no smaller.
+    #[arg(long)]
+    first: bool,
     /// Folder of the cases that fail.
     #[arg(long, default_value = "target/lab/fuzz")]
     out: PathBuf,
@@ -85,7 +88,7 @@ impl Args {
 
     /// A case, made smaller as `--shrink` asks.
     fn case(&self, seed: u64) -> Option<Case> {
-        self.shrink.0.iter().try_fold(Case::new(seed), |case, &step| case.smaller().into_iter().nth(step))
+        self.shrink.0.iter().try_fold(Case::new(seed, self.size), |case, &step| case.smaller().into_iter().nth(step))
     }
 
     /// The command that repeats cases.
@@ -126,6 +129,7 @@ impl Runner<'_> {
             if self.args.against_reference && result.is_ok() {
                 result = stage.compare(case);
             }
+            let result = result.and_then(|()| stage.clear());
             (stage, result)
         };
         Ok(match panics::caught(run) {
@@ -136,6 +140,28 @@ impl Runner<'_> {
             }
             Err(panic) => Some(panic),
         })
+    }
+
+    /// Prints how a failure is repeated, and writes the smallest case that still fails.  `seeds`: those of the first case of the app and of
+    /// the case that fails.
+    fn explain(&mut self, case: Case, seeds: RangeInclusive<u64>, mut reason: String) -> Result<(), String> {
+        let (&first, &seed) = (seeds.start(), seeds.end());
+        let args = self.args;
+        if first != seed {
+            // State that earlier cases have left in the app may be the cause.
+            self.stage = None;
+            let Some(alone) = self.failure(&case)? else {
+                let command = args.command(first, seed - first + 1, &Steps::default());
+                println!("{FAULT}case {seed}: {reason}; it fails only after others and is repeated by: {command}");
+                return Ok(());
+            };
+            reason = alone;
+        }
+        println!("{FAULT}case {seed}: {reason}; it is repeated by: {}", args.command(seed, 1, &args.shrink));
+        let Smallest { case, reason, steps } = self.smallest(case, reason, &args.shrink)?;
+        let command = args.command(seed, 1, &steps);
+        let text = format!("{reason}\nIt is repeated by: {command}\n\n{case:#?}\n");
+        write_text(&args.out.join(format!("case-{seed}.txt")), &text)
     }
 
     /// The smallest case found that still fails in the same way.
@@ -179,29 +205,18 @@ pub fn run(args: &Args) -> Result<(), String> {
             first = seed;
         }
         let case = args.case(seed).ok_or(format!("case {seed} has no smaller form {}", args.shrink))?;
-        if let Some(mut reason) = runner.failure(&case)? {
-            failed += 1;
-            if first != seed {
-                // State that earlier cases have left in the app may be the cause.
-                runner.stage = None;
-                match runner.failure(&case)? {
-                    Some(alone) => reason = alone,
-                    None => {
-                        let count = seed - first + 1;
-                        let command = args.command(first, count, &Steps::default());
-                        println!("case {seed} fails only after others: {reason}; it is repeated by: {command}");
-                        progress.step();
-                        continue;
-                    }
-                }
-            }
-            println!("case {seed}: {reason}; it is repeated by: {}", args.command(seed, 1, &args.shrink));
-            let Smallest { case, reason, steps } = runner.smallest(case, reason, &args.shrink)?;
-            let command = args.command(seed, 1, &steps);
-            let text = format!("{reason}\nIt is repeated by: {command}\n\n{case:#?}\n");
-            write_text(&args.out.join(format!("case-{seed}.txt")), &text)?;
-        }
+        let failure = runner.failure(&case)?;
         progress.step();
+        let Some(reason) = failure else {
+            println!("case {seed} ({:?}, {}x{}): passes", case.settings.technique, case.size.x, case.size.y);
+            continue;
+        };
+        if args.first {
+            println!("{FAULT}case {seed}: {reason}");
+            return Err(format!("case {seed} fails"));
+        }
+        failed += 1;
+        runner.explain(case, first..=seed, reason)?;
     }
     if failed > 0 {
         return Err(format!("{failed} of {} cases fail; {} has their smallest forms", args.count, args.out.display()));

@@ -3,7 +3,8 @@
 use bevy::{mesh::morph::MeshMorphWeights, prelude::*};
 use bevy_restir::{
     BiasCorrection, Denoiser, Jitter, Mis, Preset, RayBackend, Restir, RestirEnvironment, RestirStatistics,
-    SuffixRetrace, Technique, VisibilityReuse, testing::check_mirror,
+    SuffixRetrace, Technique, VisibilityReuse,
+    testing::{check_mirror, lengths::table_lengths},
 };
 use bevy_restir_support::{
     exposure::unit_exposure,
@@ -17,7 +18,7 @@ use std::path::Path;
 use super::case::{Case, Edit, LAST_FRAME};
 use crate::{
     significance, soundness,
-    things::{despawn, spawn, spawn_everything},
+    things::{despawn, insert_pictures, remove_pictures, spawn, spawn_everything},
 };
 
 /// Frames in which a scene must be loaded, built and compiled.
@@ -28,6 +29,10 @@ const RESTARTS: u32 = 16;
 const MOST_BOUNCES: u32 = 3;
 /// Frames until the counters of a frame have arrived from the GPU.
 const LATE: u32 = 3;
+/// Frames after which nothing of a case that has ended may be left.
+const CLEARING: u32 = 16;
+/// Tables that need not become shorter: slots are kept for later use, and the tree over instances at rest is built after 64 frames.
+const NOT_CLEARED: [&str; 4] = ["slots of instances", "slots of materials", "nodes", "instances at rest"];
 
 /// Settings that are unbiased and have few bounces, and otherwise are the given ones.
 fn unbiased(settings: &Restir) -> Restir {
@@ -58,6 +63,10 @@ pub struct Stage {
     app: App,
     /// Entities that the last case has spawned.
     spawned: Vec<Entity>,
+    /// The scene always has each feature.
+    everything: bool,
+    /// Lengths of the plugin's tables without a case, where the scene has each feature.
+    empty: Option<Vec<(&'static str, usize)>>,
 }
 
 impl Stage {
@@ -71,11 +80,16 @@ impl Stage {
         if everything {
             spawn_everything(app.world_mut());
         }
-        Ok(Self { app, spawned: Vec::new() })
+        Ok(Self { app, spawned: Vec::new(), everything, empty: None })
     }
 
     pub fn run(&mut self, case: &Case) -> Result<(), String> {
         self.set_up(case);
+        if self.everything && self.empty.is_none() {
+            self.until_ready()?;
+            self.empty = Some(table_lengths(&self.app));
+        }
+        self.spawned = case.things.iter().map(|thing| spawn(self.app.world_mut(), thing)).collect();
         self.until_ready()?;
         for number in 1..=LAST_FRAME {
             for (_, edit) in case.edits.iter().filter(|(frame, _)| *frame == number) {
@@ -90,6 +104,35 @@ impl Stage {
             return Err(format!("a pixel is {pixel}"));
         }
         self.counters()
+    }
+
+    /// Removes everything of the case, and fails if the plugin keeps something of it.
+    pub fn clear(&mut self) -> Result<(), String> {
+        let world = self.app.world_mut();
+        for entity in self.spawned.drain(..) {
+            despawn(world, entity);
+        }
+        let camera = world.resource::<View>().camera;
+        world.entity_mut(camera).remove::<RestirEnvironment>();
+        remove_pictures(world);
+        let mut left = None;
+        for _ in 0..CLEARING {
+            self.frame()?;
+            left = self.left_over();
+            if left.is_none() {
+                return Ok(());
+            }
+        }
+        left.map_or(Ok(()), Err)
+    }
+
+    /// A table that is longer than without a case.
+    fn left_over(&self) -> Option<String> {
+        let before = self.empty.as_ref()?;
+        let now = table_lengths(&self.app);
+        let mut longer = before.iter().zip(&now).filter(|((_, before), (_, now))| now > before);
+        let ((name, before), (_, now)) = longer.find(|((name, _), _)| !NOT_CLEARED.contains(name))?;
+        Some(format!("the case leaves something in a table ({name}): {before} entries have become {now}"))
     }
 
     /// Waits for the counters of the last frame, and fails where they count a fault.
@@ -182,13 +225,16 @@ impl Stage {
         }
     }
 
+    /// Prepares the camera and the pictures of a case.
     fn set_up(&mut self, case: &Case) {
         let world = self.app.world_mut();
+        // A case that has failed is still there.
         for entity in self.spawned.drain(..) {
             despawn(world, entity);
         }
-        self.spawned = case.things.iter().map(|thing| spawn(world, thing)).collect();
+        insert_pictures(world);
         let camera = world.resource::<View>().camera;
+        scene::resize(world, camera, case.size);
         let mut camera = world.entity_mut(camera);
         camera.insert((case.camera.0, case.camera.1.clone(), Restir { reset: true, ..case.settings.clone() }));
         match &case.environment {
@@ -210,6 +256,7 @@ impl Stage {
                     thing.insert(*to);
                 }
             }
+            Edit::Resize(size) => scene::resize(world, camera, *size),
             Edit::Despawn(thing) => despawn(world, self.spawned[*thing]),
             Edit::Pose(thing, joints, weights) => {
                 let body = self.spawned[*thing];

@@ -16,7 +16,7 @@ use bevy_restir_support::{
 use crate::{
     bench::adapter_of,
     output::{Output, header},
-    soundness::{self, Watchdog, kind},
+    soundness::{self, FAULT, Watchdog, kind},
     table::{Row, Table, Unit},
 };
 use ledger::{Halves, Round};
@@ -27,10 +27,12 @@ const NAME: &str = "soak";
 /// Rounds below which there is nothing to compare.
 const FEWEST: u32 = 12;
 const MIB: f64 = (1 << 20) as f64;
+/// The reason of the restarts of a history that the show's resizes cause.
+const RESIZED: &str = "size";
 
-/// Renders a scene in which objects and lights move, come and go, materials, meshes, images and settings are edited, bodies bend, and
-/// cameras come and go and are resized, in rounds of 24 frames. After a warm-up of an eighth of the rounds it compares their second half
-/// with the first: the plugin's memory may grow by 2 %, and that of the process by 2 % and 4 MiB; the numbers of things that are alive
+/// Renders a scene in which objects and lights move, come and go, materials, meshes, images and settings are edited, bodies bend, a camera
+/// comes and goes, and all cameras are resized, in rounds of 24 frames. After a warm-up of an eighth of the rounds it compares their second
+/// half with the first: the plugin's memory may grow by 2 %, and that of the process by 2 % and 4 MiB; the numbers of things that are alive
 /// must not grow, and the light of each frame of a round may drift by about 5 standard errors. Guards, overflows and pixels that are not
 /// finite must not occur.
 #[derive(clap::Args, Debug)]
@@ -47,6 +49,9 @@ pub struct Args {
     /// Seed of the random edits.
     #[arg(long, default_value_t = 1)]
     seed: u64,
+    /// Stops a technique at the first frame with a fault.
+    #[arg(long)]
+    first: bool,
     #[command(flatten)]
     output: Output,
 }
@@ -82,7 +87,7 @@ pub fn run(args: &Args) -> Result<(), String> {
             soak.compare(technique);
         }
         for fault in &soak.faults {
-            println!("{name}: {fault}");
+            println!("{FAULT}{name}: {fault}");
         }
         failed += soak.faults.len();
         table.notes.extend(soak.faults.iter().map(|fault| format!("{name}: {fault}")));
@@ -101,7 +106,7 @@ struct Soak {
     /// One line for each check that fails.
     faults: Vec<String>,
     adapter: String,
-    /// Restarts of the history of the camera that stays, after the warm-up and at the end.
+    /// Restarts of the history of the camera that stays, apart from those of its resizes, after the warm-up and at the end.
     resets: [u64; 2],
 }
 
@@ -118,9 +123,15 @@ impl Soak {
                 show.change(at);
                 let report = self.frame(&mut show, at, &mut round)?;
                 after_frame.iter().for_each(|after| after());
+                if args.first
+                    && let Some(fault) = self.faults.pop()
+                {
+                    return Err(fault);
+                }
                 if phase + 1 == ROUND {
                     round.end(&show.app, &report, self.rounds.last());
-                    let resets = report.history_resets.iter().map(|(_, count)| count).sum();
+                    let others = report.history_resets.iter().filter(|(reason, _)| *reason != RESIZED);
+                    let resets = others.map(|(_, count)| count).sum();
                     if number as usize <= ledger::warm_up(rounds as usize) {
                         self.resets[0] = resets;
                     }

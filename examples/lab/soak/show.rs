@@ -6,13 +6,14 @@ use bevy::{
     prelude::*,
     render::render_resource::{Extent3d, TextureDimension, TextureFormat},
 };
-use bevy_restir::{Preset, RayBackend, Restir, RestirEnvironment, Technique};
+use bevy_restir::{Preset, RayBackend, Restir, RestirEnvironment, Subsurface, Technique};
 use bevy_restir_support::{
     exposure::unit_exposure,
     headless,
     scene::{self, CameraSetup, View},
     scenes::Random,
     skinned,
+    sky::studio,
 };
 use core::f32::consts::{FRAC_PI_2, TAU};
 use std::path::Path;
@@ -36,7 +37,7 @@ pub struct Show {
     lights: Vec<Thing>,
     /// Entities that are there now.
     present: Vec<Entity>,
-    guest: Option<(Entity, Handle<Image>)>,
+    guest: Option<Entity>,
 }
 
 /// Colors of the material that is painted.
@@ -50,7 +51,8 @@ impl Show {
         let mut app = headless::app(Path::new("."), RayBackend::Auto)?;
         let mut random = Random::new(seed);
         let settings = settings(technique, random.bits());
-        let environment = Some(RestirEnvironment { color: SKIES[0], ..default() });
+        let sky = studio(&mut app.world_mut().resource_mut::<Assets<Image>>(), 1.0);
+        let environment = Some(RestirEnvironment { color: SKIES[0], ..sky });
         let setup = CameraSetup { size, exposure: unit_exposure(), environment, settings: settings.clone() };
         scene::spawn_camera(app.world_mut(), (eye(0.0), Projection::default()), setup);
         let world = app.world_mut();
@@ -59,6 +61,7 @@ impl Show {
             .with_scale(Vec3::splat(8.0));
         object(world, Shape::Square, plain(Color::linear_rgb(0.5, 0.5, 0.5)), floor);
         spawn_features(world);
+        spawn_translucent(world);
         let above = Transform::from_xyz(0.0, 2.5, 0.0).with_rotation(Quat::from_rotation_x(FRAC_PI_2));
         let lamp = StandardMaterial { emissive: LAMPS[0], base_color: Color::BLACK, ..default() };
         Ok(Self {
@@ -94,7 +97,10 @@ impl Show {
             5 => self.set(|settings| settings.direct.candidates += 2),
             6 => self.guest_is_resized(),
             7 => self.texture(),
-            8 => self.light(1),
+            8 => {
+                self.light(1);
+                self.resize(self.size + UVec2::ONE);
+            }
             9 => self.show(self.cube, Visibility::Hidden),
             10 => self.guest_changes(),
             11 => self.show(self.cube, Visibility::Inherited),
@@ -107,7 +113,10 @@ impl Show {
             14 => self.paint(0),
             15 => self.light(0),
             16 => self.guest_leaves(),
-            17 => self.reshape(1.0 / 1.3),
+            17 => {
+                self.reshape(1.0 / 1.3);
+                self.resize(self.size);
+            }
             18 => self.settings_return(),
             19 => self.dismiss(),
             _ => {}
@@ -213,25 +222,31 @@ impl Show {
     fn guest_arrives(&mut self) {
         let world = self.app.world_mut();
         let size = (self.size / 2).max(UVec2::ONE);
-        let target = world.resource_mut::<Assets<Image>>().add(target(size));
+        let target = world.resource_mut::<Assets<Image>>().add(scene::target(size));
         let exposure: Exposure = unit_exposure();
         let place = Transform::from_xyz(2.0, 1.0, 3.0).looking_at(Vec3::ZERO, Vec3::Y);
-        let to = RenderTarget::Image(ImageRenderTarget::from(target.clone()));
+        let to = RenderTarget::Image(ImageRenderTarget::from(target));
         let guest = world.spawn((Camera3d::default(), to, Hdr, place, exposure, self.settings.clone())).id();
-        self.guest = Some((guest, target));
+        self.guest = Some(guest);
     }
 
     fn guest_is_resized(&mut self) {
-        let Some((_, target_of_guest)) = &self.guest else { return };
-        let mut images = self.app.world_mut().resource_mut::<Assets<Image>>();
-        if let Some(mut image) = images.get_mut(target_of_guest) {
-            *image = target((self.size + UVec2::new(3, 0)) / 2 + UVec2::ONE);
+        if let Some(guest) = self.guest {
+            let size = (self.size + UVec2::new(3, 0)) / 2 + UVec2::ONE;
+            scene::resize(self.app.world_mut(), guest, size);
         }
+    }
+
+    /// Resizes the camera that stays.
+    fn resize(&mut self, size: UVec2) {
+        let world = self.app.world_mut();
+        let camera = world.resource::<View>().camera;
+        scene::resize(world, camera, size);
     }
 
     /// Changes settings that restart histories.
     fn guest_changes(&mut self) {
-        let Some((guest, _)) = self.guest else { return };
+        let Some(guest) = self.guest else { return };
         if let Some(mut settings) = self.app.world_mut().get_mut::<Restir>(guest) {
             settings.bounces += 1;
             settings.seed += 1;
@@ -239,7 +254,7 @@ impl Show {
     }
 
     fn guest_leaves(&mut self) {
-        if let Some((guest, _)) = self.guest.take() {
+        if let Some(guest) = self.guest.take() {
             self.app.world_mut().despawn(guest);
         }
     }
@@ -276,6 +291,17 @@ fn place(world: &mut World, entity: Entity, at: Transform) {
     }
 }
 
+/// A ball of glass, and one that light enters.
+fn spawn_translucent(world: &mut World) {
+    let glass = StandardMaterial { specular_transmission: 1.0, thickness: 0.4, ior: 1.5, ..plain(Color::WHITE) };
+    let glass = StandardMaterial { perceptual_roughness: 0.1, ..glass };
+    let at = |x: f32| Transform::from_xyz(x, -0.7, 1.0).with_scale(Vec3::splat(0.6));
+    object(world, Shape::Ball, glass, at(-0.5));
+    let subsurface = Some(Subsurface { mean_free_path: Vec3::new(0.1, 0.05, 0.03), ..default() });
+    let material = Box::new(plain(Color::linear_rgb(0.8, 0.6, 0.5)));
+    spawn(world, &Thing::Object { shape: Shape::Ball, material, subsurface, at: at(0.5) });
+}
+
 /// Faint lights and a small object far away, with the features of all that comes and goes, so that shaders are compiled once.
 fn spawn_features(world: &mut World) {
     let at = |x: f32| Transform::from_xyz(50.0 + x, 80.0, 0.0).with_scale(Vec3::splat(0.1));
@@ -295,10 +321,6 @@ fn image() -> Image {
         TextureFormat::Rgba8UnormSrgb,
         default(),
     )
-}
-
-fn target(size: UVec2) -> Image {
-    Image::new_target_texture(size.x, size.y, TextureFormat::Rgba8UnormSrgb, None)
 }
 
 /// Objects that appear in every round: one of each shape.

@@ -74,6 +74,7 @@ pub fn alive(app: &App) -> Result<(), String> {
 }
 
 fn create(folder: &Path, backend: RayBackend) -> Result<App, String> {
+    mutant::plant_fault();
     let plugins = DefaultPlugins
         .set(LogPlugin {
             // The program itself reports failures, in one line.

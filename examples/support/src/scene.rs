@@ -117,10 +117,7 @@ pub struct CameraSetup {
 /// Spawns the camera that renders and inserts the resource [`View`].
 pub fn spawn_camera(world: &mut World, (transform, projection): (Transform, Projection), setup: CameraSetup) {
     remove_file_cameras(world);
-    let mut image = Image::new_target_texture(setup.size.x, setup.size.y, TextureFormat::Rgba8UnormSrgb, None);
-    image.texture_descriptor.usage |= TextureUsages::COPY_SRC;
-    image.asset_usage = RenderAssetUsages::all();
-    let target = world.resource_mut::<Assets<Image>>().add(image);
+    let target = world.resource_mut::<Assets<Image>>().add(target(setup.size));
     let capture = RadianceCapture::default();
     let mut camera = world.spawn((
         Camera3d::default(),
@@ -138,6 +135,22 @@ pub fn spawn_camera(world: &mut World, (transform, projection): (Transform, Proj
     }
     let camera = camera.id();
     world.insert_resource(View { camera, capture });
+}
+
+/// An image that a camera renders to.
+pub fn target(size: UVec2) -> Image {
+    let mut image = Image::new_target_texture(size.x, size.y, TextureFormat::Rgba8UnormSrgb, None);
+    image.texture_descriptor.usage |= TextureUsages::COPY_SRC;
+    image.asset_usage = RenderAssetUsages::all();
+    image
+}
+
+/// Gives the target of a camera another size.
+pub fn resize(world: &mut World, camera: Entity, size: UVec2) {
+    let Some(RenderTarget::Image(image)) = world.get::<RenderTarget>(camera).cloned() else { return };
+    if let Some(mut image) = world.resource_mut::<Assets<Image>>().get_mut(&image.handle) {
+        *image = target(size);
+    }
 }
 
 /// Spawns an object.

@@ -8,6 +8,7 @@ use bevy::{
 };
 
 use crate::gpu_layout::*;
+use crate::planted::{Fault, is_planted};
 use crate::scene::{
     accel::blas::Bounds,
     accel::tlas,
@@ -70,6 +71,11 @@ pub(super) const EMPTY_SLOT: GpuInstance = GpuInstance {
     layers: 0,
     entity: 0,
 };
+
+/// The record of a slot that becomes free, which had this one.
+pub(super) fn freed(record: &GpuInstance) -> GpuInstance {
+    if is_planted(Fault::StaleSlot) { *record } else { EMPTY_SLOT }
+}
 
 /// The record without its transforms, its place in the table of lights, and whether the last frame had it.  The rest must not change:
 /// temporal reuse has the transforms of both frames and maps light ids from one table to the other, but it has one material and one mesh

@@ -31,7 +31,7 @@ use crate::scene::{
     features::SceneFeatures,
     geometry::bodies::BodyPool,
     geometry::instance_record::{
-        Absence, EMPTY_SLOT, InstanceSources, LiveInstance, new_record, seen_by, shown_mesh, without_placement,
+        Absence, EMPTY_SLOT, InstanceSources, LiveInstance, freed, new_record, seen_by, shown_mesh, without_placement,
     },
     geometry::meshes::MeshPool,
     geometry::top_level::TopLevel,
@@ -176,7 +176,7 @@ impl InstancePool {
         self.asset_wait.begin_frame();
         self.warned.begin_frame();
         for (slot, _) in self.gone.drain(..) {
-            self.records[slot as usize] = EMPTY_SLOT;
+            self.records[slot as usize] = freed(&self.records[slot as usize]);
             self.dirty.push(slot);
             self.free.push(slot);
         }

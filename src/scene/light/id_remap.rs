@@ -2,7 +2,10 @@
 
 use bevy::{platform::collections::HashMap, render::sync_world::MainEntity};
 
-use crate::gpu_layout::NONE;
+use crate::{
+    gpu_layout::NONE,
+    planted::{Fault, is_planted},
+};
 
 /// Owner of lights: a Bevy light, or an emissive mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -41,8 +44,9 @@ impl LightRemap {
             let Some(before) = by_owner.get(&group.owner).filter(|b| b.count == group.count) else {
                 continue;
             };
+            let first_before = if is_planted(Fault::LightNotRemapped) { group.first } else { before.first };
             for i in 0..group.count {
-                map.previous_from_current[(group.first + i) as usize] = before.first + i;
+                map.previous_from_current[(group.first + i) as usize] = first_before + i;
                 map.current_from_previous[(before.first + i) as usize] = group.first + i;
             }
         }

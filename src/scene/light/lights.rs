@@ -174,6 +174,20 @@ impl LightPool {
         }
     }
 
+    /// Panics if the two tables of this frame disagree about the lights that they have in common.
+    #[cfg(feature = "testing")]
+    pub(crate) fn check(&self) {
+        if self.previous_at == 0 || self.pending != Upload::Everything {
+            return;
+        }
+        for (id, light) in self.table.iter().enumerate().filter(|(_, light)| light.counterpart != NONE) {
+            let kind = light.kind & LIGHT_KIND_BITS;
+            let before = self.previous.get(light.counterpart as usize);
+            let before = before.map(|before| (before.counterpart, before.kind & LIGHT_KIND_BITS));
+            assert_eq!(before, Some((id as u32, kind)), "light {id} was light {}", light.counterpart);
+        }
+    }
+
     /// Forgets the warnings about lights that are gone.
     pub(crate) fn forget_warnings(&mut self, exists: impl Fn(MainEntity) -> bool) {
         self.warned.retain(|entity| exists(*entity));

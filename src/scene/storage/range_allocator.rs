@@ -6,6 +6,8 @@
 
 use std::ops::Range;
 
+use crate::planted::{Fault, is_planted};
+
 /// Free ranges of an index space without an upper limit.
 #[derive(Debug, Default)]
 pub(crate) struct RangeAllocator {
@@ -26,16 +28,22 @@ impl RangeAllocator {
             return start..start + count;
         }
         let start = self.end;
-        self.end += count;
-        start..self.end
+        let end = start + count;
+        self.end = if is_planted(Fault::RangesOverlap) { end.saturating_sub(1) } else { end };
+        start..end
     }
 
     /// Frees a range.  Freeing the tail lowers `end`, so a request that did not fit the device leaves no trace once it is released.
-    pub(crate) fn release(&mut self, range: Range<u32>) {
+    pub(crate) fn release(&mut self, mut range: Range<u32>) {
+        range.end -= u32::from(is_planted(Fault::RangeKeepsElement) && !range.is_empty());
         if range.is_empty() {
             return;
         }
         let i = self.free.partition_point(|r| r.start < range.start);
+        debug_assert!(range.end <= self.end, "{range:?} reaches beyond the end, {}", self.end);
+        let is_taken = self.free[..i].last().is_none_or(|last| last.end <= range.start)
+            && self.free[i..].first().is_none_or(|next| range.end <= next.start);
+        debug_assert!(is_taken, "{range:?} or a part of it is free already");
         self.free.insert(i, range);
         if i + 1 < self.free.len() && self.free[i].end == self.free[i + 1].start {
             self.free[i].end = self.free.remove(i + 1).end;
@@ -69,6 +77,25 @@ mod tests {
         assert_eq!(a.free, vec![0..16]);
         assert_eq!(a.allocate(16), 0..16);
         assert_eq!(a.end(), 17);
+    }
+
+    #[cfg(debug_assertions)]
+    #[test]
+    #[should_panic(expected = "2..4 or a part of it is free already")]
+    fn a_range_cannot_be_freed_twice() {
+        let mut a = RangeAllocator::default();
+        let (range, _last) = (a.allocate(4), a.allocate(1));
+        a.release(range);
+        a.release(2..4);
+    }
+
+    #[cfg(debug_assertions)]
+    #[test]
+    #[should_panic(expected = "0..5 reaches beyond the end, 4")]
+    fn a_range_beyond_the_end_cannot_be_freed() {
+        let mut a = RangeAllocator::default();
+        let _ = a.allocate(4);
+        a.release(0..5);
     }
 
     #[test]

@@ -5,7 +5,7 @@ use crate::gpu_layout::GpuInstance;
 use crate::scene::{
     extract::instances::InstanceList,
     geometry::{
-        instance_record::{InstanceSources, new_record, shown_mesh, without_placement},
+        instance_record::{EMPTY_SLOT, InstanceSources, new_record, shown_mesh, without_placement},
         totals::Totals,
     },
 };
@@ -47,11 +47,22 @@ impl InstancePool {
             assert_eq!((live.emits, self.emitters.contains(&live.entity)), (emits, emits));
         }
         assert_eq!(self.slots.len(), shown, "instances that the scene does not have");
+        self.check_slots();
         let mut totals = Totals::default();
         self.live().for_each(|(_, live)| totals.add(live));
         assert_eq!(self.totals, totals);
         self.sort();
         let order: Vec<_> = self.in_order().map(|(_, live)| live.entity).collect();
         assert!(order.len() == shown && order.is_sorted());
+    }
+
+    /// Panics unless each slot is used, given up or free, and those that are free have no record.
+    fn check_slots(&self) {
+        let gone = self.gone.iter().map(|(slot, _)| slot);
+        let mut slots: Vec<u32> = self.slots.values().chain(gone).chain(&self.free).copied().collect();
+        slots.sort_unstable();
+        assert!(slots.into_iter().eq(0..self.len()), "a slot is lost, or has two owners");
+        let stale = self.free.iter().find(|slot| *self.get(**slot) != EMPTY_SLOT);
+        assert_eq!(stale, None, "a free slot has a record");
     }
 }
