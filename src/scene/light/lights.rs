@@ -428,7 +428,7 @@ impl LightPool {
             return 0;
         }
         let runs = dirty_runs(&self.uploaded, &both);
-        let bytes = runs.into_iter().map(|r| self.gpu.write(r.start as u32, &both[r], queue)).sum();
+        let bytes = self.gpu.write_runs(&runs, &both, device, queue);
         self.uploaded = both;
         bytes
     }

@@ -394,7 +394,7 @@ impl MaterialPool {
         }
         self.dirty.sort_unstable();
         let runs = joined_runs(self.dirty.drain(..));
-        bytes + runs.into_iter().map(|r| self.gpu.write(r.start as u32, &self.packed[r], queue)).sum::<u64>()
+        bytes + self.gpu.write_runs(&runs, &self.packed, device, queue)
     }
 
     fn upload_table(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {

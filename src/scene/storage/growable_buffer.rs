@@ -3,15 +3,18 @@
 use bevy::{
     log::warn,
     render::{
-        render_resource::{Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor},
+        render_resource::{Buffer, BufferDescriptor, BufferInitDescriptor, BufferUsages, CommandEncoderDescriptor},
         renderer::{RenderDevice, RenderQueue},
     },
 };
 use bytemuck::Pod;
-use std::marker::PhantomData;
+use std::{marker::PhantomData, ops::Range};
 
 use super::allocation;
 use crate::device;
+
+/// Most runs that are written one by one.  A write takes some microseconds, ten times as long as a copy on the GPU.
+const MAX_WRITES: usize = 4;
 
 /// A storage buffer of `T` that grows by doubling, up to the device's binding limit.
 #[derive(Debug)]
@@ -91,6 +94,52 @@ impl<T: Pod> GrowableBuffer<T> {
         let bytes: &[u8] = bytemuck::cast_slice(data);
         queue.write_buffer(buffer, first as u64 * size_of::<T>() as u64, bytes);
         bytes.len() as u64
+    }
+
+    /// Uploads runs of `data`, in ascending order, to the same places.  Returns the number of bytes sent.
+    pub(crate) fn write_runs(
+        &self,
+        runs: &[Range<usize>],
+        data: &[T],
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) -> u64 {
+        if runs.len() <= MAX_WRITES {
+            return runs.iter().map(|run| self.write(run.start as u32, &data[run.clone()], queue)).sum();
+        }
+        let packed: Vec<T> = runs.iter().flat_map(|run| &data[run.clone()]).copied().collect();
+        self.write_packed(runs, &packed, device, queue)
+    }
+
+    /// Uploads `packed`, one run after the other, to the places of these runs, which are in ascending order.  Returns the number of bytes
+    /// sent.
+    pub(crate) fn write_packed(
+        &self,
+        runs: &[Range<usize>],
+        packed: &[T],
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) -> u64 {
+        let Some(buffer) = &self.buffer else { return 0 };
+        if runs.last().is_none_or(|last| last.end > self.capacity as usize) {
+            return 0;
+        }
+        if runs.len() <= MAX_WRITES {
+            let mut rest = packed;
+            let mut next = |count| rest.split_off(..count).unwrap_or_default();
+            return runs.iter().map(|run| self.write(run.start as u32, next(run.len()), queue)).sum();
+        }
+        let (contents, usage) = (bytemuck::cast_slice(packed), BufferUsages::MAP_WRITE | BufferUsages::COPY_SRC);
+        let staged = device.create_buffer_with_data(&BufferInitDescriptor { label: Some(self.label), contents, usage });
+        let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor { label: Some(self.label) });
+        let bytes = |count: usize| (count * size_of::<T>()) as u64;
+        let mut at = 0;
+        for run in runs {
+            encoder.copy_buffer_to_buffer(&staged, at, buffer, bytes(run.start), bytes(run.len()));
+            at += bytes(run.len());
+        }
+        queue.submit([encoder.finish()]);
+        at
     }
 
     /// The buffer; `None` before the first [`Self::reserve`].
