@@ -151,8 +151,8 @@ pub(super) struct RestingInstances {
     frame: u64,
     current: Option<Current>,
     pending: Option<Pending>,
-    /// The frames in which instances last moved, or appeared after the first choice of members, by slot.
-    moved: HashMap<u32, u64>,
+    /// The frames in which instances last moved, or appeared after the first choice of members, by slot; 0 for the others.
+    moved: Vec<u64>,
     /// Members must be chosen again: instances have come or moved since the last choice, or the chosen tree could not be used or kept.
     has_changed: bool,
     /// The first frame in which members may be chosen again, and the wait after that.
@@ -216,7 +216,9 @@ impl RestingInstances {
             self.has_changed |= has_moved || has_appeared;
             // An instance that is edited appears in another slot, and an app may edit it in every frame.
             if has_moved || has_appeared && self.next > 0 {
-                self.moved.insert(slot, self.frame);
+                let slot = slot as usize;
+                self.moved.resize(self.moved.len().max(slot + 1), 0);
+                self.moved[slot] = self.frame;
             }
         }
     }
@@ -236,10 +238,10 @@ impl RestingInstances {
         let is_first = self.next == 0;
         self.next = self.frame + REST;
         let frame = self.frame;
-        self.moved.retain(|_, moved| *moved + REST > frame);
+        let is_recent = |moved: &u64| *moved > 0 && *moved + REST > frame;
         // Those that do not rest yet are looked at again.
-        self.has_changed = !self.moved.is_empty();
-        let at_rest = |slot: &u32| !self.moved.contains_key(slot);
+        self.has_changed = self.moved.iter().any(is_recent);
+        let at_rest = |slot: &u32| !self.moved.get(*slot as usize).is_some_and(is_recent);
         let is_wanted = |live: &LiveInstance| live.ray_mask != 0 && is_in_range(live.bounds);
         let all = instances.in_order().filter(|(slot, live)| is_wanted(live) && at_rest(slot));
         let resting: Vec<_> =
