@@ -5,7 +5,7 @@
 
 use crate::gpu_layout::Rows;
 use crate::scene::accel::blas::{Bounds, MAX_TLAS_DEPTH, build_tree};
-use bevy::math::Affine3A;
+use bevy::math::{Affine3A, Vec3};
 use obvhs::BvhBuildParams;
 
 /// The tree over instances.  Its node indices start at 0 until [`bake`](crate::scene::accel::blas::bake) adds their offset (with the
@@ -69,24 +69,19 @@ pub fn world_bounds(rows: &Rows, (min, max): &Bounds) -> Option<Bounds> {
 
 /// The inverse of an affine transform; `None` if the transform is singular or not finite.
 pub fn inverse(rows: &Rows) -> Option<Rows> {
-    let m: [[f64; 4]; 3] = rows.map(|row| row.map(f64::from));
-    let cofactor = |r: usize, c: usize| {
-        let (r1, r2, c1, c2) = ((r + 1) % 3, (r + 2) % 3, (c + 1) % 3, (c + 2) % 3);
-        m[r1][c1] * m[r2][c2] - m[r1][c2] * m[r2][c1]
-    };
-    let terms: [f64; 3] = std::array::from_fn(|c| m[0][c] * cofactor(0, c));
-    let determinant: f64 = terms.iter().sum();
+    let [a, b, c] = rows.map(|[x, y, z, _]| Vec3::new(x, y, z).as_dvec3());
+    let translation = rows.map(|row| f64::from(row[3]));
+    // The columns of the inverse times the determinant.
+    let columns = [b.cross(c), c.cross(a), a.cross(b)];
+    let determinant = a.dot(columns[0]);
     // Divided by the product of the row lengths, the determinant does not depend on scale: it is 1 for orthogonal rows.
-    let volume: f64 = m.iter().map(|r| (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]).sqrt()).product();
+    let volume = a.length() * b.length() * c.length();
     if !determinant.is_finite() || determinant.abs() <= volume * 1.0e-10 {
         return None;
     }
-    let mut result = [[0.0; 4]; 3];
-    for (r, row) in result.iter_mut().enumerate() {
-        let linear: [f64; 3] = std::array::from_fn(|c| cofactor(c, r) / determinant);
-        let translation = -(linear[0] * m[0][3] + linear[1] * m[1][3] + linear[2] * m[2][3]);
-        *row = [linear[0] as f32, linear[1] as f32, linear[2] as f32, translation as f32];
-    }
+    let [x, y, z] = columns.map(|column| column / determinant);
+    let origin = -(x * translation[0] + y * translation[1] + z * translation[2]);
+    let result: Rows = std::array::from_fn(|r| [x[r] as f32, y[r] as f32, z[r] as f32, origin[r] as f32]);
     let finite = result.iter().chain(rows).flatten().all(|x: &f32| x.is_finite());
     finite.then_some(result)
 }
