@@ -75,7 +75,7 @@ impl Measured {
 pub fn run(args: &Args) -> Result<(), String> {
     args.output.check(NAME)?;
     let own_meshes = |count: u32| count <= args.meshes;
-    let cases: u32 = args.instances.iter().map(|count| if own_meshes(*count) { 5 } else { 4 }).sum();
+    let cases: u32 = args.instances.iter().map(|count| if own_meshes(*count) { 6 } else { 5 }).sum();
     let progress = Progress::new(u64::from(cases * args.frames));
     let (mut columns, mut name) = (Vec::new(), String::new());
     for &count in &args.instances {
@@ -84,6 +84,7 @@ pub fn run(args: &Args) -> Result<(), String> {
         let mut measure = |change| measure(args, &mut app, &instances, change, &progress);
         let mut cases = vec![
             ("one mesh, at rest", measure(Change::Nothing)?),
+            ("100 in motion", measure(Change::Move(instances.len().min(100)))?),
             ("1 % in motion", measure(Change::Move(instances.len().div_ceil(100)))?),
             ("all in motion", measure(Change::Move(instances.len()))?),
             ("one more in each frame", measure(Change::Spawn)?),
@@ -92,7 +93,7 @@ pub fn run(args: &Args) -> Result<(), String> {
         cases.push(("a mesh and a material each, at rest", Measured::missing()));
         if own_meshes(count) {
             let (mut app, instances) = crowd(args, count, count)?;
-            cases[4].1 = self::measure(args, &mut app, &instances, Change::Nothing, &progress)?;
+            cases[5].1 = self::measure(args, &mut app, &instances, Change::Nothing, &progress)?;
         }
         columns.push((count.to_string(), cases));
     }
