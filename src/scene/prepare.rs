@@ -69,9 +69,9 @@ pub(super) fn prepare_scene(
     mut bindings: ResMut<SceneBindings>,
     context: Context,
 ) {
-    let changed = scene.instances.take_changed();
+    let (changed, moved) = (scene.instances.take_changed(), scene.instances.take_moved());
     update_materials(&mut scene, &mut pools, &context);
-    update_instances_and_lights(&mut scene, changed, &mut pools, &context);
+    update_instances_and_lights(&mut scene, changed, &moved, &mut pools, &context);
     let mut uploaded = upload(&mut pools, &context);
     let has_albedo = !scene.energy_compensation || bindings.prepare_specular_albedo(&context.device, &context.queue);
     let running = context.times.measure(Stage::Bindings);
@@ -118,6 +118,7 @@ fn update_materials(scene: &mut ExtractedScene, pools: &mut Pools, context: &Con
 fn update_instances_and_lights(
     scene: &mut ExtractedScene,
     changed: Vec<MainEntity>,
+    moved: &[MainEntity],
     pools: &mut Pools,
     context: &Context,
 ) {
@@ -135,7 +136,7 @@ fn update_instances_and_lights(
         limit = limit.min(ray_query::MAX_SLOTS).min(device.limits().max_tlas_instance_count);
     }
     let mut sources = InstanceSources { meshes, bodies, materials, subsurface, assets, limit };
-    instances.update(&due, scene, &mut sources);
+    instances.update(due, moved, scene, &mut sources);
     #[cfg(feature = "testing")]
     if context.check.is_some() {
         instances.check(&scene.instances, &mut sources);
@@ -152,7 +153,8 @@ fn update_instances_and_lights(
     }
 }
 
-/// The instances to visit: those that have changed, those whose mesh or material has, and those that are posed or unsettled.
+/// The instances to visit besides those that have only moved: those that have changed, those whose mesh or material has, and those that are
+/// posed or unsettled.
 fn due_instances(
     changed: Vec<MainEntity>,
     list: &InstanceList,

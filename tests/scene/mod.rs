@@ -16,6 +16,7 @@ mod many_instances;
 mod material_edge_cases;
 mod material_lobes;
 mod mirror;
+mod moving_instances;
 mod resting_instances;
 mod seen_objects;
 mod sizes_and_toggles;

@@ -1,13 +1,21 @@
 //! Fits the boxes of a top-level tree to instances that have moved, which takes a third of the time of a new tree (`docs/experiments.md`,
-//! "Number of instances").
+//! "Number of instances"), and less if few have.
 //!
-//! The tree keeps its topology, so that it gets slower to trace as instances move away from their neighbors: [`cost`] measures by how much.
+//! The tree keeps its topology, so that it gets slower to trace as instances move away from their neighbors: the [`cost`] measures by how
+//! much.
 
-use crate::gpu_layout::NODE_STRIDE;
-use crate::scene::accel::blas::{Bounds, NO_BOUNDS, joined};
+use std::collections::BinaryHeap;
+
+use crate::gpu_layout::{NODE_STRIDE, NONE};
+use crate::scene::accel::{
+    blas::{Bounds, NO_BOUNDS, joined},
+    tlas::Tlas,
+};
 
 const STRIDE: usize = NODE_STRIDE as usize;
 const CHILDREN: usize = 8;
+/// Share of the instances, as its reciprocal.  If more of them have moved, most nodes are due, and all are fitted in one pass.
+const FEW: usize = 8;
 
 /// A child of a node (`shaders/trace/tree.wgsl` has the layout).
 enum Child {
@@ -34,30 +42,127 @@ fn cell_exponent(extent: f64) -> u32 {
     if extent <= 0.0 {
         return 1;
     }
-    let exponent = (extent / 255.0).log2().ceil() as i32;
-    // The logarithm is rounded.
-    let exponent = exponent + i32::from(2f64.powi(exponent) * 255.0 < extent);
+    let power_below = ((extent / 255.0).to_bits() >> 52) as i32 - F64_BIAS;
+    let exponent = power_below + i32::from(power_of_two(power_below) * 255.0 < extent);
     (exponent + 127).clamp(1, 254) as u32
 }
 
-fn cell(exponent: u32) -> f64 {
-    2f64.powi(exponent as i32 - 127)
+const F64_BIAS: i32 = 1023;
+
+fn power_of_two(exponent: i32) -> f64 {
+    f64::from_bits(((exponent + F64_BIAS) as u64) << 52)
 }
 
-/// Fits a tree to the bounds of its primitives.  Nodes are as [`build_tlas`](super::tlas::build_tlas) leaves them: children come after their
-/// parent.  `bounds_at`: of a primitive, by its position in the order of the leaves.
-pub(crate) fn refit(nodes: &mut [[u32; 4]], bounds_at: impl Fn(usize) -> Bounds) {
-    let mut boxes = vec![NO_BOUNDS; nodes.len() / STRIDE];
-    for index in (0..boxes.len()).rev() {
+fn cell(exponent: u32) -> f64 {
+    power_of_two(exponent as i32 - 127)
+}
+
+/// The exact boxes of a tree, and the links by which a refit visits only nodes above instances that have moved.
+pub(crate) struct Refit {
+    /// By node; [`NONE`] for the root.
+    parents: Vec<u32>,
+    /// By the place of an instance in the list that the tree was built from: the node with its leaf.
+    leaf_nodes: Vec<u32>,
+    /// By node.
+    boxes: Vec<Bounds>,
+    /// By node: the areas of its children.
+    areas: Vec<f64>,
+    /// By node: it waits for its refit.
+    is_due: Vec<bool>,
+}
+
+impl Refit {
+    /// Fits all nodes of a tree to the bounds of `instances`, which are those that it was built from.  No instance was skipped.
+    pub(crate) fn new(tree: &mut Tlas, instances: &[(u32, Bounds)]) -> Self {
+        let count = tree.nodes.len() / STRIDE;
+        let mut new = Self {
+            parents: vec![NONE; count],
+            leaf_nodes: vec![0; tree.order.len()],
+            boxes: vec![NO_BOUNDS; count],
+            areas: vec![0.0; count],
+            is_due: vec![false; count],
+        };
+        for (index, node) in tree.nodes.chunks_exact(STRIDE).enumerate() {
+            for slot in 0..CHILDREN {
+                match child(node, slot) {
+                    Child::Empty => {}
+                    Child::Node(child) => new.parents[child] = index as u32,
+                    Child::Leaf(first, end) => {
+                        tree.order[first..end].iter().for_each(|place| new.leaf_nodes[*place as usize] = index as u32);
+                    }
+                }
+            }
+        }
+        new.fit_all(tree, instances);
+        new
+    }
+
+    /// Fits the tree after the bounds at some places of `instances` have changed.  Returns the nodes that may have changed, in ascending
+    /// order.
+    pub(crate) fn update(&mut self, tree: &mut Tlas, instances: &[(u32, Bounds)], moved: &[u32]) -> Vec<usize> {
+        if FEW * moved.len() > instances.len() {
+            self.fit_all(tree, instances);
+            return (0..self.boxes.len()).collect();
+        }
+        let mut due = BinaryHeap::new();
+        for place in moved {
+            self.enqueue(self.leaf_nodes[*place as usize], &mut due);
+        }
+        let mut fitted = Vec::new();
+        // Children come after their parent, so the last node in the queue waits for no other.
+        while let Some(index) = due.pop() {
+            self.is_due[index as usize] = false;
+            fitted.push(index as usize);
+            if self.fit(index as usize, tree, instances) {
+                self.enqueue(self.parents[index as usize], &mut due);
+            }
+        }
+        fitted.reverse();
+        fitted
+    }
+
+    fn enqueue(&mut self, node: u32, due: &mut BinaryHeap<u32>) {
+        if node != NONE && !core::mem::replace(&mut self.is_due[node as usize], true) {
+            due.push(node);
+        }
+    }
+
+    fn fit_all(&mut self, tree: &mut Tlas, instances: &[(u32, Bounds)]) {
+        for index in (0..self.boxes.len()).rev() {
+            self.fit(index, tree, instances);
+        }
+    }
+
+    /// Fits a node to its children, and returns whether its own box has changed.
+    fn fit(&mut self, index: usize, tree: &mut Tlas, instances: &[(u32, Bounds)]) -> bool {
+        let Tlas { nodes, order, .. } = tree;
         let node = &mut nodes[index * STRIDE..][..STRIDE];
+        let bounds_at = |position: usize| instances[order[position] as usize].1;
         let children: [Bounds; CHILDREN] = core::array::from_fn(|slot| match child(node, slot) {
             Child::Empty => NO_BOUNDS,
-            Child::Node(child) => boxes[child],
-            Child::Leaf(first, end) => (first..end).map(&bounds_at).fold(NO_BOUNDS, joined),
+            Child::Node(child) => self.boxes[child],
+            Child::Leaf(first, end) => (first..end).map(bounds_at).fold(NO_BOUNDS, joined),
         });
-        boxes[index] = children.into_iter().fold(NO_BOUNDS, joined);
-        write_boxes(node, &boxes[index], &children);
+        let all = children.into_iter().fold(NO_BOUNDS, joined);
+        write_boxes(node, &all, &children);
+        self.areas[index] = area_of_children(node);
+        bits(core::mem::replace(&mut self.boxes[index], all)) != bits(all)
     }
+
+    /// The box around all instances; [`NO_BOUNDS`] if there are none.
+    pub(crate) fn bounds(&self) -> Bounds {
+        self.boxes.first().copied().unwrap_or(NO_BOUNDS)
+    }
+
+    /// The [`cost`] of the tree.
+    pub(crate) fn cost(&self, tree: &Tlas) -> f64 {
+        relative_cost(self.areas.iter().copied(), &tree.nodes)
+    }
+}
+
+/// Zeros of different signs differ.
+fn bits((low, high): Bounds) -> [[u32; 3]; 2] {
+    [low, high].map(|corner| corner.map(f32::to_bits))
 }
 
 /// Planes of the boxes of children are low + q·cell, where q has 8 bits and the cell is a power of two.
@@ -67,18 +172,32 @@ fn write_boxes(node: &mut [[u32; 4]], (low, high): &Bounds, children: &[Bounds; 
         let origin = f64::from(low[k]);
         let exponent = cell_exponent(f64::from(high[k]) - origin);
         exponents |= exponent << (8 * k);
+        // A power of two, so that the product is that of a division.
+        let per_cell = 1.0 / cell(exponent);
         // Eight low planes in two words, then eight high ones.
         let mut planes = [0; 4];
         for (slot, (child_low, child_high)) in children.iter().enumerate() {
-            let place = |x: f32| (f64::from(x) - origin) / cell(exponent);
+            let place = |x: f32| (f64::from(x) - origin) * per_cell;
             let shift = 8 * (slot % 4);
-            planes[slot / 4] |= (place(child_low[k]).floor().clamp(0.0, 255.0) as u32) << shift;
-            planes[slot / 4 + 2] |= (place(child_high[k]).ceil().clamp(0.0, 255.0) as u32) << shift;
+            planes[slot / 4] |= rounded_down(place(child_low[k])) << shift;
+            planes[slot / 4 + 2] |= rounded_up(place(child_high[k])) << shift;
         }
         node[2 + k] = planes;
         node[0][k] = low[k].to_bits();
     }
     node[0][3] = node[0][3] & 0xff00_0000 | exponents;
+}
+
+/// The greatest number of 8 bits that is at most `x`, or 0.
+fn rounded_down(x: f64) -> u32 {
+    // The conversion truncates, and takes numbers that are out of range to the nearest one within.
+    (x as u32).min(255)
+}
+
+/// The least number of 8 bits that is at least `x`, or 255.
+fn rounded_up(x: f64) -> u32 {
+    let below = rounded_down(x);
+    (below + u32::from(f64::from(below) < x)).min(255)
 }
 
 /// Low and high corner of the box of a child, as a ray sees it.
@@ -97,28 +216,35 @@ fn area([low, high]: [[f64; 3]; 2]) -> f64 {
     x * y + y * z + z * x
 }
 
+/// The areas of the children of a node.
+fn area_of_children(node: &[[u32; 4]]) -> f64 {
+    (0..CHILDREN)
+        .filter(|slot| !matches!(child(node, *slot), Child::Empty))
+        .map(|slot| area(child_box(node, slot)))
+        .sum()
+}
+
 /// Expected number of boxes that a random ray through the tree hits: the areas of all children relative to that of the root.
 pub(crate) fn cost(nodes: &[[u32; 4]]) -> f64 {
+    relative_cost(nodes.chunks_exact(STRIDE).map(area_of_children), nodes)
+}
+
+/// `areas`: those of the children, by node.
+fn relative_cost(areas: impl Iterator<Item = f64>, nodes: &[[u32; 4]]) -> f64 {
     let mut all = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
-    let mut sum = 0.0;
-    for (index, node) in nodes.chunks_exact(STRIDE).enumerate() {
-        for slot in (0..CHILDREN).filter(|slot| !matches!(child(node, *slot), Child::Empty)) {
-            let [low, high] = child_box(node, slot);
-            sum += area([low, high]);
-            if index == 0 {
-                all = core::array::from_fn(|end| {
-                    core::array::from_fn(|k| if end == 0 { all[0][k].min(low[k]) } else { all[1][k].max(high[k]) })
-                });
-            }
+    if let Some(root) = nodes.get(..STRIDE) {
+        for slot in (0..CHILDREN).filter(|slot| !matches!(child(root, *slot), Child::Empty)) {
+            let [low, high] = child_box(root, slot);
+            all = [core::array::from_fn(|k| all[0][k].min(low[k])), core::array::from_fn(|k| all[1][k].max(high[k]))];
         }
     }
-    sum / area(all).max(f64::MIN_POSITIVE)
+    areas.sum::<f64>() / area(all).max(f64::MIN_POSITIVE)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::accel::tlas::{Tlas, build_tlas};
+    use crate::scene::accel::tlas::build_tlas;
 
     /// Numbers in 0..1 without a pattern.
     fn random(count: usize, seed: u32) -> Vec<f32> {
@@ -170,12 +296,13 @@ mod tests {
     }
 
     fn refitted(tree: &Tlas, moved: &[(u32, Bounds)]) -> Vec<[u32; 4]> {
-        let mut nodes = tree.nodes.clone();
+        let mut tree = tree.clone();
+        let refit = Refit::new(&mut tree, moved);
         let bounds_at = |position: usize| moved[tree.order[position] as usize].1;
-        refit(&mut nodes, bounds_at);
         let everything = [[f64::NEG_INFINITY; 3], [f64::INFINITY; 3]];
-        assert_eq!(enclosed(&nodes, 0, &everything, &bounds_at), moved.len());
-        nodes
+        assert_eq!(enclosed(&tree.nodes, 0, &everything, &bounds_at), moved.len());
+        assert_eq!(refit.cost(&tree), cost(&tree.nodes));
+        tree.nodes
     }
 
     #[test]
@@ -200,5 +327,62 @@ mod tests {
         assert!((moved / built - 1.0).abs() < 0.02, "{built} to {moved}");
         let mixed = cost(&refitted(&tree, &boxes(2000, 2, 100.0, 1.0)));
         assert!(mixed > 5.0 * built, "{built} to {mixed}");
+    }
+
+    #[test]
+    fn a_refit_of_a_few_instances_gives_the_bits_of_a_refit_of_all() {
+        for (count, seed) in [(1, 1), (2, 2), (9, 3), (500, 4), (3000, 5)] {
+            let mut instances = boxes(count, seed, 100.0, 1.0);
+            let mut tree = build_tlas(&instances);
+            let mut refit = Refit::new(&mut tree, &instances);
+            for round in 1..40 {
+                // Some stay where they are, some move a little, and some far away and back.
+                let movers = 1 + (round as usize * round as usize) % (count / 4 + 1);
+                let choice = random(2 * movers, seed + 100 * round);
+                let targets = boxes(movers, seed + 100 * round, [100.0, 1.0e6, 1.0e-3][round as usize % 3], 1.0);
+                let mut moved = Vec::new();
+                for (numbers, (_, target)) in choice.chunks_exact(2).zip(targets) {
+                    let place = ((numbers[0] * count as f32) as usize).min(count - 1);
+                    if numbers[1] > 0.2 {
+                        instances[place].1 = target;
+                    }
+                    moved.push(place as u32);
+                }
+                let before = tree.nodes.clone();
+                let fitted = refit.update(&mut tree, &instances, &moved);
+                let mut all = tree.clone();
+                let complete = Refit::new(&mut all, &instances);
+                assert!(tree.nodes == all.nodes, "{movers} of {count}, round {round}");
+                assert_eq!((refit.cost(&tree), refit.bounds()), (complete.cost(&all), complete.bounds()));
+                let differs = |node: &usize| before[node * STRIDE..][..STRIDE] != tree.nodes[node * STRIDE..][..STRIDE];
+                let changed: Vec<_> = (0..tree.nodes.len() / STRIDE).filter(differs).collect();
+                assert!(fitted.is_sorted() && changed.iter().all(|node| fitted.binary_search(node).is_ok()));
+            }
+        }
+    }
+
+    #[test]
+    fn a_refit_visits_only_nodes_above_the_instances_that_have_moved() {
+        let mut instances = boxes(20_000, 1, 100.0, 0.1);
+        let mut tree = build_tlas(&instances);
+        let mut refit = Refit::new(&mut tree, &instances);
+        let (low, high) = &mut instances[777].1;
+        low[0] += 0.5;
+        high[0] += 0.5;
+        let fitted = refit.update(&mut tree, &instances, &[777]);
+        assert!((1..=10).contains(&fitted.len()), "{} nodes", fitted.len());
+        assert_eq!(refit.update(&mut tree, &instances, &[777]).len(), 1, "nothing has changed");
+    }
+
+    #[test]
+    fn cells_are_the_least_powers_of_two_that_span_a_box() {
+        for (extent, power) in [(255.0, 0), (255.000_000_1, 1), (254.999_999_9, 0), (510.0, 1), (128.0, 0), (127.0, -1)]
+        {
+            assert_eq!(cell_exponent(extent) as i32 - 127, power, "{extent}");
+        }
+        assert_eq!([cell_exponent(0.0), cell_exponent(1e-45), cell_exponent(1e300)], [1, 1, 254]);
+        let rounded =
+            [-1.0, 0.0, 0.5, 254.5, 1e9, f64::INFINITY, f64::NEG_INFINITY].map(|x| (rounded_down(x), rounded_up(x)));
+        assert_eq!(rounded, [(0, 0), (0, 0), (0, 1), (254, 255), (255, 255), (255, 255), (0, 0)]);
     }
 }

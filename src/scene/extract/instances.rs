@@ -64,6 +64,8 @@ pub(crate) struct InstanceList {
     all: HashMap<MainEntity, Option<ExtractedInstance>, EntityHash>,
     /// Instances that have appeared, disappeared or changed since the last [`Self::take_changed`]; some more than once.
     changed: Vec<MainEntity>,
+    /// Those of which only the transform has changed, since the last [`Self::take_moved`].
+    moved: Vec<MainEntity>,
     /// Instances whose material has been replaced by another one since the last [`Self::take_repainted`]; some more than once.
     repainted: Vec<MainEntity>,
     /// Meshes that instances have begun to show since the last [`Self::take_newly_shown`].
@@ -92,16 +94,21 @@ impl InstanceList {
     /// changes.
     fn shorten(&mut self) {
         let limit = 4 * self.all.len() + 1024;
-        for changes in [&mut self.changed, &mut self.repainted] {
+        for changes in [&mut self.changed, &mut self.moved, &mut self.repainted] {
             if changes.len() > limit {
                 *changes = sorted(core::mem::take(changes));
             }
         }
     }
 
-    /// Takes the entities whose instances have changed since the last call.
+    /// Takes the entities whose instances have changed since the last call, without those that have only moved.
     pub(crate) fn take_changed(&mut self) -> Vec<MainEntity> {
         sorted(core::mem::take(&mut self.changed))
+    }
+
+    /// Takes the entities whose instances have moved since the last call; some more than once.
+    pub(crate) fn take_moved(&mut self) -> Vec<MainEntity> {
+        core::mem::take(&mut self.moved)
     }
 
     /// Takes the meshes that instances have begun to show since the last call.
@@ -144,7 +151,16 @@ impl InstanceList {
         let [before, after] = match state {
             EntityState::Mesh(new) => {
                 let listed = self.all.entry(entity).or_default();
-                if *listed == new {
+                if let (Some(old), Some(new)) = (&mut *listed, &new) {
+                    let has_moved = old.world_from_object != new.world_from_object;
+                    old.world_from_object = new.world_from_object;
+                    if old == new {
+                        if has_moved {
+                            self.moved.push(entity);
+                        }
+                        return;
+                    }
+                } else if *listed == new {
                     return;
                 }
                 let after = Traits::of(new.as_ref());
@@ -473,8 +489,8 @@ mod tests {
             };
             list.set(entity, EntityState::Mesh(Some(instance)));
             list.shorten();
-            assert!(list.changed.len() <= 1028, "{}", list.changed.len());
+            assert!(list.moved.len() <= 1028, "{}", list.moved.len());
         }
-        assert_eq!(list.take_changed(), [entity]);
+        assert_eq!((list.take_changed(), sorted(list.take_moved())), (vec![entity], vec![entity]));
     }
 }

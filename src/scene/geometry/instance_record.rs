@@ -92,9 +92,30 @@ pub(super) fn without_placement(instance: &GpuInstance) -> GpuInstance {
     }
 }
 
-fn flags_of(world_from_object: &Affine3A, mesh: &MeshEntry, material: &GpuMaterial) -> u32 {
+/// The part of a record that follows from a transform, and the world bounds.
+pub(super) struct Placement {
+    pub world_from_object: Rows,
+    pub object_from_world: Rows,
+    pub is_mirrored: bool,
+    pub bounds: Bounds,
+}
+
+impl Placement {
+    /// The placement of an instance with these bounds in object space; `None` if its transform cannot be used.
+    pub(super) fn new(transform: &Affine3A, bounds: &Bounds) -> Option<Self> {
+        let world_from_object = tlas::rows(transform);
+        Some(Self {
+            object_from_world: tlas::inverse(&world_from_object)?,
+            is_mirrored: transform.matrix3.determinant() < 0.0,
+            bounds: tlas::world_bounds(&world_from_object, bounds)?,
+            world_from_object,
+        })
+    }
+}
+
+fn flags_of(is_mirrored: bool, mesh: &MeshEntry, material: &GpuMaterial) -> u32 {
     let mut flags = 0;
-    if world_from_object.matrix3.determinant() < 0.0 {
+    if is_mirrored {
         flags |= INSTANCE_MIRRORED;
     }
     if material.flags & (MATERIAL_ALPHA_MASK | MATERIAL_ALPHA_BLEND) != 0 {
@@ -157,10 +178,9 @@ pub(super) fn new_record(
         None => (mesh.root(), mesh.triangles.clone(), mesh.bounds),
     };
     let placed = body.and_then(Body::place).unwrap_or(&extracted.world_from_object);
-    let world_from_object = tlas::rows(placed);
-    let object_from_world = tlas::inverse(&world_from_object).ok_or(Absence::Transform)?;
-    let bounds = tlas::world_bounds(&world_from_object, &bounds).ok_or(Absence::Transform)?;
-    let mut flags = flags_of(placed, mesh, materials.get(material).ok_or(Absence::LeftOut)?);
+    let placement = Placement::new(placed, &bounds).ok_or(Absence::Transform)?;
+    let Placement { world_from_object, object_from_world, is_mirrored, bounds } = placement;
+    let mut flags = flags_of(is_mirrored, mesh, materials.get(material).ok_or(Absence::LeftOut)?);
     if body.is_some() {
         flags |= INSTANCE_DEFORMED;
     }

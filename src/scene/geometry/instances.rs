@@ -6,10 +6,12 @@
 //! that the last frame did not have carries [`INSTANCE_APPEARED`].
 //!
 //! A frame visits the instances that are due: those that have changed, those whose mesh or material has, and those that the last frame left
-//! unsettled, because they moved, appeared or wait for something.
+//! unsettled, because they moved, appeared or wait for something.  Most visits are to instances that have only moved, and are short.
 
 #[cfg(feature = "testing")]
 mod check;
+mod follow;
+mod problems;
 
 use bevy::{
     asset::AssetId,
@@ -24,14 +26,12 @@ use bevy::{
 
 use crate::gpu_layout::*;
 use crate::scene::{
-    accel::blas::Bounds,
-    accel::tlas,
     asset_wait::AssetWait,
     extract::{ExtractedScene, instances::ExtractedInstance},
     features::SceneFeatures,
     geometry::bodies::BodyPool,
     geometry::instance_record::{
-        Absence, EMPTY_SLOT, InstanceSources, LiveInstance, freed, new_record, seen_by, shown_mesh, without_placement,
+        EMPTY_SLOT, InstanceSources, LiveInstance, freed, seen_by, shown_mesh, without_placement,
     },
     geometry::meshes::MeshPool,
     geometry::top_level::TopLevel,
@@ -39,13 +39,7 @@ use crate::scene::{
     storage::{dirty_runs::joined_runs, growable_buffer::GrowableBuffer, overflow_warning::OverflowWarning},
 };
 use crate::warned::Warned;
-
-/// Reasons to warn about an instance.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-enum InstanceProblem {
-    UnusableTransform,
-    MissingAsset,
-}
+use problems::InstanceProblem;
 
 /// The instances of the scene.
 #[derive(Resource)]
@@ -69,6 +63,12 @@ pub(crate) struct InstancePool {
     dirty: Vec<u32>,
     /// Instances to visit in the next frame even if nothing changes.
     unsettled: Vec<MainEntity>,
+    /// Slots of instances that have moved or appeared in this frame.
+    settling: Vec<u32>,
+    /// Number of this frame.
+    frame: u64,
+    /// The last frames in which the instances were visited, by slot.
+    visited_in: Vec<u64>,
     /// Meshes that instances of this frame show while their own are built; the pool of meshes takes them.
     pub substitutes: Vec<AssetId<Mesh>>,
     /// Instances whose triangles are lights.
@@ -115,6 +115,9 @@ impl Default for InstancePool {
             uploaded: Vec::new(),
             dirty: Vec::new(),
             unsettled: Vec::new(),
+            settling: Vec::new(),
+            frame: 0,
+            visited_in: Vec::new(),
             substitutes: Vec::new(),
             emitters: MainEntityHashSet::default(),
             emitters_changed: false,
@@ -147,11 +150,20 @@ impl InstancePool {
         core::mem::take(&mut self.unsettled)
     }
 
-    /// Visits the instances that are due, in the order of their entities.  Materials are packed before, and light ids are set afterwards.
-    pub(crate) fn update(&mut self, due: &[MainEntity], scene: &ExtractedScene, sources: &mut InstanceSources) {
+    /// Visits the instances that are `due`, in the order of their entities, and those that have only `moved`.  Materials are packed before,
+    /// and light ids are set afterwards.
+    pub(crate) fn update(
+        &mut self,
+        due: Vec<MainEntity>,
+        moved: &[MainEntity],
+        scene: &ExtractedScene,
+        sources: &mut InstanceSources,
+    ) {
         self.begin_frame();
-        self.visited = due.len() as u64;
-        for &entity in due {
+        let last_settling = core::mem::take(&mut self.settling);
+        let due = self.follow(due, moved, &scene.instances, sources);
+        self.visited += due.len() as u64;
+        for &entity in &due {
             let shown = scene.instances.get(entity).and_then(|extracted| self.show(extracted, sources));
             match shown {
                 Some((slot, live)) => self.enter(slot, live),
@@ -161,6 +173,7 @@ impl InstancePool {
                 }
             }
         }
+        self.settle(&last_settling);
         self.retire(sources.bodies);
         let membership_changed = self.appeared || !self.gone.is_empty();
         self.membership_revision += u64::from(membership_changed);
@@ -172,7 +185,8 @@ impl InstancePool {
     }
 
     fn begin_frame(&mut self) {
-        (self.waiting, self.moved, self.appeared, self.left_out) = (false, false, false, 0);
+        (self.waiting, self.moved, self.appeared, self.left_out, self.visited) = (false, false, false, 0, 0);
+        self.frame += 1;
         self.asset_wait.begin_frame();
         self.warned.begin_frame();
         for (slot, _) in self.gone.drain(..) {
@@ -211,8 +225,9 @@ impl InstancePool {
         }
         self.moved |= moved;
         if moved || instance.flags & INSTANCE_APPEARED != 0 {
-            self.unsettled.push(entity);
+            self.settling.push(slot);
         }
+        self.visited_in[slot as usize] = self.frame;
         self.records[slot as usize] = instance;
         self.dirty.push(slot);
         // A `NotShadowCaster` is not in the tree.  The camera still sees it, because the visibility pass rasterizes it.
@@ -235,9 +250,8 @@ impl InstancePool {
     /// Takes over an instance that is shown.
     fn enter(&mut self, slot: u32, live: LiveInstance) {
         let old = self.live[slot as usize].replace(live);
-        self.top.changed |= old.and_then(|old| old.traced_bounds()) != live.traced_bounds();
+        self.top.note(slot, old.and_then(|old| old.traced_bounds()), live.traced_bounds());
         self.emitters_changed |= live.emits || old.is_some_and(|old| old.emits);
-        // Most visits are to instances that have only moved.
         if old.is_some_and(|old| LiveInstance { bounds: live.bounds, ..old } == live) {
             return;
         }
@@ -265,7 +279,7 @@ impl InstancePool {
     fn give_up(&mut self, slot: u32, entity: MainEntity) {
         self.gone.push((slot, entity));
         let Some(old) = self.live[slot as usize].take() else { return };
-        self.top.changed |= old.ray_mask != 0;
+        self.top.note(slot, old.traced_bounds(), None);
         self.emitters_changed |= old.emits;
         self.emitters.remove(&old.entity);
         self.totals.subtract(&old);
@@ -287,11 +301,6 @@ impl InstancePool {
             };
             self.dirty.push(slot);
         }
-    }
-
-    /// Forgets the warnings about entities that are gone.
-    pub(crate) fn forget_warnings(&mut self, exists: impl Fn(MainEntity) -> bool) {
-        self.warned.retain(|(entity, _)| exists(*entity));
     }
 
     /// The slot of an entity: that of the last frame if the instance has at most moved, else another one.  `None` if it has none and all
@@ -317,6 +326,7 @@ impl InstancePool {
             None => {
                 self.records.push(EMPTY_SLOT);
                 self.live.push(None);
+                self.visited_in.push(0);
                 self.records.len() as u32 - 1
             }
         };
@@ -334,55 +344,6 @@ impl InstancePool {
         instance.flags |= INSTANCE_APPEARED;
         self.appeared = true;
         Some(slot)
-    }
-
-    /// The record of an instance and its world bounds; `None` if its mesh or material is missing, or if it cannot be shown.
-    fn record_of(
-        &mut self,
-        extracted: &ExtractedInstance,
-        mesh: AssetId<Mesh>,
-        sources: &mut InstanceSources,
-    ) -> Option<(GpuInstance, Bounds)> {
-        match new_record(extracted, mesh, sources) {
-            Ok(record) => return Some(record),
-            Err(Absence::LeftOut) => {}
-            Err(Absence::Asset) => self.wait_for_assets(extracted, sources),
-            Err(Absence::Shaders) => {
-                self.waiting = true;
-                self.unsettled.push(extracted.entity);
-            }
-            Err(Absence::Transform) => {
-                if self.warned.is_due((extracted.entity, InstanceProblem::UnusableTransform)) {
-                    warn!(
-                        "restir: entity {} has a transform that is singular, not finite, or reaches beyond {:e} m; it is left out",
-                        *extracted.entity,
-                        tlas::MAX_COORDINATE
-                    );
-                }
-            }
-        }
-        None
-    }
-
-    /// Waits for the assets of an instance if they are being loaded or built; else warns once that one is missing.
-    fn wait_for_assets(&mut self, extracted: &ExtractedInstance, sources: &mut InstanceSources) {
-        let InstanceSources { meshes, materials, assets, .. } = sources;
-        let mesh_will_exist = meshes.get(extracted.mesh).is_some()
-            || meshes.is_building(extracted.mesh)
-            || self.asset_wait.is_pending(extracted.mesh, assets);
-        let is_pending = mesh_will_exist
-            && (materials.slot_or_assign(extracted.material).is_some()
-                || self.asset_wait.is_pending(extracted.material, assets));
-        self.waiting |= is_pending;
-        // Bevy sends no event when an asset begins to load, so the instance is visited again.
-        self.unsettled.push(extracted.entity);
-        if !is_pending && self.warned.is_due((extracted.entity, InstanceProblem::MissingAsset)) {
-            warn!(
-                "restir: entity {} is left out, because its {} does not exist or failed to load",
-                *extracted.entity,
-                if mesh_will_exist { "material" } else { "mesh" }
-            );
-        }
     }
 
     /// Sets the light id of the first triangle in a slot; those of the other triangles follow it.
@@ -485,12 +446,10 @@ impl InstancePool {
         }
         self.dirty.clear();
         self.uploaded.resize(self.records.len(), EMPTY_SLOT);
-        let mut bytes = 0;
-        for run in runs {
+        for run in &runs {
             self.uploaded[run.clone()].copy_from_slice(&self.records[run.clone()]);
-            bytes += self.gpu.write(run.start as u32, &self.records[run], queue);
         }
-        bytes
+        self.gpu.write_runs(&runs, &self.records, device, queue)
     }
 
     /// Number of slots, including free ones.

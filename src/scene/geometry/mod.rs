@@ -11,7 +11,7 @@ pub(crate) mod mesh_build;
 pub(crate) mod meshes;
 pub(crate) mod render_layers;
 pub mod rig;
-pub(crate) mod top_level;
+pub mod top_level;
 pub(crate) mod totals;
 pub mod triangulate;
 pub(crate) mod visibility_range;

@@ -1,5 +1,8 @@
 //! The top-level tree over the instances that rays can hit, of this frame and of the last one.
 
+#[cfg(feature = "testing")]
+mod check;
+
 use bevy::{
     log::warn_once,
     platform::collections::HashSet,
@@ -8,18 +11,21 @@ use bevy::{
 
 use std::ops::Range;
 
-use crate::gpu_layout::{INSTANCE_ALPHA, NONE};
+use crate::gpu_layout::{INSTANCE_ALPHA, NODE_STRIDE, NONE, WORLD_TREE};
 use crate::scene::{
     accel::blas::{Bounds, joined},
     accel::ray_query::{AccelerationStructures, Placed},
-    accel::refit,
+    accel::refit::{self, Refit},
     accel::tlas::{self, Tlas},
     geometry::bodies::BodyPool,
-    geometry::gpu_tlas::GpuTlas,
+    geometry::gpu_tlas::TlasPair,
     geometry::meshes::MeshPool,
     geometry::world_tree::RestingInstances,
     geometry::{instance_record::LiveInstance, instances::InstancePool},
 };
+
+#[cfg(feature = "testing")]
+pub use check::{TopLevels, read_top_levels};
 
 /// Cost of a tree that is refitted, relative to its cost when it was built, beyond which it is built again.
 const MAX_COST: f64 = 1.2;
@@ -27,18 +33,22 @@ const MAX_COST: f64 = 1.2;
 /// The top level.
 #[derive(Default)]
 pub(crate) struct TopLevel {
-    /// The bounds of some instance have changed since the tree was built.
-    pub(super) changed: bool,
+    /// The tree has lost or gained an instance since it was built.
+    changed: bool,
+    /// Slots of instances in the tree whose bounds have changed in this frame.
+    moved: Vec<u32>,
     /// Entries of the tree with their world bounds: slots of instances, in the order of their entities, and the tree over those that rest.
     bounds: Vec<(u32, Bounds)>,
     /// Memory for the bounds of the next tree.
     new_bounds: Vec<(u32, Bounds)>,
+    /// Places of instances in `bounds`, by slot; `NONE` for slots that the tree does not have.
+    places: Vec<u32>,
     /// The tree, and its cost when it was built.
     tree: Tlas,
     built_cost: f64,
-    current: GpuTlas,
-    /// The top level of the last frame; `None` if it equals the current one.
-    previous: Option<GpuTlas>,
+    /// `None` until an instance moves.
+    refit: Option<Refit>,
+    gpu: TlasPair,
     /// The instances that rest, which have a tree of their own.
     pub(super) resting: RestingInstances,
     /// Ranges of such trees that only the last frame's top level has.
@@ -56,9 +66,8 @@ pub(crate) struct TopLevel {
     pub uploaded_nodes: u64,
 }
 
-/// Center and radius of a sphere around boxes.
-fn bounding_sphere<'a>(boxes: impl Iterator<Item = &'a Bounds>) -> ([f32; 3], f32) {
-    let Some((low, high)) = boxes.copied().reduce(joined) else { return ([0.0; 3], 0.0) };
+/// Center and radius of a sphere around a box.
+fn bounding_sphere((low, high): Bounds) -> ([f32; 3], f32) {
     let half: [f64; 3] = core::array::from_fn(|i| 0.5 * (high[i] as f64 - low[i] as f64));
     let radius = half.iter().map(|h| h * h).sum::<f64>().sqrt().min(1e18) as f32;
     (core::array::from_fn(|i| 0.5 * low[i] + 0.5 * high[i]), radius)
@@ -106,8 +115,17 @@ impl TopLevel {
         self.previous_sphere = (self.center, self.radius);
     }
 
+    /// Takes note of an instance whose bounds in the tree were `before` and are `after`; `None` where it is not in the tree.
+    pub(super) fn note(&mut self, slot: u32, before: Option<Bounds>, after: Option<Bounds>) {
+        if before.is_some() != after.is_some() {
+            self.changed = true;
+        } else if before != after {
+            self.moved.push(slot);
+        }
+    }
+
     /// Refits or rebuilds the tree if its entries or their bounds changed, and returns whether those of the scene did.  The tree of the last
-    /// frame is released one frame later.
+    /// frame stays on the GPU for one frame.
     pub(super) fn rebuild(
         &mut self,
         instances: &InstancePool,
@@ -115,22 +133,28 @@ impl TopLevel {
         device: &RenderDevice,
         queue: &RenderQueue,
     ) -> bool {
-        if let Some(old) = self.previous.take() {
-            meshes.release_nodes(old.range);
-            self.outdated.drain(..).for_each(|range| meshes.release_nodes(range));
-        }
+        self.gpu.begin_frame(meshes);
+        self.outdated.drain(..).for_each(|range| meshes.release_nodes(range));
         let (is_regrouped, uploaded) = self.resting.update(instances, meshes, device, queue);
         self.uploaded_nodes = uploaded;
-        let scene_changed = self.changed;
-        self.changed |= is_regrouped;
-        if !self.update_bounds(instances) {
+        let scene_changed = self.changed || !self.moved.is_empty();
+        // A tree that lacks instances is not refitted.
+        self.changed |= is_regrouped || self.tree.order.len() != self.bounds.len();
+        let (is_outdated, refitted) = match self.changed {
+            true => (self.update_bounds(instances), None),
+            false => self.refit(instances),
+        };
+        if !is_outdated {
             return false;
         }
-        if !self.refit() {
-            self.tree = tlas::build_tlas(&self.bounds);
-            self.built_cost = refit::cost(&self.tree.nodes);
-        }
-        let Some((fresh, bytes)) = GpuTlas::write(&self.tree, meshes, device, queue) else {
+        let sent = match refitted {
+            Some(nodes) => self.gpu.refit(&self.tree, nodes, meshes, device, queue),
+            None => {
+                self.build();
+                self.gpu.replace(&self.tree, meshes, device, queue)
+            }
+        };
+        let Some(bytes) = sent else {
             warn_once!(
                 "restir: the top-level tree over {} instances does not fit this device; rays use the last tree that fit",
                 self.bounds.len()
@@ -142,21 +166,53 @@ impl TopLevel {
         };
         self.uploaded_nodes += bytes;
         self.outdated = self.resting.take_outdated();
-        self.previous = Some(core::mem::replace(&mut self.current, fresh));
         scene_changed
     }
 
-    /// Fits the tree to instances that have only moved, and returns whether it is still good.
-    fn refit(&mut self) -> bool {
-        // `update_bounds` has swapped the lists, so `new_bounds` holds the bounds of the last tree.
-        let pairs = || self.bounds.iter().zip(&self.new_bounds);
-        let is_same_list = self.tree.order.len() == self.bounds.len() && self.bounds.len() == self.new_bounds.len();
-        if !is_same_list || pairs().any(|((slot, _), (before, _))| slot != before) {
-            return false;
+    /// Builds the tree over `bounds`.
+    fn build(&mut self) {
+        self.tree = tlas::build_tlas(&self.bounds);
+        self.built_cost = refit::cost(&self.tree.nodes);
+        self.refit = None;
+        self.places.clear();
+        for (place, (slot, _)) in self.bounds.iter().enumerate().filter(|(_, (slot, _))| slot & WORLD_TREE == 0) {
+            if self.places.len() <= *slot as usize {
+                self.places.resize(*slot as usize + 1, NONE);
+            }
+            self.places[*slot as usize] = place as u32;
         }
-        let Tlas { nodes, order, .. } = &mut self.tree;
-        refit::refit(nodes, |position| self.bounds[order[position] as usize].1);
-        refit::cost(nodes) <= MAX_COST * self.built_cost
+    }
+
+    /// Fits the tree to instances that have moved.  Returns whether any has, and the nodes that may have changed; `None` if the tree is not
+    /// good any more.
+    fn refit(&mut self, instances: &InstancePool) -> (bool, Option<Vec<usize>>) {
+        let mut moved = Vec::with_capacity(self.moved.len());
+        for slot in self.moved.drain(..) {
+            let place = self.places.get(slot as usize).copied().unwrap_or(NONE);
+            let known = self.bounds.get_mut(place as usize);
+            let new = instances.live_in(slot).and_then(LiveInstance::traced_bounds);
+            if let (Some((_, bounds)), Some(new)) = (known, new)
+                && *bounds != new
+            {
+                *bounds = new;
+                moved.push(place);
+            }
+        }
+        if moved.is_empty() {
+            return (false, None);
+        }
+        let all_nodes = 0..self.tree.nodes.len() / NODE_STRIDE as usize;
+        let (refit, nodes) = match self.refit.take() {
+            Some(mut refit) => {
+                let nodes = refit.update(&mut self.tree, &self.bounds, &moved);
+                (refit, nodes)
+            }
+            None => (Refit::new(&mut self.tree, &self.bounds), all_nodes.collect()),
+        };
+        (self.center, self.radius) = bounding_sphere(refit.bounds());
+        let is_good = refit.cost(&self.tree) <= MAX_COST * self.built_cost;
+        self.refit = Some(refit);
+        (true, is_good.then_some(nodes))
     }
 
     /// Rebuilds the device's own acceleration structures if an instance changed, and returns whether it did.
@@ -198,9 +254,11 @@ impl TopLevel {
         self.uploaded_nodes > 0
     }
 
-    /// Takes over the bounds of this frame and returns whether any changed.
+    /// Takes over the bounds of all instances of this frame and returns whether any changed.
     fn update_bounds(&mut self, instances: &InstancePool) -> bool {
-        if !core::mem::take(&mut self.changed) {
+        let has_moved = !self.moved.is_empty();
+        self.moved.clear();
+        if !core::mem::take(&mut self.changed) && !has_moved {
             return false;
         }
         self.new_bounds.clear();
@@ -210,7 +268,8 @@ impl TopLevel {
         let changed = self.new_bounds != self.bounds;
         if changed {
             core::mem::swap(&mut self.bounds, &mut self.new_bounds);
-            (self.center, self.radius) = bounding_sphere(self.bounds.iter().map(|(_, bounds)| bounds));
+            let all = self.bounds.iter().map(|(_, bounds)| *bounds).reduce(joined);
+            (self.center, self.radius) = all.map_or_else(Default::default, bounding_sphere);
         }
         changed
     }
@@ -220,7 +279,7 @@ impl TopLevel {
         if let Some([current, previous]) = self.structures.as_ref().map(AccelerationStructures::roots) {
             return [current, NONE, previous, NONE];
         }
-        let previous = self.previous.as_ref().unwrap_or(&self.current);
-        [self.current.root(), self.current.indices(), previous.root(), previous.indices()]
+        let [current, previous] = self.gpu.both();
+        [current.root(), current.indices(), previous.root(), previous.indices()]
     }
 }

@@ -1,7 +1,9 @@
 //! Compares the pool with a visit of all instances, for tests.
 
+use bevy::platform::collections::HashSet;
+
 use super::InstancePool;
-use crate::gpu_layout::GpuInstance;
+use crate::gpu_layout::{GpuInstance, INSTANCE_APPEARED};
 use crate::scene::{
     extract::instances::InstanceList,
     geometry::{
@@ -24,6 +26,7 @@ impl InstancePool {
     /// Panics if a visit of all instances would change anything.
     pub(crate) fn check(&mut self, list: &InstanceList, sources: &mut InstanceSources) {
         let mut shown = 0;
+        let settling: HashSet<u32> = self.settling.iter().copied().collect();
         for extracted in list.visible() {
             let slot = self.slots.get(&extracted.entity).copied();
             let mesh = shown_mesh(extracted, slot.and_then(|slot| self.live_in(slot)), sources.meshes);
@@ -40,7 +43,7 @@ impl InstancePool {
             let flags = record.flags | sources.subsurface.flags_of(extracted.entity, subsurface);
             let known = GpuInstance { flags, ..record };
             assert_eq!(without_placement(self.get(slot)), without_placement(&known), "entity {}", *extracted.entity);
-            assert_eq!(self.get(slot).world_from_object, record.world_from_object);
+            self.check_motion(slot, &record, settling.contains(&slot));
             let live = self.live_in(slot).expect("the slot is in use");
             assert_eq!((live.entity, live.bounds), (extracted.entity, bounds));
             let emits = live.ray_mask != 0 && sources.materials.emits(live.material);
@@ -64,5 +67,20 @@ impl InstancePool {
         assert!(slots.into_iter().eq(0..self.len()), "a slot is lost, or has two owners");
         let stale = self.free.iter().find(|slot| *self.get(**slot) != EMPTY_SLOT);
         assert_eq!(stale, None, "a free slot has a record");
+    }
+
+    /// Panics if the transforms of a slot are not those of this frame and of the last one.  `is_settling`: the next frame visits it.
+    fn check_motion(&self, slot: u32, expected: &GpuInstance, is_settling: bool) {
+        let record = self.get(slot);
+        assert_eq!(record.world_from_object, expected.world_from_object);
+        assert_eq!(record.object_from_world, expected.object_from_world);
+        let has_appeared = record.flags & INSTANCE_APPEARED != 0;
+        let has_moved = record.previous_world_from_object != record.world_from_object;
+        assert!(is_settling || !has_appeared && !has_moved, "slot {slot} would not settle");
+        // Before the upload, the GPU has the last frame.
+        let last = self.uploaded.get(slot as usize).filter(|_| self.fits && !has_appeared);
+        if let Some(last) = last {
+            assert_eq!(record.previous_world_from_object, last.world_from_object, "slot {slot}");
+        }
     }
 }
