@@ -4,6 +4,7 @@
 use crate::support::{app::*, random_edits::Edited, small_scenes::environment_of};
 use bevy::prelude::*;
 use bevy_restir::{Restir, SceneFeatures, Technique};
+use std::time::Instant;
 
 /// Each technique that has a history.
 const RESAMPLED: [Technique; 4] = [Technique::Di, Technique::Gi, Technique::Pt, Technique::Bdpt];
@@ -33,9 +34,13 @@ impl Course {
         let Some(mut edited) = self.rig() else { return };
         let mut scene = Edited::new(&mut edited, 7);
         edited.until_ready();
-        let before = edited.report().history_resets;
+        let (start, before) = (Instant::now(), edited.report().history_resets);
         for i in 0..self.edits {
-            edited.set(|restir| restir.technique = self.techniques[i / self.turn % self.techniques.len()]);
+            let technique = self.techniques[i / self.turn % self.techniques.len()];
+            if i % self.turn == 0 {
+                eprintln!("{i} edits, {technique:?}: {:.1} s", start.elapsed().as_secs_f64());
+                edited.set(|restir| restir.technique = technique);
+            }
             scene.edit(&mut edited);
             // Some edits share a frame, some come a frame apart, and from time to time all loading may finish.
             if i % 3 != 1 {
@@ -47,7 +52,8 @@ impl Course {
             }
         }
         edited.assert_sound();
-        let turns = if self.techniques.len() > 1 { self.edits.div_ceil(self.turn) as u64 } else { 0 };
+        // The first technique is there from the start.
+        let turns = self.edits.div_ceil(self.turn) as u64 - 1;
         for ((reason, before), (_, after)) in before.into_iter().zip(edited.report().history_resets) {
             let allowed = match reason {
                 // The pixels of an image change, or the atlas is packed again.
