@@ -8,4 +8,5 @@ mod light_units;
 mod lost_devices;
 mod motion_vectors;
 mod parity;
+mod pipelined;
 mod switches;

@@ -1,38 +1,34 @@
 //! A whole Bevy app without a window: the plugin as users run it, one camera, and its radiance read back in full precision.
 
 use bevy::{
-    asset::UnapprovedPathMode,
     camera::{Exposure, ImageRenderTarget, RenderTarget},
-    ecs::{
-        component::Mutable,
-        schedule::{ScheduleLabel, Schedules, SingleThreadedExecutor},
-    },
-    log::LogPlugin,
+    ecs::component::Mutable,
     prelude::*,
     render::{
-        ExtractSchedule, RenderApp, RenderPlugin,
-        pipelined_rendering::PipelinedRenderingPlugin,
+        RenderApp,
         render_resource::{CachedPipelineState, PipelineCache, PollType},
         renderer::RenderDevice,
-        settings::{Backends, WgpuFeatures, WgpuLimits, WgpuSettings},
+        settings::{WgpuFeatures, WgpuLimits},
     },
     shader::ShaderCacheError,
-    time::TimeUpdateStrategy,
-    window::ExitCondition,
-    winit::WinitPlugin,
 };
 use bevy_restir::{
-    DebugView, Denoiser, Direct, EmissiveLuminance, Jitter, Paths, RadianceCapture, RayBackend, Restir,
-    RestirEnvironment, RestirPlugin, RestirReport, RestirStatistics, Reuse, Technique,
-    testing::{
-        check_mirror, geometry::world_tree::share_a_tree_at_rest, plant_shader_edits, shader_library::ShaderEdit,
-    },
+    DebugView, Denoiser, Direct, Jitter, Paths, RadianceCapture, RayBackend, Restir, RestirEnvironment, RestirReport,
+    RestirStatistics, Reuse, Technique,
+    testing::{geometry::world_tree::share_a_tree_at_rest, plant_shader_edits, shader_library::ShaderEdit},
 };
 use bevy_restir_support::mutant;
-use std::time::{Duration, Instant};
+use std::{
+    thread,
+    time::{Duration, Instant},
+};
 
-use super::{devices::Lease, reuse_settings::paths};
-pub use super::{images::*, picture::Picture, stats::mean_and_error};
+use super::{
+    devices::Lease,
+    reuse_settings::paths,
+    start::{headless, return_freed_memory, silence_mesa},
+};
+pub use super::{images::*, picture::Picture, start::Start, stats::mean_and_error};
 
 /// The start of the message of a test that ends because of an error in a shader.
 pub const SHADER_ERROR: &str = "a shader does not compile";
@@ -105,138 +101,9 @@ pub fn unit_exposure() -> Exposure {
     Exposure { ev100: (1.0f32 / 1.2).log2() }
 }
 
-/// Silences Mesa's device-select layer, which complains where there is no compositor.
-fn silence_mesa() {
-    static ONCE: std::sync::Once = std::sync::Once::new();
-    ONCE.call_once(|| {
-        if std::env::var_os("XDG_RUNTIME_DIR").is_none() {
-            // SAFETY: the C library locks its environment against its own functions only; nothing here reads it by pointer meanwhile.
-            unsafe { std::env::set_var("NODEVICE_SELECT", "1") };
-        }
-    });
-}
-
-/// Returns the freed memory of earlier tests to the system.  glibc would keep it: compilers of pipelines leave it in small pieces, 18 GB
-/// after 350 tests.
-fn return_freed_memory() {
-    // SAFETY: it takes the locks of the allocator, and has no precondition.
-    #[cfg(all(target_os = "linux", target_env = "gnu"))]
-    unsafe {
-        libc::malloc_trim(0);
-    }
-}
-
-/// Runs the systems of an app in the thread of its test.  Bevy's pool has one thread on two cores and belongs to the process: a test that
-/// compiles pipelines would stop the frames of all others.  Apps that compile in the background keep Bevy's executor, as users have it.
-fn run_systems_in_this_thread(app: &mut App) {
-    for sub_app in app.sub_apps_mut().iter_mut() {
-        let Some(mut schedules) = sub_app.world_mut().get_resource_mut::<Schedules>() else { continue };
-        for (_, schedule) in schedules.iter_mut() {
-            // The render world applies the commands of the extraction.
-            let applies_commands = schedule.label() != ExtractSchedule.intern();
-            schedule.set_executor(SingleThreadedExecutor::new()).set_apply_final_deferred(applies_commands);
-        }
-    }
-}
-
-/// How an app starts.
-pub struct Start {
-    /// Pipelines are ready one frame after their request, instead of compiling in the background.
-    pub synchronous: bool,
-    /// The limits of the device; `None`: those of the adapter.
-    pub limits: Option<WgpuLimits>,
-    /// Features that the device must not have.
-    pub lacks: WgpuFeatures,
-    pub backend: RayBackend,
-    /// `RestirPlugin` is added before Bevy's plugins.
-    pub before_bevy: bool,
-}
-
-impl Default for Start {
-    fn default() -> Self {
-        Self {
-            synchronous: true,
-            limits: None,
-            lacks: WgpuFeatures::empty(),
-            backend: usual_back_end(),
-            before_bevy: false,
-        }
-    }
-}
-
-fn headless(start: Start, more: impl FnOnce(&mut App)) -> (App, Lease) {
-    let Start { synchronous, limits, lacks, backend, before_bevy } = start;
-    // Tests of the compilation in the background need pipelines that are not compiled.
-    let shares_device = synchronous && limits.is_none() && lacks.is_empty();
-    let mut lease = if shares_device { Lease::take() } else { Lease::none() };
-    let settings = || WgpuSettings {
-        backends: Some(Backends::PRIMARY),
-        constrained_limits: limits,
-        disabled_features: Some(lacks),
-        ..Default::default()
-    };
-    let mut app = App::new();
-    if before_bevy {
-        app.add_plugins(RestirPlugin { backend });
-    }
-    app.add_plugins(
-        DefaultPlugins
-            .set(RenderPlugin {
-                synchronous_pipeline_compilation: synchronous,
-                render_creation: lease.creation().unwrap_or_else(|| settings().into()),
-                ..Default::default()
-            })
-            .set(AssetPlugin {
-                file_path: concat!(env!("CARGO_MANIFEST_DIR"), "/../assets").into(),
-                // Tests write files of their own.
-                unapproved_path_mode: UnapprovedPathMode::Allow,
-                ..Default::default()
-            })
-            .set(WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..Default::default() })
-            .disable::<LogPlugin>()
-            .disable::<WinitPlugin>()
-            .disable::<PipelinedRenderingPlugin>(),
-    );
-    if !before_bevy {
-        app.add_plugins(RestirPlugin { backend });
-    }
-    app.insert_resource(EmissiveLuminance(1.0))
-        .insert_resource(ClearColor(Color::BLACK))
-        .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_secs_f64(1.0 / 60.0)));
-    more(&mut app);
-    while app.plugins_state() == bevy::app::PluginsState::Adding {
-        bevy::tasks::tick_global_task_pools_on_main_thread();
-    }
-    app.finish();
-    app.cleanup();
-    if synchronous {
-        run_systems_in_this_thread(&mut app);
-    }
-    if shares_device {
-        lease.connect(&mut app);
-    }
-    app.world().resource::<RestirStatistics>().count_rays(true);
-    check_mirror(&mut app, true);
-    // Hits in a shared tree round differently, and which instances share one depends on the number of frames: two apps would show the same
-    // scene with different bits.  Scenes of `assets/scenes` and tests of that tree share it ([`Rig::share_a_tree_at_rest`]).
-    share_a_tree_at_rest(&mut app, false);
-    if !mutant::edits().is_empty() {
-        plant_shader_edits(&mut app, mutant::edits());
-    }
-    (app, lease)
-}
-
 /// Plants edits of shaders in place of those of before.  The mutant of this process stays.
 pub fn plant_edits(app: &mut App, edits: &[ShaderEdit]) {
     plant_shader_edits(app, &[mutant::edits(), edits].concat());
-}
-
-/// The ray back end of tests that do not choose one.  `RAY_BACKEND=hardware` runs all of them with ray queries.
-fn usual_back_end() -> RayBackend {
-    match std::env::var("RAY_BACKEND").as_deref() {
-        Ok("hardware") => RayBackend::Hardware,
-        _ => RayBackend::Auto,
-    }
 }
 
 impl Rig {
@@ -273,6 +140,11 @@ impl Rig {
     /// Like [`Self::new`], on a device without these features.
     pub fn lacking(lacks: WgpuFeatures, width: u32, height: u32) -> Option<Self> {
         Self::starting(Start { lacks, ..default() }, width, height)
+    }
+
+    /// Like [`Self::new`], but the render world has a thread of its own ([`Start::pipelined`]).
+    pub fn pipelined(width: u32, height: u32) -> Option<Self> {
+        Self::starting(Start { pipelined: true, ..default() }, width, height)
     }
 
     /// Like [`Self::new`], with additional plugins.
@@ -359,11 +231,18 @@ impl Rig {
         share_a_tree_at_rest(&mut self.app, true);
     }
 
-    /// Renders one frame and waits for it.
+    /// Whether the render world has a thread of its own.
+    fn is_pipelined(&self) -> bool {
+        self.app.get_sub_app(RenderApp).is_none()
+    }
+
+    /// Renders one frame and waits for it.  Where the render world has a thread of its own, it works on the frame afterwards.
     pub fn frame(&mut self) {
         self.app.update();
-        let polled = self.app.world().resource::<RenderDevice>().poll(PollType::wait_indefinitely());
-        assert!(polled.is_ok(), "the device is lost");
+        if !self.is_pipelined() {
+            let polled = self.app.world().resource::<RenderDevice>().poll(PollType::wait_indefinitely());
+            assert!(polled.is_ok(), "the device is lost");
+        }
         assert!(
             self.app.should_exit().is_none(),
             "Bevy quits after an error of the renderer: {}",
@@ -379,8 +258,8 @@ impl Rig {
 
     /// Renders frames until the scene is loaded, built and compiled.
     pub fn until_ready(&mut self) -> RestirReport {
-        // A change is extracted in the first frame and reported in the second.
-        self.frames(2);
+        // A change is extracted in the first frame and reported in the second, which may still be rendered after a third has begun.
+        self.frames(if self.is_pipelined() { 4 } else { 2 });
         let (start, mut frames) = (Instant::now(), 0);
         loop {
             let report = self.report();
@@ -397,7 +276,8 @@ impl Rig {
 
     /// Bevy logs an error in a shader and never builds its pipeline, so that a test would wait in vain.
     fn assert_shaders_compile(&self) {
-        for pipeline in self.app.sub_app(RenderApp).world().resource::<PipelineCache>().pipelines() {
+        let Some(render_app) = self.app.get_sub_app(RenderApp) else { return };
+        for pipeline in render_app.world().resource::<PipelineCache>().pipelines() {
             use ShaderCacheError::{CreateShaderModule, ProcessShaderError};
             if let CachedPipelineState::Err(error @ (CreateShaderModule(_) | ProcessShaderError(_))) = &pipeline.state {
                 panic!("{SHADER_ERROR}: {error}");
@@ -414,7 +294,12 @@ impl Rig {
     pub fn next_if_any(&mut self) -> Option<Picture> {
         self.capture.request();
         self.frame();
-        let captured = self.capture.take()?;
+        let (start, mut captured) = (Instant::now(), self.capture.take());
+        while self.is_pipelined() && captured.is_none() && start.elapsed() < PATIENT_TIME {
+            thread::sleep(Duration::from_millis(1));
+            captured = self.capture.take();
+        }
+        let captured = captured?;
         Some(Picture { size: captured.size, pixels: captured.mean().collect(), samples: captured.samples() })
     }
 
@@ -453,8 +338,9 @@ impl Rig {
 
     /// Asserts that the frames since the start of the camera, or since [`Self::reset_guards`], raised these guards and no others.
     pub fn assert_raised(&mut self, names: &[&str]) {
-        // The counters of a frame arrive while the tests wait for the GPU, and the next frame reports them.
-        self.frames(2);
+        // The counters of a frame arrive while the tests wait for the GPU, and the next frame reports them.  Nobody waits for the GPU where
+        // the render world has a thread of its own.
+        self.frames(if self.is_pipelined() { 8 } else { 2 });
         let report = self.report();
         assert!(!report.guards.is_empty(), "no frame was counted");
         let raised: Vec<&str> = report.raised_guards().iter().map(|(name, _)| *name).collect();
@@ -466,20 +352,37 @@ impl Rig {
         self.app.world().resource::<RestirStatistics>().reset_guards();
     }
 
+    /// Lets Bevy's own renderer light the camera meanwhile.
+    pub fn without_restir<T>(&mut self, look: impl FnOnce(&mut Self) -> T) -> T {
+        let settings = self.app.world_mut().entity_mut(self.camera).take::<Restir>().expect("it has some");
+        self.frames(4);
+        let seen = look(self);
+        self.insert(self.camera, settings);
+        seen
+    }
+
     /// The 8-bit pixels of the camera's target, with `Restir` and by Bevy's own renderer.
     pub fn beside_bevy(&mut self) -> [Vec<[u8; 4]>; 2] {
         let target = self.target.clone();
         self.picture(1);
         let ours = self.drawn(&target);
-        let settings = self.app.world_mut().entity_mut(self.camera).take::<Restir>().expect("it has some");
-        self.frames(4);
-        let bevys = self.drawn(&target);
-        self.insert(self.camera, settings);
+        let bevys = self.without_restir(|rig| rig.drawn(&target));
         [ours, bevys]
+    }
+
+    /// The colors that Bevy wrote to the camera's target, which is a [`float_target`].
+    pub fn drawn_light(&mut self) -> Vec<Vec3> {
+        let target = self.target.clone();
+        let pixels: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(&self.screenshot(&target));
+        pixels.into_iter().map(|[r, g, b, _]| Vec3::new(r, g, b)).collect()
     }
 
     /// The 8-bit pixels that Bevy wrote to the target of a camera.
     pub fn drawn(&mut self, target: &Handle<Image>) -> Vec<[u8; 4]> {
+        self.screenshot(target).as_chunks::<4>().0.to_vec()
+    }
+
+    fn screenshot(&mut self, target: &Handle<Image>) -> Vec<u8> {
         use bevy::render::view::screenshot::{Screenshot, ScreenshotCaptured};
         #[derive(Resource, Default)]
         struct Taken(Option<Image>);
@@ -490,7 +393,7 @@ impl Rig {
         for _ in 0..PATIENCE {
             self.frame();
             if let Some(image) = self.app.world_mut().resource_mut::<Taken>().0.take() {
-                return image.data.expect("a screenshot has data").as_chunks::<4>().0.to_vec();
+                return image.data.expect("a screenshot has data");
             }
         }
         panic!("no screenshot came back");

@@ -43,7 +43,8 @@ impl Rig {
         Some(rig)
     }
 
-    fn wait_for(&mut self, name: &str, is_done: impl Fn(&World) -> bool) {
+    /// Renders frames until a file is loaded or spawned.
+    pub fn wait_for(&mut self, name: &str, is_done: impl Fn(&World) -> bool) {
         for _ in 0..PATIENCE {
             if is_done(self.app.world()) {
                 return;

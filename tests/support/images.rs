@@ -45,7 +45,16 @@ pub fn image_with_levels(format: TextureFormat, width: u32, height: u32, levels:
 
 /// An image that a camera can render to and that can be read back.
 pub fn target_image(size: UVec2) -> Image {
-    let mut image = Image::new_target_texture(size.x, size.y, TextureFormat::Rgba8UnormSrgb, None);
+    target_of(TextureFormat::Rgba8UnormSrgb, size)
+}
+
+/// Like [`target_image`], with linear values in full precision; cameras write those of their half-float pictures.
+pub fn float_target(size: UVec2) -> Image {
+    target_of(TextureFormat::Rgba32Float, size)
+}
+
+fn target_of(format: TextureFormat, size: UVec2) -> Image {
+    let mut image = Image::new_target_texture(size.x, size.y, format, None);
     image.texture_descriptor.usage |= TextureUsages::COPY_SRC;
     image.asset_usage = RenderAssetUsages::all();
     image

@@ -27,6 +27,7 @@ pub mod proof_rows;
 pub mod random_edits;
 pub mod reuse_settings;
 pub mod small_scenes;
+pub mod start;
 pub mod stats;
 pub mod stored_results;
 
