@@ -23,7 +23,7 @@ use crate::{
         reuse_schedule::IterationKind,
     },
     view::{
-        RestirView, ViewPool, bevy_handoff::HiddenFromBevy, counters::GuardRun, history::presample_workgroups,
+        RestirView, ViewPool, bevy_handoff::HiddenFromBevy, counters::RunOfFrame, history::presample_workgroups,
         pairs::ReplayQueue,
     },
 };
@@ -33,7 +33,7 @@ pub(super) fn run_passes(
     views: Res<ViewPool>,
     scene: Res<SceneBindings>,
     passes: Res<PassPipelines>,
-    run: Res<GuardRun>,
+    run: Res<RunOfFrame>,
     pipelines: Res<PipelineCache>,
     device: Res<RenderDevice>,
     hidden: Res<HiddenFromBevy>,
@@ -54,7 +54,7 @@ pub(super) fn run_passes(
         return;
     }
     state.ran.store(true, Ordering::Relaxed);
-    state.counters.begin_frame(run.current(), &mut context);
+    state.counters.begin_frame(run.0, &mut context);
     if let Some(light_paths) = state.history.as_ref().and_then(|history| history.light_paths.as_ref()) {
         context.command_encoder().clear_buffer(&light_paths.map, 0, Some(light_paths.heads));
     }

@@ -1,7 +1,7 @@
 //! Counters that shaders keep for each view (rays, overflows, raised guards), read back a few frames later without blocking.
 
 use bevy::{
-    ecs::resource::Resource,
+    ecs::prelude::*,
     render::{
         render_resource::*,
         renderer::{RenderContext, RenderDevice},
@@ -43,6 +43,14 @@ impl RayCounting {
     pub(crate) fn is_on(&self) -> bool {
         self.0.load(Ordering::Acquire)
     }
+}
+
+/// The run that counts the guards of this frame.  A run that the app starts while the frame is rendered counts from the next frame on.
+#[derive(Resource, Default)]
+pub(crate) struct RunOfFrame(pub u32);
+
+pub(crate) fn extract_run(run: Res<GuardRun>, mut of_frame: ResMut<RunOfFrame>) {
+    of_frame.0 = run.current();
 }
 
 /// Counters of a view on the GPU, and their newest values on the CPU.

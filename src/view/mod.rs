@@ -113,9 +113,13 @@ pub(crate) fn insert_resources(world: &mut World) {
 /// Adds the systems of the views to the render world.
 pub(crate) fn build(render_app: &mut SubApp) {
     render_app
+        .init_resource::<counters::RunOfFrame>()
         .add_systems(
             bevy::render::ExtractSchedule,
-            (extract::extract_views.after(render_layers::extract_layers), extract::clear_reset).chain(),
+            (
+                (extract::extract_views.after(render_layers::extract_layers), extract::clear_reset).chain(),
+                counters::extract_run,
+            ),
         )
         .configure_sets(
             Render,

@@ -77,3 +77,22 @@ fn a_capture_shows_the_frame_after_its_request_beside_a_busy_render_world() {
     }
     rig.assert_sound();
 }
+
+/// The run begins while the render world works on a frame with light that is too bright for `f32`.
+#[test]
+fn a_new_run_of_guards_does_not_count_the_frame_before_it() {
+    let Some(mut rig) = Rig::pipelined(64, 48) else { return };
+    // Ten micrometers from the light, its irradiance is above 1e38.
+    rig.insert(rig.camera, orthographic(1e-5, 1e-5));
+    rig.spawn(square(1.0), lambert(0.5), Transform::default());
+    let light = rig.spawn_bundle((PointLight::default(), Transform::from_xyz(0.0, 0.0, 1e-5)));
+    for _ in 0..5 {
+        rig.get_mut::<PointLight>(light).intensity = 1e31;
+        rig.until_ready();
+        rig.assert_raised(&["float_overflow"]);
+        rig.frame();
+        rig.get_mut::<PointLight>(light).intensity = 1.0;
+        rig.reset_guards();
+        rig.assert_sound();
+    }
+}
