@@ -3,6 +3,7 @@
 mod accumulation;
 mod cameras;
 mod effects;
+mod hot_reload;
 mod interop;
 mod light_units;
 mod lost_devices;
