@@ -11,3 +11,4 @@ mod motion_vectors;
 mod parity;
 mod pipelined;
 mod switches;
+mod webgpu_limits;
