@@ -357,6 +357,36 @@ fn a_budget_may_lower_the_traced_resolution_and_raises_it_again() {
     rig.assert_sound();
 }
 
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn a_budget_that_is_no_time_changes_nothing_and_a_bad_least_resolution_is_clamped() {
+    let Some(mut rig) = measured_scene() else { return };
+    rig.set(|restir| restir.technique = Technique::Di);
+    rig.until_ready();
+    for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1.0, 0.0, 1e30] {
+        rig.app.insert_resource(RestirBudget { gpu_ms: bad, least_resolution_scale: bad });
+        // Enough frames for a decision.
+        rig.frames(20);
+        assert_eq!((rig.report().budget_step, rig.next().size), (0, UVec2::new(16, 12)), "{bad} ms");
+    }
+    for (least_resolution_scale, size) in [
+        (f32::NAN, UVec2::new(16, 12)),
+        (f32::INFINITY, UVec2::new(16, 12)),
+        (-1.0, UVec2::new(4, 3)),
+        (f32::NEG_INFINITY, UVec2::new(4, 3)),
+    ] {
+        rig.app.insert_resource(RestirBudget { gpu_ms: 1e-4, least_resolution_scale });
+        // Until nothing is left to reduce.
+        let mut step = None;
+        while step != Some(rig.report().budget_step) {
+            step = Some(rig.report().budget_step);
+            rig.frames(40);
+        }
+        assert_eq!(rig.next().size, size, "least scale {least_resolution_scale}");
+    }
+    rig.assert_sound();
+}
+
 /// A budget takes samples away, and gives them back; the expected image stays.
 #[test]
 fn a_budget_does_not_restart_the_accumulation() {

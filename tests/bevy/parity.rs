@@ -75,6 +75,24 @@ fn unlit_and_emissive_materials_and_vertex_colors_look_as_in_bevy() {
     rig.assert_sound();
 }
 
+/// Also where the exposure of an app is not that of Bevy's default camera.
+#[test]
+fn lamps_look_as_bright_as_bevy_draws_them_at_the_exposure_of_their_luminance() {
+    let Some(mut rig) = rig() else { return };
+    rig.spawn(square(2.0), lamp(0.8, 0.4, 0.2), Transform::default());
+    for ev100 in [2.0, 9.7, 15.0] {
+        let exposure = Exposure { ev100 };
+        rig.app.insert_resource(EmissiveLuminance::for_exposure(&exposure));
+        rig.insert(rig.camera, exposure);
+        let (different, range) = compare(&mut rig);
+        assert!(range > 150 && different <= 4, "EV {ev100}: {different} pixels differ, range {range}");
+        let luminance = rig.picture(1).center().x * exposure.exposure();
+        assert!((luminance - 0.8).abs() < 1e-3, "EV {ev100}: {luminance}");
+    }
+    assert_eq!(EmissiveLuminance::for_exposure(&Exposure::default()), EmissiveLuminance::default());
+    rig.assert_sound();
+}
+
 /// Bevy does not clamp them, so that lasers and signs glow.
 #[test]
 fn unlit_colors_above_one_keep_their_brightness_and_hue() {

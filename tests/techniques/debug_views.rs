@@ -1,8 +1,8 @@
 //! Debug views show correct counts: rays as in the frame's own counters, and bounces in scenes where their number is known.
 
-use crate::support::{app::*, small_scenes::room};
+use crate::support::{app::*, reuse_settings::paths, small_scenes::room};
 use bevy::{core_pipeline::tonemapping::Tonemapping, prelude::*};
-use bevy_restir::{DebugView, Restir, Technique};
+use bevy_restir::{DebugView, Paths, Restir, Technique};
 
 const TECHNIQUES: [Technique; 4] = [Technique::Reference, Technique::Di, Technique::Gi, Technique::Pt];
 
@@ -103,4 +103,24 @@ fn the_scale_of_debug_views_changes_the_display_and_no_value() {
     rig.until_ready();
     let drawn = rig.drawn(&target)[0][0];
     assert!(drawn.abs_diff(188) <= 1, "{drawn}");
+}
+
+/// A path that next-event estimation ends at a point light weighs 1 over the probability of choosing that light.
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn weights_of_paths_to_point_lights_are_one_over_their_probability() {
+    let Some(mut rig) = Rig::new(32, 32) else { return };
+    rig.spawn(square(20.0), lambert(0.5), Transform::default());
+    for (x, intensity) in [(-2.0, 200.0), (2.0, 100.0)] {
+        rig.spawn_bundle((PointLight { intensity, ..default() }, Transform::from_xyz(x, 0.0, 4.0)));
+    }
+    let paths = Paths { candidates: 1, ..paths::candidates_only() };
+    rig.set(|r| *r = Restir { technique: Technique::Pt, paths, ..plain() });
+    let weights = rig.debug(DebugView::PathWeights);
+    let near = |value: f32| weights.iter().filter(|(_, w)| (w.x / value - 1.0).abs() < 1e-3).count();
+    // Lights are chosen by their power.
+    let (bright, dim) = (near(1.5), near(3.0));
+    assert_eq!(bright + dim, 1024, "{bright} for the bright light, {dim} for the dim one");
+    assert!(dim > 200 && 2 * bright > 3 * dim, "{bright} for the bright light, {dim} for the dim one");
+    rig.assert_sound();
 }

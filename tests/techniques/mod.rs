@@ -18,6 +18,7 @@ mod furnace;
 mod gi;
 mod guards;
 mod light_parts;
+mod lower_resolution;
 mod mis_enumeration;
 mod pairs;
 mod presets;
