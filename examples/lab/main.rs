@@ -14,6 +14,7 @@ mod error;
 mod features;
 mod frames;
 mod fuzz;
+mod heap;
 mod instances;
 mod lights;
 mod materials;

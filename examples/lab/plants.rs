@@ -56,6 +56,7 @@ const SOAK_REFERENCE: &str = "soak --technique reference --frames 288 --size 8x6
 const SOAK_DI: &str = "soak --technique di --frames 288 --size 8x6 --first";
 const SOAK_PT: &str = "soak --technique pt --frames 288 --size 8x6 --first";
 const SOAK_GI: &str = "soak --technique gi --frames 288 --size 8x6 --first";
+const FUZZ_REFERENCE: &str = "fuzz --technique reference --count 12 --size 8x6 --first";
 const FUZZ: &str = "fuzz --count 12 --size 8x6 --first";
 const BIAS: &str = "fuzz --count 12 --size 8x6 --against-reference --first";
 
@@ -64,8 +65,8 @@ static PLANTS: [Plant; 25] = [
     fault("buffers of reservoirs leak", Fault::ReservoirsLeak, SOAK_DI),
     fault("a freed range keeps its last element", Fault::RangeKeepsElement, SOAK_REFERENCE),
     fault("two ranges overlap by an element", Fault::RangesOverlap, SOAK_REFERENCE),
-    fault("a free slot keeps its record", Fault::StaleSlot, FUZZ),
-    fault("a light is not remapped", Fault::LightNotRemapped, FUZZ),
+    fault("a free slot keeps its record", Fault::StaleSlot, FUZZ_REFERENCE),
+    fault("a light is not remapped", Fault::LightNotRemapped, FUZZ_REFERENCE),
     // Numbers that must not exist.
     plant(
         "a resampling weight is negative",

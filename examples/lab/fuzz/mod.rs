@@ -4,7 +4,7 @@ mod case;
 mod stage;
 
 use bevy::math::UVec2;
-use bevy_restir::RayBackend;
+use bevy_restir::{RayBackend, Technique};
 use bevy_restir_support::{
     arguments,
     files::{create_folder, write_text},
@@ -14,7 +14,7 @@ use bevy_restir_support::{
 use std::{ops::RangeInclusive, path::PathBuf};
 
 use crate::soundness::{FAULT, Watchdog, kind};
-use case::Case;
+use case::{Case, Edit};
 use stage::Stage;
 
 /// Greatest number of attempts to make a failing case smaller.
@@ -41,6 +41,9 @@ pub struct Args {
     /// case's own settings, of which those that bias are unbiased. A case fails if two means differ by more than chance explains.
     #[arg(long)]
     against_reference: bool,
+    /// The technique of all cases.  Default: each case draws its own, and each technique has many shaders to compile.
+    #[arg(long, value_parser = arguments::choice::<Technique>())]
+    technique: Option<Technique>,
     /// How rays are traced.
     #[arg(long, default_value = "auto", value_parser = arguments::choice::<RayBackend>())]
     backend: RayBackend,
@@ -88,7 +91,20 @@ impl Args {
 
     /// A case, made smaller as `--shrink` asks.
     fn case(&self, seed: u64) -> Option<Case> {
-        self.shrink.0.iter().try_fold(Case::new(seed, self.size), |case, &step| case.smaller().into_iter().nth(step))
+        self.shrink.0.iter().try_fold(self.whole_case(seed), |case, &step| case.smaller().into_iter().nth(step))
+    }
+
+    /// The case of a seed, before it is made smaller.
+    fn whole_case(&self, seed: u64) -> Case {
+        let mut case = Case::new(seed, self.size);
+        let Some(technique) = self.technique else { return case };
+        case.settings.technique = technique;
+        for (_, edit) in &mut case.edits {
+            if let Edit::Settings(settings) = edit {
+                settings.technique = technique;
+            }
+        }
+        case
     }
 
     /// The command that repeats cases.
@@ -101,6 +117,9 @@ impl Args {
         }
         if self.backend != RayBackend::default() {
             text += &format!(" --backend {:?}", self.backend).to_lowercase();
+        }
+        if let Some(technique) = self.technique {
+            text += &format!(" --technique {technique:?}").to_lowercase();
         }
         if !shrink.0.is_empty() {
             text += &format!(" --shrink {shrink}");

@@ -5,12 +5,12 @@ use bevy::{image::Image, mesh::Mesh, mesh::skinning::SkinnedMeshInverseBindposes
 use bevy_restir::{RestirReport, testing::lengths::table_lengths};
 use std::{collections::BTreeMap, rc::Rc};
 
-use crate::significance;
+use crate::{heap, significance};
 
 /// Share by which memory may grow.
 const GROWTH: f64 = 0.02;
-/// Bytes by which the process may grow besides.
-const SLACK: f64 = (4 << 20) as f64;
+/// Bytes by which the heap may grow besides.
+const SLACK: f64 = (1 << 20) as f64;
 /// Figures of one round.
 #[derive(Default)]
 pub struct Round {
@@ -18,7 +18,10 @@ pub struct Round {
     pub light: Vec<f64>,
     /// The most bytes of the plugin's buffers and textures.
     pub device_bytes: f64,
-    /// Bytes of the process, where the system reports them.
+    /// Bytes of the heap, without those of the driver.
+    pub heap_bytes: f64,
+    /// Bytes of the process, where the system reports them.  They are not checked: Mesa 22.3's software driver copies shaders in each frame
+    /// and keeps the copies.
     pub resident_bytes: Option<f64>,
     /// Numbers of things that are alive at the end, by name.  Rounds share the names, so that a long soak needs little memory for them.
     pub alive: BTreeMap<Rc<str>, f32>,
@@ -28,7 +31,7 @@ pub struct Round {
 impl Round {
     /// Records the end of a round, when only the permanent scene is left.
     pub fn end(&mut self, app: &App, report: &RestirReport, last: Option<&Self>) {
-        self.resident_bytes = resident_bytes();
+        (self.heap_bytes, self.resident_bytes) = (heap::bytes() as f64, resident_bytes());
         let world = app.world();
         let known = |name: &str| Some(last?.alive.get_key_value(name)?.0.clone());
         let mut count = |name: &str, number: usize| {
@@ -84,10 +87,10 @@ impl<'a> Halves<'a> {
         [self.0, self.1].map(|half| half.iter().map(&of).fold(0.0, f64::max))
     }
 
-    /// Medians of the process's memory in both halves; `None` where the system does not report it.
-    pub fn resident(&self) -> Option<[f64; 2]> {
+    /// Medians in both halves; `None` without a value.
+    pub fn medians(&self, of: impl Fn(&Round) -> Option<f64>) -> Option<[f64; 2]> {
         let median = |half: &[Round]| {
-            let mut bytes: Vec<f64> = half.iter().filter_map(|round| round.resident_bytes).collect();
+            let mut bytes: Vec<f64> = half.iter().filter_map(&of).collect();
             bytes.sort_by(f64::total_cmp);
             bytes.get(bytes.len() / 2).copied()
         };
@@ -101,10 +104,10 @@ impl<'a> Halves<'a> {
         if after > before * (1.0 + GROWTH) {
             grown.push(format!("memory of the device grows from {before} to {after} bytes"));
         }
-        if let Some([before, after]) = self.resident()
+        if let Some([before, after]) = self.medians(|round| Some(round.heap_bytes))
             && after > before * (1.0 + GROWTH) + SLACK
         {
-            grown.push(format!("memory of the process grows from {before} to {after} bytes"));
+            grown.push(format!("the heap grows from {before} to {after} bytes"));
         }
         for name in self.1.first().into_iter().flat_map(|round| round.alive.keys()) {
             let [before, after] = self.most(|round| round.alive.get(name).map_or(0.0, |number| f64::from(*number)));
