@@ -250,7 +250,7 @@ fn check(technique: Technique, margin: f64, length: Length, all: &[Edits]) {
 
 const ALL: [Edits; 4] = [Edits::Cube, Edits::Material, Edits::Sky, Edits::Lamp];
 
-/// The standard error of a ratio is about 2.5 % with 4 restarts of five frames.
+/// Restarts of five frames.
 fn of(restarts: u32) -> Length {
     Length { restarts, frames: 5 }
 }
