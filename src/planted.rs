@@ -16,39 +16,27 @@ pub enum Fault {
     LightNotRemapped,
 }
 
+#[cfg(feature = "testing")]
+impl Fault {
+    pub const ALL: [Self; 5] =
+        [Self::ReservoirsLeak, Self::RangeKeepsElement, Self::RangesOverlap, Self::StaleSlot, Self::LightNotRemapped];
+}
+
+#[cfg(feature = "testing")]
+static PLANTED: std::sync::OnceLock<Fault> = std::sync::OnceLock::new();
+
+/// Plants a fault in all apps of this process, for the rest of its life.  A process has at most one fault: the first one.
+#[cfg(feature = "testing")]
+pub fn plant(fault: Fault) {
+    let _ = PLANTED.set(fault);
+}
+
+#[cfg(feature = "testing")]
+pub(crate) fn is_planted(fault: Fault) -> bool {
+    PLANTED.get() == Some(&fault)
+}
+
 #[cfg(not(feature = "testing"))]
-#[inline(always)]
 pub(crate) const fn is_planted(_: Fault) -> bool {
     false
 }
-
-#[cfg(feature = "testing")]
-mod testing {
-    use super::Fault;
-    use std::sync::OnceLock;
-
-    static PLANTED: OnceLock<Fault> = OnceLock::new();
-
-    impl Fault {
-        pub const ALL: [Self; 5] = [
-            Self::ReservoirsLeak,
-            Self::RangeKeepsElement,
-            Self::RangesOverlap,
-            Self::StaleSlot,
-            Self::LightNotRemapped,
-        ];
-    }
-
-    /// Plants a fault in all apps of this process, for the rest of its life.  A process has at most one fault: the first one.
-    pub fn plant(fault: Fault) {
-        let _ = PLANTED.set(fault);
-    }
-
-    pub(crate) fn is_planted(fault: Fault) -> bool {
-        PLANTED.get() == Some(&fault)
-    }
-}
-#[cfg(feature = "testing")]
-pub(crate) use testing::is_planted;
-#[cfg(feature = "testing")]
-pub use testing::plant;
