@@ -17,7 +17,7 @@ use bevy_restir::{
 use std::f64::consts::PI;
 
 const ENVIRONMENT_LIGHT: u32 = u32::MAX - 1;
-/// Least probability of the environment: PROBABILITY_MIN of `shaders/light/select.wgsl`.
+/// Least probability of the environment: `PROBABILITY_MIN` of `shaders/light/select.wgsl`.
 const PROBABILITY_MIN: f64 = 0.2;
 
 /// The choices of the kernel: the light and the bits of its pmf come first.
