@@ -6,8 +6,8 @@ use bevy_restir::{RayBackend, Restir, Technique};
 
 /// All passes of the default settings, those of the denoiser, too.
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn every_technique_gives_the_same_picture_within_the_limits_of_webgpu() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_every_technique_gives_the_same_picture_within_the_limits_of_webgpu() {
     let software = Start { backend: RayBackend::Software, ..default() };
     let Some(mut usual) = Rig::starting(software, 24, 16) else { return };
     let mut limited = Rig::limited(WgpuLimits::default(), 24, 16).expect("there is an adapter");

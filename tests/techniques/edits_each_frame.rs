@@ -256,8 +256,8 @@ fn of(restarts: u32) -> Length {
 }
 
 #[test]
-#[ignore = "second tier: ./run test --more"]
-fn edits_in_every_frame_leave_paths_the_error_of_a_scene_at_rest() {
+#[ignore = "minutes: ./run test --full"]
+fn full_length_edits_in_every_frame_leave_paths_the_error_of_a_scene_at_rest() {
     check(Technique::Pt, 0.03, of(4), &ALL);
 }
 
