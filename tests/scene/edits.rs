@@ -111,6 +111,7 @@ fn assert_equal(technique: Technique, edited: Shown, fresh: Shown) {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn three_hundred_edits_end_in_the_picture_of_a_fresh_load() {
     let compared = &[Technique::Reference, Technique::Pt];
     let size = UVec2::new(32, 24);

@@ -55,6 +55,7 @@ fn compare(
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn denoised_frames_have_a_fraction_of_the_error() {
     have_a_fraction_of_the_error(&[Technique::Di, Technique::Pt]);
 }
@@ -104,6 +105,7 @@ fn histories_do_not_depend_on_the_denoiser() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn light_that_the_camera_sees_directly_is_not_filtered() {
     let Some(mut rig) = room_scene(SIZE) else { return };
     rig.insert(rig.camera, sky(0.7));
@@ -185,6 +187,7 @@ fn means_over_frames_follow_the_camera() {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn means_over_frames_follow_objects_and_lights() {
     let Some(mut rig) = scene(SIZE, moving) else { return };
     let denoisers = [Denoiser::OFF, FILTER, Denoiser::ON];
@@ -229,6 +232,7 @@ fn mirror(roughness: f32) -> StandardMaterial {
 
 /// The first smooth material brings a pass and textures of its own; the means over frames stay.
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn means_outlive_the_first_smooth_material() {
     let Some(mut rig) = room_scene(SIZE) else { return };
     let truth = truth(&mut rig, BOUNCES);

@@ -330,6 +330,7 @@ fn light_vertices_of_the_last_frame_are_found_in_its_scene() {
 
 /// The paths have s + t vertices, one more than the index of the light.
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn a_debug_view_shows_the_technique_that_found_a_path() {
     let Some(mut rig) = room_scene(32) else { return };
     for (techniques, has_connections) in [(Lightweight, false), (Full, true)] {

@@ -149,6 +149,7 @@ fn other_pixels(rig: &mut Rig, emitted: &Picture, least: u32) -> RoundTrips {
 }
 
 #[test]
+#[ignore = "second tier: ./run test --more"]
 fn paths_beside_light_paths_return_unchanged_from_other_pixels() {
     let mirrors = PATH_SCENES[2];
     check_other_pixels(&[mirrors], 60_000);
