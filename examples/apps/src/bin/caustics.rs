@@ -121,8 +121,8 @@ fn populate(app: &mut App) {
     let water = [(0.0, 0.021), (0.093, 0.021), (0.1049, 0.2), (0.0, 0.2)];
     spawn(world, turned(&water.map(Vec2::from)), StandardMaterial { ior: 1.33, ..glass() }, place);
 
-    let sun = DirectionalLight { illuminance: 700.0, color: Color::srgb(1.0, 0.95, 0.85), ..default() };
-    world.spawn((sun, Transform::default().looking_to(Vec3::new(-0.35, -0.75, 0.6), Vec3::Y)));
+    let sun = DirectionalLight { illuminance: 200.0, color: Color::srgb(1.0, 0.95, 0.85), ..default() };
+    world.spawn((sun, Transform::default().looking_to(Vec3::new(-0.6, -0.75, 0.15), Vec3::Y)));
 }
 
 fn glass() -> StandardMaterial {
