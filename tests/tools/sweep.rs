@@ -230,7 +230,7 @@ fn a_scene_without_light_gives_advice_and_leaves_no_folder() {
     }
 }
 
-/// What a user is told after the first report, beside the best of more than a hundred settings.
+/// The setting that the first report recommends is compared with the best of more than a hundred settings.
 #[test]
 #[ignore = "minutes: ./run test --full"]
 fn full_length_the_advice_is_near_the_best_of_all_settings() {

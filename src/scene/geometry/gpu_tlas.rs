@@ -72,7 +72,7 @@ pub(super) struct TlasPair {
     current: GpuTlas,
     /// The tree that `current` has replaced.
     replaced: Option<GpuTlas>,
-    /// The nodes in which `replaced` differs from `current`; `None` if it is another tree.
+    /// The nodes whose contents differ between `replaced` and `current`; `None` if the two have different topologies.
     differences: Option<Vec<usize>>,
     /// `replaced` is the top level of the last frame.  Otherwise both frames have `current`.
     is_replaced_now: bool,

@@ -49,7 +49,7 @@ impl InstancePool {
         }
         let Some(mesh) = meshes.get(live.mesh) else { return false };
         let Some(placement) = Placement::new(&extracted.world_from_object, &mesh.bounds) else { return false };
-        // A mirrored instance is another one.
+        // Other flags need another slot.
         if (record.flags & INSTANCE_MIRRORED != 0) != placement.is_mirrored {
             return false;
         }
