@@ -310,27 +310,59 @@ fn triangles(mesh: &Mesh, place: &Transform) -> Vec<([DVec3; 3], DVec3)> {
     indices.chunks_exact(3).map(of).collect()
 }
 
-/// The light of a point light at `light` (cd) that leaves a convex body at `exit`: the integral over its surface.
-fn surface_integral(
-    body: &[([DVec3; 3], DVec3)],
-    exit: DVec3,
-    light: (DVec3, f64),
-    d: f64,
+/// A translucent convex body by its triangles in world space.
+struct Body {
+    triangles: Vec<([DVec3; 3], DVec3)>,
     albedo: f64,
-    reach: f64,
-) -> f64 {
-    let entering = |p: DVec3, n: DVec3| {
-        let to = light.0 - p;
-        let r = (p - exit).length();
-        if r > reach {
-            return 0.0;
-        }
-        profile(r / d) / (d * d) * n.dot(to).max(0.0) / to.length().powi(3)
-    };
-    body.iter().map(|(corners, n)| over_triangle(&|p| entering(p, *n), *corners, 1e-9, 14)).sum::<f64>()
-        * light.1
-        * albedo
-        / PI
+    /// Lengths of the profile, by channel.
+    lengths: DVec3,
+}
+
+impl Body {
+    fn new(mesh: &Mesh, place: &Transform, albedo: f64, lengths: DVec3) -> Self {
+        Self { triangles: triangles(mesh, place), albedo, lengths }
+    }
+
+    /// The point that a camera on the axis of z sees.
+    fn seen(&self) -> DVec3 {
+        let depth = self.triangles.iter().filter_map(|([a, b, c], n)| {
+            // The point of the triangle's plane on the axis.
+            let z = n.dot(*a) / n.z;
+            let p = DVec3::new(0.0, 0.0, z);
+            let inside = |a: DVec3, b: DVec3| (b - a).cross(p - a).dot(*n) >= 0.0;
+            (n.z > 0.0 && inside(*a, *b) && inside(*b, *c) && inside(*c, *a)).then_some(z)
+        });
+        DVec3::new(0.0, 0.0, depth.fold(f64::MIN, f64::max))
+    }
+
+    /// The light that leaves the body at `exit`, by channel: an integral of the irradiance at a point with a normal over the surface.  Each
+    /// triangle is divided at least `least_depth` times.
+    fn light_at(&self, exit: DVec3, least_depth: u32, irradiance: &dyn Fn(DVec3, DVec3) -> f64) -> DVec3 {
+        let reach = REACH * self.lengths.x;
+        DVec3::from_array(self.lengths.to_array().map(|d| {
+            let entering = |p: DVec3, n: DVec3| {
+                let r = (p - exit).length();
+                if r > reach { 0.0 } else { profile(r / d) / (d * d) * irradiance(p, n) }
+            };
+            let integral = |(corners, n): &([DVec3; 3], DVec3)| {
+                over_triangle(&|p| entering(p, *n), *corners, 1e-9, 12 + least_depth)
+            };
+            self.triangles.iter().map(integral).sum::<f64>() * self.albedo / PI
+        }))
+    }
+}
+
+/// The irradiance by a point light, in cd.
+fn irradiance_by(light: DVec3, intensity: f64, p: DVec3, n: DVec3) -> f64 {
+    let to = light - p;
+    intensity * n.dot(to).max(0.0) / to.length().powi(3)
+}
+
+/// A material with a base color texture of one texel, and its albedo.  All lengths belong to the point where light leaves.
+fn textured(rig: &mut Rig) -> (StandardMaterial, f64) {
+    let image = rig.add::<Image>(texture(1, 1, |_, _| [188, 188, 188, 255]));
+    let albedo = f64::from(Color::srgb_u8(188, 188, 188).to_linear().red);
+    (StandardMaterial { base_color_texture: Some(image), ..lambert(1.0) }, albedo)
 }
 
 /// A box that is scaled, turned and textured, seen through a small window: light enters it by a surface integral.
@@ -341,27 +373,69 @@ fn a_turned_scaled_and_textured_box_agrees_with_a_surface_integral() {
     let place =
         Transform::from_rotation(Quat::from_euler(EulerRot::XYZ, 0.5, 0.7, 0.2)).with_scale(Vec3::new(0.8, 0.5, 1.1));
     let mesh = Mesh::from(Cuboid::from_length(1.0));
-    let body = triangles(&mesh, &place);
-    // The window shows one texel of the base color: all lengths belong to the point where light leaves.
-    let image = rig.add::<Image>(texture(1, 1, |_, _| [188, 188, 188, 255]));
-    let albedo = f64::from(Color::srgb_u8(188, 188, 188).to_linear().red);
-    let material = StandardMaterial { base_color_texture: Some(image), ..lambert(1.0) };
+    let (material, albedo) = textured(&mut rig);
+    let body = Body::new(&mesh, &place, albedo, DVec3::new(0.4, 0.15, 0.05));
     let entity = rig.spawn(mesh, material, place);
-    let lengths = DVec3::new(0.4, 0.15, 0.05);
-    rig.insert(entity, of_lengths(lengths, albedo));
+    rig.insert(entity, of_lengths(body.lengths, albedo));
     let (light, power) = (Vec3::new(1.5, 1.0, 2.0), 100.0);
     rig.spawn_bundle((PointLight { intensity: power, ..default() }, Transform::from_translation(light)));
-    let depth = body.iter().filter_map(|([a, b, c], n)| {
-        // The point of the triangle's plane on the axis of the camera.
-        let z = n.dot(*a) / n.z;
-        let p = DVec3::new(0.0, 0.0, z);
-        let inside = |a: DVec3, b: DVec3| (b - a).cross(p - a).dot(*n) >= 0.0;
-        (n.z > 0.0 && inside(*a, *b) && inside(*b, *c) && inside(*c, *a)).then_some(z)
-    });
-    let exit = DVec3::new(0.0, 0.0, depth.fold(f64::MIN, f64::max));
-    let light = (light.as_dvec3(), f64::from(power) / (4.0 * PI));
-    let expected = lengths.to_array().map(|d| surface_integral(&body, exit, light, d, albedo, REACH * lengths.x));
-    check(&mut rig, 2000, "box", DVec3::from_array(expected));
+    let intensity = f64::from(power) / (4.0 * PI);
+    let expected = body.light_at(body.seen(), 2, &|p, n| irradiance_by(light.as_dvec3(), intensity, p, n));
+    check(&mut rig, 2000, "box", expected);
+}
+
+/// Light that bounces off a wall enters an ellipsoid, too: a surface integral whose irradiance is an integral over the wall.
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn a_turned_ellipsoid_beside_a_wall_agrees_with_a_surface_integral_of_two_bounces() {
+    const WALL_ALBEDO: f64 = 0.9;
+    /// Side of the wall, and its distance from the axis of the camera, in meters.
+    const SIDE: f64 = 1.6;
+    const DISTANCE: f64 = 0.8;
+    /// Parts of a side of the wall for its integral.
+    const PARTS: u32 = 24;
+    let Some(mut rig) = window(0.02, 32) else { return };
+    rig.set(|restir| restir.bounces = 2);
+    let place =
+        Transform::from_rotation(Quat::from_euler(EulerRot::XYZ, 0.5, 0.7, 0.2)).with_scale(Vec3::new(0.6, 0.35, 0.5));
+    // Without normals faces are flat, as in the integral.
+    let mut mesh = Sphere::new(1.0).mesh().ico(7).expect("few enough triangles");
+    mesh.remove_attribute(Mesh::ATTRIBUTE_NORMAL);
+    let (material, albedo) = textured(&mut rig);
+    let body = Body::new(&mesh, &place, albedo, DVec3::new(0.4, 0.15, 0.1));
+    let entity = rig.spawn(mesh, material, place);
+    rig.insert(entity, of_lengths(body.lengths, albedo));
+    let wall = Transform::from_xyz(-DISTANCE as f32, 0.0, 0.0).with_rotation(Quat::from_rotation_y(0.5 * PI as f32));
+    rig.spawn(square(SIDE as f32), lambert(WALL_ALBEDO as f32), wall);
+    let (light, power) = (Vec3::new(0.4, 1.8, 1.6), 100.0);
+    rig.spawn_bundle((PointLight { intensity: power, ..default() }, Transform::from_translation(light)));
+
+    let (light, intensity) = (light.as_dvec3(), f64::from(power) / (4.0 * PI));
+    let side = SIDE / f64::from(PARTS);
+    let at = |i: u32| (f64::from(i) + 0.5) * side - 0.5 * SIDE;
+    // Points of the wall, with the light that each sends into a unit solid angle.
+    let sources: Vec<(DVec3, f64)> = (0..PARTS * PARTS)
+        .map(|i| {
+            let q = DVec3::new(-DISTANCE, at(i % PARTS), at(i / PARTS));
+            (q, WALL_ALBEDO / PI * side * side * irradiance_by(light, intensity, q, DVec3::X))
+        })
+        .collect();
+    for (q, _) in &sources {
+        // The body lies in a ball of this radius.
+        let nearest = (light - q) * (-q.dot(light - q) / (light - q).length_squared()).clamp(0.0, 1.0) + q;
+        assert!(nearest.length() > 0.6, "the body's shadow falls on the wall at {q}");
+    }
+    let irradiance = |p: DVec3, n: DVec3| {
+        let reflected =
+            |(q, source): &(DVec3, f64)| source * (p - q).x.max(0.0) / (p - q).length() * irradiance_by(*q, 1.0, p, n);
+        irradiance_by(light, intensity, p, n) + sources.iter().map(reflected).sum::<f64>()
+    };
+    let exit = body.seen();
+    let direct = body.light_at(exit, 0, &|p, n| irradiance_by(light, intensity, p, n));
+    let expected = body.light_at(exit, 0, &irradiance);
+    println!("the wall adds {:.3}", expected / direct - 1.0);
+    assert!((expected / direct).min_element() > 1.1, "the wall adds too little light to be tested");
+    check_within(0.004, &mut rig, 2400, "ellipsoid beside a wall", expected);
 }
 
 #[test]
