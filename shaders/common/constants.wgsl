@@ -12,6 +12,9 @@ const ONE_MINUS_EPSILON: f32 = 0.99999994;
 // Larger than any distance in a scene: WGSL has no portable infinity.
 const FAR: f32 = 3.0e38;
 
+// Bound of values that are stored as half floats, the greatest of which is 65504.
+const HALF_BOUND: f32 = 6.0e4;
+
 // Marks a missing index.
 const NONE: u32 = 0xffffffffu;
 

@@ -38,11 +38,11 @@ fn has_albedo(albedo: vec3<f32>) -> bool {
 }
 
 // Channels whose albedo is below this share of the greatest one say too little about the light.
-const LEAST_SHARE: f32 = 0.02;
+const LEAST_ALBEDO_SHARE: f32 = 0.02;
 
 // Light that arrives, from light that leaves.  Channels that hardly reflect get the light of the others.
 fn without_albedo(light: vec3<f32>, albedo: vec3<f32>) -> vec3<f32> {
     let gray = luminance(light) / max(luminance(albedo), 1.0e-5);
     let greatest = max_component(albedo);
-    return select(vec3<f32>(gray), light / max(albedo, vec3<f32>(1.0e-6)), albedo > vec3<f32>(LEAST_SHARE * greatest));
+    return select(vec3<f32>(gray), light / max(albedo, vec3<f32>(1.0e-6)), albedo > vec3<f32>(LEAST_ALBEDO_SHARE * greatest));
 }

@@ -2,7 +2,7 @@
 // that gizmos, transparent objects of other materials and post-processing work as usual.  The traced picture may have fewer pixels than the
 // viewport: then it is enlarged, and the surfaces of the shown pixels are known.
 
-#import bevy_restir::common::constants::{NONE, VIEW_ENVIRONMENT_IS_BACKDROP, VIEW_JITTERED_MEAN, VIEW_NO_BACKDROP}
+#import bevy_restir::common::constants::{HALF_BOUND, NONE, VIEW_ENVIRONMENT_IS_BACKDROP, VIEW_JITTERED_MEAN, VIEW_NO_BACKDROP}
 #import bevy_restir::common::ray::Ray
 #import bevy_restir::scene::offset::surface_point
 #import bevy_restir::scene::triangle::world_triangle
@@ -90,8 +90,8 @@ fn color_at(pixel: vec2<u32>, d: f32) -> vec4<f32> {
 // Of a traced pixel.
 fn color_of(pixel: vec2<u32>) -> vec3<f32> {
     let sum = radiance[pixel_index(pixel)];
-    // The greatest half float is 65504; later passes may add to it.
-    return min(sum.rgb / max(sum.a, 1.0) * view.exposure, vec3<f32>(6.0e4));
+    // The bound is below the greatest half float, because later passes may add to it.
+    return min(sum.rgb / max(sum.a, 1.0) * view.exposure, vec3<f32>(HALF_BOUND));
 }
 
 // The surface that a pixel shows.

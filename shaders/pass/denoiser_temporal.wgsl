@@ -258,9 +258,9 @@ const CORRELATED_FRAMES: f32 = 2.0;
 // Standard deviation of normally distributed noise, relative to the mean of its absolute value.
 const DEVIATION_OF_MEAN: f32 = 1.2533;
 // Standard deviations from the pixels around at which a pixel is an outlier: all of its difference is noise.
-const OUTLIER: f32 = 3.0;
+const OUTLIER_DEVIATIONS: f32 = 3.0;
 // The same, relative to the luminance.
-const LEAST_OUTLIER: f32 = 0.05;
+const OUTLIER_SHARE: f32 = 0.05;
 // Least number of other pixels that an outlier is compared with.
 const FEWEST_AROUND: f32 = 3.0;
 // Frames after which the variance over frames is trusted.
@@ -287,7 +287,7 @@ fn outlying(mean: Mean, around: Neighborhood) -> f32 {
     let usual = max(around.means.x - dot(around.brightest, vec3<f32>(1.0)), 0.0) / count;
     let variance = max((around.means.y - dot(around.brightest, around.brightest)) / count - usual * usual, 0.0);
     let difference = bounded_luminance(mean.color) - usual;
-    return select(0.0, difference, abs(difference) > OUTLIER * sqrt(variance) + LEAST_OUTLIER * usual);
+    return select(0.0, difference, abs(difference) > OUTLIER_DEVIATIONS * sqrt(variance) + OUTLIER_SHARE * usual);
 }
 
 fn average(pixel: vec2<u32>, kind: u32, place: LastPlace, around: Neighborhood, most_frames: f32) {

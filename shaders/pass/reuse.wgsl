@@ -359,7 +359,7 @@ fn resample(inputs: ptr<function, Inputs>, mis: ptr<function, MisInputs>, ids: v
     let traces_selected = has(RESAMPLE_SHADE) && has(RESAMPLE_SHADING_RAYS) && !has(RESAMPLE_SHADE_ALL);
     set_target(mis, 0u, 0u, guarded(luminance((*inputs).contributions[0]), GUARD_TARGET));
     let is_same = !traces_selected && is_same_pixel(inputs, mis, ids);
-    // Both loops end with their tests, for drivers that mask lanes.
+    // Both loops test at their ends: after a `break` at the start, a CPU driver would run the whole body once more with all lanes off.
     let turns = (*mis).count + u32(traces_selected);
     var index = 0u;
     loop {

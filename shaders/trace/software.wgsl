@@ -78,7 +78,7 @@ fn with_waiting(groups: Groups) -> Groups {
 }
 
 // In place of an instance while a ray is in a tree over triangles in world space (`world_tree.rs`).
-const WORLD: u32 = 0xfffffffeu;
+const IN_WORLD_TREE: u32 = 0xfffffffeu;
 
 // A triangle of a leaf: its corners in the space of the tree, and whose it is.
 struct LeafTriangle {
@@ -90,7 +90,7 @@ struct LeafTriangle {
 }
 
 fn leaf_triangle(instance: u32, index: u32, previous: bool) -> LeafTriangle {
-    if instance == WORLD {
+    if instance == IN_WORLD_TREE {
         let a = nodes[3u * index];
         let b = nodes[3u * index + 1u];
         let c = nodes[3u * index + 2u];
@@ -114,7 +114,7 @@ fn is_hit(t: LeafTriangle, is_in_world: bool, barycentrics: vec2<f32>, alpha_see
 fn closer_hit(group: vec2<u32>, last: Hit, instance: u32, tree: TreeRay, t_min: f32, alpha_seed: u32, previous: bool) -> Hit {
     let leaf = leaf_triangle(instance, group.x + firstLeadingBit(group.y), previous);
     let found = intersect_corners(tree.line, leaf.a, leaf.b, leaf.c);
-    if found.inside && found.t > t_min && found.t < last.t && is_hit(leaf, instance == WORLD, found.barycentrics, alpha_seed) {
+    if found.inside && found.t > t_min && found.t < last.t && is_hit(leaf, instance == IN_WORLD_TREE, found.barycentrics, alpha_seed) {
         return Hit(found.t, leaf.instance, leaf.triangle, found.barycentrics);
     }
     return last;
@@ -194,7 +194,7 @@ fn traverse(ray: Ray, alpha_seed: u32, any_hit: bool, previous: bool) -> Hit {
         }
         instance_depth = depth;
         if (entry & WORLD_TREE) != 0u {
-            instance = WORLD;
+            instance = IN_WORLD_TREE;
             groups = root_group(entry & ~WORLD_TREE, true);
             continue;
         }

@@ -119,7 +119,7 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "textures are filtered with the light",
         "denoiser/albedo.wgsl",
-        "return select(vec3<f32>(gray), light / max(albedo, vec3<f32>(1.0e-6)), albedo > vec3<f32>(LEAST_SHARE * greatest));",
+        "return select(vec3<f32>(gray), light / max(albedo, vec3<f32>(1.0e-6)), albedo > vec3<f32>(LEAST_ALBEDO_SHARE * greatest));",
         "return light / max(luminance(albedo), 1.0e-6);",
         &["textures_stay_sharp"],
     ),
@@ -147,7 +147,7 @@ pub const MUTANTS: &[Mutant] = &[
     mutant(
         "no pixel is an outlier",
         "pass/denoiser_temporal.wgsl",
-        "abs(difference) > OUTLIER * sqrt(variance) + LEAST_OUTLIER * usual);",
+        "abs(difference) > OUTLIER_DEVIATIONS * sqrt(variance) + OUTLIER_SHARE * usual);",
         "false);",
         &["single_bright_pixels"],
     ),

@@ -36,8 +36,8 @@ const FAR_COSINE: f32 = 0.5;
 // Neighbors are at most this many times d away (Werner et al. 2024): light that enters farther from a pixel matters little to it.
 const NEIGHBOR_LENGTHS: f32 = 2.0;
 // Least radius of the disk of neighbors, as a share of the greatest radius, and in pixels.
-const LEAST_SHARE: f32 = 1.0 / 6.0;
-const LEAST_PIXELS: f32 = 2.0;
+const LEAST_RADIUS_SHARE: f32 = 1.0 / 6.0;
+const LEAST_RADIUS: f32 = 2.0;
 
 // A pixel's surface, in this frame or the last.
 struct Receiver {
@@ -247,7 +247,7 @@ fn resamples(r: Receiver) -> bool {
 // Radius of the disk that neighbors are in, pixels: NEIGHBOR_LENGTHS times d, projected.
 fn neighbor_radius(r: Receiver) -> f32 {
     let projected = NEIGHBOR_LENGTHS * max_component(r.surface.radius) / max(r.footprint, 1.0e-30);
-    return clamp(projected, max(LEAST_SHARE * settings.radius, min(LEAST_PIXELS, settings.radius)), settings.radius);
+    return clamp(projected, max(LEAST_RADIUS_SHARE * settings.radius, min(LEAST_RADIUS, settings.radius)), settings.radius);
 }
 
 // Index of the sample's triangle among the hits of its probe; NO_HIT if the probe misses it because of rounding.

@@ -31,7 +31,7 @@ const MAX_INSTANCES: u64 = 1 << 14;
 /// Frames between the start of a build and the use of its tree, where pictures must be repeatable.
 const BUILD_FRAMES: u64 = 8;
 /// Frames in which an instance must not have moved.
-const REST: u64 = 64;
+const REST_FRAMES: u64 = 64;
 /// Greatest number of frames before the next build.  The wait doubles after each tree that was given up early.
 const MAX_WAIT: u64 = 1024;
 
@@ -229,16 +229,16 @@ impl RestingInstances {
         self.has_changed = true;
         // Trees that do not live long are not worth their builds.
         let lived = self.frame - old.since;
-        self.wait = if lived < 4 * REST { (2 * self.wait).clamp(REST, MAX_WAIT) } else { REST };
+        self.wait = if lived < 4 * REST_FRAMES { (2 * self.wait).clamp(REST_FRAMES, MAX_WAIT) } else { REST_FRAMES };
         self.next = self.frame + self.wait;
     }
 
     /// Chooses the instances of the next tree, and starts its build if they are worth it.
     fn choose(&mut self, instances: &InstancePool, meshes: &MeshPool) {
         let is_first = self.next == 0;
-        self.next = self.frame + REST;
+        self.next = self.frame + REST_FRAMES;
         let frame = self.frame;
-        let is_recent = |moved: &u64| *moved > 0 && *moved + REST > frame;
+        let is_recent = |moved: &u64| *moved > 0 && *moved + REST_FRAMES > frame;
         // Those that do not rest yet are looked at again.
         self.has_changed = self.moved.iter().any(is_recent);
         let at_rest = |slot: &u32| !self.moved.get(*slot as usize).is_some_and(is_recent);
