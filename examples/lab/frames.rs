@@ -1,13 +1,14 @@
 //! Errors of single frames with a long history: the frames that a user sees.
 
 use bevy::math::UVec2;
-use bevy_restir::{Preset, Restir};
+use bevy_restir::{Jitter, Preset, Restir, Technique};
 use bevy_restir_support::progress::Progress;
 
 use crate::{
     bench::{Bench, Counts, Scene, lit, reference_bounces, scenes},
     compare,
     difference::Difference,
+    error::{Picture, Reference, mean},
     output::{Output, header},
     subject::Subject,
     table::{Row, Table, Unit},
@@ -26,6 +27,9 @@ pub struct Args {
     /// Number of independent frames over which figures are averaged.
     #[arg(long, default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..=65_536))]
     seeds: u32,
+    /// Samples a pixel of the reference tracer through the centers of pixels, as frames see the scene, for the row of energy.
+    #[arg(long, default_value_t = 512, value_parser = clap::value_parser!(u32).range(2..=1_000_000))]
+    centers: u32,
     #[command(flatten)]
     counts: Counts,
     #[command(flatten)]
@@ -70,22 +74,26 @@ impl Args {
         let mut bench = Bench::of_scene(scene, size, settings[0].1.clone(), &self.counts)?;
         let Counts { warmup, frames } = self.counts;
         let frames_each = u64::from(self.seeds) * u64::from(warmup + 1) + u64::from(warmup) + u64::from(frames);
-        let progress = Progress::new(settings.len() as u64 * frames_each);
+        let progress = Progress::new(settings.len() as u64 * frames_each + 2 * u64::from(self.centers.div_ceil(2)));
+        let centers = Restir { technique: Technique::Reference, jitter: Jitter::Never, ..settings[0].1.clone() };
+        let centers = bench.reference(&centers, self.centers, &progress)?;
         let mut rows = Vec::new();
         for (name, settings) in &settings {
             let pictures = bench.pictures(settings, self.seeds, self.counts.warmup, &progress)?;
+            let energy = energy(&pictures, &centers);
             let figures: Vec<Difference> =
                 pictures.into_iter().map(|picture| Difference::new(picture, &reference, size, TILE)).collect();
             let (cost, _) = bench.measure(settings, None, &progress)?;
-            let mean = |of: fn(&Difference) -> f64| figures.iter().map(of).sum::<f64>() / figures.len() as f64;
+            let average = |of: fn(&Difference) -> f64| figures.iter().map(of).sum::<f64>() / figures.len() as f64;
             let row = |label: &str, figures: &[_]| Row::new(name.clone(), label, figures);
             rows.extend([
-                row("relMSE without the worst percent", &[("", Unit::Relative, mean(|d| d.rel_mse_trimmed))]),
-                row("relMSE", &[("", Unit::Relative, mean(|d| d.rel_mse))]),
-                row("MAPE", &[("", Unit::Relative, mean(|d| d.mape))]),
-                row("FLIP", &[("", Unit::Plain, mean(|d| d.flip))]),
-                row("black pixels", &[("", Unit::Relative, mean(|d| d.black))]),
-                row("energy", &[("", Unit::Relative, mean(|d| d.rel_mean))]),
+                row("relMSE without the worst percent", &[("", Unit::Relative, average(|d| d.rel_mse_trimmed))]),
+                row("relMSE", &[("", Unit::Relative, average(|d| d.rel_mse))]),
+                row("MAPE", &[("", Unit::Relative, average(|d| d.mape))]),
+                row("FLIP", &[("", Unit::Plain, average(|d| d.flip))]),
+                row("black pixels", &[("", Unit::Relative, average(|d| d.black))]),
+                row("energy", &[("", Unit::Relative, energy[0])]),
+                row("standard error of energy", &[("", Unit::Relative, energy[1])]),
                 row("lighting", &[("", Unit::Ms, cost.lighting())]),
             ]);
         }
@@ -99,6 +107,17 @@ impl Args {
         let plain = Restir { bounces, energy_compensation: false, ..self.subject.settings() };
         with_variants(self.subject.preset, plain, &self.variant)
     }
+}
+
+/// The relative difference of the mean light of frames from a converged picture, and its standard error.
+fn energy(frames: &[Picture], converged: &Reference) -> [f64; 2] {
+    let light = mean(converged.pixels(), |c| c);
+    let off: Vec<f64> = frames.iter().map(|frame| mean(frame, |c| c) / light - 1.0).collect();
+    let average = off.iter().sum::<f64>() / off.len() as f64;
+    let spread = off.iter().map(|x| (x - average).powi(2)).sum::<f64>() / (off.len() as f64 - 1.0);
+    // The halves of the converged picture differ by twice their deviations.
+    let of_converged = mean(converged.deviations(), |c| c) / light;
+    [average, (spread / off.len() as f64).sqrt().hypot(of_converged)]
 }
 
 /// The settings of a preset, and their variants, each with its name.  `variants`: assignments to fields of `Restir`, separated by spaces.
