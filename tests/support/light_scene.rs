@@ -167,13 +167,14 @@ impl<'g> LightScene<'g> {
         first
     }
 
-    /// Sets the alias table of the lights and the counts of the scene from these powers.
+    /// Sets the alias table of the lights and the counts of the scene from these powers.  Each light is a bin.
     pub fn set_powers(&mut self, powers: &[f64]) {
         let total: f64 = powers.iter().filter(|p| p.is_finite() && **p > 0.0).sum();
         self.scene.light_power = total as f32;
-        self.scene.light_count = 0;
+        (self.scene.light_count, self.scene.light_bins) = (0, 0);
         if let Some(table) = alias_table(powers) {
             self.scene.light_count = powers.len() as u32;
+            self.scene.light_bins = powers.len() as u32;
             for (light, entry) in self.lights.iter_mut().zip(table) {
                 light.pmf = entry.pmf;
                 light.alias_probability = entry.probability;
