@@ -156,7 +156,7 @@ fn triangles_of_meshes_are_chosen_by_power() {
 }
 
 /// The numbers of choices of each light, by the first random numbers behind those of the environment.  Divided by `COLUMNS` and 2^24, they
-/// are probabilities of lights that only these numbers choose.
+/// are the probabilities of lights that no other numbers choose.
 fn first_choices(lit: &LightScene, environment: f32) -> Vec<u32> {
     const ROWS: u32 = 3;
     let gpu = lit.gpu;
@@ -188,10 +188,13 @@ fn a_dim_light_is_chosen_with_its_probability() {
             let counts = first_choices(&lit, environment);
             let first = if dim.len() == 1 { 1 } else { 2 };
             for (count, power) in counts[first..].iter().zip(&dim) {
-                let probability = f64::from(*count) / f64::from(COLUMNS) / 16_777_216.0;
-                let ratio = probability / (power * (1.0 - f64::from(environment)));
+                let wanted = power * (1.0 - f64::from(environment)) * f64::from(COLUMNS) * 16_777_216.0;
+                let ratio = f64::from(*count) / wanted;
                 println!("{dim:?} with an environment of {environment}: {ratio:.4} times the probability");
-                assert!((ratio - 1.0).abs() < 0.015, "{dim:?} with an environment of {environment}: {ratio}");
+                assert!(
+                    (ratio - 1.0).abs() < 4.0 / wanted.sqrt(),
+                    "{dim:?} with an environment of {environment}: {ratio}"
+                );
             }
         }
     }
@@ -213,7 +216,7 @@ fn a_dim_triangle_of_a_mesh_is_chosen_with_its_probability() {
         // Each place is one half of the table.
         let probability = 0.5 * count as f64 / 64.0 / 2f64.powi(32);
         println!("{probability:e} of {power:e}");
-        assert!((probability - power).abs() <= 1e-3 * power, "{probability:e}, not {power:e}");
+        assert!((probability - power).abs() <= 5e-4 * power, "{probability:e}, not {power:e}");
     }
 }
 

@@ -21,7 +21,6 @@ use std::ops::Range;
 use super::{
     alias_table::AliasEntry,
     analytic::{AnalyticRecord, invalid_extent},
-    emissive_mesh::EmissiveMesh,
     emitter::{Emitter, gather},
     id_remap::{Group, LightRemap, Owner},
     shape_tree::ShapeTree,
