@@ -108,7 +108,8 @@ fn triangles_of_meshes_are_chosen_by_power() {
             lit.set_bins(&bins);
             lit.view.environment_color = [environment; 3];
             lit.scene.environment_limit = 0.5;
-            (lit, bins, if environment > 0.0 { 0.5 } else { 0.0 })
+            let share: f64 = if environment > 0.0 { 0.5 } else { 0.0 };
+            (lit, bins, share)
         })
         .collect();
     assert_family(scenes.iter().map(|(lit, bins, share)| {
