@@ -20,7 +20,7 @@ use std::ops::Range;
 
 use super::{
     alias_table::AliasEntry,
-    analytic::{AnalyticRecord, invalid_extent},
+    analytic::{AnalyticRecord, warn_about},
     emitter::{Emitter, gather},
     id_remap::{Group, LightRemap, Owner},
     shape_tree::ShapeTree,
@@ -155,10 +155,20 @@ impl LightPool {
         }
     }
 
-    /// Panics if the two tables of this frame disagree about the lights that they have in common.
+    /// Panics if the two tables of this frame disagree about the lights that they have in common, or lack changes of triangles.
     #[cfg(feature = "testing")]
     pub(crate) fn check(&self) {
-        if self.previous_at == 0 || self.pending != Upload::Everything {
+        if self.previous_at == 0 {
+            return;
+        }
+        if self.pending != Upload::Everything {
+            for (bin, group) in self.table.groups.iter().enumerate() {
+                let (first, triangles) = (triangles_of(group).start, self.table.triangles(bin));
+                let is_uploaded = |at: usize| self.uploaded[at..at + triangles.len()] == *triangles;
+                assert!(self.outdated.contains(&bin) || is_uploaded(first), "bin {bin} has other triangles");
+                let is_sent = self.previous_triangles.iter().any(|(sent, _)| *sent == first);
+                assert!(is_sent || is_uploaded(self.previous_at as usize + first), "bin {bin} had other triangles");
+            }
             return;
         }
         for (light, group) in self.table.bins().iter().zip(&self.table.groups) {
@@ -243,7 +253,7 @@ impl LightPool {
             if let Emitter::Analytic(light) = new
                 && !new.is_unchanged_from(old)
             {
-                self.warn_about(*entity, light, &AnalyticRecord::new(light, self.radius));
+                warn_about(*entity, light, &AnalyticRecord::new(light, self.radius), &mut self.warned);
             }
         }
         self.emitters = emitters;
@@ -367,7 +377,7 @@ impl LightPool {
     /// Record and power of an analytic light; `None` if it cannot be in the table.
     fn add_analytic(&mut self, entity: MainEntity, light: &AnalyticLight, limit: u32) -> Option<(GpuLight, f64)> {
         let mut record = AnalyticRecord::new(light, self.radius);
-        self.warn_about(entity, light, &record);
+        warn_about(entity, light, &record, &mut self.warned);
         if !record.can_be_sampled() {
             return None;
         }
@@ -378,26 +388,6 @@ impl LightPool {
         record.light.kind |= self.hidden.get(&entity).map_or(0, |hidden| hidden << LIGHT_HIDDEN_SHIFT);
         self.features |= record.features;
         Some((record.light, record.power))
-    }
-
-    /// Warns once about a light with invalid values.
-    fn warn_about(&mut self, entity: MainEntity, light: &AnalyticLight, record: &AnalyticRecord) {
-        if let Some(problem) = invalid_extent(light)
-            && self.warned.is_due(entity)
-        {
-            warn!("restir: light {} has {problem}", *entity);
-        }
-        // A black light is ordinary; infinite and negative powers are errors of the app.
-        let is_placed = record.has_finite_transform();
-        let is_wrong = !record.can_be_sampled() && (record.power != 0.0 || !is_placed);
-        if !is_wrong || !self.warned.is_due(entity) {
-            return;
-        }
-        if is_placed {
-            warn!("restir: light {} has the invalid power {}; it is not rendered", *entity, record.power);
-        } else {
-            warn!("restir: light {} has a transform that is not finite or too far away; it is not rendered", *entity);
-        }
     }
 
     /// Uploads changes.  Returns the number of bytes.
