@@ -14,6 +14,7 @@ pub const LIGHT_DIRECTIONAL: u32 = 3;
 pub const LIGHT_SPHERE: u32 = 4;
 pub const LIGHT_RECT: u32 = 5;
 pub const LIGHT_SUN: u32 = 6;
+pub const LIGHT_MESH: u32 = 7;
 pub const LIGHT_KIND_BITS: u32 = 0xff;
 pub const LIGHT_HIDDEN_SHIFT: u32 = 8;
 
@@ -111,6 +112,9 @@ pub struct GpuSceneUniforms {
     pub environment_limit: f32,
     pub previous_center: [f32; 3],
     pub previous_radius: f32,
+    pub light_bins: u32,
+    pub previous_light_bins: u32,
+    pub pad: [u32; 2],
 }
 
 #[repr(C)]
@@ -242,7 +246,7 @@ pub struct GpuLight {
     pub direction: [f32; 3],
     pub alias_probability: f32,
     pub alias_index: u32,
-    pub counterpart: u32,
+    pub counterpart_or_mesh: u32,
     pub data: [u32; 2],
 }
 

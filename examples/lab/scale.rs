@@ -6,9 +6,10 @@ use bevy_restir_support::{
     arguments,
     exposure::unit_exposure,
     framing,
-    headless::until,
+    headless::{self, frame, until},
     progress::Progress,
     scene::{self, CameraSetup},
+    times::median,
 };
 use std::{
     path::{Path, PathBuf},
@@ -24,7 +25,7 @@ use crate::{
 };
 
 /// Times of direct light by the number of lights: a panel of constant power is divided into more and more triangles. It hangs over a
-/// floor with blocks, or over a scene.
+/// floor with blocks, or over a scene. Then one lamp flickers beside the panel.
 #[derive(clap::Args, Debug)]
 pub struct Args {
     /// A glTF file over which the panel hangs, beside the lights of the scene; `references.json` beside it may name its environment.
@@ -57,9 +58,21 @@ struct Measured {
     bytes: u64,
     /// Mean radiance of a frame.
     light: f64,
+    flicker: Flicker,
     default: Cost,
     bare: Cost,
     bare_unpresampled: Cost,
+}
+
+/// A frame in which one lamp beside the panel has changed its brightness.
+#[derive(Default)]
+struct Flicker {
+    /// Median time of the CPU stages that update and send lights, ms.
+    ms: f64,
+    /// Scene bytes sent.
+    sent: f64,
+    /// Emissive triangles that were visited.
+    visited: f64,
 }
 
 pub fn run(args: &Args) -> Result<(), String> {
@@ -103,10 +116,16 @@ pub fn run(args: &Args) -> Result<(), String> {
             build_ms,
             bytes: bench.bytes(),
             light,
+            flicker: Flicker::default(),
             default,
             bare,
             bare_unpresampled,
         });
+    }
+    // The lamp needs other pipelines, which must not time the passes above.
+    for (&count, measured) in args.lights.iter().zip(&mut all) {
+        build(&mut bench, &room, count)?;
+        measured.flicker = flicker(&mut bench, &room, args.counts.frames)?;
     }
     args.output.write("scale", &table(args, bench.adapter(), &room, &all))
 }
@@ -141,6 +160,33 @@ fn build(bench: &mut Bench, room: &Room, count: u32) -> Result<f64, String> {
     Ok(start.elapsed().as_secs_f64() * 1e3)
 }
 
+/// Lets a lamp under the panel flicker for some frames.
+fn flicker(bench: &mut Bench, room: &Room, frames: u32) -> Result<Flicker, String> {
+    let app = bench.app();
+    let lamp =
+        app.world_mut().spawn((PointLight::default(), Transform::from_translation(0.5 * room.at.translation))).id();
+    let (mut times, mut sent, mut visited) = (Vec::new(), 0.0, 0.0);
+    // The first frames send the whole table, because the lamp is new.
+    const SETTLE: u32 = 4;
+    for number in 0..SETTLE + frames {
+        if let Some(mut light) = app.world_mut().get_mut::<PointLight>(lamp) {
+            light.intensity = 100.0 + (number % 7) as f32;
+        }
+        frame(app);
+        headless::alive(app)?;
+        if number < SETTLE {
+            continue;
+        }
+        let report = app.world().resource::<RestirStatistics>().report();
+        let stages = report.cpu_ms.iter().filter(|(name, _)| ["lights", "upload"].contains(name));
+        times.push(stages.map(|(_, ms)| f64::from(*ms)).sum());
+        sent = report.uploaded_bytes as f64;
+        visited = report.visited.iter().find(|(name, _)| *name == "emissive_triangles").map_or(0.0, |(_, n)| *n as f64);
+    }
+    app.world_mut().despawn(lamp);
+    Ok(Flicker { ms: median(&times), sent, visited })
+}
+
 fn table(args: &Args, adapter: String, room: &Room, all: &[Measured]) -> Table {
     let mut header = header(adapter, args.size);
     let Counts { warmup, frames } = args.counts;
@@ -172,6 +218,7 @@ fn rows(measured: &Measured, smallest: &Measured) -> Vec<Row> {
         Row::new(section, label, &[("", Unit::Ms, value), ("", Unit::Ratio, value / base)])
     };
     const SCENE: &str = "Scene";
+    const FLICKER: &str = "One lamp beside the panel flickers";
     const BARE: &str = "Without rays";
     const DEFAULT: &str = "Default settings";
     vec![
@@ -179,6 +226,9 @@ fn rows(measured: &Measured, smallest: &Measured) -> Vec<Row> {
         Row::new(SCENE, "all buffers and textures", &[("", Unit::MiB, measured.bytes as f64 / f64::from(1 << 20))]),
         Row::new(SCENE, "light in a frame", &[("", Unit::Radiance, measured.light)]),
         ms(SCENE, "from the mesh to the picture", |m| m.build_ms),
+        ms(FLICKER, "CPU time of lights and uploads", |m| m.flicker.ms),
+        Row::new(FLICKER, "scene bytes sent", &[("", Unit::Bytes, measured.flicker.sent)]),
+        Row::new(FLICKER, "emissive triangles visited", &[("", Unit::Count, measured.flicker.visited)]),
         ms(BARE, "presample", |m| m.bare.presample()),
         ms(BARE, "candidates, presampled (demanded: at most 1.25 x)", |m| m.bare.candidates()),
         ms(BARE, "presample and candidates", |m| m.bare.presample() + m.bare.candidates()),

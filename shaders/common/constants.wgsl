@@ -29,6 +29,8 @@ const LIGHT_DIRECTIONAL: u32 = 3u;
 const LIGHT_SPHERE: u32 = 4u;
 const LIGHT_RECT: u32 = 5u;
 const LIGHT_SUN: u32 = 6u;
+// Stands for the triangles of an emissive mesh in the choice of a light.
+const LIGHT_MESH: u32 = 7u;
 // `Light::kind` holds the kind in its low bits and, from LIGHT_HIDDEN_SHIFT on, a bit for each set of render layers whose cameras the
 // light is hidden from.
 const LIGHT_KIND_BITS: u32 = 0xffu;

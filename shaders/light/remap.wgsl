@@ -14,7 +14,7 @@ fn current_light_id(previous: u32) -> u32 {
     if record >= arrayLength(&lights) {
         return NONE;
     }
-    return lights[record].counterpart;
+    return counterpart(previous, true);
 }
 
 // Whether a light of this frame exists, or (`previous`) existed in the last frame.
@@ -30,6 +30,19 @@ fn light_record(light: u32, previous: bool) -> u32 {
     if !previous || scene.previous_lights == 0u {
         return light;
     }
-    let counterpart = lights[light].counterpart;
-    return select(scene.previous_lights + counterpart, NONE, counterpart == NONE);
+    let before = counterpart(light, false);
+    return select(scene.previous_lights + before, NONE, before == NONE);
+}
+
+// Id in the other frame of a light of this frame, or (`previous`) of the last frame; NONE if the other frame does not have it.
+fn counterpart(light: u32, previous: bool) -> u32 {
+    let table = select(0u, scene.previous_lights, previous);
+    let link = lights[table + light].counterpart_or_mesh;
+    if light < select(scene.light_bins, scene.previous_light_bins, previous) {
+        return link;
+    }
+    // The triangles of a mesh keep their order.
+    let mesh = table + link;
+    let first = lights[mesh].counterpart_or_mesh;
+    return select(first + (light - lights[mesh].data.x), NONE, first == NONE);
 }

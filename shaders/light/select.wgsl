@@ -1,14 +1,17 @@
 // Choice of a light by balanced power (`src/scene/light/alias_table.rs`): the environment, or a light of the table by the alias method
-// (Vose 1991).
+// (Vose 1991).  The table has two levels: a bin for each analytic light and each emissive mesh, and a table over the triangles of each mesh.
+// A change of one emitter thus changes its own records and those of the bins.
 #define_import_path bevy_restir::light::select
 
-#import bevy_restir::common::constants::{NONE, PI}
+#import bevy_restir::common::constants::{LIGHT_MESH, NONE, PI}
 #import bevy_restir::common::guard::{GUARD_LIGHT_SAMPLE, guarded_or_infinite}
 #import bevy_restir::common::math::is_finite
+#import bevy_restir::common::rng::pcg4d
 #import bevy_restir::light::environment::environment_flux
 #import bevy_restir::light::remap::current_light_id
 #import bevy_restir::light::types::ENVIRONMENT_LIGHT
 #import bevy_restir::scene::bindings::{lights, scene}
+#import bevy_restir::view::render_layers::light_kind
 
 // Least probability of the environment beside a table: power alone does not tell how much light reaches a point.  The largest one is
 // `environment_limit`: one of the constants ENVIRONMENT_LIMIT... of `src/scene/light/alias_table.rs`, which are greater.  In the furnished
@@ -29,15 +32,51 @@ fn light_select(u: vec2<f32>) -> LightChoice {
         return LightChoice(NONE, 0.0);
     }
 
-    // The 24 bits of u.x alone would bias the choice in a long table by up to count/2^24, so that the low 8 bits of u.y are added.
-    let word = u32(u.x * 0x1p24) << 8u | (u32(u.y * 0x1p24) & 0xffu);
-    let bin = min(multiply_high(word, scene.light_count), scene.light_count - 1u);
-    // The 24 bits of u.y alone would round the probability of a dim light up, so that the place within the bin is added.
-    let inside = f32(word * scene.light_count) * 0x1p-32;
-    let v = ((u.y - environment) + inside * 0x1p-24) / (1.0 - environment);
-    let light = select(lights[bin].alias_index, bin, v < lights[bin].alias_probability || lights[bin].alias_probability == 1.0);
+    // 48 random bits are too few for all decisions below: those of dim lights would be biased.  A hash of them gives the others.
+    let bits = vec2<u32>(u * 0x1p24);
+    let more = pcg4d(vec4<u32>(bits, 0u, 0u));
+    // The 24 bits of u.x alone would bias the choice in a long table by up to count/2^24.
+    let word = bits.x << 8u | more.x >> 24u;
+    let bin = multiply_high(word, scene.light_bins);
+    // The 24 bits of u.y alone would round the probability of a dim light up.
+    let v = ((u.y - environment) + f32(more.y) * 0x1p-56) / (1.0 - environment);
+    let keeps = v < lights[bin].alias_probability || lights[bin].alias_probability == 1.0;
+    let chosen = select(lights[bin].alias_index, bin, keeps);
+    // The place within the bin, which the choice of the bin leaves uniform.  Its steps are as wide as the number of bins.
+    let place = word * scene.light_bins + multiply_high(more.z, scene.light_bins);
+    let light = light_of_bin(chosen, place, vec2<u32>(more.w, more.x));
     return LightChoice(light, light_pmf(light));
 }
+
+#ifdef LIGHT_TRIANGLES
+// The light of a bin: a triangle, if the bin is that of a mesh.  `place`, `coin`: random bits.
+fn light_of_bin(bin: u32, place: u32, coin: vec2<u32>) -> u32 {
+    if light_kind(bin) != LIGHT_MESH {
+        return bin;
+    }
+    let triangle = multiply_high(place, lights[bin].data.y);
+    let light = lights[bin].data.x + triangle;
+    let v = (f32(coin.x) + f32(coin.y & 0xffffffu) * 0x1p-24) * 0x1p-32;
+    let keeps = v < lights[light].alias_probability || lights[light].alias_probability == 1.0;
+    return lights[bin].data.x + select(lights[light].alias_index, triangle, keeps);
+}
+
+// Probability of a light in the table.
+fn table_pmf(light: u32) -> f32 {
+    if light < scene.light_bins {
+        return lights[light].pmf;
+    }
+    return lights[light].pmf * lights[lights[light].counterpart_or_mesh].pmf;
+}
+#else
+fn light_of_bin(bin: u32, place: u32, coin: vec2<u32>) -> u32 {
+    return bin;
+}
+
+fn table_pmf(light: u32) -> f32 {
+    return lights[light].pmf;
+}
+#endif
 
 // Probability with which `light_select` chooses a light.  A light of the last frame, whose record stands behind this frame's table, has the
 // probability that it has now: both frames weigh their sampling techniques alike.
@@ -52,7 +91,7 @@ fn light_pmf(record: u32) -> f32 {
     if light >= scene.light_count || !table_has_power() {
         return 0.0;
     }
-    return lights[light].pmf * (1.0 - environment_pmf());
+    return table_pmf(light) * (1.0 - environment_pmf());
 }
 
 // Probability of the environment: its flux through a disk of the scene's radius, against the power of the table.

@@ -7,7 +7,7 @@ struct SceneUniforms {
     tlas_indices: u32,         // index in `nodes` of the top level's list of instances, packed 4 in a vec4
     previous_tlas_root: u32,
     previous_tlas_indices: u32,
-    light_count: u32,          // number of lights in the alias table
+    light_count: u32,          // number of records in the table of lights, or 0 if nothing emits
     instance_count: u32,       // number of slots of `instances`; no shader reads it
     light_power: f32,          // power of all lights of the table, by luminance, lm
     radius: f32,               // radius of a sphere around all instances, m
@@ -19,6 +19,9 @@ struct SceneUniforms {
     environment_limit: f32,    // largest probability of the environment beside the lights of the table
     previous_center: vec3<f32>, // sphere around all instances in the last frame
     previous_radius: f32,
+    light_bins: u32,           // number of bins of the choice, which are the first records of the table
+    previous_light_bins: u32,  // that of the last frame's table
+    pad: vec2<u32>,
 }
 
 // Positions of a triangle in object space.  Triangles have the order of the leaves of their bottom-level tree.
@@ -83,17 +86,21 @@ struct Material {
     clearcoat_perceptual_roughness: f32,
 }
 
-// `data` by kind: triangle: (instance, triangle).  Others hold bits of f32: spot: cosines of the (inner, outer) angle; sphere: (radius, 0);
-// rectangle: (half width, half height); sun: (1 - cosine of the disk's angular radius, 0).
+// The first `light_bins` records are the bins of the choice: the analytic lights and the emissive meshes.  The triangles of a mesh stand
+// together behind the bins and have an alias table of their own; a mesh of a single triangle has the triangle as its bin.
+// `data` by kind: triangle: (instance, triangle); mesh: (id of its first triangle, number of triangles).  Others hold bits of f32: spot:
+// cosines of the (inner, outer) angle; sphere: (radius, 0); rectangle: (half width, half height); sun: (1 - cosine of the disk's angular
+// radius, 0).
 struct Light {
     position: vec3<f32>,       // of a point or spot light; center of a sphere or rectangle
     kind: u32,                 // LIGHT_*, and hidden sets of render layers from LIGHT_HIDDEN_SHIFT on
-    emission: vec3<f32>,       // triangle: mean radiance; sphere, rectangle, sun: radiance; point, spot: intensity, cd;
+    emission: vec3<f32>,       // sphere, rectangle, sun: radiance; point, spot: intensity, cd;
                                // directional: illuminance, lux
-    pmf: f32,                  // probability of this light in the table
+    pmf: f32,                  // of a bin: probability in the table; of a triangle behind the bins: in its mesh
     direction: vec3<f32>,      // spot, directional, sun: direction of propagation; rectangle: rotation (`light/rect.wgsl`)
     alias_probability: f32,
-    alias_index: u32,
-    counterpart: u32,          // if the table changed: id of this light in the table of the other frame, or NONE
+    alias_index: u32,          // bin, or triangle of the same mesh, counted from its first one
+    counterpart_or_mesh: u32,  // of a bin, if the table changed: id of this light, or of the first triangle of this mesh, in the table of the
+                               // other frame, or NONE; of a triangle behind the bins: bin of its mesh
     data: vec2<u32>,
 }

@@ -208,16 +208,19 @@ fn uniforms(pools: &Pools) -> GpuSceneUniforms {
         previous_tlas_indices,
         light_count: lights.count(),
         instance_count: instances.len(),
-        light_power: lights.power.min(1e30) as f32,
+        light_power: lights.power().min(1e30) as f32,
         radius: instances.top.radius,
         center: instances.top.center,
         previous_lights: lights.previous_at,
         shapes_root,
         shapes_indices,
         sun_count: lights.sun_count(),
-        environment_limit: lights.environment_limit,
+        environment_limit: lights.environment_limit(),
         previous_center: instances.top.previous_sphere.0,
         previous_radius: instances.top.previous_sphere.1,
+        light_bins: lights.bin_count(),
+        previous_light_bins: lights.previous_bins,
+        pad: [0; 2],
     }
 }
 
@@ -279,7 +282,7 @@ fn summarize(bindings: &mut SceneBindings, pools: &Pools, scene: &ExtractedScene
     bindings.memory = memory(bindings, pools);
     bindings.triangles = instances.totals.triangles;
     bindings.instances = instances.totals.instances;
-    bindings.lights = lights.count() as u64;
+    bindings.lights = lights.selectable();
     bindings.has_camera_dependent_objects = instances.totals.has_camera_dependent_objects();
     bindings.hidden_from = bindings.recent_hidden_from.update(instances.totals.hidden_from() | lights.hidden_from);
 }
@@ -294,6 +297,7 @@ fn visited(scene: &mut ExtractedScene, pools: &Pools, drawn: u64) -> Vec<(&'stat
         ("images", textures.visited),
         ("instances", instances.visited),
         ("emitters", lights.visited),
+        ("emissive_triangles", lights.visited_triangles),
         ("draws", drawn),
     ]
 }

@@ -6,6 +6,10 @@ use crate::support::{
     compose::{Def, flag},
     gpu::{Bound, gpu},
     light_scene::LightScene,
+    oracle::{
+        light_choice::{Bin, choose},
+        pairs::pcg4d,
+    },
     stats::{assert_family, chi_squared},
 };
 use bevy::prelude::*;
@@ -83,30 +87,137 @@ fn lights_are_chosen_by_power() {
     }));
 }
 
+/// Bins with the powers of a light or of the triangles of a mesh, and the light of an environment.
+fn tables() -> Vec<(Vec<Vec<f64>>, f32)> {
+    let uneven: Vec<f64> = (0..1000).map(|i| f64::from(i % 7) * f64::from(i % 13)).collect();
+    let many: Vec<f64> = (0..100_000).map(|i| 1.0 + f64::from(i % 5)).collect();
+    let hard = vec![vec![5.0], vec![0.0, 2.0, f64::NAN, -1.0], vec![f64::INFINITY], vec![0.0; 3], vec![1.0, 3.0]];
+    let lamps = (0..3000).map(|i| vec![f64::from(i % 3)]).chain([many.clone()]).collect::<Vec<_>>();
+    let cases = [vec![vec![1.0, 3.0]], vec![uneven, vec![3.0], vec![7.0; 600]], hard, vec![many], lamps];
+    cases.into_iter().flat_map(|bins| [(bins.clone(), 0.0), (bins, 1e9)]).collect()
+}
+
+/// The probability of a triangle is that of its mesh times its share of it; each choice is the oracle's.
+#[test]
+fn triangles_of_meshes_are_chosen_by_power() {
+    let Some(gpu) = gpu() else { return };
+    let scenes: Vec<_> = tables()
+        .into_iter()
+        .map(|(bins, environment)| {
+            let mut lit = LightScene::new(gpu);
+            lit.set_bins(&bins);
+            lit.view.environment_color = [environment; 3];
+            lit.scene.environment_limit = 0.5;
+            let share: f64 = if environment > 0.0 { 0.5 } else { 0.0 };
+            (lit, bins, share)
+        })
+        .collect();
+    assert_family(scenes.iter().map(|(lit, bins, share)| {
+        let usable = |p: &f64| if p.is_finite() { p.max(0.0) } else { 0.0 };
+        let total: f64 = bins.iter().flatten().map(usable).sum();
+        let single = bins.iter().map(|powers| if powers.len() == 1 { usable(&powers[0]) } else { 0.0 });
+        let triangles = bins.iter().filter(|powers| powers.len() > 1).flatten().map(usable);
+        let pmf: Vec<f64> = single.chain(triangles).map(|p| p / total * (1.0 - share)).chain([*share]).collect();
+        assert_eq!(pmf.len(), lit.lights.len() + 1);
+        let table: Vec<Bin> = lit.lights[..bins.len()]
+            .iter()
+            .zip(bins)
+            .map(|(light, powers)| {
+                let [first, count] = if powers.len() > 1 { light.data.map(|i| i as usize) } else { [0; 2] };
+                let triangles = &lit.lights[first..first + count];
+                Bin { entry: light.into(), triangles: triangles.iter().map(Into::into).collect() }
+            })
+            .collect();
+        let test = move |seed: u32| {
+            let mut counts = vec![0.0; pmf.len()];
+            let defs: &[Def] =
+                if *share > 0.0 { &[flag("LIGHT_TRIANGLES"), flag("ENVIRONMENT")] } else { &[flag("LIGHT_TRIANGLES")] };
+            let mut others = 0;
+            for ([light, choice, again, _], id) in select(lit, seed, 1 << 17, defs).into_iter().zip(0..) {
+                let chosen = if light == ENVIRONMENT_LIGHT { lit.lights.len() } else { light as usize };
+                counts[chosen] += 1.0;
+                let choice = f64::from(f32::from_bits(choice));
+                let wanted = pmf[chosen];
+                assert!((choice - wanted).abs() <= 1e-4 * wanted + 1e-10, "{chosen}: {choice}, not {wanted}");
+                assert!(choice.to_bits() == f64::from(f32::from_bits(again)).to_bits() && choice > 0.0);
+                let [x, y, ..] = pcg4d([id, seed, 79, 0]);
+                let oracle = choose(&table, [x >> 8, y >> 8], *share).map(|(bin, triangle)| match bins[bin].len() {
+                    1 => bin,
+                    _ => lit.lights[bin].data[0] as usize + triangle,
+                });
+                others += u32::from(oracle.unwrap_or(lit.lights.len()) != chosen);
+            }
+            // f32 rounds where a coin is tossed at the probability itself.
+            assert!(others <= 2, "{others} choices differ from those of the oracle");
+            let expected: Vec<f64> = pmf.iter().map(|p| p * f64::from(1 << 17)).collect();
+            chi_squared(&counts, &expected)
+        };
+        (format!("{} bins, environment {share}", bins.len()), Box::new(test) as Box<dyn Fn(u32) -> f64>)
+    }));
+}
+
+/// The numbers of choices of each light, by the first random numbers behind those of the environment.  Divided by `COLUMNS` and 2^24, they
+/// are the probabilities of lights that no other numbers choose.
+fn first_choices(lit: &LightScene, environment: f32) -> Vec<u32> {
+    const ROWS: u32 = 3;
+    let gpu = lit.gpu;
+    let chosen = gpu.zeroed::<u32>((COLUMNS * ROWS) as usize);
+    let first = gpu.storage(&[(environment * 16_777_216.0f32).ceil() as u32]);
+    let bound = [(2, 0, Bound::Buffer(&first)), (2, 1, Bound::Buffer(&chosen))];
+    let kernel = include_str!("../support/kernels/light_select_first.wgsl");
+    let defs = [flag("ENVIRONMENT"), flag("LIGHT_TRIANGLES")];
+    lit.run("light_select_first", kernel, &defs, COLUMNS * ROWS, &bound);
+    let mut counts = vec![0; lit.lights.len()];
+    gpu.read::<u32>(&chosen).into_iter().for_each(|light| counts[light as usize] += 1);
+    counts
+}
+
+/// The columns of the kernel `light_select_first`.
+const COLUMNS: u32 = 1 << 20;
+
 /// The random numbers have 24 bits; a dim light has a part of the smallest of their steps.
 #[test]
 fn a_dim_light_is_chosen_with_its_probability() {
-    const COLUMNS: u32 = 4096;
-    const ROWS: u32 = 64;
     let Some(gpu) = gpu() else { return };
     let mut lit = LightScene::new(gpu);
-    lit.lights = vec![GpuLight::default(); 2];
-    lit.set_powers(&[1.0, 3e-8]);
-    lit.scene.radius = 1.0;
-    for environment in [0.0, 0.8] {
-        // A share of 0.8 is that of any bright environment.
-        lit.view.environment_color = [1e9 * environment; 3];
-        let chosen = gpu.zeroed::<u32>((COLUMNS * ROWS) as usize);
-        let first = gpu.storage(&[(environment * 16_777_216.0f32).ceil() as u32]);
-        let bound = [(2, 0, Bound::Buffer(&first)), (2, 1, Bound::Buffer(&chosen))];
-        let kernel = include_str!("../support/kernels/light_select_first.wgsl");
-        lit.run("light_select_first", kernel, &[flag("ENVIRONMENT")], COLUMNS * ROWS, &bound);
-        let count = gpu.read::<u32>(&chosen).into_iter().filter(|light| *light == 1).count();
-        let probability = count as f64 / f64::from(COLUMNS) / 16_777_216.0;
-        let wanted = 3e-8 * (1.0 - f64::from(environment));
-        let ratio = probability / wanted;
-        println!("with an environment of {environment}: {ratio:.4} times the probability");
-        assert!((ratio - 1.0).abs() < 0.01, "with an environment of {environment}: {ratio}");
+    // A dim mesh keeps the shares of its triangles.
+    for dim in [vec![3e-8], vec![0.75e-8, 2.25e-8]] {
+        lit.set_bins(&[vec![1.0], dim.clone()]);
+        for environment in [0.0, 0.8] {
+            // A share of 0.8 is that of any bright environment.
+            lit.view.environment_color = [1e9 * environment; 3];
+            let counts = first_choices(&lit, environment);
+            let first = if dim.len() == 1 { 1 } else { 2 };
+            for (count, power) in counts[first..].iter().zip(&dim) {
+                let wanted = power * (1.0 - f64::from(environment)) * f64::from(COLUMNS) * 16_777_216.0;
+                let ratio = f64::from(*count) / wanted;
+                println!("{dim:?} with an environment of {environment}: {ratio:.4} times the probability");
+                assert!(
+                    (ratio - 1.0).abs() < 4.0 / wanted.sqrt(),
+                    "{dim:?} with an environment of {environment}: {ratio}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_dim_triangle_of_a_mesh_is_chosen_with_its_probability() {
+    const COINS: u32 = 1024;
+    let Some(gpu) = gpu() else { return };
+    let mut lit = LightScene::new(gpu);
+    lit.set_bins(&[vec![1.0, 3e-8]]);
+    for (place, power) in [(0x4000_0000u32, 0.0), (0xc000_0000, 3e-8)] {
+        let chosen = gpu.zeroed::<u32>(64 * COINS as usize);
+        let place = gpu.storage(&[place]);
+        let bound = [(2, 0, Bound::Buffer(&place)), (2, 1, Bound::Buffer(&chosen))];
+        let kernel = include_str!("../support/kernels/light_of_bin.wgsl");
+        lit.run("light_of_bin", kernel, &[flag("LIGHT_TRIANGLES")], 64 * COINS, &bound);
+        let count = gpu.read::<u32>(&chosen).into_iter().filter(|light| *light == 2).count();
+        // Each place is one half of the table.
+        let probability = 0.5 * count as f64 / 64.0 / 2f64.powi(32);
+        println!("{probability:e} of {power:e}");
+        assert!((probability - power).abs() <= 5e-4 * power, "{probability:e}, not {power:e}");
     }
 }
 

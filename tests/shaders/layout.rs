@@ -68,6 +68,9 @@ fn scene_structs_are_the_same_in_rust_and_wgsl() {
             environment_limit,
             previous_center,
             previous_radius,
+            light_bins,
+            previous_light_bins,
+            pad,
         }
     );
     agrees!(types, "Triangle", GpuTriangle { a, pad_a, b, pad_b, c, pad_c });
@@ -121,7 +124,17 @@ fn scene_structs_are_the_same_in_rust_and_wgsl() {
     agrees!(
         types,
         "Light",
-        GpuLight { position, kind, emission, pmf, direction, alias_probability, alias_index, counterpart, data }
+        GpuLight {
+            position,
+            kind,
+            emission,
+            pmf,
+            direction,
+            alias_probability,
+            alias_index,
+            counterpart_or_mesh,
+            data
+        }
     );
 }
 
@@ -317,6 +330,7 @@ fn constants_are_the_same_in_rust_and_wgsl() {
         LIGHT_SPHERE,
         LIGHT_RECT,
         LIGHT_SUN,
+        LIGHT_MESH,
         INSTANCE_MIRRORED,
         INSTANCE_ALPHA,
         INSTANCE_SECOND_UV,

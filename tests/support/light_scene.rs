@@ -8,7 +8,7 @@ use super::{
 use bevy_restir::{
     testing::gpu_layout::{
         GpuInstance, GpuLight, GpuMaterial, GpuSceneUniforms, GpuTriangle, GpuTriangleAttributes, GpuViewUniforms,
-        NONE, Rows,
+        LIGHT_MESH, NONE, Rows,
     },
     testing::light::alias_table::alias_table,
 };
@@ -167,19 +167,40 @@ impl<'g> LightScene<'g> {
         first
     }
 
-    /// Sets the alias table of the lights and the counts of the scene from these powers.
+    /// Sets the alias table of the lights and the counts of the scene from these powers.  Each light is a bin.
     pub fn set_powers(&mut self, powers: &[f64]) {
         let total: f64 = powers.iter().filter(|p| p.is_finite() && **p > 0.0).sum();
         self.scene.light_power = total as f32;
-        self.scene.light_count = 0;
+        (self.scene.light_count, self.scene.light_bins) = (0, 0);
         if let Some(table) = alias_table(powers) {
             self.scene.light_count = powers.len() as u32;
+            self.scene.light_bins = powers.len() as u32;
             for (light, entry) in self.lights.iter_mut().zip(table) {
                 light.pmf = entry.pmf;
                 light.alias_probability = entry.probability;
                 light.alias_index = entry.alias;
             }
         }
+    }
+
+    /// Sets a table of bins with these powers: those of a single light, or of the triangles of a mesh.  The triangles follow the bins.
+    pub fn set_bins(&mut self, bins: &[Vec<f64>]) {
+        self.lights = vec![GpuLight::default(); bins.len()];
+        for (bin, powers) in bins.iter().enumerate().filter(|(_, powers)| powers.len() > 1) {
+            let data = [self.lights.len() as u32, powers.len() as u32];
+            self.lights[bin] = GpuLight { kind: LIGHT_MESH, data, ..Default::default() };
+            let table = alias_table(powers).unwrap_or_else(|| vec![Default::default(); powers.len()]);
+            self.lights.extend(table.iter().map(|entry| GpuLight {
+                pmf: entry.pmf,
+                alias_probability: entry.probability,
+                alias_index: entry.alias,
+                counterpart_or_mesh: bin as u32,
+                ..Default::default()
+            }));
+        }
+        let usable = |powers: &Vec<f64>| powers.iter().filter(|p| p.is_finite() && **p > 0.0).sum();
+        self.set_powers(&bins.iter().map(usable).collect::<Vec<f64>>());
+        self.scene.light_count = self.lights.len() as u32;
     }
 
     /// Samples the environment where an element of `samples` is zero, and evaluates the direction of the others.

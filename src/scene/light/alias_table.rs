@@ -2,6 +2,8 @@
 //! numbers with a given distribution").  For lights the weight is the power, balanced between distant lights and the others.
 //! `shaders/light/select.wgsl` reads the table.
 
+use crate::gpu_layout::GpuLight;
+
 /// Least joint share of the distant lights, and of all others, where a scene has both.  The power of a distant light is its flux through a disk
 /// of the scene's radius, so that it grows with the ground around a room, and says nothing about the light in the room.  With this share,
 /// the error of a frame grows at most as if it had 20 % fewer light candidates.
@@ -46,6 +48,13 @@ pub struct AliasEntry {
     pub alias: u32,
     /// Probability that the whole table selects the bin's own index.
     pub pmf: f32,
+}
+
+impl From<&GpuLight> for AliasEntry {
+    /// The entry that a record of the light table holds.
+    fn from(light: &GpuLight) -> Self {
+        Self { probability: light.alias_probability, alias: light.alias_index, pmf: light.pmf }
+    }
 }
 
 /// Builds the table in O(n); `None` if no power is positive and finite.  Zero, negative, NaN and infinite powers get the pmf 0.

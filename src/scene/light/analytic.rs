@@ -3,7 +3,11 @@
 //! A light with an extent (a sphere, a rectangle or a sun) is recorded with its radiance, which rays that hit it return.  A light without
 //! an extent is recorded with its intensity or illuminance.
 
-use bevy::math::{DMat3, DQuat, Quat, Vec2, Vec3};
+use bevy::{
+    log::warn,
+    math::{DMat3, DQuat, Quat, Vec2, Vec3},
+    render::sync_world::MainEntity,
+};
 use core::f64::consts::PI;
 
 use super::{equal_or_nan, luminance};
@@ -14,6 +18,7 @@ use crate::scene::{
     extract::lights::{AnalyticLight, disk_radiance, is_radiance, is_size},
     features::SceneFeatures,
 };
+use crate::warned::Warned;
 
 /// A light as the table and the shaders need it.
 pub(super) struct AnalyticRecord {
@@ -193,8 +198,33 @@ pub(super) fn has_same_emission(a: &AnalyticLight, b: &AnalyticLight) -> bool {
     }
 }
 
+/// Warns once about a light with invalid values.
+pub(super) fn warn_about(
+    entity: MainEntity,
+    light: &AnalyticLight,
+    record: &AnalyticRecord,
+    warned: &mut Warned<MainEntity>,
+) {
+    if let Some(problem) = invalid_extent(light)
+        && warned.is_due(entity)
+    {
+        warn!("restir: light {} has {problem}", *entity);
+    }
+    // A black light is ordinary; infinite and negative powers are errors of the app.
+    let is_placed = record.has_finite_transform();
+    let is_wrong = !record.can_be_sampled() && (record.power != 0.0 || !is_placed);
+    if !is_wrong || !warned.is_due(entity) {
+        return;
+    }
+    if is_placed {
+        warn!("restir: light {} has the invalid power {}; it is not rendered", *entity, record.power);
+    } else {
+        warn!("restir: light {} has a transform that is not finite or too far away; it is not rendered", *entity);
+    }
+}
+
 /// Describes an invalid extent of a light and its consequence, to follow "light {entity} has " in a warning.
-pub(super) fn invalid_extent(light: &AnalyticLight) -> Option<String> {
+fn invalid_extent(light: &AnalyticLight) -> Option<String> {
     match *light {
         AnalyticLight::Point { radius, .. } if radius != 0.0 && !is_size(radius) => {
             Some(format!("the radius {radius}, which is not a positive finite number; it becomes a point light"))

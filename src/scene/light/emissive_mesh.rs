@@ -1,10 +1,13 @@
 //! Emissive meshes: every triangle of an instance whose material emits is a light.
 
-use super::{equal_or_nan, luminance};
+use super::{
+    alias_table::{AliasEntry, alias_table},
+    equal_or_nan, luminance,
+};
 use crate::gpu_layout::*;
 use bevy::math::Vec3;
 
-/// Everything that the lights of an emissive instance depend on.  The light table is rebuilt when it changes.
+/// Everything that the lights of an emissive instance depend on.
 #[derive(Clone, Debug)]
 pub(super) struct EmissiveMesh {
     /// Slot of the instance.
@@ -45,25 +48,75 @@ impl EmissiveMesh {
             && has_same_metric(metric, &other.metric)
     }
 
-    /// Lights of these triangles with their powers.  Deforming meshes use the areas of the rest pose, so that their lights are chosen by
-    /// slightly wrong powers: noise, no bias.
-    pub(super) fn lights<'a>(
-        &'a self,
-        positions: &'a [[[f32; 3]; 3]],
-        transform: &'a Rows,
-    ) -> impl Iterator<Item = (GpuLight, f64)> + 'a {
+    /// Whether the records of the triangles stay valid, except for the choice among them.
+    pub(super) fn has_records_of(&self, other: &Self) -> bool {
+        (self.slot, self.first_triangle, self.triangle_count)
+            == (other.slot, other.first_triangle, other.triangle_count)
+    }
+
+    /// The table of the choice among the triangles, in proportion to their areas.  Deforming meshes use the areas of the rest pose, so that
+    /// their lights are chosen by slightly wrong powers: noise, no bias.
+    pub(super) fn build(&self, positions: &[[[f32; 3]; 3]], transform: &Rows) -> (MeshTable, Vec<AliasEntry>) {
+        let areas: Vec<f64> = positions.iter().map(|corners| world_area(transform, corners)).collect();
+        let area = areas.iter().filter(|area| area.is_finite()).sum();
+        let entries = alias_table(&areas).unwrap_or_else(|| vec![AliasEntry::default(); areas.len()]);
+        (MeshTable { version: self.version, metric: self.metric, area }, entries)
+    }
+
+    /// Area of the instance, m², if the table holds for it: a motion and a uniform scale keep the shares of the triangles.
+    pub(super) fn area_by(&self, table: &MeshTable) -> Option<f64> {
+        let size = |m: &[f32; 6]| m[0] + m[1] + m[2];
+        let scale = if self.metric == table.metric { 1.0 } else { size(&self.metric) / size(&table.metric) };
+        let is_scaled =
+            self.version == table.version && has_same_metric(&self.metric, &table.metric.map(|m| m * scale));
+        is_scaled.then_some(table.area * f64::from(scale))
+    }
+
+    /// Power of an instance of this area.
+    pub(super) fn power(&self, area: f64) -> f64 {
         let sides = if self.double_sided { 2.0 } else { 1.0 };
-        let exitance = core::f64::consts::PI * luminance(self.emission) * sides;
-        positions.iter().enumerate().map(move |(i, corners)| {
-            let light = GpuLight {
-                kind: LIGHT_TRIANGLE,
-                emission: self.emission,
-                data: [self.slot, self.first_triangle + i as u32],
-                ..Default::default()
-            };
-            (light, exitance * world_area(transform, corners))
+        core::f64::consts::PI * luminance(self.emission) * sides * area
+    }
+
+    /// Records of the triangles, whose mesh has the bin `mesh`.
+    pub(super) fn lights(&self, mesh: u32, table: Vec<AliasEntry>) -> impl Iterator<Item = GpuLight> {
+        let (slot, first_triangle) = (self.slot, self.first_triangle);
+        table.into_iter().zip(0..).map(move |(entry, i)| GpuLight {
+            kind: LIGHT_TRIANGLE,
+            pmf: entry.pmf,
+            alias_probability: entry.probability,
+            alias_index: entry.alias,
+            counterpart_or_mesh: mesh,
+            data: [slot, first_triangle + i],
+            ..Default::default()
         })
     }
+
+    /// Record of the bin of the mesh, whose triangles start at `first`.  A single triangle is its own bin.
+    pub(super) fn bin(&self, first: u32) -> GpuLight {
+        let (kind, data) = match self.triangle_count {
+            1 => (LIGHT_TRIANGLE, [self.slot, self.first_triangle]),
+            count => (LIGHT_MESH, [first, count]),
+        };
+        GpuLight { kind, data, ..Default::default() }
+    }
+
+    /// Number of records in the light table: the bin and, if there are several triangles, each of them.
+    pub(super) fn record_count(&self) -> u64 {
+        match self.triangle_count {
+            1 => 1,
+            count => 1 + u64::from(count),
+        }
+    }
+}
+
+/// Everything that the table of the choice among the triangles of a mesh was built from.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct MeshTable {
+    version: u64,
+    metric: [f32; 6],
+    /// Area of all triangles, m².
+    pub area: f64,
 }
 
 /// Inner products of a transform's columns.  The areas of transformed triangles depend on nothing else, so a rigid motion changes nothing.
@@ -92,6 +145,29 @@ fn world_area(m: &Rows, corners: &[[f32; 3]; 3]) -> f64 {
 mod tests {
     use super::*;
     use bevy::math::Mat3;
+
+    /// An instance with these columns of its transform.
+    fn instance(m: Mat3, emission: f32) -> EmissiveMesh {
+        let row = |i: usize| [m.x_axis[i], m.y_axis[i], m.z_axis[i], 0.0];
+        let instance =
+            GpuInstance { world_from_object: [row(0), row(1), row(2)], triangle_count: 2, ..Default::default() };
+        EmissiveMesh::new(3, 7, &instance, [emission; 3], false)
+    }
+
+    #[test]
+    fn a_motion_and_a_uniform_scale_keep_the_table_of_a_mesh() {
+        let corners = [[[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0.0; 3], [0.0, 3.0, 0.0], [0.0, 0.0, 1.0]]];
+        let rows = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+        let mesh = instance(Mat3::IDENTITY, 1.0);
+        let (table, entries) = mesh.build(&corners, &rows);
+        assert!((table.area - 2.0).abs() < 1e-6 && (entries[1].pmf - 0.75).abs() < 1e-6);
+        let turned = instance(Mat3::from_rotation_y(1.0) * 0.5, 3.0);
+        let area = turned.area_by(&table).expect("the shares are those of the table");
+        assert!((area - 0.5).abs() < 1e-5, "{area}");
+        assert!((turned.power(area) / mesh.power(2.0) - 0.75).abs() < 1e-5);
+        assert!(instance(Mat3::from_diagonal(Vec3::new(1.0, 2.0, 1.0)), 1.0).area_by(&table).is_none());
+        assert!(EmissiveMesh { version: 8, ..mesh }.area_by(&table).is_none());
+    }
 
     #[test]
     fn a_rotation_keeps_the_metric_and_a_scale_changes_it() {

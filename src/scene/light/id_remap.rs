@@ -15,7 +15,7 @@ pub(super) struct Owner {
     pub kind: u32,
 }
 
-/// Lights of one owner: `first..first + count` in the table.
+/// Lights of one owner: `first..first + count` in the table.  Each group has a bin of its own; bins and groups have the same order.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Group {
     pub owner: Owner,
@@ -23,32 +23,33 @@ pub(super) struct Group {
     pub count: u32,
 }
 
-/// Ids of the lights of each frame in the other frame; `NONE` for lights that the other frame does not have.
+/// First lights of the groups of each frame in the other frame; `NONE` for groups that the other frame does not have.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct LightRemap {
-    /// By this frame's ids.
+    /// By the bins of this frame: the group of the last frame that corresponds.
+    pub previous_groups: Vec<Option<usize>>,
+    /// By the bins of this frame.
     pub previous_from_current: Vec<u32>,
-    /// By the last frame's ids.
+    /// By the bins of the last frame.
     pub current_from_previous: Vec<u32>,
 }
 
 impl LightRemap {
-    /// Lights correspond if their owners are equal and own equally many lights.
-    pub(super) fn new(old: &[Group], old_count: u32, new: &[Group], new_count: u32) -> Self {
-        let by_owner: HashMap<Owner, &Group> = old.iter().map(|g| (g.owner, g)).collect();
+    /// Groups correspond if their owners are equal and own equally many lights.
+    pub(super) fn new(old: &[Group], new: &[Group]) -> Self {
+        let by_owner: HashMap<Owner, usize> = old.iter().enumerate().map(|(i, g)| (g.owner, i)).collect();
+        let counterpart = |group: &Group| by_owner.get(&group.owner).copied().filter(|i| old[*i].count == group.count);
+        let previous_groups: Vec<_> = new.iter().map(counterpart).collect();
         let mut map = Self {
-            previous_from_current: vec![NONE; new_count as usize],
-            current_from_previous: vec![NONE; old_count as usize],
+            previous_from_current: vec![NONE; new.len()],
+            current_from_previous: vec![NONE; old.len()],
+            previous_groups,
         };
-        for group in new {
-            let Some(before) = by_owner.get(&group.owner).filter(|b| b.count == group.count) else {
-                continue;
-            };
-            let first_before = if is_planted(Fault::LightNotRemapped) { group.first } else { before.first };
-            for i in 0..group.count {
-                map.previous_from_current[(group.first + i) as usize] = first_before + i;
-                map.current_from_previous[(before.first + i) as usize] = group.first + i;
-            }
+        for (bin, (group, before)) in new.iter().zip(&map.previous_groups).enumerate() {
+            let Some(before) = *before else { continue };
+            let first_before = if is_planted(Fault::LightNotRemapped) { group.first } else { old[before].first };
+            map.previous_from_current[bin] = first_before;
+            map.current_from_previous[before] = group.first;
         }
         map
     }
@@ -66,21 +67,20 @@ mod tests {
     }
 
     #[test]
-    fn remapping_a_light_there_and_back_is_the_identity() {
-        let old = [group(1, 0, 1), group(2, 1, 5), group(3, 6, 2)];
-        let new = [group(3, 0, 2), group(4, 2, 7), group(2, 9, 5), group(1, 14, 3)];
-        let map = LightRemap::new(&old, 8, &new, 17);
-        for (current, &previous) in map.previous_from_current.iter().enumerate() {
-            if previous != NONE {
-                assert_eq!(map.current_from_previous[previous as usize], current as u32);
-            }
-        }
-        assert_eq!(map.current_from_previous[6], 0, "light 6 is the first of entity 3");
-        assert_eq!(map.current_from_previous[0], NONE, "the number of lights of entity 1 has changed");
-        assert_eq!(map.previous_from_current[2], NONE, "entity 4 is new");
-        let mut sphere = group(2, 1, 5);
+    fn remapping_a_group_there_and_back_is_the_identity() {
+        let old = [group(1, 0, 1), group(2, 3, 5), group(3, 8, 2)];
+        let new = [group(3, 4, 2), group(4, 6, 7), group(2, 13, 5), group(1, 3, 3)];
+        let map = LightRemap::new(&old, &new);
+        assert_eq!(
+            map.previous_groups,
+            [Some(2), None, Some(1), None],
+            "entity 4 is new, and entity 1 has other lights"
+        );
+        assert_eq!(map.previous_from_current, [8, NONE, 3, NONE]);
+        assert_eq!(map.current_from_previous, [NONE, 13, 4]);
+        let mut sphere = group(2, 3, 5);
         sphere.owner.kind = LIGHT_SPHERE;
-        let map = LightRemap::new(&old, 8, &[sphere], 6);
-        assert_eq!(map.previous_from_current, [NONE; 6], "the kind of entity 2 has changed");
+        let map = LightRemap::new(&old, &[sphere]);
+        assert_eq!(map.previous_from_current, [NONE], "the kind of entity 2 has changed");
     }
 }

@@ -1,6 +1,9 @@
-//! The light table: analytic lights first, then the triangles of every emissive instance.  An alias table over all of them selects in
-//! proportion to power, except that distant lights and the others each keep a least share (`balance_distant_lights`).  Temporal reuse reads
-//! the last frame's table too, so ids are remapped in both directions whenever the table changes.
+//! The light table (`LightTable`) of this frame and, because temporal reuse reads it too, that of the last frame.  Ids are remapped in both
+//! directions whenever the table changes.
+//!
+//! As long as the same emitters have as many lights, a change costs time and bytes in proportion to the number of bins and to the triangles
+//! whose records change: no triangles of a mesh that becomes larger, or beside which a lamp flickers.  A mesh whose material is edited has
+//! another slot, which the records of its triangles name.
 //!
 //! Emissive triangles beyond the device's limit are not in the table, but BSDF sampling still hits them: the picture is noisier, not darker.
 
@@ -16,12 +19,12 @@ use bevy::{
 use std::ops::Range;
 
 use super::{
-    alias_table::{ENVIRONMENT_LIMIT, alias_table, balance_distant_lights},
-    analytic::{AnalyticRecord, has_same_emission, has_same_placement, invalid_extent},
-    emissive_mesh::EmissiveMesh,
+    alias_table::AliasEntry,
+    analytic::{AnalyticRecord, warn_about},
+    emitter::{Emitter, gather},
     id_remap::{Group, LightRemap, Owner},
-    luminance,
     shape_tree::ShapeTree,
+    table::{LightTable, NextBins, triangles_of},
 };
 use crate::gpu_layout::*;
 use crate::scene::{
@@ -34,32 +37,6 @@ use crate::scene::{
 };
 use crate::warned::Warned;
 
-/// Input of the light table: everything that the lights of one entity depend on.
-#[derive(Clone, Debug)]
-enum Emitter {
-    Analytic(AnalyticLight),
-    Mesh(EmissiveMesh),
-}
-
-impl Emitter {
-    /// Whether the table stays valid as it is.
-    fn is_unchanged_from(&self, other: &Self) -> bool {
-        match (self, other) {
-            (Self::Analytic(a), Self::Analytic(b)) => has_same_placement(a, b) && has_same_emission(a, b),
-            (Self::Mesh(a), Self::Mesh(b)) => a.is_unchanged_from(b),
-            _ => false,
-        }
-    }
-
-    /// Whether the powers stay valid: an analytic light that moves keeps its power.
-    fn has_only_moved_from(&self, other: &Self) -> bool {
-        match (self, other) {
-            (Self::Analytic(a), Self::Analytic(b)) => has_same_emission(a, b),
-            _ => self.is_unchanged_from(other),
-        }
-    }
-}
-
 /// The lights of the scene.
 #[derive(Resource)]
 pub(crate) struct LightPool {
@@ -68,16 +45,11 @@ pub(crate) struct LightPool {
     hidden: HashMap<MainEntity, u32>,
     /// Bits of the cameras that do not see some light that another camera sees.
     pub(crate) hidden_from: u32,
-    groups: Vec<Group>,
-    table: Vec<GpuLight>,
+    table: LightTable,
     uploaded: Vec<GpuLight>,
     pub gpu: GrowableBuffer<GpuLight>,
     /// The GPU has the table of this frame.
     pub fits: bool,
-    /// Sum of the powers of the table.
-    pub power: f64,
-    /// Largest probability of the environment beside the table.
-    pub environment_limit: f32,
     /// Scene radius that the powers of directional lights were computed with, a power of two.
     radius: f32,
     /// Lights that a warning has named.
@@ -88,17 +60,25 @@ pub(crate) struct LightPool {
     pub features: SceneFeatures,
     /// Index of the last frame's table in the buffer, behind this frame's; 0 if both tables are equal.
     pub(crate) previous_at: u32,
+    /// Number of bins of the last frame's table.
+    pub(crate) previous_bins: u32,
+    /// The last frame's table, or its bins if the rest is uploaded.
     previous: Vec<GpuLight>,
+    /// Places and records of the triangles of the last frame's table that the uploaded one lacks.
+    previous_triangles: Vec<(usize, Vec<GpuLight>)>,
     pending: Upload,
-    /// The uploaded table of the last frame has the same lights in the same order as this frame's, and the same records of emissive
-    /// triangles.
+    /// The uploaded table of the last frame has the same groups as this frame's.
     previous_matches: bool,
+    /// Bins of the instances whose triangles have other records in the uploaded table of the last frame.
+    outdated: Vec<usize>,
     pub revision: u64,
     shapes: ShapeTree,
     /// Slots of the instances whose triangles are in the table.
     slots: Vec<u32>,
     /// Emitters that were looked at in this frame.
     pub visited: u64,
+    /// Emissive triangles whose areas were computed in this frame.
+    pub visited_triangles: u64,
 }
 
 /// Parts of the table that the GPU does not have yet.
@@ -106,8 +86,8 @@ pub(crate) struct LightPool {
 enum Upload {
     #[default]
     Nothing,
-    /// The first `previous.len()` lights, which have moved.
-    MovedLights,
+    /// The bins, and the triangles of the outdated bins.
+    Parts,
     Everything,
 }
 
@@ -117,26 +97,27 @@ impl Default for LightPool {
             emitters: Vec::new(),
             hidden: HashMap::default(),
             hidden_from: 0,
-            groups: Vec::new(),
-            table: Vec::new(),
+            table: LightTable::default(),
             uploaded: Vec::new(),
             gpu: GrowableBuffer::new("lights"),
             fits: true,
-            power: 0.0,
-            environment_limit: ENVIRONMENT_LIMIT,
             radius: 0.0,
             warned: Warned::default(),
             left_out: [0; 2],
             overflow: OverflowWarning::default(),
             features: SceneFeatures::empty(),
             previous_at: 0,
+            previous_bins: 0,
             previous: Vec::new(),
+            previous_triangles: Vec::new(),
             pending: Upload::default(),
             previous_matches: false,
+            outdated: Vec::new(),
             revision: 0,
             shapes: ShapeTree::default(),
             slots: Vec::new(),
             visited: 0,
+            visited_triangles: 0,
         }
     }
 }
@@ -147,7 +128,7 @@ impl LightPool {
     pub(crate) fn lengths(&self) -> Vec<(&'static str, usize)> {
         vec![
             ("emitters", self.emitters.len()),
-            ("lights", self.table.len()),
+            ("lights", self.table.records.len()),
             ("hidden lights", self.hidden.len()),
             ("warnings of lights", self.warned.len()),
         ]
@@ -174,17 +155,38 @@ impl LightPool {
         }
     }
 
-    /// Panics if the two tables of this frame disagree about the lights that they have in common.
+    /// Panics if the two tables of this frame disagree about the lights that they have in common, or lack changes of triangles.
     #[cfg(feature = "testing")]
     pub(crate) fn check(&self) {
-        if self.previous_at == 0 || self.pending != Upload::Everything {
+        if self.previous_at == 0 {
             return;
         }
-        for (id, light) in self.table.iter().enumerate().filter(|(_, light)| light.counterpart != NONE) {
-            let kind = light.kind & LIGHT_KIND_BITS;
-            let before = self.previous.get(light.counterpart as usize);
-            let before = before.map(|before| (before.counterpart, before.kind & LIGHT_KIND_BITS));
-            assert_eq!(before, Some((id as u32, kind)), "light {id} was light {}", light.counterpart);
+        if self.pending != Upload::Everything {
+            for (bin, group) in self.table.groups.iter().enumerate() {
+                let (first, triangles) = (triangles_of(group).start, self.table.triangles(bin));
+                let is_uploaded = |at: usize| self.uploaded[at..at + triangles.len()] == *triangles;
+                assert!(self.outdated.contains(&bin) || is_uploaded(first), "bin {bin} has other triangles");
+                let is_sent = self.previous_triangles.iter().any(|(sent, _)| *sent == first);
+                assert!(is_sent || is_uploaded(self.previous_at as usize + first), "bin {bin} had other triangles");
+            }
+            return;
+        }
+        for (light, group) in self.table.bins().iter().zip(&self.table.groups) {
+            let link = light.counterpart_or_mesh;
+            if link == NONE {
+                continue;
+            }
+            // The counterpart of a mesh is the first of its triangles.
+            let before = match self.previous.get(link as usize) {
+                Some(before) if link >= self.previous_bins => self.previous.get(before.counterpart_or_mesh as usize),
+                before => before,
+            };
+            let key = |light: &GpuLight| match light.kind & LIGHT_KIND_BITS {
+                LIGHT_MESH => (LIGHT_MESH, light.data[1]),
+                kind => (kind, 1),
+            };
+            let before = before.map(|before| (before.counterpart_or_mesh, key(before)));
+            assert_eq!(before, Some((group.first, key(light))), "light {} was light {link}", group.first);
         }
     }
 
@@ -201,156 +203,185 @@ impl LightPool {
         materials: &MaterialPool,
         limit: u32,
     ) {
-        (self.previous_at, self.visited) = (0, 0);
+        (self.previous_at, self.visited, self.visited_triangles) = (0, 0, 0);
         let has_new_emitters = core::mem::take(&mut scene.lights_changed) | instances.take_emitters_changed();
         let radius = (instances.top.radius.max(1e-3).log2().ceil()).exp2();
         let has_directional = self.features.intersects(SceneFeatures::LIGHT_DIRECTIONAL | SceneFeatures::SUN_DISK);
-        if !has_new_emitters && (radius == self.radius || !has_directional) {
+        let keeps_radius = radius == self.radius || !has_directional;
+        if !has_new_emitters && keeps_radius {
             return;
         }
         let emitters = gather(scene, instances, meshes, materials);
         self.visited = emitters.len() as u64;
-        let is_comparable = emitters.len() == self.emitters.len()
-            && (radius == self.radius || !has_directional)
-            && self.hidden == scene.hidden_lights;
-        let all = |same: fn(&Emitter, &Emitter) -> bool| {
-            is_comparable && emitters.iter().zip(&self.emitters).all(|(a, b)| a.0 == b.0 && same(&a.1, &b.1))
-        };
-        if all(Emitter::is_unchanged_from) {
+        let before = core::mem::replace(&mut self.emitters, emitters);
+        let is_comparable = before.len() == self.emitters.len()
+            && self.hidden == scene.hidden_lights
+            && self.emitters.iter().zip(&before).all(|(new, old)| new.0 == old.0);
+        let mut pairs = self.emitters.iter().zip(&before);
+        if is_comparable && keeps_radius && pairs.all(|(new, old)| new.1.is_unchanged_from(&old.1)) {
+            self.emitters = before;
             return;
         }
-        if all(Emitter::has_only_moved_from) && self.move_lights(&emitters) {
-            self.emitters = emitters;
+        self.radius = radius;
+        if is_comparable && self.update_bins(&before, instances, meshes) {
             return;
         }
-        let old = core::mem::take(&mut self.groups);
-        self.previous = core::mem::take(&mut self.table);
-        self.emitters = emitters;
         self.hidden.clone_from(&scene.hidden_lights);
         self.hidden_from = self.hidden.values().fold(0, |all, bits| all | bits);
-        self.radius = radius;
         self.rebuild(instances, meshes, limit);
-        // Temporal reuse looks lights up in both frames.
-        let map = LightRemap::new(&old, self.previous.len() as u32, &self.groups, self.table.len() as u32);
-        for (light, counterpart) in self.table.iter_mut().zip(map.previous_from_current) {
-            light.counterpart = counterpart;
-        }
-        for (light, counterpart) in self.previous.iter_mut().zip(map.current_from_previous) {
-            light.counterpart = counterpart;
-        }
-        self.previous_at = self.table.len().max(1) as u32;
-        // An emissive instance that is edited has another slot, which the records of its triangles name.
-        let analytic = self.analytic_count();
-        self.previous_matches = old == self.groups && self.previous[analytic..] == self.table[analytic..];
-        self.pending = Upload::Everything;
     }
 
-    /// Updates the records of analytic lights that have only moved, without visiting the emissive triangles.  Returns false and does
-    /// nothing if the set of lights in the table changes, or if no matching table of the last frame is uploaded.
-    fn move_lights(&mut self, emitters: &[(MainEntity, Emitter)]) -> bool {
-        let analytic = self.analytic_count();
-        let mut moved = Vec::with_capacity(analytic);
-        for (entity, emitter) in emitters {
-            let Emitter::Analytic(light) = emitter else { break };
-            let record = AnalyticRecord::new(light, self.radius);
-            if !record.can_be_sampled() {
-                continue;
+    /// Updates the bins and the triangles of instances that have changed, and visits no other triangles.  Returns false and does nothing if
+    /// the set of lights in the table changes, or if no matching table of the last frame is uploaded.
+    fn update_bins(
+        &mut self,
+        before: &[(MainEntity, Emitter)],
+        instances: &mut InstancePool,
+        meshes: &MeshPool,
+    ) -> bool {
+        let emitters = core::mem::take(&mut self.emitters);
+        let bins = self.table.next_bins(&emitters, before, self.radius, instances, meshes);
+        let is_updated = bins.is_some_and(|bins| {
+            // If only lights outside the table have changed, black ones for example, nothing changes.
+            let is_unchanged = self.table.has(&bins);
+            if !is_unchanged && self.previous_matches {
+                self.replace_bins(bins, instances);
             }
-            let id = moved.len();
-            let owner = Owner { entity: *entity, kind: record.light.kind & LIGHT_KIND_BITS };
-            if id == analytic || self.groups[id].owner != owner {
-                return false;
+            is_unchanged || self.previous_matches
+        });
+        for ((entity, new), (_, old)) in emitters.iter().zip(before).filter(|_| is_updated) {
+            if let Emitter::Analytic(light) = new
+                && !new.is_unchanged_from(old)
+            {
+                warn_about(*entity, light, &AnalyticRecord::new(light, self.radius), &mut self.warned);
             }
-            let GpuLight { kind, pmf, alias_probability, alias_index, .. } = self.table[id];
-            moved.push(GpuLight { kind, pmf, alias_probability, alias_index, counterpart: id as u32, ..record.light });
         }
-        if moved.len() != analytic {
-            return false;
-        }
-        // If only lights outside the table have moved, black ones for example, nothing changes.
-        let is_unmoved = |(new, old): (&GpuLight, &GpuLight)| GpuLight { counterpart: old.counterpart, ..*new } == *old;
-        if moved.iter().zip(&self.table).all(is_unmoved) {
-            return true;
-        }
-        if !self.previous_matches {
-            return false;
-        }
+        self.emitters = emitters;
+        is_updated
+    }
+
+    fn replace_bins(&mut self, bins: NextBins, instances: &mut InstancePool) {
         self.previous.clear();
-        self.previous.extend_from_slice(&self.table[..analytic]);
-        self.table[..analytic].copy_from_slice(&moved);
-        self.previous_at = self.table.len().max(1) as u32;
-        self.pending = Upload::MovedLights;
-        true
+        self.previous.extend_from_slice(self.table.bins());
+        for (light, group) in self.previous.iter_mut().zip(&self.table.groups) {
+            light.counterpart_or_mesh = group.first;
+        }
+        let changed: Vec<usize> = bins.changed.iter().map(|changed| changed.bin).collect();
+        let mut outdated = core::mem::replace(&mut self.outdated, changed);
+        outdated.extend_from_slice(&self.outdated);
+        outdated.sort_unstable();
+        outdated.dedup();
+        let triangles = |bin: usize| (triangles_of(&self.table.groups[bin]).start, self.table.triangles(bin).to_vec());
+        self.previous_triangles = outdated.into_iter().map(triangles).collect();
+        // A slot that has changed its owner since then has no light yet.
+        let analytic = self.table.analytic_count();
+        for changed in &bins.changed {
+            instances.set_first_light(self.slots[changed.bin - analytic], NONE);
+        }
+        for changed in &bins.changed {
+            self.slots[changed.bin - analytic] = changed.mesh.slot;
+            instances.set_first_light(changed.mesh.slot, self.table.groups[changed.bin].first);
+        }
+        self.visited_triangles = self.table.replace(bins);
+        self.previous_at = self.table.records.len().max(1) as u32;
+        self.previous_bins = self.table.groups.len() as u32;
+        self.pending = Upload::Parts;
     }
 
+    /// Builds the table.  Instances that were in the last one keep their tables, if these hold.
     fn rebuild(&mut self, instances: &mut InstancePool, meshes: &MeshPool, limit: u32) {
-        self.table.clear();
+        let old = core::mem::take(&mut self.table);
         self.features = SceneFeatures::empty();
         // A slot that has changed its owner since then has no light yet.
         self.slots.drain(..).for_each(|slot| instances.set_first_light(slot, NONE));
-        let mut powers = Vec::new();
         self.left_out = [0; 2];
         let emitters = core::mem::take(&mut self.emitters);
+        let mut emissive = Vec::new();
+        let mut record_count = 0;
         for (entity, emitter) in &emitters {
-            let first = self.table.len() as u32;
-            let kind = match emitter {
+            let (kind, count) = match emitter {
                 Emitter::Analytic(light) => {
                     let Some((light, power)) = self.add_analytic(*entity, light, limit) else { continue };
-                    self.table.push(light);
-                    powers.push(power);
-                    light.kind & LIGHT_KIND_BITS
+                    self.table.records.push(light);
+                    self.table.powers.push(power);
+                    record_count += 1;
+                    (light.kind & LIGHT_KIND_BITS, 1)
                 }
-                Emitter::Mesh(emissive) => {
+                Emitter::Mesh(mesh) => {
                     // Rays find its light even if the table has no room for it.
                     self.features |= SceneFeatures::LIGHT_TRIANGLES;
-                    if first as u64 + emissive.triangle_count as u64 > limit as u64 {
-                        self.left_out[0] += emissive.triangle_count as u64;
+                    if record_count + mesh.record_count() > u64::from(limit) {
+                        self.left_out[0] += u64::from(mesh.triangle_count);
                         continue;
                     }
-                    let Some(mesh) = instances.live_in(emissive.slot).and_then(|live| meshes.get(live.mesh)) else {
+                    let Some(source) = instances.live_in(mesh.slot).and_then(|live| meshes.get(live.mesh)) else {
                         continue;
                     };
-                    let transform = instances.get(emissive.slot).world_from_object;
-                    for (light, power) in emissive.lights(&mesh.positions, &transform) {
-                        self.table.push(light);
-                        powers.push(power);
-                    }
-                    instances.set_first_light(emissive.slot, first);
-                    self.slots.push(emissive.slot);
-                    LIGHT_TRIANGLE
+                    record_count += mesh.record_count();
+                    emissive.push((mesh, &source.positions));
+                    (LIGHT_TRIANGLE, mesh.triangle_count)
                 }
             };
-            let owner = Owner { entity: *entity, kind };
-            self.groups.push(Group { owner, first, count: self.table.len() as u32 - first });
+            let first = self.table.groups.len() as u32;
+            self.table.groups.push(Group { owner: Owner { entity: *entity, kind }, first, count });
+        }
+        let mut next = self.table.groups.len() as u32;
+        for group in self.table.groups.iter_mut().filter(|group| group.count != 1) {
+            group.first = next;
+            next += group.count;
+        }
+        let remap = LightRemap::new(&old.groups, &self.table.groups);
+        let (analytic, old_analytic) = (self.table.records.len(), old.analytic_count());
+        for ((mesh, _), group) in emissive.iter().zip(&self.table.groups[analytic..]) {
+            self.table.records.push(mesh.bin(group.first));
+        }
+        for (bin, (mesh, positions)) in (analytic..).zip(emissive) {
+            let kept = remap.previous_groups[bin].and_then(|before| {
+                let table = old.meshes[before - old_analytic];
+                let entries = old.triangles(before).iter().map(AliasEntry::from);
+                mesh.area_by(&table).map(|area| (table, entries.collect::<Vec<_>>(), area))
+            });
+            let (table, entries, area) = kept.unwrap_or_else(|| {
+                let (table, entries) = mesh.build(positions, &instances.get(mesh.slot).world_from_object);
+                self.visited_triangles += entries.len() as u64;
+                (table, entries, table.area)
+            });
+            if mesh.triangle_count != 1 {
+                self.table.records.extend(mesh.lights(bin as u32, entries));
+            }
+            self.table.powers.push(mesh.power(area));
+            self.table.meshes.push(table);
+            instances.set_first_light(mesh.slot, self.table.groups[bin].first);
+            self.slots.push(mesh.slot);
         }
         self.emitters = emitters;
-        self.write_selection_probabilities(powers);
+        self.table.write_selection_probabilities();
+        self.previous_matches = old.groups == self.table.groups;
+        // An emissive instance that is edited has another slot, which the records of its triangles name.
+        let bins = if self.previous_matches { analytic..self.table.groups.len() } else { 0..0 };
+        self.outdated = bins.filter(|bin| old.triangles(*bin) != self.table.triangles(*bin)).collect();
+        self.previous_at = self.table.records.len().max(1) as u32;
+        self.previous_bins = old.groups.len() as u32;
+        self.previous = old.records;
+        self.previous_triangles.clear();
+        // Temporal reuse looks lights up in both frames.
+        for (light, counterpart) in self.table.records.iter_mut().zip(remap.previous_from_current) {
+            light.counterpart_or_mesh = counterpart;
+        }
+        for (light, counterpart) in self.previous.iter_mut().zip(remap.current_from_previous) {
+            light.counterpart_or_mesh = counterpart;
+        }
+        self.pending = Upload::Everything;
     }
 
-    /// Record and power of an analytic light; `None` if it cannot be in the table.  Warns once about a light with invalid values.
+    /// Record and power of an analytic light; `None` if it cannot be in the table.
     fn add_analytic(&mut self, entity: MainEntity, light: &AnalyticLight, limit: u32) -> Option<(GpuLight, f64)> {
         let mut record = AnalyticRecord::new(light, self.radius);
-        if let Some(problem) = invalid_extent(light)
-            && self.warned.is_due(entity)
-        {
-            warn!("restir: light {} has {problem}", *entity);
-        }
+        warn_about(entity, light, &record, &mut self.warned);
         if !record.can_be_sampled() {
-            // A black light is ordinary; infinite and negative powers are errors of the app.
-            let is_placed = record.has_finite_transform();
-            if (record.power != 0.0 || !is_placed) && self.warned.is_due(entity) {
-                if is_placed {
-                    warn!("restir: light {} has the invalid power {}; it is not rendered", *entity, record.power);
-                } else {
-                    warn!(
-                        "restir: light {} has a transform that is not finite or too far away; it is not rendered",
-                        *entity
-                    );
-                }
-            }
             return None;
         }
-        if self.table.len() as u32 >= limit {
+        if self.table.records.len() as u32 >= limit {
             self.left_out[1] += 1;
             return None;
         }
@@ -359,32 +390,14 @@ impl LightPool {
         Some((record.light, record.power))
     }
 
-    fn write_selection_probabilities(&mut self, mut powers: Vec<f64>) {
-        self.power = powers.iter().filter(|p| p.is_finite() && **p > 0.0).sum();
-        let kind = |i: usize| self.table[i].kind & LIGHT_KIND_BITS;
-        self.environment_limit =
-            balance_distant_lights(&mut powers, |i| matches!(kind(i), LIGHT_SUN | LIGHT_DIRECTIONAL));
-        match alias_table(&powers) {
-            Some(entries) => {
-                for (light, entry) in self.table.iter_mut().zip(entries) {
-                    light.pmf = entry.pmf;
-                    light.alias_probability = entry.probability;
-                    light.alias_index = entry.alias;
-                }
-            }
-            // Nothing emits: `count` reports an empty table, so shaders select nothing from it.
-            None => self.power = 0.0,
-        }
-    }
-
     /// Uploads changes.  Returns the number of bytes.
     pub(crate) fn upload(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {
         self.fits = true;
         match core::mem::take(&mut self.pending) {
             Upload::Nothing => 0,
-            Upload::MovedLights => {
+            Upload::Parts => {
                 self.revision += 1;
-                self.upload_moved(queue)
+                self.upload_parts(queue)
             }
             Upload::Everything => {
                 self.revision += 1;
@@ -393,18 +406,16 @@ impl LightPool {
         }
     }
 
-    fn upload_moved(&mut self, queue: &RenderQueue) -> u64 {
-        let count = self.previous.len();
-        let last = self.previous_at as usize..self.previous_at as usize + self.table.len();
-        debug_assert!(
-            self.uploaded[last][count..] == self.table[count..],
-            "the last table has other emissive triangles"
-        );
-        let parts = [(0, &self.table[..count]), (self.previous_at as usize, &self.previous[..])];
+    fn upload_parts(&mut self, queue: &RenderQueue) -> u64 {
+        let last = self.previous_at as usize;
+        let mut parts = vec![(0, self.table.bins()), (last, &self.previous[..])];
+        let changed = |bin: &usize| (triangles_of(&self.table.groups[*bin]).start, self.table.triangles(*bin));
+        parts.extend(self.outdated.iter().map(changed));
+        parts.extend(self.previous_triangles.iter().map(|(first, lights)| (last + first, &lights[..])));
         parts
             .into_iter()
             .map(|(first, lights)| {
-                let uploaded = &mut self.uploaded[first..first + count];
+                let uploaded = &mut self.uploaded[first..first + lights.len()];
                 let runs = dirty_runs(uploaded, lights);
                 uploaded.copy_from_slice(lights);
                 let write = |run: Range<usize>| self.gpu.write((first + run.start) as u32, &lights[run], queue);
@@ -414,13 +425,13 @@ impl LightPool {
     }
 
     fn upload_everything(&mut self, device: &RenderDevice, queue: &RenderQueue) -> u64 {
-        let mut both = self.table.clone();
+        let mut both = self.table.records.clone();
         both.resize(both.len().max(self.previous_at as usize), GpuLight::default());
         both.append(&mut self.previous);
         if !self.gpu.reserve(both.len() as u32, device, queue) {
             warn_once!(
                 "restir: the table of {} lights does not fit this device or its memory; Bevy lights all cameras until it fits",
-                self.table.len()
+                self.table.records.len()
             );
             (self.fits, self.previous_matches) = (false, false);
             // The next frame tries again: memory may have become free.
@@ -438,8 +449,8 @@ impl LightPool {
         if self.pending == Upload::Nothing && !self.shapes.is_missing {
             return 0;
         }
-        let analytic = self.analytic_count();
-        self.shapes.update(&self.table[..analytic], meshes, device, queue)
+        let analytic = self.table.analytic_count();
+        self.shapes.update(&self.table.records[..analytic], meshes, device, queue)
     }
 
     /// Root node of the tree over spheres and rectangles, and the start of its list of light ids; no root if nothing emits.
@@ -447,40 +458,34 @@ impl LightPool {
         if self.count() > 0 { self.shapes.root_and_indices() } else { [NONE, 0] }
     }
 
-    /// Number of analytic lights, which come first in the table.
-    fn analytic_count(&self) -> usize {
-        self.groups.iter().take_while(|group| group.owner.kind != LIGHT_TRIANGLE).count()
-    }
-
     /// Number of directional lights with a disk, which come first among the analytic lights.
     pub(crate) fn sun_count(&self) -> u32 {
-        let suns = self.table.iter().take_while(|light| light.kind & LIGHT_KIND_BITS == LIGHT_SUN).count();
+        let suns = self.table.records.iter().take_while(|light| light.kind & LIGHT_KIND_BITS == LIGHT_SUN).count();
         (suns as u32).min(self.count())
     }
 
-    /// Number of lights that can be selected from the table.
-    pub(crate) fn count(&self) -> u32 {
-        if self.power > 0.0 { self.table.len() as u32 } else { 0 }
+    /// Sum of the powers of the table.
+    pub(crate) fn power(&self) -> f64 {
+        self.table.power
     }
-}
 
-/// Everything in the scene that emits, analytic lights first.
-fn gather(
-    scene: &ExtractedScene,
-    instances: &InstancePool,
-    meshes: &MeshPool,
-    materials: &MaterialPool,
-) -> Vec<(MainEntity, Emitter)> {
-    let analytic = scene.lights.iter().map(|(entity, light)| (*entity, Emitter::Analytic(*light)));
-    let emissive = instances.emitters().into_iter().filter_map(|(slot, live)| {
-        let emission = materials.mean_emission(live.material);
-        let mesh = meshes.get(live.mesh)?;
-        if luminance(emission) <= 0.0 {
-            return None;
-        }
-        let double_sided = materials.get(live.material)?.flags & MATERIAL_DOUBLE_SIDED != 0;
-        let mesh = EmissiveMesh::new(slot, mesh.version, instances.get(slot), emission, double_sided);
-        Some((live.entity, Emitter::Mesh(mesh)))
-    });
-    analytic.chain(emissive).collect()
+    /// Largest probability of the environment beside the table.
+    pub(crate) fn environment_limit(&self) -> f32 {
+        self.table.environment_limit
+    }
+
+    /// Number of records in the table, if lights can be selected from it.
+    pub(crate) fn count(&self) -> u32 {
+        if self.table.power > 0.0 { self.table.records.len() as u32 } else { 0 }
+    }
+
+    /// Number of bins, if lights can be selected from the table.
+    pub(crate) fn bin_count(&self) -> u32 {
+        if self.table.power > 0.0 { self.table.groups.len() as u32 } else { 0 }
+    }
+
+    /// Number of lights that can be selected from the table.
+    pub(crate) fn selectable(&self) -> u64 {
+        if self.table.power > 0.0 { self.table.light_count() } else { 0 }
+    }
 }

@@ -1,11 +1,14 @@
-//! Lights.  Analytic lights and the triangles of emissive meshes share one table; an alias table selects from it by balanced power.
+//! Lights.  Analytic lights and the triangles of emissive meshes share one table.  An alias table selects an analytic light or a mesh by
+//! balanced power, and an alias table of each mesh selects one of its triangles.
 
 pub mod alias_table;
 mod analytic;
 mod emissive_mesh;
+mod emitter;
 mod id_remap;
 pub(crate) mod lights;
 mod shape_tree;
+mod table;
 
 /// Luminance of a linear Rec. 709 color.
 fn luminance(c: [f32; 3]) -> f64 {

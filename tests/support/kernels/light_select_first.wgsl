@@ -6,8 +6,8 @@
 
 @compute @workgroup_size(64)
 fn main(@builtin(global_invocation_id) id: vec3<u32>) {
-    let across = id.x % 4096u;
-    let row = id.x / 4096u;
-    let u = vec2<f32>((f32(across) + 0.5) / 4096.0, f32(first[0] + row) * 0x1p-24);
+    let across = id.x % 0x100000u;
+    let row = id.x / 0x100000u;
+    let u = vec2<f32>((f32(across) + 0.5) * 0x1p-20, f32(first[0] + row) * 0x1p-24);
     chosen[id.x] = light_select(u).light;
 }

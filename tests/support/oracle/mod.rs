@@ -5,6 +5,7 @@ pub mod bidirectional;
 pub mod bsdf;
 pub mod enumeration;
 pub mod environment;
+pub mod light_choice;
 pub mod mis;
 pub mod pairs;
 pub mod quadrature;

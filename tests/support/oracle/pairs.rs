@@ -1,6 +1,7 @@
 //! Partners of pixels in integers: a table of the permutation of a tile, instead of its inverse.
 
-fn pcg4d(seed: [u32; 4]) -> [u32; 4] {
+/// `pcg4d` of `shaders/common/rng.wgsl`.
+pub fn pcg4d(seed: [u32; 4]) -> [u32; 4] {
     let mut v = seed.map(|s| s.wrapping_mul(1_664_525).wrapping_add(1_013_904_223));
     let mix = |v: &mut [u32; 4]| {
         for (to, a, b) in [(0, 1, 3), (1, 2, 0), (2, 0, 1), (3, 1, 2)] {

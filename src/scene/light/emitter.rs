@@ -1,0 +1,66 @@
+//! Everything in the scene that emits: the input of the light table.
+
+use bevy::render::sync_world::MainEntity;
+
+use super::{
+    alias_table::AliasEntry,
+    analytic::{has_same_emission, has_same_placement},
+    emissive_mesh::{EmissiveMesh, MeshTable},
+    luminance,
+};
+use crate::gpu_layout::*;
+use crate::scene::{
+    extract::{ExtractedScene, lights::AnalyticLight},
+    geometry::instances::InstancePool,
+    geometry::meshes::MeshPool,
+    material::materials::MaterialPool,
+};
+
+/// Everything that the lights of one entity depend on.
+#[derive(Clone, Debug)]
+pub(super) enum Emitter {
+    Analytic(AnalyticLight),
+    Mesh(EmissiveMesh),
+}
+
+impl Emitter {
+    /// Whether the table stays valid as it is.
+    pub(super) fn is_unchanged_from(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Analytic(a), Self::Analytic(b)) => has_same_placement(a, b) && has_same_emission(a, b),
+            (Self::Mesh(a), Self::Mesh(b)) => a.is_unchanged_from(b),
+            _ => false,
+        }
+    }
+}
+
+/// Everything in the scene that emits, analytic lights first.
+pub(super) fn gather(
+    scene: &ExtractedScene,
+    instances: &InstancePool,
+    meshes: &MeshPool,
+    materials: &MaterialPool,
+) -> Vec<(MainEntity, Emitter)> {
+    let analytic = scene.lights.iter().map(|(entity, light)| (*entity, Emitter::Analytic(*light)));
+    let emissive = instances.emitters().into_iter().filter_map(|(slot, live)| {
+        let emission = materials.mean_emission(live.material);
+        let mesh = meshes.get(live.mesh)?;
+        if luminance(emission) <= 0.0 {
+            return None;
+        }
+        let double_sided = materials.get(live.material)?.flags & MATERIAL_DOUBLE_SIDED != 0;
+        let mesh = EmissiveMesh::new(slot, mesh.version, instances.get(slot), emission, double_sided);
+        Some((live.entity, Emitter::Mesh(mesh)))
+    });
+    analytic.chain(emissive).collect()
+}
+
+/// The table of the choice among the triangles of an instance, from its mesh; `None` if the mesh is gone.
+pub(super) fn mesh_table(
+    emissive: &EmissiveMesh,
+    instances: &InstancePool,
+    meshes: &MeshPool,
+) -> Option<(MeshTable, Vec<AliasEntry>)> {
+    let mesh = meshes.get(instances.live_in(emissive.slot)?.mesh)?;
+    Some(emissive.build(&mesh.positions, &instances.get(emissive.slot).world_from_object))
+}
