@@ -99,7 +99,7 @@ impl Technique {
 /// - the size of the image, the render layers, the kind of projection or `Camera::invert_culling` changes;
 /// - the environment appears, disappears or gets another image;
 /// - one of these settings changes, except [`Direct::candidates`], `firefly_limit`, `denoiser`, `accumulate`, `debug_scale`,
-///   [`Research::replay_compaction`], and all of [`Reuse`] but `order` and `temporal`;
+///   [`Research::replay_compaction`], [`Research::rays_per_dispatch`], and all of [`Reuse`] but `order` and `temporal`;
 ///
 /// and sometimes when the texture atlas is packed again, when the device has no free slot for an object that is edited, or after a frame in
 /// which the camera was not rendered.  [`RestirReport::history_resets`](crate::RestirReport::history_resets) counts the restarts by reason.
@@ -238,6 +238,7 @@ impl Restir {
         settings.firefly_limit = 0.0;
         settings.denoiser = Denoiser::OFF;
         settings.research.replay_compaction = true;
+        settings.research.rays_per_dispatch = 1;
         for reuse in [&mut settings.direct.reuse, &mut settings.paths.reuse, &mut settings.subsurface.reuse] {
             *reuse = reuse.history_key();
         }

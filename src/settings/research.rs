@@ -61,6 +61,12 @@ pub struct Research {
     /// of the pixels that have some (replay compaction, Lin et al. 2026, supplement, Table 1): threads that need no replay do not wait for
     /// those that do.  It changes the speed, never the image.  Memory: 8 bytes a pixel.  Default: on.
     pub replay_compaction: bool,
+    /// Rays that a pass traces in one dispatch, and the passes of one submission to the GPU together, by an upper estimate from the
+    /// settings: a longer pass runs over bands of the picture, and a longer frame has several submissions.  A driver that resets a GPU which
+    /// is busy for seconds then does not.  Smaller values are safer on slow devices, and cost about 0.05 ms of CPU time for each submission
+    /// and a little time at the end of each band.  It never changes the image.  A row of workgroups, 8 pixels high, is always one dispatch.
+    /// From 1; default 2^25, with which a frame of 1920 x 1080 pixels has about 10 submissions.
+    pub rays_per_dispatch: u32,
 }
 
 impl Default for Research {
@@ -71,6 +77,7 @@ impl Default for Research {
             target_without_bsdf: false,
             russian_roulette: true,
             replay_compaction: true,
+            rays_per_dispatch: 1 << 25,
         }
     }
 }
@@ -80,5 +87,6 @@ impl Research {
     pub(super) fn clamp(&mut self, report: &mut dyn FnMut(Problem)) {
         let mut ranges = Ranges { path: "research.", report };
         ranges.count("light_tile_size", &mut self.light_tile_size, 1, 16);
+        ranges.count("rays_per_dispatch", &mut self.rays_per_dispatch, 1, u32::MAX);
     }
 }

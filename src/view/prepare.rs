@@ -105,7 +105,7 @@ pub(super) fn prepare_views(
         if state.rendered {
             let (scene, environments) = (&*scene, &*environments);
             let inputs = UniformInputs { restir, camera, view, current, bevy_jitter: jitter, scene, environments };
-            state.update_uniforms(&inputs, &queue);
+            state.update_uniforms(&inputs, &device, &queue);
             state.update_draws(scene, &instances, current);
             pool.requested_resets.remove(&entity);
             if let Err(error) = state.update_history(scene, limit, &device, &queue) {

@@ -1,0 +1,87 @@
+//! A pass that may trace many rays runs over bands of the picture, and a frame that may trace many rays has several submissions.  The picture is
+//! the same, bit by bit.
+
+use crate::support::{
+    app::{Rig, plant_edits},
+    small_scenes::*,
+};
+use bevy::prelude::*;
+use bevy_restir::{Research, Restir, Technique, testing::shader_library::ShaderEdit};
+
+/// Four rows of workgroups, the last of which is not full.
+const SIZE: [u32; 2] = [40, 28];
+
+fn bands_scene(make: impl FnOnce(&mut Rig)) -> Option<Rig> {
+    let mut rig = Rig::new(SIZE[0], SIZE[1])?;
+    make(&mut rig);
+    *rig.get_mut::<Transform>(rig.camera) =
+        Transform::from_xyz(0.3, 0.2, 4.0).looking_at(Vec3::new(0.0, -0.2, 0.0), Vec3::Y);
+    Some(rig)
+}
+
+/// The third frame, its number of rays, and the bytes of the uniforms of bands.
+fn picture(rig: &mut Rig, technique: Technique, rays_per_dispatch: u32) -> (Vec<Vec3>, u64, u64) {
+    let research = Research { rays_per_dispatch, ..default() };
+    rig.set(|r| *r = Restir { technique, bounces: 3, research, ..default() });
+    let pixels = rig.picture(3).pixels;
+    // Counters come back some frames late.
+    rig.set(|r| r.reset = true);
+    rig.frames(6);
+    let report = rig.report();
+    let bytes = report.memory.iter().filter(|(name, _)| *name == "uniforms of bands").map(|(_, bytes)| bytes).sum();
+    (pixels, report.rays, bytes)
+}
+
+/// Bytes of the uniforms of a band, in their stride.
+const BYTES_OF_BAND: u64 = 768;
+
+fn check(make: impl FnOnce(&mut Rig), techniques: &[Technique]) {
+    let Some(mut rig) = bands_scene(make) else { return };
+    for &technique in techniques {
+        let (whole, rays, bytes) = picture(&mut rig, technique, u32::MAX);
+        assert_eq!(bytes, 0, "{technique:?}");
+        assert!(rays > 0, "{technique:?}");
+        // One row of workgroups a band; then two in the passes with most rays, and several passes in a submission.
+        let rays_of_two_rows = match technique {
+            Technique::Reference => 6 * 40 * 16,
+            Technique::Di => 4 * 40 * 16,
+            // Six shifts of up to four rays.
+            _ => 24 * 40 * 16,
+        };
+        for (limit, bands) in [(1, 4), (rays_of_two_rows, 2)] {
+            let (split, rays_of_split, bytes) = picture(&mut rig, technique, limit);
+            assert_eq!(bytes, bands * BYTES_OF_BAND, "{technique:?}, at most {limit} rays");
+            let differing = whole.iter().zip(&split).filter(|(a, b)| a != b).count();
+            assert_eq!((differing, rays_of_split), (0, rays), "{technique:?}, at most {limit} rays");
+        }
+    }
+    rig.assert_sound();
+}
+
+/// Also that a pass without an offset is found.
+#[test]
+fn bands_change_no_pixel_of_direct_light_and_reference_paths() {
+    let room = |rig: &mut Rig| {
+        room(rig);
+    };
+    check(room, &[Technique::Reference, Technique::Di]);
+    let Some(mut rig) = bands_scene(room) else { return };
+    let (whole, ..) = picture(&mut rig, Technique::Reference, u32::MAX);
+    let from = "id.xy + view.first_pixel";
+    plant_edits(&mut rig.app, &[ShaderEdit { module: "pass/reference.wgsl", from, to: "id.xy" }]);
+    let (planted, ..) = picture(&mut rig, Technique::Reference, 1);
+    assert_ne!(whole, planted);
+}
+
+/// Mirrors replay paths, from the queue, and give the denoiser optical images.
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn bands_change_no_pixel_of_paths_and_light_paths() {
+    check(mirrors, &[Technique::Gi, Technique::Pt, Technique::Bdpt]);
+}
+
+#[test]
+#[ignore = "second tier: ./run test --more"]
+fn bands_change_no_pixel_of_translucent_objects() {
+    check(translucent_room, &[Technique::Di, Technique::Pt]);
+}
