@@ -35,19 +35,15 @@ fn picture(rig: &mut Rig, technique: Technique, rays_per_dispatch: u32) -> (Vec<
 /// Bytes of the uniforms of a band, in their stride.
 const BYTES_OF_BAND: u64 = 768;
 
-fn check(make: impl FnOnce(&mut Rig), techniques: &[Technique]) {
+/// Each technique with the rays that its longest pass may trace for a pixel.
+fn check(make: impl FnOnce(&mut Rig), techniques: &[(Technique, u32)]) {
     let Some(mut rig) = bands_scene(make) else { return };
-    for &technique in techniques {
+    for &(technique, rays_of_pixel) in techniques {
         let (whole, rays, bytes) = picture(&mut rig, technique, u32::MAX);
         assert_eq!(bytes, 0, "{technique:?}");
         assert!(rays > 0, "{technique:?}");
-        // One row of workgroups a band; then two in the passes with most rays, and several passes in a submission.
-        let rays_of_two_rows = match technique {
-            Technique::Reference => 6 * 40 * 16,
-            Technique::Di => 4 * 40 * 16,
-            // Six shifts of up to four rays.
-            _ => 24 * 40 * 16,
-        };
+        // One row of workgroups a band; then two, and several passes in a submission.
+        let rays_of_two_rows = rays_of_pixel * SIZE[0] * 16;
         for (limit, bands) in [(1, 4), (rays_of_two_rows, 2)] {
             let (split, rays_of_split, bytes) = picture(&mut rig, technique, limit);
             assert_eq!(bytes, bands * BYTES_OF_BAND, "{technique:?}, at most {limit} rays");
@@ -64,7 +60,7 @@ fn bands_change_no_pixel_of_direct_light_and_reference_paths() {
     let room = |rig: &mut Rig| {
         room(rig);
     };
-    check(room, &[Technique::Reference, Technique::Di]);
+    check(room, &[(Technique::Reference, 6), (Technique::Di, 4)]);
     let Some(mut rig) = bands_scene(room) else { return };
     let (whole, ..) = picture(&mut rig, Technique::Reference, u32::MAX);
     let from = "id.xy + view.first_pixel";
@@ -77,11 +73,11 @@ fn bands_change_no_pixel_of_direct_light_and_reference_paths() {
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn bands_change_no_pixel_of_paths_and_light_paths() {
-    check(mirrors, &[Technique::Gi, Technique::Pt, Technique::Bdpt]);
+    check(mirrors, &[(Technique::Gi, 24), (Technique::Pt, 24), (Technique::Bdpt, 24)]);
 }
 
 #[test]
 #[ignore = "second tier: ./run test --more"]
 fn bands_change_no_pixel_of_translucent_objects() {
-    check(translucent_room, &[Technique::Di, Technique::Pt]);
+    check(translucent_room, &[(Technique::Di, 31), (Technique::Pt, 31)]);
 }
