@@ -8,6 +8,7 @@ mod changes;
 mod changing_meshes;
 mod edits;
 mod environment_cubemaps;
+mod expected;
 mod geometry;
 mod huge_scenes;
 mod light_counts;

@@ -17,7 +17,8 @@ use bevy::{
 };
 
 use crate::cpu_times::{CpuTimes, Stage};
-use crate::settings::{EmissiveLuminance, Restir};
+use crate::scene::features::SceneFeatures;
+use crate::settings::{EmissiveLuminance, Restir, RestirExpected};
 use instances::InstanceList;
 use lights::AnalyticLight;
 
@@ -40,6 +41,8 @@ pub(crate) struct ExtractedScene {
     pub emissive_luminance: f32,
     /// Whether some camera uses energy compensation.
     pub energy_compensation: bool,
+    /// Features of objects and lights that the app expects.
+    pub expected: SceneFeatures,
     /// The lists are those of a new device: everything is extracted, whether it has changed or not.
     pub is_new: bool,
 }
@@ -69,8 +72,10 @@ impl ExtractedScene {
 pub(crate) fn extract_settings(
     mut scene: ResMut<ExtractedScene>,
     emissive_luminance: Extract<Res<EmissiveLuminance>>,
+    expected: Extract<Option<Res<RestirExpected>>>,
     cameras: Extract<Query<&Restir>>,
 ) {
+    scene.expected = expected.as_deref().map(SceneFeatures::of_expected).unwrap_or_default();
     scene.energy_compensation = cameras.iter().any(|restir| restir.energy_compensation);
     scene.emissive_luminance = emissive_luminance.0;
     if !(scene.emissive_luminance >= 0.0 && scene.emissive_luminance.is_finite()) {
