@@ -67,7 +67,7 @@ impl Bands {
 /// Rows of pixels of a band in which at most `limit` rays are traced, if possible; `None` if the whole picture is one.
 fn rows_of_band(size: UVec2, rays_of_pixel: u64, limit: u32) -> Option<u32> {
     let of_workgroups = u64::from(size.x) * u64::from(WORKGROUP) * rays_of_pixel;
-    let rows = (u64::from(limit) / of_workgroups.max(1)).max(1) * u64::from(WORKGROUP);
+    let rows = u64::from(limit).checked_div(of_workgroups)?.max(1) * u64::from(WORKGROUP);
     (rows < u64::from(size.y)).then_some(rows as u32)
 }
 

@@ -16,9 +16,11 @@ use bevy::{
     render::{Extract, sync_world::MainEntity},
 };
 
-use crate::cpu_times::{CpuTimes, Stage};
-use crate::scene::features::SceneFeatures;
-use crate::settings::{EmissiveLuminance, Restir, RestirExpected};
+use crate::{
+    cpu_times::{CpuTimes, Stage},
+    scene::features::SceneFeatures,
+    settings::{EmissiveLuminance, Restir, RestirExpected},
+};
 use instances::InstanceList;
 use lights::AnalyticLight;
 
@@ -72,10 +74,10 @@ impl ExtractedScene {
 pub(crate) fn extract_settings(
     mut scene: ResMut<ExtractedScene>,
     emissive_luminance: Extract<Res<EmissiveLuminance>>,
-    expected: Extract<Option<Res<RestirExpected>>>,
+    expected: Extract<Res<RestirExpected>>,
     cameras: Extract<Query<&Restir>>,
 ) {
-    scene.expected = expected.as_deref().map(SceneFeatures::of_expected).unwrap_or_default();
+    scene.expected = SceneFeatures::of_expected(&expected);
     scene.energy_compensation = cameras.iter().any(|restir| restir.energy_compensation);
     scene.emissive_luminance = emissive_luminance.0;
     if !(scene.emissive_luminance >= 0.0 && scene.emissive_luminance.is_finite()) {
